@@ -1,0 +1,1 @@
+"""What a flight log says: metrics, report, replay, check."""

@@ -1,0 +1,137 @@
+"""The configuration of a lab and of a simulated drone: one frozen pydantic model each, unknown keys refused.
+
+Reading files is `wire.config_file`'s work; simulation scenarios extend this in `sim.scenario`.
+"""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Vec3Tuple = tuple[float, float, float]
+QuatTuple = tuple[float, float, float, float]
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+SysId = Annotated[int, Field(ge=1, le=250)]
+NO_ROTATION: QuatTuple = (1.0, 0.0, 0.0, 0.0)
+
+
+class Model(BaseModel):
+    """Frozen, no unknown keys, no NaN."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class MocapConfig(Model):
+    """Where poses come from, and the one rotation from the mocap's axes to `lab`."""
+
+    source: Literal["zenoh", "csv", "mcap"] = "zenoh"
+    file: str | None = None
+    rate_hz: Positive = 100.0
+    delay_s: Annotated[float, Field(ge=0.0, le=0.5)] = 0.008
+    q_lab_from_mocap: QuatTuple = NO_ROTATION
+    origin_lab_m: Vec3Tuple = (0.0, 0.0, 0.0)
+
+
+class VehicleBody(Model):
+    """One rigid body the mocap sees: its name, its drone (if commanded) and its marker frame's alignment."""
+
+    body: str
+    sysid: SysId | None = None
+    profile: str = "paper_40g"
+    q_marker_from_flu: QuatTuple = NO_ROTATION
+    link: str | None = None
+
+
+class TrajectoryConfig(Model):
+    """What a commanded leader flies in the formation phase."""
+
+    kind: Literal["hold", "line", "circle", "waypoints"] = "hold"
+    length_m: Positive = 1.0
+    radius_m: Positive = 0.3
+    period_s: Positive = 12.0
+    duration_s: Positive = 8.0
+    speed_m_s: Positive = 0.5
+    yaw_rate_rad_s: float = 0.0
+    waypoints_m: tuple[Vec3Tuple, ...] = ()
+
+
+class LeaderConfig(VehicleBody):
+    """The body the formation is held on; without a sysid it is observed only, never commanded."""
+
+    trajectory: TrajectoryConfig = TrajectoryConfig()
+
+
+class FollowerConfig(VehicleBody):
+    """A follower and its slot in the leader's frame."""
+
+    sysid: SysId
+    offset_m: Vec3Tuple
+    yaw_offset_rad: float = 0.0
+
+
+class Fence(Model):
+    """The box, in lab axes, that no commanded drone may leave."""
+
+    low_m: Vec3Tuple = (-2.5, -2.0, -0.1)
+    high_m: Vec3Tuple = (2.5, 2.0, 2.3)
+
+
+class LimitsConfig(Model):
+    """What no command may exceed."""
+
+    tilt_rad: Positive = 0.6
+    speed_m_s: Positive = 3.0
+    min_separation_m: Positive = 0.2
+    fence: Fence = Fence()
+
+
+class FlightConfig(Model):
+    """Heights, speeds and waits of take-off and landing."""
+
+    altitude_m: Positive = 0.3
+    climb_m_s: Positive = 0.4
+    descend_m_s: Positive = 0.3
+    observed_leader_altitude_offset_m: float = 0.0
+
+
+class LinkConfig(Model):
+    """How drones are reached: one Zenoh bus, or one UDP socket a drone (base ports plus sysid)."""
+
+    kind: Literal["zenoh", "udp"] = "zenoh"
+    host: str = "127.0.0.1"
+    ground_port_base: int = 14540
+    drone_port_base: int = 14580
+    zenoh_listen: tuple[str, ...] = ()
+    zenoh_connect: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
+
+
+class LabConfig(Model):
+    """lab.toml: everything `gcs run` needs."""
+
+    name: str = "lab"
+    mocap: MocapConfig = MocapConfig()
+    leader: LeaderConfig
+    followers: Annotated[tuple[FollowerConfig, ...], Field(min_length=1)]
+    control_preset: str = "default"
+    limits: LimitsConfig = LimitsConfig()
+    flight: FlightConfig = FlightConfig()
+    link: LinkConfig = LinkConfig()
+
+    @model_validator(mode="after")
+    def _unique(self) -> "LabConfig":
+        bodies = [v.body for v in self.vehicles]
+        sysids = [v.sysid for v in self.vehicles if v.sysid is not None]
+        if len(set(bodies)) != len(bodies):
+            raise ValueError(f"two vehicles share a body name: {sorted(bodies)}")
+        if len(set(sysids)) != len(sysids):
+            raise ValueError(f"two vehicles share a sysid: {sorted(sysids)}")
+        return self
+
+    @property
+    def vehicles(self) -> tuple[VehicleBody, ...]:
+        """All n vehicles, leader first: the order of every n-indexed array."""
+        return (self.leader, *self.followers)
+
+    @property
+    def commanded(self) -> tuple[int, ...]:
+        """Indices into `vehicles` of the m commanded ones: the order of every m-indexed array."""
+        return tuple(i for i, v in enumerate(self.vehicles) if v.sysid is not None)

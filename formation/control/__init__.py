@@ -1,0 +1,1 @@
+"""The formation control law, stage by stage."""

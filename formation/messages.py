@@ -1,0 +1,222 @@
+"""The spine: one frozen message per stage, from motion capture to attitude targets.
+
+    mocap bytes -> MocapFrame -> SwarmState -> Reference -> Command -> AttitudeTarget -> bytes
+    drone bytes -> Telemetry  -> LinkState  -> safety    -> Phase
+
+Two indexings, both fixed for a run by the configuration, leader first where present:
+`n` counts all vehicles (leader and followers), `m` the commanded ones (those with a sysid).
+What crosses one drone's MAVLink is in `wire.link_messages`.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum, IntFlag, StrEnum
+
+from formation.arrays import Flags, Quat, Quats, Scalars, Vec3, Vec3s
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MocapFrame:
+    """One exposure of every body, in lab axes.
+
+    t_capture_ns: exposure, on the clock of the receiving process. An unseen body keeps any finite pose.
+    """
+
+    seq: int
+    t_capture_ns: int
+    bodies: tuple[str, ...]
+    pos_lab_m: Vec3s
+    q_lab_from_flu: Quats
+    seen: Flags
+
+
+@dataclass(frozen=True, slots=True)
+class Datagram:
+    """MAVLink bytes to or from the drone `sysid`; one datagram may hold several packets."""
+
+    sysid: int
+    data: bytes
+
+
+class Verb(StrEnum):
+    """What an operator can ask of the ground."""
+
+    STATUS = "status"
+    ARM = "arm"
+    TAKEOFF = "takeoff"
+    START = "start"
+    HOLD = "hold"
+    LAND = "land"
+    STOP = "stop"
+    SHAPE = "shape"
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorRequest:
+    """One request; `argument` is the verb's own text (the shape's name, say)."""
+
+    id: int
+    verb: Verb
+    argument: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorReply:
+    """The answer to request `id`: accepted or not, with the reason in words."""
+
+    id: int
+    accepted: bool
+    text: str
+
+
+class Phase(IntEnum):
+    """Where the flight is; the whole swarm shares one phase (formation.phase)."""
+
+    GROUND = 0
+    ARMED = 1
+    TAKEOFF = 2
+    FORMATION = 3
+    HOLD = 4
+    LAND = 5
+    STOPPED = 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SwarmState:
+    """What the observers know of all n vehicles at the capture time `t_ns`.
+
+    Z1, Z2, Z3 of the FTESO (Eqs. 3-4) are pos, vel and dist; `acc` is modelled acceleration plus Z3.
+    `age_s` is the time since each body was last seen; yaw is unwrapped.
+    """
+
+    t_ns: int
+    pos_lab_m: Vec3s
+    vel_lab_m_s: Vec3s
+    dist_lab_m_s2: Vec3s
+    acc_lab_m_s2: Vec3s
+    q_lab_from_flu: Quats
+    yaw_rad: Scalars
+    yaw_rate_rad_s: Scalars
+    yaw_acc_rad_s2: Scalars
+    age_s: Scalars
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reference:
+    """Where each of the m commanded vehicles should be, relative to its own `lead` frame.
+
+    The frame (origin_*, heading_*) is the leader's, or the lab itself: a leader at rest at zero.
+    slot_* is lambda_d and its derivatives in that frame (Eq. 2); yaw is lambda_psi.
+    `in_formation` marks vehicles whose frame is the leader's.
+    """
+
+    t_ns: int
+    origin_lab_m: Vec3s
+    origin_vel_lab_m_s: Vec3s
+    origin_acc_lab_m_s2: Vec3s
+    heading_rad: Scalars
+    heading_rate_rad_s: Scalars
+    heading_acc_rad_s2: Scalars
+    slot_lead_m: Vec3s
+    slot_vel_lead_m_s: Vec3s
+    slot_acc_lead_m_s2: Vec3s
+    slot_yaw_rad: Scalars
+    slot_yaw_rate_rad_s: Scalars
+    in_formation: Flags
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Command:
+    """The sliding-mode law's inside and its demand, for the m commanded vehicles (Eqs. 5-7).
+
+    e, e_rate, s, t_m, z_m in the `lead` frame; acc_lab_m_s2 is the demanded acceleration, gravity excluded.
+    """
+
+    t_ns: int
+    e_lead_m: Vec3s
+    e_rate_lead_m_s: Vec3s
+    s_lead_m_s: Vec3s
+    t_m_lead_m_s2: Vec3s
+    z_m_lead_m_s2: Vec3s
+    dist_lab_m_s2: Vec3s
+    acc_lab_m_s2: Vec3s
+    yaw_rad: Scalars
+    yaw_rate_rad_s: Scalars
+
+
+class Saturation(IntFlag):
+    """Which limits a vehicle's target met this tick."""
+
+    NONE = 0
+    TILT = 1
+    THRUST_LOW = 2
+    THRUST_HIGH = 4
+    SPEED = 8
+    FENCE = 16
+    SEPARATION = 32
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AttitudeTarget:
+    """Attitude, body rate and thrust for the m commanded vehicles; what SET_ATTITUDE_TARGET carries.
+
+    thrust_norm: fraction of full collective thrust, 0..1; saturation: `Saturation` bits.
+    """
+
+    t_ns: int
+    q_lab_from_flu: Quats
+    rate_flu_rad_s: Vec3s
+    thrust_norm: Scalars
+    saturation: Scalars
+
+
+class Severity(IntEnum):
+    """MAV_SEVERITY's scale, the one every operator knows."""
+
+    EMERGENCY = 0
+    CRITICAL = 2
+    ERROR = 3
+    WARNING = 4
+    NOTICE = 5
+    INFO = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something worth telling a person: a phase change, a refusal, a fault, a recovery."""
+
+    severity: Severity
+    source: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Truth:
+    """The simulated vehicle's true state, as its agent publishes it."""
+
+    t_ns: int
+    sysid: int
+    pos_lab_m: Vec3
+    vel_lab_m_s: Vec3
+    q_lab_from_flu: Quat
+    rate_flu_rad_s: Vec3
+    dist_lab_m_s2: Vec3
+    on_ground: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """One call of `tick(now_ns)`: logged, so that replay makes the same calls at the same times."""
+
+    now_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class LoopTiming:
+    """One control cycle on the machine's clock: frame receipt -> last datagram handed to the link.
+
+    late: the watchdog fired, or the cycle outran the frame spacing.
+    """
+
+    frame_seq: int
+    latency_s: float
+    late: bool

@@ -1,0 +1,41 @@
+"""The table of topics: every channel of a log and every key on the bus, with its type, rate and drop policy."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from formation import messages as m
+
+
+class Drop(StrEnum):
+    """What a full queue does."""
+
+    LATEST_WINS = "latest wins"
+    OLDEST_LOST = "oldest lost, counted"
+    NEVER = "never"
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """One channel of the log: its name, message type, nominal rate and what happens under pressure."""
+
+    name: str
+    type: type
+    rate_hz: float
+    drop: Drop
+
+
+MOCAP = Topic("mocap/frame", m.MocapFrame, 100.0, Drop.LATEST_WINS)
+LINK_UP = Topic("link/up", m.Datagram, 300.0, Drop.OLDEST_LOST)
+LINK_DOWN = Topic("link/down", m.Datagram, 300.0, Drop.LATEST_WINS)
+REQUEST = Topic("operator/request", m.OperatorRequest, 0.1, Drop.NEVER)
+REPLY = Topic("operator/reply", m.OperatorReply, 0.1, Drop.NEVER)
+STATE = Topic("control/state", m.SwarmState, 100.0, Drop.OLDEST_LOST)
+REFERENCE = Topic("control/reference", m.Reference, 100.0, Drop.OLDEST_LOST)
+COMMAND = Topic("control/command", m.Command, 100.0, Drop.OLDEST_LOST)
+TARGET = Topic("control/target", m.AttitudeTarget, 100.0, Drop.OLDEST_LOST)
+EVENT = Topic("event", m.Event, 1.0, Drop.NEVER)
+TRUTH = Topic("sim/truth", m.Truth, 250.0, Drop.OLDEST_LOST)
+TICK = Topic("input/tick", m.Tick, 100.0, Drop.NEVER)
+TIMING = Topic("timing/loop", m.LoopTiming, 100.0, Drop.OLDEST_LOST)
+
+ALL = (MOCAP, LINK_UP, LINK_DOWN, REQUEST, REPLY, TICK, STATE, REFERENCE, COMMAND, TARGET, EVENT, TIMING, TRUTH)

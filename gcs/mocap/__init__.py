@@ -1,0 +1,1 @@
+"""Mocap sources: each turns one system's bytes into MocapFrame in lab axes."""

@@ -1,0 +1,1 @@
+"""The hosts: lockstep in one process, or real processes in real time."""

@@ -1,0 +1,1 @@
+"""Bytes, sockets, clocks and files: the edges of the system."""

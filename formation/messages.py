@@ -80,6 +80,17 @@ class Phase(IntEnum):
     STOPPED = 6
 
 
+@dataclass(frozen=True, slots=True)
+class PhaseChange:
+    """The swarm entered `phase`; recorded once at start (GROUND) and at every change, with the cause in words.
+
+    The log's timeline is read from these records alone; `Event` texts are for people.
+    """
+
+    phase: Phase
+    cause: str = ""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SwarmState:
     """What the observers know of all n vehicles at the capture time `t_ns`.

@@ -51,6 +51,7 @@ ALL = (
     COMMAND,
     TARGET,
     EVENT,
+    PHASE,
     TIMING,
     TRUTH,
 )

@@ -1,0 +1,199 @@
+"""The quadcopter: its parameters, and the rigid body on SO(3) with motors, drag, ground effect and floor.
+
+One model for both sides: the agent integrates it, the controller inverts it. Eq. (1) of the paper is its
+small-rate form. Nothing here knows MAVLink, batteries' chemistry or the attitude loop (drone_agent.attitude_loop).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import sqrt
+from types import MappingProxyType
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from formation.arrays import Float, Quat, Vec3
+from formation.config import Model, Positive, Vec3Tuple
+from formation.rigid_body import GRAVITY_M_S2
+
+__all__ = [
+    "GRAVITY_M_S2",
+    "PROFILES",
+    "BatteryProfile",
+    "VehicleProfile",
+    "VehicleState",
+    "at_rest",
+    "on_ground",
+    "profile",
+    "thrust_norm",
+]
+
+NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class BatteryProfile(Model):
+    """A LiPo pack: what it holds, and how much of the full thrust an empty pack still gives."""
+
+    cells: Annotated[int, Field(ge=1, le=14)] = 1
+    capacity_mah: Positive = 350.0
+    hover_current_a: Positive = 4.0
+    empty_thrust_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.85
+
+
+class VehicleProfile(Model):
+    """What a quadcopter is, and how its autopilot answers.
+
+    The response_* pair is what the controller assumes of the path from a sent attitude target to the
+    attitude (link, autopilot, motors); the rest is the body itself and is what a simulated drone integrates.
+    """
+
+    name: str
+    mass_kg: Positive
+    inertia_kg_m2: Vec3Tuple
+    wheelbase_m: Positive
+    rotor_radius_m: Positive
+    thrust_max_n: Positive
+    """Collective thrust at thrust_norm 1."""
+    thrust_curve: Fraction = 0.0
+    """k of T/T_max = (1 - k) u + k u^2; 0 is linear."""
+    yaw_torque_m: Positive
+    """Rotor drag torque per newton of thrust."""
+    motor_lag_s: Positive
+    drag_n_s_m: Vec3Tuple = (0.0, 0.0, 0.0)
+    """Linear drag along the body axes."""
+    ground_effect: NonNegative = 1.0
+    """Factor on Cheeseman and Bennett's thrust gain near the floor; 0 switches it off."""
+    attitude_p_1_s: Positive
+    yaw_p_1_s: Positive
+    rate_p_1_s: Positive
+    rate_yaw_p_1_s: Positive
+    rate_max_rad_s: Positive
+    rate_yaw_max_rad_s: Positive
+    rate_feed_forward: bool
+    """Whether the autopilot adds the target's body rates to its own attitude loop (PX4 takes yaw's alone)."""
+    command_delay_s: NonNegative
+    """Inside the vehicle: receipt of a target -> attitude loop."""
+    response_dead_time_s: NonNegative
+    response_lag_s: Positive
+    battery: BatteryProfile = BatteryProfile()
+
+    @property
+    def weight_n(self) -> float:
+        """Thrust that hovers."""
+        return self.mass_kg * GRAVITY_M_S2
+
+    @property
+    def hover_thrust_norm(self) -> float:
+        """thrust_norm that hovers, away from the floor."""
+        return self.thrust_norm_of(self.weight_n)
+
+    def thrust_norm_of(self, thrust_n: float) -> float:
+        """The thrust_norm that gives `thrust_n`, clipped to 0..1; inverts the thrust curve."""
+        return thrust_norm(min(max(thrust_n / self.thrust_max_n, 0.0), 1.0), self.thrust_curve)
+
+    def thrust_n_of(self, norm: float) -> float:
+        """Collective thrust, N, of `norm` clipped to 0..1, on a full battery."""
+        u = min(max(norm, 0.0), 1.0)
+        return self.thrust_max_n * ((1.0 - self.thrust_curve) * u + self.thrust_curve * u * u)
+
+    @cached_property
+    def numbers(self) -> Float:
+        """The parameters in the order the kernels unpack them (`body_step`, drone_agent.attitude_loop)."""
+        return np.array(
+            [self.mass_kg, *self.inertia_kg_m2, self.wheelbase_m, self.rotor_radius_m, self.thrust_max_n,
+             self.thrust_curve, self.yaw_torque_m, self.motor_lag_s, *self.drag_n_s_m, self.ground_effect,
+             self.attitude_p_1_s, self.yaw_p_1_s, self.rate_p_1_s, self.rate_yaw_p_1_s, self.rate_max_rad_s,
+             self.rate_yaw_max_rad_s, float(self.rate_feed_forward)]
+        )  # fmt: skip
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> "VehicleProfile":  # noqa: ARG002
+        """A changed profile, validated afresh (pydantic's own copy would check nothing and keep old `numbers`)."""
+        return VehicleProfile.model_validate({**self.model_dump(), **(update or {})})
+
+
+def thrust_norm(fraction: float, curve: float) -> float:
+    """u of (1 - k) u + k u^2 = fraction, 0..1; `curve` is k."""
+    linear = 1.0 - curve
+    return 2.0 * fraction / (linear + sqrt(linear * linear + 4.0 * curve * fraction)) if fraction > 0.0 else 0.0
+
+
+PAPER_40G = VehicleProfile(
+    name="paper_40g",
+    mass_kg=0.04,
+    inertia_kg_m2=(1.532e-4, 1.532e-4, 3.472e-4),
+    wheelbase_m=0.12,
+    rotor_radius_m=0.025,
+    thrust_max_n=0.8,
+    thrust_curve=0.5,
+    yaw_torque_m=0.01,
+    motor_lag_s=0.025,
+    drag_n_s_m=(0.006, 0.006, 0.008),
+    attitude_p_1_s=11.0,
+    yaw_p_1_s=5.0,
+    rate_p_1_s=35.0,
+    rate_yaw_p_1_s=12.0,
+    rate_max_rad_s=10.0,
+    rate_yaw_max_rad_s=3.5,
+    rate_feed_forward=True,
+    command_delay_s=0.002,
+    response_dead_time_s=0.045,
+    response_lag_s=0.075,
+)
+PX4_QUAD = VehicleProfile(
+    name="px4_quad",
+    mass_kg=1.0,
+    inertia_kg_m2=(0.005, 0.005, 0.009),
+    wheelbase_m=0.3,
+    rotor_radius_m=0.0635,
+    thrust_max_n=20.0,
+    thrust_curve=0.0,
+    yaw_torque_m=0.05,
+    motor_lag_s=0.02,
+    drag_n_s_m=(0.1, 0.1, 0.1),
+    attitude_p_1_s=11.0,
+    yaw_p_1_s=4.0,
+    rate_p_1_s=45.0,
+    rate_yaw_p_1_s=12.0,
+    rate_max_rad_s=3.8,
+    rate_yaw_max_rad_s=3.5,
+    rate_feed_forward=False,
+    command_delay_s=0.08,
+    response_dead_time_s=0.11,
+    response_lag_s=0.06,
+    battery=BatteryProfile(cells=4, capacity_mah=3300.0, hover_current_a=12.0),
+)
+PROFILES: Mapping[str, VehicleProfile] = MappingProxyType({p.name: p for p in (PAPER_40G, PX4_QUAD)})
+
+
+def profile(name: str) -> VehicleProfile:
+    """The profile of that name; ValueError names the known ones."""
+    if name not in PROFILES:
+        raise ValueError(f"unknown vehicle profile {name!r}; known: {', '.join(PROFILES)}")
+    return PROFILES[name]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VehicleState:
+    """One simulated vehicle; its origin stands on the floor, z = 0, when landed. Motors: FR, RL, FL, RR."""
+
+    pos_lab_m: Vec3
+    vel_lab_m_s: Vec3
+    q_lab_from_flu: Quat
+    rate_flu_rad_s: Vec3
+    motor_thrust_n: Float
+
+
+def at_rest(pos_lab_m: Float, q_lab_from_flu: Float) -> VehicleState:
+    """A vehicle standing still with its motors off."""
+    return VehicleState(
+        np.array(pos_lab_m, dtype=np.float64), np.zeros(3), np.array(q_lab_from_flu, dtype=np.float64),
+        np.zeros(3), np.zeros(4),
+    )  # fmt: skip
+
+
+def on_ground(state: VehicleState) -> bool:
+    """Whether the feet carry the vehicle: at the floor and not rising."""
+    return bool(state.pos_lab_m[2] < 0.003 and abs(state.vel_lab_m_s[2]) < 0.05)

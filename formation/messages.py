@@ -184,11 +184,13 @@ class Severity(IntEnum):
     """MAV_SEVERITY's scale, the one every operator knows."""
 
     EMERGENCY = 0
+    ALERT = 1
     CRITICAL = 2
     ERROR = 3
     WARNING = 4
     NOTICE = 5
     INFO = 6
+    DEBUG = 7
 
 
 @dataclass(frozen=True, slots=True)

@@ -95,11 +95,17 @@ class OdometryFrame(IntEnum):
 
 
 class EstimatorType(IntEnum):
-    """MAV_ESTIMATOR_TYPE, those we send."""
+    """MAV_ESTIMATOR_TYPE."""
 
     UNKNOWN = 0
+    NAIVE = 1
     VISION = 2
-    MOCAP = 9
+    VIO = 3
+    GPS = 4
+    GPS_INS = 5
+    MOCAP = 6
+    LIDAR = 7
+    AUTOPILOT = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -145,7 +151,7 @@ class LocalPosition:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GlobalPosition:
-    """GLOBAL_POSITION_INT (33); latitude and longitude in degrees, heights in metres."""
+    """GLOBAL_POSITION_INT (33); degrees, metres; heading is the yaw about lab z, None where unknown."""
 
     t_boot_ms: int
     lat_deg: float
@@ -255,6 +261,9 @@ class Result(IntEnum):
     FAILED = 4
     IN_PROGRESS = 5
     CANCELLED = 6
+    COMMAND_LONG_ONLY = 7
+    COMMAND_INT_ONLY = 8
+    UNSUPPORTED_FRAME = 9
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,7 +312,7 @@ class SystemTime:
 
 
 class ParamType(IntEnum):
-    """MAV_PARAM_TYPE, those autopilots use."""
+    """MAV_PARAM_TYPE."""
 
     UINT8 = 1
     INT8 = 2
@@ -311,7 +320,10 @@ class ParamType(IntEnum):
     INT16 = 4
     UINT32 = 5
     INT32 = 6
+    UINT64 = 7
+    INT64 = 8
     REAL32 = 9
+    REAL64 = 10
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,75 @@
+"""The phase table: what each trigger does in each phase. The swarm has one phase; there is no other state of flight.
+
+Operators and safety pull the same triggers, so a landing is the same landing whoever asked for it.
+"""
+
+from collections.abc import Mapping
+from enum import StrEnum
+from types import MappingProxyType
+
+from formation.messages import Phase
+
+
+class Trigger(StrEnum):
+    """What can change the phase: an operator's or safety's wish, or something seen to have happened."""
+
+    ARM = "arm"
+    TAKEOFF = "takeoff"
+    START = "start"
+    HOLD = "hold"
+    LAND = "land"
+    STOP = "stop"
+    AT_HEIGHT = "at height"  # every commanded drone has reached its take-off height
+    DISARMED = "disarmed"  # every commanded drone is disarmed, or arming failed and was undone
+
+
+TABLE: Mapping[tuple[Phase, Trigger], Phase] = MappingProxyType(
+    {
+        (Phase.GROUND, Trigger.ARM): Phase.ARMED,
+        (Phase.ARMED, Trigger.TAKEOFF): Phase.TAKEOFF,
+        (Phase.ARMED, Trigger.LAND): Phase.GROUND,
+        (Phase.ARMED, Trigger.DISARMED): Phase.GROUND,
+        (Phase.TAKEOFF, Trigger.AT_HEIGHT): Phase.HOLD,
+        (Phase.TAKEOFF, Trigger.HOLD): Phase.HOLD,
+        (Phase.TAKEOFF, Trigger.LAND): Phase.LAND,
+        (Phase.HOLD, Trigger.START): Phase.FORMATION,
+        (Phase.HOLD, Trigger.HOLD): Phase.HOLD,
+        (Phase.HOLD, Trigger.LAND): Phase.LAND,
+        (Phase.FORMATION, Trigger.HOLD): Phase.HOLD,
+        (Phase.FORMATION, Trigger.LAND): Phase.LAND,
+        (Phase.LAND, Trigger.LAND): Phase.LAND,
+        (Phase.LAND, Trigger.DISARMED): Phase.GROUND,
+        **{(phase, Trigger.STOP): Phase.STOPPED for phase in Phase},
+    }
+)
+
+STREAMING = frozenset({Phase.ARMED, Phase.TAKEOFF, Phase.FORMATION, Phase.HOLD, Phase.LAND})
+"""Phases in which every commanded drone is sent setpoints."""
+
+AIRBORNE = frozenset({Phase.TAKEOFF, Phase.FORMATION, Phase.HOLD, Phase.LAND})
+"""Phases in which drones may be off the floor."""
+
+
+def advance(phase: Phase, trigger: Trigger) -> Phase | None:
+    """The phase that `trigger` leads to, or None where it means nothing in this phase."""
+    return TABLE.get((phase, trigger))
+
+
+def allowed_from(trigger: Trigger) -> tuple[Phase, ...]:
+    """The phases in which `trigger` means something; what a refusal tells the operator."""
+    return tuple(phase for phase in Phase if (phase, trigger) in TABLE)
+
+
+def table_markdown() -> str:
+    """The table as the documentation shows it: a row a phase, a column a trigger."""
+    header = "| phase | " + " | ".join(trigger.value for trigger in Trigger) + " |"
+    rule = "|---" * (len(Trigger) + 1) + "|"
+    rows = (
+        f"| {phase.name} | " + " | ".join(_cell(advance(phase, trigger)) for trigger in Trigger) + " |"
+        for phase in Phase
+    )
+    return "\n".join((header, rule, *rows))
+
+
+def _cell(phase: Phase | None) -> str:
+    return "-" if phase is None else phase.name

@@ -1,0 +1,319 @@
+"""Safety: who acts, when, on every fault, and why arming is refused. Pure decisions on plain facts.
+
+`RULES` is the whole policy in flight: it is evaluated as one table and printed as one table (`rules_markdown`).
+The ground acts by a trigger for the swarm (formation.phase) and, where one drone is the trouble, by letting go of
+that drone or cutting its motors. Below all of this each drone's agent levels, holds and lands by itself when setpoints
+go stale.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formation.arrays import Flags, Scalars, Vec3s
+from formation.config import LimitsConfig
+from formation.messages import Phase, Severity
+from formation.phase import AIRBORNE, Trigger
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Facts:
+    """What is decided on: one entry per vehicle of the configuration, leader first (n).
+
+    For a body that is only observed the link's fields hold their healthy values. `battery` is 0..1, NaN where unknown.
+    late_share: the part of the last second's frames that came late or were missed, 0..1.
+    """
+
+    names: tuple[str, ...]
+    commanded: Flags
+    pos_lab_m: Vec3s
+    speed_m_s: Scalars
+    tilt_rad: Scalars
+    age_s: Scalars
+    error_m: Scalars
+    heartbeat_age_s: Scalars
+    armed: Flags
+    offboard: Flags
+    battery: Scalars
+    duplicate: Flags
+    late_share: float
+    objections: tuple[str, ...] = ()
+
+
+class Own(StrEnum):
+    """What happens to the one drone that a fault is about."""
+
+    NOTHING = "-"
+    RELEASE = "no more setpoints; told to land by itself"
+    CUT = "motors cut"
+
+
+Test = Callable[[Facts, LimitsConfig], Flags]
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """One fault: how it is seen, for how long, in which phases, and who then does what.
+
+    of_swarm: the fault is nobody's own; it is raised once, at index 0.
+    """
+
+    fault: str
+    test: Test
+    persist_s: float
+    phases: frozenset[Phase]
+    swarm: Trigger | None = None
+    own: Own = Own.NOTHING
+    of_swarm: bool = False
+
+    def text(self, name: str) -> str:
+        """The fault of the vehicle `name`, in words."""
+        return self.fault if self.of_swarm else f"{name}: {self.fault}"
+
+    @property
+    def severity(self) -> Severity:
+        """How loudly it is told."""
+        if self.swarm is None and self.own is Own.NOTHING:
+            return Severity.WARNING
+        return Severity.ERROR if self.own is Own.NOTHING else Severity.CRITICAL
+
+
+FRESH_S = 0.2
+HEARTBEAT_S = 3.0
+FAR_OUTSIDE_M = 0.5
+BATTERY_LOW, BATTERY_EMPTY = 0.2, 0.1
+UPSET_RAD = 1.3
+STILL_M_S = 0.3
+LEVEL_RAD = 0.35
+ASTRAY_M = 1.0
+
+
+def _outside_m(facts: Facts, limits: LimitsConfig) -> Scalars:
+    """How far each body is outside the fence, m; zero inside; shape (n,)."""
+    low = np.asarray(limits.fence.low_m) - facts.pos_lab_m
+    high = facts.pos_lab_m - np.asarray(limits.fence.high_m)
+    distance: Scalars = np.maximum(np.maximum(low, high), 0.0).max(axis=-1)
+    return distance
+
+
+def _nearest_m(facts: Facts) -> Scalars:
+    """Distance of each body to its nearest neighbour, m; shape (n,)."""
+    between = facts.pos_lab_m[:, None, :] - facts.pos_lab_m[None, :, :]
+    distance = np.sqrt(np.einsum("ijk,ijk->ij", between, between))
+    np.fill_diagonal(distance, np.inf)
+    nearest: Scalars = distance.min(axis=-1)
+    return nearest
+
+
+def _unseen(seconds: float) -> Test:
+    return lambda facts, _limits: facts.age_s > seconds
+
+
+def _commanded_unseen(seconds: float) -> Test:
+    return lambda facts, _limits: facts.commanded & (facts.age_s > seconds)
+
+
+def _outside(metres: float) -> Test:
+    return lambda facts, limits: facts.commanded & (_outside_m(facts, limits) > metres)
+
+
+def _close(fraction: float) -> Test:
+    return lambda facts, limits: facts.commanded & (_nearest_m(facts) < fraction * limits.min_separation_m)
+
+
+def _battery_under(level: float) -> Test:
+    return lambda facts, _limits: facts.battery < level
+
+
+def _silent(facts: Facts, _limits: LimitsConfig) -> Flags:
+    return facts.heartbeat_age_s > HEARTBEAT_S
+
+
+def _not_offboard(facts: Facts, _limits: LimitsConfig) -> Flags:
+    return facts.armed & ~facts.offboard
+
+
+def _disarmed(facts: Facts, _limits: LimitsConfig) -> Flags:
+    return ~facts.armed
+
+
+def _upset(facts: Facts, _limits: LimitsConfig) -> Flags:
+    return facts.commanded & (facts.tilt_rad > UPSET_RAD)
+
+
+def _astray(facts: Facts, _limits: LimitsConfig) -> Flags:
+    return facts.commanded & (facts.error_m > ASTRAY_M)
+
+
+def _late(share: float) -> Test:
+    return lambda facts, _limits: np.arange(len(facts.names)) < int(facts.late_share > share)
+
+
+def _duplicate(facts: Facts, _limits: LimitsConfig) -> Flags:
+    return facts.duplicate
+
+
+FLYING = AIRBORNE - {Phase.LAND}
+IN_PLACE = frozenset({Phase.FORMATION, Phase.HOLD})
+IN_FORMATION = frozenset({Phase.FORMATION})
+MOTORS_ON = AIRBORNE | {Phase.ARMED}
+
+RULES: tuple[Rule, ...] = (
+    Rule("body not seen for 0.2 s", _unseen(0.2), 0.0, IN_FORMATION, Trigger.HOLD),
+    Rule("body not seen for 0.4 s", _commanded_unseen(0.4), 0.0, AIRBORNE, Trigger.LAND, Own.RELEASE),
+    Rule("outside the fence", _outside(0.0), 0.1, AIRBORNE, Trigger.LAND),
+    Rule("0.5 m outside the fence", _outside(FAR_OUTSIDE_M), 0.2, AIRBORNE, Trigger.LAND, Own.CUT),
+    Rule("closer than the minimum separation", _close(1.0), 0.1, IN_FORMATION, Trigger.HOLD),
+    Rule("closer than half the minimum separation", _close(0.5), 0.1, FLYING, Trigger.LAND),
+    Rule("1 m away from its reference", _astray, 1.0, IN_PLACE, Trigger.LAND),
+    Rule("tilted by 75 degrees", _upset, 0.3, MOTORS_ON, Trigger.LAND, Own.CUT),
+    Rule("no heartbeat for 3 s", _silent, 0.0, MOTORS_ON, Trigger.LAND),
+    Rule("not in off-board mode", _not_offboard, 0.5, FLYING, Trigger.LAND),
+    Rule("disarmed in the air", _disarmed, 0.3, FLYING, Trigger.LAND),
+    Rule("battery under 20 %", _battery_under(BATTERY_LOW), 1.0, MOTORS_ON),
+    Rule("battery under 10 %", _battery_under(BATTERY_EMPTY), 1.0, MOTORS_ON, Trigger.LAND),
+    Rule("a fifth of the frames late", _late(0.2), 0.5, MOTORS_ON, of_swarm=True),
+    Rule("half of the frames late", _late(0.5), 1.0, MOTORS_ON, Trigger.LAND, of_swarm=True),
+    Rule("its sysid is used twice on the network", _duplicate, 0.0, frozenset(Phase)),
+)
+
+_SEVEREST_FIRST = (Trigger.LAND, Trigger.HOLD)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Watch:
+    """Since when each vehicle has broken each rule (ns, -1: it does not), and which were acted on; both (rules, n)."""
+
+    since_ns: NDArray[np.int64]
+    acted: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One fault of one vehicle that has just begun or just ended."""
+
+    vehicle: int
+    rule: Rule
+    began: bool
+    text: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Verdict:
+    """What is to be done now: a trigger for the swarm, drones to let go of or to cut (n,), and what is new to tell."""
+
+    trigger: Trigger | None
+    cause: str
+    release: Flags
+    cut: Flags
+    findings: tuple[Finding, ...]
+
+
+def start(n: int) -> Watch:
+    """Nothing is wrong yet with any of the n vehicles."""
+    return Watch(np.full((len(RULES), n), -1, np.int64), np.zeros((len(RULES), n), np.bool_))
+
+
+def assess(watch: Watch, facts: Facts, phase: Phase, limits: LimitsConfig, now_ns: int) -> tuple[Watch, Verdict]:
+    """Apply every rule to every vehicle; a fault acts once it has lasted its rule's `persist_s`."""
+    nobody = np.zeros(len(facts.names), np.bool_)
+    broken = np.array([rule.test(facts, limits) if phase in rule.phases else nobody for rule in RULES])
+    since = np.where(broken, np.where(watch.since_ns < 0, now_ns, watch.since_ns), -1)
+    acting = broken & (now_ns - since >= _PERSIST_NS[:, None])
+    if not acting.any() and not watch.acted.any():
+        return Watch(since, acting), Verdict(None, "", nobody, nobody, ())
+    trigger, cause = _swarm_trigger(acting, facts)
+    verdict = Verdict(
+        trigger=trigger,
+        cause=cause,
+        release=_owned(acting, Own.RELEASE),
+        cut=_owned(acting, Own.CUT),
+        findings=_findings(acting, watch.acted, facts),
+    )
+    return Watch(since, acting), verdict
+
+
+_PERSIST_NS = np.array([round(rule.persist_s * 1e9) for rule in RULES], np.int64)
+
+
+def _swarm_trigger(acting: NDArray[np.bool_], facts: Facts) -> tuple[Trigger | None, str]:
+    for trigger in _SEVEREST_FIRST:
+        for row, rule in zip(acting, RULES, strict=True):
+            if rule.swarm is trigger and row.any():
+                return trigger, rule.text(facts.names[int(row.argmax())])
+    return None, ""
+
+
+def _owned(acting: NDArray[np.bool_], own: Own) -> Flags:
+    rows = np.array([rule.own is own for rule in RULES])
+    flags: Flags = (acting & rows[:, None]).any(axis=0)
+    return flags
+
+
+def _findings(acting: NDArray[np.bool_], acted: NDArray[np.bool_], facts: Facts) -> tuple[Finding, ...]:
+    return tuple(
+        Finding(int(i), RULES[r], bool(acting[r, i]), RULES[r].text(facts.names[i]))
+        for r, i in np.argwhere(acting != acted)
+    )
+
+
+def arming_refusals(facts: Facts, limits: LimitsConfig) -> tuple[str, ...]:
+    """Every reason not to arm, in words; empty when the swarm may arm. What an operator can act on comes first."""
+    fresh = facts.age_s <= FRESH_S
+    outside, nearest = _outside_m(facts, limits), _nearest_m(facts)
+    reasons: list[str] = []
+    for i, name in enumerate(facts.names):
+        if not fresh[i]:
+            reasons.append(f"{name}: no fresh pose (last seen {_seconds(facts.age_s[i])})")
+        elif facts.commanded[i]:
+            reasons += _pose_refusals(facts, i, float(outside[i]))
+        if fresh[i] and nearest[i] < limits.min_separation_m:
+            reasons.append(f"{name}: {nearest[i]:.2f} m from the next body, minimum is {limits.min_separation_m:.2f} m")
+        if facts.commanded[i]:
+            reasons += _link_refusals(facts, i)
+    return (*reasons, *facts.objections)
+
+
+def _pose_refusals(facts: Facts, i: int, outside_m: float) -> list[str]:
+    name, reasons = facts.names[i], []
+    if outside_m > 0.0:
+        reasons.append(f"{name}: {outside_m:.2f} m outside the fence")
+    if facts.tilt_rad[i] > LEVEL_RAD:
+        reasons.append(f"{name}: tilted by {np.degrees(facts.tilt_rad[i]):.0f} degrees")
+    if facts.speed_m_s[i] > STILL_M_S:
+        reasons.append(f"{name}: moving at {facts.speed_m_s[i]:.2f} m/s")
+    return reasons
+
+
+def _link_refusals(facts: Facts, i: int) -> list[str]:
+    name, reasons = facts.names[i], []
+    if facts.heartbeat_age_s[i] > HEARTBEAT_S:
+        reasons.append(f"{name}: no heartbeat (last heard {_seconds(facts.heartbeat_age_s[i])})")
+    if facts.battery[i] < BATTERY_LOW:
+        reasons.append(f"{name}: battery at {facts.battery[i]:.0%}")
+    if facts.duplicate[i]:
+        reasons.append(f"{name}: its sysid is used twice on the network")
+    return reasons
+
+
+def _seconds(age_s: float) -> str:
+    return f"{age_s:.1f} s ago" if np.isfinite(age_s) else "never"
+
+
+def rules_markdown() -> str:
+    """The policy as the documentation shows it: a row a fault."""
+    rows = (f"| {rule.fault} | {rule.persist_s:g} | {_phases(rule)} | {_swarm(rule)} | {rule.own} |" for rule in RULES)
+    return "\n".join(
+        ("| fault | after, s | in phases | the swarm | that drone |", "|---|---|---|---|---|", *rows),
+    )
+
+
+def _phases(rule: Rule) -> str:
+    return "any" if rule.phases == frozenset(Phase) else ", ".join(p.name for p in Phase if p in rule.phases)
+
+
+def _swarm(rule: Rule) -> str:
+    return "warning only" if rule.swarm is None else f"{rule.swarm}"

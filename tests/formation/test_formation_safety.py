@@ -1,0 +1,209 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from formation.config import LimitsConfig
+from formation.messages import Phase, Severity
+from formation.phase import AIRBORNE, Trigger
+from formation.safety import (
+    RULES,
+    Facts,
+    Own,
+    Verdict,
+    Watch,
+    arming_refusals,
+    assess,
+    rules_markdown,
+    start,
+)
+
+LIMITS = LimitsConfig()
+NAMES = ("lead", "left", "right")
+
+
+def _healthy(**changes) -> Facts:
+    facts = Facts(
+        names=NAMES,
+        commanded=np.array([True, True, True]),
+        pos_lab_m=np.array([[0.0, 0.0, 0.3], [-0.4, 0.4, 0.3], [-0.4, -0.4, 0.3]]),
+        speed_m_s=np.zeros(3),
+        tilt_rad=np.zeros(3),
+        age_s=np.full(3, 0.008),
+        error_m=np.zeros(3),
+        heartbeat_age_s=np.full(3, 0.5),
+        armed=np.ones(3, bool),
+        offboard=np.ones(3, bool),
+        battery=np.full(3, np.nan),
+        duplicate=np.zeros(3, bool),
+        late_share=0.0,
+    )
+    return replace(facts, **changes)
+
+
+def _of(index: int, value, otherwise) -> np.ndarray:
+    array = np.array([otherwise] * 3)
+    array[index] = value
+    return array
+
+
+def _after(facts: Facts, phase: Phase, lasting_s: float) -> Verdict:
+    """The verdict when `facts` have lasted for a time, from health."""
+    watch, _ = assess(start(3), facts, phase, LIMITS, 0)
+    return assess(watch, facts, phase, LIMITS, round(lasting_s * 1e9))[1]
+
+
+@pytest.mark.parametrize("phase", Phase)
+def test_healthy_swarm_is_left_alone_in_every_phase(phase):
+    verdict = _after(_healthy(), phase, 10.0)
+    assert verdict.trigger is None
+    assert verdict.findings == ()
+    assert not verdict.release.any()
+    assert not verdict.cut.any()
+
+
+FAULTS = {
+    "leader hidden": ({"age_s": _of(0, 0.25, 0.0)}, Phase.FORMATION, 0.0, Trigger.HOLD, Own.NOTHING),
+    "body lost": ({"age_s": _of(1, 0.45, 0.0)}, Phase.FORMATION, 0.0, Trigger.LAND, Own.RELEASE),
+    "outside": (
+        {"pos_lab_m": np.array([[0.0, 0, 0.3], [2.6, 0, 0.3], [0, 1, 0.3]])},
+        Phase.HOLD,
+        0.11,
+        Trigger.LAND,
+        Own.NOTHING,
+    ),
+    "far outside": (
+        {"pos_lab_m": np.array([[0.0, 0, 0.3], [3.1, 0, 0.3], [0, 1, 0.3]])},
+        Phase.HOLD,
+        0.21,
+        Trigger.LAND,
+        Own.CUT,
+    ),
+    "close": (
+        {"pos_lab_m": np.array([[0.0, 0, 0.3], [0.15, 0, 0.3], [0, 1, 0.3]])},
+        Phase.FORMATION,
+        0.11,
+        Trigger.HOLD,
+        Own.NOTHING,
+    ),
+    "very close": (
+        {"pos_lab_m": np.array([[0.0, 0, 0.3], [0.09, 0, 0.3], [0, 1, 0.3]])},
+        Phase.HOLD,
+        0.11,
+        Trigger.LAND,
+        Own.NOTHING,
+    ),
+    "astray": ({"error_m": _of(1, 1.1, 0.0)}, Phase.FORMATION, 1.01, Trigger.LAND, Own.NOTHING),
+    "upset": ({"tilt_rad": _of(1, 1.5, 0.0)}, Phase.HOLD, 0.31, Trigger.LAND, Own.CUT),
+    "silent": ({"heartbeat_age_s": _of(1, 3.1, 0.0)}, Phase.FORMATION, 0.0, Trigger.LAND, Own.NOTHING),
+    "mode lost": ({"offboard": _of(1, False, True)}, Phase.FORMATION, 0.51, Trigger.LAND, Own.NOTHING),
+    "disarmed": ({"armed": _of(1, False, True)}, Phase.FORMATION, 0.31, Trigger.LAND, Own.NOTHING),
+    "battery empty": ({"battery": _of(1, 0.05, np.nan)}, Phase.FORMATION, 1.01, Trigger.LAND, Own.NOTHING),
+    "late": ({"late_share": 0.6}, Phase.FORMATION, 1.01, Trigger.LAND, Own.NOTHING),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_each_fault_is_answered_once_it_has_lasted(name):
+    changes, phase, lasting_s, trigger, own = FAULTS[name]
+    verdict = _after(_healthy(**changes), phase, lasting_s)
+    assert verdict.trigger is trigger
+    assert verdict.cause
+    assert verdict.release.any() == (own is Own.RELEASE)
+    assert verdict.cut.any() == (own is Own.CUT)
+
+
+@pytest.mark.parametrize("name", [n for n, (_, _, lasting, _, _) in FAULTS.items() if lasting > 0.1])
+def test_a_fault_that_does_not_last_is_let_pass(name):
+    changes, phase, lasting_s, _, _ = FAULTS[name]
+    assert _after(_healthy(**changes), phase, 0.05).trigger is None
+    watch, _ = assess(start(3), _healthy(**changes), phase, LIMITS, 0)
+    watch, _ = assess(watch, _healthy(), phase, LIMITS, 10_000_000)
+    _, verdict = assess(watch, _healthy(**changes), phase, LIMITS, round(lasting_s * 1e9))
+    assert verdict.trigger is None
+
+
+def test_only_the_drone_in_trouble_is_cut():
+    verdict = _after(_healthy(tilt_rad=_of(2, 1.5, 0.0)), Phase.HOLD, 0.4)
+    assert verdict.cut.tolist() == [False, False, True]
+    assert verdict.cause == "right: tilted by 75 degrees"
+
+
+def test_landing_outweighs_holding():
+    facts = _healthy(age_s=_of(0, 0.25, 0.0), heartbeat_age_s=_of(2, 4.0, 0.0))
+    assert _after(facts, Phase.FORMATION, 0.0).trigger is Trigger.LAND
+
+
+def test_an_observed_leader_may_leave_the_fence_and_is_never_cut():
+    facts = _healthy(
+        commanded=np.array([False, True, True]),
+        pos_lab_m=np.array([[9.0, 0, 0.3], [-0.4, 0.4, 0.3], [-0.4, -0.4, 0.3]]),
+        tilt_rad=_of(0, 3.0, 0.0),
+    )
+    assert _after(facts, Phase.FORMATION, 5.0).trigger is None
+
+
+def test_findings_tell_beginning_and_end_once():
+    bad, good = _healthy(heartbeat_age_s=_of(1, 4.0, 0.0)), _healthy()
+    watch: Watch = start(3)
+    told = []
+    for i, facts in enumerate((bad, bad, good, good)):
+        watch, verdict = assess(watch, facts, Phase.HOLD, LIMITS, i * 10_000_000)
+        told.append([(f.text, f.began, f.rule.severity) for f in verdict.findings])
+    text = "left: no heartbeat for 3 s"
+    assert told == [[(text, True, Severity.ERROR)], [], [(text, False, Severity.ERROR)], []]
+
+
+def test_a_late_loop_is_told_once_not_once_a_drone():
+    verdict = _after(_healthy(late_share=0.9), Phase.HOLD, 2.0)
+    assert [f.text for f in verdict.findings] == ["a fifth of the frames late", "half of the frames late"]
+
+
+def test_motors_off_phases_ignore_the_air_rules():
+    for phase in set(Phase) - AIRBORNE - {Phase.ARMED}:
+        facts = _healthy(age_s=np.full(3, np.inf), heartbeat_age_s=np.full(3, np.inf), armed=np.zeros(3, bool))
+        assert _after(facts, phase, 100.0).trigger is None
+
+
+def test_arming_a_healthy_swarm_is_not_refused():
+    assert arming_refusals(_healthy(armed=np.zeros(3, bool), offboard=np.zeros(3, bool)), LIMITS) == ()
+
+
+REFUSALS = {
+    "never seen": ({"age_s": _of(1, np.inf, 0.0)}, "left: no fresh pose (last seen never)"),
+    "stale": ({"age_s": _of(0, 0.3, 0.0)}, "lead: no fresh pose (last seen 0.3 s ago)"),
+    "outside": (
+        {"pos_lab_m": np.array([[0.0, 0, 0], [2.75, 0, 0], [0, 1, 0]])},
+        "left: 0.25 m outside the fence",
+    ),
+    "millimetres": (
+        {"pos_lab_m": np.array([[0.0, 0, 0], [400.0, 0, 0], [0, 1, 0]])},
+        "left: 397.50 m outside the fence",
+    ),
+    "tilted": ({"tilt_rad": _of(2, 1.0, 0.0)}, "right: tilted by 57 degrees"),
+    "carried": ({"speed_m_s": _of(2, 0.5, 0.0)}, "right: moving at 0.50 m/s"),
+    "silent": ({"heartbeat_age_s": _of(2, np.inf, 0.0)}, "right: no heartbeat (last heard never)"),
+    "battery": ({"battery": _of(2, 0.15, 1.0)}, "right: battery at 15%"),
+    "duplicate": ({"duplicate": _of(2, True, False)}, "right: its sysid is used twice on the network"),
+    "objection": ({"objections": ("left: GUID_OPTIONS is 0",)}, "left: GUID_OPTIONS is 0"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSALS)
+def test_arming_is_refused_with_the_reason(name):
+    changes, reason = REFUSALS[name]
+    assert arming_refusals(_healthy(**changes), LIMITS) == (reason,)
+
+
+def test_two_drones_too_close_are_both_named():
+    facts = _healthy(pos_lab_m=np.array([[0.0, 0, 0], [0.1, 0, 0], [0, 1, 0]]))
+    assert arming_refusals(facts, LIMITS) == (
+        "lead: 0.10 m from the next body, minimum is 0.20 m",
+        "left: 0.10 m from the next body, minimum is 0.20 m",
+    )
+
+
+def test_documented_policy_has_every_rule():
+    lines = rules_markdown().splitlines()
+    assert len(lines) == 2 + len(RULES)
+    assert all(rule.fault in line for rule, line in zip(RULES, lines[2:], strict=True))

@@ -1,0 +1,263 @@
+"""A flight log as frozen columns: one series a topic, poses ordered as the configuration, phases on a timeline.
+
+Reads; judges nothing. Numbers are `analysis.metrics`, pictures `analysis.plots`.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol, TypeVar
+
+import numpy as np
+from pydantic import ValidationError
+
+from analysis.series import Series, series
+from formation import frames, topics
+from formation.arrays import Bool, Float
+from formation.config import NO_ROTATION, LabConfig
+from formation.messages import (
+    AttitudeTarget,
+    Command,
+    Datagram,
+    Event,
+    LoopTiming,
+    MocapFrame,
+    OperatorReply,
+    OperatorRequest,
+    Phase,
+    PhaseChange,
+    Reference,
+    SwarmState,
+    Truth,
+)
+from formation.topics import Topic
+from wire.mcap_log import read_log
+
+M = TypeVar("M")
+Stamped = list[tuple[float, object]]
+
+
+class Record(Protocol):
+    """One record of a log: `wire.mcap_log.Entry`, or anything like it."""
+
+    @property
+    def topic(self) -> Topic:
+        """The channel."""
+
+    @property
+    def t_ns(self) -> int:
+        """When it was logged."""
+
+    @property
+    def message(self) -> object:
+        """What was logged."""
+
+
+@dataclass(frozen=True, slots=True)
+class Vehicle:
+    """One vehicle as the log knows it; `column` is its place in the commanded arrays, None where only observed."""
+
+    body: str
+    sysid: int | None
+    column: int | None
+    q_marker_from_flu: tuple[float, float, float, float] = NO_ROTATION
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What the log says of itself: its metadata record, read."""
+
+    scenario: str
+    seed: int | None
+    link: str
+    lockstep: bool
+    lab: LabConfig | None
+    versions: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Poses:
+    """Every mocap frame, n vehicles in the configuration's order (leader first), marker alignment applied.
+
+    t_s (T,) capture times; pos_lab_m (T, n, 3); q_lab_from_flu (T, n, 4); seen (T, n).
+    """
+
+    t_s: Float
+    pos_lab_m: Float
+    q_lab_from_flu: Float
+    seen: Bool
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseSpan:
+    """The swarm was in `phase` from start_s to end_s, entered because of `cause`."""
+
+    phase: Phase
+    start_s: float
+    end_s: float
+    cause: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Flight:
+    """One log, read: everything analysis needs, times in seconds since the log's first record."""
+
+    run: Run
+    vehicles: tuple[Vehicle, ...]
+    t0_ns: int
+    duration_s: float
+    poses: Poses
+    state: Series[SwarmState]
+    reference: Series[Reference]
+    command: Series[Command]
+    target: Series[AttitudeTarget]
+    timing: Series[LoopTiming]
+    events: Series[Event]
+    requests: Series[OperatorRequest]
+    replies: Series[OperatorReply]
+    up: Series[Datagram]
+    down: Series[Datagram]
+    truth: Mapping[int, Series[Truth]]
+    phases: tuple[PhaseSpan, ...]
+
+    @property
+    def leader(self) -> Vehicle:
+        """The body the formation is held on."""
+        return self.vehicles[0]
+
+    @property
+    def followers(self) -> tuple[Vehicle, ...]:
+        """The commanded rest."""
+        return self.vehicles[1:]
+
+    def spans(self, *phases: Phase) -> tuple[PhaseSpan, ...]:
+        """The stretches of the flight in any of the phases."""
+        return tuple(span for span in self.phases if span.phase in phases)
+
+
+def load(path: Path) -> Flight:
+    """Read an MCAP log, whole or damaged. Errors: `wire.mcap_log`'s own."""
+    log = read_log(path)
+    return from_records(log.metadata, log.entries)
+
+
+def from_records(metadata: Mapping[str, str], records: Iterable[Record]) -> Flight:
+    """Build the flight from a log's metadata and its records in file order; any topic may be missing."""
+    t0_ns: int | None = None
+    last_ns = 0
+    found: defaultdict[str, Stamped] = defaultdict(list)
+    for record in records:
+        t0_ns = record.t_ns if t0_ns is None else t0_ns
+        last_ns = max(last_ns, record.t_ns)
+        found[record.topic.name].append(((_stamp_ns(record) - t0_ns) * 1e-9, record.message))
+    t0_ns = t0_ns or 0
+    duration_s = max(last_ns - t0_ns, 0) * 1e-9
+    run = _run(metadata)
+    mocap = _of(found, topics.MOCAP, MocapFrame)
+    reference = _of(found, topics.REFERENCE, Reference)
+    vehicles = _vehicles(run.lab, mocap, reference)
+    return Flight(
+        run=run,
+        vehicles=vehicles,
+        t0_ns=t0_ns,
+        duration_s=duration_s,
+        poses=_poses(mocap, vehicles),
+        state=_of(found, topics.STATE, SwarmState),
+        reference=reference,
+        command=_of(found, topics.COMMAND, Command),
+        target=_of(found, topics.TARGET, AttitudeTarget),
+        timing=_of(found, topics.TIMING, LoopTiming),
+        events=_of(found, topics.EVENT, Event),
+        requests=_of(found, topics.REQUEST, OperatorRequest),
+        replies=_of(found, topics.REPLY, OperatorReply),
+        up=_of(found, topics.LINK_UP, Datagram),
+        down=_of(found, topics.LINK_DOWN, Datagram),
+        truth=_truth(_of(found, topics.TRUTH, Truth)),
+        phases=_spans(_of(found, topics.PHASE, PhaseChange), duration_s),
+    )
+
+
+def _stamp_ns(record: Record) -> int:
+    """The time a message speaks of, else the time it was logged."""
+    message = record.message
+    if isinstance(message, MocapFrame):
+        return message.t_capture_ns
+    if isinstance(message, SwarmState | Reference | Command | AttitudeTarget | Truth):
+        return message.t_ns
+    return record.t_ns
+
+
+def _of(found: Mapping[str, Stamped], topic: Topic, kind: type[M]) -> Series[M]:
+    """The series of one topic; a record of another type than the topic's is left out."""
+    return series([(t, message) for t, message in found.get(topic.name, []) if isinstance(message, kind)])
+
+
+def _run(metadata: Mapping[str, str]) -> Run:
+    """Metadata as text -> Run; what is missing or unreadable is None or empty."""
+    seed = metadata.get("seed", "")
+    link = metadata.get("link", "")
+    return Run(
+        scenario=metadata.get("scenario", ""),
+        seed=int(seed) if seed.lstrip("-").isdigit() else None,
+        link=link,
+        lockstep=metadata.get("host", "") == "lockstep" or link == "memory",
+        lab=_lab(metadata.get("lab", "")),
+        versions=metadata.get("versions", ""),
+    )
+
+
+def _lab(text: str) -> LabConfig | None:
+    """The lab's configuration, or None where the log holds none that this version reads."""
+    try:
+        return LabConfig.model_validate_json(text)
+    except ValidationError:
+        return None
+
+
+def _vehicles(lab: LabConfig | None, mocap: Series[MocapFrame], reference: Series[Reference]) -> tuple[Vehicle, ...]:
+    """The configured vehicles; without a configuration, the mocap's bodies with the last m commanded."""
+    if lab is not None:
+        columns = {index: column for column, index in enumerate(lab.commanded)}
+        return tuple(Vehicle(v.body, v.sysid, columns.get(i), v.q_marker_from_flu) for i, v in enumerate(lab.vehicles))
+    bodies = mocap.messages[0].bodies if mocap.messages else ()
+    commanded = len(reference.messages[0].in_formation) if reference.messages else len(bodies)
+    observed = len(bodies) - min(commanded, len(bodies))
+    return tuple(Vehicle(body, None, i - observed if i >= observed else None) for i, body in enumerate(bodies))
+
+
+def _poses(mocap: Series[MocapFrame], vehicles: tuple[Vehicle, ...]) -> Poses:
+    """Reorder every frame's bodies as `vehicles`; a body a frame lacks is unseen there."""
+    shape = (len(mocap), len(vehicles))
+    pos, q, seen = np.zeros((*shape, 3)), np.tile(frames.IDENTITY, (*shape, 1)), np.zeros(shape, dtype=np.bool_)
+    order: dict[tuple[str, ...], list[tuple[int, int]]] = {}
+    for k, frame in enumerate(mocap.messages):
+        if frame.bodies not in order:
+            place = {body: i for i, body in enumerate(frame.bodies)}
+            order[frame.bodies] = [(i, place[v.body]) for i, v in enumerate(vehicles) if v.body in place]
+        for i, source in order[frame.bodies]:
+            pos[k, i] = frame.pos_lab_m[source]
+            q[k, i] = frame.q_lab_from_flu[source]
+            seen[k, i] = frame.seen[source]
+    alignment = np.array([v.q_marker_from_flu for v in vehicles]).reshape(-1, 4)
+    return Poses(mocap.t_s, pos, frames.canonical(frames.multiply(q, alignment)), seen)
+
+
+def _truth(truth: Series[Truth]) -> Mapping[int, Series[Truth]]:
+    """Truth by system id."""
+    sysids = truth.column(lambda t: t.sysid)
+    return {int(sysid): truth.where(sysids == sysid) for sysid in np.unique(sysids)}
+
+
+def _spans(changes: Series[PhaseChange], end_s: float) -> tuple[PhaseSpan, ...]:
+    """Phase changes -> stretches; the last one runs to the end of the log."""
+    if not len(changes):
+        return ()
+    ends = [*changes.t_s[1:].tolist(), max(end_s, float(changes.t_s[-1]))]
+    return tuple(
+        PhaseSpan(change.phase, float(start), float(end), change.cause)
+        for change, start, end in zip(changes.messages, changes.t_s, ends, strict=True)
+    )

@@ -1,0 +1,219 @@
+"""The numbers a run ends in, computed from its log alone."""
+
+import hashlib
+import json
+import struct
+from dataclasses import asdict, dataclass
+from itertools import combinations, pairwise
+from pathlib import Path
+
+import numpy as np
+
+from analysis.load import Flight
+from analysis.packets import packets
+from analysis.series import moving_average
+from analysis.tracking import Tracking, airborne, track
+from formation.arrays import Float
+from formation.messages import Phase, Verb
+from wire.link_messages import AttitudeSetpoint, NamedValue
+
+VIBRATION_WINDOW_S = 1.0
+AGE_NAME = "age_ms"
+BREAK_S = 0.25  # a gap longer than this ends a stretch of flight
+
+
+@dataclass(frozen=True, slots=True)
+class Latency:
+    """Frame receipt -> last datagram handed to the link, milliseconds."""
+
+    p50: float
+    p99: float
+    max: float
+
+
+@dataclass(frozen=True, slots=True)
+class Age:
+    """Capture -> receipt at the agent, milliseconds."""
+
+    p50: float
+    p99: float
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """One run in numbers, SI unless the name says otherwise; None where the log cannot tell.
+
+    formation_rms_m, formation_max_m: length of the formation error, all followers, scored frames (analysis.tracking).
+    vibration_m: see `vibration`. altitude_rms_m: the error's vertical part. min_separation_m: while airborne.
+    command_hash: SHA-256 over every SET_ATTITUDE_TARGET sent, in order. outcome: landed, held or aborted: reason.
+    """
+
+    scenario: str
+    seed: int | None
+    link: str
+    duration_s: float
+    followers: int
+    formation_rms_m: float | None
+    formation_max_m: float | None
+    vibration_m: float | None
+    altitude_rms_m: float | None
+    min_separation_m: float | None
+    frames: int
+    late_ticks: int
+    latency_ms: Latency | None
+    age_ms: Age | None
+    realtime_factor: float | None
+    command_hash: str
+    mcap: str | None
+    report: str | None
+    outcome: str
+
+    def to_json(self) -> str:
+        """Indented JSON of every key, null where unknown; no NaN."""
+        return json.dumps(asdict(self), indent=2, allow_nan=False)
+
+
+def summarise(
+    flight: Flight,
+    *,
+    mcap: Path | None = None,
+    report: Path | None = None,
+    realtime_factor: float | None = None,
+) -> Summary:
+    """The summary of a flight; the paths and the host's own speed are not in the log and ride along."""
+    tracking = track(flight)
+    error_m = np.linalg.norm(tracking.error_lead_m, axis=-1)[tracking.scored]
+    return Summary(
+        scenario=flight.run.scenario,
+        seed=flight.run.seed,
+        link=flight.run.link,
+        duration_s=flight.duration_s,
+        followers=len(flight.followers),
+        formation_rms_m=rms(error_m),
+        formation_max_m=float(error_m.max()) if error_m.size else None,
+        vibration_m=vibration(tracking),
+        altitude_rms_m=rms(tracking.error_lead_m[..., 2][tracking.scored]),
+        min_separation_m=min_separation(flight),
+        frames=len(flight.poses),
+        late_ticks=sum(timing.late for timing in flight.timing.messages),
+        latency_ms=latency(flight),
+        age_ms=None if flight.run.lockstep else age(flight),
+        realtime_factor=realtime_factor,
+        command_hash=command_hash(flight),
+        mcap=None if mcap is None else str(mcap),
+        report=None if report is None else str(report),
+        outcome=outcome(flight),
+    )
+
+
+def rms(values: Float) -> float | None:
+    """Root mean square; None of nothing."""
+    return float(np.sqrt(np.mean(np.square(values)))) if values.size else None
+
+
+def vibration(tracking: Tracking) -> float | None:
+    """Mean half peak-to-peak (m) of the deviation about its 1 s moving average, over followers, x and y.
+
+    The deviation is the formation error in the leader's frame less its centred moving average; half of its
+    peak-to-peak is taken in each full 1 s of scored flight and averaged. The paper's "vibration amplitude".
+    """
+    means = []
+    for scored, error_lead_m in zip(tracking.scored.T, np.moveaxis(tracking.error_lead_m, 1, 0), strict=True):
+        halves = _half_peak_to_peaks(tracking.t_s[scored], error_lead_m[scored, :2])
+        if halves:
+            means.append(np.mean(halves))
+    return float(np.mean(means)) if means else None
+
+
+def _half_peak_to_peaks(t_s: Float, error_m: Float) -> list[Float]:
+    """Half peak-to-peak (2,) of each second of one follower's error (T, 2); none of too short a flight.
+
+    Unbroken stretches are taken one by one, and only seconds for which the moving average has its full window.
+    """
+    halves = []
+    for stretch in np.split(np.arange(len(t_s)), np.flatnonzero(np.diff(t_s) > BREAK_S) + 1):
+        t, error = t_s[stretch], error_m[stretch]
+        seconds = int((t[-1] - t[0]) / VIBRATION_WINDOW_S) - 1 if len(t) > 1 else 0
+        if seconds < 1:
+            continue
+        deviation = error - moving_average(t, error, VIBRATION_WINDOW_S)
+        edges = np.searchsorted(t, t[0] + (0.5 + np.arange(seconds + 1)) * VIBRATION_WINDOW_S)
+        halves += [0.5 * np.ptp(deviation[i:j], axis=0) for i, j in pairwise(edges)]
+    return halves
+
+
+def min_separation(flight: Flight) -> float | None:
+    """Least distance (m) between two vehicles seen in the same frame while airborne; None of fewer than two."""
+    poses = flight.poses
+    flying = airborne(flight, poses.t_s)
+    distances = [
+        np.linalg.norm(poses.pos_lab_m[:, i] - poses.pos_lab_m[:, j], axis=-1)[
+            flying & poses.seen[:, i] & poses.seen[:, j]
+        ]
+        for i, j in combinations(range(len(flight.vehicles)), 2)
+    ]
+    nearest = [float(d.min()) for d in distances if d.size]
+    return min(nearest) if nearest else None
+
+
+def latency(flight: Flight) -> Latency | None:
+    """Percentiles of the control cycle's latency; None where it was not timed."""
+    ms = 1e3 * flight.timing.column(lambda timing: timing.latency_s)
+    if not ms.size:
+        return None
+    p50, p99 = np.percentile(ms, [50.0, 99.0])
+    return Latency(float(p50), float(p99), float(ms.max()))
+
+
+def age(flight: Flight) -> Age | None:
+    """Percentiles of the setpoints' age at the drones, as the drones report it."""
+    ms = ages_ms(flight)
+    if not ms.size:
+        return None
+    p50, p99 = np.percentile(ms, [50.0, 99.0])
+    return Age(float(p50), float(p99))
+
+
+def ages_ms(flight: Flight) -> Float:
+    """Every reported setpoint age, all drones."""
+    said = packets(flight.up)
+    return np.array([m.value for _, _, m in said if isinstance(m, NamedValue) and m.name == AGE_NAME])
+
+
+def command_hash(flight: Flight) -> str:
+    """SHA-256 of every SET_ATTITUDE_TARGET sent, in order: drone, stamp, mask, attitude, rates, thrust."""
+    digest = hashlib.sha256()
+    for _, sysid, m in packets(flight.down):
+        if isinstance(m, AttitudeSetpoint):
+            values = (*m.q_lab_from_flu, *m.rate_flu_rad_s, m.thrust_norm)
+            digest.update(struct.pack("<BIB8d", sysid, m.t_boot_ms, m.ignore, *values))
+    return digest.hexdigest()
+
+
+def outcome(flight: Flight) -> str:
+    """How the run ended: `landed`, `held`, or `aborted: reason`."""
+    if not flight.phases:
+        return "aborted: the log holds no phases"
+    flown = flight.spans(Phase.TAKEOFF, Phase.FORMATION, Phase.HOLD, Phase.LAND)
+    stopped = flight.spans(Phase.STOPPED)
+    last = flight.phases[-1]
+    if stopped:
+        return f"aborted: {stopped[0].cause or 'emergency stop'}"
+    if not flown:
+        return "aborted: never took off"
+    if last.phase is Phase.HOLD:
+        return "held"
+    if last.phase not in (Phase.GROUND, Phase.ARMED):
+        return f"aborted: the log ends in {last.phase.name}"
+    landings = flight.spans(Phase.LAND)
+    if landings and not _asked_for(flight, Verb.LAND, landings[-1].start_s):
+        return f"aborted: {landings[-1].cause or 'landed unasked'}"
+    return "landed"
+
+
+def _asked_for(flight: Flight, verb: Verb, t_s: float) -> bool:
+    """Whether the operator asked for it just before t_s."""
+    return any(
+        request.verb is verb and 0.0 <= t_s - asked_s <= 1.0
+        for asked_s, request in zip(flight.requests.t_s, flight.requests.messages, strict=True)
+    )

@@ -1,0 +1,91 @@
+"""How well each follower held its slot: recorded mocap frames against the reference, in the leader's frame.
+
+Which frames count as formation is decided here, once, for the numbers and the pictures alike:
+the phase is FORMATION, the follower's reference is held on the leader, and its slot has come to rest in the leader's
+frame. The blend from wherever the follower was into its slot, and a change of shape, move the slot; those frames
+are shown but not scored.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.load import Flight
+from analysis.series import nearest
+from formation import frames
+from formation.arrays import Bool, Float
+from formation.messages import Phase
+
+MATCH_S = 0.025  # a frame and the reference made for it are at most this far apart
+AT_REST_M_S = 1e-3  # a slot slower than this is at rest
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracking:
+    """Every frame that has a reference, for the k followers.
+
+    pos_lead_m, slot_lead_m, error_lead_m (T, k, 3): measured, asked and their difference in the leader's frame (Eq. 2);
+    scored (T, k): the frames the formation metrics count; formed (T, k): the same with moving slots included.
+    """
+
+    t_s: Float
+    pos_lead_m: Float
+    slot_lead_m: Float
+    error_lead_m: Float
+    formed: Bool
+    scored: Bool
+
+
+def track(flight: Flight) -> Tracking:
+    """Formation tracking of a flight; empty (T = 0) where poses or references are missing."""
+    poses, reference = flight.poses, flight.reference
+    columns = [v.column for v in flight.followers if v.column is not None]
+    if not len(poses) or not len(reference) or not columns:
+        return _nothing(len(flight.followers))
+    matched = nearest(reference.t_s, poses.t_s)
+    close = np.abs(reference.t_s[matched] - poses.t_s) <= MATCH_S
+    matched, t_s = matched[close], poses.t_s[close]
+    origin = reference.column(lambda r: r.origin_lab_m)[matched][:, columns]
+    slot = reference.column(lambda r: r.slot_lead_m)[matched][:, columns]
+    slot_speed = np.linalg.norm(reference.column(lambda r: r.slot_vel_lead_m_s)[matched][:, columns], axis=-1)
+    on_leader = reference.column(lambda r: r.in_formation)[matched][:, columns] > 0.5
+    pos = _in_leader_frame(poses.pos_lab_m[close], poses.q_lab_from_flu[close], origin)
+    seen = poses.seen[close]
+    formed = on_leader & seen[:, :1] & seen[:, 1:] & in_formation_phase(flight, t_s)[:, None]
+    return Tracking(t_s, pos, slot, pos - slot, formed, formed & (slot_speed < AT_REST_M_S))
+
+
+def _nothing(followers: int) -> Tracking:
+    """A tracking of no frame."""
+    vectors, flags = np.zeros((0, followers, 3)), np.zeros((0, followers), dtype=np.bool_)
+    return Tracking(np.zeros(0), vectors, vectors, vectors, flags, flags)
+
+
+def _in_leader_frame(pos_lab_m: Float, q_lab_from_flu: Float, origin_lab_m: Float) -> Float:
+    """Followers seen from the measured leader, rotated by its measured yaw (Eq. 2); height from the reference's origin.
+
+    The horizontal origin is the leader as measured; the height is the reference's choice (the leader's or the floor's).
+    """
+    relative = pos_lab_m[:, 1:] - pos_lab_m[:, :1]
+    relative[..., 2] = pos_lab_m[:, 1:, 2] - origin_lab_m[..., 2]
+    return frames.rotate_about_z(-frames.yaw(q_lab_from_flu[:, :1]), relative)
+
+
+def in_formation_phase(flight: Flight, t_s: Float) -> Bool:
+    """Which of the times (T,) fall into the phase FORMATION; all of them where the log holds no phases."""
+    if not flight.phases:
+        return np.ones(len(t_s), dtype=np.bool_)
+    inside = np.zeros(len(t_s), dtype=np.bool_)
+    for span in flight.spans(Phase.FORMATION):
+        inside |= (t_s >= span.start_s) & (t_s <= span.end_s)
+    return inside
+
+
+def airborne(flight: Flight, t_s: Float) -> Bool:
+    """Which of the times (T,) fall between take-off and touch-down; all of them where the log holds no phases."""
+    if not flight.phases:
+        return np.ones(len(t_s), dtype=np.bool_)
+    inside = np.zeros(len(t_s), dtype=np.bool_)
+    for span in flight.spans(Phase.TAKEOFF, Phase.FORMATION, Phase.HOLD, Phase.LAND):
+        inside |= (t_s >= span.start_s) & (t_s <= span.end_s)
+    return inside

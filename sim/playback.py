@@ -1,0 +1,75 @@
+"""A leader no drone carries: the pose of its body at any time after the start, and when the camera saw it.
+
+A recording is held at its first pose until the start; the playback then eases in (a recording may begin in full
+flight), after which every exposure falls on a recorded stamp, jitter and gaps included; at the end the last pose holds.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formation import frames
+from formation.arrays import Float, Quat, Vec3
+
+EASE_IN_NS = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """A recorded body: stamps in ns from the first one (k,), poses in the mocap's axes (k, 3), (k, 4), unit."""
+
+    t_ns: NDArray[np.int64]
+    pos_mocap_m: Float
+    q_mocap_from_marker: Float
+
+
+class Playback:
+    """The recording against the time since its start."""
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording = recording
+        self.recorded = len(recording.t_ns) > 1
+        # The ease-in runs at t^2 / (2 T): it shows half of T of the recording in T.
+        self._first_stamp = int(np.searchsorted(recording.t_ns, EASE_IN_NS // 2))
+
+    @classmethod
+    def standing(cls, pos_mocap_m: Vec3, q_mocap_from_marker: Quat) -> "Playback":
+        """A body that never moves."""
+        return cls(Recording(np.zeros(1, dtype=np.int64), pos_mocap_m[None], q_mocap_from_marker[None]))
+
+    @property
+    def duration_ns(self) -> int:
+        """From the start to the last recorded pose."""
+        return int(self._recording.t_ns[-1]) + EASE_IN_NS // 2
+
+    def pose(self, elapsed_ns: int) -> tuple[Vec3, Quat]:
+        """Pose of the body in the mocap's axes: exact on a recorded stamp, interpolated between two."""
+        r, t = self._recording, self._recorded_time_ns(elapsed_ns)
+        after = int(np.searchsorted(r.t_ns, t))
+        if after == 0 or after == len(r.t_ns):
+            held = min(after, len(r.t_ns) - 1)
+            return r.pos_mocap_m[held], r.q_mocap_from_marker[held]
+        before = after - 1
+        part = float(t - r.t_ns[before]) / float(r.t_ns[after] - r.t_ns[before])
+        if part == 1.0:
+            return r.pos_mocap_m[after], r.q_mocap_from_marker[after]
+        pos = (1.0 - part) * r.pos_mocap_m[before] + part * r.pos_mocap_m[after]
+        q_after = r.q_mocap_from_marker[after]
+        same_sign = np.copysign(1.0, np.dot(r.q_mocap_from_marker[before], q_after))
+        q = frames.canonical((1.0 - part) * r.q_mocap_from_marker[before] + part * same_sign * q_after)
+        return pos, q
+
+    def next_exposure_ns(self, elapsed_ns: int) -> int | None:
+        """Elapsed time of the first recorded exposure after `elapsed_ns`; None where the mocap's own rhythm applies."""
+        if elapsed_ns < EASE_IN_NS:
+            return None
+        stamps = self._recording.t_ns
+        k = max(int(np.searchsorted(stamps, elapsed_ns - EASE_IN_NS // 2, side="right")), self._first_stamp)
+        return None if k == len(stamps) else int(stamps[k]) + EASE_IN_NS // 2
+
+    @staticmethod
+    def _recorded_time_ns(elapsed_ns: int) -> int:
+        if elapsed_ns >= EASE_IN_NS:
+            return elapsed_ns - EASE_IN_NS // 2
+        return max(elapsed_ns, 0) ** 2 // (2 * EASE_IN_NS)

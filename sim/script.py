@@ -1,0 +1,104 @@
+"""The simulated operator, sans-IO: watches the flight's phase and asks for the next thing when its time has come."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import Field
+
+from formation.config import Model
+from formation.messages import OperatorReply, OperatorRequest, Phase, Verb
+
+RETRY_NS = 200_000_000
+REFUSED_FOR_NS = 30_000_000_000
+
+
+class Step(Model):
+    """Ask for `verb` once the flight has been in `phase` for `after_s` and, if so wanted, the leader has finished."""
+
+    verb: Verb
+    phase: str
+    after_s: Annotated[float, Field(ge=0.0)] = 0.0
+    leader_done: bool = False
+    argument: str = ""
+
+
+FLIGHT = (
+    Step(verb=Verb.ARM, phase="GROUND"),
+    Step(verb=Verb.TAKEOFF, phase="ARMED"),
+    Step(verb=Verb.START, phase="HOLD", after_s=1.0),
+    Step(verb=Verb.HOLD, phase="FORMATION", leader_done=True, after_s=1.0),
+    Step(verb=Verb.LAND, phase="HOLD", after_s=1.0),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How the flight ended: `landed`, `held` or `aborted`, and why where that needs saying."""
+
+    result: str
+    reason: str = ""
+
+
+class Operator:
+    """Walks through the steps; a refused request is asked again until it has been refused for too long."""
+
+    def __init__(self, steps: tuple[Step, ...]) -> None:
+        self._steps = steps
+        self._next = 0
+        self._phase = Phase.GROUND
+        self._since_ns: int | None = None
+        self._asked_ns: int | None = None
+        self._waiting_since_ns: int | None = None
+        self._requests = 0
+        self._refusal = ""
+        self.outcome: Outcome | None = None
+
+    @property
+    def phase(self) -> Phase:
+        """The phase last reported."""
+        return self._phase
+
+    def observe(self, phase: Phase, now_ns: int) -> None:
+        """The ground reports its phase."""
+        if self._since_ns is None or phase is not self._phase:
+            self._phase, self._since_ns = phase, now_ns
+            if phase is Phase.STOPPED:
+                self.outcome = Outcome("aborted", "the ground stopped every drone")
+            elif phase is Phase.GROUND and self._next > 0:
+                self._end_on_ground()
+
+    def next_request(self, leader_done: bool, now_ns: int) -> OperatorRequest | None:
+        """The request to make now, if any."""
+        if self.outcome is not None or self._since_ns is None or self._asked_recently(now_ns):
+            return None
+        if self._next == len(self._steps):
+            return None
+        step = self._steps[self._next]
+        if Phase[step.phase] is not self._phase or now_ns - self._since_ns < round(step.after_s * 1e9):
+            return None
+        if step.leader_done and not leader_done:
+            return None
+        self._asked_ns = now_ns
+        self._waiting_since_ns = self._waiting_since_ns or now_ns
+        self._requests += 1
+        return OperatorRequest(self._requests, step.verb, step.argument)
+
+    def receive(self, reply: OperatorReply, now_ns: int) -> None:
+        """The answer to the request made last."""
+        if reply.id != self._requests or self._waiting_since_ns is None:
+            return
+        if reply.accepted:
+            self._next += 1
+            self._waiting_since_ns = self._asked_ns = None
+        elif now_ns - self._waiting_since_ns > REFUSED_FOR_NS:
+            step = self._steps[self._next]
+            self.outcome = Outcome("aborted", f"{step.verb} refused: {reply.text}")
+
+    def _asked_recently(self, now_ns: int) -> bool:
+        return self._asked_ns is not None and now_ns - self._asked_ns < RETRY_NS
+
+    def _end_on_ground(self) -> None:
+        if self._next == len(self._steps):
+            self.outcome = Outcome("landed")
+        else:
+            self.outcome = Outcome("aborted", f"back on the ground before `{self._steps[self._next].verb}`")

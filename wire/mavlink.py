@@ -1,0 +1,245 @@
+"""The MAVLink codec: bytes to and from the messages of `wire.link_messages`. MAVLink 2 out, 1 and 2 in, never signed.
+
+The invariant: any bytes either read as packets or raise the one error, `MavlinkError`; `Codec.receive` counts
+that error and goes on. Bytes out are those of pymavlink, whose tables are used (wire.mavlink_layout).
+"""
+
+import struct
+from functools import lru_cache
+from typing import NamedTuple
+
+from fastcrc import crc16
+
+from wire import mavlink_motion, mavlink_service
+from wire.link_messages import (
+    BROADCAST,
+    Address,
+    AttitudeSetpoint,
+    Command,
+    CommandAck,
+    CommandInt,
+    LinkMessage,
+    Packet,
+    ParamRequestList,
+    ParamRequestRead,
+    ParamSet,
+    Ping,
+    SetMode,
+    StatusText,
+    TimeSync,
+    Unknown,
+)
+from wire.mavlink_layout import CRC_EXTRA, Fields, Layout, MavlinkError
+from wire.mavlink_params import param_from_raw, param_to_raw
+from wire.mavlink_text import STATUSTEXT, TextChunk, TextJoiner, chunk_text, text_of
+
+__all__ = ["Codec", "MavlinkError", "decode_packet", "param_from_raw", "param_to_raw"]
+
+_MAGIC_1, _MAGIC_2 = 0xFE, 0xFD
+_HEADER_1, _HEADER_2 = 6, 10
+_CHECKSUM, _SIGNATURE = 2, 13
+_SIGNED = 0x01
+_HEADER = struct.Struct("<BBBBBBBHB")
+_SEED = tuple(bytes([value]) for value in range(256))
+
+_WRITERS = {**mavlink_motion.WRITERS, **mavlink_service.WRITERS}
+_READERS = {layout.id: (layout, read) for layout, read in {**mavlink_motion.READERS, **mavlink_service.READERS}.items()}
+_Addressed = (
+    AttitudeSetpoint | Command | CommandInt | CommandAck | TimeSync | Ping | ParamSet | ParamRequestRead
+    | ParamRequestList
+)  # fmt: skip
+
+
+def decode_packet(frame: bytes) -> Packet:
+    """The packet that `frame` is, whole and alone; a chunk of a long text reads as a text of its own.
+
+    Raises MavlinkError. A packet of an id that is in no dialect of ours reads as Unknown, unchecked.
+    """
+    if not frame or _frame_length(frame, 0) != len(frame):
+        raise MavlinkError("not one whole MAVLink packet")
+    head = _head(frame, 0)
+    if not _is_checked(frame, 0, len(frame), head):
+        raise MavlinkError("wrong checksum")
+    message = _read(frame, head)
+    if isinstance(message, TextChunk):
+        message = text_of(message.severity, [message.part])
+    return Packet(head.source, head.seq, message)
+
+
+class Codec:
+    """One end of one drone's link: its own address, its sequence number, its counters.
+
+    Packets addressed to somebody else are dropped here, so that no reader can forget to; system or component
+    zero is everybody. `stream`: data is a byte stream (serial, TCP) that cuts packets anywhere; else every
+    piece of data is a datagram and an unfinished packet at its end is lost, not waited for.
+    """
+
+    def __init__(self, own: Address, *, stream: bool = False) -> None:
+        self.own = own
+        self.bad_bytes = 0
+        self.bad_packets = 0
+        self.lost_packets = 0
+        self.misaddressed_packets = 0
+        self._stream = stream
+        self._partial = b""
+        self._seq = 0
+        self._text_id = 0
+        self._texts = TextJoiner()
+        self._next_seq: dict[Address, int] = {}
+
+    def encode(self, message: LinkMessage) -> bytes:
+        """The packet of `message` (several, end to end, for a long text).
+
+        Raises MavlinkError where MAVLink cannot carry it: a number out of its field's range, a name too long.
+        """
+        if isinstance(message, StatusText):
+            self._text_id = self._text_id % 0xFFFF + 1
+            return b"".join(self._frame(STATUSTEXT, chunk) for chunk in chunk_text(message, self._text_id))
+        write = _WRITERS.get(type(message))
+        if write is None:
+            raise MavlinkError(f"{type(message).__name__} has no bytes of its own")
+        try:
+            layout, fields = write(message)
+            return self._frame(layout, fields)
+        except (struct.error, OverflowError) as error:
+            raise MavlinkError(f"{type(message).__name__}: {error}") from error
+
+    def receive(self, data: bytes) -> list[Packet]:
+        """The packets in `data`, in order; never raises, what cannot be read is skipped and counted."""
+        buffer = self._partial + data if self._partial else data
+        self._partial = b""
+        packets: list[Packet] = []
+        at, end = 0, len(buffer)
+        while at < end:
+            length = _frame_length(buffer, at)
+            if at + length > end:
+                if self._stream:
+                    self._partial = buffer[at:]
+                    break
+                length = 0
+            if length > 0 and self._take(buffer, at, length, packets):
+                at += length
+            else:
+                following = _next_magic(buffer, at + 1)
+                self.bad_bytes += following - at
+                at = following
+        return packets
+
+    def _take(self, buffer: bytes, at: int, length: int, packets: list[Packet]) -> bool:
+        """Read one frame into `packets`; False if it is none (the checksum is wrong), so that the search goes on."""
+        head = _head(buffer, at)
+        if not _is_checked(buffer, at, length, head):
+            self.bad_packets += 1
+            return False
+        source, seq = head.source, head.seq
+        self._count_lost(source, seq)
+        try:
+            message = _read(buffer, head)
+        except MavlinkError:
+            self.bad_packets += 1
+            return True
+        if isinstance(message, TextChunk):
+            packets.extend(Packet(source, seq, text) for text in self._texts.join(source, message))
+        elif self._is_ours(message):
+            packets.append(Packet(source, seq, message))
+        else:
+            self.misaddressed_packets += 1
+        return True
+
+    def _is_ours(self, message: LinkMessage) -> bool:
+        own = self.own
+        if isinstance(message, _Addressed):
+            target = message.target
+            return target.system in (BROADCAST, own.system) and target.component in (BROADCAST, own.component)
+        return not isinstance(message, SetMode) or message.target_system in (BROADCAST, own.system)
+
+    def _count_lost(self, source: Address, seq: int) -> None:
+        self.lost_packets += (seq - self._next_seq.get(source, seq)) & 0xFF
+        self._next_seq[source] = (seq + 1) & 0xFF
+
+    def _frame(self, layout: Layout, fields: Fields) -> bytes:
+        payload = layout.pack(fields)
+        number = layout.id
+        own = self.own
+        head = _HEADER.pack(
+            _MAGIC_2, len(payload), 0, 0, self._seq, own.system, own.component, number & 0xFFFF, number >> 16
+        )
+        self._seq = (self._seq + 1) & 0xFF
+        body = head + payload
+        crc = crc16.mcrf4xx(body[1:] + _SEED[layout.crc_extra])
+        return body + crc.to_bytes(2, "little")
+
+
+def _frame_length(buffer: bytes, at: int) -> int:
+    """Length of the frame that starts at `at`, as far as its header says; 0 if none starts there.
+
+    More than what is left of the buffer where the frame, or the header itself, is not whole yet.
+    """
+    magic, left = buffer[at], len(buffer) - at
+    if magic == _MAGIC_2:
+        if left < 3:
+            return _HEADER_2
+        flags = buffer[at + 2]
+        if flags & ~_SIGNED:
+            return 0
+        return _HEADER_2 + buffer[at + 1] + _CHECKSUM + (_SIGNATURE if flags else 0)
+    if magic == _MAGIC_1:
+        return _HEADER_1 + _CHECKSUM + (buffer[at + 1] if left > 1 else 0)
+    return 0
+
+
+def _next_magic(buffer: bytes, at: int) -> int:
+    """Index of the next byte that could start a packet, or the buffer's length."""
+    found = [i for i in (buffer.find(_MAGIC_2, at), buffer.find(_MAGIC_1, at)) if i >= 0]
+    return min(found, default=len(buffer))
+
+
+class _Head(NamedTuple):
+    """What a frame's header says, and where its payload is."""
+
+    seq: int
+    source: Address
+    number: int
+    start: int
+    stop: int
+
+
+_address = lru_cache(maxsize=1024)(Address)
+
+
+def _head(buffer: bytes, at: int) -> _Head:
+    """The header of the whole frame at `at`."""
+    if buffer[at] == _MAGIC_2:
+        _, size, _, _, seq, system, component, low, high = _HEADER.unpack_from(buffer, at)
+        start = at + _HEADER_2
+        return _Head(seq, _address(system, component), low | high << 16, start, start + size)
+    _, size, seq, system, component, number = buffer[at : at + _HEADER_1]
+    start = at + _HEADER_1
+    return _Head(seq, _address(system, component), number, start, start + size)
+
+
+def _is_checked(buffer: bytes, at: int, length: int, head: _Head) -> bool:
+    """Whether the frame's checksum is right.
+
+    An id that is in no dialect of ours cannot be checked: it is believed if a packet, or nothing, follows it.
+    """
+    crc_extra = CRC_EXTRA.get(head.number)
+    if crc_extra is None:
+        end = at + length
+        return end == len(buffer) or buffer[end] in (_MAGIC_1, _MAGIC_2)
+    stop = head.stop
+    crc: int = crc16.mcrf4xx(buffer[at + 1 : stop] + _SEED[crc_extra])
+    return crc == buffer[stop] | buffer[stop + 1] << 8
+
+
+def _read(buffer: bytes, head: _Head) -> LinkMessage | TextChunk:
+    """The message of a frame whose checksum is right; MavlinkError if its payload says something impossible."""
+    known = _READERS.get(head.number)
+    if known is None:
+        return Unknown(head.number)
+    layout, read = known
+    try:
+        message: LinkMessage | TextChunk = read(layout.unpack(buffer[head.start : head.stop]))
+    except ValueError as error:
+        raise MavlinkError(f"{layout.name}: {error}") from error
+    return message

@@ -1,0 +1,85 @@
+"""STATUSTEXT: fifty bytes a packet, longer texts in numbered chunks, cut here and joined again."""
+
+from dataclasses import dataclass
+
+from formation.messages import Severity
+from wire.link_messages import Address, StatusText
+from wire.mavlink_layout import Fields, layout
+
+STATUSTEXT = layout("STATUSTEXT")
+_CHUNK = 50
+_LONGEST = 255 * _CHUNK  # chunk_seq is one byte
+_SOURCES = 64
+
+
+@dataclass(frozen=True, slots=True)
+class TextChunk:
+    """One packet's part of a text; `id` is zero for a text of one packet, `last` ends the text."""
+
+    severity: Severity
+    id: int
+    index: int
+    part: bytes
+    last: bool
+
+
+def chunk_text(message: StatusText, text_id: int) -> list[Fields]:
+    """The packets' fields; a text whose chunks are all full is ended by an empty one, as MAVLink asks."""
+    data = message.text.encode()[:_LONGEST]
+    severity = int(message.severity)
+    if len(data) <= _CHUNK:
+        return [(severity, data, 0, 0)]
+    parts = [data[at : at + _CHUNK] for at in range(0, len(data), _CHUNK)]
+    if len(parts[-1]) == _CHUNK:
+        parts.append(b"")
+    return [(severity, part, text_id, index) for index, part in enumerate(parts)]
+
+
+def read_chunk(fields: Fields) -> TextChunk:
+    """The chunk in one packet's fields."""
+    severity, text, text_id, index = fields
+    part, null, _ = text.partition(b"\0")
+    return TextChunk(Severity(severity), text_id, index, part, last=bool(null) or text_id == 0)
+
+
+def text_of(severity: Severity, parts: list[bytes]) -> StatusText:
+    """The text of joined parts; bytes that are not UTF-8 show as the replacement character."""
+    return StatusText(severity, b"".join(parts).decode(errors="replace"))
+
+
+class TextJoiner:
+    """Joins the chunks of each sender; a missing chunk or a new text ends the old one with an ellipsis."""
+
+    def __init__(self) -> None:
+        self._open: dict[Address, list[TextChunk]] = {}
+
+    def join(self, source: Address, chunk: TextChunk) -> list[StatusText]:
+        """The texts that this chunk completes: none, one, or the broken one before it and this one."""
+        texts: list[StatusText] = []
+        held = self._open.pop(source, [])
+        if held and (chunk.id != held[0].id or chunk.index != held[-1].index + 1):
+            texts.append(_broken(held))
+            held = []
+        held.append(chunk)
+        if chunk.last:
+            texts.append(_whole(held))
+        else:
+            if len(self._open) >= _SOURCES:
+                texts.append(_broken(self._open.pop(next(iter(self._open)))))
+            self._open[source] = held
+        return texts
+
+
+_ELLIPSIS = "…".encode()
+
+
+def _broken(held: list[TextChunk]) -> StatusText:
+    return text_of(held[0].severity, [*_lead(held), *(c.part for c in held), _ELLIPSIS])
+
+
+def _whole(held: list[TextChunk]) -> StatusText:
+    return text_of(held[0].severity, [*_lead(held), *(c.part for c in held)])
+
+
+def _lead(held: list[TextChunk]) -> list[bytes]:
+    return [_ELLIPSIS] if held[0].index > 0 else []

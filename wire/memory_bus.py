@@ -1,0 +1,60 @@
+"""A link inside one process, for the lockstep host: what is pushed comes out after a modelled delay, in order."""
+
+from collections import deque
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+import numpy as np
+
+T = TypeVar("T")
+
+# The delay of the next item, or None where it is lost.
+DelayModel = Callable[[], int | None]
+
+
+def fixed_delay(delay_s: float) -> DelayModel:
+    """Every item takes `delay_s`, none is lost."""
+    delay_ns = round(delay_s * 1e9)
+    return lambda: delay_ns
+
+
+def random_delay(delay_s: float, jitter_s: float, loss: float, rng: np.random.Generator) -> DelayModel:
+    """`delay_s` plus an exponential tail of mean `jitter_s`; each item is lost with probability `loss`."""
+
+    def draw() -> int | None:
+        # Both are drawn for every item, so that the loss of one does not shift the delays of the others.
+        lost, tail = rng.random() < loss, rng.exponential(jitter_s)
+        return None if lost else round((delay_s + tail) * 1e9)
+
+    return draw
+
+
+class MemoryLink(Generic[T]):
+    """A one-way queue with delay; items never overtake each other, as on a wire."""
+
+    def __init__(self, delay: DelayModel) -> None:
+        self.lost = 0
+        self._delay = delay
+        self._queue: deque[tuple[int, T]] = deque()
+
+    def push(self, t_ns: int, item: T) -> None:
+        """Send `item` at `t_ns`."""
+        delay_ns = self._delay()
+        if delay_ns is None:
+            self.lost += 1
+            return
+        due_ns = t_ns + delay_ns
+        if self._queue:
+            due_ns = max(due_ns, self._queue[-1][0])
+        self._queue.append((due_ns, item))
+
+    def pop_due(self, now_ns: int) -> list[tuple[int, T]]:
+        """What has arrived by `now_ns`, each with its time of arrival, in order."""
+        due: list[tuple[int, T]] = []
+        while self._queue and self._queue[0][0] <= now_ns:
+            due.append(self._queue.popleft())
+        return due
+
+    def next_due_ns(self) -> int | None:
+        """When the next item arrives; None if nothing is under way."""
+        return self._queue[0][0] if self._queue else None

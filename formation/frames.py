@@ -35,7 +35,8 @@ def multiply(q_a_from_b: Float, q_b_from_c: Float) -> Float:
 
 def inverse(q: Float) -> Float:
     """q_b_from_a of a unit q_a_from_b."""
-    return q * np.array([1.0, -1.0, -1.0, -1.0])
+    conjugate: Float = q * np.array([1.0, -1.0, -1.0, -1.0])
+    return conjugate
 
 
 def rotate(q_a_from_b: Float, v_b: Float) -> Float:

@@ -66,6 +66,8 @@ class Operator:
                 self.outcome = Outcome("aborted", "the ground stopped every drone")
             elif phase is Phase.GROUND and self._next > 0:
                 self._end_on_ground()
+            elif phase is Phase.HOLD and self._next == len(self._steps) and self._steps[-1].verb is not Verb.LAND:
+                self.outcome = Outcome("held")
 
     def next_request(self, leader_done: bool, now_ns: int) -> OperatorRequest | None:
         """The request to make now, if any."""
@@ -79,7 +81,8 @@ class Operator:
         if step.leader_done and not leader_done:
             return None
         self._asked_ns = now_ns
-        self._waiting_since_ns = self._waiting_since_ns or now_ns
+        if self._waiting_since_ns is None:
+            self._waiting_since_ns = now_ns
         self._requests += 1
         return OperatorRequest(self._requests, step.verb, step.argument)
 

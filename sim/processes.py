@@ -1,0 +1,90 @@
+"""The operating-system processes of a real-time flight: started, watched and stopped together, whatever happens."""
+
+import asyncio
+import signal
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+STOP_PATIENCE_S = 8.0
+
+
+@dataclass(frozen=True, slots=True)
+class Child:
+    """One running process, what it is called, and where its output goes."""
+
+    name: str
+    process: asyncio.subprocess.Process
+    output: Path
+
+
+class ProcessDied(RuntimeError):
+    """A process of the flight ended while it was needed."""
+
+
+class ProcessGroup:
+    """Python processes that live and end together; on leaving, all are stopped, the last started first.
+
+    They are asked with SIGTERM and killed only if they do not go. Each is in a process group of its own, so that
+    Ctrl-C reaches this process alone and the order of stopping stays ours.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._children: list[Child] = []
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
+    ) -> None:
+        for child in reversed(self._children):
+            await self.stop(child)
+
+    async def start(self, name: str, module: str, arguments: Sequence[str]) -> Child:
+        """Run `python -m module arguments`; its output goes to `<folder>/<name>.log`."""
+        output = self._folder / f"{name}.log"
+        with output.open("wb") as file:
+            process = await asyncio.create_subprocess_exec(
+                sys.executable, "-m", module, *arguments,
+                stdin=asyncio.subprocess.DEVNULL, stdout=file, stderr=asyncio.subprocess.STDOUT, process_group=0,
+            )  # fmt: skip
+        child = Child(name, process, output)
+        self._children.append(child)
+        return child
+
+    async def watch(self) -> None:
+        """Never returns; ProcessDied, naming the first process that ends."""
+        waits = {asyncio.create_task(child.process.wait()): child for child in self._children}
+        try:
+            done, _ = await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in waits:
+                task.cancel()
+        child = waits[done.pop()]
+        raise ProcessDied(f"{child.name} ended with {_status(child)}; its last words: {_last_words(child.output)}")
+
+    async def stop(self, child: Child) -> None:
+        """Ask the process to end, and kill it if it has not in time."""
+        if child.process.returncode is not None:
+            return
+        child.process.send_signal(signal.SIGTERM)
+        try:
+            await asyncio.wait_for(child.process.wait(), STOP_PATIENCE_S)
+        except TimeoutError:
+            child.process.kill()
+            await child.process.wait()
+
+
+def _status(child: Child) -> str:
+    code = child.process.returncode or 0
+    return f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+
+
+def _last_words(output: Path) -> str:
+    lines = [line for line in output.read_text(errors="replace").splitlines() if line.strip()]
+    return lines[-1].strip() if lines else f"none (see {output})"

@@ -1,0 +1,285 @@
+"""Protobuf for the messages of the spine, derived from their annotations: no .proto file says anything twice.
+
+int is sfixed64, float is double, str string, bytes bytes, an IntEnum an enum, a StrEnum string, tuple[str, ...]
+repeated string, an array packed doubles (or bools) in C order with the shape of `formation.arrays`; None is absent.
+Every float64 comes back bit for bit. Fields are numbered in the order of the dataclass, from one.
+"""
+
+import dataclasses
+import struct
+import types
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from enum import IntEnum, StrEnum
+from functools import cache
+from operator import attrgetter
+from typing import Annotated, Any, Generic, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+from google.protobuf import descriptor_pb2
+from google.protobuf.message import DecodeError
+
+T = TypeVar("T")
+Proto = descriptor_pb2.FieldDescriptorProto
+
+_VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
+_SFIXED64 = struct.Struct("<q")
+_DOUBLE = struct.Struct("<d")
+_PACKAGE = "formation"
+
+
+class SchemaError(ValueError):
+    """Bytes that do not hold a message of the schema."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Kind:
+    """One field's type: its Protobuf type, how its value becomes bytes behind the tag, and back."""
+
+    proto: int
+    wire: int
+    encode: Callable[[Any], bytes]
+    decode: Callable[[Any], Any]
+    default: Any
+    repeated: bool = False
+    many: bool = False  # one tag an item
+    enum: type[IntEnum] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Field:
+    name: str
+    number: int
+    kind: _Kind
+    optional: bool
+    default: Any
+
+
+class Schema(Generic[T]):
+    """The Protobuf schema of one dataclass."""
+
+    def __init__(self, message: type[T]) -> None:
+        self.message = message
+        self.name = f"{_PACKAGE}.{message.__name__}"
+        self._fields = _fields_of(message)
+        self.descriptor_set = _descriptor_set(message.__name__, self._fields).SerializeToString()
+        self._values = attrgetter(*(f.name for f in self._fields))
+        self._plan = [(_varint(f.number << 3 | f.kind.wire), f.kind) for f in self._fields]
+        self._by_number = {f.number: f for f in self._fields}
+
+    def encode(self, message: T) -> bytes:
+        """Protobuf bytes; raises ValueError, TypeError or struct.error if a value is not of its annotation."""
+        values = self._values(message)
+        if len(self._plan) == 1:
+            values = (values,)
+        parts: list[bytes] = []
+        for (tag, kind), value in zip(self._plan, values, strict=True):
+            if value is None:
+                continue
+            if kind.many:
+                parts += [tag + kind.encode(item) for item in value]
+            else:
+                parts.append(tag + kind.encode(value))
+        return b"".join(parts)
+
+    def decode(self, data: bytes) -> T:
+        """The message in `data`; fields of a later version are skipped, absent ones take their default.
+
+        Raises SchemaError, nothing else.
+        """
+        return self._decode(data, self._by_number)
+
+    def decoder(self, descriptor_set: bytes) -> Callable[[bytes], T]:
+        """A decoder for what was written by another version of this schema: fields are matched by name and type.
+
+        descriptor_set: the FileDescriptorSet kept with the data. Raises SchemaError if it is none.
+        """
+        written = descriptor_pb2.FileDescriptorSet()
+        try:
+            written.ParseFromString(descriptor_set)
+        except DecodeError as error:
+            raise SchemaError(f"{self.name}: its schema cannot be read: {error}") from error
+        found = [m for file in written.file for m in file.message_type if m.name == self.message.__name__]
+        if not found:
+            raise SchemaError(f"{self.name} is not in its own schema")
+        ours = {f.name: f for f in self._fields}
+        by_number = {
+            field.number: ours[field.name]
+            for field in found[0].field
+            if field.name in ours and ours[field.name].kind.proto == field.type
+        }
+        return lambda data: self._decode(data, by_number)
+
+    def _decode(self, data: bytes, by_number: dict[int, _Field]) -> T:
+        values: dict[str, Any] = {}
+        try:
+            for number, wire, raw in _wire_fields(data):
+                field = by_number.get(number)
+                if field is None or field.kind.wire != wire:
+                    continue
+                value = field.kind.decode(raw)
+                values[field.name] = (*values.get(field.name, ()), value) if field.kind.many else value
+        except (ValueError, IndexError, struct.error) as error:
+            raise SchemaError(f"{self.name}: {error}") from error
+        for field in self._fields:
+            if field.name not in values:
+                values[field.name] = None if field.optional else field.default
+        return self.message(**values)
+
+
+@cache
+def schema_of(message: type[T]) -> Schema[T]:
+    """The schema of a dataclass, made once; TypeError names a field whose annotation has no Protobuf type."""
+    return Schema(message)
+
+
+def _varint(value: int) -> bytes:
+    out = bytearray()
+    while value > 0x7F:
+        out.append(value & 0x7F | 0x80)
+        value >>= 7
+    out.append(value)
+    return bytes(out)
+
+
+# Lengths are small: a table of the first of them is what keeps arrays cheap.
+_LENGTHS = tuple(_varint(n) for n in range(4096))
+
+
+def _sized(data: bytes) -> bytes:
+    size = len(data)
+    return (_LENGTHS[size] if size < 4096 else _varint(size)) + data
+
+
+def _read_varint(data: bytes, at: int) -> tuple[int, int]:
+    value = data[at]
+    at += 1
+    if value < 0x80:
+        return value, at
+    value &= 0x7F
+    for shift in range(7, 70, 7):
+        byte = data[at]
+        at += 1
+        value |= (byte & 0x7F) << shift
+        if byte < 0x80:
+            return value, at
+    raise SchemaError("a varint longer than ten bytes")
+
+
+def _wire_fields(data: bytes) -> Iterable[tuple[int, int, Any]]:
+    """(field number, wire type, raw value) of each field; raises SchemaError, IndexError."""
+    at, end = 0, len(data)
+    while at < end:
+        tag, at = _read_varint(data, at)
+        wire = tag & 7
+        if wire == _VARINT:
+            value, at = _read_varint(data, at)
+            yield tag >> 3, wire, value
+            continue
+        if wire == _BYTES:
+            size, at = _read_varint(data, at)
+        elif wire in (_FIXED64, _FIXED32):
+            size = 8 if wire == _FIXED64 else 4
+        else:
+            raise SchemaError(f"wire type {wire}")
+        if at + size > end:
+            raise SchemaError("ends inside a field")
+        yield tag >> 3, wire, data[at : at + size]
+        at += size
+
+
+def _fields_of(message: type) -> list[_Field]:
+    hints = get_type_hints(message, include_extras=True)
+    fields = []
+    for number, field in enumerate(dataclasses.fields(message), start=1):
+        hint, optional = _without_none(hints[field.name])
+        kind = _kind(hint)
+        if kind is None:
+            raise TypeError(f"{message.__name__}.{field.name}: no Protobuf type for {hint}")
+        default = kind.default if field.default is dataclasses.MISSING else field.default
+        fields.append(_Field(field.name, number, kind, optional, default))
+    return fields
+
+
+def _without_none(hint: Any) -> tuple[Any, bool]:
+    if get_origin(hint) in (Union, types.UnionType):
+        kept = [part for part in get_args(hint) if part is not type(None)]
+        if len(kept) == 1:
+            return kept[0], True
+    return hint, False
+
+
+def _kind(hint: Any) -> _Kind | None:
+    if get_origin(hint) is Annotated:
+        array, shape = get_args(hint)
+        boolean = np.dtype(get_args(get_args(array)[1])[0]) == np.bool_
+        return _array_kind(np.dtype(np.bool_ if boolean else np.float64), shape)
+    if hint == tuple[str, ...]:
+        return _Kind(Proto.TYPE_STRING, _BYTES, _encode_text, bytes.decode, (), repeated=True, many=True)
+    if isinstance(hint, type) and issubclass(hint, StrEnum):
+        return _Kind(Proto.TYPE_STRING, _BYTES, _encode_text, lambda raw: hint(raw.decode()), next(iter(hint)))
+    if isinstance(hint, type) and issubclass(hint, IntEnum):
+        return _Kind(Proto.TYPE_ENUM, _VARINT, _varint, hint, next(iter(hint)), enum=hint)
+    return _SCALARS.get(hint)
+
+
+def _encode_text(value: str) -> bytes:
+    return _sized(value.encode())
+
+
+_SCALARS: dict[type, _Kind] = {
+    bool: _Kind(Proto.TYPE_BOOL, _VARINT, lambda v: b"\1" if v else b"\0", bool, False),
+    int: _Kind(Proto.TYPE_SFIXED64, _FIXED64, _SFIXED64.pack, lambda raw: _SFIXED64.unpack(raw)[0], 0),
+    float: _Kind(Proto.TYPE_DOUBLE, _FIXED64, _DOUBLE.pack, lambda raw: _DOUBLE.unpack(raw)[0], 0.0),
+    str: _Kind(Proto.TYPE_STRING, _BYTES, _encode_text, bytes.decode, ""),
+    bytes: _Kind(Proto.TYPE_BYTES, _BYTES, _sized, bytes, b""),
+}
+
+
+def _array_kind(dtype: np.dtype[Any], shape: tuple[int, ...]) -> _Kind:
+    tail = shape[1:]
+    wire_dtype = dtype.newbyteorder("<")
+
+    def encode(value: np.ndarray[Any, Any]) -> bytes:
+        if value.dtype != dtype or value.shape[1:] != tail or value.ndim != len(shape):
+            raise ValueError(f"an array of {value.dtype} {value.shape}, not {dtype} {shape}")
+        return _sized(value.tobytes())
+
+    def decode(raw: bytes) -> np.ndarray[Any, Any]:
+        array: np.ndarray[Any, Any] = np.frombuffer(raw, wire_dtype).reshape(shape)
+        return np.array(array, dtype)  # a copy: aligned and writable, as every other array is
+
+    def decode_flags(raw: bytes) -> np.ndarray[Any, Any]:
+        return (np.frombuffer(raw, np.uint8) != 0).reshape(shape)
+
+    boolean = dtype == np.bool_
+    return _Kind(
+        proto=Proto.TYPE_BOOL if boolean else Proto.TYPE_DOUBLE,
+        wire=_BYTES,
+        encode=encode,
+        decode=decode_flags if boolean else decode,
+        default=np.zeros(tuple(max(0, size) for size in shape), dtype),
+        repeated=True,
+    )
+
+
+def _descriptor_set(name: str, fields: list[_Field]) -> descriptor_pb2.FileDescriptorSet:
+    message = descriptor_pb2.DescriptorProto(name=name)
+    for field in fields:
+        label = Proto.LABEL_REPEATED if field.kind.repeated else Proto.LABEL_OPTIONAL
+        proto = message.field.add(name=field.name, number=field.number, label=label)
+        proto.type = field.kind.proto  # type: ignore[assignment]
+        if field.kind.enum is not None:
+            proto.type_name = f".{_PACKAGE}.{name}.{field.kind.enum.__name__}"
+            _add_enum(message, field.kind.enum)
+    file = descriptor_pb2.FileDescriptorProto(name=f"{_PACKAGE}/{name}.proto", package=_PACKAGE, syntax="proto3")
+    file.message_type.append(message)
+    return descriptor_pb2.FileDescriptorSet(file=[file])
+
+
+def _add_enum(message: descriptor_pb2.DescriptorProto, enum: type[IntEnum]) -> None:
+    values = {member.value: member.name for member in enum}
+    values.setdefault(0, "UNSPECIFIED")  # proto3 wants a zero, and wants it first
+    proto = message.enum_type.add(name=enum.__name__)
+    for number in sorted(values):
+        proto.value.add(name=values[number], number=number)

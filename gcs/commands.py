@@ -1,0 +1,81 @@
+"""Commands to one drone: one in flight at a time, repeated with a rising confirmation count until answered."""
+
+from collections import deque
+from dataclasses import dataclass, field, replace
+
+from wire.link_messages import Command, CommandAck, Result
+
+RETRY_NS = 250_000_000
+URGENT_RETRY_NS = 50_000_000
+PROGRESS_NS = 3_000_000_000
+TRIES = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What became of a command: the drone's result, or None where it never answered."""
+
+    result: Result | None
+    t_ns: int
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the drone took it."""
+        return self.result is Result.ACCEPTED
+
+    def __str__(self) -> str:
+        return "no answer" if self.result is None else self.result.name.lower().replace("_", " ")
+
+
+@dataclass(slots=True)
+class CommandChannel:
+    """COMMAND_LONG with COMMAND_ACK (MAVLink command protocol). An unanswered command is given up after eight tries."""
+
+    answers: dict[Command, Answer] = field(default_factory=dict)
+    _waiting: deque[Command] = field(default_factory=deque)
+    _current: Command | None = None
+    _tries: int = 0
+    _retry_at_ns: int = 0
+    _urgent: bool = False
+
+    def ask(self, command: Command) -> None:
+        """Queue a command unless it is already on its way."""
+        if command != self._current and command not in self._waiting:
+            self._waiting.append(command)
+
+    def urge(self, command: Command) -> None:
+        """Drop everything for this one, repeated every 50 ms."""
+        self._waiting.clear()
+        if command != self._current:
+            self._start(command)
+        self._urgent = True
+
+    def receive(self, ack: CommandAck, now_ns: int) -> None:
+        """The drone's answer to the command in flight; answers to others' commands are not ours."""
+        if self._current is None or ack.command != self._current.command:
+            return
+        if ack.result is Result.IN_PROGRESS:
+            self._retry_at_ns = now_ns + PROGRESS_NS
+            return
+        self._finish(Answer(ack.result, now_ns))
+
+    def due(self, now_ns: int) -> Command | None:
+        """The command to send now, if any."""
+        if self._current is not None and now_ns >= self._retry_at_ns and self._tries >= TRIES and not self._urgent:
+            self._finish(Answer(None, now_ns))
+        if self._current is None and self._waiting:
+            self._start(self._waiting.popleft())
+        if self._current is None or now_ns < self._retry_at_ns:
+            return None
+        confirmation = min(self._tries, 255)
+        self._tries += 1
+        self._retry_at_ns = now_ns + (URGENT_RETRY_NS if self._urgent else RETRY_NS)
+        return replace(self._current, confirmation=confirmation)
+
+    def _start(self, command: Command) -> None:
+        self._current, self._tries, self._retry_at_ns, self._urgent = command, 0, 0, False
+
+    def _finish(self, answer: Answer) -> None:
+        if self._current is not None:
+            self.answers[self._current] = answer
+        self._current, self._urgent = None, False

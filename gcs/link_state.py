@@ -1,0 +1,175 @@
+"""One drone as its link shows it: what it last said, its clock, losses, parameters and commands. No policy here."""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+from formation.arrays import Quat, Vec3
+from formation.config import VehicleBody
+from formation.messages import Event, Severity
+from formation.vehicle import VehicleProfile
+from gcs.commands import CommandChannel
+from gcs.dialect import ARMED_FLAG, DIALECTS, Dialect, stream
+from gcs.parameters import ParameterReader
+from gcs.sequence import SequenceWatch
+from gcs.timesync import ClockOffset
+from wire import link_messages as lm
+from wire.mavlink import Codec
+
+NEVER_NS = -(10**18)
+FAREWELL_NS = 10_000_000_000
+HEARTBEAT = lm.Heartbeat(autopilot=lm.Autopilot.INVALID, vehicle_type=6, base_mode=0, custom_mode=0, system_status=4)
+
+
+@dataclass(slots=True)
+class Telemetry:
+    """The newest of each thing the drone reported; battery 0..1, NaN where unknown."""
+
+    heartbeat: lm.Heartbeat | None = None
+    landed: lm.LandedState = lm.LandedState.UNDEFINED
+    battery: float = math.nan
+    battery_v: float = math.nan
+    setpoint_age_s: float = math.nan
+    estimator: lm.EkfStatus | None = None
+
+
+class DroneLink:
+    """The ground's end of one drone's MAVLink. `receive` takes datagrams in, `due` says what to send now."""
+
+    def __init__(self, body: VehicleBody, sysid: int, profile: VehicleProfile) -> None:
+        self.name = body.body
+        self.sysid = sysid
+        self.profile = profile
+        self.target = lm.Address(sysid, lm.DRONE_COMPONENT)
+        self.codec = Codec(lm.GROUND)
+        self.told = Telemetry()
+        self.heartbeat_ns = NEVER_NS
+        self.dialect: Dialect | None = None
+        self.commands = CommandChannel()
+        self.clock = ClockOffset(self.target)
+        self.sequence = SequenceWatch()
+        self.parameters = ParameterReader(self.target, lm.Autopilot.GENERIC)
+        self.foreign_sysid: int | None = None
+        self.texts: deque[str] = deque(maxlen=4)
+        self.events: list[Event] = []
+        self._answers: list[lm.LinkMessage] = []
+        self._misaddressed = 0
+
+    @property
+    def armed(self) -> bool:
+        """Whether its last heartbeat said armed."""
+        return self.told.heartbeat is not None and bool(self.told.heartbeat.base_mode & ARMED_FLAG)
+
+    @property
+    def offboard(self) -> bool:
+        """Whether its last heartbeat said that it follows our setpoints."""
+        told = self.told.heartbeat
+        return told is not None and self.dialect is not None and self.dialect.is_offboard(told)
+
+    @property
+    def mode(self) -> str:
+        """Its mode in its autopilot's own word."""
+        told = self.told.heartbeat
+        return "-" if told is None or self.dialect is None else self.dialect.mode_name(told)
+
+    @property
+    def has_answers(self) -> bool:
+        """Whether something is waiting that should not wait for the next frame."""
+        return bool(self._answers)
+
+    @property
+    def hover_thrust_norm(self) -> float:
+        """Thrust that hovers: the autopilot's own parameter where it was read, else the profile's."""
+        known = None if self.dialect is None else self.parameters.values.get(self.dialect.hover_parameter)
+        return known if known is not None and 0.05 < known < 0.95 else self.profile.hover_thrust_norm
+
+    def receive(self, data: bytes, now_ns: int) -> None:
+        """Take in one datagram; what cannot be read, or is not from this drone's autopilot, is counted."""
+        for packet in self.codec.receive(data):
+            if packet.source.component != lm.DRONE_COMPONENT:
+                continue
+            if packet.source.system != self.sysid:
+                self._notice_foreign(packet.source.system)
+                continue
+            skipped = self.codec.misaddressed_packets - self._misaddressed
+            self._misaddressed = self.codec.misaddressed_packets
+            self.sequence.note(packet.seq, now_ns, skipped)
+            self._read(packet.message, now_ns)
+
+    def due(self, now_ns: int) -> list[lm.LinkMessage]:
+        """Answers, time sync, commands and parameter requests to send now."""
+        messages, self._answers = self._answers, []
+        for one in (self.clock.due(now_ns), self.commands.due(now_ns)):
+            if one is not None:
+                messages.append(one)
+        messages += self.parameters.due(now_ns)
+        return messages
+
+    def reread_parameters(self) -> None:
+        """Ask again for everything that matters before arming."""
+        if self.dialect is not None:
+            self.parameters.ask(self.dialect.parameters)
+
+    def setpoint(self, t_capture_ns: int, q_lab_from_flu: Quat, rate_flu_rad_s: Vec3, thrust_norm: float) -> bytes:
+        """SET_ATTITUDE_TARGET stamped with the capture time of the frame it was computed from."""
+        ignore = lm.Ignore.BODY_RATES if self.dialect is None else self.dialect.setpoint_ignore(self.profile)
+        t_ms = t_capture_ns // 1_000_000
+        return self.codec.encode(
+            lm.AttitudeSetpoint(self.target, t_ms, q_lab_from_flu, rate_flu_rad_s, thrust_norm, ignore)
+        )
+
+    def pose(self, t_capture_ns: int, pos_lab_m: Vec3, q_lab_from_flu: Quat) -> bytes:
+        """Its own pose as the mocap saw it, in the message its autopilot fuses; empty until the autopilot is known."""
+        if self.dialect is None:
+            return b""
+        return self.codec.encode(self.dialect.pose(t_capture_ns // 1000, pos_lab_m, q_lab_from_flu))
+
+    def _read(self, message: lm.LinkMessage, now_ns: int) -> None:
+        match message:
+            case lm.Heartbeat():
+                self._hear(message, now_ns)
+            case lm.CommandAck():
+                self.commands.receive(message, now_ns)
+            case lm.TimeSync():
+                answer = self.clock.receive(message, now_ns)
+                self._answers += [] if answer is None else [answer]
+            case lm.ParamValue():
+                self.parameters.receive(message)
+            case lm.ExtendedSysState():
+                self.told.landed = message.landed
+            case lm.Battery():
+                self.told.battery = _fraction(message.remaining)
+                self.told.battery_v = sum(message.cell_v)
+            case lm.SysStatus():
+                self.told.battery = _fraction(message.battery_remaining)
+                self.told.battery_v = message.battery_v
+            case lm.EkfStatus():
+                self.told.estimator = message
+            case lm.NamedValue(name="age_ms"):
+                self.told.setpoint_age_s = message.value * 1e-3
+            case lm.StatusText():
+                self.texts.append(message.text)
+                self.events.append(Event(message.severity, self.name, message.text))
+
+    def _hear(self, heartbeat: lm.Heartbeat, now_ns: int) -> None:
+        silent_ns, self.heartbeat_ns = now_ns - self.heartbeat_ns, now_ns
+        self.told.heartbeat = heartbeat
+        known = DIALECTS.get(heartbeat.autopilot)
+        if known is None or (known is self.dialect and silent_ns < FAREWELL_NS):
+            return
+        self.dialect = known
+        self.parameters = ParameterReader(self.target, known.autopilot)
+        self.reread_parameters()
+        for message_id, rate_hz in known.streams:
+            self.commands.ask(stream(self.target, message_id, rate_hz))
+        self.events.append(Event(Severity.INFO, self.name, f"drone {self.sysid} is here, {known.name}"))
+
+    def _notice_foreign(self, system: int) -> None:
+        if system != self.foreign_sysid:
+            self.foreign_sysid = system
+            text = f"drone {system} answers on the link of drone {self.sysid}"
+            self.events.append(Event(Severity.ERROR, self.name, text))
+
+
+def _fraction(remaining: float) -> float:
+    return remaining if 0.0 <= remaining <= 1.0 else math.nan

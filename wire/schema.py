@@ -246,11 +246,12 @@ def _array_kind(dtype: np.dtype[Any], shape: tuple[int, ...]) -> _Kind:
         return _sized(value.tobytes())
 
     def decode(raw: bytes) -> np.ndarray[Any, Any]:
-        array: np.ndarray[Any, Any] = np.frombuffer(raw, wire_dtype).reshape(shape)
-        return np.array(array, dtype)  # a copy: aligned and writable, as every other array is
+        # A copy: writable, as every other array is.
+        array: np.ndarray[Any, Any] = np.frombuffer(raw, wire_dtype).reshape(shape).astype(dtype)
+        return array
 
     def decode_flags(raw: bytes) -> np.ndarray[Any, Any]:
-        return (np.frombuffer(raw, np.uint8) != 0).reshape(shape)
+        return np.frombuffer(raw, np.uint8).astype(np.bool_).reshape(shape)
 
     boolean = dtype == np.bool_
     return _Kind(

@@ -1,0 +1,115 @@
+"""TOML files read into the frozen models of `formation.config`, and models written as TOML.
+
+Every error is one line that names the file, the key and the reason.
+"""
+
+import json
+import math
+import tomllib
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from formation.config import Model
+
+M = TypeVar("M", bound=Model)
+
+
+class ConfigError(ValueError):
+    """A configuration that cannot be used; `problems` has one line a fault, `str` is all of them."""
+
+    def __init__(self, problems: list[str]) -> None:
+        super().__init__("\n".join(problems))
+        self.problems = problems
+
+
+def load(path: Path, model: type[M]) -> M:
+    """The model in the TOML file at `path`; ConfigError for a file that is missing, no TOML, or not such a model."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ConfigError([f"{path}: {error.strerror}"]) from error
+    except UnicodeDecodeError as error:
+        raise ConfigError([f"{path}: not UTF-8 text"]) from error
+    try:
+        values = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError([f"{path}: {error}"]) from error
+    return parse(values, model, source=str(path))
+
+
+def parse(values: dict[str, Any], model: type[M], *, source: str) -> M:
+    """The model in `values`; ConfigError, its lines led by `source`."""
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        faults = error.errors()
+        # Of a list with a bad item pydantic also says that it is too short: the item is the reason.
+        inner = {fault["loc"][:1] for fault in faults if len(fault["loc"]) > 1}
+        problems = [
+            f"{source}: {_key(fault['loc'])}{_reason(fault['type'], fault['msg'], fault['input'])}"
+            for fault in faults
+            if fault["type"] != "too_short" or fault["loc"] not in inner
+        ]
+        raise ConfigError(problems) from error
+
+
+def _key(location: tuple[int | str, ...]) -> str:
+    """ "followers[1].offset_m: ", nothing for the file as a whole."""
+    key = ""
+    for part in location:
+        key += f"[{part}]" if isinstance(part, int) else f".{part}" if key else part
+    return f"{key}: " if key else ""
+
+
+def _reason(kind: str, message: str, value: Any) -> str:
+    if kind == "missing":
+        return "is missing"
+    if kind == "extra_forbidden":
+        return "is not a known key"
+    reason = message.removeprefix("Value error, ")
+    return reason if isinstance(value, dict | list) else f"{reason} (it is {value!r})"
+
+
+def dump(model: Model) -> str:
+    """TOML text that `load` reads back as the same model; what is None is left out."""
+    return "\n".join(_table(model.model_dump(mode="json"), ())).strip() + "\n"
+
+
+def _table(values: dict[str, Any], path: tuple[str, ...]) -> list[str]:
+    """The lines of one table: its own values first, then the tables inside it."""
+    lines: list[str] = []
+    tables: list[str] = []
+    for name, value in values.items():
+        here = (*path, _bare(name))
+        if value is None:
+            continue
+        if isinstance(value, dict):
+            tables += ["", f"[{'.'.join(here)}]", *_table(value, here)]
+        elif isinstance(value, list) and value and all(isinstance(item, dict) for item in value):
+            for item in value:
+                tables += ["", f"[[{'.'.join(here)}]]", *_table(item, here)]
+        else:
+            lines.append(f"{_bare(name)} = {_value(value)}")
+    return lines + tables
+
+
+def _bare(name: str) -> str:
+    plain = name.isascii() and name.replace("_", "").replace("-", "").isalnum()
+    return name if plain else json.dumps(name, ensure_ascii=False)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return repr(value) if math.isfinite(value) else str(value)
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{_bare(k)} = {_value(v)}" for k, v in value.items() if v is not None) + " }"
+    # JSON's escapes are TOML's, but for DEL, which TOML wants escaped too.
+    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,0 +1,191 @@
+"""An MCAP file being written: checked chunks that stand alone, and the summary at the end.
+
+The message records are packed here, one `struct` each, because the lockstep host writes thousands a second;
+the rare records are the `mcap` library's. https://mcap.dev/spec
+"""
+
+import struct
+import zlib
+from collections.abc import Mapping
+from io import RawIOBase
+from typing import NamedTuple
+
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+from mcap.writer import MCAP0_MAGIC
+
+_MESSAGE = struct.Struct("<BQHIQQ")
+_MESSAGE_INDEX = struct.Struct("<BQHI")
+_MESSAGE_FIXED = 22
+_FOOTER_START = struct.Struct("<BQQQ")
+
+
+class Stored(NamedTuple):
+    """One message on its way to a chunk: its channel, its stamp and its finished record."""
+
+    channel: int
+    t_ns: int
+    record: bytes
+
+
+def message_record(channel: int, sequence: int, t_ns: int, data: bytes) -> Stored:
+    """A message ready for `McapFile.write_chunk`; ValueError unless 0 <= t_ns < 2**64."""
+    try:
+        head = _MESSAGE.pack(Opcode.MESSAGE, _MESSAGE_FIXED + len(data), channel, sequence & 0xFFFFFFFF, t_ns, t_ns)
+    except struct.error as error:
+        raise ValueError(f"t_ns {t_ns} does not fit a log") from error
+    return Stored(channel, t_ns, head + data)
+
+
+class McapFile:
+    """Writes the records of one file in order; every call leaves all it was given with the operating system.
+
+    `stream` is unbuffered. Any write may raise OSError; the file so far stays readable.
+    """
+
+    def __init__(self, stream: RawIOBase, library: str) -> None:
+        self._stream = stream
+        self._position = 0
+        self._crc = 0
+        self._compress = zstandard.ZstdCompressor(level=1).compress
+        self._schemas: list[Schema] = []
+        self._channels: list[Channel] = []
+        self._chunks: list[ChunkIndex] = []
+        self._metadata: list[MetadataIndex] = []
+        self._counts: dict[int, int] = {}
+        self._write(MCAP0_MAGIC + _record(Header(profile="", library=library)))
+
+    def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Write a metadata record."""
+        data = _record(Metadata(name=name, metadata=dict(values)))
+        self._metadata.append(MetadataIndex(offset=self._position, length=len(data), name=name))
+        self._write(data)
+
+    def add_channel(self, topic: str, schema_name: str, descriptor_set: bytes) -> int:
+        """Write a Protobuf schema and a channel of it; its number. Before the first chunk, so that damage
+        to one chunk never costs another its meaning."""
+        number = len(self._channels) + 1
+        schema = Schema(id=number, name=schema_name, encoding="protobuf", data=descriptor_set)
+        channel = Channel(id=number, topic=topic, message_encoding="protobuf", metadata={}, schema_id=number)
+        self._schemas.append(schema)
+        self._channels.append(channel)
+        self._write(_record(schema) + _record(channel))
+        return number
+
+    def write_chunk(self, messages: list[Stored]) -> None:
+        """Write the messages as one compressed chunk and its index; nothing if there are none."""
+        if not messages:
+            return
+        raw = b"".join([message.record for message in messages])
+        stamps = [message.t_ns for message in messages]
+        chunk = Chunk(
+            compression="zstd",
+            data=self._compress(raw),
+            message_start_time=min(stamps),
+            message_end_time=max(stamps),
+            uncompressed_crc=zlib.crc32(raw),
+            uncompressed_size=len(raw),
+        )
+        record = _record(chunk)
+        index, offsets = _message_indexes(messages, self._position + len(record))
+        self._chunks.append(
+            ChunkIndex(
+                chunk_start_offset=self._position,
+                chunk_length=len(record),
+                message_start_time=chunk.message_start_time,
+                message_end_time=chunk.message_end_time,
+                message_index_offsets=offsets,
+                message_index_length=len(index),
+                compression=chunk.compression,
+                compressed_size=len(chunk.data),
+                uncompressed_size=len(raw),
+            )
+        )
+        for message in messages:
+            self._counts[message.channel] = self._counts.get(message.channel, 0) + 1
+        self._write(record + index)
+
+    def finish(self) -> None:
+        """Write the summary and the end of the file."""
+        self._write(_record(DataEnd(data_section_crc=self._crc)))
+        start = self._position
+        groups: list[tuple[Opcode, list[McapRecord]]] = [
+            (Opcode.SCHEMA, [*self._schemas]),
+            (Opcode.CHANNEL, [*self._channels]),
+            (Opcode.STATISTICS, [self._statistics()]),
+            (Opcode.CHUNK_INDEX, [*self._chunks]),
+            (Opcode.METADATA_INDEX, [*self._metadata]),
+        ]
+        summary = b""
+        offsets = b""
+        for opcode, records in groups:
+            group = b"".join(map(_record, records))
+            if group:
+                at = start + len(summary)
+                offset = SummaryOffset(group_opcode=opcode, group_start=at, group_length=len(group))
+                offsets += _record(offset)
+            summary += group
+        offset_start = start + len(summary)
+        summary += offsets
+        crc = zlib.crc32(summary + _FOOTER_START.pack(Opcode.FOOTER, 20, start, offset_start))
+        footer = Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=crc)
+        self._write(summary + _record(footer) + MCAP0_MAGIC)
+
+    def _statistics(self) -> Statistics:
+        return Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts=self._counts,
+            chunk_count=len(self._chunks),
+            message_count=sum(self._counts.values()),
+            metadata_count=len(self._metadata),
+            message_start_time=min((c.message_start_time for c in self._chunks), default=0),
+            message_end_time=max((c.message_end_time for c in self._chunks), default=0),
+            schema_count=len(self._schemas),
+        )
+
+    def _write(self, data: bytes) -> None:
+        view = memoryview(data)
+        while view:  # an unbuffered write may take less than all
+            view = view[self._stream.write(view) or 0 :]
+        self._crc = zlib.crc32(data, self._crc)
+        self._position += len(data)
+
+
+def _record(record: McapRecord) -> bytes:
+    builder = RecordBuilder()
+    record.write(builder)
+    data: bytes = builder.end()  # type: ignore[no-untyped-call]
+    return data
+
+
+def _message_indexes(messages: list[Stored], position: int) -> tuple[bytes, dict[int, int]]:
+    """The MessageIndex records of a chunk (to be written at `position`), and where each channel's is."""
+    entries: dict[int, list[int]] = {}
+    at = 0
+    for channel, t_ns, record in messages:
+        entries.setdefault(channel, []).extend((t_ns, at))
+        at += len(record)
+    index = b""
+    offsets: dict[int, int] = {}
+    for channel, flat in entries.items():
+        offsets[channel] = position + len(index)
+        size = 8 * len(flat)
+        index += _MESSAGE_INDEX.pack(Opcode.MESSAGE_INDEX, 6 + size, channel, size)
+        index += struct.pack(f"<{len(flat)}Q", *flat)
+    return index, offsets

@@ -46,8 +46,9 @@ class BatteryProfile(Model):
 class VehicleProfile(Model):
     """What a quadcopter is, and how its autopilot answers.
 
-    The response_* pair is what the controller assumes of the path from a sent attitude target to the
-    attitude (link, autopilot, motors); the rest is the body itself and is what a simulated drone integrates.
+    The response_* pair is what the controller assumes of the path from a sent target to the attitude (link,
+    autopilot, motors), the thrust_dead_time_s and thrust_lag_s pair likewise to the thrust; the rest is the
+    body itself and is what a simulated drone integrates.
     """
 
     name: str
@@ -78,6 +79,8 @@ class VehicleProfile(Model):
     """Inside the vehicle: receipt of a target -> attitude loop."""
     response_dead_time_s: NonNegative
     response_lag_s: Positive
+    thrust_dead_time_s: NonNegative
+    thrust_lag_s: Positive
     battery: BatteryProfile = BatteryProfile()
 
     @property
@@ -139,8 +142,10 @@ PAPER_40G = VehicleProfile(
     rate_yaw_max_rad_s=3.5,
     rate_feed_forward=True,
     command_delay_s=0.002,
-    response_dead_time_s=0.045,
-    response_lag_s=0.075,
+    response_dead_time_s=0.052,
+    response_lag_s=0.049,
+    thrust_dead_time_s=0.01,
+    thrust_lag_s=0.025,
 )
 PX4_QUAD = VehicleProfile(
     name="px4_quad",
@@ -163,6 +168,8 @@ PX4_QUAD = VehicleProfile(
     command_delay_s=0.08,
     response_dead_time_s=0.11,
     response_lag_s=0.06,
+    thrust_dead_time_s=0.08,
+    thrust_lag_s=0.02,
     battery=BatteryProfile(cells=4, capacity_mah=3300.0, hover_current_a=12.0),
 )
 PROFILES: Mapping[str, VehicleProfile] = MappingProxyType({p.name: p for p in (PAPER_40G, PX4_QUAD)})

@@ -1,0 +1,75 @@
+"""How a vehicle answers what it was sent: dead time, then a first-order lag, driven by the history of commands.
+
+The controller's picture of the vehicle between a sent target and a felt force. The same picture says what thrust
+was delivered so far (for the observer) and where the vehicle will be when a new command takes hold (for the law).
+"""
+
+from dataclasses import dataclass
+from math import exp
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formation.arrays import Float
+from formation.kernel import kernel
+
+LENGTH = 128
+NEVER_NS = -(1 << 60)
+SECONDS = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class History:
+    """The last commands sent, oldest first: t_ns (h), force (h, m, 4).
+
+    force: specific force in `lab`, m/s^2 (what an accelerometer would feel: gravity not subtracted), then its length.
+    """
+
+    t_ns: NDArray[np.int64]
+    force: Float
+
+
+def no_history(vehicles: int) -> History:
+    """Nothing was ever sent: motors off."""
+    return History(np.full(LENGTH, NEVER_NS, dtype=np.int64), np.zeros((LENGTH, vehicles, 4)))
+
+
+def remember(history: History, t_ns: int, force_lab_m_s2: Float) -> History:
+    """The history with the command sent at t_ns added and the oldest forgotten; force (m, 3)."""
+    t, force = np.empty_like(history.t_ns), np.empty_like(history.force)
+    t[:-1], force[:-1] = history.t_ns[1:], history.force[1:]
+    t[-1] = t_ns
+    force[-1, :, :3] = force_lab_m_s2
+    force[-1, :, 3] = np.sqrt(np.sum(force_lab_m_s2 * force_lab_m_s2, axis=-1))
+    return History(t, force)
+
+
+@kernel
+def answer(
+    sent_ns: NDArray[np.int64], sent: Float, from_ns: int, to_ns: int, dead_s: float, lag_s: float, felt: float
+) -> tuple[float, float, float]:
+    """Felt force at to_ns, and its single and double integral since from_ns, by the exact response.
+
+    sent_ns (h), sent (h): what was sent when; felt: the force at from_ns. lag_s f' = sent(t - dead_s) - f.
+    """
+    dead_ns = int(dead_s * 1e9)
+    speed, travel = 0.0, 0.0
+    t_ns = from_ns
+    index = len(sent_ns) - 1
+    while index > 0 and sent_ns[index] + dead_ns > t_ns:
+        index -= 1
+    while t_ns < to_ns:
+        until = to_ns
+        if index + 1 < len(sent_ns) and sent_ns[index + 1] + dead_ns < until:
+            until = sent_ns[index + 1] + dead_ns
+        if until > t_ns:
+            h = (until - t_ns) * SECONDS
+            kept = exp(-h / lag_s)
+            gap = felt - sent[index]
+            swept = lag_s * (1.0 - kept)
+            travel += speed * h + 0.5 * sent[index] * h * h + gap * lag_s * (h - swept)
+            speed += sent[index] * h + gap * swept
+            felt = sent[index] + gap * kept
+        t_ns = until
+        index = min(index + 1, len(sent_ns) - 1)
+    return felt, speed, travel

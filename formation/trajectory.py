@@ -1,0 +1,152 @@
+"""The leader's own trajectories: hold, line, circle, waypoints; smooth in acceleration, from rest to rest."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import cos, pi, sin
+
+import numpy as np
+
+from formation.arrays import Float
+from formation.config import TrajectoryConfig
+from formation.kernel import kernel
+
+HOLD, LINE, CIRCLE, WAYPOINTS = 0, 1, 2, 3
+RAMP_MAX_S = 3.0
+PEAK_SPEED = 1.875  # of a minimum-jerk step, in units of its mean speed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """A trajectory anchored where the leader was when it began; evaluate with `sample`.
+
+    kind: one of the constants above; numbers: its parameters; knots (k, 4): arrival time and x, y, z of each waypoint.
+    """
+
+    kind: int
+    numbers: Float
+    knots: Float
+    duration_s: float
+
+
+def anchored(config: TrajectoryConfig, pos_lab_m: Float, yaw_rad: float) -> Trajectory:
+    """The configured trajectory for a leader whose reference rests at pos_lab_m (3).
+
+    The line starts there; the circle lies about the lab's origin at that height, whole laps from (radius, 0);
+    waypoints are points of the lab. The turn (yaw_rate_rad_s) is added to yaw_rad.
+    """
+    knots = np.zeros((1, 4))
+    knots[0, 1:] = pos_lab_m
+    kind, duration = HOLD, config.duration_s
+    if config.kind == "line":
+        kind = LINE
+    elif config.kind == "circle":
+        laps = max(1, round(config.duration_s / config.period_s))
+        kind, duration = CIRCLE, laps * config.period_s + _ramp_s(config.period_s)
+    elif config.kind == "waypoints":
+        kind, knots = WAYPOINTS, _timed_knots(config, pos_lab_m)
+        duration = float(knots[-1, 0])
+    numbers = np.array(
+        [*pos_lab_m, yaw_rad, duration, config.length_m, config.radius_m, 2.0 * pi / config.period_s,
+         _ramp_s(config.period_s), config.yaw_rate_rad_s, min(1.0, 0.5 * duration)]
+    )  # fmt: skip
+    return Trajectory(kind, numbers, knots, duration)
+
+
+def _ramp_s(period_s: float) -> float:
+    """How long a circle takes to reach its speed: a quarter lap at most."""
+    return min(RAMP_MAX_S, 0.25 * period_s)
+
+
+def _timed_knots(config: TrajectoryConfig, pos_lab_m: Float) -> Float:
+    """Arrival times at the start and each waypoint, with the peak speed of each step at the configured one."""
+    points = [np.asarray(pos_lab_m, dtype=np.float64), *(np.array(p) for p in config.waypoints_m)]
+    times = [0.0]
+    for a, b in pairwise(points):
+        times.append(times[-1] + max(PEAK_SPEED * float(np.linalg.norm(b - a)) / config.speed_m_s, 0.5))
+    return np.column_stack([times, np.array(points)])
+
+
+@kernel
+def min_jerk(u: float) -> tuple[float, float, float]:
+    """The minimum-jerk step from 0 to 1 over u in 0..1, and its two derivatives by u (Flash and Hogan 1985)."""
+    if u <= 0.0:
+        return 0.0, 0.0, 0.0
+    if u >= 1.0:
+        return 1.0, 0.0, 0.0
+    u2 = u * u
+    return (
+        u2 * u * (10.0 - 15.0 * u + 6.0 * u2),
+        u2 * (30.0 - 60.0 * u + 30.0 * u2),
+        u * (60.0 - 180.0 * u + 120.0 * u2),
+    )
+
+
+@kernel
+def ramped_angle(t_s: float, rate: float, ramp_s: float, duration_s: float) -> tuple[float, float, float]:
+    """Angle and its two derivatives of a turn at `rate` that starts and stops over ramp_s each, from 0 at 0."""
+    if t_s <= 0.0:
+        return 0.0, 0.0, 0.0
+    t_s = min(t_s, duration_s)
+    mirrored = t_s > duration_s - ramp_s
+    t = duration_s - t_s if mirrored else t_s
+    if t < ramp_s:
+        u = t / ramp_s
+        u4 = u * u * u * u
+        angle = rate * ramp_s * u4 * (2.5 - 3.0 * u + u * u)
+        step, slope, _ = min_jerk(u)
+        turn, acc = rate * step, rate * slope / ramp_s
+    else:
+        angle, turn, acc = rate * (t - 0.5 * ramp_s), rate, 0.0
+    if mirrored:
+        angle, acc = rate * (duration_s - ramp_s) - angle, -acc
+    return angle, turn, acc
+
+
+@kernel
+def sample(kind: int, numbers: Float, knots: Float, t_s: float, out: Float) -> None:
+    """Position, velocity, acceleration (rows) of x, y, z, heading (columns) at t_s into out (3, 4), lab."""
+    out[:] = 0.0
+    for axis in range(4):
+        out[0, axis] = numbers[axis]
+    duration = numbers[4]
+    turn = ramped_angle(t_s, numbers[9], numbers[10], duration)
+    for order in range(3):
+        out[order, 3] += turn[order]
+    if kind == LINE:
+        step = min_jerk(t_s / duration)
+        scale = numbers[5]
+        for order in range(3):
+            out[order, 0] += scale * step[order]
+            scale /= duration
+    elif kind == CIRCLE:
+        _circle(ramped_angle(t_s, numbers[7], numbers[8], duration), numbers[6], out)
+    elif kind == WAYPOINTS:
+        _waypoints(knots, t_s, out)
+
+
+@kernel
+def _circle(angle: tuple[float, float, float], radius_m: float, out: Float) -> None:
+    """x and y of a point at `angle` (and derivatives) about the lab's origin."""
+    th, w, acc = angle
+    c, s = radius_m * cos(th), radius_m * sin(th)
+    out[0, 0], out[0, 1] = c, s
+    out[1, 0], out[1, 1] = -s * w, c * w
+    out[2, 0], out[2, 1] = -c * w * w - s * acc, -s * w * w + c * acc
+
+
+@kernel
+def _waypoints(knots: Float, t_s: float, out: Float) -> None:
+    """Minimum-jerk steps, from rest to rest, along the timed knots."""
+    if len(knots) < 2:
+        return
+    leg = 0
+    while leg + 2 < len(knots) and t_s > knots[leg + 1, 0]:
+        leg += 1
+    duration = knots[leg + 1, 0] - knots[leg, 0]
+    step = min_jerk((t_s - knots[leg, 0]) / duration)
+    for axis in range(3):
+        scale = knots[leg + 1, 1 + axis] - knots[leg, 1 + axis]
+        out[0, axis] = knots[leg, 1 + axis]
+        for order in range(3):
+            out[order, axis] += scale * step[order]
+            scale /= duration

@@ -1,0 +1,271 @@
+"""GcsCore, the ground without its inputs and outputs: messages in, datagrams and records out, time an argument.
+
+The daemon, the lockstep simulation and the replay of a log all drive this one class. A frame makes a tick due at once;
+ticks without a frame only watch, answer and repeat. The ground's heartbeat rides on ticks with a frame alone: it is
+earned by the control, so that a drone hears it stop when control stops.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from formation import safety, topics
+from formation.config import LabConfig
+from formation.control.stack import Stages
+from formation.messages import (
+    AttitudeTarget,
+    Datagram,
+    Event,
+    MocapFrame,
+    OperatorReply,
+    OperatorRequest,
+    Phase,
+    Severity,
+    Verb,
+)
+from formation.phase import STREAMING, Trigger
+from formation.topics import Topic
+from formation.vehicle import profile
+from gcs.checks import warnings
+from gcs.drone import Drone
+from gcs.facts import FactGatherer
+from gcs.flight import Flight
+from gcs.lateness import Lateness
+from gcs.link_state import HEARTBEAT, NEVER_NS, DroneLink
+from gcs.operator import done_text, formation_refusals, status_text, take_off_refusals
+from gcs.pipeline import Pipeline
+
+HEARTBEAT_NS = 1_000_000_000
+POSE_NS = 20_000_000
+WATCHDOG_FRAMES = 3.0
+
+
+class BrokenInvariantError(RuntimeError):
+    """The core found itself wrong; the host must end, so that setpoints stop and the agents land the drones."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outgoing:
+    """What one tick wants sent and recorded, each in order."""
+
+    datagrams: tuple[Datagram, ...]
+    replies: tuple[OperatorReply, ...]
+    records: tuple[tuple[Topic, object], ...]
+
+
+class GcsCore:
+    """One lab's ground. Not thread-safe; `now_ns` never goes back."""
+
+    def __init__(self, config: LabConfig, t0_ns: int) -> None:
+        vehicles = config.vehicles
+        self._config = config
+        self._t0_ns = t0_ns
+        self._drones = tuple(
+            Drone(i, DroneLink(vehicles[i], vehicles[i].sysid or 0, profile(vehicles[i].profile)))
+            for i in config.commanded
+        )
+        self._links = {drone.link.sysid: drone.link for drone in self._drones}
+        self._pipeline = Pipeline(config)
+        self._flight = Flight(config, self._drones, t0_ns)
+        self._gatherer = FactGatherer(config, self._drones)
+        self._watch = safety.start(len(vehicles))
+        self._lateness = Lateness()
+        self._stages: Stages | None = None
+        self._frame: MocapFrame | None = None
+        self._newest_capture_ns = NEVER_NS
+        self._requests: list[OperatorRequest] = []
+        self._arming_request: int | None = None
+        self._tick_ns = t0_ns
+        self._heartbeat_due_ns = t0_ns
+        self._pose_due_ns = t0_ns
+        self._watchdog_ns = round(WATCHDOG_FRAMES / config.mocap.rate_hz * 1e9)
+        self._stale_frames = 0
+        self._strays = 0
+
+    @property
+    def phase(self) -> Phase:
+        """The swarm's phase."""
+        return self._flight.phase
+
+    def receive(self, message: MocapFrame | Datagram | OperatorRequest, now_ns: int) -> None:
+        """Take one input in. Of frames the newest wins; requests wait for the tick, which is then due at once."""
+        match message:
+            case MocapFrame():
+                self._receive_frame(message, now_ns)
+            case Datagram():
+                link = self._links.get(message.sysid)
+                if link is None:
+                    self._strays += 1
+                else:
+                    link.receive(message.data, now_ns)
+            case OperatorRequest():
+                self._requests.append(message)
+
+    def next_deadline_ns(self) -> int:
+        """When `tick` is due if nothing arrives: at once if there is something to do, else when a frame is overdue."""
+        waiting = self._frame is not None or self._requests or any(link.has_answers for link in self._links.values())
+        return self._tick_ns if waiting else self._tick_ns + self._watchdog_ns
+
+    def tick(self, now_ns: int) -> Outgoing:
+        """Control on a fresh frame, safety and the flight's progress always. Raises BrokenInvariantError."""
+        self._tick_ns = now_ns
+        frame = self._take_frame()
+        stages = None if frame is None else self._control(frame, now_ns)
+        facts = self._gatherer.gather(self._stages, self._lateness.share, now_ns)
+        self._watch, verdict = safety.assess(self._watch, facts, self._flight.phase, self._config.limits, now_ns)
+        self._flight.judge(verdict, now_ns)
+        replies = [reply for request in self._take_requests() for reply in self._answer(request, now_ns)]
+        self._flight.proceed(stages, now_ns)
+        replies += self._answer_arming()
+        return Outgoing(
+            datagrams=self._datagrams(frame, stages, now_ns),
+            replies=tuple(replies),
+            records=self._records(stages),
+        )
+
+    def status(self, now_ns: int) -> str:
+        """Everything an operator may want to see, as JSON."""
+        facts = self._gatherer.gather(self._stages, self._lateness.share, now_ns, asked_to_arm=True)
+        refusals = safety.arming_refusals(facts, self._config.limits) if self.phase is Phase.GROUND else ()
+        t_s = (now_ns - self._t0_ns) * 1e-9
+        return status_text(self._flight, self._drones, facts, refusals, self._counters(), t_s, now_ns)
+
+    def _receive_frame(self, frame: MocapFrame, now_ns: int) -> None:
+        if frame.t_capture_ns <= self._newest_capture_ns:
+            self._stale_frames += 1
+            return
+        self._newest_capture_ns = frame.t_capture_ns
+        self._lateness.note(frame.seq, now_ns, overtaken=self._frame is not None)
+        self._frame = frame
+
+    def _take_frame(self) -> MocapFrame | None:
+        frame, self._frame = self._frame, None
+        return None if frame is None else self._pipeline.align(frame)
+
+    def _take_requests(self) -> list[OperatorRequest]:
+        requests, self._requests = self._requests, []
+        return requests
+
+    def _control(self, frame: MocapFrame, now_ns: int) -> Stages:
+        hover = np.array([drone.link.hover_thrust_norm for drone in self._drones])
+        stages = self._pipeline.step(now_ns, frame, self._flight.plan(), hover)
+        target = stages.target
+        if not (np.isfinite(target.q_lab_from_flu).all() and np.isfinite(target.thrust_norm).all()):
+            raise BrokenInvariantError(f"frame {frame.seq}: the control asked for no finite attitude or thrust")
+        self._stages = stages
+        return stages
+
+    def _answer(self, request: OperatorRequest, now_ns: int) -> list[OperatorReply]:
+        """The answer; none yet to `arm`, which is answered when every drone has armed, or has not."""
+        if request.verb is Verb.STATUS:
+            return [OperatorReply(request.id, True, self.status(now_ns))]
+        refusals = self._refusals(request, now_ns)
+        if not refusals and request.verb is Verb.SHAPE:
+            refusals = self._change_shape(request.argument)
+        elif not refusals:
+            trigger = Trigger(request.verb.value)
+            refused = self._flight.pull(trigger, f"operator: {request.verb}", now_ns)
+            refusals = (refused,) if refused else ()
+        if refusals:
+            text = "; ".join(refusals)
+            self._flight.events.append(Event(Severity.WARNING, "operator", f"{request.verb} refused: {text}"))
+            return [OperatorReply(request.id, False, text)]
+        if request.verb is Verb.ARM:
+            self._arming_request = request.id
+            return []
+        return [OperatorReply(request.id, True, done_text(self.phase))]
+
+    def _refusals(self, request: OperatorRequest, now_ns: int) -> tuple[str, ...]:
+        facts = self._gatherer.gather(self._stages, self._lateness.share, now_ns, asked_to_arm=True)
+        match request.verb, self.phase:
+            case Verb.ARM, Phase.GROUND:
+                return safety.arming_refusals(facts, self._config.limits)
+            case Verb.TAKEOFF, Phase.ARMED:
+                return take_off_refusals(facts, self._flight, self._config)
+            case Verb.START, Phase.HOLD:
+                return formation_refusals(facts, self._stages, self._flight.shape, self._config)
+            case _:
+                return ()
+
+    def _change_shape(self, name: str) -> tuple[str, ...]:
+        shape = self._pipeline.shape(name, self._stages)
+        if isinstance(shape, str):
+            return (shape,)
+        self._flight.shape = shape
+        return ()
+
+    def _answer_arming(self) -> list[OperatorReply]:
+        request, flight = self._arming_request, self._flight
+        if request is None or (flight.phase is Phase.ARMED and not flight.armed):
+            return []
+        self._arming_request = None
+        if flight.phase is Phase.ARMED:
+            return [OperatorReply(request, True, "every drone is armed")]
+        return [OperatorReply(request, False, flight.cause)]
+
+    def _datagrams(self, frame: MocapFrame | None, stages: Stages | None, now_ns: int) -> tuple[Datagram, ...]:
+        """One datagram a drone at most, its setpoint first."""
+        beat = frame is not None and now_ns >= self._heartbeat_due_ns
+        pose = frame is not None and now_ns >= self._pose_due_ns
+        if beat:
+            self._heartbeat_due_ns = now_ns + HEARTBEAT_NS
+        if pose:  # a steady 50 Hz out of frames that jitter
+            self._pose_due_ns = max(self._pose_due_ns + POSE_NS, now_ns)
+        streaming = stages is not None and self.phase in STREAMING
+        datagrams = []
+        for i, drone in enumerate(self._drones):
+            link, parts = drone.link, []
+            if streaming and frame is not None and stages is not None and drone.flown:
+                parts.append(_setpoint(link, frame.t_capture_ns, stages.target, i))
+            if pose and frame is not None and frame.seen[drone.index]:
+                at = drone.index
+                parts.append(link.pose(frame.t_capture_ns, frame.pos_lab_m[at], frame.q_lab_from_flu[at]))
+            if beat:
+                parts.append(link.codec.encode(HEARTBEAT))
+            parts += [link.codec.encode(message) for message in link.due(now_ns)]
+            if data := b"".join(parts):
+                datagrams.append(Datagram(link.sysid, data))
+        return tuple(datagrams)
+
+    def _records(self, stages: Stages | None) -> tuple[tuple[Topic, object], ...]:
+        records: list[tuple[Topic, object]] = []
+        if stages is not None:
+            records += [
+                (topics.STATE, stages.state),
+                (topics.REFERENCE, stages.reference),
+                (topics.COMMAND, stages.command),
+                (topics.TARGET, stages.target),
+            ]
+        flight = self._flight
+        records += [(topics.PHASE, change) for change in flight.changes]
+        events, flight.events, flight.changes = flight.events, [], []
+        for drone in self._drones:
+            events += self._tell(drone)
+        return (*records, *((topics.EVENT, event) for event in events))
+
+    def _tell(self, drone: Drone) -> list[Event]:
+        """What the drone said since the last tick and, once its parameters are read, what is amiss with them."""
+        link = drone.link
+        events, link.events = link.events, []
+        if not drone.checked and link.dialect is not None and not link.parameters.reading:
+            drone.checked = True
+            events += [Event(Severity.WARNING, link.name, text) for text in warnings(link, feeds_pose=True)]
+        return events
+
+    def _counters(self) -> dict[str, int | float]:
+        links = self._links.values()
+        return {
+            "frames": self._lateness.frames,
+            "missed_frames": self._lateness.missed,
+            "late_share": round(self._lateness.share, 4),
+            "stale_frames": self._stale_frames,
+            "bad_poses": self._pipeline.axes.bad_poses,
+            "bad_bytes": sum(link.codec.bad_bytes for link in links),
+            "bad_packets": sum(link.codec.bad_packets for link in links),
+            "lost_packets": sum(link.sequence.lost for link in links),
+            "stray_datagrams": self._strays,
+        }
+
+
+def _setpoint(link: DroneLink, t_capture_ns: int, target: AttitudeTarget, i: int) -> bytes:
+    return link.setpoint(t_capture_ns, target.q_lab_from_flu[i], target.rate_flu_rad_s[i], float(target.thrust_norm[i]))

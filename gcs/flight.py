@@ -1,0 +1,169 @@
+"""The flight: the phase, what each drone is led to in it, and how what is seen moves it on. No bytes, no control."""
+
+import numpy as np
+
+from formation.config import LabConfig
+from formation.control.stack import Stages
+from formation.messages import Event, Phase, PhaseChange, Severity
+from formation.phase import Trigger, advance, allowed_from
+from formation.reference import IDLE, Leg, Mode, Plan
+from formation.safety import Verdict
+from formation.shape import Shape, configured
+from gcs.drone import Drone, hold_leg, land_leg, take_off_leg
+from gcs.goal import Goal
+
+STREAM_FIRST_NS = 1_200_000_000  # PX4 wants a second of setpoints before it changes to off-board
+ARMING_NS = 12_000_000_000
+SETTLE_NS = 1_000_000_000
+AT_HEIGHT_M = 0.05
+IN_SLOT_M = 0.01
+
+_GOALS = {Phase.GROUND: Goal.DISARM, Phase.ARMED: Goal.FLY, Phase.STOPPED: Goal.CUT}
+
+
+class Flight:
+    """One phase for the swarm. `pull` is the only way it changes.
+
+    armed: in ARMED, whether every drone has reported off-board and armed.
+    arming_failure: why the last arming was undone; empty while none was.
+    """
+
+    def __init__(self, config: LabConfig, drones: tuple[Drone, ...], t0_ns: int) -> None:
+        self.phase = Phase.GROUND
+        self.entered_ns = t0_ns
+        self.cause = "start"
+        self.shape: Shape = configured(config)
+        self.trajectory_start_ns: int | None = None
+        self.armed = False
+        self.arming_failure = ""
+        self.events: list[Event] = []
+        self.changes: list[PhaseChange] = [PhaseChange(Phase.GROUND, self.cause)]
+        self._config = config
+        self._drones = drones
+        self._settled_since_ns: int | None = None
+
+    def plan(self) -> Plan:
+        """What the control is asked for now."""
+        return Plan(tuple(drone.leg for drone in self._drones), self.shape, self.trajectory_start_ns)
+
+    def trajectory_done(self, now_ns: int) -> bool:
+        """Whether the leader's trajectory has run its whole duration; a leader that is only observed has none."""
+        start, duration_s = self.trajectory_start_ns, self._config.leader.trajectory.duration_s
+        return start is not None and now_ns - start >= round(duration_s * 1e9)
+
+    def pull(self, trigger: Trigger, cause: str, now_ns: int) -> str:
+        """Change the phase; the empty text, or why the trigger means nothing now."""
+        after = advance(self.phase, trigger)
+        if after is None:
+            names = ", ".join(phase.name for phase in allowed_from(trigger))
+            return f"{trigger} is for {names}, this is {self.phase.name}"
+        if after is not self.phase:
+            self._enter(after, cause, now_ns)
+        return ""
+
+    def judge(self, verdict: Verdict, now_ns: int) -> None:
+        """Carry out what safety decided."""
+        for finding in verdict.findings:
+            severity = finding.rule.severity if finding.began else Severity.NOTICE
+            self.events.append(Event(severity, "safety", finding.text if finding.began else f"over: {finding.text}"))
+        for drone in self._drones:
+            if verdict.cut[drone.index]:
+                drone.aim(Goal.CUT, now_ns)
+            elif verdict.release[drone.index]:
+                drone.release(now_ns)
+        if verdict.trigger is not None:
+            self.pull(verdict.trigger, verdict.cause, now_ns)
+
+    def proceed(self, stages: Stages | None, now_ns: int) -> None:
+        """Notice what has been achieved, move on, pursue every drone's goal. stages: of this tick's frame, if any."""
+        match self.phase:
+            case Phase.ARMED:
+                self._watch_arming(stages, now_ns)
+            case Phase.TAKEOFF if stages is not None:
+                self._watch_height(stages, now_ns)
+            case Phase.FORMATION if stages is not None and self.trajectory_start_ns is None:
+                self._watch_slots(stages, now_ns)
+            case Phase.LAND:
+                self._watch_landing(stages, now_ns)
+        for drone in self._drones:
+            if self.phase is not Phase.ARMED or now_ns - self.entered_ns >= STREAM_FIRST_NS:
+                drone.pursue(now_ns)
+            if self.phase is Phase.GROUND and drone.reached:
+                drone.aim(Goal.LEAVE, now_ns)
+
+    def _enter(self, phase: Phase, cause: str, now_ns: int) -> None:
+        before, self.phase, self.cause, self.entered_ns = self.phase, phase, cause, now_ns
+        self.trajectory_start_ns, self._settled_since_ns = None, None
+        self.armed = False
+        self.changes.append(PhaseChange(phase, cause))
+        self.events.append(Event(Severity.NOTICE, "flight", f"{before.name} -> {phase.name}: {cause}"))
+        for drone in self._drones:
+            if phase is Phase.ARMED:
+                drone.released = False
+                drone.aim(Goal.LEAVE, now_ns)
+            if phase is Phase.STOPPED:
+                drone.aim(Goal.CUT, now_ns)
+            drone.lead_to(self._leg(drone), _GOALS.get(phase, Goal.LEAVE), now_ns)
+
+    def _leg(self, drone: Drone) -> Leg:
+        flight = self._config.flight
+        match self.phase:
+            case Phase.TAKEOFF:
+                return take_off_leg(flight.altitude_m, flight.climb_m_s)
+            case Phase.FORMATION:
+                return Leg(Mode.FORMATION)
+            case Phase.HOLD:
+                return hold_leg(flight.climb_m_s)
+            case Phase.LAND:
+                return land_leg(drone.rest_z_m, flight.descend_m_s)
+            case _:
+                return IDLE
+
+    def _watch_arming(self, stages: Stages | None, now_ns: int) -> None:
+        unready = [drone for drone in self._drones if not drone.reached]
+        if stages is not None:
+            for drone in self._drones:
+                drone.rest_z_m = float(stages.state.pos_lab_m[drone.index, 2])
+        if not unready:
+            self.armed = True
+        elif self.armed:
+            self._undo_arming(f"{unready[0].link.name} disarmed by itself", now_ns)
+        elif now_ns - self.entered_ns > ARMING_NS:
+            self._undo_arming("; ".join(_why_not_armed(drone) for drone in unready), now_ns)
+
+    def _undo_arming(self, reason: str, now_ns: int) -> None:
+        self.arming_failure = reason
+        self.pull(Trigger.DISARMED, reason, now_ns)
+
+    def _watch_height(self, stages: Stages, now_ns: int) -> None:
+        lowest_m = self._config.flight.altitude_m - AT_HEIGHT_M
+        flown = [drone.index for drone in self._drones if drone.flown]
+        if bool((stages.state.pos_lab_m[flown, 2] >= lowest_m).all()):
+            self.pull(Trigger.AT_HEIGHT, "every drone is at its height", now_ns)
+
+    def _watch_slots(self, stages: Stages, now_ns: int) -> None:
+        """Start the leader's trajectory once every slot has been taken for a second."""
+        slots_m = stages.reference.slot_lead_m[-len(self._config.followers) :]
+        away_m = np.linalg.norm(slots_m - self.shape.offsets, axis=-1)
+        if float(away_m.max()) > IN_SLOT_M:
+            self._settled_since_ns = None
+        elif self._settled_since_ns is None:
+            self._settled_since_ns = now_ns
+        elif now_ns - self._settled_since_ns >= SETTLE_NS:
+            self.trajectory_start_ns = now_ns
+
+    def _watch_landing(self, stages: Stages | None, now_ns: int) -> None:
+        if stages is not None:
+            for i, drone in enumerate(self._drones):
+                z_m, vz_m_s = stages.state.pos_lab_m[drone.index, 2], stages.state.vel_lab_m_s[drone.index, 2]
+                drone.watch_landing(float(z_m), float(vz_m_s), float(stages.command.e_lead_m[i, 2]), now_ns)
+        if all(drone.grounded(now_ns) for drone in self._drones):
+            self.pull(Trigger.DISARMED, "every drone has landed and is disarmed", now_ns)
+
+
+def _why_not_armed(drone: Drone) -> str:
+    link = drone.link
+    wanted = "armed" if link.offboard else "off-board"
+    answers = ", ".join(str(answer) for answer in list(link.commands.answers.values())[-1:])
+    words = f"; it says: {link.texts[-1]}" if link.texts else ""
+    return f"{link.name} is not {wanted} ({answers or 'nothing asked'}{words})"

@@ -1,0 +1,98 @@
+"""What an operator may ask, and the answers: requests become triggers, refusals say why, status is JSON."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from formation.arrays import Float
+from formation.config import LabConfig
+from formation.control.stack import Stages
+from formation.frames import rotate_about_z
+from formation.messages import Phase
+from formation.safety import Facts, arming_refusals
+from formation.shape import Shape
+from gcs.drone import Drone
+from gcs.flight import Flight
+
+
+def take_off_refusals(facts: Facts, flight: Flight, config: LabConfig) -> tuple[str, ...]:
+    """Why the swarm may not leave the floor now; as for arming, and every drone must have armed."""
+    not_armed = () if flight.armed else ("not every drone has armed yet",)
+    return arming_refusals(facts, config.limits) + not_armed
+
+
+def formation_refusals(facts: Facts, stages: Stages | None, shape: Shape, config: LabConfig) -> tuple[str, ...]:
+    """Why the formation may not be taken up now: no leader to see, or slots outside the fence."""
+    leader = config.leader.body
+    if stages is None or facts.age_s[0] > 0.2:
+        return (f"{leader}: no fresh pose, there is nothing to form on",)
+    slots = facts.pos_lab_m[0] + rotate_about_z(stages.state.yaw_rad[0], shape.offsets)
+    low, high = np.asarray(config.limits.fence.low_m), np.asarray(config.limits.fence.high_m)
+    outside = ((slots < low) | (slots > high)).any(axis=-1)
+    return tuple(
+        f"{follower.body}: its slot would be outside the fence, at {_coordinates(slot)} m"
+        for follower, slot, out in zip(config.followers, slots, outside, strict=True)
+        if out
+    )
+
+
+def status_text(
+    flight: Flight,
+    drones: Sequence[Drone],
+    facts: Facts,
+    refusals: Sequence[str],
+    counters: Mapping[str, int | float],
+    t_s: float,
+    now_ns: int,
+) -> str:
+    """The whole state for people and scripts: what `gcs status --json` prints."""
+    return json.dumps(
+        {
+            "phase": flight.phase.name,
+            "cause": flight.cause,
+            "t_s": round(t_s, 3),
+            "armed": flight.armed,
+            "trajectory_done": flight.trajectory_done(now_ns),
+            "shape": flight.shape.name,
+            "drones": [_drone_status(drone, facts) for drone in drones],
+            "refusals": list(refusals),
+            "counters": dict(counters),
+        }
+    )
+
+
+def _drone_status(drone: Drone, facts: Facts) -> dict[str, object]:
+    link, i = drone.link, drone.index
+    offset_ns = link.clock.offset_ns
+    return {
+        "sysid": link.sysid,
+        "body": link.name,
+        "autopilot": None if link.dialect is None else link.dialect.name,
+        "armed": link.armed,
+        "mode": link.mode,
+        "goal": drone.goal.value,
+        "landed": link.told.landed.name,
+        "pos_lab_m": [round(float(x), 4) for x in facts.pos_lab_m[i]],
+        "age_s": _number(float(facts.age_s[i]), 3),
+        "heartbeat_age_s": _number(float(facts.heartbeat_age_s[i]), 2),
+        "battery": _number(link.told.battery, 3),
+        "setpoint_age_s": _number(link.told.setpoint_age_s, 4),
+        "clock_offset_s": None if offset_ns is None else round(offset_ns * 1e-9, 6),
+        "loss": round(link.sequence.loss, 4),
+    }
+
+
+def _number(value: float, digits: int) -> float | None:
+    """JSON has neither NaN nor infinity: unknown is null. An age of years is `never`, unknown too."""
+    return round(value, digits) if math.isfinite(value) and value < 1e6 else None
+
+
+def _coordinates(point: Float) -> str:
+    return "(" + ", ".join(f"{x:.2f}" for x in point) + ")"
+
+
+def done_text(phase: Phase) -> str:
+    """What is said of a request that was carried out at once."""
+    return f"phase {phase.name}"

@@ -1,0 +1,26 @@
+"""From a mocap frame to one datagram's worth of setpoints: alignment, then the control stack. Deterministic."""
+
+from formation.arrays import Float
+from formation.config import LabConfig
+from formation.control.stack import ControlStack, Stages
+from formation.messages import MocapFrame
+from formation.reference import Plan
+from formation.vehicle import profile
+from gcs.mocap.axes import MocapAxes
+
+
+class Pipeline:
+    """Alignment and control of one lab."""
+
+    def __init__(self, config: LabConfig) -> None:
+        self.axes = MocapAxes(config)
+        self._config = config
+        self._stack = ControlStack(config, tuple(profile(vehicle.profile) for vehicle in config.vehicles))
+
+    def align(self, frame: MocapFrame) -> MocapFrame:
+        """The frame in lab and flu, of the n vehicles in the configuration's order."""
+        return self.axes.align(frame)
+
+    def step(self, now_ns: int, aligned: MocapFrame, plan: Plan, hover_thrust_norm: Float) -> Stages:
+        """One aligned frame through every stage."""
+        return self._stack.step(now_ns, aligned, plan, hover_thrust_norm)

@@ -1,0 +1,238 @@
+"""A fake drone (ideal attitude, point mass, the protocol's least) and a lab that joins drones to a GcsCore by a loop."""
+
+import math
+
+import numpy as np
+
+from formation import frames
+from formation.config import LabConfig
+from formation.messages import Datagram, MocapFrame, OperatorReply, OperatorRequest, Phase, Severity, Verb
+from gcs.core import GcsCore, Outgoing
+from wire import link_messages as lm
+from wire.mavlink import Codec, param_to_raw
+
+G = 9.8
+MS = 1_000_000
+T0_NS = 5_000_000_000
+PX4_OFFBOARD, PX4_LAND, COPTER_GUIDED, COPTER_LAND = 6 << 16, 4 << 16 | 6 << 24, 4, 9
+PX4_PARAMETERS = {"COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 4, "EKF2_EV_CTRL": 11, "EKF2_HGT_REF": 3,
+                  "EKF2_GPS_CTRL": 0, "EKF2_MAG_TYPE": 5, "COM_RCL_EXCEPT": 4}  # fmt: skip
+COPTER_PARAMETERS = {"GUID_OPTIONS": 8, "GUID_TIMEOUT": 1.0, "FS_GCS_ENABLE": 5, "VISO_TYPE": 1,
+                     "EK3_SRC1_POSXY": 6, "EK3_SRC1_POSZ": 6, "EK3_SRC1_YAW": 6}  # fmt: skip
+
+
+class FakeDrone:
+    """Ideal attitude response; flies while armed and told to; its failures are switches."""
+
+    def __init__(self, sysid: int, pos_lab_m, hover: float, autopilot: lm.Autopilot = lm.Autopilot.PX4) -> None:
+        self.sysid, self.hover, self.autopilot = sysid, hover, autopilot
+        self.pos, self.vel, self.q = np.array(pos_lab_m, float), np.zeros(3), frames.IDENTITY
+        self.armed, self.mode, self.thrust = False, 0, 0.0
+        self.codec = Codec(lm.Address(sysid, 1))
+        px4 = autopilot is lm.Autopilot.PX4
+        self.offboard, self.land = (PX4_OFFBOARD, PX4_LAND) if px4 else (COPTER_GUIDED, COPTER_LAND)
+        name = "MPC_THR_HOVER" if px4 else "MOT_THST_HOVER"
+        self.parameters = {**(PX4_PARAMETERS if px4 else COPTER_PARAMETERS), name: hover}
+        self.refuse_arming = self.mute = self.deaf = False
+        self.ignore_first = 0
+        self.heard: list[lm.LinkMessage] = []
+        self.setpoints: list[tuple[int, lm.AttitudeSetpoint]] = []
+        self._out: list[bytes] = []
+        self._beat_ns = 0
+
+    def receive(self, data: bytes, now_ns: int) -> None:
+        if self.deaf:
+            return
+        for packet in self.codec.receive(data):
+            self.heard.append(packet.message)
+            self._react(packet.message, now_ns)
+
+    def _react(self, message: lm.LinkMessage, now_ns: int) -> None:
+        match message:
+            case lm.AttitudeSetpoint():
+                self.setpoints.append((now_ns, message))
+                if self.armed and self.mode == self.offboard:
+                    self.q, self.thrust = message.q_lab_from_flu, message.thrust_norm
+            case lm.Command():
+                if self.ignore_first:
+                    self.ignore_first -= 1
+                    return
+                self._say(lm.CommandAck(lm.GROUND, message.command, self._obey(message)))
+            case lm.ParamRequestRead() if message.name in self.parameters:
+                value = self.parameters[message.name]
+                kind = lm.ParamType.INT32 if isinstance(value, int) else lm.ParamType.REAL32
+                raw = param_to_raw(value, kind, self.autopilot)
+                self._say(lm.ParamValue(message.name, raw, kind, len(self.parameters), 0))
+            case lm.TimeSync() if message.tc1_ns == 0:
+                self._say(lm.TimeSync(now_ns + 7_000_000_000, message.ts1_ns, lm.Address(255, 190)))
+
+    def _obey(self, command: lm.Command) -> lm.Result:
+        match command.command:
+            case 400 if command.params[0] == 1.0:
+                if self.refuse_arming:
+                    self._say(lm.StatusText(Severity.CRITICAL, "PreArm: no position"))
+                    return lm.Result.DENIED
+                self.armed = True
+            case 400:
+                if self.pos[2] > 0.05 and command.params[1] != 21196.0:
+                    return lm.Result.DENIED
+                self.armed, self.thrust = False, 0.0
+            case 176:
+                px4 = self.autopilot is lm.Autopilot.PX4
+                self.mode = int(command.params[1]) << 16 if px4 else int(command.params[1])
+            case 21:
+                self.mode = self.land
+        return lm.Result.ACCEPTED
+
+    def _say(self, message: lm.LinkMessage) -> None:
+        self._out.append(self.codec.encode(message))
+
+    def advance(self, now_ns: int, dt_s: float) -> None:
+        """Point mass under thrust along the body's up axis; a floor at z = 0."""
+        if self.mode == self.land and self.armed:
+            self.q, self.thrust = frames.IDENTITY, self.hover
+            self.vel = np.array([0.0, 0.0, -0.5])
+            if self.pos[2] <= 0.0:
+                self.armed, self.thrust = False, 0.0
+        lift = self.thrust / self.hover * G if self.armed else 0.0
+        acc = frames.rotate(self.q, np.array([0.0, 0.0, lift])) - np.array([0.0, 0.0, G])
+        self.vel = self.vel + dt_s * acc
+        self.pos = self.pos + dt_s * self.vel
+        if self.pos[2] <= 0.0:
+            self.pos[2], self.vel = 0.0, np.zeros(3)
+
+    def outgoing(self, now_ns: int) -> list[bytes]:
+        if now_ns - self._beat_ns >= 1_000_000_000:
+            self._beat_ns = now_ns
+            status = 4 if self.armed else 3
+            self._say(lm.Heartbeat(self.autopilot, 2, 1 | (128 if self.armed else 0), self.mode, status))
+            if self.autopilot is lm.Autopilot.ARDUPILOT:
+                self._say(lm.EkfStatus(0x10, ardupilot=True))
+        out, self._out = self._out, []
+        return [] if self.mute else out
+
+
+class FakeLab:
+    """A GcsCore and fake drones joined by a function; 100 Hz frames, links without delay."""
+
+    def __init__(self, config: LabConfig, autopilots: dict[int, lm.Autopilot] | None = None) -> None:
+        self.config = config
+        self.core = GcsCore(config, T0_NS)
+        self.now_ns = T0_NS
+        self.seq = 0
+        self.drones = {
+            v.sysid: FakeDrone(v.sysid, _start(config, i), _hover(v), (autopilots or {}).get(v.sysid, lm.Autopilot.PX4))
+            for i, v in enumerate(config.vehicles)
+            if v.sysid is not None
+        }
+        self.leader_pos = np.array([0.0, 0.0, 0.3])
+        self.hidden: set[str] = set()
+        self.frames_stopped = False
+        self.replies: list[OperatorReply] = []
+        self.records: list[tuple[str, object]] = []
+        self.ticks: list[tuple[int, Outgoing]] = []
+        self.requests = 0
+
+    @property
+    def phase(self) -> Phase:
+        return self.core.phase
+
+    def ask(self, verb: Verb, argument: str = "") -> int:
+        self.requests += 1
+        self.core.receive(OperatorRequest(self.requests, verb, argument), self.now_ns)
+        self._tick_while_due()
+        return self.requests
+
+    def reply(self, request: int) -> OperatorReply | None:
+        return next((r for r in self.replies if r.id == request), None)
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds * 100)):
+            self.step()
+
+    def run_until(self, phase: Phase, longest_s: float = 30.0) -> None:
+        for _ in range(round(longest_s * 100)):
+            if self.phase is phase:
+                return
+            self.step()
+        raise AssertionError(f"still in {self.phase.name}, not {phase.name}; {self.events[-5:]}")
+
+    def command(self, verb: Verb, phase: Phase) -> None:
+        request = self.ask(verb)
+        self.run_until(phase)
+        while self.reply(request) is None:
+            self.step()
+        assert self.reply(request).accepted, self.reply(request).text
+
+    def fly(self) -> None:
+        """Arm, take off, and take up the formation."""
+        self.run(2.0)
+        self.command(Verb.ARM, Phase.ARMED)
+        self.command(Verb.TAKEOFF, Phase.TAKEOFF)
+        self.run_until(Phase.HOLD)
+        self.command(Verb.START, Phase.FORMATION)
+
+    @property
+    def events(self) -> list[str]:
+        return [e.text for name, e in self.records if name == "event"]
+
+    def step(self) -> None:
+        self.now_ns += 10 * MS
+        for drone in self.drones.values():
+            drone.advance(self.now_ns, 0.01)
+        if not self.frames_stopped:
+            self.seq += 1
+            self.core.receive(self.frame(), self.now_ns)
+        for drone in self.drones.values():
+            for data in drone.outgoing(self.now_ns):
+                self.core.receive(Datagram(drone.sysid, data), self.now_ns)
+        if self.core.next_deadline_ns() <= self.now_ns:
+            self._tick_while_due()
+
+    def frame(self) -> MocapFrame:
+        vehicles = self.config.vehicles
+        pos = np.array([self.drones[v.sysid].pos if v.sysid else self.leader_pos for v in vehicles])
+        q = np.array([self.drones[v.sysid].q if v.sysid else frames.IDENTITY for v in vehicles])
+        seen = np.array([v.body not in self.hidden for v in vehicles])
+        return MocapFrame(self.seq, self.now_ns - 5 * MS, tuple(v.body for v in vehicles), pos, q, seen)
+
+    def _tick_while_due(self) -> None:
+        for _ in range(4):
+            out = self.core.tick(self.now_ns)
+            self.ticks.append((self.now_ns, out))
+            self.replies += out.replies
+            self.records += [(topic.name, message) for topic, message in out.records]
+            for datagram in out.datagrams:
+                self.drones[datagram.sysid].receive(datagram.data, self.now_ns)
+            if self.core.next_deadline_ns() > self.now_ns:
+                return
+        raise AssertionError("the core wants to tick without end")
+
+
+def _start(config: LabConfig, i: int):
+    if i == 0:
+        return (0.0, 0.0, 0.0)
+    x, y, _ = config.followers[i - 1].offset_m
+    return (x, y, 0.0)
+
+
+def _hover(vehicle) -> float:
+    from formation.vehicle import profile
+
+    return profile(vehicle.profile).hover_thrust_norm
+
+
+def triangle(**changes) -> LabConfig:
+    """The paper's triangle: leader and two followers."""
+    values = {
+        "leader": {"body": "lead", "sysid": 1, "trajectory": {"kind": "line", "duration_s": 3.0}},
+        "followers": [
+            {"body": "left", "sysid": 2, "offset_m": (-0.4, 0.4, 0.0)},
+            {"body": "right", "sysid": 3, "offset_m": (-0.4, -0.4, 0.0)},
+        ],
+    }
+    return LabConfig.model_validate({**values, **changes})
+
+
+def nan() -> float:
+    return math.nan

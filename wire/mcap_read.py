@@ -129,8 +129,8 @@ def _entries(path: Path, damage: _Damage) -> Iterator[Entry]:
     schemas: dict[int, Schema] = {}
     readers: dict[int, _Reader | None] = {}
     for record in _records(path, damage):
-        if isinstance(record, Metadata) and record.name == "end" and record.metadata["lost"] != "0":
-            damage.notes.append(f"{record.metadata['lost']} messages were dropped while recording")
+        if isinstance(record, Metadata) and (lost := record.metadata.get("lost", "0")) != "0":
+            damage.notes.append(f"{lost} messages were dropped while recording")
         elif isinstance(record, Schema):
             schemas.setdefault(record.id, record)
         elif isinstance(record, Channel):

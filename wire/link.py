@@ -1,0 +1,36 @@
+"""What every link to drones offers, whatever carries it: MAVLink bytes by drone, and counters."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from formation.messages import Datagram
+
+# Called on the event loop, once a datagram, in the order of arrival.
+Deliver = Callable[[Datagram], None]
+
+
+@dataclass(slots=True)
+class LinkCounters:
+    """Datagrams sent, received, and dropped here: no room to send, or nobody took what came."""
+
+    sent: int = 0
+    received: int = 0
+    dropped: int = 0
+
+
+class Link(Protocol):
+    """An open link to one or more drones, or from one drone to its ground."""
+
+    @property
+    def counters(self) -> LinkCounters:
+        """The counters, live."""
+        ...
+
+    def send(self, datagram: Datagram) -> None:
+        """Hand the bytes over, to the drone `sysid` or, at the drone, as its own; never waits, may drop."""
+        ...
+
+    def close(self) -> None:
+        """Stop; nothing is delivered afterwards."""
+        ...

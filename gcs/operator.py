@@ -54,6 +54,7 @@ def status_text(
             "cause": flight.cause,
             "t_s": round(t_s, 3),
             "armed": flight.armed,
+            "trajectory_started": flight.trajectory_start_ns is not None,
             "trajectory_done": flight.trajectory_done(now_ns),
             "shape": flight.shape.name,
             "drones": [_drone_status(drone, facts) for drone in drones],

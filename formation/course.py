@@ -57,6 +57,12 @@ class Course:
     trajectory: Trajectory
     trajectory_ns: int
 
+    @property
+    def in_formation(self) -> Flags:
+        """Which vehicles are led in the leader's frame."""
+        slots: Flags = self.kind == SLOT
+        return slots
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Guidance:
@@ -81,10 +87,10 @@ def depart(plan: Plan, motion_lab: Float, t_ns: int) -> Course:
     )  # fmt: skip
 
 
-def evaluate(course: Course, t_ns: NDArray[np.int64], lead: Float) -> Guidance:
-    """The reference of each vehicle at its own time t_ns (m), for the leader's motion lead (m, 3, 4) at that time."""
-    m = len(t_ns)
-    slot, frame, lab = np.zeros((m, 3, 4)), np.zeros((m, 3, 4)), np.zeros((m, 3, 4))
+def evaluate(course: Course, t_ns: int, lead: Float) -> Guidance:
+    """The references of all m vehicles at t_ns, for the leader's motion lead (3, 4) at that time."""
+    m = len(course.kind)
+    slot, frame, lab = np.empty((m, 3, 4)), np.empty((m, 3, 4)), np.empty((m, 3, 4))
     path = course.trajectory
     _evaluate(
         t_ns, lead, course.kind, course.base, course.gap, course.gap_ns, course.gap_s, path.kind, path.numbers,
@@ -94,21 +100,36 @@ def evaluate(course: Course, t_ns: NDArray[np.int64], lead: Float) -> Guidance:
 
 
 @kernel
-def _evaluate(
-    t_ns: NDArray[np.int64], lead: Float, kind: NDArray[np.int64], base: Float, gap: Float, gap_ns: NDArray[np.int64],
+def reference_at(
+    i: int, t_ns: int, lead: Float, kind: NDArray[np.int64], base: Float, gap: Float, gap_ns: NDArray[np.int64],
     gap_s: Float, path_kind: int, path_numbers: Float, path_knots: Float, path_ns: int, slot: Float, frame: Float,
     lab: Float,
 ) -> None:  # fmt: skip
-    """See `evaluate`; slot, frame and lab arrive as zeros."""
-    for i in range(len(t_ns)):
-        if kind[i] == TRAJECTORY:
-            sample(path_kind, path_numbers, path_knots, (t_ns[i] - path_ns) * SECONDS, slot[i])
-        else:
-            slot[i, 0] = base[i]
-        blend.add_gap(gap[i], (t_ns[i] - gap_ns[i]) * SECONDS, gap_s[i], slot[i])
-        if kind[i] == SLOT:
-            frame[i] = lead[i]
-        lab_from_lead(slot[i], frame[i], lab[i])
+    """Vehicle i's reference at t_ns for the leader's motion lead (3, 4) then, into slot, frame, lab, each (3, 4)."""
+    slot[:] = 0.0
+    frame[:] = 0.0
+    if kind[i] == TRAJECTORY:
+        sample(path_kind, path_numbers, path_knots, (t_ns - path_ns) * SECONDS, slot)
+    else:
+        slot[0] = base[i]
+    blend.add_gap(gap[i], (t_ns - gap_ns[i]) * SECONDS, gap_s[i], slot)
+    if kind[i] == SLOT:
+        frame[:] = lead
+    lab_from_lead(slot, frame, lab)
+
+
+@kernel
+def _evaluate(
+    t_ns: int, lead: Float, kind: NDArray[np.int64], base: Float, gap: Float, gap_ns: NDArray[np.int64],
+    gap_s: Float, path_kind: int, path_numbers: Float, path_knots: Float, path_ns: int, slot: Float, frame: Float,
+    lab: Float,
+) -> None:  # fmt: skip
+    """`reference_at` for all vehicles."""
+    for i in range(len(kind)):
+        reference_at(
+            i, t_ns, lead, kind, base, gap, gap_ns, gap_s, path_kind, path_numbers, path_knots, path_ns,
+            slot[i], frame[i], lab[i],
+        )  # fmt: skip
 
 
 def steer(course: Course, plan: Plan, who: Crew, motion_lab: Float, lead: Float, t_ns: int) -> Course:
@@ -132,8 +153,7 @@ def steer(course: Course, plan: Plan, who: Crew, motion_lab: Float, lead: Float,
             draft.begin(i, motion_lab[i])
         elif draft.asks_anew(i):
             if now is None:
-                m = len(plan.legs)
-                now = evaluate(course, np.full(m, t_ns, dtype=np.int64), np.repeat(lead[None], m, 0))
+                now = evaluate(course, t_ns, lead)
             draft.begin(i, now.lab[i])
     return draft.finished()
 

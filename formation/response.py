@@ -34,14 +34,12 @@ def no_history(vehicles: int) -> History:
     return History(np.full(LENGTH, NEVER_NS, dtype=np.int64), np.zeros((LENGTH, vehicles, 4)))
 
 
-def remember(history: History, t_ns: int, force_lab_m_s2: Float) -> History:
-    """The history with the command sent at t_ns added and the oldest forgotten; force (m, 3)."""
-    t, force = np.empty_like(history.t_ns), np.empty_like(history.force)
-    t[:-1], force[:-1] = history.t_ns[1:], history.force[1:]
-    t[-1] = t_ns
-    force[-1, :, :3] = force_lab_m_s2
-    force[-1, :, 3] = np.sqrt(np.sum(force_lab_m_s2 * force_lab_m_s2, axis=-1))
-    return History(t, force)
+def remember(history: History, t_ns: int, force: Float) -> History:
+    """The history with the command sent at t_ns added and the oldest forgotten; force (m, 4) as in History."""
+    t, kept = np.empty_like(history.t_ns), np.empty_like(history.force)
+    t[:-1], kept[:-1] = history.t_ns[1:], history.force[1:]
+    t[-1], kept[-1] = t_ns, force
+    return History(t, kept)
 
 
 @kernel

@@ -17,6 +17,13 @@ GROUND_EFFECT_MAX = 1.3
 
 
 @kernel
+def thrust_norm(fraction: float, curve: float) -> float:
+    """u of (1 - k) u + k u^2 = fraction, 0..1; `curve` is k."""
+    linear = 1.0 - curve
+    return 2.0 * fraction / (linear + sqrt(linear * linear + 4.0 * curve * fraction)) if fraction > 0.0 else 0.0
+
+
+@kernel
 def rotation(x: Float, rot: Float) -> None:
     """R_lab_from_flu of the state into `rot` (3, 3)."""
     w, i, j, k = x[6], x[7], x[8], x[9]

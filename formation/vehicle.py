@@ -7,7 +7,6 @@ small-rate form. Nothing here knows MAVLink, batteries' chemistry or the attitud
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from math import sqrt
 from types import MappingProxyType
 from typing import Annotated, Any
 
@@ -16,7 +15,7 @@ from pydantic import Field
 
 from formation.arrays import Float, Quat, Vec3
 from formation.config import Model, Positive, Vec3Tuple
-from formation.rigid_body import GRAVITY_M_S2
+from formation.rigid_body import GRAVITY_M_S2, thrust_norm
 
 __all__ = [
     "GRAVITY_M_S2",
@@ -115,12 +114,6 @@ class VehicleProfile(Model):
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> "VehicleProfile":  # noqa: ARG002
         """A changed profile, validated afresh (pydantic's own copy would check nothing and keep old `numbers`)."""
         return VehicleProfile.model_validate({**self.model_dump(), **(update or {})})
-
-
-def thrust_norm(fraction: float, curve: float) -> float:
-    """u of (1 - k) u + k u^2 = fraction, 0..1; `curve` is k."""
-    linear = 1.0 - curve
-    return 2.0 * fraction / (linear + sqrt(linear * linear + 4.0 * curve * fraction)) if fraction > 0.0 else 0.0
 
 
 PAPER_40G = VehicleProfile(

@@ -1,0 +1,121 @@
+"""The one place where a law is chosen: error in, feedback acceleration out, for one axis of one vehicle."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from formation.arrays import Float
+from formation.control.cascade import velocity_error, velocity_pid
+from formation.control.geometric import tracking_acceleration
+from formation.control.sliding_mode import (
+    equivalent_and_reaching,
+    sliding_variable,
+    super_twisting,
+    super_twisting_rate,
+    switching,
+)
+from formation.kernel import kernel
+
+
+class Law(IntEnum):
+    """The controllers of the comparison."""
+
+    SMC = 0
+    ISTSMC = 1
+    CFC = 2
+    PID = 3
+    GEOMETRIC = 4
+
+
+SMC, ISTSMC, CFC, PID, GEOMETRIC = (int(law) for law in Law)
+
+
+@dataclass(frozen=True, slots=True)
+class SlidingGains:
+    """Gains of Eqs. (5)-(7): SMC uses c and k, ISTSMC and CFC c, p1, p2, eps; smooth rounds the powers off, m/s."""
+
+    law: Law
+    c: float
+    p1: float = 0.0
+    p2: float = 0.0
+    eps: float = 0.0
+    smooth_m_s: float = 0.0
+    k: float = 0.0
+
+    def row(self) -> Float:
+        """As the kernels read it."""
+        return np.array([self.law, self.c, self.p1, self.p2, self.eps, self.smooth_m_s, self.k])
+
+
+@dataclass(frozen=True, slots=True)
+class CascadeGains:
+    """Gains of the double-loop PID: position P, 1/s, then velocity P, 1/s, I, 1/s^2, and D."""
+
+    kp_position: float
+    kp: float
+    ki: float
+    kd: float = 0.0
+
+    def row(self) -> Float:
+        """As the kernels read it."""
+        return np.array([Law.PID, self.kp_position, self.kp, self.ki, self.kd, 0.0, 0.0])
+
+
+@dataclass(frozen=True, slots=True)
+class GeometricGains:
+    """Gains of the SE(3) controller, per unit mass: kx, kv, ki, the integral's position share, its bound."""
+
+    kx: float
+    kv: float
+    ki: float
+    mix: float
+    bound: float
+
+    def row(self) -> Float:
+        """As the kernels read it."""
+        return np.array([Law.GEOMETRIC, self.kx, self.kv, self.ki, self.mix, self.bound, 0.0])
+
+
+AxisGains = SlidingGains | CascadeGains | GeometricGains
+
+
+@kernel
+def uses_disturbance(gains: Float) -> bool:
+    """Whether the law subtracts the observer's Z3 (CFC), or fights disturbances by its own integral."""
+    return int(gains[0]) == CFC
+
+
+@kernel
+def feedback(
+    gains: Float, e: float, e_rate: float, e_acc: float, memory: float, speed_max: float, dt_s: float
+) -> tuple[float, float, float, float, float]:
+    """s, t_m, the law's new memory (z_m or integral), the feedback acceleration, and that acceleration's rate.
+
+    e, e_rate, e_acc: relative error, lead frame. |e| is cut where closing it would ask for more than speed_max.
+    The rate holds while errors evolve as predicted; it is what inverts the vehicle's first-order lag.
+    """
+    law, c = int(gains[0]), gains[1]
+    if law == GEOMETRIC:
+        reach = speed_max * gains[2] / c
+        e = min(max(e, -reach), reach)
+        acc, memory = tracking_acceleration(e, e_rate, memory, c, gains[2], gains[3], gains[4], gains[5], dt_s)
+        s = gains[4] * e + e_rate
+        return s, -acc, memory, acc, -c * e_rate - gains[2] * e_acc - gains[3] * s
+    reach = speed_max / c
+    e = min(max(e, -reach), reach)
+    if law == PID:
+        s = velocity_error(c, e, e_rate)
+        s_rate = velocity_error(c, e_rate, e_acc)
+        acc, memory = velocity_pid(s, s_rate, memory, gains[2], gains[3], gains[4], dt_s)
+        return s, -acc, memory, acc, -gains[2] * s_rate - gains[3] * s
+    s = sliding_variable(c, e, e_rate)
+    s_rate = sliding_variable(c, e_rate, e_acc)
+    t_rate = 0.0
+    if law == SMC:
+        t_m = switching(s, gains[6])
+    else:
+        t_m, memory = super_twisting(s, memory, gains[2], gains[3], gains[4], gains[5], dt_s)
+        if gains[5] > 0.0:
+            t_rate = super_twisting_rate(s, s_rate, gains[2], gains[3], gains[4], gains[5])
+    return s, t_m, memory, equivalent_and_reaching(c, e_rate, t_m), -c * e_acc - t_rate

@@ -1,0 +1,65 @@
+"""What keeps commanded vehicles inside the fence and apart: accelerations added to the law's, gently and early."""
+
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formation.arrays import Float
+from formation.kernel import kernel
+
+FENCE, SEPARATION = 16.0, 32.0  # bits of formation.messages.Saturation
+BRAKE_M_S2 = 2.0
+FENCE_RATE_1_S = 4.0
+PERSONAL_SPACE = 1.5  # repulsion begins at this many minimum separations
+REPULSION_1_S2 = 20.0
+
+
+@kernel
+def keep_inside(motion: Float, low: Float, high: Float, margin_m: float, acc: Float) -> float:
+    """Bounds acc (3) so that the vehicle can always stop margin_m before the fence; returns the bit if it had to.
+
+    motion (3, 4): predicted. The speed towards a wall d metres off is held under sqrt(2 a d); past it, inwards.
+    """
+    bit = 0.0
+    for axis in range(3):
+        for side in range(2):
+            sign = 1.0 if side == 1 else -1.0
+            wall = high[axis] if side == 1 else -low[axis]
+            room = wall - margin_m - sign * motion[0, axis]
+            allowed = sqrt(2.0 * BRAKE_M_S2 * room) if room > 0.0 else FENCE_RATE_1_S * room
+            most = FENCE_RATE_1_S * (allowed - sign * motion[1, axis])
+            if sign * acc[axis] > most:
+                acc[axis] = sign * most
+                bit = FENCE
+    return bit
+
+
+@kernel
+def keep_apart(
+    i: int, vehicle: NDArray[np.int64], pos: Float, position: Float, separation_m: float, acc: Float
+) -> float:
+    """Pushes a vehicle at `position` (3) away from every other within its personal space; returns the bit if it did.
+
+    vehicle (m), pos (n, 3): who is where now. The push is horizontal unless they are stacked, and grows linearly.
+    """
+    bit = 0.0
+    space = PERSONAL_SPACE * separation_m
+    for other in range(len(pos)):
+        if other == vehicle[i]:
+            continue
+        dx, dy, dz = position[0] - pos[other, 0], position[1] - pos[other, 1], position[2] - pos[other, 2]
+        distance = sqrt(dx * dx + dy * dy + dz * dz)
+        if distance >= space:
+            continue
+        bit = SEPARATION
+        push = REPULSION_1_S2 * (space - distance)
+        flat = sqrt(dx * dx + dy * dy)
+        if flat > 0.2 * distance and flat > 0.0:
+            acc[0] += push * dx / flat
+            acc[1] += push * dy / flat
+        elif other < vehicle[i]:
+            acc[0] += push
+        else:
+            acc[0] -= push
+    return bit

@@ -1,0 +1,83 @@
+"""Named sets of gains: `paper`, as printed (Table 2), and `default`, ours."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+from formation.control.feedback import AxisGains, CascadeGains, GeometricGains, Law, SlidingGains
+from formation.estimate import ObserverGains
+
+
+@dataclass(frozen=True, slots=True)
+class Preset:
+    """Everything of the controller that is not the vehicle or the lab.
+
+    follower, follower_vertical, leader, leader_vertical: laws by role and axis; compensate: predict over the dead
+    time and invert the lag; observer, vertical_observer, heading_observer: FTESO gains (m, m, rad); leader_observer:
+    of a leader that is only observed; strength_lag_s: how slowly Z3 of the height moves into the thrust's strength.
+    """
+
+    name: str
+    follower: AxisGains
+    follower_vertical: AxisGains
+    leader: AxisGains
+    leader_vertical: AxisGains
+    compensate: bool
+    observer: ObserverGains
+    vertical_observer: ObserverGains
+    heading_observer: ObserverGains
+    leader_observer: ObserverGains
+    strength_lag_s: float = 2.0
+
+
+PRINTED_ALPHA, PRINTED_EPS = -2.0 / 9.0, -0.49
+PRINTED_FTESO = ObserverGains(70.0, PRINTED_ALPHA, 1.0)
+LEADER_PID = CascadeGains(2.0, 4.0, 1.0)
+HEIGHT_PID = CascadeGains(2.5, 6.0, 3.0)
+
+PAPER_CFC = Preset(
+    name="paper",
+    follower=SlidingGains(Law.CFC, c=1.0, p1=8.0, p2=0.1, eps=PRINTED_EPS),
+    follower_vertical=HEIGHT_PID,
+    leader=LEADER_PID,
+    leader_vertical=HEIGHT_PID,
+    compensate=False,
+    observer=PRINTED_FTESO,
+    vertical_observer=PRINTED_FTESO,
+    heading_observer=ObserverGains(15.0, -0.1, 0.02),
+    leader_observer=PRINTED_FTESO,
+)
+PAPER_ISTSMC = replace(
+    PAPER_CFC, name="paper_istsmc", follower=SlidingGains(Law.ISTSMC, c=1.0, p1=8.0, p2=0.1, eps=PRINTED_EPS)
+)
+PAPER_SMC = replace(PAPER_CFC, name="paper_smc", follower=SlidingGains(Law.SMC, c=1.0, k=5.0))
+
+DEFAULT = Preset(
+    name="default",
+    follower=SlidingGains(Law.CFC, c=4.5, p1=10.0, p2=1.2, eps=-0.15, smooth_m_s=0.35),
+    follower_vertical=SlidingGains(Law.CFC, c=4.5, p1=10.0, p2=1.2, eps=-0.15, smooth_m_s=0.35),
+    leader=LEADER_PID,
+    leader_vertical=HEIGHT_PID,
+    compensate=True,
+    observer=ObserverGains(18.0, -0.15, 0.004),
+    vertical_observer=ObserverGains(18.0, -0.15, 0.004),
+    heading_observer=ObserverGains(15.0, -0.1, 0.02),
+    leader_observer=ObserverGains(25.0, -0.15, 0.004),
+)
+PID = replace(DEFAULT, name="pid", follower=LEADER_PID, follower_vertical=HEIGHT_PID)
+GEOMETRIC = replace(
+    DEFAULT,
+    name="geometric",
+    follower=GeometricGains(kx=9.0, kv=5.0, ki=4.0, mix=1.5, bound=1.0),
+    follower_vertical=GeometricGains(kx=14.0, kv=7.0, ki=6.0, mix=2.0, bound=2.0),
+)
+PRESETS: Mapping[str, Preset] = MappingProxyType(
+    {p.name: p for p in (DEFAULT, PAPER_CFC, PAPER_ISTSMC, PAPER_SMC, PID, GEOMETRIC)}
+)
+
+
+def preset(name: str) -> Preset:
+    """The preset of that name; ValueError names the known ones."""
+    if name not in PRESETS:
+        raise ValueError(f"unknown control preset {name!r}; known: {', '.join(PRESETS)}")
+    return PRESETS[name]

@@ -1,0 +1,168 @@
+"""The control stack: frame in, attitude targets out. Pure functions in a row, and the one place that remembers."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formation.arrays import Float, Scalars
+from formation.config import LabConfig
+from formation.control.attitude import TILT, Attitude, AttitudeSettings, attitude, body_row
+from formation.control.law import Demand, LawSettings, demand
+from formation.control.presets import Preset, preset
+from formation.course import Course, Guidance, crew, depart, evaluate, steer
+from formation.estimate import EstimatorSettings, EstimatorState, ObserverGains, estimate, initial, swarm_state
+from formation.messages import AttitudeTarget, Command, MocapFrame, Reference, SwarmState
+from formation.reference import Mode, Plan
+from formation.response import SECONDS, History, no_history, remember
+from formation.vehicle import VehicleProfile
+
+STEP_MAX_S = 0.1
+FENCE_MARGIN_M = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Stages:
+    """One message per stage of one tick, all stamped with the frame's capture time.
+
+    The reference holds at that time; the command's errors and demand hold when the command takes effect.
+    """
+
+    state: SwarmState
+    reference: Reference
+    command: Command
+    target: AttitudeTarget
+
+
+class ControlStack:
+    """Estimates, leads and commands the vehicles of one lab; same inputs, bit-identical outputs.
+
+    profiles: of the n vehicles in the order of `config.vehicles`; chosen: the gains, by default those that
+    `config.control_preset` names (ValueError if there is no such preset).
+    """
+
+    def __init__(self, config: LabConfig, profiles: tuple[VehicleProfile, ...], chosen: Preset | None = None) -> None:
+        gains = preset(config.control_preset) if chosen is None else chosen
+        self._crew = crew(config)
+        self._commanded = np.array(config.commanded, dtype=np.int64)
+        self._estimator = _estimator_settings(config, profiles, gains)
+        self._law = _law_settings(config, gains, self._estimator)
+        self._attitude = _attitude_settings(config, profiles)
+        m = len(self._commanded)
+        self._history: History = no_history(m)
+        self._memory: Float = np.zeros((m, 3))
+        self._saturation: Scalars = np.zeros(m)
+        self._estimate: EstimatorState | None = None
+        self._course: Course | None = None
+        self._last_ns = 0
+
+    def step(self, t_now_ns: int, frame: MocapFrame, plan: Plan, hover_thrust_norm: Scalars) -> Stages:
+        """One tick at t_now_ns (>= the frame's capture) on the newest frame, bodies in the order of the config.
+
+        A frame already seen is predicted on from. hover_thrust_norm (m): what hovers each vehicle, as known so far.
+        """
+        before = initial(frame) if self._estimate is None else self._estimate
+        airborne = np.zeros(len(frame.bodies), dtype=np.bool_)
+        if self._course is not None:
+            airborne[self._commanded] = self._course.airborne
+        state = estimate(before, self._estimator, frame, self._history, airborne)
+        motion = _motion(state)
+        mine = motion[self._commanded]
+        old = depart(plan, mine, state.t_ns) if self._course is None else self._course
+        course = steer(old, plan, self._crew, mine, motion[0], state.t_ns)
+        dt_s = 0.0 if self._course is None else min((t_now_ns - self._last_ns) * SECONDS, STEP_MAX_S)
+        wanted = demand(self._law, state, course, self._history, self._memory, self._saturation >= TILT, t_now_ns, dt_s)
+        idle = np.array([leg.mode is Mode.IDLE for leg in plan.legs])
+        target = attitude(self._attitude, wanted, state, course, idle, hover_thrust_norm, t_now_ns)
+        self._history = remember(self._history, t_now_ns, target.force)
+        self._memory, self._saturation, self._last_ns = wanted.memory, target.saturation, t_now_ns
+        self._estimate, self._course = state, course
+        return Stages(
+            swarm_state(state),
+            _reference(course, evaluate(course, state.t_ns, motion[0]), state.t_ns),
+            _command(wanted, state, self._commanded),
+            _target(target, state.t_ns),
+        )
+
+
+def _motion(state: EstimatorState) -> Float:
+    """Estimated motions (n, 3, 4), as formation.relative lays them out."""
+    motion = np.empty((len(state.strength), 3, 4))
+    motion[:, 0, :3], motion[:, 1, :3] = state.pos_lab_m, state.vel_lab_m_s
+    motion[:, 2, :3] = swarm_state(state).acc_lab_m_s2
+    motion[:, :, 3] = state.heading
+    return motion
+
+
+def _reference(course: Course, at: Guidance, t_ns: int) -> Reference:
+    """The guidance as its message."""
+    return Reference(
+        t_ns,
+        at.frame[:, 0, :3], at.frame[:, 1, :3], at.frame[:, 2, :3],
+        at.frame[:, 0, 3], at.frame[:, 1, 3], at.frame[:, 2, 3],
+        at.slot[:, 0, :3], at.slot[:, 1, :3], at.slot[:, 2, :3],
+        at.slot[:, 0, 3], at.slot[:, 1, 3],
+        course.in_formation,
+    )  # fmt: skip
+
+
+def _command(wanted: Demand, state: EstimatorState, commanded: NDArray[np.int64]) -> Command:
+    """The demand as its message."""
+    return Command(
+        state.t_ns, wanted.e, wanted.e_rate, wanted.s, wanted.t_m, wanted.memory, state.dist_lab_m_s2[commanded],
+        wanted.acc, wanted.yaw[:, 0], wanted.yaw[:, 1],
+    )  # fmt: skip
+
+
+def _target(target: Attitude, t_ns: int) -> AttitudeTarget:
+    """The attitude as its message."""
+    return AttitudeTarget(t_ns, target.q_lab_from_flu, target.rate_flu_rad_s, target.thrust_norm, target.saturation)
+
+
+def _estimator_settings(config: LabConfig, profiles: tuple[VehicleProfile, ...], gains: Preset) -> EstimatorSettings:
+    """Observer gains and responses, vehicle by vehicle."""
+    n = len(config.vehicles)
+    own = np.full(n, -1, dtype=np.int64)
+    own[list(config.commanded)] = np.arange(len(config.commanded))
+
+    def row(chosen: ObserverGains, i: int) -> list[float]:
+        used = chosen if own[i] >= 0 else gains.leader_observer
+        return [used.bandwidth_rad_s, used.alpha, used.scale]
+
+    heading = gains.heading_observer
+    return EstimatorSettings(
+        np.array([row(gains.observer, i) for i in range(n)]),
+        np.array([row(gains.vertical_observer, i) for i in range(n)]),
+        np.tile([heading.bandwidth_rad_s, heading.alpha, heading.scale], (n, 1)),
+        np.array([[p.response_dead_time_s, p.response_lag_s, p.thrust_dead_time_s, p.thrust_lag_s] for p in profiles]),
+        own,
+        gains.strength_lag_s,
+    )
+
+
+def _law_settings(config: LabConfig, gains: Preset, estimator: EstimatorSettings) -> LawSettings:
+    """Gain rows by role."""
+    leads = [i == 0 for i in config.commanded]
+    return LawSettings(
+        np.array([(gains.leader if lead else gains.follower).row() for lead in leads]),
+        np.array([(gains.leader_vertical if lead else gains.follower_vertical).row() for lead in leads]),
+        estimator.response,
+        np.array(config.commanded, dtype=np.int64),
+        estimator.own,
+        gains.compensate,
+        config.limits.speed_m_s,
+    )
+
+
+def _attitude_settings(config: LabConfig, profiles: tuple[VehicleProfile, ...]) -> AttitudeSettings:
+    """Limits, and the bodies of the commanded vehicles."""
+    limits = config.limits
+    return AttitudeSettings(
+        np.array(config.commanded, dtype=np.int64),
+        np.array([body_row(p) for p in (profiles[i] for i in config.commanded)]),
+        limits.tilt_rad,
+        limits.min_separation_m,
+        np.array(limits.fence.low_m),
+        np.array(limits.fence.high_m),
+        FENCE_MARGIN_M,
+    )

@@ -1,0 +1,309 @@
+"""The autopilot: armed or not, its mode, and who flies. It speaks no MAVLink; its fail-safes are in drone_agent.guards.
+
+One of three flies at any time: the stream of attitude targets, the pilot (drone_agent.flying), or nobody
+(disarmed, or idling on the ground). What differs between makes is asked of the personality.
+"""
+
+from dataclasses import dataclass
+from math import hypot
+
+from drone_agent.airframe import Airframe
+from drone_agent.attitude_loop import LoopSetpoint
+from drone_agent.config import AgentConfig
+from drone_agent.estimator import Belief, Positioning, believed, turned
+from drone_agent.flying import Pilot
+from drone_agent.landing import LandDetector
+from drone_agent.parameters import Parameters
+from drone_agent.personality import Mode, ModeRow, Needs, Personality, Task, Timing
+from drone_agent.stream import StreamWatch, Watch
+from formation.messages import Severity
+from wire.link_messages import AttitudeSetpoint, Ignore, Result
+
+CONTROL_NS = 10_000_000
+_CONTROL_S = CONTROL_NS * 1e-9
+STREAM_MODES = (Mode.OFFBOARD, Mode.OFFBOARD_NO_POSITION)
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """Something to tell the operator."""
+
+    severity: Severity
+    text: str
+
+
+class Autopilot:
+    """One vehicle's commander."""
+
+    def __init__(
+        self,
+        config: AgentConfig,
+        personality: Personality,
+        parameters: Parameters,
+        airframe: Airframe,
+        positioning: Positioning,
+    ) -> None:
+        self.personality = personality
+        self.parameters = parameters
+        self.airframe = airframe
+        self.positioning = positioning
+        self.armed = False
+        self.mode = personality.boot_mode
+        self.failsafe = False
+        self.home: Belief | None = None
+        self.notes: list[Note] = []
+        self.last_target: AttitudeSetpoint | None = None
+        self.detector = LandDetector()
+        self.stream = StreamWatch(config.stale_setpoint_s)
+        self.armed_ns = 0
+        self.piloted = False
+        """Whether the agent flies by itself, so that `control` is due every CONTROL_NS."""
+        self._pilot = Pilot(airframe.profile)
+        self._delay_ns = round(airframe.profile.command_delay_s * 1e9)
+        self._mode_after_disarm = personality.boot_mode
+        self._rise_m: float | None = None
+
+    @property
+    def row(self) -> ModeRow:
+        """The present mode's row of the personality's table."""
+        return self.personality.modes[self.mode]
+
+    @property
+    def timing(self) -> Timing:
+        """The make's waits, as the parameters have them now."""
+        return self.personality.timing(self.parameters)
+
+    @property
+    def landed(self) -> bool:
+        """Whether it stands on the ground, as far as it can tell."""
+        return self.detector.landed
+
+    @property
+    def task(self) -> Task:
+        """What is being flown."""
+        if not self.armed:
+            return Task.OFF
+        return self._pilot.task if self.piloted else Task.EXTERNAL
+
+    @property
+    def in_stream_mode(self) -> bool:
+        """Whether attitude targets rule, or would if they came."""
+        return self.armed and self.mode in STREAM_MODES
+
+    def belief(self, now_ns: int) -> Belief:
+        """Where it thinks it is."""
+        return believed(self.airframe.state, self.positioning.offset(now_ns))
+
+    def say(self, severity: Severity, text: str, *fills: str) -> None:
+        """Tell the operator."""
+        self.notes.append(Note(severity, text.format(*fills)))
+
+    # Arming
+
+    def arming_fault(self, now_ns: int) -> str | None:
+        """Why it will not arm now, or None."""
+        row = self.row
+        if not row.may_arm:
+            return f"{row.label} mode is not armable"
+        if self.airframe.pack.remaining < self.timing.battery_critical:
+            return "low battery"
+        return self.missing(row.needs, now_ns)
+
+    def missing(self, needs: Needs, now_ns: int) -> str | None:
+        """The first of a mode's needs that is not met, in words."""
+        if Needs.POSITION in needs:
+            fault = self.positioning.fault(now_ns)
+            if fault is not None and not (self.armed and self.positioning.valid(now_ns)):
+                return fault
+        if Needs.STREAM in needs and self.stream.silent_for(now_ns, self._loss_s):
+            return self.personality.words.stream_lost
+        if Needs.PILOT in needs:
+            return "manual control signal lost"
+        return "no valid mission available" if Needs.MISSION in needs else None
+
+    def arm(self, now_ns: int, *, force: bool = False) -> Result:
+        """Arm after the checks, or past them by force; arming what is armed is accepted."""
+        if self.armed:
+            return Result.ACCEPTED
+        fault = None if force else self.arming_fault(now_ns)
+        if fault is not None:
+            for words in self.personality.words.arm_refused:
+                self.say(Severity.CRITICAL, words, fault)
+            return self.personality.refused
+        self.armed = self.airframe.armed = True
+        self.failsafe = False
+        self.armed_ns = now_ns
+        self.home = self.belief(now_ns)
+        self._pilot.set_home(self.home)
+        self.say(Severity.INFO, self.personality.words.armed)
+        self._take_up(now_ns)
+        return Result.ACCEPTED
+
+    def disarm(self, *, force: bool, reason: str) -> Result:
+        """Stop the motors: on the ground, or anywhere by force."""
+        if not self.armed:
+            return Result.ACCEPTED
+        if not (self.landed or force):
+            self.say(Severity.CRITICAL, self.personality.words.disarm_refused)
+            return self.personality.refused
+        self.armed = self.airframe.armed = False
+        self.airframe.order_now(self._pilot.idle())
+        self.piloted = self.failsafe = False
+        self.detector.landed = True
+        if self.mode is not Mode.TERMINATION:
+            self.mode = self._mode_after_disarm
+        self.say(Severity.INFO, self.personality.words.disarmed, reason)
+        return Result.ACCEPTED
+
+    def terminate(self) -> Result:
+        """Motors off wherever it is."""
+        if not self.armed:
+            return Result.DENIED
+        if Mode.TERMINATION in self.personality.modes:
+            self.mode = Mode.TERMINATION
+        return self.disarm(force=True, reason="flight termination")
+
+    # Modes
+
+    def change_mode(self, mode: Mode, now_ns: int) -> Result:
+        """The operator's choice of mode: PX4 takes any on the ground; in flight only what can be flown."""
+        row = self.personality.modes.get(mode)
+        if row is None or self.mode is Mode.TERMINATION:
+            return self.personality.refused
+        free = not self.armed and self.personality.any_mode_on_ground
+        fault = None if free else self.missing(row.needs, now_ns)
+        if fault is not None:
+            self.say(Severity.CRITICAL, self.personality.words.mode_refused, row.label, fault)
+            return self.personality.refused
+        self.failsafe = False
+        self.enter(mode, now_ns)
+        return Result.ACCEPTED
+
+    def take_off(self, now_ns: int, height_m: float | None) -> Result:
+        """Climb to `height_m` above here, or to the make's own take-off height."""
+        if self.personality.takeoff_in_own_mode:
+            self._rise_m = height_m
+            return self.change_mode(Mode.TAKEOFF, now_ns)
+        if not self.in_stream_mode or not self.landed or height_m is None or height_m <= 0.0:
+            return self.personality.refused
+        self.fly(Task.TAKEOFF, now_ns, rise_m=height_m)
+        return Result.ACCEPTED
+
+    def land(self, now_ns: int) -> Result:
+        """Come down here."""
+        result = self.change_mode(Mode.LAND, now_ns)
+        if result is Result.ACCEPTED:
+            self.say(Severity.INFO, self.personality.words.landing)
+        return result
+
+    def go_to(self, now_ns: int, place_lab_m: tuple[float, float, float], yaw_rad: float | None) -> Result:
+        """Hold at another place, in the estimate's frame."""
+        if not self.armed or self.landed:
+            return self.personality.refused
+        if self.personality.takeoff_in_own_mode:
+            result = self.change_mode(Mode.HOLD, now_ns)
+            if result is not Result.ACCEPTED:
+                return result
+        elif not self.in_stream_mode:
+            return self.personality.refused
+        self.fly(Task.HOLD, now_ns)
+        self._pilot.go_to(*place_lab_m, yaw_rad)
+        return Result.ACCEPTED
+
+    def enter(self, mode: Mode, now_ns: int) -> None:
+        """Be in `mode` and, if armed, do what it does."""
+        self.mode = mode
+        if self.row.may_arm or mode is Mode.TERMINATION:
+            self._mode_after_disarm = mode
+        if self.armed:
+            self._take_up(now_ns)
+
+    def fail_safe(self, mode: Mode, now_ns: int, task: Task | None = None) -> None:
+        """Leave what was asked for: show `mode` and fly its task, or `task`; without a position, descend."""
+        self.failsafe = True
+        self.enter(mode, now_ns)
+        if not self.armed:
+            return
+        flown = task or self.row.task
+        if flown is Task.OFF:
+            self.terminate()
+        elif flown in (Task.HOLD, Task.RETURN, Task.LAND) and not self.positioning.valid(now_ns):
+            self.fly(Task.DESCEND, now_ns)
+        elif task is not None:
+            self.fly(task, now_ns)
+
+    def fly(self, task: Task, now_ns: int, *, rise_m: float = 0.0, level_first: bool = False) -> None:
+        """Let the pilot take `task` up from here."""
+        belief = self.belief(now_ns)
+        goal_m = belief.pos_lab_m[2] + rise_m
+        if task is Task.RETURN:
+            goal_m = self._return_height_m(belief)
+        self._pilot.begin(task, belief, goal_m=goal_m, level_first=level_first)
+        self.piloted = True
+
+    # The stream, and the steady rate
+
+    def follow(self, now_ns: int, target: AttitudeSetpoint) -> None:
+        """An attitude target came; in off-board flight it rules after the vehicle's own delay."""
+        self.stream.note(now_ns)
+        self.last_target = target
+        if not self.in_stream_mode:
+            return
+        if self.stream.watch is Watch.LEVELLED:
+            self.say(Severity.INFO, "Setpoints are back")
+        self.stream.watch = Watch.LIVE
+        attitude = turned(target.q_lab_from_flu, -self.positioning.offset(now_ns).yaw_rad)
+        climb_m_s = self.personality.climb_rate_of(self.parameters, target.thrust_norm)
+        if climb_m_s is None:
+            self.piloted = False
+            thrust = 0.0 if target.ignore & Ignore.THRUST else target.thrust_norm
+            self.airframe.order(now_ns + self._delay_ns, LoopSetpoint(attitude, target.rate_flu_rad_s, thrust))
+            return
+        if self.task is not Task.LEVEL:
+            self.fly(Task.LEVEL, now_ns)
+        self._pilot.follow(target.q_lab_from_flu, climb_m_s)
+
+    def control(self, now_ns: int) -> None:
+        """The pilot's next setpoint, every CONTROL_NS while `piloted`."""
+        if self.landed and not self._pilot.asks_to_rise:
+            self.airframe.order_now(self._pilot.idle())
+            return
+        belief = self.belief(now_ns)
+        setpoint = self._pilot.step(belief, self.timing, _CONTROL_S)
+        true_q = turned(setpoint.q_lab_from_flu, -self.positioning.offset(now_ns).yaw_rad)
+        self.airframe.order_now(LoopSetpoint(true_q, setpoint.rate_flu_rad_s, setpoint.thrust_norm))
+        if not self._pilot.arrived(belief):
+            return
+        if self._pilot.task is Task.TAKEOFF:
+            if self.personality.takeoff_in_own_mode:
+                self.enter(Mode.HOLD, now_ns)
+            else:
+                self.fly(Task.HOLD, now_ns)
+        elif self._pilot.task is Task.RETURN:
+            self.fly(Task.LAND, now_ns)
+
+    def _take_up(self, now_ns: int) -> None:
+        """Do what the mode does. A stream that is alive takes over with its next target; until then, hold."""
+        task = self.row.task
+        if task is Task.EXTERNAL:
+            alive = not self.stream.silent_for(now_ns, self._loss_s)
+            self.stream.watch = Watch.LIVE if alive else Watch.GIVEN_UP
+            task = Task.HOLD if self.positioning.valid(now_ns) else Task.LEVEL
+        if task is Task.TAKEOFF:
+            rise_m = self._rise_m if self._rise_m is not None else self.timing.takeoff_height_m
+            self._rise_m = None
+            self.fly(task, now_ns, rise_m=rise_m if self.landed else 0.0)
+        elif task is not Task.OFF:
+            self.fly(task, now_ns)
+
+    def _return_height_m(self, belief: Belief) -> float:
+        """Height to fly home at: a cone over the home place, never below the present height."""
+        home = self.home or belief
+        dx, dy = (h - p for h, p in zip(home.pos_lab_m[:2], belief.pos_lab_m[:2], strict=True))
+        timing = self.timing
+        above_m = min(timing.return_height_m, timing.return_slope * hypot(dx, dy))
+        return max(belief.pos_lab_m[2], home.pos_lab_m[2] + above_m)
+
+    @property
+    def _loss_s(self) -> float:
+        return self.personality.stream_loss(self.parameters).after_s

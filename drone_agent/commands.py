@@ -1,0 +1,133 @@
+"""COMMAND_LONG and COMMAND_INT, read once into one form, obeyed or refused with the MAV_RESULT of the make."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import isfinite
+
+from drone_agent.autopilot import Autopilot
+from drone_agent.config import AgentConfig
+from drone_agent.geodesy import from_globe, to_globe
+from drone_agent.personality import Mode
+from drone_agent.schedule import Schedule
+from formation.messages import Severity
+from wire.link_messages import Command, CommandInt, Result
+
+_FORCE_DISARM = 21196
+_FORCE_ARM = 2989
+_RELATIVE_FRAMES = (3, 6, 10, 11)  # MAV_FRAME_GLOBAL_RELATIVE_ALT and its kin
+_LOCAL_FRAMES = (1, 4, 5, 7, 8, 9, 12, 13, 20, 21)
+_REPOSITION_CHANGES_MODE = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """One command: number, the four plain parameters, and the place (degrees, and metres above `relative`'s zero)."""
+
+    command: int
+    params: tuple[float, float, float, float]
+    lat_deg: float
+    lon_deg: float
+    height_m: float
+    relative: bool
+
+
+def order_of(message: Command | CommandInt) -> Order:
+    """The order in either message."""
+    if isinstance(message, Command):
+        p = message.params
+        return Order(message.command, p[:4], p[4], p[5], p[6], relative=False)
+    scale = 1e-4 if message.frame in _LOCAL_FRAMES else 1e-7
+    place = (message.x * scale, message.y * scale, message.z)
+    return Order(message.command, message.params, *place, relative=message.frame in _RELATIVE_FRAMES)
+
+
+class Commander:
+    """Obeys orders; `wanted` collects the messages that REQUEST_MESSAGE asked for."""
+
+    def __init__(self, config: AgentConfig, autopilot: Autopilot, schedule: Schedule) -> None:
+        self._config = config
+        self._pilot = autopilot
+        self._schedule = schedule
+        self.wanted: list[int] = []
+        self._handlers: dict[int, Callable[[Order, int], Result]] = {
+            20: lambda order, now: self._pilot.change_mode(Mode.RETURN, now),  # noqa: ARG005
+            21: lambda order, now: self._pilot.land(now),  # noqa: ARG005
+            22: self._take_off,
+            176: self._set_mode,
+            185: self._terminate,
+            192: self._reposition,
+            300: lambda order, now: Result.DENIED,  # noqa: ARG005
+            400: self._arm,
+            410: lambda order, now: self._send(242),  # noqa: ARG005
+            511: self._set_interval,
+            512: lambda order, now: self._send(_int(order.params[0])),  # noqa: ARG005
+            520: lambda order, now: self._send(148),  # noqa: ARG005
+        }
+
+    def obey(self, order: Order, now_ns: int) -> Result:
+        """Do it or say why not."""
+        handler = self._handlers.get(order.command)
+        return Result.UNSUPPORTED if handler is None else handler(order, now_ns)
+
+    def set_mode(self, base_mode: int, main: int, sub: int, now_ns: int) -> Result:
+        """A change of mode in the make's own numbers."""
+        request = self._pilot.personality.mode_request(base_mode, main, sub)
+        if request.mode is None:
+            return request.refusal
+        return self._pilot.change_mode(request.mode, now_ns)
+
+    def _set_mode(self, order: Order, now_ns: int) -> Result:
+        base_mode, main, sub = (_int(p) for p in order.params[:3])
+        return self.set_mode(base_mode, main, sub, now_ns)
+
+    def _arm(self, order: Order, now_ns: int) -> Result:
+        action, force = order.params[0], _int(order.params[1])
+        if _int(action) == 1:
+            return self._pilot.arm(now_ns, force=force == _FORCE_ARM and self._pilot.personality.force_arm)
+        if _int(action) == 0:
+            return self._pilot.disarm(force=force == _FORCE_DISARM, reason="external command")
+        self._pilot.say(Severity.CRITICAL, f"Unsupported ARM_DISARM param: {action:.3f}")
+        return Result.UNSUPPORTED
+
+    def _take_off(self, order: Order, now_ns: int) -> Result:
+        height_m: float | None = order.height_m
+        if self._pilot.personality.takeoff_in_own_mode and not order.relative:
+            # PX4's seventh parameter is above sea level; nothing, or a height below here, is the default height.
+            height_m = order.height_m - self._here_amsl_m(now_ns)
+        if height_m is None or not isfinite(height_m) or height_m <= 0.0:
+            height_m = None
+        return self._pilot.take_off(now_ns, height_m)
+
+    def _reposition(self, order: Order, now_ns: int) -> Result:
+        if not _int(order.params[1]) & _REPOSITION_CHANGES_MODE:
+            return Result.UNSUPPORTED
+        pilot = self._pilot
+        here = pilot.belief(now_ns).pos_lab_m
+        x, y, z = here
+        if isfinite(order.lat_deg + order.lon_deg):
+            x, y = from_globe(self._config.origin, order.lat_deg, order.lon_deg)
+        if isfinite(order.height_m):
+            home_m = pilot.home.pos_lab_m[2] if pilot.home else here[2]
+            z = order.height_m + home_m if order.relative else order.height_m - self._config.origin[2]
+        heading = order.params[3]
+        return pilot.go_to(now_ns, (x, y, z), -heading if isfinite(heading) else None)
+
+    def _terminate(self, order: Order, now_ns: int) -> Result:  # noqa: ARG002
+        return self._pilot.terminate() if order.params[0] > 0.5 else Result.DENIED
+
+    def _set_interval(self, order: Order, now_ns: int) -> Result:
+        known = self._schedule.set_interval_us(_int(order.params[0]), order.params[1], now_ns)
+        return Result.ACCEPTED if known else self._pilot.personality.no_such_rate
+
+    def _send(self, number: int) -> Result:
+        if not self._schedule.sends(number):
+            return self._pilot.personality.no_such_message
+        self.wanted.append(number)
+        return Result.ACCEPTED
+
+    def _here_amsl_m(self, now_ns: int) -> float:
+        return to_globe(self._config.origin, self._pilot.belief(now_ns).pos_lab_m)[2]
+
+
+def _int(value: float) -> int:
+    return round(value) if isfinite(value) else -1

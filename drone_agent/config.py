@@ -1,0 +1,65 @@
+"""The configuration of one drone agent: who it is, how it is reached, what it flies and what it trusts."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from formation.config import LinkConfig, Model, SysId, Vec3Tuple
+from formation.disturbance import Disturbance
+from formation.vehicle import VehicleProfile, profile
+
+NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+# Where PX4's and ArduPilot's simulators put their drones, so that a map shows something known.
+ZURICH: Vec3Tuple = (47.397742, 8.545594, 488.0)
+
+
+class AgentConfig(Model):
+    """One simulated drone. Lengths in `lab`; `profile` may be changed key by key with `vehicle`."""
+
+    sysid: SysId = 1
+    lab: str = "lab"
+    body: str | None = None
+    """The mocap's name of this drone's body; `uav<sysid>` if not given."""
+    link: LinkConfig = LinkConfig()
+    personality: Literal["px4", "ardupilot"] = "px4"
+    pose: Literal["own", "mocap"] = "own"
+    """own: simulated positioning as an autopilot's SITL has; mocap: the external pose and nothing else."""
+    profile: str = "paper_40g"
+    vehicle: dict[str, Any] = Field(default_factory=dict)
+    """Overrides of the profile: what this particular drone really is."""
+    start_lab_m: Vec3Tuple = (0.0, 0.0, 0.0)
+    start_yaw_rad: float = 0.0
+    disturbance: Disturbance = Disturbance()
+    stale_setpoint_s: NonNegative = 0.1
+    """A stream this silent is dead: level and hold. 0 leaves it to the autopilot's own time-outs."""
+    stale_land_s: NonNegative | None = None
+    """Then land this long after; not given: 1 s with `pose = mocap`, else as the autopilot itself would."""
+    accel_bias_lab_m_s2: Vec3Tuple = (0.03, -0.02, 0.02)
+    """What the inertial sensors are wrong by: how fast dead reckoning drifts without an external pose."""
+    parameters: dict[str, float] = Field(default_factory=dict)
+    parameter_file: Path | None = None
+    """Where PARAM_SET keeps its values; not given: they die with the process."""
+    origin: Vec3Tuple = ZURICH
+    """Latitude and longitude, degrees, and altitude, m, of the lab's origin."""
+    rates_hz: dict[int, NonNegative] = Field(default_factory=dict)
+    """Telemetry by MAVLink message id, where it shall differ from the personality's; 0 is off."""
+    truth_rate_hz: NonNegative = 0.0
+    """How often the true state is published; 0 leaves it to whoever asks."""
+    age_rate_hz: NonNegative = 50.0
+    """How often, at most, the age of a setpoint is reported to the ground."""
+
+    @model_validator(mode="after")
+    def _vehicle_exists(self) -> "AgentConfig":
+        self.true_vehicle()
+        return self
+
+    @property
+    def body_name(self) -> str:
+        """The body this agent listens for in mocap frames."""
+        return self.body if self.body is not None else f"uav{self.sysid}"
+
+    def true_vehicle(self) -> VehicleProfile:
+        """The profile with this drone's overrides; ValueError names what is unknown or out of range."""
+        base = profile(self.profile)
+        return VehicleProfile.model_validate({**base.model_dump(), **self.vehicle}) if self.vehicle else base

@@ -1,0 +1,221 @@
+"""The drone agent without its sockets: packets, mocap frames and time in; packets, truth and events out.
+
+Sans-IO: time is an argument, and everything inside happens at its own time and in order, whenever anybody asks.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drone_agent.airframe import Airframe
+from drone_agent.autopilot import CONTROL_NS, Autopilot
+from drone_agent.commands import Commander
+from drone_agent.config import AgentConfig
+from drone_agent.estimator import ExternalPose, ExternalPositioning, OwnPositioning, Positioning
+from drone_agent.guards import Guards
+from drone_agent.inbox import Inbox
+from drone_agent.parameters import Parameters
+from drone_agent.personalities import PERSONALITIES
+from drone_agent.schedule import RASTER_NS, Schedule
+from drone_agent.telemetry import ON_REQUEST, Teller
+from formation.messages import Datagram, Event, MocapFrame, Truth
+from formation.vehicle import on_ground
+from wire.link_messages import DRONE_COMPONENT, Address, LinkMessage, StatusText
+from wire.mavlink import Codec
+
+_LOOK_NS = 50_000_000
+_LOOK_S = _LOOK_NS * 1e-9
+_LAG_MAX_NS = 10_000_000
+_DATAGRAM_MAX = 1200
+_LISTED_AT_ONCE = 6
+
+
+@dataclass(frozen=True, slots=True)
+class AgentOutgoing:
+    """What one tick gives: packets for the ground, the true state if it is due, events, parameters to keep."""
+
+    datagrams: tuple[Datagram, ...]
+    truth: Truth | None
+    events: tuple[Event, ...]
+    parameters: dict[str, float] | None
+    """All parameters that differ from their defaults, where one has changed since the last tick."""
+
+
+class AgentCore:
+    """One simulated drone. Call `receive` with what arrives and `tick` no later than `next_deadline_ns`."""
+
+    def __init__(self, config: AgentConfig, t0_ns: int) -> None:
+        make = PERSONALITIES[config.personality]
+        indoor = make.indoor if config.pose == "mocap" else {}
+        self.config = config
+        self.codec = Codec(Address(config.sysid, DRONE_COMPONENT))
+        self.parameters = Parameters(make.parameters, make.autopilot, {**indoor, **config.parameters})
+        self._t0_ns = self._now_ns = t0_ns
+        start = np.array(config.start_lab_m)
+        self._airframe = Airframe(config.true_vehicle(), config.disturbance, start, config.start_yaw_rad, t0_ns)
+        self._positioning = _positioning(config, t0_ns)
+        self.autopilot = Autopilot(config, make, self.parameters, self._airframe, self._positioning)
+        self._guards = Guards(config, self.autopilot)
+        self._schedule = Schedule({**make.rates_hz, **config.rates_hz}, ON_REQUEST, t0_ns)
+        self._commander = Commander(config, self.autopilot, self._schedule)
+        self._teller = Teller(config, self.autopilot, t0_ns)
+        self._inbox = Inbox(config, self.autopilot, self._guards, self._commander, t0_ns, self._send, self._use_pose)
+        self._outbox: list[bytes] = []
+        self._events: list[Event] = []
+        self._look_ns = t0_ns
+        self._control_ns = t0_ns
+        self._truth_ns = t0_ns
+        self._truth_period_ns = round(1e9 / config.truth_rate_hz) if config.truth_rate_hz > 0.0 else 0
+        self._saved_version = self.parameters.version
+        for severity, text in make.words.boot:
+            self.autopilot.say(severity, text)
+
+    def receive(self, message: Datagram | MocapFrame, now_ns: int) -> None:
+        """Take in a datagram from the ground or a mocap frame. Never raises on what a datagram holds."""
+        self._run_to(now_ns)
+        if isinstance(message, MocapFrame):
+            self._receive_frame(message, now_ns)
+        elif message.sysid == self.config.sysid:
+            for packet in self.codec.receive(message.data):
+                self._inbox.read(packet, now_ns)
+            self._answer(now_ns)
+
+    def tick(self, now_ns: int) -> AgentOutgoing:
+        """Everything to send now."""
+        self._run_to(now_ns)
+        for number in self._schedule.take_due(now_ns):
+            self._tell(number, now_ns)
+        self._list_parameters()
+        self._flush_notes()
+        truth = None
+        if self._truth_period_ns and now_ns >= self._truth_ns:
+            self._truth_ns = max(self._truth_ns + self._truth_period_ns, now_ns)
+            truth = self.truth(now_ns)
+        datagrams, events = self._packed(), tuple(self._events)
+        self._outbox, self._events = [], []
+        return AgentOutgoing(datagrams, truth, events, self._changed_parameters())
+
+    def next_deadline_ns(self) -> int:
+        """When `tick` is due if nothing arrives."""
+        due_ns = min(self._next_inside_ns(), self._schedule.next_ns())
+        if self._truth_period_ns:
+            due_ns = min(due_ns, self._truth_ns)
+        if self._inbox.listing is not None:
+            due_ns = min(due_ns, self._now_ns + RASTER_NS)
+        return self._now_ns if self._outbox or self.autopilot.notes else due_ns
+
+    def truth(self, now_ns: int) -> Truth:
+        """The true state at `now_ns`, exactly, wherever the physics' grid lies."""
+        self._run_to(now_ns)
+        state = self._airframe.state_at(now_ns)
+        return Truth(
+            t_ns=now_ns,
+            sysid=self.config.sysid,
+            pos_lab_m=state.pos_lab_m,
+            vel_lab_m_s=state.vel_lab_m_s,
+            q_lab_from_flu=state.q_lab_from_flu,
+            rate_flu_rad_s=state.rate_flu_rad_s,
+            dist_lab_m_s2=self._airframe.push_lab_m_s2(),
+            on_ground=on_ground(state),
+        )
+
+    # Inside
+
+    def _next_inside_ns(self) -> int:
+        due_ns = self._look_ns
+        if self.autopilot.piloted:
+            if self._control_ns < self._now_ns:
+                self._control_ns = self._rastered(self._now_ns)
+            due_ns = min(due_ns, self._control_ns)
+        stream_ns = self._guards.stream_deadline_ns()
+        return due_ns if stream_ns is None else min(due_ns, stream_ns)
+
+    def _run_to(self, now_ns: int) -> None:
+        """Let everything inside happen up to `now_ns`: each at its own time."""
+        while (due_ns := self._next_inside_ns()) <= now_ns:
+            self._now_ns = max(due_ns, self._now_ns)
+            self._airframe.advance_to(due_ns)
+            self._guards.watch_stream(due_ns)
+            if self.autopilot.piloted and due_ns >= self._control_ns:
+                self.autopilot.control(due_ns)
+                self._control_ns = due_ns + CONTROL_NS
+            if due_ns >= self._look_ns:
+                self._guards.look(due_ns, _LOOK_S)
+                self._look_ns = due_ns + _LOOK_NS
+        self._now_ns = max(now_ns, self._now_ns)
+
+    def _rastered(self, t_ns: int) -> int:
+        return t_ns + (self._t0_ns - t_ns) % CONTROL_NS
+
+    def _receive_frame(self, frame: MocapFrame, now_ns: int) -> None:
+        name = self.config.body_name
+        if self.config.pose != "mocap" or name not in frame.bodies:
+            return
+        index = frame.bodies.index(name)
+        if frame.seen[index]:
+            self._inbox.own_feed_ns = now_ns
+            pose = ExternalPose(frame.t_capture_ns, frame.pos_lab_m[index], frame.q_lab_from_flu[index])
+            self._use_pose(pose, now_ns)
+
+    def _use_pose(self, pose: ExternalPose, now_ns: int) -> None:
+        frame = self._airframe
+        if now_ns - frame.t_ns > _LAG_MAX_NS:
+            frame.advance_to(now_ns)
+        self._positioning.accept(pose, now_ns, frame.state, frame.t_ns)
+
+    def _tell(self, number: int, now_ns: int) -> None:
+        self._airframe.advance_to(now_ns)
+        message = self._teller.build(number, now_ns)
+        if message is not None:
+            self._send(message)
+
+    def _answer(self, now_ns: int) -> None:
+        """What REQUEST_MESSAGE asked for, after its acknowledgement."""
+        for number in self._commander.wanted:
+            self._tell(number, now_ns)
+        self._commander.wanted.clear()
+
+    def _list_parameters(self) -> None:
+        start = self._inbox.listing
+        if start is None:
+            return
+        stop = min(start + _LISTED_AT_ONCE, len(self.parameters))
+        for index in range(start, stop):
+            value = self.parameters.message(index)
+            if value is not None:
+                self._send(value)
+        self._inbox.listing = stop if stop < len(self.parameters) else None
+
+    def _flush_notes(self) -> None:
+        for note in self.autopilot.notes:
+            self._send(StatusText(note.severity, note.text))
+            self._events.append(Event(note.severity, f"uav{self.config.sysid}", note.text))
+        self.autopilot.notes.clear()
+
+    def _changed_parameters(self) -> dict[str, float] | None:
+        if self.parameters.version == self._saved_version:
+            return None
+        self._saved_version = self.parameters.version
+        return self.parameters.changed()
+
+    def _send(self, message: LinkMessage) -> None:
+        self._outbox.append(self.codec.encode(message))
+
+    def _packed(self) -> tuple[Datagram, ...]:
+        """The packets that wait, as few datagrams as they fit in."""
+        datagrams: list[Datagram] = []
+        waiting = b""
+        for packet in self._outbox:
+            if len(waiting) + len(packet) > _DATAGRAM_MAX:
+                datagrams.append(Datagram(self.config.sysid, waiting))
+                waiting = b""
+            waiting += packet
+        if waiting:
+            datagrams.append(Datagram(self.config.sysid, waiting))
+        return tuple(datagrams)
+
+
+def _positioning(config: AgentConfig, t0_ns: int) -> Positioning:
+    if config.pose == "own":
+        return OwnPositioning(t0_ns)
+    return ExternalPositioning(config.accel_bias_lab_m_s2)

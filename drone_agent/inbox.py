@@ -1,0 +1,165 @@
+"""What the agent does with each MAVLink message that comes in, and what it answers."""
+
+from collections.abc import Callable
+from typing import Any
+
+from drone_agent.autopilot import Autopilot
+from drone_agent.clock_offset import GroundClock
+from drone_agent.commands import Commander, order_of
+from drone_agent.config import AgentConfig
+from drone_agent.estimator import ExternalPose
+from drone_agent.guards import Guards
+from formation.messages import Severity
+from wire.link_messages import (
+    Address,
+    AttitudeSetpoint,
+    Command,
+    CommandAck,
+    CommandInt,
+    Heartbeat,
+    LinkMessage,
+    MocapPose,
+    NamedValue,
+    Odometry,
+    Packet,
+    ParamRequestList,
+    ParamRequestRead,
+    ParamSet,
+    Ping,
+    SetMode,
+    TimeSync,
+    VisionPose,
+)
+from wire.link_messages import Autopilot as Make
+
+_POSE_AGE_MAX_NS = 500_000_000
+_POSE_DELAY_NS = 20_000_000  # of a pose whose stamp is on no clock we know
+_OWN_FEED_RULES_NS = 200_000_000
+
+Send = Callable[[LinkMessage], None]
+
+
+class Inbox:
+    """Reads packets; answers go through `send`, accepted poses through `use_pose`."""
+
+    def __init__(
+        self,
+        config: AgentConfig,
+        autopilot: Autopilot,
+        guards: Guards,
+        commander: Commander,
+        t0_ns: int,
+        send: Send,
+        use_pose: Callable[[ExternalPose, int], None],
+    ) -> None:
+        self._config = config
+        self._pilot = autopilot
+        self._guards = guards
+        self._commander = commander
+        self._t0_ns = t0_ns
+        self._send = send
+        self._use_pose = use_pose
+        self.clock = GroundClock()
+        self.listing: int | None = None
+        """The next parameter of a list that was asked for."""
+        self.own_feed_ns: int | None = None
+        """When the agent's own mocap feed last gave its body's pose."""
+        self._age_told_ns = t0_ns
+        self._readers: dict[type, Callable[[Address, Any, int], None]] = {
+            AttitudeSetpoint: self._setpoint,
+            VisionPose: self._pose,
+            MocapPose: self._pose,
+            Odometry: self._pose,
+            TimeSync: self._timesync,
+            Heartbeat: self._heartbeat,
+            Command: self._command,
+            CommandInt: self._command,
+            SetMode: self._set_mode,
+            Ping: self._ping,
+            ParamRequestRead: self._param_read,
+            ParamRequestList: self._param_list,
+            ParamSet: self._param_set,
+        }
+
+    def read(self, packet: Packet, now_ns: int) -> None:
+        """Act on one packet; what concerns only ground stations is left alone."""
+        reader = self._readers.get(type(packet.message))
+        if reader is not None:
+            reader(packet.source, packet.message, now_ns)
+
+    def _setpoint(self, source: Address, message: AttitudeSetpoint, now_ns: int) -> None:  # noqa: ARG002
+        self._pilot.follow(now_ns, message)
+        rate_hz = self._config.age_rate_hz
+        age_ms = self.clock.age_ms(message.t_boot_ms, now_ns - self._t0_ns)
+        if age_ms is not None and rate_hz > 0.0 and now_ns - self._age_told_ns >= 1e9 / rate_hz:
+            self._age_told_ns = now_ns
+            self._send(NamedValue(self._boot_ms(now_ns), "age_ms", age_ms))
+
+    def _pose(self, source: Address, message: VisionPose | MocapPose | Odometry, now_ns: int) -> None:  # noqa: ARG002
+        pilot = self._pilot
+        if self.own_feed_ns is not None and now_ns - self.own_feed_ns < _OWN_FEED_RULES_NS:
+            return
+        if pilot.personality.takes_pose(pilot.parameters, message):
+            capture_ns = self._capture_ns(message.t_us * 1000, now_ns)
+            self._use_pose(ExternalPose(capture_ns, message.pos_lab_m, message.q_lab_from_flu), now_ns)
+
+    def _capture_ns(self, stamp_ns: int, now_ns: int) -> int:
+        """A pose's capture on our clock: its stamp is our time since boot, or the sender's own clock."""
+        own_ns = self.clock.to_own_ns(stamp_ns)
+        for since_boot_ns in (stamp_ns,) if own_ns is None else (stamp_ns, own_ns):
+            if 0 <= now_ns - self._t0_ns - since_boot_ns <= _POSE_AGE_MAX_NS:
+                return self._t0_ns + since_boot_ns
+        return now_ns - _POSE_DELAY_NS
+
+    def _timesync(self, source: Address, message: TimeSync, now_ns: int) -> None:
+        boot_ns = now_ns - self._t0_ns
+        if message.tc1_ns == 0:
+            self._send(TimeSync(boot_ns, message.ts1_ns, source))
+        else:
+            self.clock.exchange(message.ts1_ns, message.tc1_ns, boot_ns)
+
+    def _heartbeat(self, source: Address, message: Heartbeat, now_ns: int) -> None:  # noqa: ARG002
+        if message.autopilot is Make.INVALID:
+            self._guards.ground_seen(now_ns)
+
+    def _command(self, source: Address, message: Command | CommandInt, now_ns: int) -> None:
+        result = self._commander.obey(order_of(message), now_ns)
+        self._send(CommandAck(source, message.command, result))
+
+    def _set_mode(self, source: Address, message: SetMode, now_ns: int) -> None:
+        make = self._pilot.personality
+        main, sub = make.custom_parts(message.custom_mode)
+        result = self._commander.set_mode(message.base_mode, main, sub, now_ns)
+        self._send(CommandAck(source, make.set_mode_ack, result))
+
+    def _ping(self, source: Address, message: Ping, now_ns: int) -> None:  # noqa: ARG002
+        if message.target.system == 0:
+            self._send(Ping(message.t_us, message.seq, source))
+
+    def _param_read(self, source: Address, message: ParamRequestRead, now_ns: int) -> None:  # noqa: ARG002
+        found = self._pilot.parameters.message(message.index if message.index >= 0 else message.name)
+        if found is not None:
+            self._send(found)
+        else:
+            self._unknown_parameter(message.name)
+
+    def _param_list(self, source: Address, message: ParamRequestList, now_ns: int) -> None:  # noqa: ARG002
+        self.listing = 0
+
+    def _param_set(self, source: Address, message: ParamSet, now_ns: int) -> None:  # noqa: ARG002
+        parameters = self._pilot.parameters
+        if message.name not in parameters:
+            self._unknown_parameter(message.name)
+            return
+        parameters.set_raw(message.name, message.raw, message.type)
+        value = parameters.message(message.name)
+        if value is not None:
+            self._send(value)
+
+    def _unknown_parameter(self, name: str) -> None:
+        words = self._pilot.personality.words.unknown_parameter
+        if words is not None:
+            self._pilot.say(Severity.INFO, words, name)
+
+    def _boot_ms(self, now_ns: int) -> int:
+        return (now_ns - self._t0_ns) // 1_000_000

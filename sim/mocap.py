@@ -3,7 +3,6 @@
 It speaks the mocap's axes and marker frames, as a real system does: the ground's own edge turns them into lab and flu.
 """
 
-from collections import deque
 from collections.abc import Mapping
 from typing import Annotated
 
@@ -16,6 +15,7 @@ from formation.config import LabConfig, Model, Positive
 from formation.messages import MocapFrame, Truth
 from sim import optics
 from sim.playback import Playback
+from wire.memory_bus import MemoryLink, random_delay
 
 NotNegative = Annotated[float, Field(ge=0.0)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -35,7 +35,8 @@ class Gap(Model):
 class EmulatorConfig(Model):
     """How far the emulated mocap is from an ideal one.
 
-    jitter_s, noise_m and noise_rad are standard deviations (of the exposure's time; per axis).
+    jitter_s, noise_m and noise_rad are standard deviations (of the exposure's time; per axis), delay_jitter_s the mean
+    of what comes on top of delay_s.
     """
 
     rate_hz: Positive = 100.0
@@ -76,17 +77,13 @@ class MocapEmulator:
         self._seq = 0
         self._exposure_ns = t0_ns
         self._start_ns: int | None = None
-        self._pending: deque[tuple[int, MocapFrame]] = deque()
+        arrival = np.random.default_rng([seed, 2])
+        self._cable = MemoryLink[MocapFrame](
+            random_delay(config.delay_s, config.delay_jitter_s, config.lost_share, arrival)
+        )
         self._truth = np.zeros((n, 14))
         self._pos = np.zeros((n, 3))
         self._q = np.tile(frames.IDENTITY, (n, 1))
-
-    @property
-    def playback_end_ns(self) -> int:
-        """When the recorded leader reaches its last pose; never, before it is started or without one."""
-        if self._start_ns is None or self._leader is None:
-            return NEVER_NS
-        return self._start_ns + self._leader.duration_ns
 
     @property
     def next_exposure_ns(self) -> int:
@@ -96,7 +93,8 @@ class MocapEmulator:
     @property
     def next_frame_ns(self) -> int:
         """When `pop_due` has the next frame."""
-        return self._pending[0][0] if self._pending else NEVER_NS
+        due_ns = self._cable.next_due_ns()
+        return NEVER_NS if due_ns is None else due_ns
 
     def start(self, now_ns: int) -> None:
         """The formation phase begins: the recorded leader moves, the gaps' clock runs."""
@@ -108,26 +106,20 @@ class MocapEmulator:
         t_ns = self._exposure_ns
         n = len(self._bodies)
         noise = self._rng.standard_normal((n, 6)) * self._noise
-        luck = self._rng.random(n + 1)
-        lateness_s = self._config.delay_s + self._config.delay_jitter_s * abs(self._rng.standard_normal())
+        luck = self._rng.random(n)
         hidden = self._hidden_by_gaps(t_ns)
-        seen = luck[1:] >= self._config.occluded_share
+        seen = luck >= self._config.occluded_share
         if hidden:
             seen &= np.array([body not in hidden for body in self._bodies])
         self._look(t_ns, truths, seen, noise)
-        if luck[0] >= self._config.lost_share and None not in hidden:
-            frame = MocapFrame(self._seq, t_ns, self._bodies, self._pos.copy(), self._q.copy(), seen)
-            due_ns = t_ns + round(lateness_s * 1e9)
-            self._pending.append((max(due_ns, self._pending[-1][0] if self._pending else 0), frame))
+        if None not in hidden:
+            self._cable.push(t_ns, MocapFrame(self._seq, t_ns, self._bodies, self._pos.copy(), self._q.copy(), seen))
         self._seq += 1
         self._exposure_ns = self._next_exposure_after(t_ns)
 
     def pop_due(self, now_ns: int) -> list[MocapFrame]:
         """The frames that have arrived by now, oldest first."""
-        due = []
-        while self._pending and self._pending[0][0] <= now_ns:
-            due.append(self._pending.popleft()[1])
-        return due
+        return [frame for _, frame in self._cable.pop_due(now_ns)]
 
     def _look(self, t_ns: int, truths: Mapping[int, Truth], seen: Bool, noise: Float) -> None:
         """Fill in the poses of the bodies in sight; the others keep their last pose and lose their flag in `seen`.

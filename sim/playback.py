@@ -4,24 +4,13 @@ A recording is held at its first pose until the start; the playback then eases i
 flight), after which every exposure falls on a recorded stamp, jitter and gaps included; at the end the last pose holds.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
 
 from formation import frames
-from formation.arrays import Float, Quat, Vec3
+from formation.arrays import Quat, Vec3
+from gcs.mocap.csv_file import Recording
 
 EASE_IN_NS = 1_000_000_000
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Recording:
-    """A recorded body: stamps in ns from the first one (k,), poses in the mocap's axes (k, 3), (k, 4), unit."""
-
-    t_ns: NDArray[np.int64]
-    pos_mocap_m: Float
-    q_mocap_from_marker: Float
 
 
 class Playback:

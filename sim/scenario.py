@@ -5,26 +5,30 @@
 
 from importlib import resources
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from drone_agent.config import AgentConfig
 from formation import frames
-from formation.arrays import Quat, Vec3
-from formation.config import LabConfig, Model, Positive, QuatTuple, SysId, Vec3Tuple
-from formation.vehicle import VehicleProfile, profile
-from sim.mocap import EmulatorConfig, NotNegative
+from formation.arrays import Vec3
+from formation.config import FollowerConfig, LabConfig, Model, Positive, QuatTuple, SysId, Vec3Tuple
+from formation.disturbance import Disturbance
+from gcs.mocap.csv_file import read_recording
+from sim.mocap import EmulatorConfig, NotNegative, Share
+from sim.playback import Playback
 from sim.script import FLIGHT, Step
 from wire import config_file
 
 
-class LinkDelay(Model):
-    """One-way delay of the in-memory links: a constant part and the standard deviation of what varies."""
+class LinkModel(Model):
+    """The in-memory links to and from the drones: delay, the mean of what comes on top, the share lost."""
 
     down_s: NotNegative = 0.004
     up_s: NotNegative = 0.004
     jitter_s: NotNegative = 0.0005
+    lost_share: Share = 0.0
 
 
 class Pose(Model):
@@ -43,7 +47,7 @@ class TrueVehicle(Model):
     sysid: SysId
     start: Pose | None = None
     vehicle: dict[str, float | bool | Vec3Tuple] = Field(default_factory=dict)
-    personality: str = "px4"
+    personality: Literal["px4", "ardupilot"] = "px4"
 
 
 class ObservedLeader(Model):
@@ -66,7 +70,8 @@ class Scenario(Model):
     formation_s: Positive | None = None
     lab: LabConfig
     mocap: EmulatorConfig = EmulatorConfig()
-    link_delay: LinkDelay = LinkDelay()
+    link: LinkModel = LinkModel()
+    air: Disturbance = Disturbance()
     vehicles: tuple[TrueVehicle, ...] = ()
     leader: ObservedLeader = ObservedLeader()
     needs_leader_file: bool = False
@@ -78,17 +83,11 @@ class Scenario(Model):
         for vehicle in self.vehicles:
             if vehicle.sysid not in commanded:
                 raise ValueError(f"sysid {vehicle.sysid} is not in the lab")
-            self.true_profile(vehicle.sysid)
         return self
 
     def true_vehicle(self, sysid: int) -> TrueVehicle:
         """The simulated drone of that sysid; one that is exactly as the lab says where nothing else is said."""
         return next((v for v in self.vehicles if v.sysid == sysid), TrueVehicle(sysid=sysid))
-
-    def true_profile(self, sysid: int) -> VehicleProfile:
-        """What the drone of that sysid really is."""
-        named = next(v.profile for v in self.lab.vehicles if v.sysid == sysid)
-        return VehicleProfile.model_validate(profile(named).model_dump() | self.true_vehicle(sysid).vehicle)
 
 
 def shipped() -> dict[str, Path]:
@@ -125,17 +124,72 @@ def with_leader_file(scenario: Scenario, file: str | None, q_marker_from_flu: Qu
     return scenario.model_copy(update=update)
 
 
-def starts(scenario: Scenario, leader_pos_lab_m: Vec3, leader_q_lab_from_flu: Quat) -> dict[int, Pose]:
-    """Where every simulated drone stands at the start, by sysid; the leader's pose is where it is then."""
-    yaw = float(frames.yaw(leader_q_lab_from_flu))
-    placed = {}
+def recorded_leader(scenario: Scenario) -> Playback | None:
+    """The leader that no drone carries, ready to be played; MocapFileError where its file is not right."""
+    if scenario.lab.leader.sysid is not None:
+        return None
+    if scenario.leader.file is not None:
+        return Playback(read_recording(Path(scenario.leader.file)))
+    mocap = scenario.lab.mocap
+    q_mocap_from_lab = frames.inverse(np.array(mocap.q_lab_from_mocap))
+    pos_lab_m = np.array(scenario.leader.pose.pos_lab_m)
+    q_lab_from_flu = frames.from_yaw(np.array(scenario.leader.pose.yaw_rad))
+    q_lab_from_marker = frames.multiply(q_lab_from_flu, frames.inverse(np.array(scenario.lab.leader.q_marker_from_flu)))
+    return Playback.standing(
+        frames.rotate(q_mocap_from_lab, pos_lab_m - np.array(mocap.origin_lab_m)),
+        frames.multiply(q_mocap_from_lab, q_lab_from_marker),
+    )
+
+
+def leader_seconds(scenario: Scenario, leader: Playback | None) -> float | None:
+    """How long the leader is on its way; None where its own trajectory says."""
+    if scenario.formation_s is not None or leader is None:
+        return scenario.formation_s
+    return leader.duration_ns * 1e-9
+
+
+def agent_configs(scenario: Scenario, leader: Playback | None) -> tuple[AgentConfig, ...]:
+    """The simulated drones, in the lab's order, each on its starting place."""
+    pos_lab_m, yaw_rad = _leader_start(scenario, leader)
+    configs = []
     for i, vehicle in enumerate(scenario.lab.vehicles):
         if vehicle.sysid is None:
             continue
-        wanted = scenario.true_vehicle(vehicle.sysid).start
-        follower = scenario.lab.followers[i - 1] if i else None
-        if wanted is None and follower is not None:
-            x, y, _ = leader_pos_lab_m + frames.rotate_about_z(np.array(yaw), np.array(follower.offset_m))
-            wanted = Pose(pos_lab_m=(float(x), float(y), 0.0), yaw_rad=yaw + follower.yaw_offset_rad)
-        placed[vehicle.sysid] = wanted or Pose(pos_lab_m=(0.0, 0.0, 0.0))
-    return placed
+        true = scenario.true_vehicle(vehicle.sysid)
+        start = true.start or Pose(pos_lab_m=(float(pos_lab_m[0]), float(pos_lab_m[1]), 0.0), yaw_rad=yaw_rad)
+        if true.start is None and i > 0:
+            start = _below_slot(scenario.lab.followers[i - 1], pos_lab_m, yaw_rad)
+        configs.append(
+            AgentConfig(
+                sysid=vehicle.sysid,
+                lab=scenario.lab.name,
+                body=vehicle.body,
+                link=scenario.lab.link,
+                personality=true.personality,
+                pose="mocap",
+                profile=vehicle.profile,
+                vehicle=dict(true.vehicle),
+                start_lab_m=start.pos_lab_m,
+                start_yaw_rad=start.yaw_rad,
+                disturbance=scenario.air,
+            )
+        )
+    return tuple(configs)
+
+
+def _leader_start(scenario: Scenario, leader: Playback | None) -> tuple[Vec3, float]:
+    """Position and heading, lab, of the leader before anything moves."""
+    config = scenario.lab.leader
+    if leader is None:
+        start = (scenario.true_vehicle(config.sysid).start if config.sysid else None) or Pose(pos_lab_m=(0.0, 0.0, 0.0))
+        return np.array(start.pos_lab_m), start.yaw_rad
+    pos_mocap_m, q_mocap_from_marker = leader.pose(0)
+    q_lab_from_mocap = np.array(scenario.lab.mocap.q_lab_from_mocap)
+    pos_lab_m = frames.rotate(q_lab_from_mocap, pos_mocap_m) + np.array(scenario.lab.mocap.origin_lab_m)
+    q_lab_from_marker = frames.multiply(q_lab_from_mocap, q_mocap_from_marker)
+    return pos_lab_m, float(frames.yaw(frames.multiply(q_lab_from_marker, np.array(config.q_marker_from_flu))))
+
+
+def _below_slot(follower: FollowerConfig, pos_lab_m: Vec3, yaw_rad: float) -> Pose:
+    x, y, _ = pos_lab_m + frames.rotate_about_z(np.array(yaw_rad), np.array(follower.offset_m))
+    return Pose(pos_lab_m=(float(x), float(y), 0.0), yaw_rad=yaw_rad + follower.yaw_offset_rad)

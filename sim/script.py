@@ -1,14 +1,17 @@
 """The simulated operator, sans-IO: watches the flight's phase and asks for the next thing when its time has come."""
 
+import json
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal, Self
 
 from pydantic import Field
 
 from formation.config import Model
 from formation.messages import OperatorReply, OperatorRequest, Phase, Verb
 
+READY_WITHIN_NS = 30_000_000_000
 RETRY_NS = 200_000_000
+ANSWER_NS = 20_000_000_000
 REFUSED_FOR_NS = 30_000_000_000
 
 
@@ -16,7 +19,7 @@ class Step(Model):
     """Ask for `verb` once the flight has been in `phase` for `after_s` and, if so wanted, the leader has finished."""
 
     verb: Verb
-    phase: str
+    phase: Literal["GROUND", "ARMED", "TAKEOFF", "FORMATION", "HOLD", "LAND"]
     after_s: Annotated[float, Field(ge=0.0)] = 0.0
     leader_done: bool = False
     argument: str = ""
@@ -32,6 +35,30 @@ FLIGHT = (
 
 
 @dataclass(frozen=True, slots=True)
+class Glance:
+    """What the simulation reads off the ground's published state.
+
+    formed: the followers are in their slots, and the leader goes on its way. refusals: why it would not arm now.
+    """
+
+    phase: Phase
+    formed: bool = False
+    trajectory_done: bool = False
+    refusals: tuple[str, ...] = ()
+
+    @classmethod
+    def at(cls, state: str) -> Self:
+        """Of the JSON text that the ground publishes."""
+        values = json.loads(state)
+        return cls(
+            phase=Phase[values["phase"]],
+            formed=values["trajectory_started"],
+            trajectory_done=values["trajectory_done"],
+            refusals=tuple(values["refusals"]),
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class Outcome:
     """How the flight ended: `landed`, `held` or `aborted`, and why where that needs saying."""
 
@@ -40,17 +67,25 @@ class Outcome:
 
 
 class Operator:
-    """Walks through the steps; a refused request is asked again until it has been refused for too long."""
+    """Walks through the steps; a refused request is asked again until it has been refused for too long.
 
-    def __init__(self, steps: tuple[Step, ...]) -> None:
+    Before arming it waits until the ground has nothing against it. Arming is answered only when every drone has armed,
+    so an answer may take its time.
+    """
+
+    def __init__(self, steps: tuple[Step, ...], leader_s: float | None = None) -> None:
+        """leader_s: how long the leader is on its way, where the ground cannot tell."""
         self._steps = steps
+        self._leader_ns = None if leader_s is None else round(leader_s * 1e9)
+        self._formed_ns: int | None = None
+        self._leader_done = False
+        self._ready = False
         self._next = 0
         self._phase = Phase.GROUND
         self._since_ns: int | None = None
-        self._asked_ns: int | None = None
+        self._ask_again_ns = 0
         self._waiting_since_ns: int | None = None
         self._requests = 0
-        self._refusal = ""
         self.outcome: Outcome | None = None
 
     @property
@@ -58,8 +93,15 @@ class Operator:
         """The phase last reported."""
         return self._phase
 
-    def observe(self, phase: Phase, now_ns: int) -> None:
-        """The ground reports its phase."""
+    def observe(self, glance: Glance, now_ns: int) -> None:
+        """The ground publishes its state."""
+        phase = glance.phase
+        if glance.formed and self._formed_ns is None:
+            self._formed_ns = now_ns
+        self._ready = not glance.refusals
+        self._leader_done = glance.trajectory_done
+        if self._leader_ns is not None:
+            self._leader_done = self._formed_ns is not None and now_ns - self._formed_ns >= self._leader_ns
         if self._since_ns is None or phase is not self._phase:
             self._phase, self._since_ns = phase, now_ns
             if phase is Phase.STOPPED:
@@ -69,18 +111,20 @@ class Operator:
             elif phase is Phase.HOLD and self._next == len(self._steps) and self._steps[-1].verb is not Verb.LAND:
                 self.outcome = Outcome("held")
 
-    def next_request(self, leader_done: bool, now_ns: int) -> OperatorRequest | None:
+    def next_request(self, now_ns: int) -> OperatorRequest | None:
         """The request to make now, if any."""
-        if self.outcome is not None or self._since_ns is None or self._asked_recently(now_ns):
+        if self.outcome is not None or self._since_ns is None or now_ns < self._ask_again_ns:
             return None
         if self._next == len(self._steps):
             return None
         step = self._steps[self._next]
         if Phase[step.phase] is not self._phase or now_ns - self._since_ns < round(step.after_s * 1e9):
             return None
-        if step.leader_done and not leader_done:
+        if step.leader_done and not self._leader_done:
             return None
-        self._asked_ns = now_ns
+        if step.verb is Verb.ARM and not self._ready and now_ns - self._since_ns < READY_WITHIN_NS:
+            return None
+        self._ask_again_ns = now_ns + ANSWER_NS
         if self._waiting_since_ns is None:
             self._waiting_since_ns = now_ns
         self._requests += 1
@@ -90,15 +134,15 @@ class Operator:
         """The answer to the request made last."""
         if reply.id != self._requests or self._waiting_since_ns is None:
             return
+        self._ask_again_ns = now_ns
         if reply.accepted:
             self._next += 1
-            self._waiting_since_ns = self._asked_ns = None
-        elif now_ns - self._waiting_since_ns > REFUSED_FOR_NS:
+            self._waiting_since_ns = None
+            return
+        self._ask_again_ns += RETRY_NS
+        if now_ns - self._waiting_since_ns > REFUSED_FOR_NS:
             step = self._steps[self._next]
             self.outcome = Outcome("aborted", f"{step.verb} refused: {reply.text}")
-
-    def _asked_recently(self, now_ns: int) -> bool:
-        return self._asked_ns is not None and now_ns - self._asked_ns < RETRY_NS
 
     def _end_on_ground(self) -> None:
         if self._next == len(self._steps):

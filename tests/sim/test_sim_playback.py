@@ -1,7 +1,8 @@
 import numpy as np
 
 from formation import frames
-from sim.playback import EASE_IN_NS, Playback, Recording
+from gcs.mocap.csv_file import Recording
+from sim.playback import EASE_IN_NS, Playback
 
 S = 1_000_000_000
 

@@ -1,0 +1,76 @@
+"""The lockstep host: a whole flight in one process, as fast as the machine goes, decided by scenario and seed alone."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+from formation.topics import Topic
+from gcs.recording import Record, run_metadata
+from sim.scenario import Scenario
+from sim.script import Outcome
+from sim.world import T0_NS, World
+from wire import clock
+from wire.mcap_log import Entry, LogWriter
+
+Progress = Callable[[float, str], None]
+"""Told the simulated seconds and the phase, every tenth of a simulated second."""
+
+PROGRESS_NS = 100_000_000
+AFTER_NS = 500_000_000
+"""What is still recorded after the flight has ended."""
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """A lockstep flight: how it ended, how long it was, and how much faster than time it ran."""
+
+    outcome: Outcome
+    duration_s: float
+    realtime_factor: float
+
+
+def run_to_file(scenario: Scenario, seed: int, path: Path, progress: Progress | None = None) -> Flown:
+    """Fly, recording to an MCAP file at `path` (OSError)."""
+    with LogWriter(path, metadata(scenario, seed, "memory", T0_NS), threaded=False) as log:
+        return fly(scenario, seed, log.write, progress)
+
+
+def run_in_memory(scenario: Scenario, seed: int) -> tuple[Flown, list[Entry]]:
+    """Fly without a file; the records come back, as a reader of the log would give them."""
+    records: list[Entry] = []
+
+    def keep(topic: Topic, message: object, t_ns: int) -> None:
+        records.append(Entry(topic, t_ns, message))
+
+    return fly(scenario, seed, keep), records
+
+
+def fly(scenario: Scenario, seed: int, record: Record, progress: Progress | None = None) -> Flown:
+    """Fly until the operator is done, the flight fails or takes too long."""
+    started_ns = clock.monotonic_ns()
+    world = World(scenario, seed, record)
+    end_ns = T0_NS + round(scenario.longest_s * 1e9)
+    told_ns = T0_NS
+    ended = False
+    while world.now_ns < end_ns:
+        world.step()
+        if world.operator.outcome is not None and not ended:
+            ended, end_ns = True, world.now_ns + AFTER_NS
+        if progress is not None and world.now_ns >= told_ns:
+            told_ns = world.now_ns + PROGRESS_NS
+            progress((world.now_ns - T0_NS) * 1e-9, world.operator.phase.name)
+    duration_s = (world.now_ns - T0_NS) * 1e-9
+    taken_s = (clock.monotonic_ns() - started_ns) * 1e-9
+    outcome = world.operator.outcome or Outcome("aborted", f"not over after {scenario.longest_s:g} s")
+    return Flown(outcome, duration_s, duration_s / taken_s)
+
+
+def metadata(scenario: Scenario, seed: int, link: str, t0_ns: int) -> dict[str, str]:
+    """What a log says of its flight."""
+    return run_metadata(scenario.lab, t0_ns) | {
+        "scenario": scenario.name,
+        "seed": str(seed),
+        "link": link,
+        "versions": f"mavlink-formation {version('mavlink-formation')}",
+    }

@@ -14,7 +14,7 @@ from drone_agent.estimator import Belief, Positioning, believed, turned
 from drone_agent.flying import Pilot
 from drone_agent.landing import LandDetector
 from drone_agent.parameters import Parameters
-from drone_agent.personality import Mode, ModeRow, Needs, Personality, Task, Timing
+from drone_agent.personality import Mode, ModeRow, Needs, Personality, StreamLoss, Task, Timing
 from drone_agent.stream import StreamWatch, Watch
 from formation.messages import Severity
 from wire.link_messages import AttitudeSetpoint, Ignore, Result
@@ -62,6 +62,9 @@ class Autopilot:
         self._delay_ns = round(airframe.profile.command_delay_s * 1e9)
         self._mode_after_disarm = personality.boot_mode
         self._rise_m: float | None = None
+        self._read_version = parameters.version
+        self._timing = personality.timing(parameters)
+        self._stream_loss = personality.stream_loss(parameters)
 
     @property
     def row(self) -> ModeRow:
@@ -71,7 +74,14 @@ class Autopilot:
     @property
     def timing(self) -> Timing:
         """The make's waits, as the parameters have them now."""
-        return self.personality.timing(self.parameters)
+        self._reread()
+        return self._timing
+
+    @property
+    def stream_loss(self) -> StreamLoss:
+        """What the make does about a dead stream, as the parameters have it now."""
+        self._reread()
+        return self._stream_loss
 
     @property
     def landed(self) -> bool:
@@ -115,7 +125,7 @@ class Autopilot:
             fault = self.positioning.fault(now_ns)
             if fault is not None and not (self.armed and self.positioning.valid(now_ns)):
                 return fault
-        if Needs.STREAM in needs and self.stream.silent_for(now_ns, self._loss_s):
+        if Needs.STREAM in needs and self.stream.silent_for(now_ns, self.stream_loss.after_s):
             return self.personality.words.stream_lost
         if Needs.PILOT in needs:
             return "manual control signal lost"
@@ -286,7 +296,7 @@ class Autopilot:
         """Do what the mode does. A stream that is alive takes over with its next target; until then, hold."""
         task = self.row.task
         if task is Task.EXTERNAL:
-            alive = not self.stream.silent_for(now_ns, self._loss_s)
+            alive = not self.stream.silent_for(now_ns, self.stream_loss.after_s)
             self.stream.watch = Watch.LIVE if alive else Watch.GIVEN_UP
             task = Task.HOLD if self.positioning.valid(now_ns) else Task.LEVEL
         if task is Task.TAKEOFF:
@@ -304,6 +314,8 @@ class Autopilot:
         above_m = min(timing.return_height_m, timing.return_slope * hypot(dx, dy))
         return max(belief.pos_lab_m[2], home.pos_lab_m[2] + above_m)
 
-    @property
-    def _loss_s(self) -> float:
-        return self.personality.stream_loss(self.parameters).after_s
+    def _reread(self) -> None:
+        if self._read_version != self.parameters.version:
+            self._read_version = self.parameters.version
+            self._timing = self.personality.timing(self.parameters)
+            self._stream_loss = self.personality.stream_loss(self.parameters)

@@ -38,13 +38,13 @@ class Guards:
         pilot, stream = self._autopilot, self._autopilot.stream
         if not pilot.in_stream_mode or stream.last_ns is None or stream.watch is Watch.GIVEN_UP:
             return None
-        own_ns = stream.last_ns + round(pilot.personality.stream_loss(pilot.parameters).after_s * 1e9)
-        stale_ns = stream.stale_at_ns()
+        own_ns = stream.last_ns + int(pilot.stream_loss.after_s * 1e9)
+        stale_ns = stream.stale_at_ns
         if stale_ns is None:
             return own_ns
         if stream.watch is Watch.LIVE:
             return min(own_ns, stale_ns)
-        return own_ns if self._land_s is None else min(own_ns, stale_ns + round(self._land_s * 1e9))
+        return own_ns if self._land_s is None else min(own_ns, stale_ns + int(self._land_s * 1e9))
 
     def watch_stream(self, now_ns: int) -> None:
         """Act on a stream that has been silent too long."""
@@ -52,7 +52,7 @@ class Guards:
         if due_ns is None or now_ns < due_ns:
             return
         pilot, stream = self._autopilot, self._autopilot.stream
-        loss = pilot.personality.stream_loss(pilot.parameters)
+        loss = pilot.stream_loss
         if stream.silent_for(now_ns, loss.after_s):
             stream.watch = Watch.GIVEN_UP
             pilot.say(Severity.CRITICAL, pilot.personality.words.stream_lost)

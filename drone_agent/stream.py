@@ -25,6 +25,8 @@ class StreamWatch:
     def __init__(self, stale_s: float) -> None:
         self.watch = Watch.GIVEN_UP
         self.last_ns: int | None = None
+        self.stale_at_ns: int | None = None
+        """When the stream goes stale if nothing comes; None where there is no stream or no rule."""
         self._stale_ns = round(stale_s * 1e9)
         self._period_ns = 0.0
 
@@ -39,13 +41,9 @@ class StreamWatch:
             else:
                 self._period_ns += _PERIOD_WEIGHT * (period - self._period_ns)
         self.last_ns = now_ns
+        if self._stale_ns:
+            self.stale_at_ns = now_ns + max(self._stale_ns, int(_SLOW_PERIODS * self._period_ns))
 
     def silent_for(self, now_ns: int, span_s: float) -> bool:
         """Whether nothing came for `span_s`."""
         return self.last_ns is None or now_ns - self.last_ns >= round(span_s * 1e9)
-
-    def stale_at_ns(self) -> int | None:
-        """When the stream goes stale if nothing comes; None where there is no stream or no rule."""
-        if self.last_ns is None or self._stale_ns == 0:
-            return None
-        return self.last_ns + max(self._stale_ns, round(_SLOW_PERIODS * self._period_ns))

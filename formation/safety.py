@@ -13,8 +13,9 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from formation.arrays import Flags, Scalars, Vec3s
+from formation.arrays import Flags, Scalars, Vec3, Vec3s
 from formation.config import LimitsConfig
+from formation.kernel import kernel
 from formation.messages import Phase, Severity
 from formation.phase import AIRBORNE, Trigger
 
@@ -93,19 +94,29 @@ ASTRAY_M = 1.0
 
 def _outside_m(facts: Facts, limits: LimitsConfig) -> Scalars:
     """How far each body is outside the fence, m; zero inside; shape (n,)."""
-    low = np.asarray(limits.fence.low_m) - facts.pos_lab_m
-    high = facts.pos_lab_m - np.asarray(limits.fence.high_m)
-    distance: Scalars = np.maximum(np.maximum(low, high), 0.0).max(axis=-1)
-    return distance
+    return outside_box(facts.pos_lab_m, np.array(limits.fence.low_m), np.array(limits.fence.high_m))
 
 
-def _nearest_m(facts: Facts) -> Scalars:
-    """Distance of each body to its nearest neighbour, m; shape (n,)."""
-    between = facts.pos_lab_m[:, None, :] - facts.pos_lab_m[None, :, :]
-    distance = np.sqrt(np.einsum("ijk,ijk->ij", between, between))
-    np.fill_diagonal(distance, np.inf)
-    nearest: Scalars = distance.min(axis=-1)
-    return nearest
+@kernel
+def outside_box(pos_lab_m: Vec3s, low_m: Vec3, high_m: Vec3) -> Scalars:
+    """How far each point is outside the box, along the axis where it is farthest; zero inside; shape (n,)."""
+    outside = np.zeros(len(pos_lab_m))
+    for i in range(len(pos_lab_m)):
+        for axis in range(3):
+            beyond = max(low_m[axis] - pos_lab_m[i, axis], pos_lab_m[i, axis] - high_m[axis])
+            outside[i] = max(outside[i], beyond)
+    return outside
+
+
+@kernel
+def nearest(pos_lab_m: Vec3s) -> Scalars:
+    """Distance of each point to its nearest neighbour, infinite for one alone; shape (n,)."""
+    near = np.full(len(pos_lab_m), np.inf)
+    for i in range(len(pos_lab_m)):
+        for j in range(i):
+            distance = np.sqrt(np.sum((pos_lab_m[i] - pos_lab_m[j]) ** 2))
+            near[i], near[j] = min(near[i], distance), min(near[j], distance)
+    return near
 
 
 def _unseen(seconds: float) -> Test:
@@ -121,7 +132,7 @@ def _outside(metres: float) -> Test:
 
 
 def _close(fraction: float) -> Test:
-    return lambda facts, limits: facts.commanded & (_nearest_m(facts) < fraction * limits.min_separation_m)
+    return lambda facts, limits: facts.commanded & (nearest(facts.pos_lab_m) < fraction * limits.min_separation_m)
 
 
 def _battery_under(level: float) -> Test:
@@ -263,15 +274,15 @@ def _findings(acting: NDArray[np.bool_], acted: NDArray[np.bool_], facts: Facts)
 def arming_refusals(facts: Facts, limits: LimitsConfig) -> tuple[str, ...]:
     """Every reason not to arm, in words; empty when the swarm may arm. What an operator can act on comes first."""
     fresh = facts.age_s <= FRESH_S
-    outside, nearest = _outside_m(facts, limits), _nearest_m(facts)
+    outside, near = _outside_m(facts, limits), nearest(facts.pos_lab_m)
     reasons: list[str] = []
     for i, name in enumerate(facts.names):
         if not fresh[i]:
             reasons.append(f"{name}: no fresh pose (last seen {_seconds(facts.age_s[i])})")
         elif facts.commanded[i]:
             reasons += _pose_refusals(facts, i, float(outside[i]))
-        if fresh[i] and nearest[i] < limits.min_separation_m:
-            reasons.append(f"{name}: {nearest[i]:.2f} m from the next body, minimum is {limits.min_separation_m:.2f} m")
+        if fresh[i] and near[i] < limits.min_separation_m:
+            reasons.append(f"{name}: {near[i]:.2f} m from the next body, minimum is {limits.min_separation_m:.2f} m")
         if facts.commanded[i]:
             reasons += _link_refusals(facts, i)
     return (*reasons, *facts.objections)

@@ -149,9 +149,10 @@ class GcsCore:
     def _control(self, frame: MocapFrame, now_ns: int) -> Stages:
         hover = np.array([drone.link.hover_thrust_norm for drone in self._drones])
         stages = self._pipeline.step(now_ns, frame, self._flight.plan(), hover)
-        target = stages.target
-        if not (np.isfinite(target.q_lab_from_flu).all() and np.isfinite(target.thrust_norm).all()):
-            raise BrokenInvariantError(f"frame {frame.seq}: the control asked for no finite attitude or thrust")
+        state, target = stages.state, stages.target
+        vital = (state.pos_lab_m, state.vel_lab_m_s, target.q_lab_from_flu, target.rate_flu_rad_s, target.thrust_norm)
+        if not all(np.isfinite(array).all() for array in vital):
+            raise BrokenInvariantError(f"frame {frame.seq}: the control's estimate or target is not finite")
         self._stages = stages
         return stages
 

@@ -6,51 +6,86 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation import frames
-from formation.config import NO_ROTATION, LabConfig
+from formation.arrays import Bool, Float
+from formation.config import LabConfig
+from formation.kernel import kernel
 from formation.messages import MocapFrame
+
+UNIT_WITHIN = 0.1
 
 
 class MocapAxes:
-    """The one conversion of a lab. Bodies the configuration does not name are left out, bodies missing are unseen."""
+    """The one conversion of a lab. Bodies the configuration does not name are left out, bodies missing are unseen.
+
+    bad_poses counts poses that are no poses (not finite, no rotation); they count as unseen.
+    """
 
     def __init__(self, config: LabConfig) -> None:
+        self.bad_poses = 0
         self._bodies = tuple(v.body for v in config.vehicles)
         self._q_lab_from_mocap = frames.canonical(np.array(config.mocap.q_lab_from_mocap))
+        self._rotation = frames.matrix(self._q_lab_from_mocap)
         self._origin_lab_m = np.array(config.mocap.origin_lab_m)
         self._q_marker_from_flu = frames.canonical(np.array([v.q_marker_from_flu for v in config.vehicles]))
-        self._rotated = config.mocap.q_lab_from_mocap != NO_ROTATION or bool(self._origin_lab_m.any())
         self._order: tuple[tuple[str, ...], NDArray[np.int64]] | None = None
-        self.bad_poses = 0
 
     def align(self, frame: MocapFrame) -> MocapFrame:
-        """The frame of the n configured vehicles in lab and flu; a pose that is no pose counts as unseen."""
-        if not frame.bodies:
-            return self._nobody(frame)
-        at = self._places(frame.bodies)
-        present = at >= 0
-        pos, q = frame.pos_lab_m[at], frame.q_lab_from_flu[at]
-        sound = np.isfinite(pos).all(axis=-1) & (np.abs(np.einsum("ij,ij->i", q, q) - 1.0) < 0.1)
-        seen = frame.seen[at] & present
-        self.bad_poses += int(np.count_nonzero(seen & ~sound))
-        if not (sound & present).all():
-            pos = np.where((sound & present)[:, None], pos, 0.0)
-            q = np.where((sound & present)[:, None], q, frames.IDENTITY)
-        if self._rotated:
-            pos = frames.rotate(self._q_lab_from_mocap, pos) + self._origin_lab_m
-            q = frames.multiply(np.broadcast_to(self._q_lab_from_mocap, q.shape), q)
-        q = frames.canonical(frames.multiply(q, self._q_marker_from_flu))
-        return replace(frame, bodies=self._bodies, pos_lab_m=pos, q_lab_from_flu=q, seen=seen & sound)
-
-    def _nobody(self, frame: MocapFrame) -> MocapFrame:
+        """The frame of the n configured vehicles in lab and flu."""
         n = len(self._bodies)
-        q = np.tile(frames.IDENTITY, (n, 1))
-        return replace(
-            frame, bodies=self._bodies, pos_lab_m=np.zeros((n, 3)), q_lab_from_flu=q, seen=np.zeros(n, np.bool_)
-        )
+        pos, q, seen = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros(n, np.bool_)
+        self.bad_poses += _align(
+            self._places(frame.bodies), frame.pos_lab_m, frame.q_lab_from_flu, frame.seen,
+            self._rotation, self._origin_lab_m, self._q_lab_from_mocap, self._q_marker_from_flu, pos, q, seen,
+        )  # fmt: skip
+        return replace(frame, bodies=self._bodies, pos_lab_m=pos, q_lab_from_flu=q, seen=seen)
 
     def _places(self, bodies: tuple[str, ...]) -> NDArray[np.int64]:
         """Index into the frame of each vehicle, -1 where it lacks it; the frame's own order rarely changes."""
         if self._order is None or self._order[0] != bodies:
             place = {body: i for i, body in enumerate(bodies)}
-            self._order = bodies, np.array([place.get(body, -1) for body in self._bodies])
+            self._order = bodies, np.array([place.get(body, -1) for body in self._bodies], dtype=np.int64)
         return self._order[1]
+
+
+@kernel
+def _product(a: Float, b: Float, out: Float) -> None:
+    """Hamilton product a b into out, the sign such that w >= 0."""
+    out[0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3]
+    out[1] = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2]
+    out[2] = a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1]
+    out[3] = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]
+    norm = np.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2 + out[3] ** 2)
+    out /= np.copysign(norm, out[0])
+
+
+@kernel
+def _align(
+    places: NDArray[np.int64], pos_mocap_m: Float, q_mocap_from_marker: Float, seen_in: Bool, rotation: Float,
+    origin_lab_m: Float, q_lab_from_mocap: Float, q_marker_from_flu: Float, pos: Float, q: Float, seen: Bool,
+) -> int:  # fmt: skip
+    """pos_lab = R pos_mocap + origin, q_lab_from_flu = q_lab_from_mocap q_mocap_from_marker q_marker_from_flu.
+
+    Fills pos (n, 3), q (n, 4), seen (n), which come in as zeros; returns how many seen poses were none.
+    """
+    bad = 0
+    q_lab_from_marker = np.empty(4)
+    for i in range(len(places)):
+        q[i, 0] = 1.0
+        at = places[i]
+        if at < 0:
+            continue
+        norm = 0.0
+        for k in range(4):
+            norm += q_mocap_from_marker[at, k] ** 2
+        total = norm + pos_mocap_m[at, 0] + pos_mocap_m[at, 1] + pos_mocap_m[at, 2]
+        if not np.isfinite(total) or abs(norm - 1.0) > UNIT_WITHIN:
+            bad += seen_in[at]
+            continue
+        for row in range(3):
+            pos[i, row] = origin_lab_m[row]
+            for k in range(3):
+                pos[i, row] += rotation[row, k] * pos_mocap_m[at, k]
+        _product(q_lab_from_mocap, q_mocap_from_marker[at], q_lab_from_marker)
+        _product(q_lab_from_marker, q_marker_from_flu[i], q[i])
+        seen[i] = seen_in[at]
+    return bad

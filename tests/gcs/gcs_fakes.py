@@ -1,4 +1,4 @@
-"""A fake drone (ideal attitude, point mass, the protocol's least) and a lab that joins drones to a GcsCore by a loop."""
+"""A fake drone (ideal attitude, point mass, the least of the protocol) and a lab that joins drones to a GcsCore."""
 
 import math
 
@@ -120,6 +120,7 @@ class FakeLab:
         self.core = GcsCore(config, T0_NS)
         self.now_ns = T0_NS
         self.seq = 0
+        self.noise = np.random.default_rng(7)
         self.drones = {
             v.sysid: FakeDrone(v.sysid, _start(config, i), _hover(v), (autopilots or {}).get(v.sysid, lm.Autopilot.PX4))
             for i, v in enumerate(config.vehicles)
@@ -193,6 +194,7 @@ class FakeLab:
         vehicles = self.config.vehicles
         pos = np.array([self.drones[v.sysid].pos if v.sysid else self.leader_pos for v in vehicles])
         q = np.array([self.drones[v.sysid].q if v.sysid else frames.IDENTITY for v in vehicles])
+        pos = pos + self.noise.normal(0.0, 1e-4, pos.shape)
         seen = np.array([v.body not in self.hidden for v in vehicles])
         return MocapFrame(self.seq, self.now_ns - 5 * MS, tuple(v.body for v in vehicles), pos, q, seen)
 

@@ -1,0 +1,146 @@
+"""Replay: the inputs of a log through a new GcsCore, its outputs compared bit by bit with the recorded ones."""
+
+import struct
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from formation import topics
+from formation.config import LabConfig
+from formation.topics import Topic
+from gcs.core import GcsCore
+from gcs.recording import INPUT_TOPICS, OUTPUT_TOPICS, outputs
+from wire.mcap_log import Entry, Log
+
+
+class ReplayError(ValueError):
+    """A log that does not say enough of its run to be replayed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """The first place where replay and recording part. recorded or replayed is "nothing" where one has no message."""
+
+    topic: str
+    t_ns: int
+    field: str
+    recorded: str
+    replayed: str
+
+    def __str__(self) -> str:
+        return f"{self.topic} at {self.t_ns} ns, {self.field}: recorded {self.recorded}, replayed {self.replayed}"
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """How a replay went: what was fed in, how many outputs agreed, and the first that did not, if any."""
+
+    inputs: int
+    ticks: int
+    agreed: int
+    difference: Difference | None
+
+    @property
+    def identical(self) -> bool:
+        """Whether every recorded output came again, bit by bit."""
+        return self.difference is None
+
+
+Output = tuple[Topic, object]
+Array = NDArray[Any]
+
+
+def replay(log: Log) -> Replay:
+    """Feed the log's inputs to a fresh core until an output differs. Raises ReplayError.
+
+    A log that was cut off may end in the middle of a tick's outputs: what is there must agree.
+    """
+    core = _core(log.metadata)
+    inputs = ticks = agreed = 0
+    expected: Iterator[Output] = iter(())
+    t_ns = 0
+    for entry in log.entries:
+        difference = None
+        if entry.topic in OUTPUT_TOPICS:
+            difference = _compare_next(entry, expected)
+        elif entry.topic in INPUT_TOPICS or entry.topic is topics.TICK:
+            difference = _left_over(expected, t_ns)
+            t_ns = entry.t_ns
+        if difference is not None:
+            return Replay(inputs, ticks, agreed, difference)
+        if entry.topic in OUTPUT_TOPICS:
+            agreed += 1
+        elif entry.topic is topics.TICK:
+            ticks, expected = ticks + 1, outputs(core.tick(entry.message.now_ns))
+        elif entry.topic in INPUT_TOPICS:
+            inputs += 1
+            core.receive(entry.message, t_ns)
+    return Replay(inputs, ticks, agreed, None)
+
+
+def _left_over(expected: Iterator[Output], t_ns: int) -> Difference | None:
+    """What the replayed tick put out beyond the recorded one."""
+    left_out = next(expected, None)
+    if left_out is None:
+        return None
+    return Difference(left_out[0].name, t_ns, "message", "nothing", _shown(left_out[1]))
+
+
+def _core(metadata: Mapping[str, str]) -> GcsCore:
+    try:
+        return GcsCore(LabConfig.model_validate_json(metadata["lab"]), int(metadata["t0_ns"]))
+    except (KeyError, ValidationError) as error:
+        raise ReplayError(f"the log does not hold its run's configuration: {error}") from error
+
+
+def _compare_next(entry: Entry, expected: Iterator[Output]) -> Difference | None:
+    replayed = next(expected, None)
+    if replayed is None:
+        return Difference(entry.topic.name, entry.t_ns, "message", _shown(entry.message), "nothing")
+    topic, message = replayed
+    if topic is not entry.topic:
+        return Difference(entry.topic.name, entry.t_ns, "topic", entry.topic.name, topic.name)
+    found = first_difference(entry.message, message)
+    return None if found is None else Difference(topic.name, entry.t_ns, *found)
+
+
+def first_difference(recorded: object, replayed: object, name: str = "") -> tuple[str, str, str] | None:
+    """The first field whose bits differ: its name and both values; None if all agree. NaN agrees with itself."""
+    if is_dataclass(recorded) and type(recorded) is type(replayed):
+        for field in fields(recorded):
+            path = f"{name}.{field.name}" if name else field.name
+            found = first_difference(getattr(recorded, field.name), getattr(replayed, field.name), path)
+            if found is not None:
+                return found
+        return None
+    if isinstance(recorded, np.ndarray) and isinstance(replayed, np.ndarray):
+        return _array_difference(recorded, replayed, name)
+    if isinstance(recorded, float) and isinstance(replayed, float):
+        same = struct.pack("<d", recorded) == struct.pack("<d", replayed)
+    else:
+        same = recorded == replayed
+    return None if same else (name or "value", _shown(recorded), _shown(replayed))
+
+
+def _array_difference(recorded: np.ndarray, replayed: np.ndarray, name: str) -> tuple[str, str, str] | None:
+    if recorded.shape != replayed.shape or recorded.dtype != replayed.dtype:
+        return name, f"{recorded.dtype}{recorded.shape}", f"{replayed.dtype}{replayed.shape}"
+    if recorded.tobytes() == replayed.tobytes():
+        return None
+    for index in np.ndindex(recorded.shape):
+        if recorded[index].tobytes() != replayed[index].tobytes():
+            return (
+                f"{name}[{', '.join(map(str, index))}]",
+                _shown(recorded[index].item()),
+                _shown(replayed[index].item()),
+            )
+    return None
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 120 else text[:117] + "..."

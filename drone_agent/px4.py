@@ -61,7 +61,7 @@ RATES_HZ = MappingProxyType(
     {
         0: 1.0,  # HEARTBEAT
         1: 1.0,  # SYS_STATUS
-        30: 0.0,  # ATTITUDE, on request: ATTITUDE_QUATERNION says the same
+        30: 10.0,  # ATTITUDE: clients derive no Euler angles from the quaternion
         31: 50.0,  # ATTITUDE_QUATERNION
         32: 30.0,  # LOCAL_POSITION_NED
         33: 5.0,  # GLOBAL_POSITION_INT

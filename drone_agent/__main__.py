@@ -1,0 +1,88 @@
+"""`drone-agent`: one simulated quadcopter that speaks MAVLink, as a process."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+import uvloop
+
+from drone_agent.config import AgentConfig
+from drone_agent.daemon import run
+from formation.messages import Event
+from wire.config_file import ConfigError, load, parse
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def fly(
+    sysid: Annotated[int | None, typer.Option(help="MAVLink system, 1..250.")] = None,
+    link: Annotated[str | None, typer.Option(help="zenoh or udp.")] = None,
+    config: Annotated[Path | None, typer.Option(help="TOML file; other options win over it.")] = None,
+    lab: Annotated[str | None, typer.Option(help="Name of the lab: the root of its keys on the bus.")] = None,
+    body: Annotated[str | None, typer.Option(help="The mocap's name of this drone.")] = None,
+    personality: Annotated[str | None, typer.Option(help="px4 or ardupilot.")] = None,
+    pose: Annotated[str | None, typer.Option(help="own (simulated positioning) or mocap (external only).")] = None,
+    profile: Annotated[str | None, typer.Option(help="Vehicle: paper_40g or px4_quad.")] = None,
+    start: Annotated[str | None, typer.Option(help="Where it stands: x,y,z in lab metres.")] = None,
+    yaw: Annotated[float | None, typer.Option(help="Where it faces, rad about lab z.")] = None,
+    host: Annotated[str | None, typer.Option(help="The ground's host (udp).")] = None,
+    zenoh_connect: Annotated[str | None, typer.Option(help="Endpoint of the bus, tcp/HOST:PORT.")] = None,
+    stale_setpoint: Annotated[float | None, typer.Option(help="Level after this silence, s; 0: never.")] = None,
+    stale_land: Annotated[float | None, typer.Option(help="Land this long after levelling, s.")] = None,
+    param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE, as often as needed.")] = None,
+    parameter_file: Annotated[Path | None, typer.Option(help="Keep PARAM_SET's values here.")] = None,
+) -> None:
+    """Be one drone until Ctrl-C."""
+    links = {"kind": link, "host": host, "zenoh_connect": None if zenoh_connect is None else [zenoh_connect]}
+    options: dict[str, Any] = {
+        "sysid": sysid,
+        "lab": lab,
+        "body": body,
+        "personality": personality,
+        "pose": pose,
+        "profile": profile,
+        "start_lab_m": None if start is None else start.split(","),
+        "start_yaw_rad": yaw,
+        "stale_setpoint_s": stale_setpoint,
+        "stale_land_s": stale_land,
+        "parameter_file": parameter_file,
+        "link": {key: value for key, value in links.items() if value is not None},
+        "parameters": {name: value for name, _, value in (item.partition("=") for item in param or ())},
+    }
+    try:
+        uvloop.run(run(_configured(config, options), _tell))
+    except ConfigError as error:
+        _fail(str(error), 2)
+    except OSError as error:
+        _fail(f"drone-agent: {error.strerror or error}", 1)
+
+
+def _configured(file: Path | None, options: dict[str, Any]) -> AgentConfig:
+    """The file's configuration with the options given laid over it."""
+    base: dict[str, Any] = {} if file is None else load(file, AgentConfig).model_dump(exclude_unset=True)
+    for key, value in options.items():
+        if isinstance(value, dict):
+            base[key] = {**base.get(key, {}), **value}
+        elif value is not None:
+            base[key] = value
+    return parse(base, AgentConfig, source="drone-agent")
+
+
+def _tell(event: Event) -> None:
+    sys.stderr.write(f"{event.source} {event.severity.name.lower()}: {event.text}\n")
+
+
+def _fail(text: str, code: int) -> None:
+    sys.stderr.write(f"{text}\n")
+    raise typer.Exit(code)
+
+
+def main() -> None:
+    """The console script."""
+    app()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,118 @@
+"""The drone agent's process: pumps AgentCore between its link, the bus and the clock until it is told to stop."""
+
+import asyncio
+import signal
+from collections.abc import Callable
+from typing import Any
+
+from wire.zenoh_bus import ZenohBus
+
+from drone_agent import parameter_file
+from drone_agent.config import AgentConfig
+from drone_agent.core import AgentCore
+from formation.messages import Datagram, Event, MocapFrame
+from wire.clock import monotonic_ns
+from wire.config_file import ConfigError
+from wire.link import Link
+from wire.udp_bus import open_udp_drone
+
+Tell = Callable[[Event], None]
+
+
+class _Pump:
+    """Hands what arrives to the core at once, and wakes it at its own deadlines."""
+
+    def __init__(self, config: AgentConfig, core: AgentCore, tell: Tell) -> None:
+        self.link: Link | None = None
+        self.bus: ZenohBus | None = None
+        self._config = config
+        self._core = core
+        self._tell = tell
+        self._loop = asyncio.get_running_loop()
+        self._timer: asyncio.TimerHandle | None = None
+
+    def take(self, message: Datagram | MocapFrame) -> None:
+        """Something arrived."""
+        self._core.receive(message, monotonic_ns())
+        self.turn()
+
+    def turn(self) -> None:
+        """Send what is due and sleep until the next deadline."""
+        out = self._core.tick(monotonic_ns())
+        if self.link is not None:
+            for datagram in out.datagrams:
+                self.link.send(datagram)
+        if self.bus is not None and out.truth is not None:
+            self.bus.publish_truth(out.truth)
+        for event in out.events:
+            self._tell(event)
+        if out.parameters is not None and self._config.parameter_file is not None:
+            parameter_file.write(self._config.parameter_file, out.parameters)
+        self.stop()
+        wait_s = max((self._core.next_deadline_ns() - monotonic_ns()) * 1e-9, 0.0)
+        self._timer = self._loop.call_later(wait_s, self.turn)
+
+    def stop(self) -> None:
+        """Do not wake again."""
+        if self._timer is not None:
+            self._timer.cancel()
+
+
+class _Stop:
+    """Ends the process: a signal ends it well, an exception anywhere in the loop ends it with that exception."""
+
+    def __init__(self) -> None:
+        self._event = asyncio.Event()
+        self._error: BaseException | None = None
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, self._event.set)
+        loop.set_exception_handler(self._fail)
+
+    def _fail(self, _loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        self._error = context.get("exception") or RuntimeError(context["message"])
+        self._event.set()
+
+    async def wait(self) -> None:
+        """Return on a signal; raise what went wrong."""
+        await self._event.wait()
+        if self._error is not None:
+            raise self._error
+
+
+async def run(config: AgentConfig, tell: Tell) -> None:
+    """Be the drone until SIGINT or SIGTERM.
+
+    Raises OSError where its port is taken, ConfigError for parameters that are none.
+    """
+    stop = _Stop()
+    pump = _Pump(config, _core(config), tell)
+    uses_bus = config.link.kind == "zenoh" or config.pose == "mocap" or config.truth_rate_hz > 0.0
+    try:
+        if uses_bus:
+            pump.bus = await ZenohBus.open(config.link, config.lab)
+            pump.bus.on_frame(pump.take)
+        if config.link.kind == "zenoh" and pump.bus is not None:
+            pump.link = pump.bus.drone_link(config.sysid, pump.take)
+        else:
+            pump.link = await open_udp_drone(config.link, config.sysid, pump.take)
+        pump.turn()
+        await stop.wait()
+    finally:
+        pump.stop()
+        if pump.link is not None:
+            pump.link.close()
+        if pump.bus is not None:
+            await pump.bus.close()
+
+
+def _core(config: AgentConfig) -> AgentCore:
+    """The core, its kernels compiled: nothing compiles in flight."""
+    kept = {} if config.parameter_file is None else parameter_file.read(config.parameter_file)
+    config = config.model_copy(update={"parameters": {**config.parameters, **kept}})
+    try:
+        core = AgentCore(config, monotonic_ns())
+    except ValueError as error:
+        raise ConfigError([f"parameters: {error}"]) from error
+    core.truth(monotonic_ns())
+    return core

@@ -1,0 +1,38 @@
+"""Parameters kept between runs: one `NAME VALUE` a line, as MAVProxy and QGroundControl write theirs."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from wire.config_file import ConfigError
+
+
+def read(path: Path) -> dict[str, float]:
+    """The values in the file, none if it is not there yet; ConfigError names the line that is wrong."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except FileNotFoundError:
+        return {}
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError([f"{path}: {error}"]) from error
+    values: dict[str, float] = {}
+    for number, line in enumerate(lines, start=1):
+        words = line.partition("#")[0].replace(",", " ").split()
+        if not words:
+            continue
+        try:
+            name, value = words
+            values[name] = float(value)
+        except ValueError as error:
+            raise ConfigError([f"{path}:{number}: not a `NAME VALUE` line: {line!r}"]) from error
+    return values
+
+
+def write(path: Path, values: Mapping[str, float]) -> None:
+    """Replace the file at once, so that a kill leaves the old or the new one whole. OSError."""
+    draft = path.with_name(f"{path.name}.new")
+    with draft.open("w", encoding="utf-8") as file:
+        file.writelines(f"{name} {value:.9g}\n" for name, value in sorted(values.items()))
+        file.flush()
+        os.fsync(file.fileno())
+    draft.replace(path)

@@ -3,10 +3,9 @@
 It is the daemons' pump with simulated time: the same cores, the same bytes, the same records in the same order.
 """
 
-from collections.abc import Iterable
-
 import numpy as np
 
+from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
 from formation.messages import Datagram
 from formation.topics import TRUTH
@@ -22,6 +21,26 @@ LOOK_NS = 100_000_000
 """How often the operator looks at the ground's state: as often as a daemon publishes it."""
 
 
+class Seat:
+    """One agent and both directions of its link; `due_ns` is when one of the three has something to do."""
+
+    __slots__ = ("agent", "down", "due_ns", "sysid", "up")
+
+    def __init__(self, config: AgentConfig, model: LinkModel, seed: int) -> None:
+        self.sysid = config.sysid
+        # Truth is asked for at every exposure; nobody waits for it to be published.
+        self.agent = AgentCore(config.model_copy(update={"truth_rate_hz": 0.0}), T0_NS)
+        self.down = _link(model, model.down_s, [seed, 3, config.sysid])
+        self.up = _link(model, model.up_s, [seed, 4, config.sysid])
+        self.due_ns = T0_NS
+
+    def look_ahead(self) -> None:
+        """Find `due_ns`; to be called when anything was done with the agent or its link."""
+        self.due_ns = min(
+            self.agent.next_deadline_ns(), self.down.next_due_ns() or NEVER_NS, self.up.next_due_ns() or NEVER_NS
+        )
+
+
 class World:
     """The cores, the links between them and the operator; `step` moves on to the next event."""
 
@@ -32,28 +51,20 @@ class World:
         self._record = record
         self._emulator = MocapEmulator(scenario.mocap, scenario.lab, leader, seed, T0_NS)
         self._ground = GcsCore(scenario.lab, T0_NS)
-        self._agents = {config.sysid: AgentCore(config, T0_NS) for config in agent_configs(scenario, leader)}
-        self._down = _links(scenario.link, scenario.link.down_s, self._agents, [seed, 3])
-        self._up = _links(scenario.link, scenario.link.up_s, self._agents, [seed, 4])
+        self._seats = {c.sysid: Seat(c, scenario.link, seed) for c in agent_configs(scenario, leader)}
         self._look_ns = T0_NS
 
     def step(self) -> None:
         """Move on to the next event and do all that is due then, in a fixed order."""
         now_ns = self.now_ns = self._next_event_ns()
-        if self._emulator.next_exposure_ns <= now_ns:
-            self._emulator.expose({sysid: agent.truth(now_ns) for sysid, agent in self._agents.items()})
-        if self._emulator.next_frame_ns <= now_ns:
-            for frame in self._emulator.pop_due(now_ns):
-                self._ground_receives(frame)
-                for agent in self._agents.values():
-                    agent.receive(frame, now_ns)
-        for sysid, agent in self._agents.items():
-            for _, datagram in self._down[sysid].pop_due(now_ns):
-                agent.receive(datagram, now_ns)
-            if agent.next_deadline_ns() <= now_ns:
-                self._agent_ticks(sysid, agent)
-            for _, datagram in self._up[sysid].pop_due(now_ns):
-                self._ground_receives(datagram)
+        emulator = self._emulator
+        if emulator.next_exposure_ns <= now_ns:
+            self._expose()
+        if emulator.next_frame_ns <= now_ns:
+            self._show_frames()
+        for seat in self._seats.values():
+            if seat.due_ns <= now_ns:
+                self._serve(seat)
         if self._look_ns <= now_ns:
             self._operator_looks()
         if self._ground.next_deadline_ns() <= now_ns:
@@ -62,25 +73,36 @@ class World:
     def _next_event_ns(self) -> int:
         emulator = self._emulator
         due_ns = min(emulator.next_exposure_ns, emulator.next_frame_ns, self._look_ns, self._ground.next_deadline_ns())
-        for sysid, agent in self._agents.items():
-            due_ns = min(
-                due_ns,
-                agent.next_deadline_ns(),
-                self._down[sysid].next_due_ns() or NEVER_NS,
-                self._up[sysid].next_due_ns() or NEVER_NS,
-            )
+        for seat in self._seats.values():
+            due_ns = min(due_ns, seat.due_ns)
         return max(due_ns, self.now_ns)
 
-    def _ground_receives(self, message: Input) -> None:
-        record_input(self._record, message, self.now_ns)
-        self._ground.receive(message, self.now_ns)
+    def _expose(self) -> None:
+        truths = {sysid: seat.agent.truth(self.now_ns) for sysid, seat in self._seats.items()}
+        for truth in truths.values():
+            self._record(TRUTH, truth, self.now_ns)
+        self._emulator.expose(truths)
 
-    def _agent_ticks(self, sysid: int, agent: AgentCore) -> None:
-        outgoing = agent.tick(self.now_ns)
-        for datagram in outgoing.datagrams:
-            self._up[sysid].push(self.now_ns, datagram)
-        if outgoing.truth is not None:
-            self._record(TRUTH, outgoing.truth, self.now_ns)
+    def _show_frames(self) -> None:
+        """Frames arrive, at the ground and at every drone's own pose feed."""
+        for frame in self._emulator.pop_due(self.now_ns):
+            self._ground_receives(frame)
+            for seat in self._seats.values():
+                seat.agent.receive(frame, self.now_ns)
+                seat.look_ahead()
+
+    def _serve(self, seat: Seat) -> None:
+        """What arrives at the drone, what it does of itself, what arrives from it."""
+        now_ns = self.now_ns
+        for _, datagram in seat.down.pop_due(now_ns):
+            seat.agent.receive(datagram, now_ns)
+        if seat.agent.next_deadline_ns() <= now_ns:
+            outgoing = seat.agent.tick(now_ns)
+            for datagram in outgoing.datagrams:
+                seat.up.push(now_ns, datagram)
+        for _, datagram in seat.up.pop_due(now_ns):
+            self._ground_receives(datagram)
+        seat.look_ahead()
 
     def _operator_looks(self) -> None:
         now_ns = self.now_ns
@@ -93,21 +115,22 @@ class World:
         if request is not None:
             self._ground_receives(request)
 
+    def _ground_receives(self, message: Input) -> None:
+        record_input(self._record, message, self.now_ns)
+        self._ground.receive(message, self.now_ns)
+
     def _ground_ticks(self) -> None:
         now_ns = self.now_ns
         outgoing = self._ground.tick(now_ns)
         record_tick(self._record, outgoing, now_ns)
         for datagram in outgoing.datagrams:
-            self._down[datagram.sysid].push(now_ns, datagram)
+            seat = self._seats[datagram.sysid]
+            seat.down.push(now_ns, datagram)
+            seat.look_ahead()
         for reply in outgoing.replies:
             self.operator.receive(reply, now_ns)
 
 
-def _links(model: LinkModel, delay_s: float, sysids: Iterable[int], seed: list[int]) -> dict[int, MemoryLink[Datagram]]:
-    """One one-way link a drone, each with its own luck."""
-    return {
-        sysid: MemoryLink(
-            random_delay(delay_s, model.jitter_s, model.lost_share, np.random.default_rng([*seed, sysid]))
-        )
-        for sysid in sysids
-    }
+def _link(model: LinkModel, delay_s: float, seed: list[int]) -> MemoryLink[Datagram]:
+    """One direction of one drone's link, with its own luck."""
+    return MemoryLink(random_delay(delay_s, model.jitter_s, model.lost_share, np.random.default_rng(seed)))

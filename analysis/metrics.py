@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.load import Flight
-from analysis.packets import packets
+from analysis.packets import from_drones, from_ground
 from analysis.series import moving_average
 from analysis.tracking import Tracking, airborne, track
 from formation.arrays import Float
@@ -117,12 +117,16 @@ def vibration(tracking: Tracking) -> float | None:
     The deviation is the formation error in the leader's frame less its centred moving average; half of its
     peak-to-peak is taken in each full 1 s of scored flight and averaged. The paper's "vibration amplitude".
     """
-    means = []
-    for scored, error_lead_m in zip(tracking.scored.T, np.moveaxis(tracking.error_lead_m, 1, 0), strict=True):
-        halves = _half_peak_to_peaks(tracking.t_s[scored], error_lead_m[scored, :2])
-        if halves:
-            means.append(np.mean(halves))
-    return float(np.mean(means)) if means else None
+    each = [vibration_of(tracking, follower) for follower in range(tracking.scored.shape[1])]
+    known = [amplitude for amplitude in each if amplitude is not None]
+    return float(np.mean(known)) if known else None
+
+
+def vibration_of(tracking: Tracking, follower: int) -> float | None:
+    """The vibration of one follower; None of less than 2 s of scored flight."""
+    scored = tracking.scored[:, follower]
+    halves = _half_peak_to_peaks(tracking.t_s[scored], tracking.error_lead_m[scored, follower, :2])
+    return float(np.mean(halves)) if halves else None
 
 
 def _half_peak_to_peaks(t_s: Float, error_m: Float) -> list[Float]:
@@ -176,14 +180,14 @@ def age(flight: Flight) -> Age | None:
 
 def ages_ms(flight: Flight) -> Float:
     """Every reported setpoint age, all drones."""
-    said = packets(flight.up)
+    said = from_drones(flight)
     return np.array([m.value for _, _, m in said if isinstance(m, NamedValue) and m.name == AGE_NAME])
 
 
 def command_hash(flight: Flight) -> str:
     """SHA-256 of every SET_ATTITUDE_TARGET sent, in order: drone, stamp, mask, attitude, rates, thrust."""
     digest = hashlib.sha256()
-    for _, sysid, m in packets(flight.down):
+    for _, sysid, m in from_ground(flight):
         if isinstance(m, AttitudeSetpoint):
             values = (*m.q_lab_from_flu, *m.rate_flu_rad_s, m.thrust_norm)
             digest.update(struct.pack("<BIB8d", sysid, m.t_boot_ms, m.ignore, *values))

@@ -1,17 +1,31 @@
 """The MAVLink traffic of a log, decoded."""
 
-from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
+from analysis.load import Flight
 from analysis.series import Series
 from formation.messages import Datagram
-from wire.link_messages import GROUND, LinkMessage
+from wire.link_messages import DRONE_COMPONENT, GROUND, Address, LinkMessage
 from wire.mavlink import Codec
 
+Said = tuple[float, int, LinkMessage]
 
-def packets(datagrams: Series[Datagram]) -> Iterator[tuple[float, int, LinkMessage]]:
-    """(t_s, sysid of the drone's link, message) of every packet, in log order; what does not parse is passed over."""
-    codecs: defaultdict[int, Codec] = defaultdict(lambda: Codec(GROUND))
+
+def from_drones(flight: Flight) -> Iterator[Said]:
+    """(t_s, sysid of the link, message) of every packet the ground received, in log order."""
+    return _packets(flight.up, lambda _: GROUND)
+
+
+def from_ground(flight: Flight) -> Iterator[Said]:
+    """(t_s, sysid of the link, message) of every packet the ground sent, in log order."""
+    return _packets(flight.down, lambda sysid: Address(sysid, DRONE_COMPONENT))
+
+
+def _packets(datagrams: Series[Datagram], receiver: Callable[[int], Address]) -> Iterator[Said]:
+    """Every packet that its receiver would take; what does not parse is passed over, as it was in flight."""
+    codecs: dict[int, Codec] = {}
     for t_s, datagram in zip(datagrams.t_s, datagrams.messages, strict=True):
+        if datagram.sysid not in codecs:
+            codecs[datagram.sysid] = Codec(receiver(datagram.sysid))
         for packet in codecs[datagram.sysid].receive(datagram.data):
             yield float(t_s), datagram.sysid, packet.message

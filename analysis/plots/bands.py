@@ -1,0 +1,82 @@
+"""Phases and moments drawn on time axes: bands behind lines, the timeline of a flight."""
+
+from collections.abc import Sequence
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from analysis.load import Flight
+from analysis.plots import style
+from analysis.plots.style import Drawing, Missing
+from formation.messages import Phase, Severity
+
+LEVELS = {
+    Severity.EMERGENCY: style.ALARM,
+    Severity.CRITICAL: style.ALARM,
+    Severity.ERROR: style.ALARM,
+    Severity.WARNING: "#d08a1d",
+    Severity.NOTICE: style.SOFT,
+    Severity.INFO: style.FAINT,
+}
+
+
+def shade(axes: Sequence[Axes], flight: Flight) -> None:
+    """The flight's phases as faint bands behind every axes."""
+    for ax in axes:
+        for span in flight.phases:
+            if span.phase is not Phase.GROUND:
+                ax.axvspan(span.start_s, span.end_s, color=style.PHASES[span.phase], alpha=0.45, lw=0, zorder=0)
+
+
+def timeline(flight: Flight) -> Drawing:
+    """Phases as one ribbon, operator requests and events as marks on rows of their own."""
+    if not flight.phases and not len(flight.events):
+        return Missing("neither phases nor events were recorded")
+    fig = style.figure(1.9)
+    ax = fig.add_subplot()
+    ax.set(ylim=(-2.6, 1.15), yticks=[0.5, -0.6, -1.7], yticklabels=["phase", "operator", "event"])
+    ax.grid(visible=False)
+    ax.spines[["left", "bottom"]].set_visible(False)
+    _ribbon(ax, flight)
+    _requests(ax, flight)
+    _events(ax, flight)
+    style.time_axis(ax, 0.0, flight.duration_s)
+    return fig
+
+
+def _ribbon(ax: Axes, flight: Flight) -> None:
+    """Each phase a bar with its name where it fits."""
+    for span in flight.phases:
+        width = span.end_s - span.start_s
+        ax.barh(0.5, width, left=span.start_s, height=1.0, color=style.PHASES[span.phase], ec="white", lw=1.5)
+        if width > 0.011 * len(span.phase.name) * max(flight.duration_s, 1e-9):
+            middle = span.start_s + 0.5 * width
+            ax.text(middle, 0.5, span.phase.name.capitalize(), ha="center", va="center", fontsize=8.5)
+
+
+def _requests(ax: Axes, flight: Flight) -> None:
+    """A triangle and the verb for each request that changes something."""
+    free_from_s = -1.0
+    for t_s, request in zip(flight.requests.t_s, flight.requests.messages, strict=True):
+        if request.verb == "status":
+            continue
+        ax.plot(t_s, -0.6, marker=">", color=style.INK, ms=4.5, mew=0)
+        if t_s >= free_from_s:
+            words = f"{request.verb} {request.argument}".strip()
+            ax.text(t_s, -0.6, f"  {words}", va="center", fontsize=8.0)
+            free_from_s = t_s + 0.012 * (len(words) + 2) * flight.duration_s
+
+
+def _events(ax: Axes, flight: Flight) -> None:
+    """A tick for each event, its colour the severity; the loudest carry their number in the table of events."""
+    for t_s, event in zip(flight.events.t_s, flight.events.messages, strict=True):
+        loud = event.severity <= Severity.WARNING
+        colour = LEVELS[event.severity]
+        ax.plot([t_s, t_s], [-2.2, -1.2], color=colour, lw=2.2 if loud else 1.2, solid_capstyle="round")
+
+
+def blank(reason: str) -> Figure:
+    """A figure that only says why it is empty; for pictures that must exist."""
+    fig = style.figure(2.0)
+    fig.text(0.5, 0.5, reason, ha="center", va="center", color=style.SOFT)
+    return fig

@@ -1,0 +1,213 @@
+"""Inside the controller: sliding variable, disturbance estimate, demanded acceleration, attitude against its target."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from analysis.load import Flight, Vehicle
+from analysis.plots import style
+from analysis.plots.bands import shade
+from analysis.plots.slots import worst_followers
+from analysis.plots.style import Drawing, Missing
+from analysis.tracking import Tracking, in_formation_phase
+from formation import frames
+from formation.arrays import Bool, Float
+from formation.messages import Saturation
+
+CLOSE_UP_S = 3.0
+AXES = ("x", "y", "z")
+Truth = Callable[[Vehicle], tuple[Float, Float] | None]
+
+
+def sliding(flight: Flight) -> Drawing:
+    """The sliding variable s of every commanded vehicle, components in its lead frame."""
+    if not len(flight.command):
+        return Missing("no control command was recorded")
+    s = flight.command.column(lambda c: c.s_lead_m_s)
+    return _three(flight, flight.command.t_s, s, "s", "m/s", "Sliding variable s")
+
+
+def disturbance(flight: Flight) -> Drawing:
+    """The observer's Z3 of every commanded vehicle; in a simulation the true disturbance dashed beneath."""
+    if not len(flight.command):
+        return Missing("no control command was recorded")
+    z3 = flight.command.column(lambda c: c.dist_lab_m_s2)
+
+    def truth(vehicle: Vehicle) -> tuple[Float, Float] | None:
+        known = flight.truth.get(vehicle.sysid or 0)
+        return None if known is None else (known.t_s, known.column(lambda t: t.dist_lab_m_s2))
+
+    title = "Disturbance estimate Z3" + (" (dashed: true external disturbance)" if flight.truth else "")
+    return _three(flight, flight.command.t_s, z3, "Z3", "m/s²", title, truth)
+
+
+def output(flight: Flight) -> Drawing:
+    """Demanded acceleration, thrust, and which limits were met when."""
+    if not len(flight.command):
+        return Missing("no control command was recorded")
+    acc = flight.command.column(lambda c: c.acc_lab_m_s2)
+    fig = style.figure(6.4)
+    axes = list(fig.subplots(5, 1, sharex=True, height_ratios=[1.0, 1.0, 1.0, 1.0, 0.55]))
+    _components(axes[:3], flight, flight.command.t_s, acc, "a", "m/s²")
+    axes[0].set_title("Control output: demanded acceleration, thrust, limits met")
+    style.legend(axes[0])
+    _thrust(axes[3], flight)
+    _limits(axes[4], flight)
+    for ax in axes:
+        style.time_axis(ax, 0.0, flight.duration_s, label=ax is axes[-1])
+    shade(axes, flight)
+    return fig
+
+
+def _three(
+    flight: Flight, t_s: Float, values: Float, symbol: str, unit: str, title: str, truth: Truth | None = None
+) -> Drawing:
+    """Three stacked components (T, m, 3) of every commanded vehicle."""
+    fig = style.figure(4.4)
+    axes = list(fig.subplots(3, 1, sharex=True))
+    _components(axes, flight, t_s, values, symbol, unit, truth)
+    axes[0].set_title(title)
+    style.legend(axes[0])
+    for ax in axes:
+        style.time_axis(ax, 0.0, flight.duration_s, label=ax is axes[-1])
+    shade(axes, flight)
+    return fig
+
+
+def _components(
+    axes: Sequence[Axes],
+    flight: Flight,
+    t_s: Float,
+    values: Float,
+    symbol: str,
+    unit: str,
+    truth: Truth | None = None,
+) -> None:
+    """One component an axes, one line a vehicle; the scale is set by the central 99.8 % of the values."""
+    colours = style.colours(len(flight.vehicles))
+    for axis, ax in enumerate(axes):
+        for vehicle, colour in zip(flight.vehicles, colours, strict=True):
+            if vehicle.column is None:
+                continue
+            style.line(ax, t_s, values[:, vehicle.column, axis], color=colour, lw=1.0, label=vehicle.body)
+            known = None if truth is None else truth(vehicle)
+            if known is not None:
+                style.line(ax, known[0], known[1][:, axis], color=colour, lw=0.9, ls=(0, (3, 2)), alpha=0.8)
+        ax.axhline(0.0, color=style.FAINT, lw=0.8, zorder=1)
+        ax.set_ylabel(f"{symbol} {AXES[axis]}, {unit}")
+        ax.set_ylim(*_central(values[..., axis]))
+
+
+def _central(values: Float) -> tuple[float, float]:
+    """A range that shows the central 99.8 % of the values, with a margin."""
+    low, high = np.percentile(values, [0.1, 99.9]) if values.size else (0.0, 0.0)
+    margin = 0.15 * max(float(high - low), 1e-3)
+    return float(low) - margin, float(high) + margin
+
+
+def _thrust(ax: Axes, flight: Flight) -> None:
+    """Commanded thrust of every commanded vehicle."""
+    thrust = flight.target.column(lambda t: t.thrust_norm)
+    for vehicle, colour in zip(flight.vehicles, style.colours(len(flight.vehicles)), strict=True):
+        if vehicle.column is not None and len(flight.target):
+            style.line(ax, flight.target.t_s, thrust[:, vehicle.column], color=colour, lw=1.0)
+    ax.set_ylabel("thrust, 0..1")
+
+
+def _limits(ax: Axes, flight: Flight) -> None:
+    """A row a vehicle, marked where any limit cut its target; the limits met are named at the right."""
+    commanded = [v for v in flight.vehicles if v.column is not None]
+    bits = flight.target.column(lambda t: t.saturation).astype(np.int64).reshape(len(flight.target), -1)
+    flying = in_formation_phase(flight, flight.target.t_s)
+    colours = dict(zip(flight.vehicles, style.colours(len(flight.vehicles)), strict=True))
+    for row, vehicle in enumerate(commanded):
+        hit = bits[:, vehicle.column or 0] != 0 if len(bits) else np.zeros(0, dtype=np.bool_)
+        ax.eventplot(
+            _first_of_each(flight.target.t_s[hit]), lineoffsets=-row, linelengths=0.8, lw=0.8, color=colours[vehicle]
+        )
+    met = Saturation(int(np.bitwise_or.reduce(bits[flying].ravel()))) if flying.any() else Saturation.NONE
+    names = ", ".join(name.lower().replace("_", " ") for name in _names(met)) or "none"
+    ax.set(ylim=(-len(commanded) + 0.4, 0.6), yticks=[], ylabel="limits")
+    ax.grid(visible=False, axis="y")
+    ax.text(1.0, 1.02, f"met in formation: {names}", transform=ax.transAxes, ha="right", fontsize=7.5, color=style.SOFT)
+
+
+def _names(met: Saturation) -> list[str]:
+    """The limits' names, one by one."""
+    return [limit.name for limit in Saturation if limit in met and limit.name]
+
+
+def _first_of_each(t_s: Float, bin_s: float = 0.05) -> Float:
+    """At most one time a bin: marks closer than that cannot be told apart."""
+    if not len(t_s):
+        return t_s
+    return t_s[np.unique((t_s / bin_s).astype(np.int64), return_index=True)[1]]
+
+
+def attitude(flight: Flight, tracking: Tracking) -> Drawing:
+    """Roll and pitch of each follower against their targets, and a close-up of the liveliest seconds."""
+    if not len(flight.target) or not len(flight.poses):
+        return Missing("attitude against target needs mocap frames and attitude targets; the log lacks one of them")
+    chosen = worst_followers(tracking, 4)
+    fig = style.figure(0.6 + 1.6 * len(chosen))
+    grid = fig.subplots(len(chosen), 3, squeeze=False, sharex="col", gridspec_kw={"width_ratios": [1.2, 1.2, 1.0]})
+    wanted = np.degrees(roll_pitch(flight.target.column(lambda t: t.q_lab_from_flu)))
+    measured = np.degrees(roll_pitch(flight.poses.q_lab_from_flu[:, 1:]))
+    start_s = _liveliest(flight, wanted)
+    colours = style.colours(len(flight.vehicles))
+    for row, k in zip(grid, chosen, strict=True):
+        column = flight.followers[k].column or 0
+        for ax, axis in zip(row, (0, 1, 1), strict=True):
+            tilt = style.broken(measured[:, k, axis], flight.poses.seen[:, k + 1])
+            _against_target(ax, flight, tilt, wanted[:, column, axis], colours[k + 1], flight.followers[k].body)
+        row[0].set_title(flight.followers[k].body)
+        row[0].set_ylabel("roll, °")
+        row[1].set_ylabel("pitch, °")
+        _close_up(row[2], flight, wanted[:, column, 1], measured[:, k, 1], start_s)
+        for ax in row[:2]:
+            style.time_axis(ax, 0.0, flight.duration_s, label=row is grid[-1])
+        style.time_axis(row[2], start_s, start_s + CLOSE_UP_S, label=row is grid[-1])
+    grid[0, 2].set_title("Pitch, close up")
+    shade(list(grid[:, :2].ravel()), flight)
+    return fig
+
+
+def _against_target(ax: Axes, flight: Flight, measured: Float, wanted: Float, colour: str, name: str) -> None:
+    """One angle measured, its target over it."""
+    style.line(ax, flight.poses.t_s, measured, color=colour, lw=1.2, label=name)
+    style.line(ax, flight.target.t_s, wanted, color=style.INK, lw=0.7, ls=(0, (3, 1.5)), label="target")
+
+
+def _close_up(ax: Axes, flight: Flight, wanted: Float, measured: Float, start_s: float) -> None:
+    """The scale of the seconds shown."""
+    inside = _within(flight.target.t_s, start_s), _within(flight.poses.t_s, start_s)
+    shown = np.concatenate([wanted[inside[0]], measured[inside[1]]])
+    ax.set_ylim(*_central(shown))
+    ax.set_ylabel("pitch, °")
+
+
+def _within(t_s: Float, start_s: float) -> Bool:
+    """Mask of the close-up's seconds."""
+    return (t_s >= start_s) & (t_s <= start_s + CLOSE_UP_S)
+
+
+def _liveliest(flight: Flight, wanted_deg: Float) -> float:
+    """Start of the seconds in formation in which the pitch targets vary most."""
+    t_s = flight.target.t_s
+    formed = in_formation_phase(flight, t_s)
+    starts = np.arange(t_s[0], max(t_s[-1] - CLOSE_UP_S, t_s[0] + 1e-6), CLOSE_UP_S / 2.0)
+    windows = [wanted_deg[_within(t_s, start) & formed][..., 1] for start in starts]
+    return float(starts[int(np.argmax([float(np.var(w)) if w.size else -1.0 for w in windows]))])
+
+
+def roll_pitch(q_lab_from_flu: Float) -> Float:
+    """Roll and pitch (rad) about the heading's own axes, shape (..., 2): small-angle tilt left-down and nose-down.
+
+    Roll is positive right side down, pitch positive nose down (right-handed about forward and left).
+    """
+    level = frames.multiply(frames.inverse(frames.from_yaw(frames.yaw(q_lab_from_flu))), q_lab_from_flu)
+    w, x, y, z = np.moveaxis(level, -1, 0)
+    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
+    return np.stack([roll, pitch], axis=-1)

@@ -1,0 +1,145 @@
+"""How the followers held their slots: position against reference, formation error, the cloud of errors."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle
+
+from analysis.load import Flight
+from analysis.plots import style
+from analysis.plots.bands import shade
+from analysis.plots.style import Drawing, Missing
+from analysis.series import Series
+from analysis.tracking import Tracking
+from formation import frames
+from formation.arrays import Float
+from formation.messages import Reference
+
+ROWS = 6
+NO_TRACKING = "formation error needs mocap frames and control references; the log lacks one of them"
+
+
+def worst_followers(tracking: Tracking, most: int = ROWS) -> tuple[int, ...]:
+    """The followers drawn one by one: all, or those with the largest RMS error; in the configuration's order."""
+    count = tracking.formed.shape[1]
+    if count <= most:
+        return tuple(range(count))
+    squares = np.where(tracking.formed, np.sum(np.square(tracking.error_lead_m), axis=-1), 0.0).sum(axis=0)
+    return tuple(sorted(np.argsort(-squares)[:most].tolist()))
+
+
+def positions(flight: Flight, tracking: Tracking) -> Drawing:
+    """x and y of each follower against its reference, lab axes: one row a follower."""
+    if not len(tracking.t_s):
+        return Missing(NO_TRACKING)
+    chosen = worst_followers(tracking)
+    fig = style.figure(0.6 + 1.55 * len(chosen))
+    grid = fig.subplots(len(chosen), 2, squeeze=False, sharex=True)
+    wanted = _reference_lab_m(flight.reference)
+    colours = style.colours(len(flight.vehicles))
+    for row, k in zip(grid, chosen, strict=True):
+        vehicle = flight.followers[k]
+        pos, seen = flight.poses.pos_lab_m[:, k + 1], flight.poses.seen[:, k + 1]
+        for axis, ax in enumerate(row):
+            measured = style.broken(pos[:, axis], seen)
+            style.line(ax, flight.poses.t_s, measured, color=colours[k + 1], lw=1.7, label=vehicle.body)
+            if vehicle.column is not None:
+                reference = wanted[:, vehicle.column, axis]
+                style.line(
+                    ax, flight.reference.t_s, reference, color=style.INK, lw=0.8, ls=(0, (4, 2)), label="reference"
+                )
+            style.time_axis(ax, 0.0, flight.duration_s, label=row is grid[-1])
+        row[0].set_ylabel("x, m")
+        row[1].set_ylabel("y, m")
+        row[0].set_title(vehicle.body)
+        style.legend(row[1])
+    shade(list(grid.ravel()), flight)
+    return fig
+
+
+def _reference_lab_m(reference: Series[Reference]) -> Float:
+    """Where each commanded vehicle should be, lab axes, shape (T, m, 3)."""
+    origin = reference.column(lambda r: r.origin_lab_m)
+    slot = reference.column(lambda r: r.slot_lead_m)
+    return origin + frames.rotate_about_z(reference.column(lambda r: r.heading_rad), slot)
+
+
+def errors(flight: Flight, tracking: Tracking) -> Drawing:
+    """Length of each follower's formation error against time, its components below; unscored frames drawn thin."""
+    if not tracking.formed.any():
+        return Missing("no frame was flown in formation" if len(tracking.t_s) else NO_TRACKING)
+    fig = style.figure(5.4)
+    axes = list(fig.subplots(4, 1, sharex=True, height_ratios=[1.7, 1.0, 1.0, 1.0]))
+    length_mm = 1e3 * np.linalg.norm(tracking.error_lead_m, axis=-1)
+    draw_error(axes[0], flight, tracking, length_mm)
+    axes[0].set(title="Formation error", ylabel="length, mm", ylim=(0.0, None))
+    style.legend(axes[0])
+    for axis, (ax, name) in enumerate(zip(axes[1:], ("forward", "left", "up"), strict=True)):
+        draw_error(ax, flight, tracking, 1e3 * tracking.error_lead_m[..., axis])
+        ax.axhline(0.0, color=style.FAINT, lw=0.8, zorder=1)
+        ax.set_ylabel(f"{name}, mm")
+    low_s, high_s = _formed_span(tracking)
+    for ax in axes:
+        style.time_axis(ax, low_s, high_s, label=ax is axes[-1])
+    shade(axes, flight)
+    return fig
+
+
+def draw_error(ax: Axes, flight: Flight, tracking: Tracking, error_mm: Float) -> None:
+    """One component of every follower's error (T, k): strong where scored, thin while its slot moves."""
+    colours = style.colours(len(flight.vehicles))[1:]
+    for k, colour in enumerate(colours):
+        moving = style.broken(error_mm[:, k], tracking.formed[:, k])
+        scored = style.broken(error_mm[:, k], tracking.scored[:, k])
+        style.line(ax, tracking.t_s, moving, color=colour, lw=0.6, alpha=0.5)
+        style.line(ax, tracking.t_s, scored, color=colour, lw=1.1, label=flight.followers[k].body)
+    _limit_to_scored(ax, error_mm[tracking.scored])
+
+
+def _limit_to_scored(ax: Axes, scored_mm: Float) -> None:
+    """Let the scored frames choose the scale, so that the entry's large errors do not flatten them."""
+    if scored_mm.size:
+        low, high = float(scored_mm.min()), float(scored_mm.max())
+        margin = 0.12 * max(high - low, 0.1)
+        ax.set_ylim(low - margin, high + margin)
+
+
+def _formed_span(tracking: Tracking) -> tuple[float, float]:
+    """First and last time in formation."""
+    t_s = tracking.t_s[tracking.formed.any(axis=1)]
+    return float(t_s[0]), float(t_s[-1])
+
+
+def clouds(flight: Flight, tracking: Tracking) -> Drawing:
+    """Each follower's horizontal error as a cloud about its slot, rings holding 50 and 95 % of the frames."""
+    if not tracking.scored.any():
+        return Missing("no scored formation frame: there is no cloud to draw")
+    chosen = worst_followers(tracking, 5)
+    fig = style.figure(3.1, min(style.WIDTH_IN, 0.4 + 2.6 * len(chosen)))
+    row = fig.subplots(1, len(chosen), squeeze=False, sharex=True, sharey=True)[0]
+    colours = style.colours(len(flight.vehicles))
+    widest = 1.0
+    for ax, k in zip(row, chosen, strict=True):
+        xy_mm = 1e3 * tracking.error_lead_m[tracking.scored[:, k], k, :2]
+        widest = max(widest, _cloud(ax, xy_mm, colours[k + 1]))
+        ax.set_title(flight.followers[k].body)
+        ax.set_xlabel("right ← error → left, mm")
+    row[0].set_ylabel("back ← error → forward, mm")
+    for ax in row:
+        ax.set(xlim=(widest, -widest), ylim=(-widest, widest), aspect="equal")
+    return fig
+
+
+def _cloud(ax: Axes, xy_mm: Float, colour: str) -> float:
+    """One cloud, seen from above with forward up; returns the half width (mm) that shows 99 % of it."""
+    if not len(xy_mm):
+        return 1.0
+    some = xy_mm[:: max(1, len(xy_mm) // 900)]
+    ax.scatter(some[:, 1], some[:, 0], s=5, color=colour, alpha=0.28, linewidths=0, zorder=2)
+    radius = np.linalg.norm(xy_mm, axis=1)
+    for share, dash in ((50.0, "-"), (95.0, (0, (4, 3)))):
+        r = float(np.percentile(radius, share))
+        ax.add_patch(Circle((0.0, 0.0), r, fill=False, ec=style.INK, lw=0.8, ls=dash, zorder=3))
+        ax.text(0.0, r, f"{share:.0f} %  {r:.2g} mm", fontsize=7.5, ha="center", va="bottom", color=style.INK, zorder=4)
+    ax.axhline(0.0, color=style.FAINT, lw=0.8, zorder=1)
+    ax.axvline(0.0, color=style.FAINT, lw=0.8, zorder=1)
+    return 1.25 * float(np.percentile(radius, 99.0))

@@ -1,0 +1,157 @@
+"""What all pictures share: colours, type, axes, phase bands, thinning of long lines, SVG and PNG. Knows no flight data.
+
+Figures are made through matplotlib's object interface; the style is set in a context around drawing and rendering,
+so that nothing global changes.
+"""
+
+import io
+import re
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.colors import hsv_to_rgb, to_hex
+from matplotlib.figure import Figure
+
+from formation.arrays import Bool, Float
+from formation.messages import Phase
+
+INK = "#1d2733"
+SOFT = "#66727f"
+FAINT = "#c9d0d8"
+ALARM = "#c2372e"
+LEADER = "#2b3440"
+FOLLOWERS = ("#1f77d0", "#e8772e", "#2a9d6f", "#b5459b", "#8a6d1f", "#0f9fb4", "#7a56c8", "#c94f5d")
+PHASES: Mapping[Phase, str] = MappingProxyType(
+    {
+        Phase.GROUND: "#eef0f2",
+        Phase.ARMED: "#f3e7c9",
+        Phase.TAKEOFF: "#d9e6f6",
+        Phase.FORMATION: "#d8efe2",
+        Phase.HOLD: "#e7e3f4",
+        Phase.LAND: "#f7e1d3",
+        Phase.STOPPED: "#f3c9c6",
+    }
+)
+WIDTH_IN = 10.8
+POINTS = 1400  # points kept of a line: about two a pixel of the page
+_STYLE = Path(__file__).with_name("house.mplstyle")
+
+
+@dataclass(frozen=True, slots=True)
+class Missing:
+    """Why a picture cannot be drawn, in words."""
+
+    reason: str
+
+
+Drawing = Figure | Missing
+
+
+def styled() -> AbstractContextManager[None]:
+    """The house style, for the time of drawing or rendering."""
+    return mpl.rc_context(fname=_STYLE)
+
+
+def figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
+    """An empty figure with a constrained layout."""
+    return Figure(figsize=(width_in, height_in), layout="constrained")
+
+
+def draw(drawing: Callable[[], Drawing]) -> Drawing:
+    """Run a drawing function in the house style."""
+    with styled():
+        return drawing()
+
+
+def svg(fig: Figure) -> str:
+    """The figure as an SVG element to embed: text as text in the page's own font, no XML prologue, no date."""
+    buffer = io.StringIO()
+    with styled():
+        FigureCanvasSVG(fig)
+        fig.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.S)
+    text = re.sub(r"(font: [^'\";]*?px|font-family:) ?'DejaVu Sans'[^;\"]*", r"\1 var(--type)", text)
+    return re.sub(r'(<svg[^>]*?) width="[\d.]+pt" height="[\d.]+pt"|\n\s+', _squeeze, text)
+
+
+def _squeeze(match: re.Match[str]) -> str:
+    """Drop the root's fixed size, and indentation."""
+    return match.group(1) or "\n"
+
+
+def png(fig: Figure, dpi: int = 150) -> bytes:
+    """The figure as a PNG on white."""
+    buffer = io.BytesIO()
+    with styled():
+        FigureCanvasAgg(fig)
+        fig.savefig(buffer, format="png", dpi=dpi, facecolor="white")
+    return buffer.getvalue()
+
+
+def colours(vehicles: int) -> tuple[str, ...]:
+    """One colour a vehicle, leader first: ink for the leader, hues for the rest."""
+    followers = vehicles - 1
+    if followers <= len(FOLLOWERS):
+        return (LEADER, *FOLLOWERS[: max(followers, 0)])
+    hues = (0.58 + np.arange(followers) / followers) % 1.0
+    return (LEADER, *(_hex(hue, 0.78 - 0.14 * (i % 2)) for i, hue in enumerate(hues)))
+
+
+def _hex(hue: float, value: float) -> str:
+    """A colour of that hue and brightness."""
+    red, green, blue = hsv_to_rgb((hue, 0.72, value))
+    return to_hex((float(red), float(green), float(blue)))
+
+
+def thin(t_s: Float, y: Float, points: int = POINTS) -> tuple[Float, Float]:
+    """A line of at most about `points` points that looks the same; shapes (T,).
+
+    Each bucket of samples keeps its first, its extremes and its first NaN, so that peaks and breaks survive.
+    """
+    size = 3 * len(t_s) // points
+    if size < 4:
+        return t_s, y
+    whole = len(t_s) // size * size
+    bucket = y[:whole].reshape(-1, size)
+    missing = np.isnan(bucket)
+    low = np.argmin(np.where(missing, np.inf, bucket), axis=1)
+    high = np.argmax(np.where(missing, -np.inf, bucket), axis=1)
+    first = np.arange(len(bucket)) * size
+    kept = [first, first + low, first + high, first + np.argmax(missing, axis=1), np.arange(whole, len(t_s))]
+    keep = np.unique(np.concatenate(kept))
+    return t_s[keep], y[keep]
+
+
+def line(ax: Axes, t_s: Float, y: Float, **options: Any) -> None:
+    """Plot a thinned line against time; NaN breaks it."""
+    ax.plot(*thin(t_s, y), **options)
+
+
+def broken(values: Float, keep: Bool) -> Float:
+    """The values (T,) with NaN where not kept: lines break there."""
+    return np.where(keep, values, np.nan)
+
+
+def time_axis(ax: Axes, low_s: float, high_s: float, *, label: bool = True) -> None:
+    """Limits and label of a time axis."""
+    ax.set_xlim(low_s, high_s if high_s > low_s else low_s + 1.0)
+    if label:
+        ax.set_xlabel("time, s")
+    else:
+        ax.tick_params(labelbottom=False)
+
+
+def legend(ax: Axes, columns: int = 6) -> None:
+    """One row of names above the axes, at the right."""
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderaxespad=0.2)

@@ -1,0 +1,259 @@
+"""The report of one flight: one self-contained HTML page, in words, pictures and numbers, from its log alone."""
+
+from collections.abc import Callable
+from html import escape
+from pathlib import Path
+
+import numpy as np
+
+from analysis import page, words
+from analysis.load import Flight, load
+from analysis.metrics import Summary, rms, summarise, vibration_of
+from analysis.page import Section, cell, picture, row, swatch, table, tile
+from analysis.plots import bands, control, paths, slots, style, timing
+from analysis.plots.style import Drawing
+from analysis.tracking import Tracking, track
+from formation.messages import Severity
+from wire.mcap_log import check_log
+
+QUIET_EVENTS = 40  # more quiet events than this are folded away
+MEANINGS = {
+    "duration_s": "first to last record of the log",
+    "followers": "vehicles holding a slot",
+    "formation_rms_m": "length of the formation error in the leader's frame, all followers, settled formation",
+    "formation_max_m": "its largest value",
+    "vibration_m": "mean half peak-to-peak about the 1 s moving average, x and y",
+    "altitude_rms_m": "the vertical part of the formation error",
+    "min_separation_m": "least distance between two vehicles in the air",
+    "frames": "mocap frames recorded",
+    "late_ticks": "control cycles by the watchdog or slower than the frames",
+    "latency_ms": "frame received to last datagram sent: median, 99 %, max",
+    "age_ms": "camera to drone, as the drones report it: median, 99 %",
+    "realtime_factor": "simulated seconds per second, lockstep only",
+    "command_hash": "SHA-256 of every attitude target sent, in order",
+    "outcome": "how the flight ended",
+}
+
+
+def report(path_mcap: Path, path_html: Path | None = None) -> Path:
+    """Write the report of a log, beside it as report.html unless told otherwise; returns where.
+
+    Works on truncated logs and on flights with missing topics: a section says what is missing.
+    """
+    path_html = path_mcap.with_name("report.html") if path_html is None else path_html
+    flight = load(path_mcap)
+    checked = check_log(path_mcap)
+    write(
+        flight,
+        summarise(flight, mcap=path_mcap, report=path_html),
+        path_html,
+        "" if checked.complete else checked.damage,
+    )
+    return path_html
+
+
+def write(flight: Flight, summary: Summary, path_html: Path, damage: str = "") -> None:
+    """Write the page of a flight whose summary is known; damage: what is wrong with its file, in words."""
+    path_html.write_text(html(flight, summary, damage), encoding="utf-8")
+
+
+def html(flight: Flight, summary: Summary, damage: str = "") -> str:
+    """The page of a flight."""
+    tracking = track(flight)
+    body = [_header(flight, summary, damage), _tiles(flight, summary), _story(flight, tracking, summary)]
+    body += [section.html() for section in _sections(flight, tracking, summary)]
+    body.append(_footer(flight))
+    return page.document(f"{_name(flight)} · flight report", "\n".join(body))
+
+
+def _name(flight: Flight) -> str:
+    """The flight's name for people."""
+    return (flight.run.scenario or "Flight").replace("_", " ")
+
+
+def _header(flight: Flight, summary: Summary, damage: str) -> str:
+    facts = [f"{summary.duration_s:.1f} s", words.counted(len(flight.vehicles), "vehicle")]
+    facts += [f"link: {summary.link}"] if summary.link else []
+    facts += [f"seed {summary.seed}"] if summary.seed is not None else []
+    good = summary.outcome in ("landed", "held")
+    badge = f'<span class="outcome{"" if good else " bad"}">{escape(summary.outcome.split(":")[0])}</span>'
+    harm = (
+        f'<p class="damage">The log is damaged: {escape(damage)}. This report shows what it still holds.</p>'
+        if damage
+        else ""
+    )
+    return (
+        f'<header><p class="kind">Flight report</p><h1>{escape(_name(flight))}{badge}</h1>'
+        f'<p class="facts">{escape(" · ".join(facts))}</p>{harm}</header>'
+    )
+
+
+def _tiles(flight: Flight, summary: Summary) -> str:
+    """The six numbers a pilot asks for first."""
+    latency = "–" if summary.latency_ms is None else f"{summary.latency_ms.p99:.2g}"
+    separation = "–" if summary.min_separation_m is None else f"{summary.min_separation_m:.2f}"
+    return '<div class="tiles">' + "".join(
+        (
+            tile(*_mm(summary.formation_rms_m), "formation error, RMS"),
+            tile(*_mm(summary.formation_max_m), "formation error, largest"),
+            tile(*_mm(summary.vibration_m), "vibration amplitude"),
+            tile(separation, "m", "least separation in the air"),
+            tile(latency, "ms", "control latency, 99 %"),
+            tile(f"{summary.late_ticks}", f"of {len(flight.timing) or summary.frames}", "late control cycles"),
+        )
+    ) + "</div>"  # fmt: skip
+
+
+def _mm(metres: float | None) -> tuple[str, str]:
+    """A value and its unit; a dash where unknown."""
+    return ("–", "mm") if metres is None else (f"{1e3 * metres:.3g}", "mm")
+
+
+def _story(flight: Flight, tracking: Tracking, summary: Summary) -> str:
+    """The flight in words: what was flown and what happened at the left, what to look at on the right."""
+    items = "".join(
+        f'<li{" class=alarming" if f.alarming else ""}>{escape(f.text)} <a href="#{f.section}">see</a></li>'
+        for f in words.findings(flight, tracking, summary)
+    )
+    look = f'<ul class="findings">{items}</ul>' if items else "<p>Nothing out of the ordinary.</p>"
+    return (
+        f'<div class="story"><div><h2>What was flown</h2><p>{escape(words.flown(flight))}</p>'
+        f"<h2>What happened</h2><p>{escape(words.happened(flight, tracking, summary))}</p></div>"
+        f"<div><h2>What to look at</h2>{look}</div></div>"
+    )
+
+
+def _sections(flight: Flight, tracking: Tracking, summary: Summary) -> tuple[Section, ...]:
+    """Every section in reading order."""
+
+    def drawn(drawing: Callable[[], Drawing], *, narrow: bool = False) -> str:
+        return picture(style.draw(drawing), narrow=narrow)
+
+    return (
+        Section(
+            "timeline",
+            "Timeline",
+            "Phases of the swarm, operator requests, and what the ground reported (red: error, amber: warning).",
+            (drawn(lambda: bands.timeline(flight)), _event_table(flight)),
+        ),
+        Section(
+            "paths",
+            "Paths",
+            "Strong lines are the formation phase, faint ones the rest; dots joined to the leader are the formation "
+            "at even times. The dashed outline is the fence.",
+            (drawn(lambda: paths.from_above(flight)), drawn(lambda: paths.in_space(flight), narrow=True)),
+        ),
+        Section(
+            "error",
+            "Formation error",
+            "Each follower's distance from its slot, measured by mocap in the leader's own frame. Thin lines: the slot "
+            "itself is still moving (entry, change of shape); those frames are not scored.",
+            (drawn(lambda: slots.errors(flight, tracking)), _follower_table(flight, tracking)),
+        ),
+        Section(
+            "clouds",
+            "Where the error points",
+            "Horizontal error of every scored frame about the slot, forward up. A round cloud on the cross is noise; a "
+            "cloud off the cross is trim or alignment; a streak forward is the leader's acceleration or lag.",
+            (drawn(lambda: slots.clouds(flight, tracking)),),
+        ),
+        Section(
+            "positions",
+            "Position against reference",
+            "Each follower in lab axes (colour) with its reference dashed over it.",
+            (drawn(lambda: slots.positions(flight, tracking)),),
+        ),
+        Section(
+            "sliding",
+            "Sliding variable and disturbance",
+            "s should stay in a narrow band about zero; Z3 is what the observer believes pushes the drone: wind, "
+            "ground effect, a wrong mass (z).",
+            (drawn(lambda: control.sliding(flight)), drawn(lambda: control.disturbance(flight))),
+        ),
+        Section(
+            "output",
+            "Control output",
+            "Acceleration demanded by the law (gravity excluded), the thrust sent, a mark wherever a limit cut the target.",
+            (drawn(lambda: control.output(flight)),),
+        ),
+        Section(
+            "attitude",
+            "Attitude against target",
+            "Tilt measured by mocap (colour) under its target (dashed). In the close-up the shift to the right is the "
+            "vehicle's lag.",
+            (drawn(lambda: control.attitude(flight, tracking)),),
+        ),
+        Section(
+            "timing",
+            "Timing",
+            "Counts are on a log scale: the rare late cycle matters more than the common punctual one.",
+            (drawn(lambda: timing.histograms(flight)), drawn(lambda: timing.cycles(flight))),
+        ),
+        Section("metrics", "Metrics", "The summary as `--json` writes it.", (_metric_table(summary),)),
+    )
+
+
+def _event_table(flight: Flight) -> str:
+    """Every event; many quiet ones folded away."""
+    rows = [
+        row(
+            cell(f"{t_s:.2f} s", "time"),
+            cell(event.severity.name.lower(), "level"),
+            cell(event.source),
+            cell(event.text),
+            alarming=event.severity < Severity.WARNING,
+        )
+        for t_s, event in zip(flight.events.t_s, flight.events.messages, strict=True)
+    ]
+    if not rows:
+        return '<p class="missing">Not shown: no event was recorded.</p>'
+    inner = table(("time", "level", "source", "what"), rows)
+    return f"<details><summary>{len(rows)} events</summary>{inner}</details>" if len(rows) > QUIET_EVENTS else inner
+
+
+def _follower_table(flight: Flight, tracking: Tracking) -> str:
+    """One row a follower: RMS, largest, mean and vibration."""
+    head = ("follower", "#RMS, mm", "#max, mm", "#forward, mm", "#left, mm", "#up, mm", "#vibration, mm")
+    colours = style.colours(len(flight.vehicles))
+    rows = []
+    for k, vehicle in enumerate(flight.followers):
+        error = tracking.error_lead_m[tracking.scored[:, k], k]
+        if not len(error):
+            continue
+        length = np.linalg.norm(error, axis=1)
+        spread = [f"{1e3 * m:+.2f} ± {1e3 * s:.2f}" for m, s in zip(error.mean(axis=0), error.std(axis=0), strict=True)]
+        shaking = vibration_of(tracking, k)
+        numbers = (_mm(rms(length))[0], _mm(float(length.max()))[0], *spread, _mm(shaking)[0])
+        rows.append(row(swatch(vehicle.body, colours[k + 1]), *(cell(n, "number") for n in numbers)))
+    return table(head, rows) if rows else ""
+
+
+def _metric_table(summary: Summary) -> str:
+    """Every key of the summary that has a meaning of its own, with it."""
+    rows = [row(f"<td><code>{key}</code></td>", _value(key, summary), cell(text)) for key, text in MEANINGS.items()]
+    return table(("key", "#value", "meaning"), rows)
+
+
+def _value(key: str, summary: Summary) -> str:
+    """A cell with the value as a person reads it."""
+    value = getattr(summary, key)
+    if key == "command_hash":
+        return f'<td class="number"><code>{value[:16]}…</code></td>'
+    if key == "latency_ms" and summary.latency_ms is not None:
+        return cell(
+            f"{summary.latency_ms.p50:.3g} / {summary.latency_ms.p99:.3g} / {summary.latency_ms.max:.3g}", "number"
+        )
+    if key == "age_ms" and summary.age_ms is not None:
+        return cell(f"{summary.age_ms.p50:.3g} / {summary.age_ms.p99:.3g}", "number")
+    if value is None:
+        return cell("–", "number")
+    return cell(f"{value:.5g}" if isinstance(value, float) else f"{value}", "number")
+
+
+def _footer(flight: Flight) -> str:
+    """Where the page comes from."""
+    versions = f" {escape(flight.run.versions)}." if flight.run.versions else ""
+    return (
+        "<footer>Made from the flight's log alone; every position is a recorded mocap pose, every time counts from the "
+        f"log's first record.{versions}</footer>"
+    )

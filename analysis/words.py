@@ -1,0 +1,237 @@
+"""A flight told in plain words: what was flown, what happened, what deserves a look. Text only, no markup."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.load import Flight
+from analysis.metrics import Summary
+from analysis.tracking import Tracking, in_formation_phase
+from formation.config import FollowerConfig, LabConfig, TrajectoryConfig
+from formation.messages import Phase, Saturation, Severity
+
+NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
+DIRECTIONS = (("ahead of", "behind"), ("left of", "right of"), ("above", "below"))
+GAP_FRAMES = 2.5  # a wait longer than this many usual frame spacings is a gap
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Something to look at: `alarming` or merely worth knowing, and the section of the report that shows it."""
+
+    alarming: bool
+    text: str
+    section: str
+
+
+def mm(metres: float | None) -> str:
+    """Metres as millimetres with three significant digits."""
+    return "unknown" if metres is None else f"{1e3 * metres:.3g} mm"
+
+
+def counted(number: int, noun: str) -> str:
+    """`two followers`, `one drone`, `23 frames`."""
+    word = NUMBERS[number] if number < len(NUMBERS) else f"{number}"
+    return f"{word} {noun}" if number == 1 else f"{word} {noun}s"
+
+
+def listed(names: tuple[str, ...]) -> str:
+    """`a, b and c`."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}" if names else "nobody"
+
+
+def flown(flight: Flight) -> str:
+    """What was flown: the vehicles, the leader's path, the slots, the link."""
+    if not flight.vehicles:
+        return "The log holds neither a configuration nor a mocap frame, so there is no telling what was flown."
+    leader = flight.leader.body
+    commanded = flight.leader.column is not None
+    role = "a drone flown by the same ground station" if commanded else "a body that is only observed"
+    names = tuple(v.body for v in flight.followers)
+    text = f"{counted(len(names), 'follower').capitalize()} ({listed(names)}) held formation on {leader}, {role}"
+    text += f", over {flight.run.link}." if flight.run.link else "."
+    lab = flight.run.lab
+    if lab is None:
+        return text + " The log carries no configuration; bodies are named as the mocap names them."
+    path = f" {leader} was to {_path(lab.leader.trajectory)}." if commanded else ""
+    return f"{text}{path} {_slots(lab, leader)} Control preset: {lab.control_preset}."
+
+
+def _path(path: TrajectoryConfig) -> str:
+    """The leader's trajectory as a verb phrase."""
+    turning = f", yawing at {path.yaw_rate_rad_s:g} rad/s" if path.yaw_rate_rad_s else ""
+    match path.kind:
+        case "line":
+            return f"fly {path.length_m:g} m straight ahead in {path.duration_s:g} s{turning}"
+        case "circle":
+            return f"fly circles of {path.radius_m:g} m radius, one in {path.period_s:g} s{turning}"
+        case "waypoints":
+            return f"fly through {counted(len(path.waypoints_m), 'waypoint')} at {path.speed_m_s:g} m/s{turning}"
+        case _:
+            return f"hold its place{turning}"
+
+
+def _slots(lab: LabConfig, leader: str) -> str:
+    """Where the slots are, for as many followers as a sentence carries."""
+    if len(lab.followers) > 4:
+        return f"The slots lie up to {max(np.linalg.norm(f.offset_m) for f in lab.followers):.2f} m from it."
+    return " ".join(f"The slot of {f.body} is {_slot(f, leader)}." for f in lab.followers)
+
+
+def _slot(follower: FollowerConfig, leader: str) -> str:
+    """One slot: `0.4 m behind and 0.4 m left of lead`."""
+    parts = [
+        f"{abs(metres):g} m {words[0] if metres > 0.0 else words[1]}"
+        for metres, words in zip(follower.offset_m, DIRECTIONS, strict=True)
+        if metres
+    ]
+    return f"{listed(tuple(parts))} {leader}" if parts else f"at the place of {leader}"
+
+
+def happened(flight: Flight, tracking: Tracking, summary: Summary) -> str:
+    """What happened: the phases in order, how well the formation held, how it ended."""
+    if not flight.phases:
+        return "The log holds no phases: what follows covers everything that was recorded."
+    verbs = {
+        Phase.ARMED: "armed",
+        Phase.TAKEOFF: "took off",
+        Phase.FORMATION: "entered formation",
+        Phase.HOLD: "held position",
+        Phase.LAND: "began to land",
+        Phase.STOPPED: "was stopped",
+    }
+    steps = [f"{verbs[s.phase]} at {s.start_s:.1f} s" for s in flight.phases if s.phase in verbs]
+    if flight.phases[-1].phase is Phase.GROUND and len(steps) > 1:
+        steps.append(f"was back on the ground at {flight.phases[-1].start_s:.1f} s")
+    text = f"The swarm {listed(tuple(steps))}. " if steps else "Nothing left the ground. "
+    if tracking.scored.any():
+        rate_hz = 1.0 / float(np.median(np.diff(tracking.t_s)))
+        scored_s = float(tracking.scored.any(axis=1).sum()) / rate_hz
+        text += (
+            f"Over {scored_s:.1f} s of settled formation the error was {mm(summary.formation_rms_m)} RMS and at most "
+            f"{mm(summary.formation_max_m)}; vibration {mm(summary.vibration_m)}. "
+        )
+    return text + _ending(summary.outcome)
+
+
+def _ending(outcome: str) -> str:
+    """The outcome as a sentence."""
+    if outcome == "landed":
+        return "All landed as asked."
+    if outcome == "held":
+        return "The record ends with the swarm holding its place in the air."
+    return f"The flight did not end as planned: {outcome.removeprefix('aborted: ')}."
+
+
+def findings(flight: Flight, tracking: Tracking, summary: Summary) -> tuple[Finding, ...]:
+    """What deserves a look, alarming things first."""
+    every = [
+        *_outcome(summary),
+        *_separation(flight, summary),
+        *_events(flight),
+        *_late(flight, summary),
+        *_gaps(flight),
+        *_unseen(flight),
+        *_limits(flight),
+        *_largest_error(flight, tracking),
+        *_bias(flight, tracking),
+    ]
+    return tuple(sorted(every, key=lambda finding: not finding.alarming))
+
+
+def _outcome(summary: Summary) -> Iterator[Finding]:
+    if summary.outcome.startswith("aborted"):
+        yield Finding(True, f"The flight ended early: {summary.outcome.removeprefix('aborted: ')}.", "timeline")
+
+
+def _separation(flight: Flight, summary: Summary) -> Iterator[Finding]:
+    lab, least = flight.run.lab, summary.min_separation_m
+    if lab is not None and least is not None and least < lab.limits.min_separation_m:
+        wanted = lab.limits.min_separation_m
+        yield Finding(
+            True, f"Two vehicles came within {least:.2f} m of each other; the limit is {wanted:.2f} m.", "paths"
+        )
+
+
+def _events(flight: Flight) -> Iterator[Finding]:
+    loud = [e for e in flight.events.messages if e.severity <= Severity.WARNING]
+    if loud:
+        worst = min(loud, key=lambda event: event.severity)
+        more = f" and {counted(len(loud) - 1, 'more warning')}" if len(loud) > 1 else ""
+        yield Finding(worst.severity < Severity.WARNING, f"{worst.source} reported “{worst.text}”{more}.", "timeline")
+
+
+def _late(flight: Flight, summary: Summary) -> Iterator[Finding]:
+    if summary.late_ticks and summary.latency_ms is not None:
+        share = 100.0 * summary.late_ticks / len(flight.timing)
+        late = counted(summary.late_ticks, "control cycle").capitalize()
+        text = f"{late} came late ({share:.2g} %), the slowest {summary.latency_ms.max:.3g} ms."
+        yield Finding(share > 1.0, text, "timing")
+
+
+def _gaps(flight: Flight) -> Iterator[Finding]:
+    spacing_s = np.diff(flight.poses.t_s)
+    if not spacing_s.size:
+        return
+    usual_s = float(np.median(spacing_s))
+    gaps = np.flatnonzero(spacing_s > GAP_FRAMES * usual_s)
+    if gaps.size:
+        widest = int(gaps[np.argmax(spacing_s[gaps])])
+        text = (
+            f"The mocap paused {counted(gaps.size, 'time')}, the longest for {1e3 * spacing_s[widest]:.0f} ms "
+            f"at {flight.poses.t_s[widest]:.1f} s (frames usually come every {1e3 * usual_s:.1f} ms)."
+        )
+        yield Finding(float(spacing_s[widest]) > 0.1, text, "timing")
+
+
+def _unseen(flight: Flight) -> Iterator[Finding]:
+    for i, vehicle in enumerate(flight.vehicles):
+        lost = int((~flight.poses.seen[:, i]).sum())
+        if lost:
+            share = 100.0 * lost / len(flight.poses)
+            yield Finding(share > 5.0, f"{vehicle.body} was not seen in {lost} frames ({share:.2g} %).", "paths")
+
+
+def _limits(flight: Flight) -> Iterator[Finding]:
+    bits = flight.target.column(lambda t: t.saturation).astype(np.int64)
+    bits = bits[in_formation_phase(flight, flight.target.t_s)] if len(flight.target) else bits
+    if not bits.size:
+        return
+    for limit in Saturation:
+        share = 100.0 * float(np.mean((bits & limit) != 0))
+        if limit is not Saturation.NONE and share > 0.0:
+            name = (limit.name or "").lower().replace("_", " ")
+            text = f"The {name} limit cut {share:.2g} % of the attitude targets sent in formation."
+            yield Finding(share > 5.0, text, "output")
+
+
+def _largest_error(flight: Flight, tracking: Tracking) -> Iterator[Finding]:
+    if not tracking.scored.any():
+        return
+    length_m = np.where(tracking.scored, np.linalg.norm(tracking.error_lead_m, axis=-1), -1.0)
+    frame, follower = np.unravel_index(int(np.argmax(length_m)), length_m.shape)
+    t_s, worst_m = float(tracking.t_s[frame]), float(length_m[frame, follower])
+    name = flight.followers[int(follower)].body
+    near = [
+        event.text
+        for at_s, event in zip(flight.events.t_s, flight.events.messages, strict=True)
+        if abs(at_s - t_s) < 0.5 and event.severity <= Severity.WARNING
+    ]
+    why = f", around the event “{near[0]}”" if near else ""
+    yield Finding(False, f"The largest error is {mm(worst_m)}, {name} at {t_s:.1f} s{why}.", "error")
+
+
+def _bias(flight: Flight, tracking: Tracking) -> Iterator[Finding]:
+    """Steady offsets: where an error's mean outweighs its scatter, trim or alignment is the likelier cause."""
+    names = ("forward", "left", "up")
+    for k, vehicle in enumerate(flight.followers):
+        error = tracking.error_lead_m[tracking.scored[:, k], k]
+        if not len(error):
+            continue
+        mean, spread = error.mean(axis=0), error.std(axis=0)
+        axis = int(np.argmax(np.abs(mean)))
+        if abs(mean[axis]) > 2.0 * spread[axis] and abs(mean[axis]) > 5e-4:
+            offset = f"{mm(float(mean[axis]))} {names[axis]}"
+            text = f"{vehicle.body} stands off steadily by {offset}: look at trim or marker alignment."
+            yield Finding(False, text, "clouds")

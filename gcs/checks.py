@@ -5,6 +5,8 @@ from collections.abc import Iterator
 from gcs.dialect import ParameterRule
 from gcs.link_state import DroneLink
 
+HOVER_WITHIN = 0.15
+
 
 def objections(link: DroneLink) -> tuple[str, ...]:
     """Every reason of this link's own not to arm; empty when there is none."""
@@ -37,11 +39,10 @@ def warnings(link: DroneLink, feeds_pose: bool) -> tuple[str, ...]:
 
 
 def _hover_warning(link: DroneLink) -> tuple[str, ...]:
-    name = "" if link.dialect is None else link.dialect.hover_parameter
-    found, expected = link.parameters.values.get(name), link.profile.hover_thrust_norm
-    if found is None or abs(found - expected) <= 0.15 * expected:
+    used, expected = link.hover_thrust_norm, link.profile.hover_thrust_norm
+    if link.dialect is None or abs(used - expected) <= HOVER_WITHIN * expected:
         return ()
-    return (f"{name} is {found:.2f}, the profile {link.profile.name} hovers at {expected:.2f}",)
+    return (f"{link.dialect.hover_parameter} is {used:.2f}, the profile {link.profile.name} hovers at {expected:.2f}",)
 
 
 def _holds(link: DroneLink, rule: ParameterRule) -> bool:

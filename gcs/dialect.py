@@ -47,6 +47,8 @@ class Dialect:
     ignore: Ignore
     """Body rates that it cannot take beside an attitude."""
     hover_parameter: str
+    hover_default: float
+    """Its value before anyone has measured it, which says nothing of the vehicle."""
     rules: tuple[ParameterRule, ...]
     streams: tuple[tuple[int, float], ...]
     """Messages to ask for: id and rate, Hz."""
@@ -153,6 +155,7 @@ PX4 = Dialect(
     # With both given, PX4 publishes a rate setpoint beside the attitude's own; it takes the yaw rate alone.
     ignore=Ignore.ROLL_RATE | Ignore.PITCH_RATE,
     hover_parameter="MPC_THR_HOVER",
+    hover_default=0.5,
     rules=(
         ParameterRule(
             "COM_OF_LOSS_T", "0 to 2 s", _between(0.0, 2.0),
@@ -190,6 +193,7 @@ ARDUPILOT = Dialect(
     mode_name=_copter_mode,
     ignore=Ignore.NONE,
     hover_parameter="MOT_THST_HOVER",
+    hover_default=0.35,
     rules=(
         ParameterRule(
             "GUID_OPTIONS", "thrust (bit 8)", _has(8), "without it our thrust is read as a climb rate", 8.0, vital=True,

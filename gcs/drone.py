@@ -5,10 +5,13 @@ from dataclasses import dataclass
 from formation.reference import HERE, IDLE, Leg, Mode
 from gcs.goal import Goal, is_reached, pursue
 from gcs.link_state import NEVER_NS, DroneLink
+from wire.link_messages import LandedState
 
 TOUCH_NS = 300_000_000
 GONE_NS = 5_000_000_000
-REFUSED_DISARM_NS = 4_000_000_000
+OWN_LANDING_NS = 2_500_000_000
+REFUSED_DISARM_NS = 5_000_000_000
+AIRBORNE_STATES = (LandedState.IN_AIR, LandedState.TAKEOFF, LandedState.LANDING)
 NEAR_FLOOR_M = 0.03
 PRESSING_M = 0.12
 AT_REST_M_S = 0.08
@@ -55,8 +58,12 @@ class Drone:
 
     def pursue(self, now_ns: int) -> None:
         """One more step towards the goal; a disarm that a landed drone keeps refusing is forced."""
-        if self.goal is Goal.DISARM and now_ns - self.goal_since_ns > REFUSED_DISARM_NS and not self.reached:
-            self.aim(Goal.CUT, now_ns)
+        since_ns = now_ns - self.goal_since_ns
+        if self.goal is Goal.DISARM and not self.reached:
+            if self.touched and self.link.told.landed in AIRBORNE_STATES and since_ns < OWN_LANDING_NS:
+                return  # it would refuse: its own landing detector has not seen yet what the mocap saw
+            if since_ns > REFUSED_DISARM_NS:
+                self.aim(Goal.CUT, now_ns)
         pursue(self.goal, self.link, self.goal_since_ns, now_ns)
 
     def release(self, now_ns: int) -> None:

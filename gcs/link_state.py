@@ -79,9 +79,12 @@ class DroneLink:
 
     @property
     def hover_thrust_norm(self) -> float:
-        """Thrust that hovers: the autopilot's own parameter where it was read, else the profile's."""
-        known = None if self.dialect is None else self.parameters.values.get(self.dialect.hover_parameter)
-        return known if known is not None and 0.05 < known < 0.95 else self.profile.hover_thrust_norm
+        """Thrust that hovers: the autopilot's own parameter where it was measured, else the profile's."""
+        if self.dialect is None:
+            return self.profile.hover_thrust_norm
+        known = self.parameters.values.get(self.dialect.hover_parameter, self.dialect.hover_default)
+        measured = 0.05 < known < 0.95 and abs(known - self.dialect.hover_default) > 1e-6
+        return known if measured else self.profile.hover_thrust_norm
 
     def receive(self, data: bytes, now_ns: int) -> None:
         """Take in one datagram; what cannot be read, or is not from this drone's autopilot, is counted."""

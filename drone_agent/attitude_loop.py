@@ -91,9 +91,10 @@ def mix(collective_n: float, torque: Float, numbers: Float, motor_max_n: float, 
     """Motor thrusts that give the collective and as much of the torque as fits: roll and pitch first, then yaw."""
     reach = numbers[4] / (2.0 * sqrt(2.0))
     roll, pitch, yaw = torque[0] / (4.0 * reach), torque[1] / (4.0 * reach), torque[2] / (4.0 * numbers[8])
-    base = min(max(0.25 * collective_n, 0.0), motor_max_n)
-    room = min(base, motor_max_n - base)
     tilt = abs(roll) + abs(pitch)
+    # As PX4 without air-mode: too much thrust gives way to the torque, too little thrust cuts the torque.
+    base = min(max(0.25 * collective_n, 0.0), max(motor_max_n - tilt, 0.5 * motor_max_n))
+    room = min(base, motor_max_n - base)
     tilt_scale = min(1.0, room / tilt) if tilt > 0.0 else 1.0
     left = room - tilt_scale * tilt
     yaw = min(max(yaw, -left), left)

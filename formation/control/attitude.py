@@ -17,7 +17,8 @@ from formation.rigid_body import GRAVITY_M_S2, thrust_norm
 from formation.vehicle import VehicleProfile
 
 TILT, THRUST_LOW, THRUST_HIGH = 1.0, 2.0, 4.0  # bits of formation.messages.Saturation
-LIFT_LEAST = 0.3  # of gravity: below it the attitude says nothing and the autopilot has no authority
+LIFT_LEAST = 0.45  # of gravity: below it the attitude says nothing and the autopilot has no authority
+LIFT_MOST = 0.92  # of full thrust: what is left turns the vehicle
 RAMP_START, RAMP_1_S, RAMP_MOST = 0.2, 0.9, 1.9  # thrust over weight while waiting for lift-off
 
 
@@ -175,8 +176,8 @@ def _attitude(
         for axis in range(3):
             aim[axis] /= k
             felt[axis] = aim[axis] + lead_acc[i, axis] / k
-        bits_aim = bound_force(aim, 0.98 * full, tilt_max)
-        bits_felt = bound_force(felt, 0.98 * full, tilt_max)
+        bits_aim = bound_force(aim, LIFT_MOST * full, tilt_max)
+        bits_felt = bound_force(felt, LIFT_MOST * full, tilt_max)
         saturation[i] = bits + max(bits_aim, bits_felt)
         for axis in range(3):
             force_rate[axis] = (felt[axis] - aim[axis]) / lag

@@ -105,8 +105,9 @@ class Autopilot:
         return believed(self.airframe.state, self.positioning.offset(now_ns))
 
     def say(self, severity: Severity, text: str, *fills: str) -> None:
-        """Tell the operator."""
-        self.notes.append(Note(severity, text.format(*fills)))
+        """Tell the operator, if there are words for it."""
+        if text:
+            self.notes.append(Note(severity, text.format(*fills)))
 
     # Arming
 
@@ -114,7 +115,7 @@ class Autopilot:
         """Why it will not arm now, or None."""
         row = self.row
         if not row.may_arm:
-            return f"{row.label} mode is not armable"
+            return self.personality.words.not_armable.format(row.label)
         if self.airframe.pack.remaining < self.timing.battery_critical:
             return "low battery"
         return self.missing(row.needs, now_ns)
@@ -124,7 +125,7 @@ class Autopilot:
         if Needs.POSITION in needs:
             fault = self.positioning.fault(now_ns)
             if fault is not None and not (self.armed and self.positioning.valid(now_ns)):
-                return fault
+                return self.personality.words.no_position.format(fault)
         if Needs.STREAM in needs and self.stream.silent_for(now_ns, self.stream_loss.after_s):
             return self.personality.words.stream_lost
         if Needs.PILOT in needs:
@@ -176,12 +177,11 @@ class Autopilot:
     # Modes
 
     def change_mode(self, mode: Mode, now_ns: int) -> Result:
-        """The operator's choice of mode: PX4 takes any on the ground; in flight only what can be flown."""
+        """The operator's choice of mode: any while disarmed (arming checks it), armed only what can be flown."""
         row = self.personality.modes.get(mode)
         if row is None or self.mode is Mode.TERMINATION:
             return self.personality.refused
-        free = not self.armed and self.personality.any_mode_on_ground
-        fault = None if free else self.missing(row.needs, now_ns)
+        fault = self.missing(row.needs, now_ns) if self.armed else None
         if fault is not None:
             self.say(Severity.CRITICAL, self.personality.words.mode_refused, row.label, fault)
             return self.personality.refused

@@ -16,10 +16,11 @@ from drone_agent.guards import Guards
 from drone_agent.inbox import Inbox
 from drone_agent.parameters import Parameters
 from drone_agent.personalities import PERSONALITIES
+from drone_agent.personality import Personality
 from drone_agent.schedule import RASTER_NS, Schedule
 from drone_agent.telemetry import ON_REQUEST, Teller
 from formation.messages import Datagram, Event, MocapFrame, Truth
-from formation.vehicle import on_ground
+from formation.vehicle import on_ground, profile
 from wire.link_messages import DRONE_COMPONENT, Address, LinkMessage, StatusText
 from wire.mavlink import Codec
 
@@ -46,10 +47,9 @@ class AgentCore:
 
     def __init__(self, config: AgentConfig, t0_ns: int) -> None:
         make = PERSONALITIES[config.personality]
-        indoor = make.indoor if config.pose == "mocap" else {}
         self.config = config
         self.codec = Codec(Address(config.sysid, DRONE_COMPONENT))
-        self.parameters = Parameters(make.parameters, make.autopilot, {**indoor, **config.parameters})
+        self.parameters = Parameters(make.parameters, make.autopilot, _first_values(config, make))
         self._t0_ns = self._now_ns = t0_ns
         start = np.array(config.start_lab_m)
         self._airframe = Airframe(config.true_vehicle(), config.disturbance, start, config.start_yaw_rad, t0_ns)
@@ -213,6 +213,13 @@ class AgentCore:
         if waiting:
             datagrams.append(Datagram(self.config.sysid, waiting))
         return tuple(datagrams)
+
+
+def _first_values(config: AgentConfig, make: Personality) -> dict[str, float]:
+    """What this drone's parameters are set up to: its own number, its kind's hover thrust, its pose, its own values."""
+    hover = round(profile(config.profile).hover_thrust_norm, 3)
+    values = {make.system_parameter: float(config.sysid), make.hover_parameter: hover}
+    return {**values, **(make.indoor if config.pose == "mocap" else {}), **config.parameters}
 
 
 def _positioning(config: AgentConfig, t0_ns: int) -> Positioning:

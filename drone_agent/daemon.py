@@ -5,8 +5,6 @@ import signal
 from collections.abc import Callable
 from typing import Any
 
-from wire.zenoh_bus import ZenohBus
-
 from drone_agent import parameter_file
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
@@ -15,6 +13,7 @@ from wire.clock import monotonic_ns
 from wire.config_file import ConfigError
 from wire.link import Link
 from wire.udp_bus import open_udp_drone
+from wire.zenoh_bus import ZenohBus
 
 Tell = Callable[[Event], None]
 

@@ -157,9 +157,7 @@ class Inbox:
             self._send(value)
 
     def _unknown_parameter(self, name: str) -> None:
-        words = self._pilot.personality.words.unknown_parameter
-        if words is not None:
-            self._pilot.say(Severity.INFO, words, name)
+        self._pilot.say(Severity.INFO, self._pilot.personality.words.unknown_parameter, name)
 
     def _boot_ms(self, now_ns: int) -> int:
         return (now_ns - self._t0_ns) // 1_000_000

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from drone_agent.ardupilot import ARDUPILOT
 from drone_agent.personality import Personality
 from drone_agent.px4 import PX4
 
-PERSONALITIES: Mapping[str, Personality] = MappingProxyType({make.name: make for make in (PX4,)})
+PERSONALITIES: Mapping[str, Personality] = MappingProxyType({make.name: make for make in (PX4, ARDUPILOT)})

@@ -81,7 +81,7 @@ class StreamLoss:
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """STATUSTEXTs, as the operators of this make know them; {} takes a reason or a mode's name."""
+    """STATUSTEXTs, as the operators of this make know them; {} takes a reason or a mode's name, "" says nothing."""
 
     boot: tuple[tuple[Severity, str], ...]
     armed: str
@@ -89,6 +89,8 @@ class Words:
     arm_refused: tuple[str, ...]
     disarm_refused: str
     mode_refused: str
+    no_position: str
+    not_armable: str
     takeoff: str
     landing: str
     landed: str
@@ -97,7 +99,7 @@ class Words:
     battery_low: str
     battery_critical: str
     ground_lost: str
-    unknown_parameter: str | None
+    unknown_parameter: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,11 +151,11 @@ class Personality:
     """The number under which a SET_MODE is acknowledged."""
     force_arm: bool
     """Whether arming can be forced past its checks."""
-    any_mode_on_ground: bool
-    """PX4 takes any mode while disarmed and checks when arming; ArduPilot checks at once."""
     takeoff_in_own_mode: bool
     """PX4 switches to a take-off mode, armed or not; ArduPilot takes off within GUIDED, armed."""
     parameters: tuple[ParamSpec, ...]
+    system_parameter: str
+    hover_parameter: str
     rates_hz: Mapping[int, float]
     """MAVLink message id -> default rate of telemetry."""
     words: Words

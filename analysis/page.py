@@ -1,13 +1,15 @@
 """Pieces of an HTML page: escaping, figures, tables, one self-contained document. Knows no flight."""
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
-from analysis.plots.style import Drawing, Missing, svg
+from analysis.plots.style import WIDTH_IN, Drawing, Missing, svg
 
 _CSS = Path(__file__).with_name("page.css")
+_BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:mm|ms|m/s|m|s|rad/s|Hz)\b|%)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,21 +23,28 @@ class Section:
 
     def html(self) -> str:
         """The section's markup."""
-        lead = f'<p class="lead">{escape(self.lead)}</p>' if self.lead else ""
+        lead = f'<p class="lead">{text(self.lead)}</p>' if self.lead else ""
         return f'<section id="{self.anchor}"><h2>{escape(self.title)}</h2>{lead}{"".join(self.parts)}</section>'
 
 
-def picture(drawing: Drawing, *, narrow: bool = False) -> str:
-    """The drawing embedded as SVG, or what is missing for it."""
+def text(words: str) -> str:
+    """Plain text, escaped; a number keeps its unit on the same line."""
+    return _BEFORE_UNIT.sub("\u00a0", escape(words))
+
+
+def picture(drawing: Drawing) -> str:
+    """The drawing embedded as SVG at its own scale, or what is missing for it."""
     if isinstance(drawing, Missing):
-        return f'<p class="missing">Not shown: {escape(drawing.reason)}.</p>'
-    return f"<figure{' class=narrow' if narrow else ''}>{svg(drawing)}</figure>"
+        return f'<p class="missing">Not shown: {text(drawing.reason)}.</p>'
+    share = 100.0 * drawing.get_figwidth() / WIDTH_IN
+    return f'<figure style="max-width:{share:.1f}%">{svg(drawing)}</figure>'
 
 
 def table(head: Sequence[str], rows: Iterable[str]) -> str:
     """A table of finished rows; head cells starting with `#` are set right, over numbers."""
     cells = "".join(
-        f'<th class="number">{escape(h[1:])}</th>' if h.startswith("#") else f"<th>{escape(h)}</th>" for h in head
+        f'<th class="number">{escape(name[1:])}</th>' if name.startswith("#") else f"<th>{escape(name)}</th>"
+        for name in head
     )
     return f'<div class="scroll"><table><thead><tr>{cells}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>'
 
@@ -45,19 +54,19 @@ def row(*cells: str, alarming: bool = False) -> str:
     return f"<tr{' class=alarming' if alarming else ''}>{''.join(cells)}</tr>"
 
 
-def cell(text: str, kind: str = "") -> str:
+def cell(words: str, kind: str = "") -> str:
     """A table cell of plain text; kind is a class of the style sheet."""
-    return f"<td{f' class={kind}' if kind else ''}>{escape(text)}</td>"
+    return f"<td{f' class={kind}' if kind else ''}>{text(words)}</td>"
 
 
-def swatch(text: str, colour: str) -> str:
+def swatch(words: str, colour: str) -> str:
     """A table cell that begins with a drone's colour."""
-    return f'<td><i style="background:{colour}"></i>{escape(text)}</td>'
+    return f'<td><i style="background:{colour}"></i>{escape(words)}</td>'
 
 
 def tile(value: str, unit: str, label: str) -> str:
     """A number set large."""
-    return f'<div class="tile"><b>{escape(value)} <small>{escape(unit)}</small></b><span>{escape(label)}</span></div>'
+    return f'<div class="tile"><b>{escape(value)} <small>{escape(unit)}</small></b><span>{text(label)}</span></div>'
 
 
 def document(title: str, body: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from analysis import page, words
 from analysis.load import Flight, load
 from analysis.metrics import Summary, rms, summarise, vibration_of
-from analysis.page import Section, cell, picture, row, swatch, table, tile
+from analysis.page import Section, cell, picture, row, swatch, table, text, tile
 from analysis.plots import bands, control, paths, slots, style, timing
 from analysis.plots.style import Drawing
 from analysis.tracking import Tracking, track
@@ -68,7 +68,7 @@ def html(flight: Flight, summary: Summary, damage: str = "") -> str:
 
 def _name(flight: Flight) -> str:
     """The flight's name for people."""
-    return (flight.run.scenario or "Flight").replace("_", " ")
+    return (flight.run.scenario or "flight").replace("_", " ").capitalize()
 
 
 def _header(flight: Flight, summary: Summary, damage: str) -> str:
@@ -78,7 +78,7 @@ def _header(flight: Flight, summary: Summary, damage: str) -> str:
     good = summary.outcome in ("landed", "held")
     badge = f'<span class="outcome{"" if good else " bad"}">{escape(summary.outcome.split(":")[0])}</span>'
     harm = (
-        f'<p class="damage">The log is damaged: {escape(damage)}. This report shows what it still holds.</p>'
+        f'<p class="damage">The log is damaged: {text(damage)}. This report shows what it still holds.</p>'
         if damage
         else ""
     )
@@ -112,13 +112,13 @@ def _mm(metres: float | None) -> tuple[str, str]:
 def _story(flight: Flight, tracking: Tracking, summary: Summary) -> str:
     """The flight in words: what was flown and what happened at the left, what to look at on the right."""
     items = "".join(
-        f'<li{" class=alarming" if f.alarming else ""}>{escape(f.text)} <a href="#{f.section}">see</a></li>'
+        f'<li{" class=alarming" if f.alarming else ""}>{text(f.text)} <a href="#{f.section}">{f.section}</a></li>'
         for f in words.findings(flight, tracking, summary)
     )
     look = f'<ul class="findings">{items}</ul>' if items else "<p>Nothing out of the ordinary.</p>"
     return (
-        f'<div class="story"><div><h2>What was flown</h2><p>{escape(words.flown(flight))}</p>'
-        f"<h2>What happened</h2><p>{escape(words.happened(flight, tracking, summary))}</p></div>"
+        f'<div class="story"><div><h2>What was flown</h2><p>{text(words.flown(flight))}</p>'
+        f"<h2>What happened</h2><p>{text(words.happened(flight, tracking, summary))}</p></div>"
         f"<div><h2>What to look at</h2>{look}</div></div>"
     )
 
@@ -126,8 +126,8 @@ def _story(flight: Flight, tracking: Tracking, summary: Summary) -> str:
 def _sections(flight: Flight, tracking: Tracking, summary: Summary) -> tuple[Section, ...]:
     """Every section in reading order."""
 
-    def drawn(drawing: Callable[[], Drawing], *, narrow: bool = False) -> str:
-        return picture(style.draw(drawing), narrow=narrow)
+    def drawn(drawing: Callable[[], Drawing]) -> str:
+        return picture(style.draw(drawing))
 
     return (
         Section(
@@ -141,7 +141,7 @@ def _sections(flight: Flight, tracking: Tracking, summary: Summary) -> tuple[Sec
             "Paths",
             "Strong lines are the formation phase, faint ones the rest; dots joined to the leader are the formation "
             "at even times. The dashed outline is the fence.",
-            (drawn(lambda: paths.from_above(flight)), drawn(lambda: paths.in_space(flight), narrow=True)),
+            (drawn(lambda: paths.where(flight)), drawn(lambda: paths.heights(flight))),
         ),
         Section(
             "error",
@@ -173,7 +173,7 @@ def _sections(flight: Flight, tracking: Tracking, summary: Summary) -> tuple[Sec
         Section(
             "output",
             "Control output",
-            "Acceleration demanded by the law (gravity excluded), the thrust sent, a mark wherever a limit cut the target.",
+            "Acceleration demanded by the law (gravity excluded), the thrust sent, a mark wherever a limit cut it.",
             (drawn(lambda: control.output(flight)),),
         ),
         Section(
@@ -189,7 +189,9 @@ def _sections(flight: Flight, tracking: Tracking, summary: Summary) -> tuple[Sec
             "Counts are on a log scale: the rare late cycle matters more than the common punctual one.",
             (drawn(lambda: timing.histograms(flight)), drawn(lambda: timing.cycles(flight))),
         ),
-        Section("metrics", "Metrics", "The summary as `--json` writes it.", (_metric_table(summary),)),
+        Section(
+            "metrics", "Metrics", "The summary, with the keys under which --json writes it.", (_metric_table(summary),)
+        ),
     )
 
 

@@ -36,6 +36,11 @@ def counted(number: int, noun: str) -> str:
     return f"{word} {noun}" if number == 1 else f"{word} {noun}s"
 
 
+def times(number: int) -> str:
+    """`once`, `twice`, `three times`."""
+    return {1: "once", 2: "twice"}.get(number) or counted(number, "time")
+
+
 def listed(names: tuple[str, ...]) -> str:
     """`a, b and c`."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}" if names else "nobody"
@@ -47,15 +52,15 @@ def flown(flight: Flight) -> str:
         return "The log holds neither a configuration nor a mocap frame, so there is no telling what was flown."
     leader = flight.leader.body
     commanded = flight.leader.column is not None
-    role = "a drone flown by the same ground station" if commanded else "a body that is only observed"
-    names = tuple(v.body for v in flight.followers)
-    text = f"{counted(len(names), 'follower').capitalize()} ({listed(names)}) held formation on {leader}, {role}"
-    text += f", over {flight.run.link}." if flight.run.link else "."
     lab = flight.run.lab
+    role = "a drone flown by the same ground station" if commanded else "a body that is only observed"
+    task = f" with the task to {_path(lab.leader.trajectory)}" if commanded and lab is not None else ""
+    names = tuple(v.body for v in flight.followers)
+    text = f"{counted(len(names), 'follower').capitalize()} ({listed(names)}) held formation on {leader}, {role}{task}"
+    text += f"; link: {flight.run.link}." if flight.run.link else "."
     if lab is None:
         return text + " The log carries no configuration; bodies are named as the mocap names them."
-    path = f" {leader} was to {_path(lab.leader.trajectory)}." if commanded else ""
-    return f"{text}{path} {_slots(lab, leader)} Control preset: {lab.control_preset}."
+    return f"{text} {_slots(lab, leader)} Control preset: {lab.control_preset}."
 
 
 def _path(path: TrajectoryConfig) -> str:
@@ -159,7 +164,9 @@ def _events(flight: Flight) -> Iterator[Finding]:
     if loud:
         worst = min(loud, key=lambda event: event.severity)
         more = f" and {counted(len(loud) - 1, 'more warning')}" if len(loud) > 1 else ""
-        yield Finding(worst.severity < Severity.WARNING, f"{worst.source} reported “{worst.text}”{more}.", "timeline")
+        yield Finding(
+            worst.severity < Severity.WARNING, f"{worst.source.capitalize()} reported “{worst.text}”{more}.", "timeline"
+        )
 
 
 def _late(flight: Flight, summary: Summary) -> Iterator[Finding]:
@@ -179,7 +186,7 @@ def _gaps(flight: Flight) -> Iterator[Finding]:
     if gaps.size:
         widest = int(gaps[np.argmax(spacing_s[gaps])])
         text = (
-            f"The mocap paused {counted(gaps.size, 'time')}, the longest for {1e3 * spacing_s[widest]:.0f} ms "
+            f"The mocap paused {times(gaps.size)}, the longest for {1e3 * spacing_s[widest]:.0f} ms "
             f"at {flight.poses.t_s[widest]:.1f} s (frames usually come every {1e3 * usual_s:.1f} ms)."
         )
         yield Finding(float(spacing_s[widest]) > 0.1, text, "timing")

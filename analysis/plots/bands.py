@@ -49,7 +49,7 @@ def _ribbon(ax: Axes, flight: Flight) -> None:
     for span in flight.phases:
         width = span.end_s - span.start_s
         ax.barh(0.5, width, left=span.start_s, height=1.0, color=style.PHASES[span.phase], ec="white", lw=1.5)
-        if width > 0.011 * len(span.phase.name) * max(flight.duration_s, 1e-9):
+        if width > 0.0062 * len(span.phase.name) * max(flight.duration_s, 1e-9):
             middle = span.start_s + 0.5 * width
             ax.text(middle, 0.5, span.phase.name.capitalize(), ha="center", va="center", fontsize=8.5)
 
@@ -60,11 +60,12 @@ def _requests(ax: Axes, flight: Flight) -> None:
     for t_s, request in zip(flight.requests.t_s, flight.requests.messages, strict=True):
         if request.verb == "status":
             continue
-        ax.plot(t_s, -0.6, marker=">", color=style.INK, ms=4.5, mew=0)
+        ax.plot(t_s, -0.6, marker=">", color=style.INK, ms=5.0, mew=0)
         if t_s >= free_from_s:
             words = f"{request.verb} {request.argument}".strip()
-            ax.text(t_s, -0.6, f"  {words}", va="center", fontsize=8.0)
-            free_from_s = t_s + 0.012 * (len(words) + 2) * flight.duration_s
+            place = {"xytext": (5.0, 0.0), "textcoords": "offset points", "va": "center", "fontsize": 8.0}
+            ax.annotate(words, (float(t_s), -0.6), **place)  # type: ignore[arg-type]
+            free_from_s = t_s + (0.0075 * len(words) + 0.012) * flight.duration_s
 
 
 def _events(ax: Axes, flight: Flight) -> None:

@@ -50,7 +50,6 @@ def output(flight: Flight) -> Drawing:
     fig = style.figure(6.4)
     axes = list(fig.subplots(5, 1, sharex=True, height_ratios=[1.0, 1.0, 1.0, 1.0, 0.55]))
     _components(axes[:3], flight, flight.command.t_s, acc, "a", "m/s²")
-    axes[0].set_title("Control output: demanded acceleration, thrust, limits met")
     style.legend(axes[0])
     _thrust(axes[3], flight)
     _limits(axes[4], flight)
@@ -168,15 +167,15 @@ def attitude(flight: Flight, tracking: Tracking) -> Drawing:
         for ax in row[:2]:
             style.time_axis(ax, 0.0, flight.duration_s, label=row is grid[-1])
         style.time_axis(row[2], start_s, start_s + CLOSE_UP_S, label=row is grid[-1])
-    grid[0, 2].set_title("Pitch, close up")
+        style.legend(row[2])
     shade(list(grid[:, :2].ravel()), flight)
     return fig
 
 
 def _against_target(ax: Axes, flight: Flight, measured: Float, wanted: Float, colour: str, name: str) -> None:
-    """One angle measured, its target over it."""
-    style.line(ax, flight.poses.t_s, measured, color=colour, lw=1.2, label=name)
-    style.line(ax, flight.target.t_s, wanted, color=style.INK, lw=0.7, ls=(0, (3, 1.5)), label="target")
+    """One angle measured, over its target."""
+    style.line(ax, flight.target.t_s, wanted, color="#9aa5b1", lw=1.3, label="target")
+    style.line(ax, flight.poses.t_s, measured, color=colour, lw=0.9, label=name)
 
 
 def _close_up(ax: Axes, flight: Flight, wanted: Float, measured: Float, start_s: float) -> None:

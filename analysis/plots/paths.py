@@ -2,11 +2,13 @@
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from analysis.load import Flight
 from analysis.plots import style
+from analysis.plots.bands import shade
 from analysis.plots.style import Drawing, Missing
 from analysis.tracking import airborne, in_formation_phase
 from formation.arrays import Bool, Float, Vec3
@@ -15,16 +17,34 @@ SNAPSHOTS = 9
 PATH_POINTS = 1500
 
 
-def from_above(flight: Flight) -> Drawing:
-    """Plan view of every vehicle, the formation's outline at even times, and the heights beside it."""
+def where(flight: Flight) -> Drawing:
+    """Every vehicle's path from above and in three dimensions, side by side."""
     if not len(flight.poses):
         return Missing("no mocap frame was recorded")
-    fig = style.figure(5.6)
-    plan, side = fig.subplots(1, 2, gridspec_kw={"width_ratios": [1.35, 1.0]})
+    fig = Figure(figsize=(style.WIDTH_IN, 4.9))
+    plan = fig.add_axes((0.055, 0.1, 0.44, 0.81))
     draw_plan(plan, flight)
     plan.set(title="From above", xlabel="lab x, m", ylabel="lab y, m")
     style.legend(plan, columns=4)
-    _heights(side, flight)
+    space = fig.add_axes((0.5, -0.02, 0.47, 1.06), projection="3d")
+    draw_space(space, flight)
+    return fig
+
+
+def heights(flight: Flight) -> Drawing:
+    """Height of every vehicle against time."""
+    poses = flight.poses
+    if not len(poses):
+        return Missing("no mocap frame was recorded")
+    fig = style.figure(1.8)
+    ax = fig.add_subplot()
+    for i, colour in enumerate(style.colours(len(flight.vehicles))):
+        z = style.broken(poses.pos_lab_m[:, i, 2], poses.seen[:, i])
+        style.line(ax, poses.t_s, z, color=colour)
+    ax.set(title="Height", ylabel="lab z, m")
+    ax.set_ylim(bottom=min(0.0, ax.get_ylim()[0]))
+    style.time_axis(ax, 0.0, flight.duration_s)
+    shade([ax], flight)
     return fig
 
 
@@ -39,6 +59,9 @@ def draw_plan(ax: Axes, flight: Flight) -> None:
         ax.plot(*_spaced(strong).T, color=colour, lw=1.6, label=names[i])
     _snapshots(ax, flight, formed)
     ax.set_aspect("equal", adjustable="datalim")
+    ax.margins(0.08)
+    ax.apply_aspect()
+    ax.autoscale(enable=False)
     _fence(ax, flight)
 
 
@@ -81,30 +104,6 @@ def _fence(ax: Axes, flight: Flight) -> None:
     ax.add_patch(Rectangle(corner, size[0], size[1], fill=False, ec=style.ALARM, lw=0.9, ls=(0, (6, 4)), alpha=0.6))
 
 
-def _heights(ax: Axes, flight: Flight) -> None:
-    """Height of every vehicle against time."""
-    poses = flight.poses
-    for i, colour in enumerate(style.colours(len(flight.vehicles))):
-        z = style.broken(poses.pos_lab_m[:, i, 2], poses.seen[:, i])
-        style.line(ax, poses.t_s, z, color=colour)
-    ax.set(title="Height", ylabel="lab z, m")
-    ax.set_ylim(bottom=min(0.0, ax.get_ylim()[0]))
-    style.time_axis(ax, 0.0, flight.duration_s)
-
-
-def in_space(flight: Flight) -> Drawing:
-    """The flown paths in three dimensions, with their shadow on the floor."""
-    if not len(flight.poses):
-        return Missing("no mocap frame was recorded")
-    fig = style.figure(5.8)
-    ax = fig.add_subplot(projection="3d")
-    if not isinstance(ax, Axes3D):
-        raise TypeError("matplotlib has no 3-D axes")
-    draw_space(ax, flight)
-    ax.legend(loc="upper left", ncols=1)
-    return fig
-
-
 def draw_space(ax: Axes3D, flight: Flight) -> None:
     """Paths while airborne, equal scales, light panes."""
     poses = flight.poses
@@ -116,7 +115,7 @@ def draw_space(ax: Axes3D, flight: Flight) -> None:
         ax.plot(path[:, 0], path[:, 1], np.full(len(path), low[2]), color=colour, lw=0.7, alpha=0.18)
         ax.plot(*path.T, color=colour, lw=1.3, label=flight.vehicles[i].body)
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    ax.set_box_aspect(high - low, zoom=1.12)
+    ax.set_box_aspect(high - low, zoom=1.0)
     ax.set(xlabel="x, m", ylabel="y, m", zlabel="z, m")
     ax.view_init(elev=24.0, azim=-58.0)
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):

@@ -71,7 +71,7 @@ def errors(flight: Flight, tracking: Tracking) -> Drawing:
     axes = list(fig.subplots(4, 1, sharex=True, height_ratios=[1.7, 1.0, 1.0, 1.0]))
     length_mm = 1e3 * np.linalg.norm(tracking.error_lead_m, axis=-1)
     draw_error(axes[0], flight, tracking, length_mm)
-    axes[0].set(title="Formation error", ylabel="length, mm", ylim=(0.0, None))
+    axes[0].set(ylabel="length, mm", ylim=(0.0, None))
     style.legend(axes[0])
     for axis, (ax, name) in enumerate(zip(axes[1:], ("forward", "left", "up"), strict=True)):
         draw_error(ax, flight, tracking, 1e3 * tracking.error_lead_m[..., axis])
@@ -80,7 +80,6 @@ def errors(flight: Flight, tracking: Tracking) -> Drawing:
     low_s, high_s = _formed_span(tracking)
     for ax in axes:
         style.time_axis(ax, low_s, high_s, label=ax is axes[-1])
-    shade(axes, flight)
     return fig
 
 
@@ -114,32 +113,31 @@ def clouds(flight: Flight, tracking: Tracking) -> Drawing:
     if not tracking.scored.any():
         return Missing("no scored formation frame: there is no cloud to draw")
     chosen = worst_followers(tracking, 5)
-    fig = style.figure(3.1, min(style.WIDTH_IN, 0.4 + 2.6 * len(chosen)))
+    fig = style.figure(3.4, min(style.WIDTH_IN, 0.4 + 2.9 * len(chosen)))
     row = fig.subplots(1, len(chosen), squeeze=False, sharex=True, sharey=True)[0]
     colours = style.colours(len(flight.vehicles))
     widest = 1.0
     for ax, k in zip(row, chosen, strict=True):
         xy_mm = 1e3 * tracking.error_lead_m[tracking.scored[:, k], k, :2]
-        widest = max(widest, _cloud(ax, xy_mm, colours[k + 1]))
-        ax.set_title(flight.followers[k].body)
-        ax.set_xlabel("right ← error → left, mm")
+        widest = max(widest, _cloud(ax, xy_mm, colours[k + 1], flight.followers[k].body))
+        ax.set_xlabel("left ← error → right, mm")
     row[0].set_ylabel("back ← error → forward, mm")
     for ax in row:
         ax.set(xlim=(widest, -widest), ylim=(-widest, widest), aspect="equal")
     return fig
 
 
-def _cloud(ax: Axes, xy_mm: Float, colour: str) -> float:
+def _cloud(ax: Axes, xy_mm: Float, colour: str, name: str) -> float:
     """One cloud, seen from above with forward up; returns the half width (mm) that shows 99 % of it."""
     if not len(xy_mm):
         return 1.0
-    some = xy_mm[:: max(1, len(xy_mm) // 900)]
-    ax.scatter(some[:, 1], some[:, 0], s=5, color=colour, alpha=0.28, linewidths=0, zorder=2)
+    some = xy_mm[:: max(1, len(xy_mm) // 3000)]
+    ax.scatter(some[:, 1], some[:, 0], s=3, color=colour, alpha=0.25, linewidths=0, zorder=2, rasterized=True)
     radius = np.linalg.norm(xy_mm, axis=1)
-    for share, dash in ((50.0, "-"), (95.0, (0, (4, 3)))):
-        r = float(np.percentile(radius, share))
-        ax.add_patch(Circle((0.0, 0.0), r, fill=False, ec=style.INK, lw=0.8, ls=dash, zorder=3))
-        ax.text(0.0, r, f"{share:.0f} %  {r:.2g} mm", fontsize=7.5, ha="center", va="bottom", color=style.INK, zorder=4)
+    half, most = (float(r) for r in np.percentile(radius, [50.0, 95.0]))
+    ax.add_patch(Circle((0.0, 0.0), half, fill=False, ec=style.INK, lw=0.9, zorder=3))
+    ax.add_patch(Circle((0.0, 0.0), most, fill=False, ec=style.INK, lw=0.9, ls=(0, (4, 3)), zorder=3))
+    ax.set_title(f"{name}: 50 % within {half:.2g} mm, 95 % within {most:.2g} mm", fontsize=8.5)
     ax.axhline(0.0, color=style.FAINT, lw=0.8, zorder=1)
     ax.axvline(0.0, color=style.FAINT, lw=0.8, zorder=1)
     return 1.25 * float(np.percentile(radius, 99.0))

@@ -42,7 +42,7 @@ PHASES: Mapping[Phase, str] = MappingProxyType(
     }
 )
 WIDTH_IN = 10.8
-POINTS = 1400  # points kept of a line: about two a pixel of the page
+POINTS = 1100  # points kept of a line: about one a pixel of the page
 _STYLE = Path(__file__).with_name("house.mplstyle")
 
 
@@ -82,12 +82,14 @@ def svg(fig: Figure) -> str:
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.S)
     text = re.sub(r"(font: [^'\";]*?px|font-family:) ?'DejaVu Sans'[^;\"]*", r"\1 var(--type)", text)
-    return re.sub(r'(<svg[^>]*?) width="[\d.]+pt" height="[\d.]+pt"|\n\s+', _squeeze, text)
+    text = re.sub(r'(<svg[^>]*?) width="[\d.]+pt" height="[\d.]+pt"', r"\1", text)
+    text = re.sub(r' d="[^"]*"', _rounded, text)
+    return re.sub(r"\n\s+", "\n", text)
 
 
-def _squeeze(match: re.Match[str]) -> str:
-    """Drop the root's fixed size, and indentation."""
-    return match.group(1) or "\n"
+def _rounded(path: re.Match[str]) -> str:
+    """A path's coordinates to a hundredth of a point: less than a pixel shows."""
+    return re.sub(r"-?\d+\.\d{3,}", lambda number: f"{float(number.group()):.2f}".rstrip("0").rstrip("."), path.group())
 
 
 def png(fig: Figure, dpi: int = 150) -> bytes:

@@ -2,6 +2,7 @@
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import NullFormatter, ScalarFormatter
 
 from analysis.load import Flight
 from analysis.metrics import ages_ms
@@ -41,6 +42,7 @@ def _histogram(ax: Axes, values_ms: Float) -> None:
         ax.axvline(value, color=style.INK, lw=0.9, ls=dash, label=f"{name} {value:.3g} ms", zorder=3)
     ax.plot([], [], " ", label=f"max {values_ms.max():.3g} ms")
     ax.set_ylabel("count")
+    ax.yaxis.set_major_formatter(ScalarFormatter())
     ax.grid(visible=False, axis="x")
     ax.legend(loc="upper right")
 
@@ -56,6 +58,8 @@ def cycles(flight: Flight) -> Drawing:
     style.line(ax, flight.timing.t_s, ms, color="#7d98b5", lw=0.8)
     ax.plot(flight.timing.t_s[late], ms[late], "o", ms=5, mfc="none", mec=style.ALARM, label=f"late: {int(late.sum())}")
     ax.set(title="Latency of every cycle", ylabel="ms", yscale="log")
+    ax.yaxis.set_major_formatter(ScalarFormatter())
+    ax.yaxis.set_minor_formatter(NullFormatter())
     style.time_axis(ax, 0.0, flight.duration_s)
     style.legend(ax)
     return fig

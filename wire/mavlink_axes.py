@@ -57,10 +57,15 @@ def euler_ned_from_frd(q: Quat) -> Triple:
     sin_pitch = 2.0 * (w * y - z * x)
     if abs(sin_pitch) > _POLE:
         side = math.copysign(1.0, sin_pitch)
-        return 0.0, side * 0.5 * math.pi, -2.0 * side * math.atan2(x, w)
+        return 0.0, side * 0.5 * math.pi, _exact(-2.0 * side * math.atan2(x, w))
     roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return roll, math.asin(sin_pitch), yaw
+    return _exact(roll), _exact(math.asin(sin_pitch)), _exact(yaw)
+
+
+def _exact(angle: float) -> float:
+    """Zero for what is only the rounding of zero: a level drone is sent as level, and zeros cost no bytes."""
+    return 0.0 if -1e-12 < angle < 1e-12 else angle
 
 
 def q_lab_from_euler(roll: float, pitch: float, yaw: float) -> Quat:

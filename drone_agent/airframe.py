@@ -17,8 +17,7 @@ from formation.vehicle import VehicleProfile, VehicleState, at_rest
 
 STEP_NS = 1_000_000
 _STEP_S = STEP_NS * 1e-9
-_GUST_NS = 5 * STEP_NS  # a gust is taken as constant this long
-_CALM = np.zeros(3)
+_GUST_NS = 5 * STEP_NS  # a gust is felt this often
 
 
 class Airframe:
@@ -34,7 +33,9 @@ class Airframe:
         self.state: VehicleState = at_rest(start_lab_m, from_yaw(np.array(start_yaw_rad)))
         self.setpoint = LoopSetpoint(self.state.q_lab_from_flu, np.zeros(3), 0.0)
         self._air = air
+        self._gusty = air.fan is not None
         self._t0_ns = t0_ns
+        self._push = self._felt()
         self._coming: deque[tuple[int, LoopSetpoint]] = deque()
 
     def order(self, t_ns: int, setpoint: LoopSetpoint) -> None:
@@ -57,8 +58,11 @@ class Airframe:
                     break
                 self.setpoint = setpoint
                 self._coming.popleft()
-            if not self._air.is_still:
-                end_ns = min(end_ns, self.t_ns + _GUST_NS)
+            if self._gusty:
+                since_ns = (self.t_ns - self._t0_ns) % _GUST_NS
+                if since_ns == 0:
+                    self._push = self._felt()
+                end_ns = min(end_ns, self.t_ns + _GUST_NS - since_ns)
             steps = max((end_ns - self.t_ns) // STEP_NS, 1)
             self.state = self._integrated(_STEP_S, steps)
             self.t_ns += steps * STEP_NS
@@ -69,17 +73,19 @@ class Airframe:
         rest_ns = now_ns - self.t_ns
         return self._integrated(rest_ns * 1e-9, 1) if rest_ns > 0 else self.state
 
+    @property
     def push_lab_m_s2(self) -> Vec3:
-        """What the air does to the vehicle at the grid's present: acceleration in `lab`."""
-        if self._air.is_still:
-            return _CALM
-        x, y, z = self.state.pos_lab_m.tolist()
-        return np.array(acceleration(self._air, (self.t_ns - self._t0_ns) * 1e-9, (x, y, z)))
+        """What the air does to the vehicle: acceleration in `lab`."""
+        return self._push
 
     def drain(self, dt_s: float) -> None:
         """Take `dt_s` at the present thrust out of the pack."""
         self.pack.drain(sum(self.state.motor_thrust_n.tolist()) / self.profile.weight_n, dt_s)
 
     def _integrated(self, dt_s: float, steps: int) -> VehicleState:
-        push, scale = self.push_lab_m_s2(), self.pack.thrust_scale
-        return advance(self.state, self.profile, self.setpoint, self.armed, push, dt_s, steps, scale)
+        scale = self.pack.thrust_scale
+        return advance(self.state, self.profile, self.setpoint, self.armed, self._push, dt_s, steps, scale)
+
+    def _felt(self) -> Vec3:
+        x, y, z = self.state.pos_lab_m.tolist()
+        return np.array(acceleration(self._air, (self.t_ns - self._t0_ns) * 1e-9, (x, y, z)))

@@ -115,7 +115,7 @@ class AgentCore:
             vel_lab_m_s=state.vel_lab_m_s,
             q_lab_from_flu=state.q_lab_from_flu,
             rate_flu_rad_s=state.rate_flu_rad_s,
-            dist_lab_m_s2=self._airframe.push_lab_m_s2(),
+            dist_lab_m_s2=self._airframe.push_lab_m_s2,
             on_ground=on_ground(state),
         )
 

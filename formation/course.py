@@ -1,6 +1,7 @@
 """From plan to reference: where each commanded vehicle is led at any time, without a jump at any change of plan."""
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,21 +100,31 @@ def evaluate(course: Course, t_ns: int, lead: Float) -> Guidance:
     return Guidance(slot, frame, lab)
 
 
+class Way(NamedTuple):
+    """The arrays of a Course, as kernels pass them on."""
+
+    kind: NDArray[np.int64]
+    base: Float
+    gap: Float
+    gap_ns: NDArray[np.int64]
+    gap_s: Float
+    path_kind: int
+    path_numbers: Float
+    path_knots: Float
+    path_ns: int
+
+
 @kernel
-def reference_at(
-    i: int, t_ns: int, lead: Float, kind: NDArray[np.int64], base: Float, gap: Float, gap_ns: NDArray[np.int64],
-    gap_s: Float, path_kind: int, path_numbers: Float, path_knots: Float, path_ns: int, slot: Float, frame: Float,
-    lab: Float,
-) -> None:  # fmt: skip
+def reference_at(i: int, t_ns: int, lead: Float, way: Way, slot: Float, frame: Float, lab: Float) -> None:
     """Vehicle i's reference at t_ns for the leader's motion lead (3, 4) then, into slot, frame, lab, each (3, 4)."""
     slot[:] = 0.0
     frame[:] = 0.0
-    if kind[i] == TRAJECTORY:
-        sample(path_kind, path_numbers, path_knots, (t_ns - path_ns) * SECONDS, slot)
+    if way.kind[i] == TRAJECTORY:
+        sample(way.path_kind, way.path_numbers, way.path_knots, (t_ns - way.path_ns) * SECONDS, slot)
     else:
-        slot[0] = base[i]
-    blend.add_gap(gap[i], (t_ns - gap_ns[i]) * SECONDS, gap_s[i], slot)
-    if kind[i] == SLOT:
+        slot[0] = way.base[i]
+    blend.add_gap(way.gap[i], (t_ns - way.gap_ns[i]) * SECONDS, way.gap_s[i], slot)
+    if way.kind[i] == SLOT:
         frame[:] = lead
     lab_from_lead(slot, frame, lab)
 
@@ -125,11 +136,9 @@ def _evaluate(
     lab: Float,
 ) -> None:  # fmt: skip
     """`reference_at` for all vehicles."""
+    way = Way(kind, base, gap, gap_ns, gap_s, path_kind, path_numbers, path_knots, path_ns)
     for i in range(len(kind)):
-        reference_at(
-            i, t_ns, lead, kind, base, gap, gap_ns, gap_s, path_kind, path_numbers, path_knots, path_ns,
-            slot[i], frame[i], lab[i],
-        )  # fmt: skip
+        reference_at(i, t_ns, lead, way, slot[i], frame[i], lab[i])
 
 
 def steer(course: Course, plan: Plan, who: Crew, motion_lab: Float, lead: Float, t_ns: int) -> Course:

@@ -6,6 +6,7 @@ commanded acceleration instead, Z3 would fight the vehicle's own lag.
 """
 
 from dataclasses import dataclass
+from math import atan2, exp, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +15,14 @@ from formation import frames
 from formation.arrays import Float, Quats, Scalars, Vec3s
 from formation.kernel import kernel
 from formation.messages import MocapFrame, SwarmState
-from formation.powers import implicit_root, sig
-from formation.response import SECONDS, History, answer
+from formation.observer import activity, extrapolation_error, fteso_step, rate_step, wrapped
+from formation.response import NEVER_NS, SECONDS, History, answer
 from formation.rigid_body import GRAVITY_M_S2
 
 DIST_MAX_M_S2 = 14.0
 STRENGTH_LOW, STRENGTH_HIGH = 0.5, 2.0
+NOISE_M, NOISE_LEAST_M = 2e-4, 2e-5  # position noise: first guess, and the least believed
+NOISE_LAG_S, NOISE_SPAN_S = 0.5, 0.2  # how slowly it is learned, and how close together the frames must be
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,19 +30,38 @@ class ObserverGains:
     """w and a of Eqs. (3)-(4), and the error scale e0 that gives the fractional powers a natural length.
 
     Corrections are e0 sig(e / e0)^(1 + i a): at |e| = e0 the bandwidth is w. The paper's own is e0 = 1 m.
+    smooth rounds the powers off below |e| = smooth e0, so that noise alone never sees more than about w.
     """
 
     bandwidth_rad_s: float
     alpha: float
     scale: float
+    smooth: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Vigilance:
+    """When the horizontal observers wake up: while the innovation, filtered over lag_s, exceeds what noise explains.
+
+    The activity mu = sqrt(1 + (innovation / (threshold * noise))^2), at most `most`, multiplies the bandwidth as
+    mu^bandwidth_power (and the law's gains by their own powers); most = 1 switches it off.
+    """
+
+    lag_s: float = 0.05
+    threshold: float = 3.0
+    most: float = 1.0
+    bandwidth_power: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EstimatorSettings:
-    """Per vehicle, (n) or (n, k): observer rows are bandwidth, alpha, scale.
+    """Per vehicle, (n) or (n, k): observer rows are bandwidth, alpha, scale, smooth.
 
     own: index among the commanded vehicles, or -1 for one that is only observed.
     response: attitude dead time, attitude lag, thrust dead time, thrust lag, s.
+    attitude_trust: share of the measured tilt, against the modelled one, that a frame is given.
+    tilt_w, tilt_decay_1_s: filter of an observed vehicle's tilt and its rate; tilt_w = 0: its attitude is not used.
+    vigilance (4): as in Vigilance.
     """
 
     horizontal: Float
@@ -48,6 +70,10 @@ class EstimatorSettings:
     response: Float
     own: NDArray[np.int64]
     strength_lag_s: float
+    attitude_trust: float
+    tilt_w: float
+    tilt_decay_1_s: float
+    vigilance: Float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +81,10 @@ class EstimatorState:
     """What the observers remember of the n vehicles at capture time t_ns.
 
     force: modelled specific force in `lab` at t_ns, before `strength`; lift_m_s2: its length, the thrust delivered;
-    strength: true thrust per modelled thrust (mass, battery, propellers).
+    strength: true thrust per modelled thrust (mass, battery, propellers); tilt (n, 4): of a vehicle that is only
+    observed, horizontal over vertical force, x and y, then their rates; force_rate: the turn of its force.
+    innovation (n, 2): horizontal, filtered; activity: see Vigilance; noise_m2: learned variance of the measured
+    position; recent_m (n, 3, 3), recent_ns (n, 3): the last three seen, newest last.
     """
 
     t_ns: int
@@ -68,6 +97,13 @@ class EstimatorState:
     heading: Vec3s
     q_lab_from_flu: Quats
     seen_ns: NDArray[np.int64]
+    tilt: Float
+    force_rate: Vec3s
+    innovation: Float
+    activity: Scalars
+    noise_m2: Scalars
+    recent_m: Float
+    recent_ns: NDArray[np.int64]
 
 
 def initial(frame: MocapFrame) -> EstimatorState:
@@ -76,9 +112,24 @@ def initial(frame: MocapFrame) -> EstimatorState:
     heading = np.zeros((n, 3))
     heading[:, 0] = frames.yaw(frame.q_lab_from_flu)
     return EstimatorState(
-        frame.t_capture_ns, frame.pos_lab_m.copy(), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)),
-        np.zeros(n), np.ones(n), heading, frame.q_lab_from_flu.copy(), np.full(n, frame.t_capture_ns, dtype=np.int64),
-    )  # fmt: skip
+        t_ns=frame.t_capture_ns,
+        pos_lab_m=frame.pos_lab_m.copy(),
+        vel_lab_m_s=np.zeros((n, 3)),
+        dist_lab_m_s2=np.zeros((n, 3)),
+        force_lab_m_s2=np.zeros((n, 3)),
+        lift_m_s2=np.zeros(n),
+        strength=np.ones(n),
+        heading=heading,
+        q_lab_from_flu=frame.q_lab_from_flu.copy(),
+        seen_ns=np.full(n, frame.t_capture_ns, dtype=np.int64),
+        tilt=np.zeros((n, 4)),
+        force_rate=np.zeros((n, 3)),
+        innovation=np.zeros((n, 2)),
+        activity=np.ones(n),
+        noise_m2=np.full(n, NOISE_M**2),
+        recent_m=np.repeat(frame.pos_lab_m[:, None, :], 3, axis=1),
+        recent_ns=np.full((n, 3), NEVER_NS, dtype=np.int64),
+    )
 
 
 def estimate(
@@ -90,22 +141,29 @@ def estimate(
     """
     if frame.t_capture_ns <= state.t_ns:
         return state
-    pos, vel, dist = state.pos_lab_m.copy(), state.vel_lab_m_s.copy(), state.dist_lab_m_s2.copy()
-    force, lift, strength = state.force_lab_m_s2.copy(), state.lift_m_s2.copy(), state.strength.copy()
-    heading, q, seen_ns = state.heading.copy(), state.q_lab_from_flu.copy(), state.seen_ns.copy()
+    new = EstimatorState(
+        frame.t_capture_ns, state.pos_lab_m.copy(), state.vel_lab_m_s.copy(), state.dist_lab_m_s2.copy(),
+        state.force_lab_m_s2.copy(), state.lift_m_s2.copy(), state.strength.copy(), state.heading.copy(),
+        state.q_lab_from_flu.copy(), state.seen_ns.copy(), state.tilt.copy(), state.force_rate.copy(),
+        state.innovation.copy(), state.activity.copy(), state.noise_m2.copy(), state.recent_m.copy(),
+        state.recent_ns.copy(),
+    )  # fmt: skip
     _observe(
         state.t_ns, frame.t_capture_ns, frame.pos_lab_m, frame.q_lab_from_flu, frame.seen, airborne,
         settings.horizontal, settings.vertical, settings.heading, settings.response, settings.own,
-        settings.strength_lag_s, history.t_ns, history.force,
-        pos, vel, dist, force, lift, strength, heading, q, seen_ns,
+        settings.strength_lag_s, settings.attitude_trust, settings.tilt_w, settings.tilt_decay_1_s,
+        settings.vigilance, history.t_ns, history.force,
+        new.pos_lab_m, new.vel_lab_m_s, new.dist_lab_m_s2, new.force_lab_m_s2, new.lift_m_s2, new.strength,
+        new.heading, new.q_lab_from_flu, new.seen_ns, new.tilt, new.force_rate, new.innovation, new.activity,
+        new.noise_m2, new.recent_m, new.recent_ns,
     )  # fmt: skip
-    return EstimatorState(frame.t_capture_ns, pos, vel, dist, force, lift, strength, heading, q, seen_ns)
+    return new
 
 
-def swarm_state(state: EstimatorState) -> SwarmState:
+def swarm_state(state: EstimatorState, settings: EstimatorSettings) -> SwarmState:
     """The estimate as the message that is logged and shown."""
     acc = state.strength[:, None] * state.force_lab_m_s2 + state.dist_lab_m_s2
-    acc[:, 2] -= np.where(state.lift_m_s2 > 0.0, GRAVITY_M_S2, 0.0)
+    acc[:, 2] -= np.where(settings.own >= 0, GRAVITY_M_S2, 0.0)
     age_s = np.asarray((state.t_ns - state.seen_ns) * SECONDS, dtype=np.float64)
     return SwarmState(
         state.t_ns, state.pos_lab_m, state.vel_lab_m_s, state.dist_lab_m_s2, acc, state.q_lab_from_flu,
@@ -114,108 +172,129 @@ def swarm_state(state: EstimatorState) -> SwarmState:
 
 
 @kernel
-def fteso_step(
-    z1: float, z2: float, z3: float, model: float, y: float, dt_s: float, w: float, alpha: float, scale: float
-) -> tuple[float, float, float]:
-    """Eqs. (3)-(4) over dt_s by an implicit step: the correction is evaluated at the error it leaves.
-
-    model: g(x) u + f(x), m/s^2, mean over the step; y: the new measurement. Unconditionally stable, and free of the
-    chatter an explicit step of sig(e) shows near e = 0. After Acary and Brogliato, implicit sliding-mode
-    discretisation (2010).
-    """
-    z1 = z1 + dt_s * z2 + 0.5 * dt_s * dt_s * (z3 + model)
-    z2 = z2 + dt_s * (z3 + model)
-    k1, k2, k3 = 3.0 * w * dt_s, 3.0 * w * w * dt_s * dt_s, w * w * w * dt_s * dt_s * dt_s
-    p1, p2, p3 = 1.0 + alpha, 1.0 + 2.0 * alpha, 1.0 + 3.0 * alpha
-    left = implicit_root((y - z1) / scale, k1, p1, k2, p2, k3, p3, 0.0)
-    third = k3 * sig(left, p3, 0.0)
-    second = k2 * sig(left, p2, 0.0) + third
-    return y - scale * left, z2 + scale * second / dt_s, z3 + scale * third / (dt_s * dt_s)
-
-
-@kernel
-def wrapped(angle: float) -> float:
-    """The same angle in [-pi, pi)."""
-    return (angle + np.pi) % (2.0 * np.pi) - np.pi
-
-
-@kernel
-def _observe_heading(i: int, q: Float, seen: bool, dt_s: float, gains: Float, heading: Float) -> None:
-    """Advances heading[i] (angle, rate, acceleration) over dt_s; the angle is unwrapped."""
-    psi, rate, acc = heading[i, 0], heading[i, 1], heading[i, 2]
-    if seen:
-        w, x, y, z = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
-        measured = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-        ahead = psi + dt_s * rate + 0.5 * dt_s * dt_s * acc
-        y_psi = ahead + wrapped(measured - ahead)
-        psi, rate, acc = fteso_step(psi, rate, acc, 0.0, y_psi, dt_s, gains[i, 0], gains[i, 1], gains[i, 2])
-    else:
-        psi += dt_s * rate
-        acc = 0.0
-    heading[i, 0], heading[i, 1], heading[i, 2] = psi, rate, acc
-
-
-@kernel
-def _rebuild_force(
-    i: int, from_ns: int, to_ns: int, q: Float, seen: bool, response: Float, sent_ns: NDArray[np.int64], sent: Float,
-    force: Float, lift: Float,
-) -> None:  # fmt: skip
-    """force[i], lift[i] at to_ns: delivered thrust along the measured body z; unseen, along the modelled one.
-
-    sent (h, 4): this vehicle's own history.
-    """
-    lift[i], _, _ = answer(sent_ns, sent[:, 3], from_ns, to_ns, response[i, 2], response[i, 3], lift[i])
-    if seen:
-        w, x, y, z = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
-        force[i, 0] = lift[i] * 2.0 * (x * z + w * y)
-        force[i, 1] = lift[i] * 2.0 * (y * z - w * x)
-        force[i, 2] = lift[i] * (1.0 - 2.0 * (x * x + y * y))
-        return
-    for axis in range(3):
-        dead, lag = (response[i, 0], response[i, 1]) if axis < 2 else (response[i, 2], response[i, 3])
-        force[i, axis], _, _ = answer(sent_ns, sent[:, axis], from_ns, to_ns, dead, lag, force[i, axis])
-
-
-@kernel
 def _observe(
     from_ns: int, to_ns: int, pos_measured: Float, q_measured: Float, seen: NDArray[np.bool_],
     airborne: NDArray[np.bool_], horizontal: Float, vertical: Float, yaw_gains: Float, response: Float,
-    own: NDArray[np.int64], strength_lag_s: float, sent_ns: NDArray[np.int64], sent: Float,
+    own: NDArray[np.int64], strength_lag_s: float, attitude_trust: float, tilt_w: float, tilt_decay_1_s: float,
+    vigilance: Float, sent_ns: NDArray[np.int64], sent: Float,
     pos: Float, vel: Float, dist: Float, force: Float, lift: Float, strength: Float, heading: Float, q: Float,
-    seen_ns: NDArray[np.int64],
+    seen_ns: NDArray[np.int64], tilt: Float, force_rate: Float, innovation: Float, mu: Float, noise_m2: Float,
+    recent_m: Float, recent_ns: NDArray[np.int64],
 ) -> None:  # fmt: skip
     """One frame for all n vehicles, in place; see `estimate`."""
     dt_s = (to_ns - from_ns) * SECONDS
-    before = np.zeros(3)
+    model = np.zeros(3)
     for i in range(len(own)):
         if seen[i]:
             q[i] = q_measured[i]
             seen_ns[i] = to_ns
-        gravity = 0.0
-        before[:] = force[i]
+        model[:] = 0.5 * force[i]
         if own[i] >= 0:
-            gravity = GRAVITY_M_S2
             mine = sent[:, own[i]]
-            _rebuild_force(i, from_ns, to_ns, q, seen[i], response, sent_ns, mine, force, lift)
+            _rebuild_force(i, from_ns, to_ns, q, seen[i], attitude_trust, response, sent_ns, mine, force, lift)
+        elif tilt_w > 0.0:
+            _observe_tilt(i, q, seen[i], dt_s, tilt_w, tilt_decay_1_s, dist[i, 2], tilt, force, force_rate)
+        model[:] = strength[i] * (model + 0.5 * force[i])
+        if own[i] >= 0:
+            model[2] -= GRAVITY_M_S2
+        if seen[i]:
+            _learn_noise(i, to_ns, pos_measured, recent_m, recent_ns, noise_m2)
+            _watch(i, pos_measured, pos, vel, dist, model, dt_s, vigilance, noise_m2, innovation, mu)
         for axis in range(3):
-            model = strength[i] * 0.5 * (before[axis] + force[i, axis])
-            if axis == 2:
-                model -= gravity
             gains = vertical[i] if axis == 2 else horizontal[i]
+            z1, z2, z3 = pos[i, axis], vel[i, axis], dist[i, axis]
             if seen[i]:
+                w = gains[0] if axis == 2 else gains[0] * mu[i] ** vigilance[3]
                 z1, z2, z3 = fteso_step(
-                    pos[i, axis], vel[i, axis], dist[i, axis], model, pos_measured[i, axis], dt_s,
-                    gains[0], gains[1], gains[2],
-                )  # fmt: skip
+                    z1, z2, z3, model[axis], pos_measured[i, axis], dt_s, w, gains[1], gains[2], gains[3]
+                )
             else:
-                z3 = dist[i, axis]
-                z1 = pos[i, axis] + dt_s * vel[i, axis] + 0.5 * dt_s * dt_s * (model + z3)
-                z2 = vel[i, axis] + dt_s * (model + z3)
+                z1 += dt_s * z2 + 0.5 * dt_s * dt_s * (model[axis] + z3)
+                z2 += dt_s * (model[axis] + z3)
             pos[i, axis], vel[i, axis] = z1, z2
             dist[i, axis] = min(max(z3, -DIST_MAX_M_S2), DIST_MAX_M_S2)
         if airborne[i] and own[i] >= 0 and seen[i] and force[i, 2] > 0.3 * GRAVITY_M_S2:
             _learn_strength(i, dt_s, strength_lag_s, force, strength, dist)
         _observe_heading(i, q, seen[i], dt_s, yaw_gains, heading)
+
+
+@kernel
+def _rebuild_force(
+    i: int, from_ns: int, to_ns: int, q: Float, seen: bool, trust: float, response: Float,
+    sent_ns: NDArray[np.int64], sent: Float, force: Float, lift: Float,
+) -> None:  # fmt: skip
+    """force[i], lift[i] at to_ns: delivered thrust along the body's z, modelled, then corrected by the measured one.
+
+    sent (h, 4): this vehicle's own history; trust: share of the measurement in the correction.
+    """
+    lift[i], _, _ = answer(sent_ns, sent[:, 3], from_ns, to_ns, response[i, 2], response[i, 3], lift[i])
+    for axis in range(3):
+        dead, lag = (response[i, 0], response[i, 1]) if axis < 2 else (response[i, 2], response[i, 3])
+        force[i, axis], _, _ = answer(sent_ns, sent[:, axis], from_ns, to_ns, dead, lag, force[i, axis])
+    if not seen:
+        return
+    w, x, y, z = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
+    force[i, 0] += trust * (lift[i] * 2.0 * (x * z + w * y) - force[i, 0])
+    force[i, 1] += trust * (lift[i] * 2.0 * (y * z - w * x) - force[i, 1])
+    force[i, 2] = lift[i] * (1.0 - 2.0 * (x * x + y * y))
+
+
+@kernel
+def _observe_tilt(
+    i: int, q: Float, seen: bool, dt_s: float, w: float, decay_1_s: float, rise_m_s2: float,
+    tilt: Float, force: Float, force_rate: Float,
+) -> None:  # fmt: skip
+    """The horizontal force of a quadcopter that is only observed: its tilt times gravity and its own rise."""
+    lift = max(GRAVITY_M_S2 + rise_m_s2, 0.0)
+    qw, x, y, z = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
+    up = max(1.0 - 2.0 * (x * x + y * y), 0.3)
+    measured = (2.0 * (x * z + qw * y) / up, 2.0 * (y * z - qw * x) / up)
+    for axis in range(2):
+        if seen:
+            tilt[i, axis], tilt[i, 2 + axis] = rate_step(
+                tilt[i, axis], tilt[i, 2 + axis], measured[axis], dt_s, w, decay_1_s
+            )
+        force[i, axis] = tilt[i, axis] * lift
+        force_rate[i, axis] = tilt[i, 2 + axis] * lift
+
+
+@kernel
+def _learn_noise(
+    i: int, to_ns: int, pos_measured: Float, recent_m: Float, recent_ns: NDArray[np.int64], noise_m2: Float
+) -> None:
+    """Learns the variance of the measured position from what smooth motion cannot explain."""
+    span_s = (to_ns - recent_ns[i, 0]) * SECONDS
+    if span_s < NOISE_SPAN_S:
+        times = np.zeros(3)
+        for k in range(3):
+            times[k] = (recent_ns[i, k] - to_ns) * SECONDS
+        square, gain = 0.0, 1.0
+        for axis in range(3):
+            error, gain = extrapolation_error(times, recent_m[i, :, axis], 0.0, pos_measured[i, axis])
+            square += error * error / gain
+        share = min(span_s / (3.0 * NOISE_LAG_S), 1.0)
+        noise_m2[i] += share * (min(square / 3.0, 9.0 * noise_m2[i]) - noise_m2[i])
+        noise_m2[i] = max(noise_m2[i], NOISE_LEAST_M * NOISE_LEAST_M)
+    for k in range(2):
+        recent_m[i, k] = recent_m[i, k + 1]
+        recent_ns[i, k] = recent_ns[i, k + 1]
+    recent_m[i, 2] = pos_measured[i]
+    recent_ns[i, 2] = to_ns
+
+
+@kernel
+def _watch(
+    i: int, pos_measured: Float, pos: Float, vel: Float, dist: Float, model: Float, dt_s: float, vigilance: Float,
+    noise_m2: Float, innovation: Float, mu: Float,
+) -> None:  # fmt: skip
+    """Filters the horizontal innovation and sets the activity; one for both axes, so that turning changes nothing."""
+    share = 1.0 - exp(-dt_s / vigilance[0])
+    for axis in range(2):
+        ahead = pos[i, axis] + dt_s * (vel[i, axis] + 0.5 * dt_s * (model[axis] + dist[i, axis]))
+        innovation[i, axis] += share * (pos_measured[i, axis] - ahead - innovation[i, axis])
+    size = sqrt(innovation[i, 0] * innovation[i, 0] + innovation[i, 1] * innovation[i, 1])
+    noise = sqrt(noise_m2[i] * dt_s / (2.0 * vigilance[0] + dt_s))
+    mu[i] = activity(size, vigilance[1] * noise, vigilance[2])
 
 
 @kernel
@@ -226,7 +305,23 @@ def _learn_strength(i: int, dt_s: float, lag_s: float, force: Float, strength: F
     learned = min(max(learned, STRENGTH_LOW), STRENGTH_HIGH)
     moved = learned - strength[i]
     strength[i] = learned
-    dist[i, 2] -= moved * force[i, 2]
-    # Level flight keeps its horizontal sum too: a steady tilt against the wind is re-explained, not forgotten.
-    dist[i, 0] -= moved * force[i, 0]
-    dist[i, 1] -= moved * force[i, 1]
+    for axis in range(3):
+        dist[i, axis] -= moved * force[i, axis]
+
+
+@kernel
+def _observe_heading(i: int, q: Float, seen: bool, dt_s: float, gains: Float, heading: Float) -> None:
+    """Advances heading[i] (angle, rate, acceleration) over dt_s; the angle is unwrapped."""
+    psi, rate, acc = heading[i, 0], heading[i, 1], heading[i, 2]
+    if seen:
+        w, x, y, z = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
+        measured = atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        ahead = psi + dt_s * rate + 0.5 * dt_s * dt_s * acc
+        y_psi = ahead + wrapped(measured - ahead)
+        psi, rate, acc = fteso_step(
+            psi, rate, acc, 0.0, y_psi, dt_s, gains[i, 0], gains[i, 1], gains[i, 2], gains[i, 3]
+        )
+    else:
+        psi += dt_s * rate
+        acc = 0.0
+    heading[i, 0], heading[i, 1], heading[i, 2] = psi, rate, acc

@@ -88,11 +88,12 @@ def uses_disturbance(gains: Float) -> bool:
 
 @kernel
 def feedback(
-    gains: Float, e: float, e_rate: float, e_acc: float, memory: float, speed_max: float, dt_s: float
+    gains: Float, e: float, e_rate: float, e_acc: float, memory: float, boost: float, speed_max: float, dt_s: float
 ) -> tuple[float, float, float, float, float]:
     """s, t_m, the law's new memory (z_m or integral), the feedback acceleration, and that acceleration's rate.
 
-    e, e_rate, e_acc: relative error, lead frame. |e| is cut where closing it would ask for more than speed_max.
+    e, e_rate, e_acc: relative error, lead frame; boost: factor on p1. |e| is cut where closing it would ask for more
+    than speed_max.
     The rate holds while errors evolve as predicted; it is what inverts the vehicle's first-order lag.
     """
     law, c = int(gains[0]), gains[1]
@@ -115,7 +116,7 @@ def feedback(
     if law == SMC:
         t_m = switching(s, gains[6])
     else:
-        t_m, memory = super_twisting(s, memory, gains[2], gains[3], gains[4], gains[5], dt_s)
+        t_m, memory = super_twisting(s, memory, boost * gains[2], gains[3], gains[4], gains[5], dt_s)
         if gains[5] > 0.0:
-            t_rate = super_twisting_rate(s, s_rate, gains[2], gains[3], gains[4], gains[5])
+            t_rate = super_twisting_rate(s, s_rate, boost * gains[2], gains[3], gains[4], gains[5])
     return s, t_m, memory, equivalent_and_reaching(c, e_rate, t_m), -c * e_acc - t_rate

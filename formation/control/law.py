@@ -5,15 +5,16 @@ dead time with the commands already sent, and the first-order lag is inverted wi
 """
 
 from dataclasses import dataclass
-from math import cos, sin
+from math import cos, sin, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from formation.arrays import Flags, Float, Vec3s
 from formation.control.feedback import feedback, uses_disturbance
-from formation.control.prediction import motion_at
-from formation.course import Course, reference_at
+from formation.control.prediction import Known, motion_at
+from formation.course import Course, Way, reference_at
 from formation.estimate import EstimatorState
 from formation.kernel import kernel
 from formation.relative import lead_from_lab
@@ -22,12 +23,27 @@ from formation.response import History
 HORIZON_MAX_NS = 400_000_000
 
 
+@dataclass(frozen=True, slots=True)
+class Quickness:
+    """How hard the lag is inverted, and what the observer's activity mu (formation.estimate.Vigilance) adds.
+
+    rate: share of lag times the demand's own rate; excess: how much faster than the vehicle's lag the demand is
+    approached, as lag / wanted lag - 1, multiplied by mu^excess_power; p1_power: p1 is multiplied by mu^p1_power.
+    """
+
+    rate: float = 1.0
+    excess: float = 0.0
+    excess_power: float = 0.0
+    p1_power: float = 0.0
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class LawSettings:
     """Per commanded vehicle m unless said otherwise.
 
     horizontal, vertical (m, 7): gain rows of formation.control.feedback; response (n, 4): as the estimator's;
     vehicle (m): index among the n; own (n): place among the m or -1; compensate: whether lag and dead time are.
+    quickness (4): as in Quickness.
     """
 
     horizontal: Float
@@ -37,6 +53,8 @@ class LawSettings:
     own: NDArray[np.int64]
     compensate: bool
     speed_max_m_s: float
+    tilt_decay_1_s: float
+    quickness: Float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,9 +94,9 @@ def demand(
     path = course.trajectory
     _demand(
         settings.horizontal, settings.vertical, settings.response, settings.vehicle, settings.own,
-        settings.compensate, settings.speed_max_m_s,
-        state.t_ns, state.pos_lab_m, state.vel_lab_m_s, state.dist_lab_m_s2, state.force_lab_m_s2, state.strength,
-        state.heading, history.t_ns, history.force,
+        settings.compensate, settings.speed_max_m_s, settings.tilt_decay_1_s, settings.quickness,
+        state.t_ns, state.pos_lab_m, state.vel_lab_m_s, state.dist_lab_m_s2, state.force_lab_m_s2, state.force_rate,
+        state.strength, state.heading, state.activity, history.t_ns, history.force,
         course.kind, course.base, course.gap, course.gap_ns, course.gap_s, course.airborne, path.kind, path.numbers,
         path.knots, course.trajectory_ns,
         memory, frozen, min(now_ns, state.t_ns + HORIZON_MAX_NS), dt_s,
@@ -87,12 +105,28 @@ def demand(
     return out
 
 
+class Bench(NamedTuple):
+    """Scratch motions (3, 4) of one vehicle's turn, reused for the next."""
+
+    mine: Float
+    lead: Float
+    lead_later: Float
+    error: Float
+    slot: Float
+    frame: Float
+    lab: Float
+    lab_later: Float
+    felt: Float
+    back: Float
+    back_rate: Float
+
+
 @kernel
 def _demand(
     horizontal: Float, vertical: Float, response: Float, vehicle: NDArray[np.int64], own: NDArray[np.int64],
-    compensate: bool, speed_max: float,
-    t_ns: int, pos: Float, vel: Float, dist: Float, force: Float, strength: Float,
-    heading: Float, sent_ns: NDArray[np.int64], sent: Float,
+    compensate: bool, speed_max: float, tilt_decay_1_s: float, quickness: Float,
+    t_ns: int, pos: Float, vel: Float, dist: Float, force: Float, force_rate: Float, strength: Float,
+    heading: Float, mu: Float, sent_ns: NDArray[np.int64], sent: Float,
     kind: NDArray[np.int64], base: Float, gap: Float, gap_ns: NDArray[np.int64], gap_s: Float,
     airborne: NDArray[np.bool_], path_kind: int, path_numbers: Float, path_knots: Float, path_ns: int,
     memory: Float, frozen: NDArray[np.bool_], now_ns: int, dt_s: float,
@@ -100,71 +134,73 @@ def _demand(
     motion: Float, lift_cos: Float, yaw: Float,
 ) -> None:  # fmt: skip
     """See `demand`; the out arrays are the fields of Demand."""
-    mine, lead, error = np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4))
-    slot, frame, lab = np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4))
-    lead_later, lab_later = np.empty((3, 4)), np.empty((3, 4))
-    felt = np.empty(3)
-    back, back_rate = np.zeros(3), np.zeros(3)
+    known = Known(t_ns, pos, vel, dist, force, force_rate, tilt_decay_1_s, strength, heading, response, sent_ns, sent)
+    way = Way(kind, base, gap, gap_ns, gap_s, path_kind, path_numbers, path_knots, path_ns)
+    b = Bench(
+        np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4)),
+        np.empty((3, 4)), np.empty((3, 4)), np.empty(3), np.empty(3), np.empty(3),
+    )  # fmt: skip
     for i in range(len(vehicle)):
         n = vehicle[i]
         for channel in range(2):
             dead_s, lag_s = response[n, 2 * channel], response[n, 2 * channel + 1]
             hold_ns = now_ns + int(dead_s * 1e9) if compensate else t_ns
-            motion_at(
-                n, i, hold_ns, t_ns, pos, vel, dist, force, strength, heading, response, sent_ns, sent, mine, felt,
-            )  # fmt: skip
-            motion_at(
-                0, own[0], hold_ns, t_ns, pos, vel, dist, force, strength, heading, response, sent_ns, sent, lead,
-                slot[0],
-            )  # fmt: skip
-            if channel == 0:
-                motion[i] = mine
-            else:
-                motion[i, :, 2] = mine[:, 2]
-                size = np.sqrt(felt[0] * felt[0] + felt[1] * felt[1] + felt[2] * felt[2])
-                lift_cos[i] = felt[2] / size if size > 1.0 else 1.0
-            if compensate:
-                _later(
-                    hold_ns, lag_s, own[0], lead, kind, base, gap, gap_ns, gap_s, path_kind, path_numbers,
-                    path_knots, path_ns, lead_later, slot, frame, lab,
-                )  # fmt: skip
-                reference_at(
-                    i, hold_ns + int(lag_s * 1e9), lead_later, kind, base, gap, gap_ns, gap_s, path_kind,
-                    path_numbers, path_knots, path_ns, slot, frame, lab_later,
-                )  # fmt: skip
-            reference_at(
-                i, hold_ns, lead, kind, base, gap, gap_ns, gap_s, path_kind, path_numbers, path_knots, path_ns,
-                slot, frame, lab,
-            )  # fmt: skip
-            lead_from_lab(mine, frame, error)
-            error -= slot
+            _situation(i, n, own[0], hold_ns, hold_ns + int(lag_s * 1e9), compensate, known, way, b)
             gains = horizontal[i] if channel == 0 else vertical[i]
+            boost = mu[n] ** quickness[3] if channel == 0 else 1.0
             for axis in range(2 * channel, 2 + channel):
-                out = feedback(gains, error[0, axis], error[1, axis], error[2, axis], memory[i, axis], speed_max, dt_s)
-                e[i, axis], e_rate[i, axis], s[i, axis], t_m[i, axis] = error[0, axis], error[1, axis], out[0], out[1]
-                grows = abs(out[2]) > abs(memory[i, axis])
-                new_memory[i, axis] = memory[i, axis] if frozen[i] and grows else out[2]
+                s[i, axis], t_m[i, axis], kept, b.back[axis], b.back_rate[axis] = feedback(
+                    gains, b.error[0, axis], b.error[1, axis], b.error[2, axis], memory[i, axis], boost, speed_max, dt_s
+                )
+                e[i, axis], e_rate[i, axis] = b.error[0, axis], b.error[1, axis]
+                grows = abs(kept) > abs(memory[i, axis])
+                new_memory[i, axis] = memory[i, axis] if frozen[i] and grows else kept
                 if not airborne[i]:
                     new_memory[i, axis] = 0.0
-                back[axis], back_rate[axis] = out[3], out[4]
-                acc[i, axis] = lab[2, axis]
+            if channel == 0:
+                _turn_terms(b.frame, b.error, b.back)
+                _into_lab(b.frame[0, 3], b.back)
+                _into_lab(b.frame[0, 3], b.back_rate)
+                motion[i] = b.mine
+                yaw[i] = b.lab[:2, 3]
+            else:
+                motion[i, :, 2] = b.mine[:, 2]
+                size = sqrt(b.felt[0] * b.felt[0] + b.felt[1] * b.felt[1] + b.felt[2] * b.felt[2])
+                lift_cos[i] = b.felt[2] / size if size > 1.0 else 1.0
+            excess = quickness[1] * mu[n] ** quickness[2] if channel == 0 else 0.0
+            for axis in range(2 * channel, 2 + channel):
+                acc[i, axis] = b.lab[2, axis] + b.back[axis]
                 if uses_disturbance(gains):
                     acc[i, axis] -= dist[n, axis]
                 if compensate:
-                    lead_acc[i, axis] = lab_later[2, axis] - lab[2, axis]
-            if channel == 0:
-                yaw[i, 0], yaw[i, 1] = lab[0, 3], lab[1, 3]
-                _turn_terms(frame, error, back)
-                c, sn = cos(frame[0, 3]), sin(frame[0, 3])
-                acc[i, 0] += c * back[0] - sn * back[1]
-                acc[i, 1] += sn * back[0] + c * back[1]
-                if compensate:
-                    lead_acc[i, 0] += lag_s * (c * back_rate[0] - sn * back_rate[1])
-                    lead_acc[i, 1] += lag_s * (sn * back_rate[0] + c * back_rate[1])
-            else:
-                acc[i, 2] += back[2]
-                if compensate:
-                    lead_acc[i, 2] += lag_s * back_rate[2]
+                    coming = b.lab_later[2, axis] - b.lab[2, axis] + lag_s * quickness[0] * b.back_rate[axis]
+                    missing = acc[i, axis] - (b.mine[2, axis] - dist[n, axis])
+                    lead_acc[i, axis] = coming + excess * missing
+
+
+@kernel
+def _situation(
+    i: int, n: int, leader: int, hold_ns: int, later_ns: int, compensate: bool, known: Known, way: Way, b: Bench
+) -> None:
+    """Vehicle i's own motion, reference and error at hold_ns, and its reference at later_ns, onto the bench.
+
+    A leader we command is taken to accelerate and turn as its own reference says: known ahead, and free of noise.
+    """
+    motion_at(0, leader, hold_ns, known, b.lead, b.felt)
+    if compensate:
+        if leader >= 0:
+            reference_at(leader, later_ns, b.lead, way, b.slot, b.frame, b.lab_later)
+            reference_at(leader, hold_ns, b.lead, way, b.slot, b.frame, b.lab)
+            b.lead_later[:] = b.lead + b.lab_later - b.lab
+            b.lead[2] = b.lab[2]
+            b.lead_later[2] = b.lab_later[2]
+        else:
+            motion_at(0, leader, later_ns, known, b.lead_later, b.felt)
+        reference_at(i, later_ns, b.lead_later, way, b.slot, b.frame, b.lab_later)
+    motion_at(n, i, hold_ns, known, b.mine, b.felt)
+    reference_at(i, hold_ns, b.lead, way, b.slot, b.frame, b.lab)
+    lead_from_lab(b.mine, b.frame, b.error)
+    b.error[:] -= b.slot
 
 
 @kernel
@@ -176,27 +212,8 @@ def _turn_terms(frame: Float, error: Float, back: Float) -> None:
 
 
 @kernel
-def _later(
-    hold_ns: int, lag_s: float, leader: int, lead: Float, kind: NDArray[np.int64], base: Float, gap: Float,
-    gap_ns: NDArray[np.int64], gap_s: Float, path_kind: int, path_numbers: Float, path_knots: Float, path_ns: int,
-    lead_later: Float, slot: Float, frame: Float, lab: Float,
-) -> None:  # fmt: skip
-    """The leader's motion one lag after hold_ns: along its own reference if we command it, else by its acceleration.
-
-    slot, frame and lab are scratch.
-    """
-    if leader >= 0:
-        reference_at(
-            leader, hold_ns + int(lag_s * 1e9), lead, kind, base, gap, gap_ns, gap_s, path_kind, path_numbers,
-            path_knots, path_ns, slot, frame, lab,
-        )  # fmt: skip
-        lead_later[:] = lead + lab
-        reference_at(
-            leader, hold_ns, lead, kind, base, gap, gap_ns, gap_s, path_kind, path_numbers, path_knots, path_ns,
-            slot, frame, lab,
-        )  # fmt: skip
-        lead_later -= lab
-        return
-    lead_later[2] = lead[2]
-    lead_later[1] = lead[1] + lag_s * lead[2]
-    lead_later[0] = lead[0] + lag_s * lead[1] + 0.5 * lag_s * lag_s * lead[2]
+def _into_lab(heading: float, v: Float) -> None:
+    """Turns a lead vector (3) into `lab`, in place."""
+    c, s = cos(heading), sin(heading)
+    x, y = v[0], v[1]
+    v[0], v[1] = c * x - s * y, s * x + c * y

@@ -1,5 +1,8 @@
 """Where a vehicle will be at a given time, from what is known now: its observers, and the commands it was sent."""
 
+from math import exp
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,28 +13,64 @@ from formation.rigid_body import GRAVITY_M_S2
 
 
 @kernel
-def motion_at(
-    i: int, own: int, to_ns: int, from_ns: int, pos: Float, vel: Float, dist: Float, force: Float, strength: Float,
-    heading: Float, response: Float, sent_ns: NDArray[np.int64], sent: Float, out: Float, felt: Float,
-) -> None:  # fmt: skip
-    """Motion of vehicle i at to_ns >= from_ns into out (3, 4), and the modelled specific force then into felt (3).
+def decaying(h: float, rate_1_s: float) -> tuple[float, float, float]:
+    """Single, double and triple integral over h of exp(-rate t)."""
+    if rate_1_s * h < 1e-3:
+        return h, 0.5 * h * h, h * h * h / 6.0
+    first = (1.0 - exp(-rate_1_s * h)) / rate_1_s
+    second = (h - first) / rate_1_s
+    return first, second, (0.5 * h * h - second) / rate_1_s
 
-    A commanded vehicle (own >= 0, its place in the history) answers its past commands by dead time and lag; Z3 and
-    the acceleration of a vehicle that is only observed are taken to last.
+
+class Known(NamedTuple):
+    """The arrays of an EstimatorState, the responses and the History, as kernels pass them on."""
+
+    t_ns: int
+    pos: Float
+    vel: Float
+    dist: Float
+    force: Float
+    force_rate: Float
+    decay_1_s: float
+    strength: Float
+    heading: Float
+    response: Float
+    sent_ns: NDArray[np.int64]
+    sent: Float
+
+
+@kernel
+def motion_at(i: int, own: int, to_ns: int, known: Known, out: Float, felt: Float) -> None:
+    """Motion of vehicle i at to_ns into out (3, 4), and the modelled specific force then into felt (3).
+
+    A commanded vehicle (own >= 0, its place in the history) answers its past commands by dead time and lag; one that
+    is only observed goes on turning its force at a rate that decays by decay_1_s. Z3 is taken to last.
     """
-    h = (to_ns - from_ns) * SECONDS
+    h = (to_ns - known.t_ns) * SECONDS
+    dead_lag = known.response[i]
+    strength = known.strength[i]
     for axis in range(3):
-        modelled, speed, travel = 0.0, 0.0, 0.0
+        force = known.force[i, axis]
         if own >= 0:
-            dead, lag = (response[i, 0], response[i, 1]) if axis < 2 else (response[i, 2], response[i, 3])
-            modelled, speed, travel = answer(sent_ns, sent[:, own, axis], from_ns, to_ns, dead, lag, force[i, axis])
+            dead, lag = (dead_lag[0], dead_lag[1]) if axis < 2 else (dead_lag[2], dead_lag[3])
+            sent = known.sent[:, own, axis]
+            modelled, speed, travel = answer(known.sent_ns, sent, known.t_ns, to_ns, dead, lag, force)
+        else:
+            turned, swung, swept = decaying(h, known.decay_1_s)
+            turn = known.force_rate[i, axis]
+            modelled, speed, travel = (
+                force + turn * turned,
+                force * h + turn * swung,
+                0.5 * force * h * h + turn * swept,
+            )
         felt[axis] = modelled
-        steady = dist[i, axis]
+        steady = known.dist[i, axis]
         if axis == 2 and own >= 0:
             steady -= GRAVITY_M_S2
-        out[0, axis] = pos[i, axis] + h * vel[i, axis] + strength[i] * travel + 0.5 * h * h * steady
-        out[1, axis] = vel[i, axis] + strength[i] * speed + h * steady
-        out[2, axis] = strength[i] * modelled + steady
-    out[0, 3] = heading[i, 0] + h * heading[i, 1] + 0.5 * h * h * heading[i, 2]
-    out[1, 3] = heading[i, 1] + h * heading[i, 2]
-    out[2, 3] = heading[i, 2]
+        out[0, axis] = known.pos[i, axis] + h * known.vel[i, axis] + strength * travel + 0.5 * h * h * steady
+        out[1, axis] = known.vel[i, axis] + strength * speed + h * steady
+        out[2, axis] = strength * modelled + steady
+    psi = known.heading[i]
+    out[0, 3] = psi[0] + h * psi[1] + 0.5 * h * h * psi[2]
+    out[1, 3] = psi[1] + h * psi[2]
+    out[2, 3] = psi[2]

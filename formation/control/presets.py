@@ -5,7 +5,11 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from formation.control.feedback import AxisGains, CascadeGains, GeometricGains, Law, SlidingGains
-from formation.estimate import ObserverGains
+from formation.control.law import Quickness
+from formation.estimate import ObserverGains, Vigilance
+
+
+ALWAYS_CALM, AS_IS = Vigilance(), Quickness()
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,10 +32,15 @@ class Preset:
     heading_observer: ObserverGains
     leader_observer: ObserverGains
     strength_lag_s: float = 2.0
+    attitude_trust: float = 1.0
+    tilt_w_rad_s: float = 0.0
+    tilt_decay_1_s: float = 7.0
+    vigilance: Vigilance = ALWAYS_CALM
+    quickness: Quickness = AS_IS
 
 
 PRINTED_ALPHA, PRINTED_EPS = -2.0 / 9.0, -0.49
-PRINTED_FTESO = ObserverGains(70.0, PRINTED_ALPHA, 1.0)
+PRINTED_FTESO = ObserverGains(70.0, PRINTED_ALPHA, scale=1.0, smooth=0.0)
 LEADER_PID = CascadeGains(2.0, 4.0, 1.0)
 HEIGHT_PID = CascadeGains(2.5, 6.0, 3.0)
 

@@ -66,7 +66,8 @@ class ControlStack:
         if self._course is not None:
             airborne[self._commanded] = self._course.airborne
         state = estimate(before, self._estimator, frame, self._history, airborne)
-        motion = _motion(state)
+        swarm = swarm_state(state, self._estimator)
+        motion = _motion(swarm)
         mine = motion[self._commanded]
         old = depart(plan, mine, state.t_ns) if self._course is None else self._course
         course = steer(old, plan, self._crew, mine, motion[0], state.t_ns)
@@ -78,19 +79,19 @@ class ControlStack:
         self._memory, self._saturation, self._last_ns = wanted.memory, target.saturation, t_now_ns
         self._estimate, self._course = state, course
         return Stages(
-            swarm_state(state),
+            swarm,
             _reference(course, evaluate(course, state.t_ns, motion[0]), state.t_ns),
             _command(wanted, state, self._commanded),
             _target(target, state.t_ns),
         )
 
 
-def _motion(state: EstimatorState) -> Float:
+def _motion(swarm: SwarmState) -> Float:
     """Estimated motions (n, 3, 4), as formation.relative lays them out."""
-    motion = np.empty((len(state.strength), 3, 4))
-    motion[:, 0, :3], motion[:, 1, :3] = state.pos_lab_m, state.vel_lab_m_s
-    motion[:, 2, :3] = swarm_state(state).acc_lab_m_s2
-    motion[:, :, 3] = state.heading
+    motion = np.empty((len(swarm.yaw_rad), 3, 4))
+    motion[:, 0, :3], motion[:, 0, 3] = swarm.pos_lab_m, swarm.yaw_rad
+    motion[:, 1, :3], motion[:, 1, 3] = swarm.vel_lab_m_s, swarm.yaw_rate_rad_s
+    motion[:, 2, :3], motion[:, 2, 3] = swarm.acc_lab_m_s2, swarm.yaw_acc_rad_s2
     return motion
 
 
@@ -127,21 +128,26 @@ def _estimator_settings(config: LabConfig, profiles: tuple[VehicleProfile, ...],
 
     def row(chosen: ObserverGains, i: int) -> list[float]:
         used = chosen if own[i] >= 0 else gains.leader_observer
-        return [used.bandwidth_rad_s, used.alpha, used.scale]
+        return [used.bandwidth_rad_s, used.alpha, used.scale, used.smooth]
 
-    heading = gains.heading_observer
+    heading, watch = gains.heading_observer, gains.vigilance
     return EstimatorSettings(
         np.array([row(gains.observer, i) for i in range(n)]),
         np.array([row(gains.vertical_observer, i) for i in range(n)]),
-        np.tile([heading.bandwidth_rad_s, heading.alpha, heading.scale], (n, 1)),
+        np.tile([heading.bandwidth_rad_s, heading.alpha, heading.scale, heading.smooth], (n, 1)),
         np.array([[p.response_dead_time_s, p.response_lag_s, p.thrust_dead_time_s, p.thrust_lag_s] for p in profiles]),
         own,
         gains.strength_lag_s,
+        gains.attitude_trust,
+        gains.tilt_w_rad_s,
+        gains.tilt_decay_1_s,
+        np.array([watch.lag_s, watch.threshold, watch.most, watch.bandwidth_power]),
     )
 
 
 def _law_settings(config: LabConfig, gains: Preset, estimator: EstimatorSettings) -> LawSettings:
     """Gain rows by role."""
+    quick = gains.quickness
     leads = [i == 0 for i in config.commanded]
     return LawSettings(
         np.array([(gains.leader if lead else gains.follower).row() for lead in leads]),
@@ -151,6 +157,8 @@ def _law_settings(config: LabConfig, gains: Preset, estimator: EstimatorSettings
         estimator.own,
         gains.compensate,
         config.limits.speed_m_s,
+        gains.tilt_decay_1_s,
+        np.array([quick.rate, quick.excess, quick.excess_power, quick.p1_power]),
     )
 
 

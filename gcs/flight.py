@@ -16,6 +16,7 @@ STREAM_FIRST_NS = 1_200_000_000  # PX4 wants a second of setpoints before it cha
 ARMING_NS = 12_000_000_000
 SETTLE_NS = 1_000_000_000
 AT_HEIGHT_M = 0.05
+LED_THERE_M = 0.002
 IN_SLOT_M = 0.01
 
 _GOALS = {Phase.GROUND: Goal.DISARM, Phase.ARMED: Goal.FLY, Phase.STOPPED: Goal.CUT}
@@ -136,9 +137,12 @@ class Flight:
         self.pull(Trigger.DISARMED, reason, now_ns)
 
     def _watch_height(self, stages: Stages, now_ns: int) -> None:
-        lowest_m = self._config.flight.altitude_m - AT_HEIGHT_M
-        flown = [drone.index for drone in self._drones if drone.flown]
-        if bool((stages.state.pos_lab_m[flown, 2] >= lowest_m).all()):
+        """At height: led up to it, risen to it, and no longer rising (a hold brakes from whatever speed it finds)."""
+        height_m, flown = self._config.flight.altitude_m, [i for i, drone in enumerate(self._drones) if drone.flown]
+        bodies = [self._drones[i].index for i in flown]
+        away_m = np.abs(stages.state.pos_lab_m[bodies, 2] - height_m)
+        led_away_m = np.abs(stages.reference.slot_lead_m[flown, 2] - height_m)
+        if bool((away_m < AT_HEIGHT_M).all() and (led_away_m < LED_THERE_M).all()):
             self.pull(Trigger.AT_HEIGHT, "every drone is at its height", now_ns)
 
     def _watch_slots(self, stages: Stages, now_ns: int) -> None:

@@ -1,0 +1,229 @@
+"""The ground as a process: pumps frames, datagrams and requests into GcsCore and its output out. It decides nothing.
+
+A frame triggers the tick; a timer only watches for one that does not come. Any failure inside ends the process with
+its reason: setpoints stop, and every drone's agent levels, holds and lands by its own rule.
+"""
+
+import asyncio
+import gc
+import signal
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from formation import topics
+from formation.config import LabConfig
+from formation.messages import (
+    Datagram,
+    Event,
+    LoopTiming,
+    MocapFrame,
+    OperatorReply,
+    OperatorRequest,
+    Phase,
+    Verb,
+)
+from gcs.core import GcsCore
+from gcs.links import GroundLinks, open_links
+from gcs.mocap.csv_file import MocapFileError
+from gcs.mocap.source import serve_frames
+from gcs.recording import Input, record_input, record_tick, run_metadata
+from wire import clock
+from wire.mcap_log import LogWriter
+from wire.zenoh_bus import Reply, ZenohBus
+
+GCS_NAME = "main"
+STATE_NS = 100_000_000
+GROUNDED = (Phase.GROUND, Phase.STOPPED)
+LANDING_LIMIT_NS = 60_000_000_000
+
+Tell = Callable[[Event], None]
+
+
+@dataclass(slots=True)
+class Timing:
+    """How the loop has kept up: ticks on a frame, how many were late, and the worst latency."""
+
+    ticks: int = 0
+    late: int = 0
+    worst_s: float = 0.0
+
+
+class Ground:
+    """One GcsCore between its inputs and its links. Everything runs on the event loop, in order of arrival."""
+
+    def __init__(self, config: LabConfig, core: GcsCore, log: LogWriter, tell: Tell) -> None:
+        self.timing = Timing()
+        self.links: GroundLinks | None = None
+        self._core = core
+        self._log = log
+        self._tell = tell
+        self._spacing_s = 1.0 / config.mocap.rate_hz
+        self._waiting: dict[int, Reply] = {}
+        self._request_id = 0
+        self._frame_seq = -1
+        self._state_due_ns = 0
+
+    def take_frame(self, frame: MocapFrame) -> None:
+        """A frame has come: control at once."""
+        received_ns = clock.monotonic_ns()
+        self._input(frame, received_ns)
+        self._frame_seq = frame.seq
+        sent_ns = self._tick(received_ns)
+        latency_s = (sent_ns - received_ns) * 1e-9
+        self._note(latency_s, late=latency_s > self._spacing_s)
+
+    def take_datagram(self, datagram: Datagram) -> None:
+        """A drone has spoken; answered at once where it asks."""
+        now_ns = clock.monotonic_ns()
+        self._input(datagram, now_ns)
+        if self._core.next_deadline_ns() <= now_ns:
+            self._tick(now_ns)
+
+    def take_request(self, request: OperatorRequest, reply: Reply) -> None:
+        """An operator has asked. Ids are ours here: two operators may use the same."""
+        self._request_id += 1
+        asked_id = request.id
+        self._waiting[self._request_id] = lambda answer: reply(OperatorReply(asked_id, answer.accepted, answer.text))
+        now_ns = clock.monotonic_ns()
+        self._input(OperatorRequest(self._request_id, request.verb, request.argument), now_ns)
+        self._tick(now_ns)
+
+    async def watch(self) -> None:
+        """Tick where a frame is overdue; for ever."""
+        while True:
+            await clock.sleep_until_ns(self._core.next_deadline_ns())
+            now_ns = clock.monotonic_ns()
+            if now_ns >= self._core.next_deadline_ns():
+                late = self._frame_seq >= 0 and self._core.phase not in GROUNDED
+                self._tick(now_ns)
+                if late:
+                    self._note((clock.monotonic_ns() - now_ns) * 1e-9, late=True)
+
+    async def publish_state(self, bus: ZenohBus, name: str) -> None:
+        """Tell the bus how things are, ten times a second; for ever."""
+        while True:
+            bus.publish_state(name, self._core.status(clock.monotonic_ns()))
+            await clock.sleep_until_ns(clock.monotonic_ns() + STATE_NS)
+
+    async def land(self) -> None:
+        """Bring the swarm down and wait for it, within a limit."""
+        give_up_ns = clock.monotonic_ns() + LANDING_LIMIT_NS
+        if self._core.phase not in GROUNDED:
+            self.take_request(OperatorRequest(0, Verb.LAND), lambda _reply: None)
+        while self._core.phase not in GROUNDED and clock.monotonic_ns() < give_up_ns:
+            await clock.sleep_until_ns(clock.monotonic_ns() + STATE_NS)
+
+    @property
+    def phase(self) -> Phase:
+        """The swarm's phase."""
+        return self._core.phase
+
+    def _input(self, message: Input, now_ns: int) -> None:
+        record_input(self._log.write, message, now_ns)
+        self._core.receive(message, now_ns)
+
+    def _tick(self, now_ns: int) -> int:
+        """Tick, send, then record; returns when the last datagram was handed to its link."""
+        outgoing = self._core.tick(now_ns)
+        if self.links is not None:
+            for datagram in outgoing.datagrams:
+                self.links.send(datagram)
+        sent_ns = clock.monotonic_ns()
+        record_tick(self._log.write, outgoing, now_ns)
+        for reply in outgoing.replies:
+            self._waiting.pop(reply.id)(reply)
+        for topic, message in outgoing.records:
+            if topic is topics.EVENT and isinstance(message, Event):
+                self._tell(message)
+        return sent_ns
+
+    def _note(self, latency_s: float, late: bool) -> None:
+        timing = self.timing
+        timing.ticks, timing.late = timing.ticks + 1, timing.late + late
+        timing.worst_s = max(timing.worst_s, latency_s)
+        self._log.write(topics.TIMING, LoopTiming(self._frame_seq, latency_s, late), clock.monotonic_ns())
+
+
+class GroundFailure(RuntimeError):
+    """The ground failed and ended itself; the text says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """How a run of the ground ended."""
+
+    phase: Phase
+    timing: Timing
+    lost_records: int
+
+
+async def run(config: LabConfig, log_path: Path, name: str, metadata: Mapping[str, str], tell: Tell) -> Ended:
+    """Run the ground until SIGINT or SIGTERM; in flight it lands the swarm first, a second signal ends it at once.
+
+    Raises OSError (bus, ports, log), ValueError (a link that is none), MocapFileError, GroundFailure.
+    """
+    t0_ns = clock.monotonic_ns()
+    core = GcsCore(config, t0_ns)
+    bus = await ZenohBus.open(config.link, config.name)
+    try:
+        with LogWriter(log_path, {**run_metadata(config, t0_ns), **metadata}) as log:
+            ground = Ground(config, core, log, tell)
+            ground.links = await open_links(config, bus, ground.take_datagram)
+            gc.collect()
+            gc.freeze()  # what start-up made lives as long as the process: collections in flight need not look at it
+            try:
+                await _serve(config, ground, bus, name)
+            except BaseExceptionGroup as group:
+                raise _first_failure(group) from group
+            finally:
+                ground.links.close()
+        return Ended(ground.phase, ground.timing, log.lost)
+    finally:
+        await bus.close()
+
+
+async def _serve(config: LabConfig, ground: Ground, bus: ZenohBus, name: str) -> None:
+    """Everything that runs at once, until asked to end or until a part of it fails."""
+    loop = asyncio.get_running_loop()
+    asked_to_end, failure = asyncio.Event(), loop.create_future()
+
+    def fail(error: BaseException) -> None:
+        if not failure.done():
+            failure.set_exception(error)
+
+    def on_signal() -> None:
+        if asked_to_end.is_set():
+            fail(GroundFailure("interrupted before the swarm had landed"))
+        asked_to_end.set()
+
+    # A callback that raises has no task to fail: this is where the core's own errors arrive.
+    loop.set_exception_handler(lambda _, context: fail(context.get("exception") or GroundFailure(context["message"])))
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, on_signal)
+    async with asyncio.TaskGroup() as tasks:
+        services = [
+            tasks.create_task(_raise_from(failure)),
+            tasks.create_task(ground.watch()),
+            tasks.create_task(ground.publish_state(bus, name)),
+            tasks.create_task(serve_frames(config, bus, ground.take_frame)),
+        ]
+        bus.serve(name, ground.take_request)
+        await asked_to_end.wait()
+        await ground.land()
+        for service in services:
+            service.cancel()
+
+
+async def _raise_from(failure: "asyncio.Future[None]") -> None:
+    await failure
+
+
+def _first_failure(group: BaseExceptionGroup[BaseException]) -> BaseException:
+    """The first error of a nest of groups; what was foreseen stays itself, the rest becomes GroundFailure."""
+    error: BaseException = group
+    while isinstance(error, BaseExceptionGroup):
+        error = error.exceptions[0]
+    if isinstance(error, GroundFailure | OSError | MocapFileError):
+        return error
+    return GroundFailure(f"{type(error).__name__}: {error}")

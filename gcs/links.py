@@ -1,0 +1,50 @@
+"""The ground's links to all drones of a lab as one: the shared bus or sockets, and each drone's own if it has one."""
+
+from formation.config import LabConfig
+from formation.messages import Datagram
+from wire.link import Deliver, Link, LinkCounters
+from wire.udp_bus import open_udp_direct, open_udp_ground
+from wire.zenoh_bus import ZenohBus
+
+
+class GroundLinks:
+    """Sends each datagram by the link of its drone."""
+
+    def __init__(self, links: dict[int, Link]) -> None:
+        self._links = links
+
+    def send(self, datagram: Datagram) -> None:
+        """Hand the bytes to the drone's link; never waits."""
+        self._links[datagram.sysid].send(datagram)
+
+    @property
+    def counters(self) -> LinkCounters:
+        """Sums over all links."""
+        total = LinkCounters()
+        for link in {id(link): link for link in self._links.values()}.values():
+            total.sent += link.counters.sent
+            total.received += link.counters.received
+            total.dropped += link.counters.dropped
+        return total
+
+    def close(self) -> None:
+        """Close every link."""
+        for link in {id(link): link for link in self._links.values()}.values():
+            link.close()
+
+
+async def open_links(config: LabConfig, bus: ZenohBus, deliver: Deliver) -> GroundLinks:
+    """Open what the configuration says. OSError for a port that is taken, ValueError for a link that is none."""
+    own = {v.sysid: v.link for v in config.vehicles if v.sysid is not None and v.link is not None}
+    shared = [v.sysid for v in config.vehicles if v.sysid is not None and v.link is None]
+    links: dict[int, Link] = {}
+    for sysid, text in own.items():
+        links[sysid] = await open_udp_direct(text, sysid, deliver)
+    if shared:
+        common: Link = (
+            bus.ground_link(shared, deliver)
+            if config.link.kind == "zenoh"
+            else await open_udp_ground(config.link, shared, deliver)
+        )
+        links.update((sysid, common) for sysid in shared)
+    return GroundLinks(links)

@@ -1,0 +1,68 @@
+"""Where frames come from in flight: the lab's bus, or a recording played in real time."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from formation import topics
+from formation.config import LabConfig
+from formation.messages import MocapFrame
+from gcs.mocap.csv_file import MocapFileError, read_recording
+from wire import clock
+from wire.mcap_log import LogError, read_log
+from wire.zenoh_bus import ZenohBus
+
+Deliver = Callable[[MocapFrame], None]
+Timed = tuple[int, MocapFrame]
+
+
+async def serve_frames(config: LabConfig, bus: ZenohBus, deliver: Deliver) -> None:
+    """Deliver every frame of the configured source as it comes; a recording ends, the bus does not.
+
+    Raises MocapFileError.
+    """
+    mocap = config.mocap
+    if mocap.source == "zenoh":
+        bus.on_frame(deliver)
+        return
+    if mocap.file is None:
+        raise MocapFileError(Path("lab.toml"), None, f'mocap.source is "{mocap.source}", but mocap.file is not set')
+    path = Path(mocap.file)
+    played = csv_frames(path, config) if mocap.source == "csv" else mcap_frames(path)
+    await play(played, round(mocap.delay_s * 1e9), deliver)
+
+
+async def play(frames: Sequence[Timed], delay_ns: int, deliver: Deliver) -> None:
+    """Deliver each frame `delay_ns` after its own time since the first, captures restamped to now."""
+    start_ns = clock.monotonic_ns()
+    for t_ns, frame in frames:
+        await clock.sleep_until_ns(start_ns + t_ns + delay_ns)
+        deliver(replace(frame, t_capture_ns=start_ns + t_ns))
+
+
+def csv_frames(path: Path, config: LabConfig) -> list[Timed]:
+    """The leader's recorded poses as frames in the mocap's axes, at their own stamps."""
+    recording = read_recording(path)
+    bodies, seen = (config.leader.body,), np.ones(1, np.bool_)
+    return [
+        (int(t_ns), MocapFrame(seq, int(t_ns), bodies, pos[None], q[None], seen))
+        for seq, (t_ns, pos, q) in enumerate(
+            zip(recording.t_ns, recording.pos_mocap_m, recording.q_mocap_from_marker, strict=True)
+        )
+    ]
+
+
+def mcap_frames(path: Path) -> list[Timed]:
+    """The frames that a log recorded, spaced as they were received."""
+    try:
+        frames = [(entry.t_ns, entry.message) for entry in read_log(path).entries if entry.topic is topics.MOCAP]
+    except LogError as error:
+        raise MocapFileError(path, None, str(error)) from error
+    except OSError as error:
+        raise MocapFileError(path, None, error.strerror or "cannot be read") from error
+    if not frames:
+        raise MocapFileError(path, None, "no frames in this log")
+    first_ns = frames[0][0]
+    return [(t_ns - first_ns, frame) for t_ns, frame in frames]

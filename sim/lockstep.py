@@ -6,6 +6,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from formation.topics import Topic
+from gcs import warm_up as gcs_warm_up
 from gcs.recording import Record, run_metadata
 from sim.scenario import Scenario
 from sim.script import Outcome
@@ -16,6 +17,7 @@ from wire.mcap_log import Entry, LogWriter
 Progress = Callable[[float, str], None]
 """Told the simulated seconds and the phase, every tenth of a simulated second."""
 
+WARM_UP_NS = 300_000_000
 PROGRESS_NS = 100_000_000
 AFTER_NS = 500_000_000
 """What is still recorded after the flight has ended."""
@@ -44,6 +46,14 @@ def run_in_memory(scenario: Scenario, seed: int) -> tuple[Flown, list[Entry]]:
         records.append(Entry(topic, t_ns, message))
 
     return fly(scenario, seed, keep), records
+
+
+def warm_up(scenario: Scenario) -> None:
+    """Compile all that a flight of the scenario runs; processes started later find it in the cache on disk."""
+    gcs_warm_up.warm_up(scenario.lab)
+    world = World(scenario, scenario.seed, lambda _topic, _message, _t_ns: None)
+    while world.now_ns < T0_NS + WARM_UP_NS:
+        world.step()
 
 
 def fly(scenario: Scenario, seed: int, record: Record, progress: Progress | None = None) -> Flown:

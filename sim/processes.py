@@ -9,7 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-STOP_PATIENCE_S = 8.0
+PATIENCE_S = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,6 +19,7 @@ class Child:
     name: str
     process: asyncio.subprocess.Process
     output: Path
+    patience_s: float
 
 
 class ProcessDied(RuntimeError):
@@ -28,8 +29,8 @@ class ProcessDied(RuntimeError):
 class ProcessGroup:
     """Python processes that live and end together; on leaving, all are stopped, the last started first.
 
-    They are asked with SIGTERM and killed only if they do not go. Each is in a process group of its own, so that
-    Ctrl-C reaches this process alone and the order of stopping stays ours.
+    They are asked with SIGTERM, once more when their patience is over, and killed only if they still do not go. Each is
+    in a process group of its own, so that Ctrl-C reaches this process alone and the order of stopping stays ours.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -45,15 +46,18 @@ class ProcessGroup:
         for child in reversed(self._children):
             await self.stop(child)
 
-    async def start(self, name: str, module: str, arguments: Sequence[str]) -> Child:
-        """Run `python -m module arguments`; its output goes to `<folder>/<name>.log`."""
+    async def start(self, name: str, module: str, arguments: Sequence[str], patience_s: float = PATIENCE_S) -> Child:
+        """Run `python -m module arguments`; its output goes to `<folder>/<name>.log`.
+
+        patience_s: how long the process may take to end well when asked to.
+        """
         output = self._folder / f"{name}.log"
         with output.open("wb") as file:
             process = await asyncio.create_subprocess_exec(
                 sys.executable, "-m", module, *arguments,
                 stdin=asyncio.subprocess.DEVNULL, stdout=file, stderr=asyncio.subprocess.STDOUT, process_group=0,
             )  # fmt: skip
-        child = Child(name, process, output)
+        child = Child(name, process, output, patience_s)
         self._children.append(child)
         return child
 
@@ -70,12 +74,15 @@ class ProcessGroup:
 
     async def stop(self, child: Child) -> None:
         """Ask the process to end, and kill it if it has not in time."""
-        if child.process.returncode is not None:
-            return
-        child.process.send_signal(signal.SIGTERM)
-        try:
-            await asyncio.wait_for(child.process.wait(), STOP_PATIENCE_S)
-        except TimeoutError:
+        for patience_s in (child.patience_s, PATIENCE_S):
+            if child.process.returncode is not None:
+                return
+            child.process.send_signal(signal.SIGTERM)
+            try:
+                await asyncio.wait_for(child.process.wait(), patience_s)
+            except TimeoutError:
+                continue
+        if child.process.returncode is None:
             child.process.kill()
             await child.process.wait()
 

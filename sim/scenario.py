@@ -101,7 +101,7 @@ def load(name_or_path: str) -> Scenario:
     path = shipped().get(name_or_path, Path(name_or_path))
     if not path.exists():
         known = ", ".join(shipped())
-        raise config_file.ConfigError(f"{name_or_path}: no such file, nor a shipped scenario ({known})")
+        raise config_file.ConfigError([f"{name_or_path}: no such file, nor a shipped scenario ({known})"])
     scenario = config_file.load(path, Scenario)
     recorded = scenario.leader.file
     if recorded is None or Path(recorded).is_absolute():

@@ -50,7 +50,7 @@ def _name(field: bytes) -> str:
 
 
 def _characters(name: str, size: int) -> bytes:
-    field = name.encode()
+    field = name.encode(errors="replace")
     if len(field) > size:
         raise MavlinkError(f"{name!r} is longer than the field's {size} bytes")
     return field

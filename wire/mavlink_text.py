@@ -25,7 +25,7 @@ class TextChunk:
 
 def chunk_text(message: StatusText, text_id: int) -> list[Fields]:
     """The packets' fields; a text whose chunks are all full is ended by an empty one, as MAVLink asks."""
-    data = message.text.encode()[:_LONGEST]
+    data = message.text.encode(errors="replace")[:_LONGEST]
     severity = int(message.severity)
     if len(data) <= _CHUNK:
         return [(severity, data, 0, 0)]

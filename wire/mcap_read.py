@@ -195,7 +195,7 @@ def _records(path: Path, damage: _Damage) -> Iterator[_Record]:
         if file.seek(0, 2) == 0:
             raise LogError(f"{path}: empty")
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            if data[:8] != MCAP0_MAGIC and _next_chunk(data, 0) is None:
+            if data[:8] != MCAP0_MAGIC and _next_chunk(data, 0, len(data)) is None:
                 raise LogError(f"{path}: not an MCAP file")
             yield from _summary(data)
             yield from _scan(data, damage)
@@ -241,10 +241,12 @@ def _scan(data: mmap.mmap, damage: _Damage) -> Iterator[_Record]:
         sound = True
         for position, opcode, body in _walk(data, at, end):
             record = _parse(opcode, body)
-            if record is None:
+            stop = position + _HEAD.size + len(body)
+            # A record that swallows a sound chunk is none: its length is damaged.
+            if record is None or _next_chunk(data, position + 1, stop) is not None:
                 sound = False
                 break
-            reached = position + _HEAD.size + len(body)
+            reached = stop
             if isinstance(record, DataEnd):
                 if not damage.notes and record.data_section_crc not in (0, _crc(data, position)):
                     damage.notes.append("the checksum of the whole is wrong")
@@ -252,7 +254,7 @@ def _scan(data: mmap.mmap, damage: _Damage) -> Iterator[_Record]:
                 return
             if not isinstance(record, bytes):
                 yield record
-        following = _next_chunk(data, reached + 1)
+        following = _next_chunk(data, reached + 1, end)
         if following is None:
             lost = end - reached
             if lost:
@@ -273,7 +275,8 @@ def _parse(opcode: int, body: bytes) -> _Record | DataEnd | bytes | None:
     record: _Record | DataEnd
     try:
         if opcode == Opcode.CHUNK:
-            return _uncompressed(Chunk.read(stream))
+            chunk = Chunk.read(stream)
+            return _uncompressed(chunk) if stream.count == len(body) else None
         if opcode == Opcode.SCHEMA:
             record = Schema.read(stream)
         elif opcode == Opcode.CHANNEL:
@@ -302,10 +305,10 @@ def _uncompressed(chunk: Chunk) -> _Messages | None:
     return _Messages(raw)
 
 
-def _next_chunk(data: mmap.mmap, start: int) -> int | None:
-    """Position of the next sound chunk at or after `start`."""
+def _next_chunk(data: mmap.mmap, start: int, end: int) -> int | None:
+    """Position of the next sound chunk between `start` and `end`."""
     at = start + _ZSTD_OFFSET
-    while (at := data.find(_ZSTD, at)) >= 0:
+    while (at := data.find(_ZSTD, at, end)) >= 0:
         position = at - _ZSTD_OFFSET
         first = next(_walk(data, position, len(data)), None)
         if first is not None and first[1] == Opcode.CHUNK and isinstance(_parse(first[1], first[2]), _Messages):

@@ -1,0 +1,123 @@
+"""TOML in and out, and the words of its errors."""
+
+import tomllib
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from formation.config import FollowerConfig, LabConfig, LeaderConfig, Model, TrajectoryConfig
+from wire.config_file import ConfigError, dump, load, parse
+
+LAB = LabConfig(
+    leader=LeaderConfig(body="lead er", sysid=1, trajectory=TrajectoryConfig(waypoints_m=((0, 0, 1), (1, 0, 1)))),
+    followers=(
+        FollowerConfig(body='f"1"\\', sysid=2, offset_m=(-0.4, 0.4, 0.0)),
+        FollowerConfig(body="f2ü\t", sysid=3, offset_m=(-0.4, -0.4, 1e-7), link="udp:127.0.0.1:14540"),
+    ),
+)
+
+
+def written(tmp_path, text: str):
+    path = tmp_path / "lab.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def problems(tmp_path, text: str) -> list[str]:
+    path = written(tmp_path, text)
+    with pytest.raises(ConfigError) as caught:
+        load(path, LabConfig)
+    assert all(line.startswith(f"{path}: ") for line in caught.value.problems)
+    assert str(caught.value).splitlines() == caught.value.problems
+    return [line.removeprefix(f"{path}: ") for line in caught.value.problems]
+
+
+GOOD = """
+[leader]
+body = "leader"
+sysid = 1
+[[followers]]
+body = "a"
+sysid = 2
+offset_m = [-0.4, 0.4, 0.0]
+"""
+
+
+def test_a_lab_is_loaded(tmp_path):
+    lab = load(written(tmp_path, GOOD), LabConfig)
+    assert [v.body for v in lab.vehicles] == ["leader", "a"]
+    assert lab.followers[0].offset_m == (-0.4, 0.4, 0.0)
+
+
+def test_what_is_dumped_is_loaded_as_the_same(tmp_path):
+    assert load(written(tmp_path, dump(LAB)), LabConfig) == LAB
+
+
+class Odd(Model):
+    words: str
+    number: float
+    table: dict[str, dict[str, int]]
+    flag: bool
+    rows: tuple[tuple[int, ...], ...]
+
+
+@given(
+    st.builds(
+        Odd,
+        words=st.text(),
+        number=st.floats(allow_nan=False, allow_infinity=False),
+        table=st.dictionaries(
+            st.text(), st.dictionaries(st.text(), st.integers(-(2**63), 2**63 - 1), max_size=3), max_size=3
+        ),
+        flag=st.booleans(),
+        rows=st.lists(st.lists(st.integers(0, 9), max_size=3).map(tuple), max_size=3).map(tuple),
+    )
+)
+def test_any_text_number_and_table_survives_toml(model):
+    assert parse(tomllib.loads(dump(model)), Odd, source="x") == model
+
+
+def test_every_fault_is_one_line_with_file_key_and_reason(tmp_path):
+    text = GOOD.replace("sysid = 2", 'sysid = "x"').replace("offset_m", "offset_mm") + "\n[limits]\ntilt_rad = -1\n"
+    assert problems(tmp_path, text) == [
+        "followers[0].sysid: Input should be a valid integer, unable to parse string as an integer (it is 'x')",
+        "followers[0].offset_m: is missing",
+        "followers[0].offset_mm: is not a known key",
+        "limits.tilt_rad: Input should be greater than 0 (it is -1)",
+    ]
+
+
+def test_a_number_that_is_none_is_refused(tmp_path):
+    (line,) = problems(tmp_path, GOOD + "\n[mocap]\nrate_hz = nan\n")
+    assert line.startswith("mocap.rate_hz: ")
+
+
+def test_a_rule_of_the_whole_file_names_the_file(tmp_path):
+    (line,) = problems(tmp_path, GOOD.replace('"a"', '"leader"'))
+    assert line == "two vehicles share a body name: ['leader', 'leader']"
+
+
+def test_no_followers_at_all(tmp_path):
+    assert problems(tmp_path, '[leader]\nbody = "x"\n') == ["followers: is missing"]
+    (line,) = problems(tmp_path, 'followers = []\n[leader]\nbody = "x"\n')
+    assert line.startswith("followers: ")
+
+
+def test_no_toml(tmp_path):
+    (line,) = problems(tmp_path, "[leader\n")
+    assert "line 1" in line
+
+
+def test_no_text(tmp_path):
+    path = tmp_path / "lab.toml"
+    path.write_bytes(b"\xff\xfe")
+    with pytest.raises(ConfigError, match="not UTF-8"):
+        load(path, LabConfig)
+
+
+def test_no_file(tmp_path):
+    with pytest.raises(ConfigError, match=r"absent\.toml: No such file"):
+        load(tmp_path / "absent.toml", LabConfig)
+    with pytest.raises(ConfigError, match="Is a directory"):
+        load(tmp_path, LabConfig)

@@ -1,0 +1,52 @@
+"""Random messages of the spine, one strategy a topic's type, and their bit-for-bit comparison."""
+
+import dataclasses
+from enum import Enum
+from typing import Any, get_args, get_type_hints
+
+import numpy as np
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as stn
+
+from formation import topics
+
+_INTS = st.integers(-(2**63), 2**63 - 1)
+
+
+def _values(hint: Any, count: int) -> st.SearchStrategy[Any]:
+    """Anything the annotation allows, with `count` vehicles."""
+    if hasattr(hint, "__metadata__"):
+        array, shape = get_args(hint)
+        dtype = get_args(get_args(array)[1])[0]
+        return stn.arrays(dtype, tuple(count if size < 0 else size for size in shape))
+    if hint == tuple[str, ...]:
+        return st.lists(st.text(max_size=8), min_size=count, max_size=count).map(tuple)
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        return st.sampled_from(hint)
+    return {int: _INTS, float: st.floats(), bool: st.booleans(), str: st.text(), bytes: st.binary()}[hint]
+
+
+def messages(kind: type) -> st.SearchStrategy[Any]:
+    """Any message of one dataclass."""
+    hints = get_type_hints(kind, include_extras=True)
+    names = [field.name for field in dataclasses.fields(kind)]
+    return st.integers(0, 4).flatmap(
+        lambda count: st.builds(kind, **{name: _values(hints[name], count) for name in names})
+    )
+
+
+SPINE = {topic.type: messages(topic.type) for topic in topics.ALL}
+
+
+def assert_identical(ours: Any, theirs: Any) -> None:
+    """Equal field by field, floats by their bits."""
+    assert type(ours) is type(theirs)
+    for field in dataclasses.fields(ours):
+        a, b = getattr(ours, field.name), getattr(theirs, field.name)
+        if isinstance(a, np.ndarray):
+            assert (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes()), field.name
+        elif isinstance(a, float):
+            assert np.float64(a).tobytes() == np.float64(b).tobytes(), field.name
+        else:
+            assert type(a) is type(b), field.name
+            assert a == b, field.name

@@ -106,12 +106,13 @@ class UdpLink:
 async def open_udp_ground(config: LinkConfig, sysids: Iterable[int], deliver: Deliver) -> UdpLink:
     """The ground's end: one socket a drone. OSError where a port is taken or the host is unknown."""
     host = await _resolve(config.host)
-    link = UdpLink({}, LinkCounters())
+    ports: dict[int, _Port] = {}
+    link = UdpLink(ports, LinkCounters())
     try:
         for sysid in sysids:
             bind = (_bind_host(host), config.ground_port_base + sysid)
             peer = (host, config.drone_port_base + sysid)
-            link._ports[sysid] = _Port(bind, [peer], 0, sysid, deliver, link.counters)
+            ports[sysid] = _Port(bind, [peer], 0, sysid, deliver, link.counters)
     except OSError:
         link.close()
         raise

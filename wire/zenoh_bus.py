@@ -87,11 +87,17 @@ def _on_loop(loop: asyncio.AbstractEventLoop, call: Callable[[], None]) -> None:
 class ZenohLink:
     """The MAVLink of some drones over the bus; see `ZenohBus.ground_link` and `drone_link`."""
 
-    def __init__(self, publishers: dict[int, zenoh.Publisher], counters: LinkCounters) -> None:
+    def __init__(
+        self,
+        publishers: dict[int, zenoh.Publisher],
+        subscribers: list[zenoh.Subscriber[None]],
+        inbox: _Inbox[Datagram],
+        counters: LinkCounters,
+    ) -> None:
         self.counters = counters
         self._publishers = publishers
-        self._subscribers: list[zenoh.Subscriber[None]] = []
-        self._inbox: _Inbox[Datagram] | None = None
+        self._subscribers = subscribers
+        self._inbox = inbox
 
     def send(self, datagram: Datagram) -> None:
         """Publish to (or as) the drone `sysid`; KeyError for a drone that is none of this link's."""
@@ -103,8 +109,7 @@ class ZenohLink:
 
     def close(self) -> None:
         """Stop publishing and delivering."""
-        if self._inbox is not None:
-            self._inbox.close()
+        self._inbox.close()
         for subscriber in self._subscribers:
             subscriber.undeclare()  # type: ignore[no-untyped-call]
         for publisher in self._publishers.values():
@@ -200,16 +205,18 @@ class ZenohBus:
 
     def _link(self, sysids: list[int], out: str, into: str, deliver: Deliver) -> ZenohLink:
         base = f"{self.lab}/uav"
-        link = ZenohLink({s: self._publisher(f"{base}/{s}/mavlink/{out}") for s in sysids}, LinkCounters())
-        link._inbox = _Inbox(self._loop, deliver, link.counters, _QUEUED)
-        for sysid in sysids:
+        counters = LinkCounters()
+        inbox = _Inbox(self._loop, deliver, counters, _QUEUED)
 
-            def take(sample: zenoh.Sample, sysid: int = sysid, inbox: _Inbox[Datagram] = link._inbox) -> None:
+        def listen(sysid: int) -> zenoh.Subscriber[None]:
+            def take(sample: zenoh.Sample) -> None:
                 inbox.put(Datagram(sysid, sample.payload.to_bytes()))
 
-            handler = zenoh.handlers.Callback(take)
-            link._subscribers.append(self._session.declare_subscriber(f"{base}/{sysid}/mavlink/{into}", handler))
-        return link
+            key = f"{base}/{sysid}/mavlink/{into}"
+            return self._session.declare_subscriber(key, zenoh.handlers.Callback(take))
+
+        publishers = {sysid: self._publisher(f"{base}/{sysid}/mavlink/{out}") for sysid in sysids}
+        return ZenohLink(publishers, [listen(sysid) for sysid in sysids], inbox, counters)
 
     def _publisher(self, key: str) -> zenoh.Publisher:
         return self._session.declare_publisher(

@@ -1,0 +1,32 @@
+"""One process on the bus, for tests that kill it: `wire_peer.py mocap|drone PORT`."""
+
+import asyncio
+import itertools
+import sys
+
+import numpy as np
+
+from formation.config import LinkConfig
+from formation.messages import Datagram, MocapFrame
+from wire.clock import monotonic_ns
+from wire.zenoh_bus import ZenohBus
+
+
+async def mocap(port: str) -> None:
+    """Listen, and publish frames."""
+    bus = await ZenohBus.open(LinkConfig(zenoh_listen=(f"tcp/127.0.0.1:{port}",)), "lab")
+    for seq in itertools.count():
+        frame = MocapFrame(seq, monotonic_ns(), ("a",), np.zeros((1, 3)), np.zeros((1, 4)), np.ones(1, bool))
+        bus.publish_frame(frame)
+        await asyncio.sleep(0.01)
+
+
+async def drone(port: str) -> None:
+    """Connect, and send every packet back."""
+    bus = await ZenohBus.open(LinkConfig(zenoh_connect=(f"tcp/127.0.0.1:{port}",)), "lab")
+    link = bus.drone_link(2, lambda datagram: link.send(Datagram(2, datagram.data)))
+    await asyncio.Event().wait()
+
+
+if __name__ == "__main__":
+    asyncio.run({"mocap": mocap, "drone": drone}[sys.argv[1]](sys.argv[2]))

@@ -38,7 +38,7 @@ class Check:
 
 
 def check(path: Path) -> Check:
-    """Read the whole log and say what it holds. Raises OSError, and wire.mcap_log.LogError where it is no log at all."""
+    """Read the whole log and say what it holds. Raises OSError, and wire.mcap_log.LogError where it is no log."""
     found = check_log(path)
     span_ns = 0 if found.first_ns is None or found.last_ns is None else found.last_ns - found.first_ns
     usable = tuple(name for name, needs in NEEDS if all(found.entries.get(topic.name) for topic in needs))

@@ -1,6 +1,6 @@
 """The report of one flight: one self-contained HTML page, in words, pictures and numbers, from its log alone."""
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from html import escape
 from pathlib import Path
 
@@ -10,8 +10,7 @@ from analysis import page, words
 from analysis.load import Flight, load
 from analysis.metrics import Summary, rms, summarise, vibration_of
 from analysis.page import Section, cell, picture, row, swatch, table, text, tile
-from analysis.plots import bands, control, paths, slots, style, timing
-from analysis.plots.style import Drawing
+from analysis.plots import drawings, style
 from analysis.tracking import Tracking, track
 from formation.messages import Severity
 from wire.mcap_log import check_log
@@ -33,6 +32,65 @@ MEANINGS = {
     "command_hash": "SHA-256 of every attitude target sent, in order",
     "outcome": "how the flight ended",
 }
+
+TEXTS = (
+    (
+        "timeline",
+        "Timeline",
+        "Phases of the swarm, operator requests, and what the ground reported (red: error, amber: warning).",
+    ),
+    (
+        "paths",
+        "Paths",
+        "Strong lines are the formation phase, faint ones the rest; dots joined to the leader are the formation "
+        "at even times. The dashed outline is the fence.",
+    ),
+    (
+        "error",
+        "Formation error",
+        "Each follower's distance from its slot, measured by mocap in the leader's own frame. Thin lines: the "
+        "slot itself is still moving (entry, change of shape); those frames are not scored.",
+    ),
+    (
+        "clouds",
+        "Where the error points",
+        "Horizontal error of every scored frame about the slot, forward up. A round cloud on the cross is noise; "
+        "a cloud off the cross is trim or alignment; a streak forward is the leader's acceleration or lag.",
+    ),
+    (
+        "positions",
+        "Position against reference",
+        "Each follower in lab axes (colour) with its reference dashed over it.",
+    ),
+    (
+        "sliding",
+        "Sliding variable and disturbance",
+        "s should stay in a narrow band about zero; Z3 is what the observer believes pushes the drone: wind, "
+        "ground effect, a wrong mass (z).",
+    ),
+    (
+        "output",
+        "Control output",
+        "Acceleration demanded by the law (gravity excluded), the thrust sent, a mark wherever a limit cut it.",
+    ),
+    (
+        "attitude",
+        "Attitude against target",
+        "Tilt measured by mocap (colour) under its target (dashed). In the close-up the shift to the right is the "
+        "vehicle's lag.",
+    ),
+    (
+        "timing",
+        "Timing",
+        "Counts are on a log scale: the rare late cycle matters more than the common punctual one.",
+    ),
+    (
+        "metrics",
+        "Metrics",
+        "The summary, with the keys under which --json writes it.",
+    ),
+)
+"""Every section in reading order: anchor, heading, what to look for."""
 
 
 def report(path_mcap: Path, path_html: Path | None = None) -> Path:
@@ -123,76 +181,17 @@ def _story(flight: Flight, tracking: Tracking, summary: Summary) -> str:
     )
 
 
-def _sections(flight: Flight, tracking: Tracking, summary: Summary) -> tuple[Section, ...]:
-    """Every section in reading order."""
-
-    def drawn(drawing: Callable[[], Drawing]) -> str:
-        return picture(style.draw(drawing))
-
-    return (
-        Section(
-            "timeline",
-            "Timeline",
-            "Phases of the swarm, operator requests, and what the ground reported (red: error, amber: warning).",
-            (drawn(lambda: bands.timeline(flight)), _event_table(flight)),
-        ),
-        Section(
-            "paths",
-            "Paths",
-            "Strong lines are the formation phase, faint ones the rest; dots joined to the leader are the formation "
-            "at even times. The dashed outline is the fence.",
-            (drawn(lambda: paths.where(flight)), drawn(lambda: paths.heights(flight))),
-        ),
-        Section(
-            "error",
-            "Formation error",
-            "Each follower's distance from its slot, measured by mocap in the leader's own frame. Thin lines: the slot "
-            "itself is still moving (entry, change of shape); those frames are not scored.",
-            (drawn(lambda: slots.errors(flight, tracking)), _follower_table(flight, tracking)),
-        ),
-        Section(
-            "clouds",
-            "Where the error points",
-            "Horizontal error of every scored frame about the slot, forward up. A round cloud on the cross is noise; a "
-            "cloud off the cross is trim or alignment; a streak forward is the leader's acceleration or lag.",
-            (drawn(lambda: slots.clouds(flight, tracking)),),
-        ),
-        Section(
-            "positions",
-            "Position against reference",
-            "Each follower in lab axes (colour) with its reference dashed over it.",
-            (drawn(lambda: slots.positions(flight, tracking)),),
-        ),
-        Section(
-            "sliding",
-            "Sliding variable and disturbance",
-            "s should stay in a narrow band about zero; Z3 is what the observer believes pushes the drone: wind, "
-            "ground effect, a wrong mass (z).",
-            (drawn(lambda: control.sliding(flight)), drawn(lambda: control.disturbance(flight))),
-        ),
-        Section(
-            "output",
-            "Control output",
-            "Acceleration demanded by the law (gravity excluded), the thrust sent, a mark wherever a limit cut it.",
-            (drawn(lambda: control.output(flight)),),
-        ),
-        Section(
-            "attitude",
-            "Attitude against target",
-            "Tilt measured by mocap (colour) under its target (dashed). In the close-up the shift to the right is the "
-            "vehicle's lag.",
-            (drawn(lambda: control.attitude(flight, tracking)),),
-        ),
-        Section(
-            "timing",
-            "Timing",
-            "Counts are on a log scale: the rare late cycle matters more than the common punctual one.",
-            (drawn(lambda: timing.histograms(flight)), drawn(lambda: timing.cycles(flight))),
-        ),
-        Section(
-            "metrics", "Metrics", "The summary, with the keys under which --json writes it.", (_metric_table(summary),)
-        ),
-    )
+def _sections(flight: Flight, tracking: Tracking, summary: Summary) -> Iterator[Section]:
+    """Every section, finished."""
+    pictures = drawings(flight, tracking)
+    tables = {
+        "timeline": _event_table(flight),
+        "error": _follower_table(flight, tracking),
+        "metrics": _metric_table(summary),
+    }
+    for anchor, title, lead in TEXTS:
+        drawn = tuple(picture(drawing) for drawing in pictures.get(anchor, ()))
+        yield Section(anchor, title, lead, (*drawn, tables.get(anchor, "")))
 
 
 def _event_table(flight: Flight) -> str:

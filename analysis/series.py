@@ -11,6 +11,7 @@ from formation.arrays import Bool, Float
 
 M = TypeVar("M")
 Index = NDArray[np.int64]
+MIN_PARABOLA = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,3 +77,24 @@ def _integral_at(t_s: Float, integral: Float, values: Float, at_s: Float) -> Flo
     slope = (values[k + 1] - values[k]) / np.maximum(t_s[k + 1] - t_s[k], 1e-12)
     result: Float = integral[k] + values[k] * dt + 0.5 * slope * dt * dt
     return result
+
+
+def smoothed(t_s: Float, values: Float, window_s: float, keep: Bool) -> Float:
+    """Each value of (T,) replaced by that of the parabola fitted through the kept ones within window_s about it.
+
+    Centred, so it lags nothing; uneven times are honoured. Where fewer than five are kept, the value stays as it is.
+    """
+    if len(t_s) < MIN_PARABOLA:
+        return values
+    reach = int(np.ceil(0.5 * window_s / float(np.median(np.diff(t_s)))))
+    index = np.arange(len(t_s))[:, None] + np.arange(-reach, reach + 1)
+    inside = np.clip(index, 0, len(t_s) - 1)
+    dt = (t_s[inside] - t_s[:, None]) / window_s
+    weight = (index == inside) & keep[inside] & (np.abs(dt) <= 0.5)
+    powers = dt[..., None] ** np.arange(3)
+    normal = np.einsum("tk,tki,tkj->tij", weight, powers, powers)
+    enough = weight.sum(axis=1) >= MIN_PARABOLA
+    normal[~enough] = np.eye(3)
+    right = np.einsum("tk,tki,tk->ti", weight, powers, values[inside] - values[:, None])
+    fitted = values + np.linalg.solve(normal, right[..., None])[:, 0, 0]
+    return np.where(enough, fitted, values)

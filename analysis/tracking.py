@@ -10,13 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.load import Flight
-from analysis.series import nearest
+from analysis.load import Flight, Poses
+from analysis.series import nearest, smoothed
 from formation import frames
 from formation.arrays import Bool, Float
 from formation.messages import Phase
 
 MATCH_S = 0.025  # a frame and the reference made for it are at most this far apart
+HEADING_WINDOW_S = 0.15
 AT_REST_M_S = 1e-3  # a slot slower than this is at rest
 
 
@@ -49,7 +50,7 @@ def track(flight: Flight) -> Tracking:
     slot = reference.column(lambda r: r.slot_lead_m)[matched][:, columns]
     slot_speed = np.linalg.norm(reference.column(lambda r: r.slot_vel_lead_m_s)[matched][:, columns], axis=-1)
     on_leader = reference.column(lambda r: r.in_formation)[matched][:, columns] > 0.5
-    pos = _in_leader_frame(poses.pos_lab_m[close], poses.q_lab_from_flu[close], origin)
+    pos = _in_leader_frame(poses.pos_lab_m[close], leader_heading(poses)[close], origin)
     seen = poses.seen[close]
     formed = on_leader & seen[:, :1] & seen[:, 1:] & in_formation_phase(flight, t_s)[:, None]
     return Tracking(t_s, pos, slot, pos - slot, formed, formed & (slot_speed < AT_REST_M_S))
@@ -61,14 +62,24 @@ def _nothing(followers: int) -> Tracking:
     return Tracking(np.zeros(0), vectors, vectors, vectors, flags, flags)
 
 
-def _in_leader_frame(pos_lab_m: Float, q_lab_from_flu: Float, origin_lab_m: Float) -> Float:
-    """Followers seen from the measured leader, rotated by its measured yaw (Eq. 2); height from the reference's origin.
+def leader_heading(poses: Poses) -> Float:
+    """The leader's measured heading (T,), rad, unwrapped, smoothed over HEADING_WINDOW_S without lag.
+
+    A single frame's yaw is noisy by about a milliradian, which at the end of a slot's arm would pass for an error
+    of the follower.
+    """
+    yaw = np.unwrap(frames.yaw(poses.q_lab_from_flu[:, 0]))
+    return smoothed(poses.t_s, yaw, HEADING_WINDOW_S, poses.seen[:, 0])
+
+
+def _in_leader_frame(pos_lab_m: Float, heading_rad: Float, origin_lab_m: Float) -> Float:
+    """Followers seen from the measured leader, rotated by its heading (Eq. 2); height from the reference's origin.
 
     The horizontal origin is the leader as measured; the height is the reference's choice (the leader's or the floor's).
     """
     relative = pos_lab_m[:, 1:] - pos_lab_m[:, :1]
     relative[..., 2] = pos_lab_m[:, 1:, 2] - origin_lab_m[..., 2]
-    return frames.rotate_about_z(-frames.yaw(q_lab_from_flu[:, :1]), relative)
+    return frames.rotate_about_z(-heading_rad[:, None], relative)
 
 
 def in_formation_phase(flight: Flight, t_s: Float) -> Bool:

@@ -1,1 +1,22 @@
 """Pictures of a flight: each function draws one figure from a flight, or says what the log lacks for it."""
+
+from analysis.load import Flight
+from analysis.plots import bands, control, paths, slots, style, timing
+from analysis.plots.style import Drawing
+from analysis.tracking import Tracking
+
+
+def drawings(flight: Flight, tracking: Tracking) -> dict[str, tuple[Drawing, ...]]:
+    """Every picture of the report, by section."""
+    with style.styled():
+        return {
+            "timeline": (bands.timeline(flight),),
+            "paths": (paths.where(flight), paths.heights(flight)),
+            "error": (slots.errors(flight, tracking),),
+            "clouds": (slots.clouds(flight, tracking),),
+            "positions": (slots.positions(flight, tracking),),
+            "sliding": (control.sliding(flight), control.disturbance(flight)),
+            "output": (control.output(flight),),
+            "attitude": (control.attitude(flight, tracking),),
+            "timing": (timing.histograms(flight), timing.cycles(flight)),
+        }

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from analysis.load import Flight
 from analysis.plots import style
@@ -32,26 +31,25 @@ def timeline(flight: Flight) -> Drawing:
     """Phases as one ribbon, operator requests and events as marks on rows of their own."""
     if not flight.phases and not len(flight.events):
         return Missing("neither phases nor events were recorded")
-    fig = style.figure(1.9)
-    ax = fig.add_subplot()
+    fig, [[ax]] = style.Sheet(1.9).axes()
     ax.set(ylim=(-2.6, 1.15), yticks=[0.5, -0.6, -1.7], yticklabels=["phase", "operator", "event"])
     ax.grid(visible=False)
     ax.spines[["left", "bottom"]].set_visible(False)
-    _ribbon(ax, flight)
+    ribbon(ax, flight)
     _requests(ax, flight)
     _events(ax, flight)
     style.time_axis(ax, 0.0, flight.duration_s)
     return fig
 
 
-def _ribbon(ax: Axes, flight: Flight) -> None:
-    """Each phase a bar with its name where it fits."""
+def ribbon(ax: Axes, flight: Flight, letter_share: float = 0.0062) -> None:
+    """Each phase a bar, with its name where it fits; letter_share: a letter's width as a part of the axes."""
     for span in flight.phases:
-        width = span.end_s - span.start_s
-        ax.barh(0.5, width, left=span.start_s, height=1.0, color=style.PHASES[span.phase], ec="white", lw=1.5)
-        if width > 0.0062 * len(span.phase.name) * max(flight.duration_s, 1e-9):
-            middle = span.start_s + 0.5 * width
-            ax.text(middle, 0.5, span.phase.name.capitalize(), ha="center", va="center", fontsize=8.5)
+        width_s = span.end_s - span.start_s
+        ax.barh(0.5, width_s, left=span.start_s, height=1.0, color=style.PHASES[span.phase], ec="white", lw=1.5)
+        if width_s > letter_share * len(span.phase.name) * flight.duration_s:
+            middle_s = span.start_s + 0.5 * width_s
+            ax.text(middle_s, 0.5, span.phase.name.capitalize(), ha="center", va="center", fontsize=8.5)
 
 
 def _requests(ax: Axes, flight: Flight) -> None:
@@ -74,10 +72,3 @@ def _events(ax: Axes, flight: Flight) -> None:
         loud = event.severity <= Severity.WARNING
         colour = LEVELS[event.severity]
         ax.plot([t_s, t_s], [-2.2, -1.2], color=colour, lw=2.2 if loud else 1.2, solid_capstyle="round")
-
-
-def blank(reason: str) -> Figure:
-    """A figure that only says why it is empty; for pictures that must exist."""
-    fig = style.figure(2.0)
-    fig.text(0.5, 0.5, reason, ha="center", va="center", color=style.SOFT)
-    return fig

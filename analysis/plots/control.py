@@ -47,8 +47,8 @@ def output(flight: Flight) -> Drawing:
     if not len(flight.command):
         return Missing("no control command was recorded")
     acc = flight.command.column(lambda c: c.acc_lab_m_s2)
-    fig = style.figure(6.4)
-    axes = list(fig.subplots(5, 1, sharex=True, height_ratios=[1.0, 1.0, 1.0, 1.0, 0.55]))
+    fig, column = style.Sheet(6.4, (1.0, 1.0, 1.0, 1.0, 0.55)).axes()
+    axes = [row[0] for row in column]
     _components(axes[:3], flight, flight.command.t_s, acc, "a", "m/s²")
     style.legend(axes[0])
     _thrust(axes[3], flight)
@@ -63,8 +63,8 @@ def _three(
     flight: Flight, t_s: Float, values: Float, symbol: str, unit: str, title: str, truth: Truth | None = None
 ) -> Drawing:
     """Three stacked components (T, m, 3) of every commanded vehicle."""
-    fig = style.figure(4.4)
-    axes = list(fig.subplots(3, 1, sharex=True))
+    fig, column = style.Sheet(4.4, (1.0, 1.0, 1.0)).axes()
+    axes = [row[0] for row in column]
     _components(axes, flight, t_s, values, symbol, unit, truth)
     axes[0].set_title(title)
     style.legend(axes[0])
@@ -117,11 +117,13 @@ def _thrust(ax: Axes, flight: Flight) -> None:
 def _limits(ax: Axes, flight: Flight) -> None:
     """A row a vehicle, marked where any limit cut its target; the limits met are named at the right."""
     commanded = [v for v in flight.vehicles if v.column is not None]
-    bits = flight.target.column(lambda t: t.saturation).astype(np.int64).reshape(len(flight.target), -1)
+    if not len(flight.target):
+        return
+    bits = flight.target.column(lambda t: t.saturation).astype(np.int64)
     flying = in_formation_phase(flight, flight.target.t_s)
     colours = dict(zip(flight.vehicles, style.colours(len(flight.vehicles)), strict=True))
     for row, vehicle in enumerate(commanded):
-        hit = bits[:, vehicle.column or 0] != 0 if len(bits) else np.zeros(0, dtype=np.bool_)
+        hit = bits[:, vehicle.column or 0] != 0
         ax.eventplot(
             _first_of_each(flight.target.t_s[hit]), lineoffsets=-row, linelengths=0.8, lw=0.8, color=colours[vehicle]
         )
@@ -149,8 +151,8 @@ def attitude(flight: Flight, tracking: Tracking) -> Drawing:
     if not len(flight.target) or not len(flight.poses):
         return Missing("attitude against target needs mocap frames and attitude targets; the log lacks one of them")
     chosen = worst_followers(tracking, 4)
-    fig = style.figure(0.6 + 1.6 * len(chosen))
-    grid = fig.subplots(len(chosen), 3, squeeze=False, sharex="col", gridspec_kw={"width_ratios": [1.2, 1.2, 1.0]})
+    rows = (1.0,) * len(chosen)
+    fig, grid = style.Sheet(0.6 + 1.6 * len(chosen), rows, (1.2, 1.2, 1.0), gap_in=(0.34, 0.72), share_x="col").axes()
     wanted = np.degrees(roll_pitch(flight.target.column(lambda t: t.q_lab_from_flu)))
     measured = np.degrees(roll_pitch(flight.poses.q_lab_from_flu[:, 1:]))
     start_s = _liveliest(flight, wanted)
@@ -168,7 +170,7 @@ def attitude(flight: Flight, tracking: Tracking) -> Drawing:
             style.time_axis(ax, 0.0, flight.duration_s, label=row is grid[-1])
         style.time_axis(row[2], start_s, start_s + CLOSE_UP_S, label=row is grid[-1])
         style.legend(row[2])
-    shade(list(grid[:, :2].ravel()), flight)
+    shade([ax for row in grid for ax in row[:2]], flight)
     return fig
 
 

@@ -13,7 +13,7 @@ from analysis.plots.style import Drawing, Missing
 from analysis.tracking import airborne, in_formation_phase
 from formation.arrays import Bool, Float, Vec3
 
-SNAPSHOTS = 9
+SNAPSHOTS = 7
 PATH_POINTS = 1500
 
 
@@ -36,8 +36,7 @@ def heights(flight: Flight) -> Drawing:
     poses = flight.poses
     if not len(poses):
         return Missing("no mocap frame was recorded")
-    fig = style.figure(1.8)
-    ax = fig.add_subplot()
+    fig, [[ax]] = style.Sheet(1.8).axes()
     for i, colour in enumerate(style.colours(len(flight.vehicles))):
         z = style.broken(poses.pos_lab_m[:, i, 2], poses.seen[:, i])
         style.line(ax, poses.t_s, z, color=colour)
@@ -60,8 +59,6 @@ def draw_plan(ax: Axes, flight: Flight) -> None:
     _snapshots(ax, flight, formed)
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.08)
-    ax.apply_aspect()
-    ax.autoscale(enable=False)
     _fence(ax, flight)
 
 
@@ -96,12 +93,12 @@ def _snapshots(ax: Axes, flight: Flight, formed: Bool) -> None:
 
 
 def _fence(ax: Axes, flight: Flight) -> None:
-    """The fence's outline, where it comes into view."""
+    """The fence's outline, where it comes into view: an artist, not a patch, so that it does not set the scale."""
     if flight.run.lab is None:
         return
     fence = flight.run.lab.limits.fence
     corner, size = fence.low_m[:2], np.subtract(fence.high_m, fence.low_m)[:2]
-    ax.add_patch(Rectangle(corner, size[0], size[1], fill=False, ec=style.ALARM, lw=0.9, ls=(0, (6, 4)), alpha=0.6))
+    ax.add_artist(Rectangle(corner, size[0], size[1], fill=False, ec=style.ALARM, lw=0.9, ls=(0, (6, 4)), alpha=0.6))
 
 
 def draw_space(ax: Axes3D, flight: Flight) -> None:

@@ -32,8 +32,8 @@ def positions(flight: Flight, tracking: Tracking) -> Drawing:
     if not len(tracking.t_s):
         return Missing(NO_TRACKING)
     chosen = worst_followers(tracking)
-    fig = style.figure(0.6 + 1.55 * len(chosen))
-    grid = fig.subplots(len(chosen), 2, squeeze=False, sharex=True)
+    rows = (1.0,) * len(chosen)
+    fig, grid = style.Sheet(0.6 + 1.55 * len(chosen), rows, (1.0, 1.0), gap_in=(0.34, 0.72)).axes()
     wanted = _reference_lab_m(flight.reference)
     colours = style.colours(len(flight.vehicles))
     for row, k in zip(grid, chosen, strict=True):
@@ -52,7 +52,7 @@ def positions(flight: Flight, tracking: Tracking) -> Drawing:
         row[1].set_ylabel("y, m")
         row[0].set_title(vehicle.body)
         style.legend(row[1])
-    shade(list(grid.ravel()), flight)
+    shade([ax for row in grid for ax in row], flight)
     return fig
 
 
@@ -67,8 +67,8 @@ def errors(flight: Flight, tracking: Tracking) -> Drawing:
     """Length of each follower's formation error against time, its components below; unscored frames drawn thin."""
     if not tracking.formed.any():
         return Missing("no frame was flown in formation" if len(tracking.t_s) else NO_TRACKING)
-    fig = style.figure(5.4)
-    axes = list(fig.subplots(4, 1, sharex=True, height_ratios=[1.7, 1.0, 1.0, 1.0]))
+    fig, column = style.Sheet(5.4, (1.7, 1.0, 1.0, 1.0)).axes()
+    axes = [row[0] for row in column]
     length_mm = 1e3 * np.linalg.norm(tracking.error_lead_m, axis=-1)
     draw_error(axes[0], flight, tracking, length_mm)
     axes[0].set(ylabel="length, mm", ylim=(0.0, None))
@@ -113,8 +113,13 @@ def clouds(flight: Flight, tracking: Tracking) -> Drawing:
     if not tracking.scored.any():
         return Missing("no scored formation frame: there is no cloud to draw")
     chosen = worst_followers(tracking, 5)
-    fig = style.figure(3.4, min(style.WIDTH_IN, 0.4 + 2.9 * len(chosen)))
-    row = fig.subplots(1, len(chosen), squeeze=False, sharex=True, sharey=True)[0]
+    left, right, top, bottom = style.MARGINS_IN
+    side_in = min(2.7, (style.WIDTH_IN - left - right) / len(chosen) - 0.3)
+    width_in = left + right + len(chosen) * side_in + (len(chosen) - 1) * 0.3
+    sheet = style.Sheet(
+        side_in + top + bottom, widths=(1.0,) * len(chosen), width_in=width_in, gap_in=(0.0, 0.3), share_y=True
+    )
+    fig, [row] = sheet.axes()
     colours = style.colours(len(flight.vehicles))
     widest = 1.0
     for ax, k in zip(row, chosen, strict=True):

@@ -6,12 +6,12 @@ so that nothing global changes.
 
 import io
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib as mpl
 import numpy as np
@@ -42,6 +42,7 @@ PHASES: Mapping[Phase, str] = MappingProxyType(
     }
 )
 WIDTH_IN = 10.8
+MARGINS_IN = (0.74, 0.06, 0.3, 0.44)  # left, right, top, bottom
 POINTS = 1100  # points kept of a line: about one a pixel of the page
 _STYLE = Path(__file__).with_name("house.mplstyle")
 
@@ -61,15 +62,43 @@ def styled() -> AbstractContextManager[None]:
     return mpl.rc_context(fname=_STYLE)
 
 
-def figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
-    """An empty figure with a constrained layout."""
-    return Figure(figsize=(width_in, height_in), layout="constrained")
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """A grid of axes on margins fixed in inches, so that the figures of a page share their left edge.
 
+    heights, widths: relative sizes of the rows and columns; gap_in: between rows, between columns.
+    """
 
-def draw(drawing: Callable[[], Drawing]) -> Drawing:
-    """Run a drawing function in the house style."""
-    with styled():
-        return drawing()
+    height_in: float
+    heights: tuple[float, ...] = (1.0,)
+    widths: tuple[float, ...] = (1.0,)
+    width_in: float = WIDTH_IN
+    gap_in: tuple[float, float] = (0.14, 0.72)
+    share_x: Literal["all", "none", "col"] = "all"
+    share_y: bool = False
+
+    def axes(self) -> tuple[Figure, list[list[Axes]]]:
+        """The figure and its axes, row by row."""
+        fig = Figure(figsize=(self.width_in, self.height_in))
+        left, right, top, bottom = MARGINS_IN
+        rows, columns = len(self.heights), len(self.widths)
+        tall = (self.height_in - top - bottom - (rows - 1) * self.gap_in[0]) / rows
+        wide = (self.width_in - left - right - (columns - 1) * self.gap_in[1]) / columns
+        place = {
+            "left": left / self.width_in,
+            "right": 1.0 - right / self.width_in,
+            "top": 1.0 - top / self.height_in,
+            "bottom": bottom / self.height_in,
+            "hspace": self.gap_in[0] / tall,
+            "wspace": self.gap_in[1] / wide,
+            "height_ratios": self.heights,
+            "width_ratios": self.widths,
+        }
+        grid = fig.subplots(rows, columns, squeeze=False, sharex=self.share_x, sharey=self.share_y, gridspec_kw=place)
+        label_in = left - 0.14
+        for ax in grid.ravel():
+            ax.yaxis.set_label_coords(-label_in / (ax.get_position().width * self.width_in), 0.5)
+        return fig, [list(row) for row in grid]
 
 
 def svg(fig: Figure) -> str:

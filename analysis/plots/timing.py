@@ -27,8 +27,8 @@ def histograms(flight: Flight) -> Drawing:
     held = [panel for panel in panels if len(panel[2]) > 1]
     if not held:
         return Missing("no timing was recorded")
-    fig = style.figure(2.5)
-    for ax, (title, label, values_ms) in zip(fig.subplots(1, len(held), squeeze=False)[0], held, strict=True):
+    fig, [row] = style.Sheet(2.5, widths=(1.0,) * len(held), share_x="none").axes()
+    for ax, (title, label, values_ms) in zip(row, held, strict=True):
         _histogram(ax, values_ms)
         ax.set(title=title, xlabel=label)
     return fig
@@ -51,8 +51,7 @@ def cycles(flight: Flight) -> Drawing:
     """Latency of every cycle against time, late ones ringed."""
     if not len(flight.timing):
         return Missing("no control cycle was timed")
-    fig = style.figure(2.1)
-    ax = fig.add_subplot()
+    fig, [[ax]] = style.Sheet(2.1).axes()
     ms = 1e3 * flight.timing.column(lambda t: t.latency_s)
     late = flight.timing.column(lambda t: t.late) > 0.5
     style.line(ax, flight.timing.t_s, ms, color="#7d98b5", lw=0.8)

@@ -143,7 +143,7 @@ def _reference(recipe: Recipe, t_s: float, pos: Float, yaw: Float) -> Reference:
     origin = np.vstack([np.zeros(3), pos[:1], pos[:1]]) if formed else zero
     heading = np.array([0.0, yaw[0], yaw[0]]) if formed else flat
     slot = np.vstack([pos[:1], _slots(recipe, t_s)]) if formed else pos
-    moving = 6.0 < t_s < 6.0 + recipe.blend_s
+    moving = 6.0 <= t_s < 6.0 + recipe.blend_s
     slot_vel = np.vstack([np.zeros((1, 3)), np.full((2, 3), [0.05, 0.0, 0.0])]) if moving else zero
     in_formation = np.array([False, formed, formed])
     return Reference(t_ns(t_s), origin, zero, zero, heading, flat, flat, slot, slot_vel, zero, flat, flat, in_formation)

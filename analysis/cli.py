@@ -1,0 +1,86 @@
+"""`gcs-log report | check | picture`: what a log says, for people and for scripts.
+
+Exit codes: 0 well, 1 the log is damaged (`check`), 2 no log, or an argument that cannot be used.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from analysis import check as checking
+from analysis.console import print_check, print_summary
+from analysis.load import load
+from analysis.metrics import summarise
+from analysis.picture import picture as draw_picture
+from analysis.report import write
+from wire.mcap_log import LogError, check_log
+
+DAMAGED, UNUSABLE = 1, 2
+
+app = typer.Typer(help="Read flight logs.", no_args_is_help=True, add_completion=False)
+
+LogPath = Annotated[Path, typer.Argument(metavar="FLIGHT.MCAP", help="The flight's log.", show_default=False)]
+JsonPath = Annotated[
+    Path | None, typer.Option("--json", metavar="FILE", help="Also write it as JSON; - prints it, alone.")
+]
+Out = Annotated[
+    Path | None, typer.Option("--out", metavar="FILE", help="Where to; without it report.html beside the log.")
+]
+PngOut = Annotated[Path, typer.Option("--out", metavar="FILE", help="The PNG to write.")]
+STDOUT = Path("-")
+
+
+@app.command()
+def report(log: LogPath, out: Out = None, json: JsonPath = None) -> None:
+    """Write one self-contained HTML page about a flight, and print its numbers."""
+    path = log.with_name("report.html") if out is None else out
+    with _refusing():
+        checked = check_log(log)
+        flight = load(log)
+        summary = summarise(flight, mcap=log, report=path)
+        write(flight, summary, path, checked.damage)
+        _put(summary.to_json(), json)
+    if json != STDOUT:
+        print_summary(summary, Console())
+
+
+@app.command()
+def check(log: LogPath, json: JsonPath = None) -> None:
+    """Say what a log holds, and what is left of a truncated or damaged one."""
+    with _refusing():
+        found = checking.check(log)
+        _put(found.to_json(), json)
+    if json != STDOUT:
+        print_check(found, Console())
+    if not found.complete:
+        raise typer.Exit(DAMAGED)
+
+
+@app.command()
+def picture(log: LogPath, out: PngOut = Path("flight.png")) -> None:
+    """Draw a flight on one sheet, as a PNG."""
+    with _refusing():
+        draw_picture(log, out)
+    typer.echo(out)
+
+
+@contextmanager
+def _refusing() -> Iterator[None]:
+    """Turn what cannot be read or written into one line and exit code 2."""
+    try:
+        yield
+    except (OSError, LogError) as error:
+        typer.echo(f"gcs-log: {error}", err=True)
+        raise typer.Exit(UNUSABLE) from error
+
+
+def _put(text: str, path: Path | None) -> None:
+    """Write text to the file, or to standard output where it is named `-`."""
+    if path == STDOUT:
+        typer.echo(text)
+    elif path is not None:
+        path.write_text(text + "\n", encoding="utf-8")

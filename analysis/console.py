@@ -1,0 +1,68 @@
+"""A summary and a check as a person reads them in a terminal."""
+
+from rich.console import Console
+from rich.table import Table
+
+from analysis.check import Check
+from analysis.metrics import Summary
+from analysis.words import counted, mm
+
+
+def print_summary(summary: Summary, console: Console) -> None:
+    """The run's numbers, one a line; what the log cannot tell is left out."""
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column(overflow="fold")
+    for name, value in _lines(summary):
+        table.add_row(name, value)
+    console.print(table)
+
+
+def _lines(summary: Summary) -> list[tuple[str, str]]:
+    """(name, value) of what is known."""
+    lines = [("outcome", summary.outcome), ("flight", _flight(summary))]
+    if summary.formation_rms_m is not None:
+        lines.append(("formation error", f"{mm(summary.formation_rms_m)} RMS, {mm(summary.formation_max_m)} largest"))
+    if summary.vibration_m is not None:
+        lines.append(("vibration", mm(summary.vibration_m)))
+    if summary.altitude_rms_m is not None:
+        lines.append(("altitude error", f"{mm(summary.altitude_rms_m)} RMS"))
+    if summary.min_separation_m is not None:
+        lines.append(("least separation", f"{summary.min_separation_m:.3f} m"))
+    lines.append(("frames", f"{summary.frames}, {summary.late_ticks} control cycles late"))
+    if summary.latency_ms is not None:
+        latency = summary.latency_ms
+        lines.append(("latency", f"{latency.p50:.2f} ms median, {latency.p99:.2f} ms 99 %, {latency.max:.2f} ms max"))
+    if summary.age_ms is not None:
+        lines.append(("setpoint age", f"{summary.age_ms.p50:.1f} ms median, {summary.age_ms.p99:.1f} ms 99 %"))
+    if summary.realtime_factor is not None:
+        lines.append(("speed", f"{summary.realtime_factor:.1f} times real time"))
+    lines.append(("commands", summary.command_hash))
+    return lines + [(name, path) for name, path in (("log", summary.mcap), ("report", summary.report)) if path]
+
+
+def _flight(summary: Summary) -> str:
+    """Scenario, seed, link, length and size in one line."""
+    named = [summary.scenario] if summary.scenario else []
+    seeded = [f"seed {summary.seed}"] if summary.seed is not None else []
+    linked = [f"over {summary.link}"] if summary.link else []
+    return ", ".join([*named, *seeded, *linked, f"{summary.duration_s:.1f} s", counted(summary.followers, "follower")])
+
+
+def print_check(check: Check, console: Console) -> None:
+    """A log's condition, its channels, what of it can still be shown."""
+    if check.complete:
+        console.print("The log is complete.", style="green", highlight=False)
+    else:
+        console.print(f"The log is damaged: {check.damage}.", style="red", highlight=False, markup=False)
+    console.print(
+        f"It holds {check.duration_s:.2f} s of {check.scenario or 'a flight'}:", highlight=False, markup=False
+    )
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style="dim")
+    table.add_column(justify="right")
+    for topic, entries in check.entries.items():
+        table.add_row(topic, str(entries))
+    console.print(table)
+    if check.lost:
+        console.print(f"Not to be had from it: {', '.join(check.lost)}.", highlight=False)

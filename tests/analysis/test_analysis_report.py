@@ -1,0 +1,168 @@
+"""The page, the picture and the command line on whole, truncated, damaged and poor logs."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic_flight import METADATA, T0_NS, Recipe, records
+from typer.testing import CliRunner
+
+from analysis.check import check
+from analysis.cli import app
+from analysis.load import from_records, load
+from analysis.metrics import summarise
+from analysis.picture import picture
+from analysis.plots import drawings
+from analysis.plots.style import Missing
+from analysis.report import html, report
+from analysis.tracking import track
+from formation import topics
+from formation.messages import Datagram
+from formation.topics import Topic
+from wire.link_messages import GROUND, Address, AttitudeSetpoint, Ignore, NamedValue
+from wire.mavlink import Codec
+from wire.mcap_log import LogWriter
+
+SECTIONS = ["timeline", "paths", "error", "clouds", "positions", "sliding", "output", "attitude", "timing", "metrics"]
+LACKING = {
+    "mocap/frame": {"paths", "error", "clouds", "positions", "attitude"},
+    "control/reference": {"error", "clouds", "positions"},
+    "control/command": {"sliding", "output"},
+    "control/target": {"attitude"},
+    "timing/loop": {"timing"},
+}
+
+
+def shake(t_s: float):
+    return np.array([[0.002 * np.sin(9.0 * t_s), 0.001, 0.0], [0.0, 0.003 * np.cos(5.0 * t_s), 0.001]])
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("log") / "flight.mcap"
+    with LogWriter(path, METADATA, threaded=False) as writer:
+        for record in sorted(records(Recipe(error_lead=shake)), key=lambda r: r.t_ns):
+            writer.write(record.topic, record.message, record.t_ns)
+        for k in range(10):
+            writer.write(topics.LINK_DOWN, setpoint(k), T0_NS + 20_000_000_000)
+            writer.write(topics.LINK_UP, age(10.0 + k), T0_NS + 20_000_000_000)
+    return path
+
+
+def setpoint(k: int) -> Datagram:
+    level, still = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)
+    message = AttitudeSetpoint(Address(2, 1), k, level, still, 0.5, Ignore.NONE)
+    return Datagram(2, Codec(GROUND).encode(message))
+
+
+def age(ms: float) -> Datagram:
+    return Datagram(2, Codec(Address(2, 1)).encode(NamedValue(0, "age_ms", ms)))
+
+
+@pytest.fixture(scope="module")
+def cut(log: Path) -> Path:
+    """The first half of the log's bytes, as kill -9 leaves them."""
+    path = log.with_name("cut.mcap")
+    path.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
+    return path
+
+
+def test_a_log_read_back_gives_the_numbers_of_its_records(log: Path):
+    direct = summarise(from_records(METADATA, records(Recipe(error_lead=shake))))
+    read = summarise(load(log))
+    assert read.formation_rms_m == direct.formation_rms_m
+    assert read.vibration_m == direct.vibration_m
+
+
+def test_age_comes_from_the_drones_own_words(log: Path):
+    read = summarise(load(log)).age_ms
+    assert read is not None
+    assert read.p50 == pytest.approx(14.5)
+
+
+def test_the_command_hash_is_of_the_commands_alone():
+    def summary(commands: list[Datagram], others: list[Datagram]):
+        said = [(topics.LINK_DOWN, d) for d in commands + others]
+        return summarise(from_records({}, [Said(topic, k, d) for k, (topic, d) in enumerate(said)]))
+
+    a, b = setpoint(1), setpoint(2)
+    assert summary([a, b], []).command_hash == summary([a, b], [age(3.0)]).command_hash
+    assert summary([a, b], []).command_hash != summary([b, a], []).command_hash
+    assert summary([a], []).command_hash != summary([a, a], []).command_hash
+
+
+class Said:
+    """A record of a datagram."""
+
+    def __init__(self, topic: Topic, t_ns: int, message: Datagram) -> None:
+        self.topic, self.t_ns, self.message = topic, t_ns, message
+
+
+def test_the_report_is_one_light_page_that_fetches_nothing(log: Path):
+    path = report(log)
+    text = path.read_text(encoding="utf-8")
+    assert path == log.with_name("report.html")
+    assert len(text.encode()) < 3_000_000
+    assert re.findall(r'<section id="(\w+)"', text) == SECTIONS
+    assert not re.search(r'(src|href)="(?!#|data:)', text)
+    assert "Not shown" not in text
+    for words in ("Two followers", "landed", "vibration", "lab x, m", "right unseen for"):
+        assert words in text
+
+
+@pytest.mark.parametrize("missing", [*topics.ALL], ids=lambda topic: topic.name)
+def test_a_flight_without_any_one_topic_is_still_drawn(missing: Topic):
+    kept = [r for r in records(Recipe(error_lead=shake)) if r.topic is not missing and r.t_ns < T0_NS + 9_000_000_000]
+    flight = from_records(METADATA, kept)
+    drawn = drawings(flight, track(flight))
+    assert set(drawn) == set(SECTIONS) - {"metrics"}
+    lacking = {section for section, pictures in drawn.items() for p in pictures if isinstance(p, Missing)}
+    assert lacking == LACKING.get(missing.name, set())
+
+
+def test_a_log_of_nothing_makes_a_page_that_says_what_is_missing():
+    flight = from_records({}, [])
+    text = html(flight, summarise(flight))
+    assert text.count("Not shown") >= 8
+
+
+def test_check_counts_what_is_left(log: Path, cut: Path):
+    whole, half = check(log), check(cut)
+    assert (whole.complete, whole.damage) == (True, "")
+    assert whole.entries["mocap/frame"] == 1000
+    assert not half.complete
+    assert half.damage
+    assert 0 < half.entries["mocap/frame"] < 1000
+    assert 0.0 < half.duration_s < whole.duration_s
+
+
+def test_the_picture_is_a_png(log: Path, tmp_path: Path):
+    assert picture(log, tmp_path / "flight.png", dpi=60).read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_truncated_log_is_reported_and_says_so(cut: Path, tmp_path: Path):
+    summary, page = tmp_path / "summary.json", tmp_path / "r.html"
+    done = CliRunner().invoke(app, ["report", str(cut), "--out", str(page), "--json", str(summary)])
+    assert done.exit_code == 0, done.output
+    assert json.loads(summary.read_text())["report"] == str(page)
+    assert "formation error" in done.output
+    assert "The log is damaged" in page.read_text(encoding="utf-8")
+
+
+def test_check_tells_a_damaged_log_by_its_exit_code(log: Path, cut: Path):
+    assert CliRunner().invoke(app, ["check", str(log)]).exit_code == 0
+    damaged = CliRunner().invoke(app, ["check", str(cut), "--json", "-"])
+    assert damaged.exit_code == 1
+    assert json.loads(damaged.output)["complete"] is False
+
+
+@pytest.mark.parametrize("command", ["report", "check", "picture"])
+def test_what_is_no_log_is_refused_in_one_line(command: str, tmp_path: Path):
+    (tmp_path / "no.mcap").write_text("this is no log")
+    for name in ("absent.mcap", "no.mcap"):
+        refused = CliRunner().invoke(app, [command, str(tmp_path / name)])
+        assert refused.exit_code == 2
+        assert refused.stderr.startswith("gcs-log: ")
+        assert len(refused.stderr.splitlines()) == 1

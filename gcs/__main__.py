@@ -72,8 +72,10 @@ def run(
         ended = uvloop.run(run_ground(config, path, name, metadata, tell))
     except (MocapFileError, ValueError) as error:
         _fail(str(error), NOT_RIGHT)
-    except (OSError, GroundFailure) as error:
-        _fail(f"the ground has failed, the drones land by themselves: {error}", REFUSED)
+    except OSError as error:
+        _fail(str(error), REFUSED)
+    except GroundFailure as error:
+        _fail(f"the ground has failed and ends, the drones land by themselves: {error}", REFUSED)
     _report(ended, path, as_json)
 
 

@@ -23,7 +23,7 @@ class FactGatherer:
     def gather(self, stages: Stages | None, late_share: float, now_ns: int, asked_to_arm: bool = False) -> Facts:
         """The facts now. Objections of the links are gathered only where arming is asked for."""
         links = [drone.link for drone in self._drones]
-        heartbeat_age_s = [(now_ns - link.heartbeat_ns) * 1e-9 for link in links]
+        heartbeat_age_s = [link.heartbeat_age_s(now_ns) for link in links]
         n = len(self._names)
         if stages is None:
             pos, speed, tilt = np.zeros((n, 3)), np.zeros(n), np.zeros(n)

@@ -60,6 +60,10 @@ class DroneLink:
         """Whether its last heartbeat said armed."""
         return self.told.heartbeat is not None and bool(self.told.heartbeat.base_mode & ARMED_FLAG)
 
+    def heartbeat_age_s(self, now_ns: int) -> float:
+        """Time since its last heartbeat, s; infinite before the first."""
+        return math.inf if self.told.heartbeat is None else (now_ns - self.heartbeat_ns) * 1e-9
+
     @property
     def offboard(self) -> bool:
         """Whether its last heartbeat said that it follows our setpoints."""

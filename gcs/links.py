@@ -41,10 +41,16 @@ async def open_links(config: LabConfig, bus: ZenohBus, deliver: Deliver) -> Grou
     for sysid, text in own.items():
         links[sysid] = await open_udp_direct(text, sysid, deliver)
     if shared:
-        common: Link = (
-            bus.ground_link(shared, deliver)
-            if config.link.kind == "zenoh"
-            else await open_udp_ground(config.link, shared, deliver)
-        )
+        common = await _open_shared(config, bus, shared, deliver)
         links.update((sysid, common) for sysid in shared)
     return GroundLinks(links)
+
+
+async def _open_shared(config: LabConfig, bus: ZenohBus, sysids: list[int], deliver: Deliver) -> Link:
+    if config.link.kind == "zenoh":
+        return bus.ground_link(sysids, deliver)
+    try:
+        return await open_udp_ground(config.link, sysids, deliver)
+    except OSError as error:
+        ports = ", ".join(str(config.link.ground_port_base + sysid) for sysid in sysids)
+        raise OSError(f"UDP ports {ports} on {config.link.host}: {error.strerror or error}") from error

@@ -86,8 +86,8 @@ def _drone_status(drone: Drone, facts: Facts) -> dict[str, object]:
 
 
 def _number(value: float, digits: int) -> float | None:
-    """JSON has neither NaN nor infinity: unknown is null. An age of years is `never`, unknown too."""
-    return round(value, digits) if math.isfinite(value) and value < 1e6 else None
+    """JSON has neither NaN nor infinity: what is unknown, and the age of what never was, is null."""
+    return round(value, digits) if math.isfinite(value) else None
 
 
 def _coordinates(point: Float) -> str:

@@ -1,12 +1,11 @@
 """A fake drone (ideal attitude, point mass, the least of the protocol) and a lab that joins drones to a GcsCore."""
 
-import math
-
 import numpy as np
 
 from formation import frames
 from formation.config import LabConfig
 from formation.messages import Datagram, MocapFrame, OperatorReply, OperatorRequest, Phase, Severity, Verb
+from formation.vehicle import profile
 from gcs.core import GcsCore, Outgoing
 from wire import link_messages as lm
 from wire.mavlink import Codec, param_to_raw
@@ -95,7 +94,9 @@ class FakeDrone:
             if self.pos[2] <= 0.0:
                 self.armed, self.thrust = False, 0.0
         lift = self.thrust / self.hover * G if self.armed else 0.0
-        acc = frames.rotate(self.q, np.array([0.0, 0.0, lift])) - np.array([0.0, 0.0, G])
+        w, x, y, z = self.q.tolist()
+        up = np.array([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)])
+        acc = lift * up - np.array([0.0, 0.0, G])
         self.vel = self.vel + dt_s * acc
         self.pos = self.pos + dt_s * self.vel
         if self.pos[2] <= 0.0:
@@ -219,8 +220,6 @@ def _start(config: LabConfig, i: int):
 
 
 def _hover(vehicle) -> float:
-    from formation.vehicle import profile
-
     return profile(vehicle.profile).hover_thrust_norm
 
 
@@ -234,7 +233,3 @@ def triangle(**changes) -> LabConfig:
         ],
     }
     return LabConfig.model_validate({**values, **changes})
-
-
-def nan() -> float:
-    return math.nan

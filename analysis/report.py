@@ -12,10 +12,9 @@ from analysis.metrics import Summary, rms, summarise, vibration_of
 from analysis.page import Section, cell, picture, row, swatch, table, text, tile
 from analysis.plots import drawings, style
 from analysis.tracking import Tracking, track
-from formation.messages import Severity
+from formation.messages import Event, Severity
 from wire.mcap_log import check_log
 
-QUIET_EVENTS = 40  # more quiet events than this are folded away
 MEANINGS = {
     "duration_s": "first to last record of the log",
     "followers": "vehicles holding a slot",
@@ -66,7 +65,7 @@ TEXTS = (
         "sliding",
         "Sliding variable and disturbance",
         "s should stay in a narrow band about zero; Z3 is what the observer believes pushes the drone: wind, "
-        "ground effect, a wrong mass (z).",
+        "ground effect, a wrong mass (z). The scales are those of the formation phase.",
     ),
     (
         "output",
@@ -76,7 +75,7 @@ TEXTS = (
     (
         "attitude",
         "Attitude against target",
-        "Tilt measured by mocap (colour) under its target (dashed). In the close-up the shift to the right is the "
+        "Tilt measured by mocap (colour) over its target (grey). In the close-up the shift to the right is the "
         "vehicle's lag.",
     ),
     (
@@ -195,7 +194,17 @@ def _sections(flight: Flight, tracking: Tracking, summary: Summary) -> Iterator[
 
 
 def _event_table(flight: Flight) -> str:
-    """Every event; many quiet ones folded away."""
+    """What an operator must know, and all else folded away."""
+    events = list(zip(flight.events.t_s.tolist(), flight.events.messages, strict=True))
+    if not events:
+        return '<p class="missing">Not shown: no event was recorded.</p>'
+    notable = [(t_s, event) for t_s, event in events if event.severity <= Severity.NOTICE]
+    folded = f"<details><summary>All {len(events)} events</summary>{_events(events)}</details>"
+    return _events(notable) + folded if len(notable) < len(events) else _events(events)
+
+
+def _events(events: list[tuple[float, Event]]) -> str:
+    """A table of events."""
     rows = [
         row(
             cell(f"{t_s:.2f} s", "time"),
@@ -204,12 +213,9 @@ def _event_table(flight: Flight) -> str:
             cell(event.text),
             alarming=event.severity < Severity.WARNING,
         )
-        for t_s, event in zip(flight.events.t_s, flight.events.messages, strict=True)
+        for t_s, event in events
     ]
-    if not rows:
-        return '<p class="missing">Not shown: no event was recorded.</p>'
-    inner = table(("time", "level", "source", "what"), rows)
-    return f"<details><summary>{len(rows)} events</summary>{inner}</details>" if len(rows) > QUIET_EVENTS else inner
+    return table(("time", "level", "source", "what"), rows) if rows else ""
 
 
 def _follower_table(flight: Flight, tracking: Tracking) -> str:

@@ -10,7 +10,7 @@ from analysis.plots import style
 from analysis.plots.bands import shade
 from analysis.plots.slots import worst_followers
 from analysis.plots.style import Drawing, Missing
-from analysis.tracking import Tracking, in_formation_phase
+from analysis.tracking import Tracking, airborne, in_formation_phase
 from formation import frames
 from formation.arrays import Bool, Float
 from formation.messages import Saturation
@@ -83,8 +83,9 @@ def _components(
     unit: str,
     truth: Truth | None = None,
 ) -> None:
-    """One component an axes, one line a vehicle; the scale is set by the central 99.8 % of the values."""
+    """One component an axes, one line a vehicle; the scale is that of the formation phase."""
     colours = style.colours(len(flight.vehicles))
+    shown = _scale_times(flight, t_s)
     for axis, ax in enumerate(axes):
         for vehicle, colour in zip(flight.vehicles, colours, strict=True):
             if vehicle.column is None:
@@ -95,7 +96,15 @@ def _components(
                 style.line(ax, known[0], known[1][:, axis], color=colour, lw=0.9, ls=(0, (3, 2)), alpha=0.8)
         ax.axhline(0.0, color=style.FAINT, lw=0.8, zorder=1)
         ax.set_ylabel(f"{symbol} {AXES[axis]}, {unit}")
-        ax.set_ylim(*_central(values[..., axis]))
+        ax.set_ylim(*_central(values[shown][..., axis]))
+
+
+def _scale_times(flight: Flight, t_s: Float) -> Bool:
+    """The times that choose a scale: formation, else the air, else all; on the ground the observers hold gravity."""
+    for times in (in_formation_phase(flight, t_s), airborne(flight, t_s)):
+        if times.any():
+            return times
+    return np.ones(len(t_s), dtype=np.bool_)
 
 
 def _central(values: Float) -> tuple[float, float]:
@@ -152,7 +161,7 @@ def attitude(flight: Flight, tracking: Tracking) -> Drawing:
         return Missing("attitude against target needs mocap frames and attitude targets; the log lacks one of them")
     chosen = worst_followers(tracking, 4)
     rows = (1.0,) * len(chosen)
-    fig, grid = style.Sheet(0.6 + 1.6 * len(chosen), rows, (1.2, 1.2, 1.0), gap_in=(0.34, 0.72), share_x="col").axes()
+    fig, grid = style.Sheet(0.6 + 1.6 * len(chosen), rows, (1.2, 1.2, 1.0), gap_in=(0.34, 0.8), share_x="col").axes()
     wanted = np.degrees(roll_pitch(flight.target.column(lambda t: t.q_lab_from_flu)))
     measured = np.degrees(roll_pitch(flight.poses.q_lab_from_flu[:, 1:]))
     start_s = _liveliest(flight, wanted)

@@ -22,7 +22,7 @@ def where(flight: Flight) -> Drawing:
     if not len(flight.poses):
         return Missing("no mocap frame was recorded")
     fig = Figure(figsize=(style.WIDTH_IN, 4.9))
-    plan = fig.add_axes((0.055, 0.1, 0.44, 0.81))
+    plan = fig.add_axes((0.0685, 0.1, 0.43, 0.81))
     draw_plan(plan, flight)
     plan.set(title="From above", xlabel="lab x, m", ylabel="lab y, m")
     style.legend(plan, columns=4)

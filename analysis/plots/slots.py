@@ -33,7 +33,7 @@ def positions(flight: Flight, tracking: Tracking) -> Drawing:
         return Missing(NO_TRACKING)
     chosen = worst_followers(tracking)
     rows = (1.0,) * len(chosen)
-    fig, grid = style.Sheet(0.6 + 1.55 * len(chosen), rows, (1.0, 1.0), gap_in=(0.34, 0.72)).axes()
+    fig, grid = style.Sheet(0.6 + 1.55 * len(chosen), rows, (1.0, 1.0), gap_in=(0.34, 0.8)).axes()
     wanted = _reference_lab_m(flight.reference)
     colours = style.colours(len(flight.vehicles))
     for row, k in zip(grid, chosen, strict=True):

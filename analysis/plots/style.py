@@ -73,7 +73,7 @@ class Sheet:
     heights: tuple[float, ...] = (1.0,)
     widths: tuple[float, ...] = (1.0,)
     width_in: float = WIDTH_IN
-    gap_in: tuple[float, float] = (0.14, 0.72)
+    gap_in: tuple[float, float] = (0.14, 0.8)
     share_x: Literal["all", "none", "col"] = "all"
     share_y: bool = False
 
@@ -95,7 +95,7 @@ class Sheet:
             "width_ratios": self.widths,
         }
         grid = fig.subplots(rows, columns, squeeze=False, sharex=self.share_x, sharey=self.share_y, gridspec_kw=place)
-        label_in = left - 0.14
+        label_in = left - 0.17
         for ax in grid.ravel():
             ax.yaxis.set_label_coords(-label_in / (ax.get_position().width * self.width_in), 0.5)
         return fig, [list(row) for row in grid]

@@ -19,6 +19,8 @@ from formation.vehicle import VehicleProfile
 TILT, THRUST_LOW, THRUST_HIGH = 1.0, 2.0, 4.0  # bits of formation.messages.Saturation
 LIFT_LEAST = 0.45  # of gravity: below it the attitude says nothing and the autopilot has no authority
 LIFT_MOST = 0.92  # of full thrust: what is left turns the vehicle
+UPWARD_MOST = 0.88  # of that: climbing must leave something to steer with
+LEAD_TILT_RAD = 1.1  # how far the lag's inversion may point where body rates carry it
 RAMP_START, RAMP_1_S, RAMP_MOST = 0.2, 0.9, 1.9  # thrust over weight while waiting for lift-off
 
 
@@ -125,16 +127,16 @@ def body_rates(force: Float, force_rate: Float, yaw: float, yaw_rate: float, rat
 def bound_force(force: Float, lift_most: float, tilt_max_rad: float) -> float:
     """Bounds a specific force (3) in place, height before sideways; returns the bits of the limits it met."""
     bits = 0.0
-    least = LIFT_LEAST * GRAVITY_M_S2
+    least, most = LIFT_LEAST * GRAVITY_M_S2, UPWARD_MOST * lift_most
     if force[2] < least:
         force[2] = least
         bits += THRUST_LOW
-    elif force[2] > lift_most:
-        force[2] = lift_most
+    elif force[2] > most:
+        force[2] = most
         bits += THRUST_HIGH
     flat = sqrt(force[0] * force[0] + force[1] * force[1])
     by_tilt = force[2] * tan(tilt_max_rad)
-    by_thrust = sqrt(max(lift_most * lift_most - force[2] * force[2], 0.0)) + 0.1
+    by_thrust = sqrt(lift_most * lift_most - force[2] * force[2])
     most = min(by_tilt, by_thrust)
     if flat > most:
         force[0] *= most / flat
@@ -176,12 +178,13 @@ def _attitude(
         for axis in range(3):
             aim[axis] /= k
             felt[axis] = aim[axis] + lead_acc[i, axis] / k
-        bits_aim = bound_force(aim, LIFT_MOST * full, tilt_max)
-        bits_felt = bound_force(felt, LIFT_MOST * full, tilt_max)
-        saturation[i] = bits + max(bits_aim, bits_felt)
+        by_rate = body[i, 4] > 0.0
+        met = bound_force(aim, LIFT_MOST * full, tilt_max)
+        met_later = bound_force(felt, LIFT_MOST * full, LEAD_TILT_RAD if by_rate else tilt_max)
+        saturation[i] = bits + (met if by_rate else max(met, met_later))
         for axis in range(3):
             force_rate[axis] = (felt[axis] - aim[axis]) / lag
-        if body[i, 4] > 0.0:
+        if by_rate:
             # The autopilot adds body rates: what inverts its lag goes there, and the attitude stays the one wanted.
             attitude_of(aim[0], aim[1], felt[2], heading, q[i])
             body_rates(aim, force_rate, heading, yaw[i, 1], rate[i])

@@ -27,13 +27,14 @@ HORIZON_MAX_NS = 400_000_000
 class Quickness:
     """How hard the lag is inverted, and what the observer's activity mu (formation.estimate.Vigilance) adds.
 
-    rate: share of lag times the demand's own rate; excess: how much faster than the vehicle's lag the demand is
-    approached, as lag / wanted lag - 1, multiplied by mu^excess_power; p1_power: p1 is multiplied by mu^p1_power.
+    rate: share of the lag times the demand's own rate that is sent ahead; gain: lag over wanted lag, how much harder
+    than needed the command pulls at what the predicted acceleration misses of the demand, times mu^gain_power;
+    p1_power: p1 is multiplied by mu^p1_power.
     """
 
     rate: float = 1.0
-    excess: float = 0.0
-    excess_power: float = 0.0
+    gain: float = 1.0
+    gain_power: float = 0.0
     p1_power: float = 0.0
 
 
@@ -42,7 +43,8 @@ class LawSettings:
     """Per commanded vehicle m unless said otherwise.
 
     horizontal, vertical (m, 7): gain rows of formation.control.feedback; response (n, 4): as the estimator's;
-    vehicle (m): index among the n; own (n): place among the m or -1; compensate: whether lag and dead time are.
+    vehicle (m): index among the n; own (n): place among the m or -1; compensate (m, 2): whether
+    lag and dead time are, horizontally and vertically.
     quickness (4): as in Quickness.
     """
 
@@ -51,7 +53,7 @@ class LawSettings:
     response: Float
     vehicle: NDArray[np.int64]
     own: NDArray[np.int64]
-    compensate: bool
+    compensate: Flags
     speed_max_m_s: float
     tilt_decay_1_s: float
     quickness: Float
@@ -124,7 +126,7 @@ class Bench(NamedTuple):
 @kernel
 def _demand(
     horizontal: Float, vertical: Float, response: Float, vehicle: NDArray[np.int64], own: NDArray[np.int64],
-    compensate: bool, speed_max: float, tilt_decay_1_s: float, quickness: Float,
+    compensate: NDArray[np.bool_], speed_max: float, tilt_decay_1_s: float, quickness: Float,
     t_ns: int, pos: Float, vel: Float, dist: Float, force: Float, force_rate: Float, strength: Float,
     heading: Float, mu: Float, sent_ns: NDArray[np.int64], sent: Float,
     kind: NDArray[np.int64], base: Float, gap: Float, gap_ns: NDArray[np.int64], gap_s: Float,
@@ -144,8 +146,8 @@ def _demand(
         n = vehicle[i]
         for channel in range(2):
             dead_s, lag_s = response[n, 2 * channel], response[n, 2 * channel + 1]
-            hold_ns = now_ns + int(dead_s * 1e9) if compensate else t_ns
-            _situation(i, n, own[0], hold_ns, hold_ns + int(lag_s * 1e9), compensate, known, way, b)
+            hold_ns = now_ns + int(dead_s * 1e9) if compensate[i, channel] else t_ns
+            _situation(i, n, own[0], hold_ns, hold_ns + int(lag_s * 1e9), compensate[i, channel], known, way, b)
             gains = horizontal[i] if channel == 0 else vertical[i]
             boost = mu[n] ** quickness[3] if channel == 0 else 1.0
             for axis in range(2 * channel, 2 + channel):
@@ -167,15 +169,15 @@ def _demand(
                 motion[i, :, 2] = b.mine[:, 2]
                 size = sqrt(b.felt[0] * b.felt[0] + b.felt[1] * b.felt[1] + b.felt[2] * b.felt[2])
                 lift_cos[i] = b.felt[2] / size if size > 1.0 else 1.0
-            excess = quickness[1] * mu[n] ** quickness[2] if channel == 0 else 0.0
+            pull = quickness[1] * mu[n] ** quickness[2] - 1.0 if channel == 0 else 0.0
             for axis in range(2 * channel, 2 + channel):
                 acc[i, axis] = b.lab[2, axis] + b.back[axis]
                 if uses_disturbance(gains):
                     acc[i, axis] -= dist[n, axis]
-                if compensate:
+                if compensate[i, channel]:
                     coming = b.lab_later[2, axis] - b.lab[2, axis] + lag_s * quickness[0] * b.back_rate[axis]
                     missing = acc[i, axis] - (b.mine[2, axis] - dist[n, axis])
-                    lead_acc[i, axis] = coming + excess * missing
+                    lead_acc[i, axis] = coming + pull * missing
 
 
 @kernel

@@ -8,7 +8,6 @@ from formation.control.feedback import AxisGains, CascadeGains, GeometricGains, 
 from formation.control.law import Quickness
 from formation.estimate import ObserverGains, Vigilance
 
-
 ALWAYS_CALM, AS_IS = Vigilance(), Quickness()
 
 
@@ -16,9 +15,12 @@ ALWAYS_CALM, AS_IS = Vigilance(), Quickness()
 class Preset:
     """Everything of the controller that is not the vehicle or the lab.
 
-    follower, follower_vertical, leader, leader_vertical: laws by role and axis; compensate: predict over the dead
-    time and invert the lag; observer, vertical_observer, heading_observer: FTESO gains (m, m, rad); leader_observer:
-    of a leader that is only observed; strength_lag_s: how slowly Z3 of the height moves into the thrust's strength.
+    follower, follower_vertical, leader, leader_vertical: laws by role and axis; compensate: whether the followers'
+    horizontal law predicts over the dead time and inverts the lag (all other loops always do); observer: FTESO of
+    the followers' horizontal axes; own_observer, vertical_observer, heading_observer (rad): of a commanded leader's
+    horizontal axes, of all heights, of all headings; seen_observer, seen_vertical_observer: of a leader that is only
+    observed; strength_lag_s: how slowly Z3 of the height moves into the thrust's strength; the rest: see
+    formation.estimate.EstimatorSettings, Vigilance and formation.control.law.Quickness.
     """
 
     name: str
@@ -28,12 +30,14 @@ class Preset:
     leader_vertical: AxisGains
     compensate: bool
     observer: ObserverGains
+    own_observer: ObserverGains
     vertical_observer: ObserverGains
     heading_observer: ObserverGains
-    leader_observer: ObserverGains
+    seen_observer: ObserverGains
+    seen_vertical_observer: ObserverGains
     strength_lag_s: float = 2.0
     attitude_trust: float = 1.0
-    tilt_w_rad_s: float = 0.0
+    tilt_w_rad_s: float = 40.0
     tilt_decay_1_s: float = 7.0
     vigilance: Vigilance = ALWAYS_CALM
     quickness: Quickness = AS_IS
@@ -42,44 +46,41 @@ class Preset:
 PRINTED_ALPHA, PRINTED_EPS = -2.0 / 9.0, -0.49
 PRINTED_FTESO = ObserverGains(70.0, PRINTED_ALPHA, scale=1.0, smooth=0.0)
 LEADER_PID = CascadeGains(2.0, 4.0, 1.0)
-HEIGHT_PID = CascadeGains(2.5, 6.0, 3.0)
-
-PAPER_CFC = Preset(
-    name="paper",
-    follower=SlidingGains(Law.CFC, c=1.0, p1=8.0, p2=0.1, eps=PRINTED_EPS),
-    follower_vertical=HEIGHT_PID,
-    leader=LEADER_PID,
-    leader_vertical=HEIGHT_PID,
-    compensate=False,
-    observer=PRINTED_FTESO,
-    vertical_observer=PRINTED_FTESO,
-    heading_observer=ObserverGains(15.0, -0.1, 0.02),
-    leader_observer=PRINTED_FTESO,
-)
-PAPER_ISTSMC = replace(
-    PAPER_CFC, name="paper_istsmc", follower=SlidingGains(Law.ISTSMC, c=1.0, p1=8.0, p2=0.1, eps=PRINTED_EPS)
-)
-PAPER_SMC = replace(PAPER_CFC, name="paper_smc", follower=SlidingGains(Law.SMC, c=1.0, k=5.0))
+HEIGHT = SlidingGains(Law.CFC, c=4.0, p1=6.0, p2=1.2, eps=-0.15, smooth_m_s=0.35)
+CALM_OBSERVER = ObserverGains(18.0, -0.1, 0.004)
 
 DEFAULT = Preset(
     name="default",
-    follower=SlidingGains(Law.CFC, c=4.5, p1=10.0, p2=1.2, eps=-0.15, smooth_m_s=0.35),
-    follower_vertical=SlidingGains(Law.CFC, c=4.5, p1=10.0, p2=1.2, eps=-0.15, smooth_m_s=0.35),
+    follower=SlidingGains(Law.CFC, c=4.0, p1=6.0, p2=1.2, eps=-0.15, smooth_m_s=0.35),
+    follower_vertical=HEIGHT,
     leader=LEADER_PID,
-    leader_vertical=HEIGHT_PID,
+    leader_vertical=HEIGHT,
     compensate=True,
-    observer=ObserverGains(18.0, -0.15, 0.004),
-    vertical_observer=ObserverGains(18.0, -0.15, 0.004),
-    heading_observer=ObserverGains(15.0, -0.1, 0.02),
-    leader_observer=ObserverGains(25.0, -0.15, 0.004),
+    observer=CALM_OBSERVER,
+    own_observer=CALM_OBSERVER,
+    vertical_observer=CALM_OBSERVER,
+    heading_observer=ObserverGains(25.0, -0.1, 0.02),
+    seen_observer=ObserverGains(25.0, -0.1, 0.004),
+    seen_vertical_observer=ObserverGains(40.0, -0.1, 0.004),
 )
-PID = replace(DEFAULT, name="pid", follower=LEADER_PID, follower_vertical=HEIGHT_PID)
-GEOMETRIC = replace(
+PAPER_CFC = replace(
     DEFAULT,
-    name="geometric",
-    follower=GeometricGains(kx=9.0, kv=5.0, ki=4.0, mix=1.5, bound=1.0),
-    follower_vertical=GeometricGains(kx=14.0, kv=7.0, ki=6.0, mix=2.0, bound=2.0),
+    name="paper",
+    follower=SlidingGains(Law.CFC, c=1.0, p1=8.0, p2=0.1, eps=PRINTED_EPS),
+    compensate=False,
+    observer=PRINTED_FTESO,
+    vigilance=ALWAYS_CALM,
+    quickness=AS_IS,
 )
+PAPER_ISTSMC = replace(
+    PAPER_CFC,
+    name="paper_istsmc",
+    follower=SlidingGains(Law.ISTSMC, c=1.0, p1=8.0, p2=0.1, eps=PRINTED_EPS),
+    observer=CALM_OBSERVER,
+)
+PAPER_SMC = replace(PAPER_ISTSMC, name="paper_smc", follower=SlidingGains(Law.SMC, c=1.0, k=5.0))
+PID = replace(DEFAULT, name="pid", follower=LEADER_PID)
+GEOMETRIC = replace(DEFAULT, name="geometric", follower=GeometricGains(kx=9.0, kv=5.0, ki=4.0, mix=1.5, bound=1.0))
 PRESETS: Mapping[str, Preset] = MappingProxyType(
     {p.name: p for p in (DEFAULT, PAPER_CFC, PAPER_ISTSMC, PAPER_SMC, PID, GEOMETRIC)}
 )

@@ -11,7 +11,7 @@ from formation.control.attitude import TILT, Attitude, AttitudeSettings, attitud
 from formation.control.law import Demand, LawSettings, demand
 from formation.control.presets import Preset, preset
 from formation.course import Course, Guidance, crew, depart, evaluate, steer
-from formation.estimate import EstimatorSettings, EstimatorState, ObserverGains, estimate, initial, swarm_state
+from formation.estimate import EstimatorSettings, EstimatorState, estimate, initial, swarm_state
 from formation.messages import AttitudeTarget, Command, MocapFrame, Reference, SwarmState
 from formation.reference import Mode, Plan
 from formation.response import SECONDS, History, no_history, remember
@@ -126,14 +126,19 @@ def _estimator_settings(config: LabConfig, profiles: tuple[VehicleProfile, ...],
     own = np.full(n, -1, dtype=np.int64)
     own[list(config.commanded)] = np.arange(len(config.commanded))
 
-    def row(chosen: ObserverGains, i: int) -> list[float]:
-        used = chosen if own[i] >= 0 else gains.leader_observer
+    def row(i: int, horizontal: bool) -> list[float]:
+        if own[i] < 0:
+            used = gains.seen_observer if horizontal else gains.seen_vertical_observer
+        elif horizontal:
+            used = gains.own_observer if i == 0 else gains.observer
+        else:
+            used = gains.vertical_observer
         return [used.bandwidth_rad_s, used.alpha, used.scale, used.smooth]
 
     heading, watch = gains.heading_observer, gains.vigilance
     return EstimatorSettings(
-        np.array([row(gains.observer, i) for i in range(n)]),
-        np.array([row(gains.vertical_observer, i) for i in range(n)]),
+        np.array([row(i, True) for i in range(n)]),
+        np.array([row(i, False) for i in range(n)]),
         np.tile([heading.bandwidth_rad_s, heading.alpha, heading.scale, heading.smooth], (n, 1)),
         np.array([[p.response_dead_time_s, p.response_lag_s, p.thrust_dead_time_s, p.thrust_lag_s] for p in profiles]),
         own,
@@ -155,10 +160,10 @@ def _law_settings(config: LabConfig, gains: Preset, estimator: EstimatorSettings
         estimator.response,
         np.array(config.commanded, dtype=np.int64),
         estimator.own,
-        gains.compensate,
+        np.array([[gains.compensate or lead, True] for lead in leads]),
         config.limits.speed_m_s,
         gains.tilt_decay_1_s,
-        np.array([quick.rate, quick.excess, quick.excess_power, quick.p1_power]),
+        np.array([quick.rate, quick.gain, quick.gain_power, quick.p1_power]),
     )
 
 

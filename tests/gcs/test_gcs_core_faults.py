@@ -1,0 +1,242 @@
+"""What the ground does on every fault, seen at the drones: GcsCore with fake drones that fail on demand."""
+
+import numpy as np
+import pytest
+from gcs_fakes import FakeLab, triangle
+
+from formation.messages import Phase, Verb
+from gcs.core import BrokenInvariantError
+from wire import link_messages as lm
+
+
+def _flying() -> FakeLab:
+    lab = FakeLab(triangle())
+    lab.fly()
+    lab.run(1.0)
+    return lab
+
+
+def _refusal(lab: FakeLab, verb: Verb) -> str:
+    reply = lab.reply(lab.ask(verb))
+    assert reply is not None
+    assert not reply.accepted
+    return reply.text
+
+
+def _commands(drone, number: int) -> list[lm.Command]:
+    return [m for m in drone.heard if isinstance(m, lm.Command) and m.command == number]
+
+
+def test_arming_is_refused_without_fresh_poses():
+    lab = FakeLab(triangle())
+    lab.run(2.0)
+    lab.hidden.add("left")
+    lab.run(0.3)
+    assert _refusal(lab, Verb.ARM).startswith("left: no fresh pose (last seen 0.3")
+    lab.hidden.clear()
+    lab.run(0.2)
+    lab.frames_stopped = True
+    lab.run(0.5)
+    assert _refusal(lab, Verb.ARM).count("no fresh pose") == 3
+    assert lab.phase is Phase.GROUND
+
+
+def test_arming_is_refused_with_a_body_outside_the_fence():
+    lab = FakeLab(triangle())
+    lab.drones[2].pos = np.array([2.7, 0.4, 0.0])
+    lab.run(2.0)
+    assert "left: 0.20 m outside the fence" in _refusal(lab, Verb.ARM)
+
+
+def test_arming_is_refused_with_two_drones_too_close():
+    lab = FakeLab(triangle())
+    lab.drones[2].pos = np.array([-0.4, -0.3, 0.0])
+    lab.run(2.0)
+    assert "left: 0.10 m from the next body, minimum is 0.20 m" in _refusal(lab, Verb.ARM)
+
+
+def test_arming_is_refused_with_a_heartbeat_missing():
+    lab = FakeLab(triangle())
+    lab.drones[3].mute = True
+    lab.run(2.0)
+    assert "right: no heartbeat (last heard never)" in _refusal(lab, Verb.ARM)
+
+
+def test_a_drone_that_refuses_to_arm_brings_the_others_back_with_its_own_words():
+    lab = FakeLab(triangle())
+    lab.run(2.0)
+    lab.drones[2].refuse_arming = True
+    request = lab.ask(Verb.ARM)
+    lab.run_until(Phase.ARMED)
+    lab.run_until(Phase.GROUND, longest_s=15.0)
+    reply = lab.reply(request)
+    assert not reply.accepted
+    assert reply.text == "left is not armed (denied; it says: PreArm: no position)"
+    lab.run(3.0)
+    assert [d.armed for d in lab.drones.values()] == [False] * 3
+
+
+def test_requests_out_of_turn_are_refused_with_the_phases_they_are_for():
+    lab = FakeLab(triangle())
+    lab.run(1.0)
+    assert _refusal(lab, Verb.TAKEOFF) == "takeoff is for ARMED, this is GROUND"
+    assert _refusal(lab, Verb.START) == "start is for HOLD, this is GROUND"
+    assert _refusal(lab, Verb.SHAPE).startswith("no shape ''")
+    lab.command(Verb.ARM, Phase.ARMED)
+    assert _refusal(lab, Verb.ARM) == "arm is for GROUND, this is ARMED"
+
+
+def test_take_off_waits_for_every_drone():
+    lab = FakeLab(triangle())
+    lab.run(2.0)
+    lab.ask(Verb.ARM)
+    lab.run(0.5)
+    assert _refusal(lab, Verb.TAKEOFF) == "not every drone has armed yet"
+
+
+def test_the_formation_is_not_taken_up_outside_the_fence():
+    lab = FakeLab(triangle(followers=[{"body": "left", "sysid": 2, "offset_m": (-2.0, 2.2, 0.0)}]))
+    lab.drones[2].pos = np.array([-2.0, 1.5, 0.0])
+    lab.run(2.0)
+    lab.command(Verb.ARM, Phase.ARMED)
+    lab.command(Verb.TAKEOFF, Phase.TAKEOFF)
+    lab.run_until(Phase.HOLD)
+    assert _refusal(lab, Verb.START).startswith("left: its slot would be outside the fence")
+
+
+def test_a_follower_hidden_holds_the_swarm_then_lands_it_and_is_let_go():
+    lab = _flying()
+    lab.hidden.add("left")
+    lab.run(0.3)
+    assert lab.phase is Phase.HOLD
+    lab.run(0.3)
+    assert lab.phase is Phase.LAND
+    setpoints = len(lab.drones[2].setpoints)
+    lab.run(1.0)
+    assert len(lab.drones[2].setpoints) == setpoints
+    assert _commands(lab.drones[2], 21)
+    assert not _commands(lab.drones[1], 21)
+    lab.run_until(Phase.GROUND)
+    assert [d.armed for d in lab.drones.values()] == [False] * 3
+
+
+def test_a_short_dropout_is_flown_through():
+    lab = _flying()
+    lab.hidden.update(("lead", "left", "right"))
+    lab.run(0.05)
+    lab.hidden.clear()
+    lab.run(1.0)
+    assert lab.phase is Phase.FORMATION
+
+
+def test_an_observed_leader_hidden_holds_the_followers():
+    lab = FakeLab(triangle(leader={"body": "lead"}))
+    lab.fly()
+    lab.run(2.0)
+    lab.hidden.add("lead")
+    lab.run(3.0)
+    assert lab.phase is Phase.HOLD
+    assert _refusal(lab, Verb.START) == "lead: no fresh pose, there is nothing to form on"
+
+
+def test_mocap_gone_stops_setpoints_and_heartbeats_and_tells_every_drone_to_land():
+    lab = _flying()
+    lab.frames_stopped = True
+    lab.run(0.5)
+    assert lab.phase is Phase.LAND
+    assert all(_commands(drone, 21) for drone in lab.drones.values())
+    lab.run(5.0)
+    assert [d.armed for d in lab.drones.values()] == [False] * 3
+    assert lab.phase is Phase.GROUND
+
+
+def test_a_silent_drone_lands_the_swarm():
+    lab = _flying()
+    lab.drones[3].mute = True
+    lab.run(4.5)
+    assert lab.phase is Phase.LAND
+    assert "right: no heartbeat for 3 s" in lab.events
+
+
+def test_a_drone_far_outside_the_fence_is_cut_and_the_others_land():
+    lab = _flying()
+    lab.drones[3].pos = np.array([3.2, -1.0, 0.3])
+    lab.run(0.4)
+    assert lab.phase is Phase.LAND
+    assert _commands(lab.drones[3], 400)[-1].params[:2] == (0.0, 21196.0)
+    assert not lab.drones[3].armed
+    assert lab.drones[1].armed
+
+
+def test_a_drone_that_a_pilot_takes_over_is_not_fought_for():
+    lab = _flying()
+    lab.drones[2].mode = 3 << 16
+    modes = len(_commands(lab.drones[2], 176))
+    lab.run(2.0)
+    assert lab.phase is Phase.LAND
+    assert len(_commands(lab.drones[2], 176)) == modes
+    assert not _commands(lab.drones[2], 21)
+
+
+def test_a_disarm_refused_on_the_floor_is_forced():
+    lab = _flying()
+    drone = lab.drones[1]
+    obey = drone._obey
+    drone._obey = lambda c: lm.Result.DENIED if c.command == 400 and c.params[1] == 0.0 else obey(c)
+    lab.command(Verb.LAND, Phase.LAND)
+    lab.run_until(Phase.GROUND)
+    assert not drone.armed
+    assert any(c.params[:2] == (0.0, 21196.0) for c in _commands(drone, 400))
+
+
+def test_stop_cuts_every_drone_in_the_air_again_and_again_until_each_has_said_so():
+    lab = _flying()
+    lab.drones[1].deaf = True
+    lab.command(Verb.STOP, Phase.STOPPED)
+    assert not lab.drones[2].armed
+    assert not lab.drones[3].armed
+    lab.run(1.0)
+    assert lab.drones[1].armed
+    lab.drones[1].deaf = False
+    lab.run(0.2)
+    assert not lab.drones[1].armed
+
+
+def test_nothing_leaves_stopped():
+    lab = _flying()
+    lab.command(Verb.STOP, Phase.STOPPED)
+    for drone in lab.drones.values():
+        drone.setpoints.clear()
+    for verb in (Verb.ARM, Verb.TAKEOFF, Verb.START, Verb.HOLD, Verb.LAND):
+        assert "this is STOPPED" in _refusal(lab, verb)
+    lab.run(2.0)
+    assert all(not drone.setpoints for drone in lab.drones.values())
+
+
+def test_stop_on_the_ground_stops_too():
+    lab = FakeLab(triangle())
+    lab.command(Verb.STOP, Phase.STOPPED)
+    lab.run(2.0)
+    assert all(_commands(drone, 400)[0].params[:2] == (0.0, 21196.0) for drone in lab.drones.values())
+
+
+def test_a_duplicate_sysid_is_told_and_keeps_the_swarm_on_the_ground():
+    lab = FakeLab(triangle())
+    twin = FakeLab(triangle()).drones[2]
+    for _ in range(77):
+        twin.codec.encode(lm.EkfStatus(0, ardupilot=False))
+    lab.run(2.0)
+    for _ in range(300):
+        lab.step()
+        twin._say(lm.ExtendedSysState(lm.LandedState.ON_GROUND))
+        lab.drones[2]._say(lm.ExtendedSysState(lm.LandedState.ON_GROUND))
+        lab.drones[2]._out += twin.outgoing(lab.now_ns)
+    assert "left: its sysid is used twice on the network" in lab.events
+    assert "left: its sysid is used twice on the network" in _refusal(lab, Verb.ARM)
+
+
+def test_an_estimate_that_is_not_finite_ends_the_core():
+    lab = _flying()
+    lab.core._pipeline._stack._memory[:] = np.nan
+    with pytest.raises(BrokenInvariantError, match="not finite"):
+        lab.run(0.1)

@@ -65,7 +65,7 @@ class Schema(Generic[T]):
         self.descriptor_set = _descriptor_set(message.__name__, self._fields).SerializeToString()
         self._values = attrgetter(*(f.name for f in self._fields))
         self._plan = [(_varint(f.number << 3 | f.kind.wire), f.kind) for f in self._fields]
-        self._by_number = {f.number: f for f in self._fields}
+        self._by_tag = {f.number << 3 | f.kind.wire: f for f in self._fields}
 
     def encode(self, message: T) -> bytes:
         """Protobuf bytes; raises ValueError, TypeError or struct.error if a value is not of its annotation."""
@@ -87,7 +87,7 @@ class Schema(Generic[T]):
 
         Raises SchemaError, nothing else.
         """
-        return self._decode(data, self._by_number)
+        return self._decode(data, self._by_tag)
 
     def decoder(self, descriptor_set: bytes) -> Callable[[bytes], T]:
         """A decoder for what was written by another version of this schema: fields are matched by name and type.
@@ -103,27 +103,28 @@ class Schema(Generic[T]):
         if not found:
             raise SchemaError(f"{self.name} is not in its own schema")
         ours = {f.name: f for f in self._fields}
-        by_number = {
-            field.number: ours[field.name]
+        by_tag = {
+            field.number << 3 | ours[field.name].kind.wire: ours[field.name]
             for field in found[0].field
             if field.name in ours and ours[field.name].kind.proto == field.type
         }
-        return lambda data: self._decode(data, by_number)
+        return lambda data: self._decode(data, by_tag)
 
-    def _decode(self, data: bytes, by_number: dict[int, _Field]) -> T:
+    def _decode(self, data: bytes, by_tag: dict[int, _Field]) -> T:
         values: dict[str, Any] = {}
         try:
-            for number, wire, raw in _wire_fields(data):
-                field = by_number.get(number)
-                if field is None or field.kind.wire != wire:
+            for tag, raw in _tagged(data):
+                field = by_tag.get(tag)
+                if field is None:
                     continue
-                value = field.kind.decode(raw)
-                values[field.name] = (*values.get(field.name, ()), value) if field.kind.many else value
+                kind = field.kind
+                value = kind.decode(raw)
+                values[field.name] = (*values.get(field.name, ()), value) if kind.many else value
         except (ValueError, IndexError, struct.error) as error:
             raise SchemaError(f"{self.name}: {error}") from error
-        for field in self._fields:
-            if field.name not in values:
-                values[field.name] = None if field.optional else field.default
+        if len(values) < len(self._fields):
+            for field in self._fields:
+                values.setdefault(field.name, None if field.optional else field.default)
         return self.message(**values)
 
 
@@ -166,26 +167,34 @@ def _read_varint(data: bytes, at: int) -> tuple[int, int]:
     raise SchemaError("a varint longer than ten bytes")
 
 
-def _wire_fields(data: bytes) -> Iterable[tuple[int, int, Any]]:
-    """(field number, wire type, raw value) of each field; raises SchemaError, IndexError."""
+def _tagged(data: bytes) -> Iterable[tuple[int, Any]]:
+    """(tag, raw value) of each field; raises SchemaError, IndexError. One-byte varints, most, are read in place."""
     at, end = 0, len(data)
     while at < end:
-        tag, at = _read_varint(data, at)
+        tag = data[at]
+        at += 1
+        if tag > 0x7F:
+            tag, at = _read_varint(data, at - 1)
         wire = tag & 7
-        if wire == _VARINT:
-            value, at = _read_varint(data, at)
-            yield tag >> 3, wire, value
-            continue
-        if wire == _BYTES:
-            size, at = _read_varint(data, at)
-        elif wire in (_FIXED64, _FIXED32):
-            size = 8 if wire == _FIXED64 else 4
+        if wire == _FIXED64:
+            size = 8
+        elif wire == _FIXED32:
+            size = 4
+        elif wire in (_BYTES, _VARINT):
+            size = data[at]
+            at += 1
+            if size > 0x7F:
+                size, at = _read_varint(data, at - 1)
+            if wire == _VARINT:
+                yield tag, size
+                continue
         else:
             raise SchemaError(f"wire type {wire}")
-        if at + size > end:
+        stop = at + size
+        if stop > end:
             raise SchemaError("ends inside a field")
-        yield tag >> 3, wire, data[at : at + size]
-        at += size
+        yield tag, data[at:stop]
+        at = stop
 
 
 def _fields_of(message: type) -> list[_Field]:
@@ -246,9 +255,9 @@ def _array_kind(dtype: np.dtype[Any], shape: tuple[int, ...]) -> _Kind:
         return _sized(value.tobytes())
 
     def decode(raw: bytes) -> np.ndarray[Any, Any]:
-        # A copy: writable, as every other array is.
-        array: np.ndarray[Any, Any] = np.frombuffer(raw, wire_dtype).reshape(shape).astype(dtype)
-        return array
+        # From a copy: an array that can be written to, as every other can.
+        flat = np.frombuffer(bytearray(raw), wire_dtype)
+        return flat if shape == (-1,) else flat.reshape(shape)
 
     def decode_flags(raw: bytes) -> np.ndarray[Any, Any]:
         return np.frombuffer(raw, np.uint8).astype(np.bool_).reshape(shape)

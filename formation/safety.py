@@ -187,7 +187,7 @@ RULES: tuple[Rule, ...] = (
     Rule("battery under 20 %", _battery_under(BATTERY_LOW), 1.0, MOTORS_ON),
     Rule("battery under 10 %", _battery_under(BATTERY_EMPTY), 1.0, MOTORS_ON, Trigger.LAND),
     Rule("a fifth of the frames late", _late(0.2), 0.5, MOTORS_ON, of_swarm=True),
-    Rule("half of the frames late", _late(0.5), 1.0, MOTORS_ON, Trigger.LAND, of_swarm=True),
+    Rule("seven tenths of the frames late", _late(0.7), 2.0, MOTORS_ON, Trigger.LAND, of_swarm=True),
     Rule("its sysid is used twice on the network", _duplicate, 0.0, frozenset(Phase)),
 )
 

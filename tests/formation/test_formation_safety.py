@@ -99,7 +99,7 @@ FAULTS = {
     "mode lost": ({"offboard": _of(1, False, True)}, Phase.FORMATION, 0.51, Trigger.LAND, Own.NOTHING),
     "disarmed": ({"armed": _of(1, False, True)}, Phase.FORMATION, 0.31, Trigger.LAND, Own.NOTHING),
     "battery empty": ({"battery": _of(1, 0.05, np.nan)}, Phase.FORMATION, 1.01, Trigger.LAND, Own.NOTHING),
-    "late": ({"late_share": 0.6}, Phase.FORMATION, 1.01, Trigger.LAND, Own.NOTHING),
+    "late": ({"late_share": 0.8}, Phase.FORMATION, 2.01, Trigger.LAND, Own.NOTHING),
 }
 
 
@@ -156,7 +156,7 @@ def test_findings_tell_beginning_and_end_once():
 
 def test_a_late_loop_is_told_once_not_once_a_drone():
     verdict = _after(_healthy(late_share=0.9), Phase.HOLD, 2.0)
-    assert [f.text for f in verdict.findings] == ["a fifth of the frames late", "half of the frames late"]
+    assert [f.text for f in verdict.findings] == ["a fifth of the frames late", "seven tenths of the frames late"]
 
 
 def test_motors_off_phases_ignore_the_air_rules():

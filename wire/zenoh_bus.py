@@ -12,14 +12,14 @@ of a burst of twenty packets loses one in a hundred and waits up to 1.6 ms, a ba
 import asyncio
 import json
 import re
-from collections import deque
 from collections.abc import Callable, Iterable
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 import zenoh
 
 from formation.config import LinkConfig
 from formation.messages import Datagram, MocapFrame, OperatorReply, OperatorRequest, Truth
+from wire.inbox import Inbox, on_loop
 from wire.link import Deliver, LinkCounters
 from wire.schema import Schema, SchemaError, schema_of
 
@@ -43,47 +43,6 @@ class BusError(OSError):
     """The bus could not be opened: an endpoint that is taken or not an endpoint, a name that cannot be a key."""
 
 
-class _Inbox(Generic[T]):
-    """Hands items from Zenoh's threads to the event loop, one wake-up for many; when full the oldest is lost."""
-
-    def __init__(
-        self, loop: asyncio.AbstractEventLoop, take: Callable[[T], None], counters: LinkCounters, limit: int
-    ) -> None:
-        self._loop = loop
-        self._take = take
-        self._counters = counters
-        self._queue: deque[T] = deque(maxlen=limit)
-        self._awake = False
-        self._open = True
-
-    def put(self, item: T) -> None:
-        """From any thread."""
-        if len(self._queue) == self._queue.maxlen:
-            self._counters.dropped += 1
-        self._queue.append(item)
-        if not self._awake:
-            self._awake = True
-            _on_loop(self._loop, self._drain)
-
-    def close(self) -> None:
-        """Deliver nothing more."""
-        self._open = False
-
-    def _drain(self) -> None:
-        # Cleared first: what is put from here on either is taken below or wakes the loop again.
-        self._awake = False
-        while self._queue and self._open:
-            self._counters.received += 1
-            self._take(self._queue.popleft())
-
-
-def _on_loop(loop: asyncio.AbstractEventLoop, call: Callable[[], None]) -> None:
-    try:
-        loop.call_soon_threadsafe(call)
-    except RuntimeError:  # the loop has closed: nobody is left to tell
-        return
-
-
 class ZenohLink:
     """The MAVLink of some drones over the bus; see `ZenohBus.ground_link` and `drone_link`."""
 
@@ -91,7 +50,7 @@ class ZenohLink:
         self,
         publishers: dict[int, zenoh.Publisher],
         subscribers: list[zenoh.Subscriber[None]],
-        inbox: _Inbox[Datagram],
+        inbox: Inbox[Datagram],
         counters: LinkCounters,
     ) -> None:
         self.counters = counters
@@ -125,7 +84,7 @@ class ZenohBus:
         self.bad_payloads = 0
         self._session = session
         self._loop = asyncio.get_running_loop()
-        self._inboxes: list[_Inbox[zenoh.Sample]] = []
+        self._inboxes: list[Inbox[zenoh.Sample]] = []
         self._publishers: dict[str, zenoh.Publisher] = {}
 
     @classmethod
@@ -186,7 +145,7 @@ class ZenohBus:
     def serve(self, gcs_name: str, handler: Handler) -> None:
         """Answer operators' requests as the ground `gcs_name`: `handler(request, reply)`, reply once, now or later."""
         key = f"{self.lab}/gcs/{gcs_name}/do"
-        inbox = _Inbox[zenoh.Query](self._loop, lambda query: self._handle(key, query, handler), self.counters, _QUEUED)
+        inbox = Inbox[zenoh.Query](self._loop, lambda query: self._handle(key, query, handler), self.counters, _QUEUED)
         self._session.declare_queryable(key, zenoh.handlers.Callback(inbox.put))
 
     async def ask(self, gcs_name: str, request: OperatorRequest, timeout_s: float) -> OperatorReply:
@@ -206,7 +165,7 @@ class ZenohBus:
     def _link(self, sysids: list[int], out: str, into: str, deliver: Deliver) -> ZenohLink:
         base = f"{self.lab}/uav"
         counters = LinkCounters()
-        inbox = _Inbox(self._loop, deliver, counters, _QUEUED)
+        inbox = Inbox(self._loop, deliver, counters, _QUEUED)
 
         def listen(sysid: int) -> zenoh.Subscriber[None]:
             def take(sample: zenoh.Sample) -> None:
@@ -248,7 +207,7 @@ class ZenohBus:
         self._listen(key, take, limit)
 
     def _listen(self, key: str, take: Callable[[zenoh.Sample], None], limit: int) -> None:
-        inbox = _Inbox(self._loop, take, self.counters, limit)
+        inbox = Inbox(self._loop, take, self.counters, limit)
         self._inboxes.append(inbox)
         self._session.declare_subscriber(f"{self.lab}/{key}", zenoh.handlers.Callback(inbox.put))
 
@@ -282,9 +241,9 @@ class ZenohBus:
             sample = reply.ok
             if sample is not None:
                 data = sample.payload.to_bytes()
-                _on_loop(self._loop, lambda: settle(data))
+                on_loop(self._loop, lambda: settle(data))
 
-        callback = zenoh.handlers.Callback(on_reply, lambda: _on_loop(self._loop, lambda: settle(None)))
+        callback = zenoh.handlers.Callback(on_reply, lambda: on_loop(self._loop, lambda: settle(None)))
         self._session.get(key, callback, payload=payload, timeout=timeout_s)
         return await answer
 

@@ -4,7 +4,6 @@ import asyncio
 import socket
 import subprocess
 import sys
-import threading
 from contextlib import asynccontextmanager
 
 import numpy as np
@@ -16,8 +15,7 @@ from wire_waiting import PATIENCE_S, free_port, until
 
 from formation.config import LinkConfig
 from formation.messages import Datagram, MocapFrame, OperatorReply, OperatorRequest, Truth, Verb
-from wire.link import LinkCounters
-from wire.zenoh_bus import BusError, ZenohBus, _Inbox
+from wire.zenoh_bus import BusError, ZenohBus
 
 FRAME = MocapFrame(7, 123, ("leader", "a"), np.eye(2, 3), np.eye(2, 4), np.array([True, False]))
 REQUEST = OperatorRequest(3, Verb.SHAPE, "line")
@@ -184,23 +182,6 @@ def test_what_is_no_message_is_counted_and_dropped():
                     stop.set()
 
             await until(stop, ask_badly)
-
-    asyncio.run(run())
-
-
-def test_the_latest_frame_wins_where_the_loop_is_late():
-    async def run():
-        got: list[int] = []
-        counters = LinkCounters()
-        inbox = _Inbox(asyncio.get_running_loop(), got.append, counters, 1)
-        thread = threading.Thread(target=lambda: [inbox.put(i) for i in range(100)])
-        thread.start()
-        thread.join()
-        done = asyncio.Event()
-        asyncio.get_running_loop().call_soon(done.set)
-        await until(done)
-        assert got == [99]
-        assert (counters.received, counters.dropped) == (1, 99)
 
     asyncio.run(run())
 

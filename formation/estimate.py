@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation import frames
-from formation.arrays import Float, Quats, Scalars, Vec3s
+from formation.arrays import Flags, Float, Quats, Scalars, Vec3s
 from formation.kernel import kernel
 from formation.messages import MocapFrame, SwarmState
 from formation.observer import activity, extrapolation_error, fteso_step, rate_step, wrapped
@@ -81,10 +81,10 @@ class EstimatorState:
     """What the observers remember of the n vehicles at capture time t_ns.
 
     force: modelled specific force in `lab` at t_ns, before `strength`; lift_m_s2: its length, the thrust delivered;
-    strength: true thrust per modelled thrust (mass, battery, propellers); tilt (n, 4): of a vehicle that is only
-    observed, horizontal over vertical force, x and y, then their rates; force_rate: the turn of its force.
-    innovation (n, 2): horizontal, filtered; activity: see Vigilance; noise_m2: learned variance of the measured
-    position; recent_m (n, 3, 3), recent_ns (n, 3): the last three seen, newest last.
+    strength: true thrust per modelled thrust (mass, battery, propellers); heading: angle, rate and Z3 of the heading;
+    tilt (n, 4): of a vehicle that is only observed, horizontal over vertical force, x and y, then their rates;
+    force_rate: the turn of its force; innovation (n, 2): horizontal, filtered; activity: see Vigilance;
+    noise_m2: learned variance of the measured position; recent_m (n, 3, 3), recent_ns (n, 3): the last three seen.
     """
 
     t_ns: int
@@ -133,11 +133,13 @@ def initial(frame: MocapFrame) -> EstimatorState:
 
 
 def estimate(
-    state: EstimatorState, settings: EstimatorSettings, frame: MocapFrame, history: History, airborne: NDArray[np.bool_]
-) -> EstimatorState:
+    state: EstimatorState, settings: EstimatorSettings, frame: MocapFrame, history: History, airborne: Flags,
+    turn_rad_s2: Scalars,
+) -> EstimatorState:  # fmt: skip
     """The observers after one more frame of the same n bodies; a frame that is not newer changes nothing.
 
     airborne (n): where not, the thrust's strength is not learned (the floor carries part of the weight).
+    turn_rad_s2 (n): angular acceleration of the heading that was asked for; zero where nobody asks.
     """
     if frame.t_capture_ns <= state.t_ns:
         return state
@@ -149,7 +151,7 @@ def estimate(
         state.recent_ns.copy(),
     )  # fmt: skip
     _observe(
-        state.t_ns, frame.t_capture_ns, frame.pos_lab_m, frame.q_lab_from_flu, frame.seen, airborne,
+        state.t_ns, frame.t_capture_ns, frame.pos_lab_m, frame.q_lab_from_flu, frame.seen, airborne, turn_rad_s2,
         settings.horizontal, settings.vertical, settings.heading, settings.response, settings.own,
         settings.strength_lag_s, settings.attitude_trust, settings.tilt_w, settings.tilt_decay_1_s,
         settings.vigilance, history.t_ns, history.force,
@@ -160,21 +162,21 @@ def estimate(
     return new
 
 
-def swarm_state(state: EstimatorState, settings: EstimatorSettings) -> SwarmState:
-    """The estimate as the message that is logged and shown."""
+def swarm_state(state: EstimatorState, settings: EstimatorSettings, turn_rad_s2: Scalars) -> SwarmState:
+    """The estimate as the message that is logged and shown; turn_rad_s2 (n) as in `estimate`."""
     acc = state.strength[:, None] * state.force_lab_m_s2 + state.dist_lab_m_s2
     acc[:, 2] -= np.where(settings.own >= 0, GRAVITY_M_S2, 0.0)
     age_s = np.asarray((state.t_ns - state.seen_ns) * SECONDS, dtype=np.float64)
     return SwarmState(
         state.t_ns, state.pos_lab_m, state.vel_lab_m_s, state.dist_lab_m_s2, acc, state.q_lab_from_flu,
-        state.heading[:, 0], state.heading[:, 1], state.heading[:, 2], age_s,
+        state.heading[:, 0], state.heading[:, 1], state.heading[:, 2] + turn_rad_s2, age_s,
     )  # fmt: skip
 
 
 @kernel
 def _observe(
     from_ns: int, to_ns: int, pos_measured: Float, q_measured: Float, seen: NDArray[np.bool_],
-    airborne: NDArray[np.bool_], horizontal: Float, vertical: Float, yaw_gains: Float, response: Float,
+    airborne: NDArray[np.bool_], turn: Float, horizontal: Float, vertical: Float, yaw_gains: Float, response: Float,
     own: NDArray[np.int64], strength_lag_s: float, attitude_trust: float, tilt_w: float, tilt_decay_1_s: float,
     vigilance: Float, sent_ns: NDArray[np.int64], sent: Float,
     pos: Float, vel: Float, dist: Float, force: Float, lift: Float, strength: Float, heading: Float, q: Float,
@@ -215,7 +217,7 @@ def _observe(
             dist[i, axis] = min(max(z3, -DIST_MAX_M_S2), DIST_MAX_M_S2)
         if airborne[i] and own[i] >= 0 and seen[i] and force[i, 2] > 0.3 * GRAVITY_M_S2:
             _learn_strength(i, dt_s, strength_lag_s, force, strength, dist)
-        _observe_heading(i, q, seen[i], dt_s, yaw_gains, heading)
+        _observe_heading(i, q, seen[i], dt_s, turn[i], yaw_gains, heading)
 
 
 @kernel
@@ -310,18 +312,17 @@ def _learn_strength(i: int, dt_s: float, lag_s: float, force: Float, strength: F
 
 
 @kernel
-def _observe_heading(i: int, q: Float, seen: bool, dt_s: float, gains: Float, heading: Float) -> None:
-    """Advances heading[i] (angle, rate, acceleration) over dt_s; the angle is unwrapped."""
-    psi, rate, acc = heading[i, 0], heading[i, 1], heading[i, 2]
+def _observe_heading(i: int, q: Float, seen: bool, dt_s: float, turn: float, gains: Float, heading: Float) -> None:
+    """Advances heading[i] (angle, rate, what the turn asked for misses of its acceleration); the angle is unwrapped."""
+    psi, rate, more = heading[i, 0], heading[i, 1], heading[i, 2]
+    ahead = psi + dt_s * rate + 0.5 * dt_s * dt_s * (turn + more)
     if seen:
         w, x, y, z = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
         measured = atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-        ahead = psi + dt_s * rate + 0.5 * dt_s * dt_s * acc
         y_psi = ahead + wrapped(measured - ahead)
-        psi, rate, acc = fteso_step(
-            psi, rate, acc, 0.0, y_psi, dt_s, gains[i, 0], gains[i, 1], gains[i, 2], gains[i, 3]
+        psi, rate, more = fteso_step(
+            psi, rate, more, turn, y_psi, dt_s, gains[i, 0], gains[i, 1], gains[i, 2], gains[i, 3]
         )
     else:
-        psi += dt_s * rate
-        acc = 0.0
-    heading[i, 0], heading[i, 1], heading[i, 2] = psi, rate, acc
+        psi, rate, more = ahead, rate + dt_s * turn, 0.0
+    heading[i, 0], heading[i, 1], heading[i, 2] = psi, rate, more

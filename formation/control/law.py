@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from formation.arrays import Flags, Float, Vec3s
+from formation.arrays import Flags, Float, Scalars, Vec3s
 from formation.control.feedback import feedback, uses_disturbance
 from formation.control.prediction import Known, motion_at
 from formation.course import Course, Way, reference_at
@@ -81,11 +81,12 @@ class Demand:
 
 def demand(
     settings: LawSettings, state: EstimatorState, course: Course, history: History, memory: Vec3s, frozen: Flags,
-    now_ns: int, dt_s: float,
+    turn_rad_s2: Scalars, now_ns: int, dt_s: float,
 ) -> Demand:  # fmt: skip
     """The law at now_ns, dt_s after it was last asked.
 
-    memory (m, 3): z_m of Eq. (6), or a PID's integral; frozen (m): last target met a limit, so memory may not grow.
+    memory (m, 3): z_m of Eq. (6), or a PID's integral; frozen (m): last target met a limit, so memory may not grow;
+    turn_rad_s2 (n): as the estimator's.
     """
     m = len(settings.vehicle)
     seven = [np.zeros((m, 3)) for _ in range(7)]
@@ -98,7 +99,7 @@ def demand(
         settings.horizontal, settings.vertical, settings.response, settings.vehicle, settings.own,
         settings.compensate, settings.speed_max_m_s, settings.tilt_decay_1_s, settings.quickness,
         state.t_ns, state.pos_lab_m, state.vel_lab_m_s, state.dist_lab_m_s2, state.force_lab_m_s2, state.force_rate,
-        state.strength, state.heading, state.activity, history.t_ns, history.force,
+        state.strength, state.heading, turn_rad_s2, state.activity, history.t_ns, history.force,
         course.kind, course.base, course.gap, course.gap_ns, course.gap_s, course.airborne, path.kind, path.numbers,
         path.knots, course.trajectory_ns,
         memory, frozen, min(now_ns, state.t_ns + HORIZON_MAX_NS), dt_s,
@@ -128,7 +129,7 @@ def _demand(
     horizontal: Float, vertical: Float, response: Float, vehicle: NDArray[np.int64], own: NDArray[np.int64],
     compensate: NDArray[np.bool_], speed_max: float, tilt_decay_1_s: float, quickness: Float,
     t_ns: int, pos: Float, vel: Float, dist: Float, force: Float, force_rate: Float, strength: Float,
-    heading: Float, mu: Float, sent_ns: NDArray[np.int64], sent: Float,
+    heading: Float, turn: Float, mu: Float, sent_ns: NDArray[np.int64], sent: Float,
     kind: NDArray[np.int64], base: Float, gap: Float, gap_ns: NDArray[np.int64], gap_s: Float,
     airborne: NDArray[np.bool_], path_kind: int, path_numbers: Float, path_knots: Float, path_ns: int,
     memory: Float, frozen: NDArray[np.bool_], now_ns: int, dt_s: float,
@@ -136,7 +137,9 @@ def _demand(
     motion: Float, lift_cos: Float, yaw: Float,
 ) -> None:  # fmt: skip
     """See `demand`; the out arrays are the fields of Demand."""
-    known = Known(t_ns, pos, vel, dist, force, force_rate, tilt_decay_1_s, strength, heading, response, sent_ns, sent)
+    known = Known(
+        t_ns, pos, vel, dist, force, force_rate, tilt_decay_1_s, strength, heading, turn, response, sent_ns, sent
+    )
     way = Way(kind, base, gap, gap_ns, gap_s, path_kind, path_numbers, path_knots, path_ns)
     b = Bench(
         np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4)),

@@ -34,6 +34,7 @@ class Known(NamedTuple):
     decay_1_s: float
     strength: Float
     heading: Float
+    turn: Float
     response: Float
     sent_ns: NDArray[np.int64]
     sent: Float
@@ -71,6 +72,7 @@ def motion_at(i: int, own: int, to_ns: int, known: Known, out: Float, felt: Floa
         out[1, axis] = known.vel[i, axis] + strength * speed + h * steady
         out[2, axis] = strength * modelled + steady
     psi = known.heading[i]
-    out[0, 3] = psi[0] + h * psi[1] + 0.5 * h * h * psi[2]
-    out[1, 3] = psi[1] + h * psi[2]
-    out[2, 3] = psi[2]
+    turning = psi[2] + known.turn[i]
+    out[0, 3] = psi[0] + h * psi[1] + 0.5 * h * h * turning
+    out[1, 3] = psi[1] + h * turning
+    out[2, 3] = turning

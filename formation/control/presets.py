@@ -18,8 +18,8 @@ class Preset:
     follower, follower_vertical, leader, leader_vertical: laws by role and axis; compensate: whether the followers'
     horizontal law predicts over the dead time and inverts the lag (all other loops always do); observer: FTESO of
     the followers' horizontal axes; own_observer, vertical_observer, heading_observer (rad): of a commanded leader's
-    horizontal axes, of all heights, of all headings; seen_observer, seen_vertical_observer: of a leader that is only
-    observed; strength_lag_s: how slowly Z3 of the height moves into the thrust's strength; the rest: see
+    horizontal axes, of commanded heights and headings; seen_*: of a leader that is only observed;
+    strength_lag_s: how slowly Z3 of the height moves into the thrust's strength; the rest: see
     formation.estimate.EstimatorSettings, Vigilance and formation.control.law.Quickness.
     """
 
@@ -35,6 +35,7 @@ class Preset:
     heading_observer: ObserverGains
     seen_observer: ObserverGains
     seen_vertical_observer: ObserverGains
+    seen_heading_observer: ObserverGains
     strength_lag_s: float = 2.0
     attitude_trust: float = 1.0
     tilt_w_rad_s: float = 40.0
@@ -59,9 +60,10 @@ DEFAULT = Preset(
     observer=CALM_OBSERVER,
     own_observer=CALM_OBSERVER,
     vertical_observer=CALM_OBSERVER,
-    heading_observer=ObserverGains(25.0, -0.1, 0.02),
+    heading_observer=ObserverGains(6.0, -0.1, 0.02),
     seen_observer=ObserverGains(25.0, -0.1, 0.004),
     seen_vertical_observer=ObserverGains(40.0, -0.1, 0.004),
+    seen_heading_observer=ObserverGains(25.0, -0.1, 0.02),
 )
 PAPER_CFC = replace(
     DEFAULT,

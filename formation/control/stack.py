@@ -11,7 +11,7 @@ from formation.control.attitude import TILT, Attitude, AttitudeSettings, attitud
 from formation.control.law import Demand, LawSettings, demand
 from formation.control.presets import Preset, preset
 from formation.course import Course, Guidance, crew, depart, evaluate, steer
-from formation.estimate import EstimatorSettings, EstimatorState, estimate, initial, swarm_state
+from formation.estimate import EstimatorSettings, EstimatorState, ObserverGains, estimate, initial, swarm_state
 from formation.messages import AttitudeTarget, Command, MocapFrame, Reference, SwarmState
 from formation.reference import Mode, Plan
 from formation.response import SECONDS, History, no_history, remember
@@ -52,6 +52,7 @@ class ControlStack:
         self._history: History = no_history(m)
         self._memory: Float = np.zeros((m, 3))
         self._saturation: Scalars = np.zeros(m)
+        self._turn: Scalars = np.zeros(len(config.vehicles))
         self._estimate: EstimatorState | None = None
         self._course: Course | None = None
         self._last_ns = 0
@@ -65,22 +66,27 @@ class ControlStack:
         airborne = np.zeros(len(frame.bodies), dtype=np.bool_)
         if self._course is not None:
             airborne[self._commanded] = self._course.airborne
-        state = estimate(before, self._estimator, frame, self._history, airborne)
-        swarm = swarm_state(state, self._estimator)
+        state = estimate(before, self._estimator, frame, self._history, airborne, self._turn)
+        swarm = swarm_state(state, self._estimator, self._turn)
         motion = _motion(swarm)
         mine = motion[self._commanded]
         old = depart(plan, mine, state.t_ns) if self._course is None else self._course
         course = steer(old, plan, self._crew, mine, motion[0], state.t_ns)
         dt_s = 0.0 if self._course is None else min((t_now_ns - self._last_ns) * SECONDS, STEP_MAX_S)
-        wanted = demand(self._law, state, course, self._history, self._memory, self._saturation >= TILT, t_now_ns, dt_s)
+        wanted = demand(
+            self._law, state, course, self._history, self._memory, self._saturation >= TILT, self._turn, t_now_ns, dt_s
+        )
         idle = np.array([leg.mode is Mode.IDLE for leg in plan.legs])
         target = attitude(self._attitude, wanted, state, course, idle, hover_thrust_norm, t_now_ns)
         self._history = remember(self._history, t_now_ns, target.force)
         self._memory, self._saturation, self._last_ns = wanted.memory, target.saturation, t_now_ns
         self._estimate, self._course = state, course
+        guidance = evaluate(course, state.t_ns, motion[0])
+        self._turn = np.zeros(len(frame.bodies))
+        self._turn[self._commanded] = guidance.lab[:, 2, 3]
         return Stages(
             swarm,
-            _reference(course, evaluate(course, state.t_ns, motion[0]), state.t_ns),
+            _reference(course, guidance, state.t_ns),
             _command(wanted, state, self._commanded),
             _target(target, state.t_ns),
         )
@@ -133,13 +139,13 @@ def _estimator_settings(config: LabConfig, profiles: tuple[VehicleProfile, ...],
             used = gains.own_observer if i == 0 else gains.observer
         else:
             used = gains.vertical_observer
-        return [used.bandwidth_rad_s, used.alpha, used.scale, used.smooth]
+        return _row(used)
 
-    heading, watch = gains.heading_observer, gains.vigilance
+    watch = gains.vigilance
     return EstimatorSettings(
         np.array([row(i, True) for i in range(n)]),
         np.array([row(i, False) for i in range(n)]),
-        np.tile([heading.bandwidth_rad_s, heading.alpha, heading.scale, heading.smooth], (n, 1)),
+        np.array([_row(gains.heading_observer if own[i] >= 0 else gains.seen_heading_observer) for i in range(n)]),
         np.array([[p.response_dead_time_s, p.response_lag_s, p.thrust_dead_time_s, p.thrust_lag_s] for p in profiles]),
         own,
         gains.strength_lag_s,
@@ -148,6 +154,11 @@ def _estimator_settings(config: LabConfig, profiles: tuple[VehicleProfile, ...],
         gains.tilt_decay_1_s,
         np.array([watch.lag_s, watch.threshold, watch.most, watch.bandwidth_power]),
     )
+
+
+def _row(gains: ObserverGains) -> list[float]:
+    """Observer gains as the kernels read them."""
+    return [gains.bandwidth_rad_s, gains.alpha, gains.scale, gains.smooth]
 
 
 def _law_settings(config: LabConfig, gains: Preset, estimator: EstimatorSettings) -> LawSettings:

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from analysis.series import Series, series
 from formation import frames, topics
 from formation.arrays import Bool, Float
-from formation.config import NO_ROTATION, LabConfig
+from formation.config import NO_ROTATION, LabConfig, MocapConfig
 from formation.messages import (
     AttitudeTarget,
     Command,
@@ -35,7 +35,8 @@ from formation.topics import Topic
 from wire.mcap_log import read_log
 
 M = TypeVar("M")
-Stamped = list[tuple[float, object]]
+UNIT_WITHIN = 0.1  # a quaternion whose length is further from one is no rotation
+Stamped = list[tuple[float, float, object]]
 
 
 class Record(Protocol):
@@ -78,12 +79,13 @@ class Run:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Poses:
-    """Every mocap frame, n vehicles in the configuration's order (leader first), marker alignment applied.
+    """Every mocap frame in lab and flu, n vehicles in the configuration's order (leader first).
 
-    t_s (T,) capture times; pos_lab_m (T, n, 3); q_lab_from_flu (T, n, 4); seen (T, n).
+    t_s, received_s (T,): capture and receipt; pos_lab_m (T, n, 3); q_lab_from_flu (T, n, 4); seen (T, n).
     """
 
     t_s: Float
+    received_s: Float
     pos_lab_m: Float
     q_lab_from_flu: Float
     seen: Bool
@@ -153,7 +155,8 @@ def from_records(metadata: Mapping[str, str], records: Iterable[Record]) -> Flig
     for record in records:
         t0_ns = record.t_ns if t0_ns is None else t0_ns
         last_ns = max(last_ns, record.t_ns)
-        found[record.topic.name].append(((_stamp_ns(record) - t0_ns) * 1e-9, record.message))
+        stamp_s, logged_s = (_stamp_ns(record) - t0_ns) * 1e-9, (record.t_ns - t0_ns) * 1e-9
+        found[record.topic.name].append((stamp_s, logged_s, record.message))
     t0_ns = t0_ns or 0
     duration_s = max(last_ns - t0_ns, 0) * 1e-9
     run = _run(metadata)
@@ -165,7 +168,7 @@ def from_records(metadata: Mapping[str, str], records: Iterable[Record]) -> Flig
         vehicles=vehicles,
         t0_ns=t0_ns,
         duration_s=duration_s,
-        poses=_poses(mocap, vehicles),
+        poses=_poses(mocap, vehicles, MocapConfig() if run.lab is None else run.lab.mocap),
         state=_of(found, topics.STATE, SwarmState),
         reference=reference,
         command=_of(found, topics.COMMAND, Command),
@@ -193,7 +196,7 @@ def _stamp_ns(record: Record) -> int:
 
 def _of(found: Mapping[str, Stamped], topic: Topic, kind: type[M]) -> Series[M]:
     """The series of one topic; a record of another type than the topic's is left out."""
-    return series([(t, message) for t, message in found.get(topic.name, []) if isinstance(message, kind)])
+    return series([(t, at, message) for t, at, message in found.get(topic.name, []) if isinstance(message, kind)])
 
 
 def _run(metadata: Mapping[str, str]) -> Run:
@@ -229,8 +232,8 @@ def _vehicles(lab: LabConfig | None, mocap: Series[MocapFrame], reference: Serie
     return tuple(Vehicle(body, None, i - observed if i >= observed else None) for i, body in enumerate(bodies))
 
 
-def _poses(mocap: Series[MocapFrame], vehicles: tuple[Vehicle, ...]) -> Poses:
-    """Reorder every frame's bodies as `vehicles`; a body a frame lacks is unseen there."""
+def _poses(mocap: Series[MocapFrame], vehicles: tuple[Vehicle, ...], config: MocapConfig) -> Poses:
+    """Every frame's bodies ordered as `vehicles`, in lab and flu; what is missing or no pose is unseen."""
     shape = (len(mocap), len(vehicles))
     pos, q, seen = np.zeros((*shape, 3)), np.tile(frames.IDENTITY, (*shape, 1)), np.zeros(shape, dtype=np.bool_)
     order: dict[tuple[str, ...], list[tuple[int, int]]] = {}
@@ -242,8 +245,13 @@ def _poses(mocap: Series[MocapFrame], vehicles: tuple[Vehicle, ...]) -> Poses:
             pos[k, i] = frame.pos_lab_m[source]
             q[k, i] = frame.q_lab_from_flu[source]
             seen[k, i] = frame.seen[source]
-    alignment = np.array([v.q_marker_from_flu for v in vehicles]).reshape(-1, 4)
-    return Poses(mocap.t_s, pos, frames.canonical(frames.multiply(q, alignment)), seen)
+    seen &= np.isfinite(pos).all(axis=-1) & (np.abs(np.linalg.norm(q, axis=-1) - 1.0) < UNIT_WITHIN)
+    pos[~seen], q[~seen] = 0.0, frames.IDENTITY
+    turn = frames.canonical(np.array(config.q_lab_from_mocap))
+    alignment = frames.canonical(np.array([v.q_marker_from_flu for v in vehicles]).reshape(-1, 4))
+    pos_lab_m = frames.rotate(turn, pos) + np.array(config.origin_lab_m)
+    q_lab_from_flu = frames.canonical(frames.multiply(frames.multiply(turn, q), alignment))
+    return Poses(mocap.t_s, mocap.logged_s, pos_lab_m, q_lab_from_flu, seen)
 
 
 def _truth(truth: Series[Truth]) -> Mapping[int, Series[Truth]]:

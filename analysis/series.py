@@ -18,11 +18,12 @@ MIN_PARABOLA = 5
 class Series(Generic[M]):
     """The messages of one topic, ordered in time.
 
-    t_s (T,): the time each message speaks of (capture time where it has one, else when it was logged),
-    in seconds since the first record of the log.
+    t_s (T,): the time each message speaks of (capture time where it has one, else when it was logged);
+    logged_s (T,): when it was logged; both in seconds since the first record of the log.
     """
 
     t_s: Float
+    logged_s: Float
     messages: tuple[M, ...]
 
     def __len__(self) -> int:
@@ -34,13 +35,16 @@ class Series(Generic[M]):
 
     def where(self, keep: Bool) -> "Series[M]":
         """The messages whose flag in keep (T,) is set."""
-        return Series(self.t_s[keep], tuple(m for m, kept in zip(self.messages, keep, strict=True) if kept))
+        return Series(
+            self.t_s[keep], self.logged_s[keep], tuple(m for m, kept in zip(self.messages, keep, strict=True) if kept)
+        )
 
 
-def series(stamped: list[tuple[float, M]]) -> Series[M]:
-    """A series of (t_s, message) pairs, sorted by time; equal times keep their order."""
-    ordered = sorted(stamped, key=lambda pair: pair[0])
-    return Series(np.array([t for t, _ in ordered], dtype=np.float64), tuple(message for _, message in ordered))
+def series(stamped: list[tuple[float, float, M]]) -> Series[M]:
+    """A series of (t_s, logged_s, message), sorted by the first; equal times keep their order."""
+    ordered = sorted(stamped, key=lambda entry: entry[0])
+    times = np.array([entry[:2] for entry in ordered], dtype=np.float64).reshape(-1, 2)
+    return Series(times[:, 0], times[:, 1], tuple(message for _, _, message in ordered))
 
 
 def nearest(t_s: Float, wanted_s: Float) -> Index:

@@ -44,11 +44,12 @@ class Layout:
 CRC_EXTRA: dict[int, int] = {number: message.crc_extra for number, message in dialect.mavlink_map.items()}
 
 
-def layout(name: str, *, raw: str = "", extension: str = "") -> Layout:
-    """The layout of the message `name`.
+def layout(name: str, count: int, *, raw: str = "", extension: str = "") -> Layout:
+    """The layout of the message `name` with `count` fields, arrays spread out.
 
-    raw: a four-byte field to keep as bytes. extension: structure of extension fields that pymavlink
-    does not know yet; they take no part in the checksum's seed.
+    Another version of pymavlink may know more extension fields, which are left out, or fewer, for which
+    `extension` has the structure; extensions come last and take no part in the checksum's seed.
+    raw: a four-byte field to keep as bytes. ValueError if these fields cannot be had.
     """
     message = getattr(dialect, f"MAVLink_{name.lower()}_message")
     codes = _field_codes(message.unpacker.format)
@@ -56,14 +57,18 @@ def layout(name: str, *, raw: str = "", extension: str = "") -> Layout:
         codes[message.ordered_fieldnames.index(raw)] = "4s"
     counts = [1 if code.endswith("s") else int(code[:-1] or 1) for code in codes]
     starts = [sum(counts[:i]) for i in range(len(counts))]
-    order = [starts[i] + k for i in message.orders for k in range(counts[i])]
-    order += range(len(order), len(order) + len(extension))
-    back = sorted(range(len(order)), key=order.__getitem__)
+    order = [starts[i] + k for i in message.orders for k in range(counts[i])][:count]
+    kept = [code for code, start in zip(codes, starts, strict=True) if start < count]
+    missing = count - len(order)
+    if missing > len(extension) or sorted(order) != list(range(len(order))):
+        raise ValueError(f"{name} with {count} fields is none that pymavlink knows")
+    order += range(len(order), count)
+    back = sorted(range(count), key=order.__getitem__)
     return Layout(
         id=message.id,
         name=name,
         crc_extra=message.crc_extra,
-        payload=struct.Struct("<" + "".join(codes) + extension),
+        payload=struct.Struct("<" + "".join(kept) + extension[len(extension) - missing :]),
         to_wire=operator.itemgetter(*back),
         from_wire=operator.itemgetter(*order),
     )

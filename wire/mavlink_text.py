@@ -6,7 +6,7 @@ from formation.messages import Severity
 from wire.link_messages import Address, StatusText
 from wire.mavlink_layout import Fields, layout
 
-STATUSTEXT = layout("STATUSTEXT")
+STATUSTEXT = layout("STATUSTEXT", 4)
 _CHUNK = 50
 _LONGEST = 255 * _CHUNK  # chunk_seq is one byte
 _SOURCES = 64

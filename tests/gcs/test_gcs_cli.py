@@ -1,0 +1,120 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from formation.messages import Verb
+from gcs.__main__ import app
+from wire.mcap_log import check_log
+
+runner = CliRunner()
+LAB = """
+name = "{name}"
+[mocap]
+source = "csv"
+file = "{csv}"
+[leader]
+body = "lead"
+[[followers]]
+body = "left"
+sysid = 2
+offset_m = [0.0, 1.0, 0.0]
+[link]
+zenoh_connect = ["tcp/127.0.0.1:{port}"]
+{listen}
+"""
+
+
+def _lab(tmp_path: Path, listen: bool = False, csv: str = "") -> Path:
+    port = 20_000 + os.getpid() % 20_000
+    text = LAB.format(
+        name=f"cli-{os.getpid()}",
+        csv=csv or tmp_path / "leader.csv",
+        port=port,
+        listen=f'zenoh_listen = ["tcp/127.0.0.1:{port}"]' if listen else "",
+    )
+    path = tmp_path / ("ground.toml" if listen else "lab.toml")
+    path.write_text(text)
+    return path
+
+
+def test_help_names_every_command_and_the_exit_codes():
+    shown = runner.invoke(app, ["--help"]).output
+    for name in ("run", "rules", *(verb.value for verb in Verb)):
+        assert name in shown
+    assert "no ground answers" in shown
+
+
+def test_a_lab_file_that_is_not_right_is_named_with_its_key(tmp_path):
+    lab = tmp_path / "lab.toml"
+    lab.write_text("[leader]\nbody = 'lead'\nspeed_kmh = 3\n[[followers]]\nbody='l'\nsysid=2\noffset_m=[0,1,0]\n")
+    result = runner.invoke(app, ["run", str(lab)])
+    assert result.exit_code == 2
+    assert "lab.toml" in result.output
+    assert "speed_kmh" in result.output
+
+
+def test_a_lab_file_that_is_missing():
+    result = runner.invoke(app, ["run", "/nowhere/lab.toml"])
+    assert result.exit_code == 2
+    assert "/nowhere/lab.toml" in result.output
+
+
+def test_a_recording_that_is_not_right_is_exit_code_two(tmp_path):
+    csv = tmp_path / "leader.csv"
+    csv.write_text("1,0,0,0,1,0,0,0\n2,0,0,nan,1,0,0,0\n")
+    result = runner.invoke(app, ["run", str(_lab(tmp_path)), "--log", str(tmp_path / "x.mcap")])
+    assert result.exit_code == 2
+    assert f"{csv}:2: a value is not finite" in result.output
+
+
+def test_no_ground_is_exit_code_three(tmp_path):
+    result = runner.invoke(app, ["status", "--lab", str(_lab(tmp_path)), "--timeout", "0.2"])
+    assert result.exit_code == 3
+    assert "no ground answers" in result.output
+
+
+def test_the_rules_are_printed():
+    shown = runner.invoke(app, ["rules"]).output
+    assert "| FORMATION |" in shown
+    assert "outside the fence" in shown
+
+
+def _gcs(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "gcs", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+@pytest.mark.processes
+def test_a_ground_answers_other_processes_and_ends_on_a_signal(tmp_path):
+    csv = tmp_path / "leader.csv"
+    csv.write_text("".join(f"{i * 10_000_000},0,0,1,1,0,0,0\n" for i in range(10_000)))
+    log, lab = tmp_path / "flight.mcap", str(_lab(tmp_path))
+    command = [sys.executable, "-m", "gcs", "run", str(_lab(tmp_path, listen=True)), "--log", str(log), "--json"]
+    ground = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        told = _gcs("status", "--lab", lab, "--json", "--timeout", "50")
+        assert told.returncode == 0, told.stderr
+        status = json.loads(told.stdout)
+        assert status["phase"] == "GROUND"
+        assert status["counters"]["frames"] > 0
+        assert "GROUND" in _gcs("status", "--lab", lab).stdout
+        refused = _gcs("arm", "--lab", lab)
+        assert refused.returncode == 1
+        assert "left: no heartbeat (last heard never)" in refused.stderr
+        refused = _gcs("shape", "heptagon", "--lab", lab, "--json")
+        assert (refused.returncode, json.loads(refused.stdout)["accepted"]) == (1, False)
+        assert _gcs("stop", "--lab", lab).returncode == 0
+        ground.send_signal(signal.SIGINT)
+        output, _ = ground.communicate(timeout=30)
+        assert ground.returncode == 0
+        assert json.loads(output.splitlines()[-1])["phase"] == "STOPPED"
+        assert check_log(log).complete
+    finally:
+        ground.kill()
+        ground.wait()

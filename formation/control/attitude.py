@@ -26,7 +26,7 @@ RAMP_START, RAMP_1_S, RAMP_MOST = 0.2, 0.9, 1.9  # thrust over weight while wait
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AttitudeSettings:
-    """Per commanded vehicle m: vehicle (m) index among the n; body (m, 6): see `body_row`; fence corners (3)."""
+    """Per commanded vehicle m: vehicle (m) index among the n; body (m, 7): see `body_row`; fence corners (3)."""
 
     vehicle: NDArray[np.int64]
     body: Float
@@ -52,8 +52,18 @@ def body_row(profile: VehicleProfile) -> Float:
     """What the inversion needs of one vehicle."""
     return np.array(
         [profile.thrust_curve, profile.response_lag_s, profile.attitude_p_1_s, profile.yaw_p_1_s,
-         float(profile.rate_feed_forward), profile.rate_max_rad_s]
+         float(profile.rate_feed_forward), profile.rate_max_rad_s, turn_authority(profile)]
     )  # fmt: skip
+
+
+def turn_authority(profile: VehicleProfile) -> float:
+    """Attitude error, rad per m/s^2 of thrust, whose correction asks the motors for all the torque they have.
+
+    The attitude and rate loops turn an error into an angular acceleration; a motor can only stop or double.
+    """
+    lever_m = profile.wheelbase_m / (2.0 * sqrt(2.0))
+    acceleration = lever_m * profile.mass_kg / max(profile.inertia_kg_m2[0], profile.inertia_kg_m2[1])
+    return acceleration / (profile.attitude_p_1_s * profile.rate_p_1_s)
 
 
 def attitude(
@@ -68,7 +78,8 @@ def attitude(
     out = Attitude(np.zeros((m, 4)), np.zeros((m, 3)), np.zeros(m), np.zeros(m), np.zeros((m, 4)))
     _attitude(
         settings.vehicle, settings.body, settings.tilt_max_rad, settings.separation_m, settings.fence_low_m,
-        settings.fence_high_m, settings.fence_margin_m, wanted.acc, wanted.lead_acc, wanted.motion, wanted.lift_cos,
+        settings.fence_high_m, settings.fence_margin_m, wanted.acc, wanted.lead_acc, wanted.motion, wanted.force,
+        wanted.lift_cos,
         wanted.yaw, state.pos_lab_m, state.strength, course.airborne, course.release_ns, idle, hover_thrust_norm,
         now_ns, out.q_lab_from_flu, out.rate_flu_rad_s, out.thrust_norm, out.saturation, out.force,
     )  # fmt: skip
@@ -146,9 +157,23 @@ def bound_force(force: Float, lift_most: float, tilt_max_rad: float) -> float:
 
 
 @kernel
+def bound_turn(force: Float, now: Float, authority: float) -> None:
+    """Keeps the horizontal force asked for within what the motors can turn to from the one expected `now` (3).
+
+    Beyond it the attitude loop saturates, cannot brake in time and overshoots. authority: see `turn_authority`.
+    """
+    dx, dy = force[0] - now[0], force[1] - now[1]
+    size = sqrt(dx * dx + dy * dy)
+    most = authority * force[2] * force[2]
+    if size > most:
+        force[0] = now[0] + dx * most / size
+        force[1] = now[1] + dy * most / size
+
+
+@kernel
 def _attitude(
     vehicle: NDArray[np.int64], body: Float, tilt_max: float, separation: float, low: Float, high: Float, margin: float,
-    acc: Float, lead_acc: Float, motion: Float, lift_cos: Float, yaw: Float, pos: Float, strength: Float,
+    acc: Float, lead_acc: Float, motion: Float, force: Float, lift_cos: Float, yaw: Float, pos: Float, strength: Float,
     airborne: NDArray[np.bool_], release_ns: NDArray[np.int64], idle: NDArray[np.bool_], hover_norm: Float, now_ns: int,
     q: Float, rate: Float, norm: Float, saturation: Float, sent: Float,
 ) -> None:  # fmt: skip
@@ -182,6 +207,7 @@ def _attitude(
         met = bound_force(aim, LIFT_MOST * full, tilt_max)
         met_later = bound_force(felt, LIFT_MOST * full, LEAD_TILT_RAD if by_rate else tilt_max)
         saturation[i] = bits + (met if by_rate else max(met, met_later))
+        bound_turn(felt, force[i], body[i, 6])
         for axis in range(3):
             force_rate[axis] = (felt[axis] - aim[axis]) / lag
         if by_rate:

@@ -64,7 +64,8 @@ class Demand:
     """What the law asks of each vehicle, and the inside of how it got there; (m, 3) unless said otherwise.
 
     acc: demanded acceleration; lead_acc: what the lag's inversion adds to it; motion (m, 3, 4): predicted when the
-    command takes hold; lift_cos (m): predicted cosine of tilt when the thrust does; yaw (m, 2): heading and rate.
+    command takes hold; force (m, 3): modelled specific force then; lift_cos (m): predicted cosine of tilt when the
+    thrust does; yaw (m, 2): heading and rate.
     """
 
     e: Vec3s
@@ -75,6 +76,7 @@ class Demand:
     acc: Vec3s
     lead_acc: Vec3s
     motion: Float
+    force: Vec3s
     lift_cos: Float
     yaw: Float
 
@@ -92,7 +94,7 @@ def demand(
     seven = [np.zeros((m, 3)) for _ in range(7)]
     out = Demand(
         seven[0], seven[1], seven[2], seven[3], seven[4], seven[5], seven[6],
-        np.zeros((m, 3, 4)), np.ones(m), np.zeros((m, 2)),
+        np.zeros((m, 3, 4)), np.zeros((m, 3)), np.ones(m), np.zeros((m, 2)),
     )  # fmt: skip
     path = course.trajectory
     _demand(
@@ -103,7 +105,8 @@ def demand(
         course.kind, course.base, course.gap, course.gap_ns, course.gap_s, course.airborne, path.kind, path.numbers,
         path.knots, course.trajectory_ns,
         memory, frozen, min(now_ns, state.t_ns + HORIZON_MAX_NS), dt_s,
-        out.e, out.e_rate, out.s, out.t_m, out.memory, out.acc, out.lead_acc, out.motion, out.lift_cos, out.yaw,
+        out.e, out.e_rate, out.s, out.t_m, out.memory, out.acc, out.lead_acc, out.motion, out.force, out.lift_cos,
+        out.yaw,
     )  # fmt: skip
     return out
 
@@ -134,7 +137,7 @@ def _demand(
     airborne: NDArray[np.bool_], path_kind: int, path_numbers: Float, path_knots: Float, path_ns: int,
     memory: Float, frozen: NDArray[np.bool_], now_ns: int, dt_s: float,
     e: Float, e_rate: Float, s: Float, t_m: Float, new_memory: Float, acc: Float, lead_acc: Float,
-    motion: Float, lift_cos: Float, yaw: Float,
+    motion: Float, felt: Float, lift_cos: Float, yaw: Float,
 ) -> None:  # fmt: skip
     """See `demand`; the out arrays are the fields of Demand."""
     known = Known(
@@ -167,6 +170,7 @@ def _demand(
                 _into_lab(b.frame[0, 3], b.back)
                 _into_lab(b.frame[0, 3], b.back_rate)
                 motion[i] = b.mine
+                felt[i] = b.felt
                 yaw[i] = b.lab[:2, 3]
             else:
                 motion[i, :, 2] = b.mine[:, 2]

@@ -3,12 +3,11 @@
 Every error is one line that names the file, the key and the reason.
 """
 
-import json
-import math
 import tomllib
 from pathlib import Path
 from typing import Any, TypeVar
 
+import tomli_w
 from pydantic import ValidationError
 
 from formation.config import Model
@@ -74,42 +73,4 @@ def _reason(kind: str, message: str, value: Any) -> str:
 
 def dump(model: Model) -> str:
     """TOML text that `load` reads back as the same model; what is None is left out."""
-    return "\n".join(_table(model.model_dump(mode="json"), ())).strip() + "\n"
-
-
-def _table(values: dict[str, Any], path: tuple[str, ...]) -> list[str]:
-    """The lines of one table: its own values first, then the tables inside it."""
-    lines: list[str] = []
-    tables: list[str] = []
-    for name, value in values.items():
-        here = (*path, _bare(name))
-        if value is None:
-            continue
-        if isinstance(value, dict):
-            tables += ["", f"[{'.'.join(here)}]", *_table(value, here)]
-        elif isinstance(value, list) and value and all(isinstance(item, dict) for item in value):
-            for item in value:
-                tables += ["", f"[[{'.'.join(here)}]]", *_table(item, here)]
-        else:
-            lines.append(f"{_bare(name)} = {_value(value)}")
-    return lines + tables
-
-
-def _bare(name: str) -> str:
-    plain = name.isascii() and name.replace("_", "").replace("-", "").isalnum()
-    return name if plain else json.dumps(name, ensure_ascii=False)
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, float):
-        return repr(value) if math.isfinite(value) else str(value)
-    if isinstance(value, int):
-        return str(value)
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_value, value)) + "]"
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{_bare(k)} = {_value(v)}" for k, v in value.items() if v is not None) + " }"
-    # JSON's escapes are TOML's, but for DEL, which TOML wants escaped too.
-    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
+    return tomli_w.dumps(model.model_dump(mode="json", exclude_none=True))

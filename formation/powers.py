@@ -43,12 +43,12 @@ def implicit_root(y: float, k1: float, p1: float, k2: float, p2: float, k3: floa
         return 0.0
     log_y = log(size)
     u = log_y - log(1.0 + k1 + k2 + k3)
-    smooth_square = smooth * smooth
     for _ in range(NEWTON_STEPS):
-        x = exp(u)
-        square = x * x + smooth_square
-        half_log = 0.5 * log(square)
-        bend = x * x / square
+        half_log, bend = u, 1.0
+        if smooth > 0.0:
+            square = exp(2.0 * u)
+            half_log = 0.5 * log(square + smooth * smooth)
+            bend = square / (square + smooth * smooth)
         a = k1 * exp((p1 - 1.0) * half_log)
         b = k2 * exp((p2 - 1.0) * half_log)
         c = k3 * exp((p3 - 1.0) * half_log)

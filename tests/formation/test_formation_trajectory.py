@@ -1,0 +1,97 @@
+import numpy as np
+import pytest
+
+from formation.arrays import Float
+from formation.blend import add_gap, duration_s
+from formation.config import TrajectoryConfig
+from formation.trajectory import Trajectory, anchored, min_jerk, sample
+
+ANCHOR = np.array([0.1, 0.2, 0.3])
+KINDS = [
+    TrajectoryConfig(kind="hold", yaw_rate_rad_s=1.0),
+    TrajectoryConfig(kind="line", length_m=1.0, duration_s=4.0),
+    TrajectoryConfig(kind="circle", radius_m=0.3, period_s=6.0, duration_s=12.0, yaw_rate_rad_s=-0.5),
+    TrajectoryConfig(kind="waypoints", waypoints_m=((1.0, 0.0, 0.5), (1.0, 1.0, 1.0), (0.0, 0.0, 0.3))),
+]
+
+
+def motion(path: Trajectory, t_s: float) -> Float:
+    out = np.empty((3, 4))
+    sample(path.kind, path.numbers, path.knots, t_s, out)
+    return out
+
+
+@pytest.mark.parametrize("config", KINDS, ids=lambda c: c.kind)
+def test_rates_are_derivatives_and_nothing_jumps(config: TrajectoryConfig) -> None:
+    path = anchored(config, ANCHOR, 0.5)
+    h = 1e-4
+    for t in np.linspace(-0.5, path.duration_s + 0.5, 331):
+        before, now, after = (motion(path, t + k * h) for k in (-1, 0, 1))
+        np.testing.assert_allclose(now[1], (after[0] - before[0]) / (2 * h), atol=2e-4)
+        np.testing.assert_allclose(now[2], (after[1] - before[1]) / (2 * h), atol=2e-2)
+
+
+@pytest.mark.parametrize("config", KINDS, ids=lambda c: c.kind)
+def test_from_rest_to_rest(config: TrajectoryConfig) -> None:
+    path = anchored(config, ANCHOR, 0.5)
+    for t in (0.0, path.duration_s, path.duration_s + 5.0):
+        np.testing.assert_allclose(motion(path, t)[1:], 0.0, atol=1e-9)
+
+
+def test_line_goes_its_length_along_lab_x() -> None:
+    path = anchored(KINDS[1], ANCHOR, 0.0)
+    np.testing.assert_allclose(motion(path, 10.0)[0, :3], [1.1, 0.2, 0.3])
+
+
+def test_circle_is_about_the_origin_at_the_anchors_height_with_whole_laps() -> None:
+    path = anchored(KINDS[2], ANCHOR, 0.0)
+    for t in np.linspace(0.0, path.duration_s, 50):
+        p = motion(path, t)[0]
+        assert np.hypot(p[0], p[1]) == pytest.approx(0.3)
+        assert p[2] == 0.3
+    np.testing.assert_allclose(motion(path, path.duration_s)[0, :2], [0.3, 0.0], atol=1e-9)
+    assert np.linalg.norm(motion(path, 0.5 * path.duration_s)[1, :2]) == pytest.approx(0.3 * 2 * np.pi / 6.0)
+
+
+def test_waypoints_are_met_in_turn_within_the_speed() -> None:
+    path = anchored(KINDS[3], ANCHOR, 0.0)
+    for t, *point in path.knots:
+        np.testing.assert_allclose(motion(path, t)[0, :3], point, atol=1e-9)
+    speeds = [np.linalg.norm(motion(path, t)[1, :3]) for t in np.linspace(0.0, path.duration_s, 500)]
+    assert max(speeds) <= KINDS[3].speed_m_s + 1e-9
+
+
+def test_turn_reaches_its_rate_and_adds_to_the_heading() -> None:
+    path = anchored(KINDS[0], ANCHOR, 0.5)
+    assert motion(path, 4.0)[1, 3] == pytest.approx(1.0)
+    assert motion(path, 99.0)[0, 3] == pytest.approx(0.5 + (8.0 - 1.0) * 1.0)
+
+
+def test_min_jerk_golden() -> None:
+    assert min_jerk(0.5) == pytest.approx((0.5, 1.875, 0.0))
+
+
+def test_a_gap_begins_as_it_is_and_ends_as_nothing() -> None:
+    gap = np.arange(12, dtype=np.float64).reshape(3, 4) - 5.0
+    out = np.zeros((3, 4))
+    add_gap(gap, 0.0, 1.7, out)
+    np.testing.assert_allclose(out, gap)
+    for t in (1.7 - 1e-9, 1.7, 30.0):
+        out = np.zeros((3, 4))
+        add_gap(gap, t, 1.7, out)
+        np.testing.assert_allclose(out, 0.0, atol=1e-6)
+
+
+def test_gap_rates_are_derivatives() -> None:
+    gap, h = np.array([[1.0, -2.0, 0.5, 0.1], [0.3, 0.0, -1.0, 0.2], [1.0, 2.0, 0.0, -1.0]]), 1e-5
+    for t in np.linspace(0.1, 1.5, 9):
+        before, now, after = np.zeros((3, 4)), np.zeros((3, 4)), np.zeros((3, 4))
+        add_gap(gap, t - h, 1.7, before)
+        add_gap(gap, t, 1.7, now)
+        add_gap(gap, t + h, 1.7, after)
+        np.testing.assert_allclose(now[1:], (after - before)[:2] / (2 * h), atol=1e-5)
+
+
+def test_closing_time_keeps_speed_and_acceleration() -> None:
+    assert duration_s(4.0, 0.0, 0.5) == pytest.approx(15.0)  # 1.875 d / v
+    assert duration_s(0.0, 0.0, 0.5) == 0.6

@@ -16,12 +16,13 @@ import uvloop
 from rich.console import Console
 from rich.table import Table
 
+from analysis.console import print_summary
 from analysis.metrics import Summary
 from formation.config import QuatTuple
 from gcs.daemon import GCS_NAME
 from gcs.mocap.csv_file import MocapFileError
 from sim import lockstep, mocap_daemon
-from sim.conclude import conclude, show
+from sim.conclude import conclude
 from sim.display import Display
 from sim.fly import Files
 from sim.fly import fly as fly_processes
@@ -77,9 +78,7 @@ def fly(
     outcome = flown or Outcome("aborted", "interrupted")
     if not files.mcap.exists():
         _fail(f"no log was written: {outcome.reason} (see {files.folder})", ABORTED)
-    _end(conclude(files.mcap, outcome), json_file, console)
-    if flown is None:
-        raise typer.Exit(INTERRUPTED)
+    _end(conclude(files.mcap, outcome), json_file, console, ABORTED if flown else INTERRUPTED)
 
 
 @app.command()
@@ -169,13 +168,13 @@ def _folder(out: Path | None, scenario: Scenario) -> Path:
     return folder
 
 
-def _end(summary: Summary, json_file: Path | None, console: Console) -> None:
-    """Show the run's numbers; exit code 1 where it was aborted."""
-    show(summary, console)
+def _end(summary: Summary, json_file: Path | None, console: Console, aborted_code: int = ABORTED) -> None:
+    """Show the run's numbers; end with `aborted_code` where it was aborted."""
+    print_summary(summary, console)
     if json_file is not None:
         json_file.write_text(summary.to_json() + "\n", encoding="utf-8")
     if summary.outcome.startswith("aborted"):
-        raise typer.Exit(ABORTED)
+        raise typer.Exit(aborted_code)
 
 
 def _fail(text: str, code: int) -> NoReturn:

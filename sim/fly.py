@@ -1,14 +1,15 @@
 """A flight in real time by real processes: the mocap emulator, one agent a drone, and `gcs run`, over real links."""
 
 import asyncio
-from collections.abc import Callable, Coroutine
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from formation.config import Model
 from formation.messages import OperatorReply, OperatorRequest
 from gcs.daemon import GCS_NAME
-from sim.processes import ProcessGroup
+from sim.processes import Child, ProcessGroup
 from sim.scenario import Scenario, agent_configs, leader_seconds, recorded_leader
 from sim.script import Glance, Operator, Outcome
 from wire import clock, config_file
@@ -20,7 +21,7 @@ Progress = Callable[[float, str], None]
 TRUTH_RATE_HZ = 250.0
 LOOK_NS = 50_000_000
 ANSWER_S = 25.0
-LANDING_PATIENCE_S = 30.0
+LANDING_PATIENCE_S = 20.0
 START_WITHIN_NS = 60_000_000_000
 SILENT_NS = 3_000_000_000
 AFTER_NS = 500_000_000
@@ -58,30 +59,45 @@ class Files:
         return self.folder / f"agent-{sysid}.toml"
 
 
+@dataclass(frozen=True, slots=True)
+class Running:
+    """A flight's processes, and the operator's place on their bus."""
+
+    group: ProcessGroup
+    ground: Child
+    bus: ZenohBus
+
+
+@asynccontextmanager
+async def running(scenario: Scenario, seed: int, files: Files) -> AsyncIterator[Running]:
+    """All processes of the scenario, logging into `files`; on leaving the ground is stopped first, and lands."""
+    _write(files.scenario, scenario)
+    _write(files.lab, scenario.lab)
+    async with ProcessGroup(files.folder) as group:
+        await group.start("mocap", "sim", ["mocap", str(files.scenario), "--seed", str(seed)])
+        for config in agent_configs(scenario, recorded_leader(scenario)):
+            file = files.agent(config.sysid)
+            _write(file, config.model_copy(update={"truth_rate_hz": TRUTH_RATE_HZ}))
+            await group.start(f"agent-{config.sysid}", "drone_agent", ["--config", str(file)])
+        tags = ("--tag", f"scenario={scenario.name}", "--tag", f"seed={seed}")
+        arguments = ["run", str(files.lab), "--log", str(files.mcap), *tags]
+        ground = await group.start("gcs", "gcs", arguments, patience_s=LANDING_PATIENCE_S)
+        bus = await ZenohBus.open(scenario.lab.link, scenario.lab.name)
+        try:
+            yield Running(group, ground, bus)
+        finally:
+            await bus.close()
+
+
 async def fly(scenario: Scenario, seed: int, files: Files, progress: Progress) -> Outcome:
-    """Fly the scenario (its lab says over which link), logging into `files`; every process is gone at return.
+    """Fly the scenario (its lab says over which link) to its end; every process is gone at return.
 
     Cancelling it (Ctrl-C) lands the drones and stops the processes as cleanly. A process that dies in flight is an
     outcome, not an error. Raises what a wrong scenario raises, and BusError.
     """
-    leader = recorded_leader(scenario)
-    operator = Operator(scenario.script, leader_seconds(scenario, leader))
-    _write(files.scenario, scenario)
-    _write(files.lab, scenario.lab)
-    for config in agent_configs(scenario, leader):
-        _write(files.agent(config.sysid), config.model_copy(update={"truth_rate_hz": TRUTH_RATE_HZ}))
-    async with ProcessGroup(files.folder) as group:
-        await group.start("mocap", "sim", ["mocap", str(files.scenario), "--seed", str(seed)])
-        for sysid in (v.sysid for v in scenario.lab.vehicles if v.sysid is not None):
-            await group.start(f"agent-{sysid}", "drone_agent", ["--config", str(files.agent(sysid))])
-        tags = ("--tag", f"scenario={scenario.name}", "--tag", f"seed={seed}")
-        arguments = ["run", str(files.lab), "--log", str(files.mcap), *tags]
-        await group.start("gcs", "gcs", arguments, patience_s=LANDING_PATIENCE_S)
-        bus = await ZenohBus.open(scenario.lab.link, scenario.lab.name)
-        try:
-            return await _first(group.watch(), _operate(bus, operator, scenario.longest_s, progress))
-        finally:
-            await bus.close()
+    operator = Operator(scenario.script, leader_seconds(scenario, recorded_leader(scenario)))
+    async with running(scenario, seed, files) as flight:
+        return await _first(flight.group.watch(), operate(flight.bus, operator, scenario.longest_s, progress))
 
 
 def _write(path: Path, model: Model) -> None:
@@ -122,7 +138,7 @@ class _Conversation:
         self._operator.observe(Glance.at(text), self.heard_ns)
 
 
-async def _operate(bus: ZenohBus, operator: Operator, longest_s: float, progress: Progress) -> Outcome:
+async def operate(bus: ZenohBus, operator: Operator, longest_s: float, progress: Progress) -> Outcome:
     """Walk through the operator's script until the flight is over, one way or another."""
     talk = _Conversation(bus, operator)
     start_ns = clock.monotonic_ns()

@@ -1,0 +1,89 @@
+"""Short flights for real processes, and how to start and watch `gcs-sim fly` from outside."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+TRIANGLE = """
+name = "short_triangle"
+
+[lab]
+name = "lab"
+
+[lab.leader]
+body = "leader"
+sysid = 1
+trajectory = {{ {trajectory} }}
+
+[[lab.followers]]
+body = "right"
+sysid = 2
+offset_m = [-0.4, -0.4, 0.0]
+
+[[lab.followers]]
+body = "left"
+sysid = 3
+offset_m = [-0.4, 0.4, 0.0]
+"""
+LINE = 'kind = "line", length_m = 0.5, duration_s = 4.0'
+CIRCLE = 'kind = "circle", radius_m = 0.5, period_s = 5.0, duration_s = 60.0'
+
+
+def write_scenario(folder: Path, trajectory: str) -> Path:
+    path = folder / "short_triangle.toml"
+    path.write_text(TRIANGLE.format(trajectory=trajectory))
+    return path
+
+
+@contextmanager
+def gcs_sim_fly(*arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """`gcs-sim fly` running; its output is text on `stdout`. Interrupted, and waited for, on leaving."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "sim", "fly", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=os.environ | {"COLUMNS": "300"},
+    )
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+            process.communicate()
+
+
+def read_until(process: subprocess.Popen[str], word: str) -> str:
+    """Everything printed up to and with the line that holds `word`; fails if the process ends before."""
+    assert process.stdout is not None
+    said = ""
+    for line in process.stdout:
+        said += line
+        if word in line:
+            return said
+    raise AssertionError(f"ended without {word!r}:\n{said}")
+
+
+def processes_of(folder: Path) -> dict[int, list[str]]:
+    """The command lines, by process id, of all processes that were told of `folder`."""
+    found = {}
+    for entry in Path("/proc").iterdir():
+        if not entry.name.isdigit() or int(entry.name) == os.getpid():
+            continue
+        try:
+            words = (entry / "cmdline").read_bytes().decode().split("\0")
+        except OSError:  # it has ended meanwhile
+            continue
+        if any(str(folder) in word for word in words):
+            found[int(entry.name)] = words
+    return found
+
+
+def pid_of(folder: Path, tells: Callable[[list[str]], bool]) -> int:
+    """The one process of the flight whose command line `tells`."""
+    (pid,) = (pid for pid, words in processes_of(folder).items() if tells(words))
+    return pid

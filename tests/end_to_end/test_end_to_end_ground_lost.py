@@ -1,0 +1,100 @@
+"""Kill -9 of the ground in flight: the agents are the last line, and the log is there."""
+
+import asyncio
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flights import CIRCLE, write_scenario
+
+from formation import frames, topics
+from formation.arrays import Float
+from formation.messages import Truth
+from sim.fly import Files, operate, running
+from sim.ports import private_link
+from sim.scenario import Scenario, load
+from sim.script import FLIGHT, Operator
+from wire import clock
+from wire.mcap_log import check_log, read_log
+
+pytestmark = [pytest.mark.processes, pytest.mark.timeout(240)]
+
+SYSIDS = (1, 2, 3)
+FAST_M_S = 0.5
+
+
+class Watched:
+    """The true states of all drones as they come, and a way to wait for something among them."""
+
+    def __init__(self) -> None:
+        self.truths: dict[int, list[Truth]] = {sysid: [] for sysid in SYSIDS}
+        self._wanted: Callable[[], bool] = lambda: False
+        self._happened = asyncio.Event()
+
+    def take(self, truth: Truth) -> None:
+        self.truths[truth.sysid].append(truth)
+        if self._wanted():
+            self._happened.set()
+
+    async def wait_for(self, wanted: Callable[[], bool]) -> None:
+        self._wanted = wanted
+        self._happened.clear()
+        await self._happened.wait()
+
+    def all_faster_than(self, speed_m_s: float) -> bool:
+        return all(seen and np.linalg.norm(seen[-1].vel_lab_m_s) > speed_m_s for seen in self.truths.values())
+
+    def all_landed_since(self, t_ns: int) -> bool:
+        """Every drone has been on the floor for the last second, and after t_ns."""
+        return all(
+            seen[-1].t_ns > t_ns + 1_000_000_000
+            and all(truth.on_ground for truth in seen if truth.t_ns > seen[-1].t_ns - 1_000_000_000)
+            for seen in self.truths.values()
+        )
+
+
+async def fly_and_kill(scenario: Scenario, files: Files) -> tuple[Watched, int]:
+    """Fly the circle, kill the ground in full flight, wait until all are down; when it was killed."""
+    watched = Watched()
+    operator = Operator(FLIGHT[:3])
+    async with running(scenario, 1, files) as flight:
+        flight.bus.on_truth(watched.take)
+        script = asyncio.create_task(operate(flight.bus, operator, 120.0, lambda _t_s, _phase: None))
+        await watched.wait_for(lambda: watched.all_faster_than(FAST_M_S))
+        killed_ns = clock.monotonic_ns()
+        os.kill(flight.ground.process.pid, signal.SIGKILL)
+        script.cancel()
+        await watched.wait_for(lambda: watched.all_landed_since(killed_ns))
+    return watched, killed_ns
+
+
+def tilt_rad(truth: Truth) -> float:
+    up: Float = frames.rotate(truth.q_lab_from_flu, np.array([0.0, 0.0, 1.0]))
+    return float(np.arccos(min(up[2], 1.0)))
+
+
+@pytest.mark.parametrize("link", ["zenoh", "udp"])
+def test_every_agent_levels_and_lands_by_itself_and_the_log_is_whole_to_the_last_moment(
+    link: str, tmp_path: Path
+) -> None:
+    scenario = load(str(write_scenario(tmp_path, CIRCLE)))
+    lab = scenario.lab.model_copy(update={"link": private_link(link, SYSIDS)})
+    files = Files(tmp_path)
+    watched, killed_ns = asyncio.run(fly_and_kill(scenario.model_copy(update={"lab": lab}), files))
+
+    entries = list(read_log(files.mcap).entries)
+    assert not check_log(files.mcap).complete
+    assert 0 <= killed_ns - entries[-1].t_ns < 50_000_000
+    for sysid in SYSIDS:
+        last_ns = max(e.t_ns for e in entries if e.topic is topics.LINK_DOWN and e.message.sysid == sysid)
+        seen = watched.truths[sysid]
+        at_kill = min(seen, key=lambda truth: abs(truth.t_ns - last_ns))
+        levelled = min(seen, key=lambda truth: abs(truth.t_ns - last_ns - 200_000_000))
+        assert tilt_rad(at_kill) > np.radians(3.0)
+        assert tilt_rad(levelled) < np.radians(2.5)
+        moved_m = np.linalg.norm(seen[-1].pos_lab_m[:2] - at_kill.pos_lab_m[:2])
+        assert moved_m < 0.6
+        assert seen[-1].t_ns - last_ns < 12_000_000_000

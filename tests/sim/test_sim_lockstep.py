@@ -1,0 +1,120 @@
+import json
+import socket
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.load import Flight, from_records
+from analysis.metrics import Summary, summarise
+from formation import topics
+from formation.messages import Phase, Verb
+from gcs.replay import replay
+from sim import lockstep
+from sim.scenario import Scenario, TrueVehicle, load
+from sim.script import FLIGHT, Outcome, Step
+from sim.world import T0_NS
+from wire.mcap_log import check_log, read_log
+
+
+def short(**changes: object) -> Scenario:
+    """The triangle behind a leader on a small fast circle, one lap."""
+    scenario = load("triangle_circle")
+    trajectory = scenario.lab.leader.trajectory.model_copy(update={"period_s": 6.0, "duration_s": 6.0})
+    leader = scenario.lab.leader.model_copy(update={"trajectory": trajectory})
+    lab = scenario.lab.model_copy(update={"leader": leader})
+    return scenario.model_copy(update={"lab": lab} | changes)
+
+
+def flown(scenario: Scenario, seed: int) -> tuple[Outcome, Flight, Summary]:
+    result, records = lockstep.run_in_memory(scenario, seed)
+    flight = from_records(lockstep.metadata(scenario, seed, "memory", T0_NS), records)
+    return result.outcome, flight, summarise(flight)
+
+
+def test_scenario_and_seed_decide_every_command() -> None:
+    _, _, first = flown(short(), 7)
+    _, _, again = flown(short(), 7)
+    _, _, other = flown(short(), 8)
+    assert first.command_hash == again.command_hash
+    assert first.command_hash != other.command_hash
+
+
+def test_the_triangle_is_flown_and_landed() -> None:
+    outcome, flight, summary = flown(short(), 1)
+    assert outcome == Outcome("landed")
+    assert summary.outcome == "landed"
+    phases = [span.phase for span in flight.phases]
+    assert phases == [
+        Phase.GROUND, Phase.ARMED, Phase.TAKEOFF, Phase.HOLD, Phase.FORMATION, Phase.HOLD, Phase.LAND, Phase.GROUND
+    ]  # fmt: skip
+    assert summary.formation_rms_m is not None
+    assert summary.formation_rms_m < 0.005
+    assert summary.min_separation_m is not None
+    assert summary.min_separation_m > 0.5
+    for sysid in (1, 2, 3):
+        assert flight.truth[sysid].messages[-1].on_ground
+
+
+def test_the_log_is_whole_and_replays_bit_by_bit(tmp_path: Path) -> None:
+    path = tmp_path / "flight.mcap"
+    lockstep.run_to_file(short(script=FLIGHT[:3], longest_s=12.0), 3, path)
+    assert check_log(path).complete
+    assert replay(read_log(path)).identical
+
+
+def test_a_flight_that_does_not_end_is_aborted_and_says_so() -> None:
+    outcome, _, summary = flown(short(longest_s=8.0), 1)
+    assert outcome == Outcome("aborted", "not over after 8 s")
+    assert summary.outcome.startswith("aborted")
+
+
+def test_an_emergency_stop_in_the_script_cuts_every_motor_and_aborts() -> None:
+    script = (*FLIGHT[:2], Step(verb=Verb.STOP, phase="HOLD"))
+    outcome, flight, _ = flown(short(script=script), 1)
+    assert outcome.result == "aborted"
+    assert flight.phases[-1].phase is Phase.STOPPED
+
+
+def test_a_drone_heavier_than_the_controller_believes_still_holds_its_slot() -> None:
+    heavy = TrueVehicle(sysid=2, vehicle={"mass_kg": 0.048})
+    outcome, flight, summary = flown(short(vehicles=(heavy,)), 1)
+    assert outcome.result == "landed"
+    assert summary.formation_rms_m is not None
+    assert summary.formation_rms_m < 0.01
+    thrust = flight.target.column(lambda target: target.thrust_norm)
+    aloft = slice(len(thrust) // 2, len(thrust) // 2 + 200)
+    assert np.all(thrust[aloft, 1].mean() > 1.05 * thrust[aloft, 2].mean())
+
+
+def test_frames_late_lost_and_hidden_do_not_end_the_flight() -> None:
+    scenario = short()
+    mocap = scenario.mocap.model_copy(update={"lost_share": 0.05, "occluded_share": 0.05})
+    link = scenario.link.model_copy(update={"lost_share": 0.05})
+    outcome, _, summary = flown(scenario.model_copy(update={"mocap": mocap, "link": link}), 2)
+    assert outcome.result == "landed"
+    assert summary.formation_max_m is not None
+    assert summary.formation_max_m < 0.05
+
+
+def test_nothing_in_lockstep_opens_a_socket(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("a socket was opened")
+
+    monkeypatch.setattr(socket, "socket", refuse)
+    outcome, _, _ = flown(short(script=FLIGHT[:2], longest_s=8.0), 1)
+    assert outcome.result == "held"
+
+
+def test_bytes_cross_the_links_both_ways_in_order() -> None:
+    _, flight, _ = flown(short(script=FLIGHT[:2], longest_s=5.0), 1)
+    assert {datagram.sysid for datagram in flight.up.messages} == {1, 2, 3}
+    assert {datagram.sysid for datagram in flight.down.messages} == {1, 2, 3}
+    assert all(np.diff(flight.up.t_s) >= 0.0)
+
+
+def test_the_metadata_says_what_was_flown() -> None:
+    said = lockstep.metadata(short(), 9, "memory", T0_NS)
+    assert (said["scenario"], said["seed"], said["link"]) == ("triangle_circle", "9", "memory")
+    assert json.loads(said["lab"])["leader"]["body"] == "leader"
+    assert topics.TRUTH.name == "sim/truth"

@@ -230,12 +230,15 @@ def start(n: int) -> Watch:
 
 def assess(watch: Watch, facts: Facts, phase: Phase, limits: LimitsConfig, now_ns: int) -> tuple[Watch, Verdict]:
     """Apply every rule to every vehicle; a fault acts once it has lasted its rule's `persist_s`."""
-    nobody = np.zeros(len(facts.names), np.bool_)
-    broken = np.array([rule.test(facts, limits) if phase in rule.phases else nobody for rule in RULES])
+    n = len(facts.names)
+    broken = np.zeros((len(RULES), n), np.bool_)
+    for row, test in _TESTS[phase]:
+        broken[row] = test(facts, limits)
+    if not broken.any() and not watch.acted.any():
+        nobody = np.zeros(n, np.bool_)
+        return start(n), Verdict(None, "", nobody, nobody, ())
     since = np.where(broken, np.where(watch.since_ns < 0, now_ns, watch.since_ns), -1)
     acting = broken & (now_ns - since >= _PERSIST_NS[:, None])
-    if not acting.any() and not watch.acted.any():
-        return Watch(since, acting), Verdict(None, "", nobody, nobody, ())
     trigger, cause = _swarm_trigger(acting, facts)
     verdict = Verdict(
         trigger=trigger,
@@ -248,6 +251,7 @@ def assess(watch: Watch, facts: Facts, phase: Phase, limits: LimitsConfig, now_n
 
 
 _PERSIST_NS = np.array([round(rule.persist_s * 1e9) for rule in RULES], np.int64)
+_TESTS = {phase: tuple((row, r.test) for row, r in enumerate(RULES) if phase in r.phases) for phase in Phase}
 
 
 def _swarm_trigger(acting: NDArray[np.bool_], facts: Facts) -> tuple[Trigger | None, str]:

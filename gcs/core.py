@@ -76,6 +76,7 @@ class GcsCore:
         self._requests: list[OperatorRequest] = []
         self._arming_request: int | None = None
         self._tick_ns = t0_ns
+        self._due = False
         self._heartbeat_due_ns = t0_ns
         self._pose_due_ns = t0_ns
         self._watchdog_ns = round(WATCHDOG_FRAMES / config.mocap.rate_hz * 1e9)
@@ -98,17 +99,18 @@ class GcsCore:
                     self._strays += 1
                 else:
                     link.receive(message.data, now_ns)
+                    self._due = self._due or link.has_answers
             case OperatorRequest():
                 self._requests.append(message)
+                self._due = True
 
     def next_deadline_ns(self) -> int:
         """When `tick` is due if nothing arrives: at once if there is something to do, else when a frame is overdue."""
-        waiting = self._frame is not None or self._requests or any(link.has_answers for link in self._links.values())
-        return self._tick_ns if waiting else self._tick_ns + self._watchdog_ns
+        return self._tick_ns if self._due else self._tick_ns + self._watchdog_ns
 
     def tick(self, now_ns: int) -> Outgoing:
         """Control on a fresh frame, safety and the flight's progress always. Raises BrokenInvariantError."""
-        self._tick_ns = now_ns
+        self._tick_ns, self._due = now_ns, False
         frame = self._take_frame()
         stages = None if frame is None else self._control(frame, now_ns)
         facts = self._gatherer.gather(self._stages, self._lateness.share, now_ns)
@@ -136,7 +138,7 @@ class GcsCore:
             return
         self._newest_capture_ns = frame.t_capture_ns
         self._lateness.note(frame.seq, now_ns, overtaken=self._frame is not None)
-        self._frame = frame
+        self._frame, self._due = frame, True
 
     def _take_frame(self) -> MocapFrame | None:
         frame, self._frame = self._frame, None

@@ -1,11 +1,14 @@
 """Gathers what safety decides on, from the newest estimate and the links."""
 
-import numpy as np
-from numpy.typing import ArrayLike
+import math
 
-from formation.arrays import Bool, Float
+import numpy as np
+from numpy.typing import NDArray
+
+from formation.arrays import Float, Quats, Scalars, Vec3s
 from formation.config import LabConfig
 from formation.control.stack import Stages
+from formation.kernel import kernel
 from formation.safety import Facts
 from gcs.checks import objections
 from gcs.drone import Drone
@@ -22,44 +25,49 @@ class FactGatherer:
 
     def gather(self, stages: Stages | None, late_share: float, now_ns: int, asked_to_arm: bool = False) -> Facts:
         """The facts now. Objections of the links are gathered only where arming is asked for."""
-        links = [drone.link for drone in self._drones]
-        heartbeat_age_s = [link.heartbeat_age_s(now_ns) for link in links]
         n = len(self._names)
-        if stages is None:
-            pos, speed, tilt = np.zeros((n, 3)), np.zeros(n), np.zeros(n)
-            age, error = np.full(n, np.inf), np.zeros(n)
-        else:
-            state = stages.state
-            pos, age = state.pos_lab_m, state.age_s + (now_ns - state.t_ns) * 1e-9
-            speed = np.sqrt(np.einsum("ij,ij->i", state.vel_lab_m_s, state.vel_lab_m_s))
-            x, y = state.q_lab_from_flu[:, 1], state.q_lab_from_flu[:, 2]
-            tilt = np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))
-            e = stages.command.e_lead_m
-            error = self._numbers(np.sqrt(np.einsum("ij,ij->i", e, e)), 0.0)
+        silent_s, battery = [0.0] * n, [math.nan] * n
+        armed, offboard, duplicate = [True] * n, [True] * n, [False] * n
+        for drone in self._drones:
+            i, link = drone.index, drone.link
+            silent_s[i], battery[i] = link.heartbeat_age_s(now_ns), link.told.battery
+            armed[i], offboard[i], duplicate[i] = link.armed, link.offboard, link.sequence.duplicate(now_ns)
+        pos, age, measured = self._seen(stages, now_ns)
         return Facts(
             names=self._names,
             commanded=self._commanded,
             pos_lab_m=pos,
-            speed_m_s=speed,
-            tilt_rad=tilt,
+            speed_m_s=measured[0],
+            tilt_rad=measured[1],
             age_s=age,
-            error_m=error,
-            heartbeat_age_s=self._numbers(heartbeat_age_s, 0.0),
-            armed=self._flags([link.armed for link in links], True),
-            offboard=self._flags([link.offboard for link in links], True),
-            battery=self._numbers([link.told.battery for link in links], np.nan),
-            duplicate=self._flags([link.sequence.duplicate(now_ns) for link in links], False),
+            error_m=measured[2],
+            heartbeat_age_s=np.array(silent_s),
+            armed=np.array(armed),
+            offboard=np.array(offboard),
+            battery=np.array(battery),
+            duplicate=np.array(duplicate),
             late_share=late_share,
-            objections=tuple(text for link in links for text in objections(link)) if asked_to_arm else (),
+            objections=tuple(text for d in self._drones for text in objections(d.link)) if asked_to_arm else (),
         )
 
-    def _numbers(self, values: ArrayLike, otherwise: float) -> Float:
-        """Values of the m commanded vehicles among all n."""
-        spread = np.full(len(self._names), otherwise)
-        spread[self._own] = values
-        return spread
+    def _seen(self, stages: Stages | None, now_ns: int) -> tuple[Vec3s, Scalars, Float]:
+        """Positions (n, 3), ages (n), and speed, tilt and error (3, n)."""
+        n = len(self._names)
+        if stages is None:
+            return np.zeros((n, 3)), np.full(n, np.inf), np.zeros((3, n))
+        state = stages.state
+        measured = _measure(state.vel_lab_m_s, state.q_lab_from_flu, stages.command.e_lead_m, self._own)
+        return state.pos_lab_m, state.age_s + (now_ns - state.t_ns) * 1e-9, measured
 
-    def _flags(self, values: ArrayLike, otherwise: bool) -> Bool:
-        spread = np.full(len(self._names), otherwise)
-        spread[self._own] = values
-        return spread
+
+@kernel
+def _measure(vel_lab_m_s: Vec3s, q_lab_from_flu: Quats, e_lead_m: Vec3s, own: NDArray[np.int64]) -> Float:
+    """Speed, tilt and error of each body, (3, n); the error of one that is not commanded is zero."""
+    out = np.zeros((3, len(vel_lab_m_s)))
+    for i in range(len(vel_lab_m_s)):
+        x, y = q_lab_from_flu[i, 1], q_lab_from_flu[i, 2]
+        out[0, i] = np.sqrt(np.sum(vel_lab_m_s[i] ** 2))
+        out[1, i] = np.arccos(min(max(1.0 - 2.0 * (x * x + y * y), -1.0), 1.0))
+    for k in range(len(own)):
+        out[2, own[k]] = np.sqrt(np.sum(e_lead_m[k] ** 2))
+    return out

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 import uvloop
 
+from drone_agent.bridge_daemon import run_bridge
 from drone_agent.config import AgentConfig
 from drone_agent.daemon import run
 from formation.messages import Event
@@ -23,6 +24,9 @@ def fly(
     lab: Annotated[str | None, typer.Option(help="Name of the lab: the root of its keys on the bus.")] = None,
     body: Annotated[str | None, typer.Option(help="The mocap's name of this drone.")] = None,
     personality: Annotated[str | None, typer.Option(help="px4 or ardupilot.")] = None,
+    bridge: Annotated[
+        str | None, typer.Option(help="Bridge to a real autopilot: udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD.")
+    ] = None,
     pose: Annotated[str | None, typer.Option(help="own (simulated positioning) or mocap (external only).")] = None,
     profile: Annotated[str | None, typer.Option(help="Vehicle: paper_40g or px4_quad.")] = None,
     start: Annotated[str | None, typer.Option(help="Where it stands: x,y,z in lab metres.")] = None,
@@ -41,6 +45,7 @@ def fly(
         "lab": lab,
         "body": body,
         "personality": personality,
+        "bridge": bridge,
         "pose": pose,
         "profile": profile,
         "start_lab_m": None if start is None else start.split(","),
@@ -52,7 +57,11 @@ def fly(
         "parameters": {name: value for name, _, value in (item.partition("=") for item in param or ())},
     }
     try:
-        uvloop.run(run(_configured(config, options), _tell))
+        agent = _configured(config, options)
+        if agent.bridge is None:
+            uvloop.run(run(agent, _tell))
+        else:
+            uvloop.run(run_bridge(agent, agent.bridge, _tell))
     except ConfigError as error:
         _fail(str(error), 2)
     except OSError as error:

@@ -23,6 +23,8 @@ class AgentConfig(Model):
     """The mocap's name of this drone's body; `uav<sysid>` if not given."""
     link: LinkConfig = LinkConfig()
     personality: Literal["px4", "ardupilot"] = "px4"
+    bridge: str | None = None
+    """Be no drone but the bridge to a real autopilot: udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD."""
     pose: Literal["own", "mocap"] = "own"
     """own: simulated positioning as an autopilot's SITL has; mocap: the external pose and nothing else."""
     profile: str = "paper_40g"

@@ -1,21 +1,17 @@
 """The drone agent's process: pumps AgentCore between its link, the bus and the clock until it is told to stop."""
 
 import asyncio
-import signal
-from collections.abc import Callable
-from typing import Any
 
 from drone_agent import parameter_file
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
-from formation.messages import Datagram, Event, MocapFrame
+from drone_agent.lifetime import Stop, Tell
+from formation.messages import Datagram, MocapFrame
 from wire.clock import monotonic_ns
 from wire.config_file import ConfigError
 from wire.link import Link
 from wire.udp_bus import open_udp_drone
 from wire.zenoh_bus import ZenohBus
-
-Tell = Callable[[Event], None]
 
 
 class _Pump:
@@ -57,34 +53,12 @@ class _Pump:
             self._timer.cancel()
 
 
-class _Stop:
-    """Ends the process: a signal ends it well, an exception anywhere in the loop ends it with that exception."""
-
-    def __init__(self) -> None:
-        self._event = asyncio.Event()
-        self._error: BaseException | None = None
-        loop = asyncio.get_running_loop()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, self._event.set)
-        loop.set_exception_handler(self._fail)
-
-    def _fail(self, _loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        self._error = context.get("exception") or RuntimeError(context["message"])
-        self._event.set()
-
-    async def wait(self) -> None:
-        """Return on a signal; raise what went wrong."""
-        await self._event.wait()
-        if self._error is not None:
-            raise self._error
-
-
 async def run(config: AgentConfig, tell: Tell) -> None:
     """Be the drone until SIGINT or SIGTERM.
 
     Raises OSError where its port is taken, ConfigError for parameters that are none.
     """
-    stop = _Stop()
+    stop = Stop()
     pump = _Pump(config, _core(config), tell)
     uses_bus = config.link.kind == "zenoh" or config.pose == "mocap" or config.truth_rate_hz > 0.0
     try:

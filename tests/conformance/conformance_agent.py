@@ -35,6 +35,13 @@ def free_ports(count: int) -> list[int]:
         return [each.getsockname()[1] for each in sockets]
 
 
+def free_tcp_port() -> int:
+    """A TCP port that nobody has bound just now."""
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
 @contextlib.contextmanager
 def agent(folder: Path, *options: str, sysid: int = 1) -> Iterator[Agent]:
     """An agent that ends with the block, cleanly."""

@@ -1,0 +1,242 @@
+"""The bridge to a real autopilot, without its sockets: passes MAVLink on both ways and enforces the agent's rules.
+
+The last line of defence beside a real drone, whatever becomes of the ground: a stream of setpoints that has
+gone stale is followed by level targets, then the autopilot's own hold, then a landing; the autopilot is told the
+mocap pose of its body by this process, not by the ground. Frames pass byte for byte, sender and all.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drone_agent.autopilot import STREAM_MODES
+from drone_agent.bridge_rule import Do, Seen, StaleRule
+from drone_agent.clock_offset import GroundClock
+from drone_agent.config import AgentConfig
+from drone_agent.personalities import PERSONALITIES
+from drone_agent.personality import Mode, Personality
+from formation.messages import Datagram, Event, MocapFrame, Severity
+from wire.link_messages import (
+    DRONE_COMPONENT,
+    Address,
+    AttitudeSetpoint,
+    Autopilot,
+    Command,
+    CommandAck,
+    Heartbeat,
+    LinkMessage,
+    NamedValue,
+    SetMode,
+    StatusText,
+    TimeSync,
+    VisionPose,
+)
+from wire.mavlink import Codec, MavlinkError, decode_packet
+from wire.mavlink_frames import FrameCutter, message_id
+
+COMPANION = 191  # MAV_COMP_ID_ONBOARD_COMPUTER
+_ARMED = 128
+_POSES = frozenset({102, 138, 331})
+_BEAT_NS = 1_000_000_000
+_POSE_NS = 20_000_000
+_OWN_FEED_NS = 200_000_000
+_SETS_MODE = (20, 21, 22, 176, 185, 192, 400)
+_DATAGRAM_MAX = 1200
+_MAKES = {make.autopilot: make for make in PERSONALITIES.values()}
+
+
+@dataclass(frozen=True, slots=True)
+class BridgeOutgoing:
+    """What one tick gives: packets for the ground, packets for the autopilot, events."""
+
+    to_ground: tuple[Datagram, ...]
+    to_autopilot: tuple[Datagram, ...]
+    events: tuple[Event, ...]
+
+
+class BridgeCore:
+    """One real drone. Call a `receive_*` with what arrives and `tick` no later than `next_deadline_ns`."""
+
+    def __init__(self, config: AgentConfig, t0_ns: int) -> None:
+        self._config = config
+        self._t0_ns = self._now_ns = t0_ns
+        self._target = Address(config.sysid, DRONE_COMPONENT)
+        self._codec = Codec(Address(config.sysid, COMPANION))
+        self._from_ground, self._from_autopilot = FrameCutter(), FrameCutter()
+        land_s = 1.0 if config.stale_land_s is None else config.stale_land_s
+        self._rule = StaleRule(config.stale_setpoint_s, land_s)
+        self._make: Personality | None = None
+        self._clock = GroundClock()
+        self._beat_ns = t0_ns
+        self._pose_ns = t0_ns
+        self._own_feed_ns: int | None = None
+        self._age_told_ns = t0_ns
+        self._strangers: set[int] = set()
+        self._to_ground: list[bytes] = []
+        self._to_autopilot: list[bytes] = []
+        self._events: list[Event] = []
+
+    def receive_ground(self, datagram: Datagram, now_ns: int) -> None:
+        """Pass what the ground says on to the autopilot, watching it."""
+        self._now_ns = now_ns
+        for frame in self._from_ground.cut(datagram.data):
+            if not self._keep_from_ground(frame, now_ns):
+                self._to_autopilot.append(frame)
+
+    def receive_autopilot(self, data: bytes, now_ns: int) -> None:
+        """Pass what the autopilot says on to the ground, watching it."""
+        self._now_ns = now_ns
+        for frame in self._from_autopilot.cut(data):
+            if not self._keep_from_autopilot(frame, now_ns):
+                self._to_ground.append(frame)
+
+    def receive_frame(self, frame: MocapFrame, now_ns: int) -> None:
+        """Tell the autopilot the pose of its body, at most fifty times a second."""
+        self._now_ns = now_ns
+        name = self._config.body_name
+        if name not in frame.bodies:
+            return
+        index = frame.bodies.index(name)
+        pos, q = frame.pos_lab_m[index], frame.q_lab_from_flu[index]
+        if not frame.seen[index] or not np.isfinite(pos).all() or not np.isfinite(q).all():
+            return
+        self._own_feed_ns = now_ns
+        if now_ns - self._pose_ns >= _POSE_NS:
+            self._pose_ns = now_ns
+            self._tell_autopilot(VisionPose(frame.t_capture_ns // 1000, pos, q))
+
+    def tick(self, now_ns: int) -> BridgeOutgoing:
+        """Everything to send now."""
+        self._now_ns = now_ns
+        if now_ns >= self._beat_ns:
+            self._beat_ns = now_ns + _BEAT_NS
+            self._tell_autopilot(Heartbeat(Autopilot.INVALID, 18, 0, 0, 4))
+            self._tell_ground(TimeSync(0, now_ns))
+        fed = self._own_feed_ns is not None and now_ns - self._own_feed_ns < _OWN_FEED_NS
+        for step in self._rule.due(now_ns, fed=fed):
+            self._act(step)
+        outgoing = BridgeOutgoing(
+            _packed(self._config.sysid, self._to_ground),
+            _packed(self._config.sysid, self._to_autopilot),
+            tuple(self._events),
+        )
+        self._to_ground, self._to_autopilot, self._events = [], [], []
+        return outgoing
+
+    def next_deadline_ns(self) -> int:
+        """When `tick` is due if nothing arrives."""
+        if self._to_ground or self._to_autopilot or self._events:
+            return self._now_ns
+        rule_ns = self._rule.deadline_ns()
+        return self._beat_ns if rule_ns is None else min(self._beat_ns, rule_ns)
+
+    def _keep_from_ground(self, frame: bytes, now_ns: int) -> bool:
+        """Note what matters; True for a frame that ends here."""
+        if message_id(frame) in _POSES and self._own_feed_ns is not None:
+            return now_ns - self._own_feed_ns < _OWN_FEED_NS
+        try:
+            message = decode_packet(frame).message
+        except MavlinkError:
+            return False
+        if isinstance(message, AttitudeSetpoint) and message.target.system == self._config.sysid:
+            if self._rule.note(message, now_ns):
+                self._say(Severity.INFO, "Setpoints are back")
+            self._report_age(message, now_ns)
+        elif isinstance(message, SetMode) or (isinstance(message, Command) and message.command in _SETS_MODE):
+            self._rule.mode_unknown(now_ns)
+        elif isinstance(message, TimeSync) and message.target.component == COMPANION and message.tc1_ns:
+            self._clock.exchange(message.ts1_ns - self._t0_ns, message.tc1_ns, now_ns - self._t0_ns)
+            return True
+        return False
+
+    def _keep_from_autopilot(self, frame: bytes, now_ns: int) -> bool:
+        try:
+            packet = decode_packet(frame)
+        except MavlinkError:
+            return False
+        message = packet.message
+        if packet.source.system != self._config.sysid:
+            self._report_stranger(packet.source.system)
+            return True
+        if isinstance(message, Heartbeat) and packet.source.component == DRONE_COMPONENT:
+            self._see(message)
+        elif isinstance(message, CommandAck) and message.target.component == COMPANION:
+            self._rule.acknowledged(message)
+            return True
+        elif isinstance(message, TimeSync) and message.tc1_ns == 0:
+            # Its poses come from here, so the clock it holds them against must be ours.
+            self._tell_autopilot(TimeSync(now_ns, message.ts1_ns, packet.source))
+            return True
+        return False
+
+    def _see(self, beat: Heartbeat) -> None:
+        make = _MAKES.get(beat.autopilot)
+        if make is None:
+            return
+        if self._make is not make:
+            self._make = make
+            self._say(Severity.INFO, f"Bridge to {make.name}")
+        offboard = [make.modes[mode].custom_mode for mode in STREAM_MODES if mode in make.modes]
+        if not beat.base_mode & _ARMED:
+            self._rule.saw(Seen.OTHER)
+        elif beat.custom_mode in offboard:
+            self._rule.saw(Seen.OFFBOARD)
+        else:
+            holds = beat.custom_mode == make.modes[Mode.HOLD].custom_mode
+            self._rule.saw(Seen.HOLDING if holds else Seen.OTHER)
+
+    def _act(self, step: Do) -> None:
+        """Carry out a step of the stale rule."""
+        make = self._make
+        if make is None:
+            return
+        if step is Do.LEVEL:
+            self._tell_autopilot(self._rule.level_target(self._target, (self._now_ns - self._t0_ns) // 1_000_000))
+        elif step is Do.SAY_STALE:
+            self._say(Severity.WARNING, "Setpoints are stale: level and hold")
+        elif step is Do.HOLD:
+            main, sub = make.custom_parts(make.modes[Mode.HOLD].custom_mode)
+            self._command(176, 1.0, float(main), float(sub))
+        else:
+            self._say(Severity.CRITICAL, "Setpoints are stale: landing")
+            self._command(21, 0.0, 0.0, 0.0, float("nan"))
+
+    def _command(self, number: int, *params: float) -> None:
+        p1, p2, p3, p4, p5, p6, p7 = (*params, *(0.0,) * (7 - len(params)))
+        self._tell_autopilot(Command(self._target, number, (p1, p2, p3, p4, p5, p6, p7)))
+
+    def _report_age(self, message: AttitudeSetpoint, now_ns: int) -> None:
+        rate_hz = self._config.age_rate_hz
+        age_ms = self._clock.age_ms(message.t_boot_ms, now_ns - self._t0_ns)
+        if age_ms is not None and rate_hz > 0.0 and now_ns - self._age_told_ns >= 1e9 / rate_hz:
+            self._age_told_ns = now_ns
+            self._tell_ground(NamedValue((now_ns - self._t0_ns) // 1_000_000, "age_ms", age_ms))
+
+    def _report_stranger(self, system: int) -> None:
+        if system not in self._strangers:
+            self._strangers.add(system)
+            self._say(Severity.ERROR, f"The autopilot says it is system {system}, not {self._config.sysid}")
+
+    def _say(self, severity: Severity, text: str) -> None:
+        self._tell_ground(StatusText(severity, text))
+        self._events.append(Event(severity, f"uav{self._config.sysid}", text))
+
+    def _tell_ground(self, message: LinkMessage) -> None:
+        self._to_ground.append(self._codec.encode(message))
+
+    def _tell_autopilot(self, message: LinkMessage) -> None:
+        self._to_autopilot.append(self._codec.encode(message))
+
+
+def _packed(sysid: int, packets: list[bytes]) -> tuple[Datagram, ...]:
+    """The packets in as few datagrams as they fit in."""
+    datagrams: list[Datagram] = []
+    waiting = b""
+    for packet in packets:
+        if len(waiting) + len(packet) > _DATAGRAM_MAX:
+            datagrams.append(Datagram(sysid, waiting))
+            waiting = b""
+        waiting += packet
+    if waiting:
+        datagrams.append(Datagram(sysid, waiting))
+    return tuple(datagrams)

@@ -1,0 +1,96 @@
+"""The bridge's process: pumps BridgeCore between the ground's link, the bus and the autopilot's own port."""
+
+import asyncio
+
+from drone_agent.bridge import BridgeCore
+from drone_agent.config import AgentConfig
+from drone_agent.lifetime import Stop, Tell
+from formation.messages import Datagram, MocapFrame
+from wire.clock import monotonic_ns
+from wire.config_file import ConfigError
+from wire.link import Link
+from wire.serial_link import open_serial
+from wire.udp_bus import open_udp_direct, open_udp_drone
+from wire.zenoh_bus import ZenohBus
+
+
+class _Pump:
+    """Hands what arrives to the core at once, and wakes it at its own deadlines."""
+
+    def __init__(self, core: BridgeCore, tell: Tell) -> None:
+        self.ground: Link | None = None
+        self.autopilot: Link | None = None
+        self._core = core
+        self._tell = tell
+        self._loop = asyncio.get_running_loop()
+        self._timer: asyncio.TimerHandle | None = None
+
+    def from_ground(self, datagram: Datagram) -> None:
+        """The ground said something."""
+        self._core.receive_ground(datagram, monotonic_ns())
+        self.turn()
+
+    def from_autopilot(self, datagram: Datagram) -> None:
+        """The autopilot said something."""
+        self._core.receive_autopilot(datagram.data, monotonic_ns())
+        self.turn()
+
+    def from_mocap(self, frame: MocapFrame) -> None:
+        """The mocap saw something."""
+        self._core.receive_frame(frame, monotonic_ns())
+        self.turn()
+
+    def turn(self) -> None:
+        """Send what is due and sleep until the next deadline."""
+        out = self._core.tick(monotonic_ns())
+        for link, datagrams in ((self.autopilot, out.to_autopilot), (self.ground, out.to_ground)):
+            if link is not None:
+                for datagram in datagrams:
+                    link.send(datagram)
+        for event in out.events:
+            self._tell(event)
+        self.stop()
+        wait_s = max((self._core.next_deadline_ns() - monotonic_ns()) * 1e-9, 0.0)
+        self._timer = self._loop.call_later(wait_s, self.turn)
+
+    def stop(self) -> None:
+        """Do not wake again."""
+        if self._timer is not None:
+            self._timer.cancel()
+
+
+async def run_bridge(config: AgentConfig, autopilot: str, tell: Tell) -> None:
+    """Be the bridge until SIGINT or SIGTERM.
+
+    autopilot: udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD. Raises OSError where a port cannot be had,
+    ConfigError where that text is none of these.
+    """
+    stop = Stop()
+    pump = _Pump(BridgeCore(config, monotonic_ns()), tell)
+    bus: ZenohBus | None = None
+    try:
+        pump.autopilot = await _open_autopilot(autopilot, config.sysid, pump)
+        bus = await ZenohBus.open(config.link, config.lab)
+        bus.on_frame(pump.from_mocap)
+        if config.link.kind == "zenoh":
+            pump.ground = bus.drone_link(config.sysid, pump.from_ground)
+        else:
+            pump.ground = await open_udp_drone(config.link, config.sysid, pump.from_ground)
+        pump.turn()
+        await stop.wait()
+    finally:
+        pump.stop()
+        for link in (pump.ground, pump.autopilot):
+            if link is not None:
+                link.close()
+        if bus is not None:
+            await bus.close()
+
+
+async def _open_autopilot(text: str, sysid: int, pump: _Pump) -> Link:
+    try:
+        if text.startswith("serial:"):
+            return await open_serial(text, sysid, pump.from_autopilot)
+        return await open_udp_direct(text, sysid, pump.from_autopilot)
+    except ValueError as error:
+        raise ConfigError([f"bridge: {error}"]) from error

@@ -1,0 +1,213 @@
+"""The bridge between a ground and an autopilot: what passes, and what it does when the ground falls silent.
+
+The autopilot here is our own PX4 personality without its agent rule, fed through the bridge's bytes alone.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from agent_bench import LEVEL, MS, Bench, S, hover_at, tilt_rad
+
+from drone_agent.bridge import COMPANION, BridgeCore
+from drone_agent.config import AgentConfig
+from drone_agent.personality import Mode
+from formation.messages import Datagram, MocapFrame
+from wire.link_messages import (
+    GROUND,
+    Address,
+    AttitudeSetpoint,
+    Command,
+    CommandAck,
+    LinkMessage,
+    LocalPosition,
+    MocapPose,
+    NamedValue,
+    Packet,
+    StatusText,
+    TimeSync,
+    VisionPose,
+)
+from wire.mavlink import Codec
+
+
+class Site:
+    """Ground, bridge and autopilot, joined by functions; the autopilot is never shown the mocap itself."""
+
+    def __init__(self, personality: str = "px4", **config: object) -> None:
+        options = {"GUID_OPTIONS": 8.0} if personality == "ardupilot" else {}
+        self.drone = Bench(
+            pose="mocap", stale_setpoint_s=0.0, stale_land_s=60.0, profile="px4_quad", personality=personality,
+            parameters=options,
+        )  # fmt: skip
+        self.bridge = BridgeCore(AgentConfig(bridge="udp:h:1", body="b", **config), 0)
+        self.ground = Codec(GROUND)
+        self.heard: list[Packet] = []
+        self.mocap = True
+        self.now_ns = 0
+
+    def say(self, *messages: LinkMessage) -> None:
+        data = b"".join(self.ground.encode(message) for message in messages)
+        self.bridge.receive_ground(Datagram(1, data), self.now_ns)
+        self._turn()
+
+    def run(self, seconds: float, stream: Callable[[Bench], AttitudeSetpoint] | None = None) -> None:
+        end_ns = self.now_ns + round(seconds * S)
+        while self.now_ns < end_ns:
+            self.now_ns += 10 * MS
+            while (due_ns := self.drone.core.next_deadline_ns()) <= self.now_ns:
+                self._up(due_ns)
+            self.drone.now_ns = self.now_ns
+            if self.mocap:
+                truth = self.drone.truth
+                frame = MocapFrame(
+                    0, self.now_ns, ("b",), truth.pos_lab_m[None], truth.q_lab_from_flu[None], np.array([True])
+                )
+                self.bridge.receive_frame(frame, self.now_ns)
+            if stream is not None:
+                self.say(stream(self.drone))
+            else:
+                self._turn()
+
+    def _turn(self) -> None:
+        """Let what is under way arrive, until nothing is."""
+        for _ in range(8):
+            out = self.bridge.tick(self.now_ns)
+            for datagram in out.to_autopilot:
+                self.drone.core.receive(datagram, self.now_ns)
+            for datagram in out.to_ground:
+                self.heard += self.ground.receive(datagram.data)
+            if not (self._up(self.now_ns) or out.to_autopilot):
+                break
+
+    def _up(self, t_ns: int) -> bool:
+        """What the autopilot says at a time; whether it said anything."""
+        said = self.drone.core.tick(t_ns).datagrams
+        for datagram in said:
+            self.bridge.receive_autopilot(datagram.data, t_ns)
+        return bool(said)
+
+    def command(self, number: int, *params: float) -> CommandAck:
+        p1, p2, p3, p4, p5, p6, p7 = (*params, *(0.0,) * (7 - len(params)))
+        self.say(Command(Address(1, 1), number, (p1, p2, p3, p4, p5, p6, p7)))
+        return [p.message for p in self.heard if isinstance(p.message, CommandAck)][-1]
+
+    def texts(self) -> list[str]:
+        return [p.message.text for p in self.heard if isinstance(p.message, StatusText)]
+
+    def fly(self, height_m: float = 0.6) -> None:
+        self.run(3.0)
+        stream = hover_at(height_m)
+        self.run(0.2, hover_at(-1.0))
+        assert self.command(176, 1.0, 6.0 if self.drone.config.personality == "px4" else 4.0).result == 0
+        assert self.command(400, 1.0).result == 0
+        self.run(5.0, stream)
+
+
+def test_the_autopilot_gets_its_pose_from_the_bridge_alone() -> None:
+    site = Site()
+    site.run(2.0)
+    assert any(isinstance(p.message, LocalPosition) and p.source == Address(1, 1) for p in site.heard)
+    assert site.command(400, 1.0).result == 0
+
+
+def test_frames_pass_byte_for_byte() -> None:
+    bridge = BridgeCore(AgentConfig(bridge="udp:h:1"), 0)
+    bridge.tick(0)
+    ground, drone = Codec(GROUND), Codec(Address(1, 1))
+    unknown = b"\xfd\x01\x00\x00\x07\x01\x01\xff\xfe\x0e\x2a\x11\x22"
+    down = ground.encode(Command(Address(1, 1), 400, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+    bridge.receive_ground(Datagram(1, down + unknown), 1)
+    up = drone.encode(LocalPosition(5, np.ones(3), np.zeros(3)))
+    bridge.receive_autopilot(up[:7], 1)
+    bridge.receive_autopilot(b"noise" + up[7:], 1)
+    bridge.receive_autopilot(up[:9], 1)
+    bridge.receive_autopilot(up[9:] + unknown, 1)
+    out = bridge.tick(1)
+    assert b"".join(d.data for d in out.to_autopilot) == down + unknown
+    assert b"".join(d.data for d in out.to_ground) == up + unknown
+
+
+def test_the_grounds_poses_end_here_while_the_bridge_has_its_own() -> None:
+    bridge = BridgeCore(AgentConfig(bridge="udp:h:1", body="b"), 0)
+    bridge.tick(0)
+    pose = Codec(GROUND).encode(MocapPose(1, np.zeros(3), LEVEL))
+    bridge.receive_ground(Datagram(1, pose), 1)
+    assert bridge.tick(1).to_autopilot[0].data == pose
+    frame = MocapFrame(1, 100 * MS, ("b",), np.zeros((1, 3)), LEVEL[None], np.array([True]))
+    bridge.receive_frame(frame, 100 * MS)
+    bridge.receive_ground(Datagram(1, pose), 100 * MS)
+    sent = Codec(Address(1, 1)).receive(bridge.tick(100 * MS).to_autopilot[0].data)
+    assert [(type(p.message), p.source) for p in sent] == [(VisionPose, Address(1, COMPANION))]
+    bridge.receive_ground(Datagram(1, pose), 900 * MS)
+    assert bridge.tick(900 * MS).to_autopilot[0].data == pose
+
+
+@pytest.mark.parametrize("personality", ["px4", "ardupilot"])
+def test_levels_holds_and_lands_when_the_ground_falls_silent(personality: str) -> None:
+    site = Site(personality)
+    site.fly()
+    lean = np.array([np.cos(0.1), 0.0, np.sin(0.1), 0.0])
+    hover = site.drone.config.true_vehicle().hover_thrust_norm
+    site.run(0.3, lambda b: AttitudeSetpoint(b.target, 0, lean, np.zeros(3), hover, 7))
+    assert tilt_rad(site.drone.truth.q_lab_from_flu) > 0.1
+    site.run(0.25)
+    assert "Setpoints are stale: level and hold" in site.texts()
+    assert tilt_rad(site.drone.core.autopilot.airframe.setpoint.q_lab_from_flu) < 0.05
+    site.run(0.5)
+    assert site.drone.core.autopilot.mode is Mode.HOLD
+    site.run(1.0)
+    assert site.drone.core.autopilot.mode is Mode.LAND
+    site.run(6.0)
+    assert not site.drone.core.autopilot.armed
+
+
+def test_without_a_pose_it_lands_at_once() -> None:
+    site = Site()
+    site.fly()
+    site.mocap = False
+    site.run(0.3, hover_at(0.6))
+    site.run(0.5)
+    assert site.drone.core.autopilot.mode in (Mode.LAND, Mode.DESCEND)
+
+
+def test_a_stream_that_comes_back_goes_on() -> None:
+    site = Site()
+    site.fly()
+    site.run(0.25)
+    site.run(1.0, hover_at(0.6))
+    assert "Setpoints are back" in site.texts()
+    assert site.drone.core.autopilot.mode is Mode.OFFBOARD
+    assert site.drone.truth.pos_lab_m[2] == pytest.approx(0.6, abs=0.08)
+
+
+def test_a_landing_of_the_grounds_is_left_alone() -> None:
+    site = Site()
+    site.fly()
+    assert site.command(21).result == 0
+    site.run(6.0)
+    assert not any("stale" in text for text in site.texts())
+    assert not site.drone.core.autopilot.armed
+
+
+def test_tells_of_an_autopilot_with_another_number() -> None:
+    site = Site()
+    other = Codec(Address(7, 1)).encode(LocalPosition(5, np.ones(3), np.zeros(3)))
+    site.bridge.receive_autopilot(other, 1)
+    out = site.bridge.tick(1)
+    assert [e.text for e in out.events] == ["The autopilot says it is system 7, not 1"]
+    heard = site.ground.receive(out.to_ground[0].data)
+    assert not any(isinstance(p.message, LocalPosition) for p in heard)
+
+
+def test_reports_the_age_of_setpoints_on_the_grounds_clock() -> None:
+    site = Site()
+    site.run(0.05)
+    request = next(p.message for p in site.heard if isinstance(p.message, TimeSync) and p.source.component == COMPANION)
+    ahead_ns = 77 * S
+    site.say(TimeSync(request.ts1_ns + ahead_ns, request.ts1_ns, Address(1, COMPANION)))
+    site.run(1.0)
+    stamp_ms = (site.now_ns + ahead_ns - 25 * MS) // MS
+    site.say(AttitudeSetpoint(Address(1, 1), stamp_ms, LEVEL, np.zeros(3), 0.0, 7))
+    ages = [p.message.value for p in site.heard if isinstance(p.message, NamedValue)]
+    assert ages[-1] == pytest.approx(25.0, abs=50.0)

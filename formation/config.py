@@ -21,9 +21,12 @@ class Model(BaseModel):
 
 
 class MocapConfig(Model):
-    """Where poses come from, and the one rotation from the mocap's axes to `lab`."""
+    """Where poses come from, and the one rotation from the mocap's axes to `lab`.
 
-    source: Literal["zenoh", "csv", "mcap"] = "zenoh"
+    source `mavlink`: simulated autopilots say themselves where they are; no mocap, and no pose is sent to them.
+    """
+
+    source: Literal["zenoh", "csv", "mcap", "mavlink"] = "zenoh"
     file: str | None = None
     rate_hz: Positive = 100.0
     delay_s: Annotated[float, Field(ge=0.0, le=0.5)] = 0.008
@@ -32,13 +35,18 @@ class MocapConfig(Model):
 
 
 class VehicleBody(Model):
-    """One rigid body the mocap sees: its name, its drone (if commanded) and its marker frame's alignment."""
+    """One rigid body the mocap sees: its name, its drone (if commanded) and its marker frame's alignment.
+
+    link: the drone's own link where it has one, `udp:HOST:PORT` or `udpin:HOST:PORT`. spawn_lab_m: for mocap source
+    `mavlink`, where in the lab the origin of the drone's own local position is.
+    """
 
     body: str
     sysid: SysId | None = None
     profile: str = "paper_40g"
     q_marker_from_flu: QuatTuple = NO_ROTATION
     link: str | None = None
+    spawn_lab_m: Vec3Tuple = (0.0, 0.0, 0.0)
 
 
 class TrajectoryConfig(Model):

@@ -12,7 +12,7 @@ from formation.config import LabConfig, TrajectoryConfig
 from formation.frames import wrap_angle
 from formation.kernel import kernel
 from formation.reference import IDLE, Mode, Plan
-from formation.relative import lab_from_lead, lead_from_lab
+from formation.relative import copy_motion, lab_from_lead, lead_from_lab
 from formation.response import SECONDS
 from formation.trajectory import Trajectory, anchored, sample
 
@@ -117,15 +117,17 @@ class Way(NamedTuple):
 @kernel
 def reference_at(i: int, t_ns: int, lead: Float, way: Way, slot: Float, frame: Float, lab: Float) -> None:
     """Vehicle i's reference at t_ns for the leader's motion lead (3, 4) then, into slot, frame, lab, each (3, 4)."""
-    slot[:] = 0.0
-    frame[:] = 0.0
+    for order in range(3):
+        for column in range(4):
+            slot[order, column] = frame[order, column] = 0.0
     if way.kind[i] == TRAJECTORY:
         sample(way.path_kind, way.path_numbers, way.path_knots, (t_ns - way.path_ns) * SECONDS, slot)
     else:
-        slot[0] = way.base[i]
+        for column in range(4):
+            slot[0, column] = way.base[i, column]
     blend.add_gap(way.gap[i], (t_ns - way.gap_ns[i]) * SECONDS, way.gap_s[i], slot)
     if way.kind[i] == SLOT:
-        frame[:] = lead
+        copy_motion(lead, frame)
     lab_from_lead(slot, frame, lab)
 
 

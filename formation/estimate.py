@@ -188,15 +188,18 @@ def _observe(
     model = np.zeros(3)
     for i in range(len(own)):
         if seen[i]:
-            q[i] = q_measured[i]
+            for k in range(4):
+                q[i, k] = q_measured[i, k]
             seen_ns[i] = to_ns
-        model[:] = 0.5 * force[i]
+        for axis in range(3):
+            model[axis] = 0.5 * force[i, axis]
         if own[i] >= 0:
             mine = sent[:, own[i]]
             _rebuild_force(i, from_ns, to_ns, q, seen[i], attitude_trust, response, sent_ns, mine, force, lift)
         elif tilt_w > 0.0:
             _observe_tilt(i, q, seen[i], dt_s, tilt_w, tilt_decay_1_s, dist[i, 2], tilt, force, force_rate)
-        model[:] = strength[i] * (model + 0.5 * force[i])
+        for axis in range(3):
+            model[axis] = strength[i] * (model[axis] + 0.5 * force[i, axis])
         if own[i] >= 0:
             model[2] -= GRAVITY_M_S2
         if seen[i]:
@@ -277,11 +280,10 @@ def _learn_noise(
         share = min(span_s / (3.0 * NOISE_LAG_S), 1.0)
         noise_m2[i] += share * (min(square / 3.0, 9.0 * noise_m2[i]) - noise_m2[i])
         noise_m2[i] = max(noise_m2[i], NOISE_LEAST_M * NOISE_LEAST_M)
-    for k in range(2):
-        recent_m[i, k] = recent_m[i, k + 1]
-        recent_ns[i, k] = recent_ns[i, k + 1]
-    recent_m[i, 2] = pos_measured[i]
-    recent_ns[i, 2] = to_ns
+    for k in range(3):
+        recent_ns[i, k] = recent_ns[i, k + 1] if k < 2 else to_ns
+        for axis in range(3):
+            recent_m[i, k, axis] = recent_m[i, k + 1, axis] if k < 2 else pos_measured[i, axis]
 
 
 @kernel

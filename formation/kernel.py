@@ -1,6 +1,8 @@
 """The one way this project compiles a loop: numba, cached on disk, IEEE arithmetic (no fastmath)."""
 
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import ParamSpec, TypeVar
 
 import numba
@@ -10,6 +12,22 @@ R = TypeVar("R")
 
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
-    """The compiled form of a function of floats, ints and float64 arrays; division follows IEEE, never raises."""
-    compiled: Callable[P, R] = numba.njit(cache=True, error_model="numpy")(function)
-    return compiled
+    """The compiled form of a function of floats, ints and float64 arrays; division follows IEEE, never raises.
+
+    numba looks only at a kernel's own file to decide whether its cached machine code is still good, although
+    kernels of other files are compiled into it. The stamp is widened to all of `formation`, whose kernels are
+    the ones that others call, so that an edit is never answered by yesterday's code.
+    """
+    compiled = numba.njit(cache=True, error_model="numpy")(function)
+    index = compiled._cache._cache_file  # type: ignore[attr-defined]
+    index._source_stamp = (index._source_stamp, _sources())
+    typed: Callable[P, R] = compiled
+    return typed
+
+
+@cache
+def _sources() -> tuple[tuple[str, float, int], ...]:
+    """Name, time and size of every source file of this package."""
+    here = Path(__file__).parent
+    files = sorted(here.rglob("*.py"))
+    return tuple((str(f.relative_to(here)), f.stat().st_mtime, f.stat().st_size) for f in files)

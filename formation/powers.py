@@ -6,6 +6,7 @@ from formation.kernel import kernel
 
 NEWTON_STEPS = 40
 NEWTON_TOLERANCE = 1e-13
+LOG_LEAST = -700.0  # below it a double is zero for every purpose here
 
 
 @kernel
@@ -42,7 +43,7 @@ def implicit_root(y: float, k1: float, p1: float, k2: float, p2: float, k3: floa
     if size < 1e-300:
         return 0.0
     log_y = log(size)
-    u = log_y - log(1.0 + k1 + k2 + k3)
+    u = max(log_y - log(1.0 + k1 + k2 + k3), LOG_LEAST)
     for _ in range(NEWTON_STEPS):
         half_log, bend = u, 1.0
         if smooth > 0.0:
@@ -56,7 +57,7 @@ def implicit_root(y: float, k1: float, p1: float, k2: float, p2: float, k3: floa
         slope = (1.0 + a * (1.0 + (p1 - 1.0) * bend) + b * (1.0 + (p2 - 1.0) * bend)
                  + c * (1.0 + (p3 - 1.0) * bend)) / total  # fmt: skip
         step = (u + log(total) - log_y) / slope
-        u -= step
+        u = max(u - step, LOG_LEAST)
         if abs(step) < NEWTON_TOLERANCE:
             break
     root = exp(u)

@@ -11,6 +11,14 @@ from formation.kernel import kernel
 
 
 @kernel
+def copy_motion(source: Float, out: Float) -> None:
+    """out (3, 4) becomes the source. (Spelt out: a slice assignment costs seconds of compilation.)"""
+    for order in range(3):
+        for column in range(4):
+            out[order, column] = source[order, column]
+
+
+@kernel
 def lab_from_lead(motion_lead: Float, frame: Float, out: Float) -> None:
     """A motion given in the lead frame, as seen in `lab`, into out (3, 4).
 

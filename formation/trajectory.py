@@ -105,9 +105,8 @@ def ramped_angle(t_s: float, rate: float, ramp_s: float, duration_s: float) -> t
 @kernel
 def sample(kind: int, numbers: Float, knots: Float, t_s: float, out: Float) -> None:
     """Position, velocity, acceleration (rows) of x, y, z, heading (columns) at t_s into out (3, 4), lab."""
-    out[:] = 0.0
     for axis in range(4):
-        out[0, axis] = numbers[axis]
+        out[0, axis], out[1, axis], out[2, axis] = numbers[axis], 0.0, 0.0
     duration = numbers[4]
     turn = ramped_angle(t_s, numbers[9], numbers[10], duration)
     for order in range(3):

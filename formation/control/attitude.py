@@ -196,7 +196,8 @@ def _attitude(
             sent[i, 2] = sent[i, 3] = min(lift, full)
             continue
         k = strength[vehicle[i]]
-        aim[:] = acc[i]
+        for axis in range(3):
+            aim[axis] = acc[i, axis]
         bits = keep_apart(i, vehicle, pos, motion[i, 0], separation, aim)
         bits += keep_inside(motion[i], low, high, margin, aim)
         aim[2] += GRAVITY_M_S2

@@ -17,7 +17,7 @@ from formation.control.prediction import Known, motion_at
 from formation.course import Course, Way, reference_at
 from formation.estimate import EstimatorState
 from formation.kernel import kernel
-from formation.relative import lead_from_lab
+from formation.relative import copy_motion, lead_from_lab
 from formation.response import History
 
 HORIZON_MAX_NS = 400_000_000
@@ -169,11 +169,13 @@ def _demand(
                 _turn_terms(b.frame, b.error, b.back)
                 _into_lab(b.frame[0, 3], b.back)
                 _into_lab(b.frame[0, 3], b.back_rate)
-                motion[i] = b.mine
-                felt[i] = b.felt
-                yaw[i] = b.lab[:2, 3]
+                copy_motion(b.mine, motion[i])
+                for axis in range(3):
+                    felt[i, axis] = b.felt[axis]
+                yaw[i, 0], yaw[i, 1] = b.lab[0, 3], b.lab[1, 3]
             else:
-                motion[i, :, 2] = b.mine[:, 2]
+                for order in range(3):
+                    motion[i, order, 2] = b.mine[order, 2]
                 size = sqrt(b.felt[0] * b.felt[0] + b.felt[1] * b.felt[1] + b.felt[2] * b.felt[2])
                 lift_cos[i] = b.felt[2] / size if size > 1.0 else 1.0
             pull = quickness[1] * mu[n] ** quickness[2] - 1.0 if channel == 0 else 0.0
@@ -200,16 +202,21 @@ def _situation(
         if leader >= 0:
             reference_at(leader, later_ns, b.lead, way, b.slot, b.frame, b.lab_later)
             reference_at(leader, hold_ns, b.lead, way, b.slot, b.frame, b.lab)
-            b.lead_later[:] = b.lead + b.lab_later - b.lab
-            b.lead[2] = b.lab[2]
-            b.lead_later[2] = b.lab_later[2]
+            for column in range(4):
+                for order in range(2):
+                    b.lead_later[order, column] = (
+                        b.lead[order, column] + b.lab_later[order, column] - b.lab[order, column]
+                    )
+                b.lead[2, column], b.lead_later[2, column] = b.lab[2, column], b.lab_later[2, column]
         else:
             motion_at(0, leader, later_ns, known, b.lead_later, b.felt)
         reference_at(i, later_ns, b.lead_later, way, b.slot, b.frame, b.lab_later)
     motion_at(n, i, hold_ns, known, b.mine, b.felt)
     reference_at(i, hold_ns, b.lead, way, b.slot, b.frame, b.lab)
     lead_from_lab(b.mine, b.frame, b.error)
-    b.error[:] -= b.slot
+    for order in range(3):
+        for column in range(4):
+            b.error[order, column] -= b.slot[order, column]
 
 
 @kernel

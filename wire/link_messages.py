@@ -69,6 +69,42 @@ class AttitudeSetpoint:
     ignore: Ignore
 
 
+class LocalFrame(IntEnum):
+    """MAV_FRAME of a position setpoint: absolute, from here in lab axes, in body axes, from here in body axes."""
+
+    LOCAL = 1
+    LOCAL_OFFSET = 7
+    BODY = 8
+    BODY_OFFSET = 9
+
+
+class PositionIgnore(IntFlag):
+    """POSITION_TARGET_TYPEMASK."""
+
+    NONE = 0
+    POSITION = 7
+    VELOCITY = 56
+    ACCELERATION = 448
+    FORCE = 512
+    YAW = 1024
+    YAW_RATE = 2048
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PositionSetpoint:
+    """SET_POSITION_TARGET_LOCAL_NED (84): vectors in lab axes, or the body's forward, left, up, by `frame`."""
+
+    target: Address
+    t_boot_ms: int
+    frame: LocalFrame
+    ignore: PositionIgnore
+    pos_m: Vec3
+    vel_m_s: Vec3
+    acc_m_s2: Vec3
+    yaw_rad: float
+    yaw_rate_rad_s: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class VisionPose:
     """VISION_POSITION_ESTIMATE (102): an external pose for the autopilot's estimator (Euler on the wire)."""
@@ -396,6 +432,33 @@ class SimTruth:
 
 
 @dataclass(frozen=True, slots=True)
+class SetOrigin:
+    """SET_GPS_GLOBAL_ORIGIN (48): where on the globe the local frame begins."""
+
+    target_system: int
+    lat_deg: float
+    lon_deg: float
+    alt_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """GPS_GLOBAL_ORIGIN (49)."""
+
+    lat_deg: float
+    lon_deg: float
+    alt_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class MessageInterval:
+    """MESSAGE_INTERVAL (244): 0 is a message never sent, -1 one that is off."""
+
+    message_id: int
+    interval_us: int
+
+
+@dataclass(frozen=True, slots=True)
 class NamedValue:
     """NAMED_VALUE_FLOAT (251); `age_ms` is the age of the newest setpoint at receipt, camera to drone."""
 
@@ -415,7 +478,8 @@ LinkMessage = (
     Heartbeat | AttitudeSetpoint | VisionPose | MocapPose | Odometry | Attitude | AttitudeQuaternion | LocalPosition
     | GlobalPosition | HomePosition | SysStatus | Battery | ExtendedSysState | EkfStatus | StatusText | Command
     | CommandInt | CommandAck | SetMode | TimeSync | Ping | SystemTime | ParamValue | ParamSet | ParamRequestRead
-    | ParamRequestList | AutopilotVersion | AttitudeTargetReport | SimTruth | NamedValue | Unknown
+    | ParamRequestList | AutopilotVersion | AttitudeTargetReport | SimTruth | NamedValue | PositionSetpoint | SetOrigin
+    | Origin | MessageInterval | Unknown
 )  # fmt: skip
 
 

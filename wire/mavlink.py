@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from fastcrc import crc16
 
-from wire import mavlink_motion, mavlink_service
+from wire import mavlink_guidance, mavlink_motion, mavlink_service
 from wire.link_messages import (
     BROADCAST,
     Address,
@@ -24,7 +24,9 @@ from wire.link_messages import (
     ParamRequestRead,
     ParamSet,
     Ping,
+    PositionSetpoint,
     SetMode,
+    SetOrigin,
     StatusText,
     TimeSync,
     Unknown,
@@ -42,11 +44,12 @@ _SIGNED = 0x01
 _HEADER = struct.Struct("<BBBBBBBHB")
 _SEED = tuple(bytes([value]) for value in range(256))
 
-_WRITERS = {**mavlink_motion.WRITERS, **mavlink_service.WRITERS}
-_READERS = {layout.id: (layout, read) for layout, read in {**mavlink_motion.READERS, **mavlink_service.READERS}.items()}
+_GROUPS = (mavlink_motion, mavlink_service, mavlink_guidance)
+_WRITERS = {kind: write for group in _GROUPS for kind, write in group.WRITERS.items()}
+_READERS = {layout.id: (layout, read) for group in _GROUPS for layout, read in group.READERS.items()}
 _Addressed = (
-    AttitudeSetpoint | Command | CommandInt | CommandAck | TimeSync | Ping | ParamSet | ParamRequestRead
-    | ParamRequestList
+    AttitudeSetpoint | PositionSetpoint | Command | CommandInt | CommandAck | TimeSync | Ping | ParamSet
+    | ParamRequestRead | ParamRequestList
 )  # fmt: skip
 
 
@@ -151,7 +154,7 @@ class Codec:
         if isinstance(message, _Addressed):
             target = message.target
             return target.system in (BROADCAST, own.system) and target.component in (BROADCAST, own.component)
-        return not isinstance(message, SetMode) or message.target_system in (BROADCAST, own.system)
+        return not isinstance(message, SetMode | SetOrigin) or message.target_system in (BROADCAST, own.system)
 
     def _count_lost(self, source: Address, seq: int) -> None:
         self.lost_packets += (seq - self._next_seq.get(source, seq)) & 0xFF

@@ -86,6 +86,21 @@ MESSAGES: dict[type, st.SearchStrategy[Any]] = {
     lm.AttitudeTargetReport: st.builds(lm.AttitudeTargetReport, U32, Q, VECTOR, FLOATS, st.just(lm.Ignore.NONE)),
     lm.SimTruth: st.builds(lm.SimTruth, U64, Q, SPEEDS, DEGREES, DEGREES, MILLIMETRES),
     lm.NamedValue: st.builds(lm.NamedValue, U32, text(10), FLOATS),
+    lm.PositionSetpoint: st.builds(
+        lm.PositionSetpoint,
+        ADDRESS,
+        U32,
+        st.sampled_from(lm.LocalFrame),
+        st.sampled_from(lm.PositionIgnore),
+        VECTOR,
+        VECTOR,
+        VECTOR,
+        st.floats(-3.0, 3.0, width=32),
+        FLOATS,
+    ),
+    lm.SetOrigin: st.builds(lm.SetOrigin, U8, DEGREES, DEGREES, MILLIMETRES),
+    lm.Origin: st.builds(lm.Origin, DEGREES, DEGREES, MILLIMETRES),
+    lm.MessageInterval: st.builds(lm.MessageInterval, U16, I32),
 }
 ANY_MESSAGE = st.one_of(*MESSAGES.values())
 

@@ -1,4 +1,4 @@
-"""`gcs-log report | check | picture`: what a log says, for people and for scripts.
+"""`gcs-log report | check | picture | identify`: what a log says, for people and for scripts.
 
 Exit codes: 0 well, 1 the log is damaged (`check`), 2 no log, or an argument that cannot be used.
 """
@@ -12,11 +12,15 @@ import typer
 from rich.console import Console
 
 from analysis import check as checking
-from analysis.console import print_check, print_summary
+from analysis.console import print_check, print_identification, print_summary
+from analysis.identify import report as identified
+from analysis.identify import vehicle as identification
+from analysis.identify.vehicle import Identification
 from analysis.load import load
 from analysis.metrics import summarise
 from analysis.picture import picture as draw_picture
 from analysis.report import write
+from wire.config_file import dump
 from wire.mcap_log import LogError, check_log
 
 DAMAGED, UNUSABLE = 1, 2
@@ -30,6 +34,11 @@ JsonPath = Annotated[
 Out = Annotated[
     Path | None, typer.Option("--out", metavar="FILE", help="Where to; without it report.html beside the log.")
 ]
+IdentifyOut = Annotated[
+    Path | None, typer.Option("--out", metavar="FILE", help="Where to; without it identified.html beside the log.")
+]
+ProfileOut = Annotated[Path | None, typer.Option("--write", metavar="FILE", help="Write a drone's profile as TOML.")]
+Drone = Annotated[int | None, typer.Option("--sysid", help="Whose profile; without it the last drone's.")]
 PngOut = Annotated[Path, typer.Option("--out", metavar="FILE", help="The PNG to write.")]
 STDOUT = Path("-")
 
@@ -66,6 +75,33 @@ def picture(log: LogPath, out: PngOut = Path("flight.png")) -> None:
     with _refusing():
         draw_picture(log, out)
     typer.echo(out)
+
+
+@app.command()
+def identify(
+    log: LogPath, out: IdentifyOut = None, write: ProfileOut = None, drone: Drone = None, json: JsonPath = None
+) -> None:
+    """Estimate what the controller must know of each drone: response, thrust, noise, delay."""
+    path = log.with_name("identified.html") if out is None else out
+    with _refusing():
+        flight = load(log)
+        found = identification.identify(flight)
+        identified.write(flight, found, path)
+        _put(identified.to_json(found), json)
+        _write_profile(found, write, drone)
+    if json != STDOUT:
+        print_identification(found, Console())
+        typer.echo(path)
+
+
+def _write_profile(found: Identification, path: Path | None, sysid: int | None) -> None:
+    """Write the profile of the drone of that sysid, or of the flight's last drone, a follower."""
+    chosen = [drone for drone in found.drones if sysid in (None, drone.vehicle.sysid)]
+    if path is None:
+        return
+    if not chosen:
+        raise LogError(f"no drone {sysid} was sent targets in this flight" if sysid else "no drone was sent targets")
+    path.write_text(dump(chosen[-1].profile()), encoding="utf-8")
 
 
 @contextmanager

@@ -1,0 +1,142 @@
+"""What an identification says: a page of tables and pictures, lines for a terminal, JSON for scripts."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+from analysis import page
+from analysis.identify.estimate import Estimate
+from analysis.identify.response import Response
+from analysis.identify.sensing import Sensing
+from analysis.identify.thrust import Thrust
+from analysis.identify.vehicle import Identification, Identified
+from analysis.load import Flight
+from analysis.page import Section, cell, picture, row, table, text
+from analysis.plots import style
+from analysis.plots.identified import model_against_data
+from wire.config_file import dump
+
+LEAD = (
+    "Left: measured tilt and the fitted attitude loop. Middle: that loop's step, and the dead time and lag nearest to "
+    "it, which are what the controller is told. Right: felt force against sent thrust. Dashed: the profile flown with."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One estimated quantity: its key (SI unit in it), the estimate or None, what the profile assumed.
+
+    scale, unit: for people.
+    """
+
+    key: str
+    name: str
+    estimate: Estimate | None
+    assumed: float | None
+    scale: float = 1.0
+    unit: str = ""
+
+    def words(self) -> str:
+        """`49.1 ms (48.7 to 49.6)`."""
+        if self.estimate is None:
+            return "cannot be told from this flight"
+        e = self.estimate.scaled(self.scale)
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{e.value:.4g}{unit} ({e.low:.4g} to {e.high:.4g})"
+
+    def assumed_words(self) -> str:
+        """The profile's own value."""
+        return "–" if self.assumed is None else f"{self.scale * self.assumed:.4g} {self.unit}".strip()
+
+
+def drone_lines(drone: Identified) -> Iterator[Line]:
+    """Everything estimated of one drone."""
+    base = drone.base
+    if isinstance(drone.response, Response):
+        r = drone.response
+        yield Line("response_dead_time_s", "attitude dead time", r.dead_time_s, base.response_dead_time_s, 1e3, "ms")
+        yield Line("response_lag_s", "attitude lag", r.lag_s, base.response_lag_s, 1e3, "ms")
+        yield Line("delay_s", "pure delay", r.delay_s, None, 1e3, "ms")
+        yield Line("attitude_p_1_s", "attitude gain", r.attitude_p_1_s, base.attitude_p_1_s, 1.0, "1/s")
+        yield Line("rate_p_1_s", "rate gain", r.rate_p_1_s, base.rate_p_1_s, 1.0, "1/s")
+        yield Line("motor_lag_s", "motor lag", r.motor_lag_s, base.motor_lag_s, 1e3, "ms")
+        yield Line("rate_lead", "takes body rates", r.rate_lead, float(base.rate_feed_forward))
+    if isinstance(drone.thrust, Thrust):
+        t = drone.thrust
+        yield Line("hover_thrust_norm", "hover thrust", t.hover_norm, base.hover_thrust_norm)
+        yield Line("thrust_curve", "thrust curve k", t.curve, base.thrust_curve)
+        full = base.thrust_max_n / base.mass_kg
+        yield Line("thrust_max_m_s2", "full thrust per mass", t.full_m_s2, full, 1.0, "m/s²")
+        yield Line("thrust_fade_1_s", "thrust lost", t.fade_1_s, None, 6e3, "% a minute")
+
+
+def sensing_lines(sensing: Sensing) -> Iterator[Line]:
+    """Everything estimated of the mocap."""
+    yield Line("mocap_delay_s", "delay, capture to receipt", sensing.delay_s, None, 1e3, "ms")
+    for noise in sensing.noise:
+        yield Line(f"noise_{noise.body}_m", f"position noise, {noise.body}", noise.pos_m, None, 1e3, "mm")
+        yield Line(f"noise_{noise.body}_rad", f"attitude noise, {noise.body}", noise.attitude_rad, None, 1e3, "mrad")
+
+
+def to_json(found: Identification) -> str:
+    """Every estimate as {value, low, high}, by drone; null where it cannot be told."""
+
+    def entries(lines: Iterator[Line]) -> dict[str, dict[str, float] | None]:
+        return {
+            line.key: None
+            if line.estimate is None
+            else {"value": line.estimate.value, "low": line.estimate.low, "high": line.estimate.high}
+            for line in lines
+        }
+
+    drones = {
+        drone.vehicle.body: {
+            "sysid": drone.vehicle.sysid,
+            "base": drone.base.name,
+            **entries(drone_lines(drone)),
+            "untold": [reason for reason in (drone.response, drone.thrust) if isinstance(reason, str)],
+        }
+        for drone in found.drones
+    }
+    mocap = entries(sensing_lines(found.sensing)) if isinstance(found.sensing, Sensing) else {"untold": None}
+    return json.dumps({"drones": drones, "mocap": mocap}, indent=2, allow_nan=False)
+
+
+def write(flight: Flight, found: Identification, path: Path) -> None:
+    """Write the page."""
+    leads = [LEAD] + [""] * len(found.drones)
+    sections = [_drone(flight, drone, lead).html() for drone, lead in zip(found.drones, leads, strict=False)]
+    sections.append(_mocap(found).html())
+    name = (flight.run.scenario or "flight").replace("_", " ")
+    head = (
+        '<header><p class="kind">Vehicle identification</p>'
+        f"<h1>{escape(name.capitalize())}</h1>"
+        '<p class="facts">Estimated from one flight; in brackets the 95 % confidence interval.</p></header>'
+    )
+    path.write_text(page.document(f"{name} · identification", head + "".join(sections)), encoding="utf-8")
+
+
+def _drone(flight: Flight, drone: Identified, lead: str) -> Section:
+    """One drone: picture, table, profile to paste."""
+    with style.styled():
+        drawn = picture(model_against_data(flight, drone))
+    rows = [row(cell(x.name), cell(x.words(), "number"), cell(x.assumed_words(), "number")) for x in drone_lines(drone)]
+    profile = (
+        f"<details><summary>Profile to paste</summary><pre><code>{escape(dump(drone.profile()))}</code></pre></details>"
+    )
+    parts = (drawn, table(("quantity", "#estimate", f"#{drone.base.name}"), rows) if rows else "", profile)
+    return Section(f"drone-{drone.vehicle.sysid}", drone.vehicle.body, lead, parts)
+
+
+def _mocap(found: Identification) -> Section:
+    """The mocap's table."""
+    if isinstance(found.sensing, str):
+        return Section("mocap", "Motion capture", "", (f'<p class="missing">Not shown: {text(found.sensing)}.</p>',))
+    rows = [row(cell(line.name), cell(line.words(), "number")) for line in sensing_lines(found.sensing)]
+    lead = (
+        f"{found.sensing.rate_hz:.1f} frames a second; 99 % arrive within {1e3 * found.sensing.late_s:.1f} ms of their "
+        "capture as the mocap stamps it. Attitude noise is taken from where a body stood still."
+    )
+    return Section("mocap", "Motion capture", lead, (table(("quantity", "#estimate"), rows),))

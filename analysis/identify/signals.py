@@ -1,0 +1,93 @@
+"""What was sent to one drone and what the mocap then saw of it, on times that can be compared."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.load import Flight, Vehicle
+from analysis.packets import from_ground
+from analysis.tracking import airborne
+from formation import frames
+from formation.arrays import Bool, Float
+from wire.link_messages import AttitudeSetpoint
+
+GRID_S = 0.002
+CLEAR_M = 0.1  # this far above its resting place a drone flies freely
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sent:
+    """Every attitude target sent to one drone, at t_s (S,): (S, 4), (S, 3) and (S,) as in AttitudeSetpoint."""
+
+    t_s: Float
+    q_lab_from_flu: Float
+    rate_flu_rad_s: Float
+    thrust_norm: Float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """Where one drone was seen flying freely: lean (T, 2), all else (T,).
+
+    lean: the horizontal part of the body's up axis in lab axes; for small angles the tilt in radians.
+    """
+
+    t_s: Float
+    height_m: Float
+    lean: Float
+    cos_tilt: Float
+    heading_rad: Float
+
+
+def sent(flight: Flight) -> dict[int, Sent]:
+    """The targets of every drone, by system id."""
+    rows: dict[int, list[tuple[float, ...]]] = {}
+    for t_s, sysid, message in from_ground(flight):
+        if isinstance(message, AttitudeSetpoint):
+            values = (*message.q_lab_from_flu, *message.rate_flu_rad_s, message.thrust_norm)
+            rows.setdefault(sysid, []).append((t_s, *map(float, values)))
+    columns = {sysid: np.array(of_one).T for sysid, of_one in rows.items()}
+    return {sysid: Sent(c[0], c[1:5].T, c[5:8].T, c[8]) for sysid, c in columns.items()}
+
+
+def seen(flight: Flight, vehicle: Vehicle) -> Seen:
+    """One drone's free flight: airborne, seen, clear of the place it stood on."""
+    index, poses = flight.vehicles.index(vehicle), flight.poses
+    z = poses.pos_lab_m[:, index, 2]
+    visible = poses.seen[:, index]
+    floor_m = float(z[visible].min()) if visible.any() else 0.0
+    free: Bool = visible & airborne(flight, poses.t_s) & (z > floor_m + CLEAR_M)
+    q = poses.q_lab_from_flu[free, index]
+    up = frames.rotate(q, UP)
+    return Seen(poses.t_s[free], z[free], up[:, :2], up[:, 2], np.unwrap(frames.yaw(q)))
+
+
+def lean_of(q_lab_from_flu: Float) -> Float:
+    """Horizontal part of the body's up axis, lab axes, shape (..., 2)."""
+    return frames.rotate(q_lab_from_flu, UP)[..., :2]
+
+
+def turn_of(q_lab_from_flu: Float, rate_flu_rad_s: Float) -> Float:
+    """How fast body rates turn that lean: R (rate x up), horizontal part, 1/s, shape (..., 2)."""
+    return frames.rotate(q_lab_from_flu, np.cross(rate_flu_rad_s, UP))[..., :2]
+
+
+def grid(of: Sent, until_s: float) -> Float:
+    """Even times from the first target to until_s."""
+    return np.arange(of.t_s[0], max(until_s, of.t_s[0]) + GRID_S, GRID_S)
+
+
+def held(t_s: Float, values: Float, at_s: Float) -> Float:
+    """A signal (S, ...) held from each t_s to the next, averaged over every cell of the even grid at_s (G,): (G, ...).
+
+    The average, not a sample: so no target's time is rounded to the grid.
+    """
+    step = at_s[1] - at_s[0]
+    edges = np.append(at_s, at_s[-1] + step)
+    flat = values.reshape(len(t_s), -1)
+    swept = np.vstack([np.zeros((1, flat.shape[1])), np.cumsum(flat[:-1] * np.diff(t_s)[:, None], axis=0)])
+    index = np.clip(np.searchsorted(t_s, edges, side="right") - 1, 0, len(t_s) - 1)
+    integral = swept[index] + flat[index] * (edges - t_s[index])[:, None]
+    means: Float = np.diff(integral, axis=0) / step
+    return means.reshape(len(at_s), *values.shape[1:])

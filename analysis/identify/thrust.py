@@ -1,0 +1,114 @@
+"""Hover thrust and thrust curve: sent thrust against the vertical motion it made.
+
+    z'' = cos(tilt) (F1 u + F2 u^2 + F3 t u) - g
+
+u is the sent thrust after the vehicle's delay and motor lag, F3 what the battery loses. The second derivative is never
+taken: both sides are weighted by a smooth bump and integrated, which moves it from the noisy height onto the bump.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from analysis.identify.estimate import Estimate, covariance, propagated
+from analysis.identify.signals import GRID_S, Seen, Sent, grid, held
+from formation.arrays import Float
+from formation.rigid_body import GRAVITY_M_S2
+
+BUMP_S = 0.6
+SPACING_S = 0.05
+LEAST_WINDOWS = 40
+FULL_WINDOW = 0.8  # of the frames a window should hold; a window with a gap says nothing
+CURVE_KNOWN = 0.25  # a thrust curve less certain than this is not told from another
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Thrust:
+    """The thrust of one vehicle, per kilogram.
+
+    hover_norm: thrust_norm that hovers at lift-off. curve: k of T/T_max = (1 - k) u + k u^2, None where the thrust
+    varied too little to tell. full_m_s2: T_max over mass. fade_1_s: part of the thrust lost a second.
+    sent_norm, force_m_s2 (W,): the vertical part of what was sent, and what was felt less the fade, window by window.
+    """
+
+    hover_norm: Estimate
+    curve: Estimate | None
+    full_m_s2: Estimate
+    fade_1_s: Estimate
+    sent_norm: Float
+    force_m_s2: Float
+    residual_m_s2: float
+
+
+def fit(of: Sent, saw: Seen, delay_s: float, motor_lag_s: float) -> Thrust | str:
+    """The thrust of one vehicle whose delay and motor lag are known, or why it cannot be had from this flight."""
+    windows = list(_windows(of, saw, delay_s, motor_lag_s))
+    if len(windows) < LEAST_WINDOWS:
+        return "too little uninterrupted free flight"
+    table = np.array(windows)
+    t_s, force, regressors = table[:, 0], table[:, 1], table[:, 2:]
+    solution = np.linalg.lstsq(regressors, force, rcond=None)[0]
+    residual = force - regressors @ solution
+    spread = covariance(regressors, residual, t_s)
+    hover, curve, full, fade = propagated(_meant, solution, spread)
+    known = curve if curve.half_width < CURVE_KNOWN else None
+    fresh = force - regressors[:, 2] * solution[2]
+    return Thrust(hover, known, full, fade, regressors[:, 0], fresh, float(np.std(residual)))
+
+
+def _windows(of: Sent, saw: Seen, delay_s: float, motor_lag_s: float) -> Iterator[tuple[float, ...]]:
+    """(t, felt force, its regressors) of each window without gaps."""
+    at_s = grid(of, float(saw.t_s[-1])) if len(saw.t_s) else of.t_s[:1]
+    if len(at_s) < 2:
+        return
+    sent = held(of.t_s + delay_s, of.thrust_norm, at_s)
+    keep = float(np.exp(-GRID_S / motor_lag_s))
+    first, second = (lfilter([0.0, 1.0 - keep], [1.0, -keep], sent**power) for power in (1, 2))
+    cos = np.interp(at_s, saw.t_s, saw.cos_tilt)
+    usual = BUMP_S / float(np.median(np.diff(saw.t_s)))
+    for middle_s in np.arange(saw.t_s[0] + BUMP_S / 2.0, saw.t_s[-1] - BUMP_S / 2.0, SPACING_S):
+        frames = _inside(saw.t_s, middle_s)
+        if frames.stop - frames.start < FULL_WINDOW * usual:
+            continue
+        cells = _inside(at_s, middle_s)
+        weight = _bump(at_s[cells] - middle_s)
+        weight = cos[cells] * weight / weight.sum()
+        felt = _acceleration(saw.t_s[frames] - middle_s, saw.height_m[frames]) + GRAVITY_M_S2
+        since_s = middle_s - saw.t_s[0]
+        yield (
+            float(middle_s), felt, float(weight @ first[cells]), float(weight @ second[cells]),
+            float(weight @ first[cells]) * since_s,
+        )  # fmt: skip
+
+
+def _inside(t_s: Float, middle_s: float) -> slice:
+    """The entries within the bump about middle_s."""
+    low, high = np.searchsorted(t_s, [middle_s - BUMP_S / 2.0, middle_s + BUMP_S / 2.0])
+    return slice(int(low), int(high))
+
+
+def _bump(from_middle_s: Float) -> Float:
+    """(1 - x^2)^4 over the window, x from -1 to 1: it and three derivatives vanish at the ends."""
+    bump: Float = (1.0 - np.square(from_middle_s / (BUMP_S / 2.0))) ** 4
+    return bump
+
+
+def _acceleration(from_middle_s: Float, height_m: Float) -> float:
+    """The bump-weighted mean of z'', from z alone: the integral of bump'' z over that of the bump."""
+    x = from_middle_s / (BUMP_S / 2.0)
+    bent = 8.0 * (1.0 - x * x) ** 2 * (7.0 * x * x - 1.0) / (BUMP_S / 2.0) ** 2
+    level = height_m - np.polyval(np.polyfit(x, height_m, 1), x)
+    return float(np.trapezoid(bent * level, from_middle_s) / (BUMP_S / 2.0 * 256.0 / 315.0))
+
+
+def _meant(solution: Float) -> Float:
+    """Hover thrust, curve, full specific thrust and relative fade that F1, F2, F3 mean."""
+    linear, square, fade = solution
+    full = linear + square
+    if abs(square) < 1e-9 * abs(linear):
+        hover = GRAVITY_M_S2 / linear
+    else:
+        hover = (-linear + np.sqrt(max(linear**2 + 4.0 * square * GRAVITY_M_S2, 0.0))) / (2.0 * square)
+    return np.array([hover, square / full, full, -fade * hover / GRAVITY_M_S2])

@@ -23,6 +23,7 @@ DIST_MAX_M_S2 = 14.0
 STRENGTH_LOW, STRENGTH_HIGH = 0.5, 2.0
 NOISE_M, NOISE_LEAST_M = 2e-4, 2e-5  # position noise: first guess, and the least believed
 NOISE_LAG_S, NOISE_SPAN_S = 0.5, 0.2  # how slowly it is learned, and how close together the frames must be
+NOISE_POWER, HABIT_LAG_S = 0.35, 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,16 +42,19 @@ class ObserverGains:
 
 @dataclass(frozen=True, slots=True)
 class Vigilance:
-    """When the horizontal observers wake up: while the innovation, filtered over lag_s, exceeds what noise explains.
+    """When the horizontal observers wake up: while the innovation, filtered over lag_s, exceeds what is expected.
 
-    The activity mu = sqrt(1 + (innovation / (threshold * noise))^2), at most `most`, multiplies the bandwidth as
-    mu^bandwidth_power (and the law's gains by their own powers); most = 1 switches it off.
+    mu = sqrt(1 + innovation^2 / (threshold^2 noise^2 + habit * mean)), at most `most`: noise is what the measurement's
+    own noise leaves in the filter, mean the innovation's mean square over some seconds, so that a lasting
+    oscillation calms the loop instead of exciting it. mu^bandwidth_power multiplies the bandwidth (and powers of it
+    the law's gains); most = 1 switches it off.
     """
 
     lag_s: float = 0.05
     threshold: float = 3.0
     most: float = 1.0
     bandwidth_power: float = 1.0
+    habit: float = 0.15
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,7 +65,8 @@ class EstimatorSettings:
     response: attitude dead time, attitude lag, thrust dead time, thrust lag, s.
     attitude_trust: share of the measured tilt, against the modelled one, that a frame is given.
     tilt_w, tilt_decay_1_s: filter of an observed vehicle's tilt and its rate; tilt_w = 0: its attitude is not used.
-    vigilance (4): as in Vigilance.
+    vigilance (5): as in Vigilance; quiet_m: the position noise above which bandwidths shrink, as its power 0.35.
+    turn_trust: how much of an observed heading's Z3 is taken to last.
     """
 
     horizontal: Float
@@ -74,6 +79,8 @@ class EstimatorSettings:
     tilt_w: float
     tilt_decay_1_s: float
     vigilance: Float
+    quiet_m: float
+    turn_trust: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,7 +90,8 @@ class EstimatorState:
     force: modelled specific force in `lab` at t_ns, before `strength`; lift_m_s2: its length, the thrust delivered;
     strength: true thrust per modelled thrust (mass, battery, propellers); heading: angle, rate and Z3 of the heading;
     tilt (n, 4): of a vehicle that is only observed, horizontal over vertical force, x and y, then their rates;
-    force_rate: the turn of its force; innovation (n, 2): horizontal, filtered; activity: see Vigilance;
+    force_rate: the turn of its force; innovation (n, 2): horizontal, filtered; surprise_m2: its mean
+    square; activity: see Vigilance;
     noise_m2: learned variance of the measured position; recent_m (n, 3, 3), recent_ns (n, 3): the last three seen.
     """
 
@@ -100,6 +108,7 @@ class EstimatorState:
     tilt: Float
     force_rate: Vec3s
     innovation: Float
+    surprise_m2: Scalars
     activity: Scalars
     noise_m2: Scalars
     recent_m: Float
@@ -125,6 +134,7 @@ def initial(frame: MocapFrame) -> EstimatorState:
         tilt=np.zeros((n, 4)),
         force_rate=np.zeros((n, 3)),
         innovation=np.zeros((n, 2)),
+        surprise_m2=np.zeros(n),
         activity=np.ones(n),
         noise_m2=np.full(n, NOISE_M**2),
         recent_m=np.repeat(frame.pos_lab_m[:, None, :], 3, axis=1),
@@ -147,17 +157,17 @@ def estimate(
         frame.t_capture_ns, state.pos_lab_m.copy(), state.vel_lab_m_s.copy(), state.dist_lab_m_s2.copy(),
         state.force_lab_m_s2.copy(), state.lift_m_s2.copy(), state.strength.copy(), state.heading.copy(),
         state.q_lab_from_flu.copy(), state.seen_ns.copy(), state.tilt.copy(), state.force_rate.copy(),
-        state.innovation.copy(), state.activity.copy(), state.noise_m2.copy(), state.recent_m.copy(),
-        state.recent_ns.copy(),
+        state.innovation.copy(), state.surprise_m2.copy(), state.activity.copy(), state.noise_m2.copy(),
+        state.recent_m.copy(), state.recent_ns.copy(),
     )  # fmt: skip
     _observe(
         state.t_ns, frame.t_capture_ns, frame.pos_lab_m, frame.q_lab_from_flu, frame.seen, airborne, turn_rad_s2,
         settings.horizontal, settings.vertical, settings.heading, settings.response, settings.own,
         settings.strength_lag_s, settings.attitude_trust, settings.tilt_w, settings.tilt_decay_1_s,
-        settings.vigilance, history.t_ns, history.force,
+        settings.vigilance, settings.quiet_m, history.t_ns, history.force,
         new.pos_lab_m, new.vel_lab_m_s, new.dist_lab_m_s2, new.force_lab_m_s2, new.lift_m_s2, new.strength,
-        new.heading, new.q_lab_from_flu, new.seen_ns, new.tilt, new.force_rate, new.innovation, new.activity,
-        new.noise_m2, new.recent_m, new.recent_ns,
+        new.heading, new.q_lab_from_flu, new.seen_ns, new.tilt, new.force_rate, new.innovation, new.surprise_m2,
+        new.activity, new.noise_m2, new.recent_m, new.recent_ns,
     )  # fmt: skip
     return new
 
@@ -166,10 +176,11 @@ def swarm_state(state: EstimatorState, settings: EstimatorSettings, turn_rad_s2:
     """The estimate as the message that is logged and shown; turn_rad_s2 (n) as in `estimate`."""
     acc = state.strength[:, None] * state.force_lab_m_s2 + state.dist_lab_m_s2
     acc[:, 2] -= np.where(settings.own >= 0, GRAVITY_M_S2, 0.0)
+    turning = np.where(settings.own >= 0, 1.0, settings.turn_trust) * state.heading[:, 2] + turn_rad_s2
     age_s = np.asarray((state.t_ns - state.seen_ns) * SECONDS, dtype=np.float64)
     return SwarmState(
         state.t_ns, state.pos_lab_m, state.vel_lab_m_s, state.dist_lab_m_s2, acc, state.q_lab_from_flu,
-        state.heading[:, 0], state.heading[:, 1], state.heading[:, 2] + turn_rad_s2, age_s,
+        state.heading[:, 0], state.heading[:, 1], turning, age_s,
     )  # fmt: skip
 
 
@@ -178,10 +189,10 @@ def _observe(
     from_ns: int, to_ns: int, pos_measured: Float, q_measured: Float, seen: NDArray[np.bool_],
     airborne: NDArray[np.bool_], turn: Float, horizontal: Float, vertical: Float, yaw_gains: Float, response: Float,
     own: NDArray[np.int64], strength_lag_s: float, attitude_trust: float, tilt_w: float, tilt_decay_1_s: float,
-    vigilance: Float, sent_ns: NDArray[np.int64], sent: Float,
+    vigilance: Float, quiet_m: float, sent_ns: NDArray[np.int64], sent: Float,
     pos: Float, vel: Float, dist: Float, force: Float, lift: Float, strength: Float, heading: Float, q: Float,
-    seen_ns: NDArray[np.int64], tilt: Float, force_rate: Float, innovation: Float, mu: Float, noise_m2: Float,
-    recent_m: Float, recent_ns: NDArray[np.int64],
+    seen_ns: NDArray[np.int64], tilt: Float, force_rate: Float, innovation: Float, surprise_m2: Float, mu: Float,
+    noise_m2: Float, recent_m: Float, recent_ns: NDArray[np.int64],
 ) -> None:  # fmt: skip
     """One frame for all n vehicles, in place; see `estimate`."""
     dt_s = (to_ns - from_ns) * SECONDS
@@ -204,12 +215,13 @@ def _observe(
             model[2] -= GRAVITY_M_S2
         if seen[i]:
             _learn_noise(i, to_ns, pos_measured, recent_m, recent_ns, noise_m2)
-            _watch(i, pos_measured, pos, vel, dist, model, dt_s, vigilance, noise_m2, innovation, mu)
+            _watch(i, pos_measured, pos, vel, dist, model, dt_s, vigilance, noise_m2, innovation, surprise_m2, mu)
+        calm = min(quiet_m / sqrt(noise_m2[i]), 1.0) ** NOISE_POWER
         for axis in range(3):
             gains = vertical[i] if axis == 2 else horizontal[i]
             z1, z2, z3 = pos[i, axis], vel[i, axis], dist[i, axis]
             if seen[i]:
-                w = gains[0] if axis == 2 else gains[0] * mu[i] ** vigilance[3]
+                w = gains[0] * calm if axis == 2 else gains[0] * calm * mu[i] ** vigilance[3]
                 z1, z2, z3 = fteso_step(
                     z1, z2, z3, model[axis], pos_measured[i, axis], dt_s, w, gains[1], gains[2], gains[3]
                 )
@@ -289,16 +301,17 @@ def _learn_noise(
 @kernel
 def _watch(
     i: int, pos_measured: Float, pos: Float, vel: Float, dist: Float, model: Float, dt_s: float, vigilance: Float,
-    noise_m2: Float, innovation: Float, mu: Float,
+    noise_m2: Float, innovation: Float, surprise_m2: Float, mu: Float,
 ) -> None:  # fmt: skip
     """Filters the horizontal innovation and sets the activity; one for both axes, so that turning changes nothing."""
     share = 1.0 - exp(-dt_s / vigilance[0])
     for axis in range(2):
         ahead = pos[i, axis] + dt_s * (vel[i, axis] + 0.5 * dt_s * (model[axis] + dist[i, axis]))
         innovation[i, axis] += share * (pos_measured[i, axis] - ahead - innovation[i, axis])
-    size = sqrt(innovation[i, 0] * innovation[i, 0] + innovation[i, 1] * innovation[i, 1])
-    noise = sqrt(noise_m2[i] * dt_s / (2.0 * vigilance[0] + dt_s))
-    mu[i] = activity(size, vigilance[1] * noise, vigilance[2])
+    square = innovation[i, 0] * innovation[i, 0] + innovation[i, 1] * innovation[i, 1]
+    surprise_m2[i] += (1.0 - exp(-dt_s / HABIT_LAG_S)) * (square - surprise_m2[i])
+    noise = vigilance[1] * vigilance[1] * noise_m2[i] * dt_s / (2.0 * vigilance[0] + dt_s)
+    mu[i] = activity(sqrt(square), sqrt(noise + vigilance[4] * surprise_m2[i]), vigilance[2])
 
 
 @kernel

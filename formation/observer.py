@@ -63,7 +63,7 @@ def extrapolation_error(times_s: Float, values: Float, t_s: float, y: float) -> 
 
 
 @kernel
-def activity(innovation: float, noise: float, most: float) -> float:
-    """1 while the filtered innovation is no more than noise explains, growing with it, at most `most`."""
-    ratio = innovation / noise
+def activity(innovation: float, expected: float, most: float) -> float:
+    """1 while the filtered innovation is no more than is expected of it, growing with it, at most `most`."""
+    ratio = innovation / expected
     return min(sqrt(1.0 + ratio * ratio), most)

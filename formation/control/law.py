@@ -56,6 +56,7 @@ class LawSettings:
     compensate: Flags
     speed_max_m_s: float
     tilt_decay_1_s: float
+    turn_trust: float
     quickness: Float
 
 
@@ -99,7 +100,8 @@ def demand(
     path = course.trajectory
     _demand(
         settings.horizontal, settings.vertical, settings.response, settings.vehicle, settings.own,
-        settings.compensate, settings.speed_max_m_s, settings.tilt_decay_1_s, settings.quickness,
+        settings.compensate, settings.speed_max_m_s, settings.tilt_decay_1_s, settings.turn_trust,
+        settings.quickness,
         state.t_ns, state.pos_lab_m, state.vel_lab_m_s, state.dist_lab_m_s2, state.force_lab_m_s2, state.force_rate,
         state.strength, state.heading, turn_rad_s2, state.activity, history.t_ns, history.force,
         course.kind, course.base, course.gap, course.gap_ns, course.gap_s, course.airborne, path.kind, path.numbers,
@@ -130,7 +132,8 @@ class Bench(NamedTuple):
 @kernel
 def _demand(
     horizontal: Float, vertical: Float, response: Float, vehicle: NDArray[np.int64], own: NDArray[np.int64],
-    compensate: NDArray[np.bool_], speed_max: float, tilt_decay_1_s: float, quickness: Float,
+    compensate: NDArray[np.bool_],
+    speed_max: float, tilt_decay_1_s: float, turn_trust: float, quickness: Float,
     t_ns: int, pos: Float, vel: Float, dist: Float, force: Float, force_rate: Float, strength: Float,
     heading: Float, turn: Float, mu: Float, sent_ns: NDArray[np.int64], sent: Float,
     kind: NDArray[np.int64], base: Float, gap: Float, gap_ns: NDArray[np.int64], gap_s: Float,
@@ -141,7 +144,20 @@ def _demand(
 ) -> None:  # fmt: skip
     """See `demand`; the out arrays are the fields of Demand."""
     known = Known(
-        t_ns, pos, vel, dist, force, force_rate, tilt_decay_1_s, strength, heading, turn, response, sent_ns, sent
+        t_ns,
+        pos,
+        vel,
+        dist,
+        force,
+        force_rate,
+        tilt_decay_1_s,
+        strength,
+        heading,
+        turn,
+        turn_trust,
+        response,
+        sent_ns,
+        sent,
     )
     way = Way(kind, base, gap, gap_ns, gap_s, path_kind, path_numbers, path_knots, path_ns)
     b = Bench(

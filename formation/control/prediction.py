@@ -35,6 +35,7 @@ class Known(NamedTuple):
     strength: Float
     heading: Float
     turn: Float
+    turn_trust: float
     response: Float
     sent_ns: NDArray[np.int64]
     sent: Float
@@ -72,7 +73,7 @@ def motion_at(i: int, own: int, to_ns: int, known: Known, out: Float, felt: Floa
         out[1, axis] = known.vel[i, axis] + strength * speed + h * steady
         out[2, axis] = strength * modelled + steady
     psi = known.heading[i]
-    turning = psi[2] + known.turn[i]
+    turning = known.turn[i] + (psi[2] if own >= 0 else known.turn_trust * psi[2])
     out[0, 3] = psi[0] + h * psi[1] + 0.5 * h * h * turning
     out[1, 3] = psi[1] + h * turning
     out[2, 3] = turning

@@ -40,6 +40,8 @@ class Preset:
     attitude_trust: float = 1.0
     tilt_w_rad_s: float = 40.0
     tilt_decay_1_s: float = 7.0
+    turn_trust: float = 0.3
+    quiet_m: float = 2e-4
     vigilance: Vigilance = ALWAYS_CALM
     quickness: Quickness = AS_IS
 

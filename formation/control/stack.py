@@ -152,7 +152,9 @@ def _estimator_settings(config: LabConfig, profiles: tuple[VehicleProfile, ...],
         gains.attitude_trust,
         gains.tilt_w_rad_s,
         gains.tilt_decay_1_s,
-        np.array([watch.lag_s, watch.threshold, watch.most, watch.bandwidth_power]),
+        np.array([watch.lag_s, watch.threshold, watch.most, watch.bandwidth_power, watch.habit]),
+        gains.quiet_m,
+        gains.turn_trust,
     )
 
 
@@ -174,6 +176,7 @@ def _law_settings(config: LabConfig, gains: Preset, estimator: EstimatorSettings
         np.array([[gains.compensate or lead, True] for lead in leads]),
         config.limits.speed_m_s,
         gains.tilt_decay_1_s,
+        gains.turn_trust,
         np.array([quick.rate, quick.gain, quick.gain_power, quick.p1_power]),
     )
 

@@ -32,6 +32,7 @@ from gcs.facts import FactGatherer
 from gcs.flight import Flight
 from gcs.lateness import Lateness
 from gcs.link_state import HEARTBEAT, NEVER_NS, DroneLink
+from gcs.mocap.autopilot_poses import streams
 from gcs.operator import done_text, formation_refusals, status_text, take_off_refusals
 from gcs.pipeline import Pipeline
 
@@ -61,7 +62,7 @@ class GcsCore:
         self._config = config
         self._t0_ns = t0_ns
         self._drones = tuple(
-            Drone(i, DroneLink(vehicles[i], vehicles[i].sysid or 0, profile(vehicles[i].profile)))
+            Drone(i, DroneLink(vehicles[i], vehicles[i].sysid or 0, profile(vehicles[i].profile), streams(config)))
             for i in config.commanded
         )
         self._links = {drone.link.sysid: drone.link for drone in self._drones}
@@ -77,6 +78,7 @@ class GcsCore:
         self._arming_request: int | None = None
         self._tick_ns = t0_ns
         self._due = False
+        self._feeds_pose = config.mocap.source != "mavlink"
         self._heartbeat_due_ns = t0_ns
         self._pose_due_ns = t0_ns
         self._watchdog_ns = round(WATCHDOG_FRAMES / config.mocap.rate_hz * 1e9)
@@ -209,7 +211,7 @@ class GcsCore:
     def _datagrams(self, frame: MocapFrame | None, stages: Stages | None, now_ns: int) -> tuple[Datagram, ...]:
         """One datagram a drone at most, its setpoint first."""
         beat = frame is not None and now_ns >= self._heartbeat_due_ns
-        pose = frame is not None and now_ns >= self._pose_due_ns
+        pose = self._feeds_pose and frame is not None and now_ns >= self._pose_due_ns
         if beat:
             self._heartbeat_due_ns = now_ns + HEARTBEAT_NS
         if pose:  # a steady 50 Hz out of frames that jitter
@@ -252,7 +254,7 @@ class GcsCore:
         events, link.events = link.events, []
         if not drone.checked and link.dialect is not None and not link.parameters.reading:
             drone.checked = True
-            events += [Event(Severity.WARNING, link.name, text) for text in warnings(link, feeds_pose=True)]
+            events += [Event(Severity.WARNING, link.name, text) for text in warnings(link, self._feeds_pose)]
         return events
 
     def _counters(self) -> dict[str, int | float]:

@@ -25,6 +25,7 @@ from formation.messages import (
 )
 from gcs.core import GcsCore
 from gcs.links import GroundLinks, open_links
+from gcs.mocap.autopilot_poses import AutopilotPoses
 from gcs.mocap.csv_file import MocapFileError
 from gcs.mocap.source import serve_frames
 from gcs.recording import Input, record_input, record_tick, run_metadata
@@ -58,6 +59,7 @@ class Ground:
         self._core = core
         self._log = log
         self._tell = tell
+        self._poses = AutopilotPoses(config) if config.mocap.source == "mavlink" else None
         self._spacing_s = 1.0 / config.mocap.rate_hz
         self._waiting: dict[int, Reply] = {}
         self._request_id = 0
@@ -74,10 +76,13 @@ class Ground:
         self._note(latency_s, late=latency_s > self._spacing_s)
 
     def take_datagram(self, datagram: Datagram) -> None:
-        """A drone has spoken; answered at once where it asks."""
+        """A drone has spoken; answered at once where it asks. Where drones are their own mocap, this may be a frame."""
         now_ns = clock.monotonic_ns()
         self._input(datagram, now_ns)
-        if self._core.next_deadline_ns() <= now_ns:
+        frame = None if self._poses is None else self._poses.receive(datagram, now_ns)
+        if frame is not None:
+            self.take_frame(frame)
+        elif self._core.next_deadline_ns() <= now_ns:
             self._tick(now_ns)
 
     def take_request(self, request: OperatorRequest, reply: Reply) -> None:

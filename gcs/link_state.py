@@ -36,10 +36,14 @@ class Telemetry:
 class DroneLink:
     """The ground's end of one drone's MAVLink. `receive` takes datagrams in, `due` says what to send now."""
 
-    def __init__(self, body: VehicleBody, sysid: int, profile: VehicleProfile) -> None:
+    def __init__(
+        self, body: VehicleBody, sysid: int, profile: VehicleProfile, streams: tuple[tuple[int, float], ...] = ()
+    ) -> None:
+        """streams: messages to ask for beside the dialect's own, id and rate, Hz."""
         self.name = body.body
         self.sysid = sysid
         self.profile = profile
+        self._streams = streams
         self.target = lm.Address(sysid, lm.DRONE_COMPONENT)
         self.codec = Codec(lm.GROUND)
         self.told = Telemetry()
@@ -167,7 +171,7 @@ class DroneLink:
         self.dialect = known
         self.parameters = ParameterReader(self.target, known.autopilot)
         self.reread_parameters()
-        for message_id, rate_hz in known.streams:
+        for message_id, rate_hz in {**dict(known.streams), **dict(self._streams)}.items():
             self.commands.ask(stream(self.target, message_id, rate_hz))
         self.events.append(Event(Severity.INFO, self.name, f"drone {self.sysid} is here, {known.name}"))
 

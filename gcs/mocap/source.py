@@ -24,6 +24,8 @@ async def serve_frames(config: LabConfig, bus: ZenohBus, deliver: Deliver) -> No
     Raises MocapFileError.
     """
     mocap = config.mocap
+    if mocap.source == "mavlink":
+        return  # the drones' links bring the poses
     if mocap.source == "zenoh":
         bus.on_frame(deliver)
         return

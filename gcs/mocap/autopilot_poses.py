@@ -1,0 +1,139 @@
+"""Frames without a mocap: simulated autopilots' own messages say where they are. Sans-IO, MAVLink in, frames out.
+
+The local position is smooth and quick, but an estimate that may wander by decimetres; the simulator's truth
+(HIL_STATE_QUATERNION, SIM_STATE) does not wander, but is quantised to a centimetre. Where both come, the truth slowly
+corrects the estimate; where only one comes, it is used alone.
+"""
+
+from dataclasses import dataclass, field
+from math import cos, exp, radians
+
+import numpy as np
+
+from formation.arrays import Quat, Vec3
+from formation.config import LabConfig
+from formation.frames import IDENTITY
+from formation.messages import Datagram, MocapFrame
+from wire import link_messages as lm
+from wire.mavlink import Codec
+
+EARTH_RADIUS_M = 6_371_000.0
+CORRECTION_S = 1.0
+LOST_NS = 500_000_000
+TRUTH_RATE_HZ = 50.0
+HIL_STATE_QUATERNION, SIM_STATE, LOCAL_POSITION_NED, ATTITUDE_QUATERNION = 115, 108, 32, 31
+
+
+def streams(config: LabConfig) -> tuple[tuple[int, float], ...]:
+    """The messages to ask each drone for, id and rate, Hz; none where there is a mocap."""
+    if config.mocap.source != "mavlink":
+        return ()
+    rate_hz = config.mocap.rate_hz
+    return (
+        (LOCAL_POSITION_NED, rate_hz),
+        (ATTITUDE_QUATERNION, rate_hz),
+        (HIL_STATE_QUATERNION, TRUTH_RATE_HZ),
+        (SIM_STATE, TRUTH_RATE_HZ),
+    )
+
+
+@dataclass(slots=True)
+class _Body:
+    """One drone's pose as it tells it. offset_lab_m: from its local position's origin to the lab's."""
+
+    offset_lab_m: Vec3
+    spawn_lab_m: Vec3
+    codec: Codec = field(default_factory=lambda: Codec(lm.GROUND))
+    pos_m: Vec3 | None = None
+    vel_m_s: Vec3 = field(default_factory=lambda: np.zeros(3))
+    pos_ns: int = 0
+    q_lab_from_flu: Quat | None = None
+    truth_origin: tuple[float, float, float] | None = None
+    truth_ns: int = 0
+    estimates: bool = False
+    fresh: bool = False
+
+    def take(self, message: lm.LinkMessage, now_ns: int) -> None:
+        """One message of the drone."""
+        match message:
+            case lm.LocalPosition():
+                if not self.estimates and self.truth_origin is not None:
+                    self.offset_lab_m = self.at(now_ns) - message.pos_lab_m
+                self.estimates = True
+                self._move(message.pos_lab_m, message.vel_lab_m_s, now_ns)
+            case lm.AttitudeQuaternion():
+                self.q_lab_from_flu = message.q_lab_from_flu
+            case lm.Attitude() if self.q_lab_from_flu is None:
+                self.q_lab_from_flu = message.q_lab_from_flu
+            case lm.SimTruth():
+                self._take_truth(message, now_ns)
+
+    def at(self, now_ns: int) -> Vec3:
+        """Position in the lab, carried on from its message to now."""
+        pos = np.zeros(3) if self.pos_m is None else self.pos_m
+        ahead: Vec3 = pos + self.offset_lab_m + (now_ns - self.pos_ns) * 1e-9 * self.vel_m_s
+        return ahead
+
+    def _move(self, pos_m: Vec3, vel_m_s: Vec3, now_ns: int) -> None:
+        self.pos_m, self.vel_m_s, self.pos_ns = pos_m, np.nan_to_num(vel_m_s), now_ns
+        self.fresh = self.q_lab_from_flu is not None
+
+    def _take_truth(self, truth: lm.SimTruth, now_ns: int) -> None:
+        first = self.truth_origin is None
+        if self.truth_origin is None:
+            self.truth_origin = truth.lat_deg, truth.lon_deg, truth.alt_m
+        lat_deg, lon_deg, alt_m = self.truth_origin
+        north_m = EARTH_RADIUS_M * radians(truth.lat_deg - lat_deg)
+        east_m = EARTH_RADIUS_M * radians(truth.lon_deg - lon_deg) * cos(radians(lat_deg))
+        true_m = self.spawn_lab_m + np.array([north_m, -east_m, truth.alt_m - alt_m])
+        if not self.estimates:
+            self.q_lab_from_flu = truth.q_lab_from_flu
+            self.offset_lab_m = np.zeros(3)
+            self._move(true_m, truth.vel_lab_m_s, now_ns)
+            return
+        share = 1.0 if first else 1.0 - exp(-(now_ns - self.truth_ns) * 1e-9 / CORRECTION_S)
+        self.truth_ns = now_ns
+        self.offset_lab_m = self.offset_lab_m + share * (true_m - self.at(now_ns))
+
+
+class AutopilotPoses:
+    """Turns the drones' telemetry into frames of all bodies, one whenever every drone that speaks has spoken."""
+
+    def __init__(self, config: LabConfig) -> None:
+        self._names = tuple(v.body for v in config.vehicles)
+        self._sysids = tuple(v.sysid for v in config.vehicles)
+        self._bodies = {
+            v.sysid: _Body(np.array(v.spawn_lab_m), np.array(v.spawn_lab_m))
+            for v in config.vehicles
+            if v.sysid is not None
+        }
+        self._delay_ns = round(config.mocap.delay_s * 1e9)
+        self._longest_ns = round(1.5e9 / config.mocap.rate_hz)
+        self._seq = 0
+        self._frame_ns = 0
+
+    def receive(self, datagram: Datagram, now_ns: int) -> MocapFrame | None:
+        """Take one datagram in; the next frame, if it is time for one."""
+        body = self._bodies.get(datagram.sysid)
+        if body is None:
+            return None
+        for packet in body.codec.receive(datagram.data):
+            if packet.source == lm.Address(datagram.sysid, lm.DRONE_COMPONENT):
+                body.take(packet.message, now_ns)
+        return self._frame(now_ns) if self._is_due(now_ns) else None
+
+    def _is_due(self, now_ns: int) -> bool:
+        alive = [b for b in self._bodies.values() if b.pos_m is not None and now_ns - b.pos_ns < LOST_NS]
+        fresh = [b.fresh for b in alive]
+        return any(fresh) and (all(fresh) or now_ns - self._frame_ns >= self._longest_ns)
+
+    def _frame(self, now_ns: int) -> MocapFrame:
+        n = len(self._names)
+        pos, q, seen = np.zeros((n, 3)), np.tile(IDENTITY, (n, 1)), np.zeros(n, np.bool_)
+        for i, sysid in enumerate(self._sysids):
+            body = None if sysid is None else self._bodies[sysid]
+            if body is not None and body.fresh and body.q_lab_from_flu is not None:
+                pos[i], q[i], seen[i] = body.at(now_ns), body.q_lab_from_flu, True
+                body.fresh = False
+        self._seq, self._frame_ns = self._seq + 1, now_ns
+        return MocapFrame(self._seq, now_ns - self._delay_ns, self._names, pos, q, seen)

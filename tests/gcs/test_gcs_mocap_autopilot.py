@@ -1,0 +1,128 @@
+import numpy as np
+import pytest
+
+from formation.config import LabConfig
+from formation.frames import IDENTITY
+from formation.messages import Datagram
+from gcs.mocap.autopilot_poses import AutopilotPoses, streams
+from wire import link_messages as lm
+from wire.mavlink import Codec
+
+MS = 1_000_000
+HOME = (47.397742, 8.545594, 488.0)
+
+
+def _lab(source: str = "mavlink") -> LabConfig:
+    return LabConfig.model_validate(
+        {
+            "mocap": {"source": source, "rate_hz": 50.0, "delay_s": 0.01},
+            "leader": {"body": "a", "sysid": 1},
+            "followers": [{"body": "b", "sysid": 2, "offset_m": (0, 1, 0), "spawn_lab_m": (0.0, 1.5, 0.0)}],
+        }
+    )
+
+
+class Lab:
+    def __init__(self) -> None:
+        self.poses = AutopilotPoses(_lab())
+        self.codecs = {sysid: Codec(lm.Address(sysid, 1)) for sysid in (1, 2)}
+
+    def say(self, sysid: int, message: lm.LinkMessage, ms: int):
+        return self.poses.receive(Datagram(sysid, self.codecs[sysid].encode(message)), ms * MS)
+
+
+def _local(x, y, z, v=(0.0, 0.0, 0.0)) -> lm.LocalPosition:
+    return lm.LocalPosition(0, np.array([x, y, z]), np.array(v))
+
+
+def _attitude() -> lm.AttitudeQuaternion:
+    return lm.AttitudeQuaternion(0, IDENTITY, np.zeros(3))
+
+
+def _truth(north_m: float, up_m: float = 0.0) -> lm.SimTruth:
+    lat = HOME[0] + np.degrees(north_m / 6_371_000.0)
+    return lm.SimTruth(0, IDENTITY, np.zeros(3), float(lat), HOME[1], HOME[2] + up_m)
+
+
+def test_a_frame_comes_when_every_drone_has_spoken_and_each_has_its_spawn_added():
+    lab = Lab()
+    lab.say(1, _attitude(), 0)
+    lab.say(2, _attitude(), 0)
+    assert lab.say(1, _local(0.1, 0.2, 0.3), 100).seen.tolist() == [True, False]  # the other was never heard
+    assert lab.say(2, _local(0.0, 0.0, 0.5), 110) is None
+    frame = lab.say(1, _local(0.1, 0.2, 0.3), 120)
+    assert frame.bodies == ("a", "b")
+    assert frame.seen.tolist() == [True, True]
+    assert np.allclose(frame.pos_lab_m, [[0.1, 0.2, 0.3], [0.0, 1.5, 0.5]], atol=1e-6)
+
+
+def test_without_attitude_a_drone_is_not_seen():
+    lab = Lab()
+    assert lab.say(1, _local(0, 0, 0), 0) is None
+
+
+def test_the_older_pose_is_carried_on_by_its_velocity():
+    lab = Lab()
+    for sysid in (1, 2):
+        lab.say(sysid, _attitude(), 0)
+    lab.say(2, _local(0, 0, 0), 90)
+    assert lab.say(1, _local(1.0, 0.0, 0.0, (2.0, 0.0, 0.0)), 100) is None
+    frame = lab.say(2, _local(0, 0, 0), 110)
+    assert frame.seen.tolist() == [True, True]
+    assert np.allclose(frame.pos_lab_m[0], [1.02, 0.0, 0.0])
+    assert frame.t_capture_ns == 100 * MS
+
+
+def test_a_drone_that_falls_silent_does_not_stop_the_frames():
+    lab = Lab()
+    for sysid in (1, 2):
+        lab.say(sysid, _attitude(), 0)
+        lab.say(sysid, _local(0, 0, 0), 0)
+    frames = [frame for ms in range(20, 2000, 20) if (frame := lab.say(1, _local(0, 0, 0), ms)) is not None]
+    assert len(frames) > 60
+    assert not any(frame.seen[1] for frame in frames[1:])
+
+
+def test_truth_alone_is_a_pose_from_the_spawn_on():
+    lab = Lab()
+    lab.say(2, _truth(0.0), 0)
+    frame = lab.say(2, _truth(2.0, 0.5), 40)
+    assert np.allclose(frame.pos_lab_m[1], [2.0, 1.5, 0.5], atol=0.012)
+
+
+def test_truth_slowly_corrects_an_estimate_that_wanders():
+    lab = Lab()
+    lab.say(1, _attitude(), 0)
+    lab.say(1, _local(0, 0, 0), 0)
+    lab.say(1, _truth(0.0), 1)
+    away = []
+    for ms in range(20, 6000, 20):
+        frame = lab.say(1, _local(0.4, 0.0, 0.0), ms)
+        lab.say(1, _truth(0.0), ms + 1)
+        away.append(frame.pos_lab_m[0, 0])
+    assert away[0] == pytest.approx(0.4, abs=0.02)
+    assert away[50] == pytest.approx(0.4 * np.exp(-1.0), abs=0.02)
+    assert abs(away[-1]) < 0.01
+    assert np.abs(np.diff(away)).max() < 0.01
+
+
+def test_an_estimate_that_starts_late_takes_over_without_a_jump():
+    lab = Lab()
+    lab.say(1, _truth(0.0), 0)
+    lab.say(1, _truth(1.0), 40)
+    frame = lab.say(1, _local(0.2, 0.0, 0.0), 80)
+    assert frame is None or np.allclose(frame.pos_lab_m[0, 0], 1.0, atol=0.012)
+
+
+def test_streams_are_asked_for_only_without_a_mocap():
+    assert streams(_lab("zenoh")) == ()
+    assert dict(streams(_lab())) == {32: 50.0, 31: 50.0, 115: 50.0, 108: 50.0}
+
+
+def test_strangers_are_left_alone():
+    lab = Lab()
+    lab.codecs[3] = Codec(lm.Address(3, 1))
+    assert lab.say(3, _local(0, 0, 0), 0) is None
+    lab.codecs[1] = Codec(lm.Address(1, 191))
+    lab.say(1, _attitude(), 0)
+    assert lab.say(1, _local(0, 0, 0), 1) is None

@@ -78,7 +78,7 @@ def test_a_recording_says_how_long_the_leader_is_on_its_way(tmp_path: Path) -> N
     scenario = with_leader_file(load("vicon_leader"), str(a_recording(tmp_path)))
     assert leader_seconds(scenario, recorded_leader(scenario)) == pytest.approx(2.99 + 0.5)
     assert leader_seconds(load("triangle_line"), None) is None
-    assert leader_seconds(load("hover_gust"), recorded_leader(load("hover_gust"))) == 20.0
+    assert leader_seconds(load("hover_gust"), recorded_leader(load("hover_gust"))) == 26.0
 
 
 def test_a_drone_cannot_be_a_recorded_leader_and_a_bad_line_is_named(tmp_path: Path) -> None:

@@ -113,9 +113,14 @@ class LinkConfig(Model):
 
 
 class LabConfig(Model):
-    """lab.toml: everything `gcs run` needs."""
+    """lab.toml: everything `gcs run` needs.
+
+    origin: latitude and longitude, degrees, and altitude, m, of the lab's origin, for autopilots that will not use an
+    external pose before they know where on the globe they are.
+    """
 
     name: str = "lab"
+    origin: Vec3Tuple = (47.397742, 8.545594, 488.0)
     mocap: MocapConfig = MocapConfig()
     leader: LeaderConfig
     followers: Annotated[tuple[FollowerConfig, ...], Field(min_length=1)]

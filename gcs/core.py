@@ -58,18 +58,15 @@ class GcsCore:
     """One lab's ground. Not thread-safe; `now_ns` never goes back."""
 
     def __init__(self, config: LabConfig, t0_ns: int) -> None:
-        vehicles = config.vehicles
         self._config = config
         self._t0_ns = t0_ns
-        self._drones = tuple(
-            Drone(i, DroneLink(vehicles[i], vehicles[i].sysid or 0, profile(vehicles[i].profile), streams(config)))
-            for i in config.commanded
-        )
+        self._feeds_pose = config.mocap.source != "mavlink"
+        self._drones = tuple(Drone(i, self._link(config, i)) for i in config.commanded)
         self._links = {drone.link.sysid: drone.link for drone in self._drones}
         self._pipeline = Pipeline(config)
         self._flight = Flight(config, self._drones, t0_ns)
         self._gatherer = FactGatherer(config, self._drones)
-        self._watch = safety.start(len(vehicles))
+        self._watch = safety.start(len(config.vehicles))
         self._lateness = Lateness()
         self._stages: Stages | None = None
         self._frame: MocapFrame | None = None
@@ -78,12 +75,16 @@ class GcsCore:
         self._arming_request: int | None = None
         self._tick_ns = t0_ns
         self._due = False
-        self._feeds_pose = config.mocap.source != "mavlink"
         self._heartbeat_due_ns = t0_ns
         self._pose_due_ns = t0_ns
         self._watchdog_ns = round(WATCHDOG_FRAMES / config.mocap.rate_hz * 1e9)
         self._stale_frames = 0
         self._strays = 0
+
+    def _link(self, config: LabConfig, i: int) -> DroneLink:
+        vehicle = config.vehicles[i]
+        origin = config.origin if self._feeds_pose else None
+        return DroneLink(vehicle, vehicle.sysid or 0, profile(vehicle.profile), streams(config), origin)
 
     @property
     def phase(self) -> Phase:

@@ -52,6 +52,8 @@ class Dialect:
     rules: tuple[ParameterRule, ...]
     streams: tuple[tuple[int, float], ...]
     """Messages to ask for: id and rate, Hz."""
+    needs_origin: bool
+    """Whether it uses an external pose only once it was told where on the globe its local frame begins."""
     unready: Callable[[EkfStatus | None], str]
     """Why its estimator cannot carry a flight yet; empty when it can, or does not say."""
 
@@ -182,6 +184,7 @@ PX4 = Dialect(
         ),
     ),
     streams=((31, 50.0), (245, 2.0), (147, 1.0)),
+    needs_origin=False,
     unready=_px4_unready,
 )  # fmt: skip
 
@@ -215,6 +218,7 @@ ARDUPILOT = Dialect(
         ),
     ),
     streams=((31, 50.0), (32, 30.0), (245, 2.0), (147, 1.0), (193, 2.0), (1, 1.0)),
+    needs_origin=True,
     unready=_copter_unready,
 )  # fmt: skip
 

@@ -5,7 +5,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from formation.arrays import Quat, Vec3
-from formation.config import VehicleBody
+from formation.config import Vec3Tuple, VehicleBody
 from formation.messages import Event, Severity
 from formation.vehicle import VehicleProfile
 from gcs.commands import CommandChannel
@@ -18,6 +18,7 @@ from wire.mavlink import Codec
 
 NEVER_NS = -(10**18)
 FAREWELL_NS = 10_000_000_000
+ORIGIN_NS = 1_000_000_000
 HEARTBEAT = lm.Heartbeat(autopilot=lm.Autopilot.INVALID, vehicle_type=6, base_mode=0, custom_mode=0, system_status=4)
 
 
@@ -31,19 +32,30 @@ class Telemetry:
     battery_v: float = math.nan
     setpoint_age_s: float = math.nan
     estimator: lm.EkfStatus | None = None
+    origin: bool = False
 
 
 class DroneLink:
     """The ground's end of one drone's MAVLink. `receive` takes datagrams in, `due` says what to send now."""
 
     def __init__(
-        self, body: VehicleBody, sysid: int, profile: VehicleProfile, streams: tuple[tuple[int, float], ...] = ()
+        self,
+        body: VehicleBody,
+        sysid: int,
+        profile: VehicleProfile,
+        streams: tuple[tuple[int, float], ...] = (),
+        origin: Vec3Tuple | None = None,
     ) -> None:
-        """streams: messages to ask for beside the dialect's own, id and rate, Hz."""
+        """streams: messages to ask for beside the dialect's own, id and rate, Hz.
+
+        origin: degrees, degrees and metres to tell a drone that waits for them; None where its pose is not ours.
+        """
         self.name = body.body
         self.sysid = sysid
         self.profile = profile
         self._streams = streams
+        self._origin = origin
+        self._origin_told_ns = NEVER_NS
         self.target = lm.Address(sysid, lm.DRONE_COMPONENT)
         self.codec = Codec(lm.GROUND)
         self.told = Telemetry()
@@ -114,6 +126,7 @@ class DroneLink:
             if one is not None:
                 messages.append(one)
         messages += self.parameters.due(now_ns)
+        messages += self._due_origin(now_ns)
         return messages
 
     def reread_parameters(self) -> None:
@@ -134,6 +147,16 @@ class DroneLink:
         if self.dialect is None:
             return b""
         return self.codec.encode(self.dialect.pose(t_capture_ns // 1000, pos_lab_m, q_lab_from_flu))
+
+    def _due_origin(self, now_ns: int) -> list[lm.LinkMessage]:
+        """The origin, every second until the drone has repeated it or is ready without."""
+        dialect = self.dialect
+        if self._origin is None or dialect is None or not dialect.needs_origin or self.told.origin:
+            return []
+        if now_ns - self._origin_told_ns < ORIGIN_NS or not dialect.unready(self.told.estimator):
+            return []
+        self._origin_told_ns = now_ns
+        return [lm.SetOrigin(self.sysid, *self._origin)]
 
     def _read(self, message: lm.LinkMessage, now_ns: int) -> None:
         match message:
@@ -156,6 +179,8 @@ class DroneLink:
                 self.told.battery_v = message.battery_v
             case lm.EkfStatus():
                 self.told.estimator = message
+            case lm.Origin():
+                self.told.origin = True
             case lm.NamedValue(name="age_ms"):
                 self.told.setpoint_age_s = message.value * 1e-3
             case lm.StatusText():

@@ -222,3 +222,29 @@ def test_lesser_parameters_only_warn_and_external_pose_ones_only_where_the_pose_
     ours, not_ours = warnings(link, feeds_pose=True), warnings(link, feeds_pose=False)
     assert [text.split()[0] for text in ours] == ["COM_OBL_RC_ACT", "EKF2_EV_CTRL", "MPC_THR_HOVER"]
     assert [text.split()[0] for text in not_ours] == ["COM_OBL_RC_ACT", "MPC_THR_HOVER"]
+
+
+def _origins(link: DroneLink, until_ms: int) -> list[lm.SetOrigin]:
+    return [m for ms in range(0, until_ms, 10) for m in link.due(ms * MS) if isinstance(m, lm.SetOrigin)]
+
+
+def test_an_ardupilot_without_position_is_told_the_origin_until_it_repeats_it():
+    origin = (47.0, 8.0, 400.0)
+    link = DroneLink(VehicleBody(body="left", sysid=3), 3, PAPER, origin=origin)
+    drone = Drone()
+    drone.say(link, _beat(lm.Autopilot.ARDUPILOT))
+    told = _origins(link, 3000)
+    assert [(m.target_system, m.lat_deg, m.lon_deg, m.alt_m) for m in told] == [(3, *origin)] * 3
+    drone.say(link, lm.Origin(*origin))
+    assert _origins(link, 3000) == []
+
+
+def test_who_needs_no_origin_is_told_none():
+    for autopilot, origin in ((lm.Autopilot.PX4, (47.0, 8.0, 400.0)), (lm.Autopilot.ARDUPILOT, None)):
+        link = DroneLink(VehicleBody(body="left", sysid=3), 3, PAPER, origin=origin)
+        Drone().say(link, _beat(autopilot))
+        assert _origins(link, 3000) == []
+    ready = DroneLink(VehicleBody(body="left", sysid=3), 3, PAPER, origin=(47.0, 8.0, 400.0))
+    Drone().say(ready, _beat(lm.Autopilot.ARDUPILOT))
+    Drone().say(ready, lm.EkfStatus(0x10, ardupilot=True))
+    assert _origins(ready, 3000) == []

@@ -10,7 +10,17 @@ from drone_agent.ardupilot_parameters import INDOOR, PARAMETERS
 from drone_agent.parameters import Parameters
 from drone_agent.personality import Mode, ModeRequest, ModeRow, Needs, Personality, StreamLoss, Task, Timing, Words
 from formation.messages import Severity
-from wire.link_messages import Autopilot, LinkMessage, MocapPose, Odometry, OdometryFrame, Result, VisionPose
+from wire.link_messages import (
+    AttitudeSetpoint,
+    Autopilot,
+    Ignore,
+    LinkMessage,
+    MocapPose,
+    Odometry,
+    OdometryFrame,
+    Result,
+    VisionPose,
+)
 
 _CUSTOM, _GUIDED, _STABILIZE, _MANUAL_INPUT = 1, 8, 16, 64
 _MANUAL_FLAGS = _CUSTOM | _STABILIZE | _MANUAL_INPUT
@@ -56,6 +66,7 @@ RATES_HZ = MappingProxyType(
         32: 0.0,  # LOCAL_POSITION_NED
         33: 4.0,  # GLOBAL_POSITION_INT
         83: 0.0,  # ATTITUDE_TARGET
+        115: 0.0,  # HIL_STATE_QUATERNION, the true state, for who plays the mocap
         111: 0.1,  # TIMESYNC, which it asks for every ten seconds
         147: 2.0,  # BATTERY_STATUS
         193: 2.0,  # EKF_STATUS_REPORT
@@ -119,6 +130,12 @@ def _climb_rate(p: Parameters, thrust: float) -> float | None:
     return 2.0 * half * 0.01 * (p["WPNAV_SPEED_UP"] if half > 0.0 else p["WPNAV_SPEED_DN"])
 
 
+def _takes_target(target: AttitudeSetpoint) -> bool:
+    """Thrust must be given, and of the body rates all or none."""
+    rates = target.ignore & Ignore.BODY_RATES
+    return not target.ignore & Ignore.THRUST and rates in (Ignore.NONE, Ignore.BODY_RATES)
+
+
 def _takes_pose(p: Parameters, message: LinkMessage) -> bool:
     if round(p["VISO_TYPE"]) != 1 or round(p["EK3_SRC1_POSXY"]) != 6:
         return False
@@ -163,8 +180,11 @@ ARDUPILOT = Personality(
     mode_request=_mode_request,
     custom_parts=lambda custom: (custom, 0),
     stream_loss=lambda p: StreamLoss(p["GUID_TIMEOUT"], None, Task.LEVEL),
+    takes_target=_takes_target,
+    streams_positions=False,
     climb_rate_of=_climb_rate,
     indoor=MappingProxyType(INDOOR),
+    needs_origin=True,
     takes_pose=_takes_pose,
     system_status=_system_status,
     estimator_flags=_estimator_flags,

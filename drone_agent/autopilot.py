@@ -1,7 +1,8 @@
 """The autopilot: armed or not, its mode, and who flies. It speaks no MAVLink; its fail-safes are in drone_agent.guards.
 
-One of three flies at any time: the stream of attitude targets, the pilot (drone_agent.flying), or nobody
-(disarmed, or idling on the ground). What differs between makes is asked of the personality.
+One of three flies at any time: the stream of attitude targets (drone_agent.guidance), the pilot
+(drone_agent.flying), or nobody (disarmed, or idling on the ground). What differs between makes is asked of the
+personality.
 """
 
 from dataclasses import dataclass
@@ -16,8 +17,9 @@ from drone_agent.landing import LandDetector
 from drone_agent.parameters import Parameters
 from drone_agent.personality import Mode, ModeRow, Needs, Personality, StreamLoss, Task, Timing
 from drone_agent.stream import StreamWatch, Watch
+from formation.config import Vec3Tuple
 from formation.messages import Severity
-from wire.link_messages import AttitudeSetpoint, Ignore, Result
+from wire.link_messages import Result
 
 CONTROL_NS = 10_000_000
 _CONTROL_S = CONTROL_NS * 1e-9
@@ -52,14 +54,14 @@ class Autopilot:
         self.failsafe = False
         self.home: Belief | None = None
         self.notes: list[Note] = []
-        self.last_target: AttitudeSetpoint | None = None
         self.detector = LandDetector()
         self.stream = StreamWatch(config.stale_setpoint_s)
         self.armed_ns = 0
+        self.origin: Vec3Tuple | None = config.origin if config.pose == "own" else None
+        """Where the estimate's frame begins on the globe, if anybody has said."""
+        self.pilot = Pilot(airframe.profile)
         self.piloted = False
         """Whether the agent flies by itself, so that `control` is due every CONTROL_NS."""
-        self._pilot = Pilot(airframe.profile)
-        self._delay_ns = round(airframe.profile.command_delay_s * 1e9)
         self._mode_after_disarm = personality.boot_mode
         self._rise_m: float | None = None
         self._read_version = parameters.version
@@ -93,7 +95,7 @@ class Autopilot:
         """What is being flown."""
         if not self.armed:
             return Task.OFF
-        return self._pilot.task if self.piloted else Task.EXTERNAL
+        return self.pilot.task if self.piloted else Task.EXTERNAL
 
     @property
     def in_stream_mode(self) -> bool:
@@ -145,7 +147,7 @@ class Autopilot:
         self.failsafe = False
         self.armed_ns = now_ns
         self.home = self.belief(now_ns)
-        self._pilot.set_home(self.home)
+        self.pilot.set_home(self.home)
         self.say(Severity.INFO, self.personality.words.armed)
         self._take_up(now_ns)
         return Result.ACCEPTED
@@ -158,7 +160,7 @@ class Autopilot:
             self.say(Severity.CRITICAL, self.personality.words.disarm_refused)
             return self.personality.refused
         self.armed = self.airframe.armed = False
-        self.airframe.order_now(self._pilot.idle())
+        self.airframe.order_now(self.pilot.idle())
         self.piloted = self.failsafe = False
         self.detector.landed = True
         if self.mode is not Mode.TERMINATION:
@@ -206,7 +208,7 @@ class Autopilot:
             self.say(Severity.INFO, self.personality.words.landing)
         return result
 
-    def go_to(self, now_ns: int, place_lab_m: tuple[float, float, float], yaw_rad: float | None) -> Result:
+    def go_to(self, now_ns: int, place_lab_m: Vec3Tuple, yaw_rad: float | None) -> Result:
         """Hold at another place, in the estimate's frame."""
         if not self.armed or self.landed:
             return self.personality.refused
@@ -217,7 +219,7 @@ class Autopilot:
         elif not self.in_stream_mode:
             return self.personality.refused
         self.fly(Task.HOLD, now_ns)
-        self._pilot.go_to(*place_lab_m, yaw_rad)
+        self.pilot.go_to(place_lab_m, yaw_rad)
         return Result.ACCEPTED
 
     def enter(self, mode: Mode, now_ns: int) -> None:
@@ -248,48 +250,28 @@ class Autopilot:
         goal_m = belief.pos_lab_m[2] + rise_m
         if task is Task.RETURN:
             goal_m = self._return_height_m(belief)
-        self._pilot.begin(task, belief, goal_m=goal_m, level_first=level_first)
+        self.pilot.begin(task, belief, goal_m=goal_m, level_first=level_first)
         self.piloted = True
 
-    # The stream, and the steady rate
-
-    def follow(self, now_ns: int, target: AttitudeSetpoint) -> None:
-        """An attitude target came; in off-board flight it rules after the vehicle's own delay."""
-        self.stream.note(now_ns)
-        self.last_target = target
-        if not self.in_stream_mode:
-            return
-        if self.stream.watch is Watch.LEVELLED:
-            self.say(Severity.INFO, "Setpoints are back")
-        self.stream.watch = Watch.LIVE
-        attitude = turned(target.q_lab_from_flu, -self.positioning.offset(now_ns).yaw_rad)
-        climb_m_s = self.personality.climb_rate_of(self.parameters, target.thrust_norm)
-        if climb_m_s is None:
-            self.piloted = False
-            thrust = 0.0 if target.ignore & Ignore.THRUST else target.thrust_norm
-            self.airframe.order(now_ns + self._delay_ns, LoopSetpoint(attitude, target.rate_flu_rad_s, thrust))
-            return
-        if self.task is not Task.LEVEL:
-            self.fly(Task.LEVEL, now_ns)
-        self._pilot.follow(target.q_lab_from_flu, climb_m_s)
+    # The steady rate
 
     def control(self, now_ns: int) -> None:
         """The pilot's next setpoint, every CONTROL_NS while `piloted`."""
-        if self.landed and not self._pilot.asks_to_rise:
-            self.airframe.order_now(self._pilot.idle())
+        if self.landed and not self.pilot.asks_to_rise:
+            self.airframe.order_now(self.pilot.idle())
             return
         belief = self.belief(now_ns)
-        setpoint = self._pilot.step(belief, self.timing, _CONTROL_S)
+        setpoint = self.pilot.step(belief, self.timing, _CONTROL_S)
         true_q = turned(setpoint.q_lab_from_flu, -self.positioning.offset(now_ns).yaw_rad)
         self.airframe.order_now(LoopSetpoint(true_q, setpoint.rate_flu_rad_s, setpoint.thrust_norm))
-        if not self._pilot.arrived(belief):
+        if not self.pilot.arrived(belief):
             return
-        if self._pilot.task is Task.TAKEOFF:
+        if self.pilot.task is Task.TAKEOFF:
             if self.personality.takeoff_in_own_mode:
                 self.enter(Mode.HOLD, now_ns)
             else:
                 self.fly(Task.HOLD, now_ns)
-        elif self._pilot.task is Task.RETURN:
+        elif self.pilot.task is Task.RETURN:
             self.fly(Task.LAND, now_ns)
 
     def _take_up(self, now_ns: int) -> None:

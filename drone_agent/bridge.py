@@ -26,7 +26,9 @@ from wire.link_messages import (
     Heartbeat,
     LinkMessage,
     NamedValue,
+    Origin,
     SetMode,
+    SetOrigin,
     StatusText,
     TimeSync,
     VisionPose,
@@ -66,6 +68,7 @@ class BridgeCore:
         land_s = 1.0 if config.stale_land_s is None else config.stale_land_s
         self._rule = StaleRule(config.stale_setpoint_s, land_s)
         self._make: Personality | None = None
+        self._lacks_origin = False
         self._clock = GroundClock()
         self._beat_ns = t0_ns
         self._pose_ns = t0_ns
@@ -112,6 +115,8 @@ class BridgeCore:
             self._beat_ns = now_ns + _BEAT_NS
             self._tell_autopilot(Heartbeat(Autopilot.INVALID, 18, 0, 0, 4))
             self._tell_ground(TimeSync(0, now_ns))
+            if self._lacks_origin and self._own_feed_ns is not None:
+                self._tell_autopilot(SetOrigin(self._config.sysid, *self._config.origin))
         fed = self._own_feed_ns is not None and now_ns - self._own_feed_ns < _OWN_FEED_NS
         for step in self._rule.due(now_ns, fed=fed):
             self._act(step)
@@ -160,6 +165,8 @@ class BridgeCore:
             return True
         if isinstance(message, Heartbeat) and packet.source.component == DRONE_COMPONENT:
             self._see(message)
+        elif isinstance(message, Origin):
+            self._lacks_origin = False
         elif isinstance(message, CommandAck) and message.target.component == COMPANION:
             self._rule.acknowledged(message)
             return True
@@ -175,6 +182,7 @@ class BridgeCore:
             return
         if self._make is not make:
             self._make = make
+            self._lacks_origin = make.needs_origin
             self._say(Severity.INFO, f"Bridge to {make.name}")
         offboard = [make.modes[mode].custom_mode for mode in STREAM_MODES if mode in make.modes]
         if not beat.base_mode & _ARMED:

@@ -9,8 +9,9 @@ from drone_agent.config import AgentConfig
 from drone_agent.geodesy import from_globe, to_globe
 from drone_agent.personality import Mode
 from drone_agent.schedule import Schedule
+from formation.config import Vec3Tuple
 from formation.messages import Severity
-from wire.link_messages import Command, CommandInt, Result
+from wire.link_messages import Command, CommandInt, LinkMessage, MessageInterval, Result
 
 _FORCE_DISARM = 21196
 _FORCE_ARM = 2989
@@ -42,13 +43,14 @@ def order_of(message: Command | CommandInt) -> Order:
 
 
 class Commander:
-    """Obeys orders; `wanted` collects the messages that REQUEST_MESSAGE asked for."""
+    """Obeys orders; `wanted` collects the messages that were asked for, `answers` what is ready to send."""
 
     def __init__(self, config: AgentConfig, autopilot: Autopilot, schedule: Schedule) -> None:
         self._config = config
         self._pilot = autopilot
         self._schedule = schedule
         self.wanted: list[int] = []
+        self.answers: list[LinkMessage] = []
         self._handlers: dict[int, Callable[[Order, int], Result]] = {
             20: lambda order, now: self._pilot.change_mode(Mode.RETURN, now),  # noqa: ARG005
             21: lambda order, now: self._pilot.land(now),  # noqa: ARG005
@@ -59,6 +61,7 @@ class Commander:
             300: lambda order, now: Result.DENIED,  # noqa: ARG005
             400: self._arm,
             410: lambda order, now: self._send(242),  # noqa: ARG005
+            510: self._tell_interval,
             511: self._set_interval,
             512: lambda order, now: self._send(_int(order.params[0])),  # noqa: ARG005
             520: lambda order, now: self._send(148),  # noqa: ARG005
@@ -105,10 +108,10 @@ class Commander:
         here = pilot.belief(now_ns).pos_lab_m
         x, y, z = here
         if isfinite(order.lat_deg + order.lon_deg):
-            x, y = from_globe(self._config.origin, order.lat_deg, order.lon_deg)
+            x, y = from_globe(self._origin, order.lat_deg, order.lon_deg)
         if isfinite(order.height_m):
             home_m = pilot.home.pos_lab_m[2] if pilot.home else here[2]
-            z = order.height_m + home_m if order.relative else order.height_m - self._config.origin[2]
+            z = order.height_m + home_m if order.relative else order.height_m - self._origin[2]
         heading = order.params[3]
         return pilot.go_to(now_ns, (x, y, z), -heading if isfinite(heading) else None)
 
@@ -119,14 +122,25 @@ class Commander:
         known = self._schedule.set_interval_us(_int(order.params[0]), order.params[1], now_ns)
         return Result.ACCEPTED if known else self._pilot.personality.no_such_rate
 
+    def _tell_interval(self, order: Order, now_ns: int) -> Result:  # noqa: ARG002
+        number = _int(order.params[0])
+        period_ns = self._schedule.period_ns(number)
+        interval_us = 0 if period_ns is None else period_ns // 1000 or -1
+        self.answers.append(MessageInterval(number & 0xFFFF, interval_us))
+        return Result.ACCEPTED
+
     def _send(self, number: int) -> Result:
         if not self._schedule.sends(number):
             return self._pilot.personality.no_such_message
         self.wanted.append(number)
         return Result.ACCEPTED
 
+    @property
+    def _origin(self) -> Vec3Tuple:
+        return self._pilot.origin or self._config.origin
+
     def _here_amsl_m(self, now_ns: int) -> float:
-        return to_globe(self._config.origin, self._pilot.belief(now_ns).pos_lab_m)[2]
+        return to_globe(self._origin, self._pilot.belief(now_ns).pos_lab_m)[2]
 
 
 def _int(value: float) -> int:

@@ -173,7 +173,10 @@ class AgentCore:
         """What REQUEST_MESSAGE asked for, after its acknowledgement."""
         for number in self._commander.wanted:
             self._tell(number, now_ns)
+        for answer in self._commander.answers:
+            self._send(answer)
         self._commander.wanted.clear()
+        self._commander.answers.clear()
 
     def _list_parameters(self) -> None:
         start = self._inbox.listing

@@ -5,12 +5,14 @@ from drone_agent.estimator import Belief
 from drone_agent.personality import Task, Timing
 from drone_agent.position import NO_RATE, Demand, PositionController, attitude_of
 from formation.arrays import Quat
+from formation.config import Vec3Tuple
 from formation.vehicle import VehicleProfile
 
 _STOP_S = 0.3  # a hold's place is where the present speed would come to rest
 _LEVEL_FIRST_S = 0.15
 _LEAD_M = 0.4  # how far the height asked for may run ahead of the vehicle
 _ARRIVED_M = 0.08
+_RISE_M, _RISE_M_S = 0.1, 0.1
 _TOUCH_CLIMB_M_S = 0.12
 _TOUCH_S = 0.3
 _CUT_1_S = 3.0  # after touch-down the thrust fades in a third of a second
@@ -24,10 +26,10 @@ class Pilot:
         self._loop = PositionController(profile)
         self._place: tuple[float, float] = (0.0, 0.0)
         self._home: tuple[float, float] = (0.0, 0.0)
-        self._height_m = 0.0
-        self._goal_m = 0.0
+        self._height_m = self._goal_m = 0.0
         self._yaw_rad = 0.0
         self._attitude: Quat | None = None
+        self._velocity: Vec3Tuple | None = None
         self._climb_m_s = 0.0
         self._level_s = 0.0
         self._touch_s = 0.0
@@ -47,7 +49,7 @@ class Pilot:
             self._height_m, self._goal_m = z, z if goal_m is None else goal_m
             self._yaw_rad = belief.yaw_rad
         self.task = task
-        self._attitude, self._climb_m_s = None, 0.0
+        self._attitude, self._velocity, self._climb_m_s = None, None, 0.0
         self._level_s = _LEVEL_FIRST_S if level_first else 0.0
         self._touch_s, self._thrust = 0.0, 1.0
 
@@ -55,9 +57,15 @@ class Pilot:
         """Return comes back here."""
         self._home = (belief.pos_lab_m[0], belief.pos_lab_m[1])
 
-    def go_to(self, x_m: float, y_m: float, z_m: float, yaw_rad: float | None) -> None:
+    def go_to(self, place_lab_m: Vec3Tuple, yaw_rad: float | None) -> None:
         """Hold there instead."""
-        self._place, self._goal_m = (x_m, y_m), z_m
+        self._place, self._goal_m, self._velocity = place_lab_m[:2], place_lab_m[2], None
+        if yaw_rad is not None:
+            self._yaw_rad = yaw_rad
+
+    def drift(self, vel_lab_m_s: Vec3Tuple, yaw_rad: float | None) -> None:
+        """Move at this velocity until the next."""
+        self._velocity = vel_lab_m_s
         if yaw_rad is not None:
             self._yaw_rad = yaw_rad
 
@@ -70,7 +78,9 @@ class Pilot:
         """Whether the task would leave the ground."""
         if self._attitude is not None:
             return self._climb_m_s > 0.0
-        return self.task is Task.TAKEOFF
+        if self._velocity is not None:
+            return self._velocity[2] > _RISE_M_S
+        return self.task is Task.TAKEOFF or self._goal_m > self._height_m + _RISE_M
 
     def arrived(self, belief: Belief) -> bool:
         """Whether a take-off has reached its height, or a return its place."""
@@ -95,6 +105,8 @@ class Pilot:
         yaw = self._yaw_rad
         if self._attitude is not None:
             return Demand(yaw, climb_m_s=self._climb_m_s, attitude=self._attitude)
+        if self._velocity is not None:
+            return Demand(yaw, speed_lab_m_s=self._velocity[:2], climb_m_s=self._velocity[2])
         if self.task is Task.DESCEND:
             return Demand(yaw, climb_m_s=-timing.land_m_s)
         if self.task is Task.LAND:
@@ -104,9 +116,10 @@ class Pilot:
             if self._level_s > 0.0:
                 x, y, _ = belief.pos_lab_m
                 self._place = (x + _STOP_S * belief.vel_lab_m_s[0], y + _STOP_S * belief.vel_lab_m_s[1])
-            return Demand(yaw, None, self._height_m)
+            return Demand(yaw, height_m=self._height_m)
         climb = self._climb_reference(belief, timing, dt_s)
-        return Demand(yaw, self._home if self.task is Task.RETURN else self._place, self._height_m, climb)
+        place = self._home if self.task is Task.RETURN else self._place
+        return Demand(yaw, place, height_m=self._height_m, climb_m_s=climb)
 
     def _climb_reference(self, belief: Belief, timing: Timing, dt_s: float) -> float:
         """Move the height asked for towards the goal; returns its speed, m/s."""

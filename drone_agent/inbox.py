@@ -9,6 +9,7 @@ from drone_agent.commands import Commander, order_of
 from drone_agent.config import AgentConfig
 from drone_agent.estimator import ExternalPose
 from drone_agent.guards import Guards
+from drone_agent.guidance import Guidance
 from formation.messages import Severity
 from wire.link_messages import (
     Address,
@@ -21,12 +22,15 @@ from wire.link_messages import (
     MocapPose,
     NamedValue,
     Odometry,
+    Origin,
     Packet,
     ParamRequestList,
     ParamRequestRead,
     ParamSet,
     Ping,
+    PositionSetpoint,
     SetMode,
+    SetOrigin,
     TimeSync,
     VisionPose,
 )
@@ -59,6 +63,7 @@ class Inbox:
         self._t0_ns = t0_ns
         self._send = send
         self._use_pose = use_pose
+        self._guidance = Guidance(autopilot)
         self.clock = GroundClock()
         self.listing: int | None = None
         """The next parameter of a list that was asked for."""
@@ -67,6 +72,7 @@ class Inbox:
         self._age_told_ns = t0_ns
         self._readers: dict[type, Callable[[Address, Any, int], None]] = {
             AttitudeSetpoint: self._setpoint,
+            PositionSetpoint: self._position,
             VisionPose: self._pose,
             MocapPose: self._pose,
             Odometry: self._pose,
@@ -79,6 +85,7 @@ class Inbox:
             ParamRequestRead: self._param_read,
             ParamRequestList: self._param_list,
             ParamSet: self._param_set,
+            SetOrigin: self._set_origin,
         }
 
     def read(self, packet: Packet, now_ns: int) -> None:
@@ -88,12 +95,21 @@ class Inbox:
             reader(packet.source, packet.message, now_ns)
 
     def _setpoint(self, source: Address, message: AttitudeSetpoint, now_ns: int) -> None:  # noqa: ARG002
-        self._pilot.follow(now_ns, message)
+        self._guidance.attitude(now_ns, message)
         rate_hz = self._config.age_rate_hz
         age_ms = self.clock.age_ms(message.t_boot_ms, now_ns - self._t0_ns)
         if age_ms is not None and rate_hz > 0.0 and now_ns - self._age_told_ns >= 1e9 / rate_hz:
             self._age_told_ns = now_ns
             self._send(NamedValue(self._boot_ms(now_ns), "age_ms", age_ms))
+
+    def _position(self, source: Address, message: PositionSetpoint, now_ns: int) -> None:  # noqa: ARG002
+        self._guidance.position(now_ns, message)
+
+    def _set_origin(self, source: Address, message: SetOrigin, now_ns: int) -> None:  # noqa: ARG002
+        if self._config.pose == "mocap":
+            self._pilot.origin = (message.lat_deg, message.lon_deg, message.alt_m)
+        if self._pilot.origin is not None:
+            self._send(Origin(*self._pilot.origin))
 
     def _pose(self, source: Address, message: VisionPose | MocapPose | Odometry, now_ns: int) -> None:  # noqa: ARG002
         pilot = self._pilot

@@ -9,7 +9,7 @@ from enum import Enum, Flag, auto
 
 from drone_agent.parameters import Parameters, ParamSpec
 from formation.messages import Severity
-from wire.link_messages import Autopilot, LinkMessage, Result
+from wire.link_messages import AttitudeSetpoint, Autopilot, LinkMessage, Result
 
 
 class Mode(Enum):
@@ -165,10 +165,16 @@ class Personality:
     custom_parts: Callable[[int], tuple[int, int]]
     """SET_MODE's custom mode -> the custom mode and sub-mode of a DO_SET_MODE."""
     stream_loss: Callable[[Parameters], StreamLoss]
+    takes_target: Callable[[AttitudeSetpoint], bool]
+    """Whether a SET_ATTITUDE_TARGET is well formed for this make; another one stops the vehicle."""
+    streams_positions: bool
+    """Whether a position must be sent again and again; ArduPilot goes where it was told once."""
     climb_rate_of: Callable[[Parameters, float], float | None]
     """SET_ATTITUDE_TARGET's thrust as a climb rate, m/s, or None where it is thrust."""
     indoor: Mapping[str, float]
     """The parameters of one flown on an external pose alone."""
+    needs_origin: bool
+    """Whether an external pose is of no use to it before SET_GPS_GLOBAL_ORIGIN."""
     takes_pose: Callable[[Parameters, LinkMessage], bool]
     """Whether the estimator fuses this message, as it is set up."""
     system_status: Callable[[bool, bool, bool, bool], int]

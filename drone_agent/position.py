@@ -26,10 +26,11 @@ NO_RATE.setflags(write=False)
 
 @dataclass(frozen=True, slots=True)
 class Demand:
-    """What to fly: a place or none (then level), a height or none (then `climb_m_s` alone), a heading."""
+    """What to fly: a place, a speed or neither (then level), a height or none (then `climb_m_s` alone), a heading."""
 
     yaw_rad: float
     place_lab_m: tuple[float, float] | None = None
+    speed_lab_m_s: tuple[float, float] | None = None
     height_m: float | None = None
     climb_m_s: float = 0.0
     attitude: Quat | None = None
@@ -63,9 +64,13 @@ class PositionController:
         return LoopSetpoint(q, NO_RATE, self._profile.thrust_norm_of(self._profile.mass_kg * force))
 
     def _sideways(self, demand: Demand, belief: Belief, dt_s: float) -> tuple[float, float]:
-        if demand.place_lab_m is None:
+        if demand.place_lab_m is not None:
+            place = demand.place_lab_m
+            vel = [_P_1_S * (place[i] - belief.pos_lab_m[i]) for i in (0, 1)]
+        elif demand.speed_lab_m_s is not None:
+            vel = list(demand.speed_lab_m_s)
+        else:
             return 0.0, 0.0
-        vel = [_P_1_S * (demand.place_lab_m[i] - belief.pos_lab_m[i]) for i in (0, 1)]
         speed = math.hypot(*vel)
         scale = min(1.0, _SPEED_MAX_M_S / speed) if speed > 0.0 else 1.0
         x, y = (

@@ -66,6 +66,7 @@ RATES_HZ = MappingProxyType(
         32: 30.0,  # LOCAL_POSITION_NED
         33: 5.0,  # GLOBAL_POSITION_INT
         83: 0.0,  # ATTITUDE_TARGET
+        115: 0.0,  # HIL_STATE_QUATERNION, the true state, for who plays the mocap
         111: 1.0,  # TIMESYNC
         147: 0.5,  # BATTERY_STATUS
         230: 1.0,  # ESTIMATOR_STATUS
@@ -173,8 +174,11 @@ PX4 = Personality(
     mode_request=_mode_request,
     custom_parts=lambda custom: (custom >> 16 & 0xFF, custom >> 24 & 0xFF),
     stream_loss=_stream_loss,
+    takes_target=lambda target: True,  # noqa: ARG005
+    streams_positions=True,
     climb_rate_of=lambda p, thrust: None,  # noqa: ARG005
     indoor=MappingProxyType(INDOOR),
+    needs_origin=False,
     takes_pose=_takes_pose,
     system_status=_system_status,
     estimator_flags=_estimator_flags,

@@ -26,6 +26,8 @@ from wire.link_messages import (
     LandedState,
     LinkMessage,
     LocalPosition,
+    Origin,
+    SimTruth,
     SysStatus,
     TimeSync,
 )
@@ -103,10 +105,10 @@ def _local_position(t: Teller, now_ns: int) -> LinkMessage | None:
 
 def _global_position(t: Teller, now_ns: int) -> LinkMessage | None:
     pilot = t.autopilot
-    if t.config.pose == "mocap" or not pilot.positioning.valid(now_ns):
+    if pilot.origin is None or not pilot.positioning.valid(now_ns):
         return None
     belief = pilot.belief(now_ns)
-    lat, lon, alt = to_globe(t.config.origin, belief.pos_lab_m)
+    lat, lon, alt = to_globe(pilot.origin, belief.pos_lab_m)
     ground_m = pilot.home.pos_lab_m[2] if pilot.home else t.config.start_lab_m[2]
     vel: Vec3 = np.array(belief.vel_lab_m_s)
     return GlobalPosition(t.boot_ms(now_ns), lat, lon, alt, belief.pos_lab_m[2] - ground_m, vel, belief.yaw_rad)
@@ -114,10 +116,10 @@ def _global_position(t: Teller, now_ns: int) -> LinkMessage | None:
 
 def _home(t: Teller, now_ns: int) -> LinkMessage | None:
     pilot = t.autopilot
-    if t.config.pose == "mocap" or not pilot.positioning.valid(now_ns):
+    if pilot.origin is None or not pilot.positioning.valid(now_ns):
         return None
     place = pilot.home.pos_lab_m if pilot.home else t.config.start_lab_m
-    lat, lon, alt = to_globe(t.config.origin, place)
+    lat, lon, alt = to_globe(pilot.origin, place)
     return HomePosition(lat, lon, alt, np.array(place))
 
 
@@ -151,6 +153,17 @@ def _timesync(t: Teller, now_ns: int) -> LinkMessage:
     return TimeSync(0, now_ns - t.t0_ns)
 
 
+def _origin(t: Teller, now_ns: int) -> LinkMessage | None:  # noqa: ARG001
+    return None if t.autopilot.origin is None else Origin(*t.autopilot.origin)
+
+
+def _true_state(t: Teller, now_ns: int) -> LinkMessage:
+    state = t.autopilot.airframe.state
+    x, y, z = state.pos_lab_m.tolist()
+    lat, lon, alt = to_globe(t.config.origin, (x, y, z))
+    return SimTruth((now_ns - t.t0_ns) // 1000, state.q_lab_from_flu, state.vel_lab_m_s, lat, lon, alt)
+
+
 def _version(t: Teller, now_ns: int) -> LinkMessage:  # noqa: ARG001
     make = t.autopilot.personality
     return AutopilotVersion(make.capabilities, make.version, t.config.sysid)
@@ -158,8 +171,8 @@ def _version(t: Teller, now_ns: int) -> LinkMessage:  # noqa: ARG001
 
 _BUILDERS: dict[int, Callable[[Teller, int], LinkMessage | None]] = {
     0: _heartbeat, 1: _sys_status, 30: _attitude, 31: _attitude_quaternion, 32: _local_position,
-    33: _global_position, 83: _target, 111: _timesync, 147: _battery, 148: _version, 193: _estimator,
-    230: _estimator, 242: _home, 245: _extended,
+    33: _global_position, 49: _origin, 83: _target, 111: _timesync, 115: _true_state, 147: _battery, 148: _version,
+    193: _estimator, 230: _estimator, 242: _home, 245: _extended,
 }  # fmt: skip
-ON_REQUEST = frozenset({148})
+ON_REQUEST = frozenset({49, 148})
 """Sent when asked for, never at a rate."""

@@ -20,7 +20,7 @@ from mavsdk.plugins.mocap.mocap import (
     Quaternion,
     VisionPositionEstimate,
 )
-from mavsdk.plugins.offboard.offboard import Attitude, OffboardError, OffboardResult
+from mavsdk.plugins.offboard.offboard import Attitude, OffboardError, OffboardResult, PositionNedYaw
 from mavsdk.plugins.param.param import ParamError
 from mavsdk.plugins.telemetry.telemetry import FlightMode, LandedState
 
@@ -124,6 +124,17 @@ def test_flies_offboard_by_a_stream_of_our_own(drone: Client) -> None:
         sender.join(5.0)
     # Nobody streams any more: PX4's fail-safe takes it down.
     drone.first("armed", lambda armed: not armed)
+
+
+def test_goes_to_a_position_offboard(drone: Client) -> None:
+    fly_to(drone, 1.5)
+    drone.offboard.set_position_ned(PositionNedYaw(0.8, 0.5, -1.2, 90.0))
+    drone.offboard.start()
+    there = drone.first(
+        "position_velocity_ned", lambda p: math.hypot(p.position.north_m - 0.8, p.position.east_m - 0.5) < 0.1
+    )
+    assert there.position.down_m == pytest.approx(-1.2, abs=0.2)
+    drone.first("attitude_euler", lambda euler: euler.yaw_deg == pytest.approx(90.0, abs=3.0))
 
 
 def set_mode(drone: Client, main: float) -> None:

@@ -23,6 +23,7 @@ from wire.link_messages import (
     LocalPosition,
     MocapPose,
     NamedValue,
+    Origin,
     Packet,
     StatusText,
     TimeSync,
@@ -188,6 +189,15 @@ def test_a_landing_of_the_grounds_is_left_alone() -> None:
     site.run(6.0)
     assert not any("stale" in text for text in site.texts())
     assert not site.drone.core.autopilot.armed
+
+
+def test_gives_an_ardupilot_its_origin_once() -> None:
+    site = Site("ardupilot")
+    site.run(4.0)
+    origin = site.drone.core.autopilot.origin
+    assert origin is not None
+    assert origin[0] == pytest.approx(47.397742, abs=1e-6)
+    assert sum(isinstance(p.message, Origin) for p in site.heard) == 1
 
 
 def test_tells_of_an_autopilot_with_another_number() -> None:

@@ -19,6 +19,7 @@ from formation.observer import activity, extrapolation_error, fteso_step, rate_s
 from formation.response import NEVER_NS, SECONDS, History, answer
 from formation.rigid_body import GRAVITY_M_S2
 
+STRENGTH_LAG, ATTITUDE_TRUST, TILT_W, TILT_DECAY, QUIET, TURN_TRUST, VIGILANCE = range(7)
 DIST_MAX_M_S2 = 14.0
 STRENGTH_LOW, STRENGTH_HIGH = 0.5, 2.0
 NOISE_M, NOISE_LEAST_M = 2e-4, 2e-5  # position noise: first guess, and the least believed
@@ -63,10 +64,11 @@ class EstimatorSettings:
 
     own: index among the commanded vehicles, or -1 for one that is only observed.
     response: attitude dead time, attitude lag, thrust dead time, thrust lag, s.
-    attitude_trust: share of the measured tilt, against the modelled one, that a frame is given.
-    tilt_w, tilt_decay_1_s: filter of an observed vehicle's tilt and its rate; tilt_w = 0: its attitude is not used.
-    vigilance (5): as in Vigilance; quiet_m: the position noise above which bandwidths shrink, as its power 0.35.
-    turn_trust: how much of an observed heading's Z3 is taken to last.
+    manner (n, 11): columns STRENGTH_LAG (how slowly Z3 of the height moves into the thrust's strength, s),
+    ATTITUDE_TRUST (share of the measured tilt, against the modelled one, that a frame is given), TILT_W and TILT_DECAY
+    (filter of an observed vehicle's tilt and of its rate; 0: its attitude is not used), QUIET (position noise, m, above
+    which bandwidths shrink), TURN_TRUST (how much of an observed heading's Z3 is taken to last), and from VIGILANCE on
+    the fields of Vigilance.
     """
 
     horizontal: Float
@@ -74,13 +76,7 @@ class EstimatorSettings:
     heading: Float
     response: Float
     own: NDArray[np.int64]
-    strength_lag_s: float
-    attitude_trust: float
-    tilt_w: float
-    tilt_decay_1_s: float
-    vigilance: Float
-    quiet_m: float
-    turn_trust: float
+    manner: Float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -163,8 +159,7 @@ def estimate(
     _observe(
         state.t_ns, frame.t_capture_ns, frame.pos_lab_m, frame.q_lab_from_flu, frame.seen, airborne, turn_rad_s2,
         settings.horizontal, settings.vertical, settings.heading, settings.response, settings.own,
-        settings.strength_lag_s, settings.attitude_trust, settings.tilt_w, settings.tilt_decay_1_s,
-        settings.vigilance, settings.quiet_m, history.t_ns, history.force,
+        settings.manner, history.t_ns, history.force,
         new.pos_lab_m, new.vel_lab_m_s, new.dist_lab_m_s2, new.force_lab_m_s2, new.lift_m_s2, new.strength,
         new.heading, new.q_lab_from_flu, new.seen_ns, new.tilt, new.force_rate, new.innovation, new.surprise_m2,
         new.activity, new.noise_m2, new.recent_m, new.recent_ns,
@@ -176,7 +171,7 @@ def swarm_state(state: EstimatorState, settings: EstimatorSettings, turn_rad_s2:
     """The estimate as the message that is logged and shown; turn_rad_s2 (n) as in `estimate`."""
     acc = state.strength[:, None] * state.force_lab_m_s2 + state.dist_lab_m_s2
     acc[:, 2] -= np.where(settings.own >= 0, GRAVITY_M_S2, 0.0)
-    turning = np.where(settings.own >= 0, 1.0, settings.turn_trust) * state.heading[:, 2] + turn_rad_s2
+    turning = np.where(settings.own >= 0, 1.0, settings.manner[:, TURN_TRUST]) * state.heading[:, 2] + turn_rad_s2
     age_s = np.asarray((state.t_ns - state.seen_ns) * SECONDS, dtype=np.float64)
     return SwarmState(
         state.t_ns, state.pos_lab_m, state.vel_lab_m_s, state.dist_lab_m_s2, acc, state.q_lab_from_flu,
@@ -188,8 +183,7 @@ def swarm_state(state: EstimatorState, settings: EstimatorSettings, turn_rad_s2:
 def _observe(
     from_ns: int, to_ns: int, pos_measured: Float, q_measured: Float, seen: NDArray[np.bool_],
     airborne: NDArray[np.bool_], turn: Float, horizontal: Float, vertical: Float, yaw_gains: Float, response: Float,
-    own: NDArray[np.int64], strength_lag_s: float, attitude_trust: float, tilt_w: float, tilt_decay_1_s: float,
-    vigilance: Float, quiet_m: float, sent_ns: NDArray[np.int64], sent: Float,
+    own: NDArray[np.int64], manner: Float, sent_ns: NDArray[np.int64], sent: Float,
     pos: Float, vel: Float, dist: Float, force: Float, lift: Float, strength: Float, heading: Float, q: Float,
     seen_ns: NDArray[np.int64], tilt: Float, force_rate: Float, innovation: Float, surprise_m2: Float, mu: Float,
     noise_m2: Float, recent_m: Float, recent_ns: NDArray[np.int64],
@@ -206,22 +200,39 @@ def _observe(
             model[axis] = 0.5 * force[i, axis]
         if own[i] >= 0:
             mine = sent[:, own[i]]
-            _rebuild_force(i, from_ns, to_ns, q, seen[i], attitude_trust, response, sent_ns, mine, force, lift)
-        elif tilt_w > 0.0:
-            _observe_tilt(i, q, seen[i], dt_s, tilt_w, tilt_decay_1_s, dist[i, 2], tilt, force, force_rate)
+            _rebuild_force(
+                i, from_ns, to_ns, q, seen[i], manner[i, ATTITUDE_TRUST], response, sent_ns, mine, force, lift
+            )
+        elif manner[i, TILT_W] > 0.0:
+            _observe_tilt(
+                i, q, seen[i], dt_s, manner[i, TILT_W], manner[i, TILT_DECAY], dist[i, 2], tilt, force, force_rate
+            )
         for axis in range(3):
             model[axis] = strength[i] * (model[axis] + 0.5 * force[i, axis])
         if own[i] >= 0:
             model[2] -= GRAVITY_M_S2
         if seen[i]:
             _learn_noise(i, to_ns, pos_measured, recent_m, recent_ns, noise_m2)
-            _watch(i, pos_measured, pos, vel, dist, model, dt_s, vigilance, noise_m2, innovation, surprise_m2, mu)
-        calm = min(quiet_m / sqrt(noise_m2[i]), 1.0) ** NOISE_POWER
+            _watch(
+                i,
+                pos_measured,
+                pos,
+                vel,
+                dist,
+                model,
+                dt_s,
+                manner[i, VIGILANCE:],
+                noise_m2,
+                innovation,
+                surprise_m2,
+                mu,
+            )
+        calm = min(manner[i, QUIET] / sqrt(noise_m2[i]), 1.0) ** NOISE_POWER
         for axis in range(3):
             gains = vertical[i] if axis == 2 else horizontal[i]
             z1, z2, z3 = pos[i, axis], vel[i, axis], dist[i, axis]
             if seen[i]:
-                w = gains[0] * calm if axis == 2 else gains[0] * calm * mu[i] ** vigilance[3]
+                w = gains[0] * calm if axis == 2 else gains[0] * calm * mu[i] ** manner[i, VIGILANCE + 3]
                 z1, z2, z3 = fteso_step(
                     z1, z2, z3, model[axis], pos_measured[i, axis], dt_s, w, gains[1], gains[2], gains[3]
                 )
@@ -231,7 +242,7 @@ def _observe(
             pos[i, axis], vel[i, axis] = z1, z2
             dist[i, axis] = min(max(z3, -DIST_MAX_M_S2), DIST_MAX_M_S2)
         if airborne[i] and own[i] >= 0 and seen[i] and force[i, 2] > 0.3 * GRAVITY_M_S2:
-            _learn_strength(i, dt_s, strength_lag_s, force, strength, dist)
+            _learn_strength(i, dt_s, manner[i, STRENGTH_LAG], force, strength, dist)
         _observe_heading(i, q, seen[i], dt_s, turn[i], yaw_gains, heading)
 
 

@@ -45,7 +45,7 @@ class LawSettings:
     horizontal, vertical (m, 7): gain rows of formation.control.feedback; response (n, 4): as the estimator's;
     vehicle (m): index among the n; own (n): place among the m or -1; compensate (m, 2): whether
     lag and dead time are, horizontally and vertically.
-    quickness (4): as in Quickness.
+    manner (n, 11): as the estimator's; quickness (m, 4): as in Quickness.
     """
 
     horizontal: Float
@@ -55,8 +55,7 @@ class LawSettings:
     own: NDArray[np.int64]
     compensate: Flags
     speed_max_m_s: float
-    tilt_decay_1_s: float
-    turn_trust: float
+    manner: Float
     quickness: Float
 
 
@@ -100,8 +99,7 @@ def demand(
     path = course.trajectory
     _demand(
         settings.horizontal, settings.vertical, settings.response, settings.vehicle, settings.own,
-        settings.compensate, settings.speed_max_m_s, settings.tilt_decay_1_s, settings.turn_trust,
-        settings.quickness,
+        settings.compensate, settings.speed_max_m_s, settings.manner, settings.quickness,
         state.t_ns, state.pos_lab_m, state.vel_lab_m_s, state.dist_lab_m_s2, state.force_lab_m_s2, state.force_rate,
         state.strength, state.heading, turn_rad_s2, state.activity, history.t_ns, history.force,
         course.kind, course.base, course.gap, course.gap_ns, course.gap_s, course.airborne, path.kind, path.numbers,
@@ -133,7 +131,7 @@ class Bench(NamedTuple):
 def _demand(
     horizontal: Float, vertical: Float, response: Float, vehicle: NDArray[np.int64], own: NDArray[np.int64],
     compensate: NDArray[np.bool_],
-    speed_max: float, tilt_decay_1_s: float, turn_trust: float, quickness: Float,
+    speed_max: float, manner: Float, quickness: Float,
     t_ns: int, pos: Float, vel: Float, dist: Float, force: Float, force_rate: Float, strength: Float,
     heading: Float, turn: Float, mu: Float, sent_ns: NDArray[np.int64], sent: Float,
     kind: NDArray[np.int64], base: Float, gap: Float, gap_ns: NDArray[np.int64], gap_s: Float,
@@ -143,22 +141,7 @@ def _demand(
     motion: Float, felt: Float, lift_cos: Float, yaw: Float,
 ) -> None:  # fmt: skip
     """See `demand`; the out arrays are the fields of Demand."""
-    known = Known(
-        t_ns,
-        pos,
-        vel,
-        dist,
-        force,
-        force_rate,
-        tilt_decay_1_s,
-        strength,
-        heading,
-        turn,
-        turn_trust,
-        response,
-        sent_ns,
-        sent,
-    )
+    known = Known(t_ns, pos, vel, dist, force, force_rate, strength, heading, turn, manner, response, sent_ns, sent)
     way = Way(kind, base, gap, gap_ns, gap_s, path_kind, path_numbers, path_knots, path_ns)
     b = Bench(
         np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4)),
@@ -171,7 +154,7 @@ def _demand(
             hold_ns = now_ns + int(dead_s * 1e9) if compensate[i, channel] else t_ns
             _situation(i, n, own[0], hold_ns, hold_ns + int(lag_s * 1e9), compensate[i, channel], known, way, b)
             gains = horizontal[i] if channel == 0 else vertical[i]
-            boost = mu[n] ** quickness[3] if channel == 0 else 1.0
+            boost = mu[n] ** quickness[i, 3] if channel == 0 else 1.0
             for axis in range(2 * channel, 2 + channel):
                 s[i, axis], t_m[i, axis], kept, b.back[axis], b.back_rate[axis] = feedback(
                     gains, b.error[0, axis], b.error[1, axis], b.error[2, axis], memory[i, axis], boost, speed_max, dt_s
@@ -194,13 +177,13 @@ def _demand(
                     motion[i, order, 2] = b.mine[order, 2]
                 size = sqrt(b.felt[0] * b.felt[0] + b.felt[1] * b.felt[1] + b.felt[2] * b.felt[2])
                 lift_cos[i] = b.felt[2] / size if size > 1.0 else 1.0
-            pull = quickness[1] * mu[n] ** quickness[2] - 1.0 if channel == 0 else 0.0
+            pull = quickness[i, 1] * mu[n] ** quickness[i, 2] - 1.0 if channel == 0 else 0.0
             for axis in range(2 * channel, 2 + channel):
                 acc[i, axis] = b.lab[2, axis] + b.back[axis]
                 if uses_disturbance(gains):
                     acc[i, axis] -= dist[n, axis]
                 if compensate[i, channel]:
-                    coming = b.lab_later[2, axis] - b.lab[2, axis] + lag_s * quickness[0] * b.back_rate[axis]
+                    coming = b.lab_later[2, axis] - b.lab[2, axis] + lag_s * quickness[i, 0] * b.back_rate[axis]
                     missing = acc[i, axis] - (b.mine[2, axis] - dist[n, axis])
                     lead_acc[i, axis] = coming + pull * missing
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.arrays import Float
+from formation.estimate import TILT_DECAY, TURN_TRUST
 from formation.kernel import kernel
 from formation.response import SECONDS, answer
 from formation.rigid_body import GRAVITY_M_S2
@@ -31,11 +32,10 @@ class Known(NamedTuple):
     dist: Float
     force: Float
     force_rate: Float
-    decay_1_s: float
     strength: Float
     heading: Float
     turn: Float
-    turn_trust: float
+    manner: Float
     response: Float
     sent_ns: NDArray[np.int64]
     sent: Float
@@ -46,7 +46,7 @@ def motion_at(i: int, own: int, to_ns: int, known: Known, out: Float, felt: Floa
     """Motion of vehicle i at to_ns into out (3, 4), and the modelled specific force then into felt (3).
 
     A commanded vehicle (own >= 0, its place in the history) answers its past commands by dead time and lag; one that
-    is only observed goes on turning its force at a rate that decays by decay_1_s. Z3 is taken to last.
+    is only observed goes on turning its force at a decaying rate. Z3 is taken to last.
     """
     h = (to_ns - known.t_ns) * SECONDS
     dead_lag = known.response[i]
@@ -58,7 +58,7 @@ def motion_at(i: int, own: int, to_ns: int, known: Known, out: Float, felt: Floa
             sent = known.sent[:, own, axis]
             modelled, speed, travel = answer(known.sent_ns, sent, known.t_ns, to_ns, dead, lag, force)
         else:
-            turned, swung, swept = decaying(h, known.decay_1_s)
+            turned, swung, swept = decaying(h, known.manner[i, TILT_DECAY])
             turn = known.force_rate[i, axis]
             modelled, speed, travel = (
                 force + turn * turned,
@@ -73,7 +73,7 @@ def motion_at(i: int, own: int, to_ns: int, known: Known, out: Float, felt: Floa
         out[1, axis] = known.vel[i, axis] + strength * speed + h * steady
         out[2, axis] = strength * modelled + steady
     psi = known.heading[i]
-    turning = known.turn[i] + (psi[2] if own >= 0 else known.turn_trust * psi[2])
+    turning = known.turn[i] + (psi[2] if own >= 0 else known.manner[i, TURN_TRUST] * psi[2])
     out[0, 3] = psi[0] + h * psi[1] + 0.5 * h * h * turning
     out[1, 3] = psi[1] + h * turning
     out[2, 3] = turning

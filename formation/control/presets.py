@@ -4,9 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
+from formation.config import MocapConfig
 from formation.control.feedback import AxisGains, CascadeGains, GeometricGains, Law, SlidingGains
 from formation.control.law import Quickness
 from formation.estimate import ObserverGains, Vigilance
+from formation.vehicle import VehicleProfile
 
 ALWAYS_CALM, AS_IS = Vigilance(), Quickness()
 
@@ -44,6 +46,7 @@ class Preset:
     quiet_m: float = 2e-4
     vigilance: Vigilance = ALWAYS_CALM
     quickness: Quickness = AS_IS
+    leader_quickness: Quickness = AS_IS
 
 
 PRINTED_ALPHA, PRINTED_EPS = -2.0 / 9.0, -0.49
@@ -88,6 +91,11 @@ GEOMETRIC = replace(DEFAULT, name="geometric", follower=GeometricGains(kx=9.0, k
 PRESETS: Mapping[str, Preset] = MappingProxyType(
     {p.name: p for p in (DEFAULT, PAPER_CFC, PAPER_ISTSMC, PAPER_SMC, PID, GEOMETRIC)}
 )
+
+
+def preset_for(name: str, profile: VehicleProfile, mocap: MocapConfig) -> Preset:
+    """The preset of that name as this vehicle and these cameras should fly it; ValueError names the known ones."""
+    return preset(name)
 
 
 def preset(name: str) -> Preset:

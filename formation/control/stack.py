@@ -7,18 +7,18 @@ from numpy.typing import NDArray
 
 from formation.arrays import Float, Scalars
 from formation.config import LabConfig
-from formation.control.attitude import TILT, Attitude, AttitudeSettings, attitude, body_row
-from formation.control.law import Demand, LawSettings, demand
-from formation.control.presets import Preset, preset
+from formation.control.attitude import TILT, Attitude, attitude
+from formation.control.law import Demand, demand
+from formation.control.presets import Preset, preset_for
+from formation.control.settings import attitude_settings, estimator_settings, law_settings
 from formation.course import Course, Guidance, crew, depart, evaluate, steer
-from formation.estimate import EstimatorSettings, EstimatorState, ObserverGains, estimate, initial, swarm_state
+from formation.estimate import EstimatorState, estimate, initial, swarm_state
 from formation.messages import AttitudeTarget, Command, MocapFrame, Reference, SwarmState
 from formation.reference import Mode, Plan
 from formation.response import SECONDS, History, no_history, remember
 from formation.vehicle import VehicleProfile
 
 STEP_MAX_S = 0.1
-FENCE_MARGIN_M = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,12 +42,14 @@ class ControlStack:
     """
 
     def __init__(self, config: LabConfig, profiles: tuple[VehicleProfile, ...], chosen: Preset | None = None) -> None:
-        gains = preset(config.control_preset) if chosen is None else chosen
+        gains = tuple(
+            preset_for(config.control_preset, p, config.mocap) if chosen is None else chosen for p in profiles
+        )
         self._crew = crew(config)
         self._commanded = np.array(config.commanded, dtype=np.int64)
-        self._estimator = _estimator_settings(config, profiles, gains)
-        self._law = _law_settings(config, gains, self._estimator)
-        self._attitude = _attitude_settings(config, profiles)
+        self._estimator = estimator_settings(config, profiles, gains)
+        self._law = law_settings(config, gains, self._estimator)
+        self._attitude = attitude_settings(config, profiles)
         m = len(self._commanded)
         self._history: History = no_history(m)
         self._memory: Float = np.zeros((m, 3))
@@ -124,72 +126,3 @@ def _command(wanted: Demand, state: EstimatorState, commanded: NDArray[np.int64]
 def _target(target: Attitude, t_ns: int) -> AttitudeTarget:
     """The attitude as its message."""
     return AttitudeTarget(t_ns, target.q_lab_from_flu, target.rate_flu_rad_s, target.thrust_norm, target.saturation)
-
-
-def _estimator_settings(config: LabConfig, profiles: tuple[VehicleProfile, ...], gains: Preset) -> EstimatorSettings:
-    """Observer gains and responses, vehicle by vehicle."""
-    n = len(config.vehicles)
-    own = np.full(n, -1, dtype=np.int64)
-    own[list(config.commanded)] = np.arange(len(config.commanded))
-
-    def row(i: int, horizontal: bool) -> list[float]:
-        if own[i] < 0:
-            used = gains.seen_observer if horizontal else gains.seen_vertical_observer
-        elif horizontal:
-            used = gains.own_observer if i == 0 else gains.observer
-        else:
-            used = gains.vertical_observer
-        return _row(used)
-
-    watch = gains.vigilance
-    return EstimatorSettings(
-        np.array([row(i, True) for i in range(n)]),
-        np.array([row(i, False) for i in range(n)]),
-        np.array([_row(gains.heading_observer if own[i] >= 0 else gains.seen_heading_observer) for i in range(n)]),
-        np.array([[p.response_dead_time_s, p.response_lag_s, p.thrust_dead_time_s, p.thrust_lag_s] for p in profiles]),
-        own,
-        gains.strength_lag_s,
-        gains.attitude_trust,
-        gains.tilt_w_rad_s,
-        gains.tilt_decay_1_s,
-        np.array([watch.lag_s, watch.threshold, watch.most, watch.bandwidth_power, watch.habit]),
-        gains.quiet_m,
-        gains.turn_trust,
-    )
-
-
-def _row(gains: ObserverGains) -> list[float]:
-    """Observer gains as the kernels read them."""
-    return [gains.bandwidth_rad_s, gains.alpha, gains.scale, gains.smooth]
-
-
-def _law_settings(config: LabConfig, gains: Preset, estimator: EstimatorSettings) -> LawSettings:
-    """Gain rows by role."""
-    quick = gains.quickness
-    leads = [i == 0 for i in config.commanded]
-    return LawSettings(
-        np.array([(gains.leader if lead else gains.follower).row() for lead in leads]),
-        np.array([(gains.leader_vertical if lead else gains.follower_vertical).row() for lead in leads]),
-        estimator.response,
-        np.array(config.commanded, dtype=np.int64),
-        estimator.own,
-        np.array([[gains.compensate or lead, True] for lead in leads]),
-        config.limits.speed_m_s,
-        gains.tilt_decay_1_s,
-        gains.turn_trust,
-        np.array([quick.rate, quick.gain, quick.gain_power, quick.p1_power]),
-    )
-
-
-def _attitude_settings(config: LabConfig, profiles: tuple[VehicleProfile, ...]) -> AttitudeSettings:
-    """Limits, and the bodies of the commanded vehicles."""
-    limits = config.limits
-    return AttitudeSettings(
-        np.array(config.commanded, dtype=np.int64),
-        np.array([body_row(p) for p in (profiles[i] for i in config.commanded)]),
-        limits.tilt_rad,
-        limits.min_separation_m,
-        np.array(limits.fence.low_m),
-        np.array(limits.fence.high_m),
-        FENCE_MARGIN_M,
-    )

@@ -262,7 +262,7 @@ class Autopilot:
             return
         belief = self.belief(now_ns)
         setpoint = self.pilot.step(belief, self.timing, _CONTROL_S)
-        true_q = turned(setpoint.q_lab_from_flu, -self.positioning.offset(now_ns).yaw_rad)
+        true_q = turned(setpoint.q_lab_from_flu, -self.positioning.yaw_rad)
         self.airframe.order_now(LoopSetpoint(true_q, setpoint.rate_flu_rad_s, setpoint.thrust_norm))
         if not self.pilot.arrived(belief):
             return

@@ -27,6 +27,7 @@ from wire.mavlink import Codec
 _LOOK_NS = 50_000_000
 _LOOK_S = _LOOK_NS * 1e-9
 _LAG_MAX_NS = 10_000_000
+_FUSE_NS = 15_000_000  # an estimator takes 30 to 50 poses a second
 _DATAGRAM_MAX = 1200
 _LISTED_AT_ONCE = 6
 
@@ -62,7 +63,7 @@ class AgentCore:
         self._inbox = Inbox(config, self.autopilot, self._guards, self._commander, t0_ns, self._send, self._use_pose)
         self._outbox: list[bytes] = []
         self._events: list[Event] = []
-        self._look_ns = t0_ns
+        self._look_ns = self._inside_ns = t0_ns
         self._control_ns = t0_ns
         self._truth_ns = t0_ns
         self._truth_period_ns = round(1e9 / config.truth_rate_hz) if config.truth_rate_hz > 0.0 else 0
@@ -79,6 +80,7 @@ class AgentCore:
             for packet in self.codec.receive(message.data):
                 self._inbox.read(packet, now_ns)
             self._answer(now_ns)
+            self._inside_ns = self._next_inside_ns()
 
     def tick(self, now_ns: int) -> AgentOutgoing:
         """Everything to send now."""
@@ -97,12 +99,14 @@ class AgentCore:
 
     def next_deadline_ns(self) -> int:
         """When `tick` is due if nothing arrives."""
-        due_ns = min(self._next_inside_ns(), self._schedule.next_ns())
+        if self._outbox or self.autopilot.notes:
+            return self._now_ns
+        due_ns = min(self._inside_ns, self._schedule.next_ns)
         if self._truth_period_ns:
             due_ns = min(due_ns, self._truth_ns)
         if self._inbox.listing is not None:
             due_ns = min(due_ns, self._now_ns + RASTER_NS)
-        return self._now_ns if self._outbox or self.autopilot.notes else due_ns
+        return due_ns
 
     def truth(self, now_ns: int) -> Truth:
         """The true state at `now_ns`, exactly, wherever the physics' grid lies."""
@@ -132,7 +136,7 @@ class AgentCore:
 
     def _run_to(self, now_ns: int) -> None:
         """Let everything inside happen up to `now_ns`: each at its own time."""
-        while (due_ns := self._next_inside_ns()) <= now_ns:
+        while (due_ns := self._inside_ns) <= now_ns:
             self._now_ns = max(due_ns, self._now_ns)
             self._airframe.advance_to(due_ns)
             self._guards.watch_stream(due_ns)
@@ -142,6 +146,7 @@ class AgentCore:
             if due_ns >= self._look_ns:
                 self._guards.look(due_ns, _LOOK_S)
                 self._look_ns = due_ns + _LOOK_NS
+            self._inside_ns = self._next_inside_ns()
         self._now_ns = max(now_ns, self._now_ns)
 
     def _rastered(self, t_ns: int) -> int:
@@ -153,6 +158,9 @@ class AgentCore:
             return
         index = frame.bodies.index(name)
         if frame.seen[index]:
+            fused_ns = self._inbox.own_feed_ns
+            if fused_ns is not None and now_ns - fused_ns < _FUSE_NS:
+                return
             self._inbox.own_feed_ns = now_ns
             pose = ExternalPose(frame.t_capture_ns, frame.pos_lab_m[index], frame.q_lab_from_flu[index])
             self._use_pose(pose, now_ns)

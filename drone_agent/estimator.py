@@ -99,6 +99,11 @@ class Positioning(Protocol):
         """What the estimate is off by."""
         ...
 
+    @property
+    def yaw_rad(self) -> float:
+        """What the estimate's heading is off by."""
+        ...
+
     def valid(self, now_ns: int) -> bool:
         """Whether a flight may go on with it."""
         ...
@@ -122,6 +127,11 @@ class OwnPositioning:
         """Nothing."""
         return NO_OFFSET
 
+    @property
+    def yaw_rad(self) -> float:
+        """Nothing."""
+        return 0.0
+
     def valid(self, now_ns: int) -> bool:
         """Once it has found itself."""
         return now_ns >= self._ready_ns
@@ -142,7 +152,7 @@ class ExternalPositioning:
         self._bias = bias_lab_m_s2
         self._pos = [0.0, 0.0, 0.0]
         self._vel = [0.0, 0.0, 0.0]
-        self._yaw = 0.0
+        self.yaw_rad = 0.0
         self._t_ns = 0
         self._capture_ns = -(2**62)
         self._good_ns: int | None = None  # receipt of the last accepted pose
@@ -155,7 +165,7 @@ class ExternalPositioning:
         self._drift(now_ns)
         px, py, pz = self._pos
         vx, vy, vz = self._vel
-        return Offset((px, py, pz), (vx, vy, vz), self._yaw)
+        return Offset((px, py, pz), (vx, vy, vz), self.yaw_rad)
 
     def valid(self, now_ns: int) -> bool:
         """Dead reckoning is trusted for a second."""
@@ -173,7 +183,7 @@ class ExternalPositioning:
         yaw = math.remainder(heading(q) - heading(true_q), math.tau)
         self._drift(now_ns)
         lost = self._good_ns is None or now_ns - self._good_ns > _RESET_AFTER_NS
-        reckoned = believed(state, Offset(yaw_rad=yaw if lost else self._yaw))
+        reckoned = believed(state, Offset(yaw_rad=yaw if lost else self.yaw_rad))
         dt_s = (pose.t_capture_ns - t_state_ns) * 1e-9
         motion = zip(pose.pos_lab_m.tolist(), reckoned.pos_lab_m, reckoned.vel_lab_m_s, strict=True)
         measured = [p - (t + v * dt_s) for p, t, v in motion]
@@ -183,7 +193,7 @@ class ExternalPositioning:
             self._refusal = refusal
             return False
         if lost:
-            self._pos, self._vel, self._yaw = measured, [0.0, 0.0, 0.0], yaw
+            self._pos, self._vel, self.yaw_rad = measured, [0.0, 0.0, 0.0], yaw
             self._since_ns = now_ns
         else:
             self._correct(measured, yaw, (pose.t_capture_ns - self._capture_ns) * 1e-9)
@@ -198,12 +208,12 @@ class ExternalPositioning:
             surprise = measured[axis] - self._pos[axis]
             self._pos[axis] += _GAIN * surprise
             self._vel[axis] += _GAIN_VEL / max(dt_s, 0.002) * surprise
-        self._yaw += _GAIN_YAW * math.remainder(yaw_rad - self._yaw, math.tau)
+        self.yaw_rad += _GAIN_YAW * math.remainder(yaw_rad - self.yaw_rad, math.tau)
 
     def _refuse(
         self, t_capture_ns: int, now_ns: int, measured: list[float], q: list[float], true_q: list[float], lost: bool
     ) -> str | None:
-        if not all(map(math.isfinite, (*measured, *q))):
+        if not math.isfinite(sum(measured) + sum(q)):
             return "external pose is not finite"
         if not 0 <= now_ns - t_capture_ns <= _AGE_MAX_NS:
             return "external pose has a wrong time"
@@ -226,12 +236,10 @@ class ExternalPositioning:
         self._t_ns = max(now_ns, self._t_ns)
 
 
-def _up_flu(q: list[float]) -> tuple[float, float, float]:
-    """The lab's up in the body's axes, which no heading changes."""
-    w, x, y, z = q
-    return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
-
-
 def _up_dot(q: list[float], p: list[float]) -> float:
-    """Cosine of the angle between two attitudes' ideas of up."""
-    return sum(a * b for a, b in zip(_up_flu(q), _up_flu(p), strict=True))
+    """Cosine of the angle between two attitudes' ideas of up, in the body's axes, which no heading changes."""
+    qw, qx, qy, qz = q
+    pw, px, py, pz = p
+    forward = 4.0 * (qx * qz - qw * qy) * (px * pz - pw * py)
+    left = 4.0 * (qy * qz + qw * qx) * (py * pz + pw * px)
+    return forward + left + (1.0 - 2.0 * (qx * qx + qy * qy)) * (1.0 - 2.0 * (px * px + py * py))

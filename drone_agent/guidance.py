@@ -46,7 +46,7 @@ class Guidance:
         if target.ignore & Ignore.ATTITUDE:
             attitude, rate = self._ahead(target.rate_flu_rad_s), NO_RATE
         else:
-            offset_rad = autopilot.positioning.offset(now_ns).yaw_rad
+            offset_rad = autopilot.positioning.yaw_rad
             attitude, rate = turned(target.q_lab_from_flu, -offset_rad), target.rate_flu_rad_s
         thrust = 0.0 if target.ignore & Ignore.THRUST else target.thrust_norm
         autopilot.airframe.order(now_ns + self._delay_ns, LoopSetpoint(attitude, rate, thrust))

@@ -20,6 +20,8 @@ class Schedule:
         self._period_ns: dict[int, int] = {}
         self._ideal_ns: dict[int, int] = {}
         self._due_ns: dict[int, int] = {}
+        self.next_ns = _OFF
+        """When the next message is due; far in the future if none is."""
         for number, rate in rates_hz.items():
             self._set(number, _period(rate), t0_ns)
         self._find_next()
@@ -44,13 +46,9 @@ class Schedule:
         self._find_next()
         return True
 
-    def next_ns(self) -> int:
-        """When the next message is due; far in the future if none is."""
-        return self._next_ns
-
     def take_due(self, now_ns: int) -> list[int]:
         """The messages due now, each once, in the order of their ids' registration; moves them on."""
-        if now_ns < self._next_ns:
+        if now_ns < self.next_ns:
             return []
         due = [number for number, t_ns in self._due_ns.items() if t_ns <= now_ns]
         for number in due:
@@ -74,7 +72,7 @@ class Schedule:
         return ideal_ns + (self._t0_ns - ideal_ns) % RASTER_NS
 
     def _find_next(self) -> None:
-        self._next_ns = min(self._due_ns.values(), default=_OFF)
+        self.next_ns = min(self._due_ns.values(), default=_OFF)
 
 
 def _period(rate_hz: float) -> int:

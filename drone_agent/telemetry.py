@@ -81,13 +81,13 @@ def _sys_status(t: Teller, now_ns: int) -> LinkMessage:
 
 def _attitude(t: Teller, now_ns: int) -> LinkMessage:
     state = t.autopilot.airframe.state
-    q = turned(state.q_lab_from_flu, t.autopilot.positioning.offset(now_ns).yaw_rad)
+    q = turned(state.q_lab_from_flu, t.autopilot.positioning.yaw_rad)
     return Attitude(t.boot_ms(now_ns), q, state.rate_flu_rad_s)
 
 
 def _attitude_quaternion(t: Teller, now_ns: int) -> LinkMessage:
     state = t.autopilot.airframe.state
-    q = turned(state.q_lab_from_flu, t.autopilot.positioning.offset(now_ns).yaw_rad)
+    q = turned(state.q_lab_from_flu, t.autopilot.positioning.yaw_rad)
     return AttitudeQuaternion(t.boot_ms(now_ns), q, state.rate_flu_rad_s)
 
 
@@ -145,7 +145,7 @@ def _estimator(t: Teller, now_ns: int) -> LinkMessage:
 
 def _target(t: Teller, now_ns: int) -> LinkMessage:
     now = t.autopilot.airframe.setpoint
-    q = turned(now.q_lab_from_flu, t.autopilot.positioning.offset(now_ns).yaw_rad)
+    q = turned(now.q_lab_from_flu, t.autopilot.positioning.yaw_rad)
     return AttitudeTargetReport(t.boot_ms(now_ns), q, now.rate_flu_rad_s, now.thrust_norm, Ignore.NONE)
 
 

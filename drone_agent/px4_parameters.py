@@ -86,8 +86,9 @@ PARAMETERS: tuple[ParamSpec, ...] = (
     whole("SYS_HAS_MAG", 1, 0, 6, "magnetometers present"),
     real("THR_MDL_FAC", 0.0, 0.0, 1.0, "thrust curve: 0 linear, 1 quadratic"),
 )
-# Flown on motion capture alone: what PX4 v1.16.1 was seen to need.
+# Set up for a lab: flown on motion capture alone (what PX4 v1.16.1 was seen to need), landing when the stream ends.
 INDOOR = {
+    "COM_OBL_RC_ACT": 4.0, "COM_RCL_EXCEPT": 4.0,
     "EKF2_EV_CTRL": 11.0, "EKF2_GPS_CTRL": 0.0, "EKF2_HGT_REF": 3.0, "EKF2_BARO_CTRL": 0.0, "EKF2_MAG_TYPE": 5.0,
     "EKF2_EV_DELAY": 20.0, "SYS_HAS_MAG": 0.0, "SYS_HAS_GPS": 0.0,
 }  # fmt: skip

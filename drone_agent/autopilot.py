@@ -125,7 +125,7 @@ class Autopilot:
     def missing(self, needs: Needs, now_ns: int) -> str | None:
         """The first of a mode's needs that is not met, in words."""
         if Needs.POSITION in needs:
-            fault = self.positioning.fault(now_ns)
+            fault = self.position_fault(now_ns)
             if fault is not None and not (self.armed and self.positioning.valid(now_ns)):
                 return self.personality.words.no_position.format(fault)
         if Needs.STREAM in needs and self.stream.silent_for(now_ns, self.stream_loss.after_s):
@@ -133,6 +133,12 @@ class Autopilot:
         if Needs.PILOT in needs:
             return "manual control signal lost"
         return "no valid mission available" if Needs.MISSION in needs else None
+
+    def position_fault(self, now_ns: int) -> str | None:
+        """Why there is no position to arm on, or None."""
+        if self.personality.needs_origin and self.origin is None:
+            return "EKF origin not set"
+        return self.positioning.fault(now_ns)
 
     def arm(self, now_ns: int, *, force: bool = False) -> Result:
         """Arm after the checks, or past them by force; arming what is armed is accepted."""

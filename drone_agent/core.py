@@ -162,6 +162,9 @@ class AgentCore:
             if fused_ns is not None and now_ns - fused_ns < _FUSE_NS:
                 return
             self._inbox.own_feed_ns = now_ns
+            if self.autopilot.origin is None and self.autopilot.personality.needs_origin:
+                # Over MAVLink the ground must give it; here the lab's own is known.
+                self.autopilot.origin = self.config.origin
             pose = ExternalPose(frame.t_capture_ns, frame.pos_lab_m[index], frame.q_lab_from_flu[index])
             self._use_pose(pose, now_ns)
 

@@ -138,8 +138,10 @@ def _extended(t: Teller, now_ns: int) -> LinkMessage:  # noqa: ARG001
 
 
 def _estimator(t: Teller, now_ns: int) -> LinkMessage:
-    where = t.autopilot.positioning
-    flags = t.autopilot.personality.estimator_flags(where.valid(now_ns), where.fault(now_ns) is None)
+    pilot = t.autopilot
+    placed = pilot.origin is not None or not pilot.personality.needs_origin
+    valid = placed and pilot.positioning.valid(now_ns)
+    flags = pilot.personality.estimator_flags(valid, pilot.position_fault(now_ns) is None)
     return EkfStatus(flags, t.autopilot.personality.autopilot is Make.ARDUPILOT)
 
 

@@ -15,6 +15,7 @@ from wire.link_messages import (
     Odometry,
     OdometryFrame,
     Result,
+    SetOrigin,
     SysStatus,
     VisionPose,
 )
@@ -38,6 +39,7 @@ def odometry(frame: OdometryFrame, estimator: EstimatorType, vel: float) -> obje
 
 def is_ready(personality: str, message: object) -> bool:
     bench = Bench(pose="mocap", personality=personality)
+    bench.send(SetOrigin(1, 47.0, 8.0, 400.0))
     for _ in range(60):
         bench.run(0.033, mocap=False)
         bench.send(message(bench.now_ns // 1000))
@@ -66,6 +68,25 @@ FRD, NED = OdometryFrame.LOCAL_FRD, OdometryFrame.LOCAL_NED
 )
 def test_each_make_fuses_what_it_was_seen_to_fuse(personality: str, message: object, fused: bool) -> None:
     assert is_ready(personality, message) is fused
+
+
+def test_ardupilot_needs_an_origin_beside_the_pose() -> None:
+    bench = Bench(pose="mocap", personality="ardupilot")
+
+    def see(seconds: float) -> None:
+        for _ in range(round(seconds * 30)):
+            bench.run(1.0 / 30.0, mocap=False)
+            bench.send(vision(bench.now_ns // 1000))
+
+    see(2.0)
+    bench.command(176, 1.0, 4.0)
+    assert bench.command(400, 1.0) is Result.FAILED
+    assert "Arm: Need Position Estimate: EKF origin not set" in bench.texts()
+    assert bench.last(EkfStatus).flags & 0x410 == 0x400
+    bench.send(SetOrigin(1, 47.0, 8.0, 400.0))
+    see(1.0)
+    assert bench.last(EkfStatus).flags & 0x410 == 0x10
+    assert bench.command(400, 1.0) is Result.ACCEPTED
 
 
 def test_not_fused_where_a_parameter_says_so() -> None:

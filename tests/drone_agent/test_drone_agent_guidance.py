@@ -7,6 +7,7 @@ from agent_bench import LEVEL, MS, Bench, hover_at
 from drone_agent.personality import Mode, Task
 from wire.link_messages import (
     AttitudeSetpoint,
+    GlobalPosition,
     Ignore,
     LocalFrame,
     MessageInterval,
@@ -122,12 +123,14 @@ def test_ardupilot_stops_on_a_target_it_cannot_read() -> None:
 
 
 def test_an_indoor_drone_has_no_place_on_the_globe_until_told() -> None:
-    bench = Bench(pose="mocap", personality="ardupilot")
+    bench = Bench(pose="mocap")
     bench.run(2.0)
     bench.command(512, 49.0)
     assert not bench.of(Origin)
     bench.send(SetOrigin(1, 48.0, 11.0, 500.0))
     assert bench.last(Origin).lat_deg == pytest.approx(48.0)
+    bench.run(1.0)
+    assert bench.last(GlobalPosition).lat_deg == pytest.approx(48.0, abs=1e-6)
 
 
 def test_intervals_are_told() -> None:

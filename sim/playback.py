@@ -11,6 +11,10 @@ from formation.arrays import Quat, Vec3
 from gcs.mocap.csv_file import Recording
 
 EASE_IN_NS = 1_000_000_000
+RESTING_M = 0.05
+"""A body that stays this near its last recorded pose has come to rest."""
+REST_NS = 1_000_000_000
+"""A recording that ends with a rest of this length ends with a landing; the formation is left this long before it."""
 
 
 class Playback:
@@ -31,6 +35,20 @@ class Playback:
     def duration_ns(self) -> int:
         """From the start to the last recorded pose."""
         return int(self._recording.t_ns[-1]) + EASE_IN_NS // 2
+
+    @property
+    def flight_ns(self) -> int:
+        """From the start to shortly before the body lands: nobody should follow it onto the floor.
+
+        The whole duration where the recording does not end at rest.
+        """
+        r = self._recording
+        away_m = np.linalg.norm(r.pos_mocap_m - r.pos_mocap_m[-1], axis=-1)
+        moving = np.flatnonzero(away_m > RESTING_M)
+        landed_ns = int(r.t_ns[moving[-1]]) if len(moving) else 0
+        if not REST_NS < landed_ns < r.t_ns[-1] - REST_NS:
+            return self.duration_ns
+        return landed_ns - REST_NS + EASE_IN_NS // 2
 
     def pose(self, elapsed_ns: int) -> tuple[Vec3, Quat]:
         """Pose of the body in the mocap's axes: exact on a recorded stamp, interpolated between two."""

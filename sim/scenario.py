@@ -142,10 +142,10 @@ def recorded_leader(scenario: Scenario) -> Playback | None:
 
 
 def leader_seconds(scenario: Scenario, leader: Playback | None) -> float | None:
-    """How long the leader is on its way; None where its own trajectory says."""
+    """How long the leader is on its way and in the air; None where its own trajectory says."""
     if scenario.formation_s is not None or leader is None:
         return scenario.formation_s
-    return leader.duration_ns * 1e-9
+    return leader.flight_ns * 1e-9
 
 
 def agent_configs(scenario: Scenario, leader: Playback | None) -> tuple[AgentConfig, ...]:

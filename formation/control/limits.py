@@ -9,7 +9,7 @@ from formation.arrays import Float
 from formation.kernel import kernel
 
 FENCE, SEPARATION = 16.0, 32.0  # bits of formation.messages.Saturation
-BRAKE_M_S2 = 2.0
+BRAKE_M_S2 = 4.0
 FENCE_RATE_1_S = 4.0
 PERSONAL_SPACE = 1.5  # repulsion begins at this many minimum separations
 REPULSION_1_S2 = 20.0
@@ -27,8 +27,12 @@ def keep_inside(motion: Float, low: Float, high: Float, margin_m: float, acc: Fl
             sign = 1.0 if side == 1 else -1.0
             wall = high[axis] if side == 1 else -low[axis]
             room = wall - margin_m - sign * motion[0, axis]
-            allowed = sqrt(2.0 * BRAKE_M_S2 * room) if room > 0.0 else FENCE_RATE_1_S * room
-            most = FENCE_RATE_1_S * (allowed - sign * motion[1, axis])
+            speed = sign * motion[1, axis]
+            if room > 0.0:
+                allowed = sqrt(2.0 * BRAKE_M_S2 * room)
+                most = FENCE_RATE_1_S * (allowed - speed) - BRAKE_M_S2 * max(speed, 0.0) / allowed
+            else:
+                most = FENCE_RATE_1_S * (FENCE_RATE_1_S * room - speed)
             if sign * acc[axis] > most:
                 acc[axis] = sign * most
                 bit = FENCE

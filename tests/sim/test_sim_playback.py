@@ -68,3 +68,16 @@ def test_a_standing_body_keeps_the_cameras_own_rhythm() -> None:
     assert not playback.recorded
     assert playback.next_exposure_ns(5 * S) is None
     assert playback.pose(7 * S)[0].tolist() == [1.0, 2.0, 3.0]
+
+
+def test_a_recording_that_ends_with_a_landing_is_left_before_it() -> None:
+    flight = circling(10.0)
+    rest_ns = flight.t_ns[-1] + np.arange(1, 301) * 10_000_000
+    landed = Recording(
+        np.concatenate([flight.t_ns, rest_ns]),
+        np.concatenate([flight.pos_mocap_m, np.repeat(flight.pos_mocap_m[-1:], 300, axis=0)]),
+        np.concatenate([flight.q_mocap_from_marker, np.repeat(flight.q_mocap_from_marker[-1:], 300, axis=0)]),
+    )
+    assert Playback(flight).flight_ns == Playback(flight).duration_ns
+    left_s = (Playback(landed).flight_ns - EASE_IN_NS // 2) * 1e-9
+    assert 8.0 < left_s < 9.0, "about a second before the ten seconds of motion end"

@@ -29,6 +29,7 @@ from sim.fly import fly as fly_processes
 from sim.ports import private_link
 from sim.scenario import Scenario, load, recorded_leader, shipped, with_leader_file
 from sim.script import Outcome
+from sim.study_cli import app as study_app
 from wire import clock
 from wire.config_file import ConfigError
 from wire.zenoh_bus import BusError
@@ -40,9 +41,12 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     no_args_is_help=True,
-    help="Fly scenarios: `fly` with real processes in real time, `run` in lockstep as fast as the machine goes.",
+    help="Fly scenarios: `fly` with real processes in real time, `run` in lockstep as fast as the machine goes; "
+    "`paper` and `robustness` are studies of many flights.",
     epilog="Exit codes: 0 flown; 1 aborted; 2 something given is not right; 130 interrupted.",
 )
+
+app.add_typer(study_app)
 
 Name = Annotated[str, typer.Argument(metavar="SCENARIO", help="A shipped scenario's name or a TOML file.")]
 Seed = Annotated[int | None, typer.Option(min=0, help="Decides all luck; without it the scenario's own.")]

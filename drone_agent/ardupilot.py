@@ -115,7 +115,7 @@ def _timing(p: Parameters) -> Timing:
     )
 
 
-def _mode_request(base_mode: int, main: int, sub: int) -> ModeRequest:  # noqa: ARG001
+def _mode_request(base_mode: int, main: int, _sub: int) -> ModeRequest:
     """Only custom modes: MAVLink's own say too little; a number that is no mode fails."""
     if not base_mode & _CUSTOM:
         return ModeRequest(None, Result.DENIED)
@@ -144,7 +144,7 @@ def _takes_pose(p: Parameters, message: LinkMessage) -> bool:
     return isinstance(message, VisionPose | MocapPose)
 
 
-def _system_status(armed: bool, landed: bool, failsafe: bool, ready: bool) -> int:  # noqa: ARG001
+def _system_status(_armed: bool, landed: bool, failsafe: bool, _ready: bool) -> int:
     if failsafe:
         return 5
     return 3 if landed else 4

@@ -52,19 +52,19 @@ class Commander:
         self.wanted: list[int] = []
         self.answers: list[LinkMessage] = []
         self._handlers: dict[int, Callable[[Order, int], Result]] = {
-            20: lambda order, now: self._pilot.change_mode(Mode.RETURN, now),  # noqa: ARG005
-            21: lambda order, now: self._pilot.land(now),  # noqa: ARG005
+            20: lambda _order, now: self._pilot.change_mode(Mode.RETURN, now),
+            21: lambda _order, now: self._pilot.land(now),
             22: self._take_off,
             176: self._set_mode,
             185: self._terminate,
             192: self._reposition,
-            300: lambda order, now: Result.DENIED,  # noqa: ARG005
+            300: lambda _order, _now: Result.DENIED,
             400: self._arm,
-            410: lambda order, now: self._send(242),  # noqa: ARG005
+            410: lambda _order, _now: self._send(242),
             510: self._tell_interval,
             511: self._set_interval,
-            512: lambda order, now: self._send(_int(order.params[0])),  # noqa: ARG005
-            520: lambda order, now: self._send(148),  # noqa: ARG005
+            512: lambda order, _now: self._send(_int(order.params[0])),
+            520: lambda _order, _now: self._send(148),
         }
 
     def obey(self, order: Order, now_ns: int) -> Result:
@@ -115,14 +115,14 @@ class Commander:
         heading = order.params[3]
         return pilot.go_to(now_ns, (x, y, z), -heading if isfinite(heading) else None)
 
-    def _terminate(self, order: Order, now_ns: int) -> Result:  # noqa: ARG002
+    def _terminate(self, order: Order, _now_ns: int) -> Result:
         return self._pilot.terminate() if order.params[0] > 0.5 else Result.DENIED
 
     def _set_interval(self, order: Order, now_ns: int) -> Result:
         known = self._schedule.set_interval_us(_int(order.params[0]), order.params[1], now_ns)
         return Result.ACCEPTED if known else self._pilot.personality.no_such_rate
 
-    def _tell_interval(self, order: Order, now_ns: int) -> Result:  # noqa: ARG002
+    def _tell_interval(self, order: Order, _now_ns: int) -> Result:
         number = _int(order.params[0])
         period_ns = self._schedule.period_ns(number)
         interval_us = 0 if period_ns is None else period_ns // 1000 or -1

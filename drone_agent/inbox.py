@@ -94,7 +94,7 @@ class Inbox:
         if reader is not None:
             reader(packet.source, packet.message, now_ns)
 
-    def _setpoint(self, source: Address, message: AttitudeSetpoint, now_ns: int) -> None:  # noqa: ARG002
+    def _setpoint(self, _source: Address, message: AttitudeSetpoint, now_ns: int) -> None:
         self._guidance.attitude(now_ns, message)
         rate_hz = self._config.age_rate_hz
         age_ms = self.clock.age_ms(message.t_boot_ms, now_ns - self._t0_ns)
@@ -102,16 +102,16 @@ class Inbox:
             self._age_told_ns = now_ns
             self._send(NamedValue(self._boot_ms(now_ns), "age_ms", age_ms))
 
-    def _position(self, source: Address, message: PositionSetpoint, now_ns: int) -> None:  # noqa: ARG002
+    def _position(self, _source: Address, message: PositionSetpoint, now_ns: int) -> None:
         self._guidance.position(now_ns, message)
 
-    def _set_origin(self, source: Address, message: SetOrigin, now_ns: int) -> None:  # noqa: ARG002
+    def _set_origin(self, _source: Address, message: SetOrigin, _now_ns: int) -> None:
         if self._config.pose == "mocap":
             self._pilot.origin = (message.lat_deg, message.lon_deg, message.alt_m)
         if self._pilot.origin is not None:
             self._send(Origin(*self._pilot.origin))
 
-    def _pose(self, source: Address, message: VisionPose | MocapPose | Odometry, now_ns: int) -> None:  # noqa: ARG002
+    def _pose(self, _source: Address, message: VisionPose | MocapPose | Odometry, now_ns: int) -> None:
         pilot = self._pilot
         if self.own_feed_ns is not None and now_ns - self.own_feed_ns < _OWN_FEED_RULES_NS:
             return
@@ -134,7 +134,7 @@ class Inbox:
         else:
             self.clock.exchange(message.ts1_ns, message.tc1_ns, boot_ns)
 
-    def _heartbeat(self, source: Address, message: Heartbeat, now_ns: int) -> None:  # noqa: ARG002
+    def _heartbeat(self, _source: Address, message: Heartbeat, now_ns: int) -> None:
         if message.autopilot is Make.INVALID:
             self._guards.ground_seen(now_ns)
 
@@ -148,21 +148,21 @@ class Inbox:
         result = self._commander.set_mode(message.base_mode, main, sub, now_ns)
         self._send(CommandAck(source, make.set_mode_ack, result))
 
-    def _ping(self, source: Address, message: Ping, now_ns: int) -> None:  # noqa: ARG002
+    def _ping(self, source: Address, message: Ping, _now_ns: int) -> None:
         if message.target.system == 0:
             self._send(Ping(message.t_us, message.seq, source))
 
-    def _param_read(self, source: Address, message: ParamRequestRead, now_ns: int) -> None:  # noqa: ARG002
+    def _param_read(self, _source: Address, message: ParamRequestRead, _now_ns: int) -> None:
         found = self._pilot.parameters.message(message.index if message.index >= 0 else message.name)
         if found is not None:
             self._send(found)
         else:
             self._unknown_parameter(message.name)
 
-    def _param_list(self, source: Address, message: ParamRequestList, now_ns: int) -> None:  # noqa: ARG002
+    def _param_list(self, _source: Address, _message: ParamRequestList, _now_ns: int) -> None:
         self.listing = 0
 
-    def _param_set(self, source: Address, message: ParamSet, now_ns: int) -> None:  # noqa: ARG002
+    def _param_set(self, _source: Address, message: ParamSet, _now_ns: int) -> None:
         parameters = self._pilot.parameters
         if message.name not in parameters:
             self._unknown_parameter(message.name)

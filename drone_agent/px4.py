@@ -140,7 +140,7 @@ def _takes_pose(p: Parameters, message: LinkMessage) -> bool:
     return isinstance(message, VisionPose)
 
 
-def _system_status(armed: bool, landed: bool, failsafe: bool, ready: bool) -> int:  # noqa: ARG001
+def _system_status(armed: bool, _landed: bool, failsafe: bool, ready: bool) -> int:
     if armed:
         return 5 if failsafe else 4
     return 3 if ready else 0
@@ -174,9 +174,9 @@ PX4 = Personality(
     mode_request=_mode_request,
     custom_parts=lambda custom: (custom >> 16 & 0xFF, custom >> 24 & 0xFF),
     stream_loss=_stream_loss,
-    takes_target=lambda target: True,  # noqa: ARG005
+    takes_target=lambda _target: True,
     streams_positions=True,
-    climb_rate_of=lambda p, thrust: None,  # noqa: ARG005
+    climb_rate_of=lambda _p, _thrust: None,
     indoor=MappingProxyType(INDOOR),
     needs_origin=False,
     takes_pose=_takes_pose,

@@ -123,12 +123,12 @@ def _home(t: Teller, now_ns: int) -> LinkMessage | None:
     return HomePosition(lat, lon, alt, np.array(place))
 
 
-def _battery(t: Teller, now_ns: int) -> LinkMessage:  # noqa: ARG001
+def _battery(t: Teller, _now_ns: int) -> LinkMessage:
     pack = t.autopilot.airframe.pack
     return Battery((pack.cell_v,) * pack.profile.cells, pack.current_a, pack.used_mah, pack.remaining)
 
 
-def _extended(t: Teller, now_ns: int) -> LinkMessage:  # noqa: ARG001
+def _extended(t: Teller, _now_ns: int) -> LinkMessage:
     pilot = t.autopilot
     if pilot.landed:
         return ExtendedSysState(LandedState.ON_GROUND)
@@ -155,7 +155,7 @@ def _timesync(t: Teller, now_ns: int) -> LinkMessage:
     return TimeSync(0, now_ns - t.t0_ns)
 
 
-def _origin(t: Teller, now_ns: int) -> LinkMessage | None:  # noqa: ARG001
+def _origin(t: Teller, _now_ns: int) -> LinkMessage | None:
     return None if t.autopilot.origin is None else Origin(*t.autopilot.origin)
 
 
@@ -166,7 +166,7 @@ def _true_state(t: Teller, now_ns: int) -> LinkMessage:
     return SimTruth((now_ns - t.t0_ns) // 1000, state.q_lab_from_flu, state.vel_lab_m_s, lat, lon, alt)
 
 
-def _version(t: Teller, now_ns: int) -> LinkMessage:  # noqa: ARG001
+def _version(t: Teller, _now_ns: int) -> LinkMessage:
     make = t.autopilot.personality
     return AutopilotVersion(make.capabilities, make.version, t.config.sysid)
 

@@ -19,6 +19,10 @@ from wire.link_messages import (
     CommandInt,
     Heartbeat,
     LinkMessage,
+    LogEntry,
+    LogRequestList,
+    MissionCount,
+    MissionRequestList,
     MocapPose,
     NamedValue,
     Odometry,
@@ -86,6 +90,8 @@ class Inbox:
             ParamRequestList: self._param_list,
             ParamSet: self._param_set,
             SetOrigin: self._set_origin,
+            MissionRequestList: self._mission_list,
+            LogRequestList: self._log_list,
         }
 
     def read(self, packet: Packet, now_ns: int) -> None:
@@ -171,6 +177,14 @@ class Inbox:
         value = parameters.message(message.name)
         if value is not None:
             self._send(value)
+
+    def _mission_list(self, source: Address, message: MissionRequestList, _now_ns: int) -> None:
+        """No missions here: said, so that a ground station need not ask again."""
+        self._send(MissionCount(source, 0, message.kind))
+
+    def _log_list(self, _source: Address, _message: LogRequestList, _now_ns: int) -> None:
+        """No logs either."""
+        self._send(LogEntry(0, 0, 0, 0, 0))
 
     def _unknown_parameter(self, name: str) -> None:
         self._pilot.say(Severity.INFO, self._pilot.personality.words.unknown_parameter, name)

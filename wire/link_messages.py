@@ -459,6 +459,43 @@ class MessageInterval:
 
 
 @dataclass(frozen=True, slots=True)
+class MissionRequestList:
+    """MISSION_REQUEST_LIST (43); `kind` is MAV_MISSION_TYPE: mission, fence or rally points."""
+
+    target: Address
+    kind: int
+
+
+@dataclass(frozen=True, slots=True)
+class MissionCount:
+    """MISSION_COUNT (44)."""
+
+    target: Address
+    count: int
+    kind: int
+
+
+@dataclass(frozen=True, slots=True)
+class LogRequestList:
+    """LOG_REQUEST_LIST (117)."""
+
+    target: Address
+    first: int
+    last: int
+
+
+@dataclass(frozen=True, slots=True)
+class LogEntry:
+    """LOG_ENTRY (118)."""
+
+    id: int
+    count: int
+    last: int
+    t_unix_s: int
+    size_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
 class NamedValue:
     """NAMED_VALUE_FLOAT (251); `age_ms` is the age of the newest setpoint at receipt, camera to drone."""
 
@@ -479,7 +516,7 @@ LinkMessage = (
     | GlobalPosition | HomePosition | SysStatus | Battery | ExtendedSysState | EkfStatus | StatusText | Command
     | CommandInt | CommandAck | SetMode | TimeSync | Ping | SystemTime | ParamValue | ParamSet | ParamRequestRead
     | ParamRequestList | AutopilotVersion | AttitudeTargetReport | SimTruth | NamedValue | PositionSetpoint | SetOrigin
-    | Origin | MessageInterval | Unknown
+    | Origin | MessageInterval | MissionRequestList | MissionCount | LogRequestList | LogEntry | Unknown
 )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from fastcrc import crc16
 
-from wire import mavlink_guidance, mavlink_motion, mavlink_service
+from wire import mavlink_guidance, mavlink_motion, mavlink_service, mavlink_storage
 from wire.link_messages import (
     BROADCAST,
     Address,
@@ -19,6 +19,9 @@ from wire.link_messages import (
     CommandAck,
     CommandInt,
     LinkMessage,
+    LogRequestList,
+    MissionCount,
+    MissionRequestList,
     Packet,
     ParamRequestList,
     ParamRequestRead,
@@ -44,12 +47,12 @@ _SIGNED = 0x01
 _HEADER = struct.Struct("<BBBBBBBHB")
 _SEED = tuple(bytes([value]) for value in range(256))
 
-_GROUPS = (mavlink_motion, mavlink_service, mavlink_guidance)
+_GROUPS = (mavlink_motion, mavlink_service, mavlink_guidance, mavlink_storage)
 _WRITERS = {kind: write for group in _GROUPS for kind, write in group.WRITERS.items()}
 _READERS = {layout.id: (layout, read) for group in _GROUPS for layout, read in group.READERS.items()}
 _Addressed = (
     AttitudeSetpoint | PositionSetpoint | Command | CommandInt | CommandAck | TimeSync | Ping | ParamSet
-    | ParamRequestRead | ParamRequestList
+    | ParamRequestRead | ParamRequestList | MissionRequestList | MissionCount | LogRequestList
 )  # fmt: skip
 
 

@@ -17,6 +17,10 @@ from wire.link_messages import (
     Heartbeat,
     HomePosition,
     LocalPosition,
+    LogEntry,
+    LogRequestList,
+    MissionCount,
+    MissionRequestList,
     Ping,
     Result,
     SetMode,
@@ -214,6 +218,13 @@ def test_timesync_and_ping_are_answered() -> None:
     bench.send(TimeSync(0, 123456789), Ping(42, 7, Address(0, 0)))
     assert bench.last(TimeSync) == TimeSync(bench.now_ns - bench.t0_ns, 123456789, Address(255, 190))
     assert bench.last(Ping) == Ping(42, 7, Address(255, 190))
+
+
+def test_says_that_it_stores_no_missions_and_no_logs() -> None:
+    bench = ready()
+    bench.send(MissionRequestList(bench.target, 1), LogRequestList(bench.target, 0, 0xFFFF))
+    assert bench.last(MissionCount) == MissionCount(Address(255, 190), 0, 1)
+    assert bench.last(LogEntry).count == 0
 
 
 def test_termination_stops_for_good() -> None:

@@ -101,6 +101,10 @@ MESSAGES: dict[type, st.SearchStrategy[Any]] = {
     lm.SetOrigin: st.builds(lm.SetOrigin, U8, DEGREES, DEGREES, MILLIMETRES),
     lm.Origin: st.builds(lm.Origin, DEGREES, DEGREES, MILLIMETRES),
     lm.MessageInterval: st.builds(lm.MessageInterval, U16, I32),
+    lm.MissionRequestList: st.builds(lm.MissionRequestList, ADDRESS, U8),
+    lm.MissionCount: st.builds(lm.MissionCount, ADDRESS, U16, U8),
+    lm.LogRequestList: st.builds(lm.LogRequestList, ADDRESS, U16, U16),
+    lm.LogEntry: st.builds(lm.LogEntry, U16, U16, U16, U32, U32),
 }
 ANY_MESSAGE = st.one_of(*MESSAGES.values())
 

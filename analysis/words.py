@@ -27,7 +27,9 @@ class Finding:
 
 def mm(metres: float | None) -> str:
     """Metres as millimetres with three significant digits."""
-    return "unknown" if metres is None else f"{1e3 * metres:.3g} mm"
+    if metres is None:
+        return "unknown"
+    return f"{1e3 * metres:.0f} mm" if abs(metres) >= 0.1 else f"{1e3 * metres:.3g} mm"
 
 
 def counted(number: int, noun: str) -> str:

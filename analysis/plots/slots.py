@@ -34,7 +34,7 @@ def positions(flight: Flight, tracking: Tracking) -> Drawing:
     chosen = worst_followers(tracking)
     rows = (1.0,) * len(chosen)
     fig, grid = style.Sheet(0.6 + 1.55 * len(chosen), rows, (1.0, 1.0), gap_in=(0.34, 0.8)).axes()
-    wanted = _reference_lab_m(flight.reference)
+    wanted = reference_lab_m(flight.reference)
     colours = style.colours(len(flight.vehicles))
     for row, k in zip(grid, chosen, strict=True):
         vehicle = flight.followers[k]
@@ -56,7 +56,7 @@ def positions(flight: Flight, tracking: Tracking) -> Drawing:
     return fig
 
 
-def _reference_lab_m(reference: Series[Reference]) -> Float:
+def reference_lab_m(reference: Series[Reference]) -> Float:
     """Where each commanded vehicle should be, lab axes, shape (T, m, 3)."""
     origin = reference.column(lambda r: r.origin_lab_m)
     slot = reference.column(lambda r: r.slot_lead_m)

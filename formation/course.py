@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from formation import blend
 from formation.arrays import Flags, Float
-from formation.config import LabConfig, TrajectoryConfig
+from formation.config import Fence, LabConfig, TrajectoryConfig
 from formation.frames import wrap_angle
 from formation.kernel import kernel
 from formation.reference import IDLE, Mode, Plan
@@ -20,20 +20,22 @@ POINT, SLOT, TRAJECTORY = 0, 1, 2
 LIFT_OFF_M = 0.02
 ENTRY_S = 3.0  # a leader off its trajectory's start takes this long to join it
 NEAR_M = 0.02
+INSET_M = 0.1
 TURN_RAD_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Crew:
-    """Who flies: followers (m) is each commanded vehicle's follower index, -1 for the leader."""
+    """Who flies, and where: followers (m) is each commanded vehicle's follower index, -1 for the leader."""
 
     followers: tuple[int, ...]
     trajectory: TrajectoryConfig
+    fence: Fence
 
 
 def crew(config: LabConfig) -> Crew:
     """The crew of a lab."""
-    return Crew(tuple(i - 1 for i in config.commanded), config.leader.trajectory)
+    return Crew(tuple(i - 1 for i in config.commanded), config.leader.trajectory, config.limits.fence)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -259,9 +261,16 @@ class _Draft:
         self._take_time(i)
         for k, value in enumerate(wanted):
             if value is None:
-                travel = 0.5 * motion[1, k] * new.gap_s[i]
-                new.base[i, k] += travel
-                new.gap[i, 0, k] -= travel
+                new.base[i, k] += 0.5 * motion[1, k] * new.gap_s[i]
+        self._inside(new.base[i])
+        new.gap[i, 0] = motion[0] - new.base[i]
+        self._take_time(i)
+
+    def _inside(self, point: Float) -> None:
+        """Draws a target back into the fence; only the floor is left alone, for landing goes beneath it."""
+        low, high = np.array(self._who.fence.low_m), np.array(self._who.fence.high_m)
+        point[:2] = np.clip(point[:2], low[:2] + INSET_M, high[:2] - INSET_M)
+        point[2] = min(point[2], high[2] - INSET_M)
 
     def _take_time(self, i: int) -> None:
         """How long vehicle i's gap takes to decay; a turn goes the short way round."""

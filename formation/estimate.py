@@ -111,9 +111,12 @@ class EstimatorState:
     recent_ns: NDArray[np.int64]
 
 
-def initial(frame: MocapFrame) -> EstimatorState:
-    """All at rest where the first frame sees them."""
+def initial(frame: MocapFrame, flying: Flags) -> EstimatorState:
+    """All at rest where the first frame sees them; flying (n): commanded ones that hover there already."""
     n = len(frame.bodies)
+    lift = np.where(flying, GRAVITY_M_S2, 0.0)
+    force = np.zeros((n, 3))
+    force[:, 2] = lift
     heading = np.zeros((n, 3))
     heading[:, 0] = frames.yaw(frame.q_lab_from_flu)
     return EstimatorState(
@@ -121,8 +124,8 @@ def initial(frame: MocapFrame) -> EstimatorState:
         pos_lab_m=frame.pos_lab_m.copy(),
         vel_lab_m_s=np.zeros((n, 3)),
         dist_lab_m_s2=np.zeros((n, 3)),
-        force_lab_m_s2=np.zeros((n, 3)),
-        lift_m_s2=np.zeros(n),
+        force_lab_m_s2=force,
+        lift_m_s2=lift,
         strength=np.ones(n),
         heading=heading,
         q_lab_from_flu=frame.q_lab_from_flu.copy(),

@@ -11,7 +11,7 @@ from formation.config import TrajectoryConfig
 from formation.kernel import kernel
 
 HOLD, LINE, CIRCLE, WAYPOINTS = 0, 1, 2, 3
-RAMP_MAX_S = 3.0
+RAMP_MAX_S, TURN_RAMP_S = 3.0, 2.0
 PEAK_SPEED = 1.875  # of a minimum-jerk step, in units of its mean speed
 
 
@@ -47,7 +47,7 @@ def anchored(config: TrajectoryConfig, pos_lab_m: Float, yaw_rad: float) -> Traj
         duration = float(knots[-1, 0])
     numbers = np.array(
         [*pos_lab_m, yaw_rad, duration, config.length_m, config.radius_m, 2.0 * pi / config.period_s,
-         _ramp_s(config.period_s), config.yaw_rate_rad_s, min(1.0, 0.5 * duration)]
+         _ramp_s(config.period_s), config.yaw_rate_rad_s, min(TURN_RAMP_S, 0.5 * duration)]
     )  # fmt: skip
     return Trajectory(kind, numbers, knots, duration)
 

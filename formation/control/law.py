@@ -45,7 +45,9 @@ class LawSettings:
     horizontal, vertical (m, 7): gain rows of formation.control.feedback; response (n, 4): as the estimator's;
     vehicle (m): index among the n; own (n): place among the m or -1; compensate (m, 2): whether
     lag and dead time are, horizontally and vertically.
-    manner (n, 11): as the estimator's; quickness (m, 4): as in Quickness.
+    manner (n, 11): as the estimator's; quickness (m, 4): as in Quickness;
+    turn_dead_s (m): from a
+    sent target to its arrival (the yaw loop, its rate fed forward, adds no more on the whole).
     """
 
     horizontal: Float
@@ -57,6 +59,7 @@ class LawSettings:
     speed_max_m_s: float
     manner: Float
     quickness: Float
+    turn_dead_s: Float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,6 +103,7 @@ def demand(
     _demand(
         settings.horizontal, settings.vertical, settings.response, settings.vehicle, settings.own,
         settings.compensate, settings.speed_max_m_s, settings.manner, settings.quickness,
+        settings.turn_dead_s,
         state.t_ns, state.pos_lab_m, state.vel_lab_m_s, state.dist_lab_m_s2, state.force_lab_m_s2, state.force_rate,
         state.strength, state.heading, turn_rad_s2, state.activity, history.t_ns, history.force,
         course.kind, course.base, course.gap, course.gap_ns, course.gap_s, course.airborne, path.kind, path.numbers,
@@ -131,7 +135,7 @@ class Bench(NamedTuple):
 def _demand(
     horizontal: Float, vertical: Float, response: Float, vehicle: NDArray[np.int64], own: NDArray[np.int64],
     compensate: NDArray[np.bool_],
-    speed_max: float, manner: Float, quickness: Float,
+    speed_max: float, manner: Float, quickness: Float, turn_dead_s: Float,
     t_ns: int, pos: Float, vel: Float, dist: Float, force: Float, force_rate: Float, strength: Float,
     heading: Float, turn: Float, mu: Float, sent_ns: NDArray[np.int64], sent: Float,
     kind: NDArray[np.int64], base: Float, gap: Float, gap_ns: NDArray[np.int64], gap_s: Float,
@@ -149,6 +153,10 @@ def _demand(
     )  # fmt: skip
     for i in range(len(vehicle)):
         n = vehicle[i]
+        turned_ns = now_ns + int(turn_dead_s[i] * 1e9)
+        motion_at(0, own[0], turned_ns, known, b.lead, b.felt)
+        reference_at(i, turned_ns, b.lead, way, b.slot, b.frame, b.lab)
+        yaw[i, 0], yaw[i, 1] = b.lab[0, 3], b.lab[1, 3]
         for channel in range(2):
             dead_s, lag_s = response[n, 2 * channel], response[n, 2 * channel + 1]
             hold_ns = now_ns + int(dead_s * 1e9) if compensate[i, channel] else t_ns
@@ -171,7 +179,6 @@ def _demand(
                 copy_motion(b.mine, motion[i])
                 for axis in range(3):
                     felt[i, axis] = b.felt[axis]
-                yaw[i, 0], yaw[i, 1] = b.lab[0, 3], b.lab[1, 3]
             else:
                 for order in range(3):
                     motion[i, order, 2] = b.mine[order, 2]

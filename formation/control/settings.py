@@ -30,7 +30,9 @@ def estimator_settings(
     )
 
 
-def law_settings(config: LabConfig, gains: tuple[Preset, ...], estimator: EstimatorSettings) -> LawSettings:
+def law_settings(
+    config: LabConfig, profiles: tuple[VehicleProfile, ...], gains: tuple[Preset, ...], estimator: EstimatorSettings
+) -> LawSettings:
     """Laws by role."""
     mine = [(i == 0, gains[i]) for i in config.commanded]
     return LawSettings(
@@ -43,6 +45,7 @@ def law_settings(config: LabConfig, gains: tuple[Preset, ...], estimator: Estima
         config.limits.speed_m_s,
         estimator.manner,
         np.array([_quickness(g, leads) for leads, g in mine]),
+        np.array([profiles[i].thrust_dead_time_s for i in config.commanded]),
     )
 
 

@@ -16,9 +16,11 @@ from formation.estimate import EstimatorState, estimate, initial, swarm_state
 from formation.messages import AttitudeTarget, Command, MocapFrame, Reference, SwarmState
 from formation.reference import Mode, Plan
 from formation.response import SECONDS, History, no_history, remember
+from formation.rigid_body import GRAVITY_M_S2
 from formation.vehicle import VehicleProfile
 
 STEP_MAX_S = 0.1
+HISTORY_NS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +50,7 @@ class ControlStack:
         self._crew = crew(config)
         self._commanded = np.array(config.commanded, dtype=np.int64)
         self._estimator = estimator_settings(config, profiles, gains)
-        self._law = law_settings(config, gains, self._estimator)
+        self._law = law_settings(config, profiles, gains, self._estimator)
         self._attitude = attitude_settings(config, profiles)
         m = len(self._commanded)
         self._history: History = no_history(m)
@@ -64,7 +66,7 @@ class ControlStack:
 
         A frame already seen is predicted on from. hover_thrust_norm (m): what hovers each vehicle, as known so far.
         """
-        before = initial(frame) if self._estimate is None else self._estimate
+        before = self._begin(frame, plan) if self._estimate is None else self._estimate
         airborne = np.zeros(len(frame.bodies), dtype=np.bool_)
         if self._course is not None:
             airborne[self._commanded] = self._course.airborne
@@ -92,6 +94,15 @@ class ControlStack:
             _command(wanted, state, self._commanded),
             _target(target, state.t_ns),
         )
+
+    def _begin(self, frame: MocapFrame, plan: Plan) -> EstimatorState:
+        """The first estimate; vehicles not idle are taken to hover, as after a restart in flight."""
+        flying = np.zeros(len(frame.bodies), dtype=np.bool_)
+        flying[self._commanded] = [leg.mode is not Mode.IDLE for leg in plan.legs]
+        force = np.zeros((len(plan.legs), 4))
+        force[:, 2] = force[:, 3] = np.where(flying[self._commanded], GRAVITY_M_S2, 0.0)
+        self._history = remember(self._history, frame.t_capture_ns - HISTORY_NS, force)
+        return initial(frame, flying)
 
 
 def _motion(swarm: SwarmState) -> Float:

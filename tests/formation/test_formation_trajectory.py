@@ -64,7 +64,7 @@ def test_waypoints_are_met_in_turn_within_the_speed() -> None:
 def test_turn_reaches_its_rate_and_adds_to_the_heading() -> None:
     path = anchored(KINDS[0], ANCHOR, 0.5)
     assert motion(path, 4.0)[1, 3] == pytest.approx(1.0)
-    assert motion(path, 99.0)[0, 3] == pytest.approx(0.5 + (8.0 - 1.0) * 1.0)
+    assert motion(path, 99.0)[0, 3] == pytest.approx(0.5 + (8.0 - 2.0) * 1.0)
 
 
 def test_min_jerk_golden() -> None:

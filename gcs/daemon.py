@@ -23,6 +23,7 @@ from formation.messages import (
     Phase,
     Verb,
 )
+from gcs import GCS_NAME as GCS_NAME
 from gcs.core import GcsCore
 from gcs.links import GroundLinks, open_links
 from gcs.mocap.autopilot_poses import AutopilotPoses
@@ -33,7 +34,6 @@ from wire import clock
 from wire.mcap_log import LogWriter
 from wire.zenoh_bus import Reply, ZenohBus
 
-GCS_NAME = "main"
 STATE_NS = 100_000_000
 GROUNDED = (Phase.GROUND, Phase.STOPPED)
 LANDING_LIMIT_NS = 60_000_000_000

@@ -44,8 +44,8 @@ def _lab(tmp_path: Path, listen: bool = False, csv: str = "") -> Path:
 
 
 def test_help_names_every_command_and_the_exit_codes():
-    shown = runner.invoke(app, ["--help"]).output
-    for name in ("run", "rules", *(verb.value for verb in Verb)):
+    shown = " ".join(runner.invoke(app, ["--help"]).output.split())
+    for name in ("run", "rules", "doctor", "logs", *(verb.value for verb in Verb)):
         assert name in shown
     assert "no ground answers" in shown
 
@@ -71,6 +71,25 @@ def test_a_recording_that_is_not_right_is_exit_code_two(tmp_path):
     result = runner.invoke(app, ["run", str(_lab(tmp_path)), "--log", str(tmp_path / "x.mcap")])
     assert result.exit_code == 2
     assert f"{csv}:2: a value is not finite" in result.output
+
+
+def test_a_preset_that_the_vehicles_lag_cannot_carry_is_refused_with_the_numbers(tmp_path):
+    lab = _lab(tmp_path)
+    text = lab.read_text().replace("sysid = 2", 'sysid = 2\nprofile = "px4_quad"')
+    lab.write_text('control_preset = "paper"\n' + text)
+    result = runner.invoke(app, ["run", str(lab)])
+    assert result.exit_code == 1
+    assert "preset paper on px4_quad: camera to attitude 178 ms, delay margin none, needed 18 ms" in result.output
+    assert "--force" in result.output
+
+
+def test_an_unknown_preset_names_the_known_ones(tmp_path):
+    lab = _lab(tmp_path)
+    lab.write_text('control_preset = "heroic"\n' + lab.read_text())
+    result = runner.invoke(app, ["run", str(lab)])
+    assert result.exit_code == 2
+    assert "heroic" in result.output
+    assert "default, paper" in result.output
 
 
 def test_no_ground_is_exit_code_three(tmp_path):

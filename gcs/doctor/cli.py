@@ -1,0 +1,114 @@
+"""`gcs doctor` and `gcs logs`: the terminal around the survey."""
+
+import asyncio
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+import uvloop
+from rich.console import Console
+
+from formation.config import LabConfig
+from gcs.cli_common import NOT_RIGHT, REFUSED, Json, LabFile, configuration, fail
+from gcs.doctor.finding import Finding, as_dicts, failed, show
+from gcs.mocap.csv_file import MocapFileError
+
+SETTLE_S = 3.0
+
+
+def doctor(
+    lab: LabFile,
+    seconds: Annotated[float, typer.Option(help="How long to listen to mocap and drones.")] = 5.0,
+    still: Annotated[bool, typer.Option("--still", help="Skip the moves by hand that prove axes and names.")] = False,
+    fix: Annotated[bool, typer.Option("--fix", help="Offer to write every parameter that is not as wanted.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="With --fix: write without asking.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Check mocap, axes, links, clocks and parameters before a motor turns. Exit code 1 if any check fails."""
+    config = configuration(lab)
+    try:
+        findings = uvloop.run(_doctor(config, seconds, still, as_json, _Fixing(fix, yes)))
+    except (MocapFileError, ValueError) as error:
+        fail(str(error), NOT_RIGHT)
+    except OSError as error:
+        fail(str(error), REFUSED)
+    if as_json:
+        print(json.dumps(as_dicts(findings)))
+    if failed(findings):
+        raise typer.Exit(REFUSED)
+
+
+def logs(
+    lab: LabFile,
+    out: Annotated[Path, typer.Option(help="Where to put them.")] = Path("logs"),
+    newest: Annotated[int, typer.Option(min=1, help="How many of each drone, from the newest on.")] = 1,
+    sysid: Annotated[list[int] | None, typer.Option(help="Only this drone; as often as needed.")] = None,
+) -> None:
+    """Download the drones' own flight logs."""
+    config = configuration(lab)
+    out.mkdir(parents=True, exist_ok=True)
+    try:
+        problems = uvloop.run(_logs(config, out, newest, sysid))
+    except (OSError, ValueError) as error:
+        fail(str(error), NOT_RIGHT)
+    for problem in problems:
+        Console(stderr=True).print(problem, style="red", highlight=False, markup=False)
+    if problems:
+        raise typer.Exit(REFUSED)
+
+
+class _Fixing:
+    """Whether to write parameters, and whether to ask first."""
+
+    def __init__(self, wanted: bool, unasked: bool) -> None:
+        self.wanted = wanted
+        self._unasked = unasked
+
+    def agreed(self, finding: Finding) -> bool:
+        """Whether this one is to be written."""
+        assert finding.fix is not None
+        question = f"{finding.subject}: write {finding.fix.parameter} = {finding.fix.value:g} (is {finding.found})?"
+        return self._unasked or typer.confirm(question, err=True)
+
+
+async def _doctor(config: LabConfig, seconds: float, still: bool, as_json: bool, fixing: _Fixing) -> Sequence[Finding]:
+    from gcs.doctor.survey import examine, surveying  # loads MAVSDK
+
+    async with surveying(config) as survey:
+        findings = await examine(config, max(seconds, SETTLE_S), None if still else _prompt, survey)
+        if not as_json:
+            show(findings, Console())
+        if fixing.wanted:
+            for finding in findings:
+                if finding.fix is not None and fixing.agreed(finding):
+                    taken = await survey.write(finding.fix)
+                    words = "written" if taken else "NOT taken"
+                    print(f"{finding.subject}: {finding.fix.parameter} {words}", file=sys.stderr)
+        return findings
+
+
+async def _logs(config: LabConfig, out: Path, newest: int, only: list[int] | None) -> list[str]:
+    from gcs.doctor.mavsdk_drone import DroneError
+    from gcs.doctor.survey import surveying  # loads MAVSDK
+
+    problems = []
+    async with surveying(config) as survey:
+        await asyncio.sleep(SETTLE_S)
+        for vehicle in config.vehicles:
+            if vehicle.sysid is None or (only and vehicle.sysid not in only):
+                continue
+            try:
+                await survey.fetch_logs(vehicle.sysid, out, newest, print)
+            except DroneError as error:
+                problems.append(str(error))
+    return problems
+
+
+async def _prompt(text: str) -> None:
+    """Say what to do, wait for Enter; ValueError where nobody is there to press it."""
+    print(f"{text}, then press Enter.", file=sys.stderr, flush=True)
+    if not await asyncio.to_thread(sys.stdin.readline):
+        raise ValueError("nobody is there to move the drones: use --still")

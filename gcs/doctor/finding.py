@@ -1,0 +1,69 @@
+"""What a check found, and how findings are shown, counted and turned into an exit code."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+
+from rich.console import Console
+from rich.table import Table
+
+
+class Grade(StrEnum):
+    """How a check ended."""
+
+    PASS = "pass"
+    WARN = "warn"
+    FAIL = "fail"
+
+
+@dataclass(frozen=True, slots=True)
+class Fix:
+    """A parameter that would put a finding right."""
+
+    sysid: int
+    parameter: str
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One check of one subject: what was found, what is wanted and why; `fix` where a parameter would do."""
+
+    subject: str
+    check: str
+    grade: Grade
+    found: str
+    wanted: str = ""
+    why: str = ""
+    fix: Fix | None = None
+
+
+STYLES = {Grade.PASS: "green", Grade.WARN: "yellow", Grade.FAIL: "bold red"}
+
+
+def graded(subject: str, check: str, found: str, wanted: str, good: bool, why: str = "", fair: bool = False) -> Finding:
+    """A pass where `good`, else a warning where `fair`, else a failure."""
+    grade = Grade.PASS if good else Grade.WARN if fair else Grade.FAIL
+    return Finding(subject, check, grade, found, wanted, "" if good else why)
+
+
+def failed(findings: Sequence[Finding]) -> bool:
+    """Whether any check failed."""
+    return any(finding.grade is Grade.FAIL for finding in findings)
+
+
+def show(findings: Sequence[Finding], console: Console) -> None:
+    """The table for people."""
+    table = Table(box=None, pad_edge=False)
+    for column in ("", "of", "check", "found", "wanted", "why"):
+        table.add_column(column, overflow="fold")
+    for f in findings:
+        table.add_row(f"[{STYLES[f.grade]}]{f.grade}[/]", f.subject, f.check, f.found, f.wanted, f.why)
+    console.print(table)
+    count = {grade: sum(f.grade is grade for f in findings) for grade in Grade}
+    console.print(", ".join(f"{count[grade]} {grade}" for grade in Grade))
+
+
+def as_dicts(findings: Sequence[Finding]) -> list[dict[str, object]]:
+    """The findings for scripts."""
+    return [asdict(finding) for finding in findings]

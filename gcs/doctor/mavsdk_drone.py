@@ -1,0 +1,174 @@
+"""One drone as MAVSDK sees it: a connection of its own over a loopback socket, beside the ground's own link."""
+
+import asyncio
+import socket
+from collections.abc import AsyncIterator, Callable, Iterable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mavsdk.asyncio import ComponentType, Configuration, Mavsdk
+from mavsdk.asyncio.plugins.info import InfoAsync
+from mavsdk.asyncio.plugins.log_files import LogFilesAsync
+from mavsdk.asyncio.plugins.param import ParamAsync
+from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
+from mavsdk.logging import log_subscribe
+from mavsdk.plugins.info import InfoError
+from mavsdk.plugins.log_files import LogFilesError
+from mavsdk.plugins.param import ParamError, ParamResult
+
+LOOPBACK = "127.0.0.1"
+DISCOVERY_S, HEALTH_S, LISTING_S = 10.0, 5.0, 20.0
+LARGEST = 65536
+
+
+class DroneError(RuntimeError):
+    """A drone that does not give what it was asked for, in words."""
+
+
+class MavsdkPort:
+    """A loopback socket that hands a drone's bytes to MAVSDK, and MAVSDK's bytes on; OSError if none can be had."""
+
+    def __init__(self, send: Callable[[bytes], None]) -> None:
+        self._send = send
+        self._loop = asyncio.get_running_loop()
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._socket.bind((LOOPBACK, 0))
+        self._mavsdk = (LOOPBACK, _free_port())
+        self._loop.add_reader(self._socket, self._read)
+
+    @property
+    def url(self) -> str:
+        """Where MAVSDK is to listen."""
+        return f"udpin://{LOOPBACK}:{self._mavsdk[1]}"
+
+    def hand_over(self, data: bytes) -> None:
+        """Bytes of the drone, for MAVSDK."""
+        try:
+            self._socket.sendto(data, self._mavsdk)
+        except OSError:  # it does not listen yet
+            return
+
+    def close(self) -> None:
+        """Stop."""
+        self._loop.remove_reader(self._socket)
+        self._socket.close()
+
+    def _read(self) -> None:
+        while True:
+            try:
+                self._send(self._socket.recv(LARGEST))
+            except BlockingIOError:
+                return
+            except OSError:  # an ICMP answer to something sent earlier
+                continue
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What MAVSDK learned of one drone."""
+
+    version: str
+    unhealthy: tuple[str, ...]
+    parameters: dict[str, float]
+
+
+@asynccontextmanager
+async def mavsdk_system(url: str) -> AsyncIterator[Any]:
+    """The drone behind `url`, or None if no autopilot is found there; MAVSDK's own log is kept off the terminal."""
+    log_subscribe(lambda *_: True)
+    async with Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION)) as mavsdk:
+        await mavsdk.add_any_connection(url)
+        yield await mavsdk.first_autopilot(timeout_s=DISCOVERY_S)
+
+
+async def interview(system: Any, parameters: Iterable[str]) -> Told:
+    """Ask one drone for its version, its health, and these parameters."""
+    reader = ParamAsync(system)
+    values = {name: value for name in parameters if (value := await read_parameter(reader, name)) is not None}
+    return Told(await _version(system), await _unhealthy(system), values)
+
+
+async def read_parameter(reader: ParamAsync, name: str) -> float | None:
+    """A parameter of either type; None if the drone does not have it, or does not answer."""
+    try:
+        return float(await reader.get_param_int(name))
+    except ParamError as error:
+        if error.result is not ParamResult.WRONG_TYPE:
+            return None
+    try:
+        return float(await reader.get_param_float(name))
+    except ParamError:
+        return None
+
+
+async def write_parameter(system: Any, name: str, value: float) -> bool:
+    """Write a parameter as the type it has, and read it back; whether it is now what was written."""
+    writer = ParamAsync(system)
+    try:
+        await writer.set_param_int(name, round(value))
+    except ParamError as error:
+        if error.result is not ParamResult.WRONG_TYPE:
+            return False
+        try:
+            await writer.set_param_float(name, value)
+        except ParamError:
+            return False
+    found = await read_parameter(writer, name)
+    return found is not None and abs(found - value) < 1e-3
+
+
+async def fetch_logs(system: Any, folder: Path, prefix: str, newest: int, tell: Callable[[str], None]) -> list[Path]:
+    """Download the newest logs, the newest first, told file by file; DroneError where the drone gives none."""
+    files = LogFilesAsync(system)
+    try:
+        async with asyncio.timeout(LISTING_S):
+            entries = await files.get_entries()
+    except (LogFilesError, TimeoutError) as error:
+        raise DroneError(f"{prefix.rstrip('-')}: no list of logs: {str(error) or 'no answer'}") from error
+    fetched = []
+    for entry in sorted(entries, key=lambda entry: int(entry.id), reverse=True)[:newest]:
+        path = folder / f"{prefix}{entry.id}-{entry.date.replace(':', '')}.log"
+        tell(f"{path} ({entry.size_bytes / 1e6:.1f} MB)")
+        try:
+            async for _ in files.download_log_file(entry, str(path)):
+                pass
+        except LogFilesError as error:
+            raise DroneError(f"{path}: {error}") from error
+        fetched.append(path)
+    return fetched
+
+
+async def _version(system: Any) -> str:
+    try:
+        version = await InfoAsync(system).get_version()
+    except InfoError:
+        return ""
+    return f"{version.flight_sw_major}.{version.flight_sw_minor}.{version.flight_sw_patch}"
+
+
+async def _unhealthy(system: Any) -> tuple[str, ...]:
+    values = TelemetryAsync(system).subscribe_health()
+    try:
+        async with asyncio.timeout(HEALTH_S):
+            health = await anext(values)
+    except TimeoutError:
+        return ("says nothing of its health",)
+    finally:
+        await values.aclose()
+    lacks = {
+        "gyroscope not calibrated": health.is_gyrometer_calibration_ok,
+        "accelerometer not calibrated": health.is_accelerometer_calibration_ok,
+        "no local position": health.is_local_position_ok,
+        "not armable": health.is_armable,
+    }
+    return tuple(lack for lack, well in lacks.items() if not well)
+
+
+def _free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind((LOOPBACK, 0))
+        port: int = probe.getsockname()[1]
+        return port

@@ -1,0 +1,125 @@
+"""What some seconds of frames, with the drones at rest, tell of the mocap. Pure."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from formation.arrays import Bool, Float
+from formation.config import LabConfig
+from formation.messages import MocapFrame
+from formation.safety import nearest, outside_box
+from gcs.doctor.finding import Finding, Grade, graded
+from gcs.mocap.axes import MocapAxes
+
+Received = tuple[int, MocapFrame]
+
+RATE_WITHIN = 0.1
+JITTER_SHARE, LOST_SHARE, SEEN_SHARE = 0.5, 0.02, 0.95
+NOISE_M = 0.001
+DELAY_WITHIN_S = 0.01
+MILLIMETRES_M = 50.0
+LEVEL_RAD, ON_SIDE_RAD = np.radians(8.0), np.radians(60.0)
+FLOOR_M = 0.1
+MOCAP = "mocap"
+
+
+def check_mocap(config: LabConfig, received: Sequence[Received]) -> tuple[Finding, ...]:
+    """Judge frames, each with the time it was received, ns; the mocap's own axes and body names."""
+    if len(received) < 10:
+        found = f"{len(received)} frames"
+        return (Finding(MOCAP, "frames", Grade.FAIL, found, "a stream", "no mocap, or not on this bus"),)
+    aligned = [MocapAxes(config).align(frame) for _, frame in received]
+    pos = np.stack([frame.pos_lab_m for frame in aligned])
+    q = np.stack([frame.q_lab_from_flu for frame in aligned])
+    seen = np.stack([frame.seen for frame in aligned])
+    return (
+        *_timing(config, received),
+        *_bodies(config, received, seen),
+        *_rest(config, pos, q, seen),
+        *_places(config, pos, seen),
+    )
+
+
+def _timing(config: LabConfig, received: Sequence[Received]) -> Iterator[Finding]:
+    arrived = np.array([t_ns for t_ns, _ in received])
+    captured = np.array([frame.t_capture_ns for _, frame in received])
+    numbers = np.array([frame.seq for _, frame in received])
+    spacing_s = np.diff(captured) * 1e-9
+    rate_hz = 1.0 / float(np.median(spacing_s)) if np.median(spacing_s) > 0.0 else np.inf
+    wanted_hz = config.mocap.rate_hz
+    close = abs(rate_hz - wanted_hz) <= RATE_WITHIN * wanted_hz
+    why = "mocap.rate_hz sets the watchdog and the delay margin"
+    yield graded(MOCAP, "rate", f"{rate_hz:.1f} Hz", f"{wanted_hz:g} Hz", close, why)
+    jitter_s = float(np.std(spacing_s))
+    fair = jitter_s <= JITTER_SHARE / wanted_hz
+    yield graded(
+        MOCAP, "jitter", f"{jitter_s * 1e3:.2f} ms", f"under {500.0 / wanted_hz:.1f} ms", fair, "uneven frames"
+    )
+    steps = np.maximum(np.diff(numbers), 1)
+    lost = float(np.sum(steps - 1)) / float(np.sum(steps))
+    yield graded(MOCAP, "lost frames", f"{lost:.1%}", "under 2%", lost <= LOST_SHARE, "network or cameras", fair=True)
+    delay_s = float(np.median(arrived - captured)) * 1e-9
+    told_s = config.mocap.delay_s
+    yield graded(
+        MOCAP, "delay", f"{delay_s * 1e3:.1f} ms", f"{told_s * 1e3:.1f} ms", abs(delay_s - told_s) <= DELAY_WITHIN_S,
+        "mocap.delay_s is what the delay margin is computed with", fair=True,
+    )  # fmt: skip
+
+
+def _bodies(config: LabConfig, received: Sequence[Received], seen: Bool) -> Iterator[Finding]:
+    known = {vehicle.body for vehicle in config.vehicles}
+    strangers = sorted({body for _, frame in received for body in frame.bodies} - known)
+    for i, vehicle in enumerate(config.vehicles):
+        share = float(seen[:, i].mean())
+        why = "no such body" + (f"; the mocap has {', '.join(strangers)}" if strangers else "")
+        if share > 0.0:
+            why = "occluded, or too few markers"
+        yield graded(vehicle.body, "seen", f"{share:.0%} of frames", "over 95%", share >= SEEN_SHARE, why, share > 0.5)
+
+
+def _rest(config: LabConfig, pos: Float, q: Float, seen: Bool) -> Iterator[Finding]:
+    """Noise and level of the bodies at rest."""
+    for i, vehicle in enumerate(config.vehicles):
+        if not seen[:, i].any() or vehicle.sysid is None:
+            continue
+        noise_m = float(np.std(pos[seen[:, i], i], axis=0).max())
+        good = noise_m <= NOISE_M
+        yield graded(
+            vehicle.body, "noise at rest", f"{noise_m * 1e3:.2f} mm", "under 1 mm", good, "moving? reflections?"
+        )
+        x, y = q[seen[:, i], i, 1], q[seen[:, i], i, 2]
+        tilt = float(np.median(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))))
+        why = "the marker frame is not level: q_marker_from_flu"
+        if tilt > ON_SIDE_RAD:
+            why = "lies on its side for this mocap: is the mocap y-up? q_lab_from_mocap = [0.7071, 0.7071, 0, 0]"
+        yield graded(
+            vehicle.body, "level at rest", f"{np.degrees(tilt):.0f} deg", "under 8 deg", tilt <= LEVEL_RAD, why
+        )
+
+
+def _places(config: LabConfig, pos: Float, seen: Bool) -> Iterator[Finding]:
+    """Units, floor, fence and separation of the bodies that were seen."""
+    commanded = [i for i in config.commanded if seen[:, i].any()]
+    if not commanded:
+        return
+    at = np.stack([np.median(pos[seen[:, i], i], axis=0) for i in commanded])
+    names = [config.vehicles[i].body for i in commanded]
+    farthest_m = float(np.abs(at).max())
+    if farthest_m > MILLIMETRES_M:
+        why = "the mocap sends millimetres: set it to metres"
+        yield Finding(MOCAP, "units", Grade.FAIL, f"a body at {farthest_m:.0f} m", "metres", why)
+        return
+    yield Finding(MOCAP, "units", Grade.PASS, f"all within {farthest_m:.1f} m", "metres")
+    fence = config.limits.fence
+    outside = outside_box(at, np.array(fence.low_m), np.array(fence.high_m))
+    near = nearest(at)
+    least_m = config.limits.min_separation_m
+    for name, point, out_m, near_m in zip(names, at, outside, near, strict=True):
+        where = "(" + ", ".join(f"{x:.2f}" for x in point) + ")"
+        yield graded(name, "inside the fence", where, "inside", out_m == 0.0, f"{out_m:.2f} m outside limits.fence")
+        high = abs(point[2]) > FLOOR_M
+        yield graded(
+            name, "on the floor", f"z {point[2]:.2f} m", "under 0.1 m", not high, "lab z = 0 is the floor", True
+        )
+        if np.isfinite(near_m):
+            yield graded(name, "separation", f"{near_m:.2f} m", f"over {least_m:g} m", near_m >= least_m, "too close")

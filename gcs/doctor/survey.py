@@ -1,0 +1,208 @@
+"""The doctor's round: listens to mocap and drones, has drones moved by hand, interviews each through MAVSDK."""
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import numpy as np
+
+from formation.config import LabConfig
+from formation.messages import Datagram, MocapFrame
+from formation.vehicle import profile
+from gcs.doctor.axes_checks import Look, Moves, check_axes
+from gcs.doctor.drone_checks import DroneReport, check_drone
+from gcs.doctor.finding import Finding, Fix
+from gcs.doctor.mavsdk_drone import (
+    DroneError,
+    MavsdkPort,
+    Told,
+    fetch_logs,
+    interview,
+    mavsdk_system,
+    write_parameter,
+)
+from gcs.doctor.mocap_checks import Received, check_mocap
+from gcs.link_state import HEARTBEAT, DroneLink
+from gcs.links import GroundLinks, open_links
+from gcs.mocap.autopilot_poses import AutopilotPoses, streams
+from gcs.mocap.axes import MocapAxes
+from gcs.mocap.source import serve_frames
+from wire import clock
+from wire.zenoh_bus import ZenohBus
+
+LOOK_NS = 300_000_000
+PUMP_S = 0.02
+BEAT_NS = 1_000_000_000
+STEPS = (
+    "Move {name} half a metre forward, along its nose, and leave it there",
+    "Move {name} half a metre to its left",
+    "Lift {name} half a metre up and hold it",
+    "Turn {name} left by a quarter turn, seen from above",
+)
+
+Prompt = Callable[[str], Awaitable[None]]
+
+
+class Survey:
+    """Everything heard of one lab so far."""
+
+    def __init__(self, config: LabConfig) -> None:
+        self.config = config
+        self.received: list[Received] = []
+        self.links: GroundLinks | None = None
+        self._feeds_pose = config.mocap.source != "mavlink"
+        self._poses = None if self._feeds_pose else AutopilotPoses(config)
+        self._drones = {
+            v.sysid: DroneLink(v, v.sysid, profile(v.profile), streams(config))
+            for v in config.vehicles
+            if v.sysid is not None
+        }
+        self._ports: dict[int, MavsdkPort] = {}
+        self._beat_ns = 0
+
+    def take_frame(self, frame: MocapFrame) -> None:
+        """A frame has come."""
+        self.received.append((clock.monotonic_ns(), frame))
+
+    def take_datagram(self, datagram: Datagram) -> None:
+        """A drone has spoken: to our own link, to MAVSDK where it listens, and as its own mocap where it is that."""
+        now_ns = clock.monotonic_ns()
+        self._drones[datagram.sysid].receive(datagram.data, now_ns)
+        frame = None if self._poses is None else self._poses.receive(datagram, now_ns)
+        if frame is not None:
+            self.received.append((now_ns, frame))
+        if datagram.sysid in self._ports:
+            self._ports[datagram.sysid].hand_over(datagram.data)
+
+    async def pump(self) -> None:
+        """Keep every link asking and answering; for ever."""
+        while True:
+            now_ns = clock.monotonic_ns()
+            beat = now_ns - self._beat_ns >= BEAT_NS
+            self._beat_ns = now_ns if beat else self._beat_ns
+            for sysid, link in self._drones.items():
+                messages = [*([HEARTBEAT] if beat else []), *link.due(now_ns)]
+                if messages:
+                    self.send(sysid, b"".join(link.codec.encode(message) for message in messages))
+            await asyncio.sleep(PUMP_S)
+
+    def send(self, sysid: int, data: bytes) -> None:
+        """Bytes to a drone."""
+        if self.links is not None:
+            self.links.send(Datagram(sysid, data))
+
+    async def look(self) -> Look:
+        """All bodies over the next moment: mean positions, newest attitudes; zeros for one that is not seen."""
+        self.received.clear()
+        await asyncio.sleep(LOOK_NS * 1e-9)
+        axes = MocapAxes(self.config)
+        n = len(self.config.vehicles)
+        pos, count, q = np.zeros((n, 3)), np.zeros(n), np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+        for _, frame in self.received:
+            aligned = axes.align(frame)
+            pos[aligned.seen] += aligned.pos_lab_m[aligned.seen]
+            q[aligned.seen] = aligned.q_lab_from_flu[aligned.seen]
+            count += aligned.seen
+        return Look(pos / np.maximum(count, 1.0)[:, None], q)
+
+    async def have_moved(self, prompt: Prompt) -> tuple[Moves, ...]:
+        """Ask for each commanded drone's moves, one prompt a step."""
+        await prompt("Stand every drone on the floor, nose along the lab's x axis, propellers off")
+        moved = []
+        for vehicle in self.config.commanded:
+            name = self.config.vehicles[vehicle].body
+            looks = [await self.look()]
+            for step in STEPS:
+                await prompt(step.format(name=name))
+                looks.append(await self.look())
+            start, forward, left, up, turned = looks
+            moved.append(Moves(vehicle, (start, forward, left, up, turned)))
+            await prompt(f"Put {name} back")
+        return tuple(moved)
+
+    async def interview(self, sysid: int) -> Told:
+        """One drone through MAVSDK; one that was never heard is not asked."""
+        if self._drones[sysid].dialect is None:
+            return Told("", (), {})
+        async with self._mavsdk(sysid) as system:
+            if system is None:
+                return Told("", ("MAVSDK finds no autopilot",), {})
+            dialect = self._drones[sysid].dialect
+            return await interview(system, () if dialect is None else dialect.parameters)
+
+    async def fetch_logs(self, sysid: int, folder: Path, newest: int, tell: Callable[[str], None]) -> list[Path]:
+        """Download the newest logs of one drone into `folder`. DroneError."""
+        async with self._mavsdk(sysid) as system:
+            if system is None:
+                raise DroneError(f"{self._drones[sysid].name}: MAVSDK finds no autopilot")
+            return await fetch_logs(system, folder, f"{self._drones[sysid].name}-", newest, tell)
+
+    async def write(self, fix: Fix) -> bool:
+        """Write one parameter; whether it took."""
+        async with self._mavsdk(fix.sysid) as system:
+            return system is not None and await write_parameter(system, fix.parameter, fix.value)
+
+    @asynccontextmanager
+    async def _mavsdk(self, sysid: int) -> AsyncIterator[object]:
+        port = self._ports[sysid] = MavsdkPort(lambda data: self.send(sysid, data))
+        try:
+            async with mavsdk_system(port.url) as system:
+                yield system
+        finally:
+            del self._ports[sysid]
+            port.close()
+
+    async def check_drones(self) -> tuple[Finding, ...]:
+        """Interview and judge every drone."""
+        findings: list[Finding] = []
+        for sysid, link in self._drones.items():
+            told = await self.interview(sysid)
+            offset_ns = link.clock.offset_ns
+            report = DroneReport(
+                name=link.name,
+                sysid=sysid,
+                profile=link.profile,
+                dialect=link.dialect,
+                version=told.version,
+                parameters=told.parameters,
+                unhealthy=told.unhealthy,
+                loss=link.sequence.loss,
+                round_trip_s=link.clock.round_trip_s,
+                clock_offset_s=None if offset_ns is None else offset_ns * 1e-9,
+                duplicate=link.sequence.duplicate(clock.monotonic_ns()),
+                foreign_sysid=link.foreign_sysid,
+                battery=link.told.battery,
+            )
+            findings += check_drone(report, self._feeds_pose)
+        return tuple(findings)
+
+
+@asynccontextmanager
+async def surveying(config: LabConfig) -> AsyncIterator[Survey]:
+    """A survey of the lab, its links open and pumped. Raises what opening the bus, the links and the mocap raises."""
+    bus = await ZenohBus.open(config.link, config.name)
+    survey = Survey(config)
+    tasks: list[asyncio.Task[None]] = []
+    try:
+        survey.links = await open_links(config, bus, survey.take_datagram)
+        tasks = [asyncio.create_task(serve_frames(config, bus, survey.take_frame)), asyncio.create_task(survey.pump())]
+        yield survey
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        if survey.links is not None:
+            survey.links.close()
+        await bus.close()
+
+
+async def examine(config: LabConfig, listen_s: float, prompt: Prompt | None, survey: Survey) -> tuple[Finding, ...]:
+    """Every check there is, in the order an operator can follow. prompt: None skips the moves by hand."""
+    survey.received.clear()
+    await asyncio.sleep(listen_s)
+    findings = [*check_mocap(config, survey.received)]
+    if prompt is not None:
+        findings += check_axes(config, await survey.have_moved(prompt))
+    findings += await survey.check_drones()
+    return tuple(findings)

@@ -1,0 +1,73 @@
+"""What `gcs run` does around the daemon: margins, warm-up, the terminal, exit codes."""
+
+import json
+from pathlib import Path
+
+import uvloop
+from rich.console import Console
+
+from formation.config import LabConfig
+from formation.control.margin import DelayMargin, delay_margin
+from formation.control.presets import preset
+from formation.messages import Event, Severity
+from formation.vehicle import profile
+from gcs.cli_common import NOT_RIGHT, REFUSED, fail
+from gcs.daemon import Ended, GroundFailure, run
+from gcs.mocap.csv_file import MocapFileError
+from gcs.warm_up import warm_up
+
+STYLES = {
+    Severity.WARNING: "yellow",
+    Severity.ERROR: "red",
+    Severity.CRITICAL: "bold red",
+    Severity.EMERGENCY: "bold red",
+}
+
+
+def serve(config: LabConfig, log: Path, name: str, metadata: dict[str, str], force: bool, as_json: bool) -> None:
+    """Be the ground until told to end; ends the program with its exit code."""
+    try:
+        margins = delay_margins(config)
+        if not force and any(not margin.carried for margin in margins):
+            reasons = "; ".join(str(margin) for margin in margins if not margin.carried)
+            fail(f"refused, this would not fly steadily: {reasons} (--force, for simulation only)", REFUSED)
+        log.parent.mkdir(parents=True, exist_ok=True)
+        warm_up(config)
+        ended = uvloop.run(run(config, log, name, metadata, _tell_json if as_json else _tell))
+    except (MocapFileError, ValueError) as error:
+        fail(str(error), NOT_RIGHT)
+    except OSError as error:
+        fail(str(error), REFUSED)
+    except GroundFailure as error:
+        fail(f"the ground has failed and ends, the drones land by themselves: {error}", REFUSED)
+    _report(ended, log, as_json)
+
+
+def delay_margins(config: LabConfig) -> tuple[DelayMargin, ...]:
+    """The margin of each kind of commanded vehicle under the lab's preset; ValueError for an unknown name."""
+    kinds = dict.fromkeys(config.vehicles[i].profile for i in config.commanded)
+    gains = preset(config.control_preset)
+    return tuple(delay_margin(profile(kind), gains, config.mocap) for kind in kinds)
+
+
+def _tell(event: Event) -> None:
+    style = STYLES.get(event.severity, "")
+    console = Console(stderr=True)
+    console.print(f"{event.source}: {event.text}", style=style, highlight=False, markup=False, soft_wrap=True)
+
+
+def _tell_json(event: Event) -> None:
+    print(json.dumps({"severity": event.severity.name, "source": event.source, "text": event.text}), flush=True)
+
+
+def _report(ended: Ended, log: Path, as_json: bool) -> None:
+    timing = ended.timing
+    worst_ms = round(timing.worst_s * 1e3, 2)
+    if as_json:
+        told = {
+            "phase": ended.phase.name, "ticks": timing.ticks, "late_ticks": timing.late,
+            "worst_latency_ms": worst_ms, "lost_records": ended.lost_records, "mcap": str(log),
+        }  # fmt: skip
+        print(json.dumps(told))
+    else:
+        print(f"{timing.ticks} ticks, {timing.late} late, worst {worst_ms} ms; log {log}")

@@ -1,0 +1,128 @@
+"""The operator's commands: each asks the running ground over the lab's bus and tells its answer.
+
+Nothing here loads the control: an emergency stop does not wait for a compiler.
+"""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+import uvloop
+from rich.console import Console
+from rich.table import Table
+
+from formation.config import LabConfig
+from formation.messages import OperatorReply, OperatorRequest, Verb
+from gcs import GCS_NAME
+from gcs.cli_common import NO_GROUND, NOT_RIGHT, REFUSED, Json, Name, configuration, fail
+from wire import clock
+from wire.zenoh_bus import BusError, ZenohBus
+
+ARMING_S, ANSWER_S = 20.0, 3.0
+
+Lab = Annotated[Path | None, typer.Option("--lab", help="lab.toml, for its name and bus; without it the defaults.")]
+Timeout = Annotated[float, typer.Option("--timeout", help="Seconds to wait for the answer.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands, in the order of a flight."""
+    app.command(Verb.STATUS.value)(status)
+    _register(app, Verb.ARM, "Bring every drone to off-board mode and arm it; refused with every reason.", ARMING_S)
+    _register(app, Verb.TAKEOFF, "Take off to the configured height, then hold.")
+    _register(app, Verb.START, "Take up the formation; a commanded leader then flies its trajectory.")
+    app.command(Verb.SHAPE.value)(shape)
+    _register(app, Verb.HOLD, "Brake and stay where each drone is.")
+    _register(app, Verb.LAND, "Land where each drone is, and disarm there.")
+    _register(
+        app, Verb.STOP, "EMERGENCY: cut every drone's motors now, wherever it is. Restart the ground to fly again."
+    )
+
+
+def status(lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeout: Timeout = ANSWER_S) -> None:
+    """Show the phase, every drone, and what keeps them from arming."""
+    reply = _ask(Verb.STATUS, "", lab, name, timeout)
+    if as_json:
+        print(reply.text)
+    else:
+        print_status(json.loads(reply.text), Console())
+
+
+def shape(
+    shape_name: Annotated[str, typer.Argument(metavar="NAME", help="The formation's name.")],
+    lab: Lab = None,
+    name: Name = GCS_NAME,
+    as_json: Json = False,
+    timeout: Timeout = ANSWER_S,
+) -> None:
+    """Change the formation's shape, in flight too."""
+    _command(Verb.SHAPE, shape_name, lab, name, as_json, timeout)
+
+
+def _register(app: typer.Typer, verb: Verb, words: str, usual_timeout_s: float = ANSWER_S) -> None:
+    """The command of one verb that takes no argument."""
+
+    def ask(lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeout: Timeout = usual_timeout_s) -> None:
+        _command(verb, "", lab, name, as_json, timeout)
+
+    app.command(verb.value, help=words)(ask)
+
+
+def _command(verb: Verb, argument: str, lab: Path | None, name: str, as_json: bool, timeout_s: float) -> None:
+    reply = _ask(verb, argument, lab, name, timeout_s)
+    if as_json:
+        print(json.dumps({"accepted": reply.accepted, "text": reply.text}))
+    elif reply.accepted:
+        print(reply.text)
+    else:
+        Console(stderr=True).print("refused: " + reply.text.replace("; ", "\n         "), style="red", highlight=False)
+    if not reply.accepted:
+        raise typer.Exit(REFUSED)
+
+
+def _ask(verb: Verb, argument: str, lab: Path | None, name: str, timeout_s: float) -> OperatorReply:
+    config = None if lab is None else configuration(lab)
+    request = OperatorRequest(clock.unix_us(), verb, argument)
+    try:
+        return uvloop.run(_ask_bus(config, name, request, timeout_s))
+    except TimeoutError as error:
+        fail(f"no ground answers: {error}", NO_GROUND)
+    except BusError as error:
+        fail(str(error), NOT_RIGHT)
+
+
+async def _ask_bus(config: LabConfig | None, name: str, request: OperatorRequest, timeout_s: float) -> OperatorReply:
+    link = LabConfig.model_fields["link"].get_default() if config is None else config.link
+    lab = LabConfig.model_fields["name"].get_default() if config is None else config.name
+    connect = link.zenoh_connect or link.zenoh_listen  # where the ground itself is the hub, ask it there
+    link = link.model_copy(update={"zenoh_listen": (), "zenoh_connect": connect})
+    bus = await ZenohBus.open(link, lab)
+    try:
+        return await bus.ask(name, request, timeout_s)
+    finally:
+        await bus.close()
+
+
+def print_status(told: dict[str, Any], console: Console) -> None:
+    """The status for people."""
+    console.print(f"[bold]{told['phase']}[/] ({told['cause']}), shape {told['shape']}")
+    table = Table(box=None, pad_edge=False)
+    for column in ("id", "body", "autopilot", "mode", "armed", "x", "y", "z", "battery", "heard", "seen"):
+        table.add_column(column, no_wrap=True)
+    for drone in told["drones"]:
+        table.add_row(
+            str(drone["sysid"]), drone["body"], drone["autopilot"] or "-", drone["mode"],
+            "armed" if drone["armed"] else "-", *(f"{x:.2f}" for x in drone["pos_lab_m"]),
+            _percent(drone["battery"]), _age(drone["heartbeat_age_s"]), _age(drone["age_s"]),
+        )  # fmt: skip
+    console.print(table)
+    for refusal in told["refusals"]:
+        console.print(f"not ready: {refusal}", style="yellow", highlight=False)
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{value:.0%}"
+
+
+def _age(value: float | None) -> str:
+    return "never" if value is None else f"{value:.1f} s"

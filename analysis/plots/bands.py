@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 
+import numpy as np
 from matplotlib.axes import Axes
 
 from analysis.load import Flight
 from analysis.plots import style
 from analysis.plots.style import Drawing, Missing
-from formation.messages import Phase, Severity
+from formation.messages import Phase, Severity, Verb
 
 LEVELS = {
     Severity.EMERGENCY: style.ALARM,
@@ -53,17 +54,16 @@ def ribbon(ax: Axes, flight: Flight, letter_share: float = 0.0062) -> None:
 
 
 def _requests(ax: Axes, flight: Flight) -> None:
-    """A triangle and the verb for each request that changes something."""
-    free_from_s = -1.0
-    for t_s, request in zip(flight.requests.t_s, flight.requests.messages, strict=True):
-        if request.verb == "status":
-            continue
+    """A triangle for each request that changes something, and its words where they fit before the next."""
+    asked = [(float(t_s), r) for t_s, r in zip(flight.requests.t_s, flight.requests.messages, strict=True)]
+    asked = [(t_s, request) for t_s, request in asked if request.verb is not Verb.STATUS]
+    following_s = [t_s for t_s, _ in asked[1:]] + [np.inf]
+    for (t_s, request), next_s in zip(asked, following_s, strict=True):
         ax.plot(t_s, -0.6, marker=">", color=style.INK, ms=5.0, mew=0)
-        if t_s >= free_from_s:
-            words = f"{request.verb} {request.argument}".strip()
+        words = f"{request.verb} {request.argument}".strip()
+        if next_s - t_s > (0.0062 * len(words) + 0.012) * flight.duration_s:
             place = {"xytext": (5.0, 0.0), "textcoords": "offset points", "va": "center", "fontsize": 8.0}
-            ax.annotate(words, (float(t_s), -0.6), **place)  # type: ignore[arg-type]
-            free_from_s = t_s + (0.0075 * len(words) + 0.012) * flight.duration_s
+            ax.annotate(words, (t_s, -0.6), **place)  # type: ignore[arg-type]
 
 
 def _events(ax: Axes, flight: Flight) -> None:

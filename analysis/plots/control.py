@@ -84,16 +84,17 @@ def _components(
     truth: Truth | None = None,
 ) -> None:
     """One component an axes, one line a vehicle; the scale is that of the formation phase."""
-    colours = style.colours(len(flight.vehicles))
+    n = len(flight.vehicles)
+    colours = style.colours(n)
     shown = _scale_times(flight, t_s)
     for axis, ax in enumerate(axes):
         for vehicle, colour in zip(flight.vehicles, colours, strict=True):
             if vehicle.column is None:
                 continue
-            style.line(ax, t_s, values[:, vehicle.column, axis], color=colour, lw=1.0, label=vehicle.body)
+            style.line(ax, t_s, values[:, vehicle.column, axis], among=n, color=colour, lw=1.0, label=vehicle.body)
             known = None if truth is None else truth(vehicle)
             if known is not None:
-                style.line(ax, known[0], known[1][:, axis], color=colour, lw=0.9, ls=(0, (3, 2)), alpha=0.8)
+                style.line(ax, known[0], known[1][:, axis], among=n, color=colour, lw=0.9, ls=(0, (3, 2)), alpha=0.8)
         ax.axhline(0.0, color=style.FAINT, lw=0.8, zorder=1)
         ax.set_ylabel(f"{symbol} {AXES[axis]}, {unit}")
         ax.set_ylim(*_central(values[shown][..., axis]))
@@ -117,9 +118,10 @@ def _central(values: Float) -> tuple[float, float]:
 def _thrust(ax: Axes, flight: Flight) -> None:
     """Commanded thrust of every commanded vehicle."""
     thrust = flight.target.column(lambda t: t.thrust_norm)
-    for vehicle, colour in zip(flight.vehicles, style.colours(len(flight.vehicles)), strict=True):
+    n = len(flight.vehicles)
+    for vehicle, colour in zip(flight.vehicles, style.colours(n), strict=True):
         if vehicle.column is not None and len(flight.target):
-            style.line(ax, flight.target.t_s, thrust[:, vehicle.column], color=colour, lw=1.0)
+            style.line(ax, flight.target.t_s, thrust[:, vehicle.column], among=n, color=colour, lw=1.0)
     ax.set_ylabel("thrust, 0..1")
 
 

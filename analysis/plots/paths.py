@@ -15,6 +15,7 @@ from formation.arrays import Bool, Float, Vec3
 
 SNAPSHOTS = 7
 PATH_POINTS = 1500
+LONG_FRAMES = 6000  # paths of more frames than this are drawn thinner
 
 
 def where(flight: Flight) -> Drawing:
@@ -39,7 +40,7 @@ def heights(flight: Flight) -> Drawing:
     fig, [[ax]] = style.Sheet(1.8).axes()
     for i, colour in enumerate(style.colours(len(flight.vehicles))):
         z = style.broken(poses.pos_lab_m[:, i, 2], poses.seen[:, i])
-        style.line(ax, poses.t_s, z, color=colour)
+        style.line(ax, poses.t_s, z, among=len(flight.vehicles), color=colour)
     ax.set(title="Height", ylabel="lab z, m")
     ax.set_ylim(bottom=min(0.0, ax.get_ylim()[0]))
     style.time_axis(ax, 0.0, flight.duration_s)
@@ -51,11 +52,12 @@ def draw_plan(ax: Axes, flight: Flight) -> None:
     """Paths in the horizontal plane on equal axes: faint outside the formation phase, strong inside."""
     poses, names = flight.poses, [v.body for v in flight.vehicles]
     formed = _formed(flight)
+    width = 1.6 if formed.sum() < LONG_FRAMES else 0.9
     for i, colour in enumerate(style.colours(len(names))):
         xy = _path(poses.pos_lab_m[:, i, :2], poses.seen[:, i])
-        ax.plot(*_spaced(xy).T, color=colour, lw=0.8, alpha=0.35)
+        ax.plot(*_spaced(xy, len(names)).T, color=colour, lw=0.8, alpha=0.35)
         strong = _path(poses.pos_lab_m[:, i, :2], poses.seen[:, i] & formed)
-        ax.plot(*_spaced(strong).T, color=colour, lw=1.6, label=names[i])
+        ax.plot(*_spaced(strong, len(names)).T, color=colour, lw=width, label=names[i])
     _snapshots(ax, flight, formed)
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.08)
@@ -73,9 +75,9 @@ def _path(points: Float, keep: Bool) -> Float:
     return np.where(keep[:, None], points, np.nan)
 
 
-def _spaced(points: Float) -> Float:
-    """Every so many-th point of a path: an even thinning that keeps its NaN breaks."""
-    step = max(1, len(points) // PATH_POINTS)
+def _spaced(points: Float, among: int = 1) -> Float:
+    """Every so many-th point of one of `among` paths: an even thinning that keeps its NaN breaks."""
+    step = max(1, len(points) * max(among, style.FEW) // (PATH_POINTS * style.FEW))
     return points[::step]
 
 
@@ -108,7 +110,7 @@ def draw_space(ax: Axes3D, flight: Flight) -> None:
     flying = flying if flying.any() else np.ones(len(poses), dtype=np.bool_)
     low, high = _box(poses.pos_lab_m[flying & poses.seen.all(axis=1)])
     for i, colour in enumerate(style.colours(len(flight.vehicles))):
-        path = _spaced(_path(poses.pos_lab_m[:, i], poses.seen[:, i] & flying))
+        path = _spaced(_path(poses.pos_lab_m[:, i], poses.seen[:, i] & flying), len(flight.vehicles))
         ax.plot(path[:, 0], path[:, 1], np.full(len(path), low[2]), color=colour, lw=0.7, alpha=0.18)
         ax.plot(*path.T, color=colour, lw=1.3, label=flight.vehicles[i].body)
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))

@@ -89,8 +89,8 @@ def draw_error(ax: Axes, flight: Flight, tracking: Tracking, error_mm: Float) ->
     for k, colour in enumerate(colours):
         moving = style.broken(error_mm[:, k], tracking.formed[:, k])
         scored = style.broken(error_mm[:, k], tracking.scored[:, k])
-        style.line(ax, tracking.t_s, moving, color=colour, lw=0.6, alpha=0.5)
-        style.line(ax, tracking.t_s, scored, color=colour, lw=1.1, label=flight.followers[k].body)
+        style.line(ax, tracking.t_s, moving, among=len(colours), color=colour, lw=0.6, alpha=0.5)
+        style.line(ax, tracking.t_s, scored, among=len(colours), color=colour, lw=1.1, label=flight.followers[k].body)
     _limit_to_scored(ax, error_mm[tracking.scored])
 
 
@@ -117,7 +117,7 @@ def clouds(flight: Flight, tracking: Tracking) -> Drawing:
     side_in = min(2.7, (style.WIDTH_IN - left - right) / len(chosen) - 0.3)
     width_in = left + right + len(chosen) * side_in + (len(chosen) - 1) * 0.3
     sheet = style.Sheet(
-        side_in + top + bottom, widths=(1.0,) * len(chosen), width_in=width_in, gap_in=(0.0, 0.3), share_y=True
+        side_in + top + bottom + 0.14, widths=(1.0,) * len(chosen), width_in=width_in, gap_in=(0.0, 0.3), share_y=True
     )
     fig, [row] = sheet.axes()
     colours = style.colours(len(flight.vehicles))
@@ -142,7 +142,7 @@ def _cloud(ax: Axes, xy_mm: Float, colour: str, name: str) -> float:
     half, most = (float(r) for r in np.percentile(radius, [50.0, 95.0]))
     ax.add_patch(Circle((0.0, 0.0), half, fill=False, ec=style.INK, lw=0.9, zorder=3))
     ax.add_patch(Circle((0.0, 0.0), most, fill=False, ec=style.INK, lw=0.9, ls=(0, (4, 3)), zorder=3))
-    ax.set_title(f"{name}: 50 % within {half:.2g} mm, 95 % within {most:.2g} mm", fontsize=8.5)
+    ax.set_title(f"{name}\n50 % in {half:.2g} mm, 95 % in {most:.2g} mm", fontsize=8.0)
     ax.axhline(0.0, color=style.FAINT, lw=0.8, zorder=1)
     ax.axvline(0.0, color=style.FAINT, lw=0.8, zorder=1)
     return 1.25 * float(np.percentile(radius, 99.0))

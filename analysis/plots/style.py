@@ -43,6 +43,8 @@ PHASES: Mapping[Phase, str] = MappingProxyType(
 )
 WIDTH_IN = 10.8
 MARGINS_IN = (0.74, 0.06, 0.3, 0.44)  # left, right, top, bottom
+FEW = 6  # lines an axes holds at full detail
+NAMED = 8  # more names than this are left to the table of followers
 POINTS = 1100  # points kept of a line: about one a pixel of the page
 _STYLE = Path(__file__).with_name("house.mplstyle")
 
@@ -164,9 +166,9 @@ def thin(t_s: Float, y: Float, points: int = POINTS) -> tuple[Float, Float]:
     return t_s[keep], y[keep]
 
 
-def line(ax: Axes, t_s: Float, y: Float, **options: Any) -> None:
-    """Plot a thinned line against time; NaN breaks it."""
-    ax.plot(*thin(t_s, y), **options)
+def line(ax: Axes, t_s: Float, y: Float, *, among: int = 1, **options: Any) -> None:
+    """Plot a thinned line against time; NaN breaks it. among: lines the axes will hold; many share the points."""
+    ax.plot(*thin(t_s, y, POINTS * FEW // max(among, FEW)), **options)
 
 
 def broken(values: Float, keep: Bool) -> Float:
@@ -184,5 +186,7 @@ def time_axis(ax: Axes, low_s: float, high_s: float, *, label: bool = True) -> N
 
 
 def legend(ax: Axes, columns: int = 6) -> None:
-    """One row of names above the axes, at the right."""
+    """One row of names above the axes, at the right; none where they would be too many."""
+    if len(ax.get_legend_handles_labels()[1]) > NAMED:
+        return
     ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderaxespad=0.2)

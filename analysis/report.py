@@ -59,7 +59,7 @@ TEXTS = (
     (
         "positions",
         "Position against reference",
-        "Each follower in lab axes (colour) with its reference dashed over it; of many, the six with the largest error.",
+        "Each follower in lab axes (colour), its reference dashed over it; of many, the six with the largest error.",
     ),
     (
         "sliding",

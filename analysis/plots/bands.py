@@ -57,8 +57,8 @@ def _requests(ax: Axes, flight: Flight) -> None:
     """A triangle for each request that changes something, and its words where they fit before the next."""
     asked = [(float(t_s), r) for t_s, r in zip(flight.requests.t_s, flight.requests.messages, strict=True)]
     asked = [(t_s, request) for t_s, request in asked if request.verb is not Verb.STATUS]
-    following_s = [t_s for t_s, _ in asked[1:]] + [np.inf]
-    for (t_s, request), next_s in zip(asked, following_s, strict=True):
+    for k, (t_s, request) in enumerate(asked):
+        next_s = asked[k + 1][0] if k + 1 < len(asked) else np.inf
         ax.plot(t_s, -0.6, marker=">", color=style.INK, ms=5.0, mew=0)
         words = f"{request.verb} {request.argument}".strip()
         if next_s - t_s > (0.0062 * len(words) + 0.012) * flight.duration_s:

@@ -25,10 +25,12 @@ format: setup
 
 setup: $(VENV)/.ready
 
-$(VENV)/.ready: pyproject.toml
+# MAVProxy, for the conformance tests, without the gigabyte of graphics that it names: only its prompt is used.
+$(VENV)/.ready: pyproject.toml Makefile
 	$(PYTHON) -c 'import sys; assert sys.version_info >= (3, 11), "Python 3.11 or newer is needed, this is " + sys.version'
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps "MAVProxy>=1.8.70"
 	touch $@
 
 clean:

@@ -26,6 +26,7 @@ class SequenceWatch:
 
     received: int = 0
     lost: int = 0
+    _skipped: int = 0
     _stream: _Stream | None = None
     _other: _Stream | None = None
     _switches_ns: list[int] = field(default_factory=list)
@@ -41,8 +42,9 @@ class SequenceWatch:
         return sum(now_ns - t <= WINDOW_NS for t in self._switches_ns) >= SWITCHES
 
     def note(self, seq: int, now_ns: int, skipped: int = 0) -> None:
-        """A packet with this number came, after `skipped` ones that came too but were not for us."""
+        """A packet with this number came; `skipped` others came since the last, before it or after, not for us."""
         self.received += 1
+        self._skipped += skipped
         heard = _Stream(seq, now_ns)
         if self._stream is None:
             self._stream = heard
@@ -55,7 +57,9 @@ class SequenceWatch:
             if step > NEAR:
                 self._other = self._stream
             self._stream = heard
-            self.lost += max(step - 1 - skipped, 0)
+            explained = min(self._skipped, step - 1)
+            self._skipped -= explained
+            self.lost += step - 1 - explained
         elif MODULO - NEAR > step >= FORWARD:  # not just overtaken or repeated on the way: the counter is another one
             self._stream, self._other = heard, self._stream
 

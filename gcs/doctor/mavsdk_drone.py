@@ -126,11 +126,13 @@ async def fetch_logs(system: Any, folder: Path, prefix: str, newest: int, tell: 
     try:
         async with asyncio.timeout(LISTING_S):
             entries = await files.get_entries()
-    except (LogFilesError, TimeoutError) as error:
-        raise DroneError(f"{prefix.rstrip('-')}: no list of logs: {str(error) or 'no answer'}") from error
+    except LogFilesError as error:
+        raise DroneError(f"{prefix}: {error.result.name.lower().replace('_', ' ')}") from error
+    except TimeoutError as error:
+        raise DroneError(f"{prefix}: no list of logs came") from error
     fetched = []
     for entry in sorted(entries, key=lambda entry: int(entry.id), reverse=True)[:newest]:
-        path = folder / f"{prefix}{entry.id}-{entry.date.replace(':', '')}.log"
+        path = folder / f"{prefix}-{entry.id}-{entry.date.replace(':', '')}.log"
         tell(f"{path} ({entry.size_bytes / 1e6:.1f} MB)")
         try:
             async for _ in files.download_log_file(entry, str(path)):
@@ -151,13 +153,18 @@ async def _version(system: Any) -> str:
 
 async def _unhealthy(system: Any) -> tuple[str, ...]:
     values = TelemetryAsync(system).subscribe_health()
+    health = None
     try:
         async with asyncio.timeout(HEALTH_S):
-            health = await anext(values)
+            async for health in values:  # the first ones tell what has not been heard yet as lacking
+                if health.is_armable:
+                    break
     except TimeoutError:
-        return ("says nothing of its health",)
+        pass
     finally:
         await values.aclose()
+    if health is None:
+        return ("says nothing of its health",)
     lacks = {
         "gyroscope not calibrated": health.is_gyrometer_calibration_ok,
         "accelerometer not calibrated": health.is_accelerometer_calibration_ok,

@@ -67,12 +67,12 @@ def _timing(config: LabConfig, received: Sequence[Received]) -> Iterator[Finding
 
 
 def _bodies(config: LabConfig, received: Sequence[Received], seen: Bool) -> Iterator[Finding]:
-    known = {vehicle.body for vehicle in config.vehicles}
-    strangers = sorted({body for _, frame in received for body in frame.bodies} - known)
+    named = {body for _, frame in received for body in frame.bodies}
+    strangers = sorted(named - {vehicle.body for vehicle in config.vehicles})
     for i, vehicle in enumerate(config.vehicles):
         share = float(seen[:, i].mean())
         why = "no such body" + (f"; the mocap has {', '.join(strangers)}" if strangers else "")
-        if share > 0.0:
+        if vehicle.body in named:
             why = "occluded, or too few markers"
         yield graded(vehicle.body, "seen", f"{share:.0%} of frames", "over 95%", share >= SEEN_SHARE, why, share > 0.5)
 

@@ -136,7 +136,7 @@ class Survey:
         async with self._mavsdk(sysid) as system:
             if system is None:
                 raise DroneError(f"{self._drones[sysid].name}: MAVSDK finds no autopilot")
-            return await fetch_logs(system, folder, f"{self._drones[sysid].name}-", newest, tell)
+            return await fetch_logs(system, folder, self._drones[sysid].name, newest, tell)
 
     async def write(self, fix: Fix) -> bool:
         """Write one parameter; whether it took."""

@@ -30,6 +30,8 @@ def test_packets_addressed_to_others_are_not_lost():
     watch = SequenceWatch()
     watch.note(10, 0)
     watch.note(13, MS, skipped=2)
+    watch.note(14, 2 * MS, skipped=2)  # in one datagram with two of another's after it
+    watch.note(17, 3 * MS)
     assert watch.lost == 0
 
 

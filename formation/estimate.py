@@ -6,7 +6,6 @@ commanded acceleration instead, Z3 would fight the vehicle's own lag.
 """
 
 from dataclasses import dataclass
-from math import atan2, exp, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +14,22 @@ from formation import frames
 from formation.arrays import Flags, Float, Quats, Scalars, Vec3s
 from formation.kernel import kernel
 from formation.messages import MocapFrame, SwarmState
-from formation.observer import activity, extrapolation_error, fteso_step, rate_step, wrapped
-from formation.response import NEVER_NS, SECONDS, History, answer
+from formation.observe import (
+    TILT_W,
+    TURN_TRUST,
+    Memory,
+    learn_noise,
+    learn_strength,
+    observe_axis,
+    observe_heading,
+    observe_tilt,
+    rebuild_force,
+    watch,
+)
+from formation.response import NEVER_NS, SECONDS, History
 from formation.rigid_body import GRAVITY_M_S2
 
-STRENGTH_LAG, ATTITUDE_TRUST, TILT_W, TILT_DECAY, QUIET, TURN_TRUST, VIGILANCE = range(7)
-DIST_MAX_M_S2 = 14.0
-STRENGTH_LOW, STRENGTH_HIGH = 0.5, 2.0
-NOISE_M, NOISE_LEAST_M = 2e-4, 2e-5  # position noise: first guess, and the least believed
-NOISE_LAG_S, NOISE_SPAN_S = 0.5, 0.2  # how slowly it is learned, and how close together the frames must be
-NOISE_POWER, HABIT_LAG_S = 0.35, 3.0
+NOISE_M = 2e-4  # the first guess of a position's noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,12 +48,13 @@ class ObserverGains:
 
 @dataclass(frozen=True, slots=True)
 class Vigilance:
-    """When the horizontal observers wake up: while the innovation, filtered over lag_s, exceeds what is expected.
+    """When observers wake up: while the innovation, filtered over lag_s, exceeds what is expected.
 
     mu = sqrt(1 + innovation^2 / (threshold^2 noise^2 + habit * mean)), at most `most`: noise is what the measurement's
     own noise leaves in the filter, mean the innovation's mean square over some seconds, so that a lasting
     oscillation calms the loop instead of exciting it. mu^bandwidth_power multiplies the bandwidth (and powers of it
-    the law's gains); most = 1 switches it off.
+    the law's gains); most = 1 switches it off. One mu serves both horizontal axes; of a vehicle that is only
+    observed it serves all axes and the tilt, and its heading has one of its own.
     """
 
     lag_s: float = 0.05
@@ -64,11 +70,11 @@ class EstimatorSettings:
 
     own: index among the commanded vehicles, or -1 for one that is only observed.
     response: attitude dead time, attitude lag, thrust dead time, thrust lag, s.
-    manner (n, 11): columns STRENGTH_LAG (how slowly Z3 of the height moves into the thrust's strength, s),
+    manner (n, 12): columns STRENGTH_LAG (how slowly Z3 of the height moves into the thrust's strength, s),
     ATTITUDE_TRUST (share of the measured tilt, against the modelled one, that a frame is given), TILT_W and TILT_DECAY
     (filter of an observed vehicle's tilt and of its rate; 0: its attitude is not used), QUIET (position noise, m, above
-    which bandwidths shrink), TURN_TRUST (how much of an observed heading's Z3 is taken to last), and from VIGILANCE on
-    the fields of Vigilance.
+    which bandwidths shrink), QUIET_TURN (heading noise, rad, that surprises nobody), TURN_TRUST (how much of an
+    observed heading's Z3 is taken to last), and from VIGILANCE on the fields of Vigilance.
     """
 
     horizontal: Float
@@ -86,8 +92,9 @@ class EstimatorState:
     force: modelled specific force in `lab` at t_ns, before `strength`; lift_m_s2: its length, the thrust delivered;
     strength: true thrust per modelled thrust (mass, battery, propellers); heading: angle, rate and Z3 of the heading;
     tilt (n, 4): of a vehicle that is only observed, horizontal over vertical force, x and y, then their rates;
-    force_rate: the turn of its force; innovation (n, 2): horizontal, filtered; surprise_m2: its mean
-    square; activity: see Vigilance;
+    force_rate: the turn of its force; innovation (n, 4): position and heading, filtered;
+    surprise_m2: its horizontal
+    mean square; activity, turn_activity: see Vigilance;
     noise_m2: learned variance of the measured position; recent_m (n, 3, 3), recent_ns (n, 3): the last three seen.
     """
 
@@ -106,6 +113,7 @@ class EstimatorState:
     innovation: Float
     surprise_m2: Scalars
     activity: Scalars
+    turn_activity: Scalars
     noise_m2: Scalars
     recent_m: Float
     recent_ns: NDArray[np.int64]
@@ -132,9 +140,10 @@ def initial(frame: MocapFrame, flying: Flags) -> EstimatorState:
         seen_ns=np.full(n, frame.t_capture_ns, dtype=np.int64),
         tilt=np.zeros((n, 4)),
         force_rate=np.zeros((n, 3)),
-        innovation=np.zeros((n, 2)),
+        innovation=np.zeros((n, 4)),
         surprise_m2=np.zeros(n),
         activity=np.ones(n),
+        turn_activity=np.ones(n),
         noise_m2=np.full(n, NOISE_M**2),
         recent_m=np.repeat(frame.pos_lab_m[:, None, :], 3, axis=1),
         recent_ns=np.full((n, 3), NEVER_NS, dtype=np.int64),
@@ -156,8 +165,8 @@ def estimate(
         frame.t_capture_ns, state.pos_lab_m.copy(), state.vel_lab_m_s.copy(), state.dist_lab_m_s2.copy(),
         state.force_lab_m_s2.copy(), state.lift_m_s2.copy(), state.strength.copy(), state.heading.copy(),
         state.q_lab_from_flu.copy(), state.seen_ns.copy(), state.tilt.copy(), state.force_rate.copy(),
-        state.innovation.copy(), state.surprise_m2.copy(), state.activity.copy(), state.noise_m2.copy(),
-        state.recent_m.copy(), state.recent_ns.copy(),
+        state.innovation.copy(), state.surprise_m2.copy(), state.activity.copy(), state.turn_activity.copy(),
+        state.noise_m2.copy(), state.recent_m.copy(), state.recent_ns.copy(),
     )  # fmt: skip
     _observe(
         state.t_ns, frame.t_capture_ns, frame.pos_lab_m, frame.q_lab_from_flu, frame.seen, airborne, turn_rad_s2,
@@ -165,7 +174,7 @@ def estimate(
         settings.manner, history.t_ns, history.force,
         new.pos_lab_m, new.vel_lab_m_s, new.dist_lab_m_s2, new.force_lab_m_s2, new.lift_m_s2, new.strength,
         new.heading, new.q_lab_from_flu, new.seen_ns, new.tilt, new.force_rate, new.innovation, new.surprise_m2,
-        new.activity, new.noise_m2, new.recent_m, new.recent_ns,
+        new.activity, new.turn_activity, new.noise_m2, new.recent_m, new.recent_ns,
     )  # fmt: skip
     return new
 
@@ -189,9 +198,13 @@ def _observe(
     own: NDArray[np.int64], manner: Float, sent_ns: NDArray[np.int64], sent: Float,
     pos: Float, vel: Float, dist: Float, force: Float, lift: Float, strength: Float, heading: Float, q: Float,
     seen_ns: NDArray[np.int64], tilt: Float, force_rate: Float, innovation: Float, surprise_m2: Float, mu: Float,
-    noise_m2: Float, recent_m: Float, recent_ns: NDArray[np.int64],
+    mu_turn: Float, noise_m2: Float, recent_m: Float, recent_ns: NDArray[np.int64],
 ) -> None:  # fmt: skip
     """One frame for all n vehicles, in place; see `estimate`."""
+    z = Memory(
+        pos, vel, dist, force, lift, strength, heading, q, tilt, force_rate, innovation, surprise_m2, mu, mu_turn,
+        noise_m2, recent_m, recent_ns,
+    )  # fmt: skip
     dt_s = (to_ns - from_ns) * SECONDS
     model = np.zeros(3)
     for i in range(len(own)):
@@ -202,156 +215,20 @@ def _observe(
         for axis in range(3):
             model[axis] = 0.5 * force[i, axis]
         if own[i] >= 0:
-            mine = sent[:, own[i]]
-            _rebuild_force(
-                i, from_ns, to_ns, q, seen[i], manner[i, ATTITUDE_TRUST], response, sent_ns, mine, force, lift
-            )
+            rebuild_force(i, z, from_ns, to_ns, seen[i], manner[i], response[i], sent_ns, sent[:, own[i]])
         elif manner[i, TILT_W] > 0.0:
-            _observe_tilt(
-                i, q, seen[i], dt_s, manner[i, TILT_W], manner[i, TILT_DECAY], dist[i, 2], tilt, force, force_rate
-            )
+            observe_tilt(i, z, seen[i], dt_s, manner[i])
         for axis in range(3):
             model[axis] = strength[i] * (model[axis] + 0.5 * force[i, axis])
         if own[i] >= 0:
             model[2] -= GRAVITY_M_S2
         if seen[i]:
-            _learn_noise(i, to_ns, pos_measured, recent_m, recent_ns, noise_m2)
-            _watch(
-                i,
-                pos_measured,
-                pos,
-                vel,
-                dist,
-                model,
-                dt_s,
-                manner[i, VIGILANCE:],
-                noise_m2,
-                innovation,
-                surprise_m2,
-                mu,
-            )
-        calm = min(manner[i, QUIET] / sqrt(noise_m2[i]), 1.0) ** NOISE_POWER
+            learn_noise(i, z, to_ns, pos_measured)
+            watch(i, z, pos_measured, model, dt_s, own[i] >= 0, manner[i])
         for axis in range(3):
-            gains = vertical[i] if axis == 2 else horizontal[i]
-            z1, z2, z3 = pos[i, axis], vel[i, axis], dist[i, axis]
-            if seen[i]:
-                w = gains[0] * calm if axis == 2 else gains[0] * calm * mu[i] ** manner[i, VIGILANCE + 3]
-                z1, z2, z3 = fteso_step(
-                    z1, z2, z3, model[axis], pos_measured[i, axis], dt_s, w, gains[1], gains[2], gains[3]
-                )
-            else:
-                z1 += dt_s * z2 + 0.5 * dt_s * dt_s * (model[axis] + z3)
-                z2 += dt_s * (model[axis] + z3)
-            pos[i, axis], vel[i, axis] = z1, z2
-            dist[i, axis] = min(max(z3, -DIST_MAX_M_S2), DIST_MAX_M_S2)
+            wide = axis < 2 or own[i] < 0
+            observe_axis(i, axis, z, pos_measured[i, axis], seen[i], model[axis], dt_s, wide, manner[i],
+                         horizontal[i] if axis < 2 else vertical[i])  # fmt: skip
         if airborne[i] and own[i] >= 0 and seen[i] and force[i, 2] > 0.3 * GRAVITY_M_S2:
-            _learn_strength(i, dt_s, manner[i, STRENGTH_LAG], force, strength, dist)
-        _observe_heading(i, q, seen[i], dt_s, turn[i], yaw_gains, heading)
-
-
-@kernel
-def _rebuild_force(
-    i: int, from_ns: int, to_ns: int, q: Float, seen: bool, trust: float, response: Float,
-    sent_ns: NDArray[np.int64], sent: Float, force: Float, lift: Float,
-) -> None:  # fmt: skip
-    """force[i], lift[i] at to_ns: delivered thrust along the body's z, modelled, then corrected by the measured one.
-
-    sent (h, 4): this vehicle's own history; trust: share of the measurement in the correction.
-    """
-    lift[i], _, _ = answer(sent_ns, sent[:, 3], from_ns, to_ns, response[i, 2], response[i, 3], lift[i])
-    for axis in range(3):
-        dead, lag = (response[i, 0], response[i, 1]) if axis < 2 else (response[i, 2], response[i, 3])
-        force[i, axis], _, _ = answer(sent_ns, sent[:, axis], from_ns, to_ns, dead, lag, force[i, axis])
-    if not seen:
-        return
-    w, x, y, z = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
-    force[i, 0] += trust * (lift[i] * 2.0 * (x * z + w * y) - force[i, 0])
-    force[i, 1] += trust * (lift[i] * 2.0 * (y * z - w * x) - force[i, 1])
-    force[i, 2] = lift[i] * (1.0 - 2.0 * (x * x + y * y))
-
-
-@kernel
-def _observe_tilt(
-    i: int, q: Float, seen: bool, dt_s: float, w: float, decay_1_s: float, rise_m_s2: float,
-    tilt: Float, force: Float, force_rate: Float,
-) -> None:  # fmt: skip
-    """The horizontal force of a quadcopter that is only observed: its tilt times gravity and its own rise."""
-    lift = max(GRAVITY_M_S2 + rise_m_s2, 0.0)
-    qw, x, y, z = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
-    up = max(1.0 - 2.0 * (x * x + y * y), 0.3)
-    measured = (2.0 * (x * z + qw * y) / up, 2.0 * (y * z - qw * x) / up)
-    for axis in range(2):
-        if seen:
-            tilt[i, axis], tilt[i, 2 + axis] = rate_step(
-                tilt[i, axis], tilt[i, 2 + axis], measured[axis], dt_s, w, decay_1_s
-            )
-        force[i, axis] = tilt[i, axis] * lift
-        force_rate[i, axis] = tilt[i, 2 + axis] * lift
-
-
-@kernel
-def _learn_noise(
-    i: int, to_ns: int, pos_measured: Float, recent_m: Float, recent_ns: NDArray[np.int64], noise_m2: Float
-) -> None:
-    """Learns the variance of the measured position from what smooth motion cannot explain."""
-    span_s = (to_ns - recent_ns[i, 0]) * SECONDS
-    if span_s < NOISE_SPAN_S:
-        times = np.zeros(3)
-        for k in range(3):
-            times[k] = (recent_ns[i, k] - to_ns) * SECONDS
-        square, gain = 0.0, 1.0
-        for axis in range(3):
-            error, gain = extrapolation_error(times, recent_m[i, :, axis], 0.0, pos_measured[i, axis])
-            square += error * error / gain
-        share = min(span_s / (3.0 * NOISE_LAG_S), 1.0)
-        noise_m2[i] += share * (min(square / 3.0, 9.0 * noise_m2[i]) - noise_m2[i])
-        noise_m2[i] = max(noise_m2[i], NOISE_LEAST_M * NOISE_LEAST_M)
-    for k in range(3):
-        recent_ns[i, k] = recent_ns[i, k + 1] if k < 2 else to_ns
-        for axis in range(3):
-            recent_m[i, k, axis] = recent_m[i, k + 1, axis] if k < 2 else pos_measured[i, axis]
-
-
-@kernel
-def _watch(
-    i: int, pos_measured: Float, pos: Float, vel: Float, dist: Float, model: Float, dt_s: float, vigilance: Float,
-    noise_m2: Float, innovation: Float, surprise_m2: Float, mu: Float,
-) -> None:  # fmt: skip
-    """Filters the horizontal innovation and sets the activity; one for both axes, so that turning changes nothing."""
-    share = 1.0 - exp(-dt_s / vigilance[0])
-    for axis in range(2):
-        ahead = pos[i, axis] + dt_s * (vel[i, axis] + 0.5 * dt_s * (model[axis] + dist[i, axis]))
-        innovation[i, axis] += share * (pos_measured[i, axis] - ahead - innovation[i, axis])
-    square = innovation[i, 0] * innovation[i, 0] + innovation[i, 1] * innovation[i, 1]
-    surprise_m2[i] += (1.0 - exp(-dt_s / HABIT_LAG_S)) * (square - surprise_m2[i])
-    noise = vigilance[1] * vigilance[1] * noise_m2[i] * dt_s / (2.0 * vigilance[0] + dt_s)
-    mu[i] = activity(sqrt(square), sqrt(noise + vigilance[4] * surprise_m2[i]), vigilance[2])
-
-
-@kernel
-def _learn_strength(i: int, dt_s: float, lag_s: float, force: Float, strength: Float, dist: Float) -> None:
-    """Moves what Z3 holds against gravity slowly into the thrust's strength; the sum of both stays as it is."""
-    share = dt_s / (lag_s + dt_s)
-    learned = strength[i] + share * dist[i, 2] / force[i, 2]
-    learned = min(max(learned, STRENGTH_LOW), STRENGTH_HIGH)
-    moved = learned - strength[i]
-    strength[i] = learned
-    for axis in range(3):
-        dist[i, axis] -= moved * force[i, axis]
-
-
-@kernel
-def _observe_heading(i: int, q: Float, seen: bool, dt_s: float, turn: float, gains: Float, heading: Float) -> None:
-    """Advances heading[i] (angle, rate, what the turn asked for misses of its acceleration); the angle is unwrapped."""
-    psi, rate, more = heading[i, 0], heading[i, 1], heading[i, 2]
-    ahead = psi + dt_s * rate + 0.5 * dt_s * dt_s * (turn + more)
-    if seen:
-        w, x, y, z = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
-        measured = atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-        y_psi = ahead + wrapped(measured - ahead)
-        psi, rate, more = fteso_step(
-            psi, rate, more, turn, y_psi, dt_s, gains[i, 0], gains[i, 1], gains[i, 2], gains[i, 3]
-        )
-    else:
-        psi, rate, more = ahead, rate + dt_s * turn, 0.0
-    heading[i, 0], heading[i, 1], heading[i, 2] = psi, rate, more
+            learn_strength(i, z, dt_s, manner[i])
+        observe_heading(i, z, seen[i], dt_s, turn[i], own[i] >= 0, manner[i], yaw_gains[i])

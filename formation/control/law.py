@@ -45,7 +45,7 @@ class LawSettings:
     horizontal, vertical (m, 7): gain rows of formation.control.feedback; response (n, 4): as the estimator's;
     vehicle (m): index among the n; own (n): place among the m or -1; compensate (m, 2): whether
     lag and dead time are, horizontally and vertically.
-    manner (n, 11): as the estimator's; quickness (m, 4): as in Quickness;
+    manner (n, 12): as the estimator's; quickness (m, 4): as in Quickness;
     turn_dead_s (m): from a
     sent target to its arrival (the yaw loop, its rate fed forward, adds no more on the whole).
     """

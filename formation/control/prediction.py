@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.arrays import Float
-from formation.estimate import TILT_DECAY, TURN_TRUST
 from formation.kernel import kernel
+from formation.observe import TILT_DECAY, TURN_TRUST
 from formation.response import SECONDS, answer
 from formation.rigid_body import GRAVITY_M_S2
 

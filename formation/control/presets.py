@@ -11,6 +11,7 @@ from formation.estimate import ObserverGains, Vigilance
 from formation.vehicle import VehicleProfile
 
 ALWAYS_CALM, AS_IS = Vigilance(), Quickness()
+WATCHFUL = Vigilance(lag_s=0.05, threshold=3.0, most=4.0, bandwidth_power=1.0, habit=0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +45,9 @@ class Preset:
     tilt_decay_1_s: float = 7.0
     turn_trust: float = 0.3
     quiet_m: float = 2e-4
+    quiet_rad: float = 1e-3
     vigilance: Vigilance = ALWAYS_CALM
+    seen_vigilance: Vigilance = WATCHFUL
     quickness: Quickness = AS_IS
     leader_quickness: Quickness = AS_IS
 
@@ -93,7 +96,7 @@ PRESETS: Mapping[str, Preset] = MappingProxyType(
 )
 
 
-def preset_for(name: str, profile: VehicleProfile, mocap: MocapConfig) -> Preset:
+def preset_for(name: str, _profile: VehicleProfile, _mocap: MocapConfig) -> Preset:
     """The preset of that name as this vehicle and these cameras should fly it; ValueError names the known ones."""
     return preset(name)
 

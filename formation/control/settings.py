@@ -26,7 +26,7 @@ def estimator_settings(
         np.array([_row(g.seen_heading_observer if seen[i] else g.heading_observer) for i, g in enumerate(gains)]),
         np.array([[p.response_dead_time_s, p.response_lag_s, p.thrust_dead_time_s, p.thrust_lag_s] for p in profiles]),
         own,
-        np.array([_manner(g) for g in gains]),
+        np.array([_manner(g, bool(seen[i])) for i, g in enumerate(gains)]),
     )
 
 
@@ -74,12 +74,13 @@ def _row(gains: ObserverGains) -> Float:
     return np.array([gains.bandwidth_rad_s, gains.alpha, gains.scale, gains.smooth])
 
 
-def _manner(gains: Preset) -> Float:
+def _manner(gains: Preset, seen: bool) -> Float:
     """The columns of EstimatorSettings.manner."""
-    watch = gains.vigilance
+    watch = gains.seen_vigilance if seen else gains.vigilance
     return np.array(
         [gains.strength_lag_s, gains.attitude_trust, gains.tilt_w_rad_s, gains.tilt_decay_1_s, gains.quiet_m,
-         gains.turn_trust, watch.lag_s, watch.threshold, watch.most, watch.bandwidth_power, watch.habit]
+         gains.quiet_rad, gains.turn_trust, watch.lag_s, watch.threshold, watch.most, watch.bandwidth_power,
+         watch.habit]
     )  # fmt: skip
 
 

@@ -1,0 +1,175 @@
+"""One vehicle, one frame: what each part of the estimator does to its own row of the memory. Kernels only."""
+
+from math import atan2, exp, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formation.arrays import Float
+from formation.kernel import kernel
+from formation.observer import activity, extrapolation_error, fteso_step, rate_step, wrapped
+from formation.response import SECONDS, answer
+from formation.rigid_body import GRAVITY_M_S2
+
+STRENGTH_LAG, ATTITUDE_TRUST, TILT_W, TILT_DECAY, QUIET, QUIET_TURN, TURN_TRUST, VIGILANCE = range(8)
+"""Columns of EstimatorSettings.manner; Vigilance follows: lag, threshold, most, bandwidth power, habit."""
+LAG, THRESHOLD, MOST, POWER, HABIT = range(VIGILANCE, VIGILANCE + 5)
+
+DIST_MAX_M_S2 = 14.0
+STRENGTH_LOW, STRENGTH_HIGH = 0.5, 2.0
+NOISE_LEAST_M, NOISE_LAG_S, NOISE_SPAN_S = 2e-5, 0.5, 0.2  # least believed, how slowly learned, from how close frames
+NOISE_POWER, HABIT_LAG_S = 0.35, 3.0
+
+
+class Memory(NamedTuple):
+    """The arrays of an EstimatorState, as kernels pass them on."""
+
+    pos: Float
+    vel: Float
+    dist: Float
+    force: Float
+    lift: Float
+    strength: Float
+    heading: Float
+    q: Float
+    tilt: Float
+    force_rate: Float
+    innovation: Float
+    surprise_m2: Float
+    mu: Float
+    mu_turn: Float
+    noise_m2: Float
+    recent_m: Float
+    recent_ns: NDArray[np.int64]
+
+
+@kernel
+def rebuild_force(
+    i: int, z: Memory, from_ns: int, to_ns: int, seen: bool, manner: Float, response: Float,
+    sent_ns: NDArray[np.int64], sent: Float,
+) -> None:  # fmt: skip
+    """Force and lift at to_ns: delivered thrust along the body's z, modelled, then corrected by the measured one.
+
+    sent (h, 4): this vehicle's own history.
+    """
+    z.lift[i], _, _ = answer(sent_ns, sent[:, 3], from_ns, to_ns, response[2], response[3], z.lift[i])
+    for axis in range(3):
+        dead, lag = (response[0], response[1]) if axis < 2 else (response[2], response[3])
+        z.force[i, axis], _, _ = answer(sent_ns, sent[:, axis], from_ns, to_ns, dead, lag, z.force[i, axis])
+    if not seen:
+        return
+    qw, qx, qy, qz = z.q[i, 0], z.q[i, 1], z.q[i, 2], z.q[i, 3]
+    trust = manner[ATTITUDE_TRUST]
+    z.force[i, 0] += trust * (z.lift[i] * 2.0 * (qx * qz + qw * qy) - z.force[i, 0])
+    z.force[i, 1] += trust * (z.lift[i] * 2.0 * (qy * qz - qw * qx) - z.force[i, 1])
+    z.force[i, 2] = z.lift[i] * (1.0 - 2.0 * (qx * qx + qy * qy))
+
+
+@kernel
+def observe_tilt(i: int, z: Memory, seen: bool, dt_s: float, manner: Float) -> None:
+    """The horizontal force of a quadcopter that is only observed: its tilt times gravity and its own rise."""
+    lift = max(GRAVITY_M_S2 + z.dist[i, 2], 0.0)
+    qw, qx, qy, qz = z.q[i, 0], z.q[i, 1], z.q[i, 2], z.q[i, 3]
+    up = max(1.0 - 2.0 * (qx * qx + qy * qy), 0.3)
+    measured = (2.0 * (qx * qz + qw * qy) / up, 2.0 * (qy * qz - qw * qx) / up)
+    w = manner[TILT_W] * z.mu[i] ** manner[POWER]
+    for axis in range(2):
+        if seen:
+            z.tilt[i, axis], z.tilt[i, 2 + axis] = rate_step(
+                z.tilt[i, axis], z.tilt[i, 2 + axis], measured[axis], dt_s, w, manner[TILT_DECAY]
+            )
+        z.force[i, axis] = z.tilt[i, axis] * lift
+        z.force_rate[i, axis] = z.tilt[i, 2 + axis] * lift
+
+
+@kernel
+def learn_noise(i: int, z: Memory, to_ns: int, pos_measured: Float) -> None:
+    """Learns the variance of the measured position from what smooth motion cannot explain."""
+    span_s = (to_ns - z.recent_ns[i, 0]) * SECONDS
+    if span_s < NOISE_SPAN_S:
+        times = np.zeros(3)
+        for k in range(3):
+            times[k] = (z.recent_ns[i, k] - to_ns) * SECONDS
+        square, gain = 0.0, 1.0
+        for axis in range(3):
+            error, gain = extrapolation_error(times, z.recent_m[i, :, axis], 0.0, pos_measured[i, axis])
+            square += error * error / gain
+        share = min(span_s / (3.0 * NOISE_LAG_S), 1.0)
+        z.noise_m2[i] += share * (min(square / 3.0, 9.0 * z.noise_m2[i]) - z.noise_m2[i])
+        z.noise_m2[i] = max(z.noise_m2[i], NOISE_LEAST_M * NOISE_LEAST_M)
+    for k in range(3):
+        z.recent_ns[i, k] = z.recent_ns[i, k + 1] if k < 2 else to_ns
+        for axis in range(3):
+            z.recent_m[i, k, axis] = z.recent_m[i, k + 1, axis] if k < 2 else pos_measured[i, axis]
+
+
+@kernel
+def watch(i: int, z: Memory, pos_measured: Float, model: Float, dt_s: float, own: bool, manner: Float) -> None:
+    """Filters the innovation and sets the activity: one for both horizontal axes, so that turning changes nothing.
+
+    A vehicle that is only observed has no model of its climbing either: there the height counts too.
+    """
+    share = 1.0 - exp(-dt_s / manner[LAG])
+    square = 0.0
+    for axis in range(2 if own else 3):
+        ahead = z.pos[i, axis] + dt_s * (z.vel[i, axis] + 0.5 * dt_s * (model[axis] + z.dist[i, axis]))
+        z.innovation[i, axis] += share * (pos_measured[i, axis] - ahead - z.innovation[i, axis])
+        square += z.innovation[i, axis] * z.innovation[i, axis]
+    z.surprise_m2[i] += (1.0 - exp(-dt_s / HABIT_LAG_S)) * (square - z.surprise_m2[i])
+    noise = manner[THRESHOLD] * manner[THRESHOLD] * z.noise_m2[i] * dt_s / (2.0 * manner[LAG] + dt_s)
+    z.mu[i] = activity(sqrt(square), sqrt(noise + manner[HABIT] * z.surprise_m2[i]), manner[MOST])
+
+
+@kernel
+def observe_axis(
+    i: int, axis: int, z: Memory, measured: float, seen: bool, model: float, dt_s: float, wide: bool, manner: Float,
+    gains: Float,
+) -> None:  # fmt: skip
+    """One axis's FTESO, its bandwidth less in noise and, where `wide`, more in activity; unseen, the model alone."""
+    z1, z2, z3 = z.pos[i, axis], z.vel[i, axis], z.dist[i, axis]
+    if seen:
+        w = gains[0] * min(manner[QUIET] / sqrt(z.noise_m2[i]), 1.0) ** NOISE_POWER
+        if wide:
+            w *= z.mu[i] ** manner[POWER]
+        z1, z2, z3 = fteso_step(z1, z2, z3, model, measured, dt_s, w, gains[1], gains[2], gains[3])
+    else:
+        z1 += dt_s * z2 + 0.5 * dt_s * dt_s * (model + z3)
+        z2 += dt_s * (model + z3)
+    z.pos[i, axis], z.vel[i, axis] = z1, z2
+    z.dist[i, axis] = min(max(z3, -DIST_MAX_M_S2), DIST_MAX_M_S2)
+
+
+@kernel
+def learn_strength(i: int, z: Memory, dt_s: float, manner: Float) -> None:
+    """Moves what Z3 holds against gravity slowly into the thrust's strength; the sum of both stays as it is."""
+    share = dt_s / (manner[STRENGTH_LAG] + dt_s)
+    learned = z.strength[i] + share * z.dist[i, 2] / z.force[i, 2]
+    learned = min(max(learned, STRENGTH_LOW), STRENGTH_HIGH)
+    moved = learned - z.strength[i]
+    z.strength[i] = learned
+    for axis in range(3):
+        z.dist[i, axis] -= moved * z.force[i, axis]
+
+
+@kernel
+def observe_heading(
+    i: int, z: Memory, seen: bool, dt_s: float, turn: float, own: bool, manner: Float, gains: Float
+) -> None:
+    """Advances the heading: angle (unwrapped), rate, and what the turn asked for misses of its acceleration."""
+    psi, rate, more = z.heading[i, 0], z.heading[i, 1], z.heading[i, 2]
+    ahead = psi + dt_s * rate + 0.5 * dt_s * dt_s * (turn + more)
+    if not seen:
+        z.heading[i, 0], z.heading[i, 1], z.heading[i, 2] = ahead, rate + dt_s * turn, 0.0
+        return
+    qw, qx, qy, qz = z.q[i, 0], z.q[i, 1], z.q[i, 2], z.q[i, 3]
+    missed = wrapped(atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz)) - ahead)
+    w = gains[0]
+    if not own:
+        z.innovation[i, 3] += (1.0 - exp(-dt_s / manner[LAG])) * (missed - z.innovation[i, 3])
+        noise = manner[THRESHOLD] * manner[QUIET_TURN] * sqrt(dt_s / (2.0 * manner[LAG] + dt_s))
+        z.mu_turn[i] = activity(z.innovation[i, 3], noise, manner[MOST])
+        w *= z.mu_turn[i] ** manner[POWER]
+    z.heading[i, 0], z.heading[i, 1], z.heading[i, 2] = fteso_step(
+        psi, rate, more, turn, ahead + missed, dt_s, w, gains[1], gains[2], gains[3]
+    )

@@ -31,7 +31,8 @@ def _lines(summary: Summary) -> list[tuple[str, str]]:
         lines.append(("altitude error", f"{mm(summary.altitude_rms_m)} RMS"))
     if summary.min_separation_m is not None:
         lines.append(("least separation", f"{summary.min_separation_m:.3f} m"))
-    lines.append(("frames", f"{summary.frames}, {summary.late_ticks} control cycles late"))
+    late = counted(summary.late_ticks, "control cycle")
+    lines.append(("frames", f"{summary.frames}, {late} late"))
     if summary.latency_ms is not None:
         latency = summary.latency_ms
         lines.append(("latency", f"{latency.p50:.2f} ms median, {latency.p99:.2f} ms 99 %, {latency.max:.2f} ms max"))

@@ -1,9 +1,9 @@
 """Hover thrust and thrust curve: sent thrust against the vertical motion it made.
 
-    z'' = cos(tilt) (F1 u + F2 u^2 + F3 t u) - g
+    z'' = cos(tilt) (F1 u + F2 u^2 + F3 t u) - D z' - g
 
-u is the sent thrust after the vehicle's delay and motor lag, F3 what the battery loses. The second derivative is never
-taken: both sides are weighted by a smooth bump and integrated, which moves it from the noisy height onto the bump.
+u is the sent thrust after the vehicle's delay and motor lag, F3 what the battery loses, D the drag. No derivative is
+ever taken: both sides are weighted by a smooth bump and integrated, which moves it from the noisy height onto the bump.
 """
 
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ BUMP_S = 0.6
 SPACING_S = 0.05
 LEAST_WINDOWS = 40
 FULL_WINDOW = 0.8  # of the frames a window should hold; a window with a gap says nothing
-CURVE_KNOWN = 0.25  # a thrust curve less certain than this is not told from another
+CURVE_KNOWN = 0.1  # a thrust curve less certain than this is not told from another
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,7 +30,7 @@ class Thrust:
 
     hover_norm: thrust_norm that hovers at lift-off. curve: k of T/T_max = (1 - k) u + k u^2, None where the thrust
     varied too little to tell. full_m_s2: T_max over mass. fade_1_s: part of the thrust lost a second.
-    sent_norm, force_m_s2 (W,): the vertical part of what was sent, and what was felt less the fade, window by window.
+    sent_norm, force_m_s2 (W,): window by window, the vertical part of what was sent, and what it made.
     """
 
     hover_norm: Estimate
@@ -54,7 +54,7 @@ def fit(of: Sent, saw: Seen, delay_s: float, motor_lag_s: float) -> Thrust | str
     spread = covariance(regressors, residual, t_s)
     hover, curve, full, fade = propagated(_meant, solution, spread)
     known = curve if curve.half_width < CURVE_KNOWN else None
-    fresh = force - regressors[:, 2] * solution[2]
+    fresh = force - regressors[:, 2:] @ solution[2:]
     return Thrust(hover, known, full, fade, regressors[:, 0], fresh, float(np.std(residual)))
 
 
@@ -75,11 +75,11 @@ def _windows(of: Sent, saw: Seen, delay_s: float, motor_lag_s: float) -> Iterato
         cells = _inside(at_s, middle_s)
         weight = _bump(at_s[cells] - middle_s)
         weight = cos[cells] * weight / weight.sum()
-        felt = _acceleration(saw.t_s[frames] - middle_s, saw.height_m[frames]) + GRAVITY_M_S2
+        speed, acceleration = _motion(saw.t_s[frames] - middle_s, saw.height_m[frames])
         since_s = middle_s - saw.t_s[0]
         yield (
-            float(middle_s), felt, float(weight @ first[cells]), float(weight @ second[cells]),
-            float(weight @ first[cells]) * since_s,
+            float(middle_s), acceleration + GRAVITY_M_S2, float(weight @ first[cells]), float(weight @ second[cells]),
+            float(weight @ first[cells]) * since_s, -speed,
         )  # fmt: skip
 
 
@@ -95,17 +95,22 @@ def _bump(from_middle_s: Float) -> Float:
     return bump
 
 
-def _acceleration(from_middle_s: Float, height_m: Float) -> float:
-    """The bump-weighted mean of z'', from z alone: the integral of bump'' z over that of the bump."""
-    x = from_middle_s / (BUMP_S / 2.0)
-    bent = 8.0 * (1.0 - x * x) ** 2 * (7.0 * x * x - 1.0) / (BUMP_S / 2.0) ** 2
-    level = height_m - np.polyval(np.polyfit(x, height_m, 1), x)
-    return float(np.trapezoid(bent * level, from_middle_s) / (BUMP_S / 2.0 * 256.0 / 315.0))
+def _motion(from_middle_s: Float, height_m: Float) -> tuple[float, float]:
+    """The bump-weighted means of z' and z'', from z alone: the integrals of -bump' z and bump'' z over the bump's."""
+    half_s = BUMP_S / 2.0
+    x = from_middle_s / half_s
+    line = np.polyfit(x, height_m, 1)
+    level = height_m - np.polyval(line, x)
+    area = half_s * 256.0 / 315.0
+    sloped = -8.0 * x * (1.0 - x * x) ** 3 / half_s
+    bent = 8.0 * (1.0 - x * x) ** 2 * (7.0 * x * x - 1.0) / half_s**2
+    speed = line[0] / half_s - np.trapezoid(sloped * level, from_middle_s) / area
+    return float(speed), float(np.trapezoid(bent * level, from_middle_s) / area)
 
 
 def _meant(solution: Float) -> Float:
     """Hover thrust, curve, full specific thrust and relative fade that F1, F2, F3 mean."""
-    linear, square, fade = solution
+    linear, square, fade, _ = solution
     full = linear + square
     if abs(square) < 1e-9 * abs(linear):
         hover = GRAVITY_M_S2 / linear

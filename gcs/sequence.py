@@ -1,13 +1,14 @@
 """Packet loss by sequence number, and two senders under one identity. It knows nothing of what packets say."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from math import exp
 
 MODULO = 256
 FORWARD = 128  # a step this long or longer is a step back: a packet overtaken on the way
 NEAR = 4  # a stream is recognised by a step this short
-SWITCHES = 6
-WINDOW_NS = 2_000_000_000
 FORGET_NS = 500_000_000
+MEMORY_S = 1.0
+TURNS, TURNS_SHARE = 4.0, 0.15
 
 
 @dataclass(slots=True)
@@ -21,7 +22,8 @@ class SequenceWatch:
     """One sender's sequence numbers (0..255, one more each packet).
 
     Two senders that use the same address show as two interleaved counters: each packet continues one of two streams,
-    and the stream changes again and again. A lone sender never returns to a counter it has left.
+    and the stream changes again and again; where the counters are close, every other packet steps back. A lone sender
+    never returns to a counter it has left, and a network that overtakes does so now and then.
     """
 
     received: int = 0
@@ -29,7 +31,9 @@ class SequenceWatch:
     _skipped: int = 0
     _stream: _Stream | None = None
     _other: _Stream | None = None
-    _switches_ns: list[int] = field(default_factory=list)
+    _turns: float = 0.0
+    _packets: float = 0.0
+    _noted_ns: int = 0
 
     @property
     def loss(self) -> float:
@@ -38,8 +42,9 @@ class SequenceWatch:
         return self.lost / sent if sent else 0.0
 
     def duplicate(self, now_ns: int) -> bool:
-        """Whether two senders were heard in turns in the last two seconds."""
-        return sum(now_ns - t <= WINDOW_NS for t in self._switches_ns) >= SWITCHES
+        """Whether two senders were heard in turns in about the last second."""
+        faded = self._turns * exp(-(now_ns - self._noted_ns) * 1e-9 / MEMORY_S)
+        return faded >= TURNS and self._turns >= TURNS_SHARE * self._packets
 
     def note(self, seq: int, now_ns: int, skipped: int = 0) -> None:
         """A packet with this number came; `skipped` others came since the last, before it or after, not for us."""
@@ -47,12 +52,12 @@ class SequenceWatch:
         self._skipped += skipped
         heard = _Stream(seq, now_ns)
         if self._stream is None:
-            self._stream = heard
+            self._stream, self._noted_ns = heard, now_ns
             return
         step = (seq - self._stream.seq) % MODULO
+        turned = step == 0 or step >= MODULO - NEAR
         if step > NEAR and self._continues_other(heard):
-            self._stream, self._other = heard, self._stream
-            self._switches_ns = [t for t in self._switches_ns if now_ns - t <= WINDOW_NS] + [now_ns]
+            self._stream, self._other, turned = heard, self._stream, True
         elif 0 < step < FORWARD:
             if step > NEAR:
                 self._other = self._stream
@@ -60,8 +65,15 @@ class SequenceWatch:
             explained = min(self._skipped, step - 1)
             self._skipped -= explained
             self.lost += step - 1 - explained
-        elif MODULO - NEAR > step >= FORWARD:  # not just overtaken or repeated on the way: the counter is another one
+        elif not turned:  # not just overtaken or repeated on the way: the counter is another one
             self._stream, self._other = heard, self._stream
+        self._count(turned, now_ns)
+
+    def _count(self, turned: bool, now_ns: int) -> None:
+        fade = exp(-(now_ns - self._noted_ns) * 1e-9 / MEMORY_S)
+        self._noted_ns = now_ns
+        self._turns = self._turns * fade + turned
+        self._packets = self._packets * fade + 1.0
 
     def _continues_other(self, heard: _Stream) -> bool:
         other = self._other

@@ -53,7 +53,7 @@ class Survey:
         self.links: GroundLinks | None = None
         self._feeds_pose = config.mocap.source != "mavlink"
         self._poses = None if self._feeds_pose else AutopilotPoses(config)
-        self._drones = {
+        self.drones = {
             v.sysid: DroneLink(v, v.sysid, profile(v.profile), streams(config))
             for v in config.vehicles
             if v.sysid is not None
@@ -68,7 +68,7 @@ class Survey:
     def take_datagram(self, datagram: Datagram) -> None:
         """A drone has spoken: to our own link, to MAVSDK where it listens, and as its own mocap where it is that."""
         now_ns = clock.monotonic_ns()
-        self._drones[datagram.sysid].receive(datagram.data, now_ns)
+        self.drones[datagram.sysid].receive(datagram.data, now_ns)
         frame = None if self._poses is None else self._poses.receive(datagram, now_ns)
         if frame is not None:
             self.received.append((now_ns, frame))
@@ -81,7 +81,7 @@ class Survey:
             now_ns = clock.monotonic_ns()
             beat = now_ns - self._beat_ns >= BEAT_NS
             self._beat_ns = now_ns if beat else self._beat_ns
-            for sysid, link in self._drones.items():
+            for sysid, link in self.drones.items():
                 messages = [*([HEARTBEAT] if beat else []), *link.due(now_ns)]
                 if messages:
                     self.send(sysid, b"".join(link.codec.encode(message) for message in messages))
@@ -123,20 +123,20 @@ class Survey:
 
     async def interview(self, sysid: int) -> Told:
         """One drone through MAVSDK; one that was never heard is not asked."""
-        if self._drones[sysid].dialect is None:
+        if self.drones[sysid].dialect is None:
             return Told("", (), {})
         async with self._mavsdk(sysid) as system:
             if system is None:
                 return Told("", ("MAVSDK finds no autopilot",), {})
-            dialect = self._drones[sysid].dialect
+            dialect = self.drones[sysid].dialect
             return await interview(system, () if dialect is None else dialect.parameters)
 
     async def fetch_logs(self, sysid: int, folder: Path, newest: int, tell: Callable[[str], None]) -> list[Path]:
         """Download the newest logs of one drone into `folder`. DroneError."""
         async with self._mavsdk(sysid) as system:
             if system is None:
-                raise DroneError(f"{self._drones[sysid].name}: MAVSDK finds no autopilot")
-            return await fetch_logs(system, folder, self._drones[sysid].name, newest, tell)
+                raise DroneError(f"{self.drones[sysid].name}: MAVSDK finds no autopilot")
+            return await fetch_logs(system, folder, self.drones[sysid].name, newest, tell)
 
     async def write(self, fix: Fix) -> bool:
         """Write one parameter; whether it took."""
@@ -156,7 +156,7 @@ class Survey:
     async def check_drones(self) -> tuple[Finding, ...]:
         """Interview and judge every drone."""
         findings: list[Finding] = []
-        for sysid, link in self._drones.items():
+        for sysid, link in self.drones.items():
             told = await self.interview(sysid)
             offset_ns = link.clock.offset_ns
             report = DroneReport(

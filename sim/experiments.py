@@ -86,9 +86,10 @@ class Trace:
 class Score:
     """One flight's numbers; NaN where this experiment does not tell.
 
-    max_dev_m: largest deviation in x while the gust sweeps; settle_s: from the end of each push until the deviation
-    stays within 1 cm (or the next push), mean; z3_error_m_s2: RMS of Z3 against the true push, x; chatter_deg: RMS
-    change of the commanded tilt from tick to tick, in hover before the gust; rms_m, vibration_m: analysis.metrics.
+    max_dev_m: largest deviation in x of each pass of the gust, mean over the passes; settle_s: from the end of each
+    push until the deviation stays within 1 cm (at most until the next push), mean; z3_error_m_s2: RMS of Z3 against
+    the true push, x; chatter_deg: RMS change of the commanded tilt from tick to tick, in hover before the gust;
+    rms_m, vibration_m: analysis.metrics.
     """
 
     outcome: str
@@ -149,23 +150,34 @@ def _gust_numbers(flight: Flight, scenario: Scenario) -> tuple[float, float, flo
     estimated = flight.state.column(lambda m: m.dist_lab_m_s2[1, 0])
     during = (flight.state.t_s >= fan.start_s) & (flight.state.t_s <= spans[0].end_s)
     error = (estimated - push[at_state])[during]
+    passes = _passes(np.abs(push[blowing]))
     return (
-        float(deviation_m.max()),
-        _settling(t_s, deviation_m, np.abs(push[blowing])),
+        _largest(deviation_m, passes),
+        _settling(t_s, deviation_m, passes),
         float(np.sqrt(np.mean(error**2))),
         _chatter_deg(flight, spans[0].start_s, fan.start_s),
     )
 
 
-def _settling(t_s: Float, deviation_m: Float, push_m_s2: Float) -> float:
-    """Mean time from the end of a push until the deviation stays within 1 cm, at the latest the next push."""
+def _passes(push_m_s2: Float) -> list[tuple[int, int, int]]:
+    """Each pass of the gust: where its push begins and ends, and where the next one begins."""
     pushed: Bool = push_m_s2 > PUSHED * push_m_s2.max()
+    begins = np.flatnonzero(~pushed[:-1] & pushed[1:]) + 1
     ends = np.flatnonzero(pushed[:-1] & ~pushed[1:]) + 1
-    begins = np.append(np.flatnonzero(~pushed[:-1] & pushed[1:]) + 1, len(t_s))
+    nexts = np.append(begins[1:], len(push_m_s2))
+    return [(int(b), int(ends[ends > b][0]), int(n)) for b, n in zip(begins, nexts, strict=True) if np.any(ends > b)]
+
+
+def _largest(deviation_m: Float, passes: list[tuple[int, int, int]]) -> float:
+    """Mean over the passes of the largest deviation in each."""
+    return float(np.mean([deviation_m[begin:after].max() for begin, _, after in passes])) if passes else np.nan
+
+
+def _settling(t_s: Float, deviation_m: Float, passes: list[tuple[int, int, int]]) -> float:
+    """Mean time from the end of a push until the deviation stays within 1 cm, at the latest the next push."""
     taken = []
-    for end in ends:
-        until = begins[begins > end][0]
-        outside = np.flatnonzero(deviation_m[end:until] > SETTLED_M)
+    for _, end, after in passes:
+        outside = np.flatnonzero(deviation_m[end:after] > SETTLED_M)
         taken.append(t_s[min(end + outside[-1] + 1, len(t_s) - 1)] - t_s[end] if outside.size else 0.0)
     return float(np.mean(taken)) if taken else np.nan
 
@@ -184,8 +196,8 @@ def _trace(flight: Flight) -> Trace:
     """Paths and errors of the formation phase, on the mocap's frames."""
     tracking = track(flight)
     spans = flight.spans(Phase.FORMATION)
-    start_s, end_s = (spans[0].start_s, spans[0].end_s) if spans else (0.0, 0.0)
-    shown = (tracking.t_s >= start_s) & (tracking.t_s <= end_s)
+    start_s = spans[0].start_s if spans else 0.0
+    shown = tracking.formed.all(axis=1)
     at_pose = nearest(flight.poses.t_s, tracking.t_s[shown])
     truth = flight.truth[flight.followers[0].sysid or 0]
     at_truth, at_state = nearest(truth.t_s, tracking.t_s[shown]), nearest(flight.state.t_s, tracking.t_s[shown])

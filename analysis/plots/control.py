@@ -85,19 +85,20 @@ def _components(
 ) -> None:
     """One component an axes, one line a vehicle; the scale is that of the formation phase."""
     n = len(flight.vehicles)
-    colours = style.colours(n)
     shown = _scale_times(flight, t_s)
     for axis, ax in enumerate(axes):
-        for vehicle, colour in zip(flight.vehicles, colours, strict=True):
+        spread = [values[shown][..., axis].ravel()]
+        for vehicle, colour in zip(flight.vehicles, style.colours(n), strict=True):
             if vehicle.column is None:
                 continue
             style.line(ax, t_s, values[:, vehicle.column, axis], among=n, color=colour, lw=1.0, label=vehicle.body)
             known = None if truth is None else truth(vehicle)
             if known is not None:
-                style.line(ax, known[0], known[1][:, axis], among=n, color=colour, lw=0.9, ls=(0, (3, 2)), alpha=0.8)
+                style.line(ax, known[0], known[1][:, axis], among=n, color=style.INK, lw=0.8, ls=(0, (3, 2)), alpha=0.7)
+                spread.append(known[1][_scale_times(flight, known[0]), axis])
         ax.axhline(0.0, color=style.FAINT, lw=0.8, zorder=1)
         ax.set_ylabel(f"{symbol} {AXES[axis]}, {unit}")
-        ax.set_ylim(*_central(values[shown][..., axis]))
+        ax.set_ylim(*_central(np.concatenate(spread)))
 
 
 def _scale_times(flight: Flight, t_s: Float) -> Bool:

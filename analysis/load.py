@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from analysis.series import Series, series
 from formation import frames, topics
 from formation.arrays import Bool, Float
-from formation.config import NO_ROTATION, LabConfig, MocapConfig
+from formation.config import LabConfig, MocapConfig
 from formation.messages import (
     AttitudeTarget,
     Command,
@@ -31,6 +31,7 @@ from formation.messages import (
     SwarmState,
     Truth,
 )
+from formation.model import NO_ROTATION
 from formation.topics import Topic
 from wire.mcap_log import read_log
 

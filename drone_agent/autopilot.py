@@ -17,8 +17,8 @@ from drone_agent.landing import LandDetector
 from drone_agent.parameters import Parameters
 from drone_agent.personality import Mode, ModeRow, Needs, Personality, StreamLoss, Task, Timing
 from drone_agent.stream import StreamWatch, Watch
-from formation.config import Vec3Tuple
 from formation.messages import Severity
+from formation.model import Vec3Tuple
 from wire.link_messages import Result
 
 CONTROL_NS = 10_000_000

@@ -9,8 +9,8 @@ from drone_agent.config import AgentConfig
 from drone_agent.geodesy import from_globe, to_globe
 from drone_agent.personality import Mode
 from drone_agent.schedule import Schedule
-from formation.config import Vec3Tuple
 from formation.messages import Severity
+from formation.model import Vec3Tuple
 from wire.link_messages import Command, CommandInt, LinkMessage, MessageInterval, Result
 
 _FORCE_DISARM = 21196

@@ -5,8 +5,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from formation.config import LinkConfig, Model, SysId, Vec3Tuple
+from formation.config import LinkConfig
 from formation.disturbance import Disturbance
+from formation.model import Model, SysId, Vec3Tuple
 from formation.vehicle import VehicleProfile, profile
 
 NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
@@ -27,6 +28,7 @@ class AgentConfig(Model):
     """Be no drone but the bridge to a real autopilot: udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD."""
     pose: Literal["own", "mocap"] = "own"
     """own: simulated positioning as an autopilot's SITL has; mocap: the external pose and nothing else."""
+    profiles: tuple[VehicleProfile, ...] = ()
     profile: str = "paper_40g"
     vehicle: dict[str, Any] = Field(default_factory=dict)
     """Overrides of the profile: what this particular drone really is."""
@@ -63,5 +65,5 @@ class AgentConfig(Model):
 
     def true_vehicle(self) -> VehicleProfile:
         """The profile with this drone's overrides; ValueError names what is unknown or out of range."""
-        base = profile(self.profile)
+        base = profile(self.profile, self.profiles)
         return VehicleProfile.model_validate({**base.model_dump(), **self.vehicle}) if self.vehicle else base

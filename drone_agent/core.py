@@ -231,7 +231,7 @@ class AgentCore:
 
 def _first_values(config: AgentConfig, make: Personality) -> dict[str, float]:
     """What this drone's parameters are set up to: its own number, its kind's hover thrust, its pose, its own values."""
-    hover = round(profile(config.profile).hover_thrust_norm, 3)
+    hover = round(profile(config.profile, config.profiles).hover_thrust_norm, 3)
     values = {make.system_parameter: float(config.sysid), make.hover_parameter: hover}
     return {**values, **(make.indoor if config.pose == "mocap" else {}), **config.parameters}
 

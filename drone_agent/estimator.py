@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from formation.arrays import Quat, Vec3
-from formation.config import Vec3Tuple
+from formation.model import Vec3Tuple
 from formation.vehicle import VehicleState
 
 _AGE_MAX_NS = 500_000_000

@@ -5,7 +5,7 @@ from drone_agent.estimator import Belief
 from drone_agent.personality import Task, Timing
 from drone_agent.position import NO_RATE, Demand, PositionController, attitude_of
 from formation.arrays import Quat
-from formation.config import Vec3Tuple
+from formation.model import Vec3Tuple
 from formation.vehicle import VehicleProfile
 
 _STOP_S = 0.3  # a hold's place is where the present speed would come to rest

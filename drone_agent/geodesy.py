@@ -2,7 +2,7 @@
 
 from math import cos, radians
 
-from formation.config import Vec3Tuple
+from formation.model import Vec3Tuple
 
 _M_PER_DEG = 111_319.49  # along a meridian of a sphere of the WGS84 equatorial radius
 

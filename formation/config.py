@@ -3,21 +3,12 @@
 Reading files is `wire.config_file`'s work; simulation scenarios extend this in `sim.scenario`.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-Vec3Tuple = tuple[float, float, float]
-QuatTuple = tuple[float, float, float, float]
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-SysId = Annotated[int, Field(ge=1, le=250)]
-NO_ROTATION: QuatTuple = (1.0, 0.0, 0.0, 0.0)
-
-
-class Model(BaseModel):
-    """Frozen, no unknown keys, no NaN."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+from formation.model import NO_ROTATION, Model, Positive, QuatTuple, SysId, Vec3Tuple
+from formation.vehicle import VehicleProfile, profile
 
 
 class MocapConfig(Model):
@@ -76,6 +67,23 @@ class FollowerConfig(VehicleBody):
     yaw_offset_rad: float = 0.0
 
 
+class SlotConfig(Model):
+    """One follower's place in a listed shape: offset and heading in the leader's frame."""
+
+    offset_m: Vec3Tuple
+    yaw_offset_rad: float = 0.0
+
+
+class FormationConfig(Model):
+    """Shapes that the followers may change to: the distance of neighbours in the named ones, and further ones, listed.
+
+    shapes: by name, one slot a follower; a list under the name of a pattern replaces it.
+    """
+
+    spacing_m: Positive = 0.5
+    shapes: dict[str, tuple[SlotConfig, ...]] = Field(default_factory=dict)
+
+
 class Fence(Model):
     """The box, in lab axes, that no commanded drone may leave."""
 
@@ -93,11 +101,12 @@ class LimitsConfig(Model):
 
 
 class FlightConfig(Model):
-    """Heights, speeds and waits of take-off and landing."""
+    """Heights and speeds of take-off and landing, and the speed at which slots are taken up and changed."""
 
     altitude_m: Positive = 0.3
     climb_m_s: Positive = 0.4
     descend_m_s: Positive = 0.3
+    reform_m_s: Positive = 0.5
     observed_leader_altitude_offset_m: float = 0.0
 
 
@@ -122,22 +131,38 @@ class LabConfig(Model):
     name: str = "lab"
     origin: Vec3Tuple = (47.397742, 8.545594, 488.0)
     mocap: MocapConfig = MocapConfig()
+    profiles: tuple[VehicleProfile, ...] = ()
+    """The lab's own vehicles, as `gcs-log identify --write` writes them; they come before the shipped ones."""
     leader: LeaderConfig
     followers: Annotated[tuple[FollowerConfig, ...], Field(min_length=1)]
+    formation: FormationConfig = FormationConfig()
     control_preset: str = "default"
     limits: LimitsConfig = LimitsConfig()
     flight: FlightConfig = FlightConfig()
     link: LinkConfig = LinkConfig()
 
     @model_validator(mode="after")
-    def _unique(self) -> "LabConfig":
+    def _unique(self) -> Self:
         bodies = [v.body for v in self.vehicles]
         sysids = [v.sysid for v in self.vehicles if v.sysid is not None]
         if len(set(bodies)) != len(bodies):
             raise ValueError(f"two vehicles share a body name: {sorted(bodies)}")
         if len(set(sysids)) != len(sysids):
             raise ValueError(f"two vehicles share a sysid: {sorted(sysids)}")
+        for name, slots in self.formation.shapes.items():
+            if len(slots) != len(self.followers):
+                raise ValueError(f"shape {name!r} has {len(slots)} slots for {len(self.followers)} followers")
         return self
+
+    @model_validator(mode="after")
+    def _known_profiles(self) -> Self:
+        for vehicle in self.vehicles:
+            self.profile_of(vehicle)
+        return self
+
+    def profile_of(self, vehicle: VehicleBody) -> VehicleProfile:
+        """The model of one of the lab's vehicles; ValueError names the known ones."""
+        return profile(vehicle.profile, self.profiles)
 
     @property
     def vehicles(self) -> tuple[VehicleBody, ...]:

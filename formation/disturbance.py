@@ -5,7 +5,7 @@ A pure function of time and place, so that a lockstep run, a real-time run and a
 
 from math import acos, atan2, cos, exp, hypot, pi, sin, sqrt
 
-from formation.config import Model, Positive, Vec3Tuple
+from formation.model import Model, Positive, Vec3Tuple
 
 STILL: Vec3Tuple = (0.0, 0.0, 0.0)
 

@@ -4,7 +4,7 @@ One model for both sides: the agent integrates it, the controller inverts it. Eq
 small-rate form. Nothing here knows MAVLink, batteries' chemistry or the attitude loop (drone_agent.attitude_loop).
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from formation.arrays import Float, Quat, Vec3
-from formation.config import Model, Positive, Vec3Tuple
+from formation.model import Model, Positive, Vec3Tuple
 from formation.rigid_body import GRAVITY_M_S2, thrust_norm
 
 __all__ = [
@@ -135,7 +135,7 @@ PAPER_40G = VehicleProfile(
     rate_yaw_max_rad_s=3.5,
     rate_feed_forward=True,
     command_delay_s=0.002,
-    response_dead_time_s=0.052,
+    response_dead_time_s=0.049,
     response_lag_s=0.049,
     thrust_dead_time_s=0.01,
     thrust_lag_s=0.025,
@@ -168,11 +168,12 @@ PX4_QUAD = VehicleProfile(
 PROFILES: Mapping[str, VehicleProfile] = MappingProxyType({p.name: p for p in (PAPER_40G, PX4_QUAD)})
 
 
-def profile(name: str) -> VehicleProfile:
-    """The profile of that name; ValueError names the known ones."""
-    if name not in PROFILES:
-        raise ValueError(f"unknown vehicle profile {name!r}; known: {', '.join(PROFILES)}")
-    return PROFILES[name]
+def profile(name: str, own: Iterable[VehicleProfile] = ()) -> VehicleProfile:
+    """The profile of that name, a lab's `own` before the shipped ones; ValueError names the known ones."""
+    known = {**PROFILES, **{p.name: p for p in own}}
+    if name not in known:
+        raise ValueError(f"unknown vehicle profile {name!r}; known: {', '.join(known)}")
+    return known[name]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -25,7 +25,6 @@ from formation.messages import (
 )
 from formation.phase import STREAMING, Trigger
 from formation.topics import Topic
-from formation.vehicle import profile
 from gcs.checks import warnings
 from gcs.drone import Drone
 from gcs.facts import FactGatherer
@@ -84,7 +83,7 @@ class GcsCore:
     def _link(self, config: LabConfig, i: int) -> DroneLink:
         vehicle = config.vehicles[i]
         origin = config.origin if self._feeds_pose else None
-        return DroneLink(vehicle, vehicle.sysid or 0, profile(vehicle.profile), streams(config), origin)
+        return DroneLink(vehicle, vehicle.sysid or 0, config.profile_of(vehicle), streams(config), origin)
 
     @property
     def phase(self) -> Phase:

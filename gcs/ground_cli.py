@@ -10,7 +10,6 @@ from formation.config import LabConfig
 from formation.control.margin import DelayMargin, delay_margin
 from formation.control.presets import preset
 from formation.messages import Event, Severity
-from formation.vehicle import profile
 from gcs.cli_common import NOT_RIGHT, REFUSED, fail
 from gcs.daemon import Ended, GroundFailure, run
 from gcs.mocap.csv_file import MocapFileError
@@ -45,9 +44,9 @@ def serve(config: LabConfig, log: Path, name: str, metadata: dict[str, str], for
 
 def delay_margins(config: LabConfig) -> tuple[DelayMargin, ...]:
     """The margin of each kind of commanded vehicle under the lab's preset; ValueError for an unknown name."""
-    kinds = dict.fromkeys(config.vehicles[i].profile for i in config.commanded)
+    kinds = {v.profile: config.profile_of(v) for v in config.vehicles if v.sysid is not None}
     gains = preset(config.control_preset)
-    return tuple(delay_margin(profile(kind), gains, config.mocap) for kind in kinds)
+    return tuple(delay_margin(kind, gains, config.mocap) for kind in kinds.values())
 
 
 def _tell(event: Event) -> None:

@@ -5,8 +5,9 @@ from collections import deque
 from dataclasses import dataclass
 
 from formation.arrays import Quat, Vec3
-from formation.config import Vec3Tuple, VehicleBody
+from formation.config import VehicleBody
 from formation.messages import Event, Severity
+from formation.model import Vec3Tuple
 from formation.vehicle import VehicleProfile
 from gcs.commands import CommandChannel
 from gcs.dialect import ARMED_FLAG, DIALECTS, Dialect, stream

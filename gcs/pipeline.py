@@ -7,7 +7,6 @@ from formation.frames import rotate_about_z
 from formation.messages import MocapFrame
 from formation.reference import Plan
 from formation.shape import Shape, assigned, configured
-from formation.vehicle import profile
 from gcs.mocap.axes import MocapAxes
 
 
@@ -17,7 +16,7 @@ class Pipeline:
     def __init__(self, config: LabConfig) -> None:
         self.axes = MocapAxes(config)
         self._config = config
-        self._stack = ControlStack(config, tuple(profile(vehicle.profile) for vehicle in config.vehicles))
+        self._stack = ControlStack(config, tuple(config.profile_of(vehicle) for vehicle in config.vehicles))
 
     def align(self, frame: MocapFrame) -> MocapFrame:
         """The frame in lab and flu, of the n vehicles in the configuration's order."""

@@ -7,7 +7,6 @@ from formation.config import LabConfig
 from formation.messages import MocapFrame
 from formation.reference import HERE, IDLE, Leg, Mode, Plan
 from formation.shape import configured
-from formation.vehicle import profile
 from gcs.core import GcsCore
 from gcs.pipeline import Pipeline
 
@@ -19,7 +18,7 @@ def warm_up(config: LabConfig) -> None:
     """Fly a throwaway pipeline and core of this lab through every mode, on frames of bodies that stand still."""
     pipeline = Pipeline(config)
     shape = configured(config)
-    hover = np.array([profile(config.vehicles[i].profile).hover_thrust_norm for i in config.commanded])
+    hover = np.array([config.profile_of(config.vehicles[i]).hover_thrust_norm for i in config.commanded])
     now_ns, seq = FRAME_NS, 0
     for leg in (IDLE, Leg(Mode.LAB, (None, None, 0.3)), Leg(Mode.FORMATION), Leg(Mode.LAB, HERE), IDLE):
         plan = Plan(tuple(leg for _ in config.commanded), shape, now_ns)

@@ -18,7 +18,7 @@ from rich.table import Table
 
 from analysis.console import print_summary
 from analysis.metrics import Summary
-from formation.config import QuatTuple
+from formation.model import QuatTuple
 from gcs.daemon import GCS_NAME
 from gcs.mocap.csv_file import MocapFileError
 from sim import lockstep, mocap_daemon

@@ -6,8 +6,8 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from formation.config import Model
 from formation.messages import OperatorReply, OperatorRequest
+from formation.model import Model
 from gcs.daemon import GCS_NAME
 from sim.processes import Child, ProcessGroup
 from sim.scenario import Scenario, agent_configs, leader_seconds, recorded_leader

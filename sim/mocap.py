@@ -11,8 +11,9 @@ from pydantic import Field
 
 from formation import frames
 from formation.arrays import Bool, Float
-from formation.config import LabConfig, Model, Positive
+from formation.config import LabConfig
 from formation.messages import MocapFrame, Truth
+from formation.model import Model, Positive
 from sim import optics
 from sim.playback import Playback
 from wire.memory_bus import MemoryLink, random_delay

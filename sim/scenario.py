@@ -13,8 +13,9 @@ from pydantic import Field, model_validator
 from drone_agent.config import AgentConfig
 from formation import frames
 from formation.arrays import Vec3
-from formation.config import FollowerConfig, LabConfig, Model, Positive, QuatTuple, SysId, Vec3Tuple
+from formation.config import FollowerConfig, LabConfig
 from formation.disturbance import Disturbance
+from formation.model import Model, Positive, QuatTuple, SysId, Vec3Tuple
 from gcs.mocap.csv_file import read_recording
 from sim.mocap import EmulatorConfig, NotNegative, Share
 from sim.playback import Playback
@@ -167,6 +168,7 @@ def agent_configs(scenario: Scenario, leader: Playback | None) -> tuple[AgentCon
                 link=scenario.lab.link,
                 personality=true.personality,
                 pose="mocap",
+                profiles=scenario.lab.profiles,
                 profile=vehicle.profile,
                 vehicle=dict(true.vehicle),
                 start_lab_m=start.pos_lab_m,

@@ -6,8 +6,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field
 
-from formation.config import Model
 from formation.messages import OperatorReply, OperatorRequest, Phase, Verb
+from formation.model import Model
 
 READY_WITHIN_NS = 30_000_000_000
 RETRY_NS = 200_000_000

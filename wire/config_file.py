@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import tomli_w
 from pydantic import ValidationError
 
-from formation.config import Model
+from formation.model import Model
 
 M = TypeVar("M", bound=Model)
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from formation.config import LabConfig
 from formation.messages import Datagram, MocapFrame
-from formation.vehicle import profile
 from gcs.doctor.axes_checks import Look, Moves, check_axes
 from gcs.doctor.drone_checks import DroneReport, check_drone
 from gcs.doctor.finding import Finding, Fix
@@ -54,7 +53,7 @@ class Survey:
         self._feeds_pose = config.mocap.source != "mavlink"
         self._poses = None if self._feeds_pose else AutopilotPoses(config)
         self.drones = {
-            v.sysid: DroneLink(v, v.sysid, profile(v.profile), streams(config))
+            v.sysid: DroneLink(v, v.sysid, config.profile_of(v), streams(config))
             for v in config.vehicles
             if v.sysid is not None
         }

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from formation.config import FollowerConfig, LabConfig, LeaderConfig, Model, TrajectoryConfig
+from formation.config import FollowerConfig, LabConfig, LeaderConfig, TrajectoryConfig
+from formation.model import Model
 from wire.config_file import ConfigError, dump, load, parse
 
 LAB = LabConfig(

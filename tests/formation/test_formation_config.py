@@ -1,0 +1,29 @@
+import pytest
+from pydantic import ValidationError
+
+from formation.config import LabConfig
+from formation.vehicle import PAPER_40G
+
+
+def lab(**changes: object) -> LabConfig:
+    followers = [{"body": "b", "sysid": 2, "offset_m": (-0.4, 0.0, 0.0)}]
+    return LabConfig.model_validate({"leader": {"body": "a", "sysid": 1}, "followers": followers, **changes})
+
+
+def test_a_lab_may_name_a_vehicle_of_its_own():
+    own = PAPER_40G.model_copy(update={"name": "ours", "mass_kg": 0.05})
+    config = lab(profiles=[own.model_dump()], leader={"body": "a", "sysid": 1, "profile": "ours"})
+    assert [config.profile_of(v).mass_kg for v in config.vehicles] == [0.05, 0.04]
+
+
+def test_an_unknown_profile_is_refused_with_the_known_ones():
+    with pytest.raises(ValidationError, match=r"unknown vehicle profile 'nope'; known: paper_40g, px4_quad"):
+        lab(leader={"body": "a", "profile": "nope"})
+
+
+@pytest.mark.parametrize(
+    ("leader", "named"), [({"body": "b"}, "share a body name"), ({"body": "a", "sysid": 2}, "share a sysid")]
+)
+def test_no_two_vehicles_share_a_name(leader, named):
+    with pytest.raises(ValidationError, match=named):
+        lab(leader=leader)

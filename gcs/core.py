@@ -24,7 +24,10 @@ from formation.messages import (
     Verb,
 )
 from formation.phase import STREAMING, Trigger
+from formation.safety import Facts
+from formation.shape import Shape
 from formation.topics import Topic
+from gcs import reforming
 from gcs.checks import warnings
 from gcs.drone import Drone
 from gcs.facts import FactGatherer
@@ -166,7 +169,7 @@ class GcsCore:
             return [OperatorReply(request.id, True, self.status(now_ns))]
         refusals = self._refusals(request, now_ns)
         if not refusals and request.verb is Verb.SHAPE:
-            refusals = self._change_shape(request.argument)
+            refusals = self._change_shape(request.argument, now_ns)
         elif not refusals:
             trigger = Trigger(request.verb.value)
             refused = self._flight.pull(trigger, f"operator: {request.verb}", now_ns)
@@ -178,7 +181,7 @@ class GcsCore:
         if request.verb is Verb.ARM:
             self._arming_request = request.id
             return []
-        return [OperatorReply(request.id, True, done_text(self.phase))]
+        return [OperatorReply(request.id, True, done_text(self.phase, self._flight.shape))]
 
     def _refusals(self, request: OperatorRequest, now_ns: int) -> tuple[str, ...]:
         facts = self._gatherer.gather(self._stages, self._lateness.share, now_ns, asked_to_arm=True)
@@ -188,15 +191,30 @@ class GcsCore:
             case Verb.TAKEOFF, Phase.ARMED:
                 return take_off_refusals(facts, self._flight, self._config)
             case Verb.START, Phase.HOLD:
-                return formation_refusals(facts, self._stages, self._flight.shape, self._config)
+                return self._reform(self._flight.shape, facts)
             case _:
                 return ()
 
-    def _change_shape(self, name: str) -> tuple[str, ...]:
-        shape = self._pipeline.shape(name, self._stages)
-        if isinstance(shape, str):
-            return (shape,)
+    def _change_shape(self, argument: str, now_ns: int) -> tuple[str, ...]:
+        """In formation the followers set out at once; else the shape is kept for the start."""
+        try:
+            shape = reforming.requested(argument, self._stages, self._config)
+        except ValueError as error:
+            return (str(error),)
+        if self.phase is Phase.FORMATION:
+            return self._reform(shape, self._gatherer.gather(self._stages, self._lateness.share, now_ns))
         self._flight.shape = shape
+        return ()
+
+    def _reform(self, shape: Shape, facts: Facts) -> tuple[str, ...]:
+        """Find everybody a way into the slots, or say why not."""
+        refusals = formation_refusals(facts, self._stages, shape, self._config)
+        if refusals or self._stages is None:
+            return refusals
+        try:
+            self._flight.reform(reforming.way(shape, self._stages, self._config))
+        except ValueError as error:
+            return (str(error),)
         return ()
 
     def _answer_arming(self) -> list[OperatorReply]:

@@ -52,6 +52,8 @@ class Dialect:
     rules: tuple[ParameterRule, ...]
     streams: tuple[tuple[int, float], ...]
     """Messages to ask for: id and rate, Hz."""
+    unread: tuple[int, ...]
+    """Messages that it sends unasked and that nobody here reads: switched off on a link of our own."""
     needs_origin: bool
     """Whether it uses an external pose only once it was told where on the globe its local frame begins."""
     unready: Callable[[EkfStatus | None], str]
@@ -96,8 +98,8 @@ def land(target: Address) -> Command:
 
 
 def stream(target: Address, message_id: int, rate_hz: float) -> Command:
-    """Send us this message at this rate."""
-    return _command(target, SET_MESSAGE_INTERVAL, float(message_id), 1e6 / rate_hz)
+    """Send us this message at this rate; not at all for zero."""
+    return _command(target, SET_MESSAGE_INTERVAL, float(message_id), 1e6 / rate_hz if rate_hz > 0.0 else -1.0)
 
 
 def _command(target: Address, number: int, *params: float) -> Command:
@@ -184,6 +186,9 @@ PX4 = Dialect(
         ),
     ),
     streams=((31, 50.0), (245, 2.0), (147, 1.0)),
+    # ATTITUDE, GLOBAL_POSITION_INT, ATTITUDE_TARGET, HIGHRES_IMU, ODOMETRY, ALTITUDE, VFR_HUD, SERVO_OUTPUT_RAW,
+    # POSITION_TARGET_LOCAL_NED, DISTANCE_SENSOR, GPS_RAW_INT: nine tenths of PX4's off-board link.
+    unread=(30, 33, 83, 105, 331, 141, 74, 36, 85, 132, 24),
     needs_origin=False,
     unready=_px4_unready,
 )  # fmt: skip
@@ -218,6 +223,7 @@ ARDUPILOT = Dialect(
         ),
     ),
     streams=((31, 50.0), (32, 30.0), (245, 2.0), (147, 1.0), (193, 2.0), (1, 1.0)),
+    unread=(),
     needs_origin=True,
     unready=_copter_unready,
 )  # fmt: skip

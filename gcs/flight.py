@@ -9,6 +9,7 @@ from formation.phase import Trigger, advance, allowed_from
 from formation.reference import IDLE, Leg, Mode, Plan
 from formation.safety import Verdict
 from formation.shape import Shape, configured
+from formation.transition import Transition
 from gcs.drone import Drone, hold_leg, land_leg, take_off_leg
 from gcs.goal import Goal
 
@@ -34,6 +35,7 @@ class Flight:
         self.entered_ns = t0_ns
         self.cause = "start"
         self.shape: Shape = configured(config)
+        self.rise_m: tuple[float, ...] = ()
         self.trajectory_start_ns: int | None = None
         self.armed = False
         self.arming_failure = ""
@@ -45,7 +47,19 @@ class Flight:
 
     def plan(self) -> Plan:
         """What the control is asked for now."""
-        return Plan(tuple(drone.leg for drone in self._drones), self.shape, self.trajectory_start_ns)
+        return Plan(tuple(drone.leg for drone in self._drones), self.shape, self.trajectory_start_ns, self.rise_m)
+
+    def reform(self, way: Transition) -> None:
+        """Take the shape up, or change to it, along that way."""
+        self.shape, self.rise_m = way.shape, way.rise_m
+        self.events.append(
+            Event(
+                Severity.NOTICE,
+                "flight",
+                f"shape {way.shape.name} in {way.duration_s:.1f} s; nearest on the way {way.separation_m:.2f} m, "
+                f"{np.count_nonzero(way.rise_m)} of {len(way.rise_m)} pass above or below",
+            )
+        )
 
     def trajectory_done(self, now_ns: int) -> bool:
         """Whether the leader's trajectory has run its whole duration; a leader that is only observed has none."""
@@ -112,7 +126,7 @@ class Flight:
             case Phase.TAKEOFF:
                 return take_off_leg(flight.altitude_m, flight.climb_m_s)
             case Phase.FORMATION:
-                return Leg(Mode.FORMATION)
+                return Leg(Mode.FORMATION, speed_m_s=flight.reform_m_s)
             case Phase.HOLD:
                 return hold_leg(flight.climb_m_s)
             case Phase.LAND:

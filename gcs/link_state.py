@@ -54,6 +54,7 @@ class DroneLink:
         self.name = body.body
         self.sysid = sysid
         self.profile = profile
+        self._own_link = body.link is not None
         self._streams = streams
         self._origin = origin
         self._origin_told_ns = NEVER_NS
@@ -197,7 +198,8 @@ class DroneLink:
         self.dialect = known
         self.parameters = ParameterReader(self.target, known.autopilot)
         self.reread_parameters()
-        for message_id, rate_hz in {**dict(known.streams), **dict(self._streams)}.items():
+        silenced = {message_id: 0.0 for message_id in known.unread} if self._own_link else {}
+        for message_id, rate_hz in {**silenced, **dict(known.streams), **dict(self._streams)}.items():
             self.commands.ask(stream(self.target, message_id, rate_hz))
         self.events.append(Event(Severity.INFO, self.name, f"drone {self.sysid} is here, {known.name}"))
 

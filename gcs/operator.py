@@ -94,6 +94,6 @@ def _coordinates(point: Float) -> str:
     return "(" + ", ".join(f"{x:.2f}" for x in point) + ")"
 
 
-def done_text(phase: Phase) -> str:
+def done_text(phase: Phase, shape: Shape) -> str:
     """What is said of a request that was carried out at once."""
-    return f"phase {phase.name}"
+    return f"phase {phase.name}, shape {shape.name}"

@@ -4,6 +4,7 @@ Nothing here loads the control: an emergency stop does not wait for a compiler.
 """
 
 import json
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,6 +15,7 @@ from rich.table import Table
 
 from formation.config import LabConfig
 from formation.messages import OperatorReply, OperatorRequest, Verb
+from formation.shape_request import ShapeRequest
 from gcs import GCS_NAME
 from gcs.cli_common import NO_GROUND, NOT_RIGHT, REFUSED, Json, Name, configuration, fail
 from wire import clock
@@ -49,14 +51,19 @@ def status(lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeou
 
 
 def shape(
-    shape_name: Annotated[str, typer.Argument(metavar="NAME", help="The formation's name.")],
+    shape_name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Its name; a wrong one is answered by those known.")
+    ],
+    scale: Annotated[float, typer.Option(help="How much larger than usual.")] = 1.0,
+    heading: Annotated[float, typer.Option(metavar="DEG", help="Turned to the left about the leader by this.")] = 0.0,
     lab: Lab = None,
     name: Name = GCS_NAME,
     as_json: Json = False,
     timeout: Timeout = ANSWER_S,
 ) -> None:
-    """Change the formation's shape, in flight too."""
-    _command(Verb.SHAPE, shape_name, lab, name, as_json, timeout)
+    """Change the formation's shape, size or heading, in flight too; refused where drones would come too near."""
+    request = ShapeRequest(shape_name, scale, math.radians(heading))
+    _command(Verb.SHAPE, request.text, lab, name, as_json, timeout)
 
 
 def _register(app: typer.Typer, verb: Verb, words: str, usual_timeout_s: float = ANSWER_S) -> None:

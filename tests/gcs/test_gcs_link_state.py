@@ -248,3 +248,25 @@ def test_who_needs_no_origin_is_told_none():
     Drone().say(ready, _beat(lm.Autopilot.ARDUPILOT))
     Drone().say(ready, lm.EkfStatus(0x10, ardupilot=True))
     assert _origins(ready, 3000) == []
+
+
+def _intervals(link: DroneLink) -> dict[float, float]:
+    """SET_MESSAGE_INTERVAL as asked: message and interval, every command answered at once."""
+    asked = {}
+    for ms in range(0, 1000, 10):
+        for m in link.due(ms * MS):
+            if isinstance(m, lm.Command) and m.command == 511:
+                asked[m.params[0]] = m.params[1]
+                Drone().say(link, lm.CommandAck(lm.GROUND, 511, lm.Result.ACCEPTED), ms * MS)
+    return asked
+
+
+def test_what_nobody_reads_is_switched_off_only_on_a_link_of_our_own():
+    shared = _link()
+    Drone().say(shared, _beat())
+    assert _intervals(shared) == {31.0: 20_000.0, 245.0: 500_000.0, 147.0: 1_000_000.0}
+    own = DroneLink(VehicleBody(body="left", sysid=3, link="udpin:127.0.0.1:14540"), 3, PAPER, ((32, 100.0),))
+    Drone().say(own, _beat())
+    asked = _intervals(own)
+    assert (asked[30.0], asked[105.0], asked[331.0]) == (-1.0, -1.0, -1.0)
+    assert (asked[31.0], asked[32.0]) == (20_000.0, 10_000.0)

@@ -198,7 +198,7 @@ class DroneLink:
         self.dialect = known
         self.parameters = ParameterReader(self.target, known.autopilot)
         self.reread_parameters()
-        silenced = {message_id: 0.0 for message_id in known.unread} if self._own_link else {}
+        silenced = dict.fromkeys(known.unread, 0.0) if self._own_link else {}
         for message_id, rate_hz in {**silenced, **dict(known.streams), **dict(self._streams)}.items():
             self.commands.ask(stream(self.target, message_id, rate_hz))
         self.events.append(Event(Severity.INFO, self.name, f"drone {self.sysid} is here, {known.name}"))

@@ -26,7 +26,7 @@ RAMP_START, RAMP_1_S, RAMP_MOST = 0.2, 0.9, 1.9  # thrust over weight while wait
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AttitudeSettings:
-    """Per commanded vehicle m: vehicle (m) index among the n; body (m, 7): see `body_row`; fence corners (3)."""
+    """Per commanded vehicle m: vehicle (m) index among the n; body (m, 6): see `body_row`; fence corners (3)."""
 
     vehicle: NDArray[np.int64]
     body: Float
@@ -51,7 +51,7 @@ class Attitude:
 def body_row(profile: VehicleProfile) -> Float:
     """What the inversion needs of one vehicle."""
     return np.array(
-        [profile.thrust_curve, profile.response_lag_s, profile.attitude_p_1_s, profile.yaw_p_1_s,
+        [profile.thrust_curve, profile.attitude_p_1_s, profile.yaw_p_1_s,
          float(profile.rate_feed_forward), profile.rate_max_rad_s, turn_authority(profile)]
     )  # fmt: skip
 
@@ -178,9 +178,9 @@ def _attitude(
     q: Float, rate: Float, norm: Float, saturation: Float, sent: Float,
 ) -> None:  # fmt: skip
     """See `attitude`."""
-    aim, felt, force_rate = np.empty(3), np.empty(3), np.empty(3)
+    aim, felt, turn = np.empty(3), np.empty(3), np.empty(3)
     for i in range(len(vehicle)):
-        curve, lag = body[i, 0], body[i, 1]
+        curve = body[i, 0]
         # The thrust scale at which the profile's weight hovers at hover_norm.
         u = min(max(hover_norm[i], 0.05), 0.95)
         full = GRAVITY_M_S2 / ((1.0 - curve) * u + curve * u * u)
@@ -204,21 +204,21 @@ def _attitude(
         for axis in range(3):
             aim[axis] /= k
             felt[axis] = aim[axis] + lead_acc[i, axis] / k
-        by_rate = body[i, 4] > 0.0
+        by_rate = body[i, 3] > 0.0
         met = bound_force(aim, LIFT_MOST * full, tilt_max)
         met_later = bound_force(felt, LIFT_MOST * full, LEAD_TILT_RAD if by_rate else tilt_max)
         saturation[i] = bits + (met if by_rate else max(met, met_later))
-        bound_turn(felt, force[i], body[i, 6])
+        bound_turn(felt, force[i], body[i, 5])
         for axis in range(3):
-            force_rate[axis] = (felt[axis] - aim[axis]) / lag
+            turn[axis] = felt[axis] - aim[axis]
         if by_rate:
             # The autopilot adds body rates: what inverts its lag goes there, and the attitude stays the one wanted.
             attitude_of(aim[0], aim[1], felt[2], heading, q[i])
-            body_rates(aim, force_rate, heading, yaw[i, 1], rate[i])
+            body_rates(aim, turn, heading, yaw[i, 1], rate[i])
             for axis in range(2):
-                rate[i, axis] = min(max(body[i, 2] * lag * rate[i, axis], -body[i, 5]), body[i, 5])
+                rate[i, axis] = min(max(body[i, 1] * rate[i, axis], -body[i, 4]), body[i, 4])
         else:
-            attitude_of(felt[0], felt[1], felt[2], heading + yaw[i, 1] / body[i, 3], q[i])
+            attitude_of(felt[0], felt[1], felt[2], heading + yaw[i, 1] / body[i, 2], q[i])
         lift = min(felt[2] / max(lift_cos[i], cos(tilt_max)), full)
         norm[i] = thrust_norm(lift / full, curve)
         flat = lift / sqrt(felt[0] * felt[0] + felt[1] * felt[1] + felt[2] * felt[2])

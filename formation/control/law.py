@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from formation.arrays import Flags, Float, Scalars, Vec3s
 from formation.control.feedback import feedback, uses_disturbance
 from formation.control.prediction import Known, motion_at
-from formation.course import Course, Way, reference_at
+from formation.course import SLOT, Course, Way, reference_at
 from formation.estimate import EstimatorState
 from formation.kernel import kernel
 from formation.relative import copy_motion, lead_from_lab
@@ -29,13 +29,15 @@ class Quickness:
 
     rate: share of the lag times the demand's own rate that is sent ahead; gain: lag over wanted lag, how much harder
     than needed the command pulls at what the predicted acceleration misses of the demand, times mu^gain_power;
-    p1_power: p1 is multiplied by mu^p1_power.
+    p1_power: p1 is multiplied by mu^p1_power; lead_share: a follower is at least as awake as the observer of a
+    leader that is only seen, to this power.
     """
 
     rate: float = 1.0
     gain: float = 1.0
     gain_power: float = 0.0
     p1_power: float = 0.0
+    lead_share: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +47,7 @@ class LawSettings:
     horizontal, vertical (m, 7): gain rows of formation.control.feedback; response (n, 4): as the estimator's;
     vehicle (m): index among the n; own (n): place among the m or -1; compensate (m, 2): whether
     lag and dead time are, horizontally and vertically.
-    manner (n, 12): as the estimator's; quickness (m, 4): as in Quickness;
+    manner (n, 12): as the estimator's; quickness (m, 5): as in Quickness;
     turn_dead_s (m): from a
     sent target to its arrival (the yaw loop, its rate fed forward, adds no more on the whole).
     """
@@ -162,7 +164,10 @@ def _demand(
             hold_ns = now_ns + int(dead_s * 1e9) if compensate[i, channel] else t_ns
             _situation(i, n, own[0], hold_ns, hold_ns + int(lag_s * 1e9), compensate[i, channel], known, way, b)
             gains = horizontal[i] if channel == 0 else vertical[i]
-            boost = mu[n] ** quickness[i, 3] if channel == 0 else 1.0
+            awake = mu[n]
+            if way.kind[i] == SLOT and own[0] < 0:
+                awake = max(awake, mu[0] ** quickness[i, 4])
+            boost = awake ** quickness[i, 3] if channel == 0 else 1.0
             for axis in range(2 * channel, 2 + channel):
                 s[i, axis], t_m[i, axis], kept, b.back[axis], b.back_rate[axis] = feedback(
                     gains, b.error[0, axis], b.error[1, axis], b.error[2, axis], memory[i, axis], boost, speed_max, dt_s
@@ -184,7 +189,7 @@ def _demand(
                     motion[i, order, 2] = b.mine[order, 2]
                 size = sqrt(b.felt[0] * b.felt[0] + b.felt[1] * b.felt[1] + b.felt[2] * b.felt[2])
                 lift_cos[i] = b.felt[2] / size if size > 1.0 else 1.0
-            pull = quickness[i, 1] * mu[n] ** quickness[i, 2] - 1.0 if channel == 0 else 0.0
+            pull = quickness[i, 1] * awake ** quickness[i, 2] - 1.0 if channel == 0 else 0.0
             for axis in range(2 * channel, 2 + channel):
                 acc[i, axis] = b.lab[2, axis] + b.back[axis]
                 if uses_disturbance(gains):

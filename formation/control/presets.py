@@ -22,6 +22,7 @@ class Preset:
     horizontal law predicts over the dead time and inverts the lag (all other loops always do); observer: FTESO of
     the followers' horizontal axes; own_observer, vertical_observer, heading_observer (rad): of a commanded leader's
     horizontal axes, of commanded heights and headings; seen_*: of a leader that is only observed;
+    dead_share, lag_share: how much of the attitude's dead time and lag is counted on;
     strength_lag_s: how slowly Z3 of the height moves into the thrust's strength; the rest: see
     formation.estimate.EstimatorSettings, Vigilance and formation.control.law.Quickness.
     """
@@ -39,6 +40,8 @@ class Preset:
     seen_observer: ObserverGains
     seen_vertical_observer: ObserverGains
     seen_heading_observer: ObserverGains
+    dead_share: float = 1.0
+    lag_share: float = 1.0
     strength_lag_s: float = 2.0
     attitude_trust: float = 1.0
     tilt_w_rad_s: float = 40.0
@@ -60,18 +63,23 @@ CALM_OBSERVER = ObserverGains(18.0, -0.1, 0.004)
 
 DEFAULT = Preset(
     name="default",
-    follower=SlidingGains(Law.CFC, c=4.0, p1=6.0, p2=1.2, eps=-0.15, smooth_m_s=0.35),
+    follower=SlidingGains(Law.CFC, c=4.0, p1=2.9, p2=0.5, eps=-0.177, smooth_m_s=0.057),
     follower_vertical=HEIGHT,
     leader=LEADER_PID,
     leader_vertical=HEIGHT,
     compensate=True,
-    observer=CALM_OBSERVER,
+    observer=ObserverGains(9.7, -0.029, 0.004),
     own_observer=CALM_OBSERVER,
     vertical_observer=CALM_OBSERVER,
     heading_observer=ObserverGains(8.0, -0.1, 0.02),
     seen_observer=ObserverGains(25.0, -0.1, 0.004),
     seen_vertical_observer=ObserverGains(40.0, -0.1, 0.004),
     seen_heading_observer=ObserverGains(25.0, -0.1, 0.02),
+    dead_share=0.75,
+    lag_share=0.62,
+    attitude_trust=0.65,
+    vigilance=Vigilance(lag_s=0.4, threshold=1.7, most=5.8, bandwidth_power=1.02, habit=0.04),
+    quickness=Quickness(rate=1.2, gain=1.64, gain_power=0.255, p1_power=0.63),
 )
 PAPER_CFC = replace(
     DEFAULT,

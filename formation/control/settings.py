@@ -87,4 +87,4 @@ def _manner(gains: Preset, seen: bool) -> Float:
 def _quickness(gains: Preset, leads: bool) -> Float:
     """A leader's own PID is smooth as it is: its lag is inverted plainly."""
     quick = gains.leader_quickness if leads else gains.quickness
-    return np.array([quick.rate, quick.gain, quick.gain_power, quick.p1_power])
+    return np.array([quick.rate, quick.gain, quick.gain_power, quick.p1_power, quick.lead_share])

@@ -8,6 +8,7 @@ from formation import frames
 from formation.arrays import Float
 from formation.config import FollowerConfig, LabConfig, LeaderConfig, TrajectoryConfig
 from formation.control.stack import ControlStack, Stages
+from formation.control.warm_up import warm_up
 from formation.messages import MocapFrame
 from formation.reference import IDLE, Leg, Mode, Plan
 from formation.shape import configured
@@ -149,3 +150,8 @@ def test_a_batch_is_the_same_as_one_at_a_time(seed: int) -> None:
 def test_an_unknown_preset_is_refused_by_name() -> None:
     with pytest.raises(ValueError, match=r"nonsense.*default.*paper"):
         ControlStack(triangle(preset="nonsense"), (PAPER,) * 3)
+
+
+def test_warming_up_leaves_nothing_to_compile() -> None:
+    warm_up(triangle(), (PAPER,) * 3)
+    warm_up(many([(1.0, 0.0, 0.0)]), (PAPER,) * 2)

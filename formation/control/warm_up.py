@@ -1,0 +1,34 @@
+"""An imaginary flight of a few ticks, so that nothing compiles once motors turn."""
+
+import numpy as np
+
+from formation import frames
+from formation.config import LabConfig
+from formation.control.stack import ControlStack
+from formation.messages import MocapFrame
+from formation.reference import IDLE, Leg, Mode, Plan
+from formation.shape import configured
+from formation.vehicle import VehicleProfile
+
+FRAME_NS = 10_000_000
+HEIGHTS_M = (0.0, 0.0, 0.1, 0.2, 0.3, 0.3, 0.3, 0.3)
+
+
+def warm_up(config: LabConfig, profiles: tuple[VehicleProfile, ...]) -> None:
+    """Takes off, joins the formation and lands in imagination: every kernel of the stack is loaded or compiled."""
+    stack = ControlStack(config, profiles)
+    n, m = len(config.vehicles), len(config.commanded)
+    bodies = tuple(v.body for v in config.vehicles)
+    hover = np.array([profiles[i].hover_thrust_norm for i in config.commanded])
+    q = np.tile(frames.IDENTITY, (n, 1))
+    shape = configured(config)
+    legs = (
+        IDLE,
+        *(Leg(Mode.LAB, (None, None, 0.3)),) * 3,
+        *(Leg(Mode.FORMATION),) * 3,
+        Leg(Mode.LAB, (None, None, -0.3)),
+    )
+    for k, (leg, height_m) in enumerate(zip(legs, HEIGHTS_M, strict=True)):
+        pos = np.column_stack([np.arange(n, dtype=np.float64), np.zeros(n), np.full(n, height_m)])
+        frame = MocapFrame(k, (k + 1) * FRAME_NS, bodies, pos, q, np.ones(n, dtype=np.bool_))
+        stack.step((k + 1) * FRAME_NS + FRAME_NS // 2, frame, Plan((leg,) * m, shape, FRAME_NS), hover)

@@ -43,12 +43,12 @@ class Guidance:
             autopilot.pilot.follow(target.q_lab_from_flu, climb_m_s)
             return
         autopilot.piloted = False
-        if target.ignore & Ignore.ATTITUDE:
+        if Ignore.ATTITUDE in target.ignore:
             attitude, rate = self._ahead(target.rate_flu_rad_s), NO_RATE
         else:
             offset_rad = autopilot.positioning.yaw_rad
             attitude, rate = turned(target.q_lab_from_flu, -offset_rad), target.rate_flu_rad_s
-        thrust = 0.0 if target.ignore & Ignore.THRUST else target.thrust_norm
+        thrust = 0.0 if Ignore.THRUST in target.ignore else target.thrust_norm
         autopilot.airframe.order(now_ns + self._delay_ns, LoopSetpoint(attitude, rate, thrust))
 
     def position(self, now_ns: int, target: PositionSetpoint) -> None:

@@ -6,7 +6,7 @@ that error and goes on. Bytes out are those of pymavlink, whose tables are used 
 
 import struct
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from fastcrc import crc16
 
@@ -50,10 +50,12 @@ _SEED = tuple(bytes([value]) for value in range(256))
 _GROUPS = (mavlink_motion, mavlink_service, mavlink_guidance, mavlink_storage)
 _WRITERS = {kind: write for group in _GROUPS for kind, write in group.WRITERS.items()}
 _READERS = {layout.id: (layout, read) for group in _GROUPS for layout, read in group.READERS.items()}
-_Addressed = (
-    AttitudeSetpoint | PositionSetpoint | Command | CommandInt | CommandAck | TimeSync | Ping | ParamSet
-    | ParamRequestRead | ParamRequestList | MissionRequestList | MissionCount | LogRequestList
+# What says for whom it is: both numbers of an address, or the system alone.
+_ADDRESSED = frozenset(
+    {AttitudeSetpoint, PositionSetpoint, Command, CommandInt, CommandAck, TimeSync, Ping, ParamSet,
+     ParamRequestRead, ParamRequestList, MissionRequestList, MissionCount, LogRequestList}
 )  # fmt: skip
+_FOR_SYSTEM = frozenset({SetMode, SetOrigin})
 
 
 def decode_packet(frame: bytes) -> Packet:
@@ -152,12 +154,12 @@ class Codec:
             self.misaddressed_packets += 1
         return True
 
-    def _is_ours(self, message: LinkMessage) -> bool:
-        own = self.own
-        if isinstance(message, _Addressed):
-            target = message.target
+    def _is_ours(self, message: Any) -> bool:
+        own, kind = self.own, type(message)
+        if kind in _ADDRESSED:
+            target: Address = message.target
             return target.system in (BROADCAST, own.system) and target.component in (BROADCAST, own.component)
-        return not isinstance(message, SetMode | SetOrigin) or message.target_system in (BROADCAST, own.system)
+        return kind not in _FOR_SYSTEM or message.target_system in (BROADCAST, own.system)
 
     def _count_lost(self, source: Address, seq: int) -> None:
         self.lost_packets += (seq - self._next_seq.get(source, seq)) & 0xFF

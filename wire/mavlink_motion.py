@@ -43,6 +43,7 @@ _UNKNOWN_COVARIANCE = (math.nan, *(0.0,) * 20)
 _BODY_FRD = 12
 _HEADING_UNKNOWN = 65535
 _MS_32 = 0xFFFFFFFF
+_NO_ATTITUDE, _NO_THRUST = int(lm.Ignore.ATTITUDE), int(lm.Ignore.THRUST)  # plain, for every packet
 
 
 def _write_setpoint(m: lm.AttitudeSetpoint) -> Written:
@@ -75,10 +76,10 @@ def _demand(
     mask: int, q: tuple[float, float, float, float], rate: tuple[float, float, float], thrust: float
 ) -> tuple[Quat, tuple[float, float, float], float]:
     """What a setpoint asks for: an ignored part reads as identity or zero, one that counts must be finite."""
-    attitude = IDENTITY.copy() if mask & lm.Ignore.ATTITUDE else q_lab_from_flu(*q)
+    attitude = IDENTITY.copy() if mask & _NO_ATTITUDE else q_lab_from_flu(*q)
     p, q_, r = rate
     rate = (0.0 if mask & 1 else p, 0.0 if mask & 2 else q_, 0.0 if mask & 4 else r)
-    if mask & lm.Ignore.THRUST:
+    if mask & _NO_THRUST:
         thrust = 0.0
     if not math.isfinite(rate[0] + rate[1] + rate[2] + thrust):
         raise MavlinkError(f"a setpoint that is not finite: rates {rate}, thrust {thrust}")

@@ -11,7 +11,7 @@ import types
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
-from functools import cache
+from functools import cache, partial
 from operator import attrgetter
 from typing import Annotated, Any, Generic, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -34,11 +34,11 @@ class SchemaError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class _Kind:
-    """One field's type: its Protobuf type, how its value becomes bytes behind the tag, and back."""
+    """One field's type: its Protobuf type, how its value becomes bytes (for a tag, tag and all), and back."""
 
     proto: int
     wire: int
-    encode: Callable[[Any], bytes]
+    encoder: Callable[[bytes], Callable[[Any], bytes]]
     decode: Callable[[Any], Any]
     default: Any
     repeated: bool = False
@@ -64,23 +64,17 @@ class Schema(Generic[T]):
         self._fields = _fields_of(message)
         self.descriptor_set = _descriptor_set(message.__name__, self._fields).SerializeToString()
         self._values = attrgetter(*(f.name for f in self._fields))
-        self._plan = [(_varint(f.number << 3 | f.kind.wire), f.kind) for f in self._fields]
+        self._encoders = [f.kind.encoder(_varint(f.number << 3 | f.kind.wire)) for f in self._fields]
         self._by_tag = {f.number << 3 | f.kind.wire: f for f in self._fields}
 
     def encode(self, message: T) -> bytes:
         """Protobuf bytes; raises ValueError, TypeError or struct.error if a value is not of its annotation."""
         values = self._values(message)
-        if len(self._plan) == 1:
+        if len(self._encoders) == 1:
             values = (values,)
-        parts: list[bytes] = []
-        for (tag, kind), value in zip(self._plan, values, strict=True):
-            if value is None:
-                continue
-            if kind.many:
-                parts += [tag + kind.encode(item) for item in value]
-            else:
-                parts.append(tag + kind.encode(value))
-        return b"".join(parts)
+        return b"".join(
+            [encode(value) for encode, value in zip(self._encoders, values, strict=True) if value is not None]
+        )
 
     def decode(self, data: bytes) -> T:
         """The message in `data`; fields of a later version are skipped, absent ones take their default.
@@ -224,24 +218,41 @@ def _kind(hint: Any) -> _Kind | None:
         boolean = np.dtype(get_args(get_args(array)[1])[0]) == np.bool_
         return _array_kind(np.dtype(np.bool_ if boolean else np.float64), shape)
     if hint == tuple[str, ...]:
-        return _Kind(Proto.TYPE_STRING, _BYTES, _encode_text, bytes.decode, (), repeated=True, many=True)
+        return _Kind(Proto.TYPE_STRING, _BYTES, _texts_encoder, bytes.decode, (), repeated=True, many=True)
     if isinstance(hint, type) and issubclass(hint, StrEnum):
-        return _Kind(Proto.TYPE_STRING, _BYTES, _encode_text, lambda raw: hint(raw.decode()), next(iter(hint)))
+        return _Kind(Proto.TYPE_STRING, _BYTES, _text_encoder, lambda raw: hint(raw.decode()), next(iter(hint)))
     if isinstance(hint, type) and issubclass(hint, IntEnum):
-        return _Kind(Proto.TYPE_ENUM, _VARINT, _varint, hint, next(iter(hint)), enum=hint)
+        return _Kind(Proto.TYPE_ENUM, _VARINT, _varint_encoder, hint, next(iter(hint)), enum=hint)
     return _SCALARS.get(hint)
 
 
-def _encode_text(value: str) -> bytes:
-    return _sized(value.encode())
+def _varint_encoder(tag: bytes) -> Callable[[int], bytes]:
+    return lambda value: tag + _varint(value)
+
+
+def _number_encoder(code: str) -> Callable[[bytes], Callable[[Any], bytes]]:
+    """For a number that `struct` knows by its code: one call packs the tag with it."""
+    return lambda tag: partial(struct.Struct(f"<{len(tag)}s{code}").pack, tag)
+
+
+def _bytes_encoder(tag: bytes) -> Callable[[bytes], bytes]:
+    return lambda value: tag + _sized(value)
+
+
+def _text_encoder(tag: bytes) -> Callable[[str], bytes]:
+    return lambda value: tag + _sized(value.encode())
+
+
+def _texts_encoder(tag: bytes) -> Callable[[tuple[str, ...]], bytes]:
+    return lambda values: b"".join([tag + _sized(value.encode()) for value in values])
 
 
 _SCALARS: dict[type, _Kind] = {
-    bool: _Kind(Proto.TYPE_BOOL, _VARINT, lambda v: b"\1" if v else b"\0", bool, False),
-    int: _Kind(Proto.TYPE_SFIXED64, _FIXED64, _SFIXED64.pack, lambda raw: _SFIXED64.unpack(raw)[0], 0),
-    float: _Kind(Proto.TYPE_DOUBLE, _FIXED64, _DOUBLE.pack, lambda raw: _DOUBLE.unpack(raw)[0], 0.0),
-    str: _Kind(Proto.TYPE_STRING, _BYTES, _encode_text, bytes.decode, ""),
-    bytes: _Kind(Proto.TYPE_BYTES, _BYTES, _sized, bytes, b""),
+    bool: _Kind(Proto.TYPE_BOOL, _VARINT, _number_encoder("?"), bool, False),
+    int: _Kind(Proto.TYPE_SFIXED64, _FIXED64, _number_encoder("q"), lambda raw: _SFIXED64.unpack(raw)[0], 0),
+    float: _Kind(Proto.TYPE_DOUBLE, _FIXED64, _number_encoder("d"), lambda raw: _DOUBLE.unpack(raw)[0], 0.0),
+    str: _Kind(Proto.TYPE_STRING, _BYTES, _text_encoder, bytes.decode, ""),
+    bytes: _Kind(Proto.TYPE_BYTES, _BYTES, _bytes_encoder, bytes, b""),
 }
 
 
@@ -249,10 +260,18 @@ def _array_kind(dtype: np.dtype[Any], shape: tuple[int, ...]) -> _Kind:
     tail = shape[1:]
     wire_dtype = dtype.newbyteorder("<")
 
-    def encode(value: np.ndarray[Any, Any]) -> bytes:
-        if value.dtype != dtype or value.shape[1:] != tail or value.ndim != len(shape):
-            raise ValueError(f"an array of {value.dtype} {value.shape}, not {dtype} {shape}")
-        return _sized(value.tobytes())
+    def encoder(tag: bytes) -> Callable[[np.ndarray[Any, Any]], bytes]:
+        heads: dict[tuple[int, ...], bytes] = {}  # tag and length for each shape met, all of them right
+
+        def encode(value: np.ndarray[Any, Any]) -> bytes:
+            head = heads.get(value.shape)
+            if head is None or value.dtype != dtype:
+                if value.dtype != dtype or value.shape[1:] != tail or value.ndim != len(shape):
+                    raise ValueError(f"an array of {value.dtype} {value.shape}, not {dtype} {shape}")
+                head = heads[value.shape] = tag + _varint(value.nbytes)
+            return head + value.tobytes()
+
+        return encode
 
     def decode(raw: bytes) -> np.ndarray[Any, Any]:
         # From a copy: an array that can be written to, as every other can.
@@ -266,7 +285,7 @@ def _array_kind(dtype: np.dtype[Any], shape: tuple[int, ...]) -> _Kind:
     return _Kind(
         proto=Proto.TYPE_BOOL if boolean else Proto.TYPE_DOUBLE,
         wire=_BYTES,
-        encode=encode,
+        encoder=encoder,
         decode=decode_flags if boolean else decode,
         default=np.zeros(tuple(max(0, size) for size in shape), dtype),
         repeated=True,

@@ -126,7 +126,7 @@ class World:
         for datagram in outgoing.datagrams:
             seat = self._seats[datagram.sysid]
             seat.down.push(now_ns, datagram)
-            seat.look_ahead()
+            seat.due_ns = min(seat.due_ns, seat.down.next_due_ns() or NEVER_NS)
         for reply in outgoing.replies:
             self.operator.receive(reply, now_ns)
 

@@ -21,7 +21,6 @@ LIFT_OFF_M = 0.02
 ENTRY_S = 3.0  # a leader off its trajectory's start takes this long to join it
 NEAR_M = 0.02
 INSET_M = 0.1
-TURN_RAD_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +42,7 @@ class Course:
     """Where the m commanded vehicles are being led, and from what motion they were picked up.
 
     kind (m): POINT of the lab, SLOT in the leader's frame, or the leader's TRAJECTORY; base (m, 4): the resting
-    target x, y, z, heading in that frame; gap (m, 3, 4), gap_ns, gap_s: the motion relative to it when the leg
+    target x, y, z, heading in that frame; gap (m, 4, 4), gap_ns, gap_s: the gap to it (formation.blend) when the leg
     began, then, and how long it decays. airborne: false from IDLE until lift-off; floor_m: the height at which the
     vehicle last stood idle; release_ns: when it last left IDLE.
     """
@@ -85,7 +84,7 @@ def depart(plan: Plan, motion_lab: Float, t_ns: int) -> Course:
     now = np.full(m, t_ns, dtype=np.int64)
     flying = np.array([leg.mode is not Mode.IDLE for leg in plan.legs])
     return Course(
-        Plan((IDLE,) * m, plan.shape), np.zeros(m, dtype=np.int64), motion_lab[:, 0].copy(), np.zeros((m, 3, 4)), now,
+        Plan((IDLE,) * m, plan.shape), np.zeros(m, dtype=np.int64), motion_lab[:, 0].copy(), np.zeros((m, 4, 4)), now,
         np.ones(m), flying, motion_lab[:, 0, 2].copy(), now, anchored(TrajectoryConfig(), np.zeros(3), 0.0), t_ns,
     )  # fmt: skip
 
@@ -229,12 +228,14 @@ class _Draft:
         self._new.gap[i] = 0.0
 
     def _join(self, i: int, motion: Float) -> None:
-        """To the slot, along a gap that decays in the leader's own frame."""
+        """To the slot, along a gap that decays in the leader's own frame, by way of the plan's detour."""
         new, follower, shape = self._new, self._who.followers[i], self._plan.shape
         new.kind[i] = SLOT
         new.base[i] = [*shape.offset_lead_m[follower], shape.yaw_offset_rad[follower]]
         lead_from_lab(motion, self._lead, new.gap[i])
         new.gap[i, 0] -= new.base[i]
+        new.gap[i, 3] = 0.0
+        new.gap[i, 3, 2] = self._plan.rise_m[follower] if self._plan.rise_m else 0.0
         self._take_time(i)
         self._joined.append(i)
 
@@ -245,7 +246,7 @@ class _Draft:
         new.kind[i] = TRAJECTORY
         on_path = np.zeros((3, 4))
         sample(path.kind, path.numbers, path.knots, (self._t_ns - start_ns) * SECONDS, on_path)
-        new.gap[i] = motion - on_path
+        new.gap[i, :3], new.gap[i, 3] = motion - on_path, 0.0
         self._take_time(i)
         if float(np.linalg.norm(new.gap[i, 0, :3])) > NEAR_M:
             new.gap_s[i] = max(new.gap_s[i], ENTRY_S)
@@ -256,7 +257,7 @@ class _Draft:
         new.kind[i] = POINT
         wanted = (*leg.target_lab_m, leg.yaw_rad)
         new.base[i] = [motion[0, k] if value is None else value for k, value in enumerate(wanted)]
-        new.gap[i] = motion
+        new.gap[i, :3], new.gap[i, 3] = motion, 0.0
         new.gap[i, 0] -= new.base[i]
         self._take_time(i)
         for k, value in enumerate(wanted):
@@ -276,6 +277,4 @@ class _Draft:
         """How long vehicle i's gap takes to decay; a turn goes the short way round."""
         gap = self._new.gap[i]
         gap[0, 3] = wrap_angle(gap[0, 3])
-        distance, rate = float(np.linalg.norm(gap[0, :3])), float(np.linalg.norm(gap[1, :3]))
-        turn_s = blend.PEAK_SPEED * abs(float(gap[0, 3])) / TURN_RAD_S
-        self._new.gap_s[i] = max(blend.duration_s(distance, rate, self._plan.legs[i].speed_m_s), turn_s)
+        self._new.gap_s[i] = blend.closing_s(gap, self._plan.legs[i].speed_m_s)

@@ -43,9 +43,11 @@ class Plan:
     """The legs of the m commanded vehicles, the followers' shape, and when the leader's trajectory started.
 
     trajectory_start_ns: on the control clock; None: a leader in FORMATION waits where it is.
-    A new `shape` starts a smooth, simultaneous change of all slots.
+    A new `shape` starts a smooth, simultaneous change of all slots; rise_m: how far above (below, where negative) its
+    straight way each follower passes half-way (formation.transition). Empty: all go straight.
     """
 
     legs: tuple[Leg, ...]
     shape: Shape
     trajectory_start_ns: int | None = None
+    rise_m: tuple[float, ...] = ()

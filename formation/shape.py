@@ -1,12 +1,17 @@
-"""Formations: a named set of slots in the leader's frame, and the least-travel way from one to the next."""
+"""Formations: a named set of slots in the leader's frame, out of the configuration or a pattern."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
-from formation.arrays import Float
-from formation.config import LabConfig, Vec3Tuple
+from formation.arrays import Vec3s
+from formation.config import LabConfig
+from formation.frames import rotate_about_z
+from formation.model import Vec3Tuple
+from formation.patterns import PATTERNS
+from formation.shape_request import ShapeRequest
+
+CONFIGURED = "configured"
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,31 +23,44 @@ class Shape:
     yaw_offset_rad: tuple[float, ...]
 
     @property
-    def offsets(self) -> Float:
+    def offsets(self) -> Vec3s:
         """The slots as an array (followers, 3)."""
         return np.array(self.offset_lead_m, dtype=np.float64).reshape(-1, 3)
 
 
 def configured(config: LabConfig) -> Shape:
-    """The shape that the lab's configuration spells out, slot by slot, raised where the leader is only observed."""
-    rise = 0.0 if config.leader.sysid is not None else config.flight.observed_leader_altitude_offset_m
-    return Shape(
-        "configured",
-        tuple((f.offset_m[0], f.offset_m[1], f.offset_m[2] + rise) for f in config.followers),
-        tuple(f.yaw_offset_rad for f in config.followers),
-    )
+    """The shape that the followers' own entries in the configuration make."""
+    return shape_for(config, ShapeRequest(CONFIGURED))
 
 
-def assigned(shape: Shape, slot_now_lead_m: Float) -> Shape:
-    """The same shape with its slots dealt to the followers so that the sum of squared travel is least.
+def shape_for(config: LabConfig, request: ShapeRequest) -> Shape:
+    """The shape asked for: scaled and turned as a whole, raised where the leader is only observed.
 
-    slot_now_lead_m: (followers, 3). Straight, simultaneous paths under this assignment do not cross
-    (Turpin, Michael, Kumar, CAPT, IJRR 2014).
+    ValueError names the shapes there are.
     """
-    gap = slot_now_lead_m[:, None, :] - shape.offsets[None, :, :]
-    _, slot_of = linear_sum_assignment(np.sum(gap * gap, axis=-1))
+    offsets, yaw = _slots(config, request.name)
+    turned = rotate_about_z(np.array(request.heading_rad), request.scale * offsets)
+    if config.leader.sysid is None:
+        turned = turned + np.array([0.0, 0.0, config.flight.observed_leader_altitude_offset_m])
     return Shape(
-        shape.name,
-        tuple(shape.offset_lead_m[j] for j in slot_of),
-        tuple(shape.yaw_offset_rad[j] for j in slot_of),
+        request.text,
+        tuple((float(x), float(y), float(z)) for x, y, z in turned),
+        tuple(angle + request.heading_rad for angle in yaw),
     )
+
+
+def known(config: LabConfig) -> tuple[str, ...]:
+    """The names of all shapes of a lab."""
+    return (CONFIGURED, *config.formation.shapes, *(name for name in PATTERNS if name not in config.formation.shapes))
+
+
+def _slots(config: LabConfig, name: str) -> tuple[Vec3s, tuple[float, ...]]:
+    """Offsets (n, 3) and headings of a shape at its usual size."""
+    n = len(config.followers)
+    listed = config.followers if name == CONFIGURED else config.formation.shapes.get(name)
+    if listed is not None:
+        return np.array([slot.offset_m for slot in listed]), tuple(slot.yaw_offset_rad for slot in listed)
+    pattern = PATTERNS.get(name.lower())
+    if pattern is None:
+        raise ValueError(f"no shape {name!r}; known: {', '.join(known(config))}")
+    return pattern(n, config.formation.spacing_m), (0.0,) * n

@@ -1,4 +1,4 @@
-"""A request for a shape, seen from the flight as it is: which slots, whose, and a way into them. No decisions of phase."""
+"""A request for a shape, seen from the flight as it is: which slots, whose, and a way into them."""
 
 import numpy as np
 

@@ -6,7 +6,8 @@ from formation import frames
 from formation.config import LabConfig
 from formation.messages import MocapFrame
 from formation.reference import HERE, IDLE, Leg, Mode, Plan
-from formation.shape import configured
+from formation.shape import Shape, configured
+from formation.transition import Space, transition
 from gcs.core import GcsCore
 from gcs.pipeline import Pipeline
 
@@ -25,9 +26,24 @@ def warm_up(config: LabConfig) -> None:
         for _ in range(FRAMES_EACH):
             now_ns, seq = now_ns + FRAME_NS, seq + 1
             pipeline.step(now_ns, pipeline.align(_frame(config, seq, now_ns)), plan, hover)
+    _change_shape()
+    _watch_over(config)
+
+
+def _watch_over(config: LabConfig) -> None:
+    """Safety's kernels, by way of a core that is asked for its state and refuses to arm."""
     core = GcsCore(config, 0)
     core.receive(_frame(config, 0, FRAME_NS), FRAME_NS)
     core.tick(FRAME_NS)
+    core.status(FRAME_NS)
+
+
+def _change_shape() -> None:
+    """A single follower changes sides, over its leader."""
+    motion = np.zeros((1, 3, 4))
+    motion[0, 0, 0] = 2.0
+    beyond = Shape("beyond", ((-2.0, 0.0, 0.0),), (0.0,))
+    transition(beyond, motion, Space(0.1, 0.2, 0.0, 1.0, 1.0), ("leader", "follower"))
 
 
 def _frame(config: LabConfig, seq: int, now_ns: int) -> MocapFrame:

@@ -20,6 +20,8 @@ from wire.mavlink import Codec
 EARTH_RADIUS_M = 6_371_000.0
 CORRECTION_S = 1.0
 LOST_NS = 500_000_000
+RESTART_NS = 5_000_000_000
+DRIFT = 1e-4
 TRUTH_RATE_HZ = 50.0
 HIL_STATE_QUATERNION, SIM_STATE, LOCAL_POSITION_NED, ATTITUDE_QUATERNION = 115, 108, 32, 31
 
@@ -38,11 +40,32 @@ def streams(config: LabConfig) -> tuple[tuple[int, float], ...]:
 
 
 @dataclass(slots=True)
+class _SenderClock:
+    """When a message was made, on our clock, from the sender's stamp: the quickest one ever heard sets the difference.
+
+    What waited in a queue, here or on the way, is told by its stamp, not by its arrival.
+    """
+
+    least_ns: int | None = None
+    heard_ns: int = 0
+
+    def made_ns(self, stamp_ns: int, now_ns: int) -> int:
+        """The time on our clock; `now_ns` itself for the quickest message."""
+        lag_ns = now_ns - stamp_ns
+        if self.least_ns is None or abs(lag_ns - self.least_ns) > RESTART_NS:
+            self.least_ns = lag_ns
+        drift_ns = round((now_ns - self.heard_ns) * DRIFT)
+        self.least_ns, self.heard_ns = min(self.least_ns + drift_ns, lag_ns), now_ns
+        return now_ns - (lag_ns - self.least_ns)
+
+
+@dataclass(slots=True)
 class _Body:
     """One drone's pose as it tells it. offset_lab_m: from its local position's origin to the lab's."""
 
     offset_lab_m: Vec3
     spawn_lab_m: Vec3
+    clock: _SenderClock = field(default_factory=_SenderClock)
     codec: Codec = field(default_factory=lambda: Codec(lm.GROUND))
     pos_m: Vec3 | None = None
     vel_m_s: Vec3 = field(default_factory=lambda: np.zeros(3))
@@ -57,10 +80,11 @@ class _Body:
         """One message of the drone."""
         match message:
             case lm.LocalPosition():
+                made_ns = self.clock.made_ns(message.t_boot_ms * 1_000_000, now_ns)
                 if not self.estimates and self.truth_origin is not None:
-                    self.offset_lab_m = self.at(now_ns) - message.pos_lab_m
+                    self.offset_lab_m = self.at(made_ns) - message.pos_lab_m
                 self.estimates = True
-                self._move(message.pos_lab_m, message.vel_lab_m_s, now_ns)
+                self._move(message.pos_lab_m, message.vel_lab_m_s, made_ns)
             case lm.AttitudeQuaternion():
                 self.q_lab_from_flu = message.q_lab_from_flu
             case lm.Attitude() if self.q_lab_from_flu is None:
@@ -69,7 +93,7 @@ class _Body:
                 self._take_truth(message, now_ns)
 
     def at(self, now_ns: int) -> Vec3:
-        """Position in the lab, carried on from its message to now."""
+        """Position in the lab, carried on from when its message was made to `now_ns`."""
         pos = np.zeros(3) if self.pos_m is None else self.pos_m
         ahead: Vec3 = pos + self.offset_lab_m + (now_ns - self.pos_ns) * 1e-9 * self.vel_m_s
         return ahead
@@ -130,10 +154,11 @@ class AutopilotPoses:
     def _frame(self, now_ns: int) -> MocapFrame:
         n = len(self._names)
         pos, q, seen = np.zeros((n, 3)), np.tile(IDENTITY, (n, 1)), np.zeros(n, np.bool_)
+        made_ns = max(body.pos_ns for body in self._bodies.values() if body.fresh)
         for i, sysid in enumerate(self._sysids):
             body = None if sysid is None else self._bodies[sysid]
             if body is not None and body.fresh and body.q_lab_from_flu is not None:
-                pos[i], q[i], seen[i] = body.at(now_ns), body.q_lab_from_flu, True
+                pos[i], q[i], seen[i] = body.at(made_ns), body.q_lab_from_flu, True
                 body.fresh = False
         self._seq, self._frame_ns = self._seq + 1, now_ns
-        return MocapFrame(self._seq, now_ns - self._delay_ns, self._names, pos, q, seen)
+        return MocapFrame(self._seq, made_ns - self._delay_ns, self._names, pos, q, seen)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -28,11 +30,14 @@ class Lab:
         self.codecs = {sysid: Codec(lm.Address(sysid, 1)) for sysid in (1, 2)}
 
     def say(self, sysid: int, message: lm.LinkMessage, ms: int):
+        if isinstance(message, lm.LocalPosition) and message.t_boot_ms < 0:
+            message = replace(message, t_boot_ms=77_000 + ms)
         return self.poses.receive(Datagram(sysid, self.codecs[sysid].encode(message)), ms * MS)
 
 
-def _local(x, y, z, v=(0.0, 0.0, 0.0)) -> lm.LocalPosition:
-    return lm.LocalPosition(0, np.array([x, y, z]), np.array(v))
+def _local(x, y, z, v=(0.0, 0.0, 0.0), t_boot_ms=None) -> lm.LocalPosition:
+    """Stamped by a drone whose clock runs 77 s ahead; by default at the moment it is said."""
+    return lm.LocalPosition(-1 if t_boot_ms is None else t_boot_ms, np.array([x, y, z]), np.array(v))
 
 
 def _attitude() -> lm.AttitudeQuaternion:
@@ -126,3 +131,24 @@ def test_strangers_are_left_alone():
     lab.codecs[1] = Codec(lm.Address(1, 191))
     lab.say(1, _attitude(), 0)
     assert lab.say(1, _local(0, 0, 0), 1) is None
+
+
+def test_what_waited_in_a_queue_is_told_by_its_stamp():
+    lab = Lab()
+    lab.say(1, _attitude(), 0)
+    made = []
+    for k in range(50):
+        waited_ms = 40 if k % 10 == 5 else 0
+        frame = lab.say(1, _local(0.02 * k, 0.0, 0.0, (1.0, 0.0, 0.0), 77_000 + 20 * k), 20 * k + waited_ms)
+        if frame is not None:
+            made.append((frame.t_capture_ns + 10 * MS, frame.pos_lab_m[0, 0]))
+    assert len(made) > 40
+    assert all(t_ns == pytest.approx(x * 1e9, abs=0.2 * MS) for t_ns, x in made)
+
+
+def test_a_drone_that_starts_again_gets_a_new_clock():
+    lab = Lab()
+    lab.say(1, _attitude(), 0)
+    lab.say(1, _local(0.0, 0.0, 0.0, t_boot_ms=500_000), 1000)
+    frame = lab.say(1, _local(0.0, 0.0, 0.0, t_boot_ms=20), 9000)
+    assert frame.t_capture_ns == 8990 * MS

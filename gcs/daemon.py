@@ -64,26 +64,29 @@ class Ground:
         self._waiting: dict[int, Reply] = {}
         self._request_id = 0
         self._frame_seq = -1
-        self._state_due_ns = 0
+        self._received_ns: int | None = None
+        self._tick_scheduled = False
+        self._loop = asyncio.get_running_loop()
 
     def take_frame(self, frame: MocapFrame) -> None:
         """A frame has come: control at once."""
-        received_ns = clock.monotonic_ns()
-        self._input(frame, received_ns)
-        self._frame_seq = frame.seq
-        sent_ns = self._tick(received_ns)
-        latency_s = (sent_ns - received_ns) * 1e-9
-        self._note(latency_s, late=latency_s > self._spacing_s)
+        now_ns = clock.monotonic_ns()
+        self._frame(frame, now_ns)
+        self._tick(now_ns)
 
     def take_datagram(self, datagram: Datagram) -> None:
-        """A drone has spoken; answered at once where it asks. Where drones are their own mocap, this may be a frame."""
+        """A drone has spoken. Where drones are their own mocap, this may be a frame.
+
+        Answers and such frames wait until everything that has arrived is read: what is old must not be flown first.
+        """
         now_ns = clock.monotonic_ns()
         self._input(datagram, now_ns)
         frame = None if self._poses is None else self._poses.receive(datagram, now_ns)
         if frame is not None:
-            self.take_frame(frame)
-        elif self._core.next_deadline_ns() <= now_ns:
-            self._tick(now_ns)
+            self._frame(frame, now_ns)
+        if self._core.next_deadline_ns() <= now_ns and not self._tick_scheduled:
+            self._tick_scheduled = True
+            self._loop.call_soon(self._tick_if_due)
 
     def take_request(self, request: OperatorRequest, reply: Reply) -> None:
         """An operator has asked. Ids are ours here: two operators may use the same."""
@@ -100,9 +103,9 @@ class Ground:
             await clock.sleep_until_ns(self._core.next_deadline_ns())
             now_ns = clock.monotonic_ns()
             if now_ns >= self._core.next_deadline_ns():
-                late = self._frame_seq >= 0 and self._core.phase not in GROUNDED
+                overdue = self._received_ns is None and self._frame_seq >= 0 and self._core.phase not in GROUNDED
                 self._tick(now_ns)
-                if late:
+                if overdue:
                     self._note((clock.monotonic_ns() - now_ns) * 1e-9, late=True)
 
     async def publish_state(self, bus: ZenohBus, name: str) -> None:
@@ -128,8 +131,18 @@ class Ground:
         record_input(self._log.write, message, now_ns)
         self._core.receive(message, now_ns)
 
-    def _tick(self, now_ns: int) -> int:
-        """Tick, send, then record; returns when the last datagram was handed to its link."""
+    def _frame(self, frame: MocapFrame, now_ns: int) -> None:
+        self._input(frame, now_ns)
+        self._frame_seq, self._received_ns = frame.seq, now_ns
+
+    def _tick_if_due(self) -> None:
+        self._tick_scheduled = False
+        now_ns = clock.monotonic_ns()
+        if self._core.next_deadline_ns() <= now_ns:
+            self._tick(now_ns)
+
+    def _tick(self, now_ns: int) -> None:
+        """Tick, send, then record; the cycle of a frame ends when the last datagram was handed to its link."""
         outgoing = self._core.tick(now_ns)
         if self.links is not None:
             for datagram in outgoing.datagrams:
@@ -141,7 +154,10 @@ class Ground:
         for topic, message in outgoing.records:
             if topic is topics.EVENT and isinstance(message, Event):
                 self._tell(message)
-        return sent_ns
+        if self._received_ns is not None:
+            latency_s = (sent_ns - self._received_ns) * 1e-9
+            self._received_ns = None
+            self._note(latency_s, late=latency_s > self._spacing_s)
 
     def _note(self, latency_s: float, late: bool) -> None:
         timing = self.timing

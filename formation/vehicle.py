@@ -21,6 +21,7 @@ __all__ = [
     "GRAVITY_M_S2",
     "PROFILES",
     "BatteryProfile",
+    "Pace",
     "VehicleProfile",
     "VehicleState",
     "at_rest",
@@ -40,6 +41,19 @@ class BatteryProfile(Model):
     capacity_mah: Positive = 350.0
     hover_current_a: Positive = 4.0
     empty_thrust_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.85
+
+
+class Pace(Model):
+    """How fast a vehicle's loops are flown, in units of gains made for the paper's vehicle; what `gcs-sim tune` finds.
+
+    sideways, upwards: rates of the horizontal and vertical laws (integral gains with the square; upwards its observer
+    too); observer: bandwidth of the horizontal observer; compensation: share of dead time and lag compensated.
+    """
+
+    sideways: Positive = 1.0
+    observer: Positive = 1.0
+    upwards: Positive = 1.0
+    compensation: Positive = 1.0
 
 
 class VehicleProfile(Model):
@@ -81,6 +95,8 @@ class VehicleProfile(Model):
     thrust_dead_time_s: NonNegative
     thrust_lag_s: Positive
     battery: BatteryProfile = BatteryProfile()
+    pace: Pace | None = None
+    """As tuned; None: by the response's own length (formation.control.presets)."""
 
     @property
     def weight_n(self) -> float:

@@ -5,7 +5,7 @@ frame rate. It is fed the acceleration rebuilt from the measured attitude and th
 commanded acceleration instead, Z3 would fight the vehicle's own lag.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,10 @@ class ObserverGains:
     alpha: float
     scale: float
     smooth: float = 1.0
+
+    def paced(self, pace: float) -> "ObserverGains":
+        """The same observer, its bandwidth multiplied by `pace`."""
+        return replace(self, bandwidth_rad_s=pace * self.bandwidth_rad_s)
 
 
 @dataclass(frozen=True, slots=True)

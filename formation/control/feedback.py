@@ -1,6 +1,6 @@
 """The one place where a law is chosen: error in, feedback acceleration out, for one axis of one vehicle."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -43,6 +43,10 @@ class SlidingGains:
     smooth_m_s: float = 0.0
     k: float = 0.0
 
+    def paced(self, pace: float) -> "SlidingGains":
+        """The same law, its rates multiplied by `pace`."""
+        return replace(self, c=pace * self.c, p1=pace * self.p1, p2=pace * pace * self.p2)
+
     def row(self) -> Float:
         """As the kernels read it."""
         return np.array([self.law, self.c, self.p1, self.p2, self.eps, self.smooth_m_s, self.k])
@@ -56,6 +60,10 @@ class CascadeGains:
     kp: float
     ki: float
     kd: float = 0.0
+
+    def paced(self, pace: float) -> "CascadeGains":
+        """The same law, its rates multiplied by `pace`."""
+        return replace(self, kp_position=pace * self.kp_position, kp=pace * self.kp, ki=pace * pace * self.ki)
 
     def row(self) -> Float:
         """As the kernels read it."""
@@ -71,6 +79,11 @@ class GeometricGains:
     ki: float
     mix: float
     bound: float
+
+    def paced(self, pace: float) -> "GeometricGains":
+        """The same law, its rates multiplied by `pace`."""
+        square = pace * pace
+        return replace(self, kx=square * self.kx, kv=pace * self.kv, ki=square * self.ki, mix=pace * self.mix)
 
     def row(self) -> Float:
         """As the kernels read it."""

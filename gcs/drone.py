@@ -13,7 +13,7 @@ OWN_LANDING_NS = 2_500_000_000
 REFUSED_DISARM_NS = 5_000_000_000
 AIRBORNE_STATES = (LandedState.IN_AIR, LandedState.TAKEOFF, LandedState.LANDING)
 NEAR_FLOOR_M = 0.03
-PRESSING_M = 0.12
+PRESSING_M, PRESSED_NS = 0.2, 1_000_000_000
 AT_REST_M_S = 0.08
 
 
@@ -32,6 +32,7 @@ class Drone:
     rest_z_m: float = 0.0
     released: bool = False
     resting_since_ns: int | None = None
+    descending: bool = False
     touched: bool = False
     checked: bool = False
 
@@ -74,13 +75,13 @@ class Drone:
 
     def watch_landing(self, z_m: float, vz_m_s: float, above_reference_m: float, now_ns: int) -> None:
         """Notice touch-down: at rest at its own floor height, or at rest while told to be well below."""
-        down = z_m - self.rest_z_m < NEAR_FLOOR_M or above_reference_m > PRESSING_M
-        if not down or abs(vz_m_s) > AT_REST_M_S:
+        near = z_m - self.rest_z_m < NEAR_FLOOR_M
+        if not (near or above_reference_m > PRESSING_M) or abs(vz_m_s) > AT_REST_M_S:
             self.resting_since_ns = None
             return
         if self.resting_since_ns is None:
             self.resting_since_ns = now_ns
-        if now_ns - self.resting_since_ns >= TOUCH_NS and not self.touched:
+        if now_ns - self.resting_since_ns >= (TOUCH_NS if near else PRESSED_NS) and not self.touched:
             self.touched, self.leg = True, IDLE
             if self.flown:
                 self.aim(Goal.DISARM, now_ns)
@@ -88,7 +89,7 @@ class Drone:
     def lead_to(self, leg: Leg, goal: Goal, now_ns: int) -> None:
         """A new phase: another leg, another goal; a drone that was let go or cut stays so."""
         self.leg = leg
-        self.touched, self.resting_since_ns = False, None
+        self.descending, self.touched, self.resting_since_ns = False, False, None
         if self.flown:
             self.aim(goal, now_ns)
 
@@ -106,3 +107,8 @@ def hold_leg(speed_m_s: float) -> Leg:
 def land_leg(rest_z_m: float, speed_m_s: float) -> Leg:
     """Straight down, to well under the floor: the floor ends it."""
     return Leg(Mode.LAB, (None, None, rest_z_m - 1.0), speed_m_s=speed_m_s)
+
+
+def aside_leg(x_m: float, y_m: float, speed_m_s: float) -> Leg:
+    """To above another spot of the floor, at this height."""
+    return Leg(Mode.LAB, (x_m, y_m, None), speed_m_s=speed_m_s)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from formation.arrays import Float
 from formation.config import LabConfig
 from formation.control.stack import Stages
 from formation.messages import Event, Phase, PhaseChange, Severity
@@ -10,8 +11,9 @@ from formation.reference import IDLE, Leg, Mode, Plan
 from formation.safety import Verdict
 from formation.shape import Shape, configured
 from formation.transition import Transition
-from gcs.drone import Drone, hold_leg, land_leg, take_off_leg
+from gcs.drone import Drone, aside_leg, hold_leg, land_leg, take_off_leg
 from gcs.goal import Goal
+from gcs.landing import landing_spots
 
 STREAM_FIRST_NS = 1_200_000_000  # PX4 wants a second of setpoints before it changes to off-board
 ARMING_NS = 12_000_000_000
@@ -19,6 +21,7 @@ SETTLE_NS = 1_000_000_000
 AT_HEIGHT_M = 0.05
 LED_THERE_M = 0.002
 IN_SLOT_M = 0.01
+OVER_SPOT_M = 0.05
 
 _GOALS = {Phase.GROUND: Goal.DISARM, Phase.ARMED: Goal.FLY, Phase.STOPPED: Goal.CUT}
 
@@ -27,7 +30,6 @@ class Flight:
     """One phase for the swarm. `pull` is the only way it changes.
 
     armed: in ARMED, whether every drone has reported off-board and armed.
-    arming_failure: why the last arming was undone; empty while none was.
     """
 
     def __init__(self, config: LabConfig, drones: tuple[Drone, ...], t0_ns: int) -> None:
@@ -38,12 +40,12 @@ class Flight:
         self.rise_m: tuple[float, ...] = ()
         self.trajectory_start_ns: int | None = None
         self.armed = False
-        self.arming_failure = ""
         self.events: list[Event] = []
         self.changes: list[PhaseChange] = [PhaseChange(Phase.GROUND, self.cause)]
         self._config = config
         self._drones = drones
         self._settled_since_ns: int | None = None
+        self._spots: Float | None = None
 
     def plan(self) -> Plan:
         """What the control is asked for now."""
@@ -108,7 +110,7 @@ class Flight:
 
     def _enter(self, phase: Phase, cause: str, now_ns: int) -> None:
         before, self.phase, self.cause, self.entered_ns = self.phase, phase, cause, now_ns
-        self.trajectory_start_ns, self._settled_since_ns = None, None
+        self.trajectory_start_ns, self._settled_since_ns, self._spots = None, None, None
         self.armed = False
         self.changes.append(PhaseChange(phase, cause))
         self.events.append(Event(Severity.NOTICE, "flight", f"{before.name} -> {phase.name}: {cause}"))
@@ -118,19 +120,17 @@ class Flight:
                 drone.aim(Goal.LEAVE, now_ns)
             if phase is Phase.STOPPED:
                 drone.aim(Goal.CUT, now_ns)
-            drone.lead_to(self._leg(drone), _GOALS.get(phase, Goal.LEAVE), now_ns)
+            drone.lead_to(self._leg(), _GOALS.get(phase, Goal.LEAVE), now_ns)
 
-    def _leg(self, drone: Drone) -> Leg:
+    def _leg(self) -> Leg:
         flight = self._config.flight
         match self.phase:
             case Phase.TAKEOFF:
                 return take_off_leg(flight.altitude_m, flight.climb_m_s)
             case Phase.FORMATION:
                 return Leg(Mode.FORMATION, speed_m_s=flight.reform_m_s)
-            case Phase.HOLD:
+            case Phase.HOLD | Phase.LAND:  # a landing begins where its first frame sees everybody
                 return hold_leg(flight.climb_m_s)
-            case Phase.LAND:
-                return land_leg(drone.rest_z_m, flight.descend_m_s)
             case _:
                 return IDLE
 
@@ -142,13 +142,9 @@ class Flight:
         if not unready:
             self.armed = True
         elif self.armed:
-            self._undo_arming(f"{unready[0].link.name} disarmed by itself", now_ns)
+            self.pull(Trigger.DISARMED, f"{unready[0].link.name} is no longer armed and off-board", now_ns)
         elif now_ns - self.entered_ns > ARMING_NS:
-            self._undo_arming("; ".join(_why_not_armed(drone) for drone in unready), now_ns)
-
-    def _undo_arming(self, reason: str, now_ns: int) -> None:
-        self.arming_failure = reason
-        self.pull(Trigger.DISARMED, reason, now_ns)
+            self.pull(Trigger.DISARMED, "; ".join(_why_not_armed(drone) for drone in unready), now_ns)
 
     def _watch_height(self, stages: Stages, now_ns: int) -> None:
         """At height: led up to it, risen to it, and no longer rising (a hold brakes from whatever speed it finds)."""
@@ -172,11 +168,25 @@ class Flight:
 
     def _watch_landing(self, stages: Stages | None, now_ns: int) -> None:
         if stages is not None:
+            self._lead_down(stages)
             for i, drone in enumerate(self._drones):
                 z_m, vz_m_s = stages.state.pos_lab_m[drone.index, 2], stages.state.vel_lab_m_s[drone.index, 2]
                 drone.watch_landing(float(z_m), float(vz_m_s), float(stages.command.e_lead_m[i, 2]), now_ns)
         if all(drone.grounded(now_ns) for drone in self._drones):
             self.pull(Trigger.DISARMED, "every drone has landed and is disarmed", now_ns)
+
+    def _lead_down(self, stages: Stages) -> None:
+        """Straight down; but aside first, at its height, for a drone under which another will stand."""
+        flight, at_m = self._config.flight, stages.state.pos_lab_m[[drone.index for drone in self._drones]]
+        if self._spots is None:
+            self._spots = landing_spots(at_m, self._config.limits)
+        for drone, here, spot in zip(self._drones, at_m, self._spots, strict=True):
+            if drone.descending or drone.touched:
+                continue
+            if float(np.linalg.norm(here[:2] - spot)) < OVER_SPOT_M:
+                drone.leg, drone.descending = land_leg(drone.rest_z_m, flight.descend_m_s), True
+            else:
+                drone.leg = aside_leg(float(spot[0]), float(spot[1]), flight.climb_m_s)
 
 
 def _why_not_armed(drone: Drone) -> str:

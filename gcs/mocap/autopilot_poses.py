@@ -20,7 +20,7 @@ from wire.mavlink import Codec
 EARTH_RADIUS_M = 6_371_000.0
 CORRECTION_S = 1.0
 LOST_NS = 500_000_000
-RESTART_NS = 5_000_000_000
+RESTART_NS = 1_000_000_000
 DRIFT = 1e-4
 TRUTH_RATE_HZ = 50.0
 HIL_STATE_QUATERNION, SIM_STATE, LOCAL_POSITION_NED, ATTITUDE_QUATERNION = 115, 108, 32, 31
@@ -47,15 +47,18 @@ class _SenderClock:
     """
 
     least_ns: int | None = None
+    stamp_ns: int = 0
     heard_ns: int = 0
 
     def made_ns(self, stamp_ns: int, now_ns: int) -> int:
-        """The time on our clock; `now_ns` itself for the quickest message."""
+        """The time on our clock; `now_ns` itself for the quickest message. A stamp that goes back is a restart."""
         lag_ns = now_ns - stamp_ns
-        if self.least_ns is None or abs(lag_ns - self.least_ns) > RESTART_NS:
+        if self.least_ns is None or stamp_ns < self.stamp_ns - RESTART_NS:
             self.least_ns = lag_ns
-        drift_ns = round((now_ns - self.heard_ns) * DRIFT)
-        self.least_ns, self.heard_ns = min(self.least_ns + drift_ns, lag_ns), now_ns
+        else:
+            drift_ns = round((now_ns - self.heard_ns) * DRIFT)
+            self.least_ns = min(self.least_ns + drift_ns, lag_ns)
+        self.stamp_ns, self.heard_ns = stamp_ns, now_ns
         return now_ns - (lag_ns - self.least_ns)
 
 

@@ -31,11 +31,14 @@ class Watched:
 
     def __init__(self) -> None:
         self.truths: dict[int, list[Truth]] = {sysid: [] for sysid in SYSIDS}
+        self._airborne_ns = dict.fromkeys(SYSIDS, 0)
         self._wanted: Callable[[], bool] = lambda: False
         self._happened = asyncio.Event()
 
     def take(self, truth: Truth) -> None:
         self.truths[truth.sysid].append(truth)
+        if not truth.on_ground:
+            self._airborne_ns[truth.sysid] = truth.t_ns
         if self._wanted():
             self._happened.set()
 
@@ -50,9 +53,8 @@ class Watched:
     def all_landed_since(self, t_ns: int) -> bool:
         """Every drone has been on the floor for the last second, and after t_ns."""
         return all(
-            seen[-1].t_ns > t_ns + 1_000_000_000
-            and all(truth.on_ground for truth in seen if truth.t_ns > seen[-1].t_ns - 1_000_000_000)
-            for seen in self.truths.values()
+            self.truths[sysid][-1].t_ns > max(airborne_ns, t_ns) + 1_000_000_000
+            for sysid, airborne_ns in self._airborne_ns.items()
         )
 
 

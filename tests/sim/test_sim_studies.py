@@ -40,7 +40,7 @@ def pulses(times_s: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
     return t_s, push
 
 
-def test_deviation_and_settling_are_taken_pass_by_pass() -> None:
+def test_settling_is_taken_pass_by_pass() -> None:
     """First pass: 5 cm at most, within 1 cm from 0.3 s after the push; second: 3 cm, never back before the third."""
     t_s, push = pulses((1.0, 3.0, 5.0))
     deviation = np.zeros_like(t_s)
@@ -48,12 +48,10 @@ def test_deviation_and_settling_are_taken_pass_by_pass() -> None:
     deviation[(t_s >= 3.1) & (t_s < 5.0)] = 0.03
     passes = experiments._passes(push)
     assert len(passes) == 3
-    assert experiments._largest(deviation, passes) == pytest.approx((0.05 + 0.03 + 0.0) / 3)
     assert experiments._settling(t_s, deviation, passes) == pytest.approx((0.3 + 1.6 + 0.0) / 3, abs=0.02)
 
 
 def test_nothing_pushed_gives_no_number() -> None:
-    assert np.isnan(experiments._largest(np.zeros(10), []))
     assert np.isnan(experiments._settling(np.arange(10.0), np.zeros(10), []))
 
 

@@ -1,6 +1,7 @@
 """A small recorded flight, and the script of a process that records until it is killed."""
 
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -40,16 +41,16 @@ def record(path: Path, frames: int, *, threaded: bool = False) -> list[tuple[str
 
 
 def record_until_killed(path: Path) -> None:
-    """Log the time every millisecond, and say on stdout what has been logged."""
+    """Log the time every millisecond, waiting in between as a loop of events does; say on stdout what was logged."""
     log = LogWriter(path, METADATA)
     next_ns = monotonic_ns()
     while True:
         now_ns = monotonic_ns()
-        if now_ns >= next_ns:
-            next_ns += 1_000_000
-            log.write(topics.TICK, m.Tick(now_ns), now_ns)
-            sys.stdout.write(f"{now_ns}\n")
-            sys.stdout.flush()
+        log.write(topics.TICK, m.Tick(now_ns), now_ns)
+        sys.stdout.write(f"{now_ns}\n")
+        sys.stdout.flush()
+        next_ns += 1_000_000
+        time.sleep(max(0, next_ns - monotonic_ns()) * 1e-9)
 
 
 if __name__ == "__main__":

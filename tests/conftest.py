@@ -1,9 +1,17 @@
-"""What every test run needs first: the kernels compiled, outside of any test's time limit."""
+"""What every test run needs first: the kernels compiled, outside of any test's time limit; properties that repeat.
+
+A run draws the same examples every time and judges no example by the clock: a red run is the code's doing.
+`--hypothesis-profile=default` searches further.
+"""
 
 import pytest
+from hypothesis import settings
 
 from sim import lockstep
 from sim.scenario import load
+
+settings.register_profile("repeatable", deadline=None, derandomize=True)
+settings.load_profile("repeatable")
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:

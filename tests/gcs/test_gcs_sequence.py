@@ -35,9 +35,9 @@ def test_packets_addressed_to_others_are_not_lost():
     assert watch.lost == 0
 
 
-def test_an_overtaken_packet_does_not_count_as_a_lap():
+def test_an_overtaken_packet_is_neither_lost_nor_a_lap():
     watch = _heard([5, 7, 6, 8, 9])
-    assert watch.lost == 1
+    assert watch.lost == 0
     assert not watch.duplicate(0)
 
 
@@ -74,17 +74,16 @@ def test_twins_that_count_alike_are_noticed():
     assert _heard([n for i in range(100) for n in (i + 2, i)]).duplicate(200 * 10 * MS)
 
 
-@given(seed=st.integers(0, 1000))
-def test_a_network_that_overtakes_now_and_then_makes_no_twin(seed):
+@given(share=st.floats(0.0, 1.0), loss=st.floats(0.0, 0.5), seed=st.integers(0, 1000))
+def test_a_network_that_overtakes_however_often_makes_no_twin(share, loss, seed):
     rng = random.Random(seed)
-    numbers = list(range(1000))
-    for i in range(0, 990, 5):
-        if rng.random() < 0.2:
-            numbers[i], numbers[i + 1] = numbers[i + 1], numbers[i]
+    sent = [number for number in range(1000) if rng.random() >= loss]
+    numbers = sorted(sent, key=lambda number: number + rng.uniform(0.0, 4.0) * (rng.random() < share))
     watch = SequenceWatch()
     for i, number in enumerate(numbers):
         watch.note(number % 256, i * 10 * MS)
         assert not watch.duplicate(i * 10 * MS)
+    assert abs(watch.loss - loss) < 0.1
 
 
 @given(loss=st.floats(0.0, 0.9), seed=st.integers(0, 1000))

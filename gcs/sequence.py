@@ -14,7 +14,7 @@ TURNS, TURNS_SHARE = 4.0, 0.15
 
 @dataclass(slots=True)
 class _Stream:
-    """A counter that goes on: its newest number, and which of those just behind it came (bit k: k before the newest)."""
+    """A counter that goes on: its newest number, and which of those just behind it came (bit k: k before it)."""
 
     seq: int
     heard_ns: int

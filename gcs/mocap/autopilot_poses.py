@@ -1,8 +1,7 @@
 """Frames without a mocap: simulated autopilots' own messages say where they are. Sans-IO, MAVLink in, frames out.
 
-The local position is smooth and quick, but an estimate that may wander by decimetres; the simulator's truth
-(HIL_STATE_QUATERNION, SIM_STATE) does not wander, but is quantised to a centimetre. Where both come, the truth slowly
-corrects the estimate; where only one comes, it is used alone.
+A simulator's truth (HIL_STATE_QUATERNION, SIM_STATE) is believed where it comes, for the local position is an estimate
+that wanders by decimetres; truth is quantised to a centimetre, so its own velocity carries it from one to the next.
 """
 
 from dataclasses import dataclass, field
@@ -18,11 +17,10 @@ from wire import link_messages as lm
 from wire.mavlink import Codec
 
 EARTH_RADIUS_M = 6_371_000.0
-CORRECTION_S = 1.0
+SMOOTHING_S = 0.2
 LOST_NS = 500_000_000
 RESTART_NS = 1_000_000_000
 DRIFT = 1e-4
-TRUTH_RATE_HZ = 50.0
 HIL_STATE_QUATERNION, SIM_STATE, LOCAL_POSITION_NED, ATTITUDE_QUATERNION = 115, 108, 32, 31
 
 
@@ -34,8 +32,8 @@ def streams(config: LabConfig) -> tuple[tuple[int, float], ...]:
     return (
         (LOCAL_POSITION_NED, rate_hz),
         (ATTITUDE_QUATERNION, rate_hz),
-        (HIL_STATE_QUATERNION, TRUTH_RATE_HZ),
-        (SIM_STATE, TRUTH_RATE_HZ),
+        (HIL_STATE_QUATERNION, rate_hz),
+        (SIM_STATE, rate_hz),
     )
 
 
@@ -64,63 +62,60 @@ class _SenderClock:
 
 @dataclass(slots=True)
 class _Body:
-    """One drone's pose as it tells it. offset_lab_m: from its local position's origin to the lab's."""
+    """One drone's pose as it tells it. truth_origin: degrees, degrees and metres of its first true place, the spawn."""
 
-    offset_lab_m: Vec3
     spawn_lab_m: Vec3
     clock: _SenderClock = field(default_factory=_SenderClock)
     codec: Codec = field(default_factory=lambda: Codec(lm.GROUND))
-    pos_m: Vec3 | None = None
-    vel_m_s: Vec3 = field(default_factory=lambda: np.zeros(3))
+    pos_lab_m: Vec3 | None = None
+    vel_lab_m_s: Vec3 = field(default_factory=lambda: np.zeros(3))
     pos_ns: int = 0
     q_lab_from_flu: Quat | None = None
+    has_attitude: bool = False
     truth_origin: tuple[float, float, float] | None = None
-    truth_ns: int = 0
-    estimates: bool = False
     fresh: bool = False
 
     def take(self, message: lm.LinkMessage, now_ns: int) -> None:
-        """One message of the drone."""
+        """One message of the drone. Its own attitude is what setpoints refer to: truth's only where it tells none."""
         match message:
-            case lm.LocalPosition():
+            case lm.LocalPosition() if self.truth_origin is None:
                 made_ns = self.clock.made_ns(message.t_boot_ms * 1_000_000, now_ns)
-                if not self.estimates and self.truth_origin is not None:
-                    self.offset_lab_m = self.at(made_ns) - message.pos_lab_m
-                self.estimates = True
-                self._move(message.pos_lab_m, message.vel_lab_m_s, made_ns)
+                self._move(self.spawn_lab_m + message.pos_lab_m, message.vel_lab_m_s, made_ns)
             case lm.AttitudeQuaternion():
-                self.q_lab_from_flu = message.q_lab_from_flu
-            case lm.Attitude() if self.q_lab_from_flu is None:
-                self.q_lab_from_flu = message.q_lab_from_flu
+                self.q_lab_from_flu, self.has_attitude = message.q_lab_from_flu, True
             case lm.SimTruth():
                 self._take_truth(message, now_ns)
 
     def at(self, now_ns: int) -> Vec3:
         """Position in the lab, carried on from when its message was made to `now_ns`."""
-        pos = np.zeros(3) if self.pos_m is None else self.pos_m
-        ahead: Vec3 = pos + self.offset_lab_m + (now_ns - self.pos_ns) * 1e-9 * self.vel_m_s
+        pos_lab_m = np.zeros(3) if self.pos_lab_m is None else self.pos_lab_m
+        ahead: Vec3 = pos_lab_m + (now_ns - self.pos_ns) * 1e-9 * self.vel_lab_m_s
         return ahead
 
-    def _move(self, pos_m: Vec3, vel_m_s: Vec3, now_ns: int) -> None:
-        self.pos_m, self.vel_m_s, self.pos_ns = pos_m, np.nan_to_num(vel_m_s), now_ns
+    def _move(self, pos_lab_m: Vec3, vel_lab_m_s: Vec3, made_ns: int) -> None:
+        self.pos_lab_m, self.vel_lab_m_s, self.pos_ns = pos_lab_m, np.nan_to_num(vel_lab_m_s), made_ns
         self.fresh = self.q_lab_from_flu is not None
 
     def _take_truth(self, truth: lm.SimTruth, now_ns: int) -> None:
-        first = self.truth_origin is None
+        made_ns = self.clock.made_ns(truth.t_us * 1000, now_ns) if truth.t_us else now_ns
+        if not self.has_attitude:
+            self.q_lab_from_flu = truth.q_lab_from_flu
         if self.truth_origin is None:
             self.truth_origin = truth.lat_deg, truth.lon_deg, truth.alt_m
-        lat_deg, lon_deg, alt_m = self.truth_origin
+            self._move(self.spawn_lab_m, truth.vel_lab_m_s, made_ns)
+            return
+        passed_s = (made_ns - self.pos_ns) * 1e-9
+        ahead = self.at(made_ns) + 0.5 * passed_s * (truth.vel_lab_m_s - self.vel_lab_m_s)
+        share = 1.0 - exp(-max(passed_s, 0.0) / SMOOTHING_S)
+        self._move(ahead + share * (self._place(truth) - ahead), truth.vel_lab_m_s, made_ns)
+
+    def _place(self, truth: lm.SimTruth) -> Vec3:
+        """Where truth is in the lab: metres north, west and up of its first place."""
+        lat_deg, lon_deg, alt_m = self.truth_origin or (truth.lat_deg, truth.lon_deg, truth.alt_m)
         north_m = EARTH_RADIUS_M * radians(truth.lat_deg - lat_deg)
         east_m = EARTH_RADIUS_M * radians(truth.lon_deg - lon_deg) * cos(radians(lat_deg))
-        true_m = self.spawn_lab_m + np.array([north_m, -east_m, truth.alt_m - alt_m])
-        if not self.estimates:
-            self.q_lab_from_flu = truth.q_lab_from_flu
-            self.offset_lab_m = np.zeros(3)
-            self._move(true_m, truth.vel_lab_m_s, now_ns)
-            return
-        share = 1.0 if first else 1.0 - exp(-(now_ns - self.truth_ns) * 1e-9 / CORRECTION_S)
-        self.truth_ns = now_ns
-        self.offset_lab_m = self.offset_lab_m + share * (true_m - self.at(now_ns))
+        place: Vec3 = self.spawn_lab_m + np.array([north_m, -east_m, truth.alt_m - alt_m])
+        return place
 
 
 class AutopilotPoses:
@@ -129,11 +124,7 @@ class AutopilotPoses:
     def __init__(self, config: LabConfig) -> None:
         self._names = tuple(v.body for v in config.vehicles)
         self._sysids = tuple(v.sysid for v in config.vehicles)
-        self._bodies = {
-            v.sysid: _Body(np.array(v.spawn_lab_m), np.array(v.spawn_lab_m))
-            for v in config.vehicles
-            if v.sysid is not None
-        }
+        self._bodies = {v.sysid: _Body(np.array(v.spawn_lab_m)) for v in config.vehicles if v.sysid is not None}
         self._delay_ns = round(config.mocap.delay_s * 1e9)
         self._longest_ns = round(1.5e9 / config.mocap.rate_hz)
         self._seq = 0
@@ -150,7 +141,7 @@ class AutopilotPoses:
         return self._frame(now_ns) if self._is_due(now_ns) else None
 
     def _is_due(self, now_ns: int) -> bool:
-        alive = [b for b in self._bodies.values() if b.pos_m is not None and now_ns - b.pos_ns < LOST_NS]
+        alive = [b for b in self._bodies.values() if b.pos_lab_m is not None and now_ns - b.pos_ns < LOST_NS]
         fresh = [b.fresh for b in alive]
         return any(fresh) and (all(fresh) or now_ns - self._frame_ns >= self._longest_ns)
 

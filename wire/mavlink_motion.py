@@ -111,9 +111,10 @@ def _write_odometry(m: lm.Odometry) -> Written:
     return ODOMETRY, (*head, *pose, *velocity, *rate, *covariances, m.reset_counter, int(m.estimator), 0)
 
 
-def _read_odometry(f: Fields) -> lm.Odometry:
+def _read_odometry(f: Fields) -> lm.Odometry | lm.Unknown:
+    """Unknown where the velocity is not in BODY_FRD, as in PX4's own telemetry: nobody here reads that."""
     if f[2] != _BODY_FRD:
-        raise MavlinkError(f"ODOMETRY with velocity in frame {f[2]}, only BODY_FRD (12) is read")
+        return lm.Unknown(ODOMETRY.id)
     return lm.Odometry(
         t_us=f[0],
         frame=lm.OdometryFrame(f[1]),

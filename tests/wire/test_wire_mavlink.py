@@ -257,6 +257,15 @@ def test_unknown_battery_figures_are_nan():
     assert math.isnan(read.battery_remaining)
 
 
+def test_odometry_with_its_velocity_in_the_world_is_nothing_bad():
+    """PX4's own telemetry, some thirty a second."""
+    payload = oracle.MAVLink(None).odometry_encode(1, 1, 1, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0, 0, 0, 0, [0] * 21, [0] * 21)
+    codec = Codec(lm.GROUND)
+    packets = codec.receive(payload.pack(oracle.MAVLink(None, srcSystem=1, srcComponent=1)))
+    assert [packet.message for packet in packets] == [lm.Unknown(331)]
+    assert (codec.bad_packets, codec.bad_bytes) == (0, 0)
+
+
 def test_unknown_odometry_velocity_stays_nan():
     nan = np.full(3, math.nan)
     message = lm.Odometry(1, lm.OdometryFrame.LOCAL_FRD, lm.EstimatorType.VISION, ZERO, LEVEL, nan, nan)

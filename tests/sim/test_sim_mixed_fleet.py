@@ -1,0 +1,29 @@
+"""An ArduPilot beside a PX4 behind one leader flies as well as two PX4s do."""
+
+import pytest
+
+from analysis.load import from_records
+from analysis.metrics import Summary, summarise
+from sim import lockstep
+from sim.scenario import TrueVehicle, load
+from sim.world import T0_NS
+
+WITHIN = 0.2
+
+
+def flown(name: str, *vehicles: TrueVehicle) -> Summary:
+    scenario = load(name)
+    others = tuple(v for v in scenario.vehicles if v.sysid not in {vehicle.sysid for vehicle in vehicles})
+    scenario = scenario.model_copy(update={"vehicles": (*others, *vehicles)})
+    result, records = lockstep.run_in_memory(scenario, 7)
+    assert result.outcome.result == "landed"
+    return summarise(from_records(lockstep.metadata(scenario, 7, "memory", T0_NS), records))
+
+
+@pytest.mark.parametrize("name", ["triangle_line", "triangle_circle"])
+def test_the_figures_are_those_of_one_make(name: str) -> None:
+    one_make = flown(name)
+    mixed = flown(name, TrueVehicle(sysid=3, personality="ardupilot"))
+    for figure in ("formation_rms_m", "formation_max_m", "vibration_m", "altitude_rms_m"):
+        assert getattr(mixed, figure) == pytest.approx(getattr(one_make, figure), rel=WITHIN), figure
+    assert mixed.command_hash != one_make.command_hash

@@ -5,7 +5,7 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 import uvloop
@@ -16,7 +16,11 @@ from gcs.cli_common import NOT_RIGHT, REFUSED, Json, LabFile, configuration, fai
 from gcs.doctor.finding import Finding, as_dicts, failed, show
 from gcs.mocap.csv_file import MocapFileError
 
+if TYPE_CHECKING:
+    from gcs.doctor.survey import Survey
+
 SETTLE_S = 3.0
+WIDTH = 150  # of a table that is not for a terminal
 
 
 def doctor(
@@ -80,14 +84,23 @@ async def _doctor(config: LabConfig, seconds: float, still: bool, as_json: bool,
     async with surveying(config) as survey:
         findings = await examine(config, max(seconds, SETTLE_S), None if still else _prompt, survey)
         if not as_json:
-            show(findings, Console())
+            show(findings, Console(width=None if sys.stdout.isatty() else WIDTH))
         if fixing.wanted:
-            for finding in findings:
-                if finding.fix is not None and fixing.agreed(finding):
-                    taken = await survey.write(finding.fix)
-                    words = "written" if taken else "NOT taken"
-                    print(f"{finding.subject}: {finding.fix.parameter} {words}", file=sys.stderr)
+            await _write(survey, findings, fixing)
         return findings
+
+
+async def _write(survey: "Survey", findings: Sequence[Finding], fixing: _Fixing) -> None:
+    """Write what is agreed to; what was found stays found until the doctor is asked again."""
+    written = 0
+    for finding in findings:
+        if finding.fix is not None and fixing.agreed(finding):
+            taken = await survey.write(finding.fix)
+            written += taken
+            words = "written" if taken else "NOT taken"
+            print(f"{finding.subject}: {finding.fix.parameter} {words}", file=sys.stderr)
+    if written:
+        print("Restart the autopilots, some parameters count from there; then ask the doctor again.", file=sys.stderr)
 
 
 async def _logs(config: LabConfig, out: Path, newest: int, only: list[int] | None) -> list[str]:

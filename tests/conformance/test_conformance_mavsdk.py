@@ -164,10 +164,10 @@ def test_telemetry_comes_at_the_rate_asked(drone: Client) -> None:
         with drone.stream(name) as values:
             values.get(timeout=5.0)
             start = time.monotonic()
-            for _ in range(40):
+            for _ in range(round(5.0 * rate_hz)):
                 values.get(timeout=5.0)
-            found_hz = 40.0 / (time.monotonic() - start)
-        assert found_hz == pytest.approx(rate_hz, rel=0.15)
+            found_hz = 5.0 * rate_hz / (time.monotonic() - start)
+        assert found_hz == pytest.approx(rate_hz, rel=0.2)  # a stall of a second is not made up for
 
 
 def test_telemetry_says_the_same_in_every_form(drone: Client) -> None:

@@ -15,30 +15,41 @@ from wire.config_file import ConfigError, load, parse
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
+EPILOG = (
+    "`drone-agent --sysid 1 --link udp` is a drone that any MAVLink client can fly. "
+    "Exit codes: 0 done; 1 a port or a device cannot be had; 2 something given is not right."
+)
 
-@app.command()
+
+@app.command(epilog=EPILOG)
 def fly(
-    sysid: Annotated[int | None, typer.Option(help="MAVLink system, 1..250.")] = None,
-    link: Annotated[str | None, typer.Option(help="zenoh or udp.")] = None,
+    sysid: Annotated[int | None, typer.Option(help="MAVLink system, 1..250; 1 if not given.")] = None,
+    link: Annotated[
+        str | None, typer.Option(help="zenoh (if not given), or udp: from port 14580 + sysid to 14540 + sysid.")
+    ] = None,
     config: Annotated[Path | None, typer.Option(help="TOML file; other options win over it.")] = None,
     lab: Annotated[str | None, typer.Option(help="Name of the lab: the root of its keys on the bus.")] = None,
     body: Annotated[str | None, typer.Option(help="The mocap's name of this drone.")] = None,
-    personality: Annotated[str | None, typer.Option(help="px4 or ardupilot.")] = None,
+    personality: Annotated[str | None, typer.Option(help="px4 (if not given) or ardupilot.")] = None,
     bridge: Annotated[
         str | None, typer.Option(help="Bridge to a real autopilot: udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD.")
     ] = None,
-    pose: Annotated[str | None, typer.Option(help="own (simulated positioning) or mocap (external only).")] = None,
-    profile: Annotated[str | None, typer.Option(help="Vehicle: paper_40g or px4_quad.")] = None,
+    pose: Annotated[
+        str | None, typer.Option(help="own (simulated positioning, if not given) or mocap (external only).")
+    ] = None,
+    profile: Annotated[str | None, typer.Option(help="Vehicle: paper_40g (if not given) or px4_quad.")] = None,
     start: Annotated[str | None, typer.Option(help="Where it stands: x,y,z in lab metres.")] = None,
     yaw: Annotated[float | None, typer.Option(help="Where it faces, rad about lab z.")] = None,
     host: Annotated[str | None, typer.Option(help="The ground's host (udp).")] = None,
     zenoh_connect: Annotated[str | None, typer.Option(help="Endpoint of the bus, tcp/HOST:PORT.")] = None,
-    stale_setpoint: Annotated[float | None, typer.Option(help="Level after this silence, s; 0: never.")] = None,
+    stale_setpoint: Annotated[
+        float | None, typer.Option(help="Level after this silence, s; 0.1 if not given, 0: never.")
+    ] = None,
     stale_land: Annotated[float | None, typer.Option(help="Land this long after levelling, s.")] = None,
     param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE, as often as needed.")] = None,
     parameter_file: Annotated[Path | None, typer.Option(help="Keep PARAM_SET's values here.")] = None,
 ) -> None:
-    """Be one drone until Ctrl-C."""
+    """Be one simulated drone that speaks MAVLink, or with --bridge stand beside a real one; until Ctrl-C."""
     links = {"kind": link, "host": host, "zenoh_connect": None if zenoh_connect is None else [zenoh_connect]}
     options: dict[str, Any] = {
         "sysid": sysid,

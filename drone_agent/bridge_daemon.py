@@ -4,13 +4,14 @@ import asyncio
 
 from drone_agent.bridge import BridgeCore
 from drone_agent.config import AgentConfig
+from drone_agent.ground_link import open_ground_link
 from drone_agent.lifetime import Stop, Tell
 from formation.messages import Datagram, MocapFrame
 from wire.clock import monotonic_ns
 from wire.config_file import ConfigError
 from wire.link import Link
 from wire.serial_link import open_serial
-from wire.udp_bus import open_udp_direct, open_udp_drone
+from wire.udp_bus import open_udp_direct
 from wire.zenoh_bus import ZenohBus
 
 
@@ -72,10 +73,7 @@ async def run_bridge(config: AgentConfig, autopilot: str, tell: Tell) -> None:
         pump.autopilot = await _open_autopilot(autopilot, config.sysid, pump)
         bus = await ZenohBus.open(config.link, config.lab)
         bus.on_frame(pump.from_mocap)
-        if config.link.kind == "zenoh":
-            pump.ground = bus.drone_link(config.sysid, pump.from_ground)
-        else:
-            pump.ground = await open_udp_drone(config.link, config.sysid, pump.from_ground)
+        pump.ground = await open_ground_link(config, bus, pump.from_ground)
         pump.turn()
         await stop.wait()
     finally:
@@ -88,9 +86,14 @@ async def run_bridge(config: AgentConfig, autopilot: str, tell: Tell) -> None:
 
 
 async def _open_autopilot(text: str, sysid: int, pump: _Pump) -> Link:
+    kind = text.partition(":")[0]
     try:
-        if text.startswith("serial:"):
+        if kind == "serial":
             return await open_serial(text, sysid, pump.from_autopilot)
-        return await open_udp_direct(text, sysid, pump.from_autopilot)
+        if kind in ("udp", "udpin", "udpout"):
+            return await open_udp_direct(text, sysid, pump.from_autopilot)
     except ValueError as error:
-        raise ConfigError([f"bridge: {error}"]) from error
+        raise ConfigError([f"drone-agent: bridge: {error}"]) from error
+    except OSError as error:
+        raise OSError(f"bridge {text}: {error.strerror or error}") from error
+    raise ConfigError([f"drone-agent: bridge: {text!r} is not udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD"])

@@ -5,12 +5,12 @@ import asyncio
 from drone_agent import parameter_file
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
+from drone_agent.ground_link import open_ground_link
 from drone_agent.lifetime import Stop, Tell
 from formation.messages import Datagram, MocapFrame
 from wire.clock import monotonic_ns
 from wire.config_file import ConfigError
 from wire.link import Link
-from wire.udp_bus import open_udp_drone
 from wire.zenoh_bus import ZenohBus
 
 
@@ -65,10 +65,7 @@ async def run(config: AgentConfig, tell: Tell) -> None:
         if uses_bus:
             pump.bus = await ZenohBus.open(config.link, config.lab)
             pump.bus.on_frame(pump.take)
-        if config.link.kind == "zenoh" and pump.bus is not None:
-            pump.link = pump.bus.drone_link(config.sysid, pump.take)
-        else:
-            pump.link = await open_udp_drone(config.link, config.sysid, pump.take)
+        pump.link = await open_ground_link(config, pump.bus, pump.take)
         pump.turn()
         await stop.wait()
     finally:
@@ -86,6 +83,6 @@ def _core(config: AgentConfig) -> AgentCore:
     try:
         core = AgentCore(config, monotonic_ns())
     except ValueError as error:
-        raise ConfigError([f"parameters: {error}"]) from error
+        raise ConfigError([f"drone-agent: parameters: {error}"]) from error
     core.truth(monotonic_ns())
     return core

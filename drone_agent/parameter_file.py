@@ -8,7 +8,12 @@ from wire.config_file import ConfigError
 
 
 def read(path: Path) -> dict[str, float]:
-    """The values in the file, none if it is not there yet; ConfigError names the line that is wrong."""
+    """The values in the file, none if it is not there yet; ConfigError names the line that is wrong.
+
+    A folder that is not there is an error now, not when the first value is to be kept.
+    """
+    if not path.parent.is_dir():
+        raise ConfigError([f"{path}: no such folder"])
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except FileNotFoundError:

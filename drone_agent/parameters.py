@@ -44,7 +44,7 @@ class Parameters:
         """Counts the changes."""
         for name, value in values.items():
             if not self.set(name, value):
-                raise ValueError(f"unknown parameter {name!r}, or {value!r} is no value for it")
+                raise ValueError(f"{name!r} is unknown to this autopilot, or {value:g} is no value for it")
 
     def __len__(self) -> int:
         return len(self._specs)

@@ -3,12 +3,30 @@
 Reading files is `wire.config_file`'s work; simulation scenarios extend this in `sim.scenario`.
 """
 
+import re
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from formation.model import NO_ROTATION, Model, Positive, QuatTuple, SysId, Vec3Tuple
 from formation.vehicle import VehicleProfile, profile
+
+
+def _own_link(text: str) -> str:
+    if re.fullmatch(r"(udp|udpin|udpout):[^:\s]+:\d{1,5}", text) is None:
+        raise ValueError("not udp:HOST:PORT, udpin:HOST:PORT or udpout:HOST:PORT")
+    return text
+
+
+def _endpoint(text: str) -> str:
+    if re.fullmatch(r"[a-z-]+/\S+", text) is None:
+        raise ValueError("not an endpoint such as tcp/127.0.0.1:7447")
+    return text
+
+
+OwnLink = Annotated[str, AfterValidator(_own_link)]
+Endpoint = Annotated[str, AfterValidator(_endpoint)]
+PortBase = Annotated[int, Field(ge=0, le=65_535 - 250)]
 
 
 class MocapConfig(Model):
@@ -24,6 +42,12 @@ class MocapConfig(Model):
     q_lab_from_mocap: QuatTuple = NO_ROTATION
     origin_lab_m: Vec3Tuple = (0.0, 0.0, 0.0)
 
+    @model_validator(mode="after")
+    def _has_its_file(self) -> Self:
+        if self.source in ("csv", "mcap") and not self.file:
+            raise ValueError(f'source "{self.source}" needs `file`, the recording to play')
+        return self
+
 
 class VehicleBody(Model):
     """One rigid body the mocap sees: its name, its drone (if commanded) and its marker frame's alignment.
@@ -36,7 +60,7 @@ class VehicleBody(Model):
     sysid: SysId | None = None
     profile: str = "paper_40g"
     q_marker_from_flu: QuatTuple = NO_ROTATION
-    link: str | None = None
+    link: OwnLink | None = None
     spawn_lab_m: Vec3Tuple = (0.0, 0.0, 0.0)
 
 
@@ -115,10 +139,10 @@ class LinkConfig(Model):
 
     kind: Literal["zenoh", "udp"] = "zenoh"
     host: str = "127.0.0.1"
-    ground_port_base: int = 14540
-    drone_port_base: int = 14580
-    zenoh_listen: tuple[str, ...] = ()
-    zenoh_connect: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
+    ground_port_base: PortBase = 14540
+    drone_port_base: PortBase = 14580
+    zenoh_listen: tuple[Endpoint, ...] = ()
+    zenoh_connect: tuple[Endpoint, ...] = ("tcp/127.0.0.1:7447",)
 
 
 class LabConfig(Model):

@@ -43,8 +43,16 @@ def run(
     config = configuration(lab)
     path = log or Path("runs") / f"{config.name}-{clock.unix_us() // 1_000_000}.mcap"
     metadata = {"link": config.link.kind, "versions": f"mavlink-formation {version('mavlink-formation')}"}
-    metadata |= {key: value for key, _, value in (item.partition("=") for item in tag or ())}
+    metadata |= _tags(tag or [])
     serve(config, path, name, metadata, force, as_json)
+
+
+def _tags(items: list[str]) -> dict[str, str]:
+    pairs = [item.partition("=") for item in items]
+    for key, equals, _ in pairs:
+        if not key or not equals:
+            raise typer.BadParameter(f"{key!r} is not KEY=VALUE", param_hint="--tag")
+    return {key: value for key, _, value in pairs}
 
 
 operator_cli.register(app)

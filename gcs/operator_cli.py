@@ -24,7 +24,7 @@ from wire.zenoh_bus import BusError, ZenohBus
 ARMING_S, ANSWER_S = 20.0, 3.0
 
 Lab = Annotated[Path | None, typer.Option("--lab", help="lab.toml, for its name and bus; without it the defaults.")]
-Timeout = Annotated[float, typer.Option("--timeout", help="Seconds to wait for the answer.")]
+Timeout = Annotated[float, typer.Option("--timeout", min=0.01, help="Seconds to wait for the answer.")]
 
 
 def register(app: typer.Typer) -> None:

@@ -25,7 +25,7 @@ WIDTH = 150  # of a table that is not for a terminal
 
 def doctor(
     lab: LabFile,
-    seconds: Annotated[float, typer.Option(help="How long to listen to mocap and drones.")] = 5.0,
+    seconds: Annotated[float, typer.Option(min=0.0, help="How long to listen to mocap and drones.")] = 5.0,
     still: Annotated[bool, typer.Option("--still", help="Skip the moves by hand that prove axes and names.")] = False,
     fix: Annotated[bool, typer.Option("--fix", help="Offer to write every parameter that is not as wanted.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="With --fix: write without asking.")] = False,

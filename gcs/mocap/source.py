@@ -29,9 +29,7 @@ async def serve_frames(config: LabConfig, bus: ZenohBus, deliver: Deliver) -> No
     if mocap.source == "zenoh":
         bus.on_frame(deliver)
         return
-    if mocap.file is None:
-        raise MocapFileError(Path("lab.toml"), None, f'mocap.source is "{mocap.source}", but mocap.file is not set')
-    path = Path(mocap.file)
+    path = Path(mocap.file or "")
     played = csv_frames(path, config) if mocap.source == "csv" else mcap_frames(path)
     await play(played, round(mocap.delay_s * 1e9), deliver)
 

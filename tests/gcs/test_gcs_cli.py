@@ -13,6 +13,7 @@ from gcs.__main__ import app
 from wire.mcap_log import check_log
 
 runner = CliRunner()
+PATIENT = ("--timeout", "50")
 LAB = """
 name = "{name}"
 [mocap]
@@ -63,6 +64,38 @@ def test_a_lab_file_that_is_missing():
     result = runner.invoke(app, ["run", "/nowhere/lab.toml"])
     assert result.exit_code == 2
     assert "/nowhere/lab.toml" in result.output
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (("sysid = 2", 'sysid = 2\nlink = "tcp:1"'), "followers[0].link: not udp:HOST:PORT"),
+        (("offset_m", "# offset_m"), "followers[0].offset_m: is missing"),
+        (('file = "', '# "'), 'mocap: source "csv" needs `file`'),
+        (('zenoh_connect = ["tcp/', 'zenoh_connect = ["'), "link.zenoh_connect[0]: not an endpoint"),
+        (("sysid = 2", "sysid = 251"), "followers[0].sysid: "),
+        (('body = "left"', 'body = "lead"'), "two vehicles share a body name"),
+    ],
+)
+def test_a_wrong_value_is_named_with_file_and_key(tmp_path, wrong, words):
+    lab = _lab(tmp_path)
+    lab.write_text(lab.read_text().replace(*wrong))
+    for command in ("run", "doctor", "logs"):
+        result = runner.invoke(app, [command, str(lab)])
+        assert result.exit_code == 2
+        assert result.output.startswith(f"gcs: {lab}: ")
+        assert words in result.output
+        assert len(result.output.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "options",
+    [["arm", "--timeout", "-1"], ["doctor", "lab.toml", "--seconds", "-1"], ["run", "lab.toml", "--tag", "x"]],
+)
+def test_an_option_out_of_range_is_exit_code_two(tmp_path, monkeypatch, options):
+    _lab(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    assert runner.invoke(app, options).exit_code == 2
 
 
 def test_a_recording_that_is_not_right_is_exit_code_two(tmp_path):
@@ -117,18 +150,18 @@ def test_a_ground_answers_other_processes_and_ends_on_a_signal(tmp_path):
     command = [sys.executable, "-m", "gcs", "run", str(_lab(tmp_path, listen=True)), "--log", str(log), "--json"]
     ground = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:
-        told = _gcs("status", "--lab", lab, "--json", "--timeout", "50")
+        told = _gcs("status", "--lab", lab, "--json", *PATIENT)
         assert told.returncode == 0, told.stderr
         status = json.loads(told.stdout)
         assert status["phase"] == "GROUND"
         assert status["counters"]["frames"] > 0
-        assert "GROUND" in _gcs("status", "--lab", lab).stdout
-        refused = _gcs("arm", "--lab", lab)
+        assert "GROUND" in _gcs("status", "--lab", lab, *PATIENT).stdout
+        refused = _gcs("arm", "--lab", lab, *PATIENT)
         assert refused.returncode == 1
         assert "left: no heartbeat (last heard never)" in refused.stderr
-        refused = _gcs("shape", "heptagon", "--lab", lab, "--json")
+        refused = _gcs("shape", "heptagon", "--lab", lab, "--json", *PATIENT)
         assert (refused.returncode, json.loads(refused.stdout)["accepted"]) == (1, False)
-        assert _gcs("stop", "--lab", lab).returncode == 0
+        assert _gcs("stop", "--lab", lab, *PATIENT).returncode == 0
         ground.send_signal(signal.SIGINT)
         output, _ = ground.communicate(timeout=30)
         assert ground.returncode == 0

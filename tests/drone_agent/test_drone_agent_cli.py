@@ -1,0 +1,61 @@
+"""The command line: bad input is one line that names what is wrong, and exit code 2."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from drone_agent.__main__ import app
+
+runner = CliRunner()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--sysid", "300"], "sysid: "),
+        (["--link", "tcp"], "link.kind: "),
+        (["--start", "1,2"], "start_lab_m[2]: is missing"),
+        (["--personality", "betaflight"], "personality: "),
+        (["--profile", "nope"], "known: paper_40g, px4_quad"),
+        (["--param", "NO_SUCH=1"], "parameters: 'NO_SUCH' is unknown"),
+        (["--param", "COM_OF_LOSS_T=soon"], "parameters.COM_OF_LOSS_T: "),
+        (["--bridge", "tcp:there:1"], "is not udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD"),
+        (["--bridge", "udp:127.0.0.1:99999"], "bridge: 'udp:127.0.0.1:99999' is not"),
+        (["--bridge", "serial:/dev/ttyUSB0"], "is not serial:DEV:BAUD"),
+        (["--zenoh-connect", "there"], "link.zenoh_connect[0]: not an endpoint such as tcp/127.0.0.1:7447"),
+        (["--config", "/nowhere/uav.toml"], "/nowhere/uav.toml: No such file"),
+        (["--parameter-file", "/nowhere/uav.parm"], "/nowhere/uav.parm: no such folder"),
+    ],
+)
+def test_what_is_not_right_is_named_in_one_line(options: list[str], words: str) -> None:
+    result = runner.invoke(app, options)
+    assert result.exit_code == 2
+    assert words in result.output
+    assert len(result.output.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--bridge", "serial:/dev/no-such-line:57600"], "bridge serial:/dev/no-such-line:57600: "),
+        (["--link", "udp", "--host", "no host"], "link to no host, own port 14581: "),
+    ],
+)
+def test_what_cannot_be_had_is_named(options: list[str], words: str) -> None:
+    result = runner.invoke(app, options)
+    assert result.exit_code == 1
+    assert words in result.output
+
+
+def test_a_key_of_the_file_is_named(tmp_path: Path) -> None:
+    config = tmp_path / "uav.toml"
+    config.write_text("speed_kmh = 3\n")
+    result = runner.invoke(app, ["--config", str(config)])
+    assert (result.exit_code, result.output) == (2, f"{config}: speed_kmh: is not a known key\n")
+
+
+def test_help_tells_the_defaults_and_the_exit_codes() -> None:
+    shown = " ".join(runner.invoke(app, ["--help"]).output.replace("│", " ").split())
+    for words in ("zenoh (if not given)", "serial:DEV:BAUD", "any MAVLink client can fly", "Exit codes: 0 done"):
+        assert words in shown

@@ -65,6 +65,7 @@ def fly(
     seed: Seed = None,
     leader_csv: LeaderCsv = None,
     leader_alignment: Alignment = None,
+    force: Annotated[bool, typer.Option("--force", help="Fly a preset whose delay margin the ground refuses.")] = False,
     json_file: Json = None,
     out: Out = None,
 ) -> None:
@@ -78,7 +79,9 @@ def fly(
     with Display(console, scenario.name) as display:
         display.say("compiling")
         lockstep.warm_up(scenario)
-        flown = asyncio.run(_interruptible(fly_processes(scenario, _seed(seed, scenario), files, display.progress)))
+        flown = asyncio.run(
+            _interruptible(fly_processes(scenario, _seed(seed, scenario), files, display.progress, force))
+        )
     outcome = flown or Outcome("aborted", "interrupted")
     if not files.mcap.exists():
         _fail(f"no log was written: {outcome.reason} (see {files.folder})", ABORTED)

@@ -86,10 +86,10 @@ class Trace:
 class Score:
     """One flight's numbers; NaN where this experiment does not tell.
 
-    max_dev_m: largest deviation in x of each pass of the gust, mean over the passes; settle_s: from the end of each
-    push until the deviation stays within 1 cm (at most until the next push), mean; z3_error_m_s2: RMS of Z3 against
-    the true push, x; chatter_deg: RMS change of the commanded tilt from tick to tick, in hover before the gust;
-    rms_m, vibration_m: analysis.metrics.
+    max_dev_m: largest deviation in x while the gust sweeps; settle_s: from the end of each push until the deviation
+    stays within 1 cm (at most until the next push), mean; z3_error_m_s2: RMS of Z3 against the true push, x;
+    chatter_deg: RMS change of the commanded tilt from tick to tick, in hover before the gust; rms_m, vibration_m:
+    analysis.metrics.
     """
 
     outcome: str
@@ -120,14 +120,18 @@ def fly(job: Job) -> Score:
     scenario = scenario_of(job)
     flown, records = lockstep.run_in_memory(scenario, job.seed)
     flight = from_records(lockstep.metadata(scenario, job.seed, "memory", T0_NS), records)
+    return measure(flight, scenario, flown.outcome.result, job.traced)
+
+
+def measure(flight: Flight, scenario: Scenario, outcome: str, traced: bool = False) -> Score:
+    """The numbers of a flight of that scenario; those of the gust only where a fan blows."""
     summary = summarise(flight)
-    gust = _gust_numbers(flight, scenario) if job.experiment is Experiment.GUST else (np.nan,) * 4
     return Score(
-        flown.outcome.result,
-        *gust,
+        outcome,
+        *_gust_numbers(flight, scenario),
         np.nan if summary.formation_rms_m is None else summary.formation_rms_m,
         np.nan if summary.vibration_m is None else summary.vibration_m,
-        _trace(flight) if job.traced else None,
+        _trace(flight) if traced else None,
     )
 
 
@@ -152,7 +156,7 @@ def _gust_numbers(flight: Flight, scenario: Scenario) -> tuple[float, float, flo
     error = (estimated - push[at_state])[during]
     passes = _passes(np.abs(push[blowing]))
     return (
-        _largest(deviation_m, passes),
+        float(deviation_m.max()),
         _settling(t_s, deviation_m, passes),
         float(np.sqrt(np.mean(error**2))),
         _chatter_deg(flight, spans[0].start_s, fan.start_s),
@@ -166,11 +170,6 @@ def _passes(push_m_s2: Float) -> list[tuple[int, int, int]]:
     ends = np.flatnonzero(pushed[:-1] & ~pushed[1:]) + 1
     nexts = np.append(begins[1:], len(push_m_s2))
     return [(int(b), int(ends[ends > b][0]), int(n)) for b, n in zip(begins, nexts, strict=True) if np.any(ends > b)]
-
-
-def _largest(deviation_m: Float, passes: list[tuple[int, int, int]]) -> float:
-    """Mean over the passes of the largest deviation in each."""
-    return float(np.mean([deviation_m[begin:after].max() for begin, _, after in passes])) if passes else np.nan
 
 
 def _settling(t_s: Float, deviation_m: Float, passes: list[tuple[int, int, int]]) -> float:

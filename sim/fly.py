@@ -69,7 +69,7 @@ class Running:
 
 
 @asynccontextmanager
-async def running(scenario: Scenario, seed: int, files: Files) -> AsyncIterator[Running]:
+async def running(scenario: Scenario, seed: int, files: Files, force: bool = False) -> AsyncIterator[Running]:
     """All processes of the scenario, logging into `files`; on leaving the ground is stopped first, and lands."""
     _write(files.scenario, scenario)
     _write(files.lab, scenario.lab)
@@ -80,7 +80,7 @@ async def running(scenario: Scenario, seed: int, files: Files) -> AsyncIterator[
             _write(file, config.model_copy(update={"truth_rate_hz": TRUTH_RATE_HZ}))
             await group.start(f"agent-{config.sysid}", "drone_agent", ["--config", str(file)])
         tags = ("--tag", f"scenario={scenario.name}", "--tag", f"seed={seed}")
-        arguments = ["run", str(files.lab), "--log", str(files.mcap), *tags]
+        arguments = ["run", str(files.lab), "--log", str(files.mcap), *tags, *(["--force"] if force else [])]
         ground = await group.start("gcs", "gcs", arguments, patience_s=LANDING_PATIENCE_S)
         bus = await ZenohBus.open(scenario.lab.link, scenario.lab.name)
         try:
@@ -89,14 +89,15 @@ async def running(scenario: Scenario, seed: int, files: Files) -> AsyncIterator[
             await bus.close()
 
 
-async def fly(scenario: Scenario, seed: int, files: Files, progress: Progress) -> Outcome:
+async def fly(scenario: Scenario, seed: int, files: Files, progress: Progress, force: bool = False) -> Outcome:
     """Fly the scenario (its lab says over which link) to its end; every process is gone at return.
 
     Cancelling it (Ctrl-C) lands the drones and stops the processes as cleanly. A process that dies in flight is an
-    outcome, not an error. Raises what a wrong scenario raises, and BusError.
+    outcome, not an error. force: gains whose delay margin the ground would refuse are flown all the same.
+    Raises what a wrong scenario raises, and BusError.
     """
     operator = Operator(scenario.script, leader_seconds(scenario, recorded_leader(scenario)))
-    async with running(scenario, seed, files) as flight:
+    async with running(scenario, seed, files, force) as flight:
         return await _first(flight.group.watch(), operate(flight.bus, operator, scenario.longest_s, progress))
 
 

@@ -11,13 +11,13 @@ import numpy as np
 from analysis.load import Flight, from_records
 from analysis.metrics import Summary, summarise
 from formation.arrays import Bool
-from formation.config import Fence, LabConfig
+from formation.config import Fence
 from formation.messages import Phase
 from formation.vehicle import VehicleProfile, profile
 from sim import lockstep
 from sim.experiments import FORMATION_S, SCENARIOS, Experiment
 from sim.mocap import EmulatorConfig, Gap
-from sim.scenario import LinkModel, Scenario, TrueVehicle, load
+from sim.scenario import LinkModel, Scenario, TrueVehicle, flown_by, load
 from sim.world import T0_NS
 
 MASS = INERTIA = 0.3
@@ -61,13 +61,14 @@ def scenario_of(draw: Draw) -> Scenario:
     rng = np.random.default_rng([draw.seed, 5])
     experiment = list(Experiment)[int(rng.integers(len(Experiment)))]
     scenario = load(SCENARIOS[experiment])
-    lab = _lab(scenario.lab, draw)
+    believed = profile(draw.profile)
+    lab = flown_by(scenario.lab, believed, draw.preset)
     delay = rng.uniform(1.0, DELAY_MAX)
     vehicles = tuple(
         TrueVehicle(
             sysid=v.sysid,
             start=scenario.true_vehicle(v.sysid).start,
-            vehicle=_vehicle(profile(draw.profile), delay, rng),
+            vehicle=_vehicle(believed, delay, rng),
         )
         for v in lab.vehicles
         if v.sysid is not None
@@ -118,13 +119,6 @@ def percentile_m(samples: Sequence[Sample], percent: float) -> float:
     """Of the formation RMS over line and circle."""
     errors = [s.rms_m for s in samples if s.experiment is not Experiment.GUST and np.isfinite(s.rms_m)]
     return float(np.percentile(errors, percent)) if errors else np.nan
-
-
-def _lab(lab: LabConfig, draw: Draw) -> LabConfig:
-    """The lab as the ground is told: every drone of the draw's profile, under its preset."""
-    leader = lab.leader.model_copy(update={"profile": draw.profile})
-    followers = tuple(f.model_copy(update={"profile": draw.profile}) for f in lab.followers)
-    return lab.model_copy(update={"leader": leader, "followers": followers, "control_preset": draw.preset})
 
 
 def _vehicle(

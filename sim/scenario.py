@@ -16,6 +16,7 @@ from formation.arrays import Vec3
 from formation.config import FollowerConfig, LabConfig
 from formation.disturbance import Disturbance
 from formation.model import Model, Positive, QuatTuple, SysId, Vec3Tuple
+from formation.vehicle import VehicleProfile
 from gcs.mocap.csv_file import read_recording
 from sim.mocap import EmulatorConfig, NotNegative, Share
 from sim.playback import Playback
@@ -123,6 +124,15 @@ def with_leader_file(scenario: Scenario, file: str | None, q_marker_from_flu: Qu
     if file is not None:
         update["leader"] = scenario.leader.model_copy(update={"file": file})
     return scenario.model_copy(update=update)
+
+
+def flown_by(lab: LabConfig, vehicle: VehicleProfile, preset: str) -> LabConfig:
+    """The lab with every drone believed to be `vehicle`, under a control preset."""
+    leader = lab.leader.model_copy(update={"profile": vehicle.name})
+    followers = tuple(follower.model_copy(update={"profile": vehicle.name}) for follower in lab.followers)
+    return lab.model_copy(
+        update={"profiles": (vehicle,), "leader": leader, "followers": followers, "control_preset": preset}
+    )
 
 
 def recorded_leader(scenario: Scenario) -> Playback | None:

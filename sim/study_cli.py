@@ -1,4 +1,4 @@
-"""The studies of `gcs-sim`: `paper`, `robustness`; many lockstep flights, a table, files for scripts."""
+"""The studies of `gcs-sim`: `paper`, `robustness`, `tune`; many lockstep flights, a table, files for scripts."""
 
 import json
 from dataclasses import asdict
@@ -12,12 +12,18 @@ from rich.table import Table
 
 from analysis.console import print_summary
 from analysis.load import load as load_log
+from formation.control.presets import preset_for
+from formation.vehicle import VehicleProfile
+from formation.vehicle import profile as shipped_profile
 from sim import lockstep, paper, paper_page, robustness
 from sim.batch import progress_bar, run_all
 from sim.conclude import conclude
 from sim.robustness import Draw, Sample
+from sim.tune import Candidate, Task, tune
+from wire.config_file import ConfigError, dump
+from wire.config_file import load as load_config
 
-FAILED = 1
+FAILED, NOT_RIGHT = 1, 2
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -75,6 +81,52 @@ def robust(
     console.print(f"RMS on line and circle: median {median_mm:.2f} mm, 95 % under {high_mm:.2f} mm", highlight=False)
     if failures:
         raise typer.Exit(FAILED)
+
+
+@app.command("tune")
+def tune_vehicle(
+    vehicle: Annotated[
+        str, typer.Argument(metavar="PROFILE", help="A shipped vehicle's name, or a profile's TOML file.")
+    ],
+    rate_hz: Annotated[float, typer.Option("--rate", help="Mocap frames a second.")] = 100.0,
+    delay_s: Annotated[float, typer.Option("--delay", help="Mocap delay, s.")] = 0.008,
+    noise_m: Annotated[float, typer.Option("--noise", help="Mocap noise, m.")] = 0.0001,
+    out: Annotated[Path | None, typer.Option(help="Write the tuned profile here, to go under [[profiles]].")] = None,
+) -> None:
+    """Find the pace of a vehicle's loops: gains, observer bandwidth and compensation, judged in flight."""
+    console = Console()
+    try:
+        profile = load_config(Path(vehicle), VehicleProfile) if Path(vehicle).exists() else shipped_profile(vehicle)
+    except (ConfigError, ValueError) as error:
+        console.print(f"gcs-sim: {error}", style="red", markup=False, highlight=False)
+        raise typer.Exit(NOT_RIGHT) from error
+    task = Task(profile, rate_hz, delay_s, noise_m)
+    with console.status("the rule's own pace") as status:
+
+        def told(candidate: Candidate) -> None:
+            status.update(f"cost {candidate.cost:.2f}")
+            console.print(f"cost {candidate.cost:7.2f}  {_pace(candidate)}", highlight=False)
+
+        first, best = tune(task, told)
+    console.print(f"by the rule {first.cost:.2f}, tuned {best.cost:.2f}; {best.margin}", highlight=False)
+    tuned = profile.model_copy(update={"pace": best.pace})
+    gains = preset_for("default", tuned, task.mocap)
+    console.print(f"law {gains.follower}\nobserver {gains.observer}", highlight=False)
+    if out is not None:
+        out.write_text(dump(tuned), encoding="utf-8")
+    else:
+        console.print(f"\n\\[profiles.pace]\n{dump(best.pace)}", highlight=False)
+    if not np.isfinite(best.cost):
+        raise typer.Exit(FAILED)
+
+
+def _pace(candidate: Candidate) -> str:
+    """The factors in words."""
+    pace = candidate.pace
+    return (
+        f"sideways {pace.sideways:.2f}, observer {pace.observer:.2f}, upwards {pace.upwards:.2f}, "
+        f"compensation {pace.compensation:.2f}"
+    )
 
 
 def _again(draw: Draw, out: Path, console: Console) -> Sample:

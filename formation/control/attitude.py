@@ -157,14 +157,15 @@ def bound_force(force: Float, lift_most: float, tilt_max_rad: float) -> float:
 
 
 @kernel
-def bound_turn(force: Float, now: Float, authority: float) -> None:
+def bound_turn(force: Float, now: Float, authority: float, full: float) -> None:
     """Keeps the horizontal force asked for within what the motors can turn to from the one expected `now` (3).
 
-    Beyond it the attitude loop saturates, cannot brake in time and overshoots. authority: see `turn_authority`.
+    Beyond it the attitude loop saturates, cannot brake in time and overshoots, and a mixer that puts attitude first
+    takes the torque out of the lift. authority: see `turn_authority`; full: specific force of full thrust.
     """
     dx, dy = force[0] - now[0], force[1] - now[1]
     size = sqrt(dx * dx + dy * dy)
-    most = authority * force[2] * force[2]
+    most = authority * force[2] * max(min(force[2], full - force[2]), 0.0)
     if size > most:
         force[0] = now[0] + dx * most / size
         force[1] = now[1] + dy * most / size
@@ -208,7 +209,7 @@ def _attitude(
         met = bound_force(aim, LIFT_MOST * full, tilt_max)
         met_later = bound_force(felt, LIFT_MOST * full, LEAD_TILT_RAD if by_rate else tilt_max)
         saturation[i] = bits + (met if by_rate else max(met, met_later))
-        bound_turn(felt, force[i], body[i, 5])
+        bound_turn(felt, force[i], body[i, 5], full)
         for axis in range(3):
             turn[axis] = felt[axis] - aim[axis]
         if by_rate:

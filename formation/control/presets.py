@@ -8,7 +8,7 @@ from formation.config import MocapConfig
 from formation.control.feedback import AxisGains, CascadeGains, GeometricGains, Law, SlidingGains
 from formation.control.law import Quickness
 from formation.estimate import ObserverGains, Vigilance
-from formation.vehicle import VehicleProfile
+from formation.vehicle import Pace, VehicleProfile
 
 ALWAYS_CALM, AS_IS = Vigilance(), Quickness()
 WATCHFUL = Vigilance(lag_s=0.05, threshold=3.0, most=4.0, bandwidth_power=1.0, habit=0.0)
@@ -55,10 +55,12 @@ class Preset:
     leader_quickness: Quickness = AS_IS
 
 
+SIDEWAYS_S, UPWARDS_S = 0.121, 0.058
+"""Camera to felt force, by attitude and by thrust, where the gains were found (paper_40g, 100 Hz)."""
 PRINTED_ALPHA, PRINTED_EPS = -2.0 / 9.0, -0.49
 PRINTED_FTESO = ObserverGains(70.0, PRINTED_ALPHA, scale=1.0, smooth=0.0)
 LEADER_PID = CascadeGains(2.0, 4.0, 1.0)
-HEIGHT = SlidingGains(Law.CFC, c=4.0, p1=6.0, p2=1.2, eps=-0.15, smooth_m_s=0.35)
+HEIGHT = SlidingGains(Law.CFC, c=8.0, p1=10.0, p2=3.0, eps=-0.15, smooth_m_s=0.35)
 CALM_OBSERVER = ObserverGains(18.0, -0.1, 0.004)
 
 DEFAULT = Preset(
@@ -72,14 +74,15 @@ DEFAULT = Preset(
     own_observer=CALM_OBSERVER,
     vertical_observer=CALM_OBSERVER,
     heading_observer=ObserverGains(8.0, -0.1, 0.02),
-    seen_observer=ObserverGains(25.0, -0.1, 0.004),
-    seen_vertical_observer=ObserverGains(40.0, -0.1, 0.004),
-    seen_heading_observer=ObserverGains(25.0, -0.1, 0.02),
+    seen_observer=ObserverGains(12.0, -0.1, 0.004),
+    seen_vertical_observer=ObserverGains(20.0, -0.1, 0.004),
+    seen_heading_observer=ObserverGains(10.0, -0.1, 0.02),
+    turn_trust=0.6,
     dead_share=0.75,
     lag_share=0.62,
     attitude_trust=0.65,
-    vigilance=Vigilance(lag_s=0.4, threshold=1.7, most=5.8, bandwidth_power=1.02, habit=0.04),
-    quickness=Quickness(rate=1.2, gain=1.64, gain_power=0.255, p1_power=0.63),
+    vigilance=Vigilance(lag_s=0.1, threshold=1.7, most=5.8, bandwidth_power=1.02, habit=0.04),
+    quickness=Quickness(rate=1.2, gain=1.64, gain_power=0.255, p1_power=0.63, lead_share=0.5),
 )
 PAPER_CFC = replace(
     DEFAULT,
@@ -104,9 +107,44 @@ PRESETS: Mapping[str, Preset] = MappingProxyType(
 )
 
 
-def preset_for(name: str, _profile: VehicleProfile, _mocap: MocapConfig) -> Preset:
-    """The preset of that name as this vehicle and these cameras should fly it; ValueError names the known ones."""
-    return preset(name)
+def preset_for(name: str, profile: VehicleProfile, mocap: MocapConfig) -> Preset:
+    """The preset of that name as this vehicle and these cameras should fly it; ValueError names the known ones.
+
+    The printed gains are what they are; all others follow the vehicle (`paced`).
+    """
+    gains = preset(name)
+    return gains if gains.name.startswith("paper") else paced(gains, profile, mocap)
+
+
+def pace_of(profile: VehicleProfile, mocap: MocapConfig) -> Pace:
+    """How fast a vehicle's loops are flown: as it was tuned, else in inverse proportion to the loop's delay.
+
+    A loop that is already slow enough is left as it is.
+    """
+    if profile.pace is not None:
+        return profile.pace
+    wait_s = mocap.delay_s + 1.5 / mocap.rate_hz
+    sideways = min(1.0, SIDEWAYS_S / (wait_s + profile.response_dead_time_s + profile.response_lag_s))
+    upwards = min(1.0, UPWARDS_S / (wait_s + profile.thrust_dead_time_s + profile.thrust_lag_s))
+    return Pace(sideways=sideways, observer=sideways, upwards=upwards)
+
+
+def paced(gains: Preset, profile: VehicleProfile, mocap: MocapConfig) -> Preset:
+    """Gains made for the paper's vehicle at the pace of another's loops, from camera to felt force."""
+    pace = pace_of(profile, mocap)
+    return replace(
+        gains,
+        follower=gains.follower.paced(pace.sideways),
+        follower_vertical=gains.follower_vertical.paced(pace.upwards),
+        leader=gains.leader.paced(pace.sideways),
+        leader_vertical=gains.leader_vertical.paced(pace.upwards),
+        observer=gains.observer.paced(pace.observer),
+        own_observer=gains.own_observer.paced(pace.observer),
+        vertical_observer=gains.vertical_observer.paced(pace.upwards),
+        vigilance=replace(gains.vigilance, most=1.0 + pace.observer * (gains.vigilance.most - 1.0)),
+        dead_share=pace.compensation * gains.dead_share,
+        lag_share=pace.compensation * gains.lag_share,
+    )
 
 
 def preset(name: str) -> Preset:

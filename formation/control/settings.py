@@ -24,7 +24,7 @@ def estimator_settings(
         np.array([_row(_horizontal(g, i == 0, bool(seen[i]))) for i, g in enumerate(gains)]),
         np.array([_row(g.seen_vertical_observer if seen[i] else g.vertical_observer) for i, g in enumerate(gains)]),
         np.array([_row(g.seen_heading_observer if seen[i] else g.heading_observer) for i, g in enumerate(gains)]),
-        np.array([[p.response_dead_time_s, p.response_lag_s, p.thrust_dead_time_s, p.thrust_lag_s] for p in profiles]),
+        np.array([_response(p, g) for p, g in zip(profiles, gains, strict=True)]),
         own,
         np.array([_manner(g, bool(seen[i])) for i, g in enumerate(gains)]),
     )
@@ -72,6 +72,14 @@ def _horizontal(gains: Preset, leads: bool, seen: bool) -> ObserverGains:
 
 def _row(gains: ObserverGains) -> Float:
     return np.array([gains.bandwidth_rad_s, gains.alpha, gains.scale, gains.smooth])
+
+
+def _response(profile: VehicleProfile, gains: Preset) -> Float:
+    """What is counted on of a vehicle's answer to attitude and thrust."""
+    return np.array(
+        [gains.dead_share * profile.response_dead_time_s, gains.lag_share * profile.response_lag_s,
+         profile.thrust_dead_time_s, profile.thrust_lag_s]
+    )  # fmt: skip
 
 
 def _manner(gains: Preset, seen: bool) -> Float:

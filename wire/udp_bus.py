@@ -18,6 +18,7 @@ _MAGICS = (0xFD, 0xFE)
 _LARGEST = 65536
 _READS_A_WAKE = 64  # a flood on one socket must not starve the rest of the loop
 _TALKERS = 4
+_DIRECT_PORT_BASE = 14800
 
 
 class _Port:
@@ -132,6 +133,8 @@ async def open_udp_direct(link: str, sysid: int, deliver: Deliver) -> UdpLink:
     """A link to one autopilot's own telemetry port. Raises OSError, and ValueError for text that is no such link.
 
     link: "udp:HOST:PORT" or "udpout:HOST:PORT" sends there; "udpin:HOST:PORT" binds there and answers the last sender.
+    Autopilots answer the port that first spoke to them, PX4 for its whole life: what sends there sends from the same
+    port in every run, where that is free.
     """
     kind, _, where = link.partition(":")
     host, _, port = where.rpartition(":")
@@ -142,7 +145,11 @@ async def open_udp_direct(link: str, sysid: int, deliver: Deliver) -> UdpLink:
     if kind == "udpin":
         endpoint = _Port(address, [], 1, sysid, deliver, counters)
     else:
-        endpoint = _Port((_bind_host(address[0]), 0), [address], 0, sysid, deliver, counters)
+        own_host = _bind_host(address[0])
+        try:
+            endpoint = _Port((own_host, _DIRECT_PORT_BASE + sysid), [address], 0, sysid, deliver, counters)
+        except OSError:
+            endpoint = _Port((own_host, 0), [address], 0, sysid, deliver, counters)
     return UdpLink({sysid: endpoint}, counters)
 
 

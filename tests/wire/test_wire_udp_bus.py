@@ -227,6 +227,30 @@ def test_an_autopilots_own_port_that_is_sent_to(scheme):
     asyncio.run(run())
 
 
+def test_an_autopilot_that_answers_its_first_sender_for_ever_hears_the_next_run_too():
+    async def run():
+        loop = asyncio.get_running_loop()
+        with client() as autopilot:
+            senders = set()
+            for _ in range(2):
+                link = await open_udp_direct(f"udp:127.0.0.1:{autopilot.getsockname()[1]}", 249, lambda _: None)
+                link.send(Datagram(249, b"\xfdhello"))
+                senders.add((await asyncio.wait_for(loop.sock_recvfrom(autopilot, 2048), 10.0))[1])
+                link.close()
+            assert len(senders) == 1
+
+    asyncio.run(run())
+
+
+def test_two_at_once_are_no_error():
+    async def run():
+        links = [await open_udp_direct("udp:127.0.0.1:9", 248, lambda _: None) for _ in range(2)]
+        for link in links:
+            link.close()
+
+    asyncio.run(run())
+
+
 @pytest.mark.parametrize(
     "link", ["", "udp", "udp:127.0.0.1", "udp:127.0.0.1:0", "udp::14540", "tcp:a:1", "udp:a:99999"]
 )

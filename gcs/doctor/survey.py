@@ -32,6 +32,7 @@ from wire.zenoh_bus import ZenohBus
 
 LOOK_NS = 300_000_000
 PUMP_S = 0.02
+SETTLE_NS = 6_000_000_000
 BEAT_NS = 1_000_000_000
 STEPS = (
     "Move {name} half a metre forward, along its nose, and leave it there",
@@ -85,6 +86,15 @@ class Survey:
                 if messages:
                     self.send(sysid, b"".join(link.codec.encode(message) for message in messages))
             await asyncio.sleep(PUMP_S)
+
+    async def settle(self) -> None:
+        """Wait until every drone and a frame were heard, and have been for a moment; not for ever."""
+        give_up_ns = clock.monotonic_ns() + SETTLE_NS
+        while clock.monotonic_ns() < give_up_ns:
+            if self.received and all(link.dialect is not None for link in self.drones.values()):
+                break
+            await asyncio.sleep(PUMP_S)
+        await asyncio.sleep(LOOK_NS * 1e-9)
 
     def send(self, sysid: int, data: bytes) -> None:
         """Bytes to a drone."""
@@ -198,6 +208,7 @@ async def surveying(config: LabConfig) -> AsyncIterator[Survey]:
 
 async def examine(config: LabConfig, listen_s: float, prompt: Prompt | None, survey: Survey) -> tuple[Finding, ...]:
     """Every check there is, in the order an operator can follow. prompt: None skips the moves by hand."""
+    await survey.settle()
     survey.received.clear()
     await asyncio.sleep(listen_s)
     findings = [*check_mocap(config, survey.received)]

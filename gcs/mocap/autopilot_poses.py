@@ -18,6 +18,8 @@ from wire.mavlink import Codec
 
 EARTH_RADIUS_M = 6_371_000.0
 SMOOTHING_S = 0.2
+AWAIT_TRUTH_NS = 3_000_000_000  # asked for once its heartbeat is heard, among much else
+CARRIED_PERIODS = 2.5
 LOST_NS = 500_000_000
 RESTART_NS = 1_000_000_000
 DRIFT = 1e-4
@@ -62,7 +64,10 @@ class _SenderClock:
 
 @dataclass(slots=True)
 class _Body:
-    """One drone's pose as it tells it. truth_origin: degrees, degrees and metres of its first true place, the spawn."""
+    """One drone's pose as it tells it, from its first truth on, or from AWAIT_TRUTH_NS on where none comes.
+
+    truth_origin: degrees, degrees and metres of its first true place, the spawn.
+    """
 
     spawn_lab_m: Vec3
     clock: _SenderClock = field(default_factory=_SenderClock)
@@ -72,13 +77,15 @@ class _Body:
     pos_ns: int = 0
     q_lab_from_flu: Quat | None = None
     has_attitude: bool = False
+    first_ns: int | None = None
     truth_origin: tuple[float, float, float] | None = None
     fresh: bool = False
 
     def take(self, message: lm.LinkMessage, now_ns: int) -> None:
         """One message of the drone. Its own attitude is what setpoints refer to: truth's only where it tells none."""
+        self.first_ns = now_ns if self.first_ns is None else self.first_ns
         match message:
-            case lm.LocalPosition() if self.truth_origin is None:
+            case lm.LocalPosition() if self.truth_origin is None and now_ns - self.first_ns >= AWAIT_TRUTH_NS:
                 made_ns = self.clock.made_ns(message.t_boot_ms * 1_000_000, now_ns)
                 self._move(self.spawn_lab_m + message.pos_lab_m, message.vel_lab_m_s, made_ns)
             case lm.AttitudeQuaternion():
@@ -127,6 +134,7 @@ class AutopilotPoses:
         self._bodies = {v.sysid: _Body(np.array(v.spawn_lab_m)) for v in config.vehicles if v.sysid is not None}
         self._delay_ns = round(config.mocap.delay_s * 1e9)
         self._longest_ns = round(1.5e9 / config.mocap.rate_hz)
+        self._carried_ns = round(CARRIED_PERIODS * 1e9 / config.mocap.rate_hz)
         self._seq = 0
         self._frame_ns = 0
 
@@ -146,13 +154,16 @@ class AutopilotPoses:
         return any(fresh) and (all(fresh) or now_ns - self._frame_ns >= self._longest_ns)
 
     def _frame(self, now_ns: int) -> MocapFrame:
+        """All at one moment; one whose message is late is carried on by its velocity, for a little while."""
         n = len(self._names)
         pos, q, seen = np.zeros((n, 3)), np.tile(IDENTITY, (n, 1)), np.zeros(n, np.bool_)
         made_ns = max(body.pos_ns for body in self._bodies.values() if body.fresh)
         for i, sysid in enumerate(self._sysids):
             body = None if sysid is None else self._bodies[sysid]
-            if body is not None and body.fresh and body.q_lab_from_flu is not None:
+            if body is None or body.q_lab_from_flu is None or body.pos_lab_m is None:
+                continue
+            body.fresh = False
+            if made_ns - body.pos_ns <= self._carried_ns:
                 pos[i], q[i], seen[i] = body.at(made_ns), body.q_lab_from_flu, True
-                body.fresh = False
         self._seq, self._frame_ns = self._seq + 1, now_ns
         return MocapFrame(self._seq, made_ns - self._delay_ns, self._names, pos, q, seen)

@@ -6,7 +6,7 @@ import pytest
 from formation.config import LabConfig
 from formation.frames import IDENTITY
 from formation.messages import Datagram
-from gcs.mocap.autopilot_poses import AutopilotPoses, streams
+from gcs.mocap.autopilot_poses import AWAIT_TRUTH_NS, AutopilotPoses, streams
 from wire import link_messages as lm
 from wire.mavlink import Codec
 
@@ -28,6 +28,8 @@ class Lab:
     def __init__(self) -> None:
         self.poses = AutopilotPoses(_lab())
         self.codecs = {sysid: Codec(lm.Address(sysid, 1)) for sysid in (1, 2)}
+        for sysid in (1, 2):  # heard for so long that truth would have come
+            self.say(sysid, lm.Heartbeat(lm.Autopilot.PX4, 2, 0, 0, 3), -AWAIT_TRUTH_NS // MS)
 
     def say(self, sysid: int, message: lm.LinkMessage, ms: int):
         if isinstance(message, lm.LocalPosition) and message.t_boot_ms < 0:
@@ -85,7 +87,29 @@ def test_a_drone_that_falls_silent_does_not_stop_the_frames():
         lab.say(sysid, _local(0, 0, 0), 0)
     frames = [frame for ms in range(20, 2000, 20) if (frame := lab.say(1, _local(0, 0, 0), ms)) is not None]
     assert len(frames) > 60
-    assert not any(frame.seen[1] for frame in frames[1:])
+    assert not any(frame.seen[1] for frame in frames[3:])
+
+
+def test_a_message_that_is_late_leaves_its_drone_in_the_frame():
+    lab = Lab()
+    for sysid in (1, 2):
+        lab.say(sysid, _attitude(), 0)
+    for ms in range(0, 400, 20):
+        lab.say(2, _local(2e-3 * ms, 0.0, 0.0, (2.0, 0.0, 0.0)), ms)
+        lab.say(1, _local(0, 0, 0), ms)
+    assert lab.say(1, _local(0, 0, 0), 400) is None
+    frame = lab.say(1, _local(0, 0, 0), 420)
+    assert frame.seen.tolist() == [True, True]
+    assert frame.pos_lab_m[1, 0] == pytest.approx(0.84, abs=1e-5)
+
+
+def test_an_estimate_is_not_believed_before_truth_could_have_come():
+    lab = Lab()
+    lab.poses = AutopilotPoses(_lab())
+    lab.say(1, _attitude(), 0)
+    assert lab.say(1, _local(0.5, 0.0, 0.0), 2900) is None
+    assert lab.say(1, _truth(0.0), 2950).pos_lab_m[0, 0] == 0.0
+    assert lab.say(1, _local(0.5, 0.0, 0.0), 3100) is None
 
 
 def test_truth_alone_is_a_pose_from_the_spawn_on_and_smoother_than_its_centimetres():

@@ -20,6 +20,7 @@ from wire.mavlink import Codec
 NEVER_NS = -(10**18)
 FAREWELL_NS = 10_000_000_000
 ORIGIN_NS = 1_000_000_000
+BRIDGE_COMPONENT = 191  # MAV_COMP_ID_ONBOARD_COMPUTER
 HEARTBEAT = lm.Heartbeat(autopilot=lm.Autopilot.INVALID, vehicle_type=6, base_mode=0, custom_mode=0, system_status=4)
 
 
@@ -59,6 +60,7 @@ class DroneLink:
         self._origin = origin
         self._origin_told_ns = NEVER_NS
         self.target = lm.Address(sysid, lm.DRONE_COMPONENT)
+        self._bridge = lm.Address(sysid, BRIDGE_COMPONENT)
         self.codec = Codec(lm.GROUND)
         self.told = Telemetry()
         self.heartbeat_ns = NEVER_NS
@@ -111,6 +113,8 @@ class DroneLink:
     def receive(self, data: bytes, now_ns: int) -> None:
         """Take in one datagram; what cannot be read, or is not from this drone's autopilot, is counted."""
         for packet in self.codec.receive(data):
+            if packet.source == self._bridge:
+                self._read_bridge(packet.message, now_ns)
             if packet.source.component != lm.DRONE_COMPONENT:
                 continue
             if packet.source.system != self.sysid:
@@ -188,6 +192,14 @@ class DroneLink:
             case lm.StatusText():
                 self.texts.append(message.text)
                 self.events.append(Event(message.severity, self.name, message.text))
+
+    def _read_bridge(self, message: lm.LinkMessage, now_ns: int) -> None:
+        """The bridge beside the autopilot: it asks for our clock, and tells what it does and how old setpoints are."""
+        match message:
+            case lm.TimeSync(tc1_ns=0):
+                self._answers.append(lm.TimeSync(now_ns, message.ts1_ns, self._bridge))
+            case lm.NamedValue() | lm.StatusText():
+                self._read(message, now_ns)
 
     def _hear(self, heartbeat: lm.Heartbeat, now_ns: int) -> None:
         silent_ns, self.heartbeat_ns = now_ns - self.heartbeat_ns, now_ns

@@ -124,6 +124,21 @@ def test_a_time_sync_request_is_answered_at_once():
     assert [(m.tc1_ns, m.ts1_ns) for m in answers] == [(5 * MS, 77)]
 
 
+def test_the_bridge_beside_an_autopilot_gets_our_clock_and_is_heard():
+    link, bridge = _link(), Drone(component=191)
+    bridge.say(link, lm.TimeSync(0, 77), 5 * MS)
+    assert [m for m in link.due(6 * MS) if isinstance(m, lm.TimeSync) and m.tc1_ns] == [
+        lm.TimeSync(5 * MS, 77, lm.Address(3, 191))
+    ]
+    bridge.say(link, lm.NamedValue(0, "age_ms", 12.5))
+    assert math.isclose(link.told.setpoint_age_s, 0.0125)
+    bridge.say(link, lm.StatusText(Severity.WARNING, "Setpoints are stale: level and hold"))
+    assert [event.text for event in link.events] == ["Setpoints are stale: level and hold"]
+    bridge.say(link, _beat(armed=True))
+    assert link.told.heartbeat is None
+    assert link.sequence.received == 0
+
+
 def test_setpoints_carry_the_capture_time_and_the_rates_the_autopilot_can_take():
     rate = np.array([0.1, 0.2, 0.3])
     masks = {}

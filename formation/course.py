@@ -259,10 +259,10 @@ class _Draft:
         new.base[i] = [motion[0, k] if value is None else value for k, value in enumerate(wanted)]
         new.gap[i, :3], new.gap[i, 3] = motion, 0.0
         new.gap[i, 0] -= new.base[i]
-        self._take_time(i)
+        brake_s = blend.braking_s(new.gap[i])
         for k, value in enumerate(wanted):
             if value is None:
-                new.base[i, k] += 0.5 * motion[1, k] * new.gap_s[i]
+                new.base[i, k] += blend.braked(new.gap[i], k, brake_s)
         self._inside(new.base[i])
         new.gap[i, 0] = motion[0] - new.base[i]
         self._take_time(i)

@@ -226,6 +226,8 @@ def _observe(
             model[axis] = strength[i] * (model[axis] + 0.5 * force[i, axis])
         if own[i] >= 0:
             model[2] -= GRAVITY_M_S2
+            if not airborne[i]:  # the floor carries what the thrust does not
+                model[2] = max(model[2], 0.0)
         if seen[i]:
             learn_noise(i, z, to_ns, pos_measured)
             watch(i, z, pos_measured, model, dt_s, own[i] >= 0, manner[i])

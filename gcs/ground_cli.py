@@ -8,7 +8,7 @@ from rich.console import Console
 
 from formation.config import LabConfig
 from formation.control.margin import DelayMargin, delay_margin
-from formation.control.presets import preset
+from formation.control.presets import preset_for
 from formation.messages import Event, Severity
 from gcs.cli_common import NOT_RIGHT, REFUSED, fail
 from gcs.daemon import Ended, GroundFailure, run
@@ -45,8 +45,8 @@ def serve(config: LabConfig, log: Path, name: str, metadata: dict[str, str], for
 def delay_margins(config: LabConfig) -> tuple[DelayMargin, ...]:
     """The margin of each kind of commanded vehicle under the lab's preset; ValueError for an unknown name."""
     kinds = {v.profile: config.profile_of(v) for v in config.vehicles if v.sysid is not None}
-    gains = preset(config.control_preset)
-    return tuple(delay_margin(kind, gains, config.mocap) for kind in kinds.values())
+    name, mocap = config.control_preset, config.mocap
+    return tuple(delay_margin(kind, preset_for(name, kind, mocap), mocap) for kind in kinds.values())
 
 
 def _tell(event: Event) -> None:

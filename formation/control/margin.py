@@ -85,6 +85,7 @@ def kicked_hover(
 ) -> Float:
     """Positions (frames, 3) of a vehicle told to stay at POINT_M that starts there with a sideways speed."""
     lab = LabConfig(
+        profiles=(profile,),
         leader=LeaderConfig(body=OBSERVED, profile=profile.name),
         followers=(FollowerConfig(body="margin/follower", sysid=1, profile=profile.name, offset_m=(1.0, 0.0, 0.0)),),
         limits=LimitsConfig(fence=FAR, speed_m_s=100.0),

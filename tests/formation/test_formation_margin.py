@@ -33,3 +33,10 @@ def test_the_printed_gains_swing_on_the_papers_own_vehicle() -> None:
 def test_too_much_delay_is_seen() -> None:
     body = profile("paper_40g")
     assert not held(body, preset("default"), CAMERAS, 0.18)
+
+
+def test_a_labs_own_vehicle_has_a_margin_under_its_own_name() -> None:
+    own = profile("paper_40g").model_copy(update={"name": "ours"})
+    margin = delay_margin(own, preset_for("default", own, CAMERAS), CAMERAS)
+    assert margin.carried
+    assert "ours" in str(margin)

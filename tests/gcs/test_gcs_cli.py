@@ -8,8 +8,13 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from formation.config import FollowerConfig, LabConfig, LeaderConfig
+from formation.control.margin import delay_margin
+from formation.control.presets import preset_for
 from formation.messages import Verb
+from formation.vehicle import PX4_QUAD, Pace
 from gcs.__main__ import app
+from gcs.ground_cli import delay_margins
 from wire.mcap_log import check_log
 
 runner = CliRunner()
@@ -104,6 +109,15 @@ def test_a_recording_that_is_not_right_is_exit_code_two(tmp_path):
     result = runner.invoke(app, ["run", str(_lab(tmp_path)), "--log", str(tmp_path / "x.mcap")])
     assert result.exit_code == 2
     assert f"{csv}:2: a value is not finite" in result.output
+
+
+def test_the_gains_that_are_judged_are_those_the_lab_flies():
+    slow = PX4_QUAD.model_copy(update={"name": "ours", "pace": Pace(sideways=0.5, observer=0.5)})
+    leader = LeaderConfig(body="lead", sysid=1, profile="ours")
+    follower = FollowerConfig(body="left", sysid=2, profile="ours", offset_m=(0.0, 1.0, 0.0))
+    config = LabConfig(profiles=(slow,), leader=leader, followers=(follower,))
+    wanted = delay_margin(slow, preset_for("default", slow, config.mocap), config.mocap)
+    assert delay_margins(config) == (wanted,)
 
 
 def test_a_preset_that_the_vehicles_lag_cannot_carry_is_refused_with_the_numbers(tmp_path):

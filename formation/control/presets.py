@@ -55,8 +55,8 @@ class Preset:
     leader_quickness: Quickness = AS_IS
 
 
-SIDEWAYS_S, UPWARDS_S = 0.121, 0.058
-"""Camera to felt force, by attitude and by thrust, where the gains were found (paper_40g, 100 Hz)."""
+SIDEWAYS_S, UPWARDS_S = 0.170, 0.068
+"""Camera to felt force, by attitude and by thrust, where the gains were found (paper_40g, 100 Hz), see `pace_of`."""
 PRINTED_ALPHA, PRINTED_EPS = -2.0 / 9.0, -0.49
 PRINTED_FTESO = ObserverGains(70.0, PRINTED_ALPHA, scale=1.0, smooth=0.0)
 LEADER_PID = CascadeGains(2.0, 4.0, 1.0)
@@ -70,18 +70,18 @@ DEFAULT = Preset(
     leader=LEADER_PID,
     leader_vertical=HEIGHT,
     compensate=True,
-    observer=ObserverGains(9.7, -0.029, 0.004),
+    observer=ObserverGains(11.0, -0.029, 0.004),
     own_observer=CALM_OBSERVER,
-    vertical_observer=CALM_OBSERVER,
+    vertical_observer=ObserverGains(15.0, -0.1, 0.004),
     heading_observer=ObserverGains(8.0, -0.1, 0.02),
     seen_observer=ObserverGains(12.0, -0.1, 0.004),
     seen_vertical_observer=ObserverGains(20.0, -0.1, 0.004),
     seen_heading_observer=ObserverGains(10.0, -0.1, 0.02),
     turn_trust=0.6,
-    dead_share=0.75,
+    dead_share=0.9,
     lag_share=0.62,
     attitude_trust=0.65,
-    vigilance=Vigilance(lag_s=0.1, threshold=1.7, most=5.8, bandwidth_power=1.02, habit=0.04),
+    vigilance=Vigilance(lag_s=0.1, threshold=1.7, most=5.8, bandwidth_power=1.1, habit=0.04),
     quickness=Quickness(rate=1.2, gain=1.64, gain_power=0.255, p1_power=0.63, lead_share=0.5),
 )
 PAPER_CFC = replace(
@@ -119,13 +119,13 @@ def preset_for(name: str, profile: VehicleProfile, mocap: MocapConfig) -> Preset
 def pace_of(profile: VehicleProfile, mocap: MocapConfig) -> Pace:
     """How fast a vehicle's loops are flown: as it was tuned, else in inverse proportion to the loop's delay.
 
-    A loop that is already slow enough is left as it is.
+    A dead time counts twice, because it may be twice what is believed; a short loop is flown no faster than the gains.
     """
     if profile.pace is not None:
         return profile.pace
     wait_s = mocap.delay_s + 1.5 / mocap.rate_hz
-    sideways = min(1.0, SIDEWAYS_S / (wait_s + profile.response_dead_time_s + profile.response_lag_s))
-    upwards = min(1.0, UPWARDS_S / (wait_s + profile.thrust_dead_time_s + profile.thrust_lag_s))
+    sideways = min(1.0, SIDEWAYS_S / (wait_s + 2.0 * profile.response_dead_time_s + profile.response_lag_s))
+    upwards = min(1.0, UPWARDS_S / (wait_s + 2.0 * profile.thrust_dead_time_s + profile.thrust_lag_s))
     return Pace(sideways=sideways, observer=sideways, upwards=upwards)
 
 

@@ -15,7 +15,8 @@ from analysis.series import moving_average
 from analysis.tracking import Tracking, airborne, track
 from formation.arrays import Float
 from formation.messages import Phase, Verb
-from wire.link_messages import AttitudeSetpoint, NamedValue
+from wire.link_messages.setpoints import AttitudeSetpoint
+from wire.link_messages.status import NamedValue
 
 VIBRATION_WINDOW_S = 1.0
 AGE_NAME = "age_ms"

@@ -5,7 +5,8 @@ from collections.abc import Callable, Iterator
 from analysis.load import Flight
 from analysis.series import Series
 from formation.messages import Datagram
-from wire.link_messages import DRONE_COMPONENT, GROUND, Address, LinkMessage
+from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
+from wire.link_messages.packet import LinkMessage
 from wire.mavlink import Codec
 
 Said = tuple[float, int, LinkMessage]

@@ -10,17 +10,11 @@ from drone_agent.ardupilot_parameters import INDOOR, PARAMETERS
 from drone_agent.parameters import Parameters
 from drone_agent.personality import Mode, ModeRequest, ModeRow, Needs, Personality, StreamLoss, Task, Timing, Words
 from formation.messages import Severity
-from wire.link_messages import (
-    AttitudeSetpoint,
-    Autopilot,
-    Ignore,
-    LinkMessage,
-    MocapPose,
-    Odometry,
-    OdometryFrame,
-    Result,
-    VisionPose,
-)
+from wire.link_messages.commands import Result
+from wire.link_messages.motion import MocapPose, Odometry, OdometryFrame, VisionPose
+from wire.link_messages.packet import LinkMessage
+from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
+from wire.link_messages.status import Autopilot
 
 _CUSTOM, _GUIDED, _STABILIZE, _MANUAL_INPUT = 1, 8, 16, 64
 _MANUAL_FLAGS = _CUSTOM | _STABILIZE | _MANUAL_INPUT

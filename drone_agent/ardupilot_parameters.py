@@ -3,7 +3,7 @@
 from functools import partial
 
 from drone_agent.parameters import ParamSpec, real, whole
-from wire.link_messages import ParamType
+from wire.link_messages.parameters import ParamType
 
 _byte = partial(whole, kind=ParamType.INT8)
 _short = partial(whole, kind=ParamType.INT16)

@@ -19,7 +19,7 @@ from drone_agent.personality import Mode, ModeRow, Needs, Personality, StreamLos
 from drone_agent.stream import StreamWatch, Watch
 from formation.messages import Severity
 from formation.model import Vec3Tuple
-from wire.link_messages import Result
+from wire.link_messages.commands import Result
 
 CONTROL_NS = 10_000_000
 _CONTROL_S = CONTROL_NS * 1e-9

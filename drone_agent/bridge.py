@@ -16,23 +16,13 @@ from drone_agent.config import AgentConfig
 from drone_agent.personalities import PERSONALITIES
 from drone_agent.personality import Mode, Personality
 from formation.messages import Datagram, Event, MocapFrame, Severity
-from wire.link_messages import (
-    DRONE_COMPONENT,
-    Address,
-    AttitudeSetpoint,
-    Autopilot,
-    Command,
-    CommandAck,
-    Heartbeat,
-    LinkMessage,
-    NamedValue,
-    Origin,
-    SetMode,
-    SetOrigin,
-    StatusText,
-    TimeSync,
-    VisionPose,
-)
+from wire.link_messages.address import DRONE_COMPONENT, Address
+from wire.link_messages.clocks import TimeSync
+from wire.link_messages.commands import Command, CommandAck, SetMode
+from wire.link_messages.motion import Origin, SetOrigin, VisionPose
+from wire.link_messages.packet import LinkMessage
+from wire.link_messages.setpoints import AttitudeSetpoint
+from wire.link_messages.status import Autopilot, Heartbeat, NamedValue, StatusText
 from wire.mavlink import Codec, MavlinkError, decode_packet
 from wire.mavlink_frames import FrameCutter, message_id
 

@@ -12,7 +12,9 @@ import numpy as np
 from drone_agent.stream import StreamWatch
 from formation.arrays import Quat
 from formation.frames import IDENTITY, from_yaw, yaw
-from wire.link_messages import Address, AttitudeSetpoint, CommandAck, Ignore, Result
+from wire.link_messages.address import Address
+from wire.link_messages.commands import CommandAck, Result
+from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
 
 _LEVEL_NS = 20_000_000
 _HOLD_AFTER_NS = 300_000_000

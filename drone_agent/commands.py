@@ -11,7 +11,9 @@ from drone_agent.personality import Mode
 from drone_agent.schedule import Schedule
 from formation.messages import Severity
 from formation.model import Vec3Tuple
-from wire.link_messages import Command, CommandInt, LinkMessage, MessageInterval, Result
+from wire.link_messages.commands import Command, CommandInt, Result
+from wire.link_messages.packet import LinkMessage
+from wire.link_messages.status import MessageInterval
 
 _FORCE_DISARM = 21196
 _FORCE_ARM = 2989

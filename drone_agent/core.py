@@ -21,7 +21,9 @@ from drone_agent.schedule import RASTER_NS, Schedule
 from drone_agent.telemetry import ON_REQUEST, Teller
 from formation.messages import Datagram, Event, MocapFrame, Truth
 from formation.vehicle import on_ground, profile
-from wire.link_messages import DRONE_COMPONENT, Address, LinkMessage, StatusText
+from wire.link_messages.address import DRONE_COMPONENT, Address
+from wire.link_messages.packet import LinkMessage
+from wire.link_messages.status import StatusText
 from wire.mavlink import Codec
 
 _LOOK_NS = 50_000_000

@@ -17,7 +17,7 @@ from drone_agent.stream import Watch
 from formation.arrays import Quat, Vec3
 from formation.frames import from_rotation_vector, multiply
 from formation.messages import Severity
-from wire.link_messages import AttitudeSetpoint, Ignore, LocalFrame, PositionIgnore, PositionSetpoint
+from wire.link_messages.setpoints import AttitudeSetpoint, Ignore, LocalFrame, PositionIgnore, PositionSetpoint
 
 
 class Guidance:

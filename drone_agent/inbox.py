@@ -11,34 +11,16 @@ from drone_agent.estimator import ExternalPose
 from drone_agent.guards import Guards
 from drone_agent.guidance import Guidance
 from formation.messages import Severity
-from wire.link_messages import (
-    Address,
-    AttitudeSetpoint,
-    Command,
-    CommandAck,
-    CommandInt,
-    Heartbeat,
-    LinkMessage,
-    LogEntry,
-    LogRequestList,
-    MissionCount,
-    MissionRequestList,
-    MocapPose,
-    NamedValue,
-    Odometry,
-    Origin,
-    Packet,
-    ParamRequestList,
-    ParamRequestRead,
-    ParamSet,
-    Ping,
-    PositionSetpoint,
-    SetMode,
-    SetOrigin,
-    TimeSync,
-    VisionPose,
-)
-from wire.link_messages import Autopilot as Make
+from wire.link_messages.address import Address
+from wire.link_messages.clocks import Ping, TimeSync
+from wire.link_messages.commands import Command, CommandAck, CommandInt, SetMode
+from wire.link_messages.motion import MocapPose, Odometry, Origin, SetOrigin, VisionPose
+from wire.link_messages.packet import LinkMessage, Packet
+from wire.link_messages.parameters import ParamRequestList, ParamRequestRead, ParamSet
+from wire.link_messages.setpoints import AttitudeSetpoint, PositionSetpoint
+from wire.link_messages.status import Autopilot as Make
+from wire.link_messages.status import Heartbeat, NamedValue
+from wire.link_messages.storage import LogEntry, LogRequestList, MissionCount, MissionRequestList
 
 _POSE_AGE_MAX_NS = 500_000_000
 _POSE_DELAY_NS = 20_000_000  # of a pose whose stamp is on no clock we know

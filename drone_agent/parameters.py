@@ -6,7 +6,8 @@ PX4 carries an integer's own bytes in the float field, ArduPilot casts it; the p
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from wire.link_messages import Autopilot, ParamType, ParamValue
+from wire.link_messages.parameters import ParamType, ParamValue
+from wire.link_messages.status import Autopilot
 from wire.mavlink import MavlinkError, param_from_raw, param_to_raw
 
 

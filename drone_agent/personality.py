@@ -9,7 +9,10 @@ from enum import Enum, Flag, auto
 
 from drone_agent.parameters import Parameters, ParamSpec
 from formation.messages import Severity
-from wire.link_messages import AttitudeSetpoint, Autopilot, LinkMessage, Result
+from wire.link_messages.commands import Result
+from wire.link_messages.packet import LinkMessage
+from wire.link_messages.setpoints import AttitudeSetpoint
+from wire.link_messages.status import Autopilot
 
 
 class Mode(Enum):

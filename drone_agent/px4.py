@@ -7,7 +7,10 @@ from drone_agent.parameters import Parameters
 from drone_agent.personality import Mode, ModeRequest, ModeRow, Needs, Personality, StreamLoss, Task, Timing, Words
 from drone_agent.px4_parameters import INDOOR, PARAMETERS
 from formation.messages import Severity
-from wire.link_messages import Autopilot, EstimatorType, LinkMessage, Odometry, OdometryFrame, Result, VisionPose
+from wire.link_messages.commands import Result
+from wire.link_messages.motion import EstimatorType, Odometry, OdometryFrame, VisionPose
+from wire.link_messages.packet import LinkMessage
+from wire.link_messages.status import Autopilot
 
 _STABILIZE, _GUIDED, _AUTO, _MANUAL_INPUT, _CUSTOM = 16, 8, 4, 64, 1
 _MANUAL_FLAGS = _CUSTOM | _MANUAL_INPUT | _STABILIZE

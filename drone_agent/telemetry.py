@@ -11,27 +11,28 @@ from drone_agent.estimator import NO_OFFSET, turned
 from drone_agent.geodesy import to_globe
 from drone_agent.personality import Task
 from formation.arrays import Vec3
-from wire.link_messages import (
+from wire.link_messages.clocks import TimeSync
+from wire.link_messages.motion import (
     Attitude,
     AttitudeQuaternion,
-    AttitudeTargetReport,
+    GlobalPosition,
+    HomePosition,
+    LocalPosition,
+    Origin,
+    SimTruth,
+)
+from wire.link_messages.packet import LinkMessage
+from wire.link_messages.setpoints import AttitudeTargetReport, Ignore
+from wire.link_messages.status import Autopilot as Make
+from wire.link_messages.status import (
     AutopilotVersion,
     Battery,
     EkfStatus,
     ExtendedSysState,
-    GlobalPosition,
     Heartbeat,
-    HomePosition,
-    Ignore,
     LandedState,
-    LinkMessage,
-    LocalPosition,
-    Origin,
-    SimTruth,
     SysStatus,
-    TimeSync,
 )
-from wire.link_messages import Autopilot as Make
 
 _ARMED = 128
 _GYRO, _ACCEL, _MAG, _BARO, _GPS, _VISION = 1, 2, 4, 8, 32, 128

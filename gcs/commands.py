@@ -3,7 +3,7 @@
 from collections import deque
 from dataclasses import dataclass, field, replace
 
-from wire.link_messages import Command, CommandAck, Result
+from wire.link_messages.commands import Command, CommandAck, Result
 
 RETRY_NS = 250_000_000
 URGENT_RETRY_NS = 50_000_000

@@ -9,7 +9,12 @@ from types import MappingProxyType
 
 from formation.arrays import Quat, Vec3
 from formation.vehicle import VehicleProfile
-from wire.link_messages import Address, Autopilot, Command, EkfStatus, Heartbeat, Ignore, LinkMessage, VisionPose
+from wire.link_messages.address import Address
+from wire.link_messages.commands import Command
+from wire.link_messages.motion import VisionPose
+from wire.link_messages.packet import LinkMessage
+from wire.link_messages.setpoints import Ignore
+from wire.link_messages.status import Autopilot, EkfStatus, Heartbeat
 
 ARM_DISARM, NAV_LAND, SET_MODE, SET_MESSAGE_INTERVAL = 400, 21, 176, 511
 ARMED_FLAG = 128  # MAV_MODE_FLAG_SAFETY_ARMED

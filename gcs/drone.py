@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from formation.reference import HERE, IDLE, Leg, Mode
 from gcs.goal import Goal, is_reached, pursue
 from gcs.link_state import NEVER_NS, DroneLink
-from wire.link_messages import LandedState
+from wire.link_messages.status import LandedState
 
 TOUCH_NS = 300_000_000
 GONE_NS = 5_000_000_000

@@ -7,7 +7,7 @@ from enum import StrEnum
 
 from gcs import dialect as d
 from gcs.link_state import DroneLink
-from wire.link_messages import Command
+from wire.link_messages.commands import Command
 
 
 class Goal(StrEnum):

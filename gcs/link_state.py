@@ -14,26 +14,43 @@ from gcs.dialect import ARMED_FLAG, DIALECTS, Dialect, stream
 from gcs.parameters import ParameterReader
 from gcs.sequence import SequenceWatch
 from gcs.timesync import ClockOffset
-from wire import link_messages as lm
+from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
+from wire.link_messages.clocks import TimeSync
+from wire.link_messages.commands import CommandAck
+from wire.link_messages.motion import Origin, SetOrigin
+from wire.link_messages.packet import LinkMessage
+from wire.link_messages.parameters import ParamValue
+from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
+from wire.link_messages.status import (
+    Autopilot,
+    Battery,
+    EkfStatus,
+    ExtendedSysState,
+    Heartbeat,
+    LandedState,
+    NamedValue,
+    StatusText,
+    SysStatus,
+)
 from wire.mavlink import Codec
 
 NEVER_NS = -(10**18)
 FAREWELL_NS = 10_000_000_000
 ORIGIN_NS = 1_000_000_000
 BRIDGE_COMPONENT = 191  # MAV_COMP_ID_ONBOARD_COMPUTER
-HEARTBEAT = lm.Heartbeat(autopilot=lm.Autopilot.INVALID, vehicle_type=6, base_mode=0, custom_mode=0, system_status=4)
+HEARTBEAT = Heartbeat(autopilot=Autopilot.INVALID, vehicle_type=6, base_mode=0, custom_mode=0, system_status=4)
 
 
 @dataclass(slots=True)
 class Telemetry:
     """The newest of each thing the drone reported; battery 0..1, NaN where unknown."""
 
-    heartbeat: lm.Heartbeat | None = None
-    landed: lm.LandedState = lm.LandedState.UNDEFINED
+    heartbeat: Heartbeat | None = None
+    landed: LandedState = LandedState.UNDEFINED
     battery: float = math.nan
     battery_v: float = math.nan
     setpoint_age_s: float = math.nan
-    estimator: lm.EkfStatus | None = None
+    estimator: EkfStatus | None = None
     origin: bool = False
 
 
@@ -59,20 +76,20 @@ class DroneLink:
         self._streams = streams
         self._origin = origin
         self._origin_told_ns = NEVER_NS
-        self.target = lm.Address(sysid, lm.DRONE_COMPONENT)
-        self._bridge = lm.Address(sysid, BRIDGE_COMPONENT)
-        self.codec = Codec(lm.GROUND)
+        self.target = Address(sysid, DRONE_COMPONENT)
+        self._bridge = Address(sysid, BRIDGE_COMPONENT)
+        self.codec = Codec(GROUND)
         self.told = Telemetry()
         self.heartbeat_ns = NEVER_NS
         self.dialect: Dialect | None = None
         self.commands = CommandChannel()
         self.clock = ClockOffset(self.target)
         self.sequence = SequenceWatch()
-        self.parameters = ParameterReader(self.target, lm.Autopilot.GENERIC)
+        self.parameters = ParameterReader(self.target, Autopilot.GENERIC)
         self.foreign_sysid: int | None = None
         self.texts: deque[str] = deque(maxlen=4)
         self.events: list[Event] = []
-        self._answers: list[lm.LinkMessage] = []
+        self._answers: list[LinkMessage] = []
         self._misaddressed = 0
 
     @property
@@ -115,7 +132,7 @@ class DroneLink:
         for packet in self.codec.receive(data):
             if packet.source == self._bridge:
                 self._read_bridge(packet.message, now_ns)
-            if packet.source.component != lm.DRONE_COMPONENT:
+            if packet.source.component != DRONE_COMPONENT:
                 continue
             if packet.source.system != self.sysid:
                 self._notice_foreign(packet.source.system)
@@ -125,7 +142,7 @@ class DroneLink:
             self.sequence.note(packet.seq, now_ns, skipped)
             self._read(packet.message, now_ns)
 
-    def due(self, now_ns: int) -> list[lm.LinkMessage]:
+    def due(self, now_ns: int) -> list[LinkMessage]:
         """Answers, time sync, commands and parameter requests to send now."""
         messages, self._answers = self._answers, []
         for one in (self.clock.due(now_ns), self.commands.due(now_ns)):
@@ -142,10 +159,10 @@ class DroneLink:
 
     def setpoint(self, t_capture_ns: int, q_lab_from_flu: Quat, rate_flu_rad_s: Vec3, thrust_norm: float) -> bytes:
         """SET_ATTITUDE_TARGET stamped with the capture time of the frame it was computed from."""
-        ignore = lm.Ignore.BODY_RATES if self.dialect is None else self.dialect.setpoint_ignore(self.profile)
+        ignore = Ignore.BODY_RATES if self.dialect is None else self.dialect.setpoint_ignore(self.profile)
         t_ms = t_capture_ns // 1_000_000
         return self.codec.encode(
-            lm.AttitudeSetpoint(self.target, t_ms, q_lab_from_flu, rate_flu_rad_s, thrust_norm, ignore)
+            AttitudeSetpoint(self.target, t_ms, q_lab_from_flu, rate_flu_rad_s, thrust_norm, ignore)
         )
 
     def pose(self, t_capture_ns: int, pos_lab_m: Vec3, q_lab_from_flu: Quat) -> bytes:
@@ -154,7 +171,7 @@ class DroneLink:
             return b""
         return self.codec.encode(self.dialect.pose(t_capture_ns // 1000, pos_lab_m, q_lab_from_flu))
 
-    def _due_origin(self, now_ns: int) -> list[lm.LinkMessage]:
+    def _due_origin(self, now_ns: int) -> list[LinkMessage]:
         """The origin, every second until the drone has repeated it or is ready without."""
         dialect = self.dialect
         if self._origin is None or dialect is None or not dialect.needs_origin or self.told.origin:
@@ -162,46 +179,46 @@ class DroneLink:
         if now_ns - self._origin_told_ns < ORIGIN_NS or not dialect.unready(self.told.estimator):
             return []
         self._origin_told_ns = now_ns
-        return [lm.SetOrigin(self.sysid, *self._origin)]
+        return [SetOrigin(self.sysid, *self._origin)]
 
-    def _read(self, message: lm.LinkMessage, now_ns: int) -> None:
+    def _read(self, message: LinkMessage, now_ns: int) -> None:
         match message:
-            case lm.Heartbeat():
+            case Heartbeat():
                 self._hear(message, now_ns)
-            case lm.CommandAck():
+            case CommandAck():
                 self.commands.receive(message, now_ns)
-            case lm.TimeSync():
+            case TimeSync():
                 answer = self.clock.receive(message, now_ns)
                 self._answers += [] if answer is None else [answer]
-            case lm.ParamValue():
+            case ParamValue():
                 self.parameters.receive(message)
-            case lm.ExtendedSysState():
+            case ExtendedSysState():
                 self.told.landed = message.landed
-            case lm.Battery():
+            case Battery():
                 self.told.battery = _fraction(message.remaining)
                 self.told.battery_v = sum(message.cell_v)
-            case lm.SysStatus():
+            case SysStatus():
                 self.told.battery = _fraction(message.battery_remaining)
                 self.told.battery_v = message.battery_v
-            case lm.EkfStatus():
+            case EkfStatus():
                 self.told.estimator = message
-            case lm.Origin():
+            case Origin():
                 self.told.origin = True
-            case lm.NamedValue(name="age_ms"):
+            case NamedValue(name="age_ms"):
                 self.told.setpoint_age_s = message.value * 1e-3
-            case lm.StatusText():
+            case StatusText():
                 self.texts.append(message.text)
                 self.events.append(Event(message.severity, self.name, message.text))
 
-    def _read_bridge(self, message: lm.LinkMessage, now_ns: int) -> None:
+    def _read_bridge(self, message: LinkMessage, now_ns: int) -> None:
         """The bridge beside the autopilot: it asks for our clock, and tells what it does and how old setpoints are."""
         match message:
-            case lm.TimeSync(tc1_ns=0):
-                self._answers.append(lm.TimeSync(now_ns, message.ts1_ns, self._bridge))
-            case lm.NamedValue() | lm.StatusText():
+            case TimeSync(tc1_ns=0):
+                self._answers.append(TimeSync(now_ns, message.ts1_ns, self._bridge))
+            case NamedValue() | StatusText():
                 self._read(message, now_ns)
 
-    def _hear(self, heartbeat: lm.Heartbeat, now_ns: int) -> None:
+    def _hear(self, heartbeat: Heartbeat, now_ns: int) -> None:
         silent_ns, self.heartbeat_ns = now_ns - self.heartbeat_ns, now_ns
         self.told.heartbeat = heartbeat
         known = DIALECTS.get(heartbeat.autopilot)

@@ -3,7 +3,9 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from wire.link_messages import Address, Autopilot, ParamRequestRead, ParamValue
+from wire.link_messages.address import Address
+from wire.link_messages.parameters import ParamRequestRead, ParamValue
+from wire.link_messages.status import Autopilot
 from wire.mavlink import MavlinkError, param_from_raw
 
 RETRY_NS = 400_000_000

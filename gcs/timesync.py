@@ -3,7 +3,8 @@
 from collections import deque
 from dataclasses import dataclass, field
 
-from wire.link_messages import Address, TimeSync
+from wire.link_messages.address import Address
+from wire.link_messages.clocks import TimeSync
 
 FAST_S, SLOW_S = 0.1, 1.0
 SETTLED = 8

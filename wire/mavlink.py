@@ -11,29 +11,15 @@ from typing import Any, NamedTuple
 from fastcrc import crc16
 
 from wire import mavlink_guidance, mavlink_motion, mavlink_service, mavlink_storage
-from wire.link_messages import (
-    BROADCAST,
-    Address,
-    AttitudeSetpoint,
-    Command,
-    CommandAck,
-    CommandInt,
-    LinkMessage,
-    LogRequestList,
-    MissionCount,
-    MissionRequestList,
-    Packet,
-    ParamRequestList,
-    ParamRequestRead,
-    ParamSet,
-    Ping,
-    PositionSetpoint,
-    SetMode,
-    SetOrigin,
-    StatusText,
-    TimeSync,
-    Unknown,
-)
+from wire.link_messages.address import BROADCAST, Address
+from wire.link_messages.clocks import Ping, TimeSync
+from wire.link_messages.commands import Command, CommandAck, CommandInt, SetMode
+from wire.link_messages.motion import SetOrigin
+from wire.link_messages.packet import LinkMessage, Packet, Unknown
+from wire.link_messages.parameters import ParamRequestList, ParamRequestRead, ParamSet
+from wire.link_messages.setpoints import AttitudeSetpoint, PositionSetpoint
+from wire.link_messages.status import StatusText
+from wire.link_messages.storage import LogRequestList, MissionCount, MissionRequestList
 from wire.mavlink_layout import CRC_EXTRA, Fields, Layout, MavlinkError
 from wire.mavlink_params import param_from_raw, param_to_raw
 from wire.mavlink_text import STATUSTEXT, TextChunk, TextJoiner, chunk_text, text_of

@@ -10,7 +10,22 @@ from typing import Any
 
 from formation.arrays import Quat
 from formation.frames import IDENTITY
-from wire import link_messages as lm
+from wire.link_messages.address import Address
+from wire.link_messages.motion import (
+    Attitude,
+    AttitudeQuaternion,
+    EstimatorType,
+    GlobalPosition,
+    HomePosition,
+    LocalPosition,
+    MocapPose,
+    Odometry,
+    OdometryFrame,
+    SimTruth,
+    VisionPose,
+)
+from wire.link_messages.packet import Unknown
+from wire.link_messages.setpoints import AttitudeSetpoint, AttitudeTargetReport, Ignore
 from wire.mavlink_axes import (
     euler_ned_from_frd,
     heading_ned,
@@ -43,10 +58,10 @@ _UNKNOWN_COVARIANCE = (math.nan, *(0.0,) * 20)
 _BODY_FRD = 12
 _HEADING_UNKNOWN = 65535
 _MS_32 = 0xFFFFFFFF
-_NO_ATTITUDE, _NO_THRUST = int(lm.Ignore.ATTITUDE), int(lm.Ignore.THRUST)  # plain, for every packet
+_NO_ATTITUDE, _NO_THRUST = int(Ignore.ATTITUDE), int(Ignore.THRUST)  # plain, for every packet
 
 
-def _write_setpoint(m: lm.AttitudeSetpoint) -> Written:
+def _write_setpoint(m: AttitudeSetpoint) -> Written:
     target = m.target
     rate = ned(m.rate_flu_rad_s)
     q = q_ned_from_frd(m.q_lab_from_flu)
@@ -55,21 +70,21 @@ def _write_setpoint(m: lm.AttitudeSetpoint) -> Written:
     )  # fmt: skip
 
 
-def _read_setpoint(f: Fields) -> lm.AttitudeSetpoint:
+def _read_setpoint(f: Fields) -> AttitudeSetpoint:
     t_boot_ms, system, component, mask, w, x, y, z, p, q, r, thrust = f
     attitude, rate, thrust = _demand(mask, (w, x, y, z), (p, q, r), thrust)
-    return lm.AttitudeSetpoint(lm.Address(system, component), t_boot_ms, attitude, lab(*rate), thrust, lm.Ignore(mask))
+    return AttitudeSetpoint(Address(system, component), t_boot_ms, attitude, lab(*rate), thrust, Ignore(mask))
 
 
-def _write_attitude_target(m: lm.AttitudeTargetReport) -> Written:
+def _write_attitude_target(m: AttitudeTargetReport) -> Written:
     q, rate = q_ned_from_frd(m.q_lab_from_flu), ned(m.rate_flu_rad_s)
     return ATTITUDE_TARGET, (m.t_boot_ms & _MS_32, int(m.ignore), *q, *rate, m.thrust_norm)
 
 
-def _read_attitude_target(f: Fields) -> lm.AttitudeTargetReport:
+def _read_attitude_target(f: Fields) -> AttitudeTargetReport:
     t_boot_ms, mask, w, x, y, z, p, q, r, thrust = f
     attitude, rate, thrust = _demand(mask, (w, x, y, z), (p, q, r), thrust)
-    return lm.AttitudeTargetReport(t_boot_ms, attitude, lab(*rate), thrust, lm.Ignore(mask))
+    return AttitudeTargetReport(t_boot_ms, attitude, lab(*rate), thrust, Ignore(mask))
 
 
 def _demand(
@@ -86,24 +101,24 @@ def _demand(
     return attitude, rate, thrust
 
 
-def _write_vision(m: lm.VisionPose) -> Written:
+def _write_vision(m: VisionPose) -> Written:
     euler = euler_ned_from_frd(m.q_lab_from_flu)
     return VISION_POSITION_ESTIMATE, (m.t_us, *ned(m.pos_lab_m), *euler, *_UNKNOWN_COVARIANCE, 0)
 
 
-def _read_vision(f: Fields) -> lm.VisionPose:
-    return lm.VisionPose(f[0], lab_finite(*f[1:4]), q_lab_from_euler(*f[4:7]))
+def _read_vision(f: Fields) -> VisionPose:
+    return VisionPose(f[0], lab_finite(*f[1:4]), q_lab_from_euler(*f[4:7]))
 
 
-def _write_mocap(m: lm.MocapPose) -> Written:
+def _write_mocap(m: MocapPose) -> Written:
     return ATT_POS_MOCAP, (m.t_us, *q_ned_from_frd(m.q_lab_from_flu), *ned(m.pos_lab_m), *_UNKNOWN_COVARIANCE)
 
 
-def _read_mocap(f: Fields) -> lm.MocapPose:
-    return lm.MocapPose(f[0], lab_finite(*f[5:8]), q_lab_from_flu(*f[1:5]))
+def _read_mocap(f: Fields) -> MocapPose:
+    return MocapPose(f[0], lab_finite(*f[5:8]), q_lab_from_flu(*f[1:5]))
 
 
-def _write_odometry(m: lm.Odometry) -> Written:
+def _write_odometry(m: Odometry) -> Written:
     velocity, rate = ned(m.vel_flu_m_s), ned(m.rate_flu_rad_s)
     pose = (*ned(m.pos_lab_m), *q_ned_from_frd(m.q_lab_from_flu))
     covariances = (*_UNKNOWN_COVARIANCE, *_UNKNOWN_COVARIANCE)
@@ -111,14 +126,14 @@ def _write_odometry(m: lm.Odometry) -> Written:
     return ODOMETRY, (*head, *pose, *velocity, *rate, *covariances, m.reset_counter, int(m.estimator), 0)
 
 
-def _read_odometry(f: Fields) -> lm.Odometry | lm.Unknown:
+def _read_odometry(f: Fields) -> Odometry | Unknown:
     """Unknown where the velocity is not in BODY_FRD, as in PX4's own telemetry: nobody here reads that."""
     if f[2] != _BODY_FRD:
-        return lm.Unknown(ODOMETRY.id)
-    return lm.Odometry(
+        return Unknown(ODOMETRY.id)
+    return Odometry(
         t_us=f[0],
-        frame=lm.OdometryFrame(f[1]),
-        estimator=lm.EstimatorType(f[59]),
+        frame=OdometryFrame(f[1]),
+        estimator=EstimatorType(f[59]),
         pos_lab_m=lab_finite(*f[3:6]),
         q_lab_from_flu=q_lab_from_flu(*f[6:10]),
         vel_flu_m_s=lab(*f[10:13]),
@@ -127,32 +142,32 @@ def _read_odometry(f: Fields) -> lm.Odometry | lm.Unknown:
     )
 
 
-def _write_attitude(m: lm.Attitude) -> Written:
+def _write_attitude(m: Attitude) -> Written:
     return ATTITUDE, (m.t_boot_ms & _MS_32, *euler_ned_from_frd(m.q_lab_from_flu), *ned(m.rate_flu_rad_s))
 
 
-def _read_attitude(f: Fields) -> lm.Attitude:
-    return lm.Attitude(f[0], q_lab_from_euler(*f[1:4]), lab(*f[4:7]))
+def _read_attitude(f: Fields) -> Attitude:
+    return Attitude(f[0], q_lab_from_euler(*f[1:4]), lab(*f[4:7]))
 
 
-def _write_attitude_quaternion(m: lm.AttitudeQuaternion) -> Written:
+def _write_attitude_quaternion(m: AttitudeQuaternion) -> Written:
     q, rate = q_ned_from_frd(m.q_lab_from_flu), ned(m.rate_flu_rad_s)
     return ATTITUDE_QUATERNION, (m.t_boot_ms & _MS_32, *q, *rate, 0.0, 0.0, 0.0, 0.0)
 
 
-def _read_attitude_quaternion(f: Fields) -> lm.AttitudeQuaternion:
-    return lm.AttitudeQuaternion(f[0], q_lab_from_flu(*f[1:5]), lab(*f[5:8]))
+def _read_attitude_quaternion(f: Fields) -> AttitudeQuaternion:
+    return AttitudeQuaternion(f[0], q_lab_from_flu(*f[1:5]), lab(*f[5:8]))
 
 
-def _write_local_position(m: lm.LocalPosition) -> Written:
+def _write_local_position(m: LocalPosition) -> Written:
     return LOCAL_POSITION_NED, (m.t_boot_ms & _MS_32, *ned(m.pos_lab_m), *ned(m.vel_lab_m_s))
 
 
-def _read_local_position(f: Fields) -> lm.LocalPosition:
-    return lm.LocalPosition(f[0], lab_finite(*f[1:4]), lab(*f[4:7]))
+def _read_local_position(f: Fields) -> LocalPosition:
+    return LocalPosition(f[0], lab_finite(*f[1:4]), lab(*f[4:7]))
 
 
-def _write_global_position(m: lm.GlobalPosition) -> Written:
+def _write_global_position(m: GlobalPosition) -> Written:
     heading = _HEADING_UNKNOWN
     if m.heading_rad is not None:
         heading = round(math.degrees(heading_ned(m.heading_rad)) * 100.0) % 36000
@@ -161,57 +176,57 @@ def _write_global_position(m: lm.GlobalPosition) -> Written:
     return GLOBAL_POSITION_INT, (m.t_boot_ms & _MS_32, *_degrees_e7(m), *heights, *velocity, heading)
 
 
-def _read_global_position(f: Fields) -> lm.GlobalPosition:
+def _read_global_position(f: Fields) -> GlobalPosition:
     t_boot_ms, lat, lon, alt, height, vn, ve, vd, heading = f
     yaw = None if heading == _HEADING_UNKNOWN else math.remainder(-math.radians(heading * 0.01), 2.0 * math.pi)
     velocity = lab(vn * 0.01, ve * 0.01, vd * 0.01)
-    return lm.GlobalPosition(t_boot_ms, lat * 1e-7, lon * 1e-7, alt * 1e-3, height * 1e-3, velocity, yaw)
+    return GlobalPosition(t_boot_ms, lat * 1e-7, lon * 1e-7, alt * 1e-3, height * 1e-3, velocity, yaw)
 
 
-def _degrees_e7(m: lm.GlobalPosition | lm.HomePosition | lm.SimTruth) -> tuple[int, int]:
+def _degrees_e7(m: GlobalPosition | HomePosition | SimTruth) -> tuple[int, int]:
     return round(m.lat_deg * 1e7), round(m.lon_deg * 1e7)
 
 
-def _write_home(m: lm.HomePosition) -> Written:
+def _write_home(m: HomePosition) -> Written:
     surface = (*_degrees_e7(m), round(m.alt_m * 1e3))
     return HOME_POSITION, (*surface, *ned(m.pos_lab_m), 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
 
 
-def _read_home(f: Fields) -> lm.HomePosition:
-    return lm.HomePosition(f[0] * 1e-7, f[1] * 1e-7, f[2] * 1e-3, lab(*f[3:6]))
+def _read_home(f: Fields) -> HomePosition:
+    return HomePosition(f[0] * 1e-7, f[1] * 1e-7, f[2] * 1e-3, lab(*f[3:6]))
 
 
-def _write_truth(m: lm.SimTruth) -> Written:
+def _write_truth(m: SimTruth) -> Written:
     velocity = [round(v * 100.0) for v in ned(m.vel_lab_m_s)]
     surface = (*_degrees_e7(m), round(m.alt_m * 1e3))
     q = q_ned_from_frd(m.q_lab_from_flu)
     return HIL_STATE_QUATERNION, (m.t_us, *q, 0.0, 0.0, 0.0, *surface, *velocity, 0, 0, 0, 0, 0)
 
 
-def _read_hil_state(f: Fields) -> lm.SimTruth:
+def _read_hil_state(f: Fields) -> SimTruth:
     velocity = lab(f[11] * 0.01, f[12] * 0.01, f[13] * 0.01)
-    return lm.SimTruth(f[0], q_lab_from_flu(*f[1:5]), velocity, f[8] * 1e-7, f[9] * 1e-7, f[10] * 1e-3)
+    return SimTruth(f[0], q_lab_from_flu(*f[1:5]), velocity, f[8] * 1e-7, f[9] * 1e-7, f[10] * 1e-3)
 
 
-def _read_sim_state(f: Fields) -> lm.SimTruth:
+def _read_sim_state(f: Fields) -> SimTruth:
     """SIM_STATE carries no time; its integer degrees, where filled, are finer than its floats."""
     lat_e7, lon_e7 = f[21:23]
     lat, lon = (lat_e7 * 1e-7, lon_e7 * 1e-7) if lat_e7 or lon_e7 else f[13:15]
-    return lm.SimTruth(0, q_lab_from_flu(*f[:4]), lab(*f[18:21]), lat, lon, f[15])
+    return SimTruth(0, q_lab_from_flu(*f[:4]), lab(*f[18:21]), lat, lon, f[15])
 
 
 WRITERS: Mapping[type, Callable[[Any], Written]] = {
-    lm.AttitudeSetpoint: _write_setpoint,
-    lm.AttitudeTargetReport: _write_attitude_target,
-    lm.VisionPose: _write_vision,
-    lm.MocapPose: _write_mocap,
-    lm.Odometry: _write_odometry,
-    lm.Attitude: _write_attitude,
-    lm.AttitudeQuaternion: _write_attitude_quaternion,
-    lm.LocalPosition: _write_local_position,
-    lm.GlobalPosition: _write_global_position,
-    lm.HomePosition: _write_home,
-    lm.SimTruth: _write_truth,
+    AttitudeSetpoint: _write_setpoint,
+    AttitudeTargetReport: _write_attitude_target,
+    VisionPose: _write_vision,
+    MocapPose: _write_mocap,
+    Odometry: _write_odometry,
+    Attitude: _write_attitude,
+    AttitudeQuaternion: _write_attitude_quaternion,
+    LocalPosition: _write_local_position,
+    GlobalPosition: _write_global_position,
+    HomePosition: _write_home,
+    SimTruth: _write_truth,
 }
 
 READERS: Mapping[Layout, Callable[[Fields], Any]] = {

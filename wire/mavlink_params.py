@@ -2,7 +2,8 @@
 
 import struct
 
-from wire.link_messages import Autopilot, ParamType
+from wire.link_messages.parameters import ParamType
+from wire.link_messages.status import Autopilot
 from wire.mavlink_layout import MavlinkError
 
 _REAL32 = struct.Struct("<f")

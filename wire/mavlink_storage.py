@@ -3,7 +3,8 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from wire import link_messages as lm
+from wire.link_messages.address import Address
+from wire.link_messages.storage import LogEntry, LogRequestList, MissionCount, MissionRequestList
 from wire.mavlink_layout import Fields, Layout, layout
 from wire.mavlink_motion import Written
 
@@ -13,31 +14,31 @@ LOG_REQUEST_LIST = layout("LOG_REQUEST_LIST", 4)
 LOG_ENTRY = layout("LOG_ENTRY", 5)
 
 
-def _write_mission_request(m: lm.MissionRequestList) -> Written:
+def _write_mission_request(m: MissionRequestList) -> Written:
     return MISSION_REQUEST_LIST, (m.target.system, m.target.component, m.kind)
 
 
-def _write_mission_count(m: lm.MissionCount) -> Written:
+def _write_mission_count(m: MissionCount) -> Written:
     return MISSION_COUNT, (m.target.system, m.target.component, m.count, m.kind)
 
 
-def _write_log_request(m: lm.LogRequestList) -> Written:
+def _write_log_request(m: LogRequestList) -> Written:
     return LOG_REQUEST_LIST, (m.target.system, m.target.component, m.first, m.last)
 
 
-def _write_log_entry(m: lm.LogEntry) -> Written:
+def _write_log_entry(m: LogEntry) -> Written:
     return LOG_ENTRY, (m.id, m.count, m.last, m.t_unix_s, m.size_bytes)
 
 
 WRITERS: Mapping[type, Callable[[Any], Written]] = {
-    lm.MissionRequestList: _write_mission_request,
-    lm.MissionCount: _write_mission_count,
-    lm.LogRequestList: _write_log_request,
-    lm.LogEntry: _write_log_entry,
+    MissionRequestList: _write_mission_request,
+    MissionCount: _write_mission_count,
+    LogRequestList: _write_log_request,
+    LogEntry: _write_log_entry,
 }
 READERS: Mapping[Layout, Callable[[Fields], Any]] = {
-    MISSION_REQUEST_LIST: lambda f: lm.MissionRequestList(lm.Address(f[0], f[1]), f[2]),
-    MISSION_COUNT: lambda f: lm.MissionCount(lm.Address(f[0], f[1]), f[2], f[3]),
-    LOG_REQUEST_LIST: lambda f: lm.LogRequestList(lm.Address(f[0], f[1]), f[2], f[3]),
-    LOG_ENTRY: lambda f: lm.LogEntry(*f),
+    MISSION_REQUEST_LIST: lambda f: MissionRequestList(Address(f[0], f[1]), f[2]),
+    MISSION_COUNT: lambda f: MissionCount(Address(f[0], f[1]), f[2], f[3]),
+    LOG_REQUEST_LIST: lambda f: LogRequestList(Address(f[0], f[1]), f[2], f[3]),
+    LOG_ENTRY: lambda f: LogEntry(*f),
 }

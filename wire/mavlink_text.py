@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 from formation.messages import Severity
-from wire.link_messages import Address, StatusText
+from wire.link_messages.address import Address
+from wire.link_messages.status import StatusText
 from wire.mavlink_layout import Fields, layout
 
 STATUSTEXT = layout("STATUSTEXT", 4)

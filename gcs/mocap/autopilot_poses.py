@@ -13,7 +13,9 @@ from formation.arrays import Quat, Vec3
 from formation.config import LabConfig
 from formation.frames import IDENTITY
 from formation.messages import Datagram, MocapFrame
-from wire import link_messages as lm
+from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
+from wire.link_messages.motion import AttitudeQuaternion, LocalPosition, SimTruth
+from wire.link_messages.packet import LinkMessage
 from wire.mavlink import Codec
 
 EARTH_RADIUS_M = 6_371_000.0
@@ -71,7 +73,7 @@ class _Body:
 
     spawn_lab_m: Vec3
     clock: _SenderClock = field(default_factory=_SenderClock)
-    codec: Codec = field(default_factory=lambda: Codec(lm.GROUND))
+    codec: Codec = field(default_factory=lambda: Codec(GROUND))
     pos_lab_m: Vec3 | None = None
     vel_lab_m_s: Vec3 = field(default_factory=lambda: np.zeros(3))
     pos_ns: int = 0
@@ -81,16 +83,16 @@ class _Body:
     truth_origin: tuple[float, float, float] | None = None
     fresh: bool = False
 
-    def take(self, message: lm.LinkMessage, now_ns: int) -> None:
+    def take(self, message: LinkMessage, now_ns: int) -> None:
         """One message of the drone. Its own attitude is what setpoints refer to: truth's only where it tells none."""
         self.first_ns = now_ns if self.first_ns is None else self.first_ns
         match message:
-            case lm.LocalPosition() if self.truth_origin is None and now_ns - self.first_ns >= AWAIT_TRUTH_NS:
+            case LocalPosition() if self.truth_origin is None and now_ns - self.first_ns >= AWAIT_TRUTH_NS:
                 made_ns = self.clock.made_ns(message.t_boot_ms * 1_000_000, now_ns)
                 self._move(self.spawn_lab_m + message.pos_lab_m, message.vel_lab_m_s, made_ns)
-            case lm.AttitudeQuaternion():
+            case AttitudeQuaternion():
                 self.q_lab_from_flu, self.has_attitude = message.q_lab_from_flu, True
-            case lm.SimTruth():
+            case SimTruth():
                 self._take_truth(message, now_ns)
 
     def at(self, now_ns: int) -> Vec3:
@@ -103,7 +105,7 @@ class _Body:
         self.pos_lab_m, self.vel_lab_m_s, self.pos_ns = pos_lab_m, np.nan_to_num(vel_lab_m_s), made_ns
         self.fresh = self.q_lab_from_flu is not None
 
-    def _take_truth(self, truth: lm.SimTruth, now_ns: int) -> None:
+    def _take_truth(self, truth: SimTruth, now_ns: int) -> None:
         made_ns = self.clock.made_ns(truth.t_us * 1000, now_ns) if truth.t_us else now_ns
         if not self.has_attitude:
             self.q_lab_from_flu = truth.q_lab_from_flu
@@ -116,7 +118,7 @@ class _Body:
         share = 1.0 - exp(-max(passed_s, 0.0) / SMOOTHING_S)
         self._move(ahead + share * (self._place(truth) - ahead), truth.vel_lab_m_s, made_ns)
 
-    def _place(self, truth: lm.SimTruth) -> Vec3:
+    def _place(self, truth: SimTruth) -> Vec3:
         """Where truth is in the lab: metres north, west and up of its first place."""
         lat_deg, lon_deg, alt_m = self.truth_origin or (truth.lat_deg, truth.lon_deg, truth.alt_m)
         north_m = EARTH_RADIUS_M * radians(truth.lat_deg - lat_deg)
@@ -144,7 +146,7 @@ class AutopilotPoses:
         if body is None:
             return None
         for packet in body.codec.receive(datagram.data):
-            if packet.source == lm.Address(datagram.sysid, lm.DRONE_COMPONENT):
+            if packet.source == Address(datagram.sysid, DRONE_COMPONENT):
                 body.take(packet.message, now_ns)
         return self._frame(now_ns) if self._is_due(now_ns) else None
 

@@ -21,7 +21,9 @@ from analysis.tracking import track
 from formation import topics
 from formation.messages import Datagram
 from formation.topics import Topic
-from wire.link_messages import GROUND, Address, AttitudeSetpoint, Ignore, NamedValue
+from wire.link_messages.address import GROUND, Address
+from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
+from wire.link_messages.status import NamedValue
 from wire.mavlink import Codec
 from wire.mcap_log import LogWriter
 

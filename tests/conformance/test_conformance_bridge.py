@@ -15,19 +15,12 @@ from conformance_agent import START_S, agent, free_tcp_port
 from formation.config import LinkConfig
 from formation.messages import Datagram, MocapFrame
 from wire.clock import monotonic_ns
-from wire.link_messages import (
-    GROUND,
-    Address,
-    AttitudeSetpoint,
-    Command,
-    CommandAck,
-    Heartbeat,
-    Ignore,
-    LinkMessage,
-    NamedValue,
-    StatusText,
-    TimeSync,
-)
+from wire.link_messages.address import GROUND, Address
+from wire.link_messages.clocks import TimeSync
+from wire.link_messages.commands import Command, CommandAck
+from wire.link_messages.packet import LinkMessage
+from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
+from wire.link_messages.status import Heartbeat, NamedValue, StatusText
 from wire.mavlink import Codec
 from wire.zenoh_bus import ZenohBus
 

@@ -9,17 +9,11 @@ from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
 from formation.arrays import Float
 from formation.messages import Datagram, Event, MocapFrame, Truth
-from wire.link_messages import (
-    GROUND,
-    Address,
-    AttitudeSetpoint,
-    Command,
-    CommandAck,
-    Ignore,
-    LinkMessage,
-    Result,
-    StatusText,
-)
+from wire.link_messages.address import GROUND, Address
+from wire.link_messages.commands import Command, CommandAck, Result
+from wire.link_messages.packet import LinkMessage
+from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
+from wire.link_messages.status import StatusText
 from wire.mavlink import Codec
 
 S = 1_000_000_000

@@ -13,22 +13,13 @@ from drone_agent.bridge import COMPANION, BridgeCore
 from drone_agent.config import AgentConfig
 from drone_agent.personality import Mode
 from formation.messages import Datagram, MocapFrame
-from wire.link_messages import (
-    GROUND,
-    Address,
-    AttitudeSetpoint,
-    Command,
-    CommandAck,
-    LinkMessage,
-    LocalPosition,
-    MocapPose,
-    NamedValue,
-    Origin,
-    Packet,
-    StatusText,
-    TimeSync,
-    VisionPose,
-)
+from wire.link_messages.address import GROUND, Address
+from wire.link_messages.clocks import TimeSync
+from wire.link_messages.commands import Command, CommandAck
+from wire.link_messages.motion import LocalPosition, MocapPose, Origin, VisionPose
+from wire.link_messages.packet import LinkMessage, Packet
+from wire.link_messages.setpoints import AttitudeSetpoint
+from wire.link_messages.status import NamedValue, StatusText
 from wire.mavlink import Codec
 
 

@@ -5,27 +5,12 @@ import pytest
 from agent_bench import Bench, hover_at, idle, target
 
 from drone_agent.personality import Mode
-from wire.link_messages import (
-    Address,
-    Attitude,
-    AttitudeQuaternion,
-    AutopilotVersion,
-    Command,
-    CommandAck,
-    CommandInt,
-    GlobalPosition,
-    Heartbeat,
-    HomePosition,
-    LocalPosition,
-    LogEntry,
-    LogRequestList,
-    MissionCount,
-    MissionRequestList,
-    Ping,
-    Result,
-    SetMode,
-    TimeSync,
-)
+from wire.link_messages.address import Address
+from wire.link_messages.clocks import Ping, TimeSync
+from wire.link_messages.commands import Command, CommandAck, CommandInt, Result, SetMode
+from wire.link_messages.motion import Attitude, AttitudeQuaternion, GlobalPosition, HomePosition, LocalPosition
+from wire.link_messages.status import AutopilotVersion, Heartbeat
+from wire.link_messages.storage import LogEntry, LogRequestList, MissionCount, MissionRequestList
 
 ARM, MODE, TAKEOFF, LAND, INTERVAL, REQUEST = 400, 176, 22, 21, 511, 512
 

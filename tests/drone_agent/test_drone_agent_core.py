@@ -15,7 +15,9 @@ from drone_agent.schedule import RASTER_NS, Schedule
 from formation.disturbance import Disturbance, SweptFan
 from formation.messages import Datagram
 from formation.vehicle import profile
-from wire.link_messages import AttitudeQuaternion, LocalPosition, NamedValue, TimeSync
+from wire.link_messages.clocks import TimeSync
+from wire.link_messages.motion import AttitudeQuaternion, LocalPosition
+from wire.link_messages.status import NamedValue
 
 
 def test_the_same_input_gives_the_same_flight() -> None:

@@ -5,20 +5,19 @@ import pytest
 from agent_bench import LEVEL, Bench
 
 from formation.frames import from_yaw, multiply, rotate
-from wire.link_messages import (
+from wire.link_messages.commands import Result
+from wire.link_messages.motion import (
     AttitudeQuaternion,
-    EkfStatus,
     EstimatorType,
-    LinkMessage,
     LocalPosition,
     MocapPose,
     Odometry,
     OdometryFrame,
-    Result,
     SetOrigin,
-    SysStatus,
     VisionPose,
 )
+from wire.link_messages.packet import LinkMessage
+from wire.link_messages.status import EkfStatus, SysStatus
 
 ZERO = np.zeros(3)
 PREARM = 1 << 28

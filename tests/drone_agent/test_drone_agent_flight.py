@@ -6,16 +6,9 @@ from agent_bench import Bench, S, hover_at, target, tilt_rad
 
 from drone_agent.autopilot import STREAM_MODES
 from drone_agent.personality import Mode, Task
-from wire.link_messages import (
-    AttitudeQuaternion,
-    Battery,
-    ExtendedSysState,
-    Heartbeat,
-    LandedState,
-    LocalPosition,
-    Result,
-    SysStatus,
-)
+from wire.link_messages.commands import Result
+from wire.link_messages.motion import AttitudeQuaternion, LocalPosition
+from wire.link_messages.status import Battery, ExtendedSysState, Heartbeat, LandedState, SysStatus
 
 
 @pytest.mark.parametrize("profile", ["paper_40g", "px4_quad"])

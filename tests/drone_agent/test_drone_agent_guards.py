@@ -5,7 +5,8 @@ import pytest
 from agent_bench import MS, Bench, S, hover_at, idle, target, tilt_rad
 
 from drone_agent.personality import Mode, Task
-from wire.link_messages import Autopilot, Heartbeat, Result
+from wire.link_messages.commands import Result
+from wire.link_messages.status import Autopilot, Heartbeat
 
 LEAN = np.array([np.cos(0.1), 0.0, np.sin(0.1), 0.0])
 GROUND_BEAT = Heartbeat(Autopilot.INVALID, 6, 0, 0, 4)

@@ -5,19 +5,10 @@ import pytest
 from agent_bench import LEVEL, MS, Bench, hover_at
 
 from drone_agent.personality import Mode, Task
-from wire.link_messages import (
-    AttitudeSetpoint,
-    GlobalPosition,
-    Ignore,
-    LocalFrame,
-    MessageInterval,
-    Origin,
-    PositionIgnore,
-    PositionSetpoint,
-    Result,
-    SetOrigin,
-    SimTruth,
-)
+from wire.link_messages.commands import Result
+from wire.link_messages.motion import GlobalPosition, Origin, SetOrigin, SimTruth
+from wire.link_messages.setpoints import AttitudeSetpoint, Ignore, LocalFrame, PositionIgnore, PositionSetpoint
+from wire.link_messages.status import MessageInterval
 
 NOT_POSITION = PositionIgnore.POSITION | PositionIgnore.ACCELERATION | PositionIgnore.YAW_RATE
 NOT_VELOCITY = PositionIgnore.VELOCITY | PositionIgnore.ACCELERATION | PositionIgnore.YAW_RATE

@@ -10,7 +10,7 @@ from drone_agent import parameter_file
 from drone_agent.personalities import PERSONALITIES
 from formation.messages import Datagram
 from wire.config_file import ConfigError
-from wire.link_messages import ParamRequestList, ParamRequestRead, ParamSet, ParamType, ParamValue
+from wire.link_messages.parameters import ParamRequestList, ParamRequestRead, ParamSet, ParamType, ParamValue
 
 
 def read(bench: Bench, name: str) -> ParamValue:

@@ -7,7 +7,13 @@ from formation.config import LabConfig
 from formation.messages import Datagram, MocapFrame, OperatorReply, OperatorRequest, Phase, Severity, Verb
 from formation.vehicle import profile
 from gcs.core import GcsCore, Outgoing
-from wire import link_messages as lm
+from wire.link_messages.address import GROUND, Address
+from wire.link_messages.clocks import TimeSync
+from wire.link_messages.commands import Command, CommandAck, Result
+from wire.link_messages.packet import LinkMessage
+from wire.link_messages.parameters import ParamRequestRead, ParamType, ParamValue
+from wire.link_messages.setpoints import AttitudeSetpoint
+from wire.link_messages.status import Autopilot, EkfStatus, Heartbeat, StatusText
 from wire.mavlink import Codec, param_to_raw
 
 G = 9.8
@@ -23,19 +29,19 @@ COPTER_PARAMETERS = {"GUID_OPTIONS": 8, "GUID_TIMEOUT": 1.0, "FS_GCS_ENABLE": 5,
 class FakeDrone:
     """Ideal attitude response; flies while armed and told to; its failures are switches."""
 
-    def __init__(self, sysid: int, pos_lab_m, hover: float, autopilot: lm.Autopilot = lm.Autopilot.PX4) -> None:
+    def __init__(self, sysid: int, pos_lab_m, hover: float, autopilot: Autopilot = Autopilot.PX4) -> None:
         self.sysid, self.hover, self.autopilot = sysid, hover, autopilot
         self.pos, self.vel, self.q = np.array(pos_lab_m, float), np.zeros(3), frames.IDENTITY
         self.armed, self.mode, self.thrust = False, 0, 0.0
-        self.codec = Codec(lm.Address(sysid, 1))
-        px4 = autopilot is lm.Autopilot.PX4
+        self.codec = Codec(Address(sysid, 1))
+        px4 = autopilot is Autopilot.PX4
         self.offboard, self.land = (PX4_OFFBOARD, PX4_LAND) if px4 else (COPTER_GUIDED, COPTER_LAND)
         name = "MPC_THR_HOVER" if px4 else "MOT_THST_HOVER"
         self.parameters = {**(PX4_PARAMETERS if px4 else COPTER_PARAMETERS), name: hover}
         self.refuse_arming = self.mute = self.deaf = False
         self.ignore_first = 0
-        self.heard: list[lm.LinkMessage] = []
-        self.setpoints: list[tuple[int, lm.AttitudeSetpoint]] = []
+        self.heard: list[LinkMessage] = []
+        self.setpoints: list[tuple[int, AttitudeSetpoint]] = []
         self._out: list[bytes] = []
         self._beat_ns = 0
 
@@ -46,44 +52,44 @@ class FakeDrone:
             self.heard.append(packet.message)
             self._react(packet.message, now_ns)
 
-    def _react(self, message: lm.LinkMessage, now_ns: int) -> None:
+    def _react(self, message: LinkMessage, now_ns: int) -> None:
         match message:
-            case lm.AttitudeSetpoint():
+            case AttitudeSetpoint():
                 self.setpoints.append((now_ns, message))
                 if self.armed and self.mode == self.offboard:
                     self.q, self.thrust = message.q_lab_from_flu, message.thrust_norm
-            case lm.Command():
+            case Command():
                 if self.ignore_first:
                     self.ignore_first -= 1
                     return
-                self._say(lm.CommandAck(lm.GROUND, message.command, self._obey(message)))
-            case lm.ParamRequestRead() if message.name in self.parameters:
+                self._say(CommandAck(GROUND, message.command, self._obey(message)))
+            case ParamRequestRead() if message.name in self.parameters:
                 value = self.parameters[message.name]
-                kind = lm.ParamType.INT32 if isinstance(value, int) else lm.ParamType.REAL32
+                kind = ParamType.INT32 if isinstance(value, int) else ParamType.REAL32
                 raw = param_to_raw(value, kind, self.autopilot)
-                self._say(lm.ParamValue(message.name, raw, kind, len(self.parameters), 0))
-            case lm.TimeSync() if message.tc1_ns == 0:
-                self._say(lm.TimeSync(now_ns + 7_000_000_000, message.ts1_ns, lm.Address(255, 190)))
+                self._say(ParamValue(message.name, raw, kind, len(self.parameters), 0))
+            case TimeSync() if message.tc1_ns == 0:
+                self._say(TimeSync(now_ns + 7_000_000_000, message.ts1_ns, Address(255, 190)))
 
-    def _obey(self, command: lm.Command) -> lm.Result:
+    def _obey(self, command: Command) -> Result:
         match command.command:
             case 400 if command.params[0] == 1.0:
                 if self.refuse_arming:
-                    self._say(lm.StatusText(Severity.CRITICAL, "PreArm: no position"))
-                    return lm.Result.DENIED
+                    self._say(StatusText(Severity.CRITICAL, "PreArm: no position"))
+                    return Result.DENIED
                 self.armed = True
             case 400:
                 if self.pos[2] > 0.05 and command.params[1] != 21196.0:
-                    return lm.Result.DENIED
+                    return Result.DENIED
                 self.armed, self.thrust = False, 0.0
             case 176:
-                px4 = self.autopilot is lm.Autopilot.PX4
+                px4 = self.autopilot is Autopilot.PX4
                 self.mode = int(command.params[1]) << 16 if px4 else int(command.params[1])
             case 21:
                 self.mode = self.land
-        return lm.Result.ACCEPTED
+        return Result.ACCEPTED
 
-    def _say(self, message: lm.LinkMessage) -> None:
+    def _say(self, message: LinkMessage) -> None:
         self._out.append(self.codec.encode(message))
 
     def advance(self, now_ns: int, dt_s: float) -> None:
@@ -106,9 +112,9 @@ class FakeDrone:
         if now_ns - self._beat_ns >= 1_000_000_000:
             self._beat_ns = now_ns
             status = 4 if self.armed else 3
-            self._say(lm.Heartbeat(self.autopilot, 2, 1 | (128 if self.armed else 0), self.mode, status))
-            if self.autopilot is lm.Autopilot.ARDUPILOT:
-                self._say(lm.EkfStatus(0x10, ardupilot=True))
+            self._say(Heartbeat(self.autopilot, 2, 1 | (128 if self.armed else 0), self.mode, status))
+            if self.autopilot is Autopilot.ARDUPILOT:
+                self._say(EkfStatus(0x10, ardupilot=True))
         out, self._out = self._out, []
         return [] if self.mute else out
 
@@ -116,14 +122,14 @@ class FakeDrone:
 class FakeLab:
     """A GcsCore and fake drones joined by a function; 100 Hz frames, links without delay."""
 
-    def __init__(self, config: LabConfig, autopilots: dict[int, lm.Autopilot] | None = None) -> None:
+    def __init__(self, config: LabConfig, autopilots: dict[int, Autopilot] | None = None) -> None:
         self.config = config
         self.core = GcsCore(config, T0_NS)
         self.now_ns = T0_NS
         self.seq = 0
         self.noise = np.random.default_rng(7)
         self.drones = {
-            v.sysid: FakeDrone(v.sysid, _start(config, i), _hover(v), (autopilots or {}).get(v.sysid, lm.Autopilot.PX4))
+            v.sysid: FakeDrone(v.sysid, _start(config, i), _hover(v), (autopilots or {}).get(v.sysid, Autopilot.PX4))
             for i, v in enumerate(config.vehicles)
             if v.sysid is not None
         }

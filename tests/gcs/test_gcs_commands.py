@@ -1,6 +1,7 @@
 from gcs.commands import CommandChannel
 from gcs.dialect import ARM_DISARM, arm, cut, disarm, land
-from wire.link_messages import Address, CommandAck, Result
+from wire.link_messages.address import Address
+from wire.link_messages.commands import CommandAck, Result
 
 DRONE = Address(3, 1)
 GROUND = Address(255, 190)

@@ -6,7 +6,8 @@ from gcs_fakes import FakeLab, triangle
 
 from formation.messages import Phase, Verb
 from gcs.core import BrokenInvariantError
-from wire import link_messages as lm
+from wire.link_messages.commands import Command, Result
+from wire.link_messages.status import EkfStatus, ExtendedSysState, LandedState
 
 
 def _flying() -> FakeLab:
@@ -23,8 +24,8 @@ def _refusal(lab: FakeLab, verb: Verb) -> str:
     return reply.text
 
 
-def _commands(drone, number: int) -> list[lm.Command]:
-    return [m for m in drone.heard if isinstance(m, lm.Command) and m.command == number]
+def _commands(drone, number: int) -> list[Command]:
+    return [m for m in drone.heard if isinstance(m, Command) and m.command == number]
 
 
 def test_arming_is_refused_without_fresh_poses():
@@ -182,7 +183,7 @@ def test_a_disarm_refused_on_the_floor_is_forced():
     lab = _flying()
     drone = lab.drones[1]
     obey = drone._obey
-    drone._obey = lambda c: lm.Result.DENIED if c.command == 400 and c.params[1] == 0.0 else obey(c)
+    drone._obey = lambda c: Result.DENIED if c.command == 400 and c.params[1] == 0.0 else obey(c)
     lab.command(Verb.LAND, Phase.LAND)
     lab.run_until(Phase.GROUND)
     assert not drone.armed
@@ -224,12 +225,12 @@ def test_a_duplicate_sysid_is_told_and_keeps_the_swarm_on_the_ground():
     lab = FakeLab(triangle())
     twin = FakeLab(triangle()).drones[2]
     for _ in range(77):
-        twin.codec.encode(lm.EkfStatus(0, ardupilot=False))
+        twin.codec.encode(EkfStatus(0, ardupilot=False))
     lab.run(2.0)
     for _ in range(300):
         lab.step()
-        twin._say(lm.ExtendedSysState(lm.LandedState.ON_GROUND))
-        lab.drones[2]._say(lm.ExtendedSysState(lm.LandedState.ON_GROUND))
+        twin._say(ExtendedSysState(LandedState.ON_GROUND))
+        lab.drones[2]._say(ExtendedSysState(LandedState.ON_GROUND))
         lab.drones[2]._out += twin.outgoing(lab.now_ns)
     assert "left: its sysid is used twice on the network" in lab.events
     assert "left: its sysid is used twice on the network" in _refusal(lab, Verb.ARM)

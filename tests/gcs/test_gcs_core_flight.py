@@ -8,7 +8,12 @@ import pytest
 from gcs_fakes import MS, T0_NS, FakeLab, triangle
 
 from formation.messages import MocapFrame, Phase, Verb
-from wire import link_messages as lm
+from wire.link_messages.address import Address
+from wire.link_messages.clocks import TimeSync
+from wire.link_messages.commands import Command
+from wire.link_messages.motion import VisionPose
+from wire.link_messages.setpoints import AttitudeSetpoint
+from wire.link_messages.status import Autopilot, Heartbeat
 
 
 @pytest.fixture
@@ -54,15 +59,15 @@ def test_px4_gets_a_second_of_setpoints_before_the_mode_and_the_mode_before_armi
     first_ns = drone.setpoints[0][0]
     assert first_ns - asked_ns <= 10 * MS
     assert all(setpoint.thrust_norm == 0.0 for _, setpoint in drone.setpoints)
-    kinds = [m for m in drone.heard if isinstance(m, lm.Command) and m.command in (176, 400)]
+    kinds = [m for m in drone.heard if isinstance(m, Command) and m.command in (176, 400)]
     assert [(c.command, c.params[:2]) for c in kinds] == [(176, (1.0, 6.0)), (400, (1.0, 0.0))]
     before_mode = drone.heard[: drone.heard.index(kinds[0])]
-    assert sum(isinstance(m, lm.AttitudeSetpoint) for m in before_mode) >= 100
+    assert sum(isinstance(m, AttitudeSetpoint) for m in before_mode) >= 100
     assert lab.reply(1).accepted
 
 
 def test_a_mixed_fleet_is_brought_to_its_own_modes():
-    lab = FakeLab(triangle(), {2: lm.Autopilot.ARDUPILOT})
+    lab = FakeLab(triangle(), {2: Autopilot.ARDUPILOT})
     lab.fly()
     assert lab.drones[2].mode == 4
     assert lab.drones[3].mode == 6 << 16
@@ -72,7 +77,7 @@ def test_lost_commands_are_repeated(lab):
     lab.run(2.0)
     lab.drones[3].ignore_first = 3
     lab.command(Verb.ARM, Phase.ARMED)
-    confirmations = [m.confirmation for m in lab.drones[3].heard if isinstance(m, lm.Command) and m.command == 176]
+    confirmations = [m.confirmation for m in lab.drones[3].heard if isinstance(m, Command) and m.command == 176]
     assert confirmations == [0, 1, 2, 3]
 
 
@@ -81,7 +86,7 @@ def test_every_setpoint_rides_on_a_frame_and_names_its_capture(lab):
     lab.run(0.5)
     for setpoint_ns, setpoint in lab.drones[1].setpoints[-20:]:
         assert setpoint.t_boot_ms == (setpoint_ns - 5 * MS) // MS
-        assert setpoint.target == lm.Address(1, 1)
+        assert setpoint.target == Address(1, 1)
     spacing = {b - a for (a, _), (b, _) in itertools.pairwise(lab.drones[1].setpoints[-20:])}
     assert spacing == {10 * MS}
 
@@ -90,7 +95,7 @@ def test_poses_go_to_each_drone_at_fifty_hertz_even_on_the_ground(lab):
     lab.run(3.0)
     lab.drones[2].heard.clear()
     lab.run(2.0)
-    poses = [m for m in lab.drones[2].heard if isinstance(m, lm.VisionPose)]
+    poses = [m for m in lab.drones[2].heard if isinstance(m, VisionPose)]
     assert 99 <= len(poses) <= 101
     assert all(np.allclose(m.pos_lab_m, [-0.4, 0.4, 0.0], atol=1e-3) for m in poses)
 
@@ -100,12 +105,12 @@ def test_the_heartbeat_is_earned_by_frames(lab):
     drone = lab.drones[1]
     drone.heard.clear()
     lab.run(3.0)
-    assert sum(isinstance(m, lm.Heartbeat) for m in drone.heard) == 3
+    assert sum(isinstance(m, Heartbeat) for m in drone.heard) == 3
     drone.heard.clear()
     lab.frames_stopped = True
     lab.run(5.0)
-    assert not any(isinstance(m, lm.Heartbeat | lm.AttitudeSetpoint | lm.VisionPose) for m in drone.heard)
-    assert any(isinstance(m, lm.TimeSync) for m in drone.heard)
+    assert not any(isinstance(m, Heartbeat | AttitudeSetpoint | VisionPose) for m in drone.heard)
+    assert any(isinstance(m, TimeSync) for m in drone.heard)
 
 
 def test_without_frames_the_watchdog_ticks(lab):

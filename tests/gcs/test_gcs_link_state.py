@@ -10,7 +10,22 @@ from formation.messages import Severity
 from formation.vehicle import profile
 from gcs.checks import objections, warnings
 from gcs.link_state import DroneLink
-from wire import link_messages as lm
+from wire.link_messages.address import GROUND, Address
+from wire.link_messages.clocks import TimeSync
+from wire.link_messages.commands import Command, CommandAck, Result
+from wire.link_messages.motion import Origin, SetOrigin, VisionPose
+from wire.link_messages.packet import LinkMessage
+from wire.link_messages.parameters import ParamRequestRead, ParamType, ParamValue
+from wire.link_messages.status import (
+    Autopilot,
+    Battery,
+    EkfStatus,
+    ExtendedSysState,
+    Heartbeat,
+    LandedState,
+    NamedValue,
+    StatusText,
+)
 from wire.mavlink import Codec, param_to_raw
 
 MS = 1_000_000
@@ -21,9 +36,9 @@ class Drone:
     """The other end of a link, said what to say."""
 
     def __init__(self, sysid: int = 3, component: int = 1) -> None:
-        self.codec = Codec(lm.Address(sysid, component))
+        self.codec = Codec(Address(sysid, component))
 
-    def say(self, link: DroneLink, message: lm.LinkMessage, now_ns: int = 0) -> None:
+    def say(self, link: DroneLink, message: LinkMessage, now_ns: int = 0) -> None:
         link.receive(self.codec.encode(message), now_ns)
 
 
@@ -31,11 +46,11 @@ def _link(name: str = "paper_40g") -> DroneLink:
     return DroneLink(VehicleBody(body="left", sysid=3), 3, profile(name))
 
 
-def _beat(autopilot: lm.Autopilot = lm.Autopilot.PX4, armed: bool = False, mode: int = 0) -> lm.Heartbeat:
-    return lm.Heartbeat(autopilot, 2, 1 | (128 if armed else 0), mode, 3)
+def _beat(autopilot: Autopilot = Autopilot.PX4, armed: bool = False, mode: int = 0) -> Heartbeat:
+    return Heartbeat(autopilot, 2, 1 | (128 if armed else 0), mode, 3)
 
 
-def _heard(link: DroneLink, data: list[lm.LinkMessage]) -> list[lm.LinkMessage]:
+def _heard(link: DroneLink, data: list[LinkMessage]) -> list[LinkMessage]:
     return [type(message) for message in data]
 
 
@@ -57,13 +72,13 @@ def test_the_same_drone_is_announced_again_only_after_a_long_silence():
 @pytest.mark.parametrize(
     ("autopilot", "mode", "name", "offboard"),
     [
-        (lm.Autopilot.PX4, 6 << 16, "OFFBOARD", True),
-        (lm.Autopilot.PX4, 4 << 16 | 6 << 24, "LAND", False),
-        (lm.Autopilot.PX4, 3 << 16, "POSCTL", False),
-        (lm.Autopilot.PX4, 99 << 16, "MODE 99", False),
-        (lm.Autopilot.ARDUPILOT, 4, "GUIDED", True),
-        (lm.Autopilot.ARDUPILOT, 9, "LAND", False),
-        (lm.Autopilot.ARDUPILOT, 99, "MODE 99", False),
+        (Autopilot.PX4, 6 << 16, "OFFBOARD", True),
+        (Autopilot.PX4, 4 << 16 | 6 << 24, "LAND", False),
+        (Autopilot.PX4, 3 << 16, "POSCTL", False),
+        (Autopilot.PX4, 99 << 16, "MODE 99", False),
+        (Autopilot.ARDUPILOT, 4, "GUIDED", True),
+        (Autopilot.ARDUPILOT, 9, "LAND", False),
+        (Autopilot.ARDUPILOT, 99, "MODE 99", False),
     ],
 )
 def test_modes_are_named_in_the_autopilots_own_words(autopilot, mode, name, offboard):
@@ -75,13 +90,13 @@ def test_modes_are_named_in_the_autopilots_own_words(autopilot, mode, name, offb
 def test_the_first_heartbeat_asks_for_parameters_and_streams():
     link = _link()
     Drone().say(link, _beat())
-    asked: list[lm.LinkMessage] = []
+    asked: list[LinkMessage] = []
     for ms in range(0, 200, 10):
         asked += link.due(ms * MS)
-    assert {m.name for m in asked if isinstance(m, lm.ParamRequestRead)} <= {*PX4_PARAMETERS, "MPC_THR_HOVER"}
-    first = next(m for m in asked if isinstance(m, lm.Command))
-    assert (first.command, first.params[:2], first.target) == (511, (31.0, 20_000.0), lm.Address(3, 1))
-    assert any(isinstance(m, lm.TimeSync) for m in asked)
+    assert {m.name for m in asked if isinstance(m, ParamRequestRead)} <= {*PX4_PARAMETERS, "MPC_THR_HOVER"}
+    first = next(m for m in asked if isinstance(m, Command))
+    assert (first.command, first.params[:2], first.target) == (511, (31.0, 20_000.0), Address(3, 1))
+    assert any(isinstance(m, TimeSync) for m in asked)
 
 
 def test_another_component_is_not_the_autopilot_and_another_system_is_told():
@@ -97,10 +112,10 @@ def test_another_component_is_not_the_autopilot_and_another_system_is_told():
 def test_telemetry_is_kept_and_unknown_battery_is_nan():
     link, drone = _link(), Drone()
     assert math.isnan(link.told.battery)
-    drone.say(link, lm.ExtendedSysState(lm.LandedState.IN_AIR))
-    drone.say(link, lm.Battery((3.9,), 4.0, 10.0, 0.5))
-    drone.say(link, lm.NamedValue(1, "age_ms", 12.5))
-    assert link.told.landed is lm.LandedState.IN_AIR
+    drone.say(link, ExtendedSysState(LandedState.IN_AIR))
+    drone.say(link, Battery((3.9,), 4.0, 10.0, 0.5))
+    drone.say(link, NamedValue(1, "age_ms", 12.5))
+    assert link.told.landed is LandedState.IN_AIR
     assert math.isclose(link.told.battery, 0.5)
     assert math.isclose(link.told.battery_v, 3.9, rel_tol=1e-3)
     assert math.isclose(link.told.setpoint_age_s, 0.0125)
@@ -108,7 +123,7 @@ def test_telemetry_is_kept_and_unknown_battery_is_nan():
 
 def test_status_texts_become_events_in_the_drones_name():
     link = _link()
-    Drone().say(link, lm.StatusText(Severity.CRITICAL, "Disarming denied: not landed"))
+    Drone().say(link, StatusText(Severity.CRITICAL, "Disarming denied: not landed"))
     assert [(e.severity, e.source, e.text) for e in link.events] == [
         (Severity.CRITICAL, "left", "Disarming denied: not landed")
     ]
@@ -118,21 +133,21 @@ def test_status_texts_become_events_in_the_drones_name():
 def test_a_time_sync_request_is_answered_at_once():
     link = _link()
     assert not link.has_answers
-    Drone().say(link, lm.TimeSync(0, 77), 5 * MS)
+    Drone().say(link, TimeSync(0, 77), 5 * MS)
     assert link.has_answers
-    answers = [m for m in link.due(6 * MS) if isinstance(m, lm.TimeSync) and m.tc1_ns]
+    answers = [m for m in link.due(6 * MS) if isinstance(m, TimeSync) and m.tc1_ns]
     assert [(m.tc1_ns, m.ts1_ns) for m in answers] == [(5 * MS, 77)]
 
 
 def test_the_bridge_beside_an_autopilot_gets_our_clock_and_is_heard():
     link, bridge = _link(), Drone(component=191)
-    bridge.say(link, lm.TimeSync(0, 77), 5 * MS)
-    assert [m for m in link.due(6 * MS) if isinstance(m, lm.TimeSync) and m.tc1_ns] == [
-        lm.TimeSync(5 * MS, 77, lm.Address(3, 191))
+    bridge.say(link, TimeSync(0, 77), 5 * MS)
+    assert [m for m in link.due(6 * MS) if isinstance(m, TimeSync) and m.tc1_ns] == [
+        TimeSync(5 * MS, 77, Address(3, 191))
     ]
-    bridge.say(link, lm.NamedValue(0, "age_ms", 12.5))
+    bridge.say(link, NamedValue(0, "age_ms", 12.5))
     assert math.isclose(link.told.setpoint_age_s, 0.0125)
-    bridge.say(link, lm.StatusText(Severity.WARNING, "Setpoints are stale: level and hold"))
+    bridge.say(link, StatusText(Severity.WARNING, "Setpoints are stale: level and hold"))
     assert [event.text for event in link.events] == ["Setpoints are stale: level and hold"]
     bridge.say(link, _beat(armed=True))
     assert link.told.heartbeat is None
@@ -142,13 +157,13 @@ def test_the_bridge_beside_an_autopilot_gets_our_clock_and_is_heard():
 def test_setpoints_carry_the_capture_time_and_the_rates_the_autopilot_can_take():
     rate = np.array([0.1, 0.2, 0.3])
     masks = {}
-    for autopilot in (lm.Autopilot.PX4, lm.Autopilot.ARDUPILOT):
+    for autopilot in (Autopilot.PX4, Autopilot.ARDUPILOT):
         for name in ("paper_40g", "px4_quad"):
             link = _link(name)
             Drone().say(link, _beat(autopilot))
-            (packet,) = Codec(lm.Address(3, 1)).receive(link.setpoint(1_234_567_890, IDENTITY, rate, 0.4))
+            (packet,) = Codec(Address(3, 1)).receive(link.setpoint(1_234_567_890, IDENTITY, rate, 0.4))
             assert packet.message.t_boot_ms == 1234
-            assert packet.source == lm.Address(255, 190)
+            assert packet.source == Address(255, 190)
             masks[autopilot.name, name] = int(packet.message.ignore)
     # PX4 reads roll and pitch rates as a second, competing setpoint: only who is known to feed them forward gets them.
     assert masks == {
@@ -163,22 +178,22 @@ def test_no_pose_is_sent_before_the_autopilot_is_known():
     link = _link()
     assert link.pose(0, np.zeros(3), IDENTITY) == b""
     Drone().say(link, _beat())
-    (packet,) = Codec(lm.Address(3, 1)).receive(link.pose(5_000, np.array([1.0, 2.0, 3.0]), IDENTITY))
-    assert isinstance(packet.message, lm.VisionPose)
+    (packet,) = Codec(Address(3, 1)).receive(link.pose(5_000, np.array([1.0, 2.0, 3.0]), IDENTITY))
+    assert isinstance(packet.message, VisionPose)
     assert packet.message.t_us == 5
     assert np.allclose(packet.message.pos_lab_m, [1.0, 2.0, 3.0])
 
 
-def _tell(link: DroneLink, values: dict[str, float], autopilot: lm.Autopilot) -> None:
+def _tell(link: DroneLink, values: dict[str, float], autopilot: Autopilot) -> None:
     drone = Drone()
     for name, value in values.items():
-        kind = lm.ParamType.INT32 if isinstance(value, int) else lm.ParamType.REAL32
-        drone.say(link, lm.ParamValue(name, param_to_raw(value, kind, autopilot), kind, 9, 0))
+        kind = ParamType.INT32 if isinstance(value, int) else ParamType.REAL32
+        drone.say(link, ParamValue(name, param_to_raw(value, kind, autopilot), kind, 9, 0))
 
 
 @pytest.mark.parametrize(
     ("autopilot", "name", "default"),
-    [(lm.Autopilot.PX4, "MPC_THR_HOVER", 0.5), (lm.Autopilot.ARDUPILOT, "MOT_THST_HOVER", 0.35)],
+    [(Autopilot.PX4, "MPC_THR_HOVER", 0.5), (Autopilot.ARDUPILOT, "MOT_THST_HOVER", 0.35)],
 )
 def test_hover_thrust_is_the_autopilots_once_it_was_measured(autopilot, name, default):
     link = _link()
@@ -193,11 +208,11 @@ def test_hover_thrust_is_the_autopilots_once_it_was_measured(autopilot, name, de
 def test_vital_parameters_keep_a_drone_on_the_ground():
     link = _link()
     assert objections(link) == ()  # a missing heartbeat is told by safety itself
-    autopilot = lm.Autopilot.ARDUPILOT
+    autopilot = Autopilot.ARDUPILOT
     Drone().say(link, _beat(autopilot))
     assert objections(link) == ("left: no estimator report yet", "left: GUID_OPTIONS is being read",
                                 "left: GUID_TIMEOUT is being read")  # fmt: skip
-    Drone().say(link, lm.EkfStatus(0x10, ardupilot=True))
+    Drone().say(link, EkfStatus(0x10, ardupilot=True))
     _tell(link, {**COPTER_PARAMETERS, "GUID_OPTIONS": 0}, autopilot)
     assert objections(link) == (
         "left: GUID_OPTIONS is 0, wanted thrust (bit 8): without it our thrust is read as a climb rate",
@@ -208,10 +223,10 @@ def test_vital_parameters_keep_a_drone_on_the_ground():
 
 def test_an_estimator_without_position_is_an_objection():
     link = _link()
-    Drone().say(link, _beat(lm.Autopilot.ARDUPILOT))
-    _tell(link, COPTER_PARAMETERS, lm.Autopilot.ARDUPILOT)
+    Drone().say(link, _beat(Autopilot.ARDUPILOT))
+    _tell(link, COPTER_PARAMETERS, Autopilot.ARDUPILOT)
     for flags in (0, 0x400, 0x410):
-        Drone().say(link, lm.EkfStatus(flags, ardupilot=True))
+        Drone().say(link, EkfStatus(flags, ardupilot=True))
         assert objections(link) == ("left: estimator has no position yet",)
 
 
@@ -225,43 +240,43 @@ def test_vital_parameters_that_stay_silent_are_told_as_unread():
 
 def test_an_autopilot_of_another_make_is_an_objection():
     link = _link()
-    Drone().say(link, _beat(lm.Autopilot.GENERIC))
+    Drone().say(link, _beat(Autopilot.GENERIC))
     assert objections(link) == ("left: autopilot GENERIC is neither PX4 nor ArduPilot",)
 
 
 def test_lesser_parameters_only_warn_and_external_pose_ones_only_where_the_pose_is_ours():
     link = _link()
     Drone().say(link, _beat())
-    _tell(link, {**PX4_PARAMETERS, "EKF2_EV_CTRL": 0, "COM_OBL_RC_ACT": 0, "MPC_THR_HOVER": 0.3}, lm.Autopilot.PX4)
+    _tell(link, {**PX4_PARAMETERS, "EKF2_EV_CTRL": 0, "COM_OBL_RC_ACT": 0, "MPC_THR_HOVER": 0.3}, Autopilot.PX4)
     assert objections(link) == ()
     ours, not_ours = warnings(link, feeds_pose=True), warnings(link, feeds_pose=False)
     assert [text.split()[0] for text in ours] == ["COM_OBL_RC_ACT", "EKF2_EV_CTRL", "MPC_THR_HOVER"]
     assert [text.split()[0] for text in not_ours] == ["COM_OBL_RC_ACT", "MPC_THR_HOVER"]
 
 
-def _origins(link: DroneLink, until_ms: int) -> list[lm.SetOrigin]:
-    return [m for ms in range(0, until_ms, 10) for m in link.due(ms * MS) if isinstance(m, lm.SetOrigin)]
+def _origins(link: DroneLink, until_ms: int) -> list[SetOrigin]:
+    return [m for ms in range(0, until_ms, 10) for m in link.due(ms * MS) if isinstance(m, SetOrigin)]
 
 
 def test_an_ardupilot_without_position_is_told_the_origin_until_it_repeats_it():
     origin = (47.0, 8.0, 400.0)
     link = DroneLink(VehicleBody(body="left", sysid=3), 3, PAPER, origin=origin)
     drone = Drone()
-    drone.say(link, _beat(lm.Autopilot.ARDUPILOT))
+    drone.say(link, _beat(Autopilot.ARDUPILOT))
     told = _origins(link, 3000)
     assert [(m.target_system, m.lat_deg, m.lon_deg, m.alt_m) for m in told] == [(3, *origin)] * 3
-    drone.say(link, lm.Origin(*origin))
+    drone.say(link, Origin(*origin))
     assert _origins(link, 3000) == []
 
 
 def test_who_needs_no_origin_is_told_none():
-    for autopilot, origin in ((lm.Autopilot.PX4, (47.0, 8.0, 400.0)), (lm.Autopilot.ARDUPILOT, None)):
+    for autopilot, origin in ((Autopilot.PX4, (47.0, 8.0, 400.0)), (Autopilot.ARDUPILOT, None)):
         link = DroneLink(VehicleBody(body="left", sysid=3), 3, PAPER, origin=origin)
         Drone().say(link, _beat(autopilot))
         assert _origins(link, 3000) == []
     ready = DroneLink(VehicleBody(body="left", sysid=3), 3, PAPER, origin=(47.0, 8.0, 400.0))
-    Drone().say(ready, _beat(lm.Autopilot.ARDUPILOT))
-    Drone().say(ready, lm.EkfStatus(0x10, ardupilot=True))
+    Drone().say(ready, _beat(Autopilot.ARDUPILOT))
+    Drone().say(ready, EkfStatus(0x10, ardupilot=True))
     assert _origins(ready, 3000) == []
 
 
@@ -270,9 +285,9 @@ def _intervals(link: DroneLink) -> dict[float, float]:
     asked = {}
     for ms in range(0, 1000, 10):
         for m in link.due(ms * MS):
-            if isinstance(m, lm.Command) and m.command == 511:
+            if isinstance(m, Command) and m.command == 511:
                 asked[m.params[0]] = m.params[1]
-                Drone().say(link, lm.CommandAck(lm.GROUND, 511, lm.Result.ACCEPTED), ms * MS)
+                Drone().say(link, CommandAck(GROUND, 511, Result.ACCEPTED), ms * MS)
     return asked
 
 

@@ -7,7 +7,10 @@ from formation.config import LabConfig
 from formation.frames import IDENTITY
 from formation.messages import Datagram
 from gcs.mocap.autopilot_poses import AWAIT_TRUTH_NS, AutopilotPoses, streams
-from wire import link_messages as lm
+from wire.link_messages.address import Address
+from wire.link_messages.motion import AttitudeQuaternion, LocalPosition, SimTruth
+from wire.link_messages.packet import LinkMessage
+from wire.link_messages.status import Autopilot, Heartbeat
 from wire.mavlink import Codec
 
 MS = 1_000_000
@@ -27,28 +30,28 @@ def _lab(source: str = "mavlink") -> LabConfig:
 class Lab:
     def __init__(self) -> None:
         self.poses = AutopilotPoses(_lab())
-        self.codecs = {sysid: Codec(lm.Address(sysid, 1)) for sysid in (1, 2)}
+        self.codecs = {sysid: Codec(Address(sysid, 1)) for sysid in (1, 2)}
         for sysid in (1, 2):  # heard for so long that truth would have come
-            self.say(sysid, lm.Heartbeat(lm.Autopilot.PX4, 2, 0, 0, 3), -AWAIT_TRUTH_NS // MS)
+            self.say(sysid, Heartbeat(Autopilot.PX4, 2, 0, 0, 3), -AWAIT_TRUTH_NS // MS)
 
-    def say(self, sysid: int, message: lm.LinkMessage, ms: int):
-        if isinstance(message, lm.LocalPosition) and message.t_boot_ms < 0:
+    def say(self, sysid: int, message: LinkMessage, ms: int):
+        if isinstance(message, LocalPosition) and message.t_boot_ms < 0:
             message = replace(message, t_boot_ms=77_000 + ms)
         return self.poses.receive(Datagram(sysid, self.codecs[sysid].encode(message)), ms * MS)
 
 
-def _local(x, y, z, v=(0.0, 0.0, 0.0), t_boot_ms=None) -> lm.LocalPosition:
+def _local(x, y, z, v=(0.0, 0.0, 0.0), t_boot_ms=None) -> LocalPosition:
     """Stamped by a drone whose clock runs 77 s ahead; by default at the moment it is said."""
-    return lm.LocalPosition(-1 if t_boot_ms is None else t_boot_ms, np.array([x, y, z]), np.array(v))
+    return LocalPosition(-1 if t_boot_ms is None else t_boot_ms, np.array([x, y, z]), np.array(v))
 
 
-def _attitude() -> lm.AttitudeQuaternion:
-    return lm.AttitudeQuaternion(0, IDENTITY, np.zeros(3))
+def _attitude() -> AttitudeQuaternion:
+    return AttitudeQuaternion(0, IDENTITY, np.zeros(3))
 
 
-def _truth(north_m: float, up_m: float = 0.0, v=(0.0, 0.0, 0.0), t_us: int = 0) -> lm.SimTruth:
+def _truth(north_m: float, up_m: float = 0.0, v=(0.0, 0.0, 0.0), t_us: int = 0) -> SimTruth:
     lat = HOME[0] + np.degrees(north_m / 6_371_000.0)
-    return lm.SimTruth(t_us, IDENTITY, np.array(v), float(lat), HOME[1], HOME[2] + up_m)
+    return SimTruth(t_us, IDENTITY, np.array(v), float(lat), HOME[1], HOME[2] + up_m)
 
 
 def test_a_frame_comes_when_every_drone_has_spoken_and_each_has_its_spawn_added():
@@ -151,9 +154,9 @@ def test_streams_are_asked_for_only_without_a_mocap():
 
 def test_strangers_are_left_alone():
     lab = Lab()
-    lab.codecs[3] = Codec(lm.Address(3, 1))
+    lab.codecs[3] = Codec(Address(3, 1))
     assert lab.say(3, _local(0, 0, 0), 0) is None
-    lab.codecs[1] = Codec(lm.Address(1, 191))
+    lab.codecs[1] = Codec(Address(1, 191))
     lab.say(1, _attitude(), 0)
     assert lab.say(1, _local(0, 0, 0), 1) is None
 

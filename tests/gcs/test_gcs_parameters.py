@@ -3,7 +3,9 @@ import struct
 import pytest
 
 from gcs.parameters import ParameterReader
-from wire.link_messages import Address, Autopilot, ParamType, ParamValue
+from wire.link_messages.address import Address
+from wire.link_messages.parameters import ParamType, ParamValue
+from wire.link_messages.status import Autopilot
 
 DRONE = Address(3, 1)
 MS = 1_000_000

@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gcs.timesync import ClockOffset
-from wire.link_messages import Address, TimeSync
+from wire.link_messages.address import Address
+from wire.link_messages.clocks import TimeSync
 
 DRONE = Address(3, 1)
 MS = 1_000_000

@@ -11,32 +11,39 @@ from pymavlink.dialects.v20 import ardupilotmega as oracle
 from wire_messages import ANY_MESSAGE, MESSAGES, assert_same
 
 from formation.messages import Severity
-from wire import link_messages as lm
+from wire.link_messages.address import GROUND, Address
+from wire.link_messages.clocks import TimeSync
+from wire.link_messages.commands import Command, SetMode
+from wire.link_messages.motion import EstimatorType, Odometry, OdometryFrame, SimTruth
+from wire.link_messages.packet import LinkMessage, Packet, Unknown
+from wire.link_messages.parameters import ParamRequestList, ParamSet, ParamValue
+from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
+from wire.link_messages.status import Autopilot, Heartbeat, NamedValue, StatusText, SysStatus
 from wire.mavlink import Codec, MavlinkError, decode_packet
 
-DRONE = lm.Address(7, 1)
+DRONE = Address(7, 1)
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 ZERO = np.zeros(3)
 
 
-def setpoint(**changes) -> lm.AttitudeSetpoint:
+def setpoint(**changes) -> AttitudeSetpoint:
     values = {"target": DRONE, "t_boot_ms": 5, "q_lab_from_flu": LEVEL, "rate_flu_rad_s": ZERO, "thrust_norm": 0.5}
-    return lm.AttitudeSetpoint(**{**values, "ignore": lm.Ignore.NONE, **changes})
+    return AttitudeSetpoint(**{**values, "ignore": Ignore.NONE, **changes})
 
 
-def decoded(message) -> lm.LinkMessage:
+def decoded(message) -> LinkMessage:
     (packet,) = everything_for(message).receive(Codec(DRONE).encode(message))
     return packet.message
 
 
 def everything_for(message) -> Codec:
     """A codec that the message, whoever its target, is addressed to."""
-    target = getattr(message, "target", lm.Address(getattr(message, "target_system", 0), 0))
+    target = getattr(message, "target", Address(getattr(message, "target_system", 0), 0))
     return Codec(target)
 
 
 def test_every_link_message_has_a_strategy():
-    assert set(MESSAGES) == set(lm.LinkMessage.__args__) - {lm.Unknown}
+    assert set(MESSAGES) == set(LinkMessage.__args__) - {Unknown}
 
 
 @pytest.mark.parametrize("kind", MESSAGES, ids=lambda kind: kind.__name__)
@@ -58,16 +65,16 @@ def test_bytes_are_pymavlinks(kind):
 
     @given(MESSAGES[kind], st.integers(0, 255))
     def check(message, seq):
-        if kind is lm.TimeSync:
-            message = lm.TimeSync(message.tc1_ns, message.ts1_ns)  # pymavlink has no target there yet
-        if kind in (lm.ParamValue, lm.ParamSet):
+        if kind is TimeSync:
+            message = TimeSync(message.tc1_ns, message.ts1_ns)  # pymavlink has no target there yet
+        if kind in (ParamValue, ParamSet):
             number = struct.unpack("<f", message.raw)[0]  # a float's NaN loses its bits in pymavlink
             message = type(message)(
                 **{n: getattr(message, n) for n in message.__slots__} | {"raw": struct.pack("<f", number)}
             )
         codec = Codec(DRONE)
         for _ in range(seq):
-            codec.encode(lm.ParamRequestList(DRONE))
+            codec.encode(ParamRequestList(DRONE))
         data = codec.encode(message)
         mav = oracle.MAVLink(None, srcSystem=DRONE.system, srcComponent=DRONE.component)
         mav.robust_parsing = False
@@ -84,11 +91,11 @@ def test_bytes_are_pymavlinks(kind):
 
 @given(st.binary(max_size=600))
 def test_any_bytes_are_read_or_skipped_and_the_next_datagram_is_read_at_once(garbage):
-    codec = Codec(lm.GROUND)
+    codec = Codec(GROUND)
     codec.receive(garbage)
     assert codec.bad_bytes <= len(garbage)
-    heartbeat = lm.Heartbeat(lm.Autopilot.PX4, 2, 0, 0, 4)
-    assert codec.receive(Codec(DRONE).encode(heartbeat)) == [lm.Packet(DRONE, 0, heartbeat)]
+    heartbeat = Heartbeat(Autopilot.PX4, 2, 0, 0, 4)
+    assert codec.receive(Codec(DRONE).encode(heartbeat)) == [Packet(DRONE, 0, heartbeat)]
 
 
 @given(st.binary(max_size=300))
@@ -97,7 +104,7 @@ def test_any_bytes_are_one_packet_or_the_one_error(data):
         packet = decode_packet(data)
     except MavlinkError:
         return
-    assert isinstance(packet, lm.Packet)
+    assert isinstance(packet, Packet)
 
 
 @given(ANY_MESSAGE, st.data())
@@ -110,7 +117,7 @@ def test_a_flipped_bit_never_reads_as_another_message(message, data):
         packet = decode_packet(bytes(frame))
     except MavlinkError:
         return
-    assert isinstance(packet.message, lm.Unknown)
+    assert isinstance(packet.message, Unknown)
     assert packet.message.message_id not in oracle.mavlink_map
 
 
@@ -122,7 +129,7 @@ def test_any_payload_of_any_known_message_is_read_or_the_one_error(number, paylo
         packet = decode_packet(frame)
     except MavlinkError:
         packet = None
-    codec = Codec(lm.GROUND)
+    codec = Codec(GROUND)
     taken = codec.receive(frame)
     assert codec.bad_bytes == 0
     assert codec.bad_packets == (packet is None)
@@ -141,14 +148,14 @@ def test_mavlink_1_is_read():
     mav = oracle.MAVLink(None, srcSystem=7, srcComponent=1)
     frame = mav.heartbeat_encode(2, 12, 81, 50593792, 4).pack(mav, force_mavlink1=True)
     assert frame[0] == 0xFE
-    heartbeat = lm.Heartbeat(lm.Autopilot.PX4, 2, 81, 50593792, 4)
-    assert decode_packet(frame) == lm.Packet(DRONE, 0, heartbeat)
-    assert Codec(lm.GROUND).receive(frame + frame)[1].message == heartbeat
+    heartbeat = Heartbeat(Autopilot.PX4, 2, 81, 50593792, 4)
+    assert decode_packet(frame) == Packet(DRONE, 0, heartbeat)
+    assert Codec(GROUND).receive(frame + frame)[1].message == heartbeat
 
 
 def test_a_signed_packet_is_read_without_asking_for_its_signature():
     frame = sealed(0, bytes([0, 0, 0, 0, 2, 12, 0, 4, 3]), flags=1)
-    assert decode_packet(frame).message == lm.Heartbeat(lm.Autopilot.PX4, 2, 0, 0, 4)
+    assert decode_packet(frame).message == Heartbeat(Autopilot.PX4, 2, 0, 0, 4)
 
 
 def test_an_unknown_incompatibility_flag_is_refused():
@@ -157,21 +164,21 @@ def test_an_unknown_incompatibility_flag_is_refused():
 
 
 def test_a_message_nothing_reads_is_unknown_not_an_error():
-    assert decode_packet(sealed(24, bytes(30))).message == lm.Unknown(24)
+    assert decode_packet(sealed(24, bytes(30))).message == Unknown(24)
 
 
 def test_a_message_of_no_dialect_is_unknown_and_its_neighbours_are_read():
     """PX4 sends ids that no published dialect has; its checksum cannot be checked."""
-    heartbeat = Codec(DRONE).encode(lm.Heartbeat(lm.Autopilot.PX4, 2, 0, 0, 4))
-    codec = Codec(lm.GROUND)
+    heartbeat = Codec(DRONE).encode(Heartbeat(Autopilot.PX4, 2, 0, 0, 4))
+    codec = Codec(GROUND)
     packets = codec.receive(heartbeat + sealed(54321, b"abc") + heartbeat)
-    assert [type(p.message) for p in packets] == [lm.Heartbeat, lm.Unknown, lm.Heartbeat]
+    assert [type(p.message) for p in packets] == [Heartbeat, Unknown, Heartbeat]
     assert codec.bad_bytes == 0
 
 
 def test_a_longer_payload_of_a_newer_dialect_is_read():
     payload = bytes([0, 0, 0, 0, 2, 12, 0, 4, 3]) + b"new"
-    assert decode_packet(sealed(0, payload)).message == lm.Heartbeat(lm.Autopilot.PX4, 2, 0, 0, 4)
+    assert decode_packet(sealed(0, payload)).message == Heartbeat(Autopilot.PX4, 2, 0, 0, 4)
 
 
 @pytest.mark.parametrize(
@@ -180,20 +187,20 @@ def test_a_longer_payload_of_a_newer_dialect_is_read():
 )
 def test_only_packets_for_this_address_or_everybody_are_taken(target, taken):
     codec = Codec(DRONE)
-    packets = codec.receive(Codec(lm.GROUND).encode(lm.Command(lm.Address(*target), 400, (1.0,) * 7)))
+    packets = codec.receive(Codec(GROUND).encode(Command(Address(*target), 400, (1.0,) * 7)))
     assert (len(packets), codec.misaddressed_packets) == ((1, 0) if taken else (0, 1))
 
 
 def test_set_mode_is_for_a_system():
     codec = Codec(DRONE)
-    ground = Codec(lm.GROUND)
-    assert len(codec.receive(ground.encode(lm.SetMode(7, 1, 4)))) == 1
-    assert codec.receive(ground.encode(lm.SetMode(8, 1, 4))) == []
+    ground = Codec(GROUND)
+    assert len(codec.receive(ground.encode(SetMode(7, 1, 4)))) == 1
+    assert codec.receive(ground.encode(SetMode(8, 1, 4))) == []
 
 
 def test_lost_packets_are_counted_by_sequence_number():
-    drone, ground = Codec(DRONE), Codec(lm.GROUND)
-    packets = [drone.encode(lm.Heartbeat(lm.Autopilot.PX4, 2, 0, 0, 4)) for _ in range(300)]
+    drone, ground = Codec(DRONE), Codec(GROUND)
+    packets = [drone.encode(Heartbeat(Autopilot.PX4, 2, 0, 0, 4)) for _ in range(300)]
     for i, packet in enumerate(packets):
         if i not in (3, 4, 255, 256, 257):
             ground.receive(packet)
@@ -203,17 +210,17 @@ def test_lost_packets_are_counted_by_sequence_number():
 @pytest.mark.parametrize(
     "message",
     [
-        lm.NamedValue(0, "eleven char", 1.0),
-        lm.ParamRequestList(lm.Address(256, 1)),
+        NamedValue(0, "eleven char", 1.0),
+        ParamRequestList(Address(256, 1)),
         setpoint(thrust_norm=1e39),
-        lm.Command(DRONE, 70000, (0.0,) * 7),
-        lm.Unknown(4242),
+        Command(DRONE, 70000, (0.0,) * 7),
+        Unknown(4242),
     ],
     ids=["name too long", "no such system", "no such float", "no such command", "unknown"],
 )
 def test_what_mavlink_cannot_carry_is_the_one_error(message):
     with pytest.raises(MavlinkError):
-        Codec(lm.GROUND).encode(message)
+        Codec(GROUND).encode(message)
 
 
 def test_boot_time_wraps_after_49_days():
@@ -223,19 +230,19 @@ def test_boot_time_wraps_after_49_days():
 @pytest.mark.parametrize("q", [[0.0] * 4, [math.nan, 0, 0, 0], [math.inf, 0, 0, 0]])
 def test_a_setpoint_that_is_no_rotation_is_refused(q):
     codec = Codec(DRONE)
-    assert codec.receive(Codec(lm.GROUND).encode(setpoint(q_lab_from_flu=np.array(q)))) == []
+    assert codec.receive(Codec(GROUND).encode(setpoint(q_lab_from_flu=np.array(q)))) == []
     assert codec.bad_packets == 1
 
 
 @pytest.mark.parametrize("change", [{"thrust_norm": math.nan}, {"rate_flu_rad_s": np.array([0, math.inf, 0])}])
 def test_a_setpoint_that_is_not_finite_is_refused(change):
     codec = Codec(DRONE)
-    assert codec.receive(Codec(lm.GROUND).encode(setpoint(**change))) == []
+    assert codec.receive(Codec(GROUND).encode(setpoint(**change))) == []
     assert codec.bad_packets == 1
 
 
 def test_ignored_parts_of_a_setpoint_may_be_anything():
-    ignore = lm.Ignore.ATTITUDE | lm.Ignore.THRUST | lm.Ignore.ROLL_RATE
+    ignore = Ignore.ATTITUDE | Ignore.THRUST | Ignore.ROLL_RATE
     rates = np.array([math.nan, 0.5, -0.25])
     message = setpoint(q_lab_from_flu=np.zeros(4), rate_flu_rad_s=rates, thrust_norm=math.nan, ignore=ignore)
     read = decoded(message)
@@ -252,7 +259,7 @@ def test_a_quaternion_with_negative_w_is_the_same_rotation():
 
 
 def test_unknown_battery_figures_are_nan():
-    read = decoded(lm.SysStatus(1, 1, 1, 0.25, math.nan, math.nan, math.nan))
+    read = decoded(SysStatus(1, 1, 1, 0.25, math.nan, math.nan, math.nan))
     assert (read.load, math.isnan(read.battery_v), math.isnan(read.battery_a)) == (0.25, True, True)
     assert math.isnan(read.battery_remaining)
 
@@ -260,15 +267,15 @@ def test_unknown_battery_figures_are_nan():
 def test_odometry_with_its_velocity_in_the_world_is_nothing_bad():
     """PX4's own telemetry, some thirty a second."""
     payload = oracle.MAVLink(None).odometry_encode(1, 1, 1, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0, 0, 0, 0, [0] * 21, [0] * 21)
-    codec = Codec(lm.GROUND)
+    codec = Codec(GROUND)
     packets = codec.receive(payload.pack(oracle.MAVLink(None, srcSystem=1, srcComponent=1)))
-    assert [packet.message for packet in packets] == [lm.Unknown(331)]
+    assert [packet.message for packet in packets] == [Unknown(331)]
     assert (codec.bad_packets, codec.bad_bytes) == (0, 0)
 
 
 def test_unknown_odometry_velocity_stays_nan():
     nan = np.full(3, math.nan)
-    message = lm.Odometry(1, lm.OdometryFrame.LOCAL_FRD, lm.EstimatorType.VISION, ZERO, LEVEL, nan, nan)
+    message = Odometry(1, OdometryFrame.LOCAL_FRD, EstimatorType.VISION, ZERO, LEVEL, nan, nan)
     read = decoded(message)
     assert np.isnan(read.vel_flu_m_s).all()
     assert np.isnan(read.rate_flu_rad_s).all()
@@ -302,11 +309,11 @@ def test_sim_state_reads_as_truth():
         lon_int=85455940,
     )
     truth = decode_packet(message.pack(mav)).message
-    assert isinstance(truth, lm.SimTruth)
+    assert isinstance(truth, SimTruth)
     assert (truth.lat_deg, truth.lon_deg, truth.alt_m) == pytest.approx((47.397742, 8.545594, 488.0), abs=1e-12)
     np.testing.assert_array_equal(truth.vel_lab_m_s, [1.0, -2.0, -3.0])
 
 
 def test_a_severity_of_each_kind_arrives():
     for severity in Severity:
-        assert decoded(lm.StatusText(severity, "x")).severity is severity
+        assert decoded(StatusText(severity, "x")).severity is severity

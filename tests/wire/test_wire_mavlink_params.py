@@ -6,7 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wire.link_messages import GROUND, Address, Autopilot, ParamType, ParamValue
+from wire.link_messages.address import GROUND, Address
+from wire.link_messages.parameters import ParamType, ParamValue
+from wire.link_messages.status import Autopilot
 from wire.mavlink import Codec, MavlinkError, param_from_raw, param_to_raw
 
 RANGES = {

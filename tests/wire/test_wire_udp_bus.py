@@ -8,7 +8,8 @@ from wire_waiting import free_port, until
 
 from formation.config import LinkConfig
 from formation.messages import Datagram
-from wire.link_messages import GROUND, Address, Autopilot, Heartbeat
+from wire.link_messages.address import GROUND, Address
+from wire.link_messages.status import Autopilot, Heartbeat
 from wire.mavlink import Codec
 from wire.udp_bus import open_udp_direct, open_udp_drone, open_udp_ground
 

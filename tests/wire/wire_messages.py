@@ -9,13 +9,53 @@ from hypothesis import strategies as st
 
 from formation import frames
 from formation.messages import Severity
-from wire import link_messages as lm
+from wire.link_messages.address import Address
+from wire.link_messages.clocks import Ping, SystemTime, TimeSync
+from wire.link_messages.commands import Command, CommandAck, CommandInt, Result, SetMode
+from wire.link_messages.motion import (
+    Attitude,
+    AttitudeQuaternion,
+    EstimatorType,
+    GlobalPosition,
+    HomePosition,
+    LocalPosition,
+    MocapPose,
+    Odometry,
+    OdometryFrame,
+    Origin,
+    SetOrigin,
+    SimTruth,
+    VisionPose,
+)
+from wire.link_messages.parameters import ParamRequestList, ParamRequestRead, ParamSet, ParamType, ParamValue
+from wire.link_messages.setpoints import (
+    AttitudeSetpoint,
+    AttitudeTargetReport,
+    Ignore,
+    LocalFrame,
+    PositionIgnore,
+    PositionSetpoint,
+)
+from wire.link_messages.status import (
+    Autopilot,
+    AutopilotVersion,
+    Battery,
+    EkfStatus,
+    ExtendedSysState,
+    Heartbeat,
+    LandedState,
+    MessageInterval,
+    NamedValue,
+    StatusText,
+    SysStatus,
+)
+from wire.link_messages.storage import LogEntry, LogRequestList, MissionCount, MissionRequestList
 
 U8, U16, U32 = st.integers(0, 255), st.integers(0, 2**16 - 1), st.integers(0, 2**32 - 1)
 I32, U64, I64 = st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**64 - 1), st.integers(-(2**63), 2**63 - 1)
 METRES = st.floats(-1e3, 1e3, width=32)
 FLOATS = st.floats(-1e6, 1e6, width=32)
-ADDRESS = st.builds(lm.Address, U8, U8)
+ADDRESS = st.builds(Address, U8, U8)
 VECTOR = st.tuples(METRES, METRES, METRES).map(np.array)
 
 
@@ -38,73 +78,73 @@ PERCENT = st.integers(0, 100).map(lambda n: n * 0.01)
 Q = rotations()
 
 MESSAGES: dict[type, st.SearchStrategy[Any]] = {
-    lm.Heartbeat: st.builds(lm.Heartbeat, st.sampled_from(lm.Autopilot), U8, U8, U32, U8),
-    lm.AttitudeSetpoint: st.builds(lm.AttitudeSetpoint, ADDRESS, U32, Q, VECTOR, FLOATS, st.just(lm.Ignore.NONE)),
-    lm.VisionPose: st.builds(lm.VisionPose, U64, VECTOR, Q),
-    lm.MocapPose: st.builds(lm.MocapPose, U64, VECTOR, Q),
-    lm.Odometry: st.builds(
-        lm.Odometry,
+    Heartbeat: st.builds(Heartbeat, st.sampled_from(Autopilot), U8, U8, U32, U8),
+    AttitudeSetpoint: st.builds(AttitudeSetpoint, ADDRESS, U32, Q, VECTOR, FLOATS, st.just(Ignore.NONE)),
+    VisionPose: st.builds(VisionPose, U64, VECTOR, Q),
+    MocapPose: st.builds(MocapPose, U64, VECTOR, Q),
+    Odometry: st.builds(
+        Odometry,
         U64,
-        st.sampled_from(lm.OdometryFrame),
-        st.sampled_from(lm.EstimatorType),
+        st.sampled_from(OdometryFrame),
+        st.sampled_from(EstimatorType),
         VECTOR,
         Q,
         VECTOR,
         VECTOR,
         U8,
     ),
-    lm.Attitude: st.builds(lm.Attitude, U32, Q, VECTOR),
-    lm.AttitudeQuaternion: st.builds(lm.AttitudeQuaternion, U32, Q, VECTOR),
-    lm.LocalPosition: st.builds(lm.LocalPosition, U32, VECTOR, VECTOR),
-    lm.GlobalPosition: st.builds(
-        lm.GlobalPosition, U32, DEGREES, DEGREES, MILLIMETRES, MILLIMETRES, SPEEDS, st.none() | st.floats(-3.1, 3.1)
+    Attitude: st.builds(Attitude, U32, Q, VECTOR),
+    AttitudeQuaternion: st.builds(AttitudeQuaternion, U32, Q, VECTOR),
+    LocalPosition: st.builds(LocalPosition, U32, VECTOR, VECTOR),
+    GlobalPosition: st.builds(
+        GlobalPosition, U32, DEGREES, DEGREES, MILLIMETRES, MILLIMETRES, SPEEDS, st.none() | st.floats(-3.1, 3.1)
     ),
-    lm.HomePosition: st.builds(lm.HomePosition, DEGREES, DEGREES, MILLIMETRES, VECTOR),
-    lm.SysStatus: st.builds(lm.SysStatus, U32, U32, U32, PERCENT, st.floats(0, 60), st.floats(-300, 300), PERCENT),
-    lm.Battery: st.builds(
-        lm.Battery,
+    HomePosition: st.builds(HomePosition, DEGREES, DEGREES, MILLIMETRES, VECTOR),
+    SysStatus: st.builds(SysStatus, U32, U32, U32, PERCENT, st.floats(0, 60), st.floats(-300, 300), PERCENT),
+    Battery: st.builds(
+        Battery,
         st.lists(st.floats(0.1, 60), max_size=14).map(tuple),
         st.floats(0, 300),
         st.floats(0, 1e5),
         PERCENT,
     ),
-    lm.ExtendedSysState: st.builds(lm.ExtendedSysState, st.sampled_from(lm.LandedState)),
-    lm.EkfStatus: st.builds(lm.EkfStatus, U16, st.booleans()),
-    lm.StatusText: st.builds(lm.StatusText, st.sampled_from(Severity), text(600)),
-    lm.Command: st.builds(lm.Command, ADDRESS, U16, st.tuples(*[FLOATS] * 7), U8),
-    lm.CommandInt: st.builds(lm.CommandInt, ADDRESS, U8, U16, st.tuples(*[FLOATS] * 4), I32, I32, FLOATS),
-    lm.CommandAck: st.builds(lm.CommandAck, ADDRESS, U16, st.sampled_from(lm.Result), U8),
-    lm.SetMode: st.builds(lm.SetMode, U8, U8, U32),
-    lm.TimeSync: st.builds(lm.TimeSync, I64, I64, ADDRESS),
-    lm.Ping: st.builds(lm.Ping, U64, U32, ADDRESS),
-    lm.SystemTime: st.builds(lm.SystemTime, U64, U32),
-    lm.ParamValue: st.builds(lm.ParamValue, text(16), RAW, st.sampled_from(lm.ParamType), U16, U16),
-    lm.ParamSet: st.builds(lm.ParamSet, ADDRESS, text(16), RAW, st.sampled_from(lm.ParamType)),
-    lm.ParamRequestRead: st.builds(lm.ParamRequestRead, ADDRESS, text(16), st.integers(-1, 2**15 - 1)),
-    lm.ParamRequestList: st.builds(lm.ParamRequestList, ADDRESS),
-    lm.AutopilotVersion: st.builds(lm.AutopilotVersion, U64, U32, U64),
-    lm.AttitudeTargetReport: st.builds(lm.AttitudeTargetReport, U32, Q, VECTOR, FLOATS, st.just(lm.Ignore.NONE)),
-    lm.SimTruth: st.builds(lm.SimTruth, U64, Q, SPEEDS, DEGREES, DEGREES, MILLIMETRES),
-    lm.NamedValue: st.builds(lm.NamedValue, U32, text(10), FLOATS),
-    lm.PositionSetpoint: st.builds(
-        lm.PositionSetpoint,
+    ExtendedSysState: st.builds(ExtendedSysState, st.sampled_from(LandedState)),
+    EkfStatus: st.builds(EkfStatus, U16, st.booleans()),
+    StatusText: st.builds(StatusText, st.sampled_from(Severity), text(600)),
+    Command: st.builds(Command, ADDRESS, U16, st.tuples(*[FLOATS] * 7), U8),
+    CommandInt: st.builds(CommandInt, ADDRESS, U8, U16, st.tuples(*[FLOATS] * 4), I32, I32, FLOATS),
+    CommandAck: st.builds(CommandAck, ADDRESS, U16, st.sampled_from(Result), U8),
+    SetMode: st.builds(SetMode, U8, U8, U32),
+    TimeSync: st.builds(TimeSync, I64, I64, ADDRESS),
+    Ping: st.builds(Ping, U64, U32, ADDRESS),
+    SystemTime: st.builds(SystemTime, U64, U32),
+    ParamValue: st.builds(ParamValue, text(16), RAW, st.sampled_from(ParamType), U16, U16),
+    ParamSet: st.builds(ParamSet, ADDRESS, text(16), RAW, st.sampled_from(ParamType)),
+    ParamRequestRead: st.builds(ParamRequestRead, ADDRESS, text(16), st.integers(-1, 2**15 - 1)),
+    ParamRequestList: st.builds(ParamRequestList, ADDRESS),
+    AutopilotVersion: st.builds(AutopilotVersion, U64, U32, U64),
+    AttitudeTargetReport: st.builds(AttitudeTargetReport, U32, Q, VECTOR, FLOATS, st.just(Ignore.NONE)),
+    SimTruth: st.builds(SimTruth, U64, Q, SPEEDS, DEGREES, DEGREES, MILLIMETRES),
+    NamedValue: st.builds(NamedValue, U32, text(10), FLOATS),
+    PositionSetpoint: st.builds(
+        PositionSetpoint,
         ADDRESS,
         U32,
-        st.sampled_from(lm.LocalFrame),
-        st.sampled_from(lm.PositionIgnore),
+        st.sampled_from(LocalFrame),
+        st.sampled_from(PositionIgnore),
         VECTOR,
         VECTOR,
         VECTOR,
         st.floats(-3.0, 3.0, width=32),
         FLOATS,
     ),
-    lm.SetOrigin: st.builds(lm.SetOrigin, U8, DEGREES, DEGREES, MILLIMETRES),
-    lm.Origin: st.builds(lm.Origin, DEGREES, DEGREES, MILLIMETRES),
-    lm.MessageInterval: st.builds(lm.MessageInterval, U16, I32),
-    lm.MissionRequestList: st.builds(lm.MissionRequestList, ADDRESS, U8),
-    lm.MissionCount: st.builds(lm.MissionCount, ADDRESS, U16, U8),
-    lm.LogRequestList: st.builds(lm.LogRequestList, ADDRESS, U16, U16),
-    lm.LogEntry: st.builds(lm.LogEntry, U16, U16, U16, U32, U32),
+    SetOrigin: st.builds(SetOrigin, U8, DEGREES, DEGREES, MILLIMETRES),
+    Origin: st.builds(Origin, DEGREES, DEGREES, MILLIMETRES),
+    MessageInterval: st.builds(MessageInterval, U16, I32),
+    MissionRequestList: st.builds(MissionRequestList, ADDRESS, U8),
+    MissionCount: st.builds(MissionCount, ADDRESS, U16, U8),
+    LogRequestList: st.builds(LogRequestList, ADDRESS, U16, U16),
+    LogEntry: st.builds(LogEntry, U16, U16, U16, U32, U32),
 }
 ANY_MESSAGE = st.one_of(*MESSAGES.values())
 

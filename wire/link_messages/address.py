@@ -1,0 +1,19 @@
+"""Who speaks and who is spoken to on a MAVLink link."""
+
+from dataclasses import dataclass
+
+BROADCAST = 0
+GROUND_SYSTEM, GROUND_COMPONENT = 255, 190
+DRONE_COMPONENT = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """A MAVLink system and component."""
+
+    system: int
+    component: int
+
+
+GROUND = Address(GROUND_SYSTEM, GROUND_COMPONENT)
+EVERYONE = Address(BROADCAST, BROADCAST)

@@ -1,0 +1,140 @@
+"""Where a body is and how it moves: told to the autopilot, estimated by it, or true in a simulator."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+from formation.arrays import Quat, Vec3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VisionPose:
+    """VISION_POSITION_ESTIMATE (102): an external pose for the autopilot's estimator (Euler on the wire)."""
+
+    t_us: int
+    pos_lab_m: Vec3
+    q_lab_from_flu: Quat
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MocapPose:
+    """ATT_POS_MOCAP (138)."""
+
+    t_us: int
+    pos_lab_m: Vec3
+    q_lab_from_flu: Quat
+
+
+class OdometryFrame(IntEnum):
+    """MAV_FRAME of ODOMETRY's pose; velocity is always in the body's axes."""
+
+    LOCAL_NED = 1
+    LOCAL_FRD = 20
+
+
+class EstimatorType(IntEnum):
+    """MAV_ESTIMATOR_TYPE."""
+
+    UNKNOWN = 0
+    NAIVE = 1
+    VISION = 2
+    VIO = 3
+    GPS = 4
+    GPS_INS = 5
+    MOCAP = 6
+    LIDAR = 7
+    AUTOPILOT = 8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Odometry:
+    """ODOMETRY (331), child frame BODY_FRD; NaN velocity is unknown."""
+
+    t_us: int
+    frame: OdometryFrame
+    estimator: EstimatorType
+    pos_lab_m: Vec3
+    q_lab_from_flu: Quat
+    vel_flu_m_s: Vec3
+    rate_flu_rad_s: Vec3
+    reset_counter: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Attitude:
+    """ATTITUDE (30) (Euler on the wire)."""
+
+    t_boot_ms: int
+    q_lab_from_flu: Quat
+    rate_flu_rad_s: Vec3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AttitudeQuaternion:
+    """ATTITUDE_QUATERNION (31)."""
+
+    t_boot_ms: int
+    q_lab_from_flu: Quat
+    rate_flu_rad_s: Vec3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocalPosition:
+    """LOCAL_POSITION_NED (32), in lab axes."""
+
+    t_boot_ms: int
+    pos_lab_m: Vec3
+    vel_lab_m_s: Vec3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GlobalPosition:
+    """GLOBAL_POSITION_INT (33); degrees, metres; heading is the yaw about lab z, None where unknown."""
+
+    t_boot_ms: int
+    lat_deg: float
+    lon_deg: float
+    alt_m: float
+    height_m: float
+    vel_lab_m_s: Vec3
+    heading_rad: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HomePosition:
+    """HOME_POSITION (242)."""
+
+    lat_deg: float
+    lon_deg: float
+    alt_m: float
+    pos_lab_m: Vec3
+
+
+@dataclass(frozen=True, slots=True)
+class SetOrigin:
+    """SET_GPS_GLOBAL_ORIGIN (48): where on the globe the local frame begins."""
+
+    target_system: int
+    lat_deg: float
+    lon_deg: float
+    alt_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """GPS_GLOBAL_ORIGIN (49)."""
+
+    lat_deg: float
+    lon_deg: float
+    alt_m: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SimTruth:
+    """HIL_STATE_QUATERNION (115) or SIM_STATE (108): a simulated autopilot's true state."""
+
+    t_us: int
+    q_lab_from_flu: Quat
+    vel_lab_m_s: Vec3
+    lat_deg: float
+    lon_deg: float
+    alt_m: float

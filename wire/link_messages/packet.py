@@ -1,0 +1,59 @@
+"""One decoded packet, and everything that it may say."""
+
+from dataclasses import dataclass
+
+from wire.link_messages.address import Address
+from wire.link_messages.clocks import Ping, SystemTime, TimeSync
+from wire.link_messages.commands import Command, CommandAck, CommandInt, SetMode
+from wire.link_messages.motion import (
+    Attitude,
+    AttitudeQuaternion,
+    GlobalPosition,
+    HomePosition,
+    LocalPosition,
+    MocapPose,
+    Odometry,
+    Origin,
+    SetOrigin,
+    SimTruth,
+    VisionPose,
+)
+from wire.link_messages.parameters import ParamRequestList, ParamRequestRead, ParamSet, ParamValue
+from wire.link_messages.setpoints import AttitudeSetpoint, AttitudeTargetReport, PositionSetpoint
+from wire.link_messages.status import (
+    AutopilotVersion,
+    Battery,
+    EkfStatus,
+    ExtendedSysState,
+    Heartbeat,
+    MessageInterval,
+    NamedValue,
+    StatusText,
+    SysStatus,
+)
+from wire.link_messages.storage import LogEntry, LogRequestList, MissionCount, MissionRequestList
+
+
+@dataclass(frozen=True, slots=True)
+class Unknown:
+    """A well-formed packet of a message id that nothing here reads; counted, never an error."""
+
+    message_id: int
+
+
+LinkMessage = (
+    Heartbeat | AttitudeSetpoint | VisionPose | MocapPose | Odometry | Attitude | AttitudeQuaternion | LocalPosition
+    | GlobalPosition | HomePosition | SysStatus | Battery | ExtendedSysState | EkfStatus | StatusText | Command
+    | CommandInt | CommandAck | SetMode | TimeSync | Ping | SystemTime | ParamValue | ParamSet | ParamRequestRead
+    | ParamRequestList | AutopilotVersion | AttitudeTargetReport | SimTruth | NamedValue | PositionSetpoint | SetOrigin
+    | Origin | MessageInterval | MissionRequestList | MissionCount | LogRequestList | LogEntry | Unknown
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Packet:
+    """One decoded packet: who sent it, its sequence number, and what it says."""
+
+    source: Address
+    seq: int
+    message: LinkMessage

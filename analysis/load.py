@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from analysis.series import Series, series
-from formation import frames, topics
+from formation import topics
 from formation.arrays import Bool, Float
 from formation.config import LabConfig, MocapConfig
 from formation.messages import (
@@ -31,12 +31,12 @@ from formation.messages import (
     SwarmState,
     Truth,
 )
+from formation.mocap_axes import MocapAxes
 from formation.model import NO_ROTATION
 from formation.topics import Topic
 from wire.mcap_log import read_log
 
 M = TypeVar("M")
-UNIT_WITHIN = 0.1  # a quaternion whose length is further from one is no rotation
 Stamped = list[tuple[float, float, object]]
 
 
@@ -235,24 +235,16 @@ def _vehicles(lab: LabConfig | None, mocap: Series[MocapFrame], reference: Serie
 
 def _poses(mocap: Series[MocapFrame], vehicles: tuple[Vehicle, ...], config: MocapConfig) -> Poses:
     """Every frame's bodies ordered as `vehicles`, in lab and flu; what is missing or no pose is unseen."""
+    axes = MocapAxes(config, vehicles)
+    aligned = [axes.align(frame) for frame in mocap.messages]
     shape = (len(mocap), len(vehicles))
-    pos, q, seen = np.zeros((*shape, 3)), np.tile(frames.IDENTITY, (*shape, 1)), np.zeros(shape, dtype=np.bool_)
-    order: dict[tuple[str, ...], list[tuple[int, int]]] = {}
-    for k, frame in enumerate(mocap.messages):
-        if frame.bodies not in order:
-            place = {body: i for i, body in enumerate(frame.bodies)}
-            order[frame.bodies] = [(i, place[v.body]) for i, v in enumerate(vehicles) if v.body in place]
-        for i, source in order[frame.bodies]:
-            pos[k, i] = frame.pos_lab_m[source]
-            q[k, i] = frame.q_lab_from_flu[source]
-            seen[k, i] = frame.seen[source]
-    seen &= np.isfinite(pos).all(axis=-1) & (np.abs(np.linalg.norm(q, axis=-1) - 1.0) < UNIT_WITHIN)
-    pos[~seen], q[~seen] = 0.0, frames.IDENTITY
-    turn = frames.canonical(np.array(config.q_lab_from_mocap))
-    alignment = frames.canonical(np.array([v.q_marker_from_flu for v in vehicles]).reshape(-1, 4))
-    pos_lab_m = frames.rotate(turn, pos) + np.array(config.origin_lab_m)
-    q_lab_from_flu = frames.canonical(frames.multiply(frames.multiply(turn, q), alignment))
-    return Poses(mocap.t_s, mocap.logged_s, pos_lab_m, q_lab_from_flu, seen)
+    return Poses(
+        mocap.t_s,
+        mocap.logged_s,
+        np.array([frame.pos_lab_m for frame in aligned]).reshape(*shape, 3),
+        np.array([frame.q_lab_from_flu for frame in aligned]).reshape(*shape, 4),
+        np.array([frame.seen for frame in aligned], dtype=np.bool_).reshape(shape),
+    )
 
 
 def _truth(truth: Series[Truth]) -> Mapping[int, Series[Truth]]:

@@ -4,15 +4,15 @@ from formation.arrays import Float
 from formation.config import LabConfig
 from formation.control.stack import ControlStack, Stages
 from formation.messages import MocapFrame
+from formation.mocap_axes import MocapAxes
 from formation.reference import Plan
-from gcs.mocap.axes import MocapAxes
 
 
 class Pipeline:
     """Alignment and control of one lab."""
 
     def __init__(self, config: LabConfig) -> None:
-        self.axes = MocapAxes(config)
+        self.axes = MocapAxes(config.mocap, config.vehicles)
         self._stack = ControlStack(config, tuple(config.profile_of(vehicle) for vehicle in config.vehicles))
 
     def align(self, frame: MocapFrame) -> MocapFrame:

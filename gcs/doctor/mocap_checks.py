@@ -7,9 +7,9 @@ import numpy as np
 from formation.arrays import Bool, Float
 from formation.config import LabConfig
 from formation.messages import MocapFrame
+from formation.mocap_axes import MocapAxes
 from formation.safety import nearest, outside_box
 from gcs.doctor.finding import Finding, Grade, graded
-from gcs.mocap.axes import MocapAxes
 
 Received = tuple[int, MocapFrame]
 
@@ -28,7 +28,8 @@ def check_mocap(config: LabConfig, received: Sequence[Received]) -> tuple[Findin
     if len(received) < 10:
         found = f"{len(received)} frames"
         return (Finding(MOCAP, "frames", Grade.FAIL, found, "a stream", "no mocap, or not on this bus"),)
-    aligned = [MocapAxes(config).align(frame) for _, frame in received]
+    axes = MocapAxes(config.mocap, config.vehicles)
+    aligned = [axes.align(frame) for _, frame in received]
     pos = np.stack([frame.pos_lab_m for frame in aligned])
     q = np.stack([frame.q_lab_from_flu for frame in aligned])
     seen = np.stack([frame.seen for frame in aligned])

@@ -9,6 +9,7 @@ import numpy as np
 
 from formation.config import LabConfig
 from formation.messages import Datagram, MocapFrame
+from formation.mocap_axes import MocapAxes
 from gcs.doctor.axes_checks import Look, Moves, check_axes
 from gcs.doctor.drone_checks import DroneReport, check_drone
 from gcs.doctor.finding import Finding, Fix
@@ -25,7 +26,6 @@ from gcs.doctor.mocap_checks import Received, check_mocap
 from gcs.link_state import HEARTBEAT, DroneLink
 from gcs.links import GroundLinks, open_links
 from gcs.mocap.autopilot_poses import AutopilotPoses, streams
-from gcs.mocap.axes import MocapAxes
 from gcs.mocap.source import serve_frames
 from wire import clock
 from wire.zenoh_bus import ZenohBus
@@ -105,7 +105,7 @@ class Survey:
         """All bodies over the next moment: mean positions, newest attitudes; zeros for one that is not seen."""
         self.received.clear()
         await asyncio.sleep(LOOK_NS * 1e-9)
-        axes = MocapAxes(self.config)
+        axes = MocapAxes(self.config.mocap, self.config.vehicles)
         n = len(self.config.vehicles)
         pos, count, q = np.zeros((n, 3)), np.zeros(n), np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
         for _, frame in self.received:

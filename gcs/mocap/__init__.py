@@ -1,1 +1,1 @@
-"""Mocap sources: each turns one system's bytes into MocapFrame in lab axes."""
+"""Mocap sources: each turns one system's bytes into MocapFrame, in that system's own axes and marker frames."""

@@ -8,9 +8,9 @@ import pytest
 from formation import frames
 from formation.config import LabConfig
 from formation.messages import MocapFrame
+from formation.mocap_axes import MocapAxes
 from gcs.doctor.axes_checks import Look, Moves, check_axes
 from gcs.doctor.finding import Finding, Grade
-from gcs.mocap.axes import MocapAxes
 
 HALF = math.sqrt(0.5)
 NAMES = ("lead", "left", "right")
@@ -41,7 +41,7 @@ def _lab(**changes) -> LabConfig:
 
 
 def _examine(mocap: WrongMocap, config: LabConfig, turn=math.pi / 2) -> tuple[Finding, ...]:
-    axes, moved = MocapAxes(config), []
+    axes, moved = MocapAxes(config.mocap, config.vehicles), []
     for vehicle in range(3):
         pos, q, looks = PLACES.copy(), np.tile(frames.IDENTITY, (3, 1)), []
         for step in range(5):

@@ -1,36 +1,51 @@
 """From the mocap's axes, names and marker frames to `lab`, the configuration's order and `flu`; done once, here."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from formation import frames
 from formation.arrays import Bool, Float
-from formation.config import LabConfig
+from formation.config import MocapConfig
 from formation.kernel import kernel
 from formation.messages import MocapFrame
+from formation.model import QuatTuple
 
 UNIT_WITHIN = 0.1
 
 
+class MarkedBody(Protocol):
+    """A body as the mocap knows it: its name, and how its marker frame lies on it."""
+
+    @property
+    def body(self) -> str:
+        """The mocap's name of it."""
+
+    @property
+    def q_marker_from_flu(self) -> QuatTuple:
+        """The marker frame's alignment."""
+
+
 class MocapAxes:
-    """The one conversion of a lab. Bodies the configuration does not name are left out, bodies missing are unseen.
+    """The one conversion of a lab. Bodies that are none of `vehicles` are left out, bodies missing are unseen.
 
     bad_poses counts poses that are no poses (not finite, no rotation); they count as unseen.
     """
 
-    def __init__(self, config: LabConfig) -> None:
+    def __init__(self, mocap: MocapConfig, vehicles: Sequence[MarkedBody]) -> None:
         self.bad_poses = 0
-        self._bodies = tuple(v.body for v in config.vehicles)
-        self._q_lab_from_mocap = frames.canonical(np.array(config.mocap.q_lab_from_mocap))
+        self._bodies = tuple(v.body for v in vehicles)
+        self._q_lab_from_mocap = frames.canonical(np.array(mocap.q_lab_from_mocap))
         self._rotation = frames.matrix(self._q_lab_from_mocap)
-        self._origin_lab_m = np.array(config.mocap.origin_lab_m)
-        self._q_marker_from_flu = frames.canonical(np.array([v.q_marker_from_flu for v in config.vehicles]))
+        self._origin_lab_m = np.array(mocap.origin_lab_m)
+        self._q_marker_from_flu = frames.canonical(np.array([v.q_marker_from_flu for v in vehicles]).reshape(-1, 4))
         self._order: tuple[tuple[str, ...], NDArray[np.int64]] | None = None
 
     def align(self, frame: MocapFrame) -> MocapFrame:
-        """The frame of the n configured vehicles in lab and flu."""
+        """The frame of the n vehicles in lab and flu."""
         n = len(self._bodies)
         pos, q, seen = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros(n, np.bool_)
         self.bad_poses += _align(

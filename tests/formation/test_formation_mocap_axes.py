@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from formation import frames
 from formation.config import LabConfig
 from formation.messages import MocapFrame
-from gcs.mocap.axes import MocapAxes
+from formation.mocap_axes import MocapAxes
 
 HALF = math.sqrt(0.5)
 
@@ -22,6 +22,11 @@ def _lab(mocap=None, **left) -> LabConfig:
     )
 
 
+def _axes(mocap=None, **left) -> MocapAxes:
+    lab = _lab(mocap, **left)
+    return MocapAxes(lab.mocap, lab.vehicles)
+
+
 def _frame(bodies, pos, q=None, seen=None) -> MocapFrame:
     n = len(bodies)
     q = np.tile(frames.IDENTITY, (n, 1)) if q is None else np.array(q, float)
@@ -30,7 +35,7 @@ def _frame(bodies, pos, q=None, seen=None) -> MocapFrame:
 
 
 def test_bodies_come_in_the_configurations_order_and_strangers_are_left_out():
-    out = MocapAxes(_lab()).align(_frame(["wand", "left", "lead"], [[9, 9, 9], [1, 2, 3], [4, 5, 6]]))
+    out = _axes().align(_frame(["wand", "left", "lead"], [[9, 9, 9], [1, 2, 3], [4, 5, 6]]))
     assert out.bodies == ("lead", "left")
     assert out.pos_lab_m.tolist() == [[4, 5, 6], [1, 2, 3]]
     assert out.seen.tolist() == [True, True]
@@ -38,14 +43,14 @@ def test_bodies_come_in_the_configurations_order_and_strangers_are_left_out():
 
 
 def test_a_body_the_frame_lacks_is_unseen_and_so_are_all_in_an_empty_frame():
-    axes = MocapAxes(_lab())
+    axes = _axes()
     assert axes.align(_frame(["left"], [[1, 2, 3]])).seen.tolist() == [False, True]
     assert axes.align(_frame([], [])).seen.tolist() == [False, False]
     assert axes.bad_poses == 0
 
 
 def test_poses_that_are_none_are_unseen_and_counted():
-    axes = MocapAxes(_lab())
+    axes = _axes()
     out = axes.align(_frame(["lead", "left"], [[0, 0, math.nan], [1, 2, 3]], [[1, 0, 0, 0], [0, 0, 0, 0]]))
     assert out.seen.tolist() == [False, False]
     assert np.isfinite(out.pos_lab_m).all()
@@ -55,7 +60,7 @@ def test_poses_that_are_none_are_unseen_and_counted():
 
 def test_a_y_up_mocap_is_turned_upright():
     # y up, x right, z backwards, as OptiTrack: mocap x -> lab x, y -> z, z -> -y is a quarter turn about x.
-    axes = MocapAxes(_lab({"q_lab_from_mocap": (HALF, HALF, 0, 0), "origin_lab_m": (0.0, 0.0, 0.1)}))
+    axes = _axes({"q_lab_from_mocap": (HALF, HALF, 0, 0), "origin_lab_m": (0.0, 0.0, 0.1)})
     out = axes.align(_frame(["lead", "left"], [[1, 2, 3], [0, 0, 0]]))
     assert np.allclose(out.pos_lab_m[0], [1, -3, 2.1])
     assert np.allclose(out.q_lab_from_flu[0], [HALF, HALF, 0, 0])
@@ -64,9 +69,7 @@ def test_a_y_up_mocap_is_turned_upright():
 def test_a_marker_frame_that_is_not_flu_is_aligned():
     # The marker frame's x points left of the body: the body's forward is the marker's -y.
     q_marker_from_flu = (HALF, 0, 0, -HALF)
-    out = MocapAxes(_lab(q_marker_from_flu=q_marker_from_flu)).align(
-        _frame(["left"], [[0, 0, 0]], [[HALF, 0, 0, HALF]])
-    )
+    out = _axes(q_marker_from_flu=q_marker_from_flu).align(_frame(["left"], [[0, 0, 0]], [[HALF, 0, 0, HALF]]))
     assert np.allclose(out.q_lab_from_flu[1], frames.IDENTITY)
 
 
@@ -75,7 +78,7 @@ def test_the_compiled_alignment_is_the_product_of_its_frames(numbers):
     q = np.array(numbers).reshape(3, 4) + np.array([3.0, 0, 0, 0])
     q_lab_from_mocap, q_mocap_from_marker, q_marker_from_flu = frames.canonical(q)
     lab = _lab({"q_lab_from_mocap": tuple(q_lab_from_mocap)}, q_marker_from_flu=tuple(q_marker_from_flu))
-    out = MocapAxes(lab).align(_frame(["left"], [[1, 2, 3]], [q_mocap_from_marker]))
+    out = MocapAxes(lab.mocap, lab.vehicles).align(_frame(["left"], [[1, 2, 3]], [q_mocap_from_marker]))
     expected = frames.multiply(frames.multiply(q_lab_from_mocap, q_mocap_from_marker), q_marker_from_flu)
     assert np.allclose(out.q_lab_from_flu[1], frames.canonical(expected))
     assert np.allclose(out.pos_lab_m[1], frames.rotate(q_lab_from_mocap, np.array([1.0, 2.0, 3.0])))

@@ -11,7 +11,21 @@ import numpy as np
 
 from formation.arrays import Float, Quat, Vec3
 from formation.kernel import kernel
-from formation.rigid_body import body_step
+from formation.rigid_body import (
+    ATTITUDE_P,
+    INERTIA,
+    RATE_FEED_FORWARD,
+    RATE_MAX,
+    RATE_P,
+    RATE_YAW_MAX,
+    RATE_YAW_P,
+    THRUST_CURVE,
+    THRUST_MAX,
+    WHEELBASE,
+    YAW_P,
+    YAW_TORQUE,
+    body_step,
+)
 from formation.vehicle import VehicleProfile, VehicleState
 
 STEP_MAX_S = 0.002
@@ -76,21 +90,21 @@ def rate_setpoint(x: Float, target: Float, numbers: Float, rate_sp: Float) -> No
         yaw_half = asin(min(max(ez / flat, -1.0), 1.0))
     tilt = 2.0 * acos(min(tilt_w, 1.0))
     sine = sqrt(tilt_x * tilt_x + tilt_y * tilt_y)
-    gain = numbers[14] * (2.0 * sin(0.5 * tilt) / sine if sine > 1e-9 else 2.0)
-    limit, limit_yaw = numbers[18], numbers[19]
-    honoured = numbers[20]
+    gain = numbers[ATTITUDE_P] * (2.0 * sin(0.5 * tilt) / sine if sine > 1e-9 else 2.0)
+    limit, limit_yaw = numbers[RATE_MAX], numbers[RATE_YAW_MAX]
+    honoured = numbers[RATE_FEED_FORWARD]
     rate_sp[0] = min(max(gain * tilt_x + honoured * target[4], -limit), limit)
     rate_sp[1] = min(max(gain * tilt_y + honoured * target[5], -limit), limit)
     # The yaw feed-forward is always honoured, seen in the body's own axes.
-    yaw_rate = numbers[15] * 2.0 * yaw_half * cos(tilt) + target[6]
+    yaw_rate = numbers[YAW_P] * 2.0 * yaw_half * cos(tilt) + target[6]
     rate_sp[2] = min(max(yaw_rate, -limit_yaw), limit_yaw)
 
 
 @kernel
 def mix(collective_n: float, torque: Float, numbers: Float, motor_max_n: float, motors: Float) -> None:
     """Motor thrusts that give the collective and as much of the torque as fits: roll and pitch first, then yaw."""
-    reach = numbers[4] / (2.0 * sqrt(2.0))
-    roll, pitch, yaw = torque[0] / (4.0 * reach), torque[1] / (4.0 * reach), torque[2] / (4.0 * numbers[8])
+    reach = numbers[WHEELBASE] / (2.0 * sqrt(2.0))
+    roll, pitch, yaw = torque[0] / (4.0 * reach), torque[1] / (4.0 * reach), torque[2] / (4.0 * numbers[YAW_TORQUE])
     tilt = abs(roll) + abs(pitch)
     # As PX4 without air-mode: too much thrust gives way to the torque, too little thrust cuts the torque.
     base = min(max(0.25 * collective_n, 0.0), max(motor_max_n - tilt, 0.5 * motor_max_n))
@@ -113,13 +127,13 @@ def _advance(
     rate_sp, torque, motors = np.zeros(3), np.zeros(3), np.zeros(4)
     work = np.zeros((5, 3))
     u = min(max(thrust_norm, 0.0), 1.0)
-    full_n = numbers[6] * thrust_scale
-    collective_n = full_n * ((1.0 - numbers[7]) * u + numbers[7] * u * u)
+    full_n = numbers[THRUST_MAX] * thrust_scale
+    collective_n = full_n * ((1.0 - numbers[THRUST_CURVE]) * u + numbers[THRUST_CURVE] * u * u)
     for _ in range(steps):
         if armed:
             rate_setpoint(x, target, numbers, rate_sp)
-            torque[0] = numbers[1] * numbers[16] * (rate_sp[0] - x[10])
-            torque[1] = numbers[2] * numbers[16] * (rate_sp[1] - x[11])
-            torque[2] = numbers[3] * numbers[17] * (rate_sp[2] - x[12])
+            torque[0] = numbers[INERTIA] * numbers[RATE_P] * (rate_sp[0] - x[10])
+            torque[1] = numbers[INERTIA + 1] * numbers[RATE_P] * (rate_sp[1] - x[11])
+            torque[2] = numbers[INERTIA + 2] * numbers[RATE_YAW_P] * (rate_sp[2] - x[12])
             mix(collective_n, torque, numbers, 0.25 * full_n, motors)
         body_step(x, motors, numbers, dist_lab_m_s2, dt_s, work)

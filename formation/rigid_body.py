@@ -1,13 +1,19 @@
 """The equations of motion of a quadcopter on SO(3): motors, drag, ground effect, floor. Kernels only.
 
 The state is one flat array `x` (17): position and velocity in `lab`, q_lab_from_flu, body rate in `flu`, four
-motor thrusts (front right, rear left, front left, rear right). Parameters are `VehicleProfile.numbers`.
+motor thrusts (front right, rear left, front left, rear right). Parameters are an array `numbers` (NUMBERS), which
+`VehicleProfile.numbers` lays out by the names below.
 """
 
 from math import cos, exp, sin, sqrt
 
 from formation.arrays import Float
 from formation.kernel import kernel
+
+# Where each parameter is; INERTIA and DRAG are three each, along the body's axes.
+MASS, INERTIA, WHEELBASE, ROTOR_RADIUS, THRUST_MAX, THRUST_CURVE, YAW_TORQUE, MOTOR_LAG = 0, 1, 4, 5, 6, 7, 8, 9
+DRAG, GROUND_EFFECT, ATTITUDE_P, YAW_P, RATE_P, RATE_YAW_P, RATE_MAX, RATE_YAW_MAX = 10, 13, 14, 15, 16, 17, 18, 19
+RATE_FEED_FORWARD, NUMBERS = 20, 21
 
 GRAVITY_M_S2 = 9.8
 CONTACT_DEPTH_M = 0.001  # the feet sink this far under the vehicle's weight
@@ -51,8 +57,8 @@ def ground_effect_gain(height_m: float, rotor_radius_m: float, coefficient: floa
 @kernel
 def add_floor(x: Float, rot: Float, numbers: Float, force_lab: Float, torque_flu: Float) -> None:
     """Adds what the floor at z = 0 does to the four feet under the motors: spring, damper, friction."""
-    mass = numbers[0]
-    reach = numbers[4] / (2.0 * sqrt(2.0))
+    mass = numbers[MASS]
+    reach = numbers[WHEELBASE] / (2.0 * sqrt(2.0))
     stiffness = mass * GRAVITY_M_S2 / (4.0 * CONTACT_DEPTH_M)
     damping = 0.5 * mass * sqrt(GRAVITY_M_S2 / CONTACT_DEPTH_M)
     for foot in range(4):
@@ -106,31 +112,31 @@ def body_step(x: Float, motor_target_n: Float, numbers: Float, dist_lab_m_s2: Fl
     work: (5, 3) scratch. Semi-implicit: velocity first, then position and attitude with the new velocity.
     """
     rot, force, torque = work[:3], work[3], work[4]
-    mass, reach = numbers[0], numbers[4] / (2.0 * sqrt(2.0))
-    lag = 1.0 - exp(-dt_s / numbers[9])
+    mass, reach = numbers[MASS], numbers[WHEELBASE] / (2.0 * sqrt(2.0))
+    lag = 1.0 - exp(-dt_s / numbers[MOTOR_LAG])
     for motor in range(4):
         x[13 + motor] += lag * (motor_target_n[motor] - x[13 + motor])
         if x[13 + motor] < 1e-12:
             x[13 + motor] = 0.0  # a stopped motor must not run on in slow subnormal numbers
     fr, rl, fl, rr = x[13], x[14], x[15], x[16]
     rotation(x, rot)
-    lift = (fr + rl + fl + rr) * ground_effect_gain(x[2], numbers[5], numbers[13])
+    lift = (fr + rl + fl + rr) * ground_effect_gain(x[2], numbers[ROTOR_RADIUS], numbers[GROUND_EFFECT])
     for axis in range(3):
         force[axis] = lift * rot[axis, 2] + mass * dist_lab_m_s2[axis]
     for body_axis in range(3):
         speed = rot[0, body_axis] * x[3] + rot[1, body_axis] * x[4] + rot[2, body_axis] * x[5]
         for axis in range(3):
-            force[axis] -= numbers[10 + body_axis] * speed * rot[axis, body_axis]
+            force[axis] -= numbers[DRAG + body_axis] * speed * rot[axis, body_axis]
     force[2] -= mass * GRAVITY_M_S2
-    jx, jy, jz = numbers[1], numbers[2], numbers[3]
+    jx, jy, jz = numbers[INERTIA], numbers[INERTIA + 1], numbers[INERTIA + 2]
     p, q, r = x[10], x[11], x[12]
     torque[0] = reach * (rl + fl - fr - rr) + (jy - jz) * q * r
     torque[1] = reach * (rl + rr - fr - fl) + (jz - jx) * p * r
-    torque[2] = numbers[8] * (fr + rl - fl - rr) + (jx - jy) * p * q
-    if x[2] < numbers[4]:
+    torque[2] = numbers[YAW_TORQUE] * (fr + rl - fl - rr) + (jx - jy) * p * q
+    if x[2] < numbers[WHEELBASE]:
         add_floor(x, rot, numbers, force, torque)
     for axis in range(3):
         x[3 + axis] += dt_s * force[axis] / mass
         x[axis] += dt_s * x[3 + axis]
-        x[10 + axis] += dt_s * torque[axis] / numbers[1 + axis]
+        x[10 + axis] += dt_s * torque[axis] / numbers[INERTIA + axis]
     turn(x, dt_s)

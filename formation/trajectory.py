@@ -11,6 +11,8 @@ from formation.config import TrajectoryConfig
 from formation.kernel import kernel
 
 HOLD, LINE, CIRCLE, WAYPOINTS = 0, 1, 2, 3
+# Where each of a trajectory's numbers is, after the start's x, y, z and heading.
+DURATION, LENGTH, RADIUS, LAP_RATE, LAP_RAMP, TURN_RATE, TURN_RAMP = range(4, 11)
 RAMP_MAX_S, TURN_RAMP_S = 3.0, 2.0
 PEAK_SPEED = 1.875  # of a minimum-jerk step, in units of its mean speed
 
@@ -19,7 +21,8 @@ PEAK_SPEED = 1.875  # of a minimum-jerk step, in units of its mean speed
 class Trajectory:
     """A trajectory anchored where the leader was when it began; evaluate with `sample`.
 
-    kind: one of the constants above; numbers: its parameters; knots (k, 4): arrival time and x, y, z of each waypoint.
+    kind: one of the constants above; numbers (11): its parameters, by the names above; knots (k, 4): arrival time and
+    x, y, z of each waypoint.
     """
 
     kind: int
@@ -107,18 +110,18 @@ def sample(kind: int, numbers: Float, knots: Float, t_s: float, out: Float) -> N
     """Position, velocity, acceleration (rows) of x, y, z, heading (columns) at t_s into out (3, 4), lab."""
     for axis in range(4):
         out[0, axis], out[1, axis], out[2, axis] = numbers[axis], 0.0, 0.0
-    duration = numbers[4]
-    turn = ramped_angle(t_s, numbers[9], numbers[10], duration)
+    duration = numbers[DURATION]
+    turn = ramped_angle(t_s, numbers[TURN_RATE], numbers[TURN_RAMP], duration)
     for order in range(3):
         out[order, 3] += turn[order]
     if kind == LINE:
         step = min_jerk(t_s / duration)
-        scale = numbers[5]
+        scale = numbers[LENGTH]
         for order in range(3):
             out[order, 0] += scale * step[order]
             scale /= duration
     elif kind == CIRCLE:
-        _circle(ramped_angle(t_s, numbers[7], numbers[8], duration), numbers[6], out)
+        _circle(ramped_angle(t_s, numbers[LAP_RATE], numbers[LAP_RAMP], duration), numbers[RADIUS], out)
     elif kind == WAYPOINTS:
         _waypoints(knots, t_s, out)
 

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
+from formation import rigid_body
 from formation.arrays import Float, Quat, Vec3
 from formation.model import Model, Positive, Vec3Tuple
 from formation.rigid_body import GRAVITY_M_S2, thrust_norm
@@ -119,13 +120,26 @@ class VehicleProfile(Model):
 
     @cached_property
     def numbers(self) -> Float:
-        """The parameters in the order the kernels unpack them (`body_step`, drone_agent.attitude_loop)."""
-        return np.array(
-            [self.mass_kg, *self.inertia_kg_m2, self.wheelbase_m, self.rotor_radius_m, self.thrust_max_n,
-             self.thrust_curve, self.yaw_torque_m, self.motor_lag_s, *self.drag_n_s_m, self.ground_effect,
-             self.attitude_p_1_s, self.yaw_p_1_s, self.rate_p_1_s, self.rate_yaw_p_1_s, self.rate_max_rad_s,
-             self.rate_yaw_max_rad_s, float(self.rate_feed_forward)]
-        )  # fmt: skip
+        """The parameters where the kernels look for them (formation.rigid_body, drone_agent.attitude_loop)."""
+        numbers = np.empty(rigid_body.NUMBERS)
+        numbers[rigid_body.MASS] = self.mass_kg
+        numbers[rigid_body.INERTIA : rigid_body.INERTIA + 3] = self.inertia_kg_m2
+        numbers[rigid_body.WHEELBASE] = self.wheelbase_m
+        numbers[rigid_body.ROTOR_RADIUS] = self.rotor_radius_m
+        numbers[rigid_body.THRUST_MAX] = self.thrust_max_n
+        numbers[rigid_body.THRUST_CURVE] = self.thrust_curve
+        numbers[rigid_body.YAW_TORQUE] = self.yaw_torque_m
+        numbers[rigid_body.MOTOR_LAG] = self.motor_lag_s
+        numbers[rigid_body.DRAG : rigid_body.DRAG + 3] = self.drag_n_s_m
+        numbers[rigid_body.GROUND_EFFECT] = self.ground_effect
+        numbers[rigid_body.ATTITUDE_P] = self.attitude_p_1_s
+        numbers[rigid_body.YAW_P] = self.yaw_p_1_s
+        numbers[rigid_body.RATE_P] = self.rate_p_1_s
+        numbers[rigid_body.RATE_YAW_P] = self.rate_yaw_p_1_s
+        numbers[rigid_body.RATE_MAX] = self.rate_max_rad_s
+        numbers[rigid_body.RATE_YAW_MAX] = self.rate_yaw_max_rad_s
+        numbers[rigid_body.RATE_FEED_FORWARD] = float(self.rate_feed_forward)
+        return numbers
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> "VehicleProfile":  # noqa: ARG002
         """A changed profile, validated afresh (pydantic's own copy would check nothing and keep old `numbers`)."""

@@ -26,7 +26,7 @@ RAMP_START, RAMP_1_S, RAMP_MOST = 0.2, 0.9, 1.9  # thrust over weight while wait
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AttitudeSettings:
-    """Per commanded vehicle m: vehicle (m) index among the n; body (m, 6): see `body_row`; fence corners (3)."""
+    """Per commanded vehicle m: vehicle (m) index among the n; body (m, 6): `body_row`; fence corners (3)."""
 
     vehicle: NDArray[np.int64]
     body: Float
@@ -48,8 +48,11 @@ class Attitude:
     force: Float
 
 
+CURVE, ATTITUDE_P, YAW_P, FEED_FORWARD, RATE_MAX, AUTHORITY = range(6)
+
+
 def body_row(profile: VehicleProfile) -> Float:
-    """What the inversion needs of one vehicle."""
+    """What the inversion needs of one vehicle, in the order of the names above."""
     return np.array(
         [profile.thrust_curve, profile.attitude_p_1_s, profile.yaw_p_1_s,
          float(profile.rate_feed_forward), profile.rate_max_rad_s, turn_authority(profile)]
@@ -181,7 +184,7 @@ def _attitude(
     """See `attitude`."""
     aim, felt, turn = np.empty(3), np.empty(3), np.empty(3)
     for i in range(len(vehicle)):
-        curve = body[i, 0]
+        curve = body[i, CURVE]
         # The thrust scale at which the profile's weight hovers at hover_norm.
         u = min(max(hover_norm[i], 0.05), 0.95)
         full = GRAVITY_M_S2 / ((1.0 - curve) * u + curve * u * u)
@@ -205,11 +208,11 @@ def _attitude(
         for axis in range(3):
             aim[axis] /= k
             felt[axis] = aim[axis] + lead_acc[i, axis] / k
-        by_rate = body[i, 3] > 0.0
+        by_rate = body[i, FEED_FORWARD] > 0.0
         met = bound_force(aim, LIFT_MOST * full, tilt_max)
         met_later = bound_force(felt, LIFT_MOST * full, LEAD_TILT_RAD if by_rate else tilt_max)
         saturation[i] = bits + (met if by_rate else max(met, met_later))
-        bound_turn(felt, force[i], body[i, 5], full)
+        bound_turn(felt, force[i], body[i, AUTHORITY], full)
         for axis in range(3):
             turn[axis] = felt[axis] - aim[axis]
         if by_rate:
@@ -217,9 +220,9 @@ def _attitude(
             attitude_of(aim[0], aim[1], felt[2], heading, q[i])
             body_rates(aim, turn, heading, yaw[i, 1], rate[i])
             for axis in range(2):
-                rate[i, axis] = min(max(body[i, 1] * rate[i, axis], -body[i, 4]), body[i, 4])
+                rate[i, axis] = min(max(body[i, ATTITUDE_P] * rate[i, axis], -body[i, RATE_MAX]), body[i, RATE_MAX])
         else:
-            attitude_of(felt[0], felt[1], felt[2], heading + yaw[i, 1] / body[i, 2], q[i])
+            attitude_of(felt[0], felt[1], felt[2], heading + yaw[i, 1] / body[i, YAW_P], q[i])
         lift = min(felt[2] / max(lift_cos[i], cos(tilt_max)), full)
         norm[i] = thrust_norm(lift / full, curve)
         flat = lift / sqrt(felt[0] * felt[0] + felt[1] * felt[1] + felt[2] * felt[2])

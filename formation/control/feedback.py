@@ -109,27 +109,32 @@ def feedback(
     than speed_max.
     The rate holds while errors evolve as predicted; it is what inverts the vehicle's first-order lag.
     """
-    law, c = int(gains[0]), gains[1]
+    law = int(gains[0])
     if law == GEOMETRIC:
-        reach = speed_max * gains[2] / c
+        kx, kv, ki, mix, bound = gains[1], gains[2], gains[3], gains[4], gains[5]
+        reach = speed_max * kv / kx
         e = min(max(e, -reach), reach)
-        acc, memory = tracking_acceleration(e, e_rate, memory, c, gains[2], gains[3], gains[4], gains[5], dt_s)
-        s = gains[4] * e + e_rate
-        return s, -acc, memory, acc, -c * e_rate - gains[2] * e_acc - gains[3] * s
+        acc, memory = tracking_acceleration(e, e_rate, memory, kx, kv, ki, mix, bound, dt_s)
+        s = mix * e + e_rate
+        return s, -acc, memory, acc, -kx * e_rate - kv * e_acc - ki * s
+    if law == PID:
+        kp_position, kp, ki, kd = gains[1], gains[2], gains[3], gains[4]
+        reach = speed_max / kp_position
+        e = min(max(e, -reach), reach)
+        s = velocity_error(kp_position, e, e_rate)
+        s_rate = velocity_error(kp_position, e_rate, e_acc)
+        acc, memory = velocity_pid(s, s_rate, memory, kp, ki, kd, dt_s)
+        return s, -acc, memory, acc, -kp * s_rate - ki * s
+    c, p1, p2, eps, smooth, k = gains[1], boost * gains[2], gains[3], gains[4], gains[5], gains[6]
     reach = speed_max / c
     e = min(max(e, -reach), reach)
-    if law == PID:
-        s = velocity_error(c, e, e_rate)
-        s_rate = velocity_error(c, e_rate, e_acc)
-        acc, memory = velocity_pid(s, s_rate, memory, gains[2], gains[3], gains[4], dt_s)
-        return s, -acc, memory, acc, -gains[2] * s_rate - gains[3] * s
     s = sliding_variable(c, e, e_rate)
     s_rate = sliding_variable(c, e_rate, e_acc)
     t_rate = 0.0
     if law == SMC:
-        t_m = switching(s, gains[6])
+        t_m = switching(s, k)
     else:
-        t_m, memory = super_twisting(s, memory, boost * gains[2], gains[3], gains[4], gains[5], dt_s)
-        if gains[5] > 0.0:
-            t_rate = super_twisting_rate(s, s_rate, boost * gains[2], gains[3], gains[4], gains[5])
+        t_m, memory = super_twisting(s, memory, p1, p2, eps, smooth, dt_s)
+        if smooth > 0.0:
+            t_rate = super_twisting_rate(s, s_rate, p1, p2, eps, smooth)
     return s, t_m, memory, equivalent_and_reaching(c, e_rate, t_m), -c * e_acc - t_rate

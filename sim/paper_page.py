@@ -1,5 +1,6 @@
 """The comparison for people: a table for the terminal; a page with the counterparts of the paper's Figures 5 to 7."""
 
+from rich import box
 from rich.table import Table
 
 from analysis import page
@@ -24,13 +25,14 @@ COLUMNS = (
 
 
 def console_table(comparison: Comparison) -> Table:
-    """The comparison for a terminal."""
-    table = Table(title=_explained(comparison))
-    table.add_column("controller")
-    for _, heading, _, _ in COLUMNS:
-        table.add_column(heading, justify="right")
-    for name, numbers in comparison.controllers.items():
-        table.add_row(NAMES[name], *_cells(name, numbers))
+    """The comparison for a terminal, a controller a column: so it fits one of eighty characters."""
+    table = Table(title=_explained(comparison), box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("", no_wrap=True)
+    for name in comparison.controllers:
+        table.add_column(NAMES[name], justify="right", min_width=max(map(len, NAMES[name].split())))
+    cells = zip(*(_cells(name, numbers) for name, numbers in comparison.controllers.items()), strict=True)
+    for (_, heading, _, _), row in zip(COLUMNS, cells, strict=True):
+        table.add_row(heading, *row)
     return table
 
 

@@ -13,6 +13,7 @@ from formation.config import MocapConfig
 from formation.kernel import kernel
 from formation.messages import MocapFrame
 from formation.model import QuatTuple
+from formation.quaternion import multiply_into
 
 UNIT_WITHIN = 0.1
 
@@ -64,11 +65,8 @@ class MocapAxes:
 
 @kernel
 def _product(a: Float, b: Float, out: Float) -> None:
-    """Hamilton product a b into out, the sign such that w >= 0."""
-    out[0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3]
-    out[1] = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2]
-    out[2] = a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1]
-    out[3] = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]
+    """a b into out, unit, w >= 0."""
+    multiply_into(a, b, out)
     norm = np.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2 + out[3] ** 2)
     out /= np.copysign(norm, out[0])
 

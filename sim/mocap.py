@@ -14,6 +14,7 @@ from formation.arrays import Bool, Float
 from formation.config import LabConfig
 from formation.messages import MocapFrame, Truth
 from formation.model import Model, Positive
+from formation.quaternion import turn_into
 from sim import optics
 from sim.playback import Playback
 from wire.memory_bus import MemoryLink, random_delay
@@ -143,7 +144,7 @@ class MocapEmulator:
             pos, q = self._leader.pose(t_ns - (self._start_ns or t_ns))
             shown = noise[0] * (0.0 if started and self._leader.recorded else 1.0)
             self._pos[0] = pos + shown[:3]
-            optics.turn_into(q, shown[3:], self._q[0])
+            turn_into(q, shown[3:], self._q[0])
             carried[0] = True
         seen &= carried
 

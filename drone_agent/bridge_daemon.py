@@ -1,11 +1,10 @@
 """The bridge's process: pumps BridgeCore between the ground's link, the bus and the autopilot's own port."""
 
-import asyncio
-
 from drone_agent.bridge import BridgeCore
 from drone_agent.config import AgentConfig
 from drone_agent.ground_link import open_ground_link
 from drone_agent.lifetime import Stop, Tell
+from drone_agent.wake import Wake
 from formation.messages import Datagram, MocapFrame
 from wire.clock import monotonic_ns
 from wire.config_file import ConfigError
@@ -23,8 +22,7 @@ class _Pump:
         self.autopilot: Link | None = None
         self._core = core
         self._tell = tell
-        self._loop = asyncio.get_running_loop()
-        self._timer: asyncio.TimerHandle | None = None
+        self.wake = Wake(self.turn)
 
     def from_ground(self, datagram: Datagram) -> None:
         """The ground said something."""
@@ -50,14 +48,7 @@ class _Pump:
                     link.send(datagram)
         for event in out.events:
             self._tell(event)
-        self.stop()
-        wait_s = max((self._core.next_deadline_ns() - monotonic_ns()) * 1e-9, 0.0)
-        self._timer = self._loop.call_later(wait_s, self.turn)
-
-    def stop(self) -> None:
-        """Do not wake again."""
-        if self._timer is not None:
-            self._timer.cancel()
+        self.wake.at(self._core.next_deadline_ns())
 
 
 async def run_bridge(config: AgentConfig, autopilot: str, tell: Tell) -> None:
@@ -77,7 +68,7 @@ async def run_bridge(config: AgentConfig, autopilot: str, tell: Tell) -> None:
         pump.turn()
         await stop.wait()
     finally:
-        pump.stop()
+        pump.wake.stop()
         for link in (pump.ground, pump.autopilot):
             if link is not None:
                 link.close()

@@ -1,12 +1,11 @@
 """The drone agent's process: pumps AgentCore between its link, the bus and the clock until it is told to stop."""
 
-import asyncio
-
 from drone_agent import parameter_file
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
 from drone_agent.ground_link import open_ground_link
 from drone_agent.lifetime import Stop, Tell
+from drone_agent.wake import Wake
 from formation.messages import Datagram, MocapFrame
 from wire.clock import monotonic_ns
 from wire.config_file import ConfigError
@@ -23,8 +22,7 @@ class _Pump:
         self._config = config
         self._core = core
         self._tell = tell
-        self._loop = asyncio.get_running_loop()
-        self._timer: asyncio.TimerHandle | None = None
+        self.wake = Wake(self.turn)
 
     def take(self, message: Datagram | MocapFrame) -> None:
         """Something arrived."""
@@ -43,14 +41,7 @@ class _Pump:
             self._tell(event)
         if out.parameters is not None and self._config.parameter_file is not None:
             parameter_file.write(self._config.parameter_file, out.parameters)
-        self.stop()
-        wait_s = max((self._core.next_deadline_ns() - monotonic_ns()) * 1e-9, 0.0)
-        self._timer = self._loop.call_later(wait_s, self.turn)
-
-    def stop(self) -> None:
-        """Do not wake again."""
-        if self._timer is not None:
-            self._timer.cancel()
+        self.wake.at(self._core.next_deadline_ns())
 
 
 async def run(config: AgentConfig, tell: Tell) -> None:
@@ -69,7 +60,7 @@ async def run(config: AgentConfig, tell: Tell) -> None:
         pump.turn()
         await stop.wait()
     finally:
-        pump.stop()
+        pump.wake.stop()
         if pump.link is not None:
             pump.link.close()
         if pump.bus is not None:

@@ -1,0 +1,25 @@
+"""When a daemon's core wants to be asked again."""
+
+import asyncio
+from collections.abc import Callable
+
+from wire.clock import monotonic_ns
+
+
+class Wake:
+    """Calls `turn` at a deadline; a new deadline takes the old one's place."""
+
+    def __init__(self, turn: Callable[[], None]) -> None:
+        self._turn = turn
+        self._loop = asyncio.get_running_loop()
+        self._timer: asyncio.TimerHandle | None = None
+
+    def at(self, deadline_ns: int) -> None:
+        """Wake then, or at once where that is past."""
+        self.stop()
+        self._timer = self._loop.call_later(max((deadline_ns - monotonic_ns()) * 1e-9, 0.0), self._turn)
+
+    def stop(self) -> None:
+        """Do not wake again."""
+        if self._timer is not None:
+            self._timer.cancel()

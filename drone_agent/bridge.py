@@ -16,7 +16,7 @@ from drone_agent.config import AgentConfig
 from drone_agent.personalities import PERSONALITIES
 from drone_agent.personality import Mode, Personality
 from formation.messages import Datagram, Event, MocapFrame, Severity
-from wire.link_messages.address import DRONE_COMPONENT, Address
+from wire.link_messages.address import BRIDGE_COMPONENT, DRONE_COMPONENT, Address
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.commands import Command, CommandAck, SetMode
 from wire.link_messages.motion import Origin, SetOrigin, VisionPose
@@ -26,8 +26,6 @@ from wire.link_messages.status import Autopilot, Heartbeat, NamedValue, StatusTe
 from wire.mavlink import Codec, MavlinkError, decode_packet
 from wire.mavlink_frames import FrameCutter, message_id
 
-COMPANION = 191  # MAV_COMP_ID_ONBOARD_COMPUTER
-_ARMED = 128
 _POSES = frozenset({102, 138, 331})
 _BEAT_NS = 1_000_000_000
 _POSE_NS = 20_000_000
@@ -53,7 +51,7 @@ class BridgeCore:
         self._config = config
         self._t0_ns = self._now_ns = t0_ns
         self._target = Address(config.sysid, DRONE_COMPONENT)
-        self._codec = Codec(Address(config.sysid, COMPANION))
+        self._codec = Codec(Address(config.sysid, BRIDGE_COMPONENT))
         self._from_ground, self._from_autopilot = FrameCutter(), FrameCutter()
         land_s = 1.0 if config.stale_land_s is None else config.stale_land_s
         self._rule = StaleRule(config.stale_setpoint_s, land_s)
@@ -139,7 +137,7 @@ class BridgeCore:
             self._report_age(message, now_ns)
         elif isinstance(message, SetMode) or (isinstance(message, Command) and message.command in _SETS_MODE):
             self._rule.mode_unknown(now_ns)
-        elif isinstance(message, TimeSync) and message.target.component == COMPANION and message.tc1_ns:
+        elif isinstance(message, TimeSync) and message.target.component == BRIDGE_COMPONENT and message.tc1_ns:
             self._clock.exchange(message.ts1_ns - self._t0_ns, message.tc1_ns, now_ns - self._t0_ns)
             return True
         return False
@@ -157,7 +155,7 @@ class BridgeCore:
             self._see(message)
         elif isinstance(message, Origin):
             self._lacks_origin = False
-        elif isinstance(message, CommandAck) and message.target.component == COMPANION:
+        elif isinstance(message, CommandAck) and message.target.component == BRIDGE_COMPONENT:
             self._rule.acknowledged(message)
             return True
         elif isinstance(message, TimeSync) and message.tc1_ns == 0:
@@ -175,7 +173,7 @@ class BridgeCore:
             self._lacks_origin = make.needs_origin
             self._say(Severity.INFO, f"Bridge to {make.name}")
         offboard = [make.modes[mode].custom_mode for mode in STREAM_MODES if mode in make.modes]
-        if not beat.base_mode & _ARMED:
+        if not beat.armed:
             self._rule.saw(Seen.OTHER)
         elif beat.custom_mode in offboard:
             self._rule.saw(Seen.OFFBOARD)

@@ -23,8 +23,8 @@ from wire.link_messages.motion import (
 )
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeTargetReport, Ignore
-from wire.link_messages.status import Autopilot as Make
 from wire.link_messages.status import (
+    ARMED,
     AutopilotVersion,
     Battery,
     EkfStatus,
@@ -33,8 +33,8 @@ from wire.link_messages.status import (
     LandedState,
     SysStatus,
 )
+from wire.link_messages.status import Autopilot as Make
 
-_ARMED = 128
 _GYRO, _ACCEL, _MAG, _BARO, _GPS, _VISION = 1, 2, 4, 8, 32, 128
 _CONTROL = 1024 | 2048 | 4096 | 8192 | 16384 | 32768  # rates, attitude, yaw, height, position, motors
 _AHRS, _BATTERY, _PREARM = 1 << 21, 1 << 25, 1 << 28
@@ -63,7 +63,7 @@ def _heartbeat(t: Teller, now_ns: int) -> LinkMessage:
     make = pilot.personality
     ready = pilot.armed or pilot.arming_fault(now_ns) is None
     status = make.system_status(pilot.armed, pilot.landed, pilot.failsafe, ready)
-    base_mode = pilot.row.flags | (_ARMED if pilot.armed else 0)
+    base_mode = pilot.row.flags | (ARMED if pilot.armed else 0)
     return Heartbeat(make.autopilot, make.vehicle_type, base_mode, pilot.row.custom_mode, status)
 
 

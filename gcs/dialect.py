@@ -17,7 +17,6 @@ from wire.link_messages.setpoints import Ignore
 from wire.link_messages.status import Autopilot, EkfStatus, Heartbeat
 
 ARM_DISARM, NAV_LAND, SET_MODE, SET_MESSAGE_INTERVAL = 400, 21, 176, 511
-ARMED_FLAG = 128  # MAV_MODE_FLAG_SAFETY_ARMED
 CUSTOM_MODE_FLAG = 1.0
 FORCE = 21196.0  # the magic number that disarms in the air, in both autopilots
 

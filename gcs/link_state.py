@@ -10,11 +10,11 @@ from formation.messages import Event, Severity
 from formation.model import Vec3Tuple
 from formation.vehicle import VehicleProfile
 from gcs.commands import CommandChannel
-from gcs.dialect import ARMED_FLAG, DIALECTS, Dialect, stream
+from gcs.dialect import DIALECTS, Dialect, stream
 from gcs.parameters import ParameterReader
 from gcs.sequence import SequenceWatch
 from gcs.timesync import ClockOffset
-from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
+from wire.link_messages.address import BRIDGE_COMPONENT, DRONE_COMPONENT, GROUND, Address
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.commands import CommandAck
 from wire.link_messages.motion import Origin, SetOrigin
@@ -37,7 +37,6 @@ from wire.mavlink import Codec
 NEVER_NS = -(10**18)
 FAREWELL_NS = 10_000_000_000
 ORIGIN_NS = 1_000_000_000
-BRIDGE_COMPONENT = 191  # MAV_COMP_ID_ONBOARD_COMPUTER
 HEARTBEAT = Heartbeat(autopilot=Autopilot.INVALID, vehicle_type=6, base_mode=0, custom_mode=0, system_status=4)
 
 
@@ -95,7 +94,7 @@ class DroneLink:
     @property
     def armed(self) -> bool:
         """Whether its last heartbeat said armed."""
-        return self.told.heartbeat is not None and bool(self.told.heartbeat.base_mode & ARMED_FLAG)
+        return self.told.heartbeat is not None and self.told.heartbeat.armed
 
     def heartbeat_age_s(self, now_ns: int) -> float:
         """Time since its last heartbeat, s; infinite before the first."""

@@ -125,7 +125,7 @@ def test_an_autopilot_is_armed_watched_and_landed_through_the_bridge(tmp_path: P
             await us.first(lambda m: isinstance(m, NamedValue) and m.name == "age_ms" and m.value < 1000.0)
             assert await us.command(176, 1.0, 6.0) == 0
             assert await us.command(400, 1.0) == 0
-            await us.first(lambda m: isinstance(m, Heartbeat) and bool(m.base_mode & 128))
+            await us.first(lambda m: isinstance(m, Heartbeat) and m.armed)
             us.thrust = None
             await us.first(lambda m: isinstance(m, StatusText) and "stale: level and hold" in m.text)
             await us.first(lambda m: isinstance(m, StatusText) and "stale: landing" in m.text)

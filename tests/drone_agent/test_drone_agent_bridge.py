@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from agent_bench import LEVEL, MS, Bench, S, hover_at, tilt_rad
 
-from drone_agent.bridge import COMPANION, BridgeCore
+from drone_agent.bridge import BridgeCore
 from drone_agent.config import AgentConfig
 from drone_agent.personality import Mode
 from formation.messages import Datagram, MocapFrame
-from wire.link_messages.address import GROUND, Address
+from wire.link_messages.address import BRIDGE_COMPONENT, GROUND, Address
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.commands import Command, CommandAck
 from wire.link_messages.motion import LocalPosition, MocapPose, Origin, VisionPose
@@ -130,7 +130,7 @@ def test_the_grounds_poses_end_here_while_the_bridge_has_its_own() -> None:
     bridge.receive_frame(frame, 100 * MS)
     bridge.receive_ground(Datagram(1, pose), 100 * MS)
     sent = Codec(Address(1, 1)).receive(bridge.tick(100 * MS).to_autopilot[0].data)
-    assert [(type(p.message), p.source) for p in sent] == [(VisionPose, Address(1, COMPANION))]
+    assert [(type(p.message), p.source) for p in sent] == [(VisionPose, Address(1, BRIDGE_COMPONENT))]
     bridge.receive_ground(Datagram(1, pose), 900 * MS)
     assert bridge.tick(900 * MS).to_autopilot[0].data == pose
 
@@ -204,9 +204,11 @@ def test_tells_of_an_autopilot_with_another_number() -> None:
 def test_reports_the_age_of_setpoints_on_the_grounds_clock() -> None:
     site = Site()
     site.run(0.05)
-    request = next(p.message for p in site.heard if isinstance(p.message, TimeSync) and p.source.component == COMPANION)
+    request = next(
+        p.message for p in site.heard if isinstance(p.message, TimeSync) and p.source.component == BRIDGE_COMPONENT
+    )
     ahead_ns = 77 * S
-    site.say(TimeSync(request.ts1_ns + ahead_ns, request.ts1_ns, Address(1, COMPANION)))
+    site.say(TimeSync(request.ts1_ns + ahead_ns, request.ts1_ns, Address(1, BRIDGE_COMPONENT)))
     site.run(1.0)
     stamp_ms = (site.now_ns + ahead_ns - 25 * MS) // MS
     site.say(AttitudeSetpoint(Address(1, 1), stamp_ms, LEVEL, np.zeros(3), 0.0, 7))

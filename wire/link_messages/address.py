@@ -5,6 +5,7 @@ from dataclasses import dataclass
 BROADCAST = 0
 GROUND_SYSTEM, GROUND_COMPONENT = 255, 190
 DRONE_COMPONENT = 1
+BRIDGE_COMPONENT = 191  # MAV_COMP_ID_ONBOARD_COMPUTER
 
 
 @dataclass(frozen=True, slots=True)

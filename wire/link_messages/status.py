@@ -5,6 +5,9 @@ from enum import IntEnum
 
 from formation.messages import Severity
 
+ARMED = 128
+"""Of Heartbeat.base_mode: MAV_MODE_FLAG_SAFETY_ARMED."""
+
 
 class Autopilot(IntEnum):
     """MAV_AUTOPILOT, those we speak with."""
@@ -24,6 +27,11 @@ class Heartbeat:
     base_mode: int
     custom_mode: int
     system_status: int
+
+    @property
+    def armed(self) -> bool:
+        """Whether its motors may turn."""
+        return bool(self.base_mode & ARMED)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Safety: who acts, when, on every fault, and why arming is refused. Pure decisions on plain facts.
+"""Safety: who acts, when, on every fault in flight. Pure decisions on plain facts.
 
 `RULES` is the whole policy in flight: it is evaluated as one table and printed as one table (`rules_markdown`).
 The ground acts by a trigger for the swarm (formation.phase) and, where one drone is the trouble, by letting go of
@@ -82,17 +82,14 @@ class Rule:
         return Severity.ERROR if self.own is Own.NOTHING else Severity.CRITICAL
 
 
-FRESH_S = 0.2
 HEARTBEAT_S = 3.0
 FAR_OUTSIDE_M = 0.5
 BATTERY_LOW, BATTERY_EMPTY = 0.2, 0.1
 UPSET_RAD = 1.3
-STILL_M_S = 0.3
-LEVEL_RAD = 0.35
 ASTRAY_M = 1.0
 
 
-def _outside_m(facts: Facts, limits: LimitsConfig) -> Scalars:
+def outside_fence_m(facts: Facts, limits: LimitsConfig) -> Scalars:
     """How far each body is outside the fence, m; zero inside; shape (n,)."""
     return outside_box(facts.pos_lab_m, np.array(limits.fence.low_m), np.array(limits.fence.high_m))
 
@@ -128,7 +125,7 @@ def _commanded_unseen(seconds: float) -> Test:
 
 
 def _outside(metres: float) -> Test:
-    return lambda facts, limits: facts.commanded & (_outside_m(facts, limits) > metres)
+    return lambda facts, limits: facts.commanded & (outside_fence_m(facts, limits) > metres)
 
 
 def _close(fraction: float) -> Test:
@@ -273,49 +270,6 @@ def _findings(acting: NDArray[np.bool_], acted: NDArray[np.bool_], facts: Facts)
         Finding(int(i), RULES[r], bool(acting[r, i]), RULES[r].text(facts.names[i]))
         for r, i in np.argwhere(acting != acted)
     )
-
-
-def arming_refusals(facts: Facts, limits: LimitsConfig) -> tuple[str, ...]:
-    """Every reason not to arm, in words; empty when the swarm may arm. What an operator can act on comes first."""
-    fresh = facts.age_s <= FRESH_S
-    outside, near = _outside_m(facts, limits), nearest(facts.pos_lab_m)
-    reasons: list[str] = []
-    for i, name in enumerate(facts.names):
-        if not fresh[i]:
-            reasons.append(f"{name}: no fresh pose (last seen {_seconds(facts.age_s[i])})")
-        elif facts.commanded[i]:
-            reasons += _pose_refusals(facts, i, float(outside[i]))
-        if fresh[i] and near[i] < limits.min_separation_m:
-            reasons.append(f"{name}: {near[i]:.2f} m from the next body, minimum is {limits.min_separation_m:.2f} m")
-        if facts.commanded[i]:
-            reasons += _link_refusals(facts, i)
-    return (*reasons, *facts.objections)
-
-
-def _pose_refusals(facts: Facts, i: int, outside_m: float) -> list[str]:
-    name, reasons = facts.names[i], []
-    if outside_m > 0.0:
-        reasons.append(f"{name}: {outside_m:.2f} m outside the fence")
-    if facts.tilt_rad[i] > LEVEL_RAD:
-        reasons.append(f"{name}: tilted by {np.degrees(facts.tilt_rad[i]):.0f} degrees")
-    if facts.speed_m_s[i] > STILL_M_S:
-        reasons.append(f"{name}: moving at {facts.speed_m_s[i]:.2f} m/s")
-    return reasons
-
-
-def _link_refusals(facts: Facts, i: int) -> list[str]:
-    name, reasons = facts.names[i], []
-    if facts.heartbeat_age_s[i] > HEARTBEAT_S:
-        reasons.append(f"{name}: no heartbeat (last heard {_seconds(facts.heartbeat_age_s[i])})")
-    if facts.battery[i] < BATTERY_LOW:
-        reasons.append(f"{name}: battery at {facts.battery[i]:.0%}")
-    if facts.duplicate[i]:
-        reasons.append(f"{name}: its sysid is used twice on the network")
-    return reasons
-
-
-def _seconds(age_s: float) -> str:
-    return f"{age_s:.1f} s ago" if np.isfinite(age_s) else "never"
 
 
 def rules_markdown() -> str:

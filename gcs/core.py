@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from formation import safety, topics
+from formation import arming, safety, topics
 from formation.config import LabConfig
 from formation.control.stack import Stages
 from formation.messages import (
@@ -133,7 +133,7 @@ class GcsCore:
     def status(self, now_ns: int) -> str:
         """Everything an operator may want to see, as JSON."""
         facts = self._gatherer.gather(self._stages, self._lateness.share, now_ns, asked_to_arm=True)
-        refusals = safety.arming_refusals(facts, self._config.limits) if self.phase is Phase.GROUND else ()
+        refusals = arming.refusals(facts, self._config.limits) if self.phase is Phase.GROUND else ()
         t_s = (now_ns - self._t0_ns) * 1e-9
         return status_text(self._flight, self._drones, facts, refusals, self._counters(), t_s, now_ns)
 
@@ -187,7 +187,7 @@ class GcsCore:
         facts = self._gatherer.gather(self._stages, self._lateness.share, now_ns, asked_to_arm=True)
         match request.verb, self.phase:
             case Verb.ARM, Phase.GROUND:
-                return safety.arming_refusals(facts, self._config.limits)
+                return arming.refusals(facts, self._config.limits)
             case Verb.TAKEOFF, Phase.ARMED:
                 return take_off_refusals(facts, self._flight, self._config)
             case Verb.START, Phase.HOLD:

@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from formation import arming
 from formation.arrays import Float
 from formation.config import LabConfig
 from formation.control.stack import Stages
 from formation.frames import rotate_about_z
 from formation.messages import Phase
-from formation.safety import Facts, arming_refusals
+from formation.safety import Facts
 from formation.shape import Shape
 from gcs.drone import Drone
 from gcs.flight import Flight
@@ -20,7 +21,7 @@ from gcs.flight import Flight
 def take_off_refusals(facts: Facts, flight: Flight, config: LabConfig) -> tuple[str, ...]:
     """Why the swarm may not leave the floor now; as for arming, and every drone must have armed."""
     not_armed = () if flight.armed else ("not every drone has armed yet",)
-    return arming_refusals(facts, config.limits) + not_armed
+    return arming.refusals(facts, config.limits) + not_armed
 
 
 def formation_refusals(facts: Facts, stages: Stages | None, shape: Shape, config: LabConfig) -> tuple[str, ...]:

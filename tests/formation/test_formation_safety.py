@@ -1,9 +1,7 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from formation_facts import LIMITS, healthy, of
 
-from formation.config import LimitsConfig
 from formation.messages import Phase, Severity
 from formation.phase import AIRBORNE, Trigger
 from formation.safety import (
@@ -12,39 +10,10 @@ from formation.safety import (
     Own,
     Verdict,
     Watch,
-    arming_refusals,
     assess,
     rules_markdown,
     start,
 )
-
-LIMITS = LimitsConfig()
-NAMES = ("lead", "left", "right")
-
-
-def _healthy(**changes) -> Facts:
-    facts = Facts(
-        names=NAMES,
-        commanded=np.array([True, True, True]),
-        pos_lab_m=np.array([[0.0, 0.0, 0.3], [-0.4, 0.4, 0.3], [-0.4, -0.4, 0.3]]),
-        speed_m_s=np.zeros(3),
-        tilt_rad=np.zeros(3),
-        age_s=np.full(3, 0.008),
-        error_m=np.zeros(3),
-        heartbeat_age_s=np.full(3, 0.5),
-        armed=np.ones(3, bool),
-        offboard=np.ones(3, bool),
-        battery=np.full(3, np.nan),
-        duplicate=np.zeros(3, bool),
-        late_share=0.0,
-    )
-    return replace(facts, **changes)
-
-
-def _of(index: int, value, otherwise) -> np.ndarray:
-    array = np.array([otherwise] * 3)
-    array[index] = value
-    return array
 
 
 def _after(facts: Facts, phase: Phase, lasting_s: float) -> Verdict:
@@ -55,7 +24,7 @@ def _after(facts: Facts, phase: Phase, lasting_s: float) -> Verdict:
 
 @pytest.mark.parametrize("phase", Phase)
 def test_healthy_swarm_is_left_alone_in_every_phase(phase):
-    verdict = _after(_healthy(), phase, 10.0)
+    verdict = _after(healthy(), phase, 10.0)
     assert verdict.trigger is None
     assert verdict.findings == ()
     assert not verdict.release.any()
@@ -63,8 +32,8 @@ def test_healthy_swarm_is_left_alone_in_every_phase(phase):
 
 
 FAULTS = {
-    "leader hidden": ({"age_s": _of(0, 0.25, 0.0)}, Phase.FORMATION, 0.0, Trigger.HOLD, Own.NOTHING),
-    "body lost": ({"age_s": _of(1, 0.45, 0.0)}, Phase.FORMATION, 0.0, Trigger.LAND, Own.RELEASE),
+    "leader hidden": ({"age_s": of(0, 0.25, 0.0)}, Phase.FORMATION, 0.0, Trigger.HOLD, Own.NOTHING),
+    "body lost": ({"age_s": of(1, 0.45, 0.0)}, Phase.FORMATION, 0.0, Trigger.LAND, Own.RELEASE),
     "outside": (
         {"pos_lab_m": np.array([[0.0, 0, 0.3], [2.6, 0, 0.3], [0, 1, 0.3]])},
         Phase.HOLD,
@@ -93,12 +62,12 @@ FAULTS = {
         Trigger.LAND,
         Own.NOTHING,
     ),
-    "astray": ({"error_m": _of(1, 1.1, 0.0)}, Phase.FORMATION, 1.01, Trigger.LAND, Own.NOTHING),
-    "upset": ({"tilt_rad": _of(1, 1.5, 0.0)}, Phase.HOLD, 0.31, Trigger.LAND, Own.CUT),
-    "silent": ({"heartbeat_age_s": _of(1, 3.1, 0.0)}, Phase.FORMATION, 0.0, Trigger.LAND, Own.NOTHING),
-    "mode lost": ({"offboard": _of(1, False, True)}, Phase.FORMATION, 0.51, Trigger.LAND, Own.NOTHING),
-    "disarmed": ({"armed": _of(1, False, True)}, Phase.FORMATION, 0.31, Trigger.LAND, Own.NOTHING),
-    "battery empty": ({"battery": _of(1, 0.05, np.nan)}, Phase.FORMATION, 1.01, Trigger.LAND, Own.NOTHING),
+    "astray": ({"error_m": of(1, 1.1, 0.0)}, Phase.FORMATION, 1.01, Trigger.LAND, Own.NOTHING),
+    "upset": ({"tilt_rad": of(1, 1.5, 0.0)}, Phase.HOLD, 0.31, Trigger.LAND, Own.CUT),
+    "silent": ({"heartbeat_age_s": of(1, 3.1, 0.0)}, Phase.FORMATION, 0.0, Trigger.LAND, Own.NOTHING),
+    "mode lost": ({"offboard": of(1, False, True)}, Phase.FORMATION, 0.51, Trigger.LAND, Own.NOTHING),
+    "disarmed": ({"armed": of(1, False, True)}, Phase.FORMATION, 0.31, Trigger.LAND, Own.NOTHING),
+    "battery empty": ({"battery": of(1, 0.05, np.nan)}, Phase.FORMATION, 1.01, Trigger.LAND, Own.NOTHING),
     "late": ({"late_share": 0.8}, Phase.FORMATION, 2.01, Trigger.LAND, Own.NOTHING),
 }
 
@@ -106,7 +75,7 @@ FAULTS = {
 @pytest.mark.parametrize("name", FAULTS)
 def test_each_fault_is_answered_once_it_has_lasted(name):
     changes, phase, lasting_s, trigger, own = FAULTS[name]
-    verdict = _after(_healthy(**changes), phase, lasting_s)
+    verdict = _after(healthy(**changes), phase, lasting_s)
     assert verdict.trigger is trigger
     assert verdict.cause
     assert verdict.release.any() == (own is Own.RELEASE)
@@ -116,35 +85,35 @@ def test_each_fault_is_answered_once_it_has_lasted(name):
 @pytest.mark.parametrize("name", [n for n, (_, _, lasting, _, _) in FAULTS.items() if lasting > 0.1])
 def test_a_fault_that_does_not_last_is_let_pass(name):
     changes, phase, lasting_s, _, _ = FAULTS[name]
-    assert _after(_healthy(**changes), phase, 0.05).trigger is None
-    watch, _ = assess(start(3), _healthy(**changes), phase, LIMITS, 0)
-    watch, _ = assess(watch, _healthy(), phase, LIMITS, 10_000_000)
-    _, verdict = assess(watch, _healthy(**changes), phase, LIMITS, round(lasting_s * 1e9))
+    assert _after(healthy(**changes), phase, 0.05).trigger is None
+    watch, _ = assess(start(3), healthy(**changes), phase, LIMITS, 0)
+    watch, _ = assess(watch, healthy(), phase, LIMITS, 10_000_000)
+    _, verdict = assess(watch, healthy(**changes), phase, LIMITS, round(lasting_s * 1e9))
     assert verdict.trigger is None
 
 
 def test_only_the_drone_in_trouble_is_cut():
-    verdict = _after(_healthy(tilt_rad=_of(2, 1.5, 0.0)), Phase.HOLD, 0.4)
+    verdict = _after(healthy(tilt_rad=of(2, 1.5, 0.0)), Phase.HOLD, 0.4)
     assert verdict.cut.tolist() == [False, False, True]
     assert verdict.cause == "right: tilted by 75 degrees"
 
 
 def test_landing_outweighs_holding():
-    facts = _healthy(age_s=_of(0, 0.25, 0.0), heartbeat_age_s=_of(2, 4.0, 0.0))
+    facts = healthy(age_s=of(0, 0.25, 0.0), heartbeat_age_s=of(2, 4.0, 0.0))
     assert _after(facts, Phase.FORMATION, 0.0).trigger is Trigger.LAND
 
 
 def test_an_observed_leader_may_leave_the_fence_and_is_never_cut():
-    facts = _healthy(
+    facts = healthy(
         commanded=np.array([False, True, True]),
         pos_lab_m=np.array([[9.0, 0, 0.3], [-0.4, 0.4, 0.3], [-0.4, -0.4, 0.3]]),
-        tilt_rad=_of(0, 3.0, 0.0),
+        tilt_rad=of(0, 3.0, 0.0),
     )
     assert _after(facts, Phase.FORMATION, 5.0).trigger is None
 
 
 def test_findings_tell_beginning_and_end_once():
-    bad, good = _healthy(heartbeat_age_s=_of(1, 4.0, 0.0)), _healthy()
+    bad, good = healthy(heartbeat_age_s=of(1, 4.0, 0.0)), healthy()
     watch: Watch = start(3)
     told = []
     for i, facts in enumerate((bad, bad, good, good)):
@@ -155,52 +124,14 @@ def test_findings_tell_beginning_and_end_once():
 
 
 def test_a_late_loop_is_told_once_not_once_a_drone():
-    verdict = _after(_healthy(late_share=0.9), Phase.HOLD, 2.0)
+    verdict = _after(healthy(late_share=0.9), Phase.HOLD, 2.0)
     assert [f.text for f in verdict.findings] == ["a fifth of the frames late", "seven tenths of the frames late"]
 
 
 def test_motors_off_phases_ignore_the_air_rules():
     for phase in set(Phase) - AIRBORNE - {Phase.ARMED}:
-        facts = _healthy(age_s=np.full(3, np.inf), heartbeat_age_s=np.full(3, np.inf), armed=np.zeros(3, bool))
+        facts = healthy(age_s=np.full(3, np.inf), heartbeat_age_s=np.full(3, np.inf), armed=np.zeros(3, bool))
         assert _after(facts, phase, 100.0).trigger is None
-
-
-def test_arming_a_healthy_swarm_is_not_refused():
-    assert arming_refusals(_healthy(armed=np.zeros(3, bool), offboard=np.zeros(3, bool)), LIMITS) == ()
-
-
-REFUSALS = {
-    "never seen": ({"age_s": _of(1, np.inf, 0.0)}, "left: no fresh pose (last seen never)"),
-    "stale": ({"age_s": _of(0, 0.3, 0.0)}, "lead: no fresh pose (last seen 0.3 s ago)"),
-    "outside": (
-        {"pos_lab_m": np.array([[0.0, 0, 0], [2.75, 0, 0], [0, 1, 0]])},
-        "left: 0.25 m outside the fence",
-    ),
-    "millimetres": (
-        {"pos_lab_m": np.array([[0.0, 0, 0], [400.0, 0, 0], [0, 1, 0]])},
-        "left: 397.50 m outside the fence",
-    ),
-    "tilted": ({"tilt_rad": _of(2, 1.0, 0.0)}, "right: tilted by 57 degrees"),
-    "carried": ({"speed_m_s": _of(2, 0.5, 0.0)}, "right: moving at 0.50 m/s"),
-    "silent": ({"heartbeat_age_s": _of(2, np.inf, 0.0)}, "right: no heartbeat (last heard never)"),
-    "battery": ({"battery": _of(2, 0.15, 1.0)}, "right: battery at 15%"),
-    "duplicate": ({"duplicate": _of(2, True, False)}, "right: its sysid is used twice on the network"),
-    "objection": ({"objections": ("left: GUID_OPTIONS is 0",)}, "left: GUID_OPTIONS is 0"),
-}
-
-
-@pytest.mark.parametrize("name", REFUSALS)
-def test_arming_is_refused_with_the_reason(name):
-    changes, reason = REFUSALS[name]
-    assert arming_refusals(_healthy(**changes), LIMITS) == (reason,)
-
-
-def test_two_drones_too_close_are_both_named():
-    facts = _healthy(pos_lab_m=np.array([[0.0, 0, 0], [0.1, 0, 0], [0, 1, 0]]))
-    assert arming_refusals(facts, LIMITS) == (
-        "lead: 0.10 m from the next body, minimum is 0.20 m",
-        "left: 0.10 m from the next body, minimum is 0.20 m",
-    )
 
 
 def test_documented_policy_has_every_rule():

@@ -1,0 +1,36 @@
+"""A swarm with which nothing is wrong, to be made wrong in one thing."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from formation.config import LimitsConfig
+from formation.safety import Facts
+
+LIMITS = LimitsConfig()
+NAMES = ("lead", "left", "right")
+
+
+def healthy(**changes) -> Facts:
+    facts = Facts(
+        names=NAMES,
+        commanded=np.array([True, True, True]),
+        pos_lab_m=np.array([[0.0, 0.0, 0.3], [-0.4, 0.4, 0.3], [-0.4, -0.4, 0.3]]),
+        speed_m_s=np.zeros(3),
+        tilt_rad=np.zeros(3),
+        age_s=np.full(3, 0.008),
+        error_m=np.zeros(3),
+        heartbeat_age_s=np.full(3, 0.5),
+        armed=np.ones(3, bool),
+        offboard=np.ones(3, bool),
+        battery=np.full(3, np.nan),
+        duplicate=np.zeros(3, bool),
+        late_share=0.0,
+    )
+    return replace(facts, **changes)
+
+
+def of(index: int, value, otherwise) -> np.ndarray:
+    array = np.array([otherwise] * 3)
+    array[index] = value
+    return array

@@ -1,6 +1,8 @@
 """The lockstep host: a whole flight in one process, as fast as the machine goes, decided by scenario and seed alone."""
 
-from collections.abc import Callable
+import gc
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -58,6 +60,11 @@ def warm_up(scenario: Scenario) -> None:
 
 def fly(scenario: Scenario, seed: int, record: Record, progress: Progress | None = None) -> Flown:
     """Fly until the operator is done, the flight fails or takes too long."""
+    with _uncollected():
+        return _fly(scenario, seed, record, progress)
+
+
+def _fly(scenario: Scenario, seed: int, record: Record, progress: Progress | None) -> Flown:
     started_ns = clock.monotonic_ns()
     world = World(scenario, seed, record)
     end_ns = T0_NS + round(scenario.longest_s * 1e9)
@@ -74,6 +81,18 @@ def fly(scenario: Scenario, seed: int, record: Record, progress: Progress | None
     taken_s = (clock.monotonic_ns() - started_ns) * 1e-9
     outcome = world.operator.outcome or Outcome("aborted", f"not over after {scenario.longest_s:g} s")
     return Flown(outcome, duration_s, duration_s / taken_s)
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """No garbage collection in between: a flight makes objects by the million, and no cycles of them to be found."""
+    was = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was:
+            gc.enable()
 
 
 def metadata(scenario: Scenario, seed: int, link: str, t0_ns: int) -> dict[str, str]:

@@ -212,7 +212,8 @@ def _attitude(
         met = bound_force(aim, LIFT_MOST * full, tilt_max)
         met_later = bound_force(felt, LIFT_MOST * full, LEAD_TILT_RAD if by_rate else tilt_max)
         saturation[i] = bits + (met if by_rate else max(met, met_later))
-        bound_turn(felt, force[i], body[i, AUTHORITY], full)
+        for vector in (aim, felt):
+            bound_turn(vector, force[i], body[i, AUTHORITY], full)
         for axis in range(3):
             turn[axis] = felt[axis] - aim[axis]
         if by_rate:

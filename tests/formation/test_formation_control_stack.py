@@ -7,10 +7,12 @@ from hypothesis import strategies as st
 from formation import frames
 from formation.arrays import Float
 from formation.config import FollowerConfig, LabConfig, LeaderConfig, TrajectoryConfig
+from formation.control.attitude import turn_authority
 from formation.control.stack import ControlStack, Stages
 from formation.control.warm_up import warm_up
 from formation.messages import MocapFrame
 from formation.reference import IDLE, Leg, Mode, Plan
+from formation.rigid_body import GRAVITY_M_S2
 from formation.shape import configured
 from formation.vehicle import at_rest, profile
 
@@ -145,6 +147,20 @@ def test_a_batch_is_the_same_as_one_at_a_time(seed: int) -> None:
         np.testing.assert_array_equal(single.q_lab_from_flu[0], together.q_lab_from_flu[k])
         np.testing.assert_array_equal(single.rate_flu_rad_s[0], together.rate_flu_rad_s[k])
         assert single.thrust_norm[0] == together.thrust_norm[k]
+
+
+def test_a_hard_turn_is_asked_of_the_attitude_itself_no_harder_than_the_motors_can() -> None:
+    """A target far ahead, taken back by body rates, would be a hard turn to an autopilot quicker than is believed."""
+    config = triangle()
+    level, place = np.tile(frames.IDENTITY, (3, 1)), np.array([s.pos_lab_m for s in IN_SLOTS])
+    away = np.array([[0.0, 0.0, 0.0], [0.03, 0.0, 0.0], [0.0, 0.0, 0.0]])  # 3 m/s, of one follower
+    plan = Plan((Leg(Mode.LAB, (None, None, None)),) * 3, configured(config))
+    stages = run(config, [(place, level), (place + away, level)], plan)[-1]
+    gravity, full = GRAVITY_M_S2, PAPER.thrust_max_n / PAPER.mass_kg
+    most_m_s2 = turn_authority(PAPER) * gravity * min(gravity, full - gravity)
+    tilt_rad = 2.0 * np.arcsin(np.hypot(*stages.target.q_lab_from_flu[1, 1:3]))
+    assert stages.command.acc_lab_m_s2[1, 0] < -2.0 * most_m_s2
+    assert tilt_rad == pytest.approx(np.arctan(most_m_s2 / gravity), rel=0.01)
 
 
 def test_an_unknown_preset_is_refused_by_name() -> None:

@@ -88,4 +88,4 @@ class Airframe:
 
     def _felt(self) -> Vec3:
         x, y, z = self.state.pos_lab_m.tolist()
-        return np.array(acceleration(self._air, (self.t_ns - self._t0_ns) * 1e-9, (x, y, z)))
+        return np.array(acceleration(self._air, (self.t_ns - self._t0_ns) * 1e-9, (x, y, z), self.profile.reach_m))

@@ -7,6 +7,7 @@ small-rate form. Nothing here knows MAVLink, batteries' chemistry or the attitud
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from math import sqrt
 from types import MappingProxyType
 from typing import Annotated, Any
 
@@ -103,6 +104,11 @@ class VehicleProfile(Model):
     def weight_n(self) -> float:
         """Thrust that hovers."""
         return self.mass_kg * GRAVITY_M_S2
+
+    @property
+    def reach_m(self) -> float:
+        """How far each rotor stands off the centre along both horizontal body axes: they make a square."""
+        return self.wheelbase_m / (2.0 * sqrt(2.0))
 
     @property
     def hover_thrust_norm(self) -> float:

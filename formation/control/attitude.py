@@ -64,8 +64,7 @@ def turn_authority(profile: VehicleProfile) -> float:
 
     The attitude and rate loops turn an error into an angular acceleration; a motor can only stop or double.
     """
-    lever_m = profile.wheelbase_m / (2.0 * sqrt(2.0))
-    acceleration = lever_m * profile.mass_kg / max(profile.inertia_kg_m2[0], profile.inertia_kg_m2[1])
+    acceleration = profile.reach_m * profile.mass_kg / max(profile.inertia_kg_m2[0], profile.inertia_kg_m2[1])
     return acceleration / (profile.attitude_p_1_s * profile.rate_p_1_s)
 
 

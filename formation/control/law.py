@@ -69,8 +69,8 @@ class Demand:
     """What the law asks of each vehicle, and the inside of how it got there; (m, 3) unless said otherwise.
 
     acc: demanded acceleration; lead_acc: what the lag's inversion adds to it; motion (m, 3, 4): predicted when the
-    command takes hold; force (m, 3): modelled specific force then; lift_cos (m): predicted cosine of tilt when the
-    thrust does; yaw (m, 2): heading and rate.
+    command is taken to hold; force (m, 3): modelled specific force when it arrives; lift_cos (m): predicted cosine of
+    tilt when the thrust does; yaw (m, 2): heading and rate.
     """
 
     e: Vec3s
@@ -161,7 +161,8 @@ def _demand(
         yaw[i, 0], yaw[i, 1] = b.lab[0, 3], b.lab[1, 3]
         for channel in range(2):
             dead_s, lag_s = response[n, 2 * channel], response[n, 2 * channel + 1]
-            hold_ns = now_ns + int(dead_s * 1e9) if compensate[i, channel] else t_ns
+            arrival_ns = now_ns + int(dead_s * 1e9)
+            hold_ns = arrival_ns if compensate[i, channel] else t_ns
             _situation(i, n, own[0], hold_ns, hold_ns + int(lag_s * 1e9), compensate[i, channel], known, way, b)
             gains = horizontal[i] if channel == 0 else vertical[i]
             awake = mu[n]
@@ -182,6 +183,8 @@ def _demand(
                 _into_lab(b.frame[0, 3], b.back)
                 _into_lab(b.frame[0, 3], b.back_rate)
                 copy_motion(b.mine, motion[i])
+                if not compensate[i, channel]:
+                    motion_at(n, i, arrival_ns, known, b.lead_later, b.felt)
                 for axis in range(3):
                     felt[i, axis] = b.felt[axis]
             else:

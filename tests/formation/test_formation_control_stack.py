@@ -149,6 +149,18 @@ def test_a_batch_is_the_same_as_one_at_a_time(seed: int) -> None:
         assert single.thrust_norm[0] == together.thrust_norm[k]
 
 
+@pytest.mark.parametrize(
+    ("preset", "least_m", "most_m"), [("paper_istsmc", 0.03, 0.07), ("paper", 0.03, 0.07), ("paper_smc", 0.08, 0.13)]
+)
+def test_the_printed_gains_swing_on_the_papers_own_vehicle(preset: str, least_m: float, most_m: float) -> None:
+    """A numerical study of the law found 0.04-0.06 m on this much lag, and 0.085-0.11 m for SMC."""
+    config = triangle(preset=preset)
+    leg = Plan((Leg(Mode.LAB, (None, None, None)),) * 3, configured(config))
+    samples = fly(config, lambda t: leg, IN_SLOTS, 8.0)
+    swing_m = np.ptp([s.truth[1].pos_lab_m[:2] for s in samples if s.t_s > 4.0], axis=0) / 2.0
+    assert ((least_m < swing_m) & (swing_m < most_m)).all()
+
+
 def test_a_hard_turn_is_asked_of_the_attitude_itself_no_harder_than_the_motors_can() -> None:
     """A target far ahead, taken back by body rates, would be a hard turn to an autopilot quicker than is believed."""
     config = triangle()

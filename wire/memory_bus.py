@@ -59,6 +59,8 @@ class MemoryLink(Generic[T]):
     def pop_due(self, now_ns: int) -> list[tuple[int, T]]:
         """What has arrived by `now_ns`, each with its time of arrival, in order."""
         due: list[tuple[int, T]] = []
+        if now_ns < self.next_due_ns:
+            return due
         while self._queue and self._queue[0][0] <= now_ns:
             due.append(self._queue.popleft())
         self.next_due_ns = self._queue[0][0] if self._queue else NEVER_NS

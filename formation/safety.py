@@ -21,8 +21,7 @@ from formation.model import Vec3Tuple
 from formation.phase import AIRBORNE, Trigger
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Facts:
+class Facts(NamedTuple):
     """What is decided on: one entry per vehicle of the configuration, leader first (n).
 
     For a body that is only observed the link's fields hold their healthy values. `battery` is 0..1, NaN where unknown.

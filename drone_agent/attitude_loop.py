@@ -4,7 +4,6 @@ The structure is PX4's: tilt error first, yaw by the rest, rate setpoint bounded
 with roll and pitch before yaw. The target's own delay (`VehicleProfile.command_delay_s`) is the caller's queue.
 """
 
-from dataclasses import dataclass
 from math import acos, asin, cos, sin, sqrt
 
 import numpy as np
@@ -31,13 +30,31 @@ from formation.vehicle import VehicleProfile, VehicleState
 STEP_MAX_S = 0.002
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class LoopSetpoint:
-    """What the attitude loop tracks: attitude, body-rate feed-forward and collective thrust (0..1)."""
+    """What the attitude loop tracks: attitude, body-rate feed-forward and collective thrust (0..1).
 
-    q_lab_from_flu: Quat
-    rate_flu_rad_s: Vec3
-    thrust_norm: float
+    target (8): the three in a row, as the kernel takes them; not to be changed.
+    """
+
+    __slots__ = ("target",)
+
+    def __init__(self, q_lab_from_flu: Quat, rate_flu_rad_s: Vec3, thrust_norm: float) -> None:
+        self.target = np.concatenate([q_lab_from_flu, rate_flu_rad_s, [thrust_norm]])
+
+    @property
+    def q_lab_from_flu(self) -> Quat:
+        """Attitude."""
+        return self.target[0:4]
+
+    @property
+    def rate_flu_rad_s(self) -> Vec3:
+        """Body rate that is fed forward."""
+        return self.target[4:7]
+
+    @property
+    def thrust_norm(self) -> float:
+        """Collective thrust, 0..1."""
+        return float(self.target[7])
 
 
 def advance(
@@ -57,19 +74,16 @@ def advance(
     """
     if not 0.0 < dt_s <= STEP_MAX_S:
         raise ValueError(f"attitude loop step must lie in (0, {STEP_MAX_S}] s, got {dt_s}")
-    x = np.concatenate(
-        [state.pos_lab_m, state.vel_lab_m_s, state.q_lab_from_flu, state.rate_flu_rad_s, state.motor_thrust_n]
-    )
-    target = np.concatenate([setpoint.q_lab_from_flu, setpoint.rate_flu_rad_s])
-    _advance(x, profile.numbers, target, setpoint.thrust_norm, armed, thrust_scale, dist_lab_m_s2, dt_s, steps)
-    return VehicleState(x[0:3], x[3:6], x[6:10], x[10:13], x[13:17])
+    x = state.x.copy()
+    _advance(x, profile.numbers, setpoint.target, armed, thrust_scale, dist_lab_m_s2, dt_s, steps)
+    return VehicleState(x)
 
 
 @kernel
 def rate_setpoint(x: Float, target: Float, numbers: Float, rate_sp: Float) -> None:
     """Body rates that turn the attitude onto the target: tilt by the shortest arc, yaw by its own gain.
 
-    target (7): q_lab_from_flu, body-rate feed-forward. After Brescianini et al. 2013, as PX4's AttitudeControl.
+    target: a LoopSetpoint's. After Brescianini et al. 2013, as PX4's AttitudeControl.
     """
     w, i, j, k = x[6], -x[7], -x[8], -x[9]
     tw, tx, ty, tz = target[0], target[1], target[2], target[3]
@@ -120,13 +134,13 @@ def mix(collective_n: float, torque: Float, numbers: Float, motor_max_n: float, 
 
 @kernel
 def _advance(
-    x: Float, numbers: Float, target: Float, thrust_norm: float, armed: bool, thrust_scale: float,
-    dist_lab_m_s2: Float, dt_s: float, steps: int,
+    x: Float, numbers: Float, target: Float, armed: bool, thrust_scale: float, dist_lab_m_s2: Float, dt_s: float,
+    steps: int,
 ) -> None:  # fmt: skip
     """`steps` turns of attitude loop, mixer and body, in place."""
     rate_sp, torque, motors = np.zeros(3), np.zeros(3), np.zeros(4)
     work = np.zeros((5, 3))
-    u = min(max(thrust_norm, 0.0), 1.0)
+    u = min(max(target[7], 0.0), 1.0)
     full_n = numbers[THRUST_MAX] * thrust_scale
     collective_n = full_n * ((1.0 - numbers[THRUST_CURVE]) * u + numbers[THRUST_CURVE] * u * u)
     for _ in range(steps):

@@ -3,7 +3,7 @@
 Sans-IO: time is an argument, and everything inside happens at its own time and in order, whenever anybody asks.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,8 +34,7 @@ _DATAGRAM_MAX = 1200
 _LISTED_AT_ONCE = 6
 
 
-@dataclass(frozen=True, slots=True)
-class AgentOutgoing:
+class AgentOutgoing(NamedTuple):
     """What one tick gives: packets for the ground, the true state if it is due, events, parameters to keep."""
 
     datagrams: tuple[Datagram, ...]

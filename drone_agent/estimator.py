@@ -6,8 +6,7 @@ EKF has: fresh, in order, finite, upright as the inertial sensors are, and near 
 """
 
 import math
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -30,8 +29,7 @@ _GAIN_VEL = _GAIN * _GAIN / (2.0 - _GAIN)
 _GAIN_YAW = 0.02
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ExternalPose:
+class ExternalPose(NamedTuple):
     """A pose from outside, its capture on this agent's own clock."""
 
     t_capture_ns: int
@@ -39,8 +37,7 @@ class ExternalPose:
     q_lab_from_flu: Quat
 
 
-@dataclass(frozen=True, slots=True)
-class Offset:
+class Offset(NamedTuple):
     """What the estimate is off by: turned by `yaw_rad` about lab z, then shifted."""
 
     pos_lab_m: Vec3Tuple = (0.0, 0.0, 0.0)
@@ -48,8 +45,7 @@ class Offset:
     yaw_rad: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Belief:
+class Belief(NamedTuple):
     """Where the autopilot thinks it is, in its own estimate's frame (`lab` if the external pose is right)."""
 
     pos_lab_m: Vec3Tuple

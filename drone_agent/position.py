@@ -4,7 +4,7 @@ It flies the agent's take-off, hold, landing and level flight; the formation's c
 """
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,8 +24,7 @@ NO_RATE = np.zeros(3)
 NO_RATE.setflags(write=False)
 
 
-@dataclass(frozen=True, slots=True)
-class Demand:
+class Demand(NamedTuple):
     """What to fly: a place, a speed or neither (then level), a height or none (then `climb_m_s` alone), a heading."""
 
     yaw_rad: float

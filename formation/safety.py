@@ -6,22 +6,22 @@ that drone or cutting its motors. Below all of this each drone's agent levels, h
 go stale.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from enum import StrEnum
+from enum import IntEnum, StrEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from formation.arrays import Flags, Scalars, Vec3, Vec3s
+from formation.arrays import Flags, Float, Scalars, Vec3s
 from formation.config import LimitsConfig
 from formation.kernel import kernel
 from formation.messages import Phase, Severity
+from formation.model import Vec3Tuple
 from formation.phase import AIRBORNE, Trigger
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Facts:
+class Facts(NamedTuple):
     """What is decided on: one entry per vehicle of the configuration, leader first (n).
 
     For a body that is only observed the link's fields hold their healthy values. `battery` is 0..1, NaN where unknown.
@@ -52,22 +52,38 @@ class Own(StrEnum):
     CUT = "motors cut"
 
 
-Test = Callable[[Facts, LimitsConfig], Flags]
+class Measure(IntEnum):
+    """What a rule looks at: a number for each vehicle, larger where things are worse; a flag counts as 0 or 1."""
+
+    UNSEEN_S = 0
+    OUTSIDE_M = 1
+    NEARNESS = 2  # minus the distance to the nearest neighbour, in minimum separations
+    ASTRAY_M = 3
+    TILT_RAD = 4
+    SILENT_S = 5
+    NOT_OFFBOARD = 6
+    DISARMED = 7
+    DISCHARGE = 8  # minus what is left of the battery
+    LATE_SHARE = 9
+    DUPLICATE = 10
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """One fault: how it is seen, for how long, in which phases, and who then does what.
+    """One fault: the measure that is then over its limit, for how long, in which phases, and who then does what.
 
-    of_swarm: the fault is nobody's own; it is raised once, at index 0.
+    of_all: judged of bodies too that are only observed. of_swarm: the fault is nobody's own; it is raised once, at
+    index 0.
     """
 
     fault: str
-    test: Test
+    measure: Measure
+    over: float
     persist_s: float
     phases: frozenset[Phase]
     swarm: Trigger | None = None
     own: Own = Own.NOTHING
+    of_all: bool = False
     of_swarm: bool = False
 
     def text(self, name: str) -> str:
@@ -91,11 +107,11 @@ ASTRAY_M = 1.0
 
 def outside_fence_m(facts: Facts, limits: LimitsConfig) -> Scalars:
     """How far each body is outside the fence, m; zero inside; shape (n,)."""
-    return outside_box(facts.pos_lab_m, np.array(limits.fence.low_m), np.array(limits.fence.high_m))
+    return outside_box(facts.pos_lab_m, limits.fence.low_m, limits.fence.high_m)
 
 
 @kernel
-def outside_box(pos_lab_m: Vec3s, low_m: Vec3, high_m: Vec3) -> Scalars:
+def outside_box(pos_lab_m: Vec3s, low_m: Vec3Tuple, high_m: Vec3Tuple) -> Scalars:
     """How far each point is outside the box, along the axis where it is farthest; zero inside; shape (n,)."""
     outside = np.zeros(len(pos_lab_m))
     for i in range(len(pos_lab_m)):
@@ -116,83 +132,35 @@ def nearest(pos_lab_m: Vec3s) -> Scalars:
     return near
 
 
-def _unseen(seconds: float) -> Test:
-    return lambda facts, _limits: facts.age_s > seconds
-
-
-def _commanded_unseen(seconds: float) -> Test:
-    return lambda facts, _limits: facts.commanded & (facts.age_s > seconds)
-
-
-def _outside(metres: float) -> Test:
-    return lambda facts, limits: facts.commanded & (outside_fence_m(facts, limits) > metres)
-
-
-def _close(fraction: float) -> Test:
-    return lambda facts, limits: facts.commanded & (nearest(facts.pos_lab_m) < fraction * limits.min_separation_m)
-
-
-def _battery_under(level: float) -> Test:
-    return lambda facts, _limits: facts.battery < level
-
-
-def _silent(facts: Facts, _limits: LimitsConfig) -> Flags:
-    return facts.heartbeat_age_s > HEARTBEAT_S
-
-
-def _not_offboard(facts: Facts, _limits: LimitsConfig) -> Flags:
-    return facts.armed & ~facts.offboard
-
-
-def _disarmed(facts: Facts, _limits: LimitsConfig) -> Flags:
-    return ~facts.armed
-
-
-def _upset(facts: Facts, _limits: LimitsConfig) -> Flags:
-    return facts.commanded & (facts.tilt_rad > UPSET_RAD)
-
-
-def _astray(facts: Facts, _limits: LimitsConfig) -> Flags:
-    return facts.commanded & (facts.error_m > ASTRAY_M)
-
-
-def _late(share: float) -> Test:
-    return lambda facts, _limits: np.arange(len(facts.names)) < int(facts.late_share > share)
-
-
-def _duplicate(facts: Facts, _limits: LimitsConfig) -> Flags:
-    return facts.duplicate
-
-
 FLYING = AIRBORNE - {Phase.LAND}
 IN_PLACE = frozenset({Phase.FORMATION, Phase.HOLD})
 IN_FORMATION = frozenset({Phase.FORMATION})
 MOTORS_ON = AIRBORNE | {Phase.ARMED}
 
 RULES: tuple[Rule, ...] = (
-    Rule("body not seen for 0.2 s", _unseen(0.2), 0.0, IN_FORMATION, Trigger.HOLD),
-    Rule("body not seen for 0.4 s", _commanded_unseen(0.4), 0.0, AIRBORNE, Trigger.LAND, Own.RELEASE),
-    Rule("outside the fence", _outside(0.0), 0.1, AIRBORNE, Trigger.LAND),
-    Rule("0.5 m outside the fence", _outside(FAR_OUTSIDE_M), 0.2, AIRBORNE, Trigger.LAND, Own.CUT),
-    Rule("closer than the minimum separation", _close(1.0), 0.1, IN_FORMATION, Trigger.HOLD),
-    Rule("closer than half the minimum separation", _close(0.5), 0.1, FLYING, Trigger.LAND),
-    Rule("1 m away from its reference", _astray, 1.0, IN_PLACE, Trigger.LAND),
-    Rule("tilted by 75 degrees", _upset, 0.3, MOTORS_ON, Trigger.LAND, Own.CUT),
-    Rule("no heartbeat for 3 s", _silent, 0.0, MOTORS_ON, Trigger.LAND),
-    Rule("not in off-board mode", _not_offboard, 0.5, FLYING, Trigger.LAND),
-    Rule("disarmed in the air", _disarmed, 0.3, FLYING, Trigger.LAND),
-    Rule("battery under 20 %", _battery_under(BATTERY_LOW), 1.0, MOTORS_ON),
-    Rule("battery under 10 %", _battery_under(BATTERY_EMPTY), 1.0, MOTORS_ON, Trigger.LAND),
-    Rule("a fifth of the frames late", _late(0.2), 0.5, MOTORS_ON, of_swarm=True),
-    Rule("seven tenths of the frames late", _late(0.7), 2.0, MOTORS_ON, Trigger.LAND, of_swarm=True),
-    Rule("its sysid is used twice on the network", _duplicate, 0.0, frozenset(Phase)),
-)
+    Rule("body not seen for 0.2 s", Measure.UNSEEN_S, 0.2, 0.0, IN_FORMATION, Trigger.HOLD, of_all=True),
+    Rule("body not seen for 0.4 s", Measure.UNSEEN_S, 0.4, 0.0, AIRBORNE, Trigger.LAND, Own.RELEASE),
+    Rule("outside the fence", Measure.OUTSIDE_M, 0.0, 0.1, AIRBORNE, Trigger.LAND),
+    Rule("0.5 m outside the fence", Measure.OUTSIDE_M, FAR_OUTSIDE_M, 0.2, AIRBORNE, Trigger.LAND, Own.CUT),
+    Rule("closer than the minimum separation", Measure.NEARNESS, -1.0, 0.1, IN_FORMATION, Trigger.HOLD),
+    Rule("closer than half the minimum separation", Measure.NEARNESS, -0.5, 0.1, FLYING, Trigger.LAND),
+    Rule("1 m away from its reference", Measure.ASTRAY_M, ASTRAY_M, 1.0, IN_PLACE, Trigger.LAND),
+    Rule("tilted by 75 degrees", Measure.TILT_RAD, UPSET_RAD, 0.3, MOTORS_ON, Trigger.LAND, Own.CUT),
+    Rule("no heartbeat for 3 s", Measure.SILENT_S, HEARTBEAT_S, 0.0, MOTORS_ON, Trigger.LAND),
+    Rule("not in off-board mode", Measure.NOT_OFFBOARD, 0.0, 0.5, FLYING, Trigger.LAND),
+    Rule("disarmed in the air", Measure.DISARMED, 0.0, 0.3, FLYING, Trigger.LAND),
+    Rule("battery under 20 %", Measure.DISCHARGE, -BATTERY_LOW, 1.0, MOTORS_ON),
+    Rule("battery under 10 %", Measure.DISCHARGE, -BATTERY_EMPTY, 1.0, MOTORS_ON, Trigger.LAND),
+    Rule("a fifth of the frames late", Measure.LATE_SHARE, 0.2, 0.5, MOTORS_ON, of_all=True, of_swarm=True),
+    Rule("seven tenths of the frames late", Measure.LATE_SHARE, 0.7, 2.0, MOTORS_ON, Trigger.LAND,
+         of_all=True, of_swarm=True),
+    Rule("its sysid is used twice on the network", Measure.DUPLICATE, 0.0, 0.0, frozenset(Phase)),
+)  # fmt: skip
 
 _SEVEREST_FIRST = (Trigger.LAND, Trigger.HOLD)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Watch:
+class Watch(NamedTuple):
     """Since when each vehicle has broken each rule (ns, -1: it does not), and which were acted on; both (rules, n)."""
 
     since_ns: NDArray[np.int64]
@@ -209,8 +177,7 @@ class Finding:
     text: str
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Verdict:
+class Verdict(NamedTuple):
     """What is to be done now: a trigger for the swarm, drones to let go of or to cut (n,), and what is new to tell."""
 
     trigger: Trigger | None
@@ -229,9 +196,8 @@ def assess(watch: Watch, facts: Facts, phase: Phase, limits: LimitsConfig, now_n
     """Apply every rule to every vehicle; a fault acts once it has lasted its rule's `persist_s`."""
     n = len(facts.names)
     broken = np.zeros((len(RULES), n), np.bool_)
-    for row, test in _TESTS[phase]:
-        broken[row] = test(facts, limits)
-    if not broken.any() and not watch.acted.any():
+    fault = _find_broken(_measured(facts, limits), facts.commanded, _MEASURES, _OVER, _OF_ALL, _JUDGED[phase], broken)
+    if not fault and not watch.acted.any():
         nobody = np.zeros(n, np.bool_)
         return start(n), Verdict(None, "", nobody, nobody, ())
     since = np.where(broken, np.where(watch.since_ns < 0, now_ns, watch.since_ns), -1)
@@ -248,7 +214,45 @@ def assess(watch: Watch, facts: Facts, phase: Phase, limits: LimitsConfig, now_n
 
 
 _PERSIST_NS = np.array([round(rule.persist_s * 1e9) for rule in RULES], np.int64)
-_TESTS = {phase: tuple((row, r.test) for row, r in enumerate(RULES) if phase in r.phases) for phase in Phase}
+_MEASURES = np.array([rule.measure for rule in RULES])
+_OVER = np.array([rule.over for rule in RULES])
+_OF_ALL = np.array([rule.of_all for rule in RULES])
+_JUDGED = {phase: np.array([phase in rule.phases for rule in RULES]) for phase in Phase}
+
+
+def _measured(facts: Facts, limits: LimitsConfig) -> Float:
+    """Every measure of every vehicle, (measures, n)."""
+    n = len(facts.names)
+    return np.array(
+        [
+            facts.age_s,
+            outside_fence_m(facts, limits),
+            -nearest(facts.pos_lab_m) / limits.min_separation_m,
+            facts.error_m,
+            facts.tilt_rad,
+            facts.heartbeat_age_s,
+            facts.armed & ~facts.offboard,
+            ~facts.armed,
+            -facts.battery,
+            [facts.late_share] + [0.0] * (n - 1),
+            facts.duplicate,
+        ]
+    )
+
+
+@kernel
+def _find_broken(
+    measured: Float, commanded: Flags, measures: NDArray[np.int64], over: Float, of_all: Flags, judged: Flags,
+    broken: NDArray[np.bool_],
+) -> bool:  # fmt: skip
+    """Whether any vehicle breaks a rule; `broken` (rules, n) says which, and comes in false."""
+    fault = False
+    for rule in range(len(over)):
+        if judged[rule]:
+            for i in range(len(commanded)):
+                broken[rule, i] = (commanded[i] or of_all[rule]) and measured[measures[rule], i] > over[rule]
+                fault = fault or broken[rule, i]
+    return fault
 
 
 def _swarm_trigger(acting: NDArray[np.bool_], facts: Facts) -> tuple[Trigger | None, str]:

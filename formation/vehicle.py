@@ -214,23 +214,44 @@ def profile(name: str, own: Iterable[VehicleProfile] = ()) -> VehicleProfile:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VehicleState:
-    """One simulated vehicle; its origin stands on the floor, z = 0, when landed. Motors: FR, RL, FL, RR."""
+    """One simulated vehicle; its origin stands on the floor, z = 0, when landed. Motors: FR, RL, FL, RR.
 
-    pos_lab_m: Vec3
-    vel_lab_m_s: Vec3
-    q_lab_from_flu: Quat
-    rate_flu_rad_s: Vec3
-    motor_thrust_n: Float
+    x (17): all of it, laid out as the kernels have it (formation.rigid_body); the rest are views of it.
+    """
+
+    x: Float
+
+    @property
+    def pos_lab_m(self) -> Vec3:
+        """Position in `lab`."""
+        return self.x[0:3]
+
+    @property
+    def vel_lab_m_s(self) -> Vec3:
+        """Velocity in `lab`."""
+        return self.x[3:6]
+
+    @property
+    def q_lab_from_flu(self) -> Quat:
+        """Attitude."""
+        return self.x[6:10]
+
+    @property
+    def rate_flu_rad_s(self) -> Vec3:
+        """Body rate."""
+        return self.x[10:13]
+
+    @property
+    def motor_thrust_n(self) -> Float:
+        """Thrust of each motor; shape (4,)."""
+        return self.x[13:17]
 
 
-def at_rest(pos_lab_m: Float, q_lab_from_flu: Float) -> VehicleState:
-    """A vehicle standing still with its motors off."""
-    return VehicleState(
-        np.array(pos_lab_m, dtype=np.float64), np.zeros(3), np.array(q_lab_from_flu, dtype=np.float64),
-        np.zeros(3), np.zeros(4),
-    )  # fmt: skip
+def at_rest(pos_lab_m: Float, q_lab_from_flu: Float, motor_thrust_n: float = 0.0) -> VehicleState:
+    """A vehicle standing still, every motor at `motor_thrust_n`."""
+    return VehicleState(np.concatenate([pos_lab_m, np.zeros(3), q_lab_from_flu, np.zeros(3), [motor_thrust_n] * 4]))
 
 
 def on_ground(state: VehicleState) -> bool:
     """Whether the feet carry the vehicle: at the floor and not rising."""
-    return bool(state.pos_lab_m[2] < 0.003 and abs(state.vel_lab_m_s[2]) < 0.05)
+    return bool(state.x[2] < 0.003 and abs(state.x[5]) < 0.05)

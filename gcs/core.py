@@ -5,13 +5,15 @@ ticks without a frame only watch, answer and repeat. The ground's heartbeat ride
 earned by the control, so that a drone hears it stop when control stops.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from formation import arming, safety, topics
+from formation.arrays import Quats, Scalars, Vec3s
 from formation.config import LabConfig
 from formation.control.stack import Stages
+from formation.kernel import kernel
 from formation.messages import (
     AttitudeTarget,
     Datagram,
@@ -47,8 +49,7 @@ class BrokenInvariantError(RuntimeError):
     """The core found itself wrong; the host must end, so that setpoints stop and the agents land the drones."""
 
 
-@dataclass(frozen=True, slots=True)
-class Outgoing:
+class Outgoing(NamedTuple):
     """What one tick wants sent and recorded, each in order."""
 
     datagrams: tuple[Datagram, ...]
@@ -132,8 +133,9 @@ class GcsCore:
 
     def status(self, now_ns: int) -> str:
         """Everything an operator may want to see, as JSON."""
-        facts = self._gatherer.gather(self._stages, self._lateness.share, now_ns, asked_to_arm=True)
-        refusals = arming.refusals(facts, self._config.limits) if self.phase is Phase.GROUND else ()
+        grounded = self.phase is Phase.GROUND
+        facts = self._gatherer.gather(self._stages, self._lateness.share, now_ns, asked_to_arm=grounded)
+        refusals = arming.refusals(facts, self._config.limits) if grounded else ()
         t_s = (now_ns - self._t0_ns) * 1e-9
         return status_text(self._flight, self._drones, facts, refusals, self._counters(), t_s, now_ns)
 
@@ -157,8 +159,9 @@ class GcsCore:
         hover = np.array([drone.link.hover_thrust_norm for drone in self._drones])
         stages = self._pipeline.step(now_ns, frame, self._flight.plan(), hover)
         state, target = stages.state, stages.target
-        vital = (state.pos_lab_m, state.vel_lab_m_s, target.q_lab_from_flu, target.rate_flu_rad_s, target.thrust_norm)
-        if not all(np.isfinite(array).all() for array in vital):
+        if not _all_finite(
+            state.pos_lab_m, state.vel_lab_m_s, target.q_lab_from_flu, target.rate_flu_rad_s, target.thrust_norm
+        ):
             raise BrokenInvariantError(f"frame {frame.seq}: the control's estimate or target is not finite")
         self._stages = stages
         return stages
@@ -288,6 +291,13 @@ class GcsCore:
             "lost_packets": sum(link.sequence.lost for link in links),
             "stray_datagrams": self._strays,
         }
+
+
+@kernel
+def _all_finite(pos: Vec3s, vel: Vec3s, q: Quats, rate: Vec3s, thrust: Scalars) -> bool:
+    """Whether no number of the estimate's or the target's is NaN or infinite."""
+    state = np.isfinite(pos).all() and np.isfinite(vel).all()
+    return bool(state and np.isfinite(q).all() and np.isfinite(rate).all() and np.isfinite(thrust).all())
 
 
 def _setpoint(link: DroneLink, t_capture_ns: int, target: AttitudeTarget, i: int) -> bytes:

@@ -59,8 +59,9 @@ class SequenceWatch:
 
     def duplicate(self, now_ns: int) -> bool:
         """Whether two senders were heard in turns in about the last second."""
-        faded = self._turns * exp(-(now_ns - self._noted_ns) * 1e-9 / MEMORY_S)
-        return faded >= TURNS and self._turns >= TURNS_SHARE * self._packets
+        if self._turns < TURNS or self._turns < TURNS_SHARE * self._packets:
+            return False
+        return self._turns * exp(-(now_ns - self._noted_ns) * 1e-9 / MEMORY_S) >= TURNS
 
     def note(self, seq: int, now_ns: int, skipped: int = 0) -> None:
         """A packet with this number came; `skipped` others came since the last, before it or after, not for us."""

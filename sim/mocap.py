@@ -21,7 +21,6 @@ from wire.memory_bus import MemoryLink, random_delay
 
 NotNegative = Annotated[float, Field(ge=0.0)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
-NEVER_NS = 2**63 - 1
 TRUTH_LIVES_NS = 200_000_000
 """A truth older than this says nothing: its agent is gone."""
 
@@ -77,7 +76,8 @@ class MocapEmulator:
         self._t0_ns = t0_ns
         self._ticks = 0
         self._seq = 0
-        self._exposure_ns = t0_ns
+        self.next_exposure_ns = t0_ns
+        """When `expose` is due."""
         self._start_ns: int | None = None
         arrival = np.random.default_rng([seed, 2])
         self._cable = MemoryLink[MocapFrame](
@@ -88,15 +88,9 @@ class MocapEmulator:
         self._q = np.tile(frames.IDENTITY, (n, 1))
 
     @property
-    def next_exposure_ns(self) -> int:
-        """When `expose` is due."""
-        return self._exposure_ns
-
-    @property
     def next_frame_ns(self) -> int:
         """When `pop_due` has the next frame."""
-        due_ns = self._cable.next_due_ns()
-        return NEVER_NS if due_ns is None else due_ns
+        return self._cable.next_due_ns
 
     def start(self, now_ns: int) -> None:
         """The formation phase begins: the recorded leader moves, the gaps' clock runs."""
@@ -105,7 +99,7 @@ class MocapEmulator:
 
     def expose(self, truths: Mapping[int, Truth]) -> None:
         """Take one frame at `next_exposure_ns`; truths: by sysid, at that time or little before it."""
-        t_ns = self._exposure_ns
+        t_ns = self.next_exposure_ns
         n = len(self._bodies)
         noise = self._rng.standard_normal((n, 6)) * self._noise
         luck = self._rng.random(n)
@@ -117,7 +111,7 @@ class MocapEmulator:
         if None not in hidden:
             self._cable.push(t_ns, MocapFrame(self._seq, t_ns, self._bodies, self._pos.copy(), self._q.copy(), seen))
         self._seq += 1
-        self._exposure_ns = self._next_exposure_after(t_ns)
+        self.next_exposure_ns = self._next_exposure_after(t_ns)
 
     def pop_due(self, now_ns: int) -> list[MocapFrame]:
         """The frames that have arrived by now, oldest first."""
@@ -128,7 +122,7 @@ class MocapEmulator:
 
         A recording that plays brings its own noise along; held still, it is given the emulator's.
         """
-        carried = np.zeros_like(seen)
+        carried = np.zeros(len(seen), np.bool_)
         for i, sysid in enumerate(self._sysids):
             truth = truths.get(sysid) if sysid is not None else None
             if truth is None or t_ns - truth.t_ns > TRUTH_LIVES_NS:

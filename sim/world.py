@@ -11,7 +11,7 @@ from formation.messages import Datagram
 from formation.topics import TRUTH
 from gcs.core import GcsCore
 from gcs.recording import Input, Record, record_input, record_tick
-from sim.mocap import NEVER_NS, MocapEmulator
+from sim.mocap import MocapEmulator
 from sim.scenario import LinkModel, Scenario, agent_configs, leader_seconds, recorded_leader
 from sim.script import Glance, Operator
 from wire.memory_bus import MemoryLink, random_delay
@@ -36,9 +36,7 @@ class Seat:
 
     def look_ahead(self) -> None:
         """Find `due_ns`; to be called when anything was done with the agent or its link."""
-        self.due_ns = min(
-            self.agent.next_deadline_ns(), self.down.next_due_ns() or NEVER_NS, self.up.next_due_ns() or NEVER_NS
-        )
+        self.due_ns = min(self.agent.next_deadline_ns(), self.down.next_due_ns, self.up.next_due_ns)
 
 
 class World:
@@ -72,9 +70,10 @@ class World:
 
     def _next_event_ns(self) -> int:
         emulator = self._emulator
-        due_ns = min(emulator.next_exposure_ns, emulator.next_frame_ns, self._look_ns, self._ground.next_deadline_ns())
-        for seat in self._seats.values():
-            due_ns = min(due_ns, seat.due_ns)
+        due_ns = min(
+            emulator.next_exposure_ns, emulator.next_frame_ns, self._look_ns, self._ground.next_deadline_ns(),
+            *[seat.due_ns for seat in self._seats.values()],
+        )  # fmt: skip
         return max(due_ns, self.now_ns)
 
     def _expose(self) -> None:
@@ -126,7 +125,7 @@ class World:
         for datagram in outgoing.datagrams:
             seat = self._seats[datagram.sysid]
             seat.down.push(now_ns, datagram)
-            seat.due_ns = min(seat.due_ns, seat.down.next_due_ns() or NEVER_NS)
+            seat.due_ns = min(seat.due_ns, seat.down.next_due_ns)
         for reply in outgoing.replies:
             self.operator.receive(reply, now_ns)
 

@@ -6,7 +6,7 @@ that error and goes on. Bytes out are those of pymavlink, whose tables are used 
 
 import struct
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 from fastcrc import crc16
 
@@ -51,13 +51,13 @@ def decode_packet(frame: bytes) -> Packet:
     """
     if not frame or _frame_length(frame, 0) != len(frame):
         raise MavlinkError("not one whole MAVLink packet")
-    head = _head(frame, 0)
-    if not _is_checked(frame, 0, len(frame), head):
+    seq, source, number, start, stop = _head(frame, 0)
+    if not _is_checked(frame, 0, len(frame), number, stop):
         raise MavlinkError("wrong checksum")
-    message = _read(frame, head)
+    message = _read(frame, number, start, stop)
     if isinstance(message, TextChunk):
         message = text_of(message.severity, [message.part])
-    return Packet(head.source, head.seq, message)
+    return Packet(source, seq, message)
 
 
 class Codec:
@@ -121,14 +121,13 @@ class Codec:
 
     def _take(self, buffer: bytes, at: int, length: int, packets: list[Packet]) -> bool:
         """Read one frame into `packets`; False if it is none (the checksum is wrong), so that the search goes on."""
-        head = _head(buffer, at)
-        if not _is_checked(buffer, at, length, head):
+        seq, source, number, start, stop = _head(buffer, at)
+        if not _is_checked(buffer, at, length, number, stop):
             self.bad_packets += 1
             return False
-        source, seq = head.source, head.seq
         self._count_lost(source, seq)
         try:
-            message = _read(buffer, head)
+            message = _read(buffer, number, start, stop)
         except MavlinkError:
             self.bad_packets += 1
             return True
@@ -188,52 +187,41 @@ def _next_magic(buffer: bytes, at: int) -> int:
     return min(found, default=len(buffer))
 
 
-class _Head(NamedTuple):
-    """What a frame's header says, and where its payload is."""
-
-    seq: int
-    source: Address
-    number: int
-    start: int
-    stop: int
-
-
 _address = lru_cache(maxsize=1024)(Address)
 
 
-def _head(buffer: bytes, at: int) -> _Head:
-    """The header of the whole frame at `at`."""
+def _head(buffer: bytes, at: int) -> tuple[int, Address, int, int, int]:
+    """Sequence number, sender and message id of the whole frame at `at`; where its payload starts and stops."""
     if buffer[at] == _MAGIC_2:
         _, size, _, _, seq, system, component, low, high = _HEADER.unpack_from(buffer, at)
         start = at + _HEADER_2
-        return _Head(seq, _address(system, component), low | high << 16, start, start + size)
+        return seq, _address(system, component), low | high << 16, start, start + size
     _, size, seq, system, component, number = buffer[at : at + _HEADER_1]
     start = at + _HEADER_1
-    return _Head(seq, _address(system, component), number, start, start + size)
+    return seq, _address(system, component), number, start, start + size
 
 
-def _is_checked(buffer: bytes, at: int, length: int, head: _Head) -> bool:
+def _is_checked(buffer: bytes, at: int, length: int, number: int, stop: int) -> bool:
     """Whether the frame's checksum is right.
 
     An id that is in no dialect of ours cannot be checked: it is believed if a packet, or nothing, follows it.
     """
-    crc_extra = CRC_EXTRA.get(head.number)
+    crc_extra = CRC_EXTRA.get(number)
     if crc_extra is None:
         end = at + length
         return end == len(buffer) or buffer[end] in (_MAGIC_1, _MAGIC_2)
-    stop = head.stop
     crc: int = crc16.mcrf4xx(buffer[at + 1 : stop] + _SEED[crc_extra])
     return crc == buffer[stop] | buffer[stop + 1] << 8
 
 
-def _read(buffer: bytes, head: _Head) -> LinkMessage | TextChunk:
+def _read(buffer: bytes, number: int, start: int, stop: int) -> LinkMessage | TextChunk:
     """The message of a frame whose checksum is right; MavlinkError if its payload says something impossible."""
-    known = _READERS.get(head.number)
+    known = _READERS.get(number)
     if known is None:
-        return Unknown(head.number)
+        return Unknown(number)
     layout, read = known
     try:
-        message: LinkMessage | TextChunk = read(layout.unpack(buffer[head.start : head.stop]))
+        message: LinkMessage | TextChunk = read(layout.unpack(buffer[start:stop]))
     except ValueError as error:
         raise MavlinkError(f"{layout.name}: {error}") from error
     return message

@@ -37,8 +37,7 @@ class Layout:
 
     def unpack(self, payload: bytes) -> Fields:
         """Fields of a payload; a short one is filled with zeros, a longer one is a newer dialect's, cut."""
-        size = self.payload.size
-        return self.from_wire(self.payload.unpack(payload[:size].ljust(size, b"\0")))
+        return self.from_wire(self.payload.unpack_from(payload.ljust(self.payload.size, b"\0")))
 
 
 CRC_EXTRA: dict[int, int] = {number: message.crc_extra for number, message in dialect.mavlink_map.items()}

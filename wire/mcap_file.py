@@ -6,9 +6,9 @@ the rare records are the `mcap` library's. https://mcap.dev/spec
 
 import struct
 import zlib
+from collections import defaultdict
 from collections.abc import Mapping
 from io import RawIOBase
-from typing import NamedTuple
 
 import zstandard
 from mcap.data_stream import RecordBuilder
@@ -35,12 +35,8 @@ _MESSAGE_FIXED = 22
 _FOOTER_START = struct.Struct("<BQQQ")
 
 
-class Stored(NamedTuple):
-    """One message on its way to a chunk: its channel, its stamp and its finished record."""
-
-    channel: int
-    t_ns: int
-    record: bytes
+Stored = tuple[int, int, bytes]
+"""One message on its way to a chunk: its channel, its stamp (ns) and its finished record."""
 
 
 def message_record(channel: int, sequence: int, t_ns: int, data: bytes) -> Stored:
@@ -49,7 +45,7 @@ def message_record(channel: int, sequence: int, t_ns: int, data: bytes) -> Store
         head = _MESSAGE.pack(Opcode.MESSAGE, _MESSAGE_FIXED + len(data), channel, sequence & 0xFFFFFFFF, t_ns, t_ns)
     except struct.error as error:
         raise ValueError(f"t_ns {t_ns} does not fit a log") from error
-    return Stored(channel, t_ns, head + data)
+    return channel, t_ns, head + data
 
 
 class McapFile:
@@ -91,8 +87,8 @@ class McapFile:
         """Write the messages as one compressed chunk and its index; nothing if there are none."""
         if not messages:
             return
-        raw = b"".join([message.record for message in messages])
-        stamps = [message.t_ns for message in messages]
+        raw = b"".join([record for _, _, record in messages])
+        stamps = [t_ns for _, t_ns, _ in messages]
         chunk = Chunk(
             compression="zstd",
             data=self._compress(raw),
@@ -102,7 +98,8 @@ class McapFile:
             uncompressed_size=len(raw),
         )
         record = _record(chunk)
-        index, offsets = _message_indexes(messages, self._position + len(record))
+        entries = _entries(messages)
+        index, offsets = _message_indexes(entries, self._position + len(record))
         self._chunks.append(
             ChunkIndex(
                 chunk_start_offset=self._position,
@@ -116,8 +113,8 @@ class McapFile:
                 uncompressed_size=len(raw),
             )
         )
-        for message in messages:
-            self._counts[message.channel] = self._counts.get(message.channel, 0) + 1
+        for channel, flat in entries.items():
+            self._counts[channel] = self._counts.get(channel, 0) + len(flat) // 2
         self._write(record + index)
 
     def finish(self) -> None:
@@ -174,13 +171,18 @@ def _record(record: McapRecord) -> bytes:
     return data
 
 
-def _message_indexes(messages: list[Stored], position: int) -> tuple[bytes, dict[int, int]]:
-    """The MessageIndex records of a chunk (to be written at `position`), and where each channel's is."""
-    entries: dict[int, list[int]] = {}
+def _entries(messages: list[Stored]) -> dict[int, list[int]]:
+    """Stamp and place in the chunk of each channel's messages, flat."""
+    entries: defaultdict[int, list[int]] = defaultdict(list)
     at = 0
     for channel, t_ns, record in messages:
-        entries.setdefault(channel, []).extend((t_ns, at))
+        entries[channel] += t_ns, at
         at += len(record)
+    return entries
+
+
+def _message_indexes(entries: Mapping[int, list[int]], position: int) -> tuple[bytes, dict[int, int]]:
+    """The MessageIndex records of a chunk (to be written at `position`), and where each channel's is."""
     index = b""
     offsets: dict[int, int] = {}
     for channel, flat in entries.items():

@@ -8,6 +8,8 @@ import numpy as np
 
 T = TypeVar("T")
 
+NEVER_NS = 2**63 - 1
+
 # The delay of the next item, or None where it is lost.
 DelayModel = Callable[[], int | None]
 
@@ -21,9 +23,11 @@ def fixed_delay(delay_s: float) -> DelayModel:
 def random_delay(delay_s: float, jitter_s: float, loss: float, rng: np.random.Generator) -> DelayModel:
     """`delay_s` plus an exponential tail of mean `jitter_s`; each item is lost with probability `loss`."""
 
+    uniform, exponential = rng.random, rng.standard_exponential
+
     def draw() -> int | None:
         # Both are drawn for every item, so that the loss of one does not shift the delays of the others.
-        lost, tail = rng.random() < loss, rng.exponential(jitter_s)
+        lost, tail = uniform() < loss, jitter_s * exponential()
         return None if lost else round((delay_s + tail) * 1e9)
 
     return draw
@@ -34,6 +38,8 @@ class MemoryLink(Generic[T]):
 
     def __init__(self, delay: DelayModel) -> None:
         self.lost = 0
+        self.next_due_ns = NEVER_NS
+        """When the next item arrives; NEVER_NS if nothing is under way."""
         self._delay = delay
         self._queue: deque[tuple[int, T]] = deque()
 
@@ -46,15 +52,16 @@ class MemoryLink(Generic[T]):
         due_ns = t_ns + delay_ns
         if self._queue:
             due_ns = max(due_ns, self._queue[-1][0])
+        else:
+            self.next_due_ns = due_ns
         self._queue.append((due_ns, item))
 
     def pop_due(self, now_ns: int) -> list[tuple[int, T]]:
         """What has arrived by `now_ns`, each with its time of arrival, in order."""
         due: list[tuple[int, T]] = []
+        if now_ns < self.next_due_ns:
+            return due
         while self._queue and self._queue[0][0] <= now_ns:
             due.append(self._queue.popleft())
+        self.next_due_ns = self._queue[0][0] if self._queue else NEVER_NS
         return due
-
-    def next_due_ns(self) -> int | None:
-        """When the next item arrives; None if nothing is under way."""
-        return self._queue[0][0] if self._queue else None

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 from functools import cache, partial
-from operator import attrgetter
+from operator import attrgetter, call
 from typing import Annotated, Any, Generic, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -63,18 +63,21 @@ class Schema(Generic[T]):
         self.name = f"{_PACKAGE}.{message.__name__}"
         self._fields = _fields_of(message)
         self.descriptor_set = _descriptor_set(message.__name__, self._fields).SerializeToString()
-        self._values = attrgetter(*(f.name for f in self._fields))
+        names = [f.name for f in self._fields]
+        self._values: Callable[[T], tuple[Any, ...]] = (
+            attrgetter(*names) if len(names) > 1 else lambda message: tuple(getattr(message, name) for name in names)
+        )
+        self._whole = not any(f.optional for f in self._fields)
         self._encoders = [f.kind.encoder(_varint(f.number << 3 | f.kind.wire)) for f in self._fields]
         self._by_tag = {f.number << 3 | f.kind.wire: f for f in self._fields}
 
     def encode(self, message: T) -> bytes:
         """Protobuf bytes; raises ValueError, TypeError or struct.error if a value is not of its annotation."""
         values = self._values(message)
-        if len(self._encoders) == 1:
-            values = (values,)
-        return b"".join(
-            [encode(value) for encode, value in zip(self._encoders, values, strict=True) if value is not None]
-        )
+        if self._whole:
+            return b"".join(map(call, self._encoders, values))
+        pairs = zip(self._encoders, values, strict=True)
+        return b"".join([encode(value) for encode, value in pairs if value is not None])
 
     def decode(self, data: bytes) -> T:
         """The message in `data`; fields of a later version are skipped, absent ones take their default.

@@ -172,8 +172,7 @@ def step_truth(body: VehicleProfile) -> tuple[float, float]:
     """Dead time and lag of the vehicle's own step, as control's profiles state them."""
     tilt = 0.05
     target = LoopSetpoint(frames.from_rotation_vector(np.array([0.0, tilt, 0.0])), np.zeros(3), body.hover_thrust_norm)
-    start = at_rest(np.array([0.0, 0.0, 5.0]), frames.IDENTITY)
-    state, angles = replace(start, motor_thrust_n=np.full(4, body.weight_n / 4.0)), []
+    state, angles = at_rest(np.array([0.0, 0.0, 5.0]), frames.IDENTITY, body.weight_n / 4.0), []
     for _ in range(round(4.4e3 / body.attitude_p_1_s)):
         state = advance(state, body, target, True, np.zeros(3), 0.001, 1)
         angles.append(2.0 * np.arcsin(state.q_lab_from_flu[2]) / tilt)

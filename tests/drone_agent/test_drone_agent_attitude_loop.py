@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.optimize import curve_fit
@@ -18,8 +16,7 @@ def level(norm: float) -> LoopSetpoint:
 
 
 def hovering(body: VehicleProfile, height_m: float = 1.0) -> VehicleState:
-    thrust = np.full(4, 0.25 * body.weight_n)
-    return replace(at_rest(np.array([0.0, 0.0, height_m]), frames.IDENTITY), motor_thrust_n=thrust)
+    return at_rest(np.array([0.0, 0.0, height_m]), frames.IDENTITY, 0.25 * body.weight_n)
 
 
 def test_unarmed_it_falls_as_a_free_body_should() -> None:
@@ -33,7 +30,8 @@ def test_unarmed_it_falls_as_a_free_body_should() -> None:
 def test_spin_without_torque_keeps_energy_and_angular_momentum() -> None:
     body = PAPER.model_copy(update={"drag_n_s_m": (0.0, 0.0, 0.0), "inertia_kg_m2": (1e-4, 2e-4, 3e-4)})
     inertia = np.array(body.inertia_kg_m2)
-    start = replace(at_rest(np.array([0.0, 0.0, 90.0]), frames.IDENTITY), rate_flu_rad_s=np.array([0.1, 6.0, 0.1]))
+    start = at_rest(np.array([0.0, 0.0, 90.0]), frames.IDENTITY)
+    start.rate_flu_rad_s[:] = [0.1, 6.0, 0.1]
 
     def momentum_lab(state: VehicleState) -> Float:
         return frames.rotate(state.q_lab_from_flu, inertia * state.rate_flu_rad_s)
@@ -63,7 +61,8 @@ def test_takes_off_only_above_its_weight_and_lands_again() -> None:
 
 
 def test_floor_friction_stops_a_slide() -> None:
-    start = replace(at_rest(np.array([0.0, 0.0, -0.001]), frames.IDENTITY), vel_lab_m_s=np.array([0.5, 0.0, 0.0]))
+    start = at_rest(np.array([0.0, 0.0, -0.001]), frames.IDENTITY)
+    start.vel_lab_m_s[0] = 0.5
     end = advance(start, PAPER, level(0.0), False, CALM, 0.001, 1000)
     assert np.linalg.norm(end.vel_lab_m_s) < 1e-6
     # v^2 / (2 mu g), mu = 0.6

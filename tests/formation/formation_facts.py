@@ -1,7 +1,5 @@
 """A swarm with which nothing is wrong, to be made wrong in one thing."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from formation.config import LimitsConfig
@@ -27,7 +25,7 @@ def healthy(**changes) -> Facts:
         duplicate=np.zeros(3, bool),
         late_share=0.0,
     )
-    return replace(facts, **changes)
+    return facts._replace(**changes)
 
 
 def of(index: int, value, otherwise) -> np.ndarray:

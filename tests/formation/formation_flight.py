@@ -31,9 +31,7 @@ def triangle(name: str = "paper_40g", path: TrajectoryConfig | None = None, pres
 
 
 def hovering_at(body: VehicleProfile, pos_lab_m: tuple[float, float, float]) -> VehicleState:
-    thrust = np.full(4, 0.25 * body.weight_n)
-    still = at_rest(np.array(pos_lab_m), frames.IDENTITY)
-    return VehicleState(still.pos_lab_m, still.vel_lab_m_s, still.q_lab_from_flu, still.rate_flu_rad_s, thrust)
+    return at_rest(np.array(pos_lab_m), frames.IDENTITY, 0.25 * body.weight_n)
 
 
 @dataclass(frozen=True)

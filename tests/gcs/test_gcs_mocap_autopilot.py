@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -36,7 +34,7 @@ class Lab:
 
     def say(self, sysid: int, message: LinkMessage, ms: int):
         if isinstance(message, LocalPosition) and message.t_boot_ms < 0:
-            message = replace(message, t_boot_ms=77_000 + ms)
+            message = message._replace(t_boot_ms=77_000 + ms)
         return self.poses.receive(Datagram(sysid, self.codecs[sysid].encode(message)), ms * MS)
 
 
@@ -141,7 +139,7 @@ def test_an_estimate_that_wanders_is_left_alone_where_truth_comes():
 
 def test_truths_attitude_serves_where_the_drone_tells_none():
     lab = Lab()
-    turned = replace(_truth(0.0), q_lab_from_flu=np.array([0.8, 0.0, 0.0, 0.6]))
+    turned = _truth(0.0)._replace(q_lab_from_flu=np.array([0.8, 0.0, 0.0, 0.6]))
     assert np.allclose(lab.say(1, turned, 0).q_lab_from_flu[0], turned.q_lab_from_flu, atol=1e-6)
     lab.say(1, _attitude(), 10)
     assert np.allclose(lab.say(1, turned, 20).q_lab_from_flu[0], IDENTITY)

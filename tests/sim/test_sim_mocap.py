@@ -8,8 +8,9 @@ from formation import frames
 from formation.config import FollowerConfig, LabConfig, LeaderConfig, MocapConfig
 from formation.messages import MocapFrame, Truth
 from gcs.mocap.csv_file import Recording
-from sim.mocap import NEVER_NS, EmulatorConfig, Gap, MocapEmulator
+from sim.mocap import EmulatorConfig, Gap, MocapEmulator
 from sim.playback import EASE_IN_NS, Playback
+from wire.memory_bus import NEVER_NS
 
 S = 1_000_000_000
 QUIET = EmulatorConfig(jitter_s=0.0, noise_m=0.0, noise_rad=0.0, delay_jitter_s=0.0)

@@ -1,6 +1,6 @@
 """Who speaks and who is spoken to on a MAVLink link."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 BROADCAST = 0
 GROUND_SYSTEM, GROUND_COMPONENT = 255, 190
@@ -8,8 +8,7 @@ DRONE_COMPONENT = 1
 BRIDGE_COMPONENT = 191  # MAV_COMP_ID_ONBOARD_COMPUTER
 
 
-@dataclass(frozen=True, slots=True)
-class Address:
+class Address(NamedTuple):
     """A MAVLink system and component."""
 
     system: int

@@ -1,12 +1,11 @@
 """Clocks and round trips."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from wire.link_messages.address import EVERYONE, Address
 
 
-@dataclass(frozen=True, slots=True)
-class TimeSync:
+class TimeSync(NamedTuple):
     """TIMESYNC (111): ts1 is the sender's stamp, tc1 zero in a request."""
 
     tc1_ns: int
@@ -14,8 +13,7 @@ class TimeSync:
     target: Address = EVERYONE
 
 
-@dataclass(frozen=True, slots=True)
-class Ping:
+class Ping(NamedTuple):
     """PING (4)."""
 
     t_us: int
@@ -23,8 +21,7 @@ class Ping:
     target: Address
 
 
-@dataclass(frozen=True, slots=True)
-class SystemTime:
+class SystemTime(NamedTuple):
     """SYSTEM_TIME (2)."""
 
     t_unix_us: int

@@ -1,13 +1,12 @@
 """Where a body is and how it moves: told to the autopilot, estimated by it, or true in a simulator."""
 
-from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 from formation.arrays import Quat, Vec3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class VisionPose:
+class VisionPose(NamedTuple):
     """VISION_POSITION_ESTIMATE (102): an external pose for the autopilot's estimator (Euler on the wire)."""
 
     t_us: int
@@ -15,8 +14,7 @@ class VisionPose:
     q_lab_from_flu: Quat
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MocapPose:
+class MocapPose(NamedTuple):
     """ATT_POS_MOCAP (138)."""
 
     t_us: int
@@ -45,8 +43,7 @@ class EstimatorType(IntEnum):
     AUTOPILOT = 8
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Odometry:
+class Odometry(NamedTuple):
     """ODOMETRY (331), child frame BODY_FRD; NaN velocity is unknown."""
 
     t_us: int
@@ -59,8 +56,7 @@ class Odometry:
     reset_counter: int = 0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Attitude:
+class Attitude(NamedTuple):
     """ATTITUDE (30) (Euler on the wire)."""
 
     t_boot_ms: int
@@ -68,8 +64,7 @@ class Attitude:
     rate_flu_rad_s: Vec3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class AttitudeQuaternion:
+class AttitudeQuaternion(NamedTuple):
     """ATTITUDE_QUATERNION (31)."""
 
     t_boot_ms: int
@@ -77,8 +72,7 @@ class AttitudeQuaternion:
     rate_flu_rad_s: Vec3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LocalPosition:
+class LocalPosition(NamedTuple):
     """LOCAL_POSITION_NED (32), in lab axes."""
 
     t_boot_ms: int
@@ -86,8 +80,7 @@ class LocalPosition:
     vel_lab_m_s: Vec3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class GlobalPosition:
+class GlobalPosition(NamedTuple):
     """GLOBAL_POSITION_INT (33); degrees, metres; heading is the yaw about lab z, None where unknown."""
 
     t_boot_ms: int
@@ -99,8 +92,7 @@ class GlobalPosition:
     heading_rad: float | None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class HomePosition:
+class HomePosition(NamedTuple):
     """HOME_POSITION (242)."""
 
     lat_deg: float
@@ -109,8 +101,7 @@ class HomePosition:
     pos_lab_m: Vec3
 
 
-@dataclass(frozen=True, slots=True)
-class SetOrigin:
+class SetOrigin(NamedTuple):
     """SET_GPS_GLOBAL_ORIGIN (48): where on the globe the local frame begins."""
 
     target_system: int
@@ -119,8 +110,7 @@ class SetOrigin:
     alt_m: float
 
 
-@dataclass(frozen=True, slots=True)
-class Origin:
+class Origin(NamedTuple):
     """GPS_GLOBAL_ORIGIN (49)."""
 
     lat_deg: float
@@ -128,8 +118,7 @@ class Origin:
     alt_m: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SimTruth:
+class SimTruth(NamedTuple):
     """HIL_STATE_QUATERNION (115) or SIM_STATE (108): a simulated autopilot's true state."""
 
     t_us: int

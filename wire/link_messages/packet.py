@@ -1,6 +1,6 @@
 """One decoded packet, and everything that it may say."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from wire.link_messages.address import Address
 from wire.link_messages.clocks import Ping, SystemTime, TimeSync
@@ -34,8 +34,7 @@ from wire.link_messages.status import (
 from wire.link_messages.storage import LogEntry, LogRequestList, MissionCount, MissionRequestList
 
 
-@dataclass(frozen=True, slots=True)
-class Unknown:
+class Unknown(NamedTuple):
     """A well-formed packet of a message id that nothing here reads; counted, never an error."""
 
     message_id: int
@@ -50,8 +49,7 @@ LinkMessage = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Packet:
+class Packet(NamedTuple):
     """One decoded packet: who sent it, its sequence number, and what it says."""
 
     source: Address

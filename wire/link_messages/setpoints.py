@@ -1,7 +1,7 @@
 """What a vehicle is told to fly, and what it says it is flying."""
 
-from dataclasses import dataclass
 from enum import IntEnum, IntFlag
+from typing import NamedTuple
 
 from formation.arrays import Quat, Vec3
 from wire.link_messages.address import Address
@@ -19,8 +19,7 @@ class Ignore(IntFlag):
     ATTITUDE = 128
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class AttitudeSetpoint:
+class AttitudeSetpoint(NamedTuple):
     """SET_ATTITUDE_TARGET (82)."""
 
     target: Address
@@ -31,8 +30,7 @@ class AttitudeSetpoint:
     ignore: Ignore
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class AttitudeTargetReport:
+class AttitudeTargetReport(NamedTuple):
     """ATTITUDE_TARGET (83): what the autopilot is tracking."""
 
     t_boot_ms: int
@@ -63,8 +61,7 @@ class PositionIgnore(IntFlag):
     YAW_RATE = 2048
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PositionSetpoint:
+class PositionSetpoint(NamedTuple):
     """SET_POSITION_TARGET_LOCAL_NED (84): vectors in lab axes, or the body's forward, left, up, by `frame`."""
 
     target: Address

@@ -1,7 +1,7 @@
 """What an autopilot says of itself: who it is, how it does, what it has to say."""
 
-from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 from formation.messages import Severity
 
@@ -18,8 +18,7 @@ class Autopilot(IntEnum):
     PX4 = 12
 
 
-@dataclass(frozen=True, slots=True)
-class Heartbeat:
+class Heartbeat(NamedTuple):
     """HEARTBEAT (0)."""
 
     autopilot: Autopilot
@@ -34,8 +33,7 @@ class Heartbeat:
         return bool(self.base_mode & ARMED)
 
 
-@dataclass(frozen=True, slots=True)
-class AutopilotVersion:
+class AutopilotVersion(NamedTuple):
     """AUTOPILOT_VERSION (148)."""
 
     capabilities: int
@@ -43,8 +41,7 @@ class AutopilotVersion:
     uid: int
 
 
-@dataclass(frozen=True, slots=True)
-class SysStatus:
+class SysStatus(NamedTuple):
     """SYS_STATUS (1): sensor bit masks, load 0..1, battery."""
 
     sensors_present: int
@@ -56,8 +53,7 @@ class SysStatus:
     battery_remaining: float
 
 
-@dataclass(frozen=True, slots=True)
-class Battery:
+class Battery(NamedTuple):
     """BATTERY_STATUS (147), one pack; remaining 0..1."""
 
     cell_v: tuple[float, ...]
@@ -76,31 +72,27 @@ class LandedState(IntEnum):
     LANDING = 4
 
 
-@dataclass(frozen=True, slots=True)
-class ExtendedSysState:
+class ExtendedSysState(NamedTuple):
     """EXTENDED_SYS_STATE (245)."""
 
     landed: LandedState
 
 
-@dataclass(frozen=True, slots=True)
-class EkfStatus:
+class EkfStatus(NamedTuple):
     """EKF_STATUS_REPORT (193, ArduPilot) and ESTIMATOR_STATUS (230, PX4) flags."""
 
     flags: int
     ardupilot: bool
 
 
-@dataclass(frozen=True, slots=True)
-class StatusText:
+class StatusText(NamedTuple):
     """STATUSTEXT (253); longer texts are chunked on the wire and joined again."""
 
     severity: Severity
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class NamedValue:
+class NamedValue(NamedTuple):
     """NAMED_VALUE_FLOAT (251); `age_ms` is the age of the newest setpoint at receipt, camera to drone."""
 
     t_boot_ms: int
@@ -108,8 +100,7 @@ class NamedValue:
     value: float
 
 
-@dataclass(frozen=True, slots=True)
-class MessageInterval:
+class MessageInterval(NamedTuple):
     """MESSAGE_INTERVAL (244): 0 is a message never sent, -1 one that is off."""
 
     message_id: int

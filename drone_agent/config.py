@@ -51,7 +51,7 @@ class AgentConfig(Model):
     truth_rate_hz: NonNegative = 0.0
     """How often the true state is published; 0 leaves it to whoever asks."""
     age_rate_hz: NonNegative = 50.0
-    """How often, at most, the age of a setpoint is reported to the ground."""
+    """How often, at most, the age of the newest setpoint is reported to the ground."""
 
     @model_validator(mode="after")
     def _vehicle_exists(self) -> "AgentConfig":

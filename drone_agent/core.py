@@ -18,7 +18,7 @@ from drone_agent.parameters import Parameters
 from drone_agent.personalities import PERSONALITIES
 from drone_agent.personality import Personality
 from drone_agent.schedule import RASTER_NS, Schedule
-from drone_agent.telemetry import ON_REQUEST, Teller
+from drone_agent.telemetry import AGE, ON_REQUEST, Teller
 from formation.messages import Datagram, Event, MocapFrame, Truth
 from formation.vehicle import on_ground, profile
 from wire.link_messages.address import DRONE_COMPONENT, Address
@@ -58,7 +58,8 @@ class AgentCore:
         self._positioning = _positioning(config, t0_ns)
         self.autopilot = Autopilot(config, make, self.parameters, self._airframe, self._positioning)
         self._guards = Guards(config, self.autopilot)
-        self._schedule = Schedule({**make.rates_hz, **config.rates_hz}, ON_REQUEST, t0_ns)
+        rates_hz = {**make.rates_hz, AGE: config.age_rate_hz, **config.rates_hz}
+        self._schedule = Schedule(rates_hz, ON_REQUEST, t0_ns)
         self._commander = Commander(config, self.autopilot, self._schedule)
         self._teller = Teller(config, self.autopilot, t0_ns)
         self._inbox = Inbox(config, self.autopilot, self._guards, self._commander, t0_ns, self._send, self._use_pose)

@@ -19,7 +19,7 @@ from wire.link_messages.packet import LinkMessage, Packet
 from wire.link_messages.parameters import ParamRequestList, ParamRequestRead, ParamSet
 from wire.link_messages.setpoints import AttitudeSetpoint, PositionSetpoint
 from wire.link_messages.status import Autopilot as Make
-from wire.link_messages.status import Heartbeat, NamedValue
+from wire.link_messages.status import Heartbeat
 from wire.link_messages.storage import LogEntry, LogRequestList, MissionCount, MissionRequestList
 
 _POSE_AGE_MAX_NS = 500_000_000
@@ -55,7 +55,6 @@ class Inbox:
         """The next parameter of a list that was asked for."""
         self.own_feed_ns: int | None = None
         """When the agent's own mocap feed last gave its body's pose."""
-        self._age_told_ns = t0_ns
         self._readers: dict[type, Callable[[Address, Any, int], None]] = {
             AttitudeSetpoint: self._setpoint,
             PositionSetpoint: self._position,
@@ -84,11 +83,7 @@ class Inbox:
 
     def _setpoint(self, _source: Address, message: AttitudeSetpoint, now_ns: int) -> None:
         self._guidance.attitude(now_ns, message)
-        rate_hz = self._config.age_rate_hz
-        age_ms = self.clock.age_ms(message.t_boot_ms, now_ns - self._t0_ns)
-        if age_ms is not None and rate_hz > 0.0 and now_ns - self._age_told_ns >= 1e9 / rate_hz:
-            self._age_told_ns = now_ns
-            self._send(NamedValue(self._boot_ms(now_ns), "age_ms", age_ms))
+        self._pilot.stream.age_ms = self.clock.age_ms(message.t_boot_ms, now_ns - self._t0_ns)
 
     def _position(self, _source: Address, message: PositionSetpoint, now_ns: int) -> None:
         self._guidance.position(now_ns, message)
@@ -170,6 +165,3 @@ class Inbox:
 
     def _unknown_parameter(self, name: str) -> None:
         self._pilot.say(Severity.INFO, self._pilot.personality.words.unknown_parameter, name)
-
-    def _boot_ms(self, now_ns: int) -> int:
-        return (now_ns - self._t0_ns) // 1_000_000

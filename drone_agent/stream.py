@@ -27,6 +27,8 @@ class StreamWatch:
         self.last_ns: int | None = None
         self.stale_at_ns: int | None = None
         """When the stream goes stale if nothing comes; None where there is no stream or no rule."""
+        self.age_ms: float | None = None
+        """From camera to drone, of the newest setpoint; None once told, or without a common clock."""
         self._stale_ns = round(stale_s * 1e9)
         self._period_ns = 0.0
 
@@ -43,6 +45,11 @@ class StreamWatch:
         self.last_ns = now_ns
         if self._stale_ns:
             self.stale_at_ns = now_ns + max(self._stale_ns, int(_SLOW_PERIODS * self._period_ns))
+
+    def take_age_ms(self) -> float | None:
+        """The newest setpoint's age, once."""
+        age_ms, self.age_ms = self.age_ms, None
+        return age_ms
 
     def silent_for(self, now_ns: int, span_s: float) -> bool:
         """Whether nothing came for `span_s`."""

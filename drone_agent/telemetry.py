@@ -31,6 +31,7 @@ from wire.link_messages.status import (
     ExtendedSysState,
     Heartbeat,
     LandedState,
+    NamedValue,
     SysStatus,
 )
 from wire.link_messages.status import Autopilot as Make
@@ -39,6 +40,8 @@ _GYRO, _ACCEL, _MAG, _BARO, _GPS, _VISION = 1, 2, 4, 8, 32, 128
 _CONTROL = 1024 | 2048 | 4096 | 8192 | 16384 | 32768  # rates, attitude, yaw, height, position, motors
 _AHRS, _BATTERY, _PREARM = 1 << 21, 1 << 25, 1 << 28
 _LOAD = 0.2
+AGE = 251
+"""NAMED_VALUE_FLOAT: the age of the newest setpoint."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,6 +170,11 @@ def _true_state(t: Teller, now_ns: int) -> LinkMessage:
     return SimTruth((now_ns - t.t0_ns) // 1000, state.q_lab_from_flu, state.vel_lab_m_s, lat, lon, alt)
 
 
+def _age(t: Teller, now_ns: int) -> LinkMessage | None:
+    age_ms = t.autopilot.stream.take_age_ms()
+    return None if age_ms is None else NamedValue(t.boot_ms(now_ns), "age_ms", age_ms)
+
+
 def _version(t: Teller, _now_ns: int) -> LinkMessage:
     make = t.autopilot.personality
     return AutopilotVersion(make.capabilities, make.version, t.config.sysid)
@@ -175,7 +183,7 @@ def _version(t: Teller, _now_ns: int) -> LinkMessage:
 _BUILDERS: dict[int, Callable[[Teller, int], LinkMessage | None]] = {
     0: _heartbeat, 1: _sys_status, 30: _attitude, 31: _attitude_quaternion, 32: _local_position,
     33: _global_position, 49: _origin, 83: _target, 111: _timesync, 115: _true_state, 147: _battery, 148: _version,
-    193: _estimator, 230: _estimator, 242: _home, 245: _extended,
+    193: _estimator, 230: _estimator, 242: _home, 245: _extended, AGE: _age,
 }  # fmt: skip
 ON_REQUEST = frozenset({49, 148})
 """Sent when asked for, never at a rate."""

@@ -185,14 +185,31 @@ def estimate(
 
 def swarm_state(state: EstimatorState, settings: EstimatorSettings, turn_rad_s2: Scalars) -> SwarmState:
     """The estimate as the message that is logged and shown; turn_rad_s2 (n) as in `estimate`."""
-    acc = state.strength[:, None] * state.force_lab_m_s2 + state.dist_lab_m_s2
-    acc[:, 2] -= np.where(settings.own >= 0, GRAVITY_M_S2, 0.0)
-    turning = np.where(settings.own >= 0, 1.0, settings.manner[:, TURN_TRUST]) * state.heading[:, 2] + turn_rad_s2
-    age_s = np.asarray((state.t_ns - state.seen_ns) * SECONDS, dtype=np.float64)
+    n = len(settings.own)
+    acc, turning, age_s = np.empty((n, 3)), np.empty(n), np.empty(n)
+    _sum_up(
+        state.t_ns, state.force_lab_m_s2, state.strength, state.dist_lab_m_s2, state.heading, state.seen_ns,
+        settings.own, settings.manner, turn_rad_s2, acc, turning, age_s,
+    )  # fmt: skip
     return SwarmState(
         state.t_ns, state.pos_lab_m, state.vel_lab_m_s, state.dist_lab_m_s2, acc, state.q_lab_from_flu,
         state.heading[:, 0], state.heading[:, 1], turning, age_s,
     )  # fmt: skip
+
+
+@kernel
+def _sum_up(
+    t_ns: int, force: Float, strength: Float, dist: Float, heading: Float, seen_ns: NDArray[np.int64],
+    own: NDArray[np.int64], manner: Float, turn: Float, acc: Float, turning: Float, age_s: Float,
+) -> None:  # fmt: skip
+    """Total acceleration (n, 3), angular acceleration of the heading (n) and age (n) of every vehicle."""
+    for i in range(len(own)):
+        for axis in range(3):
+            acc[i, axis] = strength[i] * force[i, axis] + dist[i, axis]
+        if own[i] >= 0:
+            acc[i, 2] -= GRAVITY_M_S2
+        turning[i] = (1.0 if own[i] >= 0 else manner[i, TURN_TRUST]) * heading[i, 2] + turn[i]
+        age_s[i] = (t_ns - seen_ns[i]) * SECONDS
 
 
 @kernel

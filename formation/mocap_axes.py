@@ -1,7 +1,6 @@
 """From the mocap's axes, names and marker frames to `lab`, the configuration's order and `flu`; done once, here."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -53,7 +52,7 @@ class MocapAxes:
             self._places(frame.bodies), frame.pos_lab_m, frame.q_lab_from_flu, frame.seen,
             self._rotation, self._origin_lab_m, self._q_lab_from_mocap, self._q_marker_from_flu, pos, q, seen,
         )  # fmt: skip
-        return replace(frame, bodies=self._bodies, pos_lab_m=pos, q_lab_from_flu=q, seen=seen)
+        return MocapFrame(frame.seq, frame.t_capture_ns, self._bodies, pos, q, seen)
 
     def _places(self, bodies: tuple[str, ...]) -> NDArray[np.int64]:
         """Index into the frame of each vehicle, -1 where it lacks it; the frame's own order rarely changes."""

@@ -110,6 +110,7 @@ def test_the_age_of_a_setpoint_is_reported_on_the_grounds_clock() -> None:
     stamp_ms = (bench.now_ns + ground_ahead_ns - 30 * MS) // MS
     setpoint = target(bench, 0.0)
     bench.send(type(setpoint)(setpoint.target, stamp_ms, setpoint.q_lab_from_flu, np.zeros(3), 0.0, setpoint.ignore))
+    bench.run(0.03)
     value = bench.last(NamedValue)
     assert value.name == "age_ms"
     assert value.value == pytest.approx(30.0, abs=26.0)

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from formation.config import FollowerConfig, LabConfig, LeaderConfig
+from formation.config import FollowerConfig, LabConfig, LeaderConfig, MocapConfig
 from formation.control.margin import delay_margin
 from formation.control.presets import preset_for
 from formation.messages import Verb
@@ -127,7 +127,9 @@ def test_a_preset_that_the_vehicles_lag_cannot_carry_is_refused_with_the_numbers
     lab.write_text('control_preset = "paper"\n' + text)
     result = runner.invoke(app, ["run", str(lab)])
     assert result.exit_code == 1
-    assert "preset paper on px4_quad: camera to attitude 178 ms, delay margin none, needed 18 ms" in result.output
+    margin = delay_margin(PX4_QUAD, preset_for("paper", PX4_QUAD, MocapConfig()), MocapConfig())
+    assert margin.margin_s < margin.needed_s == pytest.approx(0.0178)
+    assert str(margin) in result.output
     assert "--force" in result.output
 
 

@@ -40,6 +40,10 @@ def fly(
     profile: Annotated[str | None, typer.Option(help="Vehicle: paper_40g (if not given) or px4_quad.")] = None,
     start: Annotated[str | None, typer.Option(help="Where it stands: x,y,z in lab metres.")] = None,
     yaw: Annotated[float | None, typer.Option(help="Where it faces, rad about lab z.")] = None,
+    truth: Annotated[
+        float | None,
+        typer.Option(help="Publish the true pose this often, Hz, for `gcs-sim mocap`; never if not given."),
+    ] = None,
     host: Annotated[str | None, typer.Option(help="The ground's host (udp).")] = None,
     zenoh_connect: Annotated[str | None, typer.Option(help="Endpoint of the bus, tcp/HOST:PORT.")] = None,
     stale_setpoint: Annotated[
@@ -61,6 +65,7 @@ def fly(
         "profile": profile,
         "start_lab_m": None if start is None else start.split(","),
         "start_yaw_rad": yaw,
+        "truth_rate_hz": truth,
         "stale_setpoint_s": stale_setpoint,
         "stale_land_s": stale_land,
         "parameter_file": parameter_file,

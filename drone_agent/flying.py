@@ -74,6 +74,11 @@ class Pilot:
         self._attitude, self._climb_m_s = attitude, climb_m_s
 
     @property
+    def levelling(self) -> bool:
+        """Whether nothing counts yet but to be level."""
+        return self._level_s > 0.0
+
+    @property
     def asks_to_rise(self) -> bool:
         """Whether the task would leave the ground."""
         if self._attitude is not None:

@@ -35,7 +35,7 @@ def test_levels_within_a_fifth_of_a_second_of_the_last_setpoint(pose: str, perso
     assert bench.core.autopilot.task is Task.HOLD
     assert tilt_rad(bench.core.autopilot.airframe.setpoint.q_lab_from_flu) < 1e-6
     bench.run_to(last_ns + 200 * MS)
-    assert tilt_rad(bench.truth.q_lab_from_flu) < 0.08
+    assert tilt_rad(bench.truth.q_lab_from_flu) < 0.03
     assert "Setpoints are stale: level and hold" in bench.texts()
 
 

@@ -53,10 +53,11 @@ def rebuild_force(
 
     sent (h, 4): this vehicle's own history.
     """
-    z.lift[i], _, _ = answer(sent_ns, sent[:, 3], from_ns, to_ns, response[2], response[3], z.lift[i])
-    for axis in range(3):
-        dead, lag = (response[0], response[1]) if axis < 2 else (response[2], response[3])
-        z.force[i, axis], _, _ = answer(sent_ns, sent[:, axis], from_ns, to_ns, dead, lag, z.force[i, axis])
+    upward, speed, travel = np.empty(2), np.empty(2), np.empty(2)
+    upward[0], upward[1] = z.force[i, 2], z.lift[i]
+    answer(sent_ns, sent[:, 0:2], from_ns, to_ns, response[0], response[1], z.force[i, 0:2], speed, travel)
+    answer(sent_ns, sent[:, 2:4], from_ns, to_ns, response[2], response[3], upward, speed, travel)
+    z.force[i, 2], z.lift[i] = upward[0], upward[1]
     if not seen:
         return
     qw, qx, qy, qz = z.q[i, 0], z.q[i, 1], z.q[i, 2], z.q[i, 3]

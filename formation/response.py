@@ -44,14 +44,16 @@ def remember(history: History, t_ns: int, force: Float) -> History:
 
 @kernel
 def answer(
-    sent_ns: NDArray[np.int64], sent: Float, from_ns: int, to_ns: int, dead_s: float, lag_s: float, felt: float
-) -> tuple[float, float, float]:
-    """Felt force at to_ns, and its single and double integral since from_ns, by the exact response.
+    sent_ns: NDArray[np.int64], sent: Float, from_ns: int, to_ns: int, dead_s: float, lag_s: float, felt: Float,
+    speed: Float, travel: Float,
+) -> None:  # fmt: skip
+    """Turns the force felt at from_ns into that at to_ns, and tells its integrals, by the exact response.
 
-    sent_ns (h), sent (h): what was sent when; felt: the force at from_ns. lag_s f' = sent(t - dead_s) - f.
+    sent_ns (h), sent (h, k): what was sent when, along k axes; felt (k) in place; speed, travel (k): its single and
+    double integral since from_ns. lag_s f' = sent(t - dead_s) - f.
     """
     dead_ns = int(dead_s * 1e9)
-    speed, travel = 0.0, 0.0
+    speed[:], travel[:] = 0.0, 0.0
     t_ns = from_ns
     index = len(sent_ns) - 1
     while index > 0 and sent_ns[index] + dead_ns > t_ns:
@@ -63,11 +65,12 @@ def answer(
         if until > t_ns:
             h = (until - t_ns) * SECONDS
             kept = exp(-h / lag_s)
-            gap = felt - sent[index]
             swept = lag_s * (1.0 - kept)
-            travel += speed * h + 0.5 * sent[index] * h * h + gap * lag_s * (h - swept)
-            speed += sent[index] * h + gap * swept
-            felt = sent[index] + gap * kept
+            for k in range(len(felt)):
+                pull = sent[index, k]
+                gap = felt[k] - pull
+                travel[k] += speed[k] * h + 0.5 * pull * h * h + gap * lag_s * (h - swept)
+                speed[k] += pull * h + gap * swept
+                felt[k] = pull + gap * kept
         t_ns = until
         index = min(index + 1, len(sent_ns) - 1)
-    return felt, speed, travel

@@ -97,8 +97,11 @@ def kicked_hover(
     steps = round(duration_s * mocap.rate_hz)
     pos, vel, force = POINT_M.copy(), np.array([KICK_M_S, 0.5 * KICK_M_S, 0.0]), np.array([0.0, 0.0, GRAVITY_M_S2])
     sent = remember(no_history(1), START_NS - 10**9, np.array([[0.0, 0.0, GRAVITY_M_S2, GRAVITY_M_S2]]))
-    lag = (profile.response_lag_s, profile.response_lag_s, profile.thrust_lag_s)
-    dead = (profile.response_dead_time_s, profile.response_dead_time_s, profile.thrust_dead_time_s)
+    speed, travel, weight = np.zeros(3), np.zeros(3), np.array([0.0, 0.0, GRAVITY_M_S2])
+    responses = (
+        (slice(0, 2), profile.response_dead_time_s + extra_delay_s, profile.response_lag_s),
+        (slice(2, 3), profile.thrust_dead_time_s + extra_delay_s, profile.thrust_lag_s),
+    )
     path = np.full((steps, 3), np.inf)
     t_ns = START_NS
     period_ns, delay_ns = round(1e9 / mocap.rate_hz), round(mocap.delay_s * 1e9)
@@ -110,14 +113,13 @@ def kicked_hover(
         target = stack.step(t_ns + delay_ns, frame, plan, hover).target
         sent = remember(sent, t_ns + delay_ns, _felt(target, profile))
         step_s = period_ns * 1e-9
-        for axis in range(3):
-            force[axis], speed, travel = answer(
-                sent.t_ns, sent.force[:, 0, axis], t_ns, t_ns + period_ns, dead[axis] + extra_delay_s, lag[axis],
-                force[axis],
+        for axes, dead_s, lag_s in responses:
+            answer(
+                sent.t_ns, sent.force[:, 0, axes], t_ns, t_ns + period_ns, dead_s, lag_s,
+                force[axes], speed[axes], travel[axes],
             )  # fmt: skip
-            fall = GRAVITY_M_S2 if axis == 2 else 0.0
-            pos[axis] += step_s * vel[axis] + travel - 0.5 * fall * step_s * step_s
-            vel[axis] += speed - fall * step_s
+        pos += step_s * vel + travel - 0.5 * step_s * step_s * weight
+        vel += speed - step_s * weight
         t_ns += period_ns
     return path
 

@@ -49,29 +49,29 @@ def motion_at(i: int, own: int, to_ns: int, known: Known, out: Float, felt: Floa
     is only observed goes on turning its force at a decaying rate. Z3 is taken to last.
     """
     h = (to_ns - known.t_ns) * SECONDS
-    dead_lag = known.response[i]
     strength = known.strength[i]
-    for axis in range(3):
-        force = known.force[i, axis]
-        if own >= 0:
-            dead, lag = (dead_lag[0], dead_lag[1]) if axis < 2 else (dead_lag[2], dead_lag[3])
-            sent = known.sent[:, own, axis]
-            modelled, speed, travel = answer(known.sent_ns, sent, known.t_ns, to_ns, dead, lag, force)
-        else:
-            turned, swung, swept = decaying(h, known.manner[i, TILT_DECAY])
+    speed, travel = np.empty(3), np.empty(3)
+    felt[:] = known.force[i]
+    if own >= 0:
+        sent, response = known.sent[:, own], known.response[i]
+        for low, high in ((0, 2), (2, 3)):
+            answer(
+                known.sent_ns, sent[:, low:high], known.t_ns, to_ns, response[low], response[low + 1],
+                felt[low:high], speed[low:high], travel[low:high],
+            )  # fmt: skip
+    else:
+        turned, swung, swept = decaying(h, known.manner[i, TILT_DECAY])
+        for axis in range(3):
             turn = known.force_rate[i, axis]
-            modelled, speed, travel = (
-                force + turn * turned,
-                force * h + turn * swung,
-                0.5 * force * h * h + turn * swept,
-            )
-        felt[axis] = modelled
+            speed[axis], travel[axis] = felt[axis] * h + turn * swung, 0.5 * felt[axis] * h * h + turn * swept
+            felt[axis] += turn * turned
+    for axis in range(3):
         steady = known.dist[i, axis]
         if axis == 2 and own >= 0:
             steady -= GRAVITY_M_S2
-        out[0, axis] = known.pos[i, axis] + h * known.vel[i, axis] + strength * travel + 0.5 * h * h * steady
-        out[1, axis] = known.vel[i, axis] + strength * speed + h * steady
-        out[2, axis] = strength * modelled + steady
+        out[0, axis] = known.pos[i, axis] + h * known.vel[i, axis] + strength * travel[axis] + 0.5 * h * h * steady
+        out[1, axis] = known.vel[i, axis] + strength * speed[axis] + h * steady
+        out[2, axis] = strength * felt[axis] + steady
     psi = known.heading[i]
     turning = known.turn[i] + (psi[2] if own >= 0 else known.manner[i, TURN_TRUST] * psi[2])
     out[0, 3] = psi[0] + h * psi[1] + 0.5 * h * h * turning

@@ -24,6 +24,7 @@ from formation.rigid_body import (
     YAW_P,
     YAW_TORQUE,
     body_step,
+    rotor_reach_m,
 )
 from formation.vehicle import VehicleProfile, VehicleState
 
@@ -117,7 +118,7 @@ def rate_setpoint(x: Float, target: Float, numbers: Float, rate_sp: Float) -> No
 @kernel
 def mix(collective_n: float, torque: Float, numbers: Float, motor_max_n: float, motors: Float) -> None:
     """Motor thrusts that give the collective and as much of the torque as fits: roll and pitch first, then yaw."""
-    reach = numbers[WHEELBASE] / (2.0 * sqrt(2.0))
+    reach = rotor_reach_m(numbers[WHEELBASE])
     roll, pitch, yaw = torque[0] / (4.0 * reach), torque[1] / (4.0 * reach), torque[2] / (4.0 * numbers[YAW_TORQUE])
     tilt = abs(roll) + abs(pitch)
     # As PX4 without air-mode: too much thrust gives way to the torque, too little thrust cuts the torque.

@@ -65,13 +65,13 @@ class Pilot:
 
     def drift(self, vel_lab_m_s: Vec3Tuple, yaw_rad: float | None) -> None:
         """Move at this velocity until the next."""
-        self._velocity = vel_lab_m_s
+        self._velocity, self._level_s = vel_lab_m_s, 0.0
         if yaw_rad is not None:
             self._yaw_rad = yaw_rad
 
     def follow(self, attitude: Quat, climb_m_s: float) -> None:
         """Fly this attitude and climb rate until the next (ArduPilot's reading of an attitude target)."""
-        self._attitude, self._climb_m_s = attitude, climb_m_s
+        self._attitude, self._climb_m_s, self._level_s = attitude, climb_m_s, 0.0
 
     @property
     def levelling(self) -> bool:

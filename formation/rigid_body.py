@@ -55,10 +55,17 @@ def ground_effect_gain(height_m: float, rotor_radius_m: float, coefficient: floa
 
 
 @kernel
+def rotor_reach_m(wheelbase_m: float) -> float:
+    """How far each rotor stands off the centre along both horizontal body axes: they make a square."""
+    reach_m: float = wheelbase_m / (2.0 * sqrt(2.0))
+    return reach_m
+
+
+@kernel
 def add_floor(x: Float, rot: Float, numbers: Float, force_lab: Float, torque_flu: Float) -> None:
     """Adds what the floor at z = 0 does to the four feet under the motors: spring, damper, friction."""
     mass = numbers[MASS]
-    reach = numbers[WHEELBASE] / (2.0 * sqrt(2.0))
+    reach = rotor_reach_m(numbers[WHEELBASE])
     stiffness = mass * GRAVITY_M_S2 / (4.0 * CONTACT_DEPTH_M)
     damping = 0.5 * mass * sqrt(GRAVITY_M_S2 / CONTACT_DEPTH_M)
     for foot in range(4):
@@ -112,7 +119,7 @@ def body_step(x: Float, motor_target_n: Float, numbers: Float, dist_lab_m_s2: Fl
     work: (5, 3) scratch. Semi-implicit: velocity first, then position and attitude with the new velocity.
     """
     rot, force, torque = work[:3], work[3], work[4]
-    mass, reach = numbers[MASS], numbers[WHEELBASE] / (2.0 * sqrt(2.0))
+    mass, reach = numbers[MASS], rotor_reach_m(numbers[WHEELBASE])
     lag = 1.0 - exp(-dt_s / numbers[MOTOR_LAG])
     for motor in range(4):
         x[13 + motor] += lag * (motor_target_n[motor] - x[13 + motor])

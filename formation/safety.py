@@ -73,7 +73,7 @@ class Rule:
     """One fault: the measure that is then over its limit, for how long, in which phases, and who then does what.
 
     of_all: judged of bodies too that are only observed. of_swarm: the fault is nobody's own; it is raised once, at
-    index 0.
+    index 0, whoever that is.
     """
 
     fault: str
@@ -151,9 +151,8 @@ RULES: tuple[Rule, ...] = (
     Rule("disarmed in the air", Measure.DISARMED, 0.0, 0.3, FLYING, Trigger.LAND),
     Rule("battery under 20 %", Measure.DISCHARGE, -BATTERY_LOW, 1.0, MOTORS_ON),
     Rule("battery under 10 %", Measure.DISCHARGE, -BATTERY_EMPTY, 1.0, MOTORS_ON, Trigger.LAND),
-    Rule("a fifth of the frames late", Measure.LATE_SHARE, 0.2, 0.5, MOTORS_ON, of_all=True, of_swarm=True),
-    Rule("seven tenths of the frames late", Measure.LATE_SHARE, 0.7, 2.0, MOTORS_ON, Trigger.LAND,
-         of_all=True, of_swarm=True),
+    Rule("a fifth of the frames late", Measure.LATE_SHARE, 0.2, 0.5, MOTORS_ON, of_swarm=True),
+    Rule("seven tenths of the frames late", Measure.LATE_SHARE, 0.7, 2.0, MOTORS_ON, Trigger.LAND, of_swarm=True),
     Rule("its sysid is used twice on the network", Measure.DUPLICATE, 0.0, 0.0, frozenset(Phase)),
 )  # fmt: skip
 
@@ -216,7 +215,7 @@ def assess(watch: Watch, facts: Facts, phase: Phase, limits: LimitsConfig, now_n
 _PERSIST_NS = np.array([round(rule.persist_s * 1e9) for rule in RULES], np.int64)
 _MEASURES = np.array([rule.measure for rule in RULES])
 _OVER = np.array([rule.over for rule in RULES])
-_OF_ALL = np.array([rule.of_all for rule in RULES])
+_OF_ALL = np.array([rule.of_all or rule.of_swarm for rule in RULES])
 _JUDGED = {phase: np.array([phase in rule.phases for rule in RULES]) for phase in Phase}
 
 

@@ -7,7 +7,6 @@ small-rate form. Nothing here knows MAVLink, batteries' chemistry or the attitud
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from math import sqrt
 from types import MappingProxyType
 from typing import Annotated, Any
 
@@ -17,7 +16,7 @@ from pydantic import Field
 from formation import rigid_body
 from formation.arrays import Float, Quat, Vec3
 from formation.model import Model, Positive, Vec3Tuple
-from formation.rigid_body import GRAVITY_M_S2, thrust_norm
+from formation.rigid_body import GRAVITY_M_S2, rotor_reach_m, thrust_norm
 
 __all__ = [
     "GRAVITY_M_S2",
@@ -107,8 +106,8 @@ class VehicleProfile(Model):
 
     @property
     def reach_m(self) -> float:
-        """How far each rotor stands off the centre along both horizontal body axes: they make a square."""
-        return self.wheelbase_m / (2.0 * sqrt(2.0))
+        """See formation.rigid_body."""
+        return rotor_reach_m(self.wheelbase_m)
 
     @property
     def hover_thrust_norm(self) -> float:

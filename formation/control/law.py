@@ -183,7 +183,7 @@ def _demand(
                 _into_lab(b.frame[0, 3], b.back)
                 _into_lab(b.frame[0, 3], b.back_rate)
                 copy_motion(b.mine, motion[i])
-                if not compensate[i, channel]:
+                if not compensate[i, channel]:  # its turn is bounded from the arrival's force all the same
                     motion_at(n, i, arrival_ns, known, b.lead_later, b.felt)
                 for axis in range(3):
                     felt[i, axis] = b.felt[axis]

@@ -1,10 +1,16 @@
 """The fail-safes: what happens, and when, as the stream, the pose or the ground goes silent."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from agent_bench import MS, Bench, S, hover_at, idle, target, tilt_rad
 
+from drone_agent.estimator import Belief
+from drone_agent.flying import Pilot
 from drone_agent.personality import Mode, Task
+from formation.frames import IDENTITY
+from formation.vehicle import PAPER_40G
 from wire.link_messages.commands import Result
 from wire.link_messages.status import Autopilot, Heartbeat
 
@@ -37,6 +43,17 @@ def test_levels_within_a_fifth_of_a_second_of_the_last_setpoint(pose: str, perso
     bench.run_to(last_ns + 200 * MS)
     assert tilt_rad(bench.truth.q_lab_from_flu) < 0.03
     assert "Setpoints are stale: level and hold" in bench.texts()
+
+
+@pytest.mark.parametrize(
+    "order", [lambda pilot: pilot.drift((0.5, 0.0, 0.0), None), lambda pilot: pilot.follow(IDENTITY, 0.0)]
+)
+def test_a_new_order_ends_the_hurry_to_be_level(order: Callable[[Pilot], None]) -> None:
+    pilot = Pilot(PAPER_40G)
+    pilot.begin(Task.HOLD, Belief((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 0.0), level_first=True)
+    assert pilot.levelling
+    order(pilot)
+    assert not pilot.levelling
 
 
 def test_holds_on_its_own_mocap_feed_then_lands() -> None:

@@ -30,6 +30,7 @@ _POSES = frozenset({102, 138, 331})
 _BEAT_NS = 1_000_000_000
 _POSE_NS = 20_000_000
 _OWN_FEED_NS = 200_000_000
+_SILENT_NS = 1_500_000_000  # of heartbeats a second: it may have restarted, and forgotten its origin
 _SETS_MODE = (20, 21, 22, 176, 185, 192, 400)
 _DATAGRAM_MAX = 1200
 _MAKES = {make.autopilot: make for make in PERSONALITIES.values()}
@@ -57,6 +58,7 @@ class BridgeCore:
         self._rule = StaleRule(config.stale_setpoint_s, land_s)
         self._make: Personality | None = None
         self._lacks_origin = False
+        self._heard_ns = t0_ns
         self._clock = GroundClock()
         self._beat_ns = t0_ns
         self._pose_ns = t0_ns
@@ -168,9 +170,11 @@ class BridgeCore:
         make = _MAKES.get(beat.autopilot)
         if make is None:
             return
+        silent_ns, self._heard_ns = self._now_ns - self._heard_ns, self._now_ns
+        if self._make is not make or silent_ns > _SILENT_NS:
+            self._lacks_origin = make.needs_origin
         if self._make is not make:
             self._make = make
-            self._lacks_origin = make.needs_origin
             self._say(Severity.INFO, f"Bridge to {make.name}")
         offboard = [make.modes[mode].custom_mode for mode in STREAM_MODES if mode in make.modes]
         if not beat.armed:
@@ -178,7 +182,7 @@ class BridgeCore:
         elif beat.custom_mode in offboard:
             self._rule.saw(Seen.OFFBOARD)
         else:
-            holds = beat.custom_mode == make.modes[Mode.HOLD].custom_mode
+            holds = beat.custom_mode == _hold_of(make)
             self._rule.saw(Seen.HOLDING if holds else Seen.OTHER)
 
     def _act(self, step: Do) -> None:
@@ -191,7 +195,7 @@ class BridgeCore:
         elif step is Do.SAY_STALE:
             self._say(Severity.WARNING, "Setpoints are stale: level and hold")
         elif step is Do.HOLD:
-            main, sub = make.custom_parts(make.modes[Mode.HOLD].custom_mode)
+            main, sub = make.custom_parts(_hold_of(make))
             self._command(176, 1.0, float(main), float(sub))
         else:
             self._say(Severity.CRITICAL, "Setpoints are stale: landing")
@@ -222,6 +226,11 @@ class BridgeCore:
 
     def _tell_autopilot(self, message: LinkMessage) -> None:
         self._to_autopilot.append(self._codec.encode(message))
+
+
+def _hold_of(make: Personality) -> int:
+    """The mode in which it holds whatever the sticks say: ArduPilot's LOITER descends on a throttle left low."""
+    return make.modes[Mode.BRAKE if Mode.BRAKE in make.modes else Mode.HOLD].custom_mode
 
 
 def _packed(sysid: int, packets: list[bytes]) -> tuple[Datagram, ...]:

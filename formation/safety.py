@@ -221,22 +221,20 @@ _JUDGED = {phase: np.array([phase in rule.phases for rule in RULES]) for phase i
 
 def _measured(facts: Facts, limits: LimitsConfig) -> Float:
     """Every measure of every vehicle, (measures, n)."""
-    n = len(facts.names)
-    return np.array(
-        [
-            facts.age_s,
-            outside_fence_m(facts, limits),
-            -nearest(facts.pos_lab_m) / limits.min_separation_m,
-            facts.error_m,
-            facts.tilt_rad,
-            facts.heartbeat_age_s,
-            facts.armed & ~facts.offboard,
-            ~facts.armed,
-            -facts.battery,
-            [facts.late_share] + [0.0] * (n - 1),
-            facts.duplicate,
-        ]
-    )
+    rows = {
+        Measure.UNSEEN_S: facts.age_s,
+        Measure.OUTSIDE_M: outside_fence_m(facts, limits),
+        Measure.NEARNESS: -nearest(facts.pos_lab_m) / limits.min_separation_m,
+        Measure.ASTRAY_M: facts.error_m,
+        Measure.TILT_RAD: facts.tilt_rad,
+        Measure.SILENT_S: facts.heartbeat_age_s,
+        Measure.NOT_OFFBOARD: facts.armed & ~facts.offboard,
+        Measure.DISARMED: ~facts.armed,
+        Measure.DISCHARGE: -facts.battery,
+        Measure.LATE_SHARE: [facts.late_share] + [0.0] * (len(facts.names) - 1),
+        Measure.DUPLICATE: facts.duplicate,
+    }
+    return np.array([rows[measure] for measure in Measure])
 
 
 @kernel

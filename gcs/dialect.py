@@ -211,7 +211,7 @@ ARDUPILOT = Dialect(
             "GUID_OPTIONS", "thrust (bit 8)", _has(8), "without it our thrust is read as a climb rate", 8.0, vital=True,
         ),
         ParameterRule(
-            "GUID_TIMEOUT", "0.1 to 3 s", _between(0.1, 3.0),
+            "GUID_TIMEOUT", "0.1 to 1 s", _between(0.1, 1.0),
             "how long it flies on after our setpoints stop", 0.5, vital=True,
         ),
         ParameterRule("FS_GCS_ENABLE", "5 (land)", _is(5.0), "what it does when the ground's heartbeat stops", 5.0),
@@ -221,6 +221,14 @@ ARDUPILOT = Dialect(
         ),
         ParameterRule(
             "EK3_SRC1_POSZ", "6 (external)", _is(6.0), "takes height from the mocap", 6.0, external_pose=True,
+        ),
+        ParameterRule(
+            "EK3_SRC1_VELXY", "0 (none)", _is(0.0), "a GPS that is not there keeps it from arming", 0.0,
+            external_pose=True,
+        ),
+        ParameterRule(
+            "EK3_SRC1_VELZ", "0 (none)", _is(0.0), "a GPS that is not there keeps it from arming", 0.0,
+            external_pose=True,
         ),
         ParameterRule(
             "EK3_SRC1_YAW", "6 (external)", _is(6.0), "iron indoors turns the heading", 6.0, external_pose=True,

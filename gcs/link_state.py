@@ -35,7 +35,7 @@ from wire.link_messages.status import (
 from wire.mavlink import Codec
 
 NEVER_NS = -(10**18)
-FAREWELL_NS = 10_000_000_000
+RESTART_NS = 2_500_000_000  # without a heartbeat: it may have started anew and forgotten what it was asked for
 ORIGIN_NS = 1_000_000_000
 HEARTBEAT = Heartbeat(autopilot=Autopilot.INVALID, vehicle_type=6, base_mode=0, custom_mode=0, system_status=4)
 
@@ -221,10 +221,11 @@ class DroneLink:
         silent_ns, self.heartbeat_ns = now_ns - self.heartbeat_ns, now_ns
         self.told.heartbeat = heartbeat
         known = DIALECTS.get(heartbeat.autopilot)
-        if known is None or (known is self.dialect and silent_ns < FAREWELL_NS):
+        if known is None or (known is self.dialect and silent_ns < RESTART_NS):
             return
-        self.dialect = known
-        self.parameters = ParameterReader(self.target, known.autopilot)
+        if known is not self.dialect:
+            self.dialect, self.parameters = known, ParameterReader(self.target, known.autopilot)
+        self.told.origin = False
         self.reread_parameters()
         silenced = dict.fromkeys(known.unread, 0.0) if self._own_link else {}
         for message_id, rate_hz in {**silenced, **dict(known.streams), **dict(self._streams)}.items():

@@ -141,6 +141,8 @@ class Codec:
 
     def _is_ours(self, message: Any) -> bool:
         own, kind = self.own, type(message)
+        if kind is TimeSync and message.tc1_ns:
+            return True  # an answer is known by what it repeats: PX4 1.16 leaves its target to chance
         if kind in _ADDRESSED:
             target: Address = message.target
             return target.system in (BROADCAST, own.system) and target.component in (BROADCAST, own.component)

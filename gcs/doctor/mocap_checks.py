@@ -46,7 +46,9 @@ def _timing(config: LabConfig, received: Sequence[Received]) -> Iterator[Finding
     captured = np.array([frame.t_capture_ns for _, frame in received])
     numbers = np.array([frame.seq for _, frame in received])
     spacing_s = np.diff(captured) * 1e-9
-    rate_hz = 1.0 / float(np.median(spacing_s)) if np.median(spacing_s) > 0.0 else np.inf
+    steps = np.maximum(np.diff(numbers), 1)
+    passed_s = float(spacing_s.sum())
+    rate_hz = float(steps.sum()) / passed_s if passed_s > 0.0 else np.inf
     wanted_hz = config.mocap.rate_hz
     close = abs(rate_hz - wanted_hz) <= RATE_WITHIN * wanted_hz
     why = "mocap.rate_hz sets the watchdog and the delay margin"
@@ -56,7 +58,6 @@ def _timing(config: LabConfig, received: Sequence[Received]) -> Iterator[Finding
     yield graded(
         MOCAP, "jitter", f"{jitter_s * 1e3:.2f} ms", f"under {500.0 / wanted_hz:.1f} ms", fair, "uneven frames"
     )
-    steps = np.maximum(np.diff(numbers), 1)
     lost = float(np.sum(steps - 1)) / float(np.sum(steps))
     yield graded(MOCAP, "lost frames", f"{lost:.1%}", "under 2%", lost <= LOST_SHARE, "network or cameras", fair=True)
     delay_s = float(np.median(arrived - captured)) * 1e-9

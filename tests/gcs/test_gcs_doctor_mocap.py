@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -50,6 +51,13 @@ def test_a_good_mocap_passes_every_check():
 def test_silence_is_a_failure():
     (finding,) = check_mocap(_lab(), [])
     assert (finding.check, finding.grade) == ("frames", Grade.FAIL)
+
+
+def test_frames_that_come_in_pairs_have_their_mean_rate():
+    """Two simulators whose messages interlock: 12 ms, then 8 ms, as two ArduCopters were seen to."""
+    steady = _frames(jitter_ms=0.0)
+    paired = [(t, replace(f, t_capture_ns=f.t_capture_ns + f.seq % 2 * 2 * MS)) for t, f in steady]
+    assert ("mocap", "rate") not in _bad(check_mocap(_lab(), paired))
 
 
 def test_a_wrong_rate_is_told():

@@ -69,6 +69,36 @@ def test_the_same_drone_is_announced_again_only_after_a_long_silence():
     assert len(link.events) == 2
 
 
+def _asked(link: DroneLink, drone: Drone, start_ms: int) -> list[LinkMessage]:
+    """What the link asks for within a second, each command acknowledged as it comes."""
+    asked: list[LinkMessage] = []
+    for ms in range(start_ms, start_ms + 1000, 10):
+        for message in link.due(ms * MS):
+            asked.append(message)
+            if isinstance(message, Command):
+                drone.say(link, CommandAck(GROUND, message.command, Result.ACCEPTED), ms * MS)
+    return asked
+
+
+def test_an_autopilot_that_was_gone_for_three_heartbeats_is_asked_for_everything_again():
+    link, drone = _link(), Drone()
+    drone.say(link, _beat())
+    before = [m for m in _asked(link, drone, 0) if isinstance(m, Command)]
+    assert before
+    drone.say(link, _beat(), 1000 * MS)
+    assert not any(isinstance(m, Command) for m in _asked(link, drone, 1000))
+    drone.say(link, _beat(), 4000 * MS)  # ArduCopter's SITL restarts in about two seconds
+    assert [m for m in _asked(link, drone, 4000) if isinstance(m, Command)] == before
+
+
+def test_a_restart_does_not_forget_what_hovers_before_it_is_read_again():
+    link, drone = _link(), Drone()
+    drone.say(link, _beat())
+    _tell(link, {"MPC_THR_HOVER": 0.45}, Autopilot.PX4)
+    drone.say(link, _beat(), 5000 * MS)
+    assert math.isclose(link.hover_thrust_norm, 0.45, rel_tol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("autopilot", "mode", "name", "offboard"),
     [
@@ -236,6 +266,26 @@ def test_vital_parameters_that_stay_silent_are_told_as_unread():
     for ms in range(0, 20_000, 50):
         link.due(ms * MS)
     assert objections(link) == ("left: COM_OF_LOSS_T could not be read: how long it flies on after our setpoints stop",)
+
+
+@pytest.mark.parametrize("timeout_s", [3.0, 5.0])
+def test_an_ardupilot_that_flies_on_for_long_without_us_is_an_objection(timeout_s):
+    """Seen of ArduCopter 4.7's SITL with its default of 3 s: one drifted 5 m, another sank to the ground."""
+    link = _link()
+    Drone().say(link, _beat(Autopilot.ARDUPILOT))
+    Drone().say(link, EkfStatus(0x10, ardupilot=True))
+    _tell(link, {**COPTER_PARAMETERS, "GUID_TIMEOUT": timeout_s}, Autopilot.ARDUPILOT)
+    assert [text.split(",")[0] for text in objections(link)] == [f"left: GUID_TIMEOUT is {timeout_s:g}"]
+
+
+@pytest.mark.parametrize("name", ["EK3_SRC1_VELXY", "EK3_SRC1_VELZ"])
+def test_a_velocity_taken_from_gps_is_told_where_the_pose_is_ours(name):
+    """ArduCopter 4.7 refuses to arm so: "EK3 sources require GPS"."""
+    link = _link()
+    Drone().say(link, _beat(Autopilot.ARDUPILOT))
+    _tell(link, {**COPTER_PARAMETERS, name: 3.0}, Autopilot.ARDUPILOT)
+    assert [text.split()[0] for text in warnings(link, feeds_pose=True)] == [name]
+    assert warnings(link, feeds_pose=False) == ()
 
 
 def test_an_autopilot_of_another_make_is_an_objection():

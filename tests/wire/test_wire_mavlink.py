@@ -317,3 +317,11 @@ def test_sim_state_reads_as_truth():
 def test_a_severity_of_each_kind_arrives():
     for severity in Severity:
         assert decoded(StatusText(severity, "x")).severity is severity
+
+
+@pytest.mark.parametrize(("tc1_ns", "taken"), [(5, 1), (0, 0)])
+def test_an_answered_timesync_is_taken_whatever_its_target(tc1_ns, taken):
+    """PX4 1.16.1 fills in neither target of its answers: 24/54, 128/72 and 160/205 were seen of it."""
+    ground = Codec(GROUND)
+    packets = ground.receive(Codec(Address(1, 1)).encode(TimeSync(tc1_ns, 7, Address(24, 54))))
+    assert (len(packets), ground.misaddressed_packets) == (taken, 1 - taken)

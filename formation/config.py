@@ -194,6 +194,13 @@ class LabConfig(Model):
         return (self.leader, *self.followers)
 
     @property
+    def link_kinds(self) -> str:
+        """How its drones are reached, each way once: the shared link's kind, `udp` for a drone's own."""
+        drones = [v for v in self.vehicles if v.sysid is not None]
+        kinds = {self.link.kind if v.link is None else "udp" for v in drones}
+        return " and ".join(sorted(kinds))
+
+    @property
     def commanded(self) -> tuple[int, ...]:
         """Indices into `vehicles` of the m commanded ones: the order of every m-indexed array."""
         return tuple(i for i, v in enumerate(self.vehicles) if v.sysid is not None)

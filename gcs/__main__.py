@@ -42,7 +42,7 @@ def run(
 
     config = configuration(lab)
     path = log or Path("runs") / f"{config.name}-{clock.unix_us() // 1_000_000}.mcap"
-    metadata = {"link": config.link.kind, "versions": f"mavlink-formation {version('mavlink-formation')}"}
+    metadata = {"link": config.link_kinds, "versions": f"mavlink-formation {version('mavlink-formation')}"}
     metadata |= _tags(tag or [])
     serve(config, path, name, metadata, force, as_json)
 

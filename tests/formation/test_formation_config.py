@@ -27,3 +27,15 @@ def test_an_unknown_profile_is_refused_with_the_known_ones():
 def test_no_two_vehicles_share_a_name(leader, named):
     with pytest.raises(ValidationError, match=named):
         lab(leader=leader)
+
+
+@pytest.mark.parametrize(
+    ("leader", "links"),
+    [
+        ({"body": "a", "sysid": 1}, "zenoh"),
+        ({"body": "a"}, "zenoh"),
+        ({"body": "a", "sysid": 1, "link": "udp:127.0.0.1:14540"}, "udp and zenoh"),
+    ],
+)
+def test_the_links_told_are_those_that_drones_are_on(leader, links):
+    assert lab(leader=leader).link_kinds == links

@@ -18,6 +18,7 @@ from formation.observe import (
     TILT_W,
     TURN_TRUST,
     Memory,
+    judge_answer,
     learn_noise,
     learn_strength,
     observe_axis,
@@ -79,6 +80,7 @@ class EstimatorSettings:
     (filter of an observed vehicle's tilt and of its rate; 0: its attitude is not used), QUIET (position noise, m, above
     which bandwidths shrink), QUIET_TURN (heading noise, rad, that surprises nobody), TURN_TRUST (how much of an
     observed heading's Z3 is taken to last), and from VIGILANCE on the fields of Vigilance.
+    belief (n, 2): dead time and lag of the attitude in full, as the profile has them, s.
     """
 
     horizontal: Float
@@ -87,6 +89,7 @@ class EstimatorSettings:
     response: Float
     own: NDArray[np.int64]
     manner: Float
+    belief: Float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,7 +102,9 @@ class EstimatorState:
     force_rate: the turn of its force; innovation (n, 4): position and heading, filtered;
     surprise_m2: its horizontal
     mean square; activity, turn_activity: see Vigilance;
-    noise_m2: learned variance of the measured position; recent_m (n, 3, 3), recent_ns (n, 3): the last three seen.
+    noise_m2: learned variance of the measured position; recent_m (n, 3, 3), recent_ns (n, 3): the last three seen;
+    believed (n, 2): horizontal force if the vehicle answered as its profile says; missed (n, 3): mean squares of its
+    rate and of what the measured force misses of it, and their mean product; misfit: see formation.observe.
     """
 
     t_ns: int
@@ -121,6 +126,9 @@ class EstimatorState:
     noise_m2: Scalars
     recent_m: Float
     recent_ns: NDArray[np.int64]
+    believed: Float
+    missed: Float
+    misfit: Scalars
 
 
 def initial(frame: MocapFrame, flying: Flags) -> EstimatorState:
@@ -151,6 +159,9 @@ def initial(frame: MocapFrame, flying: Flags) -> EstimatorState:
         noise_m2=np.full(n, NOISE_M**2),
         recent_m=np.repeat(frame.pos_lab_m[:, None, :], 3, axis=1),
         recent_ns=np.full((n, 3), NEVER_NS, dtype=np.int64),
+        believed=np.zeros((n, 2)),
+        missed=np.zeros((n, 3)),
+        misfit=np.zeros(n),
     )
 
 
@@ -170,15 +181,17 @@ def estimate(
         state.force_lab_m_s2.copy(), state.lift_m_s2.copy(), state.strength.copy(), state.heading.copy(),
         state.q_lab_from_flu.copy(), state.seen_ns.copy(), state.tilt.copy(), state.force_rate.copy(),
         state.innovation.copy(), state.surprise_m2.copy(), state.activity.copy(), state.turn_activity.copy(),
-        state.noise_m2.copy(), state.recent_m.copy(), state.recent_ns.copy(),
+        state.noise_m2.copy(), state.recent_m.copy(), state.recent_ns.copy(), state.believed.copy(),
+        state.missed.copy(), state.misfit.copy(),
     )  # fmt: skip
     _observe(
         state.t_ns, frame.t_capture_ns, frame.pos_lab_m, frame.q_lab_from_flu, frame.seen, airborne, turn_rad_s2,
         settings.horizontal, settings.vertical, settings.heading, settings.response, settings.own,
-        settings.manner, history.t_ns, history.force,
+        settings.manner, settings.belief, history.t_ns, history.force,
         new.pos_lab_m, new.vel_lab_m_s, new.dist_lab_m_s2, new.force_lab_m_s2, new.lift_m_s2, new.strength,
         new.heading, new.q_lab_from_flu, new.seen_ns, new.tilt, new.force_rate, new.innovation, new.surprise_m2,
         new.activity, new.turn_activity, new.noise_m2, new.recent_m, new.recent_ns,
+        new.believed, new.missed, new.misfit,
     )  # fmt: skip
     return new
 
@@ -193,7 +206,7 @@ def swarm_state(state: EstimatorState, settings: EstimatorSettings, turn_rad_s2:
     )  # fmt: skip
     return SwarmState(
         state.t_ns, state.pos_lab_m, state.vel_lab_m_s, state.dist_lab_m_s2, acc, state.q_lab_from_flu,
-        state.heading[:, 0], state.heading[:, 1], turning, age_s,
+        state.heading[:, 0], state.heading[:, 1], turning, age_s, state.misfit,
     )  # fmt: skip
 
 
@@ -216,15 +229,16 @@ def _sum_up(
 def _observe(
     from_ns: int, to_ns: int, pos_measured: Float, q_measured: Float, seen: NDArray[np.bool_],
     airborne: NDArray[np.bool_], turn: Float, horizontal: Float, vertical: Float, yaw_gains: Float, response: Float,
-    own: NDArray[np.int64], manner: Float, sent_ns: NDArray[np.int64], sent: Float,
+    own: NDArray[np.int64], manner: Float, belief: Float, sent_ns: NDArray[np.int64], sent: Float,
     pos: Float, vel: Float, dist: Float, force: Float, lift: Float, strength: Float, heading: Float, q: Float,
     seen_ns: NDArray[np.int64], tilt: Float, force_rate: Float, innovation: Float, surprise_m2: Float, mu: Float,
     mu_turn: Float, noise_m2: Float, recent_m: Float, recent_ns: NDArray[np.int64],
+    believed: Float, missed: Float, misfit: Float,
 ) -> None:  # fmt: skip
     """One frame for all n vehicles, in place; see `estimate`."""
     z = Memory(
         pos, vel, dist, force, lift, strength, heading, q, tilt, force_rate, innovation, surprise_m2, mu, mu_turn,
-        noise_m2, recent_m, recent_ns,
+        noise_m2, recent_m, recent_ns, believed, missed, misfit,
     )  # fmt: skip
     dt_s = (to_ns - from_ns) * SECONDS
     model = np.zeros(3)
@@ -237,6 +251,8 @@ def _observe(
             model[axis] = 0.5 * force[i, axis]
         if own[i] >= 0:
             rebuild_force(i, z, from_ns, to_ns, seen[i], manner[i], response[i], sent_ns, sent[:, own[i]])
+            if airborne[i]:
+                judge_answer(i, z, from_ns, to_ns, seen[i], belief[i], sent_ns, sent[:, own[i]])
         elif manner[i, TILT_W] > 0.0:
             observe_tilt(i, z, seen[i], dt_s, manner[i])
         for axis in range(3):

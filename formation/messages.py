@@ -96,7 +96,8 @@ class SwarmState:
     """What the observers know of all n vehicles at the capture time `t_ns`.
 
     Z1, Z2, Z3 of the FTESO (Eqs. 3-4) are pos, vel and dist; `acc` is modelled acceleration plus Z3.
-    `age_s` is the time since each body was last seen; yaw is unwrapped.
+    `age_s` is the time since each body was last seen; yaw is unwrapped. `misfit`: how far each vehicle answers
+    otherwise than its profile says, as a share of its response's length (formation.observe).
     """
 
     t_ns: int
@@ -109,6 +110,7 @@ class SwarmState:
     yaw_rate_rad_s: Scalars
     yaw_acc_rad_s2: Scalars
     age_s: Scalars
+    misfit: Scalars
 
 
 @dataclass(frozen=True, slots=True, eq=False)

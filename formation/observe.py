@@ -20,6 +20,8 @@ DIST_MAX_M_S2 = 14.0
 STRENGTH_LOW, STRENGTH_HIGH = 0.5, 2.0
 NOISE_LEAST_M, NOISE_LAG_S, NOISE_SPAN_S = 2e-5, 0.5, 0.2  # least believed, how slowly learned, from how close frames
 NOISE_POWER, HABIT_LAG_S = 0.35, 3.0
+MISFIT_LAG_S, MISFIT_RATE_M_S3 = 2.0, 10.0  # over how long it is judged; turns as slow as this say little
+MISFIT_FAIR, MISFIT_BAD = 0.45, 0.55
 
 
 class Memory(NamedTuple):
@@ -42,6 +44,9 @@ class Memory(NamedTuple):
     noise_m2: Float
     recent_m: Float
     recent_ns: NDArray[np.int64]
+    believed: Float
+    missed: Float
+    misfit: Float
 
 
 @kernel
@@ -65,6 +70,38 @@ def rebuild_force(
     z.force[i, 0] += trust * (z.lift[i] * 2.0 * (qx * qz + qw * qy) - z.force[i, 0])
     z.force[i, 1] += trust * (z.lift[i] * 2.0 * (qy * qz - qw * qx) - z.force[i, 1])
     z.force[i, 2] = z.lift[i] * (1.0 - 2.0 * (qx * qx + qy * qy))
+
+
+@kernel
+def judge_answer(
+    i: int, z: Memory, from_ns: int, to_ns: int, seen: bool, belief: Float, sent_ns: NDArray[np.int64], sent: Float
+) -> None:
+    """How far a vehicle answers otherwise than its profile says: its misfit.
+
+    What the profile's response alone, belief (2: dead time, lag, s), makes of the commands is held against the force
+    measured. The miss over the believed rate of change is a time; what no plain shift in time explains of it, over
+    the response's own length, is the misfit: noise and a steadily slower vehicle show little, one whose motors
+    cannot follow and that swings shows 0.6 and more.
+    """
+    speed, travel, before = np.empty(2), np.empty(2), z.believed[i].copy()
+    answer(sent_ns, sent[:, 0:2], from_ns, to_ns, belief[0], belief[1], z.believed[i], speed, travel)
+    if not seen:
+        return
+    qw, qx, qy, qz = z.q[i, 0], z.q[i, 1], z.q[i, 2], z.q[i, 3]
+    measured = (2.0 * z.lift[i] * (qx * qz + qw * qy), 2.0 * z.lift[i] * (qy * qz - qw * qx))
+    dt_s = (to_ns - from_ns) * SECONDS
+    rate2, miss2, both = 0.0, 0.0, 0.0
+    for axis in range(2):
+        rate = (z.believed[i, axis] - before[axis]) / dt_s
+        miss = measured[axis] - z.believed[i, axis]
+        rate2, miss2, both = rate2 + rate * rate, miss2 + miss * miss, both + miss * rate
+    share = 1.0 - exp(-dt_s / MISFIT_LAG_S)
+    z.missed[i, 0] += share * (rate2 - z.missed[i, 0])
+    z.missed[i, 1] += share * (miss2 - z.missed[i, 1])
+    z.missed[i, 2] += share * (both - z.missed[i, 2])
+    turned = z.missed[i, 0] + MISFIT_RATE_M_S3 * MISFIT_RATE_M_S3
+    shift_s = z.missed[i, 2] / turned
+    z.misfit[i] = sqrt(max(z.missed[i, 1] / turned - shift_s * shift_s, 0.0)) / (belief[0] + belief[1])
 
 
 @kernel

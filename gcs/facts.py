@@ -33,6 +33,7 @@ class FactGatherer:
             silent_s[i], battery[i] = link.heartbeat_age_s(now_ns), link.told.battery
             armed[i], offboard[i], duplicate[i] = link.armed, link.offboard, link.sequence.duplicate(now_ns)
         pos, age, measured = self._seen(stages, now_ns)
+        misfit = np.zeros(n) if stages is None else stages.state.misfit
         return Facts(
             names=self._names,
             commanded=self._commanded,
@@ -41,6 +42,7 @@ class FactGatherer:
             tilt_rad=measured[1],
             age_s=age,
             error_m=measured[2],
+            misfit=misfit,
             heartbeat_age_s=np.array(silent_s),
             armed=np.array(armed),
             offboard=np.array(offboard),

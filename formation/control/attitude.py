@@ -12,6 +12,7 @@ from formation.control.limits import keep_apart, keep_inside
 from formation.course import Course
 from formation.estimate import EstimatorState
 from formation.kernel import kernel
+from formation.observe import MISFIT_BAD, MISFIT_FAIR
 from formation.response import SECONDS
 from formation.rigid_body import GRAVITY_M_S2, thrust_norm
 from formation.vehicle import VehicleProfile
@@ -21,6 +22,7 @@ LIFT_LEAST = 0.45  # of gravity: below it the attitude says nothing and the auto
 LIFT_MOST = 0.92  # of full thrust: what is left turns the vehicle
 UPWARD_MOST = 0.88  # of that: climbing must leave something to steer with
 LEAD_TILT_RAD = 1.1  # how far the lag's inversion may point where body rates carry it
+AUTHORITY_LEAST = 0.55  # of a vehicle that does not answer as its profile says
 RAMP_START, RAMP_1_S, RAMP_MOST = 0.2, 0.9, 1.9  # thrust over weight while waiting for lift-off
 
 
@@ -81,9 +83,9 @@ def attitude(
     _attitude(
         settings.vehicle, settings.body, settings.tilt_max_rad, settings.separation_m, settings.fence_low_m,
         settings.fence_high_m, settings.fence_margin_m, wanted.acc, wanted.lead_acc, wanted.motion, wanted.force,
-        wanted.lift_cos,
-        wanted.yaw, state.pos_lab_m, state.strength, course.airborne, course.release_ns, idle, hover_thrust_norm,
-        now_ns, out.q_lab_from_flu, out.rate_flu_rad_s, out.thrust_norm, out.saturation, out.force,
+        wanted.lift_cos, wanted.yaw, state.pos_lab_m, state.strength, state.misfit, course.airborne,
+        course.release_ns, idle, hover_thrust_norm, now_ns,
+        out.q_lab_from_flu, out.rate_flu_rad_s, out.thrust_norm, out.saturation, out.force,
     )  # fmt: skip
     return out
 
@@ -174,11 +176,21 @@ def bound_turn(force: Float, now: Float, authority: float, full: float) -> None:
 
 
 @kernel
+def authority_kept(misfit: float) -> float:
+    """Share of its turn authority that a vehicle is trusted with: less where it answers otherwise than believed.
+
+    One that asks its motors for several times the torque the profile expects would swing from stop to stop.
+    """
+    doubt = min(max((misfit - MISFIT_FAIR) / (MISFIT_BAD - MISFIT_FAIR), 0.0), 1.0)
+    return 1.0 - (1.0 - AUTHORITY_LEAST) * doubt
+
+
+@kernel
 def _attitude(
     vehicle: NDArray[np.int64], body: Float, tilt_max: float, separation: float, low: Float, high: Float, margin: float,
     acc: Float, lead_acc: Float, motion: Float, force: Float, lift_cos: Float, yaw: Float, pos: Float, strength: Float,
-    airborne: NDArray[np.bool_], release_ns: NDArray[np.int64], idle: NDArray[np.bool_], hover_norm: Float, now_ns: int,
-    q: Float, rate: Float, norm: Float, saturation: Float, sent: Float,
+    misfit: Float, airborne: NDArray[np.bool_], release_ns: NDArray[np.int64], idle: NDArray[np.bool_],
+    hover_norm: Float, now_ns: int, q: Float, rate: Float, norm: Float, saturation: Float, sent: Float,
 ) -> None:  # fmt: skip
     """See `attitude`."""
     aim, felt, turn = np.empty(3), np.empty(3), np.empty(3)
@@ -211,8 +223,9 @@ def _attitude(
         met = bound_force(aim, LIFT_MOST * full, tilt_max)
         met_later = bound_force(felt, LIFT_MOST * full, LEAD_TILT_RAD if by_rate else tilt_max)
         saturation[i] = bits + (met if by_rate else max(met, met_later))
+        trusted = body[i, AUTHORITY] * authority_kept(misfit[vehicle[i]])
         for vector in (aim, felt):
-            bound_turn(vector, force[i], body[i, AUTHORITY], full)
+            bound_turn(vector, force[i], trusted, full)
         for axis in range(3):
             turn[axis] = felt[axis] - aim[axis]
         if by_rate:

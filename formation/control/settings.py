@@ -27,6 +27,7 @@ def estimator_settings(
         np.array([_response(p, g) for p, g in zip(profiles, gains, strict=True)]),
         own,
         np.array([_manner(g, bool(seen[i])) for i, g in enumerate(gains)]),
+        np.array([(p.response_dead_time_s, p.response_lag_s) for p in profiles]),
     )
 
 

@@ -105,7 +105,7 @@ def _cycle(recipe: Recipe, seq: int, rng: np.random.Generator) -> Iterator[Recor
     zero, flat = np.zeros((3, 3)), np.zeros(3)
     yaw = frames.yaw(q)
     dist = 0.3 * np.sin(0.7 * t_s + np.arange(9).reshape(3, 3))
-    yield Record(topics.STATE, now_ns, SwarmState(t_ns(t_s), pos, vel, dist, acc, q, yaw, flat, flat, flat))
+    yield Record(topics.STATE, now_ns, SwarmState(t_ns(t_s), pos, vel, dist, acc, q, yaw, flat, flat, flat, flat))
     yield Record(topics.REFERENCE, now_ns, _reference(recipe, t_s, pos, yaw))
     e = np.vstack([np.zeros((1, 3)), recipe.error_lead(t_s)])
     yield Record(topics.COMMAND, now_ns, Command(t_ns(t_s), e, zero, 4.0 * e, zero, zero, dist, acc, yaw, flat))

@@ -20,8 +20,8 @@ DIST_MAX_M_S2 = 14.0
 STRENGTH_LOW, STRENGTH_HIGH = 0.5, 2.0
 NOISE_LEAST_M, NOISE_LAG_S, NOISE_SPAN_S = 2e-5, 0.5, 0.2  # least believed, how slowly learned, from how close frames
 NOISE_POWER, HABIT_LAG_S = 0.35, 3.0
-MISFIT_LAG_S, MISFIT_RATE_M_S3 = 2.0, 10.0  # over how long it is judged; turns as slow as this say little
-MISFIT_FAIR, MISFIT_BAD = 0.45, 0.55
+MISFIT_LAG_S, MISFIT_RATE_M_S3 = 2.0, 3.0  # over how long it is judged; turns as slow as this say little
+MISFIT_FAIR, MISFIT_BAD, SHIFT_MOST = 0.45, 0.55, 0.3
 
 
 class Memory(NamedTuple):
@@ -47,6 +47,7 @@ class Memory(NamedTuple):
     believed: Float
     missed: Float
     misfit: Float
+    shift_s: Float
 
 
 @kernel
@@ -76,12 +77,12 @@ def rebuild_force(
 def judge_answer(
     i: int, z: Memory, from_ns: int, to_ns: int, seen: bool, belief: Float, sent_ns: NDArray[np.int64], sent: Float
 ) -> None:
-    """How far a vehicle answers otherwise than its profile says: its misfit.
+    """How much earlier, and how far otherwise, a vehicle answers than its profile says: its shift and its misfit.
 
     What the profile's response alone, belief (2: dead time, lag, s), makes of the commands is held against the force
-    measured. The miss over the believed rate of change is a time; what no plain shift in time explains of it, over
-    the response's own length, is the misfit: noise and a steadily slower vehicle show little, one whose motors
-    cannot follow and that swings shows 0.6 and more.
+    measured. The part of the miss that goes with the believed rate of change is a shift in time, counted on up to
+    SHIFT_MOST of the response's length; the rest over that rate and that length is the misfit. Noise and a plainly
+    slower vehicle show little; one that swings because its motors cannot follow shows 0.6 and more, and no shift.
     """
     speed, travel, before = np.empty(2), np.empty(2), z.believed[i].copy()
     answer(sent_ns, sent[:, 0:2], from_ns, to_ns, belief[0], belief[1], z.believed[i], speed, travel)
@@ -100,8 +101,16 @@ def judge_answer(
     z.missed[i, 1] += share * (miss2 - z.missed[i, 1])
     z.missed[i, 2] += share * (both - z.missed[i, 2])
     turned = z.missed[i, 0] + MISFIT_RATE_M_S3 * MISFIT_RATE_M_S3
-    shift_s = z.missed[i, 2] / turned
-    z.misfit[i] = sqrt(max(z.missed[i, 1] / turned - shift_s * shift_s, 0.0)) / (belief[0] + belief[1])
+    shift_s, length_s = z.missed[i, 2] / turned, belief[0] + belief[1]
+    z.misfit[i] = sqrt(max(z.missed[i, 1] / turned - shift_s * shift_s, 0.0)) / length_s
+    most = (1.0 - doubt(z.misfit[i])) * SHIFT_MOST * length_s
+    z.shift_s[i] = min(max(shift_s, -most), most)
+
+
+@kernel
+def doubt(misfit: float) -> float:
+    """How little a vehicle is believed to be what its profile says, 0..1."""
+    return min(max((misfit - MISFIT_FAIR) / (MISFIT_BAD - MISFIT_FAIR), 0.0), 1.0)
 
 
 @kernel

@@ -12,7 +12,7 @@ from formation.control.limits import keep_apart, keep_inside
 from formation.course import Course
 from formation.estimate import EstimatorState
 from formation.kernel import kernel
-from formation.observe import MISFIT_BAD, MISFIT_FAIR
+from formation.observe import doubt
 from formation.response import SECONDS
 from formation.rigid_body import GRAVITY_M_S2, thrust_norm
 from formation.vehicle import VehicleProfile
@@ -181,8 +181,7 @@ def authority_kept(misfit: float) -> float:
 
     One that asks its motors for several times the torque the profile expects would swing from stop to stop.
     """
-    doubt = min(max((misfit - MISFIT_FAIR) / (MISFIT_BAD - MISFIT_FAIR), 0.0), 1.0)
-    return 1.0 - (1.0 - AUTHORITY_LEAST) * doubt
+    return 1.0 - (1.0 - AUTHORITY_LEAST) * doubt(misfit)
 
 
 @kernel

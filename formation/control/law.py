@@ -102,8 +102,10 @@ def demand(
         np.zeros((m, 3, 4)), np.zeros((m, 3)), np.ones(m), np.zeros((m, 2)),
     )  # fmt: skip
     path = course.trajectory
+    response, predicted = settings.response.copy(), settings.vehicle[settings.compensate[:, 0]]
+    response[predicted, 0] = np.maximum(response[predicted, 0] - state.shift_s[predicted], 0.0)
     _demand(
-        settings.horizontal, settings.vertical, settings.response, settings.vehicle, settings.own,
+        settings.horizontal, settings.vertical, response, settings.vehicle, settings.own,
         settings.compensate, settings.speed_max_m_s, settings.manner, settings.quickness,
         settings.turn_dead_s,
         state.t_ns, state.pos_lab_m, state.vel_lab_m_s, state.dist_lab_m_s2, state.force_lab_m_s2, state.force_rate,

@@ -15,10 +15,12 @@ from analysis.load import load as load_log
 from formation.control.presets import preset_for
 from formation.vehicle import VehicleProfile
 from formation.vehicle import profile as shipped_profile
-from sim import lockstep, paper, paper_page, robustness
+from sim import lockstep, paper, paper_page, reach, robustness
 from sim.batch import progress_bar, run_all
 from sim.conclude import conclude
+from sim.experiments import SCENARIOS, Experiment
 from sim.robustness import Draw, Sample
+from sim.scenario import load as load_scenario
 from sim.tune import Candidate, Task, tune
 from wire.config_file import ConfigError, dump
 from wire.config_file import load as load_config
@@ -37,12 +39,16 @@ def compare(
     calibrate: Annotated[
         bool, typer.Option(help="Only find the gust that moves the printed ISTSMC by 0.30 m.")
     ] = False,
+    bound: Annotated[bool, typer.Option(help="Only tell how little any controller could deviate in the gust.")] = False,
 ) -> None:
     """Fly the paper's gust, line and circle with six controllers; writes paper.json and paper.html."""
     console = Console()
     if calibrate:
         peak = paper.calibrate(lambda tried, dev: console.print(f"peak {tried:.3f} m/s²: {1e3 * dev:.1f} mm"))
         console.print(f"peak_m_s2 = {peak:.2f}")
+        return
+    if bound:
+        _tell_bound(console)
         return
     flights = paper.jobs(range(1, seeds + 1))
     with progress_bar(console, "flights", len(flights)) as done:
@@ -118,6 +124,16 @@ def tune_vehicle(
         console.print(f"\n\\[profiles.pace]\n{dump(best.pace)}", highlight=False)
     if not np.isfinite(best.cost):
         raise typer.Exit(FAILED)
+
+
+def _tell_bound(console: Console) -> None:
+    """The least deviation by the time of reaction, the loop's own last."""
+    scenario = load_scenario(SCENARIOS[Experiment.GUST])
+    pass_over, own_s = reach.reach_of(scenario), reach.reaction_s(scenario)
+    for seconds in (*reach.REACTIONS_S, own_s):
+        least_mm = 1e3 * reach.least_deviation_m(pass_over, seconds)
+        who = "  this loop: seen, passed on, acted on" if seconds == own_s else ""
+        console.print(f"acts after {1e3 * seconds:4.1f} ms: {least_mm:5.1f} mm at least{who}", highlight=False)
 
 
 def _pace(candidate: Candidate) -> str:

@@ -14,7 +14,7 @@ from drone_agent.bridge_rule import Do, Seen, StaleRule
 from drone_agent.clock_offset import GroundClock
 from drone_agent.config import AgentConfig
 from drone_agent.personalities import PERSONALITIES
-from drone_agent.personality import Mode, Personality
+from drone_agent.personality import Personality
 from formation.messages import Datagram, Event, MocapFrame, Severity
 from wire.link_messages.address import BRIDGE_COMPONENT, DRONE_COMPONENT, Address
 from wire.link_messages.clocks import TimeSync
@@ -182,7 +182,7 @@ class BridgeCore:
         elif beat.custom_mode in offboard:
             self._rule.saw(Seen.OFFBOARD)
         else:
-            holds = beat.custom_mode == _hold_of(make)
+            holds = beat.custom_mode == make.modes[make.hold_mode].custom_mode
             self._rule.saw(Seen.HOLDING if holds else Seen.OTHER)
 
     def _act(self, step: Do) -> None:
@@ -195,7 +195,7 @@ class BridgeCore:
         elif step is Do.SAY_STALE:
             self._say(Severity.WARNING, "Setpoints are stale: level and hold")
         elif step is Do.HOLD:
-            main, sub = make.custom_parts(_hold_of(make))
+            main, sub = make.custom_parts(make.modes[make.hold_mode].custom_mode)
             self._command(176, 1.0, float(main), float(sub))
         else:
             self._say(Severity.CRITICAL, "Setpoints are stale: landing")
@@ -226,11 +226,6 @@ class BridgeCore:
 
     def _tell_autopilot(self, message: LinkMessage) -> None:
         self._to_autopilot.append(self._codec.encode(message))
-
-
-def _hold_of(make: Personality) -> int:
-    """The mode in which it holds whatever the sticks say: ArduPilot's LOITER descends on a throttle left low."""
-    return make.modes[Mode.BRAKE if Mode.BRAKE in make.modes else Mode.HOLD].custom_mode
 
 
 def _packed(sysid: int, packets: list[bytes]) -> tuple[Datagram, ...]:

@@ -162,6 +162,7 @@ PX4 = Personality(
     capabilities=8 | 16 | 64 | 8192,
     modes=MODES,
     boot_mode=Mode.HOLD,
+    hold_mode=Mode.HOLD,
     refused=Result.TEMPORARILY_REJECTED,
     no_such_rate=Result.FAILED,
     no_such_message=Result.DENIED,

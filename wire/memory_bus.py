@@ -8,7 +8,7 @@ import numpy as np
 
 T = TypeVar("T")
 
-NEVER_NS = 2**63 - 1
+NOTHING_DUE_NS = 2**63 - 1
 
 # The delay of the next item, or None where it is lost.
 DelayModel = Callable[[], int | None]
@@ -38,8 +38,8 @@ class MemoryLink(Generic[T]):
 
     def __init__(self, delay: DelayModel) -> None:
         self.lost = 0
-        self.next_due_ns = NEVER_NS
-        """When the next item arrives; NEVER_NS if nothing is under way."""
+        self.next_due_ns = NOTHING_DUE_NS
+        """When the next item arrives; NOTHING_DUE_NS if nothing is under way."""
         self._delay = delay
         self._queue: deque[tuple[int, T]] = deque()
 
@@ -63,5 +63,5 @@ class MemoryLink(Generic[T]):
             return due
         while self._queue and self._queue[0][0] <= now_ns:
             due.append(self._queue.popleft())
-        self.next_due_ns = self._queue[0][0] if self._queue else NEVER_NS
+        self.next_due_ns = self._queue[0][0] if self._queue else NOTHING_DUE_NS
         return due

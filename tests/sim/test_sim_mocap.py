@@ -10,7 +10,7 @@ from formation.messages import MocapFrame, Truth
 from gcs.mocap.csv_file import Recording
 from sim.mocap import EmulatorConfig, Gap, MocapEmulator
 from sim.playback import EASE_IN_NS, Playback
-from wire.memory_bus import NEVER_NS
+from wire.memory_bus import NOTHING_DUE_NS
 
 S = 1_000_000_000
 QUIET = EmulatorConfig(jitter_s=0.0, noise_m=0.0, noise_rad=0.0, delay_jitter_s=0.0)
@@ -79,7 +79,7 @@ def test_a_truth_a_little_old_is_moved_on_to_the_exposure() -> None:
     emulator = MocapEmulator(QUIET, a_lab(), None, 1, 4_000_000)
     moving = a_truth(0, 1, (1.0, 0.0, 0.5), vel_lab_m_s=np.array([0.5, 0, 0]), rate_flu_rad_s=np.array([0, 0, 2.0]))
     emulator.expose({1: moving, 2: a_truth(0, 2, (0, 0, 0))})
-    frame = emulator.pop_due(NEVER_NS)[0]
+    frame = emulator.pop_due(NOTHING_DUE_NS)[0]
     assert np.allclose(frame.pos_lab_m[0], [1.002, 0.0, 0.5])
     assert np.isclose(frames.yaw(frame.q_lab_from_flu[0]), 0.008, atol=1e-6)
 
@@ -95,7 +95,7 @@ def test_frames_are_in_the_mocaps_axes_and_the_markers_own_frame() -> None:
     )
     emulator = MocapEmulator(QUIET, lab, None, 1, 0)
     emulator.expose({1: a_truth(0, 1, (1.0, 2.0, 3.1)), 2: a_truth(0, 2, (0, 0, 0.1))})
-    frame = emulator.pop_due(NEVER_NS)[0]
+    frame = emulator.pop_due(NOTHING_DUE_NS)[0]
     assert np.allclose(frame.pos_lab_m[0], [1.0, 3.0, -2.0])
     q_lab_from_marker = frames.multiply(np.array(q_lab_from_mocap), frame.q_lab_from_flu[0])
     assert np.isclose(frames.yaw(q_lab_from_marker), np.pi / 2)

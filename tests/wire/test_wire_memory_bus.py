@@ -5,19 +5,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formation.messages import Datagram
-from wire.memory_bus import NEVER_NS, MemoryLink, fixed_delay, random_delay
+from wire.memory_bus import NOTHING_DUE_NS, MemoryLink, fixed_delay, random_delay
 
 DATAGRAM = Datagram(1, b"x")
 
 
 def test_what_is_pushed_comes_out_after_the_delay():
     link = MemoryLink[Datagram](fixed_delay(0.008))
-    assert link.next_due_ns == NEVER_NS
+    assert link.next_due_ns == NOTHING_DUE_NS
     link.push(100, DATAGRAM)
     assert link.next_due_ns == 8_000_100
     assert link.pop_due(8_000_099) == []
     assert link.pop_due(8_000_100) == [(8_000_100, DATAGRAM)]
-    assert link.next_due_ns == NEVER_NS
+    assert link.next_due_ns == NOTHING_DUE_NS
     assert link.pop_due(10**12) == []
 
 

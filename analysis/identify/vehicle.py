@@ -9,7 +9,7 @@ from analysis.identify.signals import seen, sent
 from analysis.identify.thrust import Thrust
 from analysis.load import Flight, Vehicle
 from formation.rigid_body import GRAVITY_M_S2
-from formation.vehicle import PROFILES, VehicleProfile
+from formation.vehicle import PAPER_40G, VehicleProfile
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,13 +24,16 @@ class Identified:
     @property
     def name(self) -> str:
         """What its profile is called."""
-        return f"{self.base.name}_{self.vehicle.body}"
+        ending = f"_{self.vehicle.body}"
+        return self.base.name.removesuffix(ending) + ending
 
     def profile(self) -> VehicleProfile:
         """The base profile with everything this flight could tell put in; the mass stays the one assumed."""
         update: dict[str, float | bool | str] = {"name": self.name}
         if isinstance(self.response, Response):
             update |= _answers(self.response)
+            # What is inside the vehicle is part of the delay seen; the link's share of it is not known.
+            update["command_delay_s"] = min(self.base.command_delay_s, self.response.delay_s.value)
         if isinstance(self.thrust, Thrust):
             curve = self.base.thrust_curve if self.thrust.curve is None else _fraction(self.thrust.curve.value)
             hover = self.thrust.hover_norm.value
@@ -92,6 +95,6 @@ def identify(flight: Flight) -> Identification:
 
 
 def _base(flight: Flight, index: int) -> VehicleProfile:
-    """The profile the lab names for a vehicle, the paper's where the log does not say or this version knows it not."""
+    """The profile the lab flew a vehicle with, its own or a shipped one; the paper's where the log names none."""
     lab = flight.run.lab
-    return PROFILES.get("" if lab is None else lab.vehicles[index].profile, PROFILES["paper_40g"])
+    return PAPER_40G if lab is None else lab.profile_of(lab.vehicles[index])

@@ -219,6 +219,19 @@ def test_the_profile_hovers_where_the_flight_did(found: Identification, tmp_path
     assert config_file.load(path, VehicleProfile) == profile
 
 
+def test_a_vehicle_of_the_labs_own_is_identified_from_its_own_profile(flown: Flight):
+    """As after a first `identify --write`: the mass stays, the name does not grow, no more delay inside than seen."""
+    own = PROFILES["paper_40g"].model_copy(update={"name": "ours_left", "mass_kg": 0.046, "command_delay_s": 0.08})
+    assert flown.run.lab is not None
+    follower = flown.run.lab.followers[0].model_copy(update={"profile": "ours_left", "body": "left"})
+    lab = flown.run.lab.model_copy(update={"profiles": (own,), "followers": (follower,)})
+    vehicles = (flown.vehicles[0], replace(flown.vehicles[1], body="left"))
+    again = identify(replace(flown, run=replace(flown.run, lab=lab), vehicles=vehicles)).drones[1]
+    profile = again.profile()
+    assert (profile.name, profile.mass_kg) == ("ours_left", 0.046)
+    assert profile.command_delay_s <= profile.thrust_dead_time_s < 0.03
+
+
 def test_the_page_and_the_json_hold_every_estimate(flown: Flight, found: Identification, tmp_path: Path):
     values = json.loads(to_json(found))
     assert set(values["drones"]) == {v.body for v in flown.vehicles}

@@ -51,6 +51,13 @@ class Memory(NamedTuple):
 
 
 @kernel
+def thrust_axis(q: Float) -> tuple[float, float, float]:
+    """The body's z axis in `lab`, along which the rotors pull; q: q_lab_from_flu (4)."""
+    qw, qx, qy, qz = q[0], q[1], q[2], q[3]
+    return 2.0 * (qx * qz + qw * qy), 2.0 * (qy * qz - qw * qx), 1.0 - 2.0 * (qx * qx + qy * qy)
+
+
+@kernel
 def rebuild_force(
     i: int, z: Memory, from_ns: int, to_ns: int, seen: bool, manner: Float, response: Float,
     sent_ns: NDArray[np.int64], sent: Float,
@@ -66,11 +73,11 @@ def rebuild_force(
     z.force[i, 2], z.lift[i] = upward[0], upward[1]
     if not seen:
         return
-    qw, qx, qy, qz = z.q[i, 0], z.q[i, 1], z.q[i, 2], z.q[i, 3]
+    along = thrust_axis(z.q[i])
     trust = manner[ATTITUDE_TRUST]
-    z.force[i, 0] += trust * (z.lift[i] * 2.0 * (qx * qz + qw * qy) - z.force[i, 0])
-    z.force[i, 1] += trust * (z.lift[i] * 2.0 * (qy * qz - qw * qx) - z.force[i, 1])
-    z.force[i, 2] = z.lift[i] * (1.0 - 2.0 * (qx * qx + qy * qy))
+    z.force[i, 0] += trust * (z.lift[i] * along[0] - z.force[i, 0])
+    z.force[i, 1] += trust * (z.lift[i] * along[1] - z.force[i, 1])
+    z.force[i, 2] = z.lift[i] * along[2]
 
 
 @kernel
@@ -88,13 +95,12 @@ def judge_answer(
     answer(sent_ns, sent[:, 0:2], from_ns, to_ns, belief[0], belief[1], z.believed[i], speed, travel)
     if not seen:
         return
-    qw, qx, qy, qz = z.q[i, 0], z.q[i, 1], z.q[i, 2], z.q[i, 3]
-    measured = (2.0 * z.lift[i] * (qx * qz + qw * qy), 2.0 * z.lift[i] * (qy * qz - qw * qx))
+    along = thrust_axis(z.q[i])
     dt_s = (to_ns - from_ns) * SECONDS
     rate2, miss2, both = 0.0, 0.0, 0.0
     for axis in range(2):
         rate = (z.believed[i, axis] - before[axis]) / dt_s
-        miss = measured[axis] - z.believed[i, axis]
+        miss = z.lift[i] * along[axis] - z.believed[i, axis]
         rate2, miss2, both = rate2 + rate * rate, miss2 + miss * miss, both + miss * rate
     share = 1.0 - exp(-dt_s / MISFIT_LAG_S)
     z.missed[i, 0] += share * (rate2 - z.missed[i, 0])
@@ -117,9 +123,9 @@ def doubt(misfit: float) -> float:
 def observe_tilt(i: int, z: Memory, seen: bool, dt_s: float, manner: Float) -> None:
     """The horizontal force of a quadcopter that is only observed: its tilt times gravity and its own rise."""
     lift = max(GRAVITY_M_S2 + z.dist[i, 2], 0.0)
-    qw, qx, qy, qz = z.q[i, 0], z.q[i, 1], z.q[i, 2], z.q[i, 3]
-    up = max(1.0 - 2.0 * (qx * qx + qy * qy), 0.3)
-    measured = (2.0 * (qx * qz + qw * qy) / up, 2.0 * (qy * qz - qw * qx) / up)
+    forward, left, upward = thrust_axis(z.q[i])
+    up = max(upward, 0.3)
+    measured = (forward / up, left / up)
     w = manner[TILT_W] * z.mu[i] ** manner[POWER]
     for axis in range(2):
         if seen:

@@ -110,6 +110,11 @@ class VehicleProfile(Model):
         return rotor_reach_m(self.wheelbase_m)
 
     @property
+    def turn_1_m(self) -> float:
+        """Angular acceleration about x or y, rad/s^2, per m/s^2 of thrust on one side instead of the other."""
+        return self.reach_m * self.mass_kg / max(self.inertia_kg_m2[0], self.inertia_kg_m2[1])
+
+    @property
     def hover_thrust_norm(self) -> float:
         """thrust_norm that hovers, away from the floor."""
         return self.thrust_norm_of(self.weight_n)

@@ -12,7 +12,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from analysis.load import Flight, from_records
+from analysis.load import Flight
 from analysis.metrics import summarise
 from analysis.series import nearest
 from analysis.tracking import track
@@ -22,7 +22,6 @@ from formation.disturbance import Disturbance
 from formation.messages import Phase
 from sim import lockstep
 from sim.scenario import Scenario, load
-from sim.world import T0_NS
 
 CONTROLLERS: Mapping[str, str] = MappingProxyType(
     {
@@ -118,8 +117,7 @@ def scenario_of(job: Job) -> Scenario:
 def fly(job: Job) -> Score:
     """Fly the job and measure it."""
     scenario = scenario_of(job)
-    flown, records = lockstep.run_in_memory(scenario, job.seed)
-    flight = from_records(lockstep.metadata(scenario, job.seed, "memory", T0_NS), records)
+    flown, flight = lockstep.run_and_load(scenario, job.seed)
     return measure(flight, scenario, flown.outcome.result, job.traced)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
+from analysis.load import Flight, from_records
 from formation.topics import Topic
 from gcs import warm_up as gcs_warm_up
 from gcs.recording import Record, run_metadata
@@ -48,6 +49,12 @@ def run_in_memory(scenario: Scenario, seed: int) -> tuple[Flown, list[Entry]]:
         records.append(Entry(topic, t_ns, message))
 
     return fly(scenario, seed, keep), records
+
+
+def run_and_load(scenario: Scenario, seed: int) -> tuple[Flown, Flight]:
+    """Fly without a file; the flight comes back as it would be loaded from its log."""
+    flown, records = run_in_memory(scenario, seed)
+    return flown, from_records(metadata(scenario, seed, "memory", T0_NS), records)
 
 
 def warm_up(scenario: Scenario) -> None:

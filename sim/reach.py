@@ -39,17 +39,18 @@ def reach_of(scenario: Scenario) -> Reach:
     profile = scenario.lab.profile_of(follower)
     push = _push(scenario, profile)
     begun = int(np.argmax(np.abs(push) > BEGUN * np.abs(push).max()))
-    return Reach(push[begun:], _turn_max_rad_s2(profile), profile.motor_lag_s)
+    # A hovering vehicle's motors can stop or double: one side can have all the weight.
+    return Reach(push[begun:], profile.turn_1_m * GRAVITY_M_S2, profile.motor_lag_s)
 
 
-def reaction_s(scenario: Scenario) -> float:
+def reaction_s(scenario: Scenario, reach: Reach) -> float:
     """From the beginning of the push to the first torque against it, at the least.
 
     Until the push has moved the vehicle by the mocap's own noise nobody can see it; then cameras, half a frame, the
     link down and the vehicle's inside pass it on.
     """
     follower = scenario.lab.followers[0]
-    moved_m = np.abs(np.cumsum(np.cumsum(reach_of(scenario).push_m_s2))) * STEP_S**2
+    moved_m = np.abs(np.cumsum(np.cumsum(reach.push_m_s2))) * STEP_S**2
     seen_s = STEP_S * float(np.argmax(moved_m > scenario.mocap.noise_m))
     on_its_way_s = scenario.mocap.delay_s + 0.5 / scenario.mocap.rate_hz + scenario.link.down_s
     return seen_s + on_its_way_s + scenario.lab.profile_of(follower).command_delay_s
@@ -83,11 +84,6 @@ def _push(scenario: Scenario, profile: VehicleProfile) -> Float:
     middle_s = fan.phase_s + fan.period_s * (1.0 + np.ceil((fan.start_s - fan.phase_s) / fan.period_s))
     times = np.arange(middle_s - BEFORE_S, middle_s + AFTER_S, STEP_S)
     return np.array([acceleration(scenario.air, float(t), (x, y, z), profile.reach_m)[0] for t in times])
-
-
-def _turn_max_rad_s2(profile: VehicleProfile) -> float:
-    """A hovering vehicle's motors can stop or double: the weight at the rotors' reach, over the inertia."""
-    return profile.reach_m * profile.weight_n / max(profile.inertia_kg_m2[0], profile.inertia_kg_m2[1])
 
 
 def _responses(motor_lag_s: float, length: int) -> tuple[Float, Float]:

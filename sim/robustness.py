@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.load import Flight, from_records
+from analysis.load import Flight
 from analysis.metrics import Summary, summarise
 from formation.arrays import Bool
 from formation.config import Fence
@@ -18,7 +18,6 @@ from sim import lockstep
 from sim.experiments import FORMATION_S, SCENARIOS, Experiment
 from sim.mocap import EmulatorConfig, Gap
 from sim.scenario import LinkModel, Scenario, TrueVehicle, flown_by, load
-from sim.world import T0_NS
 
 MASS = INERTIA = 0.3
 CURVE = 0.1
@@ -91,8 +90,7 @@ def scenario_of(draw: Draw) -> Scenario:
 def fly(draw: Draw) -> Sample:
     """Fly the draw in memory and judge it."""
     scenario = scenario_of(draw)
-    flown, records = lockstep.run_in_memory(scenario, draw.seed)
-    flight = from_records(lockstep.metadata(scenario, draw.seed, "memory", T0_NS), records)
+    flown, flight = lockstep.run_and_load(scenario, draw.seed)
     return judge(draw, flown.outcome.result, flight, summarise(flight))
 
 

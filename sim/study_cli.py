@@ -129,7 +129,8 @@ def tune_vehicle(
 def _tell_bound(console: Console) -> None:
     """The least deviation by the time of reaction, the loop's own last."""
     scenario = load_scenario(SCENARIOS[Experiment.GUST])
-    pass_over, own_s = reach.reach_of(scenario), reach.reaction_s(scenario)
+    pass_over = reach.reach_of(scenario)
+    own_s = reach.reaction_s(scenario, pass_over)
     for seconds in (*reach.REACTIONS_S, own_s):
         least_mm = 1e3 * reach.least_deviation_m(pass_over, seconds)
         who = "  this loop: seen, passed on, acted on" if seconds == own_s else ""

@@ -15,7 +15,6 @@ from itertools import product
 
 import numpy as np
 
-from analysis.load import from_records
 from formation.config import MocapConfig
 from formation.control.margin import DelayMargin, delay_margin
 from formation.control.presets import pace_of, preset_for
@@ -24,7 +23,6 @@ from sim import experiments, lockstep
 from sim.batch import run_all
 from sim.experiments import Experiment, Job, Score
 from sim.scenario import Scenario, TrueVehicle, flown_by
-from sim.world import T0_NS
 
 STEPS = (1.3, 1.15, 1.07)
 ROUNDS_EACH = 3
@@ -115,8 +113,7 @@ def judge(task: Task, paces: list[Pace]) -> list[Candidate]:
 def fly(flight: Flight) -> float:
     """The cost of one flight."""
     scenario = scenario_of(flight)
-    flown, records = lockstep.run_in_memory(scenario, scenario.seed)
-    log = from_records(lockstep.metadata(scenario, scenario.seed, "memory", T0_NS), records)
+    flown, log = lockstep.run_and_load(scenario, scenario.seed)
     return cost_of(experiments.measure(log, scenario, flown.outcome.result), flight.experiment)
 
 

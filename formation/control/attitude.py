@@ -66,8 +66,7 @@ def turn_authority(profile: VehicleProfile) -> float:
 
     The attitude and rate loops turn an error into an angular acceleration; a motor can only stop or double.
     """
-    acceleration = profile.reach_m * profile.mass_kg / max(profile.inertia_kg_m2[0], profile.inertia_kg_m2[1])
-    return acceleration / (profile.attitude_p_1_s * profile.rate_p_1_s)
+    return profile.turn_1_m / (profile.attitude_p_1_s * profile.rate_p_1_s)
 
 
 def attitude(

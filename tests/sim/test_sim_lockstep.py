@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.load import Flight, from_records
+from analysis.load import Flight
 from analysis.metrics import Summary, summarise
 from formation import topics
 from formation.messages import Phase, Verb
@@ -27,8 +27,7 @@ def short(**changes: object) -> Scenario:
 
 
 def flown(scenario: Scenario, seed: int) -> tuple[Outcome, Flight, Summary]:
-    result, records = lockstep.run_in_memory(scenario, seed)
-    flight = from_records(lockstep.metadata(scenario, seed, "memory", T0_NS), records)
+    result, flight = lockstep.run_and_load(scenario, seed)
     return result.outcome, flight, summarise(flight)
 
 

@@ -2,19 +2,12 @@
 
 import pytest
 
-from analysis.load import Flight, from_records
 from analysis.metrics import summarise
 from formation.vehicle import PAPER_40G
 from sim import lockstep
 from sim.scenario import Scenario, TrueVehicle, load
-from sim.world import T0_NS
 
 TOLD = "hover: answers otherwise than its profile says"
-
-
-def _flown(scenario: Scenario, seed: int) -> Flight:
-    _, records = lockstep.run_in_memory(scenario, seed)
-    return from_records(lockstep.metadata(scenario, seed, "memory", T0_NS), records)
 
 
 def _tense() -> Scenario:
@@ -33,7 +26,7 @@ def _tense() -> Scenario:
 
 @pytest.mark.parametrize("seed", [1, 4])
 def test_a_drone_that_asks_too_much_of_its_motors_does_not_swing_from_stop_to_stop(seed: int) -> None:
-    flight = _flown(_tense(), seed)
+    _, flight = lockstep.run_and_load(_tense(), seed)
     largest_m = summarise(flight).formation_max_m
     assert largest_m is not None
     assert largest_m < 0.45  # trusted as its profile says, it swung by 0.7 to 0.9 m and sank
@@ -41,6 +34,6 @@ def test_a_drone_that_asks_too_much_of_its_motors_does_not_swing_from_stop_to_st
 
 
 def test_a_drone_that_is_as_its_profile_says_is_trusted_in_the_same_gust() -> None:
-    flight = _flown(load("hover_gust"), 1)
+    _, flight = lockstep.run_and_load(load("hover_gust"), 1)
     assert flight.state.column(lambda m: m.misfit[1]).max() < 0.3
     assert TOLD not in [event.text for event in flight.events.messages]

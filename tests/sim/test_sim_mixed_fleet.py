@@ -2,11 +2,9 @@
 
 import pytest
 
-from analysis.load import from_records
 from analysis.metrics import Summary, summarise
 from sim import lockstep
 from sim.scenario import TrueVehicle, load
-from sim.world import T0_NS
 
 WITHIN = 0.2
 
@@ -15,9 +13,9 @@ def flown(name: str, *vehicles: TrueVehicle) -> Summary:
     scenario = load(name)
     others = tuple(v for v in scenario.vehicles if v.sysid not in {vehicle.sysid for vehicle in vehicles})
     scenario = scenario.model_copy(update={"vehicles": (*others, *vehicles)})
-    result, records = lockstep.run_in_memory(scenario, 7)
+    result, flight = lockstep.run_and_load(scenario, 7)
     assert result.outcome.result == "landed"
-    return summarise(from_records(lockstep.metadata(scenario, 7, "memory", T0_NS), records))
+    return summarise(flight)
 
 
 @pytest.mark.parametrize("name", ["triangle_line", "triangle_circle"])

@@ -24,7 +24,8 @@ def test_torque_and_reaction_are_what_limits_it() -> None:
 
 def test_nobody_reacts_before_the_news_has_come_and_gone() -> None:
     """8 ms cameras, 5 ms half a frame, 4 ms link, 2 ms inside: 19 ms beside what it takes to be seen."""
-    assert 0.019 < reaction_s(load("hover_gust")) < 0.06
+    scenario = load("hover_gust")
+    assert 0.019 < reaction_s(scenario, reach_of(scenario)) < 0.06
 
 
 def test_a_flight_without_a_fan_is_refused() -> None:

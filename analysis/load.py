@@ -15,14 +15,14 @@ from pydantic import ValidationError
 from analysis.series import Series, series
 from formation import topics
 from formation.arrays import Bool, Float
-from formation.config import LabConfig, MocapConfig
+from formation.config import LabConfig
 from formation.messages import (
     AttitudeTarget,
     Command,
     Datagram,
     Event,
+    LabFrame,
     LoopTiming,
-    MocapFrame,
     OperatorReply,
     OperatorRequest,
     Phase,
@@ -31,9 +31,8 @@ from formation.messages import (
     SwarmState,
     Truth,
 )
-from formation.mocap_axes import MocapAxes
-from formation.model import NO_ROTATION
 from formation.topics import Topic
+from wire.frame_check import pose_fault
 from wire.mcap_log import read_log
 
 M = TypeVar("M")
@@ -63,7 +62,6 @@ class Vehicle:
     body: str
     sysid: int | None
     column: int | None
-    q_marker_from_flu: tuple[float, float, float, float] = NO_ROTATION
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +159,7 @@ def from_records(metadata: Mapping[str, str], records: Iterable[Record]) -> Flig
     t0_ns = t0_ns or 0
     duration_s = max(last_ns - t0_ns, 0) * 1e-9
     run = _run(metadata)
-    mocap = _of(found, topics.MOCAP, MocapFrame)
+    mocap = _of(found, topics.MOCAP, LabFrame)
     reference = _of(found, topics.REFERENCE, Reference)
     vehicles = _vehicles(run.lab, mocap, reference)
     return Flight(
@@ -169,7 +167,7 @@ def from_records(metadata: Mapping[str, str], records: Iterable[Record]) -> Flig
         vehicles=vehicles,
         t0_ns=t0_ns,
         duration_s=duration_s,
-        poses=_poses(mocap, vehicles, MocapConfig() if run.lab is None else run.lab.mocap),
+        poses=_poses(mocap, tuple(vehicle.body for vehicle in vehicles)),
         state=_of(found, topics.STATE, SwarmState),
         reference=reference,
         command=_of(found, topics.COMMAND, Command),
@@ -188,7 +186,7 @@ def from_records(metadata: Mapping[str, str], records: Iterable[Record]) -> Flig
 def _stamp_ns(record: Record) -> int:
     """The time a message speaks of, else the time it was logged."""
     message = record.message
-    if isinstance(message, MocapFrame):
+    if isinstance(message, LabFrame):
         return message.t_capture_ns
     if isinstance(message, SwarmState | Reference | Command | AttitudeTarget | Truth):
         return message.t_ns
@@ -222,28 +220,28 @@ def _lab(text: str) -> LabConfig | None:
         return None
 
 
-def _vehicles(lab: LabConfig | None, mocap: Series[MocapFrame], reference: Series[Reference]) -> tuple[Vehicle, ...]:
+def _vehicles(lab: LabConfig | None, mocap: Series[LabFrame], reference: Series[Reference]) -> tuple[Vehicle, ...]:
     """The configured vehicles; without a configuration, the mocap's bodies with the last m commanded."""
     if lab is not None:
         columns = {index: column for column, index in enumerate(lab.commanded)}
-        return tuple(Vehicle(v.body, v.sysid, columns.get(i), v.q_marker_from_flu) for i, v in enumerate(lab.vehicles))
+        return tuple(Vehicle(v.body, v.sysid, columns.get(i)) for i, v in enumerate(lab.vehicles))
     bodies = mocap.messages[0].bodies if mocap.messages else ()
     commanded = len(reference.messages[0].in_formation) if reference.messages else len(bodies)
     observed = len(bodies) - min(commanded, len(bodies))
     return tuple(Vehicle(body, None, i - observed if i >= observed else None) for i, body in enumerate(bodies))
 
 
-def _poses(mocap: Series[MocapFrame], vehicles: tuple[Vehicle, ...], config: MocapConfig) -> Poses:
-    """Every frame's bodies ordered as `vehicles`, in lab and flu; what is missing or no pose is unseen."""
-    axes = MocapAxes(config, vehicles)
-    aligned = [axes.align(frame) for frame in mocap.messages]
-    shape = (len(mocap), len(vehicles))
+def _poses(mocap: Series[LabFrame], bodies: tuple[str, ...]) -> Poses:
+    """The sound frames of exactly these bodies, in this order; a log of ours has no others."""
+    sound = [frame.bodies == bodies and pose_fault(frame) is None for frame in mocap.messages]
+    mocap = mocap.where(np.array(sound, dtype=np.bool_))
+    shape = (len(mocap), len(bodies))
     return Poses(
         mocap.t_s,
         mocap.logged_s,
-        np.array([frame.pos_lab_m for frame in aligned]).reshape(*shape, 3),
-        np.array([frame.q_lab_from_flu for frame in aligned]).reshape(*shape, 4),
-        np.array([frame.seen for frame in aligned], dtype=np.bool_).reshape(shape),
+        np.array([frame.pos_lab_m for frame in mocap.messages]).reshape(*shape, 3),
+        np.array([frame.q_lab_from_flu for frame in mocap.messages]).reshape(*shape, 4),
+        np.array([frame.seen for frame in mocap.messages], dtype=np.bool_).reshape(shape),
     )
 
 

@@ -15,7 +15,7 @@ from drone_agent.clock_offset import GroundClock
 from drone_agent.config import AgentConfig
 from drone_agent.personalities import PERSONALITIES
 from drone_agent.personality import Personality
-from formation.messages import Datagram, Event, MocapFrame, Severity
+from formation.messages import Datagram, Event, LabFrame, Severity
 from wire.link_messages.address import BRIDGE_COMPONENT, DRONE_COMPONENT, Address
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.commands import Command, CommandAck, SetMode
@@ -83,7 +83,7 @@ class BridgeCore:
             if not self._keep_from_autopilot(frame, now_ns):
                 self._to_ground.append(frame)
 
-    def receive_frame(self, frame: MocapFrame, now_ns: int) -> None:
+    def receive_frame(self, frame: LabFrame, now_ns: int) -> None:
         """Tell the autopilot the pose of its body, at most fifty times a second."""
         self._now_ns = now_ns
         name = self._config.body_name

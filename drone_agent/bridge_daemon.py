@@ -3,12 +3,13 @@
 from drone_agent.bridge import BridgeCore
 from drone_agent.config import AgentConfig
 from drone_agent.ground_link import open_ground_link
-from drone_agent.lifetime import Stop, Tell
 from drone_agent.wake import Wake
-from formation.messages import Datagram, MocapFrame
+from formation.messages import Datagram, LabFrame
 from wire.clock import monotonic_ns
 from wire.config_file import ConfigError
+from wire.lifetime import Stop, Tell
 from wire.link import Link
+from wire.mocap_bus import MocapBus
 from wire.serial_link import open_serial
 from wire.udp_bus import open_udp_direct
 from wire.zenoh_bus import ZenohBus
@@ -34,7 +35,7 @@ class _Pump:
         self._core.receive_autopilot(datagram.data, monotonic_ns())
         self.turn()
 
-    def from_mocap(self, frame: MocapFrame) -> None:
+    def from_mocap(self, frame: LabFrame) -> None:
         """The mocap saw something."""
         self._core.receive_frame(frame, monotonic_ns())
         self.turn()
@@ -63,7 +64,7 @@ async def run_bridge(config: AgentConfig, autopilot: str, tell: Tell) -> None:
     try:
         pump.autopilot = await _open_autopilot(autopilot, config.sysid, pump)
         bus = await ZenohBus.open(config.link, config.lab)
-        bus.on_frame(pump.from_mocap)
+        MocapBus(bus).on_frame(pump.from_mocap)
         pump.ground = await open_ground_link(config, bus, pump.from_ground)
         pump.turn()
         await stop.wait()

@@ -19,7 +19,7 @@ from drone_agent.personalities import PERSONALITIES
 from drone_agent.personality import Personality
 from drone_agent.schedule import RASTER_NS, Schedule
 from drone_agent.telemetry import AGE, ON_REQUEST, Teller
-from formation.messages import Datagram, Event, MocapFrame, Truth
+from formation.messages import Datagram, Event, LabFrame, Truth
 from formation.vehicle import on_ground, profile
 from wire.link_messages.address import DRONE_COMPONENT, Address
 from wire.link_messages.packet import LinkMessage
@@ -73,10 +73,10 @@ class AgentCore:
         for severity, text in make.words.boot:
             self.autopilot.say(severity, text)
 
-    def receive(self, message: Datagram | MocapFrame, now_ns: int) -> None:
+    def receive(self, message: Datagram | LabFrame, now_ns: int) -> None:
         """Take in a datagram from the ground or a mocap frame. Never raises on what a datagram holds."""
         self._run_to(now_ns)
-        if isinstance(message, MocapFrame):
+        if isinstance(message, LabFrame):
             self._receive_frame(message, now_ns)
         elif message.sysid == self.config.sysid:
             for packet in self.codec.receive(message.data):
@@ -154,7 +154,7 @@ class AgentCore:
     def _rastered(self, t_ns: int) -> int:
         return t_ns + (self._t0_ns - t_ns) % CONTROL_NS
 
-    def _receive_frame(self, frame: MocapFrame, now_ns: int) -> None:
+    def _receive_frame(self, frame: LabFrame, now_ns: int) -> None:
         name = self.config.body_name
         if self.config.pose != "mocap" or name not in frame.bodies:
             return

@@ -4,12 +4,13 @@ from drone_agent import parameter_file
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
 from drone_agent.ground_link import open_ground_link
-from drone_agent.lifetime import Stop, Tell
 from drone_agent.wake import Wake
-from formation.messages import Datagram, MocapFrame
+from formation.messages import Datagram, LabFrame
 from wire.clock import monotonic_ns
 from wire.config_file import ConfigError
+from wire.lifetime import Stop, Tell
 from wire.link import Link
+from wire.mocap_bus import MocapBus
 from wire.zenoh_bus import ZenohBus
 
 
@@ -24,7 +25,7 @@ class _Pump:
         self._tell = tell
         self.wake = Wake(self.turn)
 
-    def take(self, message: Datagram | MocapFrame) -> None:
+    def take(self, message: Datagram | LabFrame) -> None:
         """Something arrived."""
         self._core.receive(message, monotonic_ns())
         self.turn()
@@ -55,7 +56,7 @@ async def run(config: AgentConfig, tell: Tell) -> None:
     try:
         if uses_bus:
             pump.bus = await ZenohBus.open(config.link, config.lab)
-            pump.bus.on_frame(pump.take)
+            MocapBus(pump.bus).on_frame(pump.take)
         pump.link = await open_ground_link(config, pump.bus, pump.take)
         pump.turn()
         await stop.wait()

@@ -144,6 +144,11 @@ class LinkConfig(Model):
     zenoh_listen: tuple[Endpoint, ...] = ()
     zenoh_connect: tuple[Endpoint, ...] = ("tcp/127.0.0.1:7447",)
 
+    @property
+    def joined(self) -> "LinkConfig":
+        """The same bus for a process that does not listen at the lab's own endpoint: where the ground does, join it."""
+        return self.model_copy(update={"zenoh_listen": (), "zenoh_connect": self.zenoh_connect or self.zenoh_listen})
+
 
 class LabConfig(Model):
     """lab.toml: everything `gcs run` needs.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from formation import frames
 from formation.arrays import Flags, Float, Quats, Scalars, Vec3s
 from formation.kernel import kernel
-from formation.messages import MocapFrame, SwarmState
+from formation.messages import LabFrame, SwarmState
 from formation.observe import (
     TILT_W,
     TURN_TRUST,
@@ -132,7 +132,7 @@ class EstimatorState:
     shift_s: Scalars
 
 
-def initial(frame: MocapFrame, flying: Flags) -> EstimatorState:
+def initial(frame: LabFrame, flying: Flags) -> EstimatorState:
     """All at rest where the first frame sees them; flying (n): commanded ones that hover there already."""
     n = len(frame.bodies)
     lift = np.where(flying, GRAVITY_M_S2, 0.0)
@@ -168,7 +168,7 @@ def initial(frame: MocapFrame, flying: Flags) -> EstimatorState:
 
 
 def estimate(
-    state: EstimatorState, settings: EstimatorSettings, frame: MocapFrame, history: History, airborne: Flags,
+    state: EstimatorState, settings: EstimatorSettings, frame: LabFrame, history: History, airborne: Flags,
     turn_rad_s2: Scalars,
 ) -> EstimatorState:  # fmt: skip
     """The observers after one more frame of the same n bodies; a frame that is not newer changes nothing.

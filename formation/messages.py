@@ -1,7 +1,7 @@
 """The spine: one frozen message per stage, from motion capture to attitude targets.
 
-    mocap bytes -> MocapFrame -> SwarmState -> Reference -> Command -> AttitudeTarget -> bytes
-    drone bytes -> Telemetry  -> LinkState  -> safety    -> Phase
+    camera bytes -> RawFrame -> LabFrame -> SwarmState -> Reference -> Command -> AttitudeTarget -> bytes
+    drone bytes  -> Telemetry -> LinkState -> safety   -> Phase
 
 Two indexings, both fixed for a run by the configuration, leader first where present:
 `n` counts all vehicles (leader and followers), `m` the commanded ones (those with a sysid).
@@ -15,10 +15,26 @@ from formation.arrays import Flags, Quat, Quats, Scalars, Vec3, Vec3s
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MocapFrame:
-    """One exposure of every body, in lab axes.
+class RawFrame:
+    """One exposure as the motion capture tells it: its own axes, names and marker frames, nothing checked yet.
 
-    t_capture_ns: exposure, on the clock of the receiving process. An unseen body keeps any finite pose.
+    t_capture_ns: exposure, on this machine's monotonic clock; 0 where the source has no stamp.
+    """
+
+    seq: int
+    t_capture_ns: int
+    bodies: tuple[str, ...]
+    pos_mocap_m: Vec3s
+    q_mocap_from_marker: Quats
+    seen: Flags
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LabFrame:
+    """One exposure of the lab's n vehicles in the configuration's order, checked, in `lab` and `flu`.
+
+    Made by the mocap process alone (gcs.mocap.alignment). t_capture_ns: exposure; t_receive_ns: when the mocap process
+    had the raw frame, 0 where there was none; both monotonic. An unseen body keeps any finite pose.
     """
 
     seq: int
@@ -27,6 +43,7 @@ class MocapFrame:
     pos_lab_m: Vec3s
     q_lab_from_flu: Quats
     seen: Flags
+    t_receive_ns: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,8 @@ class Topic:
     drop: Drop
 
 
-MOCAP = Topic("mocap/frame", m.MocapFrame, 100.0, Drop.LATEST_WINS)
+MOCAP = Topic("mocap/frame", m.LabFrame, 100.0, Drop.LATEST_WINS)
+MOCAP_EVENT = Topic("mocap/event", m.Event, 0.1, Drop.NEVER)
 LINK_UP = Topic("link/up", m.Datagram, 300.0, Drop.OLDEST_LOST)
 LINK_DOWN = Topic("link/down", m.Datagram, 300.0, Drop.LATEST_WINS)
 REQUEST = Topic("operator/request", m.OperatorRequest, 0.1, Drop.NEVER)
@@ -41,6 +42,7 @@ TIMING = Topic("timing/loop", m.LoopTiming, 100.0, Drop.OLDEST_LOST)
 
 ALL = (
     MOCAP,
+    MOCAP_EVENT,
     LINK_UP,
     LINK_DOWN,
     REQUEST,

@@ -44,7 +44,7 @@ def run(
     path = log or Path("runs") / f"{config.name}-{clock.unix_us() // 1_000_000}.mcap"
     metadata = {"link": config.link_kinds, "versions": f"mavlink-formation {version('mavlink-formation')}"}
     metadata |= _tags(tag or [])
-    serve(config, path, name, metadata, force, as_json)
+    serve(config, lab, path, name, metadata, force, as_json)
 
 
 def _tags(items: list[str]) -> dict[str, str]:
@@ -53,6 +53,23 @@ def _tags(items: list[str]) -> dict[str, str]:
         if not key or not equals:
             raise typer.BadParameter(f"{key!r} is not KEY=VALUE", param_hint="--tag")
     return {key: value for key, _, value in pairs}
+
+
+@app.command()
+def mocap(
+    lab: LabFile,
+    linger: Annotated[
+        float | None, typer.Option(min=0.0, help="End when nobody has listened for this many seconds.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Be the lab's mocap process: frames of its source in, aligned and checked frames onto the bus, until Ctrl-C.
+
+    `gcs run` starts one where none serves the lab. One that runs by itself outlives every ground.
+    """
+    from gcs.mocap.cli import serve as serve_mocap  # loads a compiled kernel
+
+    serve_mocap(configuration(lab), linger, as_json)
 
 
 operator_cli.register(app)

@@ -12,13 +12,13 @@ import numpy as np
 from formation import arming, safety, topics
 from formation.arrays import Quats, Scalars, Vec3s
 from formation.config import LabConfig
-from formation.control.stack import Stages
+from formation.control.stack import ControlStack, Stages
 from formation.kernel import kernel
 from formation.messages import (
     AttitudeTarget,
     Datagram,
     Event,
-    MocapFrame,
+    LabFrame,
     OperatorReply,
     OperatorRequest,
     Phase,
@@ -38,7 +38,7 @@ from gcs.lateness import Lateness
 from gcs.link_state import HEARTBEAT, NEVER_NS, DroneLink
 from gcs.mocap.autopilot_poses import streams
 from gcs.operator import done_text, formation_refusals, status_text, take_off_refusals
-from gcs.pipeline import Pipeline
+from wire.refusals import Refusals
 
 HEARTBEAT_NS = 1_000_000_000
 POSE_NS = 20_000_000
@@ -66,13 +66,14 @@ class GcsCore:
         self._feeds_pose = config.mocap.source != "mavlink"
         self._drones = tuple(Drone(i, self._link(config, i)) for i in config.commanded)
         self._links = {drone.link.sysid: drone.link for drone in self._drones}
-        self._pipeline = Pipeline(config)
+        self._stack = ControlStack(config, tuple(config.profile_of(vehicle) for vehicle in config.vehicles))
         self._flight = Flight(config, self._drones, t0_ns)
         self._gatherer = FactGatherer(config, self._drones)
         self._watch = safety.start(len(config.vehicles))
         self._lateness = Lateness()
         self._stages: Stages | None = None
-        self._frame: MocapFrame | None = None
+        self._frame: LabFrame | None = None
+        self._bodies = tuple(v.body for v in config.vehicles)
         self._newest_capture_ns = NEVER_NS
         self._requests: list[OperatorRequest] = []
         self._arming_request: int | None = None
@@ -82,6 +83,7 @@ class GcsCore:
         self._pose_due_ns = t0_ns
         self._watchdog_ns = round(WATCHDOG_FRAMES / config.mocap.rate_hz * 1e9)
         self._stale_frames = 0
+        self._refused_frames = Refusals()
         self._strays = 0
 
     def _link(self, config: LabConfig, i: int) -> DroneLink:
@@ -94,10 +96,10 @@ class GcsCore:
         """The swarm's phase."""
         return self._flight.phase
 
-    def receive(self, message: MocapFrame | Datagram | OperatorRequest, now_ns: int) -> None:
+    def receive(self, message: LabFrame | Datagram | OperatorRequest, now_ns: int) -> None:
         """Take one input in. Of frames the newest wins; requests wait for the tick, which is then due at once."""
         match message:
-            case MocapFrame():
+            case LabFrame():
                 self._receive_frame(message, now_ns)
             case Datagram():
                 link = self._links.get(message.sysid)
@@ -139,7 +141,10 @@ class GcsCore:
         t_s = (now_ns - self._t0_ns) * 1e-9
         return status_text(self._flight, self._drones, facts, refusals, self._counters(), t_s, now_ns)
 
-    def _receive_frame(self, frame: MocapFrame, now_ns: int) -> None:
+    def _receive_frame(self, frame: LabFrame, now_ns: int) -> None:
+        if frame.bodies != self._bodies:
+            self._refused_frames.note("mocap", "frame of other bodies than the lab's", now_ns)
+            return
         if frame.t_capture_ns <= self._newest_capture_ns:
             self._stale_frames += 1
             return
@@ -147,17 +152,17 @@ class GcsCore:
         self._lateness.note(frame.seq, now_ns, overtaken=self._frame is not None)
         self._frame, self._due = frame, True
 
-    def _take_frame(self) -> MocapFrame | None:
+    def _take_frame(self) -> LabFrame | None:
         frame, self._frame = self._frame, None
-        return None if frame is None else self._pipeline.align(frame)
+        return frame
 
     def _take_requests(self) -> list[OperatorRequest]:
         requests, self._requests = self._requests, []
         return requests
 
-    def _control(self, frame: MocapFrame, now_ns: int) -> Stages:
+    def _control(self, frame: LabFrame, now_ns: int) -> Stages:
         hover = np.array([drone.link.hover_thrust_norm for drone in self._drones])
-        stages = self._pipeline.step(now_ns, frame, self._flight.plan(), hover)
+        stages = self._stack.step(now_ns, frame, self._flight.plan(), hover)
         state, target = stages.state, stages.target
         if not _all_finite(
             state.pos_lab_m, state.vel_lab_m_s, target.q_lab_from_flu, target.rate_flu_rad_s, target.thrust_norm
@@ -229,7 +234,7 @@ class GcsCore:
             return [OperatorReply(request, True, "every drone is armed")]
         return [OperatorReply(request, False, flight.cause)]
 
-    def _datagrams(self, frame: MocapFrame | None, stages: Stages | None, now_ns: int) -> tuple[Datagram, ...]:
+    def _datagrams(self, frame: LabFrame | None, stages: Stages | None, now_ns: int) -> tuple[Datagram, ...]:
         """One datagram a drone at most, its setpoint first."""
         beat = frame is not None and now_ns >= self._heartbeat_due_ns
         pose = self._feeds_pose and frame is not None and now_ns >= self._pose_due_ns
@@ -265,6 +270,7 @@ class GcsCore:
         flight = self._flight
         records += [(topics.PHASE, change) for change in flight.changes]
         events, flight.events, flight.changes = flight.events, [], []
+        events += self._refused_frames.due(self._tick_ns)
         for drone in self._drones:
             events += self._tell(drone)
         return (*records, *((topics.EVENT, event) for event in events))
@@ -285,7 +291,7 @@ class GcsCore:
             "missed_frames": self._lateness.missed,
             "late_share": round(self._lateness.share, 4),
             "stale_frames": self._stale_frames,
-            "bad_poses": self._pipeline.axes.bad_poses,
+            "refused_frames": self._refused_frames.count,
             "bad_bytes": sum(link.codec.bad_bytes for link in links),
             "bad_packets": sum(link.codec.bad_packets for link in links),
             "lost_packets": sum(link.sequence.lost for link in links),

@@ -16,8 +16,8 @@ from formation.config import LabConfig
 from formation.messages import (
     Datagram,
     Event,
+    LabFrame,
     LoopTiming,
-    MocapFrame,
     OperatorReply,
     OperatorRequest,
     Phase,
@@ -27,11 +27,11 @@ from gcs import GCS_NAME as GCS_NAME
 from gcs.core import GcsCore
 from gcs.links import GroundLinks, open_links
 from gcs.mocap.autopilot_poses import AutopilotPoses
-from gcs.mocap.csv_file import MocapFileError
-from gcs.mocap.source import serve_frames
+from gcs.mocap.service import ServiceError, mocap_service
 from gcs.recording import Input, record_input, record_tick, run_metadata
 from wire import clock
 from wire.mcap_log import LogWriter
+from wire.mocap_bus import MocapBus
 from wire.zenoh_bus import Reply, ZenohBus
 
 STATE_NS = 100_000_000
@@ -58,7 +58,7 @@ class Ground:
         self.links: GroundLinks | None = None
         self._core = core
         self._log = log
-        self._tell = tell
+        self.tell = tell
         self._poses = AutopilotPoses(config) if config.mocap.source == "mavlink" else None
         self._spacing_s = 1.0 / config.mocap.rate_hz
         self._waiting: dict[int, Reply] = {}
@@ -68,7 +68,7 @@ class Ground:
         self._tick_scheduled = False
         self._loop = asyncio.get_running_loop()
 
-    def take_frame(self, frame: MocapFrame) -> None:
+    def take_frame(self, frame: LabFrame) -> None:
         """A frame has come: control at once."""
         now_ns = clock.monotonic_ns()
         self._frame(frame, now_ns)
@@ -108,10 +108,18 @@ class Ground:
                 if overdue:
                     self._note((clock.monotonic_ns() - now_ns) * 1e-9, late=True)
 
-    async def publish_state(self, bus: ZenohBus, name: str) -> None:
-        """Tell the bus how things are, ten times a second; for ever."""
+    def take_mocap_event(self, event: Event) -> None:
+        """The mocap process has something to say."""
+        self._log.write(topics.MOCAP_EVENT, event, clock.monotonic_ns())
+        self.tell(event)
+
+    async def publish_state(self, bus: ZenohBus, mocap: MocapBus, name: str) -> None:
+        """Tell the bus how things are, ten times a second, and what of the mocap could not be read; for ever."""
         while True:
-            bus.publish_state(name, self._core.status(clock.monotonic_ns()))
+            now_ns = clock.monotonic_ns()
+            bus.publish_state(name, self._core.status(now_ns))
+            for event in mocap.refusals.due(now_ns):
+                self.take_mocap_event(event)
             await clock.sleep_until_ns(clock.monotonic_ns() + STATE_NS)
 
     async def land(self) -> None:
@@ -131,7 +139,7 @@ class Ground:
         record_input(self._log.write, message, now_ns)
         self._core.receive(message, now_ns)
 
-    def _frame(self, frame: MocapFrame, now_ns: int) -> None:
+    def _frame(self, frame: LabFrame, now_ns: int) -> None:
         self._input(frame, now_ns)
         self._frame_seq, self._received_ns = frame.seq, now_ns
 
@@ -153,7 +161,7 @@ class Ground:
             self._waiting.pop(reply.id)(reply)
         for topic, message in outgoing.records:
             if topic is topics.EVENT and isinstance(message, Event):
-                self._tell(message)
+                self.tell(message)
         if self._received_ns is not None:
             latency_s = (sent_ns - self._received_ns) * 1e-9
             self._received_ns = None
@@ -179,10 +187,13 @@ class Ended:
     lost_records: int
 
 
-async def run(config: LabConfig, log_path: Path, name: str, metadata: Mapping[str, str], tell: Tell) -> Ended:
+async def run(
+    config: LabConfig, lab_file: Path, log_path: Path, name: str, metadata: Mapping[str, str], tell: Tell
+) -> Ended:
     """Run the ground until SIGINT or SIGTERM; in flight it lands the swarm first, a second signal ends it at once.
 
-    Raises OSError (bus, ports, log), ValueError (a link that is none), MocapFileError, GroundFailure.
+    lab_file: where `config` was read, for the mocap process, if one has to be started.
+    Raises OSError (bus, ports, log), ValueError (a link that is none), ServiceError (no mocap), GroundFailure.
     """
     t0_ns = clock.monotonic_ns()
     core = GcsCore(config, t0_ns)
@@ -191,10 +202,8 @@ async def run(config: LabConfig, log_path: Path, name: str, metadata: Mapping[st
         with LogWriter(log_path, {**run_metadata(config, t0_ns), **metadata}) as log:
             ground = Ground(config, core, log, tell)
             ground.links = await open_links(config, bus, ground.take_datagram)
-            gc.collect()
-            gc.freeze()  # what start-up made lives as long as the process: collections in flight need not look at it
             try:
-                await _serve(config, ground, bus, name)
+                await _serve(config, lab_file, ground, bus, name)
             except BaseExceptionGroup as group:
                 raise _first_failure(group) from group
             finally:
@@ -204,7 +213,7 @@ async def run(config: LabConfig, log_path: Path, name: str, metadata: Mapping[st
         await bus.close()
 
 
-async def _serve(config: LabConfig, ground: Ground, bus: ZenohBus, name: str) -> None:
+async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBus, name: str) -> None:
     """Everything that runs at once, until asked to end or until a part of it fails."""
     loop = asyncio.get_running_loop()
     asked_to_end, failure = asyncio.Event(), loop.create_future()
@@ -222,18 +231,30 @@ async def _serve(config: LabConfig, ground: Ground, bus: ZenohBus, name: str) ->
     loop.set_exception_handler(lambda _, context: fail(context.get("exception") or GroundFailure(context["message"])))
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, on_signal)
+    gc.collect()
+    gc.freeze()  # what start-up made lives as long as the process: collections in flight need not look at it
+    mocap = MocapBus(bus)
+    mocap.on_event(ground.take_mocap_event)
+    if config.mocap.source != "mavlink":  # there the drones' links bring the poses
+        mocap.on_frame(ground.take_frame)
     async with asyncio.TaskGroup() as tasks:
         services = [
             tasks.create_task(_raise_from(failure)),
             tasks.create_task(ground.watch()),
-            tasks.create_task(ground.publish_state(bus, name)),
-            tasks.create_task(serve_frames(config, bus, ground.take_frame)),
+            tasks.create_task(ground.publish_state(bus, mocap, name)),
+            tasks.create_task(_have_mocap(config, lab_file, mocap, ground.tell)),
         ]
         bus.serve(name, ground.take_request)
         await asked_to_end.wait()
         await ground.land()
         for service in services:
             service.cancel()
+
+
+async def _have_mocap(config: LabConfig, lab_file: Path, mocap: MocapBus, tell: Tell) -> None:
+    """See that a mocap process serves the lab; for ever."""
+    async with mocap_service(config, lab_file, mocap, tell):
+        await asyncio.get_running_loop().create_future()
 
 
 async def _raise_from(failure: "asyncio.Future[None]") -> None:
@@ -245,6 +266,6 @@ def _first_failure(group: BaseExceptionGroup[BaseException]) -> BaseException:
     error: BaseException = group
     while isinstance(error, BaseExceptionGroup):
         error = error.exceptions[0]
-    if isinstance(error, GroundFailure | OSError | MocapFileError):
+    if isinstance(error, GroundFailure | OSError | ServiceError):
         return error
     return GroundFailure(f"{type(error).__name__}: {error}")

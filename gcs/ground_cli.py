@@ -4,26 +4,19 @@ import json
 from pathlib import Path
 
 import uvloop
-from rich.console import Console
 
 from formation.config import LabConfig
 from formation.control.margin import DelayMargin, delay_margin
 from formation.control.presets import preset_for
-from formation.messages import Event, Severity
-from gcs.cli_common import NOT_RIGHT, REFUSED, fail
+from gcs.cli_common import NOT_RIGHT, REFUSED, fail, tell, tell_json
 from gcs.daemon import Ended, GroundFailure, run
-from gcs.mocap.csv_file import MocapFileError
+from gcs.mocap.service import ServiceError
 from gcs.warm_up import warm_up
 
-STYLES = {
-    Severity.WARNING: "yellow",
-    Severity.ERROR: "red",
-    Severity.CRITICAL: "bold red",
-    Severity.EMERGENCY: "bold red",
-}
 
-
-def serve(config: LabConfig, log: Path, name: str, metadata: dict[str, str], force: bool, as_json: bool) -> None:
+def serve(
+    config: LabConfig, lab_file: Path, log: Path, name: str, metadata: dict[str, str], force: bool, as_json: bool
+) -> None:
     """Be the ground until told to end; ends the program with its exit code."""
     try:
         margins = delay_margins(config)
@@ -32,8 +25,10 @@ def serve(config: LabConfig, log: Path, name: str, metadata: dict[str, str], for
             fail(f"refused, this would not fly steadily: {reasons} (--force, for simulation only)", REFUSED)
         log.parent.mkdir(parents=True, exist_ok=True)
         warm_up(config)
-        ended = uvloop.run(run(config, log, name, metadata, _tell_json if as_json else _tell))
-    except (MocapFileError, ValueError) as error:
+        ended = uvloop.run(run(config, lab_file, log, name, metadata, tell_json if as_json else tell))
+    except ServiceError as error:
+        fail(str(error), error.code)
+    except ValueError as error:
         fail(str(error), NOT_RIGHT)
     except OSError as error:
         fail(str(error), REFUSED)
@@ -47,16 +42,6 @@ def delay_margins(config: LabConfig) -> tuple[DelayMargin, ...]:
     kinds = {v.profile: config.profile_of(v) for v in config.vehicles if v.sysid is not None}
     name, mocap = config.control_preset, config.mocap
     return tuple(delay_margin(kind, preset_for(name, kind, mocap), mocap) for kind in kinds.values())
-
-
-def _tell(event: Event) -> None:
-    style = STYLES.get(event.severity, "")
-    console = Console(stderr=True)
-    console.print(f"{event.source}: {event.text}", style=style, highlight=False, markup=False, soft_wrap=True)
-
-
-def _tell_json(event: Event) -> None:
-    print(json.dumps({"severity": event.severity.name, "source": event.source, "text": event.text}), flush=True)
 
 
 def _report(ended: Ended, log: Path, as_json: bool) -> None:

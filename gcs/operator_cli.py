@@ -101,9 +101,7 @@ def _ask(verb: Verb, argument: str, lab: Path | None, name: str, timeout_s: floa
 async def _ask_bus(config: LabConfig | None, name: str, request: OperatorRequest, timeout_s: float) -> OperatorReply:
     link = LabConfig.model_fields["link"].get_default() if config is None else config.link
     lab = LabConfig.model_fields["name"].get_default() if config is None else config.name
-    connect = link.zenoh_connect or link.zenoh_listen  # where the ground itself is the hub, ask it there
-    link = link.model_copy(update={"zenoh_listen": (), "zenoh_connect": connect})
-    bus = await ZenohBus.open(link, lab)
+    bus = await ZenohBus.open(link.joined, lab)
     try:
         return await bus.ask(name, request, timeout_s)
     finally:

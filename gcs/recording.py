@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterator
 
 from formation import topics
 from formation.config import LabConfig
-from formation.messages import Datagram, MocapFrame, OperatorRequest, Tick
+from formation.messages import Datagram, LabFrame, OperatorRequest, Tick
 from formation.topics import Topic
 from gcs.core import Outgoing
 
 Record = Callable[[Topic, object, int], None]
-Input = MocapFrame | Datagram | OperatorRequest
+Input = LabFrame | Datagram | OperatorRequest
 
 INPUT_TOPICS = (topics.MOCAP, topics.LINK_UP, topics.REQUEST)
 OUTPUT_TOPICS = (

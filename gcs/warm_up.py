@@ -5,7 +5,7 @@ import numpy as np
 from formation import frames
 from formation.config import LabConfig
 from formation.control import warm_up as control
-from formation.messages import MocapFrame
+from formation.messages import LabFrame
 from formation.relative import lead_from_lab
 from formation.shape import Shape
 from formation.transition import Space, transition
@@ -37,6 +37,6 @@ def _watch_over(config: LabConfig) -> None:
     pos[:, 0] = np.arange(n)
     bodies = tuple(v.body for v in config.vehicles)
     core = GcsCore(config, 0)
-    core.receive(MocapFrame(0, FRAME_NS, bodies, pos, np.tile(frames.IDENTITY, (n, 1)), np.ones(n, np.bool_)), FRAME_NS)
+    core.receive(LabFrame(0, FRAME_NS, bodies, pos, np.tile(frames.IDENTITY, (n, 1)), np.ones(n, np.bool_)), FRAME_NS)
     core.tick(FRAME_NS)
     core.status(FRAME_NS)

@@ -74,7 +74,8 @@ async def running(scenario: Scenario, seed: int, files: Files, force: bool = Fal
     _write(files.scenario, scenario)
     _write(files.lab, scenario.lab)
     async with ProcessGroup(files.folder) as group:
-        await group.start("mocap", "sim", ["mocap", str(files.scenario), "--seed", str(seed)])
+        await group.start("cameras", "sim", ["mocap", str(files.scenario), "--seed", str(seed)])
+        await group.start("mocap", "gcs", ["mocap", str(files.lab)])
         for config in agent_configs(scenario, recorded_leader(scenario)):
             file = files.agent(config.sysid)
             _write(file, config.model_copy(update={"truth_rate_hz": TRUTH_RATE_HZ}))

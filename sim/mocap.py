@@ -1,6 +1,7 @@
 """The motion-capture emulator, sans-IO: true poses in; jittered, noisy, late, sometimes missing frames out.
 
-It speaks the mocap's axes and marker frames, as a real system does: the ground's own edge turns them into lab and flu.
+It speaks the mocap's axes and marker frames, as a real system does: the mocap process turns them into lab and flu.
+Noise is drawn in lab and flu, so that the same flight is the same in a room of any axes.
 """
 
 from collections.abc import Mapping
@@ -12,9 +13,8 @@ from pydantic import Field
 from formation import frames
 from formation.arrays import Bool, Float
 from formation.config import LabConfig
-from formation.messages import MocapFrame, Truth
+from formation.messages import RawFrame, Truth
 from formation.model import Model, Positive
-from formation.quaternion import turn_into
 from sim import optics
 from sim.playback import Playback
 from wire.memory_bus import MemoryLink, random_delay
@@ -80,7 +80,7 @@ class MocapEmulator:
         """When `expose` is due."""
         self._start_ns: int | None = None
         arrival = np.random.default_rng([seed, 2])
-        self._cable = MemoryLink[MocapFrame](
+        self._cable = MemoryLink[RawFrame](
             random_delay(config.delay_s, config.delay_jitter_s, config.lost_share, arrival)
         )
         self._truth = np.zeros((n, 14))
@@ -109,11 +109,11 @@ class MocapEmulator:
             seen &= np.array([body not in hidden for body in self._bodies])
         self._look(t_ns, truths, seen, noise)
         if None not in hidden:
-            self._cable.push(t_ns, MocapFrame(self._seq, t_ns, self._bodies, self._pos.copy(), self._q.copy(), seen))
+            self._cable.push(t_ns, RawFrame(self._seq, t_ns, self._bodies, self._pos.copy(), self._q.copy(), seen))
         self._seq += 1
         self.next_exposure_ns = self._next_exposure_after(t_ns)
 
-    def pop_due(self, now_ns: int) -> list[MocapFrame]:
+    def pop_due(self, now_ns: int) -> list[RawFrame]:
         """The frames that have arrived by now, oldest first."""
         return [frame for _, frame in self._cable.pop_due(now_ns)]
 
@@ -137,8 +137,7 @@ class MocapEmulator:
             started = self._start_ns is not None and t_ns >= self._start_ns
             pos, q = self._leader.pose(t_ns - (self._start_ns or t_ns))
             shown = noise[0] * (0.0 if started and self._leader.recorded else 1.0)
-            self._pos[0] = pos + shown[:3]
-            turn_into(q, shown[3:], self._q[0])
+            optics.blur(pos, q, self._view, self._q_flu_from_marker[0], shown, self._pos[0], self._q[0])
             carried[0] = True
         seen &= carried
 

@@ -1,15 +1,16 @@
-"""The emulated mocap as a process: true poses from the bus in, frames onto the bus, in real time."""
+"""The emulated cameras as a process: true poses from the bus in, raw frames onto the bus, in real time."""
 
 from formation.messages import Truth
 from sim.mocap import MocapEmulator
 from sim.scenario import Scenario, recorded_leader
 from sim.script import Glance
 from wire import clock
+from wire.mocap_bus import MocapBus
 from wire.zenoh_bus import ZenohBus
 
 
 async def serve(scenario: Scenario, seed: int, gcs_name: str) -> None:
-    """Publish frames for ever, as the hub of the lab's bus (BusError where its endpoint is taken).
+    """Publish raw frames for ever, as the hub of the lab's bus (BusError where its endpoint is taken).
 
     A recorded leader sets out when the ground `gcs_name` says that the formation stands.
     """
@@ -27,13 +28,14 @@ async def serve(scenario: Scenario, seed: int, gcs_name: str) -> None:
 
     bus = await ZenohBus.open(hub, scenario.lab.name)
     try:
+        mocap = MocapBus(bus)
         bus.on_truth(take_truth)
         bus.on_state(gcs_name, take_state)
         while True:
             await clock.sleep_until_ns(min(emulator.next_exposure_ns, emulator.next_frame_ns))
             now_ns = clock.monotonic_ns()
             for frame in emulator.pop_due(now_ns):
-                bus.publish_frame(frame)
+                mocap.publish_raw(frame)
             while emulator.next_exposure_ns <= now_ns:
                 emulator.expose(truths)
     finally:

@@ -50,6 +50,8 @@ class TrueVehicle(Model):
     start: Pose | None = None
     vehicle: dict[str, float | bool | Vec3Tuple] = Field(default_factory=dict)
     personality: Literal["px4", "ardupilot"] = "px4"
+    bridged: bool = False
+    """In lockstep: it stands behind a bridge, as a real autopilot does, which alone hears ground and mocap."""
 
 
 class ObservedLeader(Model):

@@ -2,11 +2,23 @@
 
 import asyncio
 import time
+import uuid
+from pathlib import Path
+
+_BOOT = Path("/proc/sys/kernel/random/boot_id")
 
 
 def monotonic_ns() -> int:
     """Nanoseconds on the monotonic clock all control runs on; one clock for every process of a machine."""
     return time.monotonic_ns()
+
+
+def name() -> bytes:
+    """Which clock `monotonic_ns` reads: the same name means the same clock, another one means another machine's."""
+    try:
+        return _BOOT.read_bytes().strip()
+    except OSError:  # no Linux: the machine's own number, though its clock starts anew with each boot
+        return f"{uuid.getnode():x}".encode()
 
 
 def unix_us() -> int:

@@ -39,7 +39,7 @@ class View:
     spacing_ns: int
 
 
-def _poses(frame: m.MocapFrame, t_ns: int) -> bytes:
+def _poses(frame: m.LabFrame, t_ns: int) -> bytes:
     poses = PosesInFrame(timestamp=_stamp(t_ns), frame_id=_LAB)
     for (x, y, z), (qw, qx, qy, qz) in zip(frame.pos_lab_m.tolist(), frame.q_lab_from_flu.tolist(), strict=True):
         pose = poses.poses.add()
@@ -50,7 +50,7 @@ def _poses(frame: m.MocapFrame, t_ns: int) -> bytes:
     return data
 
 
-def _transforms(frame: m.MocapFrame, t_ns: int) -> bytes:
+def _transforms(frame: m.LabFrame, t_ns: int) -> bytes:
     transforms = FrameTransforms()
     stamp = _stamp(t_ns)
     rows = zip(frame.bodies, frame.pos_lab_m.tolist(), frame.q_lab_from_flu.tolist(), strict=True)
@@ -80,7 +80,7 @@ def _view(channel: str, message: type[Any], encode: Callable[[Any, int], bytes],
 
 def views_of(message: type) -> tuple[View, ...]:
     """The Foxglove views of one of our message types; most have none."""
-    if message is m.MocapFrame:
+    if message is m.LabFrame:
         spacing_ns = 30_000_000
         return (
             _view("foxglove/poses", PosesInFrame, _poses, spacing_ns),

@@ -1,6 +1,6 @@
-"""The lab's bus over Zenoh: MAVLink, poses, truth, state and operator requests, by key.
+"""The lab's bus over Zenoh: MAVLink, truth, state and operator requests, by key; poses are wire.mocap_bus's.
 
-    <lab>/uav/<sysid>/mavlink/{down,up}   <lab>/mocap/frame   <lab>/sim/<sysid>/truth
+    <lab>/uav/<sysid>/mavlink/{down,up}   <lab>/sim/<sysid>/truth
     <lab>/gcs/<name>/state                <lab>/gcs/<name>/do   (a queryable)
 
 Peers with explicit endpoints and no multicast. Each listens on a port of its own and learns of the others by
@@ -18,7 +18,7 @@ from typing import TypeVar
 import zenoh
 
 from formation.config import LinkConfig
-from formation.messages import Datagram, MocapFrame, OperatorReply, OperatorRequest, Truth
+from formation.messages import Datagram, OperatorReply, OperatorRequest, Truth
 from wire.inbox import Inbox, on_loop
 from wire.link import Deliver, LinkCounters
 from wire.schema import Schema, SchemaError, schema_of
@@ -27,7 +27,6 @@ T = TypeVar("T")
 Reply = Callable[[OperatorReply], None]
 Handler = Callable[[OperatorRequest, Reply], None]
 
-_FRAME: Schema[MocapFrame] = schema_of(MocapFrame)
 _TRUTH: Schema[Truth] = schema_of(Truth)
 _REQUEST: Schema[OperatorRequest] = schema_of(OperatorRequest)
 _REPLY: Schema[OperatorReply] = schema_of(OperatorReply)
@@ -86,6 +85,7 @@ class ZenohBus:
         self._loop = asyncio.get_running_loop()
         self._inboxes: list[Inbox[zenoh.Sample]] = []
         self._publishers: dict[str, zenoh.Publisher] = {}
+        self._tokens: list[zenoh.LivelinessToken] = []
 
     @classmethod
     async def open(cls, config: LinkConfig, lab: str) -> "ZenohBus":
@@ -114,17 +114,43 @@ class ZenohBus:
         """The drone's own end."""
         return self._link([sysid], "up", "down", deliver)
 
-    def publish_frame(self, frame: MocapFrame) -> None:
-        """Publish one exposure."""
-        self._put("mocap/frame", _FRAME.encode(frame))
+    def put(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
+        """Publish bytes on a key of the lab; dropped and counted where there is no room."""
+        try:
+            self._publisher_of(key).put(payload, attachment=attachment)
+            self.counters.sent += 1
+        except zenoh.ZError:
+            self.counters.dropped += 1
 
-    def on_frame(self, callback: Callable[[MocapFrame], None]) -> None:
-        """Call back with each frame; the latest wins where the loop is late."""
-        self._subscribe("mocap/frame", _FRAME, callback, limit=1)
+    def listen(self, key: str, take: Callable[[zenoh.Sample], None], limit: int) -> None:
+        """Hand over what comes on a key of the lab; at most `limit` wait, the oldest is lost."""
+        inbox = Inbox(self._loop, take, self.counters, limit)
+        self._inboxes.append(inbox)
+        self._session.declare_subscriber(f"{self.lab}/{key}", zenoh.handlers.Callback(inbox.put))
+
+    def is_heard(self, key: str) -> bool:
+        """Whether anybody listens to what we publish on the key."""
+        return bool(self._publisher_of(key).matching_status)
+
+    def declare_token(self, key: str) -> None:
+        """Be known under the key for as long as this process is on the bus."""
+        self._tokens.append(self._session.liveliness().declare_token(f"{self.lab}/{key}"))
+
+    def watch_tokens(self, key: str, take: Callable[[zenoh.Sample], None]) -> Callable[[], None]:
+        """Hand over the tokens that are there, come and go; call the result to end it."""
+        inbox = Inbox(self._loop, take, self.counters, _QUEUED)
+        callback = zenoh.handlers.Callback(inbox.put)
+        subscriber = self._session.liveliness().declare_subscriber(f"{self.lab}/{key}", callback, history=True)
+
+        def close() -> None:
+            inbox.close()
+            subscriber.undeclare()  # type: ignore[no-untyped-call]
+
+        return close
 
     def publish_truth(self, truth: Truth) -> None:
         """Publish a simulated vehicle's true state."""
-        self._put(f"sim/{truth.sysid}/truth", _TRUTH.encode(truth))
+        self.put(f"sim/{truth.sysid}/truth", _TRUTH.encode(truth))
 
     def on_truth(self, callback: Callable[[Truth], None]) -> None:
         """Call back with the true state of every simulated vehicle."""
@@ -132,7 +158,7 @@ class ZenohBus:
 
     def publish_state(self, gcs_name: str, text: str) -> None:
         """Publish the ground's state, in words of its own."""
-        self._put(f"gcs/{gcs_name}/state", text.encode())
+        self.put(f"gcs/{gcs_name}/state", text.encode())
 
     def on_state(self, gcs_name: str, callback: Callable[[str], None]) -> None:
         """Call back with the state of the ground `gcs_name`; the latest wins."""
@@ -140,7 +166,7 @@ class ZenohBus:
         def take(sample: zenoh.Sample) -> None:
             callback(sample.payload.to_bytes().decode(errors="replace"))
 
-        self._listen(f"gcs/{gcs_name}/state", take, limit=1)
+        self.listen(f"gcs/{gcs_name}/state", take, limit=1)
 
     def serve(self, gcs_name: str, handler: Handler) -> None:
         """Answer operators' requests as the ground `gcs_name`: `handler(request, reply)`, reply once, now or later."""
@@ -177,6 +203,13 @@ class ZenohBus:
         publishers = {sysid: self._publisher(f"{base}/{sysid}/mavlink/{out}") for sysid in sysids}
         return ZenohLink(publishers, [listen(sysid) for sysid in sysids], inbox, counters)
 
+    def _publisher_of(self, key: str) -> zenoh.Publisher:
+        """The publisher of a key of the lab, made once."""
+        publisher = self._publishers.get(key)
+        if publisher is None:
+            publisher = self._publishers[key] = self._publisher(f"{self.lab}/{key}")
+        return publisher
+
     def _publisher(self, key: str) -> zenoh.Publisher:
         return self._session.declare_publisher(
             key,
@@ -184,16 +217,6 @@ class ZenohBus:
             priority=zenoh.Priority.REAL_TIME,
             express=False,
         )
-
-    def _put(self, key: str, payload: bytes) -> None:
-        try:
-            publisher = self._publishers.get(key)
-            if publisher is None:
-                publisher = self._publishers[key] = self._publisher(f"{self.lab}/{key}")
-            publisher.put(payload)
-            self.counters.sent += 1
-        except zenoh.ZError:
-            self.counters.dropped += 1
 
     def _subscribe(self, key: str, schema: Schema[T], callback: Callable[[T], None], limit: int) -> None:
         def take(sample: zenoh.Sample) -> None:
@@ -204,12 +227,7 @@ class ZenohBus:
                 return
             callback(message)
 
-        self._listen(key, take, limit)
-
-    def _listen(self, key: str, take: Callable[[zenoh.Sample], None], limit: int) -> None:
-        inbox = Inbox(self._loop, take, self.counters, limit)
-        self._inboxes.append(inbox)
-        self._session.declare_subscriber(f"{self.lab}/{key}", zenoh.handlers.Callback(inbox.put))
+        self.listen(key, take, limit)
 
     def _handle(self, key: str, query: zenoh.Query, handler: Handler) -> None:
         """One query: its handler gets a `reply` that answers and ends it."""

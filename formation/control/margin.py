@@ -13,7 +13,7 @@ from formation.arrays import Float
 from formation.config import Fence, FollowerConfig, LabConfig, LeaderConfig, LimitsConfig, MocapConfig
 from formation.control.presets import Preset
 from formation.control.stack import ControlStack
-from formation.messages import AttitudeTarget, MocapFrame
+from formation.messages import AttitudeTarget, LabFrame
 from formation.reference import Leg, Mode, Plan
 from formation.response import answer, no_history, remember
 from formation.rigid_body import GRAVITY_M_S2
@@ -124,7 +124,7 @@ def kicked_hover(
     return path
 
 
-def _frame(seq: int, t_ns: int, pos_lab_m: Float, force: Float) -> MocapFrame:
+def _frame(seq: int, t_ns: int, pos_lab_m: Float, force: Float) -> LabFrame:
     """What perfect cameras see of the point: its body z lies along the force it feels."""
     z = force / np.linalg.norm(force)
     tilt = np.array([-z[1], z[0], 0.0])
@@ -132,9 +132,7 @@ def _frame(seq: int, t_ns: int, pos_lab_m: Float, force: Float) -> MocapFrame:
     turn = tilt / sine * np.arctan2(sine, z[2]) if sine > 0.0 else tilt
     q = np.stack([frames.IDENTITY, frames.from_rotation_vector(turn)])
     bodies = (OBSERVED, "margin/follower")
-    return MocapFrame(
-        seq, t_ns, bodies, np.stack([np.array([5.0, 5.0, 0.0]), pos_lab_m]), q, np.ones(2, dtype=np.bool_)
-    )
+    return LabFrame(seq, t_ns, bodies, np.stack([np.array([5.0, 5.0, 0.0]), pos_lab_m]), q, np.ones(2, dtype=np.bool_))
 
 
 def _felt(target: AttitudeTarget, profile: VehicleProfile) -> Float:

@@ -13,7 +13,7 @@ from formation.control.presets import Preset, preset_for
 from formation.control.settings import attitude_settings, estimator_settings, law_settings
 from formation.course import Course, Guidance, crew, depart, evaluate, steer
 from formation.estimate import EstimatorState, estimate, initial, swarm_state
-from formation.messages import AttitudeTarget, Command, MocapFrame, Reference, SwarmState
+from formation.messages import AttitudeTarget, Command, LabFrame, Reference, SwarmState
 from formation.reference import Mode, Plan
 from formation.response import SECONDS, History, no_history, remember
 from formation.rigid_body import GRAVITY_M_S2
@@ -61,7 +61,7 @@ class ControlStack:
         self._course: Course | None = None
         self._last_ns = 0
 
-    def step(self, t_now_ns: int, frame: MocapFrame, plan: Plan, hover_thrust_norm: Scalars) -> Stages:
+    def step(self, t_now_ns: int, frame: LabFrame, plan: Plan, hover_thrust_norm: Scalars) -> Stages:
         """One tick at t_now_ns (>= the frame's capture) on the newest frame, bodies in the order of the config.
 
         A frame already seen is predicted on from. hover_thrust_norm (m): what hovers each vehicle, as known so far.
@@ -95,7 +95,7 @@ class ControlStack:
             _target(target, state.t_ns),
         )
 
-    def _begin(self, frame: MocapFrame, plan: Plan) -> EstimatorState:
+    def _begin(self, frame: LabFrame, plan: Plan) -> EstimatorState:
         """The first estimate; vehicles not idle are taken to hover, as after a restart in flight."""
         flying = np.zeros(len(frame.bodies), dtype=np.bool_)
         flying[self._commanded] = [leg.mode is not Mode.IDLE for leg in plan.legs]

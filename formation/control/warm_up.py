@@ -5,7 +5,7 @@ import numpy as np
 from formation import frames
 from formation.config import LabConfig
 from formation.control.stack import ControlStack
-from formation.messages import MocapFrame
+from formation.messages import LabFrame
 from formation.reference import IDLE, Leg, Mode, Plan
 from formation.shape import configured
 from formation.vehicle import VehicleProfile
@@ -30,5 +30,5 @@ def warm_up(config: LabConfig, profiles: tuple[VehicleProfile, ...]) -> None:
     )
     for k, (leg, height_m) in enumerate(zip(legs, HEIGHTS_M, strict=True)):
         pos = np.column_stack([np.arange(n, dtype=np.float64), np.zeros(n), np.full(n, height_m)])
-        frame = MocapFrame(k, (k + 1) * FRAME_NS, bodies, pos, q, np.ones(n, dtype=np.bool_))
+        frame = LabFrame(k, (k + 1) * FRAME_NS, bodies, pos, q, np.ones(n, dtype=np.bool_))
         stack.step((k + 1) * FRAME_NS + FRAME_NS // 2, frame, Plan((leg,) * m, shape, FRAME_NS), hover)

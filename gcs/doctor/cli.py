@@ -12,9 +12,9 @@ import uvloop
 from rich.console import Console
 
 from formation.config import LabConfig
-from gcs.cli_common import NOT_RIGHT, REFUSED, Json, LabFile, configuration, fail
+from gcs.cli_common import NOT_RIGHT, REFUSED, Json, LabFile, configuration, fail, tell
 from gcs.doctor.finding import Finding, as_dicts, failed, show
-from gcs.mocap.csv_file import MocapFileError
+from gcs.mocap.service import ServiceError
 
 if TYPE_CHECKING:
     from gcs.doctor.survey import Survey
@@ -34,8 +34,10 @@ def doctor(
     """Check mocap, axes, links, clocks and parameters before a motor turns. Exit code 1 if any check fails."""
     config = configuration(lab)
     try:
-        findings = uvloop.run(_doctor(config, seconds, still, as_json, _Fixing(fix, yes)))
-    except (MocapFileError, ValueError) as error:
+        findings = uvloop.run(_doctor(config, lab, seconds, still, as_json, _Fixing(fix, yes)))
+    except ServiceError as error:
+        fail(str(error), error.code)
+    except ValueError as error:
         fail(str(error), NOT_RIGHT)
     except OSError as error:
         fail(str(error), REFUSED)
@@ -55,7 +57,9 @@ def logs(
     config = configuration(lab)
     out.mkdir(parents=True, exist_ok=True)
     try:
-        problems = uvloop.run(_logs(config, out, newest, sysid))
+        problems = uvloop.run(_logs(config, lab, out, newest, sysid))
+    except ServiceError as error:
+        fail(str(error), error.code)
     except (OSError, ValueError) as error:
         fail(str(error), NOT_RIGHT)
     for problem in problems:
@@ -78,10 +82,12 @@ class _Fixing:
         return self._unasked or typer.confirm(question, err=True)
 
 
-async def _doctor(config: LabConfig, seconds: float, still: bool, as_json: bool, fixing: _Fixing) -> Sequence[Finding]:
+async def _doctor(
+    config: LabConfig, lab_file: Path, seconds: float, still: bool, as_json: bool, fixing: _Fixing
+) -> Sequence[Finding]:
     from gcs.doctor.survey import examine, surveying  # loads MAVSDK
 
-    async with surveying(config) as survey:
+    async with surveying(config, lab_file, tell) as survey:
         findings = await examine(config, max(seconds, SETTLE_S), None if still else _prompt, survey)
         if not as_json:
             show(findings, Console(width=None if sys.stdout.isatty() else WIDTH))
@@ -103,12 +109,12 @@ async def _write(survey: "Survey", findings: Sequence[Finding], fixing: _Fixing)
         print("Restart the autopilots, some parameters count from there; then ask the doctor again.", file=sys.stderr)
 
 
-async def _logs(config: LabConfig, out: Path, newest: int, only: list[int] | None) -> list[str]:
+async def _logs(config: LabConfig, lab_file: Path, out: Path, newest: int, only: list[int] | None) -> list[str]:
     from gcs.doctor.mavsdk_drone import DroneError
     from gcs.doctor.survey import surveying  # loads MAVSDK
 
     problems = []
-    async with surveying(config) as survey:
+    async with surveying(config, lab_file, tell) as survey:
         await asyncio.sleep(SETTLE_S)
         for vehicle in config.vehicles:
             if vehicle.sysid is None or (only and vehicle.sysid not in only):

@@ -6,12 +6,11 @@ import numpy as np
 
 from formation.arrays import Bool, Float
 from formation.config import LabConfig
-from formation.messages import MocapFrame
-from formation.mocap_axes import MocapAxes
+from formation.messages import LabFrame
 from formation.safety import nearest, outside_box
 from gcs.doctor.finding import Finding, Grade, graded
 
-Received = tuple[int, MocapFrame]
+Received = tuple[int, LabFrame]
 
 RATE_WITHIN = 0.1
 JITTER_SHARE, LOST_SHARE, SEEN_SHARE = 0.5, 0.02, 0.95
@@ -23,19 +22,17 @@ FLOOR_M = 0.1
 MOCAP = "mocap"
 
 
-def check_mocap(config: LabConfig, received: Sequence[Received]) -> tuple[Finding, ...]:
-    """Judge frames, each with the time it was received, ns; the mocap's own axes and body names."""
+def check_mocap(config: LabConfig, received: Sequence[Received], unknown: Sequence[str] = ()) -> tuple[Finding, ...]:
+    """Judge frames, each with the time it was received, ns; unknown: bodies that the mocap has beside the lab's."""
     if len(received) < 10:
         found = f"{len(received)} frames"
         return (Finding(MOCAP, "frames", Grade.FAIL, found, "a stream", "no mocap, or not on this bus"),)
-    axes = MocapAxes(config.mocap, config.vehicles)
-    aligned = [axes.align(frame) for _, frame in received]
-    pos = np.stack([frame.pos_lab_m for frame in aligned])
-    q = np.stack([frame.q_lab_from_flu for frame in aligned])
-    seen = np.stack([frame.seen for frame in aligned])
+    pos = np.stack([frame.pos_lab_m for _, frame in received])
+    q = np.stack([frame.q_lab_from_flu for _, frame in received])
+    seen = np.stack([frame.seen for _, frame in received])
     return (
         *_timing(config, received),
-        *_bodies(config, received, seen),
+        *_bodies(config, seen, unknown),
         *_rest(config, pos, q, seen),
         *_places(config, pos, seen),
     )
@@ -68,14 +65,11 @@ def _timing(config: LabConfig, received: Sequence[Received]) -> Iterator[Finding
     )  # fmt: skip
 
 
-def _bodies(config: LabConfig, received: Sequence[Received], seen: Bool) -> Iterator[Finding]:
-    named = {body for _, frame in received for body in frame.bodies}
-    strangers = sorted(named - {vehicle.body for vehicle in config.vehicles})
+def _bodies(config: LabConfig, seen: Bool, unknown: Sequence[str]) -> Iterator[Finding]:
+    others = f"; the mocap also has {', '.join(sorted(unknown))}" if unknown else ""
     for i, vehicle in enumerate(config.vehicles):
         share = float(seen[:, i].mean())
-        why = "no such body" + (f"; the mocap has {', '.join(strangers)}" if strangers else "")
-        if vehicle.body in named:
-            why = "occluded, or too few markers"
+        why = "occluded, too few markers, or named otherwise" + others
         yield graded(vehicle.body, "seen", f"{share:.0%} of frames", "over 95%", share >= SEEN_SHARE, why, share > 0.5)
 
 

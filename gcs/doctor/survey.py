@@ -4,12 +4,12 @@ import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from formation.config import LabConfig
-from formation.messages import Datagram, MocapFrame
-from formation.mocap_axes import MocapAxes
+from formation.messages import Datagram, LabFrame
 from gcs.doctor.axes_checks import Look, Moves, check_axes
 from gcs.doctor.drone_checks import DroneReport, check_drone
 from gcs.doctor.finding import Finding, Fix
@@ -26,8 +26,10 @@ from gcs.doctor.mocap_checks import Received, check_mocap
 from gcs.link_state import HEARTBEAT, DroneLink
 from gcs.links import GroundLinks, open_links
 from gcs.mocap.autopilot_poses import AutopilotPoses, streams
-from gcs.mocap.source import serve_frames
+from gcs.mocap.service import mocap_service
 from wire import clock
+from wire.lifetime import Tell
+from wire.mocap_bus import MocapBus
 from wire.zenoh_bus import ZenohBus
 
 LOOK_NS = 300_000_000
@@ -50,6 +52,8 @@ class Survey:
     def __init__(self, config: LabConfig) -> None:
         self.config = config
         self.received: list[Received] = []
+        self.unknown_bodies: tuple[str, ...] = ()
+        self._names = tuple(v.body for v in config.vehicles)
         self.links: GroundLinks | None = None
         self._feeds_pose = config.mocap.source != "mavlink"
         self._poses = None if self._feeds_pose else AutopilotPoses(config)
@@ -61,9 +65,14 @@ class Survey:
         self._ports: dict[int, MavsdkPort] = {}
         self._beat_ns = 0
 
-    def take_frame(self, frame: MocapFrame) -> None:
-        """A frame has come."""
-        self.received.append((clock.monotonic_ns(), frame))
+    def take_frame(self, frame: LabFrame) -> None:
+        """A frame has come; one of other bodies is another lab's."""
+        if frame.bodies == self._names:
+            self.received.append((clock.monotonic_ns(), frame))
+
+    def take_mocap_state(self, state: dict[str, Any]) -> None:
+        """The mocap process says how it is doing."""
+        self.unknown_bodies = tuple(str(name) for name in state.get("unknown_bodies", ()))
 
     def take_datagram(self, datagram: Datagram) -> None:
         """A drone has spoken: to our own link, to MAVSDK where it listens, and as its own mocap where it is that."""
@@ -105,14 +114,12 @@ class Survey:
         """All bodies over the next moment: mean positions, newest attitudes; zeros for one that is not seen."""
         self.received.clear()
         await asyncio.sleep(LOOK_NS * 1e-9)
-        axes = MocapAxes(self.config.mocap, self.config.vehicles)
         n = len(self.config.vehicles)
         pos, count, q = np.zeros((n, 3)), np.zeros(n), np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
         for _, frame in self.received:
-            aligned = axes.align(frame)
-            pos[aligned.seen] += aligned.pos_lab_m[aligned.seen]
-            q[aligned.seen] = aligned.q_lab_from_flu[aligned.seen]
-            count += aligned.seen
+            pos[frame.seen] += frame.pos_lab_m[frame.seen]
+            q[frame.seen] = frame.q_lab_from_flu[frame.seen]
+            count += frame.seen
         return Look(pos / np.maximum(count, 1.0)[:, None], q)
 
     async def have_moved(self, prompt: Prompt) -> tuple[Moves, ...]:
@@ -188,15 +195,19 @@ class Survey:
 
 
 @asynccontextmanager
-async def surveying(config: LabConfig) -> AsyncIterator[Survey]:
+async def surveying(config: LabConfig, lab_file: Path, tell: Tell) -> AsyncIterator[Survey]:
     """A survey of the lab, its links open and pumped. Raises what opening the bus, the links and the mocap raises."""
     bus = await ZenohBus.open(config.link, config.name)
     survey = Survey(config)
     tasks: list[asyncio.Task[None]] = []
     try:
         survey.links = await open_links(config, bus, survey.take_datagram)
-        tasks = [asyncio.create_task(serve_frames(config, bus, survey.take_frame)), asyncio.create_task(survey.pump())]
-        yield survey
+        tasks = [asyncio.create_task(survey.pump())]
+        mocap = MocapBus(bus)
+        mocap.on_frame(survey.take_frame)
+        mocap.on_state(survey.take_mocap_state)
+        async with mocap_service(config, lab_file, mocap, tell):
+            yield survey
     finally:
         for task in tasks:
             task.cancel()
@@ -211,7 +222,7 @@ async def examine(config: LabConfig, listen_s: float, prompt: Prompt | None, sur
     await survey.settle()
     survey.received.clear()
     await asyncio.sleep(listen_s)
-    findings = [*check_mocap(config, survey.received)]
+    findings = [*check_mocap(config, survey.received, survey.unknown_bodies)]
     if prompt is not None:
         findings += check_axes(config, await survey.have_moved(prompt))
     findings += await survey.check_drones()

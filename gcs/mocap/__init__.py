@@ -1,1 +1,4 @@
-"""Mocap sources: each turns one system's bytes into MocapFrame, in that system's own axes and marker frames."""
+"""The mocap process: one file a source, each making RawFrame; one alignment into LabFrame; one door onto the bus.
+
+source -> RawFrame -> check, alignment (MocapCore) -> LabFrame -> bus -> ground, agents, bridges, tools
+"""

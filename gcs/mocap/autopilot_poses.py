@@ -12,19 +12,18 @@ import numpy as np
 from formation.arrays import Quat, Vec3
 from formation.config import LabConfig
 from formation.frames import IDENTITY
-from formation.messages import Datagram, MocapFrame
+from formation.messages import Datagram, LabFrame
 from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
 from wire.link_messages.motion import AttitudeQuaternion, LocalPosition, SimTruth
 from wire.link_messages.packet import LinkMessage
 from wire.mavlink import Codec
+from wire.sender_clock import SenderClock
 
 EARTH_RADIUS_M = 6_371_000.0
 SMOOTHING_S = 0.2
 AWAIT_TRUTH_NS = 3_000_000_000  # asked for once its heartbeat is heard, among much else
 CARRIED_PERIODS = 2.5
 LOST_NS = 500_000_000
-RESTART_NS = 1_000_000_000
-DRIFT = 1e-4
 HIL_STATE_QUATERNION, SIM_STATE, LOCAL_POSITION_NED, ATTITUDE_QUATERNION = 115, 108, 32, 31
 
 
@@ -42,29 +41,6 @@ def streams(config: LabConfig) -> tuple[tuple[int, float], ...]:
 
 
 @dataclass(slots=True)
-class _SenderClock:
-    """When a message was made, on our clock, from the sender's stamp: the quickest one ever heard sets the difference.
-
-    What waited in a queue, here or on the way, is told by its stamp, not by its arrival.
-    """
-
-    least_ns: int | None = None
-    stamp_ns: int = 0
-    heard_ns: int = 0
-
-    def made_ns(self, stamp_ns: int, now_ns: int) -> int:
-        """The time on our clock; `now_ns` itself for the quickest message. A stamp that goes back is a restart."""
-        lag_ns = now_ns - stamp_ns
-        if self.least_ns is None or stamp_ns < self.stamp_ns - RESTART_NS:
-            self.least_ns = lag_ns
-        else:
-            drift_ns = round((now_ns - self.heard_ns) * DRIFT)
-            self.least_ns = min(self.least_ns + drift_ns, lag_ns)
-        self.stamp_ns, self.heard_ns = stamp_ns, now_ns
-        return now_ns - (lag_ns - self.least_ns)
-
-
-@dataclass(slots=True)
 class _Body:
     """One drone's pose as it tells it, from its first truth on, or from AWAIT_TRUTH_NS on where none comes.
 
@@ -72,7 +48,7 @@ class _Body:
     """
 
     spawn_lab_m: Vec3
-    clock: _SenderClock = field(default_factory=_SenderClock)
+    clock: SenderClock = field(default_factory=SenderClock)
     codec: Codec = field(default_factory=lambda: Codec(GROUND))
     pos_lab_m: Vec3 | None = None
     vel_lab_m_s: Vec3 = field(default_factory=lambda: np.zeros(3))
@@ -140,7 +116,7 @@ class AutopilotPoses:
         self._seq = 0
         self._frame_ns = 0
 
-    def receive(self, datagram: Datagram, now_ns: int) -> MocapFrame | None:
+    def receive(self, datagram: Datagram, now_ns: int) -> LabFrame | None:
         """Take one datagram in; the next frame, if it is time for one."""
         body = self._bodies.get(datagram.sysid)
         if body is None:
@@ -155,7 +131,7 @@ class AutopilotPoses:
         fresh = [b.fresh for b in alive]
         return any(fresh) and (all(fresh) or now_ns - self._frame_ns >= self._longest_ns)
 
-    def _frame(self, now_ns: int) -> MocapFrame:
+    def _frame(self, now_ns: int) -> LabFrame:
         """All at one moment; one whose message is late is carried on by its velocity, for a little while."""
         n = len(self._names)
         pos, q, seen = np.zeros((n, 3)), np.tile(IDENTITY, (n, 1)), np.zeros(n, np.bool_)
@@ -168,4 +144,4 @@ class AutopilotPoses:
             if made_ns - body.pos_ns <= self._carried_ns:
                 pos[i], q[i], seen[i] = body.at(made_ns), body.q_lab_from_flu, True
         self._seq, self._frame_ns = self._seq + 1, now_ns
-        return MocapFrame(self._seq, made_ns - self._delay_ns, self._names, pos, q, seen)
+        return LabFrame(self._seq, made_ns - self._delay_ns, self._names, pos, q, seen)

@@ -1,4 +1,4 @@
-"""Where frames come from in flight: the lab's bus, or a recording played in real time."""
+"""Where frames come from: whoever publishes raw frames on the lab's bus, or a recording played in real time."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -8,30 +8,27 @@ import numpy as np
 
 from formation import topics
 from formation.config import LabConfig
-from formation.messages import MocapFrame
+from formation.messages import LabFrame, RawFrame
 from gcs.mocap.csv_file import MocapFileError, read_recording
 from wire import clock
 from wire.mcap_log import LogError, read_log
-from wire.zenoh_bus import ZenohBus
 
-Deliver = Callable[[MocapFrame], None]
-Timed = tuple[int, MocapFrame]
+Frame = RawFrame | LabFrame
+"""A flight's log holds frames that were aligned when it was flown."""
+Deliver = Callable[[Frame], None]
+Timed = tuple[int, Frame]
 
 
-async def serve_frames(config: LabConfig, bus: ZenohBus, deliver: Deliver) -> None:
-    """Deliver every frame of the configured source as it comes; a recording ends, the bus does not.
-
-    Raises MocapFileError.
-    """
-    mocap = config.mocap
-    if mocap.source == "mavlink":
-        return  # the drones' links bring the poses
-    if mocap.source == "zenoh":
-        bus.on_frame(deliver)
-        return
-    path = Path(mocap.file or "")
-    played = csv_frames(path, config) if mocap.source == "csv" else mcap_frames(path)
-    await play(played, round(mocap.delay_s * 1e9), deliver)
+def recording(config: LabConfig) -> list[Timed] | None:
+    """The frames of a source that is a file, each with its time since the first, ns; else None. MocapFileError."""
+    path = Path(config.mocap.file or "")
+    match config.mocap.source:
+        case "csv":
+            return csv_frames(path, config)
+        case "mcap":
+            return mcap_frames(path)
+        case _:
+            return None
 
 
 async def play(frames: Sequence[Timed], delay_ns: int, deliver: Deliver) -> None:
@@ -44,12 +41,12 @@ async def play(frames: Sequence[Timed], delay_ns: int, deliver: Deliver) -> None
 
 def csv_frames(path: Path, config: LabConfig) -> list[Timed]:
     """The leader's recorded poses as frames in the mocap's axes, at their own stamps."""
-    recording = read_recording(path)
+    recorded = read_recording(path)
     bodies, seen = (config.leader.body,), np.ones(1, np.bool_)
     return [
-        (int(t_ns), MocapFrame(seq, int(t_ns), bodies, pos[None], q[None], seen))
+        (int(t_ns), RawFrame(seq, int(t_ns), bodies, pos[None], q[None], seen))
         for seq, (t_ns, pos, q) in enumerate(
-            zip(recording.t_ns, recording.pos_mocap_m, recording.q_mocap_from_marker, strict=True)
+            zip(recorded.t_ns, recorded.pos_mocap_m, recorded.q_mocap_from_marker, strict=True)
         )
     ]
 

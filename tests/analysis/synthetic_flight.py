@@ -13,8 +13,8 @@ from formation.messages import (
     Command,
     Datagram,
     Event,
+    LabFrame,
     LoopTiming,
-    MocapFrame,
     OperatorRequest,
     Phase,
     PhaseChange,
@@ -97,10 +97,8 @@ def _cycle(recipe: Recipe, seq: int, rng: np.random.Generator) -> Iterator[Recor
     t_s = seq / RATE_HZ
     now_ns = t_ns(t_s) + 4_000_000
     pos, vel, acc, q = _world(recipe, t_s)
-    order = list(recipe.bodies)
-    names = tuple(LAB.vehicles[i].body for i in order)
-    seen = np.ones(3, dtype=np.bool_)
-    frame = MocapFrame(seq, t_ns(t_s), names, pos[order], q[order], seen[order])
+    names = tuple(vehicle.body for vehicle in LAB.vehicles)
+    frame = LabFrame(seq, t_ns(t_s), names, pos, q, np.ones(3, dtype=np.bool_), now_ns - 200_000)
     yield Record(topics.MOCAP, now_ns, frame)
     zero, flat = np.zeros((3, 3)), np.zeros(3)
     yaw = frames.yaw(q)

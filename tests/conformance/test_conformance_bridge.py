@@ -13,7 +13,7 @@ import pytest
 from conformance_agent import START_S, agent, free_tcp_port
 
 from formation.config import LinkConfig
-from formation.messages import Datagram, MocapFrame
+from formation.messages import Datagram, LabFrame
 from wire.clock import monotonic_ns
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.clocks import TimeSync
@@ -22,6 +22,7 @@ from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
 from wire.link_messages.status import Heartbeat, NamedValue, StatusText
 from wire.mavlink import Codec
+from wire.mocap_bus import MocapBus
 from wire.zenoh_bus import ZenohBus
 
 pytestmark = [pytest.mark.processes, pytest.mark.timeout(180)]
@@ -38,6 +39,7 @@ class Ground:
         self.heard: list[LinkMessage] = []
         self._news = asyncio.Event()
         self._link = bus.ground_link([5], self._take)
+        self._mocap = MocapBus(bus)
         self.thrust: float | None = None
 
     def _take(self, datagram: Datagram) -> None:
@@ -55,7 +57,7 @@ class Ground:
         for seq in range(1_000_000):
             now_ns = monotonic_ns()
             pos = np.array([[0.1, 0.2, 0.0]])
-            self._bus.publish_frame(MocapFrame(seq, now_ns, ("uav5",), pos, LEVEL[None], np.array([True])))
+            self._mocap.publish_frame(LabFrame(seq, now_ns, ("uav5",), pos, LEVEL[None], np.array([True])))
             if self.thrust is not None:
                 ms = now_ns // 1_000_000
                 self.say(AttitudeSetpoint(TARGET, ms, LEVEL, np.zeros(3), self.thrust, Ignore.BODY_RATES))

@@ -8,7 +8,7 @@ import numpy as np
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
 from formation.arrays import Float
-from formation.messages import Datagram, Event, MocapFrame, Truth
+from formation.messages import Datagram, Event, LabFrame, Truth
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.commands import Command, CommandAck, Result
 from wire.link_messages.packet import LinkMessage
@@ -70,7 +70,7 @@ class Bench:
         self.seq += 1
         pos = truth.pos_lab_m if pos_lab_m is None else pos_lab_m
         q = truth.q_lab_from_flu if q_lab_from_flu is None else q_lab_from_flu
-        frame = MocapFrame(
+        frame = LabFrame(
             self.seq, self.now_ns, ("stranger", self.config.body_name), np.array([[9.0, 9.0, 9.0], pos]),
             np.array([LEVEL, q]), np.array([True, True]),
         )  # fmt: skip

@@ -12,7 +12,7 @@ from agent_bench import LEVEL, MS, Bench, S, hover_at, tilt_rad
 from drone_agent.bridge import BridgeCore
 from drone_agent.config import AgentConfig
 from drone_agent.personality import Mode
-from formation.messages import Datagram, MocapFrame
+from formation.messages import Datagram, LabFrame
 from wire.link_messages.address import BRIDGE_COMPONENT, GROUND, Address
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.commands import Command, CommandAck
@@ -52,7 +52,7 @@ class Site:
             self.drone.now_ns = self.now_ns
             if self.mocap:
                 truth = self.drone.truth
-                frame = MocapFrame(
+                frame = LabFrame(
                     0, self.now_ns, ("b",), truth.pos_lab_m[None], truth.q_lab_from_flu[None], np.array([True])
                 )
                 self.bridge.receive_frame(frame, self.now_ns)
@@ -126,7 +126,7 @@ def test_the_grounds_poses_end_here_while_the_bridge_has_its_own() -> None:
     pose = Codec(GROUND).encode(MocapPose(1, np.zeros(3), LEVEL))
     bridge.receive_ground(Datagram(1, pose), 1)
     assert bridge.tick(1).to_autopilot[0].data == pose
-    frame = MocapFrame(1, 100 * MS, ("b",), np.zeros((1, 3)), LEVEL[None], np.array([True]))
+    frame = LabFrame(1, 100 * MS, ("b",), np.zeros((1, 3)), LEVEL[None], np.array([True]))
     bridge.receive_frame(frame, 100 * MS)
     bridge.receive_ground(Datagram(1, pose), 100 * MS)
     sent = Codec(Address(1, 1)).receive(bridge.tick(100 * MS).to_autopilot[0].data)

@@ -12,7 +12,7 @@ from formation import frames
 from formation.arrays import Float
 from formation.config import FollowerConfig, LabConfig, LeaderConfig, TrajectoryConfig
 from formation.control.stack import ControlStack, Stages
-from formation.messages import MocapFrame
+from formation.messages import LabFrame
 from formation.reference import Plan
 from formation.vehicle import VehicleProfile, VehicleState, at_rest, profile
 
@@ -95,12 +95,12 @@ def fly(
         shake = frames.from_rotation_vector(room.noise_rad * rng.standard_normal((len(seen), 3)))
         q = frames.multiply(np.array([s.q_lab_from_flu for s in seen]), shake)
         flags = np.ones(len(seen), dtype=np.bool_)
-        frame = MocapFrame(len(samples), START_NS + round(t_s * 1e9), names, pos, q, flags)
+        frame = LabFrame(len(samples), START_NS + round(t_s * 1e9), names, pos, q, flags)
         if not room.gap[0] <= t_s < room.gap[1]:
             at(t_s + room.camera_delay_s, lambda now: control(now, t_s, frame, seen))
         at(t_s + 1.0 / room.rate_hz + 0.0005 * rng.uniform(-1.0, 1.0), expose)
 
-    def control(now_s: float, t_s: float, frame: MocapFrame, seen: tuple[VehicleState, ...]) -> None:
+    def control(now_s: float, t_s: float, frame: LabFrame, seen: tuple[VehicleState, ...]) -> None:
         stages = stack.step(START_NS + round(now_s * 1e9), frame, plan_at(t_s), hover)
         samples.append(Sample(t_s, seen, stages))
         for k, body in enumerate(bodies):

@@ -10,7 +10,7 @@ from formation.config import FollowerConfig, LabConfig, LeaderConfig, Trajectory
 from formation.control.attitude import turn_authority
 from formation.control.stack import ControlStack, Stages
 from formation.control.warm_up import warm_up
-from formation.messages import MocapFrame
+from formation.messages import LabFrame
 from formation.reference import IDLE, Leg, Mode, Plan
 from formation.rigid_body import GRAVITY_M_S2
 from formation.shape import configured
@@ -115,9 +115,9 @@ def many(offsets: list[tuple[float, float, float]]) -> LabConfig:
     return LabConfig(leader=LeaderConfig(body="L"), followers=followers)
 
 
-def seen(config: LabConfig, k: int, pos: Float, q: Float) -> MocapFrame:
+def seen(config: LabConfig, k: int, pos: Float, q: Float) -> LabFrame:
     t_ns, names = START_NS + k * 10_000_000, tuple(v.body for v in config.vehicles)
-    return MocapFrame(k, t_ns, names, pos, q, np.ones(len(names), dtype=np.bool_))
+    return LabFrame(k, t_ns, names, pos, q, np.ones(len(names), dtype=np.bool_))
 
 
 def run(config: LabConfig, poses: list[tuple[Float, Float]], plan: Plan) -> list[Stages]:

@@ -4,7 +4,7 @@ import numpy as np
 
 from formation import frames
 from formation.config import LabConfig
-from formation.messages import Datagram, MocapFrame, OperatorReply, OperatorRequest, Phase, Severity, Verb
+from formation.messages import Datagram, LabFrame, OperatorReply, OperatorRequest, Phase, Severity, Verb
 from formation.vehicle import profile
 from gcs.core import GcsCore, Outgoing
 from wire.link_messages.address import GROUND, Address
@@ -198,13 +198,13 @@ class FakeLab:
         if self.core.next_deadline_ns() <= self.now_ns:
             self._tick_while_due()
 
-    def frame(self) -> MocapFrame:
+    def frame(self) -> LabFrame:
         vehicles = self.config.vehicles
         pos = np.array([self.drones[v.sysid].pos if v.sysid else self.leader_pos for v in vehicles])
         q = np.array([self.drones[v.sysid].q if v.sysid else frames.IDENTITY for v in vehicles])
         pos = pos + self.noise.normal(0.0, 1e-4, pos.shape)
         seen = np.array([v.body not in self.hidden for v in vehicles])
-        return MocapFrame(self.seq, self.now_ns - 5 * MS, tuple(v.body for v in vehicles), pos, q, seen)
+        return LabFrame(self.seq, self.now_ns - 5 * MS, tuple(v.body for v in vehicles), pos, q, seen)
 
     def _tick_while_due(self) -> None:
         for _ in range(4):

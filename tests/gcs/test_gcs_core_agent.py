@@ -5,7 +5,7 @@ import numpy as np
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
 from formation.config import LabConfig
-from formation.messages import Datagram, MocapFrame, OperatorRequest, Phase, Verb
+from formation.messages import Datagram, LabFrame, OperatorRequest, Phase, Verb
 from gcs.core import GcsCore
 
 MS = 1_000_000
@@ -56,7 +56,7 @@ class Lab:
         self.now_ns += 10 * MS
         self.seq += 1
         truths = [agent.truth(self.now_ns) for agent in self.agents.values()]
-        frame = MocapFrame(
+        frame = LabFrame(
             self.seq,
             self.now_ns,
             tuple(f"f{truth.sysid}" for truth in truths),

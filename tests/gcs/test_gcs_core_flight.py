@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from gcs_fakes import MS, T0_NS, FakeLab, triangle
 
-from formation.messages import MocapFrame, Phase, Verb
+from formation.messages import LabFrame, Phase, Verb
 from wire.link_messages.address import Address
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.commands import Command
@@ -141,7 +141,7 @@ def test_of_two_frames_the_newest_is_flown_and_the_other_counted(lab):
 def test_frames_that_go_back_are_dropped_and_counted(lab):
     lab.run(0.5)
     frame = lab.frame()
-    old = MocapFrame(frame.seq, T0_NS, frame.bodies, frame.pos_lab_m, frame.q_lab_from_flu, frame.seen)
+    old = LabFrame(frame.seq, T0_NS, frame.bodies, frame.pos_lab_m, frame.q_lab_from_flu, frame.seen)
     lab.core.receive(old, lab.now_ns)
     assert lab.core.next_deadline_ns() > lab.now_ns
     assert json.loads(lab.core.status(lab.now_ns))["counters"]["stale_frames"] == 1

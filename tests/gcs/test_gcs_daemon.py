@@ -13,8 +13,9 @@ from formation.config import LabConfig
 from formation.messages import Event, Phase
 from gcs.core import BrokenInvariantError, GcsCore
 from gcs.daemon import Ended, GroundFailure, run
-from gcs.mocap.csv_file import MocapFileError
+from gcs.mocap.service import ServiceError
 from gcs.replay import replay
+from wire.config_file import dump
 from wire.mcap_log import check_log, read_log
 
 FRAMES = 400
@@ -29,23 +30,41 @@ def _lab(tmp_path: Path) -> LabConfig:
             "mocap": {"source": "csv", "file": str(csv), "rate_hz": 200.0, "delay_s": 0.0},
             "leader": {"body": "lead"},
             "followers": [{"body": "left", "sysid": 2, "offset_m": (0, 1, 0)}],
-            "link": {"zenoh_connect": ()},
+            "link": {"zenoh_listen": (f"tcp/127.0.0.1:{free_port()}",), "zenoh_connect": ()},
         }
     )
 
 
-def _signal_after(seconds: float, number: int) -> None:
-    asyncio.get_running_loop().call_later(seconds, os.kill, os.getpid(), number)
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
 
 
-async def _run_for(seconds: float, config: LabConfig, log: Path, told: list[Event]) -> Ended:
-    _signal_after(seconds, signal.SIGINT)
-    return await run(config, log, "main", {"scenario": "test"}, told.append)
+def _lab_file(config: LabConfig, folder: Path) -> Path:
+    file = folder / "lab.toml"
+    file.write_text(dump(config))
+    return file
+
+
+def _fly_recording(folder: Path, told: list[Event]) -> tuple[Ended, Path]:
+    """The daemon and its mocap process, asked to end when the recording is over."""
+
+    def tell(event: Event) -> None:
+        told.append(event)
+        if event.text == "the recording is over":
+            os.kill(os.getpid(), signal.SIGINT)
+
+    config, log = _lab(folder), folder / "flight.mcap"
+    ended = asyncio.run(run(config, _lab_file(config, folder), log, "main", {"scenario": "test"}, tell))
+    return ended, log
 
 
 def test_frames_are_flown_recorded_and_replayed_bit_by_bit(tmp_path):
-    log = tmp_path / "flight.mcap"
-    ended = asyncio.run(_run_for(1.0, _lab(tmp_path), log, []))
+    told: list[Event] = []
+    ended, log = _fly_recording(tmp_path, told)
+    assert "no mocap process serves" in told[0].text
     assert ended.phase is Phase.GROUND
     assert ended.lost_records == 0
     held = check_log(log)
@@ -57,8 +76,7 @@ def test_frames_are_flown_recorded_and_replayed_bit_by_bit(tmp_path):
 
 
 def test_latency_is_recorded_for_every_frame(tmp_path):
-    log = tmp_path / "flight.mcap"
-    asyncio.run(_run_for(0.5, _lab(tmp_path), log, []))
+    _, log = _fly_recording(tmp_path, [])
     entries = list(read_log(log).entries)
     timings = [e.message for e in entries if e.topic is topics.TIMING]
     frames = [e.message.seq for e in entries if e.topic is topics.MOCAP]
@@ -76,16 +94,19 @@ def test_a_core_that_breaks_ends_the_daemon_with_its_reason_and_a_whole_log(tmp_
         return outgoing
 
     monkeypatch.setattr(GcsCore, "tick", tick)
+    config = _lab(tmp_path)
     with pytest.raises(GroundFailure, match="BrokenInvariantError: the estimate is not finite"):
-        asyncio.run(run(_lab(tmp_path), log, "main", {}, lambda _event: None))
+        asyncio.run(run(config, _lab_file(config, tmp_path), log, "main", {}, lambda _event: None))
     assert check_log(log).complete
 
 
-def test_a_recording_that_is_not_right_ends_the_daemon_with_file_and_line(tmp_path):
+def test_a_recording_that_is_not_right_ends_the_daemon_with_file_and_line(tmp_path, capfd):
     config = _lab(tmp_path)
     (tmp_path / "leader.csv").write_text("1,0,0,0,1,0,0,0\n0,0,0,0,1,0,0,0\n")
-    with pytest.raises(MocapFileError, match=r"leader\.csv:2: time goes back"):
-        asyncio.run(run(config, tmp_path / "flight.mcap", "main", {}, lambda _event: None))
+    with pytest.raises(ServiceError, match="exit code 2") as failed:
+        asyncio.run(run(config, _lab_file(config, tmp_path), tmp_path / "flight.mcap", "main", {}, lambda _event: None))
+    assert failed.value.code == 2
+    assert "leader.csv:2: time goes back" in capfd.readouterr().err
 
 
 def test_a_port_that_is_taken_is_named(tmp_path):
@@ -96,4 +117,4 @@ def test_a_port_that_is_taken_is_named(tmp_path):
         link = config.link.model_copy(update={"kind": "udp", "ground_port_base": port - 2})
         config = config.model_copy(update={"link": link})
         with pytest.raises(OSError, match=f"UDP ports {port} on 127.0.0.1: Address already in use"):
-            asyncio.run(run(config, tmp_path / "flight.mcap", "main", {}, lambda _event: None))
+            asyncio.run(run(config, tmp_path / "lab.toml", tmp_path / "flight.mcap", "main", {}, lambda _event: None))

@@ -7,10 +7,10 @@ import pytest
 
 from formation import frames
 from formation.config import LabConfig
-from formation.messages import MocapFrame
-from formation.mocap_axes import MocapAxes
+from formation.messages import RawFrame
 from gcs.doctor.axes_checks import Look, Moves, check_axes
 from gcs.doctor.finding import Finding, Grade
+from gcs.mocap.alignment import Alignment
 
 HALF = math.sqrt(0.5)
 NAMES = ("lead", "left", "right")
@@ -26,10 +26,10 @@ class WrongMocap:
         self.scale, self.names = scale, names
         self.q_flu_from_marker = np.array(q_flu_from_marker, float)
 
-    def sends(self, pos, q) -> MocapFrame:
+    def sends(self, pos, q) -> RawFrame:
         q_mocap = frames.multiply(self.q_mocap_from_lab, frames.multiply(q, self.q_flu_from_marker))
-        return MocapFrame(0, 1, self.names, frames.rotate(self.q_mocap_from_lab, pos) * self.scale, q_mocap,
-                          np.ones(3, bool))  # fmt: skip
+        return RawFrame(0, 1, self.names, frames.rotate(self.q_mocap_from_lab, pos) * self.scale, q_mocap,
+                        np.ones(3, bool))  # fmt: skip
 
 
 def _lab(**changes) -> LabConfig:
@@ -41,11 +41,11 @@ def _lab(**changes) -> LabConfig:
 
 
 def _examine(mocap: WrongMocap, config: LabConfig, turn=math.pi / 2) -> tuple[Finding, ...]:
-    axes, moved = MocapAxes(config.mocap, config.vehicles), []
+    alignment, moved = Alignment(config), []
     for vehicle in range(3):
         pos, q, looks = PLACES.copy(), np.tile(frames.IDENTITY, (3, 1)), []
         for step in range(5):
-            frame = axes.align(mocap.sends(pos, q))
+            frame, _ = alignment.align(mocap.sends(pos, q), 0, 1, 2)
             looks.append(Look(frame.pos_lab_m, frame.q_lab_from_flu))
             if step < 4:
                 pos = pos.copy()

@@ -12,10 +12,13 @@ import pytest
 
 from formation import frames
 from formation.config import LabConfig, LinkConfig
-from formation.messages import MocapFrame
+from formation.messages import Event, RawFrame
 from gcs.doctor.finding import Finding, Fix, Grade
 from gcs.doctor.survey import examine, surveying
+from gcs.mocap.core import MocapCore
+from gcs.mocap.service import configuration_name
 from wire import clock
+from wire.mocap_bus import MocapBus
 from wire.zenoh_bus import ZenohBus
 
 pytestmark = [pytest.mark.processes, pytest.mark.timeout(180)]
@@ -31,15 +34,19 @@ class Room:
         self.pos, self.yaw = np.array([0.3, 0.2, 0.0]), 0.0
         self._rng = np.random.default_rng(1)
 
-    async def publish(self, bus: ZenohBus) -> None:
-        seq = 0
+    async def publish(self, config: LabConfig, bus: ZenohBus) -> None:
+        """The cameras and the lab's mocap process in one."""
+        seq, core, mocap = 0, MocapCore(config), MocapBus(bus)
+        mocap.announce(configuration_name(config))
         while True:
             seq += 1
             q_lab_from_flu = frames.from_yaw(np.array(self.yaw))
             pos = frames.rotate(Q_MOCAP_FROM_LAB, self.pos) + self._rng.normal(0.0, 1e-4, 3)
             q = frames.multiply(Q_MOCAP_FROM_LAB, q_lab_from_flu)
             now_ns = clock.monotonic_ns()
-            bus.publish_frame(MocapFrame(seq, now_ns, ("left",), pos[None], q[None], np.ones(1, bool)))
+            frame = core.receive(RawFrame(seq, now_ns, ("left",), pos[None], q[None], np.ones(1, bool)), now_ns)
+            assert frame is not None
+            mocap.publish_frame(frame)
             await asyncio.sleep(0.01)
 
     async def obey(self, text: str) -> None:
@@ -58,11 +65,11 @@ def _agent(folder: Path, lab: str, port: int, name: str, *options: str) -> subpr
         return subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT)
 
 
-async def _round(config: LabConfig, hub: LinkConfig) -> tuple[list[Finding], bool]:
+async def _round(config: LabConfig, hub: LinkConfig, told: list[Event]) -> tuple[list[Finding], bool]:
     room, bus = Room(), await ZenohBus.open(hub, config.name)
-    publisher = asyncio.create_task(room.publish(bus))
+    publisher = asyncio.create_task(room.publish(config, bus))
     try:
-        async with surveying(config) as survey:
+        async with surveying(config, Path("unused.toml"), told.append) as survey:
             async with asyncio.timeout(60.0):
                 while not all(link.sequence.duplicate(clock.monotonic_ns()) for link in survey.drones.values()):
                     await asyncio.sleep(0.1)
@@ -88,8 +95,9 @@ def test_every_fault_of_a_lab_is_named(tmp_path):
     config = config.model_copy(update={"followers": ()})
     hub = LinkConfig(zenoh_listen=(f"tcp/127.0.0.1:{port}",), zenoh_connect=())
     twins = [_agent(tmp_path, lab, port, f"{i}.txt", "--param", "MPC_THR_HOVER=0.3") for i in range(2)]
+    told: list[Event] = []
     try:
-        findings, fixed = asyncio.run(_round(config, hub))
+        findings, fixed = asyncio.run(_round(config, hub, told))
     finally:
         for twin in twins:
             twin.terminate()
@@ -102,3 +110,4 @@ def test_every_fault_of_a_lab_is_named(tmp_path):
     passed = {(f.subject, f.check) for f in findings if f.grade is Grade.PASS}
     assert {("left", "autopilot"), ("left", "COM_OF_LOSS_T"), ("left", "body name"), ("mocap", "units")} <= passed
     assert fixed
+    assert [event.text for event in told] == ["frames come from the mocap process that is running"]

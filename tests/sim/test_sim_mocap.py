@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from formation import frames
 from formation.config import FollowerConfig, LabConfig, LeaderConfig, MocapConfig
-from formation.messages import MocapFrame, Truth
+from formation.messages import RawFrame, Truth
 from gcs.mocap.csv_file import Recording
 from sim.mocap import EmulatorConfig, Gap, MocapEmulator
 from sim.playback import EASE_IN_NS, Playback
@@ -33,9 +33,7 @@ def a_truth(t_ns: int, sysid: int, pos: tuple[float, float, float], **changes: o
     return Truth(t_ns=t_ns, sysid=sysid, pos_lab_m=np.array(pos), **fields)  # type: ignore[arg-type]
 
 
-def film(
-    emulator: MocapEmulator, seconds: float, truths: dict[int, Truth] | None = None
-) -> list[tuple[int, MocapFrame]]:
+def film(emulator: MocapEmulator, seconds: float, truths: dict[int, Truth] | None = None) -> list[tuple[int, RawFrame]]:
     """Run the emulator on standing drones; frames with the time at which each arrived."""
     arrived, now, end = [], 0, round(seconds * S)
     while now <= end:
@@ -56,14 +54,14 @@ def test_an_ideal_mocap_shows_every_body_where_it_is_at_its_rate_after_its_delay
         assert now - frame.t_capture_ns == 8_000_000
         assert frame.bodies == ("L", "F")
         assert frame.seen.all()
-        assert np.allclose(frame.pos_lab_m, [[0, 0, 0], [-0.4, -0.4, 0]], atol=1e-15)
+        assert np.allclose(frame.pos_mocap_m, [[0, 0, 0], [-0.4, -0.4, 0]], atol=1e-15)
 
 
 def test_noise_and_jitter_have_the_size_asked_for_and_the_seed_decides_them() -> None:
     config = EmulatorConfig(jitter_s=0.001, noise_m=0.0002, noise_rad=0.002)
     arrived = film(MocapEmulator(config, a_lab(), None, 5, 0), 20.0)
-    pos = np.array([frame.pos_lab_m[0] for _, frame in arrived])
-    q = np.array([frame.q_lab_from_flu[0] for _, frame in arrived])
+    pos = np.array([frame.pos_mocap_m[0] for _, frame in arrived])
+    q = np.array([frame.q_mocap_from_marker[0] for _, frame in arrived])
     spacing = np.diff([frame.t_capture_ns for _, frame in arrived])
     assert np.allclose(pos.std(axis=0), 0.0002, rtol=0.1)
     assert np.allclose((2 * q[:, 1:]).std(axis=0), 0.002, rtol=0.1)
@@ -71,8 +69,8 @@ def test_noise_and_jitter_have_the_size_asked_for_and_the_seed_decides_them() ->
     assert spacing.min() > 0
     again = film(MocapEmulator(config, a_lab(), None, 5, 0), 1.0)
     other = film(MocapEmulator(config, a_lab(), None, 6, 0), 1.0)
-    assert all(np.array_equal(a.pos_lab_m, b.pos_lab_m) for (_, a), (_, b) in zip(arrived, again, strict=False))
-    assert not np.array_equal(arrived[0][1].pos_lab_m, other[0][1].pos_lab_m)
+    assert all(np.array_equal(a.pos_mocap_m, b.pos_mocap_m) for (_, a), (_, b) in zip(arrived, again, strict=False))
+    assert not np.array_equal(arrived[0][1].pos_mocap_m, other[0][1].pos_mocap_m)
 
 
 def test_a_truth_a_little_old_is_moved_on_to_the_exposure() -> None:
@@ -80,8 +78,8 @@ def test_a_truth_a_little_old_is_moved_on_to_the_exposure() -> None:
     moving = a_truth(0, 1, (1.0, 0.0, 0.5), vel_lab_m_s=np.array([0.5, 0, 0]), rate_flu_rad_s=np.array([0, 0, 2.0]))
     emulator.expose({1: moving, 2: a_truth(0, 2, (0, 0, 0))})
     frame = emulator.pop_due(NOTHING_DUE_NS)[0]
-    assert np.allclose(frame.pos_lab_m[0], [1.002, 0.0, 0.5])
-    assert np.isclose(frames.yaw(frame.q_lab_from_flu[0]), 0.008, atol=1e-6)
+    assert np.allclose(frame.pos_mocap_m[0], [1.002, 0.0, 0.5])
+    assert np.isclose(frames.yaw(frame.q_mocap_from_marker[0]), 0.008, atol=1e-6)
 
 
 def test_frames_are_in_the_mocaps_axes_and_the_markers_own_frame() -> None:
@@ -96,8 +94,8 @@ def test_frames_are_in_the_mocaps_axes_and_the_markers_own_frame() -> None:
     emulator = MocapEmulator(QUIET, lab, None, 1, 0)
     emulator.expose({1: a_truth(0, 1, (1.0, 2.0, 3.1)), 2: a_truth(0, 2, (0, 0, 0.1))})
     frame = emulator.pop_due(NOTHING_DUE_NS)[0]
-    assert np.allclose(frame.pos_lab_m[0], [1.0, 3.0, -2.0])
-    q_lab_from_marker = frames.multiply(np.array(q_lab_from_mocap), frame.q_lab_from_flu[0])
+    assert np.allclose(frame.pos_mocap_m[0], [1.0, 3.0, -2.0])
+    q_lab_from_marker = frames.multiply(np.array(q_lab_from_mocap), frame.q_mocap_from_marker[0])
     assert np.isclose(frames.yaw(q_lab_from_marker), np.pi / 2)
     assert np.allclose(frames.multiply(q_lab_from_marker, np.array(q_marker_from_flu)), frames.IDENTITY)
 
@@ -108,7 +106,7 @@ def test_a_body_is_unseen_while_its_drone_is_silent_and_keeps_its_last_pose() ->
     early, late = arrived[10][1], arrived[-1][1]
     assert early.seen.tolist() == [True, False]
     assert late.seen.tolist() == [False, False]
-    assert late.pos_lab_m[0].tolist() == [0.3, 0.0, 0.0]
+    assert late.pos_mocap_m[0].tolist() == [0.3, 0.0, 0.0]
 
 
 def test_gaps_count_from_the_formation_and_hide_one_body_or_all() -> None:
@@ -140,7 +138,7 @@ def test_a_recorded_leader_stands_until_the_start_then_is_seen_on_its_own_stamps
     lab = a_lab(leader=LeaderConfig(body="L"))
     noisy = EmulatorConfig(noise_m=0.001)
     emulator = MocapEmulator(noisy, lab, Playback(recording), 1, 0)
-    standing = np.array([frame.pos_lab_m[0] for _, frame in film(emulator, 1.0)])
+    standing = np.array([frame.pos_mocap_m[0] for _, frame in film(emulator, 1.0)])
     assert np.allclose(standing.std(axis=0), 0.001, rtol=0.3)
     start = emulator.next_exposure_ns
     emulator.start(start)
@@ -149,7 +147,7 @@ def test_a_recorded_leader_stands_until_the_start_then_is_seen_on_its_own_stamps
     first = int(np.searchsorted(recording.t_ns, EASE_IN_NS // 2 + 14_000_000))
     played, stamps = played[stamps.index(recording.t_ns[first]) :], stamps[stamps.index(recording.t_ns[first]) :]
     assert stamps == recording.t_ns[first : first + len(stamps)].tolist()
-    shown = np.array([frame.pos_lab_m[0] for frame in played])
+    shown = np.array([frame.pos_mocap_m[0] for frame in played])
     assert np.array_equal(shown, pos[first : first + len(shown)])
 
 

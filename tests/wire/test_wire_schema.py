@@ -86,8 +86,8 @@ def test_truncated_messages_are_read_or_the_one_error(data):
 
 
 def test_decoded_arrays_can_be_written_to():
-    frame = m.MocapFrame(1, 2, ("a",), np.zeros((1, 3)), np.ones((1, 4)), np.array([True]))
-    read = schema_of(m.MocapFrame).decode(schema_of(m.MocapFrame).encode(frame))
+    frame = m.LabFrame(1, 2, ("a",), np.zeros((1, 3)), np.ones((1, 4)), np.array([True]))
+    read = schema_of(m.LabFrame).decode(schema_of(m.LabFrame).encode(frame))
     read.pos_lab_m[0, 0] = 1.0
     assert read.pos_lab_m.flags.c_contiguous
 

@@ -14,10 +14,10 @@ from wire_spine import assert_identical
 from wire_waiting import PATIENCE_S, free_port, until
 
 from formation.config import LinkConfig
-from formation.messages import Datagram, MocapFrame, OperatorReply, OperatorRequest, Truth, Verb
+from formation.messages import Datagram, OperatorReply, OperatorRequest, Truth, Verb
+from wire.mocap_bus import MocapBus
 from wire.zenoh_bus import BusError, ZenohBus
 
-FRAME = MocapFrame(7, 123, ("leader", "a"), np.eye(2, 3), np.eye(2, 4), np.array([True, False]))
 REQUEST = OperatorRequest(3, Verb.SHAPE, "line")
 
 
@@ -81,19 +81,16 @@ def test_a_burst_of_a_hundred_packets_arrives_whole_and_in_order():
     asyncio.run(run())
 
 
-def test_frames_truth_and_state():
+def test_truth_and_state():
     async def run():
         truth = Truth(5, 3, *np.arange(6.0).reshape(2, 3), np.array([1.0, 0, 0, 0]), *np.eye(2, 3), True)
         async with joined(*ends()) as (sender, receiver):
             seen: dict[str, object] = {}
-            frame, true, state = asyncio.Event(), asyncio.Event(), asyncio.Event()
-            receiver.on_frame(lambda m: (seen.update(frame=m), frame.set()))
+            true, state = asyncio.Event(), asyncio.Event()
             receiver.on_truth(lambda m: (seen.update(truth=m), true.set()))
             receiver.on_state("main", lambda text: (seen.update(state=text), state.set()))
-            await until(frame, lambda: sender.publish_frame(FRAME))
             await until(true, lambda: sender.publish_truth(truth))
             await until(state, lambda: sender.publish_state("main", "{ü}"))
-            assert_identical(FRAME, seen["frame"])
             assert_identical(truth, seen["truth"])
             assert seen["state"] == "{ü}"
 
@@ -160,18 +157,17 @@ def test_a_handler_that_never_answers_is_a_timeout_too():
 def test_what_is_no_message_is_counted_and_dropped():
     async def run():
         async with joined(*ends()) as (sender, receiver):
-            frame = asyncio.Event()
-            receiver.on_frame(lambda _: frame.set())
+            heard = asyncio.Event()
+            receiver.on_truth(lambda _: heard.set())
             bad = asyncio.Event()
 
             def send_bad() -> None:
-                sender._put("mocap/frame", b"\xff\xff")
+                sender.put("sim/1/truth", b"\xff\xff")
                 if receiver.bad_payloads:
                     bad.set()
 
             await until(bad, send_bad)
-            assert not frame.is_set()
-            await until(frame, lambda: sender.publish_frame(FRAME))
+            assert not heard.is_set()
             receiver.serve("main", lambda request, reply: None)
             stop = asyncio.Event()
             before = receiver.bad_payloads
@@ -192,7 +188,7 @@ def test_a_closed_bus_drops_and_counts():
         bus = await ZenohBus.open(listening, "lab")
         link = bus.ground_link([1], lambda _: None)
         await bus.close()
-        bus.publish_frame(FRAME)
+        bus.publish_state("main", "{}")
         link.send(Datagram(1, b"x"))
         assert (bus.counters.dropped, link.counters.dropped) == (1, 1)
         link.close()
@@ -244,7 +240,7 @@ def test_when_the_first_peer_is_killed_the_others_keep_talking_and_it_may_come_b
             try:
                 async with joined(connecting) as (bus,):
                     frame, back = asyncio.Event(), asyncio.Event()
-                    bus.on_frame(lambda _: frame.set())
+                    MocapBus(bus).on_frame(lambda _: frame.set())
                     link = bus.ground_link([2], lambda _: back.set())
                     await until(frame)
                     await until(back, lambda: link.send(Datagram(2, b"x")))

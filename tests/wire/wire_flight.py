@@ -14,9 +14,9 @@ from wire.mcap_log import LogWriter
 METADATA = {"lab": "lab", "seed": "7"}
 
 
-def frame(seq: int) -> m.MocapFrame:
+def frame(seq: int) -> m.LabFrame:
     pos = np.random.default_rng(seq).normal(size=(3, 3))
-    return m.MocapFrame(
+    return m.LabFrame(
         seq, seq * 10_000_000, ("leader", "a", "b"), pos, np.tile([1.0, 0, 0, 0], (3, 1)), np.ones(3, bool)
     )
 

@@ -7,17 +7,19 @@ import sys
 import numpy as np
 
 from formation.config import LinkConfig
-from formation.messages import Datagram, MocapFrame
+from formation.messages import Datagram, LabFrame
 from wire.clock import monotonic_ns
+from wire.mocap_bus import MocapBus
 from wire.zenoh_bus import ZenohBus
 
 
 async def mocap(port: str) -> None:
     """Listen, and publish frames."""
     bus = await ZenohBus.open(LinkConfig(zenoh_listen=(f"tcp/127.0.0.1:{port}",)), "lab")
+    mocap = MocapBus(bus)
     for seq in itertools.count():
-        frame = MocapFrame(seq, monotonic_ns(), ("a",), np.zeros((1, 3)), np.zeros((1, 4)), np.ones(1, bool))
-        bus.publish_frame(frame)
+        frame = LabFrame(seq, monotonic_ns(), ("a",), np.zeros((1, 3)), np.eye(1, 4), np.ones(1, bool))
+        mocap.publish_frame(frame)
         await asyncio.sleep(0.01)
 
 

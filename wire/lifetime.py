@@ -1,4 +1,4 @@
-"""How an agent's process ends: well on a signal, with its error on any other failure."""
+"""How a daemon's process ends: well on a signal, with its error on any other failure."""
 
 import asyncio
 import signal

@@ -1,0 +1,93 @@
+"""MocapCore, the mocap process without its inputs and outputs: raw frames in, aligned and checked frames out.
+
+The one door through which poses come to everyone: ground, agents, bridges and tools. Sans-IO, time an argument.
+"""
+
+from collections import Counter
+from dataclasses import replace
+
+from formation.config import LabConfig
+from formation.messages import LabFrame, RawFrame
+from gcs.mocap.alignment import Alignment, Fault
+from wire.frame_check import lab_fault, raw_fault
+from wire.refusals import Refusals
+
+MOST_UNKNOWN = 16
+"""How many bodies that are none of the lab's are remembered, to name them."""
+LONGEST_GAP = 1000
+SOURCE = "mocap"
+
+
+class MocapCore:
+    """One lab's. `refusals` tells what was refused, each reason once a second at most."""
+
+    def __init__(self, config: LabConfig) -> None:
+        self.refusals = Refusals()
+        self.frames = 0
+        self.unknown: Counter[str] = Counter()
+        self._alignment = Alignment(config)
+        self._delay_ns = round(config.mocap.delay_s * 1e9)
+        self._raw_seq: int | None = None
+        self._seq = -1
+        self._newest_ns: int | None = None
+        self._named: tuple[str, ...] = ()
+        self._twice: tuple[str, ...] = ()
+
+    def receive(self, frame: RawFrame | LabFrame, now_ns: int) -> LabFrame | None:
+        """The frame for the bus; None for one that is refused. A pose that is none makes its body unseen, no more.
+
+        A LabFrame comes from a flight's log, where it was recorded aligned.
+        """
+        return self._again(frame, now_ns) if isinstance(frame, LabFrame) else self._align(frame, now_ns)
+
+    def _align(self, raw: RawFrame, now_ns: int) -> LabFrame | None:
+        t_capture_ns = raw.t_capture_ns or now_ns - self._delay_ns
+        fault = raw_fault(raw, now_ns) or self._order_fault(t_capture_ns) or self._name_fault(raw.bodies)
+        if self._refused(fault, now_ns):
+            return None
+        self._newest_ns = t_capture_ns
+        frame, faults = self._alignment.align(raw, self._number(raw.seq), t_capture_ns, now_ns)
+        if faults.any():
+            for body, fault_number in zip(frame.bodies, faults.tolist(), strict=True):
+                if fault_number:
+                    self.refusals.note(SOURCE, f"{body}: {Fault(fault_number).text}", now_ns)
+        self.frames += 1
+        return frame
+
+    def _again(self, frame: LabFrame, now_ns: int) -> LabFrame | None:
+        fault = lab_fault(frame, now_ns) or self._order_fault(frame.t_capture_ns)
+        if fault is None and frame.bodies != self._alignment.bodies:
+            fault = "of other bodies than the lab's"
+        if self._refused(fault, now_ns):
+            return None
+        self._newest_ns = frame.t_capture_ns
+        self.frames += 1
+        return replace(frame, seq=self._number(frame.seq), t_receive_ns=now_ns)
+
+    def _refused(self, fault: str | None, now_ns: int) -> bool:
+        if fault is not None:
+            self.refusals.note(SOURCE, f"frame {fault}", now_ns)
+        return fault is not None
+
+    def _order_fault(self, t_capture_ns: int) -> str | None:
+        if self._newest_ns is None or t_capture_ns > self._newest_ns:
+            return None
+        return "whose capture time does not advance"
+
+    def _name_fault(self, bodies: tuple[str, ...]) -> str | None:
+        """A body of ours that a frame names twice has no one pose."""
+        if bodies != self._named:
+            self._named, known = bodies, set(self._alignment.bodies)
+            count = Counter(bodies)
+            self._twice = tuple(body for body in known if count[body] > 1)
+            for body in count.keys() - known:
+                if len(self.unknown) < MOST_UNKNOWN:
+                    self.unknown[body[:64]] += 1
+        return f"that names {self._twice[0]} twice" if self._twice else None
+
+    def _number(self, raw_seq: int) -> int:
+        """Ours go on where the source starts again; a gap stays the gap it was."""
+        step = 1 if self._raw_seq is None else raw_seq - self._raw_seq
+        self._raw_seq = raw_seq
+        self._seq += step if 0 < step <= LONGEST_GAP else 1
+        return self._seq

@@ -1,0 +1,129 @@
+"""The mocap process: a source's frames in, aligned and checked frames onto the lab's bus. It decides nothing.
+
+A process of its own, so that poses reach the drones whatever becomes of the ground.
+"""
+
+import asyncio
+from collections import deque
+from typing import Any
+
+import numpy as np
+
+from formation.config import LabConfig
+from formation.messages import Event, Severity
+from gcs.mocap import warm_up
+from gcs.mocap.core import SOURCE, MocapCore
+from gcs.mocap.service import ServiceError, configuration_name
+from gcs.mocap.source import Frame, Timed, play, recording
+from wire import clock
+from wire.lifetime import Stop, Tell
+from wire.mocap_bus import MocapBus
+from wire.zenoh_bus import ZenohBus
+
+WATCH_NS = 100_000_000
+STATE_NS = 1_000_000_000
+REMEMBERED = 1000
+OTHERS_S = 0.5
+
+
+class Mocap:
+    """One MocapCore between its source and the bus."""
+
+    def __init__(self, config: LabConfig, bus: MocapBus, tell: Tell) -> None:
+        self._core = MocapCore(config)
+        self._bus = bus
+        self._tell = tell
+        self._source = config.mocap.source
+        self._inside_s: deque[float] = deque(maxlen=REMEMBERED)
+        self._heard_ns = self._state_ns = clock.monotonic_ns()
+        self._unknown = 0
+
+    def take(self, frame: Frame) -> None:
+        """A frame has come: out with it at once."""
+        now_ns = clock.monotonic_ns()
+        aligned = self._core.receive(frame, now_ns)
+        if aligned is not None:
+            self._bus.publish_frame(aligned)
+            self._inside_s.append((clock.monotonic_ns() - now_ns) * 1e-9)
+
+    async def watch(self, linger_s: float | None) -> None:
+        """Tell what was refused and how things are; return when nobody has listened for `linger_s`, if given."""
+        while True:
+            now_ns = clock.monotonic_ns()
+            for event in (*self._core.refusals.due(now_ns), *self._bus.refusals.due(now_ns), *self._newly_unknown()):
+                self.say(event)
+            if now_ns - self._state_ns >= STATE_NS:
+                self._state_ns = now_ns
+                self._bus.publish_state(self.state())
+                if self._bus.is_heard:
+                    self._heard_ns = now_ns
+            if linger_s is not None and now_ns - self._heard_ns > linger_s * 1e9:
+                return
+            await clock.sleep_until_ns(now_ns + WATCH_NS)
+
+    def say(self, event: Event) -> None:
+        """Tell it here and on the bus, where the ground records it."""
+        self._tell(event)
+        self._bus.publish_event(event)
+
+    def state(self) -> dict[str, Any]:
+        """How things are; inside_ms: from having a raw frame to having published it."""
+        spent_ms = 1e3 * np.array(self._inside_s or [0.0])
+        return {
+            "source": self._source,
+            "frames": self._core.frames,
+            "refused": self._core.refusals.count,
+            "unknown_bodies": sorted(self._core.unknown),
+            "inside_ms": {"p50": float(np.percentile(spent_ms, 50)), "p99": float(np.percentile(spent_ms, 99))},
+        }
+
+    def _newly_unknown(self) -> list[Event]:
+        if len(self._core.unknown) == self._unknown:
+            return []
+        self._unknown = len(self._core.unknown)
+        names = ", ".join(sorted(self._core.unknown))
+        return [Event(Severity.INFO, SOURCE, f"bodies that are none of the lab's are left out: {names}")]
+
+
+async def run(config: LabConfig, linger_s: float | None, tell: Tell) -> None:
+    """Serve the lab until SIGINT or SIGTERM, or until nobody has listened for `linger_s`.
+
+    Raises BusError, MocapFileError, and ServiceError where another process serves the lab already.
+    """
+    stop = Stop()
+    bus = await ZenohBus.open(config.link.joined, config.name)
+    try:
+        mocap_bus = MocapBus(bus)
+        if await mocap_bus.serving(OTHERS_S) is not None:
+            raise ServiceError(f"another mocap process serves {config.name!r} already")
+        mocap, recorded = Mocap(config, mocap_bus, tell), recording(config)
+        warm_up.warm_up(config)
+        mocap_bus.announce(configuration_name(config))
+        await _first_of(mocap.watch(linger_s), _serve(config, recorded, mocap_bus, mocap), stop.wait())
+    finally:
+        await bus.close()
+
+
+async def _serve(config: LabConfig, recorded: list[Timed] | None, bus: MocapBus, mocap: Mocap) -> None:
+    """Take frames for ever. A recording waits for somebody to listen, and ends."""
+    if recorded is None:
+        bus.on_raw(mocap.take)
+    else:
+        while not bus.is_heard:
+            await clock.sleep_until_ns(clock.monotonic_ns() + WATCH_NS)
+        await play(recorded, round(config.mocap.delay_s * 1e9), mocap.take)
+        mocap.say(Event(Severity.WARNING, SOURCE, "the recording is over"))
+    await asyncio.get_running_loop().create_future()
+
+
+async def _first_of(*parts: Any) -> None:
+    """Return with the first part that ends, or raise what it raised; the others are cancelled."""
+    tasks = [asyncio.ensure_future(part) for part in parts]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)

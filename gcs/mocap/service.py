@@ -1,0 +1,111 @@
+"""A mocap process for a lab: the one that serves it already, or one of our own."""
+
+import asyncio
+import hashlib
+import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+from formation.config import LabConfig
+from formation.messages import Event, Severity
+from gcs.cli_common import NOT_RIGHT
+from wire.lifetime import Tell
+from wire.mocap_bus import MocapBus
+
+FIND_S = 1.0
+LOOK_S = 0.2
+AGAIN_S = 1.0
+LINGER_S = 60.0
+"""How long a process of ours goes on when we were killed and nobody listens any more."""
+
+
+class ServiceError(RuntimeError):
+    """No mocap process can serve the lab; `code` is the exit code that fits."""
+
+    def __init__(self, text: str, code: int = 1) -> None:
+        super().__init__(text)
+        self.code = code
+
+
+def configuration_name(config: LabConfig) -> str:
+    """A short name for everything that decides what a lab's frames are: who serves another name serves other frames."""
+    bodies = [(v.body, v.q_marker_from_flu) for v in config.vehicles]
+    text = f"{config.mocap.model_dump_json()} {bodies}"
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+@asynccontextmanager
+async def mocap_service(config: LabConfig, lab_file: Path, bus: MocapBus, tell: Tell) -> AsyncIterator[None]:
+    """While inside, a mocap process serves the lab; one of ours ends with us, but not if we are killed.
+
+    Raises ServiceError where it cannot be started, or serves another configuration than `config`.
+    """
+    if config.mocap.source == "mavlink":
+        yield
+        return
+    served = await bus.serving(FIND_S)
+    if served is not None:
+        if served != configuration_name(config):
+            raise ServiceError("the mocap process that runs has other bodies or axes than this file: restart it")
+        tell(Event(Severity.INFO, "mocap", "frames come from the mocap process that is running"))
+        yield
+        return
+    tell(Event(Severity.INFO, "mocap", f"no mocap process serves {config.name!r}: starting `gcs mocap {lab_file}`"))
+    own = _OwnProcess(lab_file, bus, tell)
+    await own.start()
+    try:
+        await own.until_serving()
+        keeping = asyncio.create_task(own.keep())
+        try:
+            yield
+        finally:
+            keeping.cancel()
+    finally:
+        await own.stop()
+
+
+class _OwnProcess:
+    """The mocap process that we started, and start again when it ends."""
+
+    def __init__(self, lab_file: Path, bus: MocapBus, tell: Tell) -> None:
+        self._lab_file = lab_file
+        self._bus = bus
+        self._tell = tell
+        self._process: asyncio.subprocess.Process | None = None
+
+    async def start(self) -> None:
+        """In a session of its own, so that neither Ctrl-C nor our death takes the drones' poses away."""
+        self._process = await asyncio.create_subprocess_exec(
+            sys.executable, "-m", "gcs", "mocap", str(self._lab_file), "--linger", str(LINGER_S),
+            stdin=asyncio.subprocess.DEVNULL, start_new_session=True,
+        )  # fmt: skip
+
+    async def until_serving(self) -> None:
+        """Return when a process serves the lab, however long compiling takes; ServiceError if ours ends instead."""
+        while await self._bus.serving(LOOK_S) is None:
+            if self._process is not None and self._process.returncode is not None:
+                code = self._process.returncode
+                raise ServiceError(f"the mocap process ended ({_ended(code)})", code)
+
+    async def keep(self) -> None:
+        """Start it again when it ends, unless what it was given is not right, or another one serves by then."""
+        while self._process is not None:
+            code = await self._process.wait()
+            self._tell(Event(Severity.CRITICAL, "mocap", f"the mocap process ended ({_ended(code)})"))
+            if code == NOT_RIGHT:
+                return
+            await asyncio.sleep(AGAIN_S)
+            if await self._bus.serving(LOOK_S) is not None:
+                return
+            await self.start()
+
+    async def stop(self) -> None:
+        """End it, if it is still there."""
+        if self._process is not None and self._process.returncode is None:
+            self._process.terminate()
+            await self._process.wait()
+
+
+def _ended(code: int) -> str:
+    return f"signal {-code}" if code < 0 else f"exit code {code}"

@@ -33,9 +33,9 @@ def _lines(summary: Summary) -> list[tuple[str, str]]:
         lines.append(("least separation", f"{summary.min_separation_m:.3f} m"))
     late = counted(summary.late_ticks, "control cycle")
     lines.append(("frames", f"{summary.frames}, {late} late"))
-    if summary.latency_ms is not None:
-        latency = summary.latency_ms
-        lines.append(("latency", f"{latency.p50:.2f} ms median, {latency.p99:.2f} ms 99 %, {latency.max:.2f} ms max"))
+    for name, latency in (("mocap process", summary.mocap_ms), ("latency", summary.latency_ms)):
+        if latency is not None:
+            lines.append((name, f"{latency.p50:.2f} ms median, {latency.p99:.2f} ms 99 %, {latency.max:.2f} ms max"))
     if summary.age_ms is not None:
         lines.append(("setpoint age", f"{summary.age_ms.p50:.1f} ms median, {summary.age_ms.p99:.1f} ms 99 %"))
     if summary.realtime_factor is not None:

@@ -80,10 +80,12 @@ class Run:
 class Poses:
     """Every mocap frame in lab and flu, n vehicles in the configuration's order (leader first).
 
-    t_s, received_s (T,): capture and receipt; pos_lab_m (T, n, 3); q_lab_from_flu (T, n, 4); seen (T, n).
+    t_s, mocap_s, received_s (T,): capture, receipt by the mocap process (negative if unknown), receipt by the ground;
+    pos_lab_m (T, n, 3); q_lab_from_flu (T, n, 4); seen (T, n).
     """
 
     t_s: Float
+    mocap_s: Float
     received_s: Float
     pos_lab_m: Float
     q_lab_from_flu: Float
@@ -167,7 +169,7 @@ def from_records(metadata: Mapping[str, str], records: Iterable[Record]) -> Flig
         vehicles=vehicles,
         t0_ns=t0_ns,
         duration_s=duration_s,
-        poses=_poses(mocap, tuple(vehicle.body for vehicle in vehicles)),
+        poses=_poses(mocap, tuple(vehicle.body for vehicle in vehicles), t0_ns),
         state=_of(found, topics.STATE, SwarmState),
         reference=reference,
         command=_of(found, topics.COMMAND, Command),
@@ -231,13 +233,14 @@ def _vehicles(lab: LabConfig | None, mocap: Series[LabFrame], reference: Series[
     return tuple(Vehicle(body, None, i - observed if i >= observed else None) for i, body in enumerate(bodies))
 
 
-def _poses(mocap: Series[LabFrame], bodies: tuple[str, ...]) -> Poses:
+def _poses(mocap: Series[LabFrame], bodies: tuple[str, ...], t0_ns: int) -> Poses:
     """The sound frames of exactly these bodies, in this order; a log of ours has no others."""
     sound = [frame.bodies == bodies and pose_fault(frame) is None for frame in mocap.messages]
     mocap = mocap.where(np.array(sound, dtype=np.bool_))
     shape = (len(mocap), len(bodies))
     return Poses(
         mocap.t_s,
+        mocap.column(lambda frame: (frame.t_receive_ns - t0_ns) * 1e-9),
         mocap.logged_s,
         np.array([frame.pos_lab_m for frame in mocap.messages]).reshape(*shape, 3),
         np.array([frame.q_lab_from_flu for frame in mocap.messages]).reshape(*shape, 4),

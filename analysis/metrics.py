@@ -25,7 +25,7 @@ BREAK_S = 0.25  # a gap longer than this ends a stretch of flight
 
 @dataclass(frozen=True, slots=True)
 class Latency:
-    """Frame receipt -> last datagram handed to the link, milliseconds."""
+    """Of one stage, milliseconds."""
 
     p50: float
     p99: float
@@ -46,7 +46,9 @@ class Summary:
 
     formation_rms_m, formation_max_m: length of the formation error, all followers, scored frames (analysis.tracking).
     vibration_m: see `vibration`. altitude_rms_m: the error's vertical part. min_separation_m: while airborne.
-    command_hash: SHA-256 over every SET_ATTITUDE_TARGET sent, in order. outcome: landed, held or aborted: reason.
+    mocap_ms: the mocap process had the raw frame -> the ground has the aligned one. latency_ms: from there to the last
+    datagram handed to the link. command_hash: SHA-256 over every SET_ATTITUDE_TARGET sent, in order. outcome: landed,
+    held or aborted: reason.
     """
 
     scenario: str
@@ -61,6 +63,7 @@ class Summary:
     min_separation_m: float | None
     frames: int
     late_ticks: int
+    mocap_ms: Latency | None
     latency_ms: Latency | None
     age_ms: Age | None
     realtime_factor: float | None
@@ -97,6 +100,7 @@ def summarise(
         min_separation_m=min_separation(flight),
         frames=len(flight.poses),
         late_ticks=sum(timing.late for timing in flight.timing.messages),
+        mocap_ms=None if flight.run.lockstep else mocap_latency(flight),
         latency_ms=latency(flight),
         age_ms=None if flight.run.lockstep else age(flight),
         realtime_factor=realtime_factor,
@@ -163,7 +167,16 @@ def min_separation(flight: Flight) -> float | None:
 
 def latency(flight: Flight) -> Latency | None:
     """Percentiles of the control cycle's latency; None where it was not timed."""
-    ms = 1e3 * flight.timing.column(lambda timing: timing.latency_s)
+    return _percentiles(1e3 * flight.timing.column(lambda timing: timing.latency_s))
+
+
+def mocap_latency(flight: Flight) -> Latency | None:
+    """Percentiles of what the mocap process and the bus add to a frame; None where no such process served."""
+    known = flight.poses.mocap_s > 0.0
+    return _percentiles(1e3 * (flight.poses.received_s - flight.poses.mocap_s)[known])
+
+
+def _percentiles(ms: Float) -> Latency | None:
     if not ms.size:
         return None
     p50, p99 = np.percentile(ms, [50.0, 99.0])

@@ -8,7 +8,7 @@ import numpy as np
 
 from analysis import page, words
 from analysis.load import Flight, load
-from analysis.metrics import Summary, rms, summarise, vibration_of
+from analysis.metrics import Latency, Summary, rms, summarise, vibration_of
 from analysis.page import Section, cell, picture, row, swatch, table, text, tile
 from analysis.plots import drawings, style
 from analysis.tracking import Tracking, track
@@ -25,6 +25,7 @@ MEANINGS = {
     "min_separation_m": "least distance between two vehicles in the air",
     "frames": "mocap frames recorded",
     "late_ticks": "control cycles by the watchdog or slower than the frames",
+    "mocap_ms": "mocap process has the raw frame to ground has the aligned one, ms: median, 99 %, max",
     "latency_ms": "frame received to last datagram sent: median, 99 %, max",
     "age_ms": "camera to drone, as the drones report it: median, 99 %",
     "realtime_factor": "simulated seconds per second, lockstep only",
@@ -246,10 +247,8 @@ def _value(key: str, summary: Summary) -> str:
     value = getattr(summary, key)
     if key == "command_hash":
         return f'<td class="number"><code>{value[:16]}…</code></td>'
-    if key == "latency_ms" and summary.latency_ms is not None:
-        return cell(
-            f"{summary.latency_ms.p50:.3g} / {summary.latency_ms.p99:.3g} / {summary.latency_ms.max:.3g}", "number"
-        )
+    if isinstance(value, Latency):
+        return cell(f"{value.p50:.3g} / {value.p99:.3g} / {value.max:.3g}", "number")
     if key == "age_ms" and summary.age_ms is not None:
         return cell(f"{summary.age_ms.p50:.3g} / {summary.age_ms.p99:.3g}", "number")
     if value is None:

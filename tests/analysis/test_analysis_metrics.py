@@ -12,7 +12,7 @@ from formation.messages import Phase, Verb
 
 KEYS = [
     "scenario", "seed", "link", "duration_s", "followers", "formation_rms_m", "formation_max_m", "vibration_m",
-    "altitude_rms_m", "min_separation_m", "frames", "late_ticks", "latency_ms", "age_ms", "realtime_factor",
+    "altitude_rms_m", "min_separation_m", "frames", "late_ticks", "mocap_ms", "latency_ms", "age_ms", "realtime_factor",
     "command_hash", "mcap", "report", "outcome",
 ]  # fmt: skip
 
@@ -83,6 +83,8 @@ def test_counts_and_latency():
     assert summary.latency_ms is not None
     assert summary.latency_ms.max == ms.max()
     assert summary.latency_ms.p50 == np.median(ms)
+    assert summary.mocap_ms is not None
+    assert summary.mocap_ms.p99 == pytest.approx(0.2)  # as the synthetic flight has it
 
 
 def test_json_has_exactly_the_promised_keys():

@@ -10,6 +10,7 @@ from formation.phase import Trigger, advance, allowed_from
 from formation.reference import IDLE, Leg, Mode, Plan
 from formation.safety import Verdict
 from formation.shape import Shape, configured
+from formation.trajectory import anchored
 from formation.transition import Transition
 from gcs.drone import Drone, aside_leg, hold_leg, land_leg, take_off_leg
 from gcs.goal import Goal
@@ -39,6 +40,7 @@ class Flight:
         self.shape: Shape = configured(config)
         self.rise_m: tuple[float, ...] = ()
         self.trajectory_start_ns: int | None = None
+        self._trajectory_ns = 0
         self.armed = False
         self.events: list[Event] = []
         self.changes: list[PhaseChange] = [PhaseChange(Phase.GROUND, self.cause)]
@@ -64,9 +66,9 @@ class Flight:
         )
 
     def trajectory_done(self, now_ns: int) -> bool:
-        """Whether the leader's trajectory has run its whole duration; a leader that is only observed has none."""
-        start, duration_s = self.trajectory_start_ns, self._config.leader.trajectory.duration_s
-        return start is not None and now_ns - start >= round(duration_s * 1e9)
+        """Whether the leader's trajectory has been flown to its end; a leader that is only observed has none."""
+        start = self.trajectory_start_ns
+        return start is not None and now_ns - start >= self._trajectory_ns
 
     def pull(self, trigger: Trigger, cause: str, now_ns: int) -> str:
         """Change the phase; the empty text, or why the trigger means nothing now."""
@@ -165,6 +167,8 @@ class Flight:
             self._settled_since_ns = now_ns
         elif now_ns - self._settled_since_ns >= SETTLE_NS:
             self.trajectory_start_ns = now_ns
+            path = anchored(self._config.leader.trajectory, stages.state.pos_lab_m[0], 0.0)
+            self._trajectory_ns = round(path.duration_s * 1e9)
 
     def _watch_landing(self, stages: Stages | None, now_ns: int) -> None:
         if stages is not None:

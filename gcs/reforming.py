@@ -3,8 +3,7 @@
 import numpy as np
 
 from formation.arrays import Float
-from formation.config import LabConfig
-from formation.control.limits import PERSONAL_SPACE
+from formation.config import PERSONAL_SPACE, LabConfig
 from formation.control.stack import Stages
 from formation.relative import lead_from_lab
 from formation.shape import Shape, shape_for

@@ -12,7 +12,7 @@ from formation.arrays import Float, Vec3s
 from formation.config import Fence, LabConfig, TrajectoryConfig
 from formation.frames import rotate_about_z
 from formation.shape import Shape
-from formation.trajectory import anchored, sample
+from formation.trajectory import Trajectory, anchored, sample
 
 LOOK_S, LOOKS_LEAST, LOOKS_MOST = 0.05, 100, 5_000
 
@@ -49,15 +49,20 @@ def expected_start(config: LabConfig) -> Float:
     return np.array([*leader.spawn_lab_m[:2], config.flight.altitude_m, leader.spawn_yaw_rad])
 
 
-def preview(config: LabConfig, shape: Shape, start: Float) -> Preview:
-    """The formation phase of a lab in that shape, begun with the leader at `start` (4): x, y, z, heading.
+def trajectory_from(config: LabConfig, start: Float) -> Trajectory:
+    """The leader's trajectory from `start` (4): x, y, z, heading; one that is only observed is taken to stay there."""
+    path = TrajectoryConfig() if config.leader.sysid is None else config.leader.trajectory
+    return anchored(path, start[:3], float(start[3]))
 
-    A leader that is only observed is taken to stay there.
+
+def preview(path: Trajectory, shape: Shape, start: Float, from_s: float = 0.0, looks: int | None = None) -> Preview:
+    """The formation phase in that shape, taken up with the leader at `start` (4), along its path from from_s on.
+
+    looks: at how many times it is looked at; by default some twenty a second.
     """
-    observed = config.leader.sysid is None
-    path = anchored(TrajectoryConfig() if observed else config.leader.trajectory, start[:3], float(start[3]))
-    looks = min(max(round(path.duration_s / LOOK_S), LOOKS_LEAST), LOOKS_MOST) + 1
-    t_s = np.linspace(0.0, path.duration_s, looks)
+    if looks is None:
+        looks = min(max(round(path.duration_s / LOOK_S), LOOKS_LEAST), LOOKS_MOST) + 1
+    t_s = np.linspace(min(from_s, path.duration_s), path.duration_s, looks)
     leader = np.empty((looks, 3, 4))
     for look, motion in zip(t_s, leader, strict=True):
         sample(path.kind, path.numbers, path.knots, float(look), motion)
@@ -104,4 +109,4 @@ def beyond_text(point: Float, fence: Fence) -> str:
 
 def coordinates(point: Float) -> str:
     """`(1.00, -0.40, 0.30)`."""
-    return "(" + ", ".join(f"{x:.2f}" for x in point) + ")"
+    return "(" + ", ".join(f"{round(x, 2) + 0.0:.2f}" for x in point.tolist()) + ")"

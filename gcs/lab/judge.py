@@ -1,7 +1,7 @@
 """A lab judged as a whole: everything that its file alone decides, before anything is started. Pure."""
 
 from formation.config import LabConfig
-from formation.preview import Preview, expected_start, preview
+from formation.preview import Preview, expected_start, preview, trajectory_from
 from formation.shape import configured
 from gcs.doctor.finding import Finding
 from gcs.lab.apart import judge_apart
@@ -13,7 +13,8 @@ from gcs.lab.wiring import judge_wiring
 
 def foreseen(config: LabConfig) -> Preview:
     """The formation phase as the file has it: the configured shape, the leader where it is expected to start."""
-    return preview(config, configured(config), expected_start(config))
+    start = expected_start(config)
+    return preview(trajectory_from(config, start), configured(config), start)
 
 
 def judge(config: LabConfig) -> tuple[Finding, ...]:

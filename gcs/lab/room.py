@@ -10,6 +10,7 @@ from formation.patterns import PATTERNS
 from formation.preview import Preview, beyond_text, coordinates, outside_m, preview, reshaped
 from formation.shape import Shape, configured, shape_for
 from formation.shape_request import ShapeRequest
+from formation.trajectory import anchored
 from gcs.doctor.finding import Finding
 from gcs.lab.keys import Keys
 
@@ -116,11 +117,9 @@ def _carried_out(config: LabConfig, keys: Keys, ahead: Preview, shape: Shape) ->
     if out[look, k] <= 1e-9:
         return
     point, turning = ahead.slots[look, k, 0], path.yaw_rate_rad_s != 0.0
-    straight = config.model_copy(
-        update={"leader": config.leader.model_copy(
-            update={"trajectory": path.model_copy(update={"yaw_rate_rad_s": 0.0})})}
-    )  # fmt: skip
-    turned_out = turning and outside_m(preview(straight, shape, ahead.start).slots[:, :, 0], fence).max() <= 1e-9
+    straight = config.leader.trajectory.model_copy(update={"yaw_rate_rad_s": 0.0})
+    unturned = preview(anchored(straight, ahead.start[:3], float(ahead.start[3])), shape, ahead.start)
+    turned_out = turning and outside_m(unturned.slots[:, :, 0], fence).max() <= 1e-9
     key = TURN if turned_out else f"leader.trajectory.{EXTENT[path.kind]}"
     where = beyond_text(point, fence) if outside_m(point, fence) > 0.0 else f"in the floor, at {coordinates(point)} m"
     turned = ", turned with the leader" if turning else ""

@@ -8,25 +8,18 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from formation.model import NO_ROTATION, Model, Positive, QuatTuple, SysId, Vec3Tuple
+from formation.fields import Endpoint, GlobePoint, Host, OwnLink, PortBase, Tilt, UnitQuat
+from formation.model import NO_ROTATION, Model, Positive, SysId, Vec3Tuple
 from formation.vehicle import VehicleProfile, profile
 
-
-def _own_link(text: str) -> str:
-    if re.fullmatch(r"(udp|udpin|udpout):[^:\s]+:\d{1,5}", text) is None:
-        raise ValueError("not udp:HOST:PORT, udpin:HOST:PORT or udpout:HOST:PORT")
-    return text
+PRESET_NAMES = ("default", "paper", "paper_istsmc", "paper_smc", "pid", "geometric")
+"""The sets of gains of formation.control.presets, known here so that a lab is judged before the control is loaded."""
 
 
-def _endpoint(text: str) -> str:
-    if re.fullmatch(r"[a-z-]+/\S+", text) is None:
-        raise ValueError("not an endpoint such as tcp/127.0.0.1:7447")
-    return text
-
-
-OwnLink = Annotated[str, AfterValidator(_own_link)]
-Endpoint = Annotated[str, AfterValidator(_endpoint)]
-PortBase = Annotated[int, Field(ge=0, le=65_535 - 250)]
+def _preset(name: str) -> str:
+    if name not in PRESET_NAMES:
+        raise ValueError(f"unknown control preset {name!r}; known: {', '.join(PRESET_NAMES)}")
+    return name
 
 
 class MocapConfig(Model):
@@ -39,7 +32,7 @@ class MocapConfig(Model):
     file: str | None = None
     rate_hz: Positive = 100.0
     delay_s: Annotated[float, Field(ge=0.0, le=0.5)] = 0.008
-    q_lab_from_mocap: QuatTuple = NO_ROTATION
+    q_lab_from_mocap: UnitQuat = NO_ROTATION
     origin_lab_m: Vec3Tuple = (0.0, 0.0, 0.0)
 
     @model_validator(mode="after")
@@ -53,19 +46,24 @@ class VehicleBody(Model):
     """One rigid body the mocap sees: its name, its drone (if commanded) and its marker frame's alignment.
 
     link: the drone's own link where it has one, `udp:HOST:PORT` or `udpin:HOST:PORT`. spawn_lab_m: for mocap source
-    `mavlink`, where in the lab the origin of the drone's own local position is.
+    `mavlink`, where in the lab the origin of the drone's own local position is; of a commanded leader, whatever the
+    source, where it is expected to start.
     """
 
     body: str
     sysid: SysId | None = None
     profile: str = "paper_40g"
-    q_marker_from_flu: QuatTuple = NO_ROTATION
+    q_marker_from_flu: UnitQuat = NO_ROTATION
     link: OwnLink | None = None
     spawn_lab_m: Vec3Tuple = (0.0, 0.0, 0.0)
 
 
 class TrajectoryConfig(Model):
-    """What a commanded leader flies in the formation phase."""
+    """What a commanded leader flies in the formation phase; how long it takes is `formation.trajectory`'s to say.
+
+    laps: a circle's rounds, a line's ways there and back, how often all waypoints are flown; not given: a circle as
+    many rounds as fit duration_s, a line there only, waypoints once. duration_s: of a hold, of a line's every way.
+    """
 
     kind: Literal["hold", "line", "circle", "waypoints"] = "hold"
     length_m: Positive = 1.0
@@ -75,12 +73,21 @@ class TrajectoryConfig(Model):
     speed_m_s: Positive = 0.5
     yaw_rate_rad_s: float = 0.0
     waypoints_m: tuple[Vec3Tuple, ...] = ()
+    laps: Annotated[int, Field(ge=1, le=1000)] | None = None
+
+    @model_validator(mode="after")
+    def _has_its_waypoints(self) -> Self:
+        if self.kind == "waypoints" and not self.waypoints_m:
+            raise ValueError('kind "waypoints" needs `waypoints_m`, points of the lab')
+        return self
 
 
 class LeaderConfig(VehicleBody):
     """The body the formation is held on; without a sysid it is observed only, never commanded."""
 
     trajectory: TrajectoryConfig = TrajectoryConfig()
+    spawn_yaw_rad: float = 0.0
+    """Heading in which a commanded leader is expected to start, about lab z; the slots turn with it."""
 
 
 class FollowerConfig(VehicleBody):
@@ -98,6 +105,10 @@ class SlotConfig(Model):
     yaw_offset_rad: float = 0.0
 
 
+CONFIGURED = "configured"
+"""The shape that the followers' own entries make."""
+
+
 class FormationConfig(Model):
     """Shapes that the followers may change to: the distance of neighbours in the named ones, and further ones, listed.
 
@@ -107,6 +118,15 @@ class FormationConfig(Model):
     spacing_m: Positive = 0.5
     shapes: dict[str, tuple[SlotConfig, ...]] = Field(default_factory=dict)
 
+    @model_validator(mode="after")
+    def _can_be_asked_for(self) -> Self:
+        for name in self.shapes:
+            if re.fullmatch(r"[A-Za-z0-9_-]{1,64}", name) is None:
+                raise ValueError(f"no operator can ask for shape {name!r}: letters, digits, - and _ are meant")
+            if name == CONFIGURED:
+                raise ValueError(f"shape {name!r} is the one that the followers' own slots make")
+        return self
+
 
 class Fence(Model):
     """The box, in lab axes, that no commanded drone may leave."""
@@ -114,11 +134,24 @@ class Fence(Model):
     low_m: Vec3Tuple = (-2.5, -2.0, -0.1)
     high_m: Vec3Tuple = (2.5, 2.0, 2.3)
 
+    @model_validator(mode="after")
+    def _is_a_box(self) -> Self:
+        for axis, low, high in zip("xyz", self.low_m, self.high_m, strict=True):
+            if low >= high:
+                raise ValueError(f"low_m is {low:g} and high_m {high:g} along {axis}: low must be under high")
+        return self
+
+
+FENCE_INSET_M = 0.1
+"""So far inside the fence is the nearest place that a drone is led to."""
+PERSONAL_SPACE = 1.5
+"""Drones nearer than this many minimum separations are pushed apart, whatever their references say."""
+
 
 class LimitsConfig(Model):
     """What no command may exceed."""
 
-    tilt_rad: Positive = 0.6
+    tilt_rad: Tilt = 0.6
     speed_m_s: Positive = 3.0
     min_separation_m: Positive = 0.2
     fence: Fence = Fence()
@@ -138,7 +171,7 @@ class LinkConfig(Model):
     """How drones are reached: one Zenoh bus, or one UDP socket a drone (base ports plus sysid)."""
 
     kind: Literal["zenoh", "udp"] = "zenoh"
-    host: str = "127.0.0.1"
+    host: Host = "127.0.0.1"
     ground_port_base: PortBase = 14540
     drone_port_base: PortBase = 14580
     zenoh_listen: tuple[Endpoint, ...] = ()
@@ -158,14 +191,14 @@ class LabConfig(Model):
     """
 
     name: str = "lab"
-    origin: Vec3Tuple = (47.397742, 8.545594, 488.0)
+    origin: GlobePoint = (47.397742, 8.545594, 488.0)
     mocap: MocapConfig = MocapConfig()
     profiles: tuple[VehicleProfile, ...] = ()
     """The lab's own vehicles, as `gcs-log identify --write` writes them; they come before the shipped ones."""
     leader: LeaderConfig
     followers: Annotated[tuple[FollowerConfig, ...], Field(min_length=1)]
     formation: FormationConfig = FormationConfig()
-    control_preset: str = "default"
+    control_preset: Annotated[str, AfterValidator(_preset)] = "default"
     limits: LimitsConfig = LimitsConfig()
     flight: FlightConfig = FlightConfig()
     link: LinkConfig = LinkConfig()

@@ -6,21 +6,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from formation import blend
+from formation import blend, trajectory
 from formation.arrays import Flags, Float
-from formation.config import Fence, LabConfig, TrajectoryConfig
+from formation.config import FENCE_INSET_M, Fence, LabConfig, TrajectoryConfig
 from formation.frames import wrap_angle
 from formation.kernel import kernel
 from formation.reference import IDLE, Mode, Plan
 from formation.relative import copy_motion, lab_from_lead, lead_from_lab
 from formation.response import SECONDS
-from formation.trajectory import Trajectory, anchored, sample
+from formation.trajectory import Trajectory, anchored
 
 POINT, SLOT, TRAJECTORY = 0, 1, 2
 LIFT_OFF_M = 0.02
 ENTRY_S = 3.0  # a leader off its trajectory's start takes this long to join it
 NEAR_M = 0.02
-INSET_M = 0.1
+
+sample = kernel(trajectory.sample, calls=trajectory.PARTS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,8 +271,8 @@ class _Draft:
     def _inside(self, point: Float) -> None:
         """Draws a target back into the fence; only the floor is left alone, for landing goes beneath it."""
         low, high = np.array(self._who.fence.low_m), np.array(self._who.fence.high_m)
-        point[:2] = np.clip(point[:2], low[:2] + INSET_M, high[:2] - INSET_M)
-        point[2] = min(point[2], high[2] - INSET_M)
+        point[:2] = np.clip(point[:2], low[:2] + FENCE_INSET_M, high[:2] - FENCE_INSET_M)
+        point[2] = min(point[2], high[2] - FENCE_INSET_M)
 
     def _take_time(self, i: int) -> None:
         """How long vehicle i's gap takes to decay; a turn goes the short way round."""

@@ -6,18 +6,22 @@ from pathlib import Path
 from typing import ParamSpec, TypeVar
 
 import numba
+from numba.extending import register_jitable
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def kernel(function: Callable[P, R]) -> Callable[P, R]:
+def kernel(function: Callable[P, R], calls: tuple[Callable[..., object], ...] = ()) -> Callable[P, R]:
     """The compiled form of a function of floats, ints and float64 arrays; division follows IEEE, never raises.
 
+    calls: plain functions that it calls, directly or not, which are compiled with it and stay plain elsewhere.
     numba looks only at a kernel's own file to decide whether its cached machine code is still good, although
     kernels of other files are compiled into it. The stamp is widened to all of `formation`, whose kernels are
     the ones that others call, so that an edit is never answered by yesterday's code.
     """
+    for part in calls:
+        register_jitable(error_model="numpy")(part)
     compiled = numba.njit(cache=True, error_model="numpy")(function)
     index = compiled._cache._cache_file  # type: ignore[attr-defined]
     index._source_stamp = (index._source_stamp, _sources())

@@ -4,14 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from formation.arrays import Vec3s
-from formation.config import LabConfig
+from formation.arrays import Float, Vec3s
+from formation.config import CONFIGURED, LabConfig
 from formation.frames import rotate_about_z
 from formation.model import Vec3Tuple
 from formation.patterns import PATTERNS
 from formation.shape_request import ShapeRequest
-
-CONFIGURED = "configured"
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +45,14 @@ def shape_for(config: LabConfig, request: ShapeRequest) -> Shape:
         tuple((float(x), float(y), float(z)) for x, y, z in turned),
         tuple(angle + request.heading_rad for angle in yaw),
     )
+
+
+def separations(slot_lead_m: Float) -> Float:
+    """Distances between the leader (first, at the origin) and all followers (n, 3), infinite to oneself."""
+    bodies = np.vstack([np.zeros((1, 3)), slot_lead_m])
+    apart: Float = np.linalg.norm(bodies[:, None] - bodies[None], axis=-1)
+    np.fill_diagonal(apart, np.inf)
+    return apart
 
 
 def known(config: LabConfig) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from math import degrees, isfinite, radians
 
-SCALE_MAX = 100.0
+SCALE_MAX, HEADING_MOST = 100.0, 360.0
 USAGE = "a shape is asked for as NAME [scale=S] [heading=DEGREES]"
 
 
@@ -35,6 +35,8 @@ def parse(text: str) -> ShapeRequest:
     scale, heading = said.get("scale", 1.0), said.get("heading", 0.0)
     if not 0.0 < scale <= SCALE_MAX:
         raise ValueError(f"scale is {scale:g}; it must be above 0 and at most {SCALE_MAX:g}")
+    if abs(heading) > HEADING_MOST:
+        raise ValueError(f"heading is {heading:g}; it is in degrees, at most a whole turn, {HEADING_MOST:g}")
     return ShapeRequest(name, scale, radians(heading))
 
 

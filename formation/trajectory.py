@@ -1,4 +1,8 @@
-"""The leader's own trajectories: hold, line, circle, waypoints; smooth in acceleration, from rest to rest."""
+"""The leader's own trajectories: hold, line, circle, waypoints; smooth in acceleration, from rest to rest.
+
+Plain functions, so that a lab is judged without a compiler; where they must be fast, kernels call them
+(formation.course), and it is these very functions that they compile.
+"""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -8,7 +12,6 @@ import numpy as np
 
 from formation.arrays import Float
 from formation.config import TrajectoryConfig
-from formation.kernel import kernel
 
 HOLD, LINE, CIRCLE, WAYPOINTS = 0, 1, 2, 3
 # Where each of a trajectory's numbers is, after the start's x, y, z and heading.
@@ -34,16 +37,21 @@ class Trajectory:
 def anchored(config: TrajectoryConfig, pos_lab_m: Float, yaw_rad: float) -> Trajectory:
     """The configured trajectory for a leader whose reference rests at pos_lab_m (3).
 
-    The line starts there; the circle lies about the lab's origin at that height, whole laps from (radius, 0);
-    waypoints are points of the lab. The turn (yaw_rate_rad_s) is added to yaw_rad.
+    The line starts there, along lab x; the circle lies about the lab's origin at that height, whole laps from
+    (radius, 0); waypoints are points of the lab. The turn (yaw_rate_rad_s) is added to yaw_rad.
+    It lasts: a hold duration_s; a line duration_s each way; a circle a period a lap and a ramp, a quarter period or
+    3 s; waypoints 1.875 times the way at speed_m_s, each leg half a second at least.
     """
     knots = np.zeros((1, 4))
     knots[0, 1:] = pos_lab_m
     kind, duration = HOLD, config.duration_s
-    if config.kind == "line":
+    if config.kind == "line" and config.laps is None:
         kind = LINE
+    elif config.kind == "line":
+        kind, knots = WAYPOINTS, _there_and_back(config, config.laps or 1, pos_lab_m)
+        duration = float(knots[-1, 0])
     elif config.kind == "circle":
-        laps = max(1, round(config.duration_s / config.period_s))
+        laps = config.laps or max(1, round(config.duration_s / config.period_s))
         kind, duration = CIRCLE, laps * config.period_s + _ramp_s(config.period_s)
     elif config.kind == "waypoints":
         kind, knots = WAYPOINTS, _timed_knots(config, pos_lab_m)
@@ -60,16 +68,22 @@ def _ramp_s(period_s: float) -> float:
     return min(RAMP_MAX_S, 0.25 * period_s)
 
 
+def _there_and_back(config: TrajectoryConfig, laps: int, pos_lab_m: Float) -> Float:
+    """Knots of a line flown out and home again, `laps` times."""
+    ends = np.array([pos_lab_m, pos_lab_m + np.array([config.length_m, 0.0, 0.0])])
+    flown = np.arange(2 * laps + 1)
+    return np.column_stack([config.duration_s * flown, ends[flown % 2]])
+
+
 def _timed_knots(config: TrajectoryConfig, pos_lab_m: Float) -> Float:
     """Arrival times at the start and each waypoint, with the peak speed of each step at the configured one."""
-    points = [np.asarray(pos_lab_m, dtype=np.float64), *(np.array(p) for p in config.waypoints_m)]
+    points = [np.asarray(pos_lab_m, dtype=np.float64), *(np.array(p) for p in config.waypoints_m * (config.laps or 1))]
     times = [0.0]
     for a, b in pairwise(points):
         times.append(times[-1] + max(PEAK_SPEED * float(np.linalg.norm(b - a)) / config.speed_m_s, 0.5))
     return np.column_stack([times, np.array(points)])
 
 
-@kernel
 def min_jerk(u: float) -> tuple[float, float, float]:
     """The minimum-jerk step from 0 to 1 over u in 0..1, and its two derivatives by u (Flash and Hogan 1985)."""
     if u <= 0.0:
@@ -84,7 +98,6 @@ def min_jerk(u: float) -> tuple[float, float, float]:
     )
 
 
-@kernel
 def ramped_angle(t_s: float, rate: float, ramp_s: float, duration_s: float) -> tuple[float, float, float]:
     """Angle and its two derivatives of a turn at `rate` that starts and stops over ramp_s each, from 0 at 0."""
     if t_s <= 0.0:
@@ -105,7 +118,6 @@ def ramped_angle(t_s: float, rate: float, ramp_s: float, duration_s: float) -> t
     return angle, turn, acc
 
 
-@kernel
 def sample(kind: int, numbers: Float, knots: Float, t_s: float, out: Float) -> None:
     """Position, velocity, acceleration (rows) of x, y, z, heading (columns) at t_s into out (3, 4), lab."""
     for axis in range(4):
@@ -126,7 +138,6 @@ def sample(kind: int, numbers: Float, knots: Float, t_s: float, out: Float) -> N
         _waypoints(knots, t_s, out)
 
 
-@kernel
 def _circle(angle: tuple[float, float, float], radius_m: float, out: Float) -> None:
     """x and y of a point at `angle` (and derivatives) about the lab's origin."""
     th, w, acc = angle
@@ -136,7 +147,6 @@ def _circle(angle: tuple[float, float, float], radius_m: float, out: Float) -> N
     out[2, 0], out[2, 1] = -c * w * w - s * acc, -s * w * w + c * acc
 
 
-@kernel
 def _waypoints(knots: Float, t_s: float, out: Float) -> None:
     """Minimum-jerk steps, from rest to rest, along the timed knots."""
     if len(knots) < 2:
@@ -152,3 +162,7 @@ def _waypoints(knots: Float, t_s: float, out: Float) -> None:
         for order in range(3):
             out[order, axis] += scale * step[order]
             scale /= duration
+
+
+PARTS = (min_jerk, ramped_angle, _circle, _waypoints)
+"""What `sample` calls: whoever compiles it has these compiled too."""

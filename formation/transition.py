@@ -18,7 +18,7 @@ from formation.arrays import Float
 from formation.blend import add_gap, closing_s
 from formation.frames import wrap_angle
 from formation.kernel import kernel
-from formation.shape import Shape
+from formation.shape import Shape, separations
 
 LOOKS = 121
 """At so many times a way is looked at. Two 2 m apart at first pass each other 0.25 m off, seen 0.252 m off at worst."""
@@ -92,14 +92,6 @@ def transition(shape: Shape, motion_lead: Float, space: Space, names: Sequence[s
 def demand_room(shape: Shape, space: Space, names: Sequence[str]) -> None:
     """ValueError if any two, leader included, would be too near each other in their slots."""
     _demand_apart(separations(shape.offsets), space, names, f"shape {shape.name} leaves")
-
-
-def separations(slot_lead_m: Float) -> Float:
-    """Distances between the leader (first, at the origin) and all followers (n, 3), infinite to oneself."""
-    bodies = np.vstack([np.zeros((1, 3)), slot_lead_m])
-    apart: Float = np.linalg.norm(bodies[:, None] - bodies[None], axis=-1)
-    np.fill_diagonal(apart, np.inf)
-    return apart
 
 
 def _demand_apart(apart: Float, space: Space, names: Sequence[str], words: str) -> None:

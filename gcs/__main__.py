@@ -13,6 +13,8 @@ import typer
 from gcs import GCS_NAME, operator_cli
 from gcs.cli_common import Json, LabFile, Name, configuration
 from gcs.doctor import cli as doctor_cli
+from gcs.lab import cli as lab_cli
+from gcs.lab.findings import approved
 from wire import clock
 
 app = typer.Typer(
@@ -38,9 +40,9 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Be the ground: mocap in, control on every frame, setpoints out, everything recorded. Ctrl-C lands and ends."""
+    config = approved(lab, as_json)
     from gcs.ground_cli import serve  # loads the compiled control, which the other commands do without
 
-    config = configuration(lab)
     path = log or Path("runs") / f"{config.name}-{clock.unix_us() // 1_000_000}.mcap"
     metadata = {"link": config.link_kinds, "versions": f"mavlink-formation {version('mavlink-formation')}"}
     metadata |= _tags(tag or [])
@@ -72,6 +74,7 @@ def mocap(
     serve_mocap(configuration(lab), linger, as_json)
 
 
+app.command()(lab_cli.check)
 operator_cli.register(app)
 app.command()(doctor_cli.doctor)
 app.command()(doctor_cli.logs)

@@ -27,7 +27,6 @@ from formation.messages import (
 )
 from formation.phase import STREAMING, Trigger
 from formation.safety import Facts
-from formation.shape import Shape
 from formation.topics import Topic
 from gcs import reforming
 from gcs.checks import warnings
@@ -37,7 +36,7 @@ from gcs.flight import Flight
 from gcs.lateness import Lateness
 from gcs.link_state import HEARTBEAT, NEVER_NS, DroneLink
 from gcs.mocap.autopilot_poses import streams
-from gcs.operator import done_text, formation_refusals, status_text, take_off_refusals
+from gcs.operator import done_text, status_text, take_off_refusals
 from wire.refusals import Refusals
 
 HEARTBEAT_NS = 1_000_000_000
@@ -121,7 +120,7 @@ class GcsCore:
         self._tick_ns, self._due = now_ns, False
         frame = self._take_frame()
         stages = None if frame is None else self._control(frame, now_ns)
-        facts = self._gatherer.gather(self._stages, self._lateness.share, now_ns)
+        facts = self._facts(now_ns)
         self._watch, verdict = safety.assess(self._watch, facts, self._flight.phase, self._config.limits, now_ns)
         self._flight.judge(verdict, now_ns)
         replies = [reply for request in self._take_requests() for reply in self._answer(request, now_ns)]
@@ -177,7 +176,8 @@ class GcsCore:
             return [OperatorReply(request.id, True, self.status(now_ns))]
         refusals = self._refusals(request, now_ns)
         if not refusals and request.verb is Verb.SHAPE:
-            refusals = self._change_shape(request.argument, now_ns)
+            asked = request.argument
+            refusals = reforming.change(asked, self._flight, self._facts(now_ns), self._stages, self._config, now_ns)
         elif not refusals:
             trigger = Trigger(request.verb.value)
             refused = self._flight.pull(trigger, f"operator: {request.verb}", now_ns)
@@ -199,31 +199,9 @@ class GcsCore:
             case Verb.TAKEOFF, Phase.ARMED:
                 return take_off_refusals(facts, self._flight, self._config)
             case Verb.START, Phase.HOLD:
-                return self._reform(self._flight.shape, facts)
+                return reforming.start(self._flight, facts, self._stages, self._config)
             case _:
                 return ()
-
-    def _change_shape(self, argument: str, now_ns: int) -> tuple[str, ...]:
-        """In formation the followers set out at once; else the shape is kept for the start."""
-        try:
-            shape = reforming.requested(argument, self._stages, self._config)
-        except ValueError as error:
-            return (str(error),)
-        if self.phase is Phase.FORMATION:
-            return self._reform(shape, self._gatherer.gather(self._stages, self._lateness.share, now_ns))
-        self._flight.shape = shape
-        return ()
-
-    def _reform(self, shape: Shape, facts: Facts) -> tuple[str, ...]:
-        """Find everybody a way into the slots, or say why not."""
-        refusals = formation_refusals(facts, self._stages, shape, self._config)
-        if refusals or self._stages is None:
-            return refusals
-        try:
-            self._flight.reform(reforming.way(shape, self._stages, self._config))
-        except ValueError as error:
-            return (str(error),)
-        return ()
 
     def _answer_arming(self) -> list[OperatorReply]:
         request, flight = self._arming_request, self._flight
@@ -233,6 +211,9 @@ class GcsCore:
         if flight.phase is Phase.ARMED:
             return [OperatorReply(request, True, "every drone is armed")]
         return [OperatorReply(request, False, flight.cause)]
+
+    def _facts(self, now_ns: int) -> Facts:
+        return self._gatherer.gather(self._stages, self._lateness.share, now_ns)
 
     def _datagrams(self, frame: LabFrame | None, stages: Stages | None, now_ns: int) -> tuple[Datagram, ...]:
         """One datagram a drone at most, its setpoint first."""

@@ -7,9 +7,11 @@ from formation.config import LabConfig
 from formation.control.stack import Stages
 from formation.messages import Event, Phase, PhaseChange, Severity
 from formation.phase import Trigger, advance, allowed_from
+from formation.preview import trajectory_from
 from formation.reference import IDLE, Leg, Mode, Plan
 from formation.safety import Verdict
 from formation.shape import Shape, configured
+from formation.trajectory import Trajectory
 from formation.transition import Transition
 from gcs.drone import Drone, aside_leg, hold_leg, land_leg, take_off_leg
 from gcs.goal import Goal
@@ -29,7 +31,8 @@ _GOALS = {Phase.GROUND: Goal.DISARM, Phase.ARMED: Goal.FLY, Phase.STOPPED: Goal.
 class Flight:
     """One phase for the swarm. `pull` is the only way it changes.
 
-    armed: in ARMED, whether every drone has reported off-board and armed.
+    armed: in ARMED, whether every drone has reported off-board and armed. trajectory: the leader's, as last begun at
+    trajectory_start_ns.
     """
 
     def __init__(self, config: LabConfig, drones: tuple[Drone, ...], t0_ns: int) -> None:
@@ -39,6 +42,7 @@ class Flight:
         self.shape: Shape = configured(config)
         self.rise_m: tuple[float, ...] = ()
         self.trajectory_start_ns: int | None = None
+        self.trajectory: Trajectory | None = None
         self.armed = False
         self.events: list[Event] = []
         self.changes: list[PhaseChange] = [PhaseChange(Phase.GROUND, self.cause)]
@@ -64,9 +68,15 @@ class Flight:
         )
 
     def trajectory_done(self, now_ns: int) -> bool:
-        """Whether the leader's trajectory has run its whole duration; a leader that is only observed has none."""
-        start, duration_s = self.trajectory_start_ns, self._config.leader.trajectory.duration_s
-        return start is not None and now_ns - start >= round(duration_s * 1e9)
+        """Whether the leader's trajectory has been flown to its end; a leader that is only observed has none."""
+        start, path = self.trajectory_start_ns, self.trajectory
+        return start is not None and path is not None and now_ns - start >= round(path.duration_s * 1e9)
+
+    def on_the_way(self, now_ns: int) -> tuple[Trajectory | None, float]:
+        """The leader's trajectory and the time along it; None, 0 before it has begun."""
+        if self.trajectory is None or self.trajectory_start_ns is None:
+            return None, 0.0
+        return self.trajectory, (now_ns - self.trajectory_start_ns) * 1e-9
 
     def pull(self, trigger: Trigger, cause: str, now_ns: int) -> str:
         """Change the phase; the empty text, or why the trigger means nothing now."""
@@ -165,6 +175,8 @@ class Flight:
             self._settled_since_ns = now_ns
         elif now_ns - self._settled_since_ns >= SETTLE_NS:
             self.trajectory_start_ns = now_ns
+            here = stages.state.pos_lab_m[0]
+            self.trajectory = trajectory_from(self._config, np.array([*here, stages.state.yaw_rad[0]]))
 
     def _watch_landing(self, stages: Stages | None, now_ns: int) -> None:
         if stages is not None:

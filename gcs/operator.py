@@ -4,13 +4,8 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from formation import arming
-from formation.arrays import Float
 from formation.config import LabConfig
-from formation.control.stack import Stages
-from formation.frames import rotate_about_z
 from formation.messages import Phase
 from formation.safety import Facts
 from formation.shape import Shape
@@ -22,21 +17,6 @@ def take_off_refusals(facts: Facts, flight: Flight, config: LabConfig) -> tuple[
     """Why the swarm may not leave the floor now; as for arming, and every drone must have armed."""
     not_armed = () if flight.armed else ("not every drone has armed yet",)
     return arming.refusals(facts, config.limits) + not_armed
-
-
-def formation_refusals(facts: Facts, stages: Stages | None, shape: Shape, config: LabConfig) -> tuple[str, ...]:
-    """Why the formation may not be taken up now: no leader to see, or slots outside the fence."""
-    leader = config.leader.body
-    if stages is None or facts.age_s[0] > 0.2:
-        return (f"{leader}: no fresh pose, there is nothing to form on",)
-    slots = facts.pos_lab_m[0] + rotate_about_z(stages.state.yaw_rad[0], shape.offsets)
-    low, high = np.asarray(config.limits.fence.low_m), np.asarray(config.limits.fence.high_m)
-    outside = ((slots < low) | (slots > high)).any(axis=-1)
-    return tuple(
-        f"{follower.body}: its slot would be outside the fence, at {_coordinates(slot)} m"
-        for follower, slot, out in zip(config.followers, slots, outside, strict=True)
-        if out
-    )
 
 
 def status_text(
@@ -89,10 +69,6 @@ def _drone_status(drone: Drone, facts: Facts) -> dict[str, object]:
 def _number(value: float, digits: int) -> float | None:
     """JSON has neither NaN nor infinity: what is unknown, and the age of what never was, is null."""
     return round(value, digits) if math.isfinite(value) else None
-
-
-def _coordinates(point: Float) -> str:
-    return "(" + ", ".join(f"{x:.2f}" for x in point) + ")"
 
 
 def done_text(phase: Phase, shape: Shape) -> str:

@@ -1,18 +1,61 @@
-"""A request for a shape, seen from the flight as it is: which slots, whose, and a way into them."""
+"""A request for a shape, seen from the flight as it is: which slots, whose, whether inside, and a way into them."""
 
 import numpy as np
 
 from formation.arrays import Float
-from formation.config import LabConfig
-from formation.control.limits import PERSONAL_SPACE
+from formation.config import PERSONAL_SPACE, LabConfig
 from formation.control.stack import Stages
+from formation.messages import Phase
+from formation.preview import Preview, beyond_text, expected_start, outside_m, preview, trajectory_from
 from formation.relative import lead_from_lab
+from formation.safety import Facts
 from formation.shape import Shape, shape_for
 from formation.shape_request import parse
+from formation.trajectory import Trajectory
 from formation.transition import Space, Transition, assigned, demand_room, transition
+from gcs.flight import Flight
 
 TRACKING_M = 0.02  # by so much together two followers may miss their references before they repel each other
 INSET_M = 0.2
+FRESH_S = 0.2
+LOOKS = 200  # along the leader's way; a look takes 15 us of a tick
+
+
+def start(flight: Flight, facts: Facts, stages: Stages | None, config: LabConfig) -> tuple[str, ...]:
+    """Take the flight's shape up where the leader is; or why not, if it or the way from here would leave the fence."""
+    unseen = _leader_refusals(facts, config)
+    if unseen or stages is None:
+        return unseen
+    ahead = _foreseen(flight.shape, _leader_place(stages), None, 0.0, config)
+    outside = _way_refusals(ahead, config) + _room_refusals(ahead, config)
+    return outside or _set_out(flight.shape, flight, stages, config)
+
+
+def change(
+    asked: str, flight: Flight, facts: Facts, stages: Stages | None, config: LabConfig, now_ns: int
+) -> tuple[str, ...]:
+    """Take another shape, or say why not; judged on the ground as in the air.
+
+    In formation the followers set out at once. Else it is kept for the start, and judged above where the leader is, at
+    the height of the take-off; or, while it is not seen, where the lab file expects it.
+    """
+    unseen, forming = _leader_refusals(facts, config), flight.phase is Phase.FORMATION
+    if forming and (unseen or stages is None):
+        return unseen
+    try:
+        shape = requested(asked, stages, config)
+    except ValueError as error:
+        return (str(error),)
+    place = expected_start(config) if unseen or stages is None else _leader_place(stages)
+    if not forming and config.leader.sysid is not None:
+        place[2] = config.flight.altitude_m
+    ahead = _foreseen(shape, place, *flight.on_the_way(now_ns), config)
+    if refusals := _room_refusals(ahead, config):
+        return refusals
+    if forming and stages is not None:
+        return _set_out(shape, flight, stages, config)
+    flight.shape = shape
+    return ()
 
 
 def requested(text: str, stages: Stages | None, config: LabConfig) -> Shape:
@@ -31,6 +74,55 @@ def way(shape: Shape, stages: Stages, config: LabConfig) -> Transition:
     """The way from where the followers are led now into the slots of `shape`; ValueError says why there is none."""
     space = _space(config, float(stages.state.pos_lab_m[0, 2]))
     return transition(shape, _led_motion(stages, config), space, _names(config))
+
+
+def _set_out(shape: Shape, flight: Flight, stages: Stages, config: LabConfig) -> tuple[str, ...]:
+    """Find everybody a way into the slots, or say why not."""
+    try:
+        flight.reform(way(shape, stages, config))
+    except ValueError as error:
+        return (str(error),)
+    return ()
+
+
+def _foreseen(shape: Shape, place: Float, path: Trajectory | None, path_s: float, config: LabConfig) -> Preview:
+    """Where the shape is led, taken up with the leader at `place` (4), on what is left of its path path_s along it.
+
+    path: None, if it has not begun; it then begins here.
+    """
+    return preview(trajectory_from(config, place) if path is None else path, shape, place, path_s, LOOKS)
+
+
+def _leader_refusals(facts: Facts, config: LabConfig) -> tuple[str, ...]:
+    """Why nothing can be formed now: no leader to see."""
+    if facts.age_s[0] > FRESH_S:
+        return (f"{config.leader.body}: no fresh pose, there is nothing to form on",)
+    return ()
+
+
+def _room_refusals(ahead: Preview, config: LabConfig) -> tuple[str, ...]:
+    """Which slots would be outside the fence, at once or where the leader's trajectory carries them."""
+    fence, refusals = config.limits.fence, []
+    at_start, on_way = outside_m(ahead.at_start, fence), outside_m(ahead.slots[:, :, 0], fence)
+    for k, follower in enumerate(config.followers):
+        look = int(np.argmax(on_way[:, k]))
+        if at_start[k] > 0.0:
+            where = beyond_text(ahead.at_start[k], fence)
+            refusals.append(f"{follower.body}: its slot would be outside the fence, {where}")
+        elif on_way[look, k] > 0.0:
+            where = f"{beyond_text(ahead.slots[look, k, 0], fence)}, {ahead.t_s[look]:.1f} s on the leader's way"
+            refusals.append(f"{follower.body}: its slot would be outside the fence, {where}")
+    return tuple(refusals)
+
+
+def _way_refusals(ahead: Preview, config: LabConfig) -> tuple[str, ...]:
+    """Where the leader itself would leave the fence on its trajectory."""
+    out = outside_m(ahead.leader[:, 0, :3], config.limits.fence)
+    look = int(np.argmax(out))
+    if config.leader.sysid is None or out[look] <= 0.0:
+        return ()
+    where = f"{beyond_text(ahead.leader[look, 0, :3], config.limits.fence)}, {ahead.t_s[look]:.1f} s on its way"
+    return (f"{config.leader.body}: it would be outside the fence, {where}",)
 
 
 def _names(config: LabConfig) -> tuple[str, ...]:
@@ -63,6 +155,11 @@ def _led_motion(stages: Stages, config: LabConfig) -> Float:
         in_lab = motion[i].copy()
         lead_from_lab(in_lab, leader, motion[i])
     return motion
+
+
+def _leader_place(stages: Stages) -> Float:
+    """Where the leader is now, x, y, z, heading (4)."""
+    return np.array([*stages.state.pos_lab_m[0], stages.state.yaw_rad[0]])
 
 
 def _leader_motion(stages: Stages) -> Float:

@@ -4,6 +4,8 @@ Every error is one line that names the file, the key and the reason.
 """
 
 import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -14,13 +16,32 @@ from formation.model import Model
 
 M = TypeVar("M", bound=Model)
 
+SHORT = 8
+"""So many numbers of a list are shown."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """What is wrong with one key: `followers[1].offset_m`, its value as written if that is short, and why."""
+
+    key: str
+    value: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.key}{': ' if self.key else ''}{self.reason}{f' (it is {self.value})' if self.value else ''}"
+
 
 class ConfigError(ValueError):
-    """A configuration that cannot be used; `problems` has one line a fault, `str` is all of them."""
+    """A configuration that cannot be used; `problems` has one line a fault, `str` is all of them.
 
-    def __init__(self, problems: list[str]) -> None:
+    faults: the same by key, where it was read at all.
+    """
+
+    def __init__(self, problems: Sequence[str], faults: Sequence[Fault] = ()) -> None:
         super().__init__("\n".join(problems))
-        self.problems = problems
+        self.problems = list(problems)
+        self.faults = tuple(faults)
 
 
 def load(path: Path, model: type[M]) -> M:
@@ -46,29 +67,37 @@ def parse(values: dict[str, Any], model: type[M], *, source: str) -> M:
         faults = error.errors()
         # Of a list with a bad item pydantic also says that it is too short: the item is the reason.
         inner = {fault["loc"][:1] for fault in faults if len(fault["loc"]) > 1}
-        problems = [
-            f"{source}: {_key(fault['loc'])}{_reason(fault['type'], fault['msg'], fault['input'])}"
+        told = [
+            Fault(_key(fault["loc"]), _value(fault["type"], fault["input"]), _reason(fault["type"], fault["msg"]))
             for fault in faults
             if fault["type"] != "too_short" or fault["loc"] not in inner
         ]
-        raise ConfigError(problems) from error
+        raise ConfigError([f"{source}: {fault}" for fault in told], told) from error
 
 
 def _key(location: tuple[int | str, ...]) -> str:
-    """ "followers[1].offset_m: ", nothing for the file as a whole."""
+    """ "followers[1].offset_m", nothing for the file as a whole."""
     key = ""
     for part in location:
         key += f"[{part}]" if isinstance(part, int) else f".{part}" if key else part
-    return f"{key}: " if key else ""
+    return key
 
 
-def _reason(kind: str, message: str, value: Any) -> str:
+def _value(kind: str, value: Any) -> str:
+    """The value as written, or nothing where there is none or much of it."""
+    if kind in ("missing", "extra_forbidden") or isinstance(value, dict):
+        return ""
+    if isinstance(value, list) and (len(value) > SHORT or any(isinstance(item, dict | list) for item in value)):
+        return ""
+    return repr(value)
+
+
+def _reason(kind: str, message: str) -> str:
     if kind == "missing":
         return "is missing"
     if kind == "extra_forbidden":
         return "is not a known key"
-    reason = message.removeprefix("Value error, ")
-    return reason if isinstance(value, dict | list) else f"{reason} (it is {value!r})"
+    return message.removeprefix("Value error, ")
 
 
 def dump(model: Model) -> str:

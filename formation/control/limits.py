@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.arrays import Float
+from formation.config import PERSONAL_SPACE
 from formation.kernel import kernel
 
 FENCE, SEPARATION = 16.0, 32.0  # bits of formation.messages.Saturation
 BRAKE_M_S2 = 4.0
 FENCE_RATE_1_S = 4.0
-PERSONAL_SPACE = 1.5  # repulsion begins at this many minimum separations
 REPULSION_1_S2 = 20.0
 
 

@@ -159,7 +159,9 @@ def flown() -> Flight:
     trajectory = lab.leader.trajectory.model_copy(update={"duration_s": 12.0})
     lab = lab.model_copy(update={"leader": lab.leader.model_copy(update={"trajectory": trajectory})})
     true = scenario.TrueVehicle(sysid=2, vehicle=SLOW)
-    _, records = lockstep.run_in_memory(plan.model_copy(update={"lab": lab, "vehicles": (true,)}), 5)
+    _, records = lockstep.run_in_memory(
+        plan.model_copy(update={"lab": lab, "formation_s": 12.0, "vehicles": (true,)}), 5
+    )
     return from_records(lockstep.metadata(plan, 5, "memory", 0) | {"lab": lab.model_dump_json()}, records)
 
 

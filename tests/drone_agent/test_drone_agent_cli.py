@@ -40,7 +40,7 @@ def test_what_is_not_right_is_named_in_one_line(options: list[str], words: str) 
     ("options", "words"),
     [
         (["--bridge", "serial:/dev/no-such-line:57600"], "bridge serial:/dev/no-such-line:57600: "),
-        (["--link", "udp", "--host", "no host"], "link to no host, own port 14581: "),
+        (["--link", "udp", "--host", "no-host.invalid"], "link to no-host.invalid, own port 14581: "),
     ],
 )
 def test_what_cannot_be_had_is_named(options: list[str], words: str) -> None:

@@ -1,7 +1,10 @@
+import re
+
 import pytest
 from pydantic import ValidationError
 
-from formation.config import LabConfig
+from formation.config import PRESET_NAMES, LabConfig
+from formation.control.presets import PRESETS
 from formation.vehicle import PAPER_40G
 
 
@@ -39,3 +42,53 @@ def test_no_two_vehicles_share_a_name(leader, named):
 )
 def test_the_links_told_are_those_that_drones_are_on(leader, links):
     assert lab(leader=leader).link_kinds == links
+
+
+def test_the_presets_that_a_lab_may_name_are_those_there_are():
+    assert tuple(PRESETS) == PRESET_NAMES
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"mocap": {"q_lab_from_mocap": (1, 1, 0, 0)}}, "its length is 1.414, not 1"),
+        ({"mocap": {"q_lab_from_mocap": (0, 0, 0, 0)}}, "its length is 0.000, not 1"),
+        ({"leader": {"body": "a", "q_marker_from_flu": (0.72, 0.72, 0, 0)}}, "its length is 1.018, not 1"),
+        ({"limits": {"fence": {"low_m": (1, -1, 0), "high_m": (-1, 1, 2)}}}, "low_m is 1 and high_m -1 along x"),
+        ({"limits": {"fence": {"low_m": (-1, -1, 2), "high_m": (1, 1, 2)}}}, "low_m is 2 and high_m 2 along z"),
+        ({"limits": {"tilt_rad": 30}}, "radians are meant"),
+        ({"control_preset": "heroic"}, "unknown control preset 'heroic'; known: default, paper"),
+        ({"leader": {"body": "a", "link": "udp:127.0.0.1:0"}}, "port 0 is not within 1 to 65535"),
+        ({"leader": {"body": "a", "link": "udp:127.0.0.1:70000"}}, "port 70000 is not within 1 to 65535"),
+        ({"link": {"zenoh_listen": ["tcp/0.0.0.0:99999"]}}, "port 99999 is not within 0 to 65535"),
+        ({"link": {"zenoh_connect": ["tcp/127.0.0.1"]}}, "not an endpoint such as tcp/127.0.0.1:7447"),
+        ({"link": {"host": "127.0.0.256"}}, "not an IPv4 address"),
+        ({"link": {"host": "my host"}}, "not the name or the IPv4 address of a host"),
+        ({"link": {"ground_port_base": 70000}}, "less than or equal to 65285"),
+        ({"link": {"drone_port_base": 80}}, "greater than or equal to 1024"),
+        ({"origin": (147.0, 8.0, 400.0)}, "not a place on the globe"),
+        ({"leader": {"body": "a", "sysid": 1, "trajectory": {"kind": "waypoints"}}}, "needs `waypoints_m`"),
+        (
+            {"leader": {"body": "a", "sysid": 1, "trajectory": {"kind": "circle", "laps": 0}}},
+            "greater than or equal to 1",
+        ),
+        ({"formation": {"shapes": {"my stairs": [{"offset_m": (0, 1, 0)}]}}}, "no operator can ask for shape"),
+        ({"formation": {"shapes": {"configured": [{"offset_m": (0, 1, 0)}]}}}, "the followers' own slots"),
+    ],
+)
+def test_what_one_field_has_wrong_is_refused_by_every_program_that_reads_it(changes, words):
+    with pytest.raises(ValidationError, match=re.escape(words)):
+        lab(**changes)
+
+
+@pytest.mark.parametrize("q", [(0.707, 0.707, 0, 0), (0.7071, 0, 0, -0.7071), (-1, 0, 0, 0)])
+def test_a_rotation_written_with_three_decimals_is_one(q):
+    assert lab(mocap={"q_lab_from_mocap": q}).mocap.q_lab_from_mocap == q
+
+
+@pytest.mark.parametrize(
+    "endpoint",
+    ["tcp/[::1]:7447", "udp/lab.local:7447", "tls/host:443#iface=eth0", "unixsock-stream/tmp/bus", "tcp/0.0.0.0:0"],
+)
+def test_endpoints_that_are_some(endpoint):
+    assert lab(link={"zenoh_listen": [endpoint]}).link.zenoh_listen == (endpoint,)

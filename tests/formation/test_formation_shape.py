@@ -5,9 +5,8 @@ import pytest
 
 from formation.config import FlightConfig, FollowerConfig, FormationConfig, LabConfig, LeaderConfig, SlotConfig
 from formation.patterns import PATTERNS, circle, column, grid, line, triangle, vee
-from formation.shape import configured, known, shape_for
+from formation.shape import configured, known, separations, shape_for
 from formation.shape_request import ShapeRequest, parse
-from formation.transition import separations
 
 ROOT3 = sqrt(3.0)
 

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from formation import course
 from formation.arrays import Float
 from formation.blend import add_gap, closing_s
 from formation.config import TrajectoryConfig
@@ -51,6 +52,41 @@ def test_circle_is_about_the_origin_at_the_anchors_height_with_whole_laps() -> N
         assert p[2] == 0.3
     np.testing.assert_allclose(motion(path, path.duration_s)[0, :2], [0.3, 0.0], atol=1e-9)
     assert np.linalg.norm(motion(path, 0.5 * path.duration_s)[1, :2]) == pytest.approx(0.3 * 2 * np.pi / 6.0)
+
+
+def test_a_circle_is_flown_as_many_laps_as_asked_and_takes_a_period_each_and_the_ramp() -> None:
+    path = anchored(TrajectoryConfig(kind="circle", radius_m=0.5, period_s=6.0, laps=5), ANCHOR, 0.0)
+    assert path.duration_s == 5 * 6.0 + 1.5
+    around = np.array([motion(path, t)[0, :2] for t in np.linspace(0.0, path.duration_s, 2000)])
+    angle = np.unwrap(np.arctan2(around[:, 1], around[:, 0]))
+    assert angle[-1] - angle[0] == pytest.approx(5 * 2 * np.pi)
+
+
+def test_a_line_is_flown_there_and_back_as_often_as_asked() -> None:
+    path = anchored(TrajectoryConfig(kind="line", length_m=2.0, duration_s=4.0, laps=2), ANCHOR, 0.0)
+    assert path.duration_s == 16.0
+    x = [motion(path, t)[0, 0] - ANCHOR[0] for t in (0.0, 2.0, 4.0, 8.0, 12.0, 16.0, 20.0)]
+    np.testing.assert_allclose(x, [0.0, 1.0, 2.0, 0.0, 2.0, 0.0, 0.0], atol=1e-12)
+    there = anchored(TrajectoryConfig(kind="line", length_m=2.0, duration_s=4.0), ANCHOR, 0.0)
+    for t in np.linspace(0.0, 4.0, 30):
+        np.testing.assert_allclose(motion(path, t), motion(there, t), atol=1e-12)
+
+
+def test_waypoints_are_flown_as_often_as_asked() -> None:
+    points = ((1.0, 0.0, 0.5), (0.0, 1.0, 0.5))
+    path = anchored(TrajectoryConfig(kind="waypoints", waypoints_m=points, laps=3), ANCHOR, 0.0)
+    np.testing.assert_allclose(path.knots[1:, 1:], points * 3)
+    np.testing.assert_allclose(motion(path, path.duration_s)[0, :3], points[-1])
+
+
+def test_what_is_compiled_is_what_is_plain() -> None:
+    """A lab is judged by the plain functions and flown by the compiled ones: the same numbers to the last bit."""
+    for config in KINDS:
+        path = anchored(config, ANCHOR, 0.5)
+        for t in np.linspace(-0.5, path.duration_s + 0.5, 101):
+            compiled = np.empty((3, 4))
+            course.sample(path.kind, path.numbers, path.knots, float(t), compiled)
+            assert np.array_equal(compiled, motion(path, float(t))), (config.kind, t)
 
 
 def test_waypoints_are_met_in_turn_within_the_speed() -> None:

@@ -171,3 +171,25 @@ def test_status_is_strict_json_from_the_first_moment_on(lab):
     told = strict(lab.core.status(lab.now_ns))
     assert told["refusals"] == []
     assert [d["sysid"] for d in told["drones"]] == [1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("trajectory", "lasts_s"),
+    [
+        ({"kind": "circle", "radius_m": 0.1, "period_s": 2.0, "laps": 1}, 2.5),
+        ({"kind": "waypoints", "waypoints_m": [(0.5, 0.0, 0.3)], "speed_m_s": 0.5}, 1.875),
+    ],
+)
+def test_a_trajectory_is_done_when_it_has_been_flown(trajectory, lasts_s) -> None:
+    lab = FakeLab(triangle(leader={"body": "lead", "sysid": 1, "trajectory": trajectory}))
+    lab.fly()
+
+    def told(key: str) -> bool:
+        return bool(json.loads(lab.core.status(lab.now_ns))[key])
+
+    while not told("trajectory_started"):
+        lab.step()
+    lab.run(lasts_s - 0.1)
+    assert not told("trajectory_done")
+    lab.run(0.2)
+    assert told("trajectory_done")

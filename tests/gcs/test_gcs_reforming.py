@@ -87,3 +87,62 @@ def test_a_shape_chosen_while_holding_is_taken_up_at_the_start() -> None:
     lab.command(Verb.START, Phase.FORMATION)
     lab.run(6.0)
     np.testing.assert_allclose(places(lab), [[0.0, 0.5, 0.0], [0.0, -0.5, 0.0]], atol=0.02)
+
+
+REFUSED = [
+    ("circle scale=30", "left: its slot would be outside the fence, at (15.00, 0.00, 0.30) m, 12.50 m beyond"),
+    ("circle scale=0", "scale is 0; it must be above 0"),
+    ("circle scale=-1", "scale is -1; it must be above 0"),
+    ("circle scale=nan", "scale is 'nan', not a finite number"),
+    ("circle scale=inf", "scale is 'inf', not a finite number"),
+    ("circle scale=1e9", "scale is 1e+09; it must be above 0 and at most 100"),
+    ("circle heading=1e9", "heading is 1e+09; it is in degrees, at most a whole turn, 360"),
+    ("circle heading=nan", "heading is 'nan', not a finite number"),
+]
+
+
+@pytest.mark.parametrize("seen", [False, True])
+def test_on_the_ground_is_refused_what_would_be_refused_in_the_air(seen: bool) -> None:
+    lab = FakeLab(triangle(leader=STAY))
+    if seen:
+        lab.run(0.5)
+    for shape, words in REFUSED:
+        reply = ask(lab, shape)
+        assert not reply.accepted, shape
+        assert words in reply.text
+    assert ask(lab, "line").accepted
+
+
+def test_in_the_air_the_same_is_refused(flying: FakeLab) -> None:
+    for shape, words in REFUSED[1:]:
+        assert words in ask(flying, shape).text
+    assert "its slot would be outside the fence" in ask(flying, "circle scale=30").text
+
+
+def test_a_shape_is_judged_where_the_leaders_trajectory_will_carry_it() -> None:
+    """A column behind the leader's start that fits there, but is turned out of the fence: 2 m behind, then beside."""
+    turning = {"body": "lead", "sysid": 1, "trajectory": {"kind": "hold", "duration_s": 20.0, "yaw_rate_rad_s": 0.2}}
+    lab = FakeLab(triangle(leader=turning))
+    lab.run(0.5)
+    text = ask(lab, "column scale=2.2").text
+    assert "right: its slot would be outside the fence, at " in text
+    assert "beyond limits.fence." in text
+    assert text.endswith(" s on the leader's way")
+    lab = FakeLab(triangle(leader=STAY))
+    assert ask(lab, "column scale=2.2").accepted
+
+
+def test_no_formation_is_started_from_where_the_leader_would_leave_the_fence() -> None:
+    line = {"body": "lead", "sysid": 1, "trajectory": {"kind": "line", "length_m": 2.4, "duration_s": 10.0}}
+    lab = FakeLab(triangle(leader=line))
+    for drone in lab.drones.values():
+        drone.pos[0] += 0.5
+    lab.run(2.0)
+    lab.command(Verb.ARM, Phase.ARMED)
+    lab.command(Verb.TAKEOFF, Phase.TAKEOFF)
+    lab.run_until(Phase.HOLD)
+    reply = lab.reply(lab.ask(Verb.START))
+    assert reply is not None
+    assert not reply.accepted
+    assert reply.text.startswith("lead: it would be outside the fence, at (2.9")
+    assert lab.phase is Phase.HOLD

@@ -23,7 +23,7 @@ def short(**changes: object) -> Scenario:
     trajectory = scenario.lab.leader.trajectory.model_copy(update={"period_s": 6.0, "duration_s": 6.0})
     leader = scenario.lab.leader.model_copy(update={"trajectory": trajectory})
     lab = scenario.lab.model_copy(update={"leader": leader})
-    return scenario.model_copy(update={"lab": lab} | changes)
+    return scenario.model_copy(update={"lab": lab, "formation_s": 6.0} | changes)
 
 
 def flown(scenario: Scenario, seed: int) -> tuple[Outcome, Flight, Summary]:

@@ -30,7 +30,7 @@ def five() -> Scenario:
             "formation": scenario.lab.formation.model_copy(update={"shapes": {}}),
         }
     )
-    return scenario.model_copy(update={"lab": lab, "script": tuple(steps)})
+    return scenario.model_copy(update={"lab": lab, "formation_s": 10.0, "script": tuple(steps)})
 
 
 def test_two_changes_behind_a_turning_leader_keep_apart_track_and_replay(tmp_path: Path) -> None:

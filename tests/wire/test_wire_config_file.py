@@ -94,6 +94,15 @@ def test_a_number_that_is_none_is_refused(tmp_path):
     assert line.startswith("mocap.rate_hz: ")
 
 
+def test_a_short_list_is_shown_and_every_fault_has_its_key(tmp_path):
+    path = written(tmp_path, GOOD + "\n[mocap]\nq_lab_from_mocap = [1, 1, 0, 0]\n")
+    with pytest.raises(ConfigError) as caught:
+        load(path, LabConfig)
+    (fault,) = caught.value.faults
+    assert (fault.key, fault.value) == ("mocap.q_lab_from_mocap", "[1, 1, 0, 0]")
+    assert str(caught.value) == f"{path}: mocap.q_lab_from_mocap: {fault.reason} (it is [1, 1, 0, 0])"
+
+
 def test_a_rule_of_the_whole_file_names_the_file(tmp_path):
     (line,) = problems(tmp_path, GOOD.replace('"a"', '"leader"'))
     assert line == "two vehicles share a body name: ['leader', 'leader']"

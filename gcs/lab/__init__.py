@@ -1,0 +1,1 @@
+"""A lab file, judged and drawn before anything is started."""

@@ -1,0 +1,112 @@
+"""`gcs check`: a lab file judged, told in numbers and drawn, without anything being started."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from formation.config import LabConfig
+from formation.preview import Preview
+from gcs.cli_common import NOT_RIGHT, REFUSED, Json, LabFile, fail
+from gcs.doctor.finding import Finding, Grade, as_dicts, failed
+from gcs.lab.drawing import drawn
+from gcs.lab.findings import findings_of, line, of_grade, tell
+from gcs.lab.judge import foreseen
+from gcs.lab.pace import peaks
+from gcs.lab.plan_svg import svg_plan
+from gcs.lab.plan_text import text_plan
+from wire.config_file import ConfigError, load
+
+INDENT = " " * 8
+
+
+def check(
+    lab: LabFile,
+    svg: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the lab from above into an SVG file.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Judge a lab file and draw the lab from above; starts nothing. Exit code 1 where `gcs run` would refuse it."""
+    try:
+        config = load(lab, LabConfig)
+    except ConfigError as error:
+        if not error.faults:
+            fail(str(error), NOT_RIGHT)
+        wrong = [Finding(f.key, "value", Grade.FAIL, f.value, why=f.reason) for f in error.faults]
+        _conclude(lab, wrong, None, as_json)
+    else:
+        ahead = foreseen(config)
+        if svg is not None:
+            _write(svg, svg_plan(drawn(config, ahead), f"{_room(config)}; {_way(config, ahead)}"))
+        if not as_json:
+            print(text_plan(drawn(config, ahead)), *told(config, ahead), "", sep="\n")
+        _conclude(lab, findings_of(config), numbers(config, ahead), as_json)
+
+
+def numbers(config: LabConfig, ahead: Preview) -> dict[str, object]:
+    """The leader's trajectory and the fastest slot, for scripts."""
+    leader, *slots = peaks(config, ahead)
+    fastest = max(slots, key=lambda peak: peak.speed_m_s)
+    return {
+        "leader_observed": config.leader.sysid is None,
+        "trajectory": config.leader.trajectory.kind,
+        "length_m": round(ahead.length_m, 4),
+        "duration_s": round(ahead.duration_s, 3),
+        "leader_speed_m_s": round(leader.speed_m_s, 4),
+        "leader_acc_m_s2": round(leader.acc_m_s2, 4),
+        "fastest_slot": fastest.body,
+        "fastest_slot_speed_m_s": round(fastest.speed_m_s, 4),
+        "fastest_slot_acc_m_s2": round(fastest.acc_m_s2, 4),
+    }
+
+
+def told(config: LabConfig, ahead: Preview) -> list[str]:
+    """The same for people, and the room."""
+    lines = [f"{INDENT}{_room(config)}"]
+    if config.leader.sysid is None:
+        return [*lines, f"{INDENT}{config.leader.body} is only observed: it flies what it flies"]
+    leader, *slots = peaks(config, ahead)
+    fastest = max(slots, key=lambda peak: peak.speed_m_s)
+    lines.append(f"{INDENT}{_way(config, ahead)}")
+    for role, peak in (("leader", leader), (f"fastest slot, {fastest.body}", fastest)):
+        lines.append(f"{INDENT}{role}: up to {peak.speed_m_s:.2f} m/s and {peak.acc_m_s2:.2f} m/s^2")
+    return lines
+
+
+def _room(config: LabConfig) -> str:
+    low, high = config.limits.fence.low_m, config.limits.fence.high_m
+    size = " x ".join(f"{b - a:g}" for a, b in zip(low, high, strict=True))
+    return f"fence {size} m, take-off to {config.flight.altitude_m:g} m"
+
+
+def _way(config: LabConfig, ahead: Preview) -> str:
+    if config.leader.sysid is None:
+        return "leader observed"
+    return f"{config.leader.trajectory.kind}: {ahead.length_m:.2f} m in {ahead.duration_s:.1f} s, then it stays there"
+
+
+def _conclude(lab: Path, findings: Sequence[Finding], counted: dict[str, object] | None, as_json: bool) -> None:
+    """Errors, then warnings apart from them, and the exit code."""
+    errors, warnings = of_grade(findings, Grade.FAIL), of_grade(findings, Grade.WARN)
+    if as_json:
+        print(json.dumps({"file": str(lab), "findings": as_dicts(findings), "numbers": counted}))
+    else:
+        for words, found in (("error", errors), ("warning", warnings)):
+            for finding in found:
+                tell(f"{words}: {lab}: {line(finding)}", finding.grade, Console())
+        print(f"{lab}: {_counted(len(errors), 'error')}, {_counted(len(warnings), 'warning')}")
+    if failed(findings):
+        raise typer.Exit(REFUSED)
+
+
+def _counted(n: int, word: str) -> str:
+    return f"{n or 'no'} {word}{'' if n == 1 else 's'}"
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        fail(f"{path}: {error.strerror}", NOT_RIGHT)

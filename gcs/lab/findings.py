@@ -1,0 +1,56 @@
+"""What is found wrong with a lab file, told: the one place where programs have a lab judged."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from formation.config import LabConfig
+from gcs.cli_common import NOT_RIGHT, configuration, fail
+from gcs.doctor.finding import Finding, Grade, graded
+from gcs.lab.judge import judge
+
+STYLES = {Grade.FAIL: "bold red", Grade.WARN: "yellow"}
+
+
+def findings_of(config: LabConfig) -> tuple[Finding, ...]:
+    """All refusals and warnings of a lab, the files that it names included."""
+    file = config.mocap.file
+    if file is None or config.mocap.source not in ("csv", "mcap"):
+        return judge(config)
+    why = "no such file here; paths count from where the ground is started"
+    found = graded("mocap.file", "files", f'"{file}"', "", Path(file).is_file(), why, fair=True)
+    return (*judge(config), *([found] if found.grade is Grade.WARN else []))
+
+
+def line(finding: Finding) -> str:
+    """`key = value: reason, wanted ...` in one line."""
+    value = f" = {finding.found}" if finding.found else ""
+    wanted = f"; wanted {finding.wanted}" if finding.wanted else ""
+    return f"{finding.subject}{value}: {finding.why}{wanted}"
+
+
+def of_grade(findings: Sequence[Finding], grade: Grade) -> list[Finding]:
+    """Those of one grade."""
+    return [finding for finding in findings if finding.grade is grade]
+
+
+def approved(path: Path, as_json: bool) -> LabConfig:
+    """The lab in a file, its warnings told; ends the program where the lab is refused."""
+    config = configuration(path)
+    findings = findings_of(config)
+    if refusals := of_grade(findings, Grade.FAIL):
+        fail("\n".join(f"{path}: {line(finding)}" for finding in refusals), NOT_RIGHT)
+    for finding in of_grade(findings, Grade.WARN):
+        if as_json:
+            print(json.dumps({"severity": "WARNING", "source": str(path), "text": line(finding)}), flush=True)
+        else:
+            tell(f"{path}: {line(finding)}", Grade.WARN)
+    return config
+
+
+def tell(text: str, grade: Grade, console: Console | None = None) -> None:
+    """One line to people, on stderr where nothing else is said."""
+    console = console or Console(stderr=True)
+    console.print(text, style=STYLES[grade], highlight=False, markup=False, soft_wrap=True)

@@ -1,0 +1,54 @@
+"""Findings about a key of the lab file: the value as it is written there, and the grade."""
+
+from collections.abc import Iterable
+from enum import Enum
+from re import findall
+from typing import Any
+
+from formation.config import LabConfig
+from gcs.doctor.finding import Finding, Grade
+
+
+class Keys:
+    """The lab's keys, and what is to be said of them: `Finding.subject` is the key, `found` its value."""
+
+    def __init__(self, config: LabConfig) -> None:
+        self._config = config
+
+    def refuse(self, key: str, check: str, why: str, wanted: str = "") -> Finding:
+        """The lab cannot be flown like this."""
+        return Finding(key, check, Grade.FAIL, self.value(key), wanted, why)
+
+    def warn(self, key: str, check: str, why: str, wanted: str = "") -> Finding:
+        """It can, but somebody should know."""
+        return Finding(key, check, Grade.WARN, self.value(key), wanted, why)
+
+    def value(self, key: str) -> str:
+        """The value at `followers[0].offset_m`, as TOML would have it; nothing for one that is a table or not there."""
+        found: Any = self._config
+        for name, index in findall(r"([^.\[\]]+)|\[(\d+)\]", key):
+            if index:
+                found = found[int(index)]
+                continue
+            found = found.get(name) if isinstance(found, dict) else getattr(found, name)
+        return written(found)
+
+
+def written(value: object) -> str:
+    """A value as in a TOML file, numbers short; nothing for a table."""
+    match value:
+        case bool():
+            return "true" if value else "false"
+        case int() | float():
+            return f"{value:.6g}"
+        case Enum() | str():
+            return f'"{value}"'
+        case list() | tuple():
+            return _list(value)
+        case _:
+            return ""
+
+
+def _list(values: Iterable[object]) -> str:
+    items = [written(item) for item in values]
+    return f"[{', '.join(items)}]" if all(items) and len(items) <= 8 else ""

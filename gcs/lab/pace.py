@@ -1,0 +1,155 @@
+"""Whether the drones can fly as fast, turn as fast and last as long as the lab file asks. By the file alone."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import tan
+
+import numpy as np
+
+from formation.arrays import Float
+from formation.config import LabConfig
+from formation.preview import Preview
+from formation.vehicle import GRAVITY_M_S2
+from gcs.doctor.finding import Finding
+from gcs.lab.keys import Keys
+
+SPEED, REACH, TURNING, ENDURANCE, HEIGHT = "speed", "reach", "turn", "endurance", "height"
+PACE = {"line": "duration_s", "circle": "period_s", "waypoints": "speed_m_s", "hold": "yaw_rate_rad_s"}
+EASY_SHARE = 0.7
+"""Of what a vehicle can accelerate: the rest is for corrections."""
+DESCENT_MOST_M_S = 1.0
+LONGEST_S, LANDING_MOST_S = 3600.0, 50.0
+GROUND_EFFECT_WHEELBASES = 2.0
+HOVER_MOST = 0.8
+
+
+@dataclass(frozen=True, slots=True)
+class Peak:
+    """The most that one vehicle is led through on the leader's trajectory."""
+
+    body: str
+    speed_m_s: float
+    acc_m_s2: float
+    lateral_m_s2: float
+    thrust_m_s2: float
+
+
+def peaks(config: LabConfig, ahead: Preview) -> tuple[Peak, ...]:
+    """Of all vehicles, leader first."""
+    motions = [ahead.leader[:, :, :3], *np.moveaxis(ahead.slots, 1, 0)]
+    return tuple(_peak(v.body, motion) for v, motion in zip(config.vehicles, motions, strict=True))
+
+
+def _peak(body: str, motion: Float) -> Peak:
+    speed, acc = np.linalg.norm(motion[:, 1], axis=-1), motion[:, 2]
+    thrust = np.linalg.norm(acc + np.array([0.0, 0.0, GRAVITY_M_S2]), axis=-1)
+    lateral = np.linalg.norm(acc[:, :2], axis=-1)
+    return Peak(
+        body, float(speed.max()), float(np.linalg.norm(acc, axis=-1).max()), float(lateral.max()), float(thrust.max())
+    )
+
+
+def judge_pace(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[Finding]:
+    """Judge speeds, accelerations, turns, heights and durations."""
+    yield from _closing_speeds(config, keys)
+    yield from _heights(config, keys)
+    yield from _vehicles(config, keys)
+    if config.leader.sysid is not None:
+        yield from _way(config, keys, ahead)
+        yield from _turns(config, keys, ahead)
+        yield from _duration(config, keys, ahead)
+
+
+def _way(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[Finding]:
+    """The trajectory's speed and acceleration, the leader's own first; one finding each."""
+    most_m_s, tilt_rad, every = config.limits.speed_m_s, config.limits.tilt_rad, peaks(config, ahead)
+    fastest = every[0] if every[0].speed_m_s > most_m_s else max(every, key=lambda peak: peak.speed_m_s)
+    if fastest.speed_m_s > most_m_s + 1e-9:
+        why = f"{fastest.body} would fly at {fastest.speed_m_s:.2f} m/s, limits.speed_m_s is {most_m_s:g}"
+        yield keys.refuse(_pace_key(config, every[0].speed_m_s <= most_m_s), SPEED, why)
+    reach = [_reach(config, i, tilt_rad, peak) for i, peak in enumerate(every)]
+    i = 0 if reach[0] > 1.0 else int(np.argmax(reach))
+    if reach[i] > EASY_SHARE:
+        key = _pace_key(config, reach[0] <= EASY_SHARE)
+        profile = config.vehicles[i].profile
+        why = (
+            f"{every[i].body} would accelerate by {every[i].acc_m_s2:.2f} m/s^2, {reach[i]:.0%} of what {profile} "
+            f"reaches under limits.tilt_rad = {tilt_rad:g}"
+        )
+        yield keys.refuse(key, REACH, why) if reach[i] > 1.0 else keys.warn(key, REACH, why)
+
+
+def _reach(config: LabConfig, i: int, tilt_rad: float, peak: Peak) -> float:
+    """What share of vehicle i's tilt and thrust its way takes, 1: all."""
+    profile = config.profile_of(config.vehicles[i])
+    spare_m_s2 = max(profile.thrust_max_n / profile.mass_kg - GRAVITY_M_S2, 1e-9)
+    lateral = peak.lateral_m_s2 / (GRAVITY_M_S2 * tan(tilt_rad))
+    return max(lateral, (peak.thrust_m_s2 - GRAVITY_M_S2) / spare_m_s2)
+
+
+def _pace_key(config: LabConfig, leader_is_slow: bool) -> str:
+    path = config.leader.trajectory
+    name = "yaw_rate_rad_s" if leader_is_slow and path.yaw_rate_rad_s else PACE[path.kind]
+    return f"leader.trajectory.{name}"
+
+
+def _turns(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[Finding]:
+    rate_rad_s = float(np.abs(ahead.leader[:, 1, 3]).max())
+    for vehicle in config.vehicles:
+        most_rad_s = config.profile_of(vehicle).rate_yaw_max_rad_s
+        if rate_rad_s > most_rad_s:
+            why = f"{vehicle.body} would turn at {rate_rad_s:.1f} rad/s, {vehicle.profile} does {most_rad_s:g}"
+            yield keys.refuse("leader.trajectory.yaw_rate_rad_s", TURNING, why + " (radians are meant)")
+            return
+
+
+def _duration(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[Finding]:
+    path, took_s = config.leader.trajectory, ahead.duration_s
+    named = {"waypoints": "speed_m_s"}.get(path.kind, "duration_s")
+    key = f"leader.trajectory.{'laps' if path.laps is not None else named}"
+    if took_s > LONGEST_S:
+        yield keys.refuse(key, ENDURANCE, f"the trajectory would last {took_s:.0f} s, no drone flies for an hour")
+        return
+    lasting_s = {v.body: _endurance_s(config, i) for i, v in enumerate(config.vehicles)}
+    body = min(lasting_s, key=lambda name: lasting_s[name])
+    if took_s > EASY_SHARE * lasting_s[body]:
+        why = f"the trajectory lasts {took_s:.0f} s, the battery of {body} hovers for about {lasting_s[body]:.0f} s"
+        yield keys.warn(key, ENDURANCE, why)
+
+
+def _endurance_s(config: LabConfig, i: int) -> float:
+    battery = config.profile_of(config.vehicles[i]).battery
+    return 3.6 * battery.capacity_mah / battery.hover_current_a
+
+
+def _closing_speeds(config: LabConfig, keys: Keys) -> Iterator[Finding]:
+    flight, most_m_s = config.flight, config.limits.speed_m_s
+    speeds = {"climb_m_s": flight.climb_m_s, "descend_m_s": flight.descend_m_s, "reform_m_s": flight.reform_m_s}
+    for name, speed_m_s in speeds.items():
+        if speed_m_s > most_m_s:
+            yield keys.refuse(f"flight.{name}", SPEED, f"limits.speed_m_s is {most_m_s:g}")
+    if DESCENT_MOST_M_S < flight.descend_m_s <= most_m_s:
+        why = "faster than drones land softly, and sink through their own downwash"
+        yield keys.warn("flight.descend_m_s", SPEED, why, f"{DESCENT_MOST_M_S:g} m/s at most")
+
+
+def _heights(config: LabConfig, keys: Keys) -> Iterator[Finding]:
+    flight = config.flight
+    wheelbase_m, name = max((config.profile_of(v).wheelbase_m, v.profile) for v in config.vehicles)
+    if flight.altitude_m < GROUND_EFFECT_WHEELBASES * wheelbase_m:
+        why = f"in ground effect: under {GROUND_EFFECT_WHEELBASES:g} wheelbases of {name}"
+        yield keys.warn("flight.altitude_m", HEIGHT, why, f"{GROUND_EFFECT_WHEELBASES * wheelbase_m:.2g} m or more")
+    if flight.altitude_m / flight.descend_m_s > LANDING_MOST_S:
+        why = f"a landing from flight.altitude_m = {flight.altitude_m:g} m would take longer than a minute"
+        yield keys.warn("flight.descend_m_s", ENDURANCE, why)
+
+
+def _vehicles(config: LabConfig, keys: Keys) -> Iterator[Finding]:
+    """What no quadcopter is: a profile of the lab's own that could not hover, or hardly."""
+    for k, own in enumerate(config.profiles):
+        hover = own.weight_n / own.thrust_max_n
+        why = f"all of its thrust is {1.0 / hover:.2f} times its weight: SI is meant, kilograms and newtons"
+        if hover >= 1.0:
+            yield keys.refuse(f"profiles[{k}].thrust_max_n", REACH, why)
+        elif own.hover_thrust_norm > HOVER_MOST:
+            yield keys.warn(f"profiles[{k}].thrust_max_n", REACH, why)

@@ -1,0 +1,170 @@
+"""Whether the fence holds the formation and all of its way. By the lab file alone."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from formation.arrays import Float
+from formation.config import FENCE_INSET_M, Fence, LabConfig
+from formation.patterns import PATTERNS
+from formation.preview import Preview, beyond_text, coordinates, outside_m, preview, reshaped
+from formation.shape import Shape, configured, shape_for
+from formation.shape_request import ShapeRequest
+from formation.trajectory import anchored
+from gcs.doctor.finding import Finding
+from gcs.lab.keys import Keys
+
+FENCE, START, WAY, LISTED = "fence", "slots at the start", "slots on the way", "listed shapes"
+CLOSE_M = FENCE_INSET_M
+FLOOR_M, ROOM_M, POSE_MOST_M, MILLIMETRES_M = 0.02, 100.0, 1000.0, 50.0
+EXTENT = {"line": "length_m", "circle": "radius_m", "waypoints": "waypoints_m", "hold": "yaw_rate_rad_s"}
+TURN = "leader.trajectory.yaw_rate_rad_s"
+
+
+def judge_room(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[Finding]:
+    """Judge fence, start, slots and way; ahead: the configured shape's."""
+    yield from _fence(config.limits.fence, keys)
+    if config.leader.sysid is None:
+        yield from _behind_observed(config, keys)
+        return
+    amiss = [*_start(config, keys, ahead.start), *_slots_at_start(config, keys, ahead)]
+    yield from amiss
+    way = [] if amiss else [*_way(config, keys, ahead)]
+    yield from way
+    if not amiss and not way:
+        yield from _close(config, keys, ahead)
+        yield from _other_shapes(config, keys, ahead)
+
+
+def _fence(fence: Fence, keys: Keys) -> Iterator[Finding]:
+    for key, corner in (("limits.fence.low_m", fence.low_m), ("limits.fence.high_m", fence.high_m)):
+        farthest_m = max(map(abs, corner))
+        if farthest_m > POSE_MOST_M:
+            yield keys.refuse(key, FENCE, "poses farther than 1 km are no poses; metres are meant, not millimetres")
+        elif farthest_m > ROOM_M:
+            yield keys.warn(key, FENCE, f"{farthest_m:g} m is far for a room: metres are meant")
+    if fence.low_m[2] > 0.0:
+        yield keys.refuse("limits.fence.low_m", FENCE, "drones on the floor, z = 0, would stand outside the fence")
+    elif fence.low_m[2] > -FLOOR_M:
+        why = "drones stand and land on the fence itself: leave some centimetres under the floor"
+        yield keys.warn("limits.fence.low_m", FENCE, why)
+
+
+def _behind_observed(config: LabConfig, keys: Keys) -> Iterator[Finding]:
+    """Where the leader will be is not known: only what no place of it could mend."""
+    size = np.subtract(config.limits.fence.high_m, config.limits.fence.low_m)
+    across_m, height_m = float(np.hypot(size[0], size[1])), float(size[2])
+    for key, shape in written_shapes(config):
+        for k, offset in enumerate(shape.offsets):
+            if float(np.hypot(offset[0], offset[1])) > across_m or abs(float(offset[2])) > height_m:
+                why = f"farther from the leader than the fence is wide ({across_m:.2f} m across, {height_m:.2f} m high)"
+                yield keys.refuse(f"{key}[{k}].offset_m", START, why + _millimetres(offset))
+
+
+def _start(config: LabConfig, keys: Keys, start: Float) -> Iterator[Finding]:
+    """The height, and where the leader is expected to start."""
+    fence, z_m = config.limits.fence, float(start[2])
+    if z_m > fence.high_m[2] - CLOSE_M:
+        why = f"the fence ends at z = {fence.high_m[2]:g}, and nobody is led nearer to it than {CLOSE_M:g} m"
+        yield keys.refuse("flight.altitude_m", FENCE, why, f"at most {fence.high_m[2] - CLOSE_M:g} m")
+    elif z_m < fence.low_m[2]:
+        yield keys.refuse("flight.altitude_m", FENCE, f"the fence begins at z = {fence.low_m[2]:g}")
+    place = np.array([start[0], start[1], np.clip(z_m, fence.low_m[2], fence.high_m[2])])
+    if outside_m(place, fence) > 0.0:
+        why = f"the leader is expected to start {beyond_text(place, fence)}"
+        yield keys.refuse("leader.spawn_lab_m", FENCE, why)
+
+
+def _slots_at_start(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[Finding]:
+    """Slots when the formation is taken up; nothing where the leader itself would be outside."""
+    fence = config.limits.fence
+    if outside_m(ahead.start[:3], fence) > 0.0:
+        return
+    led = f"with the leader at {coordinates(ahead.start[:3])} m, heading {np.degrees(ahead.start[3]):.0f} degrees"
+    for k, (follower, point) in enumerate(zip(config.followers, ahead.at_start, strict=True)):
+        key = f"followers[{k}].offset_m"
+        if outside_m(point, fence) > 0.0:
+            why = f"the slot of {follower.body} is {beyond_text(point, fence)}, {led}"
+            yield keys.refuse(key, START, why + _millimetres(np.array(follower.offset_m)))
+        elif point[2] <= FLOOR_M:
+            yield keys.refuse(
+                key, START, f"the slot of {follower.body} is in the floor, at z = {point[2]:.2f} m, {led}"
+            )
+
+
+def _way(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[Finding]:
+    """The leader's way, or else the slots that it carries along."""
+    fence, path = config.limits.fence, config.leader.trajectory
+    leader_out = outside_m(ahead.leader[:, 0, :3], fence)
+    outside = [k for k, point in enumerate(path.waypoints_m) if outside_m(np.array(point), fence) > 0.0]
+    if path.kind == "waypoints" and outside:
+        for k in outside:
+            why = f"the leader would fly to a point {beyond_text(np.array(path.waypoints_m[k]), fence)}"
+            yield keys.refuse(f"leader.trajectory.waypoints_m[{k}]", FENCE, why)
+    elif leader_out.max() > 1e-9:
+        look = int(np.argmax(leader_out))
+        why = f"{ahead.t_s[look]:.1f} s on its way the leader is {beyond_text(ahead.leader[look, 0, :3], fence)}"
+        yield keys.refuse(f"leader.trajectory.{EXTENT[path.kind]}", FENCE, why)
+    else:
+        yield from _carried_out(config, keys, ahead, configured(config))
+
+
+def _carried_out(config: LabConfig, keys: Keys, ahead: Preview, shape: Shape) -> Iterator[Finding]:
+    """The slot that is carried farthest out of the fence, or into the floor, and by what."""
+    fence, path = config.limits.fence, config.leader.trajectory
+    out = np.maximum(outside_m(ahead.slots[:, :, 0], fence), FLOOR_M - ahead.slots[:, :, 0, 2])
+    look, k = (int(i) for i in np.unravel_index(int(np.argmax(out)), out.shape))
+    if out[look, k] <= 1e-9:
+        return
+    point, turning = ahead.slots[look, k, 0], path.yaw_rate_rad_s != 0.0
+    straight = config.leader.trajectory.model_copy(update={"yaw_rate_rad_s": 0.0})
+    unturned = preview(anchored(straight, ahead.start[:3], float(ahead.start[3])), shape, ahead.start)
+    turned_out = turning and outside_m(unturned.slots[:, :, 0], fence).max() <= 1e-9
+    key = TURN if turned_out else f"leader.trajectory.{EXTENT[path.kind]}"
+    where = beyond_text(point, fence) if outside_m(point, fence) > 0.0 else f"in the floor, at {coordinates(point)} m"
+    turned = ", turned with the leader" if turning else ""
+    more = int((out.max(axis=0) > 1e-9).sum()) - 1
+    others = f"; {more} more would leave it too" if more else ""
+    why = f"{ahead.t_s[look]:.1f} s on the way the slot of {config.followers[k].body} is {where}{turned}{others}"
+    yield keys.refuse(key, WAY, why)
+
+
+def _close(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[Finding]:
+    """Little room is left: for one who is CLOSE_M off, there is none."""
+    fence = config.limits.fence
+    room_m = -np.array([outside_m(ahead.leader[:, 0, :3], fence).max(), *outside_m(ahead.slots[:, :, 0], fence).max(0)])
+    i = int(np.argmin(room_m))
+    if room_m[i] < CLOSE_M:
+        why = f"{config.vehicles[i].body} comes within {max(room_m[i], 0.0):.2f} m of it, on its configured way"
+        yield keys.warn("limits.fence", FENCE, why, f"{CLOSE_M:g} m or more")
+
+
+def _other_shapes(config: LabConfig, keys: Keys, configured_ahead: Preview) -> Iterator[Finding]:
+    """Listed shapes must fit somewhere on the way; what leaves the fence later, and patterns, are told of."""
+    fence = config.limits.fence
+    tight = []
+    for name in (*config.formation.shapes, *PATTERNS):
+        listed = name in config.formation.shapes
+        ahead = reshaped(configured_ahead, shape_for(config, ShapeRequest(name)))
+        out = outside_m(ahead.slots[:, :, 0], fence)
+        least, worst = out.max(axis=1).min(), out.max()
+        if listed and min(least, outside_m(ahead.at_start, fence).max()) > 1e-9:
+            k = int(np.argmax(out[0]))
+            why = f"the slot of {config.followers[k].body} is {beyond_text(ahead.slots[0, k, 0], fence)}"
+            yield keys.refuse(f"formation.shapes.{name}[{k}].offset_m", LISTED, why)
+        elif worst > 1e-9 and name not in tight:
+            tight.append(name)
+    if tight:
+        why = f"{', '.join(tight)} would leave the fence on the way, and are refused where they would"
+        yield keys.warn("formation.spacing_m", "shapes", why)
+
+
+def written_shapes(config: LabConfig) -> Iterator[tuple[str, Shape]]:
+    """The shapes that the file itself lists slot by slot, each with the key of its slots."""
+    yield "followers", configured(config)
+    for name in config.formation.shapes:
+        yield f"formation.shapes.{name}", shape_for(config, ShapeRequest(name))
+
+
+def _millimetres(offset: Float) -> str:
+    return "; metres are meant, not millimetres" if float(np.abs(offset).max()) > MILLIMETRES_M else ""

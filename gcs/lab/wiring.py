@@ -1,0 +1,184 @@
+"""Whether poses, links, ports and names of a lab can work together. By the file alone."""
+
+from collections import Counter
+from collections.abc import Iterator
+from math import pi
+
+from formation.config import LabConfig, TrajectoryConfig, VehicleBody
+from formation.vehicle import PROFILES
+from gcs.doctor.finding import Finding
+from gcs.lab.keys import Keys
+
+LINK, PORT, POSES, UNUSED, NAMES = "link", "port", "poses", "not used", "names"
+SETPOINT_S = 0.1  # an agent levels after so long without a setpoint
+RATE_LEAST_HZ, RATE_FEW_HZ, RATE_MANY_HZ, RATE_MOST_HZ = 2.0 / SETPOINT_S, 50.0, 500.0, 2000.0
+DELAY_LONG_S = 0.05
+USED = {
+    "hold": {"duration_s"},
+    "line": {"length_m", "duration_s", "laps"},
+    "circle": {"radius_m", "period_s", "duration_s", "laps"},
+    "waypoints": {"waypoints_m", "speed_m_s", "laps"},
+}
+
+
+def judge_wiring(config: LabConfig, keys: Keys) -> Iterator[Finding]:
+    """Judge mocap, links, ports, profiles, and keys that say nothing."""
+    yield from _mocap(config, keys)
+    yield from _links(config, keys)
+    yield from _bus(config, keys)
+    yield from _profiles(config, keys)
+    yield from _trajectory_keys(config, keys)
+    yield from _leader(config, keys)
+    yield from _headings(config, keys)
+
+
+def vehicle_key(i: int, name: str) -> str:
+    """The key of vehicle i's own `name`."""
+    return f"leader.{name}" if i == 0 else f"followers[{i - 1}].{name}"
+
+
+def _mocap(config: LabConfig, keys: Keys) -> Iterator[Finding]:
+    mocap = config.mocap
+    if not RATE_LEAST_HZ <= mocap.rate_hz <= RATE_MOST_HZ:
+        why = f"drones level where no setpoint comes for {SETPOINT_S:g} s" if mocap.rate_hz < RATE_LEAST_HZ else ""
+        wanted = f"{RATE_LEAST_HZ:g} to {RATE_MOST_HZ:g} Hz"
+        yield keys.refuse("mocap.rate_hz", POSES, why or "no mocap is as fast, and no ground", wanted)
+    elif not RATE_FEW_HZ <= mocap.rate_hz <= RATE_MANY_HZ:
+        why = "unusual: every frame is a control cycle"
+        yield keys.warn("mocap.rate_hz", POSES, why, f"{RATE_FEW_HZ:g} to {RATE_MANY_HZ:g} Hz")
+    if mocap.delay_s > DELAY_LONG_S:
+        yield keys.warn("mocap.delay_s", POSES, "seconds are meant; a loop this late flies slowly, or not at all")
+    if mocap.source in ("csv", "mcap"):
+        whose = "of the leader alone, nobody else is seen or can arm" if mocap.source == "csv" else "of an earlier day"
+        yield keys.warn("mocap.source", POSES, f"recorded poses, {whose}")
+    elif mocap.file is not None:
+        yield keys.warn("mocap.file", UNUSED, f'nothing is played with source "{mocap.source}"')
+    if mocap.source == "mavlink" and config.leader.sysid is None:
+        why = 'with source "mavlink" drones say themselves where they are: a leader that is none is never seen'
+        yield keys.refuse("leader.sysid", POSES, why)
+    elif mocap.source != "mavlink":
+        for i, follower in enumerate(config.followers):
+            if "spawn_lab_m" in follower.model_fields_set and any(follower.spawn_lab_m):
+                yield keys.warn(f"followers[{i}].spawn_lab_m", UNUSED, f'the mocap says, with source "{mocap.source}"')
+
+
+def _links(config: LabConfig, keys: Keys) -> Iterator[Finding]:
+    """No two drones by one link, no port bound twice on this machine."""
+    own = [(i, v) for i, v in enumerate(config.vehicles) if v.sysid is not None and v.link is not None]
+    bound = _shared_ports(config)
+    for order, (i, vehicle) in enumerate(own):
+        kind, host, port = (vehicle.link or "").split(":")
+        key = vehicle_key(i, "link")
+        before = next((v for _, v in own[:order] if _place(v) == _place(vehicle)), None)
+        if before is not None:
+            yield keys.refuse(key, LINK, f"{before.body} has the same: no two drones are at one end")
+        elif int(port) in bound and (kind == "udpin" or _is_local(host)):
+            yield keys.refuse(key, PORT, f"UDP port {port} is {bound[int(port)]}")
+        elif kind == "udpin":
+            bound[int(port)] = f"the link of {vehicle.body}"
+    if config.link.kind == "udp" and _is_local(config.link.host):
+        yield from _both_ends(config, keys)
+
+
+def _shared_ports(config: LabConfig) -> dict[int, str]:
+    """The UDP ports that the ground itself listens on for drones without a link of their own."""
+    if config.link.kind != "udp":
+        return {}
+    drones = [v for v in config.vehicles if v.sysid is not None and v.link is None]
+    return {config.link.ground_port_base + (v.sysid or 0): f"the ground's own for {v.body}" for v in drones}
+
+
+def _both_ends(config: LabConfig, keys: Keys) -> Iterator[Finding]:
+    """On one machine the ground's port for one drone must not be another drone's own."""
+    link, drones = config.link, [v for v in config.vehicles if v.sysid is not None and v.link is None]
+    theirs = {link.drone_port_base + (v.sysid or 0): v.body for v in drones}
+    for vehicle in drones:
+        port = link.ground_port_base + (vehicle.sysid or 0)
+        if port in theirs:
+            why = (
+                f"UDP port {port} would be the ground's for {vehicle.body} (link.ground_port_base + sysid) and that of "
+                f"{theirs[port]} itself (link.drone_port_base + sysid), both on {link.host}"
+            )
+            yield keys.refuse("link.drone_port_base", PORT, why)
+            return
+
+
+def _place(vehicle: VehicleBody) -> tuple[bool, str, str]:
+    """Where a drone's own link leads: whether it is bound here, host and port."""
+    kind, host, port = (vehicle.link or "").split(":")
+    return kind == "udpin", "127.0.0.1" if host == "localhost" or kind == "udpin" else host, port
+
+
+def _is_local(host: str) -> bool:
+    return host == "localhost" or host.startswith("127.")
+
+
+def _bus(config: LabConfig, keys: Keys) -> Iterator[Finding]:
+    link = config.link
+    for name, endpoints in (("zenoh_listen", link.zenoh_listen), ("zenoh_connect", link.zenoh_connect)):
+        for endpoint, times in Counter(endpoints).items():
+            if times > 1:
+                yield keys.refuse(f"link.{name}", LINK, f"{endpoint} is there {times} times")
+        for k, endpoint in enumerate(endpoints):
+            if name == "zenoh_connect" and endpoint.endswith(":0"):
+                yield keys.refuse(f"link.{name}[{k}]", PORT, "port 0 is any free one: nobody is known to be there")
+    if not link.zenoh_listen and not link.zenoh_connect:
+        why = "neither this nor link.zenoh_listen: no operator, mocap or agent finds the ground"
+        yield keys.refuse("link.zenoh_connect", LINK, why)
+
+
+def _profiles(config: LabConfig, keys: Keys) -> Iterator[Finding]:
+    names = Counter(own.name for own in config.profiles)
+    for k, own in enumerate(config.profiles):
+        if names[own.name] > 1:
+            yield keys.refuse(f"profiles[{k}].name", NAMES, "two profiles have this name")
+        elif own.name in PROFILES:
+            yield keys.warn(f"profiles[{k}].name", NAMES, "replaces the shipped profile of this name")
+        if own.name not in {v.profile for v in config.vehicles}:
+            yield keys.warn(f"profiles[{k}].name", UNUSED, "no vehicle names this profile")
+    flown = sorted({v.profile for v in config.vehicles if v.sysid is not None})
+    if len(flown) > 1:
+        first = next(i for i in config.commanded if config.vehicles[i].profile != config.vehicles[0].profile)
+        why = f"several profiles fly together ({', '.join(flown)}): the slowest sets how well the formation holds"
+        yield keys.warn(vehicle_key(first, "profile"), NAMES, why)
+    for i, vehicle in enumerate(config.vehicles):
+        if vehicle.link is not None and vehicle.sysid is None:
+            yield keys.warn(vehicle_key(i, "link"), UNUSED, "without a sysid nothing is sent to it")
+        elif vehicle.link is not None and "profile" not in vehicle.model_fields_set:
+            why = f"{vehicle.body} has a link of its own but no profile named: this one is a simulated 40 g vehicle"
+            yield keys.warn(vehicle_key(i, "profile"), NAMES, why)
+
+
+def _trajectory_keys(config: LabConfig, keys: Keys) -> Iterator[Finding]:
+    """Keys of a trajectory that nobody looks at."""
+    path, table = config.leader.trajectory, "leader.trajectory"
+    if config.leader.sysid is None:
+        if path != TrajectoryConfig():
+            yield keys.warn(f"{table}.kind", UNUSED, "a leader without a sysid is observed, and flies what it flies")
+        return
+    if path.model_fields_set and "kind" not in path.model_fields_set:
+        yield keys.warn(f"{table}.kind", UNUSED, "not given, so the leader holds its place")
+    for name in sorted(path.model_fields_set - {"kind", "yaw_rate_rad_s"} - USED[path.kind]):
+        if getattr(path, name) != type(path).model_fields[name].get_default():
+            yield keys.warn(f"{table}.{name}", UNUSED, f'kind "{path.kind}" does not look at it')
+    if path.kind == "circle" and path.laps is not None and path.duration_s != TrajectoryConfig().duration_s:
+        yield keys.warn(f"{table}.duration_s", UNUSED, "laps says how long a circle is flown")
+
+
+def _leader(config: LabConfig, keys: Keys) -> Iterator[Finding]:
+    leader, raised = config.leader, "flight.observed_leader_altitude_offset_m"
+    if leader.sysid is None:
+        yield keys.warn("leader.body", "leader", "only observed, as it has no sysid: where it goes is not judged here")
+    elif config.flight.observed_leader_altitude_offset_m != 0.0:
+        yield keys.warn(raised, UNUSED, "the leader is commanded")
+
+
+def _headings(config: LabConfig, keys: Keys) -> Iterator[Finding]:
+    """Radians are meant."""
+    said = [("leader.spawn_yaw_rad", config.leader.spawn_yaw_rad)]
+    said += [(f"followers[{k}].yaw_offset_rad", f.yaw_offset_rad) for k, f in enumerate(config.followers)]
+    for name, slots in config.formation.shapes.items():
+        said += [(f"formation.shapes.{name}[{k}].yaw_offset_rad", s.yaw_offset_rad) for k, s in enumerate(slots)]
+    for key, angle_rad in said:
+        if abs(angle_rad) > 2.0 * pi:
+            yield keys.refuse(key, "heading", "more than a whole turn: radians are meant, not degrees")

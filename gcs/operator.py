@@ -76,7 +76,7 @@ def _drone_status(drone: Drone, facts: Facts) -> dict[str, object]:
         "mode": link.mode,
         "goal": drone.goal.value,
         "landed": link.told.landed.name,
-        "pos_lab_m": [round(x, 4) for x in facts.pos_lab_m[i].tolist()],
+        "pos_lab_m": [round(x, 4) for x in facts.pos_lab_m[i].tolist()] if math.isfinite(facts.age_s[i]) else None,
         "age_s": _number(float(facts.age_s[i]), 3),
         "heartbeat_age_s": _number(float(facts.heartbeat_age_s[i]), 2),
         "battery": _number(link.told.battery, 3),

@@ -136,6 +136,7 @@ class FakeLab:
         }
         self.leader_pos = np.array([0.0, 0.0, 0.3])
         self.hidden: set[str] = set()
+        self.absent: set[str] = set()
         self.frames_stopped = False
         self.replies: list[OperatorReply] = []
         self.records: list[tuple[str, object]] = []
@@ -204,7 +205,9 @@ class FakeLab:
         q = np.array([self.drones[v.sysid].q if v.sysid else frames.IDENTITY for v in vehicles])
         pos = pos + self.noise.normal(0.0, 1e-4, pos.shape)
         seen = np.array([v.body not in self.hidden for v in vehicles])
-        return MocapFrame(self.seq, self.now_ns - 5 * MS, tuple(v.body for v in vehicles), pos, q, seen)
+        there = [i for i, v in enumerate(vehicles) if v.body not in self.absent]
+        bodies = tuple(vehicles[i].body for i in there)
+        return MocapFrame(self.seq, self.now_ns - 5 * MS, bodies, pos[there], q[there], seen[there])
 
     def _tick_while_due(self) -> None:
         for _ in range(4):

@@ -123,6 +123,10 @@ def print_status(told: dict[str, Any], console: Console) -> None:
             _percent(drone["battery"]), _age(drone["heartbeat_age_s"]), _age(drone["age_s"]),
         )  # fmt: skip
     console.print(table)
+    for drone in told["drones"]:
+        if drone["disarms_in_s"] is not None:
+            text = f"{drone['body']} disarms itself in {drone['disarms_in_s']:.1f} s unless it takes off"
+            console.print(text, style="yellow", highlight=False)
     for refusal in told["refusals"]:
         console.print(f"not ready: {refusal}", style="yellow", highlight=False)
 

@@ -25,6 +25,8 @@ def _lines(summary: Summary) -> list[tuple[str, str]]:
     lines = [("outcome", summary.outcome), ("flight", _flight(summary))]
     if summary.formation_rms_m is not None:
         lines.append(("formation error", f"{mm(summary.formation_rms_m)} RMS, {mm(summary.formation_max_m)} largest"))
+    if summary.leader_rms_m is not None:
+        lines.append(("leader tracking error", f"{mm(summary.leader_rms_m)} RMS, {mm(summary.leader_max_m)} largest"))
     if summary.vibration_m is not None:
         lines.append(("vibration", mm(summary.vibration_m)))
     if summary.altitude_rms_m is not None:

@@ -12,7 +12,7 @@ import numpy as np
 from analysis.load import Flight
 from analysis.packets import from_drones, from_ground
 from analysis.series import moving_average
-from analysis.tracking import Tracking, airborne, track
+from analysis.tracking import Tracking, airborne, track, track_leader
 from formation.arrays import Float
 from formation.messages import Phase, Verb
 from wire.link_messages.setpoints import AttitudeSetpoint
@@ -45,6 +45,7 @@ class Summary:
     """One run in numbers, SI unless the name says otherwise; None where the log cannot tell.
 
     formation_rms_m, formation_max_m: length of the formation error, all followers, scored frames (analysis.tracking).
+    leader_rms_m, leader_max_m: length of a commanded leader's tracking error, reference against mocap, in formation.
     vibration_m: see `vibration`. altitude_rms_m: the error's vertical part. min_separation_m: while airborne.
     mocap_ms: the mocap process had the raw frame -> the ground has the aligned one. latency_ms: from there to the last
     datagram handed to the link. command_hash: SHA-256 over every SET_ATTITUDE_TARGET sent, in order. outcome: landed,
@@ -58,6 +59,8 @@ class Summary:
     followers: int
     formation_rms_m: float | None
     formation_max_m: float | None
+    leader_rms_m: float | None
+    leader_max_m: float | None
     vibration_m: float | None
     altitude_rms_m: float | None
     min_separation_m: float | None
@@ -87,6 +90,7 @@ def summarise(
     """The summary of a flight; the paths and the host's own speed are not in the log and ride along."""
     tracking = track(flight)
     error_m = np.linalg.norm(tracking.error_lead_m, axis=-1)[tracking.scored]
+    leader_m = np.linalg.norm(track_leader(flight).error_lab_m, axis=-1)
     return Summary(
         scenario=flight.run.scenario,
         seed=flight.run.seed,
@@ -95,6 +99,8 @@ def summarise(
         followers=len(flight.followers),
         formation_rms_m=rms(error_m),
         formation_max_m=float(error_m.max()) if error_m.size else None,
+        leader_rms_m=rms(leader_m),
+        leader_max_m=float(leader_m.max()) if leader_m.size else None,
         vibration_m=vibration(tracking),
         altitude_rms_m=rms(tracking.error_lead_m[..., 2][tracking.scored]),
         min_separation_m=min_separation(flight),

@@ -11,7 +11,7 @@ from analysis.load import Flight, load
 from analysis.metrics import Latency, Summary, rms, summarise, vibration_of
 from analysis.page import Section, cell, picture, row, swatch, table, text, tile
 from analysis.plots import drawings, style
-from analysis.tracking import Tracking, track
+from analysis.tracking import LeaderTracking, Tracking, track, track_leader
 from formation.messages import Event, Severity
 from wire.mcap_log import check_log
 
@@ -20,6 +20,8 @@ MEANINGS = {
     "followers": "vehicles holding a slot",
     "formation_rms_m": "length of the formation error in the leader's frame, all followers, settled formation",
     "formation_max_m": "its largest value",
+    "leader_rms_m": "length of a commanded leader's tracking error, lab axes, formation phase",
+    "leader_max_m": "its largest value",
     "vibration_m": "mean half peak-to-peak about the 1 s moving average, x and y",
     "altitude_rms_m": "the vertical part of the formation error",
     "min_separation_m": "least distance between two vehicles in the air",
@@ -50,6 +52,13 @@ TEXTS = (
         "Formation error",
         "Each follower's distance from its slot, measured by mocap in the leader's own frame. Thin lines: the "
         "slot itself is still moving (entry, change of shape); those frames are not scored.",
+    ),
+    (
+        "leader",
+        "Leader tracking error",
+        "How far a commanded leader is from its own reference, measured by mocap, lab axes, formation phase. The "
+        "followers hold their slots on the leader as it is, so this is in no formation error. Below, its position "
+        "against the reference (dashed).",
     ),
     (
         "clouds",
@@ -147,13 +156,14 @@ def _header(flight: Flight, summary: Summary, damage: str) -> str:
 
 
 def _tiles(flight: Flight, summary: Summary) -> str:
-    """The six numbers a pilot asks for first."""
+    """The numbers a pilot asks for first."""
     latency = "–" if summary.latency_ms is None else f"{summary.latency_ms.p99:.2g}"
     separation = "–" if summary.min_separation_m is None else f"{summary.min_separation_m:.2f}"
     return '<div class="tiles">' + "".join(
         (
             tile(*_mm(summary.formation_rms_m), "formation error, RMS"),
             tile(*_mm(summary.formation_max_m), "formation error, largest"),
+            tile(*_mm(summary.leader_rms_m), "leader tracking error, RMS"),
             tile(*_mm(summary.vibration_m), "vibration amplitude"),
             tile(separation, "m", "least separation in the air"),
             tile(latency, "ms", "control latency, 99 %"),
@@ -187,6 +197,7 @@ def _sections(flight: Flight, tracking: Tracking, summary: Summary) -> Iterator[
     tables = {
         "timeline": _event_table(flight),
         "error": _follower_table(flight, tracking),
+        "leader": _leader_table(track_leader(flight)),
         "metrics": _metric_table(summary),
     }
     for anchor, title, lead in TEXTS:
@@ -234,6 +245,18 @@ def _follower_table(flight: Flight, tracking: Tracking) -> str:
         numbers = (_mm(rms(length))[0], _mm(float(length.max()))[0], *spread, _mm(shaking)[0])
         rows.append(row(swatch(vehicle.body, colours[k + 1]), *(cell(n, "number") for n in numbers)))
     return table(head, rows) if rows else ""
+
+
+def _leader_table(leader: LeaderTracking) -> str:
+    """RMS, largest, and mean and spread along each axis of lab."""
+    if not len(leader.t_s):
+        return ""
+    length = np.linalg.norm(leader.error_lab_m, axis=1)
+    head = ("#RMS, mm", "#max, mm", *(f"#{axis}, mm" for axis in "xyz"))
+    means, spreads = leader.error_lab_m.mean(axis=0), leader.error_lab_m.std(axis=0)
+    spread = [f"{1e3 * m:+.2f} ± {1e3 * s:.2f}" for m, s in zip(means, spreads, strict=True)]
+    numbers = (_mm(rms(length))[0], _mm(float(length.max()))[0], *spread)
+    return table(head, [row(*(cell(n, "number") for n in numbers))])
 
 
 def _metric_table(summary: Summary) -> str:

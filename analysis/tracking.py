@@ -1,4 +1,6 @@
-"""How well each follower held its slot: recorded mocap frames against the reference, in the leader's frame.
+"""How well each follower held its slot, and a commanded leader its trajectory: mocap frames against the reference.
+
+The followers' error is in the leader's frame, the leader's own in lab axes: the first says nothing of the second.
 
 Which frames count as formation is decided here, once, for the numbers and the pictures alike:
 the phase is FORMATION, the follower's reference is held on the leader, and its slot has come to rest in the leader's
@@ -11,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.load import Flight, Poses
-from analysis.series import nearest, smoothed
+from analysis.series import Series, nearest, smoothed
 from formation import frames
 from formation.arrays import Bool, Float
-from formation.messages import Phase
+from formation.messages import Phase, Reference
 
 MATCH_S = 0.025  # a frame and the reference made for it are at most this far apart
 HEADING_WINDOW_S = 0.15
@@ -35,6 +37,37 @@ class Tracking:
     error_lead_m: Float
     formed: Bool
     scored: Bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LeaderTracking:
+    """Every formation frame in which a commanded leader was seen and had a reference.
+
+    reference_lab_m, error_lab_m (T, 3): where it was asked to be, and measured minus asked, lab axes.
+    """
+
+    t_s: Float
+    reference_lab_m: Float
+    error_lab_m: Float
+
+
+def track_leader(flight: Flight) -> LeaderTracking:
+    """The leader's tracking error; empty (T = 0) where it is only observed, or poses or references are missing."""
+    poses, reference, column = flight.poses, flight.reference, flight.leader.column if flight.vehicles else None
+    if not len(poses) or not len(reference) or column is None:
+        return LeaderTracking(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
+    matched = nearest(reference.t_s, poses.t_s)
+    scored = np.abs(reference.t_s[matched] - poses.t_s) <= MATCH_S
+    scored &= poses.seen[:, 0] & in_formation_phase(flight, poses.t_s)
+    wanted = reference_lab_m(reference)[matched[scored], column]
+    return LeaderTracking(poses.t_s[scored], wanted, poses.pos_lab_m[scored, 0] - wanted)
+
+
+def reference_lab_m(reference: Series[Reference]) -> Float:
+    """Where each commanded vehicle should be, lab axes, shape (T, m, 3)."""
+    origin = reference.column(lambda r: r.origin_lab_m)
+    slot = reference.column(lambda r: r.slot_lead_m)
+    return origin + frames.rotate_about_z(reference.column(lambda r: r.heading_rad), slot)
 
 
 def track(flight: Flight) -> Tracking:

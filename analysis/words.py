@@ -13,6 +13,7 @@ from formation.messages import Phase, Saturation, Severity
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 DIRECTIONS = (("ahead of", "behind"), ("left of", "right of"), ("above", "below"))
+LEADER_FAR_M = 0.02
 GAP_FRAMES = 2.5  # a wait longer than this many usual frame spacings is a gap
 
 
@@ -119,6 +120,11 @@ def happened(flight: Flight, tracking: Tracking, summary: Summary) -> str:
             f"Over {scored_s:.1f} s of settled formation the error was {mm(summary.formation_rms_m)} RMS and at most "
             f"{mm(summary.formation_max_m)}; vibration {mm(summary.vibration_m)}. "
         )
+    if summary.leader_rms_m is not None:
+        text += (
+            f"{flight.leader.body} itself tracked its reference to {mm(summary.leader_rms_m)} RMS, "
+            f"{mm(summary.leader_max_m)} at most. "
+        )
     return text + _ending(summary.outcome)
 
 
@@ -143,6 +149,7 @@ def findings(flight: Flight, tracking: Tracking, summary: Summary) -> tuple[Find
         *_limits(flight),
         *_largest_error(flight, tracking),
         *_bias(flight, tracking),
+        *_leader(flight, summary),
     ]
     return tuple(sorted(every, key=lambda finding: not finding.alarming))
 
@@ -229,6 +236,17 @@ def _largest_error(flight: Flight, tracking: Tracking) -> Iterator[Finding]:
     ]
     why = f", around the event “{near[0]}”" if near else ""
     yield Finding(False, f"The largest error is {mm(worst_m)}, {name} at {t_s:.1f} s{why}.", "error")
+
+
+def _leader(flight: Flight, summary: Summary) -> Iterator[Finding]:
+    """A leader that is held worse than its followers: the formation moves as a whole, and no formation error tells."""
+    leader_m, formation_m = summary.leader_rms_m, summary.formation_rms_m
+    if leader_m is None or formation_m is None or leader_m <= max(2.0 * formation_m, LEADER_FAR_M):
+        return
+    text = (
+        f"{flight.leader.body} is {mm(leader_m)} RMS off its own reference, the followers {mm(formation_m)} off theirs."
+    )
+    yield Finding(False, text, "leader")
 
 
 def _bias(flight: Flight, tracking: Tracking) -> Iterator[Finding]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from formation.config import LimitsConfig
-from formation.safety import BATTERY_LOW, HEARTBEAT_S, Facts, nearest, outside_fence_m
+from formation.safety import BATTERY_LOW, HEARTBEAT_S, Facts, outside_fence_m, separation_m
 
 FRESH_S = 0.2
 STILL_M_S = 0.3
@@ -13,14 +13,14 @@ LEVEL_RAD = 0.35
 def refusals(facts: Facts, limits: LimitsConfig) -> tuple[str, ...]:
     """Every reason not to arm, in words; empty when the swarm may arm. What an operator can act on comes first."""
     fresh = facts.age_s <= FRESH_S
-    outside, near = outside_fence_m(facts, limits), nearest(facts.pos_lab_m)
+    outside, near = outside_fence_m(facts, limits, fresh), separation_m(facts, fresh)
     reasons: list[str] = []
     for i, name in enumerate(facts.names):
         if not fresh[i]:
             reasons.append(f"{name}: no fresh pose (last seen {_seconds(facts.age_s[i])})")
         elif facts.commanded[i]:
             reasons += _pose_refusals(facts, i, float(outside[i]))
-        if fresh[i] and near[i] < limits.min_separation_m:
+        if near[i] < limits.min_separation_m:
             reasons.append(f"{name}: {near[i]:.2f} m from the next body, minimum is {limits.min_separation_m:.2f} m")
         if facts.commanded[i]:
             reasons += _link_refusals(facts, i)

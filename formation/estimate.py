@@ -5,7 +5,7 @@ frame rate. It is fed the acceleration rebuilt from the measured attitude and th
 commanded acceleration instead, Z3 would fight the vehicle's own lag.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,7 +133,10 @@ class EstimatorState:
 
 
 def initial(frame: LabFrame, flying: Flags) -> EstimatorState:
-    """All at rest where the first frame sees them; flying (n): commanded ones that hover there already."""
+    """All at rest where the first frame sees them; flying (n): commanded ones that hover there already.
+
+    A body that the frame does not see is nowhere yet: it begins with the first frame that does.
+    """
     n = len(frame.bodies)
     lift = np.where(flying, GRAVITY_M_S2, 0.0)
     force = np.zeros((n, 3))
@@ -150,7 +153,7 @@ def initial(frame: LabFrame, flying: Flags) -> EstimatorState:
         strength=np.ones(n),
         heading=heading,
         q_lab_from_flu=frame.q_lab_from_flu.copy(),
-        seen_ns=np.full(n, frame.t_capture_ns, dtype=np.int64),
+        seen_ns=np.where(frame.seen, frame.t_capture_ns, NEVER_NS),
         tilt=np.zeros((n, 4)),
         force_rate=np.zeros((n, 3)),
         innovation=np.zeros((n, 4)),
@@ -178,6 +181,9 @@ def estimate(
     """
     if frame.t_capture_ns <= state.t_ns:
         return state
+    appearing = frame.seen & (state.seen_ns == NEVER_NS)
+    if appearing.any():
+        state = _begun(state, frame, appearing)
     new = EstimatorState(
         frame.t_capture_ns, state.pos_lab_m.copy(), state.vel_lab_m_s.copy(), state.dist_lab_m_s2.copy(),
         state.force_lab_m_s2.copy(), state.lift_m_s2.copy(), state.strength.copy(), state.heading.copy(),
@@ -196,6 +202,16 @@ def estimate(
         new.believed, new.missed, new.misfit, new.shift_s,
     )  # fmt: skip
     return new
+
+
+def _begun(state: EstimatorState, frame: LabFrame, appearing: Flags) -> EstimatorState:
+    """The estimate with the bodies `appearing` (n) at rest where this frame, the first to see them, has them."""
+    fresh = initial(frame, state.lift_m_s2 > 0.0)
+    both = ((f.name, getattr(fresh, f.name), getattr(state, f.name)) for f in fields(state) if f.name != "t_ns")
+    return replace(
+        state,
+        **{name: np.where(appearing.reshape(-1, *(1,) * (new.ndim - 1)), new, old) for name, new, old in both},
+    )
 
 
 def swarm_state(state: EstimatorState, settings: EstimatorSettings, turn_rad_s2: Scalars) -> SwarmState:
@@ -224,7 +240,7 @@ def _sum_up(
         if own[i] >= 0:
             acc[i, 2] -= GRAVITY_M_S2
         turning[i] = (1.0 if own[i] >= 0 else manner[i, TURN_TRUST]) * heading[i, 2] + turn[i]
-        age_s[i] = (t_ns - seen_ns[i]) * SECONDS
+        age_s[i] = (t_ns - seen_ns[i]) * SECONDS if seen_ns[i] > NEVER_NS else np.inf
 
 
 @kernel

@@ -113,8 +113,9 @@ class SwarmState:
     """What the observers know of all n vehicles at the capture time `t_ns`.
 
     Z1, Z2, Z3 of the FTESO (Eqs. 3-4) are pos, vel and dist; `acc` is modelled acceleration plus Z3.
-    `age_s` is the time since each body was last seen; yaw is unwrapped. `misfit`: how far each vehicle answers
-    otherwise than its profile says, as a share of its response's length (formation.observe).
+    `age_s` is the time since each body was last seen, infinite before the first time; yaw is unwrapped.
+    `misfit`: how far each vehicle answers otherwise than its profile says, as a share of its response's length
+    (formation.observe).
     """
 
     t_ns: int

@@ -102,15 +102,25 @@ class Rule:
 
 
 HEARTBEAT_S = 3.0
+LOST_S = 0.4
 FAR_OUTSIDE_M = 0.5
 BATTERY_LOW, BATTERY_EMPTY = 0.2, 0.1
 UPSET_RAD = 1.3
 ASTRAY_M = 1.0
 
 
-def outside_fence_m(facts: Facts, limits: LimitsConfig) -> Scalars:
-    """How far each body is outside the fence, m; zero inside; shape (n,)."""
-    return outside_box(facts.pos_lab_m, limits.fence.low_m, limits.fence.high_m)
+def outside_fence_m(facts: Facts, limits: LimitsConfig, known: Flags) -> Scalars:
+    """How far each body is outside the fence, m; zero inside, and for a body whose place is not `known`; all (n,)."""
+    return np.where(known, outside_box(facts.pos_lab_m, limits.fence.low_m, limits.fence.high_m), 0.0)
+
+
+def separation_m(facts: Facts, known: Flags) -> Scalars:
+    """Distance of each body to the nearest other, among those whose place is `known`; infinite for the rest; (n,)."""
+    if known.all():
+        return nearest(facts.pos_lab_m)
+    separation = np.full(len(known), np.inf)
+    separation[known] = nearest(facts.pos_lab_m[known])
+    return separation
 
 
 @kernel
@@ -142,7 +152,7 @@ MOTORS_ON = AIRBORNE | {Phase.ARMED}
 
 RULES: tuple[Rule, ...] = (
     Rule("body not seen for 0.2 s", Measure.UNSEEN_S, 0.2, 0.0, IN_FORMATION, Trigger.HOLD, of_all=True),
-    Rule("body not seen for 0.4 s", Measure.UNSEEN_S, 0.4, 0.0, AIRBORNE, Trigger.LAND, Own.RELEASE),
+    Rule("body not seen for 0.4 s", Measure.UNSEEN_S, LOST_S, 0.0, AIRBORNE, Trigger.LAND, Own.RELEASE),
     Rule("outside the fence", Measure.OUTSIDE_M, 0.0, 0.1, AIRBORNE, Trigger.LAND),
     Rule("0.5 m outside the fence", Measure.OUTSIDE_M, FAR_OUTSIDE_M, 0.2, AIRBORNE, Trigger.LAND, Own.CUT),
     Rule("closer than the minimum separation", Measure.NEARNESS, -1.0, 0.1, IN_FORMATION, Trigger.HOLD),
@@ -224,11 +234,12 @@ _JUDGED = {phase: np.array([phase in rule.phases for rule in RULES]) for phase i
 
 
 def _measured(facts: Facts, limits: LimitsConfig) -> Float:
-    """Every measure of every vehicle, (measures, n)."""
+    """Every measure of every vehicle, (measures, n). Where a lost body is, nobody knows: no place is judged for it."""
+    known = facts.age_s <= LOST_S
     rows = {
         Measure.UNSEEN_S: facts.age_s,
-        Measure.OUTSIDE_M: outside_fence_m(facts, limits),
-        Measure.NEARNESS: -nearest(facts.pos_lab_m) / limits.min_separation_m,
+        Measure.OUTSIDE_M: outside_fence_m(facts, limits, known),
+        Measure.NEARNESS: -separation_m(facts, known) / limits.min_separation_m,
         Measure.ASTRAY_M: facts.error_m,
         Measure.TILT_RAD: facts.tilt_rad,
         Measure.SILENT_S: facts.heartbeat_age_s,

@@ -36,7 +36,7 @@ from gcs.flight import Flight
 from gcs.lateness import Lateness
 from gcs.link_state import HEARTBEAT, NEVER_NS, DroneLink
 from gcs.mocap.autopilot_poses import streams
-from gcs.operator import done_text, status_text, take_off_refusals
+from gcs.operator import armed_text, done_text, status_text, take_off_refusals
 from wire.refusals import Refusals
 
 HEARTBEAT_NS = 1_000_000_000
@@ -125,7 +125,7 @@ class GcsCore:
         self._flight.judge(verdict, now_ns)
         replies = [reply for request in self._take_requests() for reply in self._answer(request, now_ns)]
         self._flight.proceed(stages, now_ns)
-        replies += self._answer_arming()
+        replies += self._answer_arming(now_ns)
         return Outgoing(
             datagrams=self._datagrams(frame, stages, now_ns),
             replies=tuple(replies),
@@ -197,19 +197,19 @@ class GcsCore:
             case Verb.ARM, Phase.GROUND:
                 return arming.refusals(facts, self._config.limits)
             case Verb.TAKEOFF, Phase.ARMED:
-                return take_off_refusals(facts, self._flight, self._config)
+                return take_off_refusals(facts, self._flight, self._drones, self._config, now_ns)
             case Verb.START, Phase.HOLD:
                 return reforming.start(self._flight, facts, self._stages, self._config)
             case _:
                 return ()
 
-    def _answer_arming(self) -> list[OperatorReply]:
+    def _answer_arming(self, now_ns: int) -> list[OperatorReply]:
         request, flight = self._arming_request, self._flight
         if request is None or (flight.phase is Phase.ARMED and not flight.armed):
             return []
         self._arming_request = None
         if flight.phase is Phase.ARMED:
-            return [OperatorReply(request, True, "every drone is armed")]
+            return [OperatorReply(request, True, armed_text(flight, now_ns))]
         return [OperatorReply(request, False, flight.cause)]
 
     def _facts(self, now_ns: int) -> Facts:

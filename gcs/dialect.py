@@ -18,6 +18,7 @@ from wire.link_messages.status import Autopilot, EkfStatus, Heartbeat
 
 ARM_DISARM, NAV_LAND, SET_MODE, SET_MESSAGE_INTERVAL = 400, 21, 176, 511
 CUSTOM_MODE_FLAG = 1.0
+IDLE_DISARM_LEAST_S = 8.0  # arming a swarm takes three seconds, a take-off three more, the operator what is left
 FORCE = 21196.0  # the magic number that disarms in the air, in both autopilots
 
 
@@ -53,6 +54,9 @@ class Dialect:
     hover_parameter: str
     hover_default: float
     """Its value before anyone has measured it, which says nothing of the vehicle."""
+    idle_disarm_parameter: str
+    """After how many seconds it disarms when armed without a take-off; never where that is zero or less."""
+    idle_disarm_default_s: float
     rules: tuple[ParameterRule, ...]
     streams: tuple[tuple[int, float], ...]
     """Messages to ask for: id and rate, Hz."""
@@ -150,6 +154,15 @@ def _has(bits: int) -> Callable[[float], bool]:
     return lambda found: int(found) & bits == bits
 
 
+def _lets_take_off(found: float) -> bool:
+    return found <= 0.0 or found >= IDLE_DISARM_LEAST_S
+
+
+def _idle_disarm_rule(name: str) -> ParameterRule:
+    wanted = f"{IDLE_DISARM_LEAST_S:g} s or more, or 0 (never)"
+    return ParameterRule(name, wanted, _lets_take_off, "disarms an armed drone before all can take off", 10.0)
+
+
 def _between(low: float, high: float) -> Callable[[float], bool]:
     return lambda found: low <= found <= high
 
@@ -164,7 +177,10 @@ PX4 = Dialect(
     ignore=Ignore.ROLL_RATE | Ignore.PITCH_RATE,
     hover_parameter="MPC_THR_HOVER",
     hover_default=0.5,
+    idle_disarm_parameter="COM_DISARM_PRFLT",
+    idle_disarm_default_s=10.0,
     rules=(
+        _idle_disarm_rule("COM_DISARM_PRFLT"),
         ParameterRule(
             "COM_OF_LOSS_T", "0 to 2 s", _between(0.0, 2.0),
             "how long it flies on after our setpoints stop", 0.5, vital=True,
@@ -206,7 +222,10 @@ ARDUPILOT = Dialect(
     ignore=Ignore.NONE,
     hover_parameter="MOT_THST_HOVER",
     hover_default=0.35,
+    idle_disarm_parameter="DISARM_DELAY",
+    idle_disarm_default_s=10.0,
     rules=(
+        _idle_disarm_rule("DISARM_DELAY"),
         ParameterRule(
             "GUID_OPTIONS", "thrust (bit 8)", _has(8), "without it our thrust is read as a climb rate", 8.0, vital=True,
         ),

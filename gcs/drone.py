@@ -15,13 +15,17 @@ AIRBORNE_STATES = (LandedState.IN_AIR, LandedState.TAKEOFF, LandedState.LANDING)
 NEAR_FLOOR_M = 0.03
 PRESSING_M, PRESSED_NS = 0.2, 1_000_000_000
 AT_REST_M_S = 0.08
+LIFTED_M = 0.02
+TAKE_OFF_S = 3.0  # thrust takes two to rise (formation.control.attitude), its own landing detector one to notice
+IDLE_DISARM_WITHIN_S = 0.5
 
 
 @dataclass(slots=True)
 class Drone:
     """index: its place among the n vehicles. rest_z_m: height of its markers when it stood on the floor.
 
-    checked: its parameters have been read and what is amiss with them was told.
+    checked: its parameters have been read and what is amiss with them was told. lifted: seen off the floor since it was
+    last armed.
     """
 
     index: int
@@ -35,6 +39,7 @@ class Drone:
     descending: bool = False
     touched: bool = False
     checked: bool = False
+    lifted: bool = False
 
     def aim(self, goal: Goal, now_ns: int) -> None:
         """Bring the autopilot to another goal; the same goal again changes nothing."""
@@ -56,6 +61,33 @@ class Drone:
         if now_ns - self.link.heartbeat_ns > GONE_NS and not self.flown:
             return True
         return self.goal in (Goal.DISARM, Goal.LAND, Goal.CUT) and self.reached
+
+    def disarms_in_s(self, now_ns: int) -> float | None:
+        """How long until it disarms by itself for want of a take-off; None where it is not about to."""
+        since_ns, timeout_s = self.link.armed_clock.since_ns, self.link.idle_disarm_s
+        if since_ns is None or timeout_s is None or self.lifted:
+            return None
+        return max(timeout_s - (now_ns - since_ns) * 1e-9, 0.0)
+
+    @property
+    def idle_disarm_text(self) -> str:
+        """Why it is disarmed, where that was its own time-out; else the empty text."""
+        timeout_s, dialect = self.link.idle_disarm_s, self.link.dialect
+        waited = timeout_s is not None and self.link.armed_clock.lasted_s >= timeout_s - IDLE_DISARM_WITHIN_S
+        if self.link.armed or self.lifted or dialect is None or not waited:
+            return ""
+        return f"{self.link.name} disarmed itself: no take-off in {timeout_s:g} s ({dialect.idle_disarm_parameter})"
+
+    def watch_lift(self, z_m: float) -> None:
+        """Notice that it is off the floor."""
+        rises = z_m - self.rest_z_m > LIFTED_M or self.link.told.landed in AIRBORNE_STATES
+        self.lifted = self.lifted or rises
+
+    def stay_down(self, now_ns: int) -> None:
+        """It stands on the floor, landed or never risen: no thrust any more, and disarmed."""
+        self.touched, self.leg = True, IDLE
+        if self.flown:
+            self.aim(Goal.DISARM, now_ns)
 
     def pursue(self, now_ns: int) -> None:
         """One more step towards the goal; a disarm that a landed drone keeps refusing is forced."""
@@ -82,9 +114,7 @@ class Drone:
         if self.resting_since_ns is None:
             self.resting_since_ns = now_ns
         if now_ns - self.resting_since_ns >= (TOUCH_NS if near else PRESSED_NS) and not self.touched:
-            self.touched, self.leg = True, IDLE
-            if self.flown:
-                self.aim(Goal.DISARM, now_ns)
+            self.stay_down(now_ns)
 
     def lead_to(self, leg: Leg, goal: Goal, now_ns: int) -> None:
         """A new phase: another leg, another goal; a drone that was let go or cut stays so."""

@@ -6,14 +6,14 @@ from formation.arrays import Float
 from formation.config import LabConfig
 from formation.control.stack import Stages
 from formation.messages import Event, Phase, PhaseChange, Severity
-from formation.phase import Trigger, advance, allowed_from
+from formation.phase import AIRBORNE, Trigger, advance, allowed_from
 from formation.preview import trajectory_from
 from formation.reference import IDLE, Leg, Mode, Plan
 from formation.safety import Verdict
 from formation.shape import Shape, configured
 from formation.trajectory import Trajectory
 from formation.transition import Transition
-from gcs.drone import Drone, aside_leg, hold_leg, land_leg, take_off_leg
+from gcs.drone import TAKE_OFF_S, Drone, aside_leg, hold_leg, land_leg, take_off_leg
 from gcs.goal import Goal
 from gcs.landing import landing_spots
 
@@ -44,6 +44,7 @@ class Flight:
         self.trajectory_start_ns: int | None = None
         self.trajectory: Trajectory | None = None
         self.armed = False
+        self._too_late = False
         self.events: list[Event] = []
         self.changes: list[PhaseChange] = [PhaseChange(Phase.GROUND, self.cause)]
         self._config = config
@@ -66,6 +67,12 @@ class Flight:
                 f"{np.count_nonzero(way.rise_m)} of {len(way.rise_m)} pass above or below",
             )
         )
+
+    def first_to_disarm(self, now_ns: int) -> tuple[str, float] | None:
+        """Whose own time-out ends first for want of a take-off, and in how many seconds; None where nobody's runs."""
+        running = [(drone.disarms_in_s(now_ns), drone.link.name) for drone in self._drones]
+        left = [(left_s, name) for left_s, name in running if left_s is not None]
+        return (min(left)[1], min(left)[0]) if left else None
 
     def trajectory_done(self, now_ns: int) -> bool:
         """Whether the leader's trajectory has been flown to its end; a leader that is only observed has none."""
@@ -103,11 +110,14 @@ class Flight:
 
     def proceed(self, stages: Stages | None, now_ns: int) -> None:
         """Notice what has been achieved, move on, pursue every drone's goal. stages: of this tick's frame, if any."""
+        if stages is not None and self.phase in AIRBORNE:
+            for drone in self._drones:
+                drone.watch_lift(float(stages.state.pos_lab_m[drone.index, 2]))
         match self.phase:
             case Phase.ARMED:
                 self._watch_arming(stages, now_ns)
-            case Phase.TAKEOFF if stages is not None:
-                self._watch_height(stages, now_ns)
+            case Phase.TAKEOFF:
+                self._watch_take_off(stages, now_ns)
             case Phase.FORMATION if stages is not None and self.trajectory_start_ns is None:
                 self._watch_slots(stages, now_ns)
             case Phase.LAND:
@@ -121,16 +131,18 @@ class Flight:
     def _enter(self, phase: Phase, cause: str, now_ns: int) -> None:
         before, self.phase, self.cause, self.entered_ns = self.phase, phase, cause, now_ns
         self.trajectory_start_ns, self._settled_since_ns, self._spots = None, None, None
-        self.armed = False
+        self.armed, self._too_late = False, False
         self.changes.append(PhaseChange(phase, cause))
         self.events.append(Event(Severity.NOTICE, "flight", f"{before.name} -> {phase.name}: {cause}"))
         for drone in self._drones:
             if phase is Phase.ARMED:
-                drone.released = False
+                drone.released = drone.lifted = False
                 drone.aim(Goal.LEAVE, now_ns)
             if phase is Phase.STOPPED:
                 drone.aim(Goal.CUT, now_ns)
             drone.lead_to(self._leg(), _GOALS.get(phase, Goal.LEAVE), now_ns)
+            if phase is Phase.LAND and not drone.lifted:
+                drone.stay_down(now_ns)
 
     def _leg(self) -> Leg:
         flight = self._config.flight
@@ -150,11 +162,38 @@ class Flight:
             for drone in self._drones:
                 drone.rest_z_m = float(stages.state.pos_lab_m[drone.index, 2])
         if not unready:
-            self.armed = True
+            self._watch_countdown(now_ns)
         elif self.armed:
-            self.pull(Trigger.DISARMED, f"{unready[0].link.name} is no longer armed and off-board", now_ns)
+            cause = unready[0].idle_disarm_text or f"{unready[0].link.name} is no longer armed and off-board"
+            self.pull(Trigger.DISARMED, cause, now_ns)
         elif now_ns - self.entered_ns > ARMING_NS:
             self.pull(Trigger.DISARMED, "; ".join(_why_not_armed(drone) for drone in unready), now_ns)
+
+    def _watch_countdown(self, now_ns: int) -> None:
+        """Tell once how long there is for a take-off, and once that there is no longer."""
+        before, self.armed = self.armed, True
+        first = self.first_to_disarm(now_ns)
+        if first is None:
+            return
+        name, left_s = first
+        if not before:
+            window_s = max(left_s - TAKE_OFF_S, 0.0)
+            text = f"every drone is armed; {name} disarms itself in {left_s:.1f} s: take off within {window_s:.1f} s"
+            self.events.append(Event(Severity.NOTICE, "flight", text))
+        if left_s < TAKE_OFF_S and not self._too_late:
+            self._too_late = True
+            text = f"too late for a take-off: {name} disarms itself in {left_s:.1f} s"
+            self.events.append(Event(Severity.WARNING, "flight", text))
+
+    def _watch_take_off(self, stages: Stages | None, now_ns: int) -> None:
+        """A drone that disarms on the floor ends the take-off for all; those in the air land, it is not in the air."""
+        for drone in self._drones:
+            if drone.flown and not drone.lifted and not drone.link.armed:
+                cause = drone.idle_disarm_text or f"{drone.link.name} is disarmed, still on the floor"
+                self.pull(Trigger.LAND, cause, now_ns)
+                return
+        if stages is not None:
+            self._watch_height(stages, now_ns)
 
     def _watch_height(self, stages: Stages, now_ns: int) -> None:
         """At height: led up to it, risen to it, and no longer rising (a hold brakes from whatever speed it finds)."""

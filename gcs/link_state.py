@@ -9,14 +9,15 @@ from formation.config import VehicleBody
 from formation.messages import Event, Severity
 from formation.model import Vec3Tuple
 from formation.vehicle import VehicleProfile
+from gcs.armed_clock import ArmedClock
 from gcs.commands import CommandChannel
-from gcs.dialect import DIALECTS, Dialect, stream
+from gcs.dialect import ARM_DISARM, DIALECTS, Dialect, stream
 from gcs.parameters import ParameterReader
 from gcs.sequence import SequenceWatch
 from gcs.timesync import ClockOffset
 from wire.link_messages.address import BRIDGE_COMPONENT, DRONE_COMPONENT, GROUND, Address
 from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import CommandAck
+from wire.link_messages.commands import CommandAck, Result
 from wire.link_messages.motion import Origin, SetOrigin
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.parameters import ParamValue
@@ -81,6 +82,7 @@ class DroneLink:
         self.told = Telemetry()
         self.heartbeat_ns = NEVER_NS
         self.dialect: Dialect | None = None
+        self.armed_clock = ArmedClock()
         self.commands = CommandChannel()
         self.clock = ClockOffset(self.target)
         self.sequence = SequenceWatch()
@@ -125,6 +127,15 @@ class DroneLink:
         known = self.parameters.values.get(self.dialect.hover_parameter, self.dialect.hover_default)
         measured = 0.05 < known < 0.95 and abs(known - self.dialect.hover_default) > 1e-6
         return known if measured else self.profile.hover_thrust_norm
+
+    @property
+    def idle_disarm_s(self) -> float | None:
+        """After how long it disarms by itself when armed without a take-off; its make's default until it was read."""
+        if self.dialect is None:
+            return None
+        name, default_s = self.dialect.idle_disarm_parameter, self.dialect.idle_disarm_default_s
+        timeout_s = self.parameters.values.get(name, default_s)
+        return timeout_s if timeout_s > 0.0 else None
 
     def receive(self, data: bytes, now_ns: int) -> None:
         """Take in one datagram; what cannot be read, or is not from this drone's autopilot, is counted."""
@@ -185,6 +196,8 @@ class DroneLink:
             case Heartbeat():
                 self._hear(message, now_ns)
             case CommandAck():
+                if message.command == ARM_DISARM and message.result is Result.ACCEPTED:
+                    self.armed_clock.accept(now_ns)
                 self.commands.receive(message, now_ns)
             case TimeSync():
                 answer = self.clock.receive(message, now_ns)
@@ -220,6 +233,7 @@ class DroneLink:
     def _hear(self, heartbeat: Heartbeat, now_ns: int) -> None:
         silent_ns, self.heartbeat_ns = now_ns - self.heartbeat_ns, now_ns
         self.told.heartbeat = heartbeat
+        self.armed_clock.hear(heartbeat.armed, now_ns)
         known = DIALECTS.get(heartbeat.autopilot)
         if known is None or (known is self.dialect and silent_ns < RESTART_NS):
             return

@@ -9,14 +9,26 @@ from formation.config import LabConfig
 from formation.messages import Phase
 from formation.safety import Facts
 from formation.shape import Shape
-from gcs.drone import Drone
+from gcs.drone import TAKE_OFF_S, Drone
 from gcs.flight import Flight
 
 
-def take_off_refusals(facts: Facts, flight: Flight, config: LabConfig) -> tuple[str, ...]:
-    """Why the swarm may not leave the floor now; as for arming, and every drone must have armed."""
+def take_off_refusals(
+    facts: Facts, flight: Flight, drones: Sequence[Drone], config: LabConfig, now_ns: int
+) -> tuple[str, ...]:
+    """Why the swarm may not leave the floor now; as for arming, and every drone must have armed, and stay so."""
     not_armed = () if flight.armed else ("not every drone has armed yet",)
-    return arming.refusals(facts, config.limits) + not_armed
+    return arming.refusals(facts, config.limits) + not_armed + _too_late(drones, now_ns)
+
+
+def _too_late(drones: Sequence[Drone], now_ns: int) -> tuple[str, ...]:
+    """Who would disarm by itself before it has lifted off."""
+    left_s = [drone.disarms_in_s(now_ns) for drone in drones]
+    return tuple(
+        f"{drone.link.name}: disarms itself in {left:.1f} s, a take-off needs {TAKE_OFF_S:g} s: land, and arm again"
+        for drone, left in zip(drones, left_s, strict=True)
+        if left is not None and left < TAKE_OFF_S
+    )
 
 
 def status_text(
@@ -38,25 +50,27 @@ def status_text(
             "trajectory_started": flight.trajectory_start_ns is not None,
             "trajectory_done": flight.trajectory_done(now_ns),
             "shape": flight.shape.name,
-            "drones": [_drone_status(drone, facts) for drone in drones],
+            "drones": [_drone_status(drone, facts, now_ns) for drone in drones],
             "refusals": list(refusals),
             "counters": dict(counters),
         }
     )
 
 
-def _drone_status(drone: Drone, facts: Facts) -> dict[str, object]:
+def _drone_status(drone: Drone, facts: Facts, now_ns: int) -> dict[str, object]:
     link, i = drone.link, drone.index
+    disarms_in_s = drone.disarms_in_s(now_ns)
     offset_ns = link.clock.offset_ns
     return {
         "sysid": link.sysid,
         "body": link.name,
         "autopilot": None if link.dialect is None else link.dialect.name,
         "armed": link.armed,
+        "disarms_in_s": None if disarms_in_s is None else round(disarms_in_s, 1),
         "mode": link.mode,
         "goal": drone.goal.value,
         "landed": link.told.landed.name,
-        "pos_lab_m": [round(x, 4) for x in facts.pos_lab_m[i].tolist()],
+        "pos_lab_m": [round(x, 4) for x in facts.pos_lab_m[i].tolist()] if math.isfinite(facts.age_s[i]) else None,
         "age_s": _number(float(facts.age_s[i]), 3),
         "heartbeat_age_s": _number(float(facts.heartbeat_age_s[i]), 2),
         "battery": _number(link.told.battery, 3),
@@ -69,6 +83,14 @@ def _drone_status(drone: Drone, facts: Facts) -> dict[str, object]:
 def _number(value: float, digits: int) -> float | None:
     """JSON has neither NaN nor infinity: what is unknown, and the age of what never was, is null."""
     return round(value, digits) if math.isfinite(value) else None
+
+
+def armed_text(flight: Flight, now_ns: int) -> str:
+    """What is said when every drone is armed: for how long they will be."""
+    first = flight.first_to_disarm(now_ns)
+    if first is None:
+        return "every drone is armed"
+    return f"every drone is armed; take off within {max(first[1] - TAKE_OFF_S, 0.0):.1f} s ({first[0]} disarms itself)"
 
 
 def done_text(phase: Phase, shape: Shape) -> str:

@@ -117,12 +117,21 @@ def print_status(told: dict[str, Any], console: Console) -> None:
     for drone in told["drones"]:
         table.add_row(
             str(drone["sysid"]), drone["body"], drone["autopilot"] or "-", drone["mode"],
-            "armed" if drone["armed"] else "-", *(f"{x:.2f}" for x in drone["pos_lab_m"]),
+            "armed" if drone["armed"] else "-", *_coordinates(drone["pos_lab_m"]),
             _percent(drone["battery"]), _age(drone["heartbeat_age_s"]), _age(drone["age_s"]),
         )  # fmt: skip
     console.print(table)
+    for drone in told["drones"]:
+        if drone["disarms_in_s"] is not None:
+            text = f"{drone['body']} disarms itself in {drone['disarms_in_s']:.1f} s unless it takes off"
+            console.print(text, style="yellow", highlight=False)
     for refusal in told["refusals"]:
         console.print(f"not ready: {refusal}", style="yellow", highlight=False)
+
+
+def _coordinates(pos_lab_m: list[float] | None) -> list[str]:
+    """x, y and z; dashes for a body that was never seen."""
+    return ["-"] * 3 if pos_lab_m is None else [f"{x:.2f}" for x in pos_lab_m]
 
 
 def _percent(value: float | None) -> str:

@@ -1,4 +1,4 @@
-"""How the followers held their slots: position against reference, formation error, the cloud of errors."""
+"""How followers held their slots and a leader its trajectory: position against reference, errors, clouds of errors."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -8,13 +8,11 @@ from analysis.load import Flight
 from analysis.plots import style
 from analysis.plots.bands import shade
 from analysis.plots.style import Drawing, Missing
-from analysis.series import Series
-from analysis.tracking import Tracking
-from formation import frames
+from analysis.tracking import LeaderTracking, Tracking, reference_lab_m
 from formation.arrays import Float
-from formation.messages import Reference
 
 ROWS = 6
+NO_LEADER = "the leader's tracking error needs its mocap frames and references in formation; the log lacks them"
 NO_TRACKING = "formation error needs mocap frames and control references; the log lacks one of them"
 
 
@@ -35,18 +33,11 @@ def positions(flight: Flight, tracking: Tracking) -> Drawing:
     rows = (1.0,) * len(chosen)
     fig, grid = style.Sheet(0.6 + 1.55 * len(chosen), rows, (1.0, 1.0), gap_in=(0.34, 0.8)).axes()
     wanted = reference_lab_m(flight.reference)
-    colours = style.colours(len(flight.vehicles))
     for row, k in zip(grid, chosen, strict=True):
         vehicle = flight.followers[k]
-        pos, seen = flight.poses.pos_lab_m[:, k + 1], flight.poses.seen[:, k + 1]
         for axis, ax in enumerate(row):
-            measured = style.broken(pos[:, axis], seen)
-            style.line(ax, flight.poses.t_s, measured, color=colours[k + 1], lw=1.7, label=vehicle.body)
-            if vehicle.column is not None:
-                reference = wanted[:, vehicle.column, axis]
-                style.line(
-                    ax, flight.reference.t_s, reference, color=style.INK, lw=0.8, ls=(0, (4, 2)), label="reference"
-                )
+            reference = None if vehicle.column is None else wanted[:, vehicle.column, axis]
+            _against_reference(ax, flight, k + 1, reference, axis)
             style.time_axis(ax, 0.0, flight.duration_s, label=row is grid[-1])
         row[0].set_ylabel("x, m")
         row[1].set_ylabel("y, m")
@@ -54,13 +45,6 @@ def positions(flight: Flight, tracking: Tracking) -> Drawing:
         style.legend(row[1])
     shade([ax for row in grid for ax in row], flight)
     return fig
-
-
-def reference_lab_m(reference: Series[Reference]) -> Float:
-    """Where each commanded vehicle should be, lab axes, shape (T, m, 3)."""
-    origin = reference.column(lambda r: r.origin_lab_m)
-    slot = reference.column(lambda r: r.slot_lead_m)
-    return origin + frames.rotate_about_z(reference.column(lambda r: r.heading_rad), slot)
 
 
 def errors(flight: Flight, tracking: Tracking) -> Drawing:
@@ -81,6 +65,56 @@ def errors(flight: Flight, tracking: Tracking) -> Drawing:
     for ax in axes:
         style.time_axis(ax, low_s, high_s, label=ax is axes[-1])
     return fig
+
+
+def leader_error(flight: Flight, leader: LeaderTracking) -> Drawing:
+    """Length of a commanded leader's tracking error against time, its components in lab axes below."""
+    if not len(leader.t_s):
+        observed = bool(flight.vehicles) and flight.leader.column is None
+        return Missing("the leader is only observed, so it has no reference" if observed else NO_LEADER)
+    fig, column = style.Sheet(5.4, (1.7, 1.0, 1.0, 1.0)).axes()
+    axes = [row[0] for row in column]
+    error_mm = 1e3 * leader.error_lab_m
+    length_mm = np.linalg.norm(error_mm, axis=-1)
+    style.line(axes[0], leader.t_s, length_mm, color=style.LEADER, lw=1.1, label=flight.leader.body)
+    root_mm = float(np.sqrt(np.mean(np.square(length_mm))))
+    axes[0].axhline(root_mm, color=style.SOFT, lw=0.9, ls=(0, (4, 3)), label=f"RMS {root_mm:.3g} mm")
+    axes[0].set(ylabel="length, mm", ylim=(0.0, None))
+    style.legend(axes[0])
+    for axis, (ax, name) in enumerate(zip(axes[1:], "xyz", strict=True)):
+        style.line(ax, leader.t_s, error_mm[:, axis], color=style.LEADER, lw=1.0)
+        ax.axhline(0.0, color=style.FAINT, lw=0.8, zorder=1)
+        ax.set_ylabel(f"{name}, mm")
+    for ax in axes:
+        style.time_axis(ax, float(leader.t_s[0]), float(leader.t_s[-1]), label=ax is axes[-1])
+    return fig
+
+
+def leader_positions(flight: Flight) -> Drawing:
+    """x and y of a commanded leader against its reference, lab axes, over the whole flight."""
+    column = flight.leader.column if flight.vehicles else None
+    if column is None or not len(flight.poses) or not len(flight.reference):
+        return Missing(NO_LEADER)
+    fig, [row] = style.Sheet(2.15, (1.0,), (1.0, 1.0)).axes()
+    wanted = reference_lab_m(flight.reference)[:, column]
+    for axis, ax in enumerate(row):
+        _against_reference(ax, flight, 0, wanted[:, axis], axis)
+        style.time_axis(ax, 0.0, flight.duration_s)
+        ax.set_ylabel(f"{'xy'[axis]}, m")
+    row[0].set_title(flight.leader.body)
+    style.legend(row[1])
+    shade(row, flight)
+    return fig
+
+
+def _against_reference(ax: Axes, flight: Flight, i: int, wanted_m: Float | None, axis: int) -> None:
+    """One coordinate of vehicle i as measured and, dashed over it, its reference (of every reference), if any."""
+    measured = style.broken(flight.poses.pos_lab_m[:, i, axis], flight.poses.seen[:, i])
+    colour, name = style.colours(len(flight.vehicles))[i], flight.vehicles[i].body
+    style.line(ax, flight.poses.t_s, measured, color=colour, lw=1.7, label=name)
+    if wanted_m is not None:
+        dashed = style.ALARM if i == 0 else style.INK
+        style.line(ax, flight.reference.t_s, wanted_m, color=dashed, lw=0.8, ls=(0, (4, 2)), label="reference")
 
 
 def draw_error(ax: Axes, flight: Flight, tracking: Tracking, error_mm: Float) -> None:

@@ -11,9 +11,9 @@ from itertools import permutations, product
 import numpy as np
 
 from formation import frames
-from formation.arrays import Float, Quats, Vec3, Vec3s
+from formation.arrays import Flags, Float, Quats, Vec3, Vec3s
 from formation.config import LabConfig
-from gcs.doctor.finding import Finding, Grade, graded
+from gcs.doctor.finding import Finding, Grade, graded, unmeasured
 
 MOVED_M, TURNED_RAD = 0.1, np.radians(30.0)
 MILLIMETRES_M = 20.0
@@ -25,10 +25,11 @@ AXES = "axes"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Look:
-    """All n bodies at one moment, as the configuration turns them into lab and flu; the last pose of one unseen."""
+    """All n bodies at one moment, as the configuration turns them into lab and flu; no pose counts of one not seen."""
 
     pos_lab_m: Vec3s
     q_lab_from_flu: Quats
+    seen: Flags
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,8 +53,12 @@ def check_axes(config: LabConfig, moved: Sequence[Moves]) -> tuple[Finding, ...]
 def _check_drone(config: LabConfig, moves: Moves) -> Iterator[Finding]:
     name = config.vehicles[moves.vehicle].body
     steps = [moves.displacement(k) for k in range(3)]
-    travel = np.sum([np.linalg.norm(step, axis=-1) for step in steps], axis=0)
+    seen = np.all([look.seen for look in moves.looks], axis=0)
+    travel = np.where(seen, np.sum([np.linalg.norm(step, axis=-1) for step in steps], axis=0), 0.0)
     mover = int(np.argmax(travel))
+    if travel[mover] < MOVED_M and not seen[moves.vehicle]:
+        yield unmeasured(name, AXES, "x, y, z", "the mocap lost it while it was moved: repeat", Grade.FAIL)
+        return
     if travel[mover] < MOVED_M:
         yield Finding(name, "body name", Grade.FAIL, "no body moved", name, "is this the drone that was moved?")
         return

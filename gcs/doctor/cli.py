@@ -13,7 +13,7 @@ from rich.console import Console
 
 from formation.config import LabConfig
 from gcs.cli_common import NOT_RIGHT, REFUSED, Json, LabFile, configuration, fail, tell
-from gcs.doctor.finding import Finding, as_dicts, failed, show
+from gcs.doctor.finding import Finding, Refit, as_dicts, failed, show
 from gcs.mocap.service import ServiceError
 
 if TYPE_CHECKING:
@@ -27,7 +27,9 @@ def doctor(
     lab: LabFile,
     seconds: Annotated[float, typer.Option(min=0.0, help="How long to listen to mocap and drones.")] = 5.0,
     still: Annotated[bool, typer.Option("--still", help="Skip the moves by hand that prove axes and names.")] = False,
-    fix: Annotated[bool, typer.Option("--fix", help="Offer to write every parameter that is not as wanted.")] = False,
+    fix: Annotated[
+        bool, typer.Option("--fix", help="Offer to write each parameter, or profile, that would do.")
+    ] = False,
     yes: Annotated[bool, typer.Option("--yes", help="With --fix: write without asking.")] = False,
     as_json: Json = False,
 ) -> None:
@@ -69,16 +71,14 @@ def logs(
 
 
 class _Fixing:
-    """Whether to write parameters, and whether to ask first."""
+    """Whether to write what would put findings right, and whether to ask first."""
 
     def __init__(self, wanted: bool, unasked: bool) -> None:
         self.wanted = wanted
         self._unasked = unasked
 
-    def agreed(self, finding: Finding) -> bool:
-        """Whether this one is to be written."""
-        assert finding.fix is not None
-        question = f"{finding.subject}: write {finding.fix.parameter} = {finding.fix.value:g} (is {finding.found})?"
+    def agreed(self, question: str) -> bool:
+        """Whether it is to be written."""
         return self._unasked or typer.confirm(question, err=True)
 
 
@@ -100,13 +100,27 @@ async def _write(survey: "Survey", findings: Sequence[Finding], fixing: _Fixing)
     """Write what is agreed to; what was found stays found until the doctor is asked again."""
     written = 0
     for finding in findings:
-        if finding.fix is not None and fixing.agreed(finding):
-            taken = await survey.write(finding.fix)
+        name, fix, refit = finding.subject, finding.fix, finding.refit
+        if fix is not None and fixing.agreed(f"{name}: write {fix.parameter} = {fix.value:g} (is {finding.found})?"):
+            taken = await survey.write(fix)
             written += taken
             words = "written" if taken else "NOT taken"
-            print(f"{finding.subject}: {finding.fix.parameter} {words}", file=sys.stderr)
+            print(f"{name}: {fix.parameter} {words}", file=sys.stderr)
+        if refit is not None and fixing.agreed(
+            f"{name}: write a profile that hovers at {finding.found} to a file here?"
+        ):
+            print(f"{name}: {write_profile(refit, Path())}", file=sys.stderr)
     if written:
         print("Restart the autopilots, some parameters count from there; then ask the doctor again.", file=sys.stderr)
+
+
+def write_profile(refit: Refit, folder: Path) -> str:
+    """Write it; what to tell of that. The lab file itself is its owner's: nobody but a person changes it."""
+    try:
+        path = refit.write(folder)
+    except FileExistsError as error:
+        return f"{error.filename} is there already, NOT written"
+    return f'{path} written: put it under [[profiles]] in the lab file, and profile = "{refit.name}" in its entry'
 
 
 async def _logs(config: LabConfig, lab_file: Path, out: Path, newest: int, only: list[int] | None) -> list[str]:

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 from formation.vehicle import VehicleProfile
 from gcs.dialect import Dialect, ParameterRule
-from gcs.doctor.finding import Finding, Fix, Grade, graded
+from gcs.doctor.finding import Finding, Fix, Grade, Refit, graded, unmeasured
+from wire.config_file import dump
 
+PACKETS_LEAST = 50  # below it one lost packet would be two per cent, and a twin might not have spoken
 LOSS, LOSS_MOST = 0.01, 0.05
 ROUND_TRIP_S = 0.02
 HOVER_FAIR, HOVER_MOST = 0.1, 0.25
@@ -17,7 +19,8 @@ HOVER_FAIR, HOVER_MOST = 0.1, 0.25
 class DroneReport:
     """What was learned of one drone; None or NaN where nothing was. `parameters` holds only what it answered.
 
-    unhealthy: what the autopilot itself says it lacks, in words.
+    packets: how many came from it. unhealthy: what the autopilot itself says it lacks, in words; None where it was not
+    heard to say.
     """
 
     name: str
@@ -26,7 +29,8 @@ class DroneReport:
     dialect: Dialect | None
     version: str
     parameters: Mapping[str, float]
-    unhealthy: tuple[str, ...]
+    unhealthy: tuple[str, ...] | None
+    packets: int
     loss: float
     round_trip_s: float
     clock_offset_s: float | None
@@ -45,30 +49,53 @@ def _check(report: DroneReport, feeds_pose: bool) -> Iterator[Finding]:
     if report.foreign_sysid is not None:
         found = f"drone {report.foreign_sysid} answers"
         yield Finding(name, "sysid", Grade.FAIL, found, str(report.sysid), "wrong link, or wrong sysid")
-    twice = "two drones" if report.duplicate else "one drone"
-    why = "two drones have this sysid: change one (PX4 MAV_SYS_ID, ArduPilot SYSID_THISMAV)"
-    yield graded(name, "sysid is its own", twice, "one drone", not report.duplicate, why)
+    yield _check_own(report)
     if report.dialect is None:
         yield Finding(name, "heartbeat", Grade.FAIL, "none", "PX4 or ArduPilot", "off, or not on this link")
         return
-    yield Finding(name, "autopilot", Grade.PASS, f"{report.dialect.name} {report.version}".strip())
+    yield Finding(name, "autopilot", Grade.PASS, f"{report.dialect.name} {report.version or '(version not told)'}")
     yield from _check_link(report)
     for rule in report.dialect.rules:
         if feeds_pose or not rule.external_pose:
             yield _check_rule(report, rule)
     yield _check_hover(report, report.dialect)
-    for lack in report.unhealthy:
-        yield Finding(name, "own health", Grade.WARN, lack, "ready", "it would refuse to arm")
-    if not math.isnan(report.battery):
+    yield from _check_health(report)
+    if math.isnan(report.battery):
+        yield unmeasured(name, "battery", "over 50%", "it tells no charge: nobody would land it before it is empty")
+    else:
         yield graded(name, "battery", f"{report.battery:.0%}", "over 50%", report.battery > 0.5, "charge it", True)
 
 
+def _check_own(report: DroneReport) -> Finding:
+    """Whether one drone alone answers to the sysid, as far as enough was heard of it to tell."""
+    check, wanted = "sysid is its own", "one drone"
+    if report.duplicate:
+        why = "two drones have this sysid: change one (PX4 MAV_SYS_ID, ArduPilot SYSID_THISMAV)"
+        return Finding(report.name, check, Grade.FAIL, "two drones", wanted, why)
+    if not report.packets:
+        return unmeasured(report.name, check, wanted, "nothing was heard of it", Grade.FAIL)
+    if report.packets < PACKETS_LEAST:
+        return unmeasured(report.name, check, wanted, f"only {report.packets} packets came from it")
+    return Finding(report.name, check, Grade.PASS, wanted, wanted)
+
+
+def _check_health(report: DroneReport) -> Iterator[Finding]:
+    check, wanted = "own health", "ready"
+    if report.unhealthy is None:
+        yield unmeasured(report.name, check, wanted, "MAVSDK did not hear it say")
+    elif not report.unhealthy:
+        yield Finding(report.name, check, Grade.PASS, wanted, wanted)
+    for lack in report.unhealthy or ():
+        yield Finding(report.name, check, Grade.WARN, lack, wanted, "it would refuse to arm")
+
+
 def _check_link(report: DroneReport) -> Iterator[Finding]:
-    name = report.name
-    found = f"{report.loss:.1%} lost"
-    yield graded(
-        name, "link", found, "under 1%", report.loss <= LOSS, "radio, or a busy machine", report.loss <= LOSS_MOST
-    )
+    name, found = report.name, f"{report.loss:.1%} lost"
+    if report.packets < PACKETS_LEAST:
+        yield unmeasured(name, "link", "under 1% lost", f"only {report.packets} packets came from it")
+    else:
+        well, fair = report.loss <= LOSS, report.loss <= LOSS_MOST
+        yield graded(name, "link", found, "under 1%", well, "radio, or a busy machine", fair)
     if math.isnan(report.round_trip_s) or report.clock_offset_s is None:
         yield Finding(name, "clock", Grade.WARN, "no TIMESYNC", "answered", "ages of setpoints stay unknown")
         return
@@ -88,14 +115,34 @@ def _check_rule(report: DroneReport, rule: ParameterRule) -> Finding:
 
 
 def _check_hover(report: DroneReport, dialect: Dialect) -> Finding:
-    """The autopilot's own hover thrust against the profile's: both are believed by somebody in flight."""
+    """The autopilot's own hover thrust against the profile's: both are believed by somebody in flight.
+
+    It is never written: an autopilot learns it by flying, and what has been flown knows better than a profile.
+    """
     name, wanted = dialect.hover_parameter, report.profile.hover_thrust_norm
     value = report.parameters.get(name)
     expected = f"{wanted:.2f} ({report.profile.name})"
     if value is None:
         return Finding(report.name, name, Grade.WARN, "not answered", expected, "the profile's is used")
     off = abs(value - wanted) / wanted
-    grade = Grade.PASS if off <= HOVER_FAIR else Grade.WARN if off <= HOVER_MOST else Grade.FAIL
-    why = "" if grade is Grade.PASS else "wrong hover thrust: it would sink or jump; weigh it, or identify a flight"
-    fix = None if grade is Grade.PASS else Fix(report.sysid, name, round(wanted, 3))
-    return Finding(report.name, name, grade, f"{value:.2f}", expected, why, fix)
+    found = f"{value:.2f}"
+    if off <= HOVER_FAIR:
+        return Finding(report.name, name, Grade.PASS, found, expected)
+    if abs(value - dialect.hover_default) < 1e-6 or not 0.05 < value < 0.95:
+        why = f"{dialect.name}'s default, never measured: the profile's is used, and the autopilot's own flying is off"
+        return Finding(report.name, name, Grade.WARN, found, expected, why)
+    grade = Grade.WARN if off <= HOVER_MOST else Grade.FAIL
+    refit = refitted(report.profile, value, report.sysid)
+    why = (
+        "the autopilot's own is flown, so the profile is wrong for this drone: change the profile (--fix offers one), "
+        "or weigh it and identify a flight"
+    )
+    return Finding(report.name, name, grade, found, expected, why, refit=refit)
+
+
+def refitted(profile: VehicleProfile, hover_norm: float, sysid: int) -> Refit:
+    """The profile with the thrust that makes it hover at `hover_norm`; its mass, its curve and all else stay."""
+    share = (1.0 - profile.thrust_curve) * hover_norm + profile.thrust_curve * hover_norm**2
+    name = f"{profile.name}_{sysid}"
+    fitting = profile.model_copy(update={"name": name, "thrust_max_n": float(f"{profile.weight_n / share:.4g}")})
+    return Refit(sysid, name, dump(fitting))

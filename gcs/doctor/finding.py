@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
+from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
@@ -26,8 +27,27 @@ class Fix:
 
 
 @dataclass(frozen=True, slots=True)
+class Refit:
+    """A profile that would put a finding right, as TOML, and its name."""
+
+    sysid: int
+    name: str
+    toml: str
+
+    def write(self, folder: Path) -> Path:
+        """Put it into a file of its own in `folder`; returns which. OSError, FileExistsError where there is one."""
+        path = folder / f"profile-{self.sysid}.toml"
+        with path.open("x", encoding="utf-8") as file:
+            file.write(self.toml)
+        return path
+
+
+@dataclass(frozen=True, slots=True)
 class Finding:
-    """One check of one subject: what was found, what is wanted and why; `fix` where a parameter would do."""
+    """One check of one subject: what was found, what is wanted and why.
+
+    fix, refit: where a parameter of the autopilot, or another profile in the lab file, would put it right.
+    """
 
     subject: str
     check: str
@@ -36,6 +56,7 @@ class Finding:
     wanted: str = ""
     why: str = ""
     fix: Fix | None = None
+    refit: Refit | None = None
 
 
 STYLES = {Grade.PASS: "green", Grade.WARN: "yellow", Grade.FAIL: "bold red"}
@@ -45,6 +66,11 @@ def graded(subject: str, check: str, found: str, wanted: str, good: bool, why: s
     """A pass where `good`, else a warning where `fair`, else a failure."""
     grade = Grade.PASS if good else Grade.WARN if fair else Grade.FAIL
     return Finding(subject, check, grade, found, wanted, "" if good else why)
+
+
+def unmeasured(subject: str, check: str, wanted: str, why: str, grade: Grade = Grade.WARN) -> Finding:
+    """A check that had nothing to measure: never a pass."""
+    return Finding(subject, check, grade, "not measured", wanted, why)
 
 
 def failed(findings: Sequence[Finding]) -> bool:

@@ -68,10 +68,10 @@ class MavsdkPort:
 
 @dataclass(frozen=True, slots=True)
 class Told:
-    """What MAVSDK learned of one drone."""
+    """What MAVSDK learned of one drone; unhealthy: what it lacks, None where it did not say."""
 
     version: str
-    unhealthy: tuple[str, ...]
+    unhealthy: tuple[str, ...] | None
     parameters: dict[str, float]
 
 
@@ -151,7 +151,7 @@ async def _version(system: Any) -> str:
     return f"{version.flight_sw_major}.{version.flight_sw_minor}.{version.flight_sw_patch}"
 
 
-async def _unhealthy(system: Any) -> tuple[str, ...]:
+async def _unhealthy(system: Any) -> tuple[str, ...] | None:
     values = TelemetryAsync(system).subscribe_health()
     health = None
     try:
@@ -164,7 +164,7 @@ async def _unhealthy(system: Any) -> tuple[str, ...]:
     finally:
         await values.aclose()
     if health is None:
-        return ("says nothing of its health",)
+        return None
     lacks = {
         "gyroscope not calibrated": health.is_gyrometer_calibration_ok,
         "accelerometer not calibrated": health.is_accelerometer_calibration_ok,

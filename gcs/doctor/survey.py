@@ -111,7 +111,7 @@ class Survey:
             self.links.send(Datagram(sysid, data))
 
     async def look(self) -> Look:
-        """All bodies over the next moment: mean positions, newest attitudes; zeros for one that is not seen."""
+        """All bodies over the next moment: mean positions, newest attitudes."""
         self.received.clear()
         await asyncio.sleep(LOOK_NS * 1e-9)
         n = len(self.config.vehicles)
@@ -120,7 +120,7 @@ class Survey:
             pos[frame.seen] += frame.pos_lab_m[frame.seen]
             q[frame.seen] = frame.q_lab_from_flu[frame.seen]
             count += frame.seen
-        return Look(pos / np.maximum(count, 1.0)[:, None], q)
+        return Look(pos / np.maximum(count, 1.0)[:, None], q, count > 0.0)
 
     async def have_moved(self, prompt: Prompt) -> tuple[Moves, ...]:
         """Ask for each commanded drone's moves, one prompt a step."""
@@ -140,10 +140,10 @@ class Survey:
     async def interview(self, sysid: int) -> Told:
         """One drone through MAVSDK; one that was never heard is not asked."""
         if self.drones[sysid].dialect is None:
-            return Told("", (), {})
+            return Told("", None, {})
         async with self._mavsdk(sysid) as system:
             if system is None:
-                return Told("", ("MAVSDK finds no autopilot",), {})
+                return Told("", None, {})
             dialect = self.drones[sysid].dialect
             return await interview(system, () if dialect is None else dialect.parameters)
 
@@ -183,6 +183,7 @@ class Survey:
                 version=told.version,
                 parameters=told.parameters,
                 unhealthy=told.unhealthy,
+                packets=link.sequence.received,
                 loss=link.sequence.loss,
                 round_trip_s=link.clock.round_trip_s,
                 clock_offset_s=None if offset_ns is None else offset_ns * 1e-9,

@@ -61,9 +61,13 @@ class Record:
 
 @dataclass(frozen=True)
 class Recipe:
-    """What the flight is made of; error_lead(t_s) -> (2, 3) metres, in the leader's frame."""
+    """What the flight is made of; error_lead(t_s) -> (2, 3) metres, in the leader's frame.
+
+    leader_error(t_s) -> (3,): how far the leader is from its own reference, m, lab axes.
+    """
 
     error_lead: ErrorLead = lambda t_s: np.zeros((2, 3))
+    leader_error: Callable[[float], Float] = lambda t_s: np.zeros(3)
     leader_yaw_rate_rad_s: float = 0.0
     phases: tuple[tuple[float, Phase, str], ...] = PHASES
     requests: tuple[tuple[float, Verb], ...] = ((5.999, Verb.START), (15.999, Verb.LAND))
@@ -140,7 +144,7 @@ def _reference(recipe: Recipe, t_s: float, pos: Float, yaw: Float) -> Reference:
     zero, flat = np.zeros((3, 3)), np.zeros(3)
     origin = np.vstack([np.zeros(3), pos[:1], pos[:1]]) if formed else zero
     heading = np.array([0.0, yaw[0], yaw[0]]) if formed else flat
-    slot = np.vstack([pos[:1], _slots(recipe, t_s)]) if formed else pos
+    slot = np.vstack([pos[:1] - recipe.leader_error(t_s), _slots(recipe, t_s)]) if formed else pos
     moving = 6.0 <= t_s < 6.0 + recipe.blend_s
     slot_vel = np.vstack([np.zeros((1, 3)), np.full((2, 3), [0.05, 0.0, 0.0])]) if moving else zero
     in_formation = np.array([False, formed, formed])

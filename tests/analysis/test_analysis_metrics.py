@@ -4,16 +4,16 @@ import json
 
 import numpy as np
 import pytest
-from synthetic_flight import END_S, METADATA, PHASES, Recipe, records
+from synthetic_flight import END_S, LAB, METADATA, PHASES, Recipe, records
 
 from analysis.load import Flight, from_records
 from analysis.metrics import summarise
 from formation.messages import Phase, Verb
 
 KEYS = [
-    "scenario", "seed", "link", "duration_s", "followers", "formation_rms_m", "formation_max_m", "vibration_m",
-    "altitude_rms_m", "min_separation_m", "frames", "late_ticks", "mocap_ms", "latency_ms", "age_ms", "realtime_factor",
-    "command_hash", "mcap", "report", "outcome",
+    "scenario", "seed", "link", "duration_s", "followers", "formation_rms_m", "formation_max_m", "leader_rms_m",
+    "leader_max_m", "vibration_m", "altitude_rms_m", "min_separation_m", "frames", "late_ticks", "mocap_ms",
+    "latency_ms", "age_ms", "realtime_factor", "command_hash", "mcap", "report", "outcome",
 ]  # fmt: skip
 
 
@@ -66,6 +66,30 @@ def test_frames_before_the_slots_come_to_rest_are_not_scored():
 
     summary = summarise(fly(error_lead=late))
     assert summary.formation_max_m == pytest.approx(0.001 * np.sqrt(3.0), abs=1e-6)
+
+
+def test_the_leaders_tracking_error_is_its_own_and_in_no_formation_error():
+    """Wandering by 0.1 m about its reference with the followers held on it: 0.1 / sqrt(2) RMS, over whole periods."""
+    summary = summarise(fly(leader_error=lambda t_s: np.array([0.1 * np.sin(np.pi * t_s), 0.0, 0.0])))
+    assert summary.leader_rms_m == pytest.approx(0.1 / np.sqrt(2.0), rel=2e-3)
+    assert summary.leader_max_m == pytest.approx(0.1, rel=1e-3)
+    assert summary.formation_max_m == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_leaders_tracking_error_counts_in_formation_alone_and_in_lab_axes():
+    def far_outside(t_s: float):
+        return np.array([0.03, 0.0, 0.04]) if 6.0 <= t_s < 16.0 else np.array([9.0, 0.0, 0.0])
+
+    summary = summarise(fly(leader_error=far_outside, leader_yaw_rate_rad_s=1.0))
+    assert summary.leader_max_m == pytest.approx(0.05, abs=1e-9)
+
+
+def test_a_leader_that_is_only_observed_has_no_tracking_error():
+    """Its column is gone from the references: what a follower is asked must not pass for the leader's reference."""
+    lab = LAB.model_copy(update={"leader": LAB.leader.model_copy(update={"sysid": None})})
+    flight = from_records({**METADATA, "lab": lab.model_dump_json()}, records(Recipe()))
+    summary = summarise(flight)
+    assert (summary.leader_rms_m, summary.leader_max_m) == (None, None)
 
 
 def test_separation_counts_only_while_airborne():

@@ -1,16 +1,19 @@
 """The page, the picture and the command line on whole, truncated, damaged and poor logs."""
 
+import io
 import json
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
-from synthetic_flight import METADATA, T0_NS, Recipe, records
+from rich.console import Console
+from synthetic_flight import LAB, METADATA, T0_NS, Recipe, records
 from typer.testing import CliRunner
 
 from analysis.check import check
 from analysis.cli import app
+from analysis.console import print_summary
 from analysis.load import from_records, load
 from analysis.metrics import summarise
 from analysis.picture import picture
@@ -27,14 +30,16 @@ from wire.link_messages.status import NamedValue
 from wire.mavlink import Codec
 from wire.mcap_log import LogWriter
 
-SECTIONS = ["timeline", "paths", "error", "clouds", "positions", "sliding", "output", "attitude", "timing", "metrics"]
+SECTIONS = [
+    "timeline", "paths", "error", "leader", "clouds", "positions", "sliding", "output", "attitude", "timing", "metrics"
+]  # fmt: skip
 DRAWN_FROM = (
     topics.MOCAP, topics.REFERENCE, topics.COMMAND, topics.TARGET, topics.TIMING, topics.PHASE, topics.EVENT,
     topics.REQUEST, topics.LINK_UP,
 )  # fmt: skip
 LACKING = {
-    "mocap/frame": {"paths", "error", "clouds", "positions", "attitude"},
-    "control/reference": {"error", "clouds", "positions"},
+    "mocap/frame": {"paths", "error", "leader", "clouds", "positions", "attitude"},
+    "control/reference": {"error", "leader", "clouds", "positions"},
     "control/command": {"sliding", "output"},
     "control/target": {"attitude"},
     "timing/loop": {"timing"},
@@ -116,6 +121,26 @@ def test_the_report_is_one_light_page_that_fetches_nothing(log: Path):
     assert "Not shown" not in text
     for words in ("Two followers", "landed", "vibration", "lab x, m", "right unseen for"):
         assert words in text
+
+
+def test_a_leader_that_wanders_under_a_tight_formation_is_shown_said_and_pointed_to():
+    recipe = Recipe(error_lead=shake, leader_error=lambda t_s: np.array([0.2 * np.sin(t_s), 0.0, 0.0]))
+    flight = from_records(METADATA, records(recipe))
+    summary = summarise(flight)
+    page = html(flight, summary)
+    assert "leader tracking error, RMS" in page
+    assert "itself tracked its reference to" in page
+    assert re.search(r"lead is 1\d\d\smm RMS off its own reference", page)
+    console = Console(width=200, record=True, file=io.StringIO())
+    print_summary(summary, console)
+    assert re.search(r"leader tracking error +1\d\d mm RMS, 200 mm largest", console.export_text())
+
+
+def test_an_observed_leader_is_said_to_have_no_reference():
+    lab = LAB.model_copy(update={"leader": LAB.leader.model_copy(update={"sysid": None})})
+    flight = from_records({**METADATA, "lab": lab.model_dump_json()}, records(Recipe(error_lead=shake)))
+    page = html(flight, summarise(flight))
+    assert "the leader is only observed, so it has no reference" in page
 
 
 @pytest.mark.parametrize("missing", DRAWN_FROM, ids=lambda topic: topic.name)

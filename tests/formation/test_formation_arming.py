@@ -41,3 +41,10 @@ def test_two_drones_too_close_are_both_named():
         "lead: 0.10 m from the next body, minimum is 0.20 m",
         "left: 0.10 m from the next body, minimum is 0.20 m",
     )
+
+
+def test_a_body_that_is_not_seen_keeps_nobody_else_on_the_floor():
+    """Where it was, or the zeros it starts with, are no place: only the lack of its pose is told."""
+    beside = np.array([[0.0, 0, 0], [0.1, 0, 0], [0, 1, 0]])
+    facts = healthy(pos_lab_m=beside, age_s=of(0, np.inf, 0.0))
+    assert arming.refusals(facts, LIMITS) == ("lead: no fresh pose (last seen never)",)

@@ -146,3 +146,23 @@ def test_documented_policy_has_every_rule():
     lines = rules_markdown().splitlines()
     assert len(lines) == 2 + len(RULES)
     assert all(rule.fault in line for rule, line in zip(RULES, lines[2:], strict=True))
+
+
+@pytest.mark.parametrize("age_s", [0.45, np.inf])
+def test_a_lost_body_takes_no_part_in_separation_and_fence(age_s):
+    """Its last place, or the zeros of one never seen, would land drones that are nowhere near, or cut its motors."""
+    observed = np.array([False, True, True])
+    near = np.array([[0.0, 0, 0], [0.05, 0, 0.0], [0, 1, 0.3]])
+    facts = healthy(commanded=observed, pos_lab_m=near, age_s=of(0, age_s, 0.0))
+    assert _after(facts, Phase.HOLD, 5.0).trigger is None
+    away = np.array([[0.0, 0, 0.3], [9.0, 0, 0.3], [0, 1, 0.3]])
+    verdict = _after(healthy(pos_lab_m=away, age_s=of(1, age_s, 0.0)), Phase.LAND, 5.0)
+    assert verdict.release.tolist() == [False, True, False]
+    assert not verdict.cut.any()
+
+
+def test_those_that_are_seen_are_still_kept_apart_and_inside_beside_a_lost_body():
+    near = np.array([[0.0, 0, 0], [1.0, 0, 0.3], [1.0, 0.05, 0.3]])
+    facts = healthy(commanded=np.array([False, True, True]), pos_lab_m=near, age_s=of(0, np.inf, 0.0))
+    verdict = _after(facts, Phase.HOLD, 0.2)
+    assert verdict.cause == "left: closer than half the minimum separation"

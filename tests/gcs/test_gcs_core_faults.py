@@ -1,5 +1,7 @@
 """What the ground does on every fault, seen at the drones: GcsCore with fake drones that fail on demand."""
 
+import json
+
 import numpy as np
 import pytest
 from gcs_fakes import FakeLab, triangle
@@ -40,6 +42,22 @@ def test_arming_is_refused_without_fresh_poses():
     lab.run(0.5)
     assert _refusal(lab, Verb.ARM).count("no fresh pose") == 3
     assert lab.phase is Phase.GROUND
+
+
+def test_a_body_never_seen_is_nowhere_until_it_is_seen():
+    """It would stand at (0, 0, 0), where the drone `lead` is, and shoot from there to where it is first seen."""
+    lab = FakeLab(triangle())
+    lab.hidden.add("left")
+    lab.drones[2].pos = np.array([1.5, 1.0, 0.0])
+    lab.run(2.0)
+    assert _refusal(lab, Verb.ARM) == "left: no fresh pose (last seen never)"
+    told = json.loads(lab.core.status(lab.now_ns))
+    assert [drone["pos_lab_m"] is None for drone in told["drones"]] == [False, True, False]
+    lab.hidden.clear()
+    lab.step()
+    told = json.loads(lab.core.status(lab.now_ns))
+    assert told["drones"][1]["pos_lab_m"] == pytest.approx([1.5, 1.0, 0.0], abs=0.01)
+    assert told["refusals"] == []
 
 
 def test_arming_is_refused_with_a_body_outside_the_fence():

@@ -46,7 +46,7 @@ def _examine(mocap: WrongMocap, config: LabConfig, turn=math.pi / 2) -> tuple[Fi
         pos, q, looks = PLACES.copy(), np.tile(frames.IDENTITY, (3, 1)), []
         for step in range(5):
             frame, _ = alignment.align(mocap.sends(pos, q), 0, 1, 2)
-            looks.append(Look(frame.pos_lab_m, frame.q_lab_from_flu))
+            looks.append(Look(frame.pos_lab_m, frame.q_lab_from_flu, frame.seen))
             if step < 4:
                 pos = pos.copy()
                 pos[vehicle] += HAND[step]
@@ -122,6 +122,18 @@ def test_a_turn_the_wrong_way_is_told():
 
 
 def test_drones_that_did_not_move_are_told():
-    still = Look(PLACES, np.tile(frames.IDENTITY, (3, 1)))
+    still = Look(PLACES, np.tile(frames.IDENTITY, (3, 1)), np.ones(3, bool))
     findings = check_axes(_lab(), [Moves(1, (still, still, still, still, still))])
     assert [(f.subject, f.found) for f in findings] == [("left", "no body moved")]
+
+
+def test_a_drone_lost_while_it_is_moved_is_neither_passed_nor_taken_for_another():
+    """Unseen in one look, it stood at (0, 0, 0) there: its way from and to there was its longest."""
+    level = np.tile(frames.IDENTITY, (3, 1))
+    seen = np.array([True, False, True])
+    hidden = Look(np.where(seen[:, None], PLACES, 0.0), level, seen)
+    looks = tuple(Look(PLACES, level, np.ones(3, bool)) for _ in range(4))
+    for vehicle in (1, 2):
+        (finding,) = check_axes(_lab(), [Moves(vehicle, (looks[0], hidden, *looks[1:]))])
+        assert finding.grade is Grade.FAIL
+        assert finding.found == ("not measured" if vehicle == 1 else "no body moved")

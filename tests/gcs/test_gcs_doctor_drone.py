@@ -1,18 +1,22 @@
+import json
 import math
+import tomllib
 from dataclasses import replace
 
 import pytest
 from gcs_fakes import COPTER_PARAMETERS, PX4_PARAMETERS
 
-from formation.vehicle import profile
+from formation.config import LabConfig
+from formation.vehicle import VehicleProfile, profile
 from gcs.dialect import ARDUPILOT, PX4
-from gcs.doctor.drone_checks import DroneReport, check_drone
-from gcs.doctor.finding import Finding, Fix, Grade, failed
+from gcs.doctor.cli import write_profile
+from gcs.doctor.drone_checks import DroneReport, check_drone, refitted
+from gcs.doctor.finding import Finding, Fix, Grade, as_dicts, failed
 
 PAPER = profile("paper_40g")
 GOOD = DroneReport(
     name="left", sysid=3, profile=PAPER, dialect=PX4, version="1.16.1",
-    parameters={**PX4_PARAMETERS, "MPC_THR_HOVER": PAPER.hover_thrust_norm}, unhealthy=(), loss=0.0,
+    parameters={**PX4_PARAMETERS, "MPC_THR_HOVER": PAPER.hover_thrust_norm}, unhealthy=(), packets=400, loss=0.0,
     round_trip_s=0.002, clock_offset_s=1.5, duplicate=False, foreign_sysid=None, battery=0.9,
 )  # fmt: skip
 
@@ -32,9 +36,31 @@ def test_a_good_drone_passes_and_is_named():
     assert next(f for f in findings if f.check == "autopilot").found == "PX4 1.16.1"
 
 
-def test_a_silent_drone_fails():
-    bad = _check(dialect=None)
-    assert bad["heartbeat"].grade is Grade.FAIL
+def test_a_silent_drone_fails_and_passes_nothing():
+    nothing = {
+        "dialect": None, "packets": 0, "parameters": {}, "unhealthy": None, "round_trip_s": math.nan,
+        "clock_offset_s": None, "battery": math.nan,
+    }  # fmt: skip
+    findings = check_drone(replace(GOOD, **nothing), feeds_pose=True)
+    assert {f.check: f.grade for f in findings} == {"sysid is its own": Grade.FAIL, "heartbeat": Grade.FAIL}
+    assert findings[0].found == "not measured"
+
+
+def test_what_was_not_measured_does_not_pass():
+    """Twenty packets tell neither of a twin nor of losses of a per cent; no battery message is no full battery."""
+    findings = check_drone(
+        replace(GOOD, packets=20, parameters={}, unhealthy=None, round_trip_s=math.nan, clock_offset_s=None,
+                battery=math.nan, version=""), feeds_pose=True
+    )  # fmt: skip
+    assert [f.check for f in findings if f.grade is Grade.PASS] == ["autopilot"]
+    bad = {f.check: f.found for f in findings if f.found == "not measured"}
+    assert set(bad) == {"sysid is its own", "link", "own health", "battery"}
+
+
+def test_findings_are_json_with_the_profile_as_text():
+    findings = check_drone(replace(GOOD, parameters=_parameters(MPC_THR_HOVER=0.9)), feeds_pose=True)
+    told = json.loads(json.dumps(as_dicts(findings)))
+    assert any(finding["refit"] and "thrust_max_n" in finding["refit"]["toml"] for finding in told)
 
 
 def test_a_duplicate_sysid_is_named():
@@ -43,17 +69,54 @@ def test_a_duplicate_sysid_is_named():
 
 
 @pytest.mark.parametrize(
-    ("hover", "grade"), [(1.0, None), (1.08, None), (0.82, Grade.WARN), (1.2, Grade.WARN), (0.5, Grade.FAIL)]
+    ("hover", "grade"), [(1.0, None), (1.08, None), (0.82, Grade.WARN), (1.2, Grade.WARN), (0.6, Grade.FAIL)]
 )
-def test_a_wrong_hover_thrust_is_named_with_the_value_that_would_fit(hover, grade):
-    bad = _check(parameters=_parameters(MPC_THR_HOVER=hover * PAPER.hover_thrust_norm))
+def test_a_hover_thrust_other_than_the_profiles_asks_for_another_profile_and_never_for_another_parameter(hover, grade):
+    """The autopilot has learned its value by flying; writing the profile's over it made a drone jump (0.39 -> 0.49)."""
+    learned = hover * PAPER.hover_thrust_norm
+    bad = _check(parameters=_parameters(MPC_THR_HOVER=learned))
     if grade is None:
         assert bad == {}
         return
     finding = bad["MPC_THR_HOVER"]
     assert finding.grade is grade
-    assert "wrong hover thrust" in finding.why
-    assert finding.fix == Fix(3, "MPC_THR_HOVER", round(PAPER.hover_thrust_norm, 3))
+    assert "change the profile" in finding.why
+    assert finding.fix is None
+    assert finding.refit is not None
+    fitting = VehicleProfile.model_validate(tomllib.loads(finding.refit.toml))
+    assert fitting.hover_thrust_norm == pytest.approx(learned, abs=5e-4)
+    assert fitting.name == "paper_40g_3"
+    same = fitting.model_copy(update={"name": PAPER.name, "thrust_max_n": PAPER.thrust_max_n})
+    assert same == PAPER
+
+
+@pytest.mark.parametrize("dialect", [PX4, ARDUPILOT])
+def test_no_fix_ever_writes_a_hover_thrust(dialect):
+    for hover in (0.05, 0.2, dialect.hover_default, 0.39, 0.6, 0.9):
+        findings = check_drone(replace(GOOD, dialect=dialect, parameters={dialect.hover_parameter: hover}), True)
+        assert dialect.hover_parameter not in {f.fix.parameter for f in findings if f.fix is not None}
+    assert dialect.hover_parameter not in {rule.name for rule in dialect.rules}
+
+
+def test_a_hover_thrust_that_was_never_measured_says_nothing_of_the_profile():
+    finding = _check(parameters=_parameters(MPC_THR_HOVER=0.5))["MPC_THR_HOVER"]
+    assert (finding.grade, finding.fix, finding.refit) == (Grade.WARN, None, None)
+    assert "never measured" in finding.why
+
+
+def test_the_profile_is_written_to_a_file_that_a_lab_takes_and_over_nothing(tmp_path):
+    refit = refitted(PAPER, 0.6, 2)
+    assert "[[profiles]]" in write_profile(refit, tmp_path)
+    entry = (tmp_path / "profile-2.toml").read_text()
+    lab = {
+        "profiles": [tomllib.loads(entry)],
+        "leader": {"body": "lead"},
+        "followers": [{"body": "left", "sysid": 2, "offset_m": (0, 1, 0), "profile": refit.name}],
+    }
+    config = LabConfig.model_validate(lab)
+    assert config.profile_of(config.followers[0]).hover_thrust_norm == pytest.approx(0.6, abs=5e-4)
+    assert "NOT written" in write_profile(refitted(PAPER, 0.7, 2), tmp_path)
+    assert (tmp_path / "profile-2.toml").read_text() == entry
 
 
 def test_parameters_are_judged_with_found_wanted_why_and_fix():

@@ -116,3 +116,28 @@ def test_fence_floor_and_separation():
     assert "0.20 m outside" in bad["lead", "inside the fence"].why
     assert bad["lead", "on the floor"].grade is Grade.WARN
     assert bad["left", "separation"].found == "0.10 m"
+
+
+@pytest.mark.parametrize("source", ["csv", "mcap", "mavlink"])
+def test_a_delay_that_is_only_the_configured_one_is_not_measured(source):
+    """Such sources stamp their frames by mocap.delay_s itself: whatever it says was found to be right."""
+    bad = _bad(check_mocap(_lab(source=source, file="x", delay_s=0.008), _frames(delay_ms=8.0)))
+    assert (bad["mocap", "delay"].found, bad["mocap", "delay"].grade) == ("not measured", Grade.WARN)
+    assert (("mocap", "lost frames") in bad) == (source != "mcap")
+
+
+def test_frames_stamped_as_they_are_sent_measure_no_delay():
+    bad = _bad(check_mocap(_lab(), _frames(delay_ms=0.1)))
+    assert bad["mocap", "delay"].found == "not measured"
+
+
+def test_a_frozen_pose_has_no_noise_and_is_not_passed_for_that():
+    bad = _bad(check_mocap(_lab(), _frames(noise_m=0.0)))
+    assert bad["left", "noise at rest"].found == "not measured"
+
+
+def test_a_body_seen_in_a_few_frames_has_no_noise_yet():
+    received = [(t, replace(f, seen=f.seen & (f.seq < 5))) for t, f in _frames()]
+    bad = _bad(check_mocap(_lab(), received))
+    assert bad["left", "noise at rest"].found == "not measured"
+    assert bad["left", "seen"].grade is Grade.FAIL

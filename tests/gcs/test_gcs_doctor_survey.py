@@ -106,7 +106,7 @@ def test_every_fault_of_a_lab_is_named(tmp_path):
     failed = {(f.subject, f.check): f.why for f in findings if f.grade is Grade.FAIL}
     assert "two drones have this sysid" in failed["left", "sysid is its own"]
     assert "turned by 90 degrees about up" in failed["left", "axes"]
-    assert "wrong hover thrust" in failed["left", "MPC_THR_HOVER"]
+    assert "change the profile" in failed["left", "MPC_THR_HOVER"]
     passed = {(f.subject, f.check) for f in findings if f.grade is Grade.PASS}
     assert {("left", "autopilot"), ("left", "COM_OF_LOSS_T"), ("left", "body name"), ("mocap", "units")} <= passed
     assert fixed

@@ -49,6 +49,8 @@ def test_the_triangle_is_flown_and_landed() -> None:
     ]  # fmt: skip
     assert summary.formation_rms_m is not None
     assert summary.formation_rms_m < 0.005
+    assert summary.leader_rms_m is not None
+    assert 0.0 < summary.leader_rms_m < 0.02
     assert summary.min_separation_m is not None
     assert summary.min_separation_m > 0.5
     for sysid in (1, 2, 3):

@@ -58,7 +58,8 @@ async def run_bridge(config: AgentConfig, autopilot: str, tell: Tell) -> None:
     ConfigError where that text is none of these.
     """
     stop = Stop()
-    pump = _Pump(BridgeCore(config, monotonic_ns()), tell)
+    core = BridgeCore(config, monotonic_ns(), serial=autopilot.startswith("serial:"))
+    pump = _Pump(core, tell)
     bus: ZenohBus | None = None
     try:
         pump.autopilot = await _open_autopilot(autopilot, config.sysid, pump)

@@ -6,6 +6,9 @@ from typing import Protocol
 
 from formation.messages import Datagram
 
+LARGEST_DATAGRAM = 2048
+"""Bytes; nothing that speaks MAVLink sends more at once, and more is refused unread."""
+
 # Called on the event loop, once a datagram, in the order of arrival.
 Deliver = Callable[[Datagram], None]
 

@@ -22,6 +22,7 @@ from wire.link_messages.status import (
 from wire.mavlink_layout import Fields, Layout, MavlinkError, layout
 from wire.mavlink_motion import Written
 from wire.mavlink_text import STATUSTEXT, read_chunk
+from wire.plain_text import plain
 
 HEARTBEAT = layout("HEARTBEAT", 6)
 SYS_STATUS = layout("SYS_STATUS", 16)
@@ -60,7 +61,7 @@ def _unscaled(value: int, scale: float, unknown: int) -> float:
 
 
 def _name(field: bytes) -> str:
-    return field.partition(b"\0")[0].decode(errors="replace")
+    return plain(field.partition(b"\0")[0].decode(errors="replace"), 16)
 
 
 def _characters(name: str, size: int) -> bytes:

@@ -66,8 +66,9 @@ def rotations(draw: st.DrawFn) -> np.ndarray:
 
 
 def text(size: int) -> st.SearchStrategy[str]:
-    characters = st.characters(exclude_categories=["Cs", "Cc"])
-    return st.text(characters, max_size=size).filter(lambda s: len(s.encode()) <= size)
+    """What is printed as it was sent; the rest is taken out on the way in."""
+    characters = st.characters(exclude_categories=["C", "Z"], include_characters=" ")
+    return st.text(characters, max_size=size).filter(lambda s: len(s.encode()) <= size and s.isprintable())
 
 
 RAW = st.integers(0, 2**32 - 1).map(lambda n: n.to_bytes(4, "little"))

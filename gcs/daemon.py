@@ -109,9 +109,13 @@ class Ground:
                     self._note((clock.monotonic_ns() - now_ns) * 1e-9, late=True)
 
     async def publish_state(self, bus: ZenohBus, name: str) -> None:
-        """Tell the bus how things are, ten times a second; for ever."""
+        """Tell the bus how things are, and everybody what was refused, ten times a second; for ever."""
         while True:
-            bus.publish_state(name, self._core.status(clock.monotonic_ns()))
+            now_ns = clock.monotonic_ns()
+            bus.publish_state(name, self._core.status(now_ns))
+            for event in bus.refusals.due(now_ns):
+                self._log.write(topics.REFUSED, event, now_ns)
+                self._tell(event)
             await clock.sleep_until_ns(clock.monotonic_ns() + STATE_NS)
 
     async def land(self) -> None:

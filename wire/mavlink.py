@@ -67,13 +67,11 @@ class Codec:
     def __init__(self, own: Address, *, stream: bool = False) -> None:
         self.own = own
         self.unreadable_packets = 0
-        self.lost_packets = 0
         self.misaddressed_packets = 0
         self._cutter = FrameCutter(stream=stream)
         self._seq = 0
         self._text_id = 0
         self._texts = TextJoiner()
-        self._next_seq: dict[Address, int] = {}
 
     def encode(self, message: LinkMessage) -> bytes:
         """The packet of `message` (several, end to end, for a long text).
@@ -107,7 +105,6 @@ class Codec:
         packets: list[Packet] = []
         for frame in self._cutter.cut(data):
             source, seq = frame.source, frame.seq
-            self._count_lost(source, seq)
             try:
                 message = _read(frame)
             except MavlinkError:
@@ -129,10 +126,6 @@ class Codec:
             target: Address = message.target
             return target.system in (BROADCAST, own.system) and target.component in (BROADCAST, own.component)
         return kind not in _FOR_SYSTEM or message.target_system in (BROADCAST, own.system)
-
-    def _count_lost(self, source: Address, seq: int) -> None:
-        self.lost_packets += (seq - self._next_seq.get(source, seq)) & 0xFF
-        self._next_seq[source] = (seq + 1) & 0xFF
 
     def _frame(self, layout: Layout, fields: Fields) -> bytes:
         payload = layout.pack(fields)

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from formation.model import NO_ROTATION, Model, Positive, QuatTuple, SysId, Vec3Tuple
+from formation.model import NO_ROTATION, Model, Name, Positive, QuatTuple, SysId, Vec3Tuple
 from formation.vehicle import VehicleProfile, profile
 
 
@@ -56,9 +56,9 @@ class VehicleBody(Model):
     `mavlink`, where in the lab the origin of the drone's own local position is.
     """
 
-    body: str
+    body: Name
     sysid: SysId | None = None
-    profile: str = "paper_40g"
+    profile: Name = "paper_40g"
     q_marker_from_flu: QuatTuple = NO_ROTATION
     link: OwnLink | None = None
     spawn_lab_m: Vec3Tuple = (0.0, 0.0, 0.0)
@@ -105,7 +105,7 @@ class FormationConfig(Model):
     """
 
     spacing_m: Positive = 0.5
-    shapes: dict[str, tuple[SlotConfig, ...]] = Field(default_factory=dict)
+    shapes: dict[Name, tuple[SlotConfig, ...]] = Field(default_factory=dict)
 
 
 class Fence(Model):
@@ -152,7 +152,7 @@ class LabConfig(Model):
     external pose before they know where on the globe they are.
     """
 
-    name: str = "lab"
+    name: Name = "lab"
     origin: Vec3Tuple = (47.397742, 8.545594, 488.0)
     mocap: MocapConfig = MocapConfig()
     profiles: tuple[VehicleProfile, ...] = ()
@@ -160,7 +160,7 @@ class LabConfig(Model):
     leader: LeaderConfig
     followers: Annotated[tuple[FollowerConfig, ...], Field(min_length=1)]
     formation: FormationConfig = FormationConfig()
-    control_preset: str = "default"
+    control_preset: Name = "default"
     limits: LimitsConfig = LimitsConfig()
     flight: FlightConfig = FlightConfig()
     link: LinkConfig = LinkConfig()

@@ -14,6 +14,7 @@ from gcs.cli_common import NOT_RIGHT, REFUSED, fail
 from gcs.daemon import Ended, GroundFailure, run
 from gcs.mocap.csv_file import MocapFileError
 from gcs.warm_up import warm_up
+from wire.private_files import make_folder
 
 STYLES = {
     Severity.WARNING: "yellow",
@@ -30,7 +31,7 @@ def serve(config: LabConfig, log: Path, name: str, metadata: dict[str, str], for
         if not force and any(not margin.carried for margin in margins):
             reasons = "; ".join(str(margin) for margin in margins if not margin.carried)
             fail(f"refused, this would not fly steadily: {reasons} (--force, for simulation only)", REFUSED)
-        log.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(log.parent)
         warm_up(config)
         ended = uvloop.run(run(config, log, name, metadata, _tell_json if as_json else _tell))
     except (MocapFileError, ValueError) as error:

@@ -15,6 +15,7 @@ from formation.config import LabConfig
 from gcs.cli_common import NOT_RIGHT, REFUSED, Json, LabFile, configuration, fail
 from gcs.doctor.finding import Finding, as_dicts, failed, show
 from gcs.mocap.csv_file import MocapFileError
+from wire.private_files import make_folder
 
 if TYPE_CHECKING:
     from gcs.doctor.survey import Survey
@@ -53,7 +54,7 @@ def logs(
 ) -> None:
     """Download the drones' own flight logs."""
     config = configuration(lab)
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     try:
         problems = uvloop.run(_logs(config, out, newest, sysid))
     except (OSError, ValueError) as error:

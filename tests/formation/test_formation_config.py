@@ -39,3 +39,22 @@ def test_no_two_vehicles_share_a_name(leader, named):
 )
 def test_the_links_told_are_those_that_drones_are_on(leader, links):
     assert lab(leader=leader).link_kinds == links
+
+
+@pytest.mark.parametrize("name", ["../../x", "a/b", "", "..", "a b", "[/]", "<b>", "x\x1b[2J", "a\n", "x" * 65, "**"])
+def test_a_name_is_what_may_stand_in_a_path_a_key_and_a_page(name):
+    """A body `../../x` wrote its drone's logs outside their folder."""
+    wrong = (
+        {"leader": {"body": name}},
+        {"name": name},
+        {"control_preset": name},
+        {"formation": {"shapes": {name: [{"offset_m": (-0.4, 0.0, 0.0)}]}}},
+        {"profiles": [{**PAPER_40G.model_dump(), "name": name}]},
+    )
+    for values in wrong:
+        with pytest.raises(ValidationError, match="not a name"):
+            lab(**values)
+
+
+def test_a_name_of_letters_digits_dots_and_dashes_is_taken():
+    assert lab(name="Room-3_b.2", leader={"body": "x" * 64}).name == "Room-3_b.2"

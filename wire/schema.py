@@ -109,6 +109,7 @@ class Schema(Generic[T]):
 
     def _decode(self, data: bytes, by_tag: dict[int, _Field]) -> T:
         values: dict[str, Any] = {}
+        many: dict[str, list[Any]] = {}
         try:
             for tag, raw in _tagged(data):
                 field = by_tag.get(tag)
@@ -116,9 +117,13 @@ class Schema(Generic[T]):
                     continue
                 kind = field.kind
                 value = kind.decode(raw)
-                values[field.name] = (*values.get(field.name, ()), value) if kind.many else value
+                if kind.many:
+                    many.setdefault(field.name, []).append(value)
+                else:
+                    values[field.name] = value
         except (ValueError, IndexError, struct.error) as error:
             raise SchemaError(f"{self.name}: {error}") from error
+        values.update((name, tuple(items)) for name, items in many.items())
         if len(values) < len(self._fields):
             for field in self._fields:
                 values.setdefault(field.name, None if field.optional else field.default)

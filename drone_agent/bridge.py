@@ -27,6 +27,8 @@ from wire.mavlink import Codec, MavlinkError, read_frame
 from wire.mavlink_frames import Frame, FrameCutter, packed
 
 _POSES = frozenset({102, 138, 331})
+# Heartbeat, mode, origin, commands and their acknowledgements, setpoints, clock: what is read here; the rest passes.
+_WATCHED = frozenset({0, 11, 49, 76, 77, 82, 111})
 _BEAT_NS = 1_000_000_000
 _POSE_NS = 20_000_000
 _OWN_FEED_NS = 200_000_000
@@ -129,6 +131,8 @@ class BridgeCore:
         """Note what matters; True for a frame that ends here."""
         if frame.number in _POSES and self._own_feed_ns is not None:
             return now_ns - self._own_feed_ns < _OWN_FEED_NS
+        if frame.number not in _WATCHED:
+            return False
         try:
             message = read_frame(frame).message
         except MavlinkError:
@@ -145,14 +149,16 @@ class BridgeCore:
         return False
 
     def _keep_from_autopilot(self, frame: Frame, now_ns: int) -> bool:
+        if frame.source.system != self._config.sysid:
+            self._report_stranger(frame.source.system)
+            return True
+        if frame.number not in _WATCHED:
+            return False
         try:
             packet = read_frame(frame)
         except MavlinkError:
             return False
         message = packet.message
-        if packet.source.system != self._config.sysid:
-            self._report_stranger(packet.source.system)
-            return True
         if isinstance(message, Heartbeat) and packet.source.component == DRONE_COMPONENT:
             self._see(message)
         elif isinstance(message, Origin):

@@ -13,7 +13,7 @@ from drone_agent.commands import Commander
 from drone_agent.config import AgentConfig
 from drone_agent.estimator import ExternalPose, ExternalPositioning, OwnPositioning, Positioning
 from drone_agent.guards import Guards
-from drone_agent.inbox import Inbox
+from drone_agent.inbox import READS, Inbox
 from drone_agent.parameters import Parameters
 from drone_agent.personalities import PERSONALITIES
 from drone_agent.personality import Personality
@@ -50,7 +50,7 @@ class AgentCore:
     def __init__(self, config: AgentConfig, t0_ns: int) -> None:
         make = PERSONALITIES[config.personality]
         self.config = config
-        self.codec = Codec(Address(config.sysid, DRONE_COMPONENT))
+        self.codec = Codec(Address(config.sysid, DRONE_COMPONENT), reads=READS)
         self.parameters = Parameters(make.parameters, make.autopilot, _first_values(config, make))
         self._t0_ns = self._now_ns = t0_ns
         start = np.array(config.start_lab_m)

@@ -39,6 +39,7 @@ from gcs.link_state import HEARTBEAT, NEVER_NS, DroneLink
 from gcs.mocap.autopilot_poses import streams
 from gcs.operator import done_text, formation_refusals, status_text, take_off_refusals
 from gcs.pipeline import Pipeline
+from wire.mavlink_frames import packed
 
 HEARTBEAT_NS = 1_000_000_000
 POSE_NS = 20_000_000
@@ -230,7 +231,7 @@ class GcsCore:
         return [OperatorReply(request, False, flight.cause)]
 
     def _datagrams(self, frame: MocapFrame | None, stages: Stages | None, now_ns: int) -> tuple[Datagram, ...]:
-        """One datagram a drone at most, its setpoint first."""
+        """One datagram a drone where it holds them all, the setpoint first."""
         beat = frame is not None and now_ns >= self._heartbeat_due_ns
         pose = self._feeds_pose and frame is not None and now_ns >= self._pose_due_ns
         if beat:
@@ -249,8 +250,7 @@ class GcsCore:
             if beat:
                 parts.append(link.codec.encode(HEARTBEAT))
             parts += [link.codec.encode(message) for message in link.due(now_ns)]
-            if data := b"".join(parts):
-                datagrams.append(Datagram(link.sysid, data))
+            datagrams += [Datagram(link.sysid, data) for data in packed(b"".join(parts))]
         return tuple(datagrams)
 
     def _records(self, stages: Stages | None) -> tuple[tuple[Topic, object], ...]:

@@ -36,6 +36,9 @@ from wire.mavlink import Codec
 from wire.refusals import Refusals
 
 NEVER_NS = -(10**18)
+# What is acted on below: heartbeat, status, parameters, origin, acknowledgements, clock, battery, estimators, landed
+# state, named values, texts. Poses and the rest, most of what a drone sends, are not even decoded.
+READS = frozenset({0, 1, 22, 49, 77, 111, 147, 193, 230, 245, 251, 253})
 RESTART_NS = 2_500_000_000  # without a heartbeat: it may have started anew and forgotten what it was asked for
 ORIGIN_NS = 1_000_000_000
 WORDS_A_SECOND = 20
@@ -80,7 +83,7 @@ class DroneLink:
         self._origin_told_ns = NEVER_NS
         self.target = Address(sysid, DRONE_COMPONENT)
         self._bridge = Address(sysid, BRIDGE_COMPONENT)
-        self.codec = Codec(GROUND)
+        self.codec = Codec(GROUND, reads=READS)
         self.told = Telemetry()
         self.heartbeat_ns = NEVER_NS
         self.dialect: Dialect | None = None

@@ -5,6 +5,7 @@ that error and goes on. Bytes out are those of pymavlink, whose tables are used 
 """
 
 import struct
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from wire import mavlink_guidance, mavlink_motion, mavlink_service, mavlink_storage
@@ -29,7 +30,10 @@ _HEADER = struct.Struct("<BBBBBBBHB")
 
 _GROUPS = (mavlink_motion, mavlink_service, mavlink_guidance, mavlink_storage)
 _WRITERS = {kind: write for group in _GROUPS for kind, write in group.WRITERS.items()}
-_READERS = {layout.id: (layout, read) for group in _GROUPS for layout, read in group.READERS.items()}
+Reader = Callable[[Fields], Any]
+_READERS: dict[int, tuple[Layout, Reader]] = {
+    layout.id: (layout, read) for group in _GROUPS for layout, read in group.READERS.items()
+}
 # What says for whom it is: both numbers of an address, or the system alone.
 _ADDRESSED = frozenset(
     {AttitudeSetpoint, PositionSetpoint, Command, CommandInt, CommandAck, TimeSync, Ping, ParamSet,
@@ -43,7 +47,7 @@ def read_frame(frame: Frame) -> Packet:
 
     A packet of an id that nothing here reads is Unknown.
     """
-    message = _read(frame)
+    message = _read(frame, _READERS)
     if isinstance(message, TextChunk):
         message = text_of(message.severity, [message.part])
     return Packet(frame.source, frame.seq, message)
@@ -61,14 +65,17 @@ class Codec:
     """One end of one drone's link: its own address, its sequence number, its counters.
 
     Packets addressed to somebody else are dropped here, so that no reader can forget to; system or component
-    zero is everybody. `stream`: whether data is a byte stream or datagrams, see `wire.mavlink_frames.FrameCutter`.
+    zero is everybody. `reads`: the message ids that this end acts on, where it is not all; the others are
+    Unknown to it and cost no reading. `stream`: whether data is a byte stream or datagrams, see
+    `wire.mavlink_frames.FrameCutter`.
     """
 
-    def __init__(self, own: Address, *, stream: bool = False) -> None:
+    def __init__(self, own: Address, *, reads: frozenset[int] | None = None, stream: bool = False) -> None:
         self.own = own
         self.unreadable_packets = 0
         self.misaddressed_packets = 0
         self._cutter = FrameCutter(stream=stream)
+        self._readers = _READERS if reads is None else {number: _READERS[number] for number in reads}
         self._seq = 0
         self._text_id = 0
         self._texts = TextJoiner()
@@ -106,7 +113,7 @@ class Codec:
         for frame in self._cutter.cut(data):
             source, seq = frame.source, frame.seq
             try:
-                message = _read(frame)
+                message = _read(frame, self._readers)
             except MavlinkError:
                 self.unreadable_packets += 1
                 continue
@@ -138,9 +145,9 @@ class Codec:
         return sealed(head + payload, layout.crc_extra)
 
 
-def _read(frame: Frame) -> LinkMessage | TextChunk:
+def _read(frame: Frame, readers: Mapping[int, tuple[Layout, Reader]]) -> LinkMessage | TextChunk:
     """The message of a frame; MavlinkError if its payload says something impossible."""
-    known = _READERS.get(frame.number)
+    known = readers.get(frame.number)
     if known is None:
         return Unknown(frame.number)
     layout, read = known

@@ -14,7 +14,7 @@ from wire.link import LARGEST_DATAGRAM
 from wire.link_messages.address import Address
 from wire.mavlink_layout import CRC_EXTRA
 
-FRAMES_MOST = 12
+FRAMES_MOST = 8
 """Frames taken of one datagram; `packed` keeps to it, and who sends one frame a datagram (most do) never meets it."""
 _PACKED_BYTES = 1200
 _FALSE_STARTS = 8

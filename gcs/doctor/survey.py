@@ -28,6 +28,7 @@ from gcs.links import GroundLinks, open_links
 from gcs.mocap.autopilot_poses import AutopilotPoses, streams
 from gcs.mocap.source import serve_frames
 from wire import clock
+from wire.mavlink_frames import packed
 from wire.zenoh_bus import ZenohBus
 
 LOOK_NS = 300_000_000
@@ -84,7 +85,8 @@ class Survey:
             for sysid, link in self.drones.items():
                 messages = [*([HEARTBEAT] if beat else []), *link.due(now_ns)]
                 if messages:
-                    self.send(sysid, b"".join(link.codec.encode(message) for message in messages))
+                    for data in packed(b"".join(link.codec.encode(message) for message in messages)):
+                        self.send(sysid, data)
             await asyncio.sleep(PUMP_S)
 
     async def settle(self) -> None:

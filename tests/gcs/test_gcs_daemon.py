@@ -4,6 +4,7 @@ import asyncio
 import os
 import signal
 import socket
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -97,3 +98,45 @@ def test_a_port_that_is_taken_is_named(tmp_path):
         config = config.model_copy(update={"link": link})
         with pytest.raises(OSError, match=f"UDP ports {port} on 127.0.0.1: Address already in use"):
             asyncio.run(run(config, tmp_path / "flight.mcap", "main", {}, lambda _event: None))
+
+
+STRAYS = (b"\xfe" * 1500, b"\xfd" * 1500, bytes(60_000), b"no MAVLink", b"\xfd\xff\x02" * 500)
+
+
+async def _stray(ports: list[int], pause_s: float) -> None:
+    """Throw strays at the ports, each kind in turn; for ever."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        while True:
+            for port in ports:
+                for stray in STRAYS:
+                    stranger.sendto(stray, ("127.0.0.1", port))
+            await asyncio.sleep(pause_s)
+
+
+def test_strays_cost_no_frame_are_not_recorded_and_are_told_of_once_a_second(tmp_path):
+    """640 a second cost six of ten frames: each was searched byte by byte, and logged."""
+    base = 20_000 + os.getpid() % 10_000
+    link = {"kind": "udp", "zenoh_connect": (), "ground_port_base": base, "drone_port_base": base + 10_000}
+    config = LabConfig.model_validate({**_lab(tmp_path).model_dump(), "link": link})
+    log, told = tmp_path / "flight.mcap", []
+
+    async def flooded() -> Ended:
+        flood = asyncio.create_task(_stray([base + 2], 0.0025))
+        try:
+            return await _run_for(2.0, config, log, told)
+        finally:
+            flood.cancel()
+
+    ended = asyncio.run(flooded())
+    held = check_log(log)
+    assert held.complete
+    assert held.entries["mocap/frame"] == held.entries["control/target"] == ended.timing.ticks
+    assert "link/up" not in held.entries
+    entries = list(read_log(log).entries)
+    frames = [entry.message.seq for entry in entries if entry.topic is topics.MOCAP]
+    assert frames == list(range(frames[0], frames[0] + len(frames)))
+    refused = [entry for entry in entries if entry.topic is topics.REFUSED]
+    assert {entry.message.source for entry in refused} == {"127.0.0.1"}
+    assert all(b.t_ns - a.t_ns >= 1_000_000_000 for a, b in pairwise(refused))
+    assert [event for event in told if event.source == "127.0.0.1"] == [entry.message for entry in refused]
+    assert replay(read_log(log)).identical

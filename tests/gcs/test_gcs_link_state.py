@@ -25,6 +25,7 @@ from wire.link_messages.status import (
     LandedState,
     NamedValue,
     StatusText,
+    SysStatus,
 )
 from wire.mavlink import Codec, param_to_raw
 
@@ -371,3 +372,17 @@ def test_a_flood_of_questions_is_answered_as_often_as_something_is_sent():
         drone.say(link, TimeSync(0, k, GROUND), 7)
     answers = [message for message in link.due(8) if isinstance(message, TimeSync) and message.tc1_ns == 7]
     assert [answer.ts1_ns for answer in answers] == [998, 999]
+
+
+def test_everything_that_is_acted_on_is_read():
+    drone = Codec(Address(3, 1))
+    acted_on = (
+        _beat(), CommandAck(GROUND, 400, Result.ACCEPTED, 0), TimeSync(0, 1, GROUND), Origin(47.0, 8.0, 0.0),
+        ParamValue("A", bytes(4), ParamType.INT32, 1, 0), ExtendedSysState(LandedState.IN_AIR),
+        NamedValue(0, "age_ms", 1.0), Battery((4.0,), 1.0, 1.0, 0.5),
+        EkfStatus(1, ardupilot=True), EkfStatus(1, ardupilot=False),
+        StatusText(Severity.INFO, "x"), SysStatus(0, 0, 0, 0.0, 1.0, 1.0, 0.5),
+    )  # fmt: skip
+    for message in acted_on:
+        (packet,) = _link().codec.receive(drone.encode(message))
+        assert type(packet.message) is type(message)

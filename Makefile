@@ -4,13 +4,16 @@ VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
 
-.PHONY: fly test check setup format lint types imports clean
+.PHONY: fly test fuzz check setup format lint types imports clean
 
 fly: setup
 	$(BIN)/gcs-sim fly $(ARGS)
 
 test: setup
 	$(BIN)/pytest $(ARGS)
+
+fuzz: setup
+	$(BIN)/python tests/fuzz/fuzz_datagrams.py $(ARGS)
 
 check: setup
 	$(BIN)/ruff format --check .

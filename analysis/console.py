@@ -2,6 +2,7 @@
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from analysis.check import Check
 from analysis.identify.report import drone_lines, sensing_lines
@@ -16,7 +17,7 @@ def print_summary(summary: Summary, console: Console) -> None:
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
     for name, value in _lines(summary):
-        table.add_row(name, value)
+        table.add_row(name, Text(value))  # what drones and people said is never markup
     console.print(table)
 
 
@@ -67,19 +68,20 @@ def print_check(check: Check, console: Console) -> None:
     table.add_column(style="dim")
     table.add_column(justify="right")
     for topic, entries in check.entries.items():
-        table.add_row(topic, str(entries))
+        table.add_row(Text(topic), str(entries))
     console.print(table)
     if check.lost:
-        console.print(f"Not to be had from it: {', '.join(check.lost)}.", highlight=False)
+        console.print(f"Not to be had from it: {', '.join(check.lost)}.", highlight=False, markup=False)
 
 
 def print_identification(found: Identification, console: Console) -> None:
     """Every estimate beside what the profile assumes."""
     for drone in found.drones:
-        table = Table(title=f"{drone.vehicle.body} (drone {drone.vehicle.sysid})", title_justify="left", box=None)
+        title = Text(f"{drone.vehicle.body} (drone {drone.vehicle.sysid})")
+        table = Table(title=title, title_justify="left", box=None)
         table.add_column(style="dim")
         table.add_column("estimate")
-        table.add_column(drone.base.name, style="dim")
+        table.add_column(Text(drone.base.name), style="dim")
         for line in drone_lines(drone):
             table.add_row(line.name, line.words(), line.assumed_words())
         for reason in (drone.response, drone.thrust):

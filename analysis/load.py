@@ -34,6 +34,7 @@ from formation.messages import (
 from formation.topics import Topic
 from wire.frame_check import pose_fault
 from wire.mcap_log import read_log
+from wire.plain_text import plain
 
 M = TypeVar("M")
 Stamped = list[tuple[float, float, object]]
@@ -53,6 +54,9 @@ class Record(Protocol):
     @property
     def message(self) -> object:
         """What was logged."""
+
+
+LONGEST_WORDS = 200
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,14 +207,14 @@ def _of(found: Mapping[str, Stamped], topic: Topic, kind: type[M]) -> Series[M]:
 def _run(metadata: Mapping[str, str]) -> Run:
     """Metadata as text -> Run; what is missing or unreadable is None or empty."""
     seed = metadata.get("seed", "")
-    link = metadata.get("link", "")
+    link = plain(metadata.get("link", ""), LONGEST_WORDS)
     return Run(
-        scenario=metadata.get("scenario", ""),
+        scenario=plain(metadata.get("scenario", ""), LONGEST_WORDS),
         seed=int(seed) if seed.lstrip("-").isdigit() else None,
         link=link,
         lockstep=metadata.get("host", "") == "lockstep" or link == "memory",
         lab=_lab(metadata.get("lab", "")),
-        versions=metadata.get("versions", ""),
+        versions=plain(metadata.get("versions", ""), LONGEST_WORDS),
     )
 
 

@@ -23,16 +23,17 @@ from wire.link_messages.motion import Origin, SetOrigin, VisionPose
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeSetpoint
 from wire.link_messages.status import Autopilot, Heartbeat, NamedValue, StatusText
-from wire.mavlink import Codec, MavlinkError, decode_packet
-from wire.mavlink_frames import FrameCutter, message_id
+from wire.mavlink import Codec, MavlinkError, read_frame
+from wire.mavlink_frames import Frame, FrameCutter, packed
 
 _POSES = frozenset({102, 138, 331})
+# Heartbeat, mode, origin, commands and their acknowledgements, setpoints, clock: what is read here; the rest passes.
+_WATCHED = frozenset({0, 11, 49, 76, 77, 82, 111})
 _BEAT_NS = 1_000_000_000
 _POSE_NS = 20_000_000
 _OWN_FEED_NS = 200_000_000
 _SILENT_NS = 1_500_000_000  # of heartbeats a second: it may have restarted, and forgotten its origin
 _SETS_MODE = (20, 21, 22, 176, 185, 192, 400)
-_DATAGRAM_MAX = 1200
 _MAKES = {make.autopilot: make for make in PERSONALITIES.values()}
 
 
@@ -48,12 +49,13 @@ class BridgeOutgoing:
 class BridgeCore:
     """One real drone. Call a `receive_*` with what arrives and `tick` no later than `next_deadline_ns`."""
 
-    def __init__(self, config: AgentConfig, t0_ns: int) -> None:
+    def __init__(self, config: AgentConfig, t0_ns: int, *, serial: bool = False) -> None:
+        """serial: the autopilot's bytes come as a stream, not as datagrams."""
         self._config = config
         self._t0_ns = self._now_ns = t0_ns
         self._target = Address(config.sysid, DRONE_COMPONENT)
         self._codec = Codec(Address(config.sysid, BRIDGE_COMPONENT))
-        self._from_ground, self._from_autopilot = FrameCutter(), FrameCutter()
+        self._from_ground, self._from_autopilot = FrameCutter(), FrameCutter(stream=serial)
         land_s = 1.0 if config.stale_land_s is None else config.stale_land_s
         self._rule = StaleRule(config.stale_setpoint_s, land_s)
         self._make: Personality | None = None
@@ -74,14 +76,14 @@ class BridgeCore:
         self._now_ns = now_ns
         for frame in self._from_ground.cut(datagram.data):
             if not self._keep_from_ground(frame, now_ns):
-                self._to_autopilot.append(frame)
+                self._to_autopilot.append(frame.data)
 
     def receive_autopilot(self, data: bytes, now_ns: int) -> None:
         """Pass what the autopilot says on to the ground, watching it."""
         self._now_ns = now_ns
         for frame in self._from_autopilot.cut(data):
             if not self._keep_from_autopilot(frame, now_ns):
-                self._to_ground.append(frame)
+                self._to_ground.append(frame.data)
 
     def receive_frame(self, frame: LabFrame, now_ns: int) -> None:
         """Tell the autopilot the pose of its body, at most fifty times a second."""
@@ -125,12 +127,14 @@ class BridgeCore:
         rule_ns = self._rule.deadline_ns()
         return self._beat_ns if rule_ns is None else min(self._beat_ns, rule_ns)
 
-    def _keep_from_ground(self, frame: bytes, now_ns: int) -> bool:
+    def _keep_from_ground(self, frame: Frame, now_ns: int) -> bool:
         """Note what matters; True for a frame that ends here."""
-        if message_id(frame) in _POSES and self._own_feed_ns is not None:
+        if frame.number in _POSES and self._own_feed_ns is not None:
             return now_ns - self._own_feed_ns < _OWN_FEED_NS
+        if frame.number not in _WATCHED:
+            return False
         try:
-            message = decode_packet(frame).message
+            message = read_frame(frame).message
         except MavlinkError:
             return False
         if isinstance(message, AttitudeSetpoint) and message.target.system == self._config.sysid:
@@ -144,15 +148,17 @@ class BridgeCore:
             return True
         return False
 
-    def _keep_from_autopilot(self, frame: bytes, now_ns: int) -> bool:
+    def _keep_from_autopilot(self, frame: Frame, now_ns: int) -> bool:
+        if frame.source.system != self._config.sysid:
+            self._report_stranger(frame.source.system)
+            return True
+        if frame.number not in _WATCHED:
+            return False
         try:
-            packet = decode_packet(frame)
+            packet = read_frame(frame)
         except MavlinkError:
             return False
         message = packet.message
-        if packet.source.system != self._config.sysid:
-            self._report_stranger(packet.source.system)
-            return True
         if isinstance(message, Heartbeat) and packet.source.component == DRONE_COMPONENT:
             self._see(message)
         elif isinstance(message, Origin):
@@ -229,14 +235,4 @@ class BridgeCore:
 
 
 def _packed(sysid: int, packets: list[bytes]) -> tuple[Datagram, ...]:
-    """The packets in as few datagrams as they fit in."""
-    datagrams: list[Datagram] = []
-    waiting = b""
-    for packet in packets:
-        if len(waiting) + len(packet) > _DATAGRAM_MAX:
-            datagrams.append(Datagram(sysid, waiting))
-            waiting = b""
-        waiting += packet
-    if waiting:
-        datagrams.append(Datagram(sysid, waiting))
-    return tuple(datagrams)
+    return tuple(Datagram(sysid, data) for data in packed(b"".join(packets)))

@@ -10,6 +10,7 @@ from wire.config_file import ConfigError
 from wire.lifetime import Stop, Tell
 from wire.link import Link
 from wire.mocap_bus import MocapBus
+from wire.refusals import Refusals
 from wire.serial_link import open_serial
 from wire.udp_bus import open_udp_direct
 from wire.zenoh_bus import ZenohBus
@@ -21,6 +22,7 @@ class _Pump:
     def __init__(self, core: BridgeCore, tell: Tell) -> None:
         self.ground: Link | None = None
         self.autopilot: Link | None = None
+        self.refusals = Refusals()
         self._core = core
         self._tell = tell
         self.wake = Wake(self.turn)
@@ -42,12 +44,13 @@ class _Pump:
 
     def turn(self) -> None:
         """Send what is due and sleep until the next deadline."""
-        out = self._core.tick(monotonic_ns())
+        now_ns = monotonic_ns()
+        out = self._core.tick(now_ns)
         for link, datagrams in ((self.autopilot, out.to_autopilot), (self.ground, out.to_ground)):
             if link is not None:
                 for datagram in datagrams:
                     link.send(datagram)
-        for event in out.events:
+        for event in (*out.events, *self.refusals.due(now_ns)):
             self._tell(event)
         self.wake.at(self._core.next_deadline_ns())
 
@@ -59,13 +62,14 @@ async def run_bridge(config: AgentConfig, autopilot: str, tell: Tell) -> None:
     ConfigError where that text is none of these.
     """
     stop = Stop()
-    pump = _Pump(BridgeCore(config, monotonic_ns()), tell)
+    core = BridgeCore(config, monotonic_ns(), serial=autopilot.startswith("serial:"))
+    pump = _Pump(core, tell)
     bus: ZenohBus | None = None
     try:
         pump.autopilot = await _open_autopilot(autopilot, config.sysid, pump)
-        bus = await ZenohBus.open(config.link, config.lab)
+        bus = await ZenohBus.open(config.link, config.lab, pump.refusals)
         MocapBus(bus).on_frame(pump.from_mocap)
-        pump.ground = await open_ground_link(config, bus, pump.from_ground)
+        pump.ground = await open_ground_link(config, bus, pump.from_ground, pump.refusals)
         pump.turn()
         await stop.wait()
     finally:
@@ -83,7 +87,7 @@ async def _open_autopilot(text: str, sysid: int, pump: _Pump) -> Link:
         if kind == "serial":
             return await open_serial(text, sysid, pump.from_autopilot)
         if kind in ("udp", "udpin", "udpout"):
-            return await open_udp_direct(text, sysid, pump.from_autopilot)
+            return await open_udp_direct(text, sysid, pump.from_autopilot, pump.refusals)
     except ValueError as error:
         raise ConfigError([f"drone-agent: bridge: {error}"]) from error
     except OSError as error:

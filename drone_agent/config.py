@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 
 from formation.config import LinkConfig
 from formation.disturbance import Disturbance
-from formation.model import Model, SysId, Vec3Tuple
+from formation.model import Model, Name, SysId, Vec3Tuple
 from formation.vehicle import VehicleProfile, profile
 
 NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
@@ -19,8 +19,8 @@ class AgentConfig(Model):
     """One simulated drone. Lengths in `lab`; `profile` may be changed key by key with `vehicle`."""
 
     sysid: SysId = 1
-    lab: str = "lab"
-    body: str | None = None
+    lab: Name = "lab"
+    body: Name | None = None
     """The mocap's name of this drone's body; `uav<sysid>` if not given."""
     link: LinkConfig = LinkConfig()
     personality: Literal["px4", "ardupilot"] = "px4"
@@ -29,7 +29,7 @@ class AgentConfig(Model):
     pose: Literal["own", "mocap"] = "own"
     """own: simulated positioning as an autopilot's SITL has; mocap: the external pose and nothing else."""
     profiles: tuple[VehicleProfile, ...] = ()
-    profile: str = "paper_40g"
+    profile: Name = "paper_40g"
     vehicle: dict[str, Any] = Field(default_factory=dict)
     """Overrides of the profile: what this particular drone really is."""
     start_lab_m: Vec3Tuple = (0.0, 0.0, 0.0)

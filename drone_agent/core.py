@@ -13,7 +13,7 @@ from drone_agent.commands import Commander
 from drone_agent.config import AgentConfig
 from drone_agent.estimator import ExternalPose, ExternalPositioning, OwnPositioning, Positioning
 from drone_agent.guards import Guards
-from drone_agent.inbox import Inbox
+from drone_agent.inbox import READS, Inbox
 from drone_agent.parameters import Parameters
 from drone_agent.personalities import PERSONALITIES
 from drone_agent.personality import Personality
@@ -25,12 +25,12 @@ from wire.link_messages.address import DRONE_COMPONENT, Address
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.status import StatusText
 from wire.mavlink import Codec
+from wire.mavlink_frames import packed
 
 _LOOK_NS = 50_000_000
 _LOOK_S = _LOOK_NS * 1e-9
 _LAG_MAX_NS = 10_000_000
 _FUSE_NS = 15_000_000  # an estimator takes 30 to 50 poses a second
-_DATAGRAM_MAX = 1200
 _LISTED_AT_ONCE = 6
 
 
@@ -50,7 +50,7 @@ class AgentCore:
     def __init__(self, config: AgentConfig, t0_ns: int) -> None:
         make = PERSONALITIES[config.personality]
         self.config = config
-        self.codec = Codec(Address(config.sysid, DRONE_COMPONENT))
+        self.codec = Codec(Address(config.sysid, DRONE_COMPONENT), reads=READS)
         self.parameters = Parameters(make.parameters, make.autopilot, _first_values(config, make))
         self._t0_ns = self._now_ns = t0_ns
         start = np.array(config.start_lab_m)
@@ -95,7 +95,9 @@ class AgentCore:
         if self._truth_period_ns and now_ns >= self._truth_ns:
             self._truth_ns = max(self._truth_ns + self._truth_period_ns, now_ns)
             truth = self.truth(now_ns)
-        datagrams, events = self._packed(), tuple(self._events)
+        sysid = self.config.sysid
+        datagrams = tuple(Datagram(sysid, data) for data in packed(b"".join(self._outbox)))
+        events = tuple(self._events)
         self._outbox, self._events = [], []
         return AgentOutgoing(datagrams, truth, events, self._changed_parameters())
 
@@ -216,19 +218,6 @@ class AgentCore:
 
     def _send(self, message: LinkMessage) -> None:
         self._outbox.append(self.codec.encode(message))
-
-    def _packed(self) -> tuple[Datagram, ...]:
-        """The packets that wait, as few datagrams as they fit in."""
-        datagrams: list[Datagram] = []
-        waiting = b""
-        for packet in self._outbox:
-            if len(waiting) + len(packet) > _DATAGRAM_MAX:
-                datagrams.append(Datagram(self.config.sysid, waiting))
-                waiting = b""
-            waiting += packet
-        if waiting:
-            datagrams.append(Datagram(self.config.sysid, waiting))
-        return tuple(datagrams)
 
 
 def _first_values(config: AgentConfig, make: Personality) -> dict[str, float]:

@@ -11,6 +11,7 @@ from wire.config_file import ConfigError
 from wire.lifetime import Stop, Tell
 from wire.link import Link
 from wire.mocap_bus import MocapBus
+from wire.refusals import Refusals
 from wire.zenoh_bus import ZenohBus
 
 
@@ -20,6 +21,7 @@ class _Pump:
     def __init__(self, config: AgentConfig, core: AgentCore, tell: Tell) -> None:
         self.link: Link | None = None
         self.bus: ZenohBus | None = None
+        self.refusals = Refusals()
         self._config = config
         self._core = core
         self._tell = tell
@@ -32,13 +34,14 @@ class _Pump:
 
     def turn(self) -> None:
         """Send what is due and sleep until the next deadline."""
-        out = self._core.tick(monotonic_ns())
+        now_ns = monotonic_ns()
+        out = self._core.tick(now_ns)
         if self.link is not None:
             for datagram in out.datagrams:
                 self.link.send(datagram)
         if self.bus is not None and out.truth is not None:
             self.bus.publish_truth(out.truth)
-        for event in out.events:
+        for event in (*out.events, *self.refusals.due(now_ns)):
             self._tell(event)
         if out.parameters is not None and self._config.parameter_file is not None:
             parameter_file.write(self._config.parameter_file, out.parameters)
@@ -55,9 +58,9 @@ async def run(config: AgentConfig, tell: Tell) -> None:
     uses_bus = config.link.kind == "zenoh" or config.pose == "mocap" or config.truth_rate_hz > 0.0
     try:
         if uses_bus:
-            pump.bus = await ZenohBus.open(config.link, config.lab)
+            pump.bus = await ZenohBus.open(config.link, config.lab, pump.refusals)
             MocapBus(pump.bus).on_frame(pump.take)
-        pump.link = await open_ground_link(config, pump.bus, pump.take)
+        pump.link = await open_ground_link(config, pump.bus, pump.take, pump.refusals)
         pump.turn()
         await stop.wait()
     finally:

@@ -2,16 +2,17 @@
 
 from drone_agent.config import AgentConfig
 from wire.link import Deliver, Link
+from wire.refusals import Refusals
 from wire.udp_bus import open_udp_drone
 from wire.zenoh_bus import ZenohBus
 
 
-async def open_ground_link(config: AgentConfig, bus: ZenohBus | None, deliver: Deliver) -> Link:
+async def open_ground_link(config: AgentConfig, bus: ZenohBus | None, deliver: Deliver, refusals: Refusals) -> Link:
     """By the bus where the configuration says so, else by UDP; OSError names the host and the port."""
     if config.link.kind == "zenoh" and bus is not None:
         return bus.drone_link(config.sysid, deliver)
     try:
-        return await open_udp_drone(config.link, config.sysid, deliver)
+        return await open_udp_drone(config.link, config.sysid, deliver, refusals)
     except OSError as error:
         port = config.link.drone_port_base + config.sysid
         raise OSError(f"link to {config.link.host}, own port {port}: {error.strerror or error}") from error

@@ -26,6 +26,9 @@ _POSE_AGE_MAX_NS = 500_000_000
 _POSE_DELAY_NS = 20_000_000  # of a pose whose stamp is on no clock we know
 _OWN_FEED_RULES_NS = 200_000_000
 
+# What `Inbox` acts on; what only ground stations care for is not even decoded.
+READS = frozenset({0, 4, 11, 20, 21, 23, 43, 48, 75, 76, 82, 84, 102, 111, 117, 138, 331})
+
 Send = Callable[[LinkMessage], None]
 
 

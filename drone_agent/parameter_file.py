@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from wire.config_file import ConfigError
+from wire.private_files import private
 
 
 def read(path: Path) -> dict[str, float]:
@@ -36,7 +37,7 @@ def read(path: Path) -> dict[str, float]:
 def write(path: Path, values: Mapping[str, float]) -> None:
     """Replace the file at once, so that a kill leaves the old or the new one whole. OSError."""
     draft = path.with_name(f"{path.name}.new")
-    with draft.open("w", encoding="utf-8") as file:
+    with open(draft, "w", encoding="utf-8", opener=private) as file:
         file.writelines(f"{name} {value:.9g}\n" for name, value in sorted(values.items()))
         file.flush()
         os.fsync(file.fileno())

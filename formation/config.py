@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from formation.fields import Endpoint, GlobePoint, Host, OwnLink, PortBase, Tilt, UnitQuat
-from formation.model import NO_ROTATION, Model, Positive, SysId, Vec3Tuple
+from formation.model import NO_ROTATION, Model, Name, Positive, SysId, Vec3Tuple
 from formation.vehicle import VehicleProfile, profile
 
 PRESET_NAMES = ("default", "paper", "paper_istsmc", "paper_smc", "pid", "geometric")
@@ -50,9 +50,9 @@ class VehicleBody(Model):
     source, where it is expected to start.
     """
 
-    body: str
+    body: Name
     sysid: SysId | None = None
-    profile: str = "paper_40g"
+    profile: Name = "paper_40g"
     q_marker_from_flu: UnitQuat = NO_ROTATION
     link: OwnLink | None = None
     spawn_lab_m: Vec3Tuple = (0.0, 0.0, 0.0)
@@ -116,7 +116,7 @@ class FormationConfig(Model):
     """
 
     spacing_m: Positive = 0.5
-    shapes: dict[str, tuple[SlotConfig, ...]] = Field(default_factory=dict)
+    shapes: dict[Name, tuple[SlotConfig, ...]] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _can_be_asked_for(self) -> Self:
@@ -190,7 +190,7 @@ class LabConfig(Model):
     external pose before they know where on the globe they are.
     """
 
-    name: str = "lab"
+    name: Name = "lab"
     origin: GlobePoint = (47.397742, 8.545594, 488.0)
     mocap: MocapConfig = MocapConfig()
     profiles: tuple[VehicleProfile, ...] = ()

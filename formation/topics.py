@@ -35,6 +35,7 @@ REFERENCE = Topic("control/reference", m.Reference, 100.0, Drop.OLDEST_LOST)
 COMMAND = Topic("control/command", m.Command, 100.0, Drop.OLDEST_LOST)
 TARGET = Topic("control/target", m.AttitudeTarget, 100.0, Drop.OLDEST_LOST)
 EVENT = Topic("event", m.Event, 1.0, Drop.NEVER)
+REFUSED = Topic("edge/refused", m.Event, 1.0, Drop.NEVER)
 PHASE = Topic("phase", m.PhaseChange, 0.1, Drop.NEVER)
 TRUTH = Topic("sim/truth", m.Truth, 250.0, Drop.OLDEST_LOST)
 TICK = Topic("input/tick", m.Tick, 100.0, Drop.NEVER)
@@ -53,6 +54,7 @@ ALL = (
     COMMAND,
     TARGET,
     EVENT,
+    REFUSED,
     PHASE,
     TIMING,
     TRUTH,

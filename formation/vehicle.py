@@ -15,7 +15,7 @@ from pydantic import Field
 
 from formation import rigid_body
 from formation.arrays import Float, Quat, Vec3
-from formation.model import Model, Positive, Vec3Tuple
+from formation.model import Model, Name, Positive, Vec3Tuple
 from formation.rigid_body import GRAVITY_M_S2, rotor_reach_m, thrust_norm
 
 __all__ = [
@@ -65,7 +65,7 @@ class VehicleProfile(Model):
     body itself and is what a simulated drone integrates.
     """
 
-    name: str
+    name: Name
     mass_kg: Positive
     inertia_kg_m2: Vec3Tuple
     wheelbase_m: Positive

@@ -37,6 +37,7 @@ from gcs.lateness import Lateness
 from gcs.link_state import HEARTBEAT, NEVER_NS, DroneLink
 from gcs.mocap.autopilot_poses import streams
 from gcs.operator import armed_text, done_text, status_text, take_off_refusals
+from wire.mavlink_frames import packed
 from wire.refusals import Refusals
 
 HEARTBEAT_NS = 1_000_000_000
@@ -216,7 +217,7 @@ class GcsCore:
         return self._gatherer.gather(self._stages, self._lateness.share, now_ns)
 
     def _datagrams(self, frame: LabFrame | None, stages: Stages | None, now_ns: int) -> tuple[Datagram, ...]:
-        """One datagram a drone at most, its setpoint first."""
+        """One datagram a drone where it holds them all, the setpoint first."""
         beat = frame is not None and now_ns >= self._heartbeat_due_ns
         pose = self._feeds_pose and frame is not None and now_ns >= self._pose_due_ns
         if beat:
@@ -235,8 +236,7 @@ class GcsCore:
             if beat:
                 parts.append(link.codec.encode(HEARTBEAT))
             parts += [link.codec.encode(message) for message in link.due(now_ns)]
-            if data := b"".join(parts):
-                datagrams.append(Datagram(link.sysid, data))
+            datagrams += [Datagram(link.sysid, data) for data in packed(b"".join(parts))]
         return tuple(datagrams)
 
     def _records(self, stages: Stages | None) -> tuple[tuple[Topic, object], ...]:

@@ -113,13 +113,14 @@ class Ground:
         self._log.write(topics.MOCAP_EVENT, event, clock.monotonic_ns())
         self.tell(event)
 
-    async def publish_state(self, bus: ZenohBus, mocap: MocapBus, name: str) -> None:
-        """Tell the bus how things are, ten times a second, and what of the mocap could not be read; for ever."""
+    async def publish_state(self, bus: ZenohBus, name: str) -> None:
+        """Tell the bus how things are, and everybody what was refused, ten times a second; for ever."""
         while True:
             now_ns = clock.monotonic_ns()
             bus.publish_state(name, self._core.status(now_ns))
-            for event in mocap.refusals.due(now_ns):
-                self.take_mocap_event(event)
+            for event in bus.refusals.due(now_ns):
+                self._log.write(topics.REFUSED, event, now_ns)
+                self.tell(event)
             await clock.sleep_until_ns(clock.monotonic_ns() + STATE_NS)
 
     async def land(self) -> None:
@@ -241,7 +242,7 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
         services = [
             tasks.create_task(_raise_from(failure)),
             tasks.create_task(ground.watch()),
-            tasks.create_task(ground.publish_state(bus, mocap, name)),
+            tasks.create_task(ground.publish_state(bus, name)),
             tasks.create_task(_have_mocap(config, lab_file, mocap, ground.tell)),
         ]
         bus.serve(name, ground.take_request)

@@ -12,6 +12,7 @@ from gcs.cli_common import NOT_RIGHT, REFUSED, fail, tell, tell_json
 from gcs.daemon import Ended, GroundFailure, run
 from gcs.mocap.service import ServiceError
 from gcs.warm_up import warm_up
+from wire.private_files import make_folder
 
 
 def serve(
@@ -23,7 +24,7 @@ def serve(
         if not force and any(not margin.carried for margin in margins):
             reasons = "; ".join(str(margin) for margin in margins if not margin.carried)
             fail(f"refused, this would not fly steadily: {reasons} (--force, for simulation only)", REFUSED)
-        log.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(log.parent)
         warm_up(config)
         ended = uvloop.run(run(config, lab_file, log, name, metadata, tell_json if as_json else tell))
     except ServiceError as error:

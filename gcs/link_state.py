@@ -34,10 +34,16 @@ from wire.link_messages.status import (
     SysStatus,
 )
 from wire.mavlink import Codec
+from wire.refusals import Refusals
 
 NEVER_NS = -(10**18)
+# What is acted on below: heartbeat, status, parameters, origin, acknowledgements, clock, battery, estimators, landed
+# state, named values, texts. Poses and the rest, most of what a drone sends, are not even decoded.
+READS = frozenset({0, 1, 22, 49, 77, 111, 147, 193, 230, 245, 251, 253})
 RESTART_NS = 2_500_000_000  # without a heartbeat: it may have started anew and forgotten what it was asked for
 ORIGIN_NS = 1_000_000_000
+WORDS_A_SECOND = 20
+ANSWERS = 2
 HEARTBEAT = Heartbeat(autopilot=Autopilot.INVALID, vehicle_type=6, base_mode=0, custom_mode=0, system_status=4)
 
 
@@ -78,7 +84,7 @@ class DroneLink:
         self._origin_told_ns = NEVER_NS
         self.target = Address(sysid, DRONE_COMPONENT)
         self._bridge = Address(sysid, BRIDGE_COMPONENT)
-        self.codec = Codec(GROUND)
+        self.codec = Codec(GROUND, reads=READS)
         self.told = Telemetry()
         self.heartbeat_ns = NEVER_NS
         self.dialect: Dialect | None = None
@@ -90,7 +96,9 @@ class DroneLink:
         self.foreign_sysid: int | None = None
         self.texts: deque[str] = deque(maxlen=4)
         self.events: list[Event] = []
-        self._answers: list[LinkMessage] = []
+        self._refusals = Refusals()
+        self._second_ns, self._words = NEVER_NS, 0
+        self._answers: deque[LinkMessage] = deque(maxlen=ANSWERS)
         self._misaddressed = 0
 
     @property
@@ -145,7 +153,7 @@ class DroneLink:
             if packet.source.component != DRONE_COMPONENT:
                 continue
             if packet.source.system != self.sysid:
-                self._notice_foreign(packet.source.system)
+                self._notice_foreign(packet.source.system, now_ns)
                 continue
             skipped = self.codec.misaddressed_packets - self._misaddressed
             self._misaddressed = self.codec.misaddressed_packets
@@ -154,7 +162,9 @@ class DroneLink:
 
     def due(self, now_ns: int) -> list[LinkMessage]:
         """Answers, time sync, commands and parameter requests to send now."""
-        messages, self._answers = self._answers, []
+        messages = list(self._answers)
+        self._answers.clear()
+        self.events += self._refusals.due(now_ns)
         for one in (self.clock.due(now_ns), self.commands.due(now_ns)):
             if one is not None:
                 messages.append(one)
@@ -201,7 +211,7 @@ class DroneLink:
                 self.commands.receive(message, now_ns)
             case TimeSync():
                 answer = self.clock.receive(message, now_ns)
-                self._answers += [] if answer is None else [answer]
+                self._answers.extend(() if answer is None else (answer,))
             case ParamValue():
                 self.parameters.receive(message)
             case ExtendedSysState():
@@ -220,7 +230,7 @@ class DroneLink:
                 self.told.setpoint_age_s = message.value * 1e-3
             case StatusText():
                 self.texts.append(message.text)
-                self.events.append(Event(message.severity, self.name, message.text))
+                self._tell(message.severity, message.text, now_ns)
 
     def _read_bridge(self, message: LinkMessage, now_ns: int) -> None:
         """The bridge beside the autopilot: it asks for our clock, and tells what it does and how old setpoints are."""
@@ -244,13 +254,22 @@ class DroneLink:
         silenced = dict.fromkeys(known.unread, 0.0) if self._own_link else {}
         for message_id, rate_hz in {**silenced, **dict(known.streams), **dict(self._streams)}.items():
             self.commands.ask(stream(self.target, message_id, rate_hz))
-        self.events.append(Event(Severity.INFO, self.name, f"drone {self.sysid} is here, {known.name}"))
+        self._tell(Severity.INFO, f"drone {self.sysid} is here, {known.name}", now_ns)
 
-    def _notice_foreign(self, system: int) -> None:
+    def _notice_foreign(self, system: int, now_ns: int) -> None:
         if system != self.foreign_sysid:
             self.foreign_sysid = system
-            text = f"drone {system} answers on the link of drone {self.sysid}"
-            self.events.append(Event(Severity.ERROR, self.name, text))
+            self._tell(Severity.ERROR, f"drone {system} answers on the link of drone {self.sysid}", now_ns)
+
+    def _tell(self, severity: Severity, text: str, now_ns: int) -> None:
+        """An event in this drone's name, as long as it has not too much to say; what is too much is counted."""
+        if now_ns - self._second_ns >= 1_000_000_000:
+            self._second_ns, self._words = now_ns, 0
+        self._words += 1
+        if self._words > WORDS_A_SECOND:
+            self._refusals.note(self.name, f"texts beyond {WORDS_A_SECOND} a second", now_ns)
+        else:
+            self.events.append(Event(severity, self.name, text))
 
 
 def _fraction(remaining: float) -> float:

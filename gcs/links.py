@@ -25,6 +25,7 @@ class GroundLinks:
             total.sent += link.counters.sent
             total.received += link.counters.received
             total.dropped += link.counters.dropped
+            total.refused += link.counters.refused
         return total
 
     def close(self) -> None:
@@ -34,12 +35,15 @@ class GroundLinks:
 
 
 async def open_links(config: LabConfig, bus: ZenohBus, deliver: Deliver) -> GroundLinks:
-    """Open what the configuration says. OSError for a port that is taken, ValueError for a link that is none."""
+    """Open what the configuration says; what the links refuse is noted in the bus's `refusals`.
+
+    OSError for a port that is taken, ValueError for a link that is none.
+    """
     own = {v.sysid: v.link for v in config.vehicles if v.sysid is not None and v.link is not None}
     shared = [v.sysid for v in config.vehicles if v.sysid is not None and v.link is None]
     links: dict[int, Link] = {}
     for sysid, text in own.items():
-        links[sysid] = await open_udp_direct(text, sysid, deliver)
+        links[sysid] = await open_udp_direct(text, sysid, deliver, bus.refusals)
     if shared:
         common = await _open_shared(config, bus, shared, deliver)
         links.update((sysid, common) for sysid in shared)
@@ -50,7 +54,7 @@ async def _open_shared(config: LabConfig, bus: ZenohBus, sysids: list[int], deli
     if config.link.kind == "zenoh":
         return bus.ground_link(sysids, deliver)
     try:
-        return await open_udp_ground(config.link, sysids, deliver)
+        return await open_udp_ground(config.link, sysids, deliver, bus.refusals)
     except OSError as error:
         ports = ", ".join(str(config.link.ground_port_base + sysid) for sysid in sysids)
         raise OSError(f"UDP ports {ports} on {config.link.host}: {error.strerror or error}") from error

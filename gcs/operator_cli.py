@@ -12,6 +12,7 @@ import typer
 import uvloop
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from formation.config import LabConfig
 from formation.messages import OperatorReply, OperatorRequest, Verb
@@ -82,7 +83,7 @@ def _command(verb: Verb, argument: str, lab: Path | None, name: str, as_json: bo
     elif reply.accepted:
         print(reply.text)
     else:
-        Console(stderr=True).print("refused: " + reply.text.replace("; ", "\n         "), style="red", highlight=False)
+        Console(stderr=True).print(Text("refused: " + reply.text.replace("; ", "\n         "), "red"))
     if not reply.accepted:
         raise typer.Exit(REFUSED)
 
@@ -110,23 +111,24 @@ async def _ask_bus(config: LabConfig | None, name: str, request: OperatorRequest
 
 def print_status(told: dict[str, Any], console: Console) -> None:
     """The status for people."""
-    console.print(f"[bold]{told['phase']}[/] ({told['cause']}), shape {told['shape']}")
+    console.print(Text.assemble((told["phase"], "bold"), f" ({told['cause']}), shape {told['shape']}"))
     table = Table(box=None, pad_edge=False)
     for column in ("id", "body", "autopilot", "mode", "armed", "x", "y", "z", "battery", "heard", "seen"):
         table.add_column(column, no_wrap=True)
     for drone in told["drones"]:
-        table.add_row(
+        cells = (
             str(drone["sysid"]), drone["body"], drone["autopilot"] or "-", drone["mode"],
             "armed" if drone["armed"] else "-", *_coordinates(drone["pos_lab_m"]),
             _percent(drone["battery"]), _age(drone["heartbeat_age_s"]), _age(drone["age_s"]),
         )  # fmt: skip
+        table.add_row(*map(Text, cells))  # what drones and people said is never markup
     console.print(table)
     for drone in told["drones"]:
         if drone["disarms_in_s"] is not None:
             text = f"{drone['body']} disarms itself in {drone['disarms_in_s']:.1f} s unless it takes off"
             console.print(text, style="yellow", highlight=False)
     for refusal in told["refusals"]:
-        console.print(f"not ready: {refusal}", style="yellow", highlight=False)
+        console.print(Text(f"not ready: {refusal}", "yellow"))
 
 
 def _coordinates(pos_lab_m: list[float] | None) -> list[str]:

@@ -11,6 +11,7 @@ from wire.mavlink import MavlinkError, param_from_raw
 RETRY_NS = 400_000_000
 TRIES = 6
 AT_ONCE = 4
+KEPT = 2048  # autopilots have some 1,500
 
 
 @dataclass(slots=True)
@@ -38,10 +39,15 @@ class ParameterReader:
         return bool(self._open)
 
     def receive(self, message: ParamValue) -> bool:
-        """Take a value in, asked for or not (autopilots announce changes); False if its bytes are no number."""
+        """Take a value in, asked for or not (autopilots announce changes).
+
+        False if its bytes are no number, or nobody asked for it and too many are known.
+        """
         try:
             value = param_from_raw(message.raw, message.type, self.autopilot)
         except MavlinkError:
+            return False
+        if message.name not in self._open and message.name not in self.values and len(self.values) >= KEPT:
             return False
         self.values[message.name] = float(value)
         self._open.pop(message.name, None)

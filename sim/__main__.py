@@ -32,6 +32,7 @@ from sim.script import Outcome
 from sim.study_cli import app as study_app
 from wire import clock
 from wire.config_file import ConfigError
+from wire.private_files import make_folder
 from wire.zenoh_bus import BusError
 
 ABORTED, NOT_RIGHT, INTERRUPTED = 1, 2, 130
@@ -124,7 +125,7 @@ def list_scenarios() -> None:
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     for name in shipped():
         table.add_row(name, load(name).about)
-    Console().print(table)
+    Console(markup=False).print(table)
 
 
 async def _interruptible(flight: Coroutine[None, None, Outcome]) -> Outcome | None:
@@ -171,7 +172,7 @@ def _seed(given: int | None, scenario: Scenario) -> int:
 
 def _folder(out: Path | None, scenario: Scenario) -> Path:
     folder = out or Path("runs") / f"{datetime.fromtimestamp(clock.unix_us() * 1e-6):%Y%m%d-%H%M%S}-{scenario.name}"
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     return folder
 
 

@@ -4,6 +4,7 @@ from types import TracebackType
 from typing import Self
 
 from rich.console import Console
+from rich.text import Text
 
 
 class Display:
@@ -12,7 +13,7 @@ class Display:
     def __init__(self, console: Console, title: str) -> None:
         self._console = console
         self._title = title
-        self._status = console.status(title)
+        self._status = console.status(Text(title))
         self._phase = ""
 
     def __enter__(self) -> Self:
@@ -26,11 +27,11 @@ class Display:
 
     def say(self, text: str) -> None:
         """Show what is going on, without a time."""
-        self._status.update(f"{self._title}: {text}")
+        self._status.update(Text(f"{self._title}: {text}"))
 
     def progress(self, t_s: float, phase: str) -> None:
         """The flight is in `phase`, `t_s` after its beginning."""
         if phase != self._phase:
             self._phase = phase
-            self._console.print(f"{t_s:7.1f} s  {phase}", highlight=False)
-        self._status.update(f"{self._title}: {phase}, {t_s:.1f} s")
+            self._console.print(f"{t_s:7.1f} s  {phase}", highlight=False, markup=False)
+        self._status.update(Text(f"{self._title}: {phase}, {t_s:.1f} s"))

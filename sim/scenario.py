@@ -15,7 +15,7 @@ from formation import frames
 from formation.arrays import Vec3
 from formation.config import FollowerConfig, LabConfig
 from formation.disturbance import Disturbance
-from formation.model import Model, Positive, QuatTuple, SysId, Vec3Tuple
+from formation.model import Model, Name, Positive, QuatTuple, SysId, Vec3Tuple
 from formation.vehicle import VehicleProfile
 from gcs.mocap.csv_file import read_recording
 from sim.mocap import EmulatorConfig, NotNegative, Share
@@ -67,7 +67,7 @@ class Scenario(Model):
     formation_s: how long the formation is held where the leader's own trajectory does not say.
     """
 
-    name: str
+    name: Name
     about: str = ""
     seed: Annotated[int, Field(ge=0)] = 1
     longest_s: Positive = 240.0

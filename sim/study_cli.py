@@ -24,6 +24,7 @@ from sim.scenario import load as load_scenario
 from sim.tune import Candidate, Task, tune
 from wire.config_file import ConfigError, dump
 from wire.config_file import load as load_config
+from wire.private_files import make_folder
 
 FAILED, NOT_RIGHT = 1, 2
 
@@ -42,7 +43,7 @@ def compare(
     bound: Annotated[bool, typer.Option(help="Only tell how little any controller could deviate in the gust.")] = False,
 ) -> None:
     """Fly the paper's gust, line and circle with six controllers; writes paper.json and paper.html."""
-    console = Console()
+    console = Console(markup=False)
     if calibrate:
         peak = paper.calibrate(lambda tried, dev: console.print(f"peak {tried:.3f} m/s²: {1e3 * dev:.1f} mm"))
         console.print(f"peak_m_s2 = {peak:.2f}")
@@ -53,7 +54,7 @@ def compare(
     flights = paper.jobs(range(1, seeds + 1))
     with progress_bar(console, "flights", len(flights)) as done:
         comparison = paper.compare(flights, done)
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     (out / "paper.json").write_text(comparison.to_json() + "\n", encoding="utf-8")
     (out / "paper.html").write_text(paper_page.html(comparison), encoding="utf-8")
     console.print(paper_page.console_table(comparison))
@@ -71,7 +72,7 @@ def robust(
     out: OutFolder = Path("runs"),
 ) -> None:
     """Fly vehicles that are not what the controller believes; the worst ten, by seed. Exit code 1 if any failed."""
-    console = Console()
+    console = Console(markup=False)
     if only is not None:
         flown = [_again(Draw(only, profile, preset), out, console)]
     else:
@@ -100,7 +101,7 @@ def tune_vehicle(
     out: Annotated[Path | None, typer.Option(help="Write the tuned profile here, to go under [[profiles]].")] = None,
 ) -> None:
     """Find the pace of a vehicle's loops: gains, observer bandwidth and compensation, judged in flight."""
-    console = Console()
+    console = Console(markup=False)
     try:
         profile = load_config(Path(vehicle), VehicleProfile) if Path(vehicle).exists() else shipped_profile(vehicle)
     except (ConfigError, ValueError) as error:
@@ -121,7 +122,7 @@ def tune_vehicle(
     if out is not None:
         out.write_text(dump(tuned), encoding="utf-8")
     else:
-        console.print(f"\n\\[profiles.pace]\n{dump(best.pace)}", highlight=False)
+        console.print(f"\n[profiles.pace]\n{dump(best.pace)}", highlight=False)
     if not np.isfinite(best.cost):
         raise typer.Exit(FAILED)
 
@@ -150,7 +151,7 @@ def _again(draw: Draw, out: Path, console: Console) -> Sample:
     """Fly one draw with a log and a report."""
     scenario = robustness.scenario_of(draw)
     folder = out / scenario.name
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     flown = lockstep.run_to_file(scenario, draw.seed, folder / "flight.mcap")
     summary = conclude(folder / "flight.mcap", flown.outcome, flown.realtime_factor)
     print_summary(summary, console)

@@ -32,7 +32,7 @@ def lab(x: float, y: float, z: float) -> Vec3:
 def lab_finite(x: float, y: float, z: float) -> Vec3:
     """v_lab of v_ned; MavlinkError unless it is finite."""
     if not math.isfinite(x + y + z):
-        raise MavlinkError(f"not a finite vector: {x}, {y}, {z}")
+        raise MavlinkError("not a finite vector")
     return np.array((x, 0.0 - y, 0.0 - z))
 
 
@@ -46,7 +46,7 @@ def q_lab_from_flu(w: float, x: float, y: float, z: float) -> Quat:
     """q_lab_from_flu, unit and w >= 0, of any q_ned_from_frd; MavlinkError if it is no rotation."""
     norm = math.sqrt(w * w + x * x + y * y + z * z)
     if not 1e-3 < norm < 1e3:
-        raise MavlinkError(f"not a quaternion of a rotation: {w}, {x}, {y}, {z}")
+        raise MavlinkError("not a quaternion of a rotation")
     scale = (-1.0 if w < 0.0 else 1.0) / norm
     return np.array((w * scale, x * scale, 0.0 - y * scale, 0.0 - z * scale))
 
@@ -71,7 +71,7 @@ def _exact(angle: float) -> float:
 def q_lab_from_euler(roll: float, pitch: float, yaw: float) -> Quat:
     """q_lab_from_flu of roll, pitch, yaw of the body FRD in NED; MavlinkError unless finite."""
     if not math.isfinite(roll + pitch + yaw):
-        raise MavlinkError(f"not a finite attitude: {roll}, {pitch}, {yaw}")
+        raise MavlinkError("not a finite attitude")
     cr, sr = math.cos(0.5 * roll), math.sin(0.5 * roll)
     cp, sp = math.cos(0.5 * pitch), math.sin(0.5 * pitch)
     cy, sy = math.cos(0.5 * yaw), math.sin(0.5 * yaw)

@@ -1,69 +1,161 @@
-"""Cuts a stream of bytes into whole MAVLink frames and leaves them as they are, for who passes them on.
+"""Cuts bytes into whole MAVLink frames and leaves them as they are; nothing else knows where packets begin and end.
 
-`wire.mavlink.Codec` reads what packets say; this only finds where they begin and end.
+`wire.mavlink` reads what they say. The cost of any piece of bytes is bounded, whatever they are: where a frame might
+begin and does not, the search goes on behind that byte, but only so often; then what is left is no MAVLink.
 """
+
+import struct
+from functools import lru_cache
+from typing import NamedTuple
 
 from fastcrc import crc16
 
+from wire.link import LARGEST_DATAGRAM
+from wire.link_messages.address import Address
 from wire.mavlink_layout import CRC_EXTRA
+
+FRAMES_MOST = 8
+"""Frames taken of one datagram; `packed` keeps to it, and who sends one frame a datagram (most do) never meets it."""
+_PACKED_BYTES = 1200
+_FALSE_STARTS = 8
+_BYTES_A_FALSE_START = 32  # on a line that noise and restarts cut anywhere
 
 _MAGIC_1, _MAGIC_2 = 0xFE, 0xFD
 _MAGICS = (_MAGIC_1, _MAGIC_2)
-_SIGNED = 0x01
-_LONGEST = 280
+_SIGNED, _SIGNATURE = 0x01, 13
+_OVERHEAD_1, _OVERHEAD_2 = 8, 12
+_HEAD_1, _HEAD_2 = struct.Struct("<xBBBBB"), struct.Struct("<xBxxBBBHB")
+_SEED = tuple(bytes([value]) for value in range(256))
+_mcrf4xx = crc16.mcrf4xx
+_address = lru_cache(maxsize=1024)(Address)
+
+
+class Frame(NamedTuple):
+    """One whole frame: its bytes as they came, its message, its sender, its sequence number and its payload."""
+
+    data: bytes
+    number: int
+    source: Address
+    seq: int
+    payload: bytes
 
 
 class FrameCutter:
-    """One direction of one link. Bytes between frames, and frames whose checksum is wrong, are counted and dropped."""
+    """One direction of one link. Bytes between frames, and frames whose checksum is wrong, are counted and dropped.
 
-    def __init__(self) -> None:
+    `stream`: data is a byte stream (serial, TCP) that cuts frames anywhere; else every piece of data is a datagram:
+    of at most LARGEST_DATAGRAM bytes and FRAMES_MOST frames, and an unfinished one at its end is lost, not waited for.
+    """
+
+    def __init__(self, *, stream: bool = False) -> None:
         self.dropped_bytes = 0
+        self.bad_frames = 0
+        self._stream = stream
         self._held = b""
 
-    def cut(self, data: bytes) -> list[bytes]:
+    def cut(self, data: bytes) -> list[Frame]:
         """The frames that `data` completes, in order; never raises."""
-        buffer = self._held + data
-        frames: list[bytes] = []
+        buffer = self._held + data if self._held else data
+        self._held = b""
+        end = len(buffer)
+        if self._stream:
+            false_starts, most = _FALSE_STARTS + end // _BYTES_A_FALSE_START, end
+        else:
+            false_starts, most = _FALSE_STARTS, FRAMES_MOST
+            if end > LARGEST_DATAGRAM:
+                self.dropped_bytes += end
+                return []
+        frames: list[Frame] = []
         at = 0
-        while at < len(buffer):
-            length = _length(buffer, at)
-            if length > len(buffer) - at:
-                break
-            follower = buffer[at + length : at + length + 1]
-            if length and _is_whole(buffer[at : at + length], follower):
-                frames.append(buffer[at : at + length])
-                at += length
-            else:
-                at += 1
-                self.dropped_bytes += 1
-        self._held = buffer[at:]
+        while at < end and false_starts and len(frames) < most:
+            stop = _stop(buffer, at, end)
+            if stop > end and self._stream:
+                self._held = buffer[at:]
+                return frames
+            if at < stop <= end:
+                frame = _frame(buffer, at, stop)
+                if frame is not None:
+                    frames.append(frame)
+                    at = stop
+                    continue
+                self.bad_frames += 1
+            false_starts -= 1
+            following = _next_magic(buffer, at + 1)
+            self.dropped_bytes += following - at
+            at = following
+        self.dropped_bytes += end - at
         return frames
 
 
-def message_id(frame: bytes) -> int:
-    """The message a whole frame carries."""
-    return int.from_bytes(frame[7:10], "little") if frame[0] == _MAGIC_2 else frame[5]
+def packed(frames: bytes) -> list[bytes]:
+    """Whole frames, end to end, in as few datagrams as carry them."""
+    datagrams: list[bytes] = []
+    start = at = count = 0
+    while at < len(frames):
+        stop = _stop(frames, at, len(frames))
+        if count == FRAMES_MOST or (count and stop - start > _PACKED_BYTES):
+            datagrams.append(frames[start:at])
+            start, count = at, 0
+        at, count = stop, count + 1
+    return [*datagrams, frames[start:]] if at > start else datagrams
 
 
-def _length(buffer: bytes, at: int) -> int:
-    """Length of the frame that may begin at `at`: 0 if none does, more than is there while its header is not."""
-    if buffer[at] not in _MAGICS:
-        return 0
-    if len(buffer) - at < 3:
-        return _LONGEST
-    size, flags = buffer[at + 1], buffer[at + 2]
-    if buffer[at] == _MAGIC_1:
-        return 6 + size + 2
-    return 0 if flags & ~_SIGNED else 10 + size + 2 + (13 if flags else 0)
+def whole_frame(data: bytes) -> Frame | None:
+    """The frame that `data` is, whole and alone; None if it is none."""
+    if not data or _stop(data, 0, len(data)) != len(data):
+        return None
+    return _frame(data, 0, len(data))
 
 
-def _is_whole(frame: bytes, follower: bytes) -> bool:
-    """Whether the checksum is right.
+def sealed(body: bytes, crc_extra: int) -> bytes:
+    """A frame's head and payload with their checksum behind them."""
+    crc: int = _mcrf4xx(body[1:] + _SEED[crc_extra])
+    return body + crc.to_bytes(2, "little")
+
+
+def _stop(buffer: bytes, at: int, end: int) -> int:
+    """Where the frame that starts at `at` stops, as far as its head says: `at` if none starts there.
+
+    Beyond `end` where the frame, or the head itself, is not whole yet.
+    """
+    magic = buffer[at]
+    if magic == _MAGIC_2:
+        if end - at < 3:
+            return end + 1
+        flags = buffer[at + 2]
+        if flags > _SIGNED:
+            return at
+        return at + _OVERHEAD_2 + buffer[at + 1] + (_SIGNATURE if flags else 0)
+    if magic == _MAGIC_1:
+        return at + _OVERHEAD_1 + buffer[at + 1] if end - at > 1 else end + 1
+    return at
+
+
+def _frame(buffer: bytes, at: int, stop: int) -> Frame | None:
+    """The frame between `at` and `stop`; None if its checksum is wrong.
 
     A message that is in no dialect of ours cannot be checked: it is believed if a frame, or nothing, follows it.
     """
-    seed = CRC_EXTRA.get(message_id(frame))
-    if seed is None:
-        return not follower or follower[0] in _MAGICS
-    end = (10 if frame[0] == _MAGIC_2 else 6) + frame[1]
-    return crc16.mcrf4xx(frame[1:end] + bytes((seed,))) == int.from_bytes(frame[end : end + 2], "little")
+    if buffer[at] == _MAGIC_2:
+        size, seq, system, component, low, high = _HEAD_2.unpack_from(buffer, at)
+        number, start = low | high << 16, at + 10
+    else:
+        size, seq, system, component, number = _HEAD_1.unpack_from(buffer, at)
+        start = at + 6
+    crc_at = start + size
+    crc_extra = CRC_EXTRA.get(number)
+    if crc_extra is None:
+        if stop < len(buffer) and buffer[stop] not in _MAGICS:
+            return None
+    elif _mcrf4xx(buffer[at + 1 : crc_at] + _SEED[crc_extra]) != buffer[crc_at] | buffer[crc_at + 1] << 8:
+        return None
+    return Frame(buffer[at:stop], number, _address(system, component), seq, buffer[start:crc_at])
+
+
+def _next_magic(buffer: bytes, at: int) -> int:
+    """Index of the next byte that could start a frame, or the buffer's length."""
+    second = buffer.find(_MAGIC_2, at)
+    first = buffer.find(_MAGIC_1, at) if second < 0 else buffer.find(_MAGIC_1, at, second)
+    if first >= 0:
+        return first
+    return second if second >= 0 else len(buffer)

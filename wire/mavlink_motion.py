@@ -97,7 +97,7 @@ def _demand(
     if mask & _NO_THRUST:
         thrust = 0.0
     if not math.isfinite(rate[0] + rate[1] + rate[2] + thrust):
-        raise MavlinkError(f"a setpoint that is not finite: rates {rate}, thrust {thrust}")
+        raise MavlinkError("a setpoint that is not finite")
     return attitude, rate, thrust
 
 

@@ -1,6 +1,7 @@
 """Messages of status, commands, parameters and time to and from MAVLink fields; see mavlink_motion for the form."""
 
 import math
+import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -22,6 +23,7 @@ from wire.link_messages.status import (
 from wire.mavlink_layout import Fields, Layout, MavlinkError, layout
 from wire.mavlink_motion import Written
 from wire.mavlink_text import STATUSTEXT, read_chunk
+from wire.plain_text import plain
 
 HEARTBEAT = layout("HEARTBEAT", 6)
 SYS_STATUS = layout("SYS_STATUS", 16)
@@ -45,6 +47,7 @@ EXTENDED_SYS_STATE = layout("EXTENDED_SYS_STATE", 2)
 NAMED_VALUE_FLOAT = layout("NAMED_VALUE_FLOAT", 3)
 
 _MAVLINK_VERSION = 3
+_PARAM_NAME = re.compile(r"[A-Za-z0-9_]{1,16}")
 _MS_32 = 0xFFFFFFFF
 _NO_CELL = 65535
 _LIPO, _ALL_SYSTEMS, _TEMPERATURE_UNKNOWN = 1, 1, 32767
@@ -60,7 +63,7 @@ def _unscaled(value: int, scale: float, unknown: int) -> float:
 
 
 def _name(field: bytes) -> str:
-    return field.partition(b"\0")[0].decode(errors="replace")
+    return plain(field.partition(b"\0")[0].decode(errors="replace"), 16)
 
 
 def _characters(name: str, size: int) -> bytes:
@@ -172,7 +175,10 @@ def _write_param_value(m: ParamValue) -> Written:
 
 
 def _read_param_value(f: Fields) -> ParamValue:
-    return ParamValue(_name(f[0]), f[1], ParamType(f[2]), f[3], f[4])
+    name = _name(f[0])
+    if _PARAM_NAME.fullmatch(name) is None:
+        raise MavlinkError(f"{name!r} is no parameter's name")
+    return ParamValue(name, f[1], ParamType(f[2]), f[3], f[4])
 
 
 def _write_param_set(m: ParamSet) -> Written:

@@ -6,11 +6,15 @@ from formation.messages import Severity
 from wire.link_messages.address import Address
 from wire.link_messages.status import StatusText
 from wire.mavlink_layout import Fields, layout
+from wire.plain_text import plain
 
 STATUSTEXT = layout("STATUSTEXT", 4)
 _CHUNK = 50
 _LONGEST = 255 * _CHUNK  # chunk_seq is one byte
 _SOURCES = 64
+LONGEST_READ = 400
+"""Characters of a text read, and about as many bytes held of one that does not end; autopilots say less than 130."""
+_CHUNKS_HELD = LONGEST_READ // _CHUNK + 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +48,8 @@ def read_chunk(fields: Fields) -> TextChunk:
 
 
 def text_of(severity: Severity, parts: list[bytes]) -> StatusText:
-    """The text of joined parts; bytes that are not UTF-8 show as the replacement character."""
-    return StatusText(severity, b"".join(parts).decode(errors="replace"))
+    """The text of joined parts, fit to be printed; bytes that are not UTF-8 show as the replacement character."""
+    return StatusText(severity, plain(b"".join(parts).decode(errors="replace"), LONGEST_READ))
 
 
 class TextJoiner:
@@ -61,7 +65,10 @@ class TextJoiner:
         if held and (chunk.id != held[0].id or chunk.index != held[-1].index + 1):
             texts.append(_broken(held))
             held = []
-        held.append(chunk)
+        if len(held) == _CHUNKS_HELD:
+            held[-1] = chunk  # too long to be read anyway: what goes on is not kept
+        else:
+            held.append(chunk)
         if chunk.last:
             texts.append(_whole(held))
         else:

@@ -16,6 +16,7 @@ from formation.topics import Drop, Topic
 from wire.foxglove import View, views_of
 from wire.mcap_file import McapFile, Stored, message_record
 from wire.mcap_read import Entry, Log, LogCheck, LogError, check_log, read_log
+from wire.private_files import private
 from wire.schema import Schema, schema_of
 
 __all__ = ["Entry", "Log", "LogCheck", "LogError", "LogWriter", "check_log", "read_log"]
@@ -50,13 +51,16 @@ class LogWriter:
     """
 
     def __init__(self, path: Path, metadata: Mapping[str, str], *, threaded: bool = True) -> None:
-        """Create the file (OSError) with the metadata record "run" first; `threaded=False` writes in line."""
+        """Create the file (OSError), its owner's alone, with the metadata record "run" first.
+
+        `threaded=False` writes in line.
+        """
         self.path = path
         self.failure: OSError | None = None
         self.lost = 0
         self._sequence = 0
         self._pending: deque[Stored] = deque()
-        self._stream = FileIO(path, "w")
+        self._stream = FileIO(path, "w", opener=private)
         self._file = McapFile(self._stream, _LIBRARY)
         self._file.add_metadata("run", metadata)
         self._channels = {topic.name: self._open(topic) for topic in topics.ALL}

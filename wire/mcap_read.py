@@ -76,28 +76,32 @@ def check_log(path: Path) -> LogCheck:
         first_ns = entry.t_ns if first_ns is None else min(first_ns, entry.t_ns)
         last_ns = entry.t_ns if last_ns is None else max(last_ns, entry.t_ns)
     if damage.missing:
-        damage.notes.append(f"{damage.missing} messages are missing")
+        damage.note(f"{damage.missing} messages are missing")
     if not damage.finished:
-        damage.notes.append("the file was not closed: it has no summary")
-    return LogCheck(dict(counts), first_ns, last_ns, complete=not damage.notes, damage=damage.text())
+        damage.note("the file was not closed: it has no summary")
+    return LogCheck(dict(counts), first_ns, last_ns, complete=not damage.faults, damage=damage.text())
 
 
 def _entries(path: Path, damage: Damage) -> Iterator[Entry]:
     """The entries of our own topics; channels of others (Foxglove's views) are passed over."""
     schemas: dict[int, Schema] = {}
     readers: dict[int, _Reader | None] = {}
+    made: dict[tuple[str, int], _Reader | None] = {}
     for record in scan(path, damage):
         if isinstance(record, Metadata) and (lost := record.metadata.get("lost", "0")) != "0":
-            damage.notes.append(f"{lost} messages were dropped while recording")
+            damage.note(f"{lost} messages were dropped while recording")
         elif isinstance(record, Schema):
             schemas.setdefault(record.id, record)
         elif isinstance(record, Channel):
             if record.id not in readers:
-                readers[record.id] = _reader(record, schemas, damage)
+                key = (record.topic, record.schema_id)  # many channels may share one large schema
+                if key not in made:
+                    made[key] = _reader(record, schemas, damage)
+                readers[record.id] = made[key]
         elif isinstance(record, Messages):
             for channel, t_ns, data in _messages(record, damage):
                 if channel not in readers:
-                    damage.notes.append(f"messages of channel {channel}, which the file does not describe")
+                    damage.note(f"messages of channel {channel}, which the file does not describe")
                     readers[channel] = None
                 reader = readers[channel]
                 if reader is None:
@@ -105,7 +109,10 @@ def _entries(path: Path, damage: Damage) -> Iterator[Entry]:
                 try:
                     yield Entry(reader.topic, t_ns, reader.decode(data))
                 except SchemaError as error:
-                    damage.notes.append(f"{reader.topic.name} at {t_ns}: {error}")
+                    damage.note(f"{reader.topic.name} at {t_ns}: {error}")
+            if not damage.records_left:
+                damage.note("it holds more records than any log of its size: the rest is not read")
+                return
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +135,7 @@ def _reader(channel: Channel, schemas: Mapping[int, Schema], damage: Damage) -> 
     try:
         return _Reader(topic, schema.decoder(written.data))
     except SchemaError as error:
-        damage.notes.append(str(error))
+        damage.note(str(error))
         return None
 
 
@@ -136,7 +143,8 @@ def _messages(chunk: Messages, damage: Damage) -> Iterator[tuple[int, int, bytes
     """(channel, log time, data) of each message of a chunk."""
     raw = chunk.raw
     at = 0
-    while at + _HEAD.size <= len(raw):
+    while at + _HEAD.size <= len(raw) and damage.records_left:
+        damage.records_left -= 1
         opcode, length = _HEAD.unpack_from(raw, at)
         at += _HEAD.size
         if opcode == Opcode.MESSAGE and _MESSAGE.size <= length <= len(raw) - at:

@@ -1,6 +1,8 @@
 """The sound records of an MCAP file that may be truncated or damaged, and what was found wrong.
 
-Every chunk stands alone behind a checksum. What does not check is skipped and told, never guessed at.
+Every chunk stands alone behind a checksum. What does not check is skipped and told, never guessed at. The work is
+bounded by the file's size, whatever it holds: each byte is searched once, each place judged once, and all that is
+unpacked is counted before it is.
 """
 
 import mmap
@@ -24,6 +26,19 @@ _FOOTER_SIZE = 9 + 20
 _ZSTD = b"\4\0\0\0zstd"
 _ZSTD_OFFSET = 9 + 8 + 8 + 8 + 4
 _MALFORMED = (EndOfFile, struct.error, UnicodeDecodeError)
+CHUNK_MOST = 1 << 26
+"""Bytes of one chunk unpacked."""
+WORK_LEAST, WORK_A_BYTE = 1 << 26, 100
+"""Bytes unpacked in all: these, and so many more for each byte of the file; our logs unpack to few times their size."""
+RECORDS_LEAST, BYTES_A_RECORD = 1 << 17, 4
+"""Records read in all: these, and one more for so many bytes of the file."""
+_NOTES = 5
+_KINDS: dict[int, type[Schema | Channel | Metadata | DataEnd]] = {
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.METADATA: Metadata,
+    Opcode.DATA_END: DataEnd,
+}
 
 
 class LogError(ValueError):
@@ -42,17 +57,25 @@ Record = Schema | Channel | Metadata | Messages
 
 @dataclass(slots=True)
 class Damage:
-    """What was found wrong so far."""
+    """What was found wrong so far; the first faults are kept in words, all are counted."""
 
     notes: list[str] = field(default_factory=list)
+    faults: int = 0
     finished: bool = False
     sequence: int = 0
     missing: int = 0
+    records_left: int = RECORDS_LEAST
+
+    def note(self, text: str) -> None:
+        """One more fault."""
+        self.faults += 1
+        if len(self.notes) < _NOTES:
+            self.notes.append(text)
 
     def text(self) -> str:
         """One line; empty for a sound file."""
-        shown = self.notes[:5] + ([f"and {len(self.notes) - 5} more"] if len(self.notes) > 5 else [])
-        return "; ".join(shown)
+        more = self.faults - len(self.notes)
+        return "; ".join([*self.notes, *([f"and {more} more"] if more else [])])
 
 
 def scan(path: Path, damage: Damage) -> Iterator[Record]:
@@ -61,10 +84,15 @@ def scan(path: Path, damage: Damage) -> Iterator[Record]:
         if file.seek(0, 2) == 0:
             raise LogError(f"{path}: empty")
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            if data[:8] != MCAP0_MAGIC and _next_chunk(data, 0, len(data)) is None:
-                raise LogError(f"{path}: not an MCAP file")
-            yield from _summary(data)
-            yield from _data_section(data, damage)
+            scanner = _Scanner(data, damage)
+            damage.records_left = RECORDS_LEAST + len(data) // BYTES_A_RECORD
+            try:
+                if data[:8] != MCAP0_MAGIC and scanner.next_chunk(0, len(data)) is None:
+                    raise LogError(f"{path}: not an MCAP file")
+                yield from _summary(data)
+                yield from scanner.records()
+            except _TooMuchError:
+                damage.note(f"it would unpack to more than {scanner.allowed} bytes, which no log of its size holds")
 
 
 def _summary(data: mmap.mmap) -> Iterator[Schema | Channel]:
@@ -78,55 +106,128 @@ def _summary(data: mmap.mmap) -> Iterator[Schema | Channel]:
         return
     if footer.summary_crc != zlib.crc32(data[start : footer_at + _FOOTER_SIZE - 4]):
         return
-    for _, opcode, body in _walk(data, start, footer_at):
-        record = _parse(opcode, body)
-        if isinstance(record, Schema | Channel):
-            yield record
+    for at, opcode, stop in _walk(data, start, footer_at):
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            record = _parse(opcode, data[at + _HEAD.size : stop])
+            if isinstance(record, Schema | Channel):
+                yield record
 
 
-def _walk(data: mmap.mmap, at: int, end: int) -> Iterator[tuple[int, int, bytes]]:
-    """(position, opcode, body) of the records from `at`, as long as they fit before `end`."""
+def _walk(data: mmap.mmap, at: int, end: int) -> Iterator[tuple[int, int, int]]:
+    """(position, opcode, position behind it) of the records from `at`, as long as they fit before `end`."""
     while at + _HEAD.size <= end:
         opcode, length = _HEAD.unpack_from(data, at)
         stop = at + _HEAD.size + length
         if stop > end:
             return
-        yield at, opcode, data[at + _HEAD.size : stop]
+        yield at, opcode, stop
         at = stop
 
 
-def _data_section(data: mmap.mmap, damage: Damage) -> Iterator[Record]:
-    """The data section's records, skipping from damage to the next sound chunk."""
-    at = len(MCAP0_MAGIC)
-    if data[:at] != MCAP0_MAGIC:
-        damage.notes.append("the file does not start as an MCAP file")
-    end = len(data)
-    while at < end:
-        reached = at
-        sound = True
-        for position, opcode, body in _walk(data, at, end):
-            record = _parse(opcode, body)
-            stop = position + _HEAD.size + len(body)
-            # A record that swallows a sound chunk is none: its length is damaged.
-            if record is None or _next_chunk(data, position + 1, stop) is not None:
-                sound = False
-                break
-            reached = stop
-            if isinstance(record, DataEnd):
-                if not damage.notes and record.data_section_crc not in (0, _crc(data, position)):
-                    damage.notes.append("the checksum of the whole is wrong")
-                damage.finished = data[-8:] == MCAP0_MAGIC
+class _TooMuchError(Exception):
+    """The file asks for more work than its size can be worth."""
+
+
+class _Scanner:
+    """One pass over one file."""
+
+    def __init__(self, data: mmap.mmap, damage: Damage) -> None:
+        self.allowed = WORK_LEAST + WORK_A_BYTE * len(data)
+        self._data = data
+        self._damage = damage
+        self._left = self.allowed
+        self._unsound: set[int] = set()
+        self._last: tuple[int, Messages] | None = None
+
+    def records(self) -> Iterator[Record]:
+        """The data section's records, skipping from damage to the next sound chunk. Raises _TooMuchError."""
+        data, damage = self._data, self._damage
+        at = len(MCAP0_MAGIC)
+        if data[:at] != MCAP0_MAGIC:
+            damage.note("the file does not start as an MCAP file")
+        end = len(data)
+        while at < end:
+            reached = at
+            sound = True
+            for position, opcode, stop in _walk(data, at, end):
+                record = self._record(position, opcode, stop)
+                if record is None:
+                    sound = False
+                    break
+                reached = stop
+                if isinstance(record, DataEnd):
+                    if not damage.faults and record.data_section_crc not in (0, _crc(data, position)):
+                        damage.note("the checksum of the whole is wrong")
+                    damage.finished = data[-8:] == MCAP0_MAGIC
+                    return
+                if not isinstance(record, bytes):
+                    yield record
+            following = self.next_chunk(reached + 1, end)
+            if following is None:
+                lost = end - reached
+                if lost:
+                    damage.note(f"the last {lost} bytes cannot be read" if sound else f"{lost} bytes damaged")
                 return
-            if not isinstance(record, bytes):
-                yield record
-        following = _next_chunk(data, reached + 1, end)
-        if following is None:
-            lost = end - reached
-            if lost:
-                damage.notes.append(f"the last {lost} bytes cannot be read" if sound else f"{lost} bytes damaged")
-            return
-        damage.notes.append(f"bytes {reached} to {following} cannot be read")
-        at = following
+            damage.note(f"bytes {reached} to {following} cannot be read")
+            at = following
+
+    def next_chunk(self, start: int, end: int) -> int | None:
+        """Position of the next sound chunk between `start` and `end`. Raises _TooMuchError."""
+        at = start + _ZSTD_OFFSET
+        while (at := self._data.find(_ZSTD, at, end)) >= 0:
+            position = at - _ZSTD_OFFSET
+            if self._chunk(position) is not None:
+                return position
+            at += 1
+        return None
+
+    def _record(self, position: int, opcode: int, stop: int) -> Record | DataEnd | bytes | None:
+        """The record, its bytes where it does not matter here, None if it is damaged."""
+        if opcode == Opcode.CHUNK:
+            return self._chunk(position)
+        # A record that swallows a sound chunk is none: its length is damaged.
+        if self.next_chunk(position + 1, stop) is not None:
+            return None
+        return _parse(opcode, self._data[position + _HEAD.size : stop])
+
+    def _chunk(self, position: int) -> Messages | None:
+        """The records of the chunk at `position`, None if there is no sound one."""
+        if self._last is not None and self._last[0] == position:
+            return self._last[1]
+        if position in self._unsound:
+            return None
+        found = self._unpack(position)
+        if found is None:
+            self._unsound.add(position)
+        else:
+            self._last = position, found
+        return found
+
+    def _unpack(self, position: int) -> Messages | None:
+        data = self._data
+        opcode, length = _HEAD.unpack_from(data, position)
+        stop = position + _HEAD.size + length
+        if opcode != Opcode.CHUNK or stop > len(data):
+            return None
+        self._spend(length)
+        stream = ReadDataStream(BytesIO(data[position + _HEAD.size : stop]))
+        try:
+            chunk = Chunk.read(stream)
+        except _MALFORMED:
+            return None
+        if stream.count != length or chunk.uncompressed_size > CHUNK_MOST:
+            return None
+        self._spend(chunk.uncompressed_size)
+        raw = _uncompressed(chunk)
+        crc = chunk.uncompressed_crc
+        if raw is None or len(raw) != chunk.uncompressed_size or (crc and zlib.crc32(raw) != crc):
+            return None
+        return Messages(raw)
+
+    def _spend(self, work: int) -> None:
+        self._left -= work
+        if self._left < 0:
+            raise _TooMuchError
 
 
 def _crc(data: mmap.mmap, end: int) -> int:
@@ -134,49 +235,26 @@ def _crc(data: mmap.mmap, end: int) -> int:
         return zlib.crc32(part)
 
 
-def _parse(opcode: int, body: bytes) -> Record | DataEnd | bytes | None:
-    """The record, its bytes where it does not matter here, None if it is damaged."""
-    stream = ReadDataStream(BytesIO(body))
-    record: Record | DataEnd
+def _parse(opcode: int, body: bytes) -> Schema | Channel | Metadata | DataEnd | bytes | None:
+    """A record that is no chunk, its bytes where it does not matter here, None if it is damaged."""
+    kind = _KINDS.get(opcode)
+    if kind is None:
+        return body if Opcode.HEADER <= opcode <= Opcode.SUMMARY_OFFSET else None
     try:
-        if opcode == Opcode.CHUNK:
-            chunk = Chunk.read(stream)
-            return _uncompressed(chunk) if stream.count == len(body) else None
-        if opcode == Opcode.SCHEMA:
-            record = Schema.read(stream)
-        elif opcode == Opcode.CHANNEL:
-            record = Channel.read(stream)
-        elif opcode == Opcode.METADATA:
-            record = Metadata.read(stream)
-        elif opcode == Opcode.DATA_END:
-            record = DataEnd.read(stream)
-        else:
-            return body if Opcode.HEADER <= opcode <= Opcode.SUMMARY_OFFSET else None
+        record: Schema | Channel | Metadata | DataEnd = kind.read(ReadDataStream(BytesIO(body)))
     except _MALFORMED:
         return None
     return record
 
 
-def _uncompressed(chunk: Chunk) -> Messages | None:
-    """The chunk's records, None unless they have the checksum they should."""
-    raw = chunk.data
-    if chunk.compression == "zstd":
-        try:
-            raw = zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=chunk.uncompressed_size)
-        except (zstandard.ZstdError, MemoryError):
+def _uncompressed(chunk: Chunk) -> bytes | None:
+    """The chunk's bytes, None where they are packed otherwise or not as many as they say."""
+    if chunk.compression != "zstd":
+        return chunk.data
+    try:
+        # A frame that tells its size is given that much, whatever the limit says: ask it first.
+        if zstandard.frame_content_size(chunk.data) not in (-1, chunk.uncompressed_size):
             return None
-    if len(raw) != chunk.uncompressed_size or (chunk.uncompressed_crc and zlib.crc32(raw) != chunk.uncompressed_crc):
+        return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=chunk.uncompressed_size)
+    except (zstandard.ZstdError, MemoryError):
         return None
-    return Messages(raw)
-
-
-def _next_chunk(data: mmap.mmap, start: int, end: int) -> int | None:
-    """Position of the next sound chunk between `start` and `end`."""
-    at = start + _ZSTD_OFFSET
-    while (at := data.find(_ZSTD, at, end)) >= 0:
-        position = at - _ZSTD_OFFSET
-        first = next(_walk(data, position, len(data)), None)
-        if first is not None and first[1] == Opcode.CHUNK and isinstance(_parse(first[1], first[2]), Messages):
-            return position
-        at += 1
-    return None

@@ -20,15 +20,12 @@ import zenoh
 from formation.messages import Event, LabFrame, RawFrame
 from wire import clock
 from wire.frame_check import lab_fault
-from wire.refusals import Refusals
 from wire.schema import Schema, SchemaError, schema_of
 from wire.sender_clock import SenderClock
 from wire.zenoh_bus import ZenohBus
 
 T = TypeVar("T")
 
-LARGEST = 192 * 1024
-"""Bytes of a frame of a thousand bodies of long names, and some."""
 _RAW: Schema[RawFrame] = schema_of(RawFrame)
 _FRAME: Schema[LabFrame] = schema_of(LabFrame)
 _EVENT: Schema[Event] = schema_of(Event)
@@ -36,10 +33,9 @@ _ALIVE = "mocap/alive"
 
 
 class MocapBus:
-    """One process's view of it. Callbacks run on the event loop; `refusals` says what was not handed on."""
+    """One process's view of it. Callbacks run on the event loop; what is not handed on, the bus's `refusals` say."""
 
     def __init__(self, bus: ZenohBus) -> None:
-        self.refusals = Refusals()
         self._bus = bus
         self._clock_name = clock.name()
         self._clocks: dict[bytes, SenderClock] = {}
@@ -80,7 +76,7 @@ class MocapBus:
             if fault is None:
                 callback(frame)
             else:
-                self.refusals.note("mocap/frame", f"frame {fault}", now_ns)
+                self._bus.refuse("mocap/frame", f"frame {fault}")
 
         self._bus.listen("mocap/frame", take, limit=1)
 
@@ -106,15 +102,14 @@ class MocapBus:
         """Call back with how the mocap process is doing."""
 
         def take(sample: zenoh.Sample) -> None:
-            data = sample.payload.to_bytes()
             try:
-                state = json.loads(data) if len(data) <= LARGEST else None
+                state = json.loads(sample.payload.to_bytes())
             except ValueError:
                 state = None
             if isinstance(state, dict):
                 callback(state)
             else:
-                self.refusals.note("mocap/state", "no JSON object", clock.monotonic_ns())
+                self._bus.refuse("mocap/state", "no JSON object")
 
         self._bus.listen("mocap/state", take, limit=1)
 
@@ -139,15 +134,11 @@ class MocapBus:
             close()
 
     def _decoded(self, key: str, schema: Schema[T], sample: zenoh.Sample) -> T | None:
-        data = sample.payload.to_bytes()
         try:
-            if len(data) <= LARGEST:
-                return schema.decode(data)
-            reason = f"more than {LARGEST} bytes"
+            return schema.decode(sample.payload.to_bytes())
         except SchemaError:
-            reason = f"no {schema.name}"
-        self.refusals.note(key, reason, clock.monotonic_ns())
-        return None
+            self._bus.refuse(key, f"no {schema.name}")
+            return None
 
     def _on_our_clock(self, frame: LabFrame, sender: zenoh.ZBytes | None, now_ns: int) -> LabFrame:
         """The frame with its stamps on our clock. What another machine received and published is one moment."""

@@ -123,8 +123,7 @@ class Schema(Generic[T]):
                     values[field.name] = value
         except (ValueError, IndexError, struct.error) as error:
             raise SchemaError(f"{self.name}: {error}") from error
-        for name, items in many.items():
-            values[name] = tuple(items)
+        values.update((name, tuple(items)) for name, items in many.items())
         if len(values) < len(self._fields):
             for field in self._fields:
                 values.setdefault(field.name, None if field.optional else field.default)

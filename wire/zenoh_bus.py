@@ -13,14 +13,17 @@ import asyncio
 import json
 import re
 from collections.abc import Callable, Iterable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import zenoh
 
 from formation.config import LinkConfig
 from formation.messages import Datagram, OperatorReply, OperatorRequest, Truth
+from wire import clock
 from wire.inbox import Inbox, on_loop
-from wire.link import Deliver, LinkCounters
+from wire.link import LARGEST_DATAGRAM, READS_A_TURN, Deliver, LinkCounters
+from wire.plain_text import plain
+from wire.refusals import Refusals
 from wire.schema import Schema, SchemaError, schema_of
 
 T = TypeVar("T")
@@ -34,6 +37,11 @@ _REPLY: Schema[OperatorReply] = schema_of(OperatorReply)
 # Zenoh's errors end in a line of its own source, which tells an operator nothing.
 _SOURCE_LINE = re.compile(r" at \S+\.rs:\d+\.?")
 _QUEUED = 1024
+_QUEUED_OF_A_DRONE = 128
+_QUEUED_REQUESTS = 256
+LARGEST_PAYLOAD = 1 << 18
+"""Bytes of a payload that are read: a frame of a thousand bodies, a state of hundreds of drones, a quarter of it."""
+LARGEST_REQUEST = 1024
 _ASK_AGAIN_S = 0.05
 _RETRY = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
 
@@ -49,13 +57,13 @@ class ZenohLink:
         self,
         publishers: dict[int, zenoh.Publisher],
         subscribers: list[zenoh.Subscriber[None]],
-        inbox: Inbox[Datagram],
+        inboxes: tuple[Inbox[Datagram], ...],
         counters: LinkCounters,
     ) -> None:
         self.counters = counters
         self._publishers = publishers
         self._subscribers = subscribers
-        self._inbox = inbox
+        self._inboxes = inboxes
 
     def send(self, datagram: Datagram) -> None:
         """Publish to (or as) the drone `sysid`; KeyError for a drone that is none of this link's."""
@@ -67,7 +75,8 @@ class ZenohLink:
 
     def close(self) -> None:
         """Stop publishing and delivering."""
-        self._inbox.close()
+        for inbox in self._inboxes:
+            inbox.close()
         for subscriber in self._subscribers:
             subscriber.undeclare()  # type: ignore[no-untyped-call]
         for publisher in self._publishers.values():
@@ -77,19 +86,23 @@ class ZenohLink:
 class ZenohBus:
     """One process's place on the lab's bus. All callbacks run on the event loop that opened it."""
 
-    def __init__(self, session: zenoh.Session, lab: str) -> None:
+    def __init__(self, session: zenoh.Session, lab: str, refusals: Refusals) -> None:
         self.lab = lab
         self.counters = LinkCounters()
-        self.bad_payloads = 0
+        self.refusals = refusals
+        """What was refused of what came by this bus, and by any link of the same process that is given it."""
         self._session = session
         self._loop = asyncio.get_running_loop()
-        self._inboxes: list[Inbox[zenoh.Sample]] = []
+        self._inboxes: list[Inbox[Any]] = []
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._tokens: list[zenoh.LivelinessToken] = []
 
     @classmethod
-    async def open(cls, config: LinkConfig, lab: str) -> "ZenohBus":
-        """Join the bus; peers that are not there yet are retried for ever. BusError."""
+    async def open(cls, config: LinkConfig, lab: str, refusals: Refusals | None = None) -> "ZenohBus":
+        """Join the bus; peers that are not there yet are retried for ever. BusError.
+
+        refusals: where to note what is refused; a register of its own if none is given.
+        """
         if "*" in lab or "$" in lab:
             raise BusError(f"lab {lab!r}: * and $ stand for other names on the bus")
         try:
@@ -98,7 +111,7 @@ class ZenohBus:
         except zenoh.ZError as error:
             reason = _SOURCE_LINE.sub("", str(error))
             raise BusError(f"lab {lab!r}, {config.zenoh_listen or config.zenoh_connect}: {reason}") from error
-        return cls(session, lab)
+        return cls(session, lab, refusals or Refusals())
 
     async def close(self) -> None:
         """Leave the bus; nothing is delivered afterwards."""
@@ -123,10 +136,26 @@ class ZenohBus:
             self.counters.dropped += 1
 
     def listen(self, key: str, take: Callable[[zenoh.Sample], None], limit: int) -> None:
-        """Hand over what comes on a key of the lab; at most `limit` wait, the oldest is lost."""
-        inbox = Inbox(self._loop, take, self.counters, limit)
+        """Hand over what comes on a key of the lab, if not too large; at most `limit` wait, the oldest is lost."""
+
+        def take_bounded(sample: zenoh.Sample | None) -> None:
+            if sample is None:
+                self.refuse(key, f"payload larger than {LARGEST_PAYLOAD} bytes")
+            else:
+                take(sample)
+
+        inbox = Inbox(self._loop, take_bounded, self.counters, limit)
+
+        def put(sample: zenoh.Sample) -> None:
+            inbox.put(sample if len(sample.payload) <= LARGEST_PAYLOAD else None)
+
         self._inboxes.append(inbox)
-        self._session.declare_subscriber(f"{self.lab}/{key}", zenoh.handlers.Callback(inbox.put))
+        self._session.declare_subscriber(f"{self.lab}/{key}", zenoh.handlers.Callback(put))
+
+    def refuse(self, key: str, reason: str) -> None:
+        """Count and note what came on a key of the lab and was refused."""
+        self.counters.refused += 1
+        self.refusals.note(f"{self.lab}/{key}", reason, clock.monotonic_ns())
 
     def is_heard(self, key: str) -> bool:
         """Whether anybody listens to what we publish on the key."""
@@ -171,7 +200,13 @@ class ZenohBus:
     def serve(self, gcs_name: str, handler: Handler) -> None:
         """Answer operators' requests as the ground `gcs_name`: `handler(request, reply)`, reply once, now or later."""
         key = f"{self.lab}/gcs/{gcs_name}/do"
-        inbox = Inbox[zenoh.Query](self._loop, lambda query: self._handle(key, query, handler), self.counters, _QUEUED)
+
+        def take(query: zenoh.Query) -> None:
+            self._handle(gcs_name, query, handler)
+
+        # One at a time: each may cost the ground a tick.
+        inbox = Inbox(self._loop, take, self.counters, _QUEUED_REQUESTS, turn=1)
+        self._inboxes.append(inbox)
         self._session.declare_queryable(key, zenoh.handlers.Callback(inbox.put))
 
     async def ask(self, gcs_name: str, request: OperatorRequest, timeout_s: float) -> OperatorReply:
@@ -191,17 +226,28 @@ class ZenohBus:
     def _link(self, sysids: list[int], out: str, into: str, deliver: Deliver) -> ZenohLink:
         base = f"{self.lab}/uav"
         counters = LinkCounters()
-        inbox = Inbox(self._loop, deliver, counters, _QUEUED)
 
-        def listen(sysid: int) -> zenoh.Subscriber[None]:
-            def take(sample: zenoh.Sample) -> None:
-                inbox.put(Datagram(sysid, sample.payload.to_bytes()))
+        def take(datagram: Datagram) -> None:
+            if datagram.data:
+                deliver(datagram)
+                return
+            counters.refused += 1
+            reason = f"datagram that is empty or larger than {LARGEST_DATAGRAM} bytes"
+            self.refusals.note(f"{base}/{datagram.sysid}", reason, clock.monotonic_ns())
+
+        def listen(sysid: int, inbox: Inbox[Datagram]) -> zenoh.Subscriber[None]:
+            def put(sample: zenoh.Sample) -> None:
+                size = len(sample.payload)
+                inbox.put(Datagram(sysid, sample.payload.to_bytes() if size <= LARGEST_DATAGRAM else b""))
 
             key = f"{base}/{sysid}/mavlink/{into}"
-            return self._session.declare_subscriber(key, zenoh.handlers.Callback(take))
+            return self._session.declare_subscriber(key, zenoh.handlers.Callback(put))
 
+        # A queue and a turn for each drone: what floods one key costs no other drone a datagram.
+        inboxes = {sysid: Inbox(self._loop, take, counters, _QUEUED_OF_A_DRONE, turn=READS_A_TURN) for sysid in sysids}
         publishers = {sysid: self._publisher(f"{base}/{sysid}/mavlink/{out}") for sysid in sysids}
-        return ZenohLink(publishers, [listen(sysid) for sysid in sysids], inbox, counters)
+        subscribers = [listen(sysid, inbox) for sysid, inbox in inboxes.items()]
+        return ZenohLink(publishers, subscribers, tuple(inboxes.values()), counters)
 
     def _publisher_of(self, key: str) -> zenoh.Publisher:
         """The publisher of a key of the lab, made once."""
@@ -223,20 +269,25 @@ class ZenohBus:
             try:
                 message = schema.decode(sample.payload.to_bytes())
             except SchemaError:
-                self.bad_payloads += 1
+                self.refuse(key, "payload that is no message of its kind")
                 return
             callback(message)
 
         self.listen(key, take, limit)
 
-    def _handle(self, key: str, query: zenoh.Query, handler: Handler) -> None:
+    def _handle(self, gcs_name: str, query: zenoh.Query, handler: Handler) -> None:
         """One query: its handler gets a `reply` that answers and ends it."""
+        payload = b"" if query.payload is None or len(query.payload) > LARGEST_REQUEST else query.payload.to_bytes()
         try:
-            request = _REQUEST.decode(query.payload.to_bytes() if query.payload is not None else b"")
+            request = _REQUEST.decode(payload) if payload else None
         except SchemaError:
-            self.bad_payloads += 1
+            request = None
+        if request is None:
+            self.refuse(f"gcs/{gcs_name}/do", "request that is none, or too long")
             query.drop()  # type: ignore[no-untyped-call]
             return
+
+        key = f"{self.lab}/gcs/{gcs_name}/do"
 
         def reply(answer: OperatorReply) -> None:
             try:
@@ -245,7 +296,7 @@ class ZenohBus:
                 self.counters.dropped += 1
             query.drop()  # type: ignore[no-untyped-call]
 
-        handler(request, reply)
+        handler(OperatorRequest(request.id, request.verb, plain(request.argument, LARGEST_REQUEST)), reply)
 
     async def _get(self, key: str, payload: bytes, timeout_s: float) -> bytes | None:
         """The first reply's bytes; None where the query ends without one, because nobody serves the key."""

@@ -8,6 +8,7 @@ from analysis.identify.sensing import Sensing, sense
 from analysis.identify.signals import seen, sent
 from analysis.identify.thrust import Thrust
 from analysis.load import Flight, Vehicle
+from formation.model import LONGEST_NAME
 from formation.rigid_body import GRAVITY_M_S2
 from formation.vehicle import PAPER_40G, VehicleProfile
 
@@ -25,7 +26,7 @@ class Identified:
     def name(self) -> str:
         """What its profile is called."""
         ending = f"_{self.vehicle.body}"
-        return self.base.name.removesuffix(ending) + ending
+        return (self.base.name.removesuffix(ending) + ending)[-LONGEST_NAME:]
 
     def profile(self) -> VehicleProfile:
         """The base profile with everything this flight could tell put in; the mass stays the one assumed."""

@@ -15,6 +15,7 @@ from formation.config import LabConfig
 from gcs.cli_common import NOT_RIGHT, REFUSED, Json, LabFile, configuration, fail, tell
 from gcs.doctor.finding import Finding, Refit, as_dicts, failed, show
 from gcs.mocap.service import ServiceError
+from wire.private_files import make_folder
 
 if TYPE_CHECKING:
     from gcs.doctor.survey import Survey
@@ -57,7 +58,7 @@ def logs(
 ) -> None:
     """Download the drones' own flight logs."""
     config = configuration(lab)
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     try:
         problems = uvloop.run(_logs(config, lab, out, newest, sysid))
     except ServiceError as error:

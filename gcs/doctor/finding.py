@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 
 class Grade(StrEnum):
@@ -84,7 +85,8 @@ def show(findings: Sequence[Finding], console: Console) -> None:
     for column in ("", "of", "check", "found", "wanted", "why"):
         table.add_column(column, overflow="fold")
     for f in findings:
-        table.add_row(f"[{STYLES[f.grade]}]{f.grade}[/]", f.subject, f.check, f.found, f.wanted, f.why)
+        words = map(Text, (f.subject, f.check, f.found, f.wanted, f.why))  # what drones said is never markup
+        table.add_row(Text(f.grade, STYLES[f.grade]), *words)
     console.print(table)
     count = {grade: sum(f.grade is grade for f in findings) for grade in Grade}
     console.print(", ".join(f"{count[grade]} {grade}" for grade in Grade))

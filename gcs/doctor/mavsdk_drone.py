@@ -18,6 +18,9 @@ from mavsdk.plugins.info import InfoError
 from mavsdk.plugins.log_files import LogFilesError
 from mavsdk.plugins.param import ParamError, ParamResult
 
+from wire.plain_text import plain
+from wire.private_files import inside
+
 LOOPBACK = "127.0.0.1"
 DISCOVERY_S, HEALTH_S, LISTING_S = 10.0, 5.0, 20.0
 LARGEST = 65536
@@ -132,15 +135,21 @@ async def fetch_logs(system: Any, folder: Path, prefix: str, newest: int, tell: 
         raise DroneError(f"{prefix}: no list of logs came") from error
     fetched = []
     for entry in sorted(entries, key=lambda entry: int(entry.id), reverse=True)[:newest]:
-        path = folder / f"{prefix}-{entry.id}-{entry.date.replace(':', '')}.log"
+        path = log_path(folder, prefix, entry.id, entry.date)
         tell(f"{path} ({entry.size_bytes / 1e6:.1f} MB)")
         try:
             async for _ in files.download_log_file(entry, str(path)):
                 pass
         except LogFilesError as error:
             raise DroneError(f"{path}: {error}") from error
+        path.chmod(0o600)
         fetched.append(path)
     return fetched
+
+
+def log_path(folder: Path, prefix: str, number: int, date: str) -> Path:
+    """Where a drone's log goes; its date is the drone's own word, and stays inside the folder."""
+    return inside(folder, f"{prefix}-{number}-{plain(date, 30).replace(':', '')}.log")
 
 
 async def _version(system: Any) -> str:

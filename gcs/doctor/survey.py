@@ -29,6 +29,7 @@ from gcs.mocap.autopilot_poses import AutopilotPoses, streams
 from gcs.mocap.service import mocap_service
 from wire import clock
 from wire.lifetime import Tell
+from wire.mavlink_frames import packed
 from wire.mocap_bus import MocapBus
 from wire.zenoh_bus import ZenohBus
 
@@ -93,7 +94,8 @@ class Survey:
             for sysid, link in self.drones.items():
                 messages = [*([HEARTBEAT] if beat else []), *link.due(now_ns)]
                 if messages:
-                    self.send(sysid, b"".join(link.codec.encode(message) for message in messages))
+                    for data in packed(b"".join(link.codec.encode(message) for message in messages)):
+                        self.send(sysid, data)
             await asyncio.sleep(PUMP_S)
 
     async def settle(self) -> None:

@@ -19,10 +19,10 @@ SOURCE = "mocap"
 
 
 class MocapCore:
-    """One lab's. `refusals` tells what was refused, each reason once a second at most."""
+    """One lab's. `refusals`: where to note what is refused; a register of its own if none is given."""
 
-    def __init__(self, config: LabConfig) -> None:
-        self.refusals = Refusals()
+    def __init__(self, config: LabConfig, refusals: Refusals | None = None) -> None:
+        self.refusals = refusals or Refusals()
         self.frames = 0
         self.unknown: Counter[str] = Counter()
         self._alignment = Alignment(config)

@@ -18,6 +18,7 @@ from gcs.mocap.source import Frame, Timed, play, recording
 from wire import clock
 from wire.lifetime import Stop, Tell
 from wire.mocap_bus import MocapBus
+from wire.refusals import Refusals
 from wire.zenoh_bus import ZenohBus
 
 WATCH_NS = 100_000_000
@@ -29,8 +30,8 @@ OTHERS_S = 0.5
 class Mocap:
     """One MocapCore between its source and the bus."""
 
-    def __init__(self, config: LabConfig, bus: MocapBus, tell: Tell) -> None:
-        self._core = MocapCore(config)
+    def __init__(self, config: LabConfig, bus: MocapBus, refusals: Refusals, tell: Tell) -> None:
+        self._core = MocapCore(config, refusals)
         self._bus = bus
         self._tell = tell
         self._source = config.mocap.source
@@ -50,7 +51,7 @@ class Mocap:
         """Tell what was refused and how things are; return when nobody has listened for `linger_s`, if given."""
         while True:
             now_ns = clock.monotonic_ns()
-            for event in (*self._core.refusals.due(now_ns), *self._bus.refusals.due(now_ns), *self._newly_unknown()):
+            for event in (*self._core.refusals.due(now_ns), *self._newly_unknown()):
                 self.say(event)
             if now_ns - self._state_ns >= STATE_NS:
                 self._state_ns = now_ns
@@ -96,7 +97,7 @@ async def run(config: LabConfig, linger_s: float | None, tell: Tell) -> None:
         mocap_bus = MocapBus(bus)
         if await mocap_bus.serving(OTHERS_S) is not None:
             raise ServiceError(f"another mocap process serves {config.name!r} already")
-        mocap, recorded = Mocap(config, mocap_bus, tell), recording(config)
+        mocap, recorded = Mocap(config, mocap_bus, bus.refusals, tell), recording(config)
         warm_up.warm_up(config)
         mocap_bus.announce(configuration_name(config))
         await _first_of(mocap.watch(linger_s), _serve(config, recorded, mocap_bus, mocap), stop.wait())

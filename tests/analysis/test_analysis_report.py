@@ -3,6 +3,7 @@
 import io
 import json
 import re
+from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from analysis.plots.style import Missing
 from analysis.report import html, report
 from analysis.tracking import track
 from formation import topics
-from formation.messages import Datagram
+from formation.messages import Datagram, Event, OperatorRequest, Phase, PhaseChange, Severity, Verb
 from formation.topics import Topic
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
@@ -197,3 +198,22 @@ def test_what_is_no_log_is_refused_in_one_line(command: str, tmp_path: Path):
         assert refused.exit_code == 2
         assert refused.stderr.startswith("gcs-log: ")
         assert len(refused.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("words", ["[/]", "$x$ $\\frac{$", "<script>alert(1)</script>", "a & b"])
+def test_words_of_drones_and_people_are_shown_not_read(words: str, tmp_path: Path):
+    """Neither as rich's markup, nor as HTML, nor as mathematics in a picture."""
+    path = tmp_path / "flight.mcap"
+    with LogWriter(path, {**METADATA, "scenario": words, "link": words}, threaded=False) as writer:
+        for record in sorted(records(Recipe()), key=lambda r: r.t_ns):
+            writer.write(record.topic, record.message, record.t_ns)
+        writer.write(topics.EVENT, Event(Severity.ERROR, "left", words), T0_NS + 5_000_000_000)
+        writer.write(topics.REQUEST, OperatorRequest(1, Verb.SHAPE, words), T0_NS + 5_000_000_000)
+        writer.write(topics.PHASE, PhaseChange(Phase.LAND, words), T0_NS + 30_000_000_000)
+    run = CliRunner().invoke(app, ["report", str(path)])
+    assert run.exit_code == 0, run.output
+    assert words in run.output
+    page = (tmp_path / "report.html").read_text()
+    assert escape(words) in page
+    assert "<script>" not in page
+    picture(path, tmp_path / "flight.png")

@@ -104,7 +104,7 @@ def test_the_autopilot_gets_its_pose_from_the_bridge_alone() -> None:
 
 
 def test_frames_pass_byte_for_byte() -> None:
-    bridge = BridgeCore(AgentConfig(bridge="udp:h:1"), 0)
+    bridge = BridgeCore(AgentConfig(bridge="serial:d:1"), 0, serial=True)
     bridge.tick(0)
     ground, drone = Codec(GROUND), Codec(Address(1, 1))
     unknown = b"\xfd\x01\x00\x00\x07\x01\x01\xff\xfe\x0e\x2a\x11\x22"

@@ -92,3 +92,22 @@ def test_a_rotation_written_with_three_decimals_is_one(q):
 )
 def test_endpoints_that_are_some(endpoint):
     assert lab(link={"zenoh_listen": [endpoint]}).link.zenoh_listen == (endpoint,)
+
+
+@pytest.mark.parametrize("name", ["../../x", "a/b", "", "..", "a b", "[/]", "<b>", "x\x1b[2J", "a\n", "x" * 65, "**"])
+def test_a_name_is_what_may_stand_in_a_path_a_key_and_a_page(name):
+    """A body `../../x` wrote its drone's logs outside their folder."""
+    wrong = (
+        {"leader": {"body": name}},
+        {"name": name},
+        {"control_preset": name},
+        {"formation": {"shapes": {name: [{"offset_m": (-0.4, 0.0, 0.0)}]}}},
+        {"profiles": [{**PAPER_40G.model_dump(), "name": name}]},
+    )
+    for values in wrong:
+        with pytest.raises(ValidationError, match="not a name"):
+            lab(**values)
+
+
+def test_a_name_of_letters_digits_dots_and_dashes_is_taken():
+    assert lab(name="Room-3_b.2", leader={"body": "x" * 64}).name == "Room-3_b.2"

@@ -4,6 +4,7 @@ import asyncio
 import os
 import signal
 import socket
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -48,7 +49,7 @@ def _lab_file(config: LabConfig, folder: Path) -> Path:
     return file
 
 
-def _fly_recording(folder: Path, told: list[Event]) -> tuple[Ended, Path]:
+async def _until_over(config: LabConfig, folder: Path, told: list[Event]) -> Ended:
     """The daemon and its mocap process, asked to end when the recording is over."""
 
     def tell(event: Event) -> None:
@@ -56,9 +57,11 @@ def _fly_recording(folder: Path, told: list[Event]) -> tuple[Ended, Path]:
         if event.text == "the recording is over":
             os.kill(os.getpid(), signal.SIGINT)
 
-    config, log = _lab(folder), folder / "flight.mcap"
-    ended = asyncio.run(run(config, _lab_file(config, folder), log, "main", {"scenario": "test"}, tell))
-    return ended, log
+    return await run(config, _lab_file(config, folder), folder / "flight.mcap", "main", {"scenario": "test"}, tell)
+
+
+def _fly_recording(folder: Path, told: list[Event]) -> tuple[Ended, Path]:
+    return asyncio.run(_until_over(_lab(folder), folder, told)), folder / "flight.mcap"
 
 
 def test_frames_are_flown_recorded_and_replayed_bit_by_bit(tmp_path):
@@ -117,4 +120,47 @@ def test_a_port_that_is_taken_is_named(tmp_path):
         link = config.link.model_copy(update={"kind": "udp", "ground_port_base": port - 2})
         config = config.model_copy(update={"link": link})
         with pytest.raises(OSError, match=f"UDP ports {port} on 127.0.0.1: Address already in use"):
-            asyncio.run(run(config, tmp_path / "lab.toml", tmp_path / "flight.mcap", "main", {}, lambda _event: None))
+            asyncio.run(run(config, tmp_path / "flight.mcap", "main", {}, lambda _event: None))
+
+
+STRAYS = (b"\xfe" * 1500, b"\xfd" * 1500, bytes(60_000), b"no MAVLink", b"\xfd\xff\x02" * 500)
+
+
+async def _stray(ports: list[int], pause_s: float) -> None:
+    """Throw strays at the ports, each kind in turn; for ever."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        while True:
+            for port in ports:
+                for stray in STRAYS:
+                    stranger.sendto(stray, ("127.0.0.1", port))
+            await asyncio.sleep(pause_s)
+
+
+def test_strays_cost_no_frame_are_not_recorded_and_are_told_of_once_a_second(tmp_path):
+    """640 a second cost six of ten frames: each was searched byte by byte, and logged."""
+    base = 20_000 + os.getpid() % 10_000
+    plain = _lab(tmp_path)
+    link = {"kind": "udp", "ground_port_base": base, "drone_port_base": base + 10_000}
+    config = plain.model_copy(update={"link": plain.link.model_copy(update=link)})
+    log, told = tmp_path / "flight.mcap", []
+
+    async def flooded() -> Ended:
+        flood = asyncio.create_task(_stray([base + 2], 0.0025))
+        try:
+            return await _until_over(config, tmp_path, told)
+        finally:
+            flood.cancel()
+
+    ended = asyncio.run(flooded())
+    held = check_log(log)
+    assert held.complete
+    assert held.entries["mocap/frame"] == held.entries["control/target"] == ended.timing.ticks
+    assert "link/up" not in held.entries
+    entries = list(read_log(log).entries)
+    frames = [entry.message.seq for entry in entries if entry.topic is topics.MOCAP]
+    assert len(frames) > 0.8 * FRAMES  # every one of them on a machine with a core to spare
+    refused = [entry for entry in entries if entry.topic is topics.REFUSED]
+    assert {entry.message.source for entry in refused} == {"127.0.0.1"}
+    assert all(b.t_ns - a.t_ns >= 1_000_000_000 for a, b in pairwise(refused))
+    assert [event for event in told if event.source == "127.0.0.1"] == [entry.message for entry in refused]
+    assert replay(read_log(log)).identical

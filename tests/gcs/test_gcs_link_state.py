@@ -9,7 +9,7 @@ from formation.frames import IDENTITY
 from formation.messages import Severity
 from formation.vehicle import profile
 from gcs.checks import objections, warnings
-from gcs.link_state import DroneLink
+from gcs.link_state import WORDS_A_SECOND, DroneLink
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.commands import Command, CommandAck, Result
@@ -25,6 +25,7 @@ from wire.link_messages.status import (
     LandedState,
     NamedValue,
     StatusText,
+    SysStatus,
 )
 from wire.mavlink import Codec, param_to_raw
 
@@ -350,3 +351,38 @@ def test_what_nobody_reads_is_switched_off_only_on_a_link_of_our_own():
     asked = _intervals(own)
     assert (asked[30.0], asked[105.0], asked[331.0]) == (-1.0, -1.0, -1.0)
     assert (asked[31.0], asked[32.0]) == (20_000.0, 10_000.0)
+
+
+def test_a_drone_with_too_much_to_say_is_heard_in_part_and_counted():
+    link, drone = _link(), Drone()
+    said = 0
+    for k in range(3000):  # three seconds of a thousand a second
+        drone.say(link, StatusText(Severity.INFO, f"again {k}"), k * MS)
+        link.due(k * MS)
+        events, link.events = link.events, []
+        said += sum(event.text.startswith("again") for event in events)
+        assert len(events) <= 2
+    assert said == 3 * WORDS_A_SECOND
+    assert link._refusals.count == 3000 - said
+
+
+def test_a_flood_of_questions_is_answered_as_often_as_something_is_sent():
+    link, drone = _link(), Drone()
+    for k in range(1000):
+        drone.say(link, TimeSync(0, k, GROUND), 7)
+    answers = [message for message in link.due(8) if isinstance(message, TimeSync) and message.tc1_ns == 7]
+    assert [answer.ts1_ns for answer in answers] == [998, 999]
+
+
+def test_everything_that_is_acted_on_is_read():
+    drone = Codec(Address(3, 1))
+    acted_on = (
+        _beat(), CommandAck(GROUND, 400, Result.ACCEPTED, 0), TimeSync(0, 1, GROUND), Origin(47.0, 8.0, 0.0),
+        ParamValue("A", bytes(4), ParamType.INT32, 1, 0), ExtendedSysState(LandedState.IN_AIR),
+        NamedValue(0, "age_ms", 1.0), Battery((4.0,), 1.0, 1.0, 0.5),
+        EkfStatus(1, ardupilot=True), EkfStatus(1, ardupilot=False),
+        StatusText(Severity.INFO, "x"), SysStatus(0, 0, 0, 0.0, 1.0, 1.0, 0.5),
+    )  # fmt: skip
+    for message in acted_on:
+        (packet,) = _link().codec.receive(drone.encode(message))
+        assert type(packet.message) is type(message)

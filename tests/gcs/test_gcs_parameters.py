@@ -2,7 +2,7 @@ import struct
 
 import pytest
 
-from gcs.parameters import ParameterReader
+from gcs.parameters import KEPT, ParameterReader
 from wire.link_messages.address import Address
 from wire.link_messages.parameters import ParamType, ParamValue
 from wire.link_messages.status import Autopilot
@@ -49,3 +49,15 @@ def test_a_type_that_does_not_fit_is_refused():
     reader = ParameterReader(DRONE, Autopilot.PX4)
     assert not reader.receive(_value("X", b"\0\0\0\0", ParamType.REAL64))
     assert reader.values == {}
+
+
+def test_what_nobody_asked_for_does_not_grow_without_bound():
+    reader = ParameterReader(DRONE, Autopilot.PX4)
+    raw = struct.pack("<i", 1)
+    taken = [reader.receive(_value(f"P{k}", raw, ParamType.INT32)) for k in range(5000)]
+    assert taken == [True] * KEPT + [False] * (5000 - KEPT)
+    reader.ask(["WANTED"])
+    assert reader.receive(_value("WANTED", raw, ParamType.INT32))
+    assert reader.receive(_value("P0", struct.pack("<i", 2), ParamType.INT32))
+    assert reader.values["P0"] == 2.0
+    assert len(reader.values) == KEPT + 1

@@ -80,3 +80,10 @@ def test_any_four_bytes_are_a_value_or_the_one_error(raw, kind, autopilot):
 def test_half_an_integer_is_the_one_error():
     with pytest.raises(MavlinkError):
         param_to_raw(0.5, ParamType.INT8, Autopilot.PX4)
+
+
+@pytest.mark.parametrize("name", ["", "A B", "X[/]", "\x1b[2J", "Ü", "a-b", "a.b", "A\nB"])
+def test_what_is_no_parameters_name_is_refused(name):
+    codec = Codec(GROUND)
+    assert codec.receive(Codec(Address(7, 1)).encode(ParamValue(name, bytes(4), ParamType.INT32, 1, 0))) == []
+    assert codec.bad_packets == 1

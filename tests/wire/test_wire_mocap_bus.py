@@ -80,13 +80,13 @@ def test_what_is_no_frame_is_refused_and_told_and_the_next_one_is_taken():
                 sender_bus.put("mocap/frame", b"\xff\xff")
                 sender_bus.put("mocap/frame", bytes(300_000))
                 sender_bus.put("mocap/frame", schema_of(LabFrame).encode(two_names))
-                if receiver.refusals.count >= 3:
+                if receiver_bus.refusals.count >= 3:
                     refused.set()
 
             await until(refused, send_bad)
             assert not good.is_set()
-            (event,) = receiver.refusals.due(clock.monotonic_ns())
-            assert event.source == "mocap/frame"
+            (event,) = receiver_bus.refusals.due(clock.monotonic_ns())
+            assert event.source == "lab/mocap/frame"
             await until(good, lambda: MocapBus(sender_bus).publish_frame(lab_frame()))
 
     asyncio.run(run())

@@ -15,6 +15,8 @@ from wire_waiting import PATIENCE_S, free_port, until
 
 from formation.config import LinkConfig
 from formation.messages import Datagram, OperatorReply, OperatorRequest, Truth, Verb
+from wire.clock import monotonic_ns
+from wire.link import LARGEST_DATAGRAM
 from wire.mocap_bus import MocapBus
 from wire.zenoh_bus import BusError, ZenohBus
 
@@ -163,21 +165,76 @@ def test_what_is_no_message_is_counted_and_dropped():
 
             def send_bad() -> None:
                 sender.put("sim/1/truth", b"\xff\xff")
-                if receiver.bad_payloads:
+                if receiver.refusals.count:
                     bad.set()
 
             await until(bad, send_bad)
             assert not heard.is_set()
             receiver.serve("main", lambda request, reply: None)
             stop = asyncio.Event()
-            before = receiver.bad_payloads
+            before = receiver.refusals.count
 
             def ask_badly() -> None:
                 sender._session.get("lab/gcs/main/do", zenoh.handlers.Callback(lambda _: None), payload=b"\xff")
-                if receiver.bad_payloads > before:
+                if receiver.refusals.count > before:
                     stop.set()
 
             await until(stop, ask_badly)
+
+    asyncio.run(run())
+
+
+def test_what_is_too_large_is_refused_unread_and_told_once():
+    async def run():
+        async with joined(*ends()) as (sender, receiver):
+            got: list[Datagram] = []
+            heard = asyncio.Event()
+            receiver.on_state("main", lambda _: pytest.fail("a state of a megabyte was read"))
+            receiver.serve("main", lambda *_: pytest.fail("a request of a megabyte was read"))
+            receiver.ground_link([1], lambda datagram: (got.append(datagram), heard.set()))
+            drone = sender.drone_link(1, lambda _: None)
+
+            def send() -> None:
+                sender._put("gcs/main/state", bytes(1 << 20))
+                drone.send(Datagram(1, bytes(LARGEST_DATAGRAM + 1)))
+                drone.send(Datagram(1, bytes(LARGEST_DATAGRAM)))
+                callback = zenoh.handlers.Callback(lambda _: None)
+                sender._session.get("lab/gcs/main/do", callback, payload=bytes(1 << 20))
+
+            await until(heard, send)
+            all_told: set[str] = set()
+            told = asyncio.Event()
+
+            def look() -> None:
+                send()
+                all_told.update(event.source for event in receiver.refusals.due(monotonic_ns()))
+                if len(all_told) == 3:
+                    told.set()
+
+            await until(told, look)
+            assert all_told == {"lab/gcs/main/state", "lab/uav/1", "lab/gcs/main/do"}
+            assert {len(datagram.data) for datagram in got} == {LARGEST_DATAGRAM}
+
+    asyncio.run(run())
+
+
+def test_a_flood_on_one_drones_key_costs_no_other_drone_a_datagram():
+    async def run():
+        async with joined(*ends()) as (sender, receiver):
+            got: list[int] = []
+            here = asyncio.Event()
+            ground = receiver.ground_link([1, 2], lambda d: (got.append(d.sysid), here.set()))
+            flooding, quiet = sender.drone_link(1, lambda _: None), sender.drone_link(2, lambda _: None)
+            await until(here, lambda: quiet.send(Datagram(2, b"\xfd")))
+            got.clear()
+            for k in range(2000):
+                flooding.send(Datagram(1, b"\xfd" * 100))
+                if k % 50 == 0:
+                    quiet.send(Datagram(2, b"\xfd"))
+            last = asyncio.Event()
+            await until(last, lambda: last.set() if got.count(2) >= 40 else None)
+            assert got.count(2) == 40
+            ground.close()
 
     asyncio.run(run())
 

@@ -66,10 +66,12 @@ def rotations(draw: st.DrawFn) -> np.ndarray:
 
 
 def text(size: int) -> st.SearchStrategy[str]:
-    characters = st.characters(exclude_categories=["Cs", "Cc"])
-    return st.text(characters, max_size=size).filter(lambda s: len(s.encode()) <= size)
+    """What is printed as it was sent; the rest is taken out on the way in."""
+    characters = st.characters(exclude_categories=["C", "Z"], include_characters=" ")
+    return st.text(characters, max_size=size).filter(lambda s: len(s.encode()) <= size and s.isprintable())
 
 
+PARAM_NAME = st.from_regex(r"[A-Za-z0-9_]{1,16}", fullmatch=True)
 RAW = st.integers(0, 2**32 - 1).map(lambda n: n.to_bytes(4, "little"))
 DEGREES = st.integers(-1_800_000_000, 1_800_000_000).map(lambda n: n * 1e-7)
 MILLIMETRES = st.integers(-1_000_000, 1_000_000).map(lambda n: n * 1e-3)
@@ -118,7 +120,7 @@ MESSAGES: dict[type, st.SearchStrategy[Any]] = {
     TimeSync: st.builds(TimeSync, I64, I64, ADDRESS),
     Ping: st.builds(Ping, U64, U32, ADDRESS),
     SystemTime: st.builds(SystemTime, U64, U32),
-    ParamValue: st.builds(ParamValue, text(16), RAW, st.sampled_from(ParamType), U16, U16),
+    ParamValue: st.builds(ParamValue, PARAM_NAME, RAW, st.sampled_from(ParamType), U16, U16),
     ParamSet: st.builds(ParamSet, ADDRESS, text(16), RAW, st.sampled_from(ParamType)),
     ParamRequestRead: st.builds(ParamRequestRead, ADDRESS, text(16), st.integers(-1, 2**15 - 1)),
     ParamRequestList: st.builds(ParamRequestList, ADDRESS),

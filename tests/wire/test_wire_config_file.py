@@ -6,15 +6,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from formation.config import FollowerConfig, LabConfig, LeaderConfig, TrajectoryConfig
+from formation.config import FollowerConfig, LabConfig, LeaderConfig, MocapConfig, TrajectoryConfig
 from formation.model import Model
 from wire.config_file import ConfigError, dump, load, parse
 
 LAB = LabConfig(
-    leader=LeaderConfig(body="lead er", sysid=1, trajectory=TrajectoryConfig(waypoints_m=((0, 0, 1), (1, 0, 1)))),
+    mocap=MocapConfig(source="csv", file='f"1"\\ü\t.csv'),
+    leader=LeaderConfig(body="lead-er", sysid=1, trajectory=TrajectoryConfig(waypoints_m=((0, 0, 1), (1, 0, 1)))),
     followers=(
-        FollowerConfig(body='f"1"\\', sysid=2, offset_m=(-0.4, 0.4, 0.0)),
-        FollowerConfig(body="f2ü\t", sysid=3, offset_m=(-0.4, -0.4, 1e-7), link="udp:127.0.0.1:14540"),
+        FollowerConfig(body="f1", sysid=2, offset_m=(-0.4, 0.4, 0.0)),
+        FollowerConfig(body="f2", sysid=3, offset_m=(-0.4, -0.4, 1e-7), link="udp:127.0.0.1:14540"),
     ),
 )
 

@@ -84,6 +84,8 @@ def _room(config: LabConfig) -> str:
 def _way(config: LabConfig, ahead: Preview) -> str:
     if config.leader.sysid is None:
         return "leader observed"
+    if config.leader.trajectory.kind == "hold":
+        return f"hold: {ahead.duration_s:.1f} s"
     return f"{config.leader.trajectory.kind}: {ahead.length_m:.2f} m in {ahead.duration_s:.1f} s, then it stays there"
 
 

@@ -43,10 +43,13 @@ class Drawing:
             np.minimum(np.maximum(points.max(axis=0), high), high + beyond),
         )
 
-    def is_shown(self, point: Float) -> bool:
-        """Whether a point (2) is on the sheet."""
+    @property
+    def beyond(self) -> str:
+        """Who is not on the sheet at the start, in words; nothing where all are."""
         low, high = self.bounds
-        return bool((point >= low).all() and (point <= high).all())
+        at = zip(self.bodies, [self.leader, *self.slots], strict=True)
+        names = [body for body, point in at if (point < low).any() or (point > high).any()]
+        return f"beyond the drawing: {', '.join(names)}" if names else ""
 
 
 def drawn(config: LabConfig, ahead: Preview) -> Drawing:

@@ -8,13 +8,14 @@ import numpy as np
 from formation.arrays import Float
 from gcs.lab.drawing import Drawing
 
-SIDE, LEFT, TOP, RIGHT, BOTTOM = 640.0, 76.0, 84.0, 36.0, 104.0
+SIDE, LEFT, TOP, RIGHT, BOTTOM = 640.0, 76.0, 88.0, 36.0, 104.0
 GRID_LINES = 10.0
 FENCE, LEADER, FOLLOWER, GRID, INK, QUIET = "#8a1c1c", "#1f4e9c", "#d9730d", "#e6e8eb", "#22262b", "#6b7280"
-FAR_LABELS = 8  # with more followers than this, names go to the legend's count only
+FAR_LABELS = 8  # more followers than this are not named
 STYLE = (
     "text{font-family:Helvetica,Arial,'Liberation Sans',sans-serif;font-size:13px;fill:" + INK + "}"
     ".quiet{fill:" + QUIET + ";font-size:12px}.title{font-size:19px;font-weight:bold}"
+    ".beyond{fill:" + FENCE + ";font-size:12px}"
 )
 
 
@@ -69,6 +70,7 @@ class _Sheet:
             f'<rect width="{width:.0f}" height="{height:.0f}" fill="#ffffff"/>',
             f'<text class="title" x="{LEFT:.1f}" y="34">{escape(drawing.name)}</text>',
             f'<text class="quiet" x="{LEFT:.1f}" y="58">{escape(subtitle)}</text>',
+            f'<text class="beyond" x="{LEFT:.1f}" y="76">{escape(drawing.beyond)}</text>',
         ]
 
     def grid(self) -> list[str]:
@@ -102,10 +104,12 @@ class _Sheet:
         ]
 
     def ways(self, drawing: Drawing) -> list[str]:
-        """The slots' ways under the leader's."""
+        """The slots' ways under the leader's; what of them is outside the fence, as plain as the fence."""
         parts = [self._way(way, FOLLOWER, 1.4, 0.45) for way in drawing.swept if _moves(way)]
         if _moves(drawing.path):
             parts += [self._way(drawing.path, LEADER, 2.4, 1.0), *self._direction(drawing.path)]
+        for way in (*drawing.swept, drawing.path):
+            parts += [self._way(run, FENCE, 3.0, 1.0) for run in _outside(way, drawing) if _moves(run)]
         return parts
 
     def axes(self, drawing: Drawing) -> list[str]:
@@ -126,8 +130,9 @@ class _Sheet:
         parts = []
         for body, slot in zip(drawing.bodies[1:], drawing.slots, strict=True):
             right, down = self.at(slot)
-            parts += [_ring(right, down, half_px, FOLLOWER), f'<circle cx="{right:.1f}" cy="{down:.1f}" r="4.5" '
-                      f'fill="{FOLLOWER}"/>']  # fmt: skip
+            colour = FENCE if _outside(slot[None], drawing) else FOLLOWER
+            parts.append(_ring(right, down, half_px, colour))
+            parts.append(f'<circle cx="{right:.1f}" cy="{down:.1f}" r="4.5" fill="{colour}"/>')
             if len(drawing.slots) <= FAR_LABELS:
                 parts.append(_label(right, down, max(half_px, 6.0), body, slot[1] - drawing.leader[1]))
         right, down = self.at(drawing.leader)
@@ -149,7 +154,7 @@ class _Sheet:
         """What the lines are, in a row."""
         down, right = TOP + self.height + 62.0, LEFT + self.px_m * self.step_m + 74.0
         items = [(FENCE, "", "fence"), (LEADER, "", "leader's way"), (FOLLOWER, "", "slots' ways")]
-        items.append((QUIET, "3 3", "apart: none overlap"))
+        items.append((QUIET, "3 3", "minimum separation"))
         parts = []
         for k, (colour, dashes, words) in enumerate(items):
             x, y = right + 150.0 * (k % 2), down + 22.0 * (k // 2)
@@ -160,9 +165,9 @@ class _Sheet:
     def _way(self, way: Float, colour: str, width: float, opacity: float) -> str:
         """A way (k, 2) as one line, of points a pixel apart at least."""
         points: list[tuple[float, float]] = []
-        for point in way:
+        for k, point in enumerate(way):
             at = self.at(point)
-            if not points or abs(at[0] - points[-1][0]) + abs(at[1] - points[-1][1]) >= 1.0:
+            if k in (0, len(way) - 1) or abs(at[0] - points[-1][0]) + abs(at[1] - points[-1][1]) >= 1.0:
                 points.append(at)
         text = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
         return (
@@ -177,6 +182,13 @@ class _Sheet:
         (x, y), (x1, y1) = self.at(path[k]), self.at(path[k + 1])
         size = float(np.hypot(x1 - x, y1 - y)) or 1.0
         return [f'<polygon points="{_head(x, y, (x1 - x) / size, (y1 - y) / size, 7.0)}" fill="{LEADER}"/>']
+
+
+def _outside(way: Float, drawing: Drawing) -> list[Float]:
+    """The parts of a way (k, 2) that are beyond the fence, seen from above."""
+    out = ((way < np.array(drawing.low_m[:2]) - 1e-9) | (way > np.array(drawing.high_m[:2]) + 1e-9)).any(axis=-1)
+    edges = np.flatnonzero(np.diff(out)) + 1
+    return [run for run, is_out in zip(np.split(way, edges), np.split(out, edges), strict=True) if is_out.any()]
 
 
 def _moves(way: Float) -> bool:

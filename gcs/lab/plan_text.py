@@ -86,8 +86,6 @@ def _legend(drawing: Drawing) -> list[str]:
     who = f"{OBSERVED} {leader} (observed, taken to be here)" if drawing.observed else f"{LEADER} {leader}"
     items = [who, *(f"{name} {body}" for name, body in zip(_names(len(followers)), followers, strict=True))]
     items += [f"{LEADERS_WAY} leader's way", f"{SLOTS_WAY} slots' ways", f"{ORIGIN} origin"]
-    away = [body for body, at in zip(drawing.bodies, [drawing.leader, *drawing.slots], strict=True)
-            if not drawing.is_shown(at)]  # fmt: skip
     lines, line = [], ""
     for item in items:
         if line and len(line) + 2 + len(item) > COLUMNS:
@@ -95,6 +93,5 @@ def _legend(drawing: Drawing) -> list[str]:
             line = ""
         line = f"{line}  {item}" if line else item
     lines.append(line)
-    if away:
-        lines.append(f"beyond the drawing: {', '.join(away)}")
-    return [" " * MARGIN + text for text in ["from above: x forward is up, y left is to the left", *lines]]
+    told = ["from above: x forward is up, y left is to the left", *lines, drawing.beyond]
+    return [" " * MARGIN + text for text in told if text]

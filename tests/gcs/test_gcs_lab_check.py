@@ -165,7 +165,18 @@ def test_a_lab_far_out_of_its_fence_is_still_drawn() -> None:
     )
     drawing = drawn(config, foreseen(config))
     assert "beyond the drawing: far" in text_plan(drawing)
-    ElementTree.fromstring(svg_plan(drawing, ""))
+    texts = [text.text for text in ElementTree.fromstring(svg_plan(drawing, "")).iter(f"{SVG}text")]
+    assert {"beyond the drawing: far", "<b>"} <= set(texts)
+
+
+def test_what_leaves_the_fence_is_drawn_as_plain_as_the_fence(tmp_path: Path) -> None:
+    """A circle of 1.7 m carries a slot 0.4 m to the right 0.1 m out of a fence 2 m to the right: one arc of it."""
+    svg = tmp_path / "lab.svg"
+    lab = written(tmp_path, ("radius_m = 0.5", "radius_m = 1.7"), ("laps = 3", "laps = 1"))
+    assert runner.invoke(app, ["check", str(lab), "--svg", str(svg)]).exit_code == 1
+    root = ElementTree.parse(svg).getroot()
+    colour = next(r for r in root.iter(f"{SVG}rect") if r.get("fill-opacity") == "0.025").get("stroke")
+    assert len([way for way in root.iter(f"{SVG}polyline") if way.get("stroke") == colour]) == 1
 
 
 def test_checking_loads_no_control_and_nothing_heavy() -> None:

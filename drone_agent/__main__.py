@@ -37,7 +37,9 @@ def fly(
     pose: Annotated[
         str | None, typer.Option(help="own (simulated positioning, if not given) or mocap (external only).")
     ] = None,
-    profile: Annotated[str | None, typer.Option(help="Vehicle: paper_40g (if not given) or px4_quad.")] = None,
+    profile: Annotated[
+        str | None, typer.Option(help="Vehicle: paper_40g (if not given), px4_quad or arducopter_quad.")
+    ] = None,
     start: Annotated[str | None, typer.Option(help="Where it stands: x,y,z in lab metres.")] = None,
     yaw: Annotated[float | None, typer.Option(help="Where it faces, rad about lab z.")] = None,
     truth: Annotated[

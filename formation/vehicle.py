@@ -205,7 +205,43 @@ PX4_QUAD = VehicleProfile(
     thrust_lag_s=0.02,
     battery=BatteryProfile(cells=4, capacity_mah=3300.0, hover_current_a=12.0),
 )
-PROFILES: Mapping[str, VehicleProfile] = MappingProxyType({p.name: p for p in (PAPER_40G, PX4_QUAD)})
+ARDUCOPTER_QUAD = VehicleProfile(
+    name="arducopter_quad",
+    mass_kg=3.0,
+    inertia_kg_m2=(0.023, 0.023, 0.046),
+    wheelbase_m=0.35,
+    rotor_radius_m=0.175,
+    thrust_max_n=79.5,
+    thrust_curve=0.0,
+    yaw_torque_m=0.05,
+    motor_lag_s=0.02,
+    drag_n_s_m=(0.7, 0.7, 0.7),
+    attitude_p_1_s=6.7,
+    yaw_p_1_s=6.7,
+    rate_p_1_s=29.0,
+    rate_yaw_p_1_s=12.0,
+    rate_max_rad_s=10.0,
+    rate_yaw_max_rad_s=3.5,
+    rate_feed_forward=True,
+    command_delay_s=0.01,
+    response_dead_time_s=0.055,
+    response_lag_s=0.108,
+    thrust_dead_time_s=0.02,
+    thrust_lag_s=0.02,
+    battery=BatteryProfile(cells=3, capacity_mah=3300.0, hover_current_a=12.0),
+)
+"""ArduCopter with its default gains, on the default frame of its own simulator. Nothing of it but the hover thrust was
+measured in flight: fly it, `gcs-log identify` it, and put what that finds in its place.
+
+Measured on ArduCopter 4.6 (SITL): it hovers at 0.37, from which full thrust follows.
+From ArduPilot's sources: mass, size, inertia and momentum drag (SITL/SIM_Frame, its default model); 1 / ATC_INPUT_TC
+(0.15 s) for attitude and yaw gain; ATC_RAT_RLL_P (0.135) on that frame for the rate gain; GUIDED adds a target's body
+rates (mode_guided, input_quaternion); thrust is linearised by MOT_THST_EXPO.
+Derived: response_dead_time_s and response_lag_s, which are what `gcs-log identify` finds where the simulated drone
+flies with these gains. Assumed: the delays of command and thrust, 0.02 s for ArduPilot's 20 Hz filters in the place of
+a motor lag, and what turns it about its own axis, as of px4_quad.
+"""
+PROFILES: Mapping[str, VehicleProfile] = MappingProxyType({p.name: p for p in (PAPER_40G, PX4_QUAD, ARDUCOPTER_QUAD)})
 
 
 def profile(name: str, own: Iterable[VehicleProfile] = ()) -> VehicleProfile:

@@ -20,6 +20,16 @@ def test_px4_hovers_at_the_measured_thrust() -> None:
     assert profile("px4_quad").hover_thrust_norm == pytest.approx(0.49, abs=1e-9)
 
 
+def test_arducopter_hovers_at_the_measured_thrust_on_its_simulators_frame() -> None:
+    """0.37 was measured; 3 kg and 0.35 m are SIM_Frame's, half of the mass on a ring of that size is its inertia."""
+    copter = profile("arducopter_quad")
+    assert copter.hover_thrust_norm == pytest.approx(0.37, abs=5e-4)
+    radius_m = 0.5 * copter.wheelbase_m
+    ring = (0.25 * 3.0 * radius_m**2, 0.25 * 3.0 * radius_m**2, 0.5 * 3.0 * radius_m**2)
+    assert copter.inertia_kg_m2 == pytest.approx(ring, rel=0.01)
+    assert copter.attitude_p_1_s == pytest.approx(1.0 / 0.15, rel=0.01)
+
+
 def test_unknown_profile_names_the_known_ones() -> None:
     with pytest.raises(ValueError, match=r"paper_40g.*px4_quad"):
         profile("nonsense")

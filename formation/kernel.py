@@ -18,7 +18,7 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
     kernels of other files are compiled into it. The stamp is widened to all of `formation`, whose kernels are
     the ones that others call, so that an edit is never answered by yesterday's code.
     """
-    compiled = numba.njit(cache=True, error_model="numpy")(function)
+    compiled = numba.njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function)
     index = compiled._cache._cache_file  # type: ignore[attr-defined]
     index._source_stamp = (index._source_stamp, _sources())
     typed: Callable[P, R] = compiled

@@ -1,5 +1,6 @@
-"""Array types: every array field says its shape, so that it can be checked, logged and read back."""
+"""Array types: every array field says its numbers and its shape, so that it can be checked, logged and read back."""
 
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -8,10 +9,21 @@ from numpy.typing import NDArray
 Float = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
-# -1 is the number of vehicles; the shape rides along for the log's schema (wire.schema).
-Scalars = Annotated[Float, (-1,)]
-Vec3s = Annotated[Float, (-1, 3)]
-Quats = Annotated[Float, (-1, 4)]
-Flags = Annotated[Bool, (-1,)]
-Vec3 = Annotated[Float, (3,)]
-Quat = Annotated[Float, (4,)]
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """What an array field holds, riding along with its type for the log's schema (wire.schema).
+
+    shape: -1 is the number of vehicles.
+    """
+
+    scalar: type[np.generic]
+    shape: tuple[int, ...]
+
+
+Scalars = Annotated[Float, Layout(np.float64, (-1,))]
+Vec3s = Annotated[Float, Layout(np.float64, (-1, 3))]
+Quats = Annotated[Float, Layout(np.float64, (-1, 4))]
+Flags = Annotated[Bool, Layout(np.bool_, (-1,))]
+Vec3 = Annotated[Float, Layout(np.float64, (3,))]
+Quat = Annotated[Float, Layout(np.float64, (4,))]

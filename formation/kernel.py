@@ -22,7 +22,7 @@ def kernel(function: Callable[P, R], calls: tuple[Callable[..., object], ...] = 
     """
     for part in calls:
         register_jitable(error_model="numpy")(part)
-    compiled = numba.njit(cache=True, error_model="numpy")(function)
+    compiled = numba.njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function)
     index = compiled._cache._cache_file  # type: ignore[attr-defined]
     index._source_stamp = (index._source_stamp, _sources())
     typed: Callable[P, R] = compiled

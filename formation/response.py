@@ -53,7 +53,8 @@ def answer(
     double integral since from_ns. lag_s f' = sent(t - dead_s) - f.
     """
     dead_ns = int(dead_s * 1e9)
-    speed[:], travel[:] = 0.0, 0.0
+    for k in range(len(felt)):
+        speed[k], travel[k] = 0.0, 0.0
     t_ns = from_ns
     index = len(sent_ns) - 1
     while index > 0 and sent_ns[index] + dead_ns > t_ns:

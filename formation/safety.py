@@ -140,7 +140,9 @@ def nearest(pos_lab_m: Vec3s) -> Scalars:
     near = np.full(len(pos_lab_m), np.inf)
     for i in range(len(pos_lab_m)):
         for j in range(i):
-            distance = np.sqrt(np.sum((pos_lab_m[i] - pos_lab_m[j]) ** 2))
+            dx, dy = pos_lab_m[i, 0] - pos_lab_m[j, 0], pos_lab_m[i, 1] - pos_lab_m[j, 1]
+            dz = pos_lab_m[i, 2] - pos_lab_m[j, 2]
+            distance = np.sqrt(dx * dx + dy * dy + dz * dz)
             near[i], near[j] = min(near[i], distance), min(near[j], distance)
     return near
 

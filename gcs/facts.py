@@ -67,8 +67,10 @@ def _measure(vel_lab_m_s: Vec3s, q_lab_from_flu: Quats, e_lead_m: Vec3s, own: ND
     out = np.zeros((3, len(vel_lab_m_s)))
     for i in range(len(vel_lab_m_s)):
         x, y = q_lab_from_flu[i, 1], q_lab_from_flu[i, 2]
-        out[0, i] = np.sqrt(np.sum(vel_lab_m_s[i] ** 2))
+        vx, vy, vz = vel_lab_m_s[i, 0], vel_lab_m_s[i, 1], vel_lab_m_s[i, 2]
+        out[0, i] = np.sqrt(vx * vx + vy * vy + vz * vz)
         out[1, i] = np.arccos(min(max(1.0 - 2.0 * (x * x + y * y), -1.0), 1.0))
     for k in range(len(own)):
-        out[2, own[k]] = np.sqrt(np.sum(e_lead_m[k] ** 2))
+        ex, ey, ez = e_lead_m[k, 0], e_lead_m[k, 1], e_lead_m[k, 2]
+        out[2, own[k]] = np.sqrt(ex * ex + ey * ey + ez * ez)
     return out

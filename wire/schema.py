@@ -19,6 +19,8 @@ import numpy as np
 from google.protobuf import descriptor_pb2
 from google.protobuf.message import DecodeError
 
+from formation.arrays import Layout
+
 T = TypeVar("T")
 Proto = descriptor_pb2.FieldDescriptorProto
 
@@ -222,9 +224,8 @@ def _without_none(hint: Any) -> tuple[Any, bool]:
 
 def _kind(hint: Any) -> _Kind | None:
     if get_origin(hint) is Annotated:
-        array, shape = get_args(hint)
-        boolean = np.dtype(get_args(get_args(array)[1])[0]) == np.bool_
-        return _array_kind(np.dtype(np.bool_ if boolean else np.float64), shape)
+        layouts = [note for note in get_args(hint)[1:] if isinstance(note, Layout)]
+        return _array_kind(np.dtype(layouts[0].scalar), layouts[0].shape) if layouts else None
     if hint == tuple[str, ...]:
         return _Kind(Proto.TYPE_STRING, _BYTES, _texts_encoder, bytes.decode, (), repeated=True, many=True)
     if isinstance(hint, type) and issubclass(hint, StrEnum):

@@ -158,7 +158,7 @@ def _demand(
     for i in range(len(vehicle)):
         n = vehicle[i]
         turned_ns = now_ns + int(turn_dead_s[i] * 1e9)
-        motion_at(0, own[0], turned_ns, known, b.lead, b.felt)
+        motion_at(np.int64(0), own[0], turned_ns, known, b.lead, b.felt)
         reference_at(i, turned_ns, b.lead, way, b.slot, b.frame, b.lab)
         yaw[i, 0], yaw[i, 1] = b.lab[0, 3], b.lab[1, 3]
         for channel in range(2):
@@ -213,7 +213,7 @@ def _situation(
 
     A leader we command is taken to accelerate and turn as its own reference says: known ahead, and free of noise.
     """
-    motion_at(0, leader, hold_ns, known, b.lead, b.felt)
+    motion_at(np.int64(0), leader, hold_ns, known, b.lead, b.felt)
     if compensate:
         if leader >= 0:
             reference_at(leader, later_ns, b.lead, way, b.slot, b.frame, b.lab_later)
@@ -225,7 +225,7 @@ def _situation(
                     )
                 b.lead[2, column], b.lead_later[2, column] = b.lab[2, column], b.lab_later[2, column]
         else:
-            motion_at(0, leader, later_ns, known, b.lead_later, b.felt)
+            motion_at(np.int64(0), leader, later_ns, known, b.lead_later, b.felt)
         reference_at(i, later_ns, b.lead_later, way, b.slot, b.frame, b.lab_later)
     motion_at(n, i, hold_ns, known, b.mine, b.felt)
     reference_at(i, hold_ns, b.lead, way, b.slot, b.frame, b.lab)

@@ -51,7 +51,8 @@ def motion_at(i: int, own: int, to_ns: int, known: Known, out: Float, felt: Floa
     h = (to_ns - known.t_ns) * SECONDS
     strength = known.strength[i]
     speed, travel = np.empty(3), np.empty(3)
-    felt[:] = known.force[i]
+    for axis in range(3):
+        felt[axis] = known.force[i, axis]
     if own >= 0:
         sent, response = known.sent[:, own], known.response[i]
         for low, high in ((0, 2), (2, 3)):

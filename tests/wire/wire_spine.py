@@ -16,8 +16,8 @@ _INTS = st.integers(-(2**63), 2**63 - 1)
 def _values(hint: Any, count: int) -> st.SearchStrategy[Any]:
     """Anything the annotation allows, with `count` vehicles."""
     if hasattr(hint, "__metadata__"):
-        array, shape = get_args(hint)
-        dtype = get_args(get_args(array)[1])[0]
+        layout = get_args(hint)[1]
+        dtype, shape = layout.scalar, layout.shape
         return stn.arrays(dtype, tuple(count if size < 0 else size for size in shape))
     if hint == tuple[str, ...]:
         return st.lists(st.text(max_size=8), min_size=count, max_size=count).map(tuple)

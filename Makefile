@@ -14,6 +14,7 @@ test: setup
 
 fuzz: setup
 	$(BIN)/python tests/fuzz/fuzz_datagrams.py $(ARGS)
+	$(BIN)/python tests/fuzz/fuzz_frames.py $(ARGS)
 
 check: setup
 	$(BIN)/ruff format --check .

@@ -36,6 +36,7 @@ def run(
         False
     ),
     as_json: Json = False,
+    speed: Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)] = 1.0,
 ) -> None:
     """Be the ground: mocap in, control on every frame, setpoints out, everything recorded. Ctrl-C lands and ends."""
     from gcs.ground_cli import serve  # loads the compiled control, which the other commands do without
@@ -44,7 +45,7 @@ def run(
     path = log or Path("runs") / f"{config.name}-{clock.unix_us() // 1_000_000}.mcap"
     metadata = {"link": config.link_kinds, "versions": f"mavlink-formation {version('mavlink-formation')}"}
     metadata |= _tags(tag or [])
-    serve(config, path, name, metadata, force, as_json)
+    serve(config, path, name, metadata, force, as_json, clock.Clock(speed))
 
 
 def _tags(items: list[str]) -> dict[str, str]:

@@ -30,7 +30,7 @@ from gcs.mocap.autopilot_poses import AutopilotPoses
 from gcs.mocap.csv_file import MocapFileError
 from gcs.mocap.source import serve_frames
 from gcs.recording import Input, record_input, record_tick, run_metadata
-from wire import clock
+from wire.clock import REAL_TIME, Clock
 from wire.mcap_log import LogWriter
 from wire.zenoh_bus import Reply, ZenohBus
 
@@ -53,12 +53,13 @@ class Timing:
 class Ground:
     """One GcsCore between its inputs and its links. Everything runs on the event loop, in order of arrival."""
 
-    def __init__(self, config: LabConfig, core: GcsCore, log: LogWriter, tell: Tell) -> None:
+    def __init__(self, config: LabConfig, core: GcsCore, log: LogWriter, tell: Tell, clock: Clock) -> None:
         self.timing = Timing()
         self.links: GroundLinks | None = None
         self._core = core
         self._log = log
         self._tell = tell
+        self._clock = clock
         self._poses = AutopilotPoses(config) if config.mocap.source == "mavlink" else None
         self._spacing_s = 1.0 / config.mocap.rate_hz
         self._waiting: dict[int, Reply] = {}
@@ -70,7 +71,7 @@ class Ground:
 
     def take_frame(self, frame: MocapFrame) -> None:
         """A frame has come: control at once."""
-        now_ns = clock.monotonic_ns()
+        now_ns = self._clock.monotonic_ns()
         self._frame(frame, now_ns)
         self._tick(now_ns)
 
@@ -79,7 +80,7 @@ class Ground:
 
         Answers and such frames wait until everything that has arrived is read: what is old must not be flown first.
         """
-        now_ns = clock.monotonic_ns()
+        now_ns = self._clock.monotonic_ns()
         self._input(datagram, now_ns)
         frame = None if self._poses is None else self._poses.receive(datagram, now_ns)
         if frame is not None:
@@ -93,34 +94,34 @@ class Ground:
         self._request_id += 1
         asked_id = request.id
         self._waiting[self._request_id] = lambda answer: reply(OperatorReply(asked_id, answer.accepted, answer.text))
-        now_ns = clock.monotonic_ns()
+        now_ns = self._clock.monotonic_ns()
         self._input(OperatorRequest(self._request_id, request.verb, request.argument), now_ns)
         self._tick(now_ns)
 
     async def watch(self) -> None:
         """Tick where a frame is overdue; for ever."""
         while True:
-            await clock.sleep_until_ns(self._core.next_deadline_ns())
-            now_ns = clock.monotonic_ns()
+            await self._clock.sleep_until_ns(self._core.next_deadline_ns())
+            now_ns = self._clock.monotonic_ns()
             if now_ns >= self._core.next_deadline_ns():
                 overdue = self._received_ns is None and self._frame_seq >= 0 and self._core.phase not in GROUNDED
                 self._tick(now_ns)
                 if overdue:
-                    self._note((clock.monotonic_ns() - now_ns) * 1e-9, late=True)
+                    self._note((self._clock.monotonic_ns() - now_ns) * 1e-9, late=True)
 
     async def publish_state(self, bus: ZenohBus, name: str) -> None:
         """Tell the bus how things are, ten times a second; for ever."""
         while True:
-            bus.publish_state(name, self._core.status(clock.monotonic_ns()))
-            await clock.sleep_until_ns(clock.monotonic_ns() + STATE_NS)
+            bus.publish_state(name, self._core.status(self._clock.monotonic_ns()))
+            await self._clock.sleep_until_ns(self._clock.monotonic_ns() + STATE_NS)
 
     async def land(self) -> None:
         """Bring the swarm down and wait for it, within a limit."""
-        give_up_ns = clock.monotonic_ns() + LANDING_LIMIT_NS
+        give_up_ns = self._clock.monotonic_ns() + LANDING_LIMIT_NS
         if self._core.phase not in GROUNDED:
             self.take_request(OperatorRequest(0, Verb.LAND), lambda _reply: None)
-        while self._core.phase not in GROUNDED and clock.monotonic_ns() < give_up_ns:
-            await clock.sleep_until_ns(clock.monotonic_ns() + STATE_NS)
+        while self._core.phase not in GROUNDED and self._clock.monotonic_ns() < give_up_ns:
+            await self._clock.sleep_until_ns(self._clock.monotonic_ns() + STATE_NS)
 
     @property
     def phase(self) -> Phase:
@@ -137,7 +138,7 @@ class Ground:
 
     def _tick_if_due(self) -> None:
         self._tick_scheduled = False
-        now_ns = clock.monotonic_ns()
+        now_ns = self._clock.monotonic_ns()
         if self._core.next_deadline_ns() <= now_ns:
             self._tick(now_ns)
 
@@ -147,7 +148,7 @@ class Ground:
         if self.links is not None:
             for datagram in outgoing.datagrams:
                 self.links.send(datagram)
-        sent_ns = clock.monotonic_ns()
+        sent_ns = self._clock.monotonic_ns()
         record_tick(self._log.write, outgoing, now_ns)
         for reply in outgoing.replies:
             self._waiting.pop(reply.id)(reply)
@@ -163,7 +164,7 @@ class Ground:
         timing = self.timing
         timing.ticks, timing.late = timing.ticks + 1, timing.late + late
         timing.worst_s = max(timing.worst_s, latency_s)
-        self._log.write(topics.TIMING, LoopTiming(self._frame_seq, latency_s, late), clock.monotonic_ns())
+        self._log.write(topics.TIMING, LoopTiming(self._frame_seq, latency_s, late), self._clock.monotonic_ns())
 
 
 class GroundFailure(RuntimeError):
@@ -179,7 +180,9 @@ class Ended:
     lost_records: int
 
 
-async def run(config: LabConfig, log_path: Path, name: str, metadata: Mapping[str, str], tell: Tell) -> Ended:
+async def run(
+    config: LabConfig, log_path: Path, name: str, metadata: Mapping[str, str], tell: Tell, clock: Clock = REAL_TIME
+) -> Ended:
     """Run the ground until SIGINT or SIGTERM; in flight it lands the swarm first, a second signal ends it at once.
 
     Raises OSError (bus, ports, log), ValueError (a link that is none), MocapFileError, GroundFailure.
@@ -189,7 +192,7 @@ async def run(config: LabConfig, log_path: Path, name: str, metadata: Mapping[st
     bus = await ZenohBus.open(config.link, config.name)
     try:
         with LogWriter(log_path, {**run_metadata(config, t0_ns), **metadata}) as log:
-            ground = Ground(config, core, log, tell)
+            ground = Ground(config, core, log, tell, clock)
             ground.links = await open_links(config, bus, ground.take_datagram)
             gc.collect()
             gc.freeze()  # what start-up made lives as long as the process: collections in flight need not look at it

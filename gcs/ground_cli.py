@@ -1,6 +1,7 @@
 """What `gcs run` does around the daemon: margins, warm-up, the terminal, exit codes."""
 
 import json
+import sys
 from pathlib import Path
 
 import uvloop
@@ -14,6 +15,8 @@ from gcs.cli_common import NOT_RIGHT, REFUSED, fail
 from gcs.daemon import Ended, GroundFailure, run
 from gcs.mocap.csv_file import MocapFileError
 from gcs.warm_up import warm_up
+from wire.clock import Clock
+from wire.progress import compile_all
 
 STYLES = {
     Severity.WARNING: "yellow",
@@ -23,16 +26,18 @@ STYLES = {
 }
 
 
-def serve(config: LabConfig, log: Path, name: str, metadata: dict[str, str], force: bool, as_json: bool) -> None:
+def serve(
+    config: LabConfig, log: Path, name: str, metadata: dict[str, str], force: bool, as_json: bool, clock: Clock
+) -> None:
     """Be the ground until told to end; ends the program with its exit code."""
     try:
+        compile_all("gcs", lambda: warm_up(config), sys.stderr)
         margins = delay_margins(config)
         if not force and any(not margin.carried for margin in margins):
             reasons = "; ".join(str(margin) for margin in margins if not margin.carried)
             fail(f"refused, this would not fly steadily: {reasons} (--force, for simulation only)", REFUSED)
         log.parent.mkdir(parents=True, exist_ok=True)
-        warm_up(config)
-        ended = uvloop.run(run(config, log, name, metadata, _tell_json if as_json else _tell))
+        ended = uvloop.run(run(config, log, name, metadata, _tell_json if as_json else _tell, clock))
     except (MocapFileError, ValueError) as error:
         fail(str(error), NOT_RIGHT)
     except OSError as error:

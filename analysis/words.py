@@ -134,6 +134,8 @@ def _ending(outcome: str) -> str:
         return "All landed as asked."
     if outcome == "held":
         return "The record ends with the swarm holding its place in the air."
+    if outcome.startswith("starved"):
+        return f"No flight: {outcome.removeprefix('starved: ')}."
     return f"The flight did not end as planned: {outcome.removeprefix('aborted: ')}."
 
 
@@ -155,6 +157,8 @@ def findings(flight: Flight, tracking: Tracking, summary: Summary) -> tuple[Find
 
 
 def _outcome(summary: Summary) -> Iterator[Finding]:
+    if summary.outcome.startswith("starved"):
+        yield Finding(True, f"A simulator came too late: {summary.outcome.removeprefix('starved: ')}.", "timeline")
     if summary.outcome.startswith("aborted"):
         yield Finding(True, f"The flight ended early: {summary.outcome.removeprefix('aborted: ')}.", "timeline")
 

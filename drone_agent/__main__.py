@@ -11,13 +11,17 @@ from drone_agent.bridge_daemon import run_bridge
 from drone_agent.config import AgentConfig
 from drone_agent.daemon import run
 from formation.messages import Event
+from wire import starved
+from wire.clock import Clock
 from wire.config_file import ConfigError, load, parse
+from wire.starved import StarvedError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 EPILOG = (
     "`drone-agent --sysid 1 --link udp` is a drone that any MAVLink client can fly. "
-    "Exit codes: 0 done; 1 a port or a device cannot be had; 2 something given is not right."
+    "Exit codes: 0 done; 1 a port or a device cannot be had; 2 something given is not right; "
+    "3 starved, the simulation came too late to be one."
 )
 
 
@@ -54,6 +58,7 @@ def fly(
     stale_land: Annotated[float | None, typer.Option(help="Land this long after levelling, s.")] = None,
     param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE, as often as needed.")] = None,
     parameter_file: Annotated[Path | None, typer.Option(help="Keep PARAM_SET's values here.")] = None,
+    speed: Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)] = 1.0,
 ) -> None:
     """Be one simulated drone that speaks MAVLink, or with --bridge stand beside a real one; until Ctrl-C."""
     links = {"kind": link, "host": host, "zenoh_connect": None if zenoh_connect is None else [zenoh_connect]}
@@ -77,11 +82,13 @@ def fly(
     try:
         agent = _configured(config, options)
         if agent.bridge is None:
-            uvloop.run(run(agent, _tell))
+            uvloop.run(run(agent, _tell, Clock(speed)))
         else:
             uvloop.run(run_bridge(agent, agent.bridge, _tell))
     except ConfigError as error:
         _fail(str(error), 2)
+    except StarvedError as error:
+        _fail(f"drone-agent: {error}", starved.EXIT_CODE)
     except OSError as error:
         _fail(f"drone-agent: {error.strerror or error}", 1)
 

@@ -1,65 +1,80 @@
 """The drone agent's process: pumps AgentCore between its link, the bus and the clock until it is told to stop."""
 
+import sys
+
 from drone_agent import parameter_file
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
 from drone_agent.ground_link import open_ground_link
 from drone_agent.wake import Wake
 from formation.messages import Datagram, LabFrame
-from wire.clock import monotonic_ns
+from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
 from wire.lifetime import Stop, Tell
 from wire.link import Link
 from wire.mocap_bus import MocapBus
+from wire.progress import compile_all
 from wire.refusals import Refusals
+from wire.starved import Punctuality
 from wire.zenoh_bus import ZenohBus
 
 
 class _Pump:
     """Hands what arrives to the core at once, and wakes it at its own deadlines."""
 
-    def __init__(self, config: AgentConfig, core: AgentCore, tell: Tell) -> None:
+    def __init__(self, config: AgentConfig, core: AgentCore, tell: Tell, clock: Clock) -> None:
         self.link: Link | None = None
         self.bus: ZenohBus | None = None
         self.refusals = Refusals()
         self._config = config
         self._core = core
         self._tell = tell
-        self.wake = Wake(self.turn)
+        self._clock = clock
+        self._flying = False
+        self._punctual = Punctuality(f"drone {config.sysid}", "its physics")
+        self.wake = Wake(self.turn, clock)
 
     def take(self, message: Datagram | LabFrame) -> None:
         """Something arrived."""
-        self._core.receive(message, monotonic_ns())
+        self._core.receive(message, self._punctual_ns())
         self.turn()
 
     def turn(self) -> None:
         """Send what is due and sleep until the next deadline."""
-        now_ns = monotonic_ns()
+        now_ns = self._punctual_ns()
         out = self._core.tick(now_ns)
         if self.link is not None:
             for datagram in out.datagrams:
                 self.link.send(datagram)
         if self.bus is not None and out.truth is not None:
             self.bus.publish_truth(out.truth)
+            self._flying = not out.truth.on_ground
         for event in (*out.events, *self.refusals.due(now_ns)):
             self._tell(event)
         if out.parameters is not None and self._config.parameter_file is not None:
             parameter_file.write(self._config.parameter_file, out.parameters)
         self.wake.at(self._core.next_deadline_ns())
 
+    def _punctual_ns(self) -> int:
+        """Now; StarvedError where a flight that an emulated mocap watches (it is told the truth) comes too late."""
+        now_ns = self._clock.monotonic_ns()
+        if self._flying:
+            self._punctual.check(self._core.next_deadline_ns(), now_ns)
+        return now_ns
 
-async def run(config: AgentConfig, tell: Tell) -> None:
+
+async def run(config: AgentConfig, tell: Tell, clock: Clock = REAL_TIME) -> None:
     """Be the drone until SIGINT or SIGTERM.
 
-    Raises OSError where its port is taken, ConfigError for parameters that are none.
+    Raises OSError where its port is taken, ConfigError for parameters that are none, StarvedError.
     """
     stop = Stop()
-    pump = _Pump(config, _core(config), tell)
+    pump = _Pump(config, _core(config, clock), tell, clock)
     uses_bus = config.link.kind == "zenoh" or config.pose == "mocap" or config.truth_rate_hz > 0.0
     try:
         if uses_bus:
             pump.bus = await ZenohBus.open(config.link, config.lab, pump.refusals)
-            MocapBus(pump.bus).on_frame(pump.take)
+            MocapBus(pump.bus, clock).on_frame(pump.take)
         pump.link = await open_ground_link(config, pump.bus, pump.take, pump.refusals)
         pump.turn()
         await stop.wait()
@@ -71,13 +86,17 @@ async def run(config: AgentConfig, tell: Tell) -> None:
             await pump.bus.close()
 
 
-def _core(config: AgentConfig) -> AgentCore:
+def _core(config: AgentConfig, clock: Clock) -> AgentCore:
     """The core, its kernels compiled: nothing compiles in flight."""
     kept = {} if config.parameter_file is None else parameter_file.read(config.parameter_file)
     config = config.model_copy(update={"parameters": {**config.parameters, **kept}})
     try:
-        core = AgentCore(config, monotonic_ns())
+        core = AgentCore(config, clock.monotonic_ns())
     except ValueError as error:
         raise ConfigError([f"drone-agent: parameters: {error}"]) from error
-    core.truth(monotonic_ns())
+    compile_all("drone-agent", lambda: _warm_up(core, clock), sys.stderr)
     return core
+
+
+def _warm_up(core: AgentCore, clock: Clock) -> None:
+    core.truth(clock.monotonic_ns())

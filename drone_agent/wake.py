@@ -3,21 +3,22 @@
 import asyncio
 from collections.abc import Callable
 
-from wire.clock import monotonic_ns
+from wire.clock import REAL_TIME, Clock
 
 
 class Wake:
     """Calls `turn` at a deadline; a new deadline takes the old one's place."""
 
-    def __init__(self, turn: Callable[[], None]) -> None:
+    def __init__(self, turn: Callable[[], None], clock: Clock = REAL_TIME) -> None:
         self._turn = turn
+        self._clock = clock
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
 
     def at(self, deadline_ns: int) -> None:
         """Wake then, or at once where that is past."""
         self.stop()
-        self._timer = self._loop.call_later(max((deadline_ns - monotonic_ns()) * 1e-9, 0.0), self._turn)
+        self._timer = self._loop.call_later(self._clock.seconds_until(deadline_ns), self._turn)
 
     def stop(self) -> None:
         """Do not wake again."""

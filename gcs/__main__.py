@@ -17,6 +17,8 @@ from gcs.lab import cli as lab_cli
 from gcs.lab.findings import approved
 from wire import clock
 
+Speed = Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)]
+
 app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -38,6 +40,7 @@ def run(
         False
     ),
     as_json: Json = False,
+    speed: Speed = 1.0,
 ) -> None:
     """Be the ground: mocap in, control on every frame, setpoints out, everything recorded. Ctrl-C lands and ends."""
     config = approved(lab, as_json)
@@ -46,7 +49,7 @@ def run(
     path = log or Path("runs") / f"{config.name}-{clock.unix_us() // 1_000_000}.mcap"
     metadata = {"link": config.link_kinds, "versions": f"mavlink-formation {version('mavlink-formation')}"}
     metadata |= _tags(tag or [])
-    serve(config, lab, path, name, metadata, force, as_json)
+    serve(config, lab, path, name, metadata, force, as_json, clock.Clock(speed))
 
 
 def _tags(items: list[str]) -> dict[str, str]:
@@ -64,6 +67,7 @@ def mocap(
         float | None, typer.Option(min=0.0, help="End when nobody has listened for this many seconds.")
     ] = None,
     as_json: Json = False,
+    speed: Speed = 1.0,
 ) -> None:
     """Be the lab's mocap process: frames of its source in, aligned and checked frames onto the bus, until Ctrl-C.
 
@@ -71,7 +75,7 @@ def mocap(
     """
     from gcs.mocap.cli import serve as serve_mocap  # loads a compiled kernel
 
-    serve_mocap(configuration(lab), linger, as_json)
+    serve_mocap(configuration(lab), linger, as_json, clock.Clock(speed))
 
 
 app.command()(lab_cli.check)

@@ -29,7 +29,7 @@ from gcs.links import GroundLinks, open_links
 from gcs.mocap.autopilot_poses import AutopilotPoses
 from gcs.mocap.service import ServiceError, mocap_service
 from gcs.recording import Input, record_input, record_tick, run_metadata
-from wire import clock
+from wire.clock import REAL_TIME, Clock
 from wire.mcap_log import LogWriter
 from wire.mocap_bus import MocapBus
 from wire.zenoh_bus import Reply, ZenohBus
@@ -53,12 +53,13 @@ class Timing:
 class Ground:
     """One GcsCore between its inputs and its links. Everything runs on the event loop, in order of arrival."""
 
-    def __init__(self, config: LabConfig, core: GcsCore, log: LogWriter, tell: Tell) -> None:
+    def __init__(self, config: LabConfig, core: GcsCore, log: LogWriter, tell: Tell, clock: Clock) -> None:
         self.timing = Timing()
         self.links: GroundLinks | None = None
         self._core = core
         self._log = log
         self.tell = tell
+        self._clock = clock
         self._poses = AutopilotPoses(config) if config.mocap.source == "mavlink" else None
         self._spacing_s = 1.0 / config.mocap.rate_hz
         self._waiting: dict[int, Reply] = {}
@@ -70,7 +71,7 @@ class Ground:
 
     def take_frame(self, frame: LabFrame) -> None:
         """A frame has come: control at once."""
-        now_ns = clock.monotonic_ns()
+        now_ns = self._clock.monotonic_ns()
         self._frame(frame, now_ns)
         self._tick(now_ns)
 
@@ -79,7 +80,7 @@ class Ground:
 
         Answers and such frames wait until everything that has arrived is read: what is old must not be flown first.
         """
-        now_ns = clock.monotonic_ns()
+        now_ns = self._clock.monotonic_ns()
         self._input(datagram, now_ns)
         frame = None if self._poses is None else self._poses.receive(datagram, now_ns)
         if frame is not None:
@@ -93,43 +94,43 @@ class Ground:
         self._request_id += 1
         asked_id = request.id
         self._waiting[self._request_id] = lambda answer: reply(OperatorReply(asked_id, answer.accepted, answer.text))
-        now_ns = clock.monotonic_ns()
+        now_ns = self._clock.monotonic_ns()
         self._input(OperatorRequest(self._request_id, request.verb, request.argument), now_ns)
         self._tick(now_ns)
 
     async def watch(self) -> None:
         """Tick where a frame is overdue; for ever."""
         while True:
-            await clock.sleep_until_ns(self._core.next_deadline_ns())
-            now_ns = clock.monotonic_ns()
+            await self._clock.sleep_until_ns(self._core.next_deadline_ns())
+            now_ns = self._clock.monotonic_ns()
             if now_ns >= self._core.next_deadline_ns():
                 overdue = self._received_ns is None and self._frame_seq >= 0 and self._core.phase not in GROUNDED
                 self._tick(now_ns)
                 if overdue:
-                    self._note((clock.monotonic_ns() - now_ns) * 1e-9, late=True)
+                    self._note((self._clock.monotonic_ns() - now_ns) * 1e-9, late=True)
 
     def take_mocap_event(self, event: Event) -> None:
         """The mocap process has something to say."""
-        self._log.write(topics.MOCAP_EVENT, event, clock.monotonic_ns())
+        self._log.write(topics.MOCAP_EVENT, event, self._clock.monotonic_ns())
         self.tell(event)
 
     async def publish_state(self, bus: ZenohBus, name: str) -> None:
         """Tell the bus how things are, and everybody what was refused, ten times a second; for ever."""
         while True:
-            now_ns = clock.monotonic_ns()
+            now_ns = self._clock.monotonic_ns()
             bus.publish_state(name, self._core.status(now_ns))
             for event in bus.refusals.due(now_ns):
                 self._log.write(topics.REFUSED, event, now_ns)
                 self.tell(event)
-            await clock.sleep_until_ns(clock.monotonic_ns() + STATE_NS)
+            await self._clock.sleep_until_ns(self._clock.monotonic_ns() + STATE_NS)
 
     async def land(self) -> None:
         """Bring the swarm down and wait for it, within a limit."""
-        give_up_ns = clock.monotonic_ns() + LANDING_LIMIT_NS
+        give_up_ns = self._clock.monotonic_ns() + LANDING_LIMIT_NS
         if self._core.phase not in GROUNDED:
             self.take_request(OperatorRequest(0, Verb.LAND), lambda _reply: None)
-        while self._core.phase not in GROUNDED and clock.monotonic_ns() < give_up_ns:
-            await clock.sleep_until_ns(clock.monotonic_ns() + STATE_NS)
+        while self._core.phase not in GROUNDED and self._clock.monotonic_ns() < give_up_ns:
+            await self._clock.sleep_until_ns(self._clock.monotonic_ns() + STATE_NS)
 
     @property
     def phase(self) -> Phase:
@@ -146,7 +147,7 @@ class Ground:
 
     def _tick_if_due(self) -> None:
         self._tick_scheduled = False
-        now_ns = clock.monotonic_ns()
+        now_ns = self._clock.monotonic_ns()
         if self._core.next_deadline_ns() <= now_ns:
             self._tick(now_ns)
 
@@ -156,7 +157,7 @@ class Ground:
         if self.links is not None:
             for datagram in outgoing.datagrams:
                 self.links.send(datagram)
-        sent_ns = clock.monotonic_ns()
+        sent_ns = self._clock.monotonic_ns()
         record_tick(self._log.write, outgoing, now_ns)
         for reply in outgoing.replies:
             self._waiting.pop(reply.id)(reply)
@@ -172,7 +173,7 @@ class Ground:
         timing = self.timing
         timing.ticks, timing.late = timing.ticks + 1, timing.late + late
         timing.worst_s = max(timing.worst_s, latency_s)
-        self._log.write(topics.TIMING, LoopTiming(self._frame_seq, latency_s, late), clock.monotonic_ns())
+        self._log.write(topics.TIMING, LoopTiming(self._frame_seq, latency_s, late), self._clock.monotonic_ns())
 
 
 class GroundFailure(RuntimeError):
@@ -189,7 +190,13 @@ class Ended:
 
 
 async def run(
-    config: LabConfig, lab_file: Path, log_path: Path, name: str, metadata: Mapping[str, str], tell: Tell
+    config: LabConfig,
+    lab_file: Path,
+    log_path: Path,
+    name: str,
+    metadata: Mapping[str, str],
+    tell: Tell,
+    clock: Clock = REAL_TIME,
 ) -> Ended:
     """Run the ground until SIGINT or SIGTERM; in flight it lands the swarm first, a second signal ends it at once.
 
@@ -201,10 +208,10 @@ async def run(
     bus = await ZenohBus.open(config.link, config.name)
     try:
         with LogWriter(log_path, {**run_metadata(config, t0_ns), **metadata}) as log:
-            ground = Ground(config, core, log, tell)
+            ground = Ground(config, core, log, tell, clock)
             ground.links = await open_links(config, bus, ground.take_datagram)
             try:
-                await _serve(config, lab_file, ground, bus, name)
+                await _serve(config, lab_file, ground, bus, name, clock)
             except BaseExceptionGroup as group:
                 raise _first_failure(group) from group
             finally:
@@ -214,7 +221,7 @@ async def run(
         await bus.close()
 
 
-async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBus, name: str) -> None:
+async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBus, name: str, clock: Clock) -> None:
     """Everything that runs at once, until asked to end or until a part of it fails."""
     loop = asyncio.get_running_loop()
     asked_to_end, failure = asyncio.Event(), loop.create_future()
@@ -234,7 +241,7 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
         loop.add_signal_handler(number, on_signal)
     gc.collect()
     gc.freeze()  # what start-up made lives as long as the process: collections in flight need not look at it
-    mocap = MocapBus(bus)
+    mocap = MocapBus(bus, clock)
     mocap.on_event(ground.take_mocap_event)
     if config.mocap.source != "mavlink":  # there the drones' links bring the poses
         mocap.on_frame(ground.take_frame)
@@ -243,7 +250,7 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
             tasks.create_task(_raise_from(failure)),
             tasks.create_task(ground.watch()),
             tasks.create_task(ground.publish_state(bus, name)),
-            tasks.create_task(_have_mocap(config, lab_file, mocap, ground.tell)),
+            tasks.create_task(_have_mocap(config, lab_file, mocap, ground.tell, clock)),
         ]
         bus.serve(name, ground.take_request)
         await asked_to_end.wait()
@@ -252,9 +259,9 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
             service.cancel()
 
 
-async def _have_mocap(config: LabConfig, lab_file: Path, mocap: MocapBus, tell: Tell) -> None:
+async def _have_mocap(config: LabConfig, lab_file: Path, mocap: MocapBus, tell: Tell, clock: Clock) -> None:
     """See that a mocap process serves the lab; for ever."""
-    async with mocap_service(config, lab_file, mocap, tell):
+    async with mocap_service(config, lab_file, mocap, tell, clock):
         await asyncio.get_running_loop().create_future()
 
 

@@ -1,6 +1,7 @@
 """What `gcs run` does around the daemon: margins, warm-up, the terminal, exit codes."""
 
 import json
+import sys
 from pathlib import Path
 
 import uvloop
@@ -12,21 +13,31 @@ from gcs.cli_common import NOT_RIGHT, REFUSED, fail, tell, tell_json
 from gcs.daemon import Ended, GroundFailure, run
 from gcs.mocap.service import ServiceError
 from gcs.warm_up import warm_up
+from wire.clock import Clock
 from wire.private_files import make_folder
+from wire.progress import compile_all
 
 
 def serve(
-    config: LabConfig, lab_file: Path, log: Path, name: str, metadata: dict[str, str], force: bool, as_json: bool
+    config: LabConfig,
+    lab_file: Path,
+    log: Path,
+    name: str,
+    metadata: dict[str, str],
+    force: bool,
+    as_json: bool,
+    clock: Clock,
 ) -> None:
     """Be the ground until told to end; ends the program with its exit code."""
     try:
+        compile_all("gcs", lambda: warm_up(config), sys.stderr)
         margins = delay_margins(config)
         if not force and any(not margin.carried for margin in margins):
             reasons = "; ".join(str(margin) for margin in margins if not margin.carried)
             fail(f"refused, this would not fly steadily: {reasons} (--force, for simulation only)", REFUSED)
         make_folder(log.parent)
-        warm_up(config)
-        ended = uvloop.run(run(config, lab_file, log, name, metadata, tell_json if as_json else tell))
+        told = tell_json if as_json else tell
+        ended = uvloop.run(run(config, lab_file, log, name, metadata, told, clock))
     except ServiceError as error:
         fail(str(error), error.code)
     except ValueError as error:

@@ -5,6 +5,8 @@ import numpy as np
 from formation import frames
 from formation.config import LabConfig
 from formation.control import warm_up as control
+from formation.control.margin import kicked_hover
+from formation.control.presets import preset_for
 from formation.messages import LabFrame
 from formation.relative import lead_from_lab
 from formation.shape import Shape
@@ -19,6 +21,13 @@ def warm_up(config: LabConfig) -> None:
     control.warm_up(config, tuple(config.profile_of(vehicle) for vehicle in config.vehicles))
     _change_shape()
     _watch_over(config)
+    _judge(config)
+
+
+def _judge(config: LabConfig) -> None:
+    """Two frames of the hover by which a vehicle's delay margin is found."""
+    profile, mocap = config.profile_of(config.leader), config.mocap
+    kicked_hover(profile, preset_for(config.control_preset, profile, mocap), mocap, 0.0, 2.0 / mocap.rate_hz)
 
 
 def _change_shape() -> None:

@@ -1,11 +1,12 @@
 """`gcs-sim`: simulated flights, in lockstep or by real processes in real time.
 
 Exit codes: 0 flown; 1 the flight was aborted; 2 the command line, a scenario or a recording is not right;
-130 interrupted.
+3 starved: the machine was too slow for the simulators, which says nothing of what flew; 130 interrupted.
 """
 
 import asyncio
 import signal
+import sys
 from collections.abc import Coroutine
 from datetime import datetime
 from pathlib import Path
@@ -30,9 +31,11 @@ from sim.ports import private_link
 from sim.scenario import Scenario, load, recorded_leader, shipped, with_leader_file
 from sim.script import Outcome
 from sim.study_cli import app as study_app
-from wire import clock
+from wire import clock, starved
 from wire.config_file import ConfigError
 from wire.private_files import make_folder
+from wire.progress import compile_all
+from wire.starved import StarvedError
 from wire.zenoh_bus import BusError
 
 ABORTED, NOT_RIGHT, INTERRUPTED = 1, 2, 130
@@ -44,7 +47,8 @@ app = typer.Typer(
     no_args_is_help=True,
     help="Fly scenarios: `fly` with real processes in real time, `run` in lockstep as fast as the machine goes; "
     "`paper` and `robustness` are studies of many flights.",
-    epilog="Exit codes: 0 flown; 1 aborted; 2 something given is not right; 130 interrupted.",
+    epilog="Exit codes: 0 flown; 1 aborted; 2 something given is not right; "
+    "3 starved, the machine was too slow for the simulators; 130 interrupted.",
 )
 
 app.add_typer(study_app)
@@ -67,6 +71,9 @@ def fly(
     leader_csv: LeaderCsv = None,
     leader_alignment: Alignment = None,
     force: Annotated[bool, typer.Option("--force", help="Fly a preset whose delay margin the ground refuses.")] = False,
+    speed: Annotated[
+        float, typer.Option(min=0.01, max=1.0, help="Seconds of flight in one second: slower on a slow machine.")
+    ] = 1.0,
     json_file: Json = None,
     out: Out = None,
 ) -> None:
@@ -77,11 +84,12 @@ def fly(
     scenario = scenario.model_copy(update={"lab": lab.model_copy(update={"link": own_link})})
     files = Files(_folder(out, scenario))
     console = Console()
+    _compile(scenario)
     with Display(console, scenario.name) as display:
-        display.say("compiling")
-        lockstep.warm_up(scenario)
         flown = asyncio.run(
-            _interruptible(fly_processes(scenario, _seed(seed, scenario), files, display.progress, force))
+            _interruptible(
+                fly_processes(scenario, _seed(seed, scenario), files, display.progress, force, clock.Clock(speed))
+            )
         )
     outcome = flown or Outcome("aborted", "interrupted")
     if not files.mcap.exists():
@@ -102,21 +110,30 @@ def run(
     scenario = _scenario(name, leader_csv, leader_alignment)
     files = Files(_folder(out, scenario))
     console = Console()
+    _compile(scenario)
     with Display(console, scenario.name) as display:
-        display.say("compiling")
-        lockstep.warm_up(scenario)
         flown = lockstep.run_to_file(scenario, _seed(seed, scenario), files.mcap, display.progress)
     _end(conclude(files.mcap, flown.outcome, flown.realtime_factor), json_file, console)
 
 
 @app.command()
-def mocap(name: Name, seed: Seed = None) -> None:
+def mocap(
+    name: Name, seed: Seed = None, speed: Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)] = 1.0
+) -> None:
     """Be the mocap of a scenario's simulated drones, on the bus of its lab, until Ctrl-C."""
     scenario = _scenario(name, None, None)
     try:
-        uvloop.run(mocap_daemon.serve(scenario, _seed(seed, scenario), GCS_NAME))
+        uvloop.run(mocap_daemon.serve(scenario, _seed(seed, scenario), GCS_NAME, clock.Clock(speed)))
     except BusError as error:
         _fail(str(error), NOT_RIGHT)
+    except StarvedError as error:
+        _fail(str(error), starved.EXIT_CODE)
+
+
+@app.command("compile")
+def compile_kernels() -> None:
+    """Compile everything that flies, once per installation, so that no start waits for it later."""
+    _compile(load("triangle_line"))
 
 
 @app.command("list")
@@ -154,6 +171,11 @@ def _scenario(name: str, leader_csv: Path | None, alignment: str | None) -> Scen
     return scenario
 
 
+def _compile(scenario: Scenario) -> None:
+    """Everything that any process of the scenario runs; the processes find it in the cache on disk."""
+    compile_all("gcs-sim", lambda: lockstep.warm_up(scenario), sys.stderr)
+
+
 def _quaternion(text: str) -> QuatTuple:
     """Unit quaternion of "w,x,y,z"; ValueError for anything else."""
     try:
@@ -181,6 +203,8 @@ def _end(summary: Summary, json_file: Path | None, console: Console, aborted_cod
     print_summary(summary, console)
     if json_file is not None:
         json_file.write_text(summary.to_json() + "\n", encoding="utf-8")
+    if summary.outcome.startswith("starved"):
+        raise typer.Exit(starved.EXIT_CODE)
     if summary.outcome.startswith("aborted"):
         raise typer.Exit(aborted_code)
 

@@ -14,8 +14,8 @@ def conclude(mcap: Path, outcome: Outcome, realtime_factor: float | None = None)
     page = mcap.with_name("report.html")
     flight = load.load(mcap)
     summary = metrics.summarise(flight, mcap=mcap, report=page, realtime_factor=realtime_factor)
-    if outcome.result == "aborted" and not summary.outcome.startswith("aborted"):
-        summary = replace(summary, outcome=f"aborted: {outcome.reason}")
+    if outcome.result == "starved" or (outcome.result == "aborted" and not summary.outcome.startswith("aborted")):
+        summary = replace(summary, outcome=f"{outcome.result}: {outcome.reason}")
     checked = check_log(mcap)
     report.write(flight, summary, page, "" if checked.complete else checked.damage)
     return summary

@@ -9,6 +9,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from wire import starved
+
 PATIENCE_S = 5.0
 
 
@@ -23,7 +25,11 @@ class Child:
 
 
 class ProcessDied(RuntimeError):
-    """A process of the flight ended while it was needed."""
+    """A process of the flight ended while it was needed; starved: because it is a simulator that came too late."""
+
+    def __init__(self, text: str, starved: bool = False) -> None:
+        super().__init__(text)
+        self.starved = starved
 
 
 class ProcessGroup:
@@ -70,6 +76,8 @@ class ProcessGroup:
             for task in waits:
                 task.cancel()
         child = waits[done.pop()]
+        if child.process.returncode == starved.EXIT_CODE:
+            raise ProcessDied(_last_words(child.output), starved=True)
         raise ProcessDied(f"{child.name} ended with {_status(child)}; its last words: {_last_words(child.output)}")
 
     async def stop(self, child: Child) -> None:

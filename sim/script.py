@@ -60,7 +60,7 @@ class Glance:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How the flight ended: `landed`, `held` or `aborted`, and why where that needs saying."""
+    """How the flight ended: `landed`, `held`, `aborted` or `starved` (no flight), and why where that needs saying."""
 
     result: str
     reason: str = ""

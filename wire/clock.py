@@ -3,22 +3,51 @@
 import asyncio
 import time
 import uuid
+from dataclasses import dataclass
 from pathlib import Path
 
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
 
 
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """The monotonic clock that all control runs on, one for every process of a machine; flights may slow it down.
+
+    speed: seconds on this clock in one second of the machine's. Processes that are given the same speed share a clock:
+    it counts from where the machine's own does.
+    """
+
+    speed: float = 1.0
+
+    def monotonic_ns(self) -> int:
+        """Nanoseconds now."""
+        now_ns = time.monotonic_ns()
+        return now_ns if self.speed == 1.0 else int(now_ns * self.speed)
+
+    def name(self) -> bytes:
+        """Which clock this is: processes with the same name share it, another name is another machine's clock."""
+        try:
+            machine = _BOOT.read_bytes().strip()
+        except OSError:  # no Linux: the machine's own number, though its clock starts anew with each boot
+            machine = f"{uuid.getnode():x}".encode()
+        return machine + f" {self.speed:g}".encode()
+
+    def seconds_until(self, deadline_ns: int) -> float:
+        """How long the machine takes until then, by its own clock; 0 where that has passed."""
+        return max((deadline_ns - self.monotonic_ns()) * 1e-9 / self.speed, 0.0)
+
+    async def sleep_until_ns(self, deadline_ns: int) -> None:
+        """Return at `deadline_ns` or just after (asyncio's timers: 1 ms); at once if it has passed."""
+        while (left_s := self.seconds_until(deadline_ns)) > 0.0:
+            await asyncio.sleep(left_s)
+
+
+REAL_TIME = Clock()
+
+
 def monotonic_ns() -> int:
-    """Nanoseconds on the monotonic clock all control runs on; one clock for every process of a machine."""
-    return time.monotonic_ns()
-
-
-def name() -> bytes:
-    """Which clock `monotonic_ns` reads: the same name means the same clock, another one means another machine's."""
-    try:
-        return _BOOT.read_bytes().strip()
-    except OSError:  # no Linux: the machine's own number, though its clock starts anew with each boot
-        return f"{uuid.getnode():x}".encode()
+    """Now in real time."""
+    return REAL_TIME.monotonic_ns()
 
 
 def unix_us() -> int:
@@ -27,6 +56,5 @@ def unix_us() -> int:
 
 
 async def sleep_until_ns(deadline_ns: int) -> None:
-    """Return at `deadline_ns` of `monotonic_ns` or just after (asyncio's timers: 1 ms); at once if it has passed."""
-    while (left_s := (deadline_ns - monotonic_ns()) * 1e-9) > 0.0:
-        await asyncio.sleep(left_s)
+    """Return at `deadline_ns` in real time, or just after."""
+    await REAL_TIME.sleep_until_ns(deadline_ns)

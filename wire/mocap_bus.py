@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import zenoh
 
 from formation.messages import Event, LabFrame, RawFrame
-from wire import clock
+from wire.clock import REAL_TIME, Clock
 from wire.frame_check import lab_fault
 from wire.schema import Schema, SchemaError, schema_of
 from wire.sender_clock import SenderClock
@@ -35,9 +35,9 @@ _ALIVE = "mocap/alive"
 class MocapBus:
     """One process's view of it. Callbacks run on the event loop; what is not handed on, the bus's `refusals` say."""
 
-    def __init__(self, bus: ZenohBus) -> None:
+    def __init__(self, bus: ZenohBus, clock: Clock = REAL_TIME) -> None:
         self._bus = bus
-        self._clock_name = clock.name()
+        self._clock, self._clock_name = clock, clock.name()
         self._clocks: dict[bytes, SenderClock] = {}
 
     def publish_raw(self, frame: RawFrame) -> None:
@@ -70,7 +70,7 @@ class MocapBus:
             frame = self._decoded("mocap/frame", _FRAME, sample)
             if frame is None:
                 return
-            now_ns = clock.monotonic_ns()
+            now_ns = self._clock.monotonic_ns()
             frame = self._on_our_clock(frame, sample.attachment, now_ns)
             fault = lab_fault(frame, now_ns)
             if fault is None:

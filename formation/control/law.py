@@ -157,6 +157,7 @@ def _demand(
     )  # fmt: skip
     for i in range(len(vehicle)):
         n = vehicle[i]
+        # np.int64: a literal 0 would be a type of its own, and the prediction compiled once more for it.
         turned_ns = now_ns + int(turn_dead_s[i] * 1e9)
         motion_at(np.int64(0), own[0], turned_ns, known, b.lead, b.felt)
         reference_at(i, turned_ns, b.lead, way, b.slot, b.frame, b.lab)

@@ -29,7 +29,7 @@ RESOLUTION_S = 0.002
 NEEDED_SHARE = 0.1
 """Of the loop's own delay: the least margin to fly with."""
 START_NS = 1_000_000_000
-OBSERVED, POINT_M = "margin/leader", np.array([0.0, 0.0, 1.0])
+OBSERVED, POINT_M = "margin-leader", np.array([0.0, 0.0, 1.0])
 FAR = Fence(low_m=(-1e3, -1e3, -1e3), high_m=(1e3, 1e3, 1e3))
 
 
@@ -87,7 +87,7 @@ def kicked_hover(
     lab = LabConfig(
         profiles=(profile,),
         leader=LeaderConfig(body=OBSERVED, profile=profile.name),
-        followers=(FollowerConfig(body="margin/follower", sysid=1, profile=profile.name, offset_m=(1.0, 0.0, 0.0)),),
+        followers=(FollowerConfig(body="margin-follower", sysid=1, profile=profile.name, offset_m=(1.0, 0.0, 0.0)),),
         limits=LimitsConfig(fence=FAR, speed_m_s=100.0),
         mocap=mocap,
     )
@@ -131,7 +131,7 @@ def _frame(seq: int, t_ns: int, pos_lab_m: Float, force: Float) -> LabFrame:
     sine = float(np.linalg.norm(tilt))
     turn = tilt / sine * np.arctan2(sine, z[2]) if sine > 0.0 else tilt
     q = np.stack([frames.IDENTITY, frames.from_rotation_vector(turn)])
-    bodies = (OBSERVED, "margin/follower")
+    bodies = (OBSERVED, "margin-follower")
     return LabFrame(seq, t_ns, bodies, np.stack([np.array([5.0, 5.0, 0.0]), pos_lab_m]), q, np.ones(2, dtype=np.bool_))
 
 

@@ -42,7 +42,7 @@ class Known(NamedTuple):
 
 
 @kernel
-def motion_at(i: int, own: int, to_ns: int, known: Known, out: Float, felt: Float) -> None:
+def motion_at(i: int | np.int64, own: int, to_ns: int, known: Known, out: Float, felt: Float) -> None:
     """Motion of vehicle i at to_ns into out (3, 4), and the modelled specific force then into felt (3).
 
     A commanded vehicle (own >= 0, its place in the history) answers its past commands by dead time and lag; one that

@@ -11,11 +11,10 @@ import numpy as np
 
 from formation.config import LabConfig
 from formation.messages import Event, Severity
-from gcs.mocap import warm_up
 from gcs.mocap.core import SOURCE, MocapCore
 from gcs.mocap.service import ServiceError, configuration_name
 from gcs.mocap.source import Frame, Timed, play, recording
-from wire import clock
+from wire.clock import Clock
 from wire.lifetime import Stop, Tell
 from wire.mocap_bus import MocapBus
 from wire.refusals import Refusals
@@ -30,10 +29,11 @@ OTHERS_S = 0.5
 class Mocap:
     """One MocapCore between its source and the bus."""
 
-    def __init__(self, config: LabConfig, bus: MocapBus, refusals: Refusals, tell: Tell) -> None:
+    def __init__(self, config: LabConfig, bus: MocapBus, refusals: Refusals, tell: Tell, clock: Clock) -> None:
         self._core = MocapCore(config, refusals)
         self._bus = bus
         self._tell = tell
+        self._clock = clock
         self._source = config.mocap.source
         self._inside_s: deque[float] = deque(maxlen=REMEMBERED)
         self._heard_ns = self._state_ns = clock.monotonic_ns()
@@ -41,16 +41,16 @@ class Mocap:
 
     def take(self, frame: Frame) -> None:
         """A frame has come: out with it at once."""
-        now_ns = clock.monotonic_ns()
+        now_ns = self._clock.monotonic_ns()
         aligned = self._core.receive(frame, now_ns)
         if aligned is not None:
             self._bus.publish_frame(aligned)
-            self._inside_s.append((clock.monotonic_ns() - now_ns) * 1e-9)
+            self._inside_s.append((self._clock.monotonic_ns() - now_ns) * 1e-9)
 
     async def watch(self, linger_s: float | None) -> None:
         """Tell what was refused and how things are; return when nobody has listened for `linger_s`, if given."""
         while True:
-            now_ns = clock.monotonic_ns()
+            now_ns = self._clock.monotonic_ns()
             for event in (*self._core.refusals.due(now_ns), *self._newly_unknown()):
                 self.say(event)
             if now_ns - self._state_ns >= STATE_NS:
@@ -60,7 +60,7 @@ class Mocap:
                     self._heard_ns = now_ns
             if linger_s is not None and now_ns - self._heard_ns > linger_s * 1e9:
                 return
-            await clock.sleep_until_ns(now_ns + WATCH_NS)
+            await self._clock.sleep_until_ns(now_ns + WATCH_NS)
 
     def say(self, event: Event) -> None:
         """Tell it here and on the bus, where the ground records it."""
@@ -86,7 +86,7 @@ class Mocap:
         return [Event(Severity.INFO, SOURCE, f"bodies that are none of the lab's are left out: {names}")]
 
 
-async def run(config: LabConfig, linger_s: float | None, tell: Tell) -> None:
+async def run(config: LabConfig, linger_s: float | None, tell: Tell, clock: Clock) -> None:
     """Serve the lab until SIGINT or SIGTERM, or until nobody has listened for `linger_s`.
 
     Raises BusError, MocapFileError, and ServiceError where another process serves the lab already.
@@ -94,25 +94,24 @@ async def run(config: LabConfig, linger_s: float | None, tell: Tell) -> None:
     stop = Stop()
     bus = await ZenohBus.open(config.link.joined, config.name)
     try:
-        mocap_bus = MocapBus(bus)
+        mocap_bus = MocapBus(bus, clock)
         if await mocap_bus.serving(OTHERS_S) is not None:
             raise ServiceError(f"another mocap process serves {config.name!r} already")
-        mocap, recorded = Mocap(config, mocap_bus, bus.refusals, tell), recording(config)
-        warm_up.warm_up(config)
+        mocap, recorded = Mocap(config, mocap_bus, bus.refusals, tell, clock), recording(config)
         mocap_bus.announce(configuration_name(config))
-        await _first_of(mocap.watch(linger_s), _serve(config, recorded, mocap_bus, mocap), stop.wait())
+        await _first_of(mocap.watch(linger_s), _serve(config, recorded, mocap_bus, mocap, clock), stop.wait())
     finally:
         await bus.close()
 
 
-async def _serve(config: LabConfig, recorded: list[Timed] | None, bus: MocapBus, mocap: Mocap) -> None:
+async def _serve(config: LabConfig, recorded: list[Timed] | None, bus: MocapBus, mocap: Mocap, clock: Clock) -> None:
     """Take frames for ever. A recording waits for somebody to listen, and ends."""
     if recorded is None:
         bus.on_raw(mocap.take)
     else:
         while not bus.is_heard:
             await clock.sleep_until_ns(clock.monotonic_ns() + WATCH_NS)
-        await play(recorded, round(config.mocap.delay_s * 1e9), mocap.take)
+        await play(recorded, round(config.mocap.delay_s * 1e9), mocap.take, clock)
         mocap.say(Event(Severity.WARNING, SOURCE, "the recording is over"))
     await asyncio.get_running_loop().create_future()
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from formation.config import LabConfig
 from formation.messages import Event, Severity
 from gcs.cli_common import NOT_RIGHT
+from wire.clock import REAL_TIME, Clock
 from wire.lifetime import Tell
 from wire.mocap_bus import MocapBus
 
@@ -36,7 +37,9 @@ def configuration_name(config: LabConfig) -> str:
 
 
 @asynccontextmanager
-async def mocap_service(config: LabConfig, lab_file: Path, bus: MocapBus, tell: Tell) -> AsyncIterator[None]:
+async def mocap_service(
+    config: LabConfig, lab_file: Path, bus: MocapBus, tell: Tell, clock: Clock = REAL_TIME
+) -> AsyncIterator[None]:
     """While inside, a mocap process serves the lab; one of ours ends with us, but not if we are killed.
 
     Raises ServiceError where it cannot be started, or serves another configuration than `config`.
@@ -52,7 +55,7 @@ async def mocap_service(config: LabConfig, lab_file: Path, bus: MocapBus, tell: 
         yield
         return
     tell(Event(Severity.INFO, "mocap", f"no mocap process serves {config.name!r}: starting `gcs mocap {lab_file}`"))
-    own = _OwnProcess(lab_file, bus, tell)
+    own = _OwnProcess(lab_file, bus, tell, clock)
     await own.start()
     try:
         await own.until_serving()
@@ -68,8 +71,9 @@ async def mocap_service(config: LabConfig, lab_file: Path, bus: MocapBus, tell: 
 class _OwnProcess:
     """The mocap process that we started, and start again when it ends."""
 
-    def __init__(self, lab_file: Path, bus: MocapBus, tell: Tell) -> None:
+    def __init__(self, lab_file: Path, bus: MocapBus, tell: Tell, clock: Clock) -> None:
         self._lab_file = lab_file
+        self._clock = clock
         self._bus = bus
         self._tell = tell
         self._process: asyncio.subprocess.Process | None = None
@@ -78,6 +82,7 @@ class _OwnProcess:
         """In a session of its own, so that neither Ctrl-C nor our death takes the drones' poses away."""
         self._process = await asyncio.create_subprocess_exec(
             sys.executable, "-m", "gcs", "mocap", str(self._lab_file), "--linger", str(LINGER_S),
+            "--speed", str(self._clock.speed),
             stdin=asyncio.subprocess.DEVNULL, start_new_session=True,
         )  # fmt: skip
 

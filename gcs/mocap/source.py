@@ -10,7 +10,7 @@ from formation import topics
 from formation.config import LabConfig
 from formation.messages import LabFrame, RawFrame
 from gcs.mocap.csv_file import MocapFileError, read_recording
-from wire import clock
+from wire.clock import Clock
 from wire.mcap_log import LogError, read_log
 
 Frame = RawFrame | LabFrame
@@ -31,7 +31,7 @@ def recording(config: LabConfig) -> list[Timed] | None:
             return None
 
 
-async def play(frames: Sequence[Timed], delay_ns: int, deliver: Deliver) -> None:
+async def play(frames: Sequence[Timed], delay_ns: int, deliver: Deliver, clock: Clock) -> None:
     """Deliver each frame `delay_ns` after its own time since the first, captures restamped to now."""
     start_ns = clock.monotonic_ns()
     for t_ns, frame in frames:

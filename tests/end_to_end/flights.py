@@ -29,7 +29,9 @@ body = "left"
 sysid = 3
 offset_m = [-0.4, 0.4, 0.0]
 """
-LINE = 'kind = "line", length_m = 0.5, duration_s = 4.0'
+SPEED = 0.25
+"""Of every flight by real processes: a machine that is merely slow must not fail it."""
+LINE = 'kind = "line", length_m = 0.5, duration_s = 2.0'
 CIRCLE = 'kind = "circle", radius_m = 0.5, period_s = 5.0, duration_s = 60.0'
 
 
@@ -43,7 +45,7 @@ def write_scenario(folder: Path, trajectory: str) -> Path:
 def gcs_sim_fly(*arguments: str) -> Iterator[subprocess.Popen[str]]:
     """`gcs-sim fly` running; its output is text on `stdout`. Interrupted, and waited for, on leaving."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "sim", "fly", *arguments],
+        [sys.executable, "-m", "sim", "fly", "--speed", str(SPEED), *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,

@@ -3,15 +3,17 @@
 import json
 import os
 import signal
+import time
 from pathlib import Path
 
 import pytest
-from flights import CIRCLE, LINE, gcs_sim_fly, pid_of, processes_of, read_until, write_scenario
+from flights import CIRCLE, LINE, SPEED, gcs_sim_fly, pid_of, processes_of, read_until, write_scenario
 
 from gcs.replay import replay
 from wire.mcap_log import check_log, read_log
+from wire.starved import LATE_NS
 
-pytestmark = [pytest.mark.processes, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.processes, pytest.mark.timeout(900)]
 
 
 @pytest.mark.parametrize("link", ["zenoh", "udp"])
@@ -49,6 +51,20 @@ def test_ctrl_c_lands_the_drones_and_leaves_no_process_and_a_whole_log(tmp_path:
     assert check_log(out / "flight.mcap").complete
     ended = (out / "gcs.log").read_text()
     assert "LAND -> GROUND" in ended
+
+
+def test_an_emulator_that_is_not_let_run_is_named_and_neither_a_pass_nor_a_failed_flight(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    with gcs_sim_fly(str(write_scenario(tmp_path, CIRCLE)), "--out", str(out)) as process:
+        read_until(process, "HOLD")
+        mocap = pid_of(out, lambda words: "mocap" in words)
+        os.kill(mocap, signal.SIGSTOP)
+        time.sleep(2.0 * LATE_NS * 1e-9 / SPEED)
+        os.kill(mocap, signal.SIGCONT)
+        said, _ = process.communicate()
+    assert process.returncode == 3, said
+    assert "starved: the mocap emulator is starved: its exposure" in said
+    assert not processes_of(out)
 
 
 def test_when_an_agent_dies_the_flight_ends_with_its_name_and_leaves_no_process(tmp_path: Path) -> None:

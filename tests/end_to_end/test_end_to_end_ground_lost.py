@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flights import CIRCLE, write_scenario
+from flights import CIRCLE, SPEED, write_scenario
 
 from formation import frames, topics
 from formation.arrays import Float
@@ -17,10 +17,10 @@ from sim.fly import Files, operate, running
 from sim.ports import private_link
 from sim.scenario import Scenario, load
 from sim.script import FLIGHT, Operator
-from wire import clock
+from wire.clock import Clock
 from wire.mcap_log import check_log, read_log
 
-pytestmark = [pytest.mark.processes, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.processes, pytest.mark.timeout(900)]
 
 SYSIDS = (1, 2, 3)
 FAST_M_S, LEANING_RAD = 0.5, np.radians(4.0)
@@ -64,11 +64,11 @@ class Watched:
 
 async def fly_and_kill(scenario: Scenario, files: Files) -> tuple[Watched, int]:
     """Fly the circle, kill the ground in full flight, wait until all are down; when it was killed."""
-    watched = Watched()
+    watched, clock = Watched(), Clock(SPEED)
     operator = Operator(FLIGHT[:3])
-    async with running(scenario, 1, files) as flight:
+    async with running(scenario, 1, files, clock=clock) as flight:
         flight.bus.on_truth(watched.take)
-        script = asyncio.create_task(operate(flight.bus, operator, 120.0, lambda _t_s, _phase: None))
+        script = asyncio.create_task(operate(flight.bus, operator, 120.0, lambda _t_s, _phase: None, clock))
         await watched.wait_for(watched.all_fast_and_leaning)
         killed_ns = clock.monotonic_ns()
         os.kill(flight.ground.process.pid, signal.SIGKILL)

@@ -43,3 +43,16 @@ def test_the_first_to_die_is_named_with_its_last_words(tmp_path: Path) -> None:
 
     with pytest.raises(ProcessDied, match=re.compile("mortal ended with exit code 0.*honking great idea")):
         asyncio.run(one_dies())
+
+
+def test_a_simulator_that_came_too_late_is_told_apart(tmp_path: Path) -> None:
+    words = "import os; print('the mocap emulator is starved', flush=True); os._exit(3)"
+
+    async def one_is_starved() -> None:
+        async with ProcessGroup(tmp_path) as group:
+            await group.start("mocap", "timeit", ["-n", "1", words])
+            await asyncio.wait_for(group.watch(), 60.0)
+
+    with pytest.raises(ProcessDied, match="the mocap emulator is starved") as died:
+        asyncio.run(one_is_starved())
+    assert died.value.starved

@@ -49,7 +49,7 @@ def test_a_frame_of_another_machines_clock_is_moved_onto_ours(monkeypatch):
     async def run():
         async with joined(*ends()) as (one, two):
             receiver = MocapBus(two)
-            monkeypatch.setattr(clock, "name", lambda: b"another machine")
+            monkeypatch.setattr(clock.Clock, "name", lambda _: b"another machine")
             sender, got, frame = MocapBus(one), [], asyncio.Event()
             receiver.on_frame(lambda m: (got.append(m), frame.set()))
             days_ns = 10**15

@@ -195,7 +195,7 @@ def test_what_is_too_large_is_refused_unread_and_told_once():
             drone = sender.drone_link(1, lambda _: None)
 
             def send() -> None:
-                sender._put("gcs/main/state", bytes(1 << 20))
+                sender.put("gcs/main/state", bytes(1 << 20))
                 drone.send(Datagram(1, bytes(LARGEST_DATAGRAM + 1)))
                 drone.send(Datagram(1, bytes(LARGEST_DATAGRAM)))
                 callback = zenoh.handlers.Callback(lambda _: None)

@@ -15,10 +15,11 @@ from wire.link_messages.address import Address
 from wire.mavlink_layout import CRC_EXTRA
 
 FRAMES_MOST = 8
-"""Frames taken of one datagram; `packed` keeps to it, and who sends one frame a datagram (most do) never meets it."""
+"""Places of one datagram where a frame is looked for, found or not; `packed` keeps to it, and who sends one frame a
+datagram (most do) never meets it."""
 _PACKED_BYTES = 1200
-_FALSE_STARTS = 8
-_BYTES_A_FALSE_START = 32  # on a line that noise and restarts cut anywhere
+# On a line that noise and restarts cut anywhere, false starts are what is bounded, by the bytes read.
+_FALSE_STARTS, _BYTES_A_FALSE_START = 8, 32
 
 _MAGIC_1, _MAGIC_2 = 0xFE, 0xFD
 _MAGICS = (_MAGIC_1, _MAGIC_2)
@@ -59,15 +60,15 @@ class FrameCutter:
         self._held = b""
         end = len(buffer)
         if self._stream:
-            false_starts, most = _FALSE_STARTS + end // _BYTES_A_FALSE_START, end
+            tries = _FALSE_STARTS + end // _BYTES_A_FALSE_START
         else:
-            false_starts, most = _FALSE_STARTS, FRAMES_MOST
+            tries = FRAMES_MOST
             if end > LARGEST_DATAGRAM:
                 self.dropped_bytes += end
                 return []
         frames: list[Frame] = []
         at = 0
-        while at < end and false_starts and len(frames) < most:
+        while at < end and tries:
             stop = _stop(buffer, at, end)
             if stop > end and self._stream:
                 self._held = buffer[at:]
@@ -77,9 +78,10 @@ class FrameCutter:
                 if frame is not None:
                     frames.append(frame)
                     at = stop
+                    tries -= not self._stream
                     continue
                 self.bad_frames += 1
-            false_starts -= 1
+            tries -= 1
             following = _next_magic(buffer, at + 1)
             self.dropped_bytes += following - at
             at = following

@@ -60,6 +60,8 @@ class TextJoiner:
 
     def join(self, source: Address, chunk: TextChunk) -> list[StatusText]:
         """The texts that this chunk completes: none, one, or the broken one before it and this one."""
+        if chunk.last and chunk.index == 0 and source not in self._open:
+            return [text_of(chunk.severity, [chunk.part])]
         texts: list[StatusText] = []
         held = self._open.pop(source, [])
         if held and (chunk.id != held[0].id or chunk.index != held[-1].index + 1):

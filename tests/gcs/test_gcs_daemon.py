@@ -120,7 +120,7 @@ def test_a_port_that_is_taken_is_named(tmp_path):
         link = config.link.model_copy(update={"kind": "udp", "ground_port_base": port - 2})
         config = config.model_copy(update={"link": link})
         with pytest.raises(OSError, match=f"UDP ports {port} on 127.0.0.1: Address already in use"):
-            asyncio.run(run(config, tmp_path / "flight.mcap", "main", {}, lambda _event: None))
+            asyncio.run(_until_over(config, tmp_path, []))
 
 
 STRAYS = (b"\xfe" * 1500, b"\xfd" * 1500, bytes(60_000), b"no MAVLink", b"\xfd\xff\x02" * 500)

@@ -3,7 +3,6 @@
 Reading files is `wire.config_file`'s work; simulation scenarios extend this in `sim.scenario`.
 """
 
-import re
 from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
@@ -119,12 +118,9 @@ class FormationConfig(Model):
     shapes: dict[Name, tuple[SlotConfig, ...]] = Field(default_factory=dict)
 
     @model_validator(mode="after")
-    def _can_be_asked_for(self) -> Self:
-        for name in self.shapes:
-            if re.fullmatch(r"[A-Za-z0-9_-]{1,64}", name) is None:
-                raise ValueError(f"no operator can ask for shape {name!r}: letters, digits, - and _ are meant")
-            if name == CONFIGURED:
-                raise ValueError(f"shape {name!r} is the one that the followers' own slots make")
+    def _leaves_the_configured_one(self) -> Self:
+        if CONFIGURED in self.shapes:
+            raise ValueError(f"shape {CONFIGURED!r} is the one that the followers' own slots make")
         return self
 
 

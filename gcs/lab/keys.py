@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable
 from enum import Enum
-from re import findall
 from typing import Any
 
 from formation.config import LabConfig
@@ -24,14 +23,25 @@ class Keys:
         return Finding(key, check, Grade.WARN, self.value(key), wanted, why)
 
     def value(self, key: str) -> str:
-        """The value at `followers[0].offset_m`, as TOML would have it; nothing for one that is a table or not there."""
+        """The value at `followers[0].offset_m`, as TOML would have it; nothing for one that is a table."""
         found: Any = self._config
-        for name, index in findall(r"([^.\[\]]+)|\[(\d+)\]", key):
-            if index:
-                found = found[int(index)]
-                continue
-            found = found.get(name) if isinstance(found, dict) else getattr(found, name)
+        rest = key
+        while rest:
+            name, found = _step(found, rest)
+            rest = rest[len(name) :].lstrip(".")
         return written(found)
+
+
+def _step(table: Any, key: str) -> tuple[str, Any]:
+    """The first part of a key, and what is there; names of shapes may have dots of their own."""
+    if key.startswith("["):
+        index = key[: key.index("]") + 1]
+        return index, table[int(index[1:-1])]
+    if isinstance(table, dict):
+        name = key.rpartition("[")[0] if "[" in key else key
+        return name, table[name]
+    name = key.partition(".")[0].partition("[")[0]
+    return name, getattr(table, name)
 
 
 def written(value: object) -> str:

@@ -72,7 +72,6 @@ def test_the_presets_that_a_lab_may_name_are_those_there_are():
             {"leader": {"body": "a", "sysid": 1, "trajectory": {"kind": "circle", "laps": 0}}},
             "greater than or equal to 1",
         ),
-        ({"formation": {"shapes": {"my stairs": [{"offset_m": (0, 1, 0)}]}}}, "no operator can ask for shape"),
         ({"formation": {"shapes": {"configured": [{"offset_m": (0, 1, 0)}]}}}, "the followers' own slots"),
     ],
 )
@@ -100,13 +99,14 @@ def test_a_name_is_what_may_stand_in_a_path_a_key_and_a_page(name):
     wrong = (
         {"leader": {"body": name}},
         {"name": name},
-        {"control_preset": name},
         {"formation": {"shapes": {name: [{"offset_m": (-0.4, 0.0, 0.0)}]}}},
         {"profiles": [{**PAPER_40G.model_dump(), "name": name}]},
     )
     for values in wrong:
         with pytest.raises(ValidationError, match="not a name"):
             lab(**values)
+    with pytest.raises(ValidationError, match="unknown control preset"):
+        lab(control_preset=name)
 
 
 def test_a_name_of_letters_digits_dots_and_dashes_is_taken():

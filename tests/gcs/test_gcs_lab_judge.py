@@ -58,6 +58,8 @@ REFUSED: list[tuple[str, dict[str, object], str, str, str]] = [
      "[-0.4, 0, 0.15]", "0.15 m from right"),
     ("listed shape too near", {"formation": {"shapes": {"s": [{"offset_m": RIGHT}, {"offset_m": [-0.4, -0.5, 0]}]}}},
      "formation.shapes.s[1].offset_m", "[-0.4, -0.5, 0]", "0.10 m from right"),
+    ("a name with a dot", {"formation": {"shapes": {"a.b": [{"offset_m": RIGHT}, {"offset_m": [-0.4, -0.5, 0]}]}}},
+     "formation.shapes.a.b[1].offset_m", "[-0.4, -0.5, 0]", "0.10 m from right"),
     ("listed shape outside", {"formation": {"shapes": {"s": [{"offset_m": RIGHT}, {"offset_m": [-4.0, 0, 0]}]}}},
      "formation.shapes.s[1].offset_m", "[-4, 0, 0]", "1.50 m beyond limits.fence.low_m x"),
     ("spacing", {"formation": {"spacing_m": 0.15}}, "formation.spacing_m", "0.15", "nearer than limits."),

@@ -9,6 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from formation.model import NO_ROTATION, Model, Positive, QuatTuple, SysId, Vec3Tuple
+from formation.requests import ENDPOINT, LAB
 from formation.vehicle import VehicleProfile, profile
 
 
@@ -142,7 +143,7 @@ class LinkConfig(Model):
     ground_port_base: PortBase = 14540
     drone_port_base: PortBase = 14580
     zenoh_listen: tuple[Endpoint, ...] = ()
-    zenoh_connect: tuple[Endpoint, ...] = ("tcp/127.0.0.1:7447",)
+    zenoh_connect: tuple[Endpoint, ...] = (ENDPOINT,)
 
 
 class LabConfig(Model):
@@ -152,7 +153,7 @@ class LabConfig(Model):
     external pose before they know where on the globe they are.
     """
 
-    name: str = "lab"
+    name: str = LAB
     origin: Vec3Tuple = (47.397742, 8.545594, 488.0)
     mocap: MocapConfig = MocapConfig()
     profiles: tuple[VehicleProfile, ...] = ()

@@ -4,7 +4,6 @@ Exit codes: 0 done; 1 refused, failed, or a check failed; 2 the command line, a 
 right; 3 no ground answers.
 """
 
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
@@ -13,14 +12,12 @@ import typer
 from gcs import GCS_NAME, operator_cli
 from gcs.cli_common import Json, LabFile, Name, configuration
 from gcs.doctor import cli as doctor_cli
-from wire import clock
+from wire import clock, version
+from wire.program import program
 
-app = typer.Typer(
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    no_args_is_help=True,
-    help="Fly a formation: `gcs run lab.toml` is the daemon, the other commands reach it from another terminal.",
-    epilog="Exit codes: 0 done; 1 refused, or failed; 2 something given is not right; 3 no ground answers.",
+app = program(
+    "Fly a formation: `gcs run lab.toml` is the daemon, the other commands reach it from another terminal.",
+    "Exit codes: 0 done; 1 refused, or failed; 2 something given is not right; 3 no ground answers.",
 )
 
 
@@ -43,7 +40,7 @@ def run(
 
     config = configuration(lab)
     path = log or Path("runs") / f"{config.name}-{clock.unix_us() // 1_000_000}.mcap"
-    metadata = {"link": config.link_kinds, "versions": f"mavlink-formation {version('mavlink-formation')}"}
+    metadata = {"link": config.link_kinds, "versions": version.text()}
     metadata |= _tags(tag or [])
     serve(config, path, name, metadata, force, as_json, clock.Clock(speed))
 

@@ -1,13 +1,14 @@
 """What all commands of `gcs` share: options, exit codes, reading the lab file, failing with a word."""
 
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
-from rich.console import Console
 
-from formation.config import LabConfig
-from wire.config_file import ConfigError, load
+from wire.errors import ConfigError
+
+if TYPE_CHECKING:
+    from formation.config import LabConfig
 
 REFUSED, NOT_RIGHT, NO_GROUND = 1, 2, 3
 
@@ -16,15 +17,23 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 LabFile = Annotated[Path, typer.Argument(metavar="LAB.TOML", help="The lab: bodies, drones, limits, links, mocap.")]
 
 
-def configuration(path: Path) -> LabConfig:
+def configuration(path: Path) -> "LabConfig":
     """The lab in the file; ends the program where it is not right."""
+    from formation.config import LabConfig
+    from wire.config_file import load
+
     try:
         return load(path, LabConfig)
     except ConfigError as error:
         fail(str(error), NOT_RIGHT)
 
 
+def tell_red(text: str) -> None:
+    """A line on standard error; red on a terminal."""
+    typer.secho(text, fg="red", err=True)
+
+
 def fail(text: str, code: int) -> NoReturn:
     """End the program with a word and an exit code."""
-    Console(stderr=True).print(f"gcs: {text}", style="red", highlight=False, markup=False, soft_wrap=True)
+    tell_red(f"gcs: {text}")
     raise typer.Exit(code)

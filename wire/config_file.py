@@ -11,16 +11,9 @@ import tomli_w
 from pydantic import ValidationError
 
 from formation.model import Model
+from wire.errors import ConfigError as ConfigError
 
 M = TypeVar("M", bound=Model)
-
-
-class ConfigError(ValueError):
-    """A configuration that cannot be used; `problems` has one line a fault, `str` is all of them."""
-
-    def __init__(self, problems: list[str]) -> None:
-        super().__init__("\n".join(problems))
-        self.problems = problems
 
 
 def load(path: Path, model: type[M]) -> M:

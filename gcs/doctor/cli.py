@@ -1,6 +1,5 @@
 """`gcs doctor` and `gcs logs`: the terminal around the survey."""
 
-import asyncio
 import json
 import sys
 from collections.abc import Sequence
@@ -8,15 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-import uvloop
-from rich.console import Console
 
-from formation.config import LabConfig
-from gcs.cli_common import NOT_RIGHT, REFUSED, Json, LabFile, configuration, fail
-from gcs.doctor.finding import Finding, as_dicts, failed, show
-from gcs.mocap.csv_file import MocapFileError
+from gcs.cli_common import NOT_RIGHT, REFUSED, Json, LabFile, configuration, fail, tell_red
 
 if TYPE_CHECKING:
+    from formation.config import LabConfig
+    from gcs.doctor.finding import Finding
     from gcs.doctor.survey import Survey
 
 SETTLE_S = 3.0
@@ -33,6 +29,11 @@ def doctor(
 ) -> None:
     """Check mocap, axes, links, clocks and parameters before a motor turns. Exit code 1 if any check fails."""
     config = configuration(lab)
+    import uvloop
+
+    from gcs.doctor.finding import as_dicts, failed
+    from gcs.mocap.csv_file import MocapFileError
+
     try:
         findings = uvloop.run(_doctor(config, seconds, still, as_json, _Fixing(fix, yes)))
     except (MocapFileError, ValueError) as error:
@@ -53,13 +54,15 @@ def logs(
 ) -> None:
     """Download the drones' own flight logs."""
     config = configuration(lab)
+    import uvloop
+
     out.mkdir(parents=True, exist_ok=True)
     try:
         problems = uvloop.run(_logs(config, out, newest, sysid))
     except (OSError, ValueError) as error:
         fail(str(error), NOT_RIGHT)
     for problem in problems:
-        Console(stderr=True).print(problem, style="red", highlight=False, markup=False)
+        tell_red(problem)
     if problems:
         raise typer.Exit(REFUSED)
 
@@ -71,14 +74,19 @@ class _Fixing:
         self.wanted = wanted
         self._unasked = unasked
 
-    def agreed(self, finding: Finding) -> bool:
+    def agreed(self, finding: "Finding") -> bool:
         """Whether this one is to be written."""
         assert finding.fix is not None
         question = f"{finding.subject}: write {finding.fix.parameter} = {finding.fix.value:g} (is {finding.found})?"
         return self._unasked or typer.confirm(question, err=True)
 
 
-async def _doctor(config: LabConfig, seconds: float, still: bool, as_json: bool, fixing: _Fixing) -> Sequence[Finding]:
+async def _doctor(
+    config: "LabConfig", seconds: float, still: bool, as_json: bool, fixing: _Fixing
+) -> Sequence["Finding"]:
+    from rich.console import Console
+
+    from gcs.doctor.finding import show
     from gcs.doctor.survey import examine, surveying  # loads MAVSDK
 
     async with surveying(config) as survey:
@@ -90,7 +98,7 @@ async def _doctor(config: LabConfig, seconds: float, still: bool, as_json: bool,
         return findings
 
 
-async def _write(survey: "Survey", findings: Sequence[Finding], fixing: _Fixing) -> None:
+async def _write(survey: "Survey", findings: Sequence["Finding"], fixing: _Fixing) -> None:
     """Write what is agreed to; what was found stays found until the doctor is asked again."""
     written = 0
     for finding in findings:
@@ -103,7 +111,9 @@ async def _write(survey: "Survey", findings: Sequence[Finding], fixing: _Fixing)
         print("Restart the autopilots, some parameters count from there; then ask the doctor again.", file=sys.stderr)
 
 
-async def _logs(config: LabConfig, out: Path, newest: int, only: list[int] | None) -> list[str]:
+async def _logs(config: "LabConfig", out: Path, newest: int, only: list[int] | None) -> list[str]:
+    import asyncio
+
     from gcs.doctor.mavsdk_drone import DroneError
     from gcs.doctor.survey import surveying  # loads MAVSDK
 
@@ -122,6 +132,8 @@ async def _logs(config: LabConfig, out: Path, newest: int, only: list[int] | Non
 
 async def _prompt(text: str) -> None:
     """Say what to do, wait for Enter; ValueError where nobody is there to press it."""
+    import asyncio
+
     print(f"{text}, then press Enter.", file=sys.stderr, flush=True)
     if not await asyncio.to_thread(sys.stdin.readline):
         raise ValueError("nobody is there to move the drones: use --still")

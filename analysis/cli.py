@@ -6,31 +6,19 @@ Exit codes: 0 well, 1 the log is damaged (`check`), 2 no log, or an argument tha
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
-from analysis import check as checking
-from analysis.console import print_check, print_identification, print_summary
-from analysis.identify import report as identified
-from analysis.identify import vehicle as identification
-from analysis.identify.vehicle import Identification
-from analysis.load import load
-from analysis.metrics import summarise
-from analysis.picture import picture as draw_picture
-from analysis.report import write
-from wire.config_file import dump
-from wire.mcap_log import LogError, check_log
+if TYPE_CHECKING:
+    from analysis.identify.vehicle import Identification
 
 DAMAGED, UNUSABLE = 1, 2
 
-app = typer.Typer(help="Read flight logs.", no_args_is_help=True, add_completion=False)
+app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 LogPath = Annotated[Path, typer.Argument(metavar="FLIGHT.MCAP", help="The flight's log.", show_default=False)]
-JsonPath = Annotated[
-    Path | None, typer.Option("--json", metavar="FILE", help="Also write it as JSON; - prints it, alone.")
-]
+Json = Annotated[bool, typer.Option("--json", help="Print it as JSON, and nothing else there.")]
 Out = Annotated[
     Path | None, typer.Option("--out", metavar="FILE", help="Where to; without it report.html beside the log.")
 ]
@@ -40,30 +28,44 @@ IdentifyOut = Annotated[
 ProfileOut = Annotated[Path | None, typer.Option("--write", metavar="FILE", help="Write a drone's profile as TOML.")]
 Drone = Annotated[int | None, typer.Option("--sysid", help="Whose profile; without it the last drone's.")]
 PngOut = Annotated[Path, typer.Option("--out", metavar="FILE", help="The PNG to write.")]
-STDOUT = Path("-")
 
 
 @app.command()
-def report(log: LogPath, out: Out = None, json: JsonPath = None) -> None:
+def report(log: LogPath, out: Out = None, as_json: Json = False) -> None:
     """Write one self-contained HTML page about a flight, and print its numbers."""
+    from rich.console import Console
+
+    from analysis.console import print_summary
+    from analysis.load import load
+    from analysis.metrics import summarise
+    from analysis.report import write
+    from wire.mcap_log import check_log
+
     path = log.with_name("report.html") if out is None else out
     with _refusing():
         checked = check_log(log)
         flight = load(log)
         summary = summarise(flight, mcap=log, report=path)
         write(flight, summary, path, checked.damage)
-        _put(summary.to_json(), json)
-    if json != STDOUT:
+    if as_json:
+        typer.echo(summary.to_json())
+    else:
         print_summary(summary, Console())
 
 
 @app.command()
-def check(log: LogPath, json: JsonPath = None) -> None:
+def check(log: LogPath, as_json: Json = False) -> None:
     """Say what a log holds, and what is left of a truncated or damaged one."""
+    from rich.console import Console
+
+    from analysis import check as checking
+    from analysis.console import print_check
+
     with _refusing():
         found = checking.check(log)
-        _put(found.to_json(), json)
-    if json != STDOUT:
+    if as_json:
+        typer.echo(found.to_json())
+    else:
         print_check(found, Console())
     if not found.complete:
         raise typer.Exit(DAMAGED)
@@ -72,6 +74,8 @@ def check(log: LogPath, json: JsonPath = None) -> None:
 @app.command()
 def picture(log: LogPath, out: PngOut = Path("flight.png")) -> None:
     """Draw a flight on one sheet, as a PNG."""
+    from analysis.picture import picture as draw_picture
+
     with _refusing():
         draw_picture(log, out)
     typer.echo(out)
@@ -79,23 +83,34 @@ def picture(log: LogPath, out: PngOut = Path("flight.png")) -> None:
 
 @app.command()
 def identify(
-    log: LogPath, out: IdentifyOut = None, write: ProfileOut = None, drone: Drone = None, json: JsonPath = None
+    log: LogPath, out: IdentifyOut = None, write: ProfileOut = None, drone: Drone = None, as_json: Json = False
 ) -> None:
     """Estimate what the controller must know of each drone: response, thrust, noise, delay."""
+    from rich.console import Console
+
+    from analysis.console import print_identification
+    from analysis.identify import report as identified
+    from analysis.identify import vehicle as identification
+    from analysis.load import load
+
     path = log.with_name("identified.html") if out is None else out
     with _refusing():
         flight = load(log)
         found = identification.identify(flight)
         identified.write(flight, found, path)
-        _put(identified.to_json(found), json)
         _write_profile(found, write, drone)
-    if json != STDOUT:
+    if as_json:
+        typer.echo(identified.to_json(found))
+    else:
         print_identification(found, Console())
         typer.echo(path)
 
 
-def _write_profile(found: Identification, path: Path | None, sysid: int | None) -> None:
+def _write_profile(found: "Identification", path: Path | None, sysid: int | None) -> None:
     """Write the profile of the drone of that sysid, or of the flight's last drone, a follower."""
+    from wire.config_file import dump
+    from wire.mcap_log import LogError
+
     chosen = [drone for drone in found.drones if sysid in (None, drone.vehicle.sysid)]
     if path is None:
         return
@@ -107,16 +122,10 @@ def _write_profile(found: Identification, path: Path | None, sysid: int | None) 
 @contextmanager
 def _refusing() -> Iterator[None]:
     """Turn what cannot be read or written into one line and exit code 2."""
+    from wire.mcap_log import LogError
+
     try:
         yield
     except (OSError, LogError) as error:
         typer.echo(f"gcs-log: {error}", err=True)
         raise typer.Exit(UNUSABLE) from error
-
-
-def _put(text: str, path: Path | None) -> None:
-    """Write text to the file, or to standard output where it is named `-`."""
-    if path == STDOUT:
-        typer.echo(text)
-    elif path is not None:
-        path.write_text(text + "\n", encoding="utf-8")

@@ -2,21 +2,21 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-import uvloop
 
-from drone_agent.bridge_daemon import run_bridge
-from drone_agent.config import AgentConfig
-from drone_agent.daemon import run
-from formation.messages import Event
 from wire import starved
 from wire.clock import Clock
-from wire.config_file import ConfigError, load, parse
+from wire.errors import ConfigError
+from wire.program import Version
 from wire.starved import StarvedError
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+if TYPE_CHECKING:
+    from drone_agent.config import AgentConfig
+    from formation.messages import Event
+
+app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None)
 
 EPILOG = (
     "`drone-agent --sysid 1 --link udp` is a drone that any MAVLink client can fly. "
@@ -59,6 +59,7 @@ def fly(
     param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE, as often as needed.")] = None,
     parameter_file: Annotated[Path | None, typer.Option(help="Keep PARAM_SET's values here.")] = None,
     speed: Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)] = 1.0,
+    _version: Version = False,
 ) -> None:
     """Be one simulated drone that speaks MAVLink, or with --bridge stand beside a real one; until Ctrl-C."""
     links = {"kind": link, "host": host, "zenoh_connect": None if zenoh_connect is None else [zenoh_connect]}
@@ -79,6 +80,11 @@ def fly(
         "link": {key: value for key, value in links.items() if value is not None},
         "parameters": {name: value for name, _, value in (item.partition("=") for item in param or ())},
     }
+    import uvloop
+
+    from drone_agent.bridge_daemon import run_bridge
+    from drone_agent.daemon import run
+
     try:
         agent = _configured(config, options)
         if agent.bridge is None:
@@ -93,8 +99,11 @@ def fly(
         _fail(f"drone-agent: {error.strerror or error}", 1)
 
 
-def _configured(file: Path | None, options: dict[str, Any]) -> AgentConfig:
+def _configured(file: Path | None, options: dict[str, Any]) -> "AgentConfig":
     """The file's configuration with the options given laid over it."""
+    from drone_agent.config import AgentConfig
+    from wire.config_file import load, parse
+
     base: dict[str, Any] = {} if file is None else load(file, AgentConfig).model_dump(exclude_unset=True)
     for key, value in options.items():
         if isinstance(value, dict):
@@ -104,7 +113,7 @@ def _configured(file: Path | None, options: dict[str, Any]) -> AgentConfig:
     return parse(base, AgentConfig, source="drone-agent")
 
 
-def _tell(event: Event) -> None:
+def _tell(event: "Event") -> None:
     sys.stderr.write(f"{event.source} {event.severity.name.lower()}: {event.text}\n")
 
 

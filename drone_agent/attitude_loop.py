@@ -9,8 +9,7 @@ from math import acos, asin, cos, sin, sqrt
 import numpy as np
 
 from formation.arrays import Float, Quat, Vec3
-from formation.kernel import kernel
-from formation.rigid_body import (
+from formation.body import (
     ATTITUDE_P,
     INERTIA,
     RATE_FEED_FORWARD,
@@ -23,9 +22,9 @@ from formation.rigid_body import (
     WHEELBASE,
     YAW_P,
     YAW_TORQUE,
-    body_step,
-    rotor_reach_m,
 )
+from formation.kernel import kernel
+from formation.rigid_body import body_step, rotor_reach_m
 from formation.vehicle import VehicleProfile, VehicleState
 
 STEP_MAX_S = 0.002

@@ -9,6 +9,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from formation.fields import Endpoint, GlobePoint, Host, OwnLink, PortBase, Tilt, UnitQuat
 from formation.model import NO_ROTATION, Model, Name, Positive, SysId, Vec3Tuple
+from formation.requests import ENDPOINT, LAB
 from formation.vehicle import VehicleProfile, profile
 
 PRESET_NAMES = ("default", "paper", "paper_istsmc", "paper_smc", "pid", "geometric")
@@ -171,7 +172,7 @@ class LinkConfig(Model):
     ground_port_base: PortBase = 14540
     drone_port_base: PortBase = 14580
     zenoh_listen: tuple[Endpoint, ...] = ()
-    zenoh_connect: tuple[Endpoint, ...] = ("tcp/127.0.0.1:7447",)
+    zenoh_connect: tuple[Endpoint, ...] = (ENDPOINT,)
 
     @property
     def joined(self) -> "LinkConfig":
@@ -186,7 +187,7 @@ class LabConfig(Model):
     external pose before they know where on the globe they are.
     """
 
-    name: Name = "lab"
+    name: Name = LAB
     origin: GlobePoint = (47.397742, 8.545594, 488.0)
     mocap: MocapConfig = MocapConfig()
     profiles: tuple[VehicleProfile, ...] = ()

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from formation import frames
 from formation.arrays import Flags, Float, Quats, Scalars, Vec3s
+from formation.body import GRAVITY_M_S2
 from formation.kernel import kernel
 from formation.messages import LabFrame, SwarmState
 from formation.observe import (
@@ -28,7 +29,6 @@ from formation.observe import (
     watch,
 )
 from formation.response import NEVER_NS, SECONDS, History
-from formation.rigid_body import GRAVITY_M_S2
 
 NOISE_M = 2e-4  # the first guess of a position's noise
 

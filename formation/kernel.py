@@ -74,13 +74,9 @@ class _Listener(event.Listener):
 
 def _kernels() -> set[str]:
     """The names of all kernels in the modules loaded so far."""
-    ours = [(name, module) for name, module in sys.modules.items() if not name.startswith("numba")]
-    return {
-        f"{name}.{value.py_func.__qualname__}"
-        for name, module in ours
-        for value in vars(module).values()
-        if isinstance(value, Dispatcher) and value.py_func.__module__ == name
-    }
+    loaded = [module for name, module in sys.modules.items() if not name.startswith("numba")]
+    functions = [v.py_func for module in loaded for v in vars(module).values() if isinstance(v, Dispatcher)]
+    return {f"{f.__module__}.{f.__qualname__}" for f in functions if not f.__module__.startswith("numba")}
 
 
 @cache

@@ -9,9 +9,12 @@ What crosses one drone's MAVLink is in `wire.link_messages`.
 """
 
 from dataclasses import dataclass
-from enum import IntEnum, IntFlag, StrEnum
+from enum import IntEnum, IntFlag
 
 from formation.arrays import Flags, Quat, Quats, Scalars, Vec3, Vec3s
+from formation.requests import OperatorReply as OperatorReply
+from formation.requests import OperatorRequest as OperatorRequest
+from formation.requests import Verb as Verb
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,37 +55,6 @@ class Datagram:
 
     sysid: int
     data: bytes
-
-
-class Verb(StrEnum):
-    """What an operator can ask of the ground."""
-
-    STATUS = "status"
-    ARM = "arm"
-    TAKEOFF = "takeoff"
-    START = "start"
-    HOLD = "hold"
-    LAND = "land"
-    STOP = "stop"
-    SHAPE = "shape"
-
-
-@dataclass(frozen=True, slots=True)
-class OperatorRequest:
-    """One request; `argument` is the verb's own text (the shape's name, say)."""
-
-    id: int
-    verb: Verb
-    argument: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class OperatorReply:
-    """The answer to request `id`: accepted or not, with the reason in words."""
-
-    id: int
-    accepted: bool
-    text: str
 
 
 class Phase(IntEnum):

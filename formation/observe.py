@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.arrays import Float
+from formation.body import GRAVITY_M_S2
 from formation.kernel import kernel
 from formation.observer import activity, extrapolation_error, fteso_step, rate_step, wrapped
 from formation.response import SECONDS, answer
-from formation.rigid_body import GRAVITY_M_S2
 
 STRENGTH_LAG, ATTITUDE_TRUST, TILT_W, TILT_DECAY, QUIET, QUIET_TURN, TURN_TRUST, VIGILANCE = range(8)
 """Columns of EstimatorSettings.manner; Vigilance follows: lag, threshold, most, bandwidth power, habit."""

@@ -7,26 +7,28 @@ motor thrusts (front right, rear left, front left, rear right). Parameters are a
 
 from math import cos, exp, sin, sqrt
 
+from formation import body
 from formation.arrays import Float
+from formation.body import (
+    DRAG,
+    GRAVITY_M_S2,
+    GROUND_EFFECT,
+    INERTIA,
+    MASS,
+    MOTOR_LAG,
+    ROTOR_RADIUS,
+    WHEELBASE,
+    YAW_TORQUE,
+)
 from formation.kernel import kernel
 
-# Where each parameter is; INERTIA and DRAG are three each, along the body's axes.
-MASS, INERTIA, WHEELBASE, ROTOR_RADIUS, THRUST_MAX, THRUST_CURVE, YAW_TORQUE, MOTOR_LAG = 0, 1, 4, 5, 6, 7, 8, 9
-DRAG, GROUND_EFFECT, ATTITUDE_P, YAW_P, RATE_P, RATE_YAW_P, RATE_MAX, RATE_YAW_MAX = 10, 13, 14, 15, 16, 17, 18, 19
-RATE_FEED_FORWARD, NUMBERS = 20, 21
-
-GRAVITY_M_S2 = 9.8
 CONTACT_DEPTH_M = 0.001  # the feet sink this far under the vehicle's weight
 FRICTION = 0.6
 FRICTION_SPEED_M_S = 0.03  # below this, Coulomb friction is viscous: a resting vehicle does not creep
 GROUND_EFFECT_MAX = 1.3
 
-
-@kernel
-def thrust_norm(fraction: float, curve: float) -> float:
-    """u of (1 - k) u + k u^2 = fraction, 0..1; `curve` is k."""
-    linear = 1.0 - curve
-    return 2.0 * fraction / (linear + sqrt(linear * linear + 4.0 * curve * fraction)) if fraction > 0.0 else 0.0
+thrust_norm = kernel(body.thrust_norm)
+rotor_reach_m = kernel(body.rotor_reach_m)
 
 
 @kernel
@@ -52,13 +54,6 @@ def ground_effect_gain(height_m: float, rotor_radius_m: float, coefficient: floa
     """
     ratio = rotor_radius_m / (4.0 * (max(height_m, 0.0) + rotor_radius_m))
     return min(1.0 / max(1.0 - coefficient * ratio * ratio, 0.1), GROUND_EFFECT_MAX)
-
-
-@kernel
-def rotor_reach_m(wheelbase_m: float) -> float:
-    """How far each rotor stands off the centre along both horizontal body axes: they make a square."""
-    reach_m: float = wheelbase_m / (2.0 * sqrt(2.0))
-    return reach_m
 
 
 @kernel

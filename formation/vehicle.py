@@ -13,10 +13,10 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from formation import rigid_body
+from formation import body
 from formation.arrays import Float, Quat, Vec3
+from formation.body import GRAVITY_M_S2, rotor_reach_m, thrust_norm
 from formation.model import Model, Name, Positive, Vec3Tuple
-from formation.rigid_body import GRAVITY_M_S2, rotor_reach_m, thrust_norm
 
 __all__ = [
     "GRAVITY_M_S2",
@@ -106,7 +106,7 @@ class VehicleProfile(Model):
 
     @property
     def reach_m(self) -> float:
-        """See formation.rigid_body."""
+        """See formation.body."""
         return rotor_reach_m(self.wheelbase_m)
 
     @property
@@ -131,24 +131,24 @@ class VehicleProfile(Model):
     @cached_property
     def numbers(self) -> Float:
         """The parameters where the kernels look for them (formation.rigid_body, drone_agent.attitude_loop)."""
-        numbers = np.empty(rigid_body.NUMBERS)
-        numbers[rigid_body.MASS] = self.mass_kg
-        numbers[rigid_body.INERTIA : rigid_body.INERTIA + 3] = self.inertia_kg_m2
-        numbers[rigid_body.WHEELBASE] = self.wheelbase_m
-        numbers[rigid_body.ROTOR_RADIUS] = self.rotor_radius_m
-        numbers[rigid_body.THRUST_MAX] = self.thrust_max_n
-        numbers[rigid_body.THRUST_CURVE] = self.thrust_curve
-        numbers[rigid_body.YAW_TORQUE] = self.yaw_torque_m
-        numbers[rigid_body.MOTOR_LAG] = self.motor_lag_s
-        numbers[rigid_body.DRAG : rigid_body.DRAG + 3] = self.drag_n_s_m
-        numbers[rigid_body.GROUND_EFFECT] = self.ground_effect
-        numbers[rigid_body.ATTITUDE_P] = self.attitude_p_1_s
-        numbers[rigid_body.YAW_P] = self.yaw_p_1_s
-        numbers[rigid_body.RATE_P] = self.rate_p_1_s
-        numbers[rigid_body.RATE_YAW_P] = self.rate_yaw_p_1_s
-        numbers[rigid_body.RATE_MAX] = self.rate_max_rad_s
-        numbers[rigid_body.RATE_YAW_MAX] = self.rate_yaw_max_rad_s
-        numbers[rigid_body.RATE_FEED_FORWARD] = float(self.rate_feed_forward)
+        numbers = np.empty(body.NUMBERS)
+        numbers[body.MASS] = self.mass_kg
+        numbers[body.INERTIA : body.INERTIA + 3] = self.inertia_kg_m2
+        numbers[body.WHEELBASE] = self.wheelbase_m
+        numbers[body.ROTOR_RADIUS] = self.rotor_radius_m
+        numbers[body.THRUST_MAX] = self.thrust_max_n
+        numbers[body.THRUST_CURVE] = self.thrust_curve
+        numbers[body.YAW_TORQUE] = self.yaw_torque_m
+        numbers[body.MOTOR_LAG] = self.motor_lag_s
+        numbers[body.DRAG : body.DRAG + 3] = self.drag_n_s_m
+        numbers[body.GROUND_EFFECT] = self.ground_effect
+        numbers[body.ATTITUDE_P] = self.attitude_p_1_s
+        numbers[body.YAW_P] = self.yaw_p_1_s
+        numbers[body.RATE_P] = self.rate_p_1_s
+        numbers[body.RATE_YAW_P] = self.rate_yaw_p_1_s
+        numbers[body.RATE_MAX] = self.rate_max_rad_s
+        numbers[body.RATE_YAW_MAX] = self.rate_yaw_max_rad_s
+        numbers[body.RATE_FEED_FORWARD] = float(self.rate_feed_forward)
         return numbers
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> "VehicleProfile":  # noqa: ARG002

@@ -4,7 +4,6 @@ Exit codes: 0 done; 1 refused, failed, or a check failed; 2 the command line, a 
 right; 3 no ground answers.
 """
 
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
@@ -13,18 +12,14 @@ import typer
 from gcs import GCS_NAME, operator_cli
 from gcs.cli_common import Json, LabFile, Name, configuration
 from gcs.doctor import cli as doctor_cli
-from gcs.lab import cli as lab_cli
-from gcs.lab.findings import approved
-from wire import clock
+from wire import clock, version
+from wire.program import program
 
 Speed = Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)]
 
-app = typer.Typer(
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    no_args_is_help=True,
-    help="Fly a formation: `gcs run lab.toml` is the daemon, the other commands reach it from another terminal.",
-    epilog="Exit codes: 0 done; 1 refused, or failed; 2 something given is not right; 3 no ground answers.",
+app = program(
+    "Fly a formation: `gcs run lab.toml` is the daemon, the other commands reach it from another terminal.",
+    "Exit codes: 0 done; 1 refused, or failed; 2 something given is not right; 3 no ground answers.",
 )
 
 
@@ -43,11 +38,13 @@ def run(
     speed: Speed = 1.0,
 ) -> None:
     """Be the ground: mocap in, control on every frame, setpoints out, everything recorded. Ctrl-C lands and ends."""
-    config = approved(lab, as_json)
     from gcs.ground_cli import serve  # loads the compiled control, which the other commands do without
+    from gcs.lab.findings import approved
+
+    config = approved(lab, as_json)
 
     path = log or Path("runs") / f"{config.name}-{clock.unix_us() // 1_000_000}.mcap"
-    metadata = {"link": config.link_kinds, "versions": f"mavlink-formation {version('mavlink-formation')}"}
+    metadata = {"link": config.link_kinds, "versions": version.text()}
     metadata |= _tags(tag or [])
     serve(config, lab, path, name, metadata, force, as_json, clock.Clock(speed))
 
@@ -78,7 +75,18 @@ def mocap(
     serve_mocap(configuration(lab), linger, as_json, clock.Clock(speed))
 
 
-app.command()(lab_cli.check)
+@app.command()
+def check(
+    lab: LabFile,
+    svg: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the lab from above into an SVG file.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Judge a lab file and draw the lab from above; starts nothing. Exit code 1 where `gcs run` would refuse it."""
+    from gcs.lab import cli
+
+    cli.check(lab, svg, as_json)
+
+
 operator_cli.register(app)
 app.command()(doctor_cli.doctor)
 app.command()(doctor_cli.logs)

@@ -2,50 +2,52 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
-from rich.console import Console
 
-from formation.config import LabConfig
-from formation.messages import Event, Severity
-from wire.config_file import ConfigError, load
+from wire.errors import ConfigError
+
+if TYPE_CHECKING:
+    from formation.config import LabConfig
+    from formation.messages import Event
 
 REFUSED, NOT_RIGHT, NO_GROUND = 1, 2, 3
 
-STYLES = {
-    Severity.WARNING: "yellow",
-    Severity.ERROR: "red",
-    Severity.CRITICAL: "bold red",
-    Severity.EMERGENCY: "bold red",
-}
+COLOURS = {"WARNING": "yellow", "ERROR": "red", "CRITICAL": "bright_red", "EMERGENCY": "bright_red"}
 
 Name = Annotated[str, typer.Option("--name", help="Which ground of the lab.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 LabFile = Annotated[Path, typer.Argument(metavar="LAB.TOML", help="The lab: bodies, drones, limits, links, mocap.")]
 
 
-def configuration(path: Path) -> LabConfig:
+def configuration(path: Path) -> "LabConfig":
     """The lab in the file; ends the program where it is not right."""
+    from formation.config import LabConfig
+    from wire.config_file import load
+
     try:
         return load(path, LabConfig)
     except ConfigError as error:
         fail(str(error), NOT_RIGHT)
 
 
+def tell_red(text: str) -> None:
+    """A line on standard error; red on a terminal."""
+    typer.secho(text, fg="red", err=True)
+
+
 def fail(text: str, code: int) -> NoReturn:
     """End the program with a word and an exit code."""
-    Console(stderr=True).print(f"gcs: {text}", style="red", highlight=False, markup=False, soft_wrap=True)
+    tell_red(f"gcs: {text}")
     raise typer.Exit(code)
 
 
-def tell(event: Event) -> None:
-    """One line on the terminal for people."""
-    style = STYLES.get(event.severity, "")
-    console = Console(stderr=True)
-    console.print(f"{event.source}: {event.text}", style=style, highlight=False, markup=False, soft_wrap=True)
+def tell(event: "Event") -> None:
+    """One line on standard error for people."""
+    typer.secho(f"{event.source}: {event.text}", fg=COLOURS.get(event.severity.name), err=True)
 
 
-def tell_json(event: Event) -> None:
+def tell_json(event: "Event") -> None:
     """One line of JSON for scripts."""
     print(json.dumps({"severity": event.severity.name, "source": event.source, "text": event.text}), flush=True)

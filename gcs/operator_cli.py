@@ -1,26 +1,25 @@
 """The operator's commands: each asks the running ground over the lab's bus and tells its answer.
 
-Nothing here loads the control: an emergency stop does not wait for a compiler.
+Nothing here loads the control, arrays or an event loop: an emergency stop waits for none of them.
 """
 
 import json
 import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-import uvloop
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
-from formation.config import LabConfig
-from formation.messages import OperatorReply, OperatorRequest, Verb
+from formation.requests import OperatorReply, OperatorRequest, Verb
 from formation.shape_request import ShapeRequest
 from gcs import GCS_NAME
-from gcs.cli_common import NO_GROUND, NOT_RIGHT, REFUSED, Json, Name, configuration, fail
+from gcs.cli_common import NO_GROUND, NOT_RIGHT, REFUSED, Json, Name, fail, tell_red
 from wire import clock
-from wire.zenoh_bus import BusError, ZenohBus
+from wire.errors import BusError, ConfigError
+from wire.lab_address import LabAddress, address_in
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 ARMING_S, ANSWER_S = 20.0, 3.0
 
@@ -48,6 +47,8 @@ def status(lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeou
     if as_json:
         print(reply.text)
     else:
+        from rich.console import Console
+
         print_status(json.loads(reply.text), Console())
 
 
@@ -83,34 +84,29 @@ def _command(verb: Verb, argument: str, lab: Path | None, name: str, as_json: bo
     elif reply.accepted:
         print(reply.text)
     else:
-        Console(stderr=True).print(Text("refused: " + reply.text.replace("; ", "\n         "), "red"))
+        tell_red("refused: " + reply.text.replace("; ", "\n         "))
     if not reply.accepted:
         raise typer.Exit(REFUSED)
 
 
 def _ask(verb: Verb, argument: str, lab: Path | None, name: str, timeout_s: float) -> OperatorReply:
-    config = None if lab is None else configuration(lab)
+    from wire.zenoh_session import ask
+
     request = OperatorRequest(clock.unix_us(), verb, argument)
     try:
-        return uvloop.run(_ask_bus(config, name, request, timeout_s))
+        where = LabAddress() if lab is None else address_in(lab)
+        return ask(where.endpoints, where.lab, name, request, timeout_s)
     except TimeoutError as error:
         fail(f"no ground answers: {error}", NO_GROUND)
-    except BusError as error:
+    except (BusError, ConfigError) as error:
         fail(str(error), NOT_RIGHT)
 
 
-async def _ask_bus(config: LabConfig | None, name: str, request: OperatorRequest, timeout_s: float) -> OperatorReply:
-    link = LabConfig.model_fields["link"].get_default() if config is None else config.link
-    lab = LabConfig.model_fields["name"].get_default() if config is None else config.name
-    bus = await ZenohBus.open(link.joined, lab)
-    try:
-        return await bus.ask(name, request, timeout_s)
-    finally:
-        await bus.close()
-
-
-def print_status(told: dict[str, Any], console: Console) -> None:
+def print_status(told: dict[str, Any], console: "Console") -> None:
     """The status for people."""
+    from rich.table import Table
+    from rich.text import Text
+
     console.print(Text.assemble((told["phase"], "bold"), f" ({told['cause']}), shape {told['shape']}"))
     table = Table(box=None, pad_edge=False)
     for column in ("id", "body", "autopilot", "mode", "armed", "x", "y", "z", "battery", "heard", "seen"):

@@ -4,7 +4,6 @@ import gc
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 
 from analysis.load import Flight, from_records
@@ -14,7 +13,7 @@ from gcs.recording import Record, run_metadata
 from sim.scenario import Scenario
 from sim.script import Outcome
 from sim.world import T0_NS, World
-from wire import clock
+from wire import clock, version
 from wire.mcap_log import Entry, LogWriter
 
 Progress = Callable[[float, str], None]
@@ -108,5 +107,5 @@ def metadata(scenario: Scenario, seed: int, link: str, t0_ns: int) -> dict[str, 
         "scenario": scenario.name,
         "seed": str(seed),
         "link": link,
-        "versions": f"mavlink-formation {version('mavlink-formation')}",
+        "versions": version.text(),
     }

@@ -3,44 +3,48 @@
 Exit codes of `replay`: 0 bit-identical; 1 not; 2 no log, or one that cannot be replayed.
 """
 
-import json as jsonlib
+import json
 from dataclasses import asdict
-from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING
 
 import typer
-from rich.console import Console
 
+from analysis.cli import Json, LogPath
 from analysis.cli import app as analysis_app
-from gcs.replay import Replay, ReplayError
-from gcs.replay import replay as replay_log
-from wire.mcap_log import LogError, read_log
+from wire.program import program
+
+if TYPE_CHECKING:
+    from gcs.replay import Replay
 
 DIFFERENT, NOT_RIGHT = 1, 2
 
-app = typer.Typer(help="Read flight logs.", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+app = program(
+    "Read flight logs.", "Exit codes: 0 well; 1 the log is damaged (check), or not replayed bit by bit; 2 no log."
+)
 app.add_typer(analysis_app)
 
 
 @app.command()
-def replay(
-    log: Annotated[Path, typer.Argument(metavar="FLIGHT.MCAP", help="The flight's log.")],
-    json: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the result as JSON.")] = None,
-) -> None:
+def replay(log: LogPath, as_json: Json = False) -> None:
     """Feed a flight's inputs to the ground's core again: is every output the same, bit by bit?"""
+    from gcs.replay import ReplayError
+    from gcs.replay import replay as replay_log
+    from wire.mcap_log import LogError, read_log
+
     try:
         result = replay_log(read_log(log))
     except (OSError, LogError, ReplayError) as error:
-        Console(stderr=True).print(f"gcs-log: {error}", style="red", highlight=False, markup=False, soft_wrap=True)
+        typer.secho(f"gcs-log: {error}", fg="red", err=True)
         raise typer.Exit(NOT_RIGHT) from error
-    if json is not None:
-        json.write_text(jsonlib.dumps(asdict(result) | {"identical": result.identical}, indent=2) + "\n")
-    _show(result)
+    if as_json:
+        typer.echo(json.dumps(asdict(result) | {"identical": result.identical}, indent=2))
+    else:
+        _show(result)
     if not result.identical:
         raise typer.Exit(DIFFERENT)
 
 
-def _show(result: Replay) -> None:
+def _show(result: "Replay") -> None:
     typer.echo(f"{result.inputs} inputs, {result.ticks} ticks, {result.agreed} outputs agree")
     typer.echo("bit-identical" if result.identical else f"first difference: {result.difference}")
 

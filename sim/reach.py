@@ -12,8 +12,8 @@ from scipy.optimize import linprog
 from scipy.signal import cont2discrete
 
 from formation.arrays import Float
+from formation.body import GRAVITY_M_S2
 from formation.disturbance import acceleration
-from formation.rigid_body import GRAVITY_M_S2
 from formation.vehicle import VehicleProfile
 from sim.scenario import Scenario
 

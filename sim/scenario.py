@@ -3,7 +3,6 @@
 `load` finds a scenario by path or, among those shipped, by name; `with_leader_file` puts in a recorded leader.
 """
 
-from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -21,6 +20,7 @@ from gcs.mocap.csv_file import read_recording
 from sim.mocap import EmulatorConfig, NotNegative, Share
 from sim.playback import Playback
 from sim.script import FLIGHT, Step
+from sim.shipped import shipped
 from wire import config_file
 
 
@@ -92,12 +92,6 @@ class Scenario(Model):
     def true_vehicle(self, sysid: int) -> TrueVehicle:
         """The simulated drone of that sysid; one that is exactly as the lab says where nothing else is said."""
         return next((v for v in self.vehicles if v.sysid == sysid), TrueVehicle(sysid=sysid))
-
-
-def shipped() -> dict[str, Path]:
-    """The scenarios that come with the simulator, by name."""
-    folder = Path(str(resources.files("sim"))) / "scenarios"
-    return {path.stem: path for path in sorted(folder.glob("*.toml"))}
 
 
 def load(name_or_path: str) -> Scenario:

@@ -1,6 +1,5 @@
 """The machine's clock: the only module that reads it."""
 
-import asyncio
 import time
 import uuid
 from dataclasses import dataclass
@@ -38,6 +37,8 @@ class Clock:
 
     async def sleep_until_ns(self, deadline_ns: int) -> None:
         """Return at `deadline_ns` or just after (asyncio's timers: 1 ms); at once if it has passed."""
+        import asyncio  # who only asks for the time, as every client command, does without
+
         while (left_s := self.seconds_until(deadline_ns)) > 0.0:
             await asyncio.sleep(left_s)
 

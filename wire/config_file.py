@@ -4,8 +4,6 @@ Every error is one line that names the file, the key and the reason.
 """
 
 import tomllib
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,35 +11,13 @@ import tomli_w
 from pydantic import ValidationError
 
 from formation.model import Model
+from wire.errors import ConfigError as ConfigError
+from wire.errors import Fault as Fault
 
 M = TypeVar("M", bound=Model)
 
 SHORT = 8
 """So many numbers of a list are shown."""
-
-
-@dataclass(frozen=True, slots=True)
-class Fault:
-    """What is wrong with one key: `followers[1].offset_m`, its value as written if that is short, and why."""
-
-    key: str
-    value: str
-    reason: str
-
-    def __str__(self) -> str:
-        return f"{self.key}{': ' if self.key else ''}{self.reason}{f' (it is {self.value})' if self.value else ''}"
-
-
-class ConfigError(ValueError):
-    """A configuration that cannot be used; `problems` has one line a fault, `str` is all of them.
-
-    faults: the same by key, where it was read at all.
-    """
-
-    def __init__(self, problems: Sequence[str], faults: Sequence[Fault] = ()) -> None:
-        super().__init__("\n".join(problems))
-        self.problems = list(problems)
-        self.faults = tuple(faults)
 
 
 def load(path: Path, model: type[M]) -> M:

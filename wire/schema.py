@@ -11,18 +11,27 @@ import types
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from operator import attrgetter, call
-from typing import Annotated, Any, Generic, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar, Union, get_args, get_origin, get_type_hints
 
-import numpy as np
-from google.protobuf import descriptor_pb2
-from google.protobuf.message import DecodeError
-
-from formation.arrays import Layout
+if TYPE_CHECKING:  # neither is loaded for messages without arrays, nor before a log is written or read
+    import numpy as np
+    from google.protobuf import descriptor_pb2
 
 T = TypeVar("T")
-Proto = descriptor_pb2.FieldDescriptorProto
+
+
+class Proto(IntEnum):
+    """Google's numbers of the field types used, of FieldDescriptorProto.Type."""
+
+    TYPE_DOUBLE = 1
+    TYPE_BOOL = 8
+    TYPE_STRING = 9
+    TYPE_BYTES = 12
+    TYPE_ENUM = 14
+    TYPE_SFIXED64 = 16
+
 
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 _SFIXED64 = struct.Struct("<q")
@@ -64,7 +73,6 @@ class Schema(Generic[T]):
         self.message = message
         self.name = f"{_PACKAGE}.{message.__name__}"
         self._fields = _fields_of(message)
-        self.descriptor_set = _descriptor_set(message.__name__, self._fields).SerializeToString()
         names = [f.name for f in self._fields]
         self._values: Callable[[T], tuple[Any, ...]] = (
             attrgetter(*names) if len(names) > 1 else lambda message: tuple(getattr(message, name) for name in names)
@@ -72,6 +80,11 @@ class Schema(Generic[T]):
         self._whole = not any(f.optional for f in self._fields)
         self._encoders = [f.kind.encoder(_varint(f.number << 3 | f.kind.wire)) for f in self._fields]
         self._by_tag = {f.number << 3 | f.kind.wire: f for f in self._fields}
+
+    @cached_property
+    def descriptor_set(self) -> bytes:
+        """The FileDescriptorSet, as it is kept with the data."""
+        return _descriptor_set(self.message.__name__, self._fields).SerializeToString()
 
     def encode(self, message: T) -> bytes:
         """Protobuf bytes; raises ValueError, TypeError or struct.error if a value is not of its annotation."""
@@ -93,6 +106,9 @@ class Schema(Generic[T]):
 
         descriptor_set: the FileDescriptorSet kept with the data. Raises SchemaError if it is none.
         """
+        from google.protobuf import descriptor_pb2
+        from google.protobuf.message import DecodeError
+
         written = descriptor_pb2.FileDescriptorSet()
         try:
             written.ParseFromString(descriptor_set)
@@ -224,8 +240,7 @@ def _without_none(hint: Any) -> tuple[Any, bool]:
 
 def _kind(hint: Any) -> _Kind | None:
     if get_origin(hint) is Annotated:
-        layouts = [note for note in get_args(hint)[1:] if isinstance(note, Layout)]
-        return _array_kind(np.dtype(layouts[0].scalar), layouts[0].shape) if layouts else None
+        return _array_kind(hint)
     if hint == tuple[str, ...]:
         return _Kind(Proto.TYPE_STRING, _BYTES, _texts_encoder, bytes.decode, (), repeated=True, many=True)
     if isinstance(hint, type) and issubclass(hint, StrEnum):
@@ -265,14 +280,22 @@ _SCALARS: dict[type, _Kind] = {
 }
 
 
-def _array_kind(dtype: np.dtype[Any], shape: tuple[int, ...]) -> _Kind:
+def _array_kind(hint: Any) -> _Kind | None:
+    import numpy as np
+
+    from formation.arrays import Layout
+
+    layout = next((note for note in get_args(hint)[1:] if isinstance(note, Layout)), None)
+    if layout is None:
+        return None
+    dtype, shape = np.dtype(layout.scalar), layout.shape
     tail = shape[1:]
     wire_dtype = dtype.newbyteorder("<")
 
-    def encoder(tag: bytes) -> Callable[[np.ndarray[Any, Any]], bytes]:
+    def encoder(tag: bytes) -> Callable[["np.ndarray[Any, Any]"], bytes]:
         heads: dict[tuple[int, ...], bytes] = {}  # tag and length for each shape met, all of them right
 
-        def encode(value: np.ndarray[Any, Any]) -> bytes:
+        def encode(value: "np.ndarray[Any, Any]") -> bytes:
             head = heads.get(value.shape)
             if head is None or value.dtype != dtype:
                 if value.dtype != dtype or value.shape[1:] != tail or value.ndim != len(shape):
@@ -282,12 +305,12 @@ def _array_kind(dtype: np.dtype[Any], shape: tuple[int, ...]) -> _Kind:
 
         return encode
 
-    def decode(raw: bytes) -> np.ndarray[Any, Any]:
+    def decode(raw: bytes) -> "np.ndarray[Any, Any]":
         # From a copy: an array that can be written to, as every other can.
         flat = np.frombuffer(bytearray(raw), wire_dtype)
         return flat if shape == (-1,) else flat.reshape(shape)
 
-    def decode_flags(raw: bytes) -> np.ndarray[Any, Any]:
+    def decode_flags(raw: bytes) -> "np.ndarray[Any, Any]":
         return np.frombuffer(raw, np.uint8).astype(np.bool_).reshape(shape)
 
     boolean = dtype == np.bool_
@@ -301,10 +324,13 @@ def _array_kind(dtype: np.dtype[Any], shape: tuple[int, ...]) -> _Kind:
     )
 
 
-def _descriptor_set(name: str, fields: list[_Field]) -> descriptor_pb2.FileDescriptorSet:
+def _descriptor_set(name: str, fields: list[_Field]) -> "descriptor_pb2.FileDescriptorSet":
+    from google.protobuf import descriptor_pb2
+
+    label_of = descriptor_pb2.FieldDescriptorProto
     message = descriptor_pb2.DescriptorProto(name=name)
     for field in fields:
-        label = Proto.LABEL_REPEATED if field.kind.repeated else Proto.LABEL_OPTIONAL
+        label = label_of.LABEL_REPEATED if field.kind.repeated else label_of.LABEL_OPTIONAL
         proto = message.field.add(name=field.name, number=field.number, label=label)
         proto.type = field.kind.proto  # type: ignore[assignment]
         if field.kind.enum is not None:
@@ -315,7 +341,7 @@ def _descriptor_set(name: str, fields: list[_Field]) -> descriptor_pb2.FileDescr
     return descriptor_pb2.FileDescriptorSet(file=[file])
 
 
-def _add_enum(message: descriptor_pb2.DescriptorProto, enum: type[IntEnum]) -> None:
+def _add_enum(message: "descriptor_pb2.DescriptorProto", enum: type[IntEnum]) -> None:
     values = {member.value: member.name for member in enum}
     values.setdefault(0, "UNSPECIFIED")  # proto3 wants a zero, and wants it first
     proto = message.enum_type.add(name=enum.__name__)

@@ -10,8 +10,6 @@ of a burst of twenty packets loses one in a hundred and waits up to 1.6 ms, a ba
 """
 
 import asyncio
-import json
-import re
 from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
@@ -20,11 +18,13 @@ import zenoh
 from formation.config import LinkConfig
 from formation.messages import Datagram, OperatorReply, OperatorRequest, Truth
 from wire import clock
+from wire.errors import BusError as BusError
 from wire.inbox import Inbox, on_loop
 from wire.link import LARGEST_DATAGRAM, READS_A_TURN, Deliver, LinkCounters
 from wire.plain_text import plain
 from wire.refusals import Refusals
 from wire.schema import Schema, SchemaError, schema_of
+from wire.zenoh_session import open_session, request_key
 
 T = TypeVar("T")
 Reply = Callable[[OperatorReply], None]
@@ -34,8 +34,6 @@ _TRUTH: Schema[Truth] = schema_of(Truth)
 _REQUEST: Schema[OperatorRequest] = schema_of(OperatorRequest)
 _REPLY: Schema[OperatorReply] = schema_of(OperatorReply)
 
-# Zenoh's errors end in a line of its own source, which tells an operator nothing.
-_SOURCE_LINE = re.compile(r" at \S+\.rs:\d+\.?")
 _QUEUED = 1024
 _QUEUED_OF_A_DRONE = 128
 _QUEUED_REQUESTS = 256
@@ -43,11 +41,6 @@ LARGEST_PAYLOAD = 1 << 18
 """Bytes of a payload that are read: a frame of a thousand bodies, a state of hundreds of drones, a quarter of it."""
 LARGEST_REQUEST = 1024
 _ASK_AGAIN_S = 0.05
-_RETRY = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
-
-
-class BusError(OSError):
-    """The bus could not be opened: an endpoint that is taken or not an endpoint, a name that cannot be a key."""
 
 
 class ZenohLink:
@@ -103,14 +96,7 @@ class ZenohBus:
 
         refusals: where to note what is refused; a register of its own if none is given.
         """
-        if "*" in lab or "$" in lab:
-            raise BusError(f"lab {lab!r}: * and $ stand for other names on the bus")
-        try:
-            zenoh.KeyExpr(lab)
-            session = await asyncio.to_thread(zenoh.open, _configuration(config))
-        except zenoh.ZError as error:
-            reason = _SOURCE_LINE.sub("", str(error))
-            raise BusError(f"lab {lab!r}, {config.zenoh_listen or config.zenoh_connect}: {reason}") from error
+        session = await asyncio.to_thread(open_session, config.zenoh_listen, config.zenoh_connect, lab)
         return cls(session, lab, refusals or Refusals())
 
     async def close(self) -> None:
@@ -199,7 +185,7 @@ class ZenohBus:
 
     def serve(self, gcs_name: str, handler: Handler) -> None:
         """Answer operators' requests as the ground `gcs_name`: `handler(request, reply)`, reply once, now or later."""
-        key = f"{self.lab}/gcs/{gcs_name}/do"
+        key = request_key(self.lab, gcs_name)
 
         def take(query: zenoh.Query) -> None:
             self._handle(gcs_name, query, handler)
@@ -214,7 +200,7 @@ class ZenohBus:
 
         Asked again only while nobody is there to hear it, so no request is carried out twice.
         """
-        key = f"{self.lab}/gcs/{gcs_name}/do"
+        key = request_key(self.lab, gcs_name)
         try:
             async with asyncio.timeout(timeout_s):
                 while (data := await self._get(key, _REQUEST.encode(request), timeout_s)) is None:
@@ -287,7 +273,7 @@ class ZenohBus:
             query.drop()  # type: ignore[no-untyped-call]
             return
 
-        key = f"{self.lab}/gcs/{gcs_name}/do"
+        key = request_key(self.lab, gcs_name)
 
         def reply(answer: OperatorReply) -> None:
             try:
@@ -315,26 +301,3 @@ class ZenohBus:
         callback = zenoh.handlers.Callback(on_reply, lambda: on_loop(self._loop, lambda: settle(None)))
         self._session.get(key, callback, payload=payload, timeout=timeout_s)
         return await answer
-
-
-def _configuration(config: LinkConfig) -> zenoh.Config:
-    """Zenoh's own configuration; who is told no port listens on any, on loopback where all others are there too."""
-    local = all("127.0.0.1" in endpoint or "localhost" in endpoint for endpoint in config.zenoh_connect)
-    listen = config.zenoh_listen or ("tcp/127.0.0.1:0" if local else "tcp/0.0.0.0:0",)
-    connect = [endpoint for endpoint in config.zenoh_connect if endpoint not in config.zenoh_listen]
-    values: dict[str, object] = {
-        "mode": "peer",
-        "listen/endpoints": list(listen),
-        "listen/exit_on_failure": True,
-        "connect/endpoints": connect,
-        "connect/timeout_ms": -1,
-        "connect/exit_on_failure": False,
-        "connect/retry": _RETRY,
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": True,
-        "transport/shared_memory/enabled": False,
-    }
-    result = zenoh.Config()
-    for key, value in values.items():
-        result.insert_json5(key, json.dumps(value))
-    return result

@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 from analysis.identify.estimate import Estimate, covariance, propagated
 from analysis.identify.signals import GRID_S, Seen, Sent, grid, held
 from formation.arrays import Float
-from formation.rigid_body import GRAVITY_M_S2
+from formation.body import GRAVITY_M_S2
 
 BUMP_S = 0.6
 SPACING_S = 0.05

@@ -10,7 +10,7 @@ from analysis.load import Flight
 from analysis.plots import style
 from analysis.plots.style import Drawing, Missing
 from formation.arrays import Float
-from formation.rigid_body import GRAVITY_M_S2
+from formation.body import GRAVITY_M_S2
 from formation.vehicle import VehicleProfile
 
 CLOSE_UP_S = 3.0

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.arrays import Flags, Float, Quats, Scalars, Vec3s
+from formation.body import GRAVITY_M_S2
 from formation.control.law import Demand
 from formation.control.limits import keep_apart, keep_inside
 from formation.course import Course
@@ -14,7 +15,7 @@ from formation.estimate import EstimatorState
 from formation.kernel import kernel
 from formation.observe import doubt
 from formation.response import SECONDS
-from formation.rigid_body import GRAVITY_M_S2, thrust_norm
+from formation.rigid_body import thrust_norm
 from formation.vehicle import VehicleProfile
 
 TILT, THRUST_LOW, THRUST_HIGH = 1.0, 2.0, 4.0  # bits of formation.messages.Saturation

@@ -10,13 +10,13 @@ import numpy as np
 
 from formation import frames
 from formation.arrays import Float
+from formation.body import GRAVITY_M_S2
 from formation.config import Fence, FollowerConfig, LabConfig, LeaderConfig, LimitsConfig, MocapConfig
 from formation.control.presets import Preset
 from formation.control.stack import ControlStack
 from formation.messages import AttitudeTarget, LabFrame
 from formation.reference import Leg, Mode, Plan
 from formation.response import answer, no_history, remember
-from formation.rigid_body import GRAVITY_M_S2
 from formation.shape import configured
 from formation.vehicle import VehicleProfile
 

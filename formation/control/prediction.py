@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.arrays import Float
+from formation.body import GRAVITY_M_S2
 from formation.kernel import kernel
 from formation.observe import TILT_DECAY, TURN_TRUST
 from formation.response import SECONDS, answer
-from formation.rigid_body import GRAVITY_M_S2
 
 
 @kernel

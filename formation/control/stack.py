@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.arrays import Float, Scalars
+from formation.body import GRAVITY_M_S2
 from formation.config import LabConfig
 from formation.control.attitude import TILT, Attitude, attitude
 from formation.control.law import Demand, demand
@@ -16,7 +17,6 @@ from formation.estimate import EstimatorState, estimate, initial, swarm_state
 from formation.messages import AttitudeTarget, Command, LabFrame, Reference, SwarmState
 from formation.reference import Mode, Plan
 from formation.response import SECONDS, History, no_history, remember
-from formation.rigid_body import GRAVITY_M_S2
 from formation.vehicle import VehicleProfile
 
 STEP_MAX_S = 0.1

@@ -1,6 +1,5 @@
 """`gcs doctor` and `gcs logs`: the terminal around the survey."""
 
-import asyncio
 import json
 import sys
 from collections.abc import Sequence
@@ -8,16 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-import uvloop
-from rich.console import Console
 
-from formation.config import LabConfig
-from gcs.cli_common import NOT_RIGHT, REFUSED, Json, LabFile, configuration, fail, tell
-from gcs.doctor.finding import Finding, Refit, as_dicts, failed, show
-from gcs.mocap.service import ServiceError
-from wire.private_files import make_folder
+from gcs.cli_common import NOT_RIGHT, REFUSED, Json, LabFile, configuration, fail, tell, tell_red
 
 if TYPE_CHECKING:
+    from formation.config import LabConfig
+    from gcs.doctor.finding import Finding, Refit
     from gcs.doctor.survey import Survey
 
 SETTLE_S = 3.0
@@ -36,6 +31,11 @@ def doctor(
 ) -> None:
     """Check mocap, axes, links, clocks and parameters before a motor turns. Exit code 1 if any check fails."""
     config = configuration(lab)
+    import uvloop
+
+    from gcs.doctor.finding import as_dicts, failed
+    from gcs.mocap.service import ServiceError
+
     try:
         findings = uvloop.run(_doctor(config, lab, seconds, still, as_json, _Fixing(fix, yes)))
     except ServiceError as error:
@@ -58,6 +58,11 @@ def logs(
 ) -> None:
     """Download the drones' own flight logs."""
     config = configuration(lab)
+    import uvloop
+
+    from gcs.mocap.service import ServiceError
+    from wire.private_files import make_folder
+
     make_folder(out)
     try:
         problems = uvloop.run(_logs(config, lab, out, newest, sysid))
@@ -66,7 +71,7 @@ def logs(
     except (OSError, ValueError) as error:
         fail(str(error), NOT_RIGHT)
     for problem in problems:
-        Console(stderr=True).print(problem, style="red", highlight=False, markup=False)
+        tell_red(problem)
     if problems:
         raise typer.Exit(REFUSED)
 
@@ -84,8 +89,11 @@ class _Fixing:
 
 
 async def _doctor(
-    config: LabConfig, lab_file: Path, seconds: float, still: bool, as_json: bool, fixing: _Fixing
-) -> Sequence[Finding]:
+    config: "LabConfig", lab_file: Path, seconds: float, still: bool, as_json: bool, fixing: _Fixing
+) -> Sequence["Finding"]:
+    from rich.console import Console
+
+    from gcs.doctor.finding import show
     from gcs.doctor.survey import examine, surveying  # loads MAVSDK
 
     async with surveying(config, lab_file, tell) as survey:
@@ -97,7 +105,7 @@ async def _doctor(
         return findings
 
 
-async def _write(survey: "Survey", findings: Sequence[Finding], fixing: _Fixing) -> None:
+async def _write(survey: "Survey", findings: Sequence["Finding"], fixing: _Fixing) -> None:
     """Write what is agreed to; what was found stays found until the doctor is asked again."""
     written = 0
     for finding in findings:
@@ -115,7 +123,7 @@ async def _write(survey: "Survey", findings: Sequence[Finding], fixing: _Fixing)
         print("Restart the autopilots, some parameters count from there; then ask the doctor again.", file=sys.stderr)
 
 
-def write_profile(refit: Refit, folder: Path) -> str:
+def write_profile(refit: "Refit", folder: Path) -> str:
     """Write it; what to tell of that. The lab file itself is its owner's: nobody but a person changes it."""
     try:
         path = refit.write(folder)
@@ -124,7 +132,9 @@ def write_profile(refit: Refit, folder: Path) -> str:
     return f'{path} written: put it under [[profiles]] in the lab file, and profile = "{refit.name}" in its entry'
 
 
-async def _logs(config: LabConfig, lab_file: Path, out: Path, newest: int, only: list[int] | None) -> list[str]:
+async def _logs(config: "LabConfig", lab_file: Path, out: Path, newest: int, only: list[int] | None) -> list[str]:
+    import asyncio
+
     from gcs.doctor.mavsdk_drone import DroneError
     from gcs.doctor.survey import surveying  # loads MAVSDK
 
@@ -143,6 +153,8 @@ async def _logs(config: LabConfig, lab_file: Path, out: Path, newest: int, only:
 
 async def _prompt(text: str) -> None:
     """Say what to do, wait for Enter; ValueError where nobody is there to press it."""
+    import asyncio
+
     print(f"{text}, then press Enter.", file=sys.stderr, flush=True)
     if not await asyncio.to_thread(sys.stdin.readline):
         raise ValueError("nobody is there to move the drones: use --still")

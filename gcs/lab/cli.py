@@ -3,14 +3,13 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
 
 import typer
 from rich.console import Console
 
 from formation.config import LabConfig
 from formation.preview import Preview
-from gcs.cli_common import NOT_RIGHT, REFUSED, Json, LabFile, fail
+from gcs.cli_common import NOT_RIGHT, REFUSED, fail
 from gcs.doctor.finding import Finding, Grade, as_dicts, failed
 from gcs.lab.drawing import drawn
 from gcs.lab.findings import findings_of, line, of_grade, tell
@@ -23,12 +22,8 @@ from wire.config_file import ConfigError, load
 INDENT = " " * 8
 
 
-def check(
-    lab: LabFile,
-    svg: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the lab from above into an SVG file.")] = None,
-    as_json: Json = False,
-) -> None:
-    """Judge a lab file and draw the lab from above; starts nothing. Exit code 1 where `gcs run` would refuse it."""
+def check(lab: Path, svg: Path | None, as_json: bool) -> None:
+    """Judge and draw; ends the program with its exit code."""
     try:
         config = load(lab, LabConfig)
     except ConfigError as error:

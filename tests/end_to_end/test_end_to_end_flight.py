@@ -3,6 +3,8 @@
 import json
 import os
 import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -18,11 +20,15 @@ pytestmark = [pytest.mark.processes, pytest.mark.timeout(900)]
 
 @pytest.mark.parametrize("link", ["zenoh", "udp"])
 def test_three_drones_fly_the_triangle_and_land(link: str, tmp_path: Path) -> None:
-    scenario, out, summary_file = write_scenario(tmp_path, LINE), tmp_path / "run", tmp_path / "summary.json"
-    with gcs_sim_fly(str(scenario), "--link", link, "--out", str(out), "--json", str(summary_file)) as process:
+    scenario, out = write_scenario(tmp_path, LINE), tmp_path / "run"
+    with gcs_sim_fly(str(scenario), "--link", link, "--out", str(out)) as process:
         said, _ = process.communicate()
     assert process.returncode == 0, said
-    summary = json.loads(summary_file.read_text())
+    told = subprocess.run(
+        [sys.executable, "-m", "sim.log_cli", "report", "--json", str(out / "flight.mcap")],
+        capture_output=True, check=True,
+    )  # fmt: skip
+    summary = json.loads(told.stdout)
     assert summary["outcome"] == "landed"
     assert summary["link"] == link
     assert summary["scenario"] == "short_triangle"

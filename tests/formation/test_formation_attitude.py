@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from formation.body import GRAVITY_M_S2
 from formation.config import LabConfig
 from formation.control.attitude import AUTHORITY_LEAST, authority_kept, bound_force, bound_turn, turn_authority
 from formation.control.presets import preset
 from formation.control.settings import estimator_settings
 from formation.observe import MISFIT_BAD, MISFIT_FAIR
-from formation.rigid_body import GRAVITY_M_S2
 from formation.vehicle import PAPER_40G
 
 FULL = PAPER_40G.thrust_max_n / PAPER_40G.mass_kg

@@ -6,13 +6,13 @@ from hypothesis import strategies as st
 
 from formation import frames
 from formation.arrays import Float
+from formation.body import GRAVITY_M_S2
 from formation.config import FollowerConfig, LabConfig, LeaderConfig, TrajectoryConfig
 from formation.control.attitude import turn_authority
 from formation.control.stack import ControlStack, Stages
 from formation.control.warm_up import warm_up
 from formation.messages import LabFrame
 from formation.reference import IDLE, Leg, Mode, Plan
-from formation.rigid_body import GRAVITY_M_S2
 from formation.shape import configured
 from formation.vehicle import at_rest, profile
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from formation.arrays import Float
+from formation.body import GRAVITY_M_S2
 from formation.observe import MISFIT_BAD, MISFIT_FAIR, SHIFT_MOST, Memory, judge_answer
-from formation.rigid_body import GRAVITY_M_S2
 
 MS = 1_000_000
 BELIEF = np.array([0.05, 0.05])  # dead time, lag, s

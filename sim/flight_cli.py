@@ -1,0 +1,147 @@
+"""What `gcs-sim fly`, `run`, `mocap` and `compile` do: a scenario becomes a flight, its log a page and numbers."""
+
+import asyncio
+import signal
+import sys
+from collections.abc import Coroutine
+from datetime import datetime
+from pathlib import Path
+from typing import Literal, NoReturn
+
+import typer
+import uvloop
+from rich.console import Console
+
+from analysis.console import print_summary
+from analysis.metrics import Summary
+from formation.model import QuatTuple
+from gcs.daemon import GCS_NAME
+from gcs.mocap.csv_file import MocapFileError
+from sim import lockstep, mocap_daemon
+from sim.conclude import conclude
+from sim.display import Display
+from sim.fly import Files
+from sim.fly import fly as fly_processes
+from sim.ports import private_link
+from sim.scenario import Scenario, load, recorded_leader, with_leader_file
+from sim.script import Outcome
+from wire import clock, starved
+from wire.errors import BusError, ConfigError
+from wire.private_files import make_folder
+from wire.progress import compile_all
+from wire.starved import StarvedError
+
+ABORTED, NOT_RIGHT, INTERRUPTED = 1, 2, 130
+UNIT_WITHIN = 0.01
+
+
+def fly(
+    scenario: Scenario, link: Literal["zenoh", "udp"], seed: int | None, force: bool, speed: float, as_json: bool,
+    out: Path | None,
+) -> None:  # fmt: skip
+    """In real time, or slower; ends the process with its exit code."""
+    lab = scenario.lab
+    own_link = private_link(link, (v.sysid for v in lab.vehicles if v.sysid is not None))
+    scenario = scenario.model_copy(update={"lab": lab.model_copy(update={"link": own_link})})
+    files = Files(_folder(out, scenario))
+    compile_for(scenario)
+    with Display(Console(stderr=as_json), scenario.name) as display:
+        flown = asyncio.run(
+            _interruptible(
+                fly_processes(scenario, _seed(seed, scenario), files, display.progress, force, clock.Clock(speed))
+            )
+        )
+    outcome = flown or Outcome("aborted", "interrupted")
+    if not files.mcap.exists():
+        fail(f"no log was written: {outcome.reason} (see {files.folder})", ABORTED)
+    _end(conclude(files.mcap, outcome), as_json, ABORTED if flown else INTERRUPTED)
+
+
+def run(scenario: Scenario, seed: int | None, as_json: bool, out: Path | None) -> None:
+    """In lockstep; ends the process with its exit code."""
+    files = Files(_folder(out, scenario))
+    compile_for(scenario)
+    with Display(Console(stderr=as_json), scenario.name) as display:
+        flown = lockstep.run_to_file(scenario, _seed(seed, scenario), files.mcap, display.progress)
+    _end(conclude(files.mcap, flown.outcome, flown.realtime_factor), as_json)
+
+
+def mocap(scenario: Scenario, seed: int | None, speed: float) -> None:
+    """The emulated mocap, until a signal ends it."""
+    try:
+        uvloop.run(mocap_daemon.serve(scenario, _seed(seed, scenario), GCS_NAME, clock.Clock(speed)))
+    except BusError as error:
+        fail(str(error), NOT_RIGHT)
+    except StarvedError as error:
+        fail(str(error), starved.EXIT_CODE)
+
+
+async def _interruptible(flight: Coroutine[None, None, Outcome]) -> Outcome | None:
+    """The flight's outcome, None where SIGINT or SIGTERM ended it; the second signal does not wait for a landing."""
+    flying = asyncio.create_task(flight)
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, flying.cancel)
+    try:
+        return await flying
+    except asyncio.CancelledError:
+        return None
+
+
+def scenario_of(name: str, leader_csv: Path | None = None, alignment: str | None = None) -> Scenario:
+    """The scenario with the leader given; ends the process where either is not right."""
+    try:
+        scenario = load(name)
+        file = None if leader_csv is None else str(leader_csv.absolute())
+        scenario = with_leader_file(scenario, file, None if alignment is None else _quaternion(alignment))
+        if scenario.needs_leader_file and scenario.leader.file is None:
+            raise ValueError(f"{scenario.name} needs a recorded leader: --leader-csv FILE")
+        recorded_leader(scenario)
+    except (ConfigError, MocapFileError, ValueError) as error:
+        fail(str(error), NOT_RIGHT)
+    return scenario
+
+
+def compile_for(scenario: Scenario) -> None:
+    """Everything that any process of the scenario runs; the processes find it in the cache on disk."""
+    compile_all("gcs-sim", lambda: lockstep.warm_up(scenario), sys.stderr)
+
+
+def _quaternion(text: str) -> QuatTuple:
+    """Unit quaternion of "w,x,y,z"; ValueError for anything else."""
+    try:
+        w, x, y, z = (float(part) for part in text.split(","))
+    except ValueError as error:
+        raise ValueError(f"--leader-alignment {text}: expected four numbers W,X,Y,Z") from error
+    norm = (w * w + x * x + y * y + z * z) ** 0.5
+    if not abs(norm - 1.0) < UNIT_WITHIN:
+        raise ValueError(f"--leader-alignment {text}: its length is {norm:.3g}, not 1")
+    return w / norm, x / norm, y / norm, z / norm
+
+
+def _seed(given: int | None, scenario: Scenario) -> int:
+    return scenario.seed if given is None else given
+
+
+def _folder(out: Path | None, scenario: Scenario) -> Path:
+    folder = out or Path("runs") / f"{datetime.fromtimestamp(clock.unix_us() * 1e-6):%Y%m%d-%H%M%S}-{scenario.name}"
+    make_folder(folder)
+    return folder
+
+
+def _end(summary: Summary, as_json: bool, aborted_code: int = ABORTED) -> None:
+    """Show the run's numbers; end with `aborted_code` where it was aborted."""
+    if as_json:
+        print(summary.to_json())
+    else:
+        print_summary(summary, Console())
+    if summary.outcome.startswith("starved"):
+        raise typer.Exit(starved.EXIT_CODE)
+    if summary.outcome.startswith("aborted"):
+        raise typer.Exit(aborted_code)
+
+
+def fail(text: str, code: int) -> NoReturn:
+    """End the program with a word and an exit code."""
+    Console(stderr=True).print(f"gcs-sim: {text}", style="red", highlight=False, markup=False, soft_wrap=True)
+    raise typer.Exit(code)

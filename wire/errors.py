@@ -1,0 +1,32 @@
+"""What a person has got wrong, in one line a fault."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """What is wrong with one key: `followers[1].offset_m`, its value as written if that is short, and why."""
+
+    key: str
+    value: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.key}{': ' if self.key else ''}{self.reason}{f' (it is {self.value})' if self.value else ''}"
+
+
+class ConfigError(ValueError):
+    """A configuration that cannot be used; `problems` has one line a fault, `str` is all of them.
+
+    faults: the same by key, where it was read at all.
+    """
+
+    def __init__(self, problems: Sequence[str], faults: Sequence[Fault] = ()) -> None:
+        super().__init__("\n".join(problems))
+        self.problems = list(problems)
+        self.faults = tuple(faults)
+
+
+class BusError(OSError):
+    """The bus could not be opened: an endpoint that is taken or not an endpoint, a name that cannot be a key."""

@@ -1,0 +1,86 @@
+"""A place on the lab's bus, and one question asked there: what an operator's command needs, and no more."""
+
+import json
+import re
+from collections.abc import Sequence
+from threading import Event
+
+import zenoh
+
+from formation.requests import OperatorReply, OperatorRequest
+from wire import clock
+from wire.errors import BusError
+from wire.schema import Schema, schema_of
+
+_REQUEST: Schema[OperatorRequest] = schema_of(OperatorRequest)
+_REPLY: Schema[OperatorReply] = schema_of(OperatorReply)
+
+# Zenoh's errors end in a line of its own source, which tells an operator nothing.
+_SOURCE_LINE = re.compile(r" at \S+\.rs:\d+\.?")
+_ASK_AGAIN_S = 0.05
+_RETRY = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
+
+
+def request_key(lab: str, gcs_name: str) -> str:
+    """Where the ground `gcs_name` answers."""
+    return f"{lab}/gcs/{gcs_name}/do"
+
+
+def open_session(listen: Sequence[str], connect: Sequence[str], lab: str) -> zenoh.Session:
+    """Join the bus; peers that are not there yet are retried for ever. BusError."""
+    if "*" in lab or "$" in lab:
+        raise BusError(f"lab {lab!r}: * and $ stand for other names on the bus")
+    try:
+        zenoh.KeyExpr(lab)
+        return zenoh.open(_configuration(listen, connect))
+    except zenoh.ZError as error:
+        reason = _SOURCE_LINE.sub("", str(error))
+        raise BusError(f"lab {lab!r}, {tuple(listen or connect)}: {reason}") from error
+
+
+def ask(connect: Sequence[str], lab: str, gcs_name: str, request: OperatorRequest, timeout_s: float) -> OperatorReply:
+    """The answer of the ground `gcs_name`; TimeoutError if none comes in time, BusError.
+
+    Asked again only while nobody is there to hear it, so no request is carried out twice.
+    """
+    deadline_ns = clock.monotonic_ns() + round(timeout_s * 1e9)
+    key, payload = request_key(lab, gcs_name), _REQUEST.encode(request)
+    session = open_session((), connect, lab)
+    try:
+        while (left_s := clock.REAL_TIME.seconds_until(deadline_ns)) > 0.0:
+            answers: list[bytes] = []
+            ended = Event()
+
+            def take(reply: zenoh.Reply, answers: list[bytes] = answers) -> None:
+                if reply.ok is not None:
+                    answers.append(reply.ok.payload.to_bytes())
+
+            session.get(key, zenoh.handlers.Callback(take, ended.set), payload=payload, timeout=left_s)
+            if ended.wait(left_s) and not answers:
+                Event().wait(_ASK_AGAIN_S)
+            if answers:
+                return _REPLY.decode(answers[0])
+    finally:
+        session.close()  # type: ignore[no-untyped-call]
+    raise TimeoutError(f"no answer on {key} within {timeout_s:g} s")
+
+
+def _configuration(listen: Sequence[str], connect: Sequence[str]) -> zenoh.Config:
+    """Zenoh's own configuration; who is told no port listens on any, on loopback where all others are there too."""
+    local = all("127.0.0.1" in endpoint or "localhost" in endpoint for endpoint in connect)
+    values: dict[str, object] = {
+        "mode": "peer",
+        "listen/endpoints": list(listen or ("tcp/127.0.0.1:0" if local else "tcp/0.0.0.0:0",)),
+        "listen/exit_on_failure": True,
+        "connect/endpoints": [endpoint for endpoint in connect if endpoint not in listen],
+        "connect/timeout_ms": -1,
+        "connect/exit_on_failure": False,
+        "connect/retry": _RETRY,
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": True,
+        "transport/shared_memory/enabled": False,
+    }
+    result = zenoh.Config()
+    for key, value in values.items():
+        result.insert_json5(key, json.dumps(value))
+    return result

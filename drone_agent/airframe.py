@@ -10,7 +10,8 @@ import numpy as np
 
 from drone_agent.attitude_loop import LoopSetpoint, advance
 from drone_agent.battery import BatteryPack
-from formation.arrays import Vec3
+from drone_agent.level_error import Lean
+from formation.arrays import Quat, Vec3
 from formation.disturbance import Disturbance, acceleration
 from formation.frames import from_yaw
 from formation.vehicle import VehicleProfile, VehicleState, at_rest
@@ -24,8 +25,15 @@ class Airframe:
     """One vehicle; `advance_to` moves its grid, `state_at` only looks."""
 
     def __init__(
-        self, profile: VehicleProfile, air: Disturbance, start_lab_m: Vec3, start_yaw_rad: float, t0_ns: int
+        self,
+        profile: VehicleProfile,
+        air: Disturbance,
+        start_lab_m: Vec3,
+        start_yaw_rad: float,
+        t0_ns: int,
+        lean: Lean | None = None,
     ) -> None:
+        """lean: how far its autopilot's idea of level is off; None: it knows."""
         self.profile = profile
         self.pack = BatteryPack(profile.battery)
         self.armed = False
@@ -34,6 +42,7 @@ class Airframe:
         self.setpoint = LoopSetpoint(self.state.q_lab_from_flu, np.zeros(3), 0.0)
         self._air = air
         self._gusty = air.fan is not None
+        self._lean = lean
         self._t0_ns = t0_ns
         self._push = self._felt()
         self._coming: deque[tuple[int, LoopSetpoint]] = deque()
@@ -63,6 +72,9 @@ class Airframe:
                 if since_ns == 0:
                     self._push = self._felt()
                 end_ns = min(end_ns, self.t_ns + _GUST_NS - since_ns)
+            if self._lean is not None:
+                self._lean.advance_to(self.t_ns)
+                end_ns = min(end_ns, self._lean.next_ns)
             steps = max((end_ns - self.t_ns) // STEP_NS, 1)
             self.state = self._integrated(_STEP_S, steps)
             self.t_ns += steps * STEP_NS
@@ -72,6 +84,12 @@ class Airframe:
         self.advance_to(now_ns)
         rest_ns = now_ns - self.t_ns
         return self._integrated(rest_ns * 1e-9, 1) if rest_ns > 0 else self.state
+
+    @property
+    def estimated_q_lab_from_flu(self) -> Quat:
+        """The present attitude as the autopilot has it."""
+        q = self.state.q_lab_from_flu
+        return q if self._lean is None else self._lean.estimated(q)
 
     @property
     def push_lab_m_s2(self) -> Vec3:
@@ -84,7 +102,11 @@ class Airframe:
 
     def _integrated(self, dt_s: float, steps: int) -> VehicleState:
         scale = self.pack.thrust_scale
-        return advance(self.state, self.profile, self.setpoint, self.armed, self._push, dt_s, steps, scale)
+        setpoint = self.setpoint
+        if self._lean is not None:
+            attitude = self._lean.true(setpoint.q_lab_from_flu)
+            setpoint = LoopSetpoint(attitude, setpoint.rate_flu_rad_s, setpoint.thrust_norm)
+        return advance(self.state, self.profile, setpoint, self.armed, self._push, dt_s, steps, scale)
 
     def _felt(self) -> Vec3:
         x, y, z = self.state.pos_lab_m.tolist()

@@ -159,7 +159,6 @@ ARDUPILOT = Personality(
     capabilities=2 | 8 | 64 | 2048 | 8192 | 131072,
     modes=MODES,
     boot_mode=Mode.STABILIZED,
-    hold_mode=Mode.BRAKE,
     refused=Result.FAILED,
     no_such_rate=Result.DENIED,
     no_such_message=Result.FAILED,

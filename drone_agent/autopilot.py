@@ -131,6 +131,8 @@ class Autopilot:
             fault = self.position_fault(now_ns)
             if fault is not None and not (self.armed and self.positioning.valid(now_ns)):
                 return self.personality.words.no_position.format(fault)
+        if Needs.GLOBE in needs and self.origin is None and self.armed:
+            return "no valid global position estimate"
         if Needs.STREAM in needs and self.stream.silent_for(now_ns, self.stream_loss.after_s):
             return self.personality.words.stream_lost
         if Needs.PILOT in needs:

@@ -1,8 +1,8 @@
 """The bridge to a real autopilot, without its sockets: passes MAVLink on both ways and enforces the agent's rules.
 
-The last line of defence beside a real drone, whatever becomes of the ground: a stream of setpoints that has
-gone stale is followed by level targets, then the autopilot's own hold, then a landing; the autopilot is told the
-mocap pose of its body by this process, not by the ground. Frames pass byte for byte, sender and all.
+The last line of defence beside a real drone, whatever becomes of the ground: where the stream of setpoints has gone
+stale, this process holds the body on its own mocap feed, then lets it down; the autopilot is told the mocap pose of
+its body by this process, not by the ground. Frames pass byte for byte, sender and all.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from drone_agent.autopilot import STREAM_MODES
-from drone_agent.bridge_rule import Do, Seen, StaleRule
+from drone_agent.bridge_hold import BridgeHold
+from drone_agent.bridge_rule import STEP_NS, Do, StaleRule
 from drone_agent.clock_offset import GroundClock
 from drone_agent.config import AgentConfig
 from drone_agent.personalities import PERSONALITIES
@@ -21,7 +22,7 @@ from wire.link_messages.clocks import TimeSync
 from wire.link_messages.commands import Command, CommandAck, SetMode
 from wire.link_messages.motion import Origin, SetOrigin, VisionPose
 from wire.link_messages.packet import LinkMessage
-from wire.link_messages.setpoints import AttitudeSetpoint
+from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
 from wire.link_messages.status import Autopilot, Heartbeat, NamedValue, StatusText
 from wire.mavlink import Codec, MavlinkError, read_frame
 from wire.mavlink_frames import Frame, FrameCutter, packed
@@ -63,7 +64,8 @@ class BridgeCore:
         self._heard_ns = t0_ns
         self._clock = GroundClock()
         self._beat_ns = t0_ns
-        self._pose_ns = t0_ns
+        self._hold = BridgeHold()
+        self._hold_ns = self._pose_due_ns = t0_ns
         self._own_feed_ns: int | None = None
         self._age_told_ns = t0_ns
         self._strangers: set[int] = set()
@@ -96,8 +98,9 @@ class BridgeCore:
         if not frame.seen[index] or not np.isfinite(pos).all() or not np.isfinite(q).all():
             return
         self._own_feed_ns = now_ns
-        if now_ns - self._pose_ns >= _POSE_NS:
-            self._pose_ns = now_ns
+        self._hold.see(frame.t_capture_ns, pos, q)
+        if now_ns >= self._pose_due_ns:  # a steady 50 Hz out of frames that jitter
+            self._pose_due_ns = max(self._pose_due_ns + _POSE_NS, now_ns)
             self._tell_autopilot(VisionPose(frame.t_capture_ns // 1000, pos, q))
 
     def tick(self, now_ns: int) -> BridgeOutgoing:
@@ -110,7 +113,7 @@ class BridgeCore:
             if self._lacks_origin and self._own_feed_ns is not None:
                 self._tell_autopilot(SetOrigin(self._config.sysid, *self._config.origin))
         fed = self._own_feed_ns is not None and now_ns - self._own_feed_ns < _OWN_FEED_NS
-        for step in self._rule.due(now_ns, fed=fed):
+        for step in self._rule.due(now_ns, fed=fed, stands=self._hold.stands):
             self._act(step)
         outgoing = BridgeOutgoing(
             _packed(self._config.sysid, self._to_ground),
@@ -138,7 +141,8 @@ class BridgeCore:
         except MavlinkError:
             return False
         if isinstance(message, AttitudeSetpoint) and message.target.system == self._config.sysid:
-            if self._rule.note(message, now_ns):
+            self._hold.note(message)
+            if self._rule.note(now_ns):
                 self._say(Severity.INFO, "Setpoints are back")
             self._report_age(message, now_ns)
         elif isinstance(message, SetMode) or (isinstance(message, Command) and message.command in _SETS_MODE):
@@ -183,29 +187,31 @@ class BridgeCore:
             self._make = make
             self._say(Severity.INFO, f"Bridge to {make.name}")
         offboard = [make.modes[mode].custom_mode for mode in STREAM_MODES if mode in make.modes]
-        if not beat.armed:
-            self._rule.saw(Seen.OTHER)
-        elif beat.custom_mode in offboard:
-            self._rule.saw(Seen.OFFBOARD)
-        else:
-            holds = beat.custom_mode == make.modes[make.hold_mode].custom_mode
-            self._rule.saw(Seen.HOLDING if holds else Seen.OTHER)
+        self._rule.saw(offboard=beat.armed and beat.custom_mode in offboard)
 
     def _act(self, step: Do) -> None:
         """Carry out a step of the stale rule."""
-        make = self._make
-        if make is None:
-            return
-        if step is Do.LEVEL:
-            self._tell_autopilot(self._rule.level_target(self._target, (self._now_ns - self._t0_ns) // 1_000_000))
-        elif step is Do.SAY_STALE:
-            self._say(Severity.WARNING, "Setpoints are stale: level and hold")
-        elif step is Do.HOLD:
-            main, sub = make.custom_parts(make.modes[make.hold_mode].custom_mode)
-            self._command(176, 1.0, float(main), float(sub))
-        else:
-            self._say(Severity.CRITICAL, "Setpoints are stale: landing")
-            self._command(21, 0.0, 0.0, 0.0, float("nan"))
+        match step:
+            case Do.SAY_STALE:
+                self._hold.begin(self._now_ns)
+                self._say(Severity.WARNING, "Setpoints are stale: level and hold")
+            case Do.SAY_LANDING:
+                self._say(Severity.CRITICAL, "Setpoints are stale: landing")
+            case Do.HOLD | Do.LET_DOWN:
+                self._fly(down=step is Do.LET_DOWN)
+            case Do.LAND:
+                self._command(21, 0.0, 0.0, 0.0, float("nan"))
+
+    def _fly(self, *, down: bool) -> None:
+        """One attitude target of our own."""
+        dt_s = min(self._now_ns - self._hold_ns, 5 * STEP_NS) * 1e-9
+        self._hold_ns = self._now_ns
+        wanted = self._hold.step(self._now_ns, dt_s, down=down)
+        t_boot_ms = (self._now_ns - self._t0_ns) // 1_000_000
+        rate, thrust = np.zeros(3), wanted.thrust_norm
+        self._tell_autopilot(
+            AttitudeSetpoint(self._target, t_boot_ms, wanted.q_lab_from_flu, rate, thrust, Ignore.BODY_RATES)
+        )
 
     def _command(self, number: int, *params: float) -> None:
         p1, p2, p3, p4, p5, p6, p7 = (*params, *(0.0,) * (7 - len(params)))

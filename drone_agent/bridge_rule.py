@@ -1,42 +1,26 @@
-"""The stale-setpoint rule beside a real autopilot: when to level it, when to let it hold, when to land it. No bytes.
+"""The stale-setpoint rule beside a real autopilot: when to hold it, when to let it down, when to land it. No bytes.
 
 It acts only on an autopilot whose own heartbeat said armed and off-board after the last command that could have
 changed that: a landing that the ground began must never be undone.
 """
 
-import math
 from enum import Enum, auto
 
-import numpy as np
-
 from drone_agent.stream import StreamWatch
-from formation.arrays import Quat
-from formation.frames import IDENTITY, from_yaw, yaw
-from wire.link_messages.address import Address
 from wire.link_messages.commands import CommandAck, Result
-from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
 
-_LEVEL_NS = 20_000_000
-_HOLD_AFTER_NS = 300_000_000
+STEP_NS = 10_000_000
 _AGAIN_NS = 300_000_000
-_THRUST_WEIGHT = 0.04
 
 
 class Do(Enum):
     """One step of the rule."""
 
     SAY_STALE = auto()
-    LEVEL = auto()
     HOLD = auto()
+    SAY_LANDING = auto()
+    LET_DOWN = auto()
     LAND = auto()
-
-
-class Seen(Enum):
-    """What a heartbeat said."""
-
-    OFFBOARD = auto()
-    HOLDING = auto()
-    OTHER = auto()
 
 
 class StaleRule:
@@ -48,17 +32,12 @@ class StaleRule:
         self._watched = False
         self._unknown_since_ns: int | None = None
         self._stale_ns: int | None = None
-        self._next_level_ns = self._next_command_ns = 0
+        self._next_ns = self._next_command_ns = 0
         self._landing = self._done = False
-        self._thrust = math.nan
-        self._attitude: Quat = IDENTITY
 
-    def note(self, target: AttitudeSetpoint, now_ns: int) -> bool:
+    def note(self, now_ns: int) -> bool:
         """A setpoint passed; True where it ends a silence that was being acted on."""
         self._stream.note(now_ns)
-        self._attitude = target.q_lab_from_flu
-        thrust = target.thrust_norm
-        self._thrust = thrust if math.isnan(self._thrust) else self._thrust + _THRUST_WEIGHT * (thrust - self._thrust)
         if self._stale_ns is None or self._landing:
             return False
         self._stale_ns = None
@@ -68,14 +47,13 @@ class StaleRule:
         """The ground sent a command that may change mode or arming."""
         self._unknown_since_ns = now_ns
 
-    def saw(self, seen: Seen) -> None:
-        """A heartbeat. A hold that follows our own request is still ours to end with a landing."""
+    def saw(self, *, offboard: bool) -> None:
+        """A heartbeat: whether the autopilot is armed and follows setpoints."""
         self._unknown_since_ns = None
-        if seen is Seen.OFFBOARD or (seen is Seen.HOLDING and self._stale_ns is not None):
-            self._watched = True
-            return
-        self._watched = self._landing = self._done = False
-        self._stale_ns = None
+        self._watched = offboard
+        if not offboard:
+            self._landing = self._done = False
+            self._stale_ns = None
 
     def acknowledged(self, ack: CommandAck) -> None:
         """The autopilot answered one of our commands."""
@@ -86,34 +64,27 @@ class StaleRule:
         """When `due` is next worth asking; None while there is nothing to watch."""
         if not self._acts or self._done:
             return None
-        if self._stale_ns is None:
-            return self._stream.stale_at_ns
-        return self._next_command_ns if self._landing else min(self._next_level_ns, self._next_command_ns)
+        return self._stream.stale_at_ns if self._stale_ns is None else self._next_ns
 
-    def due(self, now_ns: int, *, fed: bool) -> list[Do]:
-        """What to do now; fed: the autopilot's pose is fresh, so that it can hold."""
+    def due(self, now_ns: int, *, fed: bool, stands: bool) -> list[Do]:
+        """What to do now; fed: the body's own pose is fresh; stands: it was let down and sinks no more."""
         deadline_ns = self.deadline_ns()
         if deadline_ns is None or now_ns < deadline_ns:
             return []
         steps: list[Do] = []
         if self._stale_ns is None:
-            self._stale_ns = now_ns
-            self._next_level_ns = now_ns
-            self._next_command_ns = now_ns + _HOLD_AFTER_NS
+            self._stale_ns = self._next_command_ns = now_ns
             steps.append(Do.SAY_STALE)
-        if now_ns >= self._next_command_ns:
+        self._next_ns = now_ns + STEP_NS
+        if not self._landing and (not fed or now_ns - self._stale_ns >= self._land_ns):
+            self._landing = True
+            steps.append(Do.SAY_LANDING)
+        if fed:
+            steps.append(Do.LET_DOWN if self._landing else Do.HOLD)
+        if (stands or not fed) and now_ns >= self._next_command_ns:
             self._next_command_ns = now_ns + _AGAIN_NS
-            self._landing = self._landing or not fed or now_ns - self._stale_ns >= self._land_ns
-            steps.append(Do.LAND if self._landing else Do.HOLD)
-        if now_ns >= self._next_level_ns and not self._landing:
-            self._next_level_ns = now_ns + _LEVEL_NS
-            steps.append(Do.LEVEL)
+            steps.append(Do.LAND)
         return steps
-
-    def level_target(self, target: Address, t_boot_ms: int) -> AttitudeSetpoint:
-        """Level at the last heading, with the thrust that carried it so far."""
-        level = from_yaw(yaw(self._attitude))
-        return AttitudeSetpoint(target, t_boot_ms, level, np.zeros(3), self._thrust, Ignore.BODY_RATES)
 
     @property
     def _acts(self) -> bool:

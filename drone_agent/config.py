@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from drone_agent.level_error import LevelError
 from formation.config import LinkConfig
 from formation.disturbance import Disturbance
 from formation.model import Model, Name, SysId, Vec3Tuple
@@ -41,6 +42,8 @@ class AgentConfig(Model):
     """Then land this long after; not given: 1 s with `pose = mocap`, else as the autopilot itself would."""
     accel_bias_lab_m_s2: Vec3Tuple = (0.03, -0.02, 0.02)
     """What the inertial sensors are wrong by: how fast dead reckoning drifts without an external pose."""
+    level_error: LevelError = LevelError()
+    """How far its attitude estimate wanders about the truth."""
     parameters: dict[str, float] = Field(default_factory=dict)
     parameter_file: Path | None = None
     """Where PARAM_SET keeps its values; not given: they die with the process."""

@@ -14,6 +14,7 @@ from drone_agent.config import AgentConfig
 from drone_agent.estimator import ExternalPose, ExternalPositioning, OwnPositioning, Positioning
 from drone_agent.guards import Guards
 from drone_agent.inbox import READS, Inbox
+from drone_agent.level_error import Lean
 from drone_agent.parameters import Parameters
 from drone_agent.personalities import PERSONALITIES
 from drone_agent.personality import Personality
@@ -54,7 +55,9 @@ class AgentCore:
         self.parameters = Parameters(make.parameters, make.autopilot, _first_values(config, make))
         self._t0_ns = self._now_ns = t0_ns
         start = np.array(config.start_lab_m)
-        self._airframe = Airframe(config.true_vehicle(), config.disturbance, start, config.start_yaw_rad, t0_ns)
+        lean = Lean(config.level_error, config.sysid, t0_ns) if config.level_error.rms_rad > 0.0 else None
+        air = config.disturbance
+        self._airframe = Airframe(config.true_vehicle(), air, start, config.start_yaw_rad, t0_ns, lean)
         self._positioning = _positioning(config, t0_ns)
         self.autopilot = Autopilot(config, make, self.parameters, self._airframe, self._positioning)
         self._guards = Guards(config, self.autopilot)

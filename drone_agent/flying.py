@@ -23,7 +23,7 @@ class Pilot:
 
     def __init__(self, profile: VehicleProfile) -> None:
         self.task = Task.OFF
-        self._loop = PositionController(profile)
+        self._loop = PositionController(lambda force_m_s2: profile.thrust_norm_of(profile.mass_kg * force_m_s2))
         self._place: tuple[float, float] = (0.0, 0.0)
         self._home: tuple[float, float] = (0.0, 0.0)
         self._height_m = self._goal_m = 0.0

@@ -56,6 +56,8 @@ class Needs(Flag):
     STREAM = auto()
     PILOT = auto()
     MISSION = auto()
+    GLOBE = auto()
+    """To know where on the globe it is: an external pose alone does not say."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,8 +148,6 @@ class Personality:
     capabilities: int
     modes: Mapping[Mode, ModeRow]
     boot_mode: Mode
-    hold_mode: Mode
-    """The mode that holds its place whatever the sticks say: ArduPilot's LOITER sinks on a throttle left low."""
     refused: Result
     """The MAV_RESULT of an arming, mode change or take-off that the moment does not allow."""
     no_such_rate: Result

@@ -4,6 +4,7 @@ It flies the agent's take-off, hold, landing and level flight; the formation's c
 """
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,8 @@ import numpy as np
 from drone_agent.attitude_loop import LoopSetpoint
 from drone_agent.estimator import Belief
 from formation.arrays import Quat
-from formation.vehicle import GRAVITY_M_S2, VehicleProfile
+from formation.model import Vec3Tuple
+from formation.vehicle import GRAVITY_M_S2
 
 _P_1_S, _P_UP_1_S = 1.2, 1.5
 _P_VEL_1_S, _P_VEL_UP_1_S = 3.5, 5.0
@@ -39,13 +41,14 @@ class Demand(NamedTuple):
 class PositionController:
     """One vehicle's loop; `step` at a steady rate, `reset` when it takes over."""
 
-    def __init__(self, profile: VehicleProfile) -> None:
-        self._profile = profile
+    def __init__(self, thrust_of: Callable[[float], float]) -> None:
+        """thrust_of: the thrust_norm that gives a specific force, m/s^2."""
+        self._thrust_of = thrust_of
         self._sum = [0.0, 0.0, 0.0]
 
-    def reset(self) -> None:
-        """Forget what the integrators learnt."""
-        self._sum = [0.0, 0.0, 0.0]
+    def reset(self, learnt_lab_m_s2: Vec3Tuple = (0.0, 0.0, 0.0)) -> None:
+        """Forget what the integrators learnt, or begin with what is known already."""
+        self._sum = list(learnt_lab_m_s2)
 
     def step(self, demand: Demand, belief: Belief, dt_s: float) -> LoopSetpoint:
         """Attitude and thrust that take the vehicle towards the demand."""
@@ -60,7 +63,7 @@ class PositionController:
         else:
             q = demand.attitude
             force = lift / max(1.0 - 2.0 * float(q[1] * q[1] + q[2] * q[2]), 0.5)
-        return LoopSetpoint(q, NO_RATE, self._profile.thrust_norm_of(self._profile.mass_kg * force))
+        return LoopSetpoint(q, NO_RATE, self._thrust_of(force))
 
     def _sideways(self, demand: Demand, belief: Belief, dt_s: float) -> tuple[float, float]:
         if demand.place_lab_m is not None:

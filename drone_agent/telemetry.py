@@ -84,15 +84,15 @@ def _sys_status(t: Teller, now_ns: int) -> LinkMessage:
 
 
 def _attitude(t: Teller, now_ns: int) -> LinkMessage:
-    state = t.autopilot.airframe.state
-    q = turned(state.q_lab_from_flu, t.autopilot.positioning.yaw_rad)
-    return Attitude(t.boot_ms(now_ns), q, state.rate_flu_rad_s)
+    frame = t.autopilot.airframe
+    q = turned(frame.estimated_q_lab_from_flu, t.autopilot.positioning.yaw_rad)
+    return Attitude(t.boot_ms(now_ns), q, frame.state.rate_flu_rad_s)
 
 
 def _attitude_quaternion(t: Teller, now_ns: int) -> LinkMessage:
-    state = t.autopilot.airframe.state
-    q = turned(state.q_lab_from_flu, t.autopilot.positioning.yaw_rad)
-    return AttitudeQuaternion(t.boot_ms(now_ns), q, state.rate_flu_rad_s)
+    frame = t.autopilot.airframe
+    q = turned(frame.estimated_q_lab_from_flu, t.autopilot.positioning.yaw_rad)
+    return AttitudeQuaternion(t.boot_ms(now_ns), q, frame.state.rate_flu_rad_s)
 
 
 def _local_position(t: Teller, now_ns: int) -> LinkMessage | None:

@@ -103,8 +103,9 @@ class EstimatorState:
     surprise_m2: its horizontal
     mean square; activity, turn_activity: see Vigilance;
     noise_m2: learned variance of the measured position; recent_m (n, 3, 3), recent_ns (n, 3): the last three seen;
-    believed (n, 2): horizontal force if the vehicle answered as its profile says; missed (n, 3): mean squares of its
-    rate and of what the measured force misses of it, and their mean product; misfit, shift_s: formation.observe.
+    believed (n, 2): horizontal force if the vehicle answered as its profile says; trim (n, 2): what the measured force
+    lastingly misses of it; missed (n, 3): mean squares of its rate and of what the measured force misses besides, and
+    their mean product; misfit, shift_s: formation.observe.
     """
 
     t_ns: int
@@ -127,6 +128,7 @@ class EstimatorState:
     recent_m: Float
     recent_ns: NDArray[np.int64]
     believed: Float
+    trim: Float
     missed: Float
     misfit: Scalars
     shift_s: Scalars
@@ -164,6 +166,7 @@ def initial(frame: LabFrame, flying: Flags) -> EstimatorState:
         recent_m=np.repeat(frame.pos_lab_m[:, None, :], 3, axis=1),
         recent_ns=np.full((n, 3), NEVER_NS, dtype=np.int64),
         believed=np.zeros((n, 2)),
+        trim=np.zeros((n, 2)),
         missed=np.zeros((n, 3)),
         misfit=np.zeros(n),
         shift_s=np.zeros(n),
@@ -190,7 +193,7 @@ def estimate(
         state.q_lab_from_flu.copy(), state.seen_ns.copy(), state.tilt.copy(), state.force_rate.copy(),
         state.innovation.copy(), state.surprise_m2.copy(), state.activity.copy(), state.turn_activity.copy(),
         state.noise_m2.copy(), state.recent_m.copy(), state.recent_ns.copy(), state.believed.copy(),
-        state.missed.copy(), state.misfit.copy(), state.shift_s.copy(),
+        state.trim.copy(), state.missed.copy(), state.misfit.copy(), state.shift_s.copy(),
     )  # fmt: skip
     _observe(
         state.t_ns, frame.t_capture_ns, frame.pos_lab_m, frame.q_lab_from_flu, frame.seen, airborne, turn_rad_s2,
@@ -199,7 +202,7 @@ def estimate(
         new.pos_lab_m, new.vel_lab_m_s, new.dist_lab_m_s2, new.force_lab_m_s2, new.lift_m_s2, new.strength,
         new.heading, new.q_lab_from_flu, new.seen_ns, new.tilt, new.force_rate, new.innovation, new.surprise_m2,
         new.activity, new.turn_activity, new.noise_m2, new.recent_m, new.recent_ns,
-        new.believed, new.missed, new.misfit, new.shift_s,
+        new.believed, new.trim, new.missed, new.misfit, new.shift_s,
     )  # fmt: skip
     return new
 
@@ -251,12 +254,12 @@ def _observe(
     pos: Float, vel: Float, dist: Float, force: Float, lift: Float, strength: Float, heading: Float, q: Float,
     seen_ns: NDArray[np.int64], tilt: Float, force_rate: Float, innovation: Float, surprise_m2: Float, mu: Float,
     mu_turn: Float, noise_m2: Float, recent_m: Float, recent_ns: NDArray[np.int64],
-    believed: Float, missed: Float, misfit: Float, shift_s: Float,
+    believed: Float, trim: Float, missed: Float, misfit: Float, shift_s: Float,
 ) -> None:  # fmt: skip
     """One frame for all n vehicles, in place; see `estimate`."""
     z = Memory(
         pos, vel, dist, force, lift, strength, heading, q, tilt, force_rate, innovation, surprise_m2, mu, mu_turn,
-        noise_m2, recent_m, recent_ns, believed, missed, misfit, shift_s,
+        noise_m2, recent_m, recent_ns, believed, trim, missed, misfit, shift_s,
     )  # fmt: skip
     dt_s = (to_ns - from_ns) * SECONDS
     model = np.zeros(3)

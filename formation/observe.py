@@ -22,6 +22,7 @@ NOISE_LEAST_M, NOISE_LAG_S, NOISE_SPAN_S = 2e-5, 0.5, 0.2  # least believed, how
 NOISE_POWER, HABIT_LAG_S = 0.35, 3.0
 MISFIT_LAG_S, MISFIT_RATE_M_S3 = 2.0, 3.0  # over how long it is judged; turns as slow as this say little
 MISFIT_FAIR, MISFIT_BAD, SHIFT_MOST = 0.45, 0.55, 0.3
+TRIM_LAG_S, TRIM_MAX_M_S2 = 0.5, 1.0
 
 
 class Memory(NamedTuple):
@@ -45,6 +46,7 @@ class Memory(NamedTuple):
     recent_m: Float
     recent_ns: NDArray[np.int64]
     believed: Float
+    trim: Float
     missed: Float
     misfit: Float
     shift_s: Float
@@ -75,8 +77,8 @@ def rebuild_force(
         return
     along = thrust_axis(z.q[i])
     trust = manner[ATTITUDE_TRUST]
-    z.force[i, 0] += trust * (z.lift[i] * along[0] - z.force[i, 0])
-    z.force[i, 1] += trust * (z.lift[i] * along[1] - z.force[i, 1])
+    for axis in range(2):
+        z.force[i, axis] += trust * (z.lift[i] * along[axis] - z.trim[i, axis] - z.force[i, axis])
     z.force[i, 2] = z.lift[i] * along[2]
 
 
@@ -100,7 +102,7 @@ def judge_answer(
     rate2, miss2, both = 0.0, 0.0, 0.0
     for axis in range(2):
         rate = (z.believed[i, axis] - before[axis]) / dt_s
-        miss = z.lift[i] * along[axis] - z.believed[i, axis]
+        miss = learn_trim(i, axis, z, z.lift[i] * along[axis] - z.believed[i, axis], dt_s)
         rate2, miss2, both = rate2 + rate * rate, miss2 + miss * miss, both + miss * rate
     share = 1.0 - exp(-dt_s / MISFIT_LAG_S)
     z.missed[i, 0] += share * (rate2 - z.missed[i, 0])
@@ -111,6 +113,23 @@ def judge_answer(
     z.misfit[i] = sqrt(max(z.missed[i, 1] / turned - shift_s * shift_s, 0.0)) / length_s
     most = (1.0 - doubt(z.misfit[i])) * SHIFT_MOST * length_s
     z.shift_s[i] = min(max(shift_s, -most), most)
+
+
+@kernel
+def learn_trim(i: int, axis: int, z: Memory, miss: float, dt_s: float) -> float:
+    """Moves the lasting part of a miss, m/s^2, out of the force into Z3; the sum of both stays as it is. The rest.
+
+    An autopilot is level by its own estimate, which wanders by a degree about the truth that a mocap sees: such a lean
+    answers no command, so it is a disturbance of the commands, and no part of the answer to them.
+    """
+    known: float = z.trim[i, axis]
+    learned = known + (1.0 - exp(-dt_s / TRIM_LAG_S)) * (miss - known)
+    learned = min(max(learned, -TRIM_MAX_M_S2), TRIM_MAX_M_S2)
+    moved = learned - known
+    z.trim[i, axis] = learned
+    z.force[i, axis] -= moved
+    z.dist[i, axis] += z.strength[i] * moved
+    return miss - learned
 
 
 @kernel

@@ -196,6 +196,10 @@ PX4 = Dialect(
             "EKF2_HGT_REF", "3 (vision)", _is(3.0), "takes height from the mocap", 3.0, external_pose=True,
         ),
         ParameterRule(
+            "EKF2_EVP_NOISE", "at most 0.02 m", _between(0.0, 0.02),
+            "trusts the mocap: with 0.1 m its estimate wandered by decimetres", 0.01, external_pose=True,
+        ),
+        ParameterRule(
             "EKF2_GPS_CTRL", "0 (none)", _is(0.0), "GPS indoors pulls the estimate away", 0.0, external_pose=True,
         ),
         ParameterRule(

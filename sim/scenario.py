@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from drone_agent.config import AgentConfig
+from drone_agent.level_error import LevelError
 from formation import frames
 from formation.arrays import Vec3
 from formation.config import FollowerConfig, LabConfig
@@ -52,6 +53,7 @@ class TrueVehicle(Model):
     personality: Literal["px4", "ardupilot"] = "px4"
     bridged: bool = False
     """In lockstep: it stands behind a bridge, as a real autopilot does, which alone hears ground and mocap."""
+    level_error: LevelError = LevelError()
 
 
 class ObservedLeader(Model):
@@ -180,6 +182,7 @@ def agent_configs(scenario: Scenario, leader: Playback | None) -> tuple[AgentCon
                 start_lab_m=start.pos_lab_m,
                 start_yaw_rad=start.yaw_rad,
                 disturbance=scenario.air,
+                level_error=true.level_error,
             )
         )
     return tuple(configs)

@@ -1,4 +1,4 @@
-"""Named sets of gains: `paper`, as printed (Table 2), and `default`, ours."""
+"""Named sets of gains: `paper`, as printed (Table 2), and `default`, ours; `pid_leader` has the paper's leader."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -60,18 +60,21 @@ SIDEWAYS_S, UPWARDS_S = 0.170, 0.068
 PRINTED_ALPHA, PRINTED_EPS = -2.0 / 9.0, -0.49
 PRINTED_FTESO = ObserverGains(70.0, PRINTED_ALPHA, scale=1.0, smooth=0.0)
 LEADER_PID = CascadeGains(2.0, 4.0, 1.0)
+SIDEWAYS = SlidingGains(Law.CFC, c=4.0, p1=2.9, p2=0.5, eps=-0.177, smooth_m_s=0.057)
 HEIGHT = SlidingGains(Law.CFC, c=8.0, p1=10.0, p2=3.0, eps=-0.15, smooth_m_s=0.35)
 CALM_OBSERVER = ObserverGains(18.0, -0.1, 0.004)
+OBSERVER = ObserverGains(11.0, -0.029, 0.004)
+QUICK = Quickness(rate=1.2, gain=1.64, gain_power=0.255, p1_power=0.63, lead_share=0.5)
 
 DEFAULT = Preset(
     name="default",
-    follower=SlidingGains(Law.CFC, c=4.0, p1=2.9, p2=0.5, eps=-0.177, smooth_m_s=0.057),
+    follower=SIDEWAYS,
     follower_vertical=HEIGHT,
-    leader=LEADER_PID,
+    leader=SIDEWAYS,
     leader_vertical=HEIGHT,
     compensate=True,
-    observer=ObserverGains(11.0, -0.029, 0.004),
-    own_observer=CALM_OBSERVER,
+    observer=OBSERVER,
+    own_observer=OBSERVER,
     vertical_observer=ObserverGains(15.0, -0.1, 0.004),
     heading_observer=ObserverGains(8.0, -0.1, 0.02),
     seen_observer=ObserverGains(12.0, -0.1, 0.004),
@@ -82,10 +85,12 @@ DEFAULT = Preset(
     lag_share=0.62,
     attitude_trust=0.65,
     vigilance=Vigilance(lag_s=0.1, threshold=1.7, most=5.8, bandwidth_power=1.1, habit=0.04),
-    quickness=Quickness(rate=1.2, gain=1.64, gain_power=0.255, p1_power=0.63, lead_share=0.5),
+    quickness=QUICK,
+    leader_quickness=QUICK,
 )
+PID_LEADER = replace(DEFAULT, name="pid_leader", leader=LEADER_PID, own_observer=CALM_OBSERVER, leader_quickness=AS_IS)
 PAPER_CFC = replace(
-    DEFAULT,
+    PID_LEADER,
     name="paper",
     follower=SlidingGains(Law.CFC, c=1.0, p1=8.0, p2=0.1, eps=PRINTED_EPS),
     compensate=False,
@@ -100,10 +105,10 @@ PAPER_ISTSMC = replace(
     observer=CALM_OBSERVER,
 )
 PAPER_SMC = replace(PAPER_ISTSMC, name="paper_smc", follower=SlidingGains(Law.SMC, c=1.0, k=5.0))
-PID = replace(DEFAULT, name="pid", follower=LEADER_PID)
-GEOMETRIC = replace(DEFAULT, name="geometric", follower=GeometricGains(kx=9.0, kv=5.0, ki=4.0, mix=1.5, bound=1.0))
+PID = replace(PID_LEADER, name="pid", follower=LEADER_PID)
+GEOMETRIC = replace(PID_LEADER, name="geometric", follower=GeometricGains(kx=9.0, kv=5.0, ki=4.0, mix=1.5, bound=1.0))
 PRESETS: Mapping[str, Preset] = MappingProxyType(
-    {p.name: p for p in (DEFAULT, PAPER_CFC, PAPER_ISTSMC, PAPER_SMC, PID, GEOMETRIC)}
+    {p.name: p for p in (DEFAULT, PID_LEADER, PAPER_CFC, PAPER_ISTSMC, PAPER_SMC, PID, GEOMETRIC)}
 )
 
 

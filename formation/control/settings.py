@@ -94,6 +94,6 @@ def _manner(gains: Preset, seen: bool) -> Float:
 
 
 def _quickness(gains: Preset, leads: bool) -> Float:
-    """A leader's own PID is smooth as it is: its lag is inverted plainly."""
+    """What the law of a vehicle in this role sends ahead."""
     quick = gains.leader_quickness if leads else gains.quickness
     return np.array([quick.rate, quick.gain, quick.gain_power, quick.p1_power, quick.lead_share])

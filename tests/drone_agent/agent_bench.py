@@ -8,6 +8,7 @@ import numpy as np
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
 from formation.arrays import Float
+from formation.frames import from_rotation_vector
 from formation.messages import Datagram, Event, LabFrame, Truth
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.commands import Command, CommandAck, Result
@@ -124,6 +125,20 @@ def hover_at(height_m: float) -> Stream:
         truth = bench.truth
         climb = 9.8 + 6.0 * (height_m - truth.pos_lab_m[2]) - 4.0 * truth.vel_lab_m_s[2]
         return target(bench, profile.thrust_norm_of(profile.mass_kg * climb))
+
+    return stream
+
+
+def hover_over(x_m: float, y_m: float, height_m: float) -> Stream:
+    """A position controller on the truth."""
+    place = np.array([x_m, y_m])
+
+    def stream(bench: Bench) -> AttitudeSetpoint:
+        truth, level = bench.truth, hover_at(height_m)(bench)
+        assert level is not None
+        asked = 1.5 * (place - truth.pos_lab_m[:2]) - 2.2 * truth.vel_lab_m_s[:2]
+        lean = np.clip(asked / 9.8, -0.2, 0.2)
+        return level._replace(q_lab_from_flu=from_rotation_vector(np.array([-lean[1], lean[0], 0.0])))
 
     return stream
 

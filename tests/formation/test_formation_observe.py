@@ -16,7 +16,8 @@ DT_S = 0.01
 def _memory() -> Memory:
     """One vehicle that hovers."""
     zeros = {name: np.zeros((1, 4)) for name in Memory._fields}
-    zeros |= {"lift": np.full(1, GRAVITY_M_S2), "believed": np.zeros((1, 2)), "missed": np.zeros((1, 3))}
+    zeros |= {"lift": np.full(1, GRAVITY_M_S2), "strength": np.ones(1), "missed": np.zeros((1, 3))}
+    zeros |= {name: np.zeros((1, 2)) for name in ("believed", "trim")}
     return Memory(**{**zeros, "misfit": np.zeros(1), "shift_s": np.zeros(1)})
 
 
@@ -72,3 +73,17 @@ def test_a_vehicle_whose_motors_cannot_follow_does_not_fit_and_has_no_shift() ->
     misfit, shift_s = _judged(0.05, 0.05, lambda rate: min(max(rate, -10.0), 10.0))
     assert misfit > MISFIT_BAD
     assert shift_s == 0.0
+
+
+def test_a_lasting_lean_that_answers_no_command_is_a_disturbance_and_no_misfit() -> None:
+    memory = _memory()
+    leaned = 0.15  # m/s^2: what a degree of an autopilot's error of level makes of gravity
+    half = 0.5 * asin(leaned / GRAVITY_M_S2)
+    memory.q[0] = cos(half), 0.0, sin(half), 0.0
+    times, forces = np.array([-(10**18)], dtype=np.int64), np.zeros((1, 4))
+    memory.force[0, 0] = leaned
+    for k in range(400):
+        judge_answer(0, memory, k * 10 * MS, (k + 1) * 10 * MS, True, BELIEF, times, forces)
+        assert memory.force[0, 0] + memory.dist[0, 0] == pytest.approx(leaned)
+    assert memory.dist[0, 0] == pytest.approx(leaned, rel=0.01)
+    assert memory.misfit[0] < 0.2

@@ -21,7 +21,8 @@ MS = 1_000_000
 T0_NS = 5_000_000_000
 PX4_OFFBOARD, PX4_LAND, COPTER_GUIDED, COPTER_LAND = 6 << 16, 4 << 16 | 6 << 24, 4, 9
 PX4_PARAMETERS = {"COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 4, "EKF2_EV_CTRL": 11, "EKF2_HGT_REF": 3,
-                  "EKF2_GPS_CTRL": 0, "EKF2_MAG_TYPE": 5, "COM_RCL_EXCEPT": 4, "COM_DISARM_PRFLT": 10.0}  # fmt: skip
+                  "EKF2_EVP_NOISE": 0.01, "EKF2_GPS_CTRL": 0, "EKF2_MAG_TYPE": 5, "COM_RCL_EXCEPT": 4,
+                  "COM_DISARM_PRFLT": 10.0}  # fmt: skip
 COPTER_PARAMETERS = {"DISARM_DELAY": 10, "GUID_OPTIONS": 8, "GUID_TIMEOUT": 1.0, "FS_GCS_ENABLE": 5, "VISO_TYPE": 1,
                      "EK3_SRC1_POSXY": 6, "EK3_SRC1_POSZ": 6, "EK3_SRC1_VELXY": 0, "EK3_SRC1_VELZ": 0,
                      "EK3_SRC1_YAW": 6}  # fmt: skip

@@ -1,0 +1,44 @@
+"""An autopilot whose idea of level wanders: how far, how slowly, and what it makes of a level target."""
+
+import numpy as np
+import pytest
+from agent_bench import LEVEL, Bench, S, hover_at, tilt_rad
+
+from drone_agent.level_error import STEP_NS, Lean, LevelError
+from formation.arrays import Float
+from formation.frames import rotate
+from wire.link_messages.motion import AttitudeQuaternion
+
+
+def _leans(error: LevelError, seconds: float) -> Float:
+    """Along lab x and y, rad, at every step."""
+    lean = Lean(error, 1, 0)
+    up = np.array([0.0, 0.0, 1.0])
+    rows = []
+    for k in range(round(seconds * S / STEP_NS)):
+        lean.advance_to(k * STEP_NS)
+        rows.append(rotate(lean.estimated(LEVEL), up)[:2])
+    return np.array(rows)
+
+
+def test_wanders_as_far_and_as_slowly_as_asked() -> None:
+    leans = _leans(LevelError(rms_rad=0.01, correlation_s=2.0), 2000.0)
+    assert leans.std(axis=0) == pytest.approx([0.01, 0.01], rel=0.12)
+    apart = round(2.0 * S / STEP_NS)
+    for axis in range(2):
+        kept = float(np.corrcoef(leans[apart:, axis], leans[:-apart, axis])[0, 1])
+        assert kept == pytest.approx(np.exp(-1.0), abs=0.1)
+
+
+def test_what_it_flies_it_believes_to_be_what_was_asked() -> None:
+    lean = Lean(LevelError(rms_rad=0.02), 3, 0)
+    lean.advance_to(5 * S)
+    np.testing.assert_allclose(lean.estimated(lean.true(LEVEL)), LEVEL, atol=1e-12)
+
+
+def test_a_level_target_leans_the_vehicle_while_it_says_that_it_is_level() -> None:
+    bench = Bench(profile="px4_quad", stale_setpoint_s=0.0, level_error=LevelError(rms_rad=0.02, correlation_s=100.0))
+    bench.fly_offboard(stream=hover_at(1.0))
+    leaned_rad = tilt_rad(bench.truth.q_lab_from_flu)
+    assert 0.002 < leaned_rad < 0.08
+    assert tilt_rad(bench.last(AttitudeQuaternion).q_lab_from_flu) < 0.2 * leaned_rad

@@ -12,8 +12,8 @@ from drone_agent.attitude_loop import LoopSetpoint
 from drone_agent.estimator import Belief
 from drone_agent.position import Demand, PositionController
 from formation.arrays import Quat, Vec3
+from formation.body import GRAVITY_M_S2
 from formation.frames import IDENTITY, rotate, yaw
-from formation.rigid_body import GRAVITY_M_S2
 from wire.link_messages.setpoints import AttitudeSetpoint
 
 _CARRIED = 0.04  # share of each setpoint in what is taken to have carried it so far

@@ -1,20 +1,25 @@
-# One command each; every target sets up its own .venv first. Needs Python 3.11+ and make.
+# One command each; every target sets up what it needs in a .venv of its own first. Needs Python 3.11+ and make.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 ARGS ?=
 
-.PHONY: fly test fuzz check setup format lint types imports clean
+.PHONY: fly test fuzz rooms check setup format clean
 
-fly: setup
+fly: $(VENV)/.fly
 	$(BIN)/gcs-sim fly $(ARGS)
 
-test: setup
+test: $(VENV)/.test
 	$(BIN)/pytest $(ARGS)
 
-fuzz: setup
+fuzz: $(VENV)/.fly
 	$(BIN)/python tests/fuzz/fuzz_datagrams.py $(ARGS)
 	$(BIN)/python tests/fuzz/fuzz_frames.py $(ARGS)
+
+# Every shipped scenario in five rooms of turned cameras.
+rooms: $(VENV)/.fly
+	$(BIN)/python tests/sim/sim_rooms.py $(ARGS)
 
 check: setup
 	$(BIN)/ruff format --check .
@@ -27,14 +32,25 @@ format: setup
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-setup: $(VENV)/.ready
+setup: $(VENV)/.check
 
-# MAVProxy, for the conformance tests, without the gigabyte of graphics that it names: only its prompt is used.
-$(VENV)/.ready: pyproject.toml Makefile
+# What flies; compiled here, once, so that no flight waits for it.
+$(VENV)/.fly: pyproject.toml Makefile
 	$(PYTHON) -c 'import sys; assert sys.version_info >= (3, 11), "Python 3.11 or newer is needed, this is " + sys.version'
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps "MAVProxy>=1.8.70"
+	$(PIP) --editable .
+	$(BIN)/gcs-sim compile
+	touch $@
+
+# What tests it: MAVProxy without the gigabyte of graphics that it names, only its prompt is used.
+$(VENV)/.test: $(VENV)/.fly
+	$(PIP) --editable '.[test]'
+	$(PIP) --no-deps "MAVProxy>=1.8.70"
+	touch $@
+
+# What judges the code.
+$(VENV)/.check: $(VENV)/.test
+	$(PIP) --editable '.[dev]'
 	touch $@
 
 clean:

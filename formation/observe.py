@@ -120,10 +120,12 @@ def learn_trim(i: int, axis: int, z: Memory, miss: float, dt_s: float) -> float:
     """Moves the lasting part of a miss, m/s^2, out of the force into Z3; the sum of both stays as it is. The rest.
 
     An autopilot is level by its own estimate, which wanders by a degree about the truth that a mocap sees: such a lean
-    answers no command, so it is a disturbance of the commands, and no part of the answer to them.
+    answers no command, so it is a disturbance of the commands, and no part of the answer to them. Of a vehicle that is
+    being turned fast little is learned: what it misses then may well be an answer.
     """
     known: float = z.trim[i, axis]
-    learned = known + (1.0 - exp(-dt_s / TRIM_LAG_S)) * (miss - known)
+    calm = 1.0 / (1.0 + z.missed[i, 0] / (MISFIT_RATE_M_S3 * MISFIT_RATE_M_S3))
+    learned = known + calm * (1.0 - exp(-dt_s / TRIM_LAG_S)) * (miss - known)
     learned = min(max(learned, -TRIM_MAX_M_S2), TRIM_MAX_M_S2)
     moved = learned - known
     z.trim[i, axis] = learned

@@ -125,7 +125,7 @@ def learn_trim(i: int, axis: int, z: Memory, miss: float, dt_s: float) -> float:
     """
     known: float = z.trim[i, axis]
     calm = 1.0 / (1.0 + z.missed[i, 0] / (MISFIT_RATE_M_S3 * MISFIT_RATE_M_S3))
-    learned = known + calm * (1.0 - exp(-dt_s / TRIM_LAG_S)) * (miss - known)
+    learned: float = known + calm * (1.0 - exp(-dt_s / TRIM_LAG_S)) * (miss - known)
     learned = min(max(learned, -TRIM_MAX_M_S2), TRIM_MAX_M_S2)
     moved = learned - known
     z.trim[i, axis] = learned

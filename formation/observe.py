@@ -102,7 +102,7 @@ def judge_answer(
     rate2, miss2, both = 0.0, 0.0, 0.0
     for axis in range(2):
         rate = (z.believed[i, axis] - before[axis]) / dt_s
-        miss = learn_trim(i, axis, z, z.lift[i] * along[axis] - z.believed[i, axis], dt_s)
+        miss = learn_trim(i, axis, z, z.lift[i] * along[axis] - z.believed[i, axis], rate, dt_s)
         rate2, miss2, both = rate2 + rate * rate, miss2 + miss * miss, both + miss * rate
     share = 1.0 - exp(-dt_s / MISFIT_LAG_S)
     z.missed[i, 0] += share * (rate2 - z.missed[i, 0])
@@ -116,7 +116,7 @@ def judge_answer(
 
 
 @kernel
-def learn_trim(i: int, axis: int, z: Memory, miss: float, dt_s: float) -> float:
+def learn_trim(i: int, axis: int, z: Memory, miss: float, rate: float, dt_s: float) -> float:
     """Moves the lasting part of a miss, m/s^2, out of the force into Z3; the sum of both stays as it is. The rest.
 
     An autopilot is level by its own estimate, which wanders by a degree about the truth that a mocap sees: such a lean
@@ -124,7 +124,7 @@ def learn_trim(i: int, axis: int, z: Memory, miss: float, dt_s: float) -> float:
     being turned fast little is learned: what it misses then may well be an answer.
     """
     known: float = z.trim[i, axis]
-    calm = 1.0 / (1.0 + z.missed[i, 0] / (MISFIT_RATE_M_S3 * MISFIT_RATE_M_S3))
+    calm = 1.0 / (1.0 + max(z.missed[i, 0], rate * rate) / (MISFIT_RATE_M_S3 * MISFIT_RATE_M_S3))
     learned: float = known + calm * (1.0 - exp(-dt_s / TRIM_LAG_S)) * (miss - known)
     learned = min(max(learned, -TRIM_MAX_M_S2), TRIM_MAX_M_S2)
     moved = learned - known

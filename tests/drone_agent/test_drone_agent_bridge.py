@@ -150,7 +150,9 @@ def test_holds_its_place_and_lets_it_down_when_the_ground_falls_silent(personali
         drift_m.append(float(np.linalg.norm((site.drone.truth.pos_lab_m - place)[:2])))
     assert "Setpoints are stale: level and hold" in site.texts()
     assert not site.drone.core.autopilot.armed
-    assert max(drift_m) < 0.08  # asked for PX4's own hold, which it refuses without a place on the globe: 0.2 to 0.55 m
+    # By level targets, a hold that PX4 refuses and its own landing: 0.088 here, where its idea of level alone is wrong;
+    # 0.25 to 0.34 on v1.16.1 SIH, whose position wanders too.
+    assert max(drift_m) < 0.05
 
 
 @pytest.mark.parametrize("personality", ["px4", "ardupilot"])

@@ -44,19 +44,19 @@ def write_scenario(folder: Path, trajectory: str) -> Path:
 @contextmanager
 def gcs_sim_fly(*arguments: str) -> Iterator[subprocess.Popen[str]]:
     """`gcs-sim fly` running; its output is text on `stdout`. Interrupted, and waited for, on leaving."""
-    process = subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, "-m", "sim", "fly", "--speed", str(SPEED), *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
         env=os.environ | {"COLUMNS": "300"},
-    )
-    try:
-        yield process
-    finally:
-        if process.poll() is None:
-            process.send_signal(signal.SIGINT)
-            process.communicate()
+    ) as process:
+        try:
+            yield process
+        finally:
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+                process.communicate()
 
 
 def read_until(process: subprocess.Popen[str], word: str) -> str:

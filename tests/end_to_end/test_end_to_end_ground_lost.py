@@ -3,7 +3,7 @@
 import asyncio
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from formation.arrays import Float
 from formation.messages import Truth
 from sim.fly import Files, operate, running
 from sim.ports import private_link
+from sim.processes import ProcessGroup
 from sim.scenario import Scenario, load
 from sim.script import FLIGHT, Operator
 from wire.clock import Clock
@@ -69,12 +70,24 @@ async def fly_and_kill(scenario: Scenario, files: Files) -> tuple[Watched, int]:
     async with running(scenario, 1, files, clock=clock) as flight:
         flight.bus.on_truth(watched.take)
         script = asyncio.create_task(operate(flight.bus, operator, 120.0, lambda _t_s, _phase: None, clock))
-        await watched.wait_for(watched.all_fast_and_leaning)
+        await in_flight(watched.wait_for(watched.all_fast_and_leaning), flight.group)
         killed_ns = clock.monotonic_ns()
         os.kill(flight.ground.process.pid, signal.SIGKILL)
         script.cancel()
         await watched.wait_for(lambda: watched.all_landed_since(killed_ns))
     return watched, killed_ns
+
+
+async def in_flight(event: Coroutine[None, None, None], group: ProcessGroup) -> None:
+    """Wait for the event; ProcessDied where a process ends first."""
+    waiting, watching = asyncio.create_task(event), asyncio.create_task(group.watch())
+    try:
+        await asyncio.wait((waiting, watching), return_when=asyncio.FIRST_COMPLETED)
+        if watching.done():
+            watching.result()
+    finally:
+        waiting.cancel()
+        watching.cancel()
 
 
 def tilt_rad(truth: Truth) -> float:

@@ -20,6 +20,7 @@ import zenoh
 from formation.messages import Event, LabFrame, RawFrame
 from wire.clock import REAL_TIME, Clock
 from wire.frame_check import lab_fault
+from wire.plain_text import plain
 from wire.schema import Schema, SchemaError, schema_of
 from wire.sender_clock import SenderClock
 from wire.zenoh_bus import ZenohBus
@@ -30,6 +31,7 @@ _RAW: Schema[RawFrame] = schema_of(RawFrame)
 _FRAME: Schema[LabFrame] = schema_of(LabFrame)
 _EVENT: Schema[Event] = schema_of(Event)
 _ALIVE = "mocap/alive"
+LONGEST_TEXT, LONGEST_NAME, MOST_CLOCKS = 500, 64, 4
 
 
 class MocapBus:
@@ -90,7 +92,7 @@ class MocapBus:
         def take(sample: zenoh.Sample) -> None:
             event = self._decoded("mocap/event", _EVENT, sample)
             if event is not None:
-                callback(event)
+                callback(Event(event.severity, plain(event.source, LONGEST_TEXT), plain(event.text, LONGEST_TEXT)))
 
         self._bus.listen("mocap/event", take, limit=64)
 
@@ -142,11 +144,13 @@ class MocapBus:
 
     def _on_our_clock(self, frame: LabFrame, sender: zenoh.ZBytes | None, now_ns: int) -> LabFrame:
         """The frame with its stamps on our clock. What another machine received and published is one moment."""
-        name = b"" if sender is None else sender.to_bytes()
+        name = b"" if sender is None else sender.to_bytes()[:LONGEST_NAME]
         if not name or name == self._clock_name:
             return frame
-        if name not in self._clocks:
-            self._clocks = {name: SenderClock()}  # one mocap process serves a lab
+        if name not in self._clocks:  # one mocap process serves a lab; forged names shall not grow without bound
+            while len(self._clocks) >= MOST_CLOCKS:
+                del self._clocks[next(iter(self._clocks))]
+            self._clocks[name] = SenderClock()
         received_ns = self._clocks[name].made_ns(frame.t_receive_ns, now_ns)
         ahead_ns = received_ns - frame.t_receive_ns
         return replace(frame, t_capture_ns=frame.t_capture_ns + ahead_ns, t_receive_ns=received_ns)

@@ -145,7 +145,9 @@ class ZenohBus:
 
     def is_heard(self, key: str) -> bool:
         """Whether anybody listens to what we publish on the key."""
-        return bool(self._publisher_of(key).matching_status)
+        # An object, though zenoh's own annotations call it a bool; as one it would always be true.
+        matching: bool = self._publisher_of(key).matching_status.matching  # type: ignore[attr-defined]
+        return matching
 
     def declare_token(self, key: str) -> None:
         """Be known under the key for as long as this process is on the bus."""

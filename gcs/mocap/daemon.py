@@ -56,8 +56,8 @@ class Mocap:
             if now_ns - self._state_ns >= STATE_NS:
                 self._state_ns = now_ns
                 self._bus.publish_state(self.state())
-                if self._bus.is_heard:
-                    self._heard_ns = now_ns
+            if self._bus.is_heard:
+                self._heard_ns = now_ns
             if linger_s is not None and now_ns - self._heard_ns > linger_s * 1e9:
                 return
             await self._clock.sleep_until_ns(now_ns + WATCH_NS)

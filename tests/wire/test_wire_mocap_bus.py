@@ -27,6 +27,7 @@ def test_frames_events_and_state_arrive_as_they_were_sent():
             sender, receiver = MocapBus(one), MocapBus(two)
             got: dict[str, object] = {}
             raw, frame, event, state = (asyncio.Event() for _ in range(4))
+            assert not sender.is_heard
             receiver.on_raw(lambda m: (got.update(raw=m), raw.set()))
             receiver.on_frame(lambda m: (got.update(frame=m), frame.set()))
             receiver.on_event(lambda m: (got.update(event=m), event.set()))

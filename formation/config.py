@@ -12,7 +12,7 @@ from formation.model import NO_ROTATION, Model, Name, Positive, SysId, Vec3Tuple
 from formation.requests import ENDPOINT, LAB
 from formation.vehicle import VehicleProfile, profile
 
-PRESET_NAMES = ("default", "paper", "paper_istsmc", "paper_smc", "pid", "geometric")
+PRESET_NAMES = ("default", "pid_leader", "paper", "paper_istsmc", "paper_smc", "pid", "geometric")
 """The sets of gains of formation.control.presets, known here so that a lab is judged before the control is loaded."""
 
 

@@ -25,7 +25,7 @@ from wire.mavlink import Codec
 from wire.mocap_bus import MocapBus
 from wire.zenoh_bus import ZenohBus
 
-pytestmark = [pytest.mark.processes, pytest.mark.timeout(180)]
+pytestmark = pytest.mark.processes
 TARGET = Address(5, 1)
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from conformance_agent import Agent, agent
 
-pytestmark = [pytest.mark.processes, pytest.mark.timeout(240)]
+pytestmark = pytest.mark.processes
 WAIT_S = 30.0
 
 

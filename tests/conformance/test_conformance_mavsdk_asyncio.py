@@ -18,7 +18,7 @@ from mavsdk.plugins.offboard.offboard import Attitude
 from mavsdk.plugins.param.param import ParamError
 from mavsdk.plugins.telemetry.telemetry import FlightMode, LandedState
 
-pytestmark = [pytest.mark.processes, pytest.mark.timeout(180)]
+pytestmark = pytest.mark.processes
 T = TypeVar("T")
 
 

@@ -12,7 +12,7 @@ from conformance_agent import START_S, Agent, agent
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-pytestmark = [pytest.mark.processes, pytest.mark.timeout(180)]
+pytestmark = pytest.mark.processes
 MAKES = ["px4", "ardupilot"]
 WAIT_S = 30.0
 

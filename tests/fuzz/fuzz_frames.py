@@ -28,7 +28,7 @@ from wire.schema import SchemaError, schema_of
 
 STEP_NS = 1_000_000
 PROBE_EVERY = 64
-FLOWN_EVERY = 200
+FLOWN_EVERY = 100
 LAB = LabConfig.model_validate(
     {"leader": {"body": "lead"}, "followers": [{"body": "left", "sysid": 2, "offset_m": (0.0, 1.0, 0.0)}]}
 )

@@ -21,7 +21,7 @@ from wire import clock
 from wire.mocap_bus import MocapBus
 from wire.zenoh_bus import ZenohBus
 
-pytestmark = [pytest.mark.processes, pytest.mark.timeout(180)]
+pytestmark = pytest.mark.processes
 HALF = math.sqrt(0.5)
 Q_MOCAP_FROM_LAB = np.array([HALF, 0.0, 0.0, HALF])
 MOVES = {"forward": [0.5, 0.0, 0.0], "to its left": [0.0, 0.5, 0.0], "up": [0.0, 0.0, 0.5]}

@@ -20,7 +20,7 @@ from wire.config_file import dump
 from wire.mocap_bus import MocapBus
 from wire.zenoh_bus import ZenohBus
 
-pytestmark = [pytest.mark.processes, pytest.mark.timeout(240)]
+pytestmark = pytest.mark.processes
 
 
 def a_lab() -> LabConfig:

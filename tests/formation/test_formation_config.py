@@ -57,7 +57,7 @@ def test_the_presets_that_a_lab_may_name_are_those_there_are():
         ({"limits": {"fence": {"low_m": (1, -1, 0), "high_m": (-1, 1, 2)}}}, "low_m is 1 and high_m -1 along x"),
         ({"limits": {"fence": {"low_m": (-1, -1, 2), "high_m": (1, 1, 2)}}}, "low_m is 2 and high_m 2 along z"),
         ({"limits": {"tilt_rad": 30}}, "radians are meant"),
-        ({"control_preset": "heroic"}, "unknown control preset 'heroic'; known: default, paper"),
+        ({"control_preset": "heroic"}, "unknown control preset 'heroic'; known: default, pid_leader, paper"),
         ({"leader": {"body": "a", "link": "udp:127.0.0.1:0"}}, "port 0 is not within 1 to 65535"),
         ({"leader": {"body": "a", "link": "udp:127.0.0.1:70000"}}, "port 70000 is not within 1 to 65535"),
         ({"link": {"zenoh_listen": ["tcp/0.0.0.0:99999"]}}, "port 99999 is not within 0 to 65535"),

@@ -18,12 +18,3 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     """Fill the cache of compiled kernels; after the first run on a machine this loads in a second."""
     if not session.config.option.collectonly:
         lockstep.warm_up(load("triangle_line"))
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Of tests that run side by side, those of real processes run one after another: they wait more than they work."""
-    if config.pluginmanager.hasplugin("xdist"):
-        for item in items:
-            if item.get_closest_marker("processes"):
-                item.add_marker(pytest.mark.xdist_group("processes"))

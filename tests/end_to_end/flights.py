@@ -29,7 +29,7 @@ body = "left"
 sysid = 3
 offset_m = [-0.4, 0.4, 0.0]
 """
-SPEED = 0.25
+SPEED = 0.35
 """Of every flight by real processes: a machine that is merely slow must not fail it."""
 LINE = 'kind = "line", length_m = 0.5, duration_s = 2.0'
 CIRCLE = 'kind = "circle", radius_m = 0.5, period_s = 5.0, duration_s = 60.0'

@@ -139,7 +139,7 @@ def test_an_unknown_preset_names_the_known_ones(tmp_path):
     result = runner.invoke(app, ["run", str(lab)])
     assert result.exit_code == 2
     assert "heroic" in result.output
-    assert "default, paper" in result.output
+    assert "default, pid_leader, paper" in result.output
 
 
 def test_no_ground_is_exit_code_three(tmp_path):

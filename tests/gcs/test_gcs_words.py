@@ -26,7 +26,7 @@ def shown(at: Console) -> str:
 def test_a_status_shows_words_as_they_are(words: str) -> None:
     drone = {
         "sysid": 1, "body": words, "autopilot": words, "mode": words, "armed": False, "pos_lab_m": [0.0, 0.0, 0.0],
-        "battery": None, "heartbeat_age_s": None, "age_s": None,
+        "battery": None, "disarms_in_s": None, "heartbeat_age_s": None, "age_s": None,
     }  # fmt: skip
     told = {"phase": words, "cause": words, "shape": words, "drones": [drone], "refusals": [f"left: {words}"]}
     at = console()

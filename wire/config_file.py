@@ -3,7 +3,6 @@
 Every error is one line that names the file, the key and the reason.
 """
 
-import tomllib
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,6 +12,7 @@ from pydantic import ValidationError
 from formation.model import Model
 from wire.errors import ConfigError as ConfigError
 from wire.errors import Fault as Fault
+from wire.toml_text import read_toml
 
 M = TypeVar("M", bound=Model)
 
@@ -22,17 +22,7 @@ SHORT = 8
 
 def load(path: Path, model: type[M]) -> M:
     """The model in the TOML file at `path`; ConfigError for a file that is missing, no TOML, or not such a model."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ConfigError([f"{path}: {error.strerror}"]) from error
-    except UnicodeDecodeError as error:
-        raise ConfigError([f"{path}: not UTF-8 text"]) from error
-    try:
-        values = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError([f"{path}: {error}"]) from error
-    return parse(values, model, source=str(path))
+    return parse(read_toml(path), model, source=str(path))
 
 
 def parse(values: dict[str, Any], model: type[M], *, source: str) -> M:

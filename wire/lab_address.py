@@ -3,13 +3,13 @@
 A file that is wrong elsewhere keeps nobody from stopping the swarm; `gcs run` is who judges it whole.
 """
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from formation.requests import ENDPOINT, LAB
 from wire.errors import ConfigError
+from wire.toml_text import read_toml
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,14 +22,7 @@ class LabAddress:
 
 def address_in(path: Path) -> LabAddress:
     """The address in a lab file; ConfigError where it cannot be read there."""
-    try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError([f"{path}: {error.strerror}"]) from error
-    except UnicodeDecodeError as error:
-        raise ConfigError([f"{path}: not UTF-8 text"]) from error
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError([f"{path}: {error}"]) from error
+    values = read_toml(path)
     lab, link = values.get("name", LAB), values.get("link", {})
     if not isinstance(lab, str):
         raise ConfigError([f"{path}: name: is not text (it is {lab!r})"])

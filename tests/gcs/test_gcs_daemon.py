@@ -8,6 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from gcs_bus import free_port
 
 from formation import topics
 from formation.config import LabConfig
@@ -34,13 +35,6 @@ def _lab(tmp_path: Path) -> LabConfig:
             "link": {"zenoh_listen": (f"tcp/127.0.0.1:{free_port()}",), "zenoh_connect": ()},
         }
     )
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 def _lab_file(config: LabConfig, folder: Path) -> Path:

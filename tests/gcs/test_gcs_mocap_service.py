@@ -3,7 +3,6 @@
 import asyncio
 import os
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Callable
@@ -11,37 +10,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gcs_bus import a_lab, hub_of
 
-from formation.config import LabConfig
 from formation.messages import Event, LabFrame, RawFrame
 from gcs.mocap.service import ServiceError, configuration_name, mocap_service
 from wire import clock
 from wire.config_file import dump
 from wire.mocap_bus import MocapBus
-from wire.zenoh_bus import ZenohBus
 
 pytestmark = pytest.mark.processes
-
-
-def a_lab() -> LabConfig:
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-    return LabConfig.model_validate(
-        {
-            "name": f"mocap-{os.getpid()}",
-            "mocap": {"origin_lab_m": (1.0, 0.0, 0.0)},
-            "leader": {"body": "lead"},
-            "followers": [{"body": "left", "sysid": 2, "offset_m": (0, 1, 0)}],
-            "link": {"zenoh_connect": (endpoint,)},
-        }
-    )
-
-
-async def hub_of(config: LabConfig) -> ZenohBus:
-    """The bus's listening end, in this process."""
-    link = config.link.model_copy(update={"zenoh_listen": config.link.zenoh_connect, "zenoh_connect": ()})
-    return await ZenohBus.open(link, config.name)
 
 
 async def eventually(wanted: Callable[[], bool]) -> None:

@@ -59,6 +59,16 @@ class Client:
         self.first("health", lambda health: health.is_armable and health.is_local_position_ok)
 
 
+def wait_for_text(texts: "queue.Queue[Any]", part: str, wait_s: float = WAIT_S) -> None:
+    """Wait until a status text holds `part`, whatever else the drone says before; fails after `wait_s`."""
+    end, seen = time.monotonic() + wait_s, list[str]()
+    while not seen or part not in seen[-1]:
+        try:
+            seen.append(texts.get(timeout=max(0.0, end - time.monotonic())).text)
+        except queue.Empty:
+            raise AssertionError(f"no {part!r} in {wait_s} s, only {seen}") from None
+
+
 @contextlib.contextmanager
 def client(agent: Agent) -> Iterator[Client]:
     """MAVSDK connected to the agent."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from conformance_agent import agent
-from conformance_mavsdk import Client, client
+from conformance_mavsdk import Client, client, wait_for_text
 from mavsdk.plugins.action.action import ActionError, ActionResult
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkMessage
 from mavsdk.plugins.mocap.mocap import (
@@ -189,9 +189,7 @@ def test_status_texts_arrive(drone: Client) -> None:
     with drone.stream("status_text") as texts:
         drone.be_ready()
         drone.action.arm()
-        seen = []
-        while "Armed by external command" not in seen:
-            seen.append(texts.get(timeout=10.0).text)
+        wait_for_text(texts, "Armed by external command")
 
 
 def test_flies_on_a_mocap_pose_and_not_without(indoor: Client) -> None:
@@ -232,7 +230,7 @@ def test_does_not_arm_while_not_ready(indoor: Client) -> None:
         with pytest.raises(ActionError) as denied:
             indoor.action.arm()
         assert denied.value.result == ActionResult.COMMAND_DENIED
-        assert "no external pose" in texts.get(timeout=10.0).text
+        wait_for_text(texts, "no external pose")
 
 
 def test_failures_are_told_apart(drone: Client) -> None:

@@ -1,9 +1,10 @@
 """Rooms whose cameras are turned: the same lab, told in other axes, from another origin, by turned marker frames.
 
-`python tests/sim/sim_rooms.py [SCENARIO ...]` flies every shipped scenario in all of them (`make rooms`).
+`python tests/sim/sim_rooms.py [--leader-csv FILE] [SCENARIO ...]` flies every shipped scenario in all of them
+(`make rooms`).
 """
 
-import sys
+from argparse import ArgumentParser
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import cos, pi, sin, sqrt
@@ -18,7 +19,7 @@ from formation.arrays import Float
 from formation.model import NO_ROTATION, QuatTuple, Vec3Tuple
 from gcs.mocap.csv_file import read_recording
 from sim import lockstep
-from sim.scenario import Scenario, load, shipped
+from sim.scenario import Scenario, load, shipped, with_leader_file
 
 HALF = sqrt(0.5)
 
@@ -103,12 +104,14 @@ def apart_m(one: dict[int, Float], other: dict[int, Float]) -> float:
     return max(float(np.abs(one[sysid] - other[sysid]).max()) for sysid in one)
 
 
-def main(names: list[str]) -> None:
+def main(names: list[str], leader_csv: Path | None) -> None:
     """Fly and print a line a flight."""
     for name in names or shipped():
         scenario = load(name)
+        if scenario.needs_leader_file and leader_csv is not None:
+            scenario = with_leader_file(scenario, str(leader_csv))
         if scenario.needs_leader_file and scenario.leader.file is None:
-            print(f"{name}: needs a recorded leader")
+            print(f"{name}: needs a recorded leader, see --leader-csv")
             continue
         outcome, plain = paths_of(scenario)
         print(f"{name}: {outcome}", flush=True)
@@ -119,4 +122,8 @@ def main(names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    parser = ArgumentParser(description=__doc__)
+    parser.add_argument("scenarios", nargs="*", metavar="SCENARIO")
+    parser.add_argument("--leader-csv", type=Path, metavar="FILE")
+    arguments = parser.parse_args()
+    main(arguments.scenarios, arguments.leader_csv)

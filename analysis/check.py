@@ -6,7 +6,7 @@ from pathlib import Path
 
 from analysis.load import load
 from formation import topics
-from wire.mcap_log import check_log
+from wire.logs.mcap_log import check_log
 
 NEEDS = (
     ("formation error", (topics.MOCAP, topics.REFERENCE)),
@@ -38,7 +38,7 @@ class Check:
 
 
 def check(path: Path) -> Check:
-    """Read the whole log and say what it holds. Raises OSError, and wire.mcap_log.LogError where it is no log."""
+    """Read the whole log and say what it holds. Raises OSError, and wire.logs.mcap_log.LogError where it is no log."""
     found = check_log(path)
     span_ns = 0 if found.first_ns is None or found.last_ns is None else found.last_ns - found.first_ns
     usable = tuple(name for name, needs in NEEDS if all(found.entries.get(topic.name) for topic in needs))

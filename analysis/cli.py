@@ -39,7 +39,7 @@ def report(log: LogPath, out: Out = None, as_json: Json = False) -> None:
     from analysis.load import load
     from analysis.metrics import summarise
     from analysis.report import write
-    from wire.mcap_log import check_log
+    from wire.logs.mcap_log import check_log
 
     path = log.with_name("report.html") if out is None else out
     with _refusing():
@@ -109,7 +109,7 @@ def identify(
 def _write_profile(found: "Identification", path: Path | None, sysid: int | None) -> None:
     """Write the profile of the drone of that sysid, or of the flight's last drone, a follower."""
     from wire.config_file import dump
-    from wire.mcap_log import LogError
+    from wire.logs.mcap_log import LogError
 
     chosen = [drone for drone in found.drones if sysid in (None, drone.vehicle.sysid)]
     if path is None:
@@ -122,7 +122,7 @@ def _write_profile(found: "Identification", path: Path | None, sysid: int | None
 @contextmanager
 def _refusing() -> Iterator[None]:
     """Turn what cannot be read or written into one line and exit code 2."""
-    from wire.mcap_log import LogError
+    from wire.logs.mcap_log import LogError
 
     try:
         yield

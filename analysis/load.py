@@ -14,8 +14,8 @@ from pydantic import ValidationError
 
 from analysis.series import Series, series
 from formation import topics
-from formation.arrays import Bool, Float
 from formation.config import LabConfig
+from formation.maths.arrays import Bool, Float
 from formation.messages import (
     AttitudeTarget,
     Command,
@@ -32,16 +32,16 @@ from formation.messages import (
     Truth,
 )
 from formation.topics import Topic
-from wire.frame_check import pose_fault
-from wire.mcap_log import read_log
+from wire.logs.mcap_log import read_log
 from wire.plain_text import plain
+from wire.transport.frame_check import pose_fault
 
 M = TypeVar("M")
 Stamped = list[tuple[float, float, object]]
 
 
 class Record(Protocol):
-    """One record of a log: `wire.mcap_log.Entry`, or anything like it."""
+    """One record of a log: `wire.logs.mcap_log.Entry`, or anything like it."""
 
     @property
     def topic(self) -> Topic:
@@ -147,7 +147,7 @@ class Flight:
 
 
 def load(path: Path) -> Flight:
-    """Read an MCAP log, whole or damaged. Errors: `wire.mcap_log`'s own."""
+    """Read an MCAP log, whole or damaged. Errors: `wire.logs.mcap_log`'s own."""
     log = read_log(path)
     return from_records(log.metadata, log.entries)
 

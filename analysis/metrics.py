@@ -13,7 +13,7 @@ from analysis.load import Flight
 from analysis.packets import from_drones, from_ground
 from analysis.series import moving_average
 from analysis.tracking import Tracking, airborne, track, track_leader
-from formation.arrays import Float
+from formation.maths.arrays import Float
 from formation.messages import Phase, Verb
 from wire.link_messages.setpoints import AttitudeSetpoint
 from wire.link_messages.status import NamedValue

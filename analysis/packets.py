@@ -7,7 +7,7 @@ from analysis.series import Series
 from formation.messages import Datagram
 from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
 from wire.link_messages.packet import LinkMessage
-from wire.mavlink import Codec
+from wire.mavlink.codec import Codec
 
 Said = tuple[float, int, LinkMessage]
 

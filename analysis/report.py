@@ -13,7 +13,7 @@ from analysis.page import Section, cell, picture, row, swatch, table, text, tile
 from analysis.plots import drawings, style
 from analysis.tracking import LeaderTracking, Tracking, track, track_leader
 from formation.messages import Event, Severity
-from wire.mcap_log import check_log
+from wire.logs.mcap_log import check_log
 
 MEANINGS = {
     "duration_s": "first to last record of the log",

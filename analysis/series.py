@@ -7,7 +7,7 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from formation.arrays import Bool, Float
+from formation.maths.arrays import Bool, Float
 
 M = TypeVar("M")
 Index = NDArray[np.int64]

@@ -14,8 +14,8 @@ import numpy as np
 
 from analysis.load import Flight, Poses
 from analysis.series import Series, nearest, smoothed
-from formation import frames
-from formation.arrays import Bool, Float
+from formation.maths import frames
+from formation.maths.arrays import Bool, Float
 from formation.messages import Phase, Reference
 
 MATCH_S = 0.025  # a frame and the reference made for it are at most this far apart

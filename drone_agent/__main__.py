@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wire import starved
 from wire.clock import Clock
 from wire.errors import ConfigError
-from wire.program import Version
-from wire.starved import StarvedError
+from wire.process import starved
+from wire.process.program import Version
+from wire.process.starved import StarvedError
 
 if TYPE_CHECKING:
     from drone_agent.config import AgentConfig
@@ -82,7 +82,7 @@ def fly(
     }
     import uvloop
 
-    from drone_agent.bridge_daemon import run_bridge
+    from drone_agent.bridge.daemon import run_bridge
     from drone_agent.daemon import run
 
     try:

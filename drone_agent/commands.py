@@ -4,10 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
 
-from drone_agent.autopilot import Autopilot
+from drone_agent.autopilots.personality import Mode
 from drone_agent.config import AgentConfig
+from drone_agent.flight.autopilot import Autopilot
 from drone_agent.geodesy import from_globe, to_globe
-from drone_agent.personality import Mode
 from drone_agent.schedule import Schedule
 from formation.messages import Severity
 from formation.model import Vec3Tuple

@@ -5,11 +5,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from drone_agent.level_error import LevelError
+from drone_agent.simulation.disturbance import Disturbance
+from drone_agent.simulation.level_error import LevelError
 from formation.config import LinkConfig
-from formation.disturbance import Disturbance
 from formation.model import Model, Name, SysId, Vec3Tuple
-from formation.vehicle import VehicleProfile, profile
+from formation.vehicle.profile import VehicleProfile, profile
 
 NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 # Where PX4's and ArduPilot's simulators put their drones, so that a map shows something known.

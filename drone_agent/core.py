@@ -7,26 +7,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drone_agent.airframe import Airframe
-from drone_agent.autopilot import CONTROL_NS, Autopilot
+from drone_agent.autopilots.parameters import Parameters
+from drone_agent.autopilots.personalities import PERSONALITIES
+from drone_agent.autopilots.personality import Personality
 from drone_agent.commands import Commander
 from drone_agent.config import AgentConfig
-from drone_agent.estimator import ExternalPose, ExternalPositioning, OwnPositioning, Positioning
-from drone_agent.guards import Guards
+from drone_agent.flight.autopilot import CONTROL_NS, Autopilot
+from drone_agent.flight.estimator import ExternalPose, ExternalPositioning, OwnPositioning, Positioning
+from drone_agent.flight.guards import Guards
 from drone_agent.inbox import READS, Inbox
-from drone_agent.level_error import Lean
-from drone_agent.parameters import Parameters
-from drone_agent.personalities import PERSONALITIES
-from drone_agent.personality import Personality
 from drone_agent.schedule import RASTER_NS, Schedule
+from drone_agent.simulation.airframe import Airframe
+from drone_agent.simulation.level_error import Lean
 from drone_agent.telemetry import AGE, ON_REQUEST, Teller
 from formation.messages import Datagram, Event, LabFrame, Truth
-from formation.vehicle import on_ground, profile
+from formation.vehicle.profile import on_ground, profile
 from wire.link_messages.address import DRONE_COMPONENT, Address
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.status import StatusText
-from wire.mavlink import Codec
-from wire.mavlink_frames import packed
+from wire.mavlink.codec import Codec
+from wire.mavlink.framing import packed
 
 _LOOK_NS = 50_000_000
 _LOOK_S = _LOOK_NS * 1e-9

@@ -2,7 +2,7 @@
 
 import sys
 
-from drone_agent import parameter_file
+from drone_agent.autopilots import parameter_file
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
 from drone_agent.ground_link import open_ground_link
@@ -10,13 +10,13 @@ from drone_agent.wake import Wake
 from formation.messages import Datagram, LabFrame
 from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
-from wire.lifetime import Stop, Tell
-from wire.link import Link
-from wire.mocap_bus import MocapBus
-from wire.progress import compile_all
+from wire.process.lifetime import Stop, Tell
+from wire.process.progress import compile_all
+from wire.process.starved import Punctuality
 from wire.refusals import Refusals
-from wire.starved import Punctuality
-from wire.zenoh_bus import ZenohBus
+from wire.transport.link import Link
+from wire.transport.mocap_bus import MocapBus
+from wire.transport.zenoh_bus import ZenohBus
 
 
 class _Pump:

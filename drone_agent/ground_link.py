@@ -1,10 +1,10 @@
 """The drone's end of its link to the ground, for agent and bridge alike."""
 
 from drone_agent.config import AgentConfig
-from wire.link import Deliver, Link
 from wire.refusals import Refusals
-from wire.udp_bus import open_udp_drone
-from wire.zenoh_bus import ZenohBus
+from wire.transport.link import Deliver, Link
+from wire.transport.udp_bus import open_udp_drone
+from wire.transport.zenoh_bus import ZenohBus
 
 
 async def open_ground_link(config: AgentConfig, bus: ZenohBus | None, deliver: Deliver, refusals: Refusals) -> Link:

@@ -3,13 +3,13 @@
 from collections.abc import Callable
 from typing import Any
 
-from drone_agent.autopilot import Autopilot
 from drone_agent.clock_offset import GroundClock
 from drone_agent.commands import Commander, order_of
 from drone_agent.config import AgentConfig
-from drone_agent.estimator import ExternalPose
-from drone_agent.guards import Guards
-from drone_agent.guidance import Guidance
+from drone_agent.flight.autopilot import Autopilot
+from drone_agent.flight.estimator import ExternalPose
+from drone_agent.flight.guards import Guards
+from drone_agent.flight.guidance import Guidance
 from formation.messages import Severity
 from wire.link_messages.address import Address
 from wire.link_messages.clocks import Ping, TimeSync

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drone_agent.autopilot import Autopilot
+from drone_agent.autopilots.personality import Task
 from drone_agent.config import AgentConfig
-from drone_agent.estimator import NO_OFFSET, turned
+from drone_agent.flight.autopilot import Autopilot
+from drone_agent.flight.estimator import NO_OFFSET, turned
 from drone_agent.geodesy import to_globe
-from drone_agent.personality import Task
-from formation.arrays import Vec3
+from formation.maths.arrays import Vec3
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.motion import (
     Attitude,

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field, model_validator
 from formation.fields import Endpoint, GlobePoint, Host, OwnLink, PortBase, Tilt, UnitQuat
 from formation.model import NO_ROTATION, Model, Name, Positive, SysId, Vec3Tuple
 from formation.requests import ENDPOINT, LAB
-from formation.vehicle import VehicleProfile, profile
+from formation.vehicle.profile import VehicleProfile, profile
 
 PRESET_NAMES = ("default", "pid_leader", "paper", "paper_istsmc", "paper_smc", "pid", "geometric")
 """The sets of gains of formation.control.presets, known here so that a lab is judged before the control is loaded."""
@@ -59,7 +59,7 @@ class VehicleBody(Model):
 
 
 class TrajectoryConfig(Model):
-    """What a commanded leader flies in the formation phase; how long it takes is `formation.trajectory`'s to say.
+    """What a commanded leader flies in the formation phase; how long it takes: `formation.guidance.trajectory`.
 
     laps: a circle's rounds, a line's ways there and back, how often all waypoints are flown; not given: a circle as
     many rounds as fit duration_s, a line there only, waypoints once. duration_s: of a hold, of a line's every way.

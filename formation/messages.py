@@ -11,7 +11,7 @@ What crosses one drone's MAVLink is in `wire.link_messages`.
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 
-from formation.arrays import Flags, Quat, Quats, Scalars, Vec3, Vec3s
+from formation.maths.arrays import Flags, Quat, Quats, Scalars, Vec3, Vec3s
 from formation.requests import OperatorReply as OperatorReply
 from formation.requests import OperatorRequest as OperatorRequest
 from formation.requests import Verb as Verb
@@ -58,7 +58,7 @@ class Datagram:
 
 
 class Phase(IntEnum):
-    """Where the flight is; the whole swarm shares one phase (formation.phase)."""
+    """Where the flight is; the whole swarm shares one phase (formation.safety.phases)."""
 
     GROUND = 0
     ARMED = 1
@@ -87,7 +87,7 @@ class SwarmState:
     Z1, Z2, Z3 of the FTESO (Eqs. 3-4) are pos, vel and dist; `acc` is modelled acceleration plus Z3.
     `age_s` is the time since each body was last seen, infinite before the first time; yaw is unwrapped.
     `misfit`: how far each vehicle answers otherwise than its profile says, as a share of its response's length
-    (formation.observe).
+    (formation.estimation.update).
     """
 
     t_ns: int

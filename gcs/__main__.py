@@ -9,11 +9,12 @@ from typing import Annotated
 
 import typer
 
-from gcs import GCS_NAME, operator_cli
-from gcs.cli_common import Json, LabFile, Name, configuration
+from gcs import GCS_NAME
+from gcs.cli import operator as operator_cli
+from gcs.cli.common import Json, LabFile, Name, configuration
 from gcs.doctor import cli as doctor_cli
 from wire import clock, version
-from wire.program import program
+from wire.process.program import program
 
 Speed = Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)]
 
@@ -38,7 +39,7 @@ def run(
     speed: Speed = 1.0,
 ) -> None:
     """Be the ground: mocap in, control on every frame, setpoints out, everything recorded. Ctrl-C lands and ends."""
-    from gcs.ground_cli import serve  # loads the compiled control, which the other commands do without
+    from gcs.cli.ground import serve  # loads the compiled control, which the other commands do without
     from gcs.lab.findings import approved
 
     config = approved(lab, as_json)
@@ -95,8 +96,8 @@ app.command()(doctor_cli.logs)
 @app.command()
 def rules() -> None:
     """Print the phase table and the safety rules, as Markdown: the tables that the ground itself runs on."""
-    from formation.phase import table_markdown
-    from formation.safety import rules_markdown
+    from formation.safety.phases import table_markdown
+    from formation.safety.rules import rules_markdown
 
     print(f"{table_markdown()}\n\n{rules_markdown()}")
 

@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from formation import arming, safety, topics
-from formation.arrays import Quats, Scalars, Vec3s
+from formation import topics
 from formation.config import LabConfig
 from formation.control.stack import ControlStack, Stages
-from formation.kernel import kernel
+from formation.maths.arrays import Quats, Scalars, Vec3s
+from formation.maths.kernel import kernel
 from formation.messages import (
     AttitudeTarget,
     Datagram,
@@ -25,19 +25,20 @@ from formation.messages import (
     Severity,
     Verb,
 )
-from formation.phase import STREAMING, Trigger
-from formation.safety import Facts
+from formation.safety import arming, rules
+from formation.safety.phases import STREAMING, Trigger
+from formation.safety.rules import Facts
 from formation.topics import Topic
 from gcs import reforming
-from gcs.checks import warnings
-from gcs.drone import Drone
+from gcs.drones.checks import warnings
+from gcs.drones.drone import Drone
+from gcs.drones.link_state import HEARTBEAT, NEVER_NS, DroneLink
 from gcs.facts import FactGatherer
 from gcs.flight import Flight
 from gcs.lateness import Lateness
-from gcs.link_state import HEARTBEAT, NEVER_NS, DroneLink
 from gcs.mocap.autopilot_poses import streams
 from gcs.operator import armed_text, done_text, status_text, take_off_refusals
-from wire.mavlink_frames import packed
+from wire.mavlink.framing import packed
 from wire.refusals import Refusals
 
 HEARTBEAT_NS = 1_000_000_000
@@ -69,7 +70,7 @@ class GcsCore:
         self._stack = ControlStack(config, tuple(config.profile_of(vehicle) for vehicle in config.vehicles))
         self._flight = Flight(config, self._drones, t0_ns)
         self._gatherer = FactGatherer(config, self._drones)
-        self._watch = safety.start(len(config.vehicles))
+        self._watch = rules.start(len(config.vehicles))
         self._lateness = Lateness()
         self._stages: Stages | None = None
         self._frame: LabFrame | None = None
@@ -122,7 +123,7 @@ class GcsCore:
         frame = self._take_frame()
         stages = None if frame is None else self._control(frame, now_ns)
         facts = self._facts(now_ns)
-        self._watch, verdict = safety.assess(self._watch, facts, self._flight.phase, self._config.limits, now_ns)
+        self._watch, verdict = rules.assess(self._watch, facts, self._flight.phase, self._config.limits, now_ns)
         self._flight.judge(verdict, now_ns)
         replies = [reply for request in self._take_requests() for reply in self._answer(request, now_ns)]
         self._flight.proceed(stages, now_ns)

@@ -25,14 +25,14 @@ from formation.messages import (
 )
 from gcs import GCS_NAME as GCS_NAME
 from gcs.core import GcsCore
-from gcs.links import GroundLinks, open_links
+from gcs.drones.links import GroundLinks, open_links
 from gcs.mocap.autopilot_poses import AutopilotPoses
 from gcs.mocap.service import ServiceError, mocap_service
 from gcs.recording import Input, record_input, record_tick, run_metadata
 from wire.clock import REAL_TIME, Clock
-from wire.mcap_log import LogWriter
-from wire.mocap_bus import MocapBus
-from wire.zenoh_bus import Reply, ZenohBus
+from wire.logs.mcap_log import LogWriter
+from wire.transport.mocap_bus import MocapBus
+from wire.transport.zenoh_bus import Reply, ZenohBus
 
 STATE_NS = 100_000_000
 GROUNDED = (Phase.GROUND, Phase.STOPPED)

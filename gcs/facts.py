@@ -5,13 +5,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from formation.arrays import Float, Quats, Scalars, Vec3s
 from formation.config import LabConfig
 from formation.control.stack import Stages
-from formation.kernel import kernel
-from formation.safety import Facts
-from gcs.checks import objections
-from gcs.drone import Drone
+from formation.maths.arrays import Float, Quats, Scalars, Vec3s
+from formation.maths.kernel import kernel
+from formation.safety.rules import Facts
+from gcs.drones.checks import objections
+from gcs.drones.drone import Drone
 
 
 class FactGatherer:

@@ -2,19 +2,19 @@
 
 import numpy as np
 
-from formation.arrays import Float
 from formation.config import LabConfig
 from formation.control.stack import Stages
+from formation.guidance.plan import IDLE, Leg, Mode, Plan
+from formation.guidance.preview import trajectory_from
+from formation.guidance.shape import Shape, configured
+from formation.guidance.trajectory import Trajectory
+from formation.guidance.transition import Transition
+from formation.maths.arrays import Float
 from formation.messages import Event, Phase, PhaseChange, Severity
-from formation.phase import AIRBORNE, Trigger, advance, allowed_from
-from formation.preview import trajectory_from
-from formation.reference import IDLE, Leg, Mode, Plan
-from formation.safety import Verdict
-from formation.shape import Shape, configured
-from formation.trajectory import Trajectory
-from formation.transition import Transition
-from gcs.drone import TAKE_OFF_S, Drone, aside_leg, hold_leg, land_leg, take_off_leg
-from gcs.goal import Goal
+from formation.safety.phases import AIRBORNE, Trigger, advance, allowed_from
+from formation.safety.rules import Verdict
+from gcs.drones.drone import TAKE_OFF_S, Drone, aside_leg, hold_leg, land_leg, take_off_leg
+from gcs.drones.goal import Goal
 from gcs.landing import landing_spots
 
 STREAM_FIRST_NS = 1_200_000_000  # PX4 wants a second of setpoints before it changes to off-board

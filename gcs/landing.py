@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from formation.arrays import Float
 from formation.config import LimitsConfig
+from formation.maths.arrays import Float
 
 CLEARANCE = 1.5  # of the minimum separation: drones on the floor are not led any more
 RINGS, DIRECTIONS = 12, 16

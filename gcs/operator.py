@@ -4,12 +4,12 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 
-from formation import arming
 from formation.config import LabConfig
+from formation.guidance.shape import Shape
 from formation.messages import Phase
-from formation.safety import Facts
-from formation.shape import Shape
-from gcs.drone import TAKE_OFF_S, Drone
+from formation.safety import arming
+from formation.safety.rules import Facts
+from gcs.drones.drone import TAKE_OFF_S, Drone
 from gcs.flight import Flight
 
 

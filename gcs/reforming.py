@@ -2,17 +2,17 @@
 
 import numpy as np
 
-from formation.arrays import Float
 from formation.config import PERSONAL_SPACE, LabConfig
+from formation.control.relative_frame import lead_from_lab
 from formation.control.stack import Stages
+from formation.guidance.preview import Preview, beyond_text, expected_start, outside_m, preview, trajectory_from
+from formation.guidance.shape import Shape, shape_for
+from formation.guidance.shape_request import parse
+from formation.guidance.trajectory import Trajectory
+from formation.guidance.transition import Space, Transition, assigned, demand_room, transition
+from formation.maths.arrays import Float
 from formation.messages import Phase
-from formation.preview import Preview, beyond_text, expected_start, outside_m, preview, trajectory_from
-from formation.relative import lead_from_lab
-from formation.safety import Facts
-from formation.shape import Shape, shape_for
-from formation.shape_request import parse
-from formation.trajectory import Trajectory
-from formation.transition import Space, Transition, assigned, demand_room, transition
+from formation.safety.rules import Facts
 from gcs.flight import Flight
 
 TRACKING_M = 0.02  # by so much together two followers may miss their references before they repel each other

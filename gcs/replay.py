@@ -14,7 +14,7 @@ from formation.config import LabConfig
 from formation.topics import Topic
 from gcs.core import GcsCore
 from gcs.recording import INPUT_TOPICS, OUTPUT_TOPICS, outputs
-from wire.mcap_log import Entry, Log
+from wire.logs.mcap_log import Entry, Log
 
 
 class ReplayError(ValueError):

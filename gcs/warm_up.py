@@ -2,15 +2,15 @@
 
 import numpy as np
 
-from formation import frames
 from formation.config import LabConfig
 from formation.control import warm_up as control
 from formation.control.margin import kicked_hover
 from formation.control.presets import preset_for
+from formation.control.relative_frame import lead_from_lab
+from formation.guidance.shape import Shape
+from formation.guidance.transition import Space, transition
+from formation.maths import frames
 from formation.messages import LabFrame
-from formation.relative import lead_from_lab
-from formation.shape import Shape
-from formation.transition import Space, transition
 from gcs.core import GcsCore
 
 FRAME_NS = 10_000_000

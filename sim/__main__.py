@@ -11,8 +11,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from sim import study_cli
-from wire.program import program
+from sim.studies import cli as study_cli
+from wire.process.program import program
 
 app = program(
     "Fly scenarios: `fly` with real processes in real time, `run` in lockstep as fast as the machine goes; "

@@ -6,7 +6,7 @@ from pathlib import Path
 from analysis import load, metrics, report
 from analysis.metrics import Summary
 from sim.script import Outcome
-from wire.mcap_log import check_log
+from wire.logs.mcap_log import check_log
 
 
 def conclude(mcap: Path, outcome: Outcome, realtime_factor: float | None = None) -> Summary:

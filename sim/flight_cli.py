@@ -17,7 +17,8 @@ from analysis.metrics import Summary
 from formation.model import QuatTuple
 from gcs.daemon import GCS_NAME
 from gcs.mocap.csv_file import MocapFileError
-from sim import lockstep, mocap_daemon
+from sim import lockstep
+from sim.cameras import daemon as mocap_daemon
 from sim.conclude import conclude
 from sim.display import Display
 from sim.fly import Files
@@ -25,11 +26,12 @@ from sim.fly import fly as fly_processes
 from sim.ports import private_link
 from sim.scenario import Scenario, load, recorded_leader, with_leader_file
 from sim.script import Outcome
-from wire import clock, starved
+from wire import clock
 from wire.errors import BusError, ConfigError
 from wire.private_files import make_folder
-from wire.progress import compile_all
-from wire.starved import StarvedError
+from wire.process import starved
+from wire.process.progress import compile_all
+from wire.process.starved import StarvedError
 
 ABORTED, NOT_RIGHT, INTERRUPTED = 1, 2, 130
 UNIT_WITHIN = 0.01

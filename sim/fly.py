@@ -14,7 +14,7 @@ from sim.scenario import Scenario, agent_configs, leader_seconds, recorded_leade
 from sim.script import Glance, Operator, Outcome
 from wire import config_file
 from wire.clock import REAL_TIME, Clock
-from wire.zenoh_bus import ZenohBus
+from wire.transport.zenoh_bus import ZenohBus
 
 Progress = Callable[[float, str], None]
 """Told the seconds since the processes were started, and what is going on."""

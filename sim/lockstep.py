@@ -14,7 +14,7 @@ from sim.scenario import Scenario
 from sim.script import Outcome
 from sim.world import T0_NS, World
 from wire import clock, version
-from wire.mcap_log import Entry, LogWriter
+from wire.logs.mcap_log import Entry, LogWriter
 
 Progress = Callable[[float, str], None]
 """Told the simulated seconds and the phase, every tenth of a simulated second."""

@@ -11,7 +11,7 @@ import typer
 
 from analysis.cli import Json, LogPath
 from analysis.cli import app as analysis_app
-from wire.program import program
+from wire.process.program import program
 
 if TYPE_CHECKING:
     from gcs.replay import Replay
@@ -29,7 +29,7 @@ def replay(log: LogPath, as_json: Json = False) -> None:
     """Feed a flight's inputs to the ground's core again: is every output the same, bit by bit?"""
     from gcs.replay import ReplayError
     from gcs.replay import replay as replay_log
-    from wire.mcap_log import LogError, read_log
+    from wire.logs.mcap_log import LogError, read_log
 
     try:
         result = replay_log(read_log(log))

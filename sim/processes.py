@@ -9,7 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from wire import starved
+from wire.process import starved
 
 PATIENCE_S = 5.0
 

@@ -10,16 +10,16 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from drone_agent.config import AgentConfig
-from drone_agent.level_error import LevelError
-from formation import frames
-from formation.arrays import Vec3
+from drone_agent.simulation.disturbance import Disturbance
+from drone_agent.simulation.level_error import LevelError
 from formation.config import FollowerConfig, LabConfig
-from formation.disturbance import Disturbance
+from formation.maths import frames
+from formation.maths.arrays import Vec3
 from formation.model import Model, Name, Positive, QuatTuple, SysId, Vec3Tuple
-from formation.vehicle import VehicleProfile
+from formation.vehicle.profile import VehicleProfile
 from gcs.mocap.csv_file import read_recording
-from sim.mocap import EmulatorConfig, NotNegative, Share
-from sim.playback import Playback
+from sim.cameras.emulator import EmulatorConfig, NotNegative, Share
+from sim.cameras.playback import Playback
 from sim.script import FLIGHT, Step
 from sim.shipped import shipped
 from wire import config_file

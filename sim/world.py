@@ -5,7 +5,7 @@ It is the daemons' pump with simulated time: the same cores, the same bytes, the
 
 import numpy as np
 
-from drone_agent.bridge import BridgeCore
+from drone_agent.bridge.core import BridgeCore
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
 from formation.messages import Datagram, LabFrame, Truth
@@ -13,10 +13,10 @@ from formation.topics import TRUTH
 from gcs.core import GcsCore
 from gcs.mocap.core import MocapCore
 from gcs.recording import Input, Record, record_input, record_tick
-from sim.mocap import MocapEmulator
+from sim.cameras.emulator import MocapEmulator
 from sim.scenario import LinkModel, Scenario, agent_configs, leader_seconds, recorded_leader
 from sim.script import Glance, Operator
-from wire.memory_bus import NOTHING_DUE_NS, MemoryLink, random_delay
+from wire.transport.memory_bus import NOTHING_DUE_NS, MemoryLink, random_delay
 
 T0_NS = 1_000_000_000
 LOOK_NS = 100_000_000

@@ -10,19 +10,19 @@ import numpy as np
 import pytest
 from google.protobuf import descriptor_pb2
 
-from formation import phase, safety
 from formation.config import LabConfig
 from formation.messages import RawFrame
+from formation.safety import phases, rules
 from wire import clock
 from wire.config_file import parse
-from wire.frame_check import raw_fault
 from wire.schema import schema_of
-from wire.zenoh_bus import ZenohBus
+from wire.transport.frame_check import raw_fault
+from wire.transport.zenoh_bus import ZenohBus
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(("name", "table"), [("rules", safety.rules_markdown()), ("phases", phase.table_markdown())])
+@pytest.mark.parametrize(("name", "table"), [("rules", rules.rules_markdown()), ("phases", phases.table_markdown())])
 def test_readme_shows_the_table_in_force(name: str, table: str) -> None:
     shown = README.split(f"<!-- {name} -->")[1].split(f"<!-- end of {name} -->")[0].strip()
     assert shown == table, f"the README's table of {name} is out of date: paste what `gcs rules` prints"

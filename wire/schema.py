@@ -1,7 +1,8 @@
 """Protobuf for the messages of the spine, derived from their annotations: no .proto file says anything twice.
 
 int is sfixed64, float is double, str string, bytes bytes, an IntEnum an enum, a StrEnum string, tuple[str, ...]
-repeated string, an array packed doubles (or bools) in C order with the shape of `formation.arrays`; None is absent.
+repeated string, an array packed doubles (or bools) in C order with the shape of
+`formation.maths.arrays`; None is absent.
 Every float64 comes back bit for bit. Fields are numbered in the order of the dataclass, from one.
 """
 
@@ -283,7 +284,7 @@ _SCALARS: dict[type, _Kind] = {
 def _array_kind(hint: Any) -> _Kind | None:
     import numpy as np
 
-    from formation.arrays import Layout
+    from formation.maths.arrays import Layout
 
     layout = next((note for note in get_args(hint)[1:] if isinstance(note, Layout)), None)
     if layout is None:

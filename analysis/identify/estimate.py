@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from formation.arrays import Float
+from formation.maths.arrays import Float
 
 CONFIDENCE = 1.96  # standard deviations of a 95 % interval
 BLOCK_S = 1.0  # residuals further apart than this are taken as independent

@@ -16,7 +16,7 @@ from scipy.signal import cont2discrete, lfilter
 
 from analysis.identify.estimate import Estimate, covariance, propagated
 from analysis.identify.signals import GRID_S, Seen, Sent, grid, held, lean_of, turn_of
-from formation.arrays import Float
+from formation.maths.arrays import Float
 
 START = np.array([np.log(10.0), np.log(40.0), np.log(0.025), 0.02, 0.0, 0.0, 0.0])
 LOWEST = np.array([np.log(1.0), np.log(4.0), np.log(0.002), 0.0, -0.5, -0.2, -0.2])

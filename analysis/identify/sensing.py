@@ -7,8 +7,8 @@ import numpy as np
 from analysis.identify.estimate import CONFIDENCE, Estimate
 from analysis.load import Flight, Poses
 from analysis.tracking import airborne
-from formation import frames
-from formation.arrays import Bool, Float
+from formation.maths import frames
+from formation.maths.arrays import Bool, Float
 
 MAD_TO_DEVIATION = 1.4826  # of a normal distribution
 MAD_COST = 1.17  # standard error of that estimate, over sigma / sqrt(samples)

@@ -7,8 +7,8 @@ import numpy as np
 from analysis.load import Flight, Vehicle
 from analysis.packets import from_ground
 from analysis.tracking import airborne
-from formation import frames
-from formation.arrays import Bool, Float
+from formation.maths import frames
+from formation.maths.arrays import Bool, Float
 from wire.link_messages.setpoints import AttitudeSetpoint
 
 GRID_S = 0.002

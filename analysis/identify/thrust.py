@@ -14,8 +14,8 @@ from scipy.signal import lfilter
 
 from analysis.identify.estimate import Estimate, covariance, propagated
 from analysis.identify.signals import GRID_S, Seen, Sent, grid, held
-from formation.arrays import Float
-from formation.body import GRAVITY_M_S2
+from formation.maths.arrays import Float
+from formation.vehicle.body import GRAVITY_M_S2
 
 BUMP_S = 0.6
 SPACING_S = 0.05

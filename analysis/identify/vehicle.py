@@ -8,9 +8,9 @@ from analysis.identify.sensing import Sensing, sense
 from analysis.identify.signals import seen, sent
 from analysis.identify.thrust import Thrust
 from analysis.load import Flight, Vehicle
-from formation.body import GRAVITY_M_S2
 from formation.model import LONGEST_NAME
-from formation.vehicle import PAPER_40G, VehicleProfile
+from formation.vehicle.body import GRAVITY_M_S2
+from formation.vehicle.profile import PAPER_40G, VehicleProfile
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,8 @@ from analysis.plots.bands import shade
 from analysis.plots.slots import worst_followers
 from analysis.plots.style import Drawing, Missing
 from analysis.tracking import Tracking, airborne, in_formation_phase
-from formation import frames
-from formation.arrays import Bool, Float
+from formation.maths import frames
+from formation.maths.arrays import Bool, Float
 from formation.messages import Saturation
 
 CLOSE_UP_S = 3.0

@@ -9,9 +9,9 @@ from analysis.identify.vehicle import Identified
 from analysis.load import Flight
 from analysis.plots import style
 from analysis.plots.style import Drawing, Missing
-from formation.arrays import Float
-from formation.body import GRAVITY_M_S2
-from formation.vehicle import VehicleProfile
+from formation.maths.arrays import Float
+from formation.vehicle.body import GRAVITY_M_S2
+from formation.vehicle.profile import VehicleProfile
 
 CLOSE_UP_S = 3.0
 DATA = "#8fa3b8"

@@ -12,7 +12,7 @@ from analysis.metrics import rms
 from analysis.plots import style
 from analysis.plots.style import Drawing, Missing
 from analysis.words import mm
-from formation.arrays import Float
+from formation.maths.arrays import Float
 
 SHIPPED, PRINTED = "cfc", "cfc_paper"
 NAMES = {

@@ -11,7 +11,7 @@ from analysis.plots import style
 from analysis.plots.bands import shade
 from analysis.plots.style import Drawing, Missing
 from analysis.tracking import airborne, in_formation_phase
-from formation.arrays import Bool, Float, Vec3
+from formation.maths.arrays import Bool, Float, Vec3
 
 SNAPSHOTS = 7
 PATH_POINTS = 1500

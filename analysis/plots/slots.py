@@ -9,7 +9,7 @@ from analysis.plots import style
 from analysis.plots.bands import shade
 from analysis.plots.style import Drawing, Missing
 from analysis.tracking import LeaderTracking, Tracking, reference_lab_m
-from formation.arrays import Float
+from formation.maths.arrays import Float
 
 ROWS = 6
 NO_LEADER = "the leader's tracking error needs its mocap frames and references in formation; the log lacks them"

@@ -21,7 +21,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import hsv_to_rgb, to_hex
 from matplotlib.figure import Figure
 
-from formation.arrays import Bool, Float
+from formation.maths.arrays import Bool, Float
 from formation.messages import Phase
 
 INK = "#1d2733"

@@ -8,7 +8,7 @@ from analysis.load import Flight
 from analysis.metrics import ages_ms
 from analysis.plots import style
 from analysis.plots.style import Drawing, Missing
-from formation.arrays import Float
+from formation.maths.arrays import Float
 
 BINS = 60
 

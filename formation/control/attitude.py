@@ -6,17 +6,17 @@ from math import cos, sin, sqrt, tan
 import numpy as np
 from numpy.typing import NDArray
 
-from formation.arrays import Flags, Float, Quats, Scalars, Vec3s
-from formation.body import GRAVITY_M_S2
-from formation.control.law import Demand
+from formation.control.composite_law import Demand
 from formation.control.limits import keep_apart, keep_inside
-from formation.course import Course
-from formation.estimate import EstimatorState
-from formation.kernel import kernel
-from formation.observe import doubt
-from formation.response import SECONDS
-from formation.rigid_body import thrust_norm
-from formation.vehicle import VehicleProfile
+from formation.estimation.state import EstimatorState
+from formation.estimation.update import doubt
+from formation.guidance.reference_generator import Course
+from formation.maths.arrays import Flags, Float, Quats, Scalars, Vec3s
+from formation.maths.kernel import kernel
+from formation.vehicle.body import GRAVITY_M_S2
+from formation.vehicle.profile import VehicleProfile
+from formation.vehicle.response import SECONDS
+from formation.vehicle.rigid_body import thrust_norm
 
 TILT, THRUST_LOW, THRUST_HIGH = 1.0, 2.0, 4.0  # bits of formation.messages.Saturation
 LIFT_LEAST = 0.45  # of gravity: below it the attitude says nothing and the autopilot has no authority

@@ -5,9 +5,8 @@ from enum import IntEnum
 
 import numpy as np
 
-from formation.arrays import Float
-from formation.control.cascade import velocity_error, velocity_pid
 from formation.control.geometric import tracking_acceleration
+from formation.control.pid import velocity_error, velocity_pid
 from formation.control.sliding_mode import (
     equivalent_and_reaching,
     sliding_variable,
@@ -15,7 +14,8 @@ from formation.control.sliding_mode import (
     super_twisting_rate,
     switching,
 )
-from formation.kernel import kernel
+from formation.maths.arrays import Float
+from formation.maths.kernel import kernel
 
 
 class Law(IntEnum):

@@ -6,7 +6,7 @@ attitude part lives where the gyroscope is: in the autopilot's attitude loop, wh
 rates that this demand implies (formation.control.attitude).
 """
 
-from formation.kernel import kernel
+from formation.maths.kernel import kernel
 
 
 @kernel

@@ -5,9 +5,9 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from formation.arrays import Float
 from formation.config import PERSONAL_SPACE
-from formation.kernel import kernel
+from formation.maths.arrays import Float
+from formation.maths.kernel import kernel
 
 FENCE, SEPARATION = 16.0, 32.0  # bits of formation.messages.Saturation
 BRAKE_M_S2 = 4.0

@@ -8,17 +8,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from formation import frames
-from formation.arrays import Float
-from formation.body import GRAVITY_M_S2
 from formation.config import Fence, FollowerConfig, LabConfig, LeaderConfig, LimitsConfig, MocapConfig
 from formation.control.presets import Preset
 from formation.control.stack import ControlStack
+from formation.guidance.plan import Leg, Mode, Plan
+from formation.guidance.shape import configured
+from formation.maths import frames
+from formation.maths.arrays import Float
 from formation.messages import AttitudeTarget, LabFrame
-from formation.reference import Leg, Mode, Plan
-from formation.response import answer, no_history, remember
-from formation.shape import configured
-from formation.vehicle import VehicleProfile
+from formation.vehicle.body import GRAVITY_M_S2
+from formation.vehicle.profile import VehicleProfile
+from formation.vehicle.response import answer, no_history, remember
 
 KICK_M_S = 0.3
 HOVER_S, LOOK_S = 6.0, 2.0

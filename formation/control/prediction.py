@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from formation.arrays import Float
-from formation.body import GRAVITY_M_S2
-from formation.kernel import kernel
-from formation.observe import TILT_DECAY, TURN_TRUST
-from formation.response import SECONDS, answer
+from formation.estimation.update import TILT_DECAY, TURN_TRUST
+from formation.maths.arrays import Float
+from formation.maths.kernel import kernel
+from formation.vehicle.body import GRAVITY_M_S2
+from formation.vehicle.response import SECONDS, answer
 
 
 @kernel

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from formation.config import MocapConfig
+from formation.control.composite_law import Quickness
 from formation.control.feedback import AxisGains, CascadeGains, GeometricGains, Law, SlidingGains
-from formation.control.law import Quickness
-from formation.estimate import ObserverGains, Vigilance
-from formation.vehicle import Pace, VehicleProfile
+from formation.estimation.state import ObserverGains, Vigilance
+from formation.vehicle.profile import Pace, VehicleProfile
 
 ALWAYS_CALM, AS_IS = Vigilance(), Quickness()
 WATCHFUL = Vigilance(lag_s=0.05, threshold=3.0, most=4.0, bandwidth_power=1.0, habit=0.0)
@@ -24,7 +24,7 @@ class Preset:
     horizontal axes, of commanded heights and headings; seen_*: of a leader that is only observed;
     dead_share, lag_share: how much of the attitude's dead time and lag is counted on;
     strength_lag_s: how slowly Z3 of the height moves into the thrust's strength; the rest: see
-    formation.estimate.EstimatorSettings, Vigilance and formation.control.law.Quickness.
+    formation.estimation.state.EstimatorSettings, Vigilance and formation.control.composite_law.Quickness.
     """
 
     name: str

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from formation.arrays import Float
 from formation.config import LabConfig
 from formation.control.attitude import AttitudeSettings, body_row
-from formation.control.law import LawSettings
+from formation.control.composite_law import LawSettings
 from formation.control.presets import Preset
-from formation.estimate import EstimatorSettings, ObserverGains
-from formation.vehicle import VehicleProfile
+from formation.estimation.state import EstimatorSettings, ObserverGains
+from formation.maths.arrays import Float
+from formation.vehicle.profile import VehicleProfile
 
 FENCE_MARGIN_M = 0.05
 

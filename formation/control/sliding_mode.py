@@ -1,7 +1,7 @@
 """The sliding-mode laws of the paper, one axis at a time: SMC, ISTSMC and, with the observer's Z3, CFC (Eqs. 5-7)."""
 
-from formation.kernel import kernel
-from formation.powers import implicit_root, sig, sig_slope
+from formation.maths.kernel import kernel
+from formation.maths.powers import implicit_root, sig, sig_slope
 
 
 @kernel

@@ -5,19 +5,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from formation.arrays import Float, Scalars
-from formation.body import GRAVITY_M_S2
 from formation.config import LabConfig
 from formation.control.attitude import TILT, Attitude, attitude
-from formation.control.law import Demand, demand
+from formation.control.composite_law import Demand, demand
 from formation.control.presets import Preset, preset_for
 from formation.control.settings import attitude_settings, estimator_settings, law_settings
-from formation.course import Course, Guidance, crew, depart, evaluate, steer
-from formation.estimate import EstimatorState, estimate, initial, swarm_state
+from formation.estimation.state import EstimatorState, estimate, initial, swarm_state
+from formation.guidance.plan import Mode, Plan
+from formation.guidance.reference_generator import Course, Guidance, crew, depart, evaluate, steer
+from formation.maths.arrays import Float, Scalars
 from formation.messages import AttitudeTarget, Command, LabFrame, Reference, SwarmState
-from formation.reference import Mode, Plan
-from formation.response import SECONDS, History, no_history, remember
-from formation.vehicle import VehicleProfile
+from formation.vehicle.body import GRAVITY_M_S2
+from formation.vehicle.profile import VehicleProfile
+from formation.vehicle.response import SECONDS, History, no_history, remember
 
 STEP_MAX_S = 0.1
 HISTORY_NS = 1_000_000_000
@@ -106,7 +106,7 @@ class ControlStack:
 
 
 def _motion(swarm: SwarmState) -> Float:
-    """Estimated motions (n, 3, 4), as formation.relative lays them out."""
+    """Estimated motions (n, 3, 4), as formation.control.relative_frame lays them out."""
     motion = np.empty((len(swarm.yaw_rad), 3, 4))
     motion[:, 0, :3], motion[:, 0, 3] = swarm.pos_lab_m, swarm.yaw_rad
     motion[:, 1, :3], motion[:, 1, 3] = swarm.vel_lab_m_s, swarm.yaw_rate_rad_s

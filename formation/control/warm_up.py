@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from formation import frames
 from formation.config import LabConfig
 from formation.control.stack import ControlStack
+from formation.guidance.plan import IDLE, Leg, Mode, Plan
+from formation.guidance.shape import configured
+from formation.maths import frames
 from formation.messages import LabFrame
-from formation.reference import IDLE, Leg, Mode, Plan
-from formation.shape import configured
-from formation.vehicle import VehicleProfile
+from formation.vehicle.profile import VehicleProfile
 
 FRAME_NS = 10_000_000
 HEIGHTS_M = (0.0, 0.0, 0.1, 0.2, 0.3, 0.3, 0.3, 0.3)

@@ -10,9 +10,9 @@ from itertools import permutations, product
 
 import numpy as np
 
-from formation import frames
-from formation.arrays import Flags, Float, Quats, Vec3, Vec3s
 from formation.config import LabConfig
+from formation.maths import frames
+from formation.maths.arrays import Flags, Float, Quats, Vec3, Vec3s
 from gcs.doctor.finding import Finding, Grade, graded, unmeasured
 
 MOVED_M, TURNED_RAD = 0.1, np.radians(30.0)

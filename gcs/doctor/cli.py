@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gcs.cli_common import NOT_RIGHT, REFUSED, Json, LabFile, configuration, fail, tell, tell_red
+from gcs.cli.common import NOT_RIGHT, REFUSED, Json, LabFile, configuration, fail, tell, tell_red
 
 if TYPE_CHECKING:
     from formation.config import LabConfig

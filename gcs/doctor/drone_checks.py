@@ -4,9 +4,9 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from formation.vehicle import VehicleProfile
-from gcs.dialect import Dialect, ParameterRule
+from formation.vehicle.profile import VehicleProfile
 from gcs.doctor.finding import Finding, Fix, Grade, Refit, graded, unmeasured
+from gcs.drones.dialect import Dialect, ParameterRule
 from wire.config_file import dump
 
 PACKETS_LEAST = 50  # below it one lost packet would be two per cent, and a twin might not have spoken

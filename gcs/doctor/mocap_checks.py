@@ -4,10 +4,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from formation.arrays import Bool, Float
 from formation.config import LabConfig, MocapConfig
+from formation.maths.arrays import Bool, Float
 from formation.messages import LabFrame
-from formation.safety import nearest, outside_box
+from formation.safety.rules import nearest, outside_box
 from gcs.doctor.finding import Finding, Grade, graded, unmeasured
 
 Received = tuple[int, LabFrame]

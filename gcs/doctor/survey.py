@@ -23,15 +23,15 @@ from gcs.doctor.mavsdk_drone import (
     write_parameter,
 )
 from gcs.doctor.mocap_checks import Received, check_mocap
-from gcs.link_state import HEARTBEAT, DroneLink
-from gcs.links import GroundLinks, open_links
+from gcs.drones.link_state import HEARTBEAT, DroneLink
+from gcs.drones.links import GroundLinks, open_links
 from gcs.mocap.autopilot_poses import AutopilotPoses, streams
 from gcs.mocap.service import mocap_service
 from wire import clock
-from wire.lifetime import Tell
-from wire.mavlink_frames import packed
-from wire.mocap_bus import MocapBus
-from wire.zenoh_bus import ZenohBus
+from wire.mavlink.framing import packed
+from wire.process.lifetime import Tell
+from wire.transport.mocap_bus import MocapBus
+from wire.transport.zenoh_bus import ZenohBus
 
 LOOK_NS = 300_000_000
 PUMP_S = 0.02

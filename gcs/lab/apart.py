@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from formation.config import PERSONAL_SPACE, LabConfig
-from formation.patterns import PATTERNS
-from formation.shape import Shape, separations
+from formation.guidance.patterns import PATTERNS
+from formation.guidance.shape import Shape, separations
 from gcs.doctor.finding import Finding
 from gcs.lab.keys import Keys
 from gcs.lab.room import written_shapes

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from formation.arrays import Float, Vec3s
 from formation.config import LabConfig
+from formation.guidance.preview import Preview
+from formation.maths.arrays import Float, Vec3s
 from formation.model import Vec3Tuple
-from formation.preview import Preview
 
 BEYOND_SHARE = 0.5
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.console import Console
 
 from formation.config import LabConfig
-from gcs.cli_common import NOT_RIGHT, configuration, fail
+from gcs.cli.common import NOT_RIGHT, configuration, fail
 from gcs.doctor.finding import Finding, Grade, graded
 from gcs.lab.judge import judge
 

@@ -1,8 +1,8 @@
 """A lab judged as a whole: everything that its file alone decides, before anything is started. Pure."""
 
 from formation.config import LabConfig
-from formation.preview import Preview, expected_start, preview, trajectory_from
-from formation.shape import configured
+from formation.guidance.preview import Preview, expected_start, preview, trajectory_from
+from formation.guidance.shape import configured
 from gcs.doctor.finding import Finding
 from gcs.lab.apart import judge_apart
 from gcs.lab.keys import Keys

@@ -6,10 +6,10 @@ from math import tan
 
 import numpy as np
 
-from formation.arrays import Float
 from formation.config import LabConfig
-from formation.preview import Preview
-from formation.vehicle import GRAVITY_M_S2
+from formation.guidance.preview import Preview
+from formation.maths.arrays import Float
+from formation.vehicle.profile import GRAVITY_M_S2
 from gcs.doctor.finding import Finding
 from gcs.lab.keys import Keys
 

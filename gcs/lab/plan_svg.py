@@ -5,7 +5,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-from formation.arrays import Float
+from formation.maths.arrays import Float
 from gcs.lab.drawing import Drawing
 
 SIDE, LEFT, TOP, RIGHT, BOTTOM = 640.0, 76.0, 88.0, 36.0, 104.0

@@ -4,7 +4,7 @@ import string
 
 import numpy as np
 
-from formation.arrays import Float
+from formation.maths.arrays import Float
 from gcs.lab.drawing import Drawing
 
 COLUMNS, ROWS = 70, 24

@@ -4,13 +4,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from formation.arrays import Float
 from formation.config import FENCE_INSET_M, Fence, LabConfig
-from formation.patterns import PATTERNS
-from formation.preview import Preview, beyond_text, coordinates, outside_m, preview, reshaped
-from formation.shape import Shape, configured, shape_for
-from formation.shape_request import ShapeRequest
-from formation.trajectory import anchored
+from formation.guidance.patterns import PATTERNS
+from formation.guidance.preview import Preview, beyond_text, coordinates, outside_m, preview, reshaped
+from formation.guidance.shape import Shape, configured, shape_for
+from formation.guidance.shape_request import ShapeRequest
+from formation.guidance.trajectory import anchored
+from formation.maths.arrays import Float
 from gcs.doctor.finding import Finding
 from gcs.lab.keys import Keys
 

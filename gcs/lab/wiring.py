@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from math import pi
 
 from formation.config import LabConfig, TrajectoryConfig, VehicleBody
-from formation.vehicle import PROFILES
+from formation.vehicle.profile import PROFILES
 from gcs.doctor.finding import Finding
 from gcs.lab.keys import Keys
 

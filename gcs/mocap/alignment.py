@@ -5,13 +5,13 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from formation import frames
-from formation.arrays import Bool, Float
 from formation.config import LabConfig
-from formation.kernel import kernel
+from formation.maths import frames
+from formation.maths.arrays import Bool, Float
+from formation.maths.kernel import kernel
+from formation.maths.quaternion import multiply_into
 from formation.messages import LabFrame, RawFrame
-from formation.quaternion import multiply_into
-from wire.frame_check import FARTHEST_M, UNIT_WITHIN
+from wire.transport.frame_check import FARTHEST_M, UNIT_WITHIN
 
 Indices = NDArray[np.int64]
 

@@ -9,15 +9,15 @@ from math import cos, exp, radians
 
 import numpy as np
 
-from formation.arrays import Quat, Vec3
 from formation.config import LabConfig
-from formation.frames import IDENTITY
+from formation.maths.arrays import Quat, Vec3
+from formation.maths.frames import IDENTITY
 from formation.messages import Datagram, LabFrame
 from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
 from wire.link_messages.motion import AttitudeQuaternion, LocalPosition, SimTruth
 from wire.link_messages.packet import LinkMessage
-from wire.mavlink import Codec
-from wire.sender_clock import SenderClock
+from wire.mavlink.codec import Codec
+from wire.transport.sender_clock import SenderClock
 
 EARTH_RADIUS_M = 6_371_000.0
 SMOOTHING_S = 0.2

@@ -5,13 +5,13 @@ import sys
 import uvloop
 
 from formation.config import LabConfig
-from gcs.cli_common import NOT_RIGHT, REFUSED, fail, tell, tell_json
+from gcs.cli.common import NOT_RIGHT, REFUSED, fail, tell, tell_json
 from gcs.mocap.csv_file import MocapFileError
 from gcs.mocap.daemon import run
 from gcs.mocap.service import ServiceError
 from gcs.mocap.warm_up import warm_up
 from wire.clock import Clock
-from wire.progress import compile_all
+from wire.process.progress import compile_all
 
 
 def serve(config: LabConfig, linger_s: float | None, as_json: bool, clock: Clock) -> None:

@@ -9,8 +9,8 @@ from dataclasses import replace
 from formation.config import LabConfig
 from formation.messages import LabFrame, RawFrame
 from gcs.mocap.alignment import Alignment, Fault
-from wire.frame_check import lab_fault, raw_fault
 from wire.refusals import Refusals
+from wire.transport.frame_check import lab_fault, raw_fault
 
 MOST_UNKNOWN = 16
 """How many bodies that are none of the lab's are remembered, to name them."""

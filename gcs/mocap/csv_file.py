@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from formation import frames
-from formation.arrays import Float
+from formation.maths import frames
+from formation.maths.arrays import Float
 
 FIELDS = 8
 UNIT_WITHIN = 0.01

@@ -15,10 +15,10 @@ from gcs.mocap.core import SOURCE, MocapCore
 from gcs.mocap.service import ServiceError, configuration_name
 from gcs.mocap.source import Frame, Timed, play, recording
 from wire.clock import Clock
-from wire.lifetime import Stop, Tell
-from wire.mocap_bus import MocapBus
+from wire.process.lifetime import Stop, Tell
 from wire.refusals import Refusals
-from wire.zenoh_bus import ZenohBus
+from wire.transport.mocap_bus import MocapBus
+from wire.transport.zenoh_bus import ZenohBus
 
 WATCH_NS = 100_000_000
 STATE_NS = 1_000_000_000

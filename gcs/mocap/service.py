@@ -9,10 +9,10 @@ from pathlib import Path
 
 from formation.config import LabConfig
 from formation.messages import Event, Severity
-from gcs.cli_common import NOT_RIGHT
+from gcs.cli.common import NOT_RIGHT
 from wire.clock import REAL_TIME, Clock
-from wire.lifetime import Tell
-from wire.mocap_bus import MocapBus
+from wire.process.lifetime import Tell
+from wire.transport.mocap_bus import MocapBus
 
 FIND_S = 1.0
 LOOK_S = 0.2

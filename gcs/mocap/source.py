@@ -11,7 +11,7 @@ from formation.config import LabConfig
 from formation.messages import LabFrame, RawFrame
 from gcs.mocap.csv_file import MocapFileError, read_recording
 from wire.clock import Clock
-from wire.mcap_log import LogError, read_log
+from wire.logs.mcap_log import LogError, read_log
 
 Frame = RawFrame | LabFrame
 """A flight's log holds frames that were aligned when it was flown."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from formation.config import LabConfig
-from formation.frames import IDENTITY
+from formation.maths.frames import IDENTITY
 from formation.messages import RawFrame
 from gcs.mocap.core import MocapCore
 

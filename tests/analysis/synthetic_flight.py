@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from formation import frames, topics
-from formation.arrays import Float
+from formation import topics
 from formation.config import FollowerConfig, LabConfig, LeaderConfig
+from formation.maths import frames
+from formation.maths.arrays import Float
 from formation.messages import (
     AttitudeTarget,
     Command,
@@ -52,7 +53,7 @@ ErrorLead = Callable[[float], Float]
 
 @dataclass(frozen=True)
 class Record:
-    """What `wire.mcap_log.Entry` holds."""
+    """What `wire.logs.mcap_log.Entry` holds."""
 
     topic: Topic
     t_ns: int

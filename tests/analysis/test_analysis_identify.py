@@ -19,10 +19,10 @@ from analysis.identify.signals import Seen, Sent, held
 from analysis.identify.thrust import Thrust
 from analysis.identify.vehicle import Identification, identify
 from analysis.load import Flight, from_records
-from drone_agent.attitude_loop import LoopSetpoint, advance
-from formation import frames
-from formation.arrays import Float
-from formation.vehicle import GRAVITY_M_S2, PROFILES, VehicleProfile, at_rest
+from drone_agent.simulation.attitude_loop import LoopSetpoint, advance
+from formation.maths import frames
+from formation.maths.arrays import Float
+from formation.vehicle.profile import GRAVITY_M_S2, PROFILES, VehicleProfile, at_rest
 from sim import lockstep, scenario
 from wire import config_file
 

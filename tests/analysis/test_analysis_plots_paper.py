@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from analysis.plots import paper, style
 from analysis.plots.style import Missing
-from formation.arrays import Float
+from formation.maths.arrays import Float
 
 
 @dataclass(frozen=True)

@@ -28,8 +28,8 @@ from formation.topics import Topic
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
 from wire.link_messages.status import NamedValue
-from wire.mavlink import Codec
-from wire.mcap_log import LogWriter
+from wire.logs.mcap_log import LogWriter
+from wire.mavlink.codec import Codec
 
 SECTIONS = [
     "timeline", "paths", "error", "leader", "clouds", "positions", "sliding", "output", "attitude", "timing", "metrics"

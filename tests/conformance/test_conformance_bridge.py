@@ -21,9 +21,9 @@ from wire.link_messages.commands import Command, CommandAck
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
 from wire.link_messages.status import Heartbeat, NamedValue, StatusText
-from wire.mavlink import Codec
-from wire.mocap_bus import MocapBus
-from wire.zenoh_bus import ZenohBus
+from wire.mavlink.codec import Codec
+from wire.transport.mocap_bus import MocapBus
+from wire.transport.zenoh_bus import ZenohBus
 
 pytestmark = pytest.mark.processes
 TARGET = Address(5, 1)

@@ -7,15 +7,15 @@ import numpy as np
 
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
-from formation.arrays import Float
-from formation.frames import from_rotation_vector
+from formation.maths.arrays import Float
+from formation.maths.frames import from_rotation_vector
 from formation.messages import Datagram, Event, LabFrame, Truth
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.commands import Command, CommandAck, Result
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
 from wire.link_messages.status import StatusText
-from wire.mavlink import Codec
+from wire.mavlink.codec import Codec
 
 S = 1_000_000_000
 MS = 1_000_000

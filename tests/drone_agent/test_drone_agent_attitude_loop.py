@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
-from drone_agent.attitude_loop import LoopSetpoint, advance
-from formation import frames
-from formation.arrays import Float
-from formation.vehicle import GRAVITY_M_S2, PROFILES, VehicleProfile, VehicleState, at_rest, on_ground, profile
+from drone_agent.simulation.attitude_loop import LoopSetpoint, advance
+from formation.maths import frames
+from formation.maths.arrays import Float
+from formation.vehicle.profile import GRAVITY_M_S2, PROFILES, VehicleProfile, VehicleState, at_rest, on_ground, profile
 
 CALM = np.zeros(3)
 PAPER = profile("paper_40g")

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from agent_bench import LEVEL, MS, Bench, S, Stream, hover_at, hover_over
 
-from drone_agent.bridge import BridgeCore
+from drone_agent.autopilots.personality import Mode
+from drone_agent.bridge.core import BridgeCore
 from drone_agent.config import AgentConfig
-from drone_agent.level_error import LevelError
-from drone_agent.personality import Mode
+from drone_agent.simulation.level_error import LevelError
 from formation.messages import Datagram, LabFrame
 from wire.link_messages.address import BRIDGE_COMPONENT, GROUND, Address
 from wire.link_messages.clocks import TimeSync
@@ -21,7 +21,7 @@ from wire.link_messages.motion import LocalPosition, MocapPose, Origin, VisionPo
 from wire.link_messages.packet import LinkMessage, Packet
 from wire.link_messages.setpoints import AttitudeSetpoint
 from wire.link_messages.status import NamedValue, StatusText
-from wire.mavlink import Codec
+from wire.mavlink.codec import Codec
 
 TRUE_LEVEL = LevelError()
 

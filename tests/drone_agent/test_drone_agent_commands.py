@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from agent_bench import Bench, hover_at, idle, target
 
-from drone_agent.personality import Mode
+from drone_agent.autopilots.personality import Mode
 from wire.link_messages.address import Address
 from wire.link_messages.clocks import Ping, TimeSync
 from wire.link_messages.commands import Command, CommandAck, CommandInt, Result, SetMode

@@ -6,15 +6,15 @@ from agent_bench import MS, Bench, S, hover_at, target
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drone_agent.airframe import Airframe
-from drone_agent.attitude_loop import LoopSetpoint
 from drone_agent.clock_offset import GroundClock
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
 from drone_agent.schedule import RASTER_NS, Schedule
-from formation.disturbance import Disturbance, SweptFan
+from drone_agent.simulation.airframe import Airframe
+from drone_agent.simulation.attitude_loop import LoopSetpoint
+from drone_agent.simulation.disturbance import Disturbance, SweptFan
 from formation.messages import Datagram
-from formation.vehicle import profile
+from formation.vehicle.profile import profile
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.motion import AttitudeQuaternion, LocalPosition
 from wire.link_messages.status import NamedValue

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from agent_bench import LEVEL, Bench
 
-from formation.frames import from_yaw, multiply, rotate
+from formation.maths.frames import from_yaw, multiply, rotate
 from wire.link_messages.commands import Result
 from wire.link_messages.motion import (
     AttitudeQuaternion,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from agent_bench import Bench, S, hover_at, target, tilt_rad
 
-from drone_agent.autopilot import STREAM_MODES
-from drone_agent.personality import Mode, Task
+from drone_agent.autopilots.personality import Mode, Task
+from drone_agent.flight.autopilot import STREAM_MODES
 from wire.link_messages.commands import Result
 from wire.link_messages.motion import AttitudeQuaternion, LocalPosition
 from wire.link_messages.status import Battery, ExtendedSysState, Heartbeat, LandedState, SysStatus

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from agent_bench import MS, Bench, S, hover_at, idle, target, tilt_rad
 
-from drone_agent.estimator import Belief
-from drone_agent.flying import Pilot
-from drone_agent.personality import Mode, Task
-from formation.frames import IDENTITY
-from formation.vehicle import PAPER_40G
+from drone_agent.autopilots.personality import Mode, Task
+from drone_agent.flight.estimator import Belief
+from drone_agent.flight.flying import Pilot
+from formation.maths.frames import IDENTITY
+from formation.vehicle.profile import PAPER_40G
 from wire.link_messages.commands import Result
 from wire.link_messages.status import Autopilot, Heartbeat
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from agent_bench import LEVEL, MS, Bench, hover_at
 
-from drone_agent.personality import Mode, Task
+from drone_agent.autopilots.personality import Mode, Task
 from wire.link_messages.commands import Result
 from wire.link_messages.motion import GlobalPosition, Origin, SetOrigin, SimTruth
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore, LocalFrame, PositionIgnore, PositionSetpoint

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from agent_bench import LEVEL, Bench, S, hover_at, tilt_rad
 
-from drone_agent.level_error import STEP_NS, Lean, LevelError
-from formation.arrays import Float
-from formation.frames import rotate
+from drone_agent.simulation.level_error import STEP_NS, Lean, LevelError
+from formation.maths.arrays import Float
+from formation.maths.frames import rotate
 from wire.link_messages.motion import AttitudeQuaternion
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from agent_bench import Bench
 
-from drone_agent import parameter_file
-from drone_agent.personalities import PERSONALITIES
+from drone_agent.autopilots import parameter_file
+from drone_agent.autopilots.personalities import PERSONALITIES
 from formation.messages import Datagram
 from wire.config_file import ConfigError
 from wire.link_messages.parameters import ParamRequestList, ParamRequestRead, ParamSet, ParamType, ParamValue

@@ -12,8 +12,8 @@ import pytest
 from flights import CIRCLE, LINE, SPEED, gcs_sim_fly, pid_of, processes_of, read_until, write_scenario
 
 from gcs.replay import replay
-from wire.mcap_log import check_log, read_log
-from wire.starved import LATE_NS
+from wire.logs.mcap_log import check_log, read_log
+from wire.process.starved import LATE_NS
 
 pytestmark = [pytest.mark.processes, pytest.mark.timeout(900)]
 

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from flights import CIRCLE, SPEED, write_scenario
 
-from formation import frames, topics
-from formation.arrays import Float
+from formation import topics
+from formation.maths import frames
+from formation.maths.arrays import Float
 from formation.messages import Truth
 from sim.fly import Files, operate, running
 from sim.ports import private_link
@@ -19,7 +20,7 @@ from sim.processes import ProcessGroup
 from sim.scenario import Scenario, load
 from sim.script import FLIGHT, Operator
 from wire.clock import Clock
-from wire.mcap_log import check_log, read_log
+from wire.logs.mcap_log import check_log, read_log
 
 pytestmark = [pytest.mark.processes, pytest.mark.timeout(900)]
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from formation.config import LimitsConfig
-from formation.safety import Facts
+from formation.safety.rules import Facts
 
 LIMITS = LimitsConfig()
 NAMES = ("lead", "left", "right")

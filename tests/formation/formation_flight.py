@@ -7,14 +7,14 @@ from itertools import count
 
 import numpy as np
 
-from drone_agent.attitude_loop import LoopSetpoint, advance
-from formation import frames
-from formation.arrays import Float
+from drone_agent.simulation.attitude_loop import LoopSetpoint, advance
 from formation.config import FollowerConfig, LabConfig, LeaderConfig, TrajectoryConfig
 from formation.control.stack import ControlStack, Stages
+from formation.guidance.plan import Plan
+from formation.maths import frames
+from formation.maths.arrays import Float
 from formation.messages import LabFrame
-from formation.reference import Plan
-from formation.vehicle import VehicleProfile, VehicleState, at_rest, profile
+from formation.vehicle.profile import VehicleProfile, VehicleState, at_rest, profile
 
 START_NS = 10**12
 OFFSETS = ((-0.4, 0.4, 0.0), (-0.4, -0.4, 0.0))

@@ -5,7 +5,7 @@ from pydantic import ValidationError
 
 from formation.config import PRESET_NAMES, LabConfig
 from formation.control.presets import PRESETS
-from formation.vehicle import PAPER_40G
+from formation.vehicle.profile import PAPER_40G
 
 
 def lab(**changes: object) -> LabConfig:

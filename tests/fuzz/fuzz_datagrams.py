@@ -15,19 +15,19 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from drone_agent.bridge import BridgeCore
+from drone_agent.bridge.core import BridgeCore
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
 from formation.config import VehicleBody
 from formation.messages import Datagram
-from formation.vehicle import profile
-from gcs.link_state import READS, DroneLink
+from formation.vehicle.profile import profile
+from gcs.drones.link_state import READS, DroneLink
 from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
 from wire.link_messages.commands import Command, CommandAck
 from wire.link_messages.status import Autopilot, Heartbeat
-from wire.mavlink import Codec
-from wire.mavlink_frames import sealed
-from wire.mavlink_layout import CRC_EXTRA
+from wire.mavlink.codec import Codec
+from wire.mavlink.framing import sealed
+from wire.mavlink.layout import CRC_EXTRA
 
 SYSID = 3
 DRONE = Address(SYSID, DRONE_COMPONENT)

@@ -15,16 +15,16 @@ from typing import Any
 
 import numpy as np
 
-from drone_agent.bridge import BridgeCore
+from drone_agent.bridge.core import BridgeCore
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
-from formation.arrays import Float
 from formation.config import LabConfig
+from formation.maths.arrays import Float
 from formation.messages import LabFrame, RawFrame
 from gcs.core import GcsCore
 from gcs.mocap.core import MocapCore
-from wire.frame_check import lab_fault
 from wire.schema import SchemaError, schema_of
+from wire.transport.frame_check import lab_fault
 
 STEP_NS = 1_000_000
 PROBE_EVERY = 64

@@ -1,8 +1,8 @@
 from fuzz_datagrams import MTU, crafted, fuzz
 
 from wire.link_messages.address import GROUND
-from wire.mavlink import Codec
-from wire.mavlink_frames import FRAMES_MOST
+from wire.mavlink.codec import Codec
+from wire.mavlink.framing import FRAMES_MOST
 
 
 def test_any_datagrams_raise_nothing_and_lock_nobody_out():

@@ -4,7 +4,7 @@ import os
 import socket
 
 from formation.config import LabConfig
-from wire.zenoh_bus import ZenohBus
+from wire.transport.zenoh_bus import ZenohBus
 
 
 def free_port() -> int:

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from formation import frames
 from formation.config import LabConfig
+from formation.maths import frames
 from formation.messages import Datagram, LabFrame, OperatorReply, OperatorRequest, Phase, Severity, Verb
-from formation.vehicle import profile
+from formation.vehicle.profile import profile
 from gcs.core import GcsCore, Outgoing
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.clocks import TimeSync
@@ -14,7 +14,7 @@ from wire.link_messages.packet import LinkMessage
 from wire.link_messages.parameters import ParamRequestRead, ParamType, ParamValue
 from wire.link_messages.setpoints import AttitudeSetpoint
 from wire.link_messages.status import Autopilot, EkfStatus, Heartbeat, StatusText
-from wire.mavlink import Codec, param_to_raw
+from wire.mavlink.codec import Codec, param_to_raw
 
 G = 9.8
 MS = 1_000_000

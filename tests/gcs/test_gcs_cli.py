@@ -13,10 +13,10 @@ from formation.config import FollowerConfig, LabConfig, LeaderConfig, MocapConfi
 from formation.control.margin import delay_margin
 from formation.control.presets import preset_for
 from formation.messages import Verb
-from formation.vehicle import PX4_QUAD, Pace
+from formation.vehicle.profile import PX4_QUAD, Pace
 from gcs.__main__ import app
-from gcs.ground_cli import delay_margins
-from wire.mcap_log import check_log
+from gcs.cli.ground import delay_margins
+from wire.logs.mcap_log import check_log
 
 runner = CliRunner()
 PATIENT = ("--timeout", "500")

@@ -18,7 +18,7 @@ from gcs.daemon import Ended, GroundFailure, run
 from gcs.mocap.service import ServiceError
 from gcs.replay import replay
 from wire.config_file import dump
-from wire.mcap_log import check_log, read_log
+from wire.logs.mcap_log import check_log, read_log
 
 FRAMES = 400
 

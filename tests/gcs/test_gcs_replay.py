@@ -9,7 +9,7 @@ from formation import topics
 from formation.messages import Phase, Verb
 from gcs.recording import record_input, record_tick, run_metadata
 from gcs.replay import ReplayError, first_difference, replay
-from wire.mcap_log import Entry, LogWriter, read_log
+from wire.logs.mcap_log import Entry, LogWriter, read_log
 
 
 class RecordedCore:

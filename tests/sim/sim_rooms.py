@@ -14,8 +14,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from formation import frames, topics
-from formation.arrays import Float
+from formation import topics
+from formation.maths import frames
+from formation.maths.arrays import Float
 from formation.model import NO_ROTATION, QuatTuple, Vec3Tuple
 from gcs.mocap.csv_file import read_recording
 from sim import lockstep

@@ -7,7 +7,7 @@ from typing import Any, cast
 from sim.fly import operate
 from sim.script import Operator
 from wire.clock import Clock
-from wire.zenoh_bus import ZenohBus
+from wire.transport.zenoh_bus import ZenohBus
 
 HURRIED = Clock(1000.0)
 """A second of the flight passes in a millisecond."""

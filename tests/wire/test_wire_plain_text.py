@@ -3,9 +3,9 @@ import pytest
 from formation.messages import Severity
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.status import NamedValue, StatusText
-from wire.mavlink import Codec
-from wire.mavlink_frames import packed
-from wire.mavlink_text import LONGEST_READ
+from wire.mavlink.codec import Codec
+from wire.mavlink.framing import packed
+from wire.mavlink.text import LONGEST_READ
 from wire.plain_text import plain
 
 HARMFUL = {

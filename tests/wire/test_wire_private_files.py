@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from wire.mcap_log import LogWriter
+from wire.logs.mcap_log import LogWriter
 from wire.private_files import inside, make_folder
 
 

@@ -15,7 +15,7 @@ from wire_spine import SPINE, assert_identical
 
 from formation import messages as m
 from formation import topics
-from formation.arrays import Scalars, Vec3s
+from formation.maths.arrays import Scalars, Vec3s
 from wire.schema import Schema, SchemaError, schema_of
 
 

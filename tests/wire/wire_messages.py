@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from formation import frames
+from formation.maths import frames
 from formation.messages import Severity
 from wire.link_messages.address import Address
 from wire.link_messages.clocks import Ping, SystemTime, TimeSync

@@ -9,8 +9,8 @@ import numpy as np
 from formation.config import LinkConfig
 from formation.messages import Datagram, LabFrame
 from wire.clock import monotonic_ns
-from wire.mocap_bus import MocapBus
-from wire.zenoh_bus import ZenohBus
+from wire.transport.mocap_bus import MocapBus
+from wire.transport.zenoh_bus import ZenohBus
 
 
 async def mocap(port: str) -> None:

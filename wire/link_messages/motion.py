@@ -3,7 +3,7 @@
 from enum import IntEnum
 from typing import NamedTuple
 
-from formation.arrays import Quat, Vec3
+from formation.maths.arrays import Quat, Vec3
 
 
 class VisionPose(NamedTuple):

@@ -1,0 +1,1 @@
+"""The makes of autopilot an agent can be, as tables."""

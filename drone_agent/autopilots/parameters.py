@@ -1,0 +1,108 @@
+"""A drone's parameters: what the personality declares, the values that rule now, and MAVLink's view of both.
+
+PX4 carries an integer's own bytes in the float field, ArduPilot casts it; the personality says which.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from wire.link_messages.parameters import ParamType, ParamValue
+from wire.link_messages.status import Autopilot
+from wire.mavlink.codec import MavlinkError, param_from_raw, param_to_raw
+
+
+@dataclass(frozen=True, slots=True)
+class ParamSpec:
+    """One parameter: its type, default, documented range and meaning."""
+
+    name: str
+    type: ParamType
+    default: float
+    low: float
+    high: float
+    meaning: str
+
+
+def real(name: str, default: float, low: float, high: float, meaning: str) -> ParamSpec:
+    """A float parameter."""
+    return ParamSpec(name, ParamType.REAL32, default, low, high, meaning)
+
+
+def whole(name: str, default: int, low: int, high: int, meaning: str, kind: ParamType = ParamType.INT32) -> ParamSpec:
+    """An integer parameter; PX4's are all INT32."""
+    return ParamSpec(name, kind, default, low, high, meaning)
+
+
+class Parameters:
+    """The set, in the order of its names, as autopilots list it."""
+
+    def __init__(self, specs: Iterable[ParamSpec], autopilot: Autopilot, values: Mapping[str, float]) -> None:
+        self._specs = tuple(sorted(specs, key=lambda spec: spec.name))
+        self._index = {spec.name: i for i, spec in enumerate(self._specs)}
+        self._values = [spec.default for spec in self._specs]
+        self._autopilot = autopilot
+        self.version = 0
+        """Counts the changes."""
+        for name, value in values.items():
+            if not self.set(name, value):
+                raise ValueError(f"{name!r} is unknown to this autopilot, or {value:g} is no value for it")
+
+    def __len__(self) -> int:
+        return len(self._specs)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._index
+
+    def __getitem__(self, name: str) -> float:
+        return self._values[self._index[name]]
+
+    def set(self, name: str, value: float) -> bool:
+        """Give a parameter a value of its type, as autopilots do without looking at the range; False if it cannot."""
+        index = self._index.get(name)
+        if index is None:
+            return False
+        try:
+            raw = param_to_raw(value, self._specs[index].type, self._autopilot)
+        except MavlinkError:
+            return False
+        stored = param_from_raw(raw, self._specs[index].type, self._autopilot)
+        if stored != self._values[index]:
+            self._values[index] = stored
+            self.version += 1
+        return True
+
+    def set_raw(self, name: str, raw: bytes, kind: ParamType) -> bool:
+        """PARAM_SET; False for an unknown name, a foreign type (PX4), or bytes that are no value."""
+        index = self._index.get(name)
+        if index is None:
+            return False
+        cast = self._autopilot is Autopilot.ARDUPILOT
+        if not cast and kind is not self._specs[index].type:
+            return False
+        try:
+            value = param_from_raw(raw, ParamType.REAL32 if cast else kind, self._autopilot)
+        except MavlinkError:
+            return False
+        if cast and self._specs[index].type is not ParamType.REAL32:
+            value = round(value) if abs(value) < 2.0**31 else value
+        return value == value and self.set(name, value)
+
+    def message(self, name_or_index: str | int) -> ParamValue | None:
+        """PARAM_VALUE of one parameter, or None if there is no such."""
+        index = self._index.get(name_or_index, -1) if isinstance(name_or_index, str) else name_or_index
+        if not 0 <= index < len(self._specs):
+            return None
+        spec = self._specs[index]
+        raw = param_to_raw(self._values[index], spec.type, self._autopilot)
+        return ParamValue(spec.name, raw, spec.type, len(self._specs), index)
+
+    def changed(self) -> dict[str, float]:
+        """What differs from the defaults: what a parameter file keeps."""
+        pairs = zip(self._specs, self._values, strict=True)
+        return {spec.name: value for spec, value in pairs if value != float32(spec)}
+
+
+def float32(spec: ParamSpec) -> float:
+    """The default as the wire holds it."""
+    raw = param_to_raw(spec.default, spec.type, Autopilot.PX4)
+    return param_from_raw(raw, spec.type, Autopilot.PX4)

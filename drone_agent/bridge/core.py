@@ -1,0 +1,244 @@
+"""The bridge to a real autopilot, without its sockets: passes MAVLink on both ways and enforces the agent's rules.
+
+The last line of defence beside a real drone, whatever becomes of the ground: where the stream of setpoints has gone
+stale, this process holds the body on its own mocap feed, then lets it down; the autopilot is told the mocap pose of
+its body by this process, not by the ground. Frames pass byte for byte, sender and all.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drone_agent.autopilots.personalities import PERSONALITIES
+from drone_agent.autopilots.personality import Personality
+from drone_agent.bridge.hold import BridgeHold
+from drone_agent.bridge.rule import STEP_NS, Do, StaleRule
+from drone_agent.clock_offset import GroundClock
+from drone_agent.config import AgentConfig
+from drone_agent.flight.autopilot import STREAM_MODES
+from formation.messages import Datagram, Event, LabFrame, Severity
+from wire.link_messages.address import BRIDGE_COMPONENT, DRONE_COMPONENT, Address
+from wire.link_messages.clocks import TimeSync
+from wire.link_messages.commands import Command, CommandAck, SetMode
+from wire.link_messages.motion import Origin, SetOrigin, VisionPose
+from wire.link_messages.packet import LinkMessage
+from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
+from wire.link_messages.status import Autopilot, Heartbeat, NamedValue, StatusText
+from wire.mavlink.codec import Codec, MavlinkError, read_frame
+from wire.mavlink.framing import Frame, FrameCutter, packed
+
+_POSES = frozenset({102, 138, 331})
+# Heartbeat, mode, origin, commands and their acknowledgements, setpoints, clock: what is read here; the rest passes.
+_WATCHED = frozenset({0, 11, 49, 76, 77, 82, 111})
+_BEAT_NS = 1_000_000_000
+_POSE_NS = 20_000_000
+_OWN_FEED_NS = 200_000_000
+_SILENT_NS = 1_500_000_000  # of heartbeats a second: it may have restarted, and forgotten its origin
+_SETS_MODE = (20, 21, 22, 176, 185, 192, 400)
+_MAKES = {make.autopilot: make for make in PERSONALITIES.values()}
+
+
+@dataclass(frozen=True, slots=True)
+class BridgeOutgoing:
+    """What one tick gives: packets for the ground, packets for the autopilot, events."""
+
+    to_ground: tuple[Datagram, ...]
+    to_autopilot: tuple[Datagram, ...]
+    events: tuple[Event, ...]
+
+
+class BridgeCore:
+    """One real drone. Call a `receive_*` with what arrives and `tick` no later than `next_deadline_ns`."""
+
+    def __init__(self, config: AgentConfig, t0_ns: int, *, serial: bool = False) -> None:
+        """serial: the autopilot's bytes come as a stream, not as datagrams."""
+        self._config = config
+        self._t0_ns = self._now_ns = t0_ns
+        self._target = Address(config.sysid, DRONE_COMPONENT)
+        self._codec = Codec(Address(config.sysid, BRIDGE_COMPONENT))
+        self._from_ground, self._from_autopilot = FrameCutter(), FrameCutter(stream=serial)
+        land_s = 1.0 if config.stale_land_s is None else config.stale_land_s
+        self._rule = StaleRule(config.stale_setpoint_s, land_s)
+        self._make: Personality | None = None
+        self._lacks_origin = False
+        self._heard_ns = t0_ns
+        self._clock = GroundClock()
+        self._beat_ns = t0_ns
+        self._hold = BridgeHold()
+        self._hold_ns = self._pose_due_ns = t0_ns
+        self._own_feed_ns: int | None = None
+        self._age_told_ns = t0_ns
+        self._strangers: set[int] = set()
+        self._to_ground: list[bytes] = []
+        self._to_autopilot: list[bytes] = []
+        self._events: list[Event] = []
+
+    def receive_ground(self, datagram: Datagram, now_ns: int) -> None:
+        """Pass what the ground says on to the autopilot, watching it."""
+        self._now_ns = now_ns
+        for frame in self._from_ground.cut(datagram.data):
+            if not self._keep_from_ground(frame, now_ns):
+                self._to_autopilot.append(frame.data)
+
+    def receive_autopilot(self, data: bytes, now_ns: int) -> None:
+        """Pass what the autopilot says on to the ground, watching it."""
+        self._now_ns = now_ns
+        for frame in self._from_autopilot.cut(data):
+            if not self._keep_from_autopilot(frame, now_ns):
+                self._to_ground.append(frame.data)
+
+    def receive_frame(self, frame: LabFrame, now_ns: int) -> None:
+        """Tell the autopilot the pose of its body, at most fifty times a second."""
+        self._now_ns = now_ns
+        name = self._config.body_name
+        if name not in frame.bodies:
+            return
+        index = frame.bodies.index(name)
+        pos, q = frame.pos_lab_m[index], frame.q_lab_from_flu[index]
+        if not frame.seen[index] or not np.isfinite(pos).all() or not np.isfinite(q).all():
+            return
+        self._own_feed_ns = now_ns
+        self._hold.see(frame.t_capture_ns, pos, q)
+        if now_ns >= self._pose_due_ns:  # a steady 50 Hz out of frames that jitter
+            self._pose_due_ns = max(self._pose_due_ns + _POSE_NS, now_ns)
+            self._tell_autopilot(VisionPose(frame.t_capture_ns // 1000, pos, q))
+
+    def tick(self, now_ns: int) -> BridgeOutgoing:
+        """Everything to send now."""
+        self._now_ns = now_ns
+        if now_ns >= self._beat_ns:
+            self._beat_ns = now_ns + _BEAT_NS
+            self._tell_autopilot(Heartbeat(Autopilot.INVALID, 18, 0, 0, 4))
+            self._tell_ground(TimeSync(0, now_ns))
+            if self._lacks_origin and self._own_feed_ns is not None:
+                self._tell_autopilot(SetOrigin(self._config.sysid, *self._config.origin))
+        fed = self._own_feed_ns is not None and now_ns - self._own_feed_ns < _OWN_FEED_NS
+        for step in self._rule.due(now_ns, fed=fed, stands=self._hold.stands):
+            self._act(step)
+        outgoing = BridgeOutgoing(
+            _packed(self._config.sysid, self._to_ground),
+            _packed(self._config.sysid, self._to_autopilot),
+            tuple(self._events),
+        )
+        self._to_ground, self._to_autopilot, self._events = [], [], []
+        return outgoing
+
+    def next_deadline_ns(self) -> int:
+        """When `tick` is due if nothing arrives."""
+        if self._to_ground or self._to_autopilot or self._events:
+            return self._now_ns
+        rule_ns = self._rule.deadline_ns()
+        return self._beat_ns if rule_ns is None else min(self._beat_ns, rule_ns)
+
+    def _keep_from_ground(self, frame: Frame, now_ns: int) -> bool:
+        """Note what matters; True for a frame that ends here."""
+        if frame.number in _POSES and self._own_feed_ns is not None:
+            return now_ns - self._own_feed_ns < _OWN_FEED_NS
+        if frame.number not in _WATCHED:
+            return False
+        try:
+            message = read_frame(frame).message
+        except MavlinkError:
+            return False
+        if isinstance(message, AttitudeSetpoint) and message.target.system == self._config.sysid:
+            self._hold.note(message)
+            if self._rule.note(now_ns):
+                self._say(Severity.INFO, "Setpoints are back")
+            self._report_age(message, now_ns)
+        elif isinstance(message, SetMode) or (isinstance(message, Command) and message.command in _SETS_MODE):
+            self._rule.mode_unknown(now_ns)
+        elif isinstance(message, TimeSync) and message.target.component == BRIDGE_COMPONENT and message.tc1_ns:
+            self._clock.exchange(message.ts1_ns - self._t0_ns, message.tc1_ns, now_ns - self._t0_ns)
+            return True
+        return False
+
+    def _keep_from_autopilot(self, frame: Frame, now_ns: int) -> bool:
+        if frame.source.system != self._config.sysid:
+            self._report_stranger(frame.source.system)
+            return True
+        if frame.number not in _WATCHED:
+            return False
+        try:
+            packet = read_frame(frame)
+        except MavlinkError:
+            return False
+        message = packet.message
+        if isinstance(message, Heartbeat) and packet.source.component == DRONE_COMPONENT:
+            self._see(message)
+        elif isinstance(message, Origin):
+            self._lacks_origin = False
+        elif isinstance(message, CommandAck) and message.target.component == BRIDGE_COMPONENT:
+            self._rule.acknowledged(message)
+            return True
+        elif isinstance(message, TimeSync) and message.tc1_ns == 0:
+            # Its poses come from here, so the clock it holds them against must be ours.
+            self._tell_autopilot(TimeSync(now_ns, message.ts1_ns, packet.source))
+            return True
+        return False
+
+    def _see(self, beat: Heartbeat) -> None:
+        make = _MAKES.get(beat.autopilot)
+        if make is None:
+            return
+        silent_ns, self._heard_ns = self._now_ns - self._heard_ns, self._now_ns
+        if self._make is not make or silent_ns > _SILENT_NS:
+            self._lacks_origin = make.needs_origin
+        if self._make is not make:
+            self._make = make
+            self._say(Severity.INFO, f"Bridge to {make.name}")
+        offboard = [make.modes[mode].custom_mode for mode in STREAM_MODES if mode in make.modes]
+        self._rule.saw(offboard=beat.armed and beat.custom_mode in offboard)
+
+    def _act(self, step: Do) -> None:
+        """Carry out a step of the stale rule."""
+        match step:
+            case Do.SAY_STALE:
+                self._hold.begin(self._now_ns)
+                self._say(Severity.WARNING, "Setpoints are stale: level and hold")
+            case Do.SAY_LANDING:
+                self._say(Severity.CRITICAL, "Setpoints are stale: landing")
+            case Do.HOLD | Do.LET_DOWN:
+                self._fly(down=step is Do.LET_DOWN)
+            case Do.LAND:
+                self._command(21, 0.0, 0.0, 0.0, float("nan"))
+
+    def _fly(self, *, down: bool) -> None:
+        """One attitude target of our own."""
+        dt_s = min(self._now_ns - self._hold_ns, 5 * STEP_NS) * 1e-9
+        self._hold_ns = self._now_ns
+        wanted = self._hold.step(self._now_ns, dt_s, down=down)
+        t_boot_ms = (self._now_ns - self._t0_ns) // 1_000_000
+        rate, thrust = np.zeros(3), wanted.thrust_norm
+        self._tell_autopilot(
+            AttitudeSetpoint(self._target, t_boot_ms, wanted.q_lab_from_flu, rate, thrust, Ignore.BODY_RATES)
+        )
+
+    def _command(self, number: int, *params: float) -> None:
+        p1, p2, p3, p4, p5, p6, p7 = (*params, *(0.0,) * (7 - len(params)))
+        self._tell_autopilot(Command(self._target, number, (p1, p2, p3, p4, p5, p6, p7)))
+
+    def _report_age(self, message: AttitudeSetpoint, now_ns: int) -> None:
+        rate_hz = self._config.age_rate_hz
+        age_ms = self._clock.age_ms(message.t_boot_ms, now_ns - self._t0_ns)
+        if age_ms is not None and rate_hz > 0.0 and now_ns - self._age_told_ns >= 1e9 / rate_hz:
+            self._age_told_ns = now_ns
+            self._tell_ground(NamedValue((now_ns - self._t0_ns) // 1_000_000, "age_ms", age_ms))
+
+    def _report_stranger(self, system: int) -> None:
+        if system not in self._strangers:
+            self._strangers.add(system)
+            self._say(Severity.ERROR, f"The autopilot says it is system {system}, not {self._config.sysid}")
+
+    def _say(self, severity: Severity, text: str) -> None:
+        self._tell_ground(StatusText(severity, text))
+        self._events.append(Event(severity, f"uav{self._config.sysid}", text))
+
+    def _tell_ground(self, message: LinkMessage) -> None:
+        self._to_ground.append(self._codec.encode(message))
+
+    def _tell_autopilot(self, message: LinkMessage) -> None:
+        self._to_autopilot.append(self._codec.encode(message))
+
+
+def _packed(sysid: int, packets: list[bytes]) -> tuple[Datagram, ...]:
+    return tuple(Datagram(sysid, data) for data in packed(b"".join(packets)))

@@ -1,0 +1,95 @@
+"""The bridge's process: pumps BridgeCore between the ground's link, the bus and the autopilot's own port."""
+
+from drone_agent.bridge.core import BridgeCore
+from drone_agent.config import AgentConfig
+from drone_agent.ground_link import open_ground_link
+from drone_agent.wake import Wake
+from formation.messages import Datagram, LabFrame
+from wire.clock import monotonic_ns
+from wire.config_file import ConfigError
+from wire.process.lifetime import Stop, Tell
+from wire.refusals import Refusals
+from wire.transport.link import Link
+from wire.transport.mocap_bus import MocapBus
+from wire.transport.serial_link import open_serial
+from wire.transport.udp_bus import open_udp_direct
+from wire.transport.zenoh_bus import ZenohBus
+
+
+class _Pump:
+    """Hands what arrives to the core at once, and wakes it at its own deadlines."""
+
+    def __init__(self, core: BridgeCore, tell: Tell) -> None:
+        self.ground: Link | None = None
+        self.autopilot: Link | None = None
+        self.refusals = Refusals()
+        self._core = core
+        self._tell = tell
+        self.wake = Wake(self.turn)
+
+    def from_ground(self, datagram: Datagram) -> None:
+        """The ground said something."""
+        self._core.receive_ground(datagram, monotonic_ns())
+        self.turn()
+
+    def from_autopilot(self, datagram: Datagram) -> None:
+        """The autopilot said something."""
+        self._core.receive_autopilot(datagram.data, monotonic_ns())
+        self.turn()
+
+    def from_mocap(self, frame: LabFrame) -> None:
+        """The mocap saw something."""
+        self._core.receive_frame(frame, monotonic_ns())
+        self.turn()
+
+    def turn(self) -> None:
+        """Send what is due and sleep until the next deadline."""
+        now_ns = monotonic_ns()
+        out = self._core.tick(now_ns)
+        for link, datagrams in ((self.autopilot, out.to_autopilot), (self.ground, out.to_ground)):
+            if link is not None:
+                for datagram in datagrams:
+                    link.send(datagram)
+        for event in (*out.events, *self.refusals.due(now_ns)):
+            self._tell(event)
+        self.wake.at(self._core.next_deadline_ns())
+
+
+async def run_bridge(config: AgentConfig, autopilot: str, tell: Tell) -> None:
+    """Be the bridge until SIGINT or SIGTERM.
+
+    autopilot: udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD. Raises OSError where a port cannot be had,
+    ConfigError where that text is none of these.
+    """
+    stop = Stop()
+    core = BridgeCore(config, monotonic_ns(), serial=autopilot.startswith("serial:"))
+    pump = _Pump(core, tell)
+    bus: ZenohBus | None = None
+    try:
+        pump.autopilot = await _open_autopilot(autopilot, config.sysid, pump)
+        bus = await ZenohBus.open(config.link, config.lab, pump.refusals)
+        MocapBus(bus).on_frame(pump.from_mocap)
+        pump.ground = await open_ground_link(config, bus, pump.from_ground, pump.refusals)
+        pump.turn()
+        await stop.wait()
+    finally:
+        pump.wake.stop()
+        for link in (pump.ground, pump.autopilot):
+            if link is not None:
+                link.close()
+        if bus is not None:
+            await bus.close()
+
+
+async def _open_autopilot(text: str, sysid: int, pump: _Pump) -> Link:
+    kind = text.partition(":")[0]
+    try:
+        if kind == "serial":
+            return await open_serial(text, sysid, pump.from_autopilot)
+        if kind in ("udp", "udpin", "udpout"):
+            return await open_udp_direct(text, sysid, pump.from_autopilot, pump.refusals)
+    except ValueError as error:
+        raise ConfigError([f"drone-agent: bridge: {error}"]) from error
+    except OSError as error:
+        raise OSError(f"bridge {text}: {error.strerror or error}") from error
+    raise ConfigError([f"drone-agent: bridge: {text!r} is not udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD"])

@@ -1,0 +1,93 @@
+"""The bridge's own hold: keeps a body over its place, and lets it down, by what the mocap says of it alone. No bytes.
+
+An autopilot's hold is no better than its estimate, which indoors wanders by decimetres, and it may refuse: PX4's needs
+a position on the globe. Attitude targets it follows in the mode it is in, from one moment to the next.
+"""
+
+import math
+
+import numpy as np
+
+from drone_agent.flight.estimator import Belief
+from drone_agent.flight.position import Demand, PositionController
+from drone_agent.simulation.attitude_loop import LoopSetpoint
+from formation.maths.arrays import Quat, Vec3
+from formation.maths.frames import IDENTITY, rotate, yaw
+from formation.vehicle.body import GRAVITY_M_S2
+from wire.link_messages.setpoints import AttitudeSetpoint
+
+_CARRIED = 0.04  # share of each setpoint in what is taken to have carried it so far
+_LEAN_MAX_M_S2 = 0.5
+_SHARE, _SHARE_VEL = 0.3, 0.05  # of a position's surprise, and of its rate: believed within 40 ms
+_GAP_MAX_S = 0.2
+_STOP_S = 0.4  # its place is where the present speed would come to rest
+_SINK_M_S = 0.35
+_STANDS_M_S, _STANDS_NS = 0.08, 400_000_000
+_UP = np.array([0.0, 0.0, 1.0])
+
+
+class BridgeHold:
+    """One body. `see` and `note` follow it in flight; `begin`, then `step` at a steady rate."""
+
+    def __init__(self) -> None:
+        self.stands = False
+        """Whether it was let down and sinks no more."""
+        self._pos: Vec3 | None = None
+        self._vel: Vec3 = np.zeros(3)
+        self._capture_ns = 0
+        self._yaw_rad = 0.0
+        self._thrust = math.nan
+        self._lean_lab_m_s2: Vec3 = np.zeros(3)
+        self._loop = PositionController(self._thrust_of)
+        self._place = (0.0, 0.0)
+        self._height_m = 0.0
+        self._sinks_ns = 0
+
+    def see(self, t_capture_ns: int, pos_lab_m: Vec3, q_lab_from_flu: Quat) -> None:
+        """Its pose: the velocity is carried on by its tilt and put right by its place."""
+        dt_s = (t_capture_ns - self._capture_ns) * 1e-9
+        if self._pos is None or not 0.0 < dt_s < _GAP_MAX_S:
+            if self._pos is None or dt_s > 0.0:
+                self._pos, self._vel, self._capture_ns = pos_lab_m.copy(), np.zeros(3), t_capture_ns
+            return
+        axis = rotate(q_lab_from_flu, _UP)
+        push = GRAVITY_M_S2 * np.array([axis[0], axis[1], 0.0]) / max(axis[2], 0.5)
+        ahead = self._pos + dt_s * self._vel
+        missed = pos_lab_m - ahead
+        self._pos = ahead + _SHARE * missed
+        self._vel = self._vel + dt_s * push + _SHARE_VEL / dt_s * missed
+        self._capture_ns = t_capture_ns
+
+    def note(self, target: AttitudeSetpoint) -> None:
+        """A setpoint of the ground's: its heading is kept, its thrust and its lean are what carries it."""
+        q, thrust = target.q_lab_from_flu, target.thrust_norm
+        axis = rotate(q, _UP)
+        lean = GRAVITY_M_S2 * np.array([axis[0], axis[1], 0.0])
+        self._lean_lab_m_s2 = self._lean_lab_m_s2 + _CARRIED * (lean - self._lean_lab_m_s2)
+        self._thrust = thrust if math.isnan(self._thrust) else self._thrust + _CARRIED * (thrust - self._thrust)
+        self._yaw_rad = float(yaw(q))
+
+    def begin(self, now_ns: int) -> None:
+        """Hold from here on, or where it would come to rest."""
+        lean = np.clip(self._lean_lab_m_s2, -_LEAN_MAX_M_S2, _LEAN_MAX_M_S2)
+        self._loop.reset((float(lean[0]), float(lean[1]), 0.0))
+        x, y, z = (IDENTITY[1:] if self._pos is None else self._pos).tolist()
+        self._place = (x + _STOP_S * float(self._vel[0]), y + _STOP_S * float(self._vel[1]))
+        self._height_m, self._sinks_ns, self.stands = z, now_ns, False
+
+    def step(self, now_ns: int, dt_s: float, *, down: bool) -> LoopSetpoint:
+        """The next attitude and thrust. Level, with the thrust that carried it, before it was ever seen."""
+        if self._pos is None:
+            return self._loop.step(Demand(self._yaw_rad), Belief((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), self._yaw_rad), dt_s)
+        x, y, z = self._pos.tolist()
+        vx, vy, vz = self._vel.tolist()
+        demand = Demand(self._yaw_rad, self._place, height_m=self._height_m)
+        if not down or vz < -_STANDS_M_S:
+            self._sinks_ns = now_ns
+        if down:
+            demand = Demand(self._yaw_rad, self._place, climb_m_s=-_SINK_M_S)
+            self.stands = self.stands or now_ns - self._sinks_ns >= _STANDS_NS
+        return self._loop.step(demand, Belief((x, y, z), (vx, vy, vz), self._yaw_rad), dt_s)
+
+    def _thrust_of(self, force_m_s2: float) -> float:
+        return min(max(self._thrust * force_m_s2 / GRAVITY_M_S2, 0.0), 1.0)

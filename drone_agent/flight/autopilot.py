@@ -1,0 +1,323 @@
+"""The autopilot: armed or not, its mode, and who flies. It speaks no MAVLink; fail-safes: drone_agent.flight.guards.
+
+One of three flies at any time: the stream of attitude targets (drone_agent.flight.guidance), the pilot
+(drone_agent.flight.flying), or nobody (disarmed, or idling on the ground). What differs between makes is asked of the
+personality.
+"""
+
+from dataclasses import dataclass
+from math import hypot
+
+from drone_agent.autopilots.parameters import Parameters
+from drone_agent.autopilots.personality import Mode, ModeRow, Needs, Personality, StreamLoss, Task, Timing
+from drone_agent.config import AgentConfig
+from drone_agent.flight.estimator import Belief, Positioning, believed, turned
+from drone_agent.flight.flying import Pilot
+from drone_agent.flight.landing import LandDetector
+from drone_agent.flight.position import NO_RATE
+from drone_agent.flight.stream import StreamWatch, Watch
+from drone_agent.simulation.airframe import Airframe
+from drone_agent.simulation.attitude_loop import LoopSetpoint
+from formation.maths.arrays import Quat, Vec3
+from formation.maths.frames import canonical, inverse, multiply
+from formation.messages import Severity
+from formation.model import Vec3Tuple
+from wire.link_messages.commands import Result
+
+CONTROL_NS = 10_000_000
+_CONTROL_S = CONTROL_NS * 1e-9
+STREAM_MODES = (Mode.OFFBOARD, Mode.OFFBOARD_NO_POSITION)
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """Something to tell the operator."""
+
+    severity: Severity
+    text: str
+
+
+class Autopilot:
+    """One vehicle's commander."""
+
+    def __init__(
+        self,
+        config: AgentConfig,
+        personality: Personality,
+        parameters: Parameters,
+        airframe: Airframe,
+        positioning: Positioning,
+    ) -> None:
+        self.personality = personality
+        self.parameters = parameters
+        self.airframe = airframe
+        self.positioning = positioning
+        self.armed = False
+        self.mode = personality.boot_mode
+        self.failsafe = False
+        self.home: Belief | None = None
+        self.notes: list[Note] = []
+        self.detector = LandDetector()
+        self.stream = StreamWatch(config.stale_setpoint_s)
+        self.armed_ns = 0
+        self.origin: Vec3Tuple | None = config.origin if config.pose == "own" else None
+        """Where the estimate's frame begins on the globe, if anybody has said."""
+        self.pilot = Pilot(airframe.profile)
+        self.piloted = False
+        """Whether the agent flies by itself, so that `control` is due every CONTROL_NS."""
+        self._mode_after_disarm = personality.boot_mode
+        self._rise_m: float | None = None
+        self._read_version = parameters.version
+        self._timing = personality.timing(parameters)
+        self._stream_loss = personality.stream_loss(parameters)
+
+    @property
+    def row(self) -> ModeRow:
+        """The present mode's row of the personality's table."""
+        return self.personality.modes[self.mode]
+
+    @property
+    def timing(self) -> Timing:
+        """The make's waits, as the parameters have them now."""
+        self._reread()
+        return self._timing
+
+    @property
+    def stream_loss(self) -> StreamLoss:
+        """What the make does about a dead stream, as the parameters have it now."""
+        self._reread()
+        return self._stream_loss
+
+    @property
+    def landed(self) -> bool:
+        """Whether it stands on the ground, as far as it can tell."""
+        return self.detector.landed
+
+    @property
+    def task(self) -> Task:
+        """What is being flown."""
+        if not self.armed:
+            return Task.OFF
+        return self.pilot.task if self.piloted else Task.EXTERNAL
+
+    @property
+    def in_stream_mode(self) -> bool:
+        """Whether attitude targets rule, or would if they came."""
+        return self.armed and self.mode in STREAM_MODES
+
+    def belief(self, now_ns: int) -> Belief:
+        """Where it thinks it is."""
+        return believed(self.airframe.state, self.positioning.offset(now_ns))
+
+    def say(self, severity: Severity, text: str, *fills: str) -> None:
+        """Tell the operator, if there are words for it."""
+        if text:
+            self.notes.append(Note(severity, text.format(*fills)))
+
+    # Arming
+
+    def arming_fault(self, now_ns: int) -> str | None:
+        """Why it will not arm now, or None."""
+        row = self.row
+        if not row.may_arm:
+            return self.personality.words.not_armable.format(row.label)
+        if self.airframe.pack.remaining < self.timing.battery_critical:
+            return "low battery"
+        return self.missing(row.needs, now_ns)
+
+    def missing(self, needs: Needs, now_ns: int) -> str | None:
+        """The first of a mode's needs that is not met, in words."""
+        if Needs.POSITION in needs:
+            fault = self.position_fault(now_ns)
+            if fault is not None and not (self.armed and self.positioning.valid(now_ns)):
+                return self.personality.words.no_position.format(fault)
+        if Needs.GLOBE in needs and self.origin is None and self.armed:
+            return "no valid global position estimate"
+        if Needs.STREAM in needs and self.stream.silent_for(now_ns, self.stream_loss.after_s):
+            return self.personality.words.stream_lost
+        if Needs.PILOT in needs:
+            return "manual control signal lost"
+        return "no valid mission available" if Needs.MISSION in needs else None
+
+    def position_fault(self, now_ns: int) -> str | None:
+        """Why there is no position to arm on, or None."""
+        if self.personality.needs_origin and self.origin is None:
+            return "EKF origin not set"
+        return self.positioning.fault(now_ns)
+
+    def arm(self, now_ns: int, *, force: bool = False) -> Result:
+        """Arm after the checks, or past them by force; arming what is armed is accepted."""
+        if self.armed:
+            return Result.ACCEPTED
+        fault = None if force else self.arming_fault(now_ns)
+        if fault is not None:
+            for words in self.personality.words.arm_refused:
+                self.say(Severity.CRITICAL, words, fault)
+            return self.personality.refused
+        self.armed = self.airframe.armed = True
+        self.failsafe = False
+        self.armed_ns = now_ns
+        self.home = self.belief(now_ns)
+        self.pilot.set_home(self.home)
+        self.say(Severity.INFO, self.personality.words.armed)
+        self._take_up(now_ns)
+        return Result.ACCEPTED
+
+    def disarm(self, *, force: bool, reason: str) -> Result:
+        """Stop the motors: on the ground, or anywhere by force."""
+        if not self.armed:
+            return Result.ACCEPTED
+        if not (self.landed or force):
+            self.say(Severity.CRITICAL, self.personality.words.disarm_refused)
+            return self.personality.refused
+        self.armed = self.airframe.armed = False
+        self.airframe.order_now(self.pilot.idle())
+        self.piloted = self.failsafe = False
+        self.detector.landed = True
+        if self.mode is not Mode.TERMINATION:
+            self.mode = self._mode_after_disarm
+        self.say(Severity.INFO, self.personality.words.disarmed, reason)
+        return Result.ACCEPTED
+
+    def terminate(self) -> Result:
+        """Motors off wherever it is."""
+        if not self.armed:
+            return Result.DENIED
+        if Mode.TERMINATION in self.personality.modes:
+            self.mode = Mode.TERMINATION
+        return self.disarm(force=True, reason="flight termination")
+
+    # Modes
+
+    def change_mode(self, mode: Mode, now_ns: int) -> Result:
+        """The operator's choice of mode: any while disarmed (arming checks it), armed only what can be flown."""
+        row = self.personality.modes.get(mode)
+        if row is None or self.mode is Mode.TERMINATION:
+            return self.personality.refused
+        fault = self.missing(row.needs, now_ns) if self.armed else None
+        if fault is not None:
+            self.say(Severity.CRITICAL, self.personality.words.mode_refused, row.label, fault)
+            return self.personality.refused
+        self.failsafe = False
+        self.enter(mode, now_ns)
+        return Result.ACCEPTED
+
+    def take_off(self, now_ns: int, height_m: float | None) -> Result:
+        """Climb to `height_m` above here, or to the make's own take-off height."""
+        if self.personality.takeoff_in_own_mode:
+            self._rise_m = height_m
+            return self.change_mode(Mode.TAKEOFF, now_ns)
+        if not self.in_stream_mode or not self.landed or height_m is None or height_m <= 0.0:
+            return self.personality.refused
+        self.fly(Task.TAKEOFF, now_ns, rise_m=height_m)
+        return Result.ACCEPTED
+
+    def land(self, now_ns: int) -> Result:
+        """Come down here."""
+        result = self.change_mode(Mode.LAND, now_ns)
+        if result is Result.ACCEPTED:
+            self.say(Severity.INFO, self.personality.words.landing)
+        return result
+
+    def go_to(self, now_ns: int, place_lab_m: Vec3Tuple, yaw_rad: float | None) -> Result:
+        """Hold at another place, in the estimate's frame."""
+        if not self.armed or self.landed:
+            return self.personality.refused
+        if self.personality.takeoff_in_own_mode:
+            result = self.change_mode(Mode.HOLD, now_ns)
+            if result is not Result.ACCEPTED:
+                return result
+        elif not self.in_stream_mode:
+            return self.personality.refused
+        self.fly(Task.HOLD, now_ns)
+        self.pilot.go_to(place_lab_m, yaw_rad)
+        return Result.ACCEPTED
+
+    def enter(self, mode: Mode, now_ns: int) -> None:
+        """Be in `mode` and, if armed, do what it does."""
+        self.mode = mode
+        if self.row.may_arm or mode is Mode.TERMINATION:
+            self._mode_after_disarm = mode
+        if self.armed:
+            self._take_up(now_ns)
+
+    def fail_safe(self, mode: Mode, now_ns: int, task: Task | None = None) -> None:
+        """Leave what was asked for: show `mode` and fly its task, or `task`; without a position, descend."""
+        self.failsafe = True
+        self.enter(mode, now_ns)
+        if not self.armed:
+            return
+        flown = task or self.row.task
+        if flown is Task.OFF:
+            self.terminate()
+        elif flown in (Task.HOLD, Task.RETURN, Task.LAND) and not self.positioning.valid(now_ns):
+            self.fly(Task.DESCEND, now_ns)
+        elif task is not None:
+            self.fly(task, now_ns)
+
+    def fly(self, task: Task, now_ns: int, *, rise_m: float = 0.0, level_first: bool = False) -> None:
+        """Let the pilot take `task` up from here."""
+        belief = self.belief(now_ns)
+        goal_m = belief.pos_lab_m[2] + rise_m
+        if task is Task.RETURN:
+            goal_m = self._return_height_m(belief)
+        self.pilot.begin(task, belief, goal_m=goal_m, level_first=level_first)
+        self.piloted = True
+
+    # The steady rate
+
+    def control(self, now_ns: int) -> None:
+        """The pilot's next setpoint, every CONTROL_NS while `piloted`."""
+        if self.landed and not self.pilot.asks_to_rise:
+            self.airframe.order_now(self.pilot.idle())
+            return
+        belief = self.belief(now_ns)
+        setpoint = self.pilot.step(belief, self.timing, _CONTROL_S)
+        true_q = turned(setpoint.q_lab_from_flu, -self.positioning.yaw_rad)
+        rate = self._hurried(true_q) if self.pilot.levelling else setpoint.rate_flu_rad_s
+        self.airframe.order_now(LoopSetpoint(true_q, rate, setpoint.thrust_norm))
+        if not self.pilot.arrived(belief):
+            return
+        if self.pilot.task is Task.TAKEOFF:
+            if self.personality.takeoff_in_own_mode:
+                self.enter(Mode.HOLD, now_ns)
+            else:
+                self.fly(Task.HOLD, now_ns)
+        elif self.pilot.task is Task.RETURN:
+            self.fly(Task.LAND, now_ns)
+
+    def _hurried(self, q_lab_from_flu: Quat) -> Vec3:
+        """Body rates for an attitude loop that takes them: they turn it half as fast again as it would by itself."""
+        profile = self.airframe.profile
+        if not profile.rate_feed_forward:
+            return NO_RATE
+        left = canonical(multiply(inverse(self.airframe.state.q_lab_from_flu), q_lab_from_flu))
+        return profile.attitude_p_1_s * left[1:] * (1.0, 1.0, 0.0)  # half the angle's sine is half the angle
+
+    def _take_up(self, now_ns: int) -> None:
+        """Do what the mode does. A stream that is alive takes over with its next target; until then, hold."""
+        task = self.row.task
+        if task is Task.EXTERNAL:
+            alive = not self.stream.silent_for(now_ns, self.stream_loss.after_s)
+            self.stream.watch = Watch.LIVE if alive else Watch.GIVEN_UP
+            task = Task.HOLD if self.positioning.valid(now_ns) else Task.LEVEL
+        if task is Task.TAKEOFF:
+            rise_m = self._rise_m if self._rise_m is not None else self.timing.takeoff_height_m
+            self._rise_m = None
+            self.fly(task, now_ns, rise_m=rise_m if self.landed else 0.0)
+        elif task is not Task.OFF:
+            self.fly(task, now_ns)
+
+    def _return_height_m(self, belief: Belief) -> float:
+        """Height to fly home at: a cone over the home place, never below the present height."""
+        home = self.home or belief
+        dx, dy = (h - p for h, p in zip(home.pos_lab_m[:2], belief.pos_lab_m[:2], strict=True))
+        timing = self.timing
+        above_m = min(timing.return_height_m, timing.return_slope * hypot(dx, dy))
+        return max(belief.pos_lab_m[2], home.pos_lab_m[2] + above_m)
+
+    def _reread(self) -> None:
+        if self._read_version != self.parameters.version:
+            self._read_version = self.parameters.version
+            self._timing = self.personality.timing(self.parameters)
+            self._stream_loss = self.personality.stream_loss(self.parameters)

@@ -1,0 +1,104 @@
+"""What a stream of setpoints does to the autopilot: attitude targets, body rates, positions and velocities.
+
+Attitude and thrust go straight to the attitude loop after the vehicle's own delay; everything else is the
+pilot's to fly. What the makes read differently is asked of the personality.
+"""
+
+import math
+
+import numpy as np
+
+from drone_agent.autopilots.personality import Task
+from drone_agent.flight.autopilot import Autopilot
+from drone_agent.flight.estimator import turned
+from drone_agent.flight.position import NO_RATE
+from drone_agent.flight.stream import Watch
+from drone_agent.simulation.attitude_loop import LoopSetpoint
+from formation.maths.arrays import Quat, Vec3
+from formation.maths.frames import from_rotation_vector, multiply
+from formation.messages import Severity
+from wire.link_messages.setpoints import AttitudeSetpoint, Ignore, LocalFrame, PositionIgnore, PositionSetpoint
+
+
+class Guidance:
+    """Takes setpoints in; only an autopilot that is armed and off-board follows them."""
+
+    def __init__(self, autopilot: Autopilot) -> None:
+        self._autopilot = autopilot
+        self._delay_ns = round(autopilot.airframe.profile.command_delay_s * 1e9)
+
+    def attitude(self, now_ns: int, target: AttitudeSetpoint) -> None:
+        """An attitude target came."""
+        autopilot = self._autopilot
+        if not autopilot.personality.takes_target(target):
+            if autopilot.in_stream_mode:
+                autopilot.fly(Task.HOLD, now_ns)
+            return
+        if not self._heard(now_ns):
+            return
+        climb_m_s = autopilot.personality.climb_rate_of(autopilot.parameters, target.thrust_norm)
+        if climb_m_s is not None:
+            if autopilot.task is not Task.LEVEL:
+                autopilot.fly(Task.LEVEL, now_ns)
+            autopilot.pilot.follow(target.q_lab_from_flu, climb_m_s)
+            return
+        autopilot.piloted = False
+        if Ignore.ATTITUDE in target.ignore:
+            attitude, rate = self._ahead(target.rate_flu_rad_s), NO_RATE
+        else:
+            offset_rad = autopilot.positioning.yaw_rad
+            attitude, rate = turned(target.q_lab_from_flu, -offset_rad), target.rate_flu_rad_s
+        thrust = 0.0 if Ignore.THRUST in target.ignore else target.thrust_norm
+        autopilot.airframe.order(now_ns + self._delay_ns, LoopSetpoint(attitude, rate, thrust))
+
+    def position(self, now_ns: int, target: PositionSetpoint) -> None:
+        """A position or velocity came; the pilot flies it, where there is an estimate to fly it in."""
+        autopilot = self._autopilot
+        goes = not target.ignore & PositionIgnore.POSITION
+        drifts = not target.ignore & PositionIgnore.VELOCITY
+        if not autopilot.positioning.valid(now_ns) or not (goes or drifts):
+            return
+        if goes and not autopilot.personality.streams_positions:
+            if not autopilot.in_stream_mode:
+                return
+        elif not self._heard(now_ns):
+            return
+        belief = autopilot.belief(now_ns)
+        turn_rad = belief.yaw_rad if target.frame in (LocalFrame.BODY, LocalFrame.BODY_OFFSET) else 0.0
+        vector = _turned_flat(target.pos_m if goes else target.vel_m_s, turn_rad)
+        if not all(map(math.isfinite, vector)):
+            return
+        if autopilot.task is not Task.HOLD:
+            autopilot.fly(Task.HOLD, now_ns)
+        yaw_rad = (
+            None if target.ignore & PositionIgnore.YAW or math.isnan(target.yaw_rad) else target.yaw_rad + turn_rad
+        )
+        if not goes:
+            autopilot.pilot.drift(vector, yaw_rad)
+            return
+        x, y, z = belief.pos_lab_m if target.frame is not LocalFrame.LOCAL else (0.0, 0.0, 0.0)
+        autopilot.pilot.go_to((x + vector[0], y + vector[1], z + vector[2]), yaw_rad)
+
+    def _heard(self, now_ns: int) -> bool:
+        """Note a setpoint of the stream; whether it is to be followed."""
+        autopilot = self._autopilot
+        autopilot.stream.note(now_ns)
+        if not autopilot.in_stream_mode:
+            return False
+        if autopilot.stream.watch is Watch.LEVELLED:
+            autopilot.say(Severity.INFO, "Setpoints are back")
+        autopilot.stream.watch = Watch.LIVE
+        return True
+
+    def _ahead(self, rate_flu_rad_s: Vec3) -> Quat:
+        """The attitude so far ahead that the attitude loop, when it gets it, turns at this rate."""
+        frame = self._autopilot.airframe
+        tilt_s, yaw_s = 1.0 / frame.profile.attitude_p_1_s, 1.0 / frame.profile.yaw_p_1_s
+        ahead_s = np.array([tilt_s, tilt_s, yaw_s]) + self._delay_ns * 1e-9
+        return multiply(frame.state.q_lab_from_flu, from_rotation_vector(rate_flu_rad_s * ahead_s))
+
+
+def _turned_flat(vector: Vec3, yaw_rad: float) -> tuple[float, float, float]:
+    x, y, z = vector.tolist()
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    return c * x - s * y, s * x + c * y, z

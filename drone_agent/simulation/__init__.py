@@ -1,0 +1,1 @@
+"""The true vehicle: airframe, motors, battery, the air around it."""

@@ -1,0 +1,113 @@
+"""The true vehicle in the true air: physics on an exact 1 kHz grid, the setpoints that reach it, its pack.
+
+The grid starts at construction and never depends on when anybody asks: a state between grid points is a side
+step that leaves the grid alone, so that two hosts that ask at different times fly the same flight.
+"""
+
+from collections import deque
+
+import numpy as np
+
+from drone_agent.simulation.attitude_loop import LoopSetpoint, advance
+from drone_agent.simulation.battery import BatteryPack
+from drone_agent.simulation.disturbance import Disturbance, acceleration
+from drone_agent.simulation.level_error import Lean
+from formation.maths.arrays import Quat, Vec3
+from formation.maths.frames import from_yaw
+from formation.vehicle.profile import VehicleProfile, VehicleState, at_rest
+
+STEP_NS = 1_000_000
+_STEP_S = STEP_NS * 1e-9
+_GUST_NS = 5 * STEP_NS  # a gust is felt this often
+
+
+class Airframe:
+    """One vehicle; `advance_to` moves its grid, `state_at` only looks."""
+
+    def __init__(
+        self,
+        profile: VehicleProfile,
+        air: Disturbance,
+        start_lab_m: Vec3,
+        start_yaw_rad: float,
+        t0_ns: int,
+        lean: Lean | None = None,
+    ) -> None:
+        """lean: how far its autopilot's idea of level is off; None: it knows."""
+        self.profile = profile
+        self.pack = BatteryPack(profile.battery)
+        self.armed = False
+        self.t_ns = t0_ns
+        self.state: VehicleState = at_rest(start_lab_m, from_yaw(np.array(start_yaw_rad)))
+        self.setpoint = LoopSetpoint(self.state.q_lab_from_flu, np.zeros(3), 0.0)
+        self._air = air
+        self._gusty = air.fan is not None
+        self._lean = lean
+        self._t0_ns = t0_ns
+        self._push = self._felt()
+        self._coming: deque[tuple[int, LoopSetpoint]] = deque()
+
+    def order(self, t_ns: int, setpoint: LoopSetpoint) -> None:
+        """Let `setpoint` reach the attitude loop at `t_ns`, after those ordered before it."""
+        self._coming.append((t_ns, setpoint))
+
+    def order_now(self, setpoint: LoopSetpoint) -> None:
+        """Let `setpoint` rule from the grid's present on; what was on its way is forgotten."""
+        self._coming.clear()
+        self.setpoint = setpoint
+
+    def advance_to(self, now_ns: int) -> None:
+        """Integrate up to the last grid point at or before `now_ns`."""
+        while now_ns - self.t_ns >= STEP_NS:
+            end_ns = now_ns
+            while self._coming:
+                due_ns, setpoint = self._coming[0]
+                if due_ns > self.t_ns:
+                    end_ns = min(end_ns, due_ns + STEP_NS - 1)
+                    break
+                self.setpoint = setpoint
+                self._coming.popleft()
+            if self._gusty:
+                since_ns = (self.t_ns - self._t0_ns) % _GUST_NS
+                if since_ns == 0:
+                    self._push = self._felt()
+                end_ns = min(end_ns, self.t_ns + _GUST_NS - since_ns)
+            if self._lean is not None:
+                self._lean.advance_to(self.t_ns)
+                end_ns = min(end_ns, self._lean.next_ns)
+            steps = max((end_ns - self.t_ns) // STEP_NS, 1)
+            self.state = self._integrated(_STEP_S, steps)
+            self.t_ns += steps * STEP_NS
+
+    def state_at(self, now_ns: int) -> VehicleState:
+        """The state at `now_ns`, at most one step past the grid's present, which does not move."""
+        self.advance_to(now_ns)
+        rest_ns = now_ns - self.t_ns
+        return self._integrated(rest_ns * 1e-9, 1) if rest_ns > 0 else self.state
+
+    @property
+    def estimated_q_lab_from_flu(self) -> Quat:
+        """The present attitude as the autopilot has it."""
+        q = self.state.q_lab_from_flu
+        return q if self._lean is None else self._lean.estimated(q)
+
+    @property
+    def push_lab_m_s2(self) -> Vec3:
+        """What the air does to the vehicle: acceleration in `lab`."""
+        return self._push
+
+    def drain(self, dt_s: float) -> None:
+        """Take `dt_s` at the present thrust out of the pack."""
+        self.pack.drain(sum(self.state.motor_thrust_n.tolist()) / self.profile.weight_n, dt_s)
+
+    def _integrated(self, dt_s: float, steps: int) -> VehicleState:
+        scale = self.pack.thrust_scale
+        setpoint = self.setpoint
+        if self._lean is not None:
+            attitude = self._lean.true(setpoint.q_lab_from_flu)
+            setpoint = LoopSetpoint(attitude, setpoint.rate_flu_rad_s, setpoint.thrust_norm)
+        return advance(self.state, self.profile, setpoint, self.armed, self._push, dt_s, steps, scale)
+
+    def _felt(self) -> Vec3:
+        x, y, z = self.state.pos_lab_m.tolist()
+        return np.array(acceleration(self._air, (self.t_ns - self._t0_ns) * 1e-9, (x, y, z), self.profile.reach_m))

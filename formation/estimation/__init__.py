@@ -1,0 +1,1 @@
+"""What is known of every vehicle: position, velocity, heading, disturbance (FTESO, Eqs. 3-4)."""

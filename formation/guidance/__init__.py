@@ -1,0 +1,1 @@
+"""Where everybody is led: trajectories, shapes, transitions and the references they make."""

@@ -1,0 +1,53 @@
+"""What each commanded vehicle is asked to do: the plan, as the phase sets it."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+from formation.guidance.shape import Shape
+
+Target = tuple[float | None, float | None, float | None]
+HERE: Target = (None, None, None)
+
+
+class Mode(IntEnum):
+    """In which frame a vehicle is led, if at all."""
+
+    IDLE = 0
+    """On the floor: zero thrust, observers at rest."""
+    LAB = 1
+    """To a point of the lab and stay there: take-off, hold, landing."""
+    FORMATION = 2
+    """A follower: its slot in the leader's frame. The leader itself: its trajectory."""
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """One vehicle's part of the plan. A change of leg starts a smooth path from wherever the reference is.
+
+    target_lab_m: for LAB; None in a coordinate keeps it, or brakes it gently to rest where it moves. So hold is
+    HERE, take-off (None, None, altitude), landing (None, None, a depth under the floor) until the floor is met.
+    yaw_rad: for LAB; None keeps the heading. speed_m_s bounds the path's speed while it closes the gap.
+    """
+
+    mode: Mode
+    target_lab_m: Target = HERE
+    yaw_rad: float | None = None
+    speed_m_s: float = 0.5
+
+
+IDLE = Leg(Mode.IDLE)
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The legs of the m commanded vehicles, the followers' shape, and when the leader's trajectory started.
+
+    trajectory_start_ns: on the control clock; None: a leader in FORMATION waits where it is.
+    A new `shape` starts a smooth, simultaneous change of all slots; rise_m: how far above (below, where negative) its
+    straight way each follower passes half-way (formation.guidance.transition). Empty: all go straight.
+    """
+
+    legs: tuple[Leg, ...]
+    shape: Shape
+    trajectory_start_ns: int | None = None
+    rise_m: tuple[float, ...] = ()

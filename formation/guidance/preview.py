@@ -1,0 +1,112 @@
+"""Where everybody will be led, before anybody flies: the leader's trajectory, and the slots it carries along.
+
+Followers are taken to be in their slots. What comes before, take-off and joining, is found in flight
+(formation.guidance.transition).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from formation.config import Fence, LabConfig, TrajectoryConfig
+from formation.guidance.shape import Shape
+from formation.guidance.trajectory import Trajectory, anchored, sample
+from formation.maths.arrays import Float, Vec3s
+from formation.maths.frames import rotate_about_z
+
+LOOK_S, LOOKS_LEAST, LOOKS_MOST = 0.05, 100, 5_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Preview:
+    """The formation phase in advance: where it begins, and the motion of leader and slots from then on, in `lab`.
+
+    start (4): the leader's x, y, z and heading when the formation is taken up; at_start (n, 3): the slots then.
+    t_s (k,) counts from the trajectory's beginning to its end. leader (k, 3, 4): position, velocity, acceleration
+    (rows) of x, y, z, heading; slots (k, n, 3, 3): the same of x, y, z of each of the n followers' slots.
+    """
+
+    start: Float
+    at_start: Vec3s
+    t_s: Float
+    leader: Float
+    slots: Float
+
+    @property
+    def duration_s(self) -> float:
+        """How long the leader's trajectory lasts."""
+        return float(self.t_s[-1])
+
+    @property
+    def length_m(self) -> float:
+        """How long the leader's way is."""
+        return float(np.linalg.norm(np.diff(self.leader[:, 0, :3], axis=0), axis=-1).sum())
+
+
+def expected_start(config: LabConfig) -> Float:
+    """Where, by the file alone, the leader is when the formation is taken up: x, y, z, heading (4)."""
+    leader = config.leader
+    return np.array([*leader.spawn_lab_m[:2], config.flight.altitude_m, leader.spawn_yaw_rad])
+
+
+def trajectory_from(config: LabConfig, start: Float) -> Trajectory:
+    """The leader's trajectory from `start` (4): x, y, z, heading; one that is only observed is taken to stay there."""
+    path = TrajectoryConfig() if config.leader.sysid is None else config.leader.trajectory
+    return anchored(path, start[:3], float(start[3]))
+
+
+def preview(path: Trajectory, shape: Shape, start: Float, from_s: float = 0.0, looks: int | None = None) -> Preview:
+    """The formation phase in that shape, taken up with the leader at `start` (4), along its path from from_s on.
+
+    looks: at how many times it is looked at; by default some twenty a second.
+    """
+    if looks is None:
+        looks = min(max(round(path.duration_s / LOOK_S), LOOKS_LEAST), LOOKS_MOST) + 1
+    t_s = np.linspace(min(from_s, path.duration_s), path.duration_s, looks)
+    leader = np.empty((looks, 3, 4))
+    for look, motion in zip(t_s, leader, strict=True):
+        sample(path.kind, path.numbers, path.knots, float(look), motion)
+    return _with_slots(start, t_s, leader, shape)
+
+
+def reshaped(ahead: Preview, shape: Shape) -> Preview:
+    """The same in another shape."""
+    return _with_slots(ahead.start, ahead.t_s, ahead.leader, shape)
+
+
+def _with_slots(start: Float, t_s: Float, leader: Float, shape: Shape) -> Preview:
+    at_start = start[:3] + rotate_about_z(np.full(len(shape.offsets), start[3]), shape.offsets)
+    return Preview(start, at_start, t_s, leader, carried(leader, shape.offsets))
+
+
+def carried(leader: Float, offset_lead_m: Vec3s) -> Float:
+    """Motions (k, n, 3, 3) in `lab` of points fixed in the leader's frame, for the leader's motion (k, 3, 4)."""
+    arm = rotate_about_z(leader[:, None, 0, 3], np.broadcast_to(offset_lead_m, (len(leader), *offset_lead_m.shape)))
+    flat = arm * np.array([1.0, 1.0, 0.0])
+    across = np.stack([-arm[..., 1], arm[..., 0], np.zeros(arm.shape[:2])], axis=-1)
+    rate, turn = leader[:, 1, 3, None, None], leader[:, 2, 3, None, None]
+    motion = leader[:, None, :, :3] + np.stack([arm, rate * across, turn * across - rate * rate * flat], axis=2)
+    return np.asarray(motion)
+
+
+def outside_m(pos_lab_m: Float, fence: Fence) -> Float:
+    """How far points (..., 3) are beyond the fence, along the axis where they are farthest; negative inside."""
+    low, high = np.asarray(fence.low_m), np.asarray(fence.high_m)
+    beyond: Float = np.maximum(low - pos_lab_m, pos_lab_m - high).max(axis=-1)
+    return beyond
+
+
+def beyond_text(point: Float, fence: Fence) -> str:
+    """Where a point outside the fence is, and which wall it is beyond: `at (2.90, 0.00, 0.30) m, 0.40 m beyond ...`."""
+    walls = [
+        (wall - x if side == "low" else x - wall, f"limits.fence.{side}_m {axis} = {wall:g}")
+        for side, corner in (("low", fence.low_m), ("high", fence.high_m))
+        for axis, x, wall in zip("xyz", point.tolist(), corner, strict=True)
+    ]
+    beyond, wall = max(walls)
+    return f"at {coordinates(point)} m, {beyond:.2f} m beyond {wall}"
+
+
+def coordinates(point: Float) -> str:
+    """`(1.00, -0.40, 0.30)`."""
+    return "(" + ", ".join(f"{round(x, 2) + 0.0:.2f}" for x in point.tolist()) + ")"

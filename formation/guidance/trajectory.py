@@ -1,0 +1,168 @@
+"""The leader's own trajectories: hold, line, circle, waypoints; smooth in acceleration, from rest to rest.
+
+Plain functions, so that a lab is judged without a compiler; where they must be fast, kernels call them
+(formation.guidance.reference_generator), and it is these very functions that they compile.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import cos, pi, sin
+
+import numpy as np
+
+from formation.config import TrajectoryConfig
+from formation.maths.arrays import Float
+
+HOLD, LINE, CIRCLE, WAYPOINTS = 0, 1, 2, 3
+# Where each of a trajectory's numbers is, after the start's x, y, z and heading.
+DURATION, LENGTH, RADIUS, LAP_RATE, LAP_RAMP, TURN_RATE, TURN_RAMP = range(4, 11)
+RAMP_MAX_S, TURN_RAMP_S = 3.0, 2.0
+PEAK_SPEED = 1.875  # of a minimum-jerk step, in units of its mean speed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """A trajectory anchored where the leader was when it began; evaluate with `sample`.
+
+    kind: one of the constants above; numbers (11): its parameters, by the names above; knots (k, 4): arrival time and
+    x, y, z of each waypoint.
+    """
+
+    kind: int
+    numbers: Float
+    knots: Float
+    duration_s: float
+
+
+def anchored(config: TrajectoryConfig, pos_lab_m: Float, yaw_rad: float) -> Trajectory:
+    """The configured trajectory for a leader whose reference rests at pos_lab_m (3).
+
+    The line starts there, along lab x; the circle lies about the lab's origin at that height, whole laps from
+    (radius, 0); waypoints are points of the lab. The turn (yaw_rate_rad_s) is added to yaw_rad.
+    It lasts: a hold duration_s; a line duration_s each way; a circle a period a lap and a ramp, a quarter period or
+    3 s; waypoints 1.875 times the way at speed_m_s, each leg half a second at least.
+    """
+    knots = np.zeros((1, 4))
+    knots[0, 1:] = pos_lab_m
+    kind, duration = HOLD, config.duration_s
+    if config.kind == "line" and config.laps is None:
+        kind = LINE
+    elif config.kind == "line":
+        kind, knots = WAYPOINTS, _there_and_back(config, config.laps or 1, pos_lab_m)
+        duration = float(knots[-1, 0])
+    elif config.kind == "circle":
+        laps = config.laps or max(1, round(config.duration_s / config.period_s))
+        kind, duration = CIRCLE, laps * config.period_s + _ramp_s(config.period_s)
+    elif config.kind == "waypoints":
+        kind, knots = WAYPOINTS, _timed_knots(config, pos_lab_m)
+        duration = float(knots[-1, 0])
+    numbers = np.array(
+        [*pos_lab_m, yaw_rad, duration, config.length_m, config.radius_m, 2.0 * pi / config.period_s,
+         _ramp_s(config.period_s), config.yaw_rate_rad_s, min(TURN_RAMP_S, 0.5 * duration)]
+    )  # fmt: skip
+    return Trajectory(kind, numbers, knots, duration)
+
+
+def _ramp_s(period_s: float) -> float:
+    """How long a circle takes to reach its speed: a quarter lap at most."""
+    return min(RAMP_MAX_S, 0.25 * period_s)
+
+
+def _there_and_back(config: TrajectoryConfig, laps: int, pos_lab_m: Float) -> Float:
+    """Knots of a line flown out and home again, `laps` times."""
+    ends = np.array([pos_lab_m, pos_lab_m + np.array([config.length_m, 0.0, 0.0])])
+    flown = np.arange(2 * laps + 1)
+    return np.column_stack([config.duration_s * flown, ends[flown % 2]])
+
+
+def _timed_knots(config: TrajectoryConfig, pos_lab_m: Float) -> Float:
+    """Arrival times at the start and each waypoint, with the peak speed of each step at the configured one."""
+    points = [np.asarray(pos_lab_m, dtype=np.float64), *(np.array(p) for p in config.waypoints_m * (config.laps or 1))]
+    times = [0.0]
+    for a, b in pairwise(points):
+        times.append(times[-1] + max(PEAK_SPEED * float(np.linalg.norm(b - a)) / config.speed_m_s, 0.5))
+    return np.column_stack([times, np.array(points)])
+
+
+def min_jerk(u: float) -> tuple[float, float, float]:
+    """The minimum-jerk step from 0 to 1 over u in 0..1, and its two derivatives by u (Flash and Hogan 1985)."""
+    if u <= 0.0:
+        return 0.0, 0.0, 0.0
+    if u >= 1.0:
+        return 1.0, 0.0, 0.0
+    u2 = u * u
+    return (
+        u2 * u * (10.0 - 15.0 * u + 6.0 * u2),
+        u2 * (30.0 - 60.0 * u + 30.0 * u2),
+        u * (60.0 - 180.0 * u + 120.0 * u2),
+    )
+
+
+def ramped_angle(t_s: float, rate: float, ramp_s: float, duration_s: float) -> tuple[float, float, float]:
+    """Angle and its two derivatives of a turn at `rate` that starts and stops over ramp_s each, from 0 at 0."""
+    if t_s <= 0.0:
+        return 0.0, 0.0, 0.0
+    t_s = min(t_s, duration_s)
+    mirrored = t_s > duration_s - ramp_s
+    t = duration_s - t_s if mirrored else t_s
+    if t < ramp_s:
+        u = t / ramp_s
+        u4 = u * u * u * u
+        angle = rate * ramp_s * u4 * (2.5 - 3.0 * u + u * u)
+        step, slope, _ = min_jerk(u)
+        turn, acc = rate * step, rate * slope / ramp_s
+    else:
+        angle, turn, acc = rate * (t - 0.5 * ramp_s), rate, 0.0
+    if mirrored:
+        angle, acc = rate * (duration_s - ramp_s) - angle, -acc
+    return angle, turn, acc
+
+
+def sample(kind: int, numbers: Float, knots: Float, t_s: float, out: Float) -> None:
+    """Position, velocity, acceleration (rows) of x, y, z, heading (columns) at t_s into out (3, 4), lab."""
+    for axis in range(4):
+        out[0, axis], out[1, axis], out[2, axis] = numbers[axis], 0.0, 0.0
+    duration = numbers[DURATION]
+    turn = ramped_angle(t_s, numbers[TURN_RATE], numbers[TURN_RAMP], duration)
+    for order in range(3):
+        out[order, 3] += turn[order]
+    if kind == LINE:
+        step = min_jerk(t_s / duration)
+        scale = numbers[LENGTH]
+        for order in range(3):
+            out[order, 0] += scale * step[order]
+            scale /= duration
+    elif kind == CIRCLE:
+        _circle(ramped_angle(t_s, numbers[LAP_RATE], numbers[LAP_RAMP], duration), numbers[RADIUS], out)
+    elif kind == WAYPOINTS:
+        _waypoints(knots, t_s, out)
+
+
+def _circle(angle: tuple[float, float, float], radius_m: float, out: Float) -> None:
+    """x and y of a point at `angle` (and derivatives) about the lab's origin."""
+    th, w, acc = angle
+    c, s = radius_m * cos(th), radius_m * sin(th)
+    out[0, 0], out[0, 1] = c, s
+    out[1, 0], out[1, 1] = -s * w, c * w
+    out[2, 0], out[2, 1] = -c * w * w - s * acc, -s * w * w + c * acc
+
+
+def _waypoints(knots: Float, t_s: float, out: Float) -> None:
+    """Minimum-jerk steps, from rest to rest, along the timed knots."""
+    if len(knots) < 2:
+        return
+    leg = 0
+    while leg + 2 < len(knots) and t_s > knots[leg + 1, 0]:
+        leg += 1
+    duration = knots[leg + 1, 0] - knots[leg, 0]
+    step = min_jerk((t_s - knots[leg, 0]) / duration)
+    for axis in range(3):
+        scale = knots[leg + 1, 1 + axis] - knots[leg, 1 + axis]
+        out[0, axis] = knots[leg, 1 + axis]
+        for order in range(3):
+            out[order, axis] += scale * step[order]
+            scale /= duration
+
+
+PARTS = (min_jerk, ramped_angle, _circle, _waypoints)
+"""What `sample` calls: whoever compiles it has these compiled too."""

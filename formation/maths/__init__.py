@@ -1,0 +1,1 @@
+"""Rotations, powers and arrays, and how kernels are compiled."""

@@ -1,0 +1,87 @@
+"""The frames `lab`, `flu` and `lead`, and the rotations between them; the only file that knows two frames.
+
+Quaternions are Hamilton, `w, x, y, z`, unit, w >= 0. Adjacent frame names cancel:
+`v_lab = rotate(q_lab_from_flu, v_flu)`. All functions batch over leading axes.
+(MAVLink's own axes exist only in `wire.mavlink.codec`.)
+"""
+
+import numpy as np
+
+from formation.maths.arrays import Float
+
+IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def canonical(q: Float) -> Float:
+    """Unit quaternion(s) with w >= 0; shape (..., 4)."""
+    q = q / np.linalg.norm(q, axis=-1, keepdims=True)
+    return np.where(q[..., :1] < 0.0, -q, q)
+
+
+def multiply(q_a_from_b: Float, q_b_from_c: Float) -> Float:
+    """Hamilton product: q_a_from_c; shapes (..., 4)."""
+    w1, x1, y1, z1 = np.moveaxis(q_a_from_b, -1, 0)
+    w2, x2, y2, z2 = np.moveaxis(q_b_from_c, -1, 0)
+    return np.stack(
+        [
+            w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
+            w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
+            w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
+            w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
+        ],
+        axis=-1,
+    )
+
+
+def inverse(q: Float) -> Float:
+    """q_b_from_a of a unit q_a_from_b."""
+    conjugate: Float = q * np.array([1.0, -1.0, -1.0, -1.0])
+    return conjugate
+
+
+def rotate(q_a_from_b: Float, v_b: Float) -> Float:
+    """v_a = R(q_a_from_b) v_b; shapes (..., 4) and (..., 3)."""
+    w, u = q_a_from_b[..., :1], q_a_from_b[..., 1:]
+    t = 2.0 * np.cross(u, v_b)
+    rotated: Float = v_b + w * t + np.cross(u, t)
+    return rotated
+
+
+def matrix(q_a_from_b: Float) -> Float:
+    """R_a_from_b of q_a_from_b; shape (..., 3, 3)."""
+    columns = [rotate(q_a_from_b, np.broadcast_to(axis, (*q_a_from_b.shape[:-1], 3))) for axis in np.eye(3)]
+    return np.stack(columns, axis=-1)
+
+
+def yaw(q_lab_from_flu: Float) -> Float:
+    """Heading of the body's forward axis about lab z, rad, (-pi, pi]; shape (...)."""
+    w, x, y, z = np.moveaxis(q_lab_from_flu, -1, 0)
+    heading: Float = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return heading
+
+
+def from_yaw(yaw_rad: Float) -> Float:
+    """q_lab_from_lead: rotation by yaw about z; shape (..., 4)."""
+    half = 0.5 * np.asarray(yaw_rad, dtype=np.float64)
+    zero = np.zeros_like(half)
+    return canonical(np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1))
+
+
+def from_rotation_vector(rotation_rad: Float) -> Float:
+    """Quaternion of a rotation vector (axis times angle); shape (..., 4)."""
+    angle = np.linalg.norm(rotation_rad, axis=-1, keepdims=True)
+    half_sinc = 0.5 * np.sinc(0.5 * angle / np.pi)
+    return canonical(np.concatenate([np.cos(0.5 * angle), half_sinc * rotation_rad], axis=-1))
+
+
+def rotate_about_z(yaw_rad: Float, v_lead: Float) -> Float:
+    """v_lab of v_lead for a lead frame at heading yaw (Eq. 2 inverted); shapes (...), (..., 3)."""
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    x, y, z = np.moveaxis(v_lead, -1, 0)
+    return np.stack([c * x - s * y, s * x + c * y, z], axis=-1)
+
+
+def wrap_angle(angle_rad: Float) -> Float:
+    """The same angle in (-pi, pi]."""
+    wrapped: Float = -((-angle_rad + np.pi) % (2.0 * np.pi) - np.pi)
+    return wrapped

@@ -1,0 +1,1 @@
+"""Who acts, when, on every fault; the phases; what forbids arming."""

@@ -1,0 +1,307 @@
+"""Safety: who acts, when, on every fault in flight. Pure decisions on plain facts.
+
+`RULES` is the whole policy in flight: it is evaluated as one table and printed as one table (`rules_markdown`).
+The ground acts by a trigger for the swarm (formation.safety.phases) and, where one drone is the trouble, by letting
+go of that drone or cutting its motors. Below all of this each drone's agent levels, holds and lands by itself when
+setpoints go stale.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum, StrEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formation.config import LimitsConfig
+from formation.estimation.update import MISFIT_BAD
+from formation.maths.arrays import Flags, Float, Scalars, Vec3s
+from formation.maths.kernel import kernel
+from formation.messages import Phase, Severity
+from formation.model import Vec3Tuple
+from formation.safety.phases import AIRBORNE, Trigger
+
+
+class Facts(NamedTuple):
+    """What is decided on: one entry per vehicle of the configuration, leader first (n).
+
+    For a body that is only observed the link's fields hold their healthy values. `battery` is 0..1, NaN where unknown.
+    late_share: the part of the last second's frames that came late or were missed, 0..1.
+    """
+
+    names: tuple[str, ...]
+    commanded: Flags
+    pos_lab_m: Vec3s
+    speed_m_s: Scalars
+    tilt_rad: Scalars
+    age_s: Scalars
+    error_m: Scalars
+    misfit: Scalars
+    heartbeat_age_s: Scalars
+    armed: Flags
+    offboard: Flags
+    battery: Scalars
+    duplicate: Flags
+    late_share: float
+    objections: tuple[str, ...] = ()
+
+
+class Own(StrEnum):
+    """What happens to the one drone that a fault is about."""
+
+    NOTHING = "-"
+    RELEASE = "no more setpoints; told to land by itself"
+    CUT = "motors cut"
+
+
+class Measure(IntEnum):
+    """What a rule looks at: a number for each vehicle, larger where things are worse; a flag counts as 0 or 1."""
+
+    UNSEEN_S = 0
+    OUTSIDE_M = 1
+    NEARNESS = 2  # minus the distance to the nearest neighbour, in minimum separations
+    ASTRAY_M = 3
+    TILT_RAD = 4
+    SILENT_S = 5
+    NOT_OFFBOARD = 6
+    DISARMED = 7
+    DISCHARGE = 8  # minus what is left of the battery
+    LATE_SHARE = 9
+    DUPLICATE = 10
+    MISFIT = 11  # see formation.estimation.update
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """One fault: the measure that is then over its limit, for how long, in which phases, and who then does what.
+
+    of_all: judged of bodies too that are only observed. of_swarm: the fault is nobody's own; it is raised once, at
+    index 0, whoever that is.
+    """
+
+    fault: str
+    measure: Measure
+    over: float
+    persist_s: float
+    phases: frozenset[Phase]
+    swarm: Trigger | None = None
+    own: Own = Own.NOTHING
+    of_all: bool = False
+    of_swarm: bool = False
+
+    def text(self, name: str) -> str:
+        """The fault of the vehicle `name`, in words."""
+        return self.fault if self.of_swarm else f"{name}: {self.fault}"
+
+    @property
+    def severity(self) -> Severity:
+        """How loudly it is told."""
+        if self.swarm is None and self.own is Own.NOTHING:
+            return Severity.WARNING
+        return Severity.ERROR if self.own is Own.NOTHING else Severity.CRITICAL
+
+
+HEARTBEAT_S = 3.0
+LOST_S = 0.4
+FAR_OUTSIDE_M = 0.5
+BATTERY_LOW, BATTERY_EMPTY = 0.2, 0.1
+UPSET_RAD = 1.3
+ASTRAY_M = 1.0
+
+
+def outside_fence_m(facts: Facts, limits: LimitsConfig, known: Flags) -> Scalars:
+    """How far each body is outside the fence, m; zero inside, and for a body whose place is not `known`; all (n,)."""
+    return np.where(known, outside_box(facts.pos_lab_m, limits.fence.low_m, limits.fence.high_m), 0.0)
+
+
+def separation_m(facts: Facts, known: Flags) -> Scalars:
+    """Distance of each body to the nearest other, among those whose place is `known`; infinite for the rest; (n,)."""
+    if known.all():
+        return nearest(facts.pos_lab_m)
+    separation = np.full(len(known), np.inf)
+    separation[known] = nearest(facts.pos_lab_m[known])
+    return separation
+
+
+@kernel
+def outside_box(pos_lab_m: Vec3s, low_m: Vec3Tuple, high_m: Vec3Tuple) -> Scalars:
+    """How far each point is outside the box, along the axis where it is farthest; zero inside; shape (n,)."""
+    outside = np.zeros(len(pos_lab_m))
+    for i in range(len(pos_lab_m)):
+        for axis in range(3):
+            beyond = max(low_m[axis] - pos_lab_m[i, axis], pos_lab_m[i, axis] - high_m[axis])
+            outside[i] = max(outside[i], beyond)
+    return outside
+
+
+@kernel
+def nearest(pos_lab_m: Vec3s) -> Scalars:
+    """Distance of each point to its nearest neighbour, infinite for one alone; shape (n,)."""
+    near = np.full(len(pos_lab_m), np.inf)
+    for i in range(len(pos_lab_m)):
+        for j in range(i):
+            dx, dy = pos_lab_m[i, 0] - pos_lab_m[j, 0], pos_lab_m[i, 1] - pos_lab_m[j, 1]
+            dz = pos_lab_m[i, 2] - pos_lab_m[j, 2]
+            distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+            near[i], near[j] = min(near[i], distance), min(near[j], distance)
+    return near
+
+
+FLYING = AIRBORNE - {Phase.LAND}
+IN_PLACE = frozenset({Phase.FORMATION, Phase.HOLD})
+IN_FORMATION = frozenset({Phase.FORMATION})
+MOTORS_ON = AIRBORNE | {Phase.ARMED}
+
+RULES: tuple[Rule, ...] = (
+    Rule("body not seen for 0.2 s", Measure.UNSEEN_S, 0.2, 0.0, IN_FORMATION, Trigger.HOLD, of_all=True),
+    Rule("body not seen for 0.4 s", Measure.UNSEEN_S, LOST_S, 0.0, AIRBORNE, Trigger.LAND, Own.RELEASE),
+    Rule("outside the fence", Measure.OUTSIDE_M, 0.0, 0.1, AIRBORNE, Trigger.LAND),
+    Rule("0.5 m outside the fence", Measure.OUTSIDE_M, FAR_OUTSIDE_M, 0.2, AIRBORNE, Trigger.LAND, Own.CUT),
+    Rule("closer than the minimum separation", Measure.NEARNESS, -1.0, 0.1, IN_FORMATION, Trigger.HOLD),
+    Rule("closer than half the minimum separation", Measure.NEARNESS, -0.5, 0.1, FLYING, Trigger.LAND),
+    Rule("1 m away from its reference", Measure.ASTRAY_M, ASTRAY_M, 1.0, IN_PLACE, Trigger.LAND),
+    Rule("tilted by 75 degrees", Measure.TILT_RAD, UPSET_RAD, 0.3, MOTORS_ON, Trigger.LAND, Own.CUT),
+    Rule("no heartbeat for 3 s", Measure.SILENT_S, HEARTBEAT_S, 0.0, MOTORS_ON, Trigger.LAND),
+    Rule("not in off-board mode", Measure.NOT_OFFBOARD, 0.0, 0.5, FLYING, Trigger.LAND),
+    Rule("disarmed in the air", Measure.DISARMED, 0.0, 0.3, FLYING, Trigger.LAND),
+    Rule("battery under 20 %", Measure.DISCHARGE, -BATTERY_LOW, 1.0, MOTORS_ON),
+    Rule("battery under 10 %", Measure.DISCHARGE, -BATTERY_EMPTY, 1.0, MOTORS_ON, Trigger.LAND),
+    Rule("answers otherwise than its profile says", Measure.MISFIT, MISFIT_BAD, 1.0, AIRBORNE),
+    Rule("a fifth of the frames late", Measure.LATE_SHARE, 0.2, 0.5, MOTORS_ON, of_swarm=True),
+    Rule("seven tenths of the frames late", Measure.LATE_SHARE, 0.7, 2.0, MOTORS_ON, Trigger.LAND, of_swarm=True),
+    Rule("its sysid is used twice on the network", Measure.DUPLICATE, 0.0, 0.0, frozenset(Phase)),
+)  # fmt: skip
+
+_SEVEREST_FIRST = (Trigger.LAND, Trigger.HOLD)
+
+
+class Watch(NamedTuple):
+    """Since when each vehicle has broken each rule (ns, -1: it does not), and which were acted on; both (rules, n)."""
+
+    since_ns: NDArray[np.int64]
+    acted: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One fault of one vehicle that has just begun or just ended."""
+
+    vehicle: int
+    rule: Rule
+    began: bool
+    text: str
+
+
+class Verdict(NamedTuple):
+    """What is to be done now: a trigger for the swarm, drones to let go of or to cut (n,), and what is new to tell."""
+
+    trigger: Trigger | None
+    cause: str
+    release: Flags
+    cut: Flags
+    findings: tuple[Finding, ...]
+
+
+def start(n: int) -> Watch:
+    """Nothing is wrong yet with any of the n vehicles."""
+    return Watch(np.full((len(RULES), n), -1, np.int64), np.zeros((len(RULES), n), np.bool_))
+
+
+def assess(watch: Watch, facts: Facts, phase: Phase, limits: LimitsConfig, now_ns: int) -> tuple[Watch, Verdict]:
+    """Apply every rule to every vehicle; a fault acts once it has lasted its rule's `persist_s`."""
+    n = len(facts.names)
+    broken = np.zeros((len(RULES), n), np.bool_)
+    fault = _find_broken(_measured(facts, limits), facts.commanded, _MEASURES, _OVER, _OF_ALL, _JUDGED[phase], broken)
+    if not fault and not watch.acted.any():
+        nobody = np.zeros(n, np.bool_)
+        return start(n), Verdict(None, "", nobody, nobody, ())
+    since = np.where(broken, np.where(watch.since_ns < 0, now_ns, watch.since_ns), -1)
+    acting = broken & (now_ns - since >= _PERSIST_NS[:, None])
+    trigger, cause = _swarm_trigger(acting, facts)
+    verdict = Verdict(
+        trigger=trigger,
+        cause=cause,
+        release=_owned(acting, Own.RELEASE),
+        cut=_owned(acting, Own.CUT),
+        findings=_findings(acting, watch.acted, facts),
+    )
+    return Watch(since, acting), verdict
+
+
+_PERSIST_NS = np.array([round(rule.persist_s * 1e9) for rule in RULES], np.int64)
+_MEASURES = np.array([rule.measure for rule in RULES])
+_OVER = np.array([rule.over for rule in RULES])
+_OF_ALL = np.array([rule.of_all or rule.of_swarm for rule in RULES])
+_JUDGED = {phase: np.array([phase in rule.phases for rule in RULES]) for phase in Phase}
+
+
+def _measured(facts: Facts, limits: LimitsConfig) -> Float:
+    """Every measure of every vehicle, (measures, n). Where a lost body is, nobody knows: no place is judged for it."""
+    known = facts.age_s <= LOST_S
+    rows = {
+        Measure.UNSEEN_S: facts.age_s,
+        Measure.OUTSIDE_M: outside_fence_m(facts, limits, known),
+        Measure.NEARNESS: -separation_m(facts, known) / limits.min_separation_m,
+        Measure.ASTRAY_M: facts.error_m,
+        Measure.TILT_RAD: facts.tilt_rad,
+        Measure.SILENT_S: facts.heartbeat_age_s,
+        Measure.NOT_OFFBOARD: facts.armed & ~facts.offboard,
+        Measure.DISARMED: ~facts.armed,
+        Measure.DISCHARGE: -facts.battery,
+        Measure.LATE_SHARE: [facts.late_share] + [0.0] * (len(facts.names) - 1),
+        Measure.DUPLICATE: facts.duplicate,
+        Measure.MISFIT: facts.misfit,
+    }
+    return np.array([rows[measure] for measure in Measure])
+
+
+@kernel
+def _find_broken(
+    measured: Float, commanded: Flags, measures: NDArray[np.int64], over: Float, of_all: Flags, judged: Flags,
+    broken: NDArray[np.bool_],
+) -> bool:  # fmt: skip
+    """Whether any vehicle breaks a rule; `broken` (rules, n) says which, and comes in false."""
+    fault = False
+    for rule in range(len(over)):
+        if judged[rule]:
+            for i in range(len(commanded)):
+                broken[rule, i] = (commanded[i] or of_all[rule]) and measured[measures[rule], i] > over[rule]
+                fault = fault or broken[rule, i]
+    return fault
+
+
+def _swarm_trigger(acting: NDArray[np.bool_], facts: Facts) -> tuple[Trigger | None, str]:
+    for trigger in _SEVEREST_FIRST:
+        for row, rule in zip(acting, RULES, strict=True):
+            if rule.swarm is trigger and row.any():
+                return trigger, rule.text(facts.names[int(row.argmax())])
+    return None, ""
+
+
+def _owned(acting: NDArray[np.bool_], own: Own) -> Flags:
+    rows = np.array([rule.own is own for rule in RULES])
+    flags: Flags = (acting & rows[:, None]).any(axis=0)
+    return flags
+
+
+def _findings(acting: NDArray[np.bool_], acted: NDArray[np.bool_], facts: Facts) -> tuple[Finding, ...]:
+    return tuple(
+        Finding(int(i), RULES[r], bool(acting[r, i]), RULES[r].text(facts.names[i]))
+        for r, i in np.argwhere(acting != acted)
+    )
+
+
+def rules_markdown() -> str:
+    """The policy as the documentation shows it: a row a fault."""
+    rows = (f"| {rule.fault} | {rule.persist_s:g} | {_phases(rule)} | {_swarm(rule)} | {rule.own} |" for rule in RULES)
+    return "\n".join(
+        ("| fault | after, s | in phases | the swarm | that drone |", "|---|---|---|---|---|", *rows),
+    )
+
+
+def _phases(rule: Rule) -> str:
+    return "any" if rule.phases == frozenset(Phase) else ", ".join(p.name for p in Phase if p in rule.phases)
+
+
+def _swarm(rule: Rule) -> str:
+    return "warning only" if rule.swarm is None else f"{rule.swarm}"

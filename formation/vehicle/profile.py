@@ -1,0 +1,298 @@
+"""The quadcopter: its parameters, and the rigid body on SO(3) with motors, drag, ground effect and floor.
+
+One model for both sides: the agent integrates it, the controller inverts it. Eq. (1) of the paper is its
+small-rate form. Nothing here knows MAVLink, batteries' chemistry or the attitude loop
+(drone_agent.simulation.attitude_loop).
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from formation.maths.arrays import Float, Quat, Vec3
+from formation.model import Model, Name, Positive, Vec3Tuple
+from formation.vehicle import body
+from formation.vehicle.body import GRAVITY_M_S2, rotor_reach_m, thrust_norm
+
+__all__ = [
+    "GRAVITY_M_S2",
+    "PROFILES",
+    "BatteryProfile",
+    "Pace",
+    "VehicleProfile",
+    "VehicleState",
+    "at_rest",
+    "on_ground",
+    "profile",
+    "thrust_norm",
+]
+
+NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class BatteryProfile(Model):
+    """A LiPo pack: what it holds, and how much of the full thrust an empty pack still gives."""
+
+    cells: Annotated[int, Field(ge=1, le=14)] = 1
+    capacity_mah: Positive = 350.0
+    hover_current_a: Positive = 4.0
+    empty_thrust_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.85
+
+
+class Pace(Model):
+    """How fast a vehicle's loops are flown, in units of gains made for the paper's vehicle; what `gcs-sim tune` finds.
+
+    sideways, upwards: rates of the horizontal and vertical laws (integral gains with the square; upwards its observer
+    too); observer: bandwidth of the horizontal observer; compensation: share of dead time and lag compensated.
+    """
+
+    sideways: Positive = 1.0
+    observer: Positive = 1.0
+    upwards: Positive = 1.0
+    compensation: Positive = 1.0
+
+
+class VehicleProfile(Model):
+    """What a quadcopter is, and how its autopilot answers.
+
+    The response_* pair is what the controller assumes of the path from a sent target to the attitude (link,
+    autopilot, motors), the thrust_dead_time_s and thrust_lag_s pair likewise to the thrust; the rest is the
+    body itself and is what a simulated drone integrates.
+    """
+
+    name: Name
+    mass_kg: Positive
+    inertia_kg_m2: Vec3Tuple
+    wheelbase_m: Positive
+    rotor_radius_m: Positive
+    thrust_max_n: Positive
+    """Collective thrust at thrust_norm 1."""
+    thrust_curve: Fraction = 0.0
+    """k of T/T_max = (1 - k) u + k u^2; 0 is linear."""
+    yaw_torque_m: Positive
+    """Rotor drag torque per newton of thrust."""
+    motor_lag_s: Positive
+    drag_n_s_m: Vec3Tuple = (0.0, 0.0, 0.0)
+    """Linear drag along the body axes."""
+    ground_effect: NonNegative = 1.0
+    """Factor on Cheeseman and Bennett's thrust gain near the floor; 0 switches it off."""
+    attitude_p_1_s: Positive
+    yaw_p_1_s: Positive
+    rate_p_1_s: Positive
+    rate_yaw_p_1_s: Positive
+    rate_max_rad_s: Positive
+    rate_yaw_max_rad_s: Positive
+    rate_feed_forward: bool
+    """Whether the autopilot adds the target's body rates to its own attitude loop (PX4 takes yaw's alone)."""
+    command_delay_s: NonNegative
+    """Inside the vehicle: receipt of a target -> attitude loop."""
+    response_dead_time_s: NonNegative
+    response_lag_s: Positive
+    thrust_dead_time_s: NonNegative
+    thrust_lag_s: Positive
+    battery: BatteryProfile = BatteryProfile()
+    pace: Pace | None = None
+    """As tuned; None: by the response's own length (formation.control.presets)."""
+
+    @property
+    def weight_n(self) -> float:
+        """Thrust that hovers."""
+        return self.mass_kg * GRAVITY_M_S2
+
+    @property
+    def reach_m(self) -> float:
+        """See formation.vehicle.body."""
+        return rotor_reach_m(self.wheelbase_m)
+
+    @property
+    def turn_1_m(self) -> float:
+        """Angular acceleration about x or y, rad/s^2, per m/s^2 of thrust on one side instead of the other."""
+        return self.reach_m * self.mass_kg / max(self.inertia_kg_m2[0], self.inertia_kg_m2[1])
+
+    @property
+    def hover_thrust_norm(self) -> float:
+        """thrust_norm that hovers, away from the floor."""
+        return self.thrust_norm_of(self.weight_n)
+
+    def thrust_norm_of(self, thrust_n: float) -> float:
+        """The thrust_norm that gives `thrust_n`, clipped to 0..1; inverts the thrust curve."""
+        return thrust_norm(min(max(thrust_n / self.thrust_max_n, 0.0), 1.0), self.thrust_curve)
+
+    def thrust_n_of(self, norm: float) -> float:
+        """Collective thrust, N, of `norm` clipped to 0..1, on a full battery."""
+        u = min(max(norm, 0.0), 1.0)
+        return self.thrust_max_n * ((1.0 - self.thrust_curve) * u + self.thrust_curve * u * u)
+
+    @cached_property
+    def numbers(self) -> Float:
+        """The parameters where the kernels look for them (`formation.vehicle.body`)."""
+        numbers = np.empty(body.NUMBERS)
+        numbers[body.MASS] = self.mass_kg
+        numbers[body.INERTIA : body.INERTIA + 3] = self.inertia_kg_m2
+        numbers[body.WHEELBASE] = self.wheelbase_m
+        numbers[body.ROTOR_RADIUS] = self.rotor_radius_m
+        numbers[body.THRUST_MAX] = self.thrust_max_n
+        numbers[body.THRUST_CURVE] = self.thrust_curve
+        numbers[body.YAW_TORQUE] = self.yaw_torque_m
+        numbers[body.MOTOR_LAG] = self.motor_lag_s
+        numbers[body.DRAG : body.DRAG + 3] = self.drag_n_s_m
+        numbers[body.GROUND_EFFECT] = self.ground_effect
+        numbers[body.ATTITUDE_P] = self.attitude_p_1_s
+        numbers[body.YAW_P] = self.yaw_p_1_s
+        numbers[body.RATE_P] = self.rate_p_1_s
+        numbers[body.RATE_YAW_P] = self.rate_yaw_p_1_s
+        numbers[body.RATE_MAX] = self.rate_max_rad_s
+        numbers[body.RATE_YAW_MAX] = self.rate_yaw_max_rad_s
+        numbers[body.RATE_FEED_FORWARD] = float(self.rate_feed_forward)
+        return numbers
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> "VehicleProfile":  # noqa: ARG002
+        """A changed profile, validated afresh (pydantic's own copy would check nothing and keep old `numbers`)."""
+        return VehicleProfile.model_validate({**self.model_dump(), **(update or {})})
+
+
+PAPER_40G = VehicleProfile(
+    name="paper_40g",
+    mass_kg=0.04,
+    inertia_kg_m2=(1.532e-4, 1.532e-4, 3.472e-4),
+    wheelbase_m=0.12,
+    rotor_radius_m=0.025,
+    thrust_max_n=0.8,
+    thrust_curve=0.5,
+    yaw_torque_m=0.01,
+    motor_lag_s=0.025,
+    drag_n_s_m=(0.006, 0.006, 0.008),
+    attitude_p_1_s=11.0,
+    yaw_p_1_s=5.0,
+    rate_p_1_s=35.0,
+    rate_yaw_p_1_s=12.0,
+    rate_max_rad_s=10.0,
+    rate_yaw_max_rad_s=3.5,
+    rate_feed_forward=True,
+    command_delay_s=0.002,
+    response_dead_time_s=0.049,
+    response_lag_s=0.049,
+    thrust_dead_time_s=0.01,
+    thrust_lag_s=0.025,
+)
+PX4_QUAD = VehicleProfile(
+    name="px4_quad",
+    mass_kg=1.0,
+    inertia_kg_m2=(0.005, 0.005, 0.009),
+    wheelbase_m=0.3,
+    rotor_radius_m=0.0635,
+    thrust_max_n=20.0,
+    thrust_curve=0.0,
+    yaw_torque_m=0.05,
+    motor_lag_s=0.02,
+    drag_n_s_m=(0.1, 0.1, 0.1),
+    attitude_p_1_s=11.0,
+    yaw_p_1_s=4.0,
+    rate_p_1_s=45.0,
+    rate_yaw_p_1_s=12.0,
+    rate_max_rad_s=3.8,
+    rate_yaw_max_rad_s=3.5,
+    rate_feed_forward=False,
+    command_delay_s=0.08,
+    response_dead_time_s=0.11,
+    response_lag_s=0.06,
+    thrust_dead_time_s=0.08,
+    thrust_lag_s=0.02,
+    battery=BatteryProfile(cells=4, capacity_mah=3300.0, hover_current_a=12.0),
+)
+ARDUCOPTER_QUAD = VehicleProfile(
+    name="arducopter_quad",
+    mass_kg=3.0,
+    inertia_kg_m2=(0.023, 0.023, 0.046),
+    wheelbase_m=0.35,
+    rotor_radius_m=0.175,
+    thrust_max_n=79.5,
+    thrust_curve=0.0,
+    yaw_torque_m=0.05,
+    motor_lag_s=0.02,
+    drag_n_s_m=(0.7, 0.7, 0.7),
+    attitude_p_1_s=6.7,
+    yaw_p_1_s=6.7,
+    rate_p_1_s=29.0,
+    rate_yaw_p_1_s=12.0,
+    rate_max_rad_s=10.0,
+    rate_yaw_max_rad_s=3.5,
+    rate_feed_forward=True,
+    command_delay_s=0.01,
+    response_dead_time_s=0.055,
+    response_lag_s=0.108,
+    thrust_dead_time_s=0.02,
+    thrust_lag_s=0.02,
+    battery=BatteryProfile(cells=3, capacity_mah=3300.0, hover_current_a=12.0),
+)
+"""ArduCopter with its default gains, on the default frame of its own simulator. Nothing of it but the hover thrust was
+measured in flight: fly it, `gcs-log identify` it, and put what that finds in its place.
+
+Measured on ArduCopter 4.6 (SITL): it hovers at 0.37, from which full thrust follows.
+From ArduPilot's sources: mass, size, inertia and momentum drag (SITL/SIM_Frame, its default model); 1 / ATC_INPUT_TC
+(0.15 s) for attitude and yaw gain; ATC_RAT_RLL_P (0.135) on that frame for the rate gain; GUIDED adds a target's body
+rates (mode_guided, input_quaternion); thrust is linearised by MOT_THST_EXPO.
+Derived: response_dead_time_s and response_lag_s, which are what `gcs-log identify` finds where the simulated drone
+flies with these gains. Assumed: the delays of command and thrust, 0.02 s for ArduPilot's 20 Hz filters in the place of
+a motor lag, and what turns it about its own axis, as of px4_quad.
+"""
+PROFILES: Mapping[str, VehicleProfile] = MappingProxyType({p.name: p for p in (PAPER_40G, PX4_QUAD, ARDUCOPTER_QUAD)})
+
+
+def profile(name: str, own: Iterable[VehicleProfile] = ()) -> VehicleProfile:
+    """The profile of that name, a lab's `own` before the shipped ones; ValueError names the known ones."""
+    known = {**PROFILES, **{p.name: p for p in own}}
+    if name not in known:
+        raise ValueError(f"unknown vehicle profile {name!r}; known: {', '.join(known)}")
+    return known[name]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VehicleState:
+    """One simulated vehicle; its origin stands on the floor, z = 0, when landed. Motors: FR, RL, FL, RR.
+
+    x (17): all of it, laid out as the kernels have it (formation.vehicle.rigid_body); the rest are views of it.
+    """
+
+    x: Float
+
+    @property
+    def pos_lab_m(self) -> Vec3:
+        """Position in `lab`."""
+        return self.x[0:3]
+
+    @property
+    def vel_lab_m_s(self) -> Vec3:
+        """Velocity in `lab`."""
+        return self.x[3:6]
+
+    @property
+    def q_lab_from_flu(self) -> Quat:
+        """Attitude."""
+        return self.x[6:10]
+
+    @property
+    def rate_flu_rad_s(self) -> Vec3:
+        """Body rate."""
+        return self.x[10:13]
+
+    @property
+    def motor_thrust_n(self) -> Float:
+        """Thrust of each motor; shape (4,)."""
+        return self.x[13:17]
+
+
+def at_rest(pos_lab_m: Float, q_lab_from_flu: Float, motor_thrust_n: float = 0.0) -> VehicleState:
+    """A vehicle standing still, every motor at `motor_thrust_n`."""
+    return VehicleState(np.concatenate([pos_lab_m, np.zeros(3), q_lab_from_flu, np.zeros(3), [motor_thrust_n] * 4]))
+
+
+def on_ground(state: VehicleState) -> bool:
+    """Whether the feet carry the vehicle: at the floor and not rising."""
+    return bool(state.x[2] < 0.003 and abs(state.x[5]) < 0.05)

@@ -1,0 +1,1 @@
+"""What the commands of `gcs` do in a terminal."""

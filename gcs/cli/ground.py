@@ -1,0 +1,69 @@
+"""What `gcs run` does around the daemon: margins, warm-up, the terminal, exit codes."""
+
+import json
+import sys
+from pathlib import Path
+
+import uvloop
+
+from formation.config import LabConfig
+from formation.control.margin import DelayMargin, delay_margin
+from formation.control.presets import preset_for
+from gcs.cli.common import NOT_RIGHT, REFUSED, fail, tell, tell_json
+from gcs.daemon import Ended, GroundFailure, run
+from gcs.mocap.service import ServiceError
+from gcs.warm_up import warm_up
+from wire.clock import Clock
+from wire.private_files import make_folder
+from wire.process.progress import compile_all
+
+
+def serve(
+    config: LabConfig,
+    lab_file: Path,
+    log: Path,
+    name: str,
+    metadata: dict[str, str],
+    force: bool,
+    as_json: bool,
+    clock: Clock,
+) -> None:
+    """Be the ground until told to end; ends the program with its exit code."""
+    try:
+        compile_all("gcs", lambda: warm_up(config), sys.stderr)
+        margins = delay_margins(config)
+        if not force and any(not margin.carried for margin in margins):
+            reasons = "; ".join(str(margin) for margin in margins if not margin.carried)
+            fail(f"refused, this would not fly steadily: {reasons} (--force, for simulation only)", REFUSED)
+        make_folder(log.parent)
+        told = tell_json if as_json else tell
+        ended = uvloop.run(run(config, lab_file, log, name, metadata, told, clock))
+    except ServiceError as error:
+        fail(str(error), error.code)
+    except ValueError as error:
+        fail(str(error), NOT_RIGHT)
+    except OSError as error:
+        fail(str(error), REFUSED)
+    except GroundFailure as error:
+        fail(f"the ground has failed and ends, the drones land by themselves: {error}", REFUSED)
+    _report(ended, log, as_json)
+
+
+def delay_margins(config: LabConfig) -> tuple[DelayMargin, ...]:
+    """The margin of each kind of commanded vehicle under the lab's preset; ValueError for an unknown name."""
+    kinds = {v.profile: config.profile_of(v) for v in config.vehicles if v.sysid is not None}
+    name, mocap = config.control_preset, config.mocap
+    return tuple(delay_margin(kind, preset_for(name, kind, mocap), mocap) for kind in kinds.values())
+
+
+def _report(ended: Ended, log: Path, as_json: bool) -> None:
+    timing = ended.timing
+    worst_ms = round(timing.worst_s * 1e3, 2)
+    if as_json:
+        told = {
+            "phase": ended.phase.name, "ticks": timing.ticks, "late_ticks": timing.late,
+            "worst_latency_ms": worst_ms, "lost_records": ended.lost_records, "mcap": str(log),
+        }  # fmt: skip
+        print(json.dumps(told))
+    else:
+        print(f"{timing.ticks} ticks, {timing.late} late, worst {worst_ms} ms; log {log}")

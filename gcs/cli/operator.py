@@ -1,0 +1,140 @@
+"""The operator's commands: each asks the running ground over the lab's bus and tells its answer.
+
+Nothing here loads the control, arrays or an event loop: an emergency stop waits for none of them.
+"""
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from formation.guidance.shape_request import ShapeRequest
+from formation.requests import OperatorReply, OperatorRequest, Verb
+from gcs import GCS_NAME
+from gcs.cli.common import NO_GROUND, NOT_RIGHT, REFUSED, Json, Name, fail, tell_red
+from wire import clock
+from wire.errors import BusError, ConfigError
+from wire.transport.lab_address import LabAddress, address_in
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+ARMING_S, ANSWER_S = 20.0, 3.0
+
+Lab = Annotated[Path | None, typer.Option("--lab", help="lab.toml, for its name and bus; without it the defaults.")]
+Timeout = Annotated[float, typer.Option("--timeout", min=0.01, help="Seconds to wait for the answer.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands, in the order of a flight."""
+    app.command(Verb.STATUS.value)(status)
+    _register(app, Verb.ARM, "Bring every drone to off-board mode and arm it; refused with every reason.", ARMING_S)
+    _register(app, Verb.TAKEOFF, "Take off to the configured height, then hold.")
+    _register(app, Verb.START, "Take up the formation; a commanded leader then flies its trajectory.")
+    app.command(Verb.SHAPE.value)(shape)
+    _register(app, Verb.HOLD, "Brake and stay where each drone is.")
+    _register(app, Verb.LAND, "Land where each drone is, and disarm there.")
+    _register(
+        app, Verb.STOP, "EMERGENCY: cut every drone's motors now, wherever it is. Restart the ground to fly again."
+    )
+
+
+def status(lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeout: Timeout = ANSWER_S) -> None:
+    """Show the phase, every drone, and what keeps them from arming."""
+    reply = _ask(Verb.STATUS, "", lab, name, timeout)
+    if as_json:
+        print(reply.text)
+    else:
+        from rich.console import Console
+
+        print_status(json.loads(reply.text), Console())
+
+
+def shape(
+    shape_name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Its name; a wrong one is answered by those known.")
+    ],
+    scale: Annotated[float, typer.Option(help="How much larger than usual.")] = 1.0,
+    heading: Annotated[float, typer.Option(metavar="DEG", help="Turned to the left about the leader by this.")] = 0.0,
+    lab: Lab = None,
+    name: Name = GCS_NAME,
+    as_json: Json = False,
+    timeout: Timeout = ANSWER_S,
+) -> None:
+    """Change the formation's shape, size or heading, in flight too; refused where drones would come too near."""
+    request = ShapeRequest(shape_name, scale, math.radians(heading))
+    _command(Verb.SHAPE, request.text, lab, name, as_json, timeout)
+
+
+def _register(app: typer.Typer, verb: Verb, words: str, usual_timeout_s: float = ANSWER_S) -> None:
+    """The command of one verb that takes no argument."""
+
+    def ask(lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeout: Timeout = usual_timeout_s) -> None:
+        _command(verb, "", lab, name, as_json, timeout)
+
+    app.command(verb.value, help=words)(ask)
+
+
+def _command(verb: Verb, argument: str, lab: Path | None, name: str, as_json: bool, timeout_s: float) -> None:
+    reply = _ask(verb, argument, lab, name, timeout_s)
+    if as_json:
+        print(json.dumps({"accepted": reply.accepted, "text": reply.text}))
+    elif reply.accepted:
+        print(reply.text)
+    else:
+        tell_red("refused: " + reply.text.replace("; ", "\n         "))
+    if not reply.accepted:
+        raise typer.Exit(REFUSED)
+
+
+def _ask(verb: Verb, argument: str, lab: Path | None, name: str, timeout_s: float) -> OperatorReply:
+    from wire.transport.zenoh_session import ask
+
+    request = OperatorRequest(clock.unix_us(), verb, argument)
+    try:
+        where = LabAddress() if lab is None else address_in(lab)
+        return ask(where.endpoints, where.lab, name, request, timeout_s)
+    except TimeoutError as error:
+        fail(f"no ground answers: {error}", NO_GROUND)
+    except (BusError, ConfigError) as error:
+        fail(str(error), NOT_RIGHT)
+
+
+def print_status(told: dict[str, Any], console: "Console") -> None:
+    """The status for people."""
+    from rich.table import Table
+    from rich.text import Text
+
+    console.print(Text.assemble((told["phase"], "bold"), f" ({told['cause']}), shape {told['shape']}"))
+    table = Table(box=None, pad_edge=False)
+    for column in ("id", "body", "autopilot", "mode", "armed", "x", "y", "z", "battery", "heard", "seen"):
+        table.add_column(column, no_wrap=True)
+    for drone in told["drones"]:
+        cells = (
+            str(drone["sysid"]), drone["body"], drone["autopilot"] or "-", drone["mode"],
+            "armed" if drone["armed"] else "-", *_coordinates(drone["pos_lab_m"]),
+            _percent(drone["battery"]), _age(drone["heartbeat_age_s"]), _age(drone["age_s"]),
+        )  # fmt: skip
+        table.add_row(*map(Text, cells))  # what drones and people said is never markup
+    console.print(table)
+    for drone in told["drones"]:
+        if drone["disarms_in_s"] is not None:
+            text = f"{drone['body']} disarms itself in {drone['disarms_in_s']:.1f} s unless it takes off"
+            console.print(text, style="yellow", highlight=False)
+    for refusal in told["refusals"]:
+        console.print(Text(f"not ready: {refusal}", "yellow"))
+
+
+def _coordinates(pos_lab_m: list[float] | None) -> list[str]:
+    """x, y and z; dashes for a body that was never seen."""
+    return ["-"] * 3 if pos_lab_m is None else [f"{x:.2f}" for x in pos_lab_m]
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{value:.0%}"
+
+
+def _age(value: float | None) -> str:
+    return "never" if value is None else f"{value:.1f} s"

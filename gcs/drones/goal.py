@@ -1,0 +1,66 @@
+"""What the ground wants of one drone's autopilot, and the next command towards it: wanted against reported, every tick.
+
+An acknowledgement alone never counts as done; the drone's next heartbeat does.
+"""
+
+from enum import StrEnum
+
+from gcs.drones import dialect as d
+from gcs.drones.link_state import DroneLink
+from wire.link_messages.commands import Command
+
+
+class Goal(StrEnum):
+    """The state the drone's autopilot is to be brought to."""
+
+    LEAVE = "leave as it is"
+    FLY = "off-board and armed"
+    LAND = "landing by itself"
+    DISARM = "disarmed"
+    CUT = "motors cut"
+
+
+def is_reached(goal: Goal, link: DroneLink, since_ns: int) -> bool:
+    """Whether a heartbeat younger than `since_ns` reports the goal."""
+    if goal is Goal.LEAVE:
+        return True
+    if link.heartbeat_ns <= since_ns:
+        return False
+    if goal is Goal.FLY:
+        return link.armed and link.offboard
+    return not link.armed
+
+
+HOLD_OFF_NS = 1_000_000_000  # an answer stands until the next heartbeat could tell more
+CUT_HOLD_OFF_NS = 100_000_000
+
+
+def pursue(goal: Goal, link: DroneLink, since_ns: int, now_ns: int) -> None:
+    """Ask for the next command towards the goal; nothing when it is reached, or while one is on its way or settling."""
+    if is_reached(goal, link, since_ns):
+        return
+    command = _next(goal, link)
+    if command is None:
+        return
+    hold_off_ns = CUT_HOLD_OFF_NS if goal is Goal.CUT else HOLD_OFF_NS
+    answer = link.commands.answers.get(command)
+    if answer is not None and now_ns - answer.t_ns < hold_off_ns:
+        return
+    if goal is Goal.CUT:
+        link.commands.urge(command)
+    else:
+        link.commands.ask(command)
+
+
+def _next(goal: Goal, link: DroneLink) -> Command | None:
+    match goal:
+        case Goal.CUT:
+            return d.cut(link.target)
+        case Goal.DISARM:
+            return d.disarm(link.target)
+        case Goal.LAND:
+            return None if link.mode == "LAND" else d.land(link.target)
+        case Goal.FLY if link.dialect is not None:
+            return d.arm(link.target) if link.offboard else link.dialect.set_offboard(link.target)
+        case _:
+            return None

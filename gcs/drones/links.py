@@ -1,0 +1,60 @@
+"""The ground's links to all drones of a lab as one: the shared bus or sockets, and each drone's own if it has one."""
+
+from formation.config import LabConfig
+from formation.messages import Datagram
+from wire.transport.link import Deliver, Link, LinkCounters
+from wire.transport.udp_bus import open_udp_direct, open_udp_ground
+from wire.transport.zenoh_bus import ZenohBus
+
+
+class GroundLinks:
+    """Sends each datagram by the link of its drone."""
+
+    def __init__(self, links: dict[int, Link]) -> None:
+        self._links = links
+
+    def send(self, datagram: Datagram) -> None:
+        """Hand the bytes to the drone's link; never waits."""
+        self._links[datagram.sysid].send(datagram)
+
+    @property
+    def counters(self) -> LinkCounters:
+        """Sums over all links."""
+        total = LinkCounters()
+        for link in {id(link): link for link in self._links.values()}.values():
+            total.sent += link.counters.sent
+            total.received += link.counters.received
+            total.dropped += link.counters.dropped
+            total.refused += link.counters.refused
+        return total
+
+    def close(self) -> None:
+        """Close every link."""
+        for link in {id(link): link for link in self._links.values()}.values():
+            link.close()
+
+
+async def open_links(config: LabConfig, bus: ZenohBus, deliver: Deliver) -> GroundLinks:
+    """Open what the configuration says; what the links refuse is noted in the bus's `refusals`.
+
+    OSError for a port that is taken, ValueError for a link that is none.
+    """
+    own = {v.sysid: v.link for v in config.vehicles if v.sysid is not None and v.link is not None}
+    shared = [v.sysid for v in config.vehicles if v.sysid is not None and v.link is None]
+    links: dict[int, Link] = {}
+    for sysid, text in own.items():
+        links[sysid] = await open_udp_direct(text, sysid, deliver, bus.refusals)
+    if shared:
+        common = await _open_shared(config, bus, shared, deliver)
+        links.update((sysid, common) for sysid in shared)
+    return GroundLinks(links)
+
+
+async def _open_shared(config: LabConfig, bus: ZenohBus, sysids: list[int], deliver: Deliver) -> Link:
+    if config.link.kind == "zenoh":
+        return bus.ground_link(sysids, deliver)
+    try:
+        return await open_udp_ground(config.link, sysids, deliver, bus.refusals)
+    except OSError as error:
+        ports = ", ".join(str(config.link.ground_port_base + sysid) for sysid in sysids)
+        raise OSError(f"UDP ports {ports} on {config.link.host}: {error.strerror or error}") from error

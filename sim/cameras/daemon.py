@@ -1,0 +1,51 @@
+"""The emulated cameras as a process: true poses from the bus in, raw frames onto the bus, in real time."""
+
+from formation.messages import Truth
+from formation.safety.phases import AIRBORNE
+from sim.cameras.emulator import MocapEmulator
+from sim.scenario import Scenario, recorded_leader
+from sim.script import Glance
+from wire.clock import Clock
+from wire.process.starved import Punctuality
+from wire.transport.mocap_bus import MocapBus
+from wire.transport.zenoh_bus import ZenohBus
+
+
+async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> None:
+    """Publish frames for ever, as the hub of the lab's bus (BusError where its endpoint is taken).
+
+    A recorded leader sets out when the ground `gcs_name` says that the formation stands. StarvedError where, in
+    flight, an exposure comes too late.
+    """
+    link = scenario.lab.link
+    hub = link.model_copy(update={"zenoh_listen": link.zenoh_connect, "zenoh_connect": ()})
+    emulator = MocapEmulator(scenario.mocap, scenario.lab, recorded_leader(scenario), seed, clock.monotonic_ns())
+    truths: dict[int, Truth] = {}
+    punctual, flying = Punctuality("the mocap emulator", "its exposure"), False
+
+    def take_truth(truth: Truth) -> None:
+        truths[truth.sysid] = truth
+
+    def take_state(text: str) -> None:
+        nonlocal flying
+        glance = Glance.at(text)
+        flying = glance.phase in AIRBORNE
+        if glance.formed:
+            emulator.start(clock.monotonic_ns())
+
+    bus = await ZenohBus.open(hub, scenario.lab.name)
+    try:
+        mocap = MocapBus(bus, clock)
+        bus.on_truth(take_truth)
+        bus.on_state(gcs_name, take_state)
+        while True:
+            await clock.sleep_until_ns(min(emulator.next_exposure_ns, emulator.next_frame_ns))
+            now_ns = clock.monotonic_ns()
+            if flying:
+                punctual.check(emulator.next_exposure_ns, now_ns)
+            for frame in emulator.pop_due(now_ns):
+                mocap.publish_raw(frame)
+            while emulator.next_exposure_ns <= now_ns:
+                emulator.expose(truths)
+    finally:
+        await bus.close()

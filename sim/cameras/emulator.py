@@ -1,0 +1,161 @@
+"""The motion-capture emulator, sans-IO: true poses in; jittered, noisy, late, sometimes missing frames out.
+
+It speaks the mocap's axes and marker frames, as a real system does: the mocap process turns them into lab and flu.
+Noise is drawn in lab and flu, so that the same flight is the same in a room of any axes.
+"""
+
+from collections.abc import Mapping
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from formation.config import LabConfig
+from formation.maths import frames
+from formation.maths.arrays import Bool, Float
+from formation.messages import RawFrame, Truth
+from formation.model import Model, Positive
+from sim.cameras import optics
+from sim.cameras.playback import Playback
+from wire.transport.memory_bus import MemoryLink, random_delay
+
+NotNegative = Annotated[float, Field(ge=0.0)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+TRUTH_LIVES_NS = 200_000_000
+"""A truth older than this says nothing: its agent is gone."""
+
+
+class Gap(Model):
+    """A time without frames, or without one body; `at_s` counts from the start of the formation phase."""
+
+    at_s: float
+    for_s: Positive
+    body: str | None = None
+
+
+class EmulatorConfig(Model):
+    """How far the emulated mocap is from an ideal one.
+
+    jitter_s, noise_m and noise_rad are standard deviations (of the exposure's time; per axis), delay_jitter_s the mean
+    of what comes on top of delay_s.
+    """
+
+    rate_hz: Positive = 100.0
+    jitter_s: NotNegative = 0.0005
+    noise_m: NotNegative = 0.0001
+    noise_rad: NotNegative = 0.001
+    delay_s: NotNegative = 0.008
+    delay_jitter_s: NotNegative = 0.0005
+    lost_share: Share = 0.0
+    occluded_share: Share = 0.0
+    gaps: tuple[Gap, ...] = ()
+
+
+class MocapEmulator:
+    """Exposes all bodies of a lab at the camera's rhythm and hands the frames out when they would arrive."""
+
+    def __init__(
+        self,
+        config: EmulatorConfig,
+        lab: LabConfig,
+        leader: Playback | None,
+        seed: int,
+        t0_ns: int,
+    ) -> None:
+        """leader: the leader that no drone carries, if so."""
+        n = len(lab.vehicles)
+        self._config = config
+        self._leader = leader
+        self._rng = np.random.default_rng([seed, 1])
+        self._bodies = tuple(v.body for v in lab.vehicles)
+        self._sysids = tuple(v.sysid for v in lab.vehicles)
+        self._q_flu_from_marker = frames.inverse(np.array([v.q_marker_from_flu for v in lab.vehicles]))
+        q_mocap_from_lab = frames.inverse(np.array(lab.mocap.q_lab_from_mocap))
+        self._view = np.concatenate([q_mocap_from_lab, lab.mocap.origin_lab_m])
+        self._noise = np.array([config.noise_m] * 3 + [config.noise_rad] * 3)
+        self._t0_ns = t0_ns
+        self._ticks = 0
+        self._seq = 0
+        self.next_exposure_ns = t0_ns
+        """When `expose` is due."""
+        self._start_ns: int | None = None
+        arrival = np.random.default_rng([seed, 2])
+        self._cable = MemoryLink[RawFrame](
+            random_delay(config.delay_s, config.delay_jitter_s, config.lost_share, arrival)
+        )
+        self._truth = np.zeros((n, 14))
+        self._pos = np.zeros((n, 3))
+        self._q = np.tile(frames.IDENTITY, (n, 1))
+
+    @property
+    def next_frame_ns(self) -> int:
+        """When `pop_due` has the next frame."""
+        return self._cable.next_due_ns
+
+    def start(self, now_ns: int) -> None:
+        """The formation phase begins: the recorded leader moves, the gaps' clock runs."""
+        if self._start_ns is None:
+            self._start_ns = now_ns
+
+    def expose(self, truths: Mapping[int, Truth]) -> None:
+        """Take one frame at `next_exposure_ns`; truths: by sysid, at that time or little before it."""
+        t_ns = self.next_exposure_ns
+        n = len(self._bodies)
+        noise = self._rng.standard_normal((n, 6)) * self._noise
+        luck = self._rng.random(n)
+        hidden = self._hidden_by_gaps(t_ns)
+        seen = luck >= self._config.occluded_share
+        if hidden:
+            seen &= np.array([body not in hidden for body in self._bodies])
+        self._look(t_ns, truths, seen, noise)
+        if None not in hidden:
+            self._cable.push(t_ns, RawFrame(self._seq, t_ns, self._bodies, self._pos.copy(), self._q.copy(), seen))
+        self._seq += 1
+        self.next_exposure_ns = self._next_exposure_after(t_ns)
+
+    def pop_due(self, now_ns: int) -> list[RawFrame]:
+        """The frames that have arrived by now, oldest first."""
+        return [frame for _, frame in self._cable.pop_due(now_ns)]
+
+    def _look(self, t_ns: int, truths: Mapping[int, Truth], seen: Bool, noise: Float) -> None:
+        """Fill in the poses of the bodies in sight; the others keep their last pose and lose their flag in `seen`.
+
+        A recording that plays brings its own noise along; held still, it is given the emulator's.
+        """
+        carried = np.zeros(len(seen), np.bool_)
+        for i, sysid in enumerate(self._sysids):
+            truth = truths.get(sysid) if sysid is not None else None
+            if truth is None or t_ns - truth.t_ns > TRUTH_LIVES_NS:
+                continue
+            carried[i] = seen[i]
+            row = self._truth[i]
+            row[0] = (t_ns - truth.t_ns) * 1e-9
+            row[1:4], row[4:7] = truth.pos_lab_m, truth.vel_lab_m_s
+            row[7:11], row[11:14] = truth.q_lab_from_flu, truth.rate_flu_rad_s
+        optics.look(self._truth, carried, self._view, self._q_flu_from_marker, noise, self._pos, self._q)
+        if self._leader is not None and seen[0]:
+            started = self._start_ns is not None and t_ns >= self._start_ns
+            pos, q = self._leader.pose(t_ns - (self._start_ns or t_ns))
+            shown = noise[0] * (0.0 if started and self._leader.recorded else 1.0)
+            optics.blur(pos, q, self._view, self._q_flu_from_marker[0], shown, self._pos[0], self._q[0])
+            carried[0] = True
+        seen &= carried
+
+    def _hidden_by_gaps(self, t_ns: int) -> set[str | None]:
+        if self._start_ns is None or not self._config.gaps:
+            return set()
+        elapsed_s = (t_ns - self._start_ns) * 1e-9
+        return {gap.body for gap in self._config.gaps if gap.at_s <= elapsed_s < gap.at_s + gap.for_s}
+
+    def _next_exposure_after(self, t_ns: int) -> int:
+        """The recorded stamp that comes next while a recording plays, else the camera's next jittered tick."""
+        if self._start_ns is not None and self._leader is not None:
+            recorded = self._leader.next_exposure_ns(t_ns - self._start_ns)
+            if recorded is not None:
+                return self._start_ns + recorded
+        period = 1e9 / self._config.rate_hz
+        jitter = self._config.jitter_s * 1e9 * self._rng.standard_normal()
+        self._ticks = max(self._ticks, int((t_ns - self._t0_ns) / period)) + 1
+        nominal = self._t0_ns + self._ticks * period
+        bounded = min(max(jitter, -0.4 * period), 0.4 * period)
+        return max(round(nominal + bounded), t_ns + round(0.2 * period))

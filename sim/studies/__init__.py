@@ -1,0 +1,1 @@
+"""Many lockstep flights, and what they show: paper, robustness, tune."""

@@ -1,0 +1,62 @@
+"""The command lines of the studies of `gcs-sim`: `paper`, `robustness`, `tune`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+OutFolder = Annotated[Path, typer.Option(help="Where the files go.")]
+PAPER_SEEDS = 10
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.command("paper")(compare)
+    app.command("robustness")(robust)
+    app.command("tune")(tune_vehicle)
+
+
+def compare(
+    out: OutFolder = Path(),
+    seeds: Annotated[int, typer.Option(min=1, help="How many seeds, from 1.")] = PAPER_SEEDS,
+    calibrate: Annotated[
+        bool, typer.Option(help="Only find the gust that moves the printed ISTSMC by 0.30 m.")
+    ] = False,
+    bound: Annotated[bool, typer.Option(help="Only tell how little any controller could deviate in the gust.")] = False,
+) -> None:
+    """Fly the paper's gust, line and circle with six controllers; writes paper.json and paper.html."""
+    from sim.studies import commands as studies
+
+    studies.run_paper(out, seeds, calibrate, bound)
+
+
+def robust(
+    samples: Annotated[int, typer.Option(min=1, help="How many draws, by seeds from --first on.")] = 100,
+    first: Annotated[int, typer.Option(min=0, help="The first seed.")] = 1,
+    only: Annotated[int | None, typer.Option(help="Fly this one seed again, with log and report.")] = None,
+    profile: Annotated[str, typer.Option(help="The vehicle the controller believes in.")] = "paper_40g",
+    preset: Annotated[str, typer.Option(help="The controller.")] = "default",
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print every sample as JSON, and nothing else there.")
+    ] = False,
+    out: OutFolder = Path("runs"),
+) -> None:
+    """Fly vehicles that are not what the controller believes; the worst ten, by seed. Exit code 1 if any failed."""
+    from sim.studies import commands as studies
+
+    studies.run_robustness(samples, first, only, profile, preset, as_json, out)
+
+
+def tune_vehicle(
+    vehicle: Annotated[
+        str, typer.Argument(metavar="PROFILE", help="A shipped vehicle's name, or a profile's TOML file.")
+    ],
+    rate_hz: Annotated[float, typer.Option("--rate", help="Mocap frames a second.")] = 100.0,
+    delay_s: Annotated[float, typer.Option("--delay", help="Mocap delay, s.")] = 0.008,
+    noise_m: Annotated[float, typer.Option("--noise", help="Mocap noise, m.")] = 0.0001,
+    out: Annotated[Path | None, typer.Option(help="Write the tuned profile here, to go under [[profiles]].")] = None,
+) -> None:
+    """Find the pace of a vehicle's loops: gains, observer bandwidth and compensation, judged in flight."""
+    from sim.studies import commands as studies
+
+    studies.run_tune(vehicle, rate_hz, delay_s, noise_m, out)

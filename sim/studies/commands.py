@@ -1,0 +1,163 @@
+"""What `gcs-sim paper`, `robustness` and `tune` do: many lockstep flights, a table, files for scripts."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from analysis.console import print_summary
+from analysis.load import load as load_log
+from formation.control.presets import preset_for
+from formation.vehicle.profile import VehicleProfile
+from formation.vehicle.profile import profile as shipped_profile
+from sim import lockstep
+from sim.conclude import conclude
+from sim.scenario import load as load_scenario
+from sim.studies import paper, paper_page, reach, robustness
+from sim.studies.batch import progress_bar, run_all
+from sim.studies.experiments import SCENARIOS, Experiment
+from sim.studies.robustness import Draw, Sample
+from sim.studies.tune import Candidate, Task, tune
+from wire.config_file import ConfigError, dump
+from wire.config_file import load as load_config
+from wire.private_files import make_folder
+
+FAILED, NOT_RIGHT = 1, 2
+
+
+def run_paper(out: Path, seeds: int, calibrate: bool, bound: bool) -> None:
+    """The paper's gust, line and circle."""
+    console = Console(markup=False)
+    if calibrate:
+        peak = paper.calibrate(lambda tried, dev: console.print(f"peak {tried:.3f} m/s²: {1e3 * dev:.1f} mm"))
+        console.print(f"peak_m_s2 = {peak:.2f}")
+        return
+    if bound:
+        _tell_bound(console)
+        return
+    flights = paper.jobs(range(1, seeds + 1))
+    with progress_bar(console, "flights", len(flights)) as done:
+        comparison = paper.compare(flights, done)
+    make_folder(out)
+    (out / "paper.json").write_text(comparison.to_json() + "\n", encoding="utf-8")
+    (out / "paper.html").write_text(paper_page.html(comparison), encoding="utf-8")
+    console.print(paper_page.console_table(comparison))
+    console.print(f"{out / 'paper.json'}  {out / 'paper.html'}", highlight=False)
+
+
+def run_robustness(
+    samples: int, first: int, only: int | None, profile: str, preset: str, as_json: bool, out: Path
+) -> None:
+    """Vehicles that are not what the controller believes."""
+    console = Console(stderr=as_json, markup=False)
+    if only is not None:
+        flown = [_again(Draw(only, profile, preset), out, console)]
+    else:
+        draws = [Draw(seed, profile, preset) for seed in range(first, first + samples)]
+        with progress_bar(console, "flights", len(draws)) as done:
+            flown = run_all(robustness.fly, draws, done)
+    failures = sum(sample.failed for sample in flown)
+    if as_json:
+        print(_json(flown))
+    console.print(_table(flown))
+    median_mm, high_mm = (1e3 * robustness.percentile_m(flown, percent) for percent in (50.0, 95.0))
+    console.print(f"{len(flown)} flights, {failures} failed", highlight=False)
+    console.print(f"RMS on line and circle: median {median_mm:.2f} mm, 95 % under {high_mm:.2f} mm", highlight=False)
+    if failures:
+        raise typer.Exit(FAILED)
+
+
+def run_tune(vehicle: str, rate_hz: float, delay_s: float, noise_m: float, out: Path | None) -> None:
+    """The pace of a vehicle's loops."""
+    console = Console(markup=False)
+    try:
+        profile = load_config(Path(vehicle), VehicleProfile) if Path(vehicle).exists() else shipped_profile(vehicle)
+    except (ConfigError, ValueError) as error:
+        console.print(f"gcs-sim: {error}", style="red", markup=False, highlight=False)
+        raise typer.Exit(NOT_RIGHT) from error
+    task = Task(profile, rate_hz, delay_s, noise_m)
+    with console.status("the rule's own pace") as status:
+
+        def told(candidate: Candidate) -> None:
+            status.update(f"cost {candidate.cost:.2f}")
+            console.print(f"cost {candidate.cost:7.2f}  {_pace(candidate)}", highlight=False)
+
+        first, best = tune(task, told)
+    console.print(f"by the rule {first.cost:.2f}, tuned {best.cost:.2f}; {best.margin}", highlight=False)
+    tuned = profile.model_copy(update={"pace": best.pace})
+    gains = preset_for("default", tuned, task.mocap)
+    console.print(f"law {gains.follower}\nobserver {gains.observer}", highlight=False)
+    if out is not None:
+        out.write_text(dump(tuned), encoding="utf-8")
+    else:
+        console.print(f"\n\\[profiles.pace]\n{dump(best.pace)}", highlight=False)
+    if not np.isfinite(best.cost):
+        raise typer.Exit(FAILED)
+
+
+def _tell_bound(console: Console) -> None:
+    """The least deviation by the time of reaction, the loop's own last."""
+    scenario = load_scenario(SCENARIOS[Experiment.GUST])
+    pass_over = reach.reach_of(scenario)
+    own_s = reach.reaction_s(scenario, pass_over)
+    for seconds in (*reach.REACTIONS_S, own_s):
+        least_mm = 1e3 * reach.least_deviation_m(pass_over, seconds)
+        who = "  this loop: seen, passed on, acted on" if seconds == own_s else ""
+        console.print(f"acts after {1e3 * seconds:4.1f} ms: {least_mm:5.1f} mm at least{who}", highlight=False)
+
+
+def _pace(candidate: Candidate) -> str:
+    """The factors in words."""
+    pace = candidate.pace
+    return (
+        f"sideways {pace.sideways:.2f}, observer {pace.observer:.2f}, upwards {pace.upwards:.2f}, "
+        f"compensation {pace.compensation:.2f}"
+    )
+
+
+def _again(draw: Draw, out: Path, console: Console) -> Sample:
+    """Fly one draw with a log and a report."""
+    scenario = robustness.scenario_of(draw)
+    folder = out / scenario.name
+    make_folder(folder)
+    flown = lockstep.run_to_file(scenario, draw.seed, folder / "flight.mcap")
+    summary = conclude(folder / "flight.mcap", flown.outcome, flown.realtime_factor)
+    print_summary(summary, console)
+    return robustness.judge(draw, flown.outcome.result, load_log(folder / "flight.mcap"), summary)
+
+
+def _table(samples: list[Sample]) -> Table:
+    """The worst ten and how to fly them again."""
+    table = Table(title="the worst; again with --only SEED")
+    for heading in ("seed", "experiment", "outcome", "RMS, mm", "largest, mm"):
+        table.add_column(heading, justify="left" if heading in ("experiment", "outcome") else "right")
+    for sample in robustness.worst(samples):
+        outcome = f"{sample.outcome}, left its fence" if sample.left_fence else sample.outcome
+        numbers = (f"{1e3 * sample.rms_m:.2f}", f"{1e3 * sample.max_m:.1f}")
+        table.add_row(
+            str(sample.draw.seed), sample.experiment, outcome, *numbers, style="red" if sample.failed else None
+        )
+    return table
+
+
+def _json(samples: list[Sample]) -> str:
+    """Every sample and the percentiles; null for what no flight could tell."""
+    told = {
+        "samples": [asdict(sample) | {"failed": sample.failed} for sample in samples],
+        "failed": sum(sample.failed for sample in samples),
+        "rms_m": {f"p{p:g}": robustness.percentile_m(samples, p) for p in (50.0, 95.0, 100.0)},
+    }
+    return json.dumps(_without_nan(told), indent=2, allow_nan=False)
+
+
+def _without_nan(value: object) -> object:
+    """The same with None for NaN, which JSON does not have."""
+    if isinstance(value, dict):
+        return {key: _without_nan(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(item) for item in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -1,0 +1,172 @@
+"""`gcs-sim robustness`: flights of vehicles that differ from what the controller believes, drawn by seed.
+
+A seed decides everything: the experiment, every drone's true vehicle, the mocap, the links, the moment of a dropout.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.load import Flight
+from analysis.metrics import Summary, summarise
+from formation.config import Fence
+from formation.maths.arrays import Bool
+from formation.messages import Phase
+from formation.vehicle.profile import VehicleProfile, profile
+from sim import lockstep
+from sim.cameras.emulator import EmulatorConfig, Gap
+from sim.scenario import LinkModel, Scenario, TrueVehicle, flown_by, load
+from sim.studies.experiments import FORMATION_S, SCENARIOS, Experiment
+
+MASS = INERTIA = 0.3
+CURVE = 0.1
+LAG = 0.5
+DELAY_MAX = 2.0
+NOISE_M = (0.0001, 0.001)
+NOISE_RAD_PER_M = 10.0
+RATES_HZ = (50.0, 100.0, 240.0)
+DROPOUT_S = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Draw:
+    """One sample: its seed, and the profile the controller holds."""
+
+    seed: int
+    profile: str = "paper_40g"
+    preset: str = "default"
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """How a draw flew. rms_m, max_m: formation error; left_fence: whether a drone was ever truly outside."""
+
+    draw: Draw
+    experiment: Experiment
+    outcome: str
+    rms_m: float
+    max_m: float
+    left_fence: bool
+
+    @property
+    def failed(self) -> bool:
+        """Diverged, aborted, or left the fence."""
+        return self.outcome != "landed" or self.left_fence or not np.isfinite(self.rms_m)
+
+
+def scenario_of(draw: Draw) -> Scenario:
+    """The flight that the draw's seed decides."""
+    rng = np.random.default_rng([draw.seed, 5])
+    experiment = list(Experiment)[int(rng.integers(len(Experiment)))]
+    scenario = load(SCENARIOS[experiment])
+    believed = profile(draw.profile)
+    lab = flown_by(scenario.lab, believed, draw.preset)
+    delay = rng.uniform(1.0, DELAY_MAX)
+    vehicles = tuple(
+        TrueVehicle(
+            sysid=v.sysid,
+            start=scenario.true_vehicle(v.sysid).start,
+            vehicle=_vehicle(believed, delay, rng),
+        )
+        for v in lab.vehicles
+        if v.sysid is not None
+    )
+    rate_hz = float(rng.choice(RATES_HZ))
+    lab = lab.model_copy(update={"mocap": lab.mocap.model_copy(update={"rate_hz": rate_hz})})
+    update: dict[str, object] = {
+        "name": f"robustness_{experiment}_{draw.seed}",
+        "seed": draw.seed,
+        "lab": lab,
+        "vehicles": vehicles,
+        "mocap": _mocap(scenario.mocap, rate_hz, delay, rng),
+        "link": _link(scenario.link, delay),
+    }
+    if experiment is not Experiment.GUST:
+        update["formation_s"] = FORMATION_S
+    return scenario.model_copy(update=update)
+
+
+def fly(draw: Draw) -> Sample:
+    """Fly the draw in memory and judge it."""
+    scenario = scenario_of(draw)
+    flown, flight = lockstep.run_and_load(scenario, draw.seed)
+    return judge(draw, flown.outcome.result, flight, summarise(flight))
+
+
+def judge(draw: Draw, outcome: str, flight: Flight, summary: Summary) -> Sample:
+    """The sample of a flight of that draw."""
+    scenario = scenario_of(draw)
+    experiment = next(e for e in Experiment if f"_{e}_" in scenario.name)
+    return Sample(
+        draw,
+        experiment,
+        outcome,
+        np.nan if summary.formation_rms_m is None else summary.formation_rms_m,
+        np.nan if summary.formation_max_m is None else summary.formation_max_m,
+        _left_fence(flight, scenario.lab.limits.fence),
+    )
+
+
+def worst(samples: Sequence[Sample], count: int = 10) -> list[Sample]:
+    """The failures first, then the largest errors."""
+    return sorted(samples, key=lambda s: (not s.failed, -np.nan_to_num(s.rms_m, nan=np.inf)))[:count]
+
+
+def percentile_m(samples: Sequence[Sample], percent: float) -> float:
+    """Of the formation RMS over line and circle."""
+    errors = [s.rms_m for s in samples if s.experiment is not Experiment.GUST and np.isfinite(s.rms_m)]
+    return float(np.percentile(errors, percent)) if errors else np.nan
+
+
+def _vehicle(
+    believed: VehicleProfile, delay: float, rng: np.random.Generator
+) -> dict[str, float | bool | tuple[float, float, float]]:
+    """What one drone truly is: mass, inertia, thrust and lag off by their shares, delay longer."""
+
+    def off(share: float) -> float:
+        return float(rng.uniform(1.0 - share, 1.0 + share))
+
+    slower = off(LAG)
+    ixx, iyy, izz = (i * off(INERTIA) for i in believed.inertia_kg_m2)
+    return {
+        "mass_kg": believed.mass_kg * off(MASS),
+        "inertia_kg_m2": (ixx, iyy, izz),
+        "thrust_max_n": believed.thrust_max_n * off(CURVE),
+        "thrust_curve": min(believed.thrust_curve * off(CURVE), 1.0),
+        "motor_lag_s": believed.motor_lag_s * slower,
+        "attitude_p_1_s": believed.attitude_p_1_s / slower,
+        "rate_p_1_s": believed.rate_p_1_s / slower,
+        "command_delay_s": believed.command_delay_s * delay,
+    }
+
+
+def _mocap(usual: EmulatorConfig, rate_hz: float, delay: float, rng: np.random.Generator) -> EmulatorConfig:
+    low, high = np.log(NOISE_M)
+    noise_m = float(np.exp(rng.uniform(low, high)))
+    gap = Gap(at_s=float(rng.uniform(2.0, FORMATION_S - 2.0)), for_s=DROPOUT_S)
+    return usual.model_copy(
+        update={
+            "rate_hz": rate_hz,
+            "noise_m": noise_m,
+            "noise_rad": NOISE_RAD_PER_M * noise_m,
+            "delay_s": usual.delay_s * delay,
+            "gaps": (gap,),
+        }
+    )
+
+
+def _link(usual: LinkModel, delay: float) -> LinkModel:
+    return usual.model_copy(update={"down_s": usual.down_s * delay, "up_s": usual.up_s * delay})
+
+
+def _left_fence(flight: Flight, fence: Fence) -> bool:
+    """Whether a drone's true position was outside while airborne."""
+    low, high = np.array(fence.low_m), np.array(fence.high_m)
+    aloft = flight.spans(Phase.TAKEOFF, Phase.FORMATION, Phase.HOLD, Phase.LAND)
+    for truth in flight.truth.values():
+        pos = truth.column(lambda m: m.pos_lab_m)
+        outside: Bool = np.any((pos < low) | (pos > high), axis=-1)
+        if any(outside[(truth.t_s >= span.start_s) & (truth.t_s <= span.end_s)].any() for span in aloft):
+            return True
+    return False

@@ -1,0 +1,160 @@
+"""`gcs-sim tune`: the pace of a vehicle's loops, found by flying.
+
+The rule that every vehicle is given without asking (formation.control.presets) slows the shipped gains down in
+proportion to the loop's delay. From there a compass search (Kolda, Lewis, Torczon, SIAM Review 2003) moves four
+factors, each by a step up or down: of the horizontal gains (c, p1 with it, p2 with its square), of the horizontal
+observer's bandwidth, of the vertical gains and observer, and of the dead time and lag that are compensated. Each
+candidate flies gust and circle with the vehicle as its profile says and with one that is heavier, slower and later,
+and is judged by deviation, formation error and chatter, each in units of what is wanted; a candidate that the loop's
+delay margin does not carry is not flown.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from formation.config import MocapConfig
+from formation.control.margin import DelayMargin, delay_margin
+from formation.control.presets import pace_of, preset_for
+from formation.vehicle.profile import Pace, VehicleProfile
+from sim import lockstep
+from sim.scenario import Scenario, TrueVehicle, flown_by
+from sim.studies import experiments
+from sim.studies.batch import run_all
+from sim.studies.experiments import Experiment, Job, Score
+
+STEPS = (1.3, 1.15, 1.07)
+ROUNDS_EACH = 3
+PRESET = "default"
+EXPERIMENTS = (Experiment.GUST, Experiment.CIRCLE)
+FORMATION_S = 12.0
+WANTED_DEVIATION_M, WANTED_RMS_M, WANTED_CHATTER_DEG = 0.03, 0.001, 0.3
+HEAVIER, SLOWER, LATER = 1.2, 1.3, 1.5
+BETTER = 0.99
+"""A candidate must cost less than this share of the best to take its place."""
+FACTORS = ("sideways", "observer", "upwards", "compensation")
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What is tuned for: a vehicle, and the cameras' rate, delay and noise."""
+
+    profile: VehicleProfile
+    rate_hz: float
+    delay_s: float
+    noise_m: float
+
+    @property
+    def mocap(self) -> MocapConfig:
+        """The cameras as the ground is told of them."""
+        return MocapConfig(rate_hz=self.rate_hz, delay_s=self.delay_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """One flight of one candidate; off: by a vehicle that is not as believed."""
+
+    task: Task
+    pace: Pace
+    experiment: Experiment
+    off: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A pace and what it costs: infinite where it does not fly."""
+
+    pace: Pace
+    cost: float
+    margin: DelayMargin
+
+
+def tune(task: Task, told: Callable[[Candidate], None]) -> tuple[Candidate, Candidate]:
+    """The rule's candidate and the best one found; `told` of each better one."""
+    first = best = judge(task, [pace_of(task.profile, task.mocap)])[0]
+    told(best)
+    for step in STEPS:
+        for _ in range(ROUNDS_EACH):
+            found = min(judge(task, list(neighbours(best.pace, step))), key=lambda candidate: candidate.cost)
+            if found.cost >= BETTER * best.cost:
+                break
+            best = found
+            told(best)
+    return first, best
+
+
+def neighbours(pace: Pace, step: float) -> Iterator[Pace]:
+    """The eight candidates one step away."""
+    for factor, by in product(FACTORS, (step, 1.0 / step)):
+        yield pace.model_copy(update={factor: by * getattr(pace, factor)})
+
+
+def judge(task: Task, paces: list[Pace]) -> list[Candidate]:
+    """Fly and cost every pace."""
+    margins = run_all(_margin, [(task, pace) for pace in paces], lambda: None)
+    flights = [
+        Flight(task, pace, experiment, off)
+        for pace, margin in zip(paces, margins, strict=True)
+        if margin.carried
+        for experiment, off in product(EXPERIMENTS, (False, True))
+    ]
+    costs = dict(zip(flights, run_all(fly, flights, lambda: None), strict=True))
+    return [
+        Candidate(
+            pace,
+            sum(costs[f] for f in flights if f.pace == pace) if margin.carried else float("inf"),
+            margin,
+        )
+        for pace, margin in zip(paces, margins, strict=True)
+    ]
+
+
+def fly(flight: Flight) -> float:
+    """The cost of one flight."""
+    scenario = scenario_of(flight)
+    flown, log = lockstep.run_and_load(scenario, scenario.seed)
+    return cost_of(experiments.measure(log, scenario, flown.outcome.result), flight.experiment)
+
+
+def cost_of(score: Score, experiment: Experiment) -> float:
+    """What a flight costs, in units of what is wanted; infinite where it did not land."""
+    parts = (
+        [score.max_dev_m / WANTED_DEVIATION_M, score.chatter_deg / WANTED_CHATTER_DEG]
+        if experiment is Experiment.GUST
+        else [score.rms_m / WANTED_RMS_M]
+    )
+    total = float(np.sum(parts))
+    return total if score.outcome == "landed" and np.isfinite(total) else float("inf")
+
+
+def scenario_of(flight: Flight) -> Scenario:
+    """The experiment cut short, flown by the tuned vehicle under the cameras of the task."""
+    task = flight.task
+    believed = task.profile.model_copy(update={"pace": flight.pace})
+    scenario = experiments.scenario_of(Job("cfc", flight.experiment, seed=1))
+    lab = flown_by(scenario.lab, believed, PRESET).model_copy(update={"mocap": task.mocap})
+    mocap = scenario.mocap.model_copy(
+        update={"rate_hz": task.rate_hz, "delay_s": task.delay_s, "noise_m": task.noise_m}
+    )
+    update: dict[str, object] = {"lab": lab, "mocap": mocap, "formation_s": FORMATION_S}
+    if flight.off:
+        off = {
+            "mass_kg": HEAVIER * believed.mass_kg,
+            "motor_lag_s": SLOWER * believed.motor_lag_s,
+            "attitude_p_1_s": believed.attitude_p_1_s / SLOWER,
+            "command_delay_s": LATER * believed.command_delay_s,
+        }
+        update["vehicles"] = tuple(
+            TrueVehicle(sysid=v.sysid, start=scenario.true_vehicle(v.sysid).start, vehicle=dict(off))
+            for v in lab.vehicles
+            if v.sysid is not None
+        )
+    return scenario.model_copy(update=update)
+
+
+def _margin(job: tuple[Task, Pace]) -> DelayMargin:
+    task, pace = job
+    profile = task.profile.model_copy(update={"pace": pace})
+    return delay_margin(profile, preset_for(PRESET, profile, task.mocap), task.mocap)

@@ -1,0 +1,59 @@
+"""Demanded force within what thrust, tilt and the motors' torque can give."""
+
+import numpy as np
+import pytest
+
+from formation.config import LabConfig
+from formation.control.attitude import AUTHORITY_LEAST, authority_kept, bound_force, bound_turn, turn_authority
+from formation.control.presets import preset
+from formation.control.settings import estimator_settings
+from formation.estimation.update import MISFIT_BAD, MISFIT_FAIR
+from formation.vehicle.body import GRAVITY_M_S2
+from formation.vehicle.profile import PAPER_40G
+
+FULL = PAPER_40G.thrust_max_n / PAPER_40G.mass_kg
+LEVEL = np.array([0.0, 0.0, GRAVITY_M_S2])
+
+
+def turned(lift: float, sideways: float = 30.0) -> float:
+    """What is left of a sideways demand from level, at that lift, for the paper's vehicle."""
+    force = np.array([sideways, 0.0, lift])
+    bound_turn(force, LEVEL, turn_authority(PAPER_40G), FULL)
+    return float(force[0])
+
+
+def test_a_turn_asks_for_no_more_torque_than_the_motors_hold_beside_the_lift() -> None:
+    """Full motors on one side, idle on the other: (motor max - base) x arm over inertia is all there is."""
+    assert turned(FULL) == 0.0
+    assert turned(0.9 * FULL) < 0.5 * turned(0.5 * FULL)
+    lift = 0.75 * FULL
+    tilt_rad = np.arctan2(turned(lift), lift)
+    torque_nm = PAPER_40G.inertia_kg_m2[0] * PAPER_40G.attitude_p_1_s * PAPER_40G.rate_p_1_s * tilt_rad
+    arm_m = PAPER_40G.wheelbase_m / (2.0 * np.sqrt(2.0))
+    assert torque_nm <= 0.25 * PAPER_40G.thrust_max_n * 4.0 * arm_m * 1.01
+
+
+def test_a_small_turn_is_left_alone() -> None:
+    assert turned(GRAVITY_M_S2, 0.5) == 0.5
+
+
+def test_height_comes_before_sideways() -> None:
+    force = np.array([20.0, 0.0, 12.0])
+    assert bound_force(force, 15.0, np.radians(70.0)) > 0.0
+    assert force[2] == 12.0
+    assert np.linalg.norm(force) == pytest.approx(15.0)
+
+
+def test_a_preset_counts_on_its_share_of_the_answer() -> None:
+    gains = preset("default")
+    lab = LabConfig.model_validate({"name": "lab", "leader": {"body": "lead"}, "followers": [
+        {"body": "a", "sysid": 2, "offset_m": [-1.0, 0.0, 0.0]}]})  # fmt: skip
+    row = estimator_settings(lab, (PAPER_40G, PAPER_40G), (gains, gains)).response[1]
+    assert row[0] == pytest.approx(gains.dead_share * PAPER_40G.response_dead_time_s)
+    assert row[1] == pytest.approx(gains.lag_share * PAPER_40G.response_lag_s)
+
+
+def test_a_vehicle_is_turned_less_the_less_it_answers_as_believed() -> None:
+    assert authority_kept(0.0) == authority_kept(MISFIT_FAIR) == 1.0
+    assert AUTHORITY_LEAST < authority_kept(0.5 * (MISFIT_FAIR + MISFIT_BAD)) < 1.0
+    assert authority_kept(5.0) == pytest.approx(AUTHORITY_LEAST)

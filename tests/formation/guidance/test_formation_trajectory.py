@@ -1,0 +1,136 @@
+import numpy as np
+import pytest
+
+from formation.config import TrajectoryConfig
+from formation.guidance import reference_generator as course
+from formation.guidance.blend import add_gap, closing_s
+from formation.guidance.trajectory import Trajectory, anchored, min_jerk, sample
+from formation.maths.arrays import Float
+
+ANCHOR = np.array([0.1, 0.2, 0.3])
+KINDS = [
+    TrajectoryConfig(kind="hold", yaw_rate_rad_s=1.0),
+    TrajectoryConfig(kind="line", length_m=1.0, duration_s=4.0),
+    TrajectoryConfig(kind="circle", radius_m=0.3, period_s=6.0, duration_s=12.0, yaw_rate_rad_s=-0.5),
+    TrajectoryConfig(kind="waypoints", waypoints_m=((1.0, 0.0, 0.5), (1.0, 1.0, 1.0), (0.0, 0.0, 0.3))),
+]
+
+
+def motion(path: Trajectory, t_s: float) -> Float:
+    out = np.empty((3, 4))
+    sample(path.kind, path.numbers, path.knots, t_s, out)
+    return out
+
+
+@pytest.mark.parametrize("config", KINDS, ids=lambda c: c.kind)
+def test_rates_are_derivatives_and_nothing_jumps(config: TrajectoryConfig) -> None:
+    path = anchored(config, ANCHOR, 0.5)
+    h = 1e-4
+    for t in np.linspace(-0.5, path.duration_s + 0.5, 331):
+        before, now, after = (motion(path, t + k * h) for k in (-1, 0, 1))
+        np.testing.assert_allclose(now[1], (after[0] - before[0]) / (2 * h), atol=2e-4)
+        np.testing.assert_allclose(now[2], (after[1] - before[1]) / (2 * h), atol=2e-2)
+
+
+@pytest.mark.parametrize("config", KINDS, ids=lambda c: c.kind)
+def test_from_rest_to_rest(config: TrajectoryConfig) -> None:
+    path = anchored(config, ANCHOR, 0.5)
+    for t in (0.0, path.duration_s, path.duration_s + 5.0):
+        np.testing.assert_allclose(motion(path, t)[1:], 0.0, atol=1e-9)
+
+
+def test_line_goes_its_length_along_lab_x() -> None:
+    path = anchored(KINDS[1], ANCHOR, 0.0)
+    np.testing.assert_allclose(motion(path, 10.0)[0, :3], [1.1, 0.2, 0.3])
+
+
+def test_circle_is_about_the_origin_at_the_anchors_height_with_whole_laps() -> None:
+    path = anchored(KINDS[2], ANCHOR, 0.0)
+    for t in np.linspace(0.0, path.duration_s, 50):
+        p = motion(path, t)[0]
+        assert np.hypot(p[0], p[1]) == pytest.approx(0.3)
+        assert p[2] == 0.3
+    np.testing.assert_allclose(motion(path, path.duration_s)[0, :2], [0.3, 0.0], atol=1e-9)
+    assert np.linalg.norm(motion(path, 0.5 * path.duration_s)[1, :2]) == pytest.approx(0.3 * 2 * np.pi / 6.0)
+
+
+def test_a_circle_is_flown_as_many_laps_as_asked_and_takes_a_period_each_and_the_ramp() -> None:
+    path = anchored(TrajectoryConfig(kind="circle", radius_m=0.5, period_s=6.0, laps=5), ANCHOR, 0.0)
+    assert path.duration_s == 5 * 6.0 + 1.5
+    around = np.array([motion(path, t)[0, :2] for t in np.linspace(0.0, path.duration_s, 2000)])
+    angle = np.unwrap(np.arctan2(around[:, 1], around[:, 0]))
+    assert angle[-1] - angle[0] == pytest.approx(5 * 2 * np.pi)
+
+
+def test_a_line_is_flown_there_and_back_as_often_as_asked() -> None:
+    path = anchored(TrajectoryConfig(kind="line", length_m=2.0, duration_s=4.0, laps=2), ANCHOR, 0.0)
+    assert path.duration_s == 16.0
+    x = [motion(path, t)[0, 0] - ANCHOR[0] for t in (0.0, 2.0, 4.0, 8.0, 12.0, 16.0, 20.0)]
+    np.testing.assert_allclose(x, [0.0, 1.0, 2.0, 0.0, 2.0, 0.0, 0.0], atol=1e-12)
+    there = anchored(TrajectoryConfig(kind="line", length_m=2.0, duration_s=4.0), ANCHOR, 0.0)
+    for t in np.linspace(0.0, 4.0, 30):
+        np.testing.assert_allclose(motion(path, t), motion(there, t), atol=1e-12)
+
+
+def test_waypoints_are_flown_as_often_as_asked() -> None:
+    points = ((1.0, 0.0, 0.5), (0.0, 1.0, 0.5))
+    path = anchored(TrajectoryConfig(kind="waypoints", waypoints_m=points, laps=3), ANCHOR, 0.0)
+    np.testing.assert_allclose(path.knots[1:, 1:], points * 3)
+    np.testing.assert_allclose(motion(path, path.duration_s)[0, :3], points[-1])
+
+
+def test_what_is_compiled_is_what_is_plain() -> None:
+    """A lab is judged by the plain functions and flown by the compiled ones: the same numbers to the last bit."""
+    for config in KINDS:
+        path = anchored(config, ANCHOR, 0.5)
+        for t in np.linspace(-0.5, path.duration_s + 0.5, 101):
+            compiled = np.empty((3, 4))
+            course.sample(path.kind, path.numbers, path.knots, float(t), compiled)
+            assert np.array_equal(compiled, motion(path, float(t))), (config.kind, t)
+
+
+def test_waypoints_are_met_in_turn_within_the_speed() -> None:
+    path = anchored(KINDS[3], ANCHOR, 0.0)
+    for t, *point in path.knots:
+        np.testing.assert_allclose(motion(path, t)[0, :3], point, atol=1e-9)
+    speeds = [np.linalg.norm(motion(path, t)[1, :3]) for t in np.linspace(0.0, path.duration_s, 500)]
+    assert max(speeds) <= KINDS[3].speed_m_s + 1e-9
+
+
+def test_turn_reaches_its_rate_and_adds_to_the_heading() -> None:
+    path = anchored(KINDS[0], ANCHOR, 0.5)
+    assert motion(path, 4.0)[1, 3] == pytest.approx(1.0)
+    assert motion(path, 99.0)[0, 3] == pytest.approx(0.5 + (8.0 - 2.0) * 1.0)
+
+
+def test_min_jerk_golden() -> None:
+    assert min_jerk(0.5) == pytest.approx((0.5, 1.875, 0.0))
+
+
+def test_a_gap_begins_as_it_is_and_ends_as_nothing() -> None:
+    gap = np.arange(16, dtype=np.float64).reshape(4, 4) - 5.0
+    out = np.zeros((3, 4))
+    add_gap(gap, 0.0, 1.7, out)
+    np.testing.assert_allclose(out, gap[:3])  # a detour begins at rest
+    for t in (1.7 - 1e-9, 1.7, 30.0):
+        out = np.zeros((3, 4))
+        add_gap(gap, t, 1.7, out)
+        np.testing.assert_allclose(out, 0.0, atol=1e-6)
+
+
+def test_gap_rates_are_derivatives() -> None:
+    gap = np.array([[1.0, -2.0, 0.5, 0.1], [0.3, 0.0, -1.0, 0.2], [1.0, 2.0, 0.0, -1.0], [0.0, 0.0, 0.4, 0.0]])
+    h = 1e-5
+    for t in np.linspace(0.1, 1.5, 9):
+        before, now, after = np.zeros((3, 4)), np.zeros((3, 4)), np.zeros((3, 4))
+        add_gap(gap, t - h, 1.7, before)
+        add_gap(gap, t, 1.7, now)
+        add_gap(gap, t + h, 1.7, after)
+        np.testing.assert_allclose(now[1:], (after - before)[:2] / (2 * h), atol=1e-5)
+
+
+def test_closing_time_keeps_speed_and_acceleration() -> None:
+    far, near = np.zeros((4, 4)), np.zeros((4, 4))
+    far[0, 0] = 4.0
+    assert closing_s(far, 0.5) == pytest.approx(15.0)  # 1.875 d / v
+    assert closing_s(near, 0.5) == 0.6

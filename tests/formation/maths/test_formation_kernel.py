@@ -1,0 +1,47 @@
+"""Compiling is told of, and done once."""
+
+import gc
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from formation.maths.kernel import compiling
+
+SOURCE = """
+from formation.maths.kernel import kernel
+
+@kernel
+def twice(x: float) -> float:
+    return 2.0 * x
+
+@kernel
+def fourfold(x: float) -> float:
+    return twice(twice(x))
+"""
+
+
+def load(file: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    spec = importlib.util.spec_from_file_location("told_kernels", file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, "told_kernels", module)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_each_kernel_that_is_compiled_is_told_of_once_and_none_that_is_cached(tmp_path, monkeypatch):
+    file = tmp_path / "told_kernels.py"
+    file.write_text(SOURCE)
+    for expected in (["told_kernels.fourfold", "told_kernels.twice"], []):
+        module, told = load(file, monkeypatch), []
+        with compiling(lambda name, count, total, told=told: told.append((name, count, total))):
+            assert not gc.isenabled()
+            assert module.fourfold(1.5) == 6.0
+        assert gc.isenabled()
+        assert [name for name, _, _ in told] == expected
+        assert [count for _, count, _ in told] == list(range(1, len(expected) + 1))
+        assert all(total >= 2 for _, _, total in told)

@@ -1,0 +1,155 @@
+"""Logs read back: whole, truncated or damaged MCAP files, in file order, with a plain account of what is missing."""
+
+import struct
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mcap.opcode import Opcode
+from mcap.records import Channel, Metadata, Schema
+
+from formation import topics
+from formation.topics import Topic
+from wire.logs.mcap_scan import Damage, LogError, Messages, scan
+from wire.schema import SchemaError, schema_of
+
+__all__ = ["Entry", "Log", "LogCheck", "LogError", "check_log", "read_log"]
+
+_HEAD = struct.Struct("<BQ")
+_MESSAGE = struct.Struct("<HIQQ")
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One message of the log, at its log time."""
+
+    topic: Topic
+    t_ns: int
+    message: Any
+
+
+@dataclass(frozen=True, slots=True)
+class LogCheck:
+    """What a file still holds: entries by topic, first and last log time, and what is wrong with it, in words."""
+
+    entries: Mapping[str, int]
+    first_ns: int | None
+    last_ns: int | None
+    complete: bool
+    damage: str
+
+
+@dataclass(frozen=True, slots=True)
+class Log:
+    """A log file: the metadata of its run, and its entries. A damaged file gives what is left of it."""
+
+    path: Path
+    metadata: Mapping[str, str]
+
+    @property
+    def entries(self) -> Iterator[Entry]:
+        """The entries in file order, from the start, each time it is asked for."""
+        return _entries(self.path, Damage())
+
+
+def read_log(path: Path) -> Log:
+    """Open a log. Raises OSError, and LogError if the file is no MCAP file."""
+    metadata: dict[str, str] = {}
+    for record in scan(path, Damage()):
+        if isinstance(record, Metadata):
+            metadata = record.metadata
+        if isinstance(record, Metadata | Messages):
+            break
+    return Log(path, metadata)
+
+
+def check_log(path: Path) -> LogCheck:
+    """Read a whole log and say what it holds. Raises as `read_log`."""
+    damage = Damage()
+    counts: Counter[str] = Counter()
+    first_ns: int | None = None
+    last_ns: int | None = None
+    for entry in _entries(path, damage):
+        counts[entry.topic.name] += 1
+        first_ns = entry.t_ns if first_ns is None else min(first_ns, entry.t_ns)
+        last_ns = entry.t_ns if last_ns is None else max(last_ns, entry.t_ns)
+    if damage.missing:
+        damage.note(f"{damage.missing} messages are missing")
+    if not damage.finished:
+        damage.note("the file was not closed: it has no summary")
+    return LogCheck(dict(counts), first_ns, last_ns, complete=not damage.faults, damage=damage.text())
+
+
+def _entries(path: Path, damage: Damage) -> Iterator[Entry]:
+    """The entries of our own topics; channels of others (Foxglove's views) are passed over."""
+    schemas: dict[int, Schema] = {}
+    readers: dict[int, _Reader | None] = {}
+    made: dict[tuple[str, int], _Reader | None] = {}
+    for record in scan(path, damage):
+        if isinstance(record, Metadata) and (lost := record.metadata.get("lost", "0")) != "0":
+            damage.note(f"{lost} messages were dropped while recording")
+        elif isinstance(record, Schema):
+            schemas.setdefault(record.id, record)
+        elif isinstance(record, Channel):
+            if record.id not in readers:
+                key = (record.topic, record.schema_id)  # many channels may share one large schema
+                if key not in made:
+                    made[key] = _reader(record, schemas, damage)
+                readers[record.id] = made[key]
+        elif isinstance(record, Messages):
+            for channel, t_ns, data in _messages(record, damage):
+                if channel not in readers:
+                    damage.note(f"messages of channel {channel}, which the file does not describe")
+                    readers[channel] = None
+                reader = readers[channel]
+                if reader is None:
+                    continue
+                try:
+                    yield Entry(reader.topic, t_ns, reader.decode(data))
+                except SchemaError as error:
+                    damage.note(f"{reader.topic.name} at {t_ns}: {error}")
+            if not damage.records_left:
+                damage.note("it holds more records than any log of its size: the rest is not read")
+                return
+
+
+@dataclass(frozen=True, slots=True)
+class _Reader:
+    topic: Topic
+    decode: Callable[[bytes], Any]
+
+
+_TOPICS = {topic.name: topic for topic in topics.ALL}
+
+
+def _reader(channel: Channel, schemas: Mapping[int, Schema], damage: Damage) -> _Reader | None:
+    topic = _TOPICS.get(channel.topic)
+    if topic is None:
+        return None
+    schema = schema_of(topic.type)
+    written = schemas.get(channel.schema_id)
+    if written is None or written.data == schema.descriptor_set:
+        return _Reader(topic, schema.decode)
+    try:
+        return _Reader(topic, schema.decoder(written.data))
+    except SchemaError as error:
+        damage.note(str(error))
+        return None
+
+
+def _messages(chunk: Messages, damage: Damage) -> Iterator[tuple[int, int, bytes]]:
+    """(channel, log time, data) of each message of a chunk."""
+    raw = chunk.raw
+    at = 0
+    while at + _HEAD.size <= len(raw) and damage.records_left:
+        damage.records_left -= 1
+        opcode, length = _HEAD.unpack_from(raw, at)
+        at += _HEAD.size
+        if opcode == Opcode.MESSAGE and _MESSAGE.size <= length <= len(raw) - at:
+            channel, sequence, t_ns, _ = _MESSAGE.unpack_from(raw, at)
+            damage.missing += (sequence - damage.sequence) & 0xFFFFFFFF
+            damage.sequence = sequence + 1
+            yield channel, t_ns, raw[at + _MESSAGE.size : at + length]
+        at += length

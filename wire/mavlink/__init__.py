@@ -1,0 +1,1 @@
+"""MAVLink in bytes; the only place that knows north, east, down."""

@@ -1,0 +1,163 @@
+"""Cuts bytes into whole MAVLink frames and leaves them as they are; nothing else knows where packets begin and end.
+
+`wire.mavlink.codec` reads what they say. The cost of any piece of bytes is bounded, whatever they are: where a frame
+might begin and does not, the search goes on behind that byte, but only so often; then what is left is no MAVLink.
+"""
+
+import struct
+from functools import lru_cache
+from typing import NamedTuple
+
+from fastcrc import crc16
+
+from wire.link_messages.address import Address
+from wire.mavlink.layout import CRC_EXTRA
+from wire.transport.link import LARGEST_DATAGRAM
+
+FRAMES_MOST = 8
+"""Places of one datagram where a frame is looked for, found or not; `packed` keeps to it, and who sends one frame a
+datagram (most do) never meets it."""
+_PACKED_BYTES = 1200
+# On a line that noise and restarts cut anywhere, false starts are what is bounded, by the bytes read.
+_FALSE_STARTS, _BYTES_A_FALSE_START = 8, 32
+
+_MAGIC_1, _MAGIC_2 = 0xFE, 0xFD
+_MAGICS = (_MAGIC_1, _MAGIC_2)
+_SIGNED, _SIGNATURE = 0x01, 13
+_OVERHEAD_1, _OVERHEAD_2 = 8, 12
+_HEAD_1, _HEAD_2 = struct.Struct("<xBBBBB"), struct.Struct("<xBxxBBBHB")
+_SEED = tuple(bytes([value]) for value in range(256))
+_mcrf4xx = crc16.mcrf4xx
+_address = lru_cache(maxsize=1024)(Address)
+
+
+class Frame(NamedTuple):
+    """One whole frame: its bytes as they came, its message, its sender, its sequence number and its payload."""
+
+    data: bytes
+    number: int
+    source: Address
+    seq: int
+    payload: bytes
+
+
+class FrameCutter:
+    """One direction of one link. Bytes between frames, and frames whose checksum is wrong, are counted and dropped.
+
+    `stream`: data is a byte stream (serial, TCP) that cuts frames anywhere; else every piece of data is a datagram:
+    of at most LARGEST_DATAGRAM bytes and FRAMES_MOST frames, and an unfinished one at its end is lost, not waited for.
+    """
+
+    def __init__(self, *, stream: bool = False) -> None:
+        self.dropped_bytes = 0
+        self.bad_frames = 0
+        self._stream = stream
+        self._held = b""
+
+    def cut(self, data: bytes) -> list[Frame]:
+        """The frames that `data` completes, in order; never raises."""
+        buffer = self._held + data if self._held else data
+        self._held = b""
+        end = len(buffer)
+        if self._stream:
+            tries = _FALSE_STARTS + end // _BYTES_A_FALSE_START
+        else:
+            tries = FRAMES_MOST
+            if end > LARGEST_DATAGRAM:
+                self.dropped_bytes += end
+                return []
+        frames: list[Frame] = []
+        at = 0
+        while at < end and tries:
+            stop = _stop(buffer, at, end)
+            if stop > end and self._stream:
+                self._held = buffer[at:]
+                return frames
+            if at < stop <= end:
+                frame = _frame(buffer, at, stop)
+                if frame is not None:
+                    frames.append(frame)
+                    at = stop
+                    tries -= not self._stream
+                    continue
+                self.bad_frames += 1
+            tries -= 1
+            following = _next_magic(buffer, at + 1)
+            self.dropped_bytes += following - at
+            at = following
+        self.dropped_bytes += end - at
+        return frames
+
+
+def packed(frames: bytes) -> list[bytes]:
+    """Whole frames, end to end, in as few datagrams as carry them."""
+    datagrams: list[bytes] = []
+    start = at = count = 0
+    while at < len(frames):
+        stop = _stop(frames, at, len(frames))
+        if count == FRAMES_MOST or (count and stop - start > _PACKED_BYTES):
+            datagrams.append(frames[start:at])
+            start, count = at, 0
+        at, count = stop, count + 1
+    return [*datagrams, frames[start:]] if at > start else datagrams
+
+
+def whole_frame(data: bytes) -> Frame | None:
+    """The frame that `data` is, whole and alone; None if it is none."""
+    if not data or _stop(data, 0, len(data)) != len(data):
+        return None
+    return _frame(data, 0, len(data))
+
+
+def sealed(body: bytes, crc_extra: int) -> bytes:
+    """A frame's head and payload with their checksum behind them."""
+    crc: int = _mcrf4xx(body[1:] + _SEED[crc_extra])
+    return body + crc.to_bytes(2, "little")
+
+
+def _stop(buffer: bytes, at: int, end: int) -> int:
+    """Where the frame that starts at `at` stops, as far as its head says: `at` if none starts there.
+
+    Beyond `end` where the frame, or the head itself, is not whole yet.
+    """
+    magic = buffer[at]
+    if magic == _MAGIC_2:
+        if end - at < 3:
+            return end + 1
+        flags = buffer[at + 2]
+        if flags > _SIGNED:
+            return at
+        return at + _OVERHEAD_2 + buffer[at + 1] + (_SIGNATURE if flags else 0)
+    if magic == _MAGIC_1:
+        return at + _OVERHEAD_1 + buffer[at + 1] if end - at > 1 else end + 1
+    return at
+
+
+def _frame(buffer: bytes, at: int, stop: int) -> Frame | None:
+    """The frame between `at` and `stop`; None if its checksum is wrong.
+
+    A message that is in no dialect of ours cannot be checked: it is believed if a frame, or nothing, follows it.
+    """
+    if buffer[at] == _MAGIC_2:
+        size, seq, system, component, low, high = _HEAD_2.unpack_from(buffer, at)
+        number, start = low | high << 16, at + 10
+    else:
+        size, seq, system, component, number = _HEAD_1.unpack_from(buffer, at)
+        start = at + 6
+    crc_at = start + size
+    crc_extra = CRC_EXTRA.get(number)
+    if crc_extra is None:
+        if stop < len(buffer) and buffer[stop] not in _MAGICS:
+            return None
+    elif _mcrf4xx(buffer[at + 1 : crc_at] + _SEED[crc_extra]) != buffer[crc_at] | buffer[crc_at + 1] << 8:
+        return None
+    return Frame(buffer[at:stop], number, _address(system, component), seq, buffer[start:crc_at])
+
+
+def _next_magic(buffer: bytes, at: int) -> int:
+    """Index of the next byte that could start a frame, or the buffer's length."""
+    second = buffer.find(_MAGIC_2, at)
+    first = buffer.find(_MAGIC_1, at) if second < 0 else buffer.find(_MAGIC_1, at, second)
+    if first >= 0:
+        return first
+    return second if second >= 0 else len(buffer)

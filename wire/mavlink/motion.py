@@ -1,0 +1,245 @@
+"""Messages of motion, poses and setpoints to and from MAVLink fields (in the order of its documentation).
+
+A writer returns the layout and its fields, a reader takes the fields. Positions and attitudes must be finite;
+velocities and rates may be NaN, MAVLink's "unknown".
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from formation.maths.arrays import Quat
+from formation.maths.frames import IDENTITY
+from wire.link_messages.address import Address
+from wire.link_messages.motion import (
+    Attitude,
+    AttitudeQuaternion,
+    EstimatorType,
+    GlobalPosition,
+    HomePosition,
+    LocalPosition,
+    MocapPose,
+    Odometry,
+    OdometryFrame,
+    SimTruth,
+    VisionPose,
+)
+from wire.link_messages.packet import Unknown
+from wire.link_messages.setpoints import AttitudeSetpoint, AttitudeTargetReport, Ignore
+from wire.mavlink.axes import (
+    euler_ned_from_frd,
+    heading_ned,
+    lab,
+    lab_finite,
+    ned,
+    q_lab_from_euler,
+    q_lab_from_flu,
+    q_ned_from_frd,
+)
+from wire.mavlink.layout import Fields, Layout, MavlinkError, layout
+
+Written = tuple[Layout, Fields]
+
+SET_ATTITUDE_TARGET = layout("SET_ATTITUDE_TARGET", 12)
+ATTITUDE_TARGET = layout("ATTITUDE_TARGET", 10)
+VISION_POSITION_ESTIMATE = layout("VISION_POSITION_ESTIMATE", 29)
+ATT_POS_MOCAP = layout("ATT_POS_MOCAP", 29)
+ODOMETRY = layout("ODOMETRY", 61)
+ATTITUDE = layout("ATTITUDE", 7)
+ATTITUDE_QUATERNION = layout("ATTITUDE_QUATERNION", 12)
+LOCAL_POSITION_NED = layout("LOCAL_POSITION_NED", 7)
+GLOBAL_POSITION_INT = layout("GLOBAL_POSITION_INT", 9)
+HOME_POSITION = layout("HOME_POSITION", 14)
+HIL_STATE_QUATERNION = layout("HIL_STATE_QUATERNION", 19)
+SIM_STATE = layout("SIM_STATE", 23)
+
+# A covariance whose first element is NaN is unknown, says MAVLink; the rest stays zero and costs no bytes.
+_UNKNOWN_COVARIANCE = (math.nan, *(0.0,) * 20)
+_BODY_FRD = 12
+_HEADING_UNKNOWN = 65535
+_MS_32 = 0xFFFFFFFF
+_NO_ATTITUDE, _NO_THRUST = int(Ignore.ATTITUDE), int(Ignore.THRUST)  # plain, for every packet
+
+
+def _write_setpoint(m: AttitudeSetpoint) -> Written:
+    target = m.target
+    rate = ned(m.rate_flu_rad_s)
+    q = q_ned_from_frd(m.q_lab_from_flu)
+    return SET_ATTITUDE_TARGET, (
+        m.t_boot_ms & _MS_32, target.system, target.component, int(m.ignore), *q, *rate, m.thrust_norm,
+    )  # fmt: skip
+
+
+def _read_setpoint(f: Fields) -> AttitudeSetpoint:
+    t_boot_ms, system, component, mask, w, x, y, z, p, q, r, thrust = f
+    attitude, rate, thrust = _demand(mask, (w, x, y, z), (p, q, r), thrust)
+    return AttitudeSetpoint(Address(system, component), t_boot_ms, attitude, lab(*rate), thrust, Ignore(mask))
+
+
+def _write_attitude_target(m: AttitudeTargetReport) -> Written:
+    q, rate = q_ned_from_frd(m.q_lab_from_flu), ned(m.rate_flu_rad_s)
+    return ATTITUDE_TARGET, (m.t_boot_ms & _MS_32, int(m.ignore), *q, *rate, m.thrust_norm)
+
+
+def _read_attitude_target(f: Fields) -> AttitudeTargetReport:
+    t_boot_ms, mask, w, x, y, z, p, q, r, thrust = f
+    attitude, rate, thrust = _demand(mask, (w, x, y, z), (p, q, r), thrust)
+    return AttitudeTargetReport(t_boot_ms, attitude, lab(*rate), thrust, Ignore(mask))
+
+
+def _demand(
+    mask: int, q: tuple[float, float, float, float], rate: tuple[float, float, float], thrust: float
+) -> tuple[Quat, tuple[float, float, float], float]:
+    """What a setpoint asks for: an ignored part reads as identity or zero, one that counts must be finite."""
+    attitude = IDENTITY.copy() if mask & _NO_ATTITUDE else q_lab_from_flu(*q)
+    p, q_, r = rate
+    rate = (0.0 if mask & 1 else p, 0.0 if mask & 2 else q_, 0.0 if mask & 4 else r)
+    if mask & _NO_THRUST:
+        thrust = 0.0
+    if not math.isfinite(rate[0] + rate[1] + rate[2] + thrust):
+        raise MavlinkError("a setpoint that is not finite")
+    return attitude, rate, thrust
+
+
+def _write_vision(m: VisionPose) -> Written:
+    euler = euler_ned_from_frd(m.q_lab_from_flu)
+    return VISION_POSITION_ESTIMATE, (m.t_us, *ned(m.pos_lab_m), *euler, *_UNKNOWN_COVARIANCE, 0)
+
+
+def _read_vision(f: Fields) -> VisionPose:
+    return VisionPose(f[0], lab_finite(*f[1:4]), q_lab_from_euler(*f[4:7]))
+
+
+def _write_mocap(m: MocapPose) -> Written:
+    return ATT_POS_MOCAP, (m.t_us, *q_ned_from_frd(m.q_lab_from_flu), *ned(m.pos_lab_m), *_UNKNOWN_COVARIANCE)
+
+
+def _read_mocap(f: Fields) -> MocapPose:
+    return MocapPose(f[0], lab_finite(*f[5:8]), q_lab_from_flu(*f[1:5]))
+
+
+def _write_odometry(m: Odometry) -> Written:
+    velocity, rate = ned(m.vel_flu_m_s), ned(m.rate_flu_rad_s)
+    pose = (*ned(m.pos_lab_m), *q_ned_from_frd(m.q_lab_from_flu))
+    covariances = (*_UNKNOWN_COVARIANCE, *_UNKNOWN_COVARIANCE)
+    head = (m.t_us, int(m.frame), _BODY_FRD)
+    return ODOMETRY, (*head, *pose, *velocity, *rate, *covariances, m.reset_counter, int(m.estimator), 0)
+
+
+def _read_odometry(f: Fields) -> Odometry | Unknown:
+    """Unknown where the velocity is not in BODY_FRD, as in PX4's own telemetry: nobody here reads that."""
+    if f[2] != _BODY_FRD:
+        return Unknown(ODOMETRY.id)
+    return Odometry(
+        t_us=f[0],
+        frame=OdometryFrame(f[1]),
+        estimator=EstimatorType(f[59]),
+        pos_lab_m=lab_finite(*f[3:6]),
+        q_lab_from_flu=q_lab_from_flu(*f[6:10]),
+        vel_flu_m_s=lab(*f[10:13]),
+        rate_flu_rad_s=lab(*f[13:16]),
+        reset_counter=f[58],
+    )
+
+
+def _write_attitude(m: Attitude) -> Written:
+    return ATTITUDE, (m.t_boot_ms & _MS_32, *euler_ned_from_frd(m.q_lab_from_flu), *ned(m.rate_flu_rad_s))
+
+
+def _read_attitude(f: Fields) -> Attitude:
+    return Attitude(f[0], q_lab_from_euler(*f[1:4]), lab(*f[4:7]))
+
+
+def _write_attitude_quaternion(m: AttitudeQuaternion) -> Written:
+    q, rate = q_ned_from_frd(m.q_lab_from_flu), ned(m.rate_flu_rad_s)
+    return ATTITUDE_QUATERNION, (m.t_boot_ms & _MS_32, *q, *rate, 0.0, 0.0, 0.0, 0.0)
+
+
+def _read_attitude_quaternion(f: Fields) -> AttitudeQuaternion:
+    return AttitudeQuaternion(f[0], q_lab_from_flu(*f[1:5]), lab(*f[5:8]))
+
+
+def _write_local_position(m: LocalPosition) -> Written:
+    return LOCAL_POSITION_NED, (m.t_boot_ms & _MS_32, *ned(m.pos_lab_m), *ned(m.vel_lab_m_s))
+
+
+def _read_local_position(f: Fields) -> LocalPosition:
+    return LocalPosition(f[0], lab_finite(*f[1:4]), lab(*f[4:7]))
+
+
+def _write_global_position(m: GlobalPosition) -> Written:
+    heading = _HEADING_UNKNOWN
+    if m.heading_rad is not None:
+        heading = round(math.degrees(heading_ned(m.heading_rad)) * 100.0) % 36000
+    velocity = [round(v * 100.0) for v in ned(m.vel_lab_m_s)]
+    heights = (round(m.alt_m * 1e3), round(m.height_m * 1e3))
+    return GLOBAL_POSITION_INT, (m.t_boot_ms & _MS_32, *_degrees_e7(m), *heights, *velocity, heading)
+
+
+def _read_global_position(f: Fields) -> GlobalPosition:
+    t_boot_ms, lat, lon, alt, height, vn, ve, vd, heading = f
+    yaw = None if heading == _HEADING_UNKNOWN else math.remainder(-math.radians(heading * 0.01), 2.0 * math.pi)
+    velocity = lab(vn * 0.01, ve * 0.01, vd * 0.01)
+    return GlobalPosition(t_boot_ms, lat * 1e-7, lon * 1e-7, alt * 1e-3, height * 1e-3, velocity, yaw)
+
+
+def _degrees_e7(m: GlobalPosition | HomePosition | SimTruth) -> tuple[int, int]:
+    return round(m.lat_deg * 1e7), round(m.lon_deg * 1e7)
+
+
+def _write_home(m: HomePosition) -> Written:
+    surface = (*_degrees_e7(m), round(m.alt_m * 1e3))
+    return HOME_POSITION, (*surface, *ned(m.pos_lab_m), 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+
+
+def _read_home(f: Fields) -> HomePosition:
+    return HomePosition(f[0] * 1e-7, f[1] * 1e-7, f[2] * 1e-3, lab(*f[3:6]))
+
+
+def _write_truth(m: SimTruth) -> Written:
+    velocity = [round(v * 100.0) for v in ned(m.vel_lab_m_s)]
+    surface = (*_degrees_e7(m), round(m.alt_m * 1e3))
+    q = q_ned_from_frd(m.q_lab_from_flu)
+    return HIL_STATE_QUATERNION, (m.t_us, *q, 0.0, 0.0, 0.0, *surface, *velocity, 0, 0, 0, 0, 0)
+
+
+def _read_hil_state(f: Fields) -> SimTruth:
+    velocity = lab(f[11] * 0.01, f[12] * 0.01, f[13] * 0.01)
+    return SimTruth(f[0], q_lab_from_flu(*f[1:5]), velocity, f[8] * 1e-7, f[9] * 1e-7, f[10] * 1e-3)
+
+
+def _read_sim_state(f: Fields) -> SimTruth:
+    """SIM_STATE carries no time; its integer degrees, where filled, are finer than its floats."""
+    lat_e7, lon_e7 = f[21:23]
+    lat, lon = (lat_e7 * 1e-7, lon_e7 * 1e-7) if lat_e7 or lon_e7 else f[13:15]
+    return SimTruth(0, q_lab_from_flu(*f[:4]), lab(*f[18:21]), lat, lon, f[15])
+
+
+WRITERS: Mapping[type, Callable[[Any], Written]] = {
+    AttitudeSetpoint: _write_setpoint,
+    AttitudeTargetReport: _write_attitude_target,
+    VisionPose: _write_vision,
+    MocapPose: _write_mocap,
+    Odometry: _write_odometry,
+    Attitude: _write_attitude,
+    AttitudeQuaternion: _write_attitude_quaternion,
+    LocalPosition: _write_local_position,
+    GlobalPosition: _write_global_position,
+    HomePosition: _write_home,
+    SimTruth: _write_truth,
+}
+
+READERS: Mapping[Layout, Callable[[Fields], Any]] = {
+    SET_ATTITUDE_TARGET: _read_setpoint,
+    ATTITUDE_TARGET: _read_attitude_target,
+    VISION_POSITION_ESTIMATE: _read_vision,
+    ATT_POS_MOCAP: _read_mocap,
+    ODOMETRY: _read_odometry,
+    ATTITUDE: _read_attitude,
+    ATTITUDE_QUATERNION: _read_attitude_quaternion,
+    LOCAL_POSITION_NED: _read_local_position,
+    GLOBAL_POSITION_INT: _read_global_position,
+    HOME_POSITION: _read_home,
+    HIL_STATE_QUATERNION: _read_hil_state,
+    SIM_STATE: _read_sim_state,
+}

@@ -1,0 +1,1 @@
+"""Links and buses: Zenoh, UDP, serial, memory."""

@@ -1,0 +1,54 @@
+"""What a frame from outside must be before anything reads its arrays: one check for both kinds. Pure, linear."""
+
+import numpy as np
+
+from formation.maths.arrays import Bool, Float
+from formation.messages import LabFrame, RawFrame
+
+MOST_BODIES = 1000
+FARTHEST_M = 1000.0
+UNIT_WITHIN = 0.1
+"""How far the square of a quaternion's length may be from 1."""
+OLDEST_NS = 1_000_000_000
+AHEAD_NS = 20_000_000
+
+
+def raw_fault(frame: RawFrame, now_ns: int) -> str | None:
+    """Why the frame cannot be used, None if it can. Its poses are judged one by one, later (gcs.mocap.alignment)."""
+    shape = _shape_fault(frame.bodies, frame.pos_mocap_m, frame.q_mocap_from_marker, frame.seen)
+    if shape is not None or frame.t_capture_ns == 0:
+        return shape
+    return _stamp_fault(frame.t_capture_ns, now_ns)
+
+
+def lab_fault(frame: LabFrame, now_ns: int) -> str | None:
+    """Why the frame cannot be used now, None if it can; no mocap process of ours sends one with a fault."""
+    return pose_fault(frame) or _stamp_fault(frame.t_capture_ns, now_ns)
+
+
+def pose_fault(frame: LabFrame) -> str | None:
+    """Why the frame can never be used, None if it can."""
+    fault = _shape_fault(frame.bodies, frame.pos_lab_m, frame.q_lab_from_flu, frame.seen)
+    if fault is not None:
+        return fault
+    off_unit = np.abs(np.einsum("ij,ij->i", frame.q_lab_from_flu, frame.q_lab_from_flu) - 1.0)
+    # Written so that NaN fails.
+    if not ((np.abs(frame.pos_lab_m) <= 2.0 * FARTHEST_M).all() and (off_unit <= UNIT_WITHIN).all()):
+        return "with a pose that is none"
+    return None
+
+
+def _shape_fault(bodies: tuple[str, ...], pos: Float, q: Float, seen: Bool) -> str | None:
+    n = len(bodies)
+    if n > MOST_BODIES:
+        return f"of more than {MOST_BODIES} bodies"
+    if pos.shape != (n, 3) or q.shape != (n, 4) or seen.shape != (n,):
+        return "with unequal numbers of names, positions, quaternions and flags"
+    return None
+
+
+def _stamp_fault(t_capture_ns: int, now_ns: int) -> str | None:
+    age_ns = now_ns - t_capture_ns
+    if -AHEAD_NS <= age_ns < OLDEST_NS:
+        return None
+    return "captured in the future of this machine's clock" if age_ns < 0 else "captured more than 1 s ago"

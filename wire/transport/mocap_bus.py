@@ -1,0 +1,156 @@
+"""The motion capture's part of the lab's bus: raw frames in, lab frames out, what the mocap process says of itself.
+
+    <lab>/mocap/raw                     RawFrame, from whoever has the cameras, to the mocap process
+    <lab>/mocap/frame                   LabFrame, from the mocap process, to everyone
+    <lab>/mocap/event, <lab>/mocap/state
+    <lab>/mocap/alive/<configuration>   a liveliness token, for as long as a mocap process serves
+
+Stamps are on the monotonic clock of the machine that published them: where that is another machine, its clock's name
+rides along, and they are moved onto ours by the quickest frame heard.
+"""
+
+import asyncio
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import zenoh
+
+from formation.messages import Event, LabFrame, RawFrame
+from wire.clock import REAL_TIME, Clock
+from wire.plain_text import plain
+from wire.schema import Schema, SchemaError, schema_of
+from wire.transport.frame_check import lab_fault
+from wire.transport.sender_clock import SenderClock
+from wire.transport.zenoh_bus import ZenohBus
+
+T = TypeVar("T")
+
+_RAW: Schema[RawFrame] = schema_of(RawFrame)
+_FRAME: Schema[LabFrame] = schema_of(LabFrame)
+_EVENT: Schema[Event] = schema_of(Event)
+_ALIVE = "mocap/alive"
+LONGEST_TEXT, LONGEST_NAME, MOST_CLOCKS = 500, 64, 4
+
+
+class MocapBus:
+    """One process's view of it. Callbacks run on the event loop; what is not handed on, the bus's `refusals` say."""
+
+    def __init__(self, bus: ZenohBus, clock: Clock = REAL_TIME) -> None:
+        self._bus = bus
+        self._clock, self._clock_name = clock, clock.name()
+        self._clocks: dict[bytes, SenderClock] = {}
+
+    def publish_raw(self, frame: RawFrame) -> None:
+        """Publish one exposure as the cameras tell it."""
+        self._bus.put("mocap/raw", _RAW.encode(frame))
+
+    def on_raw(self, callback: Callable[[RawFrame], None]) -> None:
+        """Call back with each raw frame, unchecked; the latest wins where the loop is late."""
+
+        def take(sample: zenoh.Sample) -> None:
+            frame = self._decoded("mocap/raw", _RAW, sample)
+            if frame is not None:
+                callback(frame)
+
+        self._bus.listen("mocap/raw", take, limit=1)
+
+    def publish_frame(self, frame: LabFrame) -> None:
+        """Publish one exposure to everyone; the mocap process alone does."""
+        self._bus.put("mocap/frame", _FRAME.encode(frame), self._clock_name)
+
+    @property
+    def is_heard(self) -> bool:
+        """Whether anybody listens to the frames we publish."""
+        return self._bus.is_heard("mocap/frame")
+
+    def on_frame(self, callback: Callable[[LabFrame], None]) -> None:
+        """Call back with each frame, its stamps on our clock; the latest wins where the loop is late."""
+
+        def take(sample: zenoh.Sample) -> None:
+            frame = self._decoded("mocap/frame", _FRAME, sample)
+            if frame is None:
+                return
+            now_ns = self._clock.monotonic_ns()
+            frame = self._on_our_clock(frame, sample.attachment, now_ns)
+            fault = lab_fault(frame, now_ns)
+            if fault is None:
+                callback(frame)
+            else:
+                self._bus.refuse("mocap/frame", f"frame {fault}")
+
+        self._bus.listen("mocap/frame", take, limit=1)
+
+    def publish_event(self, event: Event) -> None:
+        """Tell everyone what the mocap process has to say."""
+        self._bus.put("mocap/event", _EVENT.encode(event))
+
+    def on_event(self, callback: Callable[[Event], None]) -> None:
+        """Call back with what the mocap process has to say."""
+
+        def take(sample: zenoh.Sample) -> None:
+            event = self._decoded("mocap/event", _EVENT, sample)
+            if event is not None:
+                callback(Event(event.severity, plain(event.source, LONGEST_TEXT), plain(event.text, LONGEST_TEXT)))
+
+        self._bus.listen("mocap/event", take, limit=64)
+
+    def publish_state(self, state: dict[str, Any]) -> None:
+        """Publish how the mocap process is doing, as JSON."""
+        self._bus.put("mocap/state", json.dumps(state).encode())
+
+    def on_state(self, callback: Callable[[dict[str, Any]], None]) -> None:
+        """Call back with how the mocap process is doing."""
+
+        def take(sample: zenoh.Sample) -> None:
+            try:
+                state = json.loads(sample.payload.to_bytes())
+            except ValueError:
+                state = None
+            if isinstance(state, dict):
+                callback(state)
+            else:
+                self._bus.refuse("mocap/state", "no JSON object")
+
+        self._bus.listen("mocap/state", take, limit=1)
+
+    def announce(self, configuration: str) -> None:
+        """Say that a mocap process serves this lab as `configuration` (gcs.mocap.service), for as long as we live."""
+        self._bus.declare_token(f"{_ALIVE}/{configuration}")
+
+    async def serving(self, within_s: float) -> str | None:
+        """The configuration that a mocap process serves; None where none was found in that time."""
+        found: asyncio.Future[str] = asyncio.get_running_loop().create_future()
+
+        def take(sample: zenoh.Sample) -> None:
+            if sample.kind == zenoh.SampleKind.PUT and not found.done():
+                found.set_result(str(sample.key_expr).rpartition("/")[2])
+
+        close = self._bus.watch_tokens(f"{_ALIVE}/*", take)
+        try:
+            return await asyncio.wait_for(found, within_s)
+        except TimeoutError:
+            return None
+        finally:
+            close()
+
+    def _decoded(self, key: str, schema: Schema[T], sample: zenoh.Sample) -> T | None:
+        try:
+            return schema.decode(sample.payload.to_bytes())
+        except SchemaError:
+            self._bus.refuse(key, f"no {schema.name}")
+            return None
+
+    def _on_our_clock(self, frame: LabFrame, sender: zenoh.ZBytes | None, now_ns: int) -> LabFrame:
+        """The frame with its stamps on our clock. What another machine received and published is one moment."""
+        name = b"" if sender is None else sender.to_bytes()[:LONGEST_NAME]
+        if not name or name == self._clock_name:
+            return frame
+        if name not in self._clocks:  # one mocap process serves a lab; forged names shall not grow without bound
+            while len(self._clocks) >= MOST_CLOCKS:
+                del self._clocks[next(iter(self._clocks))]
+            self._clocks[name] = SenderClock()
+        received_ns = self._clocks[name].made_ns(frame.t_receive_ns, now_ns)
+        ahead_ns = received_ns - frame.t_receive_ns
+        return replace(frame, t_capture_ns=frame.t_capture_ns + ahead_ns, t_receive_ns=received_ns)

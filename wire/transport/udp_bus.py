@@ -1,0 +1,205 @@
+"""MAVLink over UDP, PX4's port habit: the ground has one socket a drone, so that no drone hears another's packets.
+
+The drone `sysid` binds drone_port_base + sysid and sends to ground_port_base + sysid; the ground does the reverse.
+Sockets are read straight from the event loop, which costs a third of asyncio's datagram transports.
+"""
+
+import asyncio
+import socket
+from collections.abc import Iterable
+
+from formation.config import LinkConfig
+from formation.messages import Datagram
+from wire import clock
+from wire.refusals import Refusals
+from wire.transport.link import LARGEST_DATAGRAM, PAUSE_S, READS_A_TURN, REFUSALS_A_TURN, Deliver, LinkCounters
+from wire.transport.peer_gate import PeerGate, SocketAddress
+
+_MAGICS = (0xFD, 0xFE)
+_TALKERS = 4
+_DIRECT_PORT_BASE = 14800
+TOO_LARGE = f"datagram larger than {LARGEST_DATAGRAM} bytes"
+
+
+class _Port:
+    """One bound socket of one drone's traffic: where it sends, and who else has talked to it.
+
+    `gate` judges who is heard; without one everybody is, and the most recent `_TALKERS` senders of MAVLink are
+    answered as well: any ground station may talk to a drone.
+    """
+
+    def __init__(
+        self,
+        bind: SocketAddress,
+        peer: SocketAddress | None,
+        gate: PeerGate | None,
+        sysid: int,
+        deliver: Deliver,
+        counters: LinkCounters,
+        refusals: Refusals,
+    ) -> None:
+        """Bind (OSError)."""
+        self._peer = peer
+        self._gate = gate
+        self._talkers: dict[SocketAddress, None] = {}
+        self._sysid = sysid
+        self._deliver = deliver
+        self._counters = counters
+        self._refusals = refusals
+        self._loop = asyncio.get_running_loop()
+        self._resume: asyncio.TimerHandle | None = None
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        try:
+            self._socket.bind(bind)
+        except OSError:
+            self._socket.close()
+            raise
+        self._loop.add_reader(self._socket, self._read)
+
+    def send(self, data: bytes) -> None:
+        for peer in self._audience():
+            try:
+                self._socket.sendto(data, peer)
+                self._counters.sent += 1
+            except OSError:  # no room, or nobody there: the next setpoint is worth more than this one
+                self._counters.dropped += 1
+
+    def close(self) -> None:
+        if self._resume is not None:
+            self._resume.cancel()
+        self._loop.remove_reader(self._socket)
+        self._socket.close()
+
+    def _audience(self) -> tuple[SocketAddress, ...]:
+        peer = self._peer
+        if peer is None and self._gate is not None:
+            peer = self._gate.current
+        return tuple(self._talkers) if peer is None else (peer, *self._talkers)
+
+    def _read(self) -> None:
+        """A few datagrams; where more wait, the others' turn comes first and this socket's after a pause."""
+        taken = refused = 0
+        while taken < READS_A_TURN and refused < REFUSALS_A_TURN:
+            try:
+                data, sender = self._socket.recvfrom(LARGEST_DATAGRAM + 1)
+            except BlockingIOError:
+                return
+            except OSError:  # an ICMP answer to something sent earlier
+                refused += 1
+                continue
+            now_ns = clock.monotonic_ns()
+            refusal = self._refusal(data, sender, now_ns)
+            if refusal:
+                refused += 1
+                self._refusals.note(sender[0], refusal, now_ns)
+                continue
+            taken += 1
+            if self._gate is None and sender != self._peer and data[:1] and data[0] in _MAGICS:
+                self._note(sender)
+            self._deliver(Datagram(self._sysid, data))
+            if self._socket.fileno() < 0:  # closed by what was just delivered
+                return
+        self._loop.remove_reader(self._socket)
+        self._resume = self._loop.call_later(PAUSE_S, self._loop.add_reader, self._socket, self._read)
+
+    def _refusal(self, data: bytes, sender: SocketAddress, now_ns: int) -> str:
+        """Why this datagram is not taken; empty, and counted as received, where it is."""
+        refusal = TOO_LARGE if len(data) > LARGEST_DATAGRAM else ""
+        if not refusal and self._gate is not None:
+            refusal = self._gate.refusal(sender, data, now_ns)
+        if refusal:
+            self._counters.refused += 1
+        else:
+            self._counters.received += 1
+        return refusal
+
+    def _note(self, sender: SocketAddress) -> None:
+        """Keep the most recent senders, the oldest first."""
+        self._talkers.pop(sender, None)
+        if len(self._talkers) >= _TALKERS:
+            del self._talkers[next(iter(self._talkers))]
+        self._talkers[sender] = None
+
+
+class UdpLink:
+    """The sockets of one process, by drone."""
+
+    def __init__(self, ports: dict[int, _Port], counters: LinkCounters) -> None:
+        self.counters = counters
+        self._ports = ports
+
+    def send(self, datagram: Datagram) -> None:
+        """Send to the peers of the drone `sysid`; KeyError for a drone that is none of this link's."""
+        self._ports[datagram.sysid].send(datagram.data)
+
+    def close(self) -> None:
+        """Close every socket."""
+        for port in self._ports.values():
+            port.close()
+        self._ports.clear()
+
+
+async def open_udp_ground(config: LinkConfig, sysids: Iterable[int], deliver: Deliver, refusals: Refusals) -> UdpLink:
+    """The ground's end: one socket a drone. OSError where a port is taken or the host is unknown."""
+    host = await _resolve(config.host)
+    ports: dict[int, _Port] = {}
+    link = UdpLink(ports, LinkCounters())
+    try:
+        for sysid in sysids:
+            bind = (_bind_host(host), config.ground_port_base + sysid)
+            peer = (host, config.drone_port_base + sysid)
+            ports[sysid] = _Port(bind, peer, PeerGate(sysid, peer), sysid, deliver, link.counters, refusals)
+    except OSError:
+        link.close()
+        raise
+    return link
+
+
+async def open_udp_drone(config: LinkConfig, sysid: int, deliver: Deliver, refusals: Refusals) -> UdpLink:
+    """The drone's end: sends to the ground's port, and to whoever else has spoken MAVLink to it of late. OSError."""
+    host = await _resolve(config.host)
+    bind = (_bind_host(host), config.drone_port_base + sysid)
+    peer = (host, config.ground_port_base + sysid)
+    counters = LinkCounters()
+    return UdpLink({sysid: _Port(bind, peer, None, sysid, deliver, counters, refusals)}, counters)
+
+
+async def open_udp_direct(link: str, sysid: int, deliver: Deliver, refusals: Refusals) -> UdpLink:
+    """A link to one autopilot's own telemetry port. Raises OSError, and ValueError for text that is no such link.
+
+    link: "udp:HOST:PORT" or "udpout:HOST:PORT" sends there; "udpin:HOST:PORT" binds there and answers the drone that
+    speaks there. Autopilots answer the port that first spoke to them, PX4 for its whole life: what sends there sends
+    from the same port in every run, where that is free.
+    """
+    kind, _, where = link.partition(":")
+    host, _, port = where.rpartition(":")
+    if kind not in ("udp", "udpin", "udpout") or not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise ValueError(f"{link!r} is not udp:HOST:PORT, udpin:HOST:PORT or udpout:HOST:PORT")
+    address = (await _resolve(host), int(port))
+    counters = LinkCounters()
+
+    def bound(bind: SocketAddress, peer: SocketAddress | None) -> _Port:
+        return _Port(bind, peer, PeerGate(sysid, peer), sysid, deliver, counters, refusals)
+
+    if kind == "udpin":
+        endpoint = bound(address, None)
+    else:
+        own_host = _bind_host(address[0])
+        try:
+            endpoint = bound((own_host, _DIRECT_PORT_BASE + sysid), address)
+        except OSError:
+            endpoint = bound((own_host, 0), address)
+    return UdpLink({sysid: endpoint}, counters)
+
+
+async def _resolve(host: str) -> str:
+    """The IPv4 address of a host's name."""
+    loop = asyncio.get_running_loop()
+    found = await loop.getaddrinfo(host, None, family=socket.AF_INET, type=socket.SOCK_DGRAM)
+    return str(found[0][4][0])
+
+
+def _bind_host(peer_host: str) -> str:
+    """Loopback for a peer on this machine, else every interface."""
+    return "127.0.0.1" if peer_host.startswith("127.") else "0.0.0.0"

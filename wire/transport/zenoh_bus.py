@@ -1,0 +1,306 @@
+"""The lab's bus over Zenoh: MAVLink, truth, state and operator requests, by key; poses are wire.transport.mocap_bus's.
+
+    <lab>/uav/<sysid>/mavlink/{down,up}   <lab>/sim/<sysid>/truth
+    <lab>/gcs/<name>/state                <lab>/gcs/<name>/do   (a queryable)
+
+Peers with explicit endpoints and no multicast. Each listens on a port of its own and learns of the others by
+gossip, so that the ones left keep talking when one dies, the one that was connected to first included.
+Everything is real-time priority and dropped rather than queued, and not express but frames: on loopback an express put
+of a burst of twenty packets loses one in a hundred and waits up to 1.6 ms, a batched one loses none.
+"""
+
+import asyncio
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar
+
+import zenoh
+
+from formation.config import LinkConfig
+from formation.messages import Datagram, OperatorReply, OperatorRequest, Truth
+from wire import clock
+from wire.errors import BusError as BusError
+from wire.plain_text import plain
+from wire.refusals import Refusals
+from wire.schema import Schema, SchemaError, schema_of
+from wire.transport.inbox import Inbox, on_loop
+from wire.transport.link import LARGEST_DATAGRAM, READS_A_TURN, Deliver, LinkCounters
+from wire.transport.zenoh_session import open_session, request_key
+
+T = TypeVar("T")
+Reply = Callable[[OperatorReply], None]
+Handler = Callable[[OperatorRequest, Reply], None]
+
+_TRUTH: Schema[Truth] = schema_of(Truth)
+_REQUEST: Schema[OperatorRequest] = schema_of(OperatorRequest)
+_REPLY: Schema[OperatorReply] = schema_of(OperatorReply)
+
+_EXPRESS = ("mocap/raw", "mocap/frame")  # one at a time, and the control waits for it
+_QUEUED = 1024
+_QUEUED_OF_A_DRONE = 128
+_QUEUED_REQUESTS = 256
+LARGEST_PAYLOAD = 1 << 18
+"""Bytes of a payload that are read: a frame of a thousand bodies, a state of hundreds of drones, a quarter of it."""
+LARGEST_REQUEST = 1024
+_ASK_AGAIN_S = 0.05
+
+
+class ZenohLink:
+    """The MAVLink of some drones over the bus; see `ZenohBus.ground_link` and `drone_link`."""
+
+    def __init__(
+        self,
+        publishers: dict[int, zenoh.Publisher],
+        subscribers: list[zenoh.Subscriber[None]],
+        inboxes: tuple[Inbox[Datagram], ...],
+        counters: LinkCounters,
+    ) -> None:
+        self.counters = counters
+        self._publishers = publishers
+        self._subscribers = subscribers
+        self._inboxes = inboxes
+
+    def send(self, datagram: Datagram) -> None:
+        """Publish to (or as) the drone `sysid`; KeyError for a drone that is none of this link's."""
+        try:
+            self._publishers[datagram.sysid].put(datagram.data)
+            self.counters.sent += 1
+        except zenoh.ZError:
+            self.counters.dropped += 1
+
+    def close(self) -> None:
+        """Stop publishing and delivering."""
+        for inbox in self._inboxes:
+            inbox.close()
+        for subscriber in self._subscribers:
+            subscriber.undeclare()  # type: ignore[no-untyped-call]
+        for publisher in self._publishers.values():
+            publisher.undeclare()  # type: ignore[no-untyped-call]
+
+
+class ZenohBus:
+    """One process's place on the lab's bus. All callbacks run on the event loop that opened it."""
+
+    def __init__(self, session: zenoh.Session, lab: str, refusals: Refusals) -> None:
+        self.lab = lab
+        self.counters = LinkCounters()
+        self.refusals = refusals
+        """What was refused of what came by this bus, and by any link of the same process that is given it."""
+        self._session = session
+        self._loop = asyncio.get_running_loop()
+        self._inboxes: list[Inbox[Any]] = []
+        self._publishers: dict[str, zenoh.Publisher] = {}
+        self._tokens: list[zenoh.LivelinessToken] = []
+
+    @classmethod
+    async def open(cls, config: LinkConfig, lab: str, refusals: Refusals | None = None) -> "ZenohBus":
+        """Join the bus; peers that are not there yet are retried for ever. BusError.
+
+        refusals: where to note what is refused; a register of its own if none is given.
+        """
+        session = await asyncio.to_thread(open_session, config.zenoh_listen, config.zenoh_connect, lab)
+        return cls(session, lab, refusals or Refusals())
+
+    async def close(self) -> None:
+        """Leave the bus; nothing is delivered afterwards."""
+        for inbox in self._inboxes:
+            inbox.close()
+        await asyncio.to_thread(self._session.close)
+
+    def ground_link(self, sysids: Iterable[int], deliver: Deliver) -> ZenohLink:
+        """The ground's end of the drones `sysids`."""
+        return self._link(list(sysids), "down", "up", deliver)
+
+    def drone_link(self, sysid: int, deliver: Deliver) -> ZenohLink:
+        """The drone's own end."""
+        return self._link([sysid], "up", "down", deliver)
+
+    def put(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
+        """Publish bytes on a key of the lab; dropped and counted where there is no room."""
+        try:
+            self._publisher_of(key).put(payload, attachment=attachment)
+            self.counters.sent += 1
+        except zenoh.ZError:
+            self.counters.dropped += 1
+
+    def listen(self, key: str, take: Callable[[zenoh.Sample], None], limit: int) -> None:
+        """Hand over what comes on a key of the lab, if not too large; at most `limit` wait, the oldest is lost."""
+
+        def take_bounded(sample: zenoh.Sample | None) -> None:
+            if sample is None:
+                self.refuse(key, f"payload larger than {LARGEST_PAYLOAD} bytes")
+            else:
+                take(sample)
+
+        inbox = Inbox(self._loop, take_bounded, self.counters, limit)
+
+        def put(sample: zenoh.Sample) -> None:
+            inbox.put(sample if len(sample.payload) <= LARGEST_PAYLOAD else None)
+
+        self._inboxes.append(inbox)
+        self._session.declare_subscriber(f"{self.lab}/{key}", zenoh.handlers.Callback(put))
+
+    def refuse(self, key: str, reason: str) -> None:
+        """Count and note what came on a key of the lab and was refused."""
+        self.counters.refused += 1
+        self.refusals.note(f"{self.lab}/{key}", reason, clock.monotonic_ns())
+
+    def is_heard(self, key: str) -> bool:
+        """Whether anybody listens to what we publish on the key."""
+        # An object, though zenoh's own annotations call it a bool; as one it would always be true.
+        matching: bool = self._publisher_of(key).matching_status.matching  # type: ignore[attr-defined]
+        return matching
+
+    def declare_token(self, key: str) -> None:
+        """Be known under the key for as long as this process is on the bus."""
+        self._tokens.append(self._session.liveliness().declare_token(f"{self.lab}/{key}"))
+
+    def watch_tokens(self, key: str, take: Callable[[zenoh.Sample], None]) -> Callable[[], None]:
+        """Hand over the tokens that are there, come and go; call the result to end it."""
+        inbox = Inbox(self._loop, take, self.counters, _QUEUED)
+        callback = zenoh.handlers.Callback(inbox.put)
+        subscriber = self._session.liveliness().declare_subscriber(f"{self.lab}/{key}", callback, history=True)
+
+        def close() -> None:
+            inbox.close()
+            subscriber.undeclare()  # type: ignore[no-untyped-call]
+
+        return close
+
+    def publish_truth(self, truth: Truth) -> None:
+        """Publish a simulated vehicle's true state."""
+        self.put(f"sim/{truth.sysid}/truth", _TRUTH.encode(truth))
+
+    def on_truth(self, callback: Callable[[Truth], None]) -> None:
+        """Call back with the true state of every simulated vehicle."""
+        self._subscribe("sim/*/truth", _TRUTH, callback, limit=_QUEUED)
+
+    def publish_state(self, gcs_name: str, text: str) -> None:
+        """Publish the ground's state, in words of its own."""
+        self.put(f"gcs/{gcs_name}/state", text.encode())
+
+    def on_state(self, gcs_name: str, callback: Callable[[str], None]) -> None:
+        """Call back with the state of the ground `gcs_name`; the latest wins."""
+
+        def take(sample: zenoh.Sample) -> None:
+            callback(sample.payload.to_bytes().decode(errors="replace"))
+
+        self.listen(f"gcs/{gcs_name}/state", take, limit=1)
+
+    def serve(self, gcs_name: str, handler: Handler) -> None:
+        """Answer operators' requests as the ground `gcs_name`: `handler(request, reply)`, reply once, now or later."""
+        key = request_key(self.lab, gcs_name)
+
+        def take(query: zenoh.Query) -> None:
+            self._handle(gcs_name, query, handler)
+
+        # One at a time: each may cost the ground a tick.
+        inbox = Inbox(self._loop, take, self.counters, _QUEUED_REQUESTS, turn=1)
+        self._inboxes.append(inbox)
+        self._session.declare_queryable(key, zenoh.handlers.Callback(inbox.put))
+
+    async def ask(self, gcs_name: str, request: OperatorRequest, timeout_s: float) -> OperatorReply:
+        """The answer of the ground `gcs_name`; TimeoutError if none comes in time.
+
+        Asked again only while nobody is there to hear it, so no request is carried out twice.
+        """
+        key = request_key(self.lab, gcs_name)
+        try:
+            async with asyncio.timeout(timeout_s):
+                while (data := await self._get(key, _REQUEST.encode(request), timeout_s)) is None:
+                    await asyncio.sleep(_ASK_AGAIN_S)
+        except TimeoutError as error:
+            raise TimeoutError(f"no answer on {key} within {timeout_s:g} s") from error
+        return _REPLY.decode(data)
+
+    def _link(self, sysids: list[int], out: str, into: str, deliver: Deliver) -> ZenohLink:
+        base = f"{self.lab}/uav"
+        counters = LinkCounters()
+
+        def take(datagram: Datagram) -> None:
+            if datagram.data:
+                deliver(datagram)
+                return
+            counters.refused += 1
+            reason = f"datagram that is empty or larger than {LARGEST_DATAGRAM} bytes"
+            self.refusals.note(f"{base}/{datagram.sysid}", reason, clock.monotonic_ns())
+
+        def listen(sysid: int, inbox: Inbox[Datagram]) -> zenoh.Subscriber[None]:
+            def put(sample: zenoh.Sample) -> None:
+                size = len(sample.payload)
+                inbox.put(Datagram(sysid, sample.payload.to_bytes() if size <= LARGEST_DATAGRAM else b""))
+
+            key = f"{base}/{sysid}/mavlink/{into}"
+            return self._session.declare_subscriber(key, zenoh.handlers.Callback(put))
+
+        # A queue and a turn for each drone: what floods one key costs no other drone a datagram.
+        inboxes = {sysid: Inbox(self._loop, take, counters, _QUEUED_OF_A_DRONE, turn=READS_A_TURN) for sysid in sysids}
+        publishers = {sysid: self._publisher(f"{base}/{sysid}/mavlink/{out}") for sysid in sysids}
+        subscribers = [listen(sysid, inbox) for sysid, inbox in inboxes.items()]
+        return ZenohLink(publishers, subscribers, tuple(inboxes.values()), counters)
+
+    def _publisher_of(self, key: str) -> zenoh.Publisher:
+        """The publisher of a key of the lab, made once."""
+        publisher = self._publishers.get(key)
+        if publisher is None:
+            publisher = self._publishers[key] = self._publisher(f"{self.lab}/{key}", key in _EXPRESS)
+        return publisher
+
+    def _publisher(self, key: str, express: bool = False) -> zenoh.Publisher:
+        return self._session.declare_publisher(
+            key,
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.REAL_TIME,
+            express=express,
+        )
+
+    def _subscribe(self, key: str, schema: Schema[T], callback: Callable[[T], None], limit: int) -> None:
+        def take(sample: zenoh.Sample) -> None:
+            try:
+                message = schema.decode(sample.payload.to_bytes())
+            except SchemaError:
+                self.refuse(key, "payload that is no message of its kind")
+                return
+            callback(message)
+
+        self.listen(key, take, limit)
+
+    def _handle(self, gcs_name: str, query: zenoh.Query, handler: Handler) -> None:
+        """One query: its handler gets a `reply` that answers and ends it."""
+        payload = b"" if query.payload is None or len(query.payload) > LARGEST_REQUEST else query.payload.to_bytes()
+        try:
+            request = _REQUEST.decode(payload) if payload else None
+        except SchemaError:
+            request = None
+        if request is None:
+            self.refuse(f"gcs/{gcs_name}/do", "request that is none, or too long")
+            query.drop()  # type: ignore[no-untyped-call]
+            return
+
+        key = request_key(self.lab, gcs_name)
+
+        def reply(answer: OperatorReply) -> None:
+            try:
+                query.reply(key, _REPLY.encode(answer))
+            except zenoh.ZError:  # the one who asked has gone
+                self.counters.dropped += 1
+            query.drop()  # type: ignore[no-untyped-call]
+
+        handler(OperatorRequest(request.id, request.verb, plain(request.argument, LARGEST_REQUEST)), reply)
+
+    async def _get(self, key: str, payload: bytes, timeout_s: float) -> bytes | None:
+        """The first reply's bytes; None where the query ends without one, because nobody serves the key."""
+        answer: asyncio.Future[bytes | None] = self._loop.create_future()
+
+        def settle(data: bytes | None) -> None:
+            if not answer.done():
+                answer.set_result(data)
+
+        def on_reply(reply: zenoh.Reply) -> None:
+            sample = reply.ok
+            if sample is not None:
+                data = sample.payload.to_bytes()
+                on_loop(self._loop, lambda: settle(data))
+
+        callback = zenoh.handlers.Callback(on_reply, lambda: on_loop(self._loop, lambda: settle(None)))
+        self._session.get(key, callback, payload=payload, timeout=timeout_s)
+        return await answer

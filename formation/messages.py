@@ -86,8 +86,8 @@ class SwarmState:
 
     Z1, Z2, Z3 of the FTESO (Eqs. 3-4) are pos, vel and dist; `acc` is modelled acceleration plus Z3.
     `age_s` is the time since each body was last seen, infinite before the first time; yaw is unwrapped.
-    `misfit`: how far each vehicle answers otherwise than its profile says, as a share of its response's length
-    (formation.estimation.update).
+    `model_mismatch`: how far each vehicle answers otherwise than its profile says, as a share of its response's length
+    (formation.estimation.model_mismatch).
     """
 
     t_ns: int
@@ -100,7 +100,7 @@ class SwarmState:
     yaw_rate_rad_s: Scalars
     yaw_acc_rad_s2: Scalars
     age_s: Scalars
-    misfit: Scalars
+    model_mismatch: Scalars
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -32,7 +32,7 @@ class FactGatherer:
             i, link = drone.index, drone.link
             silent_s[i], battery[i] = link.heartbeat_age_s(now_ns), link.told.battery
             armed[i], offboard[i], duplicate[i] = link.armed, link.offboard, link.sequence.duplicate(now_ns)
-        pos, age, misfit, measured = self._seen(stages, now_ns)
+        pos, age, model_mismatch, measured = self._seen(stages, now_ns)
         return Facts(
             names=self._names,
             commanded=self._commanded,
@@ -41,7 +41,7 @@ class FactGatherer:
             tilt_rad=measured[1],
             age_s=age,
             error_m=measured[2],
-            misfit=misfit,
+            model_mismatch=model_mismatch,
             heartbeat_age_s=np.array(silent_s),
             armed=np.array(armed),
             offboard=np.array(offboard),
@@ -52,13 +52,13 @@ class FactGatherer:
         )
 
     def _seen(self, stages: Stages | None, now_ns: int) -> tuple[Vec3s, Scalars, Scalars, Float]:
-        """Positions (n, 3), ages and misfits (n), and speed, tilt and error (3, n)."""
+        """Positions (n, 3), ages and model mismatches (n), and speed, tilt and error (3, n)."""
         n = len(self._names)
         if stages is None:
             return np.zeros((n, 3)), np.full(n, np.inf), np.zeros(n), np.zeros((3, n))
         state = stages.state
         measured = _measure(state.vel_lab_m_s, state.q_lab_from_flu, stages.command.e_lead_m, self._own)
-        return state.pos_lab_m, state.age_s + (now_ns - state.t_ns) * 1e-9, state.misfit, measured
+        return state.pos_lab_m, state.age_s + (now_ns - state.t_ns) * 1e-9, state.model_mismatch, measured
 
 
 @kernel

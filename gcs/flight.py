@@ -4,7 +4,7 @@ import numpy as np
 
 from formation.config import LabConfig
 from formation.control.stack import Stages
-from formation.guidance.plan import IDLE, Leg, Mode, Plan
+from formation.guidance.plan import IDLE, Mode, Plan, Setpoint
 from formation.guidance.preview import trajectory_from
 from formation.guidance.shape import Shape, configured
 from formation.guidance.trajectory import Trajectory
@@ -13,7 +13,7 @@ from formation.maths.arrays import Float
 from formation.messages import Event, Phase, PhaseChange, Severity
 from formation.safety.phases import AIRBORNE, Trigger, advance, allowed_from
 from formation.safety.rules import Verdict
-from gcs.drones.drone import TAKE_OFF_S, Drone, aside_leg, hold_leg, land_leg, take_off_leg
+from gcs.drones.drone import TAKE_OFF_S, Drone, aside_setpoint, hold_setpoint, land_setpoint, take_off_setpoint
 from gcs.drones.goal import Goal
 from gcs.landing import landing_spots
 
@@ -54,7 +54,7 @@ class Flight:
 
     def plan(self) -> Plan:
         """What the control is asked for now."""
-        return Plan(tuple(drone.leg for drone in self._drones), self.shape, self.trajectory_start_ns, self.rise_m)
+        return Plan(tuple(drone.setpoint for drone in self._drones), self.shape, self.trajectory_start_ns, self.rise_m)
 
     def reform(self, way: Transition) -> None:
         """Take the shape up, or change to it, along that way."""
@@ -140,19 +140,19 @@ class Flight:
                 drone.aim(Goal.LEAVE, now_ns)
             if phase is Phase.STOPPED:
                 drone.aim(Goal.CUT, now_ns)
-            drone.lead_to(self._leg(), _GOALS.get(phase, Goal.LEAVE), now_ns)
+            drone.lead_to(self._setpoint(), _GOALS.get(phase, Goal.LEAVE), now_ns)
             if phase is Phase.LAND and not drone.lifted:
                 drone.stay_down(now_ns)
 
-    def _leg(self) -> Leg:
+    def _setpoint(self) -> Setpoint:
         flight = self._config.flight
         match self.phase:
             case Phase.TAKEOFF:
-                return take_off_leg(flight.altitude_m, flight.climb_m_s)
+                return take_off_setpoint(flight.altitude_m, flight.climb_m_s)
             case Phase.FORMATION:
-                return Leg(Mode.FORMATION, speed_m_s=flight.reform_m_s)
+                return Setpoint(Mode.FORMATION, speed_m_s=flight.reform_m_s)
             case Phase.HOLD | Phase.LAND:  # a landing begins where its first frame sees everybody
-                return hold_leg(flight.climb_m_s)
+                return hold_setpoint(flight.climb_m_s)
             case _:
                 return IDLE
 
@@ -235,9 +235,9 @@ class Flight:
             if drone.descending or drone.touched:
                 continue
             if float(np.linalg.norm(here[:2] - spot)) < OVER_SPOT_M:
-                drone.leg, drone.descending = land_leg(drone.rest_z_m, flight.descend_m_s), True
+                drone.setpoint, drone.descending = land_setpoint(drone.rest_z_m, flight.descend_m_s), True
             else:
-                drone.leg = aside_leg(float(spot[0]), float(spot[1]), flight.climb_m_s)
+                drone.setpoint = aside_setpoint(float(spot[0]), float(spot[1]), flight.climb_m_s)
 
 
 def _why_not_armed(drone: Drone) -> str:

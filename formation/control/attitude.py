@@ -4,15 +4,15 @@ from dataclasses import dataclass
 from math import cos, sin, sqrt, tan
 
 import numpy as np
-from numpy.typing import NDArray
 
 from formation.control.composite_law import Demand
 from formation.control.limits import keep_apart, keep_inside
-from formation.estimation.state import EstimatorState
-from formation.estimation.update import doubt
-from formation.guidance.reference_generator import Course
-from formation.maths.arrays import Flags, Float, Quats, Scalars, Vec3s
+from formation.estimation.model_mismatch import doubt
+from formation.estimation.state import VehicleEstimate
+from formation.guidance.reference_generator import VehicleReference
+from formation.maths.arrays import Float, Quat, Scalars, Vec3, Vec4
 from formation.maths.kernel import kernel
+from formation.maths.records import Rows, blank
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
 from formation.vehicle.response import SECONDS
@@ -27,39 +27,40 @@ AUTHORITY_LEAST = 0.55  # of a vehicle that does not answer as its profile says
 RAMP_START, RAMP_1_S, RAMP_MOST = 0.2, 0.9, 1.9  # thrust over weight while waiting for lift-off
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class AttitudeSettings:
-    """Per commanded vehicle m: vehicle (m) index among the n; body (m, 6): `body_row`; fence corners (3)."""
+    """What turns one commanded vehicle's demand into a target, and bounds it; a record.
 
-    vehicle: NDArray[np.int64]
-    body: Float
+    vehicle: its index among the n; turn_authority_rad_s2_m: `turn_authority`; rate_feed_forward: whether its autopilot
+    adds the body rates of a target.
+    """
+
+    vehicle: int
+    thrust_curve: float
+    attitude_p_1_s: float
+    yaw_p_1_s: float
+    rate_feed_forward: bool
+    rate_max_rad_s: float
+    turn_authority_rad_s2_m: float
     tilt_max_rad: float
     separation_m: float
-    fence_low_m: Float
-    fence_high_m: Float
+    fence_low_m: Vec3
+    fence_high_m: Vec3
     fence_margin_m: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Attitude:
-    """Attitude, body rates, thrust_norm and saturation bits (m); force (m, 4): what the history must remember."""
+@dataclass(slots=True)
+class Target:
+    """One vehicle's attitude, body rates, thrust and saturation bits; a record.
 
-    q_lab_from_flu: Quats
-    rate_flu_rad_s: Vec3s
-    thrust_norm: Scalars
-    saturation: Scalars
-    force: Float
+    force: specific force that this asks for, and its length, as formation.vehicle.response remembers it.
+    """
 
-
-CURVE, ATTITUDE_P, YAW_P, FEED_FORWARD, RATE_MAX, AUTHORITY = range(6)
-
-
-def body_row(profile: VehicleProfile) -> Float:
-    """What the inversion needs of one vehicle, in the order of the names above."""
-    return np.array(
-        [profile.thrust_curve, profile.attitude_p_1_s, profile.yaw_p_1_s,
-         float(profile.rate_feed_forward), profile.rate_max_rad_s, turn_authority(profile)]
-    )  # fmt: skip
+    q_lab_from_flu: Quat
+    rate_flu_rad_s: Vec3
+    thrust_norm: float
+    saturation: float
+    force: Vec4
 
 
 def turn_authority(profile: VehicleProfile) -> float:
@@ -71,22 +72,15 @@ def turn_authority(profile: VehicleProfile) -> float:
 
 
 def attitude(
-    settings: AttitudeSettings, wanted: Demand, state: EstimatorState, course: Course, idle: Flags,
-    hover_thrust_norm: Scalars, now_ns: int,
-) -> Attitude:  # fmt: skip
-    """The attitude targets that realise the demand; idle vehicles get zero thrust, waiting ones a rising, level one.
+    settings: Rows[AttitudeSettings], wanted: Rows[Demand], estimates: Rows[VehicleEstimate],
+    references: Rows[VehicleReference], hover_thrust_norm: Scalars, now_ns: int,
+) -> Rows[Target]:  # fmt: skip
+    """The targets (m) that realise the demand; idle vehicles get zero thrust, waiting ones a rising, level one.
 
     hover_thrust_norm (m): what hovers each vehicle as its profile describes it; fixes the scale of thrust_norm.
     """
-    m = len(settings.vehicle)
-    out = Attitude(np.zeros((m, 4)), np.zeros((m, 3)), np.zeros(m), np.zeros(m), np.zeros((m, 4)))
-    _attitude(
-        settings.vehicle, settings.body, settings.tilt_max_rad, settings.separation_m, settings.fence_low_m,
-        settings.fence_high_m, settings.fence_margin_m, wanted.acc, wanted.lead_acc, wanted.motion, wanted.force,
-        wanted.lift_cos, wanted.yaw, state.pos_lab_m, state.strength, state.misfit, course.airborne,
-        course.release_ns, idle, hover_thrust_norm, now_ns,
-        out.q_lab_from_flu, out.rate_flu_rad_s, out.thrust_norm, out.saturation, out.force,
-    )  # fmt: skip
+    out = blank(Target, len(settings))
+    _targets(settings, wanted, estimates, references, hover_thrust_norm, now_ns, out)
     return out
 
 
@@ -176,66 +170,81 @@ def bound_turn(force: Float, now: Float, authority: float, full: float) -> None:
 
 
 @kernel
-def authority_kept(misfit: float) -> float:
+def authority_kept(mismatch: float) -> float:
     """Share of its turn authority that a vehicle is trusted with: less where it answers otherwise than believed.
 
     One that asks its motors for several times the torque the profile expects would swing from stop to stop.
     """
-    return 1.0 - (1.0 - AUTHORITY_LEAST) * doubt(misfit)
+    return 1.0 - (1.0 - AUTHORITY_LEAST) * doubt(mismatch)
 
 
 @kernel
-def _attitude(
-    vehicle: NDArray[np.int64], body: Float, tilt_max: float, separation: float, low: Float, high: Float, margin: float,
-    acc: Float, lead_acc: Float, motion: Float, force: Float, lift_cos: Float, yaw: Float, pos: Float, strength: Float,
-    misfit: Float, airborne: NDArray[np.bool_], release_ns: NDArray[np.int64], idle: NDArray[np.bool_],
-    hover_norm: Float, now_ns: int, q: Float, rate: Float, norm: Float, saturation: Float, sent: Float,
+def _targets(
+    settings: Rows[AttitudeSettings], wanted: Rows[Demand], estimates: Rows[VehicleEstimate],
+    references: Rows[VehicleReference], hover_thrust_norm: Float, now_ns: int, out: Rows[Target],
 ) -> None:  # fmt: skip
     """See `attitude`."""
-    aim, felt, turn = np.empty(3), np.empty(3), np.empty(3)
-    for i in range(len(vehicle)):
-        curve = body[i, CURVE]
-        # The thrust scale at which the profile's weight hovers at hover_norm.
-        u = min(max(hover_norm[i], 0.05), 0.95)
+    aim, lead = np.empty(3), np.empty(3)
+    for i in range(len(settings)):
+        # The thrust scale at which the profile's weight hovers at hover_thrust_norm.
+        u = min(max(hover_thrust_norm[i], 0.05), 0.95)
+        curve = settings[i].thrust_curve
         full = GRAVITY_M_S2 / ((1.0 - curve) * u + curve * u * u)
-        heading = yaw[i, 0]
-        if idle[i]:
-            attitude_of(0.0, 0.0, 1.0, heading, q[i])
-            continue
-        if not airborne[i]:
-            waited = (now_ns - release_ns[i]) * SECONDS
-            lift = GRAVITY_M_S2 * min(RAMP_START + RAMP_1_S * waited, RAMP_MOST)
-            attitude_of(0.0, 0.0, 1.0, heading, q[i])
-            norm[i] = thrust_norm(min(lift / full, 1.0), curve)
-            sent[i, 2] = sent[i, 3] = min(lift, full)
-            continue
-        k = strength[vehicle[i]]
-        for axis in range(3):
-            aim[axis] = acc[i, axis]
-        bits = keep_apart(i, vehicle, pos, motion[i, 0], separation, aim)
-        bits += keep_inside(motion[i], low, high, margin, aim)
-        aim[2] += GRAVITY_M_S2
-        for axis in range(3):
-            aim[axis] /= k
-            felt[axis] = aim[axis] + lead_acc[i, axis] / k
-        by_rate = body[i, FEED_FORWARD] > 0.0
-        met = bound_force(aim, LIFT_MOST * full, tilt_max)
-        met_later = bound_force(felt, LIFT_MOST * full, LEAD_TILT_RAD if by_rate else tilt_max)
-        saturation[i] = bits + (met if by_rate else max(met, met_later))
-        trusted = body[i, AUTHORITY] * authority_kept(misfit[vehicle[i]])
-        for vector in (aim, felt):
-            bound_turn(vector, force[i], trusted, full)
-        for axis in range(3):
-            turn[axis] = felt[axis] - aim[axis]
-        if by_rate:
-            # The autopilot adds body rates: what inverts its lag goes there, and the attitude stays the one wanted.
-            attitude_of(aim[0], aim[1], felt[2], heading, q[i])
-            body_rates(aim, turn, heading, yaw[i, 1], rate[i])
-            for axis in range(2):
-                rate[i, axis] = min(max(body[i, ATTITUDE_P] * rate[i, axis], -body[i, RATE_MAX]), body[i, RATE_MAX])
+        if references[i].idle:
+            attitude_of(0.0, 0.0, 1.0, wanted[i].yaw_rad, out[i].q_lab_from_flu)
+        elif not references[i].airborne:
+            _wait(settings[i], wanted[i].yaw_rad, (now_ns - references[i].release_ns) * SECONDS, full, out[i])
         else:
-            attitude_of(felt[0], felt[1], felt[2], heading + yaw[i, 1] / body[i, YAW_P], q[i])
-        lift = min(felt[2] / max(lift_cos[i], cos(tilt_max)), full)
-        norm[i] = thrust_norm(lift / full, curve)
-        flat = lift / sqrt(felt[0] * felt[0] + felt[1] * felt[1] + felt[2] * felt[2])
-        sent[i, 0], sent[i, 1], sent[i, 2], sent[i, 3] = flat * felt[0], flat * felt[1], felt[2], lift
+            met = _bounded_force(settings[i], wanted[i], estimates, full, aim, lead)
+            out[i].saturation = met
+            _target(settings[i], wanted[i], aim, lead, full, out[i])
+
+
+@kernel
+def _wait(s: AttitudeSettings, yaw_rad: float, waited_s: float, full: float, out: Target) -> None:
+    """Level, thrust rising until it lifts off."""
+    thrust = GRAVITY_M_S2 * min(RAMP_START + RAMP_1_S * waited_s, RAMP_MOST)
+    attitude_of(0.0, 0.0, 1.0, yaw_rad, out.q_lab_from_flu)
+    out.thrust_norm = thrust_norm(min(thrust / full, 1.0), s.thrust_curve)
+    out.force[2] = out.force[3] = min(thrust, full)
+
+
+@kernel
+def _bounded_force(
+    s: AttitudeSettings, wanted: Demand, estimates: Rows[VehicleEstimate], full: float, aim: Float, lead: Float
+) -> float:
+    """Specific force of the demand into aim (3), with the lag's inversion into lead (3); the bits of the limits met."""
+    z = estimates[s.vehicle]
+    for axis in range(3):
+        aim[axis] = wanted.acc_lab_m_s2[axis]
+    bits = keep_apart(s.vehicle, estimates, wanted.motion[0], s.separation_m, aim)
+    bits += keep_inside(wanted.motion, s.fence_low_m, s.fence_high_m, s.fence_margin_m, aim)
+    aim[2] += GRAVITY_M_S2
+    for axis in range(3):
+        aim[axis] /= z.thrust_scale
+        lead[axis] = aim[axis] + wanted.lead_acc_lab_m_s2[axis] / z.thrust_scale
+    met = bound_force(aim, LIFT_MOST * full, s.tilt_max_rad)
+    met_later = bound_force(lead, LIFT_MOST * full, LEAD_TILT_RAD if s.rate_feed_forward else s.tilt_max_rad)
+    trusted = s.turn_authority_rad_s2_m * authority_kept(z.model_mismatch)
+    bound_turn(aim, wanted.specific_force_lab_m_s2, trusted, full)
+    bound_turn(lead, wanted.specific_force_lab_m_s2, trusted, full)
+    return bits + (met if s.rate_feed_forward else max(met, met_later))
+
+
+@kernel
+def _target(s: AttitudeSettings, wanted: Demand, aim: Float, lead: Float, full: float, out: Target) -> None:
+    """Attitude, body rates and thrust of bounded forces aim and lead (3)."""
+    heading = wanted.yaw_rad
+    if s.rate_feed_forward:
+        # The autopilot adds body rates: what inverts its lag goes there, and the attitude stays the one wanted.
+        attitude_of(aim[0], aim[1], lead[2], heading, out.q_lab_from_flu)
+        body_rates(aim, lead - aim, heading, wanted.yaw_rate_rad_s, out.rate_flu_rad_s)
+        rate, most = out.rate_flu_rad_s, s.rate_max_rad_s
+        for axis in range(2):
+            rate[axis] = min(max(s.attitude_p_1_s * rate[axis], -most), most)
+    else:
+        attitude_of(lead[0], lead[1], lead[2], heading + wanted.yaw_rate_rad_s / s.yaw_p_1_s, out.q_lab_from_flu)
+    thrust = min(lead[2] / max(wanted.tilt_cos, cos(s.tilt_max_rad)), full)
+    out.thrust_norm = thrust_norm(thrust / full, s.thrust_curve)
+    flat = thrust / sqrt(lead[0] * lead[0] + lead[1] * lead[1] + lead[2] * lead[2])
+    out.force[0], out.force[1], out.force[2], out.force[3] = flat * lead[0], flat * lead[1], lead[2], thrust

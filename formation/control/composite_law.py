@@ -1,4 +1,4 @@
-"""The formation law for all vehicles: from estimates, course and past commands to demanded accelerations (Eq. 7).
+"""The formation law for all vehicles: from estimates, references and past commands to demanded accelerations (Eq. 7).
 
 Each axis is judged at the time when a command sent now takes hold: own and leader's motions are predicted over the
 dead time with the commands already sent, and the first-order lag is inverted with the demand's own rate.
@@ -6,122 +6,106 @@ dead time with the commands already sent, and the first-order lag is inverted wi
 
 from dataclasses import dataclass
 from math import cos, sin, sqrt
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from formation.control.feedback import feedback, uses_disturbance
+from formation.control.gains import AxisGains, LagCompensation
 from formation.control.prediction import Known, motion_at
 from formation.control.relative_frame import copy_motion, lead_from_lab
-from formation.estimation.state import EstimatorState
-from formation.guidance.reference_generator import SLOT, Course, Way, reference_at
-from formation.maths.arrays import Flags, Float, Scalars, Vec3s
+from formation.estimation.settings import ObserverSettings
+from formation.estimation.state import VehicleEstimate
+from formation.guidance.reference_generator import SLOT, Generator, VehicleReference, reference_at
+from formation.maths.arrays import Float, Motion, Vec3
 from formation.maths.kernel import kernel
-from formation.vehicle.response import History
+from formation.maths.records import Rows, blank
+from formation.vehicle.response import NEVER_NS, SECONDS, SentCommands
 
 HORIZON_MAX_NS = 400_000_000
+HORIZONTAL, VERTICAL = 0, 1
+STEP_MAX_S = 0.1
+LEADER = cast(
+    int, np.int64(0)
+)  # a literal 0 would be a type of its own to numba, and the prediction compiled once more for it
 
 
 @dataclass(frozen=True, slots=True)
-class Quickness:
-    """How hard the lag is inverted, and what the observer's activity mu (formation.estimation.state.Vigilance) adds.
-
-    rate: share of the lag times the demand's own rate that is sent ahead; gain: lag over wanted lag, how much harder
-    than needed the command pulls at what the predicted acceleration misses of the demand, times mu^gain_power;
-    p1_power: p1 is multiplied by mu^p1_power; lead_share: a follower is at least as awake as the observer of a
-    leader that is only seen, to this power.
-    """
-
-    rate: float = 1.0
-    gain: float = 1.0
-    gain_power: float = 0.0
-    p1_power: float = 0.0
-    lead_share: float = 0.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class LawSettings:
-    """Per commanded vehicle m unless said otherwise.
+    """One commanded vehicle's law; a record.
 
-    horizontal, vertical (m, 7): gain rows of formation.control.feedback; response (n, 4): as the estimator's;
-    vehicle (m): index among the n; own (n): place among the m or -1; compensate (m, 2): whether
-    lag and dead time are, horizontally and vertically.
-    manner (n, 12): as the estimator's; quickness (m, 5): as in Quickness;
-    turn_dead_s (m): from a
-    sent target to its arrival (the yaw loop, its rate fed forward, adds no more on the whole).
+    vehicle: its index among the n; compensate: whether the attitude's dead time and lag are (the thrust's always).
     """
 
-    horizontal: Float
-    vertical: Float
-    response: Float
-    vehicle: NDArray[np.int64]
-    own: NDArray[np.int64]
-    compensate: Flags
+    vehicle: int
+    horizontal: AxisGains
+    vertical: AxisGains
+    compensate: bool
+    lag_compensation: LagCompensation
     speed_max_m_s: float
-    manner: Float
-    quickness: Float
-    turn_dead_s: Float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True)
+class LawMemory:
+    """What the law remembers of one vehicle from tick to tick; a record.
+
+    z_m: of Eq. (6), or a PID's integral; asked_ns: when; saturated: the last target met a limit, so z_m may not grow.
+    """
+
+    z_m: Vec3
+    asked_ns: int
+    saturated: bool
+
+
+def no_memory(vehicles: int) -> Rows[LawMemory]:
+    """Before the law was first asked."""
+    memory = blank(LawMemory, vehicles)
+    memory["asked_ns"] = NEVER_NS
+    return memory
+
+
+@dataclass(slots=True)
 class Demand:
-    """What the law asks of each vehicle, and the inside of how it got there; (m, 3) unless said otherwise.
+    """What the law asks of one vehicle, and the inside of how it got there; a record.
 
-    acc: demanded acceleration; lead_acc: what the lag's inversion adds to it; motion (m, 3, 4): predicted when the
-    command is taken to hold; force (m, 3): modelled specific force when it arrives; lift_cos (m): predicted cosine of
-    tilt when the thrust does; yaw (m, 2): heading and rate.
+    e, e_rate, s, t_m, z_m: in the lead frame, Eqs. (5)-(6); acc: demanded acceleration, gravity excluded; lead_acc:
+    what the lag's inversion adds to it; motion: predicted when the command is taken to hold; specific_force: modelled
+    when it arrives; tilt_cos: predicted cosine of tilt when the thrust does; yaw, yaw_rate: of the heading asked for.
     """
 
-    e: Vec3s
-    e_rate: Vec3s
-    s: Vec3s
-    t_m: Vec3s
-    memory: Vec3s
-    acc: Vec3s
-    lead_acc: Vec3s
-    motion: Float
-    force: Vec3s
-    lift_cos: Float
-    yaw: Float
+    e_lead_m: Vec3
+    e_rate_lead_m_s: Vec3
+    s_lead_m_s: Vec3
+    t_m_lead_m_s2: Vec3
+    z_m_lead_m_s2: Vec3
+    acc_lab_m_s2: Vec3
+    lead_acc_lab_m_s2: Vec3
+    motion: Motion
+    specific_force_lab_m_s2: Vec3
+    tilt_cos: float
+    yaw_rad: float
+    yaw_rate_rad_s: float
 
 
-def demand(
-    settings: LawSettings, state: EstimatorState, course: Course, history: History, memory: Vec3s, frozen: Flags,
-    turn_rad_s2: Scalars, now_ns: int, dt_s: float,
-) -> Demand:  # fmt: skip
-    """The law at now_ns, dt_s after it was last asked.
+class Around(NamedTuple):
+    """What one vehicle's demand is computed from, besides its own settings."""
 
-    memory (m, 3): z_m of Eq. (6), or a PID's integral; frozen (m): last target met a limit, so memory may not grow;
-    turn_rad_s2 (n): as the estimator's.
+    known: Known
+    references: Rows[VehicleReference]
+    numbers: Float
+    knots: Float
+
+
+class Workspace(NamedTuple):
+    """Motions (3, 4) and vectors (3) of one vehicle's turn, reused for the next.
+
+    leader (2, 2, 3, 4): the leader as predicted last for each channel, when the command holds and later, and leader_ns
+    (2, 2) for when: vehicles of one kind ask for the same.
     """
-    m = len(settings.vehicle)
-    seven = [np.zeros((m, 3)) for _ in range(7)]
-    out = Demand(
-        seven[0], seven[1], seven[2], seven[3], seven[4], seven[5], seven[6],
-        np.zeros((m, 3, 4)), np.zeros((m, 3)), np.ones(m), np.zeros((m, 2)),
-    )  # fmt: skip
-    path = course.trajectory
-    response, predicted = settings.response.copy(), settings.vehicle[settings.compensate[:, 0]]
-    response[predicted, 0] = np.maximum(response[predicted, 0] - state.shift_s[predicted], 0.0)
-    _demand(
-        settings.horizontal, settings.vertical, response, settings.vehicle, settings.own,
-        settings.compensate, settings.speed_max_m_s, settings.manner, settings.quickness,
-        settings.turn_dead_s,
-        state.t_ns, state.pos_lab_m, state.vel_lab_m_s, state.dist_lab_m_s2, state.force_lab_m_s2, state.force_rate,
-        state.strength, state.heading, turn_rad_s2, state.activity, history.t_ns, history.force,
-        course.kind, course.base, course.gap, course.gap_ns, course.gap_s, course.airborne, path.kind, path.numbers,
-        path.knots, course.trajectory_ns,
-        memory, frozen, min(now_ns, state.t_ns + HORIZON_MAX_NS), dt_s,
-        out.e, out.e_rate, out.s, out.t_m, out.memory, out.acc, out.lead_acc, out.motion, out.force, out.lift_cos,
-        out.yaw,
-    )  # fmt: skip
-    return out
 
-
-class Bench(NamedTuple):
-    """Scratch motions (3, 4) of one vehicle's turn, reused for the next."""
-
+    leader_ns: NDArray[np.int64]
+    leader: Float
     mine: Float
     lead: Float
     lead_later: Float
@@ -130,118 +114,215 @@ class Bench(NamedTuple):
     frame: Float
     lab: Float
     lab_later: Float
-    felt: Float
-    back: Float
-    back_rate: Float
+    force: Float
+    feedback: Float
+    feedback_rate: Float
+
+
+def demand(
+    settings: Rows[LawSettings], observers: Rows[ObserverSettings], estimates: Rows[VehicleEstimate],
+    history: Rows[SentCommands], generator: Generator, memory: Rows[LawMemory], now_ns: int,
+) -> Rows[Demand]:  # fmt: skip
+    """The law at now_ns for the m commanded vehicles among the n."""
+    out = blank(Demand, len(settings))
+    path = generator.trajectory
+    _demand(settings, observers, estimates, history, generator.vehicles, path.numbers, path.knots, memory, now_ns, out)
+    return out
+
+
+@kernel
+def composite_acceleration(reference_acc: float, feedback_acc: float, z3: float) -> float:
+    """Eq. (7): g(x) u + f(x) = lambda_d'' - c e' - t_m - Z3, one axis in `lab`.
+
+    reference_acc: lambda_d'' as seen in `lab`; feedback_acc: -c e' - t_m, turned there; z3: Z3, the disturbance.
+    """
+    return reference_acc + feedback_acc - z3
 
 
 @kernel
 def _demand(
-    horizontal: Float, vertical: Float, response: Float, vehicle: NDArray[np.int64], own: NDArray[np.int64],
-    compensate: NDArray[np.bool_],
-    speed_max: float, manner: Float, quickness: Float, turn_dead_s: Float,
-    t_ns: int, pos: Float, vel: Float, dist: Float, force: Float, force_rate: Float, strength: Float,
-    heading: Float, turn: Float, mu: Float, sent_ns: NDArray[np.int64], sent: Float,
-    kind: NDArray[np.int64], base: Float, gap: Float, gap_ns: NDArray[np.int64], gap_s: Float,
-    airborne: NDArray[np.bool_], path_kind: int, path_numbers: Float, path_knots: Float, path_ns: int,
-    memory: Float, frozen: NDArray[np.bool_], now_ns: int, dt_s: float,
-    e: Float, e_rate: Float, s: Float, t_m: Float, new_memory: Float, acc: Float, lead_acc: Float,
-    motion: Float, felt: Float, lift_cos: Float, yaw: Float,
+    settings: Rows[LawSettings], observers: Rows[ObserverSettings], estimates: Rows[VehicleEstimate],
+    history: Rows[SentCommands], references: Rows[VehicleReference], numbers: Float, knots: Float,
+    memory: Rows[LawMemory], now_ns: int, out: Rows[Demand],
 ) -> None:  # fmt: skip
-    """See `demand`; the out arrays are the fields of Demand."""
-    known = Known(t_ns, pos, vel, dist, force, force_rate, strength, heading, turn, manner, response, sent_ns, sent)
-    way = Way(kind, base, gap, gap_ns, gap_s, path_kind, path_numbers, path_knots, path_ns)
-    b = Bench(
+    """See `demand`; out (m) is filled."""
+    around = Around(
+        Known(estimates, observers, history, _dead_times(settings, observers, estimates)), references, numbers, knots
+    )
+    w = Workspace(
+        np.full((2, 2), NEVER_NS), np.empty((2, 2, 3, 4)),
         np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4)),
         np.empty((3, 4)), np.empty((3, 4)), np.empty(3), np.empty(3), np.empty(3),
     )  # fmt: skip
-    for i in range(len(vehicle)):
-        n = vehicle[i]
-        # np.int64: a literal 0 would be a type of its own, and the prediction compiled once more for it.
-        turned_ns = now_ns + int(turn_dead_s[i] * 1e9)
-        motion_at(np.int64(0), own[0], turned_ns, known, b.lead, b.felt)
-        reference_at(i, turned_ns, b.lead, way, b.slot, b.frame, b.lab)
-        yaw[i, 0], yaw[i, 1] = b.lab[0, 3], b.lab[1, 3]
-        for channel in range(2):
-            dead_s, lag_s = response[n, 2 * channel], response[n, 2 * channel + 1]
-            arrival_ns = now_ns + int(dead_s * 1e9)
-            hold_ns = arrival_ns if compensate[i, channel] else t_ns
-            _situation(i, n, own[0], hold_ns, hold_ns + int(lag_s * 1e9), compensate[i, channel], known, way, b)
-            gains = horizontal[i] if channel == 0 else vertical[i]
-            awake = mu[n]
-            if way.kind[i] == SLOT and own[0] < 0:
-                awake = max(awake, mu[0] ** quickness[i, 4])
-            boost = awake ** quickness[i, 3] if channel == 0 else 1.0
-            for axis in range(2 * channel, 2 + channel):
-                s[i, axis], t_m[i, axis], kept, b.back[axis], b.back_rate[axis] = feedback(
-                    gains, b.error[0, axis], b.error[1, axis], b.error[2, axis], memory[i, axis], boost, speed_max, dt_s
-                )
-                e[i, axis], e_rate[i, axis] = b.error[0, axis], b.error[1, axis]
-                grows = abs(kept) > abs(memory[i, axis])
-                new_memory[i, axis] = memory[i, axis] if frozen[i] and grows else kept
-                if not airborne[i]:
-                    new_memory[i, axis] = 0.0
-            if channel == 0:
-                _turn_terms(b.frame, b.error, b.back)
-                _into_lab(b.frame[0, 3], b.back)
-                _into_lab(b.frame[0, 3], b.back_rate)
-                copy_motion(b.mine, motion[i])
-                if not compensate[i, channel]:  # its turn is bounded from the arrival's force all the same
-                    motion_at(n, i, arrival_ns, known, b.lead_later, b.felt)
-                for axis in range(3):
-                    felt[i, axis] = b.felt[axis]
-            else:
-                for order in range(3):
-                    motion[i, order, 2] = b.mine[order, 2]
-                size = sqrt(b.felt[0] * b.felt[0] + b.felt[1] * b.felt[1] + b.felt[2] * b.felt[2])
-                lift_cos[i] = b.felt[2] / size if size > 1.0 else 1.0
-            pull = quickness[i, 1] * awake ** quickness[i, 2] - 1.0 if channel == 0 else 0.0
-            for axis in range(2 * channel, 2 + channel):
-                acc[i, axis] = b.lab[2, axis] + b.back[axis]
-                if uses_disturbance(gains):
-                    acc[i, axis] -= dist[n, axis]
-                if compensate[i, channel]:
-                    coming = b.lab_later[2, axis] - b.lab[2, axis] + lag_s * quickness[i, 0] * b.back_rate[axis]
-                    missing = acc[i, axis] - (b.mine[2, axis] - dist[n, axis])
-                    lead_acc[i, axis] = coming + pull * missing
+    for i in range(len(settings)):
+        kept, dt_s = memory[i], 0.0
+        if kept.asked_ns > NEVER_NS:
+            dt_s = min((now_ns - kept.asked_ns) * SECONDS, STEP_MAX_S)
+        at_ns = min(now_ns, estimates[settings[i].vehicle].t_ns + HORIZON_MAX_NS)
+        _horizontal_demand(i, settings[i], around, kept, at_ns, dt_s, w, out[i])
+        _vertical_demand(i, settings[i], around, kept, at_ns, dt_s, w, out[i])
 
 
 @kernel
-def _situation(
-    i: int, n: int, leader: int, hold_ns: int, later_ns: int, compensate: bool, known: Known, way: Way, b: Bench
+def _dead_times(
+    settings: Rows[LawSettings], observers: Rows[ObserverSettings], estimates: Rows[VehicleEstimate]
+) -> Float:
+    """Dead time of each vehicle's attitude (n), s; where it is compensated, less the delay shift that was seen."""
+    dead_s = np.empty(len(observers))
+    for n in range(len(observers)):
+        dead_s[n] = observers[n].response.attitude_dead_s
+        if observers[n].place >= 0 and settings[observers[n].place].compensate:
+            dead_s[n] = max(dead_s[n] - estimates[n].delay_shift_s, 0.0)
+    return dead_s
+
+
+@kernel
+def _horizontal_demand(
+    i: int, law: LawSettings, around: Around, kept: LawMemory, now_ns: int, dt_s: float, w: Workspace, out: Demand
 ) -> None:
-    """Vehicle i's own motion, reference and error at hold_ns, and its reference at later_ns, onto the bench.
+    """x and y, by attitude."""
+    known, n = around.known, law.vehicle
+    lag_s = known.observers[n].response.attitude_lag_s
+    arrival_ns = now_ns + int(known.dead_s[n] * 1e9)
+    hold_ns = arrival_ns if law.compensate else known.estimates[n].t_ns
+    _situation(HORIZONTAL, i, n, around, hold_ns, hold_ns + int(lag_s * 1e9) if law.compensate else NEVER_NS, w)
+    gain = _adaptive_gain(i, law, around)
+    boost = gain**law.lag_compensation.p1_power
+    for axis in range(2):
+        _feed_back(axis, law.horizontal, law.speed_max_m_s, boost, kept, around.references[i].airborne, dt_s, w, out)
+    _add_turn_terms(w.frame, w.error, w.feedback)
+    _into_lab(w.frame[0, 3], w.feedback)
+    _into_lab(w.frame[0, 3], w.feedback_rate)
+    copy_motion(w.mine, out.motion)
+    if not law.compensate:  # its turn is bounded from the arrival's force all the same
+        motion_at(known, n, arrival_ns, w.lead_later, w.force)
+    for axis in range(3):
+        out.specific_force_lab_m_s2[axis] = w.force[axis]
+    pull = law.lag_compensation.gain * gain**law.lag_compensation.gain_power - 1.0
+    for axis in range(2):
+        z3 = known.estimates[n].dist_lab_m_s2[axis]
+        _ask(axis, law.horizontal, law.compensate, lag_s * law.lag_compensation.rate, pull, z3, w, out)
+
+
+@kernel
+def _vertical_demand(
+    i: int, law: LawSettings, around: Around, kept: LawMemory, now_ns: int, dt_s: float, w: Workspace, out: Demand
+) -> None:
+    """z, by thrust; and the heading, which a target reaches as soon (its rate is fed forward)."""
+    known, n = around.known, law.vehicle
+    dead_s, lag_s = known.observers[n].response.thrust_dead_s, known.observers[n].response.thrust_lag_s
+    hold_ns = now_ns + int(dead_s * 1e9)
+    _situation(VERTICAL, i, n, around, hold_ns, hold_ns + int(lag_s * 1e9), w)
+    out.yaw_rad, out.yaw_rate_rad_s = w.lab[0, 3], w.lab[1, 3]
+    _feed_back(2, law.vertical, law.speed_max_m_s, 1.0, kept, around.references[i].airborne, dt_s, w, out)
+    for order in range(3):
+        out.motion[order, 2] = w.mine[order, 2]
+    size = sqrt(w.force[0] * w.force[0] + w.force[1] * w.force[1] + w.force[2] * w.force[2])
+    out.tilt_cos = w.force[2] / size if size > 1.0 else 1.0
+    z3 = known.estimates[n].dist_lab_m_s2[2]
+    _ask(2, law.vertical, True, lag_s * law.lag_compensation.rate, 0.0, z3, w, out)
+
+
+@kernel
+def _adaptive_gain(i: int, law: LawSettings, around: Around) -> float:
+    """The vehicle's own, or that of the leader it follows, if that one is only observed."""
+    own: float = around.known.estimates[law.vehicle].adaptive_gain
+    if around.references[i].kind == SLOT and around.known.observers[LEADER].place < 0:
+        led: float = around.known.estimates[LEADER].adaptive_gain ** law.lag_compensation.lead_share
+        return max(own, led)
+    return own
+
+
+@kernel
+def _situation(channel: int, i: int, n: int, around: Around, hold_ns: int, later_ns: int, w: Workspace) -> None:
+    """Vehicle i's own motion, reference and error at hold_ns, and its reference at later_ns, into the workspace.
+
+    later_ns: NEVER_NS where the lag is not compensated.
+    """
+    known, numbers, knots = around.known, around.numbers, around.knots
+    reference = around.references[i]
+    _leader_ahead(channel, around, hold_ns, later_ns, w)
+    if later_ns > NEVER_NS:
+        reference_at(reference, numbers, knots, later_ns, w.lead_later, w.slot, w.frame, w.lab_later)
+    motion_at(known, n, hold_ns, w.mine, w.force)
+    reference_at(reference, numbers, knots, hold_ns, w.lead, w.slot, w.frame, w.lab)
+    lead_from_lab(w.mine, w.frame, w.error)
+    for order in range(3):
+        for column in range(4):
+            w.error[order, column] -= w.slot[order, column]
+
+
+@kernel
+def _leader_ahead(channel: int, around: Around, hold_ns: int, later_ns: int, w: Workspace) -> None:
+    """The leader's motion at hold_ns, and at later_ns if that is wanted, into the workspace.
 
     A leader we command is taken to accelerate and turn as its own reference says: known ahead, and free of noise.
     """
-    motion_at(np.int64(0), leader, hold_ns, known, b.lead, b.felt)
-    if compensate:
-        if leader >= 0:
-            reference_at(leader, later_ns, b.lead, way, b.slot, b.frame, b.lab_later)
-            reference_at(leader, hold_ns, b.lead, way, b.slot, b.frame, b.lab)
-            for column in range(4):
-                for order in range(2):
-                    b.lead_later[order, column] = (
-                        b.lead[order, column] + b.lab_later[order, column] - b.lab[order, column]
-                    )
-                b.lead[2, column], b.lead_later[2, column] = b.lab[2, column], b.lab_later[2, column]
-        else:
-            motion_at(np.int64(0), leader, later_ns, known, b.lead_later, b.felt)
-        reference_at(i, later_ns, b.lead_later, way, b.slot, b.frame, b.lab_later)
-    motion_at(n, i, hold_ns, known, b.mine, b.felt)
-    reference_at(i, hold_ns, b.lead, way, b.slot, b.frame, b.lab)
-    lead_from_lab(b.mine, b.frame, b.error)
-    for order in range(3):
-        for column in range(4):
-            b.error[order, column] -= b.slot[order, column]
+    if w.leader_ns[channel, 0] != hold_ns or w.leader_ns[channel, 1] != later_ns:
+        w.leader_ns[channel, 0], w.leader_ns[channel, 1] = hold_ns, later_ns
+        now, later = w.leader[channel, 0], w.leader[channel, 1]
+        motion_at(around.known, LEADER, hold_ns, now, w.force)
+        place = around.known.observers[LEADER].place
+        if later_ns > NEVER_NS and place >= 0:
+            _as_referred(around.references[place], around, hold_ns, later_ns, now, later, w)
+        elif later_ns > NEVER_NS:
+            motion_at(around.known, LEADER, later_ns, later, w.force)
+    copy_motion(w.leader[channel, 0], w.lead)
+    copy_motion(w.leader[channel, 1], w.lead_later)
 
 
 @kernel
-def _turn_terms(frame: Float, error: Float, back: Float) -> None:
+def _as_referred(
+    reference: VehicleReference, around: Around, hold_ns: int, later_ns: int, now: Float, later: Float, w: Workspace
+) -> None:
+    """A commanded leader's motion `later` (3, 4): from `now` on as its reference goes, and accelerations of both."""
+    reference_at(reference, around.numbers, around.knots, later_ns, now, w.slot, w.frame, w.lab_later)
+    reference_at(reference, around.numbers, around.knots, hold_ns, now, w.slot, w.frame, w.lab)
+    for column in range(4):
+        for order in range(2):
+            later[order, column] = now[order, column] + w.lab_later[order, column] - w.lab[order, column]
+        now[2, column], later[2, column] = w.lab[2, column], w.lab_later[2, column]
+
+
+@kernel
+def _feed_back(
+    axis: int, gains: AxisGains, speed_max: float, boost: float, kept: LawMemory, airborne: bool, dt_s: float,
+    w: Workspace, out: Demand,
+) -> None:  # fmt: skip
+    """Eqs. (5)-(6) of one axis: error, sliding variable, t_m and the new z_m; its feedback into the workspace."""
+    e, e_rate, e_acc, before = w.error[0, axis], w.error[1, axis], w.error[2, axis], kept.z_m[axis]
+    s, t_m, z_m, w.feedback[axis], w.feedback_rate[axis] = feedback(
+        gains, e, e_rate, e_acc, before, boost, speed_max, dt_s
+    )
+    out.e_lead_m[axis], out.e_rate_lead_m_s[axis], out.s_lead_m_s[axis], out.t_m_lead_m_s2[axis] = e, e_rate, s, t_m
+    out.z_m_lead_m_s2[axis] = before if kept.saturated and abs(z_m) > abs(before) else z_m
+    if not airborne:
+        out.z_m_lead_m_s2[axis] = 0.0
+
+
+@kernel
+def _ask(
+    axis: int, gains: AxisGains, compensate: bool, ahead_s: float, pull: float, z3: float, w: Workspace, out: Demand
+) -> None:
+    """Eq. (7) of one axis in `lab`, and what is added to invert the lag.
+
+    ahead_s: how far the feedback's own rate is sent ahead; pull: how much harder than needed the command pulls at what
+    the predicted acceleration misses.
+    """
+    asked = composite_acceleration(w.lab[2, axis], w.feedback[axis], z3 if uses_disturbance(gains) else 0.0)
+    out.acc_lab_m_s2[axis] = asked
+    if compensate:
+        coming = w.lab_later[2, axis] - w.lab[2, axis] + ahead_s * w.feedback_rate[axis]
+        missing = asked - (w.mine[2, axis] - z3)
+        out.lead_acc_lab_m_s2[axis] = coming + pull * missing
+
+
+@kernel
+def _add_turn_terms(frame: Float, error: Float, acc: Float) -> None:
     """Adds the Coriolis, Euler and centripetal terms of the error itself; the slot's own are in its lab motion."""
     w, alpha = frame[1, 3], frame[2, 3]
-    back[0] += -2.0 * w * error[1, 1] - alpha * error[0, 1] - w * w * error[0, 0]
-    back[1] += 2.0 * w * error[1, 0] + alpha * error[0, 0] - w * w * error[0, 1]
+    acc[0] += -2.0 * w * error[1, 1] - alpha * error[0, 1] - w * w * error[0, 0]
+    acc[1] += 2.0 * w * error[1, 0] + alpha * error[0, 0] - w * w * error[0, 1]
 
 
 @kernel

@@ -1,10 +1,6 @@
 """The one place where a law is chosen: error in, feedback acceleration out, for one axis of one vehicle."""
 
-from dataclasses import dataclass, replace
-from enum import IntEnum
-
-import numpy as np
-
+from formation.control.gains import AxisGains, CascadeGains, GeometricGains, Law, SlidingGains
 from formation.control.geometric import tracking_acceleration
 from formation.control.pid import velocity_error, velocity_pid
 from formation.control.sliding_mode import (
@@ -14,127 +10,80 @@ from formation.control.sliding_mode import (
     super_twisting_rate,
     switching,
 )
-from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
 
-
-class Law(IntEnum):
-    """The controllers of the comparison."""
-
-    SMC = 0
-    ISTSMC = 1
-    CFC = 2
-    PID = 3
-    GEOMETRIC = 4
-
-
-SMC, ISTSMC, CFC, PID, GEOMETRIC = (int(law) for law in Law)
-
-
-@dataclass(frozen=True, slots=True)
-class SlidingGains:
-    """Gains of Eqs. (5)-(7): SMC uses c and k, ISTSMC and CFC c, p1, p2, eps; smooth rounds the powers off, m/s."""
-
-    law: Law
-    c: float
-    p1: float = 0.0
-    p2: float = 0.0
-    eps: float = 0.0
-    smooth_m_s: float = 0.0
-    k: float = 0.0
-
-    def paced(self, pace: float) -> "SlidingGains":
-        """The same law, its rates multiplied by `pace`."""
-        return replace(self, c=pace * self.c, p1=pace * self.p1, p2=pace * pace * self.p2)
-
-    def row(self) -> Float:
-        """As the kernels read it."""
-        return np.array([self.law, self.c, self.p1, self.p2, self.eps, self.smooth_m_s, self.k])
-
-
-@dataclass(frozen=True, slots=True)
-class CascadeGains:
-    """Gains of the double-loop PID: position P, 1/s, then velocity P, 1/s, I, 1/s^2, and D."""
-
-    kp_position: float
-    kp: float
-    ki: float
-    kd: float = 0.0
-
-    def paced(self, pace: float) -> "CascadeGains":
-        """The same law, its rates multiplied by `pace`."""
-        return replace(self, kp_position=pace * self.kp_position, kp=pace * self.kp, ki=pace * pace * self.ki)
-
-    def row(self) -> Float:
-        """As the kernels read it."""
-        return np.array([Law.PID, self.kp_position, self.kp, self.ki, self.kd, 0.0, 0.0])
-
-
-@dataclass(frozen=True, slots=True)
-class GeometricGains:
-    """Gains of the SE(3) controller, per unit mass: kx, kv, ki, the integral's position share, its bound."""
-
-    kx: float
-    kv: float
-    ki: float
-    mix: float
-    bound: float
-
-    def paced(self, pace: float) -> "GeometricGains":
-        """The same law, its rates multiplied by `pace`."""
-        square = pace * pace
-        return replace(self, kx=square * self.kx, kv=pace * self.kv, ki=square * self.ki, mix=pace * self.mix)
-
-    def row(self) -> Float:
-        """As the kernels read it."""
-        return np.array([Law.GEOMETRIC, self.kx, self.kv, self.ki, self.mix, self.bound, 0.0])
-
-
-AxisGains = SlidingGains | CascadeGains | GeometricGains
+SMC, CFC, PID, GEOMETRIC = int(Law.SMC), int(Law.CFC), int(Law.PID), int(Law.GEOMETRIC)
+Feedback = tuple[float, float, float, float, float]
+"""s, t_m, the law's new memory (z_m or integral), the feedback acceleration, and that acceleration's rate."""
 
 
 @kernel
-def uses_disturbance(gains: Float) -> bool:
+def uses_disturbance(gains: AxisGains) -> bool:
     """Whether the law subtracts the observer's Z3 (CFC), or fights disturbances by its own integral."""
-    return int(gains[0]) == CFC
+    return gains.law == CFC
 
 
 @kernel
 def feedback(
-    gains: Float, e: float, e_rate: float, e_acc: float, memory: float, boost: float, speed_max: float, dt_s: float
-) -> tuple[float, float, float, float, float]:
-    """s, t_m, the law's new memory (z_m or integral), the feedback acceleration, and that acceleration's rate.
+    gains: AxisGains, e: float, e_rate: float, e_acc: float, memory: float, boost: float, speed_max: float, dt_s: float
+) -> Feedback:
+    """The feedback of an axis by its law, in the lead frame.
 
-    e, e_rate, e_acc: relative error, lead frame; boost: factor on p1. |e| is cut where closing it would ask for more
-    than speed_max.
-    The rate holds while errors evolve as predicted; it is what inverts the vehicle's first-order lag.
+    e, e_rate, e_acc: relative error; boost: factor on p1. |e| is cut where closing it would ask for more than
+    speed_max. The rate holds while errors evolve as predicted; it is what inverts the vehicle's first-order lag.
     """
-    law = int(gains[0])
-    if law == GEOMETRIC:
-        kx, kv, ki, mix, bound = gains[1], gains[2], gains[3], gains[4], gains[5]
-        reach = speed_max * kv / kx
-        e = min(max(e, -reach), reach)
-        acc, memory = tracking_acceleration(e, e_rate, memory, kx, kv, ki, mix, bound, dt_s)
-        s = mix * e + e_rate
-        return s, -acc, memory, acc, -kx * e_rate - kv * e_acc - ki * s
-    if law == PID:
-        kp_position, kp, ki, kd = gains[1], gains[2], gains[3], gains[4]
-        reach = speed_max / kp_position
-        e = min(max(e, -reach), reach)
-        s = velocity_error(kp_position, e, e_rate)
-        s_rate = velocity_error(kp_position, e_rate, e_acc)
-        acc, memory = velocity_pid(s, s_rate, memory, kp, ki, kd, dt_s)
-        return s, -acc, memory, acc, -kp * s_rate - ki * s
-    c, p1, p2, eps, smooth, k = gains[1], boost * gains[2], gains[3], gains[4], gains[5], gains[6]
-    reach = speed_max / c
-    e = min(max(e, -reach), reach)
+    if gains.law == GEOMETRIC:
+        return geometric_feedback(gains.geometric, e, e_rate, e_acc, memory, speed_max, dt_s)
+    if gains.law == PID:
+        return pid_feedback(gains.cascade, e, e_rate, e_acc, memory, speed_max, dt_s)
+    return sliding_feedback(gains.sliding, e, e_rate, e_acc, memory, boost, speed_max, dt_s)
+
+
+@kernel
+def sliding_feedback(
+    gains: SlidingGains, e: float, e_rate: float, e_acc: float, z_m: float, boost: float, speed_max: float, dt_s: float
+) -> Feedback:
+    """Eqs. (5)-(6), and of Eq. (7) -c e' - t_m; SMC: t_m = k sign(s)."""
+    c, p1, p2, eps, smooth = gains.c, boost * gains.p1, gains.p2, gains.eps, gains.smooth_m_s
+    e = bounded(e, speed_max / c)
     s = sliding_variable(c, e, e_rate)
     s_rate = sliding_variable(c, e_rate, e_acc)
     t_rate = 0.0
-    if law == SMC:
-        t_m = switching(s, k)
+    if gains.law == SMC:
+        t_m = switching(s, gains.k)
     else:
-        t_m, memory = super_twisting(s, memory, p1, p2, eps, smooth, dt_s)
+        t_m, z_m = super_twisting(s, z_m, p1, p2, eps, smooth, dt_s)
         if smooth > 0.0:
             t_rate = super_twisting_rate(s, s_rate, p1, p2, eps, smooth)
-    return s, t_m, memory, equivalent_and_reaching(c, e_rate, t_m), -c * e_acc - t_rate
+    return s, t_m, z_m, equivalent_and_reaching(c, e_rate, t_m), -c * e_acc - t_rate
+
+
+@kernel
+def pid_feedback(
+    gains: CascadeGains, e: float, e_rate: float, e_acc: float, integral: float, speed_max: float, dt_s: float
+) -> Feedback:
+    """The cascade double-loop PID; its velocity error stands for s."""
+    kp_position, kp, ki, kd = gains.kp_position, gains.kp, gains.ki, gains.kd
+    e = bounded(e, speed_max / kp_position)
+    s = velocity_error(kp_position, e, e_rate)
+    s_rate = velocity_error(kp_position, e_rate, e_acc)
+    acc, integral = velocity_pid(s, s_rate, integral, kp, ki, kd, dt_s)
+    return s, -acc, integral, acc, -kp * s_rate - ki * s
+
+
+@kernel
+def geometric_feedback(
+    gains: GeometricGains, e: float, e_rate: float, e_acc: float, integral: float, speed_max: float, dt_s: float
+) -> Feedback:
+    """The SE(3) controller's translational part; what its integral sums up stands for s."""
+    kx, kv, ki, mix, bound = gains.kx, gains.kv, gains.ki, gains.mix, gains.bound
+    e = bounded(e, speed_max * kv / kx)
+    acc, integral = tracking_acceleration(e, e_rate, integral, kx, kv, ki, mix, bound, dt_s)
+    s = mix * e + e_rate
+    return s, -acc, integral, acc, -kx * e_rate - kv * e_acc - ki * s
+
+
+@kernel
+def bounded(x: float, most: float) -> float:
+    """x within [-most, most]."""
+    return min(max(x, -most), most)

@@ -2,12 +2,11 @@
 
 from math import sqrt
 
-import numpy as np
-from numpy.typing import NDArray
-
 from formation.config import PERSONAL_SPACE
+from formation.estimation.state import VehicleEstimate
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
+from formation.maths.records import Rows
 
 FENCE, SEPARATION = 16.0, 32.0  # bits of formation.messages.Saturation
 BRAKE_M_S2 = 4.0
@@ -40,19 +39,18 @@ def keep_inside(motion: Float, low: Float, high: Float, margin_m: float, acc: Fl
 
 
 @kernel
-def keep_apart(
-    i: int, vehicle: NDArray[np.int64], pos: Float, position: Float, separation_m: float, acc: Float
-) -> float:
-    """Pushes a vehicle at `position` (3) away from every other within its personal space; returns the bit if it did.
+def keep_apart(me: int, estimates: Rows[VehicleEstimate], position: Float, separation_m: float, acc: Float) -> float:
+    """Pushes vehicle `me`, at `position` (3), away from every other within its personal space; the bit if it did.
 
-    vehicle (m), pos (n, 3): who is where now. The push is horizontal unless they are stacked, and grows linearly.
+    The push is horizontal unless they are stacked, and grows linearly.
     """
     bit = 0.0
     space = PERSONAL_SPACE * separation_m
-    for other in range(len(pos)):
-        if other == vehicle[i]:
+    for other in range(len(estimates)):
+        if other == me:
             continue
-        dx, dy, dz = position[0] - pos[other, 0], position[1] - pos[other, 1], position[2] - pos[other, 2]
+        pos = estimates[other].pos_lab_m
+        dx, dy, dz = position[0] - pos[0], position[1] - pos[1], position[2] - pos[2]
         distance = sqrt(dx * dx + dy * dy + dz * dz)
         if distance >= space:
             continue
@@ -62,7 +60,7 @@ def keep_apart(
         if flat > 0.2 * distance and flat > 0.0:
             acc[0] += push * dx / flat
             acc[1] += push * dy / flat
-        elif other < vehicle[i]:
+        elif other < me:
             acc[0] += push
         else:
             acc[0] -= push

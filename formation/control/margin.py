@@ -11,7 +11,7 @@ import numpy as np
 from formation.config import Fence, FollowerConfig, LabConfig, LeaderConfig, LimitsConfig, MocapConfig
 from formation.control.presets import Preset
 from formation.control.stack import ControlStack
-from formation.guidance.plan import Leg, Mode, Plan
+from formation.guidance.plan import Mode, Plan, Setpoint
 from formation.guidance.shape import configured
 from formation.maths import frames
 from formation.maths.arrays import Float
@@ -92,7 +92,7 @@ def kicked_hover(
         mocap=mocap,
     )
     stack = ControlStack(lab, (profile, profile), gains)
-    plan = Plan((Leg(Mode.LAB, (0.0, 0.0, 1.0), 0.0),), configured(lab))
+    plan = Plan((Setpoint(Mode.LAB, (0.0, 0.0, 1.0), 0.0),), configured(lab))
     hover = np.array([profile.hover_thrust_norm])
     steps = round(duration_s * mocap.rate_hz)
     pos, vel, force = POINT_M.copy(), np.array([KICK_M_S, 0.5 * KICK_M_S, 0.0]), np.array([0.0, 0.0, GRAVITY_M_S2])
@@ -115,7 +115,7 @@ def kicked_hover(
         step_s = period_ns * 1e-9
         for axes, dead_s, lag_s in responses:
             answer(
-                sent.t_ns, sent.force[:, 0, axes], t_ns, t_ns + period_ns, dead_s, lag_s,
+                sent[0].t_ns, sent[0].force[:, axes], t_ns, t_ns + period_ns, dead_s, lag_s,
                 force[axes], speed[axes], travel[axes],
             )  # fmt: skip
         pos += step_s * vel + travel - 0.5 * step_s * step_s * weight

@@ -4,13 +4,14 @@ from math import exp
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from formation.estimation.update import TILT_DECAY, TURN_TRUST
+from formation.estimation.settings import ObserverSettings
+from formation.estimation.state import VehicleEstimate
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
+from formation.maths.records import Rows
 from formation.vehicle.body import GRAVITY_M_S2
-from formation.vehicle.response import SECONDS, answer
+from formation.vehicle.response import SECONDS, SentCommands, answer
 
 
 @kernel
@@ -24,57 +25,48 @@ def decaying(h: float, rate_1_s: float) -> tuple[float, float, float]:
 
 
 class Known(NamedTuple):
-    """The arrays of an EstimatorState, the responses and the History, as kernels pass them on."""
+    """What predictions start from. dead_s (n): dead time counted on of each attitude, its delay shift in it."""
 
-    t_ns: int
-    pos: Float
-    vel: Float
-    dist: Float
-    force: Float
-    force_rate: Float
-    strength: Float
-    heading: Float
-    turn: Float
-    manner: Float
-    response: Float
-    sent_ns: NDArray[np.int64]
-    sent: Float
+    estimates: Rows[VehicleEstimate]
+    observers: Rows[ObserverSettings]
+    history: Rows[SentCommands]
+    dead_s: Float
 
 
 @kernel
-def motion_at(i: int | np.int64, own: int, to_ns: int, known: Known, out: Float, felt: Float) -> None:
-    """Motion of vehicle i at to_ns into out (3, 4), and the modelled specific force then into felt (3).
+def motion_at(known: Known, n: int, to_ns: int, out: Float, force: Float) -> None:
+    """Motion of vehicle n at to_ns into out (3, 4), and the modelled specific force then into force (3).
 
-    A commanded vehicle (own >= 0, its place in the history) answers its past commands by dead time and lag; one that
-    is only observed goes on turning its force at a decaying rate. Z3 is taken to last.
+    A commanded vehicle answers its past commands by dead time and lag; one that is only observed goes on turning its
+    force at a decaying rate. Z3 is taken to last.
     """
-    h = (to_ns - known.t_ns) * SECONDS
-    strength = known.strength[i]
+    z, observer = known.estimates[n], known.observers[n]
+    h = (to_ns - z.t_ns) * SECONDS
+    commanded = observer.place >= 0
     speed, travel = np.empty(3), np.empty(3)
     for axis in range(3):
-        felt[axis] = known.force[i, axis]
-    if own >= 0:
-        sent, response = known.sent[:, own], known.response[i]
-        for low, high in ((0, 2), (2, 3)):
-            answer(
-                known.sent_ns, sent[:, low:high], known.t_ns, to_ns, response[low], response[low + 1],
-                felt[low:high], speed[low:high], travel[low:high],
-            )  # fmt: skip
+        force[axis] = z.specific_force_lab_m_s2[axis]
+    if commanded:
+        sent, response = known.history[observer.place], observer.response
+        answer(sent.t_ns, sent.force[:, 0:2], z.t_ns, to_ns, known.dead_s[n], response.attitude_lag_s,
+               force[0:2], speed[0:2], travel[0:2])  # fmt: skip
+        answer(sent.t_ns, sent.force[:, 2:3], z.t_ns, to_ns, response.thrust_dead_s, response.thrust_lag_s,
+               force[2:3], speed[2:3], travel[2:3])  # fmt: skip
     else:
-        turned, swung, swept = decaying(h, known.manner[i, TILT_DECAY])
+        turned, swung, swept = decaying(h, observer.tilt_decay_1_s)
         for axis in range(3):
-            turn = known.force_rate[i, axis]
-            speed[axis], travel[axis] = felt[axis] * h + turn * swung, 0.5 * felt[axis] * h * h + turn * swept
-            felt[axis] += turn * turned
+            turn = z.force_rate_lab_m_s3[axis]
+            speed[axis], travel[axis] = force[axis] * h + turn * swung, 0.5 * force[axis] * h * h + turn * swept
+            force[axis] += turn * turned
+    scale = z.thrust_scale
     for axis in range(3):
-        steady = known.dist[i, axis]
-        if axis == 2 and own >= 0:
+        steady = z.dist_lab_m_s2[axis]
+        if axis == 2 and commanded:
             steady -= GRAVITY_M_S2
-        out[0, axis] = known.pos[i, axis] + h * known.vel[i, axis] + strength * travel[axis] + 0.5 * h * h * steady
-        out[1, axis] = known.vel[i, axis] + strength * speed[axis] + h * steady
-        out[2, axis] = strength * felt[axis] + steady
-    psi = known.heading[i]
-    turning = known.turn[i] + (psi[2] if own >= 0 else known.manner[i, TURN_TRUST] * psi[2])
-    out[0, 3] = psi[0] + h * psi[1] + 0.5 * h * h * turning
-    out[1, 3] = psi[1] + h * turning
+        out[0, axis] = z.pos_lab_m[axis] + h * z.vel_lab_m_s[axis] + scale * travel[axis] + 0.5 * h * h * steady
+        out[1, axis] = z.vel_lab_m_s[axis] + scale * speed[axis] + h * steady
+        out[2, axis] = scale * force[axis] + steady
+    turning = z.motion[2, 3]
+    out[0, 3] = z.yaw_rad + h * z.yaw_rate_rad_s + 0.5 * h * h * turning
+    out[1, 3] = z.yaw_rate_rad_s + h * turning
     out[2, 3] = turning

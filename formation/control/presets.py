@@ -5,13 +5,12 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from formation.config import MocapConfig
-from formation.control.composite_law import Quickness
-from formation.control.feedback import AxisGains, CascadeGains, GeometricGains, Law, SlidingGains
-from formation.estimation.state import ObserverGains, Vigilance
+from formation.control.gains import CascadeGains, Gains, GeometricGains, LagCompensation, Law, SlidingGains
+from formation.estimation.settings import Adaptation, ObserverGains
 from formation.vehicle.profile import Pace, VehicleProfile
 
-ALWAYS_CALM, AS_IS = Vigilance(), Quickness()
-WATCHFUL = Vigilance(lag_s=0.05, threshold=3.0, most=4.0, bandwidth_power=1.0, habit=0.0)
+NOT_ADAPTIVE, PLAIN = Adaptation(), LagCompensation()
+SEEN_ADAPTATION = Adaptation(lag_s=0.05, threshold=3.0, most=4.0, bandwidth_power=1.0, mean_share=0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,15 +22,15 @@ class Preset:
     the followers' horizontal axes; own_observer, vertical_observer, heading_observer (rad): of a commanded leader's
     horizontal axes, of commanded heights and headings; seen_*: of a leader that is only observed;
     dead_share, lag_share: how much of the attitude's dead time and lag is counted on;
-    strength_lag_s: how slowly Z3 of the height moves into the thrust's strength; the rest: see
-    formation.estimation.state.EstimatorSettings, Vigilance and formation.control.composite_law.Quickness.
+    thrust_scale_lag_s: how slowly Z3 of the height moves into the thrust scale; the rest: see
+    formation.estimation.settings and formation.control.gains.LagCompensation.
     """
 
     name: str
-    follower: AxisGains
-    follower_vertical: AxisGains
-    leader: AxisGains
-    leader_vertical: AxisGains
+    follower: Gains
+    follower_vertical: Gains
+    leader: Gains
+    leader_vertical: Gains
     compensate: bool
     observer: ObserverGains
     own_observer: ObserverGains
@@ -42,17 +41,17 @@ class Preset:
     seen_heading_observer: ObserverGains
     dead_share: float = 1.0
     lag_share: float = 1.0
-    strength_lag_s: float = 2.0
+    thrust_scale_lag_s: float = 2.0
     attitude_trust: float = 1.0
-    tilt_w_rad_s: float = 40.0
+    tilt_bandwidth_rad_s: float = 40.0
     tilt_decay_1_s: float = 7.0
-    turn_trust: float = 0.3
+    yaw_trust: float = 0.3
     quiet_m: float = 2e-4
     quiet_rad: float = 1e-3
-    vigilance: Vigilance = ALWAYS_CALM
-    seen_vigilance: Vigilance = WATCHFUL
-    quickness: Quickness = AS_IS
-    leader_quickness: Quickness = AS_IS
+    adaptation: Adaptation = NOT_ADAPTIVE
+    seen_adaptation: Adaptation = SEEN_ADAPTATION
+    lag_compensation: LagCompensation = PLAIN
+    leader_lag_compensation: LagCompensation = PLAIN
 
 
 SIDEWAYS_S, UPWARDS_S = 0.170, 0.068
@@ -62,9 +61,9 @@ PRINTED_FTESO = ObserverGains(70.0, PRINTED_ALPHA, scale=1.0, smooth=0.0)
 LEADER_PID = CascadeGains(2.0, 4.0, 1.0)
 SIDEWAYS = SlidingGains(Law.CFC, c=4.0, p1=2.9, p2=0.5, eps=-0.177, smooth_m_s=0.057)
 HEIGHT = SlidingGains(Law.CFC, c=8.0, p1=10.0, p2=3.0, eps=-0.15, smooth_m_s=0.35)
-CALM_OBSERVER = ObserverGains(18.0, -0.1, 0.004)
+SLOW_OBSERVER = ObserverGains(18.0, -0.1, 0.004)
 OBSERVER = ObserverGains(11.0, -0.029, 0.004)
-QUICK = Quickness(rate=1.2, gain=1.64, gain_power=0.255, p1_power=0.63, lead_share=0.5)
+LAG_COMPENSATION = LagCompensation(rate=1.2, gain=1.64, gain_power=0.255, p1_power=0.63, lead_share=0.5)
 
 DEFAULT = Preset(
     name="default",
@@ -80,29 +79,31 @@ DEFAULT = Preset(
     seen_observer=ObserverGains(12.0, -0.1, 0.004),
     seen_vertical_observer=ObserverGains(20.0, -0.1, 0.004),
     seen_heading_observer=ObserverGains(10.0, -0.1, 0.02),
-    turn_trust=0.6,
+    yaw_trust=0.6,
     dead_share=0.9,
     lag_share=0.62,
     attitude_trust=0.65,
-    vigilance=Vigilance(lag_s=0.1, threshold=1.7, most=5.8, bandwidth_power=1.1, habit=0.04),
-    quickness=QUICK,
-    leader_quickness=QUICK,
+    adaptation=Adaptation(lag_s=0.1, threshold=1.7, most=5.8, bandwidth_power=1.1, mean_share=0.04),
+    lag_compensation=LAG_COMPENSATION,
+    leader_lag_compensation=LAG_COMPENSATION,
 )
-PID_LEADER = replace(DEFAULT, name="pid_leader", leader=LEADER_PID, own_observer=CALM_OBSERVER, leader_quickness=AS_IS)
+PID_LEADER = replace(
+    DEFAULT, name="pid_leader", leader=LEADER_PID, own_observer=SLOW_OBSERVER, leader_lag_compensation=PLAIN
+)
 PAPER_CFC = replace(
     PID_LEADER,
     name="paper",
     follower=SlidingGains(Law.CFC, c=1.0, p1=8.0, p2=0.1, eps=PRINTED_EPS),
     compensate=False,
     observer=PRINTED_FTESO,
-    vigilance=ALWAYS_CALM,
-    quickness=AS_IS,
+    adaptation=NOT_ADAPTIVE,
+    lag_compensation=PLAIN,
 )
 PAPER_ISTSMC = replace(
     PAPER_CFC,
     name="paper_istsmc",
     follower=SlidingGains(Law.ISTSMC, c=1.0, p1=8.0, p2=0.1, eps=PRINTED_EPS),
-    observer=CALM_OBSERVER,
+    observer=SLOW_OBSERVER,
 )
 PAPER_SMC = replace(PAPER_ISTSMC, name="paper_smc", follower=SlidingGains(Law.SMC, c=1.0, k=5.0))
 PID = replace(PID_LEADER, name="pid", follower=LEADER_PID)
@@ -139,14 +140,14 @@ def paced(gains: Preset, profile: VehicleProfile, mocap: MocapConfig) -> Preset:
     pace = pace_of(profile, mocap)
     return replace(
         gains,
-        follower=gains.follower.paced(pace.sideways),
-        follower_vertical=gains.follower_vertical.paced(pace.upwards),
-        leader=gains.leader.paced(pace.sideways),
-        leader_vertical=gains.leader_vertical.paced(pace.upwards),
-        observer=gains.observer.paced(pace.observer),
-        own_observer=gains.own_observer.paced(pace.observer),
-        vertical_observer=gains.vertical_observer.paced(pace.upwards),
-        vigilance=replace(gains.vigilance, most=1.0 + pace.observer * (gains.vigilance.most - 1.0)),
+        follower=gains.follower.scaled(pace.sideways),
+        follower_vertical=gains.follower_vertical.scaled(pace.upwards),
+        leader=gains.leader.scaled(pace.sideways),
+        leader_vertical=gains.leader_vertical.scaled(pace.upwards),
+        observer=gains.observer.scaled(pace.observer),
+        own_observer=gains.own_observer.scaled(pace.observer),
+        vertical_observer=gains.vertical_observer.scaled(pace.upwards),
+        adaptation=replace(gains.adaptation, most=1.0 + pace.observer * (gains.adaptation.most - 1.0)),
         dead_share=pace.compensation * gains.dead_share,
         lag_share=pace.compensation * gains.lag_share,
     )

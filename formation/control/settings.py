@@ -1,99 +1,96 @@
-"""From a lab, its vehicles and their gains to the arrays that estimator, law and attitude read."""
+"""From a lab, its vehicles and their gains to the records that estimator, law and attitude read."""
 
 import numpy as np
 
 from formation.config import LabConfig
-from formation.control.attitude import AttitudeSettings, body_row
+from formation.control.attitude import AttitudeSettings, turn_authority
 from formation.control.composite_law import LawSettings
+from formation.control.gains import axis_gains
 from formation.control.presets import Preset
-from formation.estimation.state import EstimatorSettings, ObserverGains
-from formation.maths.arrays import Float
+from formation.estimation.settings import ObserverSettings
+from formation.maths.records import Rows, rows
 from formation.vehicle.profile import VehicleProfile
+from formation.vehicle.response import Response
 
 FENCE_MARGIN_M = 0.05
 
 
-def estimator_settings(
+def observer_settings(
     config: LabConfig, profiles: tuple[VehicleProfile, ...], gains: tuple[Preset, ...]
-) -> EstimatorSettings:
+) -> Rows[ObserverSettings]:
     """Observers and responses; profiles and gains of the n vehicles in the order of `config.vehicles`."""
-    own = np.full(len(config.vehicles), -1, dtype=np.int64)
-    own[list(config.commanded)] = np.arange(len(config.commanded))
-    seen = own < 0
-    return EstimatorSettings(
-        np.array([_row(_horizontal(g, i == 0, bool(seen[i]))) for i, g in enumerate(gains)]),
-        np.array([_row(g.seen_vertical_observer if seen[i] else g.vertical_observer) for i, g in enumerate(gains)]),
-        np.array([_row(g.seen_heading_observer if seen[i] else g.heading_observer) for i, g in enumerate(gains)]),
-        np.array([_response(p, g) for p, g in zip(profiles, gains, strict=True)]),
-        own,
-        np.array([_manner(g, bool(seen[i])) for i, g in enumerate(gains)]),
-        np.array([(p.response_dead_time_s, p.response_lag_s) for p in profiles]),
+    place = {vehicle: i for i, vehicle in enumerate(config.commanded)}
+    each = enumerate(zip(profiles, gains, strict=True))
+    return rows(ObserverSettings, [_observers(i == 0, place.get(i, -1), p, g) for i, (p, g) in each])
+
+
+def law_settings(config: LabConfig, gains: tuple[Preset, ...]) -> Rows[LawSettings]:
+    """Laws by role, of the m commanded vehicles."""
+    return rows(LawSettings, [_law(config, i, gains[i]) for i in config.commanded])
+
+
+def attitude_settings(config: LabConfig, profiles: tuple[VehicleProfile, ...]) -> Rows[AttitudeSettings]:
+    """Limits, and the bodies of the m commanded vehicles."""
+    return rows(AttitudeSettings, [_attitude(config, i, profiles[i]) for i in config.commanded])
+
+
+def _observers(leads: bool, place: int, profile: VehicleProfile, gains: Preset) -> ObserverSettings:
+    seen = place < 0
+    commanded = gains.own_observer if leads else gains.observer
+    return ObserverSettings(
+        place=place,
+        horizontal=gains.seen_observer if seen else commanded,
+        vertical=gains.seen_vertical_observer if seen else gains.vertical_observer,
+        heading=gains.seen_heading_observer if seen else gains.heading_observer,
+        response=_response(profile, gains),
+        nominal_dead_s=profile.response_dead_time_s,
+        nominal_lag_s=profile.response_lag_s,
+        thrust_scale_lag_s=gains.thrust_scale_lag_s,
+        attitude_trust=gains.attitude_trust,
+        tilt_bandwidth_rad_s=gains.tilt_bandwidth_rad_s,
+        tilt_decay_1_s=gains.tilt_decay_1_s,
+        quiet_m=gains.quiet_m,
+        quiet_rad=gains.quiet_rad,
+        yaw_trust=gains.yaw_trust,
+        adaptation=gains.seen_adaptation if seen else gains.adaptation,
     )
 
 
-def law_settings(
-    config: LabConfig, profiles: tuple[VehicleProfile, ...], gains: tuple[Preset, ...], estimator: EstimatorSettings
-) -> LawSettings:
-    """Laws by role."""
-    mine = [(i == 0, gains[i]) for i in config.commanded]
+def _response(profile: VehicleProfile, gains: Preset) -> Response:
+    """What is counted on of a vehicle's answer to attitude and thrust."""
+    return Response(
+        attitude_dead_s=gains.dead_share * profile.response_dead_time_s,
+        attitude_lag_s=gains.lag_share * profile.response_lag_s,
+        thrust_dead_s=profile.thrust_dead_time_s,
+        thrust_lag_s=profile.thrust_lag_s,
+    )
+
+
+def _law(config: LabConfig, i: int, gains: Preset) -> LawSettings:
+    leads = i == 0
     return LawSettings(
-        np.array([(g.leader if leads else g.follower).row() for leads, g in mine]),
-        np.array([(g.leader_vertical if leads else g.follower_vertical).row() for leads, g in mine]),
-        estimator.response,
-        np.array(config.commanded, dtype=np.int64),
-        estimator.own,
-        np.array([[g.compensate or leads, True] for leads, g in mine]),
-        config.limits.speed_m_s,
-        estimator.manner,
-        np.array([_quickness(g, leads) for leads, g in mine]),
-        np.array([profiles[i].thrust_dead_time_s for i in config.commanded]),
+        vehicle=i,
+        horizontal=axis_gains(gains.leader if leads else gains.follower),
+        vertical=axis_gains(gains.leader_vertical if leads else gains.follower_vertical),
+        compensate=gains.compensate or leads,
+        lag_compensation=gains.leader_lag_compensation if leads else gains.lag_compensation,
+        speed_max_m_s=config.limits.speed_m_s,
     )
 
 
-def attitude_settings(config: LabConfig, profiles: tuple[VehicleProfile, ...]) -> AttitudeSettings:
-    """Limits, and the bodies of the commanded vehicles."""
+def _attitude(config: LabConfig, i: int, profile: VehicleProfile) -> AttitudeSettings:
     limits = config.limits
     return AttitudeSettings(
-        np.array(config.commanded, dtype=np.int64),
-        np.array([body_row(profiles[i]) for i in config.commanded]),
-        limits.tilt_rad,
-        limits.min_separation_m,
-        np.array(limits.fence.low_m),
-        np.array(limits.fence.high_m),
-        FENCE_MARGIN_M,
+        vehicle=i,
+        thrust_curve=profile.thrust_curve,
+        attitude_p_1_s=profile.attitude_p_1_s,
+        yaw_p_1_s=profile.yaw_p_1_s,
+        rate_feed_forward=profile.rate_feed_forward,
+        rate_max_rad_s=profile.rate_max_rad_s,
+        turn_authority_rad_s2_m=turn_authority(profile),
+        tilt_max_rad=limits.tilt_rad,
+        separation_m=limits.min_separation_m,
+        fence_low_m=np.array(limits.fence.low_m),
+        fence_high_m=np.array(limits.fence.high_m),
+        fence_margin_m=FENCE_MARGIN_M,
     )
-
-
-def _horizontal(gains: Preset, leads: bool, seen: bool) -> ObserverGains:
-    """The horizontal observer of a vehicle by its role."""
-    if seen:
-        return gains.seen_observer
-    return gains.own_observer if leads else gains.observer
-
-
-def _row(gains: ObserverGains) -> Float:
-    return np.array([gains.bandwidth_rad_s, gains.alpha, gains.scale, gains.smooth])
-
-
-def _response(profile: VehicleProfile, gains: Preset) -> Float:
-    """What is counted on of a vehicle's answer to attitude and thrust."""
-    return np.array(
-        [gains.dead_share * profile.response_dead_time_s, gains.lag_share * profile.response_lag_s,
-         profile.thrust_dead_time_s, profile.thrust_lag_s]
-    )  # fmt: skip
-
-
-def _manner(gains: Preset, seen: bool) -> Float:
-    """The columns of EstimatorSettings.manner."""
-    watch = gains.seen_vigilance if seen else gains.vigilance
-    return np.array(
-        [gains.strength_lag_s, gains.attitude_trust, gains.tilt_w_rad_s, gains.tilt_decay_1_s, gains.quiet_m,
-         gains.quiet_rad, gains.turn_trust, watch.lag_s, watch.threshold, watch.most, watch.bandwidth_power,
-         watch.habit]
-    )  # fmt: skip
-
-
-def _quickness(gains: Preset, leads: bool) -> Float:
-    """What the law of a vehicle in this role sends ahead."""
-    quick = gains.leader_quickness if leads else gains.quickness
-    return np.array([quick.rate, quick.gain, quick.gain_power, quick.p1_power, quick.lead_share])

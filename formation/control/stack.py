@@ -6,20 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.config import LabConfig
-from formation.control.attitude import TILT, Attitude, attitude
-from formation.control.composite_law import Demand, demand
+from formation.control.attitude import TILT, Target, attitude
+from formation.control.composite_law import Demand, LawMemory, demand, no_memory
 from formation.control.presets import Preset, preset_for
-from formation.control.settings import attitude_settings, estimator_settings, law_settings
-from formation.estimation.state import EstimatorState, estimate, initial, swarm_state
+from formation.control.settings import attitude_settings, law_settings, observer_settings
+from formation.estimation.state import VehicleEstimate, initial, swarm_state
+from formation.estimation.update import estimate
 from formation.guidance.plan import Mode, Plan
-from formation.guidance.reference_generator import Course, Guidance, crew, depart, evaluate, steer
-from formation.maths.arrays import Float, Scalars
+from formation.guidance.reference_generator import Generator, References, fleet, references, start, update
+from formation.maths.arrays import Scalars
+from formation.maths.records import Rows, like
 from formation.messages import AttitudeTarget, Command, LabFrame, Reference, SwarmState
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
-from formation.vehicle.response import SECONDS, History, no_history, remember
+from formation.vehicle.response import SentCommands, no_history, remember
 
-STEP_MAX_S = 0.1
 HISTORY_NS = 1_000_000_000
 
 
@@ -47,93 +48,89 @@ class ControlStack:
         gains = tuple(
             preset_for(config.control_preset, p, config.mocap) if chosen is None else chosen for p in profiles
         )
-        self._crew = crew(config)
+        self._fleet = fleet(config)
         self._commanded = np.array(config.commanded, dtype=np.int64)
-        self._estimator = estimator_settings(config, profiles, gains)
-        self._law = law_settings(config, profiles, gains, self._estimator)
+        self._observers = observer_settings(config, profiles, gains)
+        self._law = law_settings(config, gains)
         self._attitude = attitude_settings(config, profiles)
         m = len(self._commanded)
-        self._history: History = no_history(m)
-        self._memory: Float = np.zeros((m, 3))
-        self._saturation: Scalars = np.zeros(m)
-        self._turn: Scalars = np.zeros(len(config.vehicles))
-        self._estimate: EstimatorState | None = None
-        self._course: Course | None = None
-        self._last_ns = 0
+        self._history: Rows[SentCommands] = no_history(m)
+        self._memory: Rows[LawMemory] = no_memory(m)
+        self._yaw_acc_command: Scalars = np.zeros(len(config.vehicles))
+        self._estimates: Rows[VehicleEstimate] | None = None
+        self._generator: Generator | None = None
 
     def step(self, t_now_ns: int, frame: LabFrame, plan: Plan, hover_thrust_norm: Scalars) -> Stages:
         """One tick at t_now_ns (>= the frame's capture) on the newest frame, bodies in the order of the config.
 
         A frame already seen is predicted on from. hover_thrust_norm (m): what hovers each vehicle, as known so far.
         """
-        before = self._begin(frame, plan) if self._estimate is None else self._estimate
+        before = self._begin(frame, plan) if self._estimates is None else self._estimates
         airborne = np.zeros(len(frame.bodies), dtype=np.bool_)
-        if self._course is not None:
-            airborne[self._commanded] = self._course.airborne
-        state = estimate(before, self._estimator, frame, self._history, airborne, self._turn)
-        swarm = swarm_state(state, self._estimator, self._turn)
-        motion = _motion(swarm)
-        mine = motion[self._commanded]
-        old = depart(plan, mine, state.t_ns) if self._course is None else self._course
-        course = steer(old, plan, self._crew, mine, motion[0], state.t_ns)
-        dt_s = 0.0 if self._course is None else min((t_now_ns - self._last_ns) * SECONDS, STEP_MAX_S)
-        wanted = demand(
-            self._law, state, course, self._history, self._memory, self._saturation >= TILT, self._turn, t_now_ns, dt_s
-        )
-        idle = np.array([leg.mode is Mode.IDLE for leg in plan.legs])
-        target = attitude(self._attitude, wanted, state, course, idle, hover_thrust_norm, t_now_ns)
-        self._history = remember(self._history, t_now_ns, target.force)
-        self._memory, self._saturation, self._last_ns = wanted.memory, target.saturation, t_now_ns
-        self._estimate, self._course = state, course
-        guidance = evaluate(course, state.t_ns, motion[0])
-        self._turn = np.zeros(len(frame.bodies))
-        self._turn[self._commanded] = guidance.lab[:, 2, 3]
+        if self._generator is not None:
+            airborne[self._commanded] = self._generator.airborne
+        estimates = estimate(before, self._observers, frame, self._history, airborne, self._yaw_acc_command)
+        t_ns, motion = int(estimates["t_ns"][0]), estimates["motion"]
+        mine, leader = motion[self._commanded], motion[0]
+        old = start(plan, mine, t_ns) if self._generator is None else self._generator
+        generator = update(old, plan, self._fleet, mine, leader, t_ns)
+        wanted = demand(self._law, self._observers, estimates, self._history, generator, self._memory, t_now_ns)
+        target = attitude(self._attitude, wanted, estimates, generator.vehicles, hover_thrust_norm, t_now_ns)
+        self._history = remember(self._history, t_now_ns, target["force"])
+        self._memory = _remembered(self._memory, wanted, target, t_now_ns)
+        self._estimates, self._generator = estimates, generator
+        led = references(generator, t_ns, leader)
+        self._yaw_acc_command = np.zeros(len(frame.bodies))
+        self._yaw_acc_command[self._commanded] = led.lab[:, 2, 3]
         return Stages(
-            swarm,
-            _reference(course, guidance, state.t_ns),
-            _command(wanted, state, self._commanded),
-            _target(target, state.t_ns),
+            swarm_state(estimates),
+            _reference(generator, led, t_ns),
+            _command(wanted, estimates, self._commanded, t_ns),
+            _target(target, t_ns),
         )
 
-    def _begin(self, frame: LabFrame, plan: Plan) -> EstimatorState:
+    def _begin(self, frame: LabFrame, plan: Plan) -> Rows[VehicleEstimate]:
         """The first estimate; vehicles not idle are taken to hover, as after a restart in flight."""
         flying = np.zeros(len(frame.bodies), dtype=np.bool_)
-        flying[self._commanded] = [leg.mode is not Mode.IDLE for leg in plan.legs]
-        force = np.zeros((len(plan.legs), 4))
+        flying[self._commanded] = [setpoint.mode is not Mode.IDLE for setpoint in plan.setpoints]
+        force = np.zeros((len(plan.setpoints), 4))
         force[:, 2] = force[:, 3] = np.where(flying[self._commanded], GRAVITY_M_S2, 0.0)
         self._history = remember(self._history, frame.t_capture_ns - HISTORY_NS, force)
         return initial(frame, flying)
 
 
-def _motion(swarm: SwarmState) -> Float:
-    """Estimated motions (n, 3, 4), as formation.control.relative_frame lays them out."""
-    motion = np.empty((len(swarm.yaw_rad), 3, 4))
-    motion[:, 0, :3], motion[:, 0, 3] = swarm.pos_lab_m, swarm.yaw_rad
-    motion[:, 1, :3], motion[:, 1, 3] = swarm.vel_lab_m_s, swarm.yaw_rate_rad_s
-    motion[:, 2, :3], motion[:, 2, 3] = swarm.acc_lab_m_s2, swarm.yaw_acc_rad_s2
-    return motion
+def _remembered(memory: Rows[LawMemory], wanted: Rows[Demand], target: Rows[Target], now_ns: int) -> Rows[LawMemory]:
+    """What the law is to remember of this tick."""
+    new = like(memory)
+    new["z_m"], new["asked_ns"], new["saturated"] = wanted["z_m_lead_m_s2"], now_ns, target["saturation"] >= TILT
+    return new
 
 
-def _reference(course: Course, at: Guidance, t_ns: int) -> Reference:
-    """The guidance as its message."""
+def _reference(generator: Generator, at: References, t_ns: int) -> Reference:
+    """The references as their message."""
     return Reference(
         t_ns,
         at.frame[:, 0, :3], at.frame[:, 1, :3], at.frame[:, 2, :3],
         at.frame[:, 0, 3], at.frame[:, 1, 3], at.frame[:, 2, 3],
         at.slot[:, 0, :3], at.slot[:, 1, :3], at.slot[:, 2, :3],
         at.slot[:, 0, 3], at.slot[:, 1, 3],
-        course.in_formation,
+        generator.in_formation,
     )  # fmt: skip
 
 
-def _command(wanted: Demand, state: EstimatorState, commanded: NDArray[np.int64]) -> Command:
+def _command(
+    wanted: Rows[Demand], estimates: Rows[VehicleEstimate], commanded: NDArray[np.int64], t_ns: int
+) -> Command:
     """The demand as its message."""
     return Command(
-        state.t_ns, wanted.e, wanted.e_rate, wanted.s, wanted.t_m, wanted.memory, state.dist_lab_m_s2[commanded],
-        wanted.acc, wanted.yaw[:, 0], wanted.yaw[:, 1],
+        t_ns, wanted["e_lead_m"], wanted["e_rate_lead_m_s"], wanted["s_lead_m_s"],
+        wanted["t_m_lead_m_s2"], wanted["z_m_lead_m_s2"], estimates["dist_lab_m_s2"][commanded],
+        wanted["acc_lab_m_s2"], wanted["yaw_rad"], wanted["yaw_rate_rad_s"],
     )  # fmt: skip
 
 
-def _target(target: Attitude, t_ns: int) -> AttitudeTarget:
-    """The attitude as its message."""
-    return AttitudeTarget(t_ns, target.q_lab_from_flu, target.rate_flu_rad_s, target.thrust_norm, target.saturation)
+def _target(target: Rows[Target], t_ns: int) -> AttitudeTarget:
+    """The targets as their message."""
+    return AttitudeTarget(
+        t_ns, target["q_lab_from_flu"], target["rate_flu_rad_s"], target["thrust_norm"], target["saturation"]
+    )

@@ -4,7 +4,7 @@ import numpy as np
 
 from formation.config import LabConfig
 from formation.control.stack import ControlStack
-from formation.guidance.plan import IDLE, Leg, Mode, Plan
+from formation.guidance.plan import IDLE, Mode, Plan, Setpoint
 from formation.guidance.shape import configured
 from formation.maths import frames
 from formation.messages import LabFrame
@@ -22,13 +22,13 @@ def warm_up(config: LabConfig, profiles: tuple[VehicleProfile, ...]) -> None:
     hover = np.array([profiles[i].hover_thrust_norm for i in config.commanded])
     q = np.tile(frames.IDENTITY, (n, 1))
     shape = configured(config)
-    legs = (
+    setpoints = (
         IDLE,
-        *(Leg(Mode.LAB, (None, None, 0.3)),) * 3,
-        *(Leg(Mode.FORMATION),) * 3,
-        Leg(Mode.LAB, (None, None, -0.3)),
+        *(Setpoint(Mode.LAB, (None, None, 0.3)),) * 3,
+        *(Setpoint(Mode.FORMATION),) * 3,
+        Setpoint(Mode.LAB, (None, None, -0.3)),
     )
-    for k, (leg, height_m) in enumerate(zip(legs, HEIGHTS_M, strict=True)):
+    for k, (setpoint, height_m) in enumerate(zip(setpoints, HEIGHTS_M, strict=True)):
         pos = np.column_stack([np.arange(n, dtype=np.float64), np.zeros(n), np.full(n, height_m)])
         frame = LabFrame(k, (k + 1) * FRAME_NS, bodies, pos, q, np.ones(n, dtype=np.bool_))
-        stack.step((k + 1) * FRAME_NS + FRAME_NS // 2, frame, Plan((leg,) * m, shape, FRAME_NS), hover)
+        stack.step((k + 1) * FRAME_NS + FRAME_NS // 2, frame, Plan((setpoint,) * m, shape, FRAME_NS), hover)

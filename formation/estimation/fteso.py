@@ -1,8 +1,5 @@
-"""One axis, one step: the finite-time extended state observer, and what tells noise from a push. Kernels only."""
+"""The finite-time extended state observer of one axis (FTESO, Eqs. 3-4)."""
 
-from math import exp, pi, sqrt
-
-from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
 from formation.maths.powers import implicit_root, sig
 
@@ -14,9 +11,14 @@ def fteso_step(
 ) -> tuple[float, float, float]:  # fmt: skip
     """Eqs. (3)-(4) over dt_s by an implicit step: the correction is evaluated at the error it leaves.
 
-    model: g(x) u + f(x), m/s^2, mean over the step; y: the new measurement. Corrections are scale sig(e / scale)^p,
-    rounded off below |e| = smooth scale. Unconditionally stable, and free of the chatter an explicit step of sig(e)
-    shows near e = 0. After Acary and Brogliato, implicit sliding-mode discretisation (2010).
+        e_o = y - Z1
+        Z1' = Z2 + b1 sig(e_o)^(1+a)                      b1 = 3 w
+        Z2' = Z3 + b2 sig(e_o)^(1+2a) + g(x) u + f(x)     b2 = 3 w^2
+        Z3' =      b3 sig(e_o)^(1+3a)                     b3 = w^3
+
+    model: g(x) u + f(x), m/s^2, mean over the step; y: the new measurement; alpha: a. Corrections are
+    scale sig(e / scale)^p, rounded off below |e| = smooth scale. Unconditionally stable, and free of the chatter an
+    explicit step of sig(e) shows near e = 0. After Acary and Brogliato, implicit sliding-mode discretisation (2010).
     """
     z1 = z1 + dt_s * z2 + 0.5 * dt_s * dt_s * (z3 + model)
     z2 = z2 + dt_s * (z3 + model)
@@ -26,44 +28,3 @@ def fteso_step(
     third = k3 * sig(left, p3, smooth)
     second = k2 * sig(left, p2, smooth) + third
     return y - scale * left, z2 + scale * second / dt_s, z3 + scale * third / (dt_s * dt_s)
-
-
-@kernel
-def rate_step(x: float, rate: float, measured: float, dt_s: float, w: float, decay_1_s: float) -> tuple[float, float]:
-    """Value and rate of a noisy signal: an alpha-beta filter with both poles at exp(-w dt), its rate decaying."""
-    pole = exp(-w * dt_s)
-    x = x + dt_s * rate
-    missed = measured - x
-    x = x + (1.0 - pole * pole) * missed
-    rate = (rate + (1.0 - pole) * (1.0 - pole) / dt_s * missed) * exp(-decay_1_s * dt_s)
-    return x, rate
-
-
-@kernel
-def wrapped(angle: float) -> float:
-    """The same angle in [-pi, pi)."""
-    return (angle + pi) % (2.0 * pi) - pi
-
-
-@kernel
-def extrapolation_error(times_s: Float, values: Float, t_s: float, y: float) -> tuple[float, float]:
-    """How far y at t_s lies off the parabola through three earlier points, and its variance per unit of noise.
-
-    Smooth motion cancels, whatever the spacing of the stamps; what is left is measurement noise.
-    """
-    error, gain = y, 1.0
-    for i in range(3):
-        weight = 1.0
-        for j in range(3):
-            if j != i:
-                weight *= (t_s - times_s[j]) / (times_s[i] - times_s[j])
-        error -= weight * values[i]
-        gain += weight * weight
-    return error, gain
-
-
-@kernel
-def activity(innovation: float, expected: float, most: float) -> float:
-    """1 while the filtered innovation is no more than is expected of it, growing with it, at most `most`."""
-    ratio = innovation / expected
-    return min(sqrt(1.0 + ratio * ratio), most)

@@ -1,249 +1,182 @@
-"""One vehicle, one frame: what each part of the estimator does to its own row of the memory. Kernels only."""
+"""The observers after one more frame: position, velocity and disturbance of every vehicle, and its heading.
 
-from math import atan2, exp, sqrt
-from typing import NamedTuple
+One finite-time extended state observer (FTESO, Eqs. 3-4) per axis, stepped implicitly so that it is stable at any
+frame rate. It is fed the acceleration rebuilt from the measured attitude and the thrust delivered so far; fed the
+commanded acceleration instead, Z3 would fight the vehicle's own lag.
+"""
+
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
-from formation.estimation.fteso import activity, extrapolation_error, fteso_step, rate_step, wrapped
-from formation.maths.arrays import Float
+from formation.estimation.adaptive_gain import adapt, learn_noise
+from formation.estimation.fteso import fteso_step
+from formation.estimation.heading import observe_heading
+from formation.estimation.leader import observe_tilt
+from formation.estimation.model_mismatch import judge_answer
+from formation.estimation.settings import ObserverSettings
+from formation.estimation.state import VehicleEstimate, initial
+from formation.estimation.thrust_scale import learn_thrust_scale
+from formation.maths.arrays import Flags, Float, Scalars
 from formation.maths.kernel import kernel
+from formation.maths.quaternion import thrust_axis
+from formation.maths.records import Rows, like
+from formation.messages import LabFrame
 from formation.vehicle.body import GRAVITY_M_S2
-from formation.vehicle.response import SECONDS, answer
-
-STRENGTH_LAG, ATTITUDE_TRUST, TILT_W, TILT_DECAY, QUIET, QUIET_TURN, TURN_TRUST, VIGILANCE = range(8)
-"""Columns of EstimatorSettings.manner; Vigilance follows: lag, threshold, most, bandwidth power, habit."""
-LAG, THRESHOLD, MOST, POWER, HABIT = range(VIGILANCE, VIGILANCE + 5)
+from formation.vehicle.response import NEVER_NS, SECONDS, SentCommands, answer
 
 DIST_MAX_M_S2 = 14.0
-STRENGTH_LOW, STRENGTH_HIGH = 0.5, 2.0
-NOISE_LEAST_M, NOISE_LAG_S, NOISE_SPAN_S = 2e-5, 0.5, 0.2  # least believed, how slowly learned, from how close frames
-NOISE_POWER, HABIT_LAG_S = 0.35, 3.0
-MISFIT_LAG_S, MISFIT_RATE_M_S3 = 2.0, 3.0  # over how long it is judged; turns as slow as this say little
-MISFIT_FAIR, MISFIT_BAD, SHIFT_MOST = 0.45, 0.55, 0.3
-TRIM_LAG_S, TRIM_MAX_M_S2 = 0.5, 1.0
+NOISE_POWER = 0.35
+LIFT_LEAST = 0.3  # of gravity: below it the thrust scale is not learned
 
 
-class Memory(NamedTuple):
-    """The arrays of an EstimatorState, as kernels pass them on."""
+def estimate(
+    state: Rows[VehicleEstimate], settings: Rows[ObserverSettings], frame: LabFrame, history: Rows[SentCommands],
+    airborne: Flags, yaw_acc_command_rad_s2: Scalars,
+) -> Rows[VehicleEstimate]:  # fmt: skip
+    """The observers after one more frame of the same n bodies; one that is not newer brings but what was asked since.
 
-    pos: Float
-    vel: Float
-    dist: Float
-    force: Float
-    lift: Float
-    strength: Float
-    heading: Float
-    q: Float
-    tilt: Float
-    force_rate: Float
-    innovation: Float
-    surprise_m2: Float
-    mu: Float
-    mu_turn: Float
-    noise_m2: Float
-    recent_m: Float
-    recent_ns: NDArray[np.int64]
-    believed: Float
-    trim: Float
-    missed: Float
-    misfit: Float
-    shift_s: Float
+    airborne (n): where not, the thrust scale is not learned (the floor carries part of the weight).
+    yaw_acc_command_rad_s2 (n): angular acceleration of the heading that was asked for; zero where nobody asks.
+    """
+    new = like(state)
+    if frame.t_capture_ns > state["t_ns"][0]:
+        appearing = frame.seen & (state["seen_ns"] == NEVER_NS)
+        if appearing.any():
+            state = _begun(state, frame, appearing)
+    _estimate(
+        settings, frame.t_capture_ns, frame.pos_lab_m, frame.q_lab_from_flu, frame.seen, airborne,
+        yaw_acc_command_rad_s2, history, state, new,
+    )  # fmt: skip
+    return new
+
+
+def _begun(state: Rows[VehicleEstimate], frame: LabFrame, appearing: Flags) -> Rows[VehicleEstimate]:
+    """The estimate with the bodies `appearing` (n) at rest where this frame, the first to see them, has them."""
+    fresh, begun = initial(frame, state["thrust_m_s2"] > 0.0), like(state)
+    for i, appears in enumerate(appearing):
+        begun[i] = fresh[i] if appears else state[i]
+        begun[i].t_ns = state[i].t_ns
+    return begun
 
 
 @kernel
-def thrust_axis(q: Float) -> tuple[float, float, float]:
-    """The body's z axis in `lab`, along which the rotors pull; q: q_lab_from_flu (4)."""
-    qw, qx, qy, qz = q[0], q[1], q[2], q[3]
-    return 2.0 * (qx * qz + qw * qy), 2.0 * (qy * qz - qw * qx), 1.0 - 2.0 * (qx * qx + qy * qy)
+def _estimate(
+    settings: Rows[ObserverSettings], to_ns: int, pos_lab_m: Float, q_lab_from_flu: Float, seen: NDArray[np.bool_],
+    airborne: NDArray[np.bool_], yaw_acc_command_rad_s2: Float, history: Rows[SentCommands],
+    old: Rows[VehicleEstimate], new: Rows[VehicleEstimate],
+) -> None:  # fmt: skip
+    """See `estimate`; new (n) is filled."""
+    model = np.zeros(3)
+    for i in range(len(old)):
+        new[i] = old[i]
+        z, s = new[i], settings[i]
+        z.yaw_acc_command_rad_s2 = yaw_acc_command_rad_s2[i]
+        from_ns = z.t_ns
+        if to_ns > from_ns:
+            dt_s = (to_ns - from_ns) * SECONDS
+            z.t_ns = to_ns
+            if seen[i]:
+                z.seen_ns = to_ns
+                for k in range(4):
+                    z.q_lab_from_flu[k] = q_lab_from_flu[i, k]
+            model_acceleration(z, from_ns, to_ns, seen[i], airborne[i], s, history, model)
+            observe(z, pos_lab_m[i], seen[i], airborne[i], model, dt_s, s)
+        _join_motion(z, s)
+
+
+@kernel
+def model_acceleration(
+    z: VehicleEstimate, from_ns: int, to_ns: int, seen: bool, airborne: bool, s: ObserverSettings,
+    history: Rows[SentCommands], model: Float,
+) -> None:  # fmt: skip
+    """g(x) u + f(x) of Eq. (4), mean over the step, into model (3): the scaled specific force, and gravity."""
+    commanded = s.place >= 0
+    dt_s = (to_ns - from_ns) * SECONDS
+    for axis in range(3):
+        model[axis] = 0.5 * z.specific_force_lab_m_s2[axis]
+    if commanded:
+        rebuild_force(z, from_ns, to_ns, seen, s, history[s.place])
+        if airborne:
+            judge_answer(z, from_ns, to_ns, seen, s, history[s.place])
+    elif s.tilt_bandwidth_rad_s > 0.0:
+        observe_tilt(z, seen, dt_s, s)
+    for axis in range(3):
+        model[axis] = z.thrust_scale * (model[axis] + 0.5 * z.specific_force_lab_m_s2[axis])
+    if commanded:
+        model[2] -= GRAVITY_M_S2
+        if not airborne:  # the floor carries what the thrust does not
+            model[2] = max(model[2], 0.0)
 
 
 @kernel
 def rebuild_force(
-    i: int, z: Memory, from_ns: int, to_ns: int, seen: bool, manner: Float, response: Float,
-    sent_ns: NDArray[np.int64], sent: Float,
-) -> None:  # fmt: skip
-    """Force and lift at to_ns: delivered thrust along the body's z, modelled, then corrected by the measured one.
-
-    sent (h, 4): this vehicle's own history.
-    """
-    upward, speed, travel = np.empty(2), np.empty(2), np.empty(2)
-    upward[0], upward[1] = z.force[i, 2], z.lift[i]
-    answer(sent_ns, sent[:, 0:2], from_ns, to_ns, response[0], response[1], z.force[i, 0:2], speed, travel)
-    answer(sent_ns, sent[:, 2:4], from_ns, to_ns, response[2], response[3], upward, speed, travel)
-    z.force[i, 2], z.lift[i] = upward[0], upward[1]
-    if not seen:
-        return
-    along = thrust_axis(z.q[i])
-    trust = manner[ATTITUDE_TRUST]
-    for axis in range(2):
-        z.force[i, axis] += trust * (z.lift[i] * along[axis] - z.trim[i, axis] - z.force[i, axis])
-    z.force[i, 2] = z.lift[i] * along[2]
-
-
-@kernel
-def judge_answer(
-    i: int, z: Memory, from_ns: int, to_ns: int, seen: bool, belief: Float, sent_ns: NDArray[np.int64], sent: Float
+    z: VehicleEstimate, from_ns: int, to_ns: int, seen: bool, s: ObserverSettings, sent: SentCommands
 ) -> None:
-    """How much earlier, and how far otherwise, a vehicle answers than its profile says: its shift and its misfit.
-
-    What the profile's response alone, belief (2: dead time, lag, s), makes of the commands is held against the force
-    measured. The part of the miss that goes with the believed rate of change is a shift in time, counted on up to
-    SHIFT_MOST of the response's length; the rest over that rate and that length is the misfit. Noise and a plainly
-    slower vehicle show little; one that swings because its motors cannot follow shows 0.6 and more, and no shift.
-    """
-    speed, travel, before = np.empty(2), np.empty(2), z.believed[i].copy()
-    answer(sent_ns, sent[:, 0:2], from_ns, to_ns, belief[0], belief[1], z.believed[i], speed, travel)
+    """Specific force and thrust at to_ns: delivered thrust along the body's z, modelled, then set right as seen."""
+    upward, speed, travel = np.empty(2), np.empty(2), np.empty(2)
+    force, response = z.specific_force_lab_m_s2, s.response
+    upward[0], upward[1] = force[2], z.thrust_m_s2
+    answer(sent.t_ns, sent.force[:, 0:2], from_ns, to_ns, response.attitude_dead_s, response.attitude_lag_s,
+           force[0:2], speed, travel)  # fmt: skip
+    answer(sent.t_ns, sent.force[:, 2:4], from_ns, to_ns, response.thrust_dead_s, response.thrust_lag_s,
+           upward, speed, travel)  # fmt: skip
+    force[2], z.thrust_m_s2 = upward[0], upward[1]
     if not seen:
         return
-    along = thrust_axis(z.q[i])
-    dt_s = (to_ns - from_ns) * SECONDS
-    rate2, miss2, both = 0.0, 0.0, 0.0
+    along = thrust_axis(z.q_lab_from_flu)
     for axis in range(2):
-        rate = (z.believed[i, axis] - before[axis]) / dt_s
-        miss = learn_trim(i, axis, z, z.lift[i] * along[axis] - z.believed[i, axis], rate, dt_s)
-        rate2, miss2, both = rate2 + rate * rate, miss2 + miss * miss, both + miss * rate
-    share = 1.0 - exp(-dt_s / MISFIT_LAG_S)
-    z.missed[i, 0] += share * (rate2 - z.missed[i, 0])
-    z.missed[i, 1] += share * (miss2 - z.missed[i, 1])
-    z.missed[i, 2] += share * (both - z.missed[i, 2])
-    turned = z.missed[i, 0] + MISFIT_RATE_M_S3 * MISFIT_RATE_M_S3
-    shift_s, length_s = z.missed[i, 2] / turned, belief[0] + belief[1]
-    z.misfit[i] = sqrt(max(z.missed[i, 1] / turned - shift_s * shift_s, 0.0)) / length_s
-    most = (1.0 - doubt(z.misfit[i])) * SHIFT_MOST * length_s
-    z.shift_s[i] = min(max(shift_s, -most), most)
+        force[axis] += s.attitude_trust * (z.thrust_m_s2 * along[axis] - z.level_bias_m_s2[axis] - force[axis])
+    force[2] = z.thrust_m_s2 * along[2]
 
 
 @kernel
-def learn_trim(i: int, axis: int, z: Memory, miss: float, rate: float, dt_s: float) -> float:
-    """Moves the lasting part of a miss, m/s^2, out of the force into Z3; the sum of both stays as it is. The rest.
-
-    An autopilot is level by its own estimate, which wanders by a degree about the truth that a mocap sees: such a lean
-    answers no command, so it is a disturbance of the commands, and no part of the answer to them. Of a vehicle that is
-    being turned fast little is learned: what it misses then may well be an answer.
-    """
-    known: float = z.trim[i, axis]
-    calm = 1.0 / (1.0 + max(z.missed[i, 0], rate * rate) / (MISFIT_RATE_M_S3 * MISFIT_RATE_M_S3))
-    learned: float = known + calm * (1.0 - exp(-dt_s / TRIM_LAG_S)) * (miss - known)
-    learned = min(max(learned, -TRIM_MAX_M_S2), TRIM_MAX_M_S2)
-    moved = learned - known
-    z.trim[i, axis] = learned
-    z.force[i, axis] -= moved
-    z.dist[i, axis] += z.strength[i] * moved
-    return miss - learned
-
-
-@kernel
-def doubt(misfit: float) -> float:
-    """How little a vehicle is believed to be what its profile says, 0..1."""
-    return min(max((misfit - MISFIT_FAIR) / (MISFIT_BAD - MISFIT_FAIR), 0.0), 1.0)
-
-
-@kernel
-def observe_tilt(i: int, z: Memory, seen: bool, dt_s: float, manner: Float) -> None:
-    """The horizontal force of a quadcopter that is only observed: its tilt times gravity and its own rise."""
-    lift = max(GRAVITY_M_S2 + z.dist[i, 2], 0.0)
-    forward, left, upward = thrust_axis(z.q[i])
-    up = max(upward, 0.3)
-    measured = (forward / up, left / up)
-    w = manner[TILT_W] * z.mu[i] ** manner[POWER]
-    for axis in range(2):
-        if seen:
-            z.tilt[i, axis], z.tilt[i, 2 + axis] = rate_step(
-                z.tilt[i, axis], z.tilt[i, 2 + axis], measured[axis], dt_s, w, manner[TILT_DECAY]
-            )
-        z.force[i, axis] = z.tilt[i, axis] * lift
-        z.force_rate[i, axis] = z.tilt[i, 2 + axis] * lift
-
-
-@kernel
-def learn_noise(i: int, z: Memory, to_ns: int, pos_measured: Float) -> None:
-    """Learns the variance of the measured position from what smooth motion cannot explain."""
-    span_s = (to_ns - z.recent_ns[i, 0]) * SECONDS
-    if span_s < NOISE_SPAN_S:
-        times = np.zeros(3)
-        for k in range(3):
-            times[k] = (z.recent_ns[i, k] - to_ns) * SECONDS
-        square, gain = 0.0, 1.0
-        for axis in range(3):
-            error, gain = extrapolation_error(times, z.recent_m[i, :, axis], 0.0, pos_measured[i, axis])
-            square += error * error / gain
-        share = min(span_s / (3.0 * NOISE_LAG_S), 1.0)
-        z.noise_m2[i] += share * (min(square / 3.0, 9.0 * z.noise_m2[i]) - z.noise_m2[i])
-        z.noise_m2[i] = max(z.noise_m2[i], NOISE_LEAST_M * NOISE_LEAST_M)
-    for k in range(3):
-        z.recent_ns[i, k] = z.recent_ns[i, k + 1] if k < 2 else to_ns
-        for axis in range(3):
-            z.recent_m[i, k, axis] = z.recent_m[i, k + 1, axis] if k < 2 else pos_measured[i, axis]
-
-
-@kernel
-def watch(i: int, z: Memory, pos_measured: Float, model: Float, dt_s: float, own: bool, manner: Float) -> None:
-    """Filters the innovation and sets the activity: one for both horizontal axes, so that turning changes nothing.
-
-    A vehicle that is only observed has no model of its climbing either: there the height counts too.
-    """
-    share = 1.0 - exp(-dt_s / manner[LAG])
-    square = 0.0
-    for axis in range(2 if own else 3):
-        ahead = z.pos[i, axis] + dt_s * (z.vel[i, axis] + 0.5 * dt_s * (model[axis] + z.dist[i, axis]))
-        z.innovation[i, axis] += share * (pos_measured[i, axis] - ahead - z.innovation[i, axis])
-        square += z.innovation[i, axis] * z.innovation[i, axis]
-    z.surprise_m2[i] += (1.0 - exp(-dt_s / HABIT_LAG_S)) * (square - z.surprise_m2[i])
-    noise = manner[THRESHOLD] * manner[THRESHOLD] * z.noise_m2[i] * dt_s / (2.0 * manner[LAG] + dt_s)
-    z.mu[i] = activity(sqrt(square), sqrt(noise + manner[HABIT] * z.surprise_m2[i]), manner[MOST])
+def observe(
+    z: VehicleEstimate, pos_lab_m: Float, seen: bool, airborne: bool, model: Float, dt_s: float, s: ObserverSettings
+) -> None:
+    """All observers of one vehicle over one step; pos_lab_m (3): as measured; model (3): `model_acceleration`."""
+    commanded = s.place >= 0
+    if seen:
+        learn_noise(z, z.t_ns, pos_lab_m)
+        adapt(z, pos_lab_m, model, dt_s, s)
+    for axis in range(3):
+        observe_axis(z, axis, pos_lab_m[axis], seen, model[axis], dt_s, s)
+    if airborne and commanded and seen and z.specific_force_lab_m_s2[2] > LIFT_LEAST * GRAVITY_M_S2:
+        learn_thrust_scale(z, dt_s, s)
+    observe_heading(z, seen, dt_s, s)
 
 
 @kernel
 def observe_axis(
-    i: int, axis: int, z: Memory, measured: float, seen: bool, model: float, dt_s: float, wide: bool, manner: Float,
-    gains: Float,
-) -> None:  # fmt: skip
-    """One axis's FTESO, its bandwidth less in noise and, where `wide`, more in activity; unseen, the model alone."""
-    z1, z2, z3 = z.pos[i, axis], z.vel[i, axis], z.dist[i, axis]
+    z: VehicleEstimate, axis: int, measured: float, seen: bool, model: float, dt_s: float, s: ObserverSettings
+) -> None:
+    """One axis's FTESO, slower in noise and, but for a commanded height, faster by the adaptive gain.
+
+    Unseen, the model alone.
+    """
+    z1, z2, z3 = z.pos_lab_m[axis], z.vel_lab_m_s[axis], z.dist_lab_m_s2[axis]
+    gains = s.horizontal if axis < 2 else s.vertical
     if seen:
-        w = gains[0] * min(manner[QUIET] / sqrt(z.noise_m2[i]), 1.0) ** NOISE_POWER
-        if wide:
-            w *= z.mu[i] ** manner[POWER]
-        z1, z2, z3 = fteso_step(z1, z2, z3, model, measured, dt_s, w, gains[1], gains[2], gains[3])
+        w = gains.bandwidth_rad_s * min(s.quiet_m / sqrt(z.noise_var_m2), 1.0) ** NOISE_POWER
+        if axis < 2 or s.place < 0:
+            w *= z.adaptive_gain**s.adaptation.bandwidth_power
+        z1, z2, z3 = fteso_step(z1, z2, z3, model, measured, dt_s, w, gains.alpha, gains.scale, gains.smooth)
     else:
         z1 += dt_s * z2 + 0.5 * dt_s * dt_s * (model + z3)
         z2 += dt_s * (model + z3)
-    z.pos[i, axis], z.vel[i, axis] = z1, z2
-    z.dist[i, axis] = min(max(z3, -DIST_MAX_M_S2), DIST_MAX_M_S2)
+    z.pos_lab_m[axis], z.vel_lab_m_s[axis] = z1, z2
+    z.dist_lab_m_s2[axis] = min(max(z3, -DIST_MAX_M_S2), DIST_MAX_M_S2)
 
 
 @kernel
-def learn_strength(i: int, z: Memory, dt_s: float, manner: Float) -> None:
-    """Moves what Z3 holds against gravity slowly into the thrust's strength; the sum of both stays as it is."""
-    share = dt_s / (manner[STRENGTH_LAG] + dt_s)
-    learned = z.strength[i] + share * z.dist[i, 2] / z.force[i, 2]
-    learned = min(max(learned, STRENGTH_LOW), STRENGTH_HIGH)
-    moved = learned - z.strength[i]
-    z.strength[i] = learned
+def _join_motion(z: VehicleEstimate, s: ObserverSettings) -> None:
+    """Position, velocity and acceleration of x, y, z and heading as one motion."""
+    commanded = s.place >= 0
     for axis in range(3):
-        z.dist[i, axis] -= moved * z.force[i, axis]
-
-
-@kernel
-def observe_heading(
-    i: int, z: Memory, seen: bool, dt_s: float, turn: float, own: bool, manner: Float, gains: Float
-) -> None:
-    """Advances the heading: angle (unwrapped), rate, and what the turn asked for misses of its acceleration."""
-    psi, rate, more = z.heading[i, 0], z.heading[i, 1], z.heading[i, 2]
-    ahead = psi + dt_s * rate + 0.5 * dt_s * dt_s * (turn + more)
-    if not seen:
-        z.heading[i, 0], z.heading[i, 1], z.heading[i, 2] = ahead, rate + dt_s * turn, 0.0
-        return
-    qw, qx, qy, qz = z.q[i, 0], z.q[i, 1], z.q[i, 2], z.q[i, 3]
-    missed = wrapped(atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz)) - ahead)
-    w = gains[0]
-    if not own:
-        z.innovation[i, 3] += (1.0 - exp(-dt_s / manner[LAG])) * (missed - z.innovation[i, 3])
-        noise = manner[THRESHOLD] * manner[QUIET_TURN] * sqrt(dt_s / (2.0 * manner[LAG] + dt_s))
-        z.mu_turn[i] = activity(z.innovation[i, 3], noise, manner[MOST])
-        w *= z.mu_turn[i] ** manner[POWER]
-    z.heading[i, 0], z.heading[i, 1], z.heading[i, 2] = fteso_step(
-        psi, rate, more, turn, ahead + missed, dt_s, w, gains[1], gains[2], gains[3]
-    )
+        z.motion[0, axis], z.motion[1, axis] = z.pos_lab_m[axis], z.vel_lab_m_s[axis]
+        z.motion[2, axis] = z.thrust_scale * z.specific_force_lab_m_s2[axis] + z.dist_lab_m_s2[axis]
+    if commanded:
+        z.motion[2, 2] -= GRAVITY_M_S2
+    z.motion[0, 3], z.motion[1, 3] = z.yaw_rad, z.yaw_rate_rad_s
+    z.motion[2, 3] = (1.0 if commanded else s.yaw_trust) * z.yaw_dist_rad_s2 + z.yaw_acc_command_rad_s2

@@ -21,8 +21,8 @@ class Mode(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Leg:
-    """One vehicle's part of the plan. A change of leg starts a smooth path from wherever the reference is.
+class Setpoint:
+    """One vehicle's part of the plan. A change of it starts a smooth path from wherever the reference is.
 
     target_lab_m: for LAB; None in a coordinate keeps it, or brakes it gently to rest where it moves. So hold is
     HERE, take-off (None, None, altitude), landing (None, None, a depth under the floor) until the floor is met.
@@ -35,19 +35,19 @@ class Leg:
     speed_m_s: float = 0.5
 
 
-IDLE = Leg(Mode.IDLE)
+IDLE = Setpoint(Mode.IDLE)
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """The legs of the m commanded vehicles, the followers' shape, and when the leader's trajectory started.
+    """The setpoints of the m commanded vehicles, the followers' shape, and when the leader's trajectory started.
 
     trajectory_start_ns: on the control clock; None: a leader in FORMATION waits where it is.
     A new `shape` starts a smooth, simultaneous change of all slots; rise_m: how far above (below, where negative) its
     straight way each follower passes half-way (formation.guidance.transition). Empty: all go straight.
     """
 
-    legs: tuple[Leg, ...]
+    setpoints: tuple[Setpoint, ...]
     shape: Shape
     trajectory_start_ns: int | None = None
     rise_m: tuple[float, ...] = ()

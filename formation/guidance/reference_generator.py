@@ -1,19 +1,18 @@
 """From plan to reference: where each commanded vehicle is led at any time, without a jump at any change of plan."""
 
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from formation.config import FENCE_INSET_M, Fence, LabConfig, TrajectoryConfig
 from formation.control.relative_frame import copy_motion, lab_from_lead, lead_from_lab
 from formation.guidance import blend, trajectory
 from formation.guidance.plan import IDLE, Mode, Plan
 from formation.guidance.trajectory import Trajectory, anchored
-from formation.maths.arrays import Flags, Float
+from formation.maths.arrays import Flags, Float, Gap, Vec4
 from formation.maths.frames import wrap_angle
 from formation.maths.kernel import kernel
+from formation.maths.records import Rows, blank, copied
 from formation.vehicle.response import SECONDS
 
 POINT, SLOT, TRAJECTORY = 0, 1, 2
@@ -25,7 +24,7 @@ sample = kernel(trajectory.sample, calls=trajectory.PARTS)
 
 
 @dataclass(frozen=True, slots=True)
-class Crew:
+class Fleet:
     """Who flies, and where: followers (m) is each commanded vehicle's follower index, -1 for the leader."""
 
     followers: tuple[int, ...]
@@ -33,42 +32,58 @@ class Crew:
     fence: Fence
 
 
-def crew(config: LabConfig) -> Crew:
-    """The crew of a lab."""
-    return Crew(tuple(i - 1 for i in config.commanded), config.leader.trajectory, config.limits.fence)
+def fleet(config: LabConfig) -> Fleet:
+    """The fleet of a lab."""
+    return Fleet(tuple(i - 1 for i in config.commanded), config.leader.trajectory, config.limits.fence)
+
+
+@dataclass(slots=True)
+class VehicleReference:
+    """Where one commanded vehicle is being led, and from what motion it was picked up; a record.
+
+    kind: POINT of the lab, SLOT in the leader's frame, or the leader's TRAJECTORY (of path_kind, begun at
+    path_start_ns); base: the resting target x, y, z, heading in that frame; gap, gap_ns, gap_s: the gap to it
+    (formation.guidance.blend) when the setpoint came, then, and how long it decays. idle: to stand with motors at
+    rest; airborne: false from then until lift-off; floor_m: the height at which it last stood idle; release_ns: when
+    it last ceased to be idle.
+    """
+
+    kind: int
+    path_kind: int
+    path_start_ns: int
+    target: Vec4
+    gap: Gap
+    gap_ns: int
+    gap_s: float
+    idle: bool
+    airborne: bool
+    floor_m: float
+    release_ns: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Course:
-    """Where the m commanded vehicles are being led, and from what motion they were picked up.
-
-    kind (m): POINT of the lab, SLOT in the leader's frame, or the leader's TRAJECTORY; base (m, 4): the resting
-    target x, y, z, heading in that frame; gap (m, 4, 4), gap_ns, gap_s: the gap to it (formation.guidance.blend)
-    when the leg began, then, and how long it decays. airborne: false from IDLE until lift-off; floor_m: the height at
-    which the vehicle last stood idle; release_ns: when it last left IDLE.
-    """
+class Generator:
+    """The reference generator's state: the plan it follows, the m vehicles' references, the leader's trajectory."""
 
     plan: Plan
-    kind: NDArray[np.int64]
-    base: Float
-    gap: Float
-    gap_ns: NDArray[np.int64]
-    gap_s: Float
-    airborne: Flags
-    floor_m: Float
-    release_ns: NDArray[np.int64]
+    vehicles: Rows[VehicleReference]
     trajectory: Trajectory
-    trajectory_ns: int
+
+    @property
+    def airborne(self) -> Flags:
+        """Which vehicles have left the floor."""
+        flying: Flags = self.vehicles["airborne"]
+        return flying
 
     @property
     def in_formation(self) -> Flags:
         """Which vehicles are led in the leader's frame."""
-        slots: Flags = self.kind == SLOT
+        slots: Flags = self.vehicles["kind"] == SLOT
         return slots
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Guidance:
+class References:
     """References of the m vehicles, each (m, 3, 4): in their own frame, that frame's motion, and both joined in `lab`.
 
     Motions are laid out as in formation.control.relative_frame.
@@ -79,115 +94,101 @@ class Guidance:
     lab: Float
 
 
-def depart(plan: Plan, motion_lab: Float, t_ns: int) -> Course:
-    """The first course, from the vehicles' own estimated motion (m, 3, 4): those not IDLE are taken to be flying."""
-    m = len(plan.legs)
-    now = np.full(m, t_ns, dtype=np.int64)
-    flying = np.array([leg.mode is not Mode.IDLE for leg in plan.legs])
-    return Course(
-        Plan((IDLE,) * m, plan.shape), np.zeros(m, dtype=np.int64), motion_lab[:, 0].copy(), np.zeros((m, 4, 4)), now,
-        np.ones(m), flying, motion_lab[:, 0, 2].copy(), now, anchored(TrajectoryConfig(), np.zeros(3), 0.0), t_ns,
-    )  # fmt: skip
+def start(plan: Plan, motion_lab: Float, t_ns: int) -> Generator:
+    """The first state, from the vehicles' own estimated motion (m, 3, 4): those not IDLE are taken to be flying."""
+    m = len(plan.setpoints)
+    vehicles = blank(VehicleReference, m)
+    vehicles["target"] = motion_lab[:, 0]
+    vehicles["gap_ns"] = vehicles["release_ns"] = t_ns
+    vehicles["gap_s"] = 1.0
+    vehicles["airborne"] = [setpoint.mode is not Mode.IDLE for setpoint in plan.setpoints]
+    vehicles["idle"] = True
+    vehicles["floor_m"] = motion_lab[:, 0, 2]
+    return Generator(Plan((IDLE,) * m, plan.shape), vehicles, anchored(TrajectoryConfig(), np.zeros(3), 0.0))
 
 
-def evaluate(course: Course, t_ns: int, lead: Float) -> Guidance:
+def references(generator: Generator, t_ns: int, lead: Float) -> References:
     """The references of all m vehicles at t_ns, for the leader's motion lead (3, 4) at that time."""
-    m = len(course.kind)
+    m = len(generator.vehicles)
     slot, frame, lab = np.empty((m, 3, 4)), np.empty((m, 3, 4)), np.empty((m, 3, 4))
-    path = course.trajectory
-    _evaluate(
-        t_ns, lead, course.kind, course.base, course.gap, course.gap_ns, course.gap_s, path.kind, path.numbers,
-        path.knots, course.trajectory_ns, slot, frame, lab,
-    )  # fmt: skip
-    return Guidance(slot, frame, lab)
-
-
-class Way(NamedTuple):
-    """The arrays of a Course, as kernels pass them on."""
-
-    kind: NDArray[np.int64]
-    base: Float
-    gap: Float
-    gap_ns: NDArray[np.int64]
-    gap_s: Float
-    path_kind: int
-    path_numbers: Float
-    path_knots: Float
-    path_ns: int
+    path = generator.trajectory
+    _references(generator.vehicles, path.numbers, path.knots, t_ns, lead, slot, frame, lab)
+    return References(slot, frame, lab)
 
 
 @kernel
-def reference_at(i: int, t_ns: int, lead: Float, way: Way, slot: Float, frame: Float, lab: Float) -> None:
-    """Vehicle i's reference at t_ns for the leader's motion lead (3, 4) then, into slot, frame, lab, each (3, 4)."""
+def reference_at(
+    vehicle: VehicleReference, numbers: Float, knots: Float, t_ns: int, lead: Float, slot: Float, frame: Float,
+    lab: Float,
+) -> None:  # fmt: skip
+    """One vehicle's reference at t_ns for the leader's motion lead (3, 4) then, into slot, frame, lab, each (3, 4).
+
+    numbers, knots: of the leader's trajectory.
+    """
     for order in range(3):
         for column in range(4):
             slot[order, column] = frame[order, column] = 0.0
-    if way.kind[i] == TRAJECTORY:
-        sample(way.path_kind, way.path_numbers, way.path_knots, (t_ns - way.path_ns) * SECONDS, slot)
+    if vehicle.kind == TRAJECTORY:
+        sample(vehicle.path_kind, numbers, knots, (t_ns - vehicle.path_start_ns) * SECONDS, slot)
     else:
         for column in range(4):
-            slot[0, column] = way.base[i, column]
-    blend.add_gap(way.gap[i], (t_ns - way.gap_ns[i]) * SECONDS, way.gap_s[i], slot)
-    if way.kind[i] == SLOT:
+            slot[0, column] = vehicle.target[column]
+    blend.add_gap(vehicle.gap, (t_ns - vehicle.gap_ns) * SECONDS, vehicle.gap_s, slot)
+    if vehicle.kind == SLOT:
         copy_motion(lead, frame)
     lab_from_lead(slot, frame, lab)
 
 
 @kernel
-def _evaluate(
-    t_ns: int, lead: Float, kind: NDArray[np.int64], base: Float, gap: Float, gap_ns: NDArray[np.int64],
-    gap_s: Float, path_kind: int, path_numbers: Float, path_knots: Float, path_ns: int, slot: Float, frame: Float,
+def _references(
+    vehicles: Rows[VehicleReference], numbers: Float, knots: Float, t_ns: int, lead: Float, slot: Float, frame: Float,
     lab: Float,
 ) -> None:  # fmt: skip
     """`reference_at` for all vehicles."""
-    way = Way(kind, base, gap, gap_ns, gap_s, path_kind, path_numbers, path_knots, path_ns)
-    for i in range(len(kind)):
-        reference_at(i, t_ns, lead, way, slot[i], frame[i], lab[i])
+    for i in range(len(vehicles)):
+        reference_at(vehicles[i], numbers, knots, t_ns, lead, slot[i], frame[i], lab[i])
 
 
-def steer(course: Course, plan: Plan, who: Crew, motion_lab: Float, lead: Float, t_ns: int) -> Course:
-    """The course after this tick's plan; the same object where nothing changed.
+def update(old: Generator, plan: Plan, who: Fleet, motion_lab: Float, lead: Float, t_ns: int) -> Generator:
+    """The state after this tick's plan; the same object where nothing changed.
 
     motion_lab (m, 3, 4): the vehicles' estimated motions; lead (3, 4): the leader's; both at t_ns.
     Vehicles not airborne are led where they are, and picked up from their own motion at lift-off.
     """
-    if plan == course.plan and course.airborne.all():
-        return course
-    lifted = ~course.airborne & (motion_lab[:, 0, 2] > course.floor_m + LIFT_OFF_M)
-    now: Guidance | None = None
-    draft = _Draft(course, plan, who, t_ns, lead)
-    for i, leg in enumerate(plan.legs):
-        was_idle = course.plan.legs[i].mode is Mode.IDLE
-        if leg.mode is Mode.IDLE:
+    airborne = old.airborne
+    if plan == old.plan and airborne.all():
+        return old
+    lifted = ~airborne & (motion_lab[:, 0, 2] > old.vehicles["floor_m"] + LIFT_OFF_M)
+    now: References | None = None
+    draft = _Draft(old, plan, who, t_ns, lead)
+    for i, setpoint in enumerate(plan.setpoints):
+        was_idle = old.plan.setpoints[i].mode is Mode.IDLE
+        if setpoint.mode is Mode.IDLE:
             draft.stand(i, motion_lab[i])
-        elif not course.airborne[i] and (was_idle or not lifted[i]):
+        elif not airborne[i] and (was_idle or not lifted[i]):
             draft.wait(i, motion_lab[i], was_idle)
-        elif was_idle or not course.airborne[i]:
+        elif was_idle or not airborne[i]:
             draft.begin(i, motion_lab[i])
         elif draft.asks_anew(i):
             if now is None:
-                now = evaluate(course, t_ns, lead)
+                now = references(old, t_ns, lead)
             draft.begin(i, now.lab[i])
     return draft.finished()
 
 
 class _Draft:
-    """A course being rewritten, vehicle by vehicle; the one it came from is left alone."""
+    """A state being rewritten, vehicle by vehicle; the one it came from is left alone."""
 
-    def __init__(self, old: Course, plan: Plan, who: Crew, t_ns: int, lead: Float) -> None:
+    def __init__(self, old: Generator, plan: Plan, who: Fleet, t_ns: int, lead: Float) -> None:
         self._old, self._plan, self._who, self._t_ns, self._lead = old, plan, who, t_ns, lead
-        self._new = replace(
-            old, plan=plan, kind=old.kind.copy(), base=old.base.copy(), gap=old.gap.copy(), gap_ns=old.gap_ns.copy(),
-            gap_s=old.gap_s.copy(), airborne=old.airborne.copy(), floor_m=old.floor_m.copy(),
-            release_ns=old.release_ns.copy(),
-        )  # fmt: skip
+        self._vehicles, self._trajectory = copied(old.vehicles), old.trajectory
         self._joined: list[int] = []
 
     def asks_anew(self, i: int) -> bool:
         """Whether the plan asks something new of vehicle i."""
-        leg, plan, before = self._plan.legs[i], self._plan, self._old.plan
-        if leg.mode is not Mode.FORMATION or leg != before.legs[i]:
-            return leg != before.legs[i]
+        setpoint, plan, before = self._plan.setpoints[i], self._plan, self._old.plan
+        if setpoint.mode is not Mode.FORMATION or setpoint != before.setpoints[i]:
+            return setpoint != before.setpoints[i]
         if self._who.followers[i] < 0:
             return plan.trajectory_start_ns != before.trajectory_start_ns
         return plan.shape != before.shape
@@ -195,77 +196,80 @@ class _Draft:
     def stand(self, i: int, motion: Float) -> None:
         """On the floor, motors at rest."""
         self._hold_at(i, motion)
-        self._new.airborne[i] = False
-        self._new.floor_m[i] = motion[0, 2]
+        new = self._vehicles[i]
+        new.idle, new.airborne, new.floor_m = True, False, motion[0, 2]
 
     def wait(self, i: int, motion: Float, just_released: bool) -> None:
         """On the floor, thrust rising, until it lifts."""
         self._hold_at(i, motion)
+        self._vehicles[i].idle = False
         if just_released:
-            self._new.release_ns[i] = self._t_ns
+            self._vehicles[i].release_ns = self._t_ns
 
     def begin(self, i: int, motion: Float) -> None:
-        """Picks vehicle i up from a lab motion (3, 4) and leads it to the target of its leg."""
-        leg, start_ns = self._plan.legs[i], self._plan.trajectory_start_ns
-        self._new.airborne[i] = True
-        self._new.gap_ns[i] = self._t_ns
-        if leg.mode is Mode.FORMATION and self._who.followers[i] >= 0:
+        """Picks vehicle i up from a lab motion (3, 4) and leads it to its setpoint."""
+        setpoint, start_ns = self._plan.setpoints[i], self._plan.trajectory_start_ns
+        new = self._vehicles[i]
+        new.idle, new.airborne, new.gap_ns = False, True, self._t_ns
+        if setpoint.mode is Mode.FORMATION and self._who.followers[i] >= 0:
             self._join(i, motion)
-        elif leg.mode is Mode.FORMATION and start_ns is not None:
+        elif setpoint.mode is Mode.FORMATION and start_ns is not None:
             self._start_trajectory(i, motion, start_ns)
         else:
             self._go(i, motion)
 
-    def finished(self) -> Course:
-        """The new course; vehicles that set out for slots in one tick arrive together, so straight paths keep apart."""
+    def finished(self) -> Generator:
+        """The new state; vehicles that set out for slots in one tick arrive together, so straight paths keep apart."""
         if self._joined:
-            self._new.gap_s[self._joined] = np.max(self._new.gap_s[self._joined])
-        return self._new
+            gap_s = self._vehicles["gap_s"]
+            gap_s[self._joined] = np.max(gap_s[self._joined])
+        return Generator(self._plan, self._vehicles, self._trajectory)
 
     def _hold_at(self, i: int, motion: Float) -> None:
         """Led exactly where it is."""
-        self._new.kind[i] = POINT
-        self._new.base[i] = motion[0]
-        self._new.gap[i] = 0.0
+        new = self._vehicles[i]
+        new.kind = POINT
+        new.target[:] = motion[0]
+        new.gap[:] = 0.0
 
     def _join(self, i: int, motion: Float) -> None:
         """To the slot, along a gap that decays in the leader's own frame, by way of the plan's detour."""
-        new, follower, shape = self._new, self._who.followers[i], self._plan.shape
-        new.kind[i] = SLOT
-        new.base[i] = [*shape.offset_lead_m[follower], shape.yaw_offset_rad[follower]]
-        lead_from_lab(motion, self._lead, new.gap[i])
-        new.gap[i, 0] -= new.base[i]
-        new.gap[i, 3] = 0.0
-        new.gap[i, 3, 2] = self._plan.rise_m[follower] if self._plan.rise_m else 0.0
+        new, follower, shape = self._vehicles[i], self._who.followers[i], self._plan.shape
+        new.kind = SLOT
+        new.target[:] = [*shape.offset_lead_m[follower], shape.yaw_offset_rad[follower]]
+        lead_from_lab(motion, self._lead, new.gap)
+        new.gap[0] -= new.target
+        new.gap[3] = 0.0
+        new.gap[3, 2] = self._plan.rise_m[follower] if self._plan.rise_m else 0.0
         self._take_time(i)
         self._joined.append(i)
 
     def _start_trajectory(self, i: int, motion: Float, start_ns: int) -> None:
         """Onto the leader's trajectory, anchored where the reference is."""
-        path = anchored(self._who.trajectory, motion[0, :3], float(motion[0, 3]))
-        self._new = new = replace(self._new, trajectory=path, trajectory_ns=start_ns)
-        new.kind[i] = TRAJECTORY
+        new, path = self._vehicles[i], anchored(self._who.trajectory, motion[0, :3], float(motion[0, 3]))
+        self._trajectory = path
+        new.kind, new.path_kind, new.path_start_ns = TRAJECTORY, path.kind, start_ns
         on_path = np.zeros((3, 4))
         sample(path.kind, path.numbers, path.knots, (self._t_ns - start_ns) * SECONDS, on_path)
-        new.gap[i, :3], new.gap[i, 3] = motion - on_path, 0.0
+        new.gap[:3], new.gap[3] = motion - on_path, 0.0
         self._take_time(i)
-        if float(np.linalg.norm(new.gap[i, 0, :3])) > NEAR_M:
-            new.gap_s[i] = max(new.gap_s[i], ENTRY_S)
+        if float(np.linalg.norm(new.gap[0, :3])) > NEAR_M:
+            new.gap_s = max(new.gap_s, ENTRY_S)
 
     def _go(self, i: int, motion: Float) -> None:
-        """To a point of the lab; what the leg leaves open is braked to rest where it is."""
-        new, leg = self._new, self._plan.legs[i]
-        new.kind[i] = POINT
-        wanted = (*leg.target_lab_m, leg.yaw_rad)
-        new.base[i] = [motion[0, k] if value is None else value for k, value in enumerate(wanted)]
-        new.gap[i, :3], new.gap[i, 3] = motion, 0.0
-        new.gap[i, 0] -= new.base[i]
-        brake_s = blend.braking_s(new.gap[i])
+        """To a point of the lab; what the setpoint leaves open is braked to rest where it is."""
+        new, setpoint = self._vehicles[i], self._plan.setpoints[i]
+        new.kind = POINT
+        wanted = (*setpoint.target_lab_m, setpoint.yaw_rad)
+        new.target[:] = [motion[0, k] if value is None else value for k, value in enumerate(wanted)]
+        new.gap[:3], new.gap[3] = motion, 0.0
+        new.gap[0] -= new.target
+        brake_s = blend.braking_s(new.gap)
         for k, value in enumerate(wanted):
             if value is None:
-                new.base[i, k] += blend.braked(new.gap[i], k, brake_s)
-        self._inside(new.base[i])
-        new.gap[i, 0] = motion[0] - new.base[i]
+                new.target[k] += blend.braked(new.gap, k, brake_s)
+        self._inside(new.target)
+        new.gap[0] = motion[0] - new.target
         self._take_time(i)
 
     def _inside(self, point: Float) -> None:
@@ -276,6 +280,6 @@ class _Draft:
 
     def _take_time(self, i: int) -> None:
         """How long vehicle i's gap takes to decay; a turn goes the short way round."""
-        gap = self._new.gap[i]
-        gap[0, 3] = wrap_angle(gap[0, 3])
-        self._new.gap_s[i] = blend.closing_s(gap, self._plan.legs[i].speed_m_s)
+        new = self._vehicles[i]
+        new.gap[0, 3] = wrap_angle(new.gap[0, 3])
+        new.gap_s = blend.closing_s(new.gap, self._plan.setpoints[i].speed_m_s)

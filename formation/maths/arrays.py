@@ -27,3 +27,10 @@ Quats = Annotated[Float, Layout(np.float64, (-1, 4))]
 Flags = Annotated[Bool, Layout(np.bool_, (-1,))]
 Vec3 = Annotated[Float, Layout(np.float64, (3,))]
 Quat = Annotated[Float, Layout(np.float64, (4,))]
+Vec2 = Annotated[Float, Layout(np.float64, (2,))]
+Vec4 = Annotated[Float, Layout(np.float64, (4,))]
+Mat3 = Annotated[Float, Layout(np.float64, (3, 3))]
+Motion = Annotated[Float, Layout(np.float64, (3, 4))]
+"""Rows position, velocity, acceleration; columns x, y, z, heading."""
+Gap = Annotated[Float, Layout(np.float64, (4, 4))]
+"""Rows position, velocity, acceleration, detour; columns x, y, z, heading (formation.guidance.blend)."""

@@ -1,10 +1,12 @@
 """The one way this project compiles a loop: numba, cached on disk, IEEE arithmetic (no fastmath)."""
 
 import gc
+import hashlib
+import os
+import shutil
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from functools import cache
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
@@ -20,19 +22,15 @@ Begun = Callable[[str, int, int], None]
 
 
 def kernel(function: Callable[P, R], calls: tuple[Callable[..., object], ...] = ()) -> Callable[P, R]:
-    """The compiled form of a function of floats, ints and float64 arrays; division follows IEEE, never raises.
+    """The compiled form of a function of floats, ints, arrays and records; division follows IEEE, never raises.
 
     calls: plain functions that it calls, directly or not, which are compiled with it and stay plain elsewhere.
-    numba looks only at a kernel's own file to decide whether its cached machine code is still good, although
-    kernels of other files are compiled into it. The stamp is widened to all of `formation`, whose kernels are
-    the ones that others call, so that an edit is never answered by yesterday's code.
+    With numba's own NUMBA_DISABLE_JIT=1 it is the function itself, to be stepped through.
     """
     for part in calls:
         register_jitable(error_model="numpy")(part)
     # Nobody calls kernels from C. numba's own types know nothing of this option, its documentation does.
     compiled = numba.njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function)  # type: ignore[call-overload]
-    index = compiled._cache._cache_file
-    index._source_stamp = (index._source_stamp, _sources())
     typed: Callable[P, R] = compiled
     return typed
 
@@ -79,9 +77,35 @@ def _kernels() -> set[str]:
     return {f"{f.__module__}.{f.__qualname__}" for f in functions if not f.__module__.startswith("numba")}
 
 
-@cache
-def _sources() -> tuple[tuple[str, float, int], ...]:
-    """Name, time and size of every source file of this package."""
-    here = Path(__file__).parent.parent
-    files = sorted(here.rglob("*.py"))
-    return tuple((str(f.relative_to(here)), f.stat().st_mtime, f.stat().st_size) for f in files)
+def _cache_in(root: Path) -> str:
+    """The folder for machine code made from `formation` as it is now; those made from an earlier state go.
+
+    numba looks only at a kernel's own file to decide whether its cached machine code is still good, although kernels
+    of other files are compiled into it. All of `formation`, whose kernels are the ones that others call, names the
+    folder, so that an edit is never answered by yesterday's code.
+    """
+    package = Path(__file__).parent.parent
+    state = hashlib.sha256()
+    for file in sorted(package.rglob("*.py")):
+        about = file.stat()
+        state.update(f"{file.relative_to(package)} {about.st_mtime_ns} {about.st_size}\n".encode())
+    folder = root / f"kernels-{sys.implementation.cache_tag}-{state.hexdigest()[:16]}"
+    with suppress(OSError):  # the other one may be in use, or already gone
+        for old in root.glob(f"kernels-{sys.implementation.cache_tag}-*"):
+            if old != folder:
+                shutil.rmtree(old)
+    return str(folder)
+
+
+def _cache_root() -> Path:
+    """Beside the package, as Python's own caches; where that cannot be written, the user's."""
+    beside = Path(__file__).parent / "__pycache__"
+    with suppress(OSError):
+        beside.mkdir(exist_ok=True)
+    if os.access(beside, os.W_OK):
+        return beside
+    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "mavlink-formation"
+
+
+if not numba.config.CACHE_DIR:  # type: ignore[attr-defined]
+    numba.config.CACHE_DIR = _cache_in(_cache_root())  # type: ignore[attr-defined]

@@ -38,3 +38,10 @@ def turn_into(q: Float, rotation_rad: Float, out: Float) -> None:
     scale = 1.0 / norm if out[0] >= 0.0 else -1.0 / norm
     for k in range(4):
         out[k] *= scale
+
+
+@kernel
+def thrust_axis(q: Float) -> tuple[float, float, float]:
+    """The body's z axis in `lab`, along which the rotors pull; q: q_lab_from_flu (4)."""
+    qw, qx, qy, qz = q[0], q[1], q[2], q[3]
+    return 2.0 * (qx * qz + qw * qy), 2.0 * (qy * qz - qw * qx), 1.0 - 2.0 * (qx * qx + qy * qy)

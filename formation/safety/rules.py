@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.config import LimitsConfig
-from formation.estimation.update import MISFIT_BAD
+from formation.estimation.model_mismatch import MISMATCH_BAD
 from formation.maths.arrays import Flags, Float, Scalars, Vec3s
 from formation.maths.kernel import kernel
 from formation.messages import Phase, Severity
@@ -36,7 +36,7 @@ class Facts(NamedTuple):
     tilt_rad: Scalars
     age_s: Scalars
     error_m: Scalars
-    misfit: Scalars
+    model_mismatch: Scalars
     heartbeat_age_s: Scalars
     armed: Flags
     offboard: Flags
@@ -68,7 +68,7 @@ class Measure(IntEnum):
     DISCHARGE = 8  # minus what is left of the battery
     LATE_SHARE = 9
     DUPLICATE = 10
-    MISFIT = 11  # see formation.estimation.update
+    MODEL_MISMATCH = 11  # see formation.estimation.model_mismatch
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +166,7 @@ RULES: tuple[Rule, ...] = (
     Rule("disarmed in the air", Measure.DISARMED, 0.0, 0.3, FLYING, Trigger.LAND),
     Rule("battery under 20 %", Measure.DISCHARGE, -BATTERY_LOW, 1.0, MOTORS_ON),
     Rule("battery under 10 %", Measure.DISCHARGE, -BATTERY_EMPTY, 1.0, MOTORS_ON, Trigger.LAND),
-    Rule("answers otherwise than its profile says", Measure.MISFIT, MISFIT_BAD, 1.0, AIRBORNE),
+    Rule("model mismatch", Measure.MODEL_MISMATCH, MISMATCH_BAD, 1.0, AIRBORNE),
     Rule("a fifth of the frames late", Measure.LATE_SHARE, 0.2, 0.5, MOTORS_ON, of_swarm=True),
     Rule("seven tenths of the frames late", Measure.LATE_SHARE, 0.7, 2.0, MOTORS_ON, Trigger.LAND, of_swarm=True),
     Rule("its sysid is used twice on the network", Measure.DUPLICATE, 0.0, 0.0, frozenset(Phase)),
@@ -250,7 +250,7 @@ def _measured(facts: Facts, limits: LimitsConfig) -> Float:
         Measure.DISCHARGE: -facts.battery,
         Measure.LATE_SHARE: [facts.late_share] + [0.0] * (len(facts.names) - 1),
         Measure.DUPLICATE: facts.duplicate,
-        Measure.MISFIT: facts.misfit,
+        Measure.MODEL_MISMATCH: facts.model_mismatch,
     }
     return np.array([rows[measure] for measure in Measure])
 

@@ -1,59 +1,74 @@
 """How a vehicle answers what it was sent: dead time, then a first-order lag, driven by the history of commands.
 
-The controller's picture of the vehicle between a sent target and a felt force. The same picture says what thrust
-was delivered so far (for the observer) and where the vehicle will be when a new command takes hold (for the law).
+The controller's picture of the vehicle between a sent target and the specific force it makes. The same picture says
+what thrust was delivered so far (for the observer) and where the vehicle will be when a new command takes hold (for
+the law).
 """
 
 from dataclasses import dataclass
 from math import exp
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from formation.maths.arrays import Float
+from formation.maths.arrays import Float, Layout
 from formation.maths.kernel import kernel
+from formation.maths.records import Rows, blank, like
 
 LENGTH = 128
 NEVER_NS = -(1 << 60)
 SECONDS = 1e-9
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class History:
-    """The last commands sent, oldest first: t_ns (h), force (h, m, 4).
+@dataclass(frozen=True, slots=True)
+class Response:
+    """What is counted on of a vehicle's answer to attitude and thrust commands, s."""
+
+    attitude_dead_s: float
+    attitude_lag_s: float
+    thrust_dead_s: float
+    thrust_lag_s: float
+
+
+@dataclass(slots=True)
+class SentCommands:
+    """The last commands sent to one vehicle, oldest first; a record (formation.maths.records).
 
     force: specific force in `lab`, m/s^2 (what an accelerometer would feel: gravity not subtracted), then its length.
     """
 
-    t_ns: NDArray[np.int64]
-    force: Float
+    t_ns: Annotated[NDArray[np.int64], Layout(np.int64, (LENGTH,))]
+    force: Annotated[Float, Layout(np.float64, (LENGTH, 4))]
 
 
-def no_history(vehicles: int) -> History:
+def no_history(vehicles: int) -> Rows[SentCommands]:
     """Nothing was ever sent: motors off."""
-    return History(np.full(LENGTH, NEVER_NS, dtype=np.int64), np.zeros((LENGTH, vehicles, 4)))
+    nothing = blank(SentCommands, vehicles)
+    nothing["t_ns"] = NEVER_NS
+    return nothing
 
 
-def remember(history: History, t_ns: int, force: Float) -> History:
-    """The history with the command sent at t_ns added and the oldest forgotten; force (m, 4) as in History."""
-    t, kept = np.empty_like(history.t_ns), np.empty_like(history.force)
-    t[:-1], kept[:-1] = history.t_ns[1:], history.force[1:]
-    t[-1], kept[-1] = t_ns, force
-    return History(t, kept)
+def remember(history: Rows[SentCommands], t_ns: int, force: Float) -> Rows[SentCommands]:
+    """The history with the command sent at t_ns added and the oldest forgotten; force (m, 4) as in SentCommands."""
+    new = like(history)
+    new["t_ns"][:, :-1], new["t_ns"][:, -1] = history["t_ns"][:, 1:], t_ns
+    new["force"][:, :-1], new["force"][:, -1] = history["force"][:, 1:], force
+    return new
 
 
 @kernel
 def answer(
-    sent_ns: NDArray[np.int64], sent: Float, from_ns: int, to_ns: int, dead_s: float, lag_s: float, felt: Float,
+    sent_ns: NDArray[np.int64], sent: Float, from_ns: int, to_ns: int, dead_s: float, lag_s: float, force: Float,
     speed: Float, travel: Float,
 ) -> None:  # fmt: skip
-    """Turns the force felt at from_ns into that at to_ns, and tells its integrals, by the exact response.
+    """Turns the specific force at from_ns into that at to_ns, and tells its integrals, by the exact response.
 
-    sent_ns (h), sent (h, k): what was sent when, along k axes; felt (k) in place; speed, travel (k): its single and
+    sent_ns (h), sent (h, k): what was sent when, along k axes; force (k) in place; speed, travel (k): its single and
     double integral since from_ns. lag_s f' = sent(t - dead_s) - f.
     """
     dead_ns = int(dead_s * 1e9)
-    for k in range(len(felt)):
+    for k in range(len(force)):
         speed[k], travel[k] = 0.0, 0.0
     t_ns = from_ns
     index = len(sent_ns) - 1
@@ -67,11 +82,11 @@ def answer(
             h = (until - t_ns) * SECONDS
             kept = exp(-h / lag_s)
             swept = lag_s * (1.0 - kept)
-            for k in range(len(felt)):
+            for k in range(len(force)):
                 pull = sent[index, k]
-                gap = felt[k] - pull
+                gap = force[k] - pull
                 travel[k] += speed[k] * h + 0.5 * pull * h * h + gap * lag_s * (h - swept)
                 speed[k] += pull * h + gap * swept
-                felt[k] = pull + gap * kept
+                force[k] = pull + gap * kept
         t_ns = until
         index = min(index + 1, len(sent_ns) - 1)

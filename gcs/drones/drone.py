@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from formation.guidance.plan import HERE, IDLE, Leg, Mode
+from formation.guidance.plan import HERE, IDLE, Mode, Setpoint
 from gcs.drones.goal import Goal, is_reached, pursue
 from gcs.drones.link_state import NEVER_NS, DroneLink
 from wire.link_messages.status import LandedState
@@ -30,7 +30,7 @@ class Drone:
 
     index: int
     link: DroneLink
-    leg: Leg = IDLE
+    setpoint: Setpoint = IDLE
     goal: Goal = Goal.LEAVE
     goal_since_ns: int = NEVER_NS
     rest_z_m: float = 0.0
@@ -85,7 +85,7 @@ class Drone:
 
     def stay_down(self, now_ns: int) -> None:
         """It stands on the floor, landed or never risen: no thrust any more, and disarmed."""
-        self.touched, self.leg = True, IDLE
+        self.touched, self.setpoint = True, IDLE
         if self.flown:
             self.aim(Goal.DISARM, now_ns)
 
@@ -116,29 +116,29 @@ class Drone:
         if now_ns - self.resting_since_ns >= (TOUCH_NS if near else PRESSED_NS) and not self.touched:
             self.stay_down(now_ns)
 
-    def lead_to(self, leg: Leg, goal: Goal, now_ns: int) -> None:
-        """A new phase: another leg, another goal; a drone that was let go or cut stays so."""
-        self.leg = leg
+    def lead_to(self, setpoint: Setpoint, goal: Goal, now_ns: int) -> None:
+        """A new phase: another setpoint, another goal; a drone that was let go or cut stays so."""
+        self.setpoint = setpoint
         self.descending, self.touched, self.resting_since_ns = False, False, None
         if self.flown:
             self.aim(goal, now_ns)
 
 
-def take_off_leg(altitude_m: float, speed_m_s: float) -> Leg:
+def take_off_setpoint(altitude_m: float, speed_m_s: float) -> Setpoint:
     """Straight up from where it stands."""
-    return Leg(Mode.LAB, (None, None, altitude_m), speed_m_s=speed_m_s)
+    return Setpoint(Mode.LAB, (None, None, altitude_m), speed_m_s=speed_m_s)
 
 
-def hold_leg(speed_m_s: float) -> Leg:
+def hold_setpoint(speed_m_s: float) -> Setpoint:
     """Brake, and stay."""
-    return Leg(Mode.LAB, HERE, speed_m_s=speed_m_s)
+    return Setpoint(Mode.LAB, HERE, speed_m_s=speed_m_s)
 
 
-def land_leg(rest_z_m: float, speed_m_s: float) -> Leg:
+def land_setpoint(rest_z_m: float, speed_m_s: float) -> Setpoint:
     """Straight down, to well under the floor: the floor ends it."""
-    return Leg(Mode.LAB, (None, None, rest_z_m - 1.0), speed_m_s=speed_m_s)
+    return Setpoint(Mode.LAB, (None, None, rest_z_m - 1.0), speed_m_s=speed_m_s)
 
 
-def aside_leg(x_m: float, y_m: float, speed_m_s: float) -> Leg:
+def aside_setpoint(x_m: float, y_m: float, speed_m_s: float) -> Setpoint:
     """To above another spot of the floor, at this height."""
-    return Leg(Mode.LAB, (x_m, y_m, None), speed_m_s=speed_m_s)
+    return Setpoint(Mode.LAB, (x_m, y_m, None), speed_m_s=speed_m_s)

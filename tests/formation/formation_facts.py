@@ -18,7 +18,7 @@ def healthy(**changes) -> Facts:
         tilt_rad=np.zeros(3),
         age_s=np.full(3, 0.008),
         error_m=np.zeros(3),
-        misfit=np.zeros(3),
+        model_mismatch=np.zeros(3),
         heartbeat_age_s=np.full(3, 0.5),
         armed=np.ones(3, bool),
         offboard=np.ones(3, bool),

@@ -6,8 +6,8 @@ import pytest
 from formation.config import LabConfig
 from formation.control.attitude import AUTHORITY_LEAST, authority_kept, bound_force, bound_turn, turn_authority
 from formation.control.presets import preset
-from formation.control.settings import estimator_settings
-from formation.estimation.update import MISFIT_BAD, MISFIT_FAIR
+from formation.control.settings import observer_settings
+from formation.estimation.model_mismatch import MISMATCH_BAD, MISMATCH_FAIR
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import PAPER_40G
 
@@ -48,12 +48,12 @@ def test_a_preset_counts_on_its_share_of_the_answer() -> None:
     gains = preset("default")
     lab = LabConfig.model_validate({"name": "lab", "leader": {"body": "lead"}, "followers": [
         {"body": "a", "sysid": 2, "offset_m": [-1.0, 0.0, 0.0]}]})  # fmt: skip
-    row = estimator_settings(lab, (PAPER_40G, PAPER_40G), (gains, gains)).response[1]
-    assert row[0] == pytest.approx(gains.dead_share * PAPER_40G.response_dead_time_s)
-    assert row[1] == pytest.approx(gains.lag_share * PAPER_40G.response_lag_s)
+    response = observer_settings(lab, (PAPER_40G, PAPER_40G), (gains, gains))[1].response
+    assert response.attitude_dead_s == pytest.approx(gains.dead_share * PAPER_40G.response_dead_time_s)
+    assert response.attitude_lag_s == pytest.approx(gains.lag_share * PAPER_40G.response_lag_s)
 
 
 def test_a_vehicle_is_turned_less_the_less_it_answers_as_believed() -> None:
-    assert authority_kept(0.0) == authority_kept(MISFIT_FAIR) == 1.0
-    assert AUTHORITY_LEAST < authority_kept(0.5 * (MISFIT_FAIR + MISFIT_BAD)) < 1.0
+    assert authority_kept(0.0) == authority_kept(MISMATCH_FAIR) == 1.0
+    assert AUTHORITY_LEAST < authority_kept(0.5 * (MISMATCH_FAIR + MISMATCH_BAD)) < 1.0
     assert authority_kept(5.0) == pytest.approx(AUTHORITY_LEAST)

@@ -8,7 +8,7 @@ from formation.config import FollowerConfig, LabConfig, LeaderConfig, Trajectory
 from formation.control.attitude import turn_authority
 from formation.control.stack import ControlStack, Stages
 from formation.control.warm_up import warm_up
-from formation.guidance.plan import IDLE, Leg, Mode, Plan
+from formation.guidance.plan import IDLE, Mode, Plan, Setpoint
 from formation.guidance.shape import configured
 from formation.maths import frames
 from formation.maths.arrays import Float
@@ -21,7 +21,7 @@ IN_SLOTS = tuple(hovering_at(PAPER, (x, y, 0.3)) for x, y, _ in ((0.0, 0.0, 0.0)
 
 
 def in_formation(config: LabConfig, start_s: float = 1.0) -> Plan:
-    return Plan((Leg(Mode.FORMATION),) * 3, configured(config), START_NS + round(start_s * 1e9))
+    return Plan((Setpoint(Mode.FORMATION),) * 3, configured(config), START_NS + round(start_s * 1e9))
 
 
 def test_line_is_flown_within_a_millimetre() -> None:
@@ -56,8 +56,8 @@ def test_takes_off_holds_and_lands_whatever_it_weighs(mass: float) -> None:
     body = PAPER.model_copy(update={"mass_kg": mass * PAPER.mass_kg})
 
     def plan(t_s: float) -> Plan:
-        leg = IDLE if t_s < 0.3 else Leg(Mode.LAB, (None, None, 0.3 if t_s < 5.0 else -0.3))
-        return Plan((leg,) * 3, configured(config))
+        setpoint = IDLE if t_s < 0.3 else Setpoint(Mode.LAB, (None, None, 0.3 if t_s < 5.0 else -0.3))
+        return Plan((setpoint,) * 3, configured(config))
 
     samples = fly(config, plan, grounded, 9.0, truth=(body,) * 3)
     height = np.array([[s.pos_lab_m[2] for s in sample.truth] for sample in samples])
@@ -71,10 +71,10 @@ def test_takes_off_holds_and_lands_whatever_it_weighs(mass: float) -> None:
 
 def test_a_push_is_resisted_and_found_by_z3() -> None:
     config = triangle()
-    leg = Plan((Leg(Mode.LAB, (None, None, None)),) * 3, configured(config))
+    setpoint = Plan((Setpoint(Mode.LAB, (None, None, None)),) * 3, configured(config))
     push = np.array([1.0, 0.0, 0.0])
     room = Room(push=lambda k, t: push if k == 1 and t > 1.0 else np.zeros(3))
-    samples = fly(config, lambda t: leg, IN_SLOTS, 4.0, room)
+    samples = fly(config, lambda t: setpoint, IN_SLOTS, 4.0, room)
     moved = np.array([s.truth[1].pos_lab_m[0] - samples[0].truth[1].pos_lab_m[0] for s in samples])
     assert np.abs(moved).max() < 0.06
     assert abs(moved[-1]) < 0.01
@@ -104,7 +104,7 @@ def test_the_same_flight_twice_is_bit_identical() -> None:
 
 def test_nobody_leaves_the_fence() -> None:
     config = triangle()
-    outside = Plan((Leg(Mode.LAB, (None, 3.0, None), None, 3.0),) * 3, configured(config))
+    outside = Plan((Setpoint(Mode.LAB, (None, 3.0, None), None, 3.0),) * 3, configured(config))
     samples = fly(config, lambda t: outside, IN_SLOTS, 6.0)
     furthest = max(s.pos_lab_m[1] for sample in samples for s in sample.truth)
     assert 1.7 < furthest < 2.0
@@ -138,12 +138,14 @@ def test_a_batch_is_the_same_as_one_at_a_time(seed: int) -> None:
     for _ in range(25):
         place = place + 0.002 * rng.standard_normal((4, 3))
         poses.append((place, frames.from_rotation_vector(0.05 * rng.standard_normal((4, 3)))))
-    plan = Plan((Leg(Mode.FORMATION),) * 3, configured(whole))
+    plan = Plan((Setpoint(Mode.FORMATION),) * 3, configured(whole))
     together = run(whole, poses, plan)[-1].target
     for k, offset in enumerate(offsets):
         alone = many([offset])
         rows = [0, 1 + k]
-        single = run(alone, [(p[rows], q[rows]) for p, q in poses], Plan(plan.legs[:1], configured(alone)))[-1].target
+        single = run(alone, [(p[rows], q[rows]) for p, q in poses], Plan(plan.setpoints[:1], configured(alone)))[
+            -1
+        ].target
         np.testing.assert_array_equal(single.q_lab_from_flu[0], together.q_lab_from_flu[k])
         np.testing.assert_array_equal(single.rate_flu_rad_s[0], together.rate_flu_rad_s[k])
         assert single.thrust_norm[0] == together.thrust_norm[k]
@@ -155,8 +157,8 @@ def test_a_batch_is_the_same_as_one_at_a_time(seed: int) -> None:
 def test_the_printed_gains_swing_on_the_papers_own_vehicle(preset: str, least_m: float, most_m: float) -> None:
     """A numerical study of the law found 0.04-0.06 m on this much lag, and 0.085-0.11 m for SMC."""
     config = triangle(preset=preset)
-    leg = Plan((Leg(Mode.LAB, (None, None, None)),) * 3, configured(config))
-    samples = fly(config, lambda t: leg, IN_SLOTS, 8.0)
+    setpoint = Plan((Setpoint(Mode.LAB, (None, None, None)),) * 3, configured(config))
+    samples = fly(config, lambda t: setpoint, IN_SLOTS, 8.0)
     swing_m = np.ptp([s.truth[1].pos_lab_m[:2] for s in samples if s.t_s > 4.0], axis=0) / 2.0
     assert ((least_m < swing_m) & (swing_m < most_m)).all()
 
@@ -166,7 +168,7 @@ def test_a_hard_turn_is_asked_of_the_attitude_itself_no_harder_than_the_motors_c
     config = triangle()
     level, place = np.tile(frames.IDENTITY, (3, 1)), np.array([s.pos_lab_m for s in IN_SLOTS])
     away = np.array([[0.0, 0.0, 0.0], [0.03, 0.0, 0.0], [0.0, 0.0, 0.0]])  # 3 m/s, of one follower
-    plan = Plan((Leg(Mode.LAB, (None, None, None)),) * 3, configured(config))
+    plan = Plan((Setpoint(Mode.LAB, (None, None, None)),) * 3, configured(config))
     stages = run(config, [(place, level), (place + away, level)], plan)[-1]
     gravity, full = GRAVITY_M_S2, PAPER.thrust_max_n / PAPER.mass_kg
     most_m_s2 = turn_authority(PAPER) * gravity * min(gravity, full - gravity)

@@ -5,7 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from formation.estimation.fteso import activity, extrapolation_error, fteso_step, rate_step, wrapped
+from formation.estimation.adaptive_gain import adaptive_gain, extrapolation_error
+from formation.estimation.fteso import fteso_step
+from formation.estimation.heading import wrapped
+from formation.estimation.leader import rate_step
 
 PRINTED = (70.0, -2.0 / 9.0, 1.0, 0.0)
 
@@ -67,6 +70,6 @@ def test_extrapolation_error_ignores_parabolas_and_knows_its_gain() -> None:
 
 
 def test_activity_is_calm_in_noise_and_bounded() -> None:
-    assert activity(0.0, 1e-4, 5.0) == 1.0
-    assert activity(3e-4, 1e-4, 5.0) == pytest.approx(10.0**0.5)
-    assert activity(1.0, 1e-4, 5.0) == 5.0
+    assert adaptive_gain(0.0, 1e-4, 5.0) == 1.0
+    assert adaptive_gain(3e-4, 1e-4, 5.0) == pytest.approx(10.0**0.5)
+    assert adaptive_gain(1.0, 1e-4, 5.0) == 5.0

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from formation.config import TrajectoryConfig
-from formation.guidance import reference_generator as course
+from formation.guidance import reference_generator
 from formation.guidance.blend import add_gap, closing_s
 from formation.guidance.trajectory import Trajectory, anchored, min_jerk, sample
 from formation.maths.arrays import Float
@@ -85,7 +85,7 @@ def test_what_is_compiled_is_what_is_plain() -> None:
         path = anchored(config, ANCHOR, 0.5)
         for t in np.linspace(-0.5, path.duration_s + 0.5, 101):
             compiled = np.empty((3, 4))
-            course.sample(path.kind, path.numbers, path.knots, float(t), compiled)
+            reference_generator.sample(path.kind, path.numbers, path.knots, float(t), compiled)
             assert np.array_equal(compiled, motion(path, float(t))), (config.kind, t)
 
 

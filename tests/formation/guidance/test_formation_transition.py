@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from formation.config import FollowerConfig, LabConfig, LeaderConfig
 from formation.guidance.blend import ACCELERATION_M_S2, add_gap, closing_s
 from formation.guidance.patterns import PATTERNS
-from formation.guidance.plan import Leg, Mode, Plan
-from formation.guidance.reference_generator import Course, crew, depart, evaluate, steer
+from formation.guidance.plan import Mode, Plan, Setpoint
+from formation.guidance.reference_generator import Generator, fleet, references, update
+from formation.guidance.reference_generator import start as started
 from formation.guidance.shape import Shape
 from formation.guidance.transition import Space, Transition, assigned, transition
 from formation.maths.arrays import Float
@@ -35,30 +36,30 @@ def names(n: int) -> list[str]:
 
 
 def flown(way: Transition, start: Float, lead: Float) -> list[Float]:
-    """Slots and the leader (n + 1, 3, 4) in the leader's frame every 20 ms, as the course leads those who set out."""
+    """Slots and the leader (n + 1, 3, 4) in the leader's frame every 20 ms, as those who set out are led."""
     n = len(start)
     lab = LabConfig(
         leader=LeaderConfig(body="L"),
         followers=tuple(FollowerConfig(body=f"F{k}", sysid=2 + k, offset_m=(0.0, 0.0, 0.0)) for k in range(n)),
     )
-    legs = (Leg(Mode.FORMATION, speed_m_s=SPACE.speed_m_s),) * n
-    before, after = Plan(legs, shape_of(start, "before")), Plan(legs, way.shape, rise_m=way.rise_m)
-    course = _settled(depart(before, at_rest(start), 0), before, crew(lab), at_rest(start), lead)
-    course = steer(course, after, crew(lab), evaluate(course, SECOND, lead).lab, lead, SECOND)
+    setpoints = (Setpoint(Mode.FORMATION, speed_m_s=SPACE.speed_m_s),) * n
+    before, after = Plan(setpoints, shape_of(start, "before")), Plan(setpoints, way.shape, rise_m=way.rise_m)
+    generator = _settled(started(before, at_rest(start), 0), before, fleet(lab), at_rest(start), lead)
+    generator = update(generator, after, fleet(lab), references(generator, SECOND, lead).lab, lead, SECOND)
     steps = range(round(way.duration_s * 50) + 2)
     bodies = np.zeros((n + 1, 3, 4))
     track = []
     for k in steps:
-        bodies[1:] = evaluate(course, SECOND + k * 20_000_000, lead).slot
+        bodies[1:] = references(generator, SECOND + k * 20_000_000, lead).slot
         track.append(bodies.copy())
     return track
 
 
-def _settled(course: Course, plan: Plan, who, motion: Float, lead: Float) -> Course:
+def _settled(generator: Generator, plan: Plan, who, motion: Float, lead: Float) -> Generator:
     """In the slots of the plan, whatever it took to get there."""
-    course = steer(course, plan, who, motion, np.zeros((3, 4)), -1000 * SECOND)
-    np.testing.assert_allclose(evaluate(course, 0, lead).slot[:, 0, :3], plan.shape.offsets, atol=1e-9)
-    return course
+    generator = update(generator, plan, who, motion, np.zeros((3, 4)), -1000 * SECOND)
+    np.testing.assert_allclose(references(generator, 0, lead).slot[:, 0, :3], plan.shape.offsets, atol=1e-9)
+    return generator
 
 
 def nearest(track: list[Float]) -> float:

@@ -129,11 +129,9 @@ def test_a_late_loop_is_told_once_not_once_a_drone():
 
 
 def test_a_drone_that_is_not_what_its_profile_says_is_told_and_flies_on():
-    verdict = _after(healthy(misfit=of(2, 0.8, 0.0)), Phase.FORMATION, 1.1)
+    verdict = _after(healthy(model_mismatch=of(2, 0.8, 0.0)), Phase.FORMATION, 1.1)
     assert verdict.trigger is None
-    assert [(f.text, f.rule.severity) for f in verdict.findings] == [
-        ("right: answers otherwise than its profile says", Severity.WARNING)
-    ]
+    assert [(f.text, f.rule.severity) for f in verdict.findings] == [("right: model mismatch", Severity.WARNING)]
 
 
 def test_motors_off_phases_ignore_the_air_rules():

@@ -2,16 +2,17 @@ import numpy as np
 import pytest
 
 from formation.maths.arrays import Float
-from formation.vehicle.response import NEVER_NS, History, answer, no_history, remember
+from formation.maths.records import Rows
+from formation.vehicle.response import NEVER_NS, SentCommands, answer, no_history, remember
 
 
 def answered(
-    history: History, axes: slice, from_ns: int, to_ns: int, dead_s: float, lag_s: float, felt: float
+    history: Rows[SentCommands], axes: slice, from_ns: int, to_ns: int, dead_s: float, lag_s: float, felt: float
 ) -> tuple[Float, Float, Float]:
-    sent = history.force[:, 0, axes]
+    sent = history[0].force[:, axes]
     k = sent.shape[1]
     out = np.full(k, felt), np.full(k, np.nan), np.full(k, np.nan)
-    answer(history.t_ns, sent, from_ns, to_ns, dead_s, lag_s, *out)
+    answer(history[0].t_ns, sent, from_ns, to_ns, dead_s, lag_s, *out)
     return out
 
 
@@ -29,11 +30,11 @@ def test_answer_agrees_with_small_steps_through_many_commands() -> None:
     history = no_history(1)
     for k in range(40):
         history = remember(history, k * 10_000_000, rng.normal(size=(1, 4)))
-    sent, dead_s, lag_s = history.force[:, 0, 1], 0.037, 0.06
+    sent, dead_s, lag_s = history[0].force[:, 1], 0.037, 0.06
     (felt,), (speed,), (travel,) = answered(history, slice(1, 2), 50_000_000, 350_000_000, dead_s, lag_s, 0.3)
     f, v, x, dt_ns = 0.3, 0.0, 0.0, 10_000
     for t_ns in range(50_000_000, 350_000_000, dt_ns):
-        index = np.searchsorted(history.t_ns, t_ns - int(dead_s * 1e9), side="right") - 1
+        index = np.searchsorted(history[0].t_ns, t_ns - int(dead_s * 1e9), side="right") - 1
         f += dt_ns * 1e-9 / lag_s * (sent[index] - f)
         x += dt_ns * 1e-9 * v
         v += dt_ns * 1e-9 * f
@@ -42,7 +43,7 @@ def test_answer_agrees_with_small_steps_through_many_commands() -> None:
 
 def test_nothing_sent_is_nothing_felt() -> None:
     history = no_history(2)
-    assert history.t_ns[0] == NEVER_NS
+    assert history[0].t_ns[0] == NEVER_NS
     for numbers in answered(history, slice(0, 3), 0, 10**9, 0.1, 0.05, 0.0):
         assert not numbers.any()
 
@@ -51,5 +52,5 @@ def test_remember_forgets_the_oldest() -> None:
     history = no_history(1)
     for k in range(300):
         history = remember(history, k, np.full((1, 4), float(k)))
-    assert history.t_ns[-1] == 299
-    assert history.t_ns[0] == 300 - len(history.t_ns)
+    assert history[0].t_ns[-1] == 299
+    assert history[0].t_ns[0] == 300 - len(history[0].t_ns)

@@ -7,7 +7,7 @@ from drone_agent.simulation.level_error import LevelError
 from sim import lockstep
 from sim.scenario import TrueVehicle, load
 
-OTHERWISE = "answers otherwise than its profile says"
+OTHERWISE = "model mismatch"
 
 
 def test_a_leader_is_held_as_well_as_its_followers_though_its_idea_of_level_wanders() -> None:

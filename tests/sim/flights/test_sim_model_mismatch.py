@@ -7,7 +7,7 @@ from formation.vehicle.profile import PAPER_40G
 from sim import lockstep
 from sim.scenario import Scenario, TrueVehicle, load
 
-TOLD = "hover: answers otherwise than its profile says"
+TOLD = "hover: model mismatch"
 
 
 def _tense() -> Scenario:
@@ -35,5 +35,5 @@ def test_a_drone_that_asks_too_much_of_its_motors_does_not_swing_from_stop_to_st
 
 def test_a_drone_that_is_as_its_profile_says_is_trusted_in_the_same_gust() -> None:
     _, flight = lockstep.run_and_load(load("hover_gust"), 1)
-    assert flight.state.column(lambda m: m.misfit[1]).max() < 0.3
+    assert flight.state.column(lambda m: m.model_mismatch[1]).max() < 0.3
     assert TOLD not in [event.text for event in flight.events.messages]

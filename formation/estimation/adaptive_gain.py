@@ -1,0 +1,85 @@
+"""The innovation-adaptive gain: what tells a disturbance from measurement noise, and how much faster to observe then.
+
+gain = sqrt(1 + innovation^2 / (threshold^2 noise^2 + mean_share * mean square)), at most `most`: 1 while the filtered
+innovation is no more than is expected of it.
+"""
+
+from math import exp, sqrt
+
+import numpy as np
+
+from formation.estimation.settings import ObserverSettings
+from formation.estimation.state import VehicleEstimate
+from formation.maths.arrays import Float
+from formation.maths.kernel import kernel
+from formation.vehicle.response import SECONDS
+
+NOISE_LEAST_M = 2e-5  # of a position: the least believed
+NOISE_LAG_S, NOISE_SPAN_S = 0.5, 0.2  # how slowly it is learned, from how close frames
+MEAN_LAG_S = 3.0
+
+
+@kernel
+def adaptive_gain(innovation: float, expected: float, most: float) -> float:
+    """1 while the filtered innovation is no more than is expected of it, growing with it, at most `most`."""
+    ratio = innovation / expected
+    return min(sqrt(1.0 + ratio * ratio), most)
+
+
+@kernel
+def extrapolation_error(times_s: Float, values: Float, t_s: float, y: float) -> tuple[float, float]:
+    """How far y at t_s lies off the parabola through three earlier points, and its variance per unit of noise.
+
+    Smooth motion cancels, whatever the spacing of the stamps; what is left is measurement noise.
+    """
+    error, gain = y, 1.0
+    for i in range(3):
+        weight = 1.0
+        for j in range(3):
+            if j != i:
+                weight *= (t_s - times_s[j]) / (times_s[i] - times_s[j])
+        error -= weight * values[i]
+        gain += weight * weight
+    return error, gain
+
+
+@kernel
+def learn_noise(z: VehicleEstimate, to_ns: int, pos_lab_m: Float) -> None:
+    """Learns the variance of the measured position from what smooth motion cannot explain."""
+    span_s = (to_ns - z.recent_ns[0]) * SECONDS
+    if span_s < NOISE_SPAN_S:
+        times = np.zeros(3)
+        for k in range(3):
+            times[k] = (z.recent_ns[k] - to_ns) * SECONDS
+        square, gain = 0.0, 1.0
+        for axis in range(3):
+            error, gain = extrapolation_error(times, z.recent_m[:, axis], 0.0, pos_lab_m[axis])
+            square += error * error / gain
+        share = min(span_s / (3.0 * NOISE_LAG_S), 1.0)
+        z.noise_var_m2 += share * (min(square / 3.0, 9.0 * z.noise_var_m2) - z.noise_var_m2)
+        z.noise_var_m2 = max(z.noise_var_m2, NOISE_LEAST_M * NOISE_LEAST_M)
+    for k in range(3):
+        z.recent_ns[k] = z.recent_ns[k + 1] if k < 2 else to_ns
+        for axis in range(3):
+            z.recent_m[k, axis] = z.recent_m[k + 1, axis] if k < 2 else pos_lab_m[axis]
+
+
+@kernel
+def adapt(z: VehicleEstimate, pos_lab_m: Float, model: Float, dt_s: float, settings: ObserverSettings) -> None:
+    """Filters the innovation and sets the gain: one for both horizontal axes, so that turning changes nothing.
+
+    model (3): modelled acceleration, mean over the step. A vehicle that is only observed has no model of its climbing
+    either: there the height counts too.
+    """
+    adaptation = settings.adaptation
+    share = 1.0 - exp(-dt_s / adaptation.lag_s)
+    square = 0.0
+    for axis in range(2 if settings.place >= 0 else 3):
+        ahead = z.pos_lab_m[axis] + dt_s * (z.vel_lab_m_s[axis] + 0.5 * dt_s * (model[axis] + z.dist_lab_m_s2[axis]))
+        z.innovation_m[axis] += share * (pos_lab_m[axis] - ahead - z.innovation_m[axis])
+        square += z.innovation_m[axis] * z.innovation_m[axis]
+    z.innovation_var_m2 += (1.0 - exp(-dt_s / MEAN_LAG_S)) * (square - z.innovation_var_m2)
+    threshold2 = adaptation.threshold * adaptation.threshold
+    noise = threshold2 * z.noise_var_m2 * dt_s / (2.0 * adaptation.lag_s + dt_s)
+    expected = sqrt(noise + adaptation.mean_share * z.innovation_var_m2)
+    z.adaptive_gain = adaptive_gain(sqrt(square), expected, adaptation.most)

@@ -1,0 +1,101 @@
+from collections.abc import Callable
+from math import asin, cos, sin
+
+import pytest
+
+from formation.estimation.model_mismatch import MISMATCH_BAD, MISMATCH_FAIR, SHIFT_MOST, judge_answer
+from formation.estimation.settings import ObserverSettings
+from formation.estimation.state import VehicleEstimate
+from formation.maths.records import blank
+from formation.vehicle.body import GRAVITY_M_S2
+from formation.vehicle.response import NEVER_NS, SentCommands
+
+MS = 1_000_000
+DT_S = 0.01
+
+
+def _hovering() -> VehicleEstimate:
+    """One vehicle that hovers."""
+    z = blank(VehicleEstimate, 1)[0]
+    z.thrust_m_s2, z.thrust_scale = GRAVITY_M_S2, 1.0
+    return z
+
+
+def _believed() -> ObserverSettings:
+    """A dead time and a lag of 50 ms."""
+    settings = blank(ObserverSettings, 1)[0]
+    settings.nominal_dead_s = settings.nominal_lag_s = 0.05
+    return settings
+
+
+def _sent(commands: list[tuple[int, float]]) -> SentCommands:
+    """What was sent when, ns and m/s^2 along x; nothing before the first."""
+    sent = blank(SentCommands, 1)[0]
+    sent.t_ns[:] = NEVER_NS
+    sent.t_ns[-len(commands) :] = [t_ns for t_ns, _ in commands]
+    sent.force[-len(commands) :, 0] = [force for _, force in commands]
+    return sent
+
+
+def _ordered(t_s: float) -> float:
+    """Specific force asked for sideways, m/s^2: a hard swing of two tones."""
+    return 3.0 * sin(9.0 * t_s) + 2.0 * sin(14.0 * t_s + 1.0)
+
+
+def _judged(dead_s: float, lag_s: float, limit: Callable[[float], float] = lambda rate: rate) -> tuple[float, float]:
+    """Mismatch and shift, s, seen after eight seconds of a vehicle with this response.
+
+    limit: what becomes of its force's rate of change, m/s^3.
+    """
+    z, felt, fine = _hovering(), 0.0, 10
+    sent: list[tuple[int, float]] = []
+    for k in range(800):
+        sent.append((k * 10 * MS, _ordered(k * DT_S)))
+        for j in range(fine):
+            t_s = k * DT_S + j * DT_S / fine - dead_s
+            felt += DT_S / fine * limit((_ordered(t_s - t_s % DT_S if t_s > 0.0 else 0.0) - felt) / lag_s)
+        half = 0.5 * asin(felt / GRAVITY_M_S2)
+        z.q_lab_from_flu[:] = cos(half), 0.0, sin(half), 0.0
+        judge_answer(z, k * 10 * MS, (k + 1) * 10 * MS, True, _believed(), _sent(sent[-64:]))
+    return float(z.model_mismatch), float(z.delay_shift_s)
+
+
+def test_a_vehicle_that_answers_as_its_profile_says_fits() -> None:
+    mismatch, shift_s = _judged(0.05, 0.05)
+    assert mismatch < 0.03
+    assert abs(shift_s) < 0.002
+
+
+@pytest.mark.parametrize(("dead_s", "lag_s", "expected_s"), [
+    (0.07, 0.05, -0.020), (0.03, 0.05, 0.020),
+    (0.05, 0.07, -0.012), (0.05, 0.03, 0.016),  # of phase: (atan(0.05 w) - atan(lag w)) / w, at w 14 and 9 rad/s
+])  # fmt: skip
+def test_an_answer_that_is_late_or_early_is_a_shift_and_no_mismatch(
+    dead_s: float, lag_s: float, expected_s: float
+) -> None:
+    mismatch, shift_s = _judged(dead_s, lag_s)
+    assert mismatch < 0.3 * MISMATCH_FAIR
+    assert shift_s == pytest.approx(expected_s, abs=0.003)
+
+
+def test_a_shift_is_counted_on_only_so_far() -> None:
+    assert _judged(0.10, 0.05)[1] == pytest.approx(-SHIFT_MOST * 0.1)
+
+
+def test_a_vehicle_whose_motors_cannot_follow_does_not_fit_and_has_no_shift() -> None:
+    mismatch, shift_s = _judged(0.05, 0.05, lambda rate: min(max(rate, -10.0), 10.0))
+    assert mismatch > MISMATCH_BAD
+    assert shift_s == 0.0
+
+
+def test_a_lasting_lean_that_answers_no_command_is_a_disturbance_and_no_mismatch() -> None:
+    z = _hovering()
+    leaned = 0.15  # m/s^2: what a degree of an autopilot's error of level makes of gravity
+    half = 0.5 * asin(leaned / GRAVITY_M_S2)
+    z.q_lab_from_flu[:] = cos(half), 0.0, sin(half), 0.0
+    z.specific_force_lab_m_s2[0] = leaned
+    for k in range(400):
+        judge_answer(z, k * 10 * MS, (k + 1) * 10 * MS, True, _believed(), _sent([(0, 0.0)]))
+        assert z.specific_force_lab_m_s2[0] + z.dist_lab_m_s2[0] == pytest.approx(leaned)
+    assert z.dist_lab_m_s2[0] == pytest.approx(leaned, rel=0.01)
+    assert z.model_mismatch < 0.2

@@ -65,9 +65,13 @@ def copied(some: Rows[T]) -> Rows[T]:
     return out
 
 
-@cache
 def dtype_of(cls: Any) -> np.dtype[Any]:
     """The layout of a record: 64-bit numbers and flags, aligned, in the order of its fields. TypeError for others."""
+    return _record(cls)
+
+
+@cache
+def _record(cls: Any) -> np.dtype[Any]:
     return np.dtype((np.record, _struct(cls)))
 
 

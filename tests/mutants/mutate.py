@@ -46,7 +46,7 @@ from mutations import Change, changed, changes  # noqa: E402
 PACKAGE, TESTS = ROOT / "formation", "tests/formation"
 LEFT_OUT = ("maths/kernel.py", "control/warm_up.py", "topics.py")
 """How kernels are compiled, which does not happen here; and names."""
-SLOWEST_S = 10.0  # of a test that is asked, traced; flights in a closed loop take minutes without a compiler
+SLOWEST_S = 4.0  # of a test that is asked, traced; flights in a closed loop take minutes without a compiler
 PATIENCE = 2.0  # times as long as the tests took, traced, on top of LIMIT_S: an endless loop is noticed, too
 LIMIT_S = 30.0
 FORK = get_context("fork")
@@ -114,7 +114,7 @@ def main() -> int:
     os.environ["HYPOTHESIS_STORAGE_DIRECTORY"] = tempfile.mkdtemp(prefix="hypothesis-")
     tests = _coverage(options.map, options.quiet)
     drawn = _named(tests) if options.named else _drawn(tests, options)
-    null = Mutant("nothing changed", "formation/nothing.py", compile("", "", "exec"), _quick(tests), 600.0)
+    null = Mutant("nothing changed", "formation/nothing.py", compile("", "", "exec"), _quick(tests)[:100], 600.0)
     _preload()
     broken = _run(null)
     if broken.killer:

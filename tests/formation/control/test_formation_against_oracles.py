@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from formation_rig import Look, flown, foretold, oracle
+from oracle_estimator import age_s
 from oracle_frames import rotation_matrix
 from oracle_stack import CIRCLE, IDLE, POINT, SLOT, Circle, Task
 
@@ -39,7 +40,7 @@ def lab(sysid: int | None, limits: LimitsConfig = ROOM) -> LabConfig:
 
 
 def looks(
-    seed: int, ticks: int = 30, missed: bool = True, size: float = 1.0, places: np.ndarray = PLACES
+    seed: int, ticks: int = 24, missed: bool = True, size: float = 1.0, places: np.ndarray = PLACES
 ) -> list[Look]:
     """Three bodies that swing along all axes, tilt and turn; stamps uneven, one in ten frames without one body."""
     rng = np.random.default_rng(seed)
@@ -73,7 +74,7 @@ def same(stages: list, told: list, atol: float = 1e-6) -> None:
             "yaw": (one.state.yaw_rad, [e.heading[0] for e in other.known]),
             "yaw rate": (one.state.yaw_rate_rad_s, [e.heading[1] for e in other.known]),
             "yaw acceleration": (one.state.yaw_acc_rad_s2, other.turning),
-            "age": (one.state.age_s, [(e.t_ns - e.seen_ns) * 1e-9 for e in other.known]),
+            "age": (one.state.age_s, [age_s(e) for e in other.known]),
             "mismatch": (one.state.misfit, [e.mismatch for e in other.known]),
             "slot": (one.reference.slot_lead_m, [slot[0, :3] for slot, _ in other.references]),
             "slot velocity": (one.reference.slot_vel_lead_m_s, [slot[1, :3] for slot, _ in other.references]),
@@ -115,7 +116,8 @@ class Case:
     limits: LimitsConfig = ROOM
     size: float = 1.0
     places: tuple[tuple[float, float, float], ...] = ()
-    ticks: int = 30
+    ticks: int = 24
+    unseen_until: int = 0  # the last body
 
 
 def joined(k: int, speed: float = 0.6) -> Task:
@@ -162,6 +164,9 @@ CASES = {
     "PID": Case((PAPER_40G, PX4_QUAD, PAPER_40G), SLOW_PID, LEADING),
     "geometric": Case((PAPER_40G, PX4_QUAD, ARDUCOPTER_QUAD), GEOMETRIC, LEADING),
     "beside a wall, near each other, fast": Case((STOUT, PX4_QUAD, PAPER_40G), LIVELY, POINTS, 1, TIGHT, 8.0),
+    "one comes late": Case(
+        (PX4_QUAD, PAPER_40G, STOUT), DEFAULT, (*BEHIND_SEEN[:1], Task(POINT)), None, unseen_until=4
+    ),
     "stacked": Case((PX4_QUAD, PAPER_40G, STOUT), DEFAULT, POINTS, 1, TIGHT, 3.0, NEAR),
 }
 
@@ -172,6 +177,8 @@ def test_every_message_is_as_eqs_2_to_7_foretell(name: str) -> None:
     case = CASES[name]
     config = lab(case.sysid, case.limits)
     seen = looks(7, case.ticks, size=case.size, places=np.array(case.places or PLACES))
+    for k in range(case.unseen_until):
+        seen[k] = replace(seen[k], seen=np.array([True, True, False]))
     start_ns = seen[0].t_ns + 40_000_000
     hover = np.array([1.1, 0.9, 1.2])[-len(case.tasks) :] * [case.bodies[i].hover_thrust_norm for i in config.commanded]
     plan = Plan(tuple(_leg(task) for task in case.tasks), configured(config), start_ns)

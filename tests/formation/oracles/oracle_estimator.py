@@ -65,7 +65,7 @@ class Estimate:
     pos: np.ndarray
     r: np.ndarray
     heading: np.ndarray
-    seen_ns: int
+    seen_ns: int | None
     vel: np.ndarray = field(default_factory=lambda: np.zeros(3))
     dist: np.ndarray = field(default_factory=lambda: np.zeros(3))
     force: np.ndarray = field(default_factory=lambda: np.zeros(3))
@@ -87,10 +87,10 @@ class Estimate:
     shift_s: float = 0.0
 
 
-def begun(t_ns: int, pos: np.ndarray, q: np.ndarray, hovers: bool) -> Estimate:
+def begun(t_ns: int, pos: np.ndarray, q: np.ndarray, hovers: bool, seen: bool) -> Estimate:
     """At rest where the first frame has it."""
     r = rotation_matrix(q)
-    known = Estimate(t_ns, pos.copy(), r, np.array([heading_of(r), 0.0, 0.0]), t_ns)
+    known = Estimate(t_ns, pos.copy(), r, np.array([heading_of(r), 0.0, 0.0]), t_ns if seen else None)
     if hovers:
         known.force, known.lift = np.array([0.0, 0.0, G]), G
     return known
@@ -243,6 +243,11 @@ def _heading(k: Estimate, has: Traits, seen: bool, dt: float, turn: float) -> No
         w *= k.mu_turn**has.adaptive.power
     gains = has.heading
     k.heading = fteso_backward(k.heading, ahead + miss, turn, dt, w, gains.a, gains.e0, gains.smooth)
+
+
+def age_s(k: Estimate) -> float:
+    """Since it was last seen; for ever, if never."""
+    return np.inf if k.seen_ns is None else (k.t_ns - k.seen_ns) * SECONDS
 
 
 def acceleration(k: Estimate, has: Traits) -> np.ndarray:

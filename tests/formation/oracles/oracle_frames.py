@@ -28,7 +28,7 @@ def axis_angle(axis: np.ndarray, angle: float) -> np.ndarray:
 
 
 def attitude_matrix(force: np.ndarray, yaw: float) -> np.ndarray:
-    """R_lab_from_flu, z_b along the force, x_b in the vertical plane of the heading (Mellinger and Kumar 2011)."""
+    """R_lab_from_flu, z_b along the force, the heading's axis in the x_b-z_b plane (Mellinger and Kumar 2011)."""
     z_b = force / np.linalg.norm(force)
     y_b = np.cross(z_b, [np.cos(yaw), np.sin(yaw), 0.0])
     y_b = y_b / np.linalg.norm(y_b)

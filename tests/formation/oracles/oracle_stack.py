@@ -91,7 +91,7 @@ class OracleStack:
     ) -> Told:  # fmt: skip
         first = not self.known
         if first:
-            self._begin(t_ns, pos, q)
+            self._begin(t_ns, pos, q, seen)
         else:
             self._observe(t_ns, pos, q, seen)
         motions = [self._motion(n) for n in range(len(self.traits))]
@@ -119,9 +119,9 @@ class OracleStack:
         self.turn[self.own] = [to_lab(*r)[2, 3] for r in references]
         return Told(self.known, accelerations, turns, demands, targets, references)
 
-    def _begin(self, t_ns: int, pos: np.ndarray, q: np.ndarray) -> None:
+    def _begin(self, t_ns: int, pos: np.ndarray, q: np.ndarray, seen: np.ndarray) -> None:
         flies = dict(zip(self.own, [task.kind != IDLE for task in self.tasks], strict=True))
-        self.known = [begun(t_ns, p, r, flies.get(n, False)) for n, (p, r) in enumerate(zip(pos, q, strict=True))]
+        self.known = [begun(t_ns, pos[n], q[n], flies.get(n, False), bool(seen[n])) for n in range(len(pos))]
         hover = [np.array([0.0, 0.0, G, G]) * flies[n] for n in self.own]
         self.sent_ns, self.sent = [-(1 << 60), t_ns - 10**9], [np.zeros((len(self.own), 4)), np.array(hover)]
 
@@ -132,6 +132,8 @@ class OracleStack:
             mine = sent[:, i] if i is not None else sent[:, 0]
             airborne = i is not None and self.led[i].airborne
             poses = (pos[n], q[n]) if seen[n] else (None, None)
+            if seen[n] and k.seen_ns is None:
+                k = self.known[n] = begun(k.t_ns, pos[n], q[n], k.lift > 0.0, True)
             update(k, has, t_ns, *poses, airborne, float(self.turn[n]), times, mine)
 
     def _motion(self, n: int) -> Motion:

@@ -198,7 +198,8 @@ def _named(tests: dict[str, Any]) -> list[Mutant]:
     """The changes of named.toml: a text of a file that becomes another."""
     mutants = []
     for entry in tomllib.loads((HERE / "named.toml").read_text(encoding="utf-8"))["mutant"]:
-        found = [f for f in _sources() if entry["old"] in f.read_text(encoding="utf-8")]
+        among = [ROOT / entry["file"]] if "file" in entry else _sources()
+        found = [f for f in among if entry["old"] in f.read_text(encoding="utf-8")]
         texts = [f.read_text(encoding="utf-8") for f in found]
         if len(found) != 1 or texts[0].count(entry["old"]) != 1:
             raise SystemExit(f"named.toml: {entry['name']}: {entry['old']!r} is not there exactly once")
@@ -206,8 +207,8 @@ def _named(tests: dict[str, Any]) -> list[Mutant]:
         first = source[: source.index(entry["old"])].count("\n") + 1
         code = compile(source.replace(entry["old"], entry["new"]), str(found[0]), "exec")
         span = (first, first + entry["old"].count("\n"))
-        asked = _quick(tests, file, span, "called" not in entry)
-        mutants.append(Mutant(entry["name"], file, code, asked, _limit(tests, asked)))
+        asked = (entry["tests"],) if "tests" in entry else _quick(tests, file, span)
+        mutants.append(Mutant(entry["name"], file, code, asked, LIMIT_S if "tests" in entry else _limit(tests, asked)))
     return mutants
 
 

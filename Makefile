@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 ARGS ?=
 
-.PHONY: fly test fuzz rooms check setup format clean
+.PHONY: fly test fuzz rooms mutants check setup format clean
 
 fly: $(VENV)/.fly
 	$(BIN)/gcs-sim fly $(ARGS)
@@ -28,6 +28,11 @@ fuzz: $(VENV)/.fly
 # Every shipped scenario in five rooms of turned cameras.
 rooms: $(VENV)/.fly
 	$(BIN)/python tests/sim/sim_rooms.py $(ARGS)
+
+# Small wrong changes of formation/, one at a time, which its unit tests must notice: a fixed list, then drawn ones.
+mutants: $(VENV)/.test
+	$(BIN)/python tests/mutants/mutate.py --named
+	$(BIN)/python tests/mutants/mutate.py $(ARGS)
 
 check: setup
 	$(BIN)/ruff format --check .
@@ -62,4 +67,4 @@ $(VENV)/.check: $(VENV)/.test
 	touch $@
 
 clean:
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis runs
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .mutants runs

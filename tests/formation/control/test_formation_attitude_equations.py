@@ -1,0 +1,128 @@
+"""Attitude, body rates and bounds of a force, against rotation matrices and numerical derivatives."""
+
+import numpy as np
+import pytest
+from oracle_attitude import Airframe, Bounds, apart, authority_of, bounded, inside, turned
+from oracle_estimator import G
+from oracle_frames import attitude_matrix, rotation_matrix
+
+from formation.control.attitude import attitude_of, body_rates, bound_force, bound_turn, turn_authority
+from formation.control.limits import keep_apart, keep_inside
+from formation.vehicle.profile import ARDUCOPTER_QUAD, PAPER_40G, PX4_QUAD
+
+RNG = np.random.default_rng(11)
+FORCES = [np.array([*RNG.uniform(-8.0, 8.0, 2), RNG.uniform(4.0, 14.0)]) for _ in range(12)]
+YAWS = np.linspace(-3.1, 3.1, 12)
+
+
+def attitude(force: np.ndarray, yaw: float) -> np.ndarray:
+    q = np.empty(4)
+    attitude_of(*force, yaw, q)
+    assert q[0] >= 0.0
+    assert np.linalg.norm(q) == pytest.approx(1.0)
+    return q
+
+
+@pytest.mark.parametrize(("force", "yaw"), list(zip(FORCES, YAWS, strict=True)))
+def test_attitude_is_the_matrix_with_z_along_the_force(force: np.ndarray, yaw: float) -> None:
+    np.testing.assert_allclose(rotation_matrix(attitude(force, yaw)), attitude_matrix(force, yaw), atol=1e-12)
+
+
+@pytest.mark.parametrize(("force", "yaw"), list(zip(FORCES, YAWS, strict=True)))
+def test_eq_1_gives_the_demanded_acceleration_back(force: np.ndarray, yaw: float) -> None:
+    """x'' = (cos phi sin theta cos psi + sin phi sin psi) T/m and so on, with the angles of that attitude."""
+    r = rotation_matrix(attitude(force, yaw))
+    phi, theta, psi = np.arctan2(r[2, 1], r[2, 2]), -np.arcsin(r[2, 0]), np.arctan2(r[1, 0], r[0, 0])
+    thrust = np.linalg.norm(force)
+    acc = thrust * np.array([
+        np.cos(phi) * np.sin(theta) * np.cos(psi) + np.sin(phi) * np.sin(psi),
+        np.cos(phi) * np.sin(theta) * np.sin(psi) - np.sin(phi) * np.cos(psi),
+        np.cos(phi) * np.cos(theta),
+    ])  # fmt: skip
+    np.testing.assert_allclose(acc, force, atol=1e-9)
+    assert abs(r[:, 1] @ [np.cos(yaw), np.sin(yaw), 0.0]) < 1e-12  # the heading's axis lies in the body's x-z plane
+
+
+@pytest.mark.parametrize(("force", "yaw"), list(zip(FORCES, YAWS, strict=True)))
+def test_roll_and_pitch_rate_feed_forward_are_the_attitudes_derivative(force: np.ndarray, yaw: float) -> None:
+    """[w]x = R^T R' of the attitude along a changing force, by central differences; yaw stands still."""
+    force_rate, h, rate = np.array([3.0, -5.0, 2.0]), 1e-6, np.empty(3)
+    body_rates(force, force_rate, yaw, 0.0, rate)
+    ahead, behind = (attitude_matrix(force + k * h * force_rate, yaw) for k in (1, -1))
+    spin = attitude_matrix(force, yaw).T @ (ahead - behind) / (2.0 * h)
+    np.testing.assert_allclose(rate[:2], [spin[2, 1], spin[0, 2]], atol=1e-7)
+
+
+def test_yaw_rate_feed_forward_is_the_turn_about_the_lifted_axis() -> None:
+    """Of a turn about the lab's z by psi', the body's own z axis sees psi' cos(tilt)."""
+    force, rate = np.array([3.0, 1.0, 9.0]), np.empty(3)
+    body_rates(force, np.zeros(3), 0.4, 1.5, rate)
+    np.testing.assert_allclose(rate, [0.0, 0.0, 1.5 * 9.0 / np.linalg.norm(force)], atol=1e-12)
+
+
+@pytest.mark.parametrize("force", [*FORCES, np.array([1.0, 2.0, 2.0]), np.array([30.0, 1.0, 25.0])])
+@pytest.mark.parametrize(("lift_most", "tilt"), [(15.0, 0.5), (11.0, 1.1), (30.0, 0.2)])
+def test_tilt_and_thrust_bounds_put_height_before_sideways(force: np.ndarray, lift_most: float, tilt: float) -> None:
+    mine = force.copy()
+    bits = bound_force(mine, lift_most, tilt)
+    expected, met = bounded(force, lift_most, tilt)
+    np.testing.assert_allclose(mine, expected, rtol=1e-12)
+    assert bits == met
+    assert np.linalg.norm(mine) <= lift_most + 1e-9
+    assert np.hypot(mine[0], mine[1]) <= mine[2] * np.tan(tilt) + 1e-9
+
+
+@pytest.mark.parametrize("body", [PAPER_40G, PX4_QUAD, ARDUCOPTER_QUAD], ids=lambda b: b.name)
+def test_turn_authority_is_torque_over_inertia_over_the_loops_gains(body) -> None:
+    same = Airframe(
+        body.mass_kg, body.inertia_kg_m2, body.wheelbase_m, body.thrust_curve, body.attitude_p_1_s, body.yaw_p_1_s,
+        body.rate_p_1_s, body.rate_max_rad_s, body.rate_feed_forward,
+    )  # fmt: skip
+    assert turn_authority(body) == pytest.approx(authority_of(same))
+
+
+@pytest.mark.parametrize("force", FORCES)
+def test_a_turn_stays_within_the_motors_torque(force: np.ndarray) -> None:
+    now = np.array([0.7, -0.4, 9.0])
+    for authority, full in ((0.02, 20.0), (0.05, 12.0), (1.0, 20.0), (0.02, 5.0)):
+        mine = force.copy()
+        bound_turn(mine, now, authority, full)
+        np.testing.assert_allclose(mine, turned(force, now, authority, full), rtol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_the_fence_bounds_each_axis_as_braking_needs(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    low, high = np.array([-1.0, -1.5, 0.0]), np.array([1.2, 0.9, 1.4])
+    motion, acc = np.zeros((3, 4)), rng.normal(size=3) * [9.0, 12.0, 7.0]
+    motion[0, :3], motion[1, :3] = rng.uniform(-1.6, 1.6, 3), rng.uniform(-2.0, 2.0, 3)
+    expected, met = inside(motion, acc, Bounds(0.5, 0.2, low, high, 0.07))
+    mine = acc.copy()
+    assert keep_inside(motion, low, high, 0.07, mine) == met
+    np.testing.assert_allclose(mine, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_repulsion_pushes_straight_away_along_x_and_y(seed: int) -> None:
+    """20 m/s^2 per metre missing of 1.5 separations, horizontal unless stacked; four bodies, the third is asked."""
+    rng = np.random.default_rng(seed)
+    pos = rng.uniform(-0.4, 0.4, (4, 3)) * [1.0, 0.8, 1.2]
+    if seed % 3 == 0:
+        pos[:, :2] *= 0.1
+    vehicle, acc = np.array([0, 2, 3]), np.array([0.1, -0.2, 0.3])
+    mine = acc.copy()
+    push, met = apart(2, pos, pos[2] + 0.01, 0.4, 1.5)
+    assert keep_apart(1, vehicle, pos, pos[2] + 0.01, 0.4, mine) == met
+    np.testing.assert_allclose(mine, acc + push, rtol=1e-12)
+    assert met == 0 or mine[2] == acc[2]
+
+
+def test_those_exactly_above_each_other_part_along_x() -> None:
+    pos = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.2]])
+    pushes = []
+    for i in range(2):
+        acc = np.zeros(3)
+        keep_apart(i, np.array([0, 1]), pos, pos[i], 0.4, acc)
+        pushes.append(acc)
+    np.testing.assert_allclose(pushes, [[-8.0, 0.0, 0.0], [8.0, 0.0, 0.0]])
+    assert G == 9.8

@@ -1,0 +1,133 @@
+"""Where oracles and the product meet: presets and profiles told to the oracles, and the same frames for both."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from oracle_attitude import Airframe, Bounds
+from oracle_estimator import Adaptive, Observer, Traits
+from oracle_law import Flight, Law, Quick, cascade, geometric, sliding, smc
+from oracle_stack import OracleStack, Task, Told
+
+from formation.config import PERSONAL_SPACE, LabConfig
+from formation.control.composite_law import Quickness
+from formation.control.feedback import AxisGains, CascadeGains, GeometricGains, SlidingGains
+from formation.control.feedback import Law as Named
+from formation.control.presets import Preset
+from formation.control.stack import ControlStack, Stages
+from formation.estimation.state import ObserverGains, Vigilance
+from formation.guidance.plan import Plan
+from formation.messages import LabFrame
+from formation.vehicle.profile import VehicleProfile
+
+
+def observer(gains: ObserverGains) -> Observer:
+    return Observer(gains.bandwidth_rad_s, gains.alpha, gains.scale, gains.smooth)
+
+
+def adaptive(gains: Vigilance) -> Adaptive:
+    return Adaptive(gains.lag_s, gains.threshold, gains.most, gains.bandwidth_power, gains.habit)
+
+
+def quick(gains: Quickness) -> Quick:
+    return Quick(gains.rate, gains.gain, gains.gain_power, gains.p1_power, gains.lead_share)
+
+
+def law(gains: AxisGains, speed_max: float) -> Law:
+    match gains:
+        case CascadeGains():
+            return cascade(gains.kp_position, gains.kp, gains.ki, gains.kd, speed_max)
+        case GeometricGains():
+            return geometric(gains.kx, gains.kv, gains.ki, gains.mix, gains.bound, speed_max)
+        case SlidingGains(law=Named.SMC):
+            return smc(gains.c, gains.k, speed_max)
+    return sliding(gains.c, gains.p1, gains.p2, gains.eps, gains.smooth_m_s, speed_max, gains.law is Named.CFC)
+
+
+def traits(gains: Preset, body: VehicleProfile, leads: bool, commanded: bool) -> Traits:
+    """What the observers of a vehicle in this role are told."""
+    horizontal = gains.own_observer if leads else gains.observer
+    return Traits(
+        commanded=commanded,
+        horizontal=observer(horizontal if commanded else gains.seen_observer),
+        vertical=observer(gains.vertical_observer if commanded else gains.seen_vertical_observer),
+        heading=observer(gains.heading_observer if commanded else gains.seen_heading_observer),
+        attitude=(gains.dead_share * body.response_dead_time_s, gains.lag_share * body.response_lag_s),
+        thrust=(body.thrust_dead_time_s, body.thrust_lag_s),
+        belief=(body.response_dead_time_s, body.response_lag_s),
+        adaptive=adaptive(gains.vigilance if commanded else gains.seen_vigilance),
+        strength_lag_s=gains.strength_lag_s,
+        attitude_trust=gains.attitude_trust,
+        tilt_w=gains.tilt_w_rad_s,
+        tilt_decay=gains.tilt_decay_1_s,
+        quiet_m=gains.quiet_m,
+        quiet_rad=gains.quiet_rad,
+        turn_trust=gains.turn_trust,
+    )
+
+
+def flight(gains: Preset, body: VehicleProfile, leads: bool, speed_max: float) -> Flight:
+    """The law of a commanded vehicle in this role."""
+    return Flight(
+        horizontal=law(gains.leader if leads else gains.follower, speed_max),
+        vertical=law(gains.leader_vertical if leads else gains.follower_vertical, speed_max),
+        compensate=leads or gains.compensate,
+        quick=quick(gains.leader_quickness if leads else gains.quickness),
+        turn_dead_s=body.thrust_dead_time_s,
+    )
+
+
+def airframe(body: VehicleProfile) -> Airframe:
+    return Airframe(
+        body.mass_kg, body.inertia_kg_m2, body.wheelbase_m, body.thrust_curve, body.attitude_p_1_s, body.yaw_p_1_s,
+        body.rate_p_1_s, body.rate_max_rad_s, body.rate_feed_forward,
+    )  # fmt: skip
+
+
+def oracle(
+    config: LabConfig, bodies: tuple[VehicleProfile, ...], gains: Preset, tasks: list[Task], path=None
+) -> OracleStack:
+    own, limits = list(config.commanded), config.limits
+    return OracleStack(
+        [traits(gains, body, n == 0, n in own) for n, body in enumerate(bodies)],
+        own,
+        [flight(gains, bodies[n], n == 0, limits.speed_m_s) for n in own],
+        [airframe(bodies[n]) for n in own],
+        tasks,
+        Bounds(limits.tilt_rad, limits.min_separation_m, np.array(limits.fence.low_m), np.array(limits.fence.high_m)),
+        PERSONAL_SPACE,
+        path,
+    )
+
+
+@dataclass(frozen=True)
+class Look:
+    """One frame and when the tick on it happens."""
+
+    now_ns: int
+    t_ns: int
+    pos: np.ndarray
+    q: np.ndarray
+    seen: np.ndarray
+
+
+def flown(
+    config: LabConfig,
+    bodies: tuple[VehicleProfile, ...],
+    gains: Preset,
+    plan: Plan,
+    looks: list[Look],
+    hover: np.ndarray,
+) -> list[Stages]:
+    """The product on these frames."""
+    stack, names = ControlStack(config, bodies, gains), tuple(v.body for v in config.vehicles)
+    return [
+        stack.step(k.now_ns, LabFrame(seq, k.t_ns, names, k.pos, k.q, k.seen), plan, hover)
+        for seq, k in enumerate(looks)
+    ]
+
+
+def foretold(stack: OracleStack, looks: list[Look], hover: np.ndarray) -> list[Told]:
+    """The oracle on the same frames; copies, for it changes its estimates in place."""
+    from copy import deepcopy
+
+    return [deepcopy(stack.step(k.now_ns, k.t_ns, k.pos, k.q, k.seen, hover)) for k in looks]

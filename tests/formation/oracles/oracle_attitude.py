@@ -1,0 +1,162 @@
+"""From demanded acceleration to attitude, body rates and thrust within the limits, in vectors. Imports no product."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from oracle_estimator import G, doubt
+from oracle_frames import attitude_matrix
+
+TILT, LOW, HIGH, FENCE, SEPARATION = 1, 2, 4, 16, 32
+
+
+@dataclass(frozen=True)
+class Airframe:
+    """What the inversion needs of a vehicle, SI."""
+
+    mass: float
+    inertia: tuple[float, float, float]
+    wheelbase: float
+    curve: float
+    attitude_p: float
+    yaw_p: float
+    rate_p: float
+    rate_max: float
+    by_rate: bool
+
+
+@dataclass(frozen=True)
+class Bounds:
+    tilt: float
+    separation: float
+    low: np.ndarray
+    high: np.ndarray
+    margin: float = 0.05
+
+
+@dataclass(frozen=True)
+class Target:
+    r: np.ndarray
+    rate: np.ndarray
+    thrust_norm: float
+    bits: int
+    sent: np.ndarray
+
+
+def norm_of(fraction: float, curve: float) -> float:
+    """u of (1 - k) u + k u^2 = fraction."""
+    if fraction <= 0.0:
+        return 0.0
+    roots = np.roots([curve, 1.0 - curve, -fraction])
+    return float(np.max(roots.real))
+
+
+def full_force(hover_norm: float, curve: float) -> float:
+    """Specific force of full thrust, if hover_norm hovers."""
+    u = float(np.clip(hover_norm, 0.05, 0.95))
+    return G / ((1.0 - curve) * u + curve * u**2)
+
+
+def apart(n: int, positions: np.ndarray, at: np.ndarray, separation: float, space: float) -> tuple[np.ndarray, int]:
+    """The push of all within `space` separations of vehicle n: 20 m/s^2 per metre that is missing, horizontal."""
+    push, bits = np.zeros(3), 0
+    for other, place in enumerate(positions):
+        away = at - place
+        distance = np.linalg.norm(away)
+        if other == n or distance >= space * separation:
+            continue
+        bits = SEPARATION
+        size = 20.0 * (space * separation - distance)
+        flat = np.array([away[0], away[1], 0.0])
+        if np.linalg.norm(flat) > 0.2 * distance:
+            push += size * flat / np.linalg.norm(flat)
+        else:
+            push += size * np.array([1.0 if other < n else -1.0, 0.0, 0.0])
+    return push, bits
+
+
+def inside(motion: np.ndarray, acc: np.ndarray, bounds: Bounds) -> tuple[np.ndarray, int]:
+    """No more acceleration towards a wall than lets the vehicle brake with 4 m/s^2 before it."""
+    acc, bits = acc.copy(), 0
+    for axis in range(3):
+        for outward, wall in ((-1.0, bounds.low[axis]), (1.0, bounds.high[axis])):
+            room = outward * (wall - motion[0, axis]) - bounds.margin
+            speed = outward * motion[1, axis]
+            if room > 0.0:
+                allowed = np.sqrt(2.0 * 4.0 * room)
+                most = 4.0 * (allowed - speed) - 4.0 * max(speed, 0.0) / allowed
+            else:
+                most = 4.0 * (4.0 * room - speed)
+            if outward * acc[axis] > most:
+                acc[axis], bits = outward * most, FENCE
+    return acc, bits
+
+
+def bounded(force: np.ndarray, lift_most: float, tilt: float) -> tuple[np.ndarray, int]:
+    """Height before sideways: 0.45 g to 0.88 of the lift, then what tilt and thrust leave."""
+    up = float(np.clip(force[2], 0.45 * G, 0.88 * lift_most))
+    bits = LOW if force[2] < up else HIGH if force[2] > up else 0
+    flat = force[:2]
+    most = min(up * np.tan(tilt), np.sqrt(lift_most**2 - up**2))
+    size = np.linalg.norm(flat)
+    if size > most:
+        flat, bits = flat * most / size, bits | TILT
+    return np.array([flat[0], flat[1], up]), bits
+
+
+def turned(force: np.ndarray, now: np.ndarray, authority: float, full: float) -> np.ndarray:
+    """Sideways no further from the force of now than the motors' torque can turn."""
+    gap = force[:2] - now[:2]
+    most = authority * force[2] * max(min(force[2], full - force[2]), 0.0)
+    size = np.linalg.norm(gap)
+    flat = now[:2] + gap * min(1.0, most / size) if size > 0.0 else force[:2]
+    return np.array([flat[0], flat[1], force[2]])
+
+
+def authority_of(body: Airframe) -> float:
+    """rad of attitude error per m/s^2 that asks for torque T/m x arm / J: motors can stop or double."""
+    arm = 0.5 * body.wheelbase * np.cos(np.pi / 4.0)
+    return float(arm * body.mass / max(body.inertia[:2]) / (body.attitude_p * body.rate_p))
+
+
+def flat_rates(force: np.ndarray, force_rate: np.ndarray, yaw: float, yaw_rate: float) -> np.ndarray:
+    """Body rates of the attitude along a changing force: w = z x z' (horizontal axes), and yaw' along z."""
+    r = attitude_matrix(force, yaw)
+    z = r[:, 2]
+    z_rate = (np.eye(3) - np.outer(z, z)) @ force_rate / np.linalg.norm(force)
+    turn = np.cross(z, z_rate)
+    return np.array([r[:, 0] @ turn, r[:, 1] @ turn, yaw_rate * z[2]])
+
+
+def waiting(body: Airframe, yaw: float, waited_s: float, full: float) -> Target:
+    """On the floor: level, thrust rising until it lifts."""
+    lift = G * min(0.2 + 0.9 * waited_s, 1.9)
+    r = attitude_matrix(np.array([0.0, 0.0, 1.0]), yaw)
+    thrust = norm_of(min(lift / full, 1.0), body.curve)
+    return Target(r, np.zeros(3), thrust, 0, np.array([0.0, 0.0, min(lift, full), min(lift, full)]))
+
+
+def target(
+    body: Airframe, bounds: Bounds, n: int, acc: np.ndarray, lead_acc: np.ndarray, motion: np.ndarray,
+    force: np.ndarray, lift_cos: float, yaw: float, yaw_rate: float, positions: np.ndarray, strength: float,
+    mismatch: float, full: float, space: float,
+) -> Target:  # fmt: skip
+    """In the air."""
+    push, near = apart(n, positions, motion[0, :3], bounds.separation, space)
+    acc, wall = inside(motion, acc + push, bounds)
+    aim = (acc + np.array([0.0, 0.0, G])) / strength
+    felt = aim + lead_acc / strength
+    aim, met = bounded(aim, 0.92 * full, bounds.tilt)
+    felt, later = bounded(felt, 0.92 * full, 1.1 if body.by_rate else bounds.tilt)
+    trusted = authority_of(body) * (1.0 - 0.45 * doubt(mismatch))
+    aim, felt = turned(aim, force, trusted, full), turned(felt, force, trusted, full)
+    rate = np.zeros(3)
+    if body.by_rate:
+        r = attitude_matrix(np.array([aim[0], aim[1], felt[2]]), yaw)
+        rate = flat_rates(aim, felt - aim, yaw, yaw_rate)
+        rate[:2] = np.clip(body.attitude_p * rate[:2], -body.rate_max, body.rate_max)
+    else:
+        r = attitude_matrix(felt, yaw + yaw_rate / body.yaw_p)
+        met = max(met, later)
+    lift = min(felt[2] / max(lift_cos, np.cos(bounds.tilt)), full)
+    flat = lift * felt[:2] / np.linalg.norm(felt)
+    return Target(r, rate, norm_of(lift / full, body.curve), near + wall + met, np.array([*flat, felt[2], lift]))

@@ -1,0 +1,260 @@
+"""The observers of one vehicle, frame by frame, in vectors and matrices; one object a vehicle, nothing batched.
+
+FTESO after Eqs. (3)-(4), the parabola of the noise by Vandermonde's system, the heading as an angle of a matrix. The
+numbers are those that the documentation and the design state. Imports nothing of the product.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from oracle_frames import heading_of, rotation_matrix
+from oracle_powers import fteso_backward
+from oracle_response import answered
+
+G = 9.8
+SECONDS = 1e-9
+
+
+@dataclass(frozen=True)
+class Observer:
+    """w, a, e0 and rounding of Eqs. (3)-(4)."""
+
+    w: float
+    a: float
+    e0: float
+    smooth: float
+
+
+@dataclass(frozen=True)
+class Adaptive:
+    """The innovation-adaptive gain: filter, threshold in noise, bound, power on the bandwidth, share of the mean."""
+
+    lag_s: float
+    threshold: float
+    most: float
+    power: float
+    habit: float
+
+
+@dataclass(frozen=True)
+class Traits:
+    """What the observers are told of one vehicle."""
+
+    commanded: bool
+    horizontal: Observer
+    vertical: Observer
+    heading: Observer
+    attitude: tuple[float, float]  # dead time and lag that are counted on, s
+    thrust: tuple[float, float]
+    belief: tuple[float, float]  # dead time and lag in full
+    adaptive: Adaptive
+    strength_lag_s: float
+    attitude_trust: float
+    tilt_w: float
+    tilt_decay: float
+    quiet_m: float
+    quiet_rad: float
+    turn_trust: float
+
+
+@dataclass
+class Estimate:
+    """What is remembered of one vehicle."""
+
+    t_ns: int
+    pos: np.ndarray
+    r: np.ndarray
+    heading: np.ndarray
+    seen_ns: int | None
+    vel: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    dist: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    force: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    force_rate: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    lift: float = 0.0
+    strength: float = 1.0
+    tilt: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    tilt_rate: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    innovation: np.ndarray = field(default_factory=lambda: np.zeros(4))
+    mean_square: float = 0.0
+    mu: float = 1.0
+    mu_turn: float = 1.0
+    noise_m2: float = 2e-4**2
+    recent: list[tuple[int, np.ndarray]] = field(default_factory=list)
+    believed: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    trim: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    moments: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    mismatch: float = 0.0
+    shift_s: float = 0.0
+
+
+def begun(t_ns: int, pos: np.ndarray, q: np.ndarray, hovers: bool, seen: bool) -> Estimate:
+    """At rest where the first frame has it."""
+    r = rotation_matrix(q)
+    known = Estimate(t_ns, pos.copy(), r, np.array([heading_of(r), 0.0, 0.0]), t_ns if seen else None)
+    if hovers:
+        known.force, known.lift = np.array([0.0, 0.0, G]), G
+    return known
+
+
+def share(dt: float, lag: float) -> float:
+    """Of the way that a first-order filter goes in dt."""
+    return 1.0 - np.exp(-dt / lag)
+
+
+def doubt(mismatch: float) -> float:
+    """0 up to a mismatch of 0.45, 1 from 0.55 on."""
+    return float(np.clip((mismatch - 0.45) / 0.1, 0.0, 1.0))
+
+
+def update(
+    k: Estimate, has: Traits, t_ns: int, pos: np.ndarray | None, q: np.ndarray | None, airborne: bool, turn: float,
+    sent_ns: np.ndarray, sent: np.ndarray,
+) -> None:  # fmt: skip
+    """One frame; pos and q are None where the body is not seen; sent (h, 4): its own commands."""
+    from_ns, dt = k.t_ns, (t_ns - k.t_ns) * SECONDS
+    k.t_ns = t_ns
+    seen = pos is not None
+    if seen:
+        k.r, k.seen_ns = rotation_matrix(q), t_ns
+    before = k.force.copy()
+    if has.commanded:
+        _delivered(k, has, from_ns, t_ns, seen, sent_ns, sent)
+        if airborne:
+            _mismatch(k, has, from_ns, t_ns, seen, sent_ns, sent)
+    elif has.tilt_w > 0.0:
+        _observed_force(k, has, seen, dt)
+    model = k.strength * 0.5 * (before + k.force)
+    if has.commanded:
+        model[2] -= G
+        if not airborne:
+            model[2] = max(model[2], 0.0)
+    if seen:
+        _noise(k, t_ns, pos)
+        _adapt(k, has, pos, model, dt)
+    for axis in range(3):
+        gains = has.horizontal if axis < 2 else has.vertical
+        z = np.array([k.pos[axis], k.vel[axis], k.dist[axis]])
+        if seen:
+            w = gains.w * min(has.quiet_m / np.sqrt(k.noise_m2), 1.0) ** 0.35
+            if axis < 2 or not has.commanded:
+                w *= k.mu**has.adaptive.power
+            z = fteso_backward(z, pos[axis], model[axis], dt, w, gains.a, gains.e0, gains.smooth)
+        else:
+            z = np.array(
+                [z[0] + dt * z[1] + 0.5 * dt**2 * (model[axis] + z[2]), z[1] + dt * (model[axis] + z[2]), z[2]]
+            )
+        k.pos[axis], k.vel[axis], k.dist[axis] = z[0], z[1], np.clip(z[2], -14.0, 14.0)
+    if has.commanded and airborne and seen and k.force[2] > 0.3 * G:
+        was = k.strength
+        k.strength = float(np.clip(was + dt / (has.strength_lag_s + dt) * k.dist[2] / k.force[2], 0.5, 2.0))
+        k.dist = k.dist + (was - k.strength) * k.force
+    _heading(k, has, seen, dt, turn)
+
+
+def _delivered(
+    k: Estimate, has: Traits, from_ns: int, to_ns: int, seen: bool, sent_ns: np.ndarray, sent: np.ndarray
+) -> None:
+    """Thrust delivered by the lag's model, along the measured body z; sideways between model and measurement."""
+    flat, _, _ = answered(sent_ns, sent[:, :2], from_ns, to_ns, *has.attitude, k.force[:2])
+    (up, k.lift), _, _ = answered(sent_ns, sent[:, 2:], from_ns, to_ns, *has.thrust, np.array([k.force[2], k.lift]))
+    if seen:
+        thrust = k.lift * k.r[:, 2]
+        flat = (1.0 - has.attitude_trust) * flat + has.attitude_trust * (thrust[:2] - k.trim)
+        up = thrust[2]
+    k.force = np.array([flat[0], flat[1], up])
+
+
+def _mismatch(
+    k: Estimate, has: Traits, from_ns: int, to_ns: int, seen: bool, sent_ns: np.ndarray, sent: np.ndarray
+) -> None:
+    """Least squares of what the measured force misses of the believed one on that one's rate: a shift, and the rest."""
+    was, dt = k.believed, (to_ns - from_ns) * SECONDS
+    k.believed, _, _ = answered(sent_ns, sent[:, :2], from_ns, to_ns, *has.belief, was)
+    if not seen:
+        return
+    rate = (k.believed - was) / dt
+    miss = k.lift * k.r[:2, 2] - k.believed
+    calm = 1.0 / (1.0 + np.maximum(k.moments[0], rate**2) / 3.0**2)
+    learned = np.clip(k.trim + calm * share(dt, 0.5) * (miss - k.trim), -1.0, 1.0)
+    k.force[:2] -= learned - k.trim
+    k.dist[:2] += k.strength * (learned - k.trim)
+    k.trim, miss = learned, miss - learned
+    k.moments = k.moments + share(dt, 2.0) * (np.array([rate @ rate, miss @ miss, rate @ miss]) - k.moments)
+    turned, length = k.moments[0] + 3.0**2, sum(has.belief)
+    slope = k.moments[2] / turned
+    k.mismatch = np.sqrt(max(k.moments[1] / turned - slope**2, 0.0)) / length
+    most = (1.0 - doubt(k.mismatch)) * 0.3 * length
+    k.shift_s = float(np.clip(slope, -most, most))
+
+
+def _observed_force(k: Estimate, has: Traits, seen: bool, dt: float) -> None:
+    """Of a vehicle that is only observed: tilt times gravity and its own rise, by an alpha-beta filter."""
+    lift = max(G + k.dist[2], 0.0)
+    z_b = k.r[:, 2]
+    w = has.tilt_w * k.mu**has.adaptive.power
+    if seen:
+        pole = np.exp(-w * dt)
+        ahead = k.tilt + dt * k.tilt_rate
+        miss = z_b[:2] / max(z_b[2], 0.3) - ahead
+        k.tilt = ahead + (1.0 - pole**2) * miss
+        k.tilt_rate = (k.tilt_rate + (1.0 - pole) ** 2 / dt * miss) * np.exp(-has.tilt_decay * dt)
+    k.force = np.array([*(lift * k.tilt), k.force[2]])
+    k.force_rate = np.array([*(lift * k.tilt_rate), 0.0])
+
+
+def _noise(k: Estimate, t_ns: int, pos: np.ndarray) -> None:
+    """Variance of the position from what the parabola through the last three misses of the next."""
+    if len(k.recent) == 3 and (t_ns - k.recent[0][0]) * SECONDS < 0.2:
+        times = np.array([(t - t_ns) * SECONDS for t, _ in k.recent])
+        weights = np.linalg.solve(np.vander(times, 3, increasing=True).T, [1.0, 0.0, 0.0])
+        miss = pos - weights @ np.array([p for _, p in k.recent])
+        variance = miss @ miss / 3.0 / (1.0 + weights @ weights)
+        gain = min(-times[0] / 1.5, 1.0)
+        k.noise_m2 += gain * (min(variance, 9.0 * k.noise_m2) - k.noise_m2)
+        k.noise_m2 = max(k.noise_m2, 2e-5**2)
+    k.recent = [*k.recent, (t_ns, pos.copy())][-3:]
+
+
+def _adapt(k: Estimate, has: Traits, pos: np.ndarray, model: np.ndarray, dt: float) -> None:
+    """mu = sqrt(1 + innovation^2 / expected^2): one for both horizontal axes, of all three of an observed vehicle."""
+    axes = slice(0, 2 if has.commanded else 3)
+    ahead = k.pos + dt * k.vel + 0.5 * dt**2 * (model + k.dist)
+    k.innovation[axes] += share(dt, has.adaptive.lag_s) * ((pos - ahead)[axes] - k.innovation[axes])
+    square = float(np.sum(k.innovation[axes] ** 2))
+    k.mean_square += share(dt, 3.0) * (square - k.mean_square)
+    noise = has.adaptive.threshold**2 * k.noise_m2 * dt / (2.0 * has.adaptive.lag_s + dt)
+    expected = noise + has.adaptive.habit * k.mean_square
+    k.mu = min(np.sqrt(1.0 + square / expected), has.adaptive.most)
+
+
+def _heading(k: Estimate, has: Traits, seen: bool, dt: float, turn: float) -> None:
+    """An FTESO on the unwrapped angle, fed the angular acceleration that was asked for."""
+    psi, rate, more = k.heading
+    if not seen:
+        k.heading = np.array([psi + dt * rate + 0.5 * dt**2 * (turn + more), rate + dt * turn, 0.0])
+        return
+    ahead = psi + dt * rate + 0.5 * dt**2 * (turn + more)
+    miss = float(np.angle(np.exp(1j * (heading_of(k.r) - ahead))))
+    w = has.heading.w
+    if not has.commanded:
+        k.innovation[3] += share(dt, has.adaptive.lag_s) * (miss - k.innovation[3])
+        noise = has.adaptive.threshold * has.quiet_rad * np.sqrt(dt / (2.0 * has.adaptive.lag_s + dt))
+        k.mu_turn = min(np.sqrt(1.0 + (k.innovation[3] / noise) ** 2), has.adaptive.most)
+        w *= k.mu_turn**has.adaptive.power
+    gains = has.heading
+    k.heading = fteso_backward(k.heading, ahead + miss, turn, dt, w, gains.a, gains.e0, gains.smooth)
+
+
+def age_s(k: Estimate) -> float:
+    """Since it was last seen; for ever, if never."""
+    return np.inf if k.seen_ns is None else (k.t_ns - k.seen_ns) * SECONDS
+
+
+def acceleration(k: Estimate, has: Traits) -> np.ndarray:
+    """Modelled acceleration plus Z3."""
+    return k.strength * k.force + k.dist - (np.array([0.0, 0.0, G]) if has.commanded else 0.0)
+
+
+def turning(k: Estimate, has: Traits, turn: float) -> float:
+    """Angular acceleration of the heading; of an observed one only a share of Z3 is taken to last."""
+    return turn + (1.0 if has.commanded else has.turn_trust) * k.heading[2]

@@ -1,0 +1,202 @@
+"""Frame in, attitude targets out, by the oracles alone: what the whole control stack should say, vehicle by vehicle.
+
+Vehicles begin at rest and are led from there to slots, to points, or along a circle. Imports nothing of the product.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from oracle_attitude import Airframe, Bounds, Target, full_force, target, waiting
+from oracle_estimator import Estimate, G, Traits, acceleration, begun, turning, update
+from oracle_frames import attitude_matrix, to_lab, to_lead
+from oracle_guidance import circle, closing, closing_s, ramped
+from oracle_law import Compensator, Demanded, Flight, Motion, Predicted, predict
+from oracle_response import SECONDS
+
+IDLE, POINT, SLOT, CIRCLE = "idle", "point", "slot", "circle"
+
+
+@dataclass(frozen=True)
+class Circle:
+    """Of radius, about the lab's origin, with a turn on top; start_ns on the control clock."""
+
+    radius: float
+    period: float
+    laps: int
+    yaw_rate: float
+    start_ns: int
+
+    def motion(self, t_ns: int, height: float, heading: float) -> Motion:
+        ramp = min(3.0, 0.25 * self.period)
+        duration = self.laps * self.period + ramp
+        t = (t_ns - self.start_ns) * SECONDS
+        lap = ramped(t, 2.0 * np.pi / self.period, ramp, duration)
+        return circle(
+            t, self.radius, lap, height, heading, ramped(t, self.yaw_rate, min(2.0, 0.5 * duration), duration)
+        )
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a commanded vehicle is to do, from its first frame on; goal: x, y, z, heading in its frame."""
+
+    kind: str
+    goal: tuple[float | None, float | None, float | None, float | None] = (None, None, None, None)
+    speed: float = 0.5
+
+
+@dataclass
+class Led:
+    """Where a vehicle is led: to `base`, along what is left of a gap."""
+
+    base: np.ndarray
+    gap: np.ndarray
+    from_ns: int
+    duration_s: float
+    airborne: bool
+    release_ns: int = 0
+
+
+@dataclass(frozen=True)
+class Told:
+    """One tick's outcome: estimates, demands, targets, and references (slot, frame) at the frame's time."""
+
+    known: list[Estimate]
+    accelerations: list[np.ndarray]
+    turning: list[float]
+    demands: list[Demanded]
+    targets: list[Target]
+    references: list[tuple[Motion, Motion]]
+
+
+class OracleStack:
+    """own: index of each commanded vehicle among the n; leader first; flights, airframes, tasks of the commanded."""
+
+    def __init__(
+        self, traits: list[Traits], own: list[int], flights: list[Flight], airframes: list[Airframe], tasks: list[Task],
+        bounds: Bounds, space: float, path: Circle | None = None,
+    ) -> None:  # fmt: skip
+        self.traits, self.own, self.flights, self.airframes = traits, own, flights, airframes
+        self.tasks, self.bounds, self.space, self.path = tasks, bounds, space, path
+        self.leads = 0 if own[0] == 0 else None
+        m = len(own)
+        self.known: list[Estimate] = []
+        self.led: list[Led] = []
+        self.sent_ns: list[int] = []
+        self.sent: list[np.ndarray] = []
+        self.memory, self.frozen, self.turn, self.last_ns = np.zeros((m, 3)), [False] * m, np.zeros(len(traits)), 0
+
+    def step(
+        self, now_ns: int, t_ns: int, pos: np.ndarray, q: np.ndarray, seen: np.ndarray, hover: np.ndarray
+    ) -> Told:  # fmt: skip
+        first = not self.known
+        if first:
+            self._begin(t_ns, pos, q, seen)
+        else:
+            self._observe(t_ns, pos, q, seen)
+        motions = [self._motion(n) for n in range(len(self.traits))]
+        self._lead(first, t_ns, now_ns, motions)
+        dt = 0.0 if first else min((now_ns - self.last_ns) * SECONDS, 0.1)
+        law = Compensator(
+            self.own, self.leads, self.flights, self.traits, self.known, self._reference,
+            [task.kind == SLOT for task in self.tasks], self._predicted,
+        )  # fmt: skip
+        held_ns = min(now_ns, t_ns + 400_000_000)
+        demands, targets = [], []
+        for i, n in enumerate(self.own):
+            out = law.demand(i, held_ns, self.memory[i], self.frozen[i], self.led[i].airborne, dt)
+            demands.append(out)
+            targets.append(self._target(i, n, out, now_ns, float(hover[i])))
+        self.sent_ns.append(now_ns)
+        self.sent.append(np.array([t.sent for t in targets]))
+        self.memory = np.array([d.memory for d in demands])
+        self.frozen = [t.bits >= 1 for t in targets]
+        self.last_ns = now_ns
+        accelerations = [acceleration(k, has) for k, has in zip(self.known, self.traits, strict=True)]
+        turns = [turning(k, has, t) for k, has, t in zip(self.known, self.traits, self.turn, strict=True)]
+        references = [self._reference(i, t_ns, motions[0]) for i in range(len(self.own))]
+        self.turn = np.zeros(len(self.traits))
+        self.turn[self.own] = [to_lab(*r)[2, 3] for r in references]
+        return Told(self.known, accelerations, turns, demands, targets, references)
+
+    def _begin(self, t_ns: int, pos: np.ndarray, q: np.ndarray, seen: np.ndarray) -> None:
+        flies = dict(zip(self.own, [task.kind != IDLE for task in self.tasks], strict=True))
+        self.known = [begun(t_ns, pos[n], q[n], flies.get(n, False), bool(seen[n])) for n in range(len(pos))]
+        hover = [np.array([0.0, 0.0, G, G]) * flies[n] for n in self.own]
+        self.sent_ns, self.sent = [-(1 << 60), t_ns - 10**9], [np.zeros((len(self.own), 4)), np.array(hover)]
+
+    def _observe(self, t_ns: int, pos: np.ndarray, q: np.ndarray, seen: np.ndarray) -> None:
+        times, sent = np.array(self.sent_ns), np.array(self.sent)
+        for n, (k, has) in enumerate(zip(self.known, self.traits, strict=True)):
+            i = self.own.index(n) if n in self.own else None
+            mine = sent[:, i] if i is not None else sent[:, 0]
+            airborne = i is not None and self.led[i].airborne
+            poses = (pos[n], q[n]) if seen[n] else (None, None)
+            if seen[n] and k.seen_ns is None:
+                k = self.known[n] = begun(k.t_ns, pos[n], q[n], k.lift > 0.0, True)
+            update(k, has, t_ns, *poses, airborne, float(self.turn[n]), times, mine)
+
+    def _motion(self, n: int) -> Motion:
+        k, has = self.known[n], self.traits[n]
+        out = np.zeros((3, 4))
+        out[0, :3], out[1, :3], out[2, :3] = k.pos, k.vel, acceleration(k, has)
+        out[:, 3] = k.heading[0], k.heading[1], turning(k, has, float(self.turn[n]))
+        return out
+
+    def _lead(self, first: bool, t_ns: int, now_ns: int, motions: list[Motion]) -> None:
+        """At the first frame everybody sets out; who is idle is led where it stands."""
+        for i, (task, n) in enumerate(zip(self.tasks, self.own, strict=True)):
+            if task.kind == IDLE and not first:
+                self.led[i].base = motions[n][0].copy()
+            elif first:
+                self.led.append(self._set_out(i, task, motions[n], motions[0], t_ns))
+        joined = [led for led, task in zip(self.led, self.tasks, strict=True) if task.kind == SLOT]
+        for led in joined if first else ():
+            led.duration_s = max(other.duration_s for other in joined)
+
+    def _set_out(self, i: int, task: Task, mine: Motion, lead: Motion, t_ns: int) -> Led:
+        if task.kind == IDLE:
+            return Led(mine[0].copy(), np.zeros(4), t_ns, 1.0, False, t_ns)
+        seen = to_lead(mine, lead)[0] if task.kind == SLOT else mine[0]
+        base = np.array([x if goal is None else goal for x, goal in zip(seen, task.goal, strict=True)])
+        if task.kind == CIRCLE:
+            base = self.path.motion(t_ns, mine[0, 2], mine[0, 3])[0]
+        if task.kind == POINT:
+            inset = 0.1
+            base[:2] = np.clip(base[:2], self.bounds.low[:2] + inset, self.bounds.high[:2] - inset)
+            base[2] = min(base[2], self.bounds.high[2] - inset)
+        gap = seen - base
+        gap[3] = np.angle(np.exp(1j * gap[3]))
+        duration = closing_s(gap, task.speed)
+        if task.kind == CIRCLE and np.linalg.norm(gap[:3]) > 0.02:
+            duration = max(duration, 3.0)
+        return Led(base, gap, t_ns, duration, True)
+
+    def _reference(self, i: int, t_ns: int, lead: Motion) -> tuple[Motion, Motion]:
+        led, task = self.led[i], self.tasks[i]
+        slot = np.zeros((3, 4))
+        slot[0] = led.base
+        if task.kind == CIRCLE:
+            slot = self.path.motion(t_ns, led.base[2], led.base[3])
+        slot = slot + closing(led.gap, (t_ns - led.from_ns) * SECONDS, led.duration_s)
+        return slot, lead.copy() if task.kind == SLOT else np.zeros((3, 4))
+
+    def _predicted(self, n: int, t_ns: int) -> Predicted:
+        times, sent = np.array(self.sent_ns), np.array(self.sent)
+        i = self.own.index(n) if n in self.own else None
+        early_s = self.known[n].shift_s if i is not None and self.flights[i].compensate else 0.0
+        mine = None if i is None else sent[:, i]
+        return predict(self.known[n], self.traits[n], t_ns, float(self.turn[n]), times, mine, early_s)
+
+    def _target(self, i: int, n: int, out: Demanded, now_ns: int, hover: float) -> Target:
+        body, task, known = self.airframes[i], self.tasks[i], self.known[n]
+        full = full_force(hover, body.curve)
+        if task.kind == IDLE:
+            return Target(attitude_matrix(np.array([0.0, 0.0, 1.0]), out.yaw), np.zeros(3), 0.0, 0, np.zeros(4))
+        if not self.led[i].airborne:
+            return waiting(body, out.yaw, (now_ns - self.led[i].release_ns) * SECONDS, full)
+        places = np.array([k.pos for k in self.known])
+        return target(
+            body, self.bounds, n, out.acc, out.lead_acc, out.motion, out.force, out.lift_cos, out.yaw, out.yaw_rate,
+            places, known.strength, known.mismatch, full, self.space,
+        )  # fmt: skip

@@ -101,9 +101,10 @@ def test_every_agent_levels_and_lands_by_itself_and_the_log_is_whole_to_the_last
     link: str, tmp_path: Path
 ) -> None:
     scenario = load(str(write_scenario(tmp_path, CIRCLE)))
-    lab = scenario.lab.model_copy(update={"link": private_link(link, SYSIDS)})
     files = Files(tmp_path)
-    watched, killed_ns = asyncio.run(fly_and_kill(scenario.model_copy(update={"lab": lab}), files))
+    with private_link(link, SYSIDS) as own_link:
+        lab = scenario.lab.model_copy(update={"link": own_link})
+        watched, killed_ns = asyncio.run(fly_and_kill(scenario.model_copy(update={"lab": lab}), files))
 
     entries = list(read_log(files.mcap).entries)
     assert not check_log(files.mcap).complete

@@ -58,7 +58,7 @@ def test_ctrl_c_lands_the_drones_and_leaves_no_process_and_a_whole_log(tmp_path:
 def test_an_emulator_that_is_not_let_run_is_named_and_neither_a_pass_nor_a_failed_flight(tmp_path: Path) -> None:
     out = tmp_path / "run"
     with gcs_sim_fly(str(write_scenario(tmp_path, CIRCLE)), "--out", str(out)) as process:
-        read_until(process, "ARMED")
+        read_until(process, "HOLD")
         mocap = pid_of(out, lambda words: "sim" in words and "mocap" in words)
         os.kill(mocap, signal.SIGSTOP)
         time.sleep(2.0 * LATE_NS * 1e-9 / SPEED)

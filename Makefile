@@ -10,12 +10,15 @@ ARGS ?=
 fly: $(VENV)/.fly
 	$(BIN)/gcs-sim fly $(ARGS)
 
-# The tests of real processes wait more than they work: they run beside all others. Exit code 5: ARGS leave none of them.
+# Three at once, since tests of processes wait more than they work: one flight at a time by real processes; the other
+# tests of processes; and, giving way to both, all that only computes. Exit code 5: ARGS leave none of them.
 define PYTEST
-	$(BIN)/pytest -m processes $(ARGS) >$(VENV)/processes.log 2>&1 & waiting=$$!; \
-	$(BIN)/pytest -m 'not processes' $(ARGS); others=$$?; \
-	wait $$waiting; processes=$$?; cat $(VENV)/processes.log; \
-	test $$others = 0 -o $$others = 5 && test $$processes = 0 -o $$processes = 5
+	$(BIN)/pytest -m flights $(ARGS) >$(VENV)/flights.log 2>&1 & flights=$$!; \
+	$(BIN)/pytest -n 2 --dist loadfile -m 'processes and not flights' $(ARGS) >$(VENV)/processes.log 2>&1 & waiting=$$!; \
+	nice $(BIN)/pytest -n auto --dist loadfile -m 'not processes' $(ARGS); codes=$$?; \
+	for lane in $$flights $$waiting; do wait $$lane; codes="$$codes $$?"; done; \
+	cat $(VENV)/flights.log $(VENV)/processes.log; \
+	for code in $$codes; do test $$code = 0 -o $$code = 5 || exit $$code; done
 endef
 
 test: $(VENV)/.test

@@ -43,11 +43,13 @@ def fly(
 ) -> None:  # fmt: skip
     """In real time, or slower; ends the process with its exit code."""
     lab = scenario.lab
-    own_link = private_link(link, (v.sysid for v in lab.vehicles if v.sysid is not None))
-    scenario = scenario.model_copy(update={"lab": lab.model_copy(update={"link": own_link})})
     files = Files(_folder(out, scenario))
     compile_for(scenario)
-    with Display(Console(stderr=as_json), scenario.name) as display:
+    with (
+        private_link(link, (v.sysid for v in lab.vehicles if v.sysid is not None)) as own_link,
+        Display(Console(stderr=as_json), scenario.name) as display,
+    ):
+        scenario = scenario.model_copy(update={"lab": lab.model_copy(update={"link": own_link})})
         flown = asyncio.run(
             _interruptible(
                 fly_processes(scenario, _seed(seed, scenario), files, display.progress, force, clock.Clock(speed))

@@ -1,48 +1,65 @@
-"""Network ports of this machine that nobody uses at the moment, so that several flights can run side by side."""
+"""Network ports of this machine that one flight has for itself, so that several can fly side by side."""
 
 import socket
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 from formation.config import LinkConfig
 
-UDP_SHIFT = 200
-UDP_BLOCKS = 50
+LOOPBACK = "127.0.0.1"
+BLOCK = 300
+"""Ports from one block's beginning to the next: more than sysids, and the drones' base lies 40 above the ground's."""
+BLOCKS = 60
+"""All below 32768, from where on the kernel hands out ports by itself."""
 
 
-def private_link(kind: str, sysids: Iterable[int]) -> LinkConfig:
-    """A link configuration on this machine alone; the usual UDP ports where they are free. OSError if none is."""
-    port = _free_tcp_port()
-    ground, drone = _free_udp_bases(tuple(sysids))
-    return LinkConfig.model_validate(
-        {
-            "kind": kind,
-            "ground_port_base": ground,
-            "drone_port_base": drone,
-            "zenoh_connect": (f"tcp/127.0.0.1:{port}",),
-        }
-    )
+@contextmanager
+def private_link(kind: str, sysids: Iterable[int]) -> Iterator[LinkConfig]:
+    """A link configuration on this machine alone, nobody else's in the block; the usual UDP ports where they are free.
 
-
-def _free_tcp_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
-
-
-def _free_udp_bases(sysids: tuple[int, ...]) -> tuple[int, int]:
+    OSError if no block is free.
+    """
     usual = LinkConfig()
-    for block in range(UDP_BLOCKS):
-        ground, drone = (base + block * UDP_SHIFT for base in (usual.ground_port_base, usual.drone_port_base))
-        if all(_is_free(base + sysid) for base in (ground, drone) for sysid in sysids):
-            return ground, drone
-    raise OSError(f"no free UDP ports for drones {sysids} in {UDP_BLOCKS} blocks from {usual.ground_port_base}")
+    apart = usual.drone_port_base - usual.ground_port_base
+    drones = [offset + sysid for sysid in sysids for offset in (0, apart)]
+    with own_ports(drones) as ports:
+        yield LinkConfig.model_validate(
+            {
+                "kind": kind,
+                "ground_port_base": ports.start,
+                "drone_port_base": ports.start + apart,
+                "zenoh_connect": (f"tcp/{LOOPBACK}:{ports.start}",),
+            }
+        )
 
 
-def _is_free(port: int) -> bool:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+@contextmanager
+def own_ports(needed: Iterable[int] = ()) -> Iterator[range]:
+    """A block of ports that nobody else who asks here is given meanwhile. OSError if none is free.
+
+    A block's first UDP port, which is no drone's since none has sysid 0, is held as its sign; its first TCP port and
+    the UDP ports `needed`, counted from the first, are free.
+    """
+    first, wanted = LinkConfig().ground_port_base, tuple(needed)
+    for start in range(first, first + BLOCKS * BLOCK, BLOCK):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sign:
+            try:
+                sign.bind((LOOPBACK, start))
+            except OSError:
+                continue
+            if is_free(start, socket.SOCK_STREAM) and all(is_free(start + port) for port in wanted):
+                yield range(start, start + BLOCK)
+                return
+    raise OSError(f"none of {BLOCKS} blocks of ports from {first} on is free")
+
+
+def is_free(port: int, kind: socket.SocketKind = socket.SOCK_DGRAM) -> bool:
+    """Whether nobody has that port of loopback at the moment."""
+    with socket.socket(socket.AF_INET, kind) as probe:
+        if kind is socket.SOCK_STREAM:  # as a server does: what an ended connection has left is in nobody's way
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            probe.bind(("127.0.0.1", port))
+            probe.bind((LOOPBACK, port))
         except OSError:
             return False
         return True

@@ -201,20 +201,26 @@ def test_what_is_no_log_is_refused_in_one_line(command: str, tmp_path: Path):
         assert len(refused.stderr.splitlines()) == 1
 
 
-@pytest.mark.parametrize("words", ["[/]", "$x$ $\\frac{$", "<script>alert(1)</script>", "a & b"])
-def test_words_of_drones_and_people_are_shown_not_read(words: str, tmp_path: Path):
+WORDS = ("[/]", "$x$ $\\frac{$", "<script>alert(1)</script>", "a & b")
+
+
+def test_words_of_drones_and_people_are_shown_not_read(tmp_path: Path):
     """Neither as rich's markup, nor as HTML, nor as mathematics in a picture."""
     path = tmp_path / "flight.mcap"
-    with LogWriter(path, {**METADATA, "scenario": words, "link": words}, threaded=False) as writer:
+    names = {"scenario": f"{WORDS[0]} {WORDS[1]}", "link": f"{WORDS[2]} {WORDS[3]}"}
+    with LogWriter(path, {**METADATA, **names}, threaded=False) as writer:
         for record in sorted(records(Recipe()), key=lambda r: r.t_ns):
             writer.write(record.topic, record.message, record.t_ns)
-        writer.write(topics.EVENT, Event(Severity.ERROR, "left", words), T0_NS + 5_000_000_000)
-        writer.write(topics.REQUEST, OperatorRequest(1, Verb.SHAPE, words), T0_NS + 5_000_000_000)
-        writer.write(topics.PHASE, PhaseChange(Phase.LAND, words), T0_NS + 30_000_000_000)
+        for k, words in enumerate(WORDS):
+            said_ns = T0_NS + (5 + k) * 1_000_000_000
+            writer.write(topics.EVENT, Event(Severity.ERROR, "left", words), said_ns)
+            writer.write(topics.REQUEST, OperatorRequest(1, Verb.SHAPE, words), said_ns)
+            writer.write(topics.PHASE, PhaseChange(Phase.LAND, words), said_ns + 25_000_000_000)
     run = CliRunner().invoke(app, ["report", str(path)])
     assert run.exit_code == 0, run.output
-    assert words in run.output
     page = (tmp_path / "report.html").read_text()
-    assert escape(words) in page
+    for words in WORDS:
+        assert words in run.output
+        assert page.count(escape(words)) >= 3
     assert "<script>" not in page
     picture(path, tmp_path / "flight.png")

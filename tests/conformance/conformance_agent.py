@@ -2,12 +2,13 @@
 
 import contextlib
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+
+from free_ports import free_port
 
 START_S = 30.0  # an agent's first start on a loaded machine, numba's cache included
 
@@ -26,26 +27,10 @@ class Agent:
         return f"udpin://127.0.0.1:{self.ground_port}"
 
 
-def free_ports(count: int) -> list[int]:
-    """UDP ports that nobody has bound just now."""
-    with contextlib.ExitStack() as stack:
-        sockets = [stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(count)]
-        for each in sockets:
-            each.bind(("127.0.0.1", 0))
-        return [each.getsockname()[1] for each in sockets]
-
-
-def free_tcp_port() -> int:
-    """A TCP port that nobody has bound just now."""
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 @contextlib.contextmanager
 def agent(folder: Path, *options: str, sysid: int = 1) -> Iterator[Agent]:
     """An agent that ends with the block, cleanly."""
-    ground_port, drone_port = free_ports(2)
+    ground_port, drone_port = free_port(), free_port()
     config = folder / f"uav{sysid}.toml"
     config.write_text(
         f"[link]\nkind = 'udp'\nground_port_base = {ground_port - sysid}\ndrone_port_base = {drone_port - sysid}\n"

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conformance_agent import START_S, agent, free_tcp_port
+from conformance_agent import START_S, agent
+from free_ports import free_port
 
 from formation.config import LinkConfig
 from formation.messages import Datagram, LabFrame
@@ -134,7 +135,7 @@ def test_an_autopilot_is_armed_watched_and_landed_through_the_bridge(tmp_path: P
             land = 4 << 16 | 6 << 24
             await us.first(lambda m: isinstance(m, Heartbeat) and m.custom_mode == land)
 
-    bus_port = free_tcp_port()
+    bus_port = free_port()
     options = ("--link", "udp", "--pose", "mocap", "--stale-setpoint", "0", "--zenoh-connect", "tcp/127.0.0.1:9")
     with (
         agent(tmp_path, *options, "--param", "COM_OF_LOSS_T=5", sysid=5) as autopilot,

@@ -4,27 +4,27 @@ import numpy as np
 import pytest
 from agent_bench import LEVEL, Bench, S, hover_at, tilt_rad
 
-from drone_agent.simulation.level_error import STEP_NS, Lean, LevelError
+from drone_agent.simulation.level_error import Lean, LevelError
 from formation.maths.arrays import Float
 from formation.maths.frames import rotate
 from wire.link_messages.motion import AttitudeQuaternion
 
 
-def _leans(error: LevelError, seconds: float) -> Float:
-    """Along lab x and y, rad, at every step."""
+def _leans(error: LevelError, seconds: float, every_s: float) -> Float:
+    """Along lab x and y, rad, after each `every_s`."""
     lean = Lean(error, 1, 0)
     up = np.array([0.0, 0.0, 1.0])
     rows = []
-    for k in range(round(seconds * S / STEP_NS)):
-        lean.advance_to(k * STEP_NS)
+    for k in range(round(seconds / every_s)):
+        lean.advance_to(round(k * every_s * S))
         rows.append(rotate(lean.estimated(LEVEL), up)[:2])
     return np.array(rows)
 
 
 def test_wanders_as_far_and_as_slowly_as_asked() -> None:
-    leans = _leans(LevelError(rms_rad=0.01, correlation_s=2.0), 2000.0)
+    leans = _leans(LevelError(rms_rad=0.01, correlation_s=2.0), 2000.0, every_s=0.2)
     assert leans.std(axis=0) == pytest.approx([0.01, 0.01], rel=0.12)
-    apart = round(2.0 * S / STEP_NS)
+    apart = round(2.0 / 0.2)
     for axis in range(2):
         kept = float(np.corrcoef(leans[apart:, axis], leans[:-apart, axis])[0, 1])
         assert kept == pytest.approx(np.exp(-1.0), abs=0.1)

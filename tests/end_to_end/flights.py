@@ -10,9 +10,22 @@ from pathlib import Path
 
 TRIANGLE = """
 name = "short_triangle"
+script = [
+    {{ verb = "arm", phase = "GROUND" }},
+    {{ verb = "takeoff", phase = "ARMED" }},
+    {{ verb = "start", phase = "HOLD", after_s = 0.2 }},
+    {{ verb = "hold", phase = "FORMATION", leader_done = true, after_s = 0.2 }},
+    {{ verb = "land", phase = "HOLD", after_s = 0.2 }},
+]
+
+[mocap]
+rate_hz = {rate_hz}
 
 [lab]
 name = "lab"
+
+[lab.mocap]
+rate_hz = {rate_hz}
 
 [lab.leader]
 body = "leader"
@@ -29,15 +42,15 @@ body = "left"
 sysid = 3
 offset_m = [-0.4, 0.4, 0.0]
 """
-SPEED = 0.35
-"""Of every flight by real processes: a machine that is merely slow must not fail it."""
+SPEED, RATE_HZ = 0.35, 50.0
+"""Of every flight by real processes: a machine that is merely slow, or has others to serve, must not fail it."""
 LINE = 'kind = "line", length_m = 0.5, duration_s = 2.0'
 CIRCLE = 'kind = "circle", radius_m = 0.5, period_s = 5.0, duration_s = 60.0'
 
 
 def write_scenario(folder: Path, trajectory: str) -> Path:
     path = folder / "short_triangle.toml"
-    path.write_text(TRIANGLE.format(trajectory=trajectory))
+    path.write_text(TRIANGLE.format(trajectory=trajectory, rate_hz=RATE_HZ))
     return path
 
 

@@ -3,19 +3,19 @@
 import json
 import os
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
 from flights import CIRCLE, LINE, SPEED, gcs_sim_fly, pid_of, processes_of, read_until, write_scenario
 
+from analysis.load import load
+from analysis.metrics import summarise
 from gcs.replay import replay
 from wire.logs.mcap_log import check_log, read_log
 from wire.process.starved import LATE_NS
 
-pytestmark = [pytest.mark.processes, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.processes, pytest.mark.flights, pytest.mark.timeout(900)]
 
 
 @pytest.mark.parametrize("link", ["zenoh", "udp"])
@@ -24,11 +24,7 @@ def test_three_drones_fly_the_triangle_and_land(link: str, tmp_path: Path) -> No
     with gcs_sim_fly(str(scenario), "--link", link, "--out", str(out)) as process:
         said, _ = process.communicate()
     assert process.returncode == 0, said
-    told = subprocess.run(
-        [sys.executable, "-m", "sim.log_cli", "report", "--json", str(out / "flight.mcap")],
-        capture_output=True, check=True,
-    )  # fmt: skip
-    summary = json.loads(told.stdout)
+    summary = json.loads(summarise(load(out / "flight.mcap")).to_json())
     assert summary["outcome"] == "landed"
     assert summary["link"] == link
     assert summary["scenario"] == "short_triangle"

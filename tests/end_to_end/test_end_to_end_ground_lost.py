@@ -18,11 +18,11 @@ from sim.fly import Files, operate, running
 from sim.ports import private_link
 from sim.processes import ProcessGroup
 from sim.scenario import Scenario, load
-from sim.script import FLIGHT, Operator
+from sim.script import Operator
 from wire.clock import Clock
 from wire.logs.mcap_log import check_log, read_log
 
-pytestmark = [pytest.mark.processes, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.processes, pytest.mark.flights, pytest.mark.timeout(900)]
 
 SYSIDS = (1, 2, 3)
 FAST_M_S, LEANING_RAD = 0.5, np.radians(4.0)
@@ -67,7 +67,7 @@ class Watched:
 async def fly_and_kill(scenario: Scenario, files: Files) -> tuple[Watched, int]:
     """Fly the circle, kill the ground in full flight, wait until all are down; when it was killed."""
     watched, clock = Watched(), Clock(SPEED)
-    operator = Operator(FLIGHT[:3])
+    operator = Operator(scenario.script[:3])
     async with running(scenario, 1, files, clock=clock) as flight:
         flight.bus.on_truth(watched.take)
         script = asyncio.create_task(operate(flight.bus, operator, 120.0, lambda _t_s, _phase: None, clock))
@@ -101,9 +101,10 @@ def test_every_agent_levels_and_lands_by_itself_and_the_log_is_whole_to_the_last
     link: str, tmp_path: Path
 ) -> None:
     scenario = load(str(write_scenario(tmp_path, CIRCLE)))
-    lab = scenario.lab.model_copy(update={"link": private_link(link, SYSIDS)})
     files = Files(tmp_path)
-    watched, killed_ns = asyncio.run(fly_and_kill(scenario.model_copy(update={"lab": lab}), files))
+    with private_link(link, SYSIDS) as own_link:
+        lab = scenario.lab.model_copy(update={"link": own_link})
+        watched, killed_ns = asyncio.run(fly_and_kill(scenario.model_copy(update={"lab": lab}), files))
 
     entries = list(read_log(files.mcap).entries)
     assert not check_log(files.mcap).complete

@@ -1,18 +1,11 @@
 """A lab on a bus of its own, on loopback."""
 
 import os
-import socket
+
+from free_ports import free_port
 
 from formation.config import LabConfig
 from wire.transport.zenoh_bus import ZenohBus
-
-
-def free_port() -> int:
-    """A TCP port that nobody listens on."""
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 def a_lab() -> LabConfig:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from free_ports import free_port
 from typer.testing import CliRunner
 
 from formation.config import FollowerConfig, LabConfig, LeaderConfig, MocapConfig
@@ -37,8 +38,8 @@ zenoh_connect = ["tcp/127.0.0.1:{port}"]
 """
 
 
-def _lab(tmp_path: Path, listen: bool = False, csv: str = "") -> Path:
-    port = 20_000 + os.getpid() % 20_000
+def _lab(tmp_path: Path, listen: bool = False, csv: str = "", port: int | None = None) -> Path:
+    port = port or free_port()
     text = LAB.format(
         name=f"cli-{os.getpid()}",
         csv=csv or tmp_path / "leader.csv",
@@ -174,8 +175,9 @@ def _status_once_it_sees(lab: str) -> dict[str, Any]:
 def test_a_ground_answers_other_processes_and_ends_on_a_signal(tmp_path):
     csv = tmp_path / "leader.csv"
     csv.write_text("".join(f"{i * 10_000_000},0,0,1,1,0,0,0\n" for i in range(10_000)))
-    log, lab = tmp_path / "flight.mcap", str(_lab(tmp_path))
-    command = [sys.executable, "-m", "gcs", "run", str(_lab(tmp_path, listen=True)), "--log", str(log), "--json"]
+    log, port = tmp_path / "flight.mcap", free_port()
+    lab, own = str(_lab(tmp_path, port=port)), str(_lab(tmp_path, listen=True, port=port))
+    command = [sys.executable, "-m", "gcs", "run", own, "--log", str(log), "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as ground:
         try:
             assert _status_once_it_sees(lab)["phase"] == "GROUND"

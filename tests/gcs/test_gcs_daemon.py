@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from gcs_bus import free_port
+from free_ports import free_port
 
 from formation import topics
 from formation.config import LabConfig
@@ -23,13 +23,14 @@ from wire.logs.mcap_log import check_log, read_log
 FRAMES = 400
 
 
-def _lab(tmp_path: Path) -> LabConfig:
-    csv = tmp_path / "leader.csv"
-    csv.write_text("".join(f"{i * 5_000_000},{0.001 * i},0,1,1,0,0,0\n" for i in range(FRAMES)))
+def _lab(tmp_path: Path, frames: int = FRAMES) -> LabConfig:
+    """A recording of two seconds."""
+    csv, step_ns = tmp_path / "leader.csv", 2_000_000_000 // frames
+    csv.write_text("".join(f"{i * step_ns},{0.4 * i / frames},0,1,1,0,0,0\n" for i in range(frames)))
     return LabConfig.model_validate(
         {
             "name": f"test-{os.getpid()}",
-            "mocap": {"source": "csv", "file": str(csv), "rate_hz": 200.0, "delay_s": 0.0},
+            "mocap": {"source": "csv", "file": str(csv), "rate_hz": 0.5 * frames, "delay_s": 0.0},
             "leader": {"body": "lead"},
             "followers": [{"body": "left", "sysid": 2, "offset_m": (0, 1, 0)}],
             "link": {"zenoh_listen": (f"tcp/127.0.0.1:{free_port()}",), "zenoh_connect": ()},
@@ -132,14 +133,14 @@ async def _stray(ports: list[int], pause_s: float) -> None:
 
 def test_strays_cost_no_frame_are_not_recorded_and_are_told_of_once_a_second(tmp_path):
     """640 a second cost six of ten frames: each was searched byte by byte, and logged."""
-    base = 20_000 + os.getpid() % 10_000
-    plain = _lab(tmp_path)
-    link = {"kind": "udp", "ground_port_base": base, "drone_port_base": base + 10_000}
+    # A frame every 20 ms: what else the machine does costs few of them, a stray searched byte by byte as many as ever.
+    plain = _lab(tmp_path, frames=100)
+    link = {"kind": "udp", "ground_port_base": free_port() - 2, "drone_port_base": free_port() - 2}
     config = plain.model_copy(update={"link": plain.link.model_copy(update=link)})
     log, told = tmp_path / "flight.mcap", []
 
     async def flooded() -> Ended:
-        flood = asyncio.create_task(_stray([base + 2], 0.0025))
+        flood = asyncio.create_task(_stray([config.link.ground_port_base + 2], 0.0025))
         try:
             return await _until_over(config, tmp_path, told)
         finally:
@@ -152,7 +153,7 @@ def test_strays_cost_no_frame_are_not_recorded_and_are_told_of_once_a_second(tmp
     assert "link/up" not in held.entries
     entries = list(read_log(log).entries)
     frames = [entry.message.seq for entry in entries if entry.topic is topics.MOCAP]
-    assert len(frames) > 0.8 * FRAMES  # every one of them on a machine with a core to spare
+    assert len(frames) > 0.8 * 100  # every one of them on a machine with a core to spare
     refused = [entry for entry in entries if entry.topic is topics.REFUSED]
     assert {entry.message.source for entry in refused} == {"127.0.0.1"}
     assert all(b.t_ns - a.t_ns >= 1_000_000_000 for a, b in pairwise(refused))

@@ -1,7 +1,6 @@
-"""Waiting with an end to it, and ports that are free."""
+"""Waiting with an end to it."""
 
 import asyncio
-import socket
 from collections.abc import Callable
 from contextlib import suppress
 
@@ -15,10 +14,3 @@ async def until(event: asyncio.Event, act: Callable[[], object] = lambda: None) 
             act()
             with suppress(TimeoutError):
                 await asyncio.wait_for(event.wait(), 0.02)
-
-
-def free_port(kind: socket.SocketKind) -> int:
-    """A port that nobody has right now."""
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]

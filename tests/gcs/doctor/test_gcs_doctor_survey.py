@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from free_ports import free_port
 
 from formation.config import LabConfig, LinkConfig
 from formation.maths import frames
@@ -83,7 +84,7 @@ async def _round(config: LabConfig, hub: LinkConfig, told: list[Event]) -> tuple
 
 
 def test_every_fault_of_a_lab_is_named(tmp_path):
-    lab, port = f"doctor-{os.getpid()}", 21_000 + os.getpid() % 20_000
+    lab, port = f"doctor-{os.getpid()}", free_port()
     config = LabConfig.model_validate(
         {
             "name": lab,

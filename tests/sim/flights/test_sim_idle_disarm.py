@@ -10,11 +10,13 @@ from sim.script import FLIGHT, Outcome, Step
 
 
 def flown(personality: str, after_s: float) -> tuple[Outcome, Flight]:
-    """The take-off is asked for so long after `arm` was; arming itself takes about two seconds of that."""
+    """The take-off is asked for so long after `arm` was; arming itself takes about two seconds of that. Two drones."""
     scenario = load("triangle_line")
+    lab = scenario.lab.model_copy(update={"followers": scenario.lab.followers[:1]})
     script = (FLIGHT[0], Step(verb=Verb.TAKEOFF, phase="ARMED", after_s=after_s), Step(verb=Verb.LAND, phase="HOLD"))
-    vehicles = tuple(TrueVehicle(sysid=sysid, personality=personality) for sysid in (1, 2, 3))
-    result, flight = lockstep.run_and_load(scenario.model_copy(update={"script": script, "vehicles": vehicles}), 7)
+    vehicles = tuple(TrueVehicle(sysid=sysid, personality=personality) for sysid in (1, 2))
+    changes = {"lab": lab, "script": script, "vehicles": vehicles}
+    result, flight = lockstep.run_and_load(scenario.model_copy(update=changes), 7)
     return result.outcome, flight
 
 

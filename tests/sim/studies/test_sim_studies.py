@@ -141,7 +141,8 @@ def test_the_worst_are_the_failures_then_the_largest_errors() -> None:
 
 
 def test_one_draw_flies_and_is_judged_the_same_again() -> None:
-    seed = next(s for s in range(50) if "_line_" in robustness.scenario_of(Draw(s)).name)
+    drawn = ((seed, robustness.scenario_of(Draw(seed))) for seed in range(50))
+    seed = next(seed for seed, scenario in drawn if "_line_" in scenario.name and scenario.mocap.rate_hz == 50.0)
     first, again = robustness.fly(Draw(seed)), robustness.fly(Draw(seed))
     assert first == again
     assert not first.failed

@@ -4,7 +4,8 @@ import asyncio
 import socket
 
 import pytest
-from wire_waiting import free_port, until
+from free_ports import free_port
+from wire_waiting import until
 
 from formation.config import LinkConfig
 from formation.messages import Datagram
@@ -20,10 +21,7 @@ BEAT = Heartbeat(Autopilot.PX4, 2, 0, 0, 4)
 
 def config() -> LinkConfig:
     """Bases under which the ports of drones 1 and 2 are free."""
-    while True:
-        ground, drone = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_DGRAM)
-        if abs(ground - drone) > 4:
-            return LinkConfig(kind="udp", ground_port_base=ground - 1, drone_port_base=drone - 1)
+    return LinkConfig(kind="udp", ground_port_base=free_port(2) - 1, drone_port_base=free_port(2) - 1)
 
 
 class Mailbox:
@@ -192,7 +190,7 @@ def test_an_autopilots_own_port_that_is_listened_on():
     """ArduPilot sends from a port of its choosing: the answer goes to where it last sent from."""
 
     async def run():
-        port = free_port(socket.SOCK_DGRAM)
+        port = free_port()
         at_ground = Mailbox()
         link = await open_udp_direct(f"udpin:127.0.0.1:{port}", 4, at_ground, Refusals())
         loop = asyncio.get_running_loop()
@@ -232,7 +230,7 @@ def test_a_drone_is_heard_and_answered_among_any_strays(kind):
                 link.send(Datagram(1, b"\xfdhello"))
                 _, (_, port) = await asyncio.wait_for(asyncio.get_running_loop().sock_recvfrom(drone, 2048), 10.0)
             else:
-                port = free_port(socket.SOCK_DGRAM)
+                port = free_port()
                 link = await open_udp_direct(f"udpin:127.0.0.1:{port}", 1, at_ground, refusals)
             coder = Codec(Address(1, 1))
             beats = [coder.encode(BEAT) for _ in range(50)]

@@ -1,7 +1,6 @@
 """The lab's bus over real Zenoh sessions on loopback."""
 
 import asyncio
-import socket
 import subprocess
 import sys
 from contextlib import asynccontextmanager
@@ -10,8 +9,9 @@ import numpy as np
 import pytest
 import wire_peer
 import zenoh
+from free_ports import free_port
 from wire_spine import assert_identical
-from wire_waiting import PATIENCE_S, free_port, until
+from wire_waiting import PATIENCE_S, until
 
 from formation.config import LinkConfig
 from formation.messages import Datagram, OperatorReply, OperatorRequest, Truth, Verb
@@ -25,7 +25,7 @@ REQUEST = OperatorRequest(3, Verb.SHAPE, "line")
 
 def ends() -> tuple[LinkConfig, LinkConfig]:
     """The configurations of one who listens and of one who connects there."""
-    endpoint = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
     return LinkConfig(zenoh_listen=(endpoint,), zenoh_connect=(endpoint,)), LinkConfig(zenoh_connect=(endpoint,))
 
 

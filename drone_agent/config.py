@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from drone_agent.failsafe import LAND_AFTER_S
 from drone_agent.simulation.disturbance import Disturbance
 from drone_agent.simulation.level_error import LevelError
 from formation.config import LinkConfig
@@ -39,7 +40,7 @@ class AgentConfig(Model):
     stale_setpoint_s: NonNegative = 0.1
     """A stream this silent is dead: level and hold. 0 leaves it to the autopilot's own time-outs."""
     stale_land_s: NonNegative | None = None
-    """Then land this long after; not given: 1 s with `pose = mocap`, else as the autopilot itself would."""
+    """Then land this long after; not given: 1 s with `pose = mocap` or a bridge, else as the autopilot itself would."""
     accel_bias_lab_m_s2: Vec3Tuple = (0.03, -0.02, 0.02)
     """What the inertial sensors are wrong by: how fast dead reckoning drifts without an external pose."""
     level_error: LevelError = LevelError()
@@ -65,6 +66,13 @@ class AgentConfig(Model):
     def body_name(self) -> str:
         """The body this agent listens for in mocap frames."""
         return self.body if self.body is not None else f"uav{self.sysid}"
+
+    @property
+    def land_after_s(self) -> float | None:
+        """How long a hold on stale setpoints lasts before it lands; None: until the autopilot's own time-out."""
+        if self.stale_land_s is None and (self.pose == "mocap" or self.bridge is not None):
+            return LAND_AFTER_S
+        return self.stale_land_s
 
     def true_vehicle(self) -> VehicleProfile:
         """The profile with this drone's overrides; ValueError names what is unknown or out of range."""

@@ -14,7 +14,7 @@ from drone_agent.commands import Commander
 from drone_agent.config import AgentConfig
 from drone_agent.flight.autopilot import CONTROL_NS, Autopilot
 from drone_agent.flight.estimator import ExternalPose, ExternalPositioning, OwnPositioning, Positioning
-from drone_agent.flight.guards import Guards
+from drone_agent.flight.failsafes import Failsafes
 from drone_agent.inbox import READS, Inbox
 from drone_agent.schedule import RASTER_NS, Schedule
 from drone_agent.simulation.airframe import Airframe
@@ -60,12 +60,12 @@ class AgentCore:
         self._airframe = Airframe(config.true_vehicle(), air, start, config.start_yaw_rad, t0_ns, lean)
         self._positioning = _positioning(config, t0_ns)
         self.autopilot = Autopilot(config, make, self.parameters, self._airframe, self._positioning)
-        self._guards = Guards(config, self.autopilot)
+        self._failsafes = Failsafes(self.autopilot)
         rates_hz = {**make.rates_hz, AGE: config.age_rate_hz, **config.rates_hz}
         self._schedule = Schedule(rates_hz, ON_REQUEST, t0_ns)
         self._commander = Commander(config, self.autopilot, self._schedule)
         self._teller = Teller(config, self.autopilot, t0_ns)
-        self._inbox = Inbox(config, self.autopilot, self._guards, self._commander, t0_ns, self._send, self._use_pose)
+        self._inbox = Inbox(config, self.autopilot, self._failsafes, self._commander, t0_ns, self._send, self._use_pose)
         self._outbox: list[bytes] = []
         self._events: list[Event] = []
         self._look_ns = self._inside_ns = t0_ns
@@ -138,7 +138,7 @@ class AgentCore:
             if self._control_ns < self._now_ns:
                 self._control_ns = self._rastered(self._now_ns)
             due_ns = min(due_ns, self._control_ns)
-        stream_ns = self._guards.stream_deadline_ns()
+        stream_ns = self._failsafes.stream_deadline_ns()
         return due_ns if stream_ns is None else min(due_ns, stream_ns)
 
     def _run_to(self, now_ns: int) -> None:
@@ -146,12 +146,12 @@ class AgentCore:
         while (due_ns := self._inside_ns) <= now_ns:
             self._now_ns = max(due_ns, self._now_ns)
             self._airframe.advance_to(due_ns)
-            self._guards.watch_stream(due_ns)
+            self._failsafes.check_stream(due_ns)
             if self.autopilot.piloted and due_ns >= self._control_ns:
                 self.autopilot.control(due_ns)
                 self._control_ns = due_ns + CONTROL_NS
             if due_ns >= self._look_ns:
-                self._guards.look(due_ns, _LOOK_S)
+                self._failsafes.check(due_ns, _LOOK_S)
                 self._look_ns = due_ns + _LOOK_NS
             self._inside_ns = self._next_inside_ns()
         self._now_ns = max(now_ns, self._now_ns)

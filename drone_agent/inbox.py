@@ -8,7 +8,7 @@ from drone_agent.commands import Commander, order_of
 from drone_agent.config import AgentConfig
 from drone_agent.flight.autopilot import Autopilot
 from drone_agent.flight.estimator import ExternalPose
-from drone_agent.flight.guards import Guards
+from drone_agent.flight.failsafes import Failsafes
 from drone_agent.flight.guidance import Guidance
 from formation.messages import Severity
 from wire.link_messages.address import Address
@@ -39,7 +39,7 @@ class Inbox:
         self,
         config: AgentConfig,
         autopilot: Autopilot,
-        guards: Guards,
+        failsafes: Failsafes,
         commander: Commander,
         t0_ns: int,
         send: Send,
@@ -47,7 +47,7 @@ class Inbox:
     ) -> None:
         self._config = config
         self._pilot = autopilot
-        self._guards = guards
+        self._failsafes = failsafes
         self._commander = commander
         self._t0_ns = t0_ns
         self._send = send
@@ -86,7 +86,7 @@ class Inbox:
 
     def _setpoint(self, _source: Address, message: AttitudeSetpoint, now_ns: int) -> None:
         self._guidance.attitude(now_ns, message)
-        self._pilot.stream.age_ms = self.clock.age_ms(message.t_boot_ms, now_ns - self._t0_ns)
+        self._pilot.setpoint_age_ms = self.clock.age_ms(message.t_boot_ms, now_ns - self._t0_ns)
 
     def _position(self, _source: Address, message: PositionSetpoint, now_ns: int) -> None:
         self._guidance.position(now_ns, message)
@@ -122,7 +122,7 @@ class Inbox:
 
     def _heartbeat(self, _source: Address, message: Heartbeat, now_ns: int) -> None:
         if message.autopilot is Make.INVALID:
-            self._guards.ground_seen(now_ns)
+            self._failsafes.ground_seen(now_ns)
 
     def _command(self, source: Address, message: Command | CommandInt, now_ns: int) -> None:
         result = self._commander.obey(order_of(message), now_ns)

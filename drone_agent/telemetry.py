@@ -171,7 +171,7 @@ def _true_state(t: Teller, now_ns: int) -> LinkMessage:
 
 
 def _age(t: Teller, now_ns: int) -> LinkMessage | None:
-    age_ms = t.autopilot.stream.take_age_ms()
+    age_ms = t.autopilot.take_setpoint_age_ms()
     return None if age_ms is None else NamedValue(t.boot_ms(now_ns), "age_ms", age_ms)
 
 

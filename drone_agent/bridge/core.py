@@ -12,9 +12,10 @@ import numpy as np
 from drone_agent.autopilots.personalities import PERSONALITIES
 from drone_agent.autopilots.personality import Personality
 from drone_agent.bridge.hold import BridgeHold
-from drone_agent.bridge.rule import STEP_NS, Do, StaleRule
+from drone_agent.bridge.takeover import STEP_NS, Takeover, Turn
 from drone_agent.clock_offset import GroundClock
 from drone_agent.config import AgentConfig
+from drone_agent.failsafe import BACK, REPORTS, Stage
 from drone_agent.flight.autopilot import STREAM_MODES
 from formation.messages import Datagram, Event, LabFrame, Severity
 from wire.link_messages.address import BRIDGE_COMPONENT, DRONE_COMPONENT, Address
@@ -29,7 +30,7 @@ from wire.mavlink.framing import Frame, FrameCutter, packed
 
 _POSES = frozenset({102, 138, 331})
 # Heartbeat, mode, origin, commands and their acknowledgements, setpoints, clock: what is read here; the rest passes.
-_WATCHED = frozenset({0, 11, 49, 76, 77, 82, 111})
+_READS = frozenset({0, 11, 49, 76, 77, 82, 111})
 _BEAT_NS = 1_000_000_000
 _POSE_NS = 20_000_000
 _OWN_FEED_NS = 200_000_000
@@ -57,8 +58,7 @@ class BridgeCore:
         self._target = Address(config.sysid, DRONE_COMPONENT)
         self._codec = Codec(Address(config.sysid, BRIDGE_COMPONENT))
         self._from_ground, self._from_autopilot = FrameCutter(), FrameCutter(stream=serial)
-        land_s = 1.0 if config.stale_land_s is None else config.stale_land_s
-        self._rule = StaleRule(config.stale_setpoint_s, land_s)
+        self._takeover = Takeover(config.stale_setpoint_s, config.land_after_s)
         self._make: Personality | None = None
         self._lacks_origin = False
         self._heard_ns = t0_ns
@@ -74,14 +74,14 @@ class BridgeCore:
         self._events: list[Event] = []
 
     def receive_ground(self, datagram: Datagram, now_ns: int) -> None:
-        """Pass what the ground says on to the autopilot, watching it."""
+        """Pass what the ground says on to the autopilot, reading what matters."""
         self._now_ns = now_ns
         for frame in self._from_ground.cut(datagram.data):
             if not self._keep_from_ground(frame, now_ns):
                 self._to_autopilot.append(frame.data)
 
     def receive_autopilot(self, data: bytes, now_ns: int) -> None:
-        """Pass what the autopilot says on to the ground, watching it."""
+        """Pass what the autopilot says on to the ground, reading what matters."""
         self._now_ns = now_ns
         for frame in self._from_autopilot.cut(data):
             if not self._keep_from_autopilot(frame, now_ns):
@@ -113,8 +113,7 @@ class BridgeCore:
             if self._lacks_origin and self._own_feed_ns is not None:
                 self._tell_autopilot(SetOrigin(self._config.sysid, *self._config.origin))
         fed = self._own_feed_ns is not None and now_ns - self._own_feed_ns < _OWN_FEED_NS
-        for step in self._rule.due(now_ns, fed=fed, stands=self._hold.stands):
-            self._act(step)
+        self._act(self._takeover.due(now_ns, fed=fed, stands=self._hold.stands))
         outgoing = BridgeOutgoing(
             _packed(self._config.sysid, self._to_ground),
             _packed(self._config.sysid, self._to_autopilot),
@@ -127,14 +126,14 @@ class BridgeCore:
         """When `tick` is due if nothing arrives."""
         if self._to_ground or self._to_autopilot or self._events:
             return self._now_ns
-        rule_ns = self._rule.deadline_ns()
-        return self._beat_ns if rule_ns is None else min(self._beat_ns, rule_ns)
+        takeover_ns = self._takeover.deadline_ns()
+        return self._beat_ns if takeover_ns is None else min(self._beat_ns, takeover_ns)
 
     def _keep_from_ground(self, frame: Frame, now_ns: int) -> bool:
         """Note what matters; True for a frame that ends here."""
         if frame.number in _POSES and self._own_feed_ns is not None:
             return now_ns - self._own_feed_ns < _OWN_FEED_NS
-        if frame.number not in _WATCHED:
+        if frame.number not in _READS:
             return False
         try:
             message = read_frame(frame).message
@@ -142,11 +141,11 @@ class BridgeCore:
             return False
         if isinstance(message, AttitudeSetpoint) and message.target.system == self._config.sysid:
             self._hold.note(message)
-            if self._rule.note(now_ns):
-                self._say(Severity.INFO, "Setpoints are back")
+            if self._takeover.note(now_ns):
+                self._say(*BACK)
             self._report_age(message, now_ns)
         elif isinstance(message, SetMode) or (isinstance(message, Command) and message.command in _SETS_MODE):
-            self._rule.mode_unknown(now_ns)
+            self._takeover.mode_unknown()
         elif isinstance(message, TimeSync) and message.target.component == BRIDGE_COMPONENT and message.tc1_ns:
             self._clock.exchange(message.ts1_ns - self._t0_ns, message.tc1_ns, now_ns - self._t0_ns)
             return True
@@ -156,7 +155,7 @@ class BridgeCore:
         if frame.source.system != self._config.sysid:
             self._report_stranger(frame.source.system)
             return True
-        if frame.number not in _WATCHED:
+        if frame.number not in _READS:
             return False
         try:
             packet = read_frame(frame)
@@ -168,7 +167,7 @@ class BridgeCore:
         elif isinstance(message, Origin):
             self._lacks_origin = False
         elif isinstance(message, CommandAck) and message.target.component == BRIDGE_COMPONENT:
-            self._rule.acknowledged(message)
+            self._takeover.acknowledged(message)
             return True
         elif isinstance(message, TimeSync) and message.tc1_ns == 0:
             # Its poses come from here, so the clock it holds them against must be ours.
@@ -187,20 +186,18 @@ class BridgeCore:
             self._make = make
             self._say(Severity.INFO, f"Bridge to {make.name}")
         offboard = [make.modes[mode].custom_mode for mode in STREAM_MODES if mode in make.modes]
-        self._rule.saw(offboard=beat.armed and beat.custom_mode in offboard)
+        self._takeover.saw(offboard=beat.armed and beat.custom_mode in offboard)
 
-    def _act(self, step: Do) -> None:
-        """Carry out a step of the stale rule."""
-        match step:
-            case Do.SAY_STALE:
+    def _act(self, turn: Turn) -> None:
+        """Carry out what the fail-safe asks for."""
+        for stage in turn.begun:
+            if stage is Stage.HOLD:
                 self._hold.begin(self._now_ns)
-                self._say(Severity.WARNING, "Setpoints are stale: level and hold")
-            case Do.SAY_LANDING:
-                self._say(Severity.CRITICAL, "Setpoints are stale: landing")
-            case Do.HOLD | Do.LET_DOWN:
-                self._fly(down=step is Do.LET_DOWN)
-            case Do.LAND:
-                self._command(21, 0.0, 0.0, 0.0, float("nan"))
+            self._say(*REPORTS[stage])
+        if turn.flown is not None:
+            self._fly(down=turn.flown is Stage.LAND)
+        if turn.lands:
+            self._command(21, 0.0, 0.0, 0.0, float("nan"))
 
     def _fly(self, *, down: bool) -> None:
         """One attitude target of our own."""

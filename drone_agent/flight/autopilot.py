@@ -1,4 +1,4 @@
-"""The autopilot: armed or not, its mode, and who flies. It speaks no MAVLink; fail-safes: drone_agent.flight.guards.
+"""The autopilot: armed or not, its mode, and who flies. It speaks no MAVLink; fail-safes: drone_agent.flight.failsafes.
 
 One of three flies at any time: the stream of attitude targets (drone_agent.flight.guidance), the pilot
 (drone_agent.flight.flying), or nobody (disarmed, or idling on the ground). What differs between makes is asked of the
@@ -11,11 +11,11 @@ from math import hypot
 from drone_agent.autopilots.parameters import Parameters
 from drone_agent.autopilots.personality import Mode, ModeRow, Needs, Personality, StreamLoss, Task, Timing
 from drone_agent.config import AgentConfig
+from drone_agent.failsafe import Stage, StreamFailsafe
 from drone_agent.flight.estimator import Belief, Positioning, believed, turned
 from drone_agent.flight.flying import Pilot
 from drone_agent.flight.landing import LandDetector
 from drone_agent.flight.position import NO_RATE
-from drone_agent.flight.stream import StreamWatch, Watch
 from drone_agent.simulation.airframe import Airframe
 from drone_agent.simulation.attitude_loop import LoopSetpoint
 from formation.maths.arrays import Quat, Vec3
@@ -58,7 +58,9 @@ class Autopilot:
         self.home: Belief | None = None
         self.notes: list[Note] = []
         self.detector = LandDetector()
-        self.stream = StreamWatch(config.stale_setpoint_s)
+        self.stream = StreamFailsafe(config.stale_setpoint_s, config.land_after_s)
+        self.setpoint_age_ms: float | None = None
+        """From camera to drone, of the newest setpoint; None once told, or without a common clock."""
         self.armed_ns = 0
         self.origin: Vec3Tuple | None = config.origin if config.pose == "own" else None
         """Where the estimate's frame begins on the globe, if anybody has said."""
@@ -109,6 +111,11 @@ class Autopilot:
         """Where it thinks it is."""
         return believed(self.airframe.state, self.positioning.offset(now_ns))
 
+    def take_setpoint_age_ms(self) -> float | None:
+        """The newest setpoint's age, once."""
+        age_ms, self.setpoint_age_ms = self.setpoint_age_ms, None
+        return age_ms
+
     def say(self, severity: Severity, text: str, *fills: str) -> None:
         """Tell the operator, if there are words for it."""
         if text:
@@ -133,7 +140,7 @@ class Autopilot:
                 return self.personality.words.no_position.format(fault)
         if Needs.GLOBE in needs and self.origin is None and self.armed:
             return "no valid global position estimate"
-        if Needs.STREAM in needs and self.stream.silent_for(now_ns, self.stream_loss.after_s):
+        if Needs.STREAM in needs and self.stream.monitor.silent(now_ns, self.stream_loss.after_s):
             return self.personality.words.stream_lost
         if Needs.PILOT in needs:
             return "manual control signal lost"
@@ -298,8 +305,8 @@ class Autopilot:
         """Do what the mode does. A stream that is alive takes over with its next target; until then, hold."""
         task = self.row.task
         if task is Task.EXTERNAL:
-            alive = not self.stream.silent_for(now_ns, self.stream_loss.after_s)
-            self.stream.watch = Watch.LIVE if alive else Watch.GIVEN_UP
+            alive = not self.stream.monitor.silent(now_ns, self.stream_loss.after_s)
+            self.stream.begin(Stage.FOLLOW if alive else Stage.LOST)
             task = Task.HOLD if self.positioning.valid(now_ns) else Task.LEVEL
         if task is Task.TAKEOFF:
             rise_m = self._rise_m if self._rise_m is not None else self.timing.takeoff_height_m

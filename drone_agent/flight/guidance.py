@@ -9,14 +9,13 @@ import math
 import numpy as np
 
 from drone_agent.autopilots.personality import Task
+from drone_agent.failsafe import BACK
 from drone_agent.flight.autopilot import Autopilot
 from drone_agent.flight.estimator import turned
 from drone_agent.flight.position import NO_RATE
-from drone_agent.flight.stream import Watch
 from drone_agent.simulation.attitude_loop import LoopSetpoint
 from formation.maths.arrays import Quat, Vec3
 from formation.maths.frames import from_rotation_vector, multiply
-from formation.messages import Severity
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore, LocalFrame, PositionIgnore, PositionSetpoint
 
 
@@ -82,12 +81,11 @@ class Guidance:
     def _heard(self, now_ns: int) -> bool:
         """Note a setpoint of the stream; whether it is to be followed."""
         autopilot = self._autopilot
-        autopilot.stream.note(now_ns)
+        autopilot.stream.monitor.note(now_ns)
         if not autopilot.in_stream_mode:
             return False
-        if autopilot.stream.watch is Watch.LEVELLED:
-            autopilot.say(Severity.INFO, "Setpoints are back")
-        autopilot.stream.watch = Watch.LIVE
+        if autopilot.stream.resume():
+            autopilot.say(*BACK)
         return True
 
     def _ahead(self, rate_flu_rad_s: Vec3) -> Quat:

@@ -1,76 +1,61 @@
 """The autopilot's fail-safes: a silent stream, a lost position, a low battery, a lost ground, a finished landing.
 
-The agent's own rule (levels on a stale stream, then lands) is the last line of defence and comes first; the
-make's own time-outs, from its parameters, come after it.
+The agent's own (drone_agent.failsafe: level on a stale stream, then land) is the last line of defence and comes
+first; the autopilot's time-outs, from its parameters, come after it.
 """
 
 from math import hypot
 
 from drone_agent.autopilots.personality import Mode, Task
-from drone_agent.config import AgentConfig
+from drone_agent.failsafe import REPORTS, LinkMonitor, Stage
 from drone_agent.flight.autopilot import Autopilot
-from drone_agent.flight.stream import Watch
 from formation.messages import Severity
 
-_STALE_LAND_MOCAP_S = 1.0
 _ON_POSITION = (Task.HOLD, Task.TAKEOFF, Task.RETURN, Task.LAND)
 
 
-class Guards:
-    """What is watched, and what was already said about it."""
+class Failsafes:
+    """What is monitored, and what was already said about it."""
 
-    def __init__(self, config: AgentConfig, autopilot: Autopilot) -> None:
+    def __init__(self, autopilot: Autopilot) -> None:
         self._autopilot = autopilot
-        self._land_s = config.stale_land_s
-        if self._land_s is None and config.pose == "mocap":
-            self._land_s = _STALE_LAND_MOCAP_S
         self._landed_ns = 0
         self._flown = False
-        self._ground_seen_ns: int | None = None
+        self._ground = LinkMonitor()
         self._battery_low_said = self._battery_acted = False
 
     def ground_seen(self, now_ns: int) -> None:
         """A ground station's heartbeat came."""
-        self._ground_seen_ns = now_ns
+        self._ground.note(now_ns)
 
     def stream_deadline_ns(self) -> int | None:
-        """When `watch_stream` is next due; None while there is nothing to watch."""
-        pilot, stream = self._autopilot, self._autopilot.stream
-        if not pilot.in_stream_mode or stream.last_ns is None or stream.watch is Watch.GIVEN_UP:
-            return None
-        own_ns = stream.last_ns + int(pilot.stream_loss.after_s * 1e9)
-        stale_ns = stream.stale_at_ns
-        if stale_ns is None:
-            return own_ns
-        if stream.watch is Watch.LIVE:
-            return min(own_ns, stale_ns)
-        return own_ns if self._land_s is None else min(own_ns, stale_ns + int(self._land_s * 1e9))
+        """When `check_stream` is next due; None while there is nothing to monitor."""
+        pilot = self._autopilot
+        return pilot.stream.deadline_ns(pilot.stream_loss.after_s) if pilot.in_stream_mode else None
 
-    def watch_stream(self, now_ns: int) -> None:
+    def check_stream(self, now_ns: int) -> None:
         """Act on a stream that has been silent too long."""
-        due_ns = self.stream_deadline_ns()
-        if due_ns is None or now_ns < due_ns:
+        pilot = self._autopilot
+        if not pilot.in_stream_mode:
             return
-        pilot, stream = self._autopilot, self._autopilot.stream
         loss = pilot.stream_loss
-        if stream.silent_for(now_ns, loss.after_s):
-            stream.watch = Watch.GIVEN_UP
-            pilot.say(Severity.CRITICAL, pilot.personality.words.stream_lost)
-            if loss.mode is not None:
-                pilot.fail_safe(loss.mode, now_ns, loss.task)
-            elif self._land_s is None:
-                pilot.fly(loss.task, now_ns)
-        elif stream.watch is Watch.LIVE:
-            stream.watch = Watch.LEVELLED
-            pilot.say(Severity.WARNING, "Setpoints are stale: level and hold")
-            holds = pilot.positioning.valid(now_ns)
-            pilot.fly(Task.HOLD if holds else Task.LEVEL, now_ns, level_first=True)
-        else:
-            stream.watch = Watch.GIVEN_UP
-            pilot.say(Severity.CRITICAL, "Setpoints are stale: landing")
-            pilot.fail_safe(Mode.LAND, now_ns)
+        stage = pilot.stream.advance(now_ns, loss.after_s)
+        if stage in REPORTS:
+            pilot.say(*REPORTS[stage])
+        match stage:
+            case Stage.HOLD:
+                holds = pilot.positioning.valid(now_ns)
+                pilot.fly(Task.HOLD if holds else Task.LEVEL, now_ns, level_first=True)
+            case Stage.LAND:
+                pilot.fail_safe(Mode.LAND, now_ns)
+            case Stage.LOST:
+                pilot.say(Severity.CRITICAL, pilot.personality.words.stream_lost)
+                if loss.mode is not None:
+                    pilot.fail_safe(loss.mode, now_ns, loss.task)
+                elif not pilot.stream.lands:
+                    pilot.fly(loss.task, now_ns)
 
-    def look(self, now_ns: int, dt_s: float) -> None:
+    def check(self, now_ns: int, dt_s: float) -> None:
         """Everything that changes slowly: twenty times a second."""
         pilot = self._autopilot
         pilot.airframe.drain(dt_s)
@@ -81,9 +66,9 @@ class Guards:
         self._detect_landing(now_ns)
         self._disarm_when_done(now_ns)
         if pilot.armed and not pilot.landed:
-            self._guard_position(now_ns)
-            self._guard_battery(now_ns)
-            self._guard_ground(now_ns)
+            self._check_position(now_ns)
+            self._check_battery(now_ns)
+            self._check_ground(now_ns)
 
     def _detect_landing(self, now_ns: int) -> None:
         pilot = self._autopilot
@@ -112,13 +97,13 @@ class Guards:
         if wait_s >= 0.0 and now_ns - since_ns >= round(wait_s * 1e9):
             pilot.disarm(force=False, reason=reason)
 
-    def _guard_position(self, now_ns: int) -> None:
+    def _check_position(self, now_ns: int) -> None:
         pilot = self._autopilot
         if pilot.task in _ON_POSITION and not pilot.positioning.valid(now_ns):
             pilot.say(Severity.CRITICAL, pilot.personality.words.pose_lost)
             pilot.fail_safe(Mode.DESCEND, now_ns)
 
-    def _guard_battery(self, now_ns: int) -> None:
+    def _check_battery(self, now_ns: int) -> None:
         pilot, timing = self._autopilot, self._autopilot.timing
         left = pilot.airframe.pack.remaining
         if left < timing.battery_low and not self._battery_low_said:
@@ -130,11 +115,11 @@ class Guards:
             if timing.battery_action is not None:
                 pilot.fail_safe(timing.battery_action, now_ns)
 
-    def _guard_ground(self, now_ns: int) -> None:
+    def _check_ground(self, now_ns: int) -> None:
         pilot, timing = self._autopilot, self._autopilot.timing
-        if self._ground_seen_ns is None or timing.ground_loss is None:
+        if self._ground.last_ns is None or timing.ground_loss is None:
             return
-        if now_ns - self._ground_seen_ns >= round(timing.ground_loss_s * 1e9):
-            self._ground_seen_ns = None
+        if self._ground.silent(now_ns, timing.ground_loss_s):
+            self._ground = LinkMonitor()
             pilot.say(Severity.CRITICAL, pilot.personality.words.ground_lost)
             pilot.fail_safe(timing.ground_loss, now_ns)

@@ -23,7 +23,7 @@ def leaning(bench: Bench) -> object:
 
 
 def silent_since(bench: Bench) -> int:
-    return bench.core.autopilot.stream.last_ns or 0
+    return bench.core.autopilot.stream.monitor.last_ns or 0
 
 
 @pytest.mark.parametrize("pose", ["own", "mocap"])

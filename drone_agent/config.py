@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AliasChoices, Field, model_validator
 
 from drone_agent.failsafe import LAND_AFTER_S
 from drone_agent.simulation.disturbance import Disturbance
@@ -25,7 +25,10 @@ class AgentConfig(Model):
     body: Name | None = None
     """The mocap's name of this drone's body; `uav<sysid>` if not given."""
     link: LinkConfig = LinkConfig()
-    personality: Literal["px4", "ardupilot"] = "px4"
+    autopilot: Literal["px4", "ardupilot"] = Field(
+        default="px4", validation_alias=AliasChoices("autopilot", "personality")
+    )
+    """The autopilot it simulates; `personality` is the option's older name."""
     bridge: str | None = None
     """Be no drone but the bridge to a real autopilot: udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD."""
     pose: Literal["own", "mocap"] = "own"
@@ -51,7 +54,7 @@ class AgentConfig(Model):
     origin: Vec3Tuple = ZURICH
     """Latitude and longitude, degrees, and altitude, m, of the lab's origin."""
     rates_hz: dict[int, NonNegative] = Field(default_factory=dict)
-    """Telemetry by MAVLink message id, where it shall differ from the personality's; 0 is off."""
+    """Telemetry by MAVLink message id, where it shall differ from the autopilot's; 0 is off."""
     truth_rate_hz: NonNegative = 0.0
     """How often the true state is published; 0 leaves it to whoever asks."""
     age_rate_hz: NonNegative = 50.0

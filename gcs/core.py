@@ -261,7 +261,7 @@ class GcsCore:
         """What the drone said since the last tick and, once its parameters are read, what is amiss with them."""
         link = drone.link
         events, link.events = link.events, []
-        if not drone.checked and link.dialect is not None and not link.parameters.reading:
+        if not drone.checked and link.model is not None and not link.parameters.reading:
             drone.checked = True
             events += [Event(Severity.WARNING, link.name, text) for text in warnings(link, self._feeds_pose)]
         return events

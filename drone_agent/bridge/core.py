@@ -9,34 +9,56 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drone_agent.autopilots.personalities import PERSONALITIES
-from drone_agent.autopilots.personality import Personality
 from drone_agent.bridge.hold import BridgeHold
 from drone_agent.bridge.takeover import STEP_NS, Takeover, Turn
 from drone_agent.clock_offset import GroundClock
 from drone_agent.config import AgentConfig
 from drone_agent.failsafe import BACK, REPORTS, Stage
-from drone_agent.flight.autopilot import STREAM_MODES
 from formation.messages import Datagram, Event, LabFrame, Severity
+from wire.autopilots.ardupilot import ARDUPILOT
+from wire.autopilots.px4 import PX4
+from wire.autopilots.table import STREAM_MODES, AutopilotTable
 from wire.link_messages.address import BRIDGE_COMPONENT, DRONE_COMPONENT, Address
 from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import Command, CommandAck, SetMode
+from wire.link_messages.commands import CommandAck, CommandLong, MavCommand, SetMode, command_long
+from wire.link_messages.message_id import MessageId
 from wire.link_messages.motion import Origin, SetOrigin, VisionPose
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
-from wire.link_messages.status import Autopilot, Heartbeat, NamedValue, StatusText
+from wire.link_messages.status import Heartbeat, MavAutopilot, MavState, MavType, NamedValue, StatusText
 from wire.mavlink.codec import Codec, MavlinkError, read_frame
 from wire.mavlink.framing import Frame, FrameCutter, packed
 
-_POSES = frozenset({102, 138, 331})
-# Heartbeat, mode, origin, commands and their acknowledgements, setpoints, clock: what is read here; the rest passes.
-_READS = frozenset({0, 11, 49, 76, 77, 82, 111})
+_POSES = frozenset({MessageId.VISION_POSITION_ESTIMATE, MessageId.ATT_POS_MOCAP, MessageId.ODOMETRY})
+# What is read here; the rest passes.
+_READS = frozenset(
+    {
+        MessageId.HEARTBEAT,
+        MessageId.SET_MODE,
+        MessageId.GPS_GLOBAL_ORIGIN,
+        MessageId.COMMAND_LONG,
+        MessageId.COMMAND_ACK,
+        MessageId.SET_ATTITUDE_TARGET,
+        MessageId.TIMESYNC,
+    }
+)
 _BEAT_NS = 1_000_000_000
+_HEARTBEAT = Heartbeat(MavAutopilot.INVALID, MavType.ONBOARD_CONTROLLER, 0, 0, MavState.ACTIVE)
 _POSE_NS = 20_000_000
 _OWN_FEED_NS = 200_000_000
 _SILENT_NS = 1_500_000_000  # of heartbeats a second: it may have restarted, and forgotten its origin
-_SETS_MODE = (20, 21, 22, 176, 185, 192, 400)
-_MAKES = {make.autopilot: make for make in PERSONALITIES.values()}
+_SETS_MODE = frozenset(
+    {
+        MavCommand.NAV_RETURN_TO_LAUNCH,
+        MavCommand.NAV_LAND,
+        MavCommand.NAV_TAKEOFF,
+        MavCommand.DO_SET_MODE,
+        MavCommand.DO_FLIGHTTERMINATION,
+        MavCommand.DO_REPOSITION,
+        MavCommand.COMPONENT_ARM_DISARM,
+    }
+)
+_TABLES = {table.autopilot: table for table in (PX4, ARDUPILOT)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +81,7 @@ class BridgeCore:
         self._codec = Codec(Address(config.sysid, BRIDGE_COMPONENT))
         self._from_ground, self._from_autopilot = FrameCutter(), FrameCutter(stream=serial)
         self._takeover = Takeover(config.stale_setpoint_s, config.land_after_s)
-        self._make: Personality | None = None
+        self._table: AutopilotTable | None = None
         self._lacks_origin = False
         self._heard_ns = t0_ns
         self._clock = GroundClock()
@@ -108,7 +130,7 @@ class BridgeCore:
         self._now_ns = now_ns
         if now_ns >= self._beat_ns:
             self._beat_ns = now_ns + _BEAT_NS
-            self._tell_autopilot(Heartbeat(Autopilot.INVALID, 18, 0, 0, 4))
+            self._tell_autopilot(_HEARTBEAT)
             self._tell_ground(TimeSync(0, now_ns))
             if self._lacks_origin and self._own_feed_ns is not None:
                 self._tell_autopilot(SetOrigin(self._config.sysid, *self._config.origin))
@@ -144,7 +166,7 @@ class BridgeCore:
             if self._takeover.note(now_ns):
                 self._say(*BACK)
             self._report_age(message, now_ns)
-        elif isinstance(message, SetMode) or (isinstance(message, Command) and message.command in _SETS_MODE):
+        elif isinstance(message, SetMode) or (isinstance(message, CommandLong) and message.command in _SETS_MODE):
             self._takeover.mode_unknown()
         elif isinstance(message, TimeSync) and message.target.component == BRIDGE_COMPONENT and message.tc1_ns:
             self._clock.exchange(message.ts1_ns - self._t0_ns, message.tc1_ns, now_ns - self._t0_ns)
@@ -176,17 +198,16 @@ class BridgeCore:
         return False
 
     def _see(self, beat: Heartbeat) -> None:
-        make = _MAKES.get(beat.autopilot)
-        if make is None:
+        table = _TABLES.get(beat.autopilot)
+        if table is None:
             return
         silent_ns, self._heard_ns = self._now_ns - self._heard_ns, self._now_ns
-        if self._make is not make or silent_ns > _SILENT_NS:
-            self._lacks_origin = make.needs_origin
-        if self._make is not make:
-            self._make = make
-            self._say(Severity.INFO, f"Bridge to {make.name}")
-        offboard = [make.modes[mode].custom_mode for mode in STREAM_MODES if mode in make.modes]
-        self._takeover.saw(offboard=beat.armed and beat.custom_mode in offboard)
+        if self._table is not table or silent_ns > _SILENT_NS:
+            self._lacks_origin = table.needs_origin
+        if self._table is not table:
+            self._table = table
+            self._say(Severity.INFO, f"Bridge to {table.autopilot.name.lower()}")
+        self._takeover.saw(offboard=beat.armed and table.mode_of(beat.custom_mode) in STREAM_MODES)
 
     def _act(self, turn: Turn) -> None:
         """Carry out what the fail-safe asks for."""
@@ -197,7 +218,7 @@ class BridgeCore:
         if turn.flown is not None:
             self._fly(down=turn.flown is Stage.LAND)
         if turn.lands:
-            self._command(21, 0.0, 0.0, 0.0, float("nan"))
+            self._tell_autopilot(command_long(self._target, MavCommand.NAV_LAND, 0.0, 0.0, 0.0, float("nan")))
 
     def _fly(self, *, down: bool) -> None:
         """One attitude target of our own."""
@@ -209,10 +230,6 @@ class BridgeCore:
         self._tell_autopilot(
             AttitudeSetpoint(self._target, t_boot_ms, wanted.q_lab_from_flu, rate, thrust, Ignore.BODY_RATES)
         )
-
-    def _command(self, number: int, *params: float) -> None:
-        p1, p2, p3, p4, p5, p6, p7 = (*params, *(0.0,) * (7 - len(params)))
-        self._tell_autopilot(Command(self._target, number, (p1, p2, p3, p4, p5, p6, p7)))
 
     def _report_age(self, message: AttitudeSetpoint, now_ns: int) -> None:
         rate_hz = self._config.age_rate_hz

@@ -7,7 +7,7 @@ changed that: a landing that the ground began must never be undone. No bytes.
 from typing import NamedTuple
 
 from drone_agent.failsafe import Stage, StreamFailsafe
-from wire.link_messages.commands import CommandAck, Result
+from wire.link_messages.commands import CommandAck, MavCommand, Result
 
 STEP_NS = 10_000_000
 _AGAIN_NS = 300_000_000
@@ -50,7 +50,7 @@ class Takeover:
 
     def acknowledged(self, ack: CommandAck) -> None:
         """The autopilot answered one of our commands."""
-        if ack.command == 21 and ack.result is Result.ACCEPTED:
+        if ack.command == MavCommand.NAV_LAND and ack.result is Result.ACCEPTED:
             self._done = True
 
     def deadline_ns(self) -> int | None:

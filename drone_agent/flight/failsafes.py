@@ -6,10 +6,11 @@ first; the autopilot's time-outs, from its parameters, come after it.
 
 from math import hypot
 
-from drone_agent.autopilots.personality import Mode, Task
+from drone_agent.autopilots.model import Task
 from drone_agent.failsafe import REPORTS, LinkMonitor, Stage
 from drone_agent.flight.autopilot import Autopilot
 from formation.messages import Severity
+from wire.autopilots.table import FlightMode
 
 _ON_POSITION = (Task.HOLD, Task.TAKEOFF, Task.RETURN, Task.LAND)
 
@@ -47,9 +48,9 @@ class Failsafes:
                 holds = pilot.positioning.valid(now_ns)
                 pilot.fly(Task.HOLD if holds else Task.LEVEL, now_ns, level_first=True)
             case Stage.LAND:
-                pilot.fail_safe(Mode.LAND, now_ns)
+                pilot.fail_safe(FlightMode.LAND, now_ns)
             case Stage.LOST:
-                pilot.say(Severity.CRITICAL, pilot.personality.words.stream_lost)
+                pilot.say(Severity.CRITICAL, pilot.model.words.stream_lost)
                 if loss.mode is not None:
                     pilot.fail_safe(loss.mode, now_ns, loss.task)
                 elif not pilot.stream.lands:
@@ -79,10 +80,10 @@ class Failsafes:
             return
         if pilot.landed:
             self._landed_ns = now_ns
-            pilot.say(Severity.INFO, pilot.personality.words.landed)
+            pilot.say(Severity.INFO, pilot.model.words.landed)
         else:
             self._flown = True
-            pilot.say(Severity.INFO, pilot.personality.words.takeoff)
+            pilot.say(Severity.INFO, pilot.model.words.takeoff)
 
     def _disarm_when_done(self, now_ns: int) -> None:
         pilot, timing = self._autopilot, self._autopilot.timing
@@ -100,18 +101,18 @@ class Failsafes:
     def _check_position(self, now_ns: int) -> None:
         pilot = self._autopilot
         if pilot.task in _ON_POSITION and not pilot.positioning.valid(now_ns):
-            pilot.say(Severity.CRITICAL, pilot.personality.words.pose_lost)
-            pilot.fail_safe(Mode.DESCEND, now_ns)
+            pilot.say(Severity.CRITICAL, pilot.model.words.pose_lost)
+            pilot.fail_safe(FlightMode.DESCEND, now_ns)
 
     def _check_battery(self, now_ns: int) -> None:
         pilot, timing = self._autopilot, self._autopilot.timing
         left = pilot.airframe.pack.remaining
         if left < timing.battery_low and not self._battery_low_said:
             self._battery_low_said = True
-            pilot.say(Severity.WARNING, pilot.personality.words.battery_low)
+            pilot.say(Severity.WARNING, pilot.model.words.battery_low)
         if left < timing.battery_critical and not self._battery_acted:
             self._battery_acted = True
-            pilot.say(Severity.CRITICAL, pilot.personality.words.battery_critical)
+            pilot.say(Severity.CRITICAL, pilot.model.words.battery_critical)
             if timing.battery_action is not None:
                 pilot.fail_safe(timing.battery_action, now_ns)
 
@@ -121,5 +122,5 @@ class Failsafes:
             return
         if self._ground.silent(now_ns, timing.ground_loss_s):
             self._ground = LinkMonitor()
-            pilot.say(Severity.CRITICAL, pilot.personality.words.ground_lost)
+            pilot.say(Severity.CRITICAL, pilot.model.words.ground_lost)
             pilot.fail_safe(timing.ground_loss, now_ns)

@@ -14,6 +14,7 @@ from formation.maths.arrays import Quat, Vec3
 from formation.maths.frames import IDENTITY
 from formation.messages import Datagram, LabFrame
 from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
+from wire.link_messages.message_id import MessageId
 from wire.link_messages.motion import AttitudeQuaternion, LocalPosition, SimTruth
 from wire.link_messages.packet import LinkMessage
 from wire.mavlink.codec import Codec
@@ -24,7 +25,6 @@ SMOOTHING_S = 0.2
 AWAIT_TRUTH_NS = 3_000_000_000  # asked for once its heartbeat is heard, among much else
 CARRIED_PERIODS = 2.5
 LOST_NS = 500_000_000
-HIL_STATE_QUATERNION, SIM_STATE, LOCAL_POSITION_NED, ATTITUDE_QUATERNION = 115, 108, 32, 31
 
 
 def streams(config: LabConfig) -> tuple[tuple[int, float], ...]:
@@ -33,10 +33,10 @@ def streams(config: LabConfig) -> tuple[tuple[int, float], ...]:
         return ()
     rate_hz = config.mocap.rate_hz
     return (
-        (LOCAL_POSITION_NED, rate_hz),
-        (ATTITUDE_QUATERNION, rate_hz),
-        (HIL_STATE_QUATERNION, rate_hz),
-        (SIM_STATE, rate_hz),
+        (MessageId.LOCAL_POSITION_NED, rate_hz),
+        (MessageId.ATTITUDE_QUATERNION, rate_hz),
+        (MessageId.HIL_STATE_QUATERNION, rate_hz),
+        (MessageId.SIM_STATE, rate_hz),
     )
 
 

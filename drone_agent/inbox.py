@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import Any
 
-from drone_agent.clock_offset import GroundClock
 from drone_agent.commands import Commander, order_of
 from drone_agent.config import AgentConfig
 from drone_agent.flight.autopilot import Autopilot
@@ -11,6 +10,7 @@ from drone_agent.flight.estimator import ExternalPose
 from drone_agent.flight.failsafes import Failsafes
 from drone_agent.flight.guidance import Guidance
 from formation.messages import Severity
+from wire.clock_offset import ClockOffset
 from wire.link_messages.address import Address
 from wire.link_messages.clocks import Ping, TimeSync
 from wire.link_messages.commands import CommandAck, CommandInt, CommandLong, SetMode
@@ -73,7 +73,7 @@ class Inbox:
         self._send = send
         self._use_pose = use_pose
         self._guidance = Guidance(autopilot)
-        self.clock = GroundClock()
+        self.clock = ClockOffset()
         self.listing: int | None = None
         """The next parameter of a list that was asked for."""
         self.own_feed_ns: int | None = None
@@ -127,7 +127,7 @@ class Inbox:
 
     def _capture_ns(self, stamp_ns: int, now_ns: int) -> int:
         """A pose's capture on our clock: its stamp is our time since boot, or the sender's own clock."""
-        own_ns = self.clock.to_own_ns(stamp_ns)
+        own_ns = self.clock.to_ours_ns(stamp_ns)
         for since_boot_ns in (stamp_ns,) if own_ns is None else (stamp_ns, own_ns):
             if 0 <= now_ns - self._t0_ns - since_boot_ns <= _POSE_AGE_MAX_NS:
                 return self._t0_ns + since_boot_ns

@@ -11,13 +11,13 @@ import numpy as np
 
 from drone_agent.bridge.hold import BridgeHold
 from drone_agent.bridge.takeover import STEP_NS, Takeover, Turn
-from drone_agent.clock_offset import GroundClock
 from drone_agent.config import AgentConfig
 from drone_agent.failsafe import BACK, REPORTS, Stage
 from formation.messages import Datagram, Event, LabFrame, Severity
 from wire.autopilots.ardupilot import ARDUPILOT
 from wire.autopilots.px4 import PX4
 from wire.autopilots.table import STREAM_MODES, AutopilotTable
+from wire.clock_offset import ClockOffset
 from wire.link_messages.address import BRIDGE_COMPONENT, DRONE_COMPONENT, Address
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.commands import CommandAck, CommandLong, MavCommand, SetMode, command_long
@@ -84,7 +84,7 @@ class BridgeCore:
         self._table: AutopilotTable | None = None
         self._lacks_origin = False
         self._heard_ns = t0_ns
-        self._clock = GroundClock()
+        self._clock = ClockOffset()
         self._beat_ns = t0_ns
         self._hold = BridgeHold()
         self._hold_ns = self._pose_due_ns = t0_ns

@@ -14,7 +14,7 @@ from gcs.drones.autopilot_model import GROUND_MODELS, GroundModel
 from gcs.drones.commands import CommandChannel, stream
 from gcs.drones.parameters import ParameterReader
 from gcs.drones.sequence import SequenceWatch
-from gcs.drones.timesync import ClockOffset
+from gcs.drones.timesync import TimeSyncClient
 from wire.autopilots.table import FlightMode
 from wire.link_messages.address import BRIDGE_COMPONENT, DRONE_COMPONENT, GROUND, Address
 from wire.link_messages.clocks import TimeSync
@@ -111,7 +111,7 @@ class DroneLink:
         self._flight_mode: FlightMode | None = None
         self.armed_clock = ArmedClock()
         self.commands = CommandChannel()
-        self.clock = ClockOffset(self.target)
+        self.clock = TimeSyncClient(self.target)
         self.sequence = SequenceWatch()
         self.parameters = ParameterReader(self.target, MavAutopilot.GENERIC)
         self.foreign_sysid: int | None = None

@@ -13,12 +13,12 @@ from formation.config import LabConfig
 from formation.maths.arrays import Quat, Vec3
 from formation.maths.frames import IDENTITY
 from formation.messages import Datagram, LabFrame
+from wire.clock_offset import SenderClock
 from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
 from wire.link_messages.message_id import MessageId
 from wire.link_messages.motion import AttitudeQuaternion, LocalPosition, SimTruth
 from wire.link_messages.packet import LinkMessage
 from wire.mavlink.codec import Codec
-from wire.transport.sender_clock import SenderClock
 
 EARTH_RADIUS_M = 6_371_000.0
 SMOOTHING_S = 0.2

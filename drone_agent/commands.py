@@ -6,8 +6,8 @@ from math import isfinite
 
 from drone_agent.config import AgentConfig
 from drone_agent.flight.autopilot import Autopilot
-from drone_agent.geodesy import from_globe, to_globe
 from drone_agent.schedule import Schedule
+from formation.maths.geodesy import from_globe, to_globe
 from formation.messages import Severity
 from formation.model import Vec3Tuple
 from wire.autopilots.table import FlightMode

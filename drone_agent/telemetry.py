@@ -9,8 +9,8 @@ from drone_agent.autopilots.model import Task
 from drone_agent.config import AgentConfig
 from drone_agent.flight.autopilot import Autopilot
 from drone_agent.flight.estimator import NO_OFFSET, turned
-from drone_agent.geodesy import to_globe
 from formation.maths.arrays import Vec3
+from formation.maths.geodesy import to_globe
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.message_id import MessageId
 from wire.link_messages.motion import (

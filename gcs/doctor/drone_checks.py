@@ -5,14 +5,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from formation.vehicle.profile import VehicleProfile
-from gcs.doctor.finding import Finding, Fix, Grade, Refit, graded, unmeasured
-from gcs.drones.autopilot_model import GroundModel, ParameterRule
+from gcs.drones.autopilot_model import HOVER_WITHIN, GroundModel, ParameterRule
+from gcs.finding import Finding, Fix, Grade, Refit, graded, unmeasured
 from wire.config_file import dump
 
 PACKETS_LEAST = 50  # below it one lost packet would be two per cent, and a twin might not have spoken
 LOSS, LOSS_MOST = 0.01, 0.05
 ROUND_TRIP_S = 0.02
-HOVER_FAIR, HOVER_MOST = 0.1, 0.25
+HOVER_MOST = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,9 +126,9 @@ def _check_hover(report: DroneReport, model: GroundModel) -> Finding:
         return Finding(report.name, name, Grade.WARN, "not answered", expected, "the profile's is used")
     off = abs(value - wanted) / wanted
     found = f"{value:.2f}"
-    if off <= HOVER_FAIR:
+    if off <= HOVER_WITHIN:
         return Finding(report.name, name, Grade.PASS, found, expected)
-    if abs(value - model.hover_default) < 1e-6 or not 0.05 < value < 0.95:
+    if not model.hover_measured(value):
         why = f"{model.name}'s default, never measured: the profile's is used, and the autopilot's own flying is off"
         return Finding(report.name, name, Grade.WARN, found, expected, why)
     grade = Grade.WARN if off <= HOVER_MOST else Grade.FAIL

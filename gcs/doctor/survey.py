@@ -12,7 +12,6 @@ from formation.config import LabConfig
 from formation.messages import Datagram, LabFrame
 from gcs.doctor.axes_checks import Look, Moves, check_axes
 from gcs.doctor.drone_checks import DroneReport, check_drone
-from gcs.doctor.finding import Finding, Fix
 from gcs.doctor.mavsdk_drone import (
     DroneError,
     MavsdkPort,
@@ -25,6 +24,7 @@ from gcs.doctor.mavsdk_drone import (
 from gcs.doctor.mocap_checks import Received, check_mocap
 from gcs.drones.link_state import HEARTBEAT, DroneLink
 from gcs.drones.links import GroundLinks, open_links
+from gcs.finding import Finding, Fix
 from gcs.mocap.autopilot_poses import AutopilotPoses, streams
 from gcs.mocap.service import mocap_service
 from wire import clock

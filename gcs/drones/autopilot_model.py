@@ -20,6 +20,9 @@ from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import Ignore
 from wire.link_messages.status import EkfStatus, EstimatorFlag, MavAutopilot, ModeFlag
 
+HOVER_WITHIN = 0.15
+"""Share by which an autopilot's own hover thrust may differ from the profile's before anybody is told."""
+_HOVER_LEAST, _HOVER_MOST = 0.05, 0.95
 IDLE_DISARM_LEAST_S = 8.0  # arming a swarm takes three seconds, a take-off three more, the operator what is left
 
 
@@ -64,6 +67,10 @@ class GroundModel:
     def hover_default(self) -> float:
         """The hover thrust before anyone has measured it, which says nothing of the vehicle."""
         return self.table.default(self.table.hover_parameter)
+
+    def hover_measured(self, hover_norm: float) -> bool:
+        """Whether this value of its hover thrust is one that flying taught it."""
+        return _HOVER_LEAST < hover_norm < _HOVER_MOST and abs(hover_norm - self.hover_default) > 1e-6
 
     @property
     def idle_disarm_default_s(self) -> float:

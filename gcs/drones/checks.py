@@ -2,10 +2,8 @@
 
 from collections.abc import Iterator
 
-from gcs.drones.autopilot_model import ParameterRule
+from gcs.drones.autopilot_model import HOVER_WITHIN, ParameterRule
 from gcs.drones.link_state import DroneLink
-
-HOVER_WITHIN = 0.15
 
 
 def objections(link: DroneLink) -> tuple[str, ...]:

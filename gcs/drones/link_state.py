@@ -153,8 +153,7 @@ class DroneLink:
         if self.model is None:
             return self.profile.hover_thrust_norm
         known = self.parameters.values.get(self.model.table.hover_parameter, self.model.hover_default)
-        measured = 0.05 < known < 0.95 and abs(known - self.model.hover_default) > 1e-6
-        return known if measured else self.profile.hover_thrust_norm
+        return known if self.model.hover_measured(known) else self.profile.hover_thrust_norm
 
     @property
     def idle_disarm_s(self) -> float | None:

@@ -10,8 +10,8 @@ from formation.config import LabConfig
 from formation.vehicle.profile import VehicleProfile, profile
 from gcs.doctor.cli import write_profile
 from gcs.doctor.drone_checks import DroneReport, check_drone, refitted
-from gcs.doctor.finding import Finding, Fix, Grade, as_dicts, failed
 from gcs.drones.autopilot_model import ARDUPILOT_MODEL, PX4_MODEL
+from gcs.finding import Finding, Fix, Grade, as_dicts, failed
 
 PAPER = profile("paper_40g")
 GOOD = DroneReport(

@@ -48,7 +48,7 @@ def _attitude() -> AttitudeQuaternion:
 
 
 def _truth(north_m: float, up_m: float = 0.0, v=(0.0, 0.0, 0.0), t_us: int = 0) -> SimTruth:
-    lat = HOME[0] + np.degrees(north_m / 6_371_000.0)
+    lat = HOME[0] + np.degrees(north_m / 6_378_137.0)
     return SimTruth(t_us, IDENTITY, np.array(v), float(lat), HOME[1], HOME[2] + up_m)
 
 

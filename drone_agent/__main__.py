@@ -34,7 +34,9 @@ def fly(
     config: Annotated[Path | None, typer.Option(help="TOML file; other options win over it.")] = None,
     lab: Annotated[str | None, typer.Option(help="Name of the lab: the root of its keys on the bus.")] = None,
     body: Annotated[str | None, typer.Option(help="The mocap's name of this drone.")] = None,
-    personality: Annotated[str | None, typer.Option(help="px4 (if not given) or ardupilot.")] = None,
+    autopilot: Annotated[
+        str | None, typer.Option("--autopilot", "--personality", help="px4 (if not given) or ardupilot.")
+    ] = None,
     bridge: Annotated[
         str | None, typer.Option(help="Bridge to a real autopilot: udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD.")
     ] = None,
@@ -67,7 +69,7 @@ def fly(
         "sysid": sysid,
         "lab": lab,
         "body": body,
-        "personality": personality,
+        "autopilot": autopilot,
         "bridge": bridge,
         "pose": pose,
         "profile": profile,

@@ -1,24 +1,49 @@
-"""COMMAND_LONG and COMMAND_INT, read once into one form, obeyed or refused with the MAV_RESULT of the make."""
+"""COMMAND_LONG and COMMAND_INT, read once into one form, obeyed or refused with the MAV_RESULT of the autopilot."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
 
-from drone_agent.autopilots.personality import Mode
 from drone_agent.config import AgentConfig
 from drone_agent.flight.autopilot import Autopilot
-from drone_agent.geodesy import from_globe, to_globe
 from drone_agent.schedule import Schedule
+from formation.maths.geodesy import from_globe, to_globe
 from formation.messages import Severity
 from formation.model import Vec3Tuple
-from wire.link_messages.commands import Command, CommandInt, Result
+from wire.autopilots.table import FlightMode
+from wire.link_messages.commands import (
+    ARM_PAST_CHECKS,
+    DISARM_IN_FLIGHT,
+    CommandInt,
+    CommandLong,
+    MavCommand,
+    MavFrame,
+    Result,
+)
+from wire.link_messages.message_id import MessageId
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.status import MessageInterval
 
-_FORCE_DISARM = 21196
-_FORCE_ARM = 2989
-_RELATIVE_FRAMES = (3, 6, 10, 11)  # MAV_FRAME_GLOBAL_RELATIVE_ALT and its kin
-_LOCAL_FRAMES = (1, 4, 5, 7, 8, 9, 12, 13, 20, 21)
+_RELATIVE_FRAMES = frozenset(
+    {
+        MavFrame.GLOBAL_RELATIVE_ALT,
+        MavFrame.GLOBAL_RELATIVE_ALT_INT,
+        MavFrame.GLOBAL_TERRAIN_ALT,
+        MavFrame.GLOBAL_TERRAIN_ALT_INT,
+    }
+)
+_LOCAL_FRAMES = frozenset(
+    {
+        MavFrame.LOCAL_NED,
+        MavFrame.LOCAL_ENU,
+        MavFrame.LOCAL_OFFSET_NED,
+        MavFrame.BODY_NED,
+        MavFrame.BODY_OFFSET_NED,
+        MavFrame.BODY_FRD,
+        MavFrame.LOCAL_FRD,
+        MavFrame.LOCAL_FLU,
+    }
+)
 _REPOSITION_CHANGES_MODE = 1
 
 
@@ -34,9 +59,9 @@ class Order:
     relative: bool
 
 
-def order_of(message: Command | CommandInt) -> Order:
+def order_of(message: CommandLong | CommandInt) -> Order:
     """The order in either message."""
-    if isinstance(message, Command):
+    if isinstance(message, CommandLong):
         p = message.params
         return Order(message.command, p[:4], p[4], p[5], p[6], relative=False)
     scale = 1e-4 if message.frame in _LOCAL_FRAMES else 1e-7
@@ -54,19 +79,19 @@ class Commander:
         self.wanted: list[int] = []
         self.answers: list[LinkMessage] = []
         self._handlers: dict[int, Callable[[Order, int], Result]] = {
-            20: lambda _order, now: self._pilot.change_mode(Mode.RETURN, now),
-            21: lambda _order, now: self._pilot.land(now),
-            22: self._take_off,
-            176: self._set_mode,
-            185: self._terminate,
-            192: self._reposition,
-            300: lambda _order, _now: Result.DENIED,
-            400: self._arm,
-            410: lambda _order, _now: self._send(242),
-            510: self._tell_interval,
-            511: self._set_interval,
-            512: lambda order, _now: self._send(_int(order.params[0])),
-            520: lambda _order, _now: self._send(148),
+            MavCommand.NAV_RETURN_TO_LAUNCH: lambda _order, now: self._pilot.change_mode(FlightMode.RETURN, now),
+            MavCommand.NAV_LAND: lambda _order, now: self._pilot.land(now),
+            MavCommand.NAV_TAKEOFF: self._take_off,
+            MavCommand.DO_SET_MODE: self._set_mode,
+            MavCommand.DO_FLIGHTTERMINATION: self._terminate,
+            MavCommand.DO_REPOSITION: self._reposition,
+            MavCommand.MISSION_START: lambda _order, _now: Result.DENIED,
+            MavCommand.COMPONENT_ARM_DISARM: self._arm,
+            MavCommand.GET_HOME_POSITION: lambda _order, _now: self._send(MessageId.HOME_POSITION),
+            MavCommand.GET_MESSAGE_INTERVAL: self._tell_interval,
+            MavCommand.SET_MESSAGE_INTERVAL: self._set_interval,
+            MavCommand.REQUEST_MESSAGE: lambda order, _now: self._send(_int(order.params[0])),
+            MavCommand.REQUEST_AUTOPILOT_CAPABILITIES: lambda _order, _now: self._send(MessageId.AUTOPILOT_VERSION),
         }
 
     def obey(self, order: Order, now_ns: int) -> Result:
@@ -75,8 +100,8 @@ class Commander:
         return Result.UNSUPPORTED if handler is None else handler(order, now_ns)
 
     def set_mode(self, base_mode: int, main: int, sub: int, now_ns: int) -> Result:
-        """A change of mode in the make's own numbers."""
-        request = self._pilot.personality.mode_request(base_mode, main, sub)
+        """A change of mode in the autopilot's own numbers."""
+        request = self._pilot.model.mode_request(base_mode, main, sub)
         if request.mode is None:
             return request.refusal
         return self._pilot.change_mode(request.mode, now_ns)
@@ -88,15 +113,15 @@ class Commander:
     def _arm(self, order: Order, now_ns: int) -> Result:
         action, force = order.params[0], _int(order.params[1])
         if _int(action) == 1:
-            return self._pilot.arm(now_ns, force=force == _FORCE_ARM and self._pilot.personality.force_arm)
+            return self._pilot.arm(now_ns, force=force == ARM_PAST_CHECKS and self._pilot.model.force_arm)
         if _int(action) == 0:
-            return self._pilot.disarm(force=force == _FORCE_DISARM, reason="external command")
+            return self._pilot.disarm(force=force == DISARM_IN_FLIGHT, reason="external command")
         self._pilot.say(Severity.CRITICAL, f"Unsupported ARM_DISARM param: {action:.3f}")
         return Result.UNSUPPORTED
 
     def _take_off(self, order: Order, now_ns: int) -> Result:
         height_m: float | None = order.height_m
-        if self._pilot.personality.takeoff_in_own_mode and not order.relative:
+        if self._pilot.model.takeoff_in_own_mode and not order.relative:
             # PX4's seventh parameter is above sea level; nothing, or a height below here, is the default height.
             height_m = order.height_m - self._here_amsl_m(now_ns)
         if height_m is None or not isfinite(height_m) or height_m <= 0.0:
@@ -122,7 +147,7 @@ class Commander:
 
     def _set_interval(self, order: Order, now_ns: int) -> Result:
         known = self._schedule.set_interval_us(_int(order.params[0]), order.params[1], now_ns)
-        return Result.ACCEPTED if known else self._pilot.personality.no_such_rate
+        return Result.ACCEPTED if known else self._pilot.model.no_such_rate
 
     def _tell_interval(self, order: Order, _now_ns: int) -> Result:
         number = _int(order.params[0])
@@ -133,7 +158,7 @@ class Commander:
 
     def _send(self, number: int) -> Result:
         if not self._schedule.sends(number):
-            return self._pilot.personality.no_such_message
+            return self._pilot.model.no_such_message
         self.wanted.append(number)
         return Result.ACCEPTED
 

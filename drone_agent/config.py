@@ -3,8 +3,9 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AliasChoices, Field, model_validator
 
+from drone_agent.failsafe import LAND_AFTER_S
 from drone_agent.simulation.disturbance import Disturbance
 from drone_agent.simulation.level_error import LevelError
 from formation.config import LinkConfig
@@ -24,7 +25,10 @@ class AgentConfig(Model):
     body: Name | None = None
     """The mocap's name of this drone's body; `uav<sysid>` if not given."""
     link: LinkConfig = LinkConfig()
-    personality: Literal["px4", "ardupilot"] = "px4"
+    autopilot: Literal["px4", "ardupilot"] = Field(
+        default="px4", validation_alias=AliasChoices("autopilot", "personality")
+    )
+    """The autopilot it simulates; `personality` is the option's older name."""
     bridge: str | None = None
     """Be no drone but the bridge to a real autopilot: udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD."""
     pose: Literal["own", "mocap"] = "own"
@@ -39,7 +43,7 @@ class AgentConfig(Model):
     stale_setpoint_s: NonNegative = 0.1
     """A stream this silent is dead: level and hold. 0 leaves it to the autopilot's own time-outs."""
     stale_land_s: NonNegative | None = None
-    """Then land this long after; not given: 1 s with `pose = mocap`, else as the autopilot itself would."""
+    """Then land this long after; not given: 1 s with `pose = mocap` or a bridge, else as the autopilot itself would."""
     accel_bias_lab_m_s2: Vec3Tuple = (0.03, -0.02, 0.02)
     """What the inertial sensors are wrong by: how fast dead reckoning drifts without an external pose."""
     level_error: LevelError = LevelError()
@@ -50,7 +54,7 @@ class AgentConfig(Model):
     origin: Vec3Tuple = ZURICH
     """Latitude and longitude, degrees, and altitude, m, of the lab's origin."""
     rates_hz: dict[int, NonNegative] = Field(default_factory=dict)
-    """Telemetry by MAVLink message id, where it shall differ from the personality's; 0 is off."""
+    """Telemetry by MAVLink message id, where it shall differ from the autopilot's; 0 is off."""
     truth_rate_hz: NonNegative = 0.0
     """How often the true state is published; 0 leaves it to whoever asks."""
     age_rate_hz: NonNegative = 50.0
@@ -65,6 +69,13 @@ class AgentConfig(Model):
     def body_name(self) -> str:
         """The body this agent listens for in mocap frames."""
         return self.body if self.body is not None else f"uav{self.sysid}"
+
+    @property
+    def land_after_s(self) -> float | None:
+        """How long a hold on stale setpoints lasts before it lands; None: until the autopilot's own time-out."""
+        if self.stale_land_s is None and (self.pose == "mocap" or self.bridge is not None):
+            return LAND_AFTER_S
+        return self.stale_land_s
 
     def true_vehicle(self) -> VehicleProfile:
         """The profile with this drone's overrides; ValueError names what is unknown or out of range."""

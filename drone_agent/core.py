@@ -7,21 +7,21 @@ from typing import NamedTuple
 
 import numpy as np
 
+from drone_agent.autopilots.models import MODELS
 from drone_agent.autopilots.parameters import Parameters
-from drone_agent.autopilots.personalities import PERSONALITIES
-from drone_agent.autopilots.personality import Personality
 from drone_agent.commands import Commander
 from drone_agent.config import AgentConfig
 from drone_agent.flight.autopilot import CONTROL_NS, Autopilot
 from drone_agent.flight.estimator import ExternalPose, ExternalPositioning, OwnPositioning, Positioning
-from drone_agent.flight.guards import Guards
+from drone_agent.flight.failsafes import Failsafes
 from drone_agent.inbox import READS, Inbox
 from drone_agent.schedule import RASTER_NS, Schedule
 from drone_agent.simulation.airframe import Airframe
 from drone_agent.simulation.level_error import Lean
-from drone_agent.telemetry import AGE, ON_REQUEST, Teller
+from drone_agent.telemetry import AGE, ON_REQUEST, TelemetryBuilder
 from formation.messages import Datagram, Event, LabFrame, Truth
 from formation.vehicle.profile import on_ground, profile
+from wire.autopilots.table import AutopilotTable
 from wire.link_messages.address import DRONE_COMPONENT, Address
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.status import StatusText
@@ -49,23 +49,23 @@ class AgentCore:
     """One simulated drone. Call `receive` with what arrives and `tick` no later than `next_deadline_ns`."""
 
     def __init__(self, config: AgentConfig, t0_ns: int) -> None:
-        make = PERSONALITIES[config.personality]
+        model = MODELS[config.autopilot]
         self.config = config
         self.codec = Codec(Address(config.sysid, DRONE_COMPONENT), reads=READS)
-        self.parameters = Parameters(make.parameters, make.autopilot, _first_values(config, make))
+        self.parameters = Parameters(model.table, _first_values(config, model.table))
         self._t0_ns = self._now_ns = t0_ns
         start = np.array(config.start_lab_m)
         lean = Lean(config.level_error, config.sysid, t0_ns) if config.level_error.rms_rad > 0.0 else None
         air = config.disturbance
         self._airframe = Airframe(config.true_vehicle(), air, start, config.start_yaw_rad, t0_ns, lean)
         self._positioning = _positioning(config, t0_ns)
-        self.autopilot = Autopilot(config, make, self.parameters, self._airframe, self._positioning)
-        self._guards = Guards(config, self.autopilot)
-        rates_hz = {**make.rates_hz, AGE: config.age_rate_hz, **config.rates_hz}
+        self.autopilot = Autopilot(config, model, self.parameters, self._airframe, self._positioning)
+        self._failsafes = Failsafes(self.autopilot)
+        rates_hz = {**model.rates_hz, AGE: config.age_rate_hz, **config.rates_hz}
         self._schedule = Schedule(rates_hz, ON_REQUEST, t0_ns)
         self._commander = Commander(config, self.autopilot, self._schedule)
-        self._teller = Teller(config, self.autopilot, t0_ns)
-        self._inbox = Inbox(config, self.autopilot, self._guards, self._commander, t0_ns, self._send, self._use_pose)
+        self._telemetry = TelemetryBuilder(config, self.autopilot, t0_ns)
+        self._inbox = Inbox(config, self.autopilot, self._failsafes, self._commander, t0_ns, self._send, self._use_pose)
         self._outbox: list[bytes] = []
         self._events: list[Event] = []
         self._look_ns = self._inside_ns = t0_ns
@@ -73,7 +73,7 @@ class AgentCore:
         self._truth_ns = t0_ns
         self._truth_period_ns = round(1e9 / config.truth_rate_hz) if config.truth_rate_hz > 0.0 else 0
         self._saved_version = self.parameters.version
-        for severity, text in make.words.boot:
+        for severity, text in model.words.boot:
             self.autopilot.say(severity, text)
 
     def receive(self, message: Datagram | LabFrame, now_ns: int) -> None:
@@ -91,7 +91,7 @@ class AgentCore:
         """Everything to send now."""
         self._run_to(now_ns)
         for number in self._schedule.take_due(now_ns):
-            self._tell(number, now_ns)
+            self._report(number, now_ns)
         self._list_parameters()
         self._flush_notes()
         truth = None
@@ -138,7 +138,7 @@ class AgentCore:
             if self._control_ns < self._now_ns:
                 self._control_ns = self._rastered(self._now_ns)
             due_ns = min(due_ns, self._control_ns)
-        stream_ns = self._guards.stream_deadline_ns()
+        stream_ns = self._failsafes.stream_deadline_ns()
         return due_ns if stream_ns is None else min(due_ns, stream_ns)
 
     def _run_to(self, now_ns: int) -> None:
@@ -146,12 +146,12 @@ class AgentCore:
         while (due_ns := self._inside_ns) <= now_ns:
             self._now_ns = max(due_ns, self._now_ns)
             self._airframe.advance_to(due_ns)
-            self._guards.watch_stream(due_ns)
+            self._failsafes.check_stream(due_ns)
             if self.autopilot.piloted and due_ns >= self._control_ns:
                 self.autopilot.control(due_ns)
                 self._control_ns = due_ns + CONTROL_NS
             if due_ns >= self._look_ns:
-                self._guards.look(due_ns, _LOOK_S)
+                self._failsafes.check(due_ns, _LOOK_S)
                 self._look_ns = due_ns + _LOOK_NS
             self._inside_ns = self._next_inside_ns()
         self._now_ns = max(now_ns, self._now_ns)
@@ -169,7 +169,7 @@ class AgentCore:
             if fused_ns is not None and now_ns - fused_ns < _FUSE_NS:
                 return
             self._inbox.own_feed_ns = now_ns
-            if self.autopilot.origin is None and self.autopilot.personality.needs_origin:
+            if self.autopilot.origin is None and self.autopilot.model.table.needs_origin:
                 # Over MAVLink the ground must give it; here the lab's own is known.
                 self.autopilot.origin = self.config.origin
             pose = ExternalPose(frame.t_capture_ns, frame.pos_lab_m[index], frame.q_lab_from_flu[index])
@@ -181,16 +181,16 @@ class AgentCore:
             frame.advance_to(now_ns)
         self._positioning.accept(pose, now_ns, frame.state, frame.t_ns)
 
-    def _tell(self, number: int, now_ns: int) -> None:
+    def _report(self, number: int, now_ns: int) -> None:
         self._airframe.advance_to(now_ns)
-        message = self._teller.build(number, now_ns)
+        message = self._telemetry.build(number, now_ns)
         if message is not None:
             self._send(message)
 
     def _answer(self, now_ns: int) -> None:
         """What REQUEST_MESSAGE asked for, after its acknowledgement."""
         for number in self._commander.wanted:
-            self._tell(number, now_ns)
+            self._report(number, now_ns)
         for answer in self._commander.answers:
             self._send(answer)
         self._commander.wanted.clear()
@@ -223,11 +223,11 @@ class AgentCore:
         self._outbox.append(self.codec.encode(message))
 
 
-def _first_values(config: AgentConfig, make: Personality) -> dict[str, float]:
+def _first_values(config: AgentConfig, table: AutopilotTable) -> dict[str, float]:
     """What this drone's parameters are set up to: its own number, its kind's hover thrust, its pose, its own values."""
     hover = round(profile(config.profile, config.profiles).hover_thrust_norm, 3)
-    values = {make.system_parameter: float(config.sysid), make.hover_parameter: hover}
-    return {**values, **(make.indoor if config.pose == "mocap" else {}), **config.parameters}
+    values = {table.system_parameter: float(config.sysid), table.hover_parameter: hover}
+    return {**values, **(table.indoor if config.pose == "mocap" else {}), **config.parameters}
 
 
 def _positioning(config: AgentConfig, t0_ns: int) -> Positioning:

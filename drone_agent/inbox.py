@@ -3,23 +3,23 @@
 from collections.abc import Callable
 from typing import Any
 
-from drone_agent.clock_offset import GroundClock
 from drone_agent.commands import Commander, order_of
 from drone_agent.config import AgentConfig
 from drone_agent.flight.autopilot import Autopilot
 from drone_agent.flight.estimator import ExternalPose
-from drone_agent.flight.guards import Guards
+from drone_agent.flight.failsafes import Failsafes
 from drone_agent.flight.guidance import Guidance
 from formation.messages import Severity
+from wire.clock_offset import ClockOffset
 from wire.link_messages.address import Address
 from wire.link_messages.clocks import Ping, TimeSync
-from wire.link_messages.commands import Command, CommandAck, CommandInt, SetMode
+from wire.link_messages.commands import CommandAck, CommandInt, CommandLong, SetMode
+from wire.link_messages.message_id import MessageId
 from wire.link_messages.motion import MocapPose, Odometry, Origin, SetOrigin, VisionPose
 from wire.link_messages.packet import LinkMessage, Packet
 from wire.link_messages.parameters import ParamRequestList, ParamRequestRead, ParamSet
 from wire.link_messages.setpoints import AttitudeSetpoint, PositionSetpoint
-from wire.link_messages.status import Autopilot as Make
-from wire.link_messages.status import Heartbeat
+from wire.link_messages.status import Heartbeat, MavAutopilot
 from wire.link_messages.storage import LogEntry, LogRequestList, MissionCount, MissionRequestList
 
 _POSE_AGE_MAX_NS = 500_000_000
@@ -27,7 +27,27 @@ _POSE_DELAY_NS = 20_000_000  # of a pose whose stamp is on no clock we know
 _OWN_FEED_RULES_NS = 200_000_000
 
 # What `Inbox` acts on; what only ground stations care for is not even decoded.
-READS = frozenset({0, 4, 11, 20, 21, 23, 43, 48, 75, 76, 82, 84, 102, 111, 117, 138, 331})
+READS = frozenset(
+    {
+        MessageId.HEARTBEAT,
+        MessageId.PING,
+        MessageId.SET_MODE,
+        MessageId.PARAM_REQUEST_READ,
+        MessageId.PARAM_REQUEST_LIST,
+        MessageId.PARAM_SET,
+        MessageId.MISSION_REQUEST_LIST,
+        MessageId.SET_GPS_GLOBAL_ORIGIN,
+        MessageId.COMMAND_INT,
+        MessageId.COMMAND_LONG,
+        MessageId.SET_ATTITUDE_TARGET,
+        MessageId.SET_POSITION_TARGET_LOCAL_NED,
+        MessageId.VISION_POSITION_ESTIMATE,
+        MessageId.TIMESYNC,
+        MessageId.LOG_REQUEST_LIST,
+        MessageId.ATT_POS_MOCAP,
+        MessageId.ODOMETRY,
+    }
+)
 
 Send = Callable[[LinkMessage], None]
 
@@ -39,7 +59,7 @@ class Inbox:
         self,
         config: AgentConfig,
         autopilot: Autopilot,
-        guards: Guards,
+        failsafes: Failsafes,
         commander: Commander,
         t0_ns: int,
         send: Send,
@@ -47,13 +67,13 @@ class Inbox:
     ) -> None:
         self._config = config
         self._pilot = autopilot
-        self._guards = guards
+        self._failsafes = failsafes
         self._commander = commander
         self._t0_ns = t0_ns
         self._send = send
         self._use_pose = use_pose
         self._guidance = Guidance(autopilot)
-        self.clock = GroundClock()
+        self.clock = ClockOffset()
         self.listing: int | None = None
         """The next parameter of a list that was asked for."""
         self.own_feed_ns: int | None = None
@@ -66,7 +86,7 @@ class Inbox:
             Odometry: self._pose,
             TimeSync: self._timesync,
             Heartbeat: self._heartbeat,
-            Command: self._command,
+            CommandLong: self._command,
             CommandInt: self._command,
             SetMode: self._set_mode,
             Ping: self._ping,
@@ -86,7 +106,7 @@ class Inbox:
 
     def _setpoint(self, _source: Address, message: AttitudeSetpoint, now_ns: int) -> None:
         self._guidance.attitude(now_ns, message)
-        self._pilot.stream.age_ms = self.clock.age_ms(message.t_boot_ms, now_ns - self._t0_ns)
+        self._pilot.setpoint_age_ms = self.clock.age_ms(message.t_boot_ms, now_ns - self._t0_ns)
 
     def _position(self, _source: Address, message: PositionSetpoint, now_ns: int) -> None:
         self._guidance.position(now_ns, message)
@@ -101,13 +121,13 @@ class Inbox:
         pilot = self._pilot
         if self.own_feed_ns is not None and now_ns - self.own_feed_ns < _OWN_FEED_RULES_NS:
             return
-        if pilot.personality.takes_pose(pilot.parameters, message):
+        if pilot.model.takes_pose(pilot.parameters, message):
             capture_ns = self._capture_ns(message.t_us * 1000, now_ns)
             self._use_pose(ExternalPose(capture_ns, message.pos_lab_m, message.q_lab_from_flu), now_ns)
 
     def _capture_ns(self, stamp_ns: int, now_ns: int) -> int:
         """A pose's capture on our clock: its stamp is our time since boot, or the sender's own clock."""
-        own_ns = self.clock.to_own_ns(stamp_ns)
+        own_ns = self.clock.to_ours_ns(stamp_ns)
         for since_boot_ns in (stamp_ns,) if own_ns is None else (stamp_ns, own_ns):
             if 0 <= now_ns - self._t0_ns - since_boot_ns <= _POSE_AGE_MAX_NS:
                 return self._t0_ns + since_boot_ns
@@ -121,18 +141,18 @@ class Inbox:
             self.clock.exchange(message.ts1_ns, message.tc1_ns, boot_ns)
 
     def _heartbeat(self, _source: Address, message: Heartbeat, now_ns: int) -> None:
-        if message.autopilot is Make.INVALID:
-            self._guards.ground_seen(now_ns)
+        if message.autopilot is MavAutopilot.INVALID:
+            self._failsafes.ground_seen(now_ns)
 
-    def _command(self, source: Address, message: Command | CommandInt, now_ns: int) -> None:
+    def _command(self, source: Address, message: CommandLong | CommandInt, now_ns: int) -> None:
         result = self._commander.obey(order_of(message), now_ns)
         self._send(CommandAck(source, message.command, result))
 
     def _set_mode(self, source: Address, message: SetMode, now_ns: int) -> None:
-        make = self._pilot.personality
-        main, sub = make.custom_parts(message.custom_mode)
+        model = self._pilot.model
+        main, sub = model.table.split(message.custom_mode)
         result = self._commander.set_mode(message.base_mode, main, sub, now_ns)
-        self._send(CommandAck(source, make.set_mode_ack, result))
+        self._send(CommandAck(source, model.set_mode_ack, result))
 
     def _ping(self, source: Address, message: Ping, _now_ns: int) -> None:
         if message.target.system == 0:
@@ -167,4 +187,4 @@ class Inbox:
         self._send(LogEntry(0, 0, 0, 0, 0))
 
     def _unknown_parameter(self, name: str) -> None:
-        self._pilot.say(Severity.INFO, self._pilot.personality.words.unknown_parameter, name)
+        self._pilot.say(Severity.INFO, self._pilot.model.words.unknown_parameter, name)

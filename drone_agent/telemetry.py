@@ -1,17 +1,18 @@
-"""What the agent tells about itself: one builder for each message id it can send."""
+"""What the agent reports of itself: one builder for each message id it can send."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from drone_agent.autopilots.personality import Task
+from drone_agent.autopilots.model import Task
 from drone_agent.config import AgentConfig
 from drone_agent.flight.autopilot import Autopilot
 from drone_agent.flight.estimator import NO_OFFSET, turned
-from drone_agent.geodesy import to_globe
 from formation.maths.arrays import Vec3
+from formation.maths.geodesy import to_globe
 from wire.link_messages.clocks import TimeSync
+from wire.link_messages.message_id import MessageId
 from wire.link_messages.motion import (
     Attitude,
     AttitudeQuaternion,
@@ -24,28 +25,37 @@ from wire.link_messages.motion import (
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeTargetReport, Ignore
 from wire.link_messages.status import (
-    ARMED,
     AutopilotVersion,
     Battery,
     EkfStatus,
     ExtendedSysState,
     Heartbeat,
     LandedState,
+    MavAutopilot,
+    MavType,
+    ModeFlag,
     NamedValue,
+    SensorFlag,
     SysStatus,
 )
-from wire.link_messages.status import Autopilot as Make
 
-_GYRO, _ACCEL, _MAG, _BARO, _GPS, _VISION = 1, 2, 4, 8, 32, 128
-_CONTROL = 1024 | 2048 | 4096 | 8192 | 16384 | 32768  # rates, attitude, yaw, height, position, motors
-_AHRS, _BATTERY, _PREARM = 1 << 21, 1 << 25, 1 << 28
+_SENSORS = SensorFlag.GYRO_3D | SensorFlag.ACCEL_3D | SensorFlag.MAG_3D | SensorFlag.ABSOLUTE_PRESSURE
+_CONTROL = (
+    SensorFlag.ANGULAR_RATE_CONTROL
+    | SensorFlag.ATTITUDE_STABILIZATION
+    | SensorFlag.YAW_POSITION
+    | SensorFlag.Z_ALTITUDE_CONTROL
+    | SensorFlag.XY_POSITION_CONTROL
+    | SensorFlag.MOTOR_OUTPUTS
+)
+_PRESENT = _SENSORS | _CONTROL | SensorFlag.AHRS | SensorFlag.BATTERY | SensorFlag.PREARM_CHECK
 _LOAD = 0.2
-AGE = 251
-"""NAMED_VALUE_FLOAT: the age of the newest setpoint."""
+AGE = MessageId.NAMED_VALUE_FLOAT
+"""The age of the newest setpoint."""
 
 
 @dataclass(frozen=True, slots=True)
-class Teller:
+class TelemetryBuilder:
     """Builds telemetry from the autopilot's state at `now_ns`; `builders` are by MAVLink message id."""
 
     config: AgentConfig
@@ -53,7 +63,7 @@ class Teller:
     t0_ns: int
 
     def build(self, number: int, now_ns: int) -> LinkMessage | None:
-        """The message of that id, or None if there is none to tell now."""
+        """The message of that id, or None if there is none to send now."""
         return _BUILDERS[number](self, now_ns)
 
     def boot_ms(self, now_ns: int) -> int:
@@ -61,41 +71,41 @@ class Teller:
         return (now_ns - self.t0_ns) // 1_000_000
 
 
-def _heartbeat(t: Teller, now_ns: int) -> LinkMessage:
+def _heartbeat(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
     pilot = t.autopilot
-    make = pilot.personality
+    model = pilot.model
     ready = pilot.armed or pilot.arming_fault(now_ns) is None
-    status = make.system_status(pilot.armed, pilot.landed, pilot.failsafe, ready)
-    base_mode = pilot.row.flags | (ARMED if pilot.armed else 0)
-    return Heartbeat(make.autopilot, make.vehicle_type, base_mode, pilot.row.custom_mode, status)
+    status = model.system_status(pilot.armed, pilot.landed, pilot.failsafe, ready)
+    base_mode = pilot.row.flags | (ModeFlag.SAFETY_ARMED if pilot.armed else 0)
+    return Heartbeat(model.table.autopilot, MavType.QUADROTOR, base_mode, pilot.row.custom_mode, status)
 
 
-def _sys_status(t: Teller, now_ns: int) -> LinkMessage:
+def _sys_status(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
     pilot = t.autopilot
-    receiver = _VISION if t.config.pose == "mocap" else _GPS
-    present = _GYRO | _ACCEL | _MAG | _BARO | _CONTROL | _AHRS | _BATTERY | _PREARM | receiver
+    receiver = SensorFlag.VISION_POSITION if t.config.pose == "mocap" else SensorFlag.GPS
+    present = _PRESENT | receiver
     healthy = present
     if not pilot.positioning.valid(now_ns):
         healthy &= ~receiver
     if not pilot.armed and pilot.arming_fault(now_ns) is not None:
-        healthy &= ~_PREARM
+        healthy &= ~SensorFlag.PREARM_CHECK
     pack = pilot.airframe.pack
     return SysStatus(present, present, healthy, _LOAD, pack.voltage_v, pack.current_a, pack.remaining)
 
 
-def _attitude(t: Teller, now_ns: int) -> LinkMessage:
+def _attitude(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
     frame = t.autopilot.airframe
     q = turned(frame.estimated_q_lab_from_flu, t.autopilot.positioning.yaw_rad)
     return Attitude(t.boot_ms(now_ns), q, frame.state.rate_flu_rad_s)
 
 
-def _attitude_quaternion(t: Teller, now_ns: int) -> LinkMessage:
+def _attitude_quaternion(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
     frame = t.autopilot.airframe
     q = turned(frame.estimated_q_lab_from_flu, t.autopilot.positioning.yaw_rad)
     return AttitudeQuaternion(t.boot_ms(now_ns), q, frame.state.rate_flu_rad_s)
 
 
-def _local_position(t: Teller, now_ns: int) -> LinkMessage | None:
+def _local_position(t: TelemetryBuilder, now_ns: int) -> LinkMessage | None:
     pilot = t.autopilot
     if not pilot.positioning.valid(now_ns):
         return None
@@ -107,7 +117,7 @@ def _local_position(t: Teller, now_ns: int) -> LinkMessage | None:
     return LocalPosition(t.boot_ms(now_ns), np.array(belief.pos_lab_m), np.array(belief.vel_lab_m_s))
 
 
-def _global_position(t: Teller, now_ns: int) -> LinkMessage | None:
+def _global_position(t: TelemetryBuilder, now_ns: int) -> LinkMessage | None:
     pilot = t.autopilot
     if pilot.origin is None or not pilot.positioning.valid(now_ns):
         return None
@@ -118,7 +128,7 @@ def _global_position(t: Teller, now_ns: int) -> LinkMessage | None:
     return GlobalPosition(t.boot_ms(now_ns), lat, lon, alt, belief.pos_lab_m[2] - ground_m, vel, belief.yaw_rad)
 
 
-def _home(t: Teller, now_ns: int) -> LinkMessage | None:
+def _home(t: TelemetryBuilder, now_ns: int) -> LinkMessage | None:
     pilot = t.autopilot
     if pilot.origin is None or not pilot.positioning.valid(now_ns):
         return None
@@ -127,12 +137,12 @@ def _home(t: Teller, now_ns: int) -> LinkMessage | None:
     return HomePosition(lat, lon, alt, np.array(place))
 
 
-def _battery(t: Teller, _now_ns: int) -> LinkMessage:
+def _battery(t: TelemetryBuilder, _now_ns: int) -> LinkMessage:
     pack = t.autopilot.airframe.pack
     return Battery((pack.cell_v,) * pack.profile.cells, pack.current_a, pack.used_mah, pack.remaining)
 
 
-def _extended(t: Teller, _now_ns: int) -> LinkMessage:
+def _extended(t: TelemetryBuilder, _now_ns: int) -> LinkMessage:
     pilot = t.autopilot
     if pilot.landed:
         return ExtendedSysState(LandedState.ON_GROUND)
@@ -141,49 +151,63 @@ def _extended(t: Teller, _now_ns: int) -> LinkMessage:
     return ExtendedSysState(LandedState.LANDING if landing else rising)
 
 
-def _estimator(t: Teller, now_ns: int) -> LinkMessage:
+def _estimator(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
     pilot = t.autopilot
-    placed = pilot.origin is not None or not pilot.personality.needs_origin
+    placed = pilot.origin is not None or not pilot.model.table.needs_origin
     valid = placed and pilot.positioning.valid(now_ns)
-    flags = pilot.personality.estimator_flags(valid, pilot.position_fault(now_ns) is None)
-    return EkfStatus(flags, t.autopilot.personality.autopilot is Make.ARDUPILOT)
+    flags = pilot.model.estimator_flags(valid, pilot.position_fault(now_ns) is None)
+    return EkfStatus(flags, t.autopilot.model.table.autopilot is MavAutopilot.ARDUPILOT)
 
 
-def _target(t: Teller, now_ns: int) -> LinkMessage:
+def _target(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
     now = t.autopilot.airframe.setpoint
     q = turned(now.q_lab_from_flu, t.autopilot.positioning.yaw_rad)
     return AttitudeTargetReport(t.boot_ms(now_ns), q, now.rate_flu_rad_s, now.thrust_norm, Ignore.NONE)
 
 
-def _timesync(t: Teller, now_ns: int) -> LinkMessage:
+def _timesync(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
     return TimeSync(0, now_ns - t.t0_ns)
 
 
-def _origin(t: Teller, _now_ns: int) -> LinkMessage | None:
+def _origin(t: TelemetryBuilder, _now_ns: int) -> LinkMessage | None:
     return None if t.autopilot.origin is None else Origin(*t.autopilot.origin)
 
 
-def _true_state(t: Teller, now_ns: int) -> LinkMessage:
+def _true_state(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
     state = t.autopilot.airframe.state
     x, y, z = state.pos_lab_m.tolist()
     lat, lon, alt = to_globe(t.config.origin, (x, y, z))
     return SimTruth((now_ns - t.t0_ns) // 1000, state.q_lab_from_flu, state.vel_lab_m_s, lat, lon, alt)
 
 
-def _age(t: Teller, now_ns: int) -> LinkMessage | None:
-    age_ms = t.autopilot.stream.take_age_ms()
+def _age(t: TelemetryBuilder, now_ns: int) -> LinkMessage | None:
+    age_ms = t.autopilot.take_setpoint_age_ms()
     return None if age_ms is None else NamedValue(t.boot_ms(now_ns), "age_ms", age_ms)
 
 
-def _version(t: Teller, _now_ns: int) -> LinkMessage:
-    make = t.autopilot.personality
-    return AutopilotVersion(make.capabilities, make.version, t.config.sysid)
+def _version(t: TelemetryBuilder, _now_ns: int) -> LinkMessage:
+    model = t.autopilot.model
+    return AutopilotVersion(model.capabilities, model.version, t.config.sysid)
 
 
-_BUILDERS: dict[int, Callable[[Teller, int], LinkMessage | None]] = {
-    0: _heartbeat, 1: _sys_status, 30: _attitude, 31: _attitude_quaternion, 32: _local_position,
-    33: _global_position, 49: _origin, 83: _target, 111: _timesync, 115: _true_state, 147: _battery, 148: _version,
-    193: _estimator, 230: _estimator, 242: _home, 245: _extended, AGE: _age,
-}  # fmt: skip
-ON_REQUEST = frozenset({49, 148})
+_BUILDERS: dict[int, Callable[[TelemetryBuilder, int], LinkMessage | None]] = {
+    MessageId.HEARTBEAT: _heartbeat,
+    MessageId.SYS_STATUS: _sys_status,
+    MessageId.ATTITUDE: _attitude,
+    MessageId.ATTITUDE_QUATERNION: _attitude_quaternion,
+    MessageId.LOCAL_POSITION_NED: _local_position,
+    MessageId.GLOBAL_POSITION_INT: _global_position,
+    MessageId.GPS_GLOBAL_ORIGIN: _origin,
+    MessageId.ATTITUDE_TARGET: _target,
+    MessageId.TIMESYNC: _timesync,
+    MessageId.HIL_STATE_QUATERNION: _true_state,
+    MessageId.BATTERY_STATUS: _battery,
+    MessageId.AUTOPILOT_VERSION: _version,
+    MessageId.EKF_STATUS_REPORT: _estimator,
+    MessageId.ESTIMATOR_STATUS: _estimator,
+    MessageId.HOME_POSITION: _home,
+    MessageId.EXTENDED_SYS_STATE: _extended,
+    AGE: _age,
+}
+ON_REQUEST = frozenset({MessageId.GPS_GLOBAL_ORIGIN, MessageId.AUTOPILOT_VERSION})
 """Sent when asked for, never at a rate."""

@@ -70,7 +70,7 @@ class GcsCore:
         self._stack = ControlStack(config, tuple(config.profile_of(vehicle) for vehicle in config.vehicles))
         self._flight = Flight(config, self._drones, t0_ns)
         self._gatherer = FactGatherer(config, self._drones)
-        self._watch = rules.start(len(config.vehicles))
+        self._rule_state = rules.start(len(config.vehicles))
         self._lateness = Lateness()
         self._stages: Stages | None = None
         self._frame: LabFrame | None = None
@@ -82,7 +82,7 @@ class GcsCore:
         self._due = False
         self._heartbeat_due_ns = t0_ns
         self._pose_due_ns = t0_ns
-        self._watchdog_ns = round(WATCHDOG_FRAMES / config.mocap.rate_hz * 1e9)
+        self._rule_statedog_ns = round(WATCHDOG_FRAMES / config.mocap.rate_hz * 1e9)
         self._stale_frames = 0
         self._refused_frames = Refusals()
         self._strays = 0
@@ -115,7 +115,7 @@ class GcsCore:
 
     def next_deadline_ns(self) -> int:
         """When `tick` is due if nothing arrives: at once if there is something to do, else when a frame is overdue."""
-        return self._tick_ns if self._due else self._tick_ns + self._watchdog_ns
+        return self._tick_ns if self._due else self._tick_ns + self._rule_statedog_ns
 
     def tick(self, now_ns: int) -> Outgoing:
         """Control on a fresh frame, safety and the flight's progress always. Raises BrokenInvariantError."""
@@ -123,7 +123,9 @@ class GcsCore:
         frame = self._take_frame()
         stages = None if frame is None else self._control(frame, now_ns)
         facts = self._facts(now_ns)
-        self._watch, verdict = rules.assess(self._watch, facts, self._flight.phase, self._config.limits, now_ns)
+        self._rule_state, verdict = rules.assess(
+            self._rule_state, facts, self._flight.phase, self._config.limits, now_ns
+        )
         self._flight.judge(verdict, now_ns)
         replies = [reply for request in self._take_requests() for reply in self._answer(request, now_ns)]
         self._flight.proceed(stages, now_ns)
@@ -261,7 +263,7 @@ class GcsCore:
         """What the drone said since the last tick and, once its parameters are read, what is amiss with them."""
         link = drone.link
         events, link.events = link.events, []
-        if not drone.checked and link.dialect is not None and not link.parameters.reading:
+        if not drone.checked and link.model is not None and not link.parameters.reading:
             drone.checked = True
             events += [Event(Severity.WARNING, link.name, text) for text in warnings(link, self._feeds_pose)]
         return events

@@ -30,7 +30,7 @@ class FactGatherer:
         armed, offboard, duplicate = [True] * n, [True] * n, [False] * n
         for drone in self._drones:
             i, link = drone.index, drone.link
-            silent_s[i], battery[i] = link.heartbeat_age_s(now_ns), link.told.battery
+            silent_s[i], battery[i] = link.heartbeat_age_s(now_ns), link.telemetry.battery
             armed[i], offboard[i], duplicate[i] = link.armed, link.offboard, link.sequence.duplicate(now_ns)
         pos, age, model_mismatch, measured = self._seen(stages, now_ns)
         return Facts(

@@ -97,9 +97,9 @@ class Flight:
 
     def judge(self, verdict: Verdict, now_ns: int) -> None:
         """Carry out what safety decided."""
-        for finding in verdict.findings:
-            severity = finding.rule.severity if finding.began else Severity.NOTICE
-            self.events.append(Event(severity, "safety", finding.text if finding.began else f"over: {finding.text}"))
+        for change in verdict.changes:
+            severity = change.rule.severity if change.began else Severity.NOTICE
+            self.events.append(Event(severity, "safety", change.text if change.began else f"over: {change.text}"))
         for drone in self._drones:
             if verdict.cut[drone.index]:
                 drone.aim(Goal.CUT, now_ns)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import AliasChoices, Field, model_validator
 
 from drone_agent.config import AgentConfig
 from drone_agent.simulation.disturbance import Disturbance
@@ -50,7 +50,9 @@ class TrueVehicle(Model):
     sysid: SysId
     start: Pose | None = None
     vehicle: dict[str, float | bool | Vec3Tuple] = Field(default_factory=dict)
-    personality: Literal["px4", "ardupilot"] = "px4"
+    autopilot: Literal["px4", "ardupilot"] = Field(
+        default="px4", validation_alias=AliasChoices("autopilot", "personality")
+    )
     bridged: bool = False
     """In lockstep: it stands behind a bridge, as a real autopilot does, which alone hears ground and mocap."""
     level_error: LevelError = LevelError()
@@ -174,7 +176,7 @@ def agent_configs(scenario: Scenario, leader: Playback | None) -> tuple[AgentCon
                 lab=scenario.lab.name,
                 body=vehicle.body,
                 link=scenario.lab.link,
-                personality=true.personality,
+                autopilot=true.autopilot,
                 pose="mocap",
                 profiles=scenario.lab.profiles,
                 profile=vehicle.profile,

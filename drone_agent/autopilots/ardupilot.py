@@ -3,79 +3,72 @@
 Its pilot's sticks are taken as centred: the manual modes level and hold the height.
 """
 
+from collections.abc import Mapping
 from math import isfinite
 from types import MappingProxyType
 
-from drone_agent.autopilots.ardupilot_parameters import INDOOR, PARAMETERS
-from drone_agent.autopilots.parameters import Parameters
-from drone_agent.autopilots.personality import (
-    Mode,
+from drone_agent.autopilots.model import (
+    ATTITUDE_ONLY,
+    POSITIONED,
+    AutopilotModel,
     ModeRequest,
-    ModeRow,
     Needs,
-    Personality,
     StreamLoss,
     Task,
     Timing,
     Words,
+    mode_rows,
 )
+from drone_agent.autopilots.parameters import Parameters
 from formation.messages import Severity
+from wire.autopilots.ardupilot import ARDUPILOT, THRUST_AS_THRUST
+from wire.autopilots.table import FlightMode
 from wire.link_messages.commands import Result
+from wire.link_messages.message_id import MessageId
 from wire.link_messages.motion import MocapPose, Odometry, OdometryFrame, VisionPose
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
-from wire.link_messages.status import Autopilot
+from wire.link_messages.status import EstimatorFlag, MavState, ModeFlag, ProtocolCapability
 
-_CUSTOM, _GUIDED, _STABILIZE, _MANUAL_INPUT = 1, 8, 16, 64
-_MANUAL_FLAGS = _CUSTOM | _STABILIZE | _MANUAL_INPUT
-_GUIDED_FLAGS = _MANUAL_FLAGS | _GUIDED
-_THRUST_AS_THRUST = 8
+_MANUAL_FLAGS = ModeFlag.CUSTOM_MODE_ENABLED | ModeFlag.MANUAL_INPUT_ENABLED | ModeFlag.STABILIZE_ENABLED
+_GUIDED_FLAGS = _MANUAL_FLAGS | ModeFlag.GUIDED_ENABLED
 
-
-def _manual(number: int, label: str) -> ModeRow:
-    return ModeRow(number, _MANUAL_FLAGS, Task.LEVEL, Needs.NOTHING, label)
-
-
-def _auto(number: int, label: str, task: Task, needs: Needs = Needs.POSITION, *, may_arm: bool = True) -> ModeRow:
-    return ModeRow(number, _GUIDED_FLAGS, task, needs, label, may_arm)
-
-
-MODES = MappingProxyType(
-    {
-        Mode.STABILIZED: _manual(0, "STABILIZE"),
-        Mode.ACRO: _manual(1, "ACRO"),
-        Mode.ALTITUDE: _manual(2, "ALT_HOLD"),
-        Mode.MISSION: _auto(3, "AUTO", Task.HOLD, Needs.POSITION | Needs.MISSION),
-        Mode.OFFBOARD: _auto(4, "GUIDED", Task.EXTERNAL),
-        Mode.HOLD: _auto(5, "LOITER", Task.HOLD),
-        Mode.RETURN: _auto(6, "RTL", Task.RETURN, may_arm=False),
-        Mode.LAND: ModeRow(9, _GUIDED_FLAGS, Task.LAND, Needs.NOTHING, "LAND", may_arm=False),
-        Mode.DESCEND: ModeRow(9, _MANUAL_FLAGS, Task.DESCEND, Needs.NOTHING, "LAND", may_arm=False),
-        Mode.POSITION: _auto(16, "POSHOLD", Task.HOLD),
-        Mode.BRAKE: _auto(17, "BRAKE", Task.HOLD, may_arm=False),
-        Mode.OFFBOARD_NO_POSITION: ModeRow(20, _MANUAL_FLAGS, Task.EXTERNAL, Needs.NOTHING, "GUIDED_NOGPS"),
-    }
+MODES = mode_rows(
+    ARDUPILOT,
+    (
+        (FlightMode.STABILIZED, _MANUAL_FLAGS, Task.LEVEL, Needs.NOTHING, True),
+        (FlightMode.ACRO, _MANUAL_FLAGS, Task.LEVEL, Needs.NOTHING, True),
+        (FlightMode.ALTITUDE, _MANUAL_FLAGS, Task.LEVEL, Needs.NOTHING, True),
+        (FlightMode.MISSION, _GUIDED_FLAGS, Task.HOLD, Needs.POSITION | Needs.MISSION, True),
+        (FlightMode.OFFBOARD, _GUIDED_FLAGS, Task.EXTERNAL, Needs.POSITION, True),
+        (FlightMode.HOLD, _GUIDED_FLAGS, Task.HOLD, Needs.POSITION, True),
+        (FlightMode.RETURN, _GUIDED_FLAGS, Task.RETURN, Needs.POSITION, False),
+        (FlightMode.LAND, _GUIDED_FLAGS, Task.LAND, Needs.NOTHING, False),
+        (FlightMode.DESCEND, _MANUAL_FLAGS, Task.DESCEND, Needs.NOTHING, False),
+        (FlightMode.POSITION, _GUIDED_FLAGS, Task.HOLD, Needs.POSITION, True),
+        (FlightMode.BRAKE, _GUIDED_FLAGS, Task.HOLD, Needs.POSITION, False),
+        (FlightMode.OFFBOARD_NO_POSITION, _MANUAL_FLAGS, Task.EXTERNAL, Needs.NOTHING, True),
+    ),
 )
-_BY_NUMBER = {row.custom_mode: mode for mode, row in MODES.items() if mode is not Mode.DESCEND}
-_LINK_LOSS = {1: Mode.RETURN, 3: Mode.RETURN, 4: Mode.RETURN, 5: Mode.LAND, 7: Mode.BRAKE}
-_BATTERY_ACTION = {1: Mode.LAND, 2: Mode.RETURN, 3: Mode.RETURN, 4: Mode.RETURN}
+_LINK_LOSS = {1: FlightMode.RETURN, 3: FlightMode.RETURN, 4: FlightMode.RETURN, 5: FlightMode.LAND, 7: FlightMode.BRAKE}
+_BATTERY_ACTION = {1: FlightMode.LAND, 2: FlightMode.RETURN, 3: FlightMode.RETURN, 4: FlightMode.RETURN}
 
 # LOCAL_POSITION_NED, ATTITUDE_QUATERNION and the like come when asked for with SET_MESSAGE_INTERVAL.
-RATES_HZ = MappingProxyType(
+RATES_HZ: Mapping[int, float] = MappingProxyType(
     {
-        0: 1.0,  # HEARTBEAT
-        1: 2.0,  # SYS_STATUS
-        30: 4.0,  # ATTITUDE
-        31: 0.0,  # ATTITUDE_QUATERNION
-        32: 0.0,  # LOCAL_POSITION_NED
-        33: 4.0,  # GLOBAL_POSITION_INT
-        83: 0.0,  # ATTITUDE_TARGET
-        115: 0.0,  # HIL_STATE_QUATERNION, the true state, for who plays the mocap
-        111: 0.1,  # TIMESYNC, which it asks for every ten seconds
-        147: 2.0,  # BATTERY_STATUS
-        193: 2.0,  # EKF_STATUS_REPORT
-        242: 0.0,  # HOME_POSITION
-        245: 0.0,  # EXTENDED_SYS_STATE
+        MessageId.HEARTBEAT: 1.0,
+        MessageId.SYS_STATUS: 2.0,
+        MessageId.ATTITUDE: 4.0,
+        MessageId.ATTITUDE_QUATERNION: 0.0,
+        MessageId.LOCAL_POSITION_NED: 0.0,
+        MessageId.GLOBAL_POSITION_INT: 4.0,
+        MessageId.ATTITUDE_TARGET: 0.0,
+        MessageId.HIL_STATE_QUATERNION: 0.0,  # the true state, for who plays the mocap
+        MessageId.TIMESYNC: 0.1,  # which it asks for every ten seconds
+        MessageId.BATTERY_STATUS: 2.0,
+        MessageId.EKF_STATUS_REPORT: 2.0,
+        MessageId.HOME_POSITION: 0.0,
+        MessageId.EXTENDED_SYS_STATE: 0.0,
     }
 )
 
@@ -121,14 +114,14 @@ def _timing(p: Parameters) -> Timing:
 
 def _mode_request(base_mode: int, main: int, _sub: int) -> ModeRequest:
     """Only custom modes: MAVLink's own say too little; a number that is no mode fails."""
-    if not base_mode & _CUSTOM:
+    if not base_mode & ModeFlag.CUSTOM_MODE_ENABLED:
         return ModeRequest(None, Result.DENIED)
-    return ModeRequest(_BY_NUMBER.get(main), Result.FAILED)
+    return ModeRequest(ARDUPILOT.mode_at(main, 0), Result.FAILED)
 
 
 def _climb_rate(p: Parameters, thrust: float) -> float | None:
     """SET_ATTITUDE_TARGET's thrust is a climb rate about 0.5 unless GUID_OPTIONS says that it is thrust."""
-    if round(p["GUID_OPTIONS"]) & _THRUST_AS_THRUST:
+    if round(p["GUID_OPTIONS"]) & THRUST_AS_THRUST:
         return None
     half = min(max(thrust, 0.0), 1.0) - 0.5
     return 2.0 * half * 0.01 * (p["WPNAV_SPEED_UP"] if half > 0.0 else p["WPNAV_SPEED_DN"])
@@ -148,47 +141,44 @@ def _takes_pose(p: Parameters, message: LinkMessage) -> bool:
     return isinstance(message, VisionPose | MocapPose)
 
 
-def _system_status(_armed: bool, landed: bool, failsafe: bool, _ready: bool) -> int:
+def _system_status(_armed: bool, landed: bool, failsafe: bool, _ready: bool) -> MavState:
     if failsafe:
-        return 5
-    return 3 if landed else 4
+        return MavState.CRITICAL
+    return MavState.STANDBY if landed else MavState.ACTIVE
 
 
-def _estimator_flags(valid: bool, ready: bool) -> int:
-    attitude, horizontal, constant, uninitialised = 1 | 4 | 32 | 64, 2 | 8 | 16 | 256 | 512, 128, 1024
+def _estimator_flags(valid: bool, ready: bool) -> EstimatorFlag:
     if valid:
-        return attitude | horizontal
-    return attitude | constant if ready else constant | uninitialised
+        return POSITIONED
+    return ATTITUDE_ONLY if ready else EstimatorFlag.CONST_POS_MODE | EstimatorFlag.EKF_UNINITIALIZED
 
 
-ARDUPILOT = Personality(
+ARDUPILOT_MODEL = AutopilotModel(
     name="ardupilot",
-    autopilot=Autopilot.ARDUPILOT,
-    vehicle_type=2,
+    table=ARDUPILOT,
     version=4 << 24 | 6 << 16 | 255,
-    capabilities=2 | 8 | 64 | 2048 | 8192 | 131072,
+    capabilities=ProtocolCapability.PARAM_FLOAT
+    | ProtocolCapability.COMMAND_INT
+    | ProtocolCapability.SET_ATTITUDE_TARGET
+    | ProtocolCapability.FLIGHT_TERMINATION
+    | ProtocolCapability.MAVLINK2
+    | ProtocolCapability.PARAM_ENCODE_C_CAST,
     modes=MODES,
-    boot_mode=Mode.STABILIZED,
+    boot_mode=FlightMode.STABILIZED,
     refused=Result.FAILED,
     no_such_rate=Result.DENIED,
     no_such_message=Result.FAILED,
-    set_mode_ack=11,
+    set_mode_ack=MessageId.SET_MODE,
     force_arm=True,
     takeoff_in_own_mode=False,
-    parameters=PARAMETERS,
-    system_parameter="SYSID_THISMAV",
-    hover_parameter="MOT_THST_HOVER",
     rates_hz=RATES_HZ,
     words=WORDS,
     timing=_timing,
     mode_request=_mode_request,
-    custom_parts=lambda custom: (custom, 0),
     stream_loss=lambda p: StreamLoss(p["GUID_TIMEOUT"], None, Task.LEVEL),
     takes_target=_takes_target,
     streams_positions=False,
     climb_rate_of=_climb_rate,
-    indoor=MappingProxyType(INDOOR),
-    needs_origin=True,
     takes_pose=_takes_pose,
     system_status=_system_status,
     estimator_flags=_estimator_flags,

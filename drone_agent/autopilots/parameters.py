@@ -1,46 +1,25 @@
-"""A drone's parameters: what the personality declares, the values that rule now, and MAVLink's view of both.
+"""A drone's parameters: what its table declares, the values that rule now, and MAVLink's view of both.
 
-PX4 carries an integer's own bytes in the float field, ArduPilot casts it; the personality says which.
+PX4 carries an integer's own bytes in the float field, ArduPilot casts it; the kind of autopilot says which.
 """
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 
+from wire.autopilots.table import AutopilotTable, ParamSpec
 from wire.link_messages.parameters import ParamType, ParamValue
-from wire.link_messages.status import Autopilot
+from wire.link_messages.status import MavAutopilot
 from wire.mavlink.codec import MavlinkError, param_from_raw, param_to_raw
-
-
-@dataclass(frozen=True, slots=True)
-class ParamSpec:
-    """One parameter: its type, default, documented range and meaning."""
-
-    name: str
-    type: ParamType
-    default: float
-    low: float
-    high: float
-    meaning: str
-
-
-def real(name: str, default: float, low: float, high: float, meaning: str) -> ParamSpec:
-    """A float parameter."""
-    return ParamSpec(name, ParamType.REAL32, default, low, high, meaning)
-
-
-def whole(name: str, default: int, low: int, high: int, meaning: str, kind: ParamType = ParamType.INT32) -> ParamSpec:
-    """An integer parameter; PX4's are all INT32."""
-    return ParamSpec(name, kind, default, low, high, meaning)
 
 
 class Parameters:
     """The set, in the order of its names, as autopilots list it."""
 
-    def __init__(self, specs: Iterable[ParamSpec], autopilot: Autopilot, values: Mapping[str, float]) -> None:
-        self._specs = tuple(sorted(specs, key=lambda spec: spec.name))
+    def __init__(self, table: AutopilotTable, values: Mapping[str, float]) -> None:
+        """values: what differs from the table's defaults; ValueError for a name or a value it cannot have."""
+        self._specs = tuple(sorted(table.parameters.values(), key=lambda spec: spec.name))
         self._index = {spec.name: i for i, spec in enumerate(self._specs)}
         self._values = [spec.default for spec in self._specs]
-        self._autopilot = autopilot
+        self._autopilot = table.autopilot
         self.version = 0
         """Counts the changes."""
         for name, value in values.items():
@@ -76,7 +55,7 @@ class Parameters:
         index = self._index.get(name)
         if index is None:
             return False
-        cast = self._autopilot is Autopilot.ARDUPILOT
+        cast = self._autopilot is MavAutopilot.ARDUPILOT
         if not cast and kind is not self._specs[index].type:
             return False
         try:
@@ -104,5 +83,5 @@ class Parameters:
 
 def float32(spec: ParamSpec) -> float:
     """The default as the wire holds it."""
-    raw = param_to_raw(spec.default, spec.type, Autopilot.PX4)
-    return param_from_raw(raw, spec.type, Autopilot.PX4)
+    raw = param_to_raw(spec.default, spec.type, MavAutopilot.PX4)
+    return param_from_raw(raw, spec.type, MavAutopilot.PX4)

@@ -1,90 +1,86 @@
 """PX4 v1.16 as its peers see it: after its Commander, its failsafe table, its MAVLink module and SITL flights."""
 
+from collections.abc import Mapping
 from math import tan
 from types import MappingProxyType
 
-from drone_agent.autopilots.parameters import Parameters
-from drone_agent.autopilots.personality import (
-    Mode,
+from drone_agent.autopilots.model import (
+    ATTITUDE_ONLY,
+    POSITIONED,
+    AutopilotModel,
     ModeRequest,
-    ModeRow,
     Needs,
-    Personality,
     StreamLoss,
     Task,
     Timing,
     Words,
+    mode_rows,
 )
-from drone_agent.autopilots.px4_parameters import INDOOR, PARAMETERS
+from drone_agent.autopilots.parameters import Parameters
 from formation.messages import Severity
-from wire.link_messages.commands import Result
+from wire.autopilots.px4 import MAIN_AUTO, PX4
+from wire.autopilots.table import FlightMode
+from wire.link_messages.commands import MavCommand, Result
+from wire.link_messages.message_id import MessageId
 from wire.link_messages.motion import EstimatorType, Odometry, OdometryFrame, VisionPose
 from wire.link_messages.packet import LinkMessage
-from wire.link_messages.status import Autopilot
+from wire.link_messages.status import EstimatorFlag, MavState, ModeFlag, ProtocolCapability
 
-_STABILIZE, _GUIDED, _AUTO, _MANUAL_INPUT, _CUSTOM = 16, 8, 4, 64, 1
-_MANUAL_FLAGS = _CUSTOM | _MANUAL_INPUT | _STABILIZE
-_AUTO_FLAGS = _CUSTOM | _AUTO | _STABILIZE | _GUIDED
-_MAIN_AUTO = 4
-
-
-def _number(main: int, sub: int = 0) -> int:
-    return main << 16 | sub << 24
-
-
-def _manual(main: int, label: str, needs: Needs = Needs.PILOT, task: Task = Task.LEVEL) -> ModeRow:
-    return ModeRow(_number(main), _MANUAL_FLAGS, task, needs, label)
-
-
-def _auto(sub: int, label: str, task: Task, needs: Needs = Needs.POSITION, *, may_arm: bool = True) -> ModeRow:
-    return ModeRow(_number(_MAIN_AUTO, sub), _AUTO_FLAGS, task, needs, label, may_arm)
-
-
-MODES = MappingProxyType(
-    {
-        Mode.MANUAL: _manual(1, "Manual"),
-        Mode.ALTITUDE: _manual(2, "Altitude"),
-        Mode.POSITION: _manual(3, "Position", Needs.PILOT | Needs.POSITION, Task.HOLD),
-        Mode.ACRO: _manual(5, "Acro"),
-        Mode.STABILIZED: _manual(7, "Stabilized"),
-        Mode.OFFBOARD: ModeRow(_number(6), _CUSTOM | _STABILIZE, Task.EXTERNAL, Needs.STREAM, "Offboard"),
-        Mode.TAKEOFF: _auto(2, "Takeoff", Task.TAKEOFF),
-        Mode.HOLD: _auto(3, "Hold", Task.HOLD, Needs.POSITION | Needs.GLOBE),
-        Mode.MISSION: _auto(4, "Mission", Task.HOLD, Needs.POSITION | Needs.GLOBE | Needs.MISSION),
-        Mode.RETURN: _auto(5, "Return", Task.RETURN, Needs.POSITION | Needs.GLOBE, may_arm=False),
-        Mode.LAND: _auto(6, "Land", Task.LAND, may_arm=False),
-        Mode.DESCEND: _auto(6, "Descend", Task.DESCEND, Needs.NOTHING, may_arm=False),
-        Mode.TERMINATION: ModeRow(_number(1), _CUSTOM, Task.OFF, Needs.NOTHING, "Termination", False),
-    }
+_MANUAL_FLAGS = ModeFlag.CUSTOM_MODE_ENABLED | ModeFlag.MANUAL_INPUT_ENABLED | ModeFlag.STABILIZE_ENABLED
+_AUTO_FLAGS = (
+    ModeFlag.CUSTOM_MODE_ENABLED | ModeFlag.AUTO_ENABLED | ModeFlag.STABILIZE_ENABLED | ModeFlag.GUIDED_ENABLED
 )
-_AUTO_MODES = {2: Mode.TAKEOFF, 3: Mode.HOLD, 4: Mode.MISSION, 5: Mode.RETURN, 6: Mode.LAND}
-_MAIN_MODES = {
-    1: Mode.MANUAL, 2: Mode.ALTITUDE, 3: Mode.POSITION, 5: Mode.ACRO, 6: Mode.OFFBOARD, 7: Mode.STABILIZED,
-}  # fmt: skip
+_OFFBOARD_FLAGS = ModeFlag.CUSTOM_MODE_ENABLED | ModeFlag.STABILIZE_ENABLED
+_ON_GLOBE = Needs.POSITION | Needs.GLOBE
+
+MODES = mode_rows(
+    PX4,
+    (
+        (FlightMode.MANUAL, _MANUAL_FLAGS, Task.LEVEL, Needs.PILOT, True),
+        (FlightMode.ALTITUDE, _MANUAL_FLAGS, Task.LEVEL, Needs.PILOT, True),
+        (FlightMode.POSITION, _MANUAL_FLAGS, Task.HOLD, Needs.PILOT | Needs.POSITION, True),
+        (FlightMode.ACRO, _MANUAL_FLAGS, Task.LEVEL, Needs.PILOT, True),
+        (FlightMode.STABILIZED, _MANUAL_FLAGS, Task.LEVEL, Needs.PILOT, True),
+        (FlightMode.OFFBOARD, _OFFBOARD_FLAGS, Task.EXTERNAL, Needs.STREAM, True),
+        (FlightMode.TAKEOFF, _AUTO_FLAGS, Task.TAKEOFF, Needs.POSITION, True),
+        (FlightMode.HOLD, _AUTO_FLAGS, Task.HOLD, _ON_GLOBE, True),
+        (FlightMode.MISSION, _AUTO_FLAGS, Task.HOLD, _ON_GLOBE | Needs.MISSION, True),
+        (FlightMode.RETURN, _AUTO_FLAGS, Task.RETURN, _ON_GLOBE, False),
+        (FlightMode.LAND, _AUTO_FLAGS, Task.LAND, Needs.POSITION, False),
+        (FlightMode.DESCEND, _AUTO_FLAGS, Task.DESCEND, Needs.NOTHING, False),
+        (FlightMode.TERMINATION, ModeFlag.CUSTOM_MODE_ENABLED, Task.OFF, Needs.NOTHING, False),
+    ),
+)
 # COM_OBL_RC_ACT -> the mode shown and what is flown; without a pilot the manual ones come down.
 _OFFBOARD_LOSS = {
-    0: (Mode.POSITION, Task.LAND), 1: (Mode.ALTITUDE, Task.LAND), 2: (Mode.STABILIZED, Task.LAND),
-    3: (Mode.RETURN, Task.RETURN), 4: (Mode.LAND, Task.LAND), 5: (Mode.HOLD, Task.HOLD),
-    6: (Mode.TERMINATION, Task.OFF), 7: (Mode.TERMINATION, Task.OFF),
+    0: (FlightMode.POSITION, Task.LAND), 1: (FlightMode.ALTITUDE, Task.LAND), 2: (FlightMode.STABILIZED, Task.LAND),
+    3: (FlightMode.RETURN, Task.RETURN), 4: (FlightMode.LAND, Task.LAND), 5: (FlightMode.HOLD, Task.HOLD),
+    6: (FlightMode.TERMINATION, Task.OFF), 7: (FlightMode.TERMINATION, Task.OFF),
 }  # fmt: skip
-_LINK_LOSS = {1: Mode.HOLD, 2: Mode.RETURN, 3: Mode.LAND, 5: Mode.TERMINATION, 6: Mode.TERMINATION}
-_BATTERY_ACTION = {2: Mode.LAND, 3: Mode.RETURN}
+_LINK_LOSS = {
+    1: FlightMode.HOLD,
+    2: FlightMode.RETURN,
+    3: FlightMode.LAND,
+    5: FlightMode.TERMINATION,
+    6: FlightMode.TERMINATION,
+}
+_BATTERY_ACTION = {2: FlightMode.LAND, 3: FlightMode.RETURN}
 
-RATES_HZ = MappingProxyType(
+RATES_HZ: Mapping[int, float] = MappingProxyType(
     {
-        0: 1.0,  # HEARTBEAT
-        1: 1.0,  # SYS_STATUS
-        30: 10.0,  # ATTITUDE: clients derive no Euler angles from the quaternion
-        31: 50.0,  # ATTITUDE_QUATERNION
-        32: 30.0,  # LOCAL_POSITION_NED
-        33: 5.0,  # GLOBAL_POSITION_INT
-        83: 0.0,  # ATTITUDE_TARGET
-        115: 0.0,  # HIL_STATE_QUATERNION, the true state, for who plays the mocap
-        111: 1.0,  # TIMESYNC
-        147: 0.5,  # BATTERY_STATUS
-        230: 1.0,  # ESTIMATOR_STATUS
-        242: 0.5,  # HOME_POSITION
-        245: 1.0,  # EXTENDED_SYS_STATE
+        MessageId.HEARTBEAT: 1.0,
+        MessageId.SYS_STATUS: 1.0,
+        MessageId.ATTITUDE: 10.0,  # clients derive no Euler angles from the quaternion
+        MessageId.ATTITUDE_QUATERNION: 50.0,
+        MessageId.LOCAL_POSITION_NED: 30.0,
+        MessageId.GLOBAL_POSITION_INT: 5.0,
+        MessageId.ATTITUDE_TARGET: 0.0,
+        MessageId.HIL_STATE_QUATERNION: 0.0,  # the true state, for who plays the mocap
+        MessageId.TIMESYNC: 1.0,
+        MessageId.BATTERY_STATUS: 0.5,
+        MessageId.ESTIMATOR_STATUS: 1.0,
+        MessageId.HOME_POSITION: 0.5,
+        MessageId.EXTENDED_SYS_STATE: 1.0,
     }
 )
 
@@ -134,14 +130,15 @@ def _stream_loss(p: Parameters) -> StreamLoss:
 
 def _mode_request(base_mode: int, main: int, sub: int) -> ModeRequest:
     """As Commander reads DO_SET_MODE; a mode it does not know is rejected for now, as it answers."""
-    if not base_mode & _CUSTOM:
-        if base_mode & _AUTO:
-            return ModeRequest(Mode.MISSION)
-        return ModeRequest(Mode.MANUAL if base_mode & _MANUAL_INPUT else None, Result.ACCEPTED)
-    if main == _MAIN_AUTO:
-        return ModeRequest(_AUTO_MODES.get(sub or 4), Result.TEMPORARILY_REJECTED)
+    if not base_mode & ModeFlag.CUSTOM_MODE_ENABLED:
+        if base_mode & ModeFlag.AUTO_ENABLED:
+            return ModeRequest(FlightMode.MISSION)
+        manual = base_mode & ModeFlag.MANUAL_INPUT_ENABLED
+        return ModeRequest(FlightMode.MANUAL if manual else None, Result.ACCEPTED)
+    if main == MAIN_AUTO:
+        return ModeRequest(PX4.mode_at(main, sub) if sub else FlightMode.MISSION, Result.TEMPORARILY_REJECTED)
     # A main mode Commander has no name for changes nothing and is acknowledged all the same.
-    return ModeRequest(_MAIN_MODES.get(main), Result.ACCEPTED)
+    return ModeRequest(PX4.mode_at(main, sub), Result.ACCEPTED)
 
 
 def _takes_pose(p: Parameters, message: LinkMessage) -> bool:
@@ -153,45 +150,40 @@ def _takes_pose(p: Parameters, message: LinkMessage) -> bool:
     return isinstance(message, VisionPose)
 
 
-def _system_status(armed: bool, _landed: bool, failsafe: bool, ready: bool) -> int:
+def _system_status(armed: bool, _landed: bool, failsafe: bool, ready: bool) -> MavState:
     if armed:
-        return 5 if failsafe else 4
-    return 3 if ready else 0
+        return MavState.CRITICAL if failsafe else MavState.ACTIVE
+    return MavState.STANDBY if ready else MavState.UNINIT
 
 
-def _estimator_flags(valid: bool, ready: bool) -> int:
-    attitude, horizontal = 1 | 4 | 32 | 64, 2 | 8 | 16 | 256 | 512
-    return attitude | (horizontal if valid else 128) if ready or valid else attitude | 128
+def _estimator_flags(valid: bool, _ready: bool) -> EstimatorFlag:
+    return POSITIONED if valid else ATTITUDE_ONLY
 
 
-PX4 = Personality(
+PX4_MODEL = AutopilotModel(
     name="px4",
-    autopilot=Autopilot.PX4,
-    vehicle_type=2,
+    table=PX4,
     version=1 << 24 | 16 << 16 | 1 << 8 | 255,
-    capabilities=8 | 16 | 64 | 8192,
+    capabilities=ProtocolCapability.COMMAND_INT
+    | ProtocolCapability.PARAM_ENCODE_BYTEWISE
+    | ProtocolCapability.SET_ATTITUDE_TARGET
+    | ProtocolCapability.MAVLINK2,
     modes=MODES,
-    boot_mode=Mode.HOLD,
+    boot_mode=FlightMode.HOLD,
     refused=Result.TEMPORARILY_REJECTED,
     no_such_rate=Result.FAILED,
     no_such_message=Result.DENIED,
-    set_mode_ack=176,
+    set_mode_ack=MavCommand.DO_SET_MODE,
     force_arm=False,
     takeoff_in_own_mode=True,
-    parameters=PARAMETERS,
-    system_parameter="MAV_SYS_ID",
-    hover_parameter="MPC_THR_HOVER",
     rates_hz=RATES_HZ,
     words=WORDS,
     timing=_timing,
     mode_request=_mode_request,
-    custom_parts=lambda custom: (custom >> 16 & 0xFF, custom >> 24 & 0xFF),
     stream_loss=_stream_loss,
     takes_target=lambda _target: True,
     streams_positions=True,
     climb_rate_of=lambda _p, _thrust: None,
-    indoor=MappingProxyType(INDOOR),
-    needs_origin=False,
     takes_pose=_takes_pose,
     system_status=_system_status,
     estimator_flags=_estimator_flags,

@@ -9,33 +9,56 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drone_agent.autopilots.personalities import PERSONALITIES
-from drone_agent.autopilots.personality import Personality
 from drone_agent.bridge.hold import BridgeHold
-from drone_agent.bridge.rule import STEP_NS, Do, StaleRule
-from drone_agent.clock_offset import GroundClock
+from drone_agent.bridge.takeover import STEP_NS, Takeover, Turn
 from drone_agent.config import AgentConfig
-from drone_agent.flight.autopilot import STREAM_MODES
+from drone_agent.failsafe import BACK, REPORTS, Stage
 from formation.messages import Datagram, Event, LabFrame, Severity
+from wire.autopilots.ardupilot import ARDUPILOT
+from wire.autopilots.px4 import PX4
+from wire.autopilots.table import STREAM_MODES, AutopilotTable
+from wire.clock_offset import ClockOffset
 from wire.link_messages.address import BRIDGE_COMPONENT, DRONE_COMPONENT, Address
 from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import Command, CommandAck, SetMode
+from wire.link_messages.commands import CommandAck, CommandLong, MavCommand, SetMode, command_long
+from wire.link_messages.message_id import MessageId
 from wire.link_messages.motion import Origin, SetOrigin, VisionPose
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
-from wire.link_messages.status import Autopilot, Heartbeat, NamedValue, StatusText
+from wire.link_messages.status import Heartbeat, MavAutopilot, MavState, MavType, NamedValue, StatusText
 from wire.mavlink.codec import Codec, MavlinkError, read_frame
 from wire.mavlink.framing import Frame, FrameCutter, packed
 
-_POSES = frozenset({102, 138, 331})
-# Heartbeat, mode, origin, commands and their acknowledgements, setpoints, clock: what is read here; the rest passes.
-_WATCHED = frozenset({0, 11, 49, 76, 77, 82, 111})
+_POSES = frozenset({MessageId.VISION_POSITION_ESTIMATE, MessageId.ATT_POS_MOCAP, MessageId.ODOMETRY})
+# What is read here; the rest passes.
+_READS = frozenset(
+    {
+        MessageId.HEARTBEAT,
+        MessageId.SET_MODE,
+        MessageId.GPS_GLOBAL_ORIGIN,
+        MessageId.COMMAND_LONG,
+        MessageId.COMMAND_ACK,
+        MessageId.SET_ATTITUDE_TARGET,
+        MessageId.TIMESYNC,
+    }
+)
 _BEAT_NS = 1_000_000_000
+_HEARTBEAT = Heartbeat(MavAutopilot.INVALID, MavType.ONBOARD_CONTROLLER, 0, 0, MavState.ACTIVE)
 _POSE_NS = 20_000_000
 _OWN_FEED_NS = 200_000_000
 _SILENT_NS = 1_500_000_000  # of heartbeats a second: it may have restarted, and forgotten its origin
-_SETS_MODE = (20, 21, 22, 176, 185, 192, 400)
-_MAKES = {make.autopilot: make for make in PERSONALITIES.values()}
+_SETS_MODE = frozenset(
+    {
+        MavCommand.NAV_RETURN_TO_LAUNCH,
+        MavCommand.NAV_LAND,
+        MavCommand.NAV_TAKEOFF,
+        MavCommand.DO_SET_MODE,
+        MavCommand.DO_FLIGHTTERMINATION,
+        MavCommand.DO_REPOSITION,
+        MavCommand.COMPONENT_ARM_DISARM,
+    }
+)
+_TABLES = {table.autopilot: table for table in (PX4, ARDUPILOT)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,12 +80,11 @@ class BridgeCore:
         self._target = Address(config.sysid, DRONE_COMPONENT)
         self._codec = Codec(Address(config.sysid, BRIDGE_COMPONENT))
         self._from_ground, self._from_autopilot = FrameCutter(), FrameCutter(stream=serial)
-        land_s = 1.0 if config.stale_land_s is None else config.stale_land_s
-        self._rule = StaleRule(config.stale_setpoint_s, land_s)
-        self._make: Personality | None = None
+        self._takeover = Takeover(config.stale_setpoint_s, config.land_after_s)
+        self._table: AutopilotTable | None = None
         self._lacks_origin = False
         self._heard_ns = t0_ns
-        self._clock = GroundClock()
+        self._clock = ClockOffset()
         self._beat_ns = t0_ns
         self._hold = BridgeHold()
         self._hold_ns = self._pose_due_ns = t0_ns
@@ -74,14 +96,14 @@ class BridgeCore:
         self._events: list[Event] = []
 
     def receive_ground(self, datagram: Datagram, now_ns: int) -> None:
-        """Pass what the ground says on to the autopilot, watching it."""
+        """Pass what the ground says on to the autopilot, reading what matters."""
         self._now_ns = now_ns
         for frame in self._from_ground.cut(datagram.data):
             if not self._keep_from_ground(frame, now_ns):
                 self._to_autopilot.append(frame.data)
 
     def receive_autopilot(self, data: bytes, now_ns: int) -> None:
-        """Pass what the autopilot says on to the ground, watching it."""
+        """Pass what the autopilot says on to the ground, reading what matters."""
         self._now_ns = now_ns
         for frame in self._from_autopilot.cut(data):
             if not self._keep_from_autopilot(frame, now_ns):
@@ -108,13 +130,12 @@ class BridgeCore:
         self._now_ns = now_ns
         if now_ns >= self._beat_ns:
             self._beat_ns = now_ns + _BEAT_NS
-            self._tell_autopilot(Heartbeat(Autopilot.INVALID, 18, 0, 0, 4))
+            self._tell_autopilot(_HEARTBEAT)
             self._tell_ground(TimeSync(0, now_ns))
             if self._lacks_origin and self._own_feed_ns is not None:
                 self._tell_autopilot(SetOrigin(self._config.sysid, *self._config.origin))
         fed = self._own_feed_ns is not None and now_ns - self._own_feed_ns < _OWN_FEED_NS
-        for step in self._rule.due(now_ns, fed=fed, stands=self._hold.stands):
-            self._act(step)
+        self._act(self._takeover.due(now_ns, fed=fed, stands=self._hold.stands))
         outgoing = BridgeOutgoing(
             _packed(self._config.sysid, self._to_ground),
             _packed(self._config.sysid, self._to_autopilot),
@@ -127,14 +148,14 @@ class BridgeCore:
         """When `tick` is due if nothing arrives."""
         if self._to_ground or self._to_autopilot or self._events:
             return self._now_ns
-        rule_ns = self._rule.deadline_ns()
-        return self._beat_ns if rule_ns is None else min(self._beat_ns, rule_ns)
+        takeover_ns = self._takeover.deadline_ns()
+        return self._beat_ns if takeover_ns is None else min(self._beat_ns, takeover_ns)
 
     def _keep_from_ground(self, frame: Frame, now_ns: int) -> bool:
         """Note what matters; True for a frame that ends here."""
         if frame.number in _POSES and self._own_feed_ns is not None:
             return now_ns - self._own_feed_ns < _OWN_FEED_NS
-        if frame.number not in _WATCHED:
+        if frame.number not in _READS:
             return False
         try:
             message = read_frame(frame).message
@@ -142,11 +163,11 @@ class BridgeCore:
             return False
         if isinstance(message, AttitudeSetpoint) and message.target.system == self._config.sysid:
             self._hold.note(message)
-            if self._rule.note(now_ns):
-                self._say(Severity.INFO, "Setpoints are back")
+            if self._takeover.note(now_ns):
+                self._say(*BACK)
             self._report_age(message, now_ns)
-        elif isinstance(message, SetMode) or (isinstance(message, Command) and message.command in _SETS_MODE):
-            self._rule.mode_unknown(now_ns)
+        elif isinstance(message, SetMode) or (isinstance(message, CommandLong) and message.command in _SETS_MODE):
+            self._takeover.mode_unknown()
         elif isinstance(message, TimeSync) and message.target.component == BRIDGE_COMPONENT and message.tc1_ns:
             self._clock.exchange(message.ts1_ns - self._t0_ns, message.tc1_ns, now_ns - self._t0_ns)
             return True
@@ -156,7 +177,7 @@ class BridgeCore:
         if frame.source.system != self._config.sysid:
             self._report_stranger(frame.source.system)
             return True
-        if frame.number not in _WATCHED:
+        if frame.number not in _READS:
             return False
         try:
             packet = read_frame(frame)
@@ -168,7 +189,7 @@ class BridgeCore:
         elif isinstance(message, Origin):
             self._lacks_origin = False
         elif isinstance(message, CommandAck) and message.target.component == BRIDGE_COMPONENT:
-            self._rule.acknowledged(message)
+            self._takeover.acknowledged(message)
             return True
         elif isinstance(message, TimeSync) and message.tc1_ns == 0:
             # Its poses come from here, so the clock it holds them against must be ours.
@@ -177,30 +198,27 @@ class BridgeCore:
         return False
 
     def _see(self, beat: Heartbeat) -> None:
-        make = _MAKES.get(beat.autopilot)
-        if make is None:
+        table = _TABLES.get(beat.autopilot)
+        if table is None:
             return
         silent_ns, self._heard_ns = self._now_ns - self._heard_ns, self._now_ns
-        if self._make is not make or silent_ns > _SILENT_NS:
-            self._lacks_origin = make.needs_origin
-        if self._make is not make:
-            self._make = make
-            self._say(Severity.INFO, f"Bridge to {make.name}")
-        offboard = [make.modes[mode].custom_mode for mode in STREAM_MODES if mode in make.modes]
-        self._rule.saw(offboard=beat.armed and beat.custom_mode in offboard)
+        if self._table is not table or silent_ns > _SILENT_NS:
+            self._lacks_origin = table.needs_origin
+        if self._table is not table:
+            self._table = table
+            self._say(Severity.INFO, f"Bridge to {table.autopilot.name.lower()}")
+        self._takeover.saw(offboard=beat.armed and table.mode_of(beat.custom_mode) in STREAM_MODES)
 
-    def _act(self, step: Do) -> None:
-        """Carry out a step of the stale rule."""
-        match step:
-            case Do.SAY_STALE:
+    def _act(self, turn: Turn) -> None:
+        """Carry out what the fail-safe asks for."""
+        for stage in turn.begun:
+            if stage is Stage.HOLD:
                 self._hold.begin(self._now_ns)
-                self._say(Severity.WARNING, "Setpoints are stale: level and hold")
-            case Do.SAY_LANDING:
-                self._say(Severity.CRITICAL, "Setpoints are stale: landing")
-            case Do.HOLD | Do.LET_DOWN:
-                self._fly(down=step is Do.LET_DOWN)
-            case Do.LAND:
-                self._command(21, 0.0, 0.0, 0.0, float("nan"))
+            self._say(*REPORTS[stage])
+        if turn.flown is not None:
+            self._fly(down=turn.flown is Stage.LAND)
+        if turn.lands:
+            self._tell_autopilot(command_long(self._target, MavCommand.NAV_LAND, 0.0, 0.0, 0.0, float("nan")))
 
     def _fly(self, *, down: bool) -> None:
         """One attitude target of our own."""
@@ -212,10 +230,6 @@ class BridgeCore:
         self._tell_autopilot(
             AttitudeSetpoint(self._target, t_boot_ms, wanted.q_lab_from_flu, rate, thrust, Ignore.BODY_RATES)
         )
-
-    def _command(self, number: int, *params: float) -> None:
-        p1, p2, p3, p4, p5, p6, p7 = (*params, *(0.0,) * (7 - len(params)))
-        self._tell_autopilot(Command(self._target, number, (p1, p2, p3, p4, p5, p6, p7)))
 
     def _report_age(self, message: AttitudeSetpoint, now_ns: int) -> None:
         rate_hz = self._config.age_rate_hz

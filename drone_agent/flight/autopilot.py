@@ -1,32 +1,32 @@
-"""The autopilot: armed or not, its mode, and who flies. It speaks no MAVLink; fail-safes: drone_agent.flight.guards.
+"""The autopilot: armed or not, its mode, and who flies. It speaks no MAVLink; fail-safes: drone_agent.flight.failsafes.
 
 One of three flies at any time: the stream of attitude targets (drone_agent.flight.guidance), the pilot
-(drone_agent.flight.flying), or nobody (disarmed, or idling on the ground). What differs between makes is asked of the
-personality.
+(drone_agent.flight.flying), or nobody (disarmed, or idling on the ground). What differs between autopilots is
+asked of their model.
 """
 
 from dataclasses import dataclass
 from math import hypot
 
+from drone_agent.autopilots.model import AutopilotModel, ModeRow, Needs, StreamLoss, Task, Timing
 from drone_agent.autopilots.parameters import Parameters
-from drone_agent.autopilots.personality import Mode, ModeRow, Needs, Personality, StreamLoss, Task, Timing
 from drone_agent.config import AgentConfig
+from drone_agent.failsafe import Stage, StreamFailsafe
 from drone_agent.flight.estimator import Belief, Positioning, believed, turned
 from drone_agent.flight.flying import Pilot
 from drone_agent.flight.landing import LandDetector
 from drone_agent.flight.position import NO_RATE
-from drone_agent.flight.stream import StreamWatch, Watch
 from drone_agent.simulation.airframe import Airframe
 from drone_agent.simulation.attitude_loop import LoopSetpoint
 from formation.maths.arrays import Quat, Vec3
 from formation.maths.frames import canonical, inverse, multiply
 from formation.messages import Severity
 from formation.model import Vec3Tuple
+from wire.autopilots.table import STREAM_MODES, FlightMode
 from wire.link_messages.commands import Result
 
 CONTROL_NS = 10_000_000
 _CONTROL_S = CONTROL_NS * 1e-9
-STREAM_MODES = (Mode.OFFBOARD, Mode.OFFBOARD_NO_POSITION)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,48 +43,50 @@ class Autopilot:
     def __init__(
         self,
         config: AgentConfig,
-        personality: Personality,
+        model: AutopilotModel,
         parameters: Parameters,
         airframe: Airframe,
         positioning: Positioning,
     ) -> None:
-        self.personality = personality
+        self.model = model
         self.parameters = parameters
         self.airframe = airframe
         self.positioning = positioning
         self.armed = False
-        self.mode = personality.boot_mode
+        self.mode = model.boot_mode
         self.failsafe = False
         self.home: Belief | None = None
         self.notes: list[Note] = []
         self.detector = LandDetector()
-        self.stream = StreamWatch(config.stale_setpoint_s)
+        self.stream = StreamFailsafe(config.stale_setpoint_s, config.land_after_s)
+        self.setpoint_age_ms: float | None = None
+        """From camera to drone, of the newest setpoint; None once told, or without a common clock."""
         self.armed_ns = 0
         self.origin: Vec3Tuple | None = config.origin if config.pose == "own" else None
         """Where the estimate's frame begins on the globe, if anybody has said."""
         self.pilot = Pilot(airframe.profile)
         self.piloted = False
         """Whether the agent flies by itself, so that `control` is due every CONTROL_NS."""
-        self._mode_after_disarm = personality.boot_mode
+        self._mode_after_disarm = model.boot_mode
         self._rise_m: float | None = None
         self._read_version = parameters.version
-        self._timing = personality.timing(parameters)
-        self._stream_loss = personality.stream_loss(parameters)
+        self._timing = model.timing(parameters)
+        self._stream_loss = model.stream_loss(parameters)
 
     @property
     def row(self) -> ModeRow:
-        """The present mode's row of the personality's table."""
-        return self.personality.modes[self.mode]
+        """The present mode's row of the model's table."""
+        return self.model.modes[self.mode]
 
     @property
     def timing(self) -> Timing:
-        """The make's waits, as the parameters have them now."""
+        """Its own waits, as the parameters have them now."""
         self._reread()
         return self._timing
 
     @property
     def stream_loss(self) -> StreamLoss:
-        """What the make does about a dead stream, as the parameters have it now."""
+        """What the autopilot itself does about a dead stream, as the parameters have it now."""
         self._reread()
         return self._stream_loss
 
@@ -109,6 +111,11 @@ class Autopilot:
         """Where it thinks it is."""
         return believed(self.airframe.state, self.positioning.offset(now_ns))
 
+    def take_setpoint_age_ms(self) -> float | None:
+        """The newest setpoint's age, once."""
+        age_ms, self.setpoint_age_ms = self.setpoint_age_ms, None
+        return age_ms
+
     def say(self, severity: Severity, text: str, *fills: str) -> None:
         """Tell the operator, if there are words for it."""
         if text:
@@ -120,7 +127,7 @@ class Autopilot:
         """Why it will not arm now, or None."""
         row = self.row
         if not row.may_arm:
-            return self.personality.words.not_armable.format(row.label)
+            return self.model.words.not_armable.format(row.label)
         if self.airframe.pack.remaining < self.timing.battery_critical:
             return "low battery"
         return self.missing(row.needs, now_ns)
@@ -130,18 +137,18 @@ class Autopilot:
         if Needs.POSITION in needs:
             fault = self.position_fault(now_ns)
             if fault is not None and not (self.armed and self.positioning.valid(now_ns)):
-                return self.personality.words.no_position.format(fault)
+                return self.model.words.no_position.format(fault)
         if Needs.GLOBE in needs and self.origin is None and self.armed:
             return "no valid global position estimate"
-        if Needs.STREAM in needs and self.stream.silent_for(now_ns, self.stream_loss.after_s):
-            return self.personality.words.stream_lost
+        if Needs.STREAM in needs and self.stream.monitor.silent(now_ns, self.stream_loss.after_s):
+            return self.model.words.stream_lost
         if Needs.PILOT in needs:
             return "manual control signal lost"
         return "no valid mission available" if Needs.MISSION in needs else None
 
     def position_fault(self, now_ns: int) -> str | None:
         """Why there is no position to arm on, or None."""
-        if self.personality.needs_origin and self.origin is None:
+        if self.model.table.needs_origin and self.origin is None:
             return "EKF origin not set"
         return self.positioning.fault(now_ns)
 
@@ -151,15 +158,15 @@ class Autopilot:
             return Result.ACCEPTED
         fault = None if force else self.arming_fault(now_ns)
         if fault is not None:
-            for words in self.personality.words.arm_refused:
+            for words in self.model.words.arm_refused:
                 self.say(Severity.CRITICAL, words, fault)
-            return self.personality.refused
+            return self.model.refused
         self.armed = self.airframe.armed = True
         self.failsafe = False
         self.armed_ns = now_ns
         self.home = self.belief(now_ns)
         self.pilot.set_home(self.home)
-        self.say(Severity.INFO, self.personality.words.armed)
+        self.say(Severity.INFO, self.model.words.armed)
         self._take_up(now_ns)
         return Result.ACCEPTED
 
@@ -168,80 +175,80 @@ class Autopilot:
         if not self.armed:
             return Result.ACCEPTED
         if not (self.landed or force):
-            self.say(Severity.CRITICAL, self.personality.words.disarm_refused)
-            return self.personality.refused
+            self.say(Severity.CRITICAL, self.model.words.disarm_refused)
+            return self.model.refused
         self.armed = self.airframe.armed = False
         self.airframe.order_now(self.pilot.idle())
         self.piloted = self.failsafe = False
         self.detector.landed = True
-        if self.mode is not Mode.TERMINATION:
+        if self.mode is not FlightMode.TERMINATION:
             self.mode = self._mode_after_disarm
-        self.say(Severity.INFO, self.personality.words.disarmed, reason)
+        self.say(Severity.INFO, self.model.words.disarmed, reason)
         return Result.ACCEPTED
 
     def terminate(self) -> Result:
         """Motors off wherever it is."""
         if not self.armed:
             return Result.DENIED
-        if Mode.TERMINATION in self.personality.modes:
-            self.mode = Mode.TERMINATION
+        if FlightMode.TERMINATION in self.model.modes:
+            self.mode = FlightMode.TERMINATION
         return self.disarm(force=True, reason="flight termination")
 
     # Modes
 
-    def change_mode(self, mode: Mode, now_ns: int) -> Result:
+    def change_mode(self, mode: FlightMode, now_ns: int) -> Result:
         """The operator's choice of mode: any while disarmed (arming checks it), armed only what can be flown."""
-        row = self.personality.modes.get(mode)
-        if row is None or self.mode is Mode.TERMINATION:
-            return self.personality.refused
+        row = self.model.modes.get(mode)
+        if row is None or self.mode is FlightMode.TERMINATION:
+            return self.model.refused
         fault = self.missing(row.needs, now_ns) if self.armed else None
         if fault is not None:
-            self.say(Severity.CRITICAL, self.personality.words.mode_refused, row.label, fault)
-            return self.personality.refused
+            self.say(Severity.CRITICAL, self.model.words.mode_refused, row.label, fault)
+            return self.model.refused
         self.failsafe = False
         self.enter(mode, now_ns)
         return Result.ACCEPTED
 
     def take_off(self, now_ns: int, height_m: float | None) -> Result:
-        """Climb to `height_m` above here, or to the make's own take-off height."""
-        if self.personality.takeoff_in_own_mode:
+        """Climb to `height_m` above here, or to the autopilot's own take-off height."""
+        if self.model.takeoff_in_own_mode:
             self._rise_m = height_m
-            return self.change_mode(Mode.TAKEOFF, now_ns)
+            return self.change_mode(FlightMode.TAKEOFF, now_ns)
         if not self.in_stream_mode or not self.landed or height_m is None or height_m <= 0.0:
-            return self.personality.refused
+            return self.model.refused
         self.fly(Task.TAKEOFF, now_ns, rise_m=height_m)
         return Result.ACCEPTED
 
     def land(self, now_ns: int) -> Result:
         """Come down here."""
-        result = self.change_mode(Mode.LAND, now_ns)
+        result = self.change_mode(FlightMode.LAND, now_ns)
         if result is Result.ACCEPTED:
-            self.say(Severity.INFO, self.personality.words.landing)
+            self.say(Severity.INFO, self.model.words.landing)
         return result
 
     def go_to(self, now_ns: int, place_lab_m: Vec3Tuple, yaw_rad: float | None) -> Result:
         """Hold at another place, in the estimate's frame."""
         if not self.armed or self.landed:
-            return self.personality.refused
-        if self.personality.takeoff_in_own_mode:
-            result = self.change_mode(Mode.HOLD, now_ns)
+            return self.model.refused
+        if self.model.takeoff_in_own_mode:
+            result = self.change_mode(FlightMode.HOLD, now_ns)
             if result is not Result.ACCEPTED:
                 return result
         elif not self.in_stream_mode:
-            return self.personality.refused
+            return self.model.refused
         self.fly(Task.HOLD, now_ns)
         self.pilot.go_to(place_lab_m, yaw_rad)
         return Result.ACCEPTED
 
-    def enter(self, mode: Mode, now_ns: int) -> None:
+    def enter(self, mode: FlightMode, now_ns: int) -> None:
         """Be in `mode` and, if armed, do what it does."""
         self.mode = mode
-        if self.row.may_arm or mode is Mode.TERMINATION:
+        if self.row.may_arm or mode is FlightMode.TERMINATION:
             self._mode_after_disarm = mode
         if self.armed:
             self._take_up(now_ns)
 
-    def fail_safe(self, mode: Mode, now_ns: int, task: Task | None = None) -> None:
+    def fail_safe(self, mode: FlightMode, now_ns: int, task: Task | None = None) -> None:
         """Leave what was asked for: show `mode` and fly its task, or `task`; without a position, descend."""
         self.failsafe = True
         self.enter(mode, now_ns)
@@ -279,8 +286,8 @@ class Autopilot:
         if not self.pilot.arrived(belief):
             return
         if self.pilot.task is Task.TAKEOFF:
-            if self.personality.takeoff_in_own_mode:
-                self.enter(Mode.HOLD, now_ns)
+            if self.model.takeoff_in_own_mode:
+                self.enter(FlightMode.HOLD, now_ns)
             else:
                 self.fly(Task.HOLD, now_ns)
         elif self.pilot.task is Task.RETURN:
@@ -298,8 +305,8 @@ class Autopilot:
         """Do what the mode does. A stream that is alive takes over with its next target; until then, hold."""
         task = self.row.task
         if task is Task.EXTERNAL:
-            alive = not self.stream.silent_for(now_ns, self.stream_loss.after_s)
-            self.stream.watch = Watch.LIVE if alive else Watch.GIVEN_UP
+            alive = not self.stream.monitor.silent(now_ns, self.stream_loss.after_s)
+            self.stream.begin(Stage.FOLLOW if alive else Stage.LOST)
             task = Task.HOLD if self.positioning.valid(now_ns) else Task.LEVEL
         if task is Task.TAKEOFF:
             rise_m = self._rise_m if self._rise_m is not None else self.timing.takeoff_height_m
@@ -319,5 +326,5 @@ class Autopilot:
     def _reread(self) -> None:
         if self._read_version != self.parameters.version:
             self._read_version = self.parameters.version
-            self._timing = self.personality.timing(self.parameters)
-            self._stream_loss = self.personality.stream_loss(self.parameters)
+            self._timing = self.model.timing(self.parameters)
+            self._stream_loss = self.model.stream_loss(self.parameters)

@@ -1,6 +1,6 @@
 """Flies one task at a time by the agent's own position controller: level, hold, take off, return, land, descend."""
 
-from drone_agent.autopilots.personality import Task, Timing
+from drone_agent.autopilots.model import Task, Timing
 from drone_agent.flight.estimator import Belief
 from drone_agent.flight.position import NO_RATE, Demand, PositionController, attitude_of
 from drone_agent.simulation.attitude_loop import LoopSetpoint

@@ -1,22 +1,21 @@
 """What a stream of setpoints does to the autopilot: attitude targets, body rates, positions and velocities.
 
 Attitude and thrust go straight to the attitude loop after the vehicle's own delay; everything else is the
-pilot's to fly. What the makes read differently is asked of the personality.
+pilot's to fly. What autopilots read differently is asked of the model.
 """
 
 import math
 
 import numpy as np
 
-from drone_agent.autopilots.personality import Task
+from drone_agent.autopilots.model import Task
+from drone_agent.failsafe import BACK
 from drone_agent.flight.autopilot import Autopilot
 from drone_agent.flight.estimator import turned
 from drone_agent.flight.position import NO_RATE
-from drone_agent.flight.stream import Watch
 from drone_agent.simulation.attitude_loop import LoopSetpoint
 from formation.maths.arrays import Quat, Vec3
 from formation.maths.frames import from_rotation_vector, multiply
-from formation.messages import Severity
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore, LocalFrame, PositionIgnore, PositionSetpoint
 
 
@@ -30,13 +29,13 @@ class Guidance:
     def attitude(self, now_ns: int, target: AttitudeSetpoint) -> None:
         """An attitude target came."""
         autopilot = self._autopilot
-        if not autopilot.personality.takes_target(target):
+        if not autopilot.model.takes_target(target):
             if autopilot.in_stream_mode:
                 autopilot.fly(Task.HOLD, now_ns)
             return
         if not self._heard(now_ns):
             return
-        climb_m_s = autopilot.personality.climb_rate_of(autopilot.parameters, target.thrust_norm)
+        climb_m_s = autopilot.model.climb_rate_of(autopilot.parameters, target.thrust_norm)
         if climb_m_s is not None:
             if autopilot.task is not Task.LEVEL:
                 autopilot.fly(Task.LEVEL, now_ns)
@@ -58,7 +57,7 @@ class Guidance:
         drifts = not target.ignore & PositionIgnore.VELOCITY
         if not autopilot.positioning.valid(now_ns) or not (goes or drifts):
             return
-        if goes and not autopilot.personality.streams_positions:
+        if goes and not autopilot.model.streams_positions:
             if not autopilot.in_stream_mode:
                 return
         elif not self._heard(now_ns):
@@ -82,12 +81,11 @@ class Guidance:
     def _heard(self, now_ns: int) -> bool:
         """Note a setpoint of the stream; whether it is to be followed."""
         autopilot = self._autopilot
-        autopilot.stream.note(now_ns)
+        autopilot.stream.monitor.note(now_ns)
         if not autopilot.in_stream_mode:
             return False
-        if autopilot.stream.watch is Watch.LEVELLED:
-            autopilot.say(Severity.INFO, "Setpoints are back")
-        autopilot.stream.watch = Watch.LIVE
+        if autopilot.stream.resume():
+            autopilot.say(*BACK)
         return True
 
     def _ahead(self, rate_flu_rad_s: Vec3) -> Quat:

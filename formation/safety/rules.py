@@ -175,7 +175,7 @@ RULES: tuple[Rule, ...] = (
 _SEVEREST_FIRST = (Trigger.LAND, Trigger.HOLD)
 
 
-class Watch(NamedTuple):
+class RuleState(NamedTuple):
     """Since when each vehicle has broken each rule (ns, -1: it does not), and which were acted on; both (rules, n)."""
 
     since_ns: NDArray[np.int64]
@@ -183,7 +183,7 @@ class Watch(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class FaultChange:
     """One fault of one vehicle that has just begun or just ended."""
 
     vehicle: int
@@ -199,23 +199,25 @@ class Verdict(NamedTuple):
     cause: str
     release: Flags
     cut: Flags
-    findings: tuple[Finding, ...]
+    changes: tuple[FaultChange, ...]
 
 
-def start(n: int) -> Watch:
+def start(n: int) -> RuleState:
     """Nothing is wrong yet with any of the n vehicles."""
-    return Watch(np.full((len(RULES), n), -1, np.int64), np.zeros((len(RULES), n), np.bool_))
+    return RuleState(np.full((len(RULES), n), -1, np.int64), np.zeros((len(RULES), n), np.bool_))
 
 
-def assess(watch: Watch, facts: Facts, phase: Phase, limits: LimitsConfig, now_ns: int) -> tuple[Watch, Verdict]:
+def assess(
+    state: RuleState, facts: Facts, phase: Phase, limits: LimitsConfig, now_ns: int
+) -> tuple[RuleState, Verdict]:
     """Apply every rule to every vehicle; a fault acts once it has lasted its rule's `persist_s`."""
     n = len(facts.names)
     broken = np.zeros((len(RULES), n), np.bool_)
     fault = _find_broken(_measured(facts, limits), facts.commanded, _MEASURES, _OVER, _OF_ALL, _JUDGED[phase], broken)
-    if not fault and not watch.acted.any():
+    if not fault and not state.acted.any():
         nobody = np.zeros(n, np.bool_)
         return start(n), Verdict(None, "", nobody, nobody, ())
-    since = np.where(broken, np.where(watch.since_ns < 0, now_ns, watch.since_ns), -1)
+    since = np.where(broken, np.where(state.since_ns < 0, now_ns, state.since_ns), -1)
     acting = broken & (now_ns - since >= _PERSIST_NS[:, None])
     trigger, cause = _swarm_trigger(acting, facts)
     verdict = Verdict(
@@ -223,9 +225,9 @@ def assess(watch: Watch, facts: Facts, phase: Phase, limits: LimitsConfig, now_n
         cause=cause,
         release=_owned(acting, Own.RELEASE),
         cut=_owned(acting, Own.CUT),
-        findings=_findings(acting, watch.acted, facts),
+        changes=_changes(acting, state.acted, facts),
     )
-    return Watch(since, acting), verdict
+    return RuleState(since, acting), verdict
 
 
 _PERSIST_NS = np.array([round(rule.persist_s * 1e9) for rule in RULES], np.int64)
@@ -284,9 +286,9 @@ def _owned(acting: NDArray[np.bool_], own: Own) -> Flags:
     return flags
 
 
-def _findings(acting: NDArray[np.bool_], acted: NDArray[np.bool_], facts: Facts) -> tuple[Finding, ...]:
+def _changes(acting: NDArray[np.bool_], acted: NDArray[np.bool_], facts: Facts) -> tuple[FaultChange, ...]:
     return tuple(
-        Finding(int(i), RULES[r], bool(acting[r, i]), RULES[r].text(facts.names[i]))
+        FaultChange(int(i), RULES[r], bool(acting[r, i]), RULES[r].text(facts.names[i]))
         for r, i in np.argwhere(acting != acted)
     )
 

@@ -13,7 +13,7 @@ import numpy as np
 from formation.config import LabConfig
 from formation.maths import frames
 from formation.maths.arrays import Flags, Float, Quats, Vec3, Vec3s
-from gcs.doctor.finding import Finding, Grade, graded, unmeasured
+from gcs.finding import Finding, Grade, graded, unmeasured
 
 MOVED_M, TURNED_RAD = 0.1, np.radians(30.0)
 MILLIMETRES_M = 20.0

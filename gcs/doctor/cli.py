@@ -12,8 +12,8 @@ from gcs.cli.common import NOT_RIGHT, REFUSED, Json, LabFile, configuration, fai
 
 if TYPE_CHECKING:
     from formation.config import LabConfig
-    from gcs.doctor.finding import Finding, Refit
     from gcs.doctor.survey import Survey
+    from gcs.finding import Finding, Refit
 
 SETTLE_S = 3.0
 WIDTH = 150  # of a table that is not for a terminal
@@ -33,7 +33,7 @@ def doctor(
     config = configuration(lab)
     import uvloop
 
-    from gcs.doctor.finding import as_dicts, failed
+    from gcs.finding import as_dicts, failed
     from gcs.mocap.service import ServiceError
 
     try:
@@ -93,8 +93,8 @@ async def _doctor(
 ) -> Sequence["Finding"]:
     from rich.console import Console
 
-    from gcs.doctor.finding import show
     from gcs.doctor.survey import examine, surveying  # loads MAVSDK
+    from gcs.finding import show
 
     async with surveying(config, lab_file, tell) as survey:
         findings = await examine(config, max(seconds, SETTLE_S), None if still else _prompt, survey)

@@ -5,14 +5,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from formation.vehicle.profile import VehicleProfile
-from gcs.doctor.finding import Finding, Fix, Grade, Refit, graded, unmeasured
-from gcs.drones.dialect import Dialect, ParameterRule
+from gcs.drones.autopilot_model import HOVER_WITHIN, GroundModel, ParameterRule
+from gcs.finding import Finding, Fix, Grade, Refit, graded, unmeasured
 from wire.config_file import dump
 
 PACKETS_LEAST = 50  # below it one lost packet would be two per cent, and a twin might not have spoken
 LOSS, LOSS_MOST = 0.01, 0.05
 ROUND_TRIP_S = 0.02
-HOVER_FAIR, HOVER_MOST = 0.1, 0.25
+HOVER_MOST = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class DroneReport:
     name: str
     sysid: int
     profile: VehicleProfile
-    dialect: Dialect | None
+    model: GroundModel | None
     version: str
     parameters: Mapping[str, float]
     unhealthy: tuple[str, ...] | None
@@ -50,15 +50,15 @@ def _check(report: DroneReport, feeds_pose: bool) -> Iterator[Finding]:
         found = f"drone {report.foreign_sysid} answers"
         yield Finding(name, "sysid", Grade.FAIL, found, str(report.sysid), "wrong link, or wrong sysid")
     yield _check_own(report)
-    if report.dialect is None:
+    if report.model is None:
         yield Finding(name, "heartbeat", Grade.FAIL, "none", "PX4 or ArduPilot", "off, or not on this link")
         return
-    yield Finding(name, "autopilot", Grade.PASS, f"{report.dialect.name} {report.version or '(version not told)'}")
+    yield Finding(name, "autopilot", Grade.PASS, f"{report.model.name} {report.version or '(version not told)'}")
     yield from _check_link(report)
-    for rule in report.dialect.rules:
+    for rule in report.model.rules:
         if feeds_pose or not rule.external_pose:
             yield _check_rule(report, rule)
-    yield _check_hover(report, report.dialect)
+    yield _check_hover(report, report.model)
     yield from _check_health(report)
     if math.isnan(report.battery):
         yield unmeasured(name, "battery", "over 50%", "it tells no charge: nobody would land it before it is empty")
@@ -114,22 +114,22 @@ def _check_rule(report: DroneReport, rule: ParameterRule) -> Finding:
     return Finding(report.name, rule.name, grade, f"{value:g}", rule.wanted, rule.why, fix)
 
 
-def _check_hover(report: DroneReport, dialect: Dialect) -> Finding:
+def _check_hover(report: DroneReport, model: GroundModel) -> Finding:
     """The autopilot's own hover thrust against the profile's: both are believed by somebody in flight.
 
     It is never written: an autopilot learns it by flying, and what has been flown knows better than a profile.
     """
-    name, wanted = dialect.hover_parameter, report.profile.hover_thrust_norm
+    name, wanted = model.table.hover_parameter, report.profile.hover_thrust_norm
     value = report.parameters.get(name)
     expected = f"{wanted:.2f} ({report.profile.name})"
     if value is None:
         return Finding(report.name, name, Grade.WARN, "not answered", expected, "the profile's is used")
     off = abs(value - wanted) / wanted
     found = f"{value:.2f}"
-    if off <= HOVER_FAIR:
+    if off <= HOVER_WITHIN:
         return Finding(report.name, name, Grade.PASS, found, expected)
-    if abs(value - dialect.hover_default) < 1e-6 or not 0.05 < value < 0.95:
-        why = f"{dialect.name}'s default, never measured: the profile's is used, and the autopilot's own flying is off"
+    if not model.hover_measured(value):
+        why = f"{model.name}'s default, never measured: the profile's is used, and the autopilot's own flying is off"
         return Finding(report.name, name, Grade.WARN, found, expected, why)
     grade = Grade.WARN if off <= HOVER_MOST else Grade.FAIL
     refit = refitted(report.profile, value, report.sysid)

@@ -8,7 +8,7 @@ from formation.config import LabConfig, MocapConfig
 from formation.maths.arrays import Bool, Float
 from formation.messages import LabFrame
 from formation.safety.rules import nearest, outside_box
-from gcs.doctor.finding import Finding, Grade, graded, unmeasured
+from gcs.finding import Finding, Grade, graded, unmeasured
 
 Received = tuple[int, LabFrame]
 

@@ -12,7 +12,6 @@ from formation.config import LabConfig
 from formation.messages import Datagram, LabFrame
 from gcs.doctor.axes_checks import Look, Moves, check_axes
 from gcs.doctor.drone_checks import DroneReport, check_drone
-from gcs.doctor.finding import Finding, Fix
 from gcs.doctor.mavsdk_drone import (
     DroneError,
     MavsdkPort,
@@ -25,6 +24,7 @@ from gcs.doctor.mavsdk_drone import (
 from gcs.doctor.mocap_checks import Received, check_mocap
 from gcs.drones.link_state import HEARTBEAT, DroneLink
 from gcs.drones.links import GroundLinks, open_links
+from gcs.finding import Finding, Fix
 from gcs.mocap.autopilot_poses import AutopilotPoses, streams
 from gcs.mocap.service import mocap_service
 from wire import clock
@@ -102,7 +102,7 @@ class Survey:
         """Wait until every drone and a frame were heard, and have been for a moment; not for ever."""
         give_up_ns = clock.monotonic_ns() + SETTLE_NS
         while clock.monotonic_ns() < give_up_ns:
-            if self.received and all(link.dialect is not None for link in self.drones.values()):
+            if self.received and all(link.model is not None for link in self.drones.values()):
                 break
             await asyncio.sleep(PUMP_S)
         await asyncio.sleep(LOOK_NS * 1e-9)
@@ -141,13 +141,13 @@ class Survey:
 
     async def interview(self, sysid: int) -> Told:
         """One drone through MAVSDK; one that was never heard is not asked."""
-        if self.drones[sysid].dialect is None:
+        if self.drones[sysid].model is None:
             return Told("", None, {})
         async with self._mavsdk(sysid) as system:
             if system is None:
                 return Told("", None, {})
-            dialect = self.drones[sysid].dialect
-            return await interview(system, () if dialect is None else dialect.parameters)
+            model = self.drones[sysid].model
+            return await interview(system, () if model is None else model.parameters)
 
     async def fetch_logs(self, sysid: int, folder: Path, newest: int, tell: Callable[[str], None]) -> list[Path]:
         """Download the newest logs of one drone into `folder`. DroneError."""
@@ -181,7 +181,7 @@ class Survey:
                 name=link.name,
                 sysid=sysid,
                 profile=link.profile,
-                dialect=link.dialect,
+                model=link.model,
                 version=told.version,
                 parameters=told.parameters,
                 unhealthy=told.unhealthy,
@@ -191,7 +191,7 @@ class Survey:
                 clock_offset_s=None if offset_ns is None else offset_ns * 1e-9,
                 duplicate=link.sequence.duplicate(clock.monotonic_ns()),
                 foreign_sysid=link.foreign_sysid,
-                battery=link.told.battery,
+                battery=link.telemetry.battery,
             )
             findings += check_drone(report, self._feeds_pose)
         return tuple(findings)

@@ -1,11 +1,9 @@
-"""What a drone's own link and parameters say against arming it, in words; the rules are the dialect's."""
+"""What a drone's own link and parameters say against arming it, in words; the rules are the autopilot model's."""
 
 from collections.abc import Iterator
 
-from gcs.drones.dialect import ParameterRule
+from gcs.drones.autopilot_model import HOVER_WITHIN, ParameterRule
 from gcs.drones.link_state import DroneLink
-
-HOVER_WITHIN = 0.15
 
 
 def objections(link: DroneLink) -> tuple[str, ...]:
@@ -16,33 +14,35 @@ def objections(link: DroneLink) -> tuple[str, ...]:
 def _objections(link: DroneLink) -> Iterator[str]:
     if link.foreign_sysid is not None:
         yield f"drone {link.foreign_sysid} answers on the link of drone {link.sysid}"
-    if link.told.heartbeat is None:
+    if link.telemetry.heartbeat is None:
         return  # a missing heartbeat is safety's own refusal
-    if link.dialect is None:
-        yield f"autopilot {link.told.heartbeat.autopilot.name} is neither PX4 nor ArduPilot"
+    if link.model is None:
+        yield f"autopilot {link.telemetry.heartbeat.autopilot.name} is neither PX4 nor ArduPilot"
         return
-    unready = link.dialect.unready(link.told.estimator)
+    unready = link.model.unready(link.telemetry.estimator)
     if unready:
         yield unready
-    for rule in link.dialect.rules:
+    for rule in link.model.rules:
         if rule.vital and not _holds(link, rule):
             yield _complaint(link, rule)
 
 
 def warnings(link: DroneLink, feeds_pose: bool) -> tuple[str, ...]:
     """What is not as wanted but does not keep the drone on the ground; only of parameters that were read."""
-    if link.dialect is None:
+    if link.model is None:
         return ()
-    applying = (r for r in link.dialect.rules if not r.vital and (feeds_pose or not r.external_pose))
+    applying = (r for r in link.model.rules if not r.vital and (feeds_pose or not r.external_pose))
     wrong = [r for r in applying if r.name in link.parameters.values and not _holds(link, r)]
     return tuple(_complaint(link, rule) for rule in wrong) + _hover_warning(link)
 
 
 def _hover_warning(link: DroneLink) -> tuple[str, ...]:
     used, expected = link.hover_thrust_norm, link.profile.hover_thrust_norm
-    if link.dialect is None or abs(used - expected) <= HOVER_WITHIN * expected:
+    if link.model is None or abs(used - expected) <= HOVER_WITHIN * expected:
         return ()
-    return (f"{link.dialect.hover_parameter} is {used:.2f}, the profile {link.profile.name} hovers at {expected:.2f}",)
+    return (
+        f"{link.model.table.hover_parameter} is {used:.2f}, the profile {link.profile.name} hovers at {expected:.2f}",
+    )
 
 
 def _holds(link: DroneLink, rule: ParameterRule) -> bool:

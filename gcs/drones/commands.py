@@ -1,14 +1,41 @@
-"""Commands to one drone: one in flight at a time, repeated with a rising confirmation count until answered."""
+"""Commands to one drone: those the ground gives, one in flight at a time, repeated until answered."""
 
 from collections import deque
 from dataclasses import dataclass, field, replace
 
-from wire.link_messages.commands import Command, CommandAck, Result
+from wire.link_messages.address import Address
+from wire.link_messages.commands import DISARM_IN_FLIGHT, CommandAck, CommandLong, MavCommand, Result, command_long
 
 RETRY_NS = 250_000_000
 URGENT_RETRY_NS = 50_000_000
 PROGRESS_NS = 3_000_000_000
 TRIES = 8
+
+
+def arm(target: Address) -> CommandLong:
+    """Start the motors, if the autopilot agrees."""
+    return command_long(target, MavCommand.COMPONENT_ARM_DISARM, 1.0)
+
+
+def disarm(target: Address) -> CommandLong:
+    """Stop the motors of a landed drone."""
+    return command_long(target, MavCommand.COMPONENT_ARM_DISARM, 0.0)
+
+
+def cut(target: Address) -> CommandLong:
+    """Stop the motors now, wherever the drone is."""
+    return command_long(target, MavCommand.COMPONENT_ARM_DISARM, 0.0, DISARM_IN_FLIGHT)
+
+
+def land(target: Address) -> CommandLong:
+    """Land by itself, where it is."""
+    return command_long(target, MavCommand.NAV_LAND)
+
+
+def stream(target: Address, message_id: int, rate_hz: float) -> CommandLong:
+    """Send us this message at this rate; not at all for zero."""
+    interval_us = 1e6 / rate_hz if rate_hz > 0.0 else -1.0
+    return command_long(target, MavCommand.SET_MESSAGE_INTERVAL, float(message_id), interval_us)
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,19 +58,19 @@ class Answer:
 class CommandChannel:
     """COMMAND_LONG with COMMAND_ACK (MAVLink command protocol). An unanswered command is given up after eight tries."""
 
-    answers: dict[Command, Answer] = field(default_factory=dict)
-    _waiting: deque[Command] = field(default_factory=deque)
-    _current: Command | None = None
+    answers: dict[CommandLong, Answer] = field(default_factory=dict)
+    _waiting: deque[CommandLong] = field(default_factory=deque)
+    _current: CommandLong | None = None
     _tries: int = 0
     _retry_at_ns: int = 0
     _urgent: bool = False
 
-    def ask(self, command: Command) -> None:
+    def ask(self, command: CommandLong) -> None:
         """Queue a command unless it is already on its way."""
         if command != self._current and command not in self._waiting:
             self._waiting.append(command)
 
-    def urge(self, command: Command) -> None:
+    def urge(self, command: CommandLong) -> None:
         """Drop everything for this one, repeated every 50 ms."""
         self._waiting.clear()
         if command != self._current:
@@ -59,7 +86,7 @@ class CommandChannel:
             return
         self._finish(Answer(ack.result, now_ns))
 
-    def due(self, now_ns: int) -> Command | None:
+    def due(self, now_ns: int) -> CommandLong | None:
         """The command to send now, if any."""
         if self._current is not None and now_ns >= self._retry_at_ns and self._tries >= TRIES and not self._urgent:
             self._finish(Answer(None, now_ns))
@@ -72,7 +99,7 @@ class CommandChannel:
         self._retry_at_ns = now_ns + (URGENT_RETRY_NS if self._urgent else RETRY_NS)
         return replace(self._current, confirmation=confirmation)
 
-    def _start(self, command: Command) -> None:
+    def _start(self, command: CommandLong) -> None:
         self._current, self._tries, self._retry_at_ns, self._urgent = command, 0, 0, False
 
     def _finish(self, answer: Answer) -> None:

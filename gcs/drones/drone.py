@@ -72,15 +72,15 @@ class Drone:
     @property
     def idle_disarm_text(self) -> str:
         """Why it is disarmed, where that was its own time-out; else the empty text."""
-        timeout_s, dialect = self.link.idle_disarm_s, self.link.dialect
+        timeout_s, model = self.link.idle_disarm_s, self.link.model
         waited = timeout_s is not None and self.link.armed_clock.lasted_s >= timeout_s - IDLE_DISARM_WITHIN_S
-        if self.link.armed or self.lifted or dialect is None or not waited:
+        if self.link.armed or self.lifted or model is None or not waited:
             return ""
-        return f"{self.link.name} disarmed itself: no take-off in {timeout_s:g} s ({dialect.idle_disarm_parameter})"
+        return f"{self.link.name} disarmed itself: no take-off in {timeout_s:g} s ({model.table.idle_disarm_parameter})"
 
     def watch_lift(self, z_m: float) -> None:
         """Notice that it is off the floor."""
-        rises = z_m - self.rest_z_m > LIFTED_M or self.link.told.landed in AIRBORNE_STATES
+        rises = z_m - self.rest_z_m > LIFTED_M or self.link.telemetry.landed in AIRBORNE_STATES
         self.lifted = self.lifted or rises
 
     def stay_down(self, now_ns: int) -> None:
@@ -93,7 +93,7 @@ class Drone:
         """One more step towards the goal; a disarm that a landed drone keeps refusing is forced."""
         since_ns = now_ns - self.goal_since_ns
         if self.goal is Goal.DISARM and not self.reached:
-            if self.touched and self.link.told.landed in AIRBORNE_STATES and since_ns < OWN_LANDING_NS:
+            if self.touched and self.link.telemetry.landed in AIRBORNE_STATES and since_ns < OWN_LANDING_NS:
                 return  # it would refuse: its own landing detector has not seen yet what the mocap saw
             if since_ns > REFUSED_DISARM_NS:
                 self.aim(Goal.CUT, now_ns)

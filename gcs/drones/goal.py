@@ -5,9 +5,9 @@ An acknowledgement alone never counts as done; the drone's next heartbeat does.
 
 from enum import StrEnum
 
-from gcs.drones import dialect as d
+from gcs.drones import commands
 from gcs.drones.link_state import DroneLink
-from wire.link_messages.commands import Command
+from wire.link_messages.commands import CommandLong
 
 
 class Goal(StrEnum):
@@ -52,15 +52,15 @@ def pursue(goal: Goal, link: DroneLink, since_ns: int, now_ns: int) -> None:
         link.commands.ask(command)
 
 
-def _next(goal: Goal, link: DroneLink) -> Command | None:
+def _next(goal: Goal, link: DroneLink) -> CommandLong | None:
     match goal:
         case Goal.CUT:
-            return d.cut(link.target)
+            return commands.cut(link.target)
         case Goal.DISARM:
-            return d.disarm(link.target)
+            return commands.disarm(link.target)
         case Goal.LAND:
-            return None if link.mode == "LAND" else d.land(link.target)
-        case Goal.FLY if link.dialect is not None:
-            return d.arm(link.target) if link.offboard else link.dialect.set_offboard(link.target)
+            return None if link.mode == "LAND" else commands.land(link.target)
+        case Goal.FLY if link.model is not None:
+            return commands.arm(link.target) if link.offboard else link.model.set_offboard(link.target)
         case _:
             return None

@@ -10,25 +10,29 @@ from formation.messages import Event, Severity
 from formation.model import Vec3Tuple
 from formation.vehicle.profile import VehicleProfile
 from gcs.drones.armed_clock import ArmedClock
-from gcs.drones.commands import CommandChannel
-from gcs.drones.dialect import ARM_DISARM, DIALECTS, Dialect, stream
+from gcs.drones.autopilot_model import GROUND_MODELS, GroundModel
+from gcs.drones.commands import CommandChannel, stream
 from gcs.drones.parameters import ParameterReader
 from gcs.drones.sequence import SequenceWatch
-from gcs.drones.timesync import ClockOffset
+from gcs.drones.timesync import TimeSyncClient
+from wire.autopilots.table import FlightMode
 from wire.link_messages.address import BRIDGE_COMPONENT, DRONE_COMPONENT, GROUND, Address
 from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import CommandAck, Result
+from wire.link_messages.commands import CommandAck, MavCommand, Result
+from wire.link_messages.message_id import MessageId
 from wire.link_messages.motion import Origin, SetOrigin
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.parameters import ParamValue
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
 from wire.link_messages.status import (
-    Autopilot,
     Battery,
     EkfStatus,
     ExtendedSysState,
     Heartbeat,
     LandedState,
+    MavAutopilot,
+    MavState,
+    MavType,
     NamedValue,
     StatusText,
     SysStatus,
@@ -37,14 +41,30 @@ from wire.mavlink.codec import Codec
 from wire.refusals import Refusals
 
 NEVER_NS = -(10**18)
-# What is acted on below: heartbeat, status, parameters, origin, acknowledgements, clock, battery, estimators, landed
-# state, named values, texts. Poses and the rest, most of what a drone sends, are not even decoded.
-READS = frozenset({0, 1, 22, 49, 77, 111, 147, 193, 230, 245, 251, 253})
+# What is acted on below. Poses and the rest, most of what a drone sends, are not even decoded.
+READS = frozenset(
+    {
+        MessageId.HEARTBEAT,
+        MessageId.SYS_STATUS,
+        MessageId.PARAM_VALUE,
+        MessageId.GPS_GLOBAL_ORIGIN,
+        MessageId.COMMAND_ACK,
+        MessageId.TIMESYNC,
+        MessageId.BATTERY_STATUS,
+        MessageId.EKF_STATUS_REPORT,
+        MessageId.ESTIMATOR_STATUS,
+        MessageId.EXTENDED_SYS_STATE,
+        MessageId.NAMED_VALUE_FLOAT,
+        MessageId.STATUSTEXT,
+    }
+)
 RESTART_NS = 2_500_000_000  # without a heartbeat: it may have started anew and forgotten what it was asked for
 ORIGIN_NS = 1_000_000_000
 WORDS_A_SECOND = 20
 ANSWERS = 2
-HEARTBEAT = Heartbeat(autopilot=Autopilot.INVALID, vehicle_type=6, base_mode=0, custom_mode=0, system_status=4)
+HEARTBEAT = Heartbeat(
+    autopilot=MavAutopilot.INVALID, vehicle_type=MavType.GCS, base_mode=0, custom_mode=0, system_status=MavState.ACTIVE
+)
 
 
 @dataclass(slots=True)
@@ -71,7 +91,7 @@ class DroneLink:
         streams: tuple[tuple[int, float], ...] = (),
         origin: Vec3Tuple | None = None,
     ) -> None:
-        """streams: messages to ask for beside the dialect's own, id and rate, Hz.
+        """streams: messages to ask for beside its autopilot model's, id and rate, Hz.
 
         origin: degrees, degrees and metres to tell a drone that waits for them; None where its pose is not ours.
         """
@@ -85,14 +105,15 @@ class DroneLink:
         self.target = Address(sysid, DRONE_COMPONENT)
         self._bridge = Address(sysid, BRIDGE_COMPONENT)
         self.codec = Codec(GROUND, reads=READS)
-        self.told = Telemetry()
+        self.telemetry = Telemetry()
         self.heartbeat_ns = NEVER_NS
-        self.dialect: Dialect | None = None
+        self.model: GroundModel | None = None
+        self._flight_mode: FlightMode | None = None
         self.armed_clock = ArmedClock()
         self.commands = CommandChannel()
-        self.clock = ClockOffset(self.target)
+        self.clock = TimeSyncClient(self.target)
         self.sequence = SequenceWatch()
-        self.parameters = ParameterReader(self.target, Autopilot.GENERIC)
+        self.parameters = ParameterReader(self.target, MavAutopilot.GENERIC)
         self.foreign_sysid: int | None = None
         self.texts: deque[str] = deque(maxlen=4)
         self.events: list[Event] = []
@@ -104,23 +125,22 @@ class DroneLink:
     @property
     def armed(self) -> bool:
         """Whether its last heartbeat said armed."""
-        return self.told.heartbeat is not None and self.told.heartbeat.armed
+        return self.telemetry.heartbeat is not None and self.telemetry.heartbeat.armed
 
     def heartbeat_age_s(self, now_ns: int) -> float:
         """Time since its last heartbeat, s; infinite before the first."""
-        return math.inf if self.told.heartbeat is None else (now_ns - self.heartbeat_ns) * 1e-9
+        return math.inf if self.telemetry.heartbeat is None else (now_ns - self.heartbeat_ns) * 1e-9
 
     @property
     def offboard(self) -> bool:
         """Whether its last heartbeat said that it follows our setpoints."""
-        told = self.told.heartbeat
-        return told is not None and self.dialect is not None and self.dialect.is_offboard(told)
+        return self._flight_mode is FlightMode.OFFBOARD
 
     @property
     def mode(self) -> str:
         """Its mode in its autopilot's own word."""
-        told = self.told.heartbeat
-        return "-" if told is None or self.dialect is None else self.dialect.mode_name(told)
+        heartbeat = self.telemetry.heartbeat
+        return "-" if heartbeat is None or self.model is None else self.model.table.mode_name(heartbeat.custom_mode)
 
     @property
     def has_answers(self) -> bool:
@@ -130,18 +150,17 @@ class DroneLink:
     @property
     def hover_thrust_norm(self) -> float:
         """Thrust that hovers: the autopilot's own parameter where it was measured, else the profile's."""
-        if self.dialect is None:
+        if self.model is None:
             return self.profile.hover_thrust_norm
-        known = self.parameters.values.get(self.dialect.hover_parameter, self.dialect.hover_default)
-        measured = 0.05 < known < 0.95 and abs(known - self.dialect.hover_default) > 1e-6
-        return known if measured else self.profile.hover_thrust_norm
+        known = self.parameters.values.get(self.model.table.hover_parameter, self.model.hover_default)
+        return known if self.model.hover_measured(known) else self.profile.hover_thrust_norm
 
     @property
     def idle_disarm_s(self) -> float | None:
         """After how long it disarms by itself when armed without a take-off; its make's default until it was read."""
-        if self.dialect is None:
+        if self.model is None:
             return None
-        name, default_s = self.dialect.idle_disarm_parameter, self.dialect.idle_disarm_default_s
+        name, default_s = self.model.table.idle_disarm_parameter, self.model.idle_disarm_default_s
         timeout_s = self.parameters.values.get(name, default_s)
         return timeout_s if timeout_s > 0.0 else None
 
@@ -174,12 +193,12 @@ class DroneLink:
 
     def reread_parameters(self) -> None:
         """Ask again for everything that matters before arming."""
-        if self.dialect is not None:
-            self.parameters.ask(self.dialect.parameters)
+        if self.model is not None:
+            self.parameters.ask(self.model.parameters)
 
     def setpoint(self, t_capture_ns: int, q_lab_from_flu: Quat, rate_flu_rad_s: Vec3, thrust_norm: float) -> bytes:
         """SET_ATTITUDE_TARGET stamped with the capture time of the frame it was computed from."""
-        ignore = Ignore.BODY_RATES if self.dialect is None else self.dialect.setpoint_ignore(self.profile)
+        ignore = Ignore.BODY_RATES if self.model is None else self.model.setpoint_ignore(self.profile)
         t_ms = t_capture_ns // 1_000_000
         return self.codec.encode(
             AttitudeSetpoint(self.target, t_ms, q_lab_from_flu, rate_flu_rad_s, thrust_norm, ignore)
@@ -187,16 +206,16 @@ class DroneLink:
 
     def pose(self, t_capture_ns: int, pos_lab_m: Vec3, q_lab_from_flu: Quat) -> bytes:
         """Its own pose as the mocap saw it, in the message its autopilot fuses; empty until the autopilot is known."""
-        if self.dialect is None:
+        if self.model is None:
             return b""
-        return self.codec.encode(self.dialect.pose(t_capture_ns // 1000, pos_lab_m, q_lab_from_flu))
+        return self.codec.encode(self.model.pose(t_capture_ns // 1000, pos_lab_m, q_lab_from_flu))
 
     def _due_origin(self, now_ns: int) -> list[LinkMessage]:
         """The origin, every second until the drone has repeated it or is ready without."""
-        dialect = self.dialect
-        if self._origin is None or dialect is None or not dialect.needs_origin or self.told.origin:
+        model = self.model
+        if self._origin is None or model is None or not model.table.needs_origin or self.telemetry.origin:
             return []
-        if now_ns - self._origin_told_ns < ORIGIN_NS or not dialect.unready(self.told.estimator):
+        if now_ns - self._origin_told_ns < ORIGIN_NS or not model.unready(self.telemetry.estimator):
             return []
         self._origin_told_ns = now_ns
         return [SetOrigin(self.sysid, *self._origin)]
@@ -206,7 +225,7 @@ class DroneLink:
             case Heartbeat():
                 self._hear(message, now_ns)
             case CommandAck():
-                if message.command == ARM_DISARM and message.result is Result.ACCEPTED:
+                if message.command == MavCommand.COMPONENT_ARM_DISARM and message.result is Result.ACCEPTED:
                     self.armed_clock.accept(now_ns)
                 self.commands.receive(message, now_ns)
             case TimeSync():
@@ -215,19 +234,19 @@ class DroneLink:
             case ParamValue():
                 self.parameters.receive(message)
             case ExtendedSysState():
-                self.told.landed = message.landed
+                self.telemetry.landed = message.landed
             case Battery():
-                self.told.battery = _fraction(message.remaining)
-                self.told.battery_v = sum(message.cell_v)
+                self.telemetry.battery = _fraction(message.remaining)
+                self.telemetry.battery_v = sum(message.cell_v)
             case SysStatus():
-                self.told.battery = _fraction(message.battery_remaining)
-                self.told.battery_v = message.battery_v
+                self.telemetry.battery = _fraction(message.battery_remaining)
+                self.telemetry.battery_v = message.battery_v
             case EkfStatus():
-                self.told.estimator = message
+                self.telemetry.estimator = message
             case Origin():
-                self.told.origin = True
+                self.telemetry.origin = True
             case NamedValue(name="age_ms"):
-                self.told.setpoint_age_s = message.value * 1e-3
+                self.telemetry.setpoint_age_s = message.value * 1e-3
             case StatusText():
                 self.texts.append(message.text)
                 self._tell(message.severity, message.text, now_ns)
@@ -242,14 +261,16 @@ class DroneLink:
 
     def _hear(self, heartbeat: Heartbeat, now_ns: int) -> None:
         silent_ns, self.heartbeat_ns = now_ns - self.heartbeat_ns, now_ns
-        self.told.heartbeat = heartbeat
+        self.telemetry.heartbeat = heartbeat
         self.armed_clock.hear(heartbeat.armed, now_ns)
-        known = DIALECTS.get(heartbeat.autopilot)
-        if known is None or (known is self.dialect and silent_ns < RESTART_NS):
+        known = GROUND_MODELS.get(heartbeat.autopilot)
+        model = known or self.model
+        self._flight_mode = None if model is None else model.table.mode_of(heartbeat.custom_mode)
+        if known is None or (known is self.model and silent_ns < RESTART_NS):
             return
-        if known is not self.dialect:
-            self.dialect, self.parameters = known, ParameterReader(self.target, known.autopilot)
-        self.told.origin = False
+        if known is not self.model:
+            self.model, self.parameters = known, ParameterReader(self.target, known.table.autopilot)
+        self.telemetry.origin = False
         self.reread_parameters()
         silenced = dict.fromkeys(known.unread, 0.0) if self._own_link else {}
         for message_id, rate_hz in {**silenced, **dict(known.streams), **dict(self._streams)}.items():

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from wire.link_messages.address import Address
 from wire.link_messages.parameters import ParamRequestRead, ParamValue
-from wire.link_messages.status import Autopilot
+from wire.link_messages.status import MavAutopilot
 from wire.mavlink.codec import MavlinkError, param_from_raw
 
 RETRY_NS = 400_000_000
@@ -25,7 +25,7 @@ class ParameterReader:
     """PARAM_REQUEST_READ by name, four at a time. An autopilot stays silent on a name it does not have."""
 
     target: Address
-    autopilot: Autopilot
+    autopilot: MavAutopilot
     values: dict[str, float] = field(default_factory=dict)
     _open: dict[str, _Question] = field(default_factory=dict)
 

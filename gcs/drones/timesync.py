@@ -1,8 +1,8 @@
-"""A drone's clock against ours, from TIMESYNC round trips."""
+"""A drone's clock against ours: when to ask it by TIMESYNC, and what its answers say."""
 
-from collections import deque
 from dataclasses import dataclass, field
 
+from wire.clock_offset import ClockOffset
 from wire.link_messages.address import Address
 from wire.link_messages.clocks import TimeSync
 
@@ -11,26 +11,27 @@ SETTLED = 8
 
 
 @dataclass(slots=True)
-class ClockOffset:
-    """The offset as the round trips of the last 16 exchanges bound it: the quickest one is believed."""
+class TimeSyncClient:
+    """Asks one drone for its clock, and answers when it asks for ours."""
 
     target: Address
-    _exchanges: deque[tuple[int, int]] = field(default_factory=lambda: deque(maxlen=16))
+    clock: ClockOffset = field(default_factory=ClockOffset)
+    _answered: int = 0
     _asked_ns: int | None = None
 
     @property
     def offset_ns(self) -> int | None:
         """The drone's clock minus ours, ns; None before the first answer."""
-        return min(self._exchanges)[1] if self._exchanges else None
+        return self.clock.offset_ns
 
     @property
     def round_trip_s(self) -> float:
-        """The quickest recent round trip, s; NaN before the first answer."""
-        return min(self._exchanges)[0] * 1e-9 if self._exchanges else float("nan")
+        """Of the exchange that is believed, s; NaN before the first answer."""
+        return float("nan") if self.clock.round_trip_ns is None else self.clock.round_trip_ns * 1e-9
 
     def due(self, now_ns: int) -> TimeSync | None:
         """A request, when it is time for one: ten a second until settled, then one."""
-        every_s = FAST_S if len(self._exchanges) < SETTLED else SLOW_S
+        every_s = FAST_S if self._answered < SETTLED else SLOW_S
         if self._asked_ns is not None and now_ns - self._asked_ns < round(every_s * 1e9):
             return None
         self._asked_ns = now_ns
@@ -41,5 +42,6 @@ class ClockOffset:
         if message.tc1_ns == 0:
             return TimeSync(tc1_ns=now_ns, ts1_ns=message.ts1_ns, target=self.target)
         if message.ts1_ns == self._asked_ns and now_ns >= message.ts1_ns:
-            self._exchanges.append((now_ns - message.ts1_ns, message.tc1_ns - (message.ts1_ns + now_ns) // 2))
+            self._answered += 1
+            self.clock.exchange(message.ts1_ns, message.tc1_ns, now_ns)
         return None

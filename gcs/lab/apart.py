@@ -7,7 +7,7 @@ import numpy as np
 from formation.config import PERSONAL_SPACE, LabConfig
 from formation.guidance.patterns import PATTERNS
 from formation.guidance.shape import Shape, separations
-from gcs.doctor.finding import Finding
+from gcs.finding import Finding
 from gcs.lab.keys import Keys
 from gcs.lab.room import written_shapes
 

@@ -10,7 +10,7 @@ from rich.console import Console
 from formation.config import LabConfig
 from formation.guidance.preview import Preview
 from gcs.cli.common import NOT_RIGHT, REFUSED, fail
-from gcs.doctor.finding import Finding, Grade, as_dicts, failed
+from gcs.finding import Finding, Grade, as_dicts, failed
 from gcs.lab.drawing import drawn
 from gcs.lab.findings import findings_of, line, of_grade, tell
 from gcs.lab.judge import foreseen

@@ -8,10 +8,8 @@ from rich.console import Console
 
 from formation.config import LabConfig
 from gcs.cli.common import NOT_RIGHT, configuration, fail
-from gcs.doctor.finding import Finding, Grade, graded
+from gcs.finding import STYLES, Finding, Grade, graded
 from gcs.lab.judge import judge
-
-STYLES = {Grade.FAIL: "bold red", Grade.WARN: "yellow"}
 
 
 def findings_of(config: LabConfig) -> tuple[Finding, ...]:

@@ -3,7 +3,7 @@
 from formation.config import LabConfig
 from formation.guidance.preview import Preview, expected_start, preview, trajectory_from
 from formation.guidance.shape import configured
-from gcs.doctor.finding import Finding
+from gcs.finding import Finding
 from gcs.lab.apart import judge_apart
 from gcs.lab.keys import Keys
 from gcs.lab.pace import judge_pace

@@ -5,7 +5,7 @@ from enum import Enum
 from typing import Any
 
 from formation.config import LabConfig
-from gcs.doctor.finding import Finding, Grade
+from gcs.finding import Finding, Grade
 
 
 class Keys:

@@ -10,7 +10,7 @@ from formation.config import LabConfig
 from formation.guidance.preview import Preview
 from formation.maths.arrays import Float
 from formation.vehicle.profile import GRAVITY_M_S2
-from gcs.doctor.finding import Finding
+from gcs.finding import Finding
 from gcs.lab.keys import Keys
 
 SPEED, REACH, TURNING, ENDURANCE, HEIGHT = "speed", "reach", "turn", "endurance", "height"

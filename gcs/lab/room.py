@@ -11,7 +11,7 @@ from formation.guidance.shape import Shape, configured, shape_for
 from formation.guidance.shape_request import ShapeRequest
 from formation.guidance.trajectory import anchored
 from formation.maths.arrays import Float
-from gcs.doctor.finding import Finding
+from gcs.finding import Finding
 from gcs.lab.keys import Keys
 
 FENCE, START, WAY, LISTED = "fence", "slots at the start", "slots on the way", "listed shapes"

@@ -6,7 +6,7 @@ from math import pi
 
 from formation.config import LabConfig, TrajectoryConfig, VehicleBody
 from formation.vehicle.profile import PROFILES
-from gcs.doctor.finding import Finding
+from gcs.finding import Finding
 from gcs.lab.keys import Keys
 
 LINK, PORT, POSES, UNUSED, NAMES = "link", "port", "poses", "not used", "names"

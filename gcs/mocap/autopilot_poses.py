@@ -5,26 +5,26 @@ that wanders by decimetres; truth is quantised to a centimetre, so its own veloc
 """
 
 from dataclasses import dataclass, field
-from math import cos, exp, radians
+from math import exp
 
 import numpy as np
 
 from formation.config import LabConfig
 from formation.maths.arrays import Quat, Vec3
 from formation.maths.frames import IDENTITY
+from formation.maths.geodesy import from_globe
 from formation.messages import Datagram, LabFrame
+from wire.clock_offset import SenderClock
 from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
+from wire.link_messages.message_id import MessageId
 from wire.link_messages.motion import AttitudeQuaternion, LocalPosition, SimTruth
 from wire.link_messages.packet import LinkMessage
 from wire.mavlink.codec import Codec
-from wire.transport.sender_clock import SenderClock
 
-EARTH_RADIUS_M = 6_371_000.0
 SMOOTHING_S = 0.2
 AWAIT_TRUTH_NS = 3_000_000_000  # asked for once its heartbeat is heard, among much else
 CARRIED_PERIODS = 2.5
 LOST_NS = 500_000_000
-HIL_STATE_QUATERNION, SIM_STATE, LOCAL_POSITION_NED, ATTITUDE_QUATERNION = 115, 108, 32, 31
 
 
 def streams(config: LabConfig) -> tuple[tuple[int, float], ...]:
@@ -33,10 +33,10 @@ def streams(config: LabConfig) -> tuple[tuple[int, float], ...]:
         return ()
     rate_hz = config.mocap.rate_hz
     return (
-        (LOCAL_POSITION_NED, rate_hz),
-        (ATTITUDE_QUATERNION, rate_hz),
-        (HIL_STATE_QUATERNION, rate_hz),
-        (SIM_STATE, rate_hz),
+        (MessageId.LOCAL_POSITION_NED, rate_hz),
+        (MessageId.ATTITUDE_QUATERNION, rate_hz),
+        (MessageId.HIL_STATE_QUATERNION, rate_hz),
+        (MessageId.SIM_STATE, rate_hz),
     )
 
 
@@ -96,10 +96,9 @@ class _Body:
 
     def _place(self, truth: SimTruth) -> Vec3:
         """Where truth is in the lab: metres north, west and up of its first place."""
-        lat_deg, lon_deg, alt_m = self.truth_origin or (truth.lat_deg, truth.lon_deg, truth.alt_m)
-        north_m = EARTH_RADIUS_M * radians(truth.lat_deg - lat_deg)
-        east_m = EARTH_RADIUS_M * radians(truth.lon_deg - lon_deg) * cos(radians(lat_deg))
-        place: Vec3 = self.spawn_lab_m + np.array([north_m, -east_m, truth.alt_m - alt_m])
+        origin = self.truth_origin or (truth.lat_deg, truth.lon_deg, truth.alt_m)
+        x_m, y_m = from_globe(origin, truth.lat_deg, truth.lon_deg)
+        place: Vec3 = self.spawn_lab_m + np.array([x_m, y_m, truth.alt_m - origin[2]])
         return place
 
 

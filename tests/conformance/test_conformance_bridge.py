@@ -18,7 +18,7 @@ from formation.messages import Datagram, LabFrame
 from wire.clock import monotonic_ns
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import Command, CommandAck
+from wire.link_messages.commands import CommandAck, CommandLong
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
 from wire.link_messages.status import Heartbeat, NamedValue, StatusText
@@ -80,7 +80,7 @@ class Ground:
         p1, p2, p3, p4, p5, p6, p7 = (*params, *(0.0,) * (7 - len(params)))
         waiting = asyncio.create_task(self.first(lambda m: isinstance(m, CommandAck) and m.command == number))
         await asyncio.sleep(0)
-        self.say(Command(TARGET, number, (p1, p2, p3, p4, p5, p6, p7)))
+        self.say(CommandLong(TARGET, number, (p1, p2, p3, p4, p5, p6, p7)))
         ack = await waiting
         assert isinstance(ack, CommandAck)
         return int(ack.result)

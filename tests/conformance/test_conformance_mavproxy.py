@@ -87,7 +87,7 @@ def mavproxy(running: Agent, folder: Path) -> Iterator[Console]:
 
 
 def test_ardupilot_from_the_prompt(tmp_path: Path) -> None:
-    options = ("--link", "udp", "--profile", "px4_quad", "--personality", "ardupilot")
+    options = ("--link", "udp", "--profile", "px4_quad", "--autopilot", "ardupilot")
     with agent(tmp_path, *options) as running, mavproxy(running, tmp_path) as console:
         console.expect("Detected vehicle 1:1")
         console.expect("Received")

@@ -51,7 +51,7 @@ class Script:
 
 @pytest.fixture
 def script(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Script]:
-    options = ("--link", "udp", "--profile", "px4_quad", "--personality", request.param)
+    options = ("--link", "udp", "--profile", "px4_quad", "--autopilot", request.param)
     with agent(tmp_path, *options, sysid=3) as running:
         opened = Script(running)
         yield opened

@@ -11,7 +11,7 @@ from formation.maths.arrays import Float
 from formation.maths.frames import from_rotation_vector
 from formation.messages import Datagram, Event, LabFrame, Truth
 from wire.link_messages.address import GROUND, Address
-from wire.link_messages.commands import Command, CommandAck, Result
+from wire.link_messages.commands import CommandAck, CommandLong, Result
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
 from wire.link_messages.status import StatusText
@@ -85,7 +85,7 @@ class Bench:
     def command(self, number: int, *params: float) -> Result:
         """Send a COMMAND_LONG; the result of its acknowledgement."""
         p1, p2, p3, p4, p5, p6, p7 = (*params, *(0.0,) * (7 - len(params)))
-        self.send(Command(self.target, number, (p1, p2, p3, p4, p5, p6, p7)))
+        self.send(CommandLong(self.target, number, (p1, p2, p3, p4, p5, p6, p7)))
         acks = [m for m in self.of(CommandAck) if m.command == number]
         return acks[-1].result
 
@@ -103,7 +103,7 @@ class Bench:
         stream = stream or hover_at(height_m)
         self.run(3.0)
         self.run(0.2, idle)
-        main = 6.0 if self.config.personality == "px4" else 4.0
+        main = 6.0 if self.config.autopilot == "px4" else 4.0
         assert self.command(176, 1.0, main) is Result.ACCEPTED
         assert self.command(400, 1.0) is Result.ACCEPTED
         self.run(4.0, stream)

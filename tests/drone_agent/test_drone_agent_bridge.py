@@ -1,6 +1,6 @@
 """The bridge between a ground and an autopilot: what passes, and what it does when the ground falls silent.
 
-The autopilot here is our own PX4 personality without its agent rule, fed through the bridge's bytes alone.
+The autopilot here is our own simulated PX4 without the agent's fail-safe, fed through the bridge's bytes alone.
 """
 
 from collections.abc import Callable
@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from agent_bench import LEVEL, MS, Bench, S, Stream, hover_at, hover_over
 
-from drone_agent.autopilots.personality import Mode
 from drone_agent.bridge.core import BridgeCore
 from drone_agent.config import AgentConfig
 from drone_agent.simulation.level_error import LevelError
 from formation.messages import Datagram, LabFrame
+from wire.autopilots.table import FlightMode
 from wire.link_messages.address import BRIDGE_COMPONENT, GROUND, Address
 from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import Command, CommandAck, Result
+from wire.link_messages.commands import CommandAck, CommandLong, Result
 from wire.link_messages.motion import LocalPosition, MocapPose, Origin, VisionPose
 from wire.link_messages.packet import LinkMessage, Packet
 from wire.link_messages.setpoints import AttitudeSetpoint
@@ -29,10 +29,10 @@ TRUE_LEVEL = LevelError()
 class Site:
     """Ground, bridge and autopilot, joined by functions; the autopilot is never shown the mocap itself."""
 
-    def __init__(self, personality: str = "px4", level_error: LevelError = TRUE_LEVEL, **config: object) -> None:
-        options = {"GUID_OPTIONS": 8.0} if personality == "ardupilot" else {}
+    def __init__(self, autopilot: str = "px4", level_error: LevelError = TRUE_LEVEL, **config: object) -> None:
+        options = {"GUID_OPTIONS": 8.0} if autopilot == "ardupilot" else {}
         self.drone = Bench(
-            pose="mocap", stale_setpoint_s=0.0, stale_land_s=60.0, profile="px4_quad", personality=personality,
+            pose="mocap", stale_setpoint_s=0.0, stale_land_s=60.0, profile="px4_quad", autopilot=autopilot,
             parameters=options, level_error=level_error,
         )  # fmt: skip
         self.bridge = BridgeCore(AgentConfig(bridge="udp:h:1", body="b", **config), 0)
@@ -84,7 +84,7 @@ class Site:
 
     def command(self, number: int, *params: float) -> CommandAck:
         p1, p2, p3, p4, p5, p6, p7 = (*params, *(0.0,) * (7 - len(params)))
-        self.say(Command(Address(1, 1), number, (p1, p2, p3, p4, p5, p6, p7)))
+        self.say(CommandLong(Address(1, 1), number, (p1, p2, p3, p4, p5, p6, p7)))
         return [p.message for p in self.heard if isinstance(p.message, CommandAck)][-1]
 
     def texts(self) -> list[str]:
@@ -94,7 +94,7 @@ class Site:
         self.run(3.0)
         stream = stream or hover_at(height_m)
         self.run(0.2, hover_at(-1.0))
-        assert self.command(176, 1.0, 6.0 if self.drone.config.personality == "px4" else 4.0).result == 0
+        assert self.command(176, 1.0, 6.0 if self.drone.config.autopilot == "px4" else 4.0).result == 0
         assert self.command(400, 1.0).result == 0
         self.run(5.0, stream)
 
@@ -111,7 +111,7 @@ def test_frames_pass_byte_for_byte() -> None:
     bridge.tick(0)
     ground, drone = Codec(GROUND), Codec(Address(1, 1))
     unknown = b"\xfd\x01\x00\x00\x07\x01\x01\xff\xfe\x0e\x2a\x11\x22"
-    down = ground.encode(Command(Address(1, 1), 400, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+    down = ground.encode(CommandLong(Address(1, 1), 400, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
     bridge.receive_ground(Datagram(1, down + unknown), 1)
     up = drone.encode(LocalPosition(5, np.ones(3), np.zeros(3)))
     bridge.receive_autopilot(up[:7], 1)
@@ -138,9 +138,9 @@ def test_the_grounds_poses_end_here_while_the_bridge_has_its_own() -> None:
     assert bridge.tick(900 * MS).to_autopilot[0].data == pose
 
 
-@pytest.mark.parametrize("personality", ["px4", "ardupilot"])
-def test_holds_its_place_and_lets_it_down_when_the_ground_falls_silent(personality: str) -> None:
-    site = Site(personality, level_error=LevelError(rms_rad=np.radians(0.6), seed=2))
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_holds_its_place_and_lets_it_down_when_the_ground_falls_silent(autopilot: str) -> None:
+    site = Site(autopilot, level_error=LevelError(rms_rad=np.radians(0.6), seed=2))
     site.fly(stream=hover_over(0.0, 0.0, 0.6))
     place = site.drone.truth.pos_lab_m
     assert site.drone.truth.vel_lab_m_s == pytest.approx([0.0, 0.0, 0.0], abs=0.1)
@@ -155,9 +155,9 @@ def test_holds_its_place_and_lets_it_down_when_the_ground_falls_silent(personali
     assert max(drift_m) < 0.05
 
 
-@pytest.mark.parametrize("personality", ["px4", "ardupilot"])
-def test_brakes_what_the_ground_left_in_motion(personality: str) -> None:
-    site = Site(personality)
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_brakes_what_the_ground_left_in_motion(autopilot: str) -> None:
+    site = Site(autopilot)
     site.fly()
     lean = np.array([np.cos(0.1), 0.0, np.sin(0.1), 0.0])
     hover = site.drone.config.true_vehicle().hover_thrust_norm
@@ -176,7 +176,7 @@ def test_a_real_px4_holds_in_no_mode_of_its_own_on_a_mocap_alone() -> None:
     site = Site()
     site.fly()
     assert site.command(176, 1.0, 4.0, 3.0).result is Result.TEMPORARILY_REJECTED
-    assert site.drone.core.autopilot.mode is Mode.OFFBOARD
+    assert site.drone.core.autopilot.mode is FlightMode.OFFBOARD
     assert site.command(21).result is Result.ACCEPTED
 
 
@@ -198,7 +198,7 @@ def test_without_a_pose_it_lands_at_once() -> None:
     site.mocap = False
     site.run(0.3, hover_at(0.6))
     site.run(0.5)
-    assert site.drone.core.autopilot.mode in (Mode.LAND, Mode.DESCEND)
+    assert site.drone.core.autopilot.mode in (FlightMode.LAND, FlightMode.DESCEND)
 
 
 def test_a_stream_that_comes_back_goes_on() -> None:
@@ -207,7 +207,7 @@ def test_a_stream_that_comes_back_goes_on() -> None:
     site.run(0.25)
     site.run(1.0, hover_at(0.6))
     assert "Setpoints are back" in site.texts()
-    assert site.drone.core.autopilot.mode is Mode.OFFBOARD
+    assert site.drone.core.autopilot.mode is FlightMode.OFFBOARD
     assert site.drone.truth.pos_lab_m[2] == pytest.approx(0.6, abs=0.08)
 
 
@@ -233,7 +233,7 @@ def test_an_ardupilot_that_restarted_is_given_its_origin_again() -> None:
     site = Site("ardupilot")
     site.run(4.0)
     site.drone = Bench(
-        pose="mocap", stale_setpoint_s=0.0, stale_land_s=60.0, profile="px4_quad", personality="ardupilot",
+        pose="mocap", stale_setpoint_s=0.0, stale_land_s=60.0, profile="px4_quad", autopilot="ardupilot",
         parameters={"GUID_OPTIONS": 8.0},
     )  # fmt: skip
     site.now_ns += 3 * S  # it boots

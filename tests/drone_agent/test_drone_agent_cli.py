@@ -16,7 +16,7 @@ runner = CliRunner()
         (["--sysid", "300"], "sysid: "),
         (["--link", "tcp"], "link.kind: "),
         (["--start", "1,2"], "start_lab_m[2]: is missing"),
-        (["--personality", "betaflight"], "personality: "),
+        (["--autopilot", "betaflight"], "autopilot: "),
         (["--truth", "-1"], "truth_rate_hz: "),
         (["--profile", "nope"], "known: paper_40g, px4_quad"),
         (["--param", "NO_SUCH=1"], "parameters: 'NO_SUCH' is unknown"),

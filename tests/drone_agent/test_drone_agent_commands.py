@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from agent_bench import Bench, hover_at, idle, target
 
-from drone_agent.autopilots.personality import Mode
+from wire.autopilots.table import FlightMode
 from wire.link_messages.address import Address
 from wire.link_messages.clocks import Ping, TimeSync
-from wire.link_messages.commands import Command, CommandAck, CommandInt, Result, SetMode
+from wire.link_messages.commands import CommandAck, CommandInt, CommandLong, Result, SetMode
 from wire.link_messages.motion import Attitude, AttitudeQuaternion, GlobalPosition, HomePosition, LocalPosition
 from wire.link_messages.status import AutopilotVersion, Heartbeat
 from wire.link_messages.storage import LogEntry, LogRequestList, MissionCount, MissionRequestList
@@ -15,18 +15,18 @@ from wire.link_messages.storage import LogEntry, LogRequestList, MissionCount, M
 ARM, MODE, TAKEOFF, LAND, INTERVAL, REQUEST = 400, 176, 22, 21, 511, 512
 
 
-def ready(personality: str = "px4", **config: object) -> Bench:
-    bench = Bench(personality=personality, **config)
+def ready(autopilot: str = "px4", **config: object) -> Bench:
+    bench = Bench(autopilot=autopilot, **config)
     bench.run(3.0)
     return bench
 
 
 def test_arming_before_the_estimator_is_ready() -> None:
-    for personality, result, words in [
+    for autopilot, result, words in [
         ("px4", Result.TEMPORARILY_REJECTED, "Arming denied: Resolve system health failures first"),
         ("ardupilot", Result.FAILED, "Arm: Need Position Estimate: waiting for estimator to initialize"),
     ]:
-        bench = Bench(personality=personality)
+        bench = Bench(autopilot=autopilot)
         bench.run(0.5)
         bench.command(MODE, 1.0, 4.0, 3.0)
         assert bench.command(ARM, 1.0) is result
@@ -51,13 +51,13 @@ def test_px4_offboard_without_a_stream_is_refused_in_the_air() -> None:
     bench.command(TAKEOFF)
     bench.run(6.0)
     assert bench.command(MODE, 1.0, 6.0) is Result.TEMPORARILY_REJECTED
-    assert bench.core.autopilot.mode is Mode.HOLD
+    assert bench.core.autopilot.mode is FlightMode.HOLD
     bench.run(0.5, hover_at(2.5))
     assert bench.command(MODE, 1.0, 6.0) is Result.ACCEPTED
 
 
 @pytest.mark.parametrize(
-    ("personality", "params", "result"),
+    ("autopilot", "params", "result"),
     [
         ("px4", (1.0, 4.0, 99.0), Result.TEMPORARILY_REJECTED),
         ("px4", (1.0, 3.0), Result.ACCEPTED),
@@ -66,8 +66,8 @@ def test_px4_offboard_without_a_stream_is_refused_in_the_air() -> None:
         ("ardupilot", (1.0, 5.0), Result.ACCEPTED),
     ],
 )
-def test_mode_requests(personality: str, params: tuple[float, ...], result: Result) -> None:
-    assert ready(personality).command(MODE, *params) is result
+def test_mode_requests(autopilot: str, params: tuple[float, ...], result: Result) -> None:
+    assert ready(autopilot).command(MODE, *params) is result
 
 
 def test_px4_does_not_arm_in_a_mode_that_needs_a_pilot_or_lands() -> None:
@@ -87,7 +87,7 @@ def test_ardupilot_takes_off_only_in_guided_and_armed() -> None:
     assert bench.command(TAKEOFF, 0, 0, 0, 0, 0, 0, 1.5) is Result.ACCEPTED
     bench.run(8.0)
     np.testing.assert_allclose(bench.truth.pos_lab_m, [0.0, 0.0, 1.5], atol=0.05)
-    assert bench.core.autopilot.mode is Mode.OFFBOARD
+    assert bench.core.autopilot.mode is FlightMode.OFFBOARD
     assert bench.command(ARM, 0.0) is Result.FAILED
     assert bench.command(LAND) is Result.ACCEPTED
     bench.run(8.0)
@@ -117,9 +117,9 @@ def test_ardupilot_refuses_to_arm_in_land_mode_and_forces_where_asked() -> None:
     assert bench.command(ARM, 1.0, 2989.0) is Result.ACCEPTED
 
 
-@pytest.mark.parametrize(("personality", "rate", "message"), [("px4", 4, 2), ("ardupilot", 2, 4)])
-def test_unknown_things_are_refused_as_the_make_refuses_them(personality: str, rate: int, message: int) -> None:
-    bench = ready(personality)
+@pytest.mark.parametrize(("autopilot", "rate", "message"), [("px4", 4, 2), ("ardupilot", 2, 4)])
+def test_unknown_things_are_refused_as_the_make_refuses_them(autopilot: str, rate: int, message: int) -> None:
+    bench = ready(autopilot)
     assert bench.command(31999) is Result.UNSUPPORTED
     assert bench.command(INTERVAL, 9999.0, 10000.0) == rate
     assert bench.command(REQUEST, 9999.0) == message
@@ -165,10 +165,10 @@ def test_messages_to_somebody_else_are_ignored() -> None:
     bench = ready()
     bench.heard.clear()
     params = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    bench.send(Command(Address(2, 1), ARM, params), Command(Address(1, 25), ARM, params))
+    bench.send(CommandLong(Address(2, 1), ARM, params), CommandLong(Address(1, 25), ARM, params))
     assert not bench.core.autopilot.armed
     assert not bench.of(CommandAck)
-    bench.send(Command(Address(1, 0), ARM, params))
+    bench.send(CommandLong(Address(1, 0), ARM, params))
     assert bench.core.autopilot.armed
 
 
@@ -192,10 +192,10 @@ def test_repositions_by_command_int() -> None:
 def test_set_mode_message() -> None:
     px4 = ready()
     px4.send(SetMode(1, 1, 4 << 16 | 2 << 24))
-    assert (px4.core.autopilot.mode, px4.last(CommandAck).command) == (Mode.TAKEOFF, 176)
+    assert (px4.core.autopilot.mode, px4.last(CommandAck).command) == (FlightMode.TAKEOFF, 176)
     copter = ready("ardupilot")
     copter.send(SetMode(1, 1, 4))
-    assert (copter.core.autopilot.mode, copter.last(CommandAck).command) == (Mode.OFFBOARD, 11)
+    assert (copter.core.autopilot.mode, copter.last(CommandAck).command) == (FlightMode.OFFBOARD, 11)
 
 
 def test_timesync_and_ping_are_answered() -> None:

@@ -6,7 +6,6 @@ from agent_bench import MS, Bench, S, hover_at, target
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drone_agent.clock_offset import GroundClock
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
 from drone_agent.schedule import RASTER_NS, Schedule
@@ -15,6 +14,7 @@ from drone_agent.simulation.attitude_loop import LoopSetpoint
 from drone_agent.simulation.disturbance import Disturbance, SweptFan
 from formation.messages import Datagram
 from formation.vehicle.profile import profile
+from wire.clock_offset import ClockOffset
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.motion import AttitudeQuaternion, LocalPosition
 from wire.link_messages.status import NamedValue
@@ -117,12 +117,12 @@ def test_the_age_of_a_setpoint_is_reported_on_the_grounds_clock() -> None:
 
 
 def test_the_shortest_exchange_sets_the_clock() -> None:
-    clock = GroundClock()
+    clock = ClockOffset()
     assert clock.age_ms(5, 10) is None
     clock.exchange(0, 1_000_010_000_000, 20 * MS)
     clock.exchange(S, 1_001_000_000_000 + 1 * MS, S + 2 * MS)
     clock.exchange(2 * S, 1_002_000_000_000 + 90 * MS, 2 * S + 100 * MS)
-    assert clock.to_own_ns(1_001_000_000_000 + 1 * MS) == S + 1 * MS
+    assert clock.to_ours_ns(1_001_000_000_000 + 1 * MS) == S + 1 * MS
     assert clock.age_ms(1_003_000, 3 * S + 7 * MS) == pytest.approx(7.0)
     assert clock.age_ms(2_003_000, 3 * S) is None
 

@@ -36,8 +36,8 @@ def odometry(frame: OdometryFrame, estimator: EstimatorType, vel: float) -> obje
     return lambda t_us: Odometry(t_us, frame, estimator, ZERO, LEVEL, np.full(3, vel), ZERO)
 
 
-def is_ready(personality: str, message: object) -> bool:
-    bench = Bench(pose="mocap", personality=personality)
+def is_ready(autopilot: str, message: object) -> bool:
+    bench = Bench(pose="mocap", autopilot=autopilot)
     bench.send(SetOrigin(1, 47.0, 8.0, 400.0))
     for _ in range(60):
         bench.run(0.033, mocap=False)
@@ -51,7 +51,7 @@ FRD, NED = OdometryFrame.LOCAL_FRD, OdometryFrame.LOCAL_NED
 
 
 @pytest.mark.parametrize(
-    ("personality", "message", "fused"),
+    ("autopilot", "message", "fused"),
     [
         ("px4", vision, True),
         ("px4", att_pos_mocap, False),
@@ -65,12 +65,12 @@ FRD, NED = OdometryFrame.LOCAL_FRD, OdometryFrame.LOCAL_NED
         ("ardupilot", odometry(NED, EstimatorType.VISION, 0.0), False),
     ],
 )
-def test_each_make_fuses_what_it_was_seen_to_fuse(personality: str, message: object, fused: bool) -> None:
-    assert is_ready(personality, message) is fused
+def test_each_make_fuses_what_it_was_seen_to_fuse(autopilot: str, message: object, fused: bool) -> None:
+    assert is_ready(autopilot, message) is fused
 
 
 def test_ardupilot_needs_an_origin_beside_the_pose() -> None:
-    bench = Bench(pose="mocap", personality="ardupilot")
+    bench = Bench(pose="mocap", autopilot="ardupilot")
 
     def see(seconds: float) -> None:
         for _ in range(round(seconds * 30)):

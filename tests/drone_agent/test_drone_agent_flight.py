@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from agent_bench import Bench, S, hover_at, target, tilt_rad
 
-from drone_agent.autopilots.personality import Mode, Task
+from drone_agent.autopilots.model import Task
 from drone_agent.flight.autopilot import STREAM_MODES
+from wire.autopilots.table import FlightMode
 from wire.link_messages.commands import Result
 from wire.link_messages.motion import AttitudeQuaternion, LocalPosition
 from wire.link_messages.status import Battery, ExtendedSysState, Heartbeat, LandedState, SysStatus
@@ -21,7 +22,7 @@ def test_takes_off_holds_and_lands_by_itself(profile: str) -> None:
     assert bench.last(ExtendedSysState).landed is LandedState.TAKEOFF
     bench.run(7.0)
     np.testing.assert_allclose(bench.truth.pos_lab_m, [0.3, -0.2, 2.5], atol=0.03)
-    assert bench.core.autopilot.mode is Mode.HOLD
+    assert bench.core.autopilot.mode is FlightMode.HOLD
     assert bench.last(ExtendedSysState).landed is LandedState.IN_AIR
     np.testing.assert_allclose(bench.last(LocalPosition).pos_lab_m, bench.truth.pos_lab_m, atol=1e-3)
     assert bench.command(21) is Result.ACCEPTED

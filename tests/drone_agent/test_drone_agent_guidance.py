@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from agent_bench import LEVEL, MS, Bench, hover_at
 
-from drone_agent.autopilots.personality import Mode, Task
+from drone_agent.autopilots.model import Task
+from wire.autopilots.table import FlightMode
 from wire.link_messages.commands import Result
 from wire.link_messages.motion import GlobalPosition, Origin, SetOrigin, SimTruth
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore, LocalFrame, PositionIgnore, PositionSetpoint
@@ -22,9 +23,9 @@ def guide(
     )
 
 
-def in_the_air(personality: str, **config: object) -> Bench:
-    bench = Bench(personality=personality, profile="px4_quad", **config)
-    bench.fly_offboard(0.8) if personality == "px4" else guided(bench)
+def in_the_air(autopilot: str, **config: object) -> Bench:
+    bench = Bench(autopilot=autopilot, profile="px4_quad", **config)
+    bench.fly_offboard(0.8) if autopilot == "px4" else guided(bench)
     return bench
 
 
@@ -43,7 +44,7 @@ def test_px4_flies_to_a_streamed_position_with_a_heading() -> None:
     bench.run(8.0, lambda b: guide(b, there, LocalFrame.LOCAL, NOT_VELOCITY, 0.5))
     np.testing.assert_allclose(bench.truth.pos_lab_m, there, atol=0.05)
     assert bench.truth.q_lab_from_flu[3] == pytest.approx(np.sin(0.25), abs=0.02)
-    assert bench.core.autopilot.mode is Mode.OFFBOARD
+    assert bench.core.autopilot.mode is FlightMode.OFFBOARD
 
 
 def test_px4_takes_off_by_positions() -> None:
@@ -59,15 +60,15 @@ def test_px4_takes_off_by_positions() -> None:
     bench.run(5.0, above)
     np.testing.assert_allclose(bench.truth.pos_lab_m, [0.0, 0.0, 1.0], atol=0.05)
     bench.run(3.0)
-    assert bench.core.autopilot.mode is Mode.POSITION
+    assert bench.core.autopilot.mode is FlightMode.POSITION
 
 
-@pytest.mark.parametrize("personality", ["px4", "ardupilot"])
-def test_flies_a_velocity_in_lab_and_in_body_axes(personality: str) -> None:
-    bench = Bench(personality=personality, profile="px4_quad", start_yaw_rad=np.pi / 2)
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_flies_a_velocity_in_lab_and_in_body_axes(autopilot: str) -> None:
+    bench = Bench(autopilot=autopilot, profile="px4_quad", start_yaw_rad=np.pi / 2)
     guided(bench)
     bench.run(0.1, lambda b: guide(b, (0.4, 0.0, 0.1), LocalFrame.LOCAL, NOT_POSITION))
-    bench.command(176, 1.0, 6.0 if personality == "px4" else 4.0)
+    bench.command(176, 1.0, 6.0 if autopilot == "px4" else 4.0)
     bench.run(3.0, lambda b: guide(b, (0.4, 0.0, 0.1), LocalFrame.LOCAL, NOT_POSITION))
     np.testing.assert_allclose(bench.truth.vel_lab_m_s, [0.4, 0.0, 0.1], atol=0.06)
     # Forward, for a vehicle that faces lab left.
@@ -80,7 +81,7 @@ def test_ardupilot_goes_where_it_was_told_once() -> None:
     bench.send(guide(bench, (0.5, 0.3, 0.4), LocalFrame.LOCAL_OFFSET, NOT_VELOCITY))
     bench.run(8.0)
     np.testing.assert_allclose(bench.truth.pos_lab_m, [0.5, 0.3, 1.2], atol=0.06)
-    assert bench.core.autopilot.mode is Mode.OFFBOARD
+    assert bench.core.autopilot.mode is FlightMode.OFFBOARD
 
 
 def test_a_velocity_stream_that_dies_ends_in_a_hold() -> None:
@@ -104,7 +105,7 @@ def test_body_rates_turn_it_at_that_rate(profile: str) -> None:
 
 
 def test_ardupilot_stops_on_a_target_it_cannot_read() -> None:
-    bench = Bench(personality="ardupilot", profile="px4_quad", parameters={"GUID_OPTIONS": 8.0})
+    bench = Bench(autopilot="ardupilot", profile="px4_quad", parameters={"GUID_OPTIONS": 8.0})
     bench.fly_offboard(0.8)
     half = AttitudeSetpoint(bench.target, 0, LEVEL, np.zeros(3), 0.5, Ignore.ROLL_RATE)
     bench.send(half)

@@ -7,7 +7,7 @@ import pytest
 from agent_bench import Bench
 
 from drone_agent.autopilots import parameter_file
-from drone_agent.autopilots.personalities import PERSONALITIES
+from drone_agent.autopilots.models import MODELS
 from formation.messages import Datagram
 from wire.config_file import ConfigError
 from wire.link_messages.parameters import ParamRequestList, ParamRequestRead, ParamSet, ParamType, ParamValue
@@ -26,16 +26,16 @@ def test_px4_carries_an_integers_own_bytes() -> None:
 
 
 def test_ardupilot_casts_and_keeps_its_narrow_types() -> None:
-    bench = Bench(sysid=7, personality="ardupilot")
+    bench = Bench(sysid=7, autopilot="ardupilot")
     value = read(bench, "SYSID_THISMAV")
     assert (value.raw, value.type) == (struct.pack("<f", 7.0), ParamType.INT16)
     assert read(bench, "GUID_TIMEOUT").type is ParamType.REAL32
     assert read(bench, "VISO_TYPE").type is ParamType.INT8
 
 
-@pytest.mark.parametrize("personality", list(PERSONALITIES))
-def test_the_whole_list_comes_once_in_order(personality: str) -> None:
-    bench = Bench(personality=personality)
+@pytest.mark.parametrize("autopilot", list(MODELS))
+def test_the_whole_list_comes_once_in_order(autopilot: str) -> None:
+    bench = Bench(autopilot=autopilot)
     bench.run(0.1)
     bench.send(ParamRequestList(bench.target))
     bench.run(1.0)
@@ -49,9 +49,9 @@ def test_the_whole_list_comes_once_in_order(personality: str) -> None:
     assert bench.last(ParamValue) == values[3]
 
 
-@pytest.mark.parametrize("personality", list(PERSONALITIES))
-def test_defaults_lie_in_their_documented_ranges(personality: str) -> None:
-    for spec in PERSONALITIES[personality].parameters:
+@pytest.mark.parametrize("autopilot", list(MODELS))
+def test_defaults_lie_in_their_documented_ranges(autopilot: str) -> None:
+    for spec in MODELS[autopilot].table.parameters.values():
         assert spec.low <= spec.default <= spec.high, spec.name
 
 
@@ -85,7 +85,7 @@ def test_indoor_drones_are_set_up_for_the_external_pose() -> None:
     bench = Bench(pose="mocap")
     assert read(bench, "EKF2_EV_CTRL").raw == struct.pack("<i", 11)
     assert read(bench, "EKF2_GPS_CTRL").raw == struct.pack("<i", 0)
-    bench = Bench(pose="mocap", personality="ardupilot")
+    bench = Bench(pose="mocap", autopilot="ardupilot")
     assert read(bench, "VISO_TYPE").raw == struct.pack("<f", 1.0)
 
 

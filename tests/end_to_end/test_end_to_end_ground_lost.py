@@ -114,7 +114,7 @@ def test_every_agent_levels_and_lands_by_itself_and_the_log_is_whole_to_the_last
         last_ns = max(e.t_ns for e in entries if e.topic is topics.LINK_DOWN and e.message.sysid == sysid)
         seen = watched.truths[sysid]
         at_kill = min(seen, key=lambda truth: abs(truth.t_ns - last_ns))
-        # 0.2 s is what the agent keeps by its own time (tests/drone_agent/test_drone_agent_guards.py).
+        # 0.2 s is what the agent keeps by its own time (tests/drone_agent/test_drone_agent_failsafes.py).
         after = [truth for truth in seen if 0 <= truth.t_ns - last_ns < 1_000_000_000]
         assert tilt_rad(at_kill) > np.radians(3.0)
         assert min(tilt_rad(truth) for truth in after) < np.radians(1.5)

@@ -23,8 +23,8 @@ from formation.messages import Datagram
 from formation.vehicle.profile import profile
 from gcs.drones.link_state import READS, DroneLink
 from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
-from wire.link_messages.commands import Command, CommandAck
-from wire.link_messages.status import Autopilot, Heartbeat
+from wire.link_messages.commands import CommandAck, CommandLong
+from wire.link_messages.status import Heartbeat, MavAutopilot
 from wire.mavlink.codec import Codec
 from wire.mavlink.framing import sealed
 from wire.mavlink.layout import CRC_EXTRA
@@ -37,8 +37,8 @@ MTU = 1500
 KEPT_SLOWEST = 40
 TIMED_EVERY = 8
 POOL = 2000
-BEAT = Heartbeat(Autopilot.PX4, 2, 0, 0, 4)
-TELL_AIRSPEED = Command(DRONE, 512, (148.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))  # asks for AUTOPILOT_VERSION
+BEAT = Heartbeat(MavAutopilot.PX4, 2, 0, 0, 4)
+TELL_AIRSPEED = CommandLong(DRONE, 512, (148.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))  # asks for AUTOPILOT_VERSION
 
 CRAFTED = (
     b"\xfe", b"\xfd", b"\xfe\xfd", b"\xfe\x00", b"\xfe\xff", b"\xfd\x00", b"\xfd\x00\x01", b"\xfd\xff\x02", b"\0",

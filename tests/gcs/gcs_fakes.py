@@ -9,11 +9,11 @@ from formation.vehicle.profile import profile
 from gcs.core import GcsCore, Outgoing
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import Command, CommandAck, Result
+from wire.link_messages.commands import CommandAck, CommandLong, Result
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.parameters import ParamRequestRead, ParamType, ParamValue
 from wire.link_messages.setpoints import AttitudeSetpoint
-from wire.link_messages.status import Autopilot, EkfStatus, Heartbeat, StatusText
+from wire.link_messages.status import EkfStatus, Heartbeat, MavAutopilot, StatusText
 from wire.mavlink.codec import Codec, param_to_raw
 
 G = 9.8
@@ -31,12 +31,12 @@ COPTER_PARAMETERS = {"DISARM_DELAY": 10, "GUID_OPTIONS": 8, "GUID_TIMEOUT": 1.0,
 class FakeDrone:
     """Ideal attitude response; flies while armed and told to; its failures are switches."""
 
-    def __init__(self, sysid: int, pos_lab_m, hover: float, autopilot: Autopilot = Autopilot.PX4) -> None:
+    def __init__(self, sysid: int, pos_lab_m, hover: float, autopilot: MavAutopilot = MavAutopilot.PX4) -> None:
         self.sysid, self.hover, self.autopilot = sysid, hover, autopilot
         self.pos, self.vel, self.q = np.array(pos_lab_m, float), np.zeros(3), frames.IDENTITY
         self.armed, self.mode, self.thrust = False, 0, 0.0
         self.codec = Codec(Address(sysid, 1))
-        px4 = autopilot is Autopilot.PX4
+        px4 = autopilot is MavAutopilot.PX4
         self.offboard, self.land = (PX4_OFFBOARD, PX4_LAND) if px4 else (COPTER_GUIDED, COPTER_LAND)
         name = "MPC_THR_HOVER" if px4 else "MOT_THST_HOVER"
         self.parameters = {**(PX4_PARAMETERS if px4 else COPTER_PARAMETERS), name: hover}
@@ -60,7 +60,7 @@ class FakeDrone:
                 self.setpoints.append((now_ns, message))
                 if self.armed and self.mode == self.offboard:
                     self.q, self.thrust = message.q_lab_from_flu, message.thrust_norm
-            case Command():
+            case CommandLong():
                 if self.ignore_first:
                     self.ignore_first -= 1
                     return
@@ -73,7 +73,7 @@ class FakeDrone:
             case TimeSync() if message.tc1_ns == 0:
                 self._say(TimeSync(now_ns + 7_000_000_000, message.ts1_ns, Address(255, 190)))
 
-    def _obey(self, command: Command) -> Result:
+    def _obey(self, command: CommandLong) -> Result:
         match command.command:
             case 400 if command.params[0] == 1.0:
                 if self.refuse_arming:
@@ -85,7 +85,7 @@ class FakeDrone:
                     return Result.DENIED
                 self.armed, self.thrust = False, 0.0
             case 176:
-                px4 = self.autopilot is Autopilot.PX4
+                px4 = self.autopilot is MavAutopilot.PX4
                 self.mode = int(command.params[1]) << 16 if px4 else int(command.params[1])
             case 21:
                 self.mode = self.land
@@ -115,7 +115,7 @@ class FakeDrone:
             self._beat_ns = now_ns
             status = 4 if self.armed else 3
             self._say(Heartbeat(self.autopilot, 2, 1 | (128 if self.armed else 0), self.mode, status))
-            if self.autopilot is Autopilot.ARDUPILOT:
+            if self.autopilot is MavAutopilot.ARDUPILOT:
                 self._say(EkfStatus(0x10, ardupilot=True))
         out, self._out = self._out, []
         return [] if self.mute else out
@@ -124,14 +124,14 @@ class FakeDrone:
 class FakeLab:
     """A GcsCore and fake drones joined by a function; 100 Hz frames, links without delay."""
 
-    def __init__(self, config: LabConfig, autopilots: dict[int, Autopilot] | None = None) -> None:
+    def __init__(self, config: LabConfig, autopilots: dict[int, MavAutopilot] | None = None) -> None:
         self.config = config
         self.core = GcsCore(config, T0_NS)
         self.now_ns = T0_NS
         self.seq = 0
         self.noise = np.random.default_rng(7)
         self.drones = {
-            v.sysid: FakeDrone(v.sysid, _start(config, i), _hover(v), (autopilots or {}).get(v.sysid, Autopilot.PX4))
+            v.sysid: FakeDrone(v.sysid, _start(config, i), _hover(v), (autopilots or {}).get(v.sysid, MavAutopilot.PX4))
             for i, v in enumerate(config.vehicles)
             if v.sysid is not None
         }

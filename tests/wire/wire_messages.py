@@ -11,7 +11,7 @@ from formation.maths import frames
 from formation.messages import Severity
 from wire.link_messages.address import Address
 from wire.link_messages.clocks import Ping, SystemTime, TimeSync
-from wire.link_messages.commands import Command, CommandAck, CommandInt, Result, SetMode
+from wire.link_messages.commands import CommandAck, CommandInt, CommandLong, Result, SetMode
 from wire.link_messages.motion import (
     Attitude,
     AttitudeQuaternion,
@@ -37,13 +37,13 @@ from wire.link_messages.setpoints import (
     PositionSetpoint,
 )
 from wire.link_messages.status import (
-    Autopilot,
     AutopilotVersion,
     Battery,
     EkfStatus,
     ExtendedSysState,
     Heartbeat,
     LandedState,
+    MavAutopilot,
     MessageInterval,
     NamedValue,
     StatusText,
@@ -80,7 +80,7 @@ PERCENT = st.integers(0, 100).map(lambda n: n * 0.01)
 Q = rotations()
 
 MESSAGES: dict[type, st.SearchStrategy[Any]] = {
-    Heartbeat: st.builds(Heartbeat, st.sampled_from(Autopilot), U8, U8, U32, U8),
+    Heartbeat: st.builds(Heartbeat, st.sampled_from(MavAutopilot), U8, U8, U32, U8),
     AttitudeSetpoint: st.builds(AttitudeSetpoint, ADDRESS, U32, Q, VECTOR, FLOATS, st.just(Ignore.NONE)),
     VisionPose: st.builds(VisionPose, U64, VECTOR, Q),
     MocapPose: st.builds(MocapPose, U64, VECTOR, Q),
@@ -113,7 +113,7 @@ MESSAGES: dict[type, st.SearchStrategy[Any]] = {
     ExtendedSysState: st.builds(ExtendedSysState, st.sampled_from(LandedState)),
     EkfStatus: st.builds(EkfStatus, U16, st.booleans()),
     StatusText: st.builds(StatusText, st.sampled_from(Severity), text(600)),
-    Command: st.builds(Command, ADDRESS, U16, st.tuples(*[FLOATS] * 7), U8),
+    CommandLong: st.builds(CommandLong, ADDRESS, U16, st.tuples(*[FLOATS] * 7), U8),
     CommandInt: st.builds(CommandInt, ADDRESS, U8, U16, st.tuples(*[FLOATS] * 4), I32, I32, FLOATS),
     CommandAck: st.builds(CommandAck, ADDRESS, U16, st.sampled_from(Result), U8),
     SetMode: st.builds(SetMode, U8, U8, U32),

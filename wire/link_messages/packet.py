@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from wire.link_messages.address import Address
 from wire.link_messages.clocks import Ping, SystemTime, TimeSync
-from wire.link_messages.commands import Command, CommandAck, CommandInt, SetMode
+from wire.link_messages.commands import CommandAck, CommandInt, CommandLong, SetMode
 from wire.link_messages.motion import (
     Attitude,
     AttitudeQuaternion,
@@ -42,7 +42,7 @@ class Unknown(NamedTuple):
 
 LinkMessage = (
     Heartbeat | AttitudeSetpoint | VisionPose | MocapPose | Odometry | Attitude | AttitudeQuaternion | LocalPosition
-    | GlobalPosition | HomePosition | SysStatus | Battery | ExtendedSysState | EkfStatus | StatusText | Command
+    | GlobalPosition | HomePosition | SysStatus | Battery | ExtendedSysState | EkfStatus | StatusText | CommandLong
     | CommandInt | CommandAck | SetMode | TimeSync | Ping | SystemTime | ParamValue | ParamSet | ParamRequestRead
     | ParamRequestList | AutopilotVersion | AttitudeTargetReport | SimTruth | NamedValue | PositionSetpoint | SetOrigin
     | Origin | MessageInterval | MissionRequestList | MissionCount | LogRequestList | LogEntry | Unknown

@@ -1,15 +1,43 @@
 """What an autopilot says of itself: who it is, how it does, what it has to say."""
 
-from enum import IntEnum
+from enum import IntEnum, IntFlag
 from typing import NamedTuple
 
 from formation.messages import Severity
 
-ARMED = 128
-"""Of Heartbeat.base_mode: MAV_MODE_FLAG_SAFETY_ARMED."""
+
+class ModeFlag(IntFlag):
+    """MAV_MODE_FLAG, of Heartbeat.base_mode."""
+
+    CUSTOM_MODE_ENABLED = 1
+    AUTO_ENABLED = 4
+    GUIDED_ENABLED = 8
+    STABILIZE_ENABLED = 16
+    MANUAL_INPUT_ENABLED = 64
+    SAFETY_ARMED = 128
 
 
-class Autopilot(IntEnum):
+_ARMED = int(ModeFlag.SAFETY_ARMED)
+
+
+class MavState(IntEnum):
+    """MAV_STATE, of Heartbeat.system_status."""
+
+    UNINIT = 0
+    STANDBY = 3
+    ACTIVE = 4
+    CRITICAL = 5
+
+
+class MavType(IntEnum):
+    """MAV_TYPE, of Heartbeat.vehicle_type."""
+
+    QUADROTOR = 2
+    GCS = 6
+    ONBOARD_CONTROLLER = 18
+
+
+class MavAutopilot(IntEnum):
     """MAV_AUTOPILOT, those we speak with."""
 
     GENERIC = 0
@@ -21,7 +49,7 @@ class Autopilot(IntEnum):
 class Heartbeat(NamedTuple):
     """HEARTBEAT (0)."""
 
-    autopilot: Autopilot
+    autopilot: MavAutopilot
     vehicle_type: int
     base_mode: int
     custom_mode: int
@@ -30,7 +58,7 @@ class Heartbeat(NamedTuple):
     @property
     def armed(self) -> bool:
         """Whether its motors may turn."""
-        return bool(self.base_mode & ARMED)
+        return bool(self.base_mode & _ARMED)
 
 
 class AutopilotVersion(NamedTuple):
@@ -83,6 +111,54 @@ class EkfStatus(NamedTuple):
 
     flags: int
     ardupilot: bool
+
+
+class ProtocolCapability(IntFlag):
+    """MAV_PROTOCOL_CAPABILITY, of AutopilotVersion.capabilities."""
+
+    PARAM_FLOAT = 2
+    COMMAND_INT = 8
+    PARAM_ENCODE_BYTEWISE = 16
+    SET_ATTITUDE_TARGET = 64
+    FLIGHT_TERMINATION = 2048
+    MAVLINK2 = 8192
+    PARAM_ENCODE_C_CAST = 131072
+
+
+class SensorFlag(IntFlag):
+    """MAV_SYS_STATUS_SENSOR, of SysStatus."""
+
+    GYRO_3D = 1 << 0
+    ACCEL_3D = 1 << 1
+    MAG_3D = 1 << 2
+    ABSOLUTE_PRESSURE = 1 << 3
+    GPS = 1 << 5
+    VISION_POSITION = 1 << 7
+    ANGULAR_RATE_CONTROL = 1 << 10
+    ATTITUDE_STABILIZATION = 1 << 11
+    YAW_POSITION = 1 << 12
+    Z_ALTITUDE_CONTROL = 1 << 13
+    XY_POSITION_CONTROL = 1 << 14
+    MOTOR_OUTPUTS = 1 << 15
+    AHRS = 1 << 21
+    BATTERY = 1 << 25
+    PREARM_CHECK = 1 << 28
+
+
+class EstimatorFlag(IntFlag):
+    """ESTIMATOR_STATUS_FLAGS; EKF_STATUS_REPORT's mean the same, and there is one more of them."""
+
+    ATTITUDE = 1
+    VELOCITY_HORIZ = 2
+    VELOCITY_VERT = 4
+    POS_HORIZ_REL = 8
+    POS_HORIZ_ABS = 16
+    POS_VERT_ABS = 32
+    POS_VERT_AGL = 64
+    CONST_POS_MODE = 128
+    PRED_POS_HORIZ_REL = 256
+    PRED_POS_HORIZ_ABS = 512
+    EKF_UNINITIALIZED = 1024
 
 
 class StatusText(NamedTuple):

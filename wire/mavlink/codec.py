@@ -10,7 +10,7 @@ from typing import Any
 
 from wire.link_messages.address import BROADCAST, Address
 from wire.link_messages.clocks import Ping, TimeSync
-from wire.link_messages.commands import Command, CommandAck, CommandInt, SetMode
+from wire.link_messages.commands import CommandAck, CommandInt, CommandLong, SetMode
 from wire.link_messages.motion import SetOrigin
 from wire.link_messages.packet import LinkMessage, Packet, Unknown
 from wire.link_messages.parameters import ParamRequestList, ParamRequestRead, ParamSet
@@ -39,7 +39,7 @@ _READERS: dict[int, tuple[Layout, Reader]] = {
 }
 # What says for whom it is: both numbers of an address, or the system alone.
 _ADDRESSED = frozenset(
-    {AttitudeSetpoint, PositionSetpoint, Command, CommandInt, CommandAck, TimeSync, Ping, ParamSet,
+    {AttitudeSetpoint, PositionSetpoint, CommandLong, CommandInt, CommandAck, TimeSync, Ping, ParamSet,
      ParamRequestRead, ParamRequestList, MissionRequestList, MissionCount, LogRequestList}
 )  # fmt: skip
 _FOR_SYSTEM = frozenset({SetMode, SetOrigin})

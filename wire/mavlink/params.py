@@ -3,7 +3,7 @@
 import struct
 
 from wire.link_messages.parameters import ParamType
-from wire.link_messages.status import Autopilot
+from wire.link_messages.status import MavAutopilot
 from wire.mavlink.layout import MavlinkError
 
 _REAL32 = struct.Struct("<f")
@@ -18,7 +18,7 @@ _BYTEWISE = {
 }
 
 
-def param_to_raw(value: float, kind: ParamType, autopilot: Autopilot) -> bytes:
+def param_to_raw(value: float, kind: ParamType, autopilot: MavAutopilot) -> bytes:
     """The four bytes that carry `value`; MavlinkError if the type cannot hold it.
 
     PX4 (and every autopilot but ArduPilot): the integer's own bytes. ArduPilot: the number as a float.
@@ -30,16 +30,16 @@ def param_to_raw(value: float, kind: ParamType, autopilot: Autopilot) -> bytes:
         raise MavlinkError(f"{value} does not fit a parameter of type {kind.name}: {error}") from error
 
 
-def param_from_raw(raw: bytes, kind: ParamType, autopilot: Autopilot) -> int | float:
+def param_from_raw(raw: bytes, kind: ParamType, autopilot: MavAutopilot) -> int | float:
     """The value in `raw` (four bytes): an int for integer types, else a float; MavlinkError if there is none."""
     value: int | float = _form(kind, autopilot).unpack(raw)[0]
     return value if kind is ParamType.REAL32 else _whole(value)
 
 
-def _form(kind: ParamType, autopilot: Autopilot) -> struct.Struct:
+def _form(kind: ParamType, autopilot: MavAutopilot) -> struct.Struct:
     if kind not in _BYTEWISE:
         raise MavlinkError(f"a parameter of type {kind.name} does not fit MAVLink's four bytes")
-    return _REAL32 if autopilot is Autopilot.ARDUPILOT else _BYTEWISE[kind]
+    return _REAL32 if autopilot is MavAutopilot.ARDUPILOT else _BYTEWISE[kind]
 
 
 def _whole(value: float) -> int:

@@ -7,16 +7,16 @@ from typing import Any
 
 from wire.link_messages.address import Address
 from wire.link_messages.clocks import Ping, SystemTime, TimeSync
-from wire.link_messages.commands import Command, CommandAck, CommandInt, Result, SetMode
+from wire.link_messages.commands import CommandAck, CommandInt, CommandLong, Result, SetMode
 from wire.link_messages.parameters import ParamRequestList, ParamRequestRead, ParamSet, ParamType, ParamValue
 from wire.link_messages.status import (
-    Autopilot,
     AutopilotVersion,
     Battery,
     EkfStatus,
     ExtendedSysState,
     Heartbeat,
     LandedState,
+    MavAutopilot,
     NamedValue,
     SysStatus,
 )
@@ -80,7 +80,7 @@ def _write_heartbeat(m: Heartbeat) -> Written:
 
 
 def _read_heartbeat(f: Fields) -> Heartbeat:
-    return Heartbeat(Autopilot(f[1]), f[0], f[2], f[3], f[4])
+    return Heartbeat(MavAutopilot(f[1]), f[0], f[2], f[3], f[4])
 
 
 def _write_sys_status(m: SysStatus) -> Written:
@@ -125,12 +125,12 @@ def _write_ekf(m: EkfStatus) -> Written:
     return ESTIMATOR_STATUS, (0, m.flags, *(0.0,) * 8)
 
 
-def _write_command(m: Command) -> Written:
+def _write_command(m: CommandLong) -> Written:
     return COMMAND_LONG, (m.target.system, m.target.component, m.command, m.confirmation, *m.params)
 
 
-def _read_command(f: Fields) -> Command:
-    return Command(Address(f[0], f[1]), f[2], f[4:], f[3])
+def _read_command(f: Fields) -> CommandLong:
+    return CommandLong(Address(f[0], f[1]), f[2], f[4:], f[3])
 
 
 def _write_command_int(m: CommandInt) -> Written:
@@ -212,7 +212,7 @@ WRITERS: Mapping[type, Callable[[Any], Written]] = {
     Battery: _write_battery,
     ExtendedSysState: _write_extended_state,
     EkfStatus: _write_ekf,
-    Command: _write_command,
+    CommandLong: _write_command,
     CommandInt: _write_command_int,
     CommandAck: _write_ack,
     SetMode: _write_set_mode,

@@ -19,10 +19,10 @@ import zenoh
 
 from formation.messages import Event, LabFrame, RawFrame
 from wire.clock import REAL_TIME, Clock
+from wire.clock_offset import SenderClock
 from wire.plain_text import plain
 from wire.schema import Schema, SchemaError, schema_of
 from wire.transport.frame_check import lab_fault
-from wire.transport.sender_clock import SenderClock
 from wire.transport.zenoh_bus import ZenohBus
 
 T = TypeVar("T")

@@ -8,8 +8,8 @@ from formation.safety.rules import (
     RULES,
     Facts,
     Own,
+    RuleState,
     Verdict,
-    Watch,
     assess,
     rules_markdown,
     start,
@@ -18,15 +18,15 @@ from formation.safety.rules import (
 
 def _after(facts: Facts, phase: Phase, lasting_s: float) -> Verdict:
     """The verdict when `facts` have lasted for a time, from health."""
-    watch, _ = assess(start(3), facts, phase, LIMITS, 0)
-    return assess(watch, facts, phase, LIMITS, round(lasting_s * 1e9))[1]
+    state, _ = assess(start(3), facts, phase, LIMITS, 0)
+    return assess(state, facts, phase, LIMITS, round(lasting_s * 1e9))[1]
 
 
 @pytest.mark.parametrize("phase", Phase)
 def test_healthy_swarm_is_left_alone_in_every_phase(phase):
     verdict = _after(healthy(), phase, 10.0)
     assert verdict.trigger is None
-    assert verdict.findings == ()
+    assert verdict.changes == ()
     assert not verdict.release.any()
     assert not verdict.cut.any()
 
@@ -86,9 +86,9 @@ def test_each_fault_is_answered_once_it_has_lasted(name):
 def test_a_fault_that_does_not_last_is_let_pass(name):
     changes, phase, lasting_s, _, _ = FAULTS[name]
     assert _after(healthy(**changes), phase, 0.05).trigger is None
-    watch, _ = assess(start(3), healthy(**changes), phase, LIMITS, 0)
-    watch, _ = assess(watch, healthy(), phase, LIMITS, 10_000_000)
-    _, verdict = assess(watch, healthy(**changes), phase, LIMITS, round(lasting_s * 1e9))
+    state, _ = assess(start(3), healthy(**changes), phase, LIMITS, 0)
+    state, _ = assess(state, healthy(), phase, LIMITS, 10_000_000)
+    _, verdict = assess(state, healthy(**changes), phase, LIMITS, round(lasting_s * 1e9))
     assert verdict.trigger is None
 
 
@@ -114,24 +114,24 @@ def test_an_observed_leader_may_leave_the_fence_and_is_never_cut():
 
 def test_findings_tell_beginning_and_end_once():
     bad, good = healthy(heartbeat_age_s=of(1, 4.0, 0.0)), healthy()
-    watch: Watch = start(3)
+    state: RuleState = start(3)
     told = []
     for i, facts in enumerate((bad, bad, good, good)):
-        watch, verdict = assess(watch, facts, Phase.HOLD, LIMITS, i * 10_000_000)
-        told.append([(f.text, f.began, f.rule.severity) for f in verdict.findings])
+        state, verdict = assess(state, facts, Phase.HOLD, LIMITS, i * 10_000_000)
+        told.append([(f.text, f.began, f.rule.severity) for f in verdict.changes])
     text = "left: no heartbeat for 3 s"
     assert told == [[(text, True, Severity.ERROR)], [], [(text, False, Severity.ERROR)], []]
 
 
 def test_a_late_loop_is_told_once_not_once_a_drone():
     verdict = _after(healthy(late_share=0.9), Phase.HOLD, 2.0)
-    assert [f.text for f in verdict.findings] == ["a fifth of the frames late", "seven tenths of the frames late"]
+    assert [f.text for f in verdict.changes] == ["a fifth of the frames late", "seven tenths of the frames late"]
 
 
 def test_a_drone_that_is_not_what_its_profile_says_is_told_and_flies_on():
     verdict = _after(healthy(model_mismatch=of(2, 0.8, 0.0)), Phase.FORMATION, 1.1)
     assert verdict.trigger is None
-    assert [(f.text, f.rule.severity) for f in verdict.findings] == [("right: model mismatch", Severity.WARNING)]
+    assert [(f.text, f.rule.severity) for f in verdict.changes] == [("right: model mismatch", Severity.WARNING)]
 
 
 def test_motors_off_phases_ignore_the_air_rules():

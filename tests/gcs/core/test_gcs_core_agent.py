@@ -15,7 +15,7 @@ T0_NS = 1_000_000_000
 class Lab:
     """One ground and its agents; frames at 100 Hz, links without delay."""
 
-    def __init__(self, personalities: dict[int, str]) -> None:
+    def __init__(self, autopilots: dict[int, str]) -> None:
         followers = [{"body": f"f{s}", "sysid": s, "offset_m": (-0.4, 0.8 * (s - 2.5), 0.0)} for s in (2, 3)]
         config = LabConfig.model_validate({"leader": {"body": "f1", "sysid": 1}, "followers": followers})
         starts = {1: (0.0, 0.0, 0.0), 2: (-0.4, -0.4, 0.0), 3: (-0.4, 0.4, 0.0)}
@@ -23,12 +23,12 @@ class Lab:
         self.agents = {
             sysid: AgentCore(
                 AgentConfig(
-                    sysid=sysid, body=f"f{sysid}", pose="mocap", personality=personality, start_lab_m=starts[sysid],
-                    parameters={"GUID_OPTIONS": 8, "GUID_TIMEOUT": 1.0} if personality == "ardupilot" else {},
+                    sysid=sysid, body=f"f{sysid}", pose="mocap", autopilot=autopilot, start_lab_m=starts[sysid],
+                    parameters={"GUID_OPTIONS": 8, "GUID_TIMEOUT": 1.0} if autopilot == "ardupilot" else {},
                 ),
                 T0_NS,
             )
-            for sysid, personality in personalities.items()
+            for sysid, autopilot in autopilots.items()
         }  # fmt: skip
         self.now_ns, self.seq = T0_NS, 0
         self.events: list[str] = []

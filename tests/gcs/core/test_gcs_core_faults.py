@@ -8,7 +8,7 @@ from gcs_fakes import FakeLab, triangle
 
 from formation.messages import Phase, Verb
 from gcs.core import BrokenInvariantError
-from wire.link_messages.commands import Command, Result
+from wire.link_messages.commands import CommandLong, Result
 from wire.link_messages.status import EkfStatus, ExtendedSysState, LandedState
 
 
@@ -26,8 +26,8 @@ def _refusal(lab: FakeLab, verb: Verb) -> str:
     return reply.text
 
 
-def _commands(drone, number: int) -> list[Command]:
-    return [m for m in drone.heard if isinstance(m, Command) and m.command == number]
+def _commands(drone, number: int) -> list[CommandLong]:
+    return [m for m in drone.heard if isinstance(m, CommandLong) and m.command == number]
 
 
 def test_arming_is_refused_without_fresh_poses():

@@ -10,10 +10,10 @@ from gcs_fakes import MS, T0_NS, FakeLab, triangle
 from formation.messages import LabFrame, Phase, Verb
 from wire.link_messages.address import Address
 from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import Command
+from wire.link_messages.commands import CommandLong
 from wire.link_messages.motion import VisionPose
 from wire.link_messages.setpoints import AttitudeSetpoint
-from wire.link_messages.status import Autopilot, Heartbeat
+from wire.link_messages.status import Heartbeat, MavAutopilot
 
 
 @pytest.fixture
@@ -59,7 +59,7 @@ def test_px4_gets_a_second_of_setpoints_before_the_mode_and_the_mode_before_armi
     first_ns = drone.setpoints[0][0]
     assert first_ns - asked_ns <= 10 * MS
     assert all(setpoint.thrust_norm == 0.0 for _, setpoint in drone.setpoints)
-    kinds = [m for m in drone.heard if isinstance(m, Command) and m.command in (176, 400)]
+    kinds = [m for m in drone.heard if isinstance(m, CommandLong) and m.command in (176, 400)]
     assert [(c.command, c.params[:2]) for c in kinds] == [(176, (1.0, 6.0)), (400, (1.0, 0.0))]
     before_mode = drone.heard[: drone.heard.index(kinds[0])]
     assert sum(isinstance(m, AttitudeSetpoint) for m in before_mode) >= 100
@@ -67,7 +67,7 @@ def test_px4_gets_a_second_of_setpoints_before_the_mode_and_the_mode_before_armi
 
 
 def test_a_mixed_fleet_is_brought_to_its_own_modes():
-    lab = FakeLab(triangle(), {2: Autopilot.ARDUPILOT})
+    lab = FakeLab(triangle(), {2: MavAutopilot.ARDUPILOT})
     lab.fly()
     assert lab.drones[2].mode == 4
     assert lab.drones[3].mode == 6 << 16
@@ -77,7 +77,7 @@ def test_lost_commands_are_repeated(lab):
     lab.run(2.0)
     lab.drones[3].ignore_first = 3
     lab.command(Verb.ARM, Phase.ARMED)
-    confirmations = [m.confirmation for m in lab.drones[3].heard if isinstance(m, Command) and m.command == 176]
+    confirmations = [m.confirmation for m in lab.drones[3].heard if isinstance(m, CommandLong) and m.command == 176]
     assert confirmations == [0, 1, 2, 3]
 
 

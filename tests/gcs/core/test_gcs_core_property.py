@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from formation.messages import Datagram, Phase, Verb
 from formation.safety.phases import STREAMING
-from wire.link_messages.commands import Command
+from wire.link_messages.commands import CommandLong
 from wire.link_messages.setpoints import AttitudeSetpoint
 
 NAMES = ("lead", "left", "right")
@@ -81,7 +81,7 @@ def _check_since(lab: FakeLab, heard_from: dict[int, int]) -> None:
         news = drone.heard[heard_from[sysid] :]
         if lab.phase is Phase.STOPPED:
             assert not any(isinstance(m, AttitudeSetpoint) for m in news)
-            assert not any(isinstance(m, Command) and m.command == 400 and m.params[0] == 1.0 for m in news)
+            assert not any(isinstance(m, CommandLong) and m.command == 400 and m.params[0] == 1.0 for m in news)
     json.loads(lab.core.status(lab.now_ns), parse_constant=pytest.fail)
 
 

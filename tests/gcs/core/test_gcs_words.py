@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from gcs.cli.operator import print_status
-from gcs.doctor.finding import Finding, Grade, show
+from gcs.finding import Finding, Grade, show
 
 WORDS = ["[/]", "[bold]x", "[link=http://x]y[/link]", "[/bold red]", "\\[", ":smile:"]
 

@@ -9,7 +9,7 @@ from formation.config import LabConfig
 from formation.maths import frames
 from formation.messages import RawFrame
 from gcs.doctor.axes_checks import Look, Moves, check_axes
-from gcs.doctor.finding import Finding, Grade
+from gcs.finding import Finding, Grade
 from gcs.mocap.alignment import Alignment
 
 HALF = math.sqrt(0.5)

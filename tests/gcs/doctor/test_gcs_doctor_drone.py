@@ -10,12 +10,12 @@ from formation.config import LabConfig
 from formation.vehicle.profile import VehicleProfile, profile
 from gcs.doctor.cli import write_profile
 from gcs.doctor.drone_checks import DroneReport, check_drone, refitted
-from gcs.doctor.finding import Finding, Fix, Grade, as_dicts, failed
-from gcs.drones.dialect import ARDUPILOT, PX4
+from gcs.drones.autopilot_model import ARDUPILOT_MODEL, PX4_MODEL
+from gcs.finding import Finding, Fix, Grade, as_dicts, failed
 
 PAPER = profile("paper_40g")
 GOOD = DroneReport(
-    name="left", sysid=3, profile=PAPER, dialect=PX4, version="1.16.1",
+    name="left", sysid=3, profile=PAPER, model=PX4_MODEL, version="1.16.1",
     parameters={**PX4_PARAMETERS, "MPC_THR_HOVER": PAPER.hover_thrust_norm}, unhealthy=(), packets=400, loss=0.0,
     round_trip_s=0.002, clock_offset_s=1.5, duplicate=False, foreign_sysid=None, battery=0.9,
 )  # fmt: skip
@@ -38,7 +38,7 @@ def test_a_good_drone_passes_and_is_named():
 
 def test_a_silent_drone_fails_and_passes_nothing():
     nothing = {
-        "dialect": None, "packets": 0, "parameters": {}, "unhealthy": None, "round_trip_s": math.nan,
+        "model": None, "packets": 0, "parameters": {}, "unhealthy": None, "round_trip_s": math.nan,
         "clock_offset_s": None, "battery": math.nan,
     }  # fmt: skip
     findings = check_drone(replace(GOOD, **nothing), feeds_pose=True)
@@ -90,12 +90,12 @@ def test_a_hover_thrust_other_than_the_profiles_asks_for_another_profile_and_nev
     assert same == PAPER
 
 
-@pytest.mark.parametrize("dialect", [PX4, ARDUPILOT])
-def test_no_fix_ever_writes_a_hover_thrust(dialect):
-    for hover in (0.05, 0.2, dialect.hover_default, 0.39, 0.6, 0.9):
-        findings = check_drone(replace(GOOD, dialect=dialect, parameters={dialect.hover_parameter: hover}), True)
-        assert dialect.hover_parameter not in {f.fix.parameter for f in findings if f.fix is not None}
-    assert dialect.hover_parameter not in {rule.name for rule in dialect.rules}
+@pytest.mark.parametrize("model", [PX4_MODEL, ARDUPILOT_MODEL])
+def test_no_fix_ever_writes_a_hover_thrust(model):
+    for hover in (0.05, 0.2, model.hover_default, 0.39, 0.6, 0.9):
+        findings = check_drone(replace(GOOD, model=model, parameters={model.table.hover_parameter: hover}), True)
+        assert model.table.hover_parameter not in {f.fix.parameter for f in findings if f.fix is not None}
+    assert model.table.hover_parameter not in {rule.name for rule in model.rules}
 
 
 def test_a_hover_thrust_that_was_never_measured_says_nothing_of_the_profile():
@@ -138,7 +138,7 @@ def test_external_pose_is_not_asked_of_who_positions_itself():
 
 def test_ardupilots_thrust_option_is_vital():
     hover = {"MOT_THST_HOVER": PAPER.hover_thrust_norm}
-    bad = _check(dialect=ARDUPILOT, parameters={**COPTER_PARAMETERS, **hover, "GUID_OPTIONS": 0.0})
+    bad = _check(model=ARDUPILOT_MODEL, parameters={**COPTER_PARAMETERS, **hover, "GUID_OPTIONS": 0.0})
     assert set(bad) == {"GUID_OPTIONS"}
     assert bad["GUID_OPTIONS"].grade is Grade.FAIL
 

@@ -7,8 +7,8 @@ import pytest
 from formation.config import LabConfig
 from formation.maths import frames
 from formation.messages import RawFrame
-from gcs.doctor.finding import Finding, Grade
 from gcs.doctor.mocap_checks import check_mocap
+from gcs.finding import Finding, Grade
 from gcs.mocap.core import MocapCore
 
 MS = 1_000_000

@@ -14,8 +14,8 @@ from free_ports import free_port
 from formation.config import LabConfig, LinkConfig
 from formation.maths import frames
 from formation.messages import Event, RawFrame
-from gcs.doctor.finding import Finding, Fix, Grade
 from gcs.doctor.survey import examine, surveying
+from gcs.finding import Finding, Fix, Grade
 from gcs.mocap.core import MocapCore
 from gcs.mocap.service import configuration_name
 from wire import clock

@@ -1,7 +1,6 @@
-from gcs.drones.commands import CommandChannel
-from gcs.drones.dialect import ARM_DISARM, arm, cut, disarm, land
+from gcs.drones.commands import CommandChannel, arm, cut, disarm, land
 from wire.link_messages.address import Address
-from wire.link_messages.commands import CommandAck, Result
+from wire.link_messages.commands import CommandAck, MavCommand, Result
 
 DRONE = Address(3, 1)
 GROUND = Address(255, 190)
@@ -27,7 +26,7 @@ def test_an_answer_ends_the_repeats():
     channel = CommandChannel()
     channel.ask(arm(DRONE))
     channel.due(0)
-    channel.receive(_ack(ARM_DISARM), 100 * MS)
+    channel.receive(_ack(MavCommand.COMPONENT_ARM_DISARM), 100 * MS)
     assert channel.due(1000 * MS) is None
     assert channel.answers[arm(DRONE)].accepted
 
@@ -36,7 +35,7 @@ def test_a_refusal_is_kept_with_its_word():
     channel = CommandChannel()
     channel.ask(arm(DRONE))
     channel.due(0)
-    channel.receive(_ack(ARM_DISARM, Result.TEMPORARILY_REJECTED), MS)
+    channel.receive(_ack(MavCommand.COMPONENT_ARM_DISARM, Result.TEMPORARILY_REJECTED), MS)
     assert str(channel.answers[arm(DRONE)]) == "temporarily rejected"
 
 
@@ -57,7 +56,7 @@ def test_progress_puts_the_repeat_off():
     channel = CommandChannel()
     channel.ask(arm(DRONE))
     channel.due(0)
-    channel.receive(_ack(ARM_DISARM, Result.IN_PROGRESS), 100 * MS)
+    channel.receive(_ack(MavCommand.COMPONENT_ARM_DISARM, Result.IN_PROGRESS), 100 * MS)
     assert channel.due(1000 * MS) is None
     assert channel.due(3200 * MS) is not None
 

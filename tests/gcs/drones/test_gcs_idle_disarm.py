@@ -8,13 +8,13 @@ from gcs_fakes import FakeLab, triangle
 
 from formation.messages import Phase, Severity, Verb
 from gcs.drones.armed_clock import ArmedClock
-from wire.link_messages.status import Autopilot
+from wire.link_messages.status import MavAutopilot
 
-MAKES = [Autopilot.PX4, Autopilot.ARDUPILOT]
-PARAMETER = {Autopilot.PX4: "COM_DISARM_PRFLT", Autopilot.ARDUPILOT: "DISARM_DELAY"}
+MAKES = [MavAutopilot.PX4, MavAutopilot.ARDUPILOT]
+PARAMETER = {MavAutopilot.PX4: "COM_DISARM_PRFLT", MavAutopilot.ARDUPILOT: "DISARM_DELAY"}
 
 
-def _armed(autopilot: Autopilot = Autopilot.PX4, timeout_s: float = 10.0) -> FakeLab:
+def _armed(autopilot: MavAutopilot = MavAutopilot.PX4, timeout_s: float = 10.0) -> FakeLab:
     lab = FakeLab(triangle(), dict.fromkeys((1, 2, 3), autopilot))
     for drone in lab.drones.values():
         drone.parameters[PARAMETER[autopilot]] = timeout_s

@@ -12,17 +12,17 @@ from gcs.drones.checks import objections, warnings
 from gcs.drones.link_state import WORDS_A_SECOND, DroneLink
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import Command, CommandAck, Result
+from wire.link_messages.commands import CommandAck, CommandLong, Result
 from wire.link_messages.motion import Origin, SetOrigin, VisionPose
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.parameters import ParamRequestRead, ParamType, ParamValue
 from wire.link_messages.status import (
-    Autopilot,
     Battery,
     EkfStatus,
     ExtendedSysState,
     Heartbeat,
     LandedState,
+    MavAutopilot,
     NamedValue,
     StatusText,
     SysStatus,
@@ -47,7 +47,7 @@ def _link(name: str = "paper_40g") -> DroneLink:
     return DroneLink(VehicleBody(body="left", sysid=3), 3, profile(name))
 
 
-def _beat(autopilot: Autopilot = Autopilot.PX4, armed: bool = False, mode: int = 0) -> Heartbeat:
+def _beat(autopilot: MavAutopilot = MavAutopilot.PX4, armed: bool = False, mode: int = 0) -> Heartbeat:
     return Heartbeat(autopilot, 2, 1 | (128 if armed else 0), mode, 3)
 
 
@@ -58,7 +58,7 @@ def _heard(link: DroneLink, data: list[LinkMessage]) -> list[LinkMessage]:
 def test_a_heartbeat_tells_autopilot_mode_and_arming():
     link, drone = _link(), Drone()
     drone.say(link, _beat(armed=True, mode=PX4_OFFBOARD), 5 * MS)
-    assert (link.dialect.name, link.mode, link.armed, link.offboard) == ("PX4", "OFFBOARD", True, True)
+    assert (link.model.name, link.mode, link.armed, link.offboard) == ("PX4", "OFFBOARD", True, True)
     assert link.heartbeat_ns == 5 * MS
     assert [event.text for event in link.events] == ["drone 3 is here, PX4"]
 
@@ -76,7 +76,7 @@ def _asked(link: DroneLink, drone: Drone, start_ms: int) -> list[LinkMessage]:
     for ms in range(start_ms, start_ms + 1000, 10):
         for message in link.due(ms * MS):
             asked.append(message)
-            if isinstance(message, Command):
+            if isinstance(message, CommandLong):
                 drone.say(link, CommandAck(GROUND, message.command, Result.ACCEPTED), ms * MS)
     return asked
 
@@ -84,18 +84,18 @@ def _asked(link: DroneLink, drone: Drone, start_ms: int) -> list[LinkMessage]:
 def test_an_autopilot_that_was_gone_for_three_heartbeats_is_asked_for_everything_again():
     link, drone = _link(), Drone()
     drone.say(link, _beat())
-    before = [m for m in _asked(link, drone, 0) if isinstance(m, Command)]
+    before = [m for m in _asked(link, drone, 0) if isinstance(m, CommandLong)]
     assert before
     drone.say(link, _beat(), 1000 * MS)
-    assert not any(isinstance(m, Command) for m in _asked(link, drone, 1000))
+    assert not any(isinstance(m, CommandLong) for m in _asked(link, drone, 1000))
     drone.say(link, _beat(), 4000 * MS)  # ArduCopter's SITL restarts in about two seconds
-    assert [m for m in _asked(link, drone, 4000) if isinstance(m, Command)] == before
+    assert [m for m in _asked(link, drone, 4000) if isinstance(m, CommandLong)] == before
 
 
 def test_a_restart_does_not_forget_what_hovers_before_it_is_read_again():
     link, drone = _link(), Drone()
     drone.say(link, _beat())
-    _tell(link, {"MPC_THR_HOVER": 0.45}, Autopilot.PX4)
+    _tell(link, {"MPC_THR_HOVER": 0.45}, MavAutopilot.PX4)
     drone.say(link, _beat(), 5000 * MS)
     assert math.isclose(link.hover_thrust_norm, 0.45, rel_tol=1e-6)
 
@@ -103,13 +103,13 @@ def test_a_restart_does_not_forget_what_hovers_before_it_is_read_again():
 @pytest.mark.parametrize(
     ("autopilot", "mode", "name", "offboard"),
     [
-        (Autopilot.PX4, 6 << 16, "OFFBOARD", True),
-        (Autopilot.PX4, 4 << 16 | 6 << 24, "LAND", False),
-        (Autopilot.PX4, 3 << 16, "POSCTL", False),
-        (Autopilot.PX4, 99 << 16, "MODE 99", False),
-        (Autopilot.ARDUPILOT, 4, "GUIDED", True),
-        (Autopilot.ARDUPILOT, 9, "LAND", False),
-        (Autopilot.ARDUPILOT, 99, "MODE 99", False),
+        (MavAutopilot.PX4, 6 << 16, "OFFBOARD", True),
+        (MavAutopilot.PX4, 4 << 16 | 6 << 24, "LAND", False),
+        (MavAutopilot.PX4, 3 << 16, "POSCTL", False),
+        (MavAutopilot.PX4, 99 << 16, "MODE 99", False),
+        (MavAutopilot.ARDUPILOT, 4, "GUIDED", True),
+        (MavAutopilot.ARDUPILOT, 9, "LAND", False),
+        (MavAutopilot.ARDUPILOT, 99, "MODE 99", False),
     ],
 )
 def test_modes_are_named_in_the_autopilots_own_words(autopilot, mode, name, offboard):
@@ -125,7 +125,7 @@ def test_the_first_heartbeat_asks_for_parameters_and_streams():
     for ms in range(0, 200, 10):
         asked += link.due(ms * MS)
     assert {m.name for m in asked if isinstance(m, ParamRequestRead)} <= {*PX4_PARAMETERS, "MPC_THR_HOVER"}
-    first = next(m for m in asked if isinstance(m, Command))
+    first = next(m for m in asked if isinstance(m, CommandLong))
     assert (first.command, first.params[:2], first.target) == (511, (31.0, 20_000.0), Address(3, 1))
     assert any(isinstance(m, TimeSync) for m in asked)
 
@@ -133,23 +133,23 @@ def test_the_first_heartbeat_asks_for_parameters_and_streams():
 def test_another_component_is_not_the_autopilot_and_another_system_is_told():
     link = _link()
     Drone(component=191).say(link, _beat(armed=True))
-    assert link.told.heartbeat is None
+    assert link.telemetry.heartbeat is None
     Drone(sysid=9).say(link, _beat(armed=True))
-    assert link.told.heartbeat is None
+    assert link.telemetry.heartbeat is None
     assert link.foreign_sysid == 9
     assert [(e.severity, e.text) for e in link.events] == [(Severity.ERROR, "drone 9 answers on the link of drone 3")]
 
 
 def test_telemetry_is_kept_and_unknown_battery_is_nan():
     link, drone = _link(), Drone()
-    assert math.isnan(link.told.battery)
+    assert math.isnan(link.telemetry.battery)
     drone.say(link, ExtendedSysState(LandedState.IN_AIR))
     drone.say(link, Battery((3.9,), 4.0, 10.0, 0.5))
     drone.say(link, NamedValue(1, "age_ms", 12.5))
-    assert link.told.landed is LandedState.IN_AIR
-    assert math.isclose(link.told.battery, 0.5)
-    assert math.isclose(link.told.battery_v, 3.9, rel_tol=1e-3)
-    assert math.isclose(link.told.setpoint_age_s, 0.0125)
+    assert link.telemetry.landed is LandedState.IN_AIR
+    assert math.isclose(link.telemetry.battery, 0.5)
+    assert math.isclose(link.telemetry.battery_v, 3.9, rel_tol=1e-3)
+    assert math.isclose(link.telemetry.setpoint_age_s, 0.0125)
 
 
 def test_status_texts_become_events_in_the_drones_name():
@@ -177,18 +177,18 @@ def test_the_bridge_beside_an_autopilot_gets_our_clock_and_is_heard():
         TimeSync(5 * MS, 77, Address(3, 191))
     ]
     bridge.say(link, NamedValue(0, "age_ms", 12.5))
-    assert math.isclose(link.told.setpoint_age_s, 0.0125)
+    assert math.isclose(link.telemetry.setpoint_age_s, 0.0125)
     bridge.say(link, StatusText(Severity.WARNING, "Setpoints are stale: level and hold"))
     assert [event.text for event in link.events] == ["Setpoints are stale: level and hold"]
     bridge.say(link, _beat(armed=True))
-    assert link.told.heartbeat is None
+    assert link.telemetry.heartbeat is None
     assert link.sequence.received == 0
 
 
 def test_setpoints_carry_the_capture_time_and_the_rates_the_autopilot_can_take():
     rate = np.array([0.1, 0.2, 0.3])
     masks = {}
-    for autopilot in (Autopilot.PX4, Autopilot.ARDUPILOT):
+    for autopilot in (MavAutopilot.PX4, MavAutopilot.ARDUPILOT):
         for name in ("paper_40g", "px4_quad"):
             link = _link(name)
             Drone().say(link, _beat(autopilot))
@@ -215,7 +215,7 @@ def test_no_pose_is_sent_before_the_autopilot_is_known():
     assert np.allclose(packet.message.pos_lab_m, [1.0, 2.0, 3.0])
 
 
-def _tell(link: DroneLink, values: dict[str, float], autopilot: Autopilot) -> None:
+def _tell(link: DroneLink, values: dict[str, float], autopilot: MavAutopilot) -> None:
     drone = Drone()
     for name, value in values.items():
         kind = ParamType.INT32 if isinstance(value, int) else ParamType.REAL32
@@ -224,7 +224,7 @@ def _tell(link: DroneLink, values: dict[str, float], autopilot: Autopilot) -> No
 
 @pytest.mark.parametrize(
     ("autopilot", "name", "default"),
-    [(Autopilot.PX4, "MPC_THR_HOVER", 0.5), (Autopilot.ARDUPILOT, "MOT_THST_HOVER", 0.35)],
+    [(MavAutopilot.PX4, "MPC_THR_HOVER", 0.5), (MavAutopilot.ARDUPILOT, "MOT_THST_HOVER", 0.35)],
 )
 def test_hover_thrust_is_the_autopilots_once_it_was_measured(autopilot, name, default):
     link = _link()
@@ -239,7 +239,7 @@ def test_hover_thrust_is_the_autopilots_once_it_was_measured(autopilot, name, de
 def test_vital_parameters_keep_a_drone_on_the_ground():
     link = _link()
     assert objections(link) == ()  # a missing heartbeat is told by safety itself
-    autopilot = Autopilot.ARDUPILOT
+    autopilot = MavAutopilot.ARDUPILOT
     Drone().say(link, _beat(autopilot))
     assert objections(link) == ("left: no estimator report yet", "left: GUID_OPTIONS is being read",
                                 "left: GUID_TIMEOUT is being read")  # fmt: skip
@@ -254,8 +254,8 @@ def test_vital_parameters_keep_a_drone_on_the_ground():
 
 def test_an_estimator_without_position_is_an_objection():
     link = _link()
-    Drone().say(link, _beat(Autopilot.ARDUPILOT))
-    _tell(link, COPTER_PARAMETERS, Autopilot.ARDUPILOT)
+    Drone().say(link, _beat(MavAutopilot.ARDUPILOT))
+    _tell(link, COPTER_PARAMETERS, MavAutopilot.ARDUPILOT)
     for flags in (0, 0x400, 0x410):
         Drone().say(link, EkfStatus(flags, ardupilot=True))
         assert objections(link) == ("left: estimator has no position yet",)
@@ -273,9 +273,9 @@ def test_vital_parameters_that_stay_silent_are_told_as_unread():
 def test_an_ardupilot_that_flies_on_for_long_without_us_is_an_objection(timeout_s):
     """Seen of ArduCopter 4.7's SITL with its default of 3 s: one drifted 5 m, another sank to the ground."""
     link = _link()
-    Drone().say(link, _beat(Autopilot.ARDUPILOT))
+    Drone().say(link, _beat(MavAutopilot.ARDUPILOT))
     Drone().say(link, EkfStatus(0x10, ardupilot=True))
-    _tell(link, {**COPTER_PARAMETERS, "GUID_TIMEOUT": timeout_s}, Autopilot.ARDUPILOT)
+    _tell(link, {**COPTER_PARAMETERS, "GUID_TIMEOUT": timeout_s}, MavAutopilot.ARDUPILOT)
     assert [text.split(",")[0] for text in objections(link)] == [f"left: GUID_TIMEOUT is {timeout_s:g}"]
 
 
@@ -283,22 +283,22 @@ def test_an_ardupilot_that_flies_on_for_long_without_us_is_an_objection(timeout_
 def test_a_velocity_taken_from_gps_is_told_where_the_pose_is_ours(name):
     """ArduCopter 4.7 refuses to arm so: "EK3 sources require GPS"."""
     link = _link()
-    Drone().say(link, _beat(Autopilot.ARDUPILOT))
-    _tell(link, {**COPTER_PARAMETERS, name: 3.0}, Autopilot.ARDUPILOT)
+    Drone().say(link, _beat(MavAutopilot.ARDUPILOT))
+    _tell(link, {**COPTER_PARAMETERS, name: 3.0}, MavAutopilot.ARDUPILOT)
     assert [text.split()[0] for text in warnings(link, feeds_pose=True)] == [name]
     assert warnings(link, feeds_pose=False) == ()
 
 
 def test_an_autopilot_of_another_make_is_an_objection():
     link = _link()
-    Drone().say(link, _beat(Autopilot.GENERIC))
+    Drone().say(link, _beat(MavAutopilot.GENERIC))
     assert objections(link) == ("left: autopilot GENERIC is neither PX4 nor ArduPilot",)
 
 
 def test_lesser_parameters_only_warn_and_external_pose_ones_only_where_the_pose_is_ours():
     link = _link()
     Drone().say(link, _beat())
-    _tell(link, {**PX4_PARAMETERS, "EKF2_EV_CTRL": 0, "COM_OBL_RC_ACT": 0, "MPC_THR_HOVER": 0.3}, Autopilot.PX4)
+    _tell(link, {**PX4_PARAMETERS, "EKF2_EV_CTRL": 0, "COM_OBL_RC_ACT": 0, "MPC_THR_HOVER": 0.3}, MavAutopilot.PX4)
     assert objections(link) == ()
     ours, not_ours = warnings(link, feeds_pose=True), warnings(link, feeds_pose=False)
     assert [text.split()[0] for text in ours] == ["COM_OBL_RC_ACT", "EKF2_EV_CTRL", "MPC_THR_HOVER"]
@@ -313,7 +313,7 @@ def test_an_ardupilot_without_position_is_told_the_origin_until_it_repeats_it():
     origin = (47.0, 8.0, 400.0)
     link = DroneLink(VehicleBody(body="left", sysid=3), 3, PAPER, origin=origin)
     drone = Drone()
-    drone.say(link, _beat(Autopilot.ARDUPILOT))
+    drone.say(link, _beat(MavAutopilot.ARDUPILOT))
     told = _origins(link, 3000)
     assert [(m.target_system, m.lat_deg, m.lon_deg, m.alt_m) for m in told] == [(3, *origin)] * 3
     drone.say(link, Origin(*origin))
@@ -321,12 +321,12 @@ def test_an_ardupilot_without_position_is_told_the_origin_until_it_repeats_it():
 
 
 def test_who_needs_no_origin_is_told_none():
-    for autopilot, origin in ((Autopilot.PX4, (47.0, 8.0, 400.0)), (Autopilot.ARDUPILOT, None)):
+    for autopilot, origin in ((MavAutopilot.PX4, (47.0, 8.0, 400.0)), (MavAutopilot.ARDUPILOT, None)):
         link = DroneLink(VehicleBody(body="left", sysid=3), 3, PAPER, origin=origin)
         Drone().say(link, _beat(autopilot))
         assert _origins(link, 3000) == []
     ready = DroneLink(VehicleBody(body="left", sysid=3), 3, PAPER, origin=(47.0, 8.0, 400.0))
-    Drone().say(ready, _beat(Autopilot.ARDUPILOT))
+    Drone().say(ready, _beat(MavAutopilot.ARDUPILOT))
     Drone().say(ready, EkfStatus(0x10, ardupilot=True))
     assert _origins(ready, 3000) == []
 
@@ -336,7 +336,7 @@ def _intervals(link: DroneLink) -> dict[float, float]:
     asked = {}
     for ms in range(0, 1000, 10):
         for m in link.due(ms * MS):
-            if isinstance(m, Command) and m.command == 511:
+            if isinstance(m, CommandLong) and m.command == 511:
                 asked[m.params[0]] = m.params[1]
                 Drone().say(link, CommandAck(GROUND, 511, Result.ACCEPTED), ms * MS)
     return asked

@@ -8,7 +8,7 @@ import pytest
 
 from formation.config import LabConfig
 from formation.vehicle.profile import PAPER_40G
-from gcs.doctor.finding import Finding, Grade
+from gcs.finding import Finding, Grade
 from gcs.lab.judge import judge
 from sim.scenario import load, shipped
 from wire.config_file import parse

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from formation.config import LabConfig
-from gcs.doctor.finding import failed
+from gcs.finding import failed
 from gcs.lab.judge import judge
 
 INSIDE_M = 2e-3  # between two looks of the judge, 0.05 s apart, a way may bulge by so much

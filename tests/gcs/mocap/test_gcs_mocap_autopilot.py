@@ -8,7 +8,7 @@ from gcs.mocap.autopilot_poses import AWAIT_TRUTH_NS, AutopilotPoses, streams
 from wire.link_messages.address import Address
 from wire.link_messages.motion import AttitudeQuaternion, LocalPosition, SimTruth
 from wire.link_messages.packet import LinkMessage
-from wire.link_messages.status import Autopilot, Heartbeat
+from wire.link_messages.status import Heartbeat, MavAutopilot
 from wire.mavlink.codec import Codec
 
 MS = 1_000_000
@@ -30,7 +30,7 @@ class Lab:
         self.poses = AutopilotPoses(_lab())
         self.codecs = {sysid: Codec(Address(sysid, 1)) for sysid in (1, 2)}
         for sysid in (1, 2):  # heard for so long that truth would have come
-            self.say(sysid, Heartbeat(Autopilot.PX4, 2, 0, 0, 3), -AWAIT_TRUTH_NS // MS)
+            self.say(sysid, Heartbeat(MavAutopilot.PX4, 2, 0, 0, 3), -AWAIT_TRUTH_NS // MS)
 
     def say(self, sysid: int, message: LinkMessage, ms: int):
         if isinstance(message, LocalPosition) and message.t_boot_ms < 0:
@@ -48,7 +48,7 @@ def _attitude() -> AttitudeQuaternion:
 
 
 def _truth(north_m: float, up_m: float = 0.0, v=(0.0, 0.0, 0.0), t_us: int = 0) -> SimTruth:
-    lat = HOME[0] + np.degrees(north_m / 6_371_000.0)
+    lat = HOME[0] + np.degrees(north_m / 6_378_137.0)
     return SimTruth(t_us, IDENTITY, np.array(v), float(lat), HOME[1], HOME[2] + up_m)
 
 

@@ -18,8 +18,8 @@ def test_its_response_is_the_one_identified_of_it_and_carries_a_formation() -> N
     lab = lab.model_copy(update={"leader": lab.leader.model_copy(update={"trajectory": path})})
     start = scenario.true_vehicle(1).start
     vehicles = (
-        TrueVehicle(sysid=1, personality="ardupilot", start=start),
-        *(TrueVehicle(sysid=sysid, personality="ardupilot") for sysid in (2, 3)),
+        TrueVehicle(sysid=1, autopilot="ardupilot", start=start),
+        *(TrueVehicle(sysid=sysid, autopilot="ardupilot") for sysid in (2, 3)),
     )
     flown, flight = lockstep.run_and_load(scenario.model_copy(update={"lab": lab, "vehicles": vehicles}), 7)
     assert flown.outcome.result == "landed"

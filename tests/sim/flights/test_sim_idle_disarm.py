@@ -9,21 +9,21 @@ from sim.scenario import TrueVehicle, load
 from sim.script import FLIGHT, Outcome, Step
 
 
-def flown(personality: str, after_s: float) -> tuple[Outcome, Flight]:
+def flown(autopilot: str, after_s: float) -> tuple[Outcome, Flight]:
     """The take-off is asked for so long after `arm` was; arming itself takes about two seconds of that. Two drones."""
     scenario = load("triangle_line")
     lab = scenario.lab.model_copy(update={"followers": scenario.lab.followers[:1]})
     script = (FLIGHT[0], Step(verb=Verb.TAKEOFF, phase="ARMED", after_s=after_s), Step(verb=Verb.LAND, phase="HOLD"))
-    vehicles = tuple(TrueVehicle(sysid=sysid, personality=personality) for sysid in (1, 2))
+    vehicles = tuple(TrueVehicle(sysid=sysid, autopilot=autopilot) for sysid in (1, 2))
     changes = {"lab": lab, "script": script, "vehicles": vehicles}
     result, flight = lockstep.run_and_load(scenario.model_copy(update=changes), 7)
     return result.outcome, flight
 
 
-@pytest.mark.parametrize("personality", ["px4", "ardupilot"])
-def test_a_take_off_is_flown_or_refused_and_never_cut(personality: str) -> None:
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_a_take_off_is_flown_or_refused_and_never_cut(autopilot: str) -> None:
     for after_s in (7.0, 8.5, 11.5):
-        outcome, flight = flown(personality, after_s)
+        outcome, flight = flown(autopilot, after_s)
         phases = [span.phase for span in flight.phases]
         if Phase.TAKEOFF in phases:
             assert outcome == Outcome("landed"), after_s

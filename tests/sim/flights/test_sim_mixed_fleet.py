@@ -26,7 +26,7 @@ def flown(name: str, *vehicles: TrueVehicle) -> Summary:
 @pytest.mark.parametrize("name", ["triangle_line", "triangle_circle"])
 def test_the_figures_are_those_of_one_make(name: str) -> None:
     one_make = flown(name)
-    mixed = flown(name, TrueVehicle(sysid=3, personality="ardupilot"))
+    mixed = flown(name, TrueVehicle(sysid=3, autopilot="ardupilot"))
     for figure in ("formation_rms_m", "formation_max_m", "vibration_m", "altitude_rms_m"):
         assert getattr(mixed, figure) == pytest.approx(getattr(one_make, figure), rel=WITHIN), figure
     assert mixed.command_hash != one_make.command_hash

@@ -13,12 +13,12 @@ from wire_messages import ANY_MESSAGE, MESSAGES, assert_same
 from formation.messages import Severity
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import Command, SetMode
+from wire.link_messages.commands import CommandLong, SetMode
 from wire.link_messages.motion import EstimatorType, Odometry, OdometryFrame, SimTruth
 from wire.link_messages.packet import LinkMessage, Packet, Unknown
 from wire.link_messages.parameters import ParamRequestList, ParamSet, ParamValue
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
-from wire.link_messages.status import Autopilot, Heartbeat, NamedValue, StatusText, SysStatus
+from wire.link_messages.status import Heartbeat, MavAutopilot, NamedValue, StatusText, SysStatus
 from wire.mavlink.codec import Codec, MavlinkError, decode_packet
 
 DRONE = Address(7, 1)
@@ -94,7 +94,7 @@ def test_any_bytes_are_read_or_skipped_and_the_next_datagram_is_read_at_once(gar
     codec = Codec(GROUND)
     codec.receive(garbage)
     assert codec.bad_bytes <= len(garbage)
-    heartbeat = Heartbeat(Autopilot.PX4, 2, 0, 0, 4)
+    heartbeat = Heartbeat(MavAutopilot.PX4, 2, 0, 0, 4)
     assert codec.receive(Codec(DRONE).encode(heartbeat)) == [Packet(DRONE, 0, heartbeat)]
 
 
@@ -148,14 +148,14 @@ def test_mavlink_1_is_read():
     mav = oracle.MAVLink(None, srcSystem=7, srcComponent=1)
     frame = mav.heartbeat_encode(2, 12, 81, 50593792, 4).pack(mav, force_mavlink1=True)
     assert frame[0] == 0xFE
-    heartbeat = Heartbeat(Autopilot.PX4, 2, 81, 50593792, 4)
+    heartbeat = Heartbeat(MavAutopilot.PX4, 2, 81, 50593792, 4)
     assert decode_packet(frame) == Packet(DRONE, 0, heartbeat)
     assert Codec(GROUND).receive(frame + frame)[1].message == heartbeat
 
 
 def test_a_signed_packet_is_read_without_asking_for_its_signature():
     frame = sealed(0, bytes([0, 0, 0, 0, 2, 12, 0, 4, 3]), flags=1)
-    assert decode_packet(frame).message == Heartbeat(Autopilot.PX4, 2, 0, 0, 4)
+    assert decode_packet(frame).message == Heartbeat(MavAutopilot.PX4, 2, 0, 0, 4)
 
 
 def test_an_unknown_incompatibility_flag_is_refused():
@@ -169,7 +169,7 @@ def test_a_message_nothing_reads_is_unknown_not_an_error():
 
 def test_a_message_of_no_dialect_is_unknown_and_its_neighbours_are_read():
     """PX4 sends ids that no published dialect has; its checksum cannot be checked."""
-    heartbeat = Codec(DRONE).encode(Heartbeat(Autopilot.PX4, 2, 0, 0, 4))
+    heartbeat = Codec(DRONE).encode(Heartbeat(MavAutopilot.PX4, 2, 0, 0, 4))
     codec = Codec(GROUND)
     packets = codec.receive(heartbeat + sealed(54321, b"abc") + heartbeat)
     assert [type(p.message) for p in packets] == [Heartbeat, Unknown, Heartbeat]
@@ -178,7 +178,7 @@ def test_a_message_of_no_dialect_is_unknown_and_its_neighbours_are_read():
 
 def test_a_longer_payload_of_a_newer_dialect_is_read():
     payload = bytes([0, 0, 0, 0, 2, 12, 0, 4, 3]) + b"new"
-    assert decode_packet(sealed(0, payload)).message == Heartbeat(Autopilot.PX4, 2, 0, 0, 4)
+    assert decode_packet(sealed(0, payload)).message == Heartbeat(MavAutopilot.PX4, 2, 0, 0, 4)
 
 
 @pytest.mark.parametrize(
@@ -187,7 +187,7 @@ def test_a_longer_payload_of_a_newer_dialect_is_read():
 )
 def test_only_packets_for_this_address_or_everybody_are_taken(target, taken):
     codec = Codec(DRONE)
-    packets = codec.receive(Codec(GROUND).encode(Command(Address(*target), 400, (1.0,) * 7)))
+    packets = codec.receive(Codec(GROUND).encode(CommandLong(Address(*target), 400, (1.0,) * 7)))
     assert (len(packets), codec.misaddressed_packets) == ((1, 0) if taken else (0, 1))
 
 
@@ -204,7 +204,7 @@ def test_set_mode_is_for_a_system():
         NamedValue(0, "eleven char", 1.0),
         ParamRequestList(Address(256, 1)),
         setpoint(thrust_norm=1e39),
-        Command(DRONE, 70000, (0.0,) * 7),
+        CommandLong(DRONE, 70000, (0.0,) * 7),
         Unknown(4242),
     ],
     ids=["name too long", "no such system", "no such float", "no such command", "unknown"],
@@ -321,7 +321,7 @@ def test_an_answered_timesync_is_taken_whatever_its_target(tc1_ns, taken):
 def test_what_an_end_does_not_read_is_unknown_to_it_and_costs_no_reading():
     drone = Codec(DRONE)
     codec = Codec(GROUND, reads=frozenset({0}))
-    beat = Heartbeat(Autopilot.PX4, 2, 0, 0, 4)
+    beat = Heartbeat(MavAutopilot.PX4, 2, 0, 0, 4)
     assert [p.message for p in codec.receive(drone.encode(beat) + drone.encode(NamedValue(0, "x", 1.0)))] == [
         beat, Unknown(251),
     ]  # fmt: skip

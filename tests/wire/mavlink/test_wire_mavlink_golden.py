@@ -34,7 +34,7 @@ from wire.link_messages.motion import (
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.parameters import ParamRequestList
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
-from wire.link_messages.status import Autopilot, Heartbeat
+from wire.link_messages.status import Heartbeat, MavAutopilot
 from wire.mavlink.codec import Codec, decode_packet
 
 C45, C15, S15 = math.sqrt(0.5), math.cos(math.pi / 12), math.sin(math.pi / 12)
@@ -188,7 +188,7 @@ def test_bytes_are_mavsdks(name):
 
 def test_a_packet_written_out():
     """MAVLink 2, byte by byte: magic, length, flags, sequence, sender, id, payload, checksum (a drone at rest)."""
-    frame = Codec(DRONE).encode(Heartbeat(Autopilot.PX4, 2, 0x51, 0x03040000, 4))
+    frame = Codec(DRONE).encode(Heartbeat(MavAutopilot.PX4, 2, 0x51, 0x03040000, 4))
     assert frame[:10].hex(" ") == "fd 09 00 00 00 01 01 00 00 00"
     assert frame[10:19].hex(" ") == "00 00 04 03 02 0c 51 04 03"
     assert len(frame) == 21

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.parameters import ParamType, ParamValue
-from wire.link_messages.status import Autopilot
+from wire.link_messages.status import MavAutopilot
 from wire.mavlink.codec import Codec, MavlinkError, param_from_raw, param_to_raw
 
 RANGES = {
@@ -22,12 +22,12 @@ RANGES = {
 
 
 def test_px4_sends_the_integers_own_bytes():
-    assert param_to_raw(1, ParamType.INT32, Autopilot.PX4) == b"\1\0\0\0"
-    assert param_to_raw(-1, ParamType.INT32, Autopilot.PX4) == b"\xff\xff\xff\xff"
+    assert param_to_raw(1, ParamType.INT32, MavAutopilot.PX4) == b"\1\0\0\0"
+    assert param_to_raw(-1, ParamType.INT32, MavAutopilot.PX4) == b"\xff\xff\xff\xff"
 
 
 def test_ardupilot_sends_the_number_as_a_float():
-    assert param_to_raw(1, ParamType.INT32, Autopilot.ARDUPILOT) == struct.pack("<f", 1.0)
+    assert param_to_raw(1, ParamType.INT32, MavAutopilot.ARDUPILOT) == struct.pack("<f", 1.0)
 
 
 @pytest.mark.parametrize("kind", RANGES)
@@ -36,23 +36,23 @@ def test_px4_integers_come_back(kind):
 
     @given(st.integers(low, high))
     def check(value):
-        assert param_from_raw(param_to_raw(value, kind, Autopilot.PX4), kind, Autopilot.PX4) == value
+        assert param_from_raw(param_to_raw(value, kind, MavAutopilot.PX4), kind, MavAutopilot.PX4) == value
 
     check()
     for value in (low - 1, high + 1):
         with pytest.raises(MavlinkError):
-            param_to_raw(value, kind, Autopilot.PX4)
+            param_to_raw(value, kind, MavAutopilot.PX4)
 
 
 @given(st.integers(-(2**24), 2**24))
 def test_ardupilot_integers_come_back_as_far_as_a_float_counts(value):
-    raw = param_to_raw(value, ParamType.INT32, Autopilot.ARDUPILOT)
-    read = param_from_raw(raw, ParamType.INT32, Autopilot.ARDUPILOT)
+    raw = param_to_raw(value, ParamType.INT32, MavAutopilot.ARDUPILOT)
+    read = param_from_raw(raw, ParamType.INT32, MavAutopilot.ARDUPILOT)
     assert read == value
     assert isinstance(read, int)
 
 
-@given(st.floats(width=32, allow_nan=False), st.sampled_from([Autopilot.PX4, Autopilot.ARDUPILOT]))
+@given(st.floats(width=32, allow_nan=False), st.sampled_from([MavAutopilot.PX4, MavAutopilot.ARDUPILOT]))
 def test_floats_are_floats_everywhere(value, autopilot):
     raw = param_to_raw(value, ParamType.REAL32, autopilot)
     assert raw == struct.pack("<f", value)
@@ -62,13 +62,13 @@ def test_floats_are_floats_everywhere(value, autopilot):
 @given(st.integers(-(2**31), 2**31 - 1))
 def test_every_integers_bytes_survive_the_link(value):
     """Some of them are signalling NaNs, which a float on the way would quieten."""
-    raw = param_to_raw(value, ParamType.INT32, Autopilot.PX4)
+    raw = param_to_raw(value, ParamType.INT32, MavAutopilot.PX4)
     sent = ParamValue("COM_OBL_RC_ACT", raw, ParamType.INT32, 900, 17)
     (packet,) = Codec(GROUND).receive(Codec(Address(1, 1)).encode(sent))
     assert packet.message == sent
 
 
-@given(st.binary(min_size=4, max_size=4), st.sampled_from(ParamType), st.sampled_from(Autopilot))
+@given(st.binary(min_size=4, max_size=4), st.sampled_from(ParamType), st.sampled_from(MavAutopilot))
 def test_any_four_bytes_are_a_value_or_the_one_error(raw, kind, autopilot):
     try:
         value = param_from_raw(raw, kind, autopilot)
@@ -79,7 +79,7 @@ def test_any_four_bytes_are_a_value_or_the_one_error(raw, kind, autopilot):
 
 def test_half_an_integer_is_the_one_error():
     with pytest.raises(MavlinkError):
-        param_to_raw(0.5, ParamType.INT8, Autopilot.PX4)
+        param_to_raw(0.5, ParamType.INT8, MavAutopilot.PX4)
 
 
 @pytest.mark.parametrize("name", ["", "A B", "X[/]", "\x1b[2J", "Ü", "a-b", "a.b", "A\nB"])

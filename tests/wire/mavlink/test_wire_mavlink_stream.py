@@ -8,11 +8,11 @@ from wire_messages import ANY_MESSAGE, assert_same, text
 
 from formation.messages import Severity
 from wire.link_messages.address import GROUND, Address
-from wire.link_messages.status import Autopilot, Heartbeat, StatusText
+from wire.link_messages.status import Heartbeat, MavAutopilot, StatusText
 from wire.mavlink.codec import Codec
 
 DRONE, OTHER = Address(7, 1), Address(8, 1)
-HEARTBEAT = Heartbeat(Autopilot.PX4, 2, 0, 0, 4)
+HEARTBEAT = Heartbeat(MavAutopilot.PX4, 2, 0, 0, 4)
 LONG = "Preflight Fail: " + "heading estimate not stable, " * 12
 
 

@@ -1,11 +1,11 @@
 from wire.link_messages.address import Address
-from wire.link_messages.status import Autopilot, Heartbeat
+from wire.link_messages.status import Heartbeat, MavAutopilot
 from wire.mavlink.codec import Codec
 from wire.transport.peer_gate import QUIET_NS, PeerGate
 
 DRONE, ELSEWHERE, STRANGER = ("10.0.0.3", 14583), ("10.0.0.3", 40000), ("10.0.0.9", 5000)
-BEAT = Codec(Address(3, 1)).encode(Heartbeat(Autopilot.PX4, 2, 0, 0, 4))
-FOREIGN = Codec(Address(9, 1)).encode(Heartbeat(Autopilot.PX4, 2, 0, 0, 4))
+BEAT = Codec(Address(3, 1)).encode(Heartbeat(MavAutopilot.PX4, 2, 0, 0, 4))
+FOREIGN = Codec(Address(9, 1)).encode(Heartbeat(MavAutopilot.PX4, 2, 0, 0, 4))
 S = QUIET_NS
 
 

@@ -10,13 +10,13 @@ from wire_waiting import until
 from formation.config import LinkConfig
 from formation.messages import Datagram
 from wire.link_messages.address import GROUND, Address
-from wire.link_messages.status import Autopilot, Heartbeat
+from wire.link_messages.status import Heartbeat, MavAutopilot
 from wire.mavlink.codec import Codec
 from wire.refusals import Refusals
 from wire.transport.link import READS_A_TURN
 from wire.transport.udp_bus import open_udp_direct, open_udp_drone, open_udp_ground
 
-BEAT = Heartbeat(Autopilot.PX4, 2, 0, 0, 4)
+BEAT = Heartbeat(MavAutopilot.PX4, 2, 0, 0, 4)
 
 
 def config() -> LinkConfig:

@@ -1,38 +1,36 @@
-"""What makes an autopilot one make or the other: its modes and numbers, rules, words, parameters, rates. Tables only.
+"""What one autopilot is, as the agent simulates it: its table's modes and parameters, rules, words, rates. Data only.
 
 `drone_agent.autopilots.px4` and `drone_agent.autopilots.ardupilot` fill it; everything else asks it.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum, Flag, auto
+from types import MappingProxyType
 
-from drone_agent.autopilots.parameters import Parameters, ParamSpec
+from drone_agent.autopilots.parameters import Parameters
 from formation.messages import Severity
+from wire.autopilots.table import AutopilotTable, FlightMode
 from wire.link_messages.commands import Result
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeSetpoint
-from wire.link_messages.status import Autopilot
+from wire.link_messages.status import EstimatorFlag, MavState, ModeFlag, ProtocolCapability
 
-
-class Mode(Enum):
-    """The flight modes of either make, by what they mean."""
-
-    MANUAL = auto()
-    STABILIZED = auto()
-    ACRO = auto()
-    ALTITUDE = auto()
-    POSITION = auto()
-    HOLD = auto()
-    MISSION = auto()
-    RETURN = auto()
-    TAKEOFF = auto()
-    LAND = auto()
-    OFFBOARD = auto()
-    OFFBOARD_NO_POSITION = auto()
-    BRAKE = auto()
-    DESCEND = auto()
-    TERMINATION = auto()
+ATTITUDE_ONLY = (
+    EstimatorFlag.ATTITUDE
+    | EstimatorFlag.VELOCITY_VERT
+    | EstimatorFlag.POS_VERT_ABS
+    | EstimatorFlag.POS_VERT_AGL
+    | EstimatorFlag.CONST_POS_MODE
+)
+"""An estimator that knows which way is up, and how high it is."""
+POSITIONED = (ATTITUDE_ONLY & ~EstimatorFlag.CONST_POS_MODE) | (
+    EstimatorFlag.VELOCITY_HORIZ
+    | EstimatorFlag.POS_HORIZ_REL
+    | EstimatorFlag.POS_HORIZ_ABS
+    | EstimatorFlag.PRED_POS_HORIZ_REL
+    | EstimatorFlag.PRED_POS_HORIZ_ABS
+)
 
 
 class Task(Enum):
@@ -62,14 +60,26 @@ class Needs(Flag):
 
 @dataclass(frozen=True, slots=True)
 class ModeRow:
-    """One mode: its number on the wire, MAV_MODE_FLAG bits beside armed, what it does and needs, its name."""
+    """One mode: its number on the wire, base mode beside armed, what it does and needs, its name."""
 
     custom_mode: int
-    flags: int
+    flags: ModeFlag
     task: Task
     needs: Needs
     label: str
     may_arm: bool = True
+
+
+def mode_rows(
+    table: AutopilotTable, rows: Iterable[tuple[FlightMode, ModeFlag, Task, Needs, bool]]
+) -> Mapping[FlightMode, ModeRow]:
+    """The table's modes with what each does: base mode, task, needs, whether it may be armed in."""
+    return MappingProxyType(
+        {
+            mode: ModeRow(table.custom_mode(mode), flags, task, needs, table.modes[mode].label, may_arm)
+            for mode, flags, task, needs, may_arm in rows
+        }
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,13 +90,13 @@ class StreamLoss:
     """
 
     after_s: float
-    mode: Mode | None
+    mode: FlightMode | None
     task: Task
 
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """STATUSTEXTs, as the operators of this make know them; {} takes a reason or a mode's name, "" says nothing."""
+    """STATUSTEXTs, as its operators know them; {} takes a reason or a mode's name, "" says nothing."""
 
     boot: tuple[tuple[Severity, str], ...]
     armed: str
@@ -111,13 +121,13 @@ class Words:
 class ModeRequest:
     """What a DO_SET_MODE or SET_MODE asks for; None of a mode it names wrongly."""
 
-    mode: Mode | None
+    mode: FlightMode | None
     refusal: Result = Result.DENIED
 
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """The make's own waits, read from its parameters when they are needed; seconds, metres, metres per second."""
+    """The autopilot's own waits, read from its parameters when they are needed; seconds, metres, metres per second."""
 
     takeoff_height_m: float
     climb_m_s: float
@@ -129,25 +139,24 @@ class Timing:
     disarm_idle_s: float
     """Armed and never taken off."""
     ground_loss_s: float
-    ground_loss: Mode | None
+    ground_loss: FlightMode | None
     battery_low: float
     battery_critical: float
-    battery_action: Mode | None
+    battery_action: FlightMode | None
     return_height_m: float
     return_slope: float
 
 
 @dataclass(frozen=True, slots=True)
-class Personality:
-    """One make of autopilot."""
+class AutopilotModel:
+    """One autopilot as its peers see it."""
 
     name: str
-    autopilot: Autopilot
-    vehicle_type: int
+    table: AutopilotTable
     version: int
-    capabilities: int
-    modes: Mapping[Mode, ModeRow]
-    boot_mode: Mode
+    capabilities: ProtocolCapability
+    modes: Mapping[FlightMode, ModeRow]
+    boot_mode: FlightMode
     refused: Result
     """The MAV_RESULT of an arming, mode change or take-off that the moment does not allow."""
     no_such_rate: Result
@@ -158,31 +167,22 @@ class Personality:
     """Whether arming can be forced past its checks."""
     takeoff_in_own_mode: bool
     """PX4 switches to a take-off mode, armed or not; ArduPilot takes off within GUIDED, armed."""
-    parameters: tuple[ParamSpec, ...]
-    system_parameter: str
-    hover_parameter: str
     rates_hz: Mapping[int, float]
-    """MAVLink message id -> default rate of telemetry."""
+    """MessageId -> default rate of telemetry."""
     words: Words
     timing: Callable[[Parameters], Timing]
     mode_request: Callable[[int, int, int], ModeRequest]
     """DO_SET_MODE's base mode, custom mode and sub-mode -> what is asked for."""
-    custom_parts: Callable[[int], tuple[int, int]]
-    """SET_MODE's custom mode -> the custom mode and sub-mode of a DO_SET_MODE."""
     stream_loss: Callable[[Parameters], StreamLoss]
     takes_target: Callable[[AttitudeSetpoint], bool]
-    """Whether a SET_ATTITUDE_TARGET is well formed for this make; another one stops the vehicle."""
+    """Whether a SET_ATTITUDE_TARGET is well formed for it; another one stops the vehicle."""
     streams_positions: bool
     """Whether a position must be sent again and again; ArduPilot goes where it was told once."""
     climb_rate_of: Callable[[Parameters, float], float | None]
     """SET_ATTITUDE_TARGET's thrust as a climb rate, m/s, or None where it is thrust."""
-    indoor: Mapping[str, float]
-    """The parameters of one flown on an external pose alone."""
-    needs_origin: bool
-    """Whether an external pose is of no use to it before SET_GPS_GLOBAL_ORIGIN."""
     takes_pose: Callable[[Parameters, LinkMessage], bool]
     """Whether the estimator fuses this message, as it is set up."""
-    system_status: Callable[[bool, bool, bool, bool], int]
+    system_status: Callable[[bool, bool, bool, bool], MavState]
     """armed, landed, failsafe, ready -> MAV_STATE."""
-    estimator_flags: Callable[[bool, bool], int]
+    estimator_flags: Callable[[bool, bool], EstimatorFlag]
     """position valid, ready -> flags of ESTIMATOR_STATUS or EKF_STATUS_REPORT."""

@@ -1,8 +1,37 @@
-"""The PX4 parameters that matter for off-board flight on an external pose, with v1.16's types, defaults and ranges."""
+"""PX4 v1.16: its modes' numbers, and the parameters that matter for off-board flight on an external pose."""
 
-from drone_agent.autopilots.parameters import ParamSpec, real, whole
+from types import MappingProxyType
 
-PARAMETERS: tuple[ParamSpec, ...] = (
+from wire.autopilots.table import AutopilotTable, FlightMode, ModeNumber, by_name, real, whole
+from wire.link_messages.status import MavAutopilot
+
+MAIN_AUTO = 4
+
+
+def _join(main: int, sub: int) -> int:
+    return main << 16 | sub << 24
+
+
+def _split(custom_mode: int) -> tuple[int, int]:
+    return custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
+
+
+_MODES = {
+    FlightMode.MANUAL: ModeNumber(1, 0, "MANUAL", "Manual"),
+    FlightMode.ALTITUDE: ModeNumber(2, 0, "ALTCTL", "Altitude"),
+    FlightMode.POSITION: ModeNumber(3, 0, "POSCTL", "Position"),
+    FlightMode.ACRO: ModeNumber(5, 0, "ACRO", "Acro"),
+    FlightMode.OFFBOARD: ModeNumber(6, 0, "OFFBOARD", "Offboard"),
+    FlightMode.STABILIZED: ModeNumber(7, 0, "STABILIZED", "Stabilized"),
+    FlightMode.TAKEOFF: ModeNumber(MAIN_AUTO, 2, "TAKEOFF", "Takeoff"),
+    FlightMode.HOLD: ModeNumber(MAIN_AUTO, 3, "HOLD", "Hold"),
+    FlightMode.MISSION: ModeNumber(MAIN_AUTO, 4, "MISSION", "Mission"),
+    FlightMode.RETURN: ModeNumber(MAIN_AUTO, 5, "RETURN", "Return"),
+    FlightMode.LAND: ModeNumber(MAIN_AUTO, 6, "LAND", "Land"),
+    FlightMode.DESCEND: ModeNumber(MAIN_AUTO, 6, "LAND", "Descend"),
+    FlightMode.TERMINATION: ModeNumber(1, 0, "MANUAL", "Termination"),
+}
+_PARAMETERS = (
     whole("BAT1_N_CELLS", 1, 0, 16, "cells in series"),
     real("BAT1_CAPACITY", -1.0, -1.0, 100000.0, "mAh; -1 unknown"),
     real("BAT1_V_CHARGED", 4.05, 0.0, 5.0, "full cell, V"),
@@ -87,8 +116,23 @@ PARAMETERS: tuple[ParamSpec, ...] = (
     real("THR_MDL_FAC", 0.0, 0.0, 1.0, "thrust curve: 0 linear, 1 quadratic"),
 )
 # Set up for a lab: flown on motion capture alone (what PX4 v1.16.1 was seen to need), landing when the stream ends.
-INDOOR = {
+_INDOOR = {
     "COM_OBL_RC_ACT": 4.0, "COM_RCL_EXCEPT": 4.0,
     "EKF2_EV_CTRL": 11.0, "EKF2_GPS_CTRL": 0.0, "EKF2_HGT_REF": 3.0, "EKF2_BARO_CTRL": 0.0, "EKF2_MAG_TYPE": 5.0,
     "EKF2_EV_DELAY": 20.0, "EKF2_EVP_NOISE": 0.01, "SYS_HAS_MAG": 0.0, "SYS_HAS_GPS": 0.0,
 }  # fmt: skip
+
+PX4 = AutopilotTable(
+    autopilot=MavAutopilot.PX4,
+    name="PX4",
+    modes=MappingProxyType(_MODES),
+    join=_join,
+    split=_split,
+    auto_main=MAIN_AUTO,
+    parameters=MappingProxyType(by_name(_PARAMETERS)),
+    indoor=MappingProxyType(_INDOOR),
+    system_parameter="MAV_SYS_ID",
+    hover_parameter="MPC_THR_HOVER",
+    idle_disarm_parameter="COM_DISARM_PRFLT",
+    needs_origin=False,
+)

@@ -1,15 +1,39 @@
-"""The ArduCopter 4.6 parameters that matter for guided flight on an external pose, with their types and defaults."""
+"""ArduCopter 4.6: its modes' numbers, and the parameters that matter for guided flight on an external pose."""
 
 from functools import partial
+from types import MappingProxyType
 
-from drone_agent.autopilots.parameters import ParamSpec, real, whole
+from wire.autopilots.table import AutopilotTable, FlightMode, ModeNumber, by_name, real, whole
 from wire.link_messages.parameters import ParamType
+from wire.link_messages.status import MavAutopilot
 
+THRUST_AS_THRUST = 8
+"""Of GUID_OPTIONS: SET_ATTITUDE_TARGET's thrust is thrust, not a climb rate."""
+
+
+def _mode(number: int, name: str) -> ModeNumber:
+    return ModeNumber(number, 0, name, name)
+
+
+_MODES = {
+    FlightMode.STABILIZED: _mode(0, "STABILIZE"),
+    FlightMode.ACRO: _mode(1, "ACRO"),
+    FlightMode.ALTITUDE: _mode(2, "ALT_HOLD"),
+    FlightMode.MISSION: _mode(3, "AUTO"),
+    FlightMode.OFFBOARD: _mode(4, "GUIDED"),
+    FlightMode.HOLD: _mode(5, "LOITER"),
+    FlightMode.RETURN: _mode(6, "RTL"),
+    FlightMode.LAND: _mode(9, "LAND"),
+    FlightMode.DESCEND: _mode(9, "LAND"),
+    FlightMode.POSITION: _mode(16, "POSHOLD"),
+    FlightMode.BRAKE: _mode(17, "BRAKE"),
+    FlightMode.OFFBOARD_NO_POSITION: _mode(20, "GUIDED_NOGPS"),
+}
 _byte = partial(whole, kind=ParamType.INT8)
 _short = partial(whole, kind=ParamType.INT16)
 _long = partial(whole, kind=ParamType.INT32)
 
-PARAMETERS: tuple[ParamSpec, ...] = (
+_PARAMETERS = (
     _byte("AHRS_EKF_TYPE", 3, 0, 11, "estimator: 3 EKF3"),
     _short("ANGLE_MAX", 3000, 1000, 8000, "lean angle, cdeg"),
     _long("ARMING_CHECK", 1, 0, 1048575, "arming checks: 1 all"),
@@ -86,8 +110,23 @@ PARAMETERS: tuple[ParamSpec, ...] = (
 )
 # Set up for a lab: flown on motion capture alone (what ArduCopter was seen to need), by thrust, landing without
 # its ground.
-INDOOR = {
+_INDOOR = {
     "GUID_OPTIONS": 8.0, "GUID_TIMEOUT": 0.5, "FS_GCS_ENABLE": 5.0,
     "VISO_TYPE": 1.0, "EK3_SRC1_POSXY": 6.0, "EK3_SRC1_POSZ": 6.0, "EK3_SRC1_VELXY": 0.0, "EK3_SRC1_VELZ": 0.0,
     "EK3_SRC1_YAW": 6.0, "GPS1_TYPE": 0.0, "COMPASS_ENABLE": 0.0, "COMPASS_USE": 0.0,
 }  # fmt: skip
+
+ARDUPILOT = AutopilotTable(
+    autopilot=MavAutopilot.ARDUPILOT,
+    name="ArduPilot",
+    modes=MappingProxyType(_MODES),
+    join=lambda main, _sub: main,
+    split=lambda custom_mode: (custom_mode, 0),
+    auto_main=None,
+    parameters=MappingProxyType(by_name(_PARAMETERS)),
+    indoor=MappingProxyType(_INDOOR),
+    system_parameter="SYSID_THISMAV",
+    hover_parameter="MOT_THST_HOVER",
+    idle_disarm_parameter="DISARM_DELAY",
+    needs_origin=True,
+)

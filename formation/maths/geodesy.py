@@ -1,10 +1,12 @@
 """The lab on the globe: a flat patch around its origin, for peers that think in latitude and longitude."""
 
-from math import cos, radians
+from math import cos, pi, radians
 
 from formation.model import Vec3Tuple
 
-_M_PER_DEG = 111_319.49  # along a meridian of a sphere of the WGS84 equatorial radius
+EARTH_RADIUS_M = 6_378_137.0
+"""Of the sphere that the Earth is taken for: WGS84's equatorial radius."""
+_M_PER_DEG = EARTH_RADIUS_M * pi / 180.0
 
 
 def to_globe(origin: Vec3Tuple, pos_lab_m: Vec3Tuple) -> Vec3Tuple:

@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 from agent_bench import MS, Bench, S, hover_at, idle, target, tilt_rad
 
-from drone_agent.autopilots.personality import Mode, Task
+from drone_agent.autopilots.model import Task
 from drone_agent.flight.estimator import Belief
 from drone_agent.flight.flying import Pilot
 from formation.maths.frames import IDENTITY
 from formation.vehicle.profile import PAPER_40G
+from wire.autopilots.table import FlightMode
 from wire.link_messages.commands import Result
-from wire.link_messages.status import Autopilot, Heartbeat
+from wire.link_messages.status import Heartbeat, MavAutopilot
 
 LEAN = np.array([np.cos(0.1), 0.0, np.sin(0.1), 0.0])
-GROUND_BEAT = Heartbeat(Autopilot.INVALID, 6, 0, 0, 4)
+GROUND_BEAT = Heartbeat(MavAutopilot.INVALID, 6, 0, 0, 4)
 
 
 def leaning(bench: Bench) -> object:
@@ -23,14 +24,14 @@ def leaning(bench: Bench) -> object:
 
 
 def silent_since(bench: Bench) -> int:
-    return bench.core.autopilot.stream.last_ns or 0
+    return bench.core.autopilot.stream.monitor.last_ns or 0
 
 
 @pytest.mark.parametrize("pose", ["own", "mocap"])
-@pytest.mark.parametrize("personality", ["px4", "ardupilot"])
-def test_levels_within_a_fifth_of_a_second_of_the_last_setpoint(pose: str, personality: str) -> None:
-    options = {"GUID_OPTIONS": 8.0} if personality == "ardupilot" else {}
-    bench = Bench(pose=pose, personality=personality, parameters=options)
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_levels_within_a_fifth_of_a_second_of_the_last_setpoint(pose: str, autopilot: str) -> None:
+    options = {"GUID_OPTIONS": 8.0} if autopilot == "ardupilot" else {}
+    bench = Bench(pose=pose, autopilot=autopilot, parameters=options)
     bench.fly_offboard(1.0)
     bench.run(0.4, leaning)
     assert tilt_rad(bench.truth.q_lab_from_flu) > 0.15
@@ -61,7 +62,7 @@ def test_holds_on_its_own_mocap_feed_then_lands() -> None:
     bench.fly_offboard(0.5)
     at = bench.truth.pos_lab_m.copy()
     bench.run(0.9)
-    assert bench.core.autopilot.mode is Mode.OFFBOARD
+    assert bench.core.autopilot.mode is FlightMode.OFFBOARD
     np.testing.assert_allclose(bench.truth.pos_lab_m, at, atol=0.03)
     bench.run(5.0)
     assert bench.truth.on_ground
@@ -112,7 +113,7 @@ def test_a_stream_that_is_slow_on_purpose_is_not_stale() -> None:
         bench.run(0.2)
         bench.send(hover(bench))
     assert not any("stale" in text for text in bench.texts()[quiet_from:])
-    assert bench.core.autopilot.mode is Mode.OFFBOARD
+    assert bench.core.autopilot.mode is FlightMode.OFFBOARD
 
 
 def test_px4_by_itself_fails_safe_after_its_own_time_out() -> None:
@@ -122,7 +123,7 @@ def test_px4_by_itself_fails_safe_after_its_own_time_out() -> None:
     bench.run_to(last_ns + 990 * MS)
     assert bench.core.autopilot.task is Task.EXTERNAL
     bench.run_to(last_ns + 1001 * MS)
-    assert (bench.core.autopilot.mode, bench.core.autopilot.task) == (Mode.POSITION, Task.LAND)
+    assert (bench.core.autopilot.mode, bench.core.autopilot.task) == (FlightMode.POSITION, Task.LAND)
     bench.run(1.0)
     beat = bench.last(Heartbeat)
     assert (beat.custom_mode, beat.system_status) == (3 << 16, 5)
@@ -130,8 +131,8 @@ def test_px4_by_itself_fails_safe_after_its_own_time_out() -> None:
     assert not bench.core.autopilot.armed
 
 
-@pytest.mark.parametrize(("action", "mode"), [(4.0, Mode.LAND), (5.0, Mode.HOLD), (3.0, Mode.RETURN)])
-def test_px4_offboard_loss_actions(action: float, mode: Mode) -> None:
+@pytest.mark.parametrize(("action", "mode"), [(4.0, FlightMode.LAND), (5.0, FlightMode.HOLD), (3.0, FlightMode.RETURN)])
+def test_px4_offboard_loss_actions(action: float, mode: FlightMode) -> None:
     bench = Bench(stale_setpoint_s=0.0, parameters={"COM_OBL_RC_ACT": action, "COM_OF_LOSS_T": 0.5})
     bench.fly_offboard(0.5)
     bench.run(0.6)
@@ -139,14 +140,14 @@ def test_px4_offboard_loss_actions(action: float, mode: Mode) -> None:
 
 
 def test_ardupilot_by_itself_levels_for_ever_and_takes_the_stream_back() -> None:
-    bench = Bench(personality="ardupilot", stale_setpoint_s=0.0, parameters={"GUID_OPTIONS": 8.0, "GUID_TIMEOUT": 1.0})
+    bench = Bench(autopilot="ardupilot", stale_setpoint_s=0.0, parameters={"GUID_OPTIONS": 8.0, "GUID_TIMEOUT": 1.0})
     bench.fly_offboard(0.8)
     bench.run(0.3, leaning)
     last_ns = silent_since(bench)
     bench.run_to(last_ns + 990 * MS)
     assert bench.core.autopilot.task is Task.EXTERNAL
     bench.run(20.0)
-    assert (bench.core.autopilot.mode, bench.core.autopilot.task) == (Mode.OFFBOARD, Task.LEVEL)
+    assert (bench.core.autopilot.mode, bench.core.autopilot.task) == (FlightMode.OFFBOARD, Task.LEVEL)
     assert tilt_rad(bench.truth.q_lab_from_flu) < 0.01
     assert abs(bench.truth.vel_lab_m_s[2]) < 0.02
     bench.run(0.3, leaning)
@@ -175,9 +176,9 @@ def test_a_lost_ground_station_is_acted_on_where_asked() -> None:
     bench.command(400, 1.0)
     bench.command(22)
     bench.run(4.9)
-    assert bench.core.autopilot.mode is Mode.HOLD
+    assert bench.core.autopilot.mode is FlightMode.HOLD
     bench.run(0.3)
-    assert bench.core.autopilot.mode is Mode.LAND
+    assert bench.core.autopilot.mode is FlightMode.LAND
     assert "Connection to ground station lost" in bench.texts()
 
 

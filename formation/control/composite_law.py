@@ -6,7 +6,7 @@ dead time with the commands already sent, and the first-order lag is inverted wi
 
 from dataclasses import dataclass
 from math import cos, sin, sqrt
-from typing import NamedTuple, cast
+from typing import Annotated, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,9 @@ from formation.control.relative_frame import copy_motion, lead_from_lab
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate
 from formation.guidance.reference_generator import SLOT, Generator, VehicleReference, reference_at
-from formation.maths.arrays import Float, Motion, Vec3
+from formation.maths.arrays import Float, Layout, Motion, Vec3
 from formation.maths.kernel import kernel
-from formation.maths.records import Rows, blank
+from formation.maths.records import Rows, blank, dtype_of
 from formation.vehicle.response import NEVER_NS, SECONDS, SentCommands
 
 HORIZON_MAX_NS = 400_000_000
@@ -97,26 +97,30 @@ class Around(NamedTuple):
     knots: Float
 
 
-class Workspace(NamedTuple):
-    """Motions (3, 4) and vectors (3) of one vehicle's turn, reused for the next.
+@dataclass(slots=True)
+class Workspace:
+    """Motions (3, 4) and vectors (3) of one vehicle's turn, reused for the next; a record.
 
-    leader (2, 2, 3, 4): the leader as predicted last for each channel, when the command holds and later, and leader_ns
-    (2, 2) for when: vehicles of one kind ask for the same.
+    leader: the leader as predicted last for each channel, when the command holds and later, and leader_ns for when:
+    vehicles of one kind ask for the same.
     """
 
-    leader_ns: NDArray[np.int64]
-    leader: Float
-    mine: Float
-    lead: Float
-    lead_later: Float
-    error: Float
-    slot: Float
-    frame: Float
-    lab: Float
-    lab_later: Float
-    force: Float
-    feedback: Float
-    feedback_rate: Float
+    leader_ns: Annotated[NDArray[np.int64], Layout(np.int64, (2, 2))]
+    leader: Annotated[Float, Layout(np.float64, (2, 2, 3, 4))]
+    mine: Motion
+    lead: Motion
+    lead_later: Motion
+    error: Motion
+    slot: Motion
+    frame: Motion
+    lab: Motion
+    lab_later: Motion
+    force: Vec3
+    feedback: Vec3
+    feedback_rate: Vec3
+
+
+WORKSPACE = dtype_of(Workspace)
 
 
 def demand(
@@ -149,11 +153,8 @@ def _demand(
     around = Around(
         Known(estimates, observers, history, _dead_times(settings, observers, estimates)), references, numbers, knots
     )
-    w = Workspace(
-        np.full((2, 2), NEVER_NS), np.empty((2, 2, 3, 4)),
-        np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4)),
-        np.empty((3, 4)), np.empty((3, 4)), np.empty(3), np.empty(3), np.empty(3),
-    )  # fmt: skip
+    w = np.empty(1, WORKSPACE)[0]
+    w.leader_ns[:] = NEVER_NS
     for i in range(len(settings)):
         kept, dt_s = memory[i], 0.0
         if kept.asked_ns > NEVER_NS:

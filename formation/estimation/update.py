@@ -42,9 +42,9 @@ def estimate(
     """
     new = like(state)
     if frame.t_capture_ns > state["t_ns"][0]:
-        appearing = frame.seen & (state["seen_ns"] == NEVER_NS)
-        if appearing.any():
-            state = _begun(state, frame, appearing)
+        waiting = state["seen_ns"] == NEVER_NS
+        if waiting.any():
+            state = _begun(state, frame, waiting & frame.seen)
     _estimate(
         settings, frame.t_capture_ns, frame.pos_lab_m, frame.q_lab_from_flu, frame.seen, airborne,
         yaw_acc_command_rad_s2, history, state, new,

@@ -52,7 +52,7 @@ def implicit_root(y: float, k1: float, p1: float, k2: float, p2: float, k3: floa
             bend = square / (square + smooth * smooth)
         a = k1 * exp((p1 - 1.0) * half_log)
         b = k2 * exp((p2 - 1.0) * half_log)
-        c = k3 * exp((p3 - 1.0) * half_log)
+        c = k3 * exp((p3 - 1.0) * half_log) if k3 > 0.0 else 0.0
         total = 1.0 + a + b + c
         slope = (1.0 + a * (1.0 + (p1 - 1.0) * bend) + b * (1.0 + (p2 - 1.0) * bend)
                  + c * (1.0 + (p3 - 1.0) * bend)) / total  # fmt: skip

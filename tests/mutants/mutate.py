@@ -24,6 +24,7 @@ import tomllib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, SourceFileLoader
 from importlib.util import spec_from_file_location
@@ -47,6 +48,7 @@ PACKAGE, TESTS = ROOT / "formation", "tests/formation"
 LEFT_OUT = ("maths/kernel.py", "control/warm_up.py", "topics.py")
 """How kernels are compiled, which does not happen here; and names."""
 SLOWEST_S = 4.0  # of a test that is asked, traced; flights in a closed loop take minutes without a compiler
+BUDGET_S, BUDGET_LOADED_S = 45.0, 15.0  # of tests for one change, traced; where it is as a module is loaded
 PATIENCE = 2.0  # times as long as the tests took, traced, on top of LIMIT_S: an endless loop is noticed, too
 LIMIT_S = 30.0
 FORK = get_context("fork")
@@ -244,8 +246,9 @@ def _coverage(kept: Path, quiet: bool) -> dict[str, Any]:
     return {name: test for file in files for name, test in known[file]["tests"].items()}
 
 
-def _digest(test: Path) -> str:
-    """Of a test file, what it shares with others, and the package."""
+@cache
+def _read(test: Path) -> str:
+    """A test file and what it shares with others."""
     helpers = {f.stem: f for f in (ROOT / TESTS).rglob("*.py") if not f.stem.startswith("test_")}
     read, waiting = {}, [test]
     while waiting:
@@ -253,8 +256,13 @@ def _digest(test: Path) -> str:
         text = read[file] = file.read_text(encoding="utf-8")
         named = (helpers[word] for word in re.findall(r"^from (\w+) import", text, re.MULTILINE) if word in helpers)
         waiting += [f for f in named if f not in read]
-    texts = [read[f] for f in sorted(read)] + [f.read_text(encoding="utf-8") for f in sorted(PACKAGE.rglob("*.py"))]
-    return hashlib.sha256("\0".join(texts).encode()).hexdigest()
+    return "\0".join(read[f] for f in sorted(read))
+
+
+def _digest(test: Path) -> str:
+    """Of a test file and of the package."""
+    package = "\0".join(f.read_text(encoding="utf-8") for f in sorted(PACKAGE.rglob("*.py")))
+    return hashlib.sha256((_read(test) + package).encode()).hexdigest()
 
 
 def _measured(file: str) -> tuple[dict[str, Any], list[str]]:
@@ -276,16 +284,25 @@ def _measure(file: str, out: Connection) -> None:
 def _quick(
     tests: dict[str, Any], file: str = "", span: tuple[int, int] = (0, 0), called: bool = True
 ) -> tuple[str, ...]:
-    """The tests, quickest first, that run any of these lines; of what runs when a module is loaded, all that use it."""
-    lines = set(range(span[0], span[1] + 1))
+    """The tests, quickest first, that run any of these lines.
+
+    Of what runs when a module is loaded: all that run any line of it, or import from it.
+    """
+    lines, module = set(range(span[0], span[1] + 1)), file.removesuffix(".py").replace("/", ".")
     asked = []
     for name, test in tests.items():
         run = test["lines"].get(file, ())
-        if test["seconds"] <= SLOWEST_S and (not file or (run if not called else lines.intersection(run))):
+        loads = not called and (run or f"from {module} import" in _read(ROOT / name.partition("::")[0]))
+        if not file or loads or (called and lines.intersection(run)):
             asked.append((test["seconds"], name))
     if file and not called and not asked:
         return _quick(tests)
-    return tuple(name for _, name in sorted(asked))
+    spent, affordable = 0.0, []
+    for seconds, name in sorted(asked):
+        spent += seconds
+        if spent <= (BUDGET_S if called else BUDGET_LOADED_S):
+            affordable.append(name)
+    return tuple(affordable)
 
 
 def _limit(tests: dict[str, Any], asked: Sequence[str]) -> float:

@@ -93,6 +93,8 @@ def test_an_unknown_shape_is_answered_with_the_known_ones() -> None:
     [
         ("line", ShapeRequest("line")),
         ("v scale=1.5", ShapeRequest("v", 1.5)),
+        ("v scale=100 heading=360", ShapeRequest("v", 100.0, 2.0 * pi)),
+        ("v heading=-360", ShapeRequest("v", 1.0, -2.0 * pi)),
         (" circle  heading=-90 scale=2 ", ShapeRequest("circle", 2.0, -pi / 2)),
     ],
 )
@@ -109,6 +111,9 @@ def test_a_request_is_read_and_written_alike(text: str, request_: ShapeRequest) 
         ("line scale=1 scale=2", "'scale=2' is not understood"),
         ("line scale=big", "scale is 'big', not a number"),
         ("line heading=nan", "heading is 'nan', not a finite number"),
+        ("line scale=101", "scale is 101; it must be above 0 and at most 100"),
+        ("line heading=361", "heading is 361; it is in degrees, at most a whole turn, 360"),
+        ("line heading=-361", "heading is -361"),
         ("line scale=0", "scale is 0; it must be above 0"),
         ("line scale=-1", "scale is -1; it must be above 0"),
     ],

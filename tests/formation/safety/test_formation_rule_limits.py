@@ -1,0 +1,99 @@
+"""Each rule's limit, patience and measure, from both sides: a little less is let pass, a little more is told."""
+
+import numpy as np
+import pytest
+from formation_facts import LIMITS, healthy, of
+
+from formation.messages import Phase, Severity
+from formation.safety.phases import Trigger
+from formation.safety.rules import Facts, assess, nearest, outside_box, separation_m, start
+
+
+def at(*points: tuple[float, float, float]) -> dict[str, np.ndarray]:
+    return {"pos_lab_m": np.array(points)}
+
+
+def beside(gap_m: float) -> dict[str, np.ndarray]:
+    return at((0.0, 0.0, 0.3), (-1.0, 1.0, 0.3), (-1.0, 1.0 - gap_m, 0.3))
+
+
+def high(z: float) -> dict[str, np.ndarray]:
+    return at((0.0, 0.0, 0.3), (-1.0, 1.0, z), (-1.0, -1.0, 0.3))
+
+
+def level(name: str, less: float, more: float, well: float = 0.0) -> tuple[dict, dict]:
+    return {name: of(1, less, well)}, {name: of(1, more, well)}
+
+
+def flag(name: str, well: bool) -> tuple[dict, dict]:
+    return {}, {name: of(1, not well, well)}
+
+
+HEARD = level("heartbeat_age_s", 2.99, 3.01)
+FLYING = Phase.TAKEOFF
+# words, (just not, just so), after s, in phase, trigger
+LIMIT_OF = [
+    ("body not seen for 0.2 s", level("age_s", 0.19, 0.21), 0.0, Phase.FORMATION, Trigger.HOLD),
+    ("body not seen for 0.4 s", level("age_s", 0.39, 0.41), 0.0, FLYING, Trigger.LAND),
+    ("outside the fence", (high(2.29), high(2.31)), 0.1, Phase.LAND, Trigger.LAND),
+    ("0.5 m outside the fence", (high(2.79), high(2.81)), 0.2, Phase.LAND, Trigger.LAND),
+    ("closer than the minimum separation", (beside(0.21), beside(0.19)), 0.1, Phase.FORMATION, Trigger.HOLD),
+    ("closer than half the minimum separation", (beside(0.11), beside(0.09)), 0.1, Phase.HOLD, Trigger.LAND),
+    ("1 m away from its reference", level("error_m", 0.99, 1.01), 1.0, Phase.HOLD, Trigger.LAND),
+    ("tilted by 75 degrees", level("tilt_rad", 1.29, 1.31), 0.3, Phase.ARMED, Trigger.LAND),
+    ("no heartbeat for 3 s", HEARD, 0.0, Phase.ARMED, Trigger.LAND),
+    ("not in off-board mode", flag("offboard", True), 0.5, FLYING, Trigger.LAND),
+    ("disarmed in the air", flag("armed", True), 0.3, FLYING, Trigger.LAND),
+    ("battery under 20 %", level("battery", 0.21, 0.19, 1.0), 1.0, Phase.ARMED, None),
+    ("battery under 10 %", level("battery", 0.11, 0.09, 1.0), 1.0, Phase.ARMED, Trigger.LAND),
+    ("answers otherwise than its profile says", level("model_mismatch", 0.54, 0.56), 1.0, Phase.LAND, None),
+    ("a fifth of the frames late", ({"late_share": 0.19}, {"late_share": 0.21}), 0.5, Phase.ARMED, None),
+    ("seven tenths of the frames late", ({"late_share": 0.69}, {"late_share": 0.71}), 2.0, Phase.ARMED, Trigger.LAND),
+    ("its sysid is used twice on the network", flag("duplicate", False), 0.0, Phase.GROUND, None),
+]
+
+
+def told(facts: Facts, phase: Phase, lasting_s: float) -> tuple[set[str], Trigger | None]:
+    watch, first = assess(start(3), facts, phase, LIMITS, 5)
+    _, then = assess(watch, facts, phase, LIMITS, 5 + round(lasting_s * 1e9))
+    texts = {f.text.removeprefix("left: ").removeprefix("right: ") for f in (*first.changes, *then.changes)}
+    return texts, then.trigger
+
+
+@pytest.mark.parametrize(("words", "sides", "after_s", "phase", "trigger"), LIMIT_OF, ids=[r[0] for r in LIMIT_OF])
+def test_a_limit_is_where_its_rule_says(words, sides, after_s, phase, trigger) -> None:
+    less, more = sides
+    assert words not in told(healthy(**less), phase, after_s + 9.0)[0]
+    texts, then = told(healthy(**more), phase, after_s)
+    assert words in texts
+    assert then is trigger
+    if after_s > 0.0:
+        assert words not in told(healthy(**more), phase, after_s - 0.001)[0]
+
+
+def test_points_outside_a_box_are_judged_along_their_worst_axis() -> None:
+    points = np.array([[0.0, 0.0, 0.5], [1.2, 0.0, 0.5], [-1.5, 2.3, 0.5], [0.0, -2.1, 1.7], [0.0, 0.0, -0.4]])
+    outside = outside_box(points, (-1.0, -2.0, 0.0), (1.0, 2.0, 1.0))
+    np.testing.assert_allclose(outside, [0.0, 0.2, 0.5, 0.7, 0.4])
+
+
+def test_the_nearest_neighbour_is_found_among_all() -> None:
+    points = np.random.default_rng(4).normal(size=(7, 3))
+    apart = np.linalg.norm(points[:, None] - points[None], axis=-1) + np.diag([np.inf] * 7)
+    np.testing.assert_allclose(nearest(points), apart.min(axis=1))
+    assert nearest(points[:1]).tolist() == [np.inf]
+    known = np.array([True, False, True, True, False, True, True])
+    among = separation_m(healthy(pos_lab_m=points), known)
+    np.testing.assert_allclose(among[known], nearest(points[known]))
+    assert np.isinf(among[~known]).all()
+
+
+def test_severity_follows_from_what_is_done() -> None:
+    def severity(**changes) -> dict[str, Severity]:
+        watch, first = assess(start(3), healthy(**changes), Phase.HOLD, LIMITS, 0)
+        _, then = assess(watch, healthy(**changes), Phase.HOLD, LIMITS, 10**10)
+        return {f.text: f.rule.severity for f in (*first.changes, *then.changes)}
+
+    assert severity(battery=of(1, 0.15, 1.0)) == {"left: battery under 20 %": Severity.WARNING}
+    assert severity(heartbeat_age_s=of(1, 4.0, 0.0)) == {"left: no heartbeat for 3 s": Severity.ERROR}
+    assert severity(tilt_rad=of(1, 1.4, 0.0)) == {"left: tilted by 75 degrees": Severity.CRITICAL}

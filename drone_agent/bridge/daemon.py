@@ -5,7 +5,7 @@ import sys
 from drone_agent.bridge.core import BridgeCore
 from drone_agent.config import AgentConfig
 from drone_agent.flight import position
-from drone_agent.ground_link import open_ground_link
+from drone_agent.link.ground_link import open_ground_link
 from drone_agent.wake import Wake
 from formation.messages import Datagram, LabFrame
 from wire.clock import monotonic_ns

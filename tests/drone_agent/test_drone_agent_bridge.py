@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from agent_bench import LEVEL, MS, Bench, S, Stream, hover_at, hover_over
+from agent_harness import LEVEL, MS, Harness, S, Stream, hover_at, hover_over
 
 from drone_agent.bridge.core import BridgeCore
 from drone_agent.config import AgentConfig
@@ -31,7 +31,7 @@ class Site:
 
     def __init__(self, autopilot: str = "px4", level_error: LevelError = TRUE_LEVEL, **config: object) -> None:
         options = {"GUID_OPTIONS": 8.0} if autopilot == "ardupilot" else {}
-        self.drone = Bench(
+        self.drone = Harness(
             pose="mocap", stale_setpoint_s=0.0, stale_land_s=60.0, profile="px4_quad", autopilot=autopilot,
             parameters=options, level_error=level_error,
         )  # fmt: skip
@@ -46,7 +46,7 @@ class Site:
         self.bridge.receive_ground(Datagram(1, data), self.now_ns)
         self._turn()
 
-    def run(self, seconds: float, stream: Callable[[Bench], AttitudeSetpoint] | None = None) -> None:
+    def run(self, seconds: float, stream: Callable[[Harness], AttitudeSetpoint] | None = None) -> None:
         end_ns = self.now_ns + round(seconds * S)
         while self.now_ns < end_ns:
             self.now_ns += 10 * MS
@@ -232,7 +232,7 @@ def test_gives_an_ardupilot_its_origin_once() -> None:
 def test_an_ardupilot_that_restarted_is_given_its_origin_again() -> None:
     site = Site("ardupilot")
     site.run(4.0)
-    site.drone = Bench(
+    site.drone = Harness(
         pose="mocap", stale_setpoint_s=0.0, stale_land_s=60.0, profile="px4_quad", autopilot="ardupilot",
         parameters={"GUID_OPTIONS": 8.0},
     )  # fmt: skip

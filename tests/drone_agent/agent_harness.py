@@ -11,7 +11,7 @@ from formation.maths.arrays import Float
 from formation.maths.frames import from_rotation_vector
 from formation.messages import Datagram, Event, LabFrame, Truth
 from wire.link_messages.address import GROUND, Address
-from wire.link_messages.commands import CommandAck, CommandLong, Result
+from wire.link_messages.commands import CommandAck, Result, command_long
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
 from wire.link_messages.status import StatusText
@@ -84,8 +84,7 @@ class Harness:
 
     def command(self, number: int, *params: float) -> Result:
         """Send a COMMAND_LONG; the result of its acknowledgement."""
-        p1, p2, p3, p4, p5, p6, p7 = (*params, *(0.0,) * (7 - len(params)))
-        self.send(CommandLong(self.target, number, (p1, p2, p3, p4, p5, p6, p7)))
+        self.send(command_long(self.target, number, *params))
         acks = [m for m in self.of(CommandAck) if m.command == number]
         return acks[-1].result
 

@@ -16,7 +16,7 @@ from formation.messages import Datagram, LabFrame
 from wire.autopilots.table import FlightMode
 from wire.link_messages.address import BRIDGE_COMPONENT, GROUND, Address
 from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import CommandAck, CommandLong, Result
+from wire.link_messages.commands import CommandAck, Result, command_long
 from wire.link_messages.motion import LocalPosition, MocapPose, Origin, VisionPose
 from wire.link_messages.packet import LinkMessage, Packet
 from wire.link_messages.setpoints import AttitudeSetpoint
@@ -83,8 +83,7 @@ class Site:
         return bool(said)
 
     def command(self, number: int, *params: float) -> CommandAck:
-        p1, p2, p3, p4, p5, p6, p7 = (*params, *(0.0,) * (7 - len(params)))
-        self.say(CommandLong(Address(1, 1), number, (p1, p2, p3, p4, p5, p6, p7)))
+        self.say(command_long(Address(1, 1), number, *params))
         return [p.message for p in self.heard if isinstance(p.message, CommandAck)][-1]
 
     def texts(self) -> list[str]:
@@ -111,7 +110,7 @@ def test_frames_pass_byte_for_byte() -> None:
     bridge.tick(0)
     ground, drone = Codec(GROUND), Codec(Address(1, 1))
     unknown = b"\xfd\x01\x00\x00\x07\x01\x01\xff\xfe\x0e\x2a\x11\x22"
-    down = ground.encode(CommandLong(Address(1, 1), 400, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+    down = ground.encode(command_long(Address(1, 1), 400, 1.0))
     bridge.receive_ground(Datagram(1, down + unknown), 1)
     up = drone.encode(LocalPosition(5, np.ones(3), np.zeros(3)))
     bridge.receive_autopilot(up[:7], 1)

@@ -1,6 +1,7 @@
 """`drone-agent`: one simulated quadcopter that speaks MAVLink, as a process."""
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,7 +10,7 @@ import typer
 from wire.clock import Clock
 from wire.errors import ConfigError
 from wire.process import starved
-from wire.process.program import Version
+from wire.process.program import Version, takes
 from wire.process.starved import StarvedError
 
 if TYPE_CHECKING:
@@ -25,72 +26,60 @@ EPILOG = (
 )
 
 
-@app.command(epilog=EPILOG)
-def fly(
-    sysid: Annotated[int | None, typer.Option(help="MAVLink system, 1..250; 1 if not given.")] = None,
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What can be given on the command line; None where the file, or the default, says it."""
+
+    sysid: Annotated[int | None, typer.Option(help="MAVLink system, 1..250; 1 if not given.")] = None
     link: Annotated[
         str | None, typer.Option(help="zenoh (if not given), or udp: from port 14580 + sysid to 14540 + sysid.")
-    ] = None,
-    config: Annotated[Path | None, typer.Option(help="TOML file; other options win over it.")] = None,
-    lab: Annotated[str | None, typer.Option(help="Name of the lab: the root of its keys on the bus.")] = None,
-    body: Annotated[str | None, typer.Option(help="The mocap's name of this drone.")] = None,
+    ] = None
+    config: Annotated[Path | None, typer.Option(help="TOML file; other options win over it.")] = None
+    lab: Annotated[str | None, typer.Option(help="Name of the lab: the root of its keys on the bus.")] = None
+    body: Annotated[str | None, typer.Option(help="The mocap's name of this drone.")] = None
     autopilot: Annotated[
         str | None, typer.Option("--autopilot", "--personality", help="px4 (if not given) or ardupilot.")
-    ] = None,
+    ] = None
     bridge: Annotated[
         str | None, typer.Option(help="Bridge to a real autopilot: udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD.")
-    ] = None,
+    ] = None
     pose: Annotated[
         str | None, typer.Option(help="own (simulated positioning, if not given) or mocap (external only).")
-    ] = None,
+    ] = None
     profile: Annotated[
         str | None, typer.Option(help="Vehicle: paper_40g (if not given), px4_quad or arducopter_quad.")
-    ] = None,
-    start: Annotated[str | None, typer.Option(help="Where it stands: x,y,z in lab metres.")] = None,
-    yaw: Annotated[float | None, typer.Option(help="Where it faces, rad about lab z.")] = None,
+    ] = None
+    start: Annotated[str | None, typer.Option(help="Where it stands: x,y,z in lab metres.")] = None
+    yaw: Annotated[float | None, typer.Option(help="Where it faces, rad about lab z.")] = None
     truth: Annotated[
         float | None,
         typer.Option(help="Publish the true pose this often, Hz, for `gcs-sim mocap`; never if not given."),
-    ] = None,
-    host: Annotated[str | None, typer.Option(help="The ground's host (udp).")] = None,
-    zenoh_connect: Annotated[str | None, typer.Option(help="Endpoint of the bus, tcp/HOST:PORT.")] = None,
+    ] = None
+    host: Annotated[str | None, typer.Option(help="The ground's host (udp).")] = None
+    zenoh_connect: Annotated[str | None, typer.Option(help="Endpoint of the bus, tcp/HOST:PORT.")] = None
     stale_setpoint: Annotated[
         float | None, typer.Option(help="Level after this silence, s; 0.1 if not given, 0: never.")
-    ] = None,
-    stale_land: Annotated[float | None, typer.Option(help="Land this long after levelling, s.")] = None,
-    param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE, as often as needed.")] = None,
-    parameter_file: Annotated[Path | None, typer.Option(help="Keep PARAM_SET's values here.")] = None,
-    speed: Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)] = 1.0,
-    _version: Version = False,
-) -> None:
+    ] = None
+    stale_land: Annotated[float | None, typer.Option(help="Land this long after levelling, s.")] = None
+    param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE, as often as needed.")] = None
+    parameter_file: Annotated[Path | None, typer.Option(help="Keep PARAM_SET's values here.")] = None
+    speed: Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)] = 1.0
+    version: Version = False
+
+
+@app.command(epilog=EPILOG)
+@takes(Options)
+def fly(given: Options) -> None:
     """Be one simulated drone that speaks MAVLink, or with --bridge stand beside a real one; until Ctrl-C."""
-    links = {"kind": link, "host": host, "zenoh_connect": None if zenoh_connect is None else [zenoh_connect]}
-    options: dict[str, Any] = {
-        "sysid": sysid,
-        "lab": lab,
-        "body": body,
-        "autopilot": autopilot,
-        "bridge": bridge,
-        "pose": pose,
-        "profile": profile,
-        "start_lab_m": None if start is None else start.split(","),
-        "start_yaw_rad": yaw,
-        "truth_rate_hz": truth,
-        "stale_setpoint_s": stale_setpoint,
-        "stale_land_s": stale_land,
-        "parameter_file": parameter_file,
-        "link": {key: value for key, value in links.items() if value is not None},
-        "parameters": {name: value for name, _, value in (item.partition("=") for item in param or ())},
-    }
     import uvloop
 
     from drone_agent.bridge.daemon import run_bridge
     from drone_agent.daemon import run
 
     try:
-        agent = _configured(config, options)
+        agent = _configured(given)
         if agent.bridge is None:
-            uvloop.run(run(agent, _tell, Clock(speed)))
+            uvloop.run(run(agent, _tell, Clock(given.speed)))
         else:
             uvloop.run(run_bridge(agent, agent.bridge, _tell))
     except ConfigError as error:
@@ -101,18 +90,44 @@ def fly(
         _fail(f"drone-agent: {error.strerror or error}", 1)
 
 
-def _configured(file: Path | None, options: dict[str, Any]) -> "AgentConfig":
+def _configured(given: Options) -> "AgentConfig":
     """The file's configuration with the options given laid over it."""
     from drone_agent.config import AgentConfig
     from wire.config_file import load, parse
 
+    file = given.config
     base: dict[str, Any] = {} if file is None else load(file, AgentConfig).model_dump(exclude_unset=True)
-    for key, value in options.items():
+    for key, value in _laid_over(given).items():
         if isinstance(value, dict):
             base[key] = {**base.get(key, {}), **value}
         elif value is not None:
             base[key] = value
     return parse(base, AgentConfig, source="drone-agent")
+
+
+def _laid_over(given: Options) -> dict[str, Any]:
+    links = {
+        "kind": given.link,
+        "host": given.host,
+        "zenoh_connect": None if given.zenoh_connect is None else [given.zenoh_connect],
+    }
+    return {
+        "sysid": given.sysid,
+        "lab": given.lab,
+        "body": given.body,
+        "autopilot": given.autopilot,
+        "bridge": given.bridge,
+        "pose": given.pose,
+        "profile": given.profile,
+        "start_lab_m": None if given.start is None else given.start.split(","),
+        "start_yaw_rad": given.yaw,
+        "truth_rate_hz": given.truth,
+        "stale_setpoint_s": given.stale_setpoint,
+        "stale_land_s": given.stale_land,
+        "parameter_file": given.parameter_file,
+        "link": {key: value for key, value in links.items() if value is not None},
+        "parameters": {name: value for name, _, value in (item.partition("=") for item in given.param or ())},
+    }
 
 
 def _tell(event: "Event") -> None:

@@ -9,16 +9,16 @@ import numpy as np
 
 from drone_agent.autopilots.models import MODELS
 from drone_agent.autopilots.parameters import Parameters
-from drone_agent.commands import Commander
 from drone_agent.config import AgentConfig
 from drone_agent.flight.autopilot import CONTROL_NS, Autopilot
 from drone_agent.flight.estimator import ExternalPose, ExternalPositioning, OwnPositioning, Positioning
 from drone_agent.flight.failsafes import Failsafes
-from drone_agent.inbox import READS, Inbox
-from drone_agent.schedule import RASTER_NS, Schedule
+from drone_agent.link.commands import Commander
+from drone_agent.link.inbox import READS, Inbox
+from drone_agent.link.schedule import RASTER_NS, Schedule
+from drone_agent.link.telemetry import AGE, ON_REQUEST, TelemetryBuilder
 from drone_agent.simulation.airframe import Airframe
 from drone_agent.simulation.level_error import Lean
-from drone_agent.telemetry import AGE, ON_REQUEST, TelemetryBuilder
 from formation.messages import Datagram, Event, LabFrame, Truth
 from formation.vehicle.profile import on_ground, profile
 from wire.autopilots.table import AutopilotTable
@@ -73,7 +73,7 @@ class AgentCore:
         self._truth_ns = t0_ns
         self._truth_period_ns = round(1e9 / config.truth_rate_hz) if config.truth_rate_hz > 0.0 else 0
         self._saved_version = self.parameters.version
-        for severity, text in model.words.boot:
+        for severity, text in model.texts.boot:
             self.autopilot.say(severity, text)
 
     def receive(self, message: Datagram | LabFrame, now_ns: int) -> None:

@@ -5,7 +5,8 @@ import sys
 from drone_agent.autopilots import parameter_file
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
-from drone_agent.ground_link import open_ground_link
+from drone_agent.flight import position
+from drone_agent.link.ground_link import open_ground_link
 from drone_agent.wake import Wake
 from formation.messages import Datagram, LabFrame
 from wire.clock import REAL_TIME, Clock
@@ -100,3 +101,4 @@ def _core(config: AgentConfig, clock: Clock) -> AgentCore:
 
 def _warm_up(core: AgentCore, clock: Clock) -> None:
     core.truth(clock.monotonic_ns())
+    position.warm_up()

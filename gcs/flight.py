@@ -112,7 +112,7 @@ class Flight:
         """Notice what has been achieved, move on, pursue every drone's goal. stages: of this tick's frame, if any."""
         if stages is not None and self.phase in AIRBORNE:
             for drone in self._drones:
-                drone.watch_lift(float(stages.state.pos_lab_m[drone.index, 2]))
+                drone.notice_lift(float(stages.state.pos_lab_m[drone.index, 2]))
         match self.phase:
             case Phase.ARMED:
                 self._watch_arming(stages, now_ns)
@@ -121,7 +121,7 @@ class Flight:
             case Phase.FORMATION if stages is not None and self.trajectory_start_ns is None:
                 self._watch_slots(stages, now_ns)
             case Phase.LAND:
-                self._watch_landing(stages, now_ns)
+                self._notice_landing(stages, now_ns)
         for drone in self._drones:
             if self.phase is not Phase.ARMED or now_ns - self.entered_ns >= STREAM_FIRST_NS:
                 drone.pursue(now_ns)
@@ -217,12 +217,12 @@ class Flight:
             here = stages.state.pos_lab_m[0]
             self.trajectory = trajectory_from(self._config, np.array([*here, stages.state.yaw_rad[0]]))
 
-    def _watch_landing(self, stages: Stages | None, now_ns: int) -> None:
+    def _notice_landing(self, stages: Stages | None, now_ns: int) -> None:
         if stages is not None:
             self._lead_down(stages)
             for i, drone in enumerate(self._drones):
                 z_m, vz_m_s = stages.state.pos_lab_m[drone.index, 2], stages.state.vel_lab_m_s[drone.index, 2]
-                drone.watch_landing(float(z_m), float(vz_m_s), float(stages.command.e_lead_m[i, 2]), now_ns)
+                drone.notice_landing(float(z_m), float(vz_m_s), float(stages.command.e_lead_m[i, 2]), now_ns)
         if all(drone.grounded(now_ns) for drone in self._drones):
             self.pull(Trigger.DISARMED, "every drone has landed and is disarmed", now_ns)
 

@@ -1,1 +1,1 @@
-"""The makes of autopilot an agent can be, as tables."""
+"""The autopilots an agent can be, each as a model built on its table."""

@@ -13,10 +13,10 @@ from drone_agent.autopilots.model import (
     AutopilotModel,
     ModeRequest,
     Needs,
+    StatusTexts,
     StreamLoss,
     Task,
     Timing,
-    Words,
     mode_rows,
 )
 from drone_agent.autopilots.parameters import Parameters
@@ -72,7 +72,7 @@ RATES_HZ: Mapping[int, float] = MappingProxyType(
     }
 )
 
-WORDS = Words(
+TEXTS = StatusTexts(
     boot=((Severity.INFO, "ArduCopter V4.6.0"), (Severity.INFO, "Frame: QUAD/X")),
     armed="Arming motors",
     disarmed="Disarming motors",
@@ -172,7 +172,7 @@ ARDUPILOT_MODEL = AutopilotModel(
     force_arm=True,
     takeoff_in_own_mode=False,
     rates_hz=RATES_HZ,
-    words=WORDS,
+    texts=TEXTS,
     timing=_timing,
     mode_request=_mode_request,
     stream_loss=lambda p: StreamLoss(p["GUID_TIMEOUT"], None, Task.LEVEL),

@@ -95,7 +95,7 @@ class StreamLoss:
 
 
 @dataclass(frozen=True, slots=True)
-class Words:
+class StatusTexts:
     """STATUSTEXTs, as its operators know them; {} takes a reason or a mode's name, "" says nothing."""
 
     boot: tuple[tuple[Severity, str], ...]
@@ -169,7 +169,7 @@ class AutopilotModel:
     """PX4 switches to a take-off mode, armed or not; ArduPilot takes off within GUIDED, armed."""
     rates_hz: Mapping[int, float]
     """MessageId -> default rate of telemetry."""
-    words: Words
+    texts: StatusTexts
     timing: Callable[[Parameters], Timing]
     mode_request: Callable[[int, int, int], ModeRequest]
     """DO_SET_MODE's base mode, custom mode and sub-mode -> what is asked for."""

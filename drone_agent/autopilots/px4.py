@@ -10,10 +10,10 @@ from drone_agent.autopilots.model import (
     AutopilotModel,
     ModeRequest,
     Needs,
+    StatusTexts,
     StreamLoss,
     Task,
     Timing,
-    Words,
     mode_rows,
 )
 from drone_agent.autopilots.parameters import Parameters
@@ -84,7 +84,7 @@ RATES_HZ: Mapping[int, float] = MappingProxyType(
     }
 )
 
-WORDS = Words(
+TEXTS = StatusTexts(
     boot=((Severity.INFO, "[init] ready"),),
     armed="Armed by external command",
     disarmed="Disarmed by {}",
@@ -177,7 +177,7 @@ PX4_MODEL = AutopilotModel(
     force_arm=False,
     takeoff_in_own_mode=True,
     rates_hz=RATES_HZ,
-    words=WORDS,
+    texts=TEXTS,
     timing=_timing,
     mode_request=_mode_request,
     stream_loss=_stream_loss,

@@ -89,7 +89,7 @@ class BridgeCore:
         self._hold = BridgeHold()
         self._hold_ns = self._pose_due_ns = t0_ns
         self._own_feed_ns: int | None = None
-        self._age_told_ns = t0_ns
+        self._age_sent_ns = t0_ns
         self._strangers: set[int] = set()
         self._to_ground: list[bytes] = []
         self._to_autopilot: list[bytes] = []
@@ -123,17 +123,17 @@ class BridgeCore:
         self._hold.see(frame.t_capture_ns, pos, q)
         if now_ns >= self._pose_due_ns:  # a steady 50 Hz out of frames that jitter
             self._pose_due_ns = max(self._pose_due_ns + _POSE_NS, now_ns)
-            self._tell_autopilot(VisionPose(frame.t_capture_ns // 1000, pos, q))
+            self._send_autopilot(VisionPose(frame.t_capture_ns // 1000, pos, q))
 
     def tick(self, now_ns: int) -> BridgeOutgoing:
         """Everything to send now."""
         self._now_ns = now_ns
         if now_ns >= self._beat_ns:
             self._beat_ns = now_ns + _BEAT_NS
-            self._tell_autopilot(_HEARTBEAT)
-            self._tell_ground(TimeSync(0, now_ns))
+            self._send_autopilot(_HEARTBEAT)
+            self._send_ground(TimeSync(0, now_ns))
             if self._lacks_origin and self._own_feed_ns is not None:
-                self._tell_autopilot(SetOrigin(self._config.sysid, *self._config.origin))
+                self._send_autopilot(SetOrigin(self._config.sysid, *self._config.origin))
         fed = self._own_feed_ns is not None and now_ns - self._own_feed_ns < _OWN_FEED_NS
         self._act(self._takeover.due(now_ns, fed=fed, stands=self._hold.stands))
         outgoing = BridgeOutgoing(
@@ -193,7 +193,7 @@ class BridgeCore:
             return True
         elif isinstance(message, TimeSync) and message.tc1_ns == 0:
             # Its poses come from here, so the clock it holds them against must be ours.
-            self._tell_autopilot(TimeSync(now_ns, message.ts1_ns, packet.source))
+            self._send_autopilot(TimeSync(now_ns, message.ts1_ns, packet.source))
             return True
         return False
 
@@ -218,7 +218,7 @@ class BridgeCore:
         if turn.flown is not None:
             self._fly(down=turn.flown is Stage.LAND)
         if turn.lands:
-            self._tell_autopilot(command_long(self._target, MavCommand.NAV_LAND, 0.0, 0.0, 0.0, float("nan")))
+            self._send_autopilot(command_long(self._target, MavCommand.NAV_LAND, 0.0, 0.0, 0.0, float("nan")))
 
     def _fly(self, *, down: bool) -> None:
         """One attitude target of our own."""
@@ -227,16 +227,16 @@ class BridgeCore:
         wanted = self._hold.step(self._now_ns, dt_s, down=down)
         t_boot_ms = (self._now_ns - self._t0_ns) // 1_000_000
         rate, thrust = np.zeros(3), wanted.thrust_norm
-        self._tell_autopilot(
+        self._send_autopilot(
             AttitudeSetpoint(self._target, t_boot_ms, wanted.q_lab_from_flu, rate, thrust, Ignore.BODY_RATES)
         )
 
     def _report_age(self, message: AttitudeSetpoint, now_ns: int) -> None:
         rate_hz = self._config.age_rate_hz
         age_ms = self._clock.age_ms(message.t_boot_ms, now_ns - self._t0_ns)
-        if age_ms is not None and rate_hz > 0.0 and now_ns - self._age_told_ns >= 1e9 / rate_hz:
-            self._age_told_ns = now_ns
-            self._tell_ground(NamedValue((now_ns - self._t0_ns) // 1_000_000, "age_ms", age_ms))
+        if age_ms is not None and rate_hz > 0.0 and now_ns - self._age_sent_ns >= 1e9 / rate_hz:
+            self._age_sent_ns = now_ns
+            self._send_ground(NamedValue((now_ns - self._t0_ns) // 1_000_000, "age_ms", age_ms))
 
     def _report_stranger(self, system: int) -> None:
         if system not in self._strangers:
@@ -244,13 +244,13 @@ class BridgeCore:
             self._say(Severity.ERROR, f"The autopilot says it is system {system}, not {self._config.sysid}")
 
     def _say(self, severity: Severity, text: str) -> None:
-        self._tell_ground(StatusText(severity, text))
+        self._send_ground(StatusText(severity, text))
         self._events.append(Event(severity, f"uav{self._config.sysid}", text))
 
-    def _tell_ground(self, message: LinkMessage) -> None:
+    def _send_ground(self, message: LinkMessage) -> None:
         self._to_ground.append(self._codec.encode(message))
 
-    def _tell_autopilot(self, message: LinkMessage) -> None:
+    def _send_autopilot(self, message: LinkMessage) -> None:
         self._to_autopilot.append(self._codec.encode(message))
 
 

@@ -1,13 +1,17 @@
 """The bridge's process: pumps BridgeCore between the ground's link, the bus and the autopilot's own port."""
 
+import sys
+
 from drone_agent.bridge.core import BridgeCore
 from drone_agent.config import AgentConfig
-from drone_agent.ground_link import open_ground_link
+from drone_agent.flight import position
+from drone_agent.link.ground_link import open_ground_link
 from drone_agent.wake import Wake
 from formation.messages import Datagram, LabFrame
 from wire.clock import monotonic_ns
 from wire.config_file import ConfigError
 from wire.process.lifetime import Stop, Tell
+from wire.process.progress import compile_all
 from wire.refusals import Refusals
 from wire.transport.link import Link
 from wire.transport.mocap_bus import MocapBus
@@ -62,6 +66,7 @@ async def run_bridge(config: AgentConfig, autopilot: str, tell: Tell) -> None:
     ConfigError where that text is none of these.
     """
     stop = Stop()
+    compile_all("drone-agent", position.warm_up, sys.stderr)
     core = BridgeCore(config, monotonic_ns(), serial=autopilot.startswith("serial:"))
     pump = _Pump(core, tell)
     bus: ZenohBus | None = None

@@ -127,7 +127,7 @@ class Autopilot:
         """Why it will not arm now, or None."""
         row = self.row
         if not row.may_arm:
-            return self.model.words.not_armable.format(row.label)
+            return self.model.texts.not_armable.format(row.label)
         if self.airframe.pack.remaining < self.timing.battery_critical:
             return "low battery"
         return self.missing(row.needs, now_ns)
@@ -137,11 +137,11 @@ class Autopilot:
         if Needs.POSITION in needs:
             fault = self.position_fault(now_ns)
             if fault is not None and not (self.armed and self.positioning.valid(now_ns)):
-                return self.model.words.no_position.format(fault)
+                return self.model.texts.no_position.format(fault)
         if Needs.GLOBE in needs and self.origin is None and self.armed:
             return "no valid global position estimate"
         if Needs.STREAM in needs and self.stream.monitor.silent(now_ns, self.stream_loss.after_s):
-            return self.model.words.stream_lost
+            return self.model.texts.stream_lost
         if Needs.PILOT in needs:
             return "manual control signal lost"
         return "no valid mission available" if Needs.MISSION in needs else None
@@ -158,7 +158,7 @@ class Autopilot:
             return Result.ACCEPTED
         fault = None if force else self.arming_fault(now_ns)
         if fault is not None:
-            for words in self.model.words.arm_refused:
+            for words in self.model.texts.arm_refused:
                 self.say(Severity.CRITICAL, words, fault)
             return self.model.refused
         self.armed = self.airframe.armed = True
@@ -166,7 +166,7 @@ class Autopilot:
         self.armed_ns = now_ns
         self.home = self.belief(now_ns)
         self.pilot.set_home(self.home)
-        self.say(Severity.INFO, self.model.words.armed)
+        self.say(Severity.INFO, self.model.texts.armed)
         self._take_up(now_ns)
         return Result.ACCEPTED
 
@@ -175,7 +175,7 @@ class Autopilot:
         if not self.armed:
             return Result.ACCEPTED
         if not (self.landed or force):
-            self.say(Severity.CRITICAL, self.model.words.disarm_refused)
+            self.say(Severity.CRITICAL, self.model.texts.disarm_refused)
             return self.model.refused
         self.armed = self.airframe.armed = False
         self.airframe.order_now(self.pilot.idle())
@@ -183,7 +183,7 @@ class Autopilot:
         self.detector.landed = True
         if self.mode is not FlightMode.TERMINATION:
             self.mode = self._mode_after_disarm
-        self.say(Severity.INFO, self.model.words.disarmed, reason)
+        self.say(Severity.INFO, self.model.texts.disarmed, reason)
         return Result.ACCEPTED
 
     def terminate(self) -> Result:
@@ -203,7 +203,7 @@ class Autopilot:
             return self.model.refused
         fault = self.missing(row.needs, now_ns) if self.armed else None
         if fault is not None:
-            self.say(Severity.CRITICAL, self.model.words.mode_refused, row.label, fault)
+            self.say(Severity.CRITICAL, self.model.texts.mode_refused, row.label, fault)
             return self.model.refused
         self.failsafe = False
         self.enter(mode, now_ns)
@@ -223,7 +223,7 @@ class Autopilot:
         """Come down here."""
         result = self.change_mode(FlightMode.LAND, now_ns)
         if result is Result.ACCEPTED:
-            self.say(Severity.INFO, self.model.words.landing)
+            self.say(Severity.INFO, self.model.texts.landing)
         return result
 
     def go_to(self, now_ns: int, place_lab_m: Vec3Tuple, yaw_rad: float | None) -> Result:

@@ -50,7 +50,7 @@ class Failsafes:
             case Stage.LAND:
                 pilot.fail_safe(FlightMode.LAND, now_ns)
             case Stage.LOST:
-                pilot.say(Severity.CRITICAL, pilot.model.words.stream_lost)
+                pilot.say(Severity.CRITICAL, pilot.model.texts.stream_lost)
                 if loss.mode is not None:
                     pilot.fail_safe(loss.mode, now_ns, loss.task)
                 elif not pilot.stream.lands:
@@ -80,10 +80,10 @@ class Failsafes:
             return
         if pilot.landed:
             self._landed_ns = now_ns
-            pilot.say(Severity.INFO, pilot.model.words.landed)
+            pilot.say(Severity.INFO, pilot.model.texts.landed)
         else:
             self._flown = True
-            pilot.say(Severity.INFO, pilot.model.words.takeoff)
+            pilot.say(Severity.INFO, pilot.model.texts.takeoff)
 
     def _disarm_when_done(self, now_ns: int) -> None:
         pilot, timing = self._autopilot, self._autopilot.timing
@@ -101,7 +101,7 @@ class Failsafes:
     def _check_position(self, now_ns: int) -> None:
         pilot = self._autopilot
         if pilot.task in _ON_POSITION and not pilot.positioning.valid(now_ns):
-            pilot.say(Severity.CRITICAL, pilot.model.words.pose_lost)
+            pilot.say(Severity.CRITICAL, pilot.model.texts.pose_lost)
             pilot.fail_safe(FlightMode.DESCEND, now_ns)
 
     def _check_battery(self, now_ns: int) -> None:
@@ -109,10 +109,10 @@ class Failsafes:
         left = pilot.airframe.pack.remaining
         if left < timing.battery_low and not self._battery_low_said:
             self._battery_low_said = True
-            pilot.say(Severity.WARNING, pilot.model.words.battery_low)
+            pilot.say(Severity.WARNING, pilot.model.texts.battery_low)
         if left < timing.battery_critical and not self._battery_acted:
             self._battery_acted = True
-            pilot.say(Severity.CRITICAL, pilot.model.words.battery_critical)
+            pilot.say(Severity.CRITICAL, pilot.model.texts.battery_critical)
             if timing.battery_action is not None:
                 pilot.fail_safe(timing.battery_action, now_ns)
 
@@ -122,5 +122,5 @@ class Failsafes:
             return
         if self._ground.silent(now_ns, timing.ground_loss_s):
             self._ground = LinkMonitor()
-            pilot.say(Severity.CRITICAL, pilot.model.words.ground_lost)
+            pilot.say(Severity.CRITICAL, pilot.model.texts.ground_lost)
             pilot.fail_safe(timing.ground_loss, now_ns)

@@ -1,10 +1,13 @@
 """Flies one task at a time by the agent's own position controller: level, hold, take off, return, land, descend."""
 
+import numpy as np
+
 from drone_agent.autopilots.model import Task, Timing
 from drone_agent.flight.estimator import Belief
-from drone_agent.flight.position import NO_RATE, Demand, PositionController, attitude_of
+from drone_agent.flight.position import NO_RATE, Demand, PositionController
 from drone_agent.simulation.attitude_loop import LoopSetpoint
 from formation.maths.arrays import Quat
+from formation.maths.frames import from_yaw
 from formation.model import Vec3Tuple
 from formation.vehicle.profile import VehicleProfile
 
@@ -96,7 +99,7 @@ class Pilot:
     def idle(self) -> LoopSetpoint:
         """Level with the motors at rest: armed on the ground."""
         self._loop.reset()
-        return LoopSetpoint(attitude_of(0.0, 0.0, 1.0, self._yaw_rad), NO_RATE, 0.0)
+        return LoopSetpoint(from_yaw(np.array(self._yaw_rad)), NO_RATE, 0.0)
 
     def step(self, belief: Belief, timing: Timing, dt_s: float) -> LoopSetpoint:
         """The next attitude and thrust."""

@@ -12,6 +12,7 @@ import numpy as np
 from drone_agent.flight.estimator import Belief
 from drone_agent.simulation.attitude_loop import LoopSetpoint
 from formation.maths.arrays import Quat
+from formation.maths.quaternion import attitude_of
 from formation.model import Vec3Tuple
 from formation.vehicle.profile import GRAVITY_M_S2
 
@@ -58,7 +59,8 @@ class PositionController:
         if side > _TILT_MAX * lift:
             ax, ay = ax * _TILT_MAX * lift / side, ay * _TILT_MAX * lift / side
         if demand.attitude is None:
-            q = attitude_of(ax, ay, lift, demand.yaw_rad)
+            q = np.empty(4)
+            attitude_of(ax, ay, lift, demand.yaw_rad, q)
             force = math.sqrt(ax * ax + ay * ay + lift * lift)
         else:
             q = demand.attitude
@@ -94,15 +96,6 @@ class PositionController:
         return p * error + self._sum[axis]
 
 
-def attitude_of(x: float, y: float, z: float, yaw_rad: float) -> Quat:
-    """The attitude whose up axis lies along (x, y, z) in `lab`, z > 0, and whose heading is `yaw_rad`.
-
-    The tilt is the shortest turn from vertical, after the yaw: q = q_tilt * q_yaw.
-    """
-    norm = math.sqrt(x * x + y * y + z * z)
-    w, i, j = 1.0 + z / norm, -y / norm, x / norm
-    length = math.sqrt(w * w + i * i + j * j)
-    w, i, j = w / length, i / length, j / length
-    c, s = math.cos(0.5 * yaw_rad), math.sin(0.5 * yaw_rad)
-    q = (w * c, i * c + j * s, j * c - i * s, w * s)
-    return np.array(q if q[0] >= 0.0 else tuple(-e for e in q))
+def warm_up() -> None:
+    """Compile what `PositionController` calls: nothing compiles in flight."""
+    attitude_of(0.0, 0.0, 1.0, 0.0, np.empty(4))

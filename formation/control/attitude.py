@@ -12,6 +12,7 @@ from formation.estimation.state import VehicleEstimate
 from formation.guidance.reference_generator import VehicleReference
 from formation.maths.arrays import Float, Quat, Scalars, Vec3, Vec4
 from formation.maths.kernel import kernel
+from formation.maths.quaternion import attitude_of
 from formation.maths.records import Rows, blank
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
@@ -82,32 +83,6 @@ def attitude(
     out = blank(Target, len(settings))
     _targets(settings, wanted, estimates, references, hover_thrust_norm, now_ns, out)
     return out
-
-
-@kernel
-def attitude_of(x: float, y: float, z: float, yaw: float, q: Float) -> None:
-    """q_lab_from_flu with body z along the force (x, y, z) and the heading's axis in the body's x-z plane, into q (4).
-
-    y_b = z_b x x_yaw, normalised; x_b = y_b x z_b (Eq. 1's angles, without their singular arithmetic).
-    """
-    size = sqrt(x * x + y * y + z * z)
-    zx, zy, zz = x / size, y / size, z / size
-    cx, cy = cos(yaw), sin(yaw)
-    yx, yy, yz = -zz * cy, zz * cx, zx * cy - zy * cx
-    length = sqrt(yx * yx + yy * yy + yz * yz)
-    yx, yy, yz = yx / length, yy / length, yz / length
-    xx, xy, xz = yy * zz - yz * zy, yz * zx - yx * zz, yx * zy - yy * zx
-    # Shepperd's formula; tilt stays under pi/2, so the trace and m22 = zz share the safe branches.
-    trace = xx + yy + zz
-    if trace > zz:
-        w = sqrt(1.0 + trace)
-        q[0], q[1], q[2], q[3] = 0.5 * w, 0.5 * (yz - zy) / w, 0.5 * (zx - xz) / w, 0.5 * (xy - yx) / w
-    else:
-        w = sqrt(1.0 + zz - xx - yy)
-        q[0], q[1], q[2], q[3] = 0.5 * (xy - yx) / w, 0.5 * (zx + xz) / w, 0.5 * (yz + zy) / w, 0.5 * w
-    if q[0] < 0.0:
-        for k in range(4):
-            q[k] = -q[k]
 
 
 @kernel

@@ -1,6 +1,6 @@
 """Rotations inside compiled loops, each written into an array that is there; batches: `formation.maths.frames`."""
 
-from math import sqrt
+from math import cos, sin, sqrt
 
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
@@ -45,3 +45,29 @@ def thrust_axis(q: Float) -> tuple[float, float, float]:
     """The body's z axis in `lab`, along which the rotors pull; q: q_lab_from_flu (4)."""
     qw, qx, qy, qz = q[0], q[1], q[2], q[3]
     return 2.0 * (qx * qz + qw * qy), 2.0 * (qy * qz - qw * qx), 1.0 - 2.0 * (qx * qx + qy * qy)
+
+
+@kernel
+def attitude_of(x: float, y: float, z: float, yaw: float, q: Float) -> None:
+    """q_lab_from_flu with body z along the force (x, y, z) and the heading's axis in the body's x-z plane, into q (4).
+
+    y_b = z_b x x_yaw, normalised; x_b = y_b x z_b (Eq. 1's angles, without their singular arithmetic).
+    """
+    size = sqrt(x * x + y * y + z * z)
+    zx, zy, zz = x / size, y / size, z / size
+    cx, cy = cos(yaw), sin(yaw)
+    yx, yy, yz = -zz * cy, zz * cx, zx * cy - zy * cx
+    length = sqrt(yx * yx + yy * yy + yz * yz)
+    yx, yy, yz = yx / length, yy / length, yz / length
+    xx, xy, xz = yy * zz - yz * zy, yz * zx - yx * zz, yx * zy - yy * zx
+    # Shepperd's formula; tilt stays under pi/2, so the trace and m22 = zz share the safe branches.
+    trace = xx + yy + zz
+    if trace > zz:
+        w = sqrt(1.0 + trace)
+        q[0], q[1], q[2], q[3] = 0.5 * w, 0.5 * (yz - zy) / w, 0.5 * (zx - xz) / w, 0.5 * (xy - yx) / w
+    else:
+        w = sqrt(1.0 + zz - xx - yy)
+        q[0], q[1], q[2], q[3] = 0.5 * (xy - yx) / w, 0.5 * (zx + xz) / w, 0.5 * (yz + zy) / w, 0.5 * w
+    if q[0] < 0.0:
+        for k in range(4):
+            q[k] = -q[k]

@@ -78,7 +78,7 @@ class Drone:
             return ""
         return f"{self.link.name} disarmed itself: no take-off in {timeout_s:g} s ({model.table.idle_disarm_parameter})"
 
-    def watch_lift(self, z_m: float) -> None:
+    def notice_lift(self, z_m: float) -> None:
         """Notice that it is off the floor."""
         rises = z_m - self.rest_z_m > LIFTED_M or self.link.telemetry.landed in AIRBORNE_STATES
         self.lifted = self.lifted or rises
@@ -105,7 +105,7 @@ class Drone:
             self.released = True
             self.aim(Goal.LAND, now_ns)
 
-    def watch_landing(self, z_m: float, vz_m_s: float, above_reference_m: float, now_ns: int) -> None:
+    def notice_landing(self, z_m: float, vz_m_s: float, above_reference_m: float, now_ns: int) -> None:
         """Notice touch-down: at rest at its own floor height, or at rest while told to be well below."""
         near = z_m - self.rest_z_m < NEAR_FLOOR_M
         if not (near or above_reference_m > PRESSING_M) or abs(vz_m_s) > AT_REST_M_S:

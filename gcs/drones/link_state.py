@@ -13,7 +13,7 @@ from gcs.drones.armed_clock import ArmedClock
 from gcs.drones.autopilot_model import GROUND_MODELS, GroundModel
 from gcs.drones.commands import CommandChannel, stream
 from gcs.drones.parameters import ParameterReader
-from gcs.drones.sequence import SequenceWatch
+from gcs.drones.sequence import SequenceMonitor
 from gcs.drones.timesync import TimeSyncClient
 from wire.autopilots.table import FlightMode
 from wire.link_messages.address import BRIDGE_COMPONENT, DRONE_COMPONENT, GROUND, Address
@@ -101,7 +101,7 @@ class DroneLink:
         self._own_link = body.link is not None
         self._streams = streams
         self._origin = origin
-        self._origin_told_ns = NEVER_NS
+        self._origin_sent_ns = NEVER_NS
         self.target = Address(sysid, DRONE_COMPONENT)
         self._bridge = Address(sysid, BRIDGE_COMPONENT)
         self.codec = Codec(GROUND, reads=READS)
@@ -112,7 +112,7 @@ class DroneLink:
         self.armed_clock = ArmedClock()
         self.commands = CommandChannel()
         self.clock = TimeSyncClient(self.target)
-        self.sequence = SequenceWatch()
+        self.sequence = SequenceMonitor()
         self.parameters = ParameterReader(self.target, MavAutopilot.GENERIC)
         self.foreign_sysid: int | None = None
         self.texts: deque[str] = deque(maxlen=4)
@@ -157,7 +157,7 @@ class DroneLink:
 
     @property
     def idle_disarm_s(self) -> float | None:
-        """After how long it disarms by itself when armed without a take-off; its make's default until it was read."""
+        """After how long it disarms by itself when armed without a take-off; the default until that was read."""
         if self.model is None:
             return None
         name, default_s = self.model.table.idle_disarm_parameter, self.model.idle_disarm_default_s
@@ -215,9 +215,9 @@ class DroneLink:
         model = self.model
         if self._origin is None or model is None or not model.table.needs_origin or self.telemetry.origin:
             return []
-        if now_ns - self._origin_told_ns < ORIGIN_NS or not model.unready(self.telemetry.estimator):
+        if now_ns - self._origin_sent_ns < ORIGIN_NS or not model.unready(self.telemetry.estimator):
             return []
-        self._origin_told_ns = now_ns
+        self._origin_sent_ns = now_ns
         return [SetOrigin(self.sysid, *self._origin)]
 
     def _read(self, message: LinkMessage, now_ns: int) -> None:

@@ -34,7 +34,7 @@ class _Stream:
 
 
 @dataclass(slots=True)
-class SequenceWatch:
+class SequenceMonitor:
     """One sender's sequence numbers (0..255, one more each packet).
 
     Two senders that use the same address show as two interleaved counters: each packet continues one of two streams,

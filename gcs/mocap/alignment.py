@@ -1,6 +1,7 @@
 """From the source's axes, names and marker frames to `lab`, `flu` and the configuration's order; done once, here."""
 
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,26 +39,46 @@ _WORDS = {
 }
 
 
+class Mounting(NamedTuple):
+    """How the mocap lies in the lab, and the markers on the bodies: rotation (3, 3), origin (3), (4) and (n, 4)."""
+
+    r_lab_from_mocap: Float
+    origin_lab_m: Float
+    q_lab_from_mocap: Float
+    q_marker_from_flu: Float
+
+
+class Aligned(NamedTuple):
+    """What `_align` fills: pos (n, 3), q (n, 4), seen (n) and each body's Fault (n), which come in as zeros."""
+
+    pos_lab_m: Float
+    q_lab_from_flu: Float
+    seen: Bool
+    faults: Indices
+
+
 class Alignment:
     """The one conversion of a lab. Bodies that are none of its vehicles are left out, bodies missing are unseen."""
 
     def __init__(self, config: LabConfig) -> None:
         self.bodies = tuple(v.body for v in config.vehicles)
-        self._q_lab_from_mocap = frames.canonical(np.array(config.mocap.q_lab_from_mocap))
-        self._rotation = frames.matrix(self._q_lab_from_mocap)
-        self._origin_lab_m = np.array(config.mocap.origin_lab_m)
-        self._q_marker_from_flu = frames.canonical(np.array([v.q_marker_from_flu for v in config.vehicles]))
+        q_lab_from_mocap = frames.canonical(np.array(config.mocap.q_lab_from_mocap))
+        self._mounting = Mounting(
+            frames.matrix(q_lab_from_mocap),
+            np.array(config.mocap.origin_lab_m),
+            q_lab_from_mocap,
+            frames.canonical(np.array([v.q_marker_from_flu for v in config.vehicles])),
+        )
         self._order: tuple[tuple[str, ...], Indices] | None = None
 
     def align(self, raw: RawFrame, seq: int, t_capture_ns: int, t_receive_ns: int) -> tuple[LabFrame, Indices]:
         """The frame in `lab`, and each vehicle's Fault (n); a body with one counts as unseen."""
         n = len(self.bodies)
-        pos, q, seen, faults = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros(n, np.bool_), np.zeros(n, np.int64)
-        _align(
-            self._places(raw.bodies), raw.pos_mocap_m, raw.q_mocap_from_marker, raw.seen,
-            self._rotation, self._origin_lab_m, self._q_lab_from_mocap, self._q_marker_from_flu, pos, q, seen, faults,
-        )  # fmt: skip
-        return LabFrame(seq, t_capture_ns, self.bodies, pos, q, seen, t_receive_ns), faults
+        out = Aligned(np.zeros((n, 3)), np.zeros((n, 4)), np.zeros(n, np.bool_), np.zeros(n, np.int64))
+        places = self._places(raw.bodies)
+        _align(places, raw.pos_mocap_m, raw.q_mocap_from_marker, raw.seen, self._mounting, out)
+        frame = LabFrame(seq, t_capture_ns, self.bodies, out.pos_lab_m, out.q_lab_from_flu, out.seen, t_receive_ns)
+        return frame, out.faults
 
     def _places(self, bodies: tuple[str, ...]) -> Indices:
         """Index into the frame of each vehicle, -1 where it lacks it; the frame's own order rarely changes."""
@@ -77,19 +98,14 @@ def _product(a: Float, b: Float, out: Float) -> None:
 
 @kernel
 def _align(
-    places: Indices, pos_mocap_m: Float, q_mocap_from_marker: Float, seen_in: Bool, rotation: Float,
-    origin_lab_m: Float, q_lab_from_mocap: Float, q_marker_from_flu: Float, pos: Float, q: Float, seen: Bool,
-    faults: Indices,
-) -> None:  # fmt: skip
-    """pos_lab = R pos_mocap + origin, q_lab_from_flu = q_lab_from_mocap q_mocap_from_marker q_marker_from_flu.
-
-    Fills pos (n, 3), q (n, 4), seen (n) and faults (n), which come in as zeros.
-    """
+    places: Indices, pos_mocap_m: Float, q_mocap_from_marker: Float, seen: Bool, mounting: Mounting, out: Aligned
+) -> None:
+    """pos_lab = R pos_mocap + origin, q_lab_from_flu = q_lab_from_mocap q_mocap_from_marker q_marker_from_flu."""
     q_lab_from_marker = np.empty(4)
     for i in range(len(places)):
-        q[i, 0] = 1.0
+        out.q_lab_from_flu[i, 0] = 1.0
         at = places[i]
-        if at < 0 or not seen_in[at]:
+        if at < 0 or not seen[at]:
             continue
         norm, far2 = 0.0, 0.0
         for k in range(4):
@@ -97,16 +113,16 @@ def _align(
         for row in range(3):
             far2 += pos_mocap_m[at, row] ** 2
         if np.isnan(norm + far2):
-            faults[i] = 1
+            out.faults[i] = 1
         elif abs(norm - 1.0) > UNIT_WITHIN:
-            faults[i] = 2
+            out.faults[i] = 2
         elif far2 > FARTHEST_M**2:
-            faults[i] = 3
+            out.faults[i] = 3
         else:
             for row in range(3):
-                pos[i, row] = origin_lab_m[row]
+                out.pos_lab_m[i, row] = mounting.origin_lab_m[row]
                 for k in range(3):
-                    pos[i, row] += rotation[row, k] * pos_mocap_m[at, k]
-            _product(q_lab_from_mocap, q_mocap_from_marker[at], q_lab_from_marker)
-            _product(q_lab_from_marker, q_marker_from_flu[i], q[i])
-            seen[i] = True
+                    out.pos_lab_m[i, row] += mounting.r_lab_from_mocap[row, k] * pos_mocap_m[at, k]
+            _product(mounting.q_lab_from_mocap, q_mocap_from_marker[at], q_lab_from_marker)
+            _product(q_lab_from_marker, mounting.q_marker_from_flu[i], out.q_lab_from_flu[i])
+            out.seen[i] = True

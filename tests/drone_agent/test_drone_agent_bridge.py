@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from agent_bench import LEVEL, MS, Bench, S, Stream, hover_at, hover_over
+from agent_harness import LEVEL, MS, Harness, S, Stream, hover_at, hover_over
 
 from drone_agent.bridge.core import BridgeCore
 from drone_agent.config import AgentConfig
@@ -16,7 +16,7 @@ from formation.messages import Datagram, LabFrame
 from wire.autopilots.table import FlightMode
 from wire.link_messages.address import BRIDGE_COMPONENT, GROUND, Address
 from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import CommandAck, CommandLong, Result
+from wire.link_messages.commands import CommandAck, Result, command_long
 from wire.link_messages.motion import LocalPosition, MocapPose, Origin, VisionPose
 from wire.link_messages.packet import LinkMessage, Packet
 from wire.link_messages.setpoints import AttitudeSetpoint
@@ -31,7 +31,7 @@ class Site:
 
     def __init__(self, autopilot: str = "px4", level_error: LevelError = TRUE_LEVEL, **config: object) -> None:
         options = {"GUID_OPTIONS": 8.0} if autopilot == "ardupilot" else {}
-        self.drone = Bench(
+        self.drone = Harness(
             pose="mocap", stale_setpoint_s=0.0, stale_land_s=60.0, profile="px4_quad", autopilot=autopilot,
             parameters=options, level_error=level_error,
         )  # fmt: skip
@@ -46,7 +46,7 @@ class Site:
         self.bridge.receive_ground(Datagram(1, data), self.now_ns)
         self._turn()
 
-    def run(self, seconds: float, stream: Callable[[Bench], AttitudeSetpoint] | None = None) -> None:
+    def run(self, seconds: float, stream: Callable[[Harness], AttitudeSetpoint] | None = None) -> None:
         end_ns = self.now_ns + round(seconds * S)
         while self.now_ns < end_ns:
             self.now_ns += 10 * MS
@@ -83,8 +83,7 @@ class Site:
         return bool(said)
 
     def command(self, number: int, *params: float) -> CommandAck:
-        p1, p2, p3, p4, p5, p6, p7 = (*params, *(0.0,) * (7 - len(params)))
-        self.say(CommandLong(Address(1, 1), number, (p1, p2, p3, p4, p5, p6, p7)))
+        self.say(command_long(Address(1, 1), number, *params))
         return [p.message for p in self.heard if isinstance(p.message, CommandAck)][-1]
 
     def texts(self) -> list[str]:
@@ -111,7 +110,7 @@ def test_frames_pass_byte_for_byte() -> None:
     bridge.tick(0)
     ground, drone = Codec(GROUND), Codec(Address(1, 1))
     unknown = b"\xfd\x01\x00\x00\x07\x01\x01\xff\xfe\x0e\x2a\x11\x22"
-    down = ground.encode(CommandLong(Address(1, 1), 400, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+    down = ground.encode(command_long(Address(1, 1), 400, 1.0))
     bridge.receive_ground(Datagram(1, down + unknown), 1)
     up = drone.encode(LocalPosition(5, np.ones(3), np.zeros(3)))
     bridge.receive_autopilot(up[:7], 1)
@@ -232,7 +231,7 @@ def test_gives_an_ardupilot_its_origin_once() -> None:
 def test_an_ardupilot_that_restarted_is_given_its_origin_again() -> None:
     site = Site("ardupilot")
     site.run(4.0)
-    site.drone = Bench(
+    site.drone = Harness(
         pose="mocap", stale_setpoint_s=0.0, stale_land_s=60.0, profile="px4_quad", autopilot="ardupilot",
         parameters={"GUID_OPTIONS": 8.0},
     )  # fmt: skip

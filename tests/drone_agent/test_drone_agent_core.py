@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from agent_bench import MS, Bench, S, hover_at, target
+from agent_harness import MS, Harness, S, hover_at, target
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
-from drone_agent.schedule import RASTER_NS, Schedule
+from drone_agent.link.schedule import RASTER_NS, Schedule
 from drone_agent.simulation.airframe import Airframe
 from drone_agent.simulation.attitude_loop import LoopSetpoint
 from drone_agent.simulation.disturbance import Disturbance, SweptFan
@@ -22,9 +22,9 @@ from wire.link_messages.status import NamedValue
 
 def test_the_same_input_gives_the_same_flight() -> None:
     def flight() -> tuple[list[tuple[int, str]], list[float]]:
-        bench = Bench(pose="mocap", disturbance={"fan": {}})
-        bench.fly_offboard(0.4)
-        return [(t, repr(m)) for t, m in bench.heard], bench.truth.pos_lab_m.tolist()
+        harness = Harness(pose="mocap", disturbance={"fan": {}})
+        harness.fly_offboard(0.4)
+        return [(t, repr(m)) for t, m in harness.heard], harness.truth.pos_lab_m.tolist()
 
     assert flight() == flight()
 
@@ -58,16 +58,16 @@ def test_any_bytes_are_survived(data: bytes) -> None:
     st.lists(st.floats(width=32), min_size=7, max_size=7),
 )
 def test_any_command_is_answered(seed: int, number: int, params: list[float]) -> None:
-    bench = Bench()
-    bench.run(seed % 5 * 0.6)
-    assert 0 <= bench.command(number, *params) <= 6
+    harness = Harness()
+    harness.run(seed % 5 * 0.6)
+    assert 0 <= harness.command(number, *params) <= 6
 
 
 def test_datagrams_to_another_drone_are_left_alone() -> None:
-    bench = Bench(sysid=3)
-    bench.tick()
-    bench.core.receive(Datagram(4, bench.codec.encode(TimeSync(0, 1))), 0)
-    assert not bench.core.tick(0).datagrams
+    harness = Harness(sysid=3)
+    harness.tick()
+    harness.core.receive(Datagram(4, harness.codec.encode(TimeSync(0, 1))), 0)
+    assert not harness.core.tick(0).datagrams
 
 
 def test_truth_is_exact_between_the_steps_of_the_physics() -> None:
@@ -94,24 +94,24 @@ def test_setpoints_rule_after_the_vehicles_delay_in_their_order() -> None:
 
 
 def test_events_carry_what_the_operator_is_told() -> None:
-    bench = Bench(sysid=9)
-    bench.run(1.0)
-    assert [(e.source, e.text) for e in bench.events] == [("uav9", "[init] ready")]
+    harness = Harness(sysid=9)
+    harness.run(1.0)
+    assert [(e.source, e.text) for e in harness.events] == [("uav9", "[init] ready")]
 
 
 def test_the_age_of_a_setpoint_is_reported_on_the_grounds_clock() -> None:
-    bench = Bench()
+    harness = Harness()
     ground_ahead_ns = 1234 * S
-    bench.run(0.05)
-    request = next(m for m in bench.of(TimeSync) if m.tc1_ns == 0)
-    bench.send(TimeSync(bench.now_ns + ground_ahead_ns, request.ts1_ns))
-    bench.run(3.0)
+    harness.run(0.05)
+    request = next(m for m in harness.of(TimeSync) if m.tc1_ns == 0)
+    harness.send(TimeSync(harness.now_ns + ground_ahead_ns, request.ts1_ns))
+    harness.run(3.0)
     # The exchange took 50 ms, all of it after the ground's stamp: half of that is the error of the offset.
-    stamp_ms = (bench.now_ns + ground_ahead_ns - 30 * MS) // MS
-    setpoint = target(bench, 0.0)
-    bench.send(type(setpoint)(setpoint.target, stamp_ms, setpoint.q_lab_from_flu, np.zeros(3), 0.0, setpoint.ignore))
-    bench.run(0.03)
-    value = bench.last(NamedValue)
+    stamp_ms = (harness.now_ns + ground_ahead_ns - 30 * MS) // MS
+    setpoint = target(harness, 0.0)
+    harness.send(type(setpoint)(setpoint.target, stamp_ms, setpoint.q_lab_from_flu, np.zeros(3), 0.0, setpoint.ignore))
+    harness.run(0.03)
+    value = harness.last(NamedValue)
     assert value.name == "age_ms"
     assert value.value == pytest.approx(30.0, abs=26.0)
 
@@ -146,10 +146,10 @@ def test_a_late_look_sends_once() -> None:
 
 
 def test_default_telemetry_is_enough_and_not_more() -> None:
-    bench = Bench()
-    bench.run(3.0)
-    bench.heard.clear()
-    bench.run(10.0, hover_at(0.0))
-    assert len(bench.of(AttitudeQuaternion)) == 500
-    assert len(bench.of(LocalPosition)) == 300
-    assert len(bench.heard) < 1200
+    harness = Harness()
+    harness.run(3.0)
+    harness.heard.clear()
+    harness.run(10.0, hover_at(0.0))
+    assert len(harness.of(AttitudeQuaternion)) == 500
+    assert len(harness.of(LocalPosition)) == 300
+    assert len(harness.heard) < 1200

@@ -1,7 +1,7 @@
 """The stages of a stream that falls silent, by the times alone."""
 
 import pytest
-from agent_bench import MS, Bench
+from agent_harness import MS, Harness
 
 from drone_agent.bridge.takeover import STEP_NS, Takeover, Turn
 from drone_agent.failsafe import Stage, StreamFailsafe
@@ -61,11 +61,11 @@ def test_the_autopilots_own_time_out_acts_where_it_is_sooner(own_s: float, stage
 
 def test_an_own_time_out_that_floats_round_up_is_still_the_autopilots() -> None:
     """0.3 s as a MAVLink float is 0.30000001192...: the deadline and the silence must mean the same nanosecond."""
-    bench = Bench(stale_setpoint_s=0.0, parameters={"COM_OF_LOSS_T": 0.3})
-    bench.fly_offboard(0.5)
-    bench.run(0.5)
-    assert "No offboard signal" in bench.texts()
-    assert not any("stale" in text for text in bench.texts())
+    harness = Harness(stale_setpoint_s=0.0, parameters={"COM_OF_LOSS_T": 0.3})
+    harness.fly_offboard(0.5)
+    harness.run(0.5)
+    assert "No offboard signal" in harness.texts()
+    assert not any("stale" in text for text in harness.texts())
 
 
 def _taken_over() -> Takeover:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from agent_bench import LEVEL, Bench, S, hover_at, tilt_rad
+from agent_harness import LEVEL, Harness, S, hover_at, tilt_rad
 
 from drone_agent.simulation.level_error import Lean, LevelError
 from formation.maths.arrays import Float
@@ -37,8 +37,10 @@ def test_what_it_flies_it_believes_to_be_what_was_asked() -> None:
 
 
 def test_a_level_target_leans_the_vehicle_while_it_says_that_it_is_level() -> None:
-    bench = Bench(profile="px4_quad", stale_setpoint_s=0.0, level_error=LevelError(rms_rad=0.02, correlation_s=100.0))
-    bench.fly_offboard(stream=hover_at(1.0))
-    leaned_rad = tilt_rad(bench.truth.q_lab_from_flu)
+    harness = Harness(
+        profile="px4_quad", stale_setpoint_s=0.0, level_error=LevelError(rms_rad=0.02, correlation_s=100.0)
+    )
+    harness.fly_offboard(stream=hover_at(1.0))
+    leaned_rad = tilt_rad(harness.truth.q_lab_from_flu)
     assert 0.002 < leaned_rad < 0.08
-    assert tilt_rad(bench.last(AttitudeQuaternion).q_lab_from_flu) < 0.2 * leaned_rad
+    assert tilt_rad(harness.last(AttitudeQuaternion).q_lab_from_flu) < 0.2 * leaned_rad

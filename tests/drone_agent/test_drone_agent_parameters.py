@@ -4,7 +4,7 @@ import struct
 from pathlib import Path
 
 import pytest
-from agent_bench import Bench
+from agent_harness import Harness
 
 from drone_agent.autopilots import parameter_file
 from drone_agent.autopilots.models import MODELS
@@ -13,40 +13,40 @@ from wire.config_file import ConfigError
 from wire.link_messages.parameters import ParamRequestList, ParamRequestRead, ParamSet, ParamType, ParamValue
 
 
-def read(bench: Bench, name: str) -> ParamValue:
-    bench.send(ParamRequestRead(bench.target, name))
-    return bench.last(ParamValue)
+def read(harness: Harness, name: str) -> ParamValue:
+    harness.send(ParamRequestRead(harness.target, name))
+    return harness.last(ParamValue)
 
 
 def test_px4_carries_an_integers_own_bytes() -> None:
-    bench = Bench(sysid=7)
-    value = read(bench, "MAV_SYS_ID")
+    harness = Harness(sysid=7)
+    value = read(harness, "MAV_SYS_ID")
     assert (value.raw, value.type) == (struct.pack("<i", 7), ParamType.INT32)
-    assert read(bench, "MIS_TAKEOFF_ALT").raw == struct.pack("<f", 2.5)
+    assert read(harness, "MIS_TAKEOFF_ALT").raw == struct.pack("<f", 2.5)
 
 
 def test_ardupilot_casts_and_keeps_its_narrow_types() -> None:
-    bench = Bench(sysid=7, autopilot="ardupilot")
-    value = read(bench, "SYSID_THISMAV")
+    harness = Harness(sysid=7, autopilot="ardupilot")
+    value = read(harness, "SYSID_THISMAV")
     assert (value.raw, value.type) == (struct.pack("<f", 7.0), ParamType.INT16)
-    assert read(bench, "GUID_TIMEOUT").type is ParamType.REAL32
-    assert read(bench, "VISO_TYPE").type is ParamType.INT8
+    assert read(harness, "GUID_TIMEOUT").type is ParamType.REAL32
+    assert read(harness, "VISO_TYPE").type is ParamType.INT8
 
 
 @pytest.mark.parametrize("autopilot", list(MODELS))
 def test_the_whole_list_comes_once_in_order(autopilot: str) -> None:
-    bench = Bench(autopilot=autopilot)
-    bench.run(0.1)
-    bench.send(ParamRequestList(bench.target))
-    bench.run(1.0)
-    values = bench.of(ParamValue)
+    harness = Harness(autopilot=autopilot)
+    harness.run(0.1)
+    harness.send(ParamRequestList(harness.target))
+    harness.run(1.0)
+    values = harness.of(ParamValue)
     assert [v.index for v in values] == list(range(values[0].count))
     assert len(values) > 60
     names = [v.name for v in values]
     assert names == sorted(names)
     assert all(len(name) <= 16 for name in names)
-    bench.send(ParamRequestRead(bench.target, "", 3))
-    assert bench.last(ParamValue) == values[3]
+    harness.send(ParamRequestRead(harness.target, "", 3))
+    assert harness.last(ParamValue) == values[3]
 
 
 @pytest.mark.parametrize("autopilot", list(MODELS))
@@ -56,54 +56,54 @@ def test_defaults_lie_in_their_documented_ranges(autopilot: str) -> None:
 
 
 def test_a_set_takes_effect_and_is_echoed() -> None:
-    bench = Bench()
-    bench.send(ParamSet(bench.target, "MIS_TAKEOFF_ALT", struct.pack("<f", 0.7), ParamType.REAL32))
-    assert bench.last(ParamValue).raw == struct.pack("<f", 0.7)
-    bench.run(3.0)
-    bench.command(400, 1.0)
-    bench.command(22)
-    bench.run(5.0)
-    assert bench.truth.pos_lab_m[2] == pytest.approx(0.7, abs=0.03)
+    harness = Harness()
+    harness.send(ParamSet(harness.target, "MIS_TAKEOFF_ALT", struct.pack("<f", 0.7), ParamType.REAL32))
+    assert harness.last(ParamValue).raw == struct.pack("<f", 0.7)
+    harness.run(3.0)
+    harness.command(400, 1.0)
+    harness.command(22)
+    harness.run(5.0)
+    assert harness.truth.pos_lab_m[2] == pytest.approx(0.7, abs=0.03)
 
 
 def test_a_foreign_type_or_no_number_changes_nothing() -> None:
-    bench = Bench()
+    harness = Harness()
     for raw, kind in [(struct.pack("<i", 5), ParamType.INT32), (struct.pack("<f", float("nan")), ParamType.REAL32)]:
-        bench.send(ParamSet(bench.target, "MIS_TAKEOFF_ALT", raw, kind))
-        assert bench.last(ParamValue).raw == struct.pack("<f", 2.5)
+        harness.send(ParamSet(harness.target, "MIS_TAKEOFF_ALT", raw, kind))
+        assert harness.last(ParamValue).raw == struct.pack("<f", 2.5)
 
 
 def test_unknown_names_are_not_answered() -> None:
-    bench = Bench()
-    bench.send(ParamRequestRead(bench.target, "NOPE"))
-    bench.send(ParamSet(bench.target, "NOPE", b"\0\0\0\0", ParamType.INT32))
-    assert not bench.of(ParamValue)
-    assert bench.texts().count("[pm] unknown param: NOPE") == 2
+    harness = Harness()
+    harness.send(ParamRequestRead(harness.target, "NOPE"))
+    harness.send(ParamSet(harness.target, "NOPE", b"\0\0\0\0", ParamType.INT32))
+    assert not harness.of(ParamValue)
+    assert harness.texts().count("[pm] unknown param: NOPE") == 2
 
 
 def test_indoor_drones_are_set_up_for_the_external_pose() -> None:
-    bench = Bench(pose="mocap")
-    assert read(bench, "EKF2_EV_CTRL").raw == struct.pack("<i", 11)
-    assert read(bench, "EKF2_GPS_CTRL").raw == struct.pack("<i", 0)
-    bench = Bench(pose="mocap", autopilot="ardupilot")
-    assert read(bench, "VISO_TYPE").raw == struct.pack("<f", 1.0)
+    harness = Harness(pose="mocap")
+    assert read(harness, "EKF2_EV_CTRL").raw == struct.pack("<i", 11)
+    assert read(harness, "EKF2_GPS_CTRL").raw == struct.pack("<i", 0)
+    harness = Harness(pose="mocap", autopilot="ardupilot")
+    assert read(harness, "VISO_TYPE").raw == struct.pack("<f", 1.0)
 
 
 def test_hover_thrust_is_that_of_the_kind_of_vehicle() -> None:
-    bench = Bench(profile="px4_quad", vehicle={"mass_kg": 1.3})
-    assert struct.unpack("<f", read(bench, "MPC_THR_HOVER").raw)[0] == pytest.approx(0.49, abs=1e-3)
+    harness = Harness(profile="px4_quad", vehicle={"mass_kg": 1.3})
+    assert struct.unpack("<f", read(harness, "MPC_THR_HOVER").raw)[0] == pytest.approx(0.49, abs=1e-3)
 
 
 def test_what_changed_is_handed_out_once_to_be_kept() -> None:
-    bench = Bench()
-    assert bench.core.tick(0).parameters is None
-    data = bench.codec.encode(ParamSet(bench.target, "COM_OF_LOSS_T", struct.pack("<f", 0.5), ParamType.REAL32))
-    bench.core.receive(Datagram(1, data), 1)
-    kept = bench.core.tick(1).parameters
+    harness = Harness()
+    assert harness.core.tick(0).parameters is None
+    data = harness.codec.encode(ParamSet(harness.target, "COM_OF_LOSS_T", struct.pack("<f", 0.5), ParamType.REAL32))
+    harness.core.receive(Datagram(1, data), 1)
+    kept = harness.core.tick(1).parameters
     assert kept is not None
     assert kept["COM_OF_LOSS_T"] == 0.5
     assert "MIS_TAKEOFF_ALT" not in kept
-    assert bench.core.tick(2).parameters is None
+    assert harness.core.tick(2).parameters is None
 
 
 def test_the_file_reads_back_what_it_wrote(tmp_path: Path) -> None:

@@ -21,15 +21,12 @@ from wire.mavlink import guidance as mavlink_guidance
 from wire.mavlink import motion as mavlink_motion
 from wire.mavlink import service as mavlink_service
 from wire.mavlink import storage as mavlink_storage
-from wire.mavlink.framing import Frame, FrameCutter, sealed, whole_frame
+from wire.mavlink.framing import Frame, FrameCutter, framed, whole_frame
 from wire.mavlink.layout import Fields, Layout, MavlinkError
 from wire.mavlink.params import param_from_raw, param_to_raw
 from wire.mavlink.text import STATUSTEXT, TextChunk, TextJoiner, chunk_text, text_of
 
 __all__ = ["Codec", "MavlinkError", "decode_packet", "param_from_raw", "param_to_raw"]
-
-_MAGIC = 0xFD
-_HEADER = struct.Struct("<BBBBBBBHB")
 
 _GROUPS = (mavlink_motion, mavlink_service, mavlink_guidance, mavlink_storage)
 _WRITERS = {kind: write for group in _GROUPS for kind, write in group.WRITERS.items()}
@@ -138,14 +135,9 @@ class Codec:
         return kind not in _FOR_SYSTEM or message.target_system in (BROADCAST, own.system)
 
     def _frame(self, layout: Layout, fields: Fields) -> bytes:
-        payload = layout.pack(fields)
-        number = layout.id
-        own = self.own
-        head = _HEADER.pack(
-            _MAGIC, len(payload), 0, 0, self._seq, own.system, own.component, number & 0xFFFF, number >> 16
-        )
+        data = framed(layout, layout.pack(fields), self.own, self._seq)
         self._seq = (self._seq + 1) & 0xFF
-        return sealed(head + payload, layout.crc_extra)
+        return data
 
 
 def _read(frame: Frame, readers: Mapping[int, tuple[Layout, Reader]]) -> LinkMessage | TextChunk:

@@ -1,4 +1,4 @@
-"""Cuts bytes into whole MAVLink frames and leaves them as they are; nothing else knows where packets begin and end.
+"""Makes MAVLink frames, and cuts bytes into whole ones; nothing else knows where packets begin and end.
 
 `wire.mavlink.codec` reads what they say. The cost of any piece of bytes is bounded, whatever they are: where a frame
 might begin and does not, the search goes on behind that byte, but only so often; then what is left is no MAVLink.
@@ -11,7 +11,7 @@ from typing import NamedTuple
 from fastcrc import crc16
 
 from wire.link_messages.address import Address
-from wire.mavlink.layout import CRC_EXTRA
+from wire.mavlink.layout import CRC_EXTRA, Layout
 from wire.transport.link import LARGEST_DATAGRAM
 
 FRAMES_MOST = 8
@@ -26,6 +26,7 @@ _MAGICS = (_MAGIC_1, _MAGIC_2)
 _SIGNED, _SIGNATURE = 0x01, 13
 _OVERHEAD_1, _OVERHEAD_2 = 8, 12
 _HEAD_1, _HEAD_2 = struct.Struct("<xBBBBB"), struct.Struct("<xBxxBBBHB")
+_WRITTEN_2 = struct.Struct("<BBBBBBBHB")
 _SEED = tuple(bytes([value]) for value in range(256))
 _mcrf4xx = crc16.mcrf4xx
 _address = lru_cache(maxsize=1024)(Address)
@@ -107,6 +108,15 @@ def whole_frame(data: bytes) -> Frame | None:
     if not data or _stop(data, 0, len(data)) != len(data):
         return None
     return _frame(data, 0, len(data))
+
+
+def framed(layout: Layout, payload: bytes, source: Address, seq: int) -> bytes:
+    """One MAVLink 2 frame, unsigned."""
+    number = layout.id
+    head = _WRITTEN_2.pack(
+        _MAGIC_2, len(payload), 0, 0, seq, source.system, source.component, number & 0xFFFF, number >> 16
+    )
+    return sealed(head + payload, layout.crc_extra)
 
 
 def sealed(body: bytes, crc_extra: int) -> bytes:

@@ -1,6 +1,8 @@
 """What every program has alike: how its command line is made, and `--version`."""
 
-from typing import Annotated
+import inspect
+from collections.abc import Callable
+from typing import Annotated, TypeVar, get_type_hints
 
 import typer
 
@@ -14,6 +16,24 @@ def program(help_text: str, epilog: str) -> typer.Typer:
     )
     app.callback()(_options)
     return app
+
+
+Given = TypeVar("Given")
+
+
+def takes(options: type[Given]) -> Callable[[Callable[[Given], None]], Callable[..., None]]:
+    """Give a command all its options as one dataclass, whose fields are annotated as typer has it for parameters."""
+
+    def decorate(command: Callable[[Given], None]) -> Callable[..., None]:
+        def run(**given: object) -> None:
+            command(options(**given))
+
+        run.__name__, run.__doc__ = command.__name__, command.__doc__
+        run.__signature__ = inspect.signature(options)  # type: ignore[attr-defined]
+        run.__annotations__ = get_type_hints(options, include_extras=True)
+        return run
+
+    return decorate
 
 
 def _show(wanted: bool) -> None:

@@ -2,13 +2,12 @@ import math
 
 import numpy as np
 import pytest
-from gcs_fakes import COPTER_PARAMETERS, PX4_OFFBOARD, PX4_PARAMETERS
+from gcs_fakes import PX4_OFFBOARD, PX4_PARAMETERS
+from gcs_link import MS, PAPER, Drone, a_link, beat, tell
 
 from formation.config import VehicleBody
 from formation.maths.frames import IDENTITY
 from formation.messages import Severity
-from formation.vehicle.profile import profile
-from gcs.drones.checks import objections, warnings
 from gcs.drones.link_state import WORDS_A_SECOND, DroneLink
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.clocks import TimeSync
@@ -20,35 +19,13 @@ from wire.link_messages.status import (
     Battery,
     EkfStatus,
     ExtendedSysState,
-    Heartbeat,
     LandedState,
     MavAutopilot,
     NamedValue,
     StatusText,
     SysStatus,
 )
-from wire.mavlink.codec import Codec, param_to_raw
-
-MS = 1_000_000
-PAPER = profile("paper_40g")
-
-
-class Drone:
-    """The other end of a link, said what to say."""
-
-    def __init__(self, sysid: int = 3, component: int = 1) -> None:
-        self.codec = Codec(Address(sysid, component))
-
-    def say(self, link: DroneLink, message: LinkMessage, now_ns: int = 0) -> None:
-        link.receive(self.codec.encode(message), now_ns)
-
-
-def _link(name: str = "paper_40g") -> DroneLink:
-    return DroneLink(VehicleBody(body="left", sysid=3), 3, profile(name))
-
-
-def _beat(autopilot: MavAutopilot = MavAutopilot.PX4, armed: bool = False, mode: int = 0) -> Heartbeat:
-    return Heartbeat(autopilot, 2, 1 | (128 if armed else 0), mode, 3)
+from wire.mavlink.codec import Codec
 
 
 def _heard(link: DroneLink, data: list[LinkMessage]) -> list[LinkMessage]:
@@ -56,17 +33,17 @@ def _heard(link: DroneLink, data: list[LinkMessage]) -> list[LinkMessage]:
 
 
 def test_a_heartbeat_tells_autopilot_mode_and_arming():
-    link, drone = _link(), Drone()
-    drone.say(link, _beat(armed=True, mode=PX4_OFFBOARD), 5 * MS)
+    link, drone = a_link(), Drone()
+    drone.say(link, beat(armed=True, mode=PX4_OFFBOARD), 5 * MS)
     assert (link.model.name, link.mode, link.armed, link.offboard) == ("PX4", "OFFBOARD", True, True)
     assert link.heartbeat_ns == 5 * MS
     assert [event.text for event in link.events] == ["drone 3 is here, PX4"]
 
 
 def test_the_same_drone_is_announced_again_only_after_a_long_silence():
-    link, drone = _link(), Drone()
+    link, drone = a_link(), Drone()
     for second in (0, 1, 2, 20, 21):
-        drone.say(link, _beat(), second * 1000 * MS)
+        drone.say(link, beat(), second * 1000 * MS)
     assert len(link.events) == 2
 
 
@@ -82,21 +59,21 @@ def _asked(link: DroneLink, drone: Drone, start_ms: int) -> list[LinkMessage]:
 
 
 def test_an_autopilot_that_was_gone_for_three_heartbeats_is_asked_for_everything_again():
-    link, drone = _link(), Drone()
-    drone.say(link, _beat())
+    link, drone = a_link(), Drone()
+    drone.say(link, beat())
     before = [m for m in _asked(link, drone, 0) if isinstance(m, CommandLong)]
     assert before
-    drone.say(link, _beat(), 1000 * MS)
+    drone.say(link, beat(), 1000 * MS)
     assert not any(isinstance(m, CommandLong) for m in _asked(link, drone, 1000))
-    drone.say(link, _beat(), 4000 * MS)  # ArduCopter's SITL restarts in about two seconds
+    drone.say(link, beat(), 4000 * MS)  # ArduCopter's SITL restarts in about two seconds
     assert [m for m in _asked(link, drone, 4000) if isinstance(m, CommandLong)] == before
 
 
 def test_a_restart_does_not_forget_what_hovers_before_it_is_read_again():
-    link, drone = _link(), Drone()
-    drone.say(link, _beat())
-    _tell(link, {"MPC_THR_HOVER": 0.45}, MavAutopilot.PX4)
-    drone.say(link, _beat(), 5000 * MS)
+    link, drone = a_link(), Drone()
+    drone.say(link, beat())
+    tell(link, {"MPC_THR_HOVER": 0.45}, MavAutopilot.PX4)
+    drone.say(link, beat(), 5000 * MS)
     assert math.isclose(link.hover_thrust_norm, 0.45, rel_tol=1e-6)
 
 
@@ -113,14 +90,14 @@ def test_a_restart_does_not_forget_what_hovers_before_it_is_read_again():
     ],
 )
 def test_modes_are_named_in_the_autopilots_own_words(autopilot, mode, name, offboard):
-    link = _link()
-    Drone().say(link, _beat(autopilot, mode=mode))
+    link = a_link()
+    Drone().say(link, beat(autopilot, mode=mode))
     assert (link.mode, link.offboard) == (name, offboard)
 
 
 def test_the_first_heartbeat_asks_for_parameters_and_streams():
-    link = _link()
-    Drone().say(link, _beat())
+    link = a_link()
+    Drone().say(link, beat())
     asked: list[LinkMessage] = []
     for ms in range(0, 200, 10):
         asked += link.due(ms * MS)
@@ -131,17 +108,17 @@ def test_the_first_heartbeat_asks_for_parameters_and_streams():
 
 
 def test_another_component_is_not_the_autopilot_and_another_system_is_told():
-    link = _link()
-    Drone(component=191).say(link, _beat(armed=True))
+    link = a_link()
+    Drone(component=191).say(link, beat(armed=True))
     assert link.telemetry.heartbeat is None
-    Drone(sysid=9).say(link, _beat(armed=True))
+    Drone(sysid=9).say(link, beat(armed=True))
     assert link.telemetry.heartbeat is None
     assert link.foreign_sysid == 9
     assert [(e.severity, e.text) for e in link.events] == [(Severity.ERROR, "drone 9 answers on the link of drone 3")]
 
 
 def test_telemetry_is_kept_and_unknown_battery_is_nan():
-    link, drone = _link(), Drone()
+    link, drone = a_link(), Drone()
     assert math.isnan(link.telemetry.battery)
     drone.say(link, ExtendedSysState(LandedState.IN_AIR))
     drone.say(link, Battery((3.9,), 4.0, 10.0, 0.5))
@@ -153,7 +130,7 @@ def test_telemetry_is_kept_and_unknown_battery_is_nan():
 
 
 def test_status_texts_become_events_in_the_drones_name():
-    link = _link()
+    link = a_link()
     Drone().say(link, StatusText(Severity.CRITICAL, "Disarming denied: not landed"))
     assert [(e.severity, e.source, e.text) for e in link.events] == [
         (Severity.CRITICAL, "left", "Disarming denied: not landed")
@@ -162,7 +139,7 @@ def test_status_texts_become_events_in_the_drones_name():
 
 
 def test_a_time_sync_request_is_answered_at_once():
-    link = _link()
+    link = a_link()
     assert not link.has_answers
     Drone().say(link, TimeSync(0, 77), 5 * MS)
     assert link.has_answers
@@ -171,7 +148,7 @@ def test_a_time_sync_request_is_answered_at_once():
 
 
 def test_the_bridge_beside_an_autopilot_gets_our_clock_and_is_heard():
-    link, bridge = _link(), Drone(component=191)
+    link, bridge = a_link(), Drone(component=191)
     bridge.say(link, TimeSync(0, 77), 5 * MS)
     assert [m for m in link.due(6 * MS) if isinstance(m, TimeSync) and m.tc1_ns] == [
         TimeSync(5 * MS, 77, Address(3, 191))
@@ -180,7 +157,7 @@ def test_the_bridge_beside_an_autopilot_gets_our_clock_and_is_heard():
     assert math.isclose(link.telemetry.setpoint_age_s, 0.0125)
     bridge.say(link, StatusText(Severity.WARNING, "Setpoints are stale: level and hold"))
     assert [event.text for event in link.events] == ["Setpoints are stale: level and hold"]
-    bridge.say(link, _beat(armed=True))
+    bridge.say(link, beat(armed=True))
     assert link.telemetry.heartbeat is None
     assert link.sequence.received == 0
 
@@ -190,8 +167,8 @@ def test_setpoints_carry_the_capture_time_and_the_rates_the_autopilot_can_take()
     masks = {}
     for autopilot in (MavAutopilot.PX4, MavAutopilot.ARDUPILOT):
         for name in ("paper_40g", "px4_quad"):
-            link = _link(name)
-            Drone().say(link, _beat(autopilot))
+            link = a_link(name)
+            Drone().say(link, beat(autopilot))
             (packet,) = Codec(Address(3, 1)).receive(link.setpoint(1_234_567_890, IDENTITY, rate, 0.4))
             assert packet.message.t_boot_ms == 1234
             assert packet.source == Address(255, 190)
@@ -206,20 +183,13 @@ def test_setpoints_carry_the_capture_time_and_the_rates_the_autopilot_can_take()
 
 
 def test_no_pose_is_sent_before_the_autopilot_is_known():
-    link = _link()
+    link = a_link()
     assert link.pose(0, np.zeros(3), IDENTITY) == b""
-    Drone().say(link, _beat())
+    Drone().say(link, beat())
     (packet,) = Codec(Address(3, 1)).receive(link.pose(5_000, np.array([1.0, 2.0, 3.0]), IDENTITY))
     assert isinstance(packet.message, VisionPose)
     assert packet.message.t_us == 5
     assert np.allclose(packet.message.pos_lab_m, [1.0, 2.0, 3.0])
-
-
-def _tell(link: DroneLink, values: dict[str, float], autopilot: MavAutopilot) -> None:
-    drone = Drone()
-    for name, value in values.items():
-        kind = ParamType.INT32 if isinstance(value, int) else ParamType.REAL32
-        drone.say(link, ParamValue(name, param_to_raw(value, kind, autopilot), kind, 9, 0))
 
 
 @pytest.mark.parametrize(
@@ -227,82 +197,13 @@ def _tell(link: DroneLink, values: dict[str, float], autopilot: MavAutopilot) ->
     [(MavAutopilot.PX4, "MPC_THR_HOVER", 0.5), (MavAutopilot.ARDUPILOT, "MOT_THST_HOVER", 0.35)],
 )
 def test_hover_thrust_is_the_autopilots_once_it_was_measured(autopilot, name, default):
-    link = _link()
+    link = a_link()
     assert link.hover_thrust_norm == PAPER.hover_thrust_norm
-    Drone().say(link, _beat(autopilot))
-    _tell(link, {name: default}, autopilot)
+    Drone().say(link, beat(autopilot))
+    tell(link, {name: default}, autopilot)
     assert link.hover_thrust_norm == PAPER.hover_thrust_norm
-    _tell(link, {name: 0.45}, autopilot)
+    tell(link, {name: 0.45}, autopilot)
     assert math.isclose(link.hover_thrust_norm, 0.45, rel_tol=1e-6)
-
-
-def test_vital_parameters_keep_a_drone_on_the_ground():
-    link = _link()
-    assert objections(link) == ()  # a missing heartbeat is told by safety itself
-    autopilot = MavAutopilot.ARDUPILOT
-    Drone().say(link, _beat(autopilot))
-    assert objections(link) == ("left: no estimator report yet", "left: GUID_OPTIONS is being read",
-                                "left: GUID_TIMEOUT is being read")  # fmt: skip
-    Drone().say(link, EkfStatus(0x10, ardupilot=True))
-    _tell(link, {**COPTER_PARAMETERS, "GUID_OPTIONS": 0}, autopilot)
-    assert objections(link) == (
-        "left: GUID_OPTIONS is 0, wanted thrust (bit 8): without it our thrust is read as a climb rate",
-    )
-    _tell(link, COPTER_PARAMETERS, autopilot)
-    assert objections(link) == ()
-
-
-def test_an_estimator_without_position_is_an_objection():
-    link = _link()
-    Drone().say(link, _beat(MavAutopilot.ARDUPILOT))
-    _tell(link, COPTER_PARAMETERS, MavAutopilot.ARDUPILOT)
-    for flags in (0, 0x400, 0x410):
-        Drone().say(link, EkfStatus(flags, ardupilot=True))
-        assert objections(link) == ("left: estimator has no position yet",)
-
-
-def test_vital_parameters_that_stay_silent_are_told_as_unread():
-    link = _link()
-    Drone().say(link, _beat())
-    for ms in range(0, 20_000, 50):
-        link.due(ms * MS)
-    assert objections(link) == ("left: COM_OF_LOSS_T could not be read: how long it flies on after our setpoints stop",)
-
-
-@pytest.mark.parametrize("timeout_s", [3.0, 5.0])
-def test_an_ardupilot_that_flies_on_for_long_without_us_is_an_objection(timeout_s):
-    """Seen of ArduCopter 4.7's SITL with its default of 3 s: one drifted 5 m, another sank to the ground."""
-    link = _link()
-    Drone().say(link, _beat(MavAutopilot.ARDUPILOT))
-    Drone().say(link, EkfStatus(0x10, ardupilot=True))
-    _tell(link, {**COPTER_PARAMETERS, "GUID_TIMEOUT": timeout_s}, MavAutopilot.ARDUPILOT)
-    assert [text.split(",")[0] for text in objections(link)] == [f"left: GUID_TIMEOUT is {timeout_s:g}"]
-
-
-@pytest.mark.parametrize("name", ["EK3_SRC1_VELXY", "EK3_SRC1_VELZ"])
-def test_a_velocity_taken_from_gps_is_told_where_the_pose_is_ours(name):
-    """ArduCopter 4.7 refuses to arm so: "EK3 sources require GPS"."""
-    link = _link()
-    Drone().say(link, _beat(MavAutopilot.ARDUPILOT))
-    _tell(link, {**COPTER_PARAMETERS, name: 3.0}, MavAutopilot.ARDUPILOT)
-    assert [text.split()[0] for text in warnings(link, feeds_pose=True)] == [name]
-    assert warnings(link, feeds_pose=False) == ()
-
-
-def test_an_autopilot_of_another_make_is_an_objection():
-    link = _link()
-    Drone().say(link, _beat(MavAutopilot.GENERIC))
-    assert objections(link) == ("left: autopilot GENERIC is neither PX4 nor ArduPilot",)
-
-
-def test_lesser_parameters_only_warn_and_external_pose_ones_only_where_the_pose_is_ours():
-    link = _link()
-    Drone().say(link, _beat())
-    _tell(link, {**PX4_PARAMETERS, "EKF2_EV_CTRL": 0, "COM_OBL_RC_ACT": 0, "MPC_THR_HOVER": 0.3}, MavAutopilot.PX4)
-    assert objections(link) == ()
-    ours, not_ours = warnings(link, feeds_pose=True), warnings(link, feeds_pose=False)
-    assert [text.split()[0] for text in ours] == ["COM_OBL_RC_ACT", "EKF2_EV_CTRL", "MPC_THR_HOVER"]
-    assert [text.split()[0] for text in not_ours] == ["COM_OBL_RC_ACT", "MPC_THR_HOVER"]
 
 
 def _origins(link: DroneLink, until_ms: int) -> list[SetOrigin]:
@@ -313,7 +214,7 @@ def test_an_ardupilot_without_position_is_told_the_origin_until_it_repeats_it():
     origin = (47.0, 8.0, 400.0)
     link = DroneLink(VehicleBody(body="left", sysid=3), 3, PAPER, origin=origin)
     drone = Drone()
-    drone.say(link, _beat(MavAutopilot.ARDUPILOT))
+    drone.say(link, beat(MavAutopilot.ARDUPILOT))
     told = _origins(link, 3000)
     assert [(m.target_system, m.lat_deg, m.lon_deg, m.alt_m) for m in told] == [(3, *origin)] * 3
     drone.say(link, Origin(*origin))
@@ -323,10 +224,10 @@ def test_an_ardupilot_without_position_is_told_the_origin_until_it_repeats_it():
 def test_who_needs_no_origin_is_told_none():
     for autopilot, origin in ((MavAutopilot.PX4, (47.0, 8.0, 400.0)), (MavAutopilot.ARDUPILOT, None)):
         link = DroneLink(VehicleBody(body="left", sysid=3), 3, PAPER, origin=origin)
-        Drone().say(link, _beat(autopilot))
+        Drone().say(link, beat(autopilot))
         assert _origins(link, 3000) == []
     ready = DroneLink(VehicleBody(body="left", sysid=3), 3, PAPER, origin=(47.0, 8.0, 400.0))
-    Drone().say(ready, _beat(MavAutopilot.ARDUPILOT))
+    Drone().say(ready, beat(MavAutopilot.ARDUPILOT))
     Drone().say(ready, EkfStatus(0x10, ardupilot=True))
     assert _origins(ready, 3000) == []
 
@@ -343,18 +244,18 @@ def _intervals(link: DroneLink) -> dict[float, float]:
 
 
 def test_what_nobody_reads_is_switched_off_only_on_a_link_of_our_own():
-    shared = _link()
-    Drone().say(shared, _beat())
+    shared = a_link()
+    Drone().say(shared, beat())
     assert _intervals(shared) == {31.0: 20_000.0, 245.0: 500_000.0, 147.0: 1_000_000.0}
     own = DroneLink(VehicleBody(body="left", sysid=3, link="udpin:127.0.0.1:14540"), 3, PAPER, ((32, 100.0),))
-    Drone().say(own, _beat())
+    Drone().say(own, beat())
     asked = _intervals(own)
     assert (asked[30.0], asked[105.0], asked[331.0]) == (-1.0, -1.0, -1.0)
     assert (asked[31.0], asked[32.0]) == (20_000.0, 10_000.0)
 
 
 def test_a_drone_with_too_much_to_say_is_heard_in_part_and_counted():
-    link, drone = _link(), Drone()
+    link, drone = a_link(), Drone()
     said = 0
     for k in range(3000):  # three seconds of a thousand a second
         drone.say(link, StatusText(Severity.INFO, f"again {k}"), k * MS)
@@ -367,7 +268,7 @@ def test_a_drone_with_too_much_to_say_is_heard_in_part_and_counted():
 
 
 def test_a_flood_of_questions_is_answered_as_often_as_something_is_sent():
-    link, drone = _link(), Drone()
+    link, drone = a_link(), Drone()
     for k in range(1000):
         drone.say(link, TimeSync(0, k, GROUND), 7)
     answers = [message for message in link.due(8) if isinstance(message, TimeSync) and message.tc1_ns == 7]
@@ -377,12 +278,12 @@ def test_a_flood_of_questions_is_answered_as_often_as_something_is_sent():
 def test_everything_that_is_acted_on_is_read():
     drone = Codec(Address(3, 1))
     acted_on = (
-        _beat(), CommandAck(GROUND, 400, Result.ACCEPTED, 0), TimeSync(0, 1, GROUND), Origin(47.0, 8.0, 0.0),
+        beat(), CommandAck(GROUND, 400, Result.ACCEPTED, 0), TimeSync(0, 1, GROUND), Origin(47.0, 8.0, 0.0),
         ParamValue("A", bytes(4), ParamType.INT32, 1, 0), ExtendedSysState(LandedState.IN_AIR),
         NamedValue(0, "age_ms", 1.0), Battery((4.0,), 1.0, 1.0, 0.5),
         EkfStatus(1, ardupilot=True), EkfStatus(1, ardupilot=False),
         StatusText(Severity.INFO, "x"), SysStatus(0, 0, 0, 0.0, 1.0, 1.0, 0.5),
     )  # fmt: skip
     for message in acted_on:
-        (packet,) = _link().codec.receive(drone.encode(message))
+        (packet,) = a_link().codec.receive(drone.encode(message))
         assert type(packet.message) is type(message)

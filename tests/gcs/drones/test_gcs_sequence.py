@@ -3,13 +3,13 @@ import random
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs.drones.sequence import SequenceWatch
+from gcs.drones.sequence import SequenceMonitor
 
 MS = 1_000_000
 
 
-def _heard(numbers, spacing_ns=10 * MS) -> SequenceWatch:
-    watch = SequenceWatch()
+def _heard(numbers, spacing_ns=10 * MS) -> SequenceMonitor:
+    watch = SequenceMonitor()
     for i, number in enumerate(numbers):
         watch.note(number % 256, i * spacing_ns)
     return watch
@@ -27,7 +27,7 @@ def test_lost_packets_are_counted():
 
 
 def test_packets_addressed_to_others_are_not_lost():
-    watch = SequenceWatch()
+    watch = SequenceMonitor()
     watch.note(10, 0)
     watch.note(13, MS, skipped=2)
     watch.note(14, 2 * MS, skipped=2)  # in one datagram with two of another's after it
@@ -61,7 +61,7 @@ def test_two_senders_at_any_rates_are_noticed(start_a, gap, seed):
         k = rng.randrange(2)
         numbers.append(counters[k])
         counters[k] += 1
-    watch = SequenceWatch()
+    watch = SequenceMonitor()
     noticed = False
     for i, number in enumerate(numbers):
         watch.note(number % 256, i * 10 * MS)
@@ -79,7 +79,7 @@ def test_a_network_that_overtakes_however_often_makes_no_twin(share, loss, seed)
     rng = random.Random(seed)
     sent = [number for number in range(1000) if rng.random() >= loss]
     numbers = sorted(sent, key=lambda number: number + rng.uniform(0.0, 4.0) * (rng.random() < share))
-    watch = SequenceWatch()
+    watch = SequenceMonitor()
     for i, number in enumerate(numbers):
         watch.note(number % 256, i * 10 * MS)
         assert not watch.duplicate(i * 10 * MS)
@@ -89,7 +89,7 @@ def test_a_network_that_overtakes_however_often_makes_no_twin(share, loss, seed)
 @given(loss=st.floats(0.0, 0.9), seed=st.integers(0, 1000))
 def test_a_lone_sender_is_never_taken_for_two_whatever_is_lost(loss, seed):
     rng = random.Random(seed)
-    watch = SequenceWatch()
+    watch = SequenceMonitor()
     for number in range(2000):
         if rng.random() >= loss:
             watch.note(number % 256, number * 10 * MS)

@@ -1,4 +1,4 @@
-"""Take-offs asked for late: refused before the make's own time-out disarms a drone on the floor, whatever the make."""
+"""Take-offs asked for late: refused before either autopilot's own time-out disarms a drone on the floor."""
 
 import pytest
 

@@ -3,12 +3,12 @@
 from collections.abc import Callable
 from typing import Any
 
-from drone_agent.commands import Commander, order_of
 from drone_agent.config import AgentConfig
 from drone_agent.flight.autopilot import Autopilot
 from drone_agent.flight.estimator import ExternalPose
 from drone_agent.flight.failsafes import Failsafes
 from drone_agent.flight.guidance import Guidance
+from drone_agent.link.commands import Commander, order_of
 from formation.messages import Severity
 from wire.clock_offset import ClockOffset
 from wire.link_messages.address import Address
@@ -187,4 +187,4 @@ class Inbox:
         self._send(LogEntry(0, 0, 0, 0, 0))
 
     def _unknown_parameter(self, name: str) -> None:
-        self._pilot.say(Severity.INFO, self._pilot.model.words.unknown_parameter, name)
+        self._pilot.say(Severity.INFO, self._pilot.model.texts.unknown_parameter, name)

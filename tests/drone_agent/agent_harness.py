@@ -11,7 +11,7 @@ from formation.maths.arrays import Float
 from formation.maths.frames import from_rotation_vector
 from formation.messages import Datagram, Event, LabFrame, Truth
 from wire.link_messages.address import GROUND, Address
-from wire.link_messages.commands import CommandAck, CommandLong, Result
+from wire.link_messages.commands import CommandAck, Result, command_long
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
 from wire.link_messages.status import StatusText
@@ -21,10 +21,10 @@ S = 1_000_000_000
 MS = 1_000_000
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 M = TypeVar("M")
-Stream = Callable[["Bench"], AttitudeSetpoint | None]
+Stream = Callable[["Harness"], AttitudeSetpoint | None]
 
 
-class Bench:
+class Harness:
     """Runs the core to chosen times and keeps what it says, with the time it said it."""
 
     def __init__(self, t0_ns: int = 0, **config: Any) -> None:
@@ -84,8 +84,7 @@ class Bench:
 
     def command(self, number: int, *params: float) -> Result:
         """Send a COMMAND_LONG; the result of its acknowledgement."""
-        p1, p2, p3, p4, p5, p6, p7 = (*params, *(0.0,) * (7 - len(params)))
-        self.send(CommandLong(self.target, number, (p1, p2, p3, p4, p5, p6, p7)))
+        self.send(command_long(self.target, number, *params))
         acks = [m for m in self.of(CommandAck) if m.command == number]
         return acks[-1].result
 
@@ -109,22 +108,22 @@ class Bench:
         self.run(4.0, stream)
 
 
-def target(bench: Bench, thrust: float, q: Float = LEVEL, ignore: Ignore = Ignore.BODY_RATES) -> AttitudeSetpoint:
-    return AttitudeSetpoint(bench.target, bench.now_ns // MS, q, np.zeros(3), thrust, ignore)
+def target(harness: Harness, thrust: float, q: Float = LEVEL, ignore: Ignore = Ignore.BODY_RATES) -> AttitudeSetpoint:
+    return AttitudeSetpoint(harness.target, harness.now_ns // MS, q, np.zeros(3), thrust, ignore)
 
 
-def idle(bench: Bench) -> AttitudeSetpoint:
-    return target(bench, 0.0)
+def idle(harness: Harness) -> AttitudeSetpoint:
+    return target(harness, 0.0)
 
 
 def hover_at(height_m: float) -> Stream:
     """A height controller on the truth: enough of a ground for these tests."""
 
-    def stream(bench: Bench) -> AttitudeSetpoint:
-        profile = bench.config.true_vehicle()
-        truth = bench.truth
+    def stream(harness: Harness) -> AttitudeSetpoint:
+        profile = harness.config.true_vehicle()
+        truth = harness.truth
         climb = 9.8 + 6.0 * (height_m - truth.pos_lab_m[2]) - 4.0 * truth.vel_lab_m_s[2]
-        return target(bench, profile.thrust_norm_of(profile.mass_kg * climb))
+        return target(harness, profile.thrust_norm_of(profile.mass_kg * climb))
 
     return stream
 
@@ -133,8 +132,8 @@ def hover_over(x_m: float, y_m: float, height_m: float) -> Stream:
     """A position controller on the truth."""
     place = np.array([x_m, y_m])
 
-    def stream(bench: Bench) -> AttitudeSetpoint:
-        truth, level = bench.truth, hover_at(height_m)(bench)
+    def stream(harness: Harness) -> AttitudeSetpoint:
+        truth, level = harness.truth, hover_at(height_m)(harness)
         assert level is not None
         asked = 1.5 * (place - truth.pos_lab_m[:2]) - 2.2 * truth.vel_lab_m_s[:2]
         lean = np.clip(asked / 9.8, -0.2, 0.2)

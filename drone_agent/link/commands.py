@@ -6,7 +6,7 @@ from math import isfinite
 
 from drone_agent.config import AgentConfig
 from drone_agent.flight.autopilot import Autopilot
-from drone_agent.schedule import Schedule
+from drone_agent.link.schedule import Schedule
 from formation.maths.geodesy import from_globe, to_globe
 from formation.messages import Severity
 from formation.model import Vec3Tuple
@@ -88,7 +88,7 @@ class Commander:
             MavCommand.MISSION_START: lambda _order, _now: Result.DENIED,
             MavCommand.COMPONENT_ARM_DISARM: self._arm,
             MavCommand.GET_HOME_POSITION: lambda _order, _now: self._send(MessageId.HOME_POSITION),
-            MavCommand.GET_MESSAGE_INTERVAL: self._tell_interval,
+            MavCommand.GET_MESSAGE_INTERVAL: self._report_interval,
             MavCommand.SET_MESSAGE_INTERVAL: self._set_interval,
             MavCommand.REQUEST_MESSAGE: lambda order, _now: self._send(_int(order.params[0])),
             MavCommand.REQUEST_AUTOPILOT_CAPABILITIES: lambda _order, _now: self._send(MessageId.AUTOPILOT_VERSION),
@@ -149,7 +149,7 @@ class Commander:
         known = self._schedule.set_interval_us(_int(order.params[0]), order.params[1], now_ns)
         return Result.ACCEPTED if known else self._pilot.model.no_such_rate
 
-    def _tell_interval(self, order: Order, _now_ns: int) -> Result:
+    def _report_interval(self, order: Order, _now_ns: int) -> Result:
         number = _int(order.params[0])
         period_ns = self._schedule.period_ns(number)
         interval_us = 0 if period_ns is None else period_ns // 1000 or -1

@@ -1,0 +1,1 @@
+"""The simulated autopilot's end of its MAVLink: what it reads, obeys, answers and sends."""

@@ -1,0 +1,34 @@
+"""What the ground asks of each autopilot, against what the simulated ones are."""
+
+import pytest
+
+from drone_agent.autopilots.models import MODELS
+from gcs.drones.autopilot_model import ARDUPILOT_MODEL, GROUND_MODELS, PX4_MODEL, GroundModel
+from wire.link_messages.address import Address
+from wire.link_messages.status import MavAutopilot
+
+
+def test_agent_and_ground_build_on_the_same_tables() -> None:
+    assert {model.table.autopilot: model.table for model in MODELS.values()} == {
+        kind: model.table for kind, model in GROUND_MODELS.items()
+    }
+
+
+@pytest.mark.parametrize("model", GROUND_MODELS.values(), ids=lambda model: model.name)
+def test_a_rule_holds_of_what_it_sets_and_not_of_everything(model: GroundModel) -> None:
+    for rule in model.rules:
+        spec = model.table.parameters[rule.name]
+        assert rule.holds(rule.set_to), rule.name
+        assert spec.low <= rule.set_to <= spec.high
+        assert not all(rule.holds(float(value)) for value in (*range(16), spec.low, spec.high, 0.5)), rule.name
+
+
+@pytest.mark.parametrize(("model", "mode"), [(PX4_MODEL, 6.0), (ARDUPILOT_MODEL, 4.0)])
+def test_off_board_is_asked_for_by_the_autopilots_own_numbers(model: GroundModel, mode: float) -> None:
+    command = model.set_offboard(Address(3, 1))
+    assert (command.command, command.params) == (176, (1.0, mode, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+
+def test_a_hover_thrust_is_measured_where_it_is_no_default_and_no_nonsense() -> None:
+    model = GROUND_MODELS[MavAutopilot.PX4]
+    assert [model.hover_measured(value) for value in (0.5, 0.45, 0.0, 1.0)] == [False, True, False, False]

@@ -19,8 +19,8 @@ from gcs.daemon import GCS_NAME
 from gcs.mocap.csv_file import MocapFileError
 from sim import lockstep
 from sim.cameras import daemon as mocap_daemon
-from sim.conclude import conclude
-from sim.display import Display
+from sim.cli.conclude import conclude
+from sim.cli.display import Display
 from sim.fly import Files
 from sim.fly import fly as fly_processes
 from sim.ports import private_link

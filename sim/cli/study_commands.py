@@ -10,7 +10,6 @@ from rich.console import Console
 from rich.table import Table
 
 from analysis.console import print_summary
-from analysis.load import load as load_log
 from formation.control.presets import preset_for
 from formation.vehicle.profile import VehicleProfile
 from formation.vehicle.profile import profile as shipped_profile
@@ -133,9 +132,9 @@ def _again(draw: Draw, out: Path, console: Console) -> Sample:
     folder = out / scenario.name
     make_folder(folder)
     flown = lockstep.run_to_file(scenario, draw.seed, folder / "flight.mcap")
-    summary = conclude(folder / "flight.mcap", flown.outcome, flown.realtime_factor)
+    flight, summary = conclude(folder / "flight.mcap", flown.outcome, flown.realtime_factor)
     print_summary(summary, console)
-    return robustness.judge(draw, flown.outcome.result, load_log(folder / "flight.mcap"), summary)
+    return robustness.judge(draw, flown.outcome.result, flight, summary)
 
 
 def _table(samples: list[Sample]) -> Table:

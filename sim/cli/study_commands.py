@@ -39,7 +39,7 @@ def run_paper(out: Path, seeds: int, calibrate: bool, bound: bool) -> None:
         console.print(f"peak_m_s2 = {peak:.2f}")
         return
     if bound:
-        _tell_bound(console)
+        _show_bound(console)
         return
     comparison = paper.compare(paper.jobs(range(1, seeds + 1)), runner)
     console.print(paper_page.console_table(comparison))
@@ -106,7 +106,7 @@ def run_bench(as_json: bool) -> None:
         console.print(table)
 
 
-def _tell_bound(console: Console) -> None:
+def _show_bound(console: Console) -> None:
     """The least deviation by the time of reaction, the loop's own last."""
     scenario = load_scenario(SCENARIOS[Experiment.GUST])
     gust = performance_bound.gust_pass(scenario)
@@ -153,12 +153,12 @@ def _table(samples: list[Sample]) -> Table:
 
 def _json(samples: list[Sample]) -> str:
     """Every sample and the percentiles; null for what no flight could tell."""
-    told = {
+    values = {
         "samples": [asdict(sample) | {"failed": sample.failed} for sample in samples],
         "failed": sum(sample.failed for sample in samples),
         "rms_m": {f"p{p:g}": robustness.percentile_m(samples, p) for p in (50.0, 95.0, 100.0)},
     }
-    return json.dumps(_without_nan(told), indent=2, allow_nan=False)
+    return json.dumps(_without_nan(values), indent=2, allow_nan=False)
 
 
 def _without_nan(value: object) -> object:

@@ -4,9 +4,8 @@ import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from analysis.load import load
+from analysis.load import load_checked
 from formation import topics
-from wire.logs.mcap_log import check_log
 
 NEEDS = (
     ("formation error", (topics.MOCAP, topics.REFERENCE)),
@@ -39,14 +38,14 @@ class Check:
 
 def check(path: Path) -> Check:
     """Read the whole log and say what it holds. Raises OSError, and wire.logs.mcap_log.LogError where it is no log."""
-    found = check_log(path)
+    flight, found = load_checked(path)
     span_ns = 0 if found.first_ns is None or found.last_ns is None else found.last_ns - found.first_ns
     usable = tuple(name for name, needs in NEEDS if all(found.entries.get(topic.name) for topic in needs))
     return Check(
         mcap=str(path),
         complete=found.complete,
         damage=found.damage,
-        scenario=load(path).run.scenario,
+        scenario=flight.run.scenario,
         duration_s=1e-9 * span_ns,
         entries={topic.name: found.entries[topic.name] for topic in topics.ALL if topic.name in found.entries},
         usable=usable,

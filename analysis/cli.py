@@ -36,15 +36,13 @@ def report(log: LogPath, out: Out = None, as_json: Json = False) -> None:
     from rich.console import Console
 
     from analysis.console import print_summary
-    from analysis.load import load
+    from analysis.load import load_checked
     from analysis.metrics import summarise
     from analysis.report import write
-    from wire.logs.mcap_log import check_log
 
     path = log.with_name("report.html") if out is None else out
     with _refusing():
-        checked = check_log(log)
-        flight = load(log)
+        flight, checked = load_checked(log)
         summary = summarise(flight, mcap=log, report=path)
         write(flight, summary, path, checked.damage)
     if as_json:

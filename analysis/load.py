@@ -32,7 +32,7 @@ from formation.messages import (
     Truth,
 )
 from formation.topics import Topic
-from wire.logs.mcap_log import read_log
+from wire.logs.mcap_log import LogCheck, Reading, read_log
 from wire.plain_text import plain
 from wire.transport.frame_check import pose_fault
 
@@ -148,8 +148,14 @@ class Flight:
 
 def load(path: Path) -> Flight:
     """Read an MCAP log, whole or damaged. Errors: `wire.logs.mcap_log`'s own."""
-    log = read_log(path)
-    return from_records(log.metadata, log.entries)
+    return load_checked(path)[0]
+
+
+def load_checked(path: Path) -> tuple[Flight, LogCheck]:
+    """Read an MCAP log, and in the same pass what it holds and what is wrong with it. Raises as `load`."""
+    reading = Reading(path)
+    flight = from_records(read_log(path).metadata, reading)
+    return flight, reading.check()
 
 
 def from_records(metadata: Mapping[str, str], records: Iterable[Record]) -> Flight:

@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from analysis import page, words
-from analysis.load import Flight, load
+from analysis.load import Flight, load_checked
 from analysis.metrics import Latency, Summary, rms, summarise, vibration_of
 from analysis.page import Section, cell, picture, row, swatch, table, text, tile
 from analysis.plots import drawings, style
 from analysis.tracking import LeaderTracking, Tracking, track, track_leader
 from formation.messages import Event, Severity
-from wire.logs.mcap_log import check_log
 
 MEANINGS = {
     "duration_s": "first to last record of the log",
@@ -108,8 +107,7 @@ def report(path_mcap: Path, path_html: Path | None = None) -> Path:
     Works on truncated logs and on flights with missing topics: a section says what is missing.
     """
     path_html = path_mcap.with_name("report.html") if path_html is None else path_html
-    flight = load(path_mcap)
-    checked = check_log(path_mcap)
+    flight, checked = load_checked(path_mcap)
     write(
         flight,
         summarise(flight, mcap=path_mcap, report=path_html),

@@ -8,7 +8,7 @@ import pytest
 from wire import version
 
 HEAVY = ("numba", "scipy", "matplotlib", "pymavlink", "mavsdk")
-PROGRAMS = ("gcs", "drone_agent", "sim", "sim.log_cli")
+PROGRAMS = ("gcs", "drone_agent", "sim", "sim.cli.log")
 CLIENT = tuple(("gcs", verb, "--timeout", "0.01") for verb in ("status", "arm", "takeoff", "start", "hold", "land"))
 STOP = ("gcs", "stop", "--timeout", "0.01")
 ASKED = (

@@ -20,7 +20,8 @@ from wire.config_file import dump
 
 LEAD = (
     "Left: measured tilt and the fitted attitude loop. Middle: that loop's step, and the dead time and lag nearest to "
-    "it, which are what the controller is told. Right: felt force against sent thrust. Dashed: the profile flown with."
+    "it, which are what the controller is told. Right: specific force against sent thrust. Dashed: the profile flown "
+    "with."
 )
 
 

@@ -59,7 +59,7 @@ def fit(of: Sent, saw: Seen, delay_s: float, motor_lag_s: float) -> Thrust | str
 
 
 def _windows(of: Sent, saw: Seen, delay_s: float, motor_lag_s: float) -> Iterator[tuple[float, ...]]:
-    """(t, felt force, its regressors) of each window without gaps."""
+    """(t, specific force, its regressors) of each window without gaps."""
     at_s = grid(of, float(saw.t_s[-1])) if len(saw.t_s) else of.t_s[:1]
     if len(at_s) < 2:
         return

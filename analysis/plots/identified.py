@@ -18,7 +18,7 @@ DATA = "#8fa3b8"
 
 
 def model_against_data(flight: Flight, drone: Identified) -> Drawing:
-    """Measured tilt and the model's, the step response and what the controller assumes, thrust felt against sent."""
+    """Measured tilt and the model's; the step response and the controller's; specific force against thrust."""
     if isinstance(drone.response, str) and isinstance(drone.thrust, str):
         return Missing(f"{drone.vehicle.body}: {drone.response}; {drone.thrust}")
     fig, [[tilt, steps, force]] = style.Sheet(3.0, widths=(1.25, 1.0, 1.0), share_x="none").axes()
@@ -69,7 +69,7 @@ def _steps(ax: Axes, found: Response, base: VehicleProfile, colour: str) -> None
 
 
 def _force(ax: Axes, found: Thrust, base: VehicleProfile, colour: str) -> None:
-    """Specific force felt against thrust sent; the fitted curve and the profile's through the same hover."""
+    """Specific force against thrust sent; the fitted curve and the profile's through the same hover."""
     low, high = float(found.sent_norm.min()), float(found.sent_norm.max())
     u = np.linspace(low - 0.3 * (high - low), high + 0.3 * (high - low), 60)
     ax.plot(found.sent_norm, found.force_m_s2, ".", ms=3.0, color=DATA, mew=0, label="windows")
@@ -84,7 +84,7 @@ def _force(ax: Axes, found: Thrust, base: VehicleProfile, colour: str) -> None:
         label=base.name,
     )
     ax.axhline(GRAVITY_M_S2, color=style.FAINT, lw=0.8, zorder=1)
-    ax.set(title="Thrust", xlabel="sent, 0..1", ylabel="felt, m/s²")
+    ax.set(title="Thrust", xlabel="sent, 0..1", ylabel="specific force, m/s²")
     ax.legend(loc="upper left")
 
 

@@ -8,8 +8,8 @@ from types import MappingProxyType
 import numpy as np
 
 from sim.scenario import load
-from sim.studies.batch import Told, run_all
 from sim.studies.experiments import CONTROLLERS, SCENARIOS, Experiment, Job, Score, Trace, fly
+from sim.studies.runner import Runner
 
 SEEDS = 10
 GUST_TARGET_M = 0.30
@@ -72,9 +72,9 @@ def jobs(seeds: Sequence[int]) -> list[Job]:
     ]
 
 
-def compare(flights: Sequence[Job], done: Told) -> Comparison:
+def compare(flights: Sequence[Job], runner: Runner) -> Comparison:
     """Fly them all and put the numbers together."""
-    scores = dict(zip(flights, run_all(fly, flights, done), strict=True))
+    scores = dict(zip(flights, runner.run("flights", fly, flights), strict=True))
     seeds = tuple(sorted({job.seed for job in flights}))
     traces = {(job.controller, job.experiment): s.trace for job, s in scores.items() if s.trace is not None}
     return Comparison({name: _figures(name, scores) for name in CONTROLLERS}, gust_peak_m_s2(), seeds, traces)
@@ -86,17 +86,17 @@ def gust_peak_m_s2() -> float:
     return 0.0 if fan is None else fan.peak_m_s2
 
 
-def calibrate(done: Callable[[float, float], None]) -> float:
+def calibrate(runner: Runner, flown: Callable[[float, float], None]) -> float:
     """The fan's peak push (m/s^2) under which the printed ISTSMC alone deviates by 0.30 m: what the scenario holds.
 
-    A line through the medians over the seeds, which scatter: the printed gains swing by themselves. `done` is told
+    A line through the medians over the seeds, which scatter: the printed gains swing by themselves. `flown` is told
     each peak flown and the deviation it gave.
     """
     deviations = []
     for peak in PEAKS_M_S2:
         flights = [Job("istsmc", Experiment.GUST, seed + 1, gust_peak_m_s2=peak) for seed in range(SEEDS)]
-        deviations.append(float(np.median([score.max_dev_m for score in run_all(fly, flights, lambda: None)])))
-        done(peak, deviations[-1])
+        deviations.append(float(np.median([score.max_dev_m for score in runner.run(f"{peak:g} m/s²", fly, flights)])))
+        flown(peak, deviations[-1])
     slope, at_zero = np.polyfit(PEAKS_M_S2, deviations, 1)
     return float((GUST_TARGET_M - at_zero) / slope)
 

@@ -22,8 +22,8 @@ from formation.vehicle.profile import Pace, VehicleProfile
 from sim import lockstep
 from sim.scenario import Scenario, TrueVehicle, flown_by
 from sim.studies import experiments
-from sim.studies.batch import run_all
 from sim.studies.experiments import Experiment, Job, Score
+from sim.studies.runner import Runner
 
 STEPS = (1.3, 1.15, 1.07)
 ROUNDS_EACH = 3
@@ -71,17 +71,17 @@ class Candidate:
     margin: DelayMargin
 
 
-def tune(task: Task, told: Callable[[Candidate], None]) -> tuple[Candidate, Candidate]:
-    """The rule's candidate and the best one found; `told` of each better one."""
-    first = best = judge(task, [pace_of(task.profile, task.mocap)])[0]
-    told(best)
+def tune(task: Task, runner: Runner, better: Callable[[Candidate], None]) -> tuple[Candidate, Candidate]:
+    """The rule's candidate and the best one found; `better` is told of each that is."""
+    first = best = judge(task, [pace_of(task.profile, task.mocap)], runner)[0]
+    better(best)
     for step in STEPS:
         for _ in range(ROUNDS_EACH):
-            found = min(judge(task, list(neighbours(best.pace, step))), key=lambda candidate: candidate.cost)
+            found = min(judge(task, list(neighbours(best.pace, step)), runner), key=lambda candidate: candidate.cost)
             if found.cost >= BETTER * best.cost:
                 break
             best = found
-            told(best)
+            better(best)
     return first, best
 
 
@@ -91,16 +91,16 @@ def neighbours(pace: Pace, step: float) -> Iterator[Pace]:
         yield pace.model_copy(update={factor: by * getattr(pace, factor)})
 
 
-def judge(task: Task, paces: list[Pace]) -> list[Candidate]:
+def judge(task: Task, paces: list[Pace], runner: Runner) -> list[Candidate]:
     """Fly and cost every pace."""
-    margins = run_all(_margin, [(task, pace) for pace in paces], lambda: None)
+    margins = runner.run("delay margins", _margin, [(task, pace) for pace in paces])
     flights = [
         Flight(task, pace, experiment, off)
         for pace, margin in zip(paces, margins, strict=True)
         if margin.carried
         for experiment, off in product(EXPERIMENTS, (False, True))
     ]
-    costs = dict(zip(flights, run_all(fly, flights, lambda: None), strict=True))
+    costs = dict(zip(flights, runner.run("flights", fly, flights), strict=True))
     return [
         Candidate(
             pace,

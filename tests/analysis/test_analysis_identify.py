@@ -100,11 +100,11 @@ def test_thrust_and_its_curve_are_found_again():
     fine_s = np.arange(0.0, 30.0, FINE_S)
     index = np.clip(np.searchsorted(t_s + delay_s, fine_s, side="right") - 1, 0, None)
     force = full * ((1.0 - curve) * norm[index] + curve * norm[index] ** 2)
-    felt = np.empty_like(force)
-    felt[0] = force[0]
+    reached = np.empty_like(force)
+    reached[0] = force[0]
     for k in range(1, len(force)):
-        felt[k] = felt[k - 1] + FINE_S * (force[k - 1] - felt[k - 1]) / motor_s
-    acc = felt * (1.0 - fade * fine_s) - GRAVITY_M_S2
+        reached[k] = reached[k - 1] + FINE_S * (force[k - 1] - reached[k - 1]) / motor_s
+    acc = reached * (1.0 - fade * fine_s) - GRAVITY_M_S2
     z = 1.0 + np.cumsum(np.cumsum(acc) * FINE_S) * FINE_S
     height = np.interp(t_s, fine_s, z) + 1e-4 * rng.standard_normal(len(t_s))
     flat = np.zeros(len(t_s))

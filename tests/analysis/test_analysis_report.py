@@ -12,6 +12,7 @@ from rich.console import Console
 from synthetic_flight import LAB, METADATA, T0_NS, Recipe, records
 from typer.testing import CliRunner
 
+from analysis import report as report_page
 from analysis.check import check
 from analysis.cli import app
 from analysis.console import print_summary
@@ -28,7 +29,9 @@ from formation.topics import Topic
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
 from wire.link_messages.status import NamedValue
+from wire.logs import mcap_read
 from wire.logs.mcap_log import LogWriter
+from wire.logs.mcap_scan import Damage
 from wire.mavlink.codec import Codec
 
 SECTIONS = [
@@ -182,6 +185,22 @@ def test_a_truncated_log_is_reported_and_says_so(cut: Path, tmp_path: Path):
     again = CliRunner().invoke(app, ["report", str(cut), "--out", str(page)])
     assert "formation error" in again.output
     assert "The log is damaged" in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("command", ["report", "check"])
+def test_a_log_is_read_once(command: str, cut: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Its damage was told in a second reading."""
+    read, opened = mcap_read._entries, list[Path]()
+
+    def entries(path: Path, damage: Damage):
+        opened.append(path)
+        return read(path, damage)
+
+    monkeypatch.setattr(mcap_read, "_entries", entries)
+    monkeypatch.setattr(report_page, "html", lambda *_: "page")
+    out = ["--out", str(tmp_path / "r.html")] if command == "report" else []
+    assert CliRunner().invoke(app, [command, str(cut), *out]).exit_code == (0 if command == "report" else 1)
+    assert opened == [cut]
 
 
 def test_check_tells_a_damaged_log_by_its_exit_code(log: Path, cut: Path):

@@ -15,11 +15,11 @@ from formation import topics
 from formation.topics import Drop, Topic
 from wire.logs.foxglove import View, views_of
 from wire.logs.mcap_file import McapFile, Stored, message_record
-from wire.logs.mcap_read import Entry, Log, LogCheck, LogError, check_log, read_log
+from wire.logs.mcap_read import Entry, Log, LogCheck, LogError, Reading, check_log, read_log
 from wire.private_files import private
 from wire.schema import Schema, schema_of
 
-__all__ = ["Entry", "Log", "LogCheck", "LogError", "LogWriter", "check_log", "read_log"]
+__all__ = ["Entry", "Log", "LogCheck", "LogError", "LogWriter", "Reading", "check_log", "read_log"]
 
 _LIBRARY = "mavlink-formation"
 _CHUNK_PERIOD_S = 0.02

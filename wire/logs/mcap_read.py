@@ -15,7 +15,7 @@ from formation.topics import Topic
 from wire.logs.mcap_scan import Damage, LogError, Messages, scan
 from wire.schema import SchemaError, schema_of
 
-__all__ = ["Entry", "Log", "LogCheck", "LogError", "check_log", "read_log"]
+__all__ = ["Entry", "Log", "LogCheck", "LogError", "Reading", "check_log", "read_log"]
 
 _HEAD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
@@ -67,19 +67,44 @@ def read_log(path: Path) -> Log:
 
 def check_log(path: Path) -> LogCheck:
     """Read a whole log and say what it holds. Raises as `read_log`."""
-    damage = Damage()
-    counts: Counter[str] = Counter()
-    first_ns: int | None = None
-    last_ns: int | None = None
-    for entry in _entries(path, damage):
-        counts[entry.topic.name] += 1
-        first_ns = entry.t_ns if first_ns is None else min(first_ns, entry.t_ns)
-        last_ns = entry.t_ns if last_ns is None else max(last_ns, entry.t_ns)
-    if damage.missing:
-        damage.note(f"{damage.missing} messages are missing")
-    if not damage.finished:
-        damage.note("the file was not closed: it has no summary")
-    return LogCheck(dict(counts), first_ns, last_ns, complete=not damage.faults, damage=damage.text())
+    reading = Reading(path)
+    for _ in reading:
+        pass
+    return reading.check()
+
+
+class Reading:
+    """One pass through a log that gives its entries and, once they are read, says what the file holds.
+
+    Raises OSError, and LogError if the file is no MCAP file, as it is read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._damage = Damage()
+        self._counts: Counter[str] = Counter()
+        self._first_ns: int | None = None
+        self._last_ns: int | None = None
+
+    def __iter__(self) -> Iterator[Entry]:
+        """The entries in file order; once only."""
+        for entry in _entries(self._path, self._damage):
+            t_ns = entry.t_ns
+            self._counts[entry.topic.name] += 1
+            self._first_ns = t_ns if self._first_ns is None else min(self._first_ns, t_ns)
+            self._last_ns = t_ns if self._last_ns is None else max(self._last_ns, t_ns)
+            yield entry
+        if self._damage.missing:
+            self._damage.note(f"{self._damage.missing} messages are missing")
+        if not self._damage.finished:
+            self._damage.note("the file was not closed: it has no summary")
+
+    def check(self) -> LogCheck:
+        """What the entries read tell of the file."""
+        damage = self._damage
+        return LogCheck(
+            dict(self._counts), self._first_ns, self._last_ns, complete=not damage.faults, damage=damage.text()
+        )
 
 
 def _entries(path: Path, damage: Damage) -> Iterator[Entry]:

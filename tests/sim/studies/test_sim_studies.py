@@ -1,15 +1,18 @@
+import io
 import json
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from formation.vehicle.profile import PAPER_40G
 from sim.scenario import agent_configs, recorded_leader
 from sim.studies import experiments, paper, robustness
-from sim.studies.batch import run_all
 from sim.studies.experiments import CONTROLLERS, Experiment, Job, Score
 from sim.studies.robustness import Draw, Sample
+from sim.studies.runner import Runner, run_all
 
 
 def double(number: int) -> int:
@@ -23,6 +26,15 @@ def test_jobs_run_in_processes_give_results_in_order_and_tell_of_each() -> None:
     told: list[None] = []
     assert run_all(double, [3, 1, 2], lambda: told.append(None), workers=2) == [6, 2, 4]
     assert len(told) == 3
+
+
+def test_a_runner_writes_what_came_of_the_jobs_and_says_where(tmp_path: Path) -> None:
+    console = Console(record=True, width=200, file=io.StringIO())
+    runner = Runner(console, workers=1)
+    results = runner.run("doubled", double, [3, 1, 2])
+    runner.write(tmp_path / "new", {"a.txt": f"{results}", "b.txt": "b"})
+    assert (tmp_path / "new" / "a.txt").read_text() == "[6, 2, 4]"
+    assert f"{tmp_path / 'new' / 'a.txt'}  {tmp_path / 'new' / 'b.txt'}" in console.export_text()
 
 
 @pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.processes)])
@@ -79,8 +91,8 @@ def test_the_table_holds_medians_and_null_where_no_flight_could_tell(monkeypatch
         return Score("landed", dev, dev, dev, dev, 0.001 * job.seed, 0.002, None)
 
     monkeypatch.setattr(paper, "fly", scored)
-    monkeypatch.setattr(paper, "run_all", lambda work, jobs, done: [work(job) for job in jobs])
-    told = json.loads(paper.compare(paper.jobs((1, 2, 4)), lambda: None).to_json())
+    runner = Runner(Console(quiet=True), workers=1)
+    told = json.loads(paper.compare(paper.jobs((1, 2, 4)), runner).to_json())
     assert set(told) == {"controllers", "gust_peak_m_s2", "seeds"}
     assert set(told["controllers"]) == {"smc", "istsmc", "cfc_paper", "cfc", "pid", "geometric"}
     assert told["seeds"] == [1, 2, 4]

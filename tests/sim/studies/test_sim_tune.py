@@ -1,12 +1,14 @@
 import math
 
 import pytest
+from rich.console import Console
 
 from formation.control.margin import DelayMargin
 from formation.control.presets import pace_of, preset_for
 from formation.vehicle.profile import PAPER_40G, PX4_QUAD, Pace
 from sim.studies import tune
 from sim.studies.experiments import Experiment, Score
+from sim.studies.runner import Runner
 from sim.studies.tune import Candidate, Flight, Task
 
 SLOW = Task(PX4_QUAD, rate_hz=50.0, delay_s=0.02, noise_m=0.0005)
@@ -48,7 +50,7 @@ def test_the_ground_believes_the_profile_and_the_other_vehicle_is_heavier_slower
 def test_the_search_walks_downhill_and_stops_where_no_step_helps(monkeypatch: pytest.MonkeyPatch) -> None:
     """A bowl whose floor lies at 0.8, 1.2, 1.0, 1.0 stands in for the flights."""
 
-    def bowl(_task: Task, paces: list[Pace]) -> list[Candidate]:
+    def bowl(_task: Task, paces: list[Pace], _runner: Runner) -> list[Candidate]:
         def cost(p: Pace) -> float:
             wanted = (0.8, 1.2, 1.0, 1.0)
             return 1.0 + sum(math.log(x / w) ** 2 for x, w in zip(p.model_dump().values(), wanted, strict=True))
@@ -58,7 +60,7 @@ def test_the_search_walks_downhill_and_stops_where_no_step_helps(monkeypatch: py
     monkeypatch.setattr(tune, "judge", bowl)
     told: list[Candidate] = []
     task = Task(PAPER_40G.model_copy(update={"pace": Pace()}), 100.0, 0.008, 0.0001)
-    first, best = tune.tune(task, told.append)
+    first, best = tune.tune(task, Runner(Console(quiet=True)), told.append)
     assert first.pace == Pace()
     costs = [candidate.cost for candidate in told]
     assert costs == sorted(costs, reverse=True)

@@ -10,17 +10,18 @@ from rich.console import Console
 from rich.table import Table
 
 from analysis.console import print_summary
-from analysis.load import load as load_log
 from formation.control.presets import preset_for
 from formation.vehicle.profile import VehicleProfile
 from formation.vehicle.profile import profile as shipped_profile
 from sim import lockstep
-from sim.conclude import conclude
+from sim.cli.bench_tables import bench_tables
+from sim.cli.conclude import conclude
+from sim.cli.flights import compile_for
 from sim.scenario import load as load_scenario
-from sim.studies import paper, paper_page, reach, robustness
-from sim.studies.batch import progress_bar, run_all
+from sim.studies import bench, paper, paper_page, performance_bound, robustness
 from sim.studies.experiments import SCENARIOS, Experiment
 from sim.studies.robustness import Draw, Sample
+from sim.studies.runner import Runner
 from sim.studies.tune import Candidate, Task, tune
 from wire.config_file import ConfigError, dump
 from wire.config_file import load as load_config
@@ -32,21 +33,17 @@ FAILED, NOT_RIGHT = 1, 2
 def run_paper(out: Path, seeds: int, calibrate: bool, bound: bool) -> None:
     """The paper's gust, line and circle."""
     console = Console(markup=False)
+    runner = Runner(console)
     if calibrate:
-        peak = paper.calibrate(lambda tried, dev: console.print(f"peak {tried:.3f} m/s²: {1e3 * dev:.1f} mm"))
+        peak = paper.calibrate(runner, lambda tried, dev: console.print(f"peak {tried:.3f} m/s²: {1e3 * dev:.1f} mm"))
         console.print(f"peak_m_s2 = {peak:.2f}")
         return
     if bound:
-        _tell_bound(console)
+        _show_bound(console)
         return
-    flights = paper.jobs(range(1, seeds + 1))
-    with progress_bar(console, "flights", len(flights)) as done:
-        comparison = paper.compare(flights, done)
-    make_folder(out)
-    (out / "paper.json").write_text(comparison.to_json() + "\n", encoding="utf-8")
-    (out / "paper.html").write_text(paper_page.html(comparison), encoding="utf-8")
+    comparison = paper.compare(paper.jobs(range(1, seeds + 1)), runner)
     console.print(paper_page.console_table(comparison))
-    console.print(f"{out / 'paper.json'}  {out / 'paper.html'}", highlight=False)
+    runner.write(out, {"paper.json": comparison.to_json() + "\n", "paper.html": paper_page.html(comparison)})
 
 
 def run_robustness(
@@ -58,8 +55,7 @@ def run_robustness(
         flown = [_again(Draw(only, profile, preset), out, console)]
     else:
         draws = [Draw(seed, profile, preset) for seed in range(first, first + samples)]
-        with progress_bar(console, "flights", len(draws)) as done:
-            flown = run_all(robustness.fly, draws, done)
+        flown = Runner(console).run("flights", robustness.fly, draws)
     failures = sum(sample.failed for sample in flown)
     if as_json:
         print(_json(flown))
@@ -80,13 +76,11 @@ def run_tune(vehicle: str, rate_hz: float, delay_s: float, noise_m: float, out: 
         console.print(f"gcs-sim: {error}", style="red", markup=False, highlight=False)
         raise typer.Exit(NOT_RIGHT) from error
     task = Task(profile, rate_hz, delay_s, noise_m)
-    with console.status("the rule's own pace") as status:
 
-        def told(candidate: Candidate) -> None:
-            status.update(f"cost {candidate.cost:.2f}")
-            console.print(f"cost {candidate.cost:7.2f}  {_pace(candidate)}", highlight=False)
+    def show(candidate: Candidate) -> None:
+        console.print(f"cost {candidate.cost:7.2f}  {_pace(candidate)}", highlight=False)
 
-        first, best = tune(task, told)
+    first, best = tune(task, Runner(console), show)
     console.print(f"by the rule {first.cost:.2f}, tuned {best.cost:.2f}; {best.margin}", highlight=False)
     tuned = profile.model_copy(update={"pace": best.pace})
     gains = preset_for("default", tuned, task.mocap)
@@ -99,13 +93,26 @@ def run_tune(vehicle: str, rate_hz: float, delay_s: float, noise_m: float, out: 
         raise typer.Exit(FAILED)
 
 
-def _tell_bound(console: Console) -> None:
+def run_bench(as_json: bool) -> None:
+    """What the parts of a flight cost."""
+    console = Console(stderr=as_json, markup=False)
+    compile_for(load_scenario("triangle_line"))
+    with console.status("starting") as status:
+        result = bench.bench(status.update)
+    if as_json:
+        print(result.to_json())
+        return
+    for table in bench_tables(result):
+        console.print(table)
+
+
+def _show_bound(console: Console) -> None:
     """The least deviation by the time of reaction, the loop's own last."""
     scenario = load_scenario(SCENARIOS[Experiment.GUST])
-    pass_over = reach.reach_of(scenario)
-    own_s = reach.reaction_s(scenario, pass_over)
-    for seconds in (*reach.REACTIONS_S, own_s):
-        least_mm = 1e3 * reach.least_deviation_m(pass_over, seconds)
+    gust = performance_bound.gust_pass(scenario)
+    own_s = performance_bound.reaction_s(scenario, gust)
+    for seconds in (*performance_bound.REACTIONS_S, own_s):
+        least_mm = 1e3 * performance_bound.least_deviation_m(gust, seconds)
         who = "  this loop: seen, passed on, acted on" if seconds == own_s else ""
         console.print(f"acts after {1e3 * seconds:4.1f} ms: {least_mm:5.1f} mm at least{who}", highlight=False)
 
@@ -125,9 +132,9 @@ def _again(draw: Draw, out: Path, console: Console) -> Sample:
     folder = out / scenario.name
     make_folder(folder)
     flown = lockstep.run_to_file(scenario, draw.seed, folder / "flight.mcap")
-    summary = conclude(folder / "flight.mcap", flown.outcome, flown.realtime_factor)
+    flight, summary = conclude(folder / "flight.mcap", flown.outcome, flown.realtime_factor)
     print_summary(summary, console)
-    return robustness.judge(draw, flown.outcome.result, load_log(folder / "flight.mcap"), summary)
+    return robustness.judge(draw, flown.outcome.result, flight, summary)
 
 
 def _table(samples: list[Sample]) -> Table:
@@ -146,12 +153,12 @@ def _table(samples: list[Sample]) -> Table:
 
 def _json(samples: list[Sample]) -> str:
     """Every sample and the percentiles; null for what no flight could tell."""
-    told = {
+    values = {
         "samples": [asdict(sample) | {"failed": sample.failed} for sample in samples],
         "failed": sum(sample.failed for sample in samples),
         "rms_m": {f"p{p:g}": robustness.percentile_m(samples, p) for p in (50.0, 95.0, 100.0)},
     }
-    return json.dumps(_without_nan(told), indent=2, allow_nan=False)
+    return json.dumps(_without_nan(values), indent=2, allow_nan=False)
 
 
 def _without_nan(value: object) -> object:

@@ -4,8 +4,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from sim.__main__ import app
-from sim.log_cli import app as log_app
+from sim.cli.app import app
+from sim.cli.log import app as log_app
 from sim.scenario import load
 from wire.config_file import dump
 

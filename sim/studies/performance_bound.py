@@ -1,4 +1,4 @@
-"""How little any controller could deviate in the gust: what is left by the motors' torque and the loop's delay.
+"""Performance bound: how little any controller could deviate in the gust, by the motors' torque and the loop's delay.
 
 It is told, one reaction time after the push begins, all of the push that is still to come, and steers without noise;
 only its torque is limited. Small angles along one axis: the least largest deviation is a linear program.
@@ -25,7 +25,7 @@ REACTIONS_S = (0.01, 0.02, 0.03, 0.04, 0.05, 0.06)
 
 
 @dataclass(frozen=True, slots=True)
-class Reach:
+class GustPass:
     """One pass of the gust and the vehicle in it. push_m_s2 (T,): along the axis, from its beginning on."""
 
     push_m_s2: Float
@@ -33,34 +33,34 @@ class Reach:
     motor_lag_s: float
 
 
-def reach_of(scenario: Scenario) -> Reach:
+def gust_pass(scenario: Scenario) -> GustPass:
     """The first pass of the scenario's fan over its follower, and that follower's profile."""
     follower = scenario.lab.followers[0]
     profile = scenario.lab.profile_of(follower)
     push = _push(scenario, profile)
     begun = int(np.argmax(np.abs(push) > BEGUN * np.abs(push).max()))
     # A hovering vehicle's motors can stop or double: one side can have all the weight.
-    return Reach(push[begun:], profile.turn_1_m * GRAVITY_M_S2, profile.motor_lag_s)
+    return GustPass(push[begun:], profile.turn_1_m * GRAVITY_M_S2, profile.motor_lag_s)
 
 
-def reaction_s(scenario: Scenario, reach: Reach) -> float:
+def reaction_s(scenario: Scenario, gust: GustPass) -> float:
     """From the beginning of the push to the first torque against it, at the least.
 
     Until the push has moved the vehicle by the mocap's own noise nobody can see it; then cameras, half a frame, the
     link down and the vehicle's inside pass it on.
     """
     follower = scenario.lab.followers[0]
-    moved_m = np.abs(np.cumsum(np.cumsum(reach.push_m_s2))) * STEP_S**2
+    moved_m = np.abs(np.cumsum(np.cumsum(gust.push_m_s2))) * STEP_S**2
     seen_s = STEP_S * float(np.argmax(moved_m > scenario.mocap.noise_m))
     on_its_way_s = scenario.mocap.delay_s + 0.5 / scenario.mocap.rate_hz + scenario.link.down_s
     return seen_s + on_its_way_s + scenario.lab.profile_of(follower).command_delay_s
 
 
-def least_deviation_m(reach: Reach, reaction: float) -> float:
+def least_deviation_m(gust: GustPass, reaction: float) -> float:
     """The least largest deviation, m, of a controller that acts from `reaction` seconds on."""
-    length = len(reach.push_m_s2)
-    by_push, by_turn = _responses(reach.motor_lag_s, length)
-    drift = np.convolve(by_push, reach.push_m_s2)[:length]
+    length = len(gust.push_m_s2)
+    by_push, by_turn = _responses(gust.motor_lag_s, length)
+    drift = np.convolve(by_push, gust.push_m_s2)[:length]
     starts = np.arange(round(reaction / STEP_S), length, HELD_STEPS)
     steered = np.add.reduceat(toeplitz(by_turn, np.zeros(length)), starts, axis=1)
     bound = -np.ones((length, 1))
@@ -69,7 +69,7 @@ def least_deviation_m(reach: Reach, reaction: float) -> float:
         deviation,
         A_ub=np.block([[steered, bound], [-steered, bound]]),
         b_ub=np.concatenate([-drift, drift]),
-        bounds=[(-reach.turn_max_rad_s2, reach.turn_max_rad_s2)] * steered.shape[1] + [(0.0, None)],
+        bounds=[(-gust.turn_max_rad_s2, gust.turn_max_rad_s2)] * steered.shape[1] + [(0.0, None)],
     )
     return float(deviation @ result.x)
 

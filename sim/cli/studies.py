@@ -1,4 +1,4 @@
-"""The command lines of the studies of `gcs-sim`: `paper`, `robustness`, `tune`."""
+"""The command lines of the studies of `gcs-sim`: `paper`, `robustness`, `tune`, `bench`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,6 +14,7 @@ def register(app: typer.Typer) -> None:
     app.command("paper")(compare)
     app.command("robustness")(robust)
     app.command("tune")(tune_vehicle)
+    app.command("bench")(bench)
 
 
 def compare(
@@ -25,7 +26,7 @@ def compare(
     bound: Annotated[bool, typer.Option(help="Only tell how little any controller could deviate in the gust.")] = False,
 ) -> None:
     """Fly the paper's gust, line and circle with six controllers; writes paper.json and paper.html."""
-    from sim.studies import commands as studies
+    from sim.cli import study_commands as studies
 
     studies.run_paper(out, seeds, calibrate, bound)
 
@@ -42,7 +43,7 @@ def robust(
     out: OutFolder = Path("runs"),
 ) -> None:
     """Fly vehicles that are not what the controller believes; the worst ten, by seed. Exit code 1 if any failed."""
-    from sim.studies import commands as studies
+    from sim.cli import study_commands as studies
 
     studies.run_robustness(samples, first, only, profile, preset, as_json, out)
 
@@ -57,6 +58,15 @@ def tune_vehicle(
     out: Annotated[Path | None, typer.Option(help="Write the tuned profile here, to go under [[profiles]].")] = None,
 ) -> None:
     """Find the pace of a vehicle's loops: gains, observer bandwidth and compensation, judged in flight."""
-    from sim.studies import commands as studies
+    from sim.cli import study_commands as studies
 
     studies.run_tune(vehicle, rate_hz, delay_s, noise_m, out)
+
+
+def bench(
+    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON, and nothing else there.")] = False,
+) -> None:
+    """Time law, estimate, tick, codec, lockstep and bus on this machine; some seconds. It judges nothing."""
+    from sim.cli import study_commands as studies
+
+    studies.run_bench(as_json)

@@ -19,8 +19,8 @@ from gcs.daemon import GCS_NAME
 from gcs.mocap.csv_file import MocapFileError
 from sim import lockstep
 from sim.cameras import daemon as mocap_daemon
-from sim.conclude import conclude
-from sim.display import Display
+from sim.cli.conclude import conclude
+from sim.cli.display import Display
 from sim.fly import Files
 from sim.fly import fly as fly_processes
 from sim.ports import private_link
@@ -58,7 +58,8 @@ def fly(
     outcome = flown or Outcome("aborted", "interrupted")
     if not files.mcap.exists():
         fail(f"no log was written: {outcome.reason} (see {files.folder})", ABORTED)
-    _end(conclude(files.mcap, outcome), as_json, ABORTED if flown else INTERRUPTED)
+    _, summary = conclude(files.mcap, outcome)
+    _end(summary, as_json, ABORTED if flown else INTERRUPTED)
 
 
 def run(scenario: Scenario, seed: int | None, as_json: bool, out: Path | None) -> None:
@@ -67,7 +68,8 @@ def run(scenario: Scenario, seed: int | None, as_json: bool, out: Path | None) -
     compile_for(scenario)
     with Display(Console(stderr=as_json), scenario.name) as display:
         flown = lockstep.run_to_file(scenario, _seed(seed, scenario), files.mcap, display.progress)
-    _end(conclude(files.mcap, flown.outcome, flown.realtime_factor), as_json)
+    _, summary = conclude(files.mcap, flown.outcome, flown.realtime_factor)
+    _end(summary, as_json)
 
 
 def mocap(scenario: Scenario, seed: int | None, speed: float) -> None:

@@ -1,0 +1,103 @@
+"""`gcs-sim`: simulated flights, in lockstep or by real processes in real time.
+
+Exit codes: 0 flown; 1 the flight was aborted; 2 the command line, a scenario or a recording is not right;
+3 starved: the machine was too slow for the simulators, which says nothing of what flew; 130 interrupted.
+
+Commands load what they need when they are called: asking for help waits for no compiler.
+"""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from sim.cli import studies
+from wire.process.program import program
+
+app = program(
+    "Fly scenarios: `fly` with real processes in real time, `run` in lockstep as fast as the machine goes; "
+    "`paper` and `robustness` are studies of many flights, `bench` times the parts.",
+    "Exit codes: 0 flown; 1 aborted; 2 something given is not right; "
+    "3 starved, the machine was too slow for the simulators; 130 interrupted.",
+)
+
+Name = Annotated[str, typer.Argument(metavar="SCENARIO", help="A shipped scenario's name or a TOML file.")]
+Seed = Annotated[int | None, typer.Option(min=0, help="Decides all luck; without it the scenario's own.")]
+LeaderCsv = Annotated[Path | None, typer.Option(help="The leader's recorded poses (ASL/EuRoC CSV).")]
+Alignment = Annotated[
+    str | None, typer.Option(metavar="W,X,Y,Z", help="Turns the leader's marker frame: q_marker_from_flu.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print the summary as JSON, and nothing else there.")]
+Out = Annotated[Path | None, typer.Option(help="The run's directory; without it runs/TIME-SCENARIO.")]
+
+
+@app.command()
+def fly(
+    name: Name = "triangle_line",
+    link: Annotated[Literal["zenoh", "udp"], typer.Option(help="How MAVLink reaches the drones.")] = "zenoh",
+    seed: Seed = None,
+    leader_csv: LeaderCsv = None,
+    leader_alignment: Alignment = None,
+    force: Annotated[bool, typer.Option("--force", help="Fly a preset whose delay margin the ground refuses.")] = False,
+    speed: Annotated[
+        float, typer.Option(min=0.01, max=1.0, help="Seconds of flight in one second: slower on a slow machine.")
+    ] = 1.0,
+    as_json: Json = False,
+    out: Out = None,
+) -> None:
+    """Fly in real time: emulated mocap, agents and `gcs run` as processes of their own. Ctrl-C lands and ends."""
+    from sim.cli import flights
+
+    flights.fly(flights.scenario_of(name, leader_csv, leader_alignment), link, seed, force, speed, as_json, out)
+
+
+@app.command()
+def run(
+    name: Name,
+    seed: Seed = None,
+    leader_csv: LeaderCsv = None,
+    leader_alignment: Alignment = None,
+    as_json: Json = False,
+    out: Out = None,
+) -> None:
+    """Fly in lockstep: the same cores and bytes in one process, decided by scenario and seed alone."""
+    from sim.cli import flights
+
+    flights.run(flights.scenario_of(name, leader_csv, leader_alignment), seed, as_json, out)
+
+
+@app.command()
+def mocap(
+    name: Name, seed: Seed = None, speed: Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)] = 1.0
+) -> None:
+    """Be the mocap of a scenario's simulated drones, on the bus of its lab, until Ctrl-C."""
+    from sim.cli import flights
+
+    flights.mocap(flights.scenario_of(name), seed, speed)
+
+
+@app.command("compile")
+def compile_kernels() -> None:
+    """Compile everything that flies, once per installation, so that no start waits for it later."""
+    from sim.cli import flights
+
+    flights.compile_for(flights.scenario_of("triangle_line"))
+
+
+@app.command("list")
+def list_scenarios() -> None:
+    """Show the shipped scenarios."""
+    from sim.shipped import about, shipped
+
+    known = shipped()
+    width = max(map(len, known))
+    for name, path in known.items():
+        typer.echo(f"{name:{width}}  {about(path)}")
+
+
+studies.register(app)
+
+
+def main() -> None:
+    """The console script."""
+    app()

@@ -1,0 +1,316 @@
+"""`gcs-sim bench`: what the parts of a flight cost on this machine. It shows, and judges nothing.
+
+The law, the estimate and the ground's tick are timed in a replay of a lockstep take-off, as they are called there; the
+bus between processes as in flight: cameras that publish, the mocap process, and this process in the ground's place.
+"""
+
+import asyncio
+import itertools
+import json
+import sys
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from contextlib import asynccontextmanager, contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import uvloop
+
+from formation import topics
+from formation.config import LabConfig, LinkConfig
+from formation.control import limits, stack
+from formation.control.stack import ControlStack
+from formation.estimation.state import initial
+from formation.maths import frames
+from formation.maths.arrays import Float
+from formation.messages import LabFrame, RawFrame
+from formation.safety import rules
+from gcs.core import GcsCore
+from gcs.recording import INPUT_TOPICS
+from sim import lockstep
+from sim.ports import private_link
+from sim.processes import ProcessGroup
+from sim.scenario import Scenario, load
+from sim.world import T0_NS
+from wire import clock
+from wire.config_file import dump
+from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
+from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
+from wire.mavlink.codec import Codec
+from wire.transport.mocap_bus import MocapBus
+from wire.transport.zenoh_bus import ZenohBus
+
+FOLLOWERS = (2, 10, 20)
+FLIGHT_S = 5.0
+"""Of each lockstep flight: up to the middle of its take-off."""
+AIRBORNE_TICKS = 100
+"""The last ones of it."""
+FEW, MANY = 20, 120
+"""Vehicles; the difference of two times is free of what a call costs by itself."""
+CALLS, BATCHES = 200, 20
+LAB, FRAMES, RATE_HZ = "triangle_line", 300, 100.0
+SHOWN_WITHIN_S = 60.0
+
+Progress = Callable[[str], None]
+"""Told what is measured next."""
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """Shortest, median, 99th percentile and number of some durations; the shortest is what a busy machine leaves be."""
+
+    least_us: float
+    p50_us: float
+    p99_us: float
+    count: int
+
+    @classmethod
+    def of(cls, taken_us: Sequence[float]) -> "Timing":
+        """Of durations in microseconds, one at least."""
+        least, p50, p99 = np.percentile(taken_us, (0.0, 50.0, 99.0))
+        return cls(float(least), float(p50), float(p99), len(taken_us))
+
+
+@dataclass(frozen=True, slots=True)
+class Swarm:
+    """A tick with a frame, of a leader and so many followers, airborne; all durations of the whole swarm.
+
+    step: `ControlStack.step`, which holds estimate and law; tick: `GcsCore.tick`, which holds the step.
+    lockstep_speed: simulated seconds a second, the drones included.
+    """
+
+    followers: int
+    estimate: Timing
+    law: Timing
+    step: Timing
+    tick: Timing
+    lockstep_speed: float
+
+    @property
+    def law_and_estimate_us_per_drone(self) -> float:
+        """Both together, divided by the vehicles; medians."""
+        return (self.estimate.p50_us + self.law.p50_us) / (self.followers + 1)
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """Single calls: kernels by pair of vehicles, nanoseconds; the codec by attitude target, microseconds."""
+
+    nearest_ns_per_pair: float
+    keep_apart_ns_per_pair: float
+    encode_us: float
+    decode_us: float
+
+
+@dataclass(frozen=True, slots=True)
+class Bus:
+    """A frame on the lab's bus. hop: from the cameras' process to this one; path: the same by way of the mocap process.
+
+    mocap_p50_us, mocap_p99_us: of the path what the mocap process takes, from having a frame to having it published,
+    as it says itself; all else are two hops.
+    """
+
+    hop: Timing
+    path: Timing
+    mocap_p50_us: float
+    mocap_p99_us: float
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """Everything measured."""
+
+    swarms: tuple[Swarm, ...]
+    parts: Parts
+    bus: Bus
+
+    def to_json(self) -> str:
+        """Indented JSON of every field and figure."""
+        values = asdict(self)
+        for value, swarm in zip(values["swarms"], self.swarms, strict=True):
+            value["law_and_estimate_us_per_drone"] = swarm.law_and_estimate_us_per_drone
+        return json.dumps(values, indent=2, allow_nan=False)
+
+
+def bench(progress: Progress) -> Result:
+    """Measure everything. Raises BusError, OSError and TimeoutError where the processes do not come to speak."""
+    swarms = []
+    for followers in FOLLOWERS:
+        progress(f"a flight of {followers + 1} drones")
+        swarms.append(swarm(followers))
+    progress("single calls")
+    parts = Parts(nearest_ns_per_pair(), keep_apart_ns_per_pair(), *codec_us())
+    progress("the bus between processes")
+    return Result(tuple(swarms), parts, asyncio.run(bus()))
+
+
+def swarm(followers: int) -> Swarm:
+    """Fly into a take-off in lockstep, and time the ground's part of it in a replay."""
+    scenario = of_size(followers)
+    flown, entries = lockstep.run_in_memory(scenario, scenario.seed)
+    core, ticks_us = GcsCore(scenario.lab, T0_NS), list[float]()
+    with (
+        timed(stack, "estimate") as estimates_us,
+        timed(stack, "demand") as demands_us,
+        timed(ControlStack, "step") as steps_us,
+    ):
+        for entry in entries:
+            if entry.topic in INPUT_TOPICS:
+                core.receive(entry.message, entry.t_ns)
+            elif entry.topic is topics.TICK:
+                steps, begun_ns = len(steps_us), clock.monotonic_ns()
+                core.tick(entry.message.now_ns)
+                if len(steps_us) > steps:
+                    ticks_us.append((clock.monotonic_ns() - begun_ns) * 1e-3)
+    return Swarm(
+        followers, _airborne(estimates_us), _airborne(demands_us), _airborne(steps_us), _airborne(ticks_us),
+        flown.realtime_factor,
+    )  # fmt: skip
+
+
+def _airborne(taken_us: Sequence[float]) -> Timing:
+    return Timing.of(taken_us[-AIRBORNE_TICKS:])
+
+
+def of_size(followers: int) -> Scenario:
+    """The beginning of `twenty` with fewer followers."""
+    scenario = load("twenty")
+    lab = scenario.lab.model_copy(update={"followers": scenario.lab.followers[:followers]})
+    return scenario.model_copy(update={"lab": lab, "longest_s": FLIGHT_S})
+
+
+@contextmanager
+def timed(owner: object, name: str) -> Iterator[list[float]]:
+    """How long each call of the owner's function takes meanwhile, microseconds."""
+    function, taken_us = getattr(owner, name), list[float]()
+
+    def clocked(*given: object) -> object:
+        begun_ns = clock.monotonic_ns()
+        result = function(*given)
+        taken_us.append((clock.monotonic_ns() - begun_ns) * 1e-3)
+        return result
+
+    setattr(owner, name, clocked)
+    try:
+        yield taken_us
+    finally:
+        setattr(owner, name, function)
+
+
+def nearest_ns_per_pair() -> float:
+    """Of every pair of vehicles, once."""
+    pairs = (MANY * (MANY - 1) - FEW * (FEW - 1)) / 2
+    few, many = in_a_row(FEW), in_a_row(MANY)
+    return 1e3 * (call_us(lambda: rules.nearest(many)) - call_us(lambda: rules.nearest(few))) / pairs
+
+
+def keep_apart_ns_per_pair() -> float:
+    """Of one vehicle and each other, none of which is near."""
+
+    def one_among(n: int) -> float:
+        pos, acc, names = in_a_row(n), np.zeros(3), tuple(str(k) for k in range(n))
+        frame = LabFrame(0, 0, names, pos, np.tile(frames.IDENTITY, (n, 1)), np.ones(n, np.bool_))
+        estimates = initial(frame, np.ones(n, np.bool_))
+        return call_us(lambda: limits.keep_apart(0, estimates, pos[0], 0.2, acc))
+
+    return 1e3 * (one_among(MANY) - one_among(FEW)) / (MANY - FEW)
+
+
+def codec_us() -> tuple[float, float]:
+    """To encode an attitude target, and for its drone to decode it."""
+    drone = Address(2, DRONE_COMPONENT)
+    ground, aboard = Codec(GROUND), Codec(drone)
+    message = AttitudeSetpoint(drone, 1000, frames.IDENTITY, np.zeros(3), 0.5, Ignore.NONE)
+    data = ground.encode(message)
+    return call_us(lambda: ground.encode(message)), call_us(lambda: aboard.receive(data))
+
+
+def in_a_row(n: int) -> Float:
+    """Positions (n, 3), a metre apart."""
+    return np.column_stack([np.arange(n, dtype=np.float64), np.zeros(n), np.ones(n)])
+
+
+def call_us(function: Callable[[], object]) -> float:
+    """Of one call, the median over some batches, microseconds; the first call is not counted."""
+    function()
+    taken_us = []
+    for _ in range(BATCHES):
+        begun_ns = clock.monotonic_ns()
+        for _ in range(CALLS):
+            function()
+        taken_us.append((clock.monotonic_ns() - begun_ns) * 1e-3 / CALLS)
+    return float(np.median(taken_us))
+
+
+async def bus() -> Bus:
+    """Show frames in one process, align them in the mocap's, hear both here."""
+    with private_link("zenoh", ()) as link, TemporaryDirectory() as folder:
+        lab = load(LAB).lab.model_copy(update={"link": link})
+        async with ProcessGroup(Path(folder)) as group, listening(lab) as heard:
+            file = Path(folder) / "lab.toml"
+            file.write_text(dump(lab), encoding="utf-8")
+            await group.start("cameras", "sim.studies.bench", [str(file)])
+            await group.start("mocap", "gcs", ["mocap", str(file)])
+            watching = asyncio.create_task(group.watch())
+            async with asyncio.timeout(SHOWN_WITHIN_S):
+                while not watching.done() and not heard.enough:
+                    await asyncio.sleep(0.05)
+            if watching.done():
+                watching.result()
+            watching.cancel()
+        inside = heard.inside_ms[-1]
+        return Bus(
+            Timing.of(heard.hops_us[-FRAMES:]), Timing.of(heard.paths_us[-FRAMES:]),
+            1e3 * inside["p50"], 1e3 * inside["p99"],
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """How old raw frames and frames were when they came here, and what the mocap process said of itself."""
+
+    hops_us: list[float] = field(default_factory=list)
+    paths_us: list[float] = field(default_factory=list)
+    inside_ms: list[dict[str, float]] = field(default_factory=list)
+
+    @property
+    def enough(self) -> bool:
+        """Whether all figures can be told."""
+        return min(len(self.hops_us), len(self.paths_us)) >= FRAMES and bool(self.inside_ms)
+
+
+@asynccontextmanager
+async def listening(lab: LabConfig) -> AsyncIterator[Heard]:
+    """Hear what is on the lab's bus for as long as the block lasts."""
+    session, heard = await ZenohBus.open(lab.link, lab.name), Heard()
+    mocap = MocapBus(session)
+
+    def note(taken_us: list[float], frame: RawFrame | LabFrame) -> None:
+        taken_us.append((clock.monotonic_ns() - frame.t_capture_ns) * 1e-3)
+
+    mocap.on_raw(lambda frame: note(heard.hops_us, frame))
+    mocap.on_frame(lambda frame: note(heard.paths_us, frame))
+    mocap.on_state(lambda state: heard.inside_ms.append(state["inside_ms"]))
+    try:
+        yield heard
+    finally:
+        await session.close()
+
+
+async def show(file: Path) -> None:
+    """The cameras' process: it listens, as in a simulated flight, and shows every body at rest until it is ended."""
+    from wire.config_file import load as load_config
+
+    lab = load_config(file, LabConfig)
+    link = LinkConfig(zenoh_listen=lab.link.zenoh_connect, zenoh_connect=())
+    mocap, n = MocapBus(await ZenohBus.open(link, lab.name)), len(lab.vehicles)
+    bodies, q = tuple(vehicle.body for vehicle in lab.vehicles), np.tile(frames.IDENTITY, (n, 1))
+    for seq in itertools.count():
+        now_ns = clock.monotonic_ns()
+        mocap.publish_raw(RawFrame(seq, now_ns, bodies, in_a_row(n), q, np.ones(n, np.bool_)))
+        await clock.sleep_until_ns(now_ns + round(1e9 / RATE_HZ))
+
+
+if __name__ == "__main__":
+    uvloop.run(show(Path(sys.argv[1])))

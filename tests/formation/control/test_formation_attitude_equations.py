@@ -9,8 +9,8 @@ from oracle_frames import attitude_matrix, rotation_matrix
 from formation.control.attitude import body_rates, bound_force, bound_turn, turn_authority
 from formation.control.limits import keep_apart, keep_inside
 from formation.estimation.state import VehicleEstimate
-from formation.maths.records import Rows, blank
 from formation.maths.quaternion import attitude_of
+from formation.maths.records import Rows, blank
 from formation.vehicle.profile import ARDUCOPTER_QUAD, PAPER_40G, PX4_QUAD
 
 RNG = np.random.default_rng(11)

@@ -9,12 +9,11 @@ from oracle_law import Flight, Law, Quick, cascade, geometric, sliding, smc
 from oracle_stack import OracleStack, Task, Told
 
 from formation.config import PERSONAL_SPACE, LabConfig
-from formation.control.composite_law import Quickness
-from formation.control.feedback import AxisGains, CascadeGains, GeometricGains, SlidingGains
-from formation.control.feedback import Law as Named
+from formation.control.gains import CascadeGains, Gains, GeometricGains, LagCompensation, SlidingGains
+from formation.control.gains import Law as Named
 from formation.control.presets import Preset
 from formation.control.stack import ControlStack, Stages
-from formation.estimation.state import ObserverGains, Vigilance
+from formation.estimation.settings import Adaptation, ObserverGains
 from formation.guidance.plan import Plan
 from formation.messages import LabFrame
 from formation.vehicle.profile import VehicleProfile
@@ -24,15 +23,15 @@ def observer(gains: ObserverGains) -> Observer:
     return Observer(gains.bandwidth_rad_s, gains.alpha, gains.scale, gains.smooth)
 
 
-def adaptive(gains: Vigilance) -> Adaptive:
-    return Adaptive(gains.lag_s, gains.threshold, gains.most, gains.bandwidth_power, gains.habit)
+def adaptive(gains: Adaptation) -> Adaptive:
+    return Adaptive(gains.lag_s, gains.threshold, gains.most, gains.bandwidth_power, gains.mean_share)
 
 
-def quick(gains: Quickness) -> Quick:
+def quick(gains: LagCompensation) -> Quick:
     return Quick(gains.rate, gains.gain, gains.gain_power, gains.p1_power, gains.lead_share)
 
 
-def law(gains: AxisGains, speed_max: float) -> Law:
+def law(gains: Gains, speed_max: float) -> Law:
     match gains:
         case CascadeGains():
             return cascade(gains.kp_position, gains.kp, gains.ki, gains.kd, speed_max)
@@ -54,14 +53,14 @@ def traits(gains: Preset, body: VehicleProfile, leads: bool, commanded: bool) ->
         attitude=(gains.dead_share * body.response_dead_time_s, gains.lag_share * body.response_lag_s),
         thrust=(body.thrust_dead_time_s, body.thrust_lag_s),
         belief=(body.response_dead_time_s, body.response_lag_s),
-        adaptive=adaptive(gains.vigilance if commanded else gains.seen_vigilance),
-        strength_lag_s=gains.strength_lag_s,
+        adaptive=adaptive(gains.adaptation if commanded else gains.seen_adaptation),
+        strength_lag_s=gains.thrust_scale_lag_s,
         attitude_trust=gains.attitude_trust,
-        tilt_w=gains.tilt_w_rad_s,
+        tilt_w=gains.tilt_bandwidth_rad_s,
         tilt_decay=gains.tilt_decay_1_s,
         quiet_m=gains.quiet_m,
         quiet_rad=gains.quiet_rad,
-        turn_trust=gains.turn_trust,
+        turn_trust=gains.yaw_trust,
     )
 
 
@@ -71,7 +70,7 @@ def flight(gains: Preset, body: VehicleProfile, leads: bool, speed_max: float) -
         horizontal=law(gains.leader if leads else gains.follower, speed_max),
         vertical=law(gains.leader_vertical if leads else gains.follower_vertical, speed_max),
         compensate=leads or gains.compensate,
-        quick=quick(gains.leader_quickness if leads else gains.quickness),
+        quick=quick(gains.leader_lag_compensation if leads else gains.lag_compensation),
         turn_dead_s=body.thrust_dead_time_s,
     )
 

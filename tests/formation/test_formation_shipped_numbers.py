@@ -7,7 +7,7 @@ import pytest
 from pydantic import ValidationError
 
 from formation.config import FollowerConfig, LabConfig, LeaderConfig
-from formation.control.feedback import Law
+from formation.control.gains import Law
 from formation.control.presets import PRESETS
 from formation.vehicle.profile import PROFILES, BatteryProfile, Pace
 

@@ -13,10 +13,10 @@ from oracle_frames import rotation_matrix
 from oracle_stack import CIRCLE, IDLE, POINT, SLOT, Circle, Task
 
 from formation.config import Fence, FollowerConfig, LabConfig, LeaderConfig, LimitsConfig, TrajectoryConfig
-from formation.control.feedback import GeometricGains
+from formation.control.gains import GeometricGains
 from formation.control.presets import DEFAULT, GEOMETRIC, PAPER_CFC, PAPER_ISTSMC, PAPER_SMC, PID, Preset
 from formation.guidance.plan import IDLE as ON_FLOOR
-from formation.guidance.plan import Leg, Mode, Plan
+from formation.guidance.plan import Mode, Plan, Setpoint
 from formation.guidance.shape import configured
 from formation.maths import frames
 from formation.vehicle.profile import ARDUCOPTER_QUAD, PAPER_40G, PX4_QUAD, VehicleProfile
@@ -75,7 +75,7 @@ def same(stages: list, told: list, atol: float = 1e-6) -> None:
             "yaw rate": (one.state.yaw_rate_rad_s, [e.heading[1] for e in other.known]),
             "yaw acceleration": (one.state.yaw_acc_rad_s2, other.turning),
             "age": (one.state.age_s, [age_s(e) for e in other.known]),
-            "mismatch": (one.state.misfit, [e.mismatch for e in other.known]),
+            "mismatch": (one.state.model_mismatch, [e.mismatch for e in other.known]),
             "slot": (one.reference.slot_lead_m, [slot[0, :3] for slot, _ in other.references]),
             "slot velocity": (one.reference.slot_vel_lead_m_s, [slot[1, :3] for slot, _ in other.references]),
             "slot acceleration": (one.reference.slot_acc_lead_m_s2, [slot[2, :3] for slot, _ in other.references]),
@@ -140,9 +140,9 @@ LIVELY = replace(
     own_observer=replace(DEFAULT.own_observer, bandwidth_rad_s=14.0),
     leader=replace(DEFAULT.leader, c=3.0, p1=4.0),
     leader_vertical=replace(DEFAULT.leader_vertical, c=6.0, p2=2.0),
-    leader_quickness=replace(DEFAULT.leader_quickness, rate=0.9, gain=1.3, gain_power=0.4, p1_power=0.2),
-    strength_lag_s=0.3,
-    turn_trust=0.45,
+    leader_lag_compensation=replace(DEFAULT.leader_lag_compensation, rate=0.9, gain=1.3, gain_power=0.4, p1_power=0.2),
+    thrust_scale_lag_s=0.3,
+    yaw_trust=0.45,
 )
 SLOW_PID = replace(
     PID, follower=replace(PID.follower, kd=0.15), follower_vertical=GeometricGains(8.0, 4.0, 3.0, 1.2, 0.01)
@@ -181,15 +181,17 @@ def test_every_message_is_as_eqs_2_to_7_foretell(name: str) -> None:
         seen[k] = replace(seen[k], seen=np.array([True, True, False]))
     start_ns = seen[0].t_ns + 40_000_000
     hover = np.array([1.1, 0.9, 1.2])[-len(case.tasks) :] * [case.bodies[i].hover_thrust_norm for i in config.commanded]
-    plan = Plan(tuple(_leg(task) for task in case.tasks), configured(config), start_ns)
+    plan = Plan(tuple(_setpoint(task) for task in case.tasks), configured(config), start_ns)
     stack = oracle(config, case.bodies, case.gains, list(case.tasks), Circle(0.4, 5.0, 2, 0.7, start_ns))
     same(flown(config, case.bodies, case.gains, plan, seen, hover), foretold(stack, seen, hover))
 
 
-def _leg(task: Task) -> Leg:
+def _setpoint(task: Task) -> Setpoint:
     x, y, z, yaw = task.goal
     if task.kind == IDLE:
         return ON_FLOOR
     return (
-        Leg(Mode.LAB, (x, y, z), yaw, task.speed) if task.kind == POINT else Leg(Mode.FORMATION, speed_m_s=task.speed)
+        Setpoint(Mode.LAB, (x, y, z), yaw, task.speed)
+        if task.kind == POINT
+        else Setpoint(Mode.FORMATION, speed_m_s=task.speed)
     )

@@ -8,6 +8,8 @@ from oracle_frames import attitude_matrix, rotation_matrix
 
 from formation.control.attitude import attitude_of, body_rates, bound_force, bound_turn, turn_authority
 from formation.control.limits import keep_apart, keep_inside
+from formation.estimation.state import VehicleEstimate
+from formation.maths.records import Rows, blank
 from formation.vehicle.profile import ARDUCOPTER_QUAD, PAPER_40G, PX4_QUAD
 
 RNG = np.random.default_rng(11)
@@ -102,6 +104,12 @@ def test_the_fence_bounds_each_axis_as_braking_needs(seed: int) -> None:
     np.testing.assert_allclose(mine, expected, rtol=1e-12)
 
 
+def standing(pos: np.ndarray) -> Rows[VehicleEstimate]:
+    estimates = blank(VehicleEstimate, len(pos))
+    estimates["pos_lab_m"] = pos
+    return estimates
+
+
 @pytest.mark.parametrize("seed", range(30))
 def test_repulsion_pushes_straight_away_along_x_and_y(seed: int) -> None:
     """20 m/s^2 per metre missing of 1.5 separations, horizontal unless stacked; four bodies, the third is asked."""
@@ -109,10 +117,10 @@ def test_repulsion_pushes_straight_away_along_x_and_y(seed: int) -> None:
     pos = rng.uniform(-0.4, 0.4, (4, 3)) * [1.0, 0.8, 1.2]
     if seed % 3 == 0:
         pos[:, :2] *= 0.1
-    vehicle, acc = np.array([0, 2, 3]), np.array([0.1, -0.2, 0.3])
+    acc = np.array([0.1, -0.2, 0.3])
     mine = acc.copy()
     push, met = apart(2, pos, pos[2] + 0.01, 0.4, 1.5)
-    assert keep_apart(1, vehicle, pos, pos[2] + 0.01, 0.4, mine) == met
+    assert keep_apart(2, standing(pos), pos[2] + 0.01, 0.4, mine) == met
     np.testing.assert_allclose(mine, acc + push, rtol=1e-12)
     assert met == 0 or mine[2] == acc[2]
 
@@ -122,7 +130,7 @@ def test_those_exactly_above_each_other_part_along_x() -> None:
     pushes = []
     for i in range(2):
         acc = np.zeros(3)
-        keep_apart(i, np.array([0, 1]), pos, pos[i], 0.4, acc)
+        keep_apart(i, standing(pos), pos[i], 0.4, acc)
         pushes.append(acc)
     np.testing.assert_allclose(pushes, [[-8.0, 0.0, 0.0], [8.0, 0.0, 0.0]])
     assert G == 9.8

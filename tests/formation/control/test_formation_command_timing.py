@@ -16,10 +16,10 @@ from oracle_response import answered, step, system
 from scipy.linalg import expm
 
 from formation.config import Fence, FollowerConfig, LabConfig, LeaderConfig, LimitsConfig, TrajectoryConfig
-from formation.control.composite_law import Quickness
+from formation.control.gains import LagCompensation
 from formation.control.presets import DEFAULT, Preset
 from formation.control.stack import ControlStack
-from formation.guidance.plan import Leg, Mode, Plan
+from formation.guidance.plan import Mode, Plan, Setpoint
 from formation.guidance.shape import configured
 from formation.messages import LabFrame
 from formation.vehicle.profile import PAPER_40G, PX4_QUAD, VehicleProfile
@@ -29,7 +29,7 @@ START, SLOT = np.array([0.0, 0.0, 1.0]), np.array([-0.6, 0.45, 0.3])
 CONFIG = LabConfig(
     leader=LeaderConfig(body="L"), followers=(FollowerConfig(body="A", sysid=2, offset_m=tuple(SLOT)),)
 )  # fmt: skip
-PLAN = Plan((Leg(Mode.FORMATION),), configured(CONFIG))
+PLAN = Plan((Setpoint(Mode.FORMATION),), configured(CONFIG))
 
 
 def test_the_plants_exact_step_is_the_exponential_of_its_state_space() -> None:
@@ -48,7 +48,7 @@ def followed(body: VehicleProfile, gains: Preset, seconds: float = 4.0) -> np.nd
         leader=LeaderConfig(body="L", sysid=1, trajectory=PATH), followers=CONFIG.followers,
         limits=LimitsConfig(fence=Fence(low_m=(-9.0, -9.0, -9.0), high_m=(9.0, 9.0, 9.0))),
     )  # fmt: skip
-    plan = Plan((Leg(Mode.FORMATION),) * 2, configured(config), T0)
+    plan = Plan((Setpoint(Mode.FORMATION),) * 2, configured(config), T0)
     stack, hover = ControlStack(config, (body, body), gains), np.full(2, body.hover_thrust_norm)
     plants, errors = [Plant(body, T0, START), Plant(body, T0, START + SLOT)], []
     for k in range(round(seconds * 1e9 / PERIOD_NS)):
@@ -65,7 +65,13 @@ def followed(body: VehicleProfile, gains: Preset, seconds: float = 4.0) -> np.nd
     return np.array(errors)
 
 
-EXACT = replace(DEFAULT, dead_share=1.0, lag_share=1.0, quickness=Quickness(), leader_quickness=Quickness())
+EXACT = replace(
+    DEFAULT,
+    dead_share=1.0,
+    lag_share=1.0,
+    lag_compensation=LagCompensation(),
+    leader_lag_compensation=LagCompensation(),
+)
 
 
 @pytest.mark.parametrize(
@@ -96,7 +102,7 @@ def test_the_history_of_commands_is_stamped_when_they_are_sent_not_at_the_frames
         Look(T0 + k * PERIOD_NS + delay_ns, T0 + k * PERIOD_NS, PLACE + np.array([0.0, 0.0, 0.03 * (k % 2)]),
              np.tile(LEVEL, (2, 1)), np.ones(2, dtype=np.bool_)) for k in range(6)
     ]  # fmt: skip
-    gains = replace(DEFAULT, strength_lag_s=1e12)
+    gains = replace(DEFAULT, thrust_scale_lag_s=1e12)
     stages = flown(CONFIG, (quick, quick), gains, PLAN, looks, np.array([quick.hover_thrust_norm]))
     lift = [G, *(quick.thrust_n_of(float(s.target.thrust_norm[0])) / quick.mass_kg for s in stages)]
     times = np.array([T0 - 10**9, *(look.now_ns for look in looks)])
@@ -118,7 +124,7 @@ def test_a_tilted_vehicle_gets_the_thrust_that_lifts_its_weight() -> None:
              np.ones(2, dtype=np.bool_)) for k in range(2)
     ]  # fmt: skip
     slow = PAPER_40G.model_copy(update={"response_dead_time_s": 0.2, "thrust_dead_time_s": 0.0})
-    gains = replace(DEFAULT, attitude_trust=1.0, quickness=Quickness(rate=0.0), strength_lag_s=1e12)
+    gains = replace(DEFAULT, attitude_trust=1.0, lag_compensation=LagCompensation(rate=0.0), thrust_scale_lag_s=1e12)
     stages = flown(CONFIG, (slow, slow), gains, PLAN, looks, np.array([slow.hover_thrust_norm]))[-1]
     lift = slow.thrust_n_of(float(stages.target.thrust_norm[0])) / slow.mass_kg
     assert lift == pytest.approx((G + stages.command.acc_lab_m_s2[0, 2]) / np.cos(lean), rel=0.005)  # a trim is begun

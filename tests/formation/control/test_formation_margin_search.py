@@ -9,7 +9,7 @@ from formation.control import margin
 from formation.control.margin import DelayMargin, delay_margin, held, kicked_hover
 from formation.control.presets import preset_for
 from formation.control.stack import ControlStack
-from formation.guidance.plan import Leg, Mode, Plan
+from formation.guidance.plan import Mode, Plan, Setpoint
 from formation.guidance.shape import configured
 from formation.messages import LabFrame
 from formation.vehicle.profile import PAPER_40G, PX4_QUAD, VehicleProfile
@@ -33,7 +33,7 @@ def test_the_kicked_hover_is_a_point_mass_behind_a_longer_dead_time(body: Vehicl
     gains = DEFAULT[body.name]
     stack, plan = (
         ControlStack(config, (body, body), gains),
-        Plan((Leg(Mode.LAB, (0.0, 0.0, 1.0), 0.0),), configured(config)),
+        Plan((Setpoint(Mode.LAB, (0.0, 0.0, 1.0), 0.0),), configured(config)),
     )
     plant, hover, expected = Plant(late, T0, np.array([0.0, 0.0, 1.0])), np.array([body.hover_thrust_norm]), []
     plant.vel = np.array([0.3, 0.15, 0.0])

@@ -7,10 +7,10 @@ import pytest
 from formation_rig import law
 
 from formation.config import FollowerConfig, LabConfig, LeaderConfig, MocapConfig
-from formation.control.feedback import AxisGains, CascadeGains, GeometricGains, Law, SlidingGains
+from formation.control.gains import CascadeGains, Gains, GeometricGains, Law, SlidingGains
 from formation.control.presets import DEFAULT, PAPER_CFC, pace_of, paced, preset, preset_for
-from formation.control.settings import attitude_settings, estimator_settings, law_settings
-from formation.estimation.state import ObserverGains
+from formation.control.settings import attitude_settings, law_settings, observer_settings
+from formation.estimation.settings import ObserverGains
 from formation.vehicle.profile import ARDUCOPTER_QUAD, PAPER_40G, PX4_QUAD, Pace
 
 LAWS = [
@@ -23,12 +23,12 @@ LAWS = [
 
 @pytest.mark.parametrize("gains", LAWS, ids=lambda g: type(g).__name__)
 @pytest.mark.parametrize("pace", [0.4, 0.7])
-def test_a_pace_scales_c_p1_p2_and_all_gains_by_their_dimension_in_time(gains: AxisGains, pace: float) -> None:
+def test_a_pace_scales_c_p1_p2_and_all_gains_by_their_dimension_in_time(gains: Gains, pace: float) -> None:
     """All times 1/pace, speeds the same: lengths grow by 1/pace, accelerations by pace, their rates by its square.
 
     So c, p1, kp, kv, mix go with pace (1/s), p2, ki, kx with its square (1/s^2), eps, kd and m/s not at all.
     """
-    here, there = law(gains, 2.0), law(gains.paced(pace), 2.0)
+    here, there = law(gains, 2.0), law(gains.scaled(pace), 2.0)
     length = 1.0 / pace
     memory_here, memory_there = 0.2, 0.2 * (length if isinstance(gains, GeometricGains) else pace)
     for e, e_rate, e_acc, dt in ((0.05, -0.3, 0.7, 0.01), (-0.2, 0.4, 1.0, 0.02), (0.9, 0.1, -2.0, 0.01)):
@@ -43,7 +43,7 @@ def test_a_pace_scales_c_p1_p2_and_all_gains_by_their_dimension_in_time(gains: A
 def test_a_slower_observer_has_the_same_poles_in_its_own_time() -> None:
     """w, rad/s, alone goes with the pace: alpha has no dimension, and the error's scale is the camera's."""
     gains = ObserverGains(12.0, -0.1, 0.004, 0.7)
-    assert gains.paced(0.5) == ObserverGains(6.0, -0.1, 0.004, 0.7)
+    assert gains.scaled(0.5) == ObserverGains(6.0, -0.1, 0.004, 0.7)
 
 
 def test_the_pace_is_inverse_to_the_loops_delay_in_which_a_dead_time_counts_twice() -> None:
@@ -67,15 +67,15 @@ def test_the_papers_vehicle_is_what_the_gains_were_found_on() -> None:
 def test_each_loop_goes_at_its_own_pace() -> None:
     pace = Pace(sideways=0.5, observer=0.6, upwards=0.7, compensation=0.8)
     slow = paced(DEFAULT, PX4_QUAD.model_copy(update={"pace": pace}), MocapConfig())
-    assert slow.follower == DEFAULT.follower.paced(0.5)
-    assert slow.leader == DEFAULT.leader.paced(0.5)
-    assert slow.follower_vertical == DEFAULT.follower_vertical.paced(0.7)
-    assert slow.leader_vertical == DEFAULT.leader_vertical.paced(0.7)
-    assert slow.observer == DEFAULT.observer.paced(0.6)
-    assert slow.own_observer == DEFAULT.own_observer.paced(0.6)
-    assert slow.vertical_observer == DEFAULT.vertical_observer.paced(0.7)
+    assert slow.follower == DEFAULT.follower.scaled(0.5)
+    assert slow.leader == DEFAULT.leader.scaled(0.5)
+    assert slow.follower_vertical == DEFAULT.follower_vertical.scaled(0.7)
+    assert slow.leader_vertical == DEFAULT.leader_vertical.scaled(0.7)
+    assert slow.observer == DEFAULT.observer.scaled(0.6)
+    assert slow.own_observer == DEFAULT.own_observer.scaled(0.6)
+    assert slow.vertical_observer == DEFAULT.vertical_observer.scaled(0.7)
     assert (slow.dead_share, slow.lag_share) == pytest.approx((0.8 * DEFAULT.dead_share, 0.8 * DEFAULT.lag_share))
-    assert slow.vigilance.most == pytest.approx(1.0 + 0.6 * (DEFAULT.vigilance.most - 1.0))
+    assert slow.adaptation.most == pytest.approx(1.0 + 0.6 * (DEFAULT.adaptation.most - 1.0))
     assert slow.seen_observer == DEFAULT.seen_observer
 
 
@@ -90,32 +90,28 @@ def test_the_printed_gains_are_tables_2() -> None:
     assert preset_for("default", PX4_QUAD, MocapConfig()).follower.c < DEFAULT.follower.c
 
 
-def settings() -> tuple:
-    config = LabConfig(
-        leader=LeaderConfig(body="L"),
-        followers=(FollowerConfig(body="A", sysid=2, offset_m=(-1.0, 0.0, 0.0)),
-                   FollowerConfig(body="B", sysid=3, offset_m=(-1.0, 1.0, 0.0))),
-    )  # fmt: skip
-    bodies = (PAPER_40G, PX4_QUAD, ARDUCOPTER_QUAD)
-    gains = tuple(replace(DEFAULT, quiet_m=3e-4 * k, quiet_rad=7e-3 * k, turn_trust=0.1 * k) for k in (1, 2, 3))
-    estimator = estimator_settings(config, bodies, gains)
-    return config, bodies, gains, estimator, law_settings(config, bodies, gains, estimator)
+CONFIG = LabConfig(
+    leader=LeaderConfig(body="L"),
+    followers=(FollowerConfig(body="A", sysid=2, offset_m=(-1.0, 0.0, 0.0)),
+               FollowerConfig(body="B", sysid=3, offset_m=(-1.0, 1.0, 0.0))),
+)  # fmt: skip
+BODIES = (PAPER_40G, PX4_QUAD, ARDUCOPTER_QUAD)
 
 
 def test_position_noise_is_told_in_metres_and_heading_noise_in_radians() -> None:
     """quiet_m and quiet_rad reach the observers each in its own place: the bandwidth's and the heading's."""
-    from formation.estimation.update import QUIET, QUIET_TURN
+    gains = tuple(replace(DEFAULT, quiet_m=3e-4 * k, quiet_rad=7e-3 * k) for k in (1, 2, 3))
+    observers = observer_settings(CONFIG, BODIES, gains)
+    np.testing.assert_allclose(observers["quiet_m"], [3e-4, 6e-4, 9e-4])
+    np.testing.assert_allclose(observers["quiet_rad"], [7e-3, 14e-3, 21e-3])
 
-    manner = settings()[3].manner
-    np.testing.assert_allclose(manner[:, QUIET], [3e-4, 6e-4, 9e-4])
-    np.testing.assert_allclose(manner[:, QUIET_TURN], [7e-3, 14e-3, 21e-3])
 
-
-def test_bodies_and_limits_reach_the_attitude() -> None:
-    config, bodies, _, _, laws = settings()
-    attitude = attitude_settings(config, bodies)
-    assert (attitude.tilt_max_rad, attitude.separation_m, attitude.fence_margin_m) == (0.6, 0.2, 0.05)
-    np.testing.assert_allclose(attitude.fence_low_m, config.limits.fence.low_m)
-    np.testing.assert_allclose(attitude.fence_high_m, config.limits.fence.high_m)
-    assert laws.speed_max_m_s == 3.0
-    np.testing.assert_allclose(laws.turn_dead_s, [0.08, 0.02])
+def test_bodies_and_limits_reach_the_law_and_the_attitude() -> None:
+    attitude, laws = attitude_settings(CONFIG, BODIES), law_settings(CONFIG, (DEFAULT,) * 3)
+    assert attitude["vehicle"].tolist() == laws["vehicle"].tolist() == [1, 2]
+    for name, value in (("tilt_max_rad", 0.6), ("separation_m", 0.2), ("fence_margin_m", 0.05)):
+        np.testing.assert_allclose(attitude[name], [value] * 2)
+    np.testing.assert_allclose(attitude["fence_low_m"], [CONFIG.limits.fence.low_m] * 2)
+    np.testing.assert_allclose(attitude["fence_high_m"], [CONFIG.limits.fence.high_m] * 2)
+    np.testing.assert_allclose(attitude["yaw_p_1_s"], [4.0, 6.7])
+    np.testing.assert_allclose(laws["speed_max_m_s"], [3.0] * 2)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from oracle_powers import fteso_backward, fteso_rate
 
-from formation.estimation.fteso import fteso_step, rate_step
+from formation.estimation.fteso import fteso_step
+from formation.estimation.leader import rate_step
 
 GAINS = [(70.0, -2.0 / 9.0, 1.0, 0.0), (15.0, -0.1, 0.004, 1.0), (11.0, -0.3, 0.02, 0.5)]
 

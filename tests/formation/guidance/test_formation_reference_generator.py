@@ -158,43 +158,43 @@ def test_the_way_round_is_the_short_one() -> None:
 
 
 def test_those_who_wait_on_the_floor_are_led_where_they_are_now() -> None:
-    course = steer(depart(everyone(IDLE), START, 0), everyone(IDLE), WHO, START, START[0], 0)
-    climb = everyone(lab_leg(None, None, 0.5))
+    generator = update(start(everyone(IDLE), START, 0), everyone(IDLE), WHO, START, START[0], 0)
+    climb = everyone(lab_setpoint(None, None, 0.5))
     pushed = START.copy()
     pushed[:, 0] += [0.1, -0.2, 0.005, 0.3]
     for k, motion in enumerate((START, pushed)):
-        course = steer(course, climb, WHO, motion, motion[0], (1 + k) * SECOND)
-        np.testing.assert_allclose(evaluate(course, (5 + k) * SECOND, motion[0]).lab[:, 0], motion[:, 0])
-    assert not course.airborne.any()
+        generator = update(generator, climb, WHO, motion, motion[0], (1 + k) * SECOND)
+        np.testing.assert_allclose(references(generator, (5 + k) * SECOND, motion[0]).lab[:, 0], motion[:, 0])
+    assert not generator.airborne.any()
 
 
 def test_a_target_outside_the_fence_is_drawn_a_decimetre_inside_but_for_the_floor() -> None:
     """The fence is (-2.5, -2, -0.1) to (2.5, 2, 2.3)."""
     for target, drawn in (((9.0, -9.0, 9.0), (2.4, -1.9, 2.2)), ((-9.0, 9.0, -0.3), (-2.4, 1.9, -0.3))):
-        course = steer(airborne(), everyone(lab_leg(*target)), WHO, START, START[0], SECOND)
-        there = evaluate(course, 90 * SECOND, START[0]).lab
+        generator = update(airborne(), everyone(lab_setpoint(*target)), WHO, START, START[0], SECOND)
+        there = references(generator, 90 * SECOND, START[0]).lab
         np.testing.assert_allclose(there[:, 0, :3], [drawn] * 3)
 
 
 def test_what_is_asked_anew_begins_anew_and_nothing_else_does() -> None:
-    """A leader begins again with its trajectory's start, followers with the shape, anybody with another leg."""
-    formed = everyone(Leg(Mode.FORMATION), SECOND)
+    """A leader begins again with its trajectory's start, followers with the shape, anybody with another setpoint."""
+    formed = everyone(Setpoint(Mode.FORMATION), SECOND)
     wide = Shape("wide", ((-0.8, 0.8, 0.1), (-0.8, -0.8, 0.1)), (0.0, 0.0))
-    course = steer(airborne(), formed, WHO, START, START[0], SECOND)
+    generator = update(airborne(), formed, WHO, START, START[0], SECOND)
     begun = {
-        "start": steer(course, everyone(Leg(Mode.FORMATION), 2 * SECOND), WHO, START, START[0], 2 * SECOND),
-        "shape": steer(course, everyone(Leg(Mode.FORMATION), SECOND, wide), WHO, START, START[0], 2 * SECOND),
-        "leg": steer(course, Plan((*formed.legs[:2], lab_leg(0.0, 0.0, 0.4)), SHAPE, SECOND), WHO, START, START[0],
-                     2 * SECOND),
+        "start": update(generator, everyone(Setpoint(Mode.FORMATION), 2 * SECOND), WHO, START, START[0], 2 * SECOND),
+        "shape": update(generator, everyone(Setpoint(Mode.FORMATION), SECOND, wide), WHO, START, START[0], 2 * SECOND),
+        "setpoint": update(generator, Plan((*formed.setpoints[:2], lab_setpoint(0.0, 0.0, 0.4)), SHAPE, SECOND), WHO,
+                           START, START[0], 2 * SECOND),
     }  # fmt: skip
-    assert course.gap_ns.tolist() == [SECOND] * 3
-    assert begun["start"].gap_ns.tolist() == [2 * SECOND, SECOND, SECOND]
-    assert begun["shape"].gap_ns.tolist() == [SECOND, 2 * SECOND, 2 * SECOND]
-    assert begun["leg"].gap_ns.tolist() == [SECOND, SECOND, 2 * SECOND]
+    assert generator.vehicles["gap_ns"].tolist() == [SECOND] * 3
+    assert begun["start"].vehicles["gap_ns"].tolist() == [2 * SECOND, SECOND, SECOND]
+    assert begun["shape"].vehicles["gap_ns"].tolist() == [SECOND, 2 * SECOND, 2 * SECOND]
+    assert begun["setpoint"].vehicles["gap_ns"].tolist() == [SECOND, SECOND, 2 * SECOND]
 
 
 def test_a_leader_off_its_trajectorys_start_takes_three_seconds_to_join_it() -> None:
     for path, seconds in ((TrajectoryConfig(kind="line", duration_s=4.0), 0.6), (TrajectoryConfig(kind="circle"), 3.0)):
-        who = crew(LAB.model_copy(update={"leader": LAB.leader.model_copy(update={"trajectory": path})}))
-        course = steer(airborne(), everyone(Leg(Mode.FORMATION), SECOND), who, START, START[0], SECOND)
-        assert course.gap_s[0] == pytest.approx(seconds)
+        who = fleet(LAB.model_copy(update={"leader": LAB.leader.model_copy(update={"trajectory": path})}))
+        generator = update(airborne(), everyone(Setpoint(Mode.FORMATION), SECOND), who, START, START[0], SECOND)
+        assert generator.vehicles["gap_s"][0] == pytest.approx(seconds)

@@ -46,7 +46,7 @@ LIMIT_OF = [
     ("disarmed in the air", flag("armed", True), 0.3, FLYING, Trigger.LAND),
     ("battery under 20 %", level("battery", 0.21, 0.19, 1.0), 1.0, Phase.ARMED, None),
     ("battery under 10 %", level("battery", 0.11, 0.09, 1.0), 1.0, Phase.ARMED, Trigger.LAND),
-    ("answers otherwise than its profile says", level("misfit", 0.54, 0.56), 1.0, Phase.LAND, None),
+    ("model mismatch", level("model_mismatch", 0.54, 0.56), 1.0, Phase.LAND, None),
     ("a fifth of the frames late", ({"late_share": 0.19}, {"late_share": 0.21}), 0.5, Phase.ARMED, None),
     ("seven tenths of the frames late", ({"late_share": 0.69}, {"late_share": 0.71}), 2.0, Phase.ARMED, Trigger.LAND),
     ("its sysid is used twice on the network", flag("duplicate", False), 0.0, Phase.GROUND, None),
@@ -56,7 +56,7 @@ LIMIT_OF = [
 def told(facts: Facts, phase: Phase, lasting_s: float) -> tuple[set[str], Trigger | None]:
     watch, first = assess(start(3), facts, phase, LIMITS, 5)
     _, then = assess(watch, facts, phase, LIMITS, 5 + round(lasting_s * 1e9))
-    texts = {f.text.removeprefix("left: ").removeprefix("right: ") for f in (*first.findings, *then.findings)}
+    texts = {f.text.removeprefix("left: ").removeprefix("right: ") for f in (*first.changes, *then.changes)}
     return texts, then.trigger
 
 
@@ -92,7 +92,7 @@ def test_severity_follows_from_what_is_done() -> None:
     def severity(**changes) -> dict[str, Severity]:
         watch, first = assess(start(3), healthy(**changes), Phase.HOLD, LIMITS, 0)
         _, then = assess(watch, healthy(**changes), Phase.HOLD, LIMITS, 10**10)
-        return {f.text: f.rule.severity for f in (*first.findings, *then.findings)}
+        return {f.text: f.rule.severity for f in (*first.changes, *then.changes)}
 
     assert severity(battery=of(1, 0.15, 1.0)) == {"left: battery under 20 %": Severity.WARNING}
     assert severity(heartbeat_age_s=of(1, 4.0, 0.0)) == {"left: no heartbeat for 3 s": Severity.ERROR}

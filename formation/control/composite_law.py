@@ -153,15 +153,24 @@ def _demand(
     around = Around(
         Known(estimates, observers, history, _dead_times(settings, observers, estimates)), references, numbers, knots
     )
-    w = np.empty(1, WORKSPACE)[0]
-    w.leader_ns[:] = NEVER_NS
+    # A record keeps no array alive that it lies in: `space` has to be there as long as anybody writes into it.
+    space = np.empty(1, WORKSPACE)
+    space[0].leader_ns[:] = NEVER_NS
     for i in range(len(settings)):
-        kept, dt_s = memory[i], 0.0
-        if kept.asked_ns > NEVER_NS:
-            dt_s = min((now_ns - kept.asked_ns) * SECONDS, STEP_MAX_S)
-        at_ns = min(now_ns, estimates[settings[i].vehicle].t_ns + HORIZON_MAX_NS)
-        _horizontal_demand(i, settings[i], around, kept, at_ns, dt_s, w, out[i])
-        _vertical_demand(i, settings[i], around, kept, at_ns, dt_s, w, out[i])
+        _vehicle_demand(i, settings[i], around, memory[i], now_ns, space[0], out[i])
+
+
+@kernel
+def _vehicle_demand(
+    i: int, law: LawSettings, around: Around, kept: LawMemory, now_ns: int, w: Workspace, out: Demand
+) -> None:
+    """One vehicle's turn."""
+    dt_s = 0.0
+    if kept.asked_ns > NEVER_NS:
+        dt_s = min((now_ns - kept.asked_ns) * SECONDS, STEP_MAX_S)
+    at_ns = min(now_ns, around.known.estimates[law.vehicle].t_ns + HORIZON_MAX_NS)
+    _horizontal_demand(i, law, around, kept, at_ns, dt_s, w, out)
+    _vertical_demand(i, law, around, kept, at_ns, dt_s, w, out)
 
 
 @kernel

@@ -31,7 +31,7 @@ from importlib.util import spec_from_file_location
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from types import CodeType, ModuleType, SimpleNamespace
+from types import CodeType, ModuleType
 from typing import Any
 
 HERE = Path(__file__).resolve().parent
@@ -47,7 +47,7 @@ from mutations import Change, changed, changes  # noqa: E402
 PACKAGE, TESTS = ROOT / "formation", "tests/formation"
 LEFT_OUT = ("maths/kernel.py", "control/warm_up.py", "topics.py")
 """How kernels are compiled, which does not happen here; and names."""
-SLOWEST_S = 4.0  # of a test that is asked, traced; flights in a closed loop take minutes without a compiler
+SLOWEST_S = 6.0  # of a test that is asked, traced; flights in a closed loop take minutes without a compiler
 BUDGET_S, BUDGET_LOADED_S = 45.0, 15.0  # of tests for one change, traced; where it is as a module is loaded
 PATIENCE = 2.0  # times as long as the tests took, traced, on top of LIMIT_S: an endless loop is noticed, too
 LIMIT_S = 30.0
@@ -369,7 +369,6 @@ def _pytest(arguments: list[str], plugins: list[object]) -> int:
 
     settings.register_profile("mutants", derandomize=True, phases=(Phase.explicit, Phase.generate), deadline=None)
     settings.load_profile("mutants")
-    _plain_kernels()
     with _silent():
         return int(
             pytest.main(
@@ -384,23 +383,6 @@ def _pytest(arguments: list[str], plugins: list[object]) -> int:
                 plugins,
             )
         )
-
-
-def _plain_kernels() -> None:
-    """Lets formation.maths.kernel find, on a function that numba left plain, the cache it widens the stamp of."""
-    import numba
-
-    plain = numba.njit
-
-    def njit(*args: Any, **options: Any) -> Any:
-        def marked(function: Any) -> Any:
-            function = plain(**options)(function)
-            function._cache = SimpleNamespace(_cache_file=SimpleNamespace(_source_stamp=0))
-            return function
-
-        return marked(args[0]) if args else marked
-
-    numba.njit = njit
 
 
 @contextmanager

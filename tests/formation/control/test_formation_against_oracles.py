@@ -40,7 +40,7 @@ def lab(sysid: int | None, limits: LimitsConfig = ROOM) -> LabConfig:
 
 
 def looks(
-    seed: int, ticks: int = 24, missed: bool = True, size: float = 1.0, places: np.ndarray = PLACES
+    seed: int, ticks: int = 13, missed: bool = True, size: float = 1.0, places: np.ndarray = PLACES
 ) -> list[Look]:
     """Three bodies that swing along all axes, tilt and turn; stamps uneven, one in ten frames without one body."""
     rng = np.random.default_rng(seed)
@@ -116,7 +116,7 @@ class Case:
     limits: LimitsConfig = ROOM
     size: float = 1.0
     places: tuple[tuple[float, float, float], ...] = ()
-    ticks: int = 24
+    ticks: int = 13
     unseen_until: int = 0  # the last body
 
 

@@ -9,10 +9,7 @@ from oracle_frames import attitude_matrix, rotation_matrix
 from formation.control.attitude import body_rates, bound_force, bound_turn, turn_authority
 from formation.control.limits import keep_apart, keep_inside
 from formation.estimation.state import VehicleEstimate
-<<<<<<< HEAD
 from formation.maths.quaternion import attitude_of
-=======
->>>>>>> oracles
 from formation.maths.records import Rows, blank
 from formation.vehicle.profile import ARDUCOPTER_QUAD, PAPER_40G, PX4_QUAD
 

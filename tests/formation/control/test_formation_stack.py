@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from formation.config import FollowerConfig, LabConfig, LeaderConfig, TrajectoryConfig
 from formation.control.attitude import turn_authority
 from formation.control.stack import ControlStack, Stages
-from formation.control.warm_up import warm_up
 from formation.guidance.plan import IDLE, Mode, Plan, Setpoint
 from formation.guidance.shape import configured
 from formation.maths import frames
@@ -15,6 +14,7 @@ from formation.maths.arrays import Float
 from formation.messages import LabFrame
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import at_rest, profile
+from formation.warm_up import warm_up
 
 PAPER = profile("paper_40g")
 IN_SLOTS = tuple(hovering_at(PAPER, (x, y, 0.3)) for x, y, _ in ((0.0, 0.0, 0.0), *OFFSETS))

@@ -19,95 +19,29 @@ import random
 import re
 import sys
 import tempfile
-import time
 import tomllib
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import cache
-from importlib.abc import MetaPathFinder
-from importlib.machinery import ModuleSpec, SourceFileLoader
-from importlib.util import spec_from_file_location
-from multiprocessing import get_context
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import Connection
 from pathlib import Path
-from types import CodeType, ModuleType
 from typing import Any
 
 HERE = Path(__file__).resolve().parent
-ROOT = HERE.parents[1]
-sys.path[:0] = [str(HERE), str(ROOT)]
+sys.path[:0] = [str(HERE), str(HERE.parents[1])]
 os.environ["NUMBA_DISABLE_JIT"] = "1"
 sys.dont_write_bytecode = True
 
-import pytest  # noqa: E402
 from cover import Cover  # noqa: E402
 from mutations import Change, changed, changes  # noqa: E402
+from trial import FORK, ROOT, TESTS, Mutant, Result, run_pytest, trial, trials  # noqa: E402
 
-PACKAGE, TESTS = ROOT / "formation", "tests/formation"
-LEFT_OUT = ("maths/kernel.py", "control/warm_up.py", "topics.py")
+PACKAGE = ROOT / "formation"
+LEFT_OUT = ("maths/kernel.py", "warm_up.py", "topics.py")
 """How kernels are compiled, which does not happen here; and names."""
 SLOWEST_S = 6.0  # of a test that is asked, traced; flights in a closed loop take minutes without a compiler
 BUDGET_S, BUDGET_LOADED_S = 45.0, 15.0  # of tests for one change, traced; where it is as a module is loaded
 PATIENCE = 2.0  # times as long as the tests took, traced, on top of LIMIT_S: an endless loop is noticed, too
 LIMIT_S = 30.0
-FORK = get_context("fork")
-
-
-@dataclass(frozen=True, slots=True)
-class Mutant:
-    """A wrong module: its source's tree compiled, what it is called, and the tests that run the wrong line."""
-
-    name: str
-    file: str
-    code: CodeType
-    tests: tuple[str, ...]
-    limit_s: float
-    line: str = ""
-    change: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Result:
-    """killer: the first test that failed, "time" or "import"; empty if none did."""
-
-    mutant: Mutant
-    killer: str
-    seconds: float
-    reason: str = ""
-
-
-class Wrong(MetaPathFinder):
-    """Imports one module from other code than its file's."""
-
-    def __init__(self, file: str, code: CodeType) -> None:
-        self._name, self._file = file[: -len(".py")].replace("/", "."), str(ROOT / file)
-        self._code = code
-
-    def find_spec(self, name: str, path: Any = None, target: ModuleType | None = None) -> ModuleSpec | None:
-        if name != self._name:
-            return None
-        code = self._code
-
-        class Loader(SourceFileLoader):
-            def get_code(self, fullname: str) -> CodeType:
-                return code
-
-        return spec_from_file_location(name, self._file, loader=Loader(name, self._file))
-
-
-class First:
-    """Remembers the first test that failed."""
-
-    nodeid = ""
-
-    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        if report.failed and not self.nodeid:
-            self.nodeid = report.nodeid
-
-    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
-        if report.failed and not self.nodeid:
-            self.nodeid = "import"
 
 
 def main() -> int:
@@ -118,12 +52,12 @@ def main() -> int:
     drawn = _named(tests) if options.named else _drawn(tests, options)
     null = Mutant("nothing changed", "formation/nothing.py", compile("", "", "exec"), _quick(tests)[:100], 600.0)
     _preload()
-    broken = _run(null)
+    broken = trial(null)
     if broken.killer:
         raise SystemExit(f"the tests fail although nothing is changed: {broken.killer}")
     excuses = _excuses()
     results = []
-    for result in _all(drawn, options.workers):
+    for result in trials(drawn, options.workers):
         reason = excuses.get((result.mutant.line, result.mutant.change), "") if not result.killer else ""
         results.append(Result(result.mutant, result.killer, result.seconds, reason))
         if not options.quiet:
@@ -277,7 +211,7 @@ def _measured(file: str) -> tuple[dict[str, Any], list[str]]:
 
 def _measure(file: str, out: Connection) -> None:
     cover = Cover(ROOT, PACKAGE, SLOWEST_S)
-    _pytest([file], [cover])
+    run_pytest([file], [cover])
     out.send((cover.tests, cover.failed))
 
 
@@ -313,89 +247,6 @@ def _preload() -> None:
     """What every test needs and no change touches, loaded once for all the forked processes."""
     for name in ("numpy", "numba", "scipy.optimize", "scipy.spatial.transform", "pydantic", "hypothesis.strategies"):
         importlib.import_module(name)
-
-
-def _all(mutants: Sequence[Mutant], workers: int) -> Iterator[Result]:
-    """Runs them, `workers` at a time; results in the order in which they are known."""
-    waiting, running = list(reversed(mutants)), {}
-    while waiting or running:
-        while waiting and len(running) < workers:
-            mutant = waiting.pop()
-            if not mutant.tests:
-                yield Result(mutant, "", 0.0)
-                continue
-            process, pipe = _begun(mutant)
-            running[process.sentinel] = (mutant, process, pipe, time.monotonic())
-        for sentinel in wait(list(running), timeout=1.0):
-            mutant, process, pipe, began_s = running.pop(sentinel)
-            yield _ended(mutant, process, pipe, began_s)
-        for sentinel, (mutant, process, _, began_s) in list(running.items()):
-            if time.monotonic() - began_s > mutant.limit_s:
-                process.kill()
-                process.join()
-                del running[sentinel]
-                yield Result(mutant, "time", time.monotonic() - began_s)
-
-
-def _run(mutant: Mutant) -> Result:
-    return next(_all([mutant], 1))
-
-
-def _begun(mutant: Mutant) -> tuple[Any, Connection]:
-    ours, theirs = FORK.Pipe(duplex=False)
-    process = FORK.Process(target=_judge, args=(mutant, theirs))
-    process.start()
-    theirs.close()
-    return process, ours
-
-
-def _ended(mutant: Mutant, process: Any, pipe: Connection, began_s: float) -> Result:
-    process.join()
-    killer = pipe.recv() if pipe.poll() else "import"
-    return Result(mutant, killer, time.monotonic() - began_s)
-
-
-def _judge(mutant: Mutant, out: Connection) -> None:
-    """In a process of its own: the tests on the wrong module; sends the first that failed."""
-    sys.meta_path.insert(0, Wrong(mutant.file, mutant.code))
-    first = First()
-    code = _pytest(["-x", *mutant.tests], [first])
-    out.send("" if code == pytest.ExitCode.OK else first.nodeid or "import")
-
-
-def _pytest(arguments: list[str], plugins: list[object]) -> int:
-    """pytest in this process, silent, with kernels as plain Python and properties tried once, not shrunk."""
-    from hypothesis import Phase, settings
-
-    settings.register_profile("mutants", derandomize=True, phases=(Phase.explicit, Phase.generate), deadline=None)
-    settings.load_profile("mutants")
-    with _silent():
-        return int(
-            pytest.main(
-                [
-                    "-q",
-                    "-p",
-                    "no:cacheprovider",
-                    "-Wignore::pytest.PytestAssertRewriteWarning",
-                    f"--confcutdir={TESTS}",
-                    *arguments,
-                ],
-                plugins,
-            )
-        )
-
-
-@contextmanager
-def _silent() -> Iterator[None]:
-    kept = os.dup(1), os.dup(2)
-    nothing = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nothing, 1)
-    os.dup2(nothing, 2)
-    try:
-        yield
-    finally:
-        for number, copy in zip((1, 2), kept, strict=True):
-            os.dup2(copy, number)
 
 
 if __name__ == "__main__":

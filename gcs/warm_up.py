@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from formation.config import LabConfig
 from formation import warm_up as control
+from formation.config import LabConfig
 from formation.control.margin import kicked_hover
 from formation.control.presets import preset_for
 from formation.control.relative_frame import lead_from_lab

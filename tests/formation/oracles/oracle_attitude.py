@@ -135,19 +135,33 @@ def waiting(body: Airframe, yaw: float, waited_s: float, full: float) -> Target:
     return Target(r, np.zeros(3), thrust, 0, np.array([0.0, 0.0, min(lift, full), min(lift, full)]))
 
 
+@dataclass(frozen=True)
+class Wanted:
+    """A demand: accelerations, predicted motion and force, heading; and what is known of the vehicle."""
+
+    acc: np.ndarray
+    lead_acc: np.ndarray
+    motion: np.ndarray
+    force: np.ndarray
+    lift_cos: float
+    yaw: float
+    yaw_rate: float
+    strength: float
+    mismatch: float
+
+
 def target(
-    body: Airframe, bounds: Bounds, n: int, acc: np.ndarray, lead_acc: np.ndarray, motion: np.ndarray,
-    force: np.ndarray, lift_cos: float, yaw: float, yaw_rate: float, positions: np.ndarray, strength: float,
-    mismatch: float, full: float, space: float,
-) -> Target:  # fmt: skip
+    body: Airframe, bounds: Bounds, n: int, wanted: Wanted, positions: np.ndarray, full: float, space: float
+) -> Target:
     """In the air."""
+    motion, force, yaw, yaw_rate = wanted.motion, wanted.force, wanted.yaw, wanted.yaw_rate
     push, near = apart(n, positions, motion[0, :3], bounds.separation, space)
-    acc, wall = inside(motion, acc + push, bounds)
-    aim = (acc + np.array([0.0, 0.0, G])) / strength
-    felt = aim + lead_acc / strength
+    acc, wall = inside(motion, wanted.acc + push, bounds)
+    aim = (acc + np.array([0.0, 0.0, G])) / wanted.strength
+    felt = aim + wanted.lead_acc / wanted.strength
     aim, met = bounded(aim, 0.92 * full, bounds.tilt)
     felt, later = bounded(felt, 0.92 * full, 1.1 if body.by_rate else bounds.tilt)
-    trusted = authority_of(body) * (1.0 - 0.45 * doubt(mismatch))
+    trusted = authority_of(body) * (1.0 - 0.45 * doubt(wanted.mismatch))
     aim, felt = turned(aim, force, trusted, full), turned(felt, force, trusted, full)
     rate = np.zeros(3)
     if body.by_rate:
@@ -157,6 +171,6 @@ def target(
     else:
         r = attitude_matrix(felt, yaw + yaw_rate / body.yaw_p)
         met = max(met, later)
-    lift = min(felt[2] / max(lift_cos, np.cos(bounds.tilt)), full)
+    lift = min(felt[2] / max(wanted.lift_cos, np.cos(bounds.tilt)), full)
     flat = lift * felt[:2] / np.linalg.norm(felt)
     return Target(r, rate, norm_of(lift / full, body.curve), near + wall + met, np.array([*flat, felt[2], lift]))

@@ -6,7 +6,7 @@ Vehicles begin at rest and are led from there to slots, to points, or along a ci
 from dataclasses import dataclass
 
 import numpy as np
-from oracle_attitude import Airframe, Bounds, Target, full_force, target, waiting
+from oracle_attitude import Airframe, Bounds, Target, Wanted, full_force, target, waiting
 from oracle_estimator import Estimate, G, Traits, acceleration, begun, turning, update
 from oracle_frames import attitude_matrix, to_lab, to_lead
 from oracle_guidance import circle, closing, closing_s, ramped
@@ -196,7 +196,8 @@ class OracleStack:
         if not self.led[i].airborne:
             return waiting(body, out.yaw, (now_ns - self.led[i].release_ns) * SECONDS, full)
         places = np.array([k.pos for k in self.known])
-        return target(
-            body, self.bounds, n, out.acc, out.lead_acc, out.motion, out.force, out.lift_cos, out.yaw, out.yaw_rate,
-            places, known.strength, known.mismatch, full, self.space,
+        wanted = Wanted(
+            out.acc, out.lead_acc, out.motion, out.force, out.lift_cos, out.yaw, out.yaw_rate,
+            known.strength, known.mismatch,
         )  # fmt: skip
+        return target(body, self.bounds, n, wanted, places, full, self.space)

@@ -7,7 +7,7 @@ from types import MappingProxyType
 from formation.config import MocapConfig
 from formation.control.gains import CascadeGains, Gains, GeometricGains, LagCompensation, Law, SlidingGains
 from formation.estimation.settings import Adaptation, ObserverGains
-from formation.vehicle.profile import Pace, VehicleProfile
+from formation.vehicle.profile import GainScale, VehicleProfile
 
 NOT_ADAPTIVE, PLAIN = Adaptation(), LagCompensation()
 SEEN_ADAPTATION = Adaptation(lag_s=0.05, threshold=3.0, most=4.0, bandwidth_power=1.0, mean_share=0.0)
@@ -54,23 +54,23 @@ class Preset:
     leader_lag_compensation: LagCompensation = PLAIN
 
 
-SIDEWAYS_S, UPWARDS_S = 0.170, 0.068
-"""Camera to felt force, by attitude and by thrust, where the gains were found (paper_40g, 100 Hz), see `pace_of`."""
+HORIZONTAL_LOOP_S, VERTICAL_LOOP_S = 0.170, 0.068
+"""Camera to specific force, by attitude and by thrust, where the gains were found (paper_40g, 100 Hz)."""
 PRINTED_ALPHA, PRINTED_EPS = -2.0 / 9.0, -0.49
 PRINTED_FTESO = ObserverGains(70.0, PRINTED_ALPHA, scale=1.0, smooth=0.0)
 LEADER_PID = CascadeGains(2.0, 4.0, 1.0)
-SIDEWAYS = SlidingGains(Law.CFC, c=4.0, p1=2.9, p2=0.5, eps=-0.177, smooth_m_s=0.057)
-HEIGHT = SlidingGains(Law.CFC, c=8.0, p1=10.0, p2=3.0, eps=-0.15, smooth_m_s=0.35)
+HORIZONTAL = SlidingGains(Law.CFC, c=4.0, p1=2.9, p2=0.5, eps=-0.177, smooth_m_s=0.057)
+VERTICAL = SlidingGains(Law.CFC, c=8.0, p1=10.0, p2=3.0, eps=-0.15, smooth_m_s=0.35)
 SLOW_OBSERVER = ObserverGains(18.0, -0.1, 0.004)
 OBSERVER = ObserverGains(11.0, -0.029, 0.004)
 LAG_COMPENSATION = LagCompensation(rate=1.2, gain=1.64, gain_power=0.255, p1_power=0.63, lead_share=0.5)
 
 DEFAULT = Preset(
     name="default",
-    follower=SIDEWAYS,
-    follower_vertical=HEIGHT,
-    leader=SIDEWAYS,
-    leader_vertical=HEIGHT,
+    follower=HORIZONTAL,
+    follower_vertical=VERTICAL,
+    leader=HORIZONTAL,
+    leader_vertical=VERTICAL,
     compensate=True,
     observer=OBSERVER,
     own_observer=OBSERVER,
@@ -116,40 +116,40 @@ PRESETS: Mapping[str, Preset] = MappingProxyType(
 def preset_for(name: str, profile: VehicleProfile, mocap: MocapConfig) -> Preset:
     """The preset of that name as this vehicle and these cameras should fly it; ValueError names the known ones.
 
-    The printed gains are what they are; all others follow the vehicle (`paced`).
+    The printed gains are what they are; all others follow the vehicle (`scaled_for`).
     """
     gains = preset(name)
-    return gains if gains.name.startswith("paper") else paced(gains, profile, mocap)
+    return gains if gains.name.startswith("paper") else scaled_for(gains, profile, mocap)
 
 
-def pace_of(profile: VehicleProfile, mocap: MocapConfig) -> Pace:
+def gain_scale_of(profile: VehicleProfile, mocap: MocapConfig) -> GainScale:
     """How fast a vehicle's loops are flown: as it was tuned, else in inverse proportion to the loop's delay.
 
     A dead time counts twice, because it may be twice what is believed; a short loop is flown no faster than the gains.
     """
-    if profile.pace is not None:
-        return profile.pace
+    if profile.gain_scale is not None:
+        return profile.gain_scale
     wait_s = mocap.delay_s + 1.5 / mocap.rate_hz
-    sideways = min(1.0, SIDEWAYS_S / (wait_s + 2.0 * profile.response_dead_time_s + profile.response_lag_s))
-    upwards = min(1.0, UPWARDS_S / (wait_s + 2.0 * profile.thrust_dead_time_s + profile.thrust_lag_s))
-    return Pace(sideways=sideways, observer=sideways, upwards=upwards)
+    horizontal = min(1.0, HORIZONTAL_LOOP_S / (wait_s + 2.0 * profile.response_dead_time_s + profile.response_lag_s))
+    vertical = min(1.0, VERTICAL_LOOP_S / (wait_s + 2.0 * profile.thrust_dead_time_s + profile.thrust_lag_s))
+    return GainScale(horizontal=horizontal, observer=horizontal, vertical=vertical)
 
 
-def paced(gains: Preset, profile: VehicleProfile, mocap: MocapConfig) -> Preset:
-    """Gains made for the paper's vehicle at the pace of another's loops, from camera to felt force."""
-    pace = pace_of(profile, mocap)
+def scaled_for(gains: Preset, profile: VehicleProfile, mocap: MocapConfig) -> Preset:
+    """Gains made for the paper's vehicle at the scale of another's loops, from camera to felt force."""
+    gain_scale = gain_scale_of(profile, mocap)
     return replace(
         gains,
-        follower=gains.follower.scaled(pace.sideways),
-        follower_vertical=gains.follower_vertical.scaled(pace.upwards),
-        leader=gains.leader.scaled(pace.sideways),
-        leader_vertical=gains.leader_vertical.scaled(pace.upwards),
-        observer=gains.observer.scaled(pace.observer),
-        own_observer=gains.own_observer.scaled(pace.observer),
-        vertical_observer=gains.vertical_observer.scaled(pace.upwards),
-        adaptation=replace(gains.adaptation, most=1.0 + pace.observer * (gains.adaptation.most - 1.0)),
-        dead_share=pace.compensation * gains.dead_share,
-        lag_share=pace.compensation * gains.lag_share,
+        follower=gains.follower.scaled(gain_scale.horizontal),
+        follower_vertical=gains.follower_vertical.scaled(gain_scale.vertical),
+        leader=gains.leader.scaled(gain_scale.horizontal),
+        leader_vertical=gains.leader_vertical.scaled(gain_scale.vertical),
+        observer=gains.observer.scaled(gain_scale.observer),
+        own_observer=gains.own_observer.scaled(gain_scale.observer),
+        vertical_observer=gains.vertical_observer.scaled(gain_scale.vertical),
+        adaptation=replace(gains.adaptation, most=1.0 + gain_scale.observer * (gains.adaptation.most - 1.0)),
+        dead_share=gain_scale.compensation * gains.dead_share,
+        lag_share=gain_scale.compensation * gains.lag_share,
     )
 
 

@@ -23,7 +23,7 @@ __all__ = [
     "GRAVITY_M_S2",
     "PROFILES",
     "BatteryProfile",
-    "Pace",
+    "GainScale",
     "VehicleProfile",
     "VehicleState",
     "at_rest",
@@ -45,16 +45,16 @@ class BatteryProfile(Model):
     empty_thrust_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.85
 
 
-class Pace(Model):
+class GainScale(Model):
     """How fast a vehicle's loops are flown, in units of gains made for the paper's vehicle; what `gcs-sim tune` finds.
 
-    sideways, upwards: rates of the horizontal and vertical laws (integral gains with the square; upwards its observer
-    too); observer: bandwidth of the horizontal observer; compensation: share of dead time and lag compensated.
+    horizontal, vertical: rates of the horizontal and vertical laws (integral gains with the square; vertical its
+    observer too); observer: bandwidth of the horizontal observer; compensation: share of dead time and lag compensated.
     """
 
-    sideways: Positive = 1.0
+    horizontal: Positive = 1.0
     observer: Positive = 1.0
-    upwards: Positive = 1.0
+    vertical: Positive = 1.0
     compensation: Positive = 1.0
 
 
@@ -97,7 +97,7 @@ class VehicleProfile(Model):
     thrust_dead_time_s: NonNegative
     thrust_lag_s: Positive
     battery: BatteryProfile = BatteryProfile()
-    pace: Pace | None = None
+    gain_scale: GainScale | None = None
     """As tuned; None: by the response's own length (formation.control.presets)."""
 
     @property

@@ -57,7 +57,7 @@ def tune_vehicle(
     noise_m: Annotated[float, typer.Option("--noise", help="Mocap noise, m.")] = 0.0001,
     out: Annotated[Path | None, typer.Option(help="Write the tuned profile here, to go under [[profiles]].")] = None,
 ) -> None:
-    """Find the pace of a vehicle's loops: gains, observer bandwidth and compensation, judged in flight."""
+    """Find the gain scales of a vehicle's loops: gains, observer bandwidth and compensation, judged in flight."""
     from sim.cli import study_commands as studies
 
     studies.run_tune(vehicle, rate_hz, delay_s, noise_m, out)

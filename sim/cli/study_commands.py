@@ -68,7 +68,7 @@ def run_robustness(
 
 
 def run_tune(vehicle: str, rate_hz: float, delay_s: float, noise_m: float, out: Path | None) -> None:
-    """The pace of a vehicle's loops."""
+    """The gain scales of a vehicle's loops."""
     console = Console(markup=False)
     try:
         profile = load_config(Path(vehicle), VehicleProfile) if Path(vehicle).exists() else shipped_profile(vehicle)
@@ -82,13 +82,13 @@ def run_tune(vehicle: str, rate_hz: float, delay_s: float, noise_m: float, out: 
 
     first, best = tune(task, Runner(console), show)
     console.print(f"by the rule {first.cost:.2f}, tuned {best.cost:.2f}; {best.margin}", highlight=False)
-    tuned = profile.model_copy(update={"pace": best.pace})
+    tuned = profile.model_copy(update={"gain_scale": best.gain_scale})
     gains = preset_for("default", tuned, task.mocap)
     console.print(f"law {gains.follower}\nobserver {gains.observer}", highlight=False)
     if out is not None:
         out.write_text(dump(tuned), encoding="utf-8")
     else:
-        console.print(f"\n\\[profiles.pace]\n{dump(best.pace)}", highlight=False)
+        console.print(f"\n\\[profiles.gain_scale]\n{dump(best.gain_scale)}", highlight=False)
     if not np.isfinite(best.cost):
         raise typer.Exit(FAILED)
 
@@ -119,10 +119,11 @@ def _show_bound(console: Console) -> None:
 
 def _pace(candidate: Candidate) -> str:
     """The factors in words."""
-    pace = candidate.pace
+    gain_scale = candidate.gain_scale
     return (
-        f"sideways {pace.sideways:.2f}, observer {pace.observer:.2f}, upwards {pace.upwards:.2f}, "
-        f"compensation {pace.compensation:.2f}"
+        f"horizontal {gain_scale.horizontal:.2f}, observer {gain_scale.observer:.2f}, "
+        f"vertical {gain_scale.vertical:.2f}, "
+        f"compensation {gain_scale.compensation:.2f}"
     )
 
 

@@ -1,4 +1,4 @@
-"""`gcs-sim tune`: the pace of a vehicle's loops, found by flying.
+"""`gcs-sim tune`: the gain scales of a vehicle's loops, found by flying.
 
 The rule that every vehicle is given without asking (formation.control.presets) slows the shipped gains down in
 proportion to the loop's delay. From there a compass search (Kolda, Lewis, Torczon, SIAM Review 2003) moves four
@@ -17,8 +17,8 @@ import numpy as np
 
 from formation.config import MocapConfig
 from formation.control.margin import DelayMargin, delay_margin
-from formation.control.presets import pace_of, preset_for
-from formation.vehicle.profile import Pace, VehicleProfile
+from formation.control.presets import gain_scale_of, preset_for
+from formation.vehicle.profile import GainScale, VehicleProfile
 from sim import lockstep
 from sim.scenario import Scenario, TrueVehicle, flown_by
 from sim.studies import experiments
@@ -34,7 +34,7 @@ WANTED_DEVIATION_M, WANTED_RMS_M, WANTED_CHATTER_DEG = 0.03, 0.001, 0.3
 HEAVIER, SLOWER, LATER = 1.2, 1.3, 1.5
 BETTER = 0.99
 """A candidate must cost less than this share of the best to take its place."""
-FACTORS = ("sideways", "observer", "upwards", "compensation")
+FACTORS = ("horizontal", "observer", "vertical", "compensation")
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,27 +57,29 @@ class Flight:
     """One flight of one candidate; off: by a vehicle that is not as believed."""
 
     task: Task
-    pace: Pace
+    gain_scale: GainScale
     experiment: Experiment
     off: bool
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A pace and what it costs: infinite where it does not fly."""
+    """Gain scales and what it costs: infinite where it does not fly."""
 
-    pace: Pace
+    gain_scale: GainScale
     cost: float
     margin: DelayMargin
 
 
 def tune(task: Task, runner: Runner, better: Callable[[Candidate], None]) -> tuple[Candidate, Candidate]:
     """The rule's candidate and the best one found; `better` is told of each that is."""
-    first = best = judge(task, [pace_of(task.profile, task.mocap)], runner)[0]
+    first = best = judge(task, [gain_scale_of(task.profile, task.mocap)], runner)[0]
     better(best)
     for step in STEPS:
         for _ in range(ROUNDS_EACH):
-            found = min(judge(task, list(neighbours(best.pace, step)), runner), key=lambda candidate: candidate.cost)
+            found = min(
+                judge(task, list(neighbours(best.gain_scale, step)), runner), key=lambda candidate: candidate.cost
+            )
             if found.cost >= BETTER * best.cost:
                 break
             best = found
@@ -85,29 +87,29 @@ def tune(task: Task, runner: Runner, better: Callable[[Candidate], None]) -> tup
     return first, best
 
 
-def neighbours(pace: Pace, step: float) -> Iterator[Pace]:
+def neighbours(gain_scale: GainScale, step: float) -> Iterator[GainScale]:
     """The eight candidates one step away."""
     for factor, by in product(FACTORS, (step, 1.0 / step)):
-        yield pace.model_copy(update={factor: by * getattr(pace, factor)})
+        yield gain_scale.model_copy(update={factor: by * getattr(gain_scale, factor)})
 
 
-def judge(task: Task, paces: list[Pace], runner: Runner) -> list[Candidate]:
-    """Fly and cost every pace."""
-    margins = runner.run("delay margins", _margin, [(task, pace) for pace in paces])
+def judge(task: Task, scales: list[GainScale], runner: Runner) -> list[Candidate]:
+    """Fly and cost each."""
+    margins = runner.run("delay margins", _margin, [(task, gain_scale) for gain_scale in scales])
     flights = [
-        Flight(task, pace, experiment, off)
-        for pace, margin in zip(paces, margins, strict=True)
+        Flight(task, gain_scale, experiment, off)
+        for gain_scale, margin in zip(scales, margins, strict=True)
         if margin.carried
         for experiment, off in product(EXPERIMENTS, (False, True))
     ]
     costs = dict(zip(flights, runner.run("flights", fly, flights), strict=True))
     return [
         Candidate(
-            pace,
-            sum(costs[f] for f in flights if f.pace == pace) if margin.carried else float("inf"),
+            gain_scale,
+            sum(costs[f] for f in flights if f.gain_scale == gain_scale) if margin.carried else float("inf"),
             margin,
         )
-        for pace, margin in zip(paces, margins, strict=True)
+        for gain_scale, margin in zip(scales, margins, strict=True)
     ]
 
 
@@ -132,7 +134,7 @@ def cost_of(score: Score, experiment: Experiment) -> float:
 def scenario_of(flight: Flight) -> Scenario:
     """The experiment cut short, flown by the tuned vehicle under the cameras of the task."""
     task = flight.task
-    believed = task.profile.model_copy(update={"pace": flight.pace})
+    believed = task.profile.model_copy(update={"gain_scale": flight.gain_scale})
     scenario = experiments.scenario_of(Job("cfc", flight.experiment, seed=1))
     lab = flown_by(scenario.lab, believed, PRESET).model_copy(update={"mocap": task.mocap})
     mocap = scenario.mocap.model_copy(
@@ -154,7 +156,7 @@ def scenario_of(flight: Flight) -> Scenario:
     return scenario.model_copy(update=update)
 
 
-def _margin(job: tuple[Task, Pace]) -> DelayMargin:
-    task, pace = job
-    profile = task.profile.model_copy(update={"pace": pace})
+def _margin(job: tuple[Task, GainScale]) -> DelayMargin:
+    task, gain_scale = job
+    profile = task.profile.model_copy(update={"gain_scale": gain_scale})
     return delay_margin(profile, preset_for(PRESET, profile, task.mocap), task.mocap)

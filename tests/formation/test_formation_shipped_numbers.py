@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from formation.config import FollowerConfig, LabConfig, LeaderConfig
 from formation.control.gains import Law
 from formation.control.presets import PRESETS
-from formation.vehicle.profile import PROFILES, BatteryProfile, Pace
+from formation.vehicle.profile import PROFILES, BatteryProfile, GainScale
 
 
 def numbers(value: object) -> Iterator[object]:
@@ -21,7 +21,7 @@ def numbers(value: object) -> Iterator[object]:
         yield value
 
 
-SIDEWAYS = (Law.CFC, 4.0, 2.9, 0.5, -0.177, 0.057, 0.0)  # c, p1, p2, eps, rounding, k
+HORIZONTAL = (Law.CFC, 4.0, 2.9, 0.5, -0.177, 0.057, 0.0)  # c, p1, p2, eps, rounding, k
 UPWARDS = (Law.CFC, 8.0, 10.0, 3.0, -0.15, 0.35, 0.0)
 OURS = (11.0, -0.029, 0.004, 1.0)  # w, a, e0, rounding
 LEAD = (1.2, 1.64, 0.255, 0.63, 0.5)
@@ -30,7 +30,7 @@ PID_ROW, CALM_OBSERVER = (2.0, 4.0, 1.0, 0.0), (18.0, -0.1, 0.004, 1.0)
 
 
 def preset_row(
-    follower=SIDEWAYS, leader=SIDEWAYS, compensate=True, observer=OURS, own=OURS,
+    follower=HORIZONTAL, leader=HORIZONTAL, compensate=True, observer=OURS, own=OURS,
     adaptive=(0.1, 1.7, 5.8, 1.1, 0.04), follower_lead=LEAD, leader_lead=LEAD,
 ) -> list:  # fmt: skip
     return list(numbers((
@@ -81,10 +81,10 @@ PACKS = {
 
 @pytest.mark.parametrize("name", PROFILES)
 def test_the_vehicles_are_those_that_were_measured(name: str) -> None:
-    held = PROFILES[name].model_dump(exclude={"name", "battery", "pace"})
+    held = PROFILES[name].model_dump(exclude={"name", "battery", "gain_scale"})
     assert list(numbers(tuple(held.values()))) == pytest.approx(MEASURED[name])
     assert tuple(PROFILES[name].battery.model_dump().values()) == PACKS[name]
-    assert PROFILES[name].pace is None
+    assert PROFILES[name].gain_scale is None
 
 
 def test_a_lab_that_says_little_is_the_papers_room() -> None:
@@ -106,7 +106,7 @@ def test_a_lab_that_says_little_is_the_papers_room() -> None:
     assert lab.origin == (47.397742, 8.545594, 488.0)
     assert lab.commanded == (0, 1)
     assert tuple(BatteryProfile().model_dump().values()) == (1, 350.0, 4.0, 0.85)
-    assert set(Pace().model_dump().values()) == {1.0}
+    assert set(GainScale().model_dump().values()) == {1.0}
 
 
 @pytest.mark.parametrize(("part", "key", "most"), [

@@ -14,7 +14,7 @@ from formation.config import FollowerConfig, LabConfig, LeaderConfig, MocapConfi
 from formation.control.margin import delay_margin
 from formation.control.presets import preset_for
 from formation.messages import Verb
-from formation.vehicle.profile import PX4_QUAD, Pace
+from formation.vehicle.profile import PX4_QUAD, GainScale
 from gcs.__main__ import app
 from gcs.cli.ground import delay_margins
 from wire.logs.mcap_log import check_log
@@ -114,7 +114,7 @@ def test_a_recording_that_is_not_right_is_exit_code_two(tmp_path, capfd):
 
 
 def test_the_gains_that_are_judged_are_those_the_lab_flies():
-    slow = PX4_QUAD.model_copy(update={"name": "ours", "pace": Pace(sideways=0.5, observer=0.5)})
+    slow = PX4_QUAD.model_copy(update={"name": "ours", "gain_scale": GainScale(horizontal=0.5, observer=0.5)})
     leader = LeaderConfig(body="lead", sysid=1, profile="ours")
     follower = FollowerConfig(body="left", sysid=2, profile="ours", offset_m=(0.0, 1.0, 0.0))
     config = LabConfig(profiles=(slow,), leader=leader, followers=(follower,))

@@ -8,10 +8,10 @@ from formation_rig import law
 
 from formation.config import FollowerConfig, LabConfig, LeaderConfig, MocapConfig
 from formation.control.gains import CascadeGains, Gains, GeometricGains, Law, SlidingGains
-from formation.control.presets import DEFAULT, PAPER_CFC, pace_of, paced, preset, preset_for
+from formation.control.presets import DEFAULT, PAPER_CFC, gain_scale_of, preset, preset_for, scaled_for
 from formation.control.settings import attitude_settings, law_settings, observer_settings
 from formation.estimation.settings import ObserverGains
-from formation.vehicle.profile import ARDUCOPTER_QUAD, PAPER_40G, PX4_QUAD, Pace
+from formation.vehicle.profile import ARDUCOPTER_QUAD, PAPER_40G, PX4_QUAD, GainScale
 
 LAWS = [
     SlidingGains(Law.CFC, c=4.0, p1=3.0, p2=0.5, eps=-0.2, smooth_m_s=0.06),
@@ -22,26 +22,26 @@ LAWS = [
 
 
 @pytest.mark.parametrize("gains", LAWS, ids=lambda g: type(g).__name__)
-@pytest.mark.parametrize("pace", [0.4, 0.7])
-def test_a_pace_scales_c_p1_p2_and_all_gains_by_their_dimension_in_time(gains: Gains, pace: float) -> None:
-    """All times 1/pace, speeds the same: lengths grow by 1/pace, accelerations by pace, their rates by its square.
+@pytest.mark.parametrize("scale", [0.4, 0.7])
+def test_a_scale_scales_c_p1_p2_and_all_gains_by_their_dimension_in_time(gains: Gains, scale: float) -> None:
+    """All times 1/scale, speeds the same: lengths grow by 1/scale, accelerations by scale, their rates by its square.
 
-    So c, p1, kp, kv, mix go with pace (1/s), p2, ki, kx with its square (1/s^2), eps, kd and m/s not at all.
+    So c, p1, kp, kv, mix go with scale (1/s), p2, ki, kx with its square (1/s^2), eps, kd and m/s not at all.
     """
-    here, there = law(gains, 2.0), law(gains.scaled(pace), 2.0)
-    length = 1.0 / pace
-    memory_here, memory_there = 0.2, 0.2 * (length if isinstance(gains, GeometricGains) else pace)
+    here, there = law(gains, 2.0), law(gains.scaled(scale), 2.0)
+    length = 1.0 / scale
+    memory_here, memory_there = 0.2, 0.2 * (length if isinstance(gains, GeometricGains) else scale)
     for e, e_rate, e_acc, dt in ((0.05, -0.3, 0.7, 0.01), (-0.2, 0.4, 1.0, 0.02), (0.9, 0.1, -2.0, 0.01)):
         one = here(e, e_rate, e_acc, memory_here, 1.3, dt)
-        other = there(e * length, e_rate, e_acc * pace, memory_there, 1.3, dt * length)
+        other = there(e * length, e_rate, e_acc * scale, memory_there, 1.3, dt * length)
         memory_here, memory_there = one.memory, other.memory
         assert other.s == pytest.approx(one.s)
-        assert (other.back, other.t_m) == pytest.approx((pace * one.back, pace * one.t_m))
-        assert other.back_rate == pytest.approx(pace**2 * one.back_rate, rel=1e-6)
+        assert (other.back, other.t_m) == pytest.approx((scale * one.back, scale * one.t_m))
+        assert other.back_rate == pytest.approx(scale**2 * one.back_rate, rel=1e-6)
 
 
 def test_a_slower_observer_has_the_same_poles_in_its_own_time() -> None:
-    """w, rad/s, alone goes with the pace: alpha has no dimension, and the error's scale is the camera's."""
+    """w, rad/s, alone goes with the gain_scale: alpha has no dimension, and the error's scale is the camera's."""
     gains = ObserverGains(12.0, -0.1, 0.004, 0.7)
     assert gains.scaled(0.5) == ObserverGains(6.0, -0.1, 0.004, 0.7)
 
@@ -49,24 +49,26 @@ def test_a_slower_observer_has_the_same_poles_in_its_own_time() -> None:
 def test_the_pace_is_inverse_to_the_loops_delay_in_which_a_dead_time_counts_twice() -> None:
     """By hand, 50 Hz and 20 ms: wait 0.02 + 1.5 / 50 = 0.05; PX4 0.05 + 0.22 + 0.06 = 0.33 and 0.05 + 0.16 + 0.02."""
     cameras = MocapConfig(rate_hz=50.0, delay_s=0.02)
-    pace = pace_of(PX4_QUAD, cameras)
-    assert (pace.sideways, pace.observer, pace.upwards) == pytest.approx((0.17 / 0.33, 0.17 / 0.33, 0.068 / 0.23))
-    assert pace.compensation == 1.0
-    assert pace_of(PAPER_40G, MocapConfig()) == Pace()
+    gain_scale = gain_scale_of(PX4_QUAD, cameras)
+    assert (gain_scale.horizontal, gain_scale.observer, gain_scale.vertical) == pytest.approx(
+        (0.17 / 0.33, 0.17 / 0.33, 0.068 / 0.23)
+    )
+    assert gain_scale.compensation == 1.0
+    assert gain_scale_of(PAPER_40G, MocapConfig()) == GainScale()
 
 
 def test_the_papers_vehicle_is_what_the_gains_were_found_on() -> None:
-    """0.008 + 0.015 + 2 x 0.049 + 0.049 = 0.170 s sideways, 0.023 + 2 x 0.01 + 0.025 = 0.068 s upwards."""
+    """0.008 + 0.015 + 2 x 0.049 + 0.049 = 0.170 s horizontal, 0.023 + 2 x 0.01 + 0.025 = 0.068 s vertical."""
     quicker = PAPER_40G.model_copy(update={"response_lag_s": 0.02, "thrust_lag_s": 0.01})
-    assert pace_of(quicker, MocapConfig()) == Pace()
+    assert gain_scale_of(quicker, MocapConfig()) == GainScale()
     slower = PAPER_40G.model_copy(update={"response_lag_s": 0.049 + 0.17, "thrust_lag_s": 0.025 + 0.068})
-    pace = pace_of(slower, MocapConfig())
-    assert (pace.sideways, pace.upwards) == pytest.approx((0.5, 0.5))
+    gain_scale = gain_scale_of(slower, MocapConfig())
+    assert (gain_scale.horizontal, gain_scale.vertical) == pytest.approx((0.5, 0.5))
 
 
 def test_each_loop_goes_at_its_own_pace() -> None:
-    pace = Pace(sideways=0.5, observer=0.6, upwards=0.7, compensation=0.8)
-    slow = paced(DEFAULT, PX4_QUAD.model_copy(update={"pace": pace}), MocapConfig())
+    gain_scale = GainScale(horizontal=0.5, observer=0.6, vertical=0.7, compensation=0.8)
+    slow = scaled_for(DEFAULT, PX4_QUAD.model_copy(update={"gain_scale": gain_scale}), MocapConfig())
     assert slow.follower == DEFAULT.follower.scaled(0.5)
     assert slow.leader == DEFAULT.leader.scaled(0.5)
     assert slow.follower_vertical == DEFAULT.follower_vertical.scaled(0.7)

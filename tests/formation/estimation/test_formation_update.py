@@ -1,0 +1,50 @@
+"""One axis's observer between quiet and noisy cameras, seen and unseen."""
+
+import pytest
+
+from formation.estimation.fteso import fteso_step
+from formation.estimation.settings import ObserverGains, ObserverSettings
+from formation.estimation.state import VehicleEstimate
+from formation.estimation.update import observe_axis
+from formation.maths.records import blank
+
+DT_S, MODEL, MEASURED = 0.01, 0.7, 0.002
+
+
+def _settings() -> ObserverSettings:
+    settings = blank(ObserverSettings, 1)[0]
+    settings.quiet_m, settings.adaptation.bandwidth_power = 2e-4, 1.1
+    for gains, w in ((settings.horizontal, 11.0), (settings.vertical, 15.0)):
+        gains.bandwidth_rad_s, gains.alpha, gains.scale, gains.smooth = w, -0.1, 0.004, 1.0
+    return settings
+
+
+def _observed(axis: int, noise_m: float, gain: float) -> tuple[float, float, float]:
+    z: VehicleEstimate = blank(VehicleEstimate, 1)[0]
+    z.noise_var_m2, z.adaptive_gain = noise_m * noise_m, gain
+    observe_axis(z, axis, MEASURED, True, MODEL, DT_S, _settings())
+    return float(z.pos_lab_m[axis]), float(z.vel_lab_m_s[axis]), float(z.dist_lab_m_s2[axis])
+
+
+def _with(gains: ObserverGains) -> tuple[float, float, float]:
+    w, alpha, scale, smooth = gains.bandwidth_rad_s, gains.alpha, gains.scale, gains.smooth
+    return fteso_step(0.0, 0.0, 0.0, MODEL, MEASURED, DT_S, w, alpha, scale, smooth)
+
+
+@pytest.mark.parametrize(("axis", "noise_m", "gain", "w_rad_s"), [
+    (0, 1e-4, 1.0, 11.0),  # quieter than quiet_m: as it is
+    (0, 8e-4, 1.0, 11.0 * 4.0**-0.35),  # four times the quiet noise
+    (1, 2e-4, 3.0, 11.0 * 3.0**1.1),  # a surprise: the adaptive gain to its power
+    (2, 8e-4, 3.0, 15.0 * 4.0**-0.35),  # a commanded height is not widened
+])  # fmt: skip
+def test_the_bandwidth_shrinks_with_noise_and_grows_with_the_adaptive_gain(
+    axis: int, noise_m: float, gain: float, w_rad_s: float
+) -> None:
+    assert _observed(axis, noise_m, gain) == pytest.approx(_with(ObserverGains(w_rad_s, -0.1, 0.004)), rel=1e-12)
+
+
+def test_unseen_it_is_newtons_law() -> None:
+    z: VehicleEstimate = blank(VehicleEstimate, 1)[0]
+    z.pos_lab_m[0], z.vel_lab_m_s[0], z.dist_lab_m_s2[0], z.noise_var_m2 = 1.0, 2.0, 0.5, 1e-8
+    observe_axis(z, 0, 99.0, False, 1.5, 0.1, _settings())
+    assert (z.pos_lab_m[0], z.vel_lab_m_s[0], z.dist_lab_m_s2[0]) == pytest.approx((1.21, 2.2, 0.5))

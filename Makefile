@@ -15,7 +15,7 @@ fly: $(VENV)/.fly
 define PYTEST
 	$(BIN)/pytest -m flights $(ARGS) >$(VENV)/flights.log 2>&1 & flights=$$!; \
 	$(BIN)/pytest -n 2 --dist loadfile -m 'processes and not flights' $(ARGS) >$(VENV)/processes.log 2>&1 & waiting=$$!; \
-	nice $(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile -m 'not processes' $(ARGS); codes=$$?; \
+	nice -n 3 $(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile -m 'not processes' $(ARGS); codes=$$?; \
 	for lane in $$flights $$waiting; do wait $$lane; codes="$$codes $$?"; done; \
 	cat $(VENV)/flights.log $(VENV)/processes.log; \
 	for code in $$codes; do test $$code = 0 -o $$code = 5 || exit $$code; done

@@ -18,7 +18,7 @@ from wire.link_messages.setpoints import AttitudeSetpoint
 
 _CARRIED = 0.04  # share of each setpoint in what is taken to have carried it so far
 _LEAN_MAX_M_S2 = 0.5
-_SHARE, _SHARE_VEL = 0.3, 0.05  # of a position's surprise, and of its rate: believed within 40 ms
+_SHARE, _SHARE_VEL = 0.3, 0.05  # of a position's innovation, and of its rate: believed within 40 ms
 _GAP_MAX_S = 0.2
 _STOP_S = 0.4  # its place is where the present speed would come to rest
 _SINK_M_S = 0.35

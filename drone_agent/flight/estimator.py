@@ -23,7 +23,7 @@ _GATE_M = 0.3
 _GATE_GROWTH_M_S = 1.0
 _TILT_GATE = math.cos(0.35)
 _OWN_READY_NS = 2_000_000_000
-# Fraction of a pose's surprise believed at once; the velocity gain that damps it critically.
+# Fraction of a pose's innovation believed at once; the velocity gain that damps it critically.
 _GAIN = 0.2
 _GAIN_VEL = _GAIN * _GAIN / (2.0 - _GAIN)
 _GAIN_YAW = 0.02
@@ -201,9 +201,9 @@ class ExternalPositioning:
 
     def _correct(self, measured: list[float], yaw_rad: float, dt_s: float) -> None:
         for axis in range(3):
-            surprise = measured[axis] - self._pos[axis]
-            self._pos[axis] += _GAIN * surprise
-            self._vel[axis] += _GAIN_VEL / max(dt_s, 0.002) * surprise
+            innovation = measured[axis] - self._pos[axis]
+            self._pos[axis] += _GAIN * innovation
+            self._vel[axis] += _GAIN_VEL / max(dt_s, 0.002) * innovation
         self.yaw_rad += _GAIN_YAW * math.remainder(yaw_rad - self.yaw_rad, math.tau)
 
     def _refuse(

@@ -18,7 +18,7 @@ from formation.vehicle.profile import VehicleProfile, VehicleState, at_rest
 
 STEP_NS = 1_000_000
 _STEP_S = STEP_NS * 1e-9
-_GUST_NS = 5 * STEP_NS  # a gust is felt this often
+_GUST_NS = 5 * STEP_NS  # the air acts anew this often
 
 
 class Airframe:

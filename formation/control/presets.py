@@ -136,7 +136,7 @@ def gain_scale_of(profile: VehicleProfile, mocap: MocapConfig) -> GainScale:
 
 
 def scaled_for(gains: Preset, profile: VehicleProfile, mocap: MocapConfig) -> Preset:
-    """Gains made for the paper's vehicle at the scale of another's loops, from camera to felt force."""
+    """Gains made for the paper's vehicle at the scale of another's loops, from camera to specific force."""
     gain_scale = gain_scale_of(profile, mocap)
     return replace(
         gains,

@@ -40,7 +40,7 @@ def anchored(config: TrajectoryConfig, pos_lab_m: Float, yaw_rad: float) -> Traj
     The line starts there, along lab x; the circle lies about the lab's origin at that height, whole laps from
     (radius, 0); waypoints are points of the lab. The turn (yaw_rate_rad_s) is added to yaw_rad.
     It lasts: a hold duration_s; a line duration_s each way; a circle a period a lap and a ramp, a quarter period or
-    3 s; waypoints 1.875 times the way at speed_m_s, each leg half a second at least.
+    3 s; waypoints 1.875 times the way at speed_m_s, each piece half a second at least.
     """
     knots = np.zeros((1, 4))
     knots[0, 1:] = pos_lab_m
@@ -151,14 +151,14 @@ def _waypoints(knots: Float, t_s: float, out: Float) -> None:
     """Minimum-jerk steps, from rest to rest, along the timed knots."""
     if len(knots) < 2:
         return
-    leg = 0
-    while leg + 2 < len(knots) and t_s > knots[leg + 1, 0]:
-        leg += 1
-    duration = knots[leg + 1, 0] - knots[leg, 0]
-    step = min_jerk((t_s - knots[leg, 0]) / duration)
+    piece = 0
+    while piece + 2 < len(knots) and t_s > knots[piece + 1, 0]:
+        piece += 1
+    duration = knots[piece + 1, 0] - knots[piece, 0]
+    step = min_jerk((t_s - knots[piece, 0]) / duration)
     for axis in range(3):
-        scale = knots[leg + 1, 1 + axis] - knots[leg, 1 + axis]
-        out[0, axis] = knots[leg, 1 + axis]
+        scale = knots[piece + 1, 1 + axis] - knots[piece, 1 + axis]
+        out[0, axis] = knots[piece, 1 + axis]
         for order in range(3):
             out[order, axis] += scale * step[order]
             scale /= duration

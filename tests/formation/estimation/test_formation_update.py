@@ -34,7 +34,7 @@ def _with(gains: ObserverGains) -> tuple[float, float, float]:
 @pytest.mark.parametrize(("axis", "noise_m", "gain", "w_rad_s"), [
     (0, 1e-4, 1.0, 11.0),  # quieter than quiet_m: as it is
     (0, 8e-4, 1.0, 11.0 * 4.0**-0.35),  # four times the quiet noise
-    (1, 2e-4, 3.0, 11.0 * 3.0**1.1),  # a surprise: the adaptive gain to its power
+    (1, 2e-4, 3.0, 11.0 * 3.0**1.1),  # the adaptive gain to its power
     (2, 8e-4, 3.0, 15.0 * 4.0**-0.35),  # a commanded height is not widened
 ])  # fmt: skip
 def test_the_bandwidth_shrinks_with_noise_and_grows_with_the_adaptive_gain(

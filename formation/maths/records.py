@@ -36,11 +36,10 @@ class Rows(Protocol[T_co]):
 
 def rows(cls: type[T], items: Sequence[T]) -> Rows[T]:
     """The items as one structured array."""
-    out: Any = np.zeros(len(items), dtype=dtype_of(cls))
+    out = blank(cls, len(items))
     for i, item in enumerate(items):
         out[i] = _values(item)
-    made: Rows[T] = out
-    return made
+    return out
 
 
 def blank(cls: type[T], count: int) -> Rows[T]:

@@ -98,13 +98,14 @@ def _cache_in(root: Path) -> str:
 
 
 def _cache_root() -> Path:
-    """Beside the package, as Python's own caches; where that cannot be written, the user's."""
+    """Beside the package, as Python's own caches; where that cannot be written, the user's, one per installation."""
     beside = Path(__file__).parent / "__pycache__"
     with suppress(OSError):
         beside.mkdir(exist_ok=True)
     if os.access(beside, os.W_OK):
         return beside
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "mavlink-formation"
+    installation = hashlib.sha256(str(beside).encode()).hexdigest()[:16]
+    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "mavlink-formation" / installation
 
 
 if not numba.config.CACHE_DIR:  # type: ignore[attr-defined]

@@ -12,7 +12,7 @@ from formation.estimation.state import VehicleEstimate
 from formation.guidance.reference_generator import VehicleReference
 from formation.maths.arrays import Float, Quat, Scalars, Vec3, Vec4
 from formation.maths.kernel import kernel
-from formation.maths.quaternion import attitude_of
+from formation.maths.quaternion import attitude_of, heading_axes
 from formation.maths.records import Rows, blank
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
@@ -89,7 +89,8 @@ def attitude(
 def body_rates(force: Float, force_rate: Float, yaw: float, yaw_rate: float, rate: Float) -> None:
     """Body rates (flu) of the attitude that follows a force (3) changing at force_rate (3), into rate (3).
 
-    Differential flatness, after Mellinger and Kumar (2011): the turn of z_b is what the force's direction does.
+    Differential flatness, after Mellinger and Kumar (2011): the turn of z_b is what the force's direction does, and
+    that about z_b keeps x_b normal to y_C = (-sin yaw, cos yaw, 0), whose turn is yaw_rate.
     """
     size = sqrt(force[0] * force[0] + force[1] * force[1] + force[2] * force[2])
     zx, zy, zz = force[0] / size, force[1] / size, force[2] / size
@@ -97,14 +98,11 @@ def body_rates(force: Float, force_rate: Float, yaw: float, yaw_rate: float, rat
     hx = (force_rate[0] - along * zx) / size
     hy = (force_rate[1] - along * zy) / size
     hz = (force_rate[2] - along * zz) / size
-    cx, cy = cos(yaw), sin(yaw)
-    yx, yy, yz = -zz * cy, zz * cx, zx * cy - zy * cx
-    length = sqrt(yx * yx + yy * yy + yz * yz)
-    yx, yy, yz = yx / length, yy / length, yz / length
-    xx, xy, xz = yy * zz - yz * zy, yz * zx - yx * zz, yx * zy - yy * zx
+    (xx, xy, xz), (yx, yy, yz) = heading_axes(zx, zy, zz, yaw)
+    cy, sy = cos(yaw), sin(yaw)
     rate[0] = -(hx * yx + hy * yy + hz * yz)
     rate[1] = hx * xx + hy * xy + hz * xz
-    rate[2] = yaw_rate * zz
+    rate[2] = (yaw_rate * (xx * cy + xy * sy) + rate[1] * (zy * cy - zx * sy)) / (yy * cy - yx * sy)
 
 
 @kernel
@@ -213,10 +211,10 @@ def _target(s: AttitudeSettings, wanted: Demand, aim: Float, lead: Float, full: 
     if s.rate_feed_forward:
         # The autopilot adds body rates: what inverts its lag goes there, and the attitude stays the one wanted.
         attitude_of(aim[0], aim[1], lead[2], heading, out.q_lab_from_flu)
-        body_rates(aim, lead - aim, heading, wanted.yaw_rate_rad_s, out.rate_flu_rad_s)
         rate, most = out.rate_flu_rad_s, s.rate_max_rad_s
-        for axis in range(2):
-            rate[axis] = min(max(s.attitude_p_1_s * rate[axis], -most), most)
+        body_rates(aim, s.attitude_p_1_s * (lead - aim), heading, wanted.yaw_rate_rad_s, rate)
+        for axis in range(3):
+            rate[axis] = min(max(rate[axis], -most), most)
     else:
         attitude_of(lead[0], lead[1], lead[2], heading + wanted.yaw_rate_rad_s / s.yaw_p_1_s, out.q_lab_from_flu)
     thrust = min(lead[2] / max(wanted.tilt_cos, cos(s.tilt_max_rad)), full)

@@ -48,18 +48,26 @@ def thrust_axis(q: Float) -> tuple[float, float, float]:
 
 
 @kernel
-def attitude_of(x: float, y: float, z: float, yaw: float, q: Float) -> None:
-    """q_lab_from_flu with body z along the force (x, y, z) and the heading's axis in the body's x-z plane, into q (4).
+def heading_axes(
+    zx: float, zy: float, zz: float, yaw: float
+) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """The body's x and y axes in `lab` where its z axis is (zx, zy, zz), zz > 0, and its x axis heads for `yaw`.
 
-    y_b = z_b x x_yaw, normalised; x_b = y_b x z_b (Eq. 1's angles, without their singular arithmetic).
+    x_b = y_C x z_b normalised, y_C = (-sin yaw, cos yaw, 0); y_b = z_b x x_b: Eq. (1)'s angles (Z-Y-X).
     """
+    cy, sy = cos(yaw), sin(yaw)
+    xx, xy, xz = zz * cy, zz * sy, -(zx * cy + zy * sy)
+    length = sqrt(xx * xx + xy * xy + xz * xz)
+    xx, xy, xz = xx / length, xy / length, xz / length
+    return (xx, xy, xz), (zy * xz - zz * xy, zz * xx - zx * xz, zx * xy - zy * xx)
+
+
+@kernel
+def attitude_of(x: float, y: float, z: float, yaw: float, q: Float) -> None:
+    """q_lab_from_flu with body z along the force (x, y, z), z > 0, and body x heading for `yaw`, into q (4)."""
     size = sqrt(x * x + y * y + z * z)
     zx, zy, zz = x / size, y / size, z / size
-    cx, cy = cos(yaw), sin(yaw)
-    yx, yy, yz = -zz * cy, zz * cx, zx * cy - zy * cx
-    length = sqrt(yx * yx + yy * yy + yz * yz)
-    yx, yy, yz = yx / length, yy / length, yz / length
-    xx, xy, xz = yy * zz - yz * zy, yz * zx - yx * zz, yx * zy - yy * zx
+    (xx, xy, xz), (yx, yy, yz) = heading_axes(zx, zy, zz, yaw)
     # Shepperd's formula; tilt stays under pi/2, so the trace and m22 = zz share the safe branches.
     trace = xx + yy + zz
     if trace > zz:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from oracle_attitude import Airframe, Bounds, apart, authority_of, bounded, inside, turned
+from oracle_attitude import Airframe, Bounds, apart, authority_of, bounded, flat_rates, inside, turned
 from oracle_estimator import G
 from oracle_frames import attitude_matrix, rotation_matrix
 
@@ -43,24 +43,24 @@ def test_eq_1_gives_the_demanded_acceleration_back(force: np.ndarray, yaw: float
         np.cos(phi) * np.cos(theta),
     ])  # fmt: skip
     np.testing.assert_allclose(acc, force, atol=1e-9)
-    assert abs(r[:, 1] @ [np.cos(yaw), np.sin(yaw), 0.0]) < 1e-12  # the heading's axis lies in the body's x-z plane
+    assert np.exp(1j * psi) == pytest.approx(np.exp(1j * yaw))  # x_b heads for the heading that was asked for
 
 
+@pytest.mark.parametrize("yaw_rate", [0.0, -1.3])
 @pytest.mark.parametrize(("force", "yaw"), list(zip(FORCES, YAWS, strict=True)))
-def test_roll_and_pitch_rate_feed_forward_are_the_attitudes_derivative(force: np.ndarray, yaw: float) -> None:
-    """[w]x = R^T R' of the attitude along a changing force, by central differences; yaw stands still."""
-    force_rate, h, rate = np.array([3.0, -5.0, 2.0]), 1e-6, np.empty(3)
-    body_rates(force, force_rate, yaw, 0.0, rate)
-    ahead, behind = (attitude_matrix(force + k * h * force_rate, yaw) for k in (1, -1))
-    spin = attitude_matrix(force, yaw).T @ (ahead - behind) / (2.0 * h)
-    np.testing.assert_allclose(rate[:2], [spin[2, 1], spin[0, 2]], atol=1e-7)
+def test_rate_feed_forward_is_the_attitudes_derivative(force: np.ndarray, yaw: float, yaw_rate: float) -> None:
+    force_rate, rate = np.array([3.0, -5.0, 2.0]), np.empty(3)
+    body_rates(force, force_rate, yaw, yaw_rate, rate)
+    np.testing.assert_allclose(rate, flat_rates(force, force_rate, yaw, yaw_rate), atol=1e-7)
 
 
-def test_yaw_rate_feed_forward_is_the_turn_about_the_lifted_axis() -> None:
-    """Of a turn about the lab's z by psi', the body's own z axis sees psi' cos(tilt)."""
-    force, rate = np.array([3.0, 1.0, 9.0]), np.empty(3)
-    body_rates(force, np.zeros(3), 0.4, 1.5, rate)
-    np.testing.assert_allclose(rate, [0.0, 0.0, 1.5 * 9.0 / np.linalg.norm(force)], atol=1e-12)
+def test_yaw_rate_feed_forward_of_a_rolled_vehicle_is_shared_by_pitch_and_yaw() -> None:
+    """Euler's kinematic equations at theta = 0: q = psi' sin(phi), r = psi' cos(phi)."""
+    phi, yaw_rate, rate = 0.5, 1.5, np.empty(3)
+    # With psi = 0 and theta = 0, z_b = (0, -sin phi, cos phi).
+    force = 9.0 * np.array([0.0, -np.sin(phi), np.cos(phi)])
+    body_rates(force, yaw_rate * np.cross([0.0, 0.0, 1.0], force), 0.0, yaw_rate, rate)
+    np.testing.assert_allclose(rate, [0.0, yaw_rate * np.sin(phi), yaw_rate * np.cos(phi)], atol=1e-12)
 
 
 @pytest.mark.parametrize("force", [*FORCES, np.array([1.0, 2.0, 2.0]), np.array([30.0, 1.0, 25.0])])

@@ -119,12 +119,11 @@ def authority_of(body: Airframe) -> float:
 
 
 def flat_rates(force: np.ndarray, force_rate: np.ndarray, yaw: float, yaw_rate: float) -> np.ndarray:
-    """Body rates of the attitude along a changing force: w = z x z' (horizontal axes), and yaw' along z."""
-    r = attitude_matrix(force, yaw)
-    z = r[:, 2]
-    z_rate = (np.eye(3) - np.outer(z, z)) @ force_rate / np.linalg.norm(force)
-    turn = np.cross(z, z_rate)
-    return np.array([r[:, 0] @ turn, r[:, 1] @ turn, yaw_rate * z[2]])
+    """Body rates of the attitude along a changing force, R^T R' = [w]x by central differences."""
+    h = 1e-6
+    ahead, behind = (attitude_matrix(force + k * h * force_rate, yaw + k * h * yaw_rate) for k in (1, -1))
+    spin = attitude_matrix(force, yaw).T @ (ahead - behind) / (2.0 * h)
+    return np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
 
 
 def waiting(body: Airframe, yaw: float, waited_s: float, full: float) -> Target:
@@ -166,8 +165,8 @@ def target(
     rate = np.zeros(3)
     if body.by_rate:
         r = attitude_matrix(np.array([aim[0], aim[1], felt[2]]), yaw)
-        rate = flat_rates(aim, felt - aim, yaw, yaw_rate)
-        rate[:2] = np.clip(body.attitude_p * rate[:2], -body.rate_max, body.rate_max)
+        rate = flat_rates(aim, body.attitude_p * (felt - aim), yaw, yaw_rate)
+        rate = np.clip(rate, -body.rate_max, body.rate_max)
     else:
         r = attitude_matrix(felt, yaw + yaw_rate / body.yaw_p)
         met = max(met, later)

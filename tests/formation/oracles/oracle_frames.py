@@ -28,11 +28,10 @@ def axis_angle(axis: np.ndarray, angle: float) -> np.ndarray:
 
 
 def attitude_matrix(force: np.ndarray, yaw: float) -> np.ndarray:
-    """R_lab_from_flu, z_b along the force, the heading's axis in the x_b-z_b plane (Mellinger and Kumar 2011)."""
-    z_b = force / np.linalg.norm(force)
-    y_b = np.cross(z_b, [np.cos(yaw), np.sin(yaw), 0.0])
-    y_b = y_b / np.linalg.norm(y_b)
-    return np.column_stack([np.cross(y_b, z_b), y_b, z_b])
+    """R_lab_from_flu = Rz(psi) Ry(theta) Rx(phi) with R e_z along the force: the angles of Eq. (1)."""
+    z = rot_z(yaw).T @ force / np.linalg.norm(force)  # (cos phi sin theta, -sin phi, cos phi cos theta)
+    phi, theta = -np.arcsin(z[1]), np.arctan2(z[0], z[2])
+    return rot_z(yaw) @ axis_angle(np.array([0.0, 1.0, 0.0]), theta) @ axis_angle(np.array([1.0, 0.0, 0.0]), phi)
 
 
 def heading_of(r: np.ndarray) -> float:

@@ -18,7 +18,7 @@ GAP_FRAMES = 2.5  # a wait longer than this many usual frame spacings is a gap
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Remark:
     """Something to look at: `alarming` or merely worth knowing, and the section of the report that shows it."""
 
     alarming: bool
@@ -139,7 +139,7 @@ def _ending(outcome: str) -> str:
     return f"The flight did not end as planned: {outcome.removeprefix('aborted: ')}."
 
 
-def findings(flight: Flight, tracking: Tracking, summary: Summary) -> tuple[Finding, ...]:
+def findings(flight: Flight, tracking: Tracking, summary: Summary) -> tuple[Remark, ...]:
     """What deserves a look, alarming things first."""
     every = [
         *_outcome(summary),
@@ -156,41 +156,41 @@ def findings(flight: Flight, tracking: Tracking, summary: Summary) -> tuple[Find
     return tuple(sorted(every, key=lambda finding: not finding.alarming))
 
 
-def _outcome(summary: Summary) -> Iterator[Finding]:
+def _outcome(summary: Summary) -> Iterator[Remark]:
     if summary.outcome.startswith("starved"):
-        yield Finding(True, f"A simulator came too late: {summary.outcome.removeprefix('starved: ')}.", "timeline")
+        yield Remark(True, f"A simulator came too late: {summary.outcome.removeprefix('starved: ')}.", "timeline")
     if summary.outcome.startswith("aborted"):
-        yield Finding(True, f"The flight ended early: {summary.outcome.removeprefix('aborted: ')}.", "timeline")
+        yield Remark(True, f"The flight ended early: {summary.outcome.removeprefix('aborted: ')}.", "timeline")
 
 
-def _separation(flight: Flight, summary: Summary) -> Iterator[Finding]:
+def _separation(flight: Flight, summary: Summary) -> Iterator[Remark]:
     lab, least = flight.run.lab, summary.min_separation_m
     if lab is not None and least is not None and least < lab.limits.min_separation_m:
         wanted = lab.limits.min_separation_m
-        yield Finding(
+        yield Remark(
             True, f"Two vehicles came within {least:.2f} m of each other; the limit is {wanted:.2f} m.", "paths"
         )
 
 
-def _events(flight: Flight) -> Iterator[Finding]:
+def _events(flight: Flight) -> Iterator[Remark]:
     loud = [e for e in flight.events.messages if e.severity <= Severity.WARNING]
     if loud:
         worst = min(loud, key=lambda event: event.severity)
         more = f" and {counted(len(loud) - 1, 'more warning')}" if len(loud) > 1 else ""
-        yield Finding(
+        yield Remark(
             worst.severity < Severity.WARNING, f"{worst.source.capitalize()} reported “{worst.text}”{more}.", "timeline"
         )
 
 
-def _late(flight: Flight, summary: Summary) -> Iterator[Finding]:
+def _late(flight: Flight, summary: Summary) -> Iterator[Remark]:
     if summary.late_ticks and summary.latency_ms is not None:
         share = 100.0 * summary.late_ticks / len(flight.timing)
         late = counted(summary.late_ticks, "control cycle").capitalize()
         text = f"{late} came late ({share:.2g} %), the slowest {summary.latency_ms.max:.3g} ms."
-        yield Finding(share > 1.0, text, "timing")
+        yield Remark(share > 1.0, text, "timing")
 
 
-def _gaps(flight: Flight) -> Iterator[Finding]:
+def _gaps(flight: Flight) -> Iterator[Remark]:
     spacing_s = np.diff(flight.poses.t_s)
     if not spacing_s.size:
         return
@@ -202,18 +202,18 @@ def _gaps(flight: Flight) -> Iterator[Finding]:
             f"The mocap paused {times(gaps.size)}, the longest for {1e3 * spacing_s[widest]:.0f} ms "
             f"at {flight.poses.t_s[widest]:.1f} s (frames usually come every {1e3 * usual_s:.1f} ms)."
         )
-        yield Finding(float(spacing_s[widest]) > 0.1, text, "timing")
+        yield Remark(float(spacing_s[widest]) > 0.1, text, "timing")
 
 
-def _unseen(flight: Flight) -> Iterator[Finding]:
+def _unseen(flight: Flight) -> Iterator[Remark]:
     for i, vehicle in enumerate(flight.vehicles):
         lost = int((~flight.poses.seen[:, i]).sum())
         if lost:
             share = 100.0 * lost / len(flight.poses)
-            yield Finding(share > 5.0, f"{vehicle.body} was not seen in {lost} frames ({share:.2g} %).", "paths")
+            yield Remark(share > 5.0, f"{vehicle.body} was not seen in {lost} frames ({share:.2g} %).", "paths")
 
 
-def _limits(flight: Flight) -> Iterator[Finding]:
+def _limits(flight: Flight) -> Iterator[Remark]:
     bits = flight.target.column(lambda t: t.saturation).astype(np.int64)
     bits = bits[in_formation_phase(flight, flight.target.t_s)] if len(flight.target) else bits
     if not bits.size:
@@ -223,10 +223,10 @@ def _limits(flight: Flight) -> Iterator[Finding]:
         if limit is not Saturation.NONE and share > 0.0:
             name = (limit.name or "").lower().replace("_", " ")
             text = f"The {name} limit cut {share:.2g} % of the attitude targets sent in formation."
-            yield Finding(share > 5.0, text, "output")
+            yield Remark(share > 5.0, text, "output")
 
 
-def _largest_error(flight: Flight, tracking: Tracking) -> Iterator[Finding]:
+def _largest_error(flight: Flight, tracking: Tracking) -> Iterator[Remark]:
     if not tracking.scored.any():
         return
     length_m = np.where(tracking.scored, np.linalg.norm(tracking.error_lead_m, axis=-1), -1.0)
@@ -239,10 +239,10 @@ def _largest_error(flight: Flight, tracking: Tracking) -> Iterator[Finding]:
         if abs(at_s - t_s) < 0.5 and event.severity <= Severity.WARNING
     ]
     why = f", around the event “{near[0]}”" if near else ""
-    yield Finding(False, f"The largest error is {mm(worst_m)}, {name} at {t_s:.1f} s{why}.", "error")
+    yield Remark(False, f"The largest error is {mm(worst_m)}, {name} at {t_s:.1f} s{why}.", "error")
 
 
-def _leader(flight: Flight, summary: Summary) -> Iterator[Finding]:
+def _leader(flight: Flight, summary: Summary) -> Iterator[Remark]:
     """A leader that is held worse than its followers: the formation moves as a whole, and no formation error tells."""
     leader_m, formation_m = summary.leader_rms_m, summary.formation_rms_m
     if leader_m is None or formation_m is None or leader_m <= max(2.0 * formation_m, LEADER_FAR_M):
@@ -250,10 +250,10 @@ def _leader(flight: Flight, summary: Summary) -> Iterator[Finding]:
     text = (
         f"{flight.leader.body} is {mm(leader_m)} RMS off its own reference, the followers {mm(formation_m)} off theirs."
     )
-    yield Finding(False, text, "leader")
+    yield Remark(False, text, "leader")
 
 
-def _bias(flight: Flight, tracking: Tracking) -> Iterator[Finding]:
+def _bias(flight: Flight, tracking: Tracking) -> Iterator[Remark]:
     """Steady offsets: where an error's mean outweighs its scatter, trim or alignment is the likelier cause."""
     names = ("forward", "left", "up")
     for k, vehicle in enumerate(flight.followers):
@@ -265,4 +265,4 @@ def _bias(flight: Flight, tracking: Tracking) -> Iterator[Finding]:
         if abs(mean[axis]) > 2.0 * spread[axis] and abs(mean[axis]) > 5e-4:
             offset = f"{mm(float(mean[axis]))} {names[axis]}"
             text = f"{vehicle.body} stands off steadily by {offset}: look at trim or marker alignment."
-            yield Finding(False, text, "clouds")
+            yield Remark(False, text, "clouds")

@@ -94,14 +94,10 @@ def body_rates(force: Float, force_rate: Float, yaw: float, yaw_rate: float, rat
     """
     size = sqrt(force[0] * force[0] + force[1] * force[1] + force[2] * force[2])
     zx, zy, zz = force[0] / size, force[1] / size, force[2] / size
-    along = force_rate[0] * zx + force_rate[1] * zy + force_rate[2] * zz
-    hx = (force_rate[0] - along * zx) / size
-    hy = (force_rate[1] - along * zy) / size
-    hz = (force_rate[2] - along * zz) / size
     (xx, xy, xz), (yx, yy, yz) = heading_axes(zx, zy, zz, yaw)
     cy, sy = cos(yaw), sin(yaw)
-    rate[0] = -(hx * yx + hy * yy + hz * yz)
-    rate[1] = hx * xx + hy * xy + hz * xz
+    rate[0] = -(force_rate[0] * yx + force_rate[1] * yy + force_rate[2] * yz) / size
+    rate[1] = (force_rate[0] * xx + force_rate[1] * xy + force_rate[2] * xz) / size
     rate[2] = (yaw_rate * (xx * cy + xy * sy) + rate[1] * (zy * cy - zx * sy)) / (yy * cy - yx * sy)
 
 

@@ -40,7 +40,7 @@ LEFT_OUT = ("maths/kernel.py", "warm_up.py", "topics.py")
 """How kernels are compiled, which does not happen here; and names."""
 SLOWEST_S = 6.0  # of a test that is asked, traced; flights in a closed loop take minutes without a compiler
 BUDGET_S, BUDGET_LOADED_S = 45.0, 15.0  # of tests for one change, traced; where it is as a module is loaded
-PATIENCE = 2.0  # times as long as the tests took, traced, on top of LIMIT_S: an endless loop is noticed, too
+PATIENCE = 2.0  # times the CPU that the tests took, traced, on top of LIMIT_S: an endless loop is noticed, too
 LIMIT_S = 30.0
 
 

@@ -1,6 +1,8 @@
 """One wrong module at a time, in a forked process that imports it in the source's place, and the tests run on it."""
 
 import os
+import resource
+import signal
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -89,15 +91,8 @@ def trials(mutants: Sequence[Mutant], workers: int) -> Iterator[Result]:
                 continue
             process, pipe = _begun(mutant)
             running[process.sentinel] = (mutant, process, pipe, time.monotonic())
-        for sentinel in wait(list(running), timeout=1.0):
-            mutant, process, pipe, began_s = running.pop(sentinel)
-            yield _ended(mutant, process, pipe, began_s)
-        for sentinel, (mutant, process, _, began_s) in list(running.items()):
-            if time.monotonic() - began_s > mutant.limit_s:
-                process.kill()
-                process.join()
-                del running[sentinel]
-                yield Result(mutant, "time", time.monotonic() - began_s)
+        for sentinel in wait(list(running)):
+            yield _ended(*running.pop(sentinel))
 
 
 def trial(mutant: Mutant) -> Result:
@@ -115,12 +110,16 @@ def _begun(mutant: Mutant) -> tuple[Any, Connection]:
 
 def _ended(mutant: Mutant, process: Any, pipe: Connection, began_s: float) -> Result:
     process.join()
-    killer = pipe.recv() if pipe.poll() else "import"
+    killer = "time" if process.exitcode == -signal.SIGXCPU else pipe.recv() if pipe.poll() else "import"
     return Result(mutant, killer, time.monotonic() - began_s)
 
 
 def _judge(mutant: Mutant, out: Connection) -> None:
-    """In a process of its own: the tests on the wrong module; sends the first that failed."""
+    """In a process of its own: the tests on the wrong module; sends the first that failed.
+
+    An endless loop ends by what it computes, not by the clock of a machine that others load.
+    """
+    resource.setrlimit(resource.RLIMIT_CPU, (round(mutant.limit_s), resource.RLIM_INFINITY))
     sys.meta_path.insert(0, Wrong(mutant.file, mutant.code))
     first = First()
     code = run_pytest(["-x", *mutant.tests], [first])

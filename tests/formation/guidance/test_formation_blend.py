@@ -46,3 +46,12 @@ def test_what_is_left_open_is_braked_within_the_gentle_acceleration() -> None:
     assert -gap[0, 0] == pytest.approx(0.5 * 2.0 * brake_s)
     peak = max(np.abs(at(gap, t_s, brake_s)[2, 0]) for t_s in np.linspace(0.0, brake_s, 100))
     assert peak <= ACCELERATION_M_S2 * 1.01
+
+
+def test_heading_is_no_part_of_the_distance_that_speed_bounds() -> None:
+    gap = np.zeros((4, 4))
+    gap[0] = 0.6, -0.3, 0.2, 0.0
+    straight_s = closing_s(gap, 0.4)
+    assert straight_s == pytest.approx(15.0 / 8.0 * 0.7 / 0.4)  # the quintic's peak speed is 15/8 of the mean
+    gap[0, 3] = 0.5
+    assert closing_s(gap, 0.4) == straight_s

@@ -20,6 +20,7 @@ from formation.vehicle.profile import VehicleProfile
 from gcs.mocap.csv_file import read_recording
 from sim.cameras.emulator import EmulatorConfig, NotNegative, Share
 from sim.cameras.playback import Playback
+from sim.faults.fault import GROUND_RECEIVER, Fault, Site
 from sim.script import FLIGHT, Step
 from sim.shipped import shipped
 from wire import config_file
@@ -68,7 +69,8 @@ class ObservedLeader(Model):
 class Scenario(Model):
     """Everything a simulated flight is; the seed and this determine it.
 
-    formation_s: how long the formation is held where the leader's own trajectory does not say.
+    formation_s: how long the formation is held where the leader's own trajectory does not say. faults: what goes wrong,
+    in lockstep.
     """
 
     name: Name
@@ -84,6 +86,7 @@ class Scenario(Model):
     leader: ObservedLeader = ObservedLeader()
     needs_leader_file: bool = False
     script: tuple[Step, ...] = FLIGHT
+    faults: tuple[Fault, ...] = ()
 
     @model_validator(mode="after")
     def _known_vehicles(self) -> "Scenario":
@@ -91,6 +94,15 @@ class Scenario(Model):
         for vehicle in self.vehicles:
             if vehicle.sysid not in commanded:
                 raise ValueError(f"sysid {vehicle.sysid} is not in the lab")
+        return self
+
+    @model_validator(mode="after")
+    def _known_victims(self) -> "Scenario":
+        bodies = {v.body for v in self.lab.vehicles}
+        for fault in self.faults:
+            for body in {fault.body, fault.other, fault.receiver} - {None}:
+                if body not in bodies and not (body == GROUND_RECEIVER and fault.site is Site.BUS):
+                    raise ValueError(f"{body}, which the fault `{fault.family}` is about, is not in the lab")
         return self
 
     def true_vehicle(self, sysid: int) -> TrueVehicle:

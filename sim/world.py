@@ -1,84 +1,30 @@
 """One simulated flight: every core joined in memory, advanced from event to event. No clock, no process, no file.
 
-It is the daemons' pump with simulated time: the same cores, the same bytes, the same records in the same order.
+It is the daemons' pump with simulated time: the same cores, the same bytes, the same records in the same order; and it
+is where a scenario's faults act.
 """
 
-import numpy as np
+from collections.abc import Sequence
 
-from drone_agent.bridge.core import BridgeCore
-from drone_agent.config import AgentConfig
-from drone_agent.core import AgentCore
-from formation.messages import Datagram, LabFrame, Truth
+from formation.messages import Datagram, Event, LabFrame, OperatorRequest, Phase, RawFrame, Truth, Verb
 from formation.topics import TRUTH
-from gcs.core import GcsCore
 from gcs.mocap.core import MocapCore
-from gcs.recording import Input, Record, record_input, record_tick
+from gcs.recording import Input, Record
 from sim.cameras.emulator import MocapEmulator
-from sim.scenario import LinkModel, Scenario, agent_configs, leader_seconds, recorded_leader
+from sim.faults import vehicle
+from sim.faults.fault import GROUND_RECEIVER, Family, Fault, Site
+from sim.faults.onsets import Onsets
+from sim.faults.poses import CameraFaults, Thinning, late_ns
+from sim.faults.queue import DueQueue
+from sim.ground_host import TOLD_AFTER_NS, GroundHost
+from sim.life import Waiting
+from sim.scenario import Scenario, agent_configs, leader_seconds, recorded_leader
 from sim.script import Glance, Operator
-from wire.transport.memory_bus import NOTHING_DUE_NS, MemoryLink, random_delay
+from sim.seat import Sample, Seat
 
 T0_NS = 1_000_000_000
 LOOK_NS = 100_000_000
 """How often the operator looks at the ground's state: as often as a daemon publishes it."""
-
-
-class Seat:
-    """One agent, its bridge if it has one, and both directions of its link; `due_ns`: when one of them has work to do.
-
-    Behind a bridge the agent is the autopilot: the bridge alone hears the ground and the mocap.
-    """
-
-    __slots__ = ("agent", "bridge", "down", "due_ns", "sysid", "up")
-
-    def __init__(self, config: AgentConfig, bridged: bool, model: LinkModel, seed: int) -> None:
-        self.sysid = config.sysid
-        # Truth is asked for at every exposure; nobody waits for it to be published.
-        self.agent = AgentCore(config.model_copy(update={"truth_rate_hz": 0.0}), T0_NS)
-        self.bridge = BridgeCore(config, T0_NS) if bridged else None
-        self.down = _link(model, model.down_s, [seed, 3, config.sysid])
-        self.up = _link(model, model.up_s, [seed, 4, config.sysid])
-        self.due_ns = T0_NS
-
-    def look_ahead(self) -> None:
-        """Find `due_ns`; to be called when anything was done with the agent or its link."""
-        self.due_ns = min(self.next_deadline_ns(), self.down.next_due_ns, self.up.next_due_ns)
-
-    def next_deadline_ns(self) -> int:
-        """When agent or bridge has something to do of itself."""
-        agent_ns = self.agent.next_deadline_ns()
-        return agent_ns if self.bridge is None else min(agent_ns, self.bridge.next_deadline_ns())
-
-    def see(self, frame: LabFrame, now_ns: int) -> None:
-        """A mocap frame arrives."""
-        if self.bridge is None:
-            self.agent.receive(frame, now_ns)
-        else:
-            self.bridge.receive_frame(frame, now_ns)
-
-    def hear(self, datagram: Datagram, now_ns: int) -> None:
-        """A datagram of the ground's arrives."""
-        if self.bridge is None:
-            self.agent.receive(datagram, now_ns)
-        else:
-            self.bridge.receive_ground(datagram, now_ns)
-
-    def say(self, now_ns: int) -> list[Datagram]:
-        """What is to go to the ground; agent and bridge talk, without delay, until neither has anything to say."""
-        said: list[Datagram] = []
-        while self.next_deadline_ns() <= now_ns:
-            if self.agent.next_deadline_ns() <= now_ns:
-                datagrams = self.agent.tick(now_ns).datagrams
-                if self.bridge is None:
-                    return [*datagrams]
-                for datagram in datagrams:
-                    self.bridge.receive_autopilot(datagram.data, now_ns)
-            if self.bridge is not None and self.bridge.next_deadline_ns() <= now_ns:
-                outgoing = self.bridge.tick(now_ns)
-                for datagram in outgoing.to_autopilot:
-                    self.agent.receive(datagram, now_ns)
-                said += outgoing.to_ground
-        return said
 
 
 class World:
@@ -88,108 +34,244 @@ class World:
         leader = recorded_leader(scenario)
         self.now_ns = T0_NS
         self.operator = Operator(scenario.script, leader_seconds(scenario, leader))
+        self.phase = Phase.GROUND
+        self.exposed_ns = 0
+        """When the cameras last took a frame."""
+        self._lab = scenario.lab
         self._record = record
         self._emulator = MocapEmulator(scenario.mocap, scenario.lab, leader, seed, T0_NS)
-        self._mocap = MocapCore(scenario.lab)
-        self._ground = GcsCore(scenario.lab, T0_NS)
-        self._seats = {
-            c.sysid: Seat(c, scenario.true_vehicle(c.sysid).bridged, scenario.link, seed)
-            for c in agent_configs(scenario, leader)
-        }
+        self._mocaps = [MocapCore(scenario.lab)]
+        self._mocap_input = Waiting[RawFrame]()
+        self._late_raw = DueQueue[RawFrame]()
+        self._late_frames = DueQueue[tuple[str, LabFrame]]()
+        self._grounds = [GroundHost(scenario.lab, 0, T0_NS, record)]
+        self._epochs = 1
+        self._told = DueQueue[tuple[GroundHost, Verb]]()
+        self.seats = {c.sysid: Seat(c, scenario, seed, T0_NS) for c in agent_configs(scenario, leader)}
+        self._body = {v.sysid: v.body for v in scenario.lab.vehicles if v.sysid is not None}
+        self._camera_faults = CameraFaults(scenario.lab, seed)
+        self._thinning = {name: Thinning() for name in (GROUND_RECEIVER, *self._body.values())}
         self._look_ns = T0_NS
-        self._ground_lives = True
+        self.faults = Onsets(scenario.faults)
+        self.faults.enter(Phase.GROUND, T0_NS)
 
     def kill_ground(self) -> None:
         """From now on the ground hears nothing and says nothing; mocap and agents go on."""
-        self._ground_lives = False
-        self._look_ns = NOTHING_DUE_NS
+        self._grounds[0].kill()
 
     def truths(self) -> dict[int, Truth]:
         """The true state of every drone now, by sysid."""
-        return {sysid: seat.agent.truth(self.now_ns) for sysid, seat in self._seats.items()}
+        return {sysid: seat.agent.truth(self.now_ns) for sysid, seat in self.seats.items()}
+
+    def samples(self) -> list[Sample]:
+        """What is true of every drone now."""
+        return [seat.sample(self.now_ns) for seat in self.seats.values()]
+
+    def ask(self, verb: Verb, argument: str = "") -> None:
+        """The operator asks the first ground, whatever the script; it is lost on one that is gone."""
+        self._grounds[0].ask(OperatorRequest(0, verb, argument), self.now_ns)
+
+    def take_events(self) -> list[Event]:
+        """What drones and bridges have told since the last time."""
+        told = [event for seat in self.seats.values() for event in seat.events]
+        for seat in self.seats.values():
+            seat.events.clear()
+        return told
 
     def step(self) -> None:
         """Move on to the next event and do all that is due then, in a fixed order."""
         now_ns = self.now_ns = self._next_event_ns()
         emulator = self._emulator
+        if self.faults.next_due_ns <= now_ns:
+            self._change_faults()
         if emulator.next_exposure_ns <= now_ns:
             self._expose()
-        if emulator.next_frame_ns <= now_ns:
+        if emulator.next_frame_ns <= now_ns or self._late_raw.next_due_ns <= now_ns:
             self._show_frames()
-        for seat in self._seats.values():
+        if self._late_frames.next_due_ns <= now_ns:
+            for receiver, frame in self._late_frames.pop_due(now_ns):
+                self._deliver(receiver, frame)
+        for seat in self.seats.values():
             if seat.due_ns <= now_ns:
                 self._serve(seat)
         if self._look_ns <= now_ns:
             self._operator_looks()
-        if self._ground_lives and self._ground.next_deadline_ns() <= now_ns:
-            self._ground_ticks()
+        for ground, verb in self._told.pop_due(now_ns):
+            ground.ask(OperatorRequest(0, verb), now_ns)
+        for ground in self._grounds:
+            if ground.due_ns <= now_ns:
+                self._ground_ticks(ground)
 
     def _next_event_ns(self) -> int:
         emulator = self._emulator
-        ground_ns = self._ground.next_deadline_ns() if self._ground_lives else NOTHING_DUE_NS
         due_ns = min(
-            emulator.next_exposure_ns, emulator.next_frame_ns, self._look_ns, ground_ns,
-            *[seat.due_ns for seat in self._seats.values()],
+            emulator.next_exposure_ns, emulator.next_frame_ns, self._look_ns, self.faults.next_due_ns,
+            self._late_raw.next_due_ns, self._late_frames.next_due_ns, self._told.next_due_ns,
+            *[ground.due_ns for ground in self._grounds],
+            *[seat.due_ns for seat in self.seats.values()],
         )  # fmt: skip
         return max(due_ns, self.now_ns)
 
     def _expose(self) -> None:
-        truths = self.truths()
+        truths, self.exposed_ns = self.truths(), self.now_ns
         for truth in truths.values():
             self._record(TRUTH, truth, self.now_ns)
         self._emulator.expose(truths)
 
     def _show_frames(self) -> None:
         """Raw frames arrive at the mocap; its frames go to the ground and to every drone's own pose feed."""
-        for raw in self._emulator.pop_due(self.now_ns):
-            frame = self._mocap.receive(raw, self.now_ns)
+        now_ns = self.now_ns
+        at_cameras = self.faults.active(lambda fault: fault.site is Site.CAMERAS)
+        for raw in self._emulator.pop_due(now_ns):
+            altered, delay_ns = self._camera_faults.alter(raw, at_cameras, now_ns)
+            self._late_raw.push(now_ns + delay_ns, altered)
+        for raw in self._late_raw.pop_due(now_ns):
+            if self._mocap_input.admits(raw):
+                self._publish(raw)
+
+    def _publish(self, raw: RawFrame) -> None:
+        for mocap in self._mocaps:
+            frame = mocap.receive(raw, self.now_ns)
             if frame is None:
                 continue
-            self._ground_receives(frame)
-            for seat in self._seats.values():
+            met = [fault for _, fault, _ in self.faults.active(lambda fault: fault.site is Site.BUS)]
+            for receiver, thinning in self._thinning.items():
+                faults = [fault for fault in met if fault.receiver in (None, receiver)]
+                if not thinning.passes(faults):
+                    continue
+                delay_ns = late_ns(faults)
+                if delay_ns:
+                    self._late_frames.push(self.now_ns + delay_ns, (receiver, frame))
+                else:
+                    self._deliver(receiver, frame)
+
+    def _deliver(self, receiver: str, frame: LabFrame) -> None:
+        if receiver == GROUND_RECEIVER:
+            self._grounds_receive(frame)
+            return
+        for seat in self.seats.values():
+            if self._body[seat.sysid] == receiver:
                 seat.see(frame, self.now_ns)
                 seat.look_ahead()
 
     def _serve(self, seat: Seat) -> None:
         """What arrives at the drone, what it does of itself, what arrives from it."""
         now_ns = self.now_ns
-        for _, datagram in seat.down.pop_due(now_ns):
-            seat.hear(datagram, now_ns)
-        for datagram in seat.say(now_ns):
-            seat.up.push(now_ns, datagram)
-        for _, datagram in seat.up.pop_due(now_ns):
-            self._ground_receives(datagram)
+        said: list[Datagram] = []
+        for sent in seat.down.pop_due(now_ns):
+            said += seat.hear(sent, now_ns)
+        said += seat.say(now_ns)
+        if said:
+            faults = self._on_link(seat, "up")
+            for datagram in said:
+                seat.up.push(now_ns, datagram, faults)
+        for sent in seat.up.pop_due(now_ns):
+            self._grounds_receive(sent.datagram)
         seat.look_ahead()
 
     def _operator_looks(self) -> None:
-        now_ns = self.now_ns
+        now_ns, ground = self.now_ns, self._grounds[0]
         self._look_ns = now_ns + LOOK_NS
-        glance = Glance.at(self._ground.status(now_ns))
+        if not ground.answers:
+            return
+        glance = Glance.at(ground.status(now_ns))
         if glance.formed:
             self._emulator.start(now_ns)
         self.operator.observe(glance, now_ns)
         request = self.operator.next_request(now_ns)
         if request is not None:
-            self._ground_receives(request)
+            ground.receive(request, now_ns)
 
-    def _ground_receives(self, message: Input) -> None:
-        if not self._ground_lives:
-            return
-        record_input(self._record, message, self.now_ns)
-        self._ground.receive(message, self.now_ns)
+    def _grounds_receive(self, message: Input) -> None:
+        for ground in self._grounds:
+            ground.receive(message, self.now_ns)
 
-    def _ground_ticks(self) -> None:
+    def _ground_ticks(self, ground: GroundHost) -> None:
         now_ns = self.now_ns
-        outgoing = self._ground.tick(now_ns)
-        record_tick(self._record, outgoing, now_ns)
-        for datagram in outgoing.datagrams:
-            seat = self._seats[datagram.sysid]
-            seat.down.push(now_ns, datagram)
+        datagrams, replies = ground.tick(now_ns)
+        for datagram in datagrams:
+            seat = self.seats[datagram.sysid]
+            seat.down.push(now_ns, datagram, self._on_link(seat, "down"))
             seat.due_ns = min(seat.due_ns, seat.down.next_due_ns)
-        for reply in outgoing.replies:
+        for reply in replies:
             self.operator.receive(reply, now_ns)
+        if ground is self._grounds[0] and ground.phase is not self.phase:
+            self.phase = ground.phase
+            self.faults.enter(self.phase, now_ns)
 
+    # Faults
 
-def _link(model: LinkModel, delay_s: float, seed: list[int]) -> MemoryLink[Datagram]:
-    """One direction of one drone's link, with its own luck."""
-    return MemoryLink(random_delay(delay_s, model.jitter_s, model.lost_share, np.random.default_rng(seed)))
+    def _on_link(self, seat: Seat, way: str) -> list[tuple[Fault, int]]:
+        body = self._body[seat.sysid]
+        return [
+            (fault, onset_ns)
+            for _, fault, onset_ns in self.faults.active(
+                lambda fault: fault.site is Site.LINK and fault.hits(body) and fault.direction in ("both", way)
+            )
+        ]
+
+    def _change_faults(self) -> None:
+        for fault, begins in self.faults.pop_due(self.now_ns):
+            match fault.site:
+                case Site.VEHICLE | Site.OPERATOR:
+                    self._change_vehicle(fault, begins)
+                case Site.CORE if fault.core == "ground":
+                    self._change_ground(fault, begins)
+                case Site.CORE if fault.core == "mocap":
+                    self._change_mocap(fault, begins)
+                case Site.CORE:
+                    for seat in self._hit(fault):
+                        (seat.begin if begins else seat.end)(fault, self.now_ns)
+                        seat.look_ahead()
+
+    def _hit(self, fault: Fault) -> Sequence[Seat]:
+        return [seat for seat in self.seats.values() if fault.hits(self._body[seat.sysid])]
+
+    def _change_vehicle(self, fault: Fault, begins: bool) -> None:
+        if fault.family is Family.REQUEST:
+            if begins and fault.verb is not None:
+                self.ask(fault.verb, fault.argument)
+            return
+        for seat in self._hit(fault):
+            (vehicle.begin if begins else vehicle.end)(fault, seat.agent, self.now_ns)
+            seat.look_ahead()
+
+    def _change_ground(self, fault: Fault, begins: bool) -> None:
+        first, now_ns = self._grounds[0], self.now_ns
+        match fault.family, begins:
+            case ((Family.KILL | Family.RESTART), True):
+                first.kill()
+            case Family.STALL, True:
+                first.stall()
+            case Family.STALL, False:
+                first.wake(now_ns)
+            case Family.RESTART, False:
+                self._grounds[0] = self._new_ground(fault)
+            case Family.TWIN, True:
+                self._grounds.append(self._new_ground(fault).second())
+            case Family.TWIN, False:
+                del self._grounds[1:]
+
+    def _new_ground(self, fault: Fault) -> GroundHost:
+        ground = GroundHost(self._lab, self._epochs, self.now_ns, self._record)
+        self._epochs += 1
+        if fault.verb is not None:
+            self._told.push(self.now_ns + TOLD_AFTER_NS, (ground, fault.verb))
+        return ground
+
+    def _change_mocap(self, fault: Fault, begins: bool) -> None:
+        match fault.family, begins:
+            case ((Family.KILL | Family.RESTART), True):
+                self._mocap_input.kill()
+            case Family.STALL, True:
+                self._mocap_input.stall()
+            case Family.STALL, False:
+                for raw in self._mocap_input.wake():
+                    self._publish(raw)
+            case Family.RESTART, False:
+                self._mocaps[0] = MocapCore(self._lab)
+                self._mocap_input.wake()
+            case Family.TWIN, True:
+                self._mocaps.append(MocapCore(self._lab))
+            case Family.TWIN, False:
+                del self._mocaps[1:]

@@ -8,11 +8,11 @@ from collections import deque
 
 import numpy as np
 
-from drone_agent.simulation.attitude_loop import LoopSetpoint, advance
+from drone_agent.simulation.attitude_loop import WHOLE_MOTORS, LoopSetpoint, advance
 from drone_agent.simulation.battery import BatteryPack
 from drone_agent.simulation.disturbance import Disturbance, acceleration
 from drone_agent.simulation.level_error import Lean
-from formation.maths.arrays import Quat, Vec3
+from formation.maths.arrays import Float, Quat, Vec3
 from formation.maths.frames import from_yaw
 from formation.vehicle.profile import VehicleProfile, VehicleState, at_rest
 
@@ -37,6 +37,8 @@ class Airframe:
         self.profile = profile
         self.pack = BatteryPack(profile.battery)
         self.armed = False
+        self.motor_gain: Float = WHOLE_MOTORS
+        """(4) What each motor gives of what it is told; a dead one nothing."""
         self.t_ns = t0_ns
         self.state: VehicleState = at_rest(start_lab_m, from_yaw(np.array(start_yaw_rad)))
         self.setpoint = LoopSetpoint(self.state.q_lab_from_flu, np.zeros(3), 0.0)
@@ -106,7 +108,8 @@ class Airframe:
         if self._lean is not None:
             attitude = self._lean.true(setpoint.q_lab_from_flu)
             setpoint = LoopSetpoint(attitude, setpoint.rate_flu_rad_s, setpoint.thrust_norm)
-        return advance(self.state, self.profile, setpoint, self.armed, self._push, dt_s, steps, scale)
+        gain = self.motor_gain
+        return advance(self.state, self.profile, setpoint, self.armed, self._push, dt_s, steps, scale, gain)
 
     def _felt(self) -> Vec3:
         x, y, z = self.state.pos_lab_m.tolist()

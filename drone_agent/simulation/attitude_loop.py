@@ -28,6 +28,7 @@ from formation.vehicle.profile import VehicleProfile, VehicleState
 from formation.vehicle.rigid_body import body_step, rotor_reach_m
 
 STEP_MAX_S = 0.002
+WHOLE_MOTORS: Float = np.ones(4)
 
 
 class LoopSetpoint:
@@ -66,16 +67,18 @@ def advance(
     dt_s: float,
     steps: int,
     thrust_scale: float = 1.0,
+    motor_gain: Float = WHOLE_MOTORS,
 ) -> VehicleState:
     """The state `steps` steps of `dt_s` later; the input is left alone.
 
     dist_lab_m_s2: (3) external acceleration; dt_s <= 2 ms, else ValueError; thrust_scale: what the battery
-    leaves of the full thrust. Unarmed motors are off. Deterministic to the bit.
+    leaves of the full thrust; motor_gain: (4) what each motor gives of what it is told, front right, rear left, front
+    left, rear right. Unarmed motors are off. Deterministic to the bit.
     """
     if not 0.0 < dt_s <= STEP_MAX_S:
         raise ValueError(f"attitude loop step must lie in (0, {STEP_MAX_S}] s, got {dt_s}")
     x = state.x.copy()
-    _advance(x, profile.numbers, setpoint.target, armed, thrust_scale, dist_lab_m_s2, dt_s, steps)
+    _advance(x, profile.numbers, setpoint.target, armed, thrust_scale, motor_gain, dist_lab_m_s2, dt_s, steps)
     return VehicleState(x)
 
 
@@ -134,8 +137,8 @@ def mix(collective_n: float, torque: Float, numbers: Float, motor_max_n: float, 
 
 @kernel
 def _advance(
-    x: Float, numbers: Float, target: Float, armed: bool, thrust_scale: float, dist_lab_m_s2: Float, dt_s: float,
-    steps: int,
+    x: Float, numbers: Float, target: Float, armed: bool, thrust_scale: float, motor_gain: Float,
+    dist_lab_m_s2: Float, dt_s: float, steps: int,
 ) -> None:  # fmt: skip
     """`steps` turns of attitude loop, mixer and body, in place."""
     rate_sp, torque, motors = np.zeros(3), np.zeros(3), np.zeros(4)
@@ -150,4 +153,6 @@ def _advance(
             torque[1] = numbers[INERTIA + 1] * numbers[RATE_P] * (rate_sp[1] - x[11])
             torque[2] = numbers[INERTIA + 2] * numbers[RATE_YAW_P] * (rate_sp[2] - x[12])
             mix(collective_n, torque, numbers, 0.25 * full_n, motors)
+            for motor in range(4):
+                motors[motor] *= motor_gain[motor]
         body_step(x, motors, numbers, dist_lab_m_s2, dt_s, work)

@@ -11,12 +11,12 @@ from typing import Annotated, Literal
 
 import typer
 
-from sim.cli import studies
+from sim.cli import campaign, studies
 from wire.process.program import program
 
 app = program(
     "Fly scenarios: `fly` with real processes in real time, `run` in lockstep as fast as the machine goes; "
-    "`paper` and `robustness` are studies of many flights, `bench` times the parts.",
+    "`paper` and `robustness` are studies of many flights, `campaign` is one with faults, `bench` times the parts.",
     "Exit codes: 0 flown; 1 aborted; 2 something given is not right; "
     "3 starved, the machine was too slow for the simulators; 130 interrupted.",
 )
@@ -96,6 +96,7 @@ def list_scenarios() -> None:
 
 
 studies.register(app)
+campaign.register(app)
 
 
 def main() -> None:

@@ -1,0 +1,74 @@
+"""One flight of the campaign: the operator flies the script, then asks for a landing until all are down."""
+
+from dataclasses import dataclass
+
+from formation.messages import Phase, Verb
+from gcs.recording import Record
+from sim.campaign.oracle import Verdict, judge
+from sim.campaign.witness import Witness
+from sim.scenario import Scenario
+from sim.world import T0_NS, World
+
+NEVER_FORMED_NS = 14_000_000_000
+ASK_AGAIN_NS = 1_000_000_000
+PATIENCE_S = 14.0
+"""Beyond height / descent rate: ten that a landing may take longer, and the makes' own waits before they disarm."""
+AFTER_NS = 300_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """A flight's verdict, and how many seconds it was."""
+
+    verdict: Verdict
+    duration_s: float
+
+
+class Ending:
+    """When the operator asks for the landing, and when the flight is over."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        flight = scenario.lab.flight
+        self._formation_ns = round((scenario.formation_s or 4.0) * 1e9)
+        self._longest_ns = round((flight.altitude_m / flight.descend_m_s + PATIENCE_S) * 1e9)
+        self._land_ns = T0_NS + NEVER_FORMED_NS
+        self._formed = False
+        self._ask_ns: int | None = None
+        self._down_ns: int | None = None
+
+    def over(self, world: World, *, down: bool, flown: bool) -> bool:
+        """Whether it is; asks for the landing when it is time. flown: whether any drone was ever armed."""
+        now_ns = world.now_ns
+        if world.phase is Phase.FORMATION and not self._formed:
+            self._formed, self._land_ns = True, now_ns + self._formation_ns
+        if now_ns >= self._land_ns and not down and now_ns >= (self._ask_ns or 0):
+            self._ask_ns = now_ns + ASK_AGAIN_NS
+            world.ask(Verb.LAND)
+        if not (down and flown):
+            self._down_ns = None
+        elif self._down_ns is None:
+            self._down_ns = now_ns
+        at_rest = self._down_ns is not None and now_ns - self._down_ns > AFTER_NS
+        return now_ns > self._land_ns + self._longest_ns or (at_rest and self._settled(world))
+
+    def _settled(self, world: World) -> bool:
+        """Whether nothing that is still to come could lift a drone again."""
+        return world.now_ns >= self._land_ns or world.phase in (Phase.GROUND, Phase.STOPPED, Phase.LAND)
+
+
+def fly(scenario: Scenario, seed: int, log: Record | None = None, *, benign: bool = False) -> Flown:
+    """Fly a scenario with its faults and judge it; log: where its records go, if anywhere."""
+    witness = Witness(scenario, log)
+    world = World(scenario, seed, witness.record)
+    ending = Ending(scenario)
+    exposure_ns = 0
+    while True:
+        world.step()
+        if world.exposed_ns == exposure_ns:
+            continue
+        exposure_ns = world.exposed_ns
+        down = witness.look(world)
+        if ending.over(world, down=down, flown=witness.armed_ever):
+            break
+    verdict = judge(witness.truth(world.faults.first_ns), benign=benign)
+    return Flown(verdict, (world.now_ns - T0_NS) * 1e-9)

@@ -1,0 +1,94 @@
+"""The faults that were found in flights before they were contained: one flight each, by name."""
+
+from typing import NamedTuple
+
+from formation.messages import Verb
+from sim.campaign.flight import fly
+from sim.campaign.labs import FORMATION_S, scenario
+from sim.campaign.oracle import Verdict
+from sim.faults.fault import Family, Fault, OnsetPhase
+from sim.scenario import Scenario
+
+SEED = 1
+
+
+class Row(NamedTuple):
+    """One fault of the table; benign: it must be flown through as planned."""
+
+    name: str
+    scenario: Scenario
+    benign: bool = False
+
+
+def _row(name: str, *faults: Fault, flight: Scenario | None = None, benign: bool = False) -> Row:
+    return Row(name, (flight or scenario()).model_copy(update={"name": name, "faults": faults}), benign)
+
+
+def _mocap(family: Family, body: str | None, for_s: float, severity: float = 1.0, **more: object) -> Fault:
+    return Fault.model_validate(
+        {"family": family, "after_s": 2.5, "body": body, "for_s": for_s, "severity": severity} | more
+    )
+
+
+def _link(family: Family, severity: float, for_s: float | None = None, **more: object) -> Fault:
+    return Fault.model_validate({"family": family, "after_s": 2.5, "severity": severity, "for_s": for_s} | more)
+
+
+def _asked(verb: Verb, after_s: float, phase: OnsetPhase = "FORMATION") -> Fault:
+    return Fault(family=Family.REQUEST, phase=phase, after_s=after_s, verb=verb)
+
+
+def _ground(family: Family, for_s: float | None = None, verb: Verb | None = None) -> Fault:
+    return Fault(family=family, core="ground", after_s=2.5, for_s=for_s, verb=verb)
+
+
+def fly_row(name: str) -> Verdict:
+    """Fly the row of that name, and judge it; KeyError where there is none."""
+    row = {row.name: row for row in table()}[name]
+    return fly(row.scenario, SEED, benign=row.benign).verdict
+
+
+def table() -> tuple[Row, ...]:
+    """Every row."""
+    arducopter = scenario(autopilot="ardupilot")
+    whole = FORMATION_S + 6.0
+    return (
+        _row("freeze", _mocap(Family.FREEZE, "f2", 0.5)),
+        _row("freeze-leader", _mocap(Family.FREEZE, "leader", 0.5)),
+        _row("freeze-take-off", _mocap(Family.FREEZE, "f2", 2.0, phase="TAKEOFF", after_s=0.4)),
+        _row("one-frame-1e9", _mocap(Family.ABSURD, "f2", 0.009, 1e9)),
+        _row("one-frame-900-m", _mocap(Family.ABSURD, "f2", 0.012, 900.0)),
+        _row("upside-down", _mocap(Family.FLIP, "f2", 0.4, 3.14159)),
+        _row("leader-yaw", _mocap(Family.YAW, "leader", 0.2, 3.0)),
+        _row("swap-followers", _mocap(Family.SWAP, "f2", 0.6, other="f3")),
+        _row("swap-leader", _mocap(Family.SWAP, "leader", 0.6, other="f2")),
+        _row("jump", _mocap(Family.JUMP, "f2", 0.6, 1.0, heading_rad=-1.57)),
+        _row("twin-ground-arms", _ground(Family.TWIN, verb=Verb.ARM), flight=scenario("hold")),
+        _row("restarted-ground-arms", _ground(Family.RESTART, 1.0, Verb.ARM), flight=scenario("hold", 2, "ardupilot")),
+        _row(
+            "land-with-a-pilot", Fault(family=Family.PILOT, body="f2", after_s=2.5), _asked(Verb.LAND, 2.6)
+        ),
+        _row("ground-killed", _ground(Family.KILL)),
+        _row("ardupilot-ground-killed", _ground(Family.KILL), flight=arducopter),
+        _row("ardupilot-ground-lands", _ground(Family.RESTART, 1.0, Verb.LAND), flight=arducopter),
+        _row("late-0.15", _link(Family.DELAY, 0.15, direction="down")),
+        _row("late-0.3", _link(Family.DELAY, 0.3, direction="down")),
+        _row("late-0.8", _link(Family.DELAY, 0.8, direction="down")),
+        _row("leader-without-power", Fault(family=Family.WEAK_MOTORS, body="leader", after_s=2.5, severity=0.0)),
+        _row("growing-latency", _link(Family.GROWING_DELAY, 0.3, whole, direction="down")),
+        _row("loss-0.9", _link(Family.DROP, 0.9, direction="down")),
+        _row("stop-at-0.2-loss", _link(Family.DROP, 0.2), _asked(Verb.STOP, 2.8)),
+        _row(
+            "nuisance",
+            _link(Family.DROP, 0.05, phase="GROUND", after_s=1.0),
+            _link(Family.JITTER, 0.02, phase="GROUND", after_s=1.0),
+            flight=scenario().model_copy(update={"formation_s": 20.0}),
+            benign=True,
+        ),
+        _row("hidden-latency", _mocap(Family.HIDDEN_LATENCY, None, whole, 0.2)),
+        _row("stamps-ahead", _mocap(Family.STAMP_OFFSET, None, whole, 0.2)),
+        _row("stamps-behind", _mocap(Family.STAMP_OFFSET, None, whole, -0.2)),
+        _row("dead-motor", Fault(family=Family.DEAD_MOTOR, body="f2", after_s=2.5, severity=0.0)),
+        _row("drift", _mocap(Family.DRIFT, "f2", whole, 0.05)),
+        _row("no-fault", benign=True),
+    )  # fmt: skip

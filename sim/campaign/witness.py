@@ -1,0 +1,85 @@
+"""Takes down what is true of a lockstep flight as it is flown, for the oracle; the log is only listened to."""
+
+import numpy as np
+
+from formation.messages import Event, OperatorRequest, PhaseChange, Severity, Verb
+from formation.topics import EVENT, PHASE, REQUEST, Topic
+from gcs.recording import Record
+from sim.campaign.oracle import Truth
+from sim.scenario import Scenario
+from sim.world import T0_NS, World
+
+PLANNED = ("operator: ", "start", "every drone is at its height", "every drone has landed and is disarmed")
+"""How the causes of planned changes of the phase begin."""
+
+
+class Witness:
+    """One flight's; `record` goes between the world and its log, `look` is called at every exposure."""
+
+    def __init__(self, scenario: Scenario, log: Record | None) -> None:
+        self.planned = True
+        self.armed_ever = False
+        self._scenario = scenario
+        self._log = log
+        self._rows: list[list[float]] = []
+        self._t_s: list[float] = []
+        self._notes: list[tuple[float, bool, str]] = []
+        self._stops_s: list[float] = []
+
+    def record(self, topic: Topic, message: object, t_ns: int) -> None:
+        """Listen to a record on its way."""
+        if topic is EVENT or topic is PHASE or topic is REQUEST:
+            self._hear(message, t_ns)
+        if self._log is not None:
+            self._log(topic, message, t_ns)
+
+    def look(self, world: World) -> bool:
+        """Take every drone's state down; whether all are down with their motors off."""
+        now_ns = world.now_ns
+        for event in world.take_events():
+            self._hear(event, now_ns)
+        row: list[float] = []
+        down = True
+        for sample in world.samples():
+            q, age = sample.q_lab_from_flu, sample.command_sent_ns
+            down = down and not sample.armed and sample.pos_lab_m[2] < 0.03 and abs(sample.vel_lab_m_s[2]) < 0.1
+            self.armed_ever = self.armed_ever or sample.armed
+            row += sample.pos_lab_m.tolist()
+            row += sample.vel_lab_m_s.tolist()
+            row += (1.0 - 2.0 * float(q[1] * q[1] + q[2] * q[2]), float(sample.armed), sample.thrust_n)
+            row += sample.q_commanded.tolist()
+            row += (sample.thrust_commanded, np.nan if age is None else (now_ns - age) * 1e-9)
+            row += (float(sample.motor_gain.min()), float(sample.motor_gain.max()))
+        self._rows.append(row)
+        self._t_s.append((now_ns - T0_NS) * 1e-9)
+        return down
+
+    def truth(self, onset_ns: int | None) -> Truth:
+        """All that was taken down."""
+        vehicles = [v for v in self._scenario.lab.vehicles if v.sysid is not None]
+        weights_n = np.array([self._scenario.lab.profile_of(v).weight_n for v in vehicles])
+        rows = np.array(self._rows).reshape(len(self._rows), len(vehicles), -1)
+        fence = self._scenario.lab.limits.fence
+        return Truth(
+            names=tuple(v.body for v in vehicles), t_s=np.array(self._t_s),
+            pos_m=rows[:, :, 0:3], vel_m_s=rows[:, :, 3:6], up=rows[:, :, 6], armed=rows[:, :, 7] > 0.5,
+            thrust=rows[:, :, 8] / weights_n, command=rows[:, :, 9:14], command_age_s=rows[:, :, 14],
+            gain_low=rows[:, :, 15], gain_high=rows[:, :, 16],
+            fence_low_m=np.array(fence.low_m), fence_high_m=np.array(fence.high_m),
+            t_onset_s=np.nan if onset_ns is None else (onset_ns - T0_NS) * 1e-9,
+            notes=tuple(sorted(self._notes, key=lambda note: note[0])), stops_s=tuple(self._stops_s),
+            planned=self.planned,
+        )  # fmt: skip
+
+    def _hear(self, message: object, t_ns: int) -> None:
+        t_s = (t_ns - T0_NS) * 1e-9
+        match message:
+            case Event():
+                unplanned = message.severity <= Severity.WARNING
+                self._notes.append((t_s, unplanned, f"{message.source}: {message.text}"))
+            case PhaseChange():
+                planned = message.cause.startswith(PLANNED)
+                self.planned = self.planned and planned
+                self._notes.append((t_s, not planned, f"{message.phase.name}: {message.cause}"))
+            case OperatorRequest() if message.verb is Verb.STOP:
+                self._stops_s.append(t_s)

@@ -1,0 +1,103 @@
+"""One direction of one drone's link, as faults have it: lost, late, overtaken, twice, changed, said again."""
+
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from formation.messages import Datagram
+from sim.faults.fault import Family, Fault
+from sim.faults.queue import DueQueue
+from wire.transport.memory_bus import DelayModel
+
+OVERTAKEN_NS = 30_000_000
+
+
+class Sent(NamedTuple):
+    """A datagram, and when it was first sent."""
+
+    t_ns: int
+    datagram: Datagram
+
+
+class Channel:
+    """A link whose datagrams keep their order unless a fault says otherwise; those of `told` are remembered."""
+
+    def __init__(self, delay: DelayModel, rng: np.random.Generator, replays: bool) -> None:
+        """replays: whether what is sent is kept, to be said again."""
+        self._delay = delay
+        self._rng = rng
+        self._queue = DueQueue[Sent]()
+        self._last_due_ns = 0
+        self._said: deque[Sent] | None = deque() if replays else None
+
+    @property
+    def next_due_ns(self) -> int:
+        """When something arrives."""
+        return self._queue.next_due_ns
+
+    def push(self, now_ns: int, datagram: Datagram, faults: Sequence[tuple[Fault, int]] = ()) -> None:
+        """Send it now; faults: those that act on this link now, each with its onset."""
+        sent = Sent(now_ns, datagram)
+        if self._said is not None:
+            self._said.append(sent)
+        delay_ns = self._delay()
+        if not faults:
+            if delay_ns is not None:
+                self._enqueue(now_ns + delay_ns, sent)
+            return
+        for fault, _ in faults:
+            if fault.family is Family.REPLAY and (old := self._said_before(now_ns - round(fault.severity * 1e9))):
+                self._queue.push(now_ns + (delay_ns or 0), old)
+        held_ns, again = 0, False
+        for fault, onset_ns in faults:
+            luck, tail = self._rng.random(), self._rng.standard_exponential()
+            met = luck < fault.severity
+            match fault.family:
+                case Family.DROP if met:
+                    delay_ns = None
+                case Family.DELAY:
+                    delay_ns = _later(delay_ns, fault.severity)
+                case Family.GROWING_DELAY:
+                    delay_ns = _later(delay_ns, fault.severity * (now_ns - onset_ns) * 1e-9)
+                case Family.JITTER:
+                    delay_ns = _later(delay_ns, fault.severity * tail)
+                case Family.CORRUPT if met:
+                    sent = Sent(now_ns, self._corrupted(datagram))
+                case Family.REORDER if met:
+                    held_ns = OVERTAKEN_NS
+                case Family.DUPLICATE if met:
+                    again = True
+        if delay_ns is None:
+            return
+        if held_ns:
+            self._queue.push(now_ns + delay_ns + held_ns, sent)
+        else:
+            self._enqueue(now_ns + delay_ns, sent)
+        if again:
+            self._queue.push(now_ns + delay_ns + OVERTAKEN_NS, sent)
+
+    def pop_due(self, now_ns: int) -> list[Sent]:
+        """What has arrived by now."""
+        return self._queue.pop_due(now_ns) if self._queue.next_due_ns <= now_ns else []
+
+    def _enqueue(self, due_ns: int, sent: Sent) -> None:
+        self._last_due_ns = max(due_ns, self._last_due_ns)
+        self._queue.push(self._last_due_ns, sent)
+
+    def _said_before(self, t_ns: int) -> Sent | None:
+        """The last that was sent until then; older ones are forgotten."""
+        said, last = self._said, None
+        while said and said[0].t_ns <= t_ns:
+            last = said.popleft()
+        return last
+
+    def _corrupted(self, datagram: Datagram) -> Datagram:
+        data = bytearray(datagram.data)
+        data[int(self._rng.integers(len(data)))] ^= int(self._rng.integers(1, 256))
+        return Datagram(datagram.sysid, bytes(data))
+
+
+def _later(delay_ns: int | None, by_s: float) -> int | None:
+    return None if delay_ns is None else delay_ns + round(by_s * 1e9)

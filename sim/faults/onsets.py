@@ -1,0 +1,58 @@
+"""When each fault of a flight begins and ends, by the phases as they come."""
+
+from collections.abc import Callable, Sequence
+
+from formation.messages import Phase
+from sim.faults.fault import Fault
+from wire.transport.memory_bus import NOTHING_DUE_NS
+
+
+class Onsets:
+    """The clock of some faults; `enter` tells it the phases."""
+
+    def __init__(self, faults: Sequence[Fault]) -> None:
+        self.faults = tuple(faults)
+        self.next_due_ns = NOTHING_DUE_NS
+        """When the next fault begins or ends that is known to."""
+        self.first_ns: int | None = None
+        """When the first of them began."""
+        self._entered: dict[Phase, int] = {}
+        self._due: list[tuple[int, int, bool]] = []
+        self._active: dict[int, int] = {}
+
+    def enter(self, phase: Phase, now_ns: int) -> None:
+        """The flight is in `phase`; only the first time counts."""
+        if phase in self._entered:
+            return
+        self._entered[phase] = now_ns
+        for i, fault in enumerate(self.faults):
+            if Phase[fault.phase] is not phase:
+                continue
+            begin_ns = now_ns + round(fault.after_s * 1e9)
+            self._due.append((begin_ns, i, True))
+            if fault.for_s is not None:
+                self._due.append((begin_ns + round(fault.for_s * 1e9), i, False))
+        self._look_ahead()
+
+    def pop_due(self, now_ns: int) -> list[tuple[Fault, bool]]:
+        """The faults that have begun (True) or ended (False) by now, in order of time."""
+        if now_ns < self.next_due_ns:
+            return []
+        due = [entry for entry in self._due if entry[0] <= now_ns]
+        self._due = [entry for entry in self._due if entry[0] > now_ns]
+        for t_ns, i, begins in due:
+            if begins:
+                self._active[i] = t_ns
+                self.first_ns = t_ns if self.first_ns is None else self.first_ns
+            else:
+                self._active.pop(i, None)
+        self._look_ahead()
+        return [(self.faults[i], begins) for _, i, begins in due]
+
+    def active(self, wanted: Callable[[Fault], bool]) -> list[tuple[int, Fault, int]]:
+        """Number, fault and onset of each that acts now and is wanted."""
+        return [(i, self.faults[i], t_ns) for i, t_ns in self._active.items() if wanted(self.faults[i])]
+
+    def _look_ahead(self) -> None:
+        self._due.sort(key=lambda entry: (entry[0], entry[1]))
+        self.next_due_ns = self._due[0][0] if self._due else NOTHING_DUE_NS

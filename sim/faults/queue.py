@@ -1,0 +1,33 @@
+"""What is on its way: items come out when they are due, and may overtake each other."""
+
+import heapq
+from typing import Generic, TypeVar
+
+from wire.transport.memory_bus import NOTHING_DUE_NS
+
+T = TypeVar("T")
+
+
+class DueQueue(Generic[T]):
+    """Items by the time at which they are due; of two at one time the one that was put in first."""
+
+    def __init__(self) -> None:
+        self._heap: list[tuple[int, int, T]] = []
+        self._count = 0
+
+    @property
+    def next_due_ns(self) -> int:
+        """When the next item is due."""
+        return self._heap[0][0] if self._heap else NOTHING_DUE_NS
+
+    def push(self, due_ns: int, item: T) -> None:
+        """Put an item in."""
+        heapq.heappush(self._heap, (due_ns, self._count, item))
+        self._count += 1
+
+    def pop_due(self, now_ns: int) -> list[T]:
+        """What is due by now, in order."""
+        due = []
+        while self._heap and self._heap[0][0] <= now_ns:
+            due.append(heapq.heappop(self._heap)[2])
+        return due

@@ -1,0 +1,196 @@
+"""One drone's place in a lockstep flight: its agent, its bridge if it has one, and both directions of its link."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from drone_agent.autopilots.model import Task
+from drone_agent.bridge.core import BridgeCore
+from drone_agent.config import AgentConfig
+from drone_agent.core import AgentCore
+from formation.maths.arrays import Float, Quat, Vec3
+from formation.messages import Datagram, Event, LabFrame
+from sim.faults.channel import Channel, Sent
+from sim.faults.fault import Core, Family, Fault
+from sim.life import Waiting
+from sim.scenario import LinkModel, Scenario
+from wire.transport.memory_bus import NOTHING_DUE_NS, random_delay
+
+
+class Sample(NamedTuple):
+    """What is true of one drone at one instant; lab and flu.
+
+    thrust_n: of all motors together. q_commanded, thrust_commanded: what its attitude loop tracks. motor_gain: what
+    each motor gives of what it is told. command_sent_ns: when the command that acts was first sent by a ground; None
+    while it flies by itself, or does not fly.
+    """
+
+    sysid: int
+    pos_lab_m: Vec3
+    vel_lab_m_s: Vec3
+    q_lab_from_flu: Quat
+    armed: bool
+    thrust_n: float
+    q_commanded: Quat
+    thrust_commanded: float
+    motor_gain: Float
+    command_sent_ns: int | None
+
+
+class Seat:
+    """One drone; `due_ns`: when it has work to do.
+
+    Behind a bridge the agent is the autopilot: the bridge alone hears the ground and the mocap. Faults of an agent are
+    of its radio and its pose feed: what is simulated with it, the vehicle and the autopilot's inside, goes on.
+    """
+
+    __slots__ = (
+        "_bridge_input", "_config", "_ghost", "_input", "agent", "bridges", "down", "due_ns", "events", "followed_ns",
+        "sysid", "up",
+    )  # fmt: skip
+
+    def __init__(self, config: AgentConfig, scenario: Scenario, seed: int, now_ns: int) -> None:
+        self._config = config
+        self.sysid = config.sysid
+        # Truth is asked for at every exposure; nobody waits for it to be published.
+        self.agent = AgentCore(config.model_copy(update={"truth_rate_hz": 0.0}), now_ns)
+        bridged = scenario.true_vehicle(config.sysid).bridged
+        self.bridges = [BridgeCore(config, now_ns)] if bridged else []
+        replays = any(fault.family is Family.REPLAY for fault in scenario.faults)
+        model = scenario.link
+        self.down = _channel(model, model.down_s, [seed, 3, config.sysid], replays)
+        self.up = _channel(model, model.up_s, [seed, 4, config.sysid], replays)
+        self.due_ns = now_ns
+        self.events: list[Event] = []
+        self.followed_ns: int | None = None
+        self._ghost: AgentCore | None = None
+        self._input = Waiting[LabFrame | Datagram]()
+        self._bridge_input = Waiting[LabFrame | Datagram | bytes]()
+
+    def look_ahead(self) -> None:
+        """Find `due_ns`; to be called when anything was done with the agent or its link."""
+        self.due_ns = min(self._next_deadline_ns(), self.down.next_due_ns, self.up.next_due_ns)
+
+    def see(self, frame: LabFrame, now_ns: int) -> None:
+        """A mocap frame arrives."""
+        if not self.bridges:
+            self._take(frame, now_ns)
+        elif self._bridge_input.admits(frame):
+            for bridge in self.bridges:
+                bridge.receive_frame(frame, now_ns)
+
+    def hear(self, sent: Sent, now_ns: int) -> list[Datagram]:
+        """A datagram of a ground's arrives; what is said at once."""
+        said: list[Datagram] = []
+        datagram = sent.datagram
+        if self._ghost is not None:
+            self._ghost.receive(datagram, now_ns)
+        if not self.bridges:
+            self._take(datagram, now_ns)
+        elif self._bridge_input.admits(datagram):
+            for bridge in self.bridges:
+                bridge.receive_ground(datagram, now_ns)
+            said = self.say(now_ns)
+        if self.agent.autopilot.stream.monitor.last_ns == now_ns:
+            self.followed_ns = sent.t_ns
+        return said
+
+    def say(self, now_ns: int) -> list[Datagram]:
+        """What is to go to the ground; agent and bridge talk, without delay, until neither has anything to say."""
+        said: list[Datagram] = []
+        while self._next_deadline_ns() <= now_ns:
+            if self._ghost is not None and self._ghost.next_deadline_ns() <= now_ns:
+                said += self._ghost.tick(now_ns).datagrams
+            if self._input.runs and self.agent.next_deadline_ns() <= now_ns:
+                said += self._agent_says(now_ns)
+            for bridge in self.bridges if self._bridge_input.runs else ():
+                if bridge.next_deadline_ns() <= now_ns:
+                    said += self._bridge_says(bridge, now_ns)
+        return said
+
+    def sample(self, now_ns: int) -> Sample:
+        """What is true of the drone now."""
+        autopilot = self.agent.autopilot
+        frame = autopilot.airframe
+        state = frame.state_at(now_ns)
+        led = autopilot.task is Task.EXTERNAL
+        return Sample(
+            self.sysid, state.pos_lab_m, state.vel_lab_m_s, state.q_lab_from_flu, frame.armed,
+            float(state.motor_thrust_n.sum()), frame.setpoint.q_lab_from_flu, frame.setpoint.thrust_norm,
+            frame.motor_gain, self.followed_ns if led else None,
+        )  # fmt: skip
+
+    def begin(self, fault: Fault, now_ns: int) -> None:
+        """A fault of a core of this drone begins."""
+        host: Waiting[LabFrame | Datagram] | Waiting[LabFrame | Datagram | bytes] = self._host(fault.core)
+        match fault.family:
+            case Family.KILL | Family.RESTART:
+                host.kill()
+            case Family.STALL:
+                host.stall()
+            case Family.TWIN if fault.core == "agent":
+                self._ghost = AgentCore(self._config.model_copy(update={"truth_rate_hz": 0.0}), now_ns)
+            case Family.TWIN if self.bridges:
+                self.bridges.append(BridgeCore(self._config, now_ns))
+
+    def end(self, fault: Fault, now_ns: int) -> None:
+        """It is over: a stalled core takes in what has come meanwhile, a restarted one is new."""
+        if fault.family is Family.TWIN:
+            self._ghost = None if fault.core == "agent" else self._ghost
+            del self.bridges[1 if fault.core == "bridge" else len(self.bridges) :]
+        elif fault.core == "bridge":
+            if fault.family is Family.RESTART and self.bridges:
+                self.bridges[0] = BridgeCore(self._config, now_ns)
+            self._wake_bridge(now_ns)
+        else:
+            for item in self._input.wake():
+                self.agent.receive(item, now_ns)
+
+    def _host(self, core: Core | None) -> "Waiting[LabFrame | Datagram] | Waiting[LabFrame | Datagram | bytes]":
+        return self._bridge_input if core == "bridge" else self._input
+
+    def _wake_bridge(self, now_ns: int) -> None:
+        for item in self._bridge_input.wake():
+            for bridge in self.bridges:
+                if isinstance(item, LabFrame):
+                    bridge.receive_frame(item, now_ns)
+                elif isinstance(item, Datagram):
+                    bridge.receive_ground(item, now_ns)
+                else:
+                    bridge.receive_autopilot(item, now_ns)
+
+    def _next_deadline_ns(self) -> int:
+        """When agent or bridge has something to do of itself."""
+        due_ns = self.agent.next_deadline_ns() if self._input.runs else NOTHING_DUE_NS
+        if self._bridge_input.runs:
+            for bridge in self.bridges:
+                due_ns = min(due_ns, bridge.next_deadline_ns())
+        return due_ns if self._ghost is None else min(due_ns, self._ghost.next_deadline_ns())
+
+    def _take(self, message: LabFrame | Datagram, now_ns: int) -> None:
+        if self._input.admits(message):
+            self.agent.receive(message, now_ns)
+
+    def _agent_says(self, now_ns: int) -> tuple[Datagram, ...]:
+        outgoing = self.agent.tick(now_ns)
+        self.events += outgoing.events
+        if not self.bridges:
+            return outgoing.datagrams
+        for datagram in outgoing.datagrams:
+            if self._bridge_input.admits(datagram.data):
+                for bridge in self.bridges:
+                    bridge.receive_autopilot(datagram.data, now_ns)
+        return ()
+
+    def _bridge_says(self, bridge: BridgeCore, now_ns: int) -> tuple[Datagram, ...]:
+        outgoing = bridge.tick(now_ns)
+        self.events += outgoing.events
+        for datagram in outgoing.to_autopilot:
+            self._take(datagram, now_ns)
+        return outgoing.to_ground
+
+
+def _channel(model: LinkModel, delay_s: float, seed: list[int], replays: bool) -> Channel:
+    """One direction of one drone's link, with its own luck."""
+    delay = random_delay(delay_s, model.jitter_s, model.lost_share, np.random.default_rng(seed))
+    return Channel(delay, np.random.default_rng([*seed, 8]), replays)

@@ -1,0 +1,58 @@
+"""Whole flights with faults, each a few seconds: what a fault does is seen in the truth, whatever is made of it."""
+
+import pytest
+
+from formation.messages import Verb
+from sim.campaign.flight import fly
+from sim.campaign.labs import scenario
+from sim.campaign.oracle import Verdict
+from sim.campaign.table import fly_row, table
+from sim.faults.fault import Family, Fault
+
+
+def flown(*faults: Fault) -> Verdict:
+    return fly(scenario("hold").model_copy(update={"faults": faults}), 1).verdict
+
+
+def test_the_names_of_the_table_are_unique() -> None:
+    names = [row.name for row in table()]
+    assert len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize(
+    "name", ["no-fault", "ground-killed", "ardupilot-ground-killed", "leader-without-power", "stop-at-0.2-loss"]
+)
+def test_a_fault_of_the_table_is_contained(name: str) -> None:
+    verdict = fly_row(name)
+    assert verdict.contained, verdict.violations
+
+
+def test_scenario_seed_and_faults_decide_the_verdict() -> None:
+    faults = (
+        Fault(family=Family.DROP, severity=0.3, after_s=0.5, for_s=1.0),
+        Fault(family=Family.NOISE, severity=0.005, body="f2", after_s=0.5, for_s=1.0),
+    )
+    assert flown(*faults) == flown(*faults)
+
+
+def test_a_ground_that_was_stalled_goes_on_where_it_was() -> None:
+    verdict = flown(Fault(family=Family.STALL, core="ground", after_s=1.0, for_s=0.3))
+    assert verdict.contained
+    assert verdict.cause.endswith("Setpoints are stale: level and hold")
+    assert verdict.detection_s == pytest.approx(0.1, abs=0.03)
+
+
+def test_a_mocap_that_is_gone_for_good_ends_on_the_floor() -> None:
+    verdict = flown(Fault(family=Family.KILL, core="mocap", after_s=1.0))
+    assert verdict.detection_s is not None
+    assert "no-end" not in verdict.kinds
+
+
+def test_a_request_is_made_when_it_is_due() -> None:
+    verdict = flown(Fault(family=Family.REQUEST, verb=Verb.LAND, after_s=0.5))
+    assert verdict.contained
+
+
+def test_a_drone_with_a_dead_motor_falls() -> None:
+    verdict = flown(Fault(family=Family.DEAD_MOTOR, body="f2", motor=2, severity=0.0, after_s=0.5))
+    assert verdict.drift_m > 0.05

@@ -1,0 +1,181 @@
+"""The oracle on flights made by hand: each thing that must not happen is found, and what may happen is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.campaign.oracle import Truth, Verdict, judge
+
+DT_S = 0.01
+LEVEL = (1.0, 0.0, 0.0, 0.0, 0.5)
+
+
+def flown(seconds: float = 6.0, n: int = 2) -> Truth:
+    """Up at 1 m/s to 1 m, there until 2 s before the end, down at 0.5 m/s and off; the onset at 2 s."""
+    t_s = np.arange(0.0, seconds, DT_S)
+    z = np.clip(np.minimum(t_s, 0.5 * (seconds - 0.5 - t_s)), 0.0, 1.0)
+    pos_m = np.zeros((len(t_s), n, 3))
+    pos_m[:, :, 0], pos_m[:, :, 2] = np.arange(n), z[:, None]
+    return Truth(
+        names=("one", "two", "three")[:n],
+        t_s=t_s,
+        pos_m=pos_m,
+        vel_m_s=np.gradient(pos_m, DT_S, axis=0),
+        up=np.ones((len(t_s), n)),
+        armed=np.tile((t_s < seconds - 0.3)[:, None], (1, n)),
+        thrust=np.ones((len(t_s), n)),
+        command=np.tile(LEVEL, (len(t_s), n, 1)),
+        command_age_s=np.full((len(t_s), n), 0.01),
+        gain_low=np.ones((len(t_s), n)),
+        gain_high=np.ones((len(t_s), n)),
+        fence_low_m=np.array([-2.5, -2.0, -0.1]),
+        fence_high_m=np.array([2.5, 2.0, 2.3]),
+        t_onset_s=2.0,
+    )
+
+
+def between(truth: Truth, begin_s: float, end_s: float) -> np.ndarray:
+    return (truth.t_s >= begin_s) & (truth.t_s < end_s)
+
+
+def falling(truth: Truth, at_s: float = 2.5) -> Truth:
+    """Drone one falls freely from 1 m with its motors off."""
+    since = np.clip(truth.t_s - at_s, 0.0, None)
+    height = np.maximum(1.0 - 0.5 * 9.81 * since**2, 0.0)
+    pos, vel = truth.pos_m.copy(), truth.vel_m_s.copy()
+    after = truth.t_s >= at_s
+    pos[after, 0, 2] = height[after]
+    vel[after, 0, 2] = np.where(height[after] > 0.0, -9.81 * since[after], 0.0)
+    armed, thrust = truth.armed.copy(), truth.thrust.copy()
+    armed[after, 0], thrust[after, 0] = False, 0.0
+    return replace(truth, pos_m=pos, vel_m_s=vel, armed=armed, thrust=thrust)
+
+
+def kinds(verdict: Verdict) -> list[str]:
+    return sorted(set(verdict.kinds))
+
+
+def test_a_flight_as_it_should_be_is_contained() -> None:
+    verdict = judge(flown(), benign=True)
+    assert verdict.contained
+    assert verdict.onset_s == 2.0
+    assert verdict.detection_s is None
+    assert verdict.drift_m == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("apart_m", "found"), [(0.09, ["separation"]), (0.11, [])])
+def test_two_in_the_air_closer_than_a_tenth_of_a_metre(apart_m: float, found: list[str]) -> None:
+    truth = flown()
+    truth.pos_m[between(truth, 3.0, 3.02), 1, 0] = apart_m
+    assert kinds(judge(truth)) == found
+
+
+def test_two_on_the_floor_may_touch() -> None:
+    truth = flown()
+    truth.pos_m[truth.pos_m[:, 1, 2] < 0.05, 1, 0] = 0.05
+    assert judge(truth).contained
+
+
+@pytest.mark.parametrize(("y_m", "found"), [(2.49, []), (2.51, ["fence"]), (-2.51, ["fence"])])
+def test_half_a_metre_outside_the_fence(y_m: float, found: list[str]) -> None:
+    truth = flown()
+    truth.pos_m[between(truth, 3.0, 3.02), 0, 1] = y_m
+    assert kinds(judge(truth)) == found
+
+
+def test_motors_cut_in_the_air_without_a_reason_and_the_impact() -> None:
+    verdict = judge(falling(flown()))
+    assert kinds(verdict) == ["impact", "undue-cut"]
+    assert "4.4 m/s" in next(v.text for v in verdict.violations if v.kind == "impact")
+
+
+@pytest.mark.parametrize("reason", ["stop", "dead motor", "upset", "far outside"])
+def test_motors_cut_for_a_good_reason(reason: str) -> None:
+    truth = falling(flown())
+    match reason:
+        case "stop":
+            truth = replace(truth, stops_s=(2.4,))
+            truth.armed[between(truth, 2.5, 9.0)] = False
+            truth.pos_m[between(truth, 2.5, 9.0), 1, 2] = 0.0
+        case "dead motor":
+            truth.gain_low[truth.t_s >= 2.3, 0] = 0.0
+        case "upset":
+            truth.up[between(truth, 2.2, 2.5), 0] = 0.1
+        case "far outside":
+            truth.pos_m[between(truth, 2.4, 2.5), 0, 0] = 3.1
+    assert kinds(judge(truth)) == (["fence"] if reason == "far outside" else [])
+
+
+def test_idle_thrust_in_the_air_is_as_good_as_a_cut() -> None:
+    truth = flown()
+    truth.thrust[between(truth, 3.0, 3.1), 0] = 0.0
+    assert judge(truth).contained
+    truth.thrust[between(truth, 3.0, 3.2), 0] = 0.0
+    assert kinds(judge(truth)) == ["undue-cut"]
+
+
+@pytest.mark.parametrize(("speed_m_s", "found"), [(1.4, []), (1.6, ["impact"])])
+def test_a_hard_landing(speed_m_s: float, found: list[str]) -> None:
+    truth = flown()
+    contact = int((truth.pos_m[:, 0, 2] < 0.02).argmax())
+    contact += int((truth.pos_m[contact + 10 :, 0, 2] < 0.02).argmax()) + 10
+    truth.vel_m_s[contact - 2 : contact + 1, 0] = [0.0, 0.0, -speed_m_s]
+    assert kinds(judge(truth)) == found
+
+
+@pytest.mark.parametrize(("age_s", "found"), [(0.25, []), (0.3, ["command-age"])])
+def test_an_old_command_that_acts(age_s: float, found: list[str]) -> None:
+    truth = flown()
+    truth.command_age_s[between(truth, 3.0, 3.01), 1] = age_s
+    assert kinds(judge(truth)) == found
+    truth.command_age_s[between(truth, 3.0, 3.01), 1] = np.nan
+    assert judge(truth).contained
+
+
+@pytest.mark.parametrize(
+    "command",
+    [(np.nan, 0, 0, 0, 0.5), (1, 0, 0, 0, 1.2), (1, 0, 0, 0, -0.1), (0.5, 0, 0, 0, 0.5), (0.8, 0.6, 0, 0, 0.5)],
+)
+def test_a_command_that_is_not_finite_or_out_of_bounds(command: tuple[float, ...]) -> None:
+    truth = flown()
+    truth.command[between(truth, 3.0, 3.01), 0] = command
+    assert kinds(judge(truth)) == ["command-bounds"]
+
+
+def test_a_stop_that_is_late_or_does_not_last() -> None:
+    truth = replace(flown(), stops_s=(3.0,))
+    truth.armed[truth.t_s > 3.0] = False
+    truth.pos_m[truth.t_s > 3.0, :, 2] = 0.0
+    assert judge(truth).contained
+    truth.armed[between(truth, 5.0, 5.02), 1] = True
+    assert kinds(judge(truth)) == ["stop"]
+    assert judge(truth).violations[0].text == "two armed 0.3 s and more after the stop"
+
+
+def test_a_flight_that_ends_armed_or_in_the_air_has_not_ended() -> None:
+    truth = flown()
+    truth.armed[-1, 0] = True
+    truth.pos_m[-1, 1, 2] = 0.8
+    assert [v.text for v in judge(truth).violations if v.kind == "no-end"] == [
+        "one armed, 0.00 m up",
+        "two off, 0.80 m up",
+    ]
+
+
+def test_what_is_unplanned_needs_a_cause_and_a_benign_fault_ends_nothing() -> None:
+    unplanned = replace(flown(), planned=False)
+    assert kinds(judge(unplanned)) == ["no-cause"]
+    told = replace(unplanned, notes=((1.0, True, "before"), (2.1, False, "nothing"), (2.3, True, "LAND: why")))
+    verdict = judge(told)
+    assert verdict.contained
+    assert verdict.cause == "LAND: why"
+    assert verdict.detection_s == pytest.approx(0.3)
+    assert kinds(judge(told, benign=True)) == ["nuisance"]
+
+
+def test_drift_is_the_way_sideways_or_up_from_the_onset() -> None:
+    truth = flown()
+    truth.pos_m[between(truth, 3.0, 3.1), 1, 1] = 0.3
+    truth.pos_m[between(truth, 3.0, 3.1), 1, 2] += 0.4
+    assert judge(truth).drift_m == pytest.approx(0.5)

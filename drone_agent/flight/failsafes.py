@@ -126,8 +126,9 @@ class Failsafes:
         frame = pilot.airframe
         if "motor-failure" in pilot.without:
             return
-        if self._failure.update(now_ns, frame.setpoint.q_lab_from_flu, frame.state.q_lab_from_flu):
-            pilot.say(Severity.CRITICAL, "Attitude failure, a motor may be dead: motors off")
+        wanted, attitude = frame.setpoint.q_lab_from_flu, frame.state.q_lab_from_flu
+        if self._failure.update(now_ns, wanted, attitude, self._contact.missing):
+            pilot.say(Severity.CRITICAL, "Thrust or attitude out of reach, a motor may be dead: motors off")
             pilot.terminate(now_ns)
 
     def _detect_landing(self, now_ns: int) -> None:
@@ -152,7 +153,7 @@ class Failsafes:
         pilot, timing = self._autopilot, self._autopilot.timing
         if not pilot.landed or not pilot.armed:
             return
-        if not self._flown:
+        if not self._flown and pilot.stream.stage not in (Stage.LAND, Stage.DESCEND):
             wait_s, since_ns, reason = timing.disarm_idle_s, pilot.armed_ns, "auto preflight disarming"
         else:
             landing = pilot.task in (Task.LAND, Task.DESCEND)

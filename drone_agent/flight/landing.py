@@ -6,7 +6,7 @@ _STILL_UP_M_S, _STILL_SIDE_M_S = 0.15, 0.5
 _LOW_THRUST, _LIFT_THRUST = 0.7, 0.9
 _SETTLE_NS = 400_000_000
 _CLIMB_M_S, _HEIGHT_M = 0.1, 0.05
-_CARRIED_M_S2 = 0.15 * GRAVITY_M_S2
+_CARRIED_M_S2, _LIFT_LEAST_M_S2 = 0.15 * GRAVITY_M_S2, 0.5 * GRAVITY_M_S2
 
 
 class ContactSense:
@@ -14,6 +14,8 @@ class ContactSense:
 
     def __init__(self) -> None:
         self.carried = False
+        self.missing = 0.0
+        """Share of the thrust that is not felt, where there is any."""
         self._t_ns: int | None = None
         self._climb_m_s = self._lift_m_s2 = 0.0
 
@@ -21,7 +23,9 @@ class ContactSense:
         """Take one look. climb_m_s: as the inertial sensors have it; lift_m_s2: the thrust's upward part, by mass."""
         if self._t_ns is not None and t_ns > self._t_ns:
             felt = (climb_m_s - self._climb_m_s) / ((t_ns - self._t_ns) * 1e-9) + GRAVITY_M_S2
-            self.carried = felt - 0.5 * (lift_m_s2 + self._lift_m_s2) > _CARRIED_M_S2
+            lift = 0.5 * (lift_m_s2 + self._lift_m_s2)
+            self.carried = felt - lift > _CARRIED_M_S2
+            self.missing = (lift - felt) / lift if lift > _LIFT_LEAST_M_S2 else 0.0
         self._t_ns, self._climb_m_s, self._lift_m_s2 = t_ns, climb_m_s, lift_m_s2
         return self.carried
 

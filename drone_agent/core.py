@@ -17,6 +17,7 @@ from drone_agent.link.commands import Commander
 from drone_agent.link.inbox import READS, Inbox
 from drone_agent.link.schedule import RASTER_NS, Schedule
 from drone_agent.link.telemetry import AGE, ON_REQUEST, TelemetryBuilder
+from drone_agent.monitors import switched_off
 from drone_agent.simulation.airframe import Airframe
 from drone_agent.simulation.level_error import Lean
 from formation.messages import Datagram, Event, LabFrame, Truth
@@ -48,7 +49,9 @@ class AgentOutgoing(NamedTuple):
 class AgentCore:
     """One simulated drone. Call `receive` with what arrives and `tick` no later than `next_deadline_ns`."""
 
-    def __init__(self, config: AgentConfig, t0_ns: int) -> None:
+    def __init__(self, config: AgentConfig, t0_ns: int, without: frozenset[str] = frozenset()) -> None:
+        """without: monitors to do without (drone_agent.monitors), else ValueError."""
+        without = switched_off(without)
         model = MODELS[config.autopilot]
         self.config = config
         self.codec = Codec(Address(config.sysid, DRONE_COMPONENT), reads=READS)
@@ -58,8 +61,8 @@ class AgentCore:
         lean = Lean(config.level_error, config.sysid, t0_ns) if config.level_error.rms_rad > 0.0 else None
         air = config.disturbance
         self._airframe = Airframe(config.true_vehicle(), air, start, config.start_yaw_rad, t0_ns, lean)
-        self._positioning = _positioning(config, t0_ns)
-        self.autopilot = Autopilot(config, model, self.parameters, self._airframe, self._positioning)
+        self._positioning = _positioning(config, t0_ns, gated="pose-rejected" not in without)
+        self.autopilot = Autopilot(config, model, self.parameters, self._airframe, self._positioning, without)
         self._failsafes = Failsafes(self.autopilot)
         rates_hz = {**model.rates_hz, AGE: config.age_rate_hz, **config.rates_hz}
         self._schedule = Schedule(rates_hz, ON_REQUEST, t0_ns)
@@ -93,6 +96,8 @@ class AgentCore:
         for number in self._schedule.take_due(now_ns):
             self._report(number, now_ns)
         self._list_parameters()
+        for refused in self._inbox.refusals.due(now_ns):
+            self.autopilot.say(refused.severity, f"{refused.source}: {refused.text}")
         self._flush_notes()
         truth = None
         if self._truth_period_ns and now_ns >= self._truth_ns:
@@ -230,7 +235,7 @@ def _first_values(config: AgentConfig, table: AutopilotTable) -> dict[str, float
     return {**values, **(table.indoor if config.pose == "mocap" else {}), **config.parameters}
 
 
-def _positioning(config: AgentConfig, t0_ns: int) -> Positioning:
+def _positioning(config: AgentConfig, t0_ns: int, *, gated: bool) -> Positioning:
     if config.pose == "own":
         return OwnPositioning(t0_ns)
-    return ExternalPositioning(config.accel_bias_lab_m_s2)
+    return ExternalPositioning(config.accel_bias_lab_m_s2, gated=gated)

@@ -1,40 +1,29 @@
 """The fail-safe of a drone whose ground falls silent, one for the simulated autopilot and for the bridge. Pure.
 
-A stream of setpoints that goes stale is answered in stages; each side carries them out in its own way:
-
-    FOLLOW --stale--> HOLD --land_s later--> LAND
-    HOLD --a setpoint--> FOLLOW
-    FOLLOW or HOLD --the autopilot's own time-out--> LOST
+The stages and what leads from one to the next are `drone_agent.stages`; here are the times, and who owns the stream.
+Each side carries the stages out in its own way.
 """
 
 from dataclasses import dataclass
-from enum import Enum, auto
 
+from drone_agent.stages import RULED, Stage, Trigger
+from drone_agent.stages import advance as next_stage
 from formation.messages import Severity
+from wire.link_messages.address import Address
 
 LAND_AFTER_S = 1.0
 """Of holding, where nothing else is configured and a pose from outside is all there is."""
 _SLOW_PERIODS = 3.0
-_PERIOD_WEIGHT = 0.1
-_PERIOD_MAX_NS = 1_000_000_000
-
-
-class Stage(Enum):
-    """What is done about the stream of setpoints."""
-
-    FOLLOW = auto()
-    HOLD = auto()
-    """Stale: level and hold until it comes back."""
-    LAND = auto()
-    LOST = auto()
-    """The autopilot's own time-out has taken the flight over."""
-
+_SLOW_AFTER = 20  # periods, none of them shorter than the stale limit
+_PAUSE_NS = 1_000_000_000
 
 REPORTS = {
     Stage.HOLD: (Severity.WARNING, "Setpoints are stale: level and hold"),
     Stage.LAND: (Severity.CRITICAL, "Setpoints are stale: landing"),
+    Stage.DESCEND: (Severity.CRITICAL, "No pose to land on: coming down level"),
 }
 """What the operator is told as a stage begins."""
+TAKEN_OVER = (Severity.WARNING, "Another ground takes over: level and hold")
 BACK = (Severity.INFO, "Setpoints are back")
 
 
@@ -43,18 +32,18 @@ class LinkMonitor:
     """When something regular last came, and how regularly it comes."""
 
     last_ns: int | None = None
-    _period_ns: float = 0.0
+    _shortest_ns: int = 0
+    _periods: int = 0
 
-    def note(self, now_ns: int) -> None:
-        """It came."""
+    def note(self, now_ns: int, *, may_begin: bool = True) -> None:
+        """It came; may_begin: after a pause it counts as a new stream, of its own pace."""
         if self.last_ns is not None:
-            period = now_ns - self.last_ns
-            if period > _PERIOD_MAX_NS:
-                self._period_ns = 0.0
-            elif self._period_ns == 0.0:
-                self._period_ns = period
+            period_ns = now_ns - self.last_ns
+            if period_ns > _PAUSE_NS and may_begin:
+                self._periods = 0
             else:
-                self._period_ns += _PERIOD_WEIGHT * (period - self._period_ns)
+                self._shortest_ns = min(self._shortest_ns, period_ns) if self._periods else period_ns
+                self._periods += 1
         self.last_ns = now_ns
 
     def silent_at_ns(self, span_s: float) -> int | None:
@@ -67,25 +56,31 @@ class LinkMonitor:
         return at_ns is None or now_ns >= at_ns
 
     def stale_at_ns(self, stale_s: float) -> int | None:
-        """When it goes stale if nothing comes: after `stale_s`, or three of its own periods where that is longer.
+        """When it goes stale if nothing comes: after `stale_s`.
 
-        A client that streams slowly on purpose (an autopilot is content with 3 Hz) is judged by its own pace.
+        A client that streams slowly on purpose (an autopilot is content with 3 Hz) is judged by its own pace: three of
+        its periods, where not one of at least 20 since it began was short enough. A fast one that is lossy never is.
         """
         if self.last_ns is None:
             return None
-        return self.last_ns + max(round(stale_s * 1e9), int(_SLOW_PERIODS * self._period_ns))
+        stale_ns = round(stale_s * 1e9)
+        slow = self._periods >= _SLOW_AFTER and self._shortest_ns > stale_ns
+        return self.last_ns + (int(_SLOW_PERIODS * self._shortest_ns) if slow else stale_ns)
 
 
 class StreamFailsafe:
-    """The stages of one stream. Its owner says when it applies: armed, and following setpoints."""
+    """One stream of setpoints: its stage, its owner, its times."""
 
     def __init__(self, stale_s: float, land_s: float | None) -> None:
         """stale_s: the silence a control loop's stream may have; 0: any. land_s: holds for this long; None: for ever.
 
         Either leaves the autopilot's own time-out to act.
         """
-        self.stage = Stage.LOST
+        self.stage = Stage.DISARMED
         self.monitor = LinkMonitor()
+        self.owner: Address | None = None
+        """Whose setpoints are obeyed; None: whose come next."""
+        self._next_owner: Address | None = None
         self._stale_s = stale_s
         self._land_s = land_s
         self._held_since_ns = 0
@@ -95,37 +90,81 @@ class StreamFailsafe:
         """Whether a hold ends in a landing."""
         return self._land_s is not None
 
-    def begin(self, stage: Stage = Stage.FOLLOW) -> None:
-        """Setpoints rule from now on, or with LOST: would, if they came."""
-        self.stage = stage
+    def pull(self, trigger: Trigger, now_ns: int) -> Stage | None:
+        """The stage that begins, or begins anew; None where the trigger means nothing now."""
+        before, after = self.stage, next_stage(self.stage, trigger)
+        if after is None:
+            return None
+        if after is Stage.HOLD or (after is Stage.LOST and before is not Stage.HOLD):
+            self._held_since_ns = now_ns
+        if after not in RULED:
+            self.owner = None
+        elif trigger in (Trigger.STREAM, Trigger.NO_STREAM):
+            self.owner, self._next_owner = self._next_owner, None
+        self.stage = after
+        return after
 
-    def resume(self) -> bool:
-        """Follow a setpoint that came, unless it is too late; whether it ended a hold."""
+    # The owner
+
+    def obeys(self, source: Address | None) -> bool:
+        """Whether setpoints of `source` count; None: of what is on board, which no ground owns."""
+        return self.stage not in RULED or source is None or self.owner is None or self.owner == source
+
+    def disown(self) -> None:
+        """It landed: the next ground to be followed owns the stream."""
+        self.owner = None
+
+    def hand_over(self, source: Address, wants: bool, now_ns: int, *, in_mode: bool) -> Stage | None:
+        """`source` wants the stream, now or when a set-point mode begins, or gives it back; the stage that begins."""
+        if not wants:
+            if source not in (self.owner, self._next_owner):
+                return None
+            self.owner = self._next_owner = None
+            return self.pull(Trigger.TAKEN_OVER, now_ns) if in_mode else None
+        if not in_mode or self.stage not in RULED:
+            self._next_owner = source
+            return None
+        if self.owner == source:
+            return None
+        self.owner = source
+        return self.pull(Trigger.TAKEN_OVER, now_ns)
+
+    def follow(self, source: Address | None, now_ns: int, *, in_mode: bool = True) -> bool:
+        """A setpoint that is obeyed came; whether it ended a hold."""
+        ruled = in_mode and self.stage in RULED
+        self.monitor.note(now_ns, may_begin=not ruled)
+        if not ruled:
+            return False
+        if self.owner is None:
+            self.owner = source
         held = self.stage is Stage.HOLD
-        if self.stage is not Stage.LAND:
-            self.stage = Stage.FOLLOW
-        return held
+        return self.pull(Trigger.SETPOINT, now_ns) is not None and held
+
+    # The times
 
     def deadline_ns(self, own_s: float | None = None) -> int | None:
         """When `advance` is next due, None while nothing is; own_s: the autopilot's own time-out, where it is known."""
+        own_ns = None if own_s is None else self.monitor.silent_at_ns(own_s)
         if self.stage is Stage.FOLLOW:
-            stale_ns = self.monitor.stale_at_ns(self._stale_s) if self._stale_s else None
+            due = (self.monitor.stale_at_ns(self._stale_s) if self._stale_s else None, own_ns)
         elif self.stage is Stage.HOLD:
-            stale_ns = None if self._land_s is None else self._held_since_ns + round(self._land_s * 1e9)
+            due = (self._held_at_ns(), own_ns)
+        elif self.stage is Stage.LOST:
+            due = (self._held_at_ns(), None)
         else:
             return None
-        own_ns = None if own_s is None else self.monitor.silent_at_ns(own_s)
-        return min((ns for ns in (stale_ns, own_ns) if ns is not None), default=None)
+        return min((ns for ns in due if ns is not None), default=None)
 
     def advance(self, now_ns: int, own_s: float | None = None, *, blind: bool = False) -> Stage | None:
         """The stage that begins now, if one does; blind: there is no pose to hold by, so that a hold lands at once."""
+        if blind and self.stage in (Stage.HOLD, Stage.LAND):
+            return self.pull(Trigger.NO_POSE, now_ns)
         due_ns = self.deadline_ns(own_s)
-        if due_ns is None or (now_ns < due_ns and not (blind and self.stage is Stage.HOLD)):
+        if due_ns is None or now_ns < due_ns:
             return None
-        if own_s is not None and self.monitor.silent(now_ns, own_s):
-            self.stage = Stage.LOST
-        elif self.stage is Stage.FOLLOW:
-            self.stage, self._held_since_ns = Stage.HOLD, now_ns
-        else:
-            self.stage = Stage.LAND
-        return self.stage
+        if self.stage is not Stage.LOST and own_s is not None and self.monitor.silent(now_ns, own_s):
+            return self.pull(Trigger.TIME_OUT, now_ns)
+        return self.pull(Trigger.STALE if self.stage is Stage.FOLLOW else Trigger.HELD, now_ns)
+
+    def _held_at_ns(self) -> int | None:
+        return None if self._land_s is None else self._held_since_ns + round(self._land_s * 1e9)

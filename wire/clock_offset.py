@@ -56,13 +56,17 @@ class ClockOffset:
         """Our time at a time of theirs."""
         return None if self.offset_ns is None else theirs_ns - self.offset_ns
 
-    def age_ms(self, stamp_ms: int, now_ns: int) -> float | None:
-        """Age of a 32-bit millisecond stamp of their clock; None where it is no such stamp."""
+    def since_ms(self, stamp_ms: int, now_ns: int) -> float | None:
+        """Time since a 32-bit millisecond stamp of their clock, whatever it is; None before the first exchange."""
         if self.offset_ns is None:
             return None
         their_ms = (now_ns + self.offset_ns) * 1e-6
-        age = (their_ms - stamp_ms + 2.0**31) % 2.0**32 - 2.0**31
-        return age if _STAMPED_MS[0] < age < _STAMPED_MS[1] else None
+        return (their_ms - stamp_ms + 2.0**31) % 2.0**32 - 2.0**31
+
+    def age_ms(self, stamp_ms: int, now_ns: int) -> float | None:
+        """Age of a 32-bit millisecond stamp of their clock; None where it is no such stamp."""
+        age = self.since_ms(stamp_ms, now_ns)
+        return None if age is None or not _STAMPED_MS[0] < age < _STAMPED_MS[1] else age
 
     def _contradicts(self, offset_ns: int, trip_ns: int, now_ns: int) -> bool:
         """Whether no offset explains both this exchange and the one believed: their clock was set, or started anew."""

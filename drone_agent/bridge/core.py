@@ -10,17 +10,28 @@ from dataclasses import dataclass
 import numpy as np
 
 from drone_agent.bridge.hold import BridgeHold
+from drone_agent.bridge.setpoints import SETPOINTS, BridgeSetpoints, stamp_ms
 from drone_agent.bridge.takeover import STEP_NS, Takeover, Turn
 from drone_agent.config import AgentConfig
-from drone_agent.failsafe import BACK, REPORTS, Stage
+from drone_agent.failsafe import BACK, REPORTS, TAKEN_OVER
+from drone_agent.monitors import switched_off
+from drone_agent.stages import Stage
 from formation.messages import Datagram, Event, LabFrame, Severity
 from wire.autopilots.ardupilot import ARDUPILOT
 from wire.autopilots.px4 import PX4
 from wire.autopilots.table import STREAM_MODES, AutopilotTable
-from wire.clock_offset import ClockOffset
 from wire.link_messages.address import BRIDGE_COMPONENT, DRONE_COMPONENT, Address
 from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import CommandAck, CommandLong, MavCommand, SetMode, command_long
+from wire.link_messages.commands import (
+    DISARM_IN_FLIGHT,
+    CommandAck,
+    CommandInt,
+    CommandLong,
+    MavCommand,
+    Result,
+    SetMode,
+    command_long,
+)
 from wire.link_messages.message_id import MessageId
 from wire.link_messages.motion import Origin, SetOrigin, VisionPose
 from wire.link_messages.packet import LinkMessage
@@ -37,8 +48,8 @@ _READS = frozenset(
         MessageId.SET_MODE,
         MessageId.GPS_GLOBAL_ORIGIN,
         MessageId.COMMAND_LONG,
+        MessageId.COMMAND_INT,
         MessageId.COMMAND_ACK,
-        MessageId.SET_ATTITUDE_TARGET,
         MessageId.TIMESYNC,
     }
 )
@@ -73,18 +84,26 @@ class BridgeOutgoing:
 class BridgeCore:
     """One real drone. Call a `receive_*` with what arrives and `tick` no later than `next_deadline_ns`."""
 
-    def __init__(self, config: AgentConfig, t0_ns: int, *, serial: bool = False) -> None:
-        """serial: the autopilot's bytes come as a stream, not as datagrams."""
+    def __init__(
+        self, config: AgentConfig, t0_ns: int, *, serial: bool = False, without: frozenset[str] = frozenset()
+    ) -> None:
+        """serial: the autopilot's bytes come as a stream, not as datagrams.
+
+        without: monitors to do without (drone_agent.monitors), else ValueError.
+        """
+        self._without = switched_off(without)
         self._config = config
         self._t0_ns = self._now_ns = t0_ns
         self._target = Address(config.sysid, DRONE_COMPONENT)
         self._codec = Codec(Address(config.sysid, BRIDGE_COMPONENT))
         self._from_ground, self._from_autopilot = FrameCutter(), FrameCutter(stream=serial)
-        self._takeover = Takeover(config.stale_setpoint_s, config.land_after_s)
+        self._autopilots_name = Codec(self._target)
+        stale_s = 0.0 if "stream-stale" in without else config.stale_setpoint_s
+        self._takeover = Takeover(stale_s, None if "own-land" in without else config.land_after_s)
+        self._setpoints = BridgeSetpoints(config.sysid, t0_ns, self._takeover.stream, self._without)
         self._table: AutopilotTable | None = None
         self._lacks_origin = False
         self._heard_ns = t0_ns
-        self._clock = ClockOffset()
         self._beat_ns = t0_ns
         self._hold = BridgeHold()
         self._hold_ns = self._pose_due_ns = t0_ns
@@ -121,6 +140,7 @@ class BridgeCore:
             return
         self._own_feed_ns = now_ns
         self._hold.see(frame.t_capture_ns, pos, q)
+        self._takeover.rest(now_ns, still=self._hold.still)
         if now_ns >= self._pose_due_ns:  # a steady 50 Hz out of frames that jitter
             self._pose_due_ns = max(self._pose_due_ns + _POSE_NS, now_ns)
             self._send_autopilot(VisionPose(frame.t_capture_ns // 1000, pos, q))
@@ -136,6 +156,8 @@ class BridgeCore:
                 self._send_autopilot(SetOrigin(self._config.sysid, *self._config.origin))
         fed = self._own_feed_ns is not None and now_ns - self._own_feed_ns < _OWN_FEED_NS
         self._act(self._takeover.due(now_ns, fed=fed, stands=self._hold.stands))
+        for refused in self._setpoints.refusals.due(now_ns):
+            self._say(refused.severity, f"{refused.source}: {refused.text}")
         outgoing = BridgeOutgoing(
             _packed(self._config.sysid, self._to_ground),
             _packed(self._config.sysid, self._to_autopilot),
@@ -155,23 +177,69 @@ class BridgeCore:
         """Note what matters; True for a frame that ends here."""
         if frame.number in _POSES and self._own_feed_ns is not None:
             return now_ns - self._own_feed_ns < _OWN_FEED_NS
+        if frame.number in SETPOINTS:
+            return self._keep_setpoint(frame, now_ns)
         if frame.number not in _READS:
             return False
         try:
             message = read_frame(frame).message
         except MavlinkError:
             return False
-        if isinstance(message, AttitudeSetpoint) and message.target.system == self._config.sysid:
-            self._hold.note(message)
-            if self._takeover.note(now_ns):
-                self._say(*BACK)
-            self._report_age(message, now_ns)
-        elif isinstance(message, SetMode) or (isinstance(message, CommandLong) and message.command in _SETS_MODE):
+        if isinstance(message, CommandLong | CommandInt):
+            return self._keep_command(frame.source, message, now_ns)
+        if isinstance(message, SetMode):
             self._takeover.mode_unknown()
         elif isinstance(message, TimeSync) and message.target.component == BRIDGE_COMPONENT and message.tc1_ns:
-            self._clock.exchange(message.ts1_ns - self._t0_ns, message.tc1_ns, now_ns - self._t0_ns)
+            clock = self._setpoints.gate.clock(frame.source)
+            clock.exchange(message.ts1_ns - self._t0_ns, message.tc1_ns, now_ns - self._t0_ns)
             return True
         return False
+
+    def _keep_setpoint(self, frame: Frame, now_ns: int) -> bool:
+        """Pass on a setpoint that is obeyed, within bounds."""
+        setpoints, source = self._setpoints, frame.source
+        self._report_age(source, stamp_ms(frame), now_ns)
+        taken = setpoints.take(frame, now_ns)
+        if taken.passed is None:
+            return True
+        self._to_autopilot.append(taken.passed)
+        if setpoints.gate.asks(source, now_ns):
+            self._send_ground(TimeSync(0, now_ns))
+        if self._takeover.stream.stage is Stage.FOLLOW and setpoints.gate.untold(source):
+            self._say(Severity.INFO, f"Age of setpoints of {source} unknown: no TIMESYNC")
+        if taken.target is not None:
+            self._hold.note(taken.target)
+            if self._takeover.note(source, now_ns):
+                self._say(*BACK)
+        return True
+
+    def _keep_command(self, source: Address, message: CommandLong | CommandInt, now_ns: int) -> bool:
+        """Note what a command may change; those that are this process's own to answer end here."""
+        if message.command == MavCommand.REQUEST_OPERATOR_CONTROL:
+            stage = self._takeover.hand_over(source, message.params[1] == 1.0, now_ns)
+            if stage is Stage.HOLD:
+                self._say(*TAKEN_OVER)
+                self._hold.begin(now_ns)
+            self._answer(source, message.command, Result.ACCEPTED)
+            return True
+        action, force = message.params[0], message.params[1]
+        if message.command == MavCommand.COMPONENT_ARM_DISARM:
+            if action == 1.0 and self._takeover.stream.stage is Stage.STOPPED:
+                self._say(Severity.CRITICAL, "Arm refused: stopped, not yet seen at rest for 2 s")
+                self._answer(source, message.command, Result.TEMPORARILY_REJECTED)
+                return True
+            stops = action == 0.0 and force == DISARM_IN_FLIGHT
+        else:
+            stops = message.command == MavCommand.DO_FLIGHTTERMINATION and action > 0.5
+        if stops and "stop-latch" not in self._without:
+            self._takeover.stop(now_ns)
+        if message.command in _SETS_MODE:
+            self._takeover.mode_unknown()
+        return False
+
+    def _answer(self, source: Address, command: int, result: Result) -> None:
+        """In the autopilot's name, to which the command was sent."""
+        self._to_ground.append(self._autopilots_name.encode(CommandAck(source, command, result)))
 
     def _keep_from_autopilot(self, frame: Frame, now_ns: int) -> bool:
         if frame.source.system != self._config.sysid:
@@ -207,7 +275,8 @@ class BridgeCore:
         if self._table is not table:
             self._table = table
             self._say(Severity.INFO, f"Bridge to {table.autopilot.name.lower()}")
-        self._takeover.saw(offboard=beat.armed and table.mode_of(beat.custom_mode) in STREAM_MODES)
+        offboard = table.mode_of(beat.custom_mode) in STREAM_MODES
+        self._takeover.saw(self._now_ns, armed=beat.armed, offboard=offboard)
 
     def _act(self, turn: Turn) -> None:
         """Carry out what the fail-safe asks for."""
@@ -216,24 +285,26 @@ class BridgeCore:
                 self._hold.begin(self._now_ns)
             self._say(*REPORTS[stage])
         if turn.flown is not None:
-            self._fly(down=turn.flown is Stage.LAND)
+            self._fly(down=turn.flown is not Stage.HOLD, blind=turn.flown is Stage.DESCEND)
         if turn.lands:
             self._send_autopilot(command_long(self._target, MavCommand.NAV_LAND, 0.0, 0.0, 0.0, float("nan")))
+        if turn.lands and self._hold.faded:
+            self._send_autopilot(command_long(self._target, MavCommand.COMPONENT_ARM_DISARM))
 
-    def _fly(self, *, down: bool) -> None:
+    def _fly(self, *, down: bool, blind: bool) -> None:
         """One attitude target of our own."""
         dt_s = min(self._now_ns - self._hold_ns, 5 * STEP_NS) * 1e-9
         self._hold_ns = self._now_ns
-        wanted = self._hold.step(self._now_ns, dt_s, down=down)
+        wanted = self._hold.sink_blind(dt_s) if blind else self._hold.step(self._now_ns, dt_s, down=down)
         t_boot_ms = (self._now_ns - self._t0_ns) // 1_000_000
         rate, thrust = np.zeros(3), wanted.thrust_norm
         self._send_autopilot(
             AttitudeSetpoint(self._target, t_boot_ms, wanted.q_lab_from_flu, rate, thrust, Ignore.BODY_RATES)
         )
 
-    def _report_age(self, message: AttitudeSetpoint, now_ns: int) -> None:
+    def _report_age(self, source: Address, stamp: int, now_ns: int) -> None:
         rate_hz = self._config.age_rate_hz
-        age_ms = self._clock.age_ms(message.t_boot_ms, now_ns - self._t0_ns)
+        age_ms = self._setpoints.gate.age_ms(source, stamp, now_ns - self._t0_ns)
         if age_ms is not None and rate_hz > 0.0 and now_ns - self._age_sent_ns >= 1e9 / rate_hz:
             self._age_sent_ns = now_ns
             self._send_ground(NamedValue((now_ns - self._t0_ns) // 1_000_000, "age_ms", age_ms))

@@ -9,10 +9,10 @@ import math
 import numpy as np
 
 from drone_agent.flight.estimator import Belief
-from drone_agent.flight.position import Demand, PositionController
+from drone_agent.flight.position import NO_RATE, Demand, PositionController
 from drone_agent.simulation.attitude_loop import LoopSetpoint
 from formation.maths.arrays import Quat, Vec3
-from formation.maths.frames import IDENTITY, rotate, yaw
+from formation.maths.frames import IDENTITY, from_yaw, rotate, yaw
 from formation.vehicle.body import GRAVITY_M_S2
 from wire.link_messages.setpoints import AttitudeSetpoint
 
@@ -22,6 +22,9 @@ _SHARE, _SHARE_VEL = 0.3, 0.05  # of a position's innovation, and of its rate: b
 _GAP_MAX_S = 0.2
 _STOP_S = 0.4  # its place is where the present speed would come to rest
 _SINK_M_S = 0.35
+_THRUST_LEAST = 0.85  # of what carries it, coming down: what stands in the air by a wrong pose must not fall
+_BLIND_THRUST, _BLIND_S, _BLIND_FADE_1_S = 0.95, 3.0, 0.3  # 1.5 m in 2.5 s, down at 1.2 m/s
+_STILL_M_S = 0.1
 _STANDS_M_S, _STANDS_NS = 0.08, 400_000_000
 _UP = np.array([0.0, 0.0, 1.0])
 
@@ -42,6 +45,17 @@ class BridgeHold:
         self._place = (0.0, 0.0)
         self._height_m = 0.0
         self._sinks_ns = 0
+        self._blind_s = 0.0
+
+    @property
+    def still(self) -> bool:
+        """Whether it is seen at rest."""
+        return self._pos is not None and float(np.linalg.norm(self._vel)) < _STILL_M_S
+
+    @property
+    def faded(self) -> bool:
+        """Whether a blind descent has taken the thrust away."""
+        return self._blind_share() <= 0.0
 
     def see(self, t_capture_ns: int, pos_lab_m: Vec3, q_lab_from_flu: Quat) -> None:
         """Its pose: the velocity is carried on by its tilt and put right by its place."""
@@ -74,6 +88,7 @@ class BridgeHold:
         x, y, z = (IDENTITY[1:] if self._pos is None else self._pos).tolist()
         self._place = (x + _STOP_S * float(self._vel[0]), y + _STOP_S * float(self._vel[1]))
         self._height_m, self._sinks_ns, self.stands = z, now_ns, False
+        self._blind_s = 0.0
 
     def step(self, now_ns: int, dt_s: float, *, down: bool) -> LoopSetpoint:
         """The next attitude and thrust. Level, with the thrust that carried it, before it was ever seen."""
@@ -87,7 +102,20 @@ class BridgeHold:
         if down:
             demand = Demand(self._yaw_rad, self._place, climb_m_s=-_SINK_M_S)
             self.stands = self.stands or now_ns - self._sinks_ns >= _STANDS_NS
-        return self._loop.step(demand, Belief((x, y, z), (vx, vy, vz), self._yaw_rad), dt_s)
+        flown = self._loop.step(demand, Belief((x, y, z), (vx, vy, vz), self._yaw_rad), dt_s)
+        least = _THRUST_LEAST * self._thrust
+        if down and flown.thrust_norm < least:
+            return LoopSetpoint(flown.q_lab_from_flu, flown.rate_flu_rad_s, least)
+        return flown
+
+    def sink_blind(self, dt_s: float) -> LoopSetpoint:
+        """Down by attitude and thrust alone: level, a little less than what carries it, and none in the end."""
+        self._blind_s += dt_s
+        thrust = self._thrust if math.isfinite(self._thrust) else 0.0
+        return LoopSetpoint(from_yaw(np.array(self._yaw_rad)), NO_RATE, self._blind_share() * thrust)
+
+    def _blind_share(self) -> float:
+        return min(_BLIND_THRUST, _BLIND_THRUST - _BLIND_FADE_1_S * (self._blind_s - _BLIND_S))
 
     def _thrust_of(self, force_m_s2: float) -> float:
         return min(max(self._thrust * force_m_s2 / GRAVITY_M_S2, 0.0), 1.0)

@@ -6,11 +6,15 @@ changed that: a landing that the ground began must never be undone. No bytes.
 
 from typing import NamedTuple
 
-from drone_agent.failsafe import Stage, StreamFailsafe
+from drone_agent.failsafe import StreamFailsafe
+from drone_agent.stages import Stage, Trigger
+from wire.link_messages.address import Address
 from wire.link_messages.commands import CommandAck, MavCommand, Result
 
 STEP_NS = 10_000_000
 _AGAIN_NS = 300_000_000
+_ALIVE_S = 2.0  # of a stream as a set-point mode begins, of which a heartbeat a second tells
+_REST_NS = 2_000_000_000
 
 
 class Turn(NamedTuple):
@@ -25,28 +29,54 @@ class Takeover:
     """Follows one stream and one autopilot's mode; `due` says what to do now."""
 
     def __init__(self, stale_s: float, land_s: float | None) -> None:
-        self._stream = StreamFailsafe(stale_s, land_s)
-        self._stream.begin()
-        self._offboard = False
+        self.stream = StreamFailsafe(stale_s, land_s)
+        self._armed = self._offboard = False
         self._mode_known = True
         self._next_ns = self._next_command_ns = 0
         self._done = False
+        self._rest_since_ns = 0
 
-    def note(self, now_ns: int) -> bool:
+    def note(self, source: Address, now_ns: int) -> bool:
         """A setpoint passed; True where it ends a hold."""
-        self._stream.monitor.note(now_ns)
-        return self._stream.resume()
+        return self.stream.follow(source, now_ns)
 
     def mode_unknown(self) -> None:
         """The ground sent a command that may change mode or arming."""
         self._mode_known = False
 
-    def saw(self, *, offboard: bool) -> None:
-        """A heartbeat: whether the autopilot is armed and follows setpoints."""
-        self._mode_known, self._offboard = True, offboard
-        if not offboard:
+    def saw(self, now_ns: int, *, armed: bool, offboard: bool) -> None:
+        """A heartbeat: whether the autopilot is armed, and follows setpoints."""
+        began = armed and offboard and not self._offboard
+        self._mode_known, self._armed, self._offboard = True, armed, armed and offboard
+        if not armed:
+            self.stream.pull(Trigger.DISARM, now_ns)
+        else:
+            self.stream.pull(Trigger.ARM, now_ns)
+        if began:
+            alive = not self.stream.monitor.silent(now_ns, _ALIVE_S)
+            self.stream.pull(Trigger.STREAM if alive else Trigger.NO_STREAM, now_ns)
+        elif not self._offboard:
+            self.stream.pull(Trigger.OTHER_MODE, now_ns)
             self._done = False
-            self._stream.begin()
+
+    def stop(self, now_ns: int) -> None:
+        """The ground stops the motors."""
+        self.stream.pull(Trigger.STOP, now_ns)
+        self._rest_since_ns = now_ns
+
+    def rest(self, now_ns: int, *, still: bool) -> None:
+        """Whether the body is seen at rest: a stop is over after two seconds of it, disarmed."""
+        if self._armed or not still:
+            self._rest_since_ns = now_ns
+        elif now_ns - self._rest_since_ns >= _REST_NS:
+            self.stream.pull(Trigger.RESTED, now_ns)
+
+    def hand_over(self, source: Address, wants: bool, now_ns: int) -> Stage | None:
+        """A ground asks for the stream, or gives it back; the stage that begins."""
+        stage = self.stream.hand_over(source, wants, now_ns, in_mode=self._offboard)
+        if stage is Stage.HOLD:
+            self._next_ns = self._next_command_ns = now_ns
+        return stage
 
     def acknowledged(self, ack: CommandAck) -> None:
         """The autopilot answered one of our commands."""
@@ -57,7 +87,9 @@ class Takeover:
         """When `due` is next worth asking; None while there is nothing to monitor."""
         if not (self._offboard and self._mode_known) or self._done:
             return None
-        return self._stream.deadline_ns() if self._stream.stage is Stage.FOLLOW else self._next_ns
+        if self.stream.stage in (Stage.HOLD, Stage.LAND, Stage.DESCEND):
+            return self._next_ns
+        return self.stream.deadline_ns()
 
     def due(self, now_ns: int, *, fed: bool, stands: bool) -> Turn:
         """What to do now; fed: the body's own pose is fresh; stands: it was let down and sinks no more."""
@@ -65,12 +97,13 @@ class Takeover:
         if deadline_ns is None or now_ns < deadline_ns:
             return Turn()
         begun: list[Stage] = []
-        while (stage := self._stream.advance(now_ns, blind=not fed)) is not None:
+        while (stage := self.stream.advance(now_ns, blind=not fed)) is not None:
             begun.append(stage)
         if Stage.HOLD in begun:
             self._next_command_ns = now_ns
         self._next_ns = now_ns + STEP_NS
-        lands = (stands or not fed) and now_ns >= self._next_command_ns
+        stage = self.stream.stage
+        lands = (stands or stage is Stage.DESCEND) and now_ns >= self._next_command_ns
         if lands:
             self._next_command_ns = now_ns + _AGAIN_NS
-        return Turn(tuple(begun), self._stream.stage if fed else None, lands)
+        return Turn(tuple(begun), stage, lands)

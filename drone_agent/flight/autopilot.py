@@ -11,13 +11,14 @@ from math import hypot
 from drone_agent.autopilots.model import AutopilotModel, ModeRow, Needs, StreamLoss, Task, Timing
 from drone_agent.autopilots.parameters import Parameters
 from drone_agent.config import AgentConfig
-from drone_agent.failsafe import Stage, StreamFailsafe
+from drone_agent.failsafe import StreamFailsafe
 from drone_agent.flight.estimator import Belief, Positioning, believed, turned
 from drone_agent.flight.flying import Pilot
 from drone_agent.flight.landing import LandDetector
 from drone_agent.flight.position import NO_RATE
 from drone_agent.simulation.airframe import Airframe
 from drone_agent.simulation.attitude_loop import LoopSetpoint
+from drone_agent.stages import Stage, Trigger
 from formation.maths.arrays import Quat, Vec3
 from formation.maths.frames import canonical, inverse, multiply
 from formation.messages import Severity
@@ -27,6 +28,7 @@ from wire.link_messages.commands import Result
 
 CONTROL_NS = 10_000_000
 _CONTROL_S = CONTROL_NS * 1e-9
+STOPPED = "stopped: not yet at rest for 2 s"
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,24 +49,30 @@ class Autopilot:
         parameters: Parameters,
         airframe: Airframe,
         positioning: Positioning,
+        without: frozenset[str] = frozenset(),
     ) -> None:
+        """without: monitors that are switched off (drone_agent.monitors)."""
         self.model = model
         self.parameters = parameters
         self.airframe = airframe
         self.positioning = positioning
+        self.without = without
         self.armed = False
         self.mode = model.boot_mode
         self.failsafe = False
         self.home: Belief | None = None
         self.notes: list[Note] = []
         self.detector = LandDetector()
-        self.stream = StreamFailsafe(config.stale_setpoint_s, config.land_after_s)
+        stale_s = 0.0 if "stream-stale" in without else config.stale_setpoint_s
+        self.stream = StreamFailsafe(stale_s, None if "own-land" in without else config.land_after_s)
+        self.stopped_ns = 0
+        self.carried = False  # by the floor, as the accelerometer against the thrust says
         self.setpoint_age_ms: float | None = None
-        """From camera to drone, of the newest setpoint; None once told, or without a common clock."""
+        """From camera to drone, of the newest; None once told, or without a common clock."""
         self.armed_ns = 0
         self.origin: Vec3Tuple | None = config.origin if config.pose == "own" else None
-        """Where the estimate's frame begins on the globe, if anybody has said."""
-        self.pilot = Pilot(airframe.profile)
+        """Of the estimate's frame on the globe, if anybody has said."""
+        self.pilot = Pilot(airframe.profile, without)
         self.piloted = False
         """Whether the agent flies by itself, so that `control` is due every CONTROL_NS."""
         self._mode_after_disarm = model.boot_mode
@@ -125,6 +133,8 @@ class Autopilot:
 
     def arming_fault(self, now_ns: int) -> str | None:
         """Why it will not arm now, or None."""
+        if self.stream.stage is Stage.STOPPED:
+            return STOPPED
         row = self.row
         if not row.may_arm:
             return self.model.texts.not_armable.format(row.label)
@@ -156,7 +166,7 @@ class Autopilot:
         """Arm after the checks, or past them by force; arming what is armed is accepted."""
         if self.armed:
             return Result.ACCEPTED
-        fault = None if force else self.arming_fault(now_ns)
+        fault = None if force and self.stream.stage is not Stage.STOPPED else self.arming_fault(now_ns)
         if fault is not None:
             for words in self.model.texts.arm_refused:
                 self.say(Severity.CRITICAL, words, fault)
@@ -167,16 +177,20 @@ class Autopilot:
         self.home = self.belief(now_ns)
         self.pilot.set_home(self.home)
         self.say(Severity.INFO, self.model.texts.armed)
+        self.stream.pull(Trigger.ARM, now_ns)
         self._take_up(now_ns)
         return Result.ACCEPTED
 
-    def disarm(self, *, force: bool, reason: str) -> Result:
-        """Stop the motors: on the ground, or anywhere by force."""
-        if not self.armed:
-            return Result.ACCEPTED
-        if not (self.landed or force):
+    def disarm(self, now_ns: int, *, force: bool, reason: str) -> Result:
+        """Stop the motors: on the ground, or anywhere by force, which is a stop and latches."""
+        if not (self.landed or force or not self.armed):
             self.say(Severity.CRITICAL, self.model.texts.disarm_refused)
             return self.model.refused
+        latches = force and "stop-latch" not in self.without
+        if self.stream.pull(Trigger.STOP if latches else Trigger.DISARM, now_ns) is Stage.STOPPED:
+            self.stopped_ns = now_ns
+        if not self.armed:
+            return Result.ACCEPTED
         self.armed = self.airframe.armed = False
         self.airframe.order_now(self.pilot.idle())
         self.piloted = self.failsafe = False
@@ -186,13 +200,13 @@ class Autopilot:
         self.say(Severity.INFO, self.model.texts.disarmed, reason)
         return Result.ACCEPTED
 
-    def terminate(self) -> Result:
+    def terminate(self, now_ns: int) -> Result:
         """Motors off wherever it is."""
         if not self.armed:
             return Result.DENIED
         if FlightMode.TERMINATION in self.model.modes:
             self.mode = FlightMode.TERMINATION
-        return self.disarm(force=True, reason="flight termination")
+        return self.disarm(now_ns, force=True, reason="flight termination")
 
     # Modes
 
@@ -206,6 +220,7 @@ class Autopilot:
             self.say(Severity.CRITICAL, self.model.texts.mode_refused, row.label, fault)
             return self.model.refused
         self.failsafe = False
+        self.stream.pull(Trigger.OTHER_MODE, now_ns)
         self.enter(mode, now_ns)
         return Result.ACCEPTED
 
@@ -248,15 +263,20 @@ class Autopilot:
         if self.armed:
             self._take_up(now_ns)
 
-    def fail_safe(self, mode: FlightMode, now_ns: int, task: Task | None = None) -> None:
-        """Leave what was asked for: show `mode` and fly its task, or `task`; without a position, descend."""
+    def fail_safe(self, mode: FlightMode, now_ns: int) -> None:
+        """Leave what was asked for, setpoints too, as the autopilot itself does."""
+        self.stream.pull(Trigger.OTHER_MODE, now_ns)
+        self.divert(mode, now_ns)
+
+    def divert(self, mode: FlightMode, now_ns: int, task: Task | None = None) -> None:
+        """Show `mode` and fly its task, or `task`; without a position, descend."""
         self.failsafe = True
         self.enter(mode, now_ns)
         if not self.armed:
             return
         flown = task or self.row.task
         if flown is Task.OFF:
-            self.terminate()
+            self.terminate(now_ns)
         elif flown in (Task.HOLD, Task.RETURN, Task.LAND) and not self.positioning.valid(now_ns):
             self.fly(Task.DESCEND, now_ns)
         elif task is not None:
@@ -279,7 +299,7 @@ class Autopilot:
             self.airframe.order_now(self.pilot.idle())
             return
         belief = self.belief(now_ns)
-        setpoint = self.pilot.step(belief, self.timing, _CONTROL_S)
+        setpoint = self.pilot.step(belief, self.timing, _CONTROL_S, carried=self.carried)
         true_q = turned(setpoint.q_lab_from_flu, -self.positioning.yaw_rad)
         rate = self._hurried(true_q) if self.pilot.levelling else setpoint.rate_flu_rad_s
         self.airframe.order_now(LoopSetpoint(true_q, rate, setpoint.thrust_norm))
@@ -306,7 +326,7 @@ class Autopilot:
         task = self.row.task
         if task is Task.EXTERNAL:
             alive = not self.stream.monitor.silent(now_ns, self.stream_loss.after_s)
-            self.stream.begin(Stage.FOLLOW if alive else Stage.LOST)
+            self.stream.pull(Trigger.STREAM if alive else Trigger.NO_STREAM, now_ns)
             task = Task.HOLD if self.positioning.valid(now_ns) else Task.LEVEL
         if task is Task.TAKEOFF:
             rise_m = self._rise_m if self._rise_m is not None else self.timing.takeoff_height_m

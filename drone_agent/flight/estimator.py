@@ -20,7 +20,11 @@ _READY_AFTER_NS = 1_000_000_000
 _VALID_NS = 1_000_000_000
 _RESET_AFTER_NS = 1_000_000_000
 _GATE_M = 0.3
-_GATE_GROWTH_M_S = 1.0
+_GATE_GROWTH_M_S = 0.3
+_YAW_GATE_RAD = 0.35
+_VEL_GATE_M_S = 0.4
+"""What the inertial sensors may be put right by: a pose that wants more does not move as the vehicle does."""
+_KEEP_NS = 500_000_000
 _TILT_GATE = math.cos(0.35)
 _OWN_READY_NS = 2_000_000_000
 # Fraction of a pose's innovation believed at once; the velocity gain that damps it critically.
@@ -104,6 +108,10 @@ class Positioning(Protocol):
         """Whether a flight may go on with it."""
         ...
 
+    def silent_s(self, now_ns: int) -> float:
+        """For how long no pose has been taken, s; infinite before the first."""
+        ...
+
     def fault(self, now_ns: int) -> str | None:
         """Why one must not arm on it, or None."""
         ...
@@ -132,6 +140,10 @@ class OwnPositioning:
         """Once it has found itself."""
         return now_ns >= self._ready_ns
 
+    def silent_s(self, now_ns: int) -> float:
+        """Never, once it has found itself."""
+        return 0.0 if self.valid(now_ns) else math.inf
+
     def fault(self, now_ns: int) -> str | None:
         """Until it has found itself."""
         return None if self.valid(now_ns) else "waiting for estimator to initialize"
@@ -144,8 +156,10 @@ class OwnPositioning:
 class ExternalPositioning:
     """The external pose alone: not ready without it, valid for a second after it."""
 
-    def __init__(self, bias_lab_m_s2: Vec3Tuple) -> None:
+    def __init__(self, bias_lab_m_s2: Vec3Tuple, *, gated: bool = True) -> None:
+        """gated: whether poses are held against what the inertial sensors say."""
         self._bias = bias_lab_m_s2
+        self._gated = gated
         self._pos = [0.0, 0.0, 0.0]
         self._vel = [0.0, 0.0, 0.0]
         self.yaw_rad = 0.0
@@ -154,6 +168,7 @@ class ExternalPositioning:
         self._good_ns: int | None = None  # receipt of the last accepted pose
         self._since_ns = 0  # start of the present unbroken run of accepted poses
         self._refusal = "no external pose"
+        self._kept = self._older = (0, NO_OFFSET)
         self.refused = 0
 
     def offset(self, now_ns: int) -> Offset:
@@ -166,6 +181,10 @@ class ExternalPositioning:
     def valid(self, now_ns: int) -> bool:
         """Dead reckoning is trusted for a second."""
         return self._good_ns is not None and now_ns - self._good_ns < _VALID_NS
+
+    def silent_s(self, now_ns: int) -> float:
+        """Since the last accepted pose."""
+        return math.inf if self._good_ns is None else (now_ns - self._good_ns) * 1e-9
 
     def fault(self, now_ns: int) -> str | None:
         """Stale, refused, or not steady for a second yet."""
@@ -183,7 +202,9 @@ class ExternalPositioning:
         dt_s = (pose.t_capture_ns - t_state_ns) * 1e-9
         motion = zip(pose.pos_lab_m.tolist(), reckoned.pos_lab_m, reckoned.vel_lab_m_s, strict=True)
         measured = [p - (t + v * dt_s) for p, t, v in motion]
-        refusal = self._refuse(pose.t_capture_ns, now_ns, measured, q, true_q, lost)
+        refusal = self._refuse(pose.t_capture_ns, now_ns, measured, q, true_q)
+        if refusal is None and not lost and self._gated:
+            refusal = self._contradiction(measured, yaw, (pose.t_capture_ns - self._capture_ns) * 1e-9, now_ns)
         if refusal is not None:
             self.refused += 1
             self._refusal = refusal
@@ -191,11 +212,14 @@ class ExternalPositioning:
         if lost:
             self._pos, self._vel, self.yaw_rad = measured, [0.0, 0.0, 0.0], yaw
             self._since_ns = now_ns
+            self._kept = self._older = (now_ns, self.offset(now_ns))
         else:
             self._correct(measured, yaw, (pose.t_capture_ns - self._capture_ns) * 1e-9)
             if now_ns - (self._good_ns or 0) > _FRESH_NS:
                 self._since_ns = now_ns
         self._capture_ns, self._good_ns = pose.t_capture_ns, now_ns
+        if now_ns - self._kept[0] >= _KEEP_NS:
+            self._older, self._kept = self._kept, (now_ns, self.offset(now_ns))
         self._refusal = "external pose is stale"
         return True
 
@@ -207,7 +231,7 @@ class ExternalPositioning:
         self.yaw_rad += _GAIN_YAW * math.remainder(yaw_rad - self.yaw_rad, math.tau)
 
     def _refuse(
-        self, t_capture_ns: int, now_ns: int, measured: list[float], q: list[float], true_q: list[float], lost: bool
+        self, t_capture_ns: int, now_ns: int, measured: list[float], q: list[float], true_q: list[float]
     ) -> str | None:
         if not math.isfinite(sum(measured) + sum(q)):
             return "external pose is not finite"
@@ -215,13 +239,33 @@ class ExternalPositioning:
             return "external pose has a wrong time"
         if t_capture_ns <= self._capture_ns:
             return "external pose is out of order"
-        if _up_dot(q, true_q) < _TILT_GATE:
+        if self._gated and up_dot(q, true_q) < _TILT_GATE:
             return "external attitude disagrees with gravity"
-        if not lost:
-            gate_m = _GATE_M + _GATE_GROWTH_M_S * (now_ns - (self._good_ns or now_ns)) * 1e-9
-            if math.dist(measured, self._pos) > gate_m:
-                return "external position jumped"
         return None
+
+    def _contradiction(self, measured: list[float], yaw_rad: float, dt_s: float, now_ns: int) -> str | None:
+        """Why a pose cannot be what the vehicle did since the last ones, by its inertial sensors."""
+        gate_m = _GATE_M + _GATE_GROWTH_M_S * (now_ns - (self._good_ns or now_ns)) * 1e-9
+        if math.dist(measured, self._pos) > gate_m:
+            return "external position jumped"
+        if abs(math.remainder(yaw_rad - self.yaw_rad, math.tau)) > _YAW_GATE_RAD:
+            return "external heading jumped"
+        gain = _GAIN_VEL / max(dt_s, 0.002)
+        if (
+            math.hypot(*(v + gain * (m - p) for v, m, p in zip(self._vel, measured, self._pos, strict=True)))
+            > _VEL_GATE_M_S
+        ):
+            self._go_back(now_ns)
+            return "external pose does not move as the vehicle does"
+        return None
+
+    def _go_back(self, now_ns: int) -> None:
+        """Reckon on from before the poses began to be wrong: half a second ago, or a whole one."""
+        since_ns, offset = self._older
+        self._pos, self._vel, self.yaw_rad = [*offset.pos_lab_m], [*offset.vel_lab_m_s], offset.yaw_rad
+        self._t_ns = since_ns
+        self._drift(now_ns)
+        self._kept = self._older
 
     def _drift(self, now_ns: int) -> None:
         dt_s = (now_ns - self._t_ns) * 1e-9
@@ -232,7 +276,13 @@ class ExternalPositioning:
         self._t_ns = max(now_ns, self._t_ns)
 
 
-def _up_dot(q: list[float], p: list[float]) -> float:
+def up_cos(q_lab_from_flu: Quat) -> float:
+    """Cosine of the tilt."""
+    x, y = float(q_lab_from_flu[1]), float(q_lab_from_flu[2])
+    return 1.0 - 2.0 * (x * x + y * y)
+
+
+def up_dot(q: list[float], p: list[float]) -> float:
     """Cosine of the angle between two attitudes' ideas of up, in the body's axes, which no heading changes."""
     qw, qx, qy, qz = q
     pw, px, py, pz = p

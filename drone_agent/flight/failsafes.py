@@ -7,12 +7,21 @@ first; the autopilot's time-outs, from its parameters, come after it.
 from math import hypot
 
 from drone_agent.autopilots.model import Task
-from drone_agent.failsafe import REPORTS, LinkMonitor, Stage
+from drone_agent.failsafe import REPORTS, TAKEN_OVER, LinkMonitor
 from drone_agent.flight.autopilot import Autopilot
+from drone_agent.flight.estimator import up_cos
+from drone_agent.flight.landing import ContactSense
+from drone_agent.flight.motor_failure import MotorFailure
+from drone_agent.stages import Stage, Trigger
 from formation.messages import Severity
 from wire.autopilots.table import FlightMode
+from wire.link_messages.address import Address
 
 _ON_POSITION = (Task.HOLD, Task.TAKEOFF, Task.RETURN, Task.LAND)
+_LEVEL_AFTER_S, _DESCEND_AFTER_S = 0.2, 0.5
+"""Without a pose that its estimator takes: no place to hold; nothing to land by."""
+_REST_NS = 2_000_000_000
+_REST_M_S, _REST_RAD_S = 0.1, 0.3
 
 
 class Failsafes:
@@ -24,6 +33,11 @@ class Failsafes:
         self._flown = False
         self._ground = LinkMonitor()
         self._battery_low_said = self._battery_acted = False
+        self._contact = ContactSense()
+        self._failure = MotorFailure()
+        self._rest_ns = 0
+        self._levelled = False
+        """Whether it flies level for want of a pose alone."""
 
     def ground_seen(self, now_ns: int) -> None:
         """A ground station's heartbeat came."""
@@ -32,27 +46,42 @@ class Failsafes:
     def stream_deadline_ns(self) -> int | None:
         """When `check_stream` is next due; None while there is nothing to monitor."""
         pilot = self._autopilot
-        return pilot.stream.deadline_ns(pilot.stream_loss.after_s) if pilot.in_stream_mode else None
+        return pilot.stream.deadline_ns(pilot.stream_loss.after_s)
 
     def check_stream(self, now_ns: int) -> None:
         """Act on a stream that has been silent too long."""
         pilot = self._autopilot
-        if not pilot.in_stream_mode:
-            return
-        loss = pilot.stream_loss
-        stage = pilot.stream.advance(now_ns, loss.after_s)
+        stage = pilot.stream.advance(now_ns, pilot.stream_loss.after_s)
         if stage in REPORTS:
             pilot.say(*REPORTS[stage])
+        self._carry_out(stage, now_ns)
+
+    def hand_over(self, source: Address, wants: bool, now_ns: int) -> None:
+        """A ground asks for the stream of setpoints, or gives it back: hold until its owner's come."""
+        pilot = self._autopilot
+        stage = pilot.stream.hand_over(source, wants, now_ns, in_mode=pilot.in_stream_mode)
+        if stage is Stage.HOLD:
+            pilot.say(*TAKEN_OVER)
+        self._carry_out(stage, now_ns)
+
+    def _carry_out(self, stage: Stage | None, now_ns: int) -> None:
+        """Do what a stage that begins asks for."""
+        pilot, loss = self._autopilot, self._autopilot.stream_loss
         match stage:
             case Stage.HOLD:
-                holds = pilot.positioning.valid(now_ns)
+                holds = pilot.positioning.silent_s(now_ns) < _LEVEL_AFTER_S
                 pilot.fly(Task.HOLD if holds else Task.LEVEL, now_ns, level_first=True)
             case Stage.LAND:
-                pilot.fail_safe(FlightMode.LAND, now_ns)
+                if pilot.task not in (Task.LAND, Task.DESCEND):
+                    pilot.divert(FlightMode.LAND, now_ns)
+                pilot.pilot.brisk = True
+            case Stage.DESCEND:
+                pilot.divert(FlightMode.DESCEND, now_ns)
+                pilot.pilot.brisk = True
             case Stage.LOST:
                 pilot.say(Severity.CRITICAL, pilot.model.texts.stream_lost)
                 if loss.mode is not None:
-                    pilot.fail_safe(loss.mode, now_ns, loss.task)
+                    pilot.divert(loss.mode, now_ns, loss.task)
                 elif not pilot.stream.lands:
                     pilot.fly(loss.task, now_ns)
 
@@ -60,49 +89,99 @@ class Failsafes:
         """Everything that changes slowly: twenty times a second."""
         pilot = self._autopilot
         pilot.airframe.drain(dt_s)
+        self._sense_contact()
         if not pilot.armed:
             self._flown = False
             self._landed_ns = now_ns
+            self._unlatch(now_ns)
             return
         self._detect_landing(now_ns)
         self._disarm_when_done(now_ns)
         if pilot.armed and not pilot.landed:
+            self._check_motors(now_ns)
             self._check_position(now_ns)
             self._check_battery(now_ns)
             self._check_ground(now_ns)
+
+    def _sense_contact(self) -> None:
+        pilot = self._autopilot
+        frame = pilot.airframe
+        lift = frame.profile.thrust_n_of(frame.setpoint.thrust_norm) / frame.profile.mass_kg if pilot.armed else 0.0
+        state = frame.state
+        pilot.carried = self._contact.update(
+            frame.t_ns, float(state.vel_lab_m_s[2]), lift * up_cos(state.q_lab_from_flu)
+        )
+
+    def _unlatch(self, now_ns: int) -> None:
+        """After a stop: disarmed, and at rest for two seconds."""
+        pilot = self._autopilot
+        state = pilot.airframe.state
+        moves = hypot(*state.vel_lab_m_s) > _REST_M_S or hypot(*state.rate_flu_rad_s) > _REST_RAD_S
+        self._rest_ns = now_ns if moves else max(self._rest_ns, pilot.stopped_ns)
+        if now_ns - self._rest_ns >= _REST_NS:
+            pilot.stream.pull(Trigger.RESTED, now_ns)
+
+    def _check_motors(self, now_ns: int) -> None:
+        pilot = self._autopilot
+        frame = pilot.airframe
+        if "motor-failure" in pilot.without:
+            return
+        wanted, attitude = frame.setpoint.q_lab_from_flu, frame.state.q_lab_from_flu
+        if self._failure.update(now_ns, wanted, attitude, self._contact.missing):
+            pilot.say(Severity.CRITICAL, "Thrust or attitude out of reach, a motor may be dead: motors off")
+            pilot.terminate(now_ns)
 
     def _detect_landing(self, now_ns: int) -> None:
         pilot = self._autopilot
         frame, belief = pilot.airframe, pilot.belief(now_ns)
         vx, vy, vz = belief.vel_lab_m_s
         thrust = frame.profile.thrust_n_of(frame.setpoint.thrust_norm) / frame.profile.weight_n
-        if not pilot.detector.update(now_ns, thrust, belief.pos_lab_m[2], vz, hypot(vx, vy)):
+        quiet = pilot.carried or "touch-down" in pilot.without
+        down = pilot.piloted and pilot.pilot.faded
+        if not pilot.detector.update(now_ns, thrust, belief.pos_lab_m[2], vz, hypot(vx, vy), carried=quiet, faded=down):
             return
         if pilot.landed:
             self._landed_ns = now_ns
+            pilot.stream.disown()
             pilot.say(Severity.INFO, pilot.model.texts.landed)
         else:
             self._flown = True
+            self._failure = MotorFailure()
             pilot.say(Severity.INFO, pilot.model.texts.takeoff)
 
     def _disarm_when_done(self, now_ns: int) -> None:
         pilot, timing = self._autopilot, self._autopilot.timing
         if not pilot.landed or not pilot.armed:
             return
-        if not self._flown:
+        if not self._flown and pilot.stream.stage not in (Stage.LAND, Stage.DESCEND):
             wait_s, since_ns, reason = timing.disarm_idle_s, pilot.armed_ns, "auto preflight disarming"
         else:
             landing = pilot.task in (Task.LAND, Task.DESCEND)
             wait_s = timing.disarm_landing_s if landing else timing.disarm_flown_s
             since_ns, reason = self._landed_ns, "landing"
         if wait_s >= 0.0 and now_ns - since_ns >= round(wait_s * 1e9):
-            pilot.disarm(force=False, reason=reason)
+            pilot.disarm(now_ns, force=False, reason=reason)
 
     def _check_position(self, now_ns: int) -> None:
+        """A place is held by a pose that is taken, and by level flight without one; then it comes down level."""
         pilot = self._autopilot
-        if pilot.task in _ON_POSITION and not pilot.positioning.valid(now_ns):
+        silent_s = pilot.positioning.silent_s(now_ns)
+        if pilot.task is Task.LEVEL and self._levelled and silent_s < _LEVEL_AFTER_S:
+            self._levelled = False
+            pilot.fly(Task.HOLD, now_ns)
+        if pilot.task not in _ON_POSITION and not (pilot.task is Task.LEVEL and self._levelled):
+            self._levelled = False
+            return
+        if silent_s >= _DESCEND_AFTER_S:
+            self._levelled = False
             pilot.say(Severity.CRITICAL, pilot.model.texts.pose_lost)
-            pilot.fail_safe(FlightMode.DESCEND, now_ns)
+            if pilot.stream.pull(Trigger.NO_POSE, now_ns) is None:
+                pilot.fail_safe(FlightMode.DESCEND, now_ns)
+            else:
+                self._carry_out(Stage.DESCEND, now_ns)
+        elif silent_s >= _LEVEL_AFTER_S and pilot.task is Task.HOLD:
+            self._levelled = True
+            pilot.fly(Task.LEVEL, now_ns)
 
     def _check_battery(self, now_ns: int) -> None:
         pilot, timing = self._autopilot, self._autopilot.timing

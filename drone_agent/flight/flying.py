@@ -18,14 +18,24 @@ _ARRIVED_M = 0.08
 _RISE_M, _RISE_M_S = 0.1, 0.1
 _TOUCH_CLIMB_M_S = 0.12
 _TOUCH_S = 0.3
+_CARRIED_S = 1.0  # what the floor carries for this long stands on it, whatever the estimate says
 _CUT_1_S = 3.0  # after touch-down the thrust fades in a third of a second
+_BRISK_M_S, _BRISK_ABOVE_M = 0.9, 0.5
+_LATE_S, _LATE_M_S2, _LATE_MAX_M_S = 4.0, 0.2, 0.8  # a landing that takes this much too long sinks faster and faster
 
 
 class Pilot:
     """The task in hand and its references; `begin` a task, then `step` at a steady rate."""
 
-    def __init__(self, profile: VehicleProfile) -> None:
+    def __init__(self, profile: VehicleProfile, without: frozenset[str] = frozenset()) -> None:
+        """without: monitors that are switched off (drone_agent.monitors)."""
         self.task = Task.OFF
+        self.brisk = False
+        """Whether a landing comes down faster than the autopilot's own, high above the ground."""
+        self._feels_floor, self._ends = "touch-down" not in without, "land-ends" not in without
+        self._rest_m = 0.0
+        self._sinking_s = self._due_s = 0.0
+        self._carried_s = 0.0
         self._loop = PositionController(lambda force_m_s2: profile.thrust_norm_of(profile.mass_kg * force_m_s2))
         self._place: tuple[float, float] = (0.0, 0.0)
         self._home: tuple[float, float] = (0.0, 0.0)
@@ -54,11 +64,13 @@ class Pilot:
         self.task = task
         self._attitude, self._velocity, self._climb_m_s = None, None, 0.0
         self._level_s = _LEVEL_FIRST_S if level_first else 0.0
-        self._touch_s, self._thrust = 0.0, 1.0
+        self._touch_s, self._carried_s, self._thrust = 0.0, 0.0, 1.0
+        self.brisk, self._sinking_s, self._due_s = False, 0.0, 0.0
 
     def set_home(self, belief: Belief) -> None:
         """Return comes back here."""
         self._home = (belief.pos_lab_m[0], belief.pos_lab_m[1])
+        self._rest_m = belief.pos_lab_m[2]
 
     def go_to(self, place_lab_m: Vec3Tuple, yaw_rad: float | None) -> None:
         """Hold there instead."""
@@ -101,12 +113,17 @@ class Pilot:
         self._loop.reset()
         return LoopSetpoint(from_yaw(np.array(self._yaw_rad)), NO_RATE, 0.0)
 
-    def step(self, belief: Belief, timing: Timing, dt_s: float) -> LoopSetpoint:
-        """The next attitude and thrust."""
+    @property
+    def faded(self) -> bool:
+        """Whether a landing has taken the thrust away."""
+        return self._thrust == 0.0
+
+    def step(self, belief: Belief, timing: Timing, dt_s: float, *, carried: bool = False) -> LoopSetpoint:
+        """The next attitude and thrust; carried: by the floor, as drone_agent.flight.landing senses it."""
         demand = self._demand(belief, timing, dt_s)
         setpoint = self._loop.step(demand, belief, dt_s)
         if self.task in (Task.LAND, Task.DESCEND):
-            return self._touch_down(setpoint, belief, dt_s)
+            return self._touch_down(setpoint, belief, carried or not self._feels_floor, dt_s)
         return setpoint
 
     def _demand(self, belief: Belief, timing: Timing, dt_s: float) -> Demand:
@@ -116,9 +133,9 @@ class Pilot:
         if self._velocity is not None:
             return Demand(yaw, speed_lab_m_s=self._velocity[:2], climb_m_s=self._velocity[2])
         if self.task is Task.DESCEND:
-            return Demand(yaw, climb_m_s=-timing.land_m_s)
+            return Demand(yaw, climb_m_s=-self._sink_m_s(belief, timing, dt_s))
         if self.task is Task.LAND:
-            return Demand(yaw, self._place, climb_m_s=-timing.land_m_s)
+            return Demand(yaw, self._place, climb_m_s=-self._sink_m_s(belief, timing, dt_s))
         self._level_s -= dt_s
         if self.task is Task.LEVEL or self._level_s > 0.0:
             if self._level_s > 0.0:
@@ -138,10 +155,27 @@ class Pilot:
         self._height_m += step
         return step / dt_s
 
-    def _touch_down(self, setpoint: LoopSetpoint, belief: Belief, dt_s: float) -> LoopSetpoint:
-        """On the floor the descent stops though it is still asked for: then fade the thrust out."""
+    def _sink_m_s(self, belief: Belief, timing: Timing, dt_s: float) -> float:
+        """How fast to come down: by the autopilot's own parameter, and briskly while there is height left.
+
+        Every landing ends: one that has taken longer than its height says has an estimate that is wrong.
+        """
+        height_m = belief.pos_lab_m[2] - self._rest_m
+        if self._due_s == 0.0:
+            self._due_s = max(height_m, 0.0) / timing.land_m_s + _LATE_S
+        self._sinking_s += dt_s
+        late_s = self._sinking_s - self._due_s
+        if late_s > 0.0 and self._ends:
+            return timing.land_m_s + min(_LATE_M_S2 * late_s, _LATE_MAX_M_S)
+        return max(timing.land_m_s, _BRISK_M_S) if self.brisk and height_m > _BRISK_ABOVE_M else timing.land_m_s
+
+    def _touch_down(self, setpoint: LoopSetpoint, belief: Belief, carried: bool, dt_s: float) -> LoopSetpoint:
+        """On the floor, which carries it, the descent stops though it is still asked for: then fade the thrust out."""
         still = abs(belief.vel_lab_m_s[2]) < _TOUCH_CLIMB_M_S
-        self._touch_s = self._touch_s + dt_s if still else 0.0
-        if self._touch_s > _TOUCH_S:
+        self._touch_s = self._touch_s + dt_s if still and carried else 0.0
+        self._carried_s = self._carried_s + dt_s if carried and self._feels_floor else 0.0
+        if self._touch_s > _TOUCH_S or self._carried_s > _CARRIED_S:
             self._thrust = max(self._thrust - _CUT_1_S * dt_s, 0.0)
+        elif self._feels_floor:
+            self._thrust = 1.0
         return LoopSetpoint(setpoint.q_lab_from_flu, setpoint.rate_flu_rad_s, self._thrust * setpoint.thrust_norm)

@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from drone_agent.autopilots.model import Task
+from drone_agent.bounds import within_bounds
 from drone_agent.failsafe import BACK
 from drone_agent.flight.autopilot import Autopilot
 from drone_agent.flight.estimator import turned
@@ -16,6 +17,7 @@ from drone_agent.flight.position import NO_RATE
 from drone_agent.simulation.attitude_loop import LoopSetpoint
 from formation.maths.arrays import Quat, Vec3
 from formation.maths.frames import from_rotation_vector, multiply
+from wire.link_messages.address import Address
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore, LocalFrame, PositionIgnore, PositionSetpoint
 
 
@@ -24,17 +26,23 @@ class Guidance:
 
     def __init__(self, autopilot: Autopilot) -> None:
         self._autopilot = autopilot
+        self.bounded = 0
+        """Setpoints that asked for more than is followed."""
         self._delay_ns = round(autopilot.airframe.profile.command_delay_s * 1e9)
 
-    def attitude(self, now_ns: int, target: AttitudeSetpoint) -> None:
+    def attitude(self, now_ns: int, target: AttitudeSetpoint, source: Address | None) -> None:
         """An attitude target came."""
         autopilot = self._autopilot
         if not autopilot.model.takes_target(target):
             if autopilot.in_stream_mode:
                 autopilot.fly(Task.HOLD, now_ns)
             return
-        if not self._heard(now_ns):
+        if not self._heard(now_ns, source):
             return
+        if "setpoint-bounds" not in autopilot.without:
+            bounded = within_bounds(target, autopilot.airframe.profile)
+            self.bounded += bounded is not target
+            target = bounded
         climb_m_s = autopilot.model.climb_rate_of(autopilot.parameters, target.thrust_norm)
         if climb_m_s is not None:
             if autopilot.task is not Task.LEVEL:
@@ -50,7 +58,7 @@ class Guidance:
         thrust = 0.0 if Ignore.THRUST in target.ignore else target.thrust_norm
         autopilot.airframe.order(now_ns + self._delay_ns, LoopSetpoint(attitude, rate, thrust))
 
-    def position(self, now_ns: int, target: PositionSetpoint) -> None:
+    def position(self, now_ns: int, target: PositionSetpoint, source: Address | None) -> None:
         """A position or velocity came; the pilot flies it, where there is an estimate to fly it in."""
         autopilot = self._autopilot
         goes = not target.ignore & PositionIgnore.POSITION
@@ -60,7 +68,7 @@ class Guidance:
         if goes and not autopilot.model.streams_positions:
             if not autopilot.in_stream_mode:
                 return
-        elif not self._heard(now_ns):
+        elif not self._heard(now_ns, source):
             return
         belief = autopilot.belief(now_ns)
         turn_rad = belief.yaw_rad if target.frame in (LocalFrame.BODY, LocalFrame.BODY_OFFSET) else 0.0
@@ -78,15 +86,12 @@ class Guidance:
         x, y, z = belief.pos_lab_m if target.frame is not LocalFrame.LOCAL else (0.0, 0.0, 0.0)
         autopilot.pilot.go_to((x + vector[0], y + vector[1], z + vector[2]), yaw_rad)
 
-    def _heard(self, now_ns: int) -> bool:
+    def _heard(self, now_ns: int, source: Address | None) -> bool:
         """Note a setpoint of the stream; whether it is to be followed."""
         autopilot = self._autopilot
-        autopilot.stream.monitor.note(now_ns)
-        if not autopilot.in_stream_mode:
-            return False
-        if autopilot.stream.resume():
+        if autopilot.stream.follow(source, now_ns, in_mode=autopilot.in_stream_mode):
             autopilot.say(*BACK)
-        return True
+        return autopilot.in_stream_mode
 
     def _ahead(self, rate_flu_rad_s: Vec3) -> Quat:
         """The attitude so far ahead that the attitude loop, when it gets it, turns at this rate."""

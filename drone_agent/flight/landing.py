@@ -1,13 +1,37 @@
-"""Land detection from what an autopilot knows: the thrust it asks for and the motion it estimates."""
+"""Land detection from what an autopilot knows: the thrust it asks for, the motion it estimates, its accelerometer."""
+
+from formation.vehicle.profile import GRAVITY_M_S2
 
 _STILL_UP_M_S, _STILL_SIDE_M_S = 0.15, 0.5
 _LOW_THRUST, _LIFT_THRUST = 0.7, 0.9
 _SETTLE_NS = 400_000_000
 _CLIMB_M_S, _HEIGHT_M = 0.1, 0.05
+_CARRIED_M_S2, _LIFT_LEAST_M_S2 = 0.15 * GRAVITY_M_S2, 0.5 * GRAVITY_M_S2
+
+
+class ContactSense:
+    """Whether the floor carries the vehicle: it falls less than its thrust would let it. No pose can feign that."""
+
+    def __init__(self) -> None:
+        self.carried = False
+        self.missing = 0.0
+        """Share of the thrust that is not felt, where there is any."""
+        self._t_ns: int | None = None
+        self._climb_m_s = self._lift_m_s2 = 0.0
+
+    def update(self, t_ns: int, climb_m_s: float, lift_m_s2: float) -> bool:
+        """Take one look. climb_m_s: as the inertial sensors have it; lift_m_s2: the thrust's upward part, by mass."""
+        if self._t_ns is not None and t_ns > self._t_ns:
+            felt = (climb_m_s - self._climb_m_s) / ((t_ns - self._t_ns) * 1e-9) + GRAVITY_M_S2
+            lift = 0.5 * (lift_m_s2 + self._lift_m_s2)
+            self.carried = felt - lift > _CARRIED_M_S2
+            self.missing = (lift - felt) / lift if lift > _LIFT_LEAST_M_S2 else 0.0
+        self._t_ns, self._climb_m_s, self._lift_m_s2 = t_ns, climb_m_s, lift_m_s2
+        return self.carried
 
 
 class LandDetector:
-    """Landed after 0.4 s of low thrust without motion; flying once it rises under thrust."""
+    """Landed after 0.4 s of low thrust without motion on a floor that carries; flying once it rises under thrust."""
 
     def __init__(self) -> None:
         self.landed = True
@@ -15,9 +39,13 @@ class LandDetector:
         self._ground_m = 0.0
 
     def update(
-        self, now_ns: int, thrust_to_hover: float, height_m: float, climb_m_s: float, side_m_s: float
+        self, now_ns: int, thrust_to_hover: float, height_m: float, climb_m_s: float, side_m_s: float,
+        *, carried: bool, faded: bool,
     ) -> bool:  # fmt: skip
-        """Take one look (20 Hz or so); True where the state changed. Speeds and height are estimates."""
+        """Take one look (20 Hz or so); True where the state changed. Speeds and height are estimates.
+
+        carried: see ContactSense; faded: a landing has taken the thrust away, so that no estimate is needed.
+        """
         if self.landed:
             if thrust_to_hover < _LOW_THRUST:
                 self._ground_m = height_m
@@ -26,8 +54,8 @@ class LandDetector:
                 self._quiet_since_ns = None
                 return True
             return False
-        quiet = thrust_to_hover < _LOW_THRUST and abs(climb_m_s) < _STILL_UP_M_S and side_m_s < _STILL_SIDE_M_S
-        if not quiet:
+        still = abs(climb_m_s) < _STILL_UP_M_S and side_m_s < _STILL_SIDE_M_S
+        if not (carried and thrust_to_hover < _LOW_THRUST and (still or faded)):
             self._quiet_since_ns = None
             return False
         if self._quiet_since_ns is None:

@@ -9,11 +9,12 @@ from drone_agent.flight.estimator import ExternalPose
 from drone_agent.flight.failsafes import Failsafes
 from drone_agent.flight.guidance import Guidance
 from drone_agent.link.commands import Commander, order_of
+from drone_agent.setpoint_gate import Refusal, SetpointGate
+from drone_agent.stages import Stage
 from formation.messages import Severity
-from wire.clock_offset import ClockOffset
 from wire.link_messages.address import Address
 from wire.link_messages.clocks import Ping, TimeSync
-from wire.link_messages.commands import CommandAck, CommandInt, CommandLong, SetMode
+from wire.link_messages.commands import CommandAck, CommandInt, CommandLong, MavCommand, Result, SetMode
 from wire.link_messages.message_id import MessageId
 from wire.link_messages.motion import MocapPose, Odometry, Origin, SetOrigin, VisionPose
 from wire.link_messages.packet import LinkMessage, Packet
@@ -21,6 +22,7 @@ from wire.link_messages.parameters import ParamRequestList, ParamRequestRead, Pa
 from wire.link_messages.setpoints import AttitudeSetpoint, PositionSetpoint
 from wire.link_messages.status import Heartbeat, MavAutopilot
 from wire.link_messages.storage import LogEntry, LogRequestList, MissionCount, MissionRequestList
+from wire.refusals import Refusals
 
 _POSE_AGE_MAX_NS = 500_000_000
 _POSE_DELAY_NS = 20_000_000  # of a pose whose stamp is on no clock we know
@@ -73,7 +75,9 @@ class Inbox:
         self._send = send
         self._use_pose = use_pose
         self._guidance = Guidance(autopilot)
-        self.clock = ClockOffset()
+        self.refusals = Refusals()
+        """Setpoints that were not obeyed."""
+        self._gate = SetpointGate(autopilot.without)
         self.listing: int | None = None
         """The next parameter of a list that was asked for."""
         self.own_feed_ns: int | None = None
@@ -104,12 +108,34 @@ class Inbox:
         if reader is not None:
             reader(packet.source, packet.message, now_ns)
 
-    def _setpoint(self, _source: Address, message: AttitudeSetpoint, now_ns: int) -> None:
-        self._guidance.attitude(now_ns, message)
-        self._pilot.setpoint_age_ms = self.clock.age_ms(message.t_boot_ms, now_ns - self._t0_ns)
+    def _setpoint(self, source: Address, message: AttitudeSetpoint, now_ns: int) -> None:
+        if self._obeyed(source, message.t_boot_ms, now_ns):
+            self._guidance.attitude(now_ns, message, self._owner(source))
+        self._pilot.setpoint_age_ms = self._gate.age_ms(source, message.t_boot_ms, now_ns - self._t0_ns)
 
-    def _position(self, _source: Address, message: PositionSetpoint, now_ns: int) -> None:
-        self._guidance.position(now_ns, message)
+    def _position(self, source: Address, message: PositionSetpoint, now_ns: int) -> None:
+        if self._obeyed(source, message.t_boot_ms, now_ns):
+            self._guidance.position(now_ns, message, self._owner(source))
+
+    def _owner(self, source: Address) -> Address | None:
+        """Whose the setpoints of `source` are: a ground's, or the vehicle's own, where what is on board sent them."""
+        return None if source.system == self._config.sysid else source
+
+    def _obeyed(self, source: Address, t_boot_ms: int, now_ns: int) -> bool:
+        """Whether a setpoint counts; one that does not is counted, and is no life of the stream."""
+        pilot, boot_ns = self._pilot, now_ns - self._t0_ns
+        if pilot.stream.stage is not Stage.FOLLOW:
+            self._gate.forget_order()
+        foreign = not pilot.stream.obeys(self._owner(source)) and "foreign-setpoint" not in pilot.without
+        refusal = Refusal.FOREIGN if foreign else self._gate.judge(source, t_boot_ms, boot_ns)
+        if refusal is not None:
+            self.refusals.note(str(source), refusal.value, now_ns)
+            return False
+        if self._gate.asks(source, now_ns):
+            self._send(TimeSync(0, boot_ns, source))
+        if pilot.in_stream_mode and self._gate.untold(source):
+            pilot.say(Severity.INFO, f"Age of setpoints of {source} unknown: no TIMESYNC")
+        return True
 
     def _set_origin(self, _source: Address, message: SetOrigin, _now_ns: int) -> None:
         if self._config.pose == "mocap":
@@ -117,17 +143,17 @@ class Inbox:
         if self._pilot.origin is not None:
             self._send(Origin(*self._pilot.origin))
 
-    def _pose(self, _source: Address, message: VisionPose | MocapPose | Odometry, now_ns: int) -> None:
+    def _pose(self, source: Address, message: VisionPose | MocapPose | Odometry, now_ns: int) -> None:
         pilot = self._pilot
         if self.own_feed_ns is not None and now_ns - self.own_feed_ns < _OWN_FEED_RULES_NS:
             return
         if pilot.model.takes_pose(pilot.parameters, message):
-            capture_ns = self._capture_ns(message.t_us * 1000, now_ns)
+            capture_ns = self._capture_ns(source, message.t_us * 1000, now_ns)
             self._use_pose(ExternalPose(capture_ns, message.pos_lab_m, message.q_lab_from_flu), now_ns)
 
-    def _capture_ns(self, stamp_ns: int, now_ns: int) -> int:
+    def _capture_ns(self, source: Address, stamp_ns: int, now_ns: int) -> int:
         """A pose's capture on our clock: its stamp is our time since boot, or the sender's own clock."""
-        own_ns = self.clock.to_ours_ns(stamp_ns)
+        own_ns = self._gate.clock(source).to_ours_ns(stamp_ns)
         for since_boot_ns in (stamp_ns,) if own_ns is None else (stamp_ns, own_ns):
             if 0 <= now_ns - self._t0_ns - since_boot_ns <= _POSE_AGE_MAX_NS:
                 return self._t0_ns + since_boot_ns
@@ -138,14 +164,18 @@ class Inbox:
         if message.tc1_ns == 0:
             self._send(TimeSync(boot_ns, message.ts1_ns, source))
         else:
-            self.clock.exchange(message.ts1_ns, message.tc1_ns, boot_ns)
+            self._gate.clock(source).exchange(message.ts1_ns, message.tc1_ns, boot_ns)
 
     def _heartbeat(self, _source: Address, message: Heartbeat, now_ns: int) -> None:
         if message.autopilot is MavAutopilot.INVALID:
             self._failsafes.ground_seen(now_ns)
 
     def _command(self, source: Address, message: CommandLong | CommandInt, now_ns: int) -> None:
-        result = self._commander.obey(order_of(message), now_ns)
+        if message.command == MavCommand.REQUEST_OPERATOR_CONTROL:
+            self._failsafes.hand_over(source, message.params[1] == 1.0, now_ns)
+            result = Result.ACCEPTED
+        else:
+            result = self._commander.obey(order_of(message), now_ns)
         self._send(CommandAck(source, message.command, result))
 
     def _set_mode(self, source: Address, message: SetMode, now_ns: int) -> None:

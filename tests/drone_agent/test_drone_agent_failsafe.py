@@ -1,18 +1,21 @@
 """The stages of a stream that falls silent, by the times alone."""
 
+import numpy as np
 import pytest
 from agent_harness import MS, Harness
 
 from drone_agent.bridge.takeover import STEP_NS, Takeover, Turn
-from drone_agent.failsafe import Stage, StreamFailsafe
+from drone_agent.failsafe import StreamFailsafe
+from drone_agent.stages import Stage, Trigger
 from wire.link_messages.address import GROUND
 from wire.link_messages.commands import CommandAck, Result
 
 
 def _streamed(failsafe: StreamFailsafe, period_ms: int = 10, last_ms: int = 1000) -> None:
-    failsafe.begin()
+    failsafe.pull(Trigger.ARM, 0)
+    failsafe.pull(Trigger.STREAM, 0)
     for ms in range(0, last_ms + 1, period_ms):
-        failsafe.monitor.note(ms * MS)
+        failsafe.follow(GROUND, ms * MS)
 
 
 def test_holds_when_stale_then_lands() -> None:
@@ -24,7 +27,7 @@ def test_holds_when_stale_then_lands() -> None:
     assert failsafe.deadline_ns() == 2100 * MS
     assert failsafe.advance(2100 * MS) is Stage.LAND
     assert failsafe.deadline_ns() is None
-    assert not failsafe.resume()
+    assert not failsafe.follow(GROUND, 2110 * MS)
     assert failsafe.stage is Stage.LAND
 
 
@@ -32,23 +35,31 @@ def test_a_setpoint_ends_a_hold() -> None:
     failsafe = StreamFailsafe(0.1, 1.0)
     _streamed(failsafe)
     failsafe.advance(1200 * MS)
-    failsafe.monitor.note(1300 * MS)
-    assert failsafe.resume()
+    assert failsafe.follow(GROUND, 1300 * MS)
     assert failsafe.stage is Stage.FOLLOW
-    assert not failsafe.resume()
+    assert not failsafe.follow(GROUND, 1310 * MS)
 
 
 def test_a_slow_stream_is_stale_after_three_of_its_periods() -> None:
     failsafe = StreamFailsafe(0.1, None)
-    _streamed(failsafe, period_ms=200)
-    assert failsafe.deadline_ns() == 1600 * MS
+    _streamed(failsafe, period_ms=200, last_ms=5000)
+    assert failsafe.deadline_ns() == 5600 * MS
+
+
+def test_a_fast_stream_that_loses_nine_in_ten_is_stale_as_soon_as_ever() -> None:
+    failsafe, rng = StreamFailsafe(0.1, None), np.random.default_rng(4)
+    _streamed(failsafe)
+    for ms in range(1010, 120_000, 10):
+        if rng.random() < 0.1:
+            failsafe.follow(GROUND, ms * MS)
+            assert failsafe.deadline_ns() == (ms + 100) * MS
 
 
 def test_without_a_pose_a_hold_lands_at_once() -> None:
     failsafe = StreamFailsafe(0.1, 1.0)
     _streamed(failsafe)
     assert failsafe.advance(1099 * MS, blind=True) is None
-    assert [failsafe.advance(1100 * MS, blind=True) for _ in range(3)] == [Stage.HOLD, Stage.LAND, None]
+    assert [failsafe.advance(1100 * MS, blind=True) for _ in range(3)] == [Stage.HOLD, Stage.DESCEND, None]
 
 
 @pytest.mark.parametrize(("own_s", "stage"), [(0.05, Stage.LOST), (0.5, Stage.HOLD)])
@@ -70,8 +81,8 @@ def test_an_own_time_out_that_floats_round_up_is_still_the_autopilots() -> None:
 
 def _taken_over() -> Takeover:
     takeover = Takeover(0.1, 1.0)
-    takeover.saw(offboard=True)
-    takeover.note(0)
+    takeover.saw(0, armed=True, offboard=True)
+    takeover.note(GROUND, 0)
     return takeover
 
 
@@ -89,12 +100,12 @@ def test_the_bridge_holds_lets_down_and_commands_a_landing_until_it_is_taken() -
 
 def test_the_bridge_without_a_pose_commands_a_landing_at_once() -> None:
     turn = _taken_over().due(100 * MS, fed=False, stands=False)
-    assert turn == Turn((Stage.HOLD, Stage.LAND), None, lands=True)
+    assert turn == Turn((Stage.HOLD, Stage.DESCEND), Stage.DESCEND, lands=True)
 
 
 def test_the_bridge_leaves_an_autopilot_alone_whose_mode_it_does_not_know() -> None:
     takeover = _taken_over()
     takeover.mode_unknown()
     assert takeover.due(500 * MS, fed=True, stands=False) == Turn()
-    takeover.saw(offboard=False)
+    takeover.saw(500 * MS, armed=True, offboard=False)
     assert takeover.deadline_ns() is None

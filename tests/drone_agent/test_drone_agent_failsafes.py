@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from agent_harness import MS, Harness, S, hover_at, idle, target, tilt_rad
+from agent_harness import MS, Harness, S, Stream, hover_at, idle, target, tilt_rad
 
 from drone_agent.autopilots.model import Task
 from drone_agent.flight.estimator import Belief
@@ -103,17 +103,33 @@ def test_a_dropout_shorter_than_the_rule_changes_nothing() -> None:
 
 def test_a_stream_that_is_slow_on_purpose_is_not_stale() -> None:
     harness = Harness()
+    harness.run(3.0)
+
+    def stream(count: int, setpoint: Stream) -> None:
+        for _ in range(count):
+            harness.run(0.2)
+            harness.send(setpoint(harness))
+
+    stream(25, idle)
+    assert harness.command(176, 1.0, 6.0) is Result.ACCEPTED
+    assert harness.command(400, 1.0) is Result.ACCEPTED
+    stream(50, hover_at(0.5))
+    assert not any("stale" in text for text in harness.texts())
+    assert harness.core.autopilot.mode is FlightMode.OFFBOARD
+    assert harness.truth.pos_lab_m[2] == pytest.approx(0.5, abs=0.1)
+
+
+def test_a_fast_stream_that_becomes_lossy_is_stale_after_a_tenth_of_a_second() -> None:
+    """By three of its own late periods it was 0.41 s at nine in ten lost."""
+    harness, rng = Harness(pose="mocap"), np.random.default_rng(3)
     harness.fly_offboard(0.5)
     hover = hover_at(0.5)
-    for _ in range(30):
-        harness.run(0.2)
-        harness.send(hover(harness))
-    quiet_from = len(harness.texts())
-    for _ in range(20):
-        harness.run(0.2)
-        harness.send(hover(harness))
-    assert not any("stale" in text for text in harness.texts()[quiet_from:])
-    assert harness.core.autopilot.mode is FlightMode.OFFBOARD
+    for _ in range(300):
+        harness.run(0.01, lambda h: hover(h) if rng.random() < 0.1 else None)
+    last_ns = silent_since(harness)
+    harness.run_to(max(last_ns + 99 * MS, harness.now_ns))
+    harness.run_to(max(last_ns + 101 * MS, harness.now_ns))
+    assert harness.core.autopilot.task is Task.HOLD
 
 
 def test_px4_by_itself_fails_safe_after_its_own_time_out() -> None:

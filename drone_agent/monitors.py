@@ -1,0 +1,26 @@
+"""What in agent and bridge detects or refuses, by name, so that a campaign can show what each is for."""
+
+from collections.abc import Iterable
+
+MONITORS = (
+    "stale-setpoint",  # older than 100 ms
+    "old-setpoint",  # not newer than the last followed
+    "foreign-setpoint",  # of a ground that does not own the stream
+    "setpoint-bounds",  # tilt, body rate and thrust
+    "stream-stale",  # level and hold 0.1 s after the last setpoint
+    "own-land",  # land by its own clock after that
+    "land-ends",  # sinks ever faster where a landing takes too long
+    "touch-down",  # the floor must carry it before the motors fade
+    "pose-rejected",  # by the agent's own estimator
+    "motor-failure",  # an attitude that the motors cannot reach
+    "stop-latch",  # no arming after a stop until it was seen at rest
+)
+
+
+def switched_off(names: Iterable[str]) -> frozenset[str]:
+    """The monitors to do without; ValueError names one that is none of them."""
+    off = frozenset(names)
+    unknown = sorted(off - set(MONITORS))
+    if unknown:
+        raise ValueError(f"unknown monitors: {', '.join(unknown)}; known: {', '.join(MONITORS)}")
+    return off

@@ -1,0 +1,93 @@
+"""The stage table: who guides the drone, and what each event makes of it. Agent and bridge run on it.
+
+One stage at a time, from disarmed to disarmed; the README shows this very table.
+"""
+
+from collections.abc import Mapping
+from enum import Enum
+from types import MappingProxyType
+
+
+class Stage(Enum):
+    """Who guides the drone now."""
+
+    DISARMED = "DISARMED"
+    OWN = "OWN MODE"  # armed in a mode of the autopilot's own, an operator's choice or its own fail-safe's
+    WAIT = "WAIT"  # armed in a set-point mode, no setpoint yet
+    FOLLOW = "FOLLOW"  # the owner's setpoints
+    HOLD = "HOLD"  # they are stale: level and hold until they come back
+    LOST = "LOST"  # the autopilot's own time-out acts; the agent's clock runs on
+    LAND = "LAND"  # by its own clock, on its own pose
+    DESCEND = "DESCEND"  # by attitude and thrust alone
+    STOPPED = "STOPPED"  # disarmed, and not to be armed
+
+
+class Trigger(Enum):
+    """What can change the stage: an order, or something seen to have happened."""
+
+    ARM = "arm"
+    STREAM = "set-point mode, stream alive"
+    NO_STREAM = "set-point mode, no stream"
+    OTHER_MODE = "other mode"
+    SETPOINT = "setpoint"
+    STALE = "stale"
+    TAKEN_OVER = "new owner"
+    TIME_OUT = "autopilot's own time-out"
+    HELD = "held its time"
+    NO_POSE = "no pose"
+    DISARM = "disarmed"
+    STOP = "stop"
+    RESTED = "at rest for 2 s"
+
+
+_ARMED = (Stage.OWN, Stage.WAIT, Stage.FOLLOW, Stage.HOLD, Stage.LOST, Stage.LAND, Stage.DESCEND)
+RULED = frozenset({Stage.WAIT, Stage.FOLLOW, Stage.HOLD, Stage.LOST})
+"""In which setpoints have an owner."""
+
+TABLE: Mapping[tuple[Stage, Trigger], Stage] = MappingProxyType(
+    {
+        (Stage.DISARMED, Trigger.ARM): Stage.OWN,
+        **{(stage, Trigger.STREAM): Stage.FOLLOW for stage in _ARMED},
+        **{(stage, Trigger.NO_STREAM): Stage.WAIT for stage in _ARMED},
+        **{(stage, Trigger.OTHER_MODE): Stage.OWN for stage in _ARMED},
+        (Stage.WAIT, Trigger.SETPOINT): Stage.FOLLOW,
+        (Stage.WAIT, Trigger.TAKEN_OVER): Stage.WAIT,
+        (Stage.FOLLOW, Trigger.SETPOINT): Stage.FOLLOW,
+        (Stage.FOLLOW, Trigger.STALE): Stage.HOLD,
+        (Stage.FOLLOW, Trigger.TAKEN_OVER): Stage.HOLD,
+        (Stage.FOLLOW, Trigger.TIME_OUT): Stage.LOST,
+        (Stage.HOLD, Trigger.SETPOINT): Stage.FOLLOW,
+        (Stage.HOLD, Trigger.TAKEN_OVER): Stage.HOLD,
+        (Stage.HOLD, Trigger.TIME_OUT): Stage.LOST,
+        (Stage.HOLD, Trigger.HELD): Stage.LAND,
+        (Stage.HOLD, Trigger.NO_POSE): Stage.DESCEND,
+        (Stage.LOST, Trigger.SETPOINT): Stage.FOLLOW,
+        (Stage.LOST, Trigger.TAKEN_OVER): Stage.HOLD,
+        (Stage.LOST, Trigger.HELD): Stage.LAND,
+        (Stage.LOST, Trigger.NO_POSE): Stage.DESCEND,
+        (Stage.LAND, Trigger.NO_POSE): Stage.DESCEND,
+        **{(stage, Trigger.DISARM): Stage.DISARMED for stage in _ARMED},
+        **{(stage, Trigger.STOP): Stage.STOPPED for stage in Stage},
+        (Stage.STOPPED, Trigger.RESTED): Stage.DISARMED,
+    }
+)
+
+
+def advance(stage: Stage, trigger: Trigger) -> Stage | None:
+    """The stage that `trigger` leads to, or None where it means nothing in this stage."""
+    return TABLE.get((stage, trigger))
+
+
+def table_markdown() -> str:
+    """The table as the documentation shows it: a row an event, a column a stage."""
+    header = "| | " + " | ".join(stage.value for stage in Stage) + " |"
+    rule = "|---" * (len(Stage) + 1) + "|"
+    rows = (
+        f"| {trigger.value} | " + " | ".join(_cell(advance(stage, trigger)) for stage in Stage) + " |"
+        for trigger in Trigger
+    )
+    return "\n".join((header, rule, *rows))
+
+
+def _cell(stage: Stage | None) -> str:
+    return "-" if stage is None else stage.value

@@ -1,0 +1,216 @@
+"""Landings that end, and end on the floor: the ground dead, no pose, a wrong one, a dead motor, a stop."""
+
+import numpy as np
+import pytest
+from agent_harness import LEVEL, MS, Harness, S, hover_at, hover_over, idle
+
+from drone_agent.autopilots.model import Task
+from drone_agent.flight.landing import ContactSense, LandDetector
+from drone_agent.flight.motor_failure import MotorFailure
+from drone_agent.stages import TABLE, Stage, Trigger
+from formation.maths.frames import from_rotation_vector
+from formation.vehicle.profile import GRAVITY_M_S2
+from wire.autopilots.table import FlightMode
+from wire.link_messages.commands import Result
+
+ARM, LAND, MODE, TERMINATE = 400, 21, 176, 185
+CUT = 21196.0
+OWN_DELAY_S = {"px4": 2.0, "ardupilot": 0.5}
+"""From touch-down to disarming: PX4's COM_DISARM_LAND, ArduCopter's LAND."""
+
+
+def down(harness: Harness, longest_s: float, *, mocap: bool = True) -> tuple[float, float]:
+    """Seconds until it is disarmed, and the fastest it met the floor, m/s."""
+    began_ns, sinking, impact = harness.now_ns, 0.0, 0.0
+    while harness.core.autopilot.armed and harness.now_ns < began_ns + longest_s * S:
+        harness.run(0.01, mocap=mocap)
+        truth = harness.truth
+        if truth.on_ground:
+            impact, sinking = max(impact, sinking), 0.0
+        else:
+            sinking = -float(truth.vel_lab_m_s[2])
+    return (harness.now_ns - began_ns) / S, impact
+
+
+@pytest.mark.parametrize("flown_s", [0.05, 0.5, 1.0, 4.0])
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_the_ground_dies_at_any_time_and_all_is_down_within_five_seconds(autopilot: str, flown_s: float) -> None:
+    """ArduPilot's own time-out left it hovering for ever. Every tick of a flight: tests/sim/ground_killed.py."""
+    harness = Harness(pose="mocap", autopilot=autopilot)
+    harness.run(3.0)
+    harness.run(1.2, idle)
+    assert harness.command(MODE, 1.0, 6.0 if autopilot == "px4" else 4.0) is Result.ACCEPTED
+    assert harness.command(ARM, 1.0) is Result.ACCEPTED
+    harness.run(flown_s, hover_over(0.3, 0.0, 1.5))
+    seconds, impact = down(harness, 12.0)
+    assert not harness.core.autopilot.armed
+    assert seconds - OWN_DELAY_S[autopilot] < 5.0
+    assert impact < 1.5
+
+
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_own_clock_lands_whatever_the_makes_time_out_does(autopilot: str) -> None:
+    """PX4 told to hold at a lost stream, ArduPilot to level for ever after 0.1 s: sooner than the hold ends."""
+    parameters = {"COM_OBL_RC_ACT": 5.0, "COM_OF_LOSS_T": 0.3} if autopilot == "px4" else {"GUID_TIMEOUT": 0.1}
+    harness = Harness(pose="mocap", autopilot=autopilot, parameters=parameters)
+    harness.fly_offboard(1.0)
+    harness.run(0.6)
+    assert harness.core.autopilot.stream.stage is Stage.LOST
+    seconds, _ = down(harness, 10.0)
+    assert not harness.core.autopilot.armed
+    assert seconds < 5.0
+
+
+def test_an_operators_mode_ends_the_agents_own_landing() -> None:
+    harness = Harness(pose="mocap")
+    harness.fly_offboard(1.0)
+    harness.run(0.5)
+    assert harness.command(MODE, 1.0, 3.0) is Result.TEMPORARILY_REJECTED  # PX4's position mode wants a pilot
+    assert harness.command(MODE, 1.0, 4.0, 2.0) is Result.ACCEPTED
+    assert harness.core.autopilot.stream.stage is Stage.OWN
+    harness.run(3.0)
+    assert harness.core.autopilot.armed
+
+
+def test_a_frozen_pose_at_the_end_of_a_hold_is_not_taken_for_the_floor() -> None:
+    """At rest by the pose and told to sink, a landing faded its motors in the air."""
+    harness = Harness(pose="mocap")
+    harness.fly_offboard(1.5, hover_over(0.0, 0.0, 1.5))
+    at, q = harness.truth.pos_lab_m.copy(), harness.truth.q_lab_from_flu.copy()
+    impact, sinking = 0.0, 0.0
+    for _ in range(1000):
+        harness.run(0.01, mocap=False)
+        harness.show(at, q)
+        truth = harness.truth
+        impact, sinking = (max(impact, sinking), 0.0) if truth.on_ground else (impact, -float(truth.vel_lab_m_s[2]))
+    assert not harness.core.autopilot.armed
+    assert harness.truth.on_ground
+    assert impact < 1.5
+
+
+@pytest.mark.parametrize("shift_m", [0.5, 1.0, 3.0])
+def test_a_pose_that_jumps_while_it_holds_does_not_fly_it_away(shift_m: float) -> None:
+    harness = Harness(pose="mocap")
+    harness.fly_offboard(1.0, hover_over(0.0, 0.0, 1.0))
+    place, away = harness.truth.pos_lab_m.copy(), 0.0
+    for _ in range(800):
+        harness.run(0.01, mocap=False)
+        harness.show(harness.truth.pos_lab_m + np.array([shift_m, 0.0, 0.0]))
+        away = max(away, float(np.linalg.norm((harness.truth.pos_lab_m - place)[:2])))
+    assert not harness.core.autopilot.armed
+    assert away < 0.3
+
+
+def test_levels_unseen_then_holds_again_or_comes_down() -> None:
+    harness = Harness(pose="mocap", stale_land_s=10.0)
+    harness.fly_offboard(1.0, hover_over(0.0, 0.0, 1.0))
+    harness.run(0.2)
+    assert harness.core.autopilot.task is Task.HOLD
+    harness.run(0.3, mocap=False)
+    assert harness.core.autopilot.task is Task.LEVEL
+    harness.run(0.2)
+    assert harness.core.autopilot.task is Task.HOLD
+    harness.run(0.6, mocap=False)
+    assert harness.core.autopilot.stream.stage is Stage.DESCEND
+    assert harness.core.autopilot.mode is FlightMode.DESCEND
+    _, impact = down(harness, 8.0, mocap=False)
+    assert not harness.core.autopilot.armed
+    assert impact < 1.5
+
+
+@pytest.mark.parametrize("error_m_s", [-0.6, 0.6])
+def test_a_landing_ends_though_its_estimate_says_that_it_sinks(error_m_s: float) -> None:
+    """Within height / descent rate + 10 s."""
+    harness = Harness(pose="mocap")
+    harness.fly_offboard(1.0)
+    harness.run(0.55, mocap=False)
+    harness.core.autopilot.positioning._vel[2] = error_m_s
+    seconds, impact = down(harness, 20.0, mocap=False)
+    assert not harness.core.autopilot.armed
+    assert seconds < 1.0 / 0.7 + 10.0
+    assert impact < 1.5
+
+
+def test_the_floor_is_felt_by_thrust_and_accelerometer_alone() -> None:
+    """Hand computed: at rest 9.8 m/s^2 are felt; with 0.8 of them as thrust the floor gives the rest."""
+    sense = ContactSense()
+    sense.update(0, 0.0, 0.8 * GRAVITY_M_S2)
+    assert sense.update(50 * MS, 0.0, 0.8 * GRAVITY_M_S2)
+    assert not sense.update(100 * MS, -0.2 * GRAVITY_M_S2 * 0.05, 0.8 * GRAVITY_M_S2)
+
+
+def test_low_thrust_at_rest_in_the_air_is_not_landed() -> None:
+    detector = LandDetector()
+    detector.landed = False
+    for k in range(100):
+        assert not detector.update(k * 50 * MS, 0.3, 1.0, 0.0, 0.0, carried=False, faded=False)
+    assert not detector.landed
+
+
+@pytest.mark.parametrize(("tilt_deg", "missing"), [(31.0, 0.0), (0.0, 0.4)])
+def test_thrust_or_attitude_out_of_reach_for_a_fifth_of_a_second_is_a_dead_motor(
+    tilt_deg: float, missing: float
+) -> None:
+    failure, leaning = MotorFailure(), from_rotation_vector(np.array([np.radians(tilt_deg), 0.0, 0.0]))
+    assert not failure.update(0, LEVEL, leaning, missing)
+    assert not failure.update(190 * MS, LEVEL, leaning, missing)
+    assert failure.update(200 * MS, LEVEL, leaning, missing)
+    assert not failure.update(250 * MS, LEVEL, LEVEL, 0.15)  # an empty battery's share
+    assert not failure.update(300 * MS, LEVEL, leaning, missing)
+
+
+@pytest.mark.parametrize("profile", ["paper_40g", "px4_quad"])
+def test_a_dead_motor_stops_the_others_within_a_third_of_a_second(profile: str) -> None:
+    """It took 1.4 s, by the ground's rule."""
+    harness = Harness(pose="mocap", profile=profile)
+    harness.fly_offboard(1.0, hover_over(0.0, 0.0, 1.0))
+    dead_ns = harness.now_ns
+    while harness.core.autopilot.armed and harness.now_ns < dead_ns + S:
+        harness.run_to(harness.now_ns + MS)
+        harness.core._airframe.advance_to(harness.now_ns)
+        harness.core._airframe.state.motor_thrust_n[0] = 0.0
+        if harness.now_ns % (10 * MS) == 0:
+            harness.show()
+            harness.send(hover_at(1.0)(harness))
+    assert not harness.core.autopilot.armed
+    assert harness.now_ns - dead_ns < 0.35 * S
+    assert harness.core.autopilot.stream.stage is Stage.STOPPED
+
+
+def test_a_stop_latches_until_it_was_seen_at_rest_for_two_seconds() -> None:
+    harness = Harness(pose="mocap")
+    harness.fly_offboard(0.5)
+    assert harness.command(ARM, 0.0, CUT) is Result.ACCEPTED
+    assert harness.core.autopilot.stream.stage is Stage.STOPPED
+    harness.run(0.2, idle)
+    assert harness.command(ARM, 1.0) is Result.TEMPORARILY_REJECTED
+    assert any("not yet at rest for 2 s" in text for text in harness.texts())
+    harness.run(1.5, idle)
+    assert harness.command(ARM, 1.0) is Result.TEMPORARILY_REJECTED
+    harness.run(3.0, idle)
+    assert not harness.core.autopilot.armed  # by setpoints never
+    assert harness.command(ARM, 1.0) is Result.ACCEPTED
+
+
+def test_a_stop_of_a_drone_at_rest_latches_for_two_seconds_too() -> None:
+    harness = Harness(pose="mocap")
+    harness.run(3.0)
+    assert harness.command(ARM, 0.0, CUT) is Result.ACCEPTED
+    harness.run(1.8)
+    assert harness.command(ARM, 1.0) is Result.TEMPORARILY_REJECTED
+    harness.run(0.4)
+    assert harness.command(ARM, 1.0) is Result.ACCEPTED
+
+
+def test_forced_arming_of_an_ardupilot_is_refused_while_stopped() -> None:
+    harness = Harness(autopilot="ardupilot")
+    harness.run(3.0)
+    harness.command(ARM, 0.0, CUT)
+    assert harness.command(ARM, 1.0, 2989.0) is Result.FAILED
+    harness.run(2.1)
+    assert harness.command(ARM, 1.0, 2989.0) is Result.ACCEPTED
+
+
+def test_stop_leads_to_stopped_from_everywhere_and_only_rest_leads_on() -> None:
+    assert all(TABLE[stage, Trigger.STOP] is Stage.STOPPED for stage in Stage)
+    assert {trigger for stage, trigger in TABLE if stage is Stage.STOPPED} == {Trigger.STOP, Trigger.RESTED}

@@ -9,9 +9,10 @@ from drone_agent.bridge.core import BridgeCore
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
 from formation.messages import Datagram, LabFrame, Truth
-from formation.topics import TRUTH
+from formation.topics import MOCAP_EVENT, TRUTH
 from gcs.core import GcsCore
 from gcs.mocap.core import MocapCore
+from gcs.mocap.gate.armed import armed_bodies
 from gcs.recording import Input, Record, record_input, record_tick
 from sim.cameras.emulator import MocapEmulator
 from sim.scenario import LinkModel, Scenario, agent_configs, leader_seconds, recorded_leader
@@ -143,6 +144,8 @@ class World:
         """Raw frames arrive at the mocap; its frames go to the ground and to every drone's own pose feed."""
         for raw in self._emulator.pop_due(self.now_ns):
             frame = self._mocap.receive(raw, self.now_ns)
+            for event in self._mocap.events(self.now_ns):
+                self._record(MOCAP_EVENT, event, self.now_ns)
             if frame is None:
                 continue
             self._ground_receives(frame)
@@ -164,7 +167,9 @@ class World:
     def _operator_looks(self) -> None:
         now_ns = self.now_ns
         self._look_ns = now_ns + LOOK_NS
-        glance = Glance.at(self._ground.status(now_ns))
+        state = self._ground.status(now_ns)
+        self._mocap.note_armed(armed_bodies(state))
+        glance = Glance.at(state)
         if glance.formed:
             self._emulator.start(now_ns)
         self.operator.observe(glance, now_ns)

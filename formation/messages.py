@@ -8,10 +8,12 @@ Two indexings, both fixed for a run by the configuration, leader first where pre
 What crosses one drone's MAVLink is in `wire.link_messages`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum, IntFlag
 
-from formation.maths.arrays import Flags, Quat, Quats, Scalars, Vec3, Vec3s
+import numpy as np
+
+from formation.maths.arrays import Codes, Flags, Quat, Quats, Scalars, Vec3, Vec3s
 from formation.requests import OperatorReply as OperatorReply
 from formation.requests import OperatorRequest as OperatorRequest
 from formation.requests import Verb as Verb
@@ -38,6 +40,7 @@ class LabFrame:
 
     Made by the mocap process alone (gcs.mocap.alignment). t_capture_ns: exposure; t_receive_ns: when the mocap process
     had the raw frame, 0 where there was none; both monotonic. An unseen body keeps any finite pose.
+    rejected: the formation.rejection.Rejection of each body whose pose was not believed, which is then unseen.
     """
 
     seq: int
@@ -47,6 +50,11 @@ class LabFrame:
     q_lab_from_flu: Quats
     seen: Flags
     t_receive_ns: int = 0
+    rejected: Codes = field(default_factory=lambda: np.zeros(0, np.uint8))
+
+    def __post_init__(self) -> None:
+        if len(self.rejected) == 0:  # nobody was judged, or by a version that said nothing of it
+            object.__setattr__(self, "rejected", np.zeros(len(self.bodies), np.uint8))
 
 
 @dataclass(frozen=True, slots=True)

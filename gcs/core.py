@@ -25,6 +25,7 @@ from formation.messages import (
     Severity,
     Verb,
 )
+from formation.rejection import Rejection
 from formation.safety import arming, rules
 from formation.safety.phases import STREAMING, Trigger
 from formation.safety.rules import Facts
@@ -75,6 +76,7 @@ class GcsCore:
         self._stages: Stages | None = None
         self._frame: LabFrame | None = None
         self._bodies = tuple(v.body for v in config.vehicles)
+        self._rejected = np.zeros(len(self._bodies), np.uint8)
         self._newest_capture_ns = NEVER_NS
         self._requests: list[OperatorRequest] = []
         self._arming_request: int | None = None
@@ -142,7 +144,10 @@ class GcsCore:
         facts = self._gatherer.gather(self._stages, self._lateness.share, now_ns, asked_to_arm=grounded)
         refusals = arming.refusals(facts, self._config.limits) if grounded else ()
         t_s = (now_ns - self._t0_ns) * 1e-9
-        return status_text(self._flight, self._drones, facts, refusals, self._counters(), t_s, now_ns)
+        rejected = {
+            body: Rejection(code).text for body, code in zip(self._bodies, self._rejected.tolist(), strict=True) if code
+        }
+        return status_text(self._flight, self._drones, facts, refusals, self._counters(), rejected, t_s, now_ns)
 
     def _receive_frame(self, frame: LabFrame, now_ns: int) -> None:
         if frame.bodies != self._bodies:
@@ -154,6 +159,7 @@ class GcsCore:
         self._newest_capture_ns = frame.t_capture_ns
         self._lateness.note(frame.seq, now_ns, overtaken=self._frame is not None)
         self._frame, self._due = frame, True
+        self._rejected = frame.rejected
 
     def _take_frame(self) -> LabFrame | None:
         frame, self._frame = self._frame, None

@@ -37,10 +37,11 @@ def status_text(
     facts: Facts,
     refusals: Sequence[str],
     counters: Mapping[str, int | float],
+    rejected: Mapping[str, str],
     t_s: float,
     now_ns: int,
 ) -> str:
-    """The whole state for people and scripts: what `gcs status --json` prints."""
+    """The whole state for people and scripts: what `gcs status --json` prints. rejected: why, by body."""
     return json.dumps(
         {
             "phase": flight.phase.name,
@@ -50,7 +51,10 @@ def status_text(
             "trajectory_started": flight.trajectory_start_ns is not None,
             "trajectory_done": flight.trajectory_done(now_ns),
             "shape": flight.shape.name,
-            "drones": [_drone_status(drone, facts, now_ns) for drone in drones],
+            "drones": [
+                _drone_status(drone, facts, now_ns) | {"rejected": rejected.get(drone.link.name)} for drone in drones
+            ],
+            "rejected": dict(rejected),
             "refusals": list(refusals),
             "counters": dict(counters),
         }

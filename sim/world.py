@@ -7,8 +7,9 @@ is where a scenario's faults act.
 from collections.abc import Sequence
 
 from formation.messages import Datagram, Event, LabFrame, OperatorRequest, Phase, RawFrame, Truth, Verb
-from formation.topics import TRUTH
+from formation.topics import MOCAP_EVENT, TRUTH
 from gcs.mocap.core import MocapCore
+from gcs.mocap.gate.armed import armed_bodies
 from gcs.recording import Input, Record
 from sim.cameras.emulator import MocapEmulator
 from sim.faults import vehicle
@@ -132,6 +133,8 @@ class World:
     def _publish(self, raw: RawFrame) -> None:
         for mocap in self._mocaps:
             frame = mocap.receive(raw, self.now_ns)
+            for event in mocap.events(self.now_ns):
+                self._record(MOCAP_EVENT, event, self.now_ns)
             if frame is None:
                 continue
             met = [fault for _, fault, _ in self.faults.active(lambda fault: fault.site is Site.BUS)]
@@ -174,7 +177,10 @@ class World:
         self._look_ns = now_ns + LOOK_NS
         if not ground.answers:
             return
-        glance = Glance.at(ground.status(now_ns))
+        state = ground.status(now_ns)
+        for mocap in self._mocaps:
+            mocap.note_armed(armed_bodies(state))
+        glance = Glance.at(state)
         if glance.formed:
             self._emulator.start(now_ns)
         self.operator.observe(glance, now_ns)

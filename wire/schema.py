@@ -1,7 +1,7 @@
 """Protobuf for the messages of the spine, derived from their annotations: no .proto file says anything twice.
 
 int is sfixed64, float is double, str string, bytes bytes, an IntEnum an enum, a StrEnum string, tuple[str, ...]
-repeated string, an array packed doubles (or bools) in C order with the shape of
+repeated string, an array packed doubles (or bools, or, of uint8, bytes) in C order with the shape of
 `formation.maths.arrays`; None is absent.
 Every float64 comes back bit for bit. Fields are numbered in the order of the dataclass, from one.
 """
@@ -314,14 +314,14 @@ def _array_kind(hint: Any) -> _Kind | None:
     def decode_flags(raw: bytes) -> "np.ndarray[Any, Any]":
         return np.frombuffer(raw, np.uint8).astype(np.bool_).reshape(shape)
 
-    boolean = dtype == np.bool_
+    proto = {np.dtype(np.bool_): Proto.TYPE_BOOL, np.dtype(np.uint8): Proto.TYPE_BYTES}.get(dtype, Proto.TYPE_DOUBLE)
     return _Kind(
-        proto=Proto.TYPE_BOOL if boolean else Proto.TYPE_DOUBLE,
+        proto=proto,
         wire=_BYTES,
         encoder=encoder,
-        decode=decode_flags if boolean else decode,
+        decode=decode_flags if proto is Proto.TYPE_BOOL else decode,
         default=np.zeros(tuple(max(0, size) for size in shape), dtype),
-        repeated=True,
+        repeated=proto is not Proto.TYPE_BYTES,
     )
 
 

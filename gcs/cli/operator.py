@@ -123,6 +123,8 @@ def print_status(told: dict[str, Any], console: "Console") -> None:
         if drone["disarms_in_s"] is not None:
             text = f"{drone['body']} disarms itself in {drone['disarms_in_s']:.1f} s unless it takes off"
             console.print(text, style="yellow", highlight=False)
+    for body, reason in told.get("rejected", {}).items():  # a ground of an older version says nothing of it
+        console.print(Text(f"{body} is rejected by the mocap: {reason}", "red"))
     for refusal in told["refusals"]:
         console.print(Text(f"not ready: {refusal}", "yellow"))
 

@@ -1,6 +1,5 @@
 """From the source's axes, names and marker frames to `lab`, `flu` and the configuration's order; done once, here."""
 
-from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -12,31 +11,11 @@ from formation.maths.arrays import Bool, Float
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import multiply_into
 from formation.messages import LabFrame, RawFrame
+from formation.rejection import Rejection
 from wire.transport.frame_check import FARTHEST_M, UNIT_WITHIN
 
 Indices = NDArray[np.int64]
-
-
-class Fault(IntEnum):
-    """What is wrong with one body's pose."""
-
-    NONE = 0
-    NOT_FINITE = 1
-    NO_ROTATION = 2
-    TOO_FAR = 3
-
-    @property
-    def text(self) -> str:
-        """In words."""
-        return _WORDS[self]
-
-
-_WORDS = {
-    Fault.NONE: "",
-    Fault.NOT_FINITE: "not finite",
-    Fault.NO_ROTATION: "no unit quaternion",
-    Fault.TOO_FAR: f"more than {FARTHEST_M:g} m away (millimetres?)",
-}
+NOT_FINITE, NO_ROTATION, TOO_FAR = int(Rejection.NOT_FINITE), int(Rejection.NO_ROTATION), int(Rejection.TOO_FAR)
 
 
 class Mounting(NamedTuple):
@@ -49,12 +28,12 @@ class Mounting(NamedTuple):
 
 
 class Aligned(NamedTuple):
-    """What `_align` fills: pos (n, 3), q (n, 4), seen (n) and each body's Fault (n), which come in as zeros."""
+    """What `_align` fills: pos (n, 3), q (n, 4), seen (n) and each body's Rejection (n), which come in as zeros."""
 
     pos_lab_m: Float
     q_lab_from_flu: Float
     seen: Bool
-    faults: Indices
+    rejected: NDArray[np.uint8]
 
 
 class Alignment:
@@ -71,14 +50,15 @@ class Alignment:
         )
         self._order: tuple[tuple[str, ...], Indices] | None = None
 
-    def align(self, raw: RawFrame, seq: int, t_capture_ns: int, t_receive_ns: int) -> tuple[LabFrame, Indices]:
-        """The frame in `lab`, and each vehicle's Fault (n); a body with one counts as unseen."""
+    def align(self, raw: RawFrame, seq: int, t_capture_ns: int, t_receive_ns: int) -> LabFrame:
+        """The frame in `lab`; a body whose pose is none counts as unseen, and is rejected."""
         n = len(self.bodies)
-        out = Aligned(np.zeros((n, 3)), np.zeros((n, 4)), np.zeros(n, np.bool_), np.zeros(n, np.int64))
+        out = Aligned(np.zeros((n, 3)), np.zeros((n, 4)), np.zeros(n, np.bool_), np.zeros(n, np.uint8))
         places = self._places(raw.bodies)
         _align(places, raw.pos_mocap_m, raw.q_mocap_from_marker, raw.seen, self._mounting, out)
-        frame = LabFrame(seq, t_capture_ns, self.bodies, out.pos_lab_m, out.q_lab_from_flu, out.seen, t_receive_ns)
-        return frame, out.faults
+        return LabFrame(
+            seq, t_capture_ns, self.bodies, out.pos_lab_m, out.q_lab_from_flu, out.seen, t_receive_ns, out.rejected
+        )
 
     def _places(self, bodies: tuple[str, ...]) -> Indices:
         """Index into the frame of each vehicle, -1 where it lacks it; the frame's own order rarely changes."""
@@ -113,11 +93,11 @@ def _align(
         for row in range(3):
             far2 += pos_mocap_m[at, row] ** 2
         if np.isnan(norm + far2):
-            out.faults[i] = 1
+            out.rejected[i] = NOT_FINITE
         elif abs(norm - 1.0) > UNIT_WITHIN:
-            out.faults[i] = 2
+            out.rejected[i] = NO_ROTATION
         elif far2 > FARTHEST_M**2:
-            out.faults[i] = 3
+            out.rejected[i] = TOO_FAR
         else:
             for row in range(3):
                 out.pos_lab_m[i, row] = mounting.origin_lab_m[row]

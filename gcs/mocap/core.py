@@ -4,13 +4,16 @@ The one door through which poses come to everyone: ground, agents, bridges and t
 """
 
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import replace
 
 from formation.config import LabConfig
-from formation.messages import LabFrame, RawFrame
-from gcs.mocap.alignment import Alignment, Fault
+from formation.messages import Event, LabFrame, RawFrame
+from formation.rejection import Rejection
+from gcs.mocap.alignment import Alignment
+from gcs.mocap.gate.gate import Gate
 from wire.refusals import Refusals
-from wire.transport.frame_check import lab_fault, raw_fault
+from wire.transport.frame_check import OLDEST_NS, lab_fault, raw_fault
 
 MOST_UNKNOWN = 16
 """How many bodies that are none of the lab's are remembered, to name them."""
@@ -19,13 +22,19 @@ SOURCE = "mocap"
 
 
 class MocapCore:
-    """One lab's. `refusals`: where to note what is refused; a register of its own if none is given."""
+    """One lab's. `refusals`: where to note what is refused; a register of its own if none is given.
 
-    def __init__(self, config: LabConfig, refusals: Refusals | None = None) -> None:
+    without: checks of the gate that are switched off (gcs.mocap.gate.checks); ValueError for one that is none.
+    """
+
+    def __init__(
+        self, config: LabConfig, refusals: Refusals | None = None, without: frozenset[str] = frozenset()
+    ) -> None:
         self.refusals = refusals or Refusals()
         self.frames = 0
         self.unknown: Counter[str] = Counter()
         self._alignment = Alignment(config)
+        self._gate = Gate(config, without)
         self._delay_ns = round(config.mocap.delay_s * 1e9)
         self._raw_seq: int | None = None
         self._seq = -1
@@ -34,25 +43,46 @@ class MocapCore:
         self._twice: tuple[str, ...] = ()
 
     def receive(self, frame: RawFrame | LabFrame, now_ns: int) -> LabFrame | None:
-        """The frame for the bus; None for one that is refused. A pose that is none makes its body unseen, no more.
+        """The frame for the bus; None for one that is refused. A pose that is not believed makes its body unseen.
 
-        A LabFrame comes from a flight's log, where it was recorded aligned.
+        A LabFrame comes from a flight's log, where it was recorded aligned and judged.
         """
         return self._again(frame, now_ns) if isinstance(frame, LabFrame) else self._align(frame, now_ns)
 
+    def note_armed(self, bodies: Collection[str]) -> None:
+        """Which drones have their motors on, whenever the ground says so."""
+        self._gate.note_armed(bodies)
+
+    def events(self, now_ns: int) -> tuple[Event, ...]:
+        """What there is to tell: bodies that are rejected, or believed again."""
+        return self._gate.events(now_ns)
+
+    def rejections(self) -> dict[str, dict[str, int]]:
+        """Poses rejected since the start, by body and reason."""
+        return self._gate.counts()
+
     def _align(self, raw: RawFrame, now_ns: int) -> LabFrame | None:
         t_capture_ns = raw.t_capture_ns or now_ns - self._delay_ns
-        fault = raw_fault(raw, now_ns) or self._order_fault(t_capture_ns) or self._name_fault(raw.bodies)
+        fault = raw_fault(raw, now_ns, OLDEST_NS) or self._name_fault(raw.bodies)
+        blind = fault is None and raw.t_capture_ns != 0 and self._gate.refuses_stamp(t_capture_ns, now_ns)
+        fault = fault or (None if blind else self._order_fault(t_capture_ns))
         if self._refused(fault, now_ns):
             return None
-        self._newest_ns = t_capture_ns
-        frame, faults = self._alignment.align(raw, self._number(raw.seq), t_capture_ns, now_ns)
-        if faults.any():
-            for body, fault_number in zip(frame.bodies, faults.tolist(), strict=True):
-                if fault_number:
-                    self.refusals.note(SOURCE, f"{body}: {Fault(fault_number).text}", now_ns)
+        frame = self._alignment.align(raw, self._number(raw.seq), t_capture_ns, now_ns)
+        self._note_no_poses(frame, now_ns)
+        if blind:
+            frame = self._gate.blind(frame, (self._newest_ns or 0) + 1, now_ns)
+        else:
+            frame = self._gate.judge(frame, now_ns)
+        self._newest_ns = frame.t_capture_ns
         self.frames += 1
         return frame
+
+    def _note_no_poses(self, frame: LabFrame, now_ns: int) -> None:
+        if frame.rejected.any():
+            for body, code in zip(frame.bodies, frame.rejected.tolist(), strict=True):
+                if code:
+                    self.refusals.note(SOURCE, f"{body}: {Rejection(code).text}", now_ns)
 
     def _again(self, frame: LabFrame, now_ns: int) -> LabFrame | None:
         fault = lab_fault(frame, now_ns) or self._order_fault(frame.t_capture_ns)

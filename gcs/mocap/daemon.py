@@ -12,6 +12,7 @@ import numpy as np
 from formation.config import LabConfig
 from formation.messages import Event, Severity
 from gcs.mocap.core import SOURCE, MocapCore
+from gcs.mocap.gate.armed import armed_bodies
 from gcs.mocap.service import ServiceError, configuration_name
 from gcs.mocap.source import Frame, Timed, play, recording
 from wire.clock import Clock
@@ -47,11 +48,15 @@ class Mocap:
             self._bus.publish_frame(aligned)
             self._inside_s.append((self._clock.monotonic_ns() - now_ns) * 1e-9)
 
+    def take_ground_state(self, state: str) -> None:
+        """The ground has published how things are."""
+        self._core.note_armed(armed_bodies(state))
+
     async def watch(self, linger_s: float | None) -> None:
         """Tell what was refused and how things are; return when nobody has listened for `linger_s`, if given."""
         while True:
             now_ns = self._clock.monotonic_ns()
-            for event in (*self._core.refusals.due(now_ns), *self._newly_unknown()):
+            for event in (*self._core.refusals.due(now_ns), *self._core.events(now_ns), *self._newly_unknown()):
                 self.say(event)
             if now_ns - self._state_ns >= STATE_NS:
                 self._state_ns = now_ns
@@ -74,6 +79,7 @@ class Mocap:
             "source": self._source,
             "frames": self._core.frames,
             "refused": self._core.refusals.count,
+            "rejected": self._core.rejections(),
             "unknown_bodies": sorted(self._core.unknown),
             "inside_ms": {"p50": float(np.percentile(spent_ms, 50)), "p99": float(np.percentile(spent_ms, 99))},
         }
@@ -99,6 +105,7 @@ async def run(config: LabConfig, linger_s: float | None, tell: Tell, clock: Cloc
             raise ServiceError(f"another mocap process serves {config.name!r} already")
         mocap, recorded = Mocap(config, mocap_bus, bus.refusals, tell, clock), recording(config)
         mocap_bus.announce(configuration_name(config))
+        bus.on_state("*", mocap.take_ground_state)
         await _first_of(mocap.watch(linger_s), _serve(config, recorded, mocap_bus, mocap, clock), stop.wait())
     finally:
         await bus.close()

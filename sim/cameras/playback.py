@@ -36,6 +36,10 @@ class Playback:
         """From the start to the last recorded pose."""
         return int(self._recording.t_ns[-1]) + EASE_IN_NS // 2
 
+    def plays(self, elapsed_ns: int) -> bool:
+        """Whether a recording shows its own poses then; before and after it, one of them is held."""
+        return self.recorded and 0 <= elapsed_ns <= self.duration_ns
+
     @property
     def flight_ns(self) -> int:
         """From the start to shortly before the body lands: nobody should follow it onto the floor.

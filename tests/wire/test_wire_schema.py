@@ -53,7 +53,9 @@ def test_protobufs_own_implementation_agrees_both_ways(kind):
         read = theirs.FromString(schema.encode(message))
         for field in dataclasses.fields(message):
             ours, value = getattr(message, field.name), getattr(read, field.name)
-            if isinstance(ours, np.ndarray):
+            if isinstance(value, bytes) and isinstance(ours, np.ndarray):
+                np.testing.assert_array_equal(np.frombuffer(value, np.uint8), ours)
+            elif isinstance(ours, np.ndarray):
                 np.testing.assert_array_equal(np.array(value, dtype=ours.dtype), ours.ravel())
             elif isinstance(ours, tuple):
                 assert tuple(value) == ours

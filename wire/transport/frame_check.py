@@ -13,12 +13,15 @@ OLDEST_NS = 1_000_000_000
 AHEAD_NS = 20_000_000
 
 
-def raw_fault(frame: RawFrame, now_ns: int) -> str | None:
-    """Why the frame cannot be used, None if it can. Its poses are judged one by one, later (gcs.mocap.alignment)."""
+def raw_fault(frame: RawFrame, now_ns: int, ahead_ns: int = AHEAD_NS) -> str | None:
+    """Why the frame cannot be used, None if it can. Its poses are judged one by one, later (gcs.mocap.alignment).
+
+    ahead_ns: how far after `now_ns` its capture may be.
+    """
     shape = _shape_fault(frame.bodies, frame.pos_mocap_m, frame.q_mocap_from_marker, frame.seen)
     if shape is not None or frame.t_capture_ns == 0:
         return shape
-    return _stamp_fault(frame.t_capture_ns, now_ns)
+    return _stamp_fault(frame.t_capture_ns, now_ns, ahead_ns)
 
 
 def lab_fault(frame: LabFrame, now_ns: int) -> str | None:
@@ -31,6 +34,8 @@ def pose_fault(frame: LabFrame) -> str | None:
     fault = _shape_fault(frame.bodies, frame.pos_lab_m, frame.q_lab_from_flu, frame.seen)
     if fault is not None:
         return fault
+    if frame.rejected.shape != frame.seen.shape:
+        return "with unequal numbers of names and rejections"
     off_unit = np.abs(np.einsum("ij,ij->i", frame.q_lab_from_flu, frame.q_lab_from_flu) - 1.0)
     # Written so that NaN fails.
     if not ((np.abs(frame.pos_lab_m) <= 2.0 * FARTHEST_M).all() and (off_unit <= UNIT_WITHIN).all()):
@@ -47,8 +52,8 @@ def _shape_fault(bodies: tuple[str, ...], pos: Float, q: Float, seen: Bool) -> s
     return None
 
 
-def _stamp_fault(t_capture_ns: int, now_ns: int) -> str | None:
+def _stamp_fault(t_capture_ns: int, now_ns: int, ahead_ns: int = AHEAD_NS) -> str | None:
     age_ns = now_ns - t_capture_ns
-    if -AHEAD_NS <= age_ns < OLDEST_NS:
+    if -ahead_ns <= age_ns < OLDEST_NS:
         return None
     return "captured in the future of this machine's clock" if age_ns < 0 else "captured more than 1 s ago"

@@ -45,7 +45,7 @@ def _examine(mocap: WrongMocap, config: LabConfig, turn=math.pi / 2) -> tuple[Fi
     for vehicle in range(3):
         pos, q, looks = PLACES.copy(), np.tile(frames.IDENTITY, (3, 1)), []
         for step in range(5):
-            frame, _ = alignment.align(mocap.sends(pos, q), 0, 1, 2)
+            frame = alignment.align(mocap.sends(pos, q), 0, 1, 2)
             looks.append(Look(frame.pos_lab_m, frame.q_lab_from_flu, frame.seen))
             if step < 4:
                 pos = pos.copy()

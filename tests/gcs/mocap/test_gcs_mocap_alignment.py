@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from formation.config import LabConfig
 from formation.maths import frames
 from formation.messages import LabFrame, RawFrame
-from gcs.mocap.alignment import Alignment, Fault
+from formation.rejection import Rejection
+from gcs.mocap.alignment import Alignment
 
 HALF = math.sqrt(0.5)
 
@@ -23,8 +24,8 @@ def _lab(mocap=None, **left) -> LabConfig:
 
 
 def _aligned(raw: RawFrame, mocap=None, **left) -> tuple[LabFrame, list[int]]:
-    frame, faults = Alignment(_lab(mocap, **left)).align(raw, 1, 5, 6)
-    return frame, faults.tolist()
+    frame = Alignment(_lab(mocap, **left)).align(raw, 1, 5, 6)
+    return frame, frame.rejected.tolist()
 
 
 def _frame(bodies, pos, q=None, seen=None) -> RawFrame:
@@ -54,13 +55,13 @@ def test_poses_that_are_none_are_unseen_and_named():
     assert out.seen.tolist() == [False, False]
     assert np.isfinite(out.pos_lab_m).all()
     assert np.isfinite(out.q_lab_from_flu).all()
-    assert faults == [Fault.NOT_FINITE, Fault.NO_ROTATION]
+    assert faults == [Rejection.NOT_FINITE, Rejection.NO_ROTATION]
 
 
 def test_a_body_far_beyond_any_room_is_unseen_however_large_its_numbers():
     out, faults = _aligned(_frame(["lead", "left"], [[0, 1e200, 0], [0, 0, 1001.0]]))
     assert out.seen.tolist() == [False, False]
-    assert faults == [Fault.TOO_FAR, Fault.TOO_FAR]
+    assert faults == [Rejection.TOO_FAR, Rejection.TOO_FAR]
 
 
 def test_a_body_that_is_not_seen_is_not_judged():

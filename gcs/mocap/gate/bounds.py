@@ -1,0 +1,45 @@
+"""What a body can do: how far it can have come, and how far turned, since it was last believed."""
+
+from dataclasses import dataclass
+
+from formation.config import LabConfig
+from formation.maths.records import Rows, rows
+from formation.vehicle.body import GRAVITY_M_S2
+from formation.vehicle.profile import VehicleProfile
+
+FASTEST_M_S = 15.0
+
+
+@dataclass(slots=True)
+class Bounds:
+    """One body's; a record. What a step may be: each `step` for noise and glitches, and what grows with the time.
+
+    acc_m_s2: the most its velocity can change by; turn and yaw: about the body's x and y axes, and about its z.
+    commanded: whether it is a drone of ours, whose thrust is along its z axis.
+    """
+
+    step_m: float
+    acc_m_s2: float
+    speed_m_s: float
+    turn_step_rad: float
+    turn_rad_s: float
+    yaw_step_rad: float
+    yaw_rad_s: float
+    commanded: bool
+
+
+OBSERVED = Bounds(0.05, 50.0, FASTEST_M_S, 0.25, 20.0, 0.15, 10.0, False)
+"""A body that is only observed may be anything that a hand carries or swings."""
+
+
+def of_vehicle(profile: VehicleProfile) -> Bounds:
+    """Full thrust and gravity together; thrice its rate about x and y, twice its own yaw rate: a gust may help."""
+    acc_m_s2 = profile.thrust_max_n / profile.mass_kg + GRAVITY_M_S2
+    turn_rad_s, yaw_rad_s = 3.0 * profile.rate_max_rad_s, 2.0 * profile.rate_yaw_max_rad_s
+    return Bounds(0.04, acc_m_s2, FASTEST_M_S, 0.2, turn_rad_s, 0.1, yaw_rad_s, True)
+
+
+def bounds(config: LabConfig) -> Rows[Bounds]:
+    """The bounds of the lab's n vehicles."""
+    kinds = [OBSERVED if v.sysid is None else of_vehicle(config.profile_of(v)) for v in config.vehicles]
+    return rows(Bounds, kinds)

@@ -1,0 +1,88 @@
+"""The gate's checks by name: what each rejects, from when on and until when. The README's table is made of them."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from formation.rejection import Rejection
+from gcs.mocap.gate.bounds import FASTEST_M_S, OBSERVED
+from gcs.mocap.gate.judge import FROZEN_FRAMES, RECOVERY_FRAMES, UPSET_FRAMES, UPSET_M_S2
+from gcs.mocap.gate.stamps import EARLY_NS, LATE_NS
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One check: its name, its reason on the bus, its limits in words, frames to detection, and to recovery."""
+
+    name: str
+    reason: Rejection
+    rejects: str
+    detected: str
+    recovers: str
+
+
+_LASTING = f"{RECOVERY_FRAMES} frames within reach; while armed, never on the path that began with it"
+
+CHECKS = (
+    Check(
+        "gate-freeze", Rejection.FREEZE,
+        "a pose that stays the same to the last bit, of a body whose pose varied while it stood, or that flies",
+        f"{FROZEN_FRAMES} frames", f"{RECOVERY_FRAMES} frames that differ",
+    ),
+    Check(
+        "gate-jump", Rejection.JUMP,
+        "4 cm and what full thrust and gravity can do since it was last believed "
+        f"({100 * OBSERVED.step_m:g} cm and {OBSERVED.acc_m_s2:g} m/s² for a body that is only observed); "
+        f"{FASTEST_M_S:g} m/s",
+        "1 frame", _LASTING,
+    ),
+    Check(
+        "gate-flip", Rejection.FLIP,
+        "0.2 rad and thrice the vehicle's rate about x and y "
+        f"({OBSERVED.turn_step_rad:g} rad and {OBSERVED.turn_rad_s:g} rad/s observed)",
+        "1 frame", _LASTING,
+    ),
+    Check(
+        "gate-flip", Rejection.FLIP,
+        f"an attitude in flight whose rotors would push downwards with {UPSET_M_S2:g} m/s², by the acceleration seen",
+        f"{UPSET_FRAMES} frames", f"{RECOVERY_FRAMES} frames",
+    ),
+    Check(
+        "gate-yaw-rate", Rejection.YAW_RATE,
+        "0.1 rad and twice the vehicle's yaw rate "
+        f"({OBSERVED.yaw_step_rad:g} rad and {OBSERVED.yaw_rad_s:g} rad/s observed)",
+        "1 frame", _LASTING,
+    ),
+    Check(
+        "gate-swap", Rejection.SWAP,
+        "two bodies, each where the other must be: set right if their attitudes fit as well, else both rejected",
+        "1 frame", "set right at once, else as a jump",
+    ),
+    Check(
+        "gate-stamp", Rejection.STAMP,
+        f"a capture {EARLY_NS / 1e6:g} ms nearer to its arrival than ever before, or {LATE_NS / 1e6:g} ms farther",
+        "1 frame", "1 frame",
+    ),
+)  # fmt: skip
+
+NAMES = tuple(dict.fromkeys(check.name for check in CHECKS))
+"""The monitors of the gate, each of which can be switched off."""
+
+
+def watched(without: Iterable[str]) -> frozenset[Rejection]:
+    """The reasons that count without those checks; ValueError for a check that is none."""
+    off = frozenset(without)
+    unknown = off.difference(NAMES)
+    if unknown:
+        raise ValueError(f"no check of the gate: {', '.join(sorted(unknown))}; known: {', '.join(NAMES)}")
+    return frozenset(Rejection) - {check.reason for check in CHECKS if check.name in off}
+
+
+def gate_markdown() -> str:
+    """The checks as the documentation shows them: a row a check."""
+    rows = (f"| `{c.name}` | {c.rejects} | {c.detected} | {c.recovers} |" for c in CHECKS)
+    return "\n".join(("| check | rejects what exceeds | after | believed again after |", "|---|---|---|---|", *rows))
+
+
+def name_of(reason: Rejection) -> str:
+    """The check that has this reason, empty for a pose that is none."""
+    return next((check.name for check in CHECKS if check.reason is reason), "")

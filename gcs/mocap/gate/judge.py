@@ -1,0 +1,257 @@
+"""All checks of one frame, compiled: which of its poses are believed, and what is remembered of each body."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formation.maths.arrays import Bool, Float, Quat, Vec3
+from formation.maths.kernel import kernel
+from formation.maths.quaternion import multiply_into, thrust_axis
+from formation.maths.records import Rows
+from formation.rejection import Rejection
+from formation.vehicle.body import GRAVITY_M_S2
+from gcs.mocap.gate.bounds import Bounds
+from gcs.mocap.gate.path import (
+    SECONDS,
+    Path,
+    begin,
+    copy_into,
+    extend,
+    is_in_sight,
+    moved_as_it_can,
+    objection,
+    turned_as_it_can,
+)
+
+FREEZE, JUMP, FLIP = int(Rejection.FREEZE), int(Rejection.JUMP), int(Rejection.FLIP)
+SWAP = int(Rejection.SWAP)
+
+FROZEN_FRAMES = 5
+NOISY_FRAMES, STILL_M = 20, 0.01
+"""A body whose pose differs in that many frames, within so little, is one whose cameras have noise."""
+RECOVERY_FRAMES = 3
+KNOWN_FRAMES = 5
+"""A path of fewer frames says nothing against another one."""
+RELEARN_FRAMES = 50
+EXCHANGED_S = 0.1
+UPSET_FRAMES, UPSET_M_S2, UPSET_LAG_S = 5, 3.0, 0.05
+OFF_FLOOR_M = 0.1
+
+
+@dataclass(slots=True)
+class Memory:
+    """What is remembered of one body; a record.
+
+    believed: the path that was believed last; other: a path that does not follow from it, or not surely; possible:
+    whether the body can have come to where that began. code: why it is rejected now.
+    shown_*, same: the pose last shown, and how many times in a row it was the same to the last bit. still_m, varied,
+    noisy: whether a standing body's pose varies, as that of every real camera does.
+    slow_vel: the velocity some time ago; upset: frames whose attitude contradicts the acceleration.
+    floor_m: height at which it last stood with its motors off.
+    """
+
+    believed: Path
+    other: Path
+    possible: bool
+    code: int
+    shown_pos_m: Vec3
+    shown_q: Quat
+    same: int
+    still_m: Vec3
+    varied: int
+    noisy: bool
+    slow_vel_lab_m_s: Vec3
+    upset: int
+    floor_m: float
+
+
+class Frame(NamedTuple):
+    """What is judged: capture time, poses and flags (n), which come back believed, and each body's code (n)."""
+
+    t_ns: int
+    pos_lab_m: Float
+    q_lab_from_flu: Float
+    seen: Bool
+    rejected: NDArray[np.uint8]
+
+
+class Given(NamedTuple):
+    """What it is judged by: the bodies' bounds and marker frames, which have motors on (n), and what is checked.
+
+    watched (codes): whether a reason counts; a pose against which only an unwatched one speaks is believed.
+    """
+
+    bounds: Rows[Bounds]
+    q_marker_from_flu: Float
+    armed: Bool
+    watched: Bool
+
+
+@kernel
+def judge(frame: Frame, given: Given, memory: Rows[Memory]) -> int:
+    """Judges one frame; rejected poses are unseen after it. How many exchanged pairs were set right."""
+    n = len(frame.seen)
+    reasons = np.zeros(n, np.int64)
+    for i in range(n):
+        if frame.seen[i]:
+            watch_bits(memory[i], frame.pos_lab_m[i], frame.q_lab_from_flu[i], given.armed[i])
+            path, bounds = memory[i].believed, given.bounds[i]
+            reasons[i] = objection(path, bounds, frame.t_ns, frame.pos_lab_m[i], frame.q_lab_from_flu[i])
+    exchanged = undo_exchanges(frame, given, memory, reasons)
+    for i in range(n):
+        if frame.seen[i]:
+            m, pos, q = memory[i], frame.pos_lab_m[i], frame.q_lab_from_flu[i]
+            if is_frozen(m, given.armed[i]) and given.watched[FREEZE]:
+                m.code, m.other.frames = FREEZE, 0
+            else:
+                reason = reasons[i]
+                if reason > 0 and not given.watched[reason]:
+                    m.believed.frames, m.code, reason = 0, 0, 0
+                weigh(m, given.bounds[i], frame.t_ns, pos, q, reason, given.armed[i])
+            code = m.code
+            if code == 0 and given.watched[FLIP] and given.armed[i] and contradicted(m, given.bounds[i], q):
+                code = FLIP
+            frame.rejected[i] = code
+            frame.seen[i] = code == 0
+    return exchanged
+
+
+@kernel
+def watch_bits(m: Memory, pos: Float, q: Float, armed: bool) -> None:
+    """Whether the pose is the one shown before, and whether this body's pose ever varies while it stands still."""
+    same = True
+    for axis in range(3):
+        same = same and pos[axis] == m.shown_pos_m[axis]
+        m.shown_pos_m[axis] = pos[axis]
+    for k in range(4):
+        same = same and q[k] == m.shown_q[k]
+        m.shown_q[k] = q[k]
+    m.same = m.same + 1 if same else 1
+    if armed or m.noisy:
+        return
+    still = True
+    for axis in range(3):
+        still = still and abs(pos[axis] - m.still_m[axis]) < STILL_M
+    if not still:
+        m.varied = 0
+        for axis in range(3):
+            m.still_m[axis] = pos[axis]
+    elif not same:
+        m.varied += 1
+        m.noisy = m.varied >= NOISY_FRAMES
+
+
+@kernel
+def is_frozen(m: Memory, armed: bool) -> bool:
+    """Whether it shows the same bits for too long. A camera without noise shows them of all that stands, too."""
+    flies = armed and m.believed.pos_lab_m[2] - m.floor_m > OFF_FLOOR_M
+    return m.same >= FROZEN_FRAMES and (m.noisy or flies)
+
+
+@kernel
+def undo_exchanges(frame: Frame, given: Given, memory: Rows[Memory], reasons: NDArray[np.int64]) -> int:
+    """Pairs of which each is where the other must be: set right where their attitudes agree, else both SWAP."""
+    undone = 0
+    for i in range(len(reasons)):
+        if reasons[i] != JUMP or not known_now(memory[i], frame.t_ns):
+            continue
+        for j in range(i + 1, len(reasons)):
+            if reasons[j] != JUMP or not known_now(memory[j], frame.t_ns):
+                continue
+            if not moved_as_it_can(memory[i].believed, given.bounds[i], frame.t_ns, frame.pos_lab_m[j]):
+                continue
+            if not moved_as_it_can(memory[j].believed, given.bounds[j], frame.t_ns, frame.pos_lab_m[i]):
+                continue
+            reasons[i] = reasons[j] = SWAP
+            q_i = worn_by(frame.q_lab_from_flu[j], given.q_marker_from_flu[j], given.q_marker_from_flu[i])
+            q_j = worn_by(frame.q_lab_from_flu[i], given.q_marker_from_flu[i], given.q_marker_from_flu[j])
+            wrong = turned_as_it_can(memory[i].believed, given.bounds[i], frame.t_ns, q_i)
+            wrong += turned_as_it_can(memory[j].believed, given.bounds[j], frame.t_ns, q_j)
+            if wrong == 0 and given.watched[SWAP]:
+                reasons[i] = reasons[j] = 0
+                for axis in range(3):
+                    here = frame.pos_lab_m[i, axis]
+                    frame.pos_lab_m[i, axis] = frame.pos_lab_m[j, axis]
+                    frame.pos_lab_m[j, axis] = here
+                for k in range(4):
+                    frame.q_lab_from_flu[i, k], frame.q_lab_from_flu[j, k] = q_i[k], q_j[k]
+                undone += 1
+            break
+    return undone
+
+
+@kernel
+def known_now(m: Memory, t_ns: int) -> bool:
+    """Whether it is believed, and was until just now, so that only one place is its own."""
+    return m.code == 0 and m.believed.frames >= KNOWN_FRAMES and (t_ns - m.believed.t_ns) * SECONDS <= EXCHANGED_S
+
+
+@kernel
+def worn_by(q_lab_from_flu: Float, q_marker_from_flu: Float, q_marker_from_its_flu: Float) -> Float:
+    """The attitude of the body that really wears the markers which another one's name was given to."""
+    q_flu_from_marker, q_lab_from_marker, out = np.empty(4), np.empty(4), np.empty(4)
+    q_flu_from_marker[0] = q_marker_from_flu[0]
+    for k in range(1, 4):
+        q_flu_from_marker[k] = -q_marker_from_flu[k]
+    multiply_into(q_lab_from_flu, q_flu_from_marker, q_lab_from_marker)
+    multiply_into(q_lab_from_marker, q_marker_from_its_flu, out)
+    if out[0] < 0.0:
+        for k in range(4):
+            out[k] = -out[k]
+    return out
+
+
+@kernel
+def weigh(m: Memory, bounds: Bounds, t_ns: int, pos: Float, q: Float, reason: int, armed: bool) -> None:
+    """Believe the pose, or the path that it goes on, or neither; reason: what speaks against its following `believed`.
+
+    A path that began with a jump while the body was in sight is never believed while its motors are on, wherever it
+    leads: that the body might have come there in the time since says nothing, as it was seen not to.
+    """
+    believed = m.believed
+    if m.code == 0 and reason == 0:
+        if believed.frames == 0:
+            begin(believed, t_ns, pos, q)
+        elif m.same == 1 or not m.noisy:  # what may turn out to be frozen moves nothing
+            extend(believed, t_ns, pos, q)
+        if not armed:
+            m.floor_m = pos[2]
+        return
+    other = m.other
+    if m.code == 0:
+        m.possible = believed.frames < KNOWN_FRAMES
+        begin(other, t_ns, pos, q)
+    elif is_in_sight(other, believed.period_s, t_ns) and objection(other, bounds, t_ns, pos, q) == 0:
+        extend(other, t_ns, pos, q)
+    else:
+        m.possible = reason == 0
+        begin(other, t_ns, pos, q)
+    if m.code == 0:
+        m.code = reason
+    if other.frames >= (RECOVERY_FRAMES if m.possible else RELEARN_FRAMES) and (m.possible or not armed):
+        copy_into(other, believed)
+        m.code = 0
+
+
+@kernel
+def contradicted(m: Memory, bounds: Bounds, q: Float) -> bool:
+    """Whether the attitude would have a flying drone's rotors push downwards for too long; they only pull upwards."""
+    path = m.believed
+    share = path.period_s / (path.period_s + UPSET_LAG_S)
+    x, y, z = thrust_axis(q)
+    along = GRAVITY_M_S2 * z
+    for axis in range(3):
+        m.slow_vel_lab_m_s[axis] += share * (path.vel_lab_m_s[axis] - m.slow_vel_lab_m_s[axis])
+    slow, vel = m.slow_vel_lab_m_s, path.vel_lab_m_s
+    along += (x * (vel[0] - slow[0]) + y * (vel[1] - slow[1]) + z * (vel[2] - slow[2])) / UPSET_LAG_S
+    if bounds.commanded and along < -UPSET_M_S2 and path.pos_lab_m[2] - m.floor_m > OFF_FLOOR_M:
+        m.upset += 1
+        if m.upset >= UPSET_FRAMES:
+            m.upset = UPSET_FRAMES + RECOVERY_FRAMES
+    elif m.upset > UPSET_FRAMES:
+        m.upset -= 1
+    else:
+        m.upset = 0
+    return m.upset > UPSET_FRAMES

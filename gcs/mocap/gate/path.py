@@ -1,0 +1,124 @@
+"""Whether a pose follows from the poses before it: a body's path as far as it was seen, and what it can do."""
+
+from dataclasses import dataclass
+from math import atan2, sqrt
+
+from formation.maths.arrays import Float, Quat, Vec3
+from formation.maths.kernel import kernel
+from formation.rejection import Rejection
+from gcs.mocap.gate.bounds import Bounds
+
+JUMP, FLIP, YAW_RATE = int(Rejection.JUMP), int(Rejection.FLIP), int(Rejection.YAW_RATE)
+VELOCITY_GAIN = 0.3
+"""Of an alpha-beta filter whose position is the measured one: its velocity is some 1 / gain frames old."""
+PERIOD_GAIN = 0.1
+IN_SIGHT_S, IN_SIGHT_PERIODS = 0.05, 3.5
+SECONDS = 1e-9
+
+
+@dataclass(slots=True)
+class Path:
+    """The newest pose of a path, its velocity, and how many frames made it since the last gap (0: none); a record.
+
+    period_s: the time between its frames, without the gaps.
+    """
+
+    t_ns: int
+    frames: int
+    period_s: float
+    pos_lab_m: Vec3
+    vel_lab_m_s: Vec3
+    q_lab_from_flu: Quat
+
+
+@kernel
+def begin(path: Path, t_ns: int, pos_lab_m: Float, q_lab_from_flu: Float) -> None:
+    """A path of this one pose."""
+    path.t_ns, path.frames = t_ns, 1
+    for axis in range(3):
+        path.pos_lab_m[axis], path.vel_lab_m_s[axis] = pos_lab_m[axis], 0.0
+    for k in range(4):
+        path.q_lab_from_flu[k] = q_lab_from_flu[k]
+
+
+@kernel
+def extend(path: Path, t_ns: int, pos_lab_m: Float, q_lab_from_flu: Float) -> None:
+    """The path with one pose more; after a gap it begins anew."""
+    if not is_in_sight(path, path.period_s, t_ns):
+        begin(path, t_ns, pos_lab_m, q_lab_from_flu)
+        return
+    dt_s = (t_ns - path.t_ns) * SECONDS
+    gain = 1.0 if path.frames < 2 else VELOCITY_GAIN
+    path.period_s += (1.0 if path.period_s == 0.0 else PERIOD_GAIN) * (dt_s - path.period_s)
+    for axis in range(3):
+        mean = (pos_lab_m[axis] - path.pos_lab_m[axis]) / dt_s
+        path.vel_lab_m_s[axis] += gain * (mean - path.vel_lab_m_s[axis])
+        path.pos_lab_m[axis] = pos_lab_m[axis]
+    for k in range(4):
+        path.q_lab_from_flu[k] = q_lab_from_flu[k]
+    path.t_ns, path.frames = t_ns, path.frames + 1
+
+
+@kernel
+def is_in_sight(path: Path, period_s: float, t_ns: int) -> bool:
+    """Whether the path went on until just now; period_s: between frames, as far as known."""
+    if path.frames == 0:
+        return False
+    return (t_ns - path.t_ns) * SECONDS <= max(IN_SIGHT_S, IN_SIGHT_PERIODS * period_s)
+
+
+@kernel
+def copy_into(path: Path, out: Path) -> None:
+    """The same path in another place."""
+    out.t_ns, out.frames, out.period_s = path.t_ns, path.frames, path.period_s
+    for axis in range(3):
+        out.pos_lab_m[axis], out.vel_lab_m_s[axis] = path.pos_lab_m[axis], path.vel_lab_m_s[axis]
+    for k in range(4):
+        out.q_lab_from_flu[k] = path.q_lab_from_flu[k]
+
+
+@kernel
+def moved_as_it_can(path: Path, bounds: Bounds, t_ns: int, pos_lab_m: Float) -> bool:
+    """Whether the body can have come here from the path's end, with the velocity it had there."""
+    dt_s = (t_ns - path.t_ns) * SECONDS
+    away2, missed2 = 0.0, 0.0
+    for axis in range(3):
+        moved = pos_lab_m[axis] - path.pos_lab_m[axis]
+        away2 += moved * moved
+        missed2 += (moved - dt_s * path.vel_lab_m_s[axis]) ** 2
+    if away2 > (bounds.step_m + bounds.speed_m_s * dt_s) ** 2:
+        return False
+    if path.frames < 2:
+        return True
+    known_s = path.period_s / VELOCITY_GAIN
+    return missed2 <= (bounds.step_m + bounds.acc_m_s2 * dt_s * (0.5 * dt_s + known_s)) ** 2
+
+
+@kernel
+def turned_as_it_can(path: Path, bounds: Bounds, t_ns: int, q_lab_from_flu: Float) -> int:
+    """Whether it can have turned so far: 0, or FLIP or YAW_RATE; by the rotation vector in its own axes."""
+    dt_s = (t_ns - path.t_ns) * SECONDS
+    a, b = path.q_lab_from_flu, q_lab_from_flu
+    w = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+    x = a[0] * b[1] - a[1] * b[0] - a[2] * b[3] + a[3] * b[2]
+    y = a[0] * b[2] + a[1] * b[3] - a[2] * b[0] - a[3] * b[1]
+    z = a[0] * b[3] - a[1] * b[2] + a[2] * b[1] - a[3] * b[0]
+    half_sine = sqrt(x * x + y * y + z * z)
+    if half_sine < 1e-9:
+        return 0
+    angle_per_sine = 2.0 * atan2(half_sine, abs(w)) / half_sine
+    if angle_per_sine * sqrt(x * x + y * y) > bounds.turn_step_rad + bounds.turn_rad_s * dt_s:
+        return FLIP
+    if angle_per_sine * abs(z) > bounds.yaw_step_rad + bounds.yaw_rad_s * dt_s:
+        return YAW_RATE
+    return 0
+
+
+@kernel
+def objection(path: Path, bounds: Bounds, t_ns: int, pos_lab_m: Float, q_lab_from_flu: Float) -> int:
+    """Why the pose does not follow from the path: JUMP, FLIP, YAW_RATE; 0 where it does, or there is no path."""
+    if path.frames == 0:
+        return 0
+    if not moved_as_it_can(path, bounds, t_ns, pos_lab_m):
+        return JUMP
+    return turned_as_it_can(path, bounds, t_ns, q_lab_from_flu)

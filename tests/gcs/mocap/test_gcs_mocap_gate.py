@@ -1,0 +1,282 @@
+"""What the gate rejects of flying bodies, in upright and turned rooms: when, and what it believes again."""
+
+import numpy as np
+import pytest
+from gate_room import BODIES, PLACES, TURNED, UPRIGHT, Room
+
+from formation.maths import frames
+from formation.rejection import Rejection
+
+ROOMS = pytest.mark.parametrize("room", [UPRIGHT, TURNED], ids=["upright", "turned"])
+LEFT, RIGHT = 1, 2
+OVER = np.array([0.0, 1.0, 0.0, 0.0])
+
+
+def flying(room) -> Room:
+    return Room(room)
+
+
+@ROOMS
+def test_a_frozen_body_is_rejected_in_the_fifth_frame_and_believed_after_three_that_differ(room):
+    r, held = flying(room), {}
+
+    def freeze(k, pos, q):
+        pos[LEFT], q[LEFT] = held.setdefault("p", pos[LEFT].copy()), held.setdefault("q", q[LEFT].copy())
+
+    r.fly(50, freeze)
+    assert r.codes("left") == [Rejection.NONE] * 4 + [Rejection.FREEZE] * 46
+    assert r.seen("left") == [True] * 4 + [False] * 46
+    assert all(r.seen("right"))
+    r.shown.clear()
+    r.fly(10)
+    assert r.seen("left") == [False] * 2 + [True] * 8
+    r.fly(60)
+    assert r.events == [
+        "left is rejected, gate-freeze: frozen: the same to the last bit",
+        "left is believed again: over 0.47 s, 48 x gate-freeze",
+    ]
+
+
+def test_all_bodies_frozen_at_once_in_the_air_are_rejected():
+    r, held = flying(UPRIGHT), {}
+
+    def freeze(k, pos, q):
+        pos[:], q[:] = held.setdefault("p", pos.copy()), held.setdefault("q", q.copy())
+
+    r.fly(6, freeze)
+    assert [frame.seen.any() for frame in r.shown] == [True] * 4 + [False] * 2
+
+
+def test_a_body_frozen_as_it_takes_off_is_rejected():
+    r = Room()
+    r.core.note_armed(())
+    r._standing = True
+    r.fly(200)
+    r.core.note_armed({"left", "right"})
+    r.shown.clear()
+    held = {}
+
+    def freeze(k, pos, q):
+        pos[LEFT], q[LEFT] = held.setdefault("p", pos[LEFT].copy()), held.setdefault("q", q[LEFT].copy())
+
+    r.fly(6, freeze)
+    assert r.codes("left")[4:] == [Rejection.FREEZE] * 2
+
+
+def test_cameras_without_noise_show_standing_bodies_as_they_are():
+    """All of a simulation without noise, which stands on the floor, disarmed, beside one that is carried about."""
+    r = Room(noise_m=0.0, noise_rad=0.0, motion=lambda t_s: PLACES + np.outer([1, 0, 0], [0.3 * t_s, 0, 0]))
+    r.core.note_armed(())
+    r._standing = True
+    r.fly(500)
+    assert all(frame.seen.all() for frame in r.shown[60:])  # after the room's own leap to the floor
+
+
+def test_a_noiseless_camera_that_freezes_a_flying_body_is_noticed():
+    r = Room(noise_m=0.0, noise_rad=0.0)
+    r.fly(10)
+    assert r.codes("left")[-1] is Rejection.FREEZE
+    assert r.codes("lead") == [Rejection.NONE] * 10
+
+
+@ROOMS
+def test_a_jump_is_rejected_at_once_and_never_believed_while_the_motors_are_on(room):
+    r = flying(room)
+    r.fly(60, lambda k, pos, q: pos.__setitem__(LEFT, pos[LEFT] + [1.0, 0.0, 0.0]))
+    assert r.codes("left") == [Rejection.JUMP] * 60
+    r.shown.clear()
+    r.fly(5)
+    assert r.seen("left") == [False, False, True, True, True]
+
+
+def test_a_jump_that_lasts_for_half_a_minute_is_not_believed_in_the_air_but_on_the_floor():
+    r = flying(UPRIGHT)
+
+    def jump(k, pos, q):
+        pos[LEFT, 0] += 1.0
+
+    r.fly(3000, jump)
+    assert not any(r.seen("left"))
+    r.core.note_armed(())
+    r.fly(2, jump)
+    assert r.seen("left")[-1]
+
+
+@pytest.mark.parametrize("jump_m", [0.08, 0.3, 5.0])
+def test_small_and_large_jumps_are_rejected_at_once(jump_m):
+    r = flying(UPRIGHT)
+    r.fly(3, lambda k, pos, q: pos.__setitem__(LEFT, pos[LEFT] - [0.0, jump_m, 0.0]))
+    assert r.codes("left") == [Rejection.JUMP] * 3
+
+
+def test_one_glitch_costs_three_frames():
+    r = flying(UPRIGHT)
+    r.fly(10, lambda k, pos, q: pos.__setitem__(LEFT, pos[LEFT] + (0.5 if k == 2 else 0.0)))
+    assert r.seen("left") == [True, True, False, False, False] + [True] * 5
+
+
+def test_a_drone_that_was_hidden_for_half_a_second_is_believed_where_it_comes_back():
+    r = flying(UPRIGHT)
+    r.fly(50, seen=(True, False, True))
+    assert r.codes("left") == [Rejection.NONE] * 50
+    r.shown.clear()
+    r.fly(5, lambda k, pos, q: pos.__setitem__(LEFT, pos[LEFT] + [0.8, 0.0, -0.3]))
+    assert all(r.seen("left"))
+
+
+def test_a_ghost_seen_first_after_a_gap_does_not_hide_the_body_for_good():
+    r = flying(UPRIGHT)
+    r.fly(50, seen=(True, False, True))
+    r.fly(1, lambda k, pos, q: pos.__setitem__(LEFT, pos[LEFT] + 0.5))
+    r.shown.clear()
+    r.fly(5)
+    assert r.seen("left") == [False, False, True, True, True]
+
+
+@ROOMS
+def test_a_body_turned_over_is_rejected_at_once_and_believed_three_frames_after(room):
+    r = flying(room)
+    r.fly(40, lambda k, pos, q: q.__setitem__(LEFT, frames.canonical(frames.multiply(q[LEFT], OVER))))
+    assert r.codes("left") == [Rejection.FLIP] * 40
+    r.shown.clear()
+    r.fly(4)
+    assert r.seen("left") == [False, False, True, True]
+
+
+def test_a_slow_roll_that_its_path_contradicts_is_rejected():
+    """Over in a third of a second, which the vehicle could do; but it hangs in the air."""
+    r = flying(UPRIGHT)
+
+    def roll(k, pos, q):
+        angle = min(0.1 * k, np.pi)
+        q[LEFT] = frames.canonical(frames.multiply(q[LEFT], [np.cos(angle / 2), 0.0, np.sin(angle / 2), 0.0]))
+
+    r.fly(60, roll)
+    codes = r.codes("left")
+    over = codes.index(Rejection.FLIP)
+    # Rotors would push with 3 m/s2 at 108 degrees, in the 19th frame.
+    assert 19 + 4 <= over <= 19 + 6
+    assert set(codes[over:]) == {Rejection.FLIP}
+
+
+def test_a_drone_that_falls_turning_over_is_believed():
+    """Thrown, without thrust: it falls as it turns."""
+    t0_s = []
+
+    def fall(t_s):
+        t0_s.append(t_s)
+        return PLACES - [[0.0] * 3, [0.0, 0.0, 4.9 * max(t_s - 2.3, 0.0) ** 2], [0.0] * 3]
+
+    r = Room(motion=fall)
+    r.shown.clear()
+
+    def roll(k, pos, q):
+        angle = 0.1 * k
+        q[LEFT] = frames.canonical(frames.multiply(q[LEFT], [np.cos(angle / 2), np.sin(angle / 2), 0.0, 0.0]))
+
+    r.fly(40, lambda k, pos, q: roll(max(k - 10, 0), pos, q))
+    assert all(r.seen("left"))
+
+
+@ROOMS
+@pytest.mark.parametrize(("body", "angle_rad"), [("lead", 0.4), ("lead", 2.0), ("left", 0.25)])
+def test_a_wrong_heading_is_rejected_at_once(room, body, angle_rad):
+    r, i = flying(room), BODIES.index(body)
+    turned = np.array([np.cos(angle_rad / 2), 0.0, 0.0, np.sin(angle_rad / 2)])
+    r.fly(20, lambda k, pos, q: q.__setitem__(i, frames.canonical(frames.multiply(q[i], turned))))
+    assert r.codes(body) == [Rejection.YAW_RATE] * 20
+    r.shown.clear()
+    r.fly(4)
+    assert r.seen(body) == [False, False, True, True]
+
+
+@ROOMS
+def test_two_exchanged_drones_are_set_right(room):
+    r = flying(room)
+
+    def exchange(k, pos, q):
+        pos[[LEFT, RIGHT]], q[[LEFT, RIGHT]] = pos[[RIGHT, LEFT]], q[[RIGHT, LEFT]]
+
+    if room is TURNED:  # their names are exchanged, but not what they wear
+        wears = frames.multiply(frames.inverse(np.array(TURNED["left"])), np.array([1.0, 0.0, 0.0, 0.0]))
+
+        def exchange(k, pos, q):
+            pos[[LEFT, RIGHT]] = pos[[RIGHT, LEFT]]
+            left = frames.multiply(q[RIGHT], frames.inverse(wears))
+            right = frames.multiply(q[LEFT], wears)
+            q[LEFT], q[RIGHT] = frames.canonical(left), frames.canonical(right)
+
+    r.fly(60, exchange)
+    assert all(frame.seen.all() for frame in r.shown)
+    for frame in r.shown:
+        assert np.abs(frame.pos_lab_m - PLACES).max() < 0.01
+        assert np.abs(frame.q_lab_from_flu - frames.IDENTITY).max() < 0.01
+    r.fly(100)
+    assert r.events == [
+        "gate-swap: two bodies were exchanged, and are set right",
+        "nothing is exchanged any more: over 0.59 s, 60 x gate-swap",
+    ]
+
+
+def test_two_drones_exchanged_whose_attitudes_do_not_fit_are_both_rejected():
+    r = flying(UPRIGHT)
+
+    def exchange(k, pos, q):
+        pos[[LEFT, RIGHT]] = pos[[RIGHT, LEFT]]
+        q[LEFT] = frames.canonical(frames.multiply(q[LEFT], np.array([0.8, 0.0, 0.0, 0.6])))
+
+    r.fly(30, exchange)
+    assert r.codes("left") == r.codes("right") == [Rejection.SWAP] * 30
+    assert all(r.seen("lead"))
+
+
+def test_three_bodies_in_a_ring_are_rejected():
+    r = flying(UPRIGHT)
+    r.fly(5, lambda k, pos, q: pos.__setitem__(slice(None), pos[[1, 2, 0]]))
+    assert not any(frame.seen.any() for frame in r.shown)
+
+
+@pytest.mark.parametrize(
+    ("bad", "reason"),
+    [
+        (lambda pos, q: pos.__setitem__((LEFT, 0), np.nan), Rejection.NOT_FINITE),
+        (lambda pos, q: q.__setitem__(LEFT, 0.0), Rejection.NO_ROTATION),
+        (lambda pos, q: pos.__setitem__((LEFT, 1), 1e9), Rejection.TOO_FAR),
+    ],
+)
+def test_a_pose_that_is_none_says_why_and_the_next_is_believed(bad, reason):
+    r = flying(UPRIGHT)
+    r.fly(3, lambda k, pos, q: bad(pos, q) if k == 1 else None)
+    assert r.codes("left") == [Rejection.NONE, reason, Rejection.NONE]
+    assert r.seen("left") == [True, False, True]
+
+
+MONITORS = {
+    "gate-jump": lambda pos, q: pos.__setitem__(LEFT, pos[LEFT] + 1.0),
+    "gate-flip": lambda pos, q: q.__setitem__(LEFT, frames.canonical(frames.multiply(q[LEFT], OVER))),
+    "gate-yaw-rate": lambda pos, q: q.__setitem__(LEFT, frames.canonical(frames.multiply(q[LEFT], [0.6, 0, 0, 0.8]))),
+    "gate-swap": lambda pos, q: pos.__setitem__([LEFT, RIGHT], pos[[RIGHT, LEFT]]),
+    "gate-freeze": lambda pos, q: (pos.__setitem__(LEFT, PLACES[LEFT]), q.__setitem__(LEFT, frames.IDENTITY)),
+}
+
+
+@pytest.mark.parametrize("name", MONITORS)
+def test_a_check_that_is_switched_off_lets_its_fault_through(name):
+    watching, blind = Room(), Room(without=frozenset({name}))
+    for room in (watching, blind):
+        room.fly(20, lambda k, pos, q: MONITORS[name](pos, q))
+    assert all(blind.seen("left"))
+    shown_m = [frame.pos_lab_m[LEFT] for frame in watching.shown]
+    assert not all(watching.seen("left")) or np.abs(np.array(shown_m) - PLACES[LEFT]).max() < 0.01
+
+
+def test_a_check_that_is_none_is_an_error():
+    with pytest.raises(ValueError, match="no check of the gate: gate-gap; known: gate-freeze, gate-jump"):
+        Room(without=frozenset({"gate-gap"}))
+
+
+def test_what_was_rejected_is_counted_by_body_and_check():
+    r = flying(UPRIGHT)
+    r.fly(7, lambda k, pos, q: pos.__setitem__(LEFT, pos[LEFT] + 1.0))
+    r.fly(1, lambda k, pos, q: pos.__setitem__((RIGHT, 0), np.nan))
+    assert r.core.rejections() == {"left": {"gate-jump": 8}, "right": {"not finite": 1}}

@@ -15,5 +15,11 @@ class Address(NamedTuple):
     component: int
 
 
+GROUND_COMPONENTS = range(25, 100)  # MAV_COMP_ID_USER1 to USER75
 GROUND = Address(GROUND_SYSTEM, GROUND_COMPONENT)
 EVERYONE = Address(BROADCAST, BROADCAST)
+
+
+def ground_address(epoch: int) -> Address:
+    """Who a ground of that epoch is on every link: a ground that was started anew is another."""
+    return Address(GROUND_SYSTEM, GROUND_COMPONENTS[epoch % len(GROUND_COMPONENTS)])

@@ -22,6 +22,7 @@ class MavCommand(IntEnum):
     SET_MESSAGE_INTERVAL = 511
     REQUEST_MESSAGE = 512
     REQUEST_AUTOPILOT_CAPABILITIES = 520
+    REQUEST_OPERATOR_CONTROL = 32100  # development.xml
 
 
 class MavFrame(IntEnum):

@@ -217,6 +217,17 @@ class Truth:
 
 
 @dataclass(frozen=True, slots=True)
+class HostReport:
+    """What the ground's host tells it of itself: other grounds alive on the lab's bus, and what is wrong with the log.
+
+    log_trouble: in words; empty while everything is being written in time.
+    """
+
+    other_grounds: tuple[str, ...] = ()
+    log_trouble: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Tick:
     """One call of `tick(now_ns)`: logged, so that replay makes the same calls at the same times."""
 

@@ -13,6 +13,7 @@ class Verb(StrEnum):
 
     STATUS = "status"
     ARM = "arm"
+    ADOPT = "adopt"
     TAKEOFF = "takeoff"
     START = "start"
     HOLD = "hold"

@@ -30,6 +30,7 @@ LINK_UP = Topic("link/up", m.Datagram, 300.0, Drop.OLDEST_LOST)
 LINK_DOWN = Topic("link/down", m.Datagram, 300.0, Drop.LATEST_WINS)
 REQUEST = Topic("operator/request", m.OperatorRequest, 0.1, Drop.NEVER)
 REPLY = Topic("operator/reply", m.OperatorReply, 0.1, Drop.NEVER)
+HOST = Topic("input/host", m.HostReport, 0.1, Drop.NEVER)
 STATE = Topic("control/state", m.SwarmState, 100.0, Drop.OLDEST_LOST)
 REFERENCE = Topic("control/reference", m.Reference, 100.0, Drop.OLDEST_LOST)
 COMMAND = Topic("control/command", m.Command, 100.0, Drop.OLDEST_LOST)
@@ -48,6 +49,7 @@ ALL = (
     LINK_DOWN,
     REQUEST,
     REPLY,
+    HOST,
     TICK,
     STATE,
     REFERENCE,

@@ -12,12 +12,11 @@ import numpy as np
 from formation import topics
 from formation.config import LabConfig
 from formation.control.stack import ControlStack, Stages
-from formation.maths.arrays import Quats, Scalars, Vec3s
-from formation.maths.kernel import kernel
 from formation.messages import (
     AttitudeTarget,
     Datagram,
     Event,
+    HostReport,
     LabFrame,
     OperatorReply,
     OperatorRequest,
@@ -26,25 +25,33 @@ from formation.messages import (
     Verb,
 )
 from formation.rejection import Rejection
-from formation.safety import arming, rules
+from formation.safety import rules
 from formation.safety.phases import STREAMING, Trigger
 from formation.safety.rules import Facts
 from formation.topics import Topic
 from gcs import reforming
 from gcs.drones.checks import warnings
 from gcs.drones.drone import Drone
-from gcs.drones.link_state import HEARTBEAT, NEVER_NS, DroneLink
-from gcs.facts import FactGatherer
+from gcs.drones.goal import Goal
+from gcs.drones.link_state import DroneLink
+from gcs.drones.telemetry import NEVER_NS, ground_heartbeat
+from gcs.facts import FactGatherer, all_finite
 from gcs.flight import Flight
 from gcs.lateness import Lateness
 from gcs.mocap.autopilot_poses import streams
-from gcs.operator import armed_text, done_text, status_text, take_off_refusals
+from gcs.operator import About, armed_text, done_text, status_text
+from gcs.safety import adoption, monitors
+from gcs.safety.host import Host
+from gcs.safety.permissions import Permissions
+from wire.link_messages.address import ground_address
 from wire.mavlink.framing import packed
 from wire.refusals import Refusals
 
 HEARTBEAT_NS = 1_000_000_000
 POSE_NS = 20_000_000
 WATCHDOG_FRAMES = 3.0
+PICK_UP_NS = 1_000_000_000
+"""After an adoption the control begins once more from where the drones are then, just before they follow it."""
 
 
 class BrokenInvariantError(RuntimeError):
@@ -62,16 +69,30 @@ class Outgoing(NamedTuple):
 class GcsCore:
     """One lab's ground. Not thread-safe; `now_ns` never goes back."""
 
-    def __init__(self, config: LabConfig, t0_ns: int) -> None:
+    def __init__(
+        self, config: LabConfig, t0_ns: int, epoch: int = 0, without: frozenset[str] = frozenset()
+    ) -> None:  # fmt: skip
+        """epoch: which of the lab's grounds this is; one started anew is another.
+
+        without: those of gcs.safety.monitors.MONITORS that a campaign switches off; ValueError for other names.
+        """
+        monitors.check(without)
         self._config = config
         self._t0_ns = t0_ns
+        self._epoch = epoch
+        self._without = without
+        self._heartbeat = ground_heartbeat(epoch)
+        self._host = Host(without)
         self._feeds_pose = config.mocap.source != "mavlink"
         self._drones = tuple(Drone(i, self._link(config, i)) for i in config.commanded)
         self._links = {drone.link.sysid: drone.link for drone in self._drones}
-        self._stack = ControlStack(config, tuple(config.profile_of(vehicle) for vehicle in config.vehicles))
+        self._stack = self._fresh_stack()
+        self._pick_up_ns: int | None = None
         self._flight = Flight(config, self._drones, t0_ns)
         self._gatherer = FactGatherer(config, self._drones)
+        self._permissions = Permissions(config, self._drones, self._flight, self._host, without)
         self._rule_state = rules.start(len(config.vehicles))
+        self._rules_on = rules.switched_on(without)
         self._lateness = Lateness()
         self._stages: Stages | None = None
         self._frame: LabFrame | None = None
@@ -84,22 +105,33 @@ class GcsCore:
         self._due = False
         self._heartbeat_due_ns = t0_ns
         self._pose_due_ns = t0_ns
-        self._rule_statedog_ns = round(WATCHDOG_FRAMES / config.mocap.rate_hz * 1e9)
+        self._watchdog_ns = round(WATCHDOG_FRAMES / config.mocap.rate_hz * 1e9)
+        self._deadline_ns = t0_ns + self._watchdog_ns
         self._stale_frames = 0
         self._refused_frames = Refusals()
         self._strays = 0
 
+    def _fresh_stack(self) -> ControlStack:
+        return ControlStack(self._config, tuple(self._config.profile_of(v) for v in self._config.vehicles))
+
     def _link(self, config: LabConfig, i: int) -> DroneLink:
         vehicle = config.vehicles[i]
         origin = config.origin if self._feeds_pose else None
-        return DroneLink(vehicle, vehicle.sysid or 0, config.profile_of(vehicle), streams(config), origin)
+        return DroneLink(
+            vehicle,
+            vehicle.sysid or 0,
+            config.profile_of(vehicle),
+            streams(config),
+            origin,
+            ground_address(self._epoch),
+        )
 
     @property
     def phase(self) -> Phase:
         """The swarm's phase."""
         return self._flight.phase
 
-    def receive(self, message: LabFrame | Datagram | OperatorRequest, now_ns: int) -> None:
+    def receive(self, message: LabFrame | Datagram | OperatorRequest | HostReport, now_ns: int) -> None:
         """Take one input in. Of frames the newest wins; requests wait for the tick, which is then due at once."""
         match message:
             case LabFrame():
@@ -114,40 +146,63 @@ class GcsCore:
             case OperatorRequest():
                 self._requests.append(message)
                 self._due = True
+            case HostReport():
+                self._flight.events += self._host.take(message)
+                self._due = True
 
     def next_deadline_ns(self) -> int:
-        """When `tick` is due if nothing arrives: at once if there is something to do, else when a frame is overdue."""
-        return self._tick_ns if self._due else self._tick_ns + self._rule_statedog_ns
+        """When `tick` is due if nothing arrives: at once if there is something to do, else when a frame is overdue.
+
+        While a stop is not confirmed by every drone, when it is to be repeated.
+        """
+        return self._tick_ns if self._due else self._deadline_ns
 
     def tick(self, now_ns: int) -> Outgoing:
         """Control on a fresh frame, safety and the flight's progress always. Raises BrokenInvariantError."""
         self._tick_ns, self._due = now_ns, False
-        frame = self._take_frame()
+        self._pick_up(now_ns)
+        frame, stack = self._take_frame(), self._stack
         stages = None if frame is None else self._control(frame, now_ns)
-        facts = self._facts(now_ns)
+        facts, phase = self._facts(now_ns), self._flight.phase
         self._rule_state, verdict = rules.assess(
-            self._rule_state, facts, self._flight.phase, self._config.limits, now_ns
+            self._rule_state, facts, phase, self._config.limits, now_ns, self._rules_on
         )
         self._flight.judge(verdict, now_ns)
         replies = [reply for request in self._take_requests() for reply in self._answer(request, now_ns)]
-        self._flight.proceed(stages, now_ns)
+        led = stages if self._stack is stack else None  # drones that fly are sent nothing that was computed for rest
+        self._flight.proceed(led, now_ns)
         replies += self._answer_arming(now_ns)
-        return Outgoing(
-            datagrams=self._datagrams(frame, stages, now_ns),
-            replies=tuple(replies),
-            records=self._records(stages),
-        )
+        datagrams = self._datagrams(frame, led, now_ns)
+        self._deadline_ns = self._next_look_ns(now_ns)
+        return Outgoing(datagrams=datagrams, replies=tuple(replies), records=self._records(stages))
+
+    def _next_look_ns(self, now_ns: int) -> int:
+        """When a frame is overdue, or before, when an urgent command is to be repeated."""
+        watchdog_ns = now_ns + self._watchdog_ns
+        if monitors.STOP_REPEAT in self._without:
+            return watchdog_ns
+        urgent = (d.link.commands.urgent_ns for d in self._drones if d.goal is Goal.CUT)
+        return min((watchdog_ns, *(due_ns for due_ns in urgent if due_ns is not None)))
+
+    def _pick_up(self, now_ns: int) -> None:
+        """Begin the control anew from where drones just adopted are, if they do not follow it yet."""
+        if self._pick_up_ns is None or now_ns < self._pick_up_ns:
+            return
+        self._pick_up_ns = None
+        if self.phase is Phase.HOLD and not all(drone.link.offboard for drone in self._drones):
+            self._stack = self._fresh_stack()
 
     def status(self, now_ns: int) -> str:
         """Everything an operator may want to see, as JSON."""
         grounded = self.phase is Phase.GROUND
         facts = self._gatherer.gather(self._stages, self._lateness.share, now_ns, asked_to_arm=grounded)
-        refusals = arming.refusals(facts, self._config.limits) if grounded else ()
-        t_s = (now_ns - self._t0_ns) * 1e-9
+        refusals = self._permissions.arming(facts, now_ns) if grounded else ()
         rejected = {
             body: Rejection(code).text for body, code in zip(self._bodies, self._rejected.tolist(), strict=True) if code
         }
-        return status_text(self._flight, self._drones, facts, refusals, self._counters(), rejected, t_s, now_ns)
+        t_s = (now_ns - self._t0_ns) * 1e-9
+        about = About(t_s, self._epoch, self._host.log_trouble, self._counters(), rejected)
+        return status_text(self._flight, self._drones, facts, refusals, about, now_ns)
 
     def _receive_frame(self, frame: LabFrame, now_ns: int) -> None:
         if frame.bodies != self._bodies:
@@ -173,7 +228,7 @@ class GcsCore:
         hover = np.array([drone.link.hover_thrust_norm for drone in self._drones])
         stages = self._stack.step(now_ns, frame, self._flight.plan(), hover)
         state, target = stages.state, stages.target
-        if not _all_finite(
+        if not all_finite(
             state.pos_lab_m, state.vel_lab_m_s, target.q_lab_from_flu, target.rate_flu_rad_s, target.thrust_norm
         ):
             raise BrokenInvariantError(f"frame {frame.seq}: the control's estimate or target is not finite")
@@ -184,13 +239,13 @@ class GcsCore:
         """The answer; none yet to `arm`, which is answered when every drone has armed, or has not."""
         if request.verb is Verb.STATUS:
             return [OperatorReply(request.id, True, self.status(now_ns))]
-        refusals = self._refusals(request, now_ns)
+        facts = self._gatherer.gather(self._stages, self._lateness.share, now_ns, asked_to_arm=True)
+        refusals = self._permissions.refusals(request.verb, facts, self._stages, now_ns)
         if not refusals and request.verb is Verb.SHAPE:
             asked = request.argument
             refusals = reforming.change(asked, self._flight, self._facts(now_ns), self._stages, self._config, now_ns)
         elif not refusals:
-            trigger = Trigger(request.verb.value)
-            refused = self._flight.pull(trigger, f"operator: {request.verb}", now_ns)
+            refused = self._carry_out(request.verb, now_ns)
             refusals = (refused,) if refused else ()
         if refusals:
             text = "; ".join(refusals)
@@ -201,17 +256,16 @@ class GcsCore:
             return []
         return [OperatorReply(request.id, True, done_text(self.phase, self._flight.shape))]
 
-    def _refusals(self, request: OperatorRequest, now_ns: int) -> tuple[str, ...]:
-        facts = self._gatherer.gather(self._stages, self._lateness.share, now_ns, asked_to_arm=True)
-        match request.verb, self.phase:
-            case Verb.ARM, Phase.GROUND:
-                return arming.refusals(facts, self._config.limits)
-            case Verb.TAKEOFF, Phase.ARMED:
-                return take_off_refusals(facts, self._flight, self._drones, self._config, now_ns)
-            case Verb.START, Phase.HOLD:
-                return reforming.start(self._flight, facts, self._stages, self._config)
-            case _:
-                return ()
+    def _carry_out(self, verb: Verb, now_ns: int) -> str:
+        """Pull the verb's trigger: the empty text, or why it means nothing now."""
+        adopted = verb is Verb.ADOPT and self.phase is Phase.GROUND
+        down = adoption.grounded_text(self._drones) if adopted else ""
+        if down:
+            return self._flight.pull(Trigger.LAND, down, now_ns)
+        refused = self._flight.pull(Trigger(verb.value), f"operator: {verb}", now_ns)
+        if adopted and not refused:
+            self._stack, self._pick_up_ns = self._fresh_stack(), now_ns + PICK_UP_NS
+        return refused
 
     def _answer_arming(self, now_ns: int) -> list[OperatorReply]:
         request, flight = self._arming_request, self._flight
@@ -243,7 +297,7 @@ class GcsCore:
                 at = drone.index
                 parts.append(link.pose(frame.t_capture_ns, frame.pos_lab_m[at], frame.q_lab_from_flu[at]))
             if beat:
-                parts.append(link.codec.encode(HEARTBEAT))
+                parts.append(link.codec.encode(self._heartbeat))
             parts += [link.codec.encode(message) for message in link.due(now_ns)]
             datagrams += [Datagram(link.sysid, data) for data in packed(b"".join(parts))]
         return tuple(datagrams)
@@ -287,22 +341,6 @@ class GcsCore:
             "lost_packets": sum(link.sequence.lost for link in links),
             "stray_datagrams": self._strays,
         }
-
-
-@kernel
-def _all_finite(pos: Vec3s, vel: Vec3s, q: Quats, rate: Vec3s, thrust: Scalars) -> bool:
-    """Whether no number of the estimate's or the target's is NaN or infinite: zero times such a number is NaN."""
-    nothing = 0.0
-    for i in range(len(pos)):
-        for k in range(3):
-            nothing += 0.0 * pos[i, k] + 0.0 * vel[i, k]
-    for i in range(len(thrust)):
-        nothing += 0.0 * thrust[i]
-        for k in range(3):
-            nothing += 0.0 * rate[i, k]
-        for k in range(4):
-            nothing += 0.0 * q[i, k]
-    return nothing == 0.0
 
 
 def _setpoint(link: DroneLink, t_capture_ns: int, target: AttitudeTarget, i: int) -> bytes:

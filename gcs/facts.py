@@ -12,6 +12,7 @@ from formation.maths.kernel import kernel
 from formation.safety.rules import Facts
 from gcs.drones.checks import objections
 from gcs.drones.drone import Drone
+from gcs.drones.witness import NOWHERE
 
 
 class FactGatherer:
@@ -26,12 +27,16 @@ class FactGatherer:
     def gather(self, stages: Stages | None, late_share: float, now_ns: int, asked_to_arm: bool = False) -> Facts:
         """The facts now. Objections of the links are gathered only where arming is asked for."""
         n = len(self._names)
-        silent_s, battery = [0.0] * n, [math.nan] * n
+        heartbeat_s, silent_s, age_s = [0.0] * n, [0.0] * n, [math.nan] * n
+        own_tilt, own_pos, battery = [math.nan] * n, [NOWHERE] * n, [math.nan] * n
         armed, offboard, duplicate = [True] * n, [True] * n, [False] * n
         for drone in self._drones:
             i, link = drone.index, drone.link
-            silent_s[i], battery[i] = link.heartbeat_age_s(now_ns), link.telemetry.battery
-            armed[i], offboard[i], duplicate[i] = link.armed, link.offboard, link.sequence.duplicate(now_ns)
+            heartbeat_s[i], silent_s[i] = link.heartbeat_age_s(now_ns), link.silent_s(now_ns)
+            age_s[i], battery[i] = link.setpoint_age_s(now_ns), link.telemetry.battery
+            own_tilt[i], own_pos[i] = link.witness.tilt_rad(now_ns), link.witness.pos_lab_m(now_ns)
+            armed[i], duplicate[i] = link.armed, link.sequence.duplicate(now_ns)
+            offboard[i] = link.offboard or drone.joining(now_ns)
         pos, age, model_mismatch, measured = self._seen(stages, now_ns)
         return Facts(
             names=self._names,
@@ -42,7 +47,11 @@ class FactGatherer:
             age_s=age,
             error_m=measured[2],
             model_mismatch=model_mismatch,
-            heartbeat_age_s=np.array(silent_s),
+            own_pos_lab_m=np.array(own_pos),
+            own_tilt_rad=np.array(own_tilt),
+            heartbeat_age_s=np.array(heartbeat_s),
+            silent_s=np.array(silent_s),
+            setpoint_age_s=np.array(age_s),
             armed=np.array(armed),
             offboard=np.array(offboard),
             battery=np.array(battery),
@@ -74,3 +83,19 @@ def _measure(vel_lab_m_s: Vec3s, q_lab_from_flu: Quats, e_lead_m: Vec3s, own: ND
         ex, ey, ez = e_lead_m[k, 0], e_lead_m[k, 1], e_lead_m[k, 2]
         out[2, own[k]] = np.sqrt(ex * ex + ey * ey + ez * ez)
     return out
+
+
+@kernel
+def all_finite(pos: Vec3s, vel: Vec3s, q: Quats, rate: Vec3s, thrust: Scalars) -> bool:
+    """Whether no number of the estimate's or the target's is NaN or infinite: zero times such a number is NaN."""
+    nothing = 0.0
+    for i in range(len(pos)):
+        for k in range(3):
+            nothing += 0.0 * pos[i, k] + 0.0 * vel[i, k]
+    for i in range(len(thrust)):
+        nothing += 0.0 * thrust[i]
+        for k in range(3):
+            nothing += 0.0 * rate[i, k]
+        for k in range(4):
+            nothing += 0.0 * q[i, k]
+    return nothing == 0.0

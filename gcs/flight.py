@@ -14,10 +14,10 @@ from formation.messages import Event, Phase, PhaseChange, Severity
 from formation.safety.phases import AIRBORNE, Trigger, advance, allowed_from
 from formation.safety.rules import Verdict
 from gcs.drones.drone import TAKE_OFF_S, Drone, aside_setpoint, hold_setpoint, land_setpoint, take_off_setpoint
-from gcs.drones.goal import Goal
+from gcs.drones.goal import STREAM_FIRST_NS, Goal
 from gcs.landing import landing_spots
+from gcs.safety.descent import LOOK_NS, Descent, descent, ended_text
 
-STREAM_FIRST_NS = 1_200_000_000  # PX4 wants a second of setpoints before it changes to off-board
 ARMING_NS = 12_000_000_000
 SETTLE_NS = 1_000_000_000
 AT_HEIGHT_M = 0.05
@@ -51,6 +51,7 @@ class Flight:
         self._drones = drones
         self._settled_since_ns: int | None = None
         self._spots: Float | None = None
+        self._descent: Descent | None = None
 
     def plan(self) -> Plan:
         """What the control is asked for now."""
@@ -101,7 +102,7 @@ class Flight:
             severity = change.rule.severity if change.began else Severity.NOTICE
             self.events.append(Event(severity, "safety", change.text if change.began else f"over: {change.text}"))
         for drone in self._drones:
-            if verdict.cut[drone.index]:
+            if verdict.cut[drone.index] and not drone.piloted:
                 drone.aim(Goal.CUT, now_ns)
             elif verdict.release[drone.index]:
                 drone.release(now_ns)
@@ -111,8 +112,11 @@ class Flight:
     def proceed(self, stages: Stages | None, now_ns: int) -> None:
         """Notice what has been achieved, move on, pursue every drone's goal. stages: of this tick's frame, if any."""
         if stages is not None and self.phase in AIRBORNE:
-            for drone in self._drones:
-                drone.notice_lift(float(stages.state.pos_lab_m[drone.index, 2]))
+            self._notice_flight(stages)
+        for drone in self._drones:
+            if drone.notice_pilot():
+                text = f"{drone.link.name}: a pilot flies it ({drone.link.mode}), it is left alone"
+                self.events.append(Event(Severity.WARNING, "flight", text))
         match self.phase:
             case Phase.ARMED:
                 self._watch_arming(stages, now_ns)
@@ -125,24 +129,36 @@ class Flight:
         for drone in self._drones:
             if self.phase is not Phase.ARMED or now_ns - self.entered_ns >= STREAM_FIRST_NS:
                 drone.pursue(now_ns)
-            if self.phase is Phase.GROUND and drone.reached:
+            if (self.phase is Phase.GROUND or drone.goal is Goal.JOIN) and drone.reached:
                 drone.aim(Goal.LEAVE, now_ns)
 
     def _enter(self, phase: Phase, cause: str, now_ns: int) -> None:
         before, self.phase, self.cause, self.entered_ns = self.phase, phase, cause, now_ns
-        self.trajectory_start_ns, self._settled_since_ns, self._spots = None, None, None
+        self.trajectory_start_ns, self._settled_since_ns, self._spots, self._descent = None, None, None, None
         self.armed, self._too_late = False, False
         self.changes.append(PhaseChange(phase, cause))
         self.events.append(Event(Severity.NOTICE, "flight", f"{before.name} -> {phase.name}: {cause}"))
         for drone in self._drones:
             if phase is Phase.ARMED:
-                drone.released = drone.lifted = False
+                drone.released = drone.lifted = drone.piloted = False
                 drone.aim(Goal.LEAVE, now_ns)
-            if phase is Phase.STOPPED:
+            elif phase is Phase.STOPPED:
                 drone.aim(Goal.CUT, now_ns)
+            elif before is Phase.GROUND and phase is Phase.HOLD:
+                drone.take_over(now_ns)
+            elif before is Phase.GROUND and phase is Phase.LAND:
+                drone.let_down(now_ns)
             drone.lead_to(self._setpoint(), _GOALS.get(phase, Goal.LEAVE), now_ns)
             if phase is Phase.LAND and not drone.lifted:
                 drone.stay_down(now_ns)
+
+    def _notice_flight(self, stages: Stages) -> None:
+        steady = self.phase in (Phase.FORMATION, Phase.HOLD)
+        for i, drone in enumerate(self._drones):
+            thrust_norm = float(stages.target.thrust_norm[i])
+            drone.notice_flight(float(stages.state.pos_lab_m[drone.index, 2]), thrust_norm)
+            if steady:
+                drone.notice_thrust(thrust_norm)
 
     def _setpoint(self) -> Setpoint:
         flight = self._config.flight
@@ -161,6 +177,7 @@ class Flight:
         if stages is not None:
             for drone in self._drones:
                 drone.rest_z_m = float(stages.state.pos_lab_m[drone.index, 2])
+                drone.link.witness.settle(stages.state.pos_lab_m[drone.index], now_ns)
         if not unready:
             self._watch_countdown(now_ns)
         elif self.armed:
@@ -221,10 +238,37 @@ class Flight:
         if stages is not None:
             self._lead_down(stages)
             for i, drone in enumerate(self._drones):
-                z_m, vz_m_s = stages.state.pos_lab_m[drone.index, 2], stages.state.vel_lab_m_s[drone.index, 2]
-                drone.notice_landing(float(z_m), float(vz_m_s), float(stages.command.e_lead_m[i, 2]), now_ns)
+                vz_m_s, thrust_norm = stages.state.vel_lab_m_s[drone.index, 2], stages.target.thrust_norm[i]
+                drone.notice_landing(float(vz_m_s), float(stages.command.e_lead_m[i, 2]), float(thrust_norm), now_ns)
+        for drone in self._drones:  # who lands by itself already, or holds its place, does not follow
+            if drone.link.armed and not drone.link.offboard and not drone.touched and not drone.joining(now_ns):
+                drone.release(now_ns)
         if all(drone.grounded(now_ns) for drone in self._drones):
-            self.pull(Trigger.DISARMED, "every drone has landed and is disarmed", now_ns)
+            self.pull(Trigger.DISARMED, self._landed_text(), now_ns)
+        elif stages is not None or now_ns - self.entered_ns > LOOK_NS:
+            self._end_landing(now_ns)
+
+    def _landed_text(self) -> str:
+        others = [drone.link.name for drone in self._drones if drone.piloted]
+        return f"landed, but for {', '.join(others)}: a pilot's" if others else "every drone has landed and is disarmed"
+
+    def _end_landing(self, now_ns: int) -> None:
+        """A landing that takes too long is left to the autopilots, and at last is over."""
+        if self._descent is None:
+            self._descent = descent(self._drones, self._config, self.entered_ns)
+        if now_ns >= self._descent.end_ns:
+            text = ended_text(self._drones, now_ns)
+            self.events.append(Event(Severity.CRITICAL, "flight", text))
+            for drone in self._drones:
+                if not drone.grounded(now_ns):
+                    drone.release(now_ns)
+            self.pull(Trigger.DISARMED, text, now_ns)
+        elif now_ns >= self._descent.hand_over_ns:
+            for drone in self._drones:
+                if drone.flown and not drone.touched:
+                    text = f"{drone.link.name} has not landed in time: told to land by itself"
+                    self.events.append(Event(Severity.ERROR, "flight", text))
+                    drone.release(now_ns)
 
     def _lead_down(self, stages: Stages) -> None:
         """Straight down; but aside first, at its height, for a drone under which another will stand."""

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from formation.config import LabConfig
 from formation.guidance.shape import Shape
@@ -11,6 +12,20 @@ from formation.safety import arming
 from formation.safety.rules import Facts
 from gcs.drones.drone import TAKE_OFF_S, Drone
 from gcs.flight import Flight
+
+
+@dataclass(frozen=True, slots=True)
+class About:
+    """What the ground says of itself: since its start, s; its epoch; what is wrong with its log; its counters.
+
+    rejected: why the mocap gate rejects a body now, by body.
+    """
+
+    t_s: float
+    epoch: int
+    log_trouble: str
+    counters: Mapping[str, int | float]
+    rejected: Mapping[str, str]
 
 
 def take_off_refusals(
@@ -36,27 +51,27 @@ def status_text(
     drones: Sequence[Drone],
     facts: Facts,
     refusals: Sequence[str],
-    counters: Mapping[str, int | float],
-    rejected: Mapping[str, str],
-    t_s: float,
+    about: About,
     now_ns: int,
 ) -> str:
-    """The whole state for people and scripts: what `gcs status --json` prints. rejected: why, by body."""
+    """The whole state for people and scripts: what `gcs status --json` prints."""
     return json.dumps(
         {
             "phase": flight.phase.name,
             "cause": flight.cause,
-            "t_s": round(t_s, 3),
+            "t_s": round(about.t_s, 3),
+            "epoch": about.epoch,
+            "log_trouble": about.log_trouble,
             "armed": flight.armed,
             "trajectory_started": flight.trajectory_start_ns is not None,
             "trajectory_done": flight.trajectory_done(now_ns),
             "shape": flight.shape.name,
             "drones": [
-                _drone_status(drone, facts, now_ns) | {"rejected": rejected.get(drone.link.name)} for drone in drones
+                _drone_status(drone, facts, now_ns) | {"rejected": about.rejected.get(drone.link.name)} for drone in drones
             ],
-            "rejected": dict(rejected),
+            "rejected": dict(about.rejected),
             "refusals": list(refusals),
-            "counters": dict(counters),
+            "counters": dict(about.counters),
         }
     )
 
@@ -73,12 +88,13 @@ def _drone_status(drone: Drone, facts: Facts, now_ns: int) -> dict[str, object]:
         "disarms_in_s": None if disarms_in_s is None else round(disarms_in_s, 1),
         "mode": link.mode,
         "goal": drone.goal.value,
+        "piloted": drone.piloted,
         "landed": link.telemetry.landed.name,
         "pos_lab_m": [round(x, 4) for x in facts.pos_lab_m[i].tolist()] if math.isfinite(facts.age_s[i]) else None,
         "age_s": _number(float(facts.age_s[i]), 3),
         "heartbeat_age_s": _number(float(facts.heartbeat_age_s[i]), 2),
         "battery": _number(link.telemetry.battery, 3),
-        "setpoint_age_s": _number(link.telemetry.setpoint_age_s, 4),
+        "setpoint_age_s": _number(link.setpoint_age_s(now_ns), 4),
         "clock_offset_s": None if offset_ns is None else round(offset_ns * 1e-9, 6),
         "loss": round(link.sequence.loss, 4),
     }

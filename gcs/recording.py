@@ -7,14 +7,14 @@ from collections.abc import Callable, Iterator
 
 from formation import topics
 from formation.config import LabConfig
-from formation.messages import Datagram, LabFrame, OperatorRequest, Tick
+from formation.messages import Datagram, HostReport, LabFrame, OperatorRequest, Tick
 from formation.topics import Topic
 from gcs.core import Outgoing
 
 Record = Callable[[Topic, object, int], None]
-Input = LabFrame | Datagram | OperatorRequest
+Input = LabFrame | Datagram | OperatorRequest | HostReport
 
-INPUT_TOPICS = (topics.MOCAP, topics.LINK_UP, topics.REQUEST)
+INPUT_TOPICS = (topics.MOCAP, topics.LINK_UP, topics.REQUEST, topics.HOST)
 OUTPUT_TOPICS = (
     topics.STATE, topics.REFERENCE, topics.COMMAND, topics.TARGET, topics.PHASE, topics.EVENT,
     topics.LINK_DOWN, topics.REPLY,
@@ -45,6 +45,6 @@ def outputs(outgoing: Outgoing) -> Iterator[tuple[Topic, object]]:
         yield topics.REPLY, reply
 
 
-def run_metadata(config: LabConfig, t0_ns: int) -> dict[str, str]:
+def run_metadata(config: LabConfig, t0_ns: int, epoch: int = 0) -> dict[str, str]:
     """What a log must say of its run to be replayed; hosts add what else they know (scenario, seed, link, versions)."""
-    return {"lab": config.model_dump_json(), "t0_ns": str(t0_ns)}
+    return {"lab": config.model_dump_json(), "t0_ns": str(t0_ns), "epoch": str(epoch)}

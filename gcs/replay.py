@@ -92,7 +92,8 @@ def _left_over(expected: Iterator[Output], t_ns: int) -> Difference | None:
 
 def _core(metadata: Mapping[str, str]) -> GcsCore:
     try:
-        return GcsCore(LabConfig.model_validate_json(metadata["lab"]), int(metadata["t0_ns"]))
+        epoch = int(metadata.get("epoch", "0"))
+        return GcsCore(LabConfig.model_validate_json(metadata["lab"]), int(metadata["t0_ns"]), epoch)
     except (KeyError, ValidationError) as error:
         raise ReplayError(f"the log does not hold its run's configuration: {error}") from error
 

@@ -14,6 +14,7 @@ class Trigger(StrEnum):
     """What can change the phase: an operator's or safety's wish, or something seen to have happened."""
 
     ARM = "arm"
+    ADOPT = "adopt"  # take over drones that fly under no ground
     TAKEOFF = "takeoff"
     START = "start"
     HOLD = "hold"
@@ -26,6 +27,8 @@ class Trigger(StrEnum):
 TABLE: Mapping[tuple[Phase, Trigger], Phase] = MappingProxyType(
     {
         (Phase.GROUND, Trigger.ARM): Phase.ARMED,
+        (Phase.GROUND, Trigger.ADOPT): Phase.HOLD,
+        (Phase.GROUND, Trigger.LAND): Phase.LAND,  # each by its autopilot: nobody here leads it
         (Phase.ARMED, Trigger.TAKEOFF): Phase.TAKEOFF,
         (Phase.ARMED, Trigger.LAND): Phase.GROUND,
         (Phase.ARMED, Trigger.DISARMED): Phase.GROUND,
@@ -39,6 +42,7 @@ TABLE: Mapping[tuple[Phase, Trigger], Phase] = MappingProxyType(
         (Phase.FORMATION, Trigger.LAND): Phase.LAND,
         (Phase.LAND, Trigger.LAND): Phase.LAND,
         (Phase.LAND, Trigger.DISARMED): Phase.GROUND,
+        (Phase.STOPPED, Trigger.LAND): Phase.STOPPED,
         **{(phase, Trigger.STOP): Phase.STOPPED for phase in Phase},
     }
 )

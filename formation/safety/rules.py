@@ -18,8 +18,8 @@ from formation.estimation.model_mismatch import MISMATCH_BAD
 from formation.maths.arrays import Flags, Float, Scalars, Vec3s
 from formation.maths.kernel import kernel
 from formation.messages import Phase, Severity
-from formation.model import Vec3Tuple
 from formation.safety.phases import AIRBORNE, Trigger
+from formation.safety.places import nearest, outside_box
 
 
 class Facts(NamedTuple):
@@ -27,6 +27,8 @@ class Facts(NamedTuple):
 
     For a body that is only observed the link's fields hold their healthy values. `battery` is 0..1, NaN where unknown.
     late_share: the part of the last second's frames that came late or were missed, 0..1.
+    own_pos_lab_m, own_tilt_rad: what the drone's own estimator says, the second witness; NaN where it says nothing.
+    silent_s: since anything at all was heard of it; setpoint_age_s: of what reaches it, camera to drone, NaN: unknown.
     """
 
     names: tuple[str, ...]
@@ -37,7 +39,11 @@ class Facts(NamedTuple):
     age_s: Scalars
     error_m: Scalars
     model_mismatch: Scalars
+    own_pos_lab_m: Vec3s
+    own_tilt_rad: Scalars
     heartbeat_age_s: Scalars
+    silent_s: Scalars
+    setpoint_age_s: Scalars
     armed: Flags
     offboard: Flags
     battery: Scalars
@@ -69,16 +75,20 @@ class Measure(IntEnum):
     LATE_SHARE = 9
     DUPLICATE = 10
     MODEL_MISMATCH = 11  # see formation.estimation.model_mismatch
+    OUTSIDE_TOO_M = 12  # as mocap and the drone's own estimator agree: the smaller of both
+    TILT_TOO_RAD = 13
+    SETPOINT_AGE_S = 14
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
     """One fault: the measure that is then over its limit, for how long, in which phases, and who then does what.
 
-    of_all: judged of bodies too that are only observed. of_swarm: the fault is nobody's own; it is raised once, at
-    index 0, whoever that is.
+    name: by which a campaign switches it off. of_all: judged of bodies too that are only observed. of_swarm: the fault
+    is nobody's own; it is raised once, at index 0, whoever that is.
     """
 
+    name: str
     fault: str
     measure: Measure
     over: float
@@ -102,6 +112,9 @@ class Rule:
 
 
 HEARTBEAT_S = 3.0
+SILENT_S = 3.0
+WITNESS_FRESH_S = 0.1
+LATE_SETPOINT_S, STALE_SETPOINT_S = 0.07, 0.1
 LOST_S = 0.4
 FAR_OUTSIDE_M = 0.5
 BATTERY_LOW, BATTERY_EMPTY = 0.2, 0.1
@@ -123,54 +136,56 @@ def separation_m(facts: Facts, known: Flags) -> Scalars:
     return separation
 
 
-@kernel
-def outside_box(pos_lab_m: Vec3s, low_m: Vec3Tuple, high_m: Vec3Tuple) -> Scalars:
-    """How far each point is outside the box, along the axis where it is farthest; zero inside; shape (n,)."""
-    outside = np.zeros(len(pos_lab_m))
-    for i in range(len(pos_lab_m)):
-        for axis in range(3):
-            beyond = max(low_m[axis] - pos_lab_m[i, axis], pos_lab_m[i, axis] - high_m[axis])
-            outside[i] = max(outside[i], beyond)
-    return outside
-
-
-@kernel
-def nearest(pos_lab_m: Vec3s) -> Scalars:
-    """Distance of each point to its nearest neighbour, infinite for one alone; shape (n,)."""
-    near = np.full(len(pos_lab_m), np.inf)
-    for i in range(len(pos_lab_m)):
-        for j in range(i):
-            dx, dy = pos_lab_m[i, 0] - pos_lab_m[j, 0], pos_lab_m[i, 1] - pos_lab_m[j, 1]
-            dz = pos_lab_m[i, 2] - pos_lab_m[j, 2]
-            distance = np.sqrt(dx * dx + dy * dy + dz * dz)
-            near[i], near[j] = min(near[i], distance), min(near[j], distance)
-    return near
-
-
 FLYING = AIRBORNE - {Phase.LAND}
 IN_PLACE = frozenset({Phase.FORMATION, Phase.HOLD})
 IN_FORMATION = frozenset({Phase.FORMATION})
 MOTORS_ON = AIRBORNE | {Phase.ARMED}
 
 RULES: tuple[Rule, ...] = (
-    Rule("body not seen for 0.2 s", Measure.UNSEEN_S, 0.2, 0.0, IN_FORMATION, Trigger.HOLD, of_all=True),
-    Rule("body not seen for 0.4 s", Measure.UNSEEN_S, LOST_S, 0.0, AIRBORNE, Trigger.LAND, Own.RELEASE),
-    Rule("outside the fence", Measure.OUTSIDE_M, 0.0, 0.1, AIRBORNE, Trigger.LAND),
-    Rule("0.5 m outside the fence", Measure.OUTSIDE_M, FAR_OUTSIDE_M, 0.2, AIRBORNE, Trigger.LAND, Own.CUT),
-    Rule("closer than the minimum separation", Measure.NEARNESS, -1.0, 0.1, IN_FORMATION, Trigger.HOLD),
-    Rule("closer than half the minimum separation", Measure.NEARNESS, -0.5, 0.1, FLYING, Trigger.LAND),
-    Rule("1 m away from its reference", Measure.ASTRAY_M, ASTRAY_M, 1.0, IN_PLACE, Trigger.LAND),
-    Rule("tilted by 75 degrees", Measure.TILT_RAD, UPSET_RAD, 0.3, MOTORS_ON, Trigger.LAND, Own.CUT),
-    Rule("no heartbeat for 3 s", Measure.SILENT_S, HEARTBEAT_S, 0.0, MOTORS_ON, Trigger.LAND),
-    Rule("not in off-board mode", Measure.NOT_OFFBOARD, 0.0, 0.5, FLYING, Trigger.LAND),
-    Rule("disarmed in the air", Measure.DISARMED, 0.0, 0.3, FLYING, Trigger.LAND),
-    Rule("battery under 20 %", Measure.DISCHARGE, -BATTERY_LOW, 1.0, MOTORS_ON),
-    Rule("battery under 10 %", Measure.DISCHARGE, -BATTERY_EMPTY, 1.0, MOTORS_ON, Trigger.LAND),
-    Rule("model mismatch", Measure.MODEL_MISMATCH, MISMATCH_BAD, 1.0, AIRBORNE),
-    Rule("a fifth of the frames late", Measure.LATE_SHARE, 0.2, 0.5, MOTORS_ON, of_swarm=True),
-    Rule("seven tenths of the frames late", Measure.LATE_SHARE, 0.7, 2.0, MOTORS_ON, Trigger.LAND, of_swarm=True),
-    Rule("its sysid is used twice on the network", Measure.DUPLICATE, 0.0, 0.0, frozenset(Phase)),
+    Rule("rule-unseen", "body not seen for 0.2 s",
+         Measure.UNSEEN_S, 0.2, 0.0, IN_FORMATION, Trigger.HOLD, of_all=True),
+    Rule("rule-lost", "body not seen for 0.4 s",
+         Measure.UNSEEN_S, LOST_S, 0.0, AIRBORNE, Trigger.LAND, Own.RELEASE),
+    Rule("rule-outside-fence", "outside the fence",
+         Measure.OUTSIDE_M, 0.0, 0.1, AIRBORNE, Trigger.LAND),
+    Rule("rule-far-outside", "0.5 m outside the fence",
+         Measure.OUTSIDE_M, FAR_OUTSIDE_M, 0.2, AIRBORNE, Trigger.LAND, Own.RELEASE),
+    Rule("rule-far-outside-agreed", "0.5 m outside the fence, says its own estimate too",
+         Measure.OUTSIDE_TOO_M, FAR_OUTSIDE_M, 0.2, AIRBORNE, Trigger.LAND, Own.CUT),
+    Rule("rule-too-close", "closer than the minimum separation",
+         Measure.NEARNESS, -1.0, 0.1, IN_FORMATION, Trigger.HOLD),
+    Rule("rule-half-separation", "closer than half the minimum separation",
+         Measure.NEARNESS, -0.5, 0.1, FLYING, Trigger.LAND),
+    Rule("rule-astray", "1 m away from its reference",
+         Measure.ASTRAY_M, ASTRAY_M, 1.0, IN_PLACE, Trigger.LAND),
+    Rule("rule-tilted", "tilted by 75 degrees",
+         Measure.TILT_RAD, UPSET_RAD, 0.3, MOTORS_ON, Trigger.LAND, Own.RELEASE),
+    Rule("rule-tilted-agreed", "tilted by 75 degrees, says its own attitude too",
+         Measure.TILT_TOO_RAD, UPSET_RAD, 0.3, MOTORS_ON, Trigger.LAND, Own.CUT),
+    Rule("rule-silent", "nothing heard for 3 s",
+         Measure.SILENT_S, SILENT_S, 0.0, MOTORS_ON, Trigger.LAND),
+    Rule("rule-not-offboard", "not in off-board mode",
+         Measure.NOT_OFFBOARD, 0.0, 0.5, FLYING, Trigger.LAND),
+    Rule("rule-disarmed", "disarmed in the air",
+         Measure.DISARMED, 0.0, 0.3, FLYING, Trigger.LAND),
+    Rule("rule-setpoints-late", "setpoints reach it 70 ms old",
+         Measure.SETPOINT_AGE_S, LATE_SETPOINT_S, 1.0, MOTORS_ON),
+    Rule("rule-setpoints-stale", "setpoints reach it 100 ms old",
+         Measure.SETPOINT_AGE_S, STALE_SETPOINT_S, 1.0, MOTORS_ON, Trigger.LAND, Own.RELEASE),
+    Rule("rule-battery-low", "battery under 20 %",
+         Measure.DISCHARGE, -BATTERY_LOW, 1.0, MOTORS_ON),
+    Rule("rule-battery-empty", "battery under 10 %",
+         Measure.DISCHARGE, -BATTERY_EMPTY, 1.0, MOTORS_ON, Trigger.LAND),
+    Rule("rule-model-mismatch", "model mismatch",
+         Measure.MODEL_MISMATCH, MISMATCH_BAD, 1.0, AIRBORNE),
+    Rule("rule-frames-late", "a fifth of the frames late",
+         Measure.LATE_SHARE, 0.2, 0.5, MOTORS_ON, of_swarm=True),
+    Rule("rule-frames-lost", "seven tenths of the frames late",
+         Measure.LATE_SHARE, 0.7, 2.0, MOTORS_ON, Trigger.LAND, of_swarm=True),
+    Rule("rule-duplicate-sysid", "its sysid is used twice on the network",
+         Measure.DUPLICATE, 0.0, 0.0, frozenset(Phase)),
 )  # fmt: skip
+RULE_NAMES = tuple(rule.name for rule in RULES)
 
 _SEVEREST_FIRST = (Trigger.LAND, Trigger.HOLD)
 
@@ -207,13 +222,21 @@ def start(n: int) -> RuleState:
     return RuleState(np.full((len(RULES), n), -1, np.int64), np.zeros((len(RULES), n), np.bool_))
 
 
+def switched_on(without: frozenset[str]) -> Flags:
+    """Which rules are applied, (rules,), where a campaign names some that are not."""
+    return np.array([rule.name not in without for rule in RULES])
+
+
+ALL_ON = switched_on(frozenset())
+
+
 def assess(
-    state: RuleState, facts: Facts, phase: Phase, limits: LimitsConfig, now_ns: int
+    state: RuleState, facts: Facts, phase: Phase, limits: LimitsConfig, now_ns: int, on: Flags = ALL_ON
 ) -> tuple[RuleState, Verdict]:
-    """Apply every rule to every vehicle; a fault acts once it has lasted its rule's `persist_s`."""
+    """Apply every rule that is `on` to every vehicle; a fault acts once it has lasted its rule's `persist_s`."""
     n = len(facts.names)
-    broken = np.zeros((len(RULES), n), np.bool_)
-    fault = _find_broken(_measured(facts, limits), facts.commanded, _MEASURES, _OVER, _OF_ALL, _JUDGED[phase], broken)
+    broken, judged = np.zeros((len(RULES), n), np.bool_), _JUDGED[phase] & on
+    fault = _find_broken(_measured(facts, limits), facts.commanded, _MEASURES, _OVER, _OF_ALL, judged, broken)
     if not fault and not state.acted.any():
         nobody = np.zeros(n, np.bool_)
         return start(n), Verdict(None, "", nobody, nobody, ())
@@ -240,21 +263,37 @@ _JUDGED = {phase: np.array([phase in rule.phases for rule in RULES]) for phase i
 def _measured(facts: Facts, limits: LimitsConfig) -> Float:
     """Every measure of every vehicle, (measures, n). Where a lost body is, nobody knows: no place is judged for it."""
     known = facts.age_s <= LOST_S
+    outside_m = outside_fence_m(facts, limits, known)
     rows = {
         Measure.UNSEEN_S: facts.age_s,
-        Measure.OUTSIDE_M: outside_fence_m(facts, limits, known),
+        Measure.OUTSIDE_M: outside_m,
         Measure.NEARNESS: -separation_m(facts, known) / limits.min_separation_m,
         Measure.ASTRAY_M: facts.error_m,
         Measure.TILT_RAD: facts.tilt_rad,
-        Measure.SILENT_S: facts.heartbeat_age_s,
+        Measure.SILENT_S: facts.silent_s,
         Measure.NOT_OFFBOARD: facts.armed & ~facts.offboard,
         Measure.DISARMED: ~facts.armed,
         Measure.DISCHARGE: -facts.battery,
         Measure.LATE_SHARE: [facts.late_share] + [0.0] * (len(facts.names) - 1),
         Measure.DUPLICATE: facts.duplicate,
         Measure.MODEL_MISMATCH: facts.model_mismatch,
+        Measure.OUTSIDE_TOO_M: _agreed(facts, outside_m, _own_outside_m(facts, limits)),
+        Measure.TILT_TOO_RAD: _agreed(facts, facts.tilt_rad, facts.own_tilt_rad),
+        Measure.SETPOINT_AGE_S: facts.setpoint_age_s,
     }
     return np.array([rows[measure] for measure in Measure])
+
+
+def _own_outside_m(facts: Facts, limits: LimitsConfig) -> Scalars:
+    """How far outside the fence each drone believes itself to be, m; NaN where it says nothing."""
+    outside = outside_box(facts.own_pos_lab_m, limits.fence.low_m, limits.fence.high_m)
+    return np.where(np.isfinite(facts.own_pos_lab_m).all(axis=1), outside, np.nan)
+
+
+def _agreed(facts: Facts, mocap: Scalars, own: Scalars) -> Scalars:
+    """What both witnesses say, the smaller of the two; zero where either is silent or the mocap has not seen it now."""
+    both = np.isfinite(own) & (facts.age_s <= WITNESS_FRESH_S)
+    return np.where(both, np.fmin(mocap, own), 0.0)
 
 
 @kernel
@@ -295,10 +334,12 @@ def _changes(acting: NDArray[np.bool_], acted: NDArray[np.bool_], facts: Facts) 
 
 def rules_markdown() -> str:
     """The policy as the documentation shows it: a row a fault."""
-    rows = (f"| {rule.fault} | {rule.persist_s:g} | {_phases(rule)} | {_swarm(rule)} | {rule.own} |" for rule in RULES)
-    return "\n".join(
-        ("| fault | after, s | in phases | the swarm | that drone |", "|---|---|---|---|---|", *rows),
+    head = "| name | fault | after, s | in phases | the swarm | that drone |\n|---|---|---|---|---|---|"
+    rows = (
+        f"| `{rule.name}` | {rule.fault} | {rule.persist_s:g} | {_phases(rule)} | {_swarm(rule)} | {rule.own} |"
+        for rule in RULES
     )
+    return "\n".join((head, *rows))
 
 
 def _phases(rule: Rule) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 from formation.config import LabConfig, MocapConfig
 from formation.maths.arrays import Bool, Float
 from formation.messages import LabFrame
-from formation.safety.rules import nearest, outside_box
+from formation.safety.places import nearest, outside_box
 from gcs.finding import Finding, Grade, graded, unmeasured
 
 Received = tuple[int, LabFrame]

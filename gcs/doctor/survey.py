@@ -22,8 +22,9 @@ from gcs.doctor.mavsdk_drone import (
     write_parameter,
 )
 from gcs.doctor.mocap_checks import Received, check_mocap
-from gcs.drones.link_state import HEARTBEAT, DroneLink
+from gcs.drones.link_state import DroneLink
 from gcs.drones.links import GroundLinks, open_links
+from gcs.drones.telemetry import ground_heartbeat
 from gcs.finding import Finding, Fix
 from gcs.mocap.autopilot_poses import AutopilotPoses, streams
 from gcs.mocap.service import mocap_service
@@ -92,7 +93,7 @@ class Survey:
             beat = now_ns - self._beat_ns >= BEAT_NS
             self._beat_ns = now_ns if beat else self._beat_ns
             for sysid, link in self.drones.items():
-                messages = [*([HEARTBEAT] if beat else []), *link.due(now_ns)]
+                messages = [*([ground_heartbeat(0)] if beat else []), *link.due(now_ns)]
                 if messages:
                     for data in packed(b"".join(link.codec.encode(message) for message in messages)):
                         self.send(sysid, data)

@@ -7,7 +7,7 @@ from wire.link_messages.address import Address
 from wire.link_messages.commands import DISARM_IN_FLIGHT, CommandAck, CommandLong, MavCommand, Result, command_long
 
 RETRY_NS = 250_000_000
-URGENT_RETRY_NS = 50_000_000
+URGENT_RETRY_NS = 10_000_000
 PROGRESS_NS = 3_000_000_000
 TRIES = 8
 
@@ -30,6 +30,11 @@ def cut(target: Address) -> CommandLong:
 def land(target: Address) -> CommandLong:
     """Land by itself, where it is."""
     return command_long(target, MavCommand.NAV_LAND)
+
+
+def request_control(target: Address, ground: Address) -> CommandLong:
+    """Follow this ground's setpoints from now on, whoever led it before (MAV_CMD_REQUEST_OPERATOR_CONTROL)."""
+    return command_long(target, MavCommand.REQUEST_OPERATOR_CONTROL, float(ground.system), 1.0, 1.0)
 
 
 def stream(target: Address, message_id: int, rate_hz: float) -> CommandLong:
@@ -70,12 +75,26 @@ class CommandChannel:
         if command != self._current and command not in self._waiting:
             self._waiting.append(command)
 
+    def forget(self, command: CommandLong) -> None:
+        """It is to be asked anew: an answer to it from before counts no more."""
+        self.answers.pop(command, None)
+
     def urge(self, command: CommandLong) -> None:
-        """Drop everything for this one, repeated every 50 ms."""
+        """Drop everything for this one, repeated every 10 ms."""
         self._waiting.clear()
         if command != self._current:
             self._start(command)
         self._urgent = True
+
+    def calm(self) -> None:
+        """What was urgent is done, whether or not it was answered."""
+        if self._urgent:
+            self._current, self._urgent = None, False
+
+    @property
+    def urgent_ns(self) -> int | None:
+        """When the urgent command is to be repeated; None where there is none."""
+        return self._retry_at_ns if self._urgent else None
 
     def receive(self, ack: CommandAck, now_ns: int) -> None:
         """The drone's answer to the command in flight; answers to others' commands are not ours."""

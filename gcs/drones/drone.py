@@ -1,10 +1,13 @@
 """One commanded drone as the flight handles it: its link, the goal its autopilot is brought to, and its landing."""
 
+import math
 from dataclasses import dataclass
 
 from formation.guidance.plan import HERE, IDLE, Mode, Setpoint
+from gcs.drones.commands import request_control
 from gcs.drones.goal import Goal, is_reached, pursue
-from gcs.drones.link_state import NEVER_NS, DroneLink
+from gcs.drones.link_state import DroneLink
+from gcs.drones.telemetry import NEVER_NS
 from wire.link_messages.status import LandedState
 
 TOUCH_NS = 300_000_000
@@ -18,6 +21,10 @@ AT_REST_M_S = 0.08
 LIFTED_M = 0.02
 TAKE_OFF_S = 3.0  # thrust takes two to rise (formation.control.attitude), its own landing detector one to notice
 IDLE_DISARM_WITHIN_S = 0.5
+JOINING_NS = 5_000_000_000
+LIFTING_THRUST = 1.1  # of what hovers it: who follows that does not stay on the floor
+LOW_THRUST = 0.92  # of what it flew with: who follows that in the air is not at rest for 0.3 s
+THRUST_MEMORY = 0.005
 
 
 @dataclass(slots=True)
@@ -25,7 +32,9 @@ class Drone:
     """index: its place among the n vehicles. rest_z_m: height of its markers when it stood on the floor.
 
     checked: its parameters have been read and what is amiss with them was told. lifted: seen off the floor since it was
-    last armed.
+    last armed. height_m: above where it stood, NaN unless that was seen. flying_thrust_norm: what it has been flying
+    with of late, 0 before it flew. piloted: a pilot has taken it over, it is left alone. landing_itself: seen to land
+    by its autopilot since it was told to.
     """
 
     index: int
@@ -40,11 +49,16 @@ class Drone:
     touched: bool = False
     checked: bool = False
     lifted: bool = False
+    height_m: float = math.nan
+    flying_thrust_norm: float = 0.0
+    piloted: bool = False
+    landing_itself: bool = False
 
     def aim(self, goal: Goal, now_ns: int) -> None:
         """Bring the autopilot to another goal; the same goal again changes nothing."""
         if goal is not self.goal:
             self.goal, self.goal_since_ns = goal, now_ns
+            self.landing_itself = False
 
     @property
     def reached(self) -> bool:
@@ -53,12 +67,16 @@ class Drone:
 
     @property
     def flown(self) -> bool:
-        """Whether it is sent setpoints: not once it was let go or cut."""
-        return not self.released and self.goal is not Goal.CUT
+        """Whether it is sent setpoints: not once it was let go or cut, or a pilot has it."""
+        return not self.released and not self.piloted and self.goal is not Goal.CUT
+
+    def joining(self, now_ns: int) -> bool:
+        """Whether it is only just being taken over, and is given time to follow."""
+        return self.goal is Goal.JOIN and not self.reached and now_ns - self.goal_since_ns < JOINING_NS
 
     def grounded(self, now_ns: int) -> bool:
-        """Whether its motors are known to be off, or it has been silent for so long that nothing will be known."""
-        if now_ns - self.link.heartbeat_ns > GONE_NS and not self.flown:
+        """Whether its motors are known to be off, or nothing is to be waited for: a pilot's, or silent for too long."""
+        if self.piloted or (now_ns - self.link.heard_ns > GONE_NS and not self.flown):
             return True
         return self.goal in (Goal.DISARM, Goal.LAND, Goal.CUT) and self.reached
 
@@ -78,10 +96,27 @@ class Drone:
             return ""
         return f"{self.link.name} disarmed itself: no take-off in {timeout_s:g} s ({model.table.idle_disarm_parameter})"
 
-    def notice_lift(self, z_m: float) -> None:
-        """Notice that it is off the floor."""
-        rises = z_m - self.rest_z_m > LIFTED_M or self.link.telemetry.landed in AIRBORNE_STATES
-        self.lifted = self.lifted or rises
+    def notice_flight(self, z_m: float, thrust_norm: float) -> None:
+        """Notice that it is off the floor: as the mocap sees, its autopilot says, or the thrust it follows tells."""
+        self.height_m = z_m - self.rest_z_m
+        lifts = thrust_norm > LIFTING_THRUST * self.link.hover_thrust_norm and self.link.armed and self.link.offboard
+        self.lifted = self.lifted or lifts or self.height_m > LIFTED_M or self.link.telemetry.landed in AIRBORNE_STATES
+
+    def notice_thrust(self, thrust_norm: float) -> None:
+        """It flies with this; averaged over some two seconds."""
+        before = self.flying_thrust_norm or thrust_norm
+        self.flying_thrust_norm = before + THRUST_MEMORY * (thrust_norm - before)
+
+    def notice_pilot(self) -> bool:
+        """Notice that a pilot has taken it over in flight; true once. Whoever stops the swarm stops it all the same."""
+        told_to_land = self.goal is Goal.LAND
+        self.landing_itself = self.landing_itself or (told_to_land and self.link.landing)
+        if self.piloted or not self.lifted or not self.link.piloted or self.goal in (Goal.CUT, Goal.JOIN):
+            return False
+        if told_to_land and not self.landing_itself:
+            return False  # it has only just been told
+        self.piloted, self.goal = True, Goal.LEAVE
+        return True
 
     def stay_down(self, now_ns: int) -> None:
         """It stands on the floor, landed or never risen: no thrust any more, and disarmed."""
@@ -90,25 +125,36 @@ class Drone:
             self.aim(Goal.DISARM, now_ns)
 
     def pursue(self, now_ns: int) -> None:
-        """One more step towards the goal; a disarm that a landed drone keeps refusing is forced."""
+        """One more step towards the goal. A disarm that a landed drone keeps refusing is forced, if two witnesses agree
+        that it has landed; else it is left to its autopilot to land."""
         since_ns = now_ns - self.goal_since_ns
         if self.goal is Goal.DISARM and not self.reached:
             if self.touched and self.link.telemetry.landed in AIRBORNE_STATES and since_ns < OWN_LANDING_NS:
                 return  # it would refuse: its own landing detector has not seen yet what the mocap saw
             if since_ns > REFUSED_DISARM_NS:
-                self.aim(Goal.CUT, now_ns)
+                self._insist(now_ns)
         pursue(self.goal, self.link, self.goal_since_ns, now_ns)
+
+    def _insist(self, now_ns: int) -> None:
+        """Seconds of idle thrust that it followed, or its own landed state, bear out that it stands on the floor."""
+        if self.link.piloted:
+            self.aim(Goal.LEAVE, now_ns)
+        elif self.link.offboard or self.link.telemetry.landed is LandedState.ON_GROUND:
+            self.aim(Goal.CUT, now_ns)
+        else:
+            self.release(now_ns)
 
     def release(self, now_ns: int) -> None:
         """Let go of it: no more setpoints, it lands by itself."""
-        if not self.released and self.goal is not Goal.CUT:
+        if not self.released and not self.piloted and self.goal is not Goal.CUT:
             self.released = True
             self.aim(Goal.LAND, now_ns)
 
-    def notice_landing(self, z_m: float, vz_m_s: float, above_reference_m: float, now_ns: int) -> None:
-        """Notice touch-down: at rest at its own floor height, or at rest while told to be well below."""
-        near = z_m - self.rest_z_m < NEAR_FLOOR_M
-        if not (near or above_reference_m > PRESSING_M) or abs(vz_m_s) > AT_REST_M_S:
+    def notice_landing(self, vz_m_s: float, above_reference_m: float, thrust_norm: float, now_ns: int) -> None:
+        """Notice touch-down: at rest at its own floor height, or at rest while told to be well below, and borne out."""
+        near = self.height_m < NEAR_FLOOR_M
+        rests = (near or above_reference_m > PRESSING_M) and abs(vz_m_s) <= AT_REST_M_S
+        if not rests or not self._stands(near, thrust_norm):
             self.resting_since_ns = None
             return
         if self.resting_since_ns is None:
@@ -116,11 +162,39 @@ class Drone:
         if now_ns - self.resting_since_ns >= (TOUCH_NS if near else PRESSED_NS) and not self.touched:
             self.stay_down(now_ns)
 
+    def _stands(self, near: bool, thrust_norm: float) -> bool:
+        """The second witness of a touch-down: its landed state, or that it follows too little thrust to stay up.
+
+        Away from its own floor height the autopilot must at least not say that it is in the air.
+        """
+        landed = self.link.telemetry.landed
+        if landed is LandedState.ON_GROUND:
+            return True
+        low = thrust_norm < LOW_THRUST * (self.flying_thrust_norm or self.link.hover_thrust_norm)
+        return self.link.offboard and low and (near or landed not in AIRBORNE_STATES)
+
+    def take_over(self, now_ns: int) -> None:
+        """It flies under no ground: it is to follow this one, from where it is."""
+        self.released = self.piloted = self.touched = False
+        self.lifted = True
+        self.link.commands.forget(request_control(self.link.target, self.link.codec.own))
+        self.aim(Goal.JOIN, now_ns)
+
+    def let_down(self, now_ns: int) -> None:
+        """Nobody leads it: if it is armed, or was not heard of, its autopilot lands it."""
+        self.released = self.piloted = self.touched = False
+        self.goal = Goal.LEAVE
+        if self.link.armed or self.link.telemetry.heartbeat is None:
+            self.lifted = True
+            self.release(now_ns)
+        else:
+            self.stay_down(now_ns)
+
     def lead_to(self, setpoint: Setpoint, goal: Goal, now_ns: int) -> None:
         """A new phase: another setpoint, another goal; a drone that was let go or cut stays so."""
         self.setpoint = setpoint
         self.descending, self.touched, self.resting_since_ns = False, False, None
-        if self.flown:
+        if self.flown and not (self.joining(now_ns) and goal is Goal.LEAVE):
             self.aim(goal, now_ns)
 
 

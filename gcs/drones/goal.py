@@ -15,6 +15,7 @@ class Goal(StrEnum):
 
     LEAVE = "leave as it is"
     FLY = "off-board and armed"
+    JOIN = "off-board, following this ground"
     LAND = "landing by itself"
     DISARM = "disarmed"
     CUT = "motors cut"
@@ -28,9 +29,12 @@ def is_reached(goal: Goal, link: DroneLink, since_ns: int) -> bool:
         return False
     if goal is Goal.FLY:
         return link.armed and link.offboard
+    if goal is Goal.JOIN:
+        return link.offboard and _control_asked(link)
     return not link.armed
 
 
+STREAM_FIRST_NS = 1_200_000_000  # PX4 wants a second of setpoints before it changes to off-board
 HOLD_OFF_NS = 1_000_000_000  # an answer stands until the next heartbeat could tell more
 CUT_HOLD_OFF_NS = 100_000_000
 
@@ -38,8 +42,11 @@ CUT_HOLD_OFF_NS = 100_000_000
 def pursue(goal: Goal, link: DroneLink, since_ns: int, now_ns: int) -> None:
     """Ask for the next command towards the goal; nothing when it is reached, or while one is on its way or settling."""
     if is_reached(goal, link, since_ns):
+        link.commands.calm()
         return
     command = _next(goal, link)
+    if goal is Goal.JOIN and link.model is not None and command == link.model.set_offboard(link.target):
+        command = command if now_ns - since_ns >= STREAM_FIRST_NS else None
     if command is None:
         return
     hold_off_ns = CUT_HOLD_OFF_NS if goal is Goal.CUT else HOLD_OFF_NS
@@ -59,8 +66,21 @@ def _next(goal: Goal, link: DroneLink) -> CommandLong | None:
         case Goal.DISARM:
             return commands.disarm(link.target)
         case Goal.LAND:
-            return None if link.mode == "LAND" else commands.land(link.target)
+            return None if link.landing else commands.land(link.target)
+        case Goal.JOIN if not _control_asked(link):
+            return _control(link)
+        case Goal.JOIN if link.model is not None and not link.offboard:
+            return link.model.set_offboard(link.target)
         case Goal.FLY if link.model is not None:
             return commands.arm(link.target) if link.offboard else link.model.set_offboard(link.target)
         case _:
             return None
+
+
+def _control(link: DroneLink) -> CommandLong:
+    return commands.request_control(link.target, link.codec.own)
+
+
+def _control_asked(link: DroneLink) -> bool:
+    """Whether it was asked to follow this ground; a real autopilot answers that it does not know what that means."""
+    return _control(link) in link.commands.answers

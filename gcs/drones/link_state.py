@@ -2,7 +2,6 @@
 
 import math
 from collections import deque
-from dataclasses import dataclass
 
 from formation.config import VehicleBody
 from formation.maths.arrays import Quat, Vec3
@@ -14,13 +13,21 @@ from gcs.drones.autopilot_model import GROUND_MODELS, GroundModel
 from gcs.drones.commands import CommandChannel, stream
 from gcs.drones.parameters import ParameterReader
 from gcs.drones.sequence import SequenceMonitor
+from gcs.drones.telemetry import NEVER_NS, PILOTED, READS, Telemetry
 from gcs.drones.timesync import TimeSyncClient
+from gcs.drones.witness import Witness
 from wire.autopilots.table import FlightMode
-from wire.link_messages.address import BRIDGE_COMPONENT, DRONE_COMPONENT, GROUND, Address
+from wire.link_messages.address import (
+    BRIDGE_COMPONENT,
+    DRONE_COMPONENT,
+    GROUND,
+    GROUND_COMPONENTS,
+    GROUND_SYSTEM,
+    Address,
+)
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.commands import CommandAck, MavCommand, Result
-from wire.link_messages.message_id import MessageId
-from wire.link_messages.motion import Origin, SetOrigin
+from wire.link_messages.motion import AttitudeQuaternion, LocalPosition, Origin, SetOrigin
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.parameters import ParamValue
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
@@ -29,10 +36,7 @@ from wire.link_messages.status import (
     EkfStatus,
     ExtendedSysState,
     Heartbeat,
-    LandedState,
     MavAutopilot,
-    MavState,
-    MavType,
     NamedValue,
     StatusText,
     SysStatus,
@@ -40,44 +44,12 @@ from wire.link_messages.status import (
 from wire.mavlink.codec import Codec
 from wire.refusals import Refusals
 
-NEVER_NS = -(10**18)
-# What is acted on below. Poses and the rest, most of what a drone sends, are not even decoded.
-READS = frozenset(
-    {
-        MessageId.HEARTBEAT,
-        MessageId.SYS_STATUS,
-        MessageId.PARAM_VALUE,
-        MessageId.GPS_GLOBAL_ORIGIN,
-        MessageId.COMMAND_ACK,
-        MessageId.TIMESYNC,
-        MessageId.BATTERY_STATUS,
-        MessageId.EKF_STATUS_REPORT,
-        MessageId.ESTIMATOR_STATUS,
-        MessageId.EXTENDED_SYS_STATE,
-        MessageId.NAMED_VALUE_FLOAT,
-        MessageId.STATUSTEXT,
-    }
-)
 RESTART_NS = 2_500_000_000  # without a heartbeat: it may have started anew and forgotten what it was asked for
 ORIGIN_NS = 1_000_000_000
 WORDS_A_SECOND = 20
 ANSWERS = 2
-HEARTBEAT = Heartbeat(
-    autopilot=MavAutopilot.INVALID, vehicle_type=MavType.GCS, base_mode=0, custom_mode=0, system_status=MavState.ACTIVE
-)
-
-
-@dataclass(slots=True)
-class Telemetry:
-    """The newest of each thing the drone reported; battery 0..1, NaN where unknown."""
-
-    heartbeat: Heartbeat | None = None
-    landed: LandedState = LandedState.UNDEFINED
-    battery: float = math.nan
-    battery_v: float = math.nan
-    setpoint_age_s: float = math.nan
-    estimator: EkfStatus | None = None
-    origin: bool = False
+OTHER_GROUND_S = 3.0
+AGE_FRESH_NS = 1_000_000_000
 
 
 class DroneLink:
@@ -90,8 +62,9 @@ class DroneLink:
         profile: VehicleProfile,
         streams: tuple[tuple[int, float], ...] = (),
         origin: Vec3Tuple | None = None,
+        own: Address = GROUND,
     ) -> None:
-        """streams: messages to ask for beside its autopilot model's, id and rate, Hz.
+        """own: who we are on it. streams: messages to ask for beside its autopilot model's, id and rate, Hz.
 
         origin: degrees, degrees and metres to tell a drone that waits for them; None where its pose is not ours.
         """
@@ -104,9 +77,11 @@ class DroneLink:
         self._origin_sent_ns = NEVER_NS
         self.target = Address(sysid, DRONE_COMPONENT)
         self._bridge = Address(sysid, BRIDGE_COMPONENT)
-        self.codec = Codec(GROUND, reads=READS)
+        self.codec = Codec(own, reads=READS)
         self.telemetry = Telemetry()
-        self.heartbeat_ns = NEVER_NS
+        self.witness = Witness()
+        self.heartbeat_ns = self.heard_ns = NEVER_NS
+        self._other_ground_ns = NEVER_NS
         self.model: GroundModel | None = None
         self._flight_mode: FlightMode | None = None
         self.armed_clock = ArmedClock()
@@ -130,6 +105,29 @@ class DroneLink:
     def heartbeat_age_s(self, now_ns: int) -> float:
         """Time since its last heartbeat, s; infinite before the first."""
         return math.inf if self.telemetry.heartbeat is None else (now_ns - self.heartbeat_ns) * 1e-9
+
+    def silent_s(self, now_ns: int) -> float:
+        """Time since anything valid was heard of it, s; infinite before the first."""
+        return math.inf if self.heard_ns == NEVER_NS else (now_ns - self.heard_ns) * 1e-9
+
+    def setpoint_age_s(self, now_ns: int) -> float:
+        """How old setpoints are when they reach it, camera to drone, s; NaN where it has not said of late."""
+        told = self.telemetry
+        return told.setpoint_age_s if now_ns - told.setpoint_age_ns <= AGE_FRESH_NS else math.nan
+
+    def answers_other_ground(self, now_ns: int) -> bool:
+        """Whether it was lately heard to answer another ground than this."""
+        return now_ns - self._other_ground_ns < round(OTHER_GROUND_S * 1e9)
+
+    @property
+    def piloted(self) -> bool:
+        """Whether its last heartbeat said that a person flies it: armed, in a mode that is nobody's but a pilot's."""
+        return self.armed and self._flight_mode in PILOTED
+
+    @property
+    def landing(self) -> bool:
+        """Whether its last heartbeat said that it lands by itself."""
+        return self._flight_mode in (FlightMode.LAND, FlightMode.DESCEND)
 
     @property
     def offboard(self) -> bool:
@@ -176,8 +174,11 @@ class DroneLink:
                 continue
             skipped = self.codec.misaddressed_packets - self._misaddressed
             self._misaddressed = self.codec.misaddressed_packets
+            self.heard_ns = now_ns
             self.sequence.note(packet.seq, now_ns, skipped)
             self._read(packet.message, now_ns)
+        self._overhear(self.codec.overheard, now_ns)
+        self.codec.overheard = None
 
     def due(self, now_ns: int) -> list[LinkMessage]:
         """Answers, time sync, commands and parameter requests to send now."""
@@ -229,10 +230,16 @@ class DroneLink:
                     self.armed_clock.accept(now_ns)
                 self.commands.receive(message, now_ns)
             case TimeSync():
+                if message.tc1_ns:
+                    self._overhear(message.target, now_ns)
                 answer = self.clock.receive(message, now_ns)
                 self._answers.extend(() if answer is None else (answer,))
             case ParamValue():
                 self.parameters.receive(message)
+            case AttitudeQuaternion():
+                self.witness.hear_attitude(message.q_lab_from_flu, now_ns)
+            case LocalPosition():
+                self.witness.hear_position(message.pos_lab_m, now_ns)
             case ExtendedSysState():
                 self.telemetry.landed = message.landed
             case Battery():
@@ -246,7 +253,7 @@ class DroneLink:
             case Origin():
                 self.telemetry.origin = True
             case NamedValue(name="age_ms"):
-                self.telemetry.setpoint_age_s = message.value * 1e-3
+                self.telemetry.setpoint_age_s, self.telemetry.setpoint_age_ns = message.value * 1e-3, now_ns
             case StatusText():
                 self.texts.append(message.text)
                 self._tell(message.severity, message.text, now_ns)
@@ -276,6 +283,13 @@ class DroneLink:
         for message_id, rate_hz in {**silenced, **dict(known.streams), **dict(self._streams)}.items():
             self.commands.ask(stream(self.target, message_id, rate_hz))
         self._tell(Severity.INFO, f"drone {self.sysid} is here, {known.name}", now_ns)
+
+    def _overhear(self, other: Address | None, now_ns: int) -> None:
+        """Notice that it answers another ground: to whom one of its answers was addressed."""
+        if other is None or other == self.codec.own or other.system != GROUND_SYSTEM:
+            return
+        if other.component in GROUND_COMPONENTS:
+            self._other_ground_ns = now_ns
 
     def _notice_foreign(self, system: int, now_ns: int) -> None:
         if system != self.foreign_sysid:

@@ -25,7 +25,7 @@ from formation.estimation.state import initial
 from formation.maths import frames
 from formation.maths.arrays import Float
 from formation.messages import LabFrame, RawFrame
-from formation.safety import rules
+from formation.safety import places
 from gcs.core import GcsCore
 from gcs.recording import INPUT_TOPICS
 from sim import lockstep
@@ -202,7 +202,7 @@ def nearest_ns_per_pair() -> float:
     """Of every pair of vehicles, once."""
     pairs = (MANY * (MANY - 1) - FEW * (FEW - 1)) / 2
     few, many = in_a_row(FEW), in_a_row(MANY)
-    return 1e3 * (call_us(lambda: rules.nearest(many)) - call_us(lambda: rules.nearest(few))) / pairs
+    return 1e3 * (call_us(lambda: places.nearest(many)) - call_us(lambda: places.nearest(few))) / pairs
 
 
 def keep_apart_ns_per_pair() -> float:

@@ -158,7 +158,6 @@ def test_ownership_ends_with_the_mode() -> None:
 def test_the_ground_of_an_epoch_has_an_address_of_its_own() -> None:
     """MAV_COMP_ID_USER1 is 25, USER75 is 99."""
     assert [ground_address(epoch) for epoch in (0, 1, 74, 75)] == [(255, 25), (255, 26), (255, 99), (255, 25)]
-    assert ground_address() == GROUND
 
 
 @pytest.mark.parametrize("tilt", [0.9, 2.0, 3.1])

@@ -7,9 +7,10 @@ from formation.maths import frames
 from formation.messages import Datagram, LabFrame, OperatorReply, OperatorRequest, Phase, Severity, Verb
 from formation.vehicle.profile import profile
 from gcs.core import GcsCore, Outgoing
-from wire.link_messages.address import GROUND, Address
+from wire.link_messages.address import Address, ground_address
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.commands import CommandAck, CommandLong, Result
+from wire.link_messages.motion import AttitudeQuaternion, LocalPosition
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.parameters import ParamRequestRead, ParamType, ParamValue
 from wire.link_messages.setpoints import AttitudeSetpoint
@@ -42,16 +43,20 @@ class FakeDrone:
         self.parameters = {**(PX4_PARAMETERS if px4 else COPTER_PARAMETERS), name: hover}
         self.refuse_arming = self.mute = self.deaf = False
         self.ignore_first = 0
+        self.ground = ground_address(0)
         self.heard: list[LinkMessage] = []
         self.setpoints: list[tuple[int, AttitudeSetpoint]] = []
         self._out: list[bytes] = []
-        self._beat_ns = 0
+        self._beat_ns = self._own_ns = 0
+        self.own_shift = np.zeros(3)  # how far off its own estimate is
+        self.own_q = None  # what it believes its attitude to be, if not what it is
 
     def receive(self, data: bytes, now_ns: int) -> None:
         if self.deaf:
             return
         for packet in self.codec.receive(data):
             self.heard.append(packet.message)
+            self.ground = packet.source
             self._react(packet.message, now_ns)
 
     def _react(self, message: LinkMessage, now_ns: int) -> None:
@@ -64,14 +69,14 @@ class FakeDrone:
                 if self.ignore_first:
                     self.ignore_first -= 1
                     return
-                self._say(CommandAck(GROUND, message.command, self._obey(message)))
+                self._say(CommandAck(self.ground, message.command, self._obey(message)))
             case ParamRequestRead() if message.name in self.parameters:
                 value = self.parameters[message.name]
                 kind = ParamType.INT32 if isinstance(value, int) else ParamType.REAL32
                 raw = param_to_raw(value, kind, self.autopilot)
                 self._say(ParamValue(message.name, raw, kind, len(self.parameters), 0))
             case TimeSync() if message.tc1_ns == 0:
-                self._say(TimeSync(now_ns + 7_000_000_000, message.ts1_ns, Address(255, 190)))
+                self._say(TimeSync(now_ns + 7_000_000_000, message.ts1_ns, self.ground))
 
     def _obey(self, command: CommandLong) -> Result:
         match command.command:
@@ -117,6 +122,11 @@ class FakeDrone:
             self._say(Heartbeat(self.autopilot, 2, 1 | (128 if self.armed else 0), self.mode, status))
             if self.autopilot is MavAutopilot.ARDUPILOT:
                 self._say(EkfStatus(0x10, ardupilot=True))
+        if now_ns - self._own_ns >= 50 * MS:
+            self._own_ns = now_ns
+            t_ms = now_ns // MS
+            self._say(AttitudeQuaternion(t_ms, self.q if self.own_q is None else self.own_q, np.zeros(3)))
+            self._say(LocalPosition(t_ms, self.pos + self.own_shift, self.vel))
         out, self._out = self._out, []
         return [] if self.mute else out
 

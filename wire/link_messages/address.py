@@ -18,11 +18,11 @@ class Address(NamedTuple):
         return f"{self.system}/{self.component}"
 
 
+GROUND_COMPONENTS = range(25, 100)  # MAV_COMP_ID_USER1 to USER75
 GROUND = Address(GROUND_SYSTEM, GROUND_COMPONENT)
 EVERYONE = Address(BROADCAST, BROADCAST)
-_USER_COMPONENT, _USERS = 25, 75  # MAV_COMP_ID_USER1 and how many there are
 
 
-def ground_address(epoch: int | None = None) -> Address:
-    """The ground of that epoch, so that a drone tells one from the next; without one, any ground station's."""
-    return GROUND if epoch is None else Address(GROUND_SYSTEM, _USER_COMPONENT + epoch % _USERS)
+def ground_address(epoch: int) -> Address:
+    """Who a ground of that epoch is on every link: a ground that was started anew is another."""
+    return Address(GROUND_SYSTEM, GROUND_COMPONENTS[epoch % len(GROUND_COMPONENTS)])

@@ -74,6 +74,8 @@ class Codec:
         self.own = own
         self.unreadable_packets = 0
         self.misaddressed_packets = 0
+        self.overheard: Address | None = None
+        """To whom the newest of them was addressed."""
         self._cutter = FrameCutter(stream=stream)
         self._readers = _READERS if reads is None else {number: _READERS[number] for number in reads}
         self._seq = 0
@@ -123,6 +125,7 @@ class Codec:
                 packets.append(Packet(source, seq, message))
             else:
                 self.misaddressed_packets += 1
+                self.overheard = getattr(message, "target", None)
         return packets
 
     def _is_ours(self, message: Any) -> bool:

@@ -48,14 +48,19 @@ def test_landing_is_possible_from_every_airborne_phase(phase):
     assert advance(phase, Trigger.LAND) is Phase.LAND
 
 
+@pytest.mark.parametrize("phase", Phase)
+def test_landing_means_something_in_every_phase(phase):
+    assert advance(phase, Trigger.LAND) in (Phase.LAND, Phase.GROUND, Phase.STOPPED)
+
+
 def test_motors_can_only_be_started_by_arming_on_the_ground():
     entering = {(p, t) for (p, t), after in TABLE.items() if p not in STREAMING and after in STREAMING}
-    assert entering == {(Phase.GROUND, Trigger.ARM)}
+    assert entering == {(Phase.GROUND, Trigger.ARM), (Phase.GROUND, Trigger.ADOPT), (Phase.GROUND, Trigger.LAND)}
 
 
-def test_only_takeoff_leaves_the_floor():
+def test_only_takeoff_leaves_the_floor_and_drones_that_fly_already_are_adopted_or_landed():
     leaving = {(p, t) for (p, t), after in TABLE.items() if p not in AIRBORNE and after in AIRBORNE}
-    assert leaving == {(Phase.ARMED, Trigger.TAKEOFF)}
+    assert leaving == {(Phase.ARMED, Trigger.TAKEOFF), (Phase.GROUND, Trigger.ADOPT), (Phase.GROUND, Trigger.LAND)}
 
 
 def test_allowed_from_agrees_with_the_table():

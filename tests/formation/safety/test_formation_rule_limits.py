@@ -6,7 +6,8 @@ from formation_facts import LIMITS, healthy, of
 
 from formation.messages import Phase, Severity
 from formation.safety.phases import Trigger
-from formation.safety.rules import Facts, assess, nearest, outside_box, separation_m, start
+from formation.safety.places import nearest, outside_box
+from formation.safety.rules import RULE_NAMES, Facts, assess, separation_m, start, switched_on
 
 
 def at(*points: tuple[float, float, float]) -> dict[str, np.ndarray]:
@@ -29,8 +30,21 @@ def flag(name: str, well: bool) -> tuple[dict, dict]:
     return {}, {name: of(1, not well, well)}
 
 
-HEARD = level("heartbeat_age_s", 2.99, 3.01)
+HEARD = level("silent_s", 2.99, 3.01)
 FLYING = Phase.TAKEOFF
+
+
+def both(own_m: float) -> dict[str, np.ndarray]:
+    """A drone 0.6 m above the fence for the mocap, and where it believes itself."""
+    own = np.full((3, 3), np.nan)
+    own[1] = (-1.0, 1.0, own_m)
+    return high(2.9) | {"own_pos_lab_m": own}
+
+
+def upset(own_rad: float) -> dict[str, np.ndarray]:
+    return {"tilt_rad": of(1, 1.5, 0.0), "own_tilt_rad": of(1, own_rad, np.nan)}
+
+
 # words, (just not, just so), after s, in phase, trigger
 LIMIT_OF = [
     ("body not seen for 0.2 s", level("age_s", 0.19, 0.21), 0.0, Phase.FORMATION, Trigger.HOLD),
@@ -41,7 +55,11 @@ LIMIT_OF = [
     ("closer than half the minimum separation", (beside(0.11), beside(0.09)), 0.1, Phase.HOLD, Trigger.LAND),
     ("1 m away from its reference", level("error_m", 0.99, 1.01), 1.0, Phase.HOLD, Trigger.LAND),
     ("tilted by 75 degrees", level("tilt_rad", 1.29, 1.31), 0.3, Phase.ARMED, Trigger.LAND),
-    ("no heartbeat for 3 s", HEARD, 0.0, Phase.ARMED, Trigger.LAND),
+    ("0.5 m outside the fence, says its own estimate too", (both(2.79), both(2.81)), 0.2, Phase.LAND, Trigger.LAND),
+    ("tilted by 75 degrees, says its own attitude too", (upset(1.29), upset(1.31)), 0.3, Phase.ARMED, Trigger.LAND),
+    ("setpoints reach it 70 ms old", level("setpoint_age_s", 0.069, 0.071), 1.0, Phase.ARMED, None),
+    ("setpoints reach it 100 ms old", level("setpoint_age_s", 0.099, 0.101), 1.0, Phase.HOLD, Trigger.LAND),
+    ("nothing heard for 3 s", HEARD, 0.0, Phase.ARMED, Trigger.LAND),
     ("not in off-board mode", flag("offboard", True), 0.5, FLYING, Trigger.LAND),
     ("disarmed in the air", flag("armed", True), 0.3, FLYING, Trigger.LAND),
     ("battery under 20 %", level("battery", 0.21, 0.19, 1.0), 1.0, Phase.ARMED, None),
@@ -95,5 +113,30 @@ def test_severity_follows_from_what_is_done() -> None:
         return {f.text: f.rule.severity for f in (*first.changes, *then.changes)}
 
     assert severity(battery=of(1, 0.15, 1.0)) == {"left: battery under 20 %": Severity.WARNING}
-    assert severity(heartbeat_age_s=of(1, 4.0, 0.0)) == {"left: no heartbeat for 3 s": Severity.ERROR}
+    assert severity(silent_s=of(1, 4.0, 0.0)) == {"left: nothing heard for 3 s": Severity.ERROR}
     assert severity(tilt_rad=of(1, 1.4, 0.0)) == {"left: tilted by 75 degrees": Severity.CRITICAL}
+
+
+def test_each_rule_has_a_name_by_which_it_alone_is_switched_off() -> None:
+    assert len(set(RULE_NAMES)) == len(RULE_NAMES)
+    facts, on = healthy(tilt_rad=of(1, 1.5, 0.0)), switched_on(frozenset({"rule-tilted"}))
+    watch, _ = assess(start(3), facts, Phase.HOLD, LIMITS, 0, on)
+    assert assess(watch, facts, Phase.HOLD, LIMITS, 10**9, on)[1].trigger is None
+    assert (~on).sum() == 1
+
+
+@pytest.mark.parametrize("own", [{}, {"own_tilt_rad": of(1, 0.1, np.nan)}], ids=["silent", "contradicting"])
+def test_motors_are_cut_only_where_the_second_witness_agrees(own) -> None:
+    """A mocap that sees a level drone upside down lands it, and cuts nothing."""
+    facts = healthy(tilt_rad=of(1, 3.1, 0.0), **own)
+    watch, _ = assess(start(3), facts, Phase.HOLD, LIMITS, 0)
+    _, verdict = assess(watch, facts, Phase.HOLD, LIMITS, 10**9)
+    assert verdict.trigger is Trigger.LAND
+    assert verdict.release.tolist() == [False, True, False]
+    assert not verdict.cut.any()
+
+
+def test_a_body_that_the_mocap_has_not_seen_is_no_witness() -> None:
+    facts = healthy(tilt_rad=of(1, 1.5, 0.0), own_tilt_rad=of(1, 1.5, np.nan), age_s=of(1, 0.15, 0.0))
+    watch, _ = assess(start(3), facts, Phase.HOLD, LIMITS, 0)
+    assert not assess(watch, facts, Phase.HOLD, LIMITS, 10**9)[1].cut.any()

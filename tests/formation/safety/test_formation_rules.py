@@ -46,7 +46,7 @@ FAULTS = {
         Phase.HOLD,
         0.21,
         Trigger.LAND,
-        Own.CUT,
+        Own.RELEASE,
     ),
     "close": (
         {"pos_lab_m": np.array([[0.0, 0, 0.3], [0.15, 0, 0.3], [0, 1, 0.3]])},
@@ -63,8 +63,9 @@ FAULTS = {
         Own.NOTHING,
     ),
     "astray": ({"error_m": of(1, 1.1, 0.0)}, Phase.FORMATION, 1.01, Trigger.LAND, Own.NOTHING),
-    "upset": ({"tilt_rad": of(1, 1.5, 0.0)}, Phase.HOLD, 0.31, Trigger.LAND, Own.CUT),
-    "silent": ({"heartbeat_age_s": of(1, 3.1, 0.0)}, Phase.FORMATION, 0.0, Trigger.LAND, Own.NOTHING),
+    "upset": ({"tilt_rad": of(1, 1.5, 0.0)}, Phase.HOLD, 0.31, Trigger.LAND, Own.RELEASE),
+    "stale": ({"setpoint_age_s": of(1, 0.15, 0.0)}, Phase.HOLD, 1.01, Trigger.LAND, Own.RELEASE),
+    "silent": ({"silent_s": of(1, 3.1, 0.0)}, Phase.FORMATION, 0.0, Trigger.LAND, Own.NOTHING),
     "mode lost": ({"offboard": of(1, False, True)}, Phase.FORMATION, 0.51, Trigger.LAND, Own.NOTHING),
     "disarmed": ({"armed": of(1, False, True)}, Phase.FORMATION, 0.31, Trigger.LAND, Own.NOTHING),
     "battery empty": ({"battery": of(1, 0.05, np.nan)}, Phase.FORMATION, 1.01, Trigger.LAND, Own.NOTHING),
@@ -93,13 +94,13 @@ def test_a_fault_that_does_not_last_is_let_pass(name):
 
 
 def test_only_the_drone_in_trouble_is_cut():
-    verdict = _after(healthy(tilt_rad=of(2, 1.5, 0.0)), Phase.HOLD, 0.4)
+    verdict = _after(healthy(tilt_rad=of(2, 1.5, 0.0), own_tilt_rad=of(2, 1.5, 0.0)), Phase.HOLD, 0.4)
     assert verdict.cut.tolist() == [False, False, True]
     assert verdict.cause == "right: tilted by 75 degrees"
 
 
 def test_landing_outweighs_holding():
-    facts = healthy(age_s=of(0, 0.25, 0.0), heartbeat_age_s=of(2, 4.0, 0.0))
+    facts = healthy(age_s=of(0, 0.25, 0.0), silent_s=of(2, 4.0, 0.0))
     assert _after(facts, Phase.FORMATION, 0.0).trigger is Trigger.LAND
 
 
@@ -113,13 +114,13 @@ def test_an_observed_leader_may_leave_the_fence_and_is_never_cut():
 
 
 def test_findings_tell_beginning_and_end_once():
-    bad, good = healthy(heartbeat_age_s=of(1, 4.0, 0.0)), healthy()
+    bad, good = healthy(silent_s=of(1, 4.0, 0.0)), healthy()
     state: RuleState = start(3)
     told = []
     for i, facts in enumerate((bad, bad, good, good)):
         state, verdict = assess(state, facts, Phase.HOLD, LIMITS, i * 10_000_000)
         told.append([(f.text, f.began, f.rule.severity) for f in verdict.changes])
-    text = "left: no heartbeat for 3 s"
+    text = "left: nothing heard for 3 s"
     assert told == [[(text, True, Severity.ERROR)], [], [(text, False, Severity.ERROR)], []]
 
 
@@ -136,14 +137,14 @@ def test_a_drone_that_is_not_what_its_profile_says_is_told_and_flies_on():
 
 def test_motors_off_phases_ignore_the_air_rules():
     for phase in set(Phase) - AIRBORNE - {Phase.ARMED}:
-        facts = healthy(age_s=np.full(3, np.inf), heartbeat_age_s=np.full(3, np.inf), armed=np.zeros(3, bool))
+        facts = healthy(age_s=np.full(3, np.inf), silent_s=np.full(3, np.inf), armed=np.zeros(3, bool))
         assert _after(facts, phase, 100.0).trigger is None
 
 
 def test_documented_policy_has_every_rule():
     lines = rules_markdown().splitlines()
     assert len(lines) == 2 + len(RULES)
-    assert all(rule.fault in line for rule, line in zip(RULES, lines[2:], strict=True))
+    assert all(rule.fault in line and f"`{rule.name}`" in line for rule, line in zip(RULES, lines[2:], strict=True))
 
 
 @pytest.mark.parametrize("age_s", [0.45, np.inf])

@@ -81,9 +81,9 @@ def test_an_urgent_command_goes_first_and_is_never_given_up():
         command = channel.due(ms * MS)
         if command is not None:
             sent.append((ms, command.params[:2]))
-    assert len(sent) == 60
+    assert len(sent) == 300
     assert all(params == (0.0, 21196.0) for _, params in sent)
-    assert [sent[1][0] - sent[0][0], sent[2][0] - sent[1][0]] == [50, 50]
+    assert [sent[1][0] - sent[0][0], sent[2][0] - sent[1][0]] == [10, 10]
 
 
 def test_disarming_is_not_forced_and_cutting_is():

@@ -1,0 +1,60 @@
+"""Why the ground refuses what an operator asks, in words; decided here for every verb that can be refused."""
+
+from collections.abc import Sequence
+
+from formation.config import LabConfig
+from formation.control.stack import Stages
+from formation.messages import Phase, Verb
+from formation.safety import arming
+from formation.safety.rules import Facts
+from gcs import reforming
+from gcs.drones.drone import Drone
+from gcs.flight import Flight
+from gcs.operator import take_off_refusals
+from gcs.safety import adoption, monitors
+from gcs.safety.host import Host
+
+
+class Permissions:
+    """What stands against a request now, given the facts; the flight's phase table refuses what is out of turn."""
+
+    def __init__(
+        self, config: LabConfig, drones: Sequence[Drone], flight: Flight, host: Host, without: frozenset[str]
+    ) -> None:  # fmt: skip
+        """without: monitors that are switched off."""
+        self._config = config
+        self._drones = drones
+        self._flight = flight
+        self._host = host
+        self._without = without
+
+    def refusals(self, verb: Verb, facts: Facts, stages: Stages | None, now_ns: int) -> tuple[str, ...]:
+        """Every reason against the verb; facts: with the links' objections."""
+        match verb, self._flight.phase:
+            case Verb.ARM, Phase.GROUND:
+                return self.arming(facts, now_ns)
+            case Verb.ADOPT, Phase.GROUND:
+                others = self._other_grounds(now_ns)
+                return adoption.adoption_refusals(self._drones, facts, others, stages is not None)
+            case Verb.TAKEOFF, Phase.ARMED:
+                return take_off_refusals(facts, self._flight, self._drones, self._config, now_ns)
+            case Verb.START, Phase.HOLD:
+                joining = adoption.joining_refusals(self._drones, now_ns)
+                return joining or reforming.start(self._flight, facts, stages, self._config)
+            case _:
+                return ()
+
+    def arming(self, facts: Facts, now_ns: int) -> tuple[str, ...]:
+        """Every reason not to arm; first of all, that drones may be flying already, under this ground or another."""
+        flying = () if monitors.ARM_IN_AIR in self._without else adoption.flying(self._drones)
+        trouble = self._host.log_trouble
+        return (
+            *adoption.arming_refusals(flying, self._other_grounds(now_ns)),
+            *arming.refusals(facts, self._config.limits),
+            *((f"the log: {trouble}",) if trouble else ()),
+        )
+
+    def _other_grounds(self, now_ns: int) -> tuple[str, ...]:
+        if monitors.ARM_OTHER_GROUND in self._without:
+            return ()
+        return adoption.other_grounds(self._drones, self._host.other_grounds, now_ns)

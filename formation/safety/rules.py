@@ -155,6 +155,7 @@ MOTORS_ON = AIRBORNE | {Phase.ARMED}
 RULES: tuple[Rule, ...] = (
     Rule("body not seen for 0.2 s", Measure.UNSEEN_S, 0.2, 0.0, IN_FORMATION, Trigger.HOLD, of_all=True),
     Rule("body not seen for 0.4 s", Measure.UNSEEN_S, LOST_S, 0.0, AIRBORNE, Trigger.LAND, Own.RELEASE),
+    Rule("body not seen for 5 s", Measure.UNSEEN_S, 5.0, 0.0, FLYING, Trigger.LAND, of_all=True),
     Rule("outside the fence", Measure.OUTSIDE_M, 0.0, 0.1, AIRBORNE, Trigger.LAND),
     Rule("0.5 m outside the fence", Measure.OUTSIDE_M, FAR_OUTSIDE_M, 0.2, AIRBORNE, Trigger.LAND, Own.CUT),
     Rule("closer than the minimum separation", Measure.NEARNESS, -1.0, 0.1, IN_FORMATION, Trigger.HOLD),

@@ -67,7 +67,8 @@ def status_text(
             "trajectory_done": flight.trajectory_done(now_ns),
             "shape": flight.shape.name,
             "drones": [
-                _drone_status(drone, facts, now_ns) | {"rejected": about.rejected.get(drone.link.name)} for drone in drones
+                _drone_status(drone, facts, now_ns) | {"rejected": about.rejected.get(drone.link.name)}
+                for drone in drones
             ],
             "rejected": dict(about.rejected),
             "refusals": list(refusals),

@@ -146,6 +146,8 @@ RULES: tuple[Rule, ...] = (
          Measure.UNSEEN_S, 0.2, 0.0, IN_FORMATION, Trigger.HOLD, of_all=True),
     Rule("rule-lost", "body not seen for 0.4 s",
          Measure.UNSEEN_S, LOST_S, 0.0, AIRBORNE, Trigger.LAND, Own.RELEASE),
+    Rule("rule-long-lost", "body not seen for 5 s",
+         Measure.UNSEEN_S, 5.0, 0.0, FLYING, Trigger.LAND, of_all=True),
     Rule("rule-outside-fence", "outside the fence",
          Measure.OUTSIDE_M, 0.0, 0.1, AIRBORNE, Trigger.LAND),
     Rule("rule-far-outside", "0.5 m outside the fence",

@@ -49,6 +49,7 @@ def upset(own_rad: float) -> dict[str, np.ndarray]:
 LIMIT_OF = [
     ("body not seen for 0.2 s", level("age_s", 0.19, 0.21), 0.0, Phase.FORMATION, Trigger.HOLD),
     ("body not seen for 0.4 s", level("age_s", 0.39, 0.41), 0.0, FLYING, Trigger.LAND),
+    ("body not seen for 5 s", level("age_s", 4.99, 5.01), 0.0, Phase.HOLD, Trigger.LAND),
     ("outside the fence", (high(2.29), high(2.31)), 0.1, Phase.LAND, Trigger.LAND),
     ("0.5 m outside the fence", (high(2.79), high(2.81)), 0.2, Phase.LAND, Trigger.LAND),
     ("closer than the minimum separation", (beside(0.21), beside(0.19)), 0.1, Phase.FORMATION, Trigger.HOLD),

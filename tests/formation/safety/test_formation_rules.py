@@ -7,6 +7,7 @@ from formation.safety.phases import AIRBORNE, Trigger
 from formation.safety.rules import (
     RULES,
     Facts,
+    Measure,
     Own,
     RuleState,
     Verdict,
@@ -93,6 +94,21 @@ def test_a_fault_that_does_not_last_is_let_pass(name):
     assert verdict.trigger is None
 
 
+def test_an_observed_leader_that_is_lost_is_waited_for_in_hold_and_landed_without():
+    """Held at 0.2 s; its followers are seen, so nothing lands until 5 s; it has no link to be let go of."""
+    observed = np.array([False, True, True])
+    for age_s, phase, trigger in (
+        (0.21, Phase.FORMATION, Trigger.HOLD),
+        (4.9, Phase.HOLD, None),
+        (5.1, Phase.HOLD, Trigger.LAND),
+        (5.1, Phase.TAKEOFF, Trigger.LAND),
+    ):
+        verdict = _after(healthy(commanded=observed, age_s=of(0, age_s, 0.0)), phase, 0.0)
+        assert verdict.trigger is trigger, (age_s, phase)
+        assert not verdict.release.any()
+        assert not verdict.cut.any()
+
+
 def test_only_the_drone_in_trouble_is_cut():
     verdict = _after(healthy(tilt_rad=of(2, 1.5, 0.0), own_tilt_rad=of(2, 1.5, 0.0)), Phase.HOLD, 0.4)
     assert verdict.cut.tolist() == [False, False, True]
@@ -153,7 +169,7 @@ def test_a_lost_body_takes_no_part_in_separation_and_fence(age_s):
     observed = np.array([False, True, True])
     near = np.array([[0.0, 0, 0], [0.05, 0, 0.0], [0, 1, 0.3]])
     facts = healthy(commanded=observed, pos_lab_m=near, age_s=of(0, age_s, 0.0))
-    assert _after(facts, Phase.HOLD, 5.0).trigger is None
+    assert {c.rule.measure for c in _after(facts, Phase.HOLD, 5.0).changes} <= {Measure.UNSEEN_S}
     away = np.array([[0.0, 0, 0.3], [9.0, 0, 0.3], [0, 1, 0.3]])
     verdict = _after(healthy(pos_lab_m=away, age_s=of(1, age_s, 0.0)), Phase.LAND, 5.0)
     assert verdict.release.tolist() == [False, True, False]
@@ -162,6 +178,6 @@ def test_a_lost_body_takes_no_part_in_separation_and_fence(age_s):
 
 def test_those_that_are_seen_are_still_kept_apart_and_inside_beside_a_lost_body():
     near = np.array([[0.0, 0, 0], [1.0, 0, 0.3], [1.0, 0.05, 0.3]])
-    facts = healthy(commanded=np.array([False, True, True]), pos_lab_m=near, age_s=of(0, np.inf, 0.0))
+    facts = healthy(commanded=np.array([False, True, True]), pos_lab_m=near, age_s=of(0, 1.0, 0.0))
     verdict = _after(facts, Phase.HOLD, 0.2)
     assert verdict.cause == "left: closer than half the minimum separation"

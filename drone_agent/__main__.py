@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from drone_agent.stages import table_markdown
 from wire.clock import Clock
 from wire.errors import ConfigError
 from wire.process import starved
@@ -64,6 +65,7 @@ class Options:
     param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE, as often as needed.")] = None
     parameter_file: Annotated[Path | None, typer.Option(help="Keep PARAM_SET's values here.")] = None
     speed: Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)] = 1.0
+    stages: Annotated[bool, typer.Option("--stages", help="Print the table of stages, and do nothing else.")] = False
     version: Version = False
 
 
@@ -76,6 +78,9 @@ def fly(given: Options) -> None:
     from drone_agent.bridge.daemon import run_bridge
     from drone_agent.daemon import run
 
+    if given.stages:
+        typer.echo(table_markdown())
+        return
     try:
         agent = _configured(given)
         if agent.bridge is None:

@@ -115,7 +115,7 @@ class StreamFailsafe:
         self.owner = None
 
     def hand_over(self, source: Address, wants: bool, now_ns: int, *, in_mode: bool) -> Stage | None:
-        """`source` wants the stream, now or when a set-point mode begins, or gives it back; the stage that begins."""
+        """`source` wants the stream, now or when a setpoint mode begins, or gives it back; the stage that begins."""
         if not wants:
             if source not in (self.owner, self._next_owner):
                 return None

@@ -13,7 +13,7 @@ class Stage(Enum):
 
     DISARMED = "DISARMED"
     OWN = "OWN MODE"  # armed in a mode of the autopilot's own, an operator's choice or its own fail-safe's
-    WAIT = "WAIT"  # armed in a set-point mode, no setpoint yet
+    WAIT = "WAIT"  # armed in a setpoint mode, no setpoint yet
     FOLLOW = "FOLLOW"  # the owner's setpoints
     HOLD = "HOLD"  # they are stale: level and hold until they come back
     LOST = "LOST"  # the autopilot's own time-out acts; the agent's clock runs on
@@ -26,8 +26,8 @@ class Trigger(Enum):
     """What can change the stage: an order, or something seen to have happened."""
 
     ARM = "arm"
-    STREAM = "set-point mode, stream alive"
-    NO_STREAM = "set-point mode, no stream"
+    STREAM = "setpoint mode, stream alive"
+    NO_STREAM = "setpoint mode, no stream"
     OTHER_MODE = "other mode"
     SETPOINT = "setpoint"
     STALE = "stale"

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from google.protobuf import descriptor_pb2
 
+from drone_agent import stages
 from formation.config import LabConfig
 from formation.messages import RawFrame
 from formation.safety import phases, rules
@@ -22,10 +23,19 @@ from wire.transport.zenoh_bus import ZenohBus
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(("name", "table"), [("rules", rules.rules_markdown()), ("phases", phases.table_markdown())])
+@pytest.mark.parametrize(
+    ("name", "table"),
+    [
+        ("rules", rules.rules_markdown()),
+        ("phases", phases.table_markdown()),
+        ("stages", stages.table_markdown()),
+    ],
+)
 def test_readme_shows_the_table_in_force(name: str, table: str) -> None:
     shown = README.split(f"<!-- {name} -->")[1].split(f"<!-- end of {name} -->")[0].strip()
-    assert shown == table, f"the README's table of {name} is out of date: paste what `gcs rules` prints"
+    assert shown == table, (
+        f"the README's table of {name} is out of date: paste what `gcs rules` or `drone-agent --stages` prints"
+    )
 
 
 def test_the_raw_frame_is_the_message_shown() -> None:

@@ -115,7 +115,7 @@ class BridgeHold:
         return LoopSetpoint(from_yaw(np.array(self._yaw_rad)), NO_RATE, self._blind_share() * thrust)
 
     def _blind_share(self) -> float:
-        return min(_BLIND_THRUST, _BLIND_THRUST - _BLIND_FADE_1_S * (self._blind_s - _BLIND_S))
+        return max(_BLIND_THRUST - _BLIND_FADE_1_S * max(self._blind_s - _BLIND_S, 0.0), 0.0)
 
     def _thrust_of(self, force_m_s2: float) -> float:
         return min(max(self._thrust * force_m_s2 / GRAVITY_M_S2, 0.0), 1.0)

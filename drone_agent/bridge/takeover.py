@@ -13,7 +13,7 @@ from wire.link_messages.commands import CommandAck, MavCommand, Result
 
 STEP_NS = 10_000_000
 _AGAIN_NS = 300_000_000
-_ALIVE_S = 2.0  # of a stream as a set-point mode begins, of which a heartbeat a second tells
+_ALIVE_S = 2.0  # of a stream as a setpoint mode begins, of which a heartbeat a second tells
 _REST_NS = 2_000_000_000
 
 

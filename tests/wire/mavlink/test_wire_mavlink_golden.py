@@ -20,6 +20,7 @@ from pymavlink.dialects.v20 import ardupilotmega as oracle
 from formation.maths import frames
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.clocks import TimeSync
+from wire.link_messages.commands import MavCommand, command_long
 from wire.link_messages.motion import (
     Attitude,
     AttitudeQuaternion,
@@ -94,6 +95,12 @@ def test_odometry():
         123, 20, 12, NORTH, EAST, DOWN, Q_NED, *VEL_FRD, *RATE_FRD, UNKNOWN, UNKNOWN, 3, 2
     )
     assert ours(message) == pymavlinks(golden)
+
+
+def test_request_operator_control():
+    """development.xml: 1 the system, 2 its action, 1 requests; pymavlink knows the number alone."""
+    golden = Build.mav.command_long_encode(1, 1, 32100, 0, 1, 1, 0, 0, 0, 0, 0)
+    assert ours(command_long(DRONE, MavCommand.REQUEST_OPERATOR_CONTROL, 1.0, 1.0)) == pymavlinks(golden)
 
 
 def test_timesync():

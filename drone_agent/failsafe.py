@@ -16,6 +16,7 @@ LAND_AFTER_S = 1.0
 _SLOW_PERIODS = 3.0
 _SLOW_AFTER = 20  # periods, none of them shorter than the stale limit
 _PAUSE_NS = 1_000_000_000
+_TELL_NS = 1_000_000_000
 
 REPORTS = {
     Stage.HOLD: (Severity.WARNING, "Setpoints are stale: level and hold"),
@@ -80,6 +81,9 @@ class StreamFailsafe:
         self.monitor = LinkMonitor()
         self.owner: Address | None = None
         """Whose setpoints are obeyed; None: whose come next."""
+        self.tells = True
+        """Whether the operator is told of the present hold: of one a second, however lossy the link."""
+        self._told_ns: int | None = None
         self._next_owner: Address | None = None
         self._stale_s = stale_s
         self._land_s = land_s
@@ -97,6 +101,9 @@ class StreamFailsafe:
             return None
         if after is Stage.HOLD or (after is Stage.LOST and before is not Stage.HOLD):
             self._held_since_ns = now_ns
+        if after is Stage.HOLD:
+            self.tells = self._told_ns is None or now_ns - self._told_ns >= _TELL_NS
+            self._told_ns = now_ns if self.tells else self._told_ns
         if after not in RULED:
             self.owner = None
         elif trigger in (Trigger.STREAM, Trigger.NO_STREAM):
@@ -130,14 +137,14 @@ class StreamFailsafe:
         return self.pull(Trigger.TAKEN_OVER, now_ns)
 
     def follow(self, source: Address | None, now_ns: int, *, in_mode: bool = True) -> bool:
-        """A setpoint that is obeyed came; whether it ended a hold."""
+        """A setpoint that is obeyed came; whether it ended a hold that was told of."""
         ruled = in_mode and self.stage in RULED
         self.monitor.note(now_ns, may_begin=not ruled)
         if not ruled:
             return False
         if self.owner is None:
             self.owner = source
-        held = self.stage is Stage.HOLD
+        held = self.stage is Stage.HOLD and self.tells
         return self.pull(Trigger.SETPOINT, now_ns) is not None and held
 
     # The times

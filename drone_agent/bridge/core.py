@@ -283,7 +283,8 @@ class BridgeCore:
         for stage in turn.begun:
             if stage is Stage.HOLD:
                 self._hold.begin(self._now_ns)
-            self._say(*REPORTS[stage])
+            if stage is not Stage.HOLD or self._takeover.stream.tells:
+                self._say(*REPORTS[stage])
         if turn.flown is not None:
             self._fly(down=turn.flown is not Stage.HOLD, blind=turn.flown is Stage.DESCEND)
         if turn.lands:

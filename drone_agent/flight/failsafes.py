@@ -52,7 +52,7 @@ class Failsafes:
         """Act on a stream that has been silent too long."""
         pilot = self._autopilot
         stage = pilot.stream.advance(now_ns, pilot.stream_loss.after_s)
-        if stage in REPORTS:
+        if stage in REPORTS and (stage is not Stage.HOLD or pilot.stream.tells):
             pilot.say(*REPORTS[stage])
         self._carry_out(stage, now_ns)
 

@@ -11,8 +11,8 @@ from formation.maths.frames import from_yaw
 from formation.model import Vec3Tuple
 from formation.vehicle.profile import VehicleProfile
 
-_STOP_S = 0.3  # a hold's place is where the present speed would come to rest
-_LEVEL_FIRST_S = 0.15
+_STOP_S = 0.12  # a hold's place is so far ahead at the present speed, and it brakes hard enough not to pass it by much
+_LEVEL_FIRST_S = 0.1
 _LEAD_M = 0.4  # how far the height asked for may run ahead of the vehicle
 _ARRIVED_M = 0.08
 _RISE_M, _RISE_M_S = 0.1, 0.1

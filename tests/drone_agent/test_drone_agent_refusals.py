@@ -92,6 +92,41 @@ def test_a_ground_whose_setpoints_come_late_is_held_then_landed(late_ms: int) ->
     assert np.linalg.norm((harness.truth.pos_lab_m - place)[:2]) < 0.1
 
 
+def moving(speed_m_s: float) -> Callable[[Harness], AttitudeSetpoint]:
+    def stream(harness: Harness) -> AttitudeSetpoint:
+        level = hover_at(1.0)(harness)
+        assert level is not None
+        asked = 2.5 * (np.array([speed_m_s, 0.0]) - harness.truth.vel_lab_m_s[:2])
+        lean = np.clip(asked / 9.8, -0.3, 0.3)
+        return level._replace(q_lab_from_flu=from_rotation_vector(np.array([-lean[1], lean[0], 0.0])))
+
+    return stream
+
+
+def test_from_the_circles_speed_it_comes_to_a_standstill_within_0_3_m_of_the_last_setpoint() -> None:
+    harness = flying()
+    harness.run(1.5, aged(20, moving(0.63)))
+    assert harness.truth.vel_lab_m_s[0] > 0.55
+    place, drift_m, slowest_m_s = harness.truth.pos_lab_m, 0.0, 1.0
+    for _ in range(100):
+        harness.run(0.01, aged(300, moving(0.63)))
+        drift_m = max(drift_m, float(np.linalg.norm((harness.truth.pos_lab_m - place)[:2])))
+        slowest_m_s = min(slowest_m_s, float(np.linalg.norm(harness.truth.vel_lab_m_s[:2])))
+    assert drift_m < 0.3
+    assert slowest_m_s < 0.05
+
+
+def test_with_nine_in_ten_lost_no_setpoint_acts_for_longer_than_150_ms() -> None:
+    harness, rng = flying(), np.random.default_rng(5)
+    hover, told = aged(20, hover_over(0.0, 0.0, 1.0)), len(harness.texts())
+    for _ in range(1500):
+        harness.run(0.01, lambda h: hover(h) if rng.random() < 0.1 else None)
+        stream = harness.core.autopilot.stream
+        assert stream.stage is not Stage.FOLLOW or harness.now_ns - (stream.monitor.last_ns or 0) <= 150 * MS
+        assert np.linalg.norm(harness.truth.pos_lab_m - [0.0, 0.0, 1.0]) < 0.15
+    assert len(harness.texts()) - told < 45  # two a second, and what was refused
+
+
 def test_one_that_is_not_newer_is_refused() -> None:
     harness = flying()
     hover = hover_at(1.0)

@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 from formation.config import LabConfig
-from formation.messages import Datagram, Event, OperatorReply, OperatorRequest, Phase
+from formation.messages import Datagram, Event, OperatorReply, OperatorRequest, Phase, Severity
 from formation.topics import EVENT
-from gcs.core import GcsCore
+from gcs.core import BrokenInvariantError, GcsCore
 from gcs.recording import Input, Record, record_input, record_tick
 from sim.life import Waiting
 from wire.transport.memory_bus import NOTHING_DUE_NS
@@ -63,8 +63,13 @@ class GroundHost:
         self.receive(replace(request, id=self._requests), now_ns)
 
     def tick(self, now_ns: int) -> tuple[tuple[Datagram, ...], tuple[OperatorReply, ...]]:
-        """What it sends and answers now."""
-        outgoing = self._core.tick(now_ns)
+        """What it sends and answers now; a ground that finds itself wrong ends."""
+        try:
+            outgoing = self._core.tick(now_ns)
+        except BrokenInvariantError as error:
+            self.kill()
+            self._record(EVENT, Event(Severity.CRITICAL, "ground", str(error)), now_ns)
+            return (), ()
         if not self._second:
             record_tick(self._record, outgoing, now_ns)
             return outgoing.datagrams, outgoing.replies

@@ -56,10 +56,9 @@ class Seat:
         self.agent = AgentCore(config.model_copy(update={"truth_rate_hz": 0.0}), now_ns)
         bridged = scenario.true_vehicle(config.sysid).bridged
         self.bridges = [BridgeCore(config, now_ns)] if bridged else []
-        replays = any(fault.family is Family.REPLAY for fault in scenario.faults)
         model = scenario.link
-        self.down = _channel(model, model.down_s, [seed, 3, config.sysid], replays)
-        self.up = _channel(model, model.up_s, [seed, 4, config.sysid], replays)
+        self.down = _channel(model, model.down_s, [seed, 3, config.sysid])
+        self.up = _channel(model, model.up_s, [seed, 4, config.sysid])
         self.due_ns = now_ns
         self.events: list[Event] = []
         self.followed_ns: int | None = None
@@ -190,7 +189,7 @@ class Seat:
         return outgoing.to_ground
 
 
-def _channel(model: LinkModel, delay_s: float, seed: list[int], replays: bool) -> Channel:
+def _channel(model: LinkModel, delay_s: float, seed: list[int]) -> Channel:
     """One direction of one drone's link, with its own luck."""
     delay = random_delay(delay_s, model.jitter_s, model.lost_share, np.random.default_rng(seed))
-    return Channel(delay, np.random.default_rng([*seed, 8]), replays)
+    return Channel(delay, np.random.default_rng([*seed, 8]))

@@ -56,6 +56,10 @@ class World:
         self.faults = Onsets(scenario.faults)
         self.faults.enter(Phase.GROUND, T0_NS)
 
+    def inject(self, faults: Sequence[Fault]) -> None:
+        """Let these faults happen from now on instead of the scenario's; none of them may have begun yet."""
+        self.faults = Onsets(faults, self.faults.entered)
+
     def kill_ground(self) -> None:
         """From now on the ground hears nothing and says nothing; mocap and agents go on."""
         self._grounds[0].kill()

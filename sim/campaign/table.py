@@ -66,7 +66,7 @@ def table() -> tuple[Row, ...]:
         _row("twin-ground-arms", _ground(Family.TWIN, verb=Verb.ARM), flight=scenario("hold")),
         _row("restarted-ground-arms", _ground(Family.RESTART, 1.0, Verb.ARM), flight=scenario("hold", 2, "ardupilot")),
         _row(
-            "land-with-a-pilot", Fault(family=Family.PILOT, body="f2", after_s=2.5), _asked(Verb.LAND, 2.6)
+            "land-with-a-pilot", Fault(family=Family.PILOT, body="f2", after_s=2.5, for_s=6.0), _asked(Verb.LAND, 2.6)
         ),
         _row("ground-killed", _ground(Family.KILL)),
         _row("ardupilot-ground-killed", _ground(Family.KILL), flight=arducopter),

@@ -107,15 +107,15 @@ class Seat:
                     said += self._bridge_says(bridge, now_ns)
         return said
 
-    def sample(self, now_ns: int) -> Sample:
-        """What is true of the drone now."""
+    def sample(self) -> Sample:
+        """What is true of the drone, on the last millisecond that its physics has reached."""
         autopilot = self.agent.autopilot
         frame = autopilot.airframe
-        state = frame.state_at(now_ns)
+        state = frame.state
         led = autopilot.task is Task.EXTERNAL
         return Sample(
             self.sysid, state.pos_lab_m, state.vel_lab_m_s, state.q_lab_from_flu, frame.armed,
-            float(state.motor_thrust_n.sum()), frame.setpoint.q_lab_from_flu, frame.setpoint.thrust_norm,
+            sum(state.motor_thrust_n.tolist()), frame.setpoint.q_lab_from_flu, frame.setpoint.thrust_norm,
             frame.motor_gain, self.followed_ns if led else None,
         )  # fmt: skip
 
@@ -161,9 +161,8 @@ class Seat:
     def _next_deadline_ns(self) -> int:
         """When agent or bridge has something to do of itself."""
         due_ns = self.agent.next_deadline_ns() if self._input.runs else NOTHING_DUE_NS
-        if self._bridge_input.runs:
-            for bridge in self.bridges:
-                due_ns = min(due_ns, bridge.next_deadline_ns())
+        if self.bridges and self._bridge_input.runs:
+            due_ns = min(due_ns, *[bridge.next_deadline_ns() for bridge in self.bridges])
         return due_ns if self._ghost is None else min(due_ns, self._ghost.next_deadline_ns())
 
     def _take(self, message: LabFrame | Datagram, now_ns: int) -> None:

@@ -69,8 +69,8 @@ class World:
         return {sysid: seat.agent.truth(self.now_ns) for sysid, seat in self.seats.items()}
 
     def samples(self) -> list[Sample]:
-        """What is true of every drone now."""
-        return [seat.sample(self.now_ns) for seat in self.seats.values()]
+        """What is true of every drone, to the last millisecond."""
+        return [seat.sample() for seat in self.seats.values()]
 
     def ask(self, verb: Verb, argument: str = "") -> None:
         """The operator asks the first ground, whatever the script; it is lost on one that is gone."""
@@ -126,9 +126,8 @@ class World:
     def _show_frames(self) -> None:
         """Raw frames arrive at the mocap; its frames go to the ground and to every drone's own pose feed."""
         now_ns = self.now_ns
-        at_cameras = self.faults.active(lambda fault: fault.site is Site.CAMERAS)
         for raw in self._emulator.pop_due(now_ns):
-            altered, delay_ns = self._camera_faults.alter(raw, at_cameras, now_ns)
+            altered, delay_ns = self._camera_faults.alter(raw, self.faults.active(Site.CAMERAS), now_ns)
             self._late_raw.push(now_ns + delay_ns, altered)
         for raw in self._late_raw.pop_due(now_ns):
             if self._mocap_input.admits(raw):
@@ -141,7 +140,7 @@ class World:
                 self._record(MOCAP_EVENT, event, self.now_ns)
             if frame is None:
                 continue
-            met = [fault for _, fault, _ in self.faults.active(lambda fault: fault.site is Site.BUS)]
+            met = [fault for _, fault, _ in self.faults.active(Site.BUS)]
             for receiver, thinning in self._thinning.items():
                 faults = [fault for fault in met if fault.receiver in (None, receiver)]
                 if not thinning.passes(faults):
@@ -215,9 +214,8 @@ class World:
         body = self._body[seat.sysid]
         return [
             (fault, onset_ns)
-            for _, fault, onset_ns in self.faults.active(
-                lambda fault: fault.site is Site.LINK and fault.hits(body) and fault.direction in ("both", way)
-            )
+            for _, fault, onset_ns in self.faults.active(Site.LINK)
+            if fault.hits(body) and fault.direction in ("both", way)
         ]
 
     def _change_faults(self) -> None:

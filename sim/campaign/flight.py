@@ -8,6 +8,7 @@ from gcs.recording import Record
 from sim.campaign.oracle import Verdict, judge
 from sim.campaign.witness import Witness
 from sim.faults.fault import Fault
+from sim.lockstep import uncollected
 from sim.scenario import Scenario
 from sim.world import T0_NS, World
 
@@ -87,9 +88,10 @@ class Flight:
 
 def fly(scenario: Scenario, seed: int, log: Record | None = None, *, benign: bool = False) -> Flown:
     """Fly a scenario with its faults and judge it."""
-    flight = Flight(scenario, seed, log)
-    while not flight.advance():
-        pass
+    with uncollected():
+        flight = Flight(scenario, seed, log)
+        while not flight.advance():
+            pass
     return Flown(flight.verdict(benign=benign), flight.t_s)
 
 

@@ -15,6 +15,7 @@ from sim.campaign.draw import faults_of, flight_of
 from sim.campaign.flight import Flight, begins_soon
 from sim.campaign.oracle import Verdict, Violation
 from sim.faults.fault import Fault
+from sim.lockstep import uncollected
 from sim.scenario import Scenario
 
 FORK_AHEAD_NS = 30_000_000
@@ -58,7 +59,8 @@ def fly_job(job: Job) -> Flown:
 def fly_group(scenario: Scenario, faults: dict[int, tuple[Fault, ...]]) -> Flown:
     """Fly the scenario once with each entry's faults, forked where that can be done."""
     before_s = _core_s()
-    flown = _fork_along(scenario, faults) if threading.active_count() == 1 else _fly_each(scenario, faults)
+    with uncollected():
+        flown = _fork_along(scenario, faults) if threading.active_count() == 1 else _fly_each(scenario, faults)
     runs = tuple(sorted((run for run, _ in flown), key=lambda run: run.number))
     return Flown(runs, sum(own_s for _, own_s in flown), _core_s() - before_s)
 

@@ -82,7 +82,7 @@ class Channel:
 
     def pop_due(self, now_ns: int) -> list[Sent]:
         """What has arrived by now."""
-        return self._queue.pop_due(now_ns) if self._queue.next_due_ns <= now_ns else []
+        return self._queue.pop_due(now_ns)
 
     def _enqueue(self, due_ns: int, sent: Sent) -> None:
         self._last_due_ns = max(due_ns, self._last_due_ns)

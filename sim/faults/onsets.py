@@ -1,10 +1,10 @@
 """When each fault of a flight begins and ends, by the phases as they come."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from formation.messages import Phase
-from sim.faults.fault import Fault
+from sim.faults.fault import Fault, Site
 from wire.transport.memory_bus import NOTHING_DUE_NS
 
 NOTHING_YET: Mapping[Phase, int] = MappingProxyType({})
@@ -23,6 +23,7 @@ class Onsets:
         """When each phase was first entered."""
         self._due: list[tuple[int, int, bool]] = []
         self._active: dict[int, int] = {}
+        self._at: dict[Site, list[tuple[int, Fault, int]]] = {}
         for phase, t_ns in entered.items():
             self.enter(phase, t_ns)
 
@@ -57,12 +58,16 @@ class Onsets:
                 self.first_ns = t_ns if self.first_ns is None else self.first_ns
             else:
                 self._active.pop(i, None)
+        self._at = {
+            site: [(i, self.faults[i], t_ns) for i, t_ns in self._active.items() if self.faults[i].site is site]
+            for site in Site
+        }
         self._look_ahead()
         return [(self.faults[i], begins) for _, i, begins in due]
 
-    def active(self, wanted: Callable[[Fault], bool]) -> list[tuple[int, Fault, int]]:
-        """Number, fault and onset of each that acts now and is wanted."""
-        return [(i, self.faults[i], t_ns) for i, t_ns in self._active.items() if wanted(self.faults[i])]
+    def active(self, site: Site) -> Sequence[tuple[int, Fault, int]]:
+        """Number, fault and onset of each that acts there now."""
+        return self._at.get(site, ())
 
     def _look_ahead(self) -> None:
         self._due.sort(key=lambda entry: (entry[0], entry[1]))

@@ -13,6 +13,7 @@ from formation.messages import Datagram, Event, LabFrame
 from sim.faults.channel import Channel, Sent
 from sim.faults.fault import Core, Family, Fault
 from sim.life import Waiting
+from sim.monitors import Without
 from sim.scenario import LinkModel, Scenario
 from wire.transport.memory_bus import NOTHING_DUE_NS, random_delay
 
@@ -45,17 +46,18 @@ class Seat:
     """
 
     __slots__ = (
-        "_bridge_input", "_config", "_ghost", "_input", "agent", "bridges", "down", "due_ns", "events", "followed_ns",
-        "sysid", "up",
+        "_bridge_input", "_config", "_ghost", "_input", "_without", "agent", "bridges", "down", "due_ns", "events",
+        "followed_ns", "sysid", "up",
     )  # fmt: skip
 
-    def __init__(self, config: AgentConfig, scenario: Scenario, seed: int, now_ns: int) -> None:
+    def __init__(self, config: AgentConfig, scenario: Scenario, seed: int, now_ns: int, without: Without) -> None:
         self._config = config
+        self._without = without.agent
         self.sysid = config.sysid
         # Truth is asked for at every exposure; nobody waits for it to be published.
-        self.agent = AgentCore(config.model_copy(update={"truth_rate_hz": 0.0}), now_ns)
+        self.agent = AgentCore(config.model_copy(update={"truth_rate_hz": 0.0}), now_ns, without.agent)
         bridged = scenario.true_vehicle(config.sysid).bridged
-        self.bridges = [BridgeCore(config, now_ns)] if bridged else []
+        self.bridges = [BridgeCore(config, now_ns, without=without.agent)] if bridged else []
         model = scenario.link
         self.down = _channel(model, model.down_s, [seed, 3, config.sysid])
         self.up = _channel(model, model.up_s, [seed, 4, config.sysid])
@@ -130,7 +132,7 @@ class Seat:
             case Family.TWIN if fault.core == "agent":
                 self._ghost = AgentCore(self._config.model_copy(update={"truth_rate_hz": 0.0}), now_ns)
             case Family.TWIN if self.bridges:
-                self.bridges.append(BridgeCore(self._config, now_ns))
+                self.bridges.append(BridgeCore(self._config, now_ns, without=self._without))
 
     def end(self, fault: Fault, now_ns: int) -> None:
         """It is over: a stalled core takes in what has come meanwhile, a restarted one is new."""
@@ -139,7 +141,7 @@ class Seat:
             del self.bridges[1 if fault.core == "bridge" else len(self.bridges) :]
         elif fault.core == "bridge":
             if fault.family is Family.RESTART and self.bridges:
-                self.bridges[0] = BridgeCore(self._config, now_ns)
+                self.bridges[0] = BridgeCore(self._config, now_ns, without=self._without)
             self._wake_bridge(now_ns)
         else:
             for item in self._input.wake():

@@ -10,7 +10,7 @@ from sim.campaign.group import Flown, Job, Run, fly_job
 from sim.campaign.shrink import Shrunk, shrink
 from sim.faults.fault import Fault
 
-MOST_SHRUNK = 8
+MOST_SHRUNK = 4
 A = TypeVar("A")
 B = TypeVar("B")
 

@@ -78,11 +78,12 @@ RANGES: Mapping[Family, Range] = MappingProxyType(
         Family.BATTERY: Range(0.01, 0.3, None),
         Family.REQUEST: Range(for_s=None),
         Family.PILOT: Range(for_s=(0.5, 8.0)),
+        Family.LOG_TROUBLE: Range(for_s=(0.5, 10.0)),
     }
 )
-ASKED = (Verb.ARM, Verb.TAKEOFF, Verb.START, Verb.HOLD, Verb.LAND, Verb.STOP, Verb.SHAPE)
+ASKED = (Verb.ARM, Verb.TAKEOFF, Verb.START, Verb.HOLD, Verb.LAND, Verb.STOP, Verb.SHAPE, Verb.ADOPT)
 SHAPES = ("line", "v", "circle", "configured")
-TOLD = (None, Verb.ARM, Verb.LAND, Verb.STOP)
+TOLD = (None, Verb.ARM, Verb.ADOPT, Verb.LAND, Verb.STOP)
 """What a restarted or second ground is asked for."""
 
 FAMILIES_DRAWN: tuple[Family, ...] = tuple(RANGES)
@@ -216,7 +217,7 @@ def _asked(_family: Family, _flight: Scenario, rng: np.random.Generator) -> dict
 _VICTIM_AT: Mapping[Site, _Victim] = MappingProxyType(
     {
         Site.CAMERAS: _body, Site.BUS: _receiver, Site.LINK: _way, Site.CORE: _core, Site.VEHICLE: _drone,
-        Site.OPERATOR: _drone,
+        Site.OPERATOR: _drone, Site.HOST: _every_body,
     }
 )  # fmt: skip
 _VICTIMS: Mapping[Family, _Victim] = MappingProxyType(

@@ -9,6 +9,7 @@ from sim.campaign.oracle import Verdict, judge
 from sim.campaign.witness import Witness
 from sim.faults.fault import Fault
 from sim.lockstep import uncollected
+from sim.monitors import WITHOUT_NONE, Without
 from sim.scenario import Scenario
 from sim.world import T0_NS, World
 
@@ -62,10 +63,12 @@ class Ending:
 class Flight:
     """A flight that is under way: `advance` until it is over, then `verdict`."""
 
-    def __init__(self, scenario: Scenario, seed: int, log: Record | None = None) -> None:
-        """log: where its records go, if anywhere."""
+    def __init__(
+        self, scenario: Scenario, seed: int, log: Record | None = None, without: Without = WITHOUT_NONE
+    ) -> None:
+        """log: where its records go, if anywhere; without: monitors that are switched off."""
         self._witness = Witness(scenario, log)
-        self.world = World(scenario, seed, self._witness.record)
+        self.world = World(scenario, seed, self._witness.record, without)
         self._ending = Ending(scenario)
 
     @property
@@ -86,10 +89,12 @@ class Flight:
         return judge(self._witness.truth(self.world.faults.first_ns), benign=benign)
 
 
-def fly(scenario: Scenario, seed: int, log: Record | None = None, *, benign: bool = False) -> Flown:
+def fly(
+    scenario: Scenario, seed: int, log: Record | None = None, *, benign: bool = False, without: Without = WITHOUT_NONE
+) -> Flown:
     """Fly a scenario with its faults and judge it."""
     with uncollected():
-        flight = Flight(scenario, seed, log)
+        flight = Flight(scenario, seed, log, without)
         while not flight.advance():
             pass
     return Flown(flight.verdict(benign=benign), flight.t_s)

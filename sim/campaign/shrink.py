@@ -8,7 +8,7 @@ from sim.campaign.oracle import Verdict
 from sim.faults.fault import FAMILIES, Fault
 from sim.scenario import Scenario
 
-MOST_FLIGHTS = 16
+MOST_FLIGHTS = 10
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ def register(app: typer.Typer) -> None:
 
 
 def campaign(
-    runs: Annotated[int, typer.Option(min=1, help="How many flights.")] = 300,
+    runs: Annotated[int, typer.Option(min=0, help="How many flights with random faults.")] = 300,
     seed: Annotated[int, typer.Option(min=0, help="Decides, with a run's number, all about it.")] = 1,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes; without it one a core.")] = None,
     scheduler: Annotated[
@@ -23,8 +23,11 @@ def campaign(
     ] = None,
     log: Annotated[Path | None, typer.Option(metavar="FILE.mcap", help="With --replay: log it there.")] = None,
     table: Annotated[bool, typer.Option("--table", help="Fly each fault of the table once, show how it ends.")] = False,
+    controls: Annotated[
+        int, typer.Option(min=0, metavar="N", help="And N flights without each monitor, which must then fail.")
+    ] = 0,
     only: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Of the table this row alone; again for more.")
+        list[str] | None, typer.Option(metavar="NAME", help="Of table or controls this one alone; again for more.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")] = False,
 ) -> None:
@@ -36,4 +39,4 @@ def campaign(
     elif replay is not None:
         commands.run_again(replay, log, as_json)
     else:
-        commands.run_campaign(runs, seed, workers, scheduler, as_json)
+        commands.run_campaign(commands.Asked(runs, seed, controls, tuple(only or ())), workers, scheduler, as_json)

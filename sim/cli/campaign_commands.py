@@ -2,7 +2,7 @@
 
 import json
 from contextlib import ExitStack
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import typer
@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from sim import lockstep
-from sim.campaign import campaign
+from sim.campaign import campaign, controls
 from sim.campaign.campaign import Failure, Workers
 from sim.campaign.cluster import Cluster
 from sim.campaign.draw import run_of
@@ -45,23 +45,40 @@ def run_table(only: tuple[str, ...], workers: int | None, as_json: bool) -> None
         raise typer.Exit(FAILED)
 
 
-def run_campaign(runs: int, seed: int, workers: int | None, scheduler: str | None, as_json: bool) -> None:
-    """Random faults."""
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A campaign: runs with random faults, flights of each positive control, and which of these alone."""
+
+    runs: int
+    seed: int
+    controls: int
+    only: tuple[str, ...]
+
+
+def run_campaign(asked: Asked, workers: int | None, scheduler: str | None, as_json: bool) -> None:
+    """Random faults, and positive controls."""
     console = Console(stderr=as_json, markup=False)
     compile_for(load_scenario("triangle_line"))
-    result = campaign.fly(seed, runs, _workers(workers, scheduler, console))
+    crew = _workers(workers, scheduler, console)
+    result = campaign.fly(asked.seed, asked.runs, crew)
+    jobs = controls.jobs(asked.seed, asked.controls, asked.only)
+    shares = controls.shares(jobs, crew.run("positive controls", controls.fly_control, jobs)) if jobs else {}
     if as_json:
-        print(result.to_json({}))
+        print(result.to_json(shares))
     for failure in result.failures:
         _show(failure, console)
     per_core_s = 1.0 / max(result.core_s, 1e-9)
-    console.print(
-        f"{result.runs} flights, {len(result.failures)} not contained: {result.separation_violations} of separation, "
-        f"{result.fence_violations} of the fence; {result.virtual_s * per_core_s:.1f} s of flight a second and core "
-        f"({result.simulated_s * per_core_s:.1f} integrated)",
-        highlight=False,
-    )
-    if result.failures:
+    if result.runs:
+        console.print(
+            f"{result.runs} flights, {len(result.failures)} not contained: {result.separation_violations} of "
+            f"separation, {result.fence_violations} of the fence; {result.virtual_s * per_core_s:.1f} s of flight a "
+            f"second and core ({result.simulated_s * per_core_s:.1f} integrated)",
+            highlight=False,
+        )
+    for name, share in shares.items():
+        style = "red" if share < controls.ENOUGH else None
+        console.print(f"without {name}: {share:.0%} of {asked.controls} flights failed", style=style, highlight=False)
+    if result.failures or any(share < controls.ENOUGH for share in shares.values()):
         raise typer.Exit(FAILED)
 
 

@@ -21,6 +21,7 @@ class Site(StrEnum):
     CORE = "core"
     VEHICLE = "vehicle"
     OPERATOR = "operator"
+    HOST = "host"
 
 
 class Family(StrEnum):
@@ -59,6 +60,7 @@ class Family(StrEnum):
     BATTERY = "battery"
     REQUEST = "request"
     PILOT = "pilot"
+    LOG_TROUBLE = "log-trouble"
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +110,7 @@ FAMILIES: Mapping[Family, Meaning] = MappingProxyType(
         Family.BATTERY: Meaning(Site.VEHICLE, "charge left, 0..1"),
         Family.REQUEST: Meaning(Site.OPERATOR),
         Family.PILOT: Meaning(Site.OPERATOR),
+        Family.LOG_TROUBLE: Meaning(Site.HOST),
     }
 )
 

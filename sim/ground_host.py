@@ -3,11 +3,12 @@
 from dataclasses import replace
 
 from formation.config import LabConfig
-from formation.messages import Datagram, Event, OperatorReply, OperatorRequest, Phase
+from formation.messages import Datagram, Event, HostReport, OperatorReply, OperatorRequest, Phase, Severity
 from formation.topics import EVENT
-from gcs.core import GcsCore
+from gcs.core import BrokenInvariantError, GcsCore
 from gcs.recording import Input, Record, record_input, record_tick
 from sim.life import Waiting
+from sim.monitors import Without
 from wire.transport.memory_bus import NOTHING_DUE_NS
 
 REQUEST_IDS = 1_000_000
@@ -18,11 +19,13 @@ TOLD_AFTER_NS = 1_500_000_000
 class GroundHost:
     """The ground of that epoch; of a second one beside the first, only what it tells is recorded."""
 
-    def __init__(self, lab: LabConfig, epoch: int, now_ns: int, record: Record) -> None:
+    def __init__(self, lab: LabConfig, epoch: int, now_ns: int, record: Record, without: Without) -> None:
         self._record = record
         self._second = False
         self._input = Waiting[Input]()
-        self._core = GcsCore(lab, now_ns)
+        self.name = f"ground-{epoch}"
+        self._core = GcsCore(lab, now_ns, epoch, without.ground)
+        self._report = HostReport()
         self._requests = REQUEST_IDS * (epoch + 1)
 
     def second(self) -> "GroundHost":
@@ -57,14 +60,25 @@ class GroundHost:
             record_input(self._record, message, now_ns)
         self._core.receive(message, now_ns)
 
+    def report(self, report: HostReport, now_ns: int) -> None:
+        """What its host tells it of itself, where that is new."""
+        if report != self._report and self.answers:
+            self._report = report
+            self.receive(report, now_ns)
+
     def ask(self, request: OperatorRequest, now_ns: int) -> None:
         """A request that a fault makes: numbered here."""
         self._requests += 1
         self.receive(replace(request, id=self._requests), now_ns)
 
     def tick(self, now_ns: int) -> tuple[tuple[Datagram, ...], tuple[OperatorReply, ...]]:
-        """What it sends and answers now."""
-        outgoing = self._core.tick(now_ns)
+        """What it sends and answers now; a ground that finds itself wrong ends."""
+        try:
+            outgoing = self._core.tick(now_ns)
+        except BrokenInvariantError as error:
+            self.kill()
+            self._record(EVENT, Event(Severity.CRITICAL, "ground", str(error)), now_ns)
+            return (), ()
         if not self._second:
             record_tick(self._record, outgoing, now_ns)
             return outgoing.datagrams, outgoing.replies

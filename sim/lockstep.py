@@ -66,7 +66,7 @@ def warm_up(scenario: Scenario) -> None:
 
 def fly(scenario: Scenario, seed: int, record: Record, progress: Progress | None = None) -> Flown:
     """Fly until the operator is done, the flight fails or takes too long."""
-    with _uncollected():
+    with uncollected():
         return _fly(scenario, seed, record, progress)
 
 
@@ -90,7 +90,7 @@ def _fly(scenario: Scenario, seed: int, record: Record, progress: Progress | Non
 
 
 @contextmanager
-def _uncollected() -> Iterator[None]:
+def uncollected() -> Iterator[None]:
     """No garbage collection in between: a flight makes objects by the million, and no cycles of them to be found."""
     was = gc.isenabled()
     gc.disable()

@@ -13,6 +13,7 @@ from formation.messages import Datagram, Event, LabFrame
 from sim.faults.channel import Channel, Sent
 from sim.faults.fault import Core, Family, Fault
 from sim.life import Waiting
+from sim.monitors import Without
 from sim.scenario import LinkModel, Scenario
 from wire.transport.memory_bus import NOTHING_DUE_NS, random_delay
 
@@ -45,21 +46,21 @@ class Seat:
     """
 
     __slots__ = (
-        "_bridge_input", "_config", "_ghost", "_input", "agent", "bridges", "down", "due_ns", "events", "followed_ns",
-        "sysid", "up",
+        "_bridge_input", "_config", "_ghost", "_input", "_without", "agent", "bridges", "down", "due_ns", "events",
+        "followed_ns", "sysid", "up",
     )  # fmt: skip
 
-    def __init__(self, config: AgentConfig, scenario: Scenario, seed: int, now_ns: int) -> None:
+    def __init__(self, config: AgentConfig, scenario: Scenario, seed: int, now_ns: int, without: Without) -> None:
         self._config = config
+        self._without = without.agent
         self.sysid = config.sysid
         # Truth is asked for at every exposure; nobody waits for it to be published.
-        self.agent = AgentCore(config.model_copy(update={"truth_rate_hz": 0.0}), now_ns)
+        self.agent = AgentCore(config.model_copy(update={"truth_rate_hz": 0.0}), now_ns, without.agent)
         bridged = scenario.true_vehicle(config.sysid).bridged
-        self.bridges = [BridgeCore(config, now_ns)] if bridged else []
-        replays = any(fault.family is Family.REPLAY for fault in scenario.faults)
+        self.bridges = [BridgeCore(config, now_ns, without=without.agent)] if bridged else []
         model = scenario.link
-        self.down = _channel(model, model.down_s, [seed, 3, config.sysid], replays)
-        self.up = _channel(model, model.up_s, [seed, 4, config.sysid], replays)
+        self.down = _channel(model, model.down_s, [seed, 3, config.sysid])
+        self.up = _channel(model, model.up_s, [seed, 4, config.sysid])
         self.due_ns = now_ns
         self.events: list[Event] = []
         self.followed_ns: int | None = None
@@ -108,15 +109,15 @@ class Seat:
                     said += self._bridge_says(bridge, now_ns)
         return said
 
-    def sample(self, now_ns: int) -> Sample:
-        """What is true of the drone now."""
+    def sample(self) -> Sample:
+        """What is true of the drone, on the last millisecond that its physics has reached."""
         autopilot = self.agent.autopilot
         frame = autopilot.airframe
-        state = frame.state_at(now_ns)
+        state = frame.state
         led = autopilot.task is Task.EXTERNAL
         return Sample(
             self.sysid, state.pos_lab_m, state.vel_lab_m_s, state.q_lab_from_flu, frame.armed,
-            float(state.motor_thrust_n.sum()), frame.setpoint.q_lab_from_flu, frame.setpoint.thrust_norm,
+            sum(state.motor_thrust_n.tolist()), frame.setpoint.q_lab_from_flu, frame.setpoint.thrust_norm,
             frame.motor_gain, self.followed_ns if led else None,
         )  # fmt: skip
 
@@ -131,7 +132,7 @@ class Seat:
             case Family.TWIN if fault.core == "agent":
                 self._ghost = AgentCore(self._config.model_copy(update={"truth_rate_hz": 0.0}), now_ns)
             case Family.TWIN if self.bridges:
-                self.bridges.append(BridgeCore(self._config, now_ns))
+                self.bridges.append(BridgeCore(self._config, now_ns, without=self._without))
 
     def end(self, fault: Fault, now_ns: int) -> None:
         """It is over: a stalled core takes in what has come meanwhile, a restarted one is new."""
@@ -140,7 +141,7 @@ class Seat:
             del self.bridges[1 if fault.core == "bridge" else len(self.bridges) :]
         elif fault.core == "bridge":
             if fault.family is Family.RESTART and self.bridges:
-                self.bridges[0] = BridgeCore(self._config, now_ns)
+                self.bridges[0] = BridgeCore(self._config, now_ns, without=self._without)
             self._wake_bridge(now_ns)
         else:
             for item in self._input.wake():
@@ -162,9 +163,8 @@ class Seat:
     def _next_deadline_ns(self) -> int:
         """When agent or bridge has something to do of itself."""
         due_ns = self.agent.next_deadline_ns() if self._input.runs else NOTHING_DUE_NS
-        if self._bridge_input.runs:
-            for bridge in self.bridges:
-                due_ns = min(due_ns, bridge.next_deadline_ns())
+        if self.bridges and self._bridge_input.runs:
+            due_ns = min(due_ns, *[bridge.next_deadline_ns() for bridge in self.bridges])
         return due_ns if self._ghost is None else min(due_ns, self._ghost.next_deadline_ns())
 
     def _take(self, message: LabFrame | Datagram, now_ns: int) -> None:
@@ -190,7 +190,7 @@ class Seat:
         return outgoing.to_ground
 
 
-def _channel(model: LinkModel, delay_s: float, seed: list[int], replays: bool) -> Channel:
+def _channel(model: LinkModel, delay_s: float, seed: list[int]) -> Channel:
     """One direction of one drone's link, with its own luck."""
     delay = random_delay(delay_s, model.jitter_s, model.lost_share, np.random.default_rng(seed))
-    return Channel(delay, np.random.default_rng([*seed, 8]), replays)
+    return Channel(delay, np.random.default_rng([*seed, 8]))

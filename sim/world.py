@@ -6,7 +6,7 @@ is where a scenario's faults act.
 
 from collections.abc import Sequence
 
-from formation.messages import Datagram, Event, LabFrame, OperatorRequest, Phase, RawFrame, Truth, Verb
+from formation.messages import Datagram, Event, HostReport, LabFrame, OperatorRequest, Phase, RawFrame, Truth, Verb
 from formation.topics import MOCAP_EVENT, TRUTH
 from gcs.mocap.core import MocapCore
 from gcs.mocap.gate.armed import armed_bodies
@@ -19,6 +19,7 @@ from sim.faults.poses import CameraFaults, Thinning, late_ns
 from sim.faults.queue import DueQueue
 from sim.ground_host import TOLD_AFTER_NS, GroundHost
 from sim.life import Waiting
+from sim.monitors import WITHOUT_NONE, Without
 from sim.scenario import Scenario, agent_configs, leader_seconds, recorded_leader
 from sim.script import Glance, Operator
 from sim.seat import Sample, Seat
@@ -31,30 +32,35 @@ LOOK_NS = 100_000_000
 class World:
     """The cores, the links between them and the operator; `step` moves on to the next event."""
 
-    def __init__(self, scenario: Scenario, seed: int, record: Record) -> None:
+    def __init__(self, scenario: Scenario, seed: int, record: Record, without: Without = WITHOUT_NONE) -> None:
+        """without: monitors that are switched off."""
         leader = recorded_leader(scenario)
         self.now_ns = T0_NS
         self.operator = Operator(scenario.script, leader_seconds(scenario, leader))
         self.phase = Phase.GROUND
         self.exposed_ns = 0
         """When the cameras last took a frame."""
-        self._lab = scenario.lab
+        self._lab, self._without = scenario.lab, without
         self._record = record
         self._emulator = MocapEmulator(scenario.mocap, scenario.lab, leader, seed, T0_NS)
-        self._mocaps = [MocapCore(scenario.lab)]
+        self._mocaps = [MocapCore(scenario.lab, without=without.mocap)]
         self._mocap_input = Waiting[RawFrame]()
         self._late_raw = DueQueue[RawFrame]()
         self._late_frames = DueQueue[tuple[str, LabFrame]]()
-        self._grounds = [GroundHost(scenario.lab, 0, T0_NS, record)]
+        self._grounds = [GroundHost(scenario.lab, 0, T0_NS, record, without)]
         self._epochs = 1
         self._told = DueQueue[tuple[GroundHost, Verb]]()
-        self.seats = {c.sysid: Seat(c, scenario, seed, T0_NS) for c in agent_configs(scenario, leader)}
+        self.seats = {c.sysid: Seat(c, scenario, seed, T0_NS, without) for c in agent_configs(scenario, leader)}
         self._body = {v.sysid: v.body for v in scenario.lab.vehicles if v.sysid is not None}
         self._camera_faults = CameraFaults(scenario.lab, seed)
         self._thinning = {name: Thinning() for name in (GROUND_RECEIVER, *self._body.values())}
         self._look_ns = T0_NS
         self.faults = Onsets(scenario.faults)
         self.faults.enter(Phase.GROUND, T0_NS)
+
+    def inject(self, faults: Sequence[Fault]) -> None:
+        """Let these faults happen from now on instead of the scenario's; none of them may have begun yet."""
+        self.faults = Onsets(faults, self.faults.entered)
 
     def kill_ground(self) -> None:
         """From now on the ground hears nothing and says nothing; mocap and agents go on."""
@@ -65,8 +71,8 @@ class World:
         return {sysid: seat.agent.truth(self.now_ns) for sysid, seat in self.seats.items()}
 
     def samples(self) -> list[Sample]:
-        """What is true of every drone now."""
-        return [seat.sample(self.now_ns) for seat in self.seats.values()]
+        """What is true of every drone, to the last millisecond."""
+        return [seat.sample() for seat in self.seats.values()]
 
     def ask(self, verb: Verb, argument: str = "") -> None:
         """The operator asks the first ground, whatever the script; it is lost on one that is gone."""
@@ -122,9 +128,8 @@ class World:
     def _show_frames(self) -> None:
         """Raw frames arrive at the mocap; its frames go to the ground and to every drone's own pose feed."""
         now_ns = self.now_ns
-        at_cameras = self.faults.active(lambda fault: fault.site is Site.CAMERAS)
         for raw in self._emulator.pop_due(now_ns):
-            altered, delay_ns = self._camera_faults.alter(raw, at_cameras, now_ns)
+            altered, delay_ns = self._camera_faults.alter(raw, self.faults.active(Site.CAMERAS), now_ns)
             self._late_raw.push(now_ns + delay_ns, altered)
         for raw in self._late_raw.pop_due(now_ns):
             if self._mocap_input.admits(raw):
@@ -137,7 +142,7 @@ class World:
                 self._record(MOCAP_EVENT, event, self.now_ns)
             if frame is None:
                 continue
-            met = [fault for _, fault, _ in self.faults.active(lambda fault: fault.site is Site.BUS)]
+            met = [fault for _, fault, _ in self.faults.active(Site.BUS)]
             for receiver, thinning in self._thinning.items():
                 faults = [fault for fault in met if fault.receiver in (None, receiver)]
                 if not thinning.passes(faults):
@@ -175,6 +180,7 @@ class World:
     def _operator_looks(self) -> None:
         now_ns, ground = self.now_ns, self._grounds[0]
         self._look_ns = now_ns + LOOK_NS
+        self._hosts_report()
         if not ground.answers:
             return
         state = ground.status(now_ns)
@@ -187,6 +193,13 @@ class World:
         request = self.operator.next_request(now_ns)
         if request is not None:
             ground.receive(request, now_ns)
+
+    def _hosts_report(self) -> None:
+        """As the daemons' hosts do: who else is a ground on the lab's bus, and how the log fares."""
+        trouble = "; ".join(fault.text() for _, fault, _ in self.faults.active(Site.HOST))
+        for ground in self._grounds:
+            others = tuple(other.name for other in self._grounds if other is not ground and other.answers)
+            ground.report(HostReport(others, trouble), self.now_ns)
 
     def _grounds_receive(self, message: Input) -> None:
         for ground in self._grounds:
@@ -211,9 +224,8 @@ class World:
         body = self._body[seat.sysid]
         return [
             (fault, onset_ns)
-            for _, fault, onset_ns in self.faults.active(
-                lambda fault: fault.site is Site.LINK and fault.hits(body) and fault.direction in ("both", way)
-            )
+            for _, fault, onset_ns in self.faults.active(Site.LINK)
+            if fault.hits(body) and fault.direction in ("both", way)
         ]
 
     def _change_faults(self) -> None:
@@ -259,7 +271,7 @@ class World:
                 del self._grounds[1:]
 
     def _new_ground(self, fault: Fault) -> GroundHost:
-        ground = GroundHost(self._lab, self._epochs, self.now_ns, self._record)
+        ground = GroundHost(self._lab, self._epochs, self.now_ns, self._record, self._without)
         self._epochs += 1
         if fault.verb is not None:
             self._told.push(self.now_ns + TOLD_AFTER_NS, (ground, fault.verb))
@@ -275,9 +287,9 @@ class World:
                 for raw in self._mocap_input.wake():
                     self._publish(raw)
             case Family.RESTART, False:
-                self._mocaps[0] = MocapCore(self._lab)
+                self._mocaps[0] = MocapCore(self._lab, without=self._without.mocap)
                 self._mocap_input.wake()
             case Family.TWIN, True:
-                self._mocaps.append(MocapCore(self._lab))
+                self._mocaps.append(MocapCore(self._lab, without=self._without.mocap))
             case Family.TWIN, False:
                 del self._mocaps[1:]

@@ -1,11 +1,15 @@
 """One flight of the campaign: the operator flies the script, then asks for a landing until all are down."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from formation.messages import Phase, Verb
 from gcs.recording import Record
 from sim.campaign.oracle import Verdict, judge
 from sim.campaign.witness import Witness
+from sim.faults.fault import Fault
+from sim.lockstep import uncollected
+from sim.monitors import WITHOUT_NONE, Without
 from sim.scenario import Scenario
 from sim.world import T0_NS, World
 
@@ -56,19 +60,47 @@ class Ending:
         return world.now_ns >= self._land_ns or world.phase in (Phase.GROUND, Phase.STOPPED, Phase.LAND)
 
 
-def fly(scenario: Scenario, seed: int, log: Record | None = None, *, benign: bool = False) -> Flown:
-    """Fly a scenario with its faults and judge it; log: where its records go, if anywhere."""
-    witness = Witness(scenario, log)
-    world = World(scenario, seed, witness.record)
-    ending = Ending(scenario)
-    exposure_ns = 0
-    while True:
-        world.step()
-        if world.exposed_ns == exposure_ns:
-            continue
-        exposure_ns = world.exposed_ns
-        down = witness.look(world)
-        if ending.over(world, down=down, flown=witness.armed_ever):
-            break
-    verdict = judge(witness.truth(world.faults.first_ns), benign=benign)
-    return Flown(verdict, (world.now_ns - T0_NS) * 1e-9)
+class Flight:
+    """A flight that is under way: `advance` until it is over, then `verdict`."""
+
+    def __init__(
+        self, scenario: Scenario, seed: int, log: Record | None = None, without: Without = WITHOUT_NONE
+    ) -> None:
+        """log: where its records go, if anywhere; without: monitors that are switched off."""
+        self._witness = Witness(scenario, log)
+        self.world = World(scenario, seed, self._witness.record, without)
+        self._ending = Ending(scenario)
+
+    @property
+    def t_s(self) -> float:
+        """How long it has lasted."""
+        return (self.world.now_ns - T0_NS) * 1e-9
+
+    def advance(self) -> bool:
+        """Fly on to the next exposure of the cameras; whether the flight is over."""
+        world, before_ns = self.world, self.world.exposed_ns
+        while world.exposed_ns == before_ns:
+            world.step()
+        down = self._witness.look(world)
+        return self._ending.over(world, down=down, flown=self._witness.armed_ever)
+
+    def verdict(self, *, benign: bool = False) -> Verdict:
+        """The oracle's, on the flight so far; benign: as `judge` has it."""
+        return judge(self._witness.truth(self.world.faults.first_ns), benign=benign)
+
+
+def fly(
+    scenario: Scenario, seed: int, log: Record | None = None, *, benign: bool = False, without: Without = WITHOUT_NONE
+) -> Flown:
+    """Fly a scenario with its faults and judge it."""
+    with uncollected():
+        flight = Flight(scenario, seed, log, without)
+        while not flight.advance():
+            pass
+    return Flown(flight.verdict(benign=benign), flight.t_s)
+
+
+def begins_soon(flight: Flight, faults: Sequence[Fault], within_ns: int) -> bool:
+    """Whether the first of the faults begins within that time from now."""
+    onsets = flight.world.faults
+    return min(onsets.begins_ns(fault) for fault in faults) < flight.world.now_ns + within_ns

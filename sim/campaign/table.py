@@ -66,7 +66,7 @@ def table() -> tuple[Row, ...]:
         _row("twin-ground-arms", _ground(Family.TWIN, verb=Verb.ARM), flight=scenario("hold")),
         _row("restarted-ground-arms", _ground(Family.RESTART, 1.0, Verb.ARM), flight=scenario("hold", 2, "ardupilot")),
         _row(
-            "land-with-a-pilot", Fault(family=Family.PILOT, body="f2", after_s=2.5), _asked(Verb.LAND, 2.6)
+            "land-with-a-pilot", Fault(family=Family.PILOT, body="f2", after_s=2.5, for_s=6.0), _asked(Verb.LAND, 2.6)
         ),
         _row("ground-killed", _ground(Family.KILL)),
         _row("ardupilot-ground-killed", _ground(Family.KILL), flight=arducopter),
@@ -90,5 +90,6 @@ def table() -> tuple[Row, ...]:
         _row("stamps-behind", _mocap(Family.STAMP_OFFSET, None, whole, -0.2)),
         _row("dead-motor", Fault(family=Family.DEAD_MOTOR, body="f2", after_s=2.5, severity=0.0)),
         _row("drift", _mocap(Family.DRIFT, "f2", whole, 0.05)),
+        _row("log-full", Fault(family=Family.LOG_TROUBLE, after_s=2.5)),
         _row("no-fault", benign=True),
     )  # fmt: skip

@@ -3,7 +3,7 @@
 import numpy as np
 
 from formation.messages import Event, OperatorRequest, PhaseChange, Severity, Verb
-from formation.topics import EVENT, PHASE, REQUEST, Topic
+from formation.topics import EVENT, MOCAP_EVENT, PHASE, REQUEST, Topic
 from gcs.recording import Record
 from sim.campaign.oracle import Truth
 from sim.scenario import Scenario
@@ -28,7 +28,7 @@ class Witness:
 
     def record(self, topic: Topic, message: object, t_ns: int) -> None:
         """Listen to a record on its way."""
-        if topic is EVENT or topic is PHASE or topic is REQUEST:
+        if topic in (EVENT, MOCAP_EVENT, PHASE, REQUEST):
             self._hear(message, t_ns)
         if self._log is not None:
             self._log(topic, message, t_ns)

@@ -1,17 +1,27 @@
 """What `gcs-sim campaign` does: flights with faults on every core, verdicts, a table."""
 
 import json
-from dataclasses import asdict
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
+from sim import lockstep
+from sim.campaign import campaign, controls
+from sim.campaign.campaign import Failure, Workers
+from sim.campaign.cluster import Cluster
+from sim.campaign.draw import run_of
+from sim.campaign.flight import fly
 from sim.campaign.oracle import Verdict
 from sim.campaign.table import fly_row, table
 from sim.cli.flights import compile_for, fail
 from sim.scenario import load as load_scenario
 from sim.studies.runner import Runner
+from sim.world import T0_NS
+from wire.logs.mcap_log import LogWriter
 
 FAILED, NOT_RIGHT = 1, 2
 
@@ -33,6 +43,84 @@ def run_table(only: tuple[str, ...], workers: int | None, as_json: bool) -> None
     console.print(f"{len(verdicts)} faults, {uncontained} not contained", highlight=False)
     if uncontained:
         raise typer.Exit(FAILED)
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A campaign: runs with random faults, flights of each positive control, and which of these alone."""
+
+    runs: int
+    seed: int
+    controls: int
+    only: tuple[str, ...]
+
+
+def run_campaign(asked: Asked, workers: int | None, scheduler: str | None, as_json: bool) -> None:
+    """Random faults, and positive controls."""
+    console = Console(stderr=as_json, markup=False)
+    compile_for(load_scenario("triangle_line"))
+    crew = _workers(workers, scheduler, console)
+    result = campaign.fly(asked.seed, asked.runs, crew)
+    jobs = controls.jobs(asked.seed, asked.controls, asked.only)
+    shares = controls.shares(jobs, crew.run("positive controls", controls.fly_control, jobs)) if jobs else {}
+    if as_json:
+        print(result.to_json(shares))
+    for failure in result.failures:
+        _show(failure, console)
+    per_core_s = 1.0 / max(result.core_s, 1e-9)
+    if result.runs:
+        console.print(
+            f"{result.runs} flights, {len(result.failures)} not contained: {result.separation_violations} of "
+            f"separation, {result.fence_violations} of the fence; {result.virtual_s * per_core_s:.1f} s of flight a "
+            f"second and core ({result.simulated_s * per_core_s:.1f} integrated)",
+            highlight=False,
+        )
+    for name, share in shares.items():
+        style = "red" if share < controls.ENOUGH else None
+        console.print(f"without {name}: {share:.0%} of {asked.controls} flights failed", style=style, highlight=False)
+    if result.failures or any(share < controls.ENOUGH for share in shares.values()):
+        raise typer.Exit(FAILED)
+
+
+def run_again(run: str, log: Path | None, as_json: bool) -> None:
+    """One run of a campaign."""
+    seed, _, number = run.partition(":")
+    if not (seed.isdecimal() and number.isdecimal()):
+        fail(f"--replay {run}: expected SEED:NUMBER", NOT_RIGHT)
+    console = Console(stderr=as_json, markup=False)
+    scenario = run_of(int(seed), int(number))
+    for fault in scenario.faults:
+        console.print(fault.text(), highlight=False)
+    with ExitStack() as files:
+        record = None
+        if log is not None:
+            told = lockstep.metadata(scenario, scenario.seed, "memory", T0_NS)
+            record = files.enter_context(LogWriter(log, told, threaded=False)).write
+        verdict = fly(scenario, scenario.seed, record).verdict
+    if as_json:
+        print(json.dumps(asdict(verdict), indent=2))
+    console.print(_page({run: verdict}))
+    for violation in verdict.violations:
+        console.print(f"{violation.t_s:7.2f} s  {violation.kind}: {violation.text}", highlight=False)
+    if not verdict.contained:
+        raise typer.Exit(FAILED)
+
+
+def _workers(workers: int | None, scheduler: str | None, console: Console) -> Workers:
+    if scheduler is None:
+        return Runner(console, workers)
+    try:
+        return Cluster(scheduler, console)
+    except (ImportError, OSError) as error:
+        fail(f"--scheduler {scheduler}: {error}", NOT_RIGHT)
+
+
+def _show(failure: Failure, console: Console) -> None:
+    """What went wrong, the least that does it, and how to see it."""
+    console.print(f"{failure.again}    {failure.reason}", style="red", highlight=False, soft_wrap=True)
+    least = failure.faults if failure.shrunk is None else failure.shrunk.faults
+    for fault in least:
+        console.print(f"    {fault.text()}", highlight=False, soft_wrap=True)
 
 
 def _page(flown: dict[str, Verdict]) -> Table:

@@ -12,6 +12,8 @@ from sim.faults.queue import DueQueue
 from wire.transport.memory_bus import DelayModel
 
 OVERTAKEN_NS = 30_000_000
+REMEMBERED_NS = 3_000_000_000
+"""So long ago lies what can be said again."""
 
 
 class Sent(NamedTuple):
@@ -22,15 +24,14 @@ class Sent(NamedTuple):
 
 
 class Channel:
-    """A link whose datagrams keep their order unless a fault says otherwise; those of `told` are remembered."""
+    """A link whose datagrams keep their order unless a fault says otherwise; those just sent are remembered."""
 
-    def __init__(self, delay: DelayModel, rng: np.random.Generator, replays: bool) -> None:
-        """replays: whether what is sent is kept, to be said again."""
+    def __init__(self, delay: DelayModel, rng: np.random.Generator) -> None:
         self._delay = delay
         self._rng = rng
         self._queue = DueQueue[Sent]()
         self._last_due_ns = 0
-        self._said: deque[Sent] | None = deque() if replays else None
+        self._said: deque[Sent] = deque()
 
     @property
     def next_due_ns(self) -> int:
@@ -40,8 +41,9 @@ class Channel:
     def push(self, now_ns: int, datagram: Datagram, faults: Sequence[tuple[Fault, int]] = ()) -> None:
         """Send it now; faults: those that act on this link now, each with its onset."""
         sent = Sent(now_ns, datagram)
-        if self._said is not None:
-            self._said.append(sent)
+        self._said.append(sent)
+        while self._said[0].t_ns < now_ns - REMEMBERED_NS:
+            self._said.popleft()
         delay_ns = self._delay()
         if not faults:
             if delay_ns is not None:
@@ -80,14 +82,14 @@ class Channel:
 
     def pop_due(self, now_ns: int) -> list[Sent]:
         """What has arrived by now."""
-        return self._queue.pop_due(now_ns) if self._queue.next_due_ns <= now_ns else []
+        return self._queue.pop_due(now_ns)
 
     def _enqueue(self, due_ns: int, sent: Sent) -> None:
         self._last_due_ns = max(due_ns, self._last_due_ns)
         self._queue.push(self._last_due_ns, sent)
 
     def _said_before(self, t_ns: int) -> Sent | None:
-        """The last that was sent until then; older ones are forgotten."""
+        """The last that was sent until then; each is said again once."""
         said, last = self._said, None
         while said and said[0].t_ns <= t_ns:
             last = said.popleft()

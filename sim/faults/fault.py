@@ -21,6 +21,7 @@ class Site(StrEnum):
     CORE = "core"
     VEHICLE = "vehicle"
     OPERATOR = "operator"
+    HOST = "host"
 
 
 class Family(StrEnum):
@@ -59,40 +60,45 @@ class Family(StrEnum):
     BATTERY = "battery"
     REQUEST = "request"
     PILOT = "pilot"
+    LOG_TROUBLE = "log-trouble"
 
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """Where a family acts, what its severity is and in which unit; "" where it has none, at which `severity` is 1."""
+    """Where a family acts, what its severity is and in which unit; "" where it has none.
+
+    zero_is_none: whether less of it is milder, down to no fault at all.
+    """
 
     site: Site
     severity: str = ""
+    zero_is_none: bool = False
 
 
 FAMILIES: Mapping[Family, Meaning] = MappingProxyType(
     {
         Family.FREEZE: Meaning(Site.CAMERAS),
-        Family.JUMP: Meaning(Site.CAMERAS, "m, horizontally"),
+        Family.JUMP: Meaning(Site.CAMERAS, "m, horizontally", zero_is_none=True),
         Family.ABSURD: Meaning(Site.CAMERAS, "m, along every axis"),
         Family.NOT_A_NUMBER: Meaning(Site.CAMERAS),
-        Family.FLIP: Meaning(Site.CAMERAS, "rad about the body's forward axis"),
-        Family.YAW: Meaning(Site.CAMERAS, "rad about the lab's z"),
+        Family.FLIP: Meaning(Site.CAMERAS, "rad about the body's forward axis", zero_is_none=True),
+        Family.YAW: Meaning(Site.CAMERAS, "rad about the lab's z", zero_is_none=True),
         Family.SWAP: Meaning(Site.CAMERAS),
         Family.LOST_BODY: Meaning(Site.CAMERAS),
-        Family.DRIFT: Meaning(Site.CAMERAS, "m/s, horizontally"),
-        Family.NOISE: Meaning(Site.CAMERAS, "m, standard deviation per axis; ten times as many rad"),
-        Family.HIDDEN_LATENCY: Meaning(Site.CAMERAS, "s later than the stamp says"),
-        Family.STAMP_OFFSET: Meaning(Site.CAMERAS, "s that stamps lie ahead, behind where negative"),
+        Family.DRIFT: Meaning(Site.CAMERAS, "m/s, horizontally", zero_is_none=True),
+        Family.NOISE: Meaning(Site.CAMERAS, "m, standard deviation per axis; ten times as many rad", zero_is_none=True),
+        Family.HIDDEN_LATENCY: Meaning(Site.CAMERAS, "s later than the stamp says", zero_is_none=True),
+        Family.STAMP_OFFSET: Meaning(Site.CAMERAS, "s that stamps lie ahead, behind where negative", zero_is_none=True),
         Family.LOST_STREAM: Meaning(Site.BUS),
-        Family.LATE_STREAM: Meaning(Site.BUS, "s"),
-        Family.SLOW_STREAM: Meaning(Site.BUS, "share of the frames that is missing, evenly"),
-        Family.DROP: Meaning(Site.LINK, "share lost"),
-        Family.DELAY: Meaning(Site.LINK, "s"),
-        Family.GROWING_DELAY: Meaning(Site.LINK, "s per s"),
-        Family.JITTER: Meaning(Site.LINK, "s, mean of an exponential; nothing overtakes"),
-        Family.REORDER: Meaning(Site.LINK, "share that comes 30 ms later, overtaken"),
-        Family.DUPLICATE: Meaning(Site.LINK, "share that comes again, 30 ms later"),
-        Family.CORRUPT: Meaning(Site.LINK, "share with a byte changed"),
+        Family.LATE_STREAM: Meaning(Site.BUS, "s", zero_is_none=True),
+        Family.SLOW_STREAM: Meaning(Site.BUS, "share of the frames that is missing, evenly", zero_is_none=True),
+        Family.DROP: Meaning(Site.LINK, "share lost", zero_is_none=True),
+        Family.DELAY: Meaning(Site.LINK, "s", zero_is_none=True),
+        Family.GROWING_DELAY: Meaning(Site.LINK, "s per s", zero_is_none=True),
+        Family.JITTER: Meaning(Site.LINK, "s, mean of an exponential; nothing overtakes", zero_is_none=True),
+        Family.REORDER: Meaning(Site.LINK, "share that comes 30 ms later, overtaken", zero_is_none=True),
+        Family.DUPLICATE: Meaning(Site.LINK, "share that comes again, 30 ms later", zero_is_none=True),
+        Family.CORRUPT: Meaning(Site.LINK, "share with a byte changed", zero_is_none=True),
         Family.REPLAY: Meaning(Site.LINK, "s ago, what was sent then is sent again"),
         Family.KILL: Meaning(Site.CORE),
         Family.STALL: Meaning(Site.CORE),
@@ -104,6 +110,7 @@ FAMILIES: Mapping[Family, Meaning] = MappingProxyType(
         Family.BATTERY: Meaning(Site.VEHICLE, "charge left, 0..1"),
         Family.REQUEST: Meaning(Site.OPERATOR),
         Family.PILOT: Meaning(Site.OPERATOR),
+        Family.LOG_TROUBLE: Meaning(Site.HOST),
     }
 )
 

@@ -1,38 +1,50 @@
 """When each fault of a flight begins and ends, by the phases as they come."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 from formation.messages import Phase
-from sim.faults.fault import Fault
+from sim.faults.fault import Fault, Site
 from wire.transport.memory_bus import NOTHING_DUE_NS
+
+NOTHING_YET: Mapping[Phase, int] = MappingProxyType({})
 
 
 class Onsets:
-    """The clock of some faults; `enter` tells it the phases."""
+    """The clock of some faults; `enter` tells it the phases. entered: those that were entered before, and when."""
 
-    def __init__(self, faults: Sequence[Fault]) -> None:
+    def __init__(self, faults: Sequence[Fault], entered: Mapping[Phase, int] = NOTHING_YET) -> None:
         self.faults = tuple(faults)
         self.next_due_ns = NOTHING_DUE_NS
         """When the next fault begins or ends that is known to."""
         self.first_ns: int | None = None
         """When the first of them began."""
-        self._entered: dict[Phase, int] = {}
+        self.entered: dict[Phase, int] = {}
+        """When each phase was first entered."""
         self._due: list[tuple[int, int, bool]] = []
         self._active: dict[int, int] = {}
+        self._at: dict[Site, list[tuple[int, Fault, int]]] = {}
+        for phase, t_ns in entered.items():
+            self.enter(phase, t_ns)
 
     def enter(self, phase: Phase, now_ns: int) -> None:
         """The flight is in `phase`; only the first time counts."""
-        if phase in self._entered:
+        if phase in self.entered:
             return
-        self._entered[phase] = now_ns
+        self.entered[phase] = now_ns
         for i, fault in enumerate(self.faults):
             if Phase[fault.phase] is not phase:
                 continue
-            begin_ns = now_ns + round(fault.after_s * 1e9)
+            begin_ns = self.begins_ns(fault)
             self._due.append((begin_ns, i, True))
             if fault.for_s is not None:
                 self._due.append((begin_ns + round(fault.for_s * 1e9), i, False))
         self._look_ahead()
+
+    def begins_ns(self, fault: Fault) -> int:
+        """When the fault begins; NOTHING_DUE_NS while its phase has not come."""
+        entered_ns = self.entered.get(Phase[fault.phase])
+        return NOTHING_DUE_NS if entered_ns is None else entered_ns + round(fault.after_s * 1e9)
 
     def pop_due(self, now_ns: int) -> list[tuple[Fault, bool]]:
         """The faults that have begun (True) or ended (False) by now, in order of time."""
@@ -46,12 +58,16 @@ class Onsets:
                 self.first_ns = t_ns if self.first_ns is None else self.first_ns
             else:
                 self._active.pop(i, None)
+        self._at = {
+            site: [(i, self.faults[i], t_ns) for i, t_ns in self._active.items() if self.faults[i].site is site]
+            for site in Site
+        }
         self._look_ahead()
         return [(self.faults[i], begins) for _, i, begins in due]
 
-    def active(self, wanted: Callable[[Fault], bool]) -> list[tuple[int, Fault, int]]:
-        """Number, fault and onset of each that acts now and is wanted."""
-        return [(i, self.faults[i], t_ns) for i, t_ns in self._active.items() if wanted(self.faults[i])]
+    def active(self, site: Site) -> Sequence[tuple[int, Fault, int]]:
+        """Number, fault and onset of each that acts there now."""
+        return self._at.get(site, ())
 
     def _look_ahead(self) -> None:
         self._due.sort(key=lambda entry: (entry[0], entry[1]))

@@ -11,7 +11,7 @@ from wire.autopilots.table import FlightMode
 
 
 def begin(fault: Fault, agent: AgentCore, now_ns: int) -> None:
-    """The fault comes over the drone. A battery stays as empty as it is made, a pilot's mode until another is set."""
+    """The fault comes over the drone. A battery stays as empty as it is made."""
     agent.truth(now_ns)  # so that what was until now is past
     frame = agent.autopilot.airframe
     match fault.family:
@@ -33,10 +33,12 @@ def begin(fault: Fault, agent: AgentCore, now_ns: int) -> None:
 
 
 def end(fault: Fault, agent: AgentCore, now_ns: int) -> None:
-    """The fault leaves the drone, where it can."""
+    """The fault leaves the drone, where it can; a pilot who still holds it brings it down."""
     agent.truth(now_ns)
     frame = agent.autopilot.airframe
     if fault.family in (Family.DEAD_MOTOR, Family.WEAK_MOTORS):
         frame.motor_gain = WHOLE_MOTORS
     elif fault.family is Family.MASS:
         frame.profile = agent.config.true_vehicle()
+    elif fault.family is Family.PILOT and agent.autopilot.mode is FlightMode.POSITION:
+        agent.autopilot.enter(FlightMode.LAND, now_ns)

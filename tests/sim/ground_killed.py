@@ -43,7 +43,7 @@ def landing(world: World) -> dict[str, float]:
     """Kill the ground now: seconds until all are disarmed, the fastest touch-down, the farthest drift."""
     world.kill_ground()
     killed_ns, before = world.now_ns, world.truths()
-    agents = [seat.agent for seat in world._seats.values()]
+    agents = [seat.agent for seat in world.seats.values()]
     impact_m_s, last = 0.0, before
     while any(agent.autopilot.armed for agent in agents) and world.now_ns < killed_ns + _PATIENCE_NS:
         world.step()

@@ -10,13 +10,13 @@ MS = 1_000_000
 DELAY_S = 0.004
 
 
-def channel(*, replays: bool = False) -> Channel:
-    return Channel(fixed_delay(DELAY_S), np.random.default_rng(1), replays)
+def channel() -> Channel:
+    return Channel(fixed_delay(DELAY_S), np.random.default_rng(1))
 
 
-def sent(family: Family, severity: float, count: int = 400, *, replays: bool = False) -> list[tuple[int, int, bytes]]:
+def sent(family: Family, severity: float, count: int = 400) -> list[tuple[int, int, bytes]]:
     """(arrival, sending, bytes), ms, of `count` datagrams sent a millisecond apart with the fault on from 0."""
-    link, fault = channel(replays=replays), Fault(family=family, severity=severity)
+    link, fault = channel(), Fault(family=family, severity=severity)
     arrived = []
     for t_ms in range(count + 2000):
         if t_ms < count:
@@ -74,7 +74,7 @@ def test_corruption_changes_one_byte() -> None:
 
 
 def test_replay_says_again_what_was_said_then() -> None:
-    arrived = sent(Family.REPLAY, 0.1, 300, replays=True)
+    arrived = sent(Family.REPLAY, 0.1, 300)
     again = [(arrival, sending) for arrival, sending, _ in arrived if arrival - sending > 50]
     assert len(arrived) == 500
     assert {arrival - sending for arrival, sending in again} == {104}

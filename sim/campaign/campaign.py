@@ -1,0 +1,115 @@
+"""A campaign: many runs on every core or on a cluster, what failed made small, one summary."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+from sim.campaign.draw import GROUP, run_of
+from sim.campaign.group import Flown, Job, Run, fly_job
+from sim.campaign.shrink import Shrunk, shrink
+from sim.faults.fault import Fault
+
+MOST_SHRUNK = 4
+A = TypeVar("A")
+B = TypeVar("B")
+
+
+class Workers(Protocol):
+    """Whoever does jobs: this machine's cores, or a cluster; results in the order of the jobs."""
+
+    def run(self, title: str, work: Callable[[A], B], jobs: Sequence[A]) -> list[B]:
+        """`work(job)` for every job."""
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A run that was not contained: how, by which faults, and the least of them that still does it, where known."""
+
+    seed: int
+    number: int
+    reason: str
+    faults: tuple[Fault, ...]
+    shrunk: Shrunk | None = None
+
+    @property
+    def again(self) -> str:
+        """The command that flies it again."""
+        return f"gcs-sim campaign --replay {self.seed}:{self.number}"
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What a campaign found. simulated_s: seconds that were integrated, less than were flown where flights were forked.
+
+    controls: of each monitor that was switched off, the share of its runs that then failed.
+    """
+
+    runs: int
+    failures: tuple[Failure, ...]
+    separation_violations: int
+    fence_violations: int
+    virtual_s: float
+    simulated_s: float
+    core_s: float
+
+    def to_json(self, controls: dict[str, float]) -> str:
+        """For scripts."""
+        return json.dumps(
+            {
+                "runs": self.runs,
+                "uncontained": len(self.failures),
+                "separation_violations": self.separation_violations,
+                "fence_violations": self.fence_violations,
+                "virtual_s_per_s_per_core": round(self.virtual_s / max(self.core_s, 1e-9), 2),
+                "simulated_s_per_s_per_core": round(self.simulated_s / max(self.core_s, 1e-9), 2),
+                "failures": [
+                    {
+                        "seed": f"{failure.seed}:{failure.number}",
+                        "faults": [fault.model_dump(mode="json", exclude_defaults=True) for fault in _least(failure)],
+                        "reason": failure.reason,
+                    }
+                    for failure in self.failures
+                ],
+                "positive_controls": controls,
+            },
+            indent=2,
+        )
+
+
+def fly(seed: int, runs: int, workers: Workers, *, shrinks: bool = True) -> Result:
+    """Fly the runs 0 to `runs` of a campaign; shrinks: make what fails small, of the first few."""
+    jobs = [Job(seed, first // GROUP, tuple(range(first, min(first + GROUP, runs)))) for first in range(0, runs, GROUP)]
+    flown = workers.run("flights", fly_job, jobs)
+    return summarise(seed, flown, workers if shrinks else None)
+
+
+def summarise(seed: int, flown: Sequence[Flown], workers: Workers | None = None) -> Result:
+    """The result of these jobs; workers: who makes the first failures small, if anybody."""
+    runs = [run for job in flown for run in job.runs]
+    failures = [_failure(seed, run) for run in runs if not run.verdict.contained]
+    if workers is not None and failures:
+        small = workers.run("making failures small", shrunk, failures[:MOST_SHRUNK])
+        failures[: len(small)] = small
+    kinds = [set(run.verdict.kinds) for run in runs]
+    return Result(
+        len(runs), tuple(failures), sum("separation" in kind for kind in kinds), sum("fence" in kind for kind in kinds),
+        sum(run.duration_s for run in runs), sum(job.simulated_s for job in flown), sum(job.core_s for job in flown),
+    )  # fmt: skip
+
+
+def shrunk(failure: Failure) -> Failure:
+    """The failure with the least that does it; as it is where its flight cannot even be flown to its end."""
+    if failure.reason.startswith("raised"):
+        return failure
+    scenario = run_of(failure.seed, failure.number)
+    return Failure(failure.seed, failure.number, failure.reason, failure.faults, shrink(scenario))
+
+
+def _failure(seed: int, run: Run) -> Failure:
+    first = run.verdict.violations[0]
+    return Failure(seed, run.number, f"{first.kind}: {first.text}", run.faults)
+
+
+def _least(failure: Failure) -> tuple[Fault, ...]:
+    return failure.faults if failure.shrunk is None else failure.shrunk.faults

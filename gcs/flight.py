@@ -238,8 +238,10 @@ class Flight:
         if stages is not None:
             self._lead_down(stages)
             for i, drone in enumerate(self._drones):
-                vz_m_s, thrust_norm = stages.state.vel_lab_m_s[drone.index, 2], stages.target.thrust_norm[i]
-                drone.notice_landing(float(vz_m_s), float(stages.command.e_lead_m[i, 2]), float(thrust_norm), now_ns)
+                vz_m_s, above_m = float(stages.state.vel_lab_m_s[drone.index, 2]), float(stages.command.e_lead_m[i, 2])
+                drone.notice_landing(vz_m_s, above_m, float(stages.target.thrust_norm[i]), now_ns)
+                if drone.flown and drone.hangs(above_m, now_ns):
+                    self._hand_over(drone, "does not come down", now_ns)
         for drone in self._drones:  # who lands by itself already, or holds its place, does not follow
             if drone.link.armed and not drone.link.offboard and not drone.touched and not drone.joining(now_ns):
                 drone.release(now_ns)
@@ -266,9 +268,12 @@ class Flight:
         elif now_ns >= self._descent.hand_over_ns:
             for drone in self._drones:
                 if drone.flown and not drone.touched:
-                    text = f"{drone.link.name} has not landed in time: told to land by itself"
-                    self.events.append(Event(Severity.ERROR, "flight", text))
-                    drone.release(now_ns)
+                    self._hand_over(drone, "has not landed in time", now_ns)
+
+    def _hand_over(self, drone: Drone, why: str, now_ns: int) -> None:
+        """Leave a drone to its autopilot's own landing, and say so."""
+        self.events.append(Event(Severity.ERROR, "flight", f"{drone.link.name} {why}: told to land by itself"))
+        drone.release(now_ns)
 
     def _lead_down(self, stages: Stages) -> None:
         """Straight down; but aside first, at its height, for a drone under which another will stand."""

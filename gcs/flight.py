@@ -17,6 +17,7 @@ from gcs.drones.drone import TAKE_OFF_S, Drone, aside_setpoint, hold_setpoint, l
 from gcs.drones.goal import STREAM_FIRST_NS, Goal
 from gcs.landing import landing_spots
 from gcs.safety.descent import LOOK_NS, Descent, descent, ended_text
+from wire.link_messages.status import LandedState
 
 ARMING_NS = 12_000_000_000
 SETTLE_NS = 1_000_000_000
@@ -124,6 +125,8 @@ class Flight:
                 self._watch_take_off(stages, now_ns)
             case Phase.FORMATION if stages is not None and self.trajectory_start_ns is None:
                 self._watch_slots(stages, now_ns)
+            case Phase.HOLD:
+                self._watch_joining(now_ns)
             case Phase.LAND:
                 self._notice_landing(stages, now_ns)
         for drone in self._drones:
@@ -151,6 +154,8 @@ class Flight:
             drone.lead_to(self._setpoint(), _GOALS.get(phase, Goal.LEAVE), now_ns)
             if phase is Phase.LAND and not drone.lifted:
                 drone.stay_down(now_ns)
+            if phase is Phase.LAND and before is Phase.GROUND:
+                drone.setpoint = IDLE  # its motion is not ours, and it is sent none
 
     def _notice_flight(self, stages: Stages) -> None:
         steady = self.phase in (Phase.FORMATION, Phase.HOLD)
@@ -221,6 +226,13 @@ class Flight:
         if bool((away_m < AT_HEIGHT_M).all() and (led_away_m < LED_THERE_M).all()):
             self.pull(Trigger.AT_HEIGHT, "every drone is at its height", now_ns)
 
+    def _watch_joining(self, now_ns: int) -> None:
+        """A drone that came down while it was being taken over is not led up from the floor."""
+        for drone in self._drones:
+            if drone.goal is Goal.JOIN and drone.link.telemetry.landed is LandedState.ON_GROUND:
+                self.pull(Trigger.LAND, f"{drone.link.name} has landed meanwhile", now_ns)
+                return
+
     def _watch_slots(self, stages: Stages, now_ns: int) -> None:
         """Start the leader's trajectory once every slot has been taken for a second."""
         slots_m = stages.reference.slot_lead_m[-len(self._config.followers) :]
@@ -281,7 +293,7 @@ class Flight:
         if self._spots is None:
             self._spots = landing_spots(at_m, self._config.limits)
         for drone, here, spot in zip(self._drones, at_m, self._spots, strict=True):
-            if drone.descending or drone.touched:
+            if drone.descending or drone.touched or not drone.flown:
                 continue
             if float(np.linalg.norm(here[:2] - spot)) < OVER_SPOT_M:
                 drone.setpoint, drone.descending = land_setpoint(drone.rest_z_m, flight.descend_m_s), True

@@ -29,7 +29,7 @@ class Heard:
 
 
 def heard(hours: float, loss: float, jitter_s: float, rng: np.random.Generator) -> Heard:
-    """A 50 Hz attitude and a 1 Hz heartbeat as they arrive, and the ages of 100 Hz setpoints, told ten times a second."""
+    """A 50 Hz attitude and a 1 Hz heartbeat as they arrive; the ages of 100 Hz setpoints, told ten times a second."""
     seconds = hours * 3600.0
     attitude = _arrivals(seconds, 50.0, loss, jitter_s, rng)
     beats = _arrivals(seconds, 1.0, loss, jitter_s, rng)

@@ -10,7 +10,7 @@ from formation.messages import HostReport, Phase, Verb
 from wire.link_messages.address import Address, ground_address
 from wire.link_messages.commands import CommandAck, CommandLong, Result
 from wire.link_messages.setpoints import AttitudeSetpoint
-from wire.link_messages.status import Heartbeat, MavAutopilot
+from wire.link_messages.status import ExtendedSysState, Heartbeat, LandedState, MavAutopilot
 from wire.mavlink.codec import Codec
 
 
@@ -228,3 +228,35 @@ def test_trouble_with_the_log_is_told_forbids_to_arm_and_changes_no_setpoint():
     ill.core.receive(HostReport(), ill.now_ns)
     ill.command(Verb.ARM, Phase.ARMED)
     assert "over: the disk is full" in ill.events
+
+
+def held_aside() -> FakeLab:
+    """Drones in a mode of their own, just adopted."""
+    lab = restarted()
+    for drone in lab.drones.values():
+        drone.mode = 4 << 16 | 3 << 24
+    lab.run(1.5)
+    lab.command(Verb.ADOPT, Phase.HOLD)
+    return lab
+
+
+def test_a_drone_that_comes_down_while_it_is_taken_over_is_not_led_up_again():
+    lab = held_aside()
+    lab.drones[3]._say(ExtendedSysState(LandedState.ON_GROUND))
+    lab.run(0.1)
+    assert "HOLD -> LAND: right has landed meanwhile" in lab.events
+    lab.run_until(Phase.GROUND)
+    assert not any(drone.armed for drone in lab.drones.values())
+
+
+def test_a_drone_that_does_not_follow_within_five_seconds_has_all_land():
+    lab = held_aside()
+    obey = lab.drones[1]._obey
+    lab.drones[1]._obey = lambda c: Result.DENIED if c.command == 176 else obey(c)
+    lab.run(4.5)
+    assert lab.phase is Phase.HOLD
+    lab.run(1.5)
+    assert lab.phase is Phase.LAND
+    assert "lead: not in off-board mode" in lab.events
+    lab.run_until(Phase.GROUND)
+    assert not any(drone.armed for drone in lab.drones.values())

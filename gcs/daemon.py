@@ -6,16 +6,20 @@ its reason: setpoints stop, and every drone's agent levels, holds and lands by i
 
 import asyncio
 import gc
+import os
 import signal
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+
+import zenoh
 
 from formation import topics
 from formation.config import LabConfig
 from formation.messages import (
     Datagram,
     Event,
+    HostReport,
     LabFrame,
     LoopTiming,
     OperatorReply,
@@ -29,7 +33,7 @@ from gcs.drones.links import GroundLinks, open_links
 from gcs.mocap.autopilot_poses import AutopilotPoses
 from gcs.mocap.service import ServiceError, mocap_service
 from gcs.recording import Input, record_input, record_tick, run_metadata
-from wire.clock import REAL_TIME, Clock
+from wire.clock import REAL_TIME, Clock, unix_us
 from wire.logs.mcap_log import LogWriter
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import Reply, ZenohBus
@@ -63,6 +67,9 @@ class Ground:
         self._poses = AutopilotPoses(config) if config.mocap.source == "mavlink" else None
         self._spacing_s = 1.0 / config.mocap.rate_hz
         self._waiting: dict[int, Reply] = {}
+        self._report = HostReport()
+        self.other_grounds: tuple[str, ...] = ()
+        """Those that are alive on the lab's bus."""
         self._request_id = 0
         self._frame_seq = -1
         self._received_ns: int | None = None
@@ -118,11 +125,20 @@ class Ground:
         """Tell the bus how things are, and everybody what was refused, ten times a second; for ever."""
         while True:
             now_ns = self._clock.monotonic_ns()
+            self._report_host(now_ns)
             bus.publish_state(name, self._core.status(now_ns))
             for event in bus.refusals.due(now_ns):
                 self._log.write(topics.REFUSED, event, now_ns)
                 self.tell(event)
             await self._clock.sleep_until_ns(self._clock.monotonic_ns() + STATE_NS)
+
+    def _report_host(self, now_ns: int) -> None:
+        """Tell the core how log and bus are, where that has changed."""
+        report = HostReport(self.other_grounds, self._log.trouble(now_ns))
+        if report != self._report:
+            self._report = report
+            self._input(report, now_ns)
+            self._tick(now_ns)
 
     async def land(self) -> None:
         """Bring the swarm down and wait for it, within a limit."""
@@ -176,6 +192,23 @@ class Ground:
         self._log.write(topics.TIMING, LoopTiming(self._frame_seq, latency_s, late), self._clock.monotonic_ns())
 
 
+def know_other_grounds(bus: ZenohBus, name: str, epoch: int, ground: Ground) -> None:
+    """Be known on the lab's bus as a ground that is alive, and know of the others."""
+    own = f"{name}/{epoch}-{os.getpid()}"
+    alive: set[str] = set()
+
+    def take(sample: zenoh.Sample) -> None:
+        other = str(sample.key_expr).removeprefix(f"{bus.lab}/ground/")
+        if sample.kind == zenoh.SampleKind.DELETE:
+            alive.discard(other)
+        elif other != own:
+            alive.add(other)
+        ground.other_grounds = tuple(sorted(alive))
+
+    bus.declare_token(f"ground/{own}")
+    bus.watch_tokens("ground/**", take)
+
+
 class GroundFailure(RuntimeError):
     """The ground failed and ended itself; the text says why."""
 
@@ -204,13 +237,15 @@ async def run(
     Raises OSError (bus, ports, log), ValueError (a link that is none), ServiceError (no mocap), GroundFailure.
     """
     t0_ns = clock.monotonic_ns()
-    core = GcsCore(config, t0_ns)
+    epoch = unix_us() // 1_000_000
+    core = GcsCore(config, t0_ns, epoch)
     bus = await ZenohBus.open(config.link, config.name)
     try:
-        with LogWriter(log_path, {**run_metadata(config, t0_ns), **metadata}) as log:
+        with LogWriter(log_path, {**run_metadata(config, t0_ns, epoch), **metadata}) as log:
             ground = Ground(config, core, log, tell, clock)
             ground.links = await open_links(config, bus, ground.take_datagram)
             try:
+                know_other_grounds(bus, name, epoch, ground)
                 await _serve(config, lab_file, ground, bus, name, clock)
             except BaseExceptionGroup as group:
                 raise _first_failure(group) from group

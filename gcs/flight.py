@@ -17,6 +17,7 @@ from gcs.drones.drone import TAKE_OFF_S, Drone, aside_setpoint, hold_setpoint, l
 from gcs.drones.goal import STREAM_FIRST_NS, Goal
 from gcs.landing import landing_spots
 from gcs.safety.descent import LOOK_NS, Descent, descent, ended_text
+from wire.link_messages.status import LandedState
 
 ARMING_NS = 12_000_000_000
 SETTLE_NS = 1_000_000_000
@@ -124,6 +125,8 @@ class Flight:
                 self._watch_take_off(stages, now_ns)
             case Phase.FORMATION if stages is not None and self.trajectory_start_ns is None:
                 self._watch_slots(stages, now_ns)
+            case Phase.HOLD:
+                self._watch_joining(now_ns)
             case Phase.LAND:
                 self._notice_landing(stages, now_ns)
         for drone in self._drones:
@@ -151,6 +154,8 @@ class Flight:
             drone.lead_to(self._setpoint(), _GOALS.get(phase, Goal.LEAVE), now_ns)
             if phase is Phase.LAND and not drone.lifted:
                 drone.stay_down(now_ns)
+            if phase is Phase.LAND and before is Phase.GROUND:
+                drone.setpoint = IDLE  # its motion is not ours, and it is sent none
 
     def _notice_flight(self, stages: Stages) -> None:
         steady = self.phase in (Phase.FORMATION, Phase.HOLD)
@@ -221,6 +226,13 @@ class Flight:
         if bool((away_m < AT_HEIGHT_M).all() and (led_away_m < LED_THERE_M).all()):
             self.pull(Trigger.AT_HEIGHT, "every drone is at its height", now_ns)
 
+    def _watch_joining(self, now_ns: int) -> None:
+        """A drone that came down while it was being taken over is not led up from the floor."""
+        for drone in self._drones:
+            if drone.goal is Goal.JOIN and drone.link.telemetry.landed is LandedState.ON_GROUND:
+                self.pull(Trigger.LAND, f"{drone.link.name} has landed meanwhile", now_ns)
+                return
+
     def _watch_slots(self, stages: Stages, now_ns: int) -> None:
         """Start the leader's trajectory once every slot has been taken for a second."""
         slots_m = stages.reference.slot_lead_m[-len(self._config.followers) :]
@@ -238,8 +250,10 @@ class Flight:
         if stages is not None:
             self._lead_down(stages)
             for i, drone in enumerate(self._drones):
-                vz_m_s, thrust_norm = stages.state.vel_lab_m_s[drone.index, 2], stages.target.thrust_norm[i]
-                drone.notice_landing(float(vz_m_s), float(stages.command.e_lead_m[i, 2]), float(thrust_norm), now_ns)
+                vz_m_s, above_m = float(stages.state.vel_lab_m_s[drone.index, 2]), float(stages.command.e_lead_m[i, 2])
+                drone.notice_landing(vz_m_s, above_m, float(stages.target.thrust_norm[i]), now_ns)
+                if drone.flown and drone.hangs(above_m, now_ns):
+                    self._hand_over(drone, "does not come down", now_ns)
         for drone in self._drones:  # who lands by itself already, or holds its place, does not follow
             if drone.link.armed and not drone.link.offboard and not drone.touched and not drone.joining(now_ns):
                 drone.release(now_ns)
@@ -266,9 +280,12 @@ class Flight:
         elif now_ns >= self._descent.hand_over_ns:
             for drone in self._drones:
                 if drone.flown and not drone.touched:
-                    text = f"{drone.link.name} has not landed in time: told to land by itself"
-                    self.events.append(Event(Severity.ERROR, "flight", text))
-                    drone.release(now_ns)
+                    self._hand_over(drone, "has not landed in time", now_ns)
+
+    def _hand_over(self, drone: Drone, why: str, now_ns: int) -> None:
+        """Leave a drone to its autopilot's own landing, and say so."""
+        self.events.append(Event(Severity.ERROR, "flight", f"{drone.link.name} {why}: told to land by itself"))
+        drone.release(now_ns)
 
     def _lead_down(self, stages: Stages) -> None:
         """Straight down; but aside first, at its height, for a drone under which another will stand."""
@@ -276,7 +293,7 @@ class Flight:
         if self._spots is None:
             self._spots = landing_spots(at_m, self._config.limits)
         for drone, here, spot in zip(self._drones, at_m, self._spots, strict=True):
-            if drone.descending or drone.touched:
+            if drone.descending or drone.touched or not drone.flown:
                 continue
             if float(np.linalg.norm(here[:2] - spot)) < OVER_SPOT_M:
                 drone.setpoint, drone.descending = land_setpoint(drone.rest_z_m, flight.descend_m_s), True

@@ -31,11 +31,12 @@ def register(app: typer.Typer) -> None:
     """Add the commands, in the order of a flight."""
     app.command(Verb.STATUS.value)(status)
     _register(app, Verb.ARM, "Bring every drone to off-board mode and arm it; refused with every reason.", ARMING_S)
+    _register(app, Verb.ADOPT, "Take over drones that fly under no ground, and hold them where they are.")
     _register(app, Verb.TAKEOFF, "Take off to the configured height, then hold.")
     _register(app, Verb.START, "Take up the formation; a commanded leader then flies its trajectory.")
     app.command(Verb.SHAPE.value)(shape)
     _register(app, Verb.HOLD, "Brake and stay where each drone is.")
-    _register(app, Verb.LAND, "Land where each drone is, and disarm there.")
+    _register(app, Verb.LAND, "Land where each drone is, and disarm there; from every phase.")
     _register(
         app, Verb.STOP, "EMERGENCY: cut every drone's motors now, wherever it is. Restart the ground to fly again."
     )
@@ -119,6 +120,8 @@ def print_status(told: dict[str, Any], console: "Console") -> None:
         )  # fmt: skip
         table.add_row(*map(Text, cells))  # what drones and people said is never markup
     console.print(table)
+    if told["log_trouble"]:
+        console.print(Text(told["log_trouble"], "red"))
     for drone in told["drones"]:
         if drone["disarms_in_s"] is not None:
             text = f"{drone['body']} disarms itself in {drone['disarms_in_s']:.1f} s unless it takes off"

@@ -17,6 +17,7 @@ REFUSED_DISARM_NS = 5_000_000_000
 AIRBORNE_STATES = (LandedState.IN_AIR, LandedState.TAKEOFF, LandedState.LANDING)
 NEAR_FLOOR_M = 0.03
 PRESSING_M, PRESSED_NS = 0.2, 1_000_000_000
+HANGING_M, HANGING_NS = 0.5, 1_000_000_000
 AT_REST_M_S = 0.08
 LIFTED_M = 0.02
 TAKE_OFF_S = 3.0  # thrust takes two to rise (formation.control.attitude), its own landing detector one to notice
@@ -45,6 +46,7 @@ class Drone:
     rest_z_m: float = 0.0
     released: bool = False
     resting_since_ns: int | None = None
+    hanging_since_ns: int | None = None
     descending: bool = False
     touched: bool = False
     checked: bool = False
@@ -76,7 +78,8 @@ class Drone:
 
     def grounded(self, now_ns: int) -> bool:
         """Whether its motors are known to be off, or nothing is to be waited for: a pilot's, or silent for too long."""
-        if self.piloted or (now_ns - self.link.heard_ns > GONE_NS and not self.flown):
+        silent_ns = now_ns - max(self.link.heard_ns, self.goal_since_ns)
+        if self.piloted or (silent_ns > GONE_NS and not self.flown):
             return True
         return self.goal in (Goal.DISARM, Goal.LAND, Goal.CUT) and self.reached
 
@@ -136,10 +139,10 @@ class Drone:
         pursue(self.goal, self.link, self.goal_since_ns, now_ns)
 
     def _insist(self, now_ns: int) -> None:
-        """Seconds of idle thrust that it followed, or its own landed state, bear out that it stands on the floor."""
+        """Its own landed state, or its height as the mocap sees it, must bear out that it stands on the floor."""
         if self.link.piloted:
             self.aim(Goal.LEAVE, now_ns)
-        elif self.link.offboard or self.link.telemetry.landed is LandedState.ON_GROUND:
+        elif self.height_m < NEAR_FLOOR_M or self.link.telemetry.landed is LandedState.ON_GROUND:
             self.aim(Goal.CUT, now_ns)
         else:
             self.release(now_ns)
@@ -162,16 +165,21 @@ class Drone:
         if now_ns - self.resting_since_ns >= (TOUCH_NS if near else PRESSED_NS) and not self.touched:
             self.stay_down(now_ns)
 
-    def _stands(self, near: bool, thrust_norm: float) -> bool:
-        """The second witness of a touch-down: its landed state, or that it follows too little thrust to stay up.
+    def hangs(self, above_reference_m: float, now_ns: int) -> bool:
+        """Whether it has been far above where a landing leads it for a second, off the floor: it does not follow."""
+        if above_reference_m <= HANGING_M or self.height_m < NEAR_FLOOR_M or self.touched:
+            self.hanging_since_ns = None
+            return False
+        if self.hanging_since_ns is None:
+            self.hanging_since_ns = now_ns
+        return now_ns - self.hanging_since_ns >= HANGING_NS
 
-        Away from its own floor height the autopilot must at least not say that it is in the air.
-        """
-        landed = self.link.telemetry.landed
-        if landed is LandedState.ON_GROUND:
-            return True
+    def _stands(self, near: bool, thrust_norm: float) -> bool:
+        """The second witness of a touch-down: its landed state or, at its own floor height, that it follows too little
+        thrust to stay up. Elsewhere thrust tells nothing: one that hovers where a landing leads it down, and does not
+        follow, is sent as little."""
         low = thrust_norm < LOW_THRUST * (self.flying_thrust_norm or self.link.hover_thrust_norm)
-        return self.link.offboard and low and (near or landed not in AIRBORNE_STATES)
+        return self.link.telemetry.landed is LandedState.ON_GROUND or (near and low and self.link.offboard)
 
     def take_over(self, now_ns: int) -> None:
         """It flies under no ground: it is to follow this one, from where it is."""
@@ -193,7 +201,7 @@ class Drone:
     def lead_to(self, setpoint: Setpoint, goal: Goal, now_ns: int) -> None:
         """A new phase: another setpoint, another goal; a drone that was let go or cut stays so."""
         self.setpoint = setpoint
-        self.descending, self.touched, self.resting_since_ns = False, False, None
+        self.descending, self.touched, self.resting_since_ns, self.hanging_since_ns = False, False, None, None
         if self.flown and not (self.joining(now_ns) and goal is Goal.LEAVE):
             self.aim(goal, now_ns)
 

@@ -121,8 +121,11 @@ class DroneLink:
 
     @property
     def piloted(self) -> bool:
-        """Whether its last heartbeat said that a person flies it: armed, in a mode that is nobody's but a pilot's."""
-        return self.armed and self._flight_mode in PILOTED
+        """Whether its last heartbeat said that a person flies it: armed, in a mode that is a pilot's."""
+        heartbeat, model = self.telemetry.heartbeat, self.model
+        if heartbeat is None or model is None or not heartbeat.armed or self._flight_mode not in PILOTED:
+            return False
+        return model.table.split(heartbeat.custom_mode)[0] != model.table.auto_main  # PX4 holds by itself
 
     @property
     def landing(self) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from formation.config import LabConfig
 from gcs.drones.drone import Drone
 
-HAND_OVER_S = 4.0
+HAND_OVER_S = 6.0
 END_S = 10.0
 LOOK_NS = 200_000_000
 """For so long a first frame is waited for, which tells how high the drones are."""

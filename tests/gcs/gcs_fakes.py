@@ -43,7 +43,9 @@ class FakeDrone:
         self.parameters = {**(PX4_PARAMETERS if px4 else COPTER_PARAMETERS), name: hover}
         self.refuse_arming = self.mute = self.deaf = False
         self.ignore_first = 0
-        self.ground = ground_address(0)
+        self.ground = self.owner = ground_address(0)
+        self.knows_owners = True
+        self.last_setpoint_ns = 0
         self.heard: list[LinkMessage] = []
         self.setpoints: list[tuple[int, AttitudeSetpoint]] = []
         self._out: list[bytes] = []
@@ -63,7 +65,8 @@ class FakeDrone:
         match message:
             case AttitudeSetpoint():
                 self.setpoints.append((now_ns, message))
-                if self.armed and self.mode == self.offboard:
+                if self.armed and self.mode == self.offboard and self.owner == self.ground:
+                    self.last_setpoint_ns = now_ns
                     self.q, self.thrust = message.q_lab_from_flu, message.thrust_norm
             case CommandLong():
                 if self.ignore_first:
@@ -94,6 +97,10 @@ class FakeDrone:
                 self.mode = int(command.params[1]) << 16 if px4 else int(command.params[1])
             case 21:
                 self.mode = self.land
+            case 32100:
+                if not self.knows_owners:
+                    return Result.UNSUPPORTED
+                self.owner = self.ground
         return Result.ACCEPTED
 
     def _say(self, message: LinkMessage) -> None:
@@ -106,6 +113,8 @@ class FakeDrone:
             self.vel = np.array([0.0, 0.0, -0.5])
             if self.pos[2] <= 0.0:
                 self.armed, self.thrust = False, 0.0
+        elif self.armed and self.pos[2] > 0.0 and (self.mode != self.offboard or self._forsaken(now_ns)):
+            self.q, self.thrust, self.vel = frames.IDENTITY, self.hover, np.zeros(3)  # it holds its place
         lift = self.thrust / self.hover * G if self.armed else 0.0
         w, x, y, z = self.q.tolist()
         up = np.array([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)])
@@ -114,6 +123,9 @@ class FakeDrone:
         self.pos = self.pos + dt_s * self.vel
         if self.pos[2] <= 0.0:
             self.pos[2], self.vel = 0.0, np.zeros(3)
+
+    def _forsaken(self, now_ns: int) -> bool:
+        return now_ns - self.last_setpoint_ns > 100 * MS
 
     def outgoing(self, now_ns: int) -> list[bytes]:
         if now_ns - self._beat_ns >= 1_000_000_000:
@@ -162,6 +174,13 @@ class FakeLab:
         self.core.receive(OperatorRequest(self.requests, verb, argument), self.now_ns)
         self._tick_while_due()
         return self.requests
+
+    def restart_ground(self, after_s: float = 0.0) -> None:
+        """The ground dies, and `after_s` later another begins, of the next epoch."""
+        frames_stopped, self.frames_stopped = self.frames_stopped, True
+        core, self.core = self.core, _Nobody()
+        self.run(after_s)
+        self.core, self.frames_stopped = GcsCore(self.config, self.now_ns, core._epoch + 1), frames_stopped
 
     def reply(self, request: int) -> OperatorReply | None:
         return next((r for r in self.replies if r.id == request), None)
@@ -228,6 +247,18 @@ class FakeLab:
             if self.core.next_deadline_ns() > self.now_ns:
                 return
         raise AssertionError("the core wants to tick without end")
+
+
+class _Nobody:
+    """In the place of a ground that is dead."""
+
+    phase = Phase.GROUND
+
+    def receive(self, message, now_ns: int) -> None:
+        pass
+
+    def next_deadline_ns(self) -> int:
+        return 2**62
 
 
 def _start(config: LabConfig, i: int):

@@ -9,16 +9,18 @@ from pathlib import Path
 
 import pytest
 from free_ports import free_port
+from gcs_bus import a_lab, hub_of
 
 from formation import topics
 from formation.config import LabConfig
 from formation.messages import Event, Phase
 from gcs.core import BrokenInvariantError, GcsCore
-from gcs.daemon import Ended, GroundFailure, run
+from gcs.daemon import Ended, GroundFailure, know_other_grounds, run
 from gcs.mocap.service import ServiceError
 from gcs.replay import replay
 from wire.config_file import dump
-from wire.logs.mcap_log import check_log, read_log
+from wire.logs.mcap_log import LogWriter, check_log, read_log
+from wire.transport.zenoh_bus import ZenohBus
 
 FRAMES = 400
 
@@ -159,3 +161,38 @@ def test_strays_cost_no_frame_are_not_recorded_and_are_told_of_once_a_second(tmp
     assert all(b.t_ns - a.t_ns >= 1_000_000_000 for a, b in pairwise(refused))
     assert [event for event in told if event.source == "127.0.0.1"] == [entry.message for entry in refused]
     assert replay(read_log(log)).identical
+
+
+class _Knowing:
+    """In a ground's place: it is told who else is alive."""
+
+    other_grounds: tuple[str, ...] = ()
+
+
+def test_grounds_of_one_lab_know_of_each_other_for_as_long_as_they_live():
+    async def meet() -> None:
+        config = a_lab()
+        one, other = await hub_of(config), await ZenohBus.open(config.link, config.name)
+        old, new = _Knowing(), _Knowing()
+        know_other_grounds(one, "main", 100, old)
+        know_other_grounds(other, "main", 107, new)
+        async with asyncio.timeout(30.0):
+            while not (old.other_grounds and new.other_grounds):
+                await asyncio.sleep(0.01)
+        assert (old.other_grounds, new.other_grounds) == ((f"main/107-{os.getpid()}",), (f"main/100-{os.getpid()}",))
+        await other.close()
+        async with asyncio.timeout(30.0):
+            while old.other_grounds:
+                await asyncio.sleep(0.01)
+        await one.close()
+
+    asyncio.run(meet())
+
+
+def test_a_log_in_trouble_is_told_of_recorded_and_replayed(tmp_path, monkeypatch):
+    told: list[Event] = []
+    monkeypatch.setattr(LogWriter, "trouble", lambda _log, _now_ns: "the disk is full")
+    _, log = _fly_recording(tmp_path, told)
+    assert [event.text for event in told if event.source == "log"] == ["the disk is full"]
+    assert replay(read_log(log)).identical
+    assert int(read_log(log).metadata["epoch"]) > 1_700_000_000

@@ -24,6 +24,7 @@ __all__ = ["Entry", "Log", "LogCheck", "LogError", "LogWriter", "Reading", "chec
 _LIBRARY = "mavlink-formation"
 _CHUNK_PERIOD_S = 0.02
 _CHUNK_MESSAGES = 1000
+_BEHIND_NS = 500_000_000
 _PENDING_MESSAGES = 100_000  # some fifty seconds of a stalled disk
 
 
@@ -60,6 +61,7 @@ class LogWriter:
         self.lost = 0
         self._sequence = 0
         self._pending: deque[Stored] = deque()
+        self._writing_ns: int | None = None  # the stamp of the oldest message of the chunk being written
         self._stream = FileIO(path, "w", opener=private)
         self._file = McapFile(self._stream, _LIBRARY)
         self._file.add_metadata("run", metadata)
@@ -88,6 +90,18 @@ class LogWriter:
                 self._put(view.number, t_ns, view.view.encode(message, t_ns))
         if self._thread is None and len(self._pending) >= _CHUNK_MESSAGES:
             self._drain()
+
+    def trouble(self, now_ns: int) -> str:
+        """What keeps the log from being written in time, in words that stay the same while it lasts; else empty.
+
+        now_ns: on the clock of the messages' stamps.
+        """
+        if self.failure is not None:
+            return f"nothing more is recorded in {self.path.name}: {self.failure.strerror or self.failure}"
+        since_ns = self._writing_ns
+        if since_ns is not None and now_ns - since_ns > _BEHIND_NS:
+            return f"the disk under {self.path.name} is too slow, the log is more than half a second behind"
+        return ""
 
     def close(self) -> None:
         """Write what is pending and the summary; raises the OSError that stopped the recording, if one did."""
@@ -126,6 +140,7 @@ class LogWriter:
     def _drain(self) -> None:
         """Write what is pending now as one chunk. A disk that failed once is left alone."""
         # Only popleft and append touch the queue from two threads, and both are atomic.
+        self._writing_ns = self._pending[0][1] if self._pending else None
         chunk = [self._pending.popleft() for _ in range(len(self._pending))]
         if self.failure is not None:
             self.lost += len(chunk)
@@ -135,3 +150,4 @@ class LogWriter:
         except OSError as error:
             self.failure = error
             self.lost += len(chunk)
+        self._writing_ns = None

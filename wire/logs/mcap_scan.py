@@ -25,7 +25,7 @@ _FOOTER_SIZE = 9 + 20
 # Our chunks' compression, so far behind the chunk's first byte: what a search for the next one looks for.
 _ZSTD = b"\4\0\0\0zstd"
 _ZSTD_OFFSET = 9 + 8 + 8 + 8 + 4
-_MALFORMED = (EndOfFile, struct.error, UnicodeDecodeError)
+_MALFORMED = (OverflowError, EndOfFile, struct.error, UnicodeDecodeError)
 CHUNK_MOST = 1 << 26
 """Bytes of one chunk unpacked."""
 WORK_LEAST, WORK_A_BYTE = 1 << 26, 100

@@ -28,10 +28,11 @@ def test_a_status_shows_words_as_they_are(words: str) -> None:
         "sysid": 1, "body": words, "autopilot": words, "mode": words, "armed": False, "pos_lab_m": [0.0, 0.0, 0.0],
         "battery": None, "disarms_in_s": None, "heartbeat_age_s": None, "age_s": None,
     }  # fmt: skip
-    told = {"phase": words, "cause": words, "shape": words, "drones": [drone], "refusals": [f"left: {words}"]}
+    told = {"phase": words, "cause": words, "shape": words, "drones": [drone], "refusals": [f"left: {words}"],
+            "log_trouble": words}  # fmt: skip
     at = console()
     print_status(json.loads(json.dumps(told)), at)
-    assert shown(at).count(words) == 7
+    assert shown(at).count(words) == 8
 
 
 @pytest.mark.parametrize("words", WORDS)

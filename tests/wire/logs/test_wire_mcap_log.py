@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -275,3 +276,42 @@ def test_views_are_thinned_and_the_record_is_not(flight):
     _, written, _ = flight
     assert sum(1 for name, _, _ in written if name == "mocap/frame") == FRAMES
     np.testing.assert_array_equal(wire_flight.frame(5).pos_lab_m, written[16][2].pos_lab_m)
+
+
+class _Disk:
+    """A disk that is full, or so slow that a write ends only when it is told to."""
+
+    def __init__(self, error: OSError | None = None) -> None:
+        self.error, self.entered, self.go_on = error, threading.Event(), threading.Event()
+
+    def write(self, data: bytes) -> int:
+        self.entered.set()
+        if self.error is not None:
+            raise self.error
+        self.go_on.wait(30.0)
+        return len(data)
+
+
+def test_a_full_disk_is_trouble_in_words_at_once(tmp_path):
+    log = LogWriter(tmp_path / "flight.mcap", {}, threaded=False)
+    assert log.trouble(0) == ""
+    log._file._stream = _Disk(OSError(errno.ENOSPC, "No space left on device"))
+    log.write(topics.TICK, m.Tick(7), 7)
+    log._drain()
+    assert log.trouble(8) == "nothing more is recorded in flight.mcap: No space left on device"
+    with pytest.raises(OSError, match="No space left"):
+        log.close()
+    assert log.lost == 1
+
+
+def test_a_slow_disk_is_trouble_after_half_a_second_and_none_once_it_has_caught_up(tmp_path):
+    log, disk = LogWriter(tmp_path / "flight.mcap", {}), _Disk()
+    stream, log._file._stream = log._file._stream, disk
+    log.write(topics.TICK, m.Tick(7), 1_000_000_000)
+    assert disk.entered.wait(30.0)
+    assert log.trouble(1_500_000_000) == ""
+    assert "flight.mcap is too slow" in log.trouble(1_500_000_001)
+    log._file._stream = stream
+    disk.go_on.set()
+    log.close()
+    assert log.trouble(10**12) == ""

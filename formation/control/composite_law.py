@@ -71,7 +71,8 @@ class Demand:
 
     e, e_rate, s, t_m, z_m: in the lead frame, Eqs. (5)-(6); acc: demanded acceleration, gravity excluded; lead_acc:
     what the lag's inversion adds to it; motion: predicted when the command is taken to hold; specific_force: modelled
-    when it arrives; tilt_cos: predicted cosine of tilt when the thrust does; yaw, yaw_rate: of the heading asked for.
+    when it arrives; tilt_cos: predicted cosine of tilt when the thrust does; yaw, yaw_rate: of the heading asked for;
+    limits_met: bits of formation.messages.Saturation for what has altered it since.
     """
 
     e_lead_m: Vec3
@@ -86,6 +87,7 @@ class Demand:
     tilt_cos: float
     yaw_rad: float
     yaw_rate_rad_s: float
+    limits_met: float
 
 
 class Around(NamedTuple):

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from formation.config import LabConfig
 from formation.control.attitude import TILT, Target, attitude
 from formation.control.composite_law import Demand, LawMemory, demand, no_memory
+from formation.control.limits.barriers import bounded
 from formation.control.presets import Preset, preset_for
-from formation.control.settings import attitude_settings, law_settings, observer_settings
+from formation.control.settings import attitude_settings, barrier_settings, law_settings, observer_settings
 from formation.estimation.state import VehicleEstimate, initial, swarm_state
 from formation.estimation.update import estimate
 from formation.guidance.plan import Mode, Plan
@@ -41,10 +42,17 @@ class ControlStack:
     """Estimates, leads and commands the vehicles of one lab; same inputs, bit-identical outputs.
 
     profiles: of the n vehicles in the order of `config.vehicles`; chosen: the gains, by default those that
-    `config.control_preset` names (ValueError if there is no such preset).
+    `config.control_preset` names (ValueError if there is no such preset); without: monitors that are switched off, of
+    formation.control.settings.MONITORS (ValueError for others).
     """
 
-    def __init__(self, config: LabConfig, profiles: tuple[VehicleProfile, ...], chosen: Preset | None = None) -> None:
+    def __init__(
+        self,
+        config: LabConfig,
+        profiles: tuple[VehicleProfile, ...],
+        chosen: Preset | None = None,
+        without: frozenset[str] = frozenset(),
+    ) -> None:
         gains = tuple(
             preset_for(config.control_preset, p, config.mocap) if chosen is None else chosen for p in profiles
         )
@@ -52,6 +60,7 @@ class ControlStack:
         self._commanded = np.array(config.commanded, dtype=np.int64)
         self._observers = observer_settings(config, profiles, gains)
         self._law = law_settings(config, gains)
+        self._barriers = barrier_settings(config, profiles, without)
         self._attitude = attitude_settings(config, profiles)
         m = len(self._commanded)
         self._history: Rows[SentCommands] = no_history(m)
@@ -75,7 +84,8 @@ class ControlStack:
         old = start(plan, mine, t_ns) if self._generator is None else self._generator
         generator = update(old, plan, self._fleet, mine, leader, t_ns)
         wanted = demand(self._law, self._observers, estimates, self._history, generator, self._memory, t_now_ns)
-        target = attitude(self._attitude, wanted, estimates, generator.vehicles, hover_thrust_norm, t_now_ns)
+        kept = bounded(self._barriers, wanted, estimates, generator.vehicles, t_now_ns)
+        target = attitude(self._attitude, kept, estimates, generator.vehicles, hover_thrust_norm, t_now_ns)
         self._history = remember(self._history, t_now_ns, target["force"])
         self._memory = _remembered(self._memory, wanted, target, t_now_ns)
         self._estimates, self._generator = estimates, generator

@@ -13,10 +13,10 @@ from math import sqrt
 import numpy as np
 
 from formation.control.composite_law import Demand
-from formation.control.limits.bodies import BODY, BarrierSettings, Body, place
+from formation.control.limits.bodies import BarrierSettings, Bodies, placed
 from formation.estimation.state import VehicleEstimate
 from formation.guidance.reference_generator import VehicleReference
-from formation.maths.arrays import Float, Vec3
+from formation.maths.arrays import Bool, Float, Vec3
 from formation.maths.kernel import kernel
 from formation.maths.records import Rows, dtype_of, like
 
@@ -80,35 +80,28 @@ def closing_limit(distance_m: float, keep_m: float, least_m: float, closing_m_s:
 
 
 @kernel
-def excess(a: Body, b: Body, separation_m: float, away: Float) -> float:
+def excess(motion: Float, a: int, b: int, upright: bool, keep_m: float, least_m: float, away: Float) -> float:
     """How much too hard a and b accelerate towards each other, m/s^2; the direction in which a is to part into away.
 
-    Of a lost body nobody knows how high it is: it is kept clear of at any height.
+    motion (n, 3, 3): see Bodies; upright: the height does not count; keep_m, least_m: see `closing_limit`.
     """
-    axes = 2 if a.lost or b.lost else 3
-    square, speed_square, closing = 0.0, 0.0, 0.0
-    away[2] = 0.0
-    for axis in range(axes):
-        away[axis] = a.pos_lab_m[axis] - b.pos_lab_m[axis]
-        square += away[axis] * away[axis]
-    distance = sqrt(square)
+    up = 0.0 if upright else 1.0
+    x, y, z = motion[a, 0, 0] - motion[b, 0, 0], motion[a, 0, 1] - motion[b, 0, 1], motion[a, 0, 2] - motion[b, 0, 2]
+    distance = sqrt(x * x + y * y + up * z * z)
     if distance < 1e-6:
-        away[0], away[1], away[2] = 1.0, 0.0, 0.0
+        x, y, z = 1.0, 0.0, 0.0
     else:
-        for axis in range(axes):
-            away[axis] /= distance
-    closing_acc = 0.0
-    for axis in range(axes):
-        speed = a.vel_lab_m_s[axis] - b.vel_lab_m_s[axis]
-        closing -= away[axis] * speed
-        speed_square += speed * speed
-        closing_acc -= away[axis] * (a.acc_lab_m_s2[axis] - b.acc_lab_m_s2[axis])
-    across_square = max(speed_square - closing * closing, 0.0)
-    closing_acc -= across_square / max(distance, 0.5 * separation_m)
-    keep_m = separation_m + a.grown_m + b.grown_m
-    if away[2] * away[2] <= STEEP:
-        away[2] = 0.0
-    return closing_acc - closing_limit(distance, keep_m, separation_m, closing, sqrt(across_square))
+        x, y, z = x / distance, y / distance, up * z / distance
+    vx, vy = motion[a, 1, 0] - motion[b, 1, 0], motion[a, 1, 1] - motion[b, 1, 1]
+    vz = up * (motion[a, 1, 2] - motion[b, 1, 2])
+    closing = -(x * vx + y * vy + z * vz)
+    across_square = max(vx * vx + vy * vy + vz * vz - closing * closing, 0.0)
+    closing_acc = -across_square / max(distance, 0.5 * least_m)
+    closing_acc -= x * (motion[a, 2, 0] - motion[b, 2, 0]) + y * (motion[a, 2, 1] - motion[b, 2, 1])
+    closing_acc -= z * (motion[a, 2, 2] - motion[b, 2, 2])
+    away[0], away[1], away[2] = x, y, z if z * z > STEEP else 0.0
+    over: float = closing_acc - closing_limit(distance, keep_m, least_m, closing, sqrt(across_square))
+    return over
 
 
 @kernel
@@ -117,100 +110,93 @@ def _bounded(
     references: Rows[VehicleReference], now_ns: int, out: Rows[Demand],
 ) -> bool:  # fmt: skip
     """See `bounded`; whether anything had to be altered, and then out (m) is filled."""
-    bodies = np.empty(len(settings), BODY)
-    change, bits = np.zeros((len(wanted), 3)), np.zeros(len(wanted))
-    for n in range(len(bodies)):
-        place(settings[n], estimates[n], wanted, references, now_ns, bodies[n])
-        if settings[n].keep_slow and bodies[n].yields:
-            _slow_down(settings[n], bodies[n], change[settings[n].place], bits)
-    _keep_apart(settings, bodies, change, bits)
+    bodies = placed(settings, estimates, wanted, references, now_ns)
+    change, bits = np.zeros((len(settings), 3)), np.zeros(len(settings))
+    for n in range(len(settings)):
+        if settings[n].keep_slow and bodies.yields[n]:
+            bits[n] += _slow_down(settings[n].speed_max_m_s, bodies.motion[n], change[n])
+    if settings[0].keep_apart:
+        _keep_apart(settings[0].separation_m, bodies, change, bits)
     altered = False
-    for i in range(len(wanted)):
-        altered = altered or bits[i] > 0.0
+    for n in range(len(settings)):
+        altered = altered or bits[n] > 0.0
     if altered:
-        for n in range(len(bodies)):
+        for n in range(len(settings)):
             i = settings[n].place
             if i >= 0:
                 out[i] = wanted[i]
-                if bits[i] > 0.0:
-                    _apply(change[i], bits[i], settings[n].sideways_m_s2, out[i])
+                if bits[n] > 0.0:
+                    _apply(change[n], bits[n], settings[n].sideways_m_s2, out[i])
     return altered
 
 
 @kernel
-def _slow_down(s: BarrierSettings, body: Body, change: Float, bits: Float) -> None:
-    """Bounds the body's acceleration along its velocity, so that its speed ends at the limit; change (3), bits (m)."""
-    v, acc = body.vel_lab_m_s, body.acc_lab_m_s2
+def _slow_down(speed_max_m_s: float, motion: Float, change: Float) -> float:
+    """Bounds the acceleration along the velocity, so that a body's speed ends at the limit; the bit if it had to."""
+    v, acc = motion[1], motion[2]
     speed = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    if speed < FAST * s.speed_max_m_s:
-        return
+    if speed < FAST * speed_max_m_s:
+        return 0.0
     along = (acc[0] * v[0] + acc[1] * v[1] + acc[2] * v[2]) / speed
-    over = along - SPEED_RATE_1_S * (s.speed_max_m_s - speed)
-    if over > 0.0:
-        bits[s.place] += SPEED
-        for axis in range(3):
-            change[axis] -= over * v[axis] / speed
-            acc[axis] -= over * v[axis] / speed
+    over = along - SPEED_RATE_1_S * (speed_max_m_s - speed)
+    if over <= 0.0:
+        return 0.0
+    for axis in range(3):
+        change[axis] -= over * v[axis] / speed
+        acc[axis] -= over * v[axis] / speed
+    return SPEED
 
 
 @kernel
-def _keep_apart(settings: Rows[BarrierSettings], bodies: Rows[Body], change: Float, bits: Float) -> None:
-    """Adds to change (m, 3) the least that keeps all pairs, and tells whose demand it alters in bits (m)."""
-    pairs, away, count, broken = np.empty(0, PAIR), np.empty(3), 0, False
-    for turn in range(2):
-        for a in range(len(bodies)):
+def _keep_apart(separation_m: float, bodies: Bodies, change: Float, bits: Float) -> None:
+    """Adds to change (n, 3) the least that keeps all pairs, and tells whose demand it alters in bits (n)."""
+    motion, grown_m, known, yields, lost = bodies
+    count, away, broken, found = len(known), np.empty(3), False, 0
+    pairs = np.empty(0, PAIR)
+    for kept in range(2):
+        for a in range(count):
             for b in range(a):
-                if _meet(settings[a], bodies[a], bodies[b]):
-                    over = excess(bodies[a], bodies[b], settings[a].separation_m, away)
+                if known[a] and known[b] and (yields[a] or yields[b]):
+                    keep_m = separation_m + grown_m[a] + grown_m[b]
+                    over = excess(motion, a, b, lost[a] or lost[b], keep_m, separation_m, away)
                     broken = broken or over > 0.0
-                    if turn > 0 and over > -NEARBY_M_S2:
-                        pair = pairs[count]
+                    if kept > 0 and over > -NEARBY_M_S2:
+                        pair = pairs[found]
                         pair.first, pair.second, pair.excess_m_s2, pair.push_m_s2 = a, b, over, 0.0
                         for axis in range(3):
                             pair.away[axis] = away[axis]
-                        count += 1
+                        found += 1
         if not broken:
             return
-        if turn == 0:
-            pairs = np.empty(len(bodies) * (len(bodies) - 1) // 2, PAIR)
-    apart = np.zeros((len(bodies), 3))
-    _share(bodies, pairs[:count], apart)
-    for n in range(len(bodies)):
-        size = apart[n, 0] * apart[n, 0] + apart[n, 1] * apart[n, 1] + apart[n, 2] * apart[n, 2]
-        if size > 0.0:
-            bits[settings[n].place] += SEPARATION
+        if kept == 0:
+            pairs = np.empty(count * (count - 1) // 2, PAIR)
+    apart = np.zeros((count, 3))
+    _share(yields, pairs[:found], apart)
+    for n in range(count):
+        if apart[n, 0] != 0.0 or apart[n, 1] != 0.0 or apart[n, 2] != 0.0:
+            bits[n] += SEPARATION
             for axis in range(3):
-                change[settings[n].place, axis] += apart[n, axis]
+                change[n, axis] += apart[n, axis]
 
 
 @kernel
-def _meet(s: BarrierSettings, a: Body, b: Body) -> bool:
-    """Whether these two are to be kept apart: both somewhere, and at least one of them yields."""
-    return s.keep_apart and a.known and b.known and (a.yields or b.yields)
-
-
-@kernel
-def _share(bodies: Rows[Body], pairs: Rows[Pair], apart: Float) -> None:
+def _share(yields: Bool, pairs: Rows[Pair], apart: Float) -> None:
     """The least accelerations apart (n, 3), in the sum of squares, that take away all excess (Hildreth)."""
     for _ in range(PASSES):
         moved = 0.0
         for k in range(len(pairs)):
             pair = pairs[k]
-            a, b, away = pair.first, pair.second, pair.away
-            left, square = pair.excess_m_s2, 0.0
-            for axis in range(3):
-                left -= away[axis] * (apart[a, axis] - apart[b, axis])
-                square += away[axis] * away[axis]
-            weight = (1.0 if bodies[a].yields else 0.0) + (1.0 if bodies[b].yields else 0.0)
-            push = max(pair.push_m_s2 + left / (weight * square), 0.0)
+            a, b, x, y, z = pair.first, pair.second, pair.away[0], pair.away[1], pair.away[2]
+            of_a, of_b = 1.0 if yields[a] else 0.0, 1.0 if yields[b] else 0.0
+            gained = x * (apart[a, 0] - apart[b, 0]) + y * (apart[a, 1] - apart[b, 1]) + z * (apart[a, 2] - apart[b, 2])
+            share = (of_a + of_b) * (x * x + y * y + z * z)
+            push = max(pair.push_m_s2 + (pair.excess_m_s2 - gained) / share, 0.0)
             more = push - pair.push_m_s2
             pair.push_m_s2 = push
             moved = max(moved, abs(more))
             for axis in range(3):
-                if bodies[a].yields:
-                    apart[a, axis] += more * away[axis]
-                if bodies[b].yields:
-                    apart[b, axis] -= more * away[axis]
+                apart[a, axis] += of_a * more * pair.away[axis]
+                apart[b, axis] -= of_b * more * pair.away[axis]
         if moved < SETTLED_M_S2:
             return
 

@@ -6,13 +6,16 @@ velocity, a keep-out grows by what it can do, at any height, until it is seen ag
 
 from dataclasses import dataclass
 from math import exp
+from typing import NamedTuple
+
+import numpy as np
 
 from formation.control.composite_law import Demand
 from formation.estimation.state import VehicleEstimate
 from formation.guidance.reference_generator import VehicleReference
-from formation.maths.arrays import Vec3
+from formation.maths.arrays import Bool, Float
 from formation.maths.kernel import kernel
-from formation.maths.records import Rows, dtype_of
+from formation.maths.records import Rows
 from formation.vehicle.response import NEVER_NS, SECONDS
 
 UNSEEN_S = 0.1  # until then where it is predicted to be is where it is
@@ -39,52 +42,51 @@ class BarrierSettings:
     keep_slow: bool
 
 
-@dataclass(slots=True)
-class Body:
-    """One body; a record.
+class Bodies(NamedTuple):
+    """All n bodies; arrays, for every pair looks at them.
 
-    acc: as demanded, and as disturbed; grown: how far beyond it may be; known: ever seen; yields: its demand may be
-    altered; lost: unseen, at a height that nobody knows.
+    motion (n, 3, 3): position, velocity and acceleration (rows), as demanded and as disturbed; grown_m: how far beyond
+    it each may be; known: ever seen; yields: its demand may be altered; lost: unseen, at a height that nobody knows.
     """
 
-    pos_lab_m: Vec3
-    vel_lab_m_s: Vec3
-    acc_lab_m_s2: Vec3
-    grown_m: float
-    known: bool
-    yields: bool
-    lost: bool
-
-
-BODY = dtype_of(Body)
+    motion: Float
+    grown_m: Float
+    known: Bool
+    yields: Bool
+    lost: Bool
 
 
 @kernel
-def place(
-    s: BarrierSettings, z: VehicleEstimate, wanted: Rows[Demand], references: Rows[VehicleReference], now_ns: int,
-    out: Body,
-) -> None:  # fmt: skip
-    """Where a body is to be reckoned with."""
-    unseen_s = (z.t_ns - z.seen_ns) * SECONDS
-    out.known = z.seen_ns > NEVER_NS
-    out.lost = s.keep_out and unseen_s > UNSEEN_S
-    out.yields = s.place >= 0 and not out.lost and references[s.place].airborne
-    out.grown_m = 0.0
-    if out.lost:
-        kept = exp(-unseen_s / DRIFT_S)
-        out.grown_m = min(0.5 * ABLE_M_S2 * unseen_s * unseen_s, GROWN_MOST_M)
-        for axis in range(3):
-            speed = z.seen_vel_lab_m_s[axis]
-            out.pos_lab_m[axis] = z.seen_pos_lab_m[axis] + DRIFT_S * (1.0 - kept) * speed
-            out.vel_lab_m_s[axis], out.acc_lab_m_s2[axis] = kept * speed, 0.0
-    elif out.yields:
-        demand = wanted[s.place]
-        for axis in range(3):
-            out.pos_lab_m[axis], out.vel_lab_m_s[axis] = demand.motion[0, axis], demand.motion[1, axis]
-            out.acc_lab_m_s2[axis] = demand.acc_lab_m_s2[axis] + z.dist_lab_m_s2[axis]
-    else:
-        ahead_s = (now_ns - z.t_ns) * SECONDS + s.dead_s
-        for axis in range(3):
-            out.vel_lab_m_s[axis] = z.motion[1, axis]
-            out.pos_lab_m[axis] = z.motion[0, axis] + ahead_s * z.motion[1, axis]
-            out.acc_lab_m_s2[axis] = min(max(z.motion[2, axis], -ABLE_M_S2), ABLE_M_S2)  # a guess: nobody asked for it
+def placed(
+    settings: Rows[BarrierSettings], estimates: Rows[VehicleEstimate], wanted: Rows[Demand],
+    references: Rows[VehicleReference], now_ns: int,
+) -> Bodies:  # fmt: skip
+    """Where all bodies are to be reckoned with."""
+    count = len(settings)
+    motion, grown_m = np.zeros((count, 3, 3)), np.zeros(count)
+    known, yields, lost = np.zeros(count, np.bool_), np.zeros(count, np.bool_), np.zeros(count, np.bool_)
+    for n in range(count):
+        s, z = settings[n], estimates[n]
+        unseen_s = (z.t_ns - z.seen_ns) * SECONDS
+        known[n] = z.seen_ns > NEVER_NS
+        lost[n] = s.keep_out and unseen_s > UNSEEN_S
+        yields[n] = s.place >= 0 and not lost[n] and references[s.place].airborne
+        if lost[n]:
+            kept = exp(-unseen_s / DRIFT_S)
+            grown_m[n] = min(0.5 * ABLE_M_S2 * unseen_s * unseen_s, GROWN_MOST_M)
+            for axis in range(3):
+                speed = z.seen_vel_lab_m_s[axis]
+                motion[n, 0, axis] = z.seen_pos_lab_m[axis] + DRIFT_S * (1.0 - kept) * speed
+                motion[n, 1, axis] = kept * speed
+        elif yields[n]:
+            demand = wanted[s.place]
+            for axis in range(3):
+                motion[n, 0, axis], motion[n, 1, axis] = demand.motion[0, axis], demand.motion[1, axis]
+                motion[n, 2, axis] = demand.acc_lab_m_s2[axis] + z.dist_lab_m_s2[axis]
+        else:
+            ahead_s = (now_ns - z.t_ns) * SECONDS + s.dead_s
+            for axis in range(3):
+                motion[n, 0, axis] = z.motion[0, axis] + ahead_s * z.motion[1, axis]
+                motion[n, 1, axis] = z.motion[1, axis]
+                motion[n, 2, axis] = min(max(z.motion[2, axis], -ABLE_M_S2), ABLE_M_S2)  # a guess: nobody asked for it
+    return Bodies(motion, grown_m, known, yields, lost)

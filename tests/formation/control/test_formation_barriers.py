@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 from formation.config import FollowerConfig, LabConfig, LeaderConfig, LimitsConfig
 from formation.control.composite_law import Demand
 from formation.control.limits.barriers import bounded, closing_limit
-from formation.control.limits.bodies import Body, place
+from formation.control.limits.bodies import placed
 from formation.control.settings import MONITORS, barrier_settings
 from formation.control.stack import ControlStack
 from formation.estimation.state import VehicleEstimate
@@ -173,21 +173,21 @@ def test_a_vehicle_at_its_speed_limit_gains_no_more_speed() -> None:
 def test_a_lost_body_is_kept_clear_of_by_what_it_can_do_at_any_height() -> None:
     """Seen 0.3 s ago at 1 m/s: 4 m/s^2 take it 0.18 m off a place that drifted by 0.5 m (1 - exp(-0.6))."""
     settings = barrier_settings(lab(None), (PAPER_40G,) * 3)
-    z, out = blank(VehicleEstimate, 1), blank(Body, 1)
+    z = blank(VehicleEstimate, 1)
     z["t_ns"], z["seen_ns"] = NOW_NS, NOW_NS - 300_000_000
     z["seen_pos_lab_m"], z["seen_vel_lab_m_s"] = [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]
     z["motion"][0, 0, :3] = [5.0, 5.0, 5.0]
-    place(settings[0], z[0], blank(Demand, 2), blank(VehicleReference, 2), NOW_NS, out[0])
-    assert (out[0].known, out[0].lost, out[0].yields) == (True, True, False)
-    assert out[0].grown_m == pytest.approx(0.18)
-    np.testing.assert_allclose(out[0].pos_lab_m, [0.5 * (1.0 - np.exp(-0.6)), 0.0, 1.0])
-    np.testing.assert_allclose(out[0].vel_lab_m_s, [np.exp(-0.6), 0.0, 0.0])
+    out = placed(settings[:1], z, blank(Demand, 2), blank(VehicleReference, 2), NOW_NS)
+    assert (out.known[0], out.lost[0], out.yields[0]) == (True, True, False)
+    assert out.grown_m[0] == pytest.approx(0.18)
+    np.testing.assert_allclose(out.motion[0, 0], [0.5 * (1.0 - np.exp(-0.6)), 0.0, 1.0])
+    np.testing.assert_allclose(out.motion[0, 1], [np.exp(-0.6), 0.0, 0.0])
     z["t_ns"] = NOW_NS + 10**10
-    place(settings[0], z[0], blank(Demand, 2), blank(VehicleReference, 2), NOW_NS + 10**10, out[0])
-    assert out[0].grown_m == 0.3
+    out = placed(settings[:1], z, blank(Demand, 2), blank(VehicleReference, 2), NOW_NS + 10**10)
+    assert out.grown_m[0] == 0.3
     z["seen_ns"] = z["t_ns"] - 90_000_000
-    place(settings[0], z[0], blank(Demand, 2), blank(VehicleReference, 2), NOW_NS + 10**10, out[0])
-    assert (out[0].lost, out[0].grown_m) == (False, 0.0)
+    out = placed(settings[:1], z, blank(Demand, 2), blank(VehicleReference, 2), NOW_NS + 10**10)
+    assert (out.lost[0], out.grown_m[0]) == (False, 0.0)
 
 
 def test_one_on_the_floor_is_asked_nothing_and_one_never_seen_is_nowhere() -> None:
@@ -218,10 +218,10 @@ def test_each_barrier_is_switched_off_by_its_name(name: str) -> None:
     met = int(off[0].limits_met)
     assert met == {"separation-filter": Saturation.SPEED, "speed-limit": 0}.get(name, Saturation.SPEED)
     settings = barrier_settings(lab(None), (PAPER_40G,) * 3, frozenset({name}))
-    z, out = blank(VehicleEstimate, 1), blank(Body, 1)
+    z = blank(VehicleEstimate, 1)
     z["t_ns"], z["seen_ns"] = NOW_NS, NOW_NS - 300_000_000
-    place(settings[0], z[0], blank(Demand, 2), blank(VehicleReference, 2), NOW_NS, out[0])
-    assert out[0].lost == (name != "keep-out")
+    out = placed(settings[:1], z, blank(Demand, 2), blank(VehicleReference, 2), NOW_NS)
+    assert out.lost[0] == (name != "keep-out")
 
 
 def test_no_other_name_switches_anything_off() -> None:

@@ -8,6 +8,7 @@ from formation.config import LabConfig
 from formation.control.attitude import AttitudeSettings, turn_authority
 from formation.control.composite_law import LawSettings
 from formation.control.gains import axis_gains
+from formation.control.limits import KEEP_OUT, MONITORS, SEPARATION_FILTER, SPEED_LIMIT
 from formation.control.limits.bodies import BarrierSettings
 from formation.control.presets import Preset
 from formation.estimation.settings import ObserverSettings
@@ -17,8 +18,6 @@ from formation.vehicle.profile import VehicleProfile
 from formation.vehicle.response import Response
 
 FENCE_MARGIN_M = 0.05
-SEPARATION_FILTER, SPEED_LIMIT, KEEP_OUT = MONITORS = ("separation-filter", "speed-limit", "keep-out")
-"""What alters demands, by the names under which a campaign switches it off."""
 
 
 def observer_settings(

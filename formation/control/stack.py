@@ -43,7 +43,7 @@ class ControlStack:
 
     profiles: of the n vehicles in the order of `config.vehicles`; chosen: the gains, by default those that
     `config.control_preset` names (ValueError if there is no such preset); without: monitors that are switched off, of
-    formation.control.settings.MONITORS (ValueError for others).
+    formation.control.limits.MONITORS (ValueError for others).
     """
 
     def __init__(

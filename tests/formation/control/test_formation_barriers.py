@@ -7,9 +7,10 @@ from scipy.optimize import minimize
 
 from formation.config import FollowerConfig, LabConfig, LeaderConfig, LimitsConfig
 from formation.control.composite_law import Demand
+from formation.control.limits import MONITORS
 from formation.control.limits.barriers import bounded, closing_limit
 from formation.control.limits.bodies import placed
-from formation.control.settings import MONITORS, barrier_settings
+from formation.control.settings import barrier_settings
 from formation.control.stack import ControlStack
 from formation.estimation.state import VehicleEstimate
 from formation.guidance.reference_generator import VehicleReference

@@ -142,7 +142,7 @@ class Fence(Model):
 FENCE_INSET_M = 0.1
 """So far inside the fence is the nearest place that a drone is led to."""
 PERSONAL_SPACE = 1.5
-"""Drones nearer than this many minimum separations are pushed apart, whatever their references say."""
+"""Slots and the ways into them are this many minimum separations apart: nearer, the separation filter would brake."""
 
 
 class LimitsConfig(Model):

@@ -11,6 +11,7 @@ import numpy as np
 
 from formation import topics
 from formation.config import LabConfig
+from formation.control import limits
 from formation.control.stack import ControlStack, Stages
 from formation.messages import (
     AttitudeTarget,
@@ -112,7 +113,8 @@ class GcsCore:
         self._strays = 0
 
     def _fresh_stack(self) -> ControlStack:
-        return ControlStack(self._config, tuple(self._config.profile_of(v) for v in self._config.vehicles))
+        profiles = tuple(self._config.profile_of(vehicle) for vehicle in self._config.vehicles)
+        return ControlStack(self._config, profiles, without=self._without & set(limits.MONITORS))
 
     def _link(self, config: LabConfig, i: int) -> DroneLink:
         vehicle = config.vehicles[i]

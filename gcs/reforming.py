@@ -15,7 +15,7 @@ from formation.messages import Phase
 from formation.safety.rules import Facts
 from gcs.flight import Flight
 
-TRACKING_M = 0.02  # by so much together two followers may miss their references before they repel each other
+TRACKING_M = 0.02  # by so much together two followers may miss their references before the separation filter is asked
 INSET_M = 0.2
 FRESH_S = 0.2
 LOOKS = 200  # along the leader's way; a look takes 15 us of a tick

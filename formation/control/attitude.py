@@ -6,7 +6,7 @@ from math import cos, sin, sqrt, tan
 import numpy as np
 
 from formation.control.composite_law import Demand
-from formation.control.limits import keep_apart, keep_inside
+from formation.control.limits.fence import keep_inside
 from formation.estimation.model_mismatch import doubt
 from formation.estimation.state import VehicleEstimate
 from formation.guidance.reference_generator import VehicleReference
@@ -44,7 +44,6 @@ class AttitudeSettings:
     rate_max_rad_s: float
     turn_authority_rad_s2_m: float
     tilt_max_rad: float
-    separation_m: float
     fence_low_m: Vec3
     fence_high_m: Vec3
     fence_margin_m: float
@@ -186,8 +185,7 @@ def _bounded_force(
     z = estimates[s.vehicle]
     for axis in range(3):
         aim[axis] = wanted.acc_lab_m_s2[axis]
-    bits = keep_apart(s.vehicle, estimates, wanted.motion[0], s.separation_m, aim)
-    bits += keep_inside(wanted.motion, s.fence_low_m, s.fence_high_m, s.fence_margin_m, aim)
+    bits = wanted.limits_met + keep_inside(wanted.motion, s.fence_low_m, s.fence_high_m, s.fence_margin_m, aim)
     aim[2] += GRAVITY_M_S2
     for axis in range(3):
         aim[axis] /= z.thrust_scale

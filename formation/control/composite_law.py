@@ -17,7 +17,8 @@ from formation.control.prediction import Known, motion_at
 from formation.control.relative_frame import copy_motion, lead_from_lab
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate
-from formation.guidance.reference_generator import SLOT, Generator, VehicleReference, reference_at
+from formation.guidance.followed_leader import Led, shifted
+from formation.guidance.reference_generator import SLOT, VehicleReference, reference_at
 from formation.maths.arrays import Float, Layout, Motion, Vec3
 from formation.maths.kernel import kernel
 from formation.maths.records import Rows, blank, dtype_of
@@ -71,7 +72,8 @@ class Demand:
 
     e, e_rate, s, t_m, z_m: in the lead frame, Eqs. (5)-(6); acc: demanded acceleration, gravity excluded; lead_acc:
     what the lag's inversion adds to it; motion: predicted when the command is taken to hold; specific_force: modelled
-    when it arrives; tilt_cos: predicted cosine of tilt when the thrust does; yaw, yaw_rate: of the heading asked for.
+    when it arrives; tilt_cos: predicted cosine of tilt when the thrust does; yaw, yaw_rate: of the heading asked for;
+    limits_met: bits of formation.messages.Saturation for what has altered it since.
     """
 
     e_lead_m: Vec3
@@ -86,15 +88,14 @@ class Demand:
     tilt_cos: float
     yaw_rad: float
     yaw_rate_rad_s: float
+    limits_met: float
 
 
 class Around(NamedTuple):
     """What one vehicle's demand is computed from, besides its own settings."""
 
     known: Known
-    references: Rows[VehicleReference]
-    numbers: Float
-    knots: Float
+    led: Led
 
 
 @dataclass(slots=True)
@@ -125,12 +126,11 @@ WORKSPACE = dtype_of(Workspace)
 
 def demand(
     settings: Rows[LawSettings], observers: Rows[ObserverSettings], estimates: Rows[VehicleEstimate],
-    history: Rows[SentCommands], generator: Generator, memory: Rows[LawMemory], now_ns: int,
+    history: Rows[SentCommands], led: Led, memory: Rows[LawMemory], now_ns: int,
 ) -> Rows[Demand]:  # fmt: skip
     """The law at now_ns for the m commanded vehicles among the n."""
     out = blank(Demand, len(settings))
-    path = generator.trajectory
-    _demand(settings, observers, estimates, history, generator.vehicles, path.numbers, path.knots, memory, now_ns, out)
+    _demand(settings, observers, estimates, history, led, memory, now_ns, out)
     return out
 
 
@@ -146,13 +146,10 @@ def composite_acceleration(reference_acc: float, feedback_acc: float, z3: float)
 @kernel
 def _demand(
     settings: Rows[LawSettings], observers: Rows[ObserverSettings], estimates: Rows[VehicleEstimate],
-    history: Rows[SentCommands], references: Rows[VehicleReference], numbers: Float, knots: Float,
-    memory: Rows[LawMemory], now_ns: int, out: Rows[Demand],
+    history: Rows[SentCommands], led: Led, memory: Rows[LawMemory], now_ns: int, out: Rows[Demand],
 ) -> None:  # fmt: skip
     """See `demand`; out (m) is filled."""
-    around = Around(
-        Known(estimates, observers, history, _dead_times(settings, observers, estimates)), references, numbers, knots
-    )
+    around = Around(Known(estimates, observers, history, _dead_times(settings, observers, estimates)), led)
     # A record keeps no array alive that it lies in: `space` has to be there as long as anybody writes into it.
     space = np.empty(1, WORKSPACE)
     space[0].leader_ns[:] = NEVER_NS
@@ -199,7 +196,9 @@ def _horizontal_demand(
     gain = _adaptive_gain(i, law, around)
     boost = gain**law.lag_compensation.p1_power
     for axis in range(2):
-        _feed_back(axis, law.horizontal, law.speed_max_m_s, boost, kept, around.references[i].airborne, dt_s, w, out)
+        _feed_back(
+            axis, law.horizontal, law.speed_max_m_s, boost, kept, around.led.references[i].airborne, dt_s, w, out
+        )
     _add_turn_terms(w.frame, w.error, w.feedback)
     _into_lab(w.frame[0, 3], w.feedback)
     _into_lab(w.frame[0, 3], w.feedback_rate)
@@ -224,7 +223,7 @@ def _vertical_demand(
     hold_ns = now_ns + int(dead_s * 1e9)
     _situation(VERTICAL, i, n, around, hold_ns, hold_ns + int(lag_s * 1e9), w)
     out.yaw_rad, out.yaw_rate_rad_s = w.lab[0, 3], w.lab[1, 3]
-    _feed_back(2, law.vertical, law.speed_max_m_s, 1.0, kept, around.references[i].airborne, dt_s, w, out)
+    _feed_back(2, law.vertical, law.speed_max_m_s, 1.0, kept, around.led.references[i].airborne, dt_s, w, out)
     for order in range(3):
         out.motion[order, 2] = w.mine[order, 2]
     size = sqrt(w.force[0] * w.force[0] + w.force[1] * w.force[1] + w.force[2] * w.force[2])
@@ -237,7 +236,7 @@ def _vertical_demand(
 def _adaptive_gain(i: int, law: LawSettings, around: Around) -> float:
     """The vehicle's own, or that of the leader it follows, if that one is only observed."""
     own: float = around.known.estimates[law.vehicle].adaptive_gain
-    if around.references[i].kind == SLOT and around.known.observers[LEADER].place < 0:
+    if around.led.references[i].kind == SLOT and around.known.observers[LEADER].place < 0:
         led: float = around.known.estimates[LEADER].adaptive_gain ** law.lag_compensation.lead_share
         return max(own, led)
     return own
@@ -249,8 +248,8 @@ def _situation(channel: int, i: int, n: int, around: Around, hold_ns: int, later
 
     later_ns: NEVER_NS where the lag is not compensated.
     """
-    known, numbers, knots = around.known, around.numbers, around.knots
-    reference = around.references[i]
+    known, numbers, knots = around.known, around.led.numbers, around.led.knots
+    reference = around.led.references[i]
     _leader_ahead(channel, around, hold_ns, later_ns, w)
     if later_ns > NEVER_NS:
         reference_at(reference, numbers, knots, later_ns, w.lead_later, w.slot, w.frame, w.lab_later)
@@ -272,11 +271,13 @@ def _leader_ahead(channel: int, around: Around, hold_ns: int, later_ns: int, w: 
         w.leader_ns[channel, 0], w.leader_ns[channel, 1] = hold_ns, later_ns
         now, later = w.leader[channel, 0], w.leader[channel, 1]
         motion_at(around.known, LEADER, hold_ns, now, w.force)
+        shifted(around.led.leader, hold_ns, now)
         place = around.known.observers[LEADER].place
         if later_ns > NEVER_NS and place >= 0:
-            _as_referred(around.references[place], around, hold_ns, later_ns, now, later, w)
+            _as_referred(around.led.references[place], around, hold_ns, later_ns, now, later, w)
         elif later_ns > NEVER_NS:
             motion_at(around.known, LEADER, later_ns, later, w.force)
+            shifted(around.led.leader, later_ns, later)
     copy_motion(w.leader[channel, 0], w.lead)
     copy_motion(w.leader[channel, 1], w.lead_later)
 
@@ -286,8 +287,8 @@ def _as_referred(
     reference: VehicleReference, around: Around, hold_ns: int, later_ns: int, now: Float, later: Float, w: Workspace
 ) -> None:
     """A commanded leader's motion `later` (3, 4): from `now` on as its reference goes, and accelerations of both."""
-    reference_at(reference, around.numbers, around.knots, later_ns, now, w.slot, w.frame, w.lab_later)
-    reference_at(reference, around.numbers, around.knots, hold_ns, now, w.slot, w.frame, w.lab)
+    reference_at(reference, around.led.numbers, around.led.knots, later_ns, now, w.slot, w.frame, w.lab_later)
+    reference_at(reference, around.led.numbers, around.led.knots, hold_ns, now, w.slot, w.frame, w.lab)
     for column in range(4):
         for order in range(2):
             later[order, column] = now[order, column] + w.lab_later[order, column] - w.lab[order, column]

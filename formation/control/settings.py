@@ -1,14 +1,19 @@
 """From a lab, its vehicles and their gains to the records that estimator, law and attitude read."""
 
+from math import tan
+
 import numpy as np
 
 from formation.config import LabConfig
 from formation.control.attitude import AttitudeSettings, turn_authority
 from formation.control.composite_law import LawSettings
 from formation.control.gains import axis_gains
+from formation.control.limits import KEEP_OUT, MONITORS, SEPARATION_FILTER, SPEED_LIMIT
+from formation.control.limits.bodies import BarrierSettings
 from formation.control.presets import Preset
 from formation.estimation.settings import ObserverSettings
 from formation.maths.records import Rows, rows
+from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
 from formation.vehicle.response import Response
 
@@ -32,6 +37,32 @@ def law_settings(config: LabConfig, gains: tuple[Preset, ...]) -> Rows[LawSettin
 def attitude_settings(config: LabConfig, profiles: tuple[VehicleProfile, ...]) -> Rows[AttitudeSettings]:
     """Limits, and the bodies of the m commanded vehicles."""
     return rows(AttitudeSettings, [_attitude(config, i, profiles[i]) for i in config.commanded])
+
+
+def barrier_settings(
+    config: LabConfig, profiles: tuple[VehicleProfile, ...], without: frozenset[str] = frozenset()
+) -> Rows[BarrierSettings]:
+    """Barriers about the n bodies; without: of MONITORS those that are switched off (ValueError for others)."""
+    if unknown := without - set(MONITORS):
+        raise ValueError(f"unknown monitor {min(unknown)!r}; known: {', '.join(MONITORS)}")
+    place = {vehicle: i for i, vehicle in enumerate(config.commanded)}
+    limits = config.limits
+    return rows(
+        BarrierSettings,
+        [
+            BarrierSettings(
+                place=place.get(i, -1),
+                dead_s=profile.response_dead_time_s,
+                separation_m=limits.min_separation_m,
+                speed_max_m_s=limits.speed_m_s,
+                sideways_m_s2=GRAVITY_M_S2 * tan(limits.tilt_rad),
+                keep_apart=SEPARATION_FILTER not in without,
+                keep_out=KEEP_OUT not in without,
+                keep_slow=SPEED_LIMIT not in without,
+            )
+            for i, profile in enumerate(profiles)
+        ],
+    )
 
 
 def _observers(leads: bool, place: int, profile: VehicleProfile, gains: Preset) -> ObserverSettings:
@@ -89,7 +120,6 @@ def _attitude(config: LabConfig, i: int, profile: VehicleProfile) -> AttitudeSet
         rate_max_rad_s=profile.rate_max_rad_s,
         turn_authority_rad_s2_m=turn_authority(profile),
         tilt_max_rad=limits.tilt_rad,
-        separation_m=limits.min_separation_m,
         fence_low_m=np.array(limits.fence.low_m),
         fence_high_m=np.array(limits.fence.high_m),
         fence_margin_m=FENCE_MARGIN_M,

@@ -8,10 +8,12 @@ from numpy.typing import NDArray
 from formation.config import LabConfig
 from formation.control.attitude import TILT, Target, attitude
 from formation.control.composite_law import Demand, LawMemory, demand, no_memory
+from formation.control.limits.barriers import bounded
 from formation.control.presets import Preset, preset_for
-from formation.control.settings import attitude_settings, law_settings, observer_settings
+from formation.control.settings import attitude_settings, barrier_settings, law_settings, observer_settings
 from formation.estimation.state import VehicleEstimate, initial, swarm_state
 from formation.estimation.update import estimate
+from formation.guidance.followed_leader import FollowedLeader, Led, as_estimated, follow
 from formation.guidance.plan import Mode, Plan
 from formation.guidance.reference_generator import Generator, References, fleet, references, start, update
 from formation.maths.arrays import Scalars
@@ -41,10 +43,17 @@ class ControlStack:
     """Estimates, leads and commands the vehicles of one lab; same inputs, bit-identical outputs.
 
     profiles: of the n vehicles in the order of `config.vehicles`; chosen: the gains, by default those that
-    `config.control_preset` names (ValueError if there is no such preset).
+    `config.control_preset` names (ValueError if there is no such preset); without: monitors that are switched off, of
+    formation.control.limits.MONITORS (ValueError for others).
     """
 
-    def __init__(self, config: LabConfig, profiles: tuple[VehicleProfile, ...], chosen: Preset | None = None) -> None:
+    def __init__(
+        self,
+        config: LabConfig,
+        profiles: tuple[VehicleProfile, ...],
+        chosen: Preset | None = None,
+        without: frozenset[str] = frozenset(),
+    ) -> None:
         gains = tuple(
             preset_for(config.control_preset, p, config.mocap) if chosen is None else chosen for p in profiles
         )
@@ -52,6 +61,7 @@ class ControlStack:
         self._commanded = np.array(config.commanded, dtype=np.int64)
         self._observers = observer_settings(config, profiles, gains)
         self._law = law_settings(config, gains)
+        self._barriers = barrier_settings(config, profiles, without)
         self._attitude = attitude_settings(config, profiles)
         m = len(self._commanded)
         self._history: Rows[SentCommands] = no_history(m)
@@ -59,6 +69,8 @@ class ControlStack:
         self._yaw_acc_command: Scalars = np.zeros(len(config.vehicles))
         self._estimates: Rows[VehicleEstimate] | None = None
         self._generator: Generator | None = None
+        self._leader: Rows[FollowedLeader] | None = None
+        self._slot_speeds_m_s = config.limits.speed_m_s, config.flight.reform_m_s
 
     def step(self, t_now_ns: int, frame: LabFrame, plan: Plan, hover_thrust_norm: Scalars) -> Stages:
         """One tick at t_now_ns (>= the frame's capture) on the newest frame, bodies in the order of the config.
@@ -71,14 +83,20 @@ class ControlStack:
             airborne[self._commanded] = self._generator.airborne
         estimates = estimate(before, self._observers, frame, self._history, airborne, self._yaw_acc_command)
         t_ns, motion = int(estimates["t_ns"][0]), estimates["motion"]
-        mine, leader = motion[self._commanded], motion[0]
+        mine = motion[self._commanded]
         old = start(plan, mine, t_ns) if self._generator is None else self._generator
+        before_it = as_estimated(motion[0], t_ns) if self._leader is None else self._leader
+        followed = follow(before_it, motion[0], t_ns, old.vehicles, self._slot_speeds_m_s)
+        leader = followed["motion"][0]
         generator = update(old, plan, self._fleet, mine, leader, t_ns)
-        wanted = demand(self._law, self._observers, estimates, self._history, generator, self._memory, t_now_ns)
-        target = attitude(self._attitude, wanted, estimates, generator.vehicles, hover_thrust_norm, t_now_ns)
+        path = generator.trajectory
+        led_by = Led(generator.vehicles, path.numbers, path.knots, followed)
+        wanted = demand(self._law, self._observers, estimates, self._history, led_by, self._memory, t_now_ns)
+        kept = bounded(self._barriers, wanted, estimates, generator.vehicles, t_now_ns)
+        target = attitude(self._attitude, kept, estimates, generator.vehicles, hover_thrust_norm, t_now_ns)
         self._history = remember(self._history, t_now_ns, target["force"])
         self._memory = _remembered(self._memory, wanted, target, t_now_ns)
-        self._estimates, self._generator = estimates, generator
+        self._estimates, self._generator, self._leader = estimates, generator, followed
         led = references(generator, t_ns, leader)
         self._yaw_acc_command = np.zeros(len(frame.bodies))
         self._yaw_acc_command[self._commanded] = led.lab[:, 2, 3]

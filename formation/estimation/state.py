@@ -21,7 +21,8 @@ class VehicleEstimate:
 
     Z1, Z2, Z3 of the FTESO are pos, vel and dist, and yaw, yaw_rate and yaw_dist of the heading (unwrapped).
     motion: position, velocity and acceleration of x, y, z, heading in `lab`, accelerations with Z3 in them.
-    seen_ns: capture time of the last frame that saw it; yaw_acc_command_rad_s2: what was asked of its heading.
+    seen_ns: capture time of the last frame that saw it; seen_pos, seen_vel: Z1 and Z2 then; yaw_acc_command_rad_s2:
+    what was asked of its heading.
 
     specific_force: modelled, at t_ns, before thrust_scale; thrust_m_s2: its length, the thrust delivered;
     thrust_scale: true thrust per modelled thrust (mass, battery, propellers).
@@ -37,6 +38,8 @@ class VehicleEstimate:
 
     t_ns: int
     seen_ns: int
+    seen_pos_lab_m: Vec3
+    seen_vel_lab_m_s: Vec3
     pos_lab_m: Vec3
     vel_lab_m_s: Vec3
     dist_lab_m_s2: Vec3
@@ -75,7 +78,7 @@ def initial(frame: LabFrame, flying: Flags) -> Rows[VehicleEstimate]:
     z = blank(VehicleEstimate, len(frame.bodies))
     z["t_ns"] = frame.t_capture_ns
     z["seen_ns"] = np.where(frame.seen, frame.t_capture_ns, NEVER_NS)
-    z["pos_lab_m"] = frame.pos_lab_m
+    z["pos_lab_m"] = z["seen_pos_lab_m"] = frame.pos_lab_m
     z["q_lab_from_flu"] = frame.q_lab_from_flu
     z["yaw_rad"] = frames.yaw(frame.q_lab_from_flu)
     z["thrust_m_s2"] = z["specific_force_lab_m_s2"][:, 2] = np.where(flying, GRAVITY_M_S2, 0.0)

@@ -83,6 +83,9 @@ def _estimate(
                     z.q_lab_from_flu[k] = q_lab_from_flu[i, k]
             model_acceleration(z, from_ns, to_ns, seen[i], airborne[i], s, history, model)
             observe(z, pos_lab_m[i], seen[i], airborne[i], model, dt_s, s)
+            if seen[i]:
+                for axis in range(3):
+                    z.seen_pos_lab_m[axis], z.seen_vel_lab_m_s[axis] = z.pos_lab_m[axis], z.vel_lab_m_s[axis]
         _join_motion(z, s)
 
 

@@ -41,7 +41,7 @@ def _slots(config: LabConfig, keys: Keys, key: str, shape: Shape) -> Iterator[Fi
         if near_m < least_m - ROUNDING_M:
             yield keys.refuse(subject, SEPARATION, f"{said}, limits.min_separation_m is {least_m:g} m")
         elif near_m < PERSONAL_SPACE * least_m - ROUNDING_M:
-            why = f"{said}: they push each other apart under {PERSONAL_SPACE:g} limits.min_separation_m"
+            why = f"{said}: nearer than {PERSONAL_SPACE:g} limits.min_separation_m they brake for each other"
             yield keys.warn(subject, SEPARATION, why, f"{PERSONAL_SPACE * least_m:g} m or more")
         for other in range(k):
             gap = places[k] - places[other]

@@ -22,7 +22,7 @@ def bench_tables(result: Result) -> Iterator[Table]:
     yield swarms
     parts, calls = result.parts, _table("single calls", "", "each")
     calls.add_row("nearest, by pair", f"{parts.nearest_ns_per_pair:.1f} ns")
-    calls.add_row("keep_apart, by pair", f"{parts.keep_apart_ns_per_pair:.1f} ns")
+    calls.add_row("separation filter, by pair", f"{parts.separation_filter_ns_per_pair:.1f} ns")
     calls.add_row("encode an attitude target", f"{parts.encode_us:.1f} µs")
     calls.add_row("decode it", f"{parts.decode_us:.1f} µs")
     yield calls

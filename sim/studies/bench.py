@@ -19,11 +19,16 @@ import uvloop
 
 from formation import topics
 from formation.config import LabConfig, LinkConfig
-from formation.control import limits, stack
+from formation.control import stack
+from formation.control.composite_law import Demand
+from formation.control.limits.barriers import bounded
+from formation.control.limits.bodies import BarrierSettings
 from formation.control.stack import ControlStack
 from formation.estimation.state import initial
+from formation.guidance.reference_generator import VehicleReference
 from formation.maths import frames
 from formation.maths.arrays import Float
+from formation.maths.records import blank, rows
 from formation.messages import LabFrame, RawFrame
 from formation.safety import places
 from gcs.core import GcsCore
@@ -98,7 +103,7 @@ class Parts:
     """Single calls: kernels by pair of vehicles, nanoseconds; the codec by attitude target, microseconds."""
 
     nearest_ns_per_pair: float
-    keep_apart_ns_per_pair: float
+    separation_filter_ns_per_pair: float
     encode_us: float
     decode_us: float
 
@@ -140,7 +145,7 @@ def bench(progress: Progress) -> Result:
         progress(f"a flight of {followers + 1} drones")
         swarms.append(swarm(followers))
     progress("single calls")
-    parts = Parts(nearest_ns_per_pair(), keep_apart_ns_per_pair(), *codec_us())
+    parts = Parts(nearest_ns_per_pair(), separation_filter_ns_per_pair(), *codec_us())
     progress("the bus between processes")
     return Result(tuple(swarms), parts, asyncio.run(bus()))
 
@@ -205,16 +210,21 @@ def nearest_ns_per_pair() -> float:
     return 1e3 * (call_us(lambda: places.nearest(many)) - call_us(lambda: places.nearest(few))) / pairs
 
 
-def keep_apart_ns_per_pair() -> float:
-    """Of one vehicle and each other, none of which is near."""
+def separation_filter_ns_per_pair() -> float:
+    """Of every pair of vehicles, once, none of which is near."""
 
-    def one_among(n: int) -> float:
-        pos, acc, names = in_a_row(n), np.zeros(3), tuple(str(k) for k in range(n))
-        frame = LabFrame(0, 0, names, pos, np.tile(frames.IDENTITY, (n, 1)), np.ones(n, np.bool_))
-        estimates = initial(frame, np.ones(n, np.bool_))
-        return call_us(lambda: limits.keep_apart(0, estimates, pos[0], 0.2, acc))
+    def all_of(n: int) -> float:
+        pos, names = in_a_row(n), tuple(str(k) for k in range(n))
+        estimates = initial(
+            LabFrame(0, 0, names, pos, np.tile(frames.IDENTITY, (n, 1)), np.ones(n, np.bool_)), np.ones(n, np.bool_)
+        )
+        settings = rows(BarrierSettings, [BarrierSettings(k, 0.05, 0.2, 3.0, 6.0, True, True, True) for k in range(n)])
+        wanted, references = blank(Demand, n), blank(VehicleReference, n)
+        wanted["motion"][:, 0, :3], references["airborne"] = pos, True
+        return call_us(lambda: bounded(settings, wanted, estimates, references, 0))
 
-    return 1e3 * (one_among(MANY) - one_among(FEW)) / (MANY - FEW)
+    pairs = (MANY * (MANY - 1) - FEW * (FEW - 1)) / 2
+    return 1e3 * (all_of(MANY) - all_of(FEW)) / pairs
 
 
 def codec_us() -> tuple[float, float]:

@@ -6,9 +6,9 @@ import numpy as np
 from oracle_attitude import Airframe, Bounds
 from oracle_estimator import Adaptive, Observer, Traits
 from oracle_law import Flight, Law, Quick, cascade, geometric, sliding, smc
-from oracle_stack import OracleStack, Task, Told
+from oracle_stack import Apart, OracleStack, Task, Told
 
-from formation.config import PERSONAL_SPACE, LabConfig
+from formation.config import LabConfig
 from formation.control.gains import CascadeGains, Gains, GeometricGains, LagCompensation, SlidingGains
 from formation.control.gains import Law as Named
 from formation.control.presets import Preset
@@ -92,8 +92,8 @@ def oracle(
         [flight(gains, bodies[n], n == 0, limits.speed_m_s) for n in own],
         [airframe(bodies[n]) for n in own],
         tasks,
-        Bounds(limits.tilt_rad, limits.min_separation_m, np.array(limits.fence.low_m), np.array(limits.fence.high_m)),
-        PERSONAL_SPACE,
+        Bounds(limits.tilt_rad, np.array(limits.fence.low_m), np.array(limits.fence.high_m)),
+        Apart(limits.min_separation_m, limits.speed_m_s),
         path,
     )
 

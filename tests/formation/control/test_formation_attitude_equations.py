@@ -2,15 +2,12 @@
 
 import numpy as np
 import pytest
-from oracle_attitude import Airframe, Bounds, apart, authority_of, bounded, flat_rates, inside, turned
-from oracle_estimator import G
+from oracle_attitude import Airframe, Bounds, authority_of, bounded, flat_rates, inside, turned
 from oracle_frames import attitude_matrix, rotation_matrix
 
 from formation.control.attitude import body_rates, bound_force, bound_turn, turn_authority
-from formation.control.limits import keep_apart, keep_inside
-from formation.estimation.state import VehicleEstimate
+from formation.control.limits.fence import keep_inside
 from formation.maths.quaternion import attitude_of
-from formation.maths.records import Rows, blank
 from formation.vehicle.profile import ARDUCOPTER_QUAD, PAPER_40G, PX4_QUAD
 
 RNG = np.random.default_rng(11)
@@ -99,39 +96,7 @@ def test_the_fence_bounds_each_axis_as_braking_needs(seed: int) -> None:
     low, high = np.array([-1.0, -1.5, 0.0]), np.array([1.2, 0.9, 1.4])
     motion, acc = np.zeros((3, 4)), rng.normal(size=3) * [9.0, 12.0, 7.0]
     motion[0, :3], motion[1, :3] = rng.uniform(-1.6, 1.6, 3), rng.uniform(-2.0, 2.0, 3)
-    expected, met = inside(motion, acc, Bounds(0.5, 0.2, low, high, 0.07))
+    expected, met = inside(motion, acc, Bounds(0.5, low, high, 0.07))
     mine = acc.copy()
     assert keep_inside(motion, low, high, 0.07, mine) == met
     np.testing.assert_allclose(mine, expected, rtol=1e-12)
-
-
-def standing(pos: np.ndarray) -> Rows[VehicleEstimate]:
-    estimates = blank(VehicleEstimate, len(pos))
-    estimates["pos_lab_m"] = pos
-    return estimates
-
-
-@pytest.mark.parametrize("seed", range(30))
-def test_repulsion_pushes_straight_away_along_x_and_y(seed: int) -> None:
-    """20 m/s^2 per metre missing of 1.5 separations, horizontal unless stacked; four bodies, the third is asked."""
-    rng = np.random.default_rng(seed)
-    pos = rng.uniform(-0.4, 0.4, (4, 3)) * [1.0, 0.8, 1.2]
-    if seed % 3 == 0:
-        pos[:, :2] *= 0.1
-    acc = np.array([0.1, -0.2, 0.3])
-    mine = acc.copy()
-    push, met = apart(2, pos, pos[2] + 0.01, 0.4, 1.5)
-    assert keep_apart(2, standing(pos), pos[2] + 0.01, 0.4, mine) == met
-    np.testing.assert_allclose(mine, acc + push, rtol=1e-12)
-    assert met == 0 or mine[2] == acc[2]
-
-
-def test_those_exactly_above_each_other_part_along_x() -> None:
-    pos = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.2]])
-    pushes = []
-    for i in range(2):
-        acc = np.zeros(3)
-        keep_apart(i, standing(pos), pos[i], 0.4, acc)
-        pushes.append(acc)
-    np.testing.assert_allclose(pushes, [[-8.0, 0.0, 0.0], [8.0, 0.0, 0.0]])
-    assert G == 9.8

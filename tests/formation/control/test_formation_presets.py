@@ -111,7 +111,7 @@ def test_position_noise_is_told_in_metres_and_heading_noise_in_radians() -> None
 def test_bodies_and_limits_reach_the_law_and_the_attitude() -> None:
     attitude, laws = attitude_settings(CONFIG, BODIES), law_settings(CONFIG, (DEFAULT,) * 3)
     assert attitude["vehicle"].tolist() == laws["vehicle"].tolist() == [1, 2]
-    for name, value in (("tilt_max_rad", 0.6), ("separation_m", 0.2), ("fence_margin_m", 0.05)):
+    for name, value in (("tilt_max_rad", 0.6), ("fence_margin_m", 0.05)):
         np.testing.assert_allclose(attitude[name], [value] * 2)
     np.testing.assert_allclose(attitude["fence_low_m"], [CONFIG.limits.fence.low_m] * 2)
     np.testing.assert_allclose(attitude["fence_high_m"], [CONFIG.limits.fence.high_m] * 2)

@@ -6,7 +6,7 @@ import numpy as np
 from oracle_estimator import G, doubt
 from oracle_frames import attitude_matrix
 
-TILT, LOW, HIGH, FENCE, SEPARATION = 1, 2, 4, 16, 32
+TILT, LOW, HIGH, FENCE = 1, 2, 4, 16
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,6 @@ class Airframe:
 @dataclass(frozen=True)
 class Bounds:
     tilt: float
-    separation: float
     low: np.ndarray
     high: np.ndarray
     margin: float = 0.05
@@ -54,24 +53,6 @@ def full_force(hover_norm: float, curve: float) -> float:
     """Specific force of full thrust, if hover_norm hovers."""
     u = float(np.clip(hover_norm, 0.05, 0.95))
     return G / ((1.0 - curve) * u + curve * u**2)
-
-
-def apart(n: int, positions: np.ndarray, at: np.ndarray, separation: float, space: float) -> tuple[np.ndarray, int]:
-    """The push of all within `space` separations of vehicle n: 20 m/s^2 per metre that is missing, horizontal."""
-    push, bits = np.zeros(3), 0
-    for other, place in enumerate(positions):
-        away = at - place
-        distance = np.linalg.norm(away)
-        if other == n or distance >= space * separation:
-            continue
-        bits = SEPARATION
-        size = 20.0 * (space * separation - distance)
-        flat = np.array([away[0], away[1], 0.0])
-        if np.linalg.norm(flat) > 0.2 * distance:
-            push += size * flat / np.linalg.norm(flat)
-        else:
-            push += size * np.array([1.0 if other < n else -1.0, 0.0, 0.0])
-    return push, bits
 
 
 def inside(motion: np.ndarray, acc: np.ndarray, bounds: Bounds) -> tuple[np.ndarray, int]:
@@ -147,15 +128,13 @@ class Wanted:
     yaw_rate: float
     strength: float
     mismatch: float
+    bits: int = 0
 
 
-def target(
-    body: Airframe, bounds: Bounds, n: int, wanted: Wanted, positions: np.ndarray, full: float, space: float
-) -> Target:
+def target(body: Airframe, bounds: Bounds, wanted: Wanted, full: float) -> Target:
     """In the air."""
     motion, force, yaw, yaw_rate = wanted.motion, wanted.force, wanted.yaw, wanted.yaw_rate
-    push, near = apart(n, positions, motion[0, :3], bounds.separation, space)
-    acc, wall = inside(motion, wanted.acc + push, bounds)
+    acc, wall = inside(motion, wanted.acc, bounds)
     aim = (acc + np.array([0.0, 0.0, G])) / wanted.strength
     felt = aim + wanted.lead_acc / wanted.strength
     aim, met = bounded(aim, 0.92 * full, bounds.tilt)
@@ -172,4 +151,4 @@ def target(
         met = max(met, later)
     lift = min(felt[2] / max(wanted.lift_cos, np.cos(bounds.tilt)), full)
     flat = lift * felt[:2] / np.linalg.norm(felt)
-    return Target(r, rate, norm_of(lift / full, body.curve), near + wall + met, np.array([*flat, felt[2], lift]))
+    return Target(r, rate, norm_of(lift / full, body.curve), wanted.bits + wall + met, np.array([*flat, felt[2], lift]))

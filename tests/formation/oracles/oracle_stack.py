@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from oracle_attitude import Airframe, Bounds, Target, Wanted, full_force, target, waiting
+from oracle_barriers import Moving, altered, obeyed
 from oracle_estimator import Estimate, G, Traits, acceleration, begun, turning, update
 from oracle_frames import attitude_matrix, to_lab, to_lead
 from oracle_guidance import circle, closing, closing_s, ramped
@@ -58,6 +59,14 @@ class Led:
 
 
 @dataclass(frozen=True)
+class Apart:
+    """How near bodies may come, and how fast vehicles may be."""
+
+    separation: float
+    speed: float
+
+
+@dataclass(frozen=True)
 class Told:
     """One tick's outcome: estimates, demands, targets, and references (slot, frame) at the frame's time."""
 
@@ -74,10 +83,10 @@ class OracleStack:
 
     def __init__(
         self, traits: list[Traits], own: list[int], flights: list[Flight], airframes: list[Airframe], tasks: list[Task],
-        bounds: Bounds, space: float, path: Circle | None = None,
+        bounds: Bounds, apart: Apart, path: Circle | None = None,
     ) -> None:  # fmt: skip
         self.traits, self.own, self.flights, self.airframes = traits, own, flights, airframes
-        self.tasks, self.bounds, self.space, self.path = tasks, bounds, space, path
+        self.tasks, self.bounds, self.apart, self.path = tasks, bounds, apart, path
         self.leads = 0 if own[0] == 0 else None
         m = len(own)
         self.known: list[Estimate] = []
@@ -102,11 +111,12 @@ class OracleStack:
             [task.kind == SLOT for task in self.tasks], self._predicted,
         )  # fmt: skip
         held_ns = min(now_ns, t_ns + 400_000_000)
-        demands, targets = [], []
-        for i, n in enumerate(self.own):
-            out = law.demand(i, held_ns, self.memory[i], self.frozen[i], self.led[i].airborne, dt)
-            demands.append(out)
-            targets.append(self._target(i, n, out, now_ns, float(hover[i])))
+        demands = [
+            law.demand(i, held_ns, self.memory[i], self.frozen[i], self.led[i].airborne, dt)
+            for i in range(len(self.own))
+        ]
+        kept = self._kept_apart(demands, motions, now_ns)
+        targets = [self._target(i, n, demands[i], kept[i], now_ns, float(hover[i])) for i, n in enumerate(self.own)]
         self.sent_ns.append(now_ns)
         self.sent.append(np.array([t.sent for t in targets]))
         self.memory = np.array([d.memory for d in demands])
@@ -188,16 +198,45 @@ class OracleStack:
         mine = None if i is None else sent[:, i]
         return predict(self.known[n], self.traits[n], t_ns, float(self.turn[n]), times, mine, early_s)
 
-    def _target(self, i: int, n: int, out: Demanded, now_ns: int, hover: float) -> Target:
+    def _kept_apart(
+        self, demands: list[Demanded], motions: list[Motion], now_ns: int
+    ) -> list[tuple[np.ndarray, np.ndarray, int]]:
+        """Accelerations, what inverts the lag, and bits, once nobody is too fast or too near."""
+        bodies, indices = [], []
+        for n, (k, has) in enumerate(zip(self.known, self.traits, strict=True)):
+            i = self.own.index(n) if n in self.own else None
+            if k.seen_ns is None:
+                continue
+            indices.append(n)
+            if i is not None and self.led[i].airborne:
+                out = demands[i]
+                bodies.append(Moving(out.motion[0, :3], out.motion[1, :3], out.acc + k.dist))
+            else:
+                m, ahead = motions[n], (now_ns - k.t_ns) * SECONDS + has.belief[0]
+                bodies.append(Moving(m[0, :3] + ahead * m[1, :3], m[1, :3], np.clip(m[2, :3], -4.0, 4.0), False))
+        change, bits = altered(bodies, self.apart.separation, self.apart.speed)
+        found = {n: (c, b) for n, c, b in zip(indices, change, bits, strict=True)}
+        none = (np.zeros(3), 0)
+        return [
+            (
+                *obeyed(demands[i].acc, demands[i].lead_acc, found.get(n, none)[0], self.bounds.tilt),
+                found.get(n, none)[1],
+            )
+            for i, n in enumerate(self.own)
+        ]
+
+    def _target(
+        self, i: int, n: int, out: Demanded, kept: tuple[np.ndarray, np.ndarray, int], now_ns: int, hover: float
+    ) -> Target:
         body, task, known = self.airframes[i], self.tasks[i], self.known[n]
         full = full_force(hover, body.curve)
         if task.kind == IDLE:
             return Target(attitude_matrix(np.array([0.0, 0.0, 1.0]), out.yaw), np.zeros(3), 0.0, 0, np.zeros(4))
         if not self.led[i].airborne:
             return waiting(body, out.yaw, (now_ns - self.led[i].release_ns) * SECONDS, full)
-        places = np.array([k.pos for k in self.known])
+        acc, lead_acc, bits = kept
         wanted = Wanted(
-            out.acc, out.lead_acc, out.motion, out.force, out.lift_cos, out.yaw, out.yaw_rate,
-            known.strength, known.mismatch,
+            acc, lead_acc, out.motion, out.force, out.lift_cos, out.yaw, out.yaw_rate,
+            known.strength, known.mismatch, bits,
         )  # fmt: skip
-        return target(body, self.bounds, n, wanted, places, full, self.space)
+        return target(body, self.bounds, wanted, full)

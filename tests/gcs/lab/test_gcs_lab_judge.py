@@ -145,7 +145,7 @@ WARNED: list[tuple[str, dict[str, object], str, str]] = [
     ("ground effect", {"flight": {"altitude_m": 0.2}}, "flight.altitude_m", "ground effect"),
     ("fast descent", {"flight": {"descend_m_s": 2.0}}, "flight.descend_m_s", "downwash"),
     ("slow descent", {"flight": {"descend_m_s": 0.005}}, "flight.descend_m_s", "longer than a minute"),
-    ("repelled", {"followers": followers(RIGHT, [-0.4, -0.65, 0])}, "followers[1].offset_m", "push each other apart"),
+    ("near", {"followers": followers(RIGHT, [-0.4, -0.65, 0])}, "followers[1].offset_m", "brake for each other"),
     ("downwash", {"followers": followers(RIGHT, [-0.4, -0.4, 0.6])}, "followers[1].offset_m", "downwash"),
     ("wider than apart", {"leader": {**LEADER, "profile": "px4_quad"}}, "limits.min_separation_m", "0.43 m wide"),
     ("several profiles", {"leader": {**LEADER, "profile": "px4_quad"}}, "followers[0].profile", "several profiles"),

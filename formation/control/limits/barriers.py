@@ -1,0 +1,224 @@
+"""The separation filter and the speed limit: demands altered before they are sent, as little as keeps the barriers.
+
+Two bodies may close no faster than lets them stop, a separation apart, with a deceleration that one of the two has to
+spare and after a delay for it to begin; so may no vehicle gain speed faster than lets it end at the limit. These are
+barrier functions of the demanded accelerations, linear in them (Ames et al., Control barrier functions, ECC 2019;
+pairwise between vehicles: Wang, Ames, Egerstedt, IEEE T-RO 2017). The least change that keeps all pairs is found by
+Hildreth's method, pair after pair, each sharing what is missing. Where nothing is near, not a bit is changed.
+"""
+
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+
+from formation.control.composite_law import Demand
+from formation.control.limits.bodies import BarrierSettings, Bodies, placed
+from formation.estimation.state import VehicleEstimate
+from formation.guidance.reference_generator import VehicleReference
+from formation.maths.arrays import Bool, Float, Vec3
+from formation.maths.kernel import kernel
+from formation.maths.records import Rows, dtype_of, like
+
+SPEED, SEPARATION = 8.0, 32.0  # bits of formation.messages.Saturation
+BRAKE_M_S2 = 4.0  # two thirds of what a tilt of 0.6 rad gives: one of a pair alone can do it, against wind too
+REACTION_S = 0.25  # how long it takes to turn towards it: dead time is predicted, lag and a saturated turn are not
+BARRIER_RATE_1_S = 6.0
+SPEED_RATE_1_S, FAST = 6.0, 0.5  # where it begins, as a share of the limit: what is demanded below it is let be
+STEEP = 0.75  # sine squared of the elevation from which two are stacked, and part upwards and downwards
+NEARBY_M_S2 = 20.0  # pairs this far from their bound may be driven to it by what others are changed
+PASSES, SETTLED_M_S2 = 60, 1e-9
+
+
+@dataclass(slots=True)
+class Pair:
+    """Two bodies that may be too near; a record.
+
+    away: unit vector from second to first, less its vertical part unless they are stacked; excess: by how much they
+    accelerate towards each other too hard; push: how hard each is pushed along it so far.
+    """
+
+    first: int
+    second: int
+    away: Vec3
+    excess_m_s2: float
+    push_m_s2: float
+
+
+PAIR = dtype_of(Pair)
+
+
+def bounded(
+    settings: Rows[BarrierSettings], wanted: Rows[Demand], estimates: Rows[VehicleEstimate],
+    references: Rows[VehicleReference], now_ns: int,
+) -> Rows[Demand]:  # fmt: skip
+    """The demands (m) altered as little as keeps every vehicle slow enough and apart from all n bodies.
+
+    The very same object where nothing had to be altered.
+    """
+    out = like(wanted)
+    return out if _bounded(settings, wanted, estimates, references, now_ns, out) else wanted
+
+
+@kernel
+def closing_limit(distance_m: float, keep_m: float, least_m: float, closing_m_s: float, across_m_s: float) -> float:
+    """How hard, m/s^2, two bodies may accelerate towards each other.
+
+    From the speed at which braking, after the reaction, and their passing each other sideways (across_m_s; its angular
+    momentum lasts) stop them keep_m apart. Within it nobody may come nearer; nearer than least_m they part.
+    """
+    pad = BRAKE_M_S2 * REACTION_S
+    allowed, slope = 0.0, 1.0 / REACTION_S
+    if distance_m > keep_m:
+        square = across_m_s * across_m_s
+        ratio = distance_m / keep_m
+        root = sqrt(pad * pad + 2.0 * BRAKE_M_S2 * (distance_m - keep_m) + square * (ratio * ratio - 1.0))
+        allowed, slope = root - pad, (BRAKE_M_S2 + square / distance_m) / root
+    elif distance_m < least_m:
+        allowed = (distance_m - least_m) / REACTION_S
+    return BARRIER_RATE_1_S * (allowed - closing_m_s) - slope * closing_m_s
+
+
+@kernel
+def excess(motion: Float, a: int, b: int, upright: bool, keep_m: float, least_m: float, away: Float) -> float:
+    """How much too hard a and b accelerate towards each other, m/s^2; the direction in which a is to part into away.
+
+    motion (n, 3, 3): see Bodies; upright: the height does not count; keep_m, least_m: see `closing_limit`.
+    """
+    up = 0.0 if upright else 1.0
+    x, y, z = motion[a, 0, 0] - motion[b, 0, 0], motion[a, 0, 1] - motion[b, 0, 1], motion[a, 0, 2] - motion[b, 0, 2]
+    distance = sqrt(x * x + y * y + up * z * z)
+    if distance < 1e-6:
+        x, y, z = 1.0, 0.0, 0.0
+    else:
+        x, y, z = x / distance, y / distance, up * z / distance
+    vx, vy = motion[a, 1, 0] - motion[b, 1, 0], motion[a, 1, 1] - motion[b, 1, 1]
+    vz = up * (motion[a, 1, 2] - motion[b, 1, 2])
+    closing = -(x * vx + y * vy + z * vz)
+    across_square = max(vx * vx + vy * vy + vz * vz - closing * closing, 0.0)
+    closing_acc = -across_square / max(distance, 0.5 * least_m)
+    closing_acc -= x * (motion[a, 2, 0] - motion[b, 2, 0]) + y * (motion[a, 2, 1] - motion[b, 2, 1])
+    closing_acc -= z * (motion[a, 2, 2] - motion[b, 2, 2])
+    away[0], away[1], away[2] = x, y, z if z * z > STEEP else 0.0
+    over: float = closing_acc - closing_limit(distance, keep_m, least_m, closing, sqrt(across_square))
+    return over
+
+
+@kernel
+def _bounded(
+    settings: Rows[BarrierSettings], wanted: Rows[Demand], estimates: Rows[VehicleEstimate],
+    references: Rows[VehicleReference], now_ns: int, out: Rows[Demand],
+) -> bool:  # fmt: skip
+    """See `bounded`; whether anything had to be altered, and then out (m) is filled."""
+    bodies = placed(settings, estimates, wanted, references, now_ns)
+    change, bits = np.zeros((len(settings), 3)), np.zeros(len(settings))
+    for n in range(len(settings)):
+        if settings[n].keep_slow and bodies.yields[n]:
+            bits[n] += _slow_down(settings[n].speed_max_m_s, bodies.motion[n], change[n])
+    if settings[0].keep_apart:
+        _keep_apart(settings[0].separation_m, bodies, change, bits)
+    altered = False
+    for n in range(len(settings)):
+        altered = altered or bits[n] > 0.0
+    if altered:
+        for n in range(len(settings)):
+            i = settings[n].place
+            if i >= 0:
+                out[i] = wanted[i]
+                if bits[n] > 0.0:
+                    _apply(change[n], bits[n], settings[n].sideways_m_s2, out[i])
+    return altered
+
+
+@kernel
+def _slow_down(speed_max_m_s: float, motion: Float, change: Float) -> float:
+    """Bounds the acceleration along the velocity, so that a body's speed ends at the limit; the bit if it had to."""
+    v, acc = motion[1], motion[2]
+    speed = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    if speed < FAST * speed_max_m_s:
+        return 0.0
+    along = (acc[0] * v[0] + acc[1] * v[1] + acc[2] * v[2]) / speed
+    over = along - SPEED_RATE_1_S * (speed_max_m_s - speed)
+    if over <= 0.0:
+        return 0.0
+    for axis in range(3):
+        change[axis] -= over * v[axis] / speed
+        acc[axis] -= over * v[axis] / speed
+    return SPEED
+
+
+@kernel
+def _keep_apart(separation_m: float, bodies: Bodies, change: Float, bits: Float) -> None:
+    """Adds to change (n, 3) the least that keeps all pairs, and tells whose demand it alters in bits (n)."""
+    motion, grown_m, known, yields, lost = bodies
+    count, away, broken, found = len(known), np.empty(3), False, 0
+    pairs = np.empty(0, PAIR)
+    for kept in range(2):
+        for a in range(count):
+            for b in range(a):
+                if known[a] and known[b] and (yields[a] or yields[b]):
+                    keep_m = separation_m + grown_m[a] + grown_m[b]
+                    over = excess(motion, a, b, lost[a] or lost[b], keep_m, separation_m, away)
+                    broken = broken or over > 0.0
+                    if kept > 0 and over > -NEARBY_M_S2:
+                        pair = pairs[found]
+                        pair.first, pair.second, pair.excess_m_s2, pair.push_m_s2 = a, b, over, 0.0
+                        for axis in range(3):
+                            pair.away[axis] = away[axis]
+                        found += 1
+        if not broken:
+            return
+        if kept == 0:
+            pairs = np.empty(count * (count - 1) // 2, PAIR)
+    apart = np.zeros((count, 3))
+    _share(yields, pairs[:found], apart)
+    for n in range(count):
+        if apart[n, 0] != 0.0 or apart[n, 1] != 0.0 or apart[n, 2] != 0.0:
+            bits[n] += SEPARATION
+            for axis in range(3):
+                change[n, axis] += apart[n, axis]
+
+
+@kernel
+def _share(yields: Bool, pairs: Rows[Pair], apart: Float) -> None:
+    """The least accelerations apart (n, 3), in the sum of squares, that take away all excess (Hildreth)."""
+    for _ in range(PASSES):
+        moved = 0.0
+        for k in range(len(pairs)):
+            pair = pairs[k]
+            a, b, x, y, z = pair.first, pair.second, pair.away[0], pair.away[1], pair.away[2]
+            of_a, of_b = 1.0 if yields[a] else 0.0, 1.0 if yields[b] else 0.0
+            gained = x * (apart[a, 0] - apart[b, 0]) + y * (apart[a, 1] - apart[b, 1]) + z * (apart[a, 2] - apart[b, 2])
+            share = (of_a + of_b) * (x * x + y * y + z * z)
+            push = max(pair.push_m_s2 + (pair.excess_m_s2 - gained) / share, 0.0)
+            more = push - pair.push_m_s2
+            pair.push_m_s2 = push
+            moved = max(moved, abs(more))
+            for axis in range(3):
+                apart[a, axis] += of_a * more * pair.away[axis]
+                apart[b, axis] -= of_b * more * pair.away[axis]
+        if moved < SETTLED_M_S2:
+            return
+
+
+@kernel
+def _apply(change: Float, bits: float, sideways_m_s2: float, out: Demand) -> None:
+    """Alters a demand by change (3); what the law asks across it gives way where both together would tilt too far."""
+    acc, lead = out.acc_lab_m_s2, out.lead_acc_lab_m_s2
+    square, led = 0.0, 0.0
+    for axis in range(3):
+        acc[axis] += change[axis]
+        square += change[axis] * change[axis]
+        led += lead[axis] * change[axis]
+    if led < 0.0:  # inverting the lag must not undo it
+        for axis in range(3):
+            lead[axis] -= led * change[axis] / square
+    flat = sqrt(change[0] * change[0] + change[1] * change[1])
+    if flat > 0.0 and acc[0] * acc[0] + acc[1] * acc[1] > sideways_m_s2 * sideways_m_s2:
+        ux, uy = change[0] / flat, change[1] / flat
+        along, across = acc[0] * ux + acc[1] * uy, acc[1] * ux - acc[0] * uy
+        along = min(max(along, -sideways_m_s2), sideways_m_s2)
+        room = sqrt(sideways_m_s2 * sideways_m_s2 - along * along)
+        across = min(max(across, -room), room)
+        acc[0], acc[1] = along * ux - across * uy, along * uy + across * ux
+    out.limits_met = bits

@@ -11,7 +11,8 @@ from formation.maths.frames import from_yaw
 from formation.model import Vec3Tuple
 from formation.vehicle.profile import VehicleProfile
 
-_STOP_S = 0.12  # a hold's place is so far ahead at the present speed, and it brakes hard enough not to pass it by much
+_STOP_S = 0.3  # a hold's place is where the present speed would come to rest
+_BRAKE_S = 0.12  # and where it brakes as hard as it can, after a lost stream
 _LEVEL_FIRST_S = 0.1
 _LEAD_M = 0.4  # how far the height asked for may run ahead of the vehicle
 _ARRIVED_M = 0.08
@@ -21,7 +22,7 @@ _TOUCH_S = 0.3
 _CARRIED_S = 1.0  # what the floor carries for this long stands on it, whatever the estimate says
 _CUT_1_S = 3.0  # after touch-down the thrust fades in a third of a second
 _BRISK_M_S, _BRISK_ABOVE_M = 0.9, 0.5
-_LATE_S, _LATE_M_S2, _LATE_MAX_M_S = 4.0, 0.2, 0.8  # a landing that takes this much too long sinks faster and faster
+_LATE_S, _LATE_M_S2, _LATE_MAX_M_S = 3.0, 0.3, 0.7  # a landing that takes this much too long sinks faster and faster
 
 
 class Pilot:
@@ -58,7 +59,8 @@ class Pilot:
         x, y, z = belief.pos_lab_m
         vx, vy, _ = belief.vel_lab_m_s
         if (self.task, task) != (Task.TAKEOFF, Task.HOLD):
-            self._place = (x + _STOP_S * vx, y + _STOP_S * vy)
+            stop_s = _BRAKE_S if level_first else _STOP_S
+            self._place = (x + stop_s * vx, y + stop_s * vy)
             self._height_m, self._goal_m = z, z if goal_m is None else goal_m
             self._yaw_rad = belief.yaw_rad
         self.task = task
@@ -140,7 +142,7 @@ class Pilot:
         if self.task is Task.LEVEL or self._level_s > 0.0:
             if self._level_s > 0.0:
                 x, y, _ = belief.pos_lab_m
-                self._place = (x + _STOP_S * belief.vel_lab_m_s[0], y + _STOP_S * belief.vel_lab_m_s[1])
+                self._place = (x + _BRAKE_S * belief.vel_lab_m_s[0], y + _BRAKE_S * belief.vel_lab_m_s[1])
             return Demand(yaw, height_m=self._height_m)
         climb = self._climb_reference(belief, timing, dt_s)
         place = self._home if self.task is Task.RETURN else self._place

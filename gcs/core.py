@@ -51,8 +51,8 @@ from wire.refusals import Refusals
 HEARTBEAT_NS = 1_000_000_000
 POSE_NS = 20_000_000
 WATCHDOG_FRAMES = 3.0
-PICK_UP_NS = 1_000_000_000
-"""After an adoption the control begins once more from where the drones are then, just before they follow it."""
+PICK_UP_NS = 400_000_000
+"""How often after an adoption the control begins anew from where the drones are, until all follow it."""
 
 
 class BrokenInvariantError(RuntimeError):
@@ -191,8 +191,8 @@ class GcsCore:
         if self._pick_up_ns is None or now_ns < self._pick_up_ns:
             return
         self._pick_up_ns = None
-        if self.phase is Phase.HOLD and not all(drone.link.offboard for drone in self._drones):
-            self._stack = self._fresh_stack()
+        if self.phase is Phase.HOLD and any(drone.awaited(now_ns) for drone in self._drones):
+            self._stack, self._pick_up_ns = self._fresh_stack(), now_ns + PICK_UP_NS
 
     def status(self, now_ns: int) -> str:
         """Everything an operator may want to see, as JSON."""
@@ -261,7 +261,7 @@ class GcsCore:
     def _carry_out(self, verb: Verb, now_ns: int) -> str:
         """Pull the verb's trigger: the empty text, or why it means nothing now."""
         adopted = verb is Verb.ADOPT and self.phase is Phase.GROUND
-        down = adoption.grounded_text(self._drones) if adopted else ""
+        down = adoption.landing_text(self._drones) if adopted else ""
         if down:
             return self._flight.pull(Trigger.LAND, down, now_ns)
         refused = self._flight.pull(Trigger(verb.value), f"operator: {verb}", now_ns)

@@ -16,8 +16,8 @@ from formation.safety.rules import Verdict
 from gcs.drones.drone import TAKE_OFF_S, Drone, aside_setpoint, hold_setpoint, land_setpoint, take_off_setpoint
 from gcs.drones.goal import STREAM_FIRST_NS, Goal
 from gcs.landing import landing_spots
+from gcs.safety.adoption import coming_down
 from gcs.safety.descent import LOOK_NS, Descent, descent, ended_text
-from wire.link_messages.status import LandedState
 
 ARMING_NS = 12_000_000_000
 SETTLE_NS = 1_000_000_000
@@ -151,6 +151,8 @@ class Flight:
                 drone.take_over(now_ns)
             elif before is Phase.GROUND and phase is Phase.LAND:
                 drone.let_down(now_ns)
+            elif drone.joining(now_ns):
+                drone.release(now_ns)
             drone.lead_to(self._setpoint(), _GOALS.get(phase, Goal.LEAVE), now_ns)
             if phase is Phase.LAND and not drone.lifted:
                 drone.stay_down(now_ns)
@@ -227,10 +229,10 @@ class Flight:
             self.pull(Trigger.AT_HEIGHT, "every drone is at its height", now_ns)
 
     def _watch_joining(self, now_ns: int) -> None:
-        """A drone that came down while it was being taken over is not led up from the floor."""
+        """A drone that began to land while it was being taken over is not led up again."""
         for drone in self._drones:
-            if drone.goal is Goal.JOIN and drone.link.telemetry.landed is LandedState.ON_GROUND:
-                self.pull(Trigger.LAND, f"{drone.link.name} has landed meanwhile", now_ns)
+            if drone.goal is Goal.JOIN and coming_down(drone):
+                self.pull(Trigger.LAND, f"{drone.link.name} has begun to land meanwhile", now_ns)
                 return
 
     def _watch_slots(self, stages: Stages, now_ns: int) -> None:

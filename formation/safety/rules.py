@@ -336,12 +336,10 @@ def _changes(acting: NDArray[np.bool_], acted: NDArray[np.bool_], facts: Facts) 
 
 def rules_markdown() -> str:
     """The policy as the documentation shows it: a row a fault."""
-    head = "| name | fault | after, s | in phases | the swarm | that drone |\n|---|---|---|---|---|---|"
-    rows = (
-        f"| `{rule.name}` | {rule.fault} | {rule.persist_s:g} | {_phases(rule)} | {_swarm(rule)} | {rule.own} |"
-        for rule in RULES
-    )
-    return "\n".join((head, *rows))
+    text = "| name | fault | after, s | in phases | the swarm | that drone |\n|---|---|---|---|---|---|"
+    for r in RULES:
+        text += f"\n| `{r.name}` | {r.fault} | {r.persist_s:g} | {_phases(r)} | {_swarm(r)} | {r.own} |"
+    return text
 
 
 def _phases(rule: Rule) -> str:

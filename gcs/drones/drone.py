@@ -76,6 +76,13 @@ class Drone:
         """Whether it is only just being taken over, and is given time to follow."""
         return self.goal is Goal.JOIN and not self.reached and now_ns - self.goal_since_ns < JOINING_NS
 
+    def awaited(self, now_ns: int) -> bool:
+        """Whether it is being taken over and has not even accepted to follow: its motion is not ours yet."""
+        if not self.joining(now_ns) or self.link.model is None or self.link.offboard:
+            return False
+        answer = self.link.commands.answers.get(self.link.model.set_offboard(self.link.target))
+        return answer is None or not answer.accepted or answer.t_ns < self.goal_since_ns
+
     def grounded(self, now_ns: int) -> bool:
         """Whether its motors are known to be off, or nothing is to be waited for: a pilot's, or silent for too long."""
         silent_ns = now_ns - max(self.link.heard_ns, self.goal_since_ns)

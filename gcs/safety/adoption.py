@@ -43,10 +43,16 @@ def joining_refusals(drones: Iterable[Drone], now_ns: int) -> tuple[str, ...]:
     return tuple(f"{drone.link.name}: does not follow this ground yet" for drone in drones if drone.joining(now_ns))
 
 
-def grounded_text(drones: Iterable[Drone]) -> str:
-    """Who of those to be adopted stands on the floor, where the others can only be landed; empty where all fly."""
-    down = [d.link.name for d in drones if not d.link.armed or d.link.telemetry.landed is LandedState.ON_GROUND]
-    return f"adopted to land: {', '.join(down)} on the floor" if down else ""
+def coming_down(drone: Drone) -> bool:
+    """Whether it is down, or on its way by its autopilot's own landing: there is no turning back from that."""
+    link = drone.link
+    return not link.armed or link.landing or link.telemetry.landed is LandedState.ON_GROUND
+
+
+def landing_text(drones: Iterable[Drone]) -> str:
+    """Why those to be adopted can only be landed: who is coming down already; empty where all fly."""
+    down = [drone.link.name for drone in drones if coming_down(drone)]
+    return f"adopted to land: {', '.join(down)} on the floor, or landing already" if down else ""
 
 
 def other_grounds(drones: Iterable[Drone], told: Iterable[str], now_ns: int) -> tuple[str, ...]:

@@ -136,20 +136,16 @@ def test_drones_that_hold_in_a_mode_of_their_own_are_brought_back_to_off_board()
     assert kinds[: modes[0]].count(AttitudeSetpoint) >= 100
 
 
-def test_drones_that_descend_meanwhile_are_picked_up_where_they_are():
+def test_drones_that_land_by_themselves_already_are_not_led_up_again():
     lab = FakeLab(triangle(flight={"altitude_m": 1.5}))
     lab.fly()
     lab.restart_ground(0.5)
-    for drone in lab.drones.values():
-        drone.mode = drone.land
+    lab.drones[1].mode = lab.drones[1].land
     lab.run(1.5)
-    lab.command(Verb.ADOPT, Phase.HOLD)
-    lab.run(4.0)
-    assert lab.phase is Phase.HOLD
-    heights = [float(drone.pos[2]) for drone in lab.drones.values()]
-    lab.run(1.0)
-    assert all(0.1 < drone.pos[2] < 1.0 for drone in lab.drones.values())
-    assert np.allclose(heights, [drone.pos[2] for drone in lab.drones.values()], atol=0.05)
+    lab.command(Verb.ADOPT, Phase.LAND)
+    assert "GROUND -> LAND: adopted to land: lead on the floor, or landing already" in lab.events
+    lab.run_until(Phase.GROUND)
+    assert not any(drone.armed for drone in lab.drones.values())
 
 
 def test_with_one_on_the_floor_those_that_fly_are_landed():
@@ -157,7 +153,7 @@ def test_with_one_on_the_floor_those_that_fly_are_landed():
     lab.drones[2].armed, lab.drones[2].pos[2] = False, 0.0
     lab.run(1.5)
     lab.command(Verb.ADOPT, Phase.LAND)
-    assert "GROUND -> LAND: adopted to land: left on the floor" in lab.events
+    assert "GROUND -> LAND: adopted to land: left on the floor, or landing already" in lab.events
     lab.run_until(Phase.GROUND)
     assert not any(drone.armed for drone in lab.drones.values())
 
@@ -244,7 +240,7 @@ def test_a_drone_that_comes_down_while_it_is_taken_over_is_not_led_up_again():
     lab = held_aside()
     lab.drones[3]._say(ExtendedSysState(LandedState.ON_GROUND))
     lab.run(0.1)
-    assert "HOLD -> LAND: right has landed meanwhile" in lab.events
+    assert "HOLD -> LAND: right has begun to land meanwhile" in lab.events
     lab.run_until(Phase.GROUND)
     assert not any(drone.armed for drone in lab.drones.values())
 

@@ -21,7 +21,8 @@ from drone_agent.core import AgentCore
 from formation.config import VehicleBody
 from formation.messages import Datagram
 from formation.vehicle.profile import profile
-from gcs.drones.telemetry import READS, DroneLink
+from gcs.drones.link_state import DroneLink
+from gcs.drones.telemetry import READS
 from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
 from wire.link_messages.commands import CommandAck, CommandLong
 from wire.link_messages.status import Heartbeat, MavAutopilot

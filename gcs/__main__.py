@@ -97,7 +97,7 @@ app.command()(doctor_cli.logs)
 def rules() -> None:
     """Print the phase table and the safety rules, as Markdown: the tables that the ground itself runs on."""
     from formation.safety.phases import table_markdown
-    from formation.safety.rules import rules_markdown
+    from formation.safety.rules_table import rules_markdown
 
     print(f"{table_markdown()}\n\n{rules_markdown()}")
 

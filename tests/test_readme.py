@@ -14,6 +14,7 @@ from drone_agent import stages
 from formation.config import LabConfig
 from formation.messages import RawFrame
 from formation.safety import phases, rules_table
+from gcs.mocap.gate.checks import gate_markdown
 from wire import clock
 from wire.config_file import parse
 from wire.schema import schema_of
@@ -28,6 +29,7 @@ README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8"
     [
         ("rules", rules_table.rules_markdown()),
         ("phases", phases.table_markdown()),
+        ("gate", gate_markdown()),
         ("stages", stages.table_markdown()),
     ],
 )

@@ -18,6 +18,7 @@ from formation.maths.arrays import Bool, Float
 from formation.messages import Phase, RawFrame
 from formation.safety.phases import AIRBORNE
 from formation.vehicle.body import GRAVITY_M_S2
+from formation.vehicle.profile import PROFILES
 from gcs.mocap.core import MocapCore
 from gcs.mocap.csv_file import read_recording
 from sim.lockstep import run_in_memory
@@ -29,7 +30,7 @@ DELAY_NS = 8_000_000
 NOISE_M = (1e-4, 1e-3)
 NOISE_RAD_PER_M = 10.0
 HIDDEN_SHARE, LOST_SHARE, GAP_EVERY_S, GAP_S = 0.01, 0.01, 20.0, (0.03, 0.5)
-WAVES, AGGRESSIVE_S, ACC_M_S2, YAW_RATE_RAD_S = 4, 60.0, 14.0, 3.5
+WAVES, AGGRESSIVE_S, ACC_M_S2, SHRINKS = 4, 60.0, 14.0, 5
 VEHICLES = ("paper_40g", "px4_quad", "arducopter_quad")
 
 
@@ -134,26 +135,47 @@ def recorded(file: Path) -> Motion:
 
 
 def aggressive(seed: int) -> Motion:
-    """Drones of every shipped vehicle thrown about: waves of up to 14 m/s² and 3.5 rad/s, attitude along the thrust."""
+    """Drones of every shipped vehicle thrown about: waves of acceleration up to 14 m/s², attitude along the thrust.
+
+    Each turns as fast as its own rate limit lets it, no faster, and yaws at up to its yaw rate.
+    """
     rng, n = np.random.default_rng([seed, 9]), 2 * len(VEHICLES)
     t_ns = 10**9 + np.arange(round(AGGRESSIVE_S * 1e9 / PERIOD_NS)) * PERIOD_NS
     t_s = 1e-9 * t_ns[:, None, None, None]
+    names = [VEHICLES[i % len(VEHICLES)] for i in range(n)]
     w = 2.0 * np.pi * rng.uniform(0.4, 1.2, (n, 3, WAVES))
     size = rng.dirichlet(np.ones(WAVES), (n, 3)) * ACC_M_S2 * np.array([1.0, 1.0, 0.4])[:, None]
-    angle = w * t_s + rng.uniform(0.0, 2.0 * np.pi, w.shape)
-    acc = (size * np.sin(angle)).sum(axis=-1)
-    pos = 5.0 * np.arange(n)[:, None] * np.array([1.0, 0.0, 0.0]) - (size / w**2 * np.sin(angle)).sum(axis=-1)
-    z = acc + np.array([0.0, 0.0, GRAVITY_M_S2])
-    z /= np.linalg.norm(z, axis=-1, keepdims=True)
-    half = np.concatenate([1.0 + z[..., 2:], np.stack([-z[..., 1], z[..., 0], 0.0 * z[..., 0]], axis=-1)], axis=-1)
+    wave = np.sin(w * t_s + rng.uniform(0.0, 2.0 * np.pi, w.shape))
+    fastest = np.array([PROFILES[name].rate_max_rad_s for name in names])
+    share = np.ones(n)
+    for _ in range(SHRINKS):
+        q = _along_thrust((share[:, None, None] * size * wave).sum(axis=-1))
+        share *= np.minimum(1.0, fastest / _rates(q).max(axis=0))
+    size *= share[:, None, None]
+    q = _along_thrust((size * wave).sum(axis=-1))
+    pos = 5.0 * np.arange(n)[:, None] * np.array([1.0, 0.0, 0.0]) - (size / w**2 * wave).sum(axis=-1)
     turn = rng.uniform(1.0, 3.0, n)
-    yaw = YAW_RATE_RAD_S / turn * np.sin(turn * t_s[..., 0, 0])
-    q = frames.multiply(frames.canonical(half), frames.from_yaw(yaw))
-    names = [VEHICLES[i % len(VEHICLES)] for i in range(n)]
+    yaw = np.array([PROFILES[name].rate_yaw_max_rad_s for name in names]) / turn * np.sin(turn * t_s[..., 0, 0])
+    q = frames.canonical(frames.multiply(q, frames.from_yaw(yaw)))
     vehicles = [{"body": f"b{i}", "sysid": i + 1, "profile": name} for i, name in enumerate(names)]
     followers = [{**vehicle, "offset_m": (0, i, 0)} for i, vehicle in enumerate(vehicles)][1:]
     lab = LabConfig.model_validate({"leader": vehicles[0], "followers": followers})
-    return Motion(lab, t_ns, pos, frames.canonical(q), np.ones(len(t_ns), np.bool_), np.ones(n, np.bool_))
+    return Motion(lab, t_ns, pos, q, np.ones(len(t_ns), np.bool_), np.ones(n, np.bool_))
+
+
+def _along_thrust(acc_lab_m_s2: Float) -> Float:
+    """Attitudes, without yaw, whose z axis is along the thrust that makes the acceleration; (..., 3) -> (..., 4)."""
+    z = acc_lab_m_s2 + np.array([0.0, 0.0, GRAVITY_M_S2])
+    z /= np.linalg.norm(z, axis=-1, keepdims=True)
+    half = np.concatenate([1.0 + z[..., 2:], np.stack([-z[..., 1], z[..., 0], 0.0 * z[..., 0]], axis=-1)], axis=-1)
+    return frames.canonical(half)
+
+
+def _rates(q: Float) -> Float:
+    """How fast the attitudes (k, n, 4) turn from one exposure to the next, rad/s."""
+    cosine = np.abs((q[1:] * q[:-1]).sum(axis=-1))
+    rates: Float = 2.0 * np.arccos(np.minimum(cosine, 1.0)) / (PERIOD_NS * 1e-9)
+    return rates
 
 
 def jobs(hours: float, scenarios: tuple[str, ...], recording: Path | None) -> list[Job]:

@@ -95,11 +95,12 @@ app.command()(doctor_cli.logs)
 
 @app.command()
 def rules() -> None:
-    """Print the phase table and the safety rules, as Markdown: the tables that the ground itself runs on."""
+    """Print phases, safety rules and the mocap gate's checks, as Markdown: the tables that ground and mocap run on."""
     from formation.safety.phases import table_markdown
-    from formation.safety.rules import rules_markdown
+    from formation.safety.rules_table import rules_markdown
+    from gcs.mocap.gate.checks import gate_markdown
 
-    print(f"{table_markdown()}\n\n{rules_markdown()}")
+    print(f"{table_markdown()}\n\n{rules_markdown()}\n\n{gate_markdown()}")
 
 
 def main() -> None:

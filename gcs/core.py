@@ -165,6 +165,7 @@ class GcsCore:
         self._pick_up(now_ns)
         frame, stack = self._take_frame(), self._stack
         stages = None if frame is None else self._control(frame, now_ns)
+        self._gatherer.compare_attitudes(frame)
         facts, phase = self._facts(now_ns), self._flight.phase
         self._rule_state, verdict = rules.assess(
             self._rule_state, facts, phase, self._config.limits, now_ns, self._rules_on

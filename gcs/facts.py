@@ -9,7 +9,9 @@ from formation.config import LabConfig
 from formation.control.stack import Stages
 from formation.maths.arrays import Float, Quats, Scalars, Vec3s
 from formation.maths.kernel import kernel
+from formation.messages import LabFrame
 from formation.safety.rules import Facts
+from gcs.drones.attitude_witness import AttitudeWitness
 from gcs.drones.checks import objections
 from gcs.drones.drone import Drone
 from gcs.drones.witness import NOWHERE
@@ -23,6 +25,18 @@ class FactGatherer:
         self._drones = drones
         self._own = np.array([drone.index for drone in drones])
         self._commanded = np.isin(np.arange(len(self._names)), self._own)
+        self._attitudes = AttitudeWitness(len(self._names))
+        self._own_mocap = config.mocap.source == "mavlink"
+
+    def compare_attitudes(self, frame: LabFrame | None) -> None:
+        """The mocap's against the drones' own, as far as they are new; drones that are their own mocap have but one."""
+        if self._own_mocap:
+            return
+        if frame is not None:
+            self._attitudes.see(frame)
+        for drone in self._drones:
+            for t_ns, q_lab_from_flu in drone.link.take_attitudes():
+                self._attitudes.hear(drone.index, t_ns, q_lab_from_flu)
 
     def gather(self, stages: Stages | None, late_share: float, now_ns: int, asked_to_arm: bool = False) -> Facts:
         """The facts now. Objections of the links are gathered only where arming is asked for."""
@@ -49,6 +63,7 @@ class FactGatherer:
             model_mismatch=model_mismatch,
             own_pos_lab_m=np.array(own_pos),
             own_tilt_rad=np.array(own_tilt),
+            attitude_miss_rad=self._attitudes.miss_rad,
             heartbeat_age_s=np.array(heartbeat_s),
             silent_s=np.array(silent_s),
             setpoint_age_s=np.array(age_s),

@@ -13,7 +13,8 @@ from google.protobuf import descriptor_pb2
 from drone_agent import stages
 from formation.config import LabConfig
 from formation.messages import RawFrame
-from formation.safety import phases, rules
+from formation.safety import phases, rules_table
+from gcs.mocap.gate.checks import gate_markdown
 from wire import clock
 from wire.config_file import parse
 from wire.schema import schema_of
@@ -26,8 +27,9 @@ README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8"
 @pytest.mark.parametrize(
     ("name", "table"),
     [
-        ("rules", rules.rules_markdown()),
+        ("rules", rules_table.rules_markdown()),
         ("phases", phases.table_markdown()),
+        ("gate", gate_markdown()),
         ("stages", stages.table_markdown()),
     ],
 )

@@ -1,6 +1,6 @@
 """Safety: who acts, when, on every fault in flight. Pure decisions on plain facts.
 
-`RULES` is the whole policy in flight: it is evaluated as one table and printed as one table (`rules_markdown`).
+`RULES` is the whole policy in flight: it is evaluated as one table and printed as one (formation.safety.rules_table).
 The ground acts by a trigger for the swarm (formation.safety.phases) and, where one drone is the trouble, by letting
 go of that drone or cutting its motors. Below all of this each drone's agent levels, holds and lands by itself when
 setpoints go stale.
@@ -28,6 +28,7 @@ class Facts(NamedTuple):
     For a body that is only observed the link's fields hold their healthy values. `battery` is 0..1, NaN where unknown.
     late_share: the part of the last second's frames that came late or were missed, 0..1.
     own_pos_lab_m, own_tilt_rad: what the drone's own estimator says, the second witness; NaN where it says nothing.
+    attitude_miss_rad: how far the mocap's attitude is from the drone's own (gcs.drones.attitude_witness).
     silent_s: since anything at all was heard of it; setpoint_age_s: of what reaches it, camera to drone, NaN: unknown.
     """
 
@@ -41,6 +42,7 @@ class Facts(NamedTuple):
     model_mismatch: Scalars
     own_pos_lab_m: Vec3s
     own_tilt_rad: Scalars
+    attitude_miss_rad: Scalars
     heartbeat_age_s: Scalars
     silent_s: Scalars
     setpoint_age_s: Scalars
@@ -78,6 +80,7 @@ class Measure(IntEnum):
     OUTSIDE_TOO_M = 12  # as mocap and the drone's own estimator agree: the smaller of both
     TILT_TOO_RAD = 13
     SETPOINT_AGE_S = 14
+    ATTITUDE_MISS_RAD = 15
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +123,7 @@ FAR_OUTSIDE_M = 0.5
 BATTERY_LOW, BATTERY_EMPTY = 0.2, 0.1
 UPSET_RAD = 1.3
 ASTRAY_M = 1.0
+ATTITUDE_MISS_RAD = 0.05
 
 
 def outside_fence_m(facts: Facts, limits: LimitsConfig, known: Flags) -> Scalars:
@@ -180,6 +184,8 @@ RULES: tuple[Rule, ...] = (
          Measure.DISCHARGE, -BATTERY_EMPTY, 1.0, MOTORS_ON, Trigger.LAND),
     Rule("rule-model-mismatch", "model mismatch",
          Measure.MODEL_MISMATCH, MISMATCH_BAD, 1.0, AIRBORNE),
+    Rule("rule-attitude-miss", "its attitude is not the mocap's: late poses?",
+         Measure.ATTITUDE_MISS_RAD, ATTITUDE_MISS_RAD, 0.1, AIRBORNE, Trigger.LAND, Own.RELEASE),
     Rule("rule-frames-late", "a fifth of the frames late",
          Measure.LATE_SHARE, 0.2, 0.5, MOTORS_ON, of_swarm=True),
     Rule("rule-frames-lost", "seven tenths of the frames late",
@@ -282,6 +288,7 @@ def _measured(facts: Facts, limits: LimitsConfig) -> Float:
         Measure.OUTSIDE_TOO_M: _agreed(facts, outside_m, _own_outside_m(facts, limits)),
         Measure.TILT_TOO_RAD: _agreed(facts, facts.tilt_rad, facts.own_tilt_rad),
         Measure.SETPOINT_AGE_S: facts.setpoint_age_s,
+        Measure.ATTITUDE_MISS_RAD: facts.attitude_miss_rad,
     }
     return np.array([rows[measure] for measure in Measure])
 
@@ -332,19 +339,3 @@ def _changes(acting: NDArray[np.bool_], acted: NDArray[np.bool_], facts: Facts) 
         FaultChange(int(i), RULES[r], bool(acting[r, i]), RULES[r].text(facts.names[i]))
         for r, i in np.argwhere(acting != acted)
     )
-
-
-def rules_markdown() -> str:
-    """The policy as the documentation shows it: a row a fault."""
-    text = "| name | fault | after, s | in phases | the swarm | that drone |\n|---|---|---|---|---|---|"
-    for r in RULES:
-        text += f"\n| `{r.name}` | {r.fault} | {r.persist_s:g} | {_phases(r)} | {_swarm(r)} | {r.own} |"
-    return text
-
-
-def _phases(rule: Rule) -> str:
-    return "any" if rule.phases == frozenset(Phase) else ", ".join(p.name for p in Phase if p in rule.phases)
-
-
-def _swarm(rule: Rule) -> str:
-    return "warning only" if rule.swarm is None else f"{rule.swarm}"

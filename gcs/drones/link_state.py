@@ -48,6 +48,7 @@ RESTART_NS = 2_500_000_000  # without a heartbeat: it may have started anew and 
 ORIGIN_NS = 1_000_000_000
 WORDS_A_SECOND = 20
 ANSWERS = 2
+ATTITUDES = 8
 OTHER_GROUND_S = 3.0
 AGE_FRESH_NS = 1_000_000_000
 
@@ -95,6 +96,7 @@ class DroneLink:
         self._refusals = Refusals()
         self._second_ns, self._words = NEVER_NS, 0
         self._answers: deque[LinkMessage] = deque(maxlen=ANSWERS)
+        self._attitudes: deque[tuple[int, Quat]] = deque(maxlen=ATTITUDES)
         self._misaddressed = 0
 
     @property
@@ -183,6 +185,12 @@ class DroneLink:
         self._overhear(self.codec.overheard, now_ns)
         self.codec.overheard = None
 
+    def take_attitudes(self) -> tuple[tuple[int, Quat], ...]:
+        """What it has said of its own attitude since the last call: times, ns, on our clock, and q_lab_from_flu."""
+        taken = tuple(self._attitudes)
+        self._attitudes.clear()
+        return taken
+
     def due(self, now_ns: int) -> list[LinkMessage]:
         """Answers, time sync, commands and parameter requests to send now."""
         messages = list(self._answers)
@@ -241,6 +249,9 @@ class DroneLink:
                 self.parameters.receive(message)
             case AttitudeQuaternion():
                 self.witness.hear_attitude(message.q_lab_from_flu, now_ns)
+                t_ns = self.clock.clock.to_ours_ns(message.t_boot_ms * 1_000_000)
+                if t_ns is not None:
+                    self._attitudes.append((t_ns, message.q_lab_from_flu))
             case LocalPosition():
                 self.witness.hear_position(message.pos_lab_m, now_ns)
             case ExtendedSysState():

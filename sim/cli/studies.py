@@ -1,4 +1,4 @@
-"""The command lines of the studies of `gcs-sim`: `paper`, `robustness`, `tune`, `bench`."""
+"""The command lines of the studies of `gcs-sim`: `paper`, `robustness`, `gate`, `tune`, `bench`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -13,6 +13,7 @@ def register(app: typer.Typer) -> None:
     """Add the commands."""
     app.command("paper")(compare)
     app.command("robustness")(robust)
+    app.command("gate")(gate)
     app.command("tune")(tune_vehicle)
     app.command("bench")(bench)
 
@@ -46,6 +47,22 @@ def robust(
     from sim.cli import study_commands as studies
 
     studies.run_robustness(samples, first, only, profile, preset, as_json, out)
+
+
+def gate(
+    hours: Annotated[float, typer.Option(min=0.001, help="Hours of flight, over all sources together.")] = 10.0,
+    leader_csv: Annotated[
+        Path | None, typer.Option(help="A recorded leader to replay as well (ASL/EuRoC CSV).")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")] = False,
+) -> None:
+    """Count the mocap gate's false rejections: every shipped scenario, and aggressive motion, under ever new noise.
+
+    Exit code 1 if there was any.
+    """
+    from sim.cli import study_commands as studies
+
+    studies.run_gate(hours, leader_csv, as_json)
 
 
 def tune_vehicle(

@@ -1,4 +1,4 @@
-"""What `gcs-sim paper`, `robustness` and `tune` do: many lockstep flights, a table, files for scripts."""
+"""What `gcs-sim paper`, `robustness`, `gate` and `tune` do: many lockstep flights, a table, files for scripts."""
 
 import json
 from dataclasses import asdict
@@ -18,7 +18,8 @@ from sim.cli.bench_tables import bench_tables
 from sim.cli.conclude import conclude
 from sim.cli.flights import compile_for
 from sim.scenario import load as load_scenario
-from sim.studies import bench, paper, paper_page, performance_bound, robustness
+from sim.shipped import shipped
+from sim.studies import bench, false_rejections, paper, paper_page, performance_bound, robustness
 from sim.studies.experiments import SCENARIOS, Experiment
 from sim.studies.robustness import Draw, Sample
 from sim.studies.runner import Runner
@@ -64,6 +65,25 @@ def run_robustness(
     console.print(f"{len(flown)} flights, {failures} failed", highlight=False)
     console.print(f"RMS on line and circle: median {median_mm:.2f} mm, 95 % under {high_mm:.2f} mm", highlight=False)
     if failures:
+        raise typer.Exit(FAILED)
+
+
+def run_gate(hours: float, recording: Path | None, as_json: bool) -> None:
+    """Right poses that the mocap's gate rejects."""
+    console = Console(stderr=as_json, markup=False)
+    scenarios = tuple(name for name in shipped() if not load_scenario(name).needs_leader_file)
+    jobs = false_rejections.jobs(hours, scenarios, recording)
+    judged = Runner(console).run("sources", false_rejections.judge, jobs)
+    totals = false_rejections.totals(judged)
+    for one in judged:
+        console.print(f"{one.seconds / 3600.0:6.2f} h {one.poses:10d} poses  {one.source}", highlight=False)
+        for text in one.rejected:
+            console.print(text, style="red", highlight=False)
+    if as_json:
+        print(json.dumps({"totals": totals, "sources": [asdict(one) for one in judged]}, indent=2))
+    hours = totals["seconds"] / 3600.0
+    console.print(f"{hours:.1f} h, {totals['poses']} poses, {totals['rejected']} rejected falsely", highlight=False)
+    if totals["rejected"]:
         raise typer.Exit(FAILED)
 
 

@@ -19,6 +19,7 @@ def healthy(**changes) -> Facts:
         age_s=np.full(3, 0.008),
         error_m=np.zeros(3),
         model_mismatch=np.zeros(3),
+        attitude_miss_rad=np.zeros(3),
         own_pos_lab_m=np.full((3, 3), np.nan),
         own_tilt_rad=np.full(3, np.nan),
         heartbeat_age_s=np.full(3, 0.5),

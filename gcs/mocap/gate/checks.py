@@ -20,7 +20,7 @@ class Check:
     recovers: str
 
 
-_LASTING = f"{RECOVERY_FRAMES} frames within reach; while armed, never on the path that began with it"
+_LASTING = f"{RECOVERY_FRAMES} frames of another path, within reach"
 
 CHECKS = (
     Check(
@@ -30,15 +30,14 @@ CHECKS = (
     ),
     Check(
         "gate-jump", Rejection.JUMP,
-        "4 cm and what full thrust and gravity can do since it was last believed "
-        f"({100 * OBSERVED.step_m:g} cm and {OBSERVED.acc_m_s2:g} m/s² for a body that is only observed); "
-        f"{FASTEST_M_S:g} m/s",
+        "a step beyond 4 cm and what full thrust and gravity can do since it was last believed "
+        f"(only observed: {100 * OBSERVED.step_m:g} cm and {OBSERVED.acc_m_s2:g} m/s²), or beyond {FASTEST_M_S:g} m/s",
         "1 frame", _LASTING,
     ),
     Check(
         "gate-flip", Rejection.FLIP,
-        "0.2 rad and thrice the vehicle's rate about x and y "
-        f"({OBSERVED.turn_step_rad:g} rad and {OBSERVED.turn_rad_s:g} rad/s observed)",
+        "a turn about x and y beyond 0.2 rad and thrice the vehicle's rate "
+        f"(only observed: {OBSERVED.turn_step_rad:g} rad and {OBSERVED.turn_rad_s:g} rad/s)",
         "1 frame", _LASTING,
     ),
     Check(
@@ -48,8 +47,8 @@ CHECKS = (
     ),
     Check(
         "gate-yaw-rate", Rejection.YAW_RATE,
-        "0.1 rad and twice the vehicle's yaw rate "
-        f"({OBSERVED.yaw_step_rad:g} rad and {OBSERVED.yaw_rad_s:g} rad/s observed)",
+        "a turn about z beyond 0.1 rad and twice the vehicle's yaw rate "
+        f"(only observed: {OBSERVED.yaw_step_rad:g} rad and {OBSERVED.yaw_rad_s:g} rad/s)",
         "1 frame", _LASTING,
     ),
     Check(
@@ -80,7 +79,7 @@ def watched(without: Iterable[str]) -> frozenset[Rejection]:
 def gate_markdown() -> str:
     """The checks as the documentation shows them: a row a check."""
     rows = (f"| `{c.name}` | {c.rejects} | {c.detected} | {c.recovers} |" for c in CHECKS)
-    return "\n".join(("| check | rejects what exceeds | after | believed again after |", "|---|---|---|---|", *rows))
+    return "\n".join(("| check | rejects | after | believed again after |", "|---|---|---|---|", *rows))
 
 
 def name_of(reason: Rejection) -> str:

@@ -239,6 +239,9 @@ def weigh(m: Memory, bounds: Bounds, t_ns: int, pos: Float, q: Float, reason: in
 def contradicted(m: Memory, bounds: Bounds, q: Float) -> bool:
     """Whether the attitude would have a flying drone's rotors push downwards for too long; they only pull upwards."""
     path = m.believed
+    if path.frames < KNOWN_FRAMES:  # its velocity begins anew
+        for axis in range(3):
+            m.slow_vel_lab_m_s[axis] = path.vel_lab_m_s[axis]
     share = path.period_s / (path.period_s + UPSET_LAG_S)
     x, y, z = thrust_axis(q)
     along = GRAVITY_M_S2 * z

@@ -66,6 +66,13 @@ LIMIT_OF = [
     ("battery under 20 %", level("battery", 0.21, 0.19, 1.0), 1.0, Phase.ARMED, None),
     ("battery under 10 %", level("battery", 0.11, 0.09, 1.0), 1.0, Phase.ARMED, Trigger.LAND),
     ("model mismatch", level("model_mismatch", 0.54, 0.56), 1.0, Phase.LAND, None),
+    (
+        "its attitude is not the mocap's: late poses?",
+        level("attitude_miss_rad", 0.049, 0.051),
+        0.1,
+        Phase.LAND,
+        Trigger.LAND,
+    ),
     ("a fifth of the frames late", ({"late_share": 0.19}, {"late_share": 0.21}), 0.5, Phase.ARMED, None),
     ("seven tenths of the frames late", ({"late_share": 0.69}, {"late_share": 0.71}), 2.0, Phase.ARMED, Trigger.LAND),
     ("its sysid is used twice on the network", flag("duplicate", False), 0.0, Phase.GROUND, None),

@@ -12,9 +12,9 @@ from formation.safety.rules import (
     RuleState,
     Verdict,
     assess,
-    rules_markdown,
     start,
 )
+from formation.safety.rules_table import rules_markdown
 
 
 def _after(facts: Facts, phase: Phase, lasting_s: float) -> Verdict:

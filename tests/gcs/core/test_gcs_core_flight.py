@@ -2,12 +2,14 @@
 
 import itertools
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from gcs_fakes import MS, T0_NS, FakeLab, triangle
 
 from formation.messages import LabFrame, Phase, Verb
+from formation.rejection import Rejection
 from wire.link_messages.address import Address
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.commands import CommandLong
@@ -171,6 +173,18 @@ def test_status_is_strict_json_from_the_first_moment_on(lab):
     told = strict(lab.core.status(lab.now_ns))
     assert told["refusals"] == []
     assert [d["sysid"] for d in told["drones"]] == [1, 2, 3]
+
+
+def test_status_says_of_whom_the_mocap_rejects_the_pose_and_why(lab):
+    lab.run(0.5)
+    lab.seq, lab.now_ns = lab.seq + 1, lab.now_ns + 10 * MS
+    codes = np.array([0, Rejection.JUMP, 0], np.uint8)
+    lab.core.receive(replace(lab.frame(), seen=codes == 0, rejected=codes), lab.now_ns)
+    told = json.loads(lab.core.status(lab.now_ns))
+    assert told["rejected"] == {"left": "jumped farther than it can move"}
+    assert [drone["rejected"] for drone in told["drones"]] == [None, "jumped farther than it can move", None]
+    lab.step()
+    assert json.loads(lab.core.status(lab.now_ns))["rejected"] == {}
 
 
 @pytest.mark.parametrize(

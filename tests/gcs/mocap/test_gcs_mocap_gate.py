@@ -124,6 +124,22 @@ def test_a_drone_that_was_hidden_for_half_a_second_is_believed_where_it_comes_ba
     assert all(r.seen("left"))
 
 
+def test_a_drone_that_turned_back_while_it_was_hidden_is_believed_from_its_first_frame_on():
+    """It rose at 2 m/s, lost thrust for half a second, and sinks at 2 m/s: no leap that its attitude contradicts."""
+
+    def thrown(t_s):
+        rising_s, falling_s = min(max(t_s - 2.2, 0.0), 0.3), min(max(t_s - 2.5, 0.0), 0.5)
+        height_m = 2.0 * (rising_s + falling_s) - 4.0 * falling_s**2 - 2.0 * max(t_s - 3.0, 0.0)
+        return PLACES + np.array([0.0, 0.0, height_m])
+
+    r = Room(motion=thrown)
+    r.fly(30)
+    r.fly(50, seen=(True, False, True))
+    r.fly(30)
+    assert all(r.seen("left")[:30])
+    assert all(r.seen("left")[80:])
+
+
 def test_a_ghost_seen_first_after_a_gap_does_not_hide_the_body_for_good():
     r = flying(UPRIGHT)
     r.fly(50, seen=(True, False, True))

@@ -86,7 +86,9 @@ CONTROLS: Mapping[str, Control] = MappingProxyType(
         "gate-swap": Control(
             _pose(Family.SWAP, (0.8, 1.2), body="leader", other="f2"), ("gate-jump", "gate-flip", "pose-rejected")
         ),
-        "gate-stamp": Control(_pose(Family.STAMP_OFFSET, (8.0, 9.0), (-0.25, -0.18)), (*LATE, "pose-rejected")),
+        "gate-stamp": Control(
+            _pose(Family.STAMP_OFFSET, (8.0, 9.0), (-0.5, -0.42)), (*LATE, "pose-rejected", "rule-unseen", "rule-lost")
+        ),
         "stale-setpoint": Control(_late, LATE),
         "old-setpoint": Control(_replayed, LATE),
         "stream-stale": Control(_ground_killed),

@@ -20,6 +20,8 @@ from sim.monitors import Without
 Draw = Callable[[np.random.Generator], tuple[Fault, ...]]
 ENOUGH = 0.95
 """The share of a monitor's runs that must fail without it."""
+LATE = ("stale-setpoint", "rule-setpoints-late", "rule-setpoints-stale")
+"""Who acts on setpoints that reach a drone late."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,9 +86,11 @@ CONTROLS: Mapping[str, Control] = MappingProxyType(
         "gate-swap": Control(
             _pose(Family.SWAP, (0.8, 1.2), body="leader", other="f2"), ("gate-jump", "gate-flip", "pose-rejected")
         ),
-        "gate-stamp": Control(_pose(Family.STAMP_OFFSET, (8.0, 9.0), (-0.25, -0.18)), ("stale-setpoint",)),
-        "stale-setpoint": Control(_late, ("rule-setpoints-late", "rule-setpoints-stale")),
-        "old-setpoint": Control(_replayed, ("stale-setpoint",)),
+        "gate-stamp": Control(
+            _pose(Family.STAMP_OFFSET, (8.0, 9.0), (-0.5, -0.42)), (*LATE, "pose-rejected", "rule-unseen", "rule-lost")
+        ),
+        "stale-setpoint": Control(_late, LATE),
+        "old-setpoint": Control(_replayed, LATE),
         "stream-stale": Control(_ground_killed),
         "own-land": Control(_ground_killed, ("stream-stale",), autopilot="ardupilot"),
         "arm-in-air": Control(_second_ground, ("arm-other-ground", "foreign-setpoint"), kind="hold"),

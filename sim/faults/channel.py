@@ -12,6 +12,8 @@ from sim.faults.queue import DueQueue
 from wire.transport.memory_bus import DelayModel
 
 OVERTAKEN_NS = 30_000_000
+AGAIN_NS = 5_000_000
+"""What is said again comes so much after what is new: it would else be made good at once."""
 REMEMBERED_NS = 3_000_000_000
 """So long ago lies what can be said again."""
 
@@ -51,7 +53,7 @@ class Channel:
             return
         for fault, _ in faults:
             if fault.family is Family.REPLAY and (old := self._said_before(now_ns - round(fault.severity * 1e9))):
-                self._queue.push(now_ns + (delay_ns or 0), old)
+                self._queue.push(now_ns + (delay_ns or 0) + AGAIN_NS, old)
         held_ns, again = 0, False
         for fault, onset_ns in faults:
             luck, tail = self._rng.random(), self._rng.standard_exponential()

@@ -1,0 +1,84 @@
+"""What a campaign draws, how it flies and counts it, and that it fails where a monitor is switched off."""
+
+import pytest
+
+from sim.campaign import controls
+from sim.campaign.campaign import summarise
+from sim.campaign.draw import FAMILIES_DRAWN, GROUP, RANGES, faults_of, flight_of, run_of
+from sim.campaign.flight import fly
+from sim.campaign.group import Flown, Run, fly_group
+from sim.campaign.labs import scenario
+from sim.campaign.oracle import Verdict, Violation
+from sim.campaign.shrink import _smaller
+from sim.faults.fault import Family, Fault
+from sim.monitors import NAMES, Without
+from sim.scenario import Scenario
+
+
+def test_a_run_is_decided_by_seed_and_number_and_is_a_scenario_that_can_be_written() -> None:
+    for number in range(60):
+        run = run_of(7, number)
+        assert run == run_of(7, number)
+        assert 1 <= len(run.faults) <= 2
+        assert Scenario.model_validate(run.model_dump()) == run
+    assert run_of(7, 3).faults != run_of(8, 3).faults
+
+
+def test_every_family_is_drawn_and_every_kind_of_flight() -> None:
+    assert set(FAMILIES_DRAWN) == set(Family)
+    assert set(RANGES) == set(Family)
+    flights = [flight_of(1, group) for group in range(80)]
+    numbers = [(i * GROUP + n, flight) for i, flight in enumerate(flights) for n in range(GROUP)]
+    drawn = {fault.family for number, flight in numbers for fault in faults_of(1, number, flight)}
+    assert drawn == set(Family)
+    vehicles = [vehicle for flight in flights for vehicle in flight.vehicles]
+    assert {vehicle.autopilot for vehicle in vehicles} == {"px4", "ardupilot"}
+    assert {vehicle.bridged for vehicle in vehicles} == {True, False}
+    assert {len(flight.lab.followers) for flight in flights} >= {2, 3, 4, 5, 6, 8, 10}
+    assert any(flight.lab.leader.sysid is None for flight in flights)
+
+
+def test_shrinking_drops_a_fault_then_halves_lengths_then_severities() -> None:
+    faults = (Fault(family=Family.JUMP, body="f2", for_s=1.0, severity=2.0), Fault(family=Family.KILL, core="ground"))
+    tried = list(_smaller(faults))
+    assert tried[:2] == [faults[1:], faults[:1]]
+    assert [(f[0].for_s, f[0].severity) for f in tried[2:]] == [(0.5, 2.0), (1.0, 1.0)]
+
+
+def test_forked_flights_are_the_flights() -> None:
+    flight = scenario("hold")
+    faults = (
+        Fault(family=Family.DROP, severity=0.3, after_s=0.5, for_s=1.0),
+        Fault(family=Family.NOISE, severity=0.005, body="f2", after_s=0.5, for_s=1.0),
+    )
+    forked = fly_group(flight, {1: faults}).runs[0]
+    whole = fly(flight.model_copy(update={"faults": faults}), flight.seed)
+    assert (forked.verdict, forked.duration_s) == (whole.verdict, whole.duration_s)
+
+
+def test_a_summary_counts_what_failed_and_says_how_to_fly_it_again() -> None:
+    bad = Verdict((Violation("fence", 3.0, "f2 0.70 m outside"), Violation("separation", 4.0, "near")), 2.0, 0.1, 1.0)
+    good = Verdict((), 2.0, None, 0.0)
+    kill = (Fault(family=Family.KILL, core="ground"),)
+    result = summarise(5, [Flown((Run(0, kill, good, 10.0), Run(1, kill, bad, 20.0)), 15.0, 2.0)])
+    assert (result.runs, len(result.failures)) == (2, 1)
+    assert (result.separation_violations, result.fence_violations) == (1, 1)
+    assert result.failures[0].again == "gcs-sim campaign --replay 5:1"
+    assert '"virtual_s_per_s_per_core": 15.0' in result.to_json({})
+    assert '"seed": "5:1"' in result.to_json({})
+
+
+def test_monitors_go_to_the_cores_that_have_them_and_others_are_refused() -> None:
+    without = Without(frozenset({"gate-jump", "stream-stale", "arm-in-air"}))
+    assert (without.mocap, without.agent, without.ground) == ({"gate-jump"}, {"stream-stale"}, {"arm-in-air"})
+    with pytest.raises(ValueError, match="no monitor 'nothing'"):
+        Without(frozenset({"nothing"}))
+
+
+def test_every_control_is_of_monitors_that_there_are() -> None:
+    for name, control in controls.CONTROLS.items():
+        assert {name, *control.behind} <= set(NAMES)
+
+
+def test_without_the_stale_limit_a_ground_that_is_killed_is_followed_too_long() -> None:
+    assert controls.fly_control(controls.ControlJob("stream-stale", 1))

@@ -19,7 +19,7 @@ from formation.maths.kernel import kernel
 from formation.maths.records import Rows, blank, like
 from formation.vehicle.response import SECONDS
 
-JOLT_M_S2 = 40.0  # of a slot: beyond what any vehicle does, far beyond what noise makes of an estimate
+JOLT_M_S2 = 150.0  # of a slot: beyond what noise and small turns of a real recording make of an estimate
 SAME_M, SAME_M_S = 0.01, 0.1  # of a slot: so near the estimate it is the estimate again
 STEP_MAX_S = 0.1
 

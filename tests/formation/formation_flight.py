@@ -62,11 +62,12 @@ def fly(
     room: Room = Room(),
     truth: tuple[VehicleProfile, ...] | None = None,
     seed: int = 1,
+    without: frozenset[str] = frozenset(),
 ) -> list[Sample]:
     """Every vehicle commanded; one sample a frame."""
     believed = tuple(profile(v.profile) for v in config.vehicles)
     bodies = truth or believed
-    stack = ControlStack(config, believed)
+    stack = ControlStack(config, believed, without=without)
     hover = np.array([b.hover_thrust_norm for b in believed])
     rng, order = np.random.default_rng(seed), count()
     states = list(starts)

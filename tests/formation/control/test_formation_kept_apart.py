@@ -117,3 +117,39 @@ def test_one_stops_short_of_where_another_was_lost() -> None:
     """The separation, and the 0.3 m within which the lost one comes to rest."""
     assert past_one_that_is_lost() > 0.49
     assert past_one_that_is_lost(frozenset({"keep-out"})) < 0.4
+
+
+def behind_a_leader_that_seems(turned_rad: float, moved_m: float, lasting_s: float) -> tuple[Track, Float]:
+    """Two in their slots; the leader, at rest, is seen turned and elsewhere for a time. Their true ways from there."""
+    slots = ((-0.6, 0.4, 0.0), (-0.6, -0.4, 0.0))
+    config = LabConfig(
+        leader=LeaderConfig(body="L"),
+        followers=tuple(FollowerConfig(body=f"F{k}", sysid=2 + k, offset_m=slot) for k, slot in enumerate(slots)),
+        limits=LimitsConfig(fence=WIDE),
+    )
+    plan = Plan((Setpoint(Mode.FORMATION),) * 2, configured(config))
+    leader = np.array([0.0, 0.0, 1.0])
+
+    def wrong(t_s: float, pos: Float, q: Float) -> tuple[Float, Float, Float]:
+        if 0.5 <= t_s < 0.5 + lasting_s - 1e-9:
+            turn = np.array([np.cos(turned_rad / 2.0), 0.0, 0.0, np.sin(turned_rad / 2.0)])
+            pos, q = pos + np.array([[moved_m, 0.0, 0.0], [0.0] * 3, [0.0] * 3]), np.vstack([turn, q[1:]])
+        return pos, q, np.ones(3, dtype=np.bool_)
+
+    starts = np.vstack([leader, leader + slots])
+    track = fly_points(config, lambda t: plan, starts, 2.5, lambda t: leader, wrong)
+    return track, np.linalg.norm(track.pos[:, 1:] - starts[1:], axis=-1)
+
+
+@pytest.mark.parametrize(
+    ("turned_rad", "moved_m", "lasting_s", "astray_m"), [(np.pi, 0.0, 0.2, 0.15), (0.0, 1.0, 0.6, 0.45)]
+)
+def test_a_leader_seen_wrong_leads_nobody_away(
+    turned_rad: float, moved_m: float, lasting_s: float, astray_m: float
+) -> None:
+    """They were led at 5 m/s out of the room; what is asked of them is now 0.5 m/s, while it lasts."""
+    track, away_m = behind_a_leader_that_seems(turned_rad, moved_m, lasting_s)
+    assert away_m.max() < astray_m
+    assert away_m[-1].max() < 0.05
+    assert track.speeds()[:, 1:].max() < 1.0
+    assert track.apart().min() > 0.4

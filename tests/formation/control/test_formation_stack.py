@@ -138,7 +138,7 @@ def test_a_batch_is_the_same_as_one_at_a_time(seed: int) -> None:
     poses = []
     for _ in range(25):
         place = place + 0.002 * rng.standard_normal((4, 3))
-        poses.append((place, frames.from_rotation_vector(0.05 * rng.standard_normal((4, 3)))))
+        poses.append((place, frames.from_rotation_vector(0.01 * rng.standard_normal((4, 3)))))
     plan = Plan((Setpoint(Mode.FORMATION),) * 3, configured(whole))
     together = run(whole, poses, plan)[-1].target
     for k, offset in enumerate(offsets):

@@ -1,31 +1,12 @@
-"""What a body can do: how far it can have come, and how far turned, since it was last believed."""
-
-from dataclasses import dataclass
+"""What each of a lab's bodies can do, as far as is known."""
 
 from formation.config import LabConfig
 from formation.maths.records import Rows, rows
 from formation.vehicle.body import GRAVITY_M_S2
+from formation.vehicle.path import Bounds
 from formation.vehicle.profile import VehicleProfile
 
 FASTEST_M_S = 15.0
-
-
-@dataclass(slots=True)
-class Bounds:
-    """One body's; a record. What a step may be: each `step` for noise and glitches, and what grows with the time.
-
-    acc_m_s2: the most its velocity can change by; turn and yaw: about the body's x and y axes, and about its z.
-    commanded: whether it is a drone of ours, whose thrust is along its z axis.
-    """
-
-    step_m: float
-    acc_m_s2: float
-    speed_m_s: float
-    turn_step_rad: float
-    turn_rad_s: float
-    yaw_step_rad: float
-    yaw_rad_s: float
-    commanded: bool
 
 
 OBSERVED = Bounds(0.05, 50.0, FASTEST_M_S, 0.25, 20.0, 0.15, 10.0, False)

@@ -25,7 +25,8 @@ _LASTING = f"{RECOVERY_FRAMES} frames of another path, within reach"
 CHECKS = (
     Check(
         "gate-freeze", Rejection.FREEZE,
-        "a pose that stays the same to the last bit, of a body whose pose varied while it stood, or that flies",
+        "a pose that stays the same to the last bit, of a body whose pose varied while it stood, or that flies; "
+        "the first such frame already counts as not seen",
         f"{FROZEN_FRAMES} frames", f"{RECOVERY_FRAMES} frames that differ",
     ),
     Check(

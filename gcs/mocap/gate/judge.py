@@ -12,9 +12,9 @@ from formation.maths.quaternion import multiply_into, thrust_axis
 from formation.maths.records import Rows
 from formation.rejection import Rejection
 from formation.vehicle.body import GRAVITY_M_S2
-from gcs.mocap.gate.bounds import Bounds
-from gcs.mocap.gate.path import (
+from formation.vehicle.path import (
     SECONDS,
+    Bounds,
     Path,
     begin,
     copy_into,
@@ -103,13 +103,15 @@ def judge(frame: Frame, given: Given, memory: Rows[Memory]) -> int:
     for i in range(n):
         if frame.seen[i]:
             m, pos, q = memory[i], frame.pos_lab_m[i], frame.q_lab_from_flu[i]
-            if is_frozen(m, given.armed[i]) and given.watched[FREEZE]:
-                m.code, m.other.frames = FREEZE, 0
-            else:
-                reason = reasons[i]
-                if reason > 0 and not given.watched[reason]:
-                    m.believed.frames, m.code, reason = 0, 0, 0
-                weigh(m, given.bounds[i], frame.t_ns, pos, q, reason, given.armed[i])
+            if is_repeated(m, given.armed[i]) and given.watched[FREEZE]:
+                if m.same >= FROZEN_FRAMES:
+                    m.code, m.other.frames = FREEZE, 0
+                frame.rejected[i], frame.seen[i] = m.code, False
+                continue
+            reason = reasons[i]
+            if reason > 0 and not given.watched[reason]:
+                m.believed.frames, m.code, reason = 0, 0, 0
+            weigh(m, given.bounds[i], frame.t_ns, pos, q, reason, given.armed[i])
             code = m.code
             if code == 0 and given.watched[FLIP] and given.armed[i] and contradicted(m, given.bounds[i], q):
                 code = FLIP
@@ -144,10 +146,13 @@ def watch_bits(m: Memory, pos: Float, q: Float, armed: bool) -> None:
 
 
 @kernel
-def is_frozen(m: Memory, armed: bool) -> bool:
-    """Whether it shows the same bits for too long. A camera without noise shows them of all that stands, too."""
+def is_repeated(m: Memory, armed: bool) -> bool:
+    """Whether it shows the last pose again, to the last bit, which says nothing new of a body whose pose varies.
+
+    A camera without noise repeats the pose of all that stands, too.
+    """
     flies = armed and m.believed.pos_lab_m[2] - m.floor_m > OFF_FLOOR_M
-    return m.same >= FROZEN_FRAMES and (m.noisy or flies)
+    return m.same > 1 and (m.noisy or flies)
 
 
 @kernel
@@ -214,7 +219,7 @@ def weigh(m: Memory, bounds: Bounds, t_ns: int, pos: Float, q: Float, reason: in
     if m.code == 0 and reason == 0:
         if believed.frames == 0:
             begin(believed, t_ns, pos, q)
-        elif m.same == 1 or not m.noisy:  # what may turn out to be frozen moves nothing
+        else:
             extend(believed, t_ns, pos, q)
         if not armed:
             m.floor_m = pos[2]

@@ -2,6 +2,7 @@
 
 import gc
 import importlib.util
+import re
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -10,6 +11,7 @@ import pytest
 
 from formation.maths.kernel import compiling
 
+ROOT = Path(__file__).resolve().parents[3]
 SOURCE = """
 from formation.maths.kernel import kernel
 
@@ -45,3 +47,13 @@ def test_each_kernel_that_is_compiled_is_told_of_once_and_none_that_is_cached(tm
         assert [name for name, _, _ in told] == expected
         assert [count for _, count, _ in told] == list(range(1, len(expected) + 1))
         assert all(total >= 2 for _, _, total in told)
+
+
+def test_kernels_outside_formation_call_those_of_their_own_file_or_of_formation():
+    """Else numba would answer an edit of the one by yesterday's code of the other: see formation.maths.kernel."""
+    files = [f for package in ("wire", "gcs", "drone_agent", "sim", "analysis") for f in (ROOT / package).rglob("*.py")]
+    texts = {".".join(f.relative_to(ROOT).with_suffix("").parts): f.read_text(encoding="utf-8") for f in files}
+    with_kernels = {name for name, text in texts.items() if "@kernel" in text}
+    assert with_kernels
+    for name in with_kernels:
+        assert with_kernels.isdisjoint(re.findall(r"^from (\S+) import", texts[name], re.MULTILINE)), name

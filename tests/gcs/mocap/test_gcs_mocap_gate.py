@@ -17,7 +17,7 @@ def flying(room) -> Room:
 
 
 @ROOMS
-def test_a_frozen_body_is_rejected_in_the_fifth_frame_and_believed_after_three_that_differ(room):
+def test_a_frozen_body_is_unseen_at_once_rejected_in_the_fifth_frame_and_believed_after_three_that_differ(room):
     r, held = flying(room), {}
 
     def freeze(k, pos, q):
@@ -25,7 +25,7 @@ def test_a_frozen_body_is_rejected_in_the_fifth_frame_and_believed_after_three_t
 
     r.fly(50, freeze)
     assert r.codes("left") == [Rejection.NONE] * 4 + [Rejection.FREEZE] * 46
-    assert r.seen("left") == [True] * 4 + [False] * 46
+    assert r.seen("left") == [True] + [False] * 49
     assert all(r.seen("right"))
     r.shown.clear()
     r.fly(10)
@@ -37,6 +37,19 @@ def test_a_frozen_body_is_rejected_in_the_fifth_frame_and_believed_after_three_t
     ]
 
 
+def test_cameras_that_send_each_pose_twice_are_seen_every_other_time_and_not_rejected():
+    r, held = flying(UPRIGHT), {}
+
+    def twice(k, pos, q):
+        if k % 2:
+            pos[:], q[:] = held["p"], held["q"]
+        held["p"], held["q"] = pos.copy(), q.copy()
+
+    r.fly(20, twice)
+    assert r.seen("left") == [True, False] * 10
+    assert not any(frame.rejected.any() for frame in r.shown)
+
+
 def test_all_bodies_frozen_at_once_in_the_air_are_rejected():
     r, held = flying(UPRIGHT), {}
 
@@ -44,7 +57,8 @@ def test_all_bodies_frozen_at_once_in_the_air_are_rejected():
         pos[:], q[:] = held.setdefault("p", pos.copy()), held.setdefault("q", q.copy())
 
     r.fly(6, freeze)
-    assert [frame.seen.any() for frame in r.shown] == [True] * 4 + [False] * 2
+    assert [frame.seen.any() for frame in r.shown] == [True] + [False] * 5
+    assert (r.shown[-1].rejected == Rejection.FREEZE).all()
 
 
 def test_a_body_frozen_as_it_takes_off_is_rejected():

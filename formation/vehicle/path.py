@@ -1,4 +1,7 @@
-"""Whether a pose follows from the poses before it: a body's path as far as it was seen, and what it can do."""
+"""Whether a pose follows from the poses before it: a body's path as far as it was seen, and what it can do.
+
+A body can have come, and turned, only so far since it was last believed.
+"""
 
 from dataclasses import dataclass
 from math import atan2, sqrt
@@ -6,7 +9,6 @@ from math import atan2, sqrt
 from formation.maths.arrays import Float, Quat, Vec3
 from formation.maths.kernel import kernel
 from formation.rejection import Rejection
-from gcs.mocap.gate.bounds import Bounds
 
 JUMP, FLIP, YAW_RATE = int(Rejection.JUMP), int(Rejection.FLIP), int(Rejection.YAW_RATE)
 VELOCITY_GAIN = 0.3
@@ -14,6 +16,24 @@ VELOCITY_GAIN = 0.3
 PERIOD_GAIN = 0.1
 IN_SIGHT_S, IN_SIGHT_PERIODS = 0.05, 3.5
 SECONDS = 1e-9
+
+
+@dataclass(slots=True)
+class Bounds:
+    """One body's; a record. What a step may be: each `step` for noise and glitches, and what grows with the time.
+
+    acc_m_s2: the most its velocity can change by; turn and yaw: about the body's x and y axes, and about its z.
+    commanded: whether it is a drone of ours, whose thrust is along its z axis.
+    """
+
+    step_m: float
+    acc_m_s2: float
+    speed_m_s: float
+    turn_step_rad: float
+    turn_rad_s: float
+    yaw_step_rad: float
+    yaw_rad_s: float
+    commanded: bool
 
 
 @dataclass(slots=True)

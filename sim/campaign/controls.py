@@ -22,6 +22,10 @@ ENOUGH = 0.95
 """The share of a monitor's runs that must fail without it."""
 LATE = ("stale-setpoint", "rule-setpoints-late", "rule-setpoints-stale")
 """Who acts on setpoints that reach a drone late."""
+LOST = ("pose-rejected", "rule-unseen", "rule-lost")
+"""Who acts on poses that are old."""
+ASTRAY = ("rule-outside-fence", "rule-far-outside", "rule-astray", "rule-attitude-miss")
+"""Who acts on a drone that is not where it is led."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +91,7 @@ CONTROLS: Mapping[str, Control] = MappingProxyType(
             _pose(Family.SWAP, (0.8, 1.2), body="leader", other="f2"), ("gate-jump", "gate-flip", "pose-rejected")
         ),
         "gate-stamp": Control(
-            _pose(Family.STAMP_OFFSET, (8.0, 9.0), (-0.5, -0.42)), (*LATE, "pose-rejected", "rule-unseen", "rule-lost")
+            _pose(Family.STAMP_OFFSET, (8.0, 9.0), (-0.38, -0.3)), (*LATE, *LOST, *ASTRAY)
         ),
         "stale-setpoint": Control(_late, LATE),
         "old-setpoint": Control(_replayed, LATE),

@@ -126,7 +126,8 @@ def _show(failure: Failure, console: Console) -> None:
 def _page(flown: dict[str, Verdict]) -> Table:
     page = Table(title="how each fault ends; again with --table --only NAME")
     for heading in ("fault", "ends", "told after, s", "drift, m", "first told"):
-        page.add_column(heading, justify="right" if heading.endswith((" s", " m")) else "left")
+        numeric = heading.endswith((" s", " m"))
+        page.add_column(heading, justify="right" if numeric else "left", no_wrap=numeric or heading == "fault")
     for name, verdict in flown.items():
         ends = "contained" if verdict.contained else "; ".join(violation.text for violation in verdict.violations[:2])
         told = "-" if verdict.detection_s is None else f"{verdict.detection_s:.2f}"

@@ -90,9 +90,7 @@ CONTROLS: Mapping[str, Control] = MappingProxyType(
         "gate-swap": Control(
             _pose(Family.SWAP, (0.8, 1.2), body="leader", other="f2"), ("gate-jump", "gate-flip", "pose-rejected")
         ),
-        "gate-stamp": Control(
-            _pose(Family.STAMP_OFFSET, (8.0, 9.0), (-0.38, -0.3)), (*LATE, *LOST, *ASTRAY)
-        ),
+        "gate-stamp": Control(_pose(Family.STAMP_OFFSET, (8.0, 9.0), (-0.38, -0.3)), (*LATE, *LOST, *ASTRAY)),
         "stale-setpoint": Control(_late, LATE),
         "old-setpoint": Control(_replayed, LATE),
         "stream-stale": Control(_ground_killed),

@@ -25,6 +25,8 @@ from wire.transport.zenoh_bus import ZenohBus
 pytestmark = pytest.mark.processes
 HALF = math.sqrt(0.5)
 Q_MOCAP_FROM_LAB = np.array([HALF, 0.0, 0.0, HALF])
+STEPS = 50
+"""Of 10 ms each, in which a hand moves it."""
 MOVES = {"forward": [0.5, 0.0, 0.0], "to its left": [0.0, 0.5, 0.0], "up": [0.0, 0.0, 0.5]}
 
 
@@ -52,11 +54,15 @@ class Room:
 
     async def obey(self, text: str) -> None:
         """The operator's hand."""
-        for word, move in MOVES.items():
+        move, turn = np.zeros(3), 0.0
+        for word, there in MOVES.items():
             if f" {word}" in text and "quarter" not in text and not text.startswith(("Stand", "Put")):
-                self.pos = self.pos + np.array(move)
+                move = np.array(there)
         if "quarter turn" in text:
-            self.yaw = math.pi / 2
+            turn = math.pi / 2
+        for _ in range(STEPS):
+            self.pos, self.yaw = self.pos + move / STEPS, self.yaw + turn / STEPS
+            await asyncio.sleep(0.01)
 
 
 def _agent(folder: Path, lab: str, port: int, name: str, *options: str) -> subprocess.Popen[bytes]:

@@ -46,11 +46,15 @@ _OTHERWISE = {
 }
 
 
+_NEWER: dict[IntEnum, int] = {MavCommand.REQUEST_OPERATOR_CONTROL: 32100}
+"""Of development.xml, as MAVProxy has it; pymavlink's release does not know it yet."""
+
+
 @pytest.mark.parametrize("kind", _NAMES, ids=lambda kind: kind.__name__)
 def test_every_number_is_pymavlinks(kind: type[IntEnum]) -> None:
     for member in kind:
         name = next((n for m, n in _OTHERWISE.items() if m is member), _NAMES[kind].format(member.name))
-        assert member == getattr(mavlink, name), name
+        assert member == getattr(mavlink, name, _NEWER.get(member)), name
 
 
 def test_ardupilots_modes_are_mavutils() -> None:

@@ -8,6 +8,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from formation.fields import Endpoint, GlobePoint, Host, OwnLink, PortBase, Tilt, UnitQuat
+from formation.mocap_config import MocapConfig as MocapConfig
 from formation.model import NO_ROTATION, Model, Name, Positive, SysId, Vec3Tuple
 from formation.requests import ENDPOINT, LAB
 from formation.vehicle.profile import VehicleProfile, profile
@@ -20,26 +21,6 @@ def _preset(name: str) -> str:
     if name not in PRESET_NAMES:
         raise ValueError(f"unknown control preset {name!r}; known: {', '.join(PRESET_NAMES)}")
     return name
-
-
-class MocapConfig(Model):
-    """Where poses come from, and the one rotation from the mocap's axes to `lab`.
-
-    source `mavlink`: simulated autopilots say themselves where they are; no mocap, and no pose is sent to them.
-    """
-
-    source: Literal["zenoh", "csv", "mcap", "mavlink"] = "zenoh"
-    file: str | None = None
-    rate_hz: Positive = 100.0
-    delay_s: Annotated[float, Field(ge=0.0, le=0.5)] = 0.008
-    q_lab_from_mocap: UnitQuat = NO_ROTATION
-    origin_lab_m: Vec3Tuple = (0.0, 0.0, 0.0)
-
-    @model_validator(mode="after")
-    def _has_its_file(self) -> Self:
-        if self.source in ("csv", "mcap") and not self.file:
-            raise ValueError(f'source "{self.source}" needs `file`, the recording to play')
-        return self
 
 
 class VehicleBody(Model):

@@ -17,7 +17,7 @@ from formation.maths import frames
 from formation.maths.arrays import Vec3
 from formation.model import Model, Name, Positive, QuatTuple, SysId, Vec3Tuple
 from formation.vehicle.profile import VehicleProfile
-from gcs.mocap.csv_file import read_recording
+from gcs.mocap.sources.csv_file import read_recording
 from sim.cameras.emulator import EmulatorConfig, NotNegative, Share
 from sim.cameras.playback import Playback
 from sim.faults.fault import GROUND_RECEIVER, Fault, Site

@@ -6,9 +6,9 @@ import uvloop
 
 from formation.config import LabConfig
 from gcs.cli.common import NOT_RIGHT, REFUSED, fail, tell, tell_json
-from gcs.mocap.csv_file import MocapFileError
 from gcs.mocap.daemon import run
 from gcs.mocap.service import ServiceError
+from gcs.mocap.sources.csv_file import MocapFileError
 from gcs.mocap.warm_up import warm_up
 from wire.clock import Clock
 from wire.process.progress import compile_all

@@ -14,7 +14,9 @@ from formation.messages import Event, Severity
 from gcs.mocap.core import SOURCE, MocapCore
 from gcs.mocap.gate.armed import armed_bodies
 from gcs.mocap.service import ServiceError, configuration_name
-from gcs.mocap.source import Frame, Timed, play, recording
+from gcs.mocap.sources.recordings import Frame
+from gcs.mocap.sources.registry import open_source
+from gcs.mocap.sources.source import Feed, as_json
 from wire.clock import Clock
 from wire.process.lifetime import Stop, Tell
 from wire.refusals import Refusals
@@ -35,10 +37,12 @@ class Mocap:
         self._bus = bus
         self._tell = tell
         self._clock = clock
-        self._source = config.mocap.source
+        self._name = config.mocap.source
         self._inside_s: deque[float] = deque(maxlen=REMEMBERED)
         self._heard_ns = self._state_ns = clock.monotonic_ns()
         self._unknown = 0
+        feed = Feed(config.mocap, self.take, self.say, refusals, clock)
+        self.source = open_source(config, bus, feed, self.take)
 
     def take(self, frame: Frame) -> None:
         """A frame has come: out with it at once."""
@@ -76,7 +80,8 @@ class Mocap:
         """How things are; inside_ms: from having a raw frame to having published it."""
         spent_ms = 1e3 * np.array(self._inside_s or [0.0])
         return {
-            "source": self._source,
+            "source": self._name,
+            **as_json(self.source.status()),
             "frames": self._core.frames,
             "refused": self._core.refusals.count,
             "rejected": self._core.rejections(),
@@ -103,24 +108,12 @@ async def run(config: LabConfig, linger_s: float | None, tell: Tell, clock: Cloc
         mocap_bus = MocapBus(bus, clock)
         if await mocap_bus.serving(OTHERS_S) is not None:
             raise ServiceError(f"another mocap process serves {config.name!r} already")
-        mocap, recorded = Mocap(config, mocap_bus, bus.refusals, tell, clock), recording(config)
+        mocap = Mocap(config, mocap_bus, bus.refusals, tell, clock)
         mocap_bus.announce(configuration_name(config))
         bus.on_state("*", mocap.take_ground_state)
-        await _first_of(mocap.watch(linger_s), _serve(config, recorded, mocap_bus, mocap, clock), stop.wait())
+        await _first_of(mocap.watch(linger_s), mocap.source.run(), stop.wait())
     finally:
         await bus.close()
-
-
-async def _serve(config: LabConfig, recorded: list[Timed] | None, bus: MocapBus, mocap: Mocap, clock: Clock) -> None:
-    """Take frames for ever. A recording waits for somebody to listen, and ends."""
-    if recorded is None:
-        bus.on_raw(mocap.take)
-    else:
-        while not bus.is_heard:
-            await clock.sleep_until_ns(clock.monotonic_ns() + WATCH_NS)
-        await play(recorded, round(config.mocap.delay_s * 1e9), mocap.take, clock)
-        mocap.say(Event(Severity.WARNING, SOURCE, "the recording is over"))
-    await asyncio.get_running_loop().create_future()
 
 
 async def _first_of(*parts: Any) -> None:

@@ -16,7 +16,7 @@ from analysis.console import print_summary
 from analysis.metrics import Summary
 from formation.model import QuatTuple
 from gcs.daemon import GCS_NAME
-from gcs.mocap.csv_file import MocapFileError
+from gcs.mocap.sources.csv_file import MocapFileError
 from sim import lockstep
 from sim.cameras import daemon as mocap_daemon
 from sim.cli.conclude import conclude

@@ -20,7 +20,7 @@ from formation.safety.phases import AIRBORNE
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import PROFILES
 from gcs.mocap.core import MocapCore
-from gcs.mocap.csv_file import read_recording
+from gcs.mocap.sources.csv_file import read_recording
 from sim.lockstep import run_in_memory
 from sim.scenario import load, with_leader_file
 

@@ -18,7 +18,7 @@ from formation import topics
 from formation.maths import frames
 from formation.maths.arrays import Float
 from formation.model import NO_ROTATION, QuatTuple, Vec3Tuple
-from gcs.mocap.csv_file import read_recording
+from gcs.mocap.sources.csv_file import read_recording
 from sim import lockstep
 from sim.scenario import Scenario, load, shipped, with_leader_file
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from formation.maths import frames
-from gcs.mocap.csv_file import MocapFileError
+from gcs.mocap.sources.csv_file import MocapFileError
 from sim.scenario import agent_configs, leader_seconds, load, recorded_leader, shipped, with_leader_file
 from wire.config_file import ConfigError, dump
 

@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs.mocap.csv_file import MocapFileError, read_recording
+from gcs.mocap.sources.csv_file import MocapFileError, read_recording
 
 HEADER = "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []\n"
 GOOD = "1413394881394290944,-0.96,0.41,1.44,0.0,0.0,0.0,1.0\n"

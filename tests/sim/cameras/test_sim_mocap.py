@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from formation.config import FollowerConfig, LabConfig, LeaderConfig, MocapConfig
 from formation.maths import frames
 from formation.messages import RawFrame, Truth
-from gcs.mocap.csv_file import Recording
+from gcs.mocap.sources.csv_file import Recording
 from sim.cameras.emulator import EmulatorConfig, Gap, MocapEmulator
 from sim.cameras.playback import EASE_IN_NS, Playback
 from wire.transport.memory_bus import NOTHING_DUE_NS

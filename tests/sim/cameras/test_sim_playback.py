@@ -1,7 +1,7 @@
 import numpy as np
 
 from formation.maths import frames
-from gcs.mocap.csv_file import Recording
+from gcs.mocap.sources.csv_file import Recording
 from sim.cameras.playback import EASE_IN_NS, Playback
 
 S = 1_000_000_000

@@ -1,0 +1,169 @@
+"""Where poses come from, as the lab file says it: the camera system, how it is reached, its axes, unit and latency."""
+
+from math import copysign, sqrt
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from formation.fields import Host, UnitQuat
+from formation.model import NO_ROTATION, Model, Name, Positive, QuatTuple, Vec3Tuple
+
+Port = Annotated[int, Field(ge=1, le=65_535)]
+Seconds = Annotated[float, Field(ge=0.0, le=0.5)]
+SensorId = Annotated[int, Field(ge=0, le=2**31 - 1)]
+SourceText = Annotated[str, Field(min_length=1, max_length=128)]
+"""A body's name as the camera system writes it, blanks and all."""
+UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+MILLIMETRES = ("chingmu", "qualisys", "vicon")
+"""What these send, whatever else is set."""
+IN_METRES = ("zenoh", "mcap", "mavlink")
+"""What is defined in metres, by messages of ours or of MAVLink."""
+_POINTING = {
+    "forward": (1, 0, 0),
+    "back": (-1, 0, 0),
+    "left": (0, 1, 0),
+    "right": (0, -1, 0),
+    "up": (0, 0, 1),
+    "down": (0, 0, -1),
+}
+_Row = tuple[float, float, float]
+
+
+class VrpnConfig(Model):
+    """A VRPN server: one tracker a body. assemble_s: how long the poses of one exposure are waited for at most."""
+
+    host: Host = "127.0.0.1"
+    port: Port = 3883
+    udp: bool = False
+    assemble_s: Annotated[float, Field(gt=0.0, le=0.01)] = 0.002
+
+
+class ChingmuConfig(Model):
+    """A Chingmu server (CMTracker or CMAvatar): VRPN with one tracker, each body one of its sensors."""
+
+    host: Host = "127.0.0.1"
+    port: Port = 3883
+    device: Name = "MCServer"
+    first_sensor: SensorId = 300
+    """Rigid bodies are sensors from here on: the lab's bodies in their order, where [mocap.names] does not say."""
+    assemble_s: Annotated[float, Field(gt=0.0, le=0.01)] = 0.002
+
+
+class NatNetConfig(Model):
+    """OptiTrack's Motive. multicast: the group it streams to, not given for unicast; interface: our own address."""
+
+    host: Host = "127.0.0.1"
+    multicast: Host | None = "239.255.42.99"
+    interface: Host = "0.0.0.0"
+    command_port: Port = 1510
+    data_port: Port = 1511
+
+
+class QualisysConfig(Model):
+    """Qualisys Track Manager's real-time server."""
+
+    host: Host = "127.0.0.1"
+    port: Port = 22223
+
+
+class ViconConfig(Model):
+    """A Vicon DataStream server: Tracker, Nexus, Shogun."""
+
+    host: Host = "127.0.0.1"
+    port: Port = 801
+
+
+class MocapConfig(Model):
+    """Where poses come from, and the one rotation from the mocap's axes to `lab`.
+
+    source `mavlink`: simulated autopilots say themselves where they are; no mocap, and no pose is sent to them.
+    delay_s: from exposure to receipt on the whole, what the loop's delay margin is computed with. latency_s: the part
+    of it that is always there, which VRPN and QTM cannot tell; `gcs-log identify` estimates it; delay_s if not given.
+    axes: where the mocap's own x, y and z point, such as ["x forward", "y up", "z right"], instead of q_lab_from_mocap.
+    names: the lab's body for what the source calls it (Chingmu: the sensor's number), where the two differ.
+    """
+
+    source: Literal[
+        "zenoh", "csv", "mcap", "mavlink", "vrpn", "chingmu", "natnet", "qualisys", "vicon"
+    ] = "zenoh"  # fmt: skip
+    file: str | None = None
+    rate_hz: Positive = 100.0
+    delay_s: Seconds = 0.008
+    latency_s: Seconds | None = None
+    unit: Literal["m", "cm", "mm"] | None = None
+    axes: tuple[str, str, str] | None = None
+    q_lab_from_mocap: UnitQuat = NO_ROTATION
+    origin_lab_m: Vec3Tuple = (0.0, 0.0, 0.0)
+    names: dict[SourceText, Name] = Field(default_factory=dict)
+    vrpn: VrpnConfig | None = None
+    chingmu: ChingmuConfig | None = None
+    natnet: NatNetConfig | None = None
+    qualisys: QualisysConfig | None = None
+    vicon: ViconConfig | None = None
+
+    @property
+    def unit_m(self) -> float:
+        """The length of what the source counts in, m."""
+        return UNITS_M[self.unit or ("mm" if self.source in MILLIMETRES else "m")]
+
+    @property
+    def constant_latency_s(self) -> float:
+        """The least time from exposure to receipt."""
+        return self.delay_s if self.latency_s is None else self.latency_s
+
+    @model_validator(mode="before")
+    @classmethod
+    def _rotation_of_axes(cls, values: Any) -> Any:
+        """The one rotation, written either way; where both are, they must agree."""
+        if not isinstance(values, dict) or values.get("axes") is None:
+            return values
+        q = rotation_of(values["axes"])
+        given = values.get("q_lab_from_mocap")
+        if given is not None and max(abs(abs(a) - abs(b)) for a, b in zip(given, q, strict=True)) > 1e-3:
+            raise ValueError("axes and q_lab_from_mocap are two ways to say one rotation, and differ: give one")
+        return values | {"q_lab_from_mocap": q}
+
+    @model_validator(mode="after")
+    def _is_whole(self) -> Self:
+        if self.source in ("csv", "mcap") and not self.file:
+            raise ValueError(f'source "{self.source}" needs `file`, the recording to play')
+        if self.unit not in (None, "m") and self.source in IN_METRES:
+            raise ValueError(f'source "{self.source}" is in metres')
+        if len(set(self.names.values())) < len(self.names):
+            raise ValueError("names: one body has two names at the source")
+        return self
+
+
+def rotation_of(axes: Any) -> QuatTuple:
+    """q_lab_from_mocap of named axes; ValueError for words that are none, and for axes that are not right-handed."""
+    if not isinstance(axes, list | tuple) or len(axes) != 3:
+        raise ValueError('axes: three are needed, such as ["x forward", "y left", "z up"]')
+    columns = {}
+    for text in axes:
+        axis, _, pointing = str(text).partition(" ")
+        if axis not in ("x", "y", "z") or pointing not in _POINTING:
+            raise ValueError(f"axes: {text!r} is not x, y or z and one of {', '.join(_POINTING)}")
+        columns[axis] = _POINTING[pointing]
+    if len(columns) < 3:
+        raise ValueError("axes: x, y and z are needed, once each")
+    x, y, z = columns["x"], columns["y"], columns["z"]
+    cross = (x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0])
+    if cross != z:
+        raise ValueError("axes: not right-handed: two of them are swapped, or one points the other way")
+    return _quaternion(x, y, z)
+
+
+def _quaternion(x: _Row, y: _Row, z: _Row) -> QuatTuple:
+    """Of the rotation whose columns are x, y, z; w >= 0, and where w is 0 the first other that is not is positive."""
+    squares = (
+        1 + x[0] + y[1] + z[2],
+        1 + x[0] - y[1] - z[2],
+        1 - x[0] + y[1] - z[2],
+        1 - x[0] - y[1] + z[2],
+    )
+    w, a, b, c = (sqrt(max(square, 0.0)) / 2 for square in squares)
+    if w > 0.0:
+        return (w, copysign(a, y[2] - z[1]), copysign(b, z[0] - x[2]), copysign(c, x[1] - y[0]))
+    if a > 0.0:
+        return (0.0, a, copysign(b, x[1] + y[0]), copysign(c, x[2] + z[0]))
+    return (0.0, 0.0, b, copysign(c, y[2] + z[1]) if b > 0.0 else c)

@@ -31,20 +31,20 @@ class Pacing:
         self._stamp_ns = stamp_ns
         if last_ns is not None and 0 <= stamp_ns - last_ns <= LONGEST_GAP_NS:
             missing = self._missing(stamp_ns - last_ns)
-            self._learn(stamp_ns - last_ns)
         self._seq += 1 + missing
         return self._seq
 
     def _missing(self, step_ns: int) -> int:
-        if len(self._steps) < ENOUGH:
-            return 0
-        missing = max(round(step_ns / self.period_ns) - 1, 0)
-        if missing:
-            self._doubtful = missing
-        elif self._doubtful and step_ns < self.period_ns / 2:
+        known = len(self._steps) >= ENOUGH
+        if known and self._doubtful and step_ns < self.period_ns / 2:  # it was not lost, but stamped late
             self._doubtful -= 1
             self.lost -= 1
+            return 0
+        missing = max(round(step_ns / self.period_ns) - 1, 0) if known else 0
+        if missing:
+            self._doubtful = missing
         self.lost += missing
+        self._learn(step_ns)
         return missing
 
     def _learn(self, step_ns: int) -> None:

@@ -75,6 +75,11 @@ class VrpnServer:
             raise
 
     @property
+    def port(self) -> int:
+        """Where."""
+        return self._address.port
+
+    @property
     def clients(self) -> int:
         """How many are connected."""
         return len(self._clients)

@@ -68,7 +68,9 @@ def test_a_length_that_cannot_be_right_ends_the_reading(length: int):
         list(Stream().messages(length.to_bytes(4, "big") + vrpn_bytes.POSE_OF_LEADER[4:]))
 
 
-@pytest.mark.parametrize("payload", [b"", bytes(3), bytes(4), b"\xff\xff\xff\xff", b"\0\0\0\x09leader\0", b"\x7f\0\0\0x\0"])
+@pytest.mark.parametrize(
+    "payload", [b"", bytes(3), bytes(4), b"\xff\xff\xff\xff", b"\0\0\0\x09leader\0", b"\x7f\0\0\0x\0"]
+)
 def test_a_description_of_another_length_than_its_name_is_refused(payload: bytes):
     with pytest.raises(ProtocolError, match="description"):
         messages.described(payload)

@@ -19,5 +19,9 @@ def open_source(config: LabConfig, bus: MocapBus, feed: Feed, deliver: Callable[
             return Recording(config, deliver, lambda: bus.is_heard, feed)
         case "zenoh":
             return Published(bus, deliver)
+        case "vrpn" | "chingmu":
+            from gcs.mocap.sources.vrpn.client import chingmu_source, vrpn_source
+
+            return (vrpn_source if config.mocap.source == "vrpn" else chingmu_source)(config, feed)
         case other:
             raise NotImplementedError(other)

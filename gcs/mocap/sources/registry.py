@@ -19,5 +19,9 @@ def open_source(config: LabConfig, bus: MocapBus, feed: Feed, deliver: Callable[
             return Recording(config, deliver, lambda: bus.is_heard, feed)
         case "zenoh":
             return Published(bus, deliver)
+        case "natnet":
+            from gcs.mocap.sources.natnet.client import NatNet
+
+            return NatNet(config, feed)
         case other:
             raise NotImplementedError(other)

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from formation.config import LabConfig
+from formation.mocap_config import QualisysConfig, ViconConfig
 from gcs.mocap.sources.published import Published
 from gcs.mocap.sources.recordings import Frame, Recording
 from gcs.mocap.sources.source import Feed, Source
@@ -14,10 +15,20 @@ def open_source(config: LabConfig, bus: MocapBus, feed: Feed, deliver: Callable[
 
     deliver: of frames that are raw frames already, or a log's. Raises MocapFileError for a file that cannot be used.
     """
+    lab = tuple(v.body for v in config.vehicles)
+    latency_ns = round(1e9 * config.mocap.constant_latency_s)
     match config.mocap.source:
         case "csv" | "mcap":
             return Recording(config, deliver, lambda: bus.is_heard, feed)
         case "zenoh":
             return Published(bus, deliver)
+        case "qualisys":
+            from gcs.mocap.sources.qualisys.source import Qualisys
+
+            return Qualisys(config.mocap.qualisys or QualisysConfig(), lab, latency_ns, feed)
+        case "vicon":
+            from gcs.mocap.sources.vicon.source import Vicon
+
+            return Vicon(config.mocap.vicon or ViconConfig(), lab, latency_ns, feed)
         case other:
             raise NotImplementedError(other)

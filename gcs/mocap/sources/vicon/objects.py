@@ -1,7 +1,7 @@
 """Vicon's packets of objects as they lie in the stream. Pure.
 
 A packet is a tag, a length and blocks; a block is a kind, a length and one object. All little endian. Source: the
-stream classes that Vicon publishes with its DataStream SDK (Enum.h, SubjectInfo.h, GlobalSegments.h, LatencyInfo.h ...).
+stream classes that Vicon publishes with its DataStream SDK (Enum.h, SubjectInfo.h, GlobalSegments.h and others).
 """
 
 import math
@@ -141,16 +141,14 @@ def subject_of(data: bytes) -> tuple[int, str, int]:
     return identifier, name, _PARENTAGE.unpack_from(data, at)[1]
 
 
-def segment_of(data: bytes, root: int) -> bytes | None:
-    """GlobalSegments: the bytes of SEGMENT of the root, None where it is not among them."""
-    n = _u32(data, _U32.size, "GlobalSegments")
+def segments_of(data: bytes) -> tuple[int, dict[int, bytes]]:
+    """GlobalSegments: the subject's identifier, and each segment that is seen, as SEGMENT, by its own."""
+    subject, n = _u32(data, 0, "GlobalSegments"), _u32(data, _U32.size, "GlobalSegments")
     start = HEADER.size
     if n * SEGMENT.size != len(data) - start:
         raise ValueError("GlobalSegments: count and length do not agree")
-    for at in range(start, len(data), SEGMENT.size):
-        if _U32.unpack_from(data, at)[0] == root:
-            return data[at : at + SEGMENT.size]
-    return None
+    places = range(start, len(data), SEGMENT.size)
+    return subject, {_U32.unpack_from(data, at)[0]: data[at : at + SEGMENT.size] for at in places}
 
 
 def latency_of(data: bytes) -> float:

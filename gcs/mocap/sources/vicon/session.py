@@ -3,6 +3,7 @@
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 from gcs.mocap.sources.source import Feed
 from gcs.mocap.sources.tcp import ProtocolError
@@ -15,6 +16,7 @@ WANTED = frozenset(
 PING_NS = 1_000_000_000
 """A server whose cameras are paused still answers."""
 ANSWER_NS = 2_000_000_000
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,11 +81,11 @@ class ViconSession:
         for kind, data in blocks:
             of.setdefault(kind, []).append(data)
         if Kind.STREAM_INFO in of:
-            self._period = objects.period_of(of[Kind.STREAM_INFO][-1])
+            self._period = self._read(objects.period_of, of[Kind.STREAM_INFO][-1], self._period)
         if Kind.SUBJECT_INFO in of:
             self._name([objects.subject_of(data) for data in of[Kind.SUBJECT_INFO]])
         if Kind.LATENCY_INFO in of:
-            self._latency_s = objects.latency_of(of[Kind.LATENCY_INFO][-1])
+            self._latency_s = self._read(objects.latency_of, of[Kind.LATENCY_INFO][-1], self._latency_s)
         if Kind.FRAME_INFO in of:
             self._frame(of, now_ns)
         return self._want(objects.kinds_of(of[Kind.OBJECT_ENUMS][-1])) if Kind.OBJECT_ENUMS in of else b""
@@ -112,15 +114,23 @@ class ViconSession:
         self._deliver(ViconFrame(number, self._period, self._latency_s, segments), now_ns)
 
     def _roots(self, blocks: list[bytes]) -> dict[int, bytes]:
+        """Each subject's root; one that cannot be read is lost, not the others."""
         roots = {}
         for data in blocks:
-            if len(data) < objects.HEADER.size:
-                raise ValueError("GlobalSegments: cut short")
-            subject = self._subjects.get(objects.HEADER.unpack_from(data)[0])
-            if subject is None:
-                self._feed.refuse("GlobalSegments: a subject that is not named")
+            try:
+                identifier, segments = objects.segments_of(data)
+            except ValueError as error:
+                self._feed.refuse(str(error))
                 continue
-            segment = objects.segment_of(data, subject[1])
-            if segment is not None:
-                roots[objects.HEADER.unpack_from(data)[0]] = segment
+            if identifier not in self._subjects:
+                self._feed.refuse("GlobalSegments: a subject that is not named")
+            elif (root := self._subjects[identifier][1]) in segments:
+                roots[identifier] = segments[root]
         return roots
+
+    def _read(self, read: Callable[[bytes], T], data: bytes, otherwise: T) -> T:
+        try:
+            return read(data)
+        except ValueError as error:
+            self._feed.refuse(str(error))
+            return otherwise

@@ -16,8 +16,8 @@ CONNECTED, SETTINGS_CHANGED, SHUTTING_DOWN = 1, 11, 12
 COMPONENTS = {"6d": 5, "6deuler": 6, "6dres": 11, "6deulerres": 12}
 """The component's type by what StreamFrames calls it, in small letters."""
 RESIDUAL_MM = 0.4
-ATTRIBUTES_FROM = 21
-"""From this minor version on, the parameters of bodies are attributes."""
+EULER_FROM, ATTRIBUTES_FROM = 16, 21
+"""Minor versions from which on the 6D parameters name the angles, and from which on most of them are attributes."""
 
 
 def packet(order: str, kind: int, data: bytes = b"") -> bytes:
@@ -62,8 +62,8 @@ def parameters_6d(minor: int, bodies: Sequence[str]) -> str:
     """The 6D parameters as the protocol's version 1.`minor` writes them."""
     body = _body_of_attributes if minor >= ATTRIBUTES_FROM else _body_of_elements
     head = "" if minor >= ATTRIBUTES_FROM else f"<Bodies>{len(bodies)}</Bodies>"
-    euler = "<Euler><First>Roll</First><Second>Pitch</Second><Third>Yaw</Third></Euler>" if minor > 15 else ""
-    inside = head + "".join(body(name) for name in bodies) + euler
+    euler = "<Euler><First>Roll</First><Second>Pitch</Second><Third>Yaw</Third></Euler>"
+    inside = head + "".join(body(name) for name in bodies) + (euler if EULER_FROM <= minor < ATTRIBUTES_FROM else "")
     name = f"QTM_Parameters_Ver_1.{minor}"
     return f"<{name}><The_6D>{inside}</The_6D></{name}>"
 

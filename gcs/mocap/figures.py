@@ -95,8 +95,9 @@ class FrameWindow:
     def _rows(self, now_ns: int) -> NDArray[np.int64]:
         """Oldest first."""
         first = max(self._count - KEPT, 0)
-        rows = np.arange(first, self._count) % KEPT
-        return rows[self._times[0, rows] > now_ns - WINDOW_NS]
+        rows: NDArray[np.int64] = np.arange(first, self._count) % KEPT
+        recent: NDArray[np.int64] = rows[self._times[0, rows] > now_ns - WINDOW_NS]
+        return recent
 
     def _body(self, i: int, captured_ns: Times, seen: Bool, pos: Float, now_ns: int) -> BodyFigures:
         name = self._bodies[i]

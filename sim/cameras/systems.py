@@ -22,18 +22,27 @@ def server_for(mocap: MocapConfig, bodies: tuple[str, ...], clock: Clock) -> Ser
     """The server that the lab's mocap process will look for; each body goes by the source's own name for it."""
     match mocap.source:
         case "vrpn":
-            from sim.cameras.servers.vrpn import vrpn_server as make
+            from sim.cameras.servers.vrpn import vrpn_server
+
+            return vrpn_server(mocap, bodies, clock)
         case "chingmu":
-            from sim.cameras.servers.vrpn import chingmu_server as make
+            from sim.cameras.servers.vrpn import chingmu_server
+
+            return chingmu_server(mocap, bodies, clock)
         case "natnet":
-            from sim.cameras.servers.natnet import natnet_server as make
+            from sim.cameras.servers.natnet import natnet_server
+
+            return natnet_server(mocap, bodies, clock)
         case "qualisys":
-            from sim.cameras.servers.qtm import qtm_server as make
+            from sim.cameras.servers.qtm import qtm_server
+
+            return qtm_server(mocap, bodies, clock)
         case "vicon":
-            from sim.cameras.servers.vicon import vicon_server as make
+            from sim.cameras.servers.vicon import vicon_server
+
+            return vicon_server(mocap, bodies, clock)
         case other:
             raise ValueError(f"{other} is no camera system")
-    return make(mocap, bodies, clock)
 
 
 def lab_with(lab: LabConfig, protocol: str) -> LabConfig:

@@ -133,6 +133,7 @@ class AgentCore:
             rate_flu_rad_s=state.rate_flu_rad_s,
             dist_lab_m_s2=self._airframe.push_lab_m_s2,
             on_ground=on_ground(state),
+            armed=self._airframe.armed,
         )
 
     # Inside

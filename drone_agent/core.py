@@ -96,7 +96,7 @@ class AgentCore:
         for number in self._schedule.take_due(now_ns):
             self._report(number, now_ns)
         self._list_parameters()
-        for refused in self._inbox.refusals.due(now_ns):
+        for refused in self._inbox.told(now_ns):
             self.autopilot.say(refused.severity, f"{refused.source}: {refused.text}")
         self._flush_notes()
         truth = None

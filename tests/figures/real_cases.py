@@ -107,7 +107,7 @@ async def ground_killed(room: Room, rng: np.random.Generator) -> Run:
     after_s = float(rng.uniform(0.0, FLIES_S))
     async with room.take_off():
         if not await room.until(room.truths.armed, START_S):
-            raise Hung(f"never armed: {room.operator.outcome}, {room.state.get('refusals')}")
+            raise Hung(f"never armed: {room.whereabouts()}")
         await room.sleep(after_s)
         phase, onset_ns = room.operator.phase.name, room.kill("gcs")
     down = await room.until(lambda: room.truths.down(onset_ns), DOWN_S)

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import math
 import os
 import signal
 from collections.abc import AsyncIterator, Callable, Sequence
@@ -136,13 +137,15 @@ class Room:
         if self._flown:
             await self._anew()
         self._flown, self.spared = True, ""
-        self.truths.forget()
+        self.state.clear()
         self.operator = Operator(script)
         bus = await ZenohBus.open(self.scenario.lab.link, self.scenario.lab.name)
         walk = asyncio.create_task(
             operate(bus, self.operator, 300.0, lambda _t_s, _going_on: None, self.clock), name="operator"
         )
         try:
+            await self.until(lambda: bool(self.state), math.inf)  # however slowly processes start
+            self.truths.forget()
             yield walk
         finally:
             walk.cancel()
@@ -168,10 +171,10 @@ class Room:
 
     async def until(self, wanted: Callable[[], bool], within_s: float) -> bool:
         """Whether it became true in time. ProcessDied where a simulator is starved meanwhile."""
-        end_ns = self.clock.monotonic_ns() + round(within_s * 1e9)
+        begin_ns = self.clock.monotonic_ns()
         while not wanted():
             now_ns = self.clock.monotonic_ns()
-            if now_ns > end_ns:
+            if now_ns - begin_ns > within_s * 1e9:
                 return False
             self.look_for_starved()
             await self.clock.sleep_until_ns(now_ns + LOOK_NS)
@@ -180,7 +183,11 @@ class Room:
     async def until_phase(self, phase: Phase) -> None:
         """Hung where it never comes."""
         if not await self.until(lambda: self.operator.phase is phase, START_S):
-            raise Hung(f"never in {phase.name}, last in {self.operator.phase.name}: {self.operator.outcome}")
+            raise Hung(f"never in {phase.name}: {self.whereabouts()}")
+
+    def whereabouts(self) -> str:
+        """Where the flight has come to, and what the ground has against more."""
+        return f"{self.operator.phase.name}, {self.operator.outcome}, {self.state.get('refusals')}"
 
     async def bring_down(self, since_ns: int, sysids: Sequence[int]) -> bool:
         """Ask for a landing once a second until all are down; whether they are, in time."""

@@ -111,7 +111,11 @@ class Packets:
         length = 24 + len(payload) if rng.random() < 0.998 else rng.choice(LENGTHS)
         seconds, ns = divmod(self._stamp_ns, 10**9)
         us = ns // 1000 if rng.random() < 0.99 else rng.randrange(2**32)
-        return struct.pack(">IIIiiI", length, seconds, us, sender, kind, 0) + payload + bytes(-len(payload) % 8)
+        return (
+            struct.pack(">IIIiiI", length, seconds & 0xFFFFFFFF, us, sender, kind, 0)
+            + payload
+            + bytes(-len(payload) % 8)
+        )
 
 
 class Reader:

@@ -116,6 +116,10 @@ class MocapConfig(Model):
         """The least time from exposure to receipt."""
         return self.delay_s if self.latency_s is None else self.latency_s
 
+    def source_name(self, body: str) -> str:
+        """What the source calls the lab's body."""
+        return next((theirs for theirs, ours in self.names.items() if ours == body), body)
+
     @model_validator(mode="before")
     @classmethod
     def _rotation_of_axes(cls, values: Any) -> Any:

@@ -28,7 +28,7 @@ class Session(Protocol):
 class Protocols(Protocol):
     """Makes the sessions of one source, one a connection."""
 
-    def open(self, now_ns: int, ours: str, theirs: str) -> tuple[Session, bytes]:
+    def open(self, now_ns: int, ours: str, theirs: str, /) -> tuple[Session, bytes]:
         """A new connection's session, and what it says first; ours, theirs: both ends' addresses."""
 
 

@@ -14,6 +14,7 @@ SensorId = Annotated[int, Field(ge=0, le=2**31 - 1)]
 SourceText = Annotated[str, Field(min_length=1, max_length=128)]
 """A body's name as the camera system writes it, blanks and all."""
 UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+CAMERA_SYSTEMS = ("vrpn", "chingmu", "natnet", "qualisys", "vicon")
 MILLIMETRES = ("chingmu", "qualisys", "vicon")
 """What these send, whatever else is set."""
 IN_METRES = ("zenoh", "mcap", "mavlink")
@@ -30,12 +31,16 @@ _Row = tuple[float, float, float]
 
 
 class VrpnConfig(Model):
-    """A VRPN server: one tracker a body. assemble_s: how long the poses of one exposure are waited for at most."""
+    """A VRPN server: one tracker a body. assemble_s: how long the poses of one exposure are waited for at most.
+
+    udp: poses as datagrams. repeats_are_lost: a pose that repeats to the last bit, of a body with noise, is no pose.
+    """
 
     host: Host = "127.0.0.1"
     port: Port = 3883
     udp: bool = False
     assemble_s: Annotated[float, Field(gt=0.0, le=0.01)] = 0.002
+    repeats_are_lost: bool = True
 
 
 class ChingmuConfig(Model):
@@ -47,6 +52,7 @@ class ChingmuConfig(Model):
     first_sensor: SensorId = 300
     """Rigid bodies are sensors from here on: the lab's bodies in their order, where [mocap.names] does not say."""
     assemble_s: Annotated[float, Field(gt=0.0, le=0.01)] = 0.002
+    repeats_are_lost: bool = True
 
 
 class NatNetConfig(Model):
@@ -110,6 +116,10 @@ class MocapConfig(Model):
     def constant_latency_s(self) -> float:
         """The least time from exposure to receipt."""
         return self.delay_s if self.latency_s is None else self.latency_s
+
+    def source_name(self, body: str) -> str:
+        """What the source calls the lab's body."""
+        return next((theirs for theirs, ours in self.names.items() if ours == body), body)
 
     @model_validator(mode="before")
     @classmethod

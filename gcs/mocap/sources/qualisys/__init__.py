@@ -1,0 +1,1 @@
+"""Qualisys Track Manager's real-time protocol, read with `qtm-rt`'s packets."""

@@ -1,0 +1,136 @@
+"""One connection to a DataStream server: what is wanted, then every frame it pushes. Sans-IO, time an argument."""
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+from gcs.mocap.sources.source import Feed
+from gcs.mocap.sources.tcp import ProtocolError
+from gcs.mocap.sources.vicon import objects
+from gcs.mocap.sources.vicon.objects import Block, Kind
+
+WANTED = frozenset(
+    {Kind.CONTENTS, Kind.STREAM_INFO, Kind.SUBJECT_INFO, Kind.FRAME_INFO, Kind.GLOBAL_SEGMENTS, Kind.LATENCY_INFO}
+)
+PING_NS = 1_000_000_000
+"""A server whose cameras are paused still answers."""
+ANSWER_NS = 2_000_000_000
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class ViconFrame:
+    """One exposure. segments: each subject's root as `objects.SEGMENT`, in the subjects' order, None where lost.
+
+    period: in ticks, None while the server has not said it; latency_s: from exposure to sending, likewise.
+    """
+
+    number: int
+    period: int | None
+    latency_s: float | None
+    segments: tuple[bytes | None, ...]
+
+
+class ViconSession:
+    """Frames go to `deliver`, the subjects' names before them to `named`, whenever they change."""
+
+    def __init__(
+        self,
+        deliver: Callable[[ViconFrame, int], None],
+        named: Callable[[tuple[str, ...]], None],
+        feed: Feed,
+        now_ns: int,
+    ) -> None:
+        self._deliver = deliver
+        self._named = named
+        self._feed = feed
+        self._stream = objects.Stream()
+        self._offered: frozenset[int] = frozenset()
+        self._subjects: dict[int, tuple[str, int]] = {}
+        self._segments: dict[int, bytes] = {}
+        self._period: int | None = None
+        self._latency_s: float | None = None
+        self._opened_ns = self._pinged_ns = now_ns
+        self._pings = 0
+
+    def received(self, data: bytes, now_ns: int) -> bytes:
+        """Take the next bytes; what to answer. ProtocolError where the connection cannot go on."""
+        answers = []
+        for packet in self._stream.take(data):
+            try:
+                answers.append(self._packet(objects.blocks_of(packet), now_ns))
+            except ProtocolError:
+                raise
+            except ValueError as error:
+                self._feed.refuse(str(error))
+        return b"".join(answers)
+
+    def due(self, now_ns: int) -> bytes:
+        """A ping each second. ProtocolError where the server does not say what it offers."""
+        if not self._offered and now_ns - self._opened_ns > ANSWER_NS:
+            raise ProtocolError("no list of what is offered")
+        if Kind.PING not in self._offered or now_ns - self._pinged_ns < PING_NS:
+            return b""
+        self._pinged_ns = now_ns
+        self._pings += 1
+        return objects.packet_of((Kind.PING, struct.pack("<Q", self._pings)))
+
+    def _packet(self, blocks: list[Block], now_ns: int) -> bytes:
+        of: dict[int, list[bytes]] = {}
+        for kind, data in blocks:
+            of.setdefault(kind, []).append(data)
+        if Kind.STREAM_INFO in of:
+            self._period = self._read(objects.period_of, of[Kind.STREAM_INFO][-1], self._period)
+        if Kind.SUBJECT_INFO in of:
+            self._name([objects.subject_of(data) for data in of[Kind.SUBJECT_INFO]])
+        if Kind.LATENCY_INFO in of:
+            self._latency_s = self._read(objects.latency_of, of[Kind.LATENCY_INFO][-1], self._latency_s)
+        if Kind.FRAME_INFO in of:
+            self._frame(of, now_ns)
+        return self._want(objects.kinds_of(of[Kind.OBJECT_ENUMS][-1])) if Kind.OBJECT_ENUMS in of else b""
+
+    def _want(self, offered: frozenset[int]) -> bytes:
+        if Kind.GLOBAL_SEGMENTS not in offered or Kind.FRAME_INFO not in offered:
+            raise ProtocolError("the server offers no segments of its subjects")
+        self._offered = offered
+        wanted = objects.packet_of((Kind.OBJECT_ENUMS, objects.set_of(WANTED & offered)))
+        return wanted + objects.packet_of((Kind.REQUEST_FRAME, b"\1"))
+
+    def _name(self, subjects: list[tuple[int, str, int]]) -> None:
+        named = {identifier: (name, root) for identifier, name, root in subjects}
+        if len(named) < len(subjects):
+            raise ValueError("SubjectInfo: two subjects with one identifier")
+        if named != self._subjects or list(named) != list(self._subjects):
+            self._subjects = named
+            self._named(tuple(name for name, _ in named.values()))
+
+    def _frame(self, of: dict[int, list[bytes]], now_ns: int) -> None:
+        number = objects.number_of(of[Kind.FRAME_INFO][-1])
+        unchanged = objects.unchanged_of(of[Kind.CONTENTS][-1]) if Kind.CONTENTS in of else frozenset()
+        if Kind.GLOBAL_SEGMENTS not in unchanged:
+            self._segments = self._roots(of.get(Kind.GLOBAL_SEGMENTS, []))
+        segments = tuple(self._segments.get(identifier) for identifier in self._subjects)
+        self._deliver(ViconFrame(number, self._period, self._latency_s, segments), now_ns)
+
+    def _roots(self, blocks: list[bytes]) -> dict[int, bytes]:
+        """Each subject's root; one that cannot be read is lost, not the others."""
+        roots = {}
+        for data in blocks:
+            try:
+                identifier, segments = objects.segments_of(data)
+            except ValueError as error:
+                self._feed.refuse(str(error))
+                continue
+            if identifier not in self._subjects:
+                self._feed.refuse("GlobalSegments: a subject that is not named")
+            elif (root := self._subjects[identifier][1]) in segments:
+                roots[identifier] = segments[root]
+        return roots
+
+    def _read(self, read: Callable[[bytes], T], data: bytes, otherwise: T) -> T:
+        try:
+            return read(data)
+        except ValueError as error:
+            self._feed.refuse(str(error))
+            return otherwise

@@ -1,0 +1,88 @@
+"""A Vicon DataStream server as a source: its frames with names, numbers and capture times."""
+
+import numpy as np
+
+from formation.mocap_config import ViconConfig
+from gcs.mocap.capture_time import CaptureTime
+from gcs.mocap.sources.frame_count import FrameCount
+from gcs.mocap.sources.roll_call import RollCall
+from gcs.mocap.sources.rotation import quaternions
+from gcs.mocap.sources.source import Feed, SourceStatus
+from gcs.mocap.sources.tcp import TcpClient
+from gcs.mocap.sources.vicon.objects import SEGMENT, TICKS_HZ
+from gcs.mocap.sources.vicon.session import ViconFrame, ViconSession
+
+ROOT = np.dtype([("identifier", "<u4"), ("pos_mm", "<f8", 3), ("rotation", "<f8", (3, 3))])
+LOST = bytes(SEGMENT.size)
+"""What some programs send for a body out of sight instead of nothing: it is at exactly zero."""
+
+
+class Vicon:
+    """One server's client. lab: the bodies that are expected; latency_ns: where the server does not report its own.
+
+    The exposures' times are those of a clock that counts frame periods; the latency the server reports with a frame is
+    taken off its arrival first, so that what is left is the network's.
+    """
+
+    def __init__(self, config: ViconConfig, lab: tuple[str, ...], latency_ns: int, feed: Feed) -> None:
+        self._server = f"Vicon at {config.host}:{config.port}"
+        self._latency_ns = latency_ns
+        self._feed = feed
+        self._roll = RollCall(lab, feed)
+        self._count = FrameCount()
+        self._period: int | None = None
+        self._time = CaptureTime(0)
+        self._sent_ns = 0
+        self._told = False
+        self._age_ns: int | None = None
+        self._uncertainty_ns: int | None = None
+        self._client = TcpClient(config.host, config.port, self, feed)
+
+    async def run(self) -> None:
+        """Take frames until cancelled."""
+        await self._client.run()
+
+    def status(self) -> SourceStatus:
+        """How it is doing."""
+        return SourceStatus(
+            self._server,
+            self._client.connected,
+            self._count.lost,
+            None if self._age_ns is None else 1e-9 * self._age_ns,
+            None if self._uncertainty_ns is None else 1e-9 * self._uncertainty_ns,
+            self._told,
+            self._roll.bodies,
+        )
+
+    def open(self, now_ns: int, _ours: str, _theirs: str) -> tuple[ViconSession, bytes]:
+        """A new connection's session; the server speaks first."""
+        return ViconSession(self._take, self._named, self._feed, now_ns), b""
+
+    def _named(self, names: tuple[str, ...]) -> None:
+        self._roll.take(names)
+
+    def _take(self, frame: ViconFrame, now_ns: int) -> None:
+        seq = self._count.take(frame.number)
+        if seq is None:
+            self._feed.refuse("a frame whose number came already")
+            return
+        t_capture_ns = self._capture_ns(frame, now_ns)
+        roots = np.frombuffer(b"".join(segment or LOST for segment in frame.segments), ROOT)
+        pos_mm = roots["pos_mm"]
+        seen = (pos_mm != 0.0).any(axis=1)
+        self._feed.frame(seq, t_capture_ns, self._roll.bodies, pos_mm, quaternions(roots["rotation"]), seen.tolist())
+
+    def _capture_ns(self, frame: ViconFrame, now_ns: int) -> int:
+        """0, for a frame without a stamp, as long as the frame period is not known."""
+        if frame.period is None:
+            return 0
+        if frame.period != self._period:
+            self._period, self._time = frame.period, CaptureTime(0)
+        self._told = frame.latency_s is not None
+        latency_ns = self._latency_ns if frame.latency_s is None else round(1e9 * frame.latency_s)
+        # Frames come in order: a latency that leaps must not turn it round.
+        self._sent_ns = max(self._sent_ns, now_ns - latency_ns)
+        stamp_ns = frame.number * frame.period * 1_000_000_000 // TICKS_HZ
+        t_capture_ns = self._time.capture_ns(stamp_ns, self._sent_ns)
+        self._age_ns, self._uncertainty_ns = now_ns - t_capture_ns, self._time.uncertainty_ns(self._sent_ns)
+        return t_capture_ns

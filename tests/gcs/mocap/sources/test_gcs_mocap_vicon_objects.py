@@ -1,0 +1,94 @@
+"""Vicon's objects, against bytes that the classes of Vicon's own DataStream SDK 1.12 wrote."""
+
+import struct
+
+import numpy as np
+import pytest
+from vicon_bytes import FIRST, OFFER, PING, STREAM, UNCHANGED, WANT
+
+from gcs.mocap.sources.tcp import ProtocolError
+from gcs.mocap.sources.vicon import objects
+from gcs.mocap.sources.vicon.objects import Kind, Stream
+
+
+def blocks(data: bytes) -> list[objects.Block]:
+    (packet,) = Stream().take(data)
+    return objects.blocks_of(packet)
+
+
+def test_what_we_write_is_what_their_classes_write():
+    wanted = {Kind.CONTENTS, Kind.STREAM_INFO, Kind.SUBJECT_INFO, Kind.FRAME_INFO, Kind.GLOBAL_SEGMENTS}
+    assert objects.packet_of((Kind.OBJECT_ENUMS, objects.set_of(wanted | {Kind.LATENCY_INFO}))) == WANT
+    assert objects.packet_of((Kind.REQUEST_FRAME, b"\1")) == STREAM
+    assert objects.packet_of((Kind.PING, struct.pack("<Q", 1))) == PING
+
+
+def test_their_list_of_objects():
+    ((kind, data),) = blocks(OFFER)
+    assert kind == Kind.OBJECT_ENUMS
+    assert objects.kinds_of(data) == {1, 2, 5, 9, 26, 42, 100004}
+
+
+def test_their_frame():
+    of = dict(blocks(FIRST))
+    assert objects.period_of(of[Kind.STREAM_INFO]) == 1_350_000
+    assert objects.number_of(of[Kind.FRAME_INFO]) == 4711
+    assert objects.latency_of(of[Kind.LATENCY_INFO]) == pytest.approx(0.004, abs=1e-15)
+    subjects = [objects.subject_of(data) for kind, data in blocks(FIRST) if kind == Kind.SUBJECT_INFO]
+    assert subjects == [(7, "lead", 3), (8, "right", 1)]
+    lead, right = (data for kind, data in blocks(FIRST) if kind == Kind.GLOBAL_SEGMENTS)
+    identifier, segments = objects.segments_of(lead)
+    assert (identifier, sorted(segments)) == (7, [3, 4])
+    values = objects.SEGMENT.unpack(segments[3])
+    assert values[:4] == (3, 1000.25, -250.5, 1500.0)
+    np.testing.assert_array_equal(np.reshape(values[4:], (3, 3)), [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    assert objects.segments_of(right) == (8, {})
+
+
+def test_what_is_unchanged():
+    assert objects.unchanged_of(dict(blocks(UNCHANGED))[Kind.CONTENTS]) == {1, 2, 9, 26}
+    assert objects.unchanged_of(dict(blocks(FIRST))[Kind.CONTENTS]) == set()
+
+
+def test_a_stream_in_any_pieces():
+    stream, data, packets = Stream(), OFFER + FIRST + UNCHANGED, []
+    for at in range(0, len(data), 7):
+        packets += stream.take(data[at : at + 7])
+    assert packets == [OFFER[8:], FIRST[8:], UNCHANGED[8:]]
+
+
+@pytest.mark.parametrize(
+    ("data", "why"),
+    [
+        (b"GET / HTTP/1.1\r\n", "not that of a packet of objects"),
+        (struct.pack("<II", objects.OBJECTS, 2**31), "a length that no packet has"),
+    ],
+)
+def test_what_is_no_stream(data, why):
+    with pytest.raises(ProtocolError, match=why):
+        Stream().take(data)
+
+
+@pytest.mark.parametrize(
+    ("read", "data", "why"),
+    [
+        (objects.blocks_of, b"\1\0\0\0", "block header: cut short"),
+        (objects.blocks_of, struct.pack("<II", 1, 9), "block header: a length beyond the packet"),
+        (objects.blocks_of, bytes(8 * 4001), "packet: more blocks than any packet has"),
+        (objects.kinds_of, struct.pack("<II", 2**32 - 1, 1), "ObjectEnums: a count beyond the block"),
+        (objects.unchanged_of, struct.pack("<III", 2**32 - 1, 1, 1), "Contents: a count beyond the block"),
+        (objects.number_of, b"\1\0", "FrameInfo: cut short"),
+        (objects.period_of, bytes(7), "StreamInfo: cut short"),
+        (objects.period_of, struct.pack("<q", -1), "StreamInfo: a frame period that no camera has"),
+        (objects.subject_of, struct.pack("<II", 1, 2**32 - 1), "SubjectInfo: a text beyond the block"),
+        (objects.subject_of, struct.pack("<III", 1, 0, 0), "SubjectInfo: a subject without a segment"),
+        (objects.subject_of, struct.pack("<III", 1, 0, 1), "SubjectInfo: cut short"),
+        (objects.latency_of, struct.pack("<I", 2**32 - 1), "LatencyInfo: cut short"),
+        (objects.latency_of, struct.pack("<IId", 1, 0, float("nan")), "LatencyInfo: not between 0 and 1 s"),
+        (objects.latency_of, struct.pack("<IId", 1, 0, 3.0), "LatencyInfo: not between 0 and 1 s"),
+        (objects.segments_of, struct.pack("<II", 1, 2**31), "count and length do not agree"),
+    ],
+)
+def test_what_cannot_be_read_is_named(read, data, why):
+    with pytest.raises(ValueError, match=why):
+        read(data)

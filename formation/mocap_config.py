@@ -30,12 +30,16 @@ _Row = tuple[float, float, float]
 
 
 class VrpnConfig(Model):
-    """A VRPN server: one tracker a body. assemble_s: how long the poses of one exposure are waited for at most."""
+    """A VRPN server: one tracker a body. assemble_s: how long the poses of one exposure are waited for at most.
+
+    udp: poses as datagrams. repeats_are_lost: a pose that repeats to the last bit, of a body with noise, is no pose.
+    """
 
     host: Host = "127.0.0.1"
     port: Port = 3883
     udp: bool = False
     assemble_s: Annotated[float, Field(gt=0.0, le=0.01)] = 0.002
+    repeats_are_lost: bool = True
 
 
 class ChingmuConfig(Model):
@@ -47,6 +51,7 @@ class ChingmuConfig(Model):
     first_sensor: SensorId = 300
     """Rigid bodies are sensors from here on: the lab's bodies in their order, where [mocap.names] does not say."""
     assemble_s: Annotated[float, Field(gt=0.0, le=0.01)] = 0.002
+    repeats_are_lost: bool = True
 
 
 class NatNetConfig(Model):
@@ -110,6 +115,10 @@ class MocapConfig(Model):
     def constant_latency_s(self) -> float:
         """The least time from exposure to receipt."""
         return self.delay_s if self.latency_s is None else self.latency_s
+
+    def source_name(self, body: str) -> str:
+        """What the source calls the lab's body."""
+        return next((theirs for theirs, ours in self.names.items() if ours == body), body)
 
     @model_validator(mode="before")
     @classmethod

@@ -64,16 +64,20 @@ def mocap(
     linger: Annotated[
         float | None, typer.Option(min=0.0, help="End when nobody has listened for this many seconds.")
     ] = None,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE.mcap", help='Record the frames: a file for source "mcap".')
+    ] = None,
     as_json: Json = False,
     speed: Speed = 1.0,
 ) -> None:
     """Be the lab's mocap process: frames of its source in, aligned and checked frames onto the bus, until Ctrl-C.
 
+    On a terminal it shows how the mocap is doing: rate, jitter, delay, losses; each body's gaps, noise and pose.
     `gcs run` starts one where none serves the lab. One that runs by itself outlives every ground.
     """
     from gcs.mocap.cli import serve as serve_mocap  # loads a compiled kernel
 
-    serve_mocap(configuration(lab), linger, as_json, clock.Clock(speed))
+    serve_mocap(configuration(lab), linger, record, as_json, clock.Clock(speed))
 
 
 @app.command()

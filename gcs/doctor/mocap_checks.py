@@ -9,6 +9,7 @@ from formation.maths.arrays import Bool, Float
 from formation.messages import LabFrame
 from formation.safety.places import nearest, outside_box
 from gcs.finding import Finding, Grade, graded, unmeasured
+from gcs.mocap.figures import noise_m, timing
 
 Received = tuple[int, LabFrame]
 
@@ -43,35 +44,28 @@ def _timing(config: LabConfig, received: Sequence[Received]) -> Iterator[Finding
     arrived = np.array([t_ns for t_ns, _ in received])
     captured = np.array([frame.t_capture_ns for _, frame in received])
     numbers = np.array([frame.seq for _, frame in received])
-    spacing_s = np.diff(captured) * 1e-9
-    steps = np.maximum(np.diff(numbers), 1)
-    passed_s = float(spacing_s.sum())
-    rate_hz = float(steps.sum()) / passed_s if passed_s > 0.0 else np.inf
+    found = timing(captured, arrived, numbers)
     wanted_hz = config.mocap.rate_hz
-    close = abs(rate_hz - wanted_hz) <= RATE_WITHIN * wanted_hz
+    close = abs(found.rate_hz - wanted_hz) <= RATE_WITHIN * wanted_hz
     why = "mocap.rate_hz sets the watchdog and the delay margin"
-    yield graded(MOCAP, "rate", f"{rate_hz:.1f} Hz", f"{wanted_hz:g} Hz", close, why)
-    jitter_s = float(np.std(spacing_s))
-    fair = jitter_s <= JITTER_SHARE / wanted_hz
-    yield graded(
-        MOCAP, "jitter", f"{jitter_s * 1e3:.2f} ms", f"under {500.0 / wanted_hz:.1f} ms", fair, "uneven frames"
-    )
-    yield _lost_frames(config.mocap.source, steps)
-    yield _delay(config.mocap, float(np.median(arrived - captured)) * 1e-9)
+    yield graded(MOCAP, "rate", f"{found.rate_hz:.1f} Hz", f"{wanted_hz:g} Hz", close, why)
+    fair, most = found.jitter_s <= JITTER_SHARE / wanted_hz, f"under {500.0 / wanted_hz:.1f} ms"
+    yield graded(MOCAP, "jitter", f"{found.jitter_s * 1e3:.2f} ms", most, fair, "uneven frames")
+    yield _lost_frames(config.mocap.source, found.lost_share)
+    yield _delay(config.mocap, found.delay_s)
 
 
-def _lost_frames(source: str, steps: Float) -> Finding:
+def _lost_frames(source: str, lost: float) -> Finding:
     check, wanted = "lost frames", "under 2%"
     if source in ("csv", "mavlink"):
         return unmeasured(MOCAP, check, wanted, f'source "{source}" numbers no frames: what is lost does not show')
-    lost = float(np.sum(steps - 1)) / float(np.sum(steps))
     return graded(MOCAP, check, f"{lost:.1%}", wanted, lost <= LOST_SHARE, "network or cameras", fair=True)
 
 
 def _delay(mocap: MocapConfig, delay_s: float) -> Finding:
     """From exposure to receipt, where frames say when they were exposed; else it is only what the lab file says."""
     check, wanted = "delay", f"{mocap.delay_s * 1e3:.1f} ms"
-    if mocap.source != "zenoh":
+    if mocap.source in ("csv", "mcap", "mavlink"):
         return unmeasured(MOCAP, check, wanted, f'source "{mocap.source}" tells no exposure: mocap.delay_s is taken')
     if 0.0 <= delay_s < DELAY_LEAST_S:
         return unmeasured(MOCAP, check, wanted, "frames are stamped as they are sent, not as they are exposed")
@@ -109,10 +103,10 @@ def _noise(body: str, pos: Float) -> Finding:
     check, wanted = "noise at rest", "under 1 mm"
     if len(pos) < FRAMES_LEAST:
         return unmeasured(body, check, wanted, f"seen in {len(pos)} frames only")
-    noise_m = float(np.std(pos, axis=0).max())
+    found_m = noise_m(pos)
     if not np.ptp(pos, axis=0).any():
         return unmeasured(body, check, wanted, "every pose is the same to the last bit: a frozen source?")
-    return graded(body, check, f"{noise_m * 1e3:.2f} mm", wanted, noise_m <= NOISE_M, "moving? reflections?")
+    return graded(body, check, f"{found_m * 1e3:.2f} mm", wanted, found_m <= NOISE_M, "moving? reflections?")
 
 
 def _places(config: LabConfig, pos: Float, seen: Bool) -> Iterator[Finding]:

@@ -5,18 +5,25 @@ A process of its own, so that poses reach the drones whatever becomes of the gro
 
 import asyncio
 from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from formation import topics
 from formation.config import LabConfig
 from formation.messages import Event, Severity
+from formation.topics import Topic
+from gcs.mocap import figures
 from gcs.mocap.core import SOURCE, MocapCore
+from gcs.mocap.figures import FrameWindow
 from gcs.mocap.gate.armed import armed_bodies
 from gcs.mocap.service import ServiceError, configuration_name
+from gcs.mocap.sources import source
 from gcs.mocap.sources.recordings import Frame
 from gcs.mocap.sources.registry import open_source
-from gcs.mocap.sources.source import Feed, as_json
+from gcs.mocap.sources.source import Feed
 from wire.clock import Clock
 from wire.process.lifetime import Stop, Tell
 from wire.refusals import Refusals
@@ -29,14 +36,24 @@ REMEMBERED = 1000
 OTHERS_S = 0.5
 
 
+@dataclass(frozen=True, slots=True)
+class Told:
+    """Where the process tells of itself beside the bus: its events, its state once a second, its records."""
+
+    event: Tell
+    state: Callable[[dict[str, Any]], None] = lambda _: None
+    record: Callable[[Topic, object, int], None] = lambda _topic, _message, _t_ns: None
+
+
 class Mocap:
     """One MocapCore between its source and the bus."""
 
-    def __init__(self, config: LabConfig, bus: MocapBus, refusals: Refusals, tell: Tell, clock: Clock) -> None:
+    def __init__(self, config: LabConfig, bus: MocapBus, refusals: Refusals, told: Told, clock: Clock) -> None:
         self._core = MocapCore(config, refusals)
         self._bus = bus
-        self._tell = tell
+        self._told = told
         self._clock = clock
+        self._window = FrameWindow(tuple(v.body for v in config.vehicles))
         self._name = config.mocap.source
         self._inside_s: deque[float] = deque(maxlen=REMEMBERED)
         self._heard_ns = self._state_ns = clock.monotonic_ns()
@@ -51,6 +68,8 @@ class Mocap:
         if aligned is not None:
             self._bus.publish_frame(aligned)
             self._inside_s.append((self._clock.monotonic_ns() - now_ns) * 1e-9)
+            self._window.add(aligned)
+            self._told.record(topics.MOCAP, aligned, now_ns)
 
     def take_ground_state(self, state: str) -> None:
         """The ground has published how things are."""
@@ -64,7 +83,9 @@ class Mocap:
                 self.say(event)
             if now_ns - self._state_ns >= STATE_NS:
                 self._state_ns = now_ns
-                self._bus.publish_state(self.state())
+                state = self.state(now_ns)
+                self._bus.publish_state(state)
+                self._told.state(state)
             if self._bus.is_heard:
                 self._heard_ns = now_ns
             if linger_s is not None and now_ns - self._heard_ns > linger_s * 1e9:
@@ -73,15 +94,17 @@ class Mocap:
 
     def say(self, event: Event) -> None:
         """Tell it here and on the bus, where the ground records it."""
-        self._tell(event)
+        self._told.event(event)
+        self._told.record(topics.EVENT, event, self._clock.monotonic_ns())
         self._bus.publish_event(event)
 
-    def state(self) -> dict[str, Any]:
+    def state(self, now_ns: int) -> dict[str, Any]:
         """How things are; inside_ms: from having a raw frame to having published it."""
         spent_ms = 1e3 * np.array(self._inside_s or [0.0])
         return {
             "source": self._name,
-            **as_json(self.source.status()),
+            **source.as_json(self.source.status()),
+            **figures.as_json(self._window, now_ns),
             "frames": self._core.frames,
             "refused": self._core.refusals.count,
             "rejected": self._core.rejections(),
@@ -97,7 +120,7 @@ class Mocap:
         return [Event(Severity.INFO, SOURCE, f"bodies that are none of the lab's are left out: {names}")]
 
 
-async def run(config: LabConfig, linger_s: float | None, tell: Tell, clock: Clock) -> None:
+async def run(config: LabConfig, linger_s: float | None, told: Told, clock: Clock) -> None:
     """Serve the lab until SIGINT or SIGTERM, or until nobody has listened for `linger_s`.
 
     Raises BusError, MocapFileError, and ServiceError where another process serves the lab already.
@@ -108,7 +131,7 @@ async def run(config: LabConfig, linger_s: float | None, tell: Tell, clock: Cloc
         mocap_bus = MocapBus(bus, clock)
         if await mocap_bus.serving(OTHERS_S) is not None:
             raise ServiceError(f"another mocap process serves {config.name!r} already")
-        mocap = Mocap(config, mocap_bus, bus.refusals, tell, clock)
+        mocap = Mocap(config, mocap_bus, bus.refusals, told, clock)
         mocap_bus.announce(configuration_name(config))
         bus.on_state("*", mocap.take_ground_state)
         await _first_of(mocap.watch(linger_s), mocap.source.run(), stop.wait())

@@ -1,8 +1,15 @@
-"""The emulated cameras as a process: true poses from the bus in, raw frames onto the bus, in real time."""
+"""The emulated cameras as a process: true poses from the bus in, what the cameras see of them out, in real time.
 
-from formation.messages import Truth
+Out by the lab's own bus, or by a vendor's protocol where the lab's source is a camera system.
+"""
+
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+
+from formation.messages import RawFrame, Truth
 from formation.safety.phases import AIRBORNE
 from sim.cameras.emulator import MocapEmulator
+from sim.cameras.systems import is_camera_system, server_for
 from sim.scenario import Scenario, recorded_leader
 from sim.script import Glance
 from wire.clock import Clock
@@ -12,7 +19,7 @@ from wire.transport.zenoh_bus import ZenohBus
 
 
 async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> None:
-    """Publish frames for ever, as the hub of the lab's bus (BusError where its endpoint is taken).
+    """Publish frames for ever, as the hub of the lab's bus (BusError, OSError where an address is taken).
 
     A recorded leader sets out when the ground `gcs_name` says that the formation stands. StarvedError where, in
     flight, an exposure comes too late.
@@ -35,17 +42,32 @@ async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> N
 
     bus = await ZenohBus.open(hub, scenario.lab.name)
     try:
-        mocap = MocapBus(bus, clock)
         bus.on_truth(take_truth)
         bus.on_state(gcs_name, take_state)
-        while True:
-            await clock.sleep_until_ns(min(emulator.next_exposure_ns, emulator.next_frame_ns))
-            now_ns = clock.monotonic_ns()
-            if flying:
-                punctual.check(emulator.next_exposure_ns, now_ns)
-            for frame in emulator.pop_due(now_ns):
-                mocap.publish_raw(frame)
-            while emulator.next_exposure_ns <= now_ns:
-                emulator.expose(truths)
+        async with _outlet(scenario, bus, clock) as publish:
+            while True:
+                await clock.sleep_until_ns(min(emulator.next_exposure_ns, emulator.next_frame_ns))
+                now_ns = clock.monotonic_ns()
+                if flying:
+                    punctual.check(emulator.next_exposure_ns, now_ns)
+                for frame in emulator.pop_due(now_ns):
+                    publish(frame)
+                while emulator.next_exposure_ns <= now_ns:
+                    emulator.expose(truths)
     finally:
         await bus.close()
+
+
+@asynccontextmanager
+async def _outlet(scenario: Scenario, bus: ZenohBus, clock: Clock) -> AsyncIterator[Callable[[RawFrame], None]]:
+    """Where frames go: a vendor's server while inside, or the bus."""
+    lab = scenario.lab
+    if not is_camera_system(lab.mocap):
+        yield MocapBus(bus, clock).publish_raw
+        return
+    server = server_for(lab.mocap, tuple(v.body for v in lab.vehicles), clock)
+    await server.start()
+    try:
+        yield server.publish
+    finally:
+        await server.close()

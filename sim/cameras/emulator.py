@@ -37,7 +37,7 @@ class EmulatorConfig(Model):
     """How far the emulated mocap is from an ideal one.
 
     jitter_s, noise_m and noise_rad are standard deviations (of the exposure's time; per axis), delay_jitter_s the mean
-    of what comes on top of delay_s.
+    of what comes on top of delay_s. burst: so many frames are sent at once, when the last of them was exposed.
     """
 
     rate_hz: Positive = 100.0
@@ -48,6 +48,7 @@ class EmulatorConfig(Model):
     delay_jitter_s: NotNegative = 0.0005
     lost_share: Share = 0.0
     occluded_share: Share = 0.0
+    burst: Annotated[int, Field(ge=1, le=1000)] = 1
     gaps: tuple[Gap, ...] = ()
 
 
@@ -83,6 +84,7 @@ class MocapEmulator:
         self._cable = MemoryLink[RawFrame](
             random_delay(config.delay_s, config.delay_jitter_s, config.lost_share, arrival)
         )
+        self._unsent: list[RawFrame] = []
         self._truth = np.zeros((n, 14))
         self._pos = np.zeros((n, 3))
         self._q = np.tile(frames.IDENTITY, (n, 1))
@@ -109,13 +111,20 @@ class MocapEmulator:
             seen &= np.array([body not in hidden for body in self._bodies])
         self._look(t_ns, truths, seen, noise)
         if None not in hidden:
-            self._cable.push(t_ns, RawFrame(self._seq, t_ns, self._bodies, self._pos.copy(), self._q.copy(), seen))
+            self._send(t_ns, RawFrame(self._seq, t_ns, self._bodies, self._pos.copy(), self._q.copy(), seen))
         self._seq += 1
         self.next_exposure_ns = self._next_exposure_after(t_ns)
 
     def pop_due(self, now_ns: int) -> list[RawFrame]:
         """The frames that have arrived by now, oldest first."""
         return [frame for _, frame in self._cable.pop_due(now_ns)]
+
+    def _send(self, t_ns: int, frame: RawFrame) -> None:
+        self._unsent.append(frame)
+        if len(self._unsent) >= self._config.burst:
+            for each in self._unsent:
+                self._cable.push(t_ns, each)
+            self._unsent = []
 
     def _look(self, t_ns: int, truths: Mapping[int, Truth], seen: Bool, noise: Float) -> None:
         """Fill in the poses of the bodies in sight; the others keep their last pose and lose their flag in `seen`.

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from sim.cli import campaign, studies
+from sim.cli import cameras, campaign, studies
 from wire.process.program import program
 
 app = program(
@@ -35,6 +35,7 @@ Out = Annotated[Path | None, typer.Option(help="The run's directory; without it 
 def fly(
     name: Name = "triangle_line",
     link: Annotated[Literal["zenoh", "udp"], typer.Option(help="How MAVLink reaches the drones.")] = "zenoh",
+    mocap: Annotated[cameras.Protocol | None, typer.Option(help="Poses by this camera system's own protocol.")] = None,
     seed: Seed = None,
     leader_csv: LeaderCsv = None,
     leader_alignment: Alignment = None,
@@ -48,7 +49,8 @@ def fly(
     """Fly in real time: emulated mocap, agents and `gcs run` as processes of their own. Ctrl-C lands and ends."""
     from sim.cli import flights
 
-    flights.fly(flights.scenario_of(name, leader_csv, leader_alignment), link, seed, force, speed, as_json, out)
+    scenario = flights.scenario_of(name, leader_csv, leader_alignment)
+    flights.fly(scenario, link, mocap, seed, force, speed, as_json, out)
 
 
 @app.command()
@@ -97,6 +99,7 @@ def list_scenarios() -> None:
 
 studies.register(app)
 campaign.register(app)
+cameras.register(app)
 
 
 def main() -> None:

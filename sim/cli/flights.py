@@ -19,6 +19,7 @@ from gcs.daemon import GCS_NAME
 from gcs.mocap.sources.csv_file import MocapFileError
 from sim import lockstep
 from sim.cameras import daemon as mocap_daemon
+from sim.cameras.systems import lab_with
 from sim.cli.conclude import conclude
 from sim.cli.display import Display
 from sim.fly import Files
@@ -27,7 +28,7 @@ from sim.ports import private_link
 from sim.scenario import Scenario, load, recorded_leader, with_leader_file
 from sim.script import Outcome
 from wire import clock
-from wire.errors import BusError, ConfigError
+from wire.errors import ConfigError
 from wire.private_files import make_folder
 from wire.process import starved
 from wire.process.progress import compile_all
@@ -38,10 +39,10 @@ UNIT_WITHIN = 0.01
 
 
 def fly(
-    scenario: Scenario, link: Literal["zenoh", "udp"], seed: int | None, force: bool, speed: float, as_json: bool,
-    out: Path | None,
+    scenario: Scenario, link: Literal["zenoh", "udp"], protocol: str | None, seed: int | None, force: bool,
+    speed: float, as_json: bool, out: Path | None,
 ) -> None:  # fmt: skip
-    """In real time, or slower; ends the process with its exit code."""
+    """In real time, or slower; ends the process with its exit code. protocol: of the camera system, if any."""
     lab = scenario.lab
     files = Files(_folder(out, scenario))
     compile_for(scenario)
@@ -49,7 +50,8 @@ def fly(
         private_link(link, (v.sysid for v in lab.vehicles if v.sysid is not None)) as own_link,
         Display(Console(stderr=as_json), scenario.name) as display,
     ):
-        scenario = scenario.model_copy(update={"lab": lab.model_copy(update={"link": own_link})})
+        lab = lab.model_copy(update={"link": own_link})
+        scenario = scenario.model_copy(update={"lab": lab_with(lab, protocol) if protocol else lab})
         flown = asyncio.run(
             _interruptible(
                 fly_processes(scenario, _seed(seed, scenario), files, display.progress, force, clock.Clock(speed))
@@ -76,7 +78,7 @@ def mocap(scenario: Scenario, seed: int | None, speed: float) -> None:
     """The emulated mocap, until a signal ends it."""
     try:
         uvloop.run(mocap_daemon.serve(scenario, _seed(seed, scenario), GCS_NAME, clock.Clock(speed)))
-    except BusError as error:
+    except OSError as error:
         fail(str(error), NOT_RIGHT)
     except StarvedError as error:
         fail(str(error), starved.EXIT_CODE)

@@ -26,10 +26,11 @@ name = "lab"
 
 [lab.mocap]
 rate_hz = {rate_hz}
-
+{cameras}
 [lab.leader]
 body = "leader"
 sysid = 1
+q_marker_from_flu = {q_marker_from_flu}
 trajectory = {{ {trajectory} }}
 
 [[lab.followers]]
@@ -48,9 +49,14 @@ LINE = 'kind = "line", length_m = 0.5, duration_s = 2.0'
 CIRCLE = 'kind = "circle", radius_m = 0.5, period_s = 5.0, duration_s = 60.0'
 
 
-def write_scenario(folder: Path, trajectory: str) -> Path:
+PLAIN, UPSIDE_DOWN = "[1.0, 0.0, 0.0, 0.0]", "[0.0, 0.6, 0.8, 0.0]"
+
+
+def write_scenario(folder: Path, trajectory: str, cameras: str = "", q_marker_from_flu: str = PLAIN) -> Path:
+    """cameras: further lines of the lab's [mocap]; q_marker_from_flu: of the leader."""
     path = folder / "short_triangle.toml"
-    path.write_text(TRIANGLE.format(trajectory=trajectory, rate_hz=RATE_HZ))
+    text = TRIANGLE.format(trajectory=trajectory, rate_hz=RATE_HZ, cameras=cameras, q_marker_from_flu=q_marker_from_flu)
+    path.write_text(text)
     return path
 
 

@@ -13,15 +13,28 @@ from wire.transport.mocap_bus import MocapBus
 def open_source(config: LabConfig, bus: MocapBus, feed: Feed, deliver: Callable[[Frame], None]) -> Source:
     """What `[mocap] source` says; nothing is reached before it is run.
 
-    deliver: of frames that are raw frames already, or a log's. Raises MocapFileError for a file that cannot be used.
+    deliver: of frames that are raw frames already, or a log's. Raises MocapFileError for a file that cannot be used,
+    ValueError for `mavlink`, which no mocap process serves.
     """
     lab = tuple(v.body for v in config.vehicles)
     latency_ns = round(1e9 * config.mocap.constant_latency_s)
     match config.mocap.source:
-        case "csv" | "mcap":
-            return Recording(config, deliver, lambda: bus.is_heard, feed)
         case "zenoh":
             return Published(bus, deliver)
+        case "csv" | "mcap":
+            return Recording(config, deliver, lambda: bus.is_heard, feed)
+        case "vrpn":
+            from gcs.mocap.sources.vrpn.client import vrpn_source
+
+            return vrpn_source(config, feed)
+        case "chingmu":
+            from gcs.mocap.sources.vrpn.client import chingmu_source
+
+            return chingmu_source(config, feed)
+        case "natnet":
+            from gcs.mocap.sources.natnet.client import NatNet
+
+            return NatNet(config, feed)
         case "qualisys":
             from gcs.mocap.sources.qualisys.source import Qualisys
 
@@ -30,5 +43,5 @@ def open_source(config: LabConfig, bus: MocapBus, feed: Feed, deliver: Callable[
             from gcs.mocap.sources.vicon.source import Vicon
 
             return Vicon(config.mocap.vicon or ViconConfig(), lab, latency_ns, feed)
-        case other:
-            raise NotImplementedError(other)
+        case "mavlink":
+            raise ValueError("the ground hears poses from the drones themselves")

@@ -1,13 +1,13 @@
 """A client of a server that streams over TCP: connected, watched, connected to again; a `Session` has the protocol."""
 
 import asyncio
-from typing import Protocol
+from collections.abc import Callable
+from typing import Protocol, cast
 
 from formation.messages import Severity
 from gcs.mocap.sources.source import Feed
 
 CONNECT_S, AGAIN_S, SILENT_S = 2.0, 0.5, 2.0
-READ_BYTES = 65_536
 LOOK_S = 0.1
 
 
@@ -28,8 +28,8 @@ class Session(Protocol):
 class Protocols(Protocol):
     """Makes the sessions of one source, one a connection."""
 
-    def open(self, now_ns: int) -> tuple[Session, bytes]:
-        """A new connection's session, and what it says first."""
+    def open(self, now_ns: int, ours: str, theirs: str, /) -> tuple[Session, bytes]:
+        """A new connection's session, and what it says first; ours, theirs: both ends' addresses."""
 
 
 class TcpClient:
@@ -61,40 +61,84 @@ class TcpClient:
 
     async def _connection(self) -> None:
         """One connection, from its start to its end."""
+        loop = asyncio.get_running_loop()
         async with asyncio.timeout(CONNECT_S):
-            reader, writer = await asyncio.open_connection(self._host, self._port)
+            transport, link = await loop.create_connection(lambda: _Link(self), self._host, self._port)
         try:
-            session, hello = self._protocols.open(self._feed.clock.monotonic_ns())
-            writer.write(hello)
-            await self._converse(session, reader, writer)
+            while not link.ended.done():
+                await asyncio.wait((link.ended,), timeout=LOOK_S)
+                link.look()
+            link.ended.result()
         finally:
-            writer.close()
+            transport.abort()
 
-    async def _converse(self, session: Session, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        silent_s, reading = 0.0, asyncio.ensure_future(reader.read(READ_BYTES))
-        try:
-            while True:
-                await asyncio.wait((reading,), timeout=LOOK_S)
-                if reading.done():
-                    data = reading.result()
-                    if not data:
-                        return
-                    silent_s = 0.0
-                    if not self.connected:
-                        self.connected = True
-                        self._tell(f"connected to {self._host}:{self._port}", Severity.INFO)
-                    reading = asyncio.ensure_future(reader.read(READ_BYTES))
-                    writer.write(session.received(data, self._feed.clock.monotonic_ns()))
-                else:
-                    silent_s += LOOK_S
-                    if silent_s >= SILENT_S:
-                        raise TimeoutError
-                writer.write(session.due(self._feed.clock.monotonic_ns()))
-        finally:
-            reading.cancel()
-            await asyncio.gather(reading, return_exceptions=True)
+    def open(self, transport: asyncio.Transport) -> tuple[Session, bytes]:
+        """The session of a connection that was made."""
+        ours, theirs = transport.get_extra_info("sockname"), transport.get_extra_info("peername")
+        return self._protocols.open(self.now_ns(), ours[0], theirs[0])
+
+    def heard(self) -> None:
+        """The server has said something."""
+        if not self.connected:
+            self.connected = True
+            self._tell(f"connected to {self._host}:{self._port}", Severity.INFO)
+
+    def now_ns(self) -> int:
+        """On our clock."""
+        return self._feed.clock.monotonic_ns()
 
     def _tell(self, text: str, severity: Severity) -> None:
         if text != self._told:
             self._told = text
             self._feed.say(severity, text)
+
+
+class _Link(asyncio.Protocol):
+    """One connection's bytes into its session, as they come."""
+
+    _session: Session
+    _transport: asyncio.Transport
+
+    def __init__(self, client: TcpClient) -> None:
+        self.ended = asyncio.get_running_loop().create_future()
+        self._client = client
+        self._silent_s = 0.0
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._transport = cast(asyncio.Transport, transport)
+        self._session, hello = self._client.open(self._transport)
+        self._transport.write(hello)
+
+    def data_received(self, data: bytes) -> None:
+        self._silent_s = 0.0
+        self._client.heard()
+        self._do(self._session.received, data)
+
+    def look(self) -> None:
+        """What time brings, every 0.1 s."""
+        self._silent_s += LOOK_S
+        if self._silent_s > SILENT_S:
+            self._end(TimeoutError())
+        self._do(self._session.due)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._end(exc)
+
+    def _do(self, step: Callable[..., bytes], *data: bytes) -> None:
+        """What a session raises ends its connection: of the protocol, or, a defect, of the whole client."""
+        if self.ended.done():
+            return
+        try:
+            answer = step(*data, self._client.now_ns())
+            if answer:
+                self._transport.write(answer)
+        except Exception as error:  # noqa: BLE001 - raised again by whoever waits for the end
+            self._end(error)
+
+    def _end(self, error: Exception | None) -> None:
+        if self.ended.done():
+            return
+        if error is None:
+            self.ended.set_result(None)
+        else:
+            self.ended.set_exception(error)

@@ -6,7 +6,7 @@ import pytest
 from gcs_bus import a_lab, hub_of
 
 from formation.messages import Event
-from gcs.mocap.daemon import run
+from gcs.mocap.daemon import Told, run
 from gcs.mocap.service import ServiceError, configuration_name
 from wire.clock import REAL_TIME
 from wire.transport.mocap_bus import MocapBus
@@ -24,7 +24,7 @@ def test_a_second_one_is_refused():
         bus = await hub_of(config)
         MocapBus(bus).announce(configuration_name(config))
         with pytest.raises(ServiceError, match=f"serves '{config.name}' already"):
-            await asyncio.wait_for(run(config, None, lambda _: None, REAL_TIME), 60.0)
+            await asyncio.wait_for(run(config, None, Told(lambda _: None), REAL_TIME), 60.0)
         await bus.close()
 
     asyncio.run(both())

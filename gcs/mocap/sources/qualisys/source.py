@@ -44,7 +44,7 @@ class Qualisys:
             bodies=self._roll.bodies,
         )
 
-    def open(self, now_ns: int) -> tuple[QualisysSession, bytes]:
+    def open(self, now_ns: int, _ours: str, _theirs: str) -> tuple[QualisysSession, bytes]:
         """A new connection's session; QTM speaks first."""
         return QualisysSession(self._take, self._named, self._feed, now_ns), b""
 

@@ -54,7 +54,7 @@ class Vicon:
             self._roll.bodies,
         )
 
-    def open(self, now_ns: int) -> tuple[ViconSession, bytes]:
+    def open(self, now_ns: int, _ours: str, _theirs: str) -> tuple[ViconSession, bytes]:
         """A new connection's session; the server speaks first."""
         return ViconSession(self._take, self._named, self._feed, now_ns), b""
 

@@ -1,0 +1,63 @@
+"""The camera systems that can be served in a box, by the protocol's name, and a lab that takes its poses from one."""
+
+from formation.config import LabConfig
+from formation.mocap_config import MocapConfig
+from sim.cameras.servers.server import Server
+from wire.clock import Clock
+
+SOURCE_OF = {"vrpn": "vrpn", "chingmu": "chingmu", "natnet": "natnet", "qtm": "qualisys", "vicon": "vicon"}
+"""The `[mocap] source` that hears each protocol."""
+CAMERA_PORT = 292
+"""Counted from the first of a flight's block: above every drone's."""
+LOOPBACK, OTHER_LOOPBACK = "127.0.0.1", "127.0.0.2"
+"""NatNet's server and its client cannot share one address: both listen at the same ports."""
+
+
+def is_camera_system(mocap: MocapConfig) -> bool:
+    """Whether poses come by a vendor's protocol rather than by a bus or a file of ours."""
+    return mocap.source in SOURCE_OF.values()
+
+
+def server_for(mocap: MocapConfig, bodies: tuple[str, ...], clock: Clock) -> Server:
+    """The server that the lab's mocap process will look for; each body goes by the source's own name for it."""
+    match mocap.source:
+        case "vrpn":
+            from sim.cameras.servers.vrpn import vrpn_server
+
+            return vrpn_server(mocap, bodies, clock)
+        case "chingmu":
+            from sim.cameras.servers.vrpn import chingmu_server
+
+            return chingmu_server(mocap, bodies, clock)
+        case "natnet":
+            from sim.cameras.servers.natnet import natnet_server
+
+            return natnet_server(mocap, bodies, clock)
+        case "qualisys":
+            from sim.cameras.servers.qtm import qtm_server
+
+            return qtm_server(mocap, bodies, clock)
+        case "vicon":
+            from sim.cameras.servers.vicon import vicon_server
+
+            return vicon_server(mocap, bodies, clock)
+        case other:
+            raise ValueError(f"{other} is no camera system")
+
+
+def lab_with(lab: LabConfig, protocol: str) -> LabConfig:
+    """The lab with its poses by that protocol from this machine, at ports of the flight's own block (sim.ports).
+
+    What the lab file says of that system is kept but for addresses and ports.
+    """
+    source = SOURCE_OF[protocol]
+    port = lab.link.ground_port_base + CAMERA_PORT
+    match source:
+        case "natnet":
+            own = {"host": OTHER_LOOPBACK, "multicast": None, "command_port": port, "data_port": port + 1}
+        case _:
+            own = {"host": LOOPBACK, "port": port}
+    table = getattr(lab.mocap, source)
+    said = {} if table is None else table.model_dump()
+    values = lab.mocap.model_dump(exclude_none=True) | {"source": source, source: said | own}
+    return lab.model_copy(update={"mocap": MocapConfig.model_validate(values)})

@@ -1,0 +1,98 @@
+"""What `gcs-sim mocap-server` serves: the lab or the bodies that were asked for, and the vendor's server."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from formation.config import LabConfig
+from formation.mocap_config import MocapConfig
+from gcs.mocap.sources.csv_file import MocapFileError, read_recording
+from gcs.mocap.sources.recordings import mcap_frames
+from sim.cameras import box as cameras_box
+from sim.cameras.emulator import EmulatorConfig
+from sim.cameras.playback import Playback
+from sim.cameras.room import Circling, Recorded, Room, lab_of
+from sim.cameras.systems import LOOPBACK, OTHER_LOOPBACK, SOURCE_OF, is_camera_system, server_for
+from wire.clock import Clock
+from wire.config_file import load
+from wire.errors import ConfigError
+
+
+class NotRight(ValueError):
+    """Something given cannot be served, in one line."""
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A room, the camera system that sees it, and their clock."""
+
+    room: Room
+    mocap: MocapConfig
+    clock: Clock
+
+    async def serve(self, manner: cameras_box.Manner, say: Callable[[str], None]) -> None:
+        """Until cancelled; OSError where an address is taken."""
+        table = getattr(self.mocap, self.mocap.source)
+        where = ", ".join(f"{key} {value}" for key, value in table.model_dump(exclude_none=True).items())
+        say(f"{self.mocap.source} ({where}): {', '.join(self.room.bodies)}")
+        await cameras_box.serve(
+            self.room, lambda: server_for(self.mocap, self.room.bodies, self.clock), manner, say, self.clock
+        )
+
+
+def box(
+    protocol: str | None, lab_file: Path | None, count: int, still: bool, csv: Path | None, mcap: Path | None,
+    cameras: str, address: tuple[str | None, int | None], seed: int, speed: float,
+) -> Box:  # fmt: skip
+    """Raises NotRight for what cannot be served."""
+    clock = Clock(speed)
+    t0_ns = clock.monotonic_ns()
+    try:
+        recorded = None if mcap is None else mcap_frames(mcap)
+        leader = None if csv is None else Playback(read_recording(csv))
+        names = tuple(f"body{i + 1}" for i in range(count)) if recorded is None else recorded[0][1].bodies
+        lab = lab_of(names, MocapConfig()) if lab_file is None else load(lab_file, LabConfig)
+        mocap = _mocap(lab.mocap, protocol, address)
+        emulator = EmulatorConfig.model_validate({"rate_hz": mocap.rate_hz} | _settings(cameras))
+    except (ConfigError, MocapFileError, ValidationError) as error:
+        raise NotRight(_first_line(error)) from error
+    if recorded is not None:
+        return Box(Recorded(recorded, t0_ns), mocap, clock)
+    lab = lab.model_copy(update={"mocap": mocap})
+    count = count if lab_file is None else len(lab.vehicles)
+    return Box(Circling(lab, count, emulator, still, leader, seed, t0_ns), mocap, clock)
+
+
+def _mocap(mocap: MocapConfig, protocol: str | None, address: tuple[str | None, int | None]) -> MocapConfig:
+    """The lab's own section with the protocol and the address given."""
+    source = mocap.source if protocol is None else SOURCE_OF[protocol]
+    values = mocap.model_dump(exclude_none=True) | {"source": source}
+    if not is_camera_system(MocapConfig.model_validate(values)):
+        raise NotRight(f'source "{source}" is no camera system: --protocol {"|".join(SOURCE_OF)}')
+    host, port = address
+    table = values.get(source, {})
+    table["host"] = host or table.get("host") or (OTHER_LOOPBACK if source == "natnet" else LOOPBACK)
+    if port is not None:
+        table |= {"command_port": port, "data_port": port + 1} if source == "natnet" else {"port": port}
+    return MocapConfig.model_validate(values | {source: table})
+
+
+def _settings(text: str) -> dict[str, Any]:
+    """KEY=VALUE pairs."""
+    settings = {}
+    for pair in filter(None, text.split(",")):
+        key, found, value = pair.partition("=")
+        if not found:
+            raise NotRight(f"--cameras: {pair!r} is not KEY=VALUE")
+        settings[key.strip()] = value.strip()
+    return settings
+
+
+def _first_line(error: Exception) -> str:
+    if isinstance(error, ValidationError):
+        first = error.errors()[0]
+        return f"--cameras: {'.'.join(map(str, first['loc']))}: {first['msg']}"
+    return str(error)

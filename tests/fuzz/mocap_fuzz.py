@@ -51,11 +51,11 @@ class Client:
         self.frames: list[RawFrame] = []
         self.refusals = Refusals()
         self._source = make(Feed(config, self._take, lambda event: None, self.refusals, Clock()))
-        self.session: Session = self._source.open(0)[0]
+        self.session: Session = self._source.open(0, "", "")[0]
 
     def again(self, packets: tuple[bytes, ...], now_ns: int) -> None:
         """A new connection, and what comes first on it."""
-        self.session = self._source.open(now_ns)[0]
+        self.session = self._source.open(now_ns, "", "")[0]
         for packet in packets:
             self.session.received(packet, now_ns)
 

@@ -29,7 +29,7 @@ ASK, STREAM = command("GetParameters 6D"), command("StreamFrames AllFrames 6D")
 
 def opened(record: Kept) -> tuple[Qualisys, QualisysSession]:
     source = Qualisys(QualisysConfig(), ("Body1",), 8 * MS_NS, record.feed())
-    session, hello = source.open(0)
+    session, hello = source.open(0, "", "")
     assert hello == b""
     assert session.received(WELCOME, 0) == command("Version 1.19")
     assert session.received(VERSION_SET, 0) == ASK
@@ -159,13 +159,13 @@ def test_bad_packets_are_counted_and_the_next_is_read():
 )
 def test_a_qtm_that_will_not_serve_is_left(words, why):
     record = kept("qualisys")
-    session, _ = Qualisys(QualisysConfig(), (), 0, record.feed()).open(0)
+    session, _ = Qualisys(QualisysConfig(), (), 0, record.feed()).open(0, "", "")
     with pytest.raises(ProtocolError, match=why):
         session.received(struct.pack("<II", 9 + len(words), 0) + words + b"\0", 0)
 
 
 def test_a_qtm_that_does_not_answer_is_left():
-    session, _ = Qualisys(QualisysConfig(), (), 0, kept("qualisys").feed()).open(0)
+    session, _ = Qualisys(QualisysConfig(), (), 0, kept("qualisys").feed()).open(0, "", "")
     assert session.due(2 * S_NS) == b""
     with pytest.raises(ProtocolError, match="no answer to the version"):
         session.due(2 * S_NS + 1)

@@ -23,7 +23,7 @@ def source_of(record: Kept) -> Vicon:
 
 def opened(record: Kept) -> tuple[Vicon, ViconSession]:
     source = source_of(record)
-    session, hello = source.open(0)
+    session, hello = source.open(0, "", "")
     assert hello == b""
     assert session.received(OFFER, 0) == WANT + STREAM
     return source, session
@@ -143,10 +143,10 @@ def test_pings_each_second_keep_a_paused_server():
 
 def test_a_server_without_poses_or_words_is_left():
     record = kept("vicon")
-    session, _ = source_of(record).open(0)
+    session, _ = source_of(record).open(0, "", "")
     with pytest.raises(ProtocolError, match="no segments"):
         session.received(packet_of((Kind.OBJECT_ENUMS, objects.set_of({1, 2, 5}))), 0)
-    session, _ = source_of(record).open(0)
+    session, _ = source_of(record).open(0, "", "")
     assert session.due(2 * S_NS) == b""
     with pytest.raises(ProtocolError, match="no list of what is offered"):
         session.due(2 * S_NS + 1)

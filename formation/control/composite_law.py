@@ -25,7 +25,7 @@ from formation.maths.records import Rows, blank, dtype_of
 from formation.vehicle.response import NEVER_NS, SECONDS, SentCommands
 
 HORIZON_MAX_NS = 400_000_000
-HORIZONTAL, VERTICAL = 0, 1
+HORIZONTAL, VERTICAL = 0, 1  # the channels, each with a workspace of its own
 STEP_MAX_S = 0.1
 LEADER = cast(
     int, np.int64(0)
@@ -100,14 +100,15 @@ class Around(NamedTuple):
 
 @dataclass(slots=True)
 class Workspace:
-    """Motions (3, 4) and vectors (3) of one vehicle's turn, reused for the next; a record.
+    """Motions (3, 4) and vectors (3) of one vehicle's turn in one channel, reused for the next; a record.
 
-    leader: the leader as predicted last for each channel, when the command holds and later, and leader_ns for when:
+    leader, leader_later: the leader as predicted last, when the command holds and later, and leader_ns for when:
     vehicles of one kind ask for the same.
     """
 
-    leader_ns: Annotated[NDArray[np.int64], Layout(np.int64, (2, 2))]
-    leader: Annotated[Float, Layout(np.float64, (2, 2, 3, 4))]
+    leader_ns: Annotated[NDArray[np.int64], Layout(np.int64, (2,))]
+    leader: Motion
+    leader_later: Motion
     mine: Motion
     lead: Motion
     lead_later: Motion
@@ -151,23 +152,24 @@ def _demand(
     """See `demand`; out (m) is filled."""
     around = Around(Known(estimates, observers, history, _dead_times(settings, observers, estimates)), led)
     # A record keeps no array alive that it lies in: `space` has to be there as long as anybody writes into it.
-    space = np.empty(1, WORKSPACE)
-    space[0].leader_ns[:] = NEVER_NS
+    space = np.empty(2, WORKSPACE)
+    for channel in range(2):
+        space[channel].leader_ns[:] = NEVER_NS
     for i in range(len(settings)):
-        _vehicle_demand(i, settings[i], around, memory[i], now_ns, space[0], out[i])
+        _vehicle_demand(i, settings[i], around, memory[i], now_ns, space, out[i])
 
 
 @kernel
 def _vehicle_demand(
-    i: int, law: LawSettings, around: Around, kept: LawMemory, now_ns: int, w: Workspace, out: Demand
+    i: int, law: LawSettings, around: Around, kept: LawMemory, now_ns: int, space: Rows[Workspace], out: Demand
 ) -> None:
     """One vehicle's turn."""
     dt_s = 0.0
     if kept.asked_ns > NEVER_NS:
         dt_s = min((now_ns - kept.asked_ns) * SECONDS, STEP_MAX_S)
     at_ns = min(now_ns, around.known.estimates[law.vehicle].t_ns + HORIZON_MAX_NS)
-    _horizontal_demand(i, law, around, kept, at_ns, dt_s, w, out)
-    _vertical_demand(i, law, around, kept, at_ns, dt_s, w, out)
+    _horizontal_demand(i, law, around, kept, at_ns, dt_s, space[HORIZONTAL], out)
+    _vertical_demand(i, law, around, kept, at_ns, dt_s, space[VERTICAL], out)
 
 
 @kernel
@@ -192,7 +194,7 @@ def _horizontal_demand(
     lag_s = known.observers[n].response.attitude_lag_s
     arrival_ns = now_ns + int(known.dead_s[n] * 1e9)
     hold_ns = arrival_ns if law.compensate else known.estimates[n].t_ns
-    _situation(HORIZONTAL, i, n, around, hold_ns, hold_ns + int(lag_s * 1e9) if law.compensate else NEVER_NS, w)
+    _situation(i, n, around, hold_ns, hold_ns + int(lag_s * 1e9) if law.compensate else NEVER_NS, w)
     gain = _adaptive_gain(i, law, around)
     boost = gain**law.lag_compensation.p1_power
     for axis in range(2):
@@ -210,7 +212,9 @@ def _horizontal_demand(
     pull = law.lag_compensation.gain * gain**law.lag_compensation.gain_power - 1.0
     for axis in range(2):
         z3 = known.estimates[n].dist_lab_m_s2[axis]
-        _ask(axis, law.horizontal, law.compensate, lag_s * law.lag_compensation.rate, pull, z3, w, out)
+        _ask(axis, law.horizontal, z3, w, out)
+        if law.compensate:
+            _invert_lag(axis, lag_s * law.lag_compensation.rate, pull, z3, w, out)
 
 
 @kernel
@@ -221,15 +225,17 @@ def _vertical_demand(
     known, n = around.known, law.vehicle
     dead_s, lag_s = known.observers[n].response.thrust_dead_s, known.observers[n].response.thrust_lag_s
     hold_ns = now_ns + int(dead_s * 1e9)
-    _situation(VERTICAL, i, n, around, hold_ns, hold_ns + int(lag_s * 1e9), w)
+    _situation(i, n, around, hold_ns, hold_ns + int(lag_s * 1e9), w)
     out.yaw_rad, out.yaw_rate_rad_s = w.lab[0, 3], w.lab[1, 3]
-    _feed_back(2, law.vertical, law.speed_max_m_s, 1.0, kept, around.led.references[i].airborne, dt_s, w, out)
+    z3 = known.estimates[n].dist_lab_m_s2[2]
+    for axis in range(2, 3):  # as a plain 2 it would be a type of its own to numba, and compiled again
+        _feed_back(axis, law.vertical, law.speed_max_m_s, 1.0, kept, around.led.references[i].airborne, dt_s, w, out)
+        _ask(axis, law.vertical, z3, w, out)
+        _invert_lag(axis, lag_s * law.lag_compensation.rate, 0.0, z3, w, out)
     for order in range(3):
         out.motion[order, 2] = w.mine[order, 2]
     size = sqrt(w.force[0] * w.force[0] + w.force[1] * w.force[1] + w.force[2] * w.force[2])
     out.tilt_cos = w.force[2] / size if size > 1.0 else 1.0
-    z3 = known.estimates[n].dist_lab_m_s2[2]
-    _ask(2, law.vertical, True, lag_s * law.lag_compensation.rate, 0.0, z3, w, out)
 
 
 @kernel
@@ -243,14 +249,14 @@ def _adaptive_gain(i: int, law: LawSettings, around: Around) -> float:
 
 
 @kernel
-def _situation(channel: int, i: int, n: int, around: Around, hold_ns: int, later_ns: int, w: Workspace) -> None:
+def _situation(i: int, n: int, around: Around, hold_ns: int, later_ns: int, w: Workspace) -> None:
     """Vehicle i's own motion, reference and error at hold_ns, and its reference at later_ns, into the workspace.
 
     later_ns: NEVER_NS where the lag is not compensated.
     """
     known, numbers, knots = around.known, around.led.numbers, around.led.knots
     reference = around.led.references[i]
-    _leader_ahead(channel, around, hold_ns, later_ns, w)
+    _leader_ahead(around, hold_ns, later_ns, w)
     if later_ns > NEVER_NS:
         reference_at(reference, numbers, knots, later_ns, w.lead_later, w.slot, w.frame, w.lab_later)
     motion_at(known, n, hold_ns, w.mine, w.force)
@@ -262,31 +268,29 @@ def _situation(channel: int, i: int, n: int, around: Around, hold_ns: int, later
 
 
 @kernel
-def _leader_ahead(channel: int, around: Around, hold_ns: int, later_ns: int, w: Workspace) -> None:
+def _leader_ahead(around: Around, hold_ns: int, later_ns: int, w: Workspace) -> None:
     """The leader's motion at hold_ns, and at later_ns if that is wanted, into the workspace.
 
     A leader we command is taken to accelerate and turn as its own reference says: known ahead, and free of noise.
     """
-    if w.leader_ns[channel, 0] != hold_ns or w.leader_ns[channel, 1] != later_ns:
-        w.leader_ns[channel, 0], w.leader_ns[channel, 1] = hold_ns, later_ns
-        now, later = w.leader[channel, 0], w.leader[channel, 1]
-        motion_at(around.known, LEADER, hold_ns, now, w.force)
-        shifted(around.led.leader, hold_ns, now)
+    if w.leader_ns[0] != hold_ns or w.leader_ns[1] != later_ns:
+        w.leader_ns[0], w.leader_ns[1] = hold_ns, later_ns
+        motion_at(around.known, LEADER, hold_ns, w.leader, w.force)
+        shifted(around.led.leader, hold_ns, w.leader)
         place = around.known.observers[LEADER].place
         if later_ns > NEVER_NS and place >= 0:
-            _as_referred(around.led.references[place], around, hold_ns, later_ns, now, later, w)
+            _as_referred(around.led.references[place], around, hold_ns, later_ns, w)
         elif later_ns > NEVER_NS:
-            motion_at(around.known, LEADER, later_ns, later, w.force)
-            shifted(around.led.leader, later_ns, later)
-    copy_motion(w.leader[channel, 0], w.lead)
-    copy_motion(w.leader[channel, 1], w.lead_later)
+            motion_at(around.known, LEADER, later_ns, w.leader_later, w.force)
+            shifted(around.led.leader, later_ns, w.leader_later)
+    copy_motion(w.leader, w.lead)
+    copy_motion(w.leader_later, w.lead_later)
 
 
 @kernel
-def _as_referred(
-    reference: VehicleReference, around: Around, hold_ns: int, later_ns: int, now: Float, later: Float, w: Workspace
-) -> None:
-    """A commanded leader's motion `later` (3, 4): from `now` on as its reference goes, and accelerations of both."""
+def _as_referred(reference: VehicleReference, around: Around, hold_ns: int, later_ns: int, w: Workspace) -> None:
+    """A commanded leader's motion later: from `leader` on as its reference goes, and accelerations of both."""
+    now, later = w.leader, w.leader_later
     reference_at(reference, around.led.numbers, around.led.knots, later_ns, now, w.slot, w.frame, w.lab_later)
     reference_at(reference, around.led.numbers, around.led.knots, hold_ns, now, w.slot, w.frame, w.lab)
     for column in range(4):
@@ -312,20 +316,22 @@ def _feed_back(
 
 
 @kernel
-def _ask(
-    axis: int, gains: AxisGains, compensate: bool, ahead_s: float, pull: float, z3: float, w: Workspace, out: Demand
-) -> None:
-    """Eq. (7) of one axis in `lab`, and what is added to invert the lag.
+def _ask(axis: int, gains: AxisGains, z3: float, w: Workspace, out: Demand) -> None:
+    """Eq. (7) of one axis in `lab`."""
+    z3_used = z3 if uses_disturbance(gains) else 0.0
+    out.acc_lab_m_s2[axis] = composite_acceleration(w.lab[2, axis], w.feedback[axis], z3_used)
+
+
+@kernel
+def _invert_lag(axis: int, ahead_s: float, pull: float, z3: float, w: Workspace, out: Demand) -> None:
+    """What is added to one axis's demand to invert the lag.
 
     ahead_s: how far the feedback's own rate is sent ahead; pull: how much harder than needed the command pulls at what
     the predicted acceleration misses.
     """
-    asked = composite_acceleration(w.lab[2, axis], w.feedback[axis], z3 if uses_disturbance(gains) else 0.0)
-    out.acc_lab_m_s2[axis] = asked
-    if compensate:
-        coming = w.lab_later[2, axis] - w.lab[2, axis] + ahead_s * w.feedback_rate[axis]
-        missing = asked - (w.mine[2, axis] - z3)
-        out.lead_acc_lab_m_s2[axis] = coming + pull * missing
+    coming = w.lab_later[2, axis] - w.lab[2, axis] + ahead_s * w.feedback_rate[axis]
+    missing = out.acc_lab_m_s2[axis] - (w.mine[2, axis] - z3)
+    out.lead_acc_lab_m_s2[axis] = coming + pull * missing
 
 
 @kernel

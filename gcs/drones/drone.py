@@ -109,8 +109,9 @@ class Drone:
     def notice_flight(self, z_m: float, thrust_norm: float) -> None:
         """Notice that it is off the floor: as the mocap sees, its autopilot says, or the thrust it follows tells."""
         self.height_m = z_m - self.rest_z_m
-        lifts = thrust_norm > LIFTING_THRUST * self.link.hover_thrust_norm and self.link.armed and self.link.offboard
-        self.lifted = self.lifted or lifts or self.height_m > LIFTED_M or self.link.telemetry.landed in AIRBORNE_STATES
+        self.lifted = self.lifted or self.height_m > LIFTED_M or self.link.telemetry.landed in AIRBORNE_STATES
+        if not self.lifted and self.link.armed and self.link.offboard:
+            self.lifted = thrust_norm > LIFTING_THRUST * self.link.hover_thrust_norm
 
     def notice_thrust(self, thrust_norm: float) -> None:
         """It flies with this; averaged over some two seconds."""

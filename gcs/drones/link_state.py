@@ -153,10 +153,11 @@ class DroneLink:
     @property
     def hover_thrust_norm(self) -> float:
         """Thrust that hovers: the autopilot's own parameter where it was measured, else the profile's."""
-        if self.model is None:
-            return self.profile.hover_thrust_norm
-        known = self.parameters.values.get(self.model.table.hover_parameter, self.model.hover_default)
-        return known if self.model.hover_measured(known) else self.profile.hover_thrust_norm
+        if self.model is not None:
+            known = self.parameters.values.get(self.model.table.hover_parameter)
+            if known is not None and self.model.hover_measured(known):
+                return known
+        return self.profile.hover_thrust_norm
 
     @property
     def idle_disarm_s(self) -> float | None:

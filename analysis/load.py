@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from analysis.series import Series, series
@@ -85,7 +86,7 @@ class Poses:
     """Every mocap frame in lab and flu, n vehicles in the configuration's order (leader first).
 
     t_s, mocap_s, received_s (T,): capture, receipt by the mocap process (negative if unknown), receipt by the ground;
-    pos_lab_m (T, n, 3); q_lab_from_flu (T, n, 4); seen (T, n).
+    pos_lab_m (T, n, 3); q_lab_from_flu (T, n, 4); seen (T, n); rejected (T, n): formation.rejection.Rejection.
     """
 
     t_s: Float
@@ -94,6 +95,7 @@ class Poses:
     pos_lab_m: Float
     q_lab_from_flu: Float
     seen: Bool
+    rejected: NDArray[np.uint8]
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -255,6 +257,7 @@ def _poses(mocap: Series[LabFrame], bodies: tuple[str, ...], t0_ns: int) -> Pose
         np.array([frame.pos_lab_m for frame in mocap.messages]).reshape(*shape, 3),
         np.array([frame.q_lab_from_flu for frame in mocap.messages]).reshape(*shape, 4),
         np.array([frame.seen for frame in mocap.messages], dtype=np.bool_).reshape(shape),
+        np.array([frame.rejected for frame in mocap.messages], dtype=np.uint8).reshape(shape),
     )
 
 

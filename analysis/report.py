@@ -11,6 +11,7 @@ from analysis.load import Flight, load_checked
 from analysis.metrics import Latency, Summary, rms, summarise, vibration_of
 from analysis.page import Section, cell, picture, row, swatch, table, text, tile
 from analysis.plots import drawings, style
+from analysis.rejections import rejections
 from analysis.tracking import LeaderTracking, Tracking, track, track_leader
 from formation.messages import Event, Severity
 
@@ -193,7 +194,7 @@ def _sections(flight: Flight, tracking: Tracking, summary: Summary) -> Iterator[
     """Every section, finished."""
     pictures = drawings(flight, tracking)
     tables = {
-        "timeline": _event_table(flight),
+        "timeline": _event_table(flight) + _rejection_table(flight),
         "error": _follower_table(flight, tracking),
         "leader": _leader_table(track_leader(flight)),
         "metrics": _metric_table(summary),
@@ -226,6 +227,19 @@ def _events(events: list[tuple[float, Event]]) -> str:
         for t_s, event in events
     ]
     return table(("time", "level", "source", "what"), rows) if rows else ""
+
+
+def _rejection_table(flight: Flight) -> str:
+    """Poses that were not believed, where there are any."""
+    rows = [
+        row(
+            cell(one.body), cell(one.reason), cell(f"{one.frames}", "number"), cell(f"{one.stretches}", "number"),
+            cell(f"{one.first_s:.2f} s", "time"), cell(f"{one.last_s:.2f} s", "time"),
+        )
+        for one in rejections(flight)
+    ]  # fmt: skip
+    head = ("body", "its pose was not believed:", "#frames", "#times", "first", "last")
+    return table(head, rows) if rows else ""
 
 
 def _follower_table(flight: Flight, tracking: Tracking) -> str:

@@ -88,6 +88,12 @@ class StreamFailsafe:
         self._stale_s = stale_s
         self._land_s = land_s
         self._held_since_ns = 0
+        self._broken = False
+
+    @property
+    def broken(self) -> bool:
+        """Whether the stream broke off, and has not come back: one setpoint alone is none."""
+        return self._broken and self.stage in (Stage.HOLD, Stage.LOST)
 
     @property
     def lands(self) -> bool:
@@ -108,7 +114,7 @@ class StreamFailsafe:
             self.owner = None
         elif trigger in (Trigger.STREAM, Trigger.NO_STREAM):
             self.owner, self._next_owner = self._next_owner, None
-        self.stage = after
+        self.stage, self._broken = after, trigger in (Trigger.STALE, Trigger.TIME_OUT)
         return after
 
     # The owner
@@ -139,11 +145,14 @@ class StreamFailsafe:
     def follow(self, source: Address | None, now_ns: int, *, in_mode: bool = True) -> bool:
         """A setpoint that is obeyed came; whether it ended a hold that was told of."""
         ruled = in_mode and self.stage in RULED
+        due_ns = self.monitor.stale_at_ns(self._stale_s) if self._stale_s else None
         self.monitor.note(now_ns, may_begin=not ruled)
         if not ruled:
             return False
         if self.owner is None:
             self.owner = source
+        if self.broken and due_ns is not None and now_ns > due_ns:
+            return False  # the next in time makes it a stream again; a slow trickle is held against, and landed by
         held = self.stage is Stage.HOLD and self.tells
         return self.pull(Trigger.SETPOINT, now_ns) is not None and held
 

@@ -32,6 +32,7 @@ from formation.safety.rules import Facts
 from formation.topics import Topic
 from gcs import reforming
 from gcs.drones.checks import warnings
+from gcs.drones.commands import RETRY_NS
 from gcs.drones.drone import Drone
 from gcs.drones.goal import Goal
 from gcs.drones.link_state import DroneLink
@@ -87,6 +88,9 @@ class GcsCore:
         self._feeds_pose = config.mocap.source != "mavlink"
         self._drones = tuple(Drone(i, self._link(config, i)) for i in config.commanded)
         self._links = {drone.link.sysid: drone.link for drone in self._drones}
+        if monitors.STOP_REPEAT in without:
+            for link in self._links.values():
+                link.commands.urgent_retry_ns = RETRY_NS
         self._stack = self._fresh_stack()
         self._pick_up_ns: int | None = None
         self._flight = Flight(config, self._drones, t0_ns)
@@ -182,8 +186,6 @@ class GcsCore:
     def _next_look_ns(self, now_ns: int) -> int:
         """When a frame is overdue, or before, when an urgent command is to be repeated."""
         watchdog_ns = now_ns + self._watchdog_ns
-        if monitors.STOP_REPEAT in self._without:
-            return watchdog_ns
         urgent = (d.link.commands.urgent_ns for d in self._drones if d.goal is Goal.CUT)
         return min((watchdog_ns, *(due_ns for due_ns in urgent if due_ns is not None)))
 

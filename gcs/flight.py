@@ -55,8 +55,9 @@ class Flight:
         self._descent: Descent | None = None
 
     def plan(self) -> Plan:
-        """What the control is asked for now."""
-        return Plan(tuple(drone.setpoint for drone in self._drones), self.shape, self.trajectory_start_ns, self.rise_m)
+        """What the control is asked for now; who is sent no setpoints is not led, and all others keep clear of it."""
+        setpoints = tuple(drone.setpoint if drone.flown else IDLE for drone in self._drones)
+        return Plan(setpoints, self.shape, self.trajectory_start_ns, self.rise_m)
 
     def reform(self, way: Transition) -> None:
         """Take the shape up, or change to it, along that way."""

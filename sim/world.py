@@ -59,6 +59,11 @@ class World:
         self.faults = Onsets(scenario.faults)
         self.faults.enter(Phase.GROUND, T0_NS)
 
+    @property
+    def log_is_ill(self) -> bool:
+        """Whether the first ground is there, and its log cannot be written."""
+        return self._grounds[0].answers and bool(self.faults.active(Site.HOST))
+
     def inject(self, faults: Sequence[Fault]) -> None:
         """Let these faults happen from now on instead of the scenario's; none of them may have begun yet."""
         self.faults = Onsets(faults, self.faults.entered)

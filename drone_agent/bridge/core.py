@@ -202,6 +202,9 @@ class BridgeCore:
         taken = setpoints.take(frame, now_ns)
         if taken.passed is None:
             return True
+        back = taken.target is not None and self._takeover.note(source, now_ns)
+        if taken.target is not None and self._takeover.stream.broken:
+            return True
         self._to_autopilot.append(taken.passed)
         if setpoints.gate.asks(source, now_ns):
             self._send_ground(TimeSync(0, now_ns))
@@ -209,8 +212,8 @@ class BridgeCore:
             self._say(Severity.INFO, f"Age of setpoints of {source} unknown: no TIMESYNC")
         if taken.target is not None:
             self._hold.note(taken.target)
-            if self._takeover.note(source, now_ns):
-                self._say(*BACK)
+        if back:
+            self._say(*BACK)
         return True
 
     def _keep_command(self, source: Address, message: CommandLong | CommandInt, now_ns: int) -> bool:

@@ -92,7 +92,7 @@ class Guidance:
         autopilot = self._autopilot
         if autopilot.stream.follow(source, now_ns, in_mode=autopilot.in_stream_mode):
             autopilot.say(*BACK)
-        return autopilot.in_stream_mode
+        return autopilot.in_stream_mode and not autopilot.stream.broken
 
     def _ahead(self, rate_flu_rad_s: Vec3) -> Quat:
         """The attitude so far ahead that the attitude loop, when it gets it, turns at this rate."""

@@ -64,6 +64,8 @@ class CommandChannel:
     """COMMAND_LONG with COMMAND_ACK (MAVLink command protocol). An unanswered command is given up after eight tries."""
 
     answers: dict[CommandLong, Answer] = field(default_factory=dict)
+    urgent_retry_ns: int = URGENT_RETRY_NS
+    """How soon what is urgent is repeated."""
     _waiting: deque[CommandLong] = field(default_factory=deque)
     _current: CommandLong | None = None
     _tries: int = 0
@@ -80,7 +82,7 @@ class CommandChannel:
         self.answers.pop(command, None)
 
     def urge(self, command: CommandLong) -> None:
-        """Drop everything for this one, repeated every 10 ms."""
+        """Drop everything for this one, repeated every `urgent_retry_ns`."""
         self._waiting.clear()
         if command != self._current:
             self._start(command)
@@ -115,7 +117,7 @@ class CommandChannel:
             return None
         confirmation = min(self._tries, 255)
         self._tries += 1
-        self._retry_at_ns = now_ns + (URGENT_RETRY_NS if self._urgent else RETRY_NS)
+        self._retry_at_ns = now_ns + (self.urgent_retry_ns if self._urgent else RETRY_NS)
         return replace(self._current, confirmation=confirmation)
 
     def _start(self, command: CommandLong) -> None:

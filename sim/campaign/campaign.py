@@ -1,7 +1,7 @@
 """A campaign: many runs on every core or on a cluster, what failed made small, one summary."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
@@ -40,10 +40,7 @@ class Failure:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What a campaign found. simulated_s: seconds that were integrated, less than were flown where flights were forked.
-
-    controls: of each monitor that was switched off, the share of its runs that then failed.
-    """
+    """What a campaign found. simulated_s: seconds that were integrated, fewer than were flown where flights fork."""
 
     runs: int
     failures: tuple[Failure, ...]
@@ -53,8 +50,8 @@ class Result:
     simulated_s: float
     core_s: float
 
-    def to_json(self, controls: dict[str, float]) -> str:
-        """For scripts."""
+    def to_json(self, controls: Mapping[str, float], with_monitors: Mapping[str, float] | None = None) -> str:
+        """For scripts. controls: by monitor, the share of flights that failed without it; with_monitors: with it."""
         return json.dumps(
             {
                 "runs": self.runs,
@@ -71,7 +68,8 @@ class Result:
                     }
                     for failure in self.failures
                 ],
-                "positive_controls": controls,
+                "positive_controls": dict(controls),
+                "with_monitors_on": dict(with_monitors or {}),
             },
             indent=2,
         )

@@ -1,7 +1,8 @@
 """Positive controls: a monitor is switched off, and the faults that it is there for must then do harm.
 
 Where another monitor stands behind it, that one is switched off too: a control that is contained all the same would
-say nothing of either.
+say nothing of either. With the monitor on again, and those behind it still off where it stands alone, else all on, the
+same fault must do none.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -14,8 +15,11 @@ import numpy as np
 from formation.messages import Verb
 from sim.campaign.flight import fly
 from sim.campaign.labs import Autopilot, Kind, scenario
+from sim.campaign.redundant import REDUNDANT as REDUNDANT
 from sim.faults.fault import Family, Fault
 from sim.monitors import Without
+from sim.scenario import Scenario
+from sim.script import Step
 
 Draw = Callable[[np.random.Generator], tuple[Fault, ...]]
 ENOUGH = 0.95
@@ -26,24 +30,69 @@ LOST = ("pose-rejected", "rule-unseen", "rule-lost")
 """Who acts on poses that are old."""
 ASTRAY = ("rule-outside-fence", "rule-far-outside", "rule-astray", "rule-attitude-miss")
 """Who acts on a drone that is not where it is led."""
+NEAR = ("separation-filter", "rule-not-offboard", "rule-too-close", "rule-half-separation")
+"""Who acts where one drone stands in another's way because a pilot holds it."""
+ARMING = ("arm-in-air", "arm-other-ground", "foreign-setpoint")
+"""Who acts on a second ground that arms drones in the air."""
+TILTED = ("motor-failure", "rule-tilted", "rule-tilted-agreed")
+"""Who acts on a drone that cannot be kept upright."""
 
 
 @dataclass(frozen=True, slots=True)
 class Control:
-    """One monitor's: its faults, whoever stands behind it, and the flight in which they are met."""
+    """One monitor's: its faults, whoever stands behind it, and the flight in which they are met.
+
+    fails: the kinds of harm that its absence does; another is no proof. alone: whether it contains its faults with
+    those behind it switched off.
+    """
 
     faults: Draw
     behind: tuple[str, ...] = ()
     kind: Kind = "circle"
     autopilot: Autopilot = "px4"
+    followers: int = 2
+    arms_after_s: float = 0.0
+    fails: tuple[str, ...] = ()
+    alone: bool = False
+
+    def flight(self) -> Scenario:
+        """Without its faults."""
+        plain = scenario(self.kind, self.followers, self.autopilot)
+        arm = Step(verb=Verb.ARM, phase="GROUND", after_s=self.arms_after_s)
+        return plain.model_copy(update={"script": (arm, *plain.script[1:])})
 
 
 @dataclass(frozen=True, slots=True)
 class ControlJob:
-    """One flight without a monitor."""
+    """One flight without a monitor, and the same with it."""
 
     monitor: str
     seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class Tried:
+    """Whether it failed without the monitor, as it must, and with it, as it must not."""
+
+    without: bool
+    with_it: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Shares:
+    """Of one monitor, the share of flights that failed without it, and with it."""
+
+    without: float
+    with_it: float
+
+    @property
+    def shows(self) -> bool:
+        """Whether the monitor is what contains its faults."""
+        return self.without >= ENOUGH and self.with_it == 0.0
+
+
+def _others(names: tuple[str, ...], monitor: str) -> tuple[str, ...]:
+    return tuple(name for name in names if name != monitor)
 
 
 def _pose(
@@ -67,17 +116,68 @@ def _replayed(rng: np.random.Generator) -> tuple[Fault, ...]:
     return (Fault(family=Family.REPLAY, severity=float(rng.uniform(0.8, 2.0)), direction="down", after_s=3.0),)
 
 
+def _wild(rng: np.random.Generator) -> tuple[Fault, ...]:
+    after_s, tilt_rad = float(rng.uniform(0.5, 3.5)), float(rng.uniform(2.0, pi))
+    one = {"body": "f2", "direction": "down", "after_s": after_s, "for_s": 0.02, "severity": tilt_rad}
+    return (Fault.model_validate({"family": Family.WILD_SETPOINT} | one),)
+
+
 def _ground_killed(rng: np.random.Generator) -> tuple[Fault, ...]:
     return (Fault(family=Family.KILL, core="ground", after_s=float(rng.uniform(0.5, 4.0))),)
+
+
+def _killed_then(family: Family, after_s: tuple[float, float], for_s: tuple[float, float], **more: object) -> Draw:
+    """The ground is gone, and the drone that holds, or lands, by itself is misled."""
+
+    def draw(rng: np.random.Generator) -> tuple[Fault, ...]:
+        values = {
+            "family": family, "body": "f2", "after_s": float(rng.uniform(*after_s)), "for_s": float(rng.uniform(*for_s))
+        }  # fmt: skip
+        return (Fault(family=Family.KILL, core="ground", after_s=2.0), Fault.model_validate(values | more))
+
+    return draw
 
 
 def _second_ground(rng: np.random.Generator) -> tuple[Fault, ...]:
     return (Fault(family=Family.TWIN, core="ground", verb=Verb.ARM, after_s=float(rng.uniform(0.3, 1.5))),)
 
 
+def _armed_after_stop(rng: np.random.Generator) -> tuple[Fault, ...]:
+    """A second ground is told to arm while drones that were just stopped on the floor must not."""
+    twin_s, stop_s = float(rng.uniform(0.55, 0.65)), float(rng.uniform(1.95, 2.05))
+    return (
+        Fault(family=Family.TWIN, core="ground", verb=Verb.ARM, phase="ARMED", after_s=twin_s),
+        Fault(family=Family.REQUEST, verb=Verb.STOP, phase="ARMED", after_s=stop_s),
+    )
+
+
+def _stop_at_loss(rng: np.random.Generator) -> tuple[Fault, ...]:
+    return (
+        Fault(family=Family.DROP, severity=0.75, direction="down", after_s=1.5),
+        Fault(family=Family.REQUEST, verb=Verb.STOP, after_s=float(rng.uniform(1.6, 2.9))),
+    )
+
+
+def _log_ill(rng: np.random.Generator) -> tuple[Fault, ...]:
+    return (Fault(family=Family.LOG_TROUBLE, phase="GROUND", after_s=float(rng.uniform(0.03, 0.5))),)
+
+
+def _pilot_in_the_way(rng: np.random.Generator) -> tuple[Fault, ...]:
+    return (Fault(family=Family.PILOT, body="f2", after_s=float(rng.uniform(0.9, 1.1)), for_s=6.0),)
+
+
+def _hidden_latency(rng: np.random.Generator) -> tuple[Fault, ...]:
+    after_s, late_s = float(rng.uniform(1.5, 2.5)), float(rng.uniform(0.2, 0.3))
+    return (Fault(family=Family.HIDDEN_LATENCY, after_s=after_s, severity=late_s),)
+
+
 def _dead_motor(rng: np.random.Generator) -> tuple[Fault, ...]:
     motor, after_s = int(rng.integers(4)), float(rng.uniform(1.0, 4.0))
     return (Fault(family=Family.DEAD_MOTOR, body="f2", motor=motor, severity=0.0, after_s=after_s),)
+
+
+def _armed_in_air(monitor: str) -> Control:
+    return Control(_second_ground, _others(ARMING, monitor), "hold", fails=("undue-cut", "impact"), alone=True)
 
 
 CONTROLS: Mapping[str, Control] = MappingProxyType(
@@ -91,25 +191,47 @@ CONTROLS: Mapping[str, Control] = MappingProxyType(
             _pose(Family.SWAP, (0.8, 1.2), body="leader", other="f2"), ("gate-jump", "gate-flip", "pose-rejected")
         ),
         "gate-stamp": Control(_pose(Family.STAMP_OFFSET, (8.0, 9.0), (-0.38, -0.3)), (*LATE, *LOST, *ASTRAY)),
-        "stale-setpoint": Control(_late, LATE),
+        "stale-setpoint": Control(_late, _others(LATE, "stale-setpoint")),
         "old-setpoint": Control(_replayed, LATE),
+        "foreign-setpoint": _armed_in_air("foreign-setpoint"),
+        "setpoint-bounds": Control(_wild, fails=("command-bounds",), alone=True),
         "stream-stale": Control(_ground_killed),
         "own-land": Control(_ground_killed, ("stream-stale",), autopilot="ardupilot"),
-        "arm-in-air": Control(_second_ground, ("arm-other-ground", "foreign-setpoint"), kind="hold"),
-        "motor-failure": Control(_dead_motor, ("rule-tilted", "rule-tilted-agreed")),
+        "pose-rejected": Control(
+            _killed_then(Family.JUMP, (2.2, 2.4), (1.2, 1.2), severity=1.0, heading_rad=-pi / 2),
+            ("gate-jump",), "hold", fails=("separation",), alone=True,
+        ),
+        "motor-failure": Control(_dead_motor, _others(TILTED, "motor-failure")),
+        "stop-latch": Control(
+            _armed_after_stop, ("arm-in-air", "arm-other-ground"), "hold", fails=("stop",), alone=True
+        ),
+        "stop-repeat": Control(_stop_at_loss, kind="hold", followers=5, fails=("stop",), alone=True),
+        "separation-filter": Control(
+            _pilot_in_the_way, _others(NEAR, "separation-filter"), "turning", fails=("separation",), alone=True
+        ),
+        "rule-not-offboard": Control(
+            _pilot_in_the_way, _others(NEAR, "rule-not-offboard"), "turning", fails=("separation",), alone=True
+        ),
+        "rule-attitude-miss": Control(
+            _hidden_latency, _others(ASTRAY, "rule-attitude-miss"), fails=("fence", "impact", "separation"), alone=True
+        ),
+        "arm-in-air": _armed_in_air("arm-in-air"),
+        "arm-other-ground": _armed_in_air("arm-other-ground"),
+        "log-trouble": Control(_log_ill, arms_after_s=1.0, fails=("unrecorded",), alone=True),
     }
-)
-"""By monitor."""
+)  # fmt: skip
+"""By monitor. What is in neither these nor `REDUNDANT` is a mistake."""
 
 
-def fly_control(job: ControlJob) -> bool:
-    """Fly one; whether it failed, as it must."""
+def fly_control(job: ControlJob) -> Tried:
+    """Fly one, without the monitor and with it."""
     control = CONTROLS[job.monitor]
-    names = tuple(CONTROLS)
-    rng = np.random.default_rng([job.seed, 13, names.index(job.monitor)])
-    flight = scenario(control.kind, 2, control.autopilot).model_copy(update={"faults": control.faults(rng)})
-    without = Without(frozenset({job.monitor, *control.behind}))
-    return not fly(flight, job.seed, without=without).verdict.contained
+    rng = np.random.default_rng([job.seed, 13, *job.monitor.encode()])
+    flight = control.flight().model_copy(update={"faults": control.faults(rng)})
+    off = fly(flight, job.seed, without=Without(frozenset({job.monitor, *control.behind}))).verdict
+    failed = bool(set(off.kinds) & set(control.fails)) if control.fails else not off.contained
+    without = Without(frozenset(control.behind if control.alone else ()))
+    return Tried(failed, not fly(flight, job.seed, without=without).verdict.contained)
 
 
 def jobs(seed: int, flights: int, only: Sequence[str] = ()) -> list[ControlJob]:
@@ -118,9 +240,12 @@ def jobs(seed: int, flights: int, only: Sequence[str] = ()) -> list[ControlJob]:
     return [ControlJob(name, seed + k) for name in wanted for k in range(flights)]
 
 
-def shares(flown: Sequence[ControlJob], failed: Sequence[bool]) -> dict[str, float]:
-    """Of each monitor, the share of flights that failed without it."""
-    told: dict[str, list[bool]] = {}
-    for job, one in zip(flown, failed, strict=True):
+def shares(flown: Sequence[ControlJob], tried: Sequence[Tried]) -> dict[str, Shares]:
+    """Of each monitor, the shares of its flights that failed."""
+    told: dict[str, list[Tried]] = {}
+    for job, one in zip(flown, tried, strict=True):
         told.setdefault(job.monitor, []).append(one)
-    return {name: sum(each) / len(each) for name, each in told.items()}
+    return {
+        name: Shares(sum(one.without for one in each) / len(each), sum(one.with_it for one in each) / len(each))
+        for name, each in told.items()
+    }

@@ -18,6 +18,8 @@ ASK_AGAIN_NS = 1_000_000_000
 PATIENCE_S = 14.0
 """Beyond height / descent rate: ten that a landing may take longer, and the makes' own waits before they disarm."""
 AFTER_NS = 300_000_000
+AFTER_STOP_NS = 1_900_000_000
+"""So long a stop must have lasted; at rest for two seconds, a drone may be armed again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,12 +41,15 @@ class Ending:
         self._formed = False
         self._ask_ns: int | None = None
         self._down_ns: int | None = None
+        self._stopped_ns: int | None = None
 
     def over(self, world: World, *, down: bool, flown: bool) -> bool:
         """Whether it is; asks for the landing when it is time. flown: whether any drone was ever armed."""
         now_ns = world.now_ns
         if world.phase is Phase.FORMATION and not self._formed:
             self._formed, self._land_ns = True, now_ns + self._formation_ns
+        if world.phase is Phase.STOPPED and self._stopped_ns is None:
+            self._stopped_ns = now_ns
         if now_ns >= self._land_ns and not down and now_ns >= (self._ask_ns or 0):
             self._ask_ns = now_ns + ASK_AGAIN_NS
             world.ask(Verb.LAND)
@@ -57,7 +62,9 @@ class Ending:
 
     def _settled(self, world: World) -> bool:
         """Whether nothing that is still to come could lift a drone again."""
-        return world.now_ns >= self._land_ns or world.phase in (Phase.GROUND, Phase.STOPPED, Phase.LAND)
+        if self._stopped_ns is not None:
+            return world.now_ns > self._stopped_ns + AFTER_STOP_NS
+        return world.now_ns >= self._land_ns or world.phase in (Phase.GROUND, Phase.LAND)
 
 
 class Flight:

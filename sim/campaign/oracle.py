@@ -26,6 +26,8 @@ UPSET_COS = 0.26
 UPSET_WITHIN_S = 0.5
 DEAD_GAIN, POWERLESS_GAIN = 0.5, 0.3
 CONTACT_S = 0.03
+ALARM_S, KNOWN_S = 1.0, 0.3
+"""Within so long a log's trouble is told of, and known to whoever arms."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,7 +37,8 @@ class Truth:
     up (T, n): the z component of each body's thrust axis; thrust, of its weight; command (T, n, 5): quaternion w, x, y,
     z and thrust that its attitude loop tracks; command_age_s: NaN while no ground's command acts; gain_low, gain_high:
     what the weakest and the strongest motor give of what they are told. notes: time, whether it tells of something
-    unplanned, text. stops_s: when the operator asked for an emergency stop. t_onset_s: NaN before any fault began.
+    unplanned, text. stops_s: when the operator asked for an emergency stop. log_ill_s: from when to when the log could
+    not be written. t_onset_s: NaN before any fault began.
     planned: whether the flight ended as the operator meant it to.
     """
 
@@ -55,6 +58,7 @@ class Truth:
     t_onset_s: float
     notes: tuple[tuple[float, bool, str], ...] = ()
     stops_s: tuple[float, ...] = ()
+    log_ill_s: tuple[tuple[float, float], ...] = ()
     planned: bool = True
 
 
@@ -101,6 +105,7 @@ def judge(truth: Truth, *, benign: bool = False, stop_within_s: float = STOP_S) 
         *_commands(truth),
         *_stop(truth, stop_within_s),
         *_end(truth),
+        *_unrecorded(truth),
     ]
     first = _first_note(truth)
     if not truth.planned and first is None:
@@ -233,6 +238,21 @@ def _end(truth: Truth) -> list[Violation]:
         for i, name in enumerate(truth.names)
         if truth.armed[-1, i] or truth.pos_m[-1, i, 2] > AIRBORNE_M
     ]
+
+
+def _unrecorded(truth: Truth) -> list[Violation]:
+    """A log that cannot be written is told of, and nobody arms with one."""
+    found = []
+    for begin_s, end_s in truth.log_ill_s:
+        told = any(begin_s <= t_s <= begin_s + ALARM_S and text.startswith("log: ") for t_s, _, text in truth.notes)
+        if end_s - begin_s > ALARM_S and not told:
+            found.append(Violation("unrecorded", begin_s + ALARM_S, "a log that is not written, and no alarm"))
+        found += [
+            Violation("unrecorded", t_s, "armed with a log that is not written")
+            for t_s, _, text in truth.notes
+            if begin_s + KNOWN_S < t_s < end_s and text.startswith("ARMED: ")
+        ]
+    return found
 
 
 def _first_note(truth: Truth) -> tuple[float, str] | None:

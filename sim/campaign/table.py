@@ -90,6 +90,7 @@ def table() -> tuple[Row, ...]:
         _row("stamps-behind", _mocap(Family.STAMP_OFFSET, None, whole, -0.2)),
         _row("dead-motor", Fault(family=Family.DEAD_MOTOR, body="f2", after_s=2.5, severity=0.0)),
         _row("drift", _mocap(Family.DRIFT, "f2", whole, 0.05)),
+        _row("frames-at-6-hz", Fault(family=Family.SLOW_STREAM, after_s=2.5, severity=0.94)),
         _row("log-full", Fault(family=Family.LOG_TROUBLE, after_s=2.5)),
         _row("no-fault", benign=True),
     )  # fmt: skip

@@ -26,6 +26,8 @@ class Witness:
         self._t_s: list[float] = []
         self._notes: list[tuple[float, bool, str]] = []
         self._stops_s: list[float] = []
+        self._log_ill_s: list[tuple[float, float]] = []
+        self._ill_since_s: float | None = None
 
     def record(self, topic: Topic, message: object, t_ns: int) -> None:
         """Listen to a record on its way."""
@@ -39,6 +41,7 @@ class Witness:
         now_ns = world.now_ns
         for event in world.take_events():
             self._hear(event, now_ns)
+        self._look_at_log(world.log_is_ill, (now_ns - T0_NS) * 1e-9)
         row: list[float] = []
         down = True
         for sample in world.samples():
@@ -67,8 +70,18 @@ class Witness:
             fence_low_m=np.array(fence.low_m), fence_high_m=np.array(fence.high_m),
             t_onset_s=np.nan if onset_ns is None else (onset_ns - T0_NS) * 1e-9,
             notes=tuple(sorted(self._notes, key=lambda note: note[0])), stops_s=tuple(self._stops_s),
+            log_ill_s=tuple(self._log_ill_s),
             planned=self.planned,
         )  # fmt: skip
+
+    def _look_at_log(self, ill: bool, t_s: float) -> None:
+        if not ill:
+            self._ill_since_s = None
+        elif self._ill_since_s is None:
+            self._ill_since_s = t_s
+            self._log_ill_s.append((t_s, t_s))
+        else:
+            self._log_ill_s[-1] = (self._ill_since_s, t_s)
 
     def _hear(self, message: object, t_ns: int) -> None:
         t_s = (t_ns - T0_NS) * 1e-9

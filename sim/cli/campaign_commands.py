@@ -64,7 +64,8 @@ def run_campaign(asked: Asked, workers: int | None, scheduler: str | None, as_js
     jobs = controls.jobs(asked.seed, asked.controls, asked.only)
     shares = controls.shares(jobs, crew.run("positive controls", controls.fly_control, jobs)) if jobs else {}
     if as_json:
-        print(result.to_json(shares))
+        with_it = {name: share.with_it for name, share in shares.items()}
+        print(result.to_json({name: share.without for name, share in shares.items()}, with_it))
     for failure in result.failures:
         _show(failure, console)
     per_core_s = 1.0 / max(result.core_s, 1e-9)
@@ -76,9 +77,11 @@ def run_campaign(asked: Asked, workers: int | None, scheduler: str | None, as_js
             highlight=False,
         )
     for name, share in shares.items():
-        style = "red" if share < controls.ENOUGH else None
-        console.print(f"without {name}: {share:.0%} of {asked.controls} flights failed", style=style, highlight=False)
-    if result.failures or any(share < controls.ENOUGH for share in shares.values()):
+        told = f"without {name}: {share.without:.0%} of {asked.controls} flights failed, with it {share.with_it:.0%}"
+        console.print(told, style=None if share.shows else "red", highlight=False)
+    for name, behind in controls.REDUNDANT.items() if shares and not asked.only else ():
+        console.print(f"without {name}: no control, {behind}", style="dim", highlight=False)
+    if result.failures or not all(share.shows for share in shares.values()):
         raise typer.Exit(FAILED)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from formation.messages import Datagram
 from sim.faults.fault import Family, Fault
 from sim.faults.queue import DueQueue
+from sim.faults.wild import tilted
 from wire.transport.memory_bus import DelayModel
 
 OVERTAKEN_NS = 30_000_000
@@ -69,6 +70,8 @@ class Channel:
                     delay_ns = _later(delay_ns, fault.severity * tail)
                 case Family.CORRUPT if met:
                     sent = Sent(now_ns, self._corrupted(datagram))
+                case Family.WILD_SETPOINT:
+                    sent = Sent(now_ns, Datagram(datagram.sysid, tilted(datagram.data, fault.severity)))
                 case Family.REORDER if met:
                     held_ns = OVERTAKEN_NS
                 case Family.DUPLICATE if met:

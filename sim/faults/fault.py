@@ -50,6 +50,7 @@ class Family(StrEnum):
     DUPLICATE = "duplicate"
     CORRUPT = "corrupt"
     REPLAY = "replay"
+    WILD_SETPOINT = "wild-setpoint"
     KILL = "kill"
     STALL = "stall"
     RESTART = "restart"
@@ -100,6 +101,7 @@ FAMILIES: Mapping[Family, Meaning] = MappingProxyType(
         Family.DUPLICATE: Meaning(Site.LINK, "share that comes again, 30 ms later", zero_is_none=True),
         Family.CORRUPT: Meaning(Site.LINK, "share with a byte changed", zero_is_none=True),
         Family.REPLAY: Meaning(Site.LINK, "s ago, what was sent then is sent again"),
+        Family.WILD_SETPOINT: Meaning(Site.LINK, "rad that attitude targets are tilted farther", zero_is_none=True),
         Family.KILL: Meaning(Site.CORE),
         Family.STALL: Meaning(Site.CORE),
         Family.RESTART: Meaning(Site.CORE),

@@ -3,13 +3,14 @@
 import io
 import json
 import re
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 
 import numpy as np
 import pytest
 from rich.console import Console
-from synthetic_flight import LAB, METADATA, T0_NS, Recipe, records
+from synthetic_flight import LAB, METADATA, T0_NS, Recipe, Record, records
 from typer.testing import CliRunner
 
 from analysis import report as report_page
@@ -21,10 +22,12 @@ from analysis.metrics import summarise
 from analysis.picture import picture
 from analysis.plots import drawings
 from analysis.plots.style import Missing
+from analysis.rejections import rejections
 from analysis.report import html, report
 from analysis.tracking import track
 from formation import topics
-from formation.messages import Datagram, Event, OperatorRequest, Phase, PhaseChange, Severity, Verb
+from formation.messages import Datagram, Event, LabFrame, OperatorRequest, Phase, PhaseChange, Severity, Verb
+from formation.rejection import Rejection
 from formation.topics import Topic
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
@@ -155,6 +158,32 @@ def test_a_flight_without_any_one_topic_is_still_drawn(missing: Topic):
     assert set(drawn) == set(SECTIONS) - {"metrics"}
     lacking = {section for section, pictures in drawn.items() for p in pictures if isinstance(p, Missing)}
     assert lacking == LACKING.get(missing.name, set())
+
+
+def test_poses_that_were_not_believed_are_listed_by_body_and_reason_with_their_times():
+    def rejected(record: Record) -> Record:
+        frame, t_s = record.message, (record.t_ns - T0_NS) * 1e-9
+        if not isinstance(frame, LabFrame):
+            return record
+        codes = np.zeros(len(frame.bodies), np.uint8)
+        if 7.0 <= t_s < 7.5 or 9.0 <= t_s < 9.1:
+            codes[frame.bodies.index("left")] = Rejection.JUMP
+        if 8.0 <= t_s < 8.2:
+            codes[frame.bodies.index("right")] = 250
+        return replace(record, message=replace(frame, rejected=codes, seen=codes == 0))
+
+    flight = from_records(METADATA, map(rejected, records(Recipe(error_lead=shake))))
+    jumped, unknown = rejections(flight)
+    assert (jumped.body, jumped.reason, jumped.stretches) == ("left", "jumped farther than it can move", 2)
+    assert (jumped.frames, unknown.frames) == (30, 10)
+    assert jumped.first_s == pytest.approx(7.0, abs=0.05)
+    assert jumped.last_s == pytest.approx(9.1, abs=0.05)
+    assert (unknown.body, unknown.reason) == ("right", "reason 250, of a later version")
+    page = html(flight, summarise(flight))
+    assert "jumped farther than it can move" in page
+    untouched = from_records(METADATA, records(Recipe(error_lead=shake)))
+    assert rejections(untouched) == ()
+    assert "not believed" not in html(untouched, summarise(untouched))
 
 
 def test_a_log_of_nothing_makes_a_page_that_says_what_is_missing():

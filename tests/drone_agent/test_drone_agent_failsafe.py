@@ -31,13 +31,26 @@ def test_holds_when_stale_then_lands() -> None:
     assert failsafe.stage is Stage.LAND
 
 
-def test_a_setpoint_ends_a_hold() -> None:
+def test_the_second_setpoint_in_time_ends_a_hold() -> None:
     failsafe = StreamFailsafe(0.1, 1.0)
     _streamed(failsafe)
     failsafe.advance(1200 * MS)
-    assert failsafe.follow(GROUND, 1300 * MS)
+    assert not failsafe.follow(GROUND, 1300 * MS)
+    assert failsafe.broken
+    assert failsafe.follow(GROUND, 1400 * MS)
     assert failsafe.stage is Stage.FOLLOW
-    assert not failsafe.follow(GROUND, 1310 * MS)
+    assert not failsafe.broken
+    assert not failsafe.follow(GROUND, 1410 * MS)
+
+
+def test_a_stream_that_has_become_a_trickle_is_not_followed_again_and_landed_by() -> None:
+    failsafe = StreamFailsafe(0.1, 1.0)
+    _streamed(failsafe)
+    assert failsafe.advance(1100 * MS) is Stage.HOLD
+    for ms in range(1170, 2100, 170):
+        assert not failsafe.follow(GROUND, ms * MS)
+        assert failsafe.advance(ms * MS) is None
+    assert failsafe.advance(2100 * MS) is Stage.LAND
 
 
 def test_a_slow_stream_is_stale_after_three_of_its_periods() -> None:

@@ -179,3 +179,22 @@ def test_drift_is_the_way_sideways_or_up_from_the_onset() -> None:
     truth.pos_m[between(truth, 3.0, 3.1), 1, 1] = 0.3
     truth.pos_m[between(truth, 3.0, 3.1), 1, 2] += 0.4
     assert judge(truth).drift_m == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(
+    ("notes", "found"),
+    [
+        ((), ["unrecorded"]),
+        (((2.9, True, "log: the disk is full"),), []),
+        (((3.1, True, "log: the disk is full"),), ["unrecorded"]),
+        (((2.1, True, "log: the disk is full"), (2.5, False, "ARMED: operator: arm")), ["unrecorded"]),
+    ],
+)
+def test_a_log_that_is_not_written_is_told_of_within_a_second_and_nobody_arms(
+    notes: tuple[tuple[float, bool, str], ...], found: list[str]
+) -> None:
+    assert kinds(judge(replace(flown(), log_ill_s=((2.0, 5.0),), notes=notes))) == found
+
+
+def test_a_log_that_is_behind_for_a_moment_needs_no_alarm() -> None:
+    assert judge(replace(flown(), log_ill_s=((2.0, 2.5),))).contained

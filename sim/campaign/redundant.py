@@ -1,0 +1,37 @@
+"""Monitors without a control of their own: whatever each one contains, others contain too, or it only warns."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+_WARNS = "only warns"
+REDUNDANT: Mapping[str, str] = MappingProxyType(
+    {
+        "gate-flip": "motors are cut by two witnesses alone, and each autopilot flies by its own attitude",
+        "touch-down": "pose-rejected: no pose that stands still is taken while the drone comes down",
+        "land-ends": "a blind descent ends by its thrust, and the ground lets go of who does not come down",
+        "keep-out": "the separation filter keeps clear of the last place; unseen, a drone levels and comes down there",
+        "speed-limit": "references are slow, and gate, separation filter and fence keep what would make them fast",
+        "rule-unseen": "rule-lost 0.2 s later",
+        "rule-lost": "the drone's own level flight and descent without a pose, and the keep-out about it",
+        "rule-long-lost": "rule-lost of a drone; of an observed leader, rule-unseen holds until the battery's rule",
+        "rule-outside-fence": "the fence that brakes demands, rule-far-outside",
+        "rule-far-outside": "rule-outside-fence, rule-far-outside-agreed",
+        "rule-far-outside-agreed": "rule-far-outside lets go of it half a metre outside all the same",
+        "rule-too-close": "separation filter, rule-half-separation",
+        "rule-half-separation": "separation filter, rule-too-close",
+        "rule-astray": "fence and its rules, rule-attitude-miss",
+        "rule-tilted": "motor-failure in the drone, rule-tilted-agreed",
+        "rule-tilted-agreed": "motor-failure in the drone, rule-tilted",
+        "rule-silent": "a drone that hears nothing holds and lands by itself; one that says nothing is led as before",
+        "rule-disarmed": "a drone that is disarmed has come down already, and the others keep clear of it",
+        "rule-setpoints-late": _WARNS,
+        "rule-setpoints-stale": "stale-setpoint in the drone",
+        "rule-battery-low": _WARNS,
+        "rule-battery-empty": "the autopilot's own landing, then rule-not-offboard",
+        "rule-model-mismatch": _WARNS,
+        "rule-frames-late": _WARNS,
+        "rule-frames-lost": "rule-unseen and rule-lost, stream-stale in the drone",
+        "rule-duplicate-sysid": _WARNS,
+    }
+)
+"""By monitor, who stands behind it."""

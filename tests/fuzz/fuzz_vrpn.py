@@ -28,6 +28,7 @@ from wire.refusals import Refusals
 STEP_NS = 1_000_000
 STALL_S = 0.25
 """Of one thread's CPU: most packets take some 50 us, the largest (64 KB) some ms."""
+POOL, POOL_LIVES = 2000, 5000
 T0_STAMP_NS = 1_795_348_379_000_000_000
 NAMES = (b"leader", b"left", b"MCServer", b"VRPN Control", b"", b"\xff\xfe", b"\x1b[2J", b"x" * 99, b"a b", b"../x")
 TYPES = (messages.POSE_TYPE, messages.PING_TYPE, b"vrpn_Tracker Velocity", b"")
@@ -61,6 +62,8 @@ class Packets:
     def __init__(self, seed: int) -> None:
         self._rng = random.Random(seed)
         self._stamp_ns = T0_STAMP_NS
+        self._drawn = 0
+        self._pool: list[bytes] = []
 
     def hello(self) -> bytes:
         """Of a connection: a cookie, mostly sound, and names."""
@@ -70,15 +73,21 @@ class Packets:
         return messages.COOKIE + b"".join(named) + messages.description(-2, 4, messages.POSE_TYPE)
 
     def draw(self) -> bytes:
-        """The next packet."""
+        """The next packet: messages of a pool, which is drawn anew now and then, at the time that it is."""
         rng = self._rng
+        if self._drawn % POOL_LIVES == 0:
+            self._pool = [self._message() for _ in range(POOL)]
+        self._drawn += 1
         if rng.random() < 0.002:
             return rng.randbytes(rng.choice((1, 24, 500, 65_536)))
         if rng.random() < 0.7:
             self._stamp_ns += rng.choice((0, 0, 10_000, STEP_NS, STEP_NS, 4 * STEP_NS))
         elif rng.random() < 0.01:
             self._stamp_ns = rng.choice((0, T0_STAMP_NS, 4_294_967_295 * 10**9))
-        data = bytearray(b"".join(self._message() for _ in range(rng.choice((1, 1, 2, 5, 20)))))
+        seconds, ns = divmod(self._stamp_ns, 10**9)
+        stamp = struct.pack(">II", seconds & 0xFFFFFFFF, ns // 1000 if rng.random() < 0.99 else rng.randrange(2**32))
+        drawn = rng.choices(self._pool, k=rng.choice((1, 1, 1, 2, 2, 5, 20)))
+        data = bytearray(b"".join(message[:4] + stamp + message[12:] for message in drawn))
         if rng.random() < 0.01:
             for _ in range(rng.choice((1, 2, 8))):
                 data[rng.randrange(len(data))] = rng.randrange(256)
@@ -109,13 +118,7 @@ class Packets:
     def _sent(self, payload: bytes, sender: int, kind: int) -> bytes:
         rng = self._rng
         length = 24 + len(payload) if rng.random() < 0.998 else rng.choice(LENGTHS)
-        seconds, ns = divmod(self._stamp_ns, 10**9)
-        us = ns // 1000 if rng.random() < 0.99 else rng.randrange(2**32)
-        return (
-            struct.pack(">IIIiiI", length, seconds & 0xFFFFFFFF, us, sender, kind, 0)
-            + payload
-            + bytes(-len(payload) % 8)
-        )
+        return struct.pack(">IIIiiI", length, 0, 0, sender, kind, 0) + payload + bytes(-len(payload) % 8)
 
 
 class Reader:

@@ -7,9 +7,9 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from formation.maths import frames
 from formation.maths.arrays import Float
 from formation.messages import RawFrame
+from sim.cameras.servers.matrices import matrices
 
 ERROR, COMMAND, XML, DATA, NO_MORE_DATA, EVENT, DISCOVER = 0, 1, 2, 3, 4, 6, 7
 CONNECTED, SETTINGS_CHANGED, SHUTTING_DOWN = 1, 11, 12
@@ -38,7 +38,7 @@ def data_packet(order: str, stamp_us: int, number: int, components: Sequence[byt
 
 def six_d(order: str, kind: int, frame: RawFrame) -> bytes:
     """A 6DOF component of `kind`: millimetres, matrices column by column or Euler angles; NaN for a lost body."""
-    matrix = frames.matrix(frame.q_mocap_from_marker)
+    matrix = matrices(frame.q_mocap_from_marker)
     turn = euler_deg(matrix) if kind in (6, 12) else np.swapaxes(matrix, 1, 2).reshape(-1, 9)
     columns = [1000.0 * frame.pos_mocap_m, turn]
     if kind in (11, 12):

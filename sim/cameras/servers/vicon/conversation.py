@@ -19,6 +19,11 @@ class ViconConversation:
         """The static objects it was sent."""
         self._data = bytearray()
 
+    @property
+    def wants_frame(self) -> bool:
+        """Whether the next frame is for it."""
+        return bool(self.wanted) and (self.streaming or self.requested > 0)
+
     def received(self, data: bytes) -> bytes:
         """Take the next bytes; what to answer. ValueError for what is no packet of objects."""
         self._data += data

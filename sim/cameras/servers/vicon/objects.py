@@ -8,8 +8,8 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from formation.maths import frames
 from formation.messages import RawFrame
+from sim.cameras.servers.matrices import matrices
 
 OBJECTS = 0x1A2B0001
 STREAM_INFO, SUBJECT_INFO, FRAME_INFO, GLOBAL_SEGMENTS, LATENCY_INFO = 1, 2, 5, 9, 26
@@ -85,8 +85,9 @@ def global_segments(frame: RawFrame) -> list[Block]:
     roots = np.empty(len(frame.bodies), _SEGMENT)
     roots["identifier"] = 1
     roots["pos_mm"] = 1000.0 * frame.pos_mocap_m
-    roots["rotation"] = frames.matrix(frame.q_mocap_from_marker)
+    roots["rotation"] = matrices(frame.q_mocap_from_marker)
+    data, size = roots.tobytes(), _SEGMENT.itemsize
     return [
-        (GLOBAL_SEGMENTS, struct.pack("<II", k, int(seen)) + (roots[k - 1].tobytes() if seen else b""))
-        for k, seen in enumerate(frame.seen, 1)
+        (GLOBAL_SEGMENTS, struct.pack("<II", k, seen) + data[(k - 1) * size : (k - 1 + seen) * size])
+        for k, seen in enumerate(frame.seen.astype(int).tolist(), 1)
     ]

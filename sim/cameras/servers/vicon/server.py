@@ -53,9 +53,10 @@ class ViconServer:
         self._ages_ns.append(max(self._clock.monotonic_ns() - frame.t_capture_ns, 0))
         latency_s = 1e-9 * min(self._ages_ns)
         latencies_s = {"Exposure": EXPOSURE_SHARE * latency_s, "Processing": (1.0 - EXPOSURE_SHARE) * latency_s}
-        dynamic = objects.dynamic_objects(self._number, self._rate_hz, latencies_s, frame)
-        made: dict[tuple[frozenset[int], bool], bytes] = {}
-        self._port.send(lambda to: self._frame_for(to, dynamic, made))
+        if any(client.wants_frame for client in self._port.conversations()):
+            dynamic = objects.dynamic_objects(self._number, self._rate_hz, latencies_s, frame)
+            made: dict[tuple[frozenset[int], bool], bytes] = {}
+            self._port.send(lambda to: self._frame_for(to, dynamic, made))
 
     async def close(self) -> None:
         """End every connection and listen no more."""
@@ -64,7 +65,7 @@ class ViconServer:
     def _frame_for(
         self, to: ViconConversation, dynamic: list[Block], made: dict[tuple[frozenset[int], bool], bytes]
     ) -> bytes:
-        if not to.wanted or not (to.streaming or to.requested):
+        if not to.wants_frame:
             return b""
         to.requested = max(to.requested - 1, 0)
         knows, to.has = to.has == self._bodies, self._bodies

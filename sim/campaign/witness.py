@@ -78,8 +78,8 @@ class Witness:
         if not ill:
             self._ill_since_s = None
         elif self._ill_since_s is None:
-            self._ill_since_s = t_s
-            self._log_ill_s.append((t_s, t_s))
+            self._ill_since_s = self._t_s[-1] if self._t_s else t_s  # since the last look, when it was well
+            self._log_ill_s.append((self._ill_since_s, t_s))
         else:
             self._log_ill_s[-1] = (self._ill_since_s, t_s)
 

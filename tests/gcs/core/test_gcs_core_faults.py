@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from gcs_fakes import FakeLab, triangle
 
+from formation.guidance.plan import Mode
 from formation.messages import Phase, Verb
 from gcs.core import BrokenInvariantError
 from wire.link_messages.commands import CommandLong, Result
@@ -195,6 +196,8 @@ def test_a_drone_that_a_pilot_takes_over_is_not_fought_for():
     assert lab.phase is Phase.LAND
     assert len(_commands(lab.drones[2], 176)) == modes
     assert not _commands(lab.drones[2], 21)
+    led = [setpoint.mode is not Mode.IDLE for setpoint in lab.core._flight.plan().setpoints]
+    assert led == [True, False, True]  # it goes its own way, and the others keep clear of that
 
 
 def test_a_disarm_refused_on_the_floor_is_forced():

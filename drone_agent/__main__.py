@@ -86,7 +86,7 @@ def fly(given: Options) -> None:
         if agent.bridge is None:
             uvloop.run(run(agent, _tell, Clock(given.speed)))
         else:
-            uvloop.run(run_bridge(agent, agent.bridge, _tell))
+            uvloop.run(run_bridge(agent, agent.bridge, _tell, Clock(given.speed)))
     except ConfigError as error:
         _fail(str(error), 2)
     except StarvedError as error:

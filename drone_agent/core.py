@@ -96,7 +96,7 @@ class AgentCore:
         for number in self._schedule.take_due(now_ns):
             self._report(number, now_ns)
         self._list_parameters()
-        for refused in self._inbox.refusals.due(now_ns):
+        for refused in self._inbox.told(now_ns):
             self.autopilot.say(refused.severity, f"{refused.source}: {refused.text}")
         self._flush_notes()
         truth = None
@@ -133,6 +133,7 @@ class AgentCore:
             rate_flu_rad_s=state.rate_flu_rad_s,
             dist_lab_m_s2=self._airframe.push_lab_m_s2,
             on_ground=on_ground(state),
+            armed=self._airframe.armed,
         )
 
     # Inside

@@ -151,16 +151,16 @@ class StreamFailsafe:
 
     def deadline_ns(self, own_s: float | None = None) -> int | None:
         """When `advance` is next due, None while nothing is; own_s: the autopilot's own time-out, where it is known."""
-        own_ns = None if own_s is None else self.monitor.silent_at_ns(own_s)
         if self.stage is Stage.FOLLOW:
-            due = (self.monitor.stale_at_ns(self._stale_s) if self._stale_s else None, own_ns)
+            due_ns = self.monitor.stale_at_ns(self._stale_s) if self._stale_s else None
         elif self.stage is Stage.HOLD:
-            due = (self._held_at_ns(), own_ns)
-        elif self.stage is Stage.LOST:
-            due = (self._held_at_ns(), None)
+            due_ns = self._held_at_ns()
         else:
-            return None
-        return min((ns for ns in due if ns is not None), default=None)
+            return self._held_at_ns() if self.stage is Stage.LOST else None
+        own_ns = None if own_s is None else self.monitor.silent_at_ns(own_s)
+        if due_ns is None or own_ns is None:
+            return own_ns if due_ns is None else due_ns
+        return min(due_ns, own_ns)
 
     def advance(self, now_ns: int, own_s: float | None = None, *, blind: bool = False) -> Stage | None:
         """The stage that begins now, if one does; blind: there is no pose to hold by, so that a hold lands at once."""

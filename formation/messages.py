@@ -214,6 +214,7 @@ class Truth:
     rate_flu_rad_s: Vec3
     dist_lab_m_s2: Vec3
     on_ground: bool
+    armed: bool = False
 
 
 @dataclass(frozen=True, slots=True)

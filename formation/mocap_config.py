@@ -14,6 +14,7 @@ SensorId = Annotated[int, Field(ge=0, le=2**31 - 1)]
 SourceText = Annotated[str, Field(min_length=1, max_length=128)]
 """A body's name as the camera system writes it, blanks and all."""
 UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+CAMERA_SYSTEMS = ("vrpn", "chingmu", "natnet", "qualisys", "vicon")
 MILLIMETRES = ("chingmu", "qualisys", "vicon")
 """What these send, whatever else is set."""
 IN_METRES = ("zenoh", "mcap", "mavlink")

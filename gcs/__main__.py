@@ -10,13 +10,12 @@ from typing import Annotated
 import typer
 
 from gcs import GCS_NAME
+from gcs.cli import mocap as mocap_cli
 from gcs.cli import operator as operator_cli
-from gcs.cli.common import Json, LabFile, Name, configuration
+from gcs.cli.common import Json, LabFile, Name, Speed
 from gcs.doctor import cli as doctor_cli
 from wire import clock, version
 from wire.process.program import program
-
-Speed = Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)]
 
 app = program(
     "Fly a formation: `gcs run lab.toml` is the daemon, the other commands reach it from another terminal.",
@@ -59,28 +58,6 @@ def _tags(items: list[str]) -> dict[str, str]:
 
 
 @app.command()
-def mocap(
-    lab: LabFile,
-    linger: Annotated[
-        float | None, typer.Option(min=0.0, help="End when nobody has listened for this many seconds.")
-    ] = None,
-    record: Annotated[
-        Path | None, typer.Option(metavar="FILE.mcap", help='Record the frames: a file for source "mcap".')
-    ] = None,
-    as_json: Json = False,
-    speed: Speed = 1.0,
-) -> None:
-    """Be the lab's mocap process: frames of its source in, aligned and checked frames onto the bus, until Ctrl-C.
-
-    On a terminal it shows how the mocap is doing: rate, jitter, delay, losses; each body's gaps, noise and pose.
-    `gcs run` starts one where none serves the lab. One that runs by itself outlives every ground.
-    """
-    from gcs.mocap.cli import serve as serve_mocap  # loads a compiled kernel
-
-    serve_mocap(configuration(lab), linger, record, as_json, clock.Clock(speed))
-
-
-@app.command()
 def check(
     lab: LabFile,
     svg: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the lab from above into an SVG file.")] = None,
@@ -93,6 +70,7 @@ def check(
 
 
 operator_cli.register(app)
+app.add_typer(mocap_cli.app, name="mocap")
 app.command()(doctor_cli.doctor)
 app.command()(doctor_cli.logs)
 

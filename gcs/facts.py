@@ -52,6 +52,8 @@ class FactGatherer:
             armed[i], duplicate[i] = link.armed, link.sequence.duplicate(now_ns)
             offboard[i] = link.offboard or drone.joining(now_ns)
         pos, age, model_mismatch, measured = self._seen(stages, now_ns)
+        heartbeats, silences, ages, own_tilts, batteries = np.array([heartbeat_s, silent_s, age_s, own_tilt, battery])
+        arms, streams, twins = np.array([armed, offboard, duplicate])
         return Facts(
             names=self._names,
             commanded=self._commanded,
@@ -62,15 +64,15 @@ class FactGatherer:
             error_m=measured[2],
             model_mismatch=model_mismatch,
             own_pos_lab_m=np.array(own_pos),
-            own_tilt_rad=np.array(own_tilt),
+            own_tilt_rad=own_tilts,
             attitude_miss_rad=self._attitudes.miss_rad,
-            heartbeat_age_s=np.array(heartbeat_s),
-            silent_s=np.array(silent_s),
-            setpoint_age_s=np.array(age_s),
-            armed=np.array(armed),
-            offboard=np.array(offboard),
-            battery=np.array(battery),
-            duplicate=np.array(duplicate),
+            heartbeat_age_s=heartbeats,
+            silent_s=silences,
+            setpoint_age_s=ages,
+            armed=arms,
+            offboard=streams,
+            battery=batteries,
+            duplicate=twins,
             late_share=late_share,
             objections=tuple(text for d in self._drones for text in objections(d.link)) if asked_to_arm else (),
         )
@@ -82,7 +84,8 @@ class FactGatherer:
             return np.zeros((n, 3)), np.full(n, np.inf), np.zeros(n), np.zeros((3, n))
         state = stages.state
         measured = _measure(state.vel_lab_m_s, state.q_lab_from_flu, stages.command.e_lead_m, self._own)
-        return state.pos_lab_m, state.age_s + (now_ns - state.t_ns) * 1e-9, state.model_mismatch, measured
+        age_s = state.age_s + (now_ns - state.t_ns) * 1e-9
+        return np.ascontiguousarray(state.pos_lab_m), age_s, state.model_mismatch, measured
 
 
 @kernel

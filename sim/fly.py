@@ -1,14 +1,17 @@
 """A flight in real time by real processes: the mocap emulator, one agent a drone, and `gcs run`, over real links."""
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Coroutine
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
+from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from drone_agent.config import AgentConfig
+from formation.config import LinkConfig
 from formation.messages import OperatorReply, OperatorRequest
 from formation.model import Model
 from gcs.daemon import GCS_NAME
+from sim.ports import private_link
 from sim.processes import Child, ProcessDied, ProcessGroup
 from sim.scenario import Scenario, agent_configs, leader_seconds, recorded_leader
 from sim.script import Glance, Operator, Outcome
@@ -33,11 +36,13 @@ class Files:
     """The run directory of one flight."""
 
     folder: Path
+    log_folder: Path | None = None
+    """Where the ground's log goes, where that is another folder."""
 
     @property
     def mcap(self) -> Path:
         """The ground's log."""
-        return self.folder / "flight.mcap"
+        return (self.log_folder or self.folder) / "flight.mcap"
 
     @property
     def report(self) -> Path:
@@ -54,9 +59,9 @@ class Files:
         """What the ground was told."""
         return self.folder / "lab.toml"
 
-    def agent(self, sysid: int) -> Path:
-        """What the agent was told."""
-        return self.folder / f"agent-{sysid}.toml"
+    def drone(self, name: str) -> Path:
+        """What an agent or a bridge was told."""
+        return self.folder / f"{name}.toml"
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,19 +75,33 @@ class Running:
 
 @asynccontextmanager
 async def running(
-    scenario: Scenario, seed: int, files: Files, force: bool = False, clock: Clock = REAL_TIME
+    scenario: Scenario,
+    seed: int,
+    files: Files,
+    force: bool = False,
+    clock: Clock = REAL_TIME,
+    drones_link: LinkConfig | None = None,
 ) -> AsyncIterator[Running]:
-    """All processes of the scenario, logging into `files`; on leaving the ground is stopped first, and lands."""
+    """All processes of the scenario, logging into `files`; on leaving the ground is stopped first, and lands.
+
+    drones_link: the drones' own end of their links, where something stands between them and the lab's.
+    """
     _write(files.scenario, scenario)
     _write(files.lab, scenario.lab)
     speed = ("--speed", str(clock.speed))
-    async with ProcessGroup(files.folder) as group:
+    configs = agent_configs(scenario, recorded_leader(scenario))
+    bridged = [config.sysid for config in configs if scenario.true_vehicle(config.sysid).bridged]
+    async with AsyncExitStack() as stack:
+        inner = stack.enter_context(private_link("udp", bridged)) if bridged else None
+        group = await stack.enter_async_context(ProcessGroup(files.folder))
         await group.start("cameras", "sim", ["mocap", str(files.scenario), "--seed", str(seed), *speed])
         await group.start("mocap", "gcs", ["mocap", str(files.lab), *speed])
-        for config in agent_configs(scenario, recorded_leader(scenario)):
-            file = files.agent(config.sysid)
-            _write(file, config.model_copy(update={"truth_rate_hz": TRUTH_RATE_HZ}))
-            await group.start(f"agent-{config.sysid}", "drone_agent", ["--config", str(file), *speed])
+        for config in configs:
+            if drones_link is not None:
+                config = config.model_copy(update={"link": drones_link})
+            for name, told in _drone(config, inner if config.sysid in bridged else None):
+                _write(files.drone(name), told)
+                await group.start(name, "drone_agent", ["--config", str(files.drone(name)), *speed])
         tags = [
             f"scenario={scenario.name}",
             f"seed={seed}",
@@ -111,6 +130,20 @@ async def fly(
     operator = Operator(scenario.script, leader_seconds(scenario, recorded_leader(scenario)))
     async with running(scenario, seed, files, force, clock) as flight:
         return await _first(flight.group.watch(), operate(flight.bus, operator, scenario.longest_s, progress, clock))
+
+
+def _drone(config: AgentConfig, inner: LinkConfig | None) -> Iterator[tuple[str, AgentConfig]]:
+    """A drone's processes: the agent, which shows its truth, and, where `inner` is its link to one, the bridge."""
+    config = config.model_copy(update={"truth_rate_hz": TRUTH_RATE_HZ})
+    if inner is None:
+        yield f"agent-{config.sysid}", config
+        return
+    # It is on the bus for its truth alone: the mocap has no body of that name, and setpoints die by the bridge's rule.
+    own = {"kind": "udp", "zenoh_connect": config.link.zenoh_connect}
+    behind = {"link": inner.model_copy(update=own), "body": f"behind-{config.sysid}", "stale_setpoint_s": 0.0}
+    yield f"agent-{config.sysid}", config.model_copy(update=behind)
+    bridge = {"bridge": f"udp:{inner.host}:{inner.drone_port_base + config.sysid}", "truth_rate_hz": 0.0}
+    yield f"bridge-{config.sysid}", config.model_copy(update=bridge)
 
 
 def _write(path: Path, model: Model) -> None:

@@ -22,6 +22,7 @@ class Child:
     process: asyncio.subprocess.Process
     output: Path
     patience_s: float
+    command: tuple[str, ...]
 
 
 class ProcessDied(RuntimeError):
@@ -57,15 +58,27 @@ class ProcessGroup:
 
         patience_s: how long the process may take to end well when asked to.
         """
-        output = self._folder / f"{name}.log"
-        with output.open("wb") as file:
-            process = await asyncio.create_subprocess_exec(
-                sys.executable, "-m", module, *arguments,
-                stdin=asyncio.subprocess.DEVNULL, stdout=file, stderr=asyncio.subprocess.STDOUT, process_group=0,
-            )  # fmt: skip
-        child = Child(name, process, output, patience_s)
+        output, command = self._folder / f"{name}.log", (sys.executable, "-m", module, *arguments)
+        child = Child(name, await _run(command, output, "wb"), output, patience_s, command)
         self._children.append(child)
         return child
+
+    async def again(self, name: str) -> Child:
+        """Run a process that has ended once more, its output after that of the first."""
+        ended = self.child(name)
+        process = await _run(ended.command, ended.output, "ab")
+        child = Child(name, process, ended.output, ended.patience_s, ended.command)
+        self._children[self._children.index(ended)] = child
+        return child
+
+    def child(self, name: str) -> Child:
+        """The process of that name; KeyError."""
+        return {child.name: child for child in self._children}[name]
+
+    @property
+    def children(self) -> tuple[Child, ...]:
+        """All of them, in order of starting, those that have ended too."""
+        return tuple(self._children)
 
     async def watch(self) -> None:
         """Never returns; ProcessDied, naming the first process that ends."""
@@ -93,6 +106,14 @@ class ProcessGroup:
         if child.process.returncode is None:
             child.process.kill()
             await child.process.wait()
+
+
+async def _run(command: tuple[str, ...], output: Path, mode: str) -> asyncio.subprocess.Process:
+    with output.open(mode) as file:
+        return await asyncio.create_subprocess_exec(
+            *command,
+            stdin=asyncio.subprocess.DEVNULL, stdout=file, stderr=asyncio.subprocess.STDOUT, process_group=0,
+        )  # fmt: skip
 
 
 def _status(child: Child) -> str:

@@ -55,7 +55,7 @@ class TrueVehicle(Model):
         default="px4", validation_alias=AliasChoices("autopilot", "personality")
     )
     bridged: bool = False
-    """In lockstep: it stands behind a bridge, as a real autopilot does, which alone hears ground and mocap."""
+    """It stands behind a bridge, as a real autopilot does, which alone hears ground and mocap."""
     level_error: LevelError = LevelError()
 
 

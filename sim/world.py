@@ -52,6 +52,7 @@ class World:
         self._told = DueQueue[tuple[GroundHost, Verb]]()
         self.seats = {c.sysid: Seat(c, scenario, seed, T0_NS, without) for c in agent_configs(scenario, leader)}
         self._body = {v.sysid: v.body for v in scenario.lab.vehicles if v.sysid is not None}
+        self._seat_of = {self._body[sysid]: seat for sysid, seat in self.seats.items()}
         self._camera_faults = CameraFaults(scenario.lab, seed)
         self._thinning = {name: Thinning() for name in (GROUND_RECEIVER, *self._body.values())}
         self._look_ns = T0_NS
@@ -156,11 +157,10 @@ class World:
     def _deliver(self, receiver: str, frame: LabFrame) -> None:
         if receiver == GROUND_RECEIVER:
             self._grounds_receive(frame)
-            return
-        for seat in self.seats.values():
-            if self._body[seat.sysid] == receiver:
-                seat.see(frame, self.now_ns)
-                seat.look_ahead()
+        else:
+            seat = self._seat_of[receiver]
+            seat.see(frame, self.now_ns)
+            seat.look_ahead()
 
     def _serve(self, seat: Seat) -> None:
         """What arrives at the drone, what it does of itself, what arrives from it."""

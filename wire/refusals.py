@@ -32,9 +32,11 @@ class Refusals:
     The 17th source at a time is told under `OTHERS`, so that invented senders fill neither memory nor terminal.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, told: str = "refused") -> None:
+        """told: the word for what became of it."""
         self.count = 0
         """All that was ever refused."""
+        self._told = told
         self._sources: dict[str, _Source] = {}
 
     def note(self, source: str, reason: str, now_ns: int, count: int = 1) -> None:
@@ -52,7 +54,7 @@ class Refusals:
         for name, source in self._sources.items():
             due_ns = source.due_ns()
             if due_ns is not None and now_ns >= due_ns:
-                events.append(Event(Severity.WARNING, name, _words(source.reasons)))
+                events.append(Event(Severity.WARNING, name, _words(self._told, source.reasons)))
                 source.told_ns, source.reasons = now_ns, {}
         return tuple(events)
 
@@ -71,6 +73,6 @@ class Refusals:
         return self._sources.setdefault(source, _Source())
 
 
-def _words(reasons: dict[str, int]) -> str:
+def _words(told: str, reasons: dict[str, int]) -> str:
     """ "refused: 640 x not MAVLink, 2 x larger than 2048 bytes"."""
-    return "refused: " + ", ".join(f"{count} x {reason}" for reason, count in reasons.items())
+    return f"{told}: " + ", ".join(f"{count} x {reason}" for reason, count in reasons.items())

@@ -156,7 +156,7 @@ class BridgeCore:
                 self._send_autopilot(SetOrigin(self._config.sysid, *self._config.origin))
         fed = self._own_feed_ns is not None and now_ns - self._own_feed_ns < _OWN_FEED_NS
         self._act(self._takeover.due(now_ns, fed=fed, stands=self._hold.stands))
-        for refused in self._setpoints.refusals.due(now_ns):
+        for refused in self._setpoints.told(now_ns):
             self._say(refused.severity, f"{refused.source}: {refused.text}")
         outgoing = BridgeOutgoing(
             _packed(self._config.sysid, self._to_ground),

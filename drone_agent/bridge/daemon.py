@@ -8,7 +8,7 @@ from drone_agent.flight import position
 from drone_agent.link.ground_link import open_ground_link
 from drone_agent.wake import Wake
 from formation.messages import Datagram, LabFrame
-from wire.clock import monotonic_ns
+from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
 from wire.process.lifetime import Stop, Tell
 from wire.process.progress import compile_all
@@ -23,32 +23,33 @@ from wire.transport.zenoh_bus import ZenohBus
 class _Pump:
     """Hands what arrives to the core at once, and wakes it at its own deadlines."""
 
-    def __init__(self, core: BridgeCore, tell: Tell) -> None:
+    def __init__(self, core: BridgeCore, tell: Tell, clock: Clock) -> None:
         self.ground: Link | None = None
         self.autopilot: Link | None = None
         self.refusals = Refusals()
         self._core = core
         self._tell = tell
-        self.wake = Wake(self.turn)
+        self._clock = clock
+        self.wake = Wake(self.turn, clock)
 
     def from_ground(self, datagram: Datagram) -> None:
         """The ground said something."""
-        self._core.receive_ground(datagram, monotonic_ns())
+        self._core.receive_ground(datagram, self._clock.monotonic_ns())
         self.turn()
 
     def from_autopilot(self, datagram: Datagram) -> None:
         """The autopilot said something."""
-        self._core.receive_autopilot(datagram.data, monotonic_ns())
+        self._core.receive_autopilot(datagram.data, self._clock.monotonic_ns())
         self.turn()
 
     def from_mocap(self, frame: LabFrame) -> None:
         """The mocap saw something."""
-        self._core.receive_frame(frame, monotonic_ns())
+        self._core.receive_frame(frame, self._clock.monotonic_ns())
         self.turn()
 
     def turn(self) -> None:
         """Send what is due and sleep until the next deadline."""
-        now_ns = monotonic_ns()
+        now_ns = self._clock.monotonic_ns()
         out = self._core.tick(now_ns)
         for link, datagrams in ((self.autopilot, out.to_autopilot), (self.ground, out.to_ground)):
             if link is not None:
@@ -59,7 +60,7 @@ class _Pump:
         self.wake.at(self._core.next_deadline_ns())
 
 
-async def run_bridge(config: AgentConfig, autopilot: str, tell: Tell) -> None:
+async def run_bridge(config: AgentConfig, autopilot: str, tell: Tell, clock: Clock = REAL_TIME) -> None:
     """Be the bridge until SIGINT or SIGTERM.
 
     autopilot: udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD. Raises OSError where a port cannot be had,
@@ -67,13 +68,13 @@ async def run_bridge(config: AgentConfig, autopilot: str, tell: Tell) -> None:
     """
     stop = Stop()
     compile_all("drone-agent", position.warm_up, sys.stderr)
-    core = BridgeCore(config, monotonic_ns(), serial=autopilot.startswith("serial:"))
-    pump = _Pump(core, tell)
+    core = BridgeCore(config, clock.monotonic_ns(), serial=autopilot.startswith("serial:"))
+    pump = _Pump(core, tell, clock)
     bus: ZenohBus | None = None
     try:
         pump.autopilot = await _open_autopilot(autopilot, config.sysid, pump)
         bus = await ZenohBus.open(config.link, config.lab, pump.refusals)
-        MocapBus(bus).on_frame(pump.from_mocap)
+        MocapBus(bus, clock).on_frame(pump.from_mocap)
         pump.ground = await open_ground_link(config, bus, pump.from_ground, pump.refusals)
         pump.turn()
         await stop.wait()

@@ -2,10 +2,11 @@
 
 from typing import NamedTuple
 
-from drone_agent.bounds import within_bounds
+from drone_agent.bounds import BEYOND, within_bounds
 from drone_agent.failsafe import StreamFailsafe
 from drone_agent.setpoint_gate import Refusal, SetpointGate
 from drone_agent.stages import Stage
+from formation.messages import Event
 from wire.link_messages.address import BROADCAST
 from wire.link_messages.message_id import MessageId
 from wire.link_messages.setpoints import AttitudeSetpoint
@@ -35,12 +36,16 @@ class BridgeSetpoints:
     def __init__(self, sysid: int, t0_ns: int, stream: StreamFailsafe, without: frozenset[str]) -> None:
         self.gate = SetpointGate(without)
         self.refusals = Refusals()
-        self.bounded = 0
+        self.bounded = Refusals("bounded")
         """Setpoints that asked for more than is passed on."""
         self._sysid = sysid
         self._t0_ns = t0_ns
         self._stream = stream
         self._without = without
+
+    def told(self, now_ns: int) -> tuple[Event, ...]:
+        """What there is to tell of setpoints that were not passed on, or not as they asked."""
+        return (*self.refusals.due(now_ns), *self.bounded.due(now_ns))
 
     def take(self, frame: Frame, now_ns: int) -> Taken:
         """Judge one frame of SETPOINTS: byte for byte, or bounded in its sender's name, or not at all."""
@@ -59,7 +64,7 @@ class BridgeSetpoints:
         bounded = within_bounds(attitude, None)
         if bounded is attitude:
             return Taken(frame.data, attitude)
-        self.bounded += 1
+        self.bounded.note(str(frame.source), BEYOND, now_ns)
         return Taken(Codec(frame.source).encode(bounded), bounded)
 
     def _refusal(self, frame: Frame, now_ns: int) -> Refusal | None:

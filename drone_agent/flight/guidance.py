@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from drone_agent.autopilots.model import Task
-from drone_agent.bounds import within_bounds
+from drone_agent.bounds import BEYOND, within_bounds
 from drone_agent.failsafe import BACK
 from drone_agent.flight.autopilot import Autopilot
 from drone_agent.flight.estimator import turned
@@ -19,6 +19,7 @@ from formation.maths.arrays import Quat, Vec3
 from formation.maths.frames import from_rotation_vector, multiply
 from wire.link_messages.address import Address
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore, LocalFrame, PositionIgnore, PositionSetpoint
+from wire.refusals import Refusals
 
 
 class Guidance:
@@ -26,7 +27,7 @@ class Guidance:
 
     def __init__(self, autopilot: Autopilot) -> None:
         self._autopilot = autopilot
-        self.bounded = 0
+        self.bounded = Refusals("bounded")
         """Setpoints that asked for more than is followed."""
         self._delay_ns = round(autopilot.airframe.profile.command_delay_s * 1e9)
 
@@ -40,9 +41,9 @@ class Guidance:
         if not self._heard(now_ns, source):
             return
         if "setpoint-bounds" not in autopilot.without:
-            bounded = within_bounds(target, autopilot.airframe.profile)
-            self.bounded += bounded is not target
-            target = bounded
+            asked, target = target, within_bounds(target, autopilot.airframe.profile)
+            if target is not asked:
+                self.bounded.note(str(source or "on board"), BEYOND, now_ns)
         climb_m_s = autopilot.model.climb_rate_of(autopilot.parameters, target.thrust_norm)
         if climb_m_s is not None:
             if autopilot.task is not Task.LEVEL:

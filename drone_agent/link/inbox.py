@@ -11,7 +11,7 @@ from drone_agent.flight.guidance import Guidance
 from drone_agent.link.commands import Commander, order_of
 from drone_agent.setpoint_gate import Refusal, SetpointGate
 from drone_agent.stages import Stage
-from formation.messages import Severity
+from formation.messages import Event, Severity
 from wire.link_messages.address import Address
 from wire.link_messages.clocks import Ping, TimeSync
 from wire.link_messages.commands import CommandAck, CommandInt, CommandLong, MavCommand, Result, SetMode
@@ -101,6 +101,10 @@ class Inbox:
             MissionRequestList: self._mission_list,
             LogRequestList: self._log_list,
         }
+
+    def told(self, now_ns: int) -> tuple[Event, ...]:
+        """What there is to tell of setpoints that were not obeyed, or not as they asked."""
+        return (*self.refusals.due(now_ns), *self._guidance.bounded.due(now_ns))
 
     def read(self, packet: Packet, now_ns: int) -> None:
         """Act on one packet; what concerns only ground stations is left alone."""

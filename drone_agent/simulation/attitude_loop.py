@@ -40,7 +40,8 @@ class LoopSetpoint:
     __slots__ = ("target",)
 
     def __init__(self, q_lab_from_flu: Quat, rate_flu_rad_s: Vec3, thrust_norm: float) -> None:
-        self.target = np.concatenate([q_lab_from_flu, rate_flu_rad_s, [thrust_norm]])
+        self.target = np.empty(8)
+        self.target[0:4], self.target[4:7], self.target[7] = q_lab_from_flu, rate_flu_rad_s, thrust_norm
 
     @property
     def q_lab_from_flu(self) -> Quat:

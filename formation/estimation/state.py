@@ -93,9 +93,9 @@ def initial(frame: LabFrame, flying: Flags) -> Rows[VehicleEstimate]:
 def swarm_state(z: Rows[VehicleEstimate]) -> SwarmState:
     """The estimate as the message that is logged and shown."""
     motion, t_ns = z["motion"], int(z["t_ns"][0])
-    seen_ns = z["seen_ns"]
+    age_s = [(t_ns - seen_ns) * SECONDS if seen_ns > NEVER_NS else np.inf for seen_ns in z["seen_ns"].tolist()]
     return SwarmState(
         t_ns, z["pos_lab_m"], z["vel_lab_m_s"], z["dist_lab_m_s2"], motion[:, 2, :3], z["q_lab_from_flu"],
         z["yaw_rad"], z["yaw_rate_rad_s"], motion[:, 2, 3],
-        np.where(seen_ns > NEVER_NS, (t_ns - seen_ns) * SECONDS, np.inf), z["model_mismatch"],
+        np.array(age_s), z["model_mismatch"],
     )  # fmt: skip

@@ -41,10 +41,8 @@ def estimate(
     yaw_acc_command_rad_s2 (n): angular acceleration of the heading that was asked for; zero where nobody asks.
     """
     new = like(state)
-    if frame.t_capture_ns > state["t_ns"][0]:
-        waiting = state["seen_ns"] == NEVER_NS
-        if waiting.any():
-            state = _begun(state, frame, waiting & frame.seen)
+    if frame.t_capture_ns > state["t_ns"][0] and NEVER_NS in state["seen_ns"].tolist():
+        state = _begun(state, frame, (state["seen_ns"] == NEVER_NS) & frame.seen)
     _estimate(
         settings, frame.t_capture_ns, frame.pos_lab_m, frame.q_lab_from_flu, frame.seen, airborne,
         yaw_acc_command_rad_s2, history, state, new,

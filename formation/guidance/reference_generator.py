@@ -156,7 +156,7 @@ def update(old: Generator, plan: Plan, who: Fleet, motion_lab: Float, lead: Floa
     Vehicles not airborne are led where they are, and picked up from their own motion at lift-off.
     """
     airborne = old.airborne
-    if plan == old.plan and airborne.all():
+    if plan == old.plan and False not in airborne.tolist():
         return old
     lifted = ~airborne & (motion_lab[:, 0, 2] > old.vehicles["floor_m"] + LIFT_OFF_M)
     now: References | None = None

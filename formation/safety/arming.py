@@ -3,7 +3,8 @@
 import numpy as np
 
 from formation.config import LimitsConfig
-from formation.safety.rules import BATTERY_LOW, HEARTBEAT_S, Facts, outside_fence_m, separation_m
+from formation.safety.places import nearest, outside_box
+from formation.safety.rules import BATTERY_LOW, HEARTBEAT_S, Facts
 
 FRESH_S = 0.2
 STILL_M_S = 0.3
@@ -13,7 +14,8 @@ LEVEL_RAD = 0.35
 def refusals(facts: Facts, limits: LimitsConfig) -> tuple[str, ...]:
     """Every reason not to arm, in words; empty when the swarm may arm. What an operator can act on comes first."""
     fresh = facts.age_s <= FRESH_S
-    outside, near = outside_fence_m(facts, limits, fresh), separation_m(facts, fresh)
+    outside = outside_box(facts.pos_lab_m, limits.fence.low_m, limits.fence.high_m)
+    near = nearest(facts.pos_lab_m, fresh)
     reasons: list[str] = []
     for i, name in enumerate(facts.names):
         if not fresh[i]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from formation.maths.arrays import Scalars, Vec3s
+from formation.maths.arrays import Flags, Scalars, Vec3s
 from formation.maths.kernel import kernel
 from formation.model import Vec3Tuple
 
@@ -19,11 +19,13 @@ def outside_box(pos_lab_m: Vec3s, low_m: Vec3Tuple, high_m: Vec3Tuple) -> Scalar
 
 
 @kernel
-def nearest(pos_lab_m: Vec3s) -> Scalars:
-    """Distance of each point to its nearest neighbour, infinite for one alone; shape (n,)."""
+def nearest(pos_lab_m: Vec3s, known: Flags) -> Scalars:
+    """Distance of each point to the nearest other, among those `known` (n,); infinite for the rest; shape (n,)."""
     near = np.full(len(pos_lab_m), np.inf)
     for i in range(len(pos_lab_m)):
-        for j in range(i):
+        for j in range(i if known[i] else 0):
+            if not known[j]:
+                continue
             dx, dy = pos_lab_m[i, 0] - pos_lab_m[j, 0], pos_lab_m[i, 1] - pos_lab_m[j, 1]
             dz = pos_lab_m[i, 2] - pos_lab_m[j, 2]
             distance = np.sqrt(dx * dx + dy * dy + dz * dz)

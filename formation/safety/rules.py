@@ -18,6 +18,7 @@ from formation.estimation.model_mismatch import MISMATCH_BAD
 from formation.maths.arrays import Flags, Float, Scalars, Vec3s
 from formation.maths.kernel import kernel
 from formation.messages import Phase, Severity
+from formation.model import Vec3Tuple
 from formation.safety.phases import AIRBORNE, Trigger
 from formation.safety.places import nearest, outside_box
 
@@ -83,6 +84,11 @@ class Measure(IntEnum):
     ATTITUDE_MISS_RAD = 15
 
 
+UNSEEN_S, OUTSIDE_M, NEARNESS = int(Measure.UNSEEN_S), int(Measure.OUTSIDE_M), int(Measure.NEARNESS)
+TILT_RAD, OUTSIDE_TOO_M = int(Measure.TILT_RAD), int(Measure.OUTSIDE_TOO_M)
+TILT_TOO_RAD = int(Measure.TILT_TOO_RAD)
+
+
 @dataclass(frozen=True, slots=True)
 class Rule:
     """One fault: the measure that is then over its limit, for how long, in which phases, and who then does what.
@@ -124,20 +130,6 @@ BATTERY_LOW, BATTERY_EMPTY = 0.2, 0.1
 UPSET_RAD = 1.3
 ASTRAY_M = 1.0
 ATTITUDE_MISS_RAD = 0.05
-
-
-def outside_fence_m(facts: Facts, limits: LimitsConfig, known: Flags) -> Scalars:
-    """How far each body is outside the fence, m; zero inside, and for a body whose place is not `known`; all (n,)."""
-    return np.where(known, outside_box(facts.pos_lab_m, limits.fence.low_m, limits.fence.high_m), 0.0)
-
-
-def separation_m(facts: Facts, known: Flags) -> Scalars:
-    """Distance of each body to the nearest other, among those whose place is `known`; infinite for the rest; (n,)."""
-    if known.all():
-        return nearest(facts.pos_lab_m)
-    separation = np.full(len(known), np.inf)
-    separation[known] = nearest(facts.pos_lab_m[known])
-    return separation
 
 
 FLYING = AIRBORNE - {Phase.LAND}
@@ -244,8 +236,8 @@ def assess(
     """Apply every rule that is `on` to every vehicle; a fault acts once it has lasted its rule's `persist_s`."""
     n = len(facts.names)
     broken, judged = np.zeros((len(RULES), n), np.bool_), _JUDGED[phase] & on
-    fault = _find_broken(_measured(facts, limits), facts.commanded, _MEASURES, _OVER, _OF_ALL, judged, broken)
-    if not fault and not state.acted.any():
+    measured = _measured(facts, limits)
+    if not _find_broken(measured, facts.commanded, _MEASURES, _OVER, _OF_ALL, judged, state.acted, broken):
         nobody = np.zeros(n, np.bool_)
         return start(n), Verdict(None, "", nobody, nobody, ())
     since = np.where(broken, np.where(state.since_ns < 0, now_ns, state.since_ns), -1)
@@ -269,54 +261,66 @@ _JUDGED = {phase: np.array([phase in rule.phases for rule in RULES]) for phase i
 
 
 def _measured(facts: Facts, limits: LimitsConfig) -> Float:
-    """Every measure of every vehicle, (measures, n). Where a lost body is, nobody knows: no place is judged for it."""
-    known = facts.age_s <= LOST_S
-    outside_m = outside_fence_m(facts, limits, known)
-    rows = {
-        Measure.UNSEEN_S: facts.age_s,
-        Measure.OUTSIDE_M: outside_m,
-        Measure.NEARNESS: -separation_m(facts, known) / limits.min_separation_m,
-        Measure.ASTRAY_M: facts.error_m,
-        Measure.TILT_RAD: facts.tilt_rad,
-        Measure.SILENT_S: facts.silent_s,
-        Measure.NOT_OFFBOARD: facts.armed & ~facts.offboard,
-        Measure.DISARMED: ~facts.armed,
-        Measure.DISCHARGE: -facts.battery,
-        Measure.LATE_SHARE: [facts.late_share] + [0.0] * (len(facts.names) - 1),
-        Measure.DUPLICATE: facts.duplicate,
-        Measure.MODEL_MISMATCH: facts.model_mismatch,
-        Measure.OUTSIDE_TOO_M: _agreed(facts, outside_m, _own_outside_m(facts, limits)),
-        Measure.TILT_TOO_RAD: _agreed(facts, facts.tilt_rad, facts.own_tilt_rad),
-        Measure.SETPOINT_AGE_S: facts.setpoint_age_s,
-        Measure.ATTITUDE_MISS_RAD: facts.attitude_miss_rad,
-    }
-    return np.array([rows[measure] for measure in Measure])
+    """Every measure of every vehicle, (measures, n)."""
+    out = np.zeros((len(Measure), len(facts.names)))
+    out[Measure.UNSEEN_S] = facts.age_s
+    out[Measure.ASTRAY_M] = facts.error_m
+    out[Measure.TILT_RAD] = facts.tilt_rad
+    out[Measure.SILENT_S] = facts.silent_s
+    out[Measure.NOT_OFFBOARD] = facts.armed & ~facts.offboard
+    out[Measure.DISARMED] = ~facts.armed
+    out[Measure.DISCHARGE] = -facts.battery
+    out[Measure.LATE_SHARE, 0] = facts.late_share
+    out[Measure.DUPLICATE] = facts.duplicate
+    out[Measure.MODEL_MISMATCH] = facts.model_mismatch
+    out[Measure.SETPOINT_AGE_S] = facts.setpoint_age_s
+    out[Measure.ATTITUDE_MISS_RAD] = facts.attitude_miss_rad
+    fence, apart_m = limits.fence, limits.min_separation_m
+    _measure_places(facts.pos_lab_m, facts.own_pos_lab_m, facts.own_tilt_rad, fence.low_m, fence.high_m, apart_m, out)
+    return out
 
 
-def _own_outside_m(facts: Facts, limits: LimitsConfig) -> Scalars:
-    """How far outside the fence each drone believes itself to be, m; NaN where it says nothing."""
-    outside = outside_box(facts.own_pos_lab_m, limits.fence.low_m, limits.fence.high_m)
-    return np.where(np.isfinite(facts.own_pos_lab_m).all(axis=1), outside, np.nan)
+@kernel
+def _measure_places(
+    pos_lab_m: Vec3s, own_pos_lab_m: Vec3s, own_tilt_rad: Scalars, low_m: Vec3Tuple, high_m: Vec3Tuple,
+    separation_m: float, out: Float,
+) -> None:  # fmt: skip
+    """The measures of place, and those of both witnesses, into out (measures, n), which holds age and tilt already.
+
+    Where a lost body is, nobody knows: no place is judged for it.
+    """
+    age_s = out[UNSEEN_S]
+    known = age_s <= LOST_S
+    outside, own_outside = outside_box(pos_lab_m, low_m, high_m), outside_box(own_pos_lab_m, low_m, high_m)
+    near = nearest(pos_lab_m, known)
+    for i in range(len(age_s)):
+        told = np.isfinite(own_pos_lab_m[i, 0] + own_pos_lab_m[i, 1] + own_pos_lab_m[i, 2])
+        out[OUTSIDE_M, i] = outside[i] if known[i] else 0.0
+        out[NEARNESS, i] = -near[i] / separation_m
+        out[OUTSIDE_TOO_M, i] = _agreed(out[OUTSIDE_M, i], own_outside[i] if told else np.nan, age_s[i])
+        out[TILT_TOO_RAD, i] = _agreed(out[TILT_RAD, i], own_tilt_rad[i], age_s[i])
 
 
-def _agreed(facts: Facts, mocap: Scalars, own: Scalars) -> Scalars:
+@kernel
+def _agreed(mocap: float, own: float, age_s: float) -> float:
     """What both witnesses say, the smaller of the two; zero where either is silent or the mocap has not seen it now."""
-    both = np.isfinite(own) & (facts.age_s <= WITNESS_FRESH_S)
-    return np.where(both, np.fmin(mocap, own), 0.0)
+    if not np.isfinite(own) or not age_s <= WITNESS_FRESH_S:
+        return 0.0
+    return own if own < mocap or np.isnan(mocap) else mocap
 
 
 @kernel
 def _find_broken(
     measured: Float, commanded: Flags, measures: NDArray[np.int64], over: Float, of_all: Flags, judged: Flags,
-    broken: NDArray[np.bool_],
+    acted: NDArray[np.bool_], broken: NDArray[np.bool_],
 ) -> bool:  # fmt: skip
-    """Whether any vehicle breaks a rule; `broken` (rules, n) says which, and comes in false."""
+    """Whether any vehicle breaks a rule, or one was acted on; `broken` (rules, n) says which, and comes in false."""
     fault = False
     for rule in range(len(over)):
-        if judged[rule]:
-            for i in range(len(commanded)):
+        for i in range(len(commanded)):
+            if judged[rule]:
                 broken[rule, i] = (commanded[i] or of_all[rule]) and measured[measures[rule], i] > over[rule]
-                fault = fault or broken[rule, i]
+            fault = fault or broken[rule, i] or acted[rule, i]
     return fault
 
 

@@ -17,6 +17,7 @@ REFUSED, NOT_RIGHT, NO_GROUND = 1, 2, 3
 COLOURS = {"WARNING": "yellow", "ERROR": "red", "CRITICAL": "bright_red", "EMERGENCY": "bright_red"}
 
 Name = Annotated[str, typer.Option("--name", help="Which ground of the lab.")]
+Speed = Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 LabFile = Annotated[Path, typer.Argument(metavar="LAB.TOML", help="The lab: bodies, drones, limits, links, mocap.")]
 

@@ -124,7 +124,7 @@ def _places(config: LabConfig, pos: Float, seen: Bool) -> Iterator[Finding]:
     yield Finding(MOCAP, "units", Grade.PASS, f"all within {farthest_m:.1f} m", "metres")
     fence = config.limits.fence
     outside = outside_box(at, fence.low_m, fence.high_m)
-    near = nearest(at)
+    near = nearest(at, np.ones(len(at), np.bool_))
     least_m = config.limits.min_separation_m
     for name, point, out_m, near_m in zip(names, at, outside, near, strict=True):
         where = "(" + ", ".join(f"{x:.2f}" for x in point) + ")"

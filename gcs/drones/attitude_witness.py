@@ -4,6 +4,7 @@ What a drone feels of gravity needs no camera. A constant difference is how the 
 goes as it turns is a delay that no stamp shows, and that the control cannot know of.
 """
 
+from collections import deque
 from math import exp, hypot, sqrt
 
 import numpy as np
@@ -24,9 +25,7 @@ class AttitudeWitness:
 
     def __init__(self, n: int) -> None:
         self.miss_rad = np.zeros(n)
-        self._t_ns = np.full(KEPT, -(10**18), np.int64)
-        self._down = np.full((KEPT, n, 2), np.nan)
-        self._frames = 0
+        self._shown: deque[tuple[int, list[tuple[float, float] | None]]] = deque(maxlen=KEPT)
         self._waiting: list[tuple[int, float, float] | None] = [None] * n
         self._own: list[tuple[int, float, float] | None] = [None] * n
         self._bias: list[tuple[float, float] | None] = [None] * n
@@ -34,23 +33,17 @@ class AttitudeWitness:
 
     def see(self, frame: LabFrame) -> None:
         """A frame came; stamps rise."""
-        q, at = frame.q_lab_from_flu, self._frames % KEPT
-        w, x, y, z = q[:, 0], q[:, 1], q[:, 2], q[:, 3]
-        self._t_ns[at] = frame.t_capture_ns
-        self._down[at, :, 0] = 2.0 * (x * z - w * y)
-        self._down[at, :, 1] = 2.0 * (y * z + w * x)
-        self._down[at, ~frame.seen] = np.nan
-        self._frames += 1
+        poses = zip(frame.q_lab_from_flu.tolist(), frame.seen.tolist(), strict=True)
+        self._shown.append((frame.t_capture_ns, [_down(q) if seen else None for q, seen in poses]))
 
     def hear(self, i: int, t_ns: int, q_lab_from_flu: Quat) -> None:
         """Body i told its own attitude of t_ns, our clock. It is judged when the next comes: the cameras are slower."""
-        w, x, y, z = (float(part) for part in q_lab_from_flu)
-        before, self._waiting[i] = self._waiting[i], (t_ns, 2.0 * (x * z - w * y), 2.0 * (y * z + w * x))
+        before, self._waiting[i] = self._waiting[i], (t_ns, *_down(q_lab_from_flu.tolist()))
         if before is None or t_ns <= before[0]:
             return
         last, self._own[i] = self._own[i], before
         dt_s = 0.0 if last is None else (before[0] - last[0]) * 1e-9
-        shown = self._shown(i, before[0])
+        shown = self._shown_at(i, before[0])
         if last is None or shown is None or not 0.0 < dt_s < GAP_S:
             return
         off = shown[0] - before[1], shown[1] - before[2]
@@ -66,17 +59,28 @@ class AttitudeWitness:
         self._rate2[i] += share * (rate_rad_s * rate_rad_s - self._rate2[i])
         self.miss_rad[i] = max(sqrt(self._miss2[i]) - CLOCK_DOUBT_S * sqrt(self._rate2[i]), 0.0)
 
-    def _shown(self, i: int, t_ns: int) -> tuple[float, float] | None:
+    def _shown_at(self, i: int, t_ns: int) -> tuple[float, float] | None:
         """Gravity's direction in body i's axes, x and y, as the mocap shows it at t_ns; None where it does not."""
-        order = np.arange(self._frames, self._frames + KEPT) % KEPT
-        stamps = self._t_ns[order]
-        after = int(np.searchsorted(stamps, t_ns))
-        if after in (0, KEPT) or stamps[after] - stamps[after - 1] > BRACKET_NS:
+        after: tuple[int, list[tuple[float, float] | None]] | None = None
+        for before in reversed(self._shown):
+            if before[0] < t_ns:
+                break
+            after = before
+        else:
             return None
-        part = float(t_ns - stamps[after - 1]) / float(stamps[after] - stamps[after - 1])
-        first, second = self._down[order[after - 1], i], self._down[order[after], i]
-        x, y = (float(a + part * (b - a)) for a, b in zip(first, second, strict=True))
-        return None if np.isnan(x + y) else (x, y)
+        if after is None or after[0] - before[0] > BRACKET_NS:
+            return None
+        first, second = before[1][i], after[1][i]
+        if first is None or second is None:
+            return None
+        part = (t_ns - before[0]) / (after[0] - before[0])
+        return first[0] + part * (second[0] - first[0]), first[1] + part * (second[1] - first[1])
+
+
+def _down(q_lab_from_flu: list[float]) -> tuple[float, float]:
+    """Gravity's direction in the body's axes, x and y."""
+    w, x, y, z = q_lab_from_flu
+    return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x)
 
 
 def _bounded(bias_rad: float) -> float:

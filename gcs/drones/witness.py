@@ -41,12 +41,12 @@ class Witness:
         """The angle of its own vertical to the lab's; NaN where it does not say."""
         if self._attitude is None or now_ns - self._attitude_ns > FRESH_NS:
             return math.nan
-        _, x, y, _ = self._attitude
-        return math.acos(min(max(1.0 - 2.0 * float(x * x + y * y), -1.0), 1.0))
+        _, x, y, _ = self._attitude.tolist()
+        return math.acos(min(max(1.0 - 2.0 * (x * x + y * y), -1.0), 1.0))
 
     def pos_lab_m(self, now_ns: int) -> Vec3Tuple:
         """Where it believes itself; NaN where it does not say, or its origin was never settled."""
         if self._position is None or now_ns - self._position_ns > FRESH_NS:
             return NOWHERE
-        x, y, z = (float(own + first) for own, first in zip(self._position, self._origin_lab_m, strict=True))
-        return x, y, z
+        (x, y, z), (x0, y0, z0) = self._position.tolist(), self._origin_lab_m
+        return x + x0, y + y0, z + z0

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from math import pi
 
 from formation.config import LabConfig, TrajectoryConfig, VehicleBody
+from formation.mocap_config import CAMERA_SYSTEMS
 from formation.vehicle.profile import PROFILES
 from gcs.finding import Finding
 from gcs.lab.keys import Keys
@@ -53,6 +54,7 @@ def _mocap(config: LabConfig, keys: Keys) -> Iterator[Finding]:
         yield keys.warn("mocap.source", POSES, f"recorded poses, {whose}")
     elif mocap.file is not None:
         yield keys.warn("mocap.file", UNUSED, f'nothing is played with source "{mocap.source}"')
+    yield from _camera_system(config, keys)
     if mocap.source == "mavlink" and config.leader.sysid is None:
         why = 'with source "mavlink" drones say themselves where they are: a leader that is none is never seen'
         yield keys.refuse("leader.sysid", POSES, why)
@@ -60,6 +62,23 @@ def _mocap(config: LabConfig, keys: Keys) -> Iterator[Finding]:
         for i, follower in enumerate(config.followers):
             if "spawn_lab_m" in follower.model_fields_set and any(follower.spawn_lab_m):
                 yield keys.warn(f"followers[{i}].spawn_lab_m", UNUSED, f'the mocap says, with source "{mocap.source}"')
+
+
+def _camera_system(config: LabConfig, keys: Keys) -> Iterator[Finding]:
+    """What is said of a camera system, and whether it is the lab's."""
+    mocap = config.mocap
+    for system in CAMERA_SYSTEMS:
+        if system != mocap.source and getattr(mocap, system) is not None:
+            yield keys.warn(f"mocap.{system}", UNUSED, f'the source is "{mocap.source}"')
+    if mocap.names and mocap.source not in CAMERA_SYSTEMS:
+        yield keys.warn("mocap.names", UNUSED, f'source "{mocap.source}" names bodies as the lab does')
+    bodies = {v.body for v in config.vehicles}
+    for body in sorted(set(mocap.names.values()) - bodies):
+        yield keys.refuse("mocap.names", NAMES, f"{body} is none of the lab's bodies: {', '.join(sorted(bodies))}")
+    if mocap.latency_s is not None and mocap.latency_s > mocap.delay_s:
+        yield keys.refuse(
+            "mocap.latency_s", POSES, "is a part of delay_s, and cannot be more", f"<= {mocap.delay_s:g} s"
+        )
 
 
 def _links(config: LabConfig, keys: Keys) -> Iterator[Finding]:

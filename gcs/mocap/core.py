@@ -79,10 +79,9 @@ class MocapCore:
         return frame
 
     def _note_no_poses(self, frame: LabFrame, now_ns: int) -> None:
-        if frame.rejected.any():
-            for body, code in zip(frame.bodies, frame.rejected.tolist(), strict=True):
-                if code:
-                    self.refusals.note(SOURCE, f"{body}: {Rejection(code).text}", now_ns)
+        for body, code in zip(frame.bodies, frame.rejected.tolist(), strict=True):
+            if code:
+                self.refusals.note(SOURCE, f"{body}: {Rejection(code).text}", now_ns)
 
     def _again(self, frame: LabFrame, now_ns: int) -> LabFrame | None:
         fault = lab_fault(frame, now_ns) or self._order_fault(frame.t_capture_ns)

@@ -1,7 +1,7 @@
 """The camera systems that can be served in a box, by the protocol's name, and a lab that takes its poses from one."""
 
 from formation.config import LabConfig
-from formation.mocap_config import MocapConfig
+from formation.mocap_config import CAMERA_SYSTEMS, MocapConfig
 from sim.cameras.servers.server import Server
 from wire.clock import Clock
 
@@ -15,7 +15,7 @@ LOOPBACK, OTHER_LOOPBACK = "127.0.0.1", "127.0.0.2"
 
 def is_camera_system(mocap: MocapConfig) -> bool:
     """Whether poses come by a vendor's protocol rather than by a bus or a file of ours."""
-    return mocap.source in SOURCE_OF.values()
+    return mocap.source in CAMERA_SYSTEMS
 
 
 def server_for(mocap: MocapConfig, bodies: tuple[str, ...], clock: Clock) -> Server:

@@ -9,6 +9,7 @@ from sim.campaign.oracle import Truth
 from sim.scenario import Scenario
 from sim.world import T0_NS, World
 
+HEARD = frozenset(topic.name for topic in (EVENT, MOCAP_EVENT, PHASE, REQUEST))
 PLANNED = ("operator: ", "start", "every drone is at its height", "every drone has landed and is disarmed")
 """How the causes of planned changes of the phase begin."""
 
@@ -28,7 +29,7 @@ class Witness:
 
     def record(self, topic: Topic, message: object, t_ns: int) -> None:
         """Listen to a record on its way."""
-        if topic in (EVENT, MOCAP_EVENT, PHASE, REQUEST):
+        if topic.name in HEARD:
             self._hear(message, t_ns)
         if self._log is not None:
             self._log(topic, message, t_ns)
@@ -41,15 +42,13 @@ class Witness:
         row: list[float] = []
         down = True
         for sample in world.samples():
-            q, age = sample.q_lab_from_flu, sample.command_sent_ns
-            down = down and not sample.armed and sample.pos_lab_m[2] < 0.03 and abs(sample.vel_lab_m_s[2]) < 0.1
+            pos, vel, gain = sample.pos_lab_m.tolist(), sample.vel_lab_m_s.tolist(), sample.motor_gain.tolist()
+            (_, x, y, _), age = sample.q_lab_from_flu.tolist(), sample.command_sent_ns
+            down = down and not sample.armed and pos[2] < 0.03 and abs(vel[2]) < 0.1
             self.armed_ever = self.armed_ever or sample.armed
-            row += sample.pos_lab_m.tolist()
-            row += sample.vel_lab_m_s.tolist()
-            row += (1.0 - 2.0 * float(q[1] * q[1] + q[2] * q[2]), float(sample.armed), sample.thrust_n)
+            row += (*pos, *vel, 1.0 - 2.0 * (x * x + y * y), float(sample.armed), sample.thrust_n)
             row += sample.q_commanded.tolist()
-            row += (sample.thrust_commanded, np.nan if age is None else (now_ns - age) * 1e-9)
-            row += (float(sample.motor_gain.min()), float(sample.motor_gain.max()))
+            row += (sample.thrust_commanded, np.nan if age is None else (now_ns - age) * 1e-9, min(gain), max(gain))
         self._rows.append(row)
         self._t_s.append((now_ns - T0_NS) * 1e-9)
         return down

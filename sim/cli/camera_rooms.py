@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
@@ -16,6 +15,7 @@ from sim.cameras.emulator import EmulatorConfig
 from sim.cameras.playback import Playback
 from sim.cameras.room import Circling, Recorded, Room, lab_of
 from sim.cameras.systems import LOOPBACK, OTHER_LOOPBACK, SOURCE_OF, is_camera_system, server_for
+from sim.cli.cameras import BoxOptions
 from wire.clock import Clock
 from wire.config_file import load
 from wire.errors import ConfigError
@@ -43,36 +43,37 @@ class Box:
         )
 
 
-def box(
-    protocol: str | None, lab_file: Path | None, count: int, still: bool, csv: Path | None, mcap: Path | None,
-    cameras: str, address: tuple[str | None, int | None], seed: int, speed: float,
-) -> Box:  # fmt: skip
+def box(options: BoxOptions) -> Box:
     """Raises NotRight for what cannot be served."""
-    clock = Clock(speed)
+    clock = Clock(options.speed)
     t0_ns = clock.monotonic_ns()
     try:
-        recorded = None if mcap is None else mcap_frames(mcap)
-        leader = None if csv is None else Playback(read_recording(csv))
-        names = tuple(f"body{i + 1}" for i in range(count)) if recorded is None else recorded[0][1].bodies
-        lab = lab_of(names, MocapConfig()) if lab_file is None else load(lab_file, LabConfig)
-        mocap = _mocap(lab.mocap, protocol, address)
-        emulator = EmulatorConfig.model_validate({"rate_hz": mocap.rate_hz} | _settings(cameras))
+        recorded = None if options.mcap is None else mcap_frames(options.mcap)
+        leader = None if options.csv is None else Playback(read_recording(options.csv))
+        names = _names(options.bodies) if recorded is None else recorded[0][1].bodies
+        lab = lab_of(names, MocapConfig()) if options.lab is None else load(options.lab, LabConfig)
+        mocap = _mocap(lab.mocap, options)
+        emulator = EmulatorConfig.model_validate({"rate_hz": mocap.rate_hz} | _settings(options.cameras))
     except (ConfigError, MocapFileError, ValidationError) as error:
         raise NotRight(_first_line(error)) from error
     if recorded is not None:
         return Box(Recorded(recorded, t0_ns), mocap, clock)
     lab = lab.model_copy(update={"mocap": mocap})
-    count = count if lab_file is None else len(lab.vehicles)
-    return Box(Circling(lab, count, emulator, still, leader, seed, t0_ns), mocap, clock)
+    count = options.bodies if options.lab is None else len(lab.vehicles)
+    return Box(Circling(lab, count, emulator, options.still, leader, options.seed, t0_ns), mocap, clock)
 
 
-def _mocap(mocap: MocapConfig, protocol: str | None, address: tuple[str | None, int | None]) -> MocapConfig:
+def _names(count: int) -> tuple[str, ...]:
+    return tuple(f"body{i + 1}" for i in range(count))
+
+
+def _mocap(mocap: MocapConfig, options: BoxOptions) -> MocapConfig:
     """The lab's own section with the protocol and the address given."""
-    source = mocap.source if protocol is None else SOURCE_OF[protocol]
+    source = mocap.source if options.protocol is None else SOURCE_OF[options.protocol]
     values = mocap.model_dump(exclude_none=True) | {"source": source}
     if not is_camera_system(MocapConfig.model_validate(values)):
         raise NotRight(f'source "{source}" is no camera system: --protocol {"|".join(SOURCE_OF)}')
-    host, port = address
+    host, port = options.host, options.port
     table = values.get(source, {})
     table["host"] = host or table.get("host") or (OTHER_LOOPBACK if source == "natnet" else LOOPBACK)
     if port is not None:

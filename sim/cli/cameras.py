@@ -2,13 +2,42 @@
 
 import asyncio
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
+from wire.process.program import takes
+
 MOST_BODIES = 250
 Protocol = Literal["vrpn", "chingmu", "natnet", "qtm", "vicon"]
+
+
+@dataclass(frozen=True, slots=True)
+class BoxOptions:
+    """What is served, and how."""
+
+    protocol: Annotated[Protocol | None, typer.Option(help="The vendor's protocol; of --lab if not given.")] = None
+    lab: Annotated[Path | None, typer.Option(help="A lab file: its bodies, names, axes, unit and ports.")] = None
+    bodies: Annotated[int, typer.Option(min=1, max=MOST_BODIES, help="How many, without --lab.")] = 3
+    still: Annotated[bool, typer.Option("--still", help="Nothing moves.")] = False
+    csv: Annotated[Path | None, typer.Option(help="The first body moves as recorded (ASL/EuRoC CSV).")] = None
+    mcap: Annotated[Path | None, typer.Option(help="All bodies move as in a flight's log.")] = None
+    cameras: Annotated[
+        str,
+        typer.Option(
+            metavar="KEY=VALUE,...",
+            help="rate_hz, jitter_s, noise_m, noise_rad, delay_s, delay_jitter_s, lost_share, occluded_share, burst: "
+            "as in a scenario's [mocap].",
+        ),
+    ] = ""
+    restart_every: Annotated[float | None, typer.Option(min=2.0, help="The server restarts so often, s.")] = None
+    rename_every: Annotated[float | None, typer.Option(min=1.0, help="A body's name changes so often, s.")] = None
+    host: Annotated[str | None, typer.Option(help="Our address: 127.0.0.1, for NatNet 127.0.0.2.")] = None
+    port: Annotated[int | None, typer.Option(min=1, max=65535, help="The vendor's own if not given.")] = None
+    seed: Annotated[int, typer.Option(min=0, help="Decides all luck.")] = 1
+    speed: Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)] = 1.0
 
 
 def register(app: typer.Typer) -> None:
@@ -16,31 +45,16 @@ def register(app: typer.Typer) -> None:
     app.command("mocap-server")(mocap_server)
 
 
-def mocap_server(
-    protocol: Annotated[Protocol | None, typer.Option(help="The vendor's protocol; of --lab if not given.")] = None,
-    lab: Annotated[Path | None, typer.Option(help="A lab file: its bodies, names, axes, unit and ports.")] = None,
-    bodies: Annotated[int, typer.Option(min=1, max=MOST_BODIES, help="How many, without --lab.")] = 3,
-    still: Annotated[bool, typer.Option("--still", help="Nothing moves.")] = False,
-    csv: Annotated[Path | None, typer.Option(help="The first body moves as recorded (ASL/EuRoC CSV).")] = None,
-    mcap: Annotated[Path | None, typer.Option(help="All bodies move as in a flight's log.")] = None,
-    cameras: Annotated[
-        str, typer.Option(metavar="KEY=VALUE,...", help="rate_hz, jitter_s, noise_m, noise_rad, delay_s, "
-                          "delay_jitter_s, lost_share, occluded_share, burst: as in a scenario's [mocap].")
-    ] = "",
-    restart_every: Annotated[float | None, typer.Option(min=2.0, help="The server restarts, s.")] = None,
-    rename_every: Annotated[float | None, typer.Option(min=1.0, help="A body's name changes, s.")] = None,
-    host: Annotated[str | None, typer.Option(help="Our address; 127.0.0.1, NatNet 127.0.0.2.")] = None,
-    port: Annotated[int | None, typer.Option(min=1, max=65535, help="The vendor's own if not given.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Decides all luck.")] = 1,
-    speed: Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)] = 1.0,
-) -> None:  # fmt: skip
+@takes(BoxOptions)
+def mocap_server(options: BoxOptions) -> None:
     """Serve moving bodies in a camera system's own protocol, until Ctrl-C."""
     from sim.cameras.box import Manner
     from sim.cli.camera_rooms import NotRight, box
 
     try:
-        running = box(protocol, lab, bodies, still, csv, mcap, cameras, (host, port), seed, speed)
-        asyncio.run(running.serve(Manner(restart_every, rename_every), lambda text: print(text, file=sys.stderr)))
+        running = box(options)
+        manner = Manner(options.restart_every, options.rename_every)
+        asyncio.run(running.serve(manner, lambda text: print(text, file=sys.stderr, flush=True)))
     except KeyboardInterrupt:
         return
     except (NotRight, OSError) as error:

@@ -206,8 +206,8 @@ def timed(owner: object, name: str) -> Iterator[list[float]]:
 def nearest_ns_per_pair() -> float:
     """Of every pair of vehicles, once."""
     pairs = (MANY * (MANY - 1) - FEW * (FEW - 1)) / 2
-    few, many = in_a_row(FEW), in_a_row(MANY)
-    return 1e3 * (call_us(lambda: places.nearest(many)) - call_us(lambda: places.nearest(few))) / pairs
+    few, many = (in_a_row(FEW), np.ones(FEW, np.bool_)), (in_a_row(MANY), np.ones(MANY, np.bool_))
+    return 1e3 * (call_us(lambda: places.nearest(*many)) - call_us(lambda: places.nearest(*few))) / pairs
 
 
 def separation_filter_ns_per_pair() -> float:

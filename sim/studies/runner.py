@@ -72,11 +72,11 @@ def cores() -> int:
 
 @contextmanager
 def _progress_bar(console: Console, title: str, total: int) -> Iterator[Done]:
-    """A bar that moves on by one with each call, and is gone at the end."""
+    """A bar that moves on by one with each call, and is gone at the end; no thread, beside which no flight can fork."""
     columns = (
         TextColumn(title), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"),
         TimeRemainingColumn(),
     )  # fmt: skip
-    with Progress(*columns, console=console, transient=True) as bar:
+    with Progress(*columns, console=console, transient=True, auto_refresh=False) as bar:
         task = bar.add_task(title, total=total)
-        yield lambda: bar.advance(task)
+        yield lambda: bar.update(task, advance=1, refresh=True)

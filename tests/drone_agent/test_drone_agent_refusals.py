@@ -195,6 +195,17 @@ def test_the_ground_of_an_epoch_has_an_address_of_its_own() -> None:
     assert [ground_address(epoch) for epoch in (0, 1, 74, 75)] == [(255, 25), (255, 26), (255, 99), (255, 25)]
 
 
+def test_setpoints_that_are_bounded_are_told_of_once_a_second_with_their_count() -> None:
+    harness = flying()
+    hover = aged(20, hover_at(1.0))
+    for _ in range(3):
+        harness.run(0.01)
+        harness.send(hover(harness)._replace(q_lab_from_flu=from_rotation_vector(np.array([1.2, 0.0, 0.0]))))
+    harness.run(1.2, hover)
+    told = [text for text in harness.texts() if "bounded" in text]
+    assert told == [f"{GROUND}: bounded: {count} x setpoint beyond tilt, body rates or thrust" for count in (1, 2)]
+
+
 @pytest.mark.parametrize("tilt", [0.9, 2.0, 3.1])
 def test_a_setpoint_is_tilted_no_further_than_the_bound_and_in_its_own_direction(tilt: float) -> None:
     asked = AttitudeSetpoint(

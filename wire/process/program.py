@@ -2,9 +2,10 @@
 
 import inspect
 from collections.abc import Callable
-from typing import Annotated, TypeVar, get_type_hints
+from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
+from typer.core import TyperGroup
 
 from wire import version
 
@@ -16,6 +17,16 @@ def program(help_text: str, epilog: str) -> typer.Typer:
     )
     app.callback()(_options)
     return app
+
+
+class DefaultCommand(TyperGroup):
+    """Commands of which the first is meant where none is named: `gcs mocap lab.toml` is `gcs mocap serve lab.toml`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Put the first command's name in front, unless one is named or help is wanted."""
+        if args and args[0] not in (*self.commands, *ctx.help_option_names):
+            args = [next(iter(self.commands)), *args]
+        return super().parse_args(ctx, args)
 
 
 Given = TypeVar("Given")

@@ -41,7 +41,9 @@ class Gate:
 
     def refuses_stamp(self, t_capture_ns: int, now_ns: int) -> bool:
         """Whether a frame that arrives now cannot have been captured then."""
-        return self._stamps is not None and self._stamps.refuses(t_capture_ns, now_ns, bool(self._given.armed.any()))
+        return self._stamps is not None and self._stamps.refuses(
+            t_capture_ns, now_ns, True in self._given.armed.tolist()
+        )
 
     def judge(self, frame: LabFrame, now_ns: int) -> LabFrame:
         """The frame with what is not believed unseen; its own arrays are written to."""
@@ -51,7 +53,7 @@ class Gate:
         )  # fmt: skip
         if exchanged:
             self._episodes.note_exchanged(exchanged, now_ns)
-        if frame.rejected.any():
+        if any(frame.rejected.tolist()):
             self._episodes.note(frame, now_ns)
         return frame
 

@@ -147,7 +147,8 @@ def test_what_tilts_too_far_passes_bounded_in_its_senders_name() -> None:
         passed.q_lab_from_flu, from_rotation_vector(np.array([TILT_MAX_RAD, 0.0, 0.0])), atol=1e-6
     )
     assert passed.thrust_norm == pytest.approx(0.7)
-    assert site.core._setpoints.bounded == 1
+    assert site.core._setpoints.bounded.count == 1
+    assert any(isinstance(p.message, StatusText) and "bounded: 1 x setpoint" in p.message.text for p in site.heard)
 
 
 def test_setpoints_that_come_back_while_it_lands_do_not_pass() -> None:

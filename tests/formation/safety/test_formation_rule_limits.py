@@ -7,7 +7,7 @@ from formation_facts import LIMITS, healthy, of
 from formation.messages import Phase, Severity
 from formation.safety.phases import Trigger
 from formation.safety.places import nearest, outside_box
-from formation.safety.rules import RULE_NAMES, Facts, assess, separation_m, start, switched_on
+from formation.safety.rules import RULE_NAMES, Facts, assess, start, switched_on
 
 
 def at(*points: tuple[float, float, float]) -> dict[str, np.ndarray]:
@@ -106,11 +106,11 @@ def test_points_outside_a_box_are_judged_along_their_worst_axis() -> None:
 def test_the_nearest_neighbour_is_found_among_all() -> None:
     points = np.random.default_rng(4).normal(size=(7, 3))
     apart = np.linalg.norm(points[:, None] - points[None], axis=-1) + np.diag([np.inf] * 7)
-    np.testing.assert_allclose(nearest(points), apart.min(axis=1))
-    assert nearest(points[:1]).tolist() == [np.inf]
+    np.testing.assert_allclose(nearest(points, np.ones(7, bool)), apart.min(axis=1))
+    assert nearest(points[:1], np.ones(1, bool)).tolist() == [np.inf]
     known = np.array([True, False, True, True, False, True, True])
-    among = separation_m(healthy(pos_lab_m=points), known)
-    np.testing.assert_allclose(among[known], nearest(points[known]))
+    among = nearest(points, known)
+    np.testing.assert_allclose(among[known], apart[known][:, known].min(axis=1))
     assert np.isinf(among[~known]).all()
 
 

@@ -136,6 +136,8 @@ REFUSED: list[tuple[str, dict[str, object], str, str, str]] = [
      "90", "radians are meant"),
     ("behind an observed leader", {"leader": {"body": "lead"}, "followers": followers([-400.0, 0, 0])},
      "followers[0].offset_m", "[-400, 0, 0]", "farther from the leader than the fence is wide"),
+    ("an unknown body's name", {"mocap": {"source": "vrpn", "names": {"A": "wand"}}}, "mocap.names", "", "wand is"),
+    ("more than the whole", {"mocap": {"latency_s": 0.02}}, "mocap.latency_s", "0.02", "a part of delay_s"),
 ]  # fmt: skip
 WARNED: list[tuple[str, dict[str, object], str, str]] = [
     ("observed", {"leader": {"body": "lead"}}, "leader.body", "only observed"),
@@ -160,6 +162,8 @@ WARNED: list[tuple[str, dict[str, object], str, str]] = [
     ("longer than a battery", {"leader": flies("circle", laps=30)}, "leader.trajectory.laps", "hovers for about 315 s"),
     ("slow frames", {"mocap": {"rate_hz": 30.0}}, "mocap.rate_hz", "control cycle"),
     ("late poses", {"mocap": {"delay_s": 0.2}}, "mocap.delay_s", "seconds are meant"),
+    ("another system's table", {"mocap": {"source": "vrpn", "natnet": {"host": "10.0.0.2"}}}, "mocap.natnet", '"vrpn"'),
+    ("names for nobody", {"mocap": {"names": {"A": "lead"}}}, "mocap.names", "as the lab does"),
     ("played leader", {"mocap": {"source": "csv", "file": "x"}}, "mocap.source", "of the leader alone"),
     ("a file for nobody", {"mocap": {"file": "x.csv"}}, "mocap.file", "nothing is played"),
     ("a spawn for nobody", {"followers": followers(RIGHT, spawn_lab_m=[1, 1, 0])}, "followers[0].spawn_lab_m", "mocap"),

@@ -1,5 +1,6 @@
 import io
 import json
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -26,6 +27,16 @@ def test_jobs_run_in_processes_give_results_in_order_and_tell_of_each() -> None:
     told: list[None] = []
     assert run_all(double, [3, 1, 2], lambda: told.append(None), workers=2) == [6, 2, 4]
     assert len(told) == 3
+
+
+def threads(_job: int) -> int:
+    return threading.active_count()
+
+
+def test_a_job_that_is_alone_can_fork() -> None:
+    """Beside a thread that draws a bar no flight of a campaign shares its beginning with another."""
+    before = threading.active_count()
+    assert Runner(Console(file=io.StringIO()), workers=1).run("threads", threads, [1, 2]) == [before, before]
 
 
 def test_a_runner_writes_what_came_of_the_jobs_and_says_where(tmp_path: Path) -> None:

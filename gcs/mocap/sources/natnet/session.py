@@ -177,8 +177,9 @@ class NatNetSession:
             return
         theirs_ns = ticks * 1_000_000_000 // self._info.clock_hz
         offset_ns = self._capture.offset_ns(now_ns)
+        doubt_ns = STEP_NS + (self._capture.uncertainty_ns(now_ns) or 0)
         # The answer was given after the request and before it came: whatever the delays, that bounds the offset.
-        if offset_ns is not None and not sent_ns - STEP_NS <= theirs_ns + offset_ns <= now_ns + STEP_NS:
+        if offset_ns is not None and not sent_ns - doubt_ns <= theirs_ns + offset_ns <= now_ns + doubt_ns:
             self._capture, self._since_ns = CaptureTime(self._latency_ns), now_ns
             self._feed.say(Severity.WARNING, "the server's clock was set")
         self._capture.exchange(sent_ns, theirs_ns, now_ns)

@@ -20,6 +20,8 @@ SOLVED, HIDDEN = 0x0A, 0x09
 OFFSETS_M = np.array([[0.06, 0.0, 0.02], [-0.05, 0.03, 0.02], [-0.04, -0.05, 0.03], [0.0, 0.06, 0.04]])
 """Where each body's markers are on it; no two of its sides are alike."""
 MARKER_SIZE_M, ERROR_M = 0.014, 0.0003
+MOTIVE = {(3, 0): (2, 1), (3, 1): (2, 2), (4, 0): (3, 0), (4, 1): (3, 1), (4, 2): (3, 2)}
+"""Which release streams which version of NatNet."""
 ALL = "all"
 """The marker set of every marker."""
 
@@ -41,7 +43,7 @@ def message(number: int, payload: bytes) -> bytes:
 
 def server_info(name: str, version: Version, clock_hz: int, data_port: int, group: str | None) -> bytes:
     """The answer to CONNECT and DISCOVERY."""
-    who = name.encode().ljust(256, b"\0") + bytes((3, version[1], 0, 0)) + bytes((*version, 0, 0))
+    who = name.encode().ljust(256, b"\0") + bytes((*MOTIVE[version], 0, 0)) + bytes((*version, 0, 0))
     address = bytes(int(part) for part in (group or "0.0.0.0").split("."))
     return message(SERVER_INFO, who + pack("<QHB", clock_hz, data_port, group is not None) + address)
 

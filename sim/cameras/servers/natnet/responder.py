@@ -47,9 +47,11 @@ class Responder:
     """Of unicast: when each was last heard."""
     clock_step_ns: int = 0
     """How much the clock was set since the start."""
-    _ids: dict[str, int] = field(default_factory=dict)
+    ids: dict[str, int] = field(default_factory=dict)
+    """Of each body, by its name here."""
     _last_id: int = 0
-    _changed: bool = False
+    changed: bool = False
+    """Whether the next frame says that the models changed."""
     _t0_ns: int | None = None
 
     def ticks(self, t_ns: int) -> int:
@@ -60,18 +62,18 @@ class Responder:
     def show(self, bodies: tuple[str, ...]) -> None:
         """The models are these now. One in another's place is that one renamed: it keeps the id."""
         names = [self.theirs.get(body, body) for body in bodies]
-        if names == list(self._ids):
+        if names == list(self.ids):
             return
-        self._changed = bool(self._ids)
-        if len(names) == len(self._ids):
-            self._ids = dict(zip(names, self._ids.values(), strict=True))
+        self.changed = bool(self.ids)
+        if len(names) == len(self.ids):
+            self.ids = dict(zip(names, self.ids.values(), strict=True))
             return
-        known = self._ids
-        self._ids = {}
+        known = self.ids
+        self.ids = {}
         for name in names:
             if name not in known:
                 self._last_id += 1
-            self._ids[name] = known.get(name, self._last_id)
+            self.ids[name] = known.get(name, self._last_id)
 
     def received(self, data: bytes, sender: Address, now_ns: int) -> list[bytes]:
         """A client's packet; what to answer it."""
@@ -86,7 +88,7 @@ class Responder:
                 info = encode.server_info("Motive", settings.version, settings.clock_hz, self.data_port, self.group)
                 return [info]
             case 4:
-                return [encode.models({number: name for name, number in self._ids.items()}, settings.version)]
+                return [encode.models({number: name for name, number in self.ids.items()}, settings.version)]
             case 12 if len(payload) == 8:
                 (theirs,) = unpack_from("<Q", payload)
                 return [encode.message(encode.ECHO_RESPONSE, pack("<QQ", theirs, self.ticks(now_ns)))]
@@ -110,10 +112,10 @@ class Responder:
             self.ticks(min(exposed_ns + READOUT_NS, now_ns)) if self.settings.stamps else 0,
             self.ticks(now_ns),
         )
-        params = TRACKED_MODELS_CHANGED if self._changed else 0
-        self._changed = False
-        bodies = encode.rows(raw, list(self._ids.values()), self.unit_m)
-        return encode.frame(raw.seq & 0x7FFFFFFF, bodies, list(self._ids), stamps, params, self.settings.version)
+        params = TRACKED_MODELS_CHANGED if self.changed else 0
+        self.changed = False
+        bodies = encode.rows(raw, list(self.ids.values()), self.unit_m)
+        return encode.frame(raw.seq & 0x7FFFFFFF, bodies, list(self.ids), stamps, params, self.settings.version)
 
     def listeners(self, now_ns: int) -> list[Address]:
         """Where frames go: the group, or who connected and is alive."""

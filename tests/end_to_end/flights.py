@@ -58,7 +58,9 @@ def write_scenario(
 ) -> Path:
     """cameras: further lines of the lab's [mocap]; q_marker_from_flu: of the leader; gaps: of the emulated mocap."""
     path = folder / "short_triangle.toml"
-    text = TRIANGLE.format(trajectory=trajectory, rate_hz=RATE_HZ, cameras=cameras, q_marker_from_flu=q_marker_from_flu)
+    text = TRIANGLE.format(
+        trajectory=trajectory, rate_hz=RATE_HZ, cameras=cameras, q_marker_from_flu=q_marker_from_flu, gaps=gaps
+    )
     path.write_text(text)
     return path
 

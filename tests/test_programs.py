@@ -7,7 +7,7 @@ import pytest
 
 from wire import version
 
-HEAVY = ("numba", "scipy", "matplotlib", "pymavlink", "mavsdk")
+HEAVY = ("numba", "scipy", "matplotlib", "pymavlink", "mavsdk", "qtm_rt")
 PROGRAMS = ("gcs", "drone_agent", "sim", "sim.cli.log")
 CLIENT = tuple(("gcs", verb, "--timeout", "0.01") for verb in ("status", "arm", "takeoff", "start", "hold", "land"))
 STOP = ("gcs", "stop", "--timeout", "0.01")

@@ -1,4 +1,9 @@
-"""Monitors without a control of their own: whatever each one contains, others contain too, or it only warns."""
+"""Monitors without a control of their own: others are expected to contain what each one does, or it only warns.
+
+No fault was found that does harm for want of one of them alone. Flown and contained without it: gate-flip, keep-out,
+speed-limit, rule-lost. Flown, and as bad with it once all behind it are off: touch-down, rule-tilted-agreed,
+rule-too-close. The others go by the order of limits and times alone.
+"""
 
 from collections.abc import Mapping
 from types import MappingProxyType

@@ -1,6 +1,9 @@
 """The camera systems that can be served in a box, by the protocol's name, and a lab that takes its poses from one."""
 
+from dataclasses import replace
+
 from formation.config import LabConfig
+from formation.messages import RawFrame
 from formation.mocap_config import CAMERA_SYSTEMS, MocapConfig
 from sim.cameras.servers.server import Server
 from wire.clock import Clock
@@ -36,11 +39,11 @@ def server_for(mocap: MocapConfig, bodies: tuple[str, ...], clock: Clock) -> Ser
         case "qualisys":
             from sim.cameras.servers.qtm import qtm_server
 
-            return qtm_server(mocap, bodies, clock)
+            return _BySourceNames(mocap, qtm_server(mocap, _source_names(mocap, bodies), clock))
         case "vicon":
             from sim.cameras.servers.vicon import vicon_server
 
-            return vicon_server(mocap, bodies, clock)
+            return _BySourceNames(mocap, vicon_server(mocap, _source_names(mocap, bodies), clock))
         case other:
             raise ValueError(f"{other} is no camera system")
 
@@ -61,3 +64,27 @@ def lab_with(lab: LabConfig, protocol: str) -> LabConfig:
     said = {} if table is None else table.model_dump()
     values = lab.mocap.model_dump(exclude_none=True) | {"source": source, source: said | own}
     return lab.model_copy(update={"mocap": MocapConfig.model_validate(values)})
+
+
+def _source_names(mocap: MocapConfig, bodies: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(mocap.source_name(body) for body in bodies)
+
+
+class _BySourceNames:
+    """A server whose frames' bodies go by what the source calls them."""
+
+    def __init__(self, mocap: MocapConfig, server: Server) -> None:
+        self._mocap = mocap
+        self._server = server
+
+    async def start(self) -> None:
+        """Listen."""
+        await self._server.start()
+
+    def publish(self, frame: RawFrame) -> None:
+        """Send one exposure."""
+        self._server.publish(replace(frame, bodies=_source_names(self._mocap, frame.bodies)))
+
+    async def close(self) -> None:
+        """Listen no more."""
+        await self._server.close()

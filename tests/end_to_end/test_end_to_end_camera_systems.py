@@ -24,6 +24,7 @@ source = "{source}"
 axes = ["x right", "y up", "z back"]
 origin_lab_m = [0.3, -0.2, 0.1]
 unit = "mm"
+names = {{ "{leader}" = "leader" }}
 """
 
 
@@ -51,7 +52,9 @@ def plain_m(tmp_path_factory: pytest.TempPathFactory) -> float:
 def test_a_turned_room_in_millimetres_flies_as_the_plain_one(
     protocol: str, source: str, plain_m: float, tmp_path: Path
 ) -> None:
-    scenario = write_scenario(tmp_path, LINE, TURNED.format(source=source), UPSIDE_DOWN)
+    scenario = write_scenario(
+        tmp_path, LINE, TURNED.format(source=source, leader="307" if source == "chingmu" else "Quad 1"), UPSIDE_DOWN
+    )
     summary = flown(scenario, tmp_path / "run", "--mocap", protocol)
     assert summary["formation_rms_m"] <= WORSE * plain_m
 

@@ -179,6 +179,14 @@ def test_what_a_lab_lacks_is_told_once_and_when_it_came():
     assert rig.texts()[1:] == ["all bodies of the lab are there"]
 
 
+def test_a_tracker_whose_body_is_another_sensor_is_told_of():
+    rig = Rig(lab_of("vrpn"))
+    session = begun(rig, "leader", "left", "right")
+    exposed(session, 0, pose(1, STAMP_NS, (1.0, 2.0, 3.0), 1) + pose(2, STAMP_NS, (1.0, 2.0, 3.0)))
+    session.due(T0 + SECOND)
+    assert rig.texts() == ["poses come of leader:1, not of sensor 0: say in [mocap.names] whose they are"]
+
+
 def test_what_a_chingmu_server_lacks_is_told():
     rig = Rig(lab_of("chingmu"))
     session = begun(rig, "MCAvatar")

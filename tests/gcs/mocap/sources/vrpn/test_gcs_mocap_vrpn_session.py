@@ -267,6 +267,18 @@ def test_what_cannot_be_is_refused_and_nothing_else_is_lost():
     assert "1 x pose of a sender that has no name yet" in text
 
 
+@pytest.mark.parametrize("kind", ["vrpn", "chingmu"])
+def test_a_signalling_nan_is_a_number_as_any(kind: str):
+    """Arithmetic with it raises a flag, which numpy warns of."""
+    rig = Rig(lab_of(kind))
+    session = begun(rig, "MCServer")
+    signalling = bytes.fromhex("7ff0009300000000")
+    for k in range(3):
+        sent = pose(1, STAMP_NS + k * PERIOD_NS, (k, 2.0, 3.0), 300)
+        exposed(session, k, sent[:32] + signalling + sent[40:])
+    assert [np.isnan(frame.pos_mocap_m[0]).tolist() for frame in rig.frames] == [[True, False, False]] * 3
+
+
 def test_no_more_bodies_are_remembered_than_any_lab_has():
     rig = Rig(lab_of("vrpn"))
     session = begun(rig, "leader")

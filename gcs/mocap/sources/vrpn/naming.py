@@ -36,7 +36,14 @@ class Trackers:
         """A body that is hidden is there all the same, since its tracker has a name."""
         there = {self._name(sender) for sender in senders}.union(bodies)
         missing = [body for body in self._lab if body not in there]
-        return f"the server has no tracker {_list(missing)}; it has {_list(senders)}" if missing else ""
+        if missing:
+            return f"the server has no tracker {_list(missing)}; it has {_list(senders)}"
+        others = [body for body in bodies if self._is_other_sensor(body, bodies)]
+        return f"poses come of {_list(others)}, not of sensor 0: say in [mocap.names] whose they are" if others else ""
+
+    def _is_other_sensor(self, body: str, bodies: Collection[str]) -> bool:
+        tracker, numbered, _ = body.rpartition(":")
+        return bool(numbered) and tracker in self._lab and tracker not in bodies
 
 
 class Sensors:

@@ -179,6 +179,14 @@ def test_what_a_lab_lacks_is_told_once_and_when_it_came():
     assert rig.texts()[1:] == ["all bodies of the lab are there"]
 
 
+def test_a_tracker_whose_body_is_another_sensor_is_told_of():
+    rig = Rig(lab_of("vrpn"))
+    session = begun(rig, "leader", "left", "right")
+    exposed(session, 0, pose(1, STAMP_NS, (1.0, 2.0, 3.0), 1) + pose(2, STAMP_NS, (1.0, 2.0, 3.0)))
+    session.due(T0 + SECOND)
+    assert rig.texts() == ["poses come of leader:1, not of sensor 0: say in [mocap.names] whose they are"]
+
+
 def test_what_a_chingmu_server_lacks_is_told():
     rig = Rig(lab_of("chingmu"))
     session = begun(rig, "MCAvatar")
@@ -257,6 +265,18 @@ def test_what_cannot_be_is_refused_and_nothing_else_is_lost():
     text = rig.refused(T0)
     assert "1 x pose message of another length than 64 bytes" in text
     assert "1 x pose of a sender that has no name yet" in text
+
+
+@pytest.mark.parametrize("kind", ["vrpn", "chingmu"])
+def test_a_signalling_nan_is_a_number_as_any(kind: str):
+    """Arithmetic with it raises a flag, which numpy warns of."""
+    rig = Rig(lab_of(kind))
+    session = begun(rig, "MCServer")
+    signalling = bytes.fromhex("7ff0009300000000")
+    for k in range(3):
+        sent = pose(1, STAMP_NS + k * PERIOD_NS, (k, 2.0, 3.0), 300)
+        exposed(session, k, sent[:32] + signalling + sent[40:])
+    assert [np.isnan(frame.pos_mocap_m[0]).tolist() for frame in rig.frames] == [[True, False, False]] * 3
 
 
 def test_no_more_bodies_are_remembered_than_any_lab_has():

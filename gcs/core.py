@@ -88,9 +88,8 @@ class GcsCore:
         self._feeds_pose = config.mocap.source != "mavlink"
         self._drones = tuple(Drone(i, self._link(config, i)) for i in config.commanded)
         self._links = {drone.link.sysid: drone.link for drone in self._drones}
-        if monitors.STOP_REPEAT in without:
-            for link in self._links.values():
-                link.commands.urgent_retry_ns = RETRY_NS
+        for link in self._links.values() if monitors.STOP_REPEAT in without else ():
+            link.commands.urgent_retry_ns = RETRY_NS
         self._stack = self._fresh_stack()
         self._pick_up_ns: int | None = None
         self._flight = Flight(config, self._drones, t0_ns)
@@ -185,9 +184,8 @@ class GcsCore:
 
     def _next_look_ns(self, now_ns: int) -> int:
         """When a frame is overdue, or before, when an urgent command is to be repeated."""
-        watchdog_ns = now_ns + self._watchdog_ns
         urgent = (d.link.commands.urgent_ns for d in self._drones if d.goal is Goal.CUT)
-        return min((watchdog_ns, *(due_ns for due_ns in urgent if due_ns is not None)))
+        return min((now_ns + self._watchdog_ns, *(due_ns for due_ns in urgent if due_ns is not None)))
 
     def _pick_up(self, now_ns: int) -> None:
         """Begin the control anew from where drones just adopted are, if they do not follow it yet."""

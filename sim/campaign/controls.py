@@ -163,7 +163,7 @@ def _log_ill(rng: np.random.Generator) -> tuple[Fault, ...]:
 
 
 def _pilot_in_the_way(rng: np.random.Generator) -> tuple[Fault, ...]:
-    return (Fault(family=Family.PILOT, body="f2", after_s=float(rng.uniform(0.9, 1.1)), for_s=6.0),)
+    return (Fault(family=Family.PILOT, body="f2", after_s=float(rng.uniform(1.05, 1.15)), for_s=6.0),)
 
 
 def _hidden_latency(rng: np.random.Generator) -> tuple[Fault, ...]:

@@ -3,7 +3,7 @@
 from math import copysign, sqrt
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from formation.fields import Host, UnitQuat
 from formation.model import NO_ROTATION, Model, Name, Positive, QuatTuple, Vec3Tuple
@@ -56,10 +56,10 @@ class ChingmuConfig(Model):
 
 
 class NatNetConfig(Model):
-    """OptiTrack's Motive. multicast: the group it streams to, not given for unicast; interface: our own address."""
+    """OptiTrack's Motive. multicast: the group it streams to, empty for unicast; interface: our own address."""
 
     host: Host = "127.0.0.1"
-    multicast: Host | None = "239.255.42.99"
+    multicast: Annotated[Host | Literal[""], BeforeValidator(lambda group: group or "")] = "239.255.42.99"
     interface: Host = "0.0.0.0"
     command_port: Port = 1510
     data_port: Port = 1511

@@ -114,12 +114,12 @@ class Client:
     """The session, its feed, and what it said."""
 
     def __init__(self, now_ns: int) -> None:
-        mocap = MocapConfig(source="natnet", natnet=NatNetConfig(host=SERVER, multicast=None))
+        mocap = MocapConfig(source="natnet", natnet=NatNetConfig(host=SERVER, multicast=""))
         self.frames: list[RawFrame] = []
         self.events: list[Event] = []
         self.refusals = Refusals()
         feed = Feed(mocap, self.frames.append, self.events.append, self.refusals, Clock())
-        self.session = NatNetSession(NatNetConfig(host=SERVER, multicast=None), 8 * STEP_NS, ("b0",), feed)
+        self.session = NatNetSession(NatNetConfig(host=SERVER, multicast=""), 8 * STEP_NS, ("b0",), feed)
         self.session.start(now_ns)
 
     def converse(self, server: Responder, now_ns: int) -> None:

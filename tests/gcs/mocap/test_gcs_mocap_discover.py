@@ -75,7 +75,7 @@ def test_no_answer_writes_to_the_terminal():
 def test_what_is_there_is_found_and_what_is_not_costs_the_wait_only():
     async def look() -> list[Finding]:
         port = free_port(5)
-        natnet = {"host": "127.0.0.1", "command_port": port, "data_port": port + 1, "multicast": None}
+        natnet = {"host": "127.0.0.1", "command_port": port, "data_port": port + 1, "multicast": ""}
         server = natnet_server(MocapConfig.model_validate({"source": "natnet", "natnet": natnet}), ("lead",), REAL_TIME)
         await server.start()
 

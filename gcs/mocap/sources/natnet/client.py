@@ -106,7 +106,7 @@ def open_sockets(config: NatNetConfig, address: str) -> Iterator[list[socket.soc
         _bind(command, (config.interface, 0))
         sockets = [command]
         data = stack.enter_context(_udp())
-        if config.multicast is not None:
+        if config.multicast:
             data.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             _bind(data, (config.multicast, config.data_port))
             _join(data, config, address)
@@ -139,7 +139,7 @@ def _join(data: socket.socket, config: NatNetConfig, address: str) -> None:
     joined = False
     for interface in dict.fromkeys(interfaces):
         try:
-            group = socket.inet_aton(config.multicast or "") + socket.inet_aton(interface)
+            group = socket.inet_aton(config.multicast) + socket.inet_aton(interface)
             data.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group)
             joined = True
         except OSError as error:

@@ -31,7 +31,8 @@ class Reader:
 
     def integer(self, layout: Struct, what: str) -> int:
         """The one integer of `layout`."""
-        return int(layout.unpack_from(self._data, self.skip(layout.size, what))[0])
+        number: int = layout.unpack_from(self._data, self.skip(layout.size, what))[0]
+        return number
 
     def skip(self, size: int, what: str) -> int:
         """Leave out `size` bytes; where they begin."""

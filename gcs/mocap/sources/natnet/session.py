@@ -59,6 +59,7 @@ class NatNetSession:
         self._sent: dict[MessageId, int] = {}
         self._heard_ns = self._frame_ns = self._since_ns = 0
         self._alone_ns = 0
+        self._newest: tuple[int, int, bool] | None = None
         self._unread_ns: int | None = None
         self._stale_ns: int | None = None
 
@@ -73,7 +74,17 @@ class NatNetSession:
 
     def status(self) -> SourceStatus:
         """How it is doing."""
-        return self._status
+        if self._newest is None:
+            return self._status
+        now_ns, capture_ns, is_told = self._newest
+        uncertainty_ns = self._capture.uncertainty_ns(now_ns) if is_told else None
+        return replace(
+            self._status,
+            lost=self._numbers.lost,
+            latency_s=(now_ns - capture_ns) * 1e-9,
+            uncertainty_s=None if uncertainty_ns is None else uncertainty_ns * 1e-9,
+            constant_told=is_told and self._capture.offset_ns(now_ns) is not None,
+        )
 
     def due(self, now_ns: int) -> list[bytes]:
         """What is to be sent to the server's command port now; to be asked every 25 ms or so."""
@@ -90,7 +101,7 @@ class NatNetSession:
                 messages.packet(MessageId.REQUEST, messages.WHICH_VERSION),
                 messages.packet(MessageId.REQUEST_MODELS),
             ]
-        if self._config.multicast is None and self._is_due(MessageId.KEEP_ALIVE, ALIVE_NS, now_ns):
+        if not self._config.multicast and self._is_due(MessageId.KEEP_ALIVE, ALIVE_NS, now_ns):
             out += [messages.packet(MessageId.KEEP_ALIVE)]
         often = now_ns - self._since_ns < AT_FIRST_NS
         if self._is_due(MessageId.ECHO_REQUEST, ECHO_AT_FIRST_NS if often else ECHO_NS, now_ns):
@@ -226,14 +237,7 @@ class NatNetSession:
         _, bodies, rows = self._order
         table = frame.bodies[rows] if len(rows) < len(frame.bodies) else frame.bodies
         capture_ns = self._capture_ns(frame.exposure_ticks, now_ns)
-        uncertainty_ns = self._capture.uncertainty_ns(now_ns) if frame.exposure_ticks else None
-        self._status = replace(
-            self._status,
-            lost=self._numbers.lost,
-            latency_s=(now_ns - capture_ns) * 1e-9,
-            uncertainty_s=None if uncertainty_ns is None else uncertainty_ns * 1e-9,
-            constant_told=self._capture.offset_ns(now_ns) is not None and frame.exposure_ticks != 0,
-        )
+        self._newest = now_ns, capture_ns, frame.exposure_ticks != 0
         q_wxyz = table["q_xyzw"][:, WXYZ]
         self._feed.frame(frame.number, capture_ns, bodies, table["pos"], q_wxyz, (table["params"] & TRACKED) != 0)
 
@@ -262,7 +266,7 @@ class NatNetSession:
         """What is most likely wrong where a server answers and no frame comes."""
         if self._unread_ns is not None and now_ns - self._unread_ns < SILENT_NS:
             return f"what comes cannot be read as NatNet {self._version[0]}.{self._version[1]}"
-        ours, theirs = self._config.multicast, self._info.multicast if self._info else None
+        ours, theirs = self._config.multicast or None, self._info.multicast if self._info else None
         if ours != theirs:
             return f"it streams {_way(theirs)}, the lab file says {_way(ours)}"
         if ours is None:

@@ -29,7 +29,7 @@ class NatNetServer:
         self._sockets = [command, data]
         try:
             command.bind((config.host, config.command_port))
-            if config.multicast is not None:  # clients on this machine listen on the same port
+            if config.multicast:  # clients on this machine listen on the same port
                 data.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
                 data.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton(config.host))
             data.bind((config.host, config.data_port))
@@ -76,6 +76,6 @@ def natnet_server(
     table = config.natnet or NatNetConfig()
     theirs = {ours: name for name, ours in config.names.items()}
     settings = settings or NatNetSettings(rate_hz=config.rate_hz)
-    responder = Responder(settings, table.data_port, table.multicast, config.unit_m, theirs)
+    responder = Responder(settings, table.data_port, table.multicast or None, config.unit_m, theirs)
     responder.show(bodies)
     return NatNetServer(table, responder, clock)

@@ -49,7 +49,7 @@ class Lockstep:
 
     def __init__(
         self,
-        multicast: str | None = None,
+        multicast: str = "",
         settings: NatNetSettings | None = None,
         delay: Delay = lambda: 0.0002,
         wanted: tuple[str, ...] = BODIES,
@@ -58,7 +58,7 @@ class Lockstep:
         config = NatNetConfig(host=SERVER, multicast=multicast)
         mocap = MocapConfig(source="natnet", natnet=config)
         self.session = NatNetSession(config, 8 * MS, wanted, self.told.feed(mocap))
-        self.responder: Responder | None = Responder(settings or NatNetSettings(), 1511, multicast)
+        self.responder: Responder | None = Responder(settings or NatNetSettings(), 1511, multicast or None)
         self.bodies, self.seen = BODIES, (True, True)
         self.exposed_ns: dict[int, int] = {}
         self.frames_lost = False

@@ -22,7 +22,7 @@ from wire.refusals import Refusals
 BODIES = ("lead", "left")
 POS = np.array([[1.0, 2.0, 3.0], [-0.5, 0.25, 1.5]])
 Q = np.array([[0.5, 0.5, -0.5, 0.5], [1.0, 0.0, 0.0, 0.0]])
-UNICAST: dict[str, Any] = {"interface": "127.0.0.2", "multicast": None}
+UNICAST: dict[str, Any] = {"interface": "127.0.0.2", "multicast": ""}
 MULTICAST: dict[str, Any] = {"multicast": "239.255.42.99"}
 WITHIN_S = 30.0
 

@@ -1,0 +1,81 @@
+"""Our NatNet server read by the `motioncapture` wheel (libmotioncapture), which lives in an environment of its own.
+
+    python -m venv /tmp/outside && /tmp/outside/bin/pip install motioncapture
+    python tests/conformance/conformance_natnet.py --client /tmp/outside/bin/python
+
+Twenty bodies at rest, versions 3.0 to 4.1 (the wheel ends on 4.2), multicast on this machine's ports 1510 and 1511.
+"""
+
+import argparse
+import asyncio
+import json
+import subprocess
+import sys
+
+import numpy as np
+
+from formation.messages import RawFrame
+from formation.mocap_config import MocapConfig
+from sim.cameras.servers.natnet import NatNetSettings, natnet_server
+from wire.clock import REAL_TIME
+
+WITHIN_MM = 0.01
+READ = """
+import json, motioncapture
+cameras = motioncapture.connect("optitrack", {"hostname": "127.0.0.1", "interface_ip": "127.0.0.1"})
+for _ in range(50):
+    cameras.waitForNextFrame()
+poses = {}
+for name, body in cameras.rigidBodies.items():
+    q = body.rotation
+    poses[name] = [float(x) for x in (*body.position, q.w, q.x, q.y, q.z)]
+print(json.dumps(poses))
+"""
+
+
+async def worst(version: tuple[int, int], python: str) -> tuple[float, float]:
+    """The farthest position, mm, and quaternion component that the client read from the truth."""
+    rng = np.random.default_rng(1)
+    names = tuple(f"body{k}" for k in range(20))
+    pos, q = rng.uniform(-3.0, 3.0, (20, 3)), rng.normal(size=(20, 4))
+    q /= np.linalg.norm(q, axis=1)[:, None]
+    server = natnet_server(MocapConfig(source="natnet"), names, REAL_TIME, NatNetSettings(version=version))
+    await server.start()
+    client = await asyncio.create_subprocess_exec(python, "-c", READ, stdout=subprocess.PIPE)
+    answer = asyncio.ensure_future(client.communicate())
+    seq = 0
+    try:
+        async with asyncio.timeout(30.0):
+            while not answer.done():
+                seq += 1
+                now_ns = REAL_TIME.monotonic_ns()
+                server.publish(RawFrame(seq, now_ns - 5_000_000, names, pos, q, np.ones(20, np.bool_)))
+                await asyncio.sleep(0.01)
+    finally:
+        await server.close()
+        if client.returncode is None:
+            client.kill()
+    poses = json.loads(answer.result()[0])
+    read = np.array([poses[name] for name in names])
+    sign = np.sign(np.sum(read[:, 3:] * q, axis=1))[:, None]
+    return 1e3 * float(np.abs(read[:, :3] - pos).max()), float(np.abs(sign * read[:, 3:] - q).max())
+
+
+def main() -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0] if __doc__ else "")
+    parser.add_argument("--client", default=sys.executable)
+    python = parser.parse_args().client
+    if subprocess.run([python, "-c", "import motioncapture"], capture_output=True, check=False).returncode:
+        print(f"skipped: {python} has no `motioncapture`")
+        return
+    failed = False
+    for version in ((3, 0), (3, 1), (4, 0), (4, 1)):
+        pos_mm, q = asyncio.run(worst(version, python))
+        failed |= pos_mm > WITHIN_MM
+        print(f"NatNet {version[0]}.{version[1]}: positions within {pos_mm:.6f} mm, quaternions within {q:.1e}")
+    sys.exit(1 if failed else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -71,6 +71,8 @@ def drone_lines(drone: Identified) -> Iterator[Line]:
         full = base.thrust_max_n / base.mass_kg
         yield Line("thrust_max_m_s2", "full thrust per mass", t.full_m_s2, full, 1.0, "m/s²")
         yield Line("thrust_fade_1_s", "thrust lost", t.fade_1_s, None, 6e3, "% a minute")
+    if isinstance(drone.late_s, Estimate):
+        yield Line("pose_late_s", "poses later than stamped", drone.late_s, None, 1e3, "ms")
 
 
 def sensing_lines(sensing: Sensing) -> Iterator[Line]:
@@ -97,7 +99,7 @@ def to_json(found: Identification) -> str:
             "sysid": drone.vehicle.sysid,
             "base": drone.base.name,
             **entries(drone_lines(drone)),
-            "untold": [reason for reason in (drone.response, drone.thrust) if isinstance(reason, str)],
+            "untold": [reason for reason in (drone.response, drone.thrust, drone.late_s) if isinstance(reason, str)],
         }
         for drone in found.drones
     }

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from analysis.identify import response, thrust
+from analysis.identify import latency, response, thrust
+from analysis.identify.estimate import Estimate
 from analysis.identify.response import Response
 from analysis.identify.sensing import Sensing, sense
 from analysis.identify.signals import seen, sent
@@ -15,12 +16,16 @@ from formation.vehicle.profile import PAPER_40G, VehicleProfile
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """One drone; a text in place of an estimate says why there is none. base: the profile the lab flew it with."""
+    """One drone; a text in place of an estimate says why there is none. base: the profile the lab flew it with.
+
+    late_s: how much older its poses are than their stamps say.
+    """
 
     vehicle: Vehicle
     base: VehicleProfile
     response: Response | str
     thrust: Thrust | str
+    late_s: Estimate | str
 
     @property
     def name(self) -> str:
@@ -78,7 +83,7 @@ class Identification:
 
 def identify(flight: Flight) -> Identification:
     """Every drone that was sent targets, in the configuration's order."""
-    targets = sent(flight)
+    targets, own = sent(flight), latency.told(flight)
     drones = []
     for index, vehicle in enumerate(flight.vehicles):
         if vehicle.sysid not in targets:
@@ -91,7 +96,8 @@ def identify(flight: Flight) -> Identification:
             if isinstance(found, Response)
             else (base.thrust_dead_time_s, base.thrust_lag_s)
         )
-        drones.append(Identified(vehicle, base, found, thrust.fit(of, saw, delay_s, lag_s)))
+        late_s = latency.late(flight, vehicle, own.get(vehicle.sysid))
+        drones.append(Identified(vehicle, base, found, thrust.fit(of, saw, delay_s, lag_s), late_s))
     return Identification(tuple(drones), sense(flight))
 
 

@@ -27,7 +27,10 @@ test: $(VENV)/.test
 fuzz: $(VENV)/.fly
 	$(BIN)/python tests/fuzz/fuzz_datagrams.py $(ARGS)
 	$(BIN)/python tests/fuzz/fuzz_frames.py $(ARGS)
+	$(BIN)/python tests/fuzz/fuzz_vrpn.py $(ARGS)
 	$(BIN)/python tests/fuzz/fuzz_natnet.py $(ARGS)
+	$(BIN)/python tests/fuzz/fuzz_qtm.py $(ARGS)
+	$(BIN)/python tests/fuzz/fuzz_vicon.py $(ARGS)
 
 # Every shipped scenario in five rooms of turned cameras.
 rooms: $(VENV)/.fly

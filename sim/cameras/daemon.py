@@ -3,12 +3,13 @@
 Out by the lab's own bus, or by a vendor's protocol where the lab's source is a camera system.
 """
 
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 from formation.messages import RawFrame, Truth
 from formation.safety.phases import AIRBORNE
 from sim.cameras.emulator import MocapEmulator
+from sim.cameras.servers.server import Server
 from sim.cameras.systems import is_camera_system, server_for
 from sim.scenario import Scenario, recorded_leader
 from sim.script import Glance
@@ -44,14 +45,19 @@ async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> N
     try:
         bus.on_truth(take_truth)
         bus.on_state(gcs_name, take_state)
-        async with _outlet(scenario, bus, clock) as publish:
+        async with _outlet(scenario, bus, clock) as server:
+            serving = True
             while True:
                 await clock.sleep_until_ns(min(emulator.next_exposure_ns, emulator.next_frame_ns))
                 now_ns = clock.monotonic_ns()
                 if flying:
                     punctual.check(emulator.next_exposure_ns, now_ns)
+                if serving == emulator.is_dark(now_ns):
+                    serving = not serving
+                    await (server.start() if serving else server.close())
                 for frame in emulator.pop_due(now_ns):
-                    publish(frame)
+                    if serving:
+                        server.publish(frame)
                 while emulator.next_exposure_ns <= now_ns:
                     emulator.expose(truths)
     finally:
@@ -59,15 +65,32 @@ async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> N
 
 
 @asynccontextmanager
-async def _outlet(scenario: Scenario, bus: ZenohBus, clock: Clock) -> AsyncIterator[Callable[[RawFrame], None]]:
-    """Where frames go: a vendor's server while inside, or the bus."""
+async def _outlet(scenario: Scenario, bus: ZenohBus, clock: Clock) -> AsyncIterator[Server]:
+    """Where frames go, started: a vendor's server, or the bus."""
     lab = scenario.lab
-    if not is_camera_system(lab.mocap):
-        yield MocapBus(bus, clock).publish_raw
-        return
-    server = server_for(lab.mocap, tuple(v.body for v in lab.vehicles), clock)
+    if is_camera_system(lab.mocap):
+        server: Server = server_for(lab.mocap, tuple(v.body for v in lab.vehicles), clock)
+    else:
+        server = _OnTheBus(MocapBus(bus, clock))
     await server.start()
     try:
-        yield server.publish
+        yield server
     finally:
         await server.close()
+
+
+class _OnTheBus:
+    """Frames as RawFrame; there is nothing to start."""
+
+    def __init__(self, bus: MocapBus) -> None:
+        self._bus = bus
+
+    async def start(self) -> None:
+        """It is there."""
+
+    def publish(self, frame: RawFrame) -> None:
+        """To the mocap process."""
+        self._bus.publish_raw(frame)
+
+    async def close(self) -> None:
+        """The bus is not ours."""

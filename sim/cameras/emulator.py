@@ -26,7 +26,10 @@ TRUTH_LIVES_NS = 200_000_000
 
 
 class Gap(Model):
-    """A time without frames, or without one body; `at_s` counts from the start of the formation phase."""
+    """A time without frames, or without one body; `at_s` counts from the start of the formation phase.
+
+    Without frames a camera system's server, where one is flown with, is gone for as long.
+    """
 
     at_s: float
     for_s: Positive
@@ -98,6 +101,10 @@ class MocapEmulator:
         """The formation phase begins: the recorded leader moves, the gaps' clock runs."""
         if self._start_ns is None:
             self._start_ns = now_ns
+
+    def is_dark(self, t_ns: int) -> bool:
+        """Whether there are no frames then."""
+        return None in self._hidden_by_gaps(t_ns)
 
     def expose(self, truths: Mapping[int, Truth]) -> None:
         """Take one frame at `next_exposure_ns`; truths: by sysid, at that time or little before it."""

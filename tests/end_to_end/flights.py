@@ -20,6 +20,7 @@ script = [
 
 [mocap]
 rate_hz = {rate_hz}
+gaps = {gaps}
 
 [lab]
 name = "lab"
@@ -52,10 +53,14 @@ CIRCLE = 'kind = "circle", radius_m = 0.5, period_s = 5.0, duration_s = 60.0'
 PLAIN, UPSIDE_DOWN = "[1.0, 0.0, 0.0, 0.0]", "[0.0, 0.6, 0.8, 0.0]"
 
 
-def write_scenario(folder: Path, trajectory: str, cameras: str = "", q_marker_from_flu: str = PLAIN) -> Path:
-    """cameras: further lines of the lab's [mocap]; q_marker_from_flu: of the leader."""
+def write_scenario(
+    folder: Path, trajectory: str, cameras: str = "", q_marker_from_flu: str = PLAIN, gaps: str = "[]"
+) -> Path:
+    """cameras: further lines of the lab's [mocap]; q_marker_from_flu: of the leader; gaps: of the emulated mocap."""
     path = folder / "short_triangle.toml"
-    text = TRIANGLE.format(trajectory=trajectory, rate_hz=RATE_HZ, cameras=cameras, q_marker_from_flu=q_marker_from_flu)
+    text = TRIANGLE.format(
+        trajectory=trajectory, rate_hz=RATE_HZ, cameras=cameras, q_marker_from_flu=q_marker_from_flu, gaps=gaps
+    )
     path.write_text(text)
     return path
 

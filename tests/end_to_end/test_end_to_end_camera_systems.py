@@ -4,15 +4,21 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
-from flights import LINE, UPSIDE_DOWN, gcs_sim_fly, write_scenario
+from flights import CIRCLE, LINE, UPSIDE_DOWN, gcs_sim_fly, write_scenario
 
 from analysis.load import load
 from analysis.metrics import summarise
+from formation import topics
+from formation.messages import Phase
+from wire.logs.mcap_log import read_log
 
 pytestmark = [pytest.mark.processes, pytest.mark.flights, pytest.mark.timeout(900)]
 
 WORSE = 1.2
+AWAY_S, BACK_S = 1.5, 2.0
+"""How long the server is gone, and how soon after it the frames are to be back."""
 TURNED = """
 source = "{source}"
 axes = ["x right", "y up", "z back"]
@@ -48,3 +54,30 @@ def test_a_turned_room_in_millimetres_flies_as_the_plain_one(
     scenario = write_scenario(tmp_path, LINE, TURNED.format(source=source), UPSIDE_DOWN)
     summary = flown(scenario, tmp_path / "run", "--mocap", protocol)
     assert summary["formation_rms_m"] <= WORSE * plain_m
+
+
+def test_a_server_that_is_gone_for_a_while_makes_them_hold_then_land_and_the_landing_ends_on_mocap(
+    tmp_path: Path,
+) -> None:
+    gone = f"[{{ at_s = 1.5, for_s = {AWAY_S} }}]"
+    with gcs_sim_fly(
+        str(write_scenario(tmp_path, CIRCLE, gaps=gone)), "--mocap", "natnet", "--out", str(tmp_path / "run")
+    ) as process:
+        process.communicate()
+    log = read_log(tmp_path / "run" / "flight.mcap")
+    frames = [(entry.t_ns, entry.message) for entry in log.entries if entry.topic is topics.MOCAP]
+    changes = [(entry.t_ns, entry.message) for entry in log.entries if entry.topic is topics.PHASE]
+    formed_ns = next(t_ns for t_ns, change in changes if change.phase is Phase.FORMATION)
+    captured = np.array([frame.t_capture_ns for _, frame in frames if frame.seen.all()])
+    in_formation = captured[captured > formed_ns]
+    dark = int(np.argmax(np.diff(in_formation)))
+    last_ns, back_ns = in_formation[dark], in_formation[dark + 1]
+    assert AWAY_S < (back_ns - last_ns) * 1e-9 < AWAY_S + BACK_S
+    held_s, landed_s = (
+        (next(t_ns for t_ns, change in changes if t_ns > last_ns and change.phase is phase) - last_ns) * 1e-9
+        for phase in (Phase.HOLD, Phase.LAND)
+    )
+    assert 0.2 <= held_s < 0.4
+    assert 0.4 <= landed_s < 0.6
+    assert changes[-1][1].phase is Phase.GROUND
+    assert captured[-1] > changes[-1][0] - 500_000_000

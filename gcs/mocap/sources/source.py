@@ -81,8 +81,9 @@ class Feed:
         t_capture_ns: on our clock. Any numbers at all: they are judged afterwards, body by body.
         """
         n = len(bodies)
-        pos_mocap_m = np.asarray(pos, np.float64).reshape(n, 3) * self._unit_m
-        q_mocap_from_marker = np.asarray(q, np.float64).reshape(n, 4)
+        with np.errstate(invalid="ignore", over="ignore"):
+            pos_mocap_m = np.asarray(pos, np.float64).reshape(n, 3) * self._unit_m
+            q_mocap_from_marker = np.asarray(q, np.float64).reshape(n, 4)
         self._deliver(RawFrame(seq, t_capture_ns, bodies, pos_mocap_m, q_mocap_from_marker, np.asarray(seen, np.bool_)))
 
     def say(self, severity: Severity, text: str) -> None:

@@ -6,7 +6,7 @@ stream classes that Vicon publishes with its DataStream SDK (Enum.h, SubjectInfo
 
 import math
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from enum import IntEnum
 
 from gcs.mocap.sources.tcp import ProtocolError
@@ -75,18 +75,17 @@ def packet_of(*blocks: Block) -> bytes:
 def blocks_of(packet: bytes) -> list[Block]:
     """A packet's blocks; ValueError where their lengths are not the packet's."""
     blocks: list[Block] = []
-    at = 0
-    while at < len(packet):
-        if len(packet) - at < HEADER.size:
+    at, whole = 0, len(packet)
+    while at < whole:
+        if whole - at < HEADER.size:
             raise ValueError("block header: cut short")
         kind, size = HEADER.unpack_from(packet, at)
-        at += HEADER.size
-        if size > len(packet) - at:
+        at += HEADER.size + size
+        if at > whole:
             raise ValueError("block header: a length beyond the packet")
-        if len(blocks) == MOST_BLOCKS:
+        blocks.append((kind, packet[at - size : at]))
+        if len(blocks) > MOST_BLOCKS:
             raise ValueError("packet: more blocks than any packet has")
-        blocks.append((kind, packet[at : at + size]))
-        at += size
     return blocks
 
 
@@ -128,8 +127,8 @@ def period_of(data: bytes) -> int:
     return ticks
 
 
-def subject_of(data: bytes) -> tuple[int, str, int]:
-    """SubjectInfo: identifier, name, and the identifier of its root segment, which is where the body is."""
+def subject_of(data: bytes) -> tuple[int, str, bytes]:
+    """SubjectInfo: identifier, name, and its root segment's identifier, as it is written; there the body is."""
     identifier = _u32(data, 0, "SubjectInfo")
     name, at = _text(data, _U32.size, "SubjectInfo")
     if _u32(data, at, "SubjectInfo") == 0:
@@ -137,18 +136,27 @@ def subject_of(data: bytes) -> tuple[int, str, int]:
     at += _U32.size
     if len(data) - at < _PARENTAGE.size:
         raise ValueError("SubjectInfo: cut short")
-    # Segments come parents first.
-    return identifier, name, _PARENTAGE.unpack_from(data, at)[1]
+    # Segments come parents first; the identifier follows the parent's.
+    return identifier, name, data[at + _U32.size : at + 2 * _U32.size]
 
 
-def segments_of(data: bytes) -> tuple[int, dict[int, bytes]]:
-    """GlobalSegments: the subject's identifier, and each segment that is seen, as SEGMENT, by its own."""
-    subject, n = _u32(data, 0, "GlobalSegments"), _u32(data, _U32.size, "GlobalSegments")
-    start = HEADER.size
-    if n * SEGMENT.size != len(data) - start:
+def root_of(data: bytes, roots: Mapping[int, bytes]) -> tuple[int, bytes | None]:
+    """GlobalSegments: whose they are, and its root among them, as SEGMENT; None where that is out of sight.
+
+    roots: the root segment's identifier, as it is written, by the subject's.
+    """
+    if len(data) < HEADER.size:
+        raise ValueError("GlobalSegments: cut short")
+    subject, n = HEADER.unpack_from(data)
+    if HEADER.size + n * SEGMENT.size != len(data):
         raise ValueError("GlobalSegments: count and length do not agree")
-    places = range(start, len(data), SEGMENT.size)
-    return subject, {_U32.unpack_from(data, at)[0]: data[at : at + SEGMENT.size] for at in places}
+    root = roots.get(subject)
+    if root is None:
+        raise ValueError("GlobalSegments: a subject that is not named")
+    for at in range(HEADER.size, len(data), SEGMENT.size):
+        if data.startswith(root, at):
+            return subject, data[at : at + SEGMENT.size]
+    return subject, None
 
 
 def latency_of(data: bytes) -> float:

@@ -47,7 +47,7 @@ class ViconSession:
         self._feed = feed
         self._stream = objects.Stream()
         self._offered: frozenset[int] = frozenset()
-        self._subjects: dict[int, tuple[str, int]] = {}
+        self._roots: dict[int, bytes] = {}
         self._segments: dict[int, bytes] = {}
         self._period: int | None = None
         self._latency_s: float | None = None
@@ -97,36 +97,33 @@ class ViconSession:
         wanted = objects.packet_of((Kind.OBJECT_ENUMS, objects.set_of(WANTED & offered)))
         return wanted + objects.packet_of((Kind.REQUEST_FRAME, b"\1"))
 
-    def _name(self, subjects: list[tuple[int, str, int]]) -> None:
-        named = {identifier: (name, root) for identifier, name, root in subjects}
-        if len(named) < len(subjects):
+    def _name(self, subjects: list[tuple[int, str, bytes]]) -> None:
+        roots = {identifier: root for identifier, _, root in subjects}
+        if len(roots) < len(subjects):
             raise ValueError("SubjectInfo: two subjects with one identifier")
-        if named != self._subjects or list(named) != list(self._subjects):
-            self._subjects = named
-            self._named(tuple(name for name, _ in named.values()))
+        self._roots = roots
+        self._named(tuple(name for _, name, _ in subjects))
 
     def _frame(self, of: dict[int, list[bytes]], now_ns: int) -> None:
         number = objects.number_of(of[Kind.FRAME_INFO][-1])
         unchanged = objects.unchanged_of(of[Kind.CONTENTS][-1]) if Kind.CONTENTS in of else frozenset()
         if Kind.GLOBAL_SEGMENTS not in unchanged:
-            self._segments = self._roots(of.get(Kind.GLOBAL_SEGMENTS, []))
-        segments = tuple(self._segments.get(identifier) for identifier in self._subjects)
+            self._segments = self._segments_of(of.get(Kind.GLOBAL_SEGMENTS, []))
+        segments = tuple(self._segments.get(identifier) for identifier in self._roots)
         self._deliver(ViconFrame(number, self._period, self._latency_s, segments), now_ns)
 
-    def _roots(self, blocks: list[bytes]) -> dict[int, bytes]:
+    def _segments_of(self, blocks: list[bytes]) -> dict[int, bytes]:
         """Each subject's root; one that cannot be read is lost, not the others."""
-        roots = {}
+        segments = {}
         for data in blocks:
             try:
-                identifier, segments = objects.segments_of(data)
+                identifier, segment = objects.root_of(data, self._roots)
             except ValueError as error:
                 self._feed.refuse(str(error))
                 continue
-            if identifier not in self._subjects:
-                self._feed.refuse("GlobalSegments: a subject that is not named")
-            elif (root := self._subjects[identifier][1]) in segments:
-                roots[identifier] = segments[root]
-        return roots
+            if segment is not None:
+                segments[identifier] = segment
+        return segments
 
     def _read(self, read: Callable[[bytes], T], data: bytes, otherwise: T) -> T:
         try:

@@ -2,13 +2,13 @@
 
 import asyncio
 from dataclasses import replace
-from typing import Any
 
 from formation.config import LabConfig
 from formation.mocap_config import ChingmuConfig, VrpnConfig
 from gcs.mocap.sources.source import Feed, SourceStatus
 from gcs.mocap.sources.tcp import Session, TcpClient
 from gcs.mocap.sources.vrpn import messages
+from gcs.mocap.sources.vrpn.datagrams import Datagrams
 from gcs.mocap.sources.vrpn.naming import Naming, Sensors, Trackers
 from gcs.mocap.sources.vrpn.pacing import Pacing
 from gcs.mocap.sources.vrpn.session import Knowledge, VrpnSession
@@ -48,7 +48,7 @@ class VrpnSource:
     def __init__(self, server: VrpnConfig | ChingmuConfig, udp: bool, known: Knowledge) -> None:
         self._known = known
         self._udp = udp
-        self._hears: asyncio.DatagramTransport | None = None
+        self._hears: Datagrams | None = None
         self._session: _Timed | None = None
         self._status = SourceStatus(server=f"{server.host}:{server.port}")
         self._client = TcpClient(server.host, server.port, self, known.feed)
@@ -57,10 +57,7 @@ class VrpnSource:
         """Take frames until cancelled."""
         try:
             if self._udp:
-                loop = asyncio.get_running_loop()
-                self._hears, _ = await loop.create_datagram_endpoint(
-                    lambda: _Datagrams(self), local_addr=("0.0.0.0", 0)
-                )
+                self._hears = Datagrams(self.datagrams)
             await self._client.run()
         finally:
             if self._hears is not None:
@@ -86,16 +83,19 @@ class VrpnSource:
             self._session.stop()
         hello = messages.COOKIE
         if self._hears is not None:
-            hello += messages.udp_description(ours, self._hears.get_extra_info("sockname")[1])
+            hello += messages.udp_description(ours, self._hears.port)
         self._session = _Timed(VrpnSession(self._known, now_ns), self._known.feed, theirs)
         return self._session, hello
 
-    def datagram(self, data: bytes, sender: str) -> None:
+    def datagrams(self, came: list[tuple[bytes, str]]) -> None:
         """From the server that we are connected to; others are not heard."""
-        if self._session is not None and sender == self._session.server:
-            self._session.datagram(data)
-        else:
-            self._known.feed.refuse("datagram of somebody else")
+        session = self._session
+        server = session.server if session is not None else ""
+        theirs = [data for data, sender in came if sender == server]
+        if len(theirs) < len(came):
+            self._known.feed.refuse("datagram of somebody else", len(came) - len(theirs))
+        if session is not None and theirs:
+            session.datagrams(theirs)
 
 
 class _Timed:
@@ -115,8 +115,8 @@ class _Timed:
     def due(self, now_ns: int) -> bytes:
         return self.vrpn.due(now_ns)
 
-    def datagram(self, data: bytes) -> None:
-        self.vrpn.datagram(data, self._feed.clock.monotonic_ns())
+    def datagrams(self, came: list[bytes]) -> None:
+        self.vrpn.datagrams(came, self._feed.clock.monotonic_ns())
         self._set()
 
     def stop(self) -> None:
@@ -135,14 +135,6 @@ class _Timed:
         self._timer = None
         self.vrpn.expire(self._feed.clock.monotonic_ns())
         self._set()
-
-
-class _Datagrams(asyncio.DatagramProtocol):
-    def __init__(self, source: VrpnSource) -> None:
-        self._source = source
-
-    def datagram_received(self, data: bytes, addr: tuple[str | Any, int]) -> None:
-        self._source.datagram(data, addr[0])
 
 
 def _seconds(ns: int | None) -> float | None:

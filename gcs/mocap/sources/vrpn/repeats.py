@@ -25,6 +25,9 @@ class Repeats:
     def lost(self, rows: NDArray[np.intp], poses: Float, same: Bool) -> Bool:
         """Which of the poses (k, 7) of `rows` (k,) show a lost body; same: those that are the last ones, bit by bit."""
         self._grow(int(rows.max(initial=-1)) + 1)
+        noisy = self._noisy[rows]
+        if noisy.all():
+            return same
         with np.errstate(all="ignore"):  # any numbers at all come
             step = poses[:, :3] - self._pos[rows]
             back = (step * self._step[rows]).sum(axis=1) < 0.0
@@ -32,7 +35,7 @@ class Repeats:
         self._reversals[moved] = np.where(back, self._reversals[rows] + 1, 0)[~same]
         self._pos[moved], self._step[moved] = poses[~same, :3], step[~same]
         self._noisy[moved] |= self._reversals[moved] >= REVERSALS
-        lost: Bool = same & self._noisy[rows]
+        lost: Bool = same & noisy
         return lost
 
     def _grow(self, n: int) -> None:

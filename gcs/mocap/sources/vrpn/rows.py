@@ -50,7 +50,7 @@ class Rows:
         seen = np.zeros(len(self.names), np.bool_)
         seen[rows] = True
         if self._repeats is not None:
-            same = np.fromiter((self._raw[row] == pose for row, pose in poses.items()), np.bool_, len(poses))
+            same = np.array([self._raw[row] == pose for row, pose in poses.items()], np.bool_)
             seen[rows] = ~self._repeats.lost(rows, values, same)
         for row, pose in poses.items():
             self._raw[row] = pose

@@ -1,5 +1,6 @@
 """One connection to a VRPN server without its sockets: bytes and times in, frames and answers out."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from formation.messages import Severity
@@ -77,17 +78,18 @@ class VrpnSession:
         self._deliver(now_ns)
         return answer
 
-    def datagram(self, data: bytes, now_ns: int) -> None:
-        """Take the poses in a datagram; what cannot be read is refused, and the connection goes on."""
-        stream = Stream()
-        try:
-            for message in stream.messages(data):
-                if message.type == self._pose_type:
-                    self._take_pose(message, now_ns)
-        except ProtocolError as error:
-            self._known.feed.refuse(f"datagram: {error}")
-        if stream.is_cut:
-            self._known.feed.refuse("datagram that ends within a message")
+    def datagrams(self, came: Iterable[bytes], now_ns: int) -> None:
+        """Take the poses in them; what cannot be read is refused, and the connection goes on."""
+        for data in came:
+            stream = Stream()
+            try:
+                for message in stream.messages(data):
+                    if message.type == self._pose_type:
+                        self._take_pose(message, now_ns)
+            except ProtocolError as error:
+                self._known.feed.refuse(f"datagram: {error}")
+            if stream.is_cut:
+                self._known.feed.refuse("datagram that ends within a message")
         self._deliver(now_ns)
 
     def expire(self, now_ns: int) -> None:

@@ -35,14 +35,16 @@ def test_their_frame():
     assert objects.number_of(of[Kind.FRAME_INFO]) == 4711
     assert objects.latency_of(of[Kind.LATENCY_INFO]) == pytest.approx(0.004, abs=1e-15)
     subjects = [objects.subject_of(data) for kind, data in blocks(FIRST) if kind == Kind.SUBJECT_INFO]
-    assert subjects == [(7, "lead", 3), (8, "right", 1)]
+    assert subjects == [(7, "lead", b"\3\0\0\0"), (8, "right", b"\1\0\0\0")]
     lead, right = (data for kind, data in blocks(FIRST) if kind == Kind.GLOBAL_SEGMENTS)
-    identifier, segments = objects.segments_of(lead)
-    assert (identifier, sorted(segments)) == (7, [3, 4])
-    values = objects.SEGMENT.unpack(segments[3])
+    roots = {identifier: root for identifier, _, root in subjects}
+    identifier, segment = objects.root_of(lead, roots)
+    assert identifier == 7
+    assert segment is not None
+    values = objects.SEGMENT.unpack(segment)
     assert values[:4] == (3, 1000.25, -250.5, 1500.0)
     np.testing.assert_array_equal(np.reshape(values[4:], (3, 3)), [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
-    assert objects.segments_of(right) == (8, {})
+    assert objects.root_of(right, roots) == (8, None)
 
 
 def test_what_is_unchanged():
@@ -86,7 +88,7 @@ def test_what_is_no_stream(data, why):
         (objects.latency_of, struct.pack("<I", 2**32 - 1), "LatencyInfo: cut short"),
         (objects.latency_of, struct.pack("<IId", 1, 0, float("nan")), "LatencyInfo: not between 0 and 1 s"),
         (objects.latency_of, struct.pack("<IId", 1, 0, 3.0), "LatencyInfo: not between 0 and 1 s"),
-        (objects.segments_of, struct.pack("<II", 1, 2**31), "count and length do not agree"),
+        (lambda data: objects.root_of(data, {}), struct.pack("<II", 1, 2**31), "count and length do not agree"),
     ],
 )
 def test_what_cannot_be_read_is_named(read, data, why):

@@ -236,10 +236,9 @@ def test_poses_without_stamps_are_taken_as_they_come():
 def test_datagrams_bring_poses_and_cannot_end_the_connection():
     rig = Rig(lab_of("vrpn", {"udp": True}))
     session = begun(rig, "leader", "left")
-    session.datagram(pose(1, STAMP_NS, (1.0, 0.0, 0.0)) + pose(2, STAMP_NS, (2.0, 0.0, 0.0)), T0)
-    session.datagram(b"\xff" * 40, T0)
-    session.datagram(pose(1, STAMP_NS + PERIOD_NS, (1.0, 0.0, 0.0))[:-8], T0)
-    session.datagram(messages.description(-1, 1, b"stranger"), T0)
+    whole = pose(1, STAMP_NS, (1.0, 0.0, 0.0)), pose(2, STAMP_NS, (2.0, 0.0, 0.0))
+    stranger = messages.description(-1, 1, b"stranger")
+    session.datagrams((*whole, b"\xff" * 40, pose(1, STAMP_NS + PERIOD_NS, (1.0, 0.0, 0.0))[:-8], stranger), T0)
     session.expire(T0 + SECOND)
     assert [frame.bodies for frame in rig.frames] == [("leader", "left")]
     assert rig.refused(T0) == (

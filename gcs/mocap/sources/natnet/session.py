@@ -90,9 +90,7 @@ class NatNetSession:
         """What is to be sent to the server's command port now; to be asked every 25 ms or so."""
         self._watch(now_ns)
         out = []
-        if (self._info is None or now_ns - self._frame_ns >= CONNECT_NS) and self._is_due(
-            MessageId.CONNECT, CONNECT_NS, now_ns
-        ):
+        if self._is_unsure(now_ns) and self._is_due(MessageId.CONNECT, CONNECT_NS, now_ns):
             out += [messages.hello(MessageId.CONNECT, WHO)]
         if self._info is None:
             return out
@@ -108,6 +106,11 @@ class NatNetSession:
             self._echoes.append(now_ns)
             out += [messages.echo_request(now_ns)]
         return out
+
+    def _is_unsure(self, now_ns: int) -> bool:
+        """Whether to ask the server who it is: frames are missing, or its list (in another version than believed)."""
+        waited = self._stale_ns is not None and now_ns - self._stale_ns >= CONNECT_NS
+        return self._info is None or self._names is None or waited or now_ns - self._frame_ns >= CONNECT_NS
 
     def received(self, data: bytes, sender: str, now_ns: int) -> None:
         """A packet from an address. What cannot be read is refused and counted, and changes nothing."""

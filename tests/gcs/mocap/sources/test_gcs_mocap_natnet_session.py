@@ -199,6 +199,19 @@ def test_the_version_of_the_stream_is_asked_for_and_counts():
     assert told.refusals.count == 1
 
 
+def test_a_wrong_version_that_reads_the_frames_but_not_the_list_is_put_right():
+    """4.0 and 3.0 differ in descriptions alone; a server of 3.0 does not answer which version it streams."""
+    link = Lockstep(settings=NatNetSettings(version=(3, 0)))
+    link.run(1.0)
+    wrong = Lockstep(settings=NatNetSettings(version=(4, 0))).responder
+    (info,) = wrong.received(outside.packet(0, b""), CLIENT, link.told.now_ns)
+    link.session.received(info, SERVER, link.told.now_ns)
+    frames = len(link.told.frames)
+    link.run(2.0)
+    assert len(link.told.frames) - frames > 100
+    assert link.session.status().server == "Motive 2.1, NatNet 3.0"
+
+
 def test_what_strangers_send_is_refused_and_counted():
     told = Told()
     session = greeted(told)

@@ -4,6 +4,11 @@
     python tests/conformance/conformance_natnet.py --client /tmp/outside/bin/python
 
 Twenty bodies at rest, versions 3.0 to 4.1 (the wheel ends on 4.2), multicast on this machine's ports 1510 and 1511.
+
+    python tests/conformance/conformance_natnet.py --recordings python_natnet/test_data
+
+reads what was recorded of Motive 2.1 (github.com/mje-nz/python_natnet), and compares with what NaturalPoint's
+SampleClient printed of the same frame.
 """
 
 import argparse
@@ -11,11 +16,15 @@ import asyncio
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 
 from formation.messages import RawFrame
 from formation.mocap_config import MocapConfig
+from gcs.mocap.sources.natnet import messages
+from gcs.mocap.sources.natnet.frames import frame_of_data
+from gcs.mocap.sources.natnet.models import rigid_bodies
 from sim.cameras.servers.natnet import NatNetSettings, natnet_server
 from wire.clock import REAL_TIME
 
@@ -61,11 +70,34 @@ async def worst(version: tuple[int, int], python: str) -> tuple[float, float]:
     return 1e3 * float(np.abs(read[:, :3] - pos).max()), float(np.abs(sign * read[:, 3:] - q).max())
 
 
+def judge_recordings(folder: Path) -> None:
+    """Hold what was recorded of Motive 2.1 against what SampleClient printed of it; AssertionError."""
+    version = (3, 0)
+
+    def payload(name: str) -> bytes:
+        return messages.unpack((folder / f"{name}_v3.bin").read_bytes())[1]
+
+    assert messages.server_info(payload("serverinfo_packet")).text == "Motive 2.1, NatNet 3.0"
+    bodies = rigid_bodies(payload("modeldef_packet"), version)
+    frame = frame_of_data(payload("mocapframe_packet"), version)
+    (body,) = frame.bodies
+    printed = (162_734, 2, [0.17, 1.45, -0.73, -0.05, 0.51, 0.04, -0.86])
+    read = (frame.number, int(body["id"]), [round(float(x), 2) for x in (*body["pos"], *body["q_xyzw"])])
+    assert read == printed, read
+    hidden = frame_of_data(payload("mocapframe_packet_occluded"), version)
+    print(f"{read} as printed; models {bodies}; with marker sets: frame {hidden.number}, {len(hidden.bodies)} body")
+
+
 def main() -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0] if __doc__ else "")
     parser.add_argument("--client", default=sys.executable)
-    python = parser.parse_args().client
+    parser.add_argument("--recordings", type=Path, help="the folder test_data of python_natnet")
+    arguments = parser.parse_args()
+    if arguments.recordings is not None:
+        judge_recordings(arguments.recordings)
+        return
+    python = arguments.client
     if subprocess.run([python, "-c", "import motioncapture"], capture_output=True, check=False).returncode:
         print(f"skipped: {python} has no `motioncapture`")
         return

@@ -16,7 +16,7 @@ VERSIONS = [(3, 0), (3, 1), (4, 0), (4, 1), (4, 2)]
 
 
 def greeted(told: Told, names: dict[str, str] | None = None) -> NatNetSession:
-    """A session that the recorded server has answered."""
+    """A session that the server has answered."""
     mocap = MocapConfig(source="natnet", natnet=NatNetConfig(host=SERVER), names=names or {})
     assert mocap.natnet is not None
     session = NatNetSession(mocap.natnet, 8 * MS, ("drone",), told.feed(mocap))
@@ -30,16 +30,16 @@ def kinds(session: NatNetSession, now_ns: int) -> list[int]:
     return [messages.unpack(data)[0] for data in session.due(now_ns)]
 
 
-def test_a_recorded_session_gives_its_frame():
+def test_a_whole_conversation_gives_its_frame():
     told = Told()
-    session = greeted(told, {"RaceQuad": "drone"})
+    session = greeted(told, {"Quad": "drone"})
     assert MessageId.REQUEST_MODELS in kinds(session, told.now_ns)
     session.received(outside.MODELS, SERVER, told.now_ns)
     session.received(outside.FRAME, SERVER, told.now_ns)
     ((_, frame),) = told.frames
-    assert (frame.seq, frame.bodies, frame.seen.tolist()) == (162_734, ("drone",), [True])
-    np.testing.assert_allclose(frame.pos_mocap_m, [[0.1744466, 1.4471314, -0.7343040]], rtol=1e-6)
-    np.testing.assert_allclose(frame.q_mocap_from_marker, [[-0.8573577, -0.0545942, 0.5099482, 0.0437036]], rtol=1e-5)
+    assert (frame.seq, frame.bodies, frame.seen.tolist()) == (outside.NUMBER_SMALL, ("drone",), [True])
+    np.testing.assert_allclose(frame.pos_mocap_m, [[0.25, 1.5, -0.75]], rtol=1e-6)
+    np.testing.assert_allclose(frame.q_mocap_from_marker, [[-0.8, 0.0, 0.6, 0.0]], rtol=1e-6)
     assert told.texts == ["connected to Motive 2.1, NatNet 3.0 at 10.0.0.1", "rigid bodies: drone"]
     assert session.status().bodies == ("drone",)
 
@@ -249,7 +249,7 @@ def test_numbers_that_are_no_poses_are_handed_on_to_be_judged():
     told = Told()
     session = greeted(told)
     session.received(outside.MODELS, SERVER, told.now_ns)
-    at = outside.FRAME.index(bytes.fromhex("24a2323e"))
+    at = outside.FRAME.index(pack("<i7f", outside.BODY[0], *outside.BODY[1], *outside.BODY[2])) + 4
     session.received(outside.FRAME[:at] + pack("<f", np.nan) + outside.FRAME[at + 4 :], SERVER, told.now_ns)
     assert np.isnan(told.frames[-1][1].pos_mocap_m[0, 0])
 

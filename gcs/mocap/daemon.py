@@ -16,6 +16,7 @@ from formation.config import LabConfig
 from formation.messages import Event, Severity
 from formation.topics import Topic
 from gcs.mocap import figures
+from gcs.mocap.certainty import Certainty
 from gcs.mocap.core import SOURCE, MocapCore
 from gcs.mocap.figures import FrameWindow
 from gcs.mocap.gate.armed import armed_bodies
@@ -54,6 +55,7 @@ class Mocap:
         self._told = told
         self._clock = clock
         self._window = FrameWindow(tuple(v.body for v in config.vehicles))
+        self._certainty = Certainty()
         self._name = config.mocap.source
         self._inside_s: deque[float] = deque(maxlen=REMEMBERED)
         self._heard_ns = self._state_ns = clock.monotonic_ns()
@@ -86,6 +88,8 @@ class Mocap:
                 state = self.state(now_ns)
                 self._bus.publish_state(state)
                 self._told.state(state)
+                for event in self._certainty.events(self.source.status(), now_ns):
+                    self.say(event)
             if self._bus.is_heard:
                 self._heard_ns = now_ns
             if linger_s is not None and now_ns - self._heard_ns > linger_s * 1e9:

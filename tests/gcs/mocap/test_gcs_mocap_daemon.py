@@ -14,7 +14,7 @@ from wire.transport.mocap_bus import MocapBus
 
 def test_one_that_was_left_behind_ends_when_nobody_listens():
     told: list[Event] = []
-    asyncio.run(asyncio.wait_for(run(a_lab(), 0.1, told.append, REAL_TIME), 60.0))
+    asyncio.run(asyncio.wait_for(run(a_lab(), 0.1, Told(told.append), REAL_TIME), 60.0))
     assert told == []
 
 

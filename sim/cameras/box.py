@@ -1,5 +1,6 @@
 """A camera system in a box: a room of moving bodies, served in a vendor's own protocol, until told to end."""
 
+import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -33,6 +34,7 @@ async def serve(
     restarts = 0
     try:
         while True:
+            await asyncio.sleep(0.0)  # also where the time has passed: clients are to be let in
             await clock.sleep_until_ns(room.next_ns)
             now_ns = clock.monotonic_ns()
             past_s = (now_ns - start_ns) * 1e-9

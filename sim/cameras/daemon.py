@@ -3,6 +3,7 @@
 Out by the lab's own bus, or by a vendor's protocol where the lab's source is a camera system.
 """
 
+import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
@@ -48,6 +49,7 @@ async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> N
         async with _outlet(scenario, bus, clock) as server:
             serving = True
             while True:
+                await asyncio.sleep(0.0)  # also where the time has passed: the server's clients are to be heard
                 await clock.sleep_until_ns(min(emulator.next_exposure_ns, emulator.next_frame_ns))
                 now_ns = clock.monotonic_ns()
                 if flying:

@@ -57,7 +57,10 @@ def lab_with(lab: LabConfig, protocol: str) -> LabConfig:
     port = lab.link.ground_port_base + CAMERA_PORT
     match source:
         case "natnet":
-            own = {"host": OTHER_LOOPBACK, "multicast": None, "command_port": port, "data_port": port + 1}
+            own = {
+                "host": OTHER_LOOPBACK, "interface": LOOPBACK, "multicast": "", "command_port": port,
+                "data_port": port + 1,
+            }  # fmt: skip
         case _:
             own = {"host": LOOPBACK, "port": port}
     table = getattr(lab.mocap, source)

@@ -23,7 +23,7 @@ LOW_M = 0.5
 @pytest.mark.processes
 @pytest.mark.flights
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize(("name", "link"), [("bridge-killed", "udp"), ("log-full", "zenoh"), ("poor-link", "udp")])
+@pytest.mark.parametrize(("name", "link"), [("bridge-killed", "udp"), ("poor-link", "udp")])
 def test_real_processes_are_harmed_and_nobody_is_hurt(name: str, link: LinkKind, tmp_path: Path) -> None:
     async def flown() -> tuple[str, ...]:
         with setting_of(CASES[name], link, Clock(SPEED), tmp_path, LOW_M) as setting:

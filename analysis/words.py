@@ -76,7 +76,18 @@ def _path(path: TrajectoryConfig) -> str:
             return f"fly circles of {path.radius_m:g} m radius, one in {path.period_s:g} s{turning}"
         case "waypoints":
             return f"fly through {counted(len(path.waypoints_m), 'waypoint')} at {path.speed_m_s:g} m/s{turning}"
-        case _:
+        case "figure8":
+            return f"fly figures of eight, {path.length_m:g} m long, one in {path.period_s:g} s{turning}"
+        case "lissajous":
+            return (
+                f"fly Lissajous's figure, {listed(tuple(map(str, path.cycles)))} cycles in {path.period_s:g} s{turning}"
+            )
+        case "polynomial":
+            points = counted(len(path.waypoints_m), "waypoint")
+            return f"fly through {points} without stopping, at up to {path.speed_m_s:g} m/s{turning}"
+        case "csv" | "own":
+            return f"fly the way of {path.file or path.name}, {path.points[-1][0]:.1f} s long{turning}"
+        case "hold":
             return f"hold its place{turning}"
 
 

@@ -3,14 +3,16 @@
 Reading files is `wire.config_file`'s work; simulation scenarios extend this in `sim.scenario`.
 """
 
-from typing import Annotated, Literal, Self
+from collections.abc import Iterable
+from typing import Annotated, Any, Literal, Protocol, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
 from formation.fields import Endpoint, GlobePoint, Host, OwnLink, PortBase, Tilt, UnitQuat
 from formation.mocap_config import MocapConfig as MocapConfig
 from formation.model import NO_ROTATION, Model, Name, Positive, SysId, Vec3Tuple
 from formation.requests import ENDPOINT, LAB
+from formation.trajectory_config import TrajectoryConfig as TrajectoryConfig
 from formation.vehicle.profile import VehicleProfile, profile
 
 PRESET_NAMES = ("default", "pid_leader", "paper", "paper_istsmc", "paper_smc", "pid", "geometric")
@@ -37,30 +39,6 @@ class VehicleBody(Model):
     q_marker_from_flu: UnitQuat = NO_ROTATION
     link: OwnLink | None = None
     spawn_lab_m: Vec3Tuple = (0.0, 0.0, 0.0)
-
-
-class TrajectoryConfig(Model):
-    """What a commanded leader flies in the formation phase; how long it takes: `formation.guidance.trajectory`.
-
-    laps: a circle's rounds, a line's ways there and back, how often all waypoints are flown; not given: a circle as
-    many rounds as fit duration_s, a line there only, waypoints once. duration_s: of a hold, of a line's every way.
-    """
-
-    kind: Literal["hold", "line", "circle", "waypoints"] = "hold"
-    length_m: Positive = 1.0
-    radius_m: Positive = 0.3
-    period_s: Positive = 12.0
-    duration_s: Positive = 8.0
-    speed_m_s: Positive = 0.5
-    yaw_rate_rad_s: float = 0.0
-    waypoints_m: tuple[Vec3Tuple, ...] = ()
-    laps: Annotated[int, Field(ge=1, le=1000)] | None = None
-
-    @model_validator(mode="after")
-    def _has_its_waypoints(self) -> Self:
-        if self.kind == "waypoints" and not self.waypoints_m:
-            raise ValueError('kind "waypoints" needs `waypoints_m`, points of the lab')
-        return self
 
 
 class LeaderConfig(VehicleBody):
@@ -104,6 +82,13 @@ class FormationConfig(Model):
         if CONFIGURED in self.shapes:
             raise ValueError(f"shape {CONFIGURED!r} is the one that the followers' own slots make")
         return self
+
+
+class ShapeReader(Protocol):
+    """Who knows the shapes that the lab's own packages make."""
+
+    def shapes_of(self, n: int, spacing_m: float) -> Iterable[tuple[str, list[list[float]]]]:
+        """By name, the slots of n followers; ValueError for one that is none."""
 
 
 class Fence(Model):
@@ -180,6 +165,22 @@ class LabConfig(Model):
     limits: LimitsConfig = LimitsConfig()
     flight: FlightConfig = FlightConfig()
     link: LinkConfig = LinkConfig()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _shapes_of_packages(cls, values: Any, info: ValidationInfo) -> Any:
+        """The shapes that the lab's own packages register, where the file lists none of that name."""
+        makers: ShapeReader | None = info.context
+        if makers is None or not isinstance(values, dict) or not isinstance(values.get("followers"), list):
+            return values
+        table = values.get("formation", {})
+        own = FormationConfig.model_validate(table)
+        made = {
+            name: [{"offset_m": slot} for slot in slots]
+            for name, slots in makers.shapes_of(len(values["followers"]), own.spacing_m)
+            if name not in own.shapes
+        }
+        return values | {"formation": table | {"shapes": table.get("shapes", {}) | made}} if made else values
 
     @model_validator(mode="after")
     def _unique(self) -> Self:

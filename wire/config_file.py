@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from formation.model import Model
 from wire.errors import ConfigError as ConfigError
 from wire.errors import Fault as Fault
+from wire.lab_surroundings import Surroundings
 from wire.toml_text import read_toml
 
 M = TypeVar("M", bound=Model)
@@ -22,13 +23,13 @@ SHORT = 8
 
 def load(path: Path, model: type[M]) -> M:
     """The model in the TOML file at `path`; ConfigError for a file that is missing, no TOML, or not such a model."""
-    return parse(read_toml(path), model, source=str(path))
+    return parse(read_toml(path), model, source=str(path), folder=path.parent)
 
 
-def parse(values: dict[str, Any], model: type[M], *, source: str) -> M:
-    """The model in `values`; ConfigError, its lines led by `source`."""
+def parse(values: dict[str, Any], model: type[M], *, source: str, folder: Path | None = None) -> M:
+    """The model in `values`; ConfigError, its lines led by `source`. folder: where files that it names are."""
     try:
-        return model.model_validate(values)
+        return model.model_validate(values, context=None if folder is None else Surroundings(folder))
     except ValidationError as error:
         faults = error.errors()
         # Of a list with a bad item pydantic also says that it is too short: the item is the reason.

@@ -1,4 +1,4 @@
-"""The leader's own trajectories: hold, line, circle, waypoints; smooth in acceleration, from rest to rest.
+"""The leader's own trajectories, smooth in acceleration, from rest to rest: the kinds of formation.trajectory_config.
 
 Plain functions, so that a lab is judged without a compiler; where they must be fast, kernels call them
 (formation.guidance.reference_generator), and it is these very functions that they compile.
@@ -11,11 +11,13 @@ from math import cos, pi, sin
 import numpy as np
 
 from formation.config import TrajectoryConfig
+from formation.guidance import spline
 from formation.maths.arrays import Float
 
-HOLD, LINE, CIRCLE, WAYPOINTS = 0, 1, 2, 3
-# Where each of a trajectory's numbers is, after the start's x, y, z and heading.
+HOLD, LINE, CIRCLE, WAYPOINTS, LISSAJOUS, SPLINE = range(6)
+# Where each of a trajectory's numbers is, after the start's x, y, z and heading; the last three along x, y and z.
 DURATION, LENGTH, RADIUS, LAP_RATE, LAP_RAMP, TURN_RATE, TURN_RAMP = range(4, 11)
+AMPLITUDE, CYCLES, PHASE = 11, 14, 17
 RAMP_MAX_S, TURN_RAMP_S = 3.0, 2.0
 PEAK_SPEED = 1.875  # of a minimum-jerk step, in units of its mean speed
 
@@ -24,8 +26,8 @@ PEAK_SPEED = 1.875  # of a minimum-jerk step, in units of its mean speed
 class Trajectory:
     """A trajectory anchored where the leader was when it began; evaluate with `sample`.
 
-    kind: one of the constants above; numbers (11): its parameters, by the names above; knots (k, 4): arrival time and
-    x, y, z of each waypoint.
+    kind: one of the constants above; numbers (20): its parameters, by the names above; knots: of WAYPOINTS (k, 4),
+    arrival time and x, y, z of each, of a SPLINE its pieces (formation.guidance.spline).
     """
 
     kind: int
@@ -38,13 +40,17 @@ def anchored(config: TrajectoryConfig, pos_lab_m: Float, yaw_rad: float) -> Traj
     """The configured trajectory for a leader whose reference rests at pos_lab_m (3).
 
     The line starts there, along lab x; the circle lies about the lab's origin at that height, whole laps from
-    (radius, 0); waypoints are points of the lab. The turn (yaw_rate_rad_s) is added to yaw_rad.
-    It lasts: a hold duration_s; a line duration_s each way; a circle a period a lap and a ramp, a quarter period or
-    3 s; waypoints 1.875 times the way at speed_m_s, each piece half a second at least.
+    (radius, 0), as do a figure of eight, from its crossing, and Lissajous's figure; waypoints are points of the lab, in
+    each of which it rests; a polynomial passes through them without stopping (of all such ways the one with the least
+    snap); csv and own are points of the lab, their heading is the leader's. The turn (yaw_rate_rad_s) is added.
+    It lasts: a hold duration_s; a line duration_s each way; a circle, eight or Lissajous's a period a lap and a ramp, a
+    quarter period or 3 s; waypoints 1.875 times the way at speed_m_s, each piece half a second at least; a polynomial
+    so long that its highest speed is speed_m_s; csv and own as their points say.
     """
     knots = np.zeros((1, 4))
     knots[0, 1:] = pos_lab_m
     kind, duration = HOLD, config.duration_s
+    amplitude, cycles, phase = config.amplitude_m, config.cycles, config.phase_rad
     if config.kind == "line" and config.laps is None:
         kind = LINE
     elif config.kind == "line":
@@ -56,9 +62,19 @@ def anchored(config: TrajectoryConfig, pos_lab_m: Float, yaw_rad: float) -> Traj
     elif config.kind == "waypoints":
         kind, knots = WAYPOINTS, _timed_knots(config, pos_lab_m)
         duration = float(knots[-1, 0])
+    elif config.kind in ("figure8", "lissajous"):
+        kind, duration = LISSAJOUS, (config.laps or 1) * config.period_s + _ramp_s(config.period_s)
+        if config.kind == "figure8":
+            width_m = config.width_m or 0.5 * config.length_m
+            amplitude, cycles, phase = (0.5 * config.length_m, 0.5 * width_m, 0.0), (1, 2, 0), (0.0, 0.0, 0.0)
+    elif config.kind == "polynomial":
+        kind, (knots, duration) = SPLINE, spline.through(_way(config, pos_lab_m), yaw_rad, config.speed_m_s)
+    elif config.kind in ("csv", "own"):
+        kind, (knots, duration) = SPLINE, spline.timed(np.array(config.points))
     numbers = np.array(
         [*pos_lab_m, yaw_rad, duration, config.length_m, config.radius_m, 2.0 * pi / config.period_s,
-         _ramp_s(config.period_s), config.yaw_rate_rad_s, min(TURN_RAMP_S, 0.5 * duration)]
+         _ramp_s(config.period_s), config.yaw_rate_rad_s, min(TURN_RAMP_S, 0.5 * duration),
+         *amplitude, *cycles, *phase]
     )  # fmt: skip
     return Trajectory(kind, numbers, knots, duration)
 
@@ -77,11 +93,15 @@ def _there_and_back(config: TrajectoryConfig, laps: int, pos_lab_m: Float) -> Fl
 
 def _timed_knots(config: TrajectoryConfig, pos_lab_m: Float) -> Float:
     """Arrival times at the start and each waypoint, with the peak speed of each step at the configured one."""
-    points = [np.asarray(pos_lab_m, dtype=np.float64), *(np.array(p) for p in config.waypoints_m * (config.laps or 1))]
-    times = [0.0]
+    points, times = _way(config, pos_lab_m), [0.0]
     for a, b in pairwise(points):
         times.append(times[-1] + max(PEAK_SPEED * float(np.linalg.norm(b - a)) / config.speed_m_s, 0.5))
-    return np.column_stack([times, np.array(points)])
+    return np.column_stack([times, points])
+
+
+def _way(config: TrajectoryConfig, pos_lab_m: Float) -> Float:
+    """The start and every waypoint of every lap (k, 3)."""
+    return np.array([tuple(pos_lab_m), *(config.waypoints_m * (config.laps or 1))], dtype=np.float64)
 
 
 def min_jerk(u: float) -> tuple[float, float, float]:
@@ -134,8 +154,24 @@ def sample(kind: int, numbers: Float, knots: Float, t_s: float, out: Float) -> N
             scale /= duration
     elif kind == CIRCLE:
         _circle(ramped_angle(t_s, numbers[LAP_RATE], numbers[LAP_RAMP], duration), numbers[RADIUS], out)
+    elif kind == LISSAJOUS:
+        _lissajous(ramped_angle(t_s, numbers[LAP_RATE], numbers[LAP_RAMP], duration), numbers, out)
     elif kind == WAYPOINTS:
         _waypoints(knots, t_s, out)
+    elif kind == SPLINE:
+        spline.add(knots, min(max(t_s, 0.0), duration), turn[0], turn[1], turn[2], out)
+
+
+def _lissajous(angle: tuple[float, float, float], numbers: Float, out: Float) -> None:
+    """Of each axis amplitude * sin(cycles * angle + phase): x and y about the lab's origin, z about the start's."""
+    th, w, acc = angle
+    for axis in range(3):
+        size, cycles = numbers[AMPLITUDE + axis], numbers[CYCLES + axis]
+        at = cycles * th + numbers[PHASE + axis]
+        s, c = size * sin(at), size * cycles * cos(at)
+        out[0, axis] = s if axis < 2 else out[0, axis] + s
+        out[1, axis] = c * w
+        out[2, axis] = c * acc - cycles * cycles * s * w * w
 
 
 def _circle(angle: tuple[float, float, float], radius_m: float, out: Float) -> None:
@@ -164,5 +200,5 @@ def _waypoints(knots: Float, t_s: float, out: Float) -> None:
             scale /= duration
 
 
-PARTS = (min_jerk, ramped_angle, _circle, _waypoints)
+PARTS = (min_jerk, ramped_angle, _circle, _waypoints, _lissajous, spline.add)
 """What `sample` calls: whoever compiles it has these compiled too."""

@@ -9,12 +9,12 @@ import numpy as np
 from formation.config import LabConfig
 from formation.guidance.preview import Preview
 from formation.maths.arrays import Float
+from formation.trajectory_config import KINDS
 from formation.vehicle.profile import GRAVITY_M_S2
 from gcs.finding import Finding
 from gcs.lab.keys import Keys
 
 SPEED, REACH, TURNING, ENDURANCE, HEIGHT = "speed", "reach", "turn", "endurance", "height"
-PACE = {"line": "duration_s", "circle": "period_s", "waypoints": "speed_m_s", "hold": "yaw_rate_rad_s"}
 EASY_SHARE = 0.7
 """Of what a vehicle can accelerate: the rest is for corrections."""
 DESCENT_MOST_M_S = 1.0
@@ -89,7 +89,7 @@ def _reach(config: LabConfig, i: int, tilt_rad: float, peak: Peak) -> float:
 
 def _pace_key(config: LabConfig, leader_is_slow: bool) -> str:
     path = config.leader.trajectory
-    name = "yaw_rate_rad_s" if leader_is_slow and path.yaw_rate_rad_s else PACE[path.kind]
+    name = "yaw_rate_rad_s" if leader_is_slow and path.yaw_rate_rad_s else KINDS[path.kind].pace
     return f"leader.trajectory.{name}"
 
 
@@ -105,7 +105,7 @@ def _turns(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[Finding]:
 
 def _duration(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[Finding]:
     path, took_s = config.leader.trajectory, ahead.duration_s
-    named = {"waypoints": "speed_m_s"}.get(path.kind, "duration_s")
+    named = KINDS[path.kind].pace if "duration_s" not in KINDS[path.kind].used else "duration_s"
     key = f"leader.trajectory.{'laps' if path.laps is not None else named}"
     if took_s > LONGEST_S:
         yield keys.refuse(key, ENDURANCE, f"the trajectory would last {took_s:.0f} s, no drone flies for an hour")

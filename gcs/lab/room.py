@@ -11,13 +11,13 @@ from formation.guidance.shape import Shape, configured, shape_for
 from formation.guidance.shape_request import ShapeRequest
 from formation.guidance.trajectory import anchored
 from formation.maths.arrays import Float
+from formation.trajectory_config import KINDS
 from gcs.finding import Finding
 from gcs.lab.keys import Keys
 
 FENCE, START, WAY, LISTED = "fence", "slots at the start", "slots on the way", "listed shapes"
 CLOSE_M = FENCE_INSET_M
 FLOOR_M, ROOM_M, POSE_MOST_M, MILLIMETRES_M = 0.02, 100.0, 1000.0, 50.0
-EXTENT = {"line": "length_m", "circle": "radius_m", "waypoints": "waypoints_m", "hold": "yaw_rate_rad_s"}
 TURN = "leader.trajectory.yaw_rate_rad_s"
 
 
@@ -97,14 +97,14 @@ def _way(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[Finding]:
     fence, path = config.limits.fence, config.leader.trajectory
     leader_out = outside_m(ahead.leader[:, 0, :3], fence)
     outside = [k for k, point in enumerate(path.waypoints_m) if outside_m(np.array(point), fence) > 0.0]
-    if path.kind == "waypoints" and outside:
+    if path.kind in ("waypoints", "polynomial") and outside:
         for k in outside:
             why = f"the leader would fly to a point {beyond_text(np.array(path.waypoints_m[k]), fence)}"
             yield keys.refuse(f"leader.trajectory.waypoints_m[{k}]", FENCE, why)
     elif leader_out.max() > 1e-9:
         look = int(np.argmax(leader_out))
         why = f"{ahead.t_s[look]:.1f} s on its way the leader is {beyond_text(ahead.leader[look, 0, :3], fence)}"
-        yield keys.refuse(f"leader.trajectory.{EXTENT[path.kind]}", FENCE, why)
+        yield keys.refuse(f"leader.trajectory.{KINDS[path.kind].extent}", FENCE, why)
     else:
         yield from _carried_out(config, keys, ahead, configured(config))
 
@@ -120,7 +120,7 @@ def _carried_out(config: LabConfig, keys: Keys, ahead: Preview, shape: Shape) ->
     straight = config.leader.trajectory.model_copy(update={"yaw_rate_rad_s": 0.0})
     unturned = preview(anchored(straight, ahead.start[:3], float(ahead.start[3])), shape, ahead.start)
     turned_out = turning and outside_m(unturned.slots[:, :, 0], fence).max() <= 1e-9
-    key = TURN if turned_out else f"leader.trajectory.{EXTENT[path.kind]}"
+    key = TURN if turned_out else f"leader.trajectory.{KINDS[path.kind].extent}"
     where = beyond_text(point, fence) if outside_m(point, fence) > 0.0 else f"in the floor, at {coordinates(point)} m"
     turned = ", turned with the leader" if turning else ""
     more = int((out.max(axis=0) > 1e-9).sum()) - 1

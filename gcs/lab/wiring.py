@@ -6,6 +6,7 @@ from math import pi
 
 from formation.config import LabConfig, TrajectoryConfig, VehicleBody
 from formation.mocap_config import CAMERA_SYSTEMS
+from formation.trajectory_config import KINDS
 from formation.vehicle.profile import PROFILES
 from gcs.finding import Finding
 from gcs.lab.keys import Keys
@@ -14,12 +15,6 @@ LINK, PORT, POSES, UNUSED, NAMES = "link", "port", "poses", "not used", "names"
 SETPOINT_S = 0.1  # an agent levels after so long without a setpoint
 RATE_LEAST_HZ, RATE_FEW_HZ, RATE_MANY_HZ, RATE_MOST_HZ = 2.0 / SETPOINT_S, 50.0, 500.0, 2000.0
 DELAY_LONG_S = 0.05
-USED = {
-    "hold": {"duration_s"},
-    "line": {"length_m", "duration_s", "laps"},
-    "circle": {"radius_m", "period_s", "duration_s", "laps"},
-    "waypoints": {"waypoints_m", "speed_m_s", "laps"},
-}
 
 
 def judge_wiring(config: LabConfig, keys: Keys) -> Iterator[Finding]:
@@ -177,7 +172,7 @@ def _trajectory_keys(config: LabConfig, keys: Keys) -> Iterator[Finding]:
         return
     if path.model_fields_set and "kind" not in path.model_fields_set:
         yield keys.warn(f"{table}.kind", UNUSED, "not given, so the leader holds its place")
-    for name in sorted(path.model_fields_set - {"kind", "yaw_rate_rad_s"} - USED[path.kind]):
+    for name in sorted(path.model_fields_set - {"kind", "yaw_rate_rad_s"} - KINDS[path.kind].used):
         if getattr(path, name) != type(path).model_fields[name].get_default():
             yield keys.warn(f"{table}.{name}", UNUSED, f'kind "{path.kind}" does not look at it')
     if path.kind == "circle" and path.laps is not None and path.duration_s != TrajectoryConfig().duration_s:

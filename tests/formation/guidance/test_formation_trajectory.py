@@ -13,6 +13,10 @@ KINDS = [
     TrajectoryConfig(kind="line", length_m=1.0, duration_s=4.0),
     TrajectoryConfig(kind="circle", radius_m=0.3, period_s=6.0, duration_s=12.0, yaw_rate_rad_s=-0.5),
     TrajectoryConfig(kind="waypoints", waypoints_m=((1.0, 0.0, 0.5), (1.0, 1.0, 1.0), (0.0, 0.0, 0.3))),
+    TrajectoryConfig(kind="figure8", length_m=1.2, period_s=8.0, laps=2),
+    TrajectoryConfig(kind="lissajous", amplitude_m=(0.6, 0.4, 0.1), cycles=(3, 2, 1), phase_rad=(0.5, 0.0, 0.1)),
+    TrajectoryConfig(kind="polynomial", waypoints_m=((1.0, 0.0, 0.5), (1.0, 1.0, 1.0), (0.0, 0.0, 0.3)), laps=2),
+    TrajectoryConfig(kind="csv", points=tuple((t, t * t / 9.0, 0.5 * t, 0.4, 1.2 * t) for t in (0.0, 1.0, 2.5, 3.0))),
 ]
 
 
@@ -95,6 +99,54 @@ def test_waypoints_are_met_in_turn_within_the_speed() -> None:
         np.testing.assert_allclose(motion(path, t)[0, :3], point, atol=1e-9)
     speeds = [np.linalg.norm(motion(path, t)[1, :3]) for t in np.linspace(0.0, path.duration_s, 500)]
     assert max(speeds) <= KINDS[3].speed_m_s + 1e-9
+
+
+def test_a_figure_of_eight_crosses_the_origin_and_reaches_its_length_and_width() -> None:
+    path = anchored(TrajectoryConfig(kind="figure8", length_m=1.2, width_m=0.4, period_s=8.0), ANCHOR, 0.0)
+    around = np.array([motion(path, t)[0] for t in np.linspace(0.0, path.duration_s, 4001)])
+    np.testing.assert_allclose(around[[0, -1], :2], 0.0, atol=1e-9)
+    np.testing.assert_allclose(np.abs(around[:, :2]).max(axis=0), [0.6, 0.2], rtol=1e-4)
+    # Gerono's lemniscate, x^4 = a^2 (x^2 - y^2) for a width of its length.
+    x, y = around[:, 0] / 0.6, around[:, 1] / 0.2
+    np.testing.assert_allclose(y * y, 4.0 * x * x * (1.0 - x * x), atol=1e-9)
+
+
+def test_a_polynomial_passes_every_waypoint_at_speed_and_is_as_fast_as_asked() -> None:
+    points = ((1.0, 0.0, 0.5), (1.0, 1.0, 0.8), (0.0, 1.0, 0.5), (0.0, 0.0, 0.3))
+    path = anchored(TrajectoryConfig(kind="polynomial", waypoints_m=points, speed_m_s=0.7), ANCHOR, 0.3)
+    for t, point in zip(path.knots[1:, 0], points, strict=False):
+        now = motion(path, t)
+        np.testing.assert_allclose(now[0, :3], point, atol=1e-9)
+        assert np.linalg.norm(now[1, :3]) > 0.2
+    np.testing.assert_allclose(motion(path, path.duration_s)[0], [*points[-1], 0.3], atol=1e-9)
+    speeds = [np.linalg.norm(motion(path, t)[1, :3]) for t in np.linspace(0.0, path.duration_s, 1000)]
+    assert max(speeds) == pytest.approx(0.7, rel=1e-3)
+
+
+def test_one_polynomial_from_rest_to_rest_is_the_one_of_least_snap() -> None:
+    """Between two points it is 35 u^4 - 84 u^5 + 70 u^6 - 20 u^7, which is known."""
+    path = anchored(TrajectoryConfig(kind="polynomial", waypoints_m=((2.1, 0.2, 0.3),)), ANCHOR, 0.0)
+    for u in np.linspace(0.0, 1.0, 11):
+        step = u**4 * (35.0 - 84.0 * u + 70.0 * u**2 - 20.0 * u**3)
+        assert motion(path, u * path.duration_s)[0, 0] == pytest.approx(0.1 + 2.0 * step, abs=1e-9)
+
+
+def test_recorded_points_are_met_and_headings_unwound() -> None:
+    points = tuple((0.01 * k, np.sin(0.02 * k), 0.0, 0.5, (0.05 * k + np.pi) % (2 * np.pi) - np.pi) for k in range(400))
+    path = anchored(TrajectoryConfig(kind="csv", points=points), ANCHOR, 0.0)
+    assert path.duration_s == pytest.approx(3.99)
+    for k in (0, 7, 150, 399):
+        assert motion(path, points[k][0])[0] == pytest.approx([*points[k][1:4], 0.05 * k], abs=1e-9)
+
+
+@pytest.mark.parametrize(("points", "told"), [
+    (((0.0, 0.0, 0.0, 0.0, 0.0),), "1 points"),
+    (((1.0, 0.0, 0.0, 0.0, 0.0), (2.0, 0.0, 0.0, 0.0, 0.0)), "first point is at t = 1 s"),
+    (((0.0, 0.0, 0.0, 0.0, 0.0), (2.0, 0.0, 0.0, 0.0, 0.0), (2.0, 0.0, 0.0, 0.0, 0.0)), "point 3 is at t = 2 s"),
+])  # fmt: skip
+def test_points_that_are_no_way_are_refused(points: tuple[tuple[float, ...], ...], told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        TrajectoryConfig.model_validate({"kind": "csv", "points": points})
 
 
 def test_turn_reaches_its_rate_and_adds_to_the_heading() -> None:

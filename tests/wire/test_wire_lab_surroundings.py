@@ -1,0 +1,98 @@
+import sys
+import tomllib
+from collections.abc import Iterator
+from importlib import invalidate_caches
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from formation.config import LabConfig
+from formation.guidance.shape import known, shape_for
+from formation.guidance.shape_request import ShapeRequest
+from formation.guidance.trajectory import anchored, sample
+from wire.config_file import ConfigError, dump, load
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "own_package"
+FOLLOWERS = '[[followers]]\nbody = "a"\nsysid = 2\noffset_m = [-1.0, 0.0, 0.0]\n'
+
+
+def lab(folder: Path, trajectory: str) -> LabConfig:
+    path = folder / "lab.toml"
+    path.write_text(f'[leader]\nbody = "leader"\nsysid = 1\ntrajectory = {trajectory}\n{FOLLOWERS}')
+    return load(path, LabConfig)
+
+
+@pytest.fixture
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The example package as pip leaves it: its modules, and its entry points beside them."""
+    groups = tomllib.loads((EXAMPLE / "pyproject.toml").read_text())["project"]["entry-points"]
+    told = tmp_path / "site" / "own_formation-1.0.dist-info"
+    told.mkdir(parents=True)
+    (told / "METADATA").write_text("Metadata-Version: 2.1\nName: own-formation\nVersion: 1.0\n")
+    lines = [f"[{group}]\n" + "".join(f"{k} = {v}\n" for k, v in made.items()) for group, made in groups.items()]
+    (told / "entry_points.txt").write_text("\n".join(lines))
+    monkeypatch.syspath_prepend(told.parent)
+    monkeypatch.syspath_prepend(EXAMPLE)
+    invalidate_caches()
+    yield
+    sys.modules.pop("own_formation", None)
+
+
+def test_a_way_in_a_file_beside_the_lab_file_becomes_part_of_the_configuration(tmp_path: Path) -> None:
+    (tmp_path / "way.csv").write_text("t,x,y,z,yaw\n0,0,0,0.5,0\n\n2, 1,0,0.5,0\n4,1,1,0.5,1.57\n")
+    config = lab(tmp_path, '{ kind = "csv", file = "way.csv" }')
+    assert config.leader.trajectory.points[1] == (2.0, 1.0, 0.0, 0.5, 0.0)
+    (tmp_path / "way.csv").unlink()
+    (tmp_path / "again.toml").write_text(dump(config))
+    assert load(tmp_path / "again.toml", LabConfig) == config
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (None, "No such file"),
+        ("0,0,0,0.5,0\n1,0,0,x,0\n", "line 2: could not convert string to float: 'x'"),
+        ("0,0,0,0.5,0\n1,0,0,0.5\n", "line 2: 4 numbers, t, x, y, z, yaw are wanted"),
+        ("0,0,0,0.5,0\n1,0,0,inf,0\n", "leader.trajectory.points[1][3]"),
+        ("", "0 points"),
+    ],
+)
+def test_a_file_that_is_no_way_is_named_with_its_line(tmp_path: Path, text: str | None, told: str) -> None:
+    if text is not None:
+        (tmp_path / "way.csv").write_text(text)
+    with pytest.raises(ConfigError) as error:
+        lab(tmp_path, '{ kind = "csv", file = "way.csv" }')
+    assert told in str(error.value)
+
+
+def test_a_lab_s_own_trajectory_is_flown_as_its_package_makes_it(tmp_path: Path, installed: None) -> None:
+    config = lab(tmp_path, '{ kind = "own", name = "helix", options = { laps = 1, radius_m = 0.5, climb_m = 0.2 } }')
+    path = anchored(config.leader.trajectory, np.zeros(3), 0.0)
+    motion = np.empty((3, 4))
+    sample(path.kind, path.numbers, path.knots, 4.0, motion)
+    # Half-way round a circle of half a metre, at 1.875 of its mean speed.
+    np.testing.assert_allclose(motion[0], [-0.5, 0.0, 0.4, 1.5 * np.pi], atol=1e-6)
+    np.testing.assert_allclose(
+        motion[1], [0.0, -1.875 * np.pi / 8.0, 1.875 * 0.2 / 8.0, 1.875 * np.pi / 4.0], atol=1e-4
+    )
+
+
+def test_a_lab_s_own_shape_is_one_of_its_shapes(tmp_path: Path, installed: None) -> None:
+    config = lab(tmp_path, '{ kind = "hold" }')
+    assert "diamond" in known(config)
+    assert shape_for(config, ShapeRequest("diamond", 2.0)).offset_lead_m == ((-1.0, 1.0, 0.0),)
+
+
+@pytest.mark.parametrize(
+    ("trajectory", "told"),
+    [
+        ('{ kind = "own" }', "needs `name`"),
+        ('{ kind = "own", name = "helix", options = { size = 1.0 } }', "unexpected keyword argument 'size'"),
+        ('{ kind = "own", name = "spiral" }', "registers 'spiral' in mavlink_formation.trajectories; known: helix"),
+    ],
+)
+def test_what_no_package_makes_is_named(tmp_path: Path, installed: None, trajectory: str, told: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        lab(tmp_path, trajectory)
+    assert told in str(error.value)

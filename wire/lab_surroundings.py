@@ -1,0 +1,115 @@
+"""What a lab file names outside itself: recorded ways beside it, and ways and shapes of the lab's own packages.
+
+A package registers what it makes under an entry point; `examples/own_package` is one. What it makes becomes part of the
+configuration when the file is read, so that a log replays where the package is not.
+"""
+
+import csv
+from collections.abc import Iterator, Mapping
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+TRAJECTORIES, SHAPES = "mavlink_formation.trajectories", "mavlink_formation.shapes"
+COLUMNS = ("t", "x", "y", "z", "yaw")
+
+
+class TrajectoryMaker(Protocol):
+    """Makes a leader's way; registered in the group `mavlink_formation.trajectories`."""
+
+    def __call__(self, **options: Any) -> ArrayLike:
+        """Rows (k, 5) of time, s, from 0 on; x, y, z in `lab`, m; heading about lab z, rad. options: the lab file's.
+
+        It is flown through them, from rest to rest, by a spline of the fifth order. ValueError says what is not right.
+        """
+
+
+class ShapeMaker(Protocol):
+    """Makes a formation's slots; registered in the group `mavlink_formation.shapes`."""
+
+    def __call__(self, n: int, spacing_m: float) -> ArrayLike:
+        """The slots (n, 3) of n followers in the leader's frame (forward, left, up), m, spacing_m apart or more."""
+
+
+class Surroundings:
+    """Of a lab file in `folder`; `formation.trajectory_config.PathReader` for the models that are read from it."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def points_of(self, kind: str, trajectory: Mapping[str, Any]) -> list[list[float]]:
+        """The points of a trajectory of kind `csv` or `own`; ValueError where there are none to be had."""
+        if kind == "csv":
+            return read_points(self._folder / str(trajectory["file"])) if trajectory.get("file") else []
+        if not trajectory.get("name"):
+            return []
+        maker: TrajectoryMaker = _load(TRAJECTORIES, str(trajectory["name"]))
+        return _rows(maker, len(COLUMNS), **dict(trajectory.get("options") or {}))
+
+    def shapes_of(self, n: int, spacing_m: float) -> Iterator[tuple[str, list[list[float]]]]:
+        """The shapes of the lab's own packages, by name, for n followers; ValueError for one that is none."""
+        for point in entry_points(group=SHAPES):
+            maker: ShapeMaker = _loaded(point)
+            slots = _rows(maker, 3, n=n, spacing_m=spacing_m)
+            if len(slots) != n:
+                raise ValueError(f"shape {point.name!r} of {_whose(point)} has {len(slots)} slots for {n} followers")
+            yield point.name, slots
+
+
+def read_points(path: Path) -> list[list[float]]:
+    """Rows of t, x, y, z, yaw, under a line that names them or none; ValueError names file and line."""
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            lines = [(number, line) for number, line in enumerate(csv.reader(file), 1) if "".join(line).strip()]
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: {getattr(error, 'strerror', None) or 'not text'}") from error
+    if lines and tuple(word.strip().lower() for word in lines[0][1]) == COLUMNS:
+        lines = lines[1:]
+    points = []
+    for number, line in lines:
+        try:
+            row = [float(word) for word in line]
+        except ValueError as error:
+            raise ValueError(f"{path}, line {number}: {error}") from error
+        if len(row) != len(COLUMNS):
+            raise ValueError(f"{path}, line {number}: {len(row)} numbers, t, x, y, z, yaw are wanted")
+        points.append(row)
+    return points
+
+
+def _load(group: str, name: str) -> Any:
+    found = entry_points(group=group, name=name)
+    if not found:
+        known = sorted(point.name for point in entry_points(group=group))
+        raise ValueError(f"no package here registers {name!r} in {group}; known: {', '.join(known) or 'none'}")
+    return _loaded(next(iter(found)))
+
+
+def _loaded(point: EntryPoint) -> Any:
+    try:
+        return point.load()
+    except (ImportError, AttributeError) as error:
+        raise ValueError(f"{point.name!r} of {_whose(point)} cannot be loaded: {error}") from error
+
+
+def _rows(maker: Any, columns: int, **options: Any) -> list[list[float]]:
+    """What a maker makes, as rows of finite numbers."""
+    try:
+        made = np.asarray(maker(**options), dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{_name(maker)}: {error}") from error
+    if made.ndim != 2 or made.shape[1] != columns or not np.isfinite(made).all():
+        raise ValueError(f"{_name(maker)} made an array of shape {made.shape}: finite rows of {columns} are wanted")
+    rows: list[list[float]] = made.tolist()
+    return rows
+
+
+def _whose(point: EntryPoint) -> str:
+    return point.dist.name if point.dist is not None else point.value
+
+
+def _name(maker: Any) -> str:
+    return f"{getattr(maker, '__module__', '?')}.{getattr(maker, '__qualname__', maker)}"

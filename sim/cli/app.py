@@ -1,7 +1,8 @@
 """`gcs-sim`: simulated flights, in lockstep or by real processes in real time.
 
-Exit codes: 0 flown; 1 the flight was aborted; 2 the command line, a scenario or a recording is not right;
-3 starved: the machine was too slow for the simulators, which says nothing of what flew; 130 interrupted.
+Exit codes: 0 flown; 1 the flight was aborted, or missed what is required of it; 2 the command line, a scenario or a
+recording is not right; 3 starved: the machine was too slow for the simulators, which says nothing of what flew; 130
+interrupted.
 
 Commands load what they need when they are called: asking for help waits for no compiler.
 """
@@ -17,7 +18,7 @@ from wire.process.program import program
 app = program(
     "Fly scenarios: `fly` with real processes in real time, `run` in lockstep as fast as the machine goes; "
     "`paper` and `robustness` are studies of many flights, `campaign` is one with faults, `bench` times the parts.",
-    "Exit codes: 0 flown; 1 aborted; 2 something given is not right; "
+    "Exit codes: 0 flown; 1 aborted, or less than required; 2 something given is not right; "
     "3 starved, the machine was too slow for the simulators; 130 interrupted.",
 )
 
@@ -28,6 +29,10 @@ Alignment = Annotated[
     str | None, typer.Option(metavar="W,X,Y,Z", help="Turns the leader's marker frame: q_marker_from_flu.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the summary as JSON, and nothing else there.")]
+Require = Annotated[
+    list[str] | None,
+    typer.Option(metavar="KEY<NUMBER", help="Exit code 1 unless the summary reaches it; again for more."),
+]
 Out = Annotated[Path | None, typer.Option(help="The run's directory; without it runs/TIME-SCENARIO.")]
 
 
@@ -43,14 +48,16 @@ def fly(
     speed: Annotated[
         float, typer.Option(min=0.01, max=1.0, help="Seconds of flight in one second: slower on a slow machine.")
     ] = 1.0,
+    require: Require = None,
     as_json: Json = False,
     out: Out = None,
 ) -> None:
     """Fly in real time: emulated mocap, agents and `gcs run` as processes of their own. Ctrl-C lands and ends."""
     from sim.cli import flights
 
+    required = flights.required(require)
     scenario = flights.scenario_of(name, leader_csv, leader_alignment)
-    flights.fly(scenario, link, mocap, seed, force, speed, as_json, out)
+    flights.fly(scenario, flights.Manner(link, mocap, force, speed), seed, flights.Ending(as_json, out, required))
 
 
 @app.command()
@@ -59,13 +66,15 @@ def run(
     seed: Seed = None,
     leader_csv: LeaderCsv = None,
     leader_alignment: Alignment = None,
+    require: Require = None,
     as_json: Json = False,
     out: Out = None,
 ) -> None:
     """Fly in lockstep: the same cores and bytes in one process, decided by scenario and seed alone."""
     from sim.cli import flights
 
-    flights.run(flights.scenario_of(name, leader_csv, leader_alignment), seed, as_json, out)
+    ending = flights.Ending(as_json, out, flights.required(require))
+    flights.run(flights.scenario_of(name, leader_csv, leader_alignment), seed, ending)
 
 
 @app.command()

@@ -3,7 +3,8 @@
 import asyncio
 import signal
 import sys
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Literal, NoReturn
@@ -14,6 +15,7 @@ from rich.console import Console
 
 from analysis.console import print_summary
 from analysis.metrics import Summary
+from analysis.requirements import Requirement, parse, unmet
 from formation.model import QuatTuple
 from gcs.daemon import GCS_NAME
 from gcs.mocap.sources.csv_file import MocapFileError
@@ -38,40 +40,58 @@ ABORTED, NOT_RIGHT, INTERRUPTED = 1, 2, 130
 UNIT_WITHIN = 0.01
 
 
-def fly(
-    scenario: Scenario, link: Literal["zenoh", "udp"], protocol: str | None, seed: int | None, force: bool,
-    speed: float, as_json: bool, out: Path | None,
-) -> None:  # fmt: skip
-    """In real time, or slower; ends the process with its exit code. protocol: of the camera system, if any."""
+@dataclass(frozen=True, slots=True)
+class Manner:
+    """How processes fly: over which link, by which camera system's protocol if any, speed seconds in one second."""
+
+    link: Literal["zenoh", "udp"]
+    protocol: str | None
+    force: bool
+    speed: float
+
+
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """What becomes of a run: how its numbers are printed, its folder if given, what it has to reach."""
+
+    as_json: bool
+    out: Path | None
+    required: tuple[Requirement, ...]
+
+
+def fly(scenario: Scenario, how: Manner, seed: int | None, ending: Ending) -> None:
+    """In real time, or slower; ends the process with its exit code."""
     lab = scenario.lab
-    files = Files(_folder(out, scenario))
+    files = Files(_folder(ending.out, scenario))
     compile_for(scenario)
     with (
-        private_link(link, (v.sysid for v in lab.vehicles if v.sysid is not None)) as own_link,
-        Display(Console(stderr=as_json), scenario.name) as display,
+        private_link(how.link, (v.sysid for v in lab.vehicles if v.sysid is not None)) as own_link,
+        Display(Console(stderr=ending.as_json), scenario.name) as display,
     ):
         lab = lab.model_copy(update={"link": own_link})
-        scenario = scenario.model_copy(update={"lab": lab_with(lab, protocol) if protocol else lab})
+        scenario = scenario.model_copy(update={"lab": lab_with(lab, how.protocol) if how.protocol else lab})
         flown = asyncio.run(
             _interruptible(
-                fly_processes(scenario, _seed(seed, scenario), files, display.progress, force, clock.Clock(speed))
+                fly_processes(
+                    scenario, _seed(seed, scenario), files, display.progress, how.force, clock.Clock(how.speed)
+                )
             )
         )
     outcome = flown or Outcome("aborted", "interrupted")
     if not files.mcap.exists():
         fail(f"no log was written: {outcome.reason} (see {files.folder})", ABORTED)
     _, summary = conclude(files.mcap, outcome)
-    _end(summary, as_json, ABORTED if flown else INTERRUPTED)
+    _end(summary, ending, ABORTED if flown else INTERRUPTED)
 
 
-def run(scenario: Scenario, seed: int | None, as_json: bool, out: Path | None) -> None:
+def run(scenario: Scenario, seed: int | None, ending: Ending) -> None:
     """In lockstep; ends the process with its exit code."""
-    files = Files(_folder(out, scenario))
+    files = Files(_folder(ending.out, scenario))
     compile_for(scenario)
-    with Display(Console(stderr=as_json), scenario.name) as display:
+    with Display(Console(stderr=ending.as_json), scenario.name) as display:
         flown = lockstep.run_to_file(scenario, _seed(seed, scenario), files.mcap, display.progress)
     _, summary = conclude(files.mcap, flown.outcome, flown.realtime_factor)
-    _end(summary, as_json)
+    _end(summary, ending)
 
 
 def mocap(scenario: Scenario, seed: int | None, speed: float) -> None:
@@ -137,9 +157,9 @@ def _folder(out: Path | None, scenario: Scenario) -> Path:
     return folder
 
 
-def _end(summary: Summary, as_json: bool, aborted_code: int = ABORTED) -> None:
-    """Show the run's numbers; end with `aborted_code` where it was aborted."""
-    if as_json:
+def _end(summary: Summary, ending: Ending, aborted_code: int = ABORTED) -> None:
+    """Show the run's numbers; end with `aborted_code` where it was aborted, ABORTED where it missed a requirement."""
+    if ending.as_json:
         print(summary.to_json())
     else:
         print_summary(summary, Console())
@@ -147,6 +167,16 @@ def _end(summary: Summary, as_json: bool, aborted_code: int = ABORTED) -> None:
         raise typer.Exit(starved.EXIT_CODE)
     if summary.outcome.startswith("aborted"):
         raise typer.Exit(aborted_code)
+    if missed := unmet(ending.required, summary):
+        fail("; ".join(missed), ABORTED)
+
+
+def required(texts: Sequence[str] | None) -> tuple[Requirement, ...]:
+    """What `--require` says; ends the process where it is not understood."""
+    try:
+        return tuple(parse(text) for text in texts or ())
+    except ValueError as error:
+        fail(f"--require: {error}", NOT_RIGHT)
 
 
 def fail(text: str, code: int) -> NoReturn:

@@ -48,6 +48,15 @@ def test_a_run_leaves_log_report_and_a_summary_with_every_key(short_run: Path) -
     assert (short_run / "report.html").read_text().startswith("<!doctype html>")
 
 
+def test_a_flight_that_misses_what_is_required_ends_with_code_1(short_run: Path, tmp_path: Path) -> None:
+    words = ["run", str(short_run / "short.toml"), "--out", str(tmp_path), "--json"]
+    missed = CliRunner().invoke(app, [*words, "--require", "formation_rms_m<0.05", "--require", "frames<10"])
+    assert missed.exit_code == 1
+    frames = json.loads(missed.stdout)["frames"]
+    assert f"frames<10 is required, it is {frames}" in missed.stderr
+    assert invoke(*words, "--require", "frames!10")[0] == 2
+
+
 def test_the_log_says_the_same_again(short_run: Path) -> None:
     runner = CliRunner()
     replayed = runner.invoke(log_app, ["replay", str(short_run / "flight.mcap"), "--json"])

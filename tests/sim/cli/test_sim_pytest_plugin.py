@@ -1,0 +1,47 @@
+"""The plug-in as another project's tests meet it: a run of pytest of its own."""
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+pytest_plugins = ["pytester"]
+PROJECT = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())["project"]
+# As the installed package registers it, in this checkout's code.
+PLUGIN = ("-p", "no:formation", "-p", PROJECT["entry-points"]["pytest11"]["formation"])
+ALONE = (*PLUGIN, "-p", "no:cacheprovider", "-p", "no:xdist")
+SHORT = """
+name = "short"
+formation_s = 0.3
+[lab.leader]
+body = "leader"
+sysid = 1
+[[lab.followers]]
+body = "left"
+sysid = 2
+offset_m = [-0.5, 0.0, 0.0]
+"""
+TESTS = """
+def test_reached(formation_flight):
+    assert formation_flight("short.toml", seed=3, require=["formation_max_m<0.02", "min_separation_m>0.4"]).seed == 3
+
+def test_missed(formation_flight):
+    formation_flight("short.toml", require=["min_separation_m>4"])
+"""
+
+
+def run(pytester: pytest.Pytester, *words: str) -> pytest.RunResult:
+    """In a process of its own: pytester takes back what a run in this one has imported, matplotlib among it."""
+    Path(pytester.path, "short.toml").write_text(SHORT)
+    pytester.makepyfile(TESTS)
+    return pytester.runpytest_subprocess(*ALONE, *words)
+
+
+def test_a_flight_that_reaches_what_is_required_passes(pytester: pytest.Pytester) -> None:
+    run(pytester, "-k", "reached", "--max-formation-rms", "0.02").assert_outcomes(passed=1, deselected=1)
+
+
+def test_one_that_misses_what_its_test_or_the_command_line_requires_fails(pytester: pytest.Pytester) -> None:
+    result = run(pytester, "-k", "missed", "--max-formation-rms", "1e-6")
+    result.assert_outcomes(failed=1, deselected=1)
+    result.stdout.fnmatch_lines(["*min_separation_m>4 is required, it is 0.*; formation_rms_m<=1e-06 is required*"])

@@ -124,7 +124,8 @@ class CaptureTime:
 
     def offset_ns(self, now_ns: int) -> int | None:
         """Our clock minus theirs by the echoes, delays of both ways taken as equal at their least; None without."""
-        up_ns, down_ns = self._echo_up.at_ns(now_ns), self._echo_down.at_ns(now_ns)
+        up_ns = self._echo_up.at_ns(now_ns)
+        down_ns = None if up_ns is None else self._echo_down.at_ns(now_ns)
         return None if up_ns is None or down_ns is None else (down_ns - up_ns) // 2
 
     def uncertainty_ns(self, now_ns: int) -> int | None:

@@ -1,14 +1,12 @@
 """Qualisys Track Manager as a source: its frames with names, numbers and capture times."""
 
-import numpy as np
-
 from formation.mocap_config import QualisysConfig
 from gcs.mocap.capture_time import CaptureTime
 from gcs.mocap.sources.frame_count import FrameCount
+from gcs.mocap.sources.poses import from_matrices
 from gcs.mocap.sources.qualisys.packets import SixD
 from gcs.mocap.sources.qualisys.session import QualisysSession
 from gcs.mocap.sources.roll_call import RollCall
-from gcs.mocap.sources.rotation import quaternions
 from gcs.mocap.sources.source import Feed, SourceStatus
 from gcs.mocap.sources.tcp import TcpClient
 
@@ -58,7 +56,5 @@ class Qualisys:
             return
         t_capture_ns = self._time.capture_ns(frame.stamp_us * NS_PER_US, now_ns)
         self._age_ns, self._uncertainty_ns = now_ns - t_capture_ns, self._time.uncertainty_ns(now_ns)
-        lost = np.isnan(frame.pos_mm).any(axis=1, keepdims=True)
-        pos_mm, seen = np.where(lost, 0.0, frame.pos_mm), np.logical_not(lost).ravel()
-        q = quaternions(frame.rotation)
-        self._feed.frame(seq, t_capture_ns, self._roll.bodies, pos_mm, q, seen.tolist())
+        placed = from_matrices(frame.rows, by_columns=True, unit_m=self._feed.unit_m, lost_is_nan=True)
+        self._feed.frame(seq, t_capture_ns, self._roll.bodies, *placed)

@@ -1,20 +1,14 @@
 """A Vicon DataStream server as a source: its frames with names, numbers and capture times."""
 
-import numpy as np
-
 from formation.mocap_config import ViconConfig
 from gcs.mocap.capture_time import CaptureTime
 from gcs.mocap.sources.frame_count import FrameCount
+from gcs.mocap.sources.poses import from_matrices
 from gcs.mocap.sources.roll_call import RollCall
-from gcs.mocap.sources.rotation import quaternions
 from gcs.mocap.sources.source import Feed, SourceStatus
 from gcs.mocap.sources.tcp import TcpClient
-from gcs.mocap.sources.vicon.objects import SEGMENT, TICKS_HZ
+from gcs.mocap.sources.vicon.objects import TICKS_HZ
 from gcs.mocap.sources.vicon.session import ViconFrame, ViconSession
-
-ROOT = np.dtype([("identifier", "<u4"), ("pos_mm", "<f8", 3), ("rotation", "<f8", (3, 3))])
-LOST = bytes(SEGMENT.size)
-"""What some programs send for a body out of sight instead of nothing: it is at exactly zero."""
 
 
 class Vicon:
@@ -67,10 +61,8 @@ class Vicon:
             self._feed.refuse("a frame whose number came already")
             return
         t_capture_ns = self._capture_ns(frame, now_ns)
-        roots = np.frombuffer(b"".join(segment or LOST for segment in frame.segments), ROOT)
-        pos_mm = roots["pos_mm"]
-        seen = (pos_mm != 0.0).any(axis=1)
-        self._feed.frame(seq, t_capture_ns, self._roll.bodies, pos_mm, quaternions(roots["rotation"]), seen.tolist())
+        placed = from_matrices(frame.rows, by_columns=False, unit_m=self._feed.unit_m, lost_is_nan=False)
+        self._feed.frame(seq, t_capture_ns, self._roll.bodies, *placed)
 
     def _capture_ns(self, frame: ViconFrame, now_ns: int) -> int:
         """0, for a frame without a stamp, as long as the frame period is not known."""

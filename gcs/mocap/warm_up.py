@@ -19,7 +19,11 @@ def warm_up(config: LabConfig) -> None:
     n = len(bodies)
     frame = RawFrame(0, 0, bodies, np.zeros((n, 3)), np.tile(IDENTITY, (n, 1)), np.ones(n, np.bool_))
     MocapCore(config).receive(frame, 1)
-    source = config.mocap.source
+    read(config.mocap.source)
+
+
+def read(source: str) -> None:
+    """Read one body as the source's client does, where it has poses to convert."""
     if source in QUATERNIONS:
         poses.from_quaternions(np.zeros((1, 7), QUATERNIONS[source]), 1.0)
     elif source in MATRICES:

@@ -87,6 +87,11 @@ class Feed:
         self._refusals.note(self._source, reason, self.clock.monotonic_ns(), count)
 
 
+def seconds(ns: int | None) -> float | None:
+    """Of nanoseconds; None of what is not known."""
+    return None if ns is None else ns * 1e-9
+
+
 def as_json(status: SourceStatus) -> dict[str, Any]:
     """For the state that the mocap process publishes; times in ms."""
     return {

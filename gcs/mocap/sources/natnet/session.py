@@ -17,7 +17,7 @@ from gcs.mocap.sources.natnet.models import rigid_bodies
 from gcs.mocap.sources.natnet.numbers import FrameNumbers
 from gcs.mocap.sources.natnet.reader import PacketError
 from gcs.mocap.sources.poses import from_quaternions
-from gcs.mocap.sources.source import Feed, SourceStatus
+from gcs.mocap.sources.source import Feed, SourceStatus, seconds
 
 WHO = "mavlink-formation"
 CONNECT_NS, MODELS_NS, ALIVE_NS = 500_000_000, 200_000_000, 1_000_000_000
@@ -81,8 +81,8 @@ class NatNetSession:
         return replace(
             self._status,
             lost=self._numbers.lost,
-            latency_s=(now_ns - capture_ns) * 1e-9,
-            uncertainty_s=None if uncertainty_ns is None else uncertainty_ns * 1e-9,
+            latency_s=seconds(now_ns - capture_ns),
+            uncertainty_s=seconds(uncertainty_ns),
             constant_told=is_told and self._capture.offset_ns(now_ns) is not None,
         )
 

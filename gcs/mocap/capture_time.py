@@ -20,7 +20,6 @@ STEP_NS = 2_000_000
 """So far below the line nothing falls: a clock was set, or the way became shorter."""
 ABOVE_NS, ABOVE_SPREADS = 3_000_000_000, 3
 """After so long with every point farther above the line than delays scatter, it is the line that is wrong."""
-USABLE_NS = 1_000_000_000
 
 Point = tuple[int, int]
 
@@ -31,7 +30,6 @@ class LowerEdge:
 
     _points: deque[Point] = field(default_factory=lambda: deque(maxlen=WINDOW))
     _line: tuple[int, int, float] | None = None
-    _since_ns: int = 0
     _touched_ns: int = 0
     _above: Point | None = None
     spread_ns: int = 0
@@ -57,10 +55,6 @@ class LowerEdge:
         t_ns, value_ns, slope = self._line
         return value_ns + round((now_ns - t_ns) * slope)
 
-    def age_ns(self, now_ns: int) -> int:
-        """For how long it has held, since the first point or the last step."""
-        return now_ns - self._since_ns if self._line is not None else 0
-
     def restart(self) -> None:
         """Forget everything but how the clocks part: a new connection, or a clock that was set."""
         self._points.clear()
@@ -70,7 +64,7 @@ class LowerEdge:
         slope = self._line[2] if self._line is not None else 0.0
         self._points.clear()
         self._line = now_ns, value_ns, slope
-        self._since_ns = self._touched_ns = now_ns
+        self._touched_ns = now_ns
         self._above = None
 
     def _keep(self, point: Point) -> None:
@@ -130,13 +124,9 @@ class CaptureTime:
 
     def offset_ns(self, now_ns: int) -> int | None:
         """Our clock minus theirs by the echoes, delays of both ways taken as equal at their least; None without."""
-        up_ns, down_ns = self._echo_up.at_ns(now_ns), self._echo_down.at_ns(now_ns)
+        up_ns = self._echo_up.at_ns(now_ns)
+        down_ns = None if up_ns is None else self._echo_down.at_ns(now_ns)
         return None if up_ns is None or down_ns is None else (down_ns - up_ns) // 2
-
-    def is_usable(self, now_ns: int) -> bool:
-        """Whether enough was heard since the start, or since a clock was set."""
-        edge = self._down if self.offset_ns(now_ns) is None else self._echo_down
-        return edge.age_ns(now_ns) >= USABLE_NS
 
     def uncertainty_ns(self, now_ns: int) -> int | None:
         """How far a capture time may be off, apart from the constant where no echo is heard; None before any frame."""

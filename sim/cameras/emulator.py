@@ -122,6 +122,12 @@ class MocapEmulator:
         self._seq += 1
         self.next_exposure_ns = self._next_exposure_after(t_ns)
 
+    def miss(self, now_ns: int) -> None:
+        """What was to be exposed until now was not: the cameras' computer stood still."""
+        ticks = self._ticks
+        self.next_exposure_ns = self._next_exposure_after(now_ns)
+        self._seq += self._ticks - ticks
+
     def pop_due(self, now_ns: int) -> list[RawFrame]:
         """The frames that have arrived by now, oldest first."""
         return [frame for _, frame in self._cable.pop_due(now_ns)]

@@ -17,6 +17,9 @@ from sim.cameras.playback import Playback
 SPACING_M, ACROSS, HEIGHT_M, LEVELS, LEVEL_M = 0.6, 5, 0.3, 7, 0.05
 RADIUS_M, PERIOD_S, TURN_PERIOD_S = 0.2, 6.0, 15.0
 
+STOOD_STILL_NS = 500_000_000
+"""A box so late was stopped: making up for it would keep its clients waiting for longer still."""
+
 
 class Room(Protocol):
     """What cameras see, frame by frame; each body by the lab's name for it."""
@@ -57,6 +60,8 @@ class Circling:
     def frames(self, now_ns: int) -> list[RawFrame]:
         """The frames that leave the cameras' computer by now."""
         n = len(self.bodies)
+        if now_ns - self._cameras.next_exposure_ns > STOOD_STILL_NS:
+            self._cameras.miss(now_ns)
         while (t_ns := self._cameras.next_exposure_ns) <= now_ns:
             self._cameras.expose({i + 1: self._truth(i, t_ns) for i in range(self._first, n)})
         return [_first_bodies(frame, n) for frame in self._cameras.pop_due(now_ns)]

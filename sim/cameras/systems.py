@@ -23,27 +23,31 @@ def is_camera_system(mocap: MocapConfig) -> bool:
 
 def server_for(mocap: MocapConfig, bodies: tuple[str, ...], clock: Clock) -> Server:
     """The server that the lab's mocap process will look for; each body goes by the source's own name for it."""
+    if mocap.source == "chingmu":  # has numbers, not names
+        from sim.cameras.servers.vrpn import chingmu_server
+
+        return chingmu_server(mocap, bodies, clock)
+    return _BySourceNames(mocap, _named_server(mocap, _source_names(mocap, bodies), clock))
+
+
+def _named_server(mocap: MocapConfig, names: tuple[str, ...], clock: Clock) -> Server:
     match mocap.source:
         case "vrpn":
             from sim.cameras.servers.vrpn import vrpn_server
 
-            return vrpn_server(mocap, bodies, clock)
-        case "chingmu":
-            from sim.cameras.servers.vrpn import chingmu_server
-
-            return chingmu_server(mocap, bodies, clock)
+            return vrpn_server(mocap, names, clock)
         case "natnet":
             from sim.cameras.servers.natnet import natnet_server
 
-            return natnet_server(mocap, bodies, clock)
+            return natnet_server(mocap, names, clock)
         case "qualisys":
             from sim.cameras.servers.qtm import qtm_server
 
-            return _BySourceNames(mocap, qtm_server(mocap, _source_names(mocap, bodies), clock))
+            return qtm_server(mocap, names, clock)
         case "vicon":
             from sim.cameras.servers.vicon import vicon_server
 
-            return _BySourceNames(mocap, vicon_server(mocap, _source_names(mocap, bodies), clock))
+            return vicon_server(mocap, names, clock)
         case other:
             raise ValueError(f"{other} is no camera system")
 

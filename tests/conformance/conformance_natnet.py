@@ -82,7 +82,7 @@ def judge_recordings(folder: Path) -> None:
     frame = frame_of_data(payload("mocapframe_packet"), version)
     (body,) = frame.bodies
     printed = (162_734, 2, [0.17, 1.45, -0.73, -0.05, 0.51, 0.04, -0.86])
-    read = (frame.number, int(body["id"]), [round(float(x), 2) for x in (*body["pos"], *body["q_xyzw"])])
+    read = (frame.number, int(body["id"]), [round(float(x), 2) for x in body["pose"]])
     assert read == printed, read
     hidden = frame_of_data(payload("mocapframe_packet_occluded"), version)
     print(f"{read} as printed; models {bodies}; with marker sets: frame {hidden.number}, {len(hidden.bodies)} body")

@@ -59,12 +59,13 @@ def test_a_turned_room_in_millimetres_flies_as_the_plain_one(
     assert summary["formation_rms_m"] <= WORSE * plain_m
 
 
+@pytest.mark.parametrize("protocol", ["natnet", "vicon"])
 def test_a_server_that_is_gone_for_a_while_makes_them_hold_then_land_and_the_landing_ends_on_mocap(
-    tmp_path: Path,
+    protocol: str, tmp_path: Path
 ) -> None:
     gone = f"[{{ at_s = 1.5, for_s = {AWAY_S} }}]"
     with gcs_sim_fly(
-        str(write_scenario(tmp_path, CIRCLE, gaps=gone)), "--mocap", "natnet", "--out", str(tmp_path / "run")
+        str(write_scenario(tmp_path, CIRCLE, gaps=gone)), "--mocap", protocol, "--out", str(tmp_path / "run")
     ) as process:
         process.communicate()
     log = read_log(tmp_path / "run" / "flight.mcap")

@@ -7,13 +7,12 @@ cut. Most go to the edges alone (schema, check, alignment); what those let throu
 After every few frames a sound one must be taken.
 """
 
-import argparse
 import random
-import sys
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from fuzz_command import main
 
 from drone_agent.bridge.core import BridgeCore
 from drone_agent.config import AgentConfig
@@ -179,18 +178,5 @@ def fuzz(count: int, seed: int) -> Result:
     return result
 
 
-def main() -> None:
-    """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0] if __doc__ else "")
-    parser.add_argument("--count", type=int, default=1_000_000)
-    parser.add_argument("--seed", type=int, default=1)
-    options = parser.parse_args()
-    result = fuzz(options.count, options.seed)
-    print(result.text())
-    for fault in result.faults[:20]:
-        print(fault)
-    sys.exit(1 if result.faults else 0)
-
-
 if __name__ == "__main__":
-    main()
+    main(fuzz, __doc__)

@@ -6,17 +6,17 @@ Packets are those of an emulated server of every version, and random bytes; muta
 counts, lengths and versions of any size, numbers that are none, and headers that lie.
 """
 
-import argparse
 import random
-import sys
 import time
 from dataclasses import dataclass, field
 from struct import pack
 
 import numpy as np
+from fuzz_command import main
 
 from formation.messages import Event, RawFrame
 from formation.mocap_config import MocapConfig, NatNetConfig
+from gcs.mocap import warm_up
 from gcs.mocap.sources.natnet.session import NatNetSession
 from gcs.mocap.sources.source import Feed
 from sim.cameras.servers.natnet import NatNetSettings
@@ -114,6 +114,7 @@ class Client:
     """The session, its feed, and what it said."""
 
     def __init__(self, now_ns: int) -> None:
+        warm_up.read("natnet")
         mocap = MocapConfig(source="natnet", natnet=NatNetConfig(host=SERVER, multicast=""))
         self.frames: list[RawFrame] = []
         self.events: list[Event] = []
@@ -172,18 +173,5 @@ def fuzz(count: int, seed: int) -> Result:
     return result
 
 
-def main() -> None:
-    """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0] if __doc__ else "")
-    parser.add_argument("--count", type=int, default=1_000_000)
-    parser.add_argument("--seed", type=int, default=1)
-    options = parser.parse_args()
-    result = fuzz(options.count, options.seed)
-    print(result.text())
-    for fault in result.faults[:20]:
-        print(fault)
-    sys.exit(1 if result.faults else 0)
-
-
 if __name__ == "__main__":
-    main()
+    main(fuzz, __doc__)

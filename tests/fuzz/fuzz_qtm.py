@@ -9,7 +9,8 @@ words, bytes, counts, sizes or length.
 import random
 import struct
 
-from mocap_fuzz import Client, Result, broken, fuzz, main
+from fuzz_command import main
+from mocap_fuzz import Client, Result, broken, fuzz
 
 from formation.mocap_config import MocapConfig, QualisysConfig
 from gcs.mocap.sources.qualisys.source import Qualisys

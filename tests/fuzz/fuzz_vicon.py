@@ -9,7 +9,8 @@ words, bytes, counts, sizes or length.
 import random
 import struct
 
-from mocap_fuzz import NUMBERS, Client, Result, broken, fuzz, main
+from fuzz_command import main
+from mocap_fuzz import NUMBERS, Client, Result, broken, fuzz
 
 from formation.mocap_config import MocapConfig, ViconConfig
 from gcs.mocap.sources.vicon.source import Vicon
@@ -32,8 +33,16 @@ class Packets:
         rng = self._rng
         if rng.random() < 0.05:
             return rng.randbytes(rng.choice((1, 8, 60, 400)))
-        packet = packet_of(*(self._block() for _ in range(rng.choice((0, 1, 2, 4, 8)))))
-        return packet if rng.random() < 0.3 else broken(rng, packet)
+        before = b"".join(self._usual() for _ in range(rng.choice((0, 0, 3))))
+        packet = self._usual() if before else packet_of(*(self._block() for _ in range(rng.choice((0, 1, 2, 4, 8)))))
+        return before + (packet if rng.random() < 0.3 else broken(rng, packet))
+
+    def _usual(self) -> bytes:
+        """Laid out the same each time, as servers send them."""
+        self._number += 1
+        place = struct.pack("<III12d", 1, 1, 1, *(self._rng.choice(DOUBLES) for _ in range(3)), *IDENTITY)
+        latency = struct.pack("<I", 1) + text(b"lead") + struct.pack("<d", self._latency())
+        return packet_of((5, struct.pack("<I", self._number % 2**32)), (26, latency), (9, place))
 
     def _block(self) -> tuple[int, bytes]:
         rng = self._rng

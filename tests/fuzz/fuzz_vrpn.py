@@ -6,17 +6,17 @@ Packets are messages as servers send them, with any names, numbers, stamps, leng
 apart. A connection that cannot be read on is ended and refused, as the client does; the next one must be understood.
 """
 
-import argparse
 import random
 import struct
-import sys
 import time
 from dataclasses import dataclass, field
 
 import numpy as np
+from fuzz_command import main
 
 from formation.config import LabConfig
 from formation.messages import RawFrame
+from gcs.mocap import warm_up
 from gcs.mocap.sources.source import Feed
 from gcs.mocap.sources.tcp import ProtocolError
 from gcs.mocap.sources.vrpn import messages
@@ -131,6 +131,7 @@ class Reader:
             "mocap": {"source": kind},
         }
         config = LabConfig.model_validate(lab)
+        warm_up.read(config.mocap.source)
         self.refusals = Refusals()
         self._result = result
         feed = Feed(config.mocap, self._take, lambda _: None, self.refusals, REAL_TIME)
@@ -193,18 +194,5 @@ def fuzz(count: int, seed: int) -> Result:
     return result
 
 
-def main() -> None:
-    """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0] if __doc__ else "")
-    parser.add_argument("--count", type=int, default=1_000_000)
-    parser.add_argument("--seed", type=int, default=1)
-    options = parser.parse_args()
-    result = fuzz(options.count, options.seed)
-    print(result.text())
-    for fault in result.faults[:20]:
-        print(fault)
-    sys.exit(1 if result.faults else 0)
-
-
 if __name__ == "__main__":
-    main()
+    main(fuzz, __doc__)

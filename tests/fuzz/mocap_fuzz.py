@@ -1,8 +1,6 @@
 """What the fuzzers of camera systems share: packets drawn and broken, a client that must go on, and how it went."""
 
-import argparse
 import random
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -12,6 +10,7 @@ import numpy as np
 
 from formation.messages import RawFrame
 from formation.mocap_config import MocapConfig
+from gcs.mocap import warm_up
 from gcs.mocap.sources.source import Feed
 from gcs.mocap.sources.tcp import ProtocolError, Session
 from wire.clock import Clock
@@ -50,6 +49,7 @@ class Client:
     def __init__(self, config: MocapConfig, make: Callable[[Feed], Any]) -> None:
         self.frames: list[RawFrame] = []
         self.refusals = Refusals()
+        warm_up.read(config.source)
         self._source = make(Feed(config, self._take, lambda event: None, self.refusals, Clock()))
         self.session: Session = self._source.open(0, "", "")[0]
 
@@ -117,16 +117,3 @@ def fuzz(client: Client, draw: Callable[[], bytes], sound: Callable[[int], tuple
         result.count += 1
     result.refused = client.refusals.count
     return result
-
-
-def main(run: Callable[[int, int], Result], doc: str | None) -> None:
-    """The command line."""
-    parser = argparse.ArgumentParser(description=(doc or "").split("\n", 1)[0])
-    parser.add_argument("--count", type=int, default=1_000_000)
-    parser.add_argument("--seed", type=int, default=1)
-    options = parser.parse_args()
-    result = run(options.count, options.seed)
-    print(result.text())
-    for fault in result.faults[:20]:
-        print(fault)
-    sys.exit(1 if result.faults else 0)

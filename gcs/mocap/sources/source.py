@@ -4,13 +4,11 @@ A client speaks one protocol and knows the exposure of each frame as well as tha
 everything after them are the same for all, and are seen to here.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import ArrayLike
-
+from formation.maths.arrays import Bool, Float
 from formation.messages import Event, RawFrame, Severity
 from formation.mocap_config import MocapConfig
 from wire.clock import Clock
@@ -51,7 +49,7 @@ class Source(Protocol):
 
 
 class Feed:
-    """One source's way into the mocap process: frames in the source's unit and names, words, refusals, the time."""
+    """One source's way into the mocap process: frames, names, words, refusals, the time."""
 
     def __init__(
         self,
@@ -62,29 +60,23 @@ class Feed:
         clock: Clock,
     ) -> None:
         self.clock = clock
+        self.unit_m = config.unit_m
         self._deliver = deliver
         self._say = say
         self._refusals = refusals
         self._source = config.source
         self._names = config.names
-        self._unit_m = config.unit_m
 
     def name(self, theirs: str) -> str:
         """What the lab calls the body that the source calls `theirs`."""
         return self._names.get(theirs) or plain(theirs, LONGEST_NAME)
 
-    def frame(
-        self, seq: int, t_capture_ns: int, bodies: tuple[str, ...], pos: ArrayLike, q: ArrayLike, seen: Sequence[bool]
-    ) -> None:
-        """One exposure: positions (n, 3) in the source's unit, marker frames (n, 4) w x y z, bodies by `name`.
+    def frame(self, seq: int, t_capture_ns: int, bodies: tuple[str, ...], pos_m: Float, q: Float, seen: Bool) -> None:
+        """One exposure: positions (n, 3), marker frames (n, 4) w x y z, seen (n,), bodies by `name`.
 
         t_capture_ns: on our clock. Any numbers at all: they are judged afterwards, body by body.
         """
-        n = len(bodies)
-        with np.errstate(invalid="ignore", over="ignore"):
-            pos_mocap_m = np.asarray(pos, np.float64).reshape(n, 3) * self._unit_m
-            q_mocap_from_marker = np.asarray(q, np.float64).reshape(n, 4)
-        self._deliver(RawFrame(seq, t_capture_ns, bodies, pos_mocap_m, q_mocap_from_marker, np.asarray(seen, np.bool_)))
+        self._deliver(RawFrame(seq, t_capture_ns, bodies, pos_m, q, seen))
 
     def say(self, severity: Severity, text: str) -> None:
         """Tell the operator."""
@@ -93,6 +85,11 @@ class Feed:
     def refuse(self, reason: str, count: int = 1) -> None:
         """Something that came was not taken; `reason` is one of few, in words of ours."""
         self._refusals.note(self._source, reason, self.clock.monotonic_ns(), count)
+
+
+def seconds(ns: int | None) -> float | None:
+    """Of nanoseconds; None of what is not known."""
+    return None if ns is None else ns * 1e-9
 
 
 def as_json(status: SourceStatus) -> dict[str, Any]:

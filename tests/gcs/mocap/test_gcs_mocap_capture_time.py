@@ -51,7 +51,6 @@ def errors(room: Room, seed: int) -> tuple[Float, Float]:
             capture.exchange(round(asked[i] * 1e9), round(echoes[i] * 1e9), now_ns)
         else:
             off[i] = capture.capture_ns(round(stamps[i] * 1e9), now_ns) * 1e-9 - exposed[i]
-    assert capture.is_usable(round(LENGTH_S * 1e9))
     return arrived, off
 
 
@@ -88,11 +87,9 @@ def test_a_clock_set_by_an_hour_is_followed_within_five_seconds(step_s: float, e
 def test_a_capture_is_never_in_the_future_and_the_doubt_is_told() -> None:
     capture = CaptureTime(0)
     assert capture.uncertainty_ns(0) is None
-    assert not capture.is_usable(0)
     for k in range(300):
         now_ns = k * 10_000_000 + (k % 7) * 300_000
         assert capture.capture_ns(k * 10_000_000 - 10**15, now_ns) <= now_ns
-    assert capture.is_usable(now_ns)
     assert 0 <= (capture.uncertainty_ns(now_ns) or 0) < 1_000_000
 
 

@@ -76,3 +76,13 @@ def test_a_log_is_shown_at_its_own_times_in_the_labs_axes_and_then_ends() -> Non
     assert (first.seen[0], second.seen[0]) == (True, False)
     assert len(room.frames(6 * S)) == 1
     assert room.next_ns > 10**18
+
+
+def test_a_box_that_was_stopped_does_not_keep_its_clients_waiting_for_what_it_missed() -> None:
+    room = Circling(lab_of(("a", "b"), MocapConfig()), 2, EXACT, False, None, 1, 0)
+    before = shown(room, 1.0)
+    assert room.frames(6 * S) == []
+    assert 6 * S < room.next_ns <= 6 * S + S // 100
+    after = shown(room, 7.0)
+    assert len(after) in (99, 100, 101)
+    assert after[0].seq - before[-1].seq == round((after[0].t_capture_ns - before[-1].t_capture_ns) / (S // 100))

@@ -12,7 +12,6 @@ from gcs.mocap.sources.natnet.session import NatNetSession
 from gcs.mocap.sources.source import Feed, SourceStatus
 
 TURN_NS = 25_000_000
-READS_A_TURN = 32
 LARGEST_PACKET = 65_536
 BUFFER_BYTES = 4 * 1024 * 1024
 """What the kernel may keep while we are busy, as far as the system allows."""
@@ -73,15 +72,12 @@ class NatNet:
                 loop.remove_reader(each)
 
     def _read(self, ready: socket.socket, buffer: memoryview) -> None:
-        """Some packets; where more wait, everybody else's turn comes first."""
-        for _ in range(READS_A_TURN):
-            try:
-                size, sender = ready.recvfrom_into(buffer)
-            except BlockingIOError:
-                return
-            except OSError:  # an ICMP answer to something sent earlier
-                continue
-            self._session.received(bytes(buffer[:size]), sender[0], self._feed.clock.monotonic_ns())
+        """One packet; where more wait, the loop calls again, everybody else's turn having come first."""
+        try:
+            size, sender = ready.recvfrom_into(buffer)
+        except OSError:  # an ICMP answer to something sent earlier
+            return
+        self._session.received(bytes(buffer[:size]), sender[0], self._feed.clock.monotonic_ns())
 
     def _tell(self, text: str) -> None:
         if text != self._told:

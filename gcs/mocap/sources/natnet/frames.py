@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from gcs.mocap.sources.natnet.messages import BYTE_COUNTS, Version
 from gcs.mocap.sources.natnet.reader import Reader
 
-BODY = np.dtype([("id", "<i4"), ("pos", "<f4", 3), ("q_xyzw", "<f4", 4), ("error", "<f4"), ("params", "<i2")])
+BODY = np.dtype([("id", "<i4"), ("pose", "<f4", 7), ("error", "<f4"), ("params", "<i2")])
+"""pose: x y z, quaternion x y z w."""
 TRACKED = 0x01
 """Of a body's params: seen in this frame."""
 MODELS_CHANGED, EDITED, VERSION_CHANGED = 0x02, 0x04, 0x08
@@ -55,9 +56,7 @@ def _sections_by_bytes(reader: Reader) -> tuple[int, int]:
     """The count of rigid bodies, and where they begin."""
     bodies = 0, 0
     for what in SECTIONS:
-        count = reader.count(0, what)
-        size = reader.count(1, what)
-        at = reader.skip(size, what)
+        count, size, at = reader.section(what)
         if what == "rigid bodies":
             if size != count * BODY.itemsize:
                 raise reader.error(what, "count and byte count differ")

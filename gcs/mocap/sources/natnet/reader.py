@@ -2,7 +2,7 @@
 
 from struct import Struct
 
-_COUNT = Struct("<i")
+_COUNT, _COUNTS = Struct("<i"), Struct("<ii")
 LONGEST_TEXT = 256
 
 
@@ -53,6 +53,18 @@ class Reader:
         """A count, and so many of `each` bytes: the count, and where they begin."""
         count = self.count(each, what)
         return count, self.skip(count * each, what)
+
+    def section(self, what: str) -> tuple[int, int, int]:
+        """A count, a byte count, and so many bytes: both, and where these begin. In one, for there are many a frame."""
+        at = self._at + _COUNTS.size
+        left = len(self._data) - at
+        if left < 0:
+            raise self.error(what, "ends beyond the packet")
+        count, size = _COUNTS.unpack_from(self._data, self._at)
+        if count < 0 or not 0 <= size <= left:
+            raise self.error(what, "more than the packet holds")
+        self._at = at + size
+        return count, size, at
 
     def text(self, what: str) -> str:
         """A text that a zero ends, 255 bytes at most."""

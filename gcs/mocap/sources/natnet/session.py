@@ -16,13 +16,13 @@ from gcs.mocap.sources.natnet.messages import MessageId, ServerInfo, Version
 from gcs.mocap.sources.natnet.models import rigid_bodies
 from gcs.mocap.sources.natnet.numbers import FrameNumbers
 from gcs.mocap.sources.natnet.reader import PacketError
-from gcs.mocap.sources.source import Feed, SourceStatus
+from gcs.mocap.sources.poses import from_quaternions
+from gcs.mocap.sources.source import Feed, SourceStatus, seconds
 
 WHO = "mavlink-formation"
 CONNECT_NS, MODELS_NS, ALIVE_NS = 500_000_000, 200_000_000, 1_000_000_000
 SILENT_NS = 2_000_000_000
 AT_FIRST_NS, ECHO_AT_FIRST_NS, ECHO_NS = 2_000_000_000, 50_000_000, 100_000_000
-WXYZ = [3, 0, 1, 2]
 ECHOES = 32
 """So many requests may be on their way."""
 STEP_NS = 2_000_000
@@ -81,8 +81,8 @@ class NatNetSession:
         return replace(
             self._status,
             lost=self._numbers.lost,
-            latency_s=(now_ns - capture_ns) * 1e-9,
-            uncertainty_s=None if uncertainty_ns is None else uncertainty_ns * 1e-9,
+            latency_s=seconds(now_ns - capture_ns),
+            uncertainty_s=seconds(uncertainty_ns),
             constant_told=is_told and self._capture.offset_ns(now_ns) is not None,
         )
 
@@ -241,8 +241,8 @@ class NatNetSession:
         table = frame.bodies[rows] if len(rows) < len(frame.bodies) else frame.bodies
         capture_ns = self._capture_ns(frame.exposure_ticks, now_ns)
         self._newest = now_ns, capture_ns, frame.exposure_ticks != 0
-        q_wxyz = table["q_xyzw"][:, WXYZ]
-        self._feed.frame(frame.number, capture_ns, bodies, table["pos"], q_wxyz, (table["params"] & TRACKED) != 0)
+        pos_m, q = from_quaternions(table["pose"], self._feed.unit_m)
+        self._feed.frame(frame.number, capture_ns, bodies, pos_m, q, (table["params"] & TRACKED) != 0)
 
     def _capture_ns(self, ticks: int, now_ns: int) -> int:
         """The middle of the exposure on our clock; where that is not told, or cannot be, arrival less the latency."""

@@ -26,12 +26,11 @@ TEXTS = (QRTPacketType.PacketError, QRTPacketType.PacketCommand, QRTPacketType.P
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SixD:
-    """One exposure's bodies. stamp_us: since QTM's start; pos_mm (n, 3) and rotation (n, 3, 3), NaN where lost."""
+    """One exposure's bodies. stamp_us: since QTM's start; rows (n, 12): x y z, matrix by columns; NaN: lost."""
 
     stamp_us: int
     number: int
-    pos_mm: NDArray[np.float32]
-    rotation: NDArray[np.float32]
+    rows: NDArray[np.float32]
 
 
 class Stream:
@@ -86,9 +85,7 @@ def bodies_of(packet: bytes) -> SixD | None:
     if size != whole or len(packet) < start - HEADER.size + whole:
         raise ValueError("6D component: body count and size do not agree")
     rows = np.frombuffer(packet, "<f4", BODY_FLOATS * n, start + BODIES.size).reshape(n, BODY_FLOATS)
-    # Column by column, so that the transpose is the matrix.
-    rotation = rows[:, 3:].reshape(n, 3, 3).swapaxes(1, 2)
-    return SixD(read.timestamp, read.framenumber, rows[:, :3], rotation)
+    return SixD(read.timestamp, read.framenumber, rows)
 
 
 def names_of(parameters: str) -> tuple[str, ...]:

@@ -131,7 +131,7 @@ class QualisysSession:
             self._feed.refuse("data packet: no 6D component")
         elif self._names is None:
             self._feed.refuse("a frame while the bodies' names are asked for")
-        elif len(self._names) != len(frame.pos_mm):
+        elif len(self._names) != len(frame.rows):
             self._feed.refuse("a frame of more or fewer bodies than are named")
             self._names = None
             return self._ask(now_ns) if now_ns - self._asked_ns > SOON_NS else b""

@@ -1,14 +1,11 @@
 """Qualisys Track Manager as a source: its frames with names, numbers and capture times."""
 
-import numpy as np
-
 from formation.mocap_config import QualisysConfig
 from gcs.mocap.capture_time import CaptureTime
-from gcs.mocap.sources.frame_count import FrameCount
+from gcs.mocap.sources.numbered import NumberedFrames
+from gcs.mocap.sources.poses import from_matrices
 from gcs.mocap.sources.qualisys.packets import SixD
 from gcs.mocap.sources.qualisys.session import QualisysSession
-from gcs.mocap.sources.roll_call import RollCall
-from gcs.mocap.sources.rotation import quaternions
 from gcs.mocap.sources.source import Feed, SourceStatus
 from gcs.mocap.sources.tcp import TcpClient
 
@@ -19,13 +16,9 @@ class Qualisys:
     """One QTM's client. lab: the bodies that are expected; latency_ns: from exposure to receipt, which QTM keeps."""
 
     def __init__(self, config: QualisysConfig, lab: tuple[str, ...], latency_ns: int, feed: Feed) -> None:
-        self._server = f"QTM at {config.host}:{config.port}"
         self._feed = feed
-        self._roll = RollCall(lab, feed)
-        self._count = FrameCount()
+        self._frames = NumberedFrames(f"QTM at {config.host}:{config.port}", lab, feed)
         self._time = CaptureTime(latency_ns)
-        self._age_ns: int | None = None
-        self._uncertainty_ns: int | None = None
         self._client = TcpClient(config.host, config.port, self, feed)
 
     async def run(self) -> None:
@@ -34,31 +27,18 @@ class Qualisys:
 
     def status(self) -> SourceStatus:
         """How it is doing."""
-        return SourceStatus(
-            self._server,
-            self._client.connected,
-            self._count.lost,
-            None if self._age_ns is None else 1e-9 * self._age_ns,
-            None if self._uncertainty_ns is None else 1e-9 * self._uncertainty_ns,
-            constant_told=False,
-            bodies=self._roll.bodies,
-        )
+        now_ns = self._feed.clock.monotonic_ns()
+        return self._frames.status(self._client.connected, self._time.uncertainty_ns(now_ns), constant_told=False)
 
     def open(self, now_ns: int, _ours: str, _theirs: str) -> tuple[QualisysSession, bytes]:
         """A new connection's session; QTM speaks first."""
-        return QualisysSession(self._take, self._named, self._feed, now_ns), b""
-
-    def _named(self, names: tuple[str, ...]) -> None:
-        self._roll.take(names)
+        return QualisysSession(self._take, self._frames.name, self._feed, now_ns), b""
 
     def _take(self, frame: SixD, now_ns: int) -> None:
-        seq = self._count.take(frame.number)
+        seq = self._frames.number(frame.number)
         if seq is None:
-            self._feed.refuse("a frame whose number came already")
             return
         t_capture_ns = self._time.capture_ns(frame.stamp_us * NS_PER_US, now_ns)
-        self._age_ns, self._uncertainty_ns = now_ns - t_capture_ns, self._time.uncertainty_ns(now_ns)
-        lost = np.isnan(frame.pos_mm).any(axis=1, keepdims=True)
-        pos_mm, seen = np.where(lost, 0.0, frame.pos_mm), np.logical_not(lost).ravel()
-        q = quaternions(frame.rotation)
-        self._feed.frame(seq, t_capture_ns, self._roll.bodies, pos_mm, q, seen.tolist())
+        self._frames.note_exposed(t_capture_ns, now_ns)
+        placed = from_matrices(frame.rows, by_columns=True, unit_m=self._feed.unit_m, lost_is_nan=True)
+        self._feed.frame(seq, t_capture_ns, self._frames.bodies, *placed)

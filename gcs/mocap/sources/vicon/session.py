@@ -1,13 +1,14 @@
 """One connection to a DataStream server: what is wanted, then every frame it pushes. Sans-IO, time an argument."""
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
 
 from gcs.mocap.sources.source import Feed
 from gcs.mocap.sources.tcp import ProtocolError
 from gcs.mocap.sources.vicon import objects
+from gcs.mocap.sources.vicon.layout import Layout, Rows, is_plain, rows_of
 from gcs.mocap.sources.vicon.objects import Block, Kind
 
 WANTED = frozenset(
@@ -21,7 +22,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class ViconFrame:
-    """One exposure. segments: each subject's root as `objects.SEGMENT`, in the subjects' order, None where lost.
+    """One exposure. rows: each subject's place and matrix, as `layout.rows_of`, in the subjects' order.
 
     period: in ticks, None while the server has not said it; latency_s: from exposure to sending, likewise.
     """
@@ -29,7 +30,7 @@ class ViconFrame:
     number: int
     period: int | None
     latency_s: float | None
-    segments: tuple[bytes | None, ...]
+    rows: Rows
 
 
 class ViconSession:
@@ -49,17 +50,21 @@ class ViconSession:
         self._offered: frozenset[int] = frozenset()
         self._roots: dict[int, bytes] = {}
         self._segments: dict[int, bytes] = {}
+        self._layout: Layout | None = None
+        self._newest = b""
+        """The packet that was read by its layout, where one was since the segments were."""
         self._period: int | None = None
         self._latency_s: float | None = None
         self._opened_ns = self._pinged_ns = now_ns
-        self._pings = 0
+        self._pings = self._refused = self._size = 0
 
     def received(self, data: bytes, now_ns: int) -> bytes:
         """Take the next bytes; what to answer. ProtocolError where the connection cannot go on."""
         answers = []
         for packet in self._stream.take(data):
             try:
-                answers.append(self._packet(objects.blocks_of(packet), now_ns))
+                if not self._read_by_layout(packet, now_ns):
+                    answers.append(self._packet(objects.blocks_of(packet), now_ns))
             except ProtocolError:
                 raise
             except ValueError as error:
@@ -76,7 +81,24 @@ class ViconSession:
         self._pings += 1
         return objects.packet_of((Kind.PING, struct.pack("<Q", self._pings)))
 
+    def _read_by_layout(self, packet: bytes, now_ns: int) -> bool:
+        """Whether it is laid out as the one before, which spares nearly all of the work."""
+        layout = self._layout
+        rows = None if layout is None else layout.rows(packet)
+        if layout is None or rows is None:
+            return False
+        changed = {kind: [packet[where]] for kind, where in layout.changing.items()}
+        number = objects.number_of(changed[Kind.FRAME_INFO][-1])
+        self._newest = packet
+        self._take_latency(changed)
+        self._deliver(ViconFrame(number, self._period, self._latency_s, rows), now_ns)
+        return True
+
     def _packet(self, blocks: list[Block], now_ns: int) -> bytes:
+        self._layout = None
+        if self._newest:
+            before = [data for kind, data in objects.blocks_of(self._newest) if kind == Kind.GLOBAL_SEGMENTS]
+            self._newest, self._segments = b"", self._segments_of(before)
         of: dict[int, list[bytes]] = {}
         for kind, data in blocks:
             of.setdefault(kind, []).append(data)
@@ -84,10 +106,12 @@ class ViconSession:
             self._period = self._read(objects.period_of, of[Kind.STREAM_INFO][-1], self._period)
         if Kind.SUBJECT_INFO in of:
             self._name([objects.subject_of(data) for data in of[Kind.SUBJECT_INFO]])
-        if Kind.LATENCY_INFO in of:
-            self._latency_s = self._read(objects.latency_of, of[Kind.LATENCY_INFO][-1], self._latency_s)
-        if Kind.FRAME_INFO in of:
-            self._frame(of, now_ns)
+        self._take_latency(of)
+        if Kind.FRAME_INFO in of and self._frame(of, now_ns) and is_plain([kind for kind, _ in blocks]):
+            size = sum(len(data) for _, data in blocks)
+            if size == self._size:  # laid out the same twice: it may well be again
+                self._layout = Layout(blocks, self._roots)
+            self._size = size
         return self._want(objects.kinds_of(of[Kind.OBJECT_ENUMS][-1])) if Kind.OBJECT_ENUMS in of else b""
 
     def _want(self, offered: frozenset[int]) -> bytes:
@@ -104,13 +128,23 @@ class ViconSession:
         self._roots = roots
         self._named(tuple(name for _, name, _ in subjects))
 
-    def _frame(self, of: dict[int, list[bytes]], now_ns: int) -> None:
+    def _take_latency(self, of: Mapping[int, list[bytes]]) -> None:
+        if Kind.LATENCY_INFO in of:
+            self._latency_s = self._read(objects.latency_of, of[Kind.LATENCY_INFO][-1], self._latency_s)
+
+    def _frame(self, of: Mapping[int, list[bytes]], now_ns: int) -> bool:
+        """Whether it has segments of its own, and all of them could be read."""
         number = objects.number_of(of[Kind.FRAME_INFO][-1])
         unchanged = objects.unchanged_of(of[Kind.CONTENTS][-1]) if Kind.CONTENTS in of else frozenset()
-        if Kind.GLOBAL_SEGMENTS not in unchanged:
-            self._segments = self._segments_of(of.get(Kind.GLOBAL_SEGMENTS, []))
-        segments = tuple(self._segments.get(identifier) for identifier in self._roots)
-        self._deliver(ViconFrame(number, self._period, self._latency_s, segments), now_ns)
+        blocks = of.get(Kind.GLOBAL_SEGMENTS, [])
+        is_whole = Kind.GLOBAL_SEGMENTS not in unchanged
+        if is_whole:
+            refused = self._refused
+            self._segments = self._segments_of(blocks)
+            is_whole = refused == self._refused
+        rows = rows_of([self._segments.get(identifier) for identifier in self._roots])
+        self._deliver(ViconFrame(number, self._period, self._latency_s, rows), now_ns)
+        return is_whole
 
     def _segments_of(self, blocks: list[bytes]) -> dict[int, bytes]:
         """Each subject's root; one that cannot be read is lost, not the others."""
@@ -119,6 +153,7 @@ class ViconSession:
             try:
                 identifier, segment = objects.root_of(data, self._roots)
             except ValueError as error:
+                self._refused += 1
                 self._feed.refuse(str(error))
                 continue
             if segment is not None:

@@ -1,20 +1,13 @@
 """A Vicon DataStream server as a source: its frames with names, numbers and capture times."""
 
-import numpy as np
-
 from formation.mocap_config import ViconConfig
 from gcs.mocap.capture_time import CaptureTime
-from gcs.mocap.sources.frame_count import FrameCount
-from gcs.mocap.sources.roll_call import RollCall
-from gcs.mocap.sources.rotation import quaternions
+from gcs.mocap.sources.numbered import NumberedFrames
+from gcs.mocap.sources.poses import from_matrices
 from gcs.mocap.sources.source import Feed, SourceStatus
 from gcs.mocap.sources.tcp import TcpClient
-from gcs.mocap.sources.vicon.objects import SEGMENT, TICKS_HZ
+from gcs.mocap.sources.vicon.objects import TICKS_HZ
 from gcs.mocap.sources.vicon.session import ViconFrame, ViconSession
-
-ROOT = np.dtype([("identifier", "<u4"), ("pos_mm", "<f8", 3), ("rotation", "<f8", (3, 3))])
-LOST = bytes(SEGMENT.size)
-"""What some programs send for a body out of sight instead of nothing: it is at exactly zero."""
 
 
 class Vicon:
@@ -25,17 +18,13 @@ class Vicon:
     """
 
     def __init__(self, config: ViconConfig, lab: tuple[str, ...], latency_ns: int, feed: Feed) -> None:
-        self._server = f"Vicon at {config.host}:{config.port}"
         self._latency_ns = latency_ns
         self._feed = feed
-        self._roll = RollCall(lab, feed)
-        self._count = FrameCount()
+        self._frames = NumberedFrames(f"Vicon at {config.host}:{config.port}", lab, feed)
         self._period: int | None = None
         self._time = CaptureTime(0)
         self._sent_ns = 0
         self._told = False
-        self._age_ns: int | None = None
-        self._uncertainty_ns: int | None = None
         self._client = TcpClient(config.host, config.port, self, feed)
 
     async def run(self) -> None:
@@ -44,33 +33,19 @@ class Vicon:
 
     def status(self) -> SourceStatus:
         """How it is doing."""
-        return SourceStatus(
-            self._server,
-            self._client.connected,
-            self._count.lost,
-            None if self._age_ns is None else 1e-9 * self._age_ns,
-            None if self._uncertainty_ns is None else 1e-9 * self._uncertainty_ns,
-            self._told,
-            self._roll.bodies,
-        )
+        return self._frames.status(self._client.connected, self._time.uncertainty_ns(self._sent_ns), self._told)
 
     def open(self, now_ns: int, _ours: str, _theirs: str) -> tuple[ViconSession, bytes]:
         """A new connection's session; the server speaks first."""
-        return ViconSession(self._take, self._named, self._feed, now_ns), b""
-
-    def _named(self, names: tuple[str, ...]) -> None:
-        self._roll.take(names)
+        return ViconSession(self._take, self._frames.name, self._feed, now_ns), b""
 
     def _take(self, frame: ViconFrame, now_ns: int) -> None:
-        seq = self._count.take(frame.number)
+        seq = self._frames.number(frame.number)
         if seq is None:
-            self._feed.refuse("a frame whose number came already")
             return
         t_capture_ns = self._capture_ns(frame, now_ns)
-        roots = np.frombuffer(b"".join(segment or LOST for segment in frame.segments), ROOT)
-        pos_mm = roots["pos_mm"]
-        seen = (pos_mm != 0.0).any(axis=1)
-        self._feed.frame(seq, t_capture_ns, self._roll.bodies, pos_mm, quaternions(roots["rotation"]), seen.tolist())
+        placed = from_matrices(frame.rows, by_columns=False, unit_m=self._feed.unit_m, lost_is_nan=False)
+        self._feed.frame(seq, t_capture_ns, self._frames.bodies, *placed)
 
     def _capture_ns(self, frame: ViconFrame, now_ns: int) -> int:
         """0, for a frame without a stamp, as long as the frame period is not known."""
@@ -84,5 +59,5 @@ class Vicon:
         self._sent_ns = max(self._sent_ns, now_ns - latency_ns)
         stamp_ns = frame.number * frame.period * 1_000_000_000 // TICKS_HZ
         t_capture_ns = self._time.capture_ns(stamp_ns, self._sent_ns)
-        self._age_ns, self._uncertainty_ns = now_ns - t_capture_ns, self._time.uncertainty_ns(self._sent_ns)
+        self._frames.note_exposed(t_capture_ns, now_ns)
         return t_capture_ns

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from formation.config import LabConfig
 from formation.mocap_config import ChingmuConfig, VrpnConfig
-from gcs.mocap.sources.source import Feed, SourceStatus
+from gcs.mocap.sources.source import Feed, SourceStatus, seconds
 from gcs.mocap.sources.tcp import Session, TcpClient
 from gcs.mocap.sources.vrpn import messages
 from gcs.mocap.sources.vrpn.datagrams import Datagrams
@@ -72,8 +72,8 @@ class VrpnSource:
         uncertainty_ns = session.vrpn.uncertainty_ns(self._known.feed.clock.monotonic_ns())
         return replace(
             status,
-            latency_s=_seconds(session.vrpn.latency_ns),
-            uncertainty_s=_seconds(uncertainty_ns),
+            latency_s=seconds(session.vrpn.latency_ns),
+            uncertainty_s=seconds(uncertainty_ns),
             bodies=session.vrpn.bodies,
         )
 
@@ -135,7 +135,3 @@ class _Timed:
         self._timer = None
         self.vrpn.expire(self._feed.clock.monotonic_ns())
         self._set()
-
-
-def _seconds(ns: int | None) -> float | None:
-    return None if ns is None else ns * 1e-9

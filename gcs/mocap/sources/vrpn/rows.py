@@ -2,14 +2,13 @@
 
 import numpy as np
 
-from formation.maths.arrays import Float
+from formation.maths.arrays import Bool, Float
 from gcs.mocap.sources.vrpn.assembly import Exposure
 from gcs.mocap.sources.vrpn.repeats import Repeats
 
 MOST_BODIES = 256
 NOWHERE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 """x y z, quaternion x y z w."""
-W_X_Y_Z = [6, 3, 4, 5]
 
 
 class Rows:
@@ -42,8 +41,8 @@ class Rows:
             self._raw.append(b"")
         return row
 
-    def fill(self, exposure: Exposure) -> tuple[Float, Float, list[bool]]:
-        """The frame: positions (n, 3), quaternions w x y z (n, 4), seen (n,). Who did not come keeps its last pose."""
+    def fill(self, exposure: Exposure) -> tuple[Float, Bool]:
+        """The frame: poses as they came (n, 7), seen (n,). Who did not come keeps its last pose."""
         poses = exposure.poses
         rows = np.fromiter(poses, np.intp, len(poses))
         values = np.frombuffer(b"".join(poses.values()), ">f8").reshape(-1, 7).astype(np.float64)
@@ -55,4 +54,4 @@ class Rows:
         for row, pose in poses.items():
             self._raw[row] = pose
         self._poses[rows] = values
-        return self._poses[:, :3].copy(), self._poses[:, W_X_Y_Z], seen.tolist()
+        return self._poses, seen

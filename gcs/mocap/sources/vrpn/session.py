@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from formation.messages import Severity
 from gcs.mocap.capture_time import CaptureTime
+from gcs.mocap.sources.poses import from_quaternions
 from gcs.mocap.sources.source import Feed
 from gcs.mocap.sources.tcp import ProtocolError
 from gcs.mocap.sources.vrpn import messages
@@ -179,7 +180,9 @@ class VrpnSession:
         self._assembly.set_period(pacing.period_ns)
         t_capture_ns = self._time.capture_ns(exposure.stamp_ns, exposure.arrived_ns)
         self.latency_ns = exposure.arrived_ns - t_capture_ns
-        self._known.feed.frame(seq, t_capture_ns, self._rows.names, *self._rows.fill(exposure))
+        rows, seen = self._rows.fill(exposure)
+        feed = self._known.feed
+        feed.frame(seq, t_capture_ns, self._rows.names, *from_quaternions(rows, feed.unit_m), seen)
 
     def _tell_lack(self) -> None:
         """Once, and again when it changes."""

@@ -1,6 +1,5 @@
 """A NatNet server without its sockets: requests in, answers out; exposures in, frames out; its own clock. Pure."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from struct import pack, unpack_from
 
@@ -36,19 +35,18 @@ class NatNetSettings:
 
 @dataclass(slots=True)
 class Responder:
-    """One server. group: None for unicast. theirs: what Motive calls a body, where the lab calls it otherwise."""
+    """One server. group: None for unicast. Bodies go by Motive's names."""
 
     settings: NatNetSettings
     data_port: int
     group: str | None
     unit_m: float = 1.0
-    theirs: Mapping[str, str] = field(default_factory=dict)
     clients: dict[Address, int] = field(default_factory=dict)
     """Of unicast: when each was last heard."""
     clock_step_ns: int = 0
     """How much the clock was set since the start."""
     ids: dict[str, int] = field(default_factory=dict)
-    """Of each body, by its name here."""
+    """Of each body."""
     _last_id: int = 0
     changed: bool = False
     """Whether the next frame says that the models changed."""
@@ -61,16 +59,15 @@ class Responder:
 
     def show(self, bodies: tuple[str, ...]) -> None:
         """The models are these now. One in another's place is that one renamed: it keeps the id."""
-        names = [self.theirs.get(body, body) for body in bodies]
-        if names == list(self.ids):
+        if bodies == tuple(self.ids):
             return
         self.changed = bool(self.ids)
-        if len(names) == len(self.ids):
-            self.ids = dict(zip(names, self.ids.values(), strict=True))
+        if len(bodies) == len(self.ids):
+            self.ids = dict(zip(bodies, self.ids.values(), strict=True))
             return
         known = self.ids
         self.ids = {}
-        for name in names:
+        for name in bodies:
             if name not in known:
                 self._last_id += 1
             self.ids[name] = known.get(name, self._last_id)

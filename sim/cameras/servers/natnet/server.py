@@ -72,10 +72,9 @@ class NatNetServer:
 def natnet_server(
     config: MocapConfig, bodies: tuple[str, ...], clock: Clock, settings: NatNetSettings | None = None
 ) -> NatNetServer:
-    """What a lab file's [mocap.natnet] would be served by."""
+    """What a lab file's [mocap.natnet] would be served by; bodies by Motive's names."""
     table = config.natnet or NatNetConfig()
-    theirs = {ours: name for name, ours in config.names.items()}
     settings = settings or NatNetSettings(rate_hz=config.rate_hz)
-    responder = Responder(settings, table.data_port, table.multicast or None, config.unit_m, theirs)
+    responder = Responder(settings, table.data_port, table.multicast or None, config.unit_m)
     responder.show(bodies)
     return NatNetServer(table, responder, clock)

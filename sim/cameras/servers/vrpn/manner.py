@@ -34,14 +34,13 @@ class Manner(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class TrackerEach:
-    """A tracker a body, sensor 0; of a body out of sight comes nothing. names: the lab's to its own."""
+    """A tracker a body, sensor 0; of a body out of sight comes nothing."""
 
     unit_m: float
-    names: dict[str, str]
 
     def senders(self, bodies: tuple[str, ...]) -> tuple[str, ...]:
         """Their own names."""
-        return tuple(self.names.get(body, body) for body in bodies)
+        return bodies
 
     def reports(self, frame: RawFrame) -> list[Report]:
         """One a body in sight."""
@@ -60,7 +59,7 @@ class SensorEach:
     device: str
     first_sensor: int
     names: dict[str, str]
-    """The lab's bodies to the numbers of sensors, where they are not the next free ones."""
+    """Bodies to the numbers of their sensors, where they are not the next free ones."""
     _numbers: dict[str, int] = field(default_factory=dict)
     _shown: dict[str, tuple[Vec3, Quat]] = field(default_factory=dict)
 

@@ -28,21 +28,18 @@ class Address:
 
 
 def vrpn_server(config: MocapConfig, bodies: tuple[str, ...], clock: Clock) -> "VrpnServer":
-    """A tracker a body, by the names that `[mocap.names]` gives to the lab's."""
+    """A tracker a body."""
     at = config.vrpn or VrpnConfig()
-    manner = TrackerEach(config.unit_m, _theirs(config))
+    manner = TrackerEach(config.unit_m)
     return VrpnServer(Address(at.host, at.port), manner, bodies, messages.COOKIE, clock)
 
 
 def chingmu_server(config: MocapConfig, bodies: tuple[str, ...], clock: Clock) -> "VrpnServer":
-    """One device; sensors by `[mocap.names]`, the others in their order."""
+    """One device; the lab's bodies are sensors by `[mocap.names]`, the others in their order."""
     at = config.chingmu or ChingmuConfig()
-    manner = SensorEach(config.unit_m, at.device, at.first_sensor, _theirs(config))
+    sensors = {body: number for number, body in config.names.items()}
+    manner = SensorEach(config.unit_m, at.device, at.first_sensor, sensors)
     return VrpnServer(Address(at.host, at.port), manner, bodies, CHINGMU_COOKIE, clock)
-
-
-def _theirs(config: MocapConfig) -> dict[str, str]:
-    return {lab: theirs for theirs, lab in config.names.items()}
 
 
 class VrpnServer:

@@ -22,8 +22,7 @@ def test_a_plain_frame_is_read_with_and_without_marker_sets_before_the_bodies(da
     (body,) = frame.bodies
     number, pos, q = outside.BODY
     assert body["id"] == number
-    np.testing.assert_array_equal(body["pos"], np.float32(pos))
-    np.testing.assert_array_equal(body["q_xyzw"], np.float32(q))
+    np.testing.assert_array_equal(body["pose"], np.float32([*pos, *q]))
     assert body["params"] & TRACKED
 
 
@@ -47,8 +46,7 @@ def test_a_frame_with_every_section(version):
     assert (frame.number, frame.exposure_ticks, frame.params) == (outside.NUMBER, outside.EXPOSURE, 2)
     for row, (number, pos, q, params) in zip(frame.bodies, outside.BODIES, strict=True):
         assert (row["id"], row["params"]) == (number, params)
-        np.testing.assert_array_equal(row["pos"], np.float32(pos))
-        np.testing.assert_array_equal(row["q_xyzw"], np.float32(q))
+        np.testing.assert_array_equal(row["pose"], np.float32([*pos, *q]))
 
 
 @pytest.mark.parametrize("version", VERSIONS)

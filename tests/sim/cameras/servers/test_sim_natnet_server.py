@@ -128,10 +128,8 @@ def test_cameras_without_stamps_and_a_clock_that_is_set():
 
 def test_a_lab_files_table_gives_its_server():
     table = {"host": "127.0.0.1", "multicast": "", "data_port": 1600}
-    config = MocapConfig.model_validate(
-        {"source": "natnet", "natnet": table, "names": {"Drone 1": "lead"}, "unit": "mm"}
-    )
-    server = natnet_server(config, ("lead", "left"), REAL_TIME)
+    config = MocapConfig.model_validate({"source": "natnet", "natnet": table, "unit": "mm"})
+    server = natnet_server(config, ("Drone 1", "left"), REAL_TIME)
     assert list(server.responder.ids) == ["Drone 1", "left"]
-    frame = server.responder.frame(raw(), 10 * S)
+    frame = server.responder.frame(raw(("Drone 1", "left")), 10 * S)
     assert pack("<i3f", 2, 3000, 4000, 5000) in frame

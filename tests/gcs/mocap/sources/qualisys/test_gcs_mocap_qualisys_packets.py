@@ -28,10 +28,10 @@ def test_a_frame():
     frame = bodies_of(packet)
     assert frame is not None
     assert (frame.stamp_us, frame.number) == (5_000_000_000, 70_000)
-    np.testing.assert_array_equal(frame.pos_mm[0], [1000.25, -250.5, 1500.0])
-    np.testing.assert_array_equal(frame.rotation[0], [[0, -1, 0], [1, 0, 0], [0, 0, 1]])  # 90 degrees about z
-    assert np.isnan(frame.pos_mm[1]).all()
-    assert np.isnan(frame.rotation[1]).all()
+    np.testing.assert_array_equal(frame.rows[0, :3], [1000.25, -250.5, 1500.0])
+    turned = frame.rows[0, 3:].reshape(3, 3).T
+    np.testing.assert_array_equal(turned, [[0, -1, 0], [1, 0, 0], [0, 0, 1]])  # 90 degrees about z
+    assert np.isnan(frame.rows[1]).all()
 
 
 def test_names_of_both_ways_to_write_them():

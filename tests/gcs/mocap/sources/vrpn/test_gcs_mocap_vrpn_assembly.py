@@ -136,6 +136,30 @@ def test_exposures_are_numbered_and_a_gap_counts_as_lost():
     assert pacing.period_ns == pytest.approx(PERIOD_NS, rel=1e-3)
 
 
+@pytest.mark.parametrize("every", [100, 0])
+@pytest.mark.parametrize("rate_hz", [240.0, 100.0])
+def test_stamps_that_jitter_by_up_to_two_fifths_of_a_period_are_no_loss_and_hide_none(rate_hz: float, every: int):
+    rng, period_ns = np.random.default_rng(3), 1e9 / rate_hz
+    jitter_ns = np.clip(rng.normal(0.0, 0.12 * period_ns, 5000), -0.4 * period_ns, 0.4 * period_ns)
+    stamps = np.arange(5000) * period_ns + jitter_ns
+    kept = [k for k in range(5000) if k < 200 or not every or k % every]
+    pacing = Pacing(1e9 / 100)
+    assert [pacing.number(round(stamps[k])) for k in kept] == kept
+    assert pacing.lost == 5000 - len(kept)
+
+
+def test_another_rate_is_learnt_within_half_a_second():
+    pacing, stamp_ns = Pacing(1e9 / 100), 0
+    for step_ns in [10 * MS] * 200 + [4 * MS] * 200 + [10 * MS] * 200:
+        stamp_ns += step_ns
+        last = pacing.number(stamp_ns)
+    assert pacing.period_ns == pytest.approx(10 * MS)
+    assert last - 599 == pacing.lost < 100
+    lost = pacing.lost
+    assert [pacing.number(stamp_ns + k * 10 * MS) for k in range(1, 100)] == list(range(last + 1, last + 100))
+    assert pacing.lost == lost
+
+
 def test_frames_stamped_late_are_not_lost():
     """A server that stalls for 360 ms stamps what it caught up with 50 us apart."""
     pacing, stamp_ns = Pacing(1e9 / 100), 0

@@ -58,7 +58,7 @@ class McapFile:
         self._stream = stream
         self._position = 0
         self._crc = 0
-        self._compress = zstandard.ZstdCompressor(level=1).compress
+        self._compress = zstandard.ZstdCompressor(level=3).compress
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
         self._chunks: list[ChunkIndex] = []
@@ -73,14 +73,17 @@ class McapFile:
         self._write(data)
 
     def add_channel(self, topic: str, schema_name: str, descriptor_set: bytes) -> int:
-        """Write a Protobuf schema and a channel of it; its number. Before the first chunk, so that damage
-        to one chunk never costs another its meaning."""
+        """Write a channel of a Protobuf schema, and that before its first; its number. Before the first chunk, so that
+        damage to one chunk never costs another its meaning."""
         number = len(self._channels) + 1
-        schema = Schema(id=number, name=schema_name, encoding="protobuf", data=descriptor_set)
-        channel = Channel(id=number, topic=topic, message_encoding="protobuf", metadata={}, schema_id=number)
-        self._schemas.append(schema)
+        schema = next((s for s in self._schemas if (s.name, s.data) == (schema_name, descriptor_set)), None)
+        if schema is None:
+            schema = Schema(id=len(self._schemas) + 1, name=schema_name, encoding="protobuf", data=descriptor_set)
+            self._schemas.append(schema)
+            self._write(_record(schema))
+        channel = Channel(id=number, topic=topic, message_encoding="protobuf", metadata={}, schema_id=schema.id)
         self._channels.append(channel)
-        self._write(_record(schema) + _record(channel))
+        self._write(_record(channel))
         return number
 
     def write_chunk(self, messages: list[Stored]) -> None:

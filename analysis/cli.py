@@ -1,4 +1,4 @@
-"""`gcs-log report | check | picture | identify`: what a log says, for people and for scripts.
+"""`gcs-log report | check | picture | export | identify`: what a log says, for people and for scripts.
 
 Exit codes: 0 well, 1 the log is damaged (`check`), 2 no log, or an argument that cannot be used.
 """
@@ -77,6 +77,27 @@ def picture(log: LogPath, out: PngOut = Path("flight.png")) -> None:
     with _refusing():
         draw_picture(log, out)
     typer.echo(out)
+
+
+@app.command()
+def export(
+    log: LogPath,
+    csv: Annotated[bool, typer.Option("--csv", help="Text that every program reads.")] = False,
+    parquet: Annotated[bool, typer.Option("--parquet", help="Smaller and quicker; needs pyarrow.")] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FOLDER", help="Where to; without it a folder beside the log.")
+    ] = None,
+) -> None:
+    """Write every topic as a table, one file each: every number as it was logged, a row a drone."""
+    from analysis.export import to_csv, to_parquet
+    from analysis.tables import load
+
+    if csv == parquet:
+        raise typer.BadParameter("say which: --csv or --parquet")
+    folder = log.with_name(f"{log.stem}-{'csv' if csv else 'parquet'}") if out is None else out
+    with _refusing():
+        written = (to_csv if csv else to_parquet)(load(log), folder)
+    typer.echo(f"{len(written)} files in {folder}")
 
 
 @app.command()

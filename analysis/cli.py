@@ -1,4 +1,4 @@
-"""`gcs-log report | check | picture | export | identify`: what a log says, for people and for scripts.
+"""`gcs-log report | check | picture | compare | export | identify`: what a log says, for people and for scripts.
 
 Exit codes: 0 well, 1 the log is damaged (`check`), 2 no log, or an argument that cannot be used.
 """
@@ -80,6 +80,30 @@ def picture(log: LogPath, out: PngOut = Path("flight.png")) -> None:
 
 
 @app.command()
+def compare(
+    first: LogPath,
+    second: LogPath,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The page to write.")] = Path("compared.html"),
+    as_json: Json = False,
+) -> None:
+    """Hold two flights side by side: numbers, overlaid pictures, and what was not the same in their configuration."""
+    from rich.console import Console
+
+    from analysis.console import print_comparison
+    from analysis.pages import compare as comparing
+
+    with _refusing():
+        a, b = comparing.sides(first, second)
+        if not as_json:
+            out.write_text(comparing.html(a, b), encoding="utf-8")
+    if as_json:
+        typer.echo(comparing.to_json(a, b))
+    else:
+        print_comparison(a, b, Console())
+        typer.echo(out)
+
+
+@app.command()
 def export(
     log: LogPath,
     csv: Annotated[bool, typer.Option("--csv", help="Text that every program reads.")] = False,
@@ -89,8 +113,8 @@ def export(
     ] = None,
 ) -> None:
     """Write every topic as a table, one file each: every number as it was logged, a row a drone."""
-    from analysis.export import to_csv, to_parquet
-    from analysis.tables import load
+    from analysis.tables.export import to_csv, to_parquet
+    from analysis.tables.topic_tables import load
 
     if csv == parquet:
         raise typer.BadParameter("say which: --csv or --parquet")

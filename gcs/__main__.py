@@ -14,6 +14,7 @@ from gcs.cli import mocap as mocap_cli
 from gcs.cli import operator as operator_cli
 from gcs.cli.common import Json, LabFile, Name, Speed
 from gcs.doctor import cli as doctor_cli
+from gcs.live import cli as live_cli
 from wire import clock
 from wire.process.program import program
 
@@ -71,6 +72,7 @@ def check(
 
 operator_cli.register(app)
 app.add_typer(mocap_cli.app, name="mocap")
+app.command()(live_cli.live)
 app.command()(doctor_cli.doctor)
 app.command()(doctor_cli.logs)
 

@@ -34,6 +34,7 @@ from gcs.mocap.autopilot_poses import AutopilotPoses
 from gcs.mocap.service import ServiceError, mocap_service
 from gcs.recording import Input, Recorder, run_metadata
 from wire.clock import REAL_TIME, Clock
+from wire.logs.live import sharer
 from wire.logs.mcap_log import LogWriter
 from wire.process.machine import machine
 from wire.transport.mocap_bus import MocapBus
@@ -252,7 +253,7 @@ async def run(
     bus = await ZenohBus.open(config.link, config.name)
     try:
         told = {**run_metadata(config, t0_ns, epoch), "lab_file": str(lab_file), "machine": machine(), **metadata}
-        with LogWriter(log_path, told, start=start) as log:
+        with LogWriter(log_path, told, start=start, share=sharer(bus, name)) as log:
             ground = Ground(config, core, log, tell, clock)
             ground.links = await open_links(config, bus, ground.take_datagram)
             try:

@@ -3,7 +3,7 @@
 This is the one import for users; the rest of the packages may change.
 """
 
-from analysis.tables import FlightLog, load
+from analysis.tables.topic_tables import FlightLog, load
 from wire.logs.mcap_log import LogError
 
 __all__ = ["FlightLog", "LogError", "load"]

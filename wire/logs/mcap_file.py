@@ -57,6 +57,8 @@ class McapFile:
     def __init__(self, stream: RawIOBase, library: str) -> None:
         self._stream = stream
         self._position = 0
+        self.head = b""
+        """The file up to its first chunk: with any chunk behind it, a log to be read."""
         self._crc = 0
         self._compress = zstandard.ZstdCompressor(level=3).compress
         self._schemas: list[Schema] = []
@@ -86,10 +88,10 @@ class McapFile:
         self._write(_record(channel))
         return number
 
-    def write_chunk(self, messages: list[Stored]) -> None:
-        """Write the messages as one compressed chunk and its index; nothing if there are none."""
+    def write_chunk(self, messages: list[Stored]) -> bytes:
+        """Write the messages as one compressed chunk and its index, and return the chunk; nothing if there are none."""
         if not messages:
-            return
+            return b""
         raw = b"".join([record for _, _, record in messages])
         stamps = [t_ns for _, t_ns, _ in messages]
         chunk = Chunk(
@@ -119,6 +121,7 @@ class McapFile:
         for channel, flat in entries.items():
             self._counts[channel] = self._counts.get(channel, 0) + len(flat) // 2
         self._write(record + index)
+        return record
 
     def finish(self) -> None:
         """Write the summary and the end of the file."""
@@ -164,6 +167,8 @@ class McapFile:
         while view:  # an unbuffered write may take less than all
             view = view[self._stream.write(view) or 0 :]
         self._crc = zlib.crc32(data, self._crc)
+        if not self._chunks:
+            self.head += data
         self._position += len(data)
 
 

@@ -38,6 +38,8 @@ from wire.schema import schema_of
 
 __all__ = ["Entry", "Log", "LogCheck", "LogError", "LogWriter", "Reading", "check_log", "read_log"]
 
+Share = Callable[[bytes, bytes], None]
+"""(the file up to its first chunk, one chunk): together they are a log."""
 _LIBRARY = "mavlink-formation"
 _CHUNK_PERIOD_S, _CALM_PERIOD_S = 0.02, 0.2
 _CHUNK_MESSAGES = 1000
@@ -53,11 +55,18 @@ class LogWriter:
     """
 
     def __init__(
-        self, path: Path, metadata: Mapping[str, str], *, start: ClockPair = SIMULATED, threaded: bool = True
+        self,
+        path: Path,
+        metadata: Mapping[str, str],
+        *,
+        start: ClockPair = SIMULATED,
+        threaded: bool = True,
+        share: Share | None = None,
     ) -> None:  # fmt: skip
         """Create the file (OSError), its owner's alone, with the metadata record "run" first.
 
         start: which date the stamps begin at; simulated time's own unless said. `threaded=False` writes in line.
+        share: called with each chunk that was written, where it was written: in the log's own thread.
         """
         self.path = path
         self.failure: OSError | None = None
@@ -66,6 +75,7 @@ class LogWriter:
         self._pending: deque[Stored] = deque()
         self._writing_ns: int | None = None  # the stamp of the oldest message of the chunk being written
         self._stream = FileIO(path, "w", opener=private)
+        self._share = share
         self._ahead_ns = start.ahead_ns
         self._file = McapFile(self._stream, _LIBRARY)
         self._file.add_metadata("run", {**metadata, **_dated(start)})
@@ -150,7 +160,9 @@ class LogWriter:
             self.lost += len(chunk)
             return
         try:
-            self._file.write_chunk(chunk)
+            written = self._file.write_chunk(chunk)
+            if self._share is not None and written:
+                self._share(self._file.head, written)
         except OSError as error:
             self.failure = error
             self.lost += len(chunk)

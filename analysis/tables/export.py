@@ -4,7 +4,7 @@ import csv
 import json
 from pathlib import Path
 
-from analysis.tables import FlightLog, Table
+from analysis.tables.topic_tables import FlightLog, Table
 from wire.logs.mcap_log import LogError
 
 WITHOUT_PYARROW = "--parquet needs pyarrow: pip install 'mavlink-formation[parquet]'"

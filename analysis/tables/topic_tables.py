@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from analysis.link_history import histories
+from analysis.tables.link_history import histories
 from formation.config import LabConfig
 from formation.maths.arrays import Layout
 from formation.topics import LINK_UP

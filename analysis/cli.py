@@ -1,4 +1,4 @@
-"""`gcs-log report | check | picture | compare | export | identify`: what a log says, for people and for scripts.
+"""`gcs-log report | check | picture | compare | layout | export | identify`: what a log says, to people and scripts.
 
 Exit codes: 0 well, 1 the log is damaged (`check`), 2 no log, or an argument that cannot be used.
 """
@@ -101,6 +101,26 @@ def compare(
     else:
         print_comparison(a, b, Console())
         typer.echo(out)
+
+
+@app.command()
+def layout(
+    source: Annotated[
+        Path | None, typer.Argument(metavar="LAB.TOML|FLIGHT.MCAP", help="Whose drones; without it three usual ones.")
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="A .json or .rbl file.")] = Path("foxglove.json"),
+) -> None:
+    """Write a layout of a formation flight for Foxglove (.json), or a blueprint for Rerun (.rbl)."""
+    from analysis.pages import layout as layouts
+    from wire.errors import ConfigError
+
+    with _refusing():
+        try:
+            layouts.write(out, layouts.bodies_of(source))
+        except ConfigError as error:
+            typer.echo(f"gcs-log: {error}", err=True)
+            raise typer.Exit(UNUSABLE) from error
+    typer.echo(out)
 
 
 @app.command()

@@ -127,5 +127,5 @@ def file_of(channels: Mapping[int, Described], messages: list[tuple[int, int, by
         numbers[number] = writer.register_channel(told.topic, "protobuf", schemas[key])
     for number, unix_ns, data in messages:
         writer.add_message(numbers[number], unix_ns, data, unix_ns)
-    writer.finish()
+    writer.finish()  # type: ignore[no-untyped-call]
     return stream.getvalue()

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 
 from formation import messages as m
@@ -26,6 +27,7 @@ from wire.link_messages.status import (
 )
 from wire.logs.mcap_log import LogWriter, check_log, read_log
 from wire.mavlink.codec import Codec
+from wire.schema import schema_of
 
 START = ClockPair(1_000_000_000, 1_790_000_000_000_000_000)
 LAB = LabConfig(
@@ -193,3 +195,27 @@ def test_an_event_is_a_line_of_the_log(shown) -> None:
     (t_ns, line), *_ = shown["/log"]
     assert (line.name, line.message, line.level) == ("left", "battery low", 3)
     assert t_ns == START.unix_ns + 2_000_000_000
+
+
+def test_a_log_without_a_date_gives_its_stamps_as_they_are(tmp_path: Path) -> None:
+    """Those of before: their times were the monotonic clock's own."""
+    path = tmp_path / "old.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        writer.add_metadata("run", {"seed": "1"})
+        schema = schema_of(m.Tick)
+        number = writer.register_schema(schema.name, "protobuf", schema.descriptor_set)
+        channel = writer.register_channel(topics.TICK.name, "protobuf", number)
+        writer.add_message(channel, 7, schema.encode(m.Tick(7)), 7)
+        writer.finish()
+    assert [(entry.t_ns, entry.message) for entry in read_log(path).entries] == [(7, m.Tick(7))]
+    assert check_log(path).complete
+
+
+def test_a_date_that_is_none_is_told_of(tmp_path: Path) -> None:
+    path = tmp_path / "odd.mcap"
+    with LogWriter(path, {}, start=START, threaded=False) as log:
+        log.write(topics.TICK, m.Tick(7), 7)
+    path.write_bytes(path.read_bytes().replace(str(START.unix_ns).encode(), b"soon".ljust(19)))
+    assert "the date at which it begins cannot be read" in check_log(path).damage

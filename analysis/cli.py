@@ -1,4 +1,4 @@
-"""`gcs-log report | check | picture | identify`: what a log says, for people and for scripts.
+"""`gcs-log report | check | picture | compare | layout | export | identify`: what a log says, to people and scripts.
 
 Exit codes: 0 well, 1 the log is damaged (`check`), 2 no log, or an argument that cannot be used.
 """
@@ -77,6 +77,71 @@ def picture(log: LogPath, out: PngOut = Path("flight.png")) -> None:
     with _refusing():
         draw_picture(log, out)
     typer.echo(out)
+
+
+@app.command()
+def compare(
+    first: LogPath,
+    second: LogPath,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The page to write.")] = Path("compared.html"),
+    as_json: Json = False,
+) -> None:
+    """Hold two flights side by side: numbers, overlaid pictures, and what was not the same in their configuration."""
+    from rich.console import Console
+
+    from analysis.console import print_comparison
+    from analysis.pages import compare as comparing
+
+    with _refusing():
+        a, b = comparing.sides(first, second)
+        if not as_json:
+            out.write_text(comparing.html(a, b), encoding="utf-8")
+    if as_json:
+        typer.echo(comparing.to_json(a, b))
+    else:
+        print_comparison(a, b, Console())
+        typer.echo(out)
+
+
+@app.command()
+def layout(
+    source: Annotated[
+        Path | None, typer.Argument(metavar="LAB.TOML|FLIGHT.MCAP", help="Whose drones; without it three usual ones.")
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="A .json or .rbl file.")] = Path("foxglove.json"),
+) -> None:
+    """Write a layout of a formation flight for Foxglove (.json), or a blueprint for Rerun (.rbl)."""
+    from analysis.pages import layout as layouts
+    from wire.errors import ConfigError
+
+    with _refusing():
+        try:
+            layouts.write(out, layouts.bodies_of(source))
+        except ConfigError as error:
+            typer.echo(f"gcs-log: {error}", err=True)
+            raise typer.Exit(UNUSABLE) from error
+    typer.echo(out)
+
+
+@app.command()
+def export(
+    log: LogPath,
+    csv: Annotated[bool, typer.Option("--csv", help="Text that every program reads.")] = False,
+    parquet: Annotated[bool, typer.Option("--parquet", help="Smaller and quicker; needs pyarrow.")] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FOLDER", help="Where to; without it a folder beside the log.")
+    ] = None,
+) -> None:
+    """Write every topic as a table, one file each: every number as it was logged, a row a drone."""
+    from analysis.tables.export import to_csv, to_parquet
+    from analysis.tables.topic_tables import load
+
+    if csv == parquet:
+        raise typer.BadParameter("say which: --csv or --parquet")
+    folder = log.with_name(f"{log.stem}-{'csv' if csv else 'parquet'}") if out is None else out
+    with _refusing():
+        written = (to_csv if csv else to_parquet)(load(log), folder)
+    typer.echo(f"{len(written)} files in {folder}")
 
 
 @app.command()

@@ -8,6 +8,7 @@ from analysis.check import Check
 from analysis.identify.report import drone_lines, sensing_lines
 from analysis.identify.vehicle import Identification
 from analysis.metrics import Summary
+from analysis.pages.compare import Side, configuration, numbers
 from analysis.words import counted, mm
 
 
@@ -53,6 +54,20 @@ def _flight(summary: Summary) -> str:
     seeded = [f"seed {summary.seed}"] if summary.seed is not None else []
     linked = [f"over {summary.link}"] if summary.link else []
     return ", ".join([*named, *seeded, *linked, f"{summary.duration_s:.1f} s", counted(summary.followers, "follower")])
+
+
+def print_comparison(a: Side, b: Side, console: Console) -> None:
+    """The numbers of two flights and their differences; what neither log can tell is left out."""
+    table = Table(box=None, pad_edge=False)
+    for name in ("", a.name, b.name, "second - first"):
+        table.add_column(Text(name), justify="left" if name == "" else "right")
+    for key, (x, y) in numbers(a, b).items():
+        if x is not None or y is not None:
+            change = "" if x is None or y is None else f"{y - x:+.3g}"
+            table.add_row(key, *("-" if value is None else f"{value:.5g}" for value in (x, y)), change)
+    console.print(table)
+    for key, (was, is_now) in configuration(a, b).items():
+        console.print(Text(f"{key}: {was} | {is_now}"))
 
 
 def print_check(check: Check, console: Console) -> None:

@@ -57,7 +57,7 @@ class Record(Protocol):
         """What was logged."""
 
 
-LONGEST_WORDS = 200
+LONGEST_WORDS, LONGEST_TEXT = 200, 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +79,8 @@ class Run:
     lockstep: bool
     lab: LabConfig | None
     versions: str
+    metadata: Mapping[str, str]
+    """All of it, as plain text."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -223,6 +225,7 @@ def _run(metadata: Mapping[str, str]) -> Run:
         lockstep=metadata.get("host", "") == "lockstep" or link == "memory",
         lab=_lab(metadata.get("lab", "")),
         versions=plain(metadata.get("versions", ""), LONGEST_WORDS),
+        metadata={key: plain(text, LONGEST_TEXT) for key, text in metadata.items()},
     )
 
 

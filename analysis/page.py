@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
-from analysis.plots.style import WIDTH_IN, Drawing, Missing, svg
+from analysis.plots.style import WIDTH_IN, Drawing, Missing, described, svg
 
 _CSS = Path(__file__).with_name("page.css")
 _BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:mm|ms|m/s|m|s|rad/s|Hz)\b|%)")
@@ -32,12 +32,17 @@ def text(words: str) -> str:
     return _BEFORE_UNIT.sub("\u00a0", escape(words))
 
 
-def picture(drawing: Drawing) -> str:
-    """The drawing embedded as SVG at its own scale, or what is missing for it."""
+def picture(drawing: Drawing, title: str) -> str:
+    """The drawing embedded as SVG at its own scale, with what it shows in words, or what is missing for it."""
     if isinstance(drawing, Missing):
         return f'<p class="missing">Not shown: {text(drawing.reason)}.</p>'
     share = 100.0 * drawing.get_figwidth() / WIDTH_IN
-    return f'<figure style="max-width:{share:.1f}%">{svg(drawing)}</figure>'
+    return f'<figure style="max-width:{share:.1f}%">{_spoken(svg(drawing), f"{title}: {described(drawing)}")}</figure>'
+
+
+def _spoken(image: str, words: str) -> str:
+    """The SVG with its alternative text."""
+    return image.replace("<svg", f'<svg role="img" aria-label="{escape(words, quote=True)}"', 1)
 
 
 def table(head: Sequence[str], rows: Iterable[str]) -> str:

@@ -10,10 +10,12 @@ from analysis import page, words
 from analysis.load import Flight, load_checked
 from analysis.metrics import Latency, Summary, rms, summarise, vibration_of
 from analysis.page import Section, cell, picture, row, swatch, table, text, tile
+from analysis.pages.events import Told, folded
+from analysis.pages.setup import setup
 from analysis.plots import drawings, style
 from analysis.rejections import rejections
 from analysis.tracking import LeaderTracking, Tracking, track, track_leader
-from formation.messages import Event, Severity
+from formation.messages import Severity
 
 MEANINGS = {
     "duration_s": "first to last record of the log",
@@ -94,6 +96,17 @@ TEXTS = (
         "Counts are on a log scale: the rare late cycle matters more than the common punctual one.",
     ),
     (
+        "link",
+        "Battery and link",
+        "What each drone said of itself, as the ground heard it. Silence is the time since its last packet; "
+        "losses are counted by the packets' own numbers.",
+    ),
+    (
+        "setup",
+        "Flown with",
+        "What this log says of its own making; all of it is in the file.",
+    ),
+    (
         "metrics",
         "Metrics",
         "The summary, with the keys under which --json writes it.",
@@ -138,7 +151,9 @@ def _name(flight: Flight) -> str:
 
 
 def _header(flight: Flight, summary: Summary, damage: str) -> str:
-    facts = [f"{summary.duration_s:.1f} s", words.counted(len(flight.vehicles), "vehicle")]
+    date = flight.run.metadata.get("date", "").replace("T", " ").replace("Z", " UTC")
+    facts = [date] if date else []
+    facts += [f"{summary.duration_s:.1f} s", words.counted(len(flight.vehicles), "vehicle")]
     facts += [f"link: {summary.link}"] if summary.link else []
     facts += [f"seed {summary.seed}"] if summary.seed is not None else []
     good = summary.outcome in ("landed", "held")
@@ -197,34 +212,35 @@ def _sections(flight: Flight, tracking: Tracking, summary: Summary) -> Iterator[
         "timeline": _event_table(flight) + _rejection_table(flight),
         "error": _follower_table(flight, tracking),
         "leader": _leader_table(track_leader(flight)),
+        "setup": setup(flight),
         "metrics": _metric_table(summary),
     }
     for anchor, title, lead in TEXTS:
-        drawn = tuple(picture(drawing) for drawing in pictures.get(anchor, ()))
+        drawn = tuple(picture(drawing, title) for drawing in pictures.get(anchor, ()))
         yield Section(anchor, title, lead, (*drawn, tables.get(anchor, "")))
 
 
 def _event_table(flight: Flight) -> str:
-    """What an operator must know, and all else folded away."""
-    events = list(zip(flight.events.t_s.tolist(), flight.events.messages, strict=True))
-    if not events:
+    """What an operator must know, and all else folded away; what was told again and again is one line."""
+    every = folded(flight.events)
+    if not every:
         return '<p class="missing">Not shown: no event was recorded.</p>'
-    notable = [(t_s, event) for t_s, event in events if event.severity <= Severity.NOTICE]
-    folded = f"<details><summary>All {len(events)} events</summary>{_events(events)}</details>"
-    return _events(notable) + folded if len(notable) < len(events) else _events(events)
+    notable = folded(flight.events, Severity.NOTICE)
+    rest = f"<details><summary>All {len(flight.events)} events</summary>{_events(every)}</details>"
+    return _events(notable) + rest if len(notable) < len(every) else _events(every)
 
 
-def _events(events: list[tuple[float, Event]]) -> str:
+def _events(lines: list[Told]) -> str:
     """A table of events."""
     rows = [
         row(
-            cell(f"{t_s:.2f} s", "time"),
-            cell(event.severity.name.lower(), "level"),
-            cell(event.source),
-            cell(event.text),
-            alarming=event.severity < Severity.WARNING,
+            cell(told.time, "time"),
+            cell(told.event.severity.name.lower(), "level"),
+            cell(told.event.source),
+            cell(told.text),
+            alarming=told.event.severity < Severity.WARNING,
         )
-        for t_s, event in events
+        for told in lines
     ]
     return table(("time", "level", "source", "what"), rows) if rows else ""
 

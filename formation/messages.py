@@ -13,6 +13,7 @@ from enum import IntEnum, IntFlag
 
 import numpy as np
 
+from formation.clock_pair import ClockPair as ClockPair
 from formation.maths.arrays import Codes, Flags, Quat, Quats, Scalars, Vec3, Vec3s
 from formation.requests import OperatorReply as OperatorReply
 from formation.requests import OperatorRequest as OperatorRequest

@@ -40,6 +40,7 @@ REFUSED = Topic("edge/refused", m.Event, 1.0, Drop.NEVER)
 PHASE = Topic("phase", m.PhaseChange, 0.1, Drop.NEVER)
 TRUTH = Topic("sim/truth", m.Truth, 250.0, Drop.OLDEST_LOST)
 TICK = Topic("input/tick", m.Tick, 100.0, Drop.NEVER)
+CLOCK = Topic("clock", m.ClockPair, 1 / 60, Drop.NEVER)
 TIMING = Topic("timing/loop", m.LoopTiming, 100.0, Drop.OLDEST_LOST)
 
 ALL = (
@@ -60,4 +61,5 @@ ALL = (
     PHASE,
     TIMING,
     TRUTH,
+    CLOCK,
 )

@@ -14,7 +14,8 @@ from gcs.cli import mocap as mocap_cli
 from gcs.cli import operator as operator_cli
 from gcs.cli.common import Json, LabFile, Name, Speed
 from gcs.doctor import cli as doctor_cli
-from wire import clock, version
+from gcs.live import cli as live_cli
+from wire import clock
 from wire.process.program import program
 
 app = program(
@@ -44,7 +45,7 @@ def run(
     config = approved(lab, as_json)
 
     path = log or Path("runs") / f"{config.name}-{clock.unix_us() // 1_000_000}.mcap"
-    metadata = {"link": config.link_kinds, "versions": version.text()}
+    metadata = {"link": config.link_kinds}
     metadata |= _tags(tag or [])
     serve(config, lab, path, name, metadata, force, as_json, clock.Clock(speed))
 
@@ -71,6 +72,7 @@ def check(
 
 operator_cli.register(app)
 app.add_typer(mocap_cli.app, name="mocap")
+app.command()(live_cli.live)
 app.command()(doctor_cli.doctor)
 app.command()(doctor_cli.logs)
 

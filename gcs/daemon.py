@@ -32,13 +32,15 @@ from gcs.core import GcsCore
 from gcs.drones.links import GroundLinks, open_links
 from gcs.mocap.autopilot_poses import AutopilotPoses
 from gcs.mocap.service import ServiceError, mocap_service
-from gcs.recording import Input, record_input, record_tick, run_metadata
-from wire.clock import REAL_TIME, Clock, unix_us
+from gcs.recording import Input, Recorder, run_metadata
+from wire.clock import REAL_TIME, Clock
+from wire.logs.live import sharer
 from wire.logs.mcap_log import LogWriter
+from wire.process.machine import machine
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import Reply, ZenohBus
 
-STATE_NS = 100_000_000
+STATE_NS, DATE_NS = 100_000_000, 60_000_000_000
 GROUNDED = (Phase.GROUND, Phase.STOPPED)
 LANDING_LIMIT_NS = 60_000_000_000
 
@@ -62,6 +64,7 @@ class Ground:
         self.links: GroundLinks | None = None
         self._core = core
         self._log = log
+        self._recorder = Recorder(log.write)
         self.tell = tell
         self._clock = clock
         self._poses = AutopilotPoses(config) if config.mocap.source == "mavlink" else None
@@ -121,6 +124,13 @@ class Ground:
         self._log.write(topics.MOCAP_EVENT, event, self._clock.monotonic_ns())
         self.tell(event)
 
+    async def record_dates(self) -> None:
+        """Record once a minute which date it is; for ever."""
+        while True:
+            pair = self._clock.pair()
+            self._log.write(topics.CLOCK, pair, pair.monotonic_ns)
+            await self._clock.sleep_until_ns(pair.monotonic_ns + DATE_NS)
+
     async def publish_state(self, bus: ZenohBus, name: str) -> None:
         """Tell the bus how things are, and everybody what was refused, ten times a second; for ever."""
         while True:
@@ -154,7 +164,7 @@ class Ground:
         return self._core.phase
 
     def _input(self, message: Input, now_ns: int) -> None:
-        record_input(self._log.write, message, now_ns)
+        self._recorder.input(message, now_ns)
         self._core.receive(message, now_ns)
 
     def _frame(self, frame: LabFrame, now_ns: int) -> None:
@@ -174,7 +184,7 @@ class Ground:
             for datagram in outgoing.datagrams:
                 self.links.send(datagram)
         sent_ns = self._clock.monotonic_ns()
-        record_tick(self._log.write, outgoing, now_ns)
+        self._recorder.tick(outgoing, now_ns)
         for reply in outgoing.replies:
             self._waiting.pop(reply.id)(reply)
         for topic, message in outgoing.records:
@@ -189,7 +199,8 @@ class Ground:
         timing = self.timing
         timing.ticks, timing.late = timing.ticks + 1, timing.late + late
         timing.worst_s = max(timing.worst_s, latency_s)
-        self._log.write(topics.TIMING, LoopTiming(self._frame_seq, latency_s, late), self._clock.monotonic_ns())
+        if late or self._recorder.detailed:
+            self._log.write(topics.TIMING, LoopTiming(self._frame_seq, latency_s, late), self._clock.monotonic_ns())
 
 
 def know_other_grounds(bus: ZenohBus, name: str, epoch: int, ground: Ground) -> None:
@@ -236,12 +247,13 @@ async def run(
     lab_file: where `config` was read, for the mocap process, if one has to be started.
     Raises OSError (bus, ports, log), ValueError (a link that is none), ServiceError (no mocap), GroundFailure.
     """
-    t0_ns = clock.monotonic_ns()
-    epoch = unix_us() // 1_000_000
+    start = clock.pair()
+    t0_ns, epoch = start.monotonic_ns, start.unix_ns // 1_000_000_000
     core = GcsCore(config, t0_ns, epoch)
     bus = await ZenohBus.open(config.link, config.name)
     try:
-        with LogWriter(log_path, {**run_metadata(config, t0_ns, epoch), **metadata}) as log:
+        told = {**run_metadata(config, t0_ns, epoch), "lab_file": str(lab_file), "machine": machine(), **metadata}
+        with LogWriter(log_path, told, start=start, share=sharer(bus, name)) as log:
             ground = Ground(config, core, log, tell, clock)
             ground.links = await open_links(config, bus, ground.take_datagram)
             try:
@@ -284,6 +296,7 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
         services = [
             tasks.create_task(_raise_from(failure)),
             tasks.create_task(ground.watch()),
+            tasks.create_task(ground.record_dates()),
             tasks.create_task(ground.publish_state(bus, name)),
             tasks.create_task(_have_mocap(config, lab_file, mocap, ground.tell, clock)),
         ]

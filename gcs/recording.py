@@ -3,13 +3,17 @@
 Inputs at the time they were received, then the tick, then what it put out: records, datagrams, replies.
 """
 
+import json
 from collections.abc import Callable, Iterator
+from dataclasses import asdict
 
 from formation import topics
 from formation.config import LabConfig
-from formation.messages import Datagram, HostReport, LabFrame, OperatorRequest, Tick
+from formation.control.presets import preset_for
+from formation.messages import Datagram, HostReport, LabFrame, OperatorRequest, Phase, PhaseChange, Tick
 from formation.topics import Topic
 from gcs.core import Outgoing
+from wire import version
 
 Record = Callable[[Topic, object, int], None]
 Input = LabFrame | Datagram | OperatorRequest | HostReport
@@ -20,20 +24,65 @@ OUTPUT_TOPICS = (
     topics.LINK_DOWN, topics.REPLY,
 )  # fmt: skip
 
+STAGES = (topics.STATE, topics.REFERENCE, topics.COMMAND, topics.TARGET)
+THINNED = "thinned_ns"
+"""Metadata: how far apart outputs are recorded on the ground. A log without it holds them all."""
+
 _TOPIC_OF = {topic.type: topic for topic in INPUT_TOPICS}
 _TOPIC_OF[Datagram] = topics.LINK_UP
 
 
-def record_input(record: Record, message: Input, now_ns: int) -> None:
-    """Record what `GcsCore.receive` is given."""
-    record(_TOPIC_OF[type(message)], message, now_ns)
+CALM_NS = 100_000_000
+"""So far apart the control's own outputs are recorded while nobody is armed; in flight every one is."""
 
 
-def record_tick(record: Record, outgoing: Outgoing, now_ns: int) -> None:
-    """Record a call of `GcsCore.tick` and all it returned."""
-    record(topics.TICK, Tick(now_ns), now_ns)
-    for topic, message in outputs(outgoing):
-        record(topic, message, now_ns)
+class Thinning:
+    """Which of a core's outputs are recorded: all in flight; of the control's stages ten a second while on the ground.
+
+    Decided by the outputs alone, so that replay, which makes them all anew, leaves out the same.
+    """
+
+    def __init__(self) -> None:
+        self._calm = False
+        self._next_ns = 0
+        self.detailed = True
+        """Whether the last tick was recorded whole."""
+
+    def kept(self, outgoing: Outgoing, now_ns: int) -> Iterator[tuple[Topic, object]]:
+        """What of a tick's outputs is recorded, in order."""
+        for topic, message in outgoing.records:
+            if topic is topics.PHASE and isinstance(message, PhaseChange):
+                self._calm = message.phase is Phase.GROUND
+        staged = any(topic is topics.STATE for topic, _ in outgoing.records)
+        self.detailed = not self._calm or (staged and now_ns >= self._next_ns)
+        if self.detailed:
+            self._next_ns = now_ns + CALM_NS
+        for topic, message in outputs(outgoing):
+            if self.detailed or topic not in STAGES:
+                yield topic, message
+
+
+class Recorder:
+    """Records what one core is given and puts out."""
+
+    def __init__(self, record: Record) -> None:
+        self.record = record
+        self._thinning = Thinning()
+
+    @property
+    def detailed(self) -> bool:
+        """Whether the last tick was recorded whole."""
+        return self._thinning.detailed
+
+    def input(self, message: Input, now_ns: int) -> None:
+        """Record what `GcsCore.receive` is given."""
+        self.record(_TOPIC_OF[type(message)], message, now_ns)
+
+    def tick(self, outgoing: Outgoing, now_ns: int) -> None:
+        """Record a call of `GcsCore.tick` and what is kept of all it returned."""
+        self.record(topics.TICK, Tick(now_ns), now_ns)
+        for topic, message in self._thinning.kept(outgoing, now_ns):
+            self.record(topic, message, now_ns)
 
 
 def outputs(outgoing: Outgoing) -> Iterator[tuple[Topic, object]]:
@@ -46,5 +95,20 @@ def outputs(outgoing: Outgoing) -> Iterator[tuple[Topic, object]]:
 
 
 def run_metadata(config: LabConfig, t0_ns: int, epoch: int = 0) -> dict[str, str]:
-    """What a log must say of its run to be replayed; hosts add what else they know (scenario, seed, link, versions)."""
-    return {"lab": config.model_dump_json(), "t0_ns": str(t0_ns), "epoch": str(epoch)}
+    """What a log must say of its run to be replayed, and what it was flown with: gains and profiles as they were used.
+
+    Hosts add what else they know (scenario, seed, link, lab file, machine).
+    """
+    profiles = {vehicle.profile: config.profile_of(vehicle) for vehicle in config.vehicles}
+    gains = {name: preset_for(config.control_preset, kind, config.mocap) for name, kind in profiles.items()}
+    return {
+        "lab": config.model_dump_json(),
+        "t0_ns": str(t0_ns),
+        "epoch": str(epoch),
+        THINNED: f"{CALM_NS}",
+        "gains": json.dumps({name: asdict(preset) for name, preset in gains.items()}),
+        "profiles": json.dumps({name: kind.model_dump(mode="json") for name, kind in profiles.items()}),
+        "versions": version.text(),
+        "version": version.VERSION,
+        "commit": version.commit(),
+    }

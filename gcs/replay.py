@@ -13,7 +13,7 @@ from formation import topics
 from formation.config import LabConfig
 from formation.topics import Topic
 from gcs.core import GcsCore
-from gcs.recording import INPUT_TOPICS, OUTPUT_TOPICS, outputs
+from gcs.recording import INPUT_TOPICS, OUTPUT_TOPICS, THINNED, Thinning, outputs
 from wire.logs.mcap_log import Entry, Log
 
 
@@ -60,6 +60,7 @@ def replay(log: Log) -> Replay:
     A log that was cut off may end in the middle of a tick's outputs: what is there must agree.
     """
     core = _core(log.metadata)
+    thinning = Thinning() if THINNED in log.metadata else None
     inputs = ticks = agreed = 0
     expected: Iterator[Output] = iter(())
     t_ns = 0
@@ -75,7 +76,9 @@ def replay(log: Log) -> Replay:
         if entry.topic in OUTPUT_TOPICS:
             agreed += 1
         elif entry.topic is topics.TICK:
-            ticks, expected = ticks + 1, outputs(core.tick(entry.message.now_ns))
+            now_ns = entry.message.now_ns
+            outgoing = core.tick(now_ns)
+            ticks, expected = ticks + 1, outputs(outgoing) if thinning is None else thinning.kept(outgoing, now_ns)
         elif entry.topic in INPUT_TOPICS:
             inputs += 1
             core.receive(entry.message, t_ns)

@@ -6,7 +6,7 @@ from formation.config import LabConfig
 from formation.messages import Datagram, Event, HostReport, OperatorReply, OperatorRequest, Phase, Severity
 from formation.topics import EVENT
 from gcs.core import BrokenInvariantError, GcsCore
-from gcs.recording import Input, Record, record_input, record_tick
+from gcs.recording import Input, Record, Recorder
 from sim.life import Waiting
 from sim.monitors import Without
 from wire.transport.memory_bus import NOTHING_DUE_NS
@@ -21,6 +21,7 @@ class GroundHost:
 
     def __init__(self, lab: LabConfig, epoch: int, now_ns: int, record: Record, without: Without) -> None:
         self._record = record
+        self._recorder = Recorder(record)
         self._second = False
         self._input = Waiting[Input]()
         self.name = f"ground-{epoch}"
@@ -57,7 +58,7 @@ class GroundHost:
         if not self._input.admits(message):
             return
         if not self._second:
-            record_input(self._record, message, now_ns)
+            self._recorder.input(message, now_ns)
         self._core.receive(message, now_ns)
 
     def report(self, report: HostReport, now_ns: int) -> None:
@@ -80,7 +81,7 @@ class GroundHost:
             self._record(EVENT, Event(Severity.CRITICAL, "ground", str(error)), now_ns)
             return (), ()
         if not self._second:
-            record_tick(self._record, outgoing, now_ns)
+            self._recorder.tick(outgoing, now_ns)
             return outgoing.datagrams, outgoing.replies
         for topic, message in outgoing.records:
             if topic is EVENT and isinstance(message, Event):

@@ -13,7 +13,7 @@ from gcs.recording import Record, run_metadata
 from sim.scenario import Scenario
 from sim.script import Outcome
 from sim.world import T0_NS, World
-from wire import clock, version
+from wire import clock
 from wire.logs.mcap_log import Entry, LogWriter
 
 Progress = Callable[[float, str], None]
@@ -107,5 +107,4 @@ def metadata(scenario: Scenario, seed: int, link: str, t0_ns: int) -> dict[str, 
         "scenario": scenario.name,
         "seed": str(seed),
         "link": link,
-        "versions": version.text(),
     }

@@ -5,6 +5,8 @@ import uuid
 from dataclasses import dataclass
 from pathlib import Path
 
+from formation.clock_pair import ClockPair
+
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
 
 
@@ -22,6 +24,10 @@ class Clock:
         """Nanoseconds now."""
         now_ns = time.monotonic_ns()
         return now_ns if self.speed == 1.0 else int(now_ns * self.speed)
+
+    def pair(self) -> ClockPair:
+        """Now, and which date that is, as far apart as two calls take."""
+        return ClockPair(self.monotonic_ns(), time.time_ns())
 
     def name(self) -> bytes:
         """Which clock this is: processes with the same name share it, another name is another machine's clock."""

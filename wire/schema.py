@@ -16,28 +16,17 @@ from functools import cache, cached_property, partial
 from operator import attrgetter, call
 from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar, Union, get_args, get_origin, get_type_hints
 
-if TYPE_CHECKING:  # neither is loaded for messages without arrays, nor before a log is written or read
+from wire.schema_descriptor import PACKAGE, Proto, described
+
+if TYPE_CHECKING:  # not loaded for messages without arrays
     import numpy as np
-    from google.protobuf import descriptor_pb2
 
 T = TypeVar("T")
-
-
-class Proto(IntEnum):
-    """Google's numbers of the field types used, of FieldDescriptorProto.Type."""
-
-    TYPE_DOUBLE = 1
-    TYPE_BOOL = 8
-    TYPE_STRING = 9
-    TYPE_BYTES = 12
-    TYPE_ENUM = 14
-    TYPE_SFIXED64 = 16
 
 
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 _SFIXED64 = struct.Struct("<q")
 _DOUBLE = struct.Struct("<d")
-_PACKAGE = "formation"
 
 
 class SchemaError(ValueError):
@@ -72,7 +61,7 @@ class Schema(Generic[T]):
 
     def __init__(self, message: type[T]) -> None:
         self.message = message
-        self.name = f"{_PACKAGE}.{message.__name__}"
+        self.name = f"{PACKAGE}.{message.__name__}"
         self._fields = _fields_of(message)
         names = [f.name for f in self._fields]
         self._values: Callable[[T], tuple[Any, ...]] = (
@@ -85,7 +74,7 @@ class Schema(Generic[T]):
     @cached_property
     def descriptor_set(self) -> bytes:
         """The FileDescriptorSet, as it is kept with the data."""
-        return _descriptor_set(self.message.__name__, self._fields).SerializeToString()
+        return described(self.message.__name__, self._fields).SerializeToString()
 
     def encode(self, message: T) -> bytes:
         """Protobuf bytes; raises ValueError, TypeError or struct.error if a value is not of its annotation."""
@@ -323,28 +312,3 @@ def _array_kind(hint: Any) -> _Kind | None:
         default=np.zeros(tuple(max(0, size) for size in shape), dtype),
         repeated=proto is not Proto.TYPE_BYTES,
     )
-
-
-def _descriptor_set(name: str, fields: list[_Field]) -> "descriptor_pb2.FileDescriptorSet":
-    from google.protobuf import descriptor_pb2
-
-    label_of = descriptor_pb2.FieldDescriptorProto
-    message = descriptor_pb2.DescriptorProto(name=name)
-    for field in fields:
-        label = label_of.LABEL_REPEATED if field.kind.repeated else label_of.LABEL_OPTIONAL
-        proto = message.field.add(name=field.name, number=field.number, label=label)
-        proto.type = field.kind.proto  # type: ignore[assignment]
-        if field.kind.enum is not None:
-            proto.type_name = f".{_PACKAGE}.{name}.{field.kind.enum.__name__}"
-            _add_enum(message, field.kind.enum)
-    file = descriptor_pb2.FileDescriptorProto(name=f"{_PACKAGE}/{name}.proto", package=_PACKAGE, syntax="proto3")
-    file.message_type.append(message)
-    return descriptor_pb2.FileDescriptorSet(file=[file])
-
-
-def _add_enum(message: "descriptor_pb2.DescriptorProto", enum: type[IntEnum]) -> None:
-    values = {member.value: member.name for member in enum}
-    values.setdefault(0, "UNSPECIFIED")  # proto3 wants a zero, and wants it first
-    proto = message.enum_type.add(name=enum.__name__)
-    for number in sorted(values):
-        proto.value.add(name=values[number], number=number)

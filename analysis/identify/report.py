@@ -124,7 +124,7 @@ def write(flight: Flight, found: Identification, path: Path) -> None:
 def _drone(flight: Flight, drone: Identified, lead: str) -> Section:
     """One drone: picture, table, profile to paste."""
     with style.styled():
-        drawn = picture(model_against_data(flight, drone))
+        drawn = picture(model_against_data(flight, drone), drone.vehicle.body)
     rows = [row(cell(x.name), cell(x.words(), "number"), cell(x.assumed_words(), "number")) for x in drone_lines(drone)]
     profile = (
         f"<details><summary>Profile to paste</summary><pre><code>{escape(dump(drone.profile()))}</code></pre></details>"

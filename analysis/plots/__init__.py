@@ -1,7 +1,7 @@
 """Pictures of a flight: each function draws one figure from a flight, or says what the log lacks for it."""
 
 from analysis.load import Flight
-from analysis.plots import bands, control, paths, slots, style, timing
+from analysis.plots import bands, control, link, paths, slots, style, timing
 from analysis.plots.style import Drawing
 from analysis.tracking import Tracking, track_leader
 
@@ -20,5 +20,6 @@ def drawings(flight: Flight, tracking: Tracking) -> dict[str, tuple[Drawing, ...
             "sliding": (control.sliding(flight), control.disturbance(flight)),
             "output": (control.output(flight),),
             "attitude": (control.attitude(flight, tracking),),
+            "link": (link.link(flight),),
             "timing": (timing.histograms(flight), timing.cycles(flight)),
         }

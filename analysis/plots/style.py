@@ -118,6 +118,23 @@ def svg(fig: Figure) -> str:
     return re.sub(r"\n\s+", "\n", text)
 
 
+def described(fig: Figure) -> str:
+    """What the figure shows in words, for who cannot see it: each axes' quantities, range and lines."""
+    return "; ".join(filter(None, (_described(ax) for ax in fig.axes)))
+
+
+def _described(ax: Axes) -> str:
+    low, high = ax.get_xlim()
+    x_label = next((a.get_xlabel() for a in [ax, *ax.get_shared_x_axes().get_siblings(ax)] if a.get_xlabel()), "")
+    what = ", ".join(filter(None, (ax.get_title(), ax.get_title("left"), ax.get_ylabel())))
+    if not what and not x_label:
+        return ""
+    against = f" against {x_label} from {low:.3g} to {high:.3g}" if x_label else ""
+    named = [name for name in ax.get_legend_handles_labels()[1] if name.strip()]
+    lines = f" ({', '.join(named)})" if named else ""
+    return f"{what or 'the flight'}{against}{lines}"
+
+
 def _rounded(path: re.Match[str]) -> str:
     """A path's coordinates to a hundredth of a point: less than a pixel shows."""
     return re.sub(r"-?\d+\.\d{3,}", lambda number: f"{float(number.group()):.2f}".rstrip("0").rstrip("."), path.group())

@@ -17,8 +17,10 @@ from gcs.mocap.service import ServiceError
 from gcs.mocap.sources.csv_file import MocapFileError
 from gcs.mocap.table import LiveTable
 from gcs.mocap.warm_up import warm_up
-from wire.clock import Clock, unix_us
+from wire import version
+from wire.clock import Clock
 from wire.logs.mcap_log import LogWriter
+from wire.process.machine import machine
 from wire.process.progress import compile_all
 
 
@@ -31,7 +33,7 @@ def serve(config: LabConfig, linger_s: float | None, record: Path | None, as_jso
         fail('source "mavlink" has no cameras: the ground hears the poses from the drones themselves', NOT_RIGHT)
     compile_all("gcs", lambda: warm_up(config), sys.stderr)
     try:
-        with _told(config, record, as_json) as told:
+        with _told(config, record, as_json, clock) as told:
             uvloop.run(run(config, linger_s, told, clock))
     except MocapFileError as error:
         fail(str(error), NOT_RIGHT)
@@ -42,7 +44,7 @@ def serve(config: LabConfig, linger_s: float | None, record: Path | None, as_jso
 
 
 @contextmanager
-def _told(config: LabConfig, record: Path | None, as_json: bool) -> Iterator[Told]:
+def _told(config: LabConfig, record: Path | None, as_json: bool, clock: Clock) -> Iterator[Told]:
     """Terminal and recording, for as long as the process serves."""
     with ExitStack() as open_ones:
         console = Console()
@@ -54,6 +56,6 @@ def _told(config: LabConfig, record: Path | None, as_json: bool) -> Iterator[Tol
         else:
             told = Told(tell)
         if record is not None:
-            metadata = {"lab": config.model_dump_json(), "started_unix_us": str(unix_us())}
-            told = replace(told, record=open_ones.enter_context(LogWriter(record, metadata)).write)
+            metadata = {"lab": config.model_dump_json(), "versions": version.text(), "machine": machine()}
+            told = replace(told, record=open_ones.enter_context(LogWriter(record, metadata, start=clock.pair())).write)
         yield told

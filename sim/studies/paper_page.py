@@ -81,4 +81,4 @@ def _traces(comparison: Comparison, experiment: Experiment) -> Traces:
 
 
 def _section(anchor: str, title: str, lead: str, *drawings: style.Drawing) -> Section:
-    return Section(anchor, title, lead, tuple(page.picture(drawing) for drawing in drawings))
+    return Section(anchor, title, lead, tuple(page.picture(drawing, title) for drawing in drawings))

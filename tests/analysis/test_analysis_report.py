@@ -19,6 +19,7 @@ from analysis.cli import app
 from analysis.console import print_summary
 from analysis.load import from_records, load
 from analysis.metrics import summarise
+from analysis.pages.events import folded
 from analysis.picture import picture
 from analysis.plots import drawings
 from analysis.plots.style import Missing
@@ -38,7 +39,8 @@ from wire.logs.mcap_scan import Damage
 from wire.mavlink.codec import Codec
 
 SECTIONS = [
-    "timeline", "paths", "error", "leader", "clouds", "positions", "sliding", "output", "attitude", "timing", "metrics"
+    "timeline", "paths", "error", "leader", "clouds", "positions", "sliding", "output", "attitude", "timing", "link",
+    "setup", "metrics",
 ]  # fmt: skip
 DRAWN_FROM = (
     topics.MOCAP, topics.REFERENCE, topics.COMMAND, topics.TARGET, topics.TIMING, topics.PHASE, topics.EVENT,
@@ -50,6 +52,7 @@ LACKING = {
     "control/command": {"sliding", "output"},
     "control/target": {"attitude"},
     "timing/loop": {"timing"},
+    "link/up": {"link"},
 }
 
 
@@ -153,9 +156,10 @@ def test_an_observed_leader_is_said_to_have_no_reference():
 @pytest.mark.parametrize("missing", DRAWN_FROM, ids=lambda topic: topic.name)
 def test_a_flight_without_any_one_topic_is_still_drawn(missing: Topic):
     kept = [r for r in records(Recipe(error_lead=shake)) if r.topic is not missing and r.t_ns < T0_NS + 9_000_000_000]
-    flight = from_records(METADATA, kept)
+    said = [Said(topics.LINK_UP, T0_NS + 8_000_000_000, age(10.0))] if missing is not topics.LINK_UP else []
+    flight = from_records(METADATA, [*kept, *said])
     drawn = drawings(flight, track(flight))
-    assert set(drawn) == set(SECTIONS) - {"metrics"}
+    assert set(drawn) == set(SECTIONS) - {"metrics", "setup"}
     lacking = {section for section, pictures in drawn.items() for p in pictures if isinstance(p, Missing)}
     assert lacking == LACKING.get(missing.name, set())
 
@@ -190,6 +194,52 @@ def test_a_log_of_nothing_makes_a_page_that_says_what_is_missing():
     flight = from_records({}, [])
     text = html(flight, summarise(flight))
     assert text.count("Not shown") >= 8
+
+
+def test_what_is_told_again_and_again_is_one_line():
+    def told(t_s: float, text: str, severity: Severity = Severity.WARNING) -> Record:
+        return Record(topics.EVENT, T0_NS + round(t_s * 1e9), Event(severity, "left", text))
+
+    stale = [told(20.95 + 0.52 * k / 22.0, f"setpoints stale: {k} ms") for k in range(23)]
+    other = [told(21.0, "setpoints stale: 0 ms", Severity.ERROR), told(60.0, "setpoints stale: 7 ms")]
+    flight = from_records(
+        METADATA, [told(0.0, "first", Severity.INFO), *sorted([*stale, *other], key=lambda r: r.t_ns)]
+    )
+    lines = [(line.time, line.text) for line in folded(flight.events, Severity.NOTICE)]
+    assert lines == [
+        ("20.95-21.47 s", "23 x setpoints stale: 0 ms"),
+        ("21.00 s", "setpoints stale: 0 ms"),
+        ("60.00 s", "setpoints stale: 7 ms"),
+    ]
+    page = html(flight, summarise(flight))
+    assert "23 x setpoints stale" in page
+    assert "All 26 events" in page
+
+
+def test_the_report_says_what_it_was_flown_with(log: Path):
+    told = {
+        "date": "2026-09-21T14:13:20Z", "machine": "bench, Linux", "lab_file": "labs/bench.toml",
+        "gains": json.dumps({"paper_40g": {"follower": {"c": 4.0625}}}), "profiles": "no JSON",
+    }  # fmt: skip
+    flight = from_records({**METADATA, **told}, records(Recipe()))
+    page = html(flight, summarise(flight))
+    for words in (
+        "2026-09-21 14:13:20 UTC",
+        "bench, Linux",
+        "labs/bench.toml",
+        "Gains and observers: paper_40g",
+        "4.0625",
+    ):
+        assert words in page
+    assert "follower.c" in page
+
+
+def test_every_picture_says_in_words_what_it_shows(log: Path):
+    flight = load(log)
+    page = html(flight, summarise(flight))
+    spoken = re.findall(r'<svg role="img" aria-label="([^"]+)"', page)
+    assert len(spoken) == page.count("<svg") > 10
+    assert any("Formation error: length, mm" in words and "left" in words for words in spoken)
 
 
 def test_check_counts_what_is_left(log: Path, cut: Path):

@@ -7,7 +7,7 @@ from gcs_fakes import T0_NS, FakeLab, triangle
 
 from formation import topics
 from formation.messages import Phase, Verb
-from gcs.recording import record_input, record_tick, run_metadata
+from gcs.recording import Recorder, outputs, run_metadata
 from gcs.replay import ReplayError, first_difference, replay
 from wire.logs.mcap_log import Entry, LogWriter, read_log
 
@@ -16,7 +16,7 @@ class RecordedCore:
     """A core that a host records, as daemon and lockstep do."""
 
     def __init__(self, core, record) -> None:
-        self._core, self._record = core, record
+        self._core, self._record = core, Recorder(record)
         self.next_deadline_ns, self.status = core.next_deadline_ns, core.status
 
     @property
@@ -24,12 +24,12 @@ class RecordedCore:
         return self._core.phase
 
     def receive(self, message, now_ns):
-        record_input(self._record, message, now_ns)
+        self._record.input(message, now_ns)
         self._core.receive(message, now_ns)
 
     def tick(self, now_ns):
         outgoing = self._core.tick(now_ns)
-        record_tick(self._record, outgoing, now_ns)
+        self._record.tick(outgoing, now_ns)
         return outgoing
 
 
@@ -75,6 +75,29 @@ def test_a_flight_replays_bit_by_bit_from_its_file(tmp_path: Path):
     assert result.identical, str(result.difference)
     assert result.ticks == len(lab.ticks)
     assert result.agreed > 4 * lab.seq
+
+
+def test_on_the_ground_ten_estimates_a_second_are_kept_and_every_input(log):
+    changed_ns = [entry.t_ns for entry in log.entries if entry.topic is topics.PHASE]
+    ground = [entry for entry in log.entries if entry.t_ns < changed_ns[1]]
+    seconds = (ground[-1].t_ns - ground[0].t_ns) * 1e-9
+    kept = sum(entry.topic is topics.STATE for entry in ground)
+    frames = sum(entry.topic is topics.MOCAP for entry in ground)
+    assert kept <= 10.0 * seconds + 2.0
+    assert frames > 5 * kept
+    flown = [entry for entry in log.entries if changed_ns[1] < entry.t_ns]
+    assert sum(entry.topic is topics.STATE for entry in flown) == sum(entry.topic is topics.MOCAP for entry in flown)
+
+
+def test_a_log_of_before_the_thinning_holds_every_output(monkeypatch):
+    monkeypatch.setattr("gcs.recording.Thinning.kept", lambda _self, outgoing, _now_ns: outputs(outgoing))
+    entries: list[Entry] = []
+    _flown(lambda topic, message, t_ns: entries.append(Entry(topic, t_ns, message)))
+    metadata = run_metadata(triangle(), T0_NS)
+    monkeypatch.undo()
+    assert not replay(MemoryLog(metadata, entries)).identical
+    del metadata["thinned_ns"]
+    assert replay(MemoryLog(metadata, entries)).identical
 
 
 def test_a_log_cut_off_in_the_middle_of_a_tick_replays_as_far_as_it_goes(log):

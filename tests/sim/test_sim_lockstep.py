@@ -117,4 +117,5 @@ def test_the_metadata_says_what_was_flown() -> None:
     said = lockstep.metadata(short(), 9, "memory", T0_NS)
     assert (said["scenario"], said["seed"], said["link"]) == ("triangle_circle", "9", "memory")
     assert json.loads(said["lab"])["leader"]["body"] == "leader"
+    assert not {"machine", "date"} & set(said)  # the same on every machine and day
     assert topics.TRUTH.name == "sim/truth"

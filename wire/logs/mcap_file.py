@@ -57,8 +57,10 @@ class McapFile:
     def __init__(self, stream: RawIOBase, library: str) -> None:
         self._stream = stream
         self._position = 0
+        self.head = b""
+        """The file up to its first chunk: with any chunk behind it, a log to be read."""
         self._crc = 0
-        self._compress = zstandard.ZstdCompressor(level=1).compress
+        self._compress = zstandard.ZstdCompressor(level=3).compress
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
         self._chunks: list[ChunkIndex] = []
@@ -73,20 +75,23 @@ class McapFile:
         self._write(data)
 
     def add_channel(self, topic: str, schema_name: str, descriptor_set: bytes) -> int:
-        """Write a Protobuf schema and a channel of it; its number. Before the first chunk, so that damage
-        to one chunk never costs another its meaning."""
+        """Write a channel of a Protobuf schema, and that before its first; its number. Before the first chunk, so that
+        damage to one chunk never costs another its meaning."""
         number = len(self._channels) + 1
-        schema = Schema(id=number, name=schema_name, encoding="protobuf", data=descriptor_set)
-        channel = Channel(id=number, topic=topic, message_encoding="protobuf", metadata={}, schema_id=number)
-        self._schemas.append(schema)
+        schema = next((s for s in self._schemas if (s.name, s.data) == (schema_name, descriptor_set)), None)
+        if schema is None:
+            schema = Schema(id=len(self._schemas) + 1, name=schema_name, encoding="protobuf", data=descriptor_set)
+            self._schemas.append(schema)
+            self._write(_record(schema))
+        channel = Channel(id=number, topic=topic, message_encoding="protobuf", metadata={}, schema_id=schema.id)
         self._channels.append(channel)
-        self._write(_record(schema) + _record(channel))
+        self._write(_record(channel))
         return number
 
-    def write_chunk(self, messages: list[Stored]) -> None:
-        """Write the messages as one compressed chunk and its index; nothing if there are none."""
+    def write_chunk(self, messages: list[Stored]) -> bytes:
+        """Write the messages as one compressed chunk and its index, and return the chunk; nothing if there are none."""
         if not messages:
-            return
+            return b""
         raw = b"".join([record for _, _, record in messages])
         stamps = [t_ns for _, t_ns, _ in messages]
         chunk = Chunk(
@@ -116,6 +121,7 @@ class McapFile:
         for channel, flat in entries.items():
             self._counts[channel] = self._counts.get(channel, 0) + len(flat) // 2
         self._write(record + index)
+        return record
 
     def finish(self) -> None:
         """Write the summary and the end of the file."""
@@ -161,6 +167,8 @@ class McapFile:
         while view:  # an unbuffered write may take less than all
             view = view[self._stream.write(view) or 0 :]
         self._crc = zlib.crc32(data, self._crc)
+        if not self._chunks:
+            self.head += data
         self._position += len(data)
 
 

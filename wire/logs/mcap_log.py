@@ -1,47 +1,50 @@
 """The flight recorder: messages to an MCAP file, from a thread of its own or in line, and back.
 
-In flight a thread cuts a chunk every 20 ms and hands it to the operating system: kill -9 costs no more than that,
-and the control loop pays only for packing the message. The lockstep host writes in line, in larger chunks.
+In flight a thread cuts a chunk every 20 ms (every 200 ms while nobody is armed) and hands it to the operating system:
+kill -9 costs no more than that, and the control loop pays only for packing the message. The lockstep host writes in
+line, in larger chunks. Messages come and go with monotonic stamps; the file's own are dates (`formation.clock_pair`).
 """
 
 import threading
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
 from io import FileIO
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
 from formation import topics
+from formation.clock_pair import SIMULATED, ClockPair
+from formation.config import LabConfig
+from formation.messages import PhaseChange
 from formation.topics import Drop, Topic
-from wire.logs.foxglove import View, views_of
 from wire.logs.mcap_file import McapFile, Stored, message_record
-from wire.logs.mcap_read import Entry, Log, LogCheck, LogError, Reading, check_log, read_log
+from wire.logs.mcap_read import (
+    START_MONOTONIC,
+    START_UNIX,
+    Entry,
+    Log,
+    LogCheck,
+    LogError,
+    Reading,
+    check_log,
+    read_log,
+)
+from wire.logs.views import CALM, Views
 from wire.private_files import private
-from wire.schema import Schema, schema_of
+from wire.schema import schema_of
 
 __all__ = ["Entry", "Log", "LogCheck", "LogError", "LogWriter", "Reading", "check_log", "read_log"]
 
+Share = Callable[[bytes, bytes], None]
+"""(the file up to its first chunk, one chunk): together they are a log."""
 _LIBRARY = "mavlink-formation"
-_CHUNK_PERIOD_S = 0.02
+_CHUNK_PERIOD_S, _CALM_PERIOD_S = 0.02, 0.2
 _CHUNK_MESSAGES = 1000
 _BEHIND_NS = 500_000_000
 _PENDING_MESSAGES = 100_000  # some fifty seconds of a stalled disk
-
-
-class _Channel:
-    """One channel of the log and, where Foxglove has a schema for it, its views."""
-
-    def __init__(self, number: int, schema: Schema[Any], views: list["_ViewChannel"]) -> None:
-        self.number = number
-        self.encode = schema.encode
-        self.views = views
-
-
-class _ViewChannel:
-    def __init__(self, number: int, view: View) -> None:
-        self.number = number
-        self.view = view
-        self.next_ns = 0
 
 
 class LogWriter:
@@ -51,10 +54,19 @@ class LogWriter:
     dropped, the rest is kept. `close` writes the summary, without which a log is still readable.
     """
 
-    def __init__(self, path: Path, metadata: Mapping[str, str], *, threaded: bool = True) -> None:
+    def __init__(
+        self,
+        path: Path,
+        metadata: Mapping[str, str],
+        *,
+        start: ClockPair = SIMULATED,
+        threaded: bool = True,
+        share: Share | None = None,
+    ) -> None:  # fmt: skip
         """Create the file (OSError), its owner's alone, with the metadata record "run" first.
 
-        `threaded=False` writes in line.
+        start: which date the stamps begin at; simulated time's own unless said. `threaded=False` writes in line.
+        share: called with each chunk that was written, where it was written: in the log's own thread.
         """
         self.path = path
         self.failure: OSError | None = None
@@ -63,9 +75,13 @@ class LogWriter:
         self._pending: deque[Stored] = deque()
         self._writing_ns: int | None = None  # the stamp of the oldest message of the chunk being written
         self._stream = FileIO(path, "w", opener=private)
+        self._share = share
+        self._ahead_ns = start.ahead_ns
         self._file = McapFile(self._stream, _LIBRARY)
-        self._file.add_metadata("run", metadata)
+        self._file.add_metadata("run", {**metadata, **_dated(start)})
         self._channels = {topic.name: self._open(topic) for topic in topics.ALL}
+        self._views = Views(_lab(metadata), self._file.add_channel)
+        self._calm = False
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="log", daemon=True) if threaded else None
         if self._thread is not None:
@@ -79,15 +95,18 @@ class LogWriter:
 
     def write(self, topic: Topic, message: object, t_ns: int) -> None:
         """Record `message` at `t_ns` (log time, >= 0). The topic is one of `formation.topics.ALL` (KeyError)."""
-        channel = self._channels[topic.name]
+        channel, encode = self._channels[topic.name]
+        if t_ns < 0:
+            raise ValueError(f"t_ns {t_ns} does not fit a log")
         if len(self._pending) > _PENDING_MESSAGES and topic.drop is not Drop.NEVER:
             self.lost += 1
             return
-        self._put(channel.number, t_ns, channel.encode(message))
-        for view in channel.views:
-            if t_ns >= view.next_ns:
-                view.next_ns = t_ns + view.view.spacing_ns
-                self._put(view.number, t_ns, view.view.encode(message, t_ns))
+        if isinstance(message, PhaseChange):
+            self._calm = message.phase in CALM
+        unix_ns = t_ns + self._ahead_ns
+        self._put(channel, unix_ns, encode(message))
+        for number, data in self._views.of(topic, message, t_ns, unix_ns):
+            self._put(number, unix_ns, data)
         if self._thread is None and len(self._pending) >= _CHUNK_MESSAGES:
             self._drain()
 
@@ -99,7 +118,7 @@ class LogWriter:
         if self.failure is not None:
             return f"nothing more is recorded in {self.path.name}: {self.failure.strerror or self.failure}"
         since_ns = self._writing_ns
-        if since_ns is not None and now_ns - since_ns > _BEHIND_NS:
+        if since_ns is not None and now_ns + self._ahead_ns - since_ns > _BEHIND_NS:
             return f"the disk under {self.path.name} is too slow, the log is more than half a second behind"
         return ""
 
@@ -120,21 +139,16 @@ class LogWriter:
         if self.failure is not None:
             raise self.failure
 
-    def _open(self, topic: Topic) -> _Channel:
+    def _open(self, topic: Topic) -> tuple[int, Callable[[Any], bytes]]:
         schema = schema_of(topic.type)
-        number = self._file.add_channel(topic.name, schema.name, schema.descriptor_set)
-        views = [
-            _ViewChannel(self._file.add_channel(view.channel, view.schema_name, view.descriptor_set), view)
-            for view in views_of(topic.type)
-        ]
-        return _Channel(number, schema, views)
+        return self._file.add_channel(topic.name, schema.name, schema.descriptor_set), schema.encode
 
-    def _put(self, channel: int, t_ns: int, data: bytes) -> None:
-        self._pending.append(message_record(channel, self._sequence, t_ns, data))
+    def _put(self, channel: int, unix_ns: int, data: bytes) -> None:
+        self._pending.append(message_record(channel, self._sequence, unix_ns, data))
         self._sequence += 1
 
     def _run(self) -> None:
-        while not self._closing.wait(_CHUNK_PERIOD_S):
+        while not self._closing.wait(_CALM_PERIOD_S if self._calm else _CHUNK_PERIOD_S):
             self._drain()
 
     def _drain(self) -> None:
@@ -146,8 +160,28 @@ class LogWriter:
             self.lost += len(chunk)
             return
         try:
-            self._file.write_chunk(chunk)
+            written = self._file.write_chunk(chunk)
+            if self._share is not None and written:
+                self._share(self._file.head, written)
         except OSError as error:
             self.failure = error
             self.lost += len(chunk)
         self._writing_ns = None
+
+
+def _dated(start: ClockPair) -> dict[str, str]:
+    """The date that the stamps begin at, as the run's metadata say it."""
+    date = datetime.fromtimestamp(start.unix_ns // 1_000_000_000, UTC)
+    return {
+        "date": f"{date:%Y-%m-%dT%H:%M:%SZ}",
+        START_MONOTONIC: str(start.monotonic_ns),
+        START_UNIX: str(start.unix_ns),
+    }
+
+
+def _lab(metadata: Mapping[str, str]) -> LabConfig | None:
+    """The lab that is flown; None where the metadata hold none."""
+    try:
+        return LabConfig.model_validate_json(metadata.get("lab", ""))
+    except ValidationError:
+        return None

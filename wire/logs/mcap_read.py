@@ -11,19 +11,22 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata, Schema
 
 from formation import topics
+from formation.clock_pair import ClockPair
 from formation.topics import Topic
 from wire.logs.mcap_scan import Damage, LogError, Messages, scan
 from wire.schema import SchemaError, schema_of
 
 __all__ = ["Entry", "Log", "LogCheck", "LogError", "Reading", "check_log", "read_log"]
 
+START_MONOTONIC, START_UNIX = "start_monotonic_ns", "start_unix_ns"
+"""Where a run's metadata say which date its stamps begin at; a log before version 0.2 says nothing of it."""
 _HEAD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One message of the log, at its log time."""
+    """One message of the log, at the monotonic time at which it was recorded."""
 
     topic: Topic
     t_ns: int
@@ -112,9 +115,12 @@ def _entries(path: Path, damage: Damage) -> Iterator[Entry]:
     schemas: dict[int, Schema] = {}
     readers: dict[int, _Reader | None] = {}
     made: dict[tuple[str, int], _Reader | None] = {}
+    ahead_ns = 0
     for record in scan(path, damage):
-        if isinstance(record, Metadata) and (lost := record.metadata.get("lost", "0")) != "0":
-            damage.note(f"{lost} messages were dropped while recording")
+        if isinstance(record, Metadata):
+            if (lost := record.metadata.get("lost", "0")) != "0":
+                damage.note(f"{lost} messages were dropped while recording")
+            ahead_ns = clock_of(record.metadata, damage).ahead_ns or ahead_ns
         elif isinstance(record, Schema):
             schemas.setdefault(record.id, record)
         elif isinstance(record, Channel):
@@ -124,7 +130,8 @@ def _entries(path: Path, damage: Damage) -> Iterator[Entry]:
                     made[key] = _reader(record, schemas, damage)
                 readers[record.id] = made[key]
         elif isinstance(record, Messages):
-            for channel, t_ns, data in _messages(record, damage):
+            for channel, unix_ns, data in _messages(record, damage):
+                t_ns = unix_ns - ahead_ns
                 if channel not in readers:
                     damage.note(f"messages of channel {channel}, which the file does not describe")
                     readers[channel] = None
@@ -138,6 +145,16 @@ def _entries(path: Path, damage: Damage) -> Iterator[Entry]:
             if not damage.records_left:
                 damage.note("it holds more records than any log of its size: the rest is not read")
                 return
+
+
+def clock_of(metadata: Mapping[str, str], damage: Damage | None = None) -> ClockPair:
+    """The date that a run's stamps begin at; stamps without one count as dates themselves."""
+    try:
+        return ClockPair(int(metadata.get(START_MONOTONIC, "0")), int(metadata.get(START_UNIX, "0")))
+    except ValueError:
+        if damage is not None:
+            damage.note("the date at which it begins cannot be read")
+        return ClockPair(0, 0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,8 +5,9 @@
 
 Peers with explicit endpoints and no multicast. Each listens on a port of its own and learns of the others by
 gossip, so that the ones left keep talking when one dies, the one that was connected to first included.
-Everything is real-time priority and dropped rather than queued, and not express but frames: on loopback an express put
-of a burst of twenty packets loses one in a hundred and waits up to 1.6 ms, a batched one loses none.
+Everything is real-time priority (what viewers are shown: background) and dropped rather than queued, and not express
+but frames: on loopback an express put of a burst of twenty packets loses one in a hundred and waits up to 1.6 ms, a
+batched one loses none.
 """
 
 import asyncio
@@ -35,6 +36,7 @@ _REQUEST: Schema[OperatorRequest] = schema_of(OperatorRequest)
 _REPLY: Schema[OperatorReply] = schema_of(OperatorReply)
 
 _EXPRESS = ("mocap/raw", "mocap/frame")  # one at a time, and the control waits for it
+_IDLE = ("/log/head", "/log/chunk")  # for viewers: behind everything else
 _QUEUED = 1024
 _QUEUED_OF_A_DRONE = 128
 _QUEUED_REQUESTS = 256
@@ -242,14 +244,17 @@ class ZenohBus:
         """The publisher of a key of the lab, made once."""
         publisher = self._publishers.get(key)
         if publisher is None:
-            publisher = self._publishers[key] = self._publisher(f"{self.lab}/{key}", key in _EXPRESS)
+            priority = zenoh.Priority.BACKGROUND if key.endswith(_IDLE) else zenoh.Priority.REAL_TIME
+            publisher = self._publishers[key] = self._publisher(f"{self.lab}/{key}", key in _EXPRESS, priority)
         return publisher
 
-    def _publisher(self, key: str, express: bool = False) -> zenoh.Publisher:
+    def _publisher(
+        self, key: str, express: bool = False, priority: zenoh.Priority = zenoh.Priority.REAL_TIME
+    ) -> zenoh.Publisher:
         return self._session.declare_publisher(
             key,
             congestion_control=zenoh.CongestionControl.DROP,
-            priority=zenoh.Priority.REAL_TIME,
+            priority=priority,
             express=express,
         )
 

@@ -1,0 +1,1 @@
+"""Parts of pages about flights: events folded, what was flown with, two flights compared."""

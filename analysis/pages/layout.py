@@ -1,0 +1,119 @@
+"""A Foxglove layout and a Rerun blueprint for a formation flight: the room in 3-D, the drones' states, the log."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from formation.config import LabConfig
+from wire.config_file import load as load_lab
+from wire.logs.mcap_log import LogError, read_log
+
+USUAL = ("leader", "right", "left")
+APPLICATION = "mavlink-formation"
+FOXGLOVE, RERUN = ".json", ".rbl"
+_COLOURS = ("#2b3440", "#1f77d0", "#e8772e", "#2a9d6f", "#b5459b", "#8a6d1f", "#0f9fb4", "#7a56c8", "#c94f5d")
+
+
+def bodies_of(source: Path | None) -> tuple[str, ...]:
+    """The lab's bodies, leader first, by a lab file or a log. OSError, LogError, ConfigError (a ValueError)."""
+    if source is None:
+        return USUAL
+    if source.suffix == ".toml":
+        return _bodies(load_lab(source, LabConfig))
+    try:
+        return _bodies(LabConfig.model_validate_json(read_log(source).metadata.get("lab", "")))
+    except ValidationError as error:
+        raise LogError(f"{source}: holds no lab's configuration") from error
+
+
+def _bodies(lab: LabConfig) -> tuple[str, ...]:
+    return tuple(vehicle.body for vehicle in lab.vehicles)
+
+
+def write(path: Path, bodies: Sequence[str]) -> None:
+    """A Foxglove layout (.json) or a Rerun blueprint (.rbl, needs rerun-sdk). OSError; LogError for other names."""
+    if path.suffix == FOXGLOVE:
+        path.write_text(json.dumps(foxglove(bodies), indent=2), encoding="utf-8")
+    elif path.suffix == RERUN:
+        _write_rerun(path, bodies)
+    else:
+        raise LogError(f"{path}: ends in neither {FOXGLOVE} (Foxglove) nor {RERUN} (Rerun)")
+
+
+def foxglove(bodies: Sequence[str]) -> dict[str, Any]:
+    """The layout: 3-D at the left, errors, heights, batteries, setpoint ages and the log at the right."""
+    plots = {
+        "Plot!error": ("Formation error, lead, m", _paths(bodies, "state.err.x", "state.err.y", "state.err.z")),
+        "Plot!height": ("Height and reference, m", _paths(bodies, "state.pos.z", "state.ref.z")),
+        "Plot!thrust": ("Thrust", _paths(bodies, "state.thrust")),
+        "Plot!battery": ("Battery, V", _paths(bodies, "link.battery_v")),
+        "Plot!age": ("Setpoint age, ms", _paths(bodies, "link.setpoint_age_ms")),
+    }
+    panels: dict[str, Any] = {
+        "3D!room": {
+            "followTf": "lab",
+            "fixedFrame": "lab",
+            "cameraState": {
+                "distance": 6.0, "perspective": True, "phi": 55.0, "thetaOffset": 135.0,
+                "targetOffset": [0.0, 0.0, 0.3], "fovy": 45.0, "near": 0.1, "far": 500.0,
+                "target": [0.0, 0.0, 0.0], "targetOrientation": [0.0, 0.0, 0.0, 1.0],
+            },
+            "scene": {"transforms": {"axisScale": 0.3, "showLabel": False}},
+            "topics": {"/scene": {"visible": True}, "/scene/trails": {"visible": True}},
+            "layers": {"grid": {"layerId": "foxglove.Grid", "visible": True, "size": 6.0, "divisions": 12}},
+        },
+        "Log!lines": {"topicToRender": "/log", "minLogLevel": 1},
+    }  # fmt: skip
+    for panel, (title, paths) in plots.items():
+        panels[panel] = {
+            "title": title, "paths": paths, "showLegend": True, "legendDisplay": "floating", "showXAxisLabels": True,
+            "showYAxisLabels": True, "isSynced": True, "xAxisVal": "timestamp", "followingViewWidth": 30.0,
+        }  # fmt: skip
+    right: Any = "Log!lines"
+    share = 18.0
+    for count, panel in enumerate(reversed(plots), start=1):
+        right = {
+            "direction": "column",
+            "first": panel,
+            "second": right,
+            "splitPercentage": max(100.0 / (count + 1), share),
+        }
+    return {
+        "configById": panels,
+        "globalVariables": {},
+        "userNodes": {},
+        "playbackConfig": {"speed": 1.0},
+        "layout": {"direction": "row", "first": "3D!room", "second": right, "splitPercentage": 52.0},
+    }
+
+
+def _paths(bodies: Sequence[str], *fields: str) -> list[dict[str, Any]]:
+    """One line a body and field: `/drone/left/state.pos.z`."""
+    return [
+        {
+            "value": f"/drone/{body}/{field}", "enabled": True, "timestampMethod": "receiveTime",
+            "label": f"{body} {field.split('.', 1)[1]}", "color": _COLOURS[i % len(_COLOURS)],
+        }
+        for i, body in enumerate(bodies)
+        for field in fields
+    ]  # fmt: skip
+
+
+def _write_rerun(path: Path, bodies: Sequence[str]) -> None:
+    try:
+        import rerun.blueprint as rrb
+    except ImportError as error:
+        raise LogError(f"{path}: needs rerun-sdk: pip install 'mavlink-formation[live]'") from error
+    drones = [rrb.DataframeView(origin=f"/drone/{body}/state", name=f"{body}: state") for body in bodies]
+    links = [rrb.DataframeView(origin=f"/drone/{body}/link", name=f"{body}: battery and link") for body in bodies]
+    blueprint = rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Spatial3DView(origin="/", name="Room"),
+            rrb.Vertical(rrb.Tabs(*drones), rrb.Tabs(*links), rrb.TextLogView(origin="/log", name="Log")),
+            column_shares=[3, 2],
+        )
+    )
+    blueprint.save(APPLICATION, str(path))

@@ -1,0 +1,1 @@
+"""A log as plain columns, for notebooks and other programs."""

@@ -1,0 +1,157 @@
+"""A log as tables of plain columns, one table a topic: for notebooks, CSV and Parquet. Every float64 bit for bit.
+
+A table is a mapping from column to an array (T,), so that `pandas.DataFrame(table)` is one call. Messages about several
+vehicles become one row a vehicle, named in `body`. Vectors become `pos_lab_m_x`, `_y`, `_z`, quaternions `_w` first.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from datetime import UTC, datetime
+from enum import Enum
+from pathlib import Path
+from typing import Any, get_args, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from analysis.tables.link_history import histories
+from formation.config import LabConfig
+from formation.maths.arrays import Layout
+from formation.topics import LINK_UP
+from wire.logs.mcap_log import read_log
+from wire.logs.mcap_read import clock_of
+
+Table = Mapping[str, NDArray[Any]]
+LINK = "drone/link"
+_AXES = {3: ("_x", "_y", "_z"), 4: ("_w", "_x", "_y", "_z")}
+
+
+@dataclass(frozen=True, slots=True)
+class FlightLog(Mapping[str, Table]):
+    """A log: its tables by topic (those that hold anything), and what it says of its run.
+
+    In every table: `t_s`, seconds since the log's first record; `unix_ns`, the date of that, ns since 1970 UTC.
+    """
+
+    metadata: Mapping[str, str]
+    tables: Mapping[str, Table]
+
+    @property
+    def date(self) -> datetime:
+        """When it began, UTC; simulated flights begin in 2000, logs of versions before 0.2 in 1970."""
+        return datetime.fromtimestamp(clock_of(self.metadata).unix_ns / 1e9, UTC)
+
+    def __getitem__(self, topic: str) -> Table:
+        return self.tables[topic]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.tables)
+
+    def __len__(self) -> int:
+        return len(self.tables)
+
+
+def load(path: str | Path) -> FlightLog:
+    """Read a log, whole or damaged. Raises OSError, and LogError (a ValueError) if the file is no MCAP file."""
+    log = read_log(Path(path))
+    lab = _lab(log.metadata)
+    stamps: defaultdict[str, list[int]] = defaultdict(list)
+    found: defaultdict[str, list[Any]] = defaultdict(list)
+    first_ns: int | None = None
+    for entry in log.entries:
+        first_ns = entry.t_ns if first_ns is None else first_ns
+        stamps[entry.topic.name].append(entry.t_ns)
+        found[entry.topic.name].append(entry.message)
+    ahead_ns = clock_of(log.metadata).ahead_ns
+    tables: dict[str, Table] = {}
+    for name, messages in found.items():
+        tables[name] = _table(np.array(stamps[name]), messages, lab, first_ns or 0, ahead_ns)
+    if LINK_UP.name in found:
+        said = zip(stamps[LINK_UP.name], found[LINK_UP.name], strict=True)
+        tables[LINK] = _link(said, lab, first_ns or 0, ahead_ns)
+    return FlightLog(log.metadata, tables)
+
+
+def _lab(metadata: Mapping[str, str]) -> LabConfig | None:
+    try:
+        return LabConfig.model_validate_json(metadata.get("lab", ""))
+    except ValidationError:
+        return None
+
+
+def _times(t_ns: NDArray[np.int64], first_ns: int, ahead_ns: int) -> dict[str, NDArray[Any]]:
+    return {"t_s": (t_ns - first_ns) * 1e-9, "unix_ns": t_ns + ahead_ns}
+
+
+def _table(
+    t_ns: NDArray[np.int64], messages: Sequence[Any], lab: LabConfig | None, first_ns: int, ahead_ns: int
+) -> Table:
+    """One topic's messages, all of one type."""
+    kind = type(messages[0])
+    hints = get_type_hints(kind, include_extras=True)
+    layouts = {field.name: _layout(hints[field.name]) for field in fields(kind)}
+    rowed = [name for name, layout in layouts.items() if layout is not None and layout.shape[0] < 0]
+    counts = np.array([len(getattr(message, rowed[0])) for message in messages]) if rowed else None
+
+    def spread(values: NDArray[Any]) -> NDArray[Any]:
+        return values if counts is None else np.repeat(values, counts, axis=0)
+
+    columns = _times(spread(t_ns), first_ns, ahead_ns)
+    if counts is not None:
+        columns["body"] = np.concatenate([_bodies(m, int(n), lab) for m, n in zip(messages, counts, strict=True)])
+    for name, layout in layouts.items():
+        values = [getattr(message, name) for message in messages]
+        if layout is None:
+            if not (counts is not None and name == "bodies"):
+                columns[name] = spread(_plain(values))
+        else:
+            rows = np.concatenate(values) if name in rowed else spread(np.array(values))
+            columns |= _split(name, rows)
+    return columns
+
+
+def _layout(hint: Any) -> Layout | None:
+    """The shape of an array field; None where it is none."""
+    return next((note for note in get_args(hint)[1:] if isinstance(note, Layout)), None)
+
+
+def _bodies(message: Any, count: int, lab: LabConfig | None) -> NDArray[Any]:
+    """Whom a message's rows are about: of its own bodies, of all vehicles, or of the commanded ones."""
+    named = getattr(message, "bodies", None)
+    if named is None and lab is not None:
+        every = [vehicle.body for vehicle in lab.vehicles]
+        named = every if len(every) == count else [every[i] for i in lab.commanded]
+    names = [str(i) for i in range(count)] if named is None or len(named) != count else named
+    return np.array(names, dtype=object)
+
+
+def _plain(values: list[Any]) -> NDArray[Any]:
+    """A column of numbers, flags, texts or bytes; enumerations by name, lists of texts as one text."""
+    if isinstance(values[0], Enum):
+        values = [value.name for value in values]
+    if isinstance(values[0], tuple):
+        values = ["; ".join(value) for value in values]
+    return np.array(values, dtype=object if isinstance(values[0], str | bytes) else None)
+
+
+def _split(name: str, rows: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    """(T,) as it is; (T, k) as k columns."""
+    if rows.ndim == 1:
+        return {name: rows}
+    flat = rows.reshape(len(rows), -1)
+    endings = _AXES.get(flat.shape[1], tuple(f"_{k}" for k in range(flat.shape[1])))
+    return {name + ending: flat[:, k] for k, ending in enumerate(endings)}
+
+
+def _link(said: Iterator[tuple[int, Any]], lab: LabConfig | None, first_ns: int, ahead_ns: int) -> Table:
+    """One row a drone and tenth of a second: what it last said of battery, link and mode."""
+    body_of = {} if lab is None else {vehicle.sysid: vehicle.body for vehicle in lab.vehicles}
+    parts = []
+    for sysid, history in histories(said).items():
+        rest = dict(history)
+        t_ns = np.asarray(rest.pop("t_ns"), np.int64)
+        body = np.full(len(t_ns), body_of.get(sysid, str(sysid)), dtype=object)
+        parts.append(_times(t_ns, first_ns, ahead_ns) | {"body": body} | rest)
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

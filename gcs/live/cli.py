@@ -1,0 +1,45 @@
+"""`gcs live`: a flight live in Foxglove and Rerun."""
+
+import asyncio
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gcs import GCS_NAME
+from gcs.cli.common import NOT_RIGHT, REFUSED, LabFile, Name, configuration, fail
+
+
+def live(
+    lab: LabFile,
+    name: Name = GCS_NAME,
+    foxglove: Annotated[bool, typer.Option("--foxglove", help="Serve Foxglove, by a WebSocket.")] = False,
+    rerun: Annotated[bool, typer.Option("--rerun", help="Open Rerun's viewer.")] = False,
+    host: Annotated[str, typer.Option(help="Where Foxglove is served.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="And on which port.")] = 8765,
+    save: Annotated[Path | None, typer.Option("--save", metavar="FILE.rrd", help="Rerun into a file instead.")] = None,
+) -> None:
+    """Stream the flight to Foxglove or Rerun while it is flown: the log's own channels, from the bus, until Ctrl-C.
+
+    A process of its own: the ground shares its log while somebody listens, and waits for nobody.
+    """
+    from gcs.live.daemon import run
+    from gcs.live.viewers import Foxglove, Rerun, Viewer, ViewerError
+
+    if not (foxglove or rerun or save):
+        raise typer.BadParameter("say where to: --foxglove or --rerun")
+    config = configuration(lab)
+    viewers: list[Viewer] = []
+    try:
+        if foxglove:
+            viewers.append(Foxglove(host, port))
+            typer.echo(f"Foxglove: open connection ws://{host}:{viewers[-1].port}", err=True)  # type: ignore[attr-defined]
+        if rerun or save:
+            viewers.append(Rerun(None if save is None else str(save)))
+    except ViewerError as error:
+        fail(str(error), NOT_RIGHT)
+    try:
+        count = asyncio.run(run(config.link, config.name, name, viewers, lambda text: typer.echo(text, err=True)))
+    except OSError as error:
+        fail(str(error), REFUSED)
+    typer.echo(f"{count} messages streamed")

@@ -1,0 +1,62 @@
+"""`gcs live` as a process: the ground's log comes over the bus and goes to the viewers. It asks nothing."""
+
+from collections.abc import Callable, Sequence
+
+import zenoh
+
+from formation.config import LinkConfig
+from gcs.live.viewers import Viewer
+from wire.logs.live import LiveLog, keys
+from wire.process.lifetime import Stop
+from wire.transport.zenoh_bus import ZenohBus
+
+QUEUED = 64
+"""Chunks that wait for a viewer; then the oldest are lost."""
+
+
+class Live:
+    """Between one ground's log and the viewers."""
+
+    def __init__(self, viewers: Sequence[Viewer], tell: Callable[[str], None]) -> None:
+        self.messages = 0
+        self._viewers = viewers
+        self._tell = tell
+        self._log = LiveLog()
+
+    def take_head(self, head: bytes) -> None:
+        """The ground says what its log holds."""
+        if self._log.take_head(head):
+            self._tell(f"streaming {len(self._log.channels)} channels")
+            for viewer in self._viewers:
+                viewer.begin(self._log.channels)
+
+    def take_chunk(self, chunk: bytes) -> None:
+        """The newest moments of the log."""
+        for channel, unix_ns, data in self._log.messages(chunk):
+            self.messages += 1
+            for viewer in self._viewers:
+                viewer.show(channel, unix_ns, data)
+
+
+async def run(link: LinkConfig, lab: str, name: str, viewers: Sequence[Viewer], tell: Callable[[str], None]) -> int:
+    """Stream until SIGINT or SIGTERM; how many messages. Raises BusError."""
+    stop = Stop()
+    bus = await ZenohBus.open(link.joined, lab)
+    live = Live(viewers, tell)
+    head_key, chunk_key = keys(name)
+
+    def take_head(sample: zenoh.Sample) -> None:
+        live.take_head(sample.payload.to_bytes())
+
+    def take_chunk(sample: zenoh.Sample) -> None:
+        live.take_chunk(sample.payload.to_bytes())
+
+    try:
+        bus.listen(head_key, take_head, limit=1)
+        bus.listen(chunk_key, take_chunk, limit=QUEUED)
+        await stop.wait()
+    finally:
+        await bus.close()
+        for viewer in viewers:
+            viewer.close()
+    return live.messages

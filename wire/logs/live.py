@@ -1,0 +1,111 @@
+"""A log on the bus while it is written: the ground shares its chunks, a viewer's process takes them.
+
+    <lab>/gcs/<name>/log/head    the file up to its first chunk, every second
+    <lab>/gcs/<name>/log/chunk   each chunk, as it is in the file
+
+Shared only while somebody listens, at the lowest priority, and dropped rather than queued.
+"""
+
+import struct
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from io import BytesIO
+from typing import Protocol
+
+import zstandard
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, McapRecord, Message, Schema
+from mcap.stream_reader import StreamReader
+from mcap.writer import MCAP0_MAGIC
+
+END = struct.pack("<BQI", Opcode.DATA_END, 4, 0) + struct.pack("<BQ20x", Opcode.FOOTER, 20) + MCAP0_MAGIC
+"""What makes a log of a head and a chunk."""
+HEAD_EVERY = 25
+"""Chunks: half a second in flight."""
+
+
+class Bus(Protocol):
+    """What of the lab's bus is needed to share a log."""
+
+    def put(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
+        """Publish."""
+
+    def is_heard(self, key: str) -> bool:
+        """Whether anybody listens."""
+
+
+def keys(gcs_name: str) -> tuple[str, str]:
+    """The keys of a ground's log: head and chunks."""
+    return f"gcs/{gcs_name}/log/head", f"gcs/{gcs_name}/log/chunk"
+
+
+def sharer(bus: Bus, gcs_name: str) -> Callable[[bytes, bytes], None]:
+    """What a LogWriter shares its chunks by."""
+    head_key, chunk_key = keys(gcs_name)
+    for key in (head_key, chunk_key):
+        bus.is_heard(key)  # makes its publisher here, not in the log's thread
+    left = 0
+
+    def share(head: bytes, chunk: bytes) -> None:
+        nonlocal left
+        if not bus.is_heard(chunk_key):
+            left = 0
+            return
+        if left == 0:
+            bus.put(head_key, head)
+        left = (left + 1) % HEAD_EVERY
+        bus.put(chunk_key, chunk)
+
+    return share
+
+
+@dataclass(frozen=True, slots=True)
+class Described:
+    """A channel of a log, with its Protobuf schema."""
+
+    topic: str
+    schema_name: str
+    descriptor_set: bytes
+
+
+class LiveLog:
+    """A log as it comes over the bus: who listens from the middle begins with the next head."""
+
+    def __init__(self) -> None:
+        self.channels: Mapping[int, Described] = {}
+        self.refused = 0
+        """Heads and chunks that could not be read."""
+        self._head = b""
+
+    def take_head(self, head: bytes) -> bool:
+        """Whether this begins another log than before."""
+        if head == self._head:
+            return False
+        records = self._read(head)
+        schemas = {record.id: record for record in records if isinstance(record, Schema)}
+        channels = {
+            record.id: Described(record.topic, schemas[record.schema_id].name, schemas[record.schema_id].data)
+            for record in records
+            if isinstance(record, Channel) and record.schema_id in schemas
+        }
+        if not channels:
+            return False
+        self._head, self.channels = head, channels
+        return True
+
+    def messages(self, chunk: bytes) -> Iterator[tuple[int, int, bytes]]:
+        """(channel, date in ns since 1970, data) of each message of a chunk; none before the first head."""
+        if not self.channels:
+            return
+        for record in self._read(self._head + chunk):
+            if isinstance(record, Message) and record.channel_id in self.channels:
+                yield record.channel_id, record.log_time, record.data
+
+    def _read(self, begun: bytes) -> list[McapRecord]:
+        """The records of a log that is not finished; none, and counted, where that is none."""
+        try:
+            return list(StreamReader(BytesIO(begun + END)).records)
+        except (McapError, struct.error, ValueError, zstandard.ZstdError):
+            self.refused += 1
+            return []

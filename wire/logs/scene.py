@@ -1,0 +1,153 @@
+"""The flight as Foxglove draws it: frames of bodies and slots, drones, fence and trails, lines of the log.
+
+What stands in a frame is drawn once and moves with the frame, so that only frames are told often.
+"""
+
+from collections.abc import Iterator, Sequence
+from itertools import product
+
+from foxglove_schemas_protobuf.Color_pb2 import Color
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from google.protobuf.duration_pb2 import Duration
+from google.protobuf.timestamp_pb2 import Timestamp
+
+from formation import messages as m
+from formation.config import Fence, LabConfig
+from formation.maths.arrays import Vec3s
+
+LAB = "lab"
+COLOURS = (
+    (0.17, 0.20, 0.25), (0.12, 0.47, 0.82), (0.91, 0.47, 0.18), (0.16, 0.62, 0.44), (0.71, 0.27, 0.61),
+    (0.54, 0.43, 0.12), (0.06, 0.62, 0.71), (0.48, 0.34, 0.78), (0.79, 0.31, 0.36),
+)  # fmt: skip
+"""Leader first; the report's own."""
+TRAIL_S = 10
+THICK_M = 0.03
+_LEVELS = {
+    m.Severity.DEBUG: Log.DEBUG,
+    m.Severity.INFO: Log.INFO,
+    m.Severity.NOTICE: Log.INFO,
+    m.Severity.WARNING: Log.WARNING,
+    m.Severity.ERROR: Log.ERROR,
+    m.Severity.CRITICAL: Log.FATAL,
+    m.Severity.ALERT: Log.FATAL,
+    m.Severity.EMERGENCY: Log.FATAL,
+}
+
+
+def slot_frame(body: str) -> str:
+    """The name of the frame of a body's slot, or of whatever its reference is."""
+    return f"slot/{body}"
+
+
+def bodies(frame: m.LabFrame, unix_ns: int) -> bytes:
+    """Where the bodies are that were seen, as frames of their names in `lab`."""
+    transforms = FrameTransforms()
+    stamp = _stamp(unix_ns)
+    rows = zip(frame.bodies, frame.pos_lab_m.tolist(), frame.q_lab_from_flu.tolist(), frame.seen.tolist(), strict=True)
+    for body, (x, y, z), (qw, qx, qy, qz), seen in rows:
+        if not seen:
+            continue
+        transform = transforms.transforms.add(timestamp=stamp, parent_frame_id=LAB, child_frame_id=body)
+        translation, rotation = transform.translation, transform.rotation
+        translation.x, translation.y, translation.z = x, y, z
+        rotation.x, rotation.y, rotation.z, rotation.w = qx, qy, qz, qw
+    return _bytes(transforms)
+
+
+def slots(names: Sequence[str], pos_lab_m: Vec3s, unix_ns: int) -> bytes:
+    """Where these bodies should be, as frames in `lab`."""
+    transforms = FrameTransforms()
+    stamp = _stamp(unix_ns)
+    for body, (x, y, z) in zip(names, pos_lab_m.tolist(), strict=True):
+        transform = transforms.transforms.add(timestamp=stamp, parent_frame_id=LAB, child_frame_id=slot_frame(body))
+        translation = transform.translation
+        translation.x, translation.y, translation.z = x, y, z
+        transform.rotation.w = 1.0
+    return _bytes(transforms)
+
+
+def room(lab: LabConfig, unix_ns: int) -> bytes:
+    """Fence, drones in their true size with a nose and a name, and slots; the whole of what stands in frames."""
+    update = SceneUpdate()
+    stamp = _stamp(unix_ns)
+    _fence(update.entities.add(timestamp=stamp, frame_id=LAB, id="fence"), lab.limits.fence)
+    for i, vehicle in enumerate(lab.vehicles):
+        colour = COLOURS[i % len(COLOURS)]
+        size_m = max(2.0 * lab.profile_of(vehicle).reach_m, THICK_M)
+        drone = update.entities.add(timestamp=stamp, frame_id=vehicle.body, id=f"drone/{vehicle.body}")
+        drone.frame_locked = True
+        disc = drone.cylinders.add(color=_colour(colour, 0.9), bottom_scale=1.0, top_scale=1.0)
+        disc.size.x, disc.size.y, disc.size.z = size_m, size_m, THICK_M
+        disc.pose.orientation.w = 1.0
+        nose = drone.arrows.add(
+            color=_colour(colour, 1.0), shaft_length=size_m, shaft_diameter=THICK_M / 2.0,
+            head_length=THICK_M, head_diameter=THICK_M,
+        )  # fmt: skip
+        nose.pose.orientation.w = 1.0
+        name = drone.texts.add(text=vehicle.body, color=_colour(colour, 1.0), font_size=14.0)
+        name.billboard = name.scale_invariant = True
+        name.pose.position.z, name.pose.orientation.w = 2.0 * THICK_M, 1.0
+        if vehicle.sysid is not None:
+            slot = update.entities.add(timestamp=stamp, frame_id=slot_frame(vehicle.body), id=f"slot/{vehicle.body}")
+            slot.frame_locked = True
+            ball = slot.spheres.add(color=_colour(colour, 0.35))
+            ball.size.x = ball.size.y = ball.size.z = size_m
+            ball.pose.orientation.w = 1.0
+    return _bytes(update)
+
+
+def trails(points: Sequence[Sequence[tuple[float, float, float]]], names: Sequence[str], unix_ns: int) -> bytes:
+    """The last stretch of each body's way, lab, m; it fades after TRAIL_S."""
+    update = SceneUpdate()
+    for i, (body, way) in enumerate(zip(names, points, strict=True)):
+        entity = update.entities.add(
+            timestamp=_stamp(unix_ns), frame_id=LAB, id=f"trail/{body}/{unix_ns}", lifetime=Duration(seconds=TRAIL_S)
+        )
+        line = entity.lines.add(type=LinePrimitive.LINE_STRIP, thickness=2.0, scale_invariant=True)
+        line.pose.orientation.w = 1.0
+        line.color.CopyFrom(_colour(COLOURS[i % len(COLOURS)], 0.8))
+        for x, y, z in way:
+            line.points.add(x=x, y=y, z=z)
+    return _bytes(update)
+
+
+def log_line(event: m.Event, unix_ns: int) -> bytes:
+    """An event as a line of Foxglove's log panel."""
+    return _bytes(Log(timestamp=_stamp(unix_ns), level=_LEVELS[event.severity], name=event.source, message=event.text))
+
+
+def _fence(entity: SceneEntity, fence: Fence) -> None:
+    """The twelve edges of the box."""
+    lines = entity.lines.add(type=LinePrimitive.LINE_LIST, thickness=1.5, scale_invariant=True)
+    lines.pose.orientation.w = 1.0
+    lines.color.CopyFrom(_colour((0.76, 0.22, 0.18), 0.7))
+    for a, b in _edges():
+        for corner in (a, b):
+            x, y, z = (fence.high_m[k] if up else fence.low_m[k] for k, up in enumerate(corner))
+            lines.points.add(x=x, y=y, z=z)
+
+
+def _edges() -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
+    """Pairs of corners (0 or 1 on each axis) that differ on one axis."""
+    for corner in product((0, 1), repeat=3):
+        for axis in range(3):
+            if not corner[axis]:
+                yield corner, (*corner[:axis], 1, *corner[axis + 1 :])
+
+
+def _colour(rgb: tuple[float, float, float], alpha: float) -> Color:
+    return Color(r=rgb[0], g=rgb[1], b=rgb[2], a=alpha)
+
+
+def _stamp(t_ns: int) -> Timestamp:
+    return Timestamp(seconds=t_ns // 1_000_000_000, nanos=t_ns % 1_000_000_000)
+
+
+def _bytes(message: FrameTransforms | SceneUpdate | Log) -> bytes:
+    data: bytes = message.SerializeToString()
+    return data

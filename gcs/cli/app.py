@@ -4,6 +4,7 @@ Exit codes: 0 done; 1 refused, failed, or a check failed; 2 the command line, a 
 right; 3 no ground answers.
 """
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +13,8 @@ import typer
 from gcs import GCS_NAME
 from gcs.cli import mocap as mocap_cli
 from gcs.cli import operator as operator_cli
-from gcs.cli.common import Json, LabFile, Name, Speed
+from gcs.cli.children import page_process
+from gcs.cli.common import REFUSED, Json, LabFile, Name, Speed, configuration, fail
 from gcs.doctor import cli as doctor_cli
 from wire import clock, version
 from wire.process.program import program
@@ -34,6 +36,9 @@ def run(
     force: Annotated[bool, typer.Option("--force", help="Fly a preset the delay margin refuses; simulation only.")] = (
         False
     ),
+    page: Annotated[bool, typer.Option("--page", help="Serve the operator's page, too, from a process of its own.")] = (
+        False
+    ),
     as_json: Json = False,
     speed: Speed = 1.0,
 ) -> None:
@@ -46,7 +51,8 @@ def run(
     path = log or Path("runs") / f"{config.name}-{clock.unix_us() // 1_000_000}.mcap"
     metadata = {"link": config.link_kinds, "versions": version.text()}
     metadata |= _tags(tag or [])
-    serve(config, lab, path, name, metadata, force, as_json, clock.Clock(speed))
+    with page_process(lab, name, speed) if page else nullcontext():
+        serve(config, lab, path, name, metadata, force, as_json, clock.Clock(speed))
 
 
 def _tags(items: list[str]) -> dict[str, str]:
@@ -67,6 +73,43 @@ def check(
     from gcs.lab import cli
 
     cli.check(lab, svg, as_json)
+
+
+@app.command()
+def page(
+    lab: LabFile,
+    name: Name = GCS_NAME,
+    port: Annotated[
+        int | None, typer.Option(min=1, max=65535, help="On loopback, 127.0.0.1; without it 8470 or the next free one.")
+    ] = None,
+    speed: Speed = 1.0,
+) -> None:
+    """Serve the operator's page on loopback: the room, every drone, alarms, every command, STOP by the space bar."""
+    from gcs.page.shell import serve as serve_page
+
+    try:
+        serve_page(configuration(lab), name, port, clock.Clock(speed))
+    except OSError as error:
+        fail(str(error), REFUSED)
+
+
+@app.command()
+def watch(
+    lab: operator_cli.Lab = None,
+    name: Name = GCS_NAME,
+) -> None:
+    """Show every drone in this terminal, ten times a second; keys: H hold, L land, space bar STOP, Q quit."""
+    from gcs.watch.terminal import watch as watch_ground
+
+    watch_ground(lab, name)
+
+
+@app.command()
+def buttons() -> None:
+    """Tell which key or button of which input device is pressed: what `[operator] stop_button` wants to know."""
+    from gcs.stop_button.find import tell_presses
+
+    tell_presses()
 
 
 operator_cli.register(app)

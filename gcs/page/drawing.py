@@ -40,13 +40,12 @@ def moving(camera: Camera, shown: Room, preview_lab_m: Sequence[Point] = (), pat
         if len(body.trail_lab_m) > 1:
             parts.append(_polyline(camera, body.trail_lab_m, "trail", _colour(body)))
     parts += [_ring(camera, point, radius, "keepout") for point, radius in shown.keep_outs]
-    parts += _marks(camera, shown.slots_lab_m, "slot", 8.0)
-    parts += _marks(camera, preview_lab_m, "preview", 11.0)
+    parts += _marks(camera, shown.slots_lab_m, "slot", 12.0)
+    parts += _marks(camera, preview_lab_m, "preview", 12.0)
     for i, j, apart_m in shown.pairs:
-        one, other = np.array(shown.bodies[i].pos_lab_m), np.array(shown.bodies[j].pos_lab_m)
-        parts.append(
-            _line(camera, one, other, "near") + _text(camera, 0.5 * (one + other), f"{apart_m:.2f} m", "neart")
-        )
+        one, other = shown.bodies[i].pos_lab_m, shown.bodies[j].pos_lab_m
+        middle = (0.5 * (one[0] + other[0]), 0.5 * (one[1] + other[1]), 0.5 * (one[2] + other[2]))
+        parts.append(_line(camera, one, other, "near") + _text(camera, middle, f"{apart_m:.2f} m", "neart"))
     led = [(body.pos_lab_m, body.reference_lab_m) for body in shown.bodies if body.reference_lab_m is not None]
     for at, reference in led:
         x, y, _ = camera.place(*reference)
@@ -119,7 +118,8 @@ def _line(camera: Camera, a: Point, b: Point, name: str) -> str:
 
 
 def _points(camera: Camera, points: Iterable[Point]) -> str:
-    return " ".join(["%.0f,%.0f" % camera.place(*point)[:2] for point in points])  # noqa: UP031: half the time
+    places = [camera.place(*point) for point in points]
+    return " ".join([f"{x:.0f},{y:.0f}" for x, y, _ in places])
 
 
 def _polyline(camera: Camera, points: Sequence[Point], name: str, colour: str = "") -> str:

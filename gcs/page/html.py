@@ -88,3 +88,18 @@ def _cell(cell: Cell) -> str:
 
 def _span(cell: Cell) -> str:
     return f"<span{_CLASS[cell.level]}>{_MARK[cell.level]}{escape(cell.text)}</span>"
+
+
+def plain(text: str) -> str:
+    """Words as they are."""
+    return escape(text)
+
+
+def stopped(shown: Show) -> str:
+    """What a stop has done."""
+    return escape(shown.stop)
+
+
+def feasible(text: str, against: str) -> str:
+    """What is foreseen of a shape."""
+    return f'<span class="bad">✖ {escape(against)}</span>' if against else f"✔ {escape(text)}"

@@ -6,6 +6,7 @@ beeps, and says across the page when nothing has come of the server for a while.
 
 import asyncio
 import socket
+import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -133,7 +134,7 @@ def serve(config: LabConfig, ground: str, wanted_port: int | None, clock: Clock)
 
     app.on_startup(begin)
     app.on_shutdown(end)
-    print(f"page: http://{LOOPBACK}:{port}", flush=True)
+    print(f"page: http://{LOOPBACK}:{port}", file=sys.stderr, flush=True)
     ui.run(
         page.build, host=LOOPBACK, port=port, title=f"{config.name}: formation", dark=True, reload=False, show=False,
         show_welcome_message=False, uvicorn_logging_level="warning", reconnect_timeout=3.0, access_log=False,

@@ -43,6 +43,7 @@ def fly(
     speed: Annotated[
         float, typer.Option(min=0.01, max=1.0, help="Seconds of flight in one second: slower on a slow machine.")
     ] = 1.0,
+    watch: Annotated[bool, typer.Option("--watch", help="Serve the operator's page, and print where.")] = False,
     as_json: Json = False,
     out: Out = None,
 ) -> None:
@@ -50,7 +51,7 @@ def fly(
     from sim.cli import flights
 
     scenario = flights.scenario_of(name, leader_csv, leader_alignment)
-    flights.fly(scenario, link, mocap, seed, force, speed, as_json, out)
+    flights.fly(scenario, link, mocap, seed, force, speed, watch, as_json, out)
 
 
 @app.command()

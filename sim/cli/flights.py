@@ -40,9 +40,12 @@ UNIT_WITHIN = 0.01
 
 def fly(
     scenario: Scenario, link: Literal["zenoh", "udp"], protocol: str | None, seed: int | None, force: bool,
-    speed: float, as_json: bool, out: Path | None,
+    speed: float, watch: bool, as_json: bool, out: Path | None,
 ) -> None:  # fmt: skip
-    """In real time, or slower; ends the process with its exit code. protocol: of the camera system, if any."""
+    """In real time, or slower; ends the process with its exit code. protocol: of the camera system, if any.
+
+    watch: with the operator's page.
+    """
     lab = scenario.lab
     files = Files(_folder(out, scenario))
     compile_for(scenario)
@@ -54,7 +57,9 @@ def fly(
         scenario = scenario.model_copy(update={"lab": lab_with(lab, protocol) if protocol else lab})
         flown = asyncio.run(
             _interruptible(
-                fly_processes(scenario, _seed(seed, scenario), files, display.progress, force, clock.Clock(speed))
+                fly_processes(
+                    scenario, _seed(seed, scenario), files, display.progress, force, clock.Clock(speed), watch
+                )
             )
         )
     outcome = flown or Outcome("aborted", "interrupted")

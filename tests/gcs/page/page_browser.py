@@ -8,7 +8,7 @@ import subprocess
 import time
 import urllib.request
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -92,21 +92,18 @@ def browser(folder: Path) -> Iterator[Any]:
     assert CHROMIUM is not None
     command = [CHROMIUM, *FLAGS, f"--user-data-dir={folder / 'profile'}", "about:blank"]
     with (folder / "chromium.log").open("wb") as log, subprocess.Popen(command, stderr=log, stdout=log) as process:
-        sockets: list[ClientConnection] = []
         try:
-            port = _port(folder / "profile" / "DevToolsActivePort", process)
+            with ExitStack() as sockets:
+                port = _port(folder / "profile" / "DevToolsActivePort", process)
 
-            def tab() -> Tab:
-                request = urllib.request.Request(f"http://127.0.0.1:{port}/json/new?about:blank", method="PUT")
-                with urllib.request.urlopen(request) as answer:
-                    url = json.load(answer)["webSocketDebuggerUrl"]
-                sockets.append(connect(url, max_size=None))
-                return Tab(sockets[-1])
+                def tab() -> Tab:
+                    request = urllib.request.Request(f"http://127.0.0.1:{port}/json/new?about:blank", method="PUT")
+                    with urllib.request.urlopen(request) as answer:
+                        url = json.load(answer)["webSocketDebuggerUrl"]
+                    return Tab(sockets.enter_context(connect(url, max_size=None)))
 
-            yield tab
+                yield tab
         finally:
-            for socket in sockets:
-                socket.close()
             process.terminate()
             process.wait(10.0)
 

@@ -14,6 +14,7 @@ from typing import TypeVar
 
 from free_ports import free_port
 from page_browser import browser
+
 from sim import fly
 from sim.scenario import Scenario
 from wire.clock import Clock
@@ -27,7 +28,11 @@ def page_server(lab: Path, speed: float, patience_s: float = 120.0) -> Iterator[
     port = free_port()
     url = f"http://127.0.0.1:{port}"
     command = [sys.executable, "-m", "gcs", "page", str(lab), "--port", str(port), "--speed", str(speed)]
-    with lab.with_name("page.log").open("wb") as log, subprocess.Popen(command, stdout=log, stderr=log) as process:
+    env = {name: value for name, value in os.environ.items() if name != "PYTEST_CURRENT_TEST"}  # NiceGUI looks at it
+    with (
+        lab.with_name("page.log").open("wb") as log,
+        subprocess.Popen(command, stdout=log, stderr=log, env=env) as process,
+    ):
         try:
             end = time.monotonic() + patience_s
             while True:

@@ -1,4 +1,4 @@
-"""The page in a real browser: a whole flight flown by clicks, two viewers, STOP by the space bar, a server that dies."""
+"""The page in a real browser: a flight flown by clicks, two viewers, STOP by the space bar, a server that dies."""
 
 from pathlib import Path
 

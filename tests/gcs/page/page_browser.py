@@ -64,7 +64,7 @@ class Tab:
 
     def text(self) -> str:
         """All words on the page."""
-        return str(self.run("document.body.innerText"))
+        return str(self.run("document.body?.innerText"))
 
     def click(self, selector: str) -> None:
         """With the mouse, in its middle, once it can be clicked."""

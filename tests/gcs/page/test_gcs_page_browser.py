@@ -34,10 +34,10 @@ def test_a_flight_is_flown_by_clicks_and_stopped_by_the_space_bar(tmp_path: Path
 
         other: Tab = new_tab()
         other.open(url)
-        other.until("document.body.innerText.includes('Read-only: viewer 1 has the control')")
+        other.until("document.body?.innerText.includes('Read-only: viewer 1 has the control')")
         assert other.run("document.querySelector('#do-land').disabled")
         other.run("[...document.querySelectorAll('.take button')][0].click()")
-        tab.until("document.body.innerText.includes('viewer 2 has taken the control over from viewer 1')")
+        tab.until("document.body?.innerText.includes('viewer 2 has taken the control over from viewer 1')")
         other.press("h", "KeyH", 72)
         phase(tab, "HOLD")
         other.click("#do-land")
@@ -49,7 +49,7 @@ def test_a_flight_is_flown_by_clicks_and_stopped_by_the_space_bar(tmp_path: Path
         tab.until("document.querySelector('.stopped').textContent.startsWith('3 of 3 drones have latched the stop')")
 
         server.kill()
-        tab.until("document.body.classList.contains('deaf')")
+        tab.until("document.body?.classList.contains('deaf')")
 
     scenario = load("triangle_line")
     with private_link("udp", (1, 2, 3)) as link:

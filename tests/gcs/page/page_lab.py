@@ -1,0 +1,114 @@
+"""A ground for pages, out of fake drones: publishes on a real bus what a GcsCore says of them, and takes requests.
+
+    python tests/gcs/page/page_lab.py --followers 19 --port 7500 --lab lab.toml
+
+For pictures and for timing what a page costs: neither processes of agents nor a mocap share the machine with it.
+"""
+
+import argparse
+import asyncio
+import json
+import sys
+from pathlib import Path
+
+from formation.config import LabConfig
+from formation.guidance.patterns import grid
+from formation.messages import OperatorReply, OperatorRequest, Verb
+from gcs import GCS_NAME
+from gcs.state.host import Disk, EventMemory, host_state
+from wire import config_file
+from wire.clock import monotonic_ns, sleep_until_ns, unix_us
+from wire.transport.mocap_bus import MocapBus
+from wire.transport.zenoh_bus import Reply, ZenohBus
+
+sys.path[:0] = [str(Path(__file__).parents[1])]
+from gcs_fakes import FakeLab  # noqa: E402
+
+STEPS = 10
+
+
+def lab_of(followers: int, port: int) -> LabConfig:
+    """A leader on a circle with followers in a grid behind it, in a room that has space for them."""
+    half = max(2.5, 0.6 * followers**0.5 + 1.2)
+    slots = grid(followers, 0.5)
+    return LabConfig.model_validate(
+        {
+            "leader": {"body": "leader", "sysid": 1, "trajectory": {"kind": "circle", "radius_m": 0.5, "laps": 100}},
+            "followers": [
+                {"body": f"cf{i + 2:02d}", "sysid": i + 2, "offset_m": [float(x) for x in slot]}
+                for i, slot in enumerate(slots)
+            ],
+            "limits": {"fence": {"low_m": (-half - 1.0, -half, -0.1), "high_m": (half, half, 2.3)}},
+            "flight": {"altitude_m": 0.8},
+            "link": {"zenoh_listen": [f"tcp/127.0.0.1:{port}"], "zenoh_connect": []},
+        }
+    )
+
+
+class Ground:
+    """Fake drones in real time, ten steps a tenth of a second, and what the ground says of them."""
+
+    def __init__(self, config: LabConfig) -> None:
+        self.lab = FakeLab(config)
+        self.told = EventMemory()
+        self.waiting: dict[int, Reply] = {}
+        self._events = 0
+
+    def take(self, request: OperatorRequest, reply: Reply) -> None:
+        """An operator has asked."""
+        self.waiting[self.lab.ask(request.verb, request.argument)] = reply
+
+    def advance(self) -> str:
+        """A tenth of a second further; the state."""
+        self.lab.run(STEPS / 100.0)
+        for name, event in self.lab.records[self._events :]:
+            if name == "event":
+                self.told.note(event, unix_us())
+        self._events = len(self.lab.records)
+        for id, reply in tuple(self.waiting.items()):
+            answer = self.lab.reply(id)
+            if answer is not None:
+                del self.waiting[id]
+                reply(OperatorReply(0, answer.accepted, answer.text))
+        host = host_state(
+            self.lab.seq, 0, 0.002, Path("lab-20260301-101502.mcap"), Disk(8_400_000, 82_000_000_000), self.told
+        )
+        return json.dumps(self.lab.core.state(self.lab.now_ns) | host)
+
+
+async def serve(config: LabConfig, fly: bool) -> None:
+    """Until killed; each line of standard input is Python that is run upon `lab`, the FakeLab."""
+    ground = Ground(config)
+    bus = await ZenohBus.open(config.link, config.name)
+    bus.serve(GCS_NAME, ground.take)
+    mocap = MocapBus(bus)
+    if fly:
+        ground.lab.fly()
+    loop = asyncio.get_running_loop()
+    loop.add_reader(sys.stdin.fileno(), lambda: exec(sys.stdin.readline(), {"lab": ground.lab, "Verb": Verb}))
+    print("ready", flush=True)
+    due_ns = monotonic_ns()
+    while True:
+        bus.publish_state(GCS_NAME, ground.advance())
+        if ground.lab.seq % 100 < STEPS:
+            timing = {"rate_hz": 100.0, "jitter_s": 0.0003, "lost_share": 0.0, "delay_s": 0.006, "gap_s": 0.011}
+            mocap.publish_state({"timing": timing})
+        due_ns = max(due_ns + 100_000_000, monotonic_ns())
+        await sleep_until_ns(due_ns)
+
+
+def main() -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--followers", type=int, default=2)
+    parser.add_argument("--port", type=int, default=7500)
+    parser.add_argument("--lab", type=Path, required=True)
+    parser.add_argument("--fly", action="store_true")
+    given = parser.parse_args()
+    config = lab_of(given.followers, given.port)
+    given.lab.write_text(config_file.dump(config))
+    asyncio.run(serve(config, given.fly))
+
+
+if __name__ == "__main__":
+    main()

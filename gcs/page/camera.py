@@ -75,7 +75,7 @@ def perspective(fence: Fence, stand: Stand, width: float, height: float) -> Came
         return x, y, z, shift - (x * mx + y * my + z * mz)
 
     away_m = 3.0 * reach_m * stand.away
-    focal = 1.9 * min(height, width / 1.15)
+    focal = 1.6 * min(height, width / 1.15)
     return Camera(
         width, height, row(-sa, ca, 0.0), row(-ca * se, -sa * se, ce), row(-ca * ce, -sa * ce, -se, away_m), focal
     )

@@ -40,7 +40,7 @@ def steps(shown: Show, commands: bool) -> str:
     """For what is not allowed, every reason; what is only out of turn in few words."""
     told = [_against(step) for step in shown.steps if step.reasons and not step.out_of_turn]
     turn = [
-        f"{LABELS[step.verb]}: {escape(step.reasons[0].split(' is for ')[-1])}"
+        f"{LABELS[step.verb]}: only in {escape(step.reasons[0].partition(' is for ')[2].partition(', this')[0])}"
         for step in shown.steps
         if step.out_of_turn
     ]

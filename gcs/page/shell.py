@@ -67,14 +67,12 @@ class Page:
             return OperatorReply(request.id, False, f"no ground answers: {error}")
 
     def build(self, client: Client) -> None:
-        """A browser has come."""
-        self._count += 1
-        name = f"viewer {self._count}"
+        """Somebody asks for the page; who only fetches it is no viewer yet."""
         ui.add_css(self._style)
         ui.add_body_html(self._script)
-        viewer = Viewer(name, self.model, self.ask)
-        client.on_disconnect(lambda: self._leave(name))
-        client.on_connect(lambda: self._come(name, viewer))
+        viewer = Viewer(self.model, self.ask)
+        client.on_connect(lambda: self._come(viewer))
+        client.on_disconnect(lambda: self._leave(viewer))
 
     def draw(self) -> None:
         """Show every viewer what there is."""
@@ -90,13 +88,16 @@ class Page:
             if self._clock.monotonic_ns() - self._drawn_ns > WATCH_S * 1e9:
                 self.draw()
 
-    def _come(self, name: str, viewer: Viewer) -> None:
-        self._viewers[name] = viewer
-        self.model.control.come(name)
+    def _come(self, viewer: Viewer) -> None:
+        if not viewer.name:
+            self._count += 1
+            viewer.name = f"viewer {self._count}"
+        self._viewers[viewer.name] = viewer
+        self.model.control.come(viewer.name)
 
-    def _leave(self, name: str) -> None:
-        self._viewers.pop(name, None)
-        self.model.control.leave(name)
+    def _leave(self, viewer: Viewer) -> None:
+        self._viewers.pop(viewer.name, None)
+        self.model.control.leave(viewer.name)
 
     def _hear(self, text: str) -> None:
         self.model.hear(text, self._clock.monotonic_ns())

@@ -23,10 +23,13 @@ PREVIEW_EVERY = 10
 
 
 class Viewer:
-    """The elements of one browser. `update` is called for every state; a stop is this viewer's as everybody's."""
+    """The elements of one browser, drawn for every state; name: among the viewers, once it is connected.
 
-    def __init__(self, name: str, model: Model, ask: Ask) -> None:
-        self.name = name
+    A stop is everybody's, whoever has the control.
+    """
+
+    def __init__(self, model: Model, ask: Ask) -> None:
+        self.name = ""
         self._model, self._ask = model, ask
         self._stand, self._beats = Stand(), 0
         self._previewing = False
@@ -36,7 +39,6 @@ class Viewer:
         with ui.element("main").classes("page"):
             with ui.element("header").classes("head"):
                 self._head = ui.html(sanitize=False).classes("headwords")
-                self._vital = ui.html(sanitize=False).classes("vital")
             with ui.element("div").classes("rooms"):
                 with ui.element("div").classes("room turning"):
                     self._still3 = ui.html(sanitize=False).classes("layer")
@@ -49,6 +51,7 @@ class Viewer:
                     ui.html('<div class="name">from above</div>', sanitize=False)
             many = " many" if len(model.config.commanded) > MANY else ""
             self._table = ui.html(sanitize=False).classes("table" + many)
+            self._vital = ui.html(sanitize=False).classes("vital")
             with ui.element("aside").classes("side"):
                 self._side()
         self._lost = ui.html(sanitize=False).classes("lost")

@@ -22,9 +22,9 @@ SIZE = (1600, 900)
 
 
 @contextmanager
-def ground(folder: Path, followers: int) -> Iterator["subprocess.Popen[bytes]"]:
-    """A ground of fake drones in formation."""
-    command = [sys.executable, str(HERE / "gcs/page/page_lab.py"), "--fly", "--followers", str(followers)]
+def ground(folder: Path, followers: int, how: str = "--fly") -> Iterator["subprocess.Popen[bytes]"]:
+    """A ground of fake drones, in formation if not otherwise said."""
+    command = [sys.executable, str(HERE / "gcs/page/page_lab.py"), how, "--followers", str(followers)]
     command += ["--port", str(free_port()), "--lab", str(folder / "lab.toml")]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdout is not None

@@ -57,7 +57,7 @@ class Tab:
     def until(self, script: str, patience_s: float = PATIENCE_S) -> Any:
         """Wait until the script evaluates to something."""
         end = time.monotonic() + patience_s
-        while not (value := self.run(script)):
+        while not (value := self.run(f"(() => {{ const v = {script}; return v instanceof Node ? true : v; }})()")):
             assert time.monotonic() < end, f"{script}: not within {patience_s:g} s; the page: {self.text()[:1500]}"
             time.sleep(0.05)
         return value

@@ -18,6 +18,7 @@ from gcs import GCS_NAME
 from gcs.state.host import Disk, EventMemory, host_state
 from wire import config_file
 from wire.clock import monotonic_ns, sleep_until_ns, unix_us
+from wire.link_messages.status import LandedState
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import Reply, ZenohBus
 
@@ -48,8 +49,14 @@ def lab_of(followers: int, port: int) -> LabConfig:
 class Ground:
     """Fake drones in real time, ten steps a tenth of a second, and what the ground says of them."""
 
-    def __init__(self, config: LabConfig) -> None:
+    def __init__(self, config: LabConfig, anew: bool) -> None:
+        """anew: whenever a stop has cut every motor, say when, and begin anew."""
+        self.anew = anew
         self.lab = FakeLab(config)
+        for drone in self.lab.core._drones:  # what fake drones do not say
+            told = drone.link.telemetry
+            told.battery, told.battery_v = 0.91 - 0.003 * drone.index, 4.02 - 0.01 * (drone.index % 7)
+            told.setpoint_age_s, told.setpoint_age_ns = 0.0214, 2**62
         self.told = EventMemory()
         self.waiting: dict[int, Reply] = {}
         self._events = 0
@@ -57,6 +64,24 @@ class Ground:
     def take(self, request: OperatorRequest, reply: Reply) -> None:
         """An operator has asked."""
         self.waiting[self.lab.ask(request.verb, request.argument)] = reply
+        if request.verb is Verb.STOP and self.anew and not any(drone.armed for drone in self.lab.drones.values()):
+            print(monotonic_ns(), flush=True)
+            self.answer()
+            self.begin()
+
+    def begin(self) -> None:
+        """The same lab anew, its drones armed on the floor."""
+        self.lab = FakeLab(self.lab.config)
+        for drone in self.lab.drones.values():
+            drone.armed = True
+
+    def answer(self) -> None:
+        """Whatever has been answered."""
+        for id, reply in tuple(self.waiting.items()):
+            answer = self.lab.reply(id)
+            if answer is not None:
+                del self.waiting[id]
+                reply(OperatorReply(0, answer.accepted, answer.text))
 
     def advance(self) -> str:
         """A tenth of a second further; the state."""
@@ -65,25 +90,25 @@ class Ground:
             if name == "event":
                 self.told.note(event, unix_us())
         self._events = len(self.lab.records)
-        for id, reply in tuple(self.waiting.items()):
-            answer = self.lab.reply(id)
-            if answer is not None:
-                del self.waiting[id]
-                reply(OperatorReply(0, answer.accepted, answer.text))
+        self.answer()
         host = host_state(
             self.lab.seq, 0, 0.002, Path("lab-20260301-101502.mcap"), Disk(8_400_000, 82_000_000_000), self.told
         )
         return json.dumps(self.lab.core.state(self.lab.now_ns) | host)
 
 
-async def serve(config: LabConfig, fly: bool) -> None:
+async def serve(config: LabConfig, fly: bool, anew: bool) -> None:
     """Until killed; each line of standard input is Python that is run upon `lab`, the FakeLab."""
-    ground = Ground(config)
+    ground = Ground(config, anew)
+    if anew:
+        ground.begin()
     bus = await ZenohBus.open(config.link, config.name)
     bus.serve(GCS_NAME, ground.take)
     mocap = MocapBus(bus)
     if fly:
         ground.lab.fly()
+        for drone in ground.lab.core._drones:
+            drone.link.telemetry.landed = LandedState.IN_AIR
     loop = asyncio.get_running_loop()
     loop.add_reader(sys.stdin.fileno(), lambda: exec(sys.stdin.readline(), {"lab": ground.lab, "Verb": Verb}))
     print("ready", flush=True)
@@ -104,10 +129,11 @@ def main() -> None:
     parser.add_argument("--port", type=int, default=7500)
     parser.add_argument("--lab", type=Path, required=True)
     parser.add_argument("--fly", action="store_true")
+    parser.add_argument("--anew", action="store_true", help="After each stop; prints when it had cut every motor.")
     given = parser.parse_args()
     config = lab_of(given.followers, given.port)
     given.lab.write_text(config_file.dump(config))
-    asyncio.run(serve(config, given.fly))
+    asyncio.run(serve(config, given.fly, given.anew))
 
 
 if __name__ == "__main__":

@@ -33,8 +33,17 @@ def still(camera: Camera, fence: Fence) -> str:
     return "".join(lines)
 
 
-def moving(camera: Camera, shown: Room, preview_lab_m: Sequence[Point] = (), path_lab_m: Sequence[Point] = ()) -> str:
-    """Trails, leader's path, slots, references, previewed slots, keep-outs, pairs that are near, and the drones."""
+def moving(
+    camera: Camera,
+    shown: Room,
+    preview_lab_m: Sequence[Point] = (),
+    path_lab_m: Sequence[Point] = (),
+    crowd: bool = False,
+) -> str:
+    """Trails, leader's path, slots, references, previewed slots, keep-outs, pairs that are near, and the drones.
+
+    crowd: only the leader, and who is in trouble, is named.
+    """
     parts = [_polyline(camera, path_lab_m, "path")] if len(path_lab_m) > 1 else []
     for body in shown.bodies:
         if len(body.trail_lab_m) > 1:
@@ -51,7 +60,7 @@ def moving(camera: Camera, shown: Room, preview_lab_m: Sequence[Point] = (), pat
         x, y, _ = camera.place(*reference)
         parts.append(_line(camera, at, reference, "off"))
         parts.append(f'<path class="ref" d="M{x - 5:.1f} {y:.1f}h10M{x:.1f} {y - 5:.1f}v10"/>')
-    parts += [_drone(camera, body) for body in shown.bodies]
+    parts += [_drone(camera, body, named=not crowd or body.leader or _troubled(body)) for body in shown.bodies]
     return "".join(parts)
 
 
@@ -62,12 +71,16 @@ def svg(camera: Camera, inside: str, about: str) -> str:
 
 
 def _colour(body: Body) -> str:
-    if body.rejected or not body.seen:
+    if _troubled(body):
         return BAD
     return LEADER if body.leader else FOLLOWER
 
 
-def _drone(camera: Camera, body: Body) -> str:
+def _troubled(body: Body) -> bool:
+    return body.rejected or not body.seen
+
+
+def _drone(camera: Camera, body: Body, named: bool) -> str:
     """A quadcopter of its true size and attitude, its nose as a line, its shadow on the floor, its name."""
     arm = 0.5 * body.size_m
     d = DIAGONAL * arm
@@ -87,9 +100,11 @@ def _drone(camera: Camera, body: Body) -> str:
         nx, ny = x + (nx - x) * 1.8 * SMALLEST_PX / length, y + (ny - y) * 1.8 * SMALLEST_PX / length
     parts.append(f'<path class="nose" d="{arms}M{x:.1f} {y:.1f}L{nx:.1f} {ny:.1f}"/>')
     parts += [f'<circle cx="{px:.1f}" cy="{py:.1f}" r="{rotor:.1f}"/>' for px, py, _ in tips]
-    mark = "" if body.seen and not body.rejected else " ✖"
-    down = y + max(arm * scale, SMALLEST_PX) + 14
-    parts.append(f'<text x="{x:.1f}" y="{down:.1f}">{escape(body.name)}{mark}</text></g>')
+    if named:
+        mark = " ✖" if _troubled(body) else ""
+        down = y + max(arm * scale, SMALLEST_PX) + 14
+        parts.append(f'<text x="{x:.1f}" y="{down:.1f}">{escape(body.name)}{mark}</text>')
+    parts.append("</g>")
     return "".join(parts)
 
 

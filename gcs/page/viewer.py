@@ -35,6 +35,7 @@ class Viewer:
         self._previewing = False
         self._foreseen: Foreseen | None = None
         fence = model.config.limits.fence
+        self._crowd = len(model.config.commanded) > MANY
         self._above = above(fence, WIDE, HIGH)
         with ui.element("main").classes("page"):
             with ui.element("header").classes("head"):
@@ -49,8 +50,7 @@ class Viewer:
                     ui.html(still, sanitize=False).classes("layer")
                     self._moving2 = ui.html(sanitize=False).classes("layer")
                     ui.html('<div class="name">from above</div>', sanitize=False)
-            many = " many" if len(model.config.commanded) > MANY else ""
-            self._table = ui.html(sanitize=False).classes("table" + many)
+                self._table = ui.html(sanitize=False).classes("table many" if self._crowd else "table")
             self._vital = ui.html(sanitize=False).classes("vital")
             with ui.element("aside").classes("side"):
                 self._side()
@@ -121,6 +121,7 @@ class Viewer:
         self._notice.content = html.plain(model.control.notice(self.name))
         self._take.set_visibility(not self.commands)
         allowed = {step.verb: step.allowed for step in shown.steps}
+        self._form.set_enabled(self.commands and not shown.lost and not (self._foreseen and self._foreseen.against))
         for verb, button in self._buttons.items():
             button.set_enabled(self.commands and allowed.get(verb, False) and not shown.lost)
         open_ = model.alarms.open
@@ -134,7 +135,9 @@ class Viewer:
         slots, path = ((), ()) if ahead is None else (ahead.slots_lab_m, ahead.path_lab_m)
         slots = slots if self._previewing else ()
         camera = perspective(fence, self._stand, WIDE, HIGH)
-        self._moving3.content = drawing.svg(camera, drawing.moving(camera, model.room, slots, path), "the room")
+        self._moving3.content = drawing.svg(
+            camera, drawing.moving(camera, model.room, slots, path, self._crowd), "the room"
+        )
         top = drawing.moving(self._above, model.room, slots, path)
         self._moving2.content = drawing.svg(self._above, top, "the room from above")
 
@@ -179,7 +182,6 @@ class Viewer:
             return
         against = "; ".join(foreseen.against)
         self._feasible.content = html.feasible(foreseen.text, against)
-        self._form.set_enabled(self.commands and not against)
 
     async def _ask_shape(self) -> None:
         self._previewing, self._foreseen = False, None

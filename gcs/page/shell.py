@@ -139,4 +139,5 @@ def serve(config: LabConfig, ground: str, wanted_port: int | None, clock: Clock)
     ui.run(
         page.build, host=LOOPBACK, port=port, title=f"{config.name}: formation", dark=True, reload=False, show=False,
         show_welcome_message=False, uvicorn_logging_level="warning", reconnect_timeout=3.0, access_log=False,
+        ws_per_message_deflate=False,  # to this very machine: it costs more than all the drawing
     )  # fmt: skip

@@ -67,7 +67,7 @@ def stop_command(folder: Path, count: int) -> dict[str, float]:
 def load(folder: Path, followers: int) -> dict[str, float]:
     """CPU of the page's server in share of a core, with one viewer that draws it all."""
     lab = folder / "lab.toml"
-    with ground(folder, followers, "--fly") as _, page_server(lab, 1.0) as (url, server), browser(folder) as new_tab:
+    with ground(folder, followers, "--again") as _, page_server(lab, 1.0) as (url, server), browser(folder) as new_tab:
         tab: Tab = new_tab()
         tab.open(url)
         tab.until("document.querySelector('.phase')?.textContent === 'FORMATION'")

@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from PIL import Image
+
 HERE = Path(__file__).parents[1]
 sys.path[:0] = [str(HERE), str(HERE / "gcs"), str(HERE / "gcs/page")]
 
@@ -35,6 +37,11 @@ def ground(folder: Path, followers: int, how: str = "--fly") -> Iterator["subpro
             process.kill()
 
 
+def small(file: Path) -> None:
+    """The same in 128 colours: a third of its size, and nobody sees it."""
+    Image.open(file).convert("RGB").quantize(128, dither=Image.Dither.NONE).save(file, optimize=True)
+
+
 def say(process: "subprocess.Popen[bytes]", line: str) -> None:
     """Have something happen to the fake lab."""
     assert process.stdin is not None
@@ -55,27 +62,32 @@ def main(out: Path) -> None:
                 tab.until("document.querySelector('.phase')?.textContent === 'FORMATION'")
                 time.sleep(6.0)
                 tab.click(".room")
+                tab.run("[...document.querySelectorAll('.alarmhead button')].forEach(one => one.click())")
+                time.sleep(1.0)
                 if followers > 2:
-                    tab.picture(out / "page-twenty.png")
+                    tab.picture(out / "twenty.png")
                 else:
                     _incidents(tab, process, out)
+
+    for file in out.glob("*.png"):
+        small(file)
 
 
 def _incidents(tab: Tab, process: "subprocess.Popen[bytes]", out: Path) -> None:
     """Three drones, then what may happen to them."""
-    tab.picture(out / "page-three.png")
+    tab.picture(out / "three.png")
     say(process, "lab.hidden = {'cf03'}")
     tab.until("document.querySelector('.alarm.bad')")
     time.sleep(1.0)
-    tab.picture(out / "page-alarm.png")
+    tab.picture(out / "alarm.png")
     tab.press(" ", "Space", 32)
     tab.until("document.querySelector('.stopped')?.textContent.startsWith('3 of 3')")
     time.sleep(0.5)
-    tab.picture(out / "page-stopped.png")
+    tab.picture(out / "stopped.png")
     process.kill()
     tab.until("document.querySelector('.lost')?.textContent.includes('NO CONNECTION')")
     time.sleep(2.0)
-    tab.picture(out / "page-lost.png")
+    tab.picture(out / "lost.png")
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ For pictures and for timing what a page costs: neither processes of agents nor a
 
 import argparse
 import asyncio
+import itertools
 import json
 import sys
 from pathlib import Path
@@ -97,6 +98,20 @@ class Ground:
         return json.dumps(self.lab.core.state(self.lab.now_ns) | host)
 
 
+async def again(config: LabConfig) -> None:
+    """Until killed; three seconds of a formation over and over, at a steady 10 Hz however many drones there are."""
+    ground = Ground(config, anew=False)
+    ground.lab.fly()
+    bus = await ZenohBus.open(config.link, config.name)
+    states = [ground.advance() for _ in range(30)]
+    print("ready", flush=True)
+    due_ns = monotonic_ns()
+    for state in itertools.cycle(states):
+        bus.publish_state(GCS_NAME, state)
+        due_ns = max(due_ns + 100_000_000, monotonic_ns())
+        await sleep_until_ns(due_ns)
+
+
 async def serve(config: LabConfig, fly: bool, anew: bool) -> None:
     """Until killed; each line of standard input is Python that is run upon `lab`, the FakeLab."""
     ground = Ground(config, anew)
@@ -130,10 +145,11 @@ def main() -> None:
     parser.add_argument("--lab", type=Path, required=True)
     parser.add_argument("--fly", action="store_true")
     parser.add_argument("--anew", action="store_true", help="After each stop; prints when it had cut every motor.")
+    parser.add_argument("--again", action="store_true", help="Three seconds of a formation over and over.")
     given = parser.parse_args()
     config = lab_of(given.followers, given.port)
     given.lab.write_text(config_file.dump(config))
-    asyncio.run(serve(config, given.fly, given.anew))
+    asyncio.run(again(config) if given.again else serve(config, given.fly, given.anew))
 
 
 if __name__ == "__main__":

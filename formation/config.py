@@ -146,6 +146,23 @@ class LinkConfig(Model):
         return self.model_copy(update={"zenoh_listen": (), "zenoh_connect": self.zenoh_connect or self.zenoh_listen})
 
 
+class StopButton(Model):
+    """A key or button that stops the swarm: the Linux input device it is on and, of its buttons, which.
+
+    device: `/dev/input/by-id/...` of a keyboard, keypad or joystick, or a joystick's `/dev/input/js0`.
+    button: its code (`gcs buttons` tells); not given, any button of the device.
+    """
+
+    device: Annotated[str, Field(min_length=1, max_length=255)]
+    button: Annotated[int, Field(ge=0, le=767)] | None = None
+
+
+class OperatorConfig(Model):
+    """What the person beside the drones has in hand."""
+
+    stop_button: StopButton | None = None
+
+
 class LabConfig(Model):
     """lab.toml: everything `gcs run` needs.
 
@@ -165,6 +182,7 @@ class LabConfig(Model):
     limits: LimitsConfig = LimitsConfig()
     flight: FlightConfig = FlightConfig()
     link: LinkConfig = LinkConfig()
+    operator: OperatorConfig = OperatorConfig()
 
     @model_validator(mode="before")
     @classmethod

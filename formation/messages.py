@@ -220,13 +220,15 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class HostReport:
-    """What the ground's host tells it of itself: other grounds alive on the lab's bus, and what is wrong with the log.
+    """What the ground's host tells it: other grounds alive on the lab's bus, what is wrong with log and stop button.
 
-    log_trouble: in words; empty while everything is being written in time.
+    log_trouble, button_trouble: in words; empty while everything is written in time, and the button is there or none is
+    configured.
     """
 
     other_grounds: tuple[str, ...] = ()
     log_trouble: str = ""
+    button_trouble: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,94 +1,22 @@
-"""`gcs`: the ground daemon, and the operator's commands that reach it over the lab's bus.
+"""`gcs`: the ground daemon, and the operator's commands that reach it over the lab's bus. See gcs.cli.app.
 
 Exit codes: 0 done; 1 refused, failed, or a check failed; 2 the command line, a configuration or a recording is not
 right; 3 no ground answers.
 """
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
-
-from gcs import GCS_NAME
-from gcs.cli import mocap as mocap_cli
-from gcs.cli import operator as operator_cli
-from gcs.cli.common import Json, LabFile, Name, Speed
-from gcs.doctor import cli as doctor_cli
-from gcs.live import cli as live_cli
-from wire import clock
-from wire.process.program import program
-
-app = program(
-    "Fly a formation: `gcs run lab.toml` is the daemon, the other commands reach it from another terminal.",
-    "Exit codes: 0 done; 1 refused, or failed; 2 something given is not right; 3 no ground answers.",
-)
-
-
-@app.command()
-def run(
-    lab: LabFile,
-    log: Annotated[Path | None, typer.Option(help="The flight log; without it runs/LAB-TIME.mcap.")] = None,
-    name: Name = GCS_NAME,
-    tag: Annotated[
-        list[str] | None, typer.Option(metavar="KEY=VALUE", help="Said of the run in its log; as often as needed.")
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Fly a preset the delay margin refuses; simulation only.")] = (
-        False
-    ),
-    as_json: Json = False,
-    speed: Speed = 1.0,
-) -> None:
-    """Be the ground: mocap in, control on every frame, setpoints out, everything recorded. Ctrl-C lands and ends."""
-    from gcs.cli.ground import serve  # loads the compiled control, which the other commands do without
-    from gcs.lab.findings import approved
-
-    config = approved(lab, as_json)
-
-    path = log or Path("runs") / f"{config.name}-{clock.unix_us() // 1_000_000}.mcap"
-    metadata = {"link": config.link_kinds}
-    metadata |= _tags(tag or [])
-    serve(config, lab, path, name, metadata, force, as_json, clock.Clock(speed))
-
-
-def _tags(items: list[str]) -> dict[str, str]:
-    pairs = [item.partition("=") for item in items]
-    for key, equals, _ in pairs:
-        if not key or not equals:
-            raise typer.BadParameter(f"{key!r} is not KEY=VALUE", param_hint="--tag")
-    return {key: value for key, _, value in pairs}
-
-
-@app.command()
-def check(
-    lab: LabFile,
-    svg: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the lab from above into an SVG file.")] = None,
-    as_json: Json = False,
-) -> None:
-    """Judge a lab file and draw the lab from above; starts nothing. Exit code 1 where `gcs run` would refuse it."""
-    from gcs.lab import cli
-
-    cli.check(lab, svg, as_json)
-
-
-operator_cli.register(app)
-app.add_typer(mocap_cli.app, name="mocap")
-app.command()(live_cli.live)
-app.command()(doctor_cli.doctor)
-app.command()(doctor_cli.logs)
-
-
-@app.command()
-def rules() -> None:
-    """Print phases, safety rules and the mocap gate's checks, as Markdown: the tables that ground and mocap run on."""
-    from formation.safety.phases import table_markdown
-    from formation.safety.rules_table import rules_markdown
-    from gcs.mocap.gate.checks import gate_markdown
-
-    print(f"{table_markdown()}\n\n{rules_markdown()}\n\n{gate_markdown()}")
+import sys
 
 
 def main() -> None:
-    """The console script."""
+    """The console script. A stop goes its own short way: the whole command line takes three times as long to load."""
+    if sys.argv[1:2] == ["stop"]:
+        from gcs.cli.stop import stop
+
+        code = stop(sys.argv[2:])
+        if code is not None:
+            raise SystemExit(code)
+    from gcs.cli.app import app
+
     app()
 
 

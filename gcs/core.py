@@ -5,7 +5,8 @@ ticks without a frame only watch, answer and repeat. The ground's heartbeat ride
 earned by the control, so that a drone hears it stop when control stops.
 """
 
-from typing import NamedTuple
+import json
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -41,10 +42,12 @@ from gcs.facts import FactGatherer, all_finite
 from gcs.flight import Flight
 from gcs.lateness import Lateness
 from gcs.mocap.autopilot_poses import streams
-from gcs.operator import About, armed_text, done_text, status_text
+from gcs.operator import armed_text, done_text
 from gcs.safety import adoption, monitors
 from gcs.safety.host import Host
 from gcs.safety.permissions import Permissions
+from gcs.state.counters import counters
+from gcs.state.swarm import About, swarm_state
 from wire.link_messages.address import ground_address
 from wire.mavlink.framing import packed
 from wire.refusals import Refusals
@@ -195,17 +198,27 @@ class GcsCore:
         if self.phase is Phase.HOLD and any(drone.awaited(now_ns) for drone in self._drones):
             self._stack, self._pick_up_ns = self._fresh_stack(), now_ns + PICK_UP_NS
 
-    def status(self, now_ns: int) -> str:
-        """Everything an operator may want to see, as JSON."""
-        grounded = self.phase is Phase.GROUND
-        facts = self._gatherer.gather(self._stages, self._lateness.share, now_ns, asked_to_arm=grounded)
+    def state(self, now_ns: int) -> dict[str, Any]:
+        """Everything an operator may want to see, as JSON has it; reading it changes nothing."""
+        grounded, late = self.phase is Phase.GROUND, self._lateness.share
+        facts = self._gatherer.gather(self._stages, late, now_ns, grounded or self.phase is Phase.ARMED)
         refusals = self._permissions.arming(facts, now_ns) if grounded else ()
-        rejected = {
-            body: Rejection(code).text for body, code in zip(self._bodies, self._rejected.tolist(), strict=True) if code
-        }
-        t_s = (now_ns - self._t0_ns) * 1e-9
-        about = About(t_s, self._epoch, self._host.log_trouble, self._counters(), rejected)
-        return status_text(self._flight, self._drones, facts, refusals, about, now_ns)
+        about = About(
+            t_s=(now_ns - self._t0_ns) * 1e-9,
+            epoch=self._epoch,
+            host=self._host,
+            counters=counters(
+                self._lateness, self._stale_frames, self._refused_frames.count, self._strays, self._links.values()
+            ),
+            rejected={b: Rejection(c).text for b, c in zip(self._bodies, self._rejected.tolist(), strict=True) if c},
+            refusals=refusals,
+            allowed=self._permissions.allowed(facts, self._stages, refusals, now_ns),
+        )
+        return swarm_state(self._flight, self._drones, facts, self._stages, self._config, about, now_ns)
+
+    def status(self, now_ns: int) -> str:
+        """The same as text: what `gcs status --json` prints."""
+        return json.dumps(self.state(now_ns))
 
     def _receive_frame(self, frame: LabFrame, now_ns: int) -> None:
         if frame.bodies != self._bodies:
@@ -330,20 +343,6 @@ class GcsCore:
             drone.checked = True
             events += [Event(Severity.WARNING, link.name, text) for text in warnings(link, self._feeds_pose)]
         return events
-
-    def _counters(self) -> dict[str, int | float]:
-        links = self._links.values()
-        return {
-            "frames": self._lateness.frames,
-            "missed_frames": self._lateness.missed,
-            "late_share": round(self._lateness.share, 4),
-            "stale_frames": self._stale_frames,
-            "refused_frames": self._refused_frames.count,
-            "bad_bytes": sum(link.codec.bad_bytes for link in links),
-            "bad_packets": sum(link.codec.bad_packets for link in links),
-            "lost_packets": sum(link.sequence.lost for link in links),
-            "stray_datagrams": self._strays,
-        }
 
 
 def _setpoint(link: DroneLink, t_capture_ns: int, target: AttitudeTarget, i: int) -> bytes:

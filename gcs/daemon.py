@@ -6,6 +6,7 @@ its reason: setpoints stop, and every drone's agent levels, holds and lands by i
 
 import asyncio
 import gc
+import json
 import os
 import signal
 from collections.abc import Callable, Mapping
@@ -33,14 +34,16 @@ from gcs.drones.links import GroundLinks, open_links
 from gcs.mocap.autopilot_poses import AutopilotPoses
 from gcs.mocap.service import ServiceError, mocap_service
 from gcs.recording import Input, Recorder, run_metadata
-from wire.clock import REAL_TIME, Clock
+from gcs.state.host import Disk, EventMemory, disk, host_state
+from gcs.stop_button.watch import watch_button
+from wire.clock import REAL_TIME, Clock, unix_us
 from wire.logs.live import sharer
 from wire.logs.mcap_log import LogWriter
 from wire.process.machine import machine
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import Reply, ZenohBus
 
-STATE_NS, DATE_NS = 100_000_000, 60_000_000_000
+STATE_NS, DISK_NS, DATE_NS = 100_000_000, 1_000_000_000, 60_000_000_000
 GROUNDED = (Phase.GROUND, Phase.STOPPED)
 LANDING_LIMIT_NS = 60_000_000_000
 
@@ -65,7 +68,10 @@ class Ground:
         self._core = core
         self._log = log
         self._recorder = Recorder(log.write)
-        self.tell = tell
+        self._tell = tell
+        self._told = EventMemory()
+        self.disk = Disk()
+        self.button_trouble = ""
         self._clock = clock
         self._poses = AutopilotPoses(config) if config.mocap.source == "mavlink" else None
         self._spacing_s = 1.0 / config.mocap.rate_hz
@@ -136,7 +142,9 @@ class Ground:
         while True:
             now_ns = self._clock.monotonic_ns()
             self._report_host(now_ns)
-            bus.publish_state(name, self._core.status(now_ns))
+            timing = self.timing
+            host = host_state(timing.ticks, timing.late, timing.worst_s, self._log.path, self.disk, self._told)
+            bus.publish_state(name, json.dumps(self._core.state(now_ns) | host))
             for event in bus.refusals.due(now_ns):
                 self._log.write(topics.REFUSED, event, now_ns)
                 self.tell(event)
@@ -144,11 +152,26 @@ class Ground:
 
     def _report_host(self, now_ns: int) -> None:
         """Tell the core how log and bus are, where that has changed."""
-        report = HostReport(self.other_grounds, self._log.trouble(now_ns))
+        report = HostReport(self.other_grounds, self._log.trouble(now_ns), self.button_trouble)
         if report != self._report:
             self._report = report
             self._input(report, now_ns)
             self._tick(now_ns)
+
+    async def watch_disk(self) -> None:
+        """Look how much room the log has, once a second, in a thread: a disk may answer late; for ever."""
+        while True:
+            self.disk = await asyncio.to_thread(disk, self._log.path)
+            await self._clock.sleep_until_ns(self._clock.monotonic_ns() + DISK_NS)
+
+    def press(self) -> None:
+        """Somebody has pressed the stop button."""
+        self.take_request(OperatorRequest(0, Verb.STOP, "stop button"), lambda _reply: None)
+
+    def tell(self, event: Event) -> None:
+        """Say it on the terminal, and keep it for who looks on."""
+        self._told.note(event, unix_us())
+        self._tell(event)
 
     async def land(self) -> None:
         """Bring the swarm down and wait for it, within a limit."""
@@ -297,7 +320,9 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
             tasks.create_task(_raise_from(failure)),
             tasks.create_task(ground.watch()),
             tasks.create_task(ground.record_dates()),
+            tasks.create_task(watch_button(config.operator.stop_button, ground)),  # first: it is there from the first
             tasks.create_task(ground.publish_state(bus, name)),
+            tasks.create_task(ground.watch_disk()),
             tasks.create_task(_have_mocap(config, lab_file, mocap, ground.tell, clock)),
         ]
         bus.serve(name, ground.take_request)

@@ -33,7 +33,7 @@ class Flight:
     """One phase for the swarm. `pull` is the only way it changes.
 
     armed: in ARMED, whether every drone has reported off-board and armed. trajectory: the leader's, as last begun at
-    trajectory_start_ns.
+    trajectory_start_ns, from x, y, z, heading trajectory_from (4).
     """
 
     def __init__(self, config: LabConfig, drones: tuple[Drone, ...], t0_ns: int) -> None:
@@ -44,6 +44,7 @@ class Flight:
         self.rise_m: tuple[float, ...] = ()
         self.trajectory_start_ns: int | None = None
         self.trajectory: Trajectory | None = None
+        self.trajectory_from: Float | None = None
         self.armed = False
         self._too_late = False
         self.events: list[Event] = []
@@ -88,12 +89,23 @@ class Flight:
             return None, 0.0
         return self.trajectory, (now_ns - self.trajectory_start_ns) * 1e-9
 
+    def out_of_turn(self, trigger: Trigger) -> str:
+        """Why the trigger means nothing now; the empty text where it does."""
+        if advance(self.phase, trigger) is not None:
+            return ""
+        names = ", ".join(phase.name for phase in allowed_from(trigger))
+        return f"{trigger} is for {names}, this is {self.phase.name}"
+
+    @property
+    def landing_end_ns(self) -> int | None:
+        """When the landing that is going on is over at the latest; None where there is none."""
+        return None if self._descent is None else self._descent.end_ns
+
     def pull(self, trigger: Trigger, cause: str, now_ns: int) -> str:
         """Change the phase; the empty text, or why the trigger means nothing now."""
         after = advance(self.phase, trigger)
         if after is None:
-            names = ", ".join(phase.name for phase in allowed_from(trigger))
-            return f"{trigger} is for {names}, this is {self.phase.name}"
+            return self.out_of_turn(trigger)
         if after is not self.phase:
             self._enter(after, cause, now_ns)
         return ""
@@ -246,8 +258,8 @@ class Flight:
             self._settled_since_ns = now_ns
         elif now_ns - self._settled_since_ns >= SETTLE_NS:
             self.trajectory_start_ns = now_ns
-            here = stages.state.pos_lab_m[0]
-            self.trajectory = trajectory_from(self._config, np.array([*here, stages.state.yaw_rad[0]]))
+            self.trajectory_from = np.array([*stages.state.pos_lab_m[0], stages.state.yaw_rad[0]])
+            self.trajectory = trajectory_from(self._config, self.trajectory_from)
 
     def _notice_landing(self, stages: Stages | None, now_ns: int) -> None:
         if stages is not None:

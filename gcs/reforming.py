@@ -23,11 +23,11 @@ LOOKS = 200  # along the leader's way; a look takes 15 us of a tick
 
 def start(flight: Flight, facts: Facts, stages: Stages | None, config: LabConfig) -> tuple[str, ...]:
     """Take the flight's shape up where the leader is; or why not, if it or the way from here would leave the fence."""
-    unseen = _leader_refusals(facts, config)
+    unseen = leader_refusals(facts, config)
     if unseen or stages is None:
         return unseen
-    ahead = _foreseen(flight.shape, _leader_place(stages), None, 0.0, config)
-    outside = _way_refusals(ahead, config) + _room_refusals(ahead, config)
+    ahead = foreseen(flight.shape, _leader_place(stages), None, 0.0, config)
+    outside = way_refusals(ahead, config) + room_refusals(ahead, config)
     return outside or _set_out(flight.shape, flight, stages, config)
 
 
@@ -39,7 +39,7 @@ def change(
     In formation the followers set out at once. Else it is kept for the start, and judged above where the leader is, at
     the height of the take-off; or, while it is not seen, where the lab file expects it.
     """
-    unseen, forming = _leader_refusals(facts, config), flight.phase is Phase.FORMATION
+    unseen, forming = leader_refusals(facts, config), flight.phase is Phase.FORMATION
     if forming and (unseen or stages is None):
         return unseen
     try:
@@ -49,8 +49,8 @@ def change(
     place = expected_start(config) if unseen or stages is None else _leader_place(stages)
     if not forming and config.leader.sysid is not None:
         place[2] = config.flight.altitude_m
-    ahead = _foreseen(shape, place, *flight.on_the_way(now_ns), config)
-    if refusals := _room_refusals(ahead, config):
+    ahead = foreseen(shape, place, *flight.on_the_way(now_ns), config)
+    if refusals := room_refusals(ahead, config):
         return refusals
     if forming and stages is not None:
         return _set_out(shape, flight, stages, config)
@@ -64,7 +64,7 @@ def requested(text: str, stages: Stages | None, config: LabConfig) -> Shape:
     ValueError says what is wrong with the words or the shape.
     """
     shape = shape_for(config, parse(text))
-    demand_room(shape, _space(config, 0.0), _names(config))
+    demand_room(shape, space(config, 0.0), names(config))
     if stages is None:
         return shape
     return assigned(shape, _led_motion(stages, config)[:, 0, :3])
@@ -72,8 +72,8 @@ def requested(text: str, stages: Stages | None, config: LabConfig) -> Shape:
 
 def way(shape: Shape, stages: Stages, config: LabConfig) -> Transition:
     """The way from where the followers are led now into the slots of `shape`; ValueError says why there is none."""
-    space = _space(config, float(stages.state.pos_lab_m[0, 2]))
-    return transition(shape, _led_motion(stages, config), space, _names(config))
+    room = space(config, float(stages.state.pos_lab_m[0, 2]))
+    return transition(shape, _led_motion(stages, config), room, names(config))
 
 
 def _set_out(shape: Shape, flight: Flight, stages: Stages, config: LabConfig) -> tuple[str, ...]:
@@ -85,7 +85,7 @@ def _set_out(shape: Shape, flight: Flight, stages: Stages, config: LabConfig) ->
     return ()
 
 
-def _foreseen(shape: Shape, place: Float, path: Trajectory | None, path_s: float, config: LabConfig) -> Preview:
+def foreseen(shape: Shape, place: Float, path: Trajectory | None, path_s: float, config: LabConfig) -> Preview:
     """Where the shape is led, taken up with the leader at `place` (4), on what is left of its path path_s along it.
 
     path: None, if it has not begun; it then begins here.
@@ -93,14 +93,14 @@ def _foreseen(shape: Shape, place: Float, path: Trajectory | None, path_s: float
     return preview(trajectory_from(config, place) if path is None else path, shape, place, path_s, LOOKS)
 
 
-def _leader_refusals(facts: Facts, config: LabConfig) -> tuple[str, ...]:
+def leader_refusals(facts: Facts, config: LabConfig) -> tuple[str, ...]:
     """Why nothing can be formed now: no leader to see."""
     if facts.age_s[0] > FRESH_S:
         return (f"{config.leader.body}: no fresh pose, there is nothing to form on",)
     return ()
 
 
-def _room_refusals(ahead: Preview, config: LabConfig) -> tuple[str, ...]:
+def room_refusals(ahead: Preview, config: LabConfig) -> tuple[str, ...]:
     """Which slots would be outside the fence, at once or where the leader's trajectory carries them."""
     fence, refusals = config.limits.fence, []
     at_start, on_way = outside_m(ahead.at_start, fence), outside_m(ahead.slots[:, :, 0], fence)
@@ -115,7 +115,7 @@ def _room_refusals(ahead: Preview, config: LabConfig) -> tuple[str, ...]:
     return tuple(refusals)
 
 
-def _way_refusals(ahead: Preview, config: LabConfig) -> tuple[str, ...]:
+def way_refusals(ahead: Preview, config: LabConfig) -> tuple[str, ...]:
     """Where the leader itself would leave the fence on its trajectory."""
     out = outside_m(ahead.leader[:, 0, :3], config.limits.fence)
     look = int(np.argmax(out))
@@ -125,11 +125,12 @@ def _way_refusals(ahead: Preview, config: LabConfig) -> tuple[str, ...]:
     return (f"{config.leader.body}: it would be outside the fence, {where}",)
 
 
-def _names(config: LabConfig) -> tuple[str, ...]:
+def names(config: LabConfig) -> tuple[str, ...]:
+    """All vehicles, leader first."""
     return tuple(vehicle.body for vehicle in config.vehicles)
 
 
-def _space(config: LabConfig, leader_z_m: float) -> Space:
+def space(config: LabConfig, leader_z_m: float) -> Space:
     """What the lab's limits leave, for a leader at that height."""
     limits = config.limits
     floor_m, ceiling_m = max(limits.fence.low_m[2], 0.0), limits.fence.high_m[2]

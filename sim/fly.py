@@ -10,6 +10,7 @@ from drone_agent.config import AgentConfig
 from formation.config import LinkConfig
 from formation.messages import OperatorReply, OperatorRequest
 from formation.model import Model
+from gcs.cli.children import page_process
 from gcs.daemon import GCS_NAME
 from sim.ports import private_link
 from sim.processes import Child, ProcessDied, ProcessGroup
@@ -81,10 +82,12 @@ async def running(
     force: bool = False,
     clock: Clock = REAL_TIME,
     drones_link: LinkConfig | None = None,
+    page: bool = False,
 ) -> AsyncIterator[Running]:
     """All processes of the scenario, logging into `files`; on leaving the ground is stopped first, and lands.
 
-    drones_link: the drones' own end of their links, where something stands between them and the lab's.
+    drones_link: the drones' own end of their links, where something stands between them and the lab's. page: serve the
+    operator's page, too.
     """
     _write(files.scenario, scenario)
     _write(files.lab, scenario.lab)
@@ -93,6 +96,8 @@ async def running(
     bridged = [config.sysid for config in configs if scenario.true_vehicle(config.sysid).bridged]
     async with AsyncExitStack() as stack:
         inner = stack.enter_context(private_link("udp", bridged)) if bridged else None
+        if page:
+            stack.enter_context(page_process(files.lab, GCS_NAME, clock.speed))
         group = await stack.enter_async_context(ProcessGroup(files.folder))
         await group.start("cameras", "sim", ["mocap", str(files.scenario), "--seed", str(seed), *speed])
         await group.start("mocap", "gcs", ["mocap", str(files.lab), *speed])
@@ -118,17 +123,23 @@ async def running(
 
 
 async def fly(
-    scenario: Scenario, seed: int, files: Files, progress: Progress, force: bool = False, clock: Clock = REAL_TIME
+    scenario: Scenario,
+    seed: int,
+    files: Files,
+    progress: Progress,
+    force: bool = False,
+    clock: Clock = REAL_TIME,
+    page: bool = False,
 ) -> Outcome:
     """Fly the scenario (its lab says over which link) to its end; every process is gone at return.
 
     Cancelling it (Ctrl-C) lands the drones and stops the processes as cleanly. A process that dies in flight is an
     outcome, not an error; `starved` where it is a simulator that the machine gives too little time. force: gains whose
-    delay margin the ground would refuse are flown all the same. clock: of all processes.
+    delay margin the ground would refuse are flown all the same. clock: of all processes. page: with the page.
     Raises what a wrong scenario raises, and BusError.
     """
     operator = Operator(scenario.script, leader_seconds(scenario, recorded_leader(scenario)))
-    async with running(scenario, seed, files, force, clock) as flight:
+    async with running(scenario, seed, files, force, clock, page=page) as flight:
         return await _first(flight.group.watch(), operate(flight.bus, operator, scenario.longest_s, progress, clock))
 
 

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from gcs.cli.exit_codes import NO_GROUND as NO_GROUND
+from gcs.cli.exit_codes import NOT_RIGHT as NOT_RIGHT
+from gcs.cli.exit_codes import REFUSED as REFUSED
 from wire.errors import ConfigError
 
 if TYPE_CHECKING:
     from formation.config import LabConfig
     from formation.messages import Event
-
-REFUSED, NOT_RIGHT, NO_GROUND = 1, 2, 3
 
 COLOURS = {"WARNING": "yellow", "ERROR": "red", "CRITICAL": "bright_red", "EMERGENCY": "bright_red"}
 

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from formation.guidance.plan import HERE, IDLE, Mode, Setpoint
-from gcs.drones.commands import request_control
+from gcs.drones.commands import cut, request_control
 from gcs.drones.goal import Goal, is_reached, pursue
 from gcs.drones.link_state import DroneLink
 from gcs.drones.telemetry import NEVER_NS
@@ -35,7 +35,7 @@ class Drone:
     checked: its parameters have been read and what is amiss with them was told. lifted: seen off the floor since it was
     last armed. height_m: above where it stood, NaN unless that was seen. flying_thrust_norm: what it has been flying
     with of late, 0 before it flew. piloted: a pilot has taken it over, it is left alone. landing_itself: seen to land
-    by its autopilot since it was told to.
+    by its autopilot since it was told to. stopped_ns: when it confirmed its cut motors.
     """
 
     index: int
@@ -55,12 +55,13 @@ class Drone:
     flying_thrust_norm: float = 0.0
     piloted: bool = False
     landing_itself: bool = False
+    stopped_ns: int | None = None
 
     def aim(self, goal: Goal, now_ns: int) -> None:
         """Bring the autopilot to another goal; the same goal again changes nothing."""
         if goal is not self.goal:
             self.goal, self.goal_since_ns = goal, now_ns
-            self.landing_itself = False
+            self.landing_itself, self.stopped_ns = False, None
 
     @property
     def reached(self) -> bool:
@@ -139,12 +140,19 @@ class Drone:
         """One more step towards the goal. A disarm that a landed drone keeps refusing is forced, if two witnesses agree
         that it has landed; else it is left to its autopilot to land."""
         since_ns = now_ns - self.goal_since_ns
+        if self.goal is Goal.CUT and self.stopped_ns is None and (self.reached or self._cut_accepted):
+            self.stopped_ns = now_ns
         if self.goal is Goal.DISARM and not self.reached:
             if self.touched and self.link.telemetry.landed in AIRBORNE_STATES and since_ns < OWN_LANDING_NS:
                 return  # it would refuse: its own landing detector has not seen yet what the mocap saw
             if since_ns > REFUSED_DISARM_NS:
                 self._insist(now_ns)
         pursue(self.goal, self.link, self.goal_since_ns, now_ns)
+
+    @property
+    def _cut_accepted(self) -> bool:
+        answer = self.link.commands.answers.get(cut(self.link.target))
+        return answer is not None and answer.accepted and answer.t_ns >= self.goal_since_ns
 
     def _insist(self, now_ns: int) -> None:
         """Its own landed state, or its height as the mocap sees it, must bear out that it stands on the floor."""

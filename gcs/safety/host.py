@@ -1,4 +1,4 @@
-"""What the ground's host tells the core of itself: the log, other grounds on the lab's bus."""
+"""What the ground's host tells the core of itself: log, stop button, other grounds on the lab's bus."""
 
 from formation.messages import Event, HostReport, Severity
 from gcs.safety.monitors import LOG_TROUBLE
@@ -21,18 +21,26 @@ class Host:
         """What is wrong with the log, in words; empty while it is written in time."""
         return "" if LOG_TROUBLE in self._without else self._report.log_trouble
 
+    @property
+    def button_trouble(self) -> str:
+        """What is wrong with the stop button, in words; empty while it is there, or none is configured."""
+        return self._report.button_trouble
+
     def take(self, report: HostReport) -> list[Event]:
         """Take a report in; what is new in it."""
-        before, trouble_before = self.other_grounds, self.log_trouble
+        before, trouble_before, button_before = self.other_grounds, self.log_trouble, self.button_trouble
         self._report = report
         events = [
             Event(Severity.WARNING, "flight", f"another ground is alive: {name}")
             for name in report.other_grounds
             if name not in before
         ]
-        trouble = self.log_trouble
-        if trouble and trouble != trouble_before:
-            events.append(Event(Severity.CRITICAL, "log", trouble))
-        elif trouble_before and not trouble:
-            events.append(Event(Severity.NOTICE, "log", f"over: {trouble_before}"))
-        return events
+        events += _changed("log", trouble_before, self.log_trouble)
+        return events + _changed("stop button", button_before, self.button_trouble)
+
+
+def _changed(source: str, before: str, after: str) -> list[Event]:
+    """A trouble that began, or is over."""
+    if after and after != before:
+        return [Event(Severity.CRITICAL, source, after)]
+    return [Event(Severity.NOTICE, source, f"over: {before}")] if before and not after else []

@@ -6,6 +6,7 @@ from formation.config import LabConfig
 from formation.control.stack import Stages
 from formation.messages import Phase, Verb
 from formation.safety import arming
+from formation.safety.phases import Trigger
 from formation.safety.rules import Facts
 from gcs import reforming
 from gcs.drones.drone import Drone
@@ -13,6 +14,11 @@ from gcs.flight import Flight
 from gcs.operator import take_off_refusals
 from gcs.safety import adoption, monitors
 from gcs.safety.host import Host
+
+OPERATORS = (
+    Trigger.ARM, Trigger.ADOPT, Trigger.TAKEOFF, Trigger.START, Trigger.HOLD, Trigger.LAND, Trigger.STOP,
+)  # fmt: skip
+"""What an operator may pull, in the order of a flight."""
 
 
 class Permissions:
@@ -44,6 +50,28 @@ class Permissions:
             case _:
                 return ()
 
+    def allowed(
+        self, facts: Facts, stages: Stages | None, arming: Sequence[str], now_ns: int
+    ) -> dict[str, tuple[str, ...]]:  # fmt: skip
+        """By verb, every reason against it now, as far as looking costs no tick: a shape's room and way are judged when
+        it is asked for, or by who shows it. arming: the reasons against arming, where the swarm is on the ground."""
+        told: dict[str, tuple[str, ...]] = {}
+        for trigger in OPERATORS:
+            out_of_turn = self._flight.out_of_turn(trigger)
+            told[trigger.value] = (
+                (out_of_turn,) if out_of_turn else self._against(trigger, facts, stages, arming, now_ns)
+            )
+        return told
+
+    def _against(
+        self, trigger: Trigger, facts: Facts, stages: Stages | None, arming: Sequence[str], now_ns: int
+    ) -> tuple[str, ...]:  # fmt: skip
+        if trigger is Trigger.ARM:
+            return tuple(arming)
+        if trigger is Trigger.START:
+            return (*adoption.joining_refusals(self._drones, now_ns), *reforming.leader_refusals(facts, self._config))
+        return self.refusals(Verb(trigger.value), facts, stages, now_ns)
+
     def arming(self, facts: Facts, now_ns: int) -> tuple[str, ...]:
         """Every reason not to arm; first of all, that drones may be flying already, under this ground or another."""
         flying = () if monitors.ARM_IN_AIR in self._without else adoption.flying(self._drones)
@@ -52,6 +80,7 @@ class Permissions:
             *adoption.arming_refusals(flying, self._other_grounds(now_ns)),
             *arming.refusals(facts, self._config.limits),
             *((f"the log: {trouble}",) if trouble else ()),
+            *((self._host.button_trouble,) if self._host.button_trouble else ()),
         )
 
     def _other_grounds(self, now_ns: int) -> tuple[str, ...]:

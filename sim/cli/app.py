@@ -49,6 +49,7 @@ def fly(
         float, typer.Option(min=0.01, max=1.0, help="Seconds of flight in one second: slower on a slow machine.")
     ] = 1.0,
     require: Require = None,
+    watch: Annotated[bool, typer.Option("--watch", help="Serve the operator's page, and print where.")] = False,
     as_json: Json = False,
     out: Out = None,
 ) -> None:
@@ -57,7 +58,8 @@ def fly(
 
     required = flights.required(require)
     scenario = flights.scenario_of(name, leader_csv, leader_alignment)
-    flights.fly(scenario, flights.Manner(link, mocap, force, speed), seed, flights.Ending(as_json, out, required))
+    how = flights.Manner(link, mocap, force, speed, watch)
+    flights.fly(scenario, how, seed, flights.Ending(as_json, out, required))
 
 
 @app.command()

@@ -42,12 +42,16 @@ UNIT_WITHIN = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Manner:
-    """How processes fly: over which link, by which camera system's protocol if any, speed seconds in one second."""
+    """How processes fly: over which link, by which camera system's protocol if any, speed seconds in one second.
+
+    watch: with the operator's page.
+    """
 
     link: Literal["zenoh", "udp"]
     protocol: str | None
     force: bool
     speed: float
+    watch: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +77,13 @@ def fly(scenario: Scenario, how: Manner, seed: int | None, ending: Ending) -> No
         flown = asyncio.run(
             _interruptible(
                 fly_processes(
-                    scenario, _seed(seed, scenario), files, display.progress, how.force, clock.Clock(how.speed)
+                    scenario,
+                    _seed(seed, scenario),
+                    files,
+                    display.progress,
+                    how.force,
+                    clock.Clock(how.speed),
+                    how.watch,
                 )
             )
         )

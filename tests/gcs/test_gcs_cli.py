@@ -15,7 +15,7 @@ from formation.control.margin import delay_margin
 from formation.control.presets import preset_for
 from formation.messages import Verb
 from formation.vehicle.profile import PX4_QUAD, GainScale
-from gcs.__main__ import app
+from gcs.cli.app import app
 from gcs.cli.ground import delay_margins
 from wire.logs.mcap_log import check_log
 

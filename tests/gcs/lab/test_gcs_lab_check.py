@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from formation.config import LabConfig
-from gcs.__main__ import app
+from gcs.cli.app import app
 from gcs.lab.drawing import drawn
 from gcs.lab.judge import foreseen
 from gcs.lab.plan_svg import svg_plan

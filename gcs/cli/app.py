@@ -1,0 +1,130 @@
+"""The command line `gcs`: the ground daemon, and the operator's commands that reach it over the lab's bus.
+
+Exit codes: 0 done; 1 refused, failed, or a check failed; 2 the command line, a configuration or a recording is not
+right; 3 no ground answers.
+"""
+
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gcs import GCS_NAME
+from gcs.cli import mocap as mocap_cli
+from gcs.cli import operator as operator_cli
+from gcs.cli.children import page_process
+from gcs.cli.common import REFUSED, Json, LabFile, Name, Speed, configuration, fail
+from gcs.doctor import cli as doctor_cli
+from gcs.live import cli as live_cli
+from wire import clock
+from wire.process.program import program
+
+app = program(
+    "Fly a formation: `gcs run lab.toml` is the daemon, the other commands reach it from another terminal.",
+    "Exit codes: 0 done; 1 refused, or failed; 2 something given is not right; 3 no ground answers.",
+)
+
+
+@app.command()
+def run(
+    lab: LabFile,
+    log: Annotated[Path | None, typer.Option(help="The flight log; without it runs/LAB-TIME.mcap.")] = None,
+    name: Name = GCS_NAME,
+    tag: Annotated[
+        list[str] | None, typer.Option(metavar="KEY=VALUE", help="Said of the run in its log; as often as needed.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Fly a preset the delay margin refuses; simulation only.")] = (
+        False
+    ),
+    page: Annotated[bool, typer.Option("--page", help="Serve the operator's page, too, from a process of its own.")] = (
+        False
+    ),
+    as_json: Json = False,
+    speed: Speed = 1.0,
+) -> None:
+    """Be the ground: mocap in, control on every frame, setpoints out, everything recorded. Ctrl-C lands and ends."""
+    from gcs.cli.ground import serve  # loads the compiled control, which the other commands do without
+    from gcs.lab.findings import approved
+
+    config = approved(lab, as_json)
+
+    path = log or Path("runs") / f"{config.name}-{clock.unix_us() // 1_000_000}.mcap"
+    metadata = {"link": config.link_kinds}
+    metadata |= _tags(tag or [])
+    with page_process(lab, name, speed) if page else nullcontext():
+        serve(config, lab, path, name, metadata, force, as_json, clock.Clock(speed))
+
+
+def _tags(items: list[str]) -> dict[str, str]:
+    pairs = [item.partition("=") for item in items]
+    for key, equals, _ in pairs:
+        if not key or not equals:
+            raise typer.BadParameter(f"{key!r} is not KEY=VALUE", param_hint="--tag")
+    return {key: value for key, _, value in pairs}
+
+
+@app.command()
+def check(
+    lab: LabFile,
+    svg: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the lab from above into an SVG file.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Judge a lab file and draw the lab from above; starts nothing. Exit code 1 where `gcs run` would refuse it."""
+    from gcs.lab import cli
+
+    cli.check(lab, svg, as_json)
+
+
+@app.command()
+def page(
+    lab: LabFile,
+    name: Name = GCS_NAME,
+    port: Annotated[
+        int | None, typer.Option(min=1, max=65535, help="On loopback, 127.0.0.1; without it 8470 or the next free one.")
+    ] = None,
+    speed: Speed = 1.0,
+) -> None:
+    """Serve the operator's page on loopback: the room, every drone, alarms, every command, STOP by the space bar."""
+    from gcs.page.shell import serve as serve_page
+
+    try:
+        serve_page(configuration(lab), name, port, clock.Clock(speed))
+    except OSError as error:
+        fail(str(error), REFUSED)
+
+
+@app.command()
+def watch(
+    lab: operator_cli.Lab = None,
+    name: Name = GCS_NAME,
+) -> None:
+    """Show every drone in this terminal, ten times a second; keys: H hold, L land, space bar STOP, Q quit."""
+    from gcs.watch.terminal import watch as watch_ground
+
+    watch_ground(lab, name)
+
+
+@app.command()
+def buttons() -> None:
+    """Tell which key or button of which input device is pressed: what `[operator] stop_button` wants to know."""
+    from gcs.stop_button.find import tell_presses
+
+    tell_presses()
+
+
+operator_cli.register(app)
+app.add_typer(mocap_cli.app, name="mocap")
+app.command()(live_cli.live)
+app.command()(doctor_cli.doctor)
+app.command()(doctor_cli.logs)
+
+
+@app.command()
+def rules() -> None:
+    """Print phases, safety rules and the mocap gate's checks, as Markdown: the tables that ground and mocap run on."""
+    from formation.safety.phases import table_markdown
+    from formation.safety.rules_table import rules_markdown
+    from gcs.mocap.gate.checks import gate_markdown
+
+    print(f"{table_markdown()}\n\n{rules_markdown()}\n\n{gate_markdown()}")

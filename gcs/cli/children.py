@@ -1,0 +1,25 @@
+"""Processes that a command starts beside itself, and ends with itself."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+PATIENCE_S = 5.0
+
+
+@contextmanager
+def page_process(lab: Path, name: str, speed: float) -> Iterator[None]:
+    """While inside, a page is served by a process of its own; whatever becomes of it, nothing here waits for it."""
+    command = [sys.executable, "-m", "gcs", "page", str(lab), "--name", name, "--speed", str(speed)]
+    # A session of its own: Ctrl-C is the ground's, which lands before it ends, and is watched meanwhile.
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
+    try:
+        yield
+    finally:
+        process.terminate()
+        try:
+            process.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            process.kill()

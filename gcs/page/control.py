@@ -1,0 +1,46 @@
+"""Who of several viewers of a page may command: one at a time, and everybody sees who. Pure.
+
+A stop is everybody's, always.
+"""
+
+from dataclasses import dataclass, field
+
+
+@dataclass(slots=True)
+class Control:
+    """Viewers by name, in order of their coming; the first has the control until it leaves or another takes it."""
+
+    holder: str | None = None
+    taken: str = ""
+    """What the viewers are told about the last change of hands."""
+    viewers: list[str] = field(default_factory=list)
+
+    def come(self, viewer: str) -> None:
+        """A viewer has opened the page."""
+        if viewer not in self.viewers:
+            self.viewers.append(viewer)
+        if self.holder is None:
+            self.holder = viewer
+
+    def leave(self, viewer: str) -> None:
+        """A viewer has gone; if it had the control, nobody has it: somebody must take it."""
+        if viewer in self.viewers:
+            self.viewers.remove(viewer)
+        if self.holder == viewer:
+            self.holder = None
+
+    def take(self, viewer: str) -> None:
+        """A viewer takes the control over."""
+        if self.holder not in (None, viewer):
+            self.taken = f"{viewer} has taken the control over from {self.holder}"
+        self.holder = viewer
+
+    def notice(self, viewer: str) -> str:
+        """What a viewer must know of it; empty for the one that has the control alone."""
+        if self.holder == viewer:
+            others = len(self.viewers) - 1
+            return "" if others < 1 else f"{others} more {'viewer looks' if others == 1 else 'viewers look'} on"
+        if self.holder is None:
+            return "Nobody has the control: this page is read-only until you take it"
+        text = f"Read-only: {self.holder} has the control"
+        return f"{self.taken}. {text}" if self.taken.endswith(f"from {viewer}") else text

@@ -1,0 +1,158 @@
+"""The room as SVG, by any camera: what stands still (fence, floor) and what moves (drones, slots, trails). Pure.
+
+Colours are Okabe and Ito's, told apart by every eye; whatever a colour says, a form or a word says too.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from html import escape
+
+from formation.config import Fence
+from gcs.page.camera import Camera
+from gcs.page.room import Body, Point, Room
+
+LEADER, FOLLOWER, BAD, WARN, PREVIEW = "#F0E442", "#56B4E9", "#FF7A33", "#E69F00", "#9AD8C4"
+SMALLEST_PX = 7.0
+"""Radius of a drone in the picture that can still be seen; a smaller one has a ring of that size around it."""
+CIRCLE = tuple((math.cos(k * math.pi / 12), math.sin(k * math.pi / 12)) for k in range(24))
+DIAGONAL = math.sqrt(0.5)
+
+
+def still(camera: Camera, fence: Fence) -> str:
+    """The floor's grid, a line every metre or half of it, the fence, and where lab x and y point."""
+    (x0, y0, z0), (x1, y1, z1) = fence.low_m, fence.high_m
+    floor = max(z0, 0.0)
+    step = 0.5 if max(x1 - x0, y1 - y0) <= 8.0 else 1.0
+    lines = [_line(camera, (x, y0, floor), (x, y1, floor), "grid") for x in _every(step, x0, x1)]
+    lines += [_line(camera, (x0, y, floor), (x1, y, floor), "grid") for y in _every(step, y0, y1)]
+    box = [(x, y, z) for x in (x0, x1) for y in (y0, y1) for z in (floor, z1)]
+    for i, one in enumerate(box):
+        lines += [_line(camera, one, box[j], "fence") for j in range(i) if _differ(one, box[j]) == 1]
+    for name, end in (("x", (0.5, 0.0, floor)), ("y", (0.0, 0.5, floor))):
+        lines.append(_line(camera, (0.0, 0.0, floor), end, "axis") + _text(camera, end, name, "axist"))
+    return "".join(lines)
+
+
+def moving(
+    camera: Camera,
+    shown: Room,
+    preview_lab_m: Sequence[Point] = (),
+    path_lab_m: Sequence[Point] = (),
+    crowd: bool = False,
+) -> str:
+    """Trails, leader's path, slots, references, previewed slots, keep-outs, pairs that are near, and the drones.
+
+    crowd: only the leader, and who is in trouble, is named.
+    """
+    parts = [_polyline(camera, path_lab_m, "path")] if len(path_lab_m) > 1 else []
+    for body in shown.bodies:
+        if len(body.trail_lab_m) > 1:
+            parts.append(_polyline(camera, body.trail_lab_m, "trail", _colour(body)))
+    parts += [_ring(camera, point, radius, "keepout") for point, radius in shown.keep_outs]
+    parts += _marks(camera, shown.slots_lab_m, "slot", 12.0)
+    parts += _marks(camera, preview_lab_m, "preview", 12.0)
+    for i, j, apart_m in shown.pairs:
+        one, other = shown.bodies[i].pos_lab_m, shown.bodies[j].pos_lab_m
+        middle = (0.5 * (one[0] + other[0]), 0.5 * (one[1] + other[1]), 0.5 * (one[2] + other[2]))
+        parts.append(_line(camera, one, other, "near") + _text(camera, middle, f"{apart_m:.2f} m", "neart"))
+    led = [(body.pos_lab_m, body.reference_lab_m) for body in shown.bodies if body.reference_lab_m is not None]
+    for at, reference in led:
+        x, y, _ = camera.place(*reference)
+        parts.append(_line(camera, at, reference, "off"))
+        parts.append(f'<path class="ref" d="M{x - 5:.1f} {y:.1f}h10M{x:.1f} {y - 5:.1f}v10"/>')
+    parts += [_drone(camera, body, named=not crowd or body.leader or _troubled(body)) for body in shown.bodies]
+    return "".join(parts)
+
+
+def svg(camera: Camera, inside: str, about: str) -> str:
+    """A whole picture; about: for those who hear it read."""
+    box = f"0 0 {camera.width:g} {camera.height:g}"
+    return f'<svg viewBox="{box}" role="img" aria-label="{escape(about)}">{inside}</svg>'
+
+
+def _colour(body: Body) -> str:
+    if _troubled(body):
+        return BAD
+    return LEADER if body.leader else FOLLOWER
+
+
+def _troubled(body: Body) -> bool:
+    return body.rejected or not body.seen
+
+
+def _drone(camera: Camera, body: Body, named: bool) -> str:
+    """A quadcopter of its true size and attitude, its nose as a line, its shadow on the floor, its name."""
+    arm = 0.5 * body.size_m
+    d = DIAGONAL * arm
+    tips = [_tip(camera, body, sx * d, sy * d) for sx, sy in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
+    nx, ny, _ = _tip(camera, body, 1.6 * arm, 0.0)
+    x, y, scale = camera.place(*body.pos_lab_m)
+    sx, sy, _ = camera.place(body.pos_lab_m[0], body.pos_lab_m[1], 0.0)
+    colour, rotor = _colour(body), max(0.38 * arm * scale, 1.5)
+    parts = [f'<g class="drone" stroke="{colour}" fill="{colour if body.armed else "none"}">']
+    if abs(sy - y) > 2.0:
+        parts.append(f'<path class="drop" d="M{x:.1f} {y:.1f}L{sx:.1f} {sy:.1f}"/>')
+        parts.append(f'<ellipse class="shadow" cx="{sx:.1f}" cy="{sy:.1f}" rx="4" ry="2"/>')
+    arms = "".join(f"M{x:.1f} {y:.1f}L{px:.1f} {py:.1f}" for px, py, _ in tips)
+    if arm * scale < SMALLEST_PX:
+        parts.append(f'<circle class="ring" cx="{x:.1f}" cy="{y:.1f}" r="{SMALLEST_PX}"/>')
+        length = max(math.hypot(nx - x, ny - y), 1e-9)
+        nx, ny = x + (nx - x) * 1.8 * SMALLEST_PX / length, y + (ny - y) * 1.8 * SMALLEST_PX / length
+    parts.append(f'<path class="nose" d="{arms}M{x:.1f} {y:.1f}L{nx:.1f} {ny:.1f}"/>')
+    parts += [f'<circle cx="{px:.1f}" cy="{py:.1f}" r="{rotor:.1f}"/>' for px, py, _ in tips]
+    if named:
+        mark = " ✖" if _troubled(body) else ""
+        down = y + max(arm * scale, SMALLEST_PX) + 14
+        parts.append(f'<text x="{x:.1f}" y="{down:.1f}">{escape(body.name)}{mark}</text>')
+    parts.append("</g>")
+    return "".join(parts)
+
+
+def _tip(camera: Camera, body: Body, x: float, y: float) -> tuple[float, float, float]:
+    """Where a point of the body's own plane, x forward, y left, is in the picture."""
+    w, i, j, k = body.q_lab_from_flu
+    px, py, pz = body.pos_lab_m
+    return camera.place(
+        px + (1.0 - 2.0 * (j * j + k * k)) * x + 2.0 * (i * j - w * k) * y,
+        py + 2.0 * (i * j + w * k) * x + (1.0 - 2.0 * (i * i + k * k)) * y,
+        pz + 2.0 * (i * k - w * j) * x + 2.0 * (j * k + w * i) * y,
+    )
+
+
+def _every(step: float, low: float, high: float) -> list[float]:
+    return [k * step for k in range(math.ceil(low / step), math.floor(high / step) + 1)]
+
+
+def _differ(one: Point, other: Point) -> int:
+    return sum(a != b for a, b in zip(one, other, strict=True))
+
+
+def _line(camera: Camera, a: Point, b: Point, name: str) -> str:
+    (x0, y0, _), (x1, y1, _) = camera.place(*a), camera.place(*b)
+    return f'<path class="{name}" d="M{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}"/>'
+
+
+def _points(camera: Camera, points: Iterable[Point]) -> str:
+    places = [camera.place(*point) for point in points]
+    return " ".join([f"{x:.0f},{y:.0f}" for x, y, _ in places])
+
+
+def _polyline(camera: Camera, points: Sequence[Point], name: str, colour: str = "") -> str:
+    stroke = f' stroke="{colour}"' if colour else ""
+    return f'<polyline class="{name}" points="{_points(camera, points)}"{stroke}/>'
+
+
+def _ring(camera: Camera, point: Point, radius_m: float, name: str) -> str:
+    x, y, z = point
+    ring = _points(camera, [(x + radius_m * c, y + radius_m * s, z) for c, s in CIRCLE])
+    return f'<polygon class="{name}" points="{ring}"/>'
+
+
+def _marks(camera: Camera, points: Sequence[Point], name: str, radius_px: float) -> list[str]:
+    places = [camera.place(*point) for point in points]
+    return [f'<circle class="{name}" cx="{x:.1f}" cy="{y:.1f}" r="{radius_px:g}"/>' for x, y, _ in places]
+
+
+def _text(camera: Camera, point: Point, text: str, name: str) -> str:
+    x, y, _ = camera.place(*point)
+    return f'<text class="{name}" x="{x:.1f}" y="{y - 4:.1f}">{escape(text)}</text>'

@@ -1,0 +1,102 @@
+"""A shape or a start, judged and drawn before it is asked for: by the ground's own functions, in the page's process.
+
+What the followers do at this instant is taken for rest; the ground judges anew when it is asked.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from formation.config import LabConfig
+from formation.guidance.preview import expected_start, trajectory_from
+from formation.guidance.shape import Shape, shape_for
+from formation.guidance.shape_request import parse
+from formation.guidance.transition import assigned, demand_room, transition
+from formation.maths.arrays import Float
+from gcs.page.room import Point, about
+from gcs.reforming import foreseen, names, room_refusals, space, way_refusals
+
+PATH_POINTS = 60
+FRESH_S = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Foreseen:
+    """Where the slots would be and the leader would go, what is against it, and what is to be said of it."""
+
+    slots_lab_m: tuple[Point, ...]
+    path_lab_m: tuple[Point, ...]
+    against: tuple[str, ...]
+    text: str
+
+
+def shape(asked: str, state: Mapping[str, Any], config: LabConfig) -> Foreseen:
+    """A shape in an operator's words, NAME [scale=S] [heading=DEGREES], asked for now."""
+    try:
+        wanted = shape_for(config, parse(asked))
+        demand_room(wanted, space(config, 0.0), names(config))
+    except ValueError as error:
+        return Foreseen((), (), (str(error),), "")
+    return _judged(wanted, state, config, forming=state["phase"] == "FORMATION", starting=False)
+
+
+def start(state: Mapping[str, Any], config: LabConfig) -> Foreseen:
+    """A start now, in the shape that is set."""
+    return _judged(shape_for(config, parse(str(state["shape"]))), state, config, forming=True, starting=True)
+
+
+def _judged(wanted: Shape, state: Mapping[str, Any], config: LabConfig, forming: bool, starting: bool) -> Foreseen:
+    place, seen = _leader_place(state, config, forming)
+    path, path_s = None, 0.0
+    if state["trajectory_started"] and state["trajectory_from"] is not None and state["trajectory_s"] is not None:
+        path, path_s = trajectory_from(config, np.array(state["trajectory_from"])), float(state["trajectory_s"][0])
+    against: list[str] = []
+    text = f"{wanted.name}: possible"
+    if forming and seen:
+        led = _led(state, place)
+        if led is not None:
+            if not starting:
+                wanted = assigned(wanted, led[:, 0, :3])
+            try:
+                way = transition(wanted, led, space(config, float(place[2])), names(config))
+                text = f"{wanted.name}: {way.duration_s:.1f} s, never nearer than {way.separation_m:.2f} m"
+            except ValueError as error:
+                against.append(str(error))
+    ahead = foreseen(wanted, place, path, path_s, config)
+    against += [*(way_refusals(ahead, config) if starting else ()), *room_refusals(ahead, config)]
+    places = about(_point(place), float(place[3]), wanted.offset_lead_m)
+    steps = np.linspace(0, len(ahead.leader) - 1, PATH_POINTS).astype(int)
+    way_m = tuple(_point(ahead.leader[k, 0]) for k in steps) if config.leader.sysid is not None else ()
+    return Foreseen(places, way_m, tuple(against), text)
+
+
+def _leader_place(state: Mapping[str, Any], config: LabConfig, forming: bool) -> tuple[Float, bool]:
+    """The leader's x, y, z, heading, at its flying height while it is not; and whether it is seen."""
+    told = (*state["observed"], *state["drones"])
+    leader = next((one for one in told if one["body"] == config.leader.body), None)
+    pos, yaw = None if leader is None else leader["pos_lab_m"], state["leader_yaw_rad"]
+    if leader is None or pos is None or yaw is None or leader["age_s"] > FRESH_S:
+        return expected_start(config), False
+    z = pos[2] if forming or config.leader.sysid is None else config.flight.altitude_m
+    return np.array([pos[0], pos[1], z, yaw]), True
+
+
+def _led(state: Mapping[str, Any], place: Float) -> Float | None:
+    """Where the followers are led now, at rest, as motions (followers, 3, 4) in the leader's frame."""
+    followers = len(state["slots_lead_m"])
+    told = [drone["reference_lab_m"] for drone in state["drones"][-followers:]]
+    if any(reference is None for reference in told):
+        return None
+    c, s = math.cos(-float(place[3])), math.sin(-float(place[3]))
+    motion = np.zeros((followers, 3, 4))
+    away = np.array(told) - place[:3]
+    motion[:, 0, 0], motion[:, 0, 1] = c * away[:, 0] - s * away[:, 1], s * away[:, 0] + c * away[:, 1]
+    motion[:, 0, 2] = away[:, 2]
+    return motion
+
+
+def _point(place: Float) -> Point:
+    return float(place[0]), float(place[1]), float(place[2])

@@ -1,0 +1,59 @@
+"""All that a page's process knows: the newest states, alarms, trails, who has the control. Pure."""
+
+import json
+from typing import Any
+
+from formation.config import LabConfig
+from formation.messages import Event, Severity
+from gcs.page.alarms import AlarmBook
+from gcs.page.control import Control
+from gcs.page.foresee import Foreseen, shape, start
+from gcs.page.room import Room, Trails, room
+from gcs.page.show import NOTHING_YET, SILENT_S, Show, show
+
+START_NS = 1_000_000_000
+
+
+class Model:
+    """Hears the bus, and says what is to be shown; times are on the flight's clock, ns."""
+
+    def __init__(self, config: LabConfig) -> None:
+        self.config = config
+        self.alarms = AlarmBook()
+        self.control = Control()
+        self.state: dict[str, Any] | None = None
+        self.room = Room((), (), (), ())
+        self.start: Foreseen | None = None
+        self._mocap: dict[str, Any] | None = None
+        self._trails = Trails()
+        self._heard_ns = self._mocap_ns = self._start_ns = 0
+        self._lost = False
+
+    def hear(self, text: str, now_ns: int) -> None:
+        """The ground has published its state; ValueError or KeyError where it is none of this version's."""
+        state = json.loads(text)
+        self.room = room(state, self.config, self._trails)
+        self.alarms.hear_ground(state)
+        self.state, self._heard_ns, self._lost = state, now_ns, False
+        if now_ns - self._start_ns > START_NS:
+            self._start_ns = now_ns
+            self.start = start(state, self.config) if state["phase"] == "HOLD" else None
+
+    def hear_mocap(self, state: dict[str, Any], now_ns: int) -> None:
+        """The mocap process has published its state."""
+        self._mocap, self._mocap_ns = state, now_ns
+
+    def show(self, now_ns: int, unix_s: float) -> Show:
+        """What is to be shown now; a ground that falls silent is an alarm, once."""
+        if self.state is None:
+            return NOTHING_YET
+        silent_s = (now_ns - self._heard_ns) * 1e-9
+        if silent_s > SILENT_S and not self._lost:
+            self._lost = True
+            self.alarms.hear(Event(Severity.CRITICAL, "page", "the ground is not heard any more"), unix_s)
+        mocap = self._mocap if now_ns - self._mocap_ns < 3 * START_NS else None
+        return show(self.state, mocap, silent_s, () if self.start is None else self.start.against)
+
+    def foresee(self, asked: str) -> Foreseen | None:
+        """A shape before it is asked for; None until the ground was heard."""
+        return None if self.state is None else shape(asked, self.state, self.config)

@@ -1,0 +1,143 @@
+"""The page's process: hears the lab's bus, serves browsers on loopback, asks the ground as any operator.
+
+What runs in the browser is the style beside this file and a little script, which decides nothing: it hands keys on,
+beeps, and says across the page when nothing has come of the server for a while.
+"""
+
+import asyncio
+import socket
+import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+from nicegui import Client, app, background_tasks, ui
+
+from formation.config import LabConfig
+from formation.messages import OperatorReply, OperatorRequest, Verb
+from gcs.page.model import Model
+from gcs.page.viewer import Viewer
+from wire.clock import Clock, unix_us
+from wire.transport.mocap_bus import MocapBus
+from wire.transport.zenoh_bus import ZenohBus
+
+FOLDER = Path(__file__).parent
+LOOPBACK = "127.0.0.1"
+PORT, PORTS = 8470, 20
+ANSWER_S, ARMING_S = 3.0, 20.0
+WATCH_S = 0.25
+"""How often the page is drawn where no state comes; the browser notices a server that draws nothing for 1.5 s."""
+
+
+class Page:
+    """One lab's page: a model and its viewers."""
+
+    def __init__(self, config: LabConfig, ground: str, clock: Clock) -> None:
+        self.model = Model(config)
+        self._config, self._ground, self._clock = config, ground, clock
+        self._viewers: dict[str, Viewer] = {}
+        self._bus: ZenohBus | None = None
+        self._style = (FOLDER / "page.css").read_text(encoding="utf-8")
+        self._script = (FOLDER / "page.html").read_text(encoding="utf-8")
+        self._count = 0
+        self._drawn_ns = 0
+
+    @asynccontextmanager
+    async def heard(self) -> AsyncIterator[None]:
+        """While inside, the bus is heard."""
+        bus = await ZenohBus.open(self._config.link.joined, self._config.name)
+        self._bus = bus
+        try:
+            bus.on_state(self._ground, self._hear)
+            MocapBus(bus, self._clock).on_state(self._hear_mocap)
+            yield
+        finally:
+            await bus.close()
+
+    async def ask(self, verb: Verb, argument: str) -> OperatorReply:
+        """The ground's answer; that there is none is one of refusal."""
+        request = OperatorRequest(unix_us(), verb, argument)
+        wait_s = (ARMING_S if verb is Verb.ARM else ANSWER_S) / self._clock.speed
+        if self._bus is None:
+            return OperatorReply(request.id, False, "not on the bus yet")
+        try:
+            return await self._bus.ask(self._ground, request, wait_s)
+        except TimeoutError as error:
+            return OperatorReply(request.id, False, f"no ground answers: {error}")
+
+    def build(self, client: Client) -> None:
+        """Somebody asks for the page; who only fetches it is no viewer yet."""
+        ui.add_css(self._style)
+        ui.add_body_html(self._script)
+        viewer = Viewer(self.model, self.ask)
+        client.on_connect(lambda: self._come(viewer))
+        client.on_disconnect(lambda: self._leave(viewer))
+
+    def draw(self) -> None:
+        """Show every viewer what there is."""
+        self._drawn_ns = now_ns = self._clock.monotonic_ns()
+        shown = self.model.show(now_ns, unix_us() * 1e-6)
+        for viewer in tuple(self._viewers.values()):
+            viewer.update(shown)
+
+    async def watch(self) -> None:
+        """Draw where no state comes; for ever."""
+        while True:
+            await asyncio.sleep(WATCH_S)
+            if self._clock.monotonic_ns() - self._drawn_ns > WATCH_S * 1e9:
+                self.draw()
+
+    def _come(self, viewer: Viewer) -> None:
+        if not viewer.name:
+            self._count += 1
+            viewer.name = f"viewer {self._count}"
+        self._viewers[viewer.name] = viewer
+        self.model.control.come(viewer.name)
+
+    def _leave(self, viewer: Viewer) -> None:
+        self._viewers.pop(viewer.name, None)
+        self.model.control.leave(viewer.name)
+
+    def _hear(self, text: str) -> None:
+        self.model.hear(text, self._clock.monotonic_ns())
+        self.draw()
+
+    def _hear_mocap(self, state: dict[str, Any]) -> None:
+        self.model.hear_mocap(state, self._clock.monotonic_ns())
+
+
+def free_port(wanted: int | None) -> int:
+    """The port wanted, or the first free one from 8470 on; OSError where it is another's."""
+    for port in range(PORT, PORT + PORTS) if wanted is None else (wanted,):
+        with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((LOOPBACK, port))
+            except OSError:
+                continue
+            return port
+    raise OSError(f"port {PORT if wanted is None else wanted} of {LOOPBACK} is taken: --port for another")
+
+
+def serve(config: LabConfig, ground: str, wanted_port: int | None, clock: Clock) -> None:
+    """Serve the page on loopback until SIGINT or SIGTERM, at that port or at a free one. OSError if it is taken."""
+    port = free_port(wanted_port)
+    page = Page(config, ground, clock)
+    on_bus = page.heard()
+
+    async def begin() -> None:
+        await on_bus.__aenter__()
+        background_tasks.create(page.watch(), name="watch")
+
+    async def end() -> None:
+        await on_bus.__aexit__(None, None, None)
+
+    app.on_startup(begin)
+    app.on_shutdown(end)
+    print(f"page: http://{LOOPBACK}:{port}", file=sys.stderr, flush=True)
+    ui.run(
+        page.build, host=LOOPBACK, port=port, title=f"{config.name}: formation", dark=True, reload=False, show=False,
+        show_welcome_message=False, uvicorn_logging_level="warning", reconnect_timeout=3.0, access_log=False,
+        ws_per_message_deflate=False,  # to this very machine: it costs more than all the drawing
+    )  # fmt: skip

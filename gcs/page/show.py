@@ -1,0 +1,141 @@
+"""What the page shows: the ground's state, the mocap's and the time make one frozen `Show`. Pure."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from gcs.page.table import Cell, row
+
+SILENT_S = 1.0
+"""After so long without the ground's state, the page says so across everything."""
+FLYING = ("TAKEOFF", "FORMATION", "HOLD", "LAND")
+VERBS = ("arm", "adopt", "takeoff", "start", "hold", "land")
+LABELS = {"arm": "Arm", "adopt": "Adopt", "takeoff": "Take off", "start": "Start", "hold": "Hold", "land": "Land"}
+GB, MB = 1e9, 1e6
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Something an operator can ask for, and every reason against it."""
+
+    verb: str
+    reasons: tuple[str, ...]
+
+    @property
+    def allowed(self) -> bool:
+        """Whether nothing is known against it."""
+        return not self.reasons
+
+    @property
+    def out_of_turn(self) -> bool:
+        """Whether it is for another phase."""
+        return len(self.reasons) == 1 and f"{self.verb} is for " in self.reasons[0]
+
+
+@dataclass(frozen=True, slots=True)
+class Show:
+    """Everything but the room and the alarms, in words. lost: in what the connection to the ground is lost, or empty.
+
+    vital: short facts of the machines, each with a name and a value; countdowns: likewise, with seconds left.
+    """
+
+    lost: str
+    phase: str
+    cause: str
+    since: str
+    steps: tuple[Step, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    countdowns: tuple[str, ...]
+    stop: str
+    vital: tuple[tuple[str, Cell], ...]
+
+
+NOTHING_YET = Show("waiting to hear the ground", "-", "", "", (), (), (), "", ())
+
+
+def show(
+    state: Mapping[str, Any] | None, mocap: Mapping[str, Any] | None, silent_s: float, start_against: Sequence[str] = ()
+) -> Show:
+    """What to show of the newest states; silent_s: since the ground was last heard, s.
+
+    start_against: reasons against a start that the ground finds only when asked (gcs.page.foresee).
+    """
+    if state is None:
+        return NOTHING_YET
+    flying = state["phase"] in FLYING
+    return Show(
+        lost=f"nothing heard of the ground for {silent_s:.0f} s" if silent_s > SILENT_S else "",
+        phase=str(state["phase"]),
+        cause=str(state["cause"]),
+        since=_clock(float(state["phase_s"])),
+        steps=tuple(_step(verb, state, start_against) for verb in VERBS),
+        rows=tuple(row(drone, flying) for drone in state["drones"]),
+        countdowns=countdowns(state),
+        stop=stop_text(state),
+        vital=vital(state, mocap),
+    )
+
+
+def _step(verb: str, state: Mapping[str, Any], start_against: Sequence[str]) -> Step:
+    reasons = tuple(map(str, state["allowed"].get(verb, ())))
+    return Step(verb, (*reasons, *start_against) if verb == "start" and state["phase"] == "HOLD" else reasons)
+
+
+def countdowns(state: Mapping[str, Any]) -> tuple[str, ...]:
+    """What runs out: armed drones that disarm by themselves (the first of them), a landing's time, a trajectory's."""
+    told = []
+    left = [(d["disarms_in_s"], str(d["body"])) for d in state["drones"] if d["disarms_in_s"] is not None]
+    if left:
+        told.append(f"{min(left)[1]} disarms itself in {min(left)[0]:.1f} s")
+    if state["landing_left_s"] is not None:
+        told.append(f"landing: {state['landing_left_s']:.0f} s at most")
+    way = state["trajectory_s"]
+    if way is not None and state["trajectory_started"] and not state["trajectory_done"]:
+        told.append(f"leader's trajectory: {way[1] - way[0]:.0f} s of {way[1]:.0f} s left")
+    return tuple(told)
+
+
+def stop_text(state: Mapping[str, Any]) -> str:
+    """What a stop has done so far: which drones have latched it, in how many ms, and which have not; empty without."""
+    if state["phase"] != "STOPPED":
+        return ""
+    done = [(str(d["body"]), float(d["stopped_ms"])) for d in state["drones"] if d["stopped_ms"] is not None]
+    open_ = [str(d["body"]) for d in state["drones"] if d["stopped_ms"] is None]
+    text = f"{len(done)} of {len(state['drones'])} drones have latched the stop"
+    if done:
+        text += ": " + ", ".join(f"{name} {ms:.0f} ms" for name, ms in done)
+    return text + (f"; NOT YET: {', '.join(open_)}" if open_ else "")
+
+
+def vital(state: Mapping[str, Any], mocap: Mapping[str, Any] | None) -> tuple[tuple[str, Cell], ...]:
+    """Mocap, control cycles, log and disk."""
+    from gcs.page.table import Level
+
+    cycles, log, share = state["cycles"], state["log"], float(state["counters"]["late_share"])
+    timing = None if mocap is None else mocap.get("timing")
+    told: list[tuple[str, Cell]] = []
+    if timing is None:
+        told.append(("mocap", Cell("not heard", Level.WARN)))
+    else:
+        lost = float(timing["lost_share"])
+        told += [
+            ("mocap", Cell(f"{timing['rate_hz']:.0f} Hz")),
+            ("jitter", Cell(f"{timing['jitter_s'] * 1e3:.1f} ms")),
+            (
+                "longest gap",
+                Cell(f"{timing['gap_s'] * 1e3:.0f} ms", Level.WARN if timing["gap_s"] > 0.1 else Level.CALM),
+            ),
+            ("frames lost", Cell(f"{lost:.1%}", Level.WARN if lost > 0.05 else Level.CALM)),
+        ]
+    late = f"{cycles['late']} of {cycles['count']}, worst {cycles['worst_ms']:.0f} ms"
+    told.append(("late cycles", Cell(late, Level.BAD if share > 0.2 else Level.CALM)))
+    size, free = log["bytes"], log["free_bytes"]
+    text = f"{log['name']}, " + ("-" if size is None else f"{size / MB:.1f} MB")
+    told.append(("log", Cell(str(state["log_trouble"]) or text, Level.BAD if state["log_trouble"] else Level.CALM)))
+    if free is not None:
+        told.append(("disk left", Cell(f"{free / GB:.1f} GB", Level.WARN if free < GB else Level.CALM)))
+    return tuple(told)
+
+
+def _clock(seconds: float) -> str:
+    return f"{int(seconds) // 60}:{int(seconds) % 60:02d}"

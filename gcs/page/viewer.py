@@ -1,0 +1,189 @@
+"""One browser's page: its elements, what they show, and what they ask. The server behind it is `gcs.page.shell`."""
+
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from nicegui import ui
+
+from formation.guidance.shape import known
+from formation.guidance.shape_request import ShapeRequest
+from formation.messages import OperatorReply, Verb
+from gcs.page import drawing, html
+from gcs.page.alarms import severities
+from gcs.page.camera import Stand, above, perspective
+from gcs.page.foresee import Foreseen
+from gcs.page.model import Model
+from gcs.page.show import LABELS, VERBS, Show
+
+Ask = Callable[[Verb, str], Awaitable[OperatorReply]]
+
+WIDE, HIGH = 640.0, 540.0
+MANY = 8
+PREVIEW_EVERY = 10
+
+
+class Viewer:
+    """The elements of one browser, drawn for every state; name: among the viewers, once it is connected.
+
+    A stop is everybody's, whoever has the control.
+    """
+
+    def __init__(self, model: Model, ask: Ask) -> None:
+        self.name = ""
+        self._model, self._ask = model, ask
+        self._stand, self._beats = Stand(), 0
+        self._previewing = False
+        self._foreseen: Foreseen | None = None
+        fence = model.config.limits.fence
+        self._crowd = len(model.config.commanded) > MANY
+        self._above = above(fence, WIDE, HIGH)
+        with ui.element("main").classes("page"):
+            with ui.element("header").classes("head"):
+                self._head = ui.html(sanitize=False).classes("headwords")
+            with ui.element("div").classes("rooms"):
+                with ui.element("div").classes("room turning"):
+                    self._still3 = ui.html(sanitize=False).classes("layer")
+                    self._moving3 = ui.html(sanitize=False).classes("layer")
+                    ui.html('<div class="name">drag to turn, wheel to zoom</div>', sanitize=False)
+                with ui.element("div").classes("room"):
+                    still = drawing.svg(self._above, drawing.still(self._above, fence), "the fence from above")
+                    ui.html(still, sanitize=False).classes("layer")
+                    self._moving2 = ui.html(sanitize=False).classes("layer")
+                    ui.html('<div class="name">from above</div>', sanitize=False)
+                self._table = ui.html(sanitize=False).classes("table many" if self._crowd else "table")
+            self._vital = ui.html(sanitize=False).classes("vital")
+            with ui.element("aside").classes("side"):
+                self._side()
+        self._lost = ui.html(sanitize=False).classes("lost")
+        self._beat = ui.html("0", sanitize=False).props("id=beat")
+        ui.on("key", lambda event: self._key(str(event.args)))
+        ui.on("turn", lambda event: self._turn(event.args))
+        ui.on("zoom", lambda event: self._zoom(float(event.args)))
+        self._draw_still()
+
+    def _side(self) -> None:
+        with ui.element("button").classes("stop").props('aria-label="STOP: cut all motors"') as stop:
+            ui.html("STOP<small>space bar &middot; cuts every motor now</small>", sanitize=False)
+        stop.on("pointerdown", lambda: self.ask(Verb.STOP)).on("keydown.enter", lambda: self.ask(Verb.STOP))
+        self._stopped = ui.html(sanitize=False).classes("stopped")
+        self._notice = ui.html(sanitize=False).classes("notice")
+        with ui.element("div").classes("take") as self._take:
+            ui.button("Take the control over", on_click=self._take_over, color=None).props("unelevated no-caps")
+        with ui.element("div").classes("buttons"):
+            self._buttons = {verb: self._button(verb) for verb in VERBS}
+        self._against = ui.html(sanitize=False).classes("against")
+        self._answer = ui.html(sanitize=False).classes("answer")
+        with ui.element("div").classes("form"):
+            names = list(known(self._model.config))
+            self._shape = ui.select(names, value=names[0], label="shape").props("dense options-dense dark")
+            self._scale = ui.number("scale", value=1.0, min=0.1, max=100.0, step=0.1).props("dense dark")
+            self._heading = ui.number("heading °", value=0.0, min=-360, max=360, step=15).props("dense dark")
+            self._feasible = ui.html("", sanitize=False).classes("wide")
+            self._form = ui.button("Shape", on_click=self._ask_shape, color=None).props("unelevated no-caps")
+            for field in (self._shape, self._scale, self._heading):
+                field.on_value_change(self._preview)
+        with ui.element("div").classes("alarmbox"):
+            with ui.element("div").classes("alarmhead"):
+                self._alarm_count = ui.label("no alarms")
+                self._seen = ui.button("Acknowledge", on_click=self._acknowledge, color=None).props(
+                    "dense unelevated no-caps"
+                )
+            self._alarms = ui.html(sanitize=False).classes("alarms")
+
+    def _button(self, verb: str) -> ui.button:
+        keys = {"hold": " · H", "land": " · L"}.get(verb, "")
+        return ui.button(LABELS[verb] + keys, on_click=lambda: self.ask(Verb(verb)), color=None).props(
+            f"unelevated no-caps id=do-{verb}"
+        )
+
+    @property
+    def commands(self) -> bool:
+        """Whether this viewer has the control."""
+        return self._model.control.holder == self.name
+
+    async def ask(self, verb: Verb, argument: str = "") -> None:
+        """Ask the ground, and show its answer; from a viewer that only looks on, nothing but a stop."""
+        if verb is not Verb.STOP and not self.commands:
+            return
+        self._say(f"{verb} ...", True)
+        reply = await self._ask(verb, argument)
+        self._say(f"{verb}: {reply.text}" if reply.accepted else f"{verb} refused: {reply.text}", reply.accepted)
+
+    def update(self, shown: Show) -> None:
+        """Show it."""
+        model, fence = self._model, self._model.config.limits.fence
+        self._beats += 1
+        self._beat.content = str(self._beats)
+        self._head.content, self._vital.content = html.head(shown), html.vital(shown)
+        self._table.content, self._lost.content = html.table(shown), html.lost(shown)
+        self._against.content = html.steps(shown, self.commands)
+        self._stopped.content = html.stopped(shown)
+        self._notice.content = html.plain(model.control.notice(self.name))
+        self._take.set_visibility(not self.commands)
+        allowed = {step.verb: step.allowed for step in shown.steps}
+        self._form.set_enabled(self.commands and not shown.lost and not (self._foreseen and self._foreseen.against))
+        for verb, button in self._buttons.items():
+            button.set_enabled(self.commands and allowed.get(verb, False) and not shown.lost)
+        open_ = model.alarms.open
+        self._alarms.content = html.alarms(open_, model.alarms.latest)
+        self._alarm_count.text = severities(open_) or "no alarms"
+        self._alarm_count.classes(replace="loud" if model.alarms.loud else "")
+        self._seen.set_visibility(bool(open_))
+        if self._previewing and self._beats % PREVIEW_EVERY == 0:
+            self._judge()
+        ahead = self._foreseen or model.start
+        slots, path = ((), ()) if ahead is None else (ahead.slots_lab_m, ahead.path_lab_m)
+        slots = slots if self._previewing else ()
+        camera = perspective(fence, self._stand, WIDE, HIGH)
+        self._moving3.content = drawing.svg(
+            camera, drawing.moving(camera, model.room, slots, path, self._crowd), "the room"
+        )
+        top = drawing.moving(self._above, model.room, slots, path)
+        self._moving2.content = drawing.svg(self._above, top, "the room from above")
+
+    def _say(self, text: str, accepted: bool) -> None:
+        self._answer.classes(replace="answer" if accepted else "answer refused")
+        self._answer.content = html.plain(text)
+
+    def _take_over(self) -> None:
+        self._model.control.take(self.name)
+
+    def _acknowledge(self) -> None:
+        self._model.alarms.acknowledge()
+
+    async def _key(self, name: str) -> None:
+        await self.ask(Verb(name))
+
+    def _turn(self, moved: Any) -> None:
+        self._stand = self._stand.turned(-0.008 * float(moved[0]), 0.006 * float(moved[1]))
+        self._draw_still()
+
+    def _zoom(self, steps: float) -> None:
+        self._stand = self._stand.nearer(1.1**steps)
+        self._draw_still()
+
+    def _draw_still(self) -> None:
+        fence = self._model.config.limits.fence
+        camera = perspective(fence, self._stand, WIDE, HIGH)
+        self._still3.content = drawing.svg(camera, drawing.still(camera, fence), "the fence")
+
+    def _asked_shape(self) -> str:
+        heading_rad = float(self._heading.value or 0.0) * 3.141592653589793 / 180.0
+        return ShapeRequest(str(self._shape.value), float(self._scale.value or 1.0), heading_rad).text
+
+    def _preview(self) -> None:
+        self._previewing = True
+        self._judge()
+
+    def _judge(self) -> None:
+        foreseen: Foreseen | None = self._model.foresee(self._asked_shape())
+        self._foreseen = foreseen
+        if foreseen is None:
+            return
+        against = "; ".join(foreseen.against)
+        self._feasible.content = html.feasible(foreseen.text, against)
+
+    async def _ask_shape(self) -> None:
+        self._previewing, self._foreseen = False, None
+        self._feasible.content = ""
+        await self.ask(Verb.SHAPE, self._asked_shape())

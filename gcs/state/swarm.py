@@ -1,0 +1,152 @@
+"""The swarm's part of the published state: phase, what may come next, every drone. Pure."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from formation.config import LabConfig
+from formation.control.stack import Stages
+from formation.maths.arrays import Float
+from formation.maths.frames import rotate_about_z
+from formation.messages import Phase
+from formation.safety.rules import Facts
+from gcs.drones.drone import Drone
+from gcs.flight import Flight
+from gcs.safety.host import Host
+
+
+@dataclass(frozen=True, slots=True)
+class About:
+    """What the ground says of itself: since its start, s; its epoch; what its host says; its counters.
+
+    rejected: why the mocap gate rejects a body now, by body. refusals: why it would not arm, while on the ground.
+    allowed: by verb, every reason against it now; none where it may be asked.
+    """
+
+    t_s: float
+    epoch: int
+    host: Host
+    counters: Mapping[str, int | float]
+    rejected: Mapping[str, str]
+    refusals: Sequence[str]
+    allowed: Mapping[str, Sequence[str]]
+
+
+def swarm_state(
+    flight: Flight, drones: Sequence[Drone], facts: Facts, stages: Stages | None, config: LabConfig, about: About,
+    now_ns: int,
+) -> dict[str, Any]:  # fmt: skip
+    """The whole state for people and scripts, as JSON has it; SI units, `lab` axes."""
+    places = _Places(facts, stages, config)
+    return {
+        "phase": flight.phase.name,
+        "cause": flight.cause,
+        "t_s": round(about.t_s, 3),
+        "phase_s": round((now_ns - flight.entered_ns) * 1e-9, 2),
+        "epoch": about.epoch,
+        "log_trouble": about.host.log_trouble,
+        "button_trouble": about.host.button_trouble,
+        "armed": flight.armed,
+        "allowed": {verb: list(reasons) for verb, reasons in about.allowed.items()},
+        "trajectory_started": flight.trajectory_start_ns is not None,
+        "trajectory_done": flight.trajectory_done(now_ns),
+        "trajectory_s": _trajectory(flight, now_ns),
+        "trajectory_from": None if flight.trajectory_from is None else flight.trajectory_from.round(3).tolist(),
+        "landing_left_s": _landing_left(flight, now_ns),
+        "shape": flight.shape.name,
+        "slots_lead_m": [[round(x, 3) for x in slot] for slot in flight.shape.offset_lead_m],
+        "drones": [
+            _drone_state(drone, m, places, facts, now_ns) | {"rejected": about.rejected.get(drone.link.name)}
+            for m, drone in enumerate(drones)
+        ],
+        "observed": [
+            {"body": name, "pos_lab_m": places.pos[i], "q_lab_from_flu": places.q[i], "age_s": places.age_s[i]}
+            for i, name in enumerate(facts.names)
+            if not facts.commanded[i]
+        ],
+        "leader_yaw_rad": places.leader_yaw_rad,
+        "rejected": dict(about.rejected),
+        "refusals": list(about.refusals),
+        "counters": dict(about.counters),
+    }
+
+
+class _Places:
+    """Where the n bodies are and the m references; rounded all at once, since one at a time costs what a tick does."""
+
+    def __init__(self, facts: Facts, stages: Stages | None, config: LabConfig) -> None:
+        n = len(facts.names)
+        seen = np.isfinite(facts.age_s).tolist()
+        pos = facts.pos_lab_m.round(4).tolist()
+        self.pos: list[list[float] | None] = [p if ok else None for p, ok in zip(pos, seen, strict=True)]
+        self.q: list[list[float] | None] = [None] * n
+        self.reference: list[list[float]] | None = None
+        self.leader_yaw_rad: float | None = None
+        if stages is not None:
+            q = stages.state.q_lab_from_flu.round(4).tolist()
+            self.q = [x if ok else None for x, ok in zip(q, seen, strict=True)]
+            self.reference = reference_lab_m(stages).round(3).tolist()
+            self.leader_yaw_rad = round(float(stages.state.yaw_rad[0]), 4) if seen[0] else None
+        fence = config.limits.fence
+        margin = np.minimum(facts.pos_lab_m - np.array(fence.low_m), np.array(fence.high_m) - facts.pos_lab_m)
+        self.margin_m = margin.min(axis=1).round(3).tolist()
+        self.error_m = facts.error_m.round(4).tolist()
+        self.age_s = [_number(age, 3) for age in facts.age_s.tolist()]
+
+
+def reference_lab_m(stages: Stages) -> Float:
+    """Where each of the m commanded drones should be now, (m, 3)."""
+    reference = stages.reference
+    return np.asarray(reference.origin_lab_m + rotate_about_z(reference.heading_rad, reference.slot_lead_m))
+
+
+def _drone_state(drone: Drone, m: int, places: _Places, facts: Facts, now_ns: int) -> dict[str, Any]:
+    link, i = drone.link, drone.index
+    disarms_in_s = drone.disarms_in_s(now_ns)
+    offset_ns, stopped_ns = link.clock.offset_ns, drone.stopped_ns
+    return {
+        "sysid": link.sysid,
+        "body": link.name,
+        "autopilot": None if link.model is None else link.model.name,
+        "armed": link.armed,
+        "disarms_in_s": None if disarms_in_s is None else round(disarms_in_s, 1),
+        "mode": link.mode,
+        "goal": drone.goal.value,
+        "piloted": drone.piloted,
+        "landed": link.telemetry.landed.name,
+        "stopped_ms": None if stopped_ns is None else round((stopped_ns - drone.goal_since_ns) * 1e-6, 1),
+        "pos_lab_m": places.pos[i],
+        "q_lab_from_flu": places.q[i],
+        "reference_lab_m": None if places.reference is None or not drone.flown else places.reference[m],
+        "error_m": places.error_m[i],
+        "fence_margin_m": None if places.pos[i] is None else places.margin_m[i],
+        "age_s": places.age_s[i],
+        "heartbeat_age_s": _number(float(facts.heartbeat_age_s[i]), 2),
+        "battery": _number(link.telemetry.battery, 3),
+        "battery_v": _number(link.telemetry.battery_v, 2),
+        "setpoint_age_s": _number(link.setpoint_age_s(now_ns), 4),
+        "clock_offset_s": None if offset_ns is None else round(offset_ns * 1e-9, 6),
+        "loss": round(link.sequence.loss, 4),
+    }
+
+
+def _trajectory(flight: Flight, now_ns: int) -> list[float] | None:
+    """Time along the leader's trajectory and its duration, s; None before it has begun."""
+    path, t_s = flight.on_the_way(now_ns)
+    return None if path is None else [round(min(t_s, path.duration_s), 1), round(path.duration_s, 1)]
+
+
+def _landing_left(flight: Flight, now_ns: int) -> float | None:
+    """How long a landing may still take, s."""
+    end_ns = flight.landing_end_ns
+    if flight.phase is not Phase.LAND or end_ns is None:
+        return None
+    return round(max((end_ns - now_ns) * 1e-9, 0.0), 1)
+
+
+def _number(value: float, digits: int) -> float | None:
+    """JSON has neither NaN nor infinity: what is unknown, and the age of what never was, is null."""
+    return round(value, digits) if math.isfinite(value) else None

@@ -1,0 +1,1 @@
+"""`gcs watch`: the page's table in a terminal."""

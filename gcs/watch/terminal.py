@@ -1,0 +1,117 @@
+"""`gcs watch` in its terminal: hears the bus, reads keys one by one, asks as every operator's command does."""
+
+import asyncio
+import json
+import os
+import sys
+import termios
+import tty
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.live import Live
+
+from formation.config import LinkConfig
+from formation.messages import OperatorRequest, Verb
+from gcs.cli.common import NOT_RIGHT, fail
+from gcs.page.alarms import AlarmBook
+from gcs.page.show import show
+from gcs.watch.picture import picture
+from wire import clock
+from wire.errors import BusError, ConfigError
+from wire.transport.lab_address import LabAddress, address_in
+from wire.transport.mocap_bus import MocapBus
+from wire.transport.zenoh_bus import ZenohBus
+
+KEYS = {" ": Verb.STOP, "h": Verb.HOLD, "l": Verb.LAND}
+ANSWER_S, LOOK_S = 3.0, 0.1
+
+
+def watch(lab: Path | None, name: str) -> None:
+    """Show the ground until Q or Ctrl-C; ends the program where the lab or its bus is not right."""
+    try:
+        where = LabAddress() if lab is None else address_in(lab)
+        with _single_keys():
+            asyncio.run(_Watch(name).run(where))
+    except KeyboardInterrupt:
+        return
+    except (BusError, ConfigError) as error:
+        fail(str(error), NOT_RIGHT)
+
+
+class _Watch:
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._alarms = AlarmBook()
+        self._state: dict[str, Any] | None = None
+        self._mocap: dict[str, Any] | None = None
+        self._heard_ns = 0
+        self._answer = ""
+        self._quit = asyncio.Event()
+        self._asking: set[asyncio.Task[None]] = set()
+
+    async def run(self, where: LabAddress) -> None:
+        """Until Q."""
+
+        bus = await ZenohBus.open(LinkConfig(zenoh_connect=where.endpoints), where.lab)
+
+        def hear(text: str) -> None:
+            self._state, self._heard_ns = json.loads(text), clock.monotonic_ns()
+            self._alarms.hear_ground(self._state or {})
+
+        def hear_mocap(state: dict[str, Any]) -> None:
+            self._mocap = state
+
+        bus.on_state(self._name, hear)
+        MocapBus(bus).on_state(hear_mocap)
+        loop = asyncio.get_running_loop()
+        keyboard = sys.stdin.fileno()
+        loop.add_reader(keyboard, lambda: self._press(os.read(keyboard, 64).decode(errors="replace"), bus))
+        try:
+            with Live(console=Console(), screen=True, auto_refresh=False) as live:
+                while not self._quit.is_set():
+                    silent_s = (clock.monotonic_ns() - self._heard_ns) * 1e-9
+                    shown = show(self._state, self._mocap, silent_s)
+                    live.update(picture(shown, self._alarms.open, self._answer), refresh=True)
+                    await asyncio.sleep(LOOK_S)
+        finally:
+            loop.remove_reader(keyboard)
+            await bus.close()
+
+    def _press(self, keys: str, bus: ZenohBus) -> None:
+        for key in keys.lower():
+            if key == "q":
+                self._quit.set()
+            elif key == "a":
+                self._alarms.acknowledge()
+            elif key in KEYS:
+                task = asyncio.create_task(self._ask(KEYS[key], bus))
+                self._asking.add(task)
+                task.add_done_callback(self._asking.discard)
+
+    async def _ask(self, verb: Verb, bus: ZenohBus) -> None:
+        self._answer = f"{verb} ..."
+        try:
+            reply = await bus.ask(self._name, OperatorRequest(clock.unix_us(), verb), ANSWER_S)
+        except TimeoutError as error:
+            self._answer = f"no ground answers: {error}"
+        else:
+            self._answer = f"{verb}: {reply.text}" if reply.accepted else f"{verb} refused: {reply.text}"
+
+
+@contextmanager
+def _single_keys() -> Iterator[None]:
+    """While inside, a key is read when it is pressed; without a terminal nothing is changed."""
+    if not sys.stdin.isatty():
+        yield
+        return
+    keyboard = sys.stdin.fileno()
+    before = termios.tcgetattr(keyboard)
+    tty.setcbreak(keyboard)
+    try:
+        yield
+    finally:
+        termios.tcsetattr(keyboard, termios.TCSADRAIN, before)

@@ -1,0 +1,57 @@
+"""The page in a real browser: a flight flown by clicks, two viewers, STOP by the space bar, a server that dies."""
+
+from pathlib import Path
+
+import pytest
+from page_browser import CHROMIUM, NONE, Tab
+from page_flights import with_browser
+
+from sim.ports import private_link
+from sim.scenario import load
+
+SPEED = 0.5
+
+
+def phase(tab: Tab, name: str) -> None:
+    tab.until(f"document.querySelector('.phase')?.textContent === '{name}'")
+
+
+@pytest.mark.processes
+@pytest.mark.flights
+@pytest.mark.skipif(CHROMIUM is None, reason=NONE)
+def test_a_flight_is_flown_by_clicks_and_stopped_by_the_space_bar(tmp_path: Path) -> None:
+    def act(url: str, server, new_tab) -> None:
+        tab: Tab = new_tab()
+        tab.open(url)
+        phase(tab, "GROUND")
+        tab.click("#do-arm")
+        phase(tab, "ARMED")
+        tab.click("#do-takeoff")
+        phase(tab, "HOLD")
+        assert tab.run("document.querySelectorAll('svg .drone').length") == 6  # three, in two views
+        tab.click("#do-start")
+        phase(tab, "FORMATION")
+
+        other: Tab = new_tab()
+        other.open(url)
+        other.until("document.body?.innerText.includes('Read-only: viewer 1 has the control')")
+        assert other.run("document.querySelector('#do-land').disabled")
+        other.run("[...document.querySelectorAll('.take button')][0].click()")
+        tab.until("document.body?.innerText.includes('viewer 2 has taken the control over from viewer 1')")
+        other.press("h", "KeyH", 72)
+        phase(tab, "HOLD")
+        other.click("#do-land")
+        phase(other, "LAND")
+        phase(other, "GROUND")
+
+        tab.press(" ", "Space", 32)  # a stop is everybody's, also of who only looks on
+        phase(tab, "STOPPED")
+        tab.until("document.querySelector('.stopped').textContent.startsWith('3 of 3 drones have latched the stop')")
+
+        server.kill()
+        tab.until("document.body?.classList.contains('deaf')")
+
+    scenario = load("triangle_line")
+    with private_link("udp", (1, 2, 3)) as link:
+        scenario = scenario.model_copy(update={"lab": scenario.lab.model_copy(update={"link": link})})
+        with_browser(scenario, tmp_path / "flight", SPEED, act)

@@ -160,7 +160,7 @@ class VehicleProfile(Model):
 PAPER_40G = VehicleProfile(
     name="paper_40g",
     mass_kg=0.04,
-    inertia_kg_m2=(1.532e-4, 1.532e-4, 3.472e-4),
+    inertia_kg_m2=(1.532e-5, 1.532e-5, 2.9e-5),
     wheelbase_m=0.12,
     rotor_radius_m=0.025,
     thrust_max_n=0.8,

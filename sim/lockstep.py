@@ -10,6 +10,7 @@ from analysis.load import Flight, from_records
 from formation.topics import Topic
 from gcs import warm_up as gcs_warm_up
 from gcs.recording import Record, run_metadata
+from sim.monitors import WITHOUT_NONE, Without
 from sim.scenario import Scenario
 from sim.script import Outcome
 from sim.world import T0_NS, World
@@ -40,19 +41,19 @@ def run_to_file(scenario: Scenario, seed: int, path: Path, progress: Progress | 
         return fly(scenario, seed, log.write, progress)
 
 
-def run_in_memory(scenario: Scenario, seed: int) -> tuple[Flown, list[Entry]]:
+def run_in_memory(scenario: Scenario, seed: int, without: Without = WITHOUT_NONE) -> tuple[Flown, list[Entry]]:
     """Fly without a file; the records come back, as a reader of the log would give them."""
     records: list[Entry] = []
 
     def keep(topic: Topic, message: object, t_ns: int) -> None:
         records.append(Entry(topic, t_ns, message))
 
-    return fly(scenario, seed, keep), records
+    return fly(scenario, seed, keep, without=without), records
 
 
-def run_and_load(scenario: Scenario, seed: int) -> tuple[Flown, Flight]:
+def run_and_load(scenario: Scenario, seed: int, without: Without = WITHOUT_NONE) -> tuple[Flown, Flight]:
     """Fly without a file; the flight comes back as it would be loaded from its log."""
-    flown, records = run_in_memory(scenario, seed)
+    flown, records = run_in_memory(scenario, seed, without)
     return flown, from_records(metadata(scenario, seed, "memory", T0_NS), records)
 
 
@@ -64,15 +65,17 @@ def warm_up(scenario: Scenario) -> None:
         world.step()
 
 
-def fly(scenario: Scenario, seed: int, record: Record, progress: Progress | None = None) -> Flown:
-    """Fly until the operator is done, the flight fails or takes too long."""
+def fly(
+    scenario: Scenario, seed: int, record: Record, progress: Progress | None = None, without: Without = WITHOUT_NONE
+) -> Flown:
+    """Fly until the operator is done, the flight fails or takes too long; without: monitors that are switched off."""
     with uncollected():
-        return _fly(scenario, seed, record, progress)
+        return _fly(scenario, seed, record, progress, without)
 
 
-def _fly(scenario: Scenario, seed: int, record: Record, progress: Progress | None) -> Flown:
+def _fly(scenario: Scenario, seed: int, record: Record, progress: Progress | None, without: Without) -> Flown:
     started_ns = clock.monotonic_ns()
-    world = World(scenario, seed, record)
+    world = World(scenario, seed, record, without)
     end_ns = T0_NS + round(scenario.longest_s * 1e9)
     told_ns = T0_NS
     ended = False

@@ -1,4 +1,8 @@
-"""Named sets of gains: `paper`, as printed (Table 2), and `default`, ours; `pid_leader` has the paper's leader."""
+"""Named sets of gains: `paper`, as printed (Table 2), and `default`, ours; `pid_leader` has the paper's leader.
+
+For comparison alone: `paper_compensated`, the printed gains of law and observer behind our compensation of dead time
+and lag, and `default_without_z3`, ours without the observer's disturbance in the law.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -87,6 +91,7 @@ DEFAULT = Preset(
     lag_compensation=LAG_COMPENSATION,
     leader_lag_compensation=LAG_COMPENSATION,
 )
+WITHOUT_Z3 = replace(DEFAULT, name="default_without_z3", follower=replace(HORIZONTAL, law=Law.ISTSMC))
 PID_LEADER = replace(
     DEFAULT, name="pid_leader", leader=LEADER_PID, own_observer=SLOW_OBSERVER, leader_lag_compensation=PLAIN
 )
@@ -99,6 +104,9 @@ PAPER_CFC = replace(
     adaptation=NOT_ADAPTIVE,
     lag_compensation=PLAIN,
 )
+PAPER_COMPENSATED = replace(
+    PAPER_CFC, name="paper_compensated", compensate=True, lag_compensation=DEFAULT.lag_compensation
+)
 PAPER_ISTSMC = replace(
     PAPER_CFC,
     name="paper_istsmc",
@@ -109,8 +117,13 @@ PAPER_SMC = replace(PAPER_ISTSMC, name="paper_smc", follower=SlidingGains(Law.SM
 PID = replace(PID_LEADER, name="pid", follower=LEADER_PID)
 GEOMETRIC = replace(PID_LEADER, name="geometric", follower=GeometricGains(kx=9.0, kv=5.0, ki=4.0, mix=1.5, bound=1.0))
 PRESETS: Mapping[str, Preset] = MappingProxyType(
-    {p.name: p for p in (DEFAULT, PID_LEADER, PAPER_CFC, PAPER_ISTSMC, PAPER_SMC, PID, GEOMETRIC)}
-)
+    {
+        p.name: p
+        for p in (
+            DEFAULT, WITHOUT_Z3, PID_LEADER, PAPER_CFC, PAPER_COMPENSATED, PAPER_ISTSMC, PAPER_SMC, PID, GEOMETRIC,
+        )
+    }
+)  # fmt: skip
 
 
 def preset_for(name: str, profile: VehicleProfile, mocap: MocapConfig) -> Preset:

@@ -21,15 +21,16 @@ def register(app: typer.Typer) -> None:
 def compare(
     out: OutFolder = Path(),
     seeds: Annotated[int, typer.Option(min=1, help="How many seeds, from 1.")] = PAPER_SEEDS,
-    calibrate: Annotated[
-        bool, typer.Option(help="Only find the gust that moves the printed ISTSMC by 0.30 m.")
-    ] = False,
+    vehicle: Annotated[
+        str, typer.Option(help="What is flown: a shipped vehicle's name, or a profile's TOML file.")
+    ] = "paper_40g",
+    calibrate: Annotated[bool, typer.Option(help="Only find the fan that moves the printed ISTSMC by 0.30 m.")] = False,
     bound: Annotated[bool, typer.Option(help="Only tell how little any controller could deviate in the gust.")] = False,
 ) -> None:
-    """Fly the paper's gust, line and circle with six controllers; writes paper.json and paper.html."""
+    """Fly the paper's gust, line and circle with eight controllers; writes paper.json and paper.html."""
     from sim.cli import study_commands as studies
 
-    studies.run_paper(out, seeds, calibrate, bound)
+    studies.run_paper(out, seeds, vehicle, calibrate, bound)
 
 
 def robust(

@@ -31,18 +31,21 @@ from wire.private_files import make_folder
 FAILED, NOT_RIGHT = 1, 2
 
 
-def run_paper(out: Path, seeds: int, calibrate: bool, bound: bool) -> None:
+def run_paper(out: Path, seeds: int, vehicle: str, calibrate: bool, bound: bool) -> None:
     """The paper's gust, line and circle."""
     console = Console(markup=False)
     runner = Runner(console)
+    profile = _vehicle(vehicle, console)
     if calibrate:
-        peak = paper.calibrate(runner, lambda tried, dev: console.print(f"peak {tried:.3f} m/s²: {1e3 * dev:.1f} mm"))
+        peak = paper.calibrate(
+            profile, runner, lambda tried, dev: console.print(f"peak {tried:.3f} m/s²: {1e3 * dev:.1f} mm")
+        )
         console.print(f"peak_m_s2 = {peak:.2f}")
         return
     if bound:
         _show_bound(console)
         return
-    comparison = paper.compare(paper.jobs(range(1, seeds + 1)), runner)
+    comparison = paper.compare(paper.jobs(range(1, seeds + 1), profile), runner)
     console.print(paper_page.console_table(comparison))
     runner.write(out, {"paper.json": comparison.to_json() + "\n", "paper.html": paper_page.html(comparison)})
 
@@ -90,11 +93,7 @@ def run_gate(hours: float, recording: Path | None, as_json: bool) -> None:
 def run_tune(vehicle: str, rate_hz: float, delay_s: float, noise_m: float, out: Path | None) -> None:
     """The gain scales of a vehicle's loops."""
     console = Console(markup=False)
-    try:
-        profile = load_config(Path(vehicle), VehicleProfile) if Path(vehicle).exists() else shipped_profile(vehicle)
-    except (ConfigError, ValueError) as error:
-        console.print(f"gcs-sim: {error}", style="red", markup=False, highlight=False)
-        raise typer.Exit(NOT_RIGHT) from error
+    profile = _vehicle(vehicle, console)
     task = Task(profile, rate_hz, delay_s, noise_m)
 
     def show(candidate: Candidate) -> None:
@@ -124,6 +123,16 @@ def run_bench(as_json: bool) -> None:
         return
     for table in bench_tables(result):
         console.print(table)
+
+
+def _vehicle(name_or_path: str, console: Console) -> VehicleProfile:
+    """A shipped vehicle, or one of a profile's TOML file; ends the program where there is none."""
+    try:
+        path = Path(name_or_path)
+        return load_config(path, VehicleProfile) if path.exists() else shipped_profile(name_or_path)
+    except (ConfigError, ValueError) as error:
+        console.print(f"gcs-sim: {error}", style="red", markup=False, highlight=False)
+        raise typer.Exit(NOT_RIGHT) from error
 
 
 def _show_bound(console: Console) -> None:

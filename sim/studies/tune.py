@@ -29,8 +29,9 @@ STEPS = (1.3, 1.15, 1.07)
 ROUNDS_EACH = 3
 PRESET = "default"
 EXPERIMENTS = (Experiment.GUST, Experiment.CIRCLE)
+SEED = 101  # none of those that `gcs-sim paper` shows
 FORMATION_S = 12.0
-WANTED_DEVIATION_M, WANTED_RMS_M, WANTED_CHATTER_DEG = 0.03, 0.001, 0.3
+WANTED_DEVIATION_M, WANTED_RMS_M, WANTED_CHATTER_DEG = 0.04, 0.001, 0.3
 HEAVIER, SLOWER, LATER = 1.2, 1.3, 1.5
 BETTER = 0.99
 """A candidate must cost less than this share of the best to take its place."""
@@ -116,14 +117,14 @@ def judge(task: Task, scales: list[GainScale], runner: Runner) -> list[Candidate
 def fly(flight: Flight) -> float:
     """The cost of one flight."""
     scenario = scenario_of(flight)
-    flown, log = lockstep.run_and_load(scenario, scenario.seed)
+    flown, log = lockstep.run_and_load(scenario, SEED)
     return cost_of(experiments.measure(log, scenario, flown.outcome.result), flight.experiment)
 
 
 def cost_of(score: Score, experiment: Experiment) -> float:
     """What a flight costs, in units of what is wanted; infinite where it did not land."""
     parts = (
-        [score.max_dev_m / WANTED_DEVIATION_M, score.chatter_deg / WANTED_CHATTER_DEG]
+        [score.gust.max_dev_m / WANTED_DEVIATION_M, score.gust.chatter_deg / WANTED_CHATTER_DEG]
         if experiment is Experiment.GUST
         else [score.rms_m / WANTED_RMS_M]
     )
@@ -135,7 +136,7 @@ def scenario_of(flight: Flight) -> Scenario:
     """The experiment cut short, flown by the tuned vehicle under the cameras of the task."""
     task = flight.task
     believed = task.profile.model_copy(update={"gain_scale": flight.gain_scale})
-    scenario = experiments.scenario_of(Job("cfc", flight.experiment, seed=1))
+    scenario = experiments.scenario_of(Job("cfc", flight.experiment, seed=SEED))
     lab = flown_by(scenario.lab, believed, PRESET).model_copy(update={"mocap": task.mocap})
     mocap = scenario.mocap.model_copy(
         update={"rate_hz": task.rate_hz, "delay_s": task.delay_s, "noise_m": task.noise_m}

@@ -3,9 +3,9 @@
 import pytest
 
 from analysis.metrics import summarise
-from formation.vehicle.profile import PAPER_40G
+from formation.vehicle.profile import PAPER_40G_PRINTED
 from sim import lockstep
-from sim.scenario import Scenario, TrueVehicle, load
+from sim.scenario import Scenario, TrueVehicle, flown_by, load
 
 TOLD = "hover: model mismatch"
 
@@ -14,14 +14,15 @@ def _tense() -> Scenario:
     """Light, stiff and with attitude gains that ask its motors for almost five times the torque the profile expects."""
     scenario = load("hover_gust")
     true: dict[str, float | bool | tuple[float, float, float]] = {
-        "mass_kg": 0.75 * PAPER_40G.mass_kg,
+        "mass_kg": 0.75 * PAPER_40G_PRINTED.mass_kg,
         "inertia_kg_m2": (1.945e-4, 1.945e-4, 3.472e-4),
-        "attitude_p_1_s": 1.7 * PAPER_40G.attitude_p_1_s,
-        "rate_p_1_s": 1.7 * PAPER_40G.rate_p_1_s,
-        "motor_lag_s": 0.6 * PAPER_40G.motor_lag_s,
+        "attitude_p_1_s": 1.7 * PAPER_40G_PRINTED.attitude_p_1_s,
+        "rate_p_1_s": 1.7 * PAPER_40G_PRINTED.rate_p_1_s,
+        "motor_lag_s": 0.6 * PAPER_40G_PRINTED.motor_lag_s,
     }
     one = TrueVehicle(sysid=2, start=scenario.true_vehicle(2).start, vehicle=true)
-    return scenario.model_copy(update={"vehicles": (one,)})
+    lab = flown_by(scenario.lab, PAPER_40G_PRINTED, "default")  # whose motors can hardly turn it
+    return scenario.model_copy(update={"lab": lab, "vehicles": (one,)})
 
 
 @pytest.mark.parametrize("seed", [1, 4])

@@ -12,12 +12,13 @@ delay margin does not carry is not flown.
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product
+from typing import Protocol, TypeVar
 
 import numpy as np
 
 from formation.config import MocapConfig
 from formation.control.margin import DelayMargin, delay_margin
-from formation.control.presets import gain_scale_of, preset_for
+from formation.control.presets import Preset, gain_scale_of, preset_for
 from formation.vehicle.profile import GainScale, VehicleProfile
 from sim import lockstep
 from sim.scenario import Scenario, TrueVehicle, flown_by
@@ -55,12 +56,13 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Flight:
-    """One flight of one candidate; off: by a vehicle that is not as believed."""
+    """One flight of one candidate; off: by a vehicle that is not as believed; gains: instead of the shipped ones."""
 
     task: Task
-    gain_scale: GainScale
+    gain_scale: GainScale | None
     experiment: Experiment
     off: bool
+    gains: Preset | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,18 +76,40 @@ class Candidate:
 
 def tune(task: Task, runner: Runner, better: Callable[[Candidate], None]) -> tuple[Candidate, Candidate]:
     """The rule's candidate and the best one found; `better` is told of each that is."""
-    first = best = judge(task, [gain_scale_of(task.profile, task.mocap)], runner)[0]
+    first = judge(task, [gain_scale_of(task.profile, task.mocap)], runner)[0]
+
+    def around(candidate: Candidate, step: float) -> list[Candidate]:
+        return judge(task, list(neighbours(candidate.gain_scale, step)), runner)
+
+    return first, compass(first, around, better)
+
+
+class Costed(Protocol):
+    """What a search compares."""
+
+    @property
+    def cost(self) -> float:
+        """Less is better."""
+
+
+Tried = TypeVar("Tried", bound=Costed)
+
+
+def compass(first: Tried, around: Callable[[Tried, float], list[Tried]], better: Callable[[Tried], None]) -> Tried:
+    """The best found from `first` on by steps that get smaller; `better` is told of each that is.
+
+    around: the candidates one step away from one.
+    """
+    best = first
     better(best)
     for step in STEPS:
         for _ in range(ROUNDS_EACH):
-            found = min(
-                judge(task, list(neighbours(best.gain_scale, step)), runner), key=lambda candidate: candidate.cost
-            )
+            found = min(around(best, step), key=lambda candidate: candidate.cost)
             if found.cost >= BETTER * best.cost:
                 break
             best = found
             better(best)
-    return first, best
+    return best
 
 
 def neighbours(gain_scale: GainScale, step: float) -> Iterator[GainScale]:
@@ -117,7 +141,7 @@ def judge(task: Task, scales: list[GainScale], runner: Runner) -> list[Candidate
 def fly(flight: Flight) -> float:
     """The cost of one flight."""
     scenario = scenario_of(flight)
-    flown, log = lockstep.run_and_load(scenario, SEED)
+    flown, log = lockstep.run_and_load(scenario, SEED, experiments.WITHOUT, flight.gains)
     return cost_of(experiments.measure(log, scenario, flown.outcome.result), flight.experiment)
 
 

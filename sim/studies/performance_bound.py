@@ -104,7 +104,7 @@ def least_deviation_m(gust: GustPass, reaction: float) -> float:
         b_ub=np.zeros(2 * length),
         bounds=[*((-f, f) for f in force.tolist()), *[(None, None)] * (2 * length), (0.0, None)],
     )
-    return float(result.x[-1])
+    return float(np.asarray(result.x)[-1])
 
 
 def _force_most_m_s2(gust: GustPass, reaction: float) -> Float:

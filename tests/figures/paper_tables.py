@@ -35,10 +35,10 @@ def blocks(vehicle: str) -> dict[str, str]:
 
 def with_block(text: str, name: str, table: str) -> str:
     """The document with the table in its block."""
-    begin, end = f"<!-- {name} -->\n", f"\n<!-- end of {name} -->"
+    begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
     before, rest = text.split(begin)
     _, after = rest.split(end)
-    return f"{before}{begin}{table}{end}{after}"
+    return f"{before}{begin}{table}\n{end}{after}"
 
 
 def fly(vehicle: str, seeds: int, only: tuple[str, ...], workers: int | None) -> None:

@@ -120,7 +120,7 @@ PRESETS: Mapping[str, Preset] = MappingProxyType(
     {
         p.name: p
         for p in (
-            DEFAULT, WITHOUT_Z3, PID_LEADER, PAPER_CFC, PAPER_COMPENSATED, PAPER_ISTSMC, PAPER_SMC, PID, GEOMETRIC,
+            DEFAULT, PID_LEADER, PAPER_CFC, PAPER_ISTSMC, PAPER_SMC, PID, GEOMETRIC, PAPER_COMPENSATED, WITHOUT_Z3,
         )
     }
 )  # fmt: skip

@@ -13,7 +13,10 @@ from formation.model import NO_ROTATION, Model, Name, Positive, SysId, Vec3Tuple
 from formation.requests import ENDPOINT, LAB
 from formation.vehicle.profile import VehicleProfile, profile
 
-PRESET_NAMES = ("default", "pid_leader", "paper", "paper_istsmc", "paper_smc", "pid", "geometric")
+PRESET_NAMES = (
+    "default", "pid_leader", "paper", "paper_istsmc", "paper_smc", "pid", "geometric", "paper_compensated",
+    "default_without_z3",
+)  # fmt: skip
 """The sets of gains of formation.control.presets, known here so that a lab is judged before the control is loaded."""
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from formation import topics
 from formation.config import LabConfig
 from formation.control import limits
+from formation.control.presets import Preset
 from formation.control.stack import ControlStack, Stages
 from formation.messages import (
     AttitudeTarget,
@@ -72,17 +73,24 @@ class GcsCore:
     """One lab's ground. Not thread-safe; `now_ns` never goes back."""
 
     def __init__(
-        self, config: LabConfig, t0_ns: int, epoch: int = 0, without: frozenset[str] = frozenset()
-    ) -> None:  # fmt: skip
+        self,
+        config: LabConfig,
+        t0_ns: int,
+        epoch: int = 0,
+        without: frozenset[str] = frozenset(),
+        gains: Preset | None = None,
+    ) -> None:
         """epoch: which of the lab's grounds this is; one started anew is another.
 
         without: those of gcs.safety.monitors.MONITORS that a campaign switches off; ValueError for other names.
+        gains: those that a search tries in the place of the lab's preset.
         """
         monitors.check(without)
         self._config = config
         self._t0_ns = t0_ns
         self._epoch = epoch
         self._without = without
+        self._gains = gains
         self._heartbeat = ground_heartbeat(epoch)
         self._host = Host(without)
         self._feeds_pose = config.mocap.source != "mavlink"
@@ -117,7 +125,7 @@ class GcsCore:
 
     def _fresh_stack(self) -> ControlStack:
         profiles = tuple(self._config.profile_of(vehicle) for vehicle in self._config.vehicles)
-        return ControlStack(self._config, profiles, without=self._without & set(limits.MONITORS))
+        return ControlStack(self._config, profiles, self._gains, self._without & set(limits.MONITORS))
 
     def _link(self, config: LabConfig, i: int) -> DroneLink:
         vehicle = config.vehicles[i]

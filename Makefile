@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 ARGS ?=
 
-.PHONY: fly test fuzz rooms mutants check setup format clean
+.PHONY: fly test fuzz rooms mutants paper check setup format clean
 
 fly: $(VENV)/.fly
 	$(BIN)/gcs-sim fly $(ARGS)
@@ -40,6 +40,10 @@ rooms: $(VENV)/.fly
 mutants: $(VENV)/.test
 	$(BIN)/python tests/mutants/mutate.py --named
 	$(BIN)/python tests/mutants/mutate.py $(ARGS)
+
+# The paper's experiments again, some tens of minutes, and their tables into README.md and docs/paper_vehicle.md.
+paper: $(VENV)/.fly
+	$(BIN)/python tests/figures/paper_tables.py $(ARGS)
 
 check: setup
 	$(BIN)/ruff format --check .

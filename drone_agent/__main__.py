@@ -48,7 +48,8 @@ class Options:
         str | None, typer.Option(help="own (simulated positioning, if not given) or mocap (external only).")
     ] = None
     profile: Annotated[
-        str | None, typer.Option(help="Vehicle: paper_40g (if not given), px4_quad or arducopter_quad.")
+        str | None,
+        typer.Option(help="Vehicle: paper_40g (if not given), paper_40g_printed, px4_quad or arducopter_quad."),
     ] = None
     start: Annotated[str | None, typer.Option(help="Where it stands: x,y,z in lab metres.")] = None
     yaw: Annotated[float | None, typer.Option(help="Where it faces, rad about lab z.")] = None

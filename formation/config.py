@@ -15,7 +15,10 @@ from formation.requests import ENDPOINT, LAB
 from formation.trajectory_config import TrajectoryConfig as TrajectoryConfig
 from formation.vehicle.profile import VehicleProfile, profile
 
-PRESET_NAMES = ("default", "pid_leader", "paper", "paper_istsmc", "paper_smc", "pid", "geometric")
+PRESET_NAMES = (
+    "default", "pid_leader", "paper", "paper_istsmc", "paper_smc", "pid", "geometric", "paper_compensated",
+    "default_without_z3",
+)  # fmt: skip
 """The sets of gains of formation.control.presets, known here so that a lab is judged before the control is loaded."""
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from formation import topics
 from formation.config import LabConfig
 from formation.control import limits
+from formation.control.presets import Preset
 from formation.control.stack import ControlStack, Stages
 from formation.messages import (
     AttitudeTarget,
@@ -75,17 +76,18 @@ class GcsCore:
     """One lab's ground. Not thread-safe; `now_ns` never goes back."""
 
     def __init__(
-        self, config: LabConfig, t0_ns: int, epoch: int = 0, without: frozenset[str] = frozenset()
+        self, config: LabConfig, t0_ns: int, epoch: int = 0, without: frozenset[str] = frozenset(),
+        gains: Preset | None = None,
     ) -> None:  # fmt: skip
         """epoch: which of the lab's grounds this is; one started anew is another.
 
         without: those of gcs.safety.monitors.MONITORS that a campaign switches off; ValueError for other names.
+        gains: those that a search tries in the place of the lab's preset.
         """
         monitors.check(without)
         self._config = config
-        self._t0_ns = t0_ns
-        self._epoch = epoch
-        self._without = without
+        self._t0_ns, self._epoch = t0_ns, epoch
+        self._without, self._gains = without, gains
         self._heartbeat = ground_heartbeat(epoch)
         self._host = Host(without)
         self._feeds_pose = config.mocap.source != "mavlink"
@@ -120,7 +122,7 @@ class GcsCore:
 
     def _fresh_stack(self) -> ControlStack:
         profiles = tuple(self._config.profile_of(vehicle) for vehicle in self._config.vehicles)
-        return ControlStack(self._config, profiles, without=self._without & set(limits.MONITORS))
+        return ControlStack(self._config, profiles, self._gains, self._without & set(limits.MONITORS))
 
     def _link(self, config: LabConfig, i: int) -> DroneLink:
         vehicle = config.vehicles[i]
@@ -203,13 +205,12 @@ class GcsCore:
         grounded, late = self.phase is Phase.GROUND, self._lateness.share
         facts = self._gatherer.gather(self._stages, late, now_ns, grounded or self.phase is Phase.ARMED)
         refusals = self._permissions.arming(facts, now_ns) if grounded else ()
+        links, refused = self._links.values(), self._refused_frames.count
         about = About(
             t_s=(now_ns - self._t0_ns) * 1e-9,
             epoch=self._epoch,
             host=self._host,
-            counters=counters(
-                self._lateness, self._stale_frames, self._refused_frames.count, self._strays, self._links.values()
-            ),
+            counters=counters(self._lateness, self._stale_frames, refused, self._strays, links),
             rejected={b: Rejection(c).text for b, c in zip(self._bodies, self._rejected.tolist(), strict=True) if c},
             refusals=refusals,
             allowed=self._permissions.allowed(facts, self._stages, refusals, now_ns),

@@ -37,13 +37,14 @@ from gcs.recording import Input, Recorder, run_metadata
 from gcs.state.host import Disk, EventMemory, disk, host_state
 from gcs.stop_button.watch import watch_button
 from wire.clock import REAL_TIME, Clock, unix_us
+from wire.logs.dates import record_dates
 from wire.logs.live import sharer
 from wire.logs.mcap_log import LogWriter
 from wire.process.machine import machine
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import Reply, ZenohBus
 
-STATE_NS, DISK_NS, DATE_NS = 100_000_000, 1_000_000_000, 60_000_000_000
+STATE_NS, DISK_NS = 100_000_000, 1_000_000_000
 GROUNDED = (Phase.GROUND, Phase.STOPPED)
 LANDING_LIMIT_NS = 60_000_000_000
 
@@ -66,7 +67,7 @@ class Ground:
         self.timing = Timing()
         self.links: GroundLinks | None = None
         self._core = core
-        self._log = log
+        self.log = log
         self._recorder = Recorder(log.write)
         self._tell = tell
         self._told = EventMemory()
@@ -127,15 +128,8 @@ class Ground:
 
     def take_mocap_event(self, event: Event) -> None:
         """The mocap process has something to say."""
-        self._log.write(topics.MOCAP_EVENT, event, self._clock.monotonic_ns())
+        self.log.write(topics.MOCAP_EVENT, event, self._clock.monotonic_ns())
         self.tell(event)
-
-    async def record_dates(self) -> None:
-        """Record once a minute which date it is; for ever."""
-        while True:
-            pair = self._clock.pair()
-            self._log.write(topics.CLOCK, pair, pair.monotonic_ns)
-            await self._clock.sleep_until_ns(pair.monotonic_ns + DATE_NS)
 
     async def publish_state(self, bus: ZenohBus, name: str) -> None:
         """Tell the bus how things are, and everybody what was refused, ten times a second; for ever."""
@@ -143,16 +137,16 @@ class Ground:
             now_ns = self._clock.monotonic_ns()
             self._report_host(now_ns)
             timing = self.timing
-            host = host_state(timing.ticks, timing.late, timing.worst_s, self._log.path, self.disk, self._told)
+            host = host_state(timing.ticks, timing.late, timing.worst_s, self.log.path, self.disk, self._told)
             bus.publish_state(name, json.dumps(self._core.state(now_ns) | host))
             for event in bus.refusals.due(now_ns):
-                self._log.write(topics.REFUSED, event, now_ns)
+                self.log.write(topics.REFUSED, event, now_ns)
                 self.tell(event)
             await self._clock.sleep_until_ns(self._clock.monotonic_ns() + STATE_NS)
 
     def _report_host(self, now_ns: int) -> None:
         """Tell the core how log and bus are, where that has changed."""
-        report = HostReport(self.other_grounds, self._log.trouble(now_ns), self.button_trouble)
+        report = HostReport(self.other_grounds, self.log.trouble(now_ns), self.button_trouble)
         if report != self._report:
             self._report = report
             self._input(report, now_ns)
@@ -161,7 +155,7 @@ class Ground:
     async def watch_disk(self) -> None:
         """Look how much room the log has, once a second, in a thread: a disk may answer late; for ever."""
         while True:
-            self.disk = await asyncio.to_thread(disk, self._log.path)
+            self.disk = await asyncio.to_thread(disk, self.log.path)
             await self._clock.sleep_until_ns(self._clock.monotonic_ns() + DISK_NS)
 
     def press(self) -> None:
@@ -223,7 +217,7 @@ class Ground:
         timing.ticks, timing.late = timing.ticks + 1, timing.late + late
         timing.worst_s = max(timing.worst_s, latency_s)
         if late or self._recorder.detailed:
-            self._log.write(topics.TIMING, LoopTiming(self._frame_seq, latency_s, late), self._clock.monotonic_ns())
+            self.log.write(topics.TIMING, LoopTiming(self._frame_seq, latency_s, late), self._clock.monotonic_ns())
 
 
 def know_other_grounds(bus: ZenohBus, name: str, epoch: int, ground: Ground) -> None:
@@ -319,7 +313,7 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
         services = [
             tasks.create_task(_raise_from(failure)),
             tasks.create_task(ground.watch()),
-            tasks.create_task(ground.record_dates()),
+            tasks.create_task(record_dates(ground.log, clock)),
             tasks.create_task(watch_button(config.operator.stop_button, ground)),  # first: it is there from the first
             tasks.create_task(ground.publish_state(bus, name)),
             tasks.create_task(ground.watch_disk()),

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from formation.config import LabConfig
+from formation.control.presets import Preset
 from formation.messages import Datagram, Event, HostReport, OperatorReply, OperatorRequest, Phase, Severity
 from formation.topics import EVENT
 from gcs.core import BrokenInvariantError, GcsCore
@@ -19,13 +20,21 @@ TOLD_AFTER_NS = 1_500_000_000
 class GroundHost:
     """The ground of that epoch; of a second one beside the first, only what it tells is recorded."""
 
-    def __init__(self, lab: LabConfig, epoch: int, now_ns: int, record: Record, without: Without) -> None:
+    def __init__(
+        self,
+        lab: LabConfig,
+        epoch: int,
+        now_ns: int,
+        record: Record,
+        without: Without,
+        gains: Preset | None = None,
+    ) -> None:
         self._record = record
         self._recorder = Recorder(record)
         self._second = False
         self._input = Waiting[Input]()
         self.name = f"ground-{epoch}"
-        self._core = GcsCore(lab, now_ns, epoch, without.ground)
+        self._core = GcsCore(lab, now_ns, epoch, without.ground, gains)
         self._report = HostReport()
         self._requests = REQUEST_IDS * (epoch + 1)
 

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from analysis.load import Flight, from_records
+from formation.control.presets import Preset
 from formation.topics import Topic
 from gcs import warm_up as gcs_warm_up
 from gcs.recording import Record, run_metadata
+from sim.monitors import WITHOUT_NONE, Without
 from sim.scenario import Scenario
 from sim.script import Outcome
 from sim.world import T0_NS, World
@@ -40,19 +42,23 @@ def run_to_file(scenario: Scenario, seed: int, path: Path, progress: Progress | 
         return fly(scenario, seed, log.write, progress)
 
 
-def run_in_memory(scenario: Scenario, seed: int) -> tuple[Flown, list[Entry]]:
+def run_in_memory(
+    scenario: Scenario, seed: int, without: Without = WITHOUT_NONE, gains: Preset | None = None
+) -> tuple[Flown, list[Entry]]:
     """Fly without a file; the records come back, as a reader of the log would give them."""
     records: list[Entry] = []
 
     def keep(topic: Topic, message: object, t_ns: int) -> None:
         records.append(Entry(topic, t_ns, message))
 
-    return fly(scenario, seed, keep), records
+    return fly(scenario, seed, keep, without=without, gains=gains), records
 
 
-def run_and_load(scenario: Scenario, seed: int) -> tuple[Flown, Flight]:
+def run_and_load(
+    scenario: Scenario, seed: int, without: Without = WITHOUT_NONE, gains: Preset | None = None
+) -> tuple[Flown, Flight]:
     """Fly without a file; the flight comes back as it would be loaded from its log."""
-    flown, records = run_in_memory(scenario, seed)
+    flown, records = run_in_memory(scenario, seed, without, gains)
     return flown, from_records(metadata(scenario, seed, "memory", T0_NS), records)
 
 
@@ -64,16 +70,25 @@ def warm_up(scenario: Scenario) -> None:
         world.step()
 
 
-def fly(scenario: Scenario, seed: int, record: Record, progress: Progress | None = None) -> Flown:
-    """Fly until the operator is done, the flight fails or takes too long."""
+def fly(
+    scenario: Scenario,
+    seed: int,
+    record: Record,
+    progress: Progress | None = None,
+    without: Without = WITHOUT_NONE,
+    gains: Preset | None = None,
+) -> Flown:
+    """Fly until the operator is done, the flight fails or takes too long.
+
+    without: monitors that are switched off; gains: those of the ground, in the place of the lab's preset.
+    """
     with uncollected():
-        return _fly(scenario, seed, record, progress)
+        return _fly(World(scenario, seed, record, without, gains), scenario.longest_s, progress)
 
 
-def _fly(scenario: Scenario, seed: int, record: Record, progress: Progress | None) -> Flown:
+def _fly(world: World, longest_s: float, progress: Progress | None) -> Flown:
     started_ns = clock.monotonic_ns()
-    world = World(scenario, seed, record)
-    end_ns = T0_NS + round(scenario.longest_s * 1e9)
+    end_ns = T0_NS + round(longest_s * 1e9)
     told_ns = T0_NS
     ended = False
     while world.now_ns < end_ns:
@@ -85,7 +100,7 @@ def _fly(scenario: Scenario, seed: int, record: Record, progress: Progress | Non
             progress((world.now_ns - T0_NS) * 1e-9, world.operator.phase.name)
     duration_s = (world.now_ns - T0_NS) * 1e-9
     taken_s = (clock.monotonic_ns() - started_ns) * 1e-9
-    outcome = world.operator.outcome or Outcome("aborted", f"not over after {scenario.longest_s:g} s")
+    outcome = world.operator.outcome or Outcome("aborted", f"not over after {longest_s:g} s")
     return Flown(outcome, duration_s, duration_s / taken_s)
 
 

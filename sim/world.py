@@ -6,6 +6,7 @@ is where a scenario's faults act.
 
 from collections.abc import Sequence
 
+from formation.control.presets import Preset
 from formation.messages import Datagram, Event, HostReport, LabFrame, OperatorRequest, Phase, RawFrame, Truth, Verb
 from formation.topics import MOCAP_EVENT, TRUTH
 from gcs.mocap.core import MocapCore
@@ -32,22 +33,29 @@ LOOK_NS = 100_000_000
 class World:
     """The cores, the links between them and the operator; `step` moves on to the next event."""
 
-    def __init__(self, scenario: Scenario, seed: int, record: Record, without: Without = WITHOUT_NONE) -> None:
-        """without: monitors that are switched off."""
+    def __init__(
+        self,
+        scenario: Scenario,
+        seed: int,
+        record: Record,
+        without: Without = WITHOUT_NONE,
+        gains: Preset | None = None,
+    ) -> None:
+        """without: monitors that are switched off; gains: those of the ground, in the place of the lab's preset."""
         leader = recorded_leader(scenario)
         self.now_ns = T0_NS
         self.operator = Operator(scenario.script, leader_seconds(scenario, leader))
         self.phase = Phase.GROUND
         self.exposed_ns = 0
         """When the cameras last took a frame."""
-        self._lab, self._without = scenario.lab, without
+        self._lab, self._without, self._gains = scenario.lab, without, gains
         self._record = record
         self._emulator = MocapEmulator(scenario.mocap, scenario.lab, leader, seed, T0_NS)
         self._mocaps = [MocapCore(scenario.lab, without=without.mocap)]
         self._mocap_input = Waiting[RawFrame]()
         self._late_raw = DueQueue[RawFrame]()
         self._late_frames = DueQueue[tuple[str, LabFrame]]()
-        self._grounds = [GroundHost(scenario.lab, 0, T0_NS, record, without)]
+        self._grounds = [GroundHost(scenario.lab, 0, T0_NS, record, without, gains)]
         self._epochs = 1
         self._told = DueQueue[tuple[GroundHost, Verb]]()
         self.seats = {c.sysid: Seat(c, scenario, seed, T0_NS, without) for c in agent_configs(scenario, leader)}
@@ -276,7 +284,7 @@ class World:
                 del self._grounds[1:]
 
     def _new_ground(self, fault: Fault) -> GroundHost:
-        ground = GroundHost(self._lab, self._epochs, self.now_ns, self._record, self._without)
+        ground = GroundHost(self._lab, self._epochs, self.now_ns, self._record, self._without, self._gains)
         self._epochs += 1
         if fault.verb is not None:
             self._told.push(self.now_ns + TOLD_AFTER_NS, (ground, fault.verb))

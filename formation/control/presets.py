@@ -1,4 +1,8 @@
-"""Named sets of gains: `paper`, as printed (Table 2), and `default`, ours; `pid_leader` has the paper's leader."""
+"""Named sets of gains: `paper`, as printed (Table 2), and `default`, ours; `pid_leader` has the paper's leader.
+
+For comparison alone: `paper_compensated`, the printed gains of law and observer behind our compensation of dead time
+and lag, and `default_without_z3`, ours without the observer's disturbance in the law.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -6,11 +10,11 @@ from types import MappingProxyType
 
 from formation.config import MocapConfig
 from formation.control.gains import CascadeGains, Gains, GeometricGains, LagCompensation, Law, SlidingGains
-from formation.estimation.settings import Adaptation, ObserverGains
+from formation.estimation.settings import Adaptation, ObserverGains, Parallel
 from formation.vehicle.profile import GainScale, VehicleProfile
 
-NOT_ADAPTIVE, PLAIN = Adaptation(), LagCompensation()
-SEEN_ADAPTATION = Adaptation(lag_s=0.05, threshold=3.0, most=4.0, bandwidth_power=1.0, mean_share=0.0)
+PLAIN, ALONE = LagCompensation(), Parallel()
+SEEN_ADAPTATION = Adaptation(lag_s=0.05, threshold=3.0, most=4.0, bandwidth_power=1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +52,8 @@ class Preset:
     yaw_trust: float = 0.3
     quiet_m: float = 2e-4
     quiet_rad: float = 1e-3
-    adaptation: Adaptation = NOT_ADAPTIVE
     seen_adaptation: Adaptation = SEEN_ADAPTATION
+    parallel: Parallel = ALONE
     lag_compensation: LagCompensation = PLAIN
     leader_lag_compensation: LagCompensation = PLAIN
 
@@ -59,11 +63,14 @@ HORIZONTAL_LOOP_S, VERTICAL_LOOP_S = 0.170, 0.068
 PRINTED_ALPHA, PRINTED_EPS = -2.0 / 9.0, -0.49
 PRINTED_FTESO = ObserverGains(70.0, PRINTED_ALPHA, scale=1.0, smooth=0.0)
 LEADER_PID = CascadeGains(2.0, 4.0, 1.0)
-HORIZONTAL = SlidingGains(Law.CFC, c=4.0, p1=2.9, p2=0.5, eps=-0.177, smooth_m_s=0.057)
+HORIZONTAL = SlidingGains(Law.CFC, c=4.46, p1=3.5, p2=0.37, eps=-0.177, smooth_m_s=0.03)
 VERTICAL = SlidingGains(Law.CFC, c=8.0, p1=10.0, p2=3.0, eps=-0.15, smooth_m_s=0.35)
 SLOW_OBSERVER = ObserverGains(18.0, -0.1, 0.004)
-OBSERVER = ObserverGains(11.0, -0.029, 0.004)
-LAG_COMPENSATION = LagCompensation(rate=1.2, gain=1.64, gain_power=0.255, p1_power=0.63, lead_share=0.5)
+OBSERVER = ObserverGains(7.0, -0.029, 0.004)
+FAST = Parallel(
+    bandwidth_rad_s=192.0, pos_sigmas=6.9, vel_sigmas=7.7, dist_sigmas=12.4, attitude_trust=0.7, urgency=10.9
+)
+LAG_COMPENSATION = LagCompensation(rate=0.94, gain=1.51, gain_power=0.124, p1_power=1.17, lead_share=0.22)
 
 DEFAULT = Preset(
     name="default",
@@ -80,13 +87,13 @@ DEFAULT = Preset(
     seen_vertical_observer=ObserverGains(20.0, -0.1, 0.004),
     seen_heading_observer=ObserverGains(10.0, -0.1, 0.02),
     yaw_trust=0.6,
-    dead_share=0.9,
-    lag_share=0.62,
-    attitude_trust=0.65,
-    adaptation=Adaptation(lag_s=0.1, threshold=1.7, most=5.8, bandwidth_power=1.1, mean_share=0.04),
+    dead_share=0.89,
+    attitude_trust=0.36,
+    parallel=FAST,
     lag_compensation=LAG_COMPENSATION,
     leader_lag_compensation=LAG_COMPENSATION,
 )
+WITHOUT_Z3 = replace(DEFAULT, name="default_without_z3", follower=replace(HORIZONTAL, law=Law.ISTSMC))
 PID_LEADER = replace(
     DEFAULT, name="pid_leader", leader=LEADER_PID, own_observer=SLOW_OBSERVER, leader_lag_compensation=PLAIN
 )
@@ -96,8 +103,11 @@ PAPER_CFC = replace(
     follower=SlidingGains(Law.CFC, c=1.0, p1=8.0, p2=0.1, eps=PRINTED_EPS),
     compensate=False,
     observer=PRINTED_FTESO,
-    adaptation=NOT_ADAPTIVE,
+    parallel=ALONE,
     lag_compensation=PLAIN,
+)
+PAPER_COMPENSATED = replace(
+    PAPER_CFC, name="paper_compensated", compensate=True, lag_compensation=DEFAULT.lag_compensation
 )
 PAPER_ISTSMC = replace(
     PAPER_CFC,
@@ -109,8 +119,13 @@ PAPER_SMC = replace(PAPER_ISTSMC, name="paper_smc", follower=SlidingGains(Law.SM
 PID = replace(PID_LEADER, name="pid", follower=LEADER_PID)
 GEOMETRIC = replace(PID_LEADER, name="geometric", follower=GeometricGains(kx=9.0, kv=5.0, ki=4.0, mix=1.5, bound=1.0))
 PRESETS: Mapping[str, Preset] = MappingProxyType(
-    {p.name: p for p in (DEFAULT, PID_LEADER, PAPER_CFC, PAPER_ISTSMC, PAPER_SMC, PID, GEOMETRIC)}
-)
+    {
+        p.name: p
+        for p in (
+            DEFAULT, PID_LEADER, PAPER_CFC, PAPER_ISTSMC, PAPER_SMC, PID, GEOMETRIC, PAPER_COMPENSATED, WITHOUT_Z3,
+        )
+    }
+)  # fmt: skip
 
 
 def preset_for(name: str, profile: VehicleProfile, mocap: MocapConfig) -> Preset:
@@ -147,7 +162,7 @@ def scaled_for(gains: Preset, profile: VehicleProfile, mocap: MocapConfig) -> Pr
         observer=gains.observer.scaled(gain_scale.observer),
         own_observer=gains.own_observer.scaled(gain_scale.observer),
         vertical_observer=gains.vertical_observer.scaled(gain_scale.vertical),
-        adaptation=replace(gains.adaptation, most=1.0 + gain_scale.observer * (gains.adaptation.most - 1.0)),
+        parallel=gains.parallel.scaled(gain_scale.observer),
         dead_share=gain_scale.compensation * gains.dead_share,
         lag_share=gain_scale.compensation * gains.lag_share,
     )

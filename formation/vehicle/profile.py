@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from formation.maths.arrays import Float, Quat, Vec3
 from formation.model import Model, Name, Positive, Vec3Tuple
@@ -34,6 +34,7 @@ __all__ = [
 
 NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
+ROUNDING = 1e-9
 
 
 class BatteryProfile(Model):
@@ -69,6 +70,9 @@ class VehicleProfile(Model):
     name: Name
     mass_kg: Positive
     inertia_kg_m2: Vec3Tuple
+    """About x, y, z. A rigid body's largest is at most the sum of the other two (equal: a flat plate); see below."""
+    impossible_inertia: bool = False
+    """Whether an inertia that no rigid body has is kept all the same: a publication's table, to be flown as printed."""
     wheelbase_m: Positive
     rotor_radius_m: Positive
     thrust_max_n: Positive
@@ -99,6 +103,18 @@ class VehicleProfile(Model):
     battery: BatteryProfile = BatteryProfile()
     gain_scale: GainScale | None = None
     """As tuned; None: by the response's own length (formation.control.presets)."""
+
+    @model_validator(mode="after")
+    def _of_a_body(self) -> "VehicleProfile":
+        largest, total = max(self.inertia_kg_m2), sum(self.inertia_kg_m2)
+        if min(self.inertia_kg_m2) <= 0.0:
+            raise ValueError(f"inertia_kg_m2 must be positive, got {self.inertia_kg_m2}")
+        if largest > (total - largest) * (1.0 + ROUNDING) and not self.impossible_inertia:
+            raise ValueError(
+                f"no body has inertia_kg_m2 = {self.inertia_kg_m2}: the largest is more than the sum of the other two "
+                "(impossible_inertia = true flies it all the same)"
+            )
+        return self
 
     @property
     def weight_n(self) -> float:
@@ -160,7 +176,7 @@ class VehicleProfile(Model):
 PAPER_40G = VehicleProfile(
     name="paper_40g",
     mass_kg=0.04,
-    inertia_kg_m2=(1.532e-4, 1.532e-4, 3.472e-4),
+    inertia_kg_m2=(1.532e-5, 1.532e-5, 2.9e-5),
     wheelbase_m=0.12,
     rotor_radius_m=0.025,
     thrust_max_n=0.8,
@@ -181,6 +197,23 @@ PAPER_40G = VehicleProfile(
     thrust_dead_time_s=0.01,
     thrust_lag_s=0.025,
 )
+"""The paper's vehicle with an inertia that a body of its size can have: Table 1 with the exponent one lower.
+
+As printed (1.532e-4, 1.532e-4, 3.472e-4) it cannot exist:
+- Jzz > Jxx + Jyy = 3.064e-4, but Jxx + Jyy - Jzz is twice the sum of m z^2, which nothing makes negative;
+- its radius of gyration sqrt(Jxx / m) = 62 mm is longer than the arm, 60 mm, beyond which there is only propeller;
+- with all of the mass at the four rotors, the most that an X of 60 mm arms can have, Jxx would be m (arm sin 45)^2 =
+  0.04 * 0.0424^2 = 7.2e-5, half of it, and Jzz twice that, 1.44e-4.
+So 1.532e-5 (20 mm about x and y: battery and board in the middle, motors on the arms) and 2.9e-5 for Jzz, a little
+less than Jxx + Jyy, as of a flat vehicle; the printed Jzz over ten would still be more than that sum. All else is as
+printed, or assumed. response_* are what `gcs-log identify` finds in a flight of it, and the same for both, since the
+rate loop of the simulated autopilot asks for torque in proportion to the inertia: the two vehicles differ in how fast
+the motors can turn them at all (1,090 and 109 rad/s^2 with all of the weight on one side).
+"""
+PAPER_40G_PRINTED = PAPER_40G.model_copy(
+    update={"name": "paper_40g_printed", "inertia_kg_m2": (1.532e-4, 1.532e-4, 3.472e-4), "impossible_inertia": True}
+)
+"""The same with Table 1's inertia as printed, which no body has: what the gains of the first releases were made for."""
 PX4_QUAD = VehicleProfile(
     name="px4_quad",
     mass_kg=1.0,
@@ -242,7 +275,9 @@ Derived: response_dead_time_s and response_lag_s, which are what `gcs-log identi
 flies with these gains. Assumed: the delays of command and thrust, 0.02 s for ArduPilot's 20 Hz filters in the place of
 a motor lag, and what turns it about its own axis, as of px4_quad.
 """
-PROFILES: Mapping[str, VehicleProfile] = MappingProxyType({p.name: p for p in (PAPER_40G, PX4_QUAD, ARDUCOPTER_QUAD)})
+PROFILES: Mapping[str, VehicleProfile] = MappingProxyType(
+    {p.name: p for p in (PAPER_40G, PAPER_40G_PRINTED, PX4_QUAD, ARDUCOPTER_QUAD)}
+)
 
 
 def profile(name: str, own: Iterable[VehicleProfile] = ()) -> VehicleProfile:

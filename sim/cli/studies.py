@@ -21,15 +21,17 @@ def register(app: typer.Typer) -> None:
 def compare(
     out: OutFolder = Path(),
     seeds: Annotated[int, typer.Option(min=1, help="How many seeds, from 1.")] = PAPER_SEEDS,
-    calibrate: Annotated[
-        bool, typer.Option(help="Only find the gust that moves the printed ISTSMC by 0.30 m.")
-    ] = False,
+    vehicle: Annotated[
+        str, typer.Option(help="What is flown: a shipped vehicle's name, or a profile's TOML file.")
+    ] = "paper_40g",
+    only: Annotated[list[str] | None, typer.Option(help="Fly this controller alone; can be given again.")] = None,
+    calibrate: Annotated[bool, typer.Option(help="Only find the fan that moves the printed ISTSMC by 0.30 m.")] = False,
     bound: Annotated[bool, typer.Option(help="Only tell how little any controller could deviate in the gust.")] = False,
 ) -> None:
-    """Fly the paper's gust, line and circle with six controllers; writes paper.json and paper.html."""
+    """Fly the paper's gust, line and circle with eight controllers; writes paper.json and paper.html."""
     from sim.cli import study_commands as studies
 
-    studies.run_paper(out, seeds, calibrate, bound)
+    studies.run_paper(out, seeds, vehicle, only or [], calibrate, bound)
 
 
 def robust(
@@ -69,6 +71,9 @@ def tune_vehicle(
     vehicle: Annotated[
         str, typer.Argument(metavar="PROFILE", help="A shipped vehicle's name, or a profile's TOML file.")
     ],
+    gains: Annotated[
+        str | None, typer.Option(help="Search this preset's own gains instead: default, pid, geometric.")
+    ] = None,
     rate_hz: Annotated[float, typer.Option("--rate", help="Mocap frames a second.")] = 100.0,
     delay_s: Annotated[float, typer.Option("--delay", help="Mocap delay, s.")] = 0.008,
     noise_m: Annotated[float, typer.Option("--noise", help="Mocap noise, m.")] = 0.0001,
@@ -77,7 +82,7 @@ def tune_vehicle(
     """Find the gain scales of a vehicle's loops: gains, observer bandwidth and compensation, judged in flight."""
     from sim.cli import study_commands as studies
 
-    studies.run_tune(vehicle, rate_hz, delay_s, noise_m, out)
+    studies.run_tune(vehicle, gains, rate_hz, delay_s, noise_m, out)
 
 
 def bench(

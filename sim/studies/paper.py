@@ -1,25 +1,32 @@
-"""`gcs-sim paper`: six controllers in the paper's three experiments, over ten seeds, beside the paper's own figures."""
+"""`gcs-sim paper`: the paper's three experiments under eight controllers, beside the paper's own figures.
+
+And the gust on five vehicles that the controller does not know (sim.studies.mismatch).
+"""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 
-from sim.scenario import load
-from sim.studies.experiments import CONTROLLERS, SCENARIOS, Experiment, Job, Score, Trace, fly
+from formation.vehicle.profile import PAPER_40G, VehicleProfile
+from sim.studies.experiments import CONTROLLERS, Experiment, Job, Score, Trace, fly, gust_peak_m_s2
+from sim.studies.mismatch import MISMATCHES
 from sim.studies.runner import Runner
 
 SEEDS = 10
-GUST_TARGET_M = 0.30
-PEAKS_M_S2 = (3.5, 4.0, 4.5, 5.0, 5.5, 6.0)
+SHIPPED = "cfc"
+GUST_TARGET_M, GUST_TOLERANCE_M = 0.30, 0.005
+CALIBRATION_SEEDS = tuple(range(101, 107))
+"""None of those that are shown."""
+PEAK_M_S2, PEAK_STEPS = 7.0, 6
 
 REPORTED: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {
         "smc": {"line_vibration_m": 0.07, "circle_vibration_m": 0.06},
-        "istsmc": {"gust_max_dev_m": 0.3},
-        "cfc_paper": {"gust_max_dev_m": 0.08, "line_vibration_m": 0.02, "circle_vibration_m": 0.025},
+        "istsmc": {"gust_mean_dev_m": 0.3},
+        "cfc_paper": {"gust_mean_dev_m": 0.08, "line_vibration_m": 0.02, "circle_vibration_m": 0.025},
     }
 )
 """What the paper reports of its hardware flights (Figures 5 to 7)."""
@@ -27,11 +34,16 @@ REPORTED: Mapping[str, Mapping[str, float]] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """One controller in numbers, each the median over the seeds; None where no flight of it could tell."""
+    """One controller in numbers, each the median over the seeds; None where no flight of it could tell.
 
+    gust_mean_dev_m is the paper's "average maximum deviation" (sim.studies.gust).
+    """
+
+    gust_mean_dev_m: float | None
     gust_max_dev_m: float | None
     gust_settle_s: float | None
     gust_z3_rms_error_m_s2: float | None
+    gust_z3_share: float | None
     line_vibration_m: float | None
     line_rms_m: float | None
     circle_vibration_m: float | None
@@ -41,10 +53,23 @@ class Figures:
 
 
 @dataclass(frozen=True, slots=True)
+class Mismatched:
+    """The shipped controller in the gust, on a vehicle that it does not know; medians as in `Figures`."""
+
+    gust_mean_dev_m: float | None
+    gust_max_dev_m: float | None
+    gust_settle_s: float | None
+    chatter_deg: float | None
+    aborted: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class Comparison:
     """The whole study: the table, the gust all were given, and what the figures show of each controller."""
 
     controllers: Mapping[str, Figures]
+    mismatches: Mapping[str, Mismatched]
+    vehicle: str
     gust_peak_m_s2: float
     seeds: tuple[int, ...]
     traces: Mapping[tuple[str, Experiment], Trace]
@@ -54,6 +79,8 @@ class Comparison:
         return json.dumps(
             {
                 "controllers": {name: asdict(figures) for name, figures in self.controllers.items()},
+                "mismatches": {name: asdict(figures) for name, figures in self.mismatches.items()},
+                "vehicle": self.vehicle,
                 "gust_peak_m_s2": self.gust_peak_m_s2,
                 "seeds": list(self.seeds),
             },
@@ -62,61 +89,137 @@ class Comparison:
         )
 
 
-def jobs(seeds: Sequence[int]) -> list[Job]:
-    """Every flight of the study; the first seed's are traced for the figures."""
-    return [
-        Job(controller, experiment, seed, traced=seed == seeds[0])
-        for controller in CONTROLLERS
+def from_json(text: str) -> Comparison:
+    """The comparison that `to_json` wrote, without traces; ValueError where it is none."""
+    try:
+        told = json.loads(text)
+        return Comparison(
+            {name: Figures(**figures) for name, figures in told["controllers"].items()},
+            {name: Mismatched(**figures) for name, figures in told["mismatches"].items()},
+            told["vehicle"],
+            float(told["gust_peak_m_s2"]),
+            tuple(told["seeds"]),
+            {},
+        )
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise ValueError(f"no comparison of `gcs-sim paper`: {error}") from error
+
+
+def merged(old: Comparison, new: Comparison) -> Comparison:
+    """The old comparison with the rows of the new one in their places; ValueError if they were not flown alike."""
+    for what in ("vehicle", "gust_peak_m_s2", "seeds"):
+        was, now = getattr(old, what), getattr(new, what)
+        if was != now:
+            raise ValueError(f"{what} was {was} and is {now} now: fly every controller again")
+    rows = {**old.controllers, **new.controllers}
+    return replace(
+        new,
+        controllers={name: rows[name] for name in CONTROLLERS if name in rows},
+        mismatches=new.mismatches or old.mismatches,
+    )
+
+
+def jobs(
+    seeds: Sequence[int], vehicle: VehicleProfile = PAPER_40G, controllers: Sequence[str] = tuple(CONTROLLERS)
+) -> list[Job]:
+    """Every flight of the study; the first seed's are traced for the figures.
+
+    ValueError names the known controllers.
+    """
+    if unknown := set(controllers) - set(CONTROLLERS):
+        raise ValueError(f"unknown controller {min(unknown)!r}; known: {', '.join(CONTROLLERS)}")
+    flights = [
+        Job(controller, experiment, seed, seed == seeds[0], vehicle)
+        for controller in controllers
         for experiment in Experiment
         for seed in seeds
     ]
+    if SHIPPED in controllers:
+        flights += [Job(SHIPPED, Experiment.GUST, s, False, vehicle, None, name) for name in MISMATCHES for s in seeds]
+    return flights
 
 
 def compare(flights: Sequence[Job], runner: Runner) -> Comparison:
-    """Fly them all and put the numbers together."""
-    scores = dict(zip(flights, runner.run("flights", fly, flights), strict=True))
-    seeds = tuple(sorted({job.seed for job in flights}))
-    traces = {(job.controller, job.experiment): s.trace for job, s in scores.items() if s.trace is not None}
-    return Comparison({name: _figures(name, scores) for name in CONTROLLERS}, gust_peak_m_s2(), seeds, traces)
-
-
-def gust_peak_m_s2() -> float:
-    """The strength of the shipped scenario's fan."""
-    fan = load(SCENARIOS[Experiment.GUST]).air.fan
-    return 0.0 if fan is None else fan.peak_m_s2
-
-
-def calibrate(runner: Runner, flown: Callable[[float, float], None]) -> float:
-    """The fan's peak push (m/s^2) under which the printed ISTSMC alone deviates by 0.30 m: what the scenario holds.
-
-    A line through the medians over the seeds, which scatter: the printed gains swing by themselves. `flown` is told
-    each peak flown and the deviation it gave.
-    """
-    deviations = []
-    for peak in PEAKS_M_S2:
-        flights = [Job("istsmc", Experiment.GUST, seed + 1, gust_peak_m_s2=peak) for seed in range(SEEDS)]
-        deviations.append(float(np.median([score.max_dev_m for score in runner.run(f"{peak:g} m/s²", fly, flights)])))
-        flown(peak, deviations[-1])
-    slope, at_zero = np.polyfit(PEAKS_M_S2, deviations, 1)
-    return float((GUST_TARGET_M - at_zero) / slope)
-
-
-def _figures(controller: str, scores: Mapping[Job, Score]) -> Figures:
-    """The medians of one controller's flights."""
-
-    def median(experiment: Experiment, field: Callable[[Score], float]) -> float | None:
-        values = [field(s) for job, s in scores.items() if (job.controller, job.experiment) == (controller, experiment)]
-        known = [value for value in values if np.isfinite(value)]
-        return float(np.median(known)) if known else None
-
-    return Figures(
-        gust_max_dev_m=median(Experiment.GUST, lambda s: s.max_dev_m),
-        gust_settle_s=median(Experiment.GUST, lambda s: s.settle_s),
-        gust_z3_rms_error_m_s2=median(Experiment.GUST, lambda s: s.z3_error_m_s2),
-        line_vibration_m=median(Experiment.LINE, lambda s: s.vibration_m),
-        line_rms_m=median(Experiment.LINE, lambda s: s.rms_m),
-        circle_vibration_m=median(Experiment.CIRCLE, lambda s: s.vibration_m),
-        circle_rms_m=median(Experiment.CIRCLE, lambda s: s.rms_m),
-        chatter_deg=median(Experiment.GUST, lambda s: s.chatter_deg),
-        aborted=sum(s.outcome == "aborted" for job, s in scores.items() if job.controller == controller),
+    """Fly them all and put the numbers together; they are all of one vehicle."""
+    flown = list(zip(flights, runner.run("flights", fly, flights), strict=True))
+    vehicle, seeds = flights[0].vehicle, tuple(sorted({job.seed for job in flights}))
+    known = [(job, score) for job, score in flown if job.mismatch is None]
+    return Comparison(
+        {name: _figures([pair for pair in known if pair[0].controller == name]) for name in _in_order(known)},
+        {name: _mismatched([s for job, s in flown if job.mismatch == name]) for name in MISMATCHES}
+        if len(known) < len(flown)
+        else {},
+        vehicle.name,
+        gust_peak_m_s2(vehicle),
+        seeds,
+        {(job.controller, job.experiment): score.trace for job, score in known if score.trace is not None},
     )
+
+
+def calibrate(vehicle: VehicleProfile, runner: Runner, flown: Callable[[float, float], None]) -> float:
+    """The fan's peak push (m/s^2) in which the printed ISTSMC alone deviates by 0.30 m in the mean over the passes.
+
+    By the secant of the medians over seeds that are not among those shown. `flown` is told each peak flown and the
+    deviation it gave. ValueError where no peak gives it.
+    """
+    peak, slope = PEAK_M_S2, GUST_TARGET_M / PEAK_M_S2
+    before: tuple[float, float] | None = None
+    for _ in range(PEAK_STEPS):
+        flights = [Job("istsmc", Experiment.GUST, s, False, vehicle, peak) for s in CALIBRATION_SEEDS]
+        deviation_m = _median(runner.run(f"{peak:.2f} m/s²", fly, flights), lambda score: score.gust.mean_dev_m)
+        if deviation_m is None:
+            break
+        flown(peak, deviation_m)
+        if abs(deviation_m - GUST_TARGET_M) < GUST_TOLERANCE_M:
+            return peak
+        if before is not None:
+            slope = (deviation_m - before[1]) / (peak - before[0])
+        before = peak, deviation_m
+        if slope <= 0.0:
+            break
+        peak = min(max(peak + (GUST_TARGET_M - deviation_m) / slope, 0.5 * peak), 2.0 * peak)
+    raise ValueError(f"no fan was found that moves {vehicle.name} by {GUST_TARGET_M:g} m under the printed ISTSMC")
+
+
+def _in_order(known: Sequence[tuple[Job, Score]]) -> list[str]:
+    """The controllers flown, in the order of `CONTROLLERS`."""
+    flown = {job.controller for job, _ in known}
+    return [name for name in CONTROLLERS if name in flown]
+
+
+def _median(scores: Sequence[Score], field: Callable[[Score], float]) -> float | None:
+    known = [value for value in map(field, scores) if np.isfinite(value)]
+    return float(np.median(known)) if known else None
+
+
+def _figures(flown: Sequence[tuple[Job, Score]]) -> Figures:
+    """The medians of one controller's flights."""
+    gust, line, circle = ([score for job, score in flown if job.experiment is e] for e in Experiment)
+    return Figures(
+        gust_mean_dev_m=_median(gust, lambda s: s.gust.mean_dev_m),
+        gust_max_dev_m=_median(gust, lambda s: s.gust.max_dev_m),
+        gust_settle_s=_median(gust, lambda s: s.gust.settle_s),
+        gust_z3_rms_error_m_s2=_median(gust, lambda s: s.gust.z3_error_m_s2),
+        gust_z3_share=_median(gust, lambda s: s.gust.z3_share),
+        line_vibration_m=_median(line, lambda s: s.vibration_m),
+        line_rms_m=_median(line, lambda s: s.rms_m),
+        circle_vibration_m=_median(circle, lambda s: s.vibration_m),
+        circle_rms_m=_median(circle, lambda s: s.rms_m),
+        chatter_deg=_median(gust, lambda s: s.gust.chatter_deg),
+        aborted=_aborted([score for _, score in flown]),
+    )
+
+
+def _mismatched(scores: Sequence[Score]) -> Mismatched:
+    """The medians of one mismatch's flights."""
+    return Mismatched(
+        _median(scores, lambda s: s.gust.mean_dev_m),
+        _median(scores, lambda s: s.gust.max_dev_m),
+        _median(scores, lambda s: s.gust.settle_s),
+        _median(scores, lambda s: s.gust.chatter_deg),
+        _aborted(scores),
+    )
+
+
+def _aborted(scores: Sequence[Score]) -> int:
+    return sum(score.outcome == "aborted" for score in scores)

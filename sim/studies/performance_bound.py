@@ -1,36 +1,51 @@
-"""Performance bound: how little any controller could deviate in the gust, by the motors' torque and the loop's delay.
+"""Performance bound: how little any controller could deviate in the gust, by the vehicle's motors and the loop's delay.
 
-It is told, one reaction time after the push begins, all of the push that is still to come, and steers without noise;
-only its torque is limited. Small angles along one axis: the least largest deviation is a linear program.
+It is told, one reaction time after the push begins, all of the push that is still to come, and steers without noise.
+A true lower bound for the push at the place that is held, since each step gives it more than the vehicle can do:
+
+- its tilt is at any time whatever the motors could have reached by then from level hover, all of their thrust on one
+  side and none on the other, through their lag and up to the autopilot's body rate (sines and cosines as they are);
+- at that tilt it has any thrust from none to all, at once, and need not keep its height; nor need the tilt be taken
+  back, nor the thrust be followed, before the push ends: what it has of sideways force is any function of time within
+  +-(full thrust / m) sin(tilt it could have reached);
+- drag never works against it: it adds to that force as much as it could at the speed that the push alone gives.
+
+The least largest deviation under such a force is a linear program over exact steps of a double integrator; the force
+may change at every step, and the limit of a step is that of its end.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy.linalg import toeplitz
+from scipy import sparse
 from scipy.optimize import linprog
-from scipy.signal import cont2discrete
 
 from drone_agent.simulation.disturbance import acceleration
 from formation.maths.arrays import Float
-from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
 from sim.scenario import Scenario
 
 STEP_S = 0.002
-HELD_STEPS = 5  # the torque changes as often as a frame of 100 Hz brings news
 BEGUN = 0.01  # of its peak: the push has begun
-BEFORE_S, AFTER_S = 0.3, 1.4
+BEFORE_S, AFTER_S = 0.3, 0.7
 REACTIONS_S = (0.01, 0.02, 0.03, 0.04, 0.05, 0.06)
 
 
 @dataclass(frozen=True, slots=True)
 class GustPass:
-    """One pass of the gust and the vehicle in it. push_m_s2 (T,): along the axis, from its beginning on."""
+    """One pass of the gust and the vehicle in it. push_m_s2 (T,): along the axis, from its beginning on.
+
+    turn_max_rad_s2, rate_max_rad_s: of the tilt; thrust_max_m_s2: full thrust over mass; drag_1_s: the largest of the
+    body's axes over mass.
+    """
 
     push_m_s2: Float
     turn_max_rad_s2: float
+    rate_max_rad_s: float
     motor_lag_s: float
+    thrust_max_m_s2: float
+    drag_1_s: float = 0.0
 
 
 def gust_pass(scenario: Scenario) -> GustPass:
@@ -39,39 +54,69 @@ def gust_pass(scenario: Scenario) -> GustPass:
     profile = scenario.lab.profile_of(follower)
     push = _push(scenario, profile)
     begun = int(np.argmax(np.abs(push) > BEGUN * np.abs(push).max()))
-    # A hovering vehicle's motors can stop or double: one side can have all the weight.
-    return GustPass(push[begun:], profile.turn_1_m * GRAVITY_M_S2, profile.motor_lag_s)
+    thrust_max_m_s2 = profile.thrust_max_n / profile.mass_kg
+    return GustPass(
+        push[begun:],
+        profile.turn_1_m * 0.5 * thrust_max_m_s2,  # two motors full, two stopped
+        profile.rate_max_rad_s,
+        profile.motor_lag_s,
+        thrust_max_m_s2,
+        max(profile.drag_n_s_m) / profile.mass_kg,
+    )
 
 
-def reaction_s(scenario: Scenario, gust: GustPass) -> float:
+def reaction_s(scenario: Scenario) -> float:
     """From the beginning of the push to the first torque against it, at the least.
 
-    Until the push has moved the vehicle by the mocap's own noise nobody can see it; then cameras, half a frame, the
+    The camera exposes at that very moment and sees it, however little it has moved the drone; then the cameras, the
     link down and the vehicle's inside pass it on.
     """
-    follower = scenario.lab.followers[0]
+    inside_s = scenario.lab.profile_of(scenario.lab.followers[0]).command_delay_s
+    return scenario.mocap.delay_s + scenario.link.down_s + inside_s
+
+
+def seen_s(scenario: Scenario, gust: GustPass) -> float:
+    """An estimate, not a bound: from the beginning of the push until it has moved the drone by the mocap's noise."""
     moved_m = np.abs(np.cumsum(np.cumsum(gust.push_m_s2))) * STEP_S**2
-    seen_s = STEP_S * float(np.argmax(moved_m > scenario.mocap.noise_m))
-    on_its_way_s = scenario.mocap.delay_s + 0.5 / scenario.mocap.rate_hz + scenario.link.down_s
-    return seen_s + on_its_way_s + scenario.lab.profile_of(follower).command_delay_s
+    return STEP_S * float(np.argmax(moved_m > scenario.mocap.noise_m))
 
 
 def least_deviation_m(gust: GustPass, reaction: float) -> float:
-    """The least largest deviation, m, of a controller that acts from `reaction` seconds on."""
+    """A lower bound of the largest deviation, m, of any controller that acts from `reaction` seconds on."""
     length = len(gust.push_m_s2)
-    by_push, by_turn = _responses(gust.motor_lag_s, length)
-    drift = np.convolve(by_push, gust.push_m_s2)[:length]
-    starts = np.arange(round(reaction / STEP_S), length, HELD_STEPS)
-    steered = np.add.reduceat(toeplitz(by_turn, np.zeros(length)), starts, axis=1)
-    bound = -np.ones((length, 1))
-    deviation = np.append(np.zeros(steered.shape[1]), 1.0)
-    result = linprog(
-        deviation,
-        A_ub=np.block([[steered, bound], [-steered, bound]]),
-        b_ub=np.concatenate([-drift, drift]),
-        bounds=[(-gust.turn_max_rad_s2, gust.turn_max_rad_s2)] * steered.shape[1] + [(0.0, None)],
+    force = _force_most_m_s2(gust, reaction)
+    # Unknown: the force of each step, velocity and position at its end, and the largest deviation.
+    one: Any = sparse.eye_array(length)
+    before: Any = sparse.eye_array(length, k=-1)
+    most: Any = sparse.csr_array(np.ones((length, 1)))
+    steps: Any = sparse.block_array(
+        [
+            [-STEP_S * one, one - before, None, 0.0 * most],
+            [-0.5 * STEP_S**2 * one, -STEP_S * before, one - before, None],
+        ]
     )
-    return float(deviation @ result.x)
+    within: Any = sparse.block_array([[0.0 * one, 0.0 * one, one, -most], [None, None, -one, -most]])
+    result = linprog(
+        np.append(np.zeros(3 * length), 1.0),
+        A_eq=steps,
+        b_eq=np.concatenate([STEP_S * gust.push_m_s2, 0.5 * STEP_S**2 * gust.push_m_s2]),
+        A_ub=within,
+        b_ub=np.zeros(2 * length),
+        bounds=[*((-f, f) for f in force.tolist()), *[(None, None)] * (2 * length), (0.0, None)],
+    )
+    return float(np.asarray(result.x)[-1])
+
+
+def _force_most_m_s2(gust: GustPass, reaction: float) -> Float:
+    """The most sideways acceleration that the vehicle could have at the end of each step; (T,)."""
+    ends_s = STEP_S * np.arange(1, len(gust.push_m_s2) + 1)
+    acting_s = np.maximum(ends_s - reaction, 0.0)
+    # Of a torque asked for at once, through the motors' lag: its integral is t - lag (1 - e^(-t / lag)).
+    rate = gust.turn_max_rad_s2 * (acting_s - gust.motor_lag_s * -np.expm1(-acting_s / gust.motor_lag_s))
+    # Summed at the ends of the steps while it grows: never less than the integral.
+    tilt = np.minimum(STEP_S * np.cumsum(np.minimum(rate, gust.rate_max_rad_s)), 0.5 * np.pi)
+    drag: Float = gust.drag_1_s * STEP_S * np.cumsum(np.abs(gust.push_m_s2))
+    return np.asarray(gust.thrust_max_m_s2 * np.sin(tilt) + drag)
 
 
 def _push(scenario: Scenario, profile: VehicleProfile) -> Float:
@@ -84,17 +129,3 @@ def _push(scenario: Scenario, profile: VehicleProfile) -> Float:
     middle_s = fan.phase_s + fan.period_s * (1.0 + np.ceil((fan.start_s - fan.phase_s) / fan.period_s))
     times = np.arange(middle_s - BEFORE_S, middle_s + AFTER_S, STEP_S)
     return np.array([acceleration(scenario.air, float(t), (x, y, z), profile.reach_m)[0] for t in times])
-
-
-def _responses(motor_lag_s: float, length: int) -> tuple[Float, Float]:
-    """Position after one step of unit push, and after one step of unit angular acceleration asked for; (length,)."""
-    a = np.zeros((5, 5))  # position, velocity, tilt, its rate, its acceleration
-    a[0, 1], a[1, 2], a[2, 3], a[3, 4], a[4, 4] = 1.0, GRAVITY_M_S2, 1.0, 1.0, -1.0 / motor_lag_s
-    b = np.zeros((5, 2))
-    b[1, 0], b[4, 1] = 1.0, 1.0 / motor_lag_s
-    step, into, *_ = cont2discrete((a, b, np.eye(5), np.zeros((5, 2))), STEP_S)
-    state, pos_m = into, np.zeros((length, 2))
-    for k in range(1, length):
-        pos_m[k] = state[0]
-        state = step @ state
-    return pos_m[:, 0], pos_m[:, 1]

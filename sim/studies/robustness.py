@@ -131,7 +131,7 @@ def _vehicle(
     ixx, iyy, izz = (i * off(INERTIA) for i in believed.inertia_kg_m2)
     return {
         "mass_kg": believed.mass_kg * off(MASS),
-        "inertia_kg_m2": (ixx, iyy, izz),
+        "inertia_kg_m2": (ixx, iyy, min(izz, ixx + iyy)),  # a body's, whatever was drawn
         "thrust_max_n": believed.thrust_max_n * off(CURVE),
         "thrust_curve": min(believed.thrust_curve * off(CURVE), 1.0),
         "motor_lag_s": believed.motor_lag_s * slower,

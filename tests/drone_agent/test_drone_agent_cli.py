@@ -18,7 +18,7 @@ runner = CliRunner()
         (["--start", "1,2"], "start_lab_m[2]: is missing"),
         (["--autopilot", "betaflight"], "autopilot: "),
         (["--truth", "-1"], "truth_rate_hz: "),
-        (["--profile", "nope"], "known: paper_40g, px4_quad"),
+        (["--profile", "nope"], "known: paper_40g, paper_40g_printed, px4_quad"),
         (["--param", "NO_SUCH=1"], "parameters: 'NO_SUCH' is unknown"),
         (["--param", "COM_OF_LOSS_T=soon"], "parameters.COM_OF_LOSS_T: "),
         (["--bridge", "tcp:there:1"], "is not udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD"),

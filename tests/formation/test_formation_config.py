@@ -20,7 +20,7 @@ def test_a_lab_may_name_a_vehicle_of_its_own():
 
 
 def test_an_unknown_profile_is_refused_with_the_known_ones():
-    with pytest.raises(ValidationError, match=r"unknown vehicle profile 'nope'; known: paper_40g, px4_quad"):
+    with pytest.raises(ValidationError, match=r"unknown vehicle profile 'nope'; known: paper_40g, paper_40g_printed"):
         lab(leader={"body": "a", "profile": "nope"})
 
 

@@ -49,8 +49,14 @@ BEHIND_PID = {"leader": PID_ROW, "own": CALM_OBSERVER, "leader_lead": AS_IS}
 ISTSMC = (Law.ISTSMC, 1.0, 8.0, 0.1, -0.49, 0.0, 0.0)
 EXPECTED = {
     "default": preset_row(),
+    "default_without_z3": preset_row((Law.ISTSMC, *HORIZONTAL[1:])),
     "pid_leader": preset_row(**BEHIND_PID),
     "paper": preset_row((Law.CFC, *ISTSMC[1:]), observer=(70.0, -2.0 / 9.0, 1.0, 0.0), **PRINTED),
+    "paper_compensated": preset_row(
+        (Law.CFC, *ISTSMC[1:]),
+        observer=(70.0, -2.0 / 9.0, 1.0, 0.0),
+        **(PRINTED | {"compensate": True, "follower_lead": LEAD}),
+    ),
     "paper_istsmc": preset_row(ISTSMC, observer=CALM_OBSERVER, **PRINTED),
     "paper_smc": preset_row((Law.SMC, 1.0, 0.0, 0.0, 0.0, 0.0, 5.0), observer=CALM_OBSERVER, **PRINTED),
     "pid": preset_row(PID_ROW, **BEHIND_PID),
@@ -64,16 +70,19 @@ def test_the_gains_are_those_that_were_tuned_or_printed(name: str) -> None:
     assert PRESETS[name].name == name
 
 
+PAPERS = [0.12, 0.025, 0.8, 0.5, 0.01, 0.025, 0.006, 0.006, 0.008, 1.0,
+          11.0, 5.0, 35.0, 12.0, 10.0, 3.5, True, 0.002, 0.049, 0.049, 0.01, 0.025]  # fmt: skip
 MEASURED = {  # as VehicleProfile's fields follow each other, without name and battery
-    "paper_40g": [0.04, 1.532e-4, 1.532e-4, 3.472e-4, 0.12, 0.025, 0.8, 0.5, 0.01, 0.025, 0.006, 0.006, 0.008, 1.0,
-                  11.0, 5.0, 35.0, 12.0, 10.0, 3.5, True, 0.002, 0.049, 0.049, 0.01, 0.025],
-    "px4_quad": [1.0, 0.005, 0.005, 0.009, 0.3, 0.0635, 20.0, 0.0, 0.05, 0.02, 0.1, 0.1, 0.1, 1.0,
+    "paper_40g": [0.04, 1.532e-5, 1.532e-5, 2.9e-5, False, *PAPERS],
+    "paper_40g_printed": [0.04, 1.532e-4, 1.532e-4, 3.472e-4, True, *PAPERS],
+    "px4_quad": [1.0, 0.005, 0.005, 0.009, False, 0.3, 0.0635, 20.0, 0.0, 0.05, 0.02, 0.1, 0.1, 0.1, 1.0,
                  11.0, 4.0, 45.0, 12.0, 3.8, 3.5, False, 0.08, 0.11, 0.06, 0.08, 0.02],
-    "arducopter_quad": [3.0, 0.023, 0.023, 0.046, 0.35, 0.175, 79.5, 0.0, 0.05, 0.02, 0.7, 0.7, 0.7, 1.0,
+    "arducopter_quad": [3.0, 0.023, 0.023, 0.046, False, 0.35, 0.175, 79.5, 0.0, 0.05, 0.02, 0.7, 0.7, 0.7, 1.0,
                         6.7, 6.7, 29.0, 12.0, 10.0, 3.5, True, 0.01, 0.055, 0.108, 0.02, 0.02],
 }  # fmt: skip
 PACKS = {
     "paper_40g": (1, 350.0, 4.0, 0.85),
+    "paper_40g_printed": (1, 350.0, 4.0, 0.85),
     "px4_quad": (4, 3300.0, 12.0, 0.85),
     "arducopter_quad": (3, 3300.0, 12.0, 0.85),
 }

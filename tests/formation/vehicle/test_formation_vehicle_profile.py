@@ -8,12 +8,50 @@ from formation.vehicle.profile import GRAVITY_M_S2, PROFILES, at_rest, on_ground
 from formation.vehicle.rigid_body import ground_effect_gain
 
 
-def test_paper_profile_is_table_1() -> None:
-    paper = profile("paper_40g")
+def test_paper_profile_as_printed_is_table_1() -> None:
+    paper = profile("paper_40g_printed")
     assert paper.mass_kg == 0.04
     assert paper.inertia_kg_m2 == (1.532e-4, 1.532e-4, 3.472e-4)
     assert paper.wheelbase_m == 0.12
     assert GRAVITY_M_S2 == 9.8
+
+
+def test_the_papers_vehicle_is_the_printed_one_with_an_inertia_that_its_size_can_have() -> None:
+    """Of a hand calculation: all mass at the rotors of 60 mm arms at 45 degrees makes 7.2e-5 about x and y."""
+    paper, printed = profile("paper_40g"), profile("paper_40g_printed")
+    off = {"name", "inertia_kg_m2", "impossible_inertia"}
+    assert paper.model_dump(exclude=off) == printed.model_dump(exclude=off)
+    at_rotors = 0.04 * (0.06 * np.sin(np.radians(45.0))) ** 2
+    assert at_rotors == pytest.approx(7.2e-5)
+    assert max(paper.inertia_kg_m2[:2]) < at_rotors < min(printed.inertia_kg_m2[:2])
+    assert np.sqrt(paper.inertia_kg_m2[0] / 0.04) < 0.06 < np.sqrt(printed.inertia_kg_m2[0] / 0.04)
+
+
+@pytest.mark.parametrize("name", PROFILES)
+def test_a_vehicle_that_ships_is_a_body_or_says_that_it_is_none(name: str) -> None:
+    """Jxx + Jyy - Jzz is twice the sum of m z^2, and so about each axis."""
+    jx, jy, jz = profile(name).inertia_kg_m2
+    possible = min(jx + jy - jz, jy + jz - jx, jz + jx - jy) >= 0.0
+    assert possible is not profile(name).impossible_inertia
+
+
+@pytest.mark.parametrize("inertia", [(1.532e-4, 1.532e-4, 3.472e-4), (3e-5, 1e-5, 1e-5), (1e-5, 3e-5, 1e-5)])
+def test_an_inertia_that_no_body_has_is_refused_unless_it_is_wanted(inertia: tuple[float, float, float]) -> None:
+    with pytest.raises(ValueError, match=r"no body has inertia_kg_m2.*impossible_inertia"):
+        profile("paper_40g").model_copy(update={"inertia_kg_m2": inertia})
+    wanted = profile("paper_40g").model_copy(update={"inertia_kg_m2": inertia, "impossible_inertia": True})
+    assert wanted.inertia_kg_m2 == inertia
+
+
+def test_a_flat_plate_is_a_body() -> None:
+    plate = profile("paper_40g").model_copy(update={"inertia_kg_m2": (1e-5, 2e-5, 3e-5)})
+    assert not plate.impossible_inertia
+
+
+@pytest.mark.parametrize("inertia", [(0.0, 1e-5, 1e-5), (-1e-5, 1e-5, 1e-5)])
+def test_an_inertia_is_positive(inertia: tuple[float, float, float]) -> None:
+    with pytest.raises(ValueError, match="inertia_kg_m2 must be positive"):
+        profile("paper_40g").model_copy(update={"inertia_kg_m2": inertia})
 
 
 def test_px4_hovers_at_the_measured_thrust() -> None:

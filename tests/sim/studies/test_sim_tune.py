@@ -8,6 +8,7 @@ from formation.control.presets import gain_scale_of, preset_for
 from formation.vehicle.profile import PAPER_40G, PX4_QUAD, GainScale
 from sim.studies import tune
 from sim.studies.experiments import Experiment, Score
+from sim.studies.gust import GustNumbers
 from sim.studies.runner import Runner
 from sim.studies.tune import Candidate, Flight, Task
 
@@ -15,8 +16,8 @@ SLOW = Task(PX4_QUAD, rate_hz=50.0, delay_s=0.02, noise_m=0.0005)
 MARGIN = DelayMargin("v", "default", loop_s=0.1, margin_s=0.05)
 
 
-def a_score(outcome: str = "landed", dev: float = 0.03, chatter: float = 0.3, rms: float = 0.001) -> Score:
-    return Score(outcome, dev, 0.2, 0.1, chatter, rms, 0.001, None)
+def a_score(outcome: str = "landed", dev: float = 0.04, chatter: float = 0.3, rms: float = 0.001) -> Score:
+    return Score(outcome, GustNumbers(0.5 * dev, dev, 0.2, 0.1, 0.05, chatter), rms, 0.001, None)
 
 
 def test_a_flight_as_wanted_costs_one_for_each_thing_wanted() -> None:

@@ -1,0 +1,59 @@
+"""`gcs-sim tune PROFILE --gains PRESET`: the gains of a law's followers, each by itself, found by flying.
+
+The same compass search, flights, costs and effort as for the scales of a vehicle's loops (sim.studies.tune), whatever
+the law: by this search the cascade PID and the geometric controller got the gains they are compared with.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+
+from formation.control.gains import CascadeGains, Gains, GeometricGains, SlidingGains
+from formation.control.presets import Preset, preset_for
+from sim.studies.runner import Runner
+from sim.studies.tune import EXPERIMENTS, Flight, Task, compass, fly
+
+SEARCHED: dict[type[Gains], tuple[str, ...]] = {
+    SlidingGains: ("c", "p1", "p2", "smooth_m_s"),
+    CascadeGains: ("kp_position", "kp", "ki"),
+    GeometricGains: ("kx", "kv", "ki", "mix"),
+}
+"""The gains that are moved; the observer's bandwidth is one more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tried:
+    """Gains, and what they cost."""
+
+    gains: Preset
+    cost: float
+
+
+def search(task: Task, name: str, runner: Runner, better: Callable[[Tried], None]) -> Tried:
+    """The best gains found from that preset's own on; ValueError if there is no such preset."""
+    first = judge(task, [preset_for(name, task.profile, task.mocap)], runner)[0]
+
+    def around(tried: Tried, step: float) -> list[Tried]:
+        return judge(task, list(neighbours(tried.gains, step)), runner)
+
+    return compass(first, around, better)
+
+
+def neighbours(gains: Preset, step: float) -> Iterator[Preset]:
+    """The presets with one gain of the followers, or their observer's bandwidth, a step up or down."""
+    follower = gains.follower
+    for field, by in product(SEARCHED[type(follower)], (step, 1.0 / step)):
+        yield replace(gains, follower=replace(follower, **{field: by * getattr(follower, field)}))
+    for by in (step, 1.0 / step):
+        yield replace(gains, observer=gains.observer.scaled(by))
+
+
+def judge(task: Task, presets: list[Preset], runner: Runner) -> list[Tried]:
+    """Fly and cost each."""
+    each = list(product(EXPERIMENTS, (False, True)))
+    flights = [Flight(task, task.profile.gain_scale, e, off, gains) for gains in presets for e, off in each]
+    costs = runner.run("flights", fly, flights)
+    return [
+        Tried(gains, sum(costs[first : first + len(each)]))
+        for gains, first in zip(presets, range(0, len(costs), len(each)), strict=True)
+    ]

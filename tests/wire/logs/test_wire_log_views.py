@@ -132,7 +132,7 @@ def test_each_drone_has_a_state_of_its_own_with_named_fields(shown) -> None:
 
 def test_the_file_knows_the_date_and_the_reader_the_stamp(shown, tmp_path: Path) -> None:
     assert shown["mocap/frame"][0][0] == START.unix_ns
-    assert shown["/drone/left/state"][-1][0] == START.unix_ns + 3_950_000_000
+    assert shown["/drone/left/state"][-1][0] == START.unix_ns + 3_960_000_000
     _, tf = shown["/tf"][0]
     assert tf.transforms[0].timestamp.seconds == 1_790_000_000
     path = tmp_path / "flight.mcap"
@@ -148,8 +148,8 @@ def test_on_the_ground_ten_a_second_is_shown_in_flight_more(shown) -> None:
         return sum(since_s <= t_s < until_s for t_s in times) / (until_s - since_s)
 
     assert hz("/drone/left/state", 0.0, 2.0) == 10.0
-    assert hz("/drone/left/state", 2.0, 4.0) == 20.0
-    assert hz("/drone/left/link", 0.0, 4.0) == 2.0
+    assert hz("/drone/left/state", 2.0, 4.0) == pytest.approx(1.0 / 0.07, abs=0.5)
+    assert hz("/drone/left/link", 0.0, 4.0) == 1.0
     assert hz("mocap/frame", 0.0, 4.0) == 100.0
 
 

@@ -116,7 +116,7 @@ def layout(
 
     with _refusing():
         try:
-            layouts.write(out, layouts.bodies_of(source))
+            layouts.write(out, source)
         except ConfigError as error:
             typer.echo(f"gcs-log: {error}", err=True)
             raise typer.Exit(UNUSABLE) from error

@@ -33,12 +33,17 @@ def _bodies(lab: LabConfig) -> tuple[str, ...]:
     return tuple(vehicle.body for vehicle in lab.vehicles)
 
 
-def write(path: Path, bodies: Sequence[str]) -> None:
-    """A Foxglove layout (.json) or a Rerun blueprint (.rbl, needs rerun-sdk). OSError; LogError for other names."""
+def write(path: Path, source: Path | None) -> None:
+    """A Foxglove layout (.json) or a Rerun blueprint (.rbl, needs rerun-sdk). OSError; LogError for other names.
+
+    source: as for `bodies_of`. Rerun applies a blueprint to recordings of its own name: a log's is its file's, others
+    are what `gcs live` streams.
+    """
+    bodies = bodies_of(source)
     if path.suffix == FOXGLOVE:
         path.write_text(json.dumps(foxglove(bodies), indent=2), encoding="utf-8")
     elif path.suffix == RERUN:
-        _write_rerun(path, bodies)
+        _write_rerun(path, bodies, source.stem if source is not None and source.suffix == ".mcap" else APPLICATION)
     else:
         raise LogError(f"{path}: ends in neither {FOXGLOVE} (Foxglove) nor {RERUN} (Rerun)")
 
@@ -102,7 +107,7 @@ def _paths(bodies: Sequence[str], *fields: str) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def _write_rerun(path: Path, bodies: Sequence[str]) -> None:
+def _write_rerun(path: Path, bodies: Sequence[str], application: str) -> None:
     try:
         import rerun.blueprint as rrb
     except ImportError as error:
@@ -116,4 +121,4 @@ def _write_rerun(path: Path, bodies: Sequence[str]) -> None:
             column_shares=[3, 2],
         )
     )
-    blueprint.save(APPLICATION, str(path))
+    blueprint.save(application, str(path))

@@ -1,6 +1,5 @@
 """`gcs live`: a flight live in Foxglove and Rerun."""
 
-import asyncio
 from pathlib import Path
 from typing import Annotated
 
@@ -23,6 +22,8 @@ def live(
 
     A process of its own: the ground shares its log while somebody listens, and waits for nobody.
     """
+    import asyncio  # here, as below: what an operator's command loads waits for none of it
+
     from gcs.live.daemon import run
     from gcs.live.viewers import Foxglove, Rerun, Viewer, ViewerError
 

@@ -23,8 +23,8 @@ from wire.logs.drone_link import DroneLink, LinkView
 from wire.logs.drone_state import DroneStates, reference_lab
 from wire.schema import schema_of
 
-STATE_NS, FRAMES_NS, SLOTS_NS, LINK_NS = 40_000_000, 50_000_000, 100_000_000, 500_000_000
-POINT_NS, TRAIL_NS, ROOM_NS = 100_000_000, 1_000_000_000, 10_000_000_000
+STATE_NS, FRAMES_NS, SLOTS_NS, LINK_NS = 70_000_000, 70_000_000, 200_000_000, 1_000_000_000
+POINT_NS, TRAIL_NS, ROOM_NS = 200_000_000, 2_000_000_000, 10_000_000_000
 CALM_NS = 100_000_000
 """The least spacing of frames while nobody is armed."""
 CALM = frozenset({m.Phase.GROUND})

@@ -148,8 +148,8 @@ def test_on_the_ground_ten_a_second_is_shown_in_flight_more(shown) -> None:
         return sum(since_s <= t_s < until_s for t_s in times) / (until_s - since_s)
 
     assert hz("/drone/left/state", 0.0, 2.0) == 10.0
-    assert hz("/drone/left/state", 2.0, 4.0) == 25.0
-    assert hz("/drone/left/link", 0.0, 4.0) == 2.0
+    assert hz("/drone/left/state", 2.0, 4.0) == pytest.approx(1.0 / 0.07, abs=0.5)
+    assert hz("/drone/left/link", 0.0, 4.0) == 1.0
     assert hz("mocap/frame", 0.0, 4.0) == 100.0
 
 

@@ -50,7 +50,7 @@ class Viewer:
                     ui.html(still, sanitize=False).classes("layer")
                     self._moving2 = ui.html(sanitize=False).classes("layer")
                     ui.html('<div class="name">from above</div>', sanitize=False)
-                self._table = ui.html(sanitize=False).classes("table many" if self._crowd else "table")
+            self._table = ui.html(sanitize=False).classes("table many" if self._crowd else "table")
             self._vital = ui.html(sanitize=False).classes("vital")
             with ui.element("aside").classes("side"):
                 self._side()

@@ -4,6 +4,7 @@ A process of its own, so that poses reach the drones whatever becomes of the gro
 """
 
 import asyncio
+import gc
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -138,6 +139,8 @@ async def run(config: LabConfig, linger_s: float | None, told: Told, clock: Cloc
         mocap = Mocap(config, mocap_bus, bus.refusals, told, clock)
         mocap_bus.announce(configuration_name(config))
         bus.on_state("*", mocap.take_ground_state)
+        gc.collect()
+        gc.freeze()  # what start-up made lives as long as the process: collections between frames need not look at it
         await _first_of(mocap.watch(linger_s), mocap.source.run(), stop.wait())
     finally:
         await bus.close()

@@ -1,7 +1,7 @@
 """`gcs-sim tune PROFILE --gains PRESET`: the gains of a law's followers, each by itself, found by flying.
 
 The same compass search, flights, costs and effort as for the scales of a vehicle's loops (sim.studies.tune), whatever
-the law: by this search the cascade PID and the geometric controller got the gains they are compared with.
+the law, so that laws can be compared each with the gains that it flies best with.
 """
 
 from collections.abc import Callable, Iterator

@@ -68,9 +68,9 @@ VERTICAL = SlidingGains(Law.CFC, c=8.0, p1=10.0, p2=3.0, eps=-0.15, smooth_m_s=0
 SLOW_OBSERVER = ObserverGains(18.0, -0.1, 0.004)
 OBSERVER = ObserverGains(7.0, -0.029, 0.004)
 FAST = Parallel(
-    bandwidth_rad_s=192.0, pos_sigmas=6.9, vel_sigmas=7.7, dist_sigmas=12.4, attitude_trust=0.7, urgency=10.9
+    bandwidth_rad_s=150.0, pos_sigmas=6.9, vel_sigmas=7.7, dist_sigmas=12.4, attitude_trust=0.7, urgency=9.0
 )
-LAG_COMPENSATION = LagCompensation(rate=0.94, gain=1.51, gain_power=0.124, p1_power=1.17, lead_share=0.22)
+LAG_COMPENSATION = LagCompensation(rate=0.94, gain=1.51, gain_power=0.124, p1_power=0.9, lead_share=0.22)
 
 DEFAULT = Preset(
     name="default",
@@ -103,6 +103,9 @@ PAPER_CFC = replace(
     follower=SlidingGains(Law.CFC, c=1.0, p1=8.0, p2=0.1, eps=PRINTED_EPS),
     compensate=False,
     observer=PRINTED_FTESO,
+    dead_share=0.9,
+    lag_share=0.62,
+    attitude_trust=0.65,
     parallel=ALONE,
     lag_compensation=PLAIN,
 )

@@ -161,7 +161,8 @@ def observe(
 @kernel
 def quietened(z: VehicleEstimate, s: ObserverSettings) -> float:
     """Factor on bandwidths in more noise than they were made for."""
-    return min(s.quiet_m / sqrt(z.noise_var_m2), 1.0) ** NOISE_POWER
+    factor: float = min(s.quiet_m / sqrt(z.noise_var_m2), 1.0) ** NOISE_POWER
+    return factor
 
 
 @kernel

@@ -11,7 +11,7 @@ from typing import Annotated, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from formation.control.feedback import bound_sideways, feedback, uses_disturbance
+from formation.control.feedback import feedback, uses_disturbance
 from formation.control.gains import AxisGains, LagCompensation
 from formation.control.prediction import Known, motion_at
 from formation.control.relative_frame import copy_motion, lead_from_lab
@@ -27,7 +27,9 @@ from formation.vehicle.response import NEVER_NS, SECONDS, SentCommands
 HORIZON_MAX_NS = 400_000_000
 HORIZONTAL, VERTICAL = 0, 1  # the channels, each with a workspace of its own
 STEP_MAX_S = 0.1
-LEADER = cast(int, np.int64(0))  # a literal 0 would be a type of its own, and the prediction compiled once more
+LEADER = cast(
+    int, np.int64(0)
+)  # a literal 0 would be a type of its own to numba, and the prediction compiled once more for it
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,13 +210,11 @@ def _horizontal_demand(
     for axis in range(3):
         out.specific_force_lab_m_s2[axis] = w.force[axis]
     pull = law.lag_compensation.gain * gain**law.lag_compensation.gain_power - 1.0
-    z3 = known.estimates[n].dist_lab_m_s2
     for axis in range(2):
-        _ask(axis, law.horizontal, z3[axis], w, out)
-    bound_sideways(out.acc_lab_m_s2)
-    for axis in range(2):
+        z3 = known.estimates[n].dist_lab_m_s2[axis]
+        _ask(axis, law.horizontal, z3, w, out)
         if law.compensate:
-            _invert_lag(axis, lag_s * law.lag_compensation.rate, pull, z3[axis], w, out)
+            _invert_lag(axis, lag_s * law.lag_compensation.rate, pull, z3, w, out)
 
 
 @kernel

@@ -10,11 +10,11 @@ from types import MappingProxyType
 
 from formation.config import MocapConfig
 from formation.control.gains import CascadeGains, Gains, GeometricGains, LagCompensation, Law, SlidingGains
-from formation.estimation.settings import Adaptation, ObserverGains, Parallel
+from formation.estimation.settings import Adaptation, ObserverGains
 from formation.vehicle.profile import GainScale, VehicleProfile
 
-PLAIN, ALONE = LagCompensation(), Parallel()
-SEEN_ADAPTATION = Adaptation(lag_s=0.05, threshold=3.0, most=4.0, bandwidth_power=1.0)
+NOT_ADAPTIVE, PLAIN = Adaptation(), LagCompensation()
+SEEN_ADAPTATION = Adaptation(lag_s=0.05, threshold=3.0, most=4.0, bandwidth_power=1.0, mean_share=0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +52,8 @@ class Preset:
     yaw_trust: float = 0.3
     quiet_m: float = 2e-4
     quiet_rad: float = 1e-3
+    adaptation: Adaptation = NOT_ADAPTIVE
     seen_adaptation: Adaptation = SEEN_ADAPTATION
-    parallel: Parallel = ALONE
     lag_compensation: LagCompensation = PLAIN
     leader_lag_compensation: LagCompensation = PLAIN
 
@@ -63,14 +63,11 @@ HORIZONTAL_LOOP_S, VERTICAL_LOOP_S = 0.170, 0.068
 PRINTED_ALPHA, PRINTED_EPS = -2.0 / 9.0, -0.49
 PRINTED_FTESO = ObserverGains(70.0, PRINTED_ALPHA, scale=1.0, smooth=0.0)
 LEADER_PID = CascadeGains(2.0, 4.0, 1.0)
-HORIZONTAL = SlidingGains(Law.CFC, c=4.46, p1=3.5, p2=0.37, eps=-0.177, smooth_m_s=0.03)
+HORIZONTAL = SlidingGains(Law.CFC, c=4.0, p1=2.9, p2=0.5, eps=-0.177, smooth_m_s=0.057)
 VERTICAL = SlidingGains(Law.CFC, c=8.0, p1=10.0, p2=3.0, eps=-0.15, smooth_m_s=0.35)
 SLOW_OBSERVER = ObserverGains(18.0, -0.1, 0.004)
-OBSERVER = ObserverGains(7.0, -0.029, 0.004)
-FAST = Parallel(
-    bandwidth_rad_s=150.0, pos_sigmas=6.9, vel_sigmas=7.7, dist_sigmas=12.4, attitude_trust=0.7, urgency=9.0
-)
-LAG_COMPENSATION = LagCompensation(rate=0.94, gain=1.51, gain_power=0.124, p1_power=0.9, lead_share=0.22)
+OBSERVER = ObserverGains(11.0, -0.029, 0.004)
+LAG_COMPENSATION = LagCompensation(rate=1.2, gain=1.64, gain_power=0.255, p1_power=0.63, lead_share=0.5)
 
 DEFAULT = Preset(
     name="default",
@@ -87,9 +84,10 @@ DEFAULT = Preset(
     seen_vertical_observer=ObserverGains(20.0, -0.1, 0.004),
     seen_heading_observer=ObserverGains(10.0, -0.1, 0.02),
     yaw_trust=0.6,
-    dead_share=0.89,
-    attitude_trust=0.36,
-    parallel=FAST,
+    dead_share=0.9,
+    lag_share=0.62,
+    attitude_trust=0.65,
+    adaptation=Adaptation(lag_s=0.1, threshold=1.7, most=5.8, bandwidth_power=1.1, mean_share=0.04),
     lag_compensation=LAG_COMPENSATION,
     leader_lag_compensation=LAG_COMPENSATION,
 )
@@ -103,10 +101,7 @@ PAPER_CFC = replace(
     follower=SlidingGains(Law.CFC, c=1.0, p1=8.0, p2=0.1, eps=PRINTED_EPS),
     compensate=False,
     observer=PRINTED_FTESO,
-    dead_share=0.9,
-    lag_share=0.62,
-    attitude_trust=0.65,
-    parallel=ALONE,
+    adaptation=NOT_ADAPTIVE,
     lag_compensation=PLAIN,
 )
 PAPER_COMPENSATED = replace(
@@ -165,7 +160,7 @@ def scaled_for(gains: Preset, profile: VehicleProfile, mocap: MocapConfig) -> Pr
         observer=gains.observer.scaled(gain_scale.observer),
         own_observer=gains.own_observer.scaled(gain_scale.observer),
         vertical_observer=gains.vertical_observer.scaled(gain_scale.vertical),
-        parallel=gains.parallel.scaled(gain_scale.observer),
+        adaptation=replace(gains.adaptation, most=1.0 + gain_scale.observer * (gains.adaptation.most - 1.0)),
         dead_share=gain_scale.compensation * gains.dead_share,
         lag_share=gain_scale.compensation * gains.lag_share,
     )

@@ -67,13 +67,13 @@ def _fastest(pieces: Float, duration_s: float) -> float:
     ends = np.append(pieces[:, 0], duration_s)
     for begin, end in pairwise(ends.tolist()):
         for t_s in np.linspace(begin, end, LOOKS):
-            add(pieces, float(t_s), 0.0, 0.0, 0.0, out)
+            at(pieces, float(t_s), out)
             worst = max(worst, float(np.linalg.norm(out[1, :3])))
     return worst
 
 
-def add(pieces: Float, t_s: float, yaw: float, yaw_rate: float, yaw_acc: float, out: Float) -> None:
-    """Position, velocity, acceleration (rows) at t_s into out (3, 4), its heading turned further by yaw."""
+def at(pieces: Float, t_s: float, out: Float) -> None:
+    """Position, velocity, acceleration (rows) of x, y, z, heading (columns) at t_s into out (3, 4)."""
     low, high = 0, len(pieces) - 1
     while low < high:
         middle = (low + high + 1) // 2
@@ -89,6 +89,3 @@ def add(pieces: Float, t_s: float, yaw: float, yaw_rate: float, yaw_acc: float, 
             rate = rate * since_s + value
             value = value * since_s + pieces[low, 1 + POWERS * axis + power]
         out[0, axis], out[1, axis], out[2, axis] = value, rate, acc
-    out[0, 3] += yaw
-    out[1, 3] += yaw_rate
-    out[2, 3] += yaw_acc

@@ -143,9 +143,6 @@ def sample(kind: int, numbers: Float, knots: Float, t_s: float, out: Float) -> N
     for axis in range(4):
         out[0, axis], out[1, axis], out[2, axis] = numbers[axis], 0.0, 0.0
     duration = numbers[DURATION]
-    turn = ramped_angle(t_s, numbers[TURN_RATE], numbers[TURN_RAMP], duration)
-    for order in range(3):
-        out[order, 3] += turn[order]
     if kind == LINE:
         step = min_jerk(t_s / duration)
         scale = numbers[LENGTH]
@@ -159,7 +156,10 @@ def sample(kind: int, numbers: Float, knots: Float, t_s: float, out: Float) -> N
     elif kind == WAYPOINTS:
         _waypoints(knots, t_s, out)
     elif kind == SPLINE:
-        spline.add(knots, min(max(t_s, 0.0), duration), turn[0], turn[1], turn[2], out)
+        spline.at(knots, min(max(t_s, 0.0), duration), out)
+    turn = ramped_angle(t_s, numbers[TURN_RATE], numbers[TURN_RAMP], duration)
+    for order in range(3):
+        out[order, 3] += turn[order]
 
 
 def _lissajous(angle: tuple[float, float, float], numbers: Float, out: Float) -> None:
@@ -200,5 +200,5 @@ def _waypoints(knots: Float, t_s: float, out: Float) -> None:
             scale /= duration
 
 
-PARTS = (min_jerk, ramped_angle, _circle, _waypoints, _lissajous, spline.add)
+PARTS = (min_jerk, ramped_angle, _circle, _waypoints, _lissajous, spline.at)
 """What `sample` calls: whoever compiles it has these compiled too."""

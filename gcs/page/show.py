@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from gcs.page.table import Cell, row
+from gcs.page.table import Cell, Level, row
 
 SILENT_S = 1.0
 """After so long without the ground's state, the page says so across everything."""
@@ -109,8 +109,6 @@ def stop_text(state: Mapping[str, Any]) -> str:
 
 def vital(state: Mapping[str, Any], mocap: Mapping[str, Any] | None) -> tuple[tuple[str, Cell], ...]:
     """Mocap, control cycles, log and disk."""
-    from gcs.page.table import Level
-
     cycles, log, share = state["cycles"], state["log"], float(state["counters"]["late_share"])
     timing = None if mocap is None else mocap.get("timing")
     told: list[tuple[str, Cell]] = []

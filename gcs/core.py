@@ -16,7 +16,6 @@ from formation.control import limits
 from formation.control.presets import Preset
 from formation.control.stack import ControlStack, Stages
 from formation.messages import (
-    AttitudeTarget,
     Datagram,
     Event,
     HostReport,
@@ -45,6 +44,7 @@ from gcs.lateness import Lateness
 from gcs.mocap.autopilot_poses import streams
 from gcs.operator import armed_text, done_text
 from gcs.safety import adoption, monitors
+from gcs.safety.blind import BlindFlight
 from gcs.safety.host import Host
 from gcs.safety.permissions import Permissions
 from gcs.state.counters import counters
@@ -103,6 +103,7 @@ class GcsCore:
         self._rule_state = rules.start(len(config.vehicles))
         self._rules_on = rules.switched_on(without)
         self._lateness = Lateness()
+        self._blind = BlindFlight(self._drones, len(config.vehicles), on=monitors.LEVEL_BLIND not in without)
         self._stages: Stages | None = None
         self._frame: LabFrame | None = None
         self._bodies = tuple(v.body for v in config.vehicles)
@@ -243,14 +244,15 @@ class GcsCore:
 
     def _control(self, frame: LabFrame, now_ns: int) -> Stages:
         hover = np.array([drone.link.hover_thrust_norm for drone in self._drones])
+        self._stack.forget(self._blind.look(frame))
         stages = self._stack.step(now_ns, frame, self._flight.plan(), hover)
         state, target = stages.state, stages.target
         if not all_finite(
             state.pos_lab_m, state.vel_lab_m_s, target.q_lab_from_flu, target.rate_flu_rad_s, target.thrust_norm
         ):
             raise BrokenInvariantError(f"frame {frame.seq}: the control's estimate or target is not finite")
-        self._stages = stages
-        return stages
+        self._stages = self._blind.kept(stages, frame.t_capture_ns, hover)
+        return self._stages
 
     def _answer(self, request: OperatorRequest, now_ns: int) -> list[OperatorReply]:
         """The answer; none yet to `arm`, which is answered when every drone has armed, or has not."""
@@ -308,8 +310,10 @@ class GcsCore:
         datagrams = []
         for i, drone in enumerate(self._drones):
             link, parts = drone.link, []
-            if streaming and frame is not None and stages is not None and drone.flown:
-                parts.append(_setpoint(link, frame.t_capture_ns, stages.target, i))
+            if streaming and frame is not None and stages is not None and drone.flown and not self._blind.mutes(i):
+                to = stages.target
+                q, rate = to.q_lab_from_flu[i], to.rate_flu_rad_s[i]
+                parts.append(link.setpoint(frame.t_capture_ns, q, rate, float(to.thrust_norm[i])))
             if pose and frame is not None and frame.seen[drone.index]:
                 at = drone.index
                 parts.append(link.pose(frame.t_capture_ns, frame.pos_lab_m[at], frame.q_lab_from_flu[at]))
@@ -344,7 +348,3 @@ class GcsCore:
             drone.checked = True
             events += [Event(Severity.WARNING, link.name, text) for text in warnings(link, self._feeds_pose)]
         return events
-
-
-def _setpoint(link: DroneLink, t_capture_ns: int, target: AttitudeTarget, i: int) -> bytes:
-    return link.setpoint(t_capture_ns, target.q_lab_from_flu[i], target.rate_flu_rad_s[i], float(target.thrust_norm[i]))

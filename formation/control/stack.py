@@ -1,5 +1,6 @@
 """The control stack: frame in, attitude targets out. Pure functions in a row, and the one place that remembers."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,11 +18,11 @@ from formation.guidance.followed_leader import FollowedLeader, Led, as_estimated
 from formation.guidance.plan import Mode, Plan
 from formation.guidance.reference_generator import Generator, References, fleet, references, start, update
 from formation.maths.arrays import Scalars
-from formation.maths.records import Rows, like
+from formation.maths.records import Rows, copied, like
 from formation.messages import AttitudeTarget, Command, LabFrame, Reference, SwarmState
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
-from formation.vehicle.response import SentCommands, no_history, remember
+from formation.vehicle.response import NEVER_NS, SentCommands, no_history, remember
 
 HISTORY_NS = 1_000_000_000
 
@@ -106,6 +107,16 @@ class ControlStack:
             _command(wanted, estimates, self._commanded, t_ns),
             _target(target, t_ns),
         )
+
+    def forget(self, bodies: Collection[int]) -> None:
+        """Begin these bodies' estimates anew, at rest where the next frame sees them: made of poses that were wrong."""
+        if not bodies or self._estimates is None:
+            return
+        self._estimates, self._memory = copied(self._estimates), copied(self._memory)
+        for i in bodies:
+            self._estimates[i].seen_ns = NEVER_NS
+        for place in np.flatnonzero(np.isin(self._commanded, list(bodies))).tolist():
+            self._memory[place] = no_memory(1)[0]
 
     def _begin(self, frame: LabFrame, plan: Plan) -> Rows[VehicleEstimate]:
         """The first estimate; vehicles not idle are taken to hover, as after a restart in flight."""

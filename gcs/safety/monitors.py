@@ -7,7 +7,8 @@ ARM_IN_AIR = "arm-in-air"
 ARM_OTHER_GROUND = "arm-other-ground"
 LOG_TROUBLE = "log-trouble"
 STOP_REPEAT = "stop-repeat"
-MONITORS = (*RULE_NAMES, *limits.MONITORS, ARM_IN_AIR, ARM_OTHER_GROUND, LOG_TROUBLE, STOP_REPEAT)
+LEVEL_BLIND = "level-blind"
+MONITORS = (*RULE_NAMES, *limits.MONITORS, ARM_IN_AIR, ARM_OTHER_GROUND, LOG_TROUBLE, STOP_REPEAT, LEVEL_BLIND)
 
 
 def check(without: frozenset[str]) -> None:

@@ -3,7 +3,7 @@
 Reading files is `wire.config_file`'s work; simulation scenarios extend this in `sim.scenario`.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal, Protocol, Self
 
 from pydantic import AfterValidator, Field, ValidationInfo, model_validator
@@ -166,6 +166,27 @@ class OperatorConfig(Model):
     stop_button: StopButton | None = None
 
 
+class LawReader(Protocol):
+    """Who knows the control laws of the lab's own packages."""
+
+    def check_law(self, name: str, options: Mapping[str, Any]) -> None:
+        """ValueError where no package registers the law, or it cannot be made with these options."""
+
+
+class ControlLawConfig(Model):
+    """The lab's own law for the followers in formation: its name in a package of the lab's, and what it is given."""
+
+    name: Name
+    options: dict[str, float | int | str | bool] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _is_here(self, info: ValidationInfo) -> Self:
+        packages: LawReader | None = info.context
+        if packages is not None:
+            packages.check_law(self.name, self.options)
+        return self
+
+
 class LabConfig(Model):
     """lab.toml: everything `gcs run` needs.
 
@@ -182,6 +203,7 @@ class LabConfig(Model):
     followers: Annotated[tuple[FollowerConfig, ...], Field(min_length=1)]
     formation: FormationConfig = FormationConfig()
     control_preset: Annotated[str, AfterValidator(_preset)] = "default"
+    control_law: ControlLawConfig | None = None
     limits: LimitsConfig = LimitsConfig()
     flight: FlightConfig = FlightConfig()
     link: LinkConfig = LinkConfig()

@@ -255,9 +255,8 @@ class GcsCore:
             return [OperatorReply(request.id, True, self.status(now_ns))]
         facts = self._gatherer.gather(self._stages, self._lateness.share, now_ns, asked_to_arm=True)
         refusals = self._permissions.refusals(request.verb, facts, self._stages, now_ns)
-        if not refusals and request.verb is Verb.SHAPE:
-            asked = request.argument
-            refusals = reforming.change(asked, self._flight, self._facts(now_ns), self._stages, self._config, now_ns)
+        if not refusals and request.verb in reforming.CHANGES:
+            refusals = reforming.ask(request, self._flight, self._facts(now_ns), self._stages, now_ns)
         elif not refusals:
             refused = self._carry_out(request.verb, now_ns)
             refusals = (refused,) if refused else ()
@@ -268,7 +267,7 @@ class GcsCore:
         if request.verb is Verb.ARM:
             self._arming_request = request.id
             return []
-        return [OperatorReply(request.id, True, done_text(self.phase, self._flight.shape))]
+        return [OperatorReply(request.id, True, done_text(self._flight))]
 
     def _carry_out(self, verb: Verb, now_ns: int) -> str:
         """Pull the verb's trigger: the empty text, or why it means nothing now."""

@@ -63,7 +63,9 @@ def flown(flight: Flight) -> str:
     text += f"; link: {flight.run.link}." if flight.run.link else "."
     if lab is None:
         return text + " The log carries no configuration; bodies are named as the mocap names them."
-    return f"{text} {_slots(lab, leader)} Control preset: {lab.control_preset}."
+    law = lab.control_law
+    own = f" In formation the followers flew by the lab's own control law {law.name}." if law is not None else ""
+    return f"{text} {_slots(lab, leader)} Control preset: {lab.control_preset}.{own}"
 
 
 def _path(path: TrajectoryConfig) -> str:

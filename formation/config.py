@@ -3,7 +3,7 @@
 Reading files is `wire.config_file`'s work; simulation scenarios extend this in `sim.scenario`.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal, Protocol, Self
 
 from pydantic import AfterValidator, Field, ValidationInfo, model_validator
@@ -11,6 +11,7 @@ from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 from formation.fields import Endpoint, GlobePoint, Host, OwnLink, PortBase, Tilt, UnitQuat
 from formation.mocap_config import MocapConfig as MocapConfig
 from formation.model import NO_ROTATION, Model, Name, Positive, SysId, Vec3Tuple
+from formation.requests import CONFIGURED as CONFIGURED
 from formation.requests import ENDPOINT, LAB
 from formation.trajectory_config import TrajectoryConfig as TrajectoryConfig
 from formation.vehicle.profile import VehicleProfile, profile
@@ -48,8 +49,16 @@ class LeaderConfig(VehicleBody):
     """The body the formation is held on; without a sysid it is observed only, never commanded."""
 
     trajectory: TrajectoryConfig = TrajectoryConfig()
+    trajectories: dict[Name, TrajectoryConfig] = Field(default_factory=dict)
+    """Further ones, by name, among which the operator chooses; `configured` is the one above."""
     spawn_yaw_rad: float = 0.0
     """Heading in which a commanded leader is expected to start, about lab z; the slots turn with it."""
+
+    @model_validator(mode="after")
+    def _leaves_the_configured_one(self) -> Self:
+        if CONFIGURED in self.trajectories:
+            raise ValueError(f"trajectory {CONFIGURED!r} is the one that `trajectory` says")
+        return self
 
 
 class FollowerConfig(VehicleBody):
@@ -65,10 +74,6 @@ class SlotConfig(Model):
 
     offset_m: Vec3Tuple
     yaw_offset_rad: float = 0.0
-
-
-CONFIGURED = "configured"
-"""The shape that the followers' own entries make."""
 
 
 class FormationConfig(Model):
@@ -166,6 +171,27 @@ class OperatorConfig(Model):
     stop_button: StopButton | None = None
 
 
+class LawReader(Protocol):
+    """Who knows the control laws of the lab's own packages."""
+
+    def check_law(self, name: str, options: Mapping[str, Any]) -> None:
+        """ValueError where no package registers the law, or it cannot be made with these options."""
+
+
+class ControlLawConfig(Model):
+    """The lab's own law for the followers in formation: its name in a package of the lab's, and what it is given."""
+
+    name: Name
+    options: dict[str, float | int | str | bool] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _is_here(self, info: ValidationInfo) -> Self:
+        packages: LawReader | None = info.context
+        if packages is not None:
+            packages.check_law(self.name, self.options)
+        return self
+
+
 class LabConfig(Model):
     """lab.toml: everything `gcs run` needs.
 
@@ -182,6 +208,7 @@ class LabConfig(Model):
     followers: Annotated[tuple[FollowerConfig, ...], Field(min_length=1)]
     formation: FormationConfig = FormationConfig()
     control_preset: Annotated[str, AfterValidator(_preset)] = "default"
+    control_law: ControlLawConfig | None = None
     limits: LimitsConfig = LimitsConfig()
     flight: FlightConfig = FlightConfig()
     link: LinkConfig = LinkConfig()
@@ -221,6 +248,16 @@ class LabConfig(Model):
         for vehicle in self.vehicles:
             self.profile_of(vehicle)
         return self
+
+    def flying(self, trajectory: str) -> "LabConfig":
+        """The same lab with that one of its leader's trajectories; ValueError names those there are."""
+        if trajectory == CONFIGURED:
+            return self
+        if trajectory not in self.leader.trajectories:
+            known = ", ".join((CONFIGURED, *self.leader.trajectories))
+            raise ValueError(f"no trajectory {trajectory!r}; known: {known}")
+        leader = self.leader.model_copy(update={"trajectory": self.leader.trajectories[trajectory]})
+        return self.model_copy(update={"leader": leader})
 
     def profile_of(self, vehicle: VehicleBody) -> VehicleProfile:
         """The model of one of the lab's vehicles; ValueError names the known ones."""

@@ -8,6 +8,10 @@ ENDPOINT = "tcp/127.0.0.1:7447"
 """Where a lab's ground is asked, where nothing else is said."""
 
 
+CONFIGURED = "configured"
+"""The shape that the followers' own entries make; the leader's trajectory that its own entry says."""
+
+
 class Verb(StrEnum):
     """What an operator can ask of the ground."""
 
@@ -20,6 +24,7 @@ class Verb(StrEnum):
     LAND = "land"
     STOP = "stop"
     SHAPE = "shape"
+    TRAJECTORY = "trajectory"
 
 
 @dataclass(frozen=True, slots=True)

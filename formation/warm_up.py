@@ -8,15 +8,19 @@ from formation.guidance.plan import IDLE, Mode, Plan, Setpoint
 from formation.guidance.shape import configured
 from formation.maths import frames
 from formation.messages import LabFrame
+from formation.own_law.flight import OwnLaws
 from formation.vehicle.profile import VehicleProfile
 
 FRAME_NS = 10_000_000
 HEIGHTS_M = (0.0, 0.0, 0.1, 0.2, 0.3, 0.3, 0.3, 0.3)
 
 
-def warm_up(config: LabConfig, profiles: tuple[VehicleProfile, ...]) -> None:
-    """Takes off, joins the formation and lands in imagination: every kernel of the stack is loaded or compiled."""
-    stack = ControlStack(config, profiles)
+def warm_up(config: LabConfig, profiles: tuple[VehicleProfile, ...], own: OwnLaws | None = None) -> None:
+    """Takes off, joins the formation and lands in imagination: every kernel of the stack is loaded or compiled.
+
+    own: the lab's own laws, made for this alone.
+    """
+    stack = ControlStack(config, profiles, own=own)
     n, m = len(config.vehicles), len(config.commanded)
     bodies = tuple(v.body for v in config.vehicles)
     hover = np.array([profiles[i].hover_thrust_norm for i in config.commanded])

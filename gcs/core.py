@@ -43,6 +43,7 @@ from gcs.flight import Flight
 from gcs.lateness import Lateness
 from gcs.mocap.autopilot_poses import streams
 from gcs.operator import armed_text, done_text
+from gcs.own_law import own_laws
 from gcs.safety import adoption, monitors
 from gcs.safety.blind import BlindFlight
 from gcs.safety.host import Host
@@ -95,6 +96,7 @@ class GcsCore:
         self._links = {drone.link.sysid: drone.link for drone in self._drones}
         for link in self._links.values() if monitors.STOP_REPEAT in without else ():
             link.commands.urgent_retry_ns = RETRY_NS
+        self._own = own_laws(config)
         self._stack = self._fresh_stack()
         self._pick_up_ns: int | None = None
         self._flight = Flight(config, self._drones, t0_ns)
@@ -123,19 +125,13 @@ class GcsCore:
 
     def _fresh_stack(self) -> ControlStack:
         profiles = tuple(self._config.profile_of(vehicle) for vehicle in self._config.vehicles)
-        return ControlStack(self._config, profiles, self._gains, self._without & set(limits.MONITORS))
+        return ControlStack(self._config, profiles, self._gains, self._without & set(limits.MONITORS), self._own)
 
     def _link(self, config: LabConfig, i: int) -> DroneLink:
         vehicle = config.vehicles[i]
         origin = config.origin if self._feeds_pose else None
-        return DroneLink(
-            vehicle,
-            vehicle.sysid or 0,
-            config.profile_of(vehicle),
-            streams(config),
-            origin,
-            ground_address(self._epoch),
-        )
+        sysid, profile, address = vehicle.sysid or 0, config.profile_of(vehicle), ground_address(self._epoch)
+        return DroneLink(vehicle, sysid, profile, streams(config), origin, address)
 
     @property
     def phase(self) -> Phase:
@@ -246,6 +242,7 @@ class GcsCore:
         hover = np.array([drone.link.hover_thrust_norm for drone in self._drones])
         self._stack.forget(self._blind.look(frame))
         stages = self._stack.step(now_ns, frame, self._flight.plan(), hover)
+        self._flight.events += self._stack.told()
         state, target = stages.state, stages.target
         if not all_finite(
             state.pos_lab_m, state.vel_lab_m_s, target.q_lab_from_flu, target.rate_flu_rad_s, target.thrust_norm
@@ -260,9 +257,8 @@ class GcsCore:
             return [OperatorReply(request.id, True, self.status(now_ns))]
         facts = self._gatherer.gather(self._stages, self._lateness.share, now_ns, asked_to_arm=True)
         refusals = self._permissions.refusals(request.verb, facts, self._stages, now_ns)
-        if not refusals and request.verb is Verb.SHAPE:
-            asked = request.argument
-            refusals = reforming.change(asked, self._flight, self._facts(now_ns), self._stages, self._config, now_ns)
+        if not refusals and request.verb in reforming.CHANGES:
+            refusals = reforming.ask(request, self._flight, self._facts(now_ns), self._stages, now_ns)
         elif not refusals:
             refused = self._carry_out(request.verb, now_ns)
             refusals = (refused,) if refused else ()
@@ -273,7 +269,7 @@ class GcsCore:
         if request.verb is Verb.ARM:
             self._arming_request = request.id
             return []
-        return [OperatorReply(request.id, True, done_text(self.phase, self._flight.shape))]
+        return [OperatorReply(request.id, True, done_text(self._flight))]
 
     def _carry_out(self, verb: Verb, now_ns: int) -> str:
         """Pull the verb's trigger: the empty text, or why it means nothing now."""

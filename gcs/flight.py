@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from formation.config import LabConfig
+from formation.config import CONFIGURED, LabConfig
 from formation.control.stack import Stages
 from formation.guidance.plan import IDLE, Mode, Plan, Setpoint
 from formation.guidance.preview import trajectory_from
@@ -33,7 +33,8 @@ class Flight:
     """One phase for the swarm. `pull` is the only way it changes.
 
     armed: in ARMED, whether every drone has reported off-board and armed. trajectory: the leader's, as last begun at
-    trajectory_start_ns, from x, y, z, heading trajectory_from (4).
+    trajectory_start_ns, from x, y, z, heading trajectory_from (4). trajectory_name: of the one that is flown next, or
+    now; config: the lab with that one, lab: as it was given.
     """
 
     def __init__(self, config: LabConfig, drones: tuple[Drone, ...], t0_ns: int) -> None:
@@ -42,6 +43,8 @@ class Flight:
         self.cause = "start"
         self.shape: Shape = configured(config)
         self.rise_m: tuple[float, ...] = ()
+        self.lab = self.config = config
+        self.trajectory_name = CONFIGURED
         self.trajectory_start_ns: int | None = None
         self.trajectory: Trajectory | None = None
         self.trajectory_from: Float | None = None
@@ -49,7 +52,6 @@ class Flight:
         self._too_late = False
         self.events: list[Event] = []
         self.changes: list[PhaseChange] = [PhaseChange(Phase.GROUND, self.cause)]
-        self._config = config
         self._drones = drones
         self._settled_since_ns: int | None = None
         self._spots: Float | None = None
@@ -58,7 +60,12 @@ class Flight:
     def plan(self) -> Plan:
         """What the control is asked for now; who is sent no setpoints is not led, and all others keep clear of it."""
         setpoints = tuple(drone.setpoint if drone.flown else IDLE for drone in self._drones)
-        return Plan(setpoints, self.shape, self.trajectory_start_ns, self.rise_m)
+        return Plan(setpoints, self.shape, self.trajectory_start_ns, self.rise_m, self.trajectory_name)
+
+    def choose(self, trajectory: str, about: str) -> None:
+        """Have the leader fly that one of the lab's trajectories when it is started next; about: it in words."""
+        self.trajectory_name, self.config = trajectory, self.lab.flying(trajectory)
+        self.events.append(Event(Severity.NOTICE, "flight", f"trajectory {trajectory}: {about}"))
 
     def reform(self, way: Transition) -> None:
         """Take the shape up, or change to it, along that way."""
@@ -181,7 +188,7 @@ class Flight:
                 drone.notice_thrust(thrust_norm)
 
     def _setpoint(self) -> Setpoint:
-        flight = self._config.flight
+        flight = self.config.flight
         match self.phase:
             case Phase.TAKEOFF:
                 return take_off_setpoint(flight.altitude_m, flight.climb_m_s)
@@ -234,7 +241,7 @@ class Flight:
 
     def _watch_height(self, stages: Stages, now_ns: int) -> None:
         """At height: led up to it, risen to it, and no longer rising (a hold brakes from whatever speed it finds)."""
-        height_m, flown = self._config.flight.altitude_m, [i for i, drone in enumerate(self._drones) if drone.flown]
+        height_m, flown = self.config.flight.altitude_m, [i for i, drone in enumerate(self._drones) if drone.flown]
         bodies = [self._drones[i].index for i in flown]
         away_m = np.abs(stages.state.pos_lab_m[bodies, 2] - height_m)
         led_away_m = np.abs(stages.reference.slot_lead_m[flown, 2] - height_m)
@@ -250,7 +257,7 @@ class Flight:
 
     def _watch_slots(self, stages: Stages, now_ns: int) -> None:
         """Start the leader's trajectory once every slot has been taken for a second."""
-        slots_m = stages.reference.slot_lead_m[-len(self._config.followers) :]
+        slots_m = stages.reference.slot_lead_m[-len(self.config.followers) :]
         away_m = np.linalg.norm(slots_m - self.shape.offsets, axis=-1)
         if float(away_m.max()) > IN_SLOT_M:
             self._settled_since_ns = None
@@ -259,7 +266,7 @@ class Flight:
         elif now_ns - self._settled_since_ns >= SETTLE_NS:
             self.trajectory_start_ns = now_ns
             self.trajectory_from = np.array([*stages.state.pos_lab_m[0], stages.state.yaw_rad[0]])
-            self.trajectory = trajectory_from(self._config, self.trajectory_from)
+            self.trajectory = trajectory_from(self.config, self.trajectory_from)
 
     def _notice_landing(self, stages: Stages | None, now_ns: int) -> None:
         if stages is not None:
@@ -284,7 +291,7 @@ class Flight:
     def _end_landing(self, now_ns: int) -> None:
         """A landing that takes too long is left to the autopilots, and at last is over."""
         if self._descent is None:
-            self._descent = descent(self._drones, self._config, self.entered_ns)
+            self._descent = descent(self._drones, self.config, self.entered_ns)
         if now_ns >= self._descent.end_ns:
             text = ended_text(self._drones, now_ns)
             self.events.append(Event(Severity.CRITICAL, "flight", text))
@@ -304,9 +311,9 @@ class Flight:
 
     def _lead_down(self, stages: Stages) -> None:
         """Straight down; but aside first, at its height, for a drone under which another will stand."""
-        flight, at_m = self._config.flight, stages.state.pos_lab_m[[drone.index for drone in self._drones]]
+        flight, at_m = self.config.flight, stages.state.pos_lab_m[[drone.index for drone in self._drones]]
         if self._spots is None:
-            self._spots = landing_spots(at_m, self._config.limits)
+            self._spots = landing_spots(at_m, self.config.limits)
         for drone, here, spot in zip(self._drones, at_m, self._spots, strict=True):
             if drone.descending or drone.touched or not drone.flown:
                 continue

@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 
 from formation.config import LabConfig
-from formation.guidance.shape import Shape
-from formation.messages import Phase
 from formation.safety import arming
 from formation.safety.rules import Facts
 from gcs.drones.drone import TAKE_OFF_S, Drone
@@ -37,6 +35,7 @@ def armed_text(flight: Flight, now_ns: int) -> str:
     return f"every drone is armed; take off within {max(first[1] - TAKE_OFF_S, 0.0):.1f} s ({first[0]} disarms itself)"
 
 
-def done_text(phase: Phase, shape: Shape) -> str:
+def done_text(flight: Flight) -> str:
     """What is said of a request that was carried out at once."""
-    return f"phase {phase.name}, shape {shape.name}"
+    trajectory = f", trajectory {flight.trajectory_name}" if flight.config.leader.trajectories else ""
+    return f"phase {flight.phase.name}, shape {flight.shape.name}{trajectory}"

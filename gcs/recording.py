@@ -14,6 +14,7 @@ from formation.messages import Datagram, HostReport, LabFrame, OperatorRequest, 
 from formation.topics import Topic
 from gcs.core import Outgoing
 from wire import version
+from wire.lab_surroundings import law_package
 
 Record = Callable[[Topic, object, int], None]
 Input = LabFrame | Datagram | OperatorRequest | HostReport
@@ -101,7 +102,9 @@ def run_metadata(config: LabConfig, t0_ns: int, epoch: int = 0) -> dict[str, str
     """
     profiles = {vehicle.profile: config.profile_of(vehicle) for vehicle in config.vehicles}
     gains = {name: preset_for(config.control_preset, kind, config.mocap) for name, kind in profiles.items()}
+    law = config.control_law
     return {
+        "control_law": "" if law is None else f"{law.name}, of {law_package(law.name)}",
         "lab": config.model_dump_json(),
         "t0_ns": str(t0_ns),
         "epoch": str(epoch),

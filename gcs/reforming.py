@@ -1,4 +1,4 @@
-"""A request for a shape, seen from the flight as it is: which slots, whose, whether inside, and a way into them."""
+"""A request for a shape or a trajectory, seen from the flight as it is: whether it fits, and a way into the slots."""
 
 import numpy as np
 
@@ -11,14 +11,30 @@ from formation.guidance.shape_request import parse
 from formation.guidance.trajectory import Trajectory
 from formation.guidance.transition import Space, Transition, assigned, demand_room, transition
 from formation.maths.arrays import Float
-from formation.messages import Phase
+from formation.messages import OperatorRequest, Phase, Verb
 from formation.safety.rules import Facts
+from gcs.finding import Grade
 from gcs.flight import Flight
+from gcs.lab.keys import Keys
+from gcs.lab.pace import judge_way, way_text
 
 TRACKING_M = 0.02  # by so much together two followers may miss their references before the separation filter is asked
 INSET_M = 0.2
 FRESH_S = 0.2
 LOOKS = 200  # along the leader's way; a look takes 15 us of a tick
+CHANGES = frozenset({Verb.SHAPE, Verb.TRAJECTORY})
+"""What may be asked for that changes no phase."""
+CHOOSING = (Phase.GROUND, Phase.ARMED, Phase.TAKEOFF, Phase.HOLD)
+"""Where the leader's trajectory may be chosen: it neither flies one nor waits for its slots to be taken."""
+
+
+def ask(
+    request: OperatorRequest, flight: Flight, facts: Facts, stages: Stages | None, now_ns: int
+) -> tuple[str, ...]:  # fmt: skip
+    """Carry out a request of CHANGES, or say why not."""
+    if request.verb is Verb.SHAPE:
+        return change(request.argument, flight, facts, stages, now_ns)
+    return choose(request.argument, flight, facts, stages)
 
 
 def start(flight: Flight, facts: Facts, stages: Stages | None, config: LabConfig) -> tuple[str, ...]:
@@ -31,14 +47,13 @@ def start(flight: Flight, facts: Facts, stages: Stages | None, config: LabConfig
     return outside or _set_out(flight.shape, flight, stages, config)
 
 
-def change(
-    asked: str, flight: Flight, facts: Facts, stages: Stages | None, config: LabConfig, now_ns: int
-) -> tuple[str, ...]:
+def change(asked: str, flight: Flight, facts: Facts, stages: Stages | None, now_ns: int) -> tuple[str, ...]:
     """Take another shape, or say why not; judged on the ground as in the air.
 
     In formation the followers set out at once. Else it is kept for the start, and judged above where the leader is, at
     the height of the take-off; or, while it is not seen, where the lab file expects it.
     """
+    config = flight.config
     unseen, forming = leader_refusals(facts, config), flight.phase is Phase.FORMATION
     if forming and (unseen or stages is None):
         return unseen
@@ -46,9 +61,7 @@ def change(
         shape = requested(asked, stages, config)
     except ValueError as error:
         return (str(error),)
-    place = expected_start(config) if unseen or stages is None else _leader_place(stages)
-    if not forming and config.leader.sysid is not None:
-        place[2] = config.flight.altitude_m
+    place = _start_place(unseen, stages, config, aloft=forming)
     ahead = foreseen(shape, place, *flight.on_the_way(now_ns), config)
     if refusals := room_refusals(ahead, config):
         return refusals
@@ -56,6 +69,42 @@ def change(
         return _set_out(shape, flight, stages, config)
     flight.shape = shape
     return ()
+
+
+def choose(asked: str, flight: Flight, facts: Facts, stages: Stages | None) -> tuple[str, ...]:
+    """Have the leader fly another trajectory when it is started next, or say why not; judged from where it is now.
+
+    On the ground at the height of the take-off, and while the leader is not seen from where the lab file expects it.
+    """
+    if refusals := choosing_refusals(flight):
+        return refusals
+    try:
+        config = flight.lab.flying(asked)
+    except ValueError as error:
+        return (str(error),)
+    place = _start_place(leader_refusals(facts, config), stages, config, aloft=flight.phase is Phase.HOLD)
+    ahead = foreseen(flight.shape, place, None, 0.0, config)
+    if refusals := trajectory_refusals(ahead, config):
+        return refusals
+    flight.choose(asked, way_text(config, ahead))
+    return ()
+
+
+def choosing_refusals(flight: Flight) -> tuple[str, ...]:
+    """Why no trajectory of the leader's can be chosen now, whichever it is."""
+    leader = flight.config.leader
+    if leader.sysid is None:
+        return (f"{leader.body}: it is only observed, and flies what it flies",)
+    if flight.phase not in CHOOSING:
+        names = ", ".join(phase.name for phase in CHOOSING)
+        return (f"{Verb.TRAJECTORY} is for {names}, this is {flight.phase.name}",)
+    return ()
+
+
+def trajectory_refusals(ahead: Preview, config: LabConfig) -> tuple[str, ...]:
+    """Why a trajectory of the leader's cannot be flown: fence, speed, tilt, thrust and turn, the slots' too."""
+    pace = (finding.why for finding in judge_way(config, Keys(config), ahead) if finding.grade is Grade.FAIL)
+    return (*way_refusals(ahead, config), *room_refusals(ahead, config), *pace)
 
 
 def requested(text: str, stages: Stages | None, config: LabConfig) -> Shape:
@@ -156,6 +205,14 @@ def _led_motion(stages: Stages, config: LabConfig) -> Float:
         in_lab = motion[i].copy()
         lead_from_lab(in_lab, leader, motion[i])
     return motion
+
+
+def _start_place(unseen: tuple[str, ...], stages: Stages | None, config: LabConfig, aloft: bool) -> Float:
+    """Where the leader is when the formation is taken up: where it is, or while it is not seen is expected to be."""
+    place = expected_start(config) if unseen or stages is None else _leader_place(stages)
+    if not aloft and config.leader.sysid is not None:
+        place[2] = config.flight.altitude_m
+    return place
 
 
 def _leader_place(stages: Stages) -> Float:

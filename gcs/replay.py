@@ -95,10 +95,15 @@ def _left_over(expected: Iterator[Output], t_ns: int) -> Difference | None:
 
 def _core(metadata: Mapping[str, str]) -> GcsCore:
     try:
-        epoch = int(metadata.get("epoch", "0"))
-        return GcsCore(LabConfig.model_validate_json(metadata["lab"]), int(metadata["t0_ns"]), epoch)
+        epoch, t0_ns = int(metadata.get("epoch", "0")), int(metadata["t0_ns"])
+        config = LabConfig.model_validate_json(metadata["lab"])
     except (KeyError, ValidationError) as error:
         raise ReplayError(f"the log does not hold its run's configuration: {error}") from error
+    try:
+        return GcsCore(config, t0_ns, epoch)
+    except ValueError as error:
+        law = metadata.get("control_law", "")
+        raise ReplayError(f"it was flown by the control law {law}, which a replay needs, too: {error}") from error
 
 
 def _compare_next(entry: Entry, expected: Iterator[Output]) -> Difference | None:

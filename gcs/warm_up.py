@@ -12,13 +12,14 @@ from formation.guidance.transition import Space, transition
 from formation.maths import frames
 from formation.messages import LabFrame
 from gcs.core import GcsCore
+from gcs.own_law import own_laws
 
 FRAME_NS = 10_000_000
 
 
 def warm_up(config: LabConfig) -> None:
     """Fly the control of this lab in imagination, change a shape, and let safety judge bodies that stand in a row."""
-    control.warm_up(config, tuple(config.profile_of(vehicle) for vehicle in config.vehicles))
+    control.warm_up(config, tuple(config.profile_of(vehicle) for vehicle in config.vehicles), own_laws(config))
     _change_shape()
     _watch_over(config)
     _judge(config)

@@ -1,11 +1,13 @@
-"""What a lab file names outside itself: recorded ways beside it, and ways and shapes of the lab's own packages.
+"""What a lab file names outside itself: recorded ways beside it; ways, shapes and laws of the lab's own packages.
 
-A package registers what it makes under an entry point; `examples/own_package` is one. What it makes becomes part of the
-configuration when the file is read, so that a log replays where the package is not.
+A package registers what it makes under an entry point; `examples/own_package` is one. Ways and shapes become part of
+the configuration when the file is read, so that a log replays where the package is not;
+a law is code, and must be there.
 """
 
 import csv
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, Protocol
@@ -13,7 +15,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from formation.own_law.law import ControlLaw, LawMaker
+
 TRAJECTORIES, SHAPES = "mavlink_formation.trajectories", "mavlink_formation.shapes"
+LAWS = "mavlink_formation.control_laws"
 COLUMNS = ("t", "x", "y", "z", "yaw")
 
 
@@ -57,6 +62,26 @@ class Surroundings:
             if len(slots) != n:
                 raise ValueError(f"shape {point.name!r} of {_whose(point)} has {len(slots)} slots for {n} followers")
             yield point.name, slots
+
+    def check_law(self, name: str, options: Mapping[str, Any]) -> None:
+        """ValueError where no package registers the law, or it cannot be made with these options."""
+        law_of(name, options)
+
+
+def law_of(name: str, options: Mapping[str, Any]) -> Callable[[], ControlLaw]:
+    """What makes the lab's own law anew; ValueError where no package registers it, or it cannot be made so."""
+    maker: LawMaker = _load(LAWS, name)
+    try:
+        maker(**options)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{_name(maker)}: {error}") from error
+    return partial(maker, **options)
+
+
+def law_package(name: str) -> str:
+    """Which package registers the law, and its version, as a log says it; empty where none does."""
+    found = [point.dist for point in entry_points(group=LAWS, name=name) if point.dist is not None]
+    return f"{found[0].name} {found[0].version}" if found else ""
 
 
 def read_points(path: Path) -> list[list[float]]:

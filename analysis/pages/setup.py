@@ -9,7 +9,8 @@ from analysis.page import cell, row, table
 
 FACTS = (
     ("date", "date"), ("versions", "version"), ("machine", "machine"), ("lab_file", "lab file"),
-    ("scenario", "scenario"), ("seed", "seed"), ("link", "link"), ("speed", "speed of the clock"),
+    ("control_law", "control law"), ("scenario", "scenario"), ("seed", "seed"), ("link", "link"),
+    ("speed", "speed of the clock"),
 )  # fmt: skip
 
 

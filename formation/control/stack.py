@@ -19,7 +19,8 @@ from formation.guidance.plan import Mode, Plan
 from formation.guidance.reference_generator import Generator, References, fleet, references, start, update
 from formation.maths.arrays import Scalars
 from formation.maths.records import Rows, copied, like
-from formation.messages import AttitudeTarget, Command, LabFrame, Reference, SwarmState
+from formation.messages import AttitudeTarget, Command, Event, LabFrame, Reference, SwarmState
+from formation.own_law.flight import Asked, OwnLaws
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
 from formation.vehicle.response import NEVER_NS, SentCommands, no_history, remember
@@ -45,7 +46,7 @@ class ControlStack:
 
     profiles: of the n vehicles in the order of `config.vehicles`; chosen: the gains, by default those that
     `config.control_preset` names (ValueError if there is no such preset); without: monitors that are switched off, of
-    formation.control.limits.MONITORS (ValueError for others).
+    formation.control.limits.MONITORS (ValueError for others); own: the lab's own laws, which take over where they fly.
     """
 
     def __init__(
@@ -54,6 +55,7 @@ class ControlStack:
         profiles: tuple[VehicleProfile, ...],
         chosen: Preset | None = None,
         without: frozenset[str] = frozenset(),
+        own: OwnLaws | None = None,
     ) -> None:
         gains = tuple(
             preset_for(config.control_preset, p, config.mocap) if chosen is None else chosen for p in profiles
@@ -64,6 +66,7 @@ class ControlStack:
         self._law = law_settings(config, gains)
         self._barriers = barrier_settings(config, profiles, without)
         self._attitude = attitude_settings(config, profiles)
+        self._own = own
         m = len(self._commanded)
         self._history: Rows[SentCommands] = no_history(m)
         self._memory: Rows[LawMemory] = no_memory(m)
@@ -93,6 +96,9 @@ class ControlStack:
         path = generator.trajectory
         led_by = Led(generator.vehicles, path.numbers, path.knots, followed)
         wanted = demand(self._law, self._observers, estimates, self._history, led_by, self._memory, t_now_ns)
+        if self._own is not None:
+            asked = Asked(self._law, self._observers, estimates, self._history, led_by, self._memory, t_now_ns)
+            wanted = self._own.take_over(wanted, asked)
         kept = bounded(self._barriers, wanted, estimates, generator.vehicles, t_now_ns)
         target = attitude(self._attitude, kept, estimates, generator.vehicles, hover_thrust_norm, t_now_ns)
         self._history = remember(self._history, t_now_ns, target["force"])
@@ -117,6 +123,10 @@ class ControlStack:
             self._estimates[i].seen_ns = NEVER_NS
         for place in np.flatnonzero(np.isin(self._commanded, list(bodies))).tolist():
             self._memory[place] = no_memory(1)[0]
+
+    def told(self) -> list[Event]:
+        """What has become of the lab's own laws since it was asked last."""
+        return [] if self._own is None else self._own.told()
 
     def _begin(self, frame: LabFrame, plan: Plan) -> Rows[VehicleEstimate]:
         """The first estimate; vehicles not idle are taken to hover, as after a restart in flight."""

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from enum import IntEnum
 
+from formation.config import CONFIGURED
 from formation.guidance.shape import Shape
 
 Target = tuple[float | None, float | None, float | None]
@@ -45,9 +46,11 @@ class Plan:
     trajectory_start_ns: on the control clock; None: a leader in FORMATION waits where it is.
     A new `shape` starts a smooth, simultaneous change of all slots; rise_m: how far above (below, where negative) its
     straight way each follower passes half-way (formation.guidance.transition). Empty: all go straight.
+    trajectory: the name of the leader's, looked at when it starts.
     """
 
     setpoints: tuple[Setpoint, ...]
     shape: Shape
     trajectory_start_ns: int | None = None
     rise_m: tuple[float, ...] = ()
+    trajectory: str = CONFIGURED

@@ -1,10 +1,11 @@
 """From plan to reference: where each commanded vehicle is led at any time, without a jump at any change of plan."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from formation.config import FENCE_INSET_M, Fence, LabConfig, TrajectoryConfig
+from formation.config import CONFIGURED, FENCE_INSET_M, Fence, LabConfig, TrajectoryConfig
 from formation.control.relative_frame import copy_motion, lab_from_lead, lead_from_lab
 from formation.guidance import blend, trajectory
 from formation.guidance.plan import IDLE, Mode, Plan
@@ -25,16 +26,20 @@ sample = kernel(trajectory.sample, calls=trajectory.PARTS)
 
 @dataclass(frozen=True, slots=True)
 class Fleet:
-    """Who flies, and where: followers (m) is each commanded vehicle's follower index, -1 for the leader."""
+    """Who flies, and where: followers (m) is each commanded vehicle's follower index, -1 for the leader.
+
+    trajectories: the leader's, by name.
+    """
 
     followers: tuple[int, ...]
-    trajectory: TrajectoryConfig
+    trajectories: Mapping[str, TrajectoryConfig]
     fence: Fence
 
 
 def fleet(config: LabConfig) -> Fleet:
     """The fleet of a lab."""
-    return Fleet(tuple(i - 1 for i in config.commanded), config.leader.trajectory, config.limits.fence)
+    trajectories = {CONFIGURED: config.leader.trajectory, **config.leader.trajectories}
+    return Fleet(tuple(i - 1 for i in config.commanded), trajectories, config.limits.fence)
 
 
 @dataclass(slots=True)
@@ -246,7 +251,8 @@ class _Draft:
 
     def _start_trajectory(self, i: int, motion: Float, start_ns: int) -> None:
         """Onto the leader's trajectory, anchored where the reference is."""
-        new, path = self._vehicles[i], anchored(self._who.trajectory, motion[0, :3], float(motion[0, 3]))
+        new, way = self._vehicles[i], self._who.trajectories[self._plan.trajectory]
+        path = anchored(way, motion[0, :3], float(motion[0, 3]))
         self._trajectory = path
         new.kind, new.path_kind, new.path_start_ns = TRAJECTORY, path.kind, start_ns
         on_path = np.zeros((3, 4))

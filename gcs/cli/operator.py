@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from formation.guidance.shape_request import ShapeRequest
-from formation.requests import OperatorReply, OperatorRequest, Verb
+from formation.requests import CONFIGURED, OperatorReply, OperatorRequest, Verb
 from gcs import GCS_NAME
 from gcs.cli.common import NO_GROUND, NOT_RIGHT, REFUSED, Json, Name, fail, tell_red
 from wire import clock
@@ -35,6 +35,7 @@ def register(app: typer.Typer) -> None:
     _register(app, Verb.TAKEOFF, "Take off to the configured height, then hold.")
     _register(app, Verb.START, "Take up the formation; a commanded leader then flies its trajectory.")
     app.command(Verb.SHAPE.value)(shape)
+    app.command(Verb.TRAJECTORY.value)(trajectory)
     _register(app, Verb.HOLD, "Brake and stay where each drone is.")
     _register(app, Verb.LAND, "Land where each drone is, and disarm there; from every phase.")
     _register(
@@ -67,6 +68,19 @@ def shape(
     """Change the formation's shape, size or heading, in flight too; refused where drones would come too near."""
     request = ShapeRequest(shape_name, scale, math.radians(heading))
     _command(Verb.SHAPE, request.text, lab, name, as_json, timeout)
+
+
+def trajectory(
+    trajectory_name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Its name in lab.toml; a wrong one is answered by those known.")
+    ],
+    lab: Lab = None,
+    name: Name = GCS_NAME,
+    as_json: Json = False,
+    timeout: Timeout = ANSWER_S,
+) -> None:
+    """Choose which trajectory the leader flies at the next start; refused where it does not fit, or is flying one."""
+    _command(Verb.TRAJECTORY, trajectory_name, lab, name, as_json, timeout)
 
 
 def _register(app: typer.Typer, verb: Verb, words: str, usual_timeout_s: float = ANSWER_S) -> None:
@@ -108,7 +122,9 @@ def print_status(told: dict[str, Any], console: "Console") -> None:
     from rich.table import Table
     from rich.text import Text
 
-    console.print(Text.assemble((told["phase"], "bold"), f" ({told['cause']}), shape {told['shape']}"))
+    chosen = told.get("trajectory", CONFIGURED)  # a ground of an older version has one only
+    flown = "" if chosen == CONFIGURED else f", trajectory {chosen}"
+    console.print(Text.assemble((told["phase"], "bold"), f" ({told['cause']}), shape {told['shape']}{flown}"))
     table = Table(box=None, pad_edge=False)
     for column in ("id", "body", "autopilot", "mode", "armed", "x", "y", "z", "battery", "heard", "seen"):
         table.add_column(column, no_wrap=True)

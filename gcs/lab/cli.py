@@ -14,7 +14,7 @@ from gcs.finding import Finding, Grade, as_dicts, failed
 from gcs.lab.drawing import drawn
 from gcs.lab.findings import findings_of, line, of_grade, tell
 from gcs.lab.judge import foreseen
-from gcs.lab.pace import peaks
+from gcs.lab.pace import peaks, way_text
 from gcs.lab.plan_svg import svg_plan
 from gcs.lab.plan_text import text_plan
 from wire.config_file import ConfigError, load
@@ -67,6 +67,9 @@ def told(config: LabConfig, ahead: Preview) -> list[str]:
     lines.append(f"{INDENT}{_way(config, ahead)}")
     for role, peak in (("leader", leader), (f"fastest slot, {fastest.body}", fastest)):
         lines.append(f"{INDENT}{role}: up to {peak.speed_m_s:.2f} m/s and {peak.acc_m_s2:.2f} m/s^2")
+    for name in config.leader.trajectories:
+        lab = config.flying(name)
+        lines.append(f"{INDENT}trajectory {name}: {way_text(lab, foreseen(lab))}")
     return lines
 
 

@@ -1,5 +1,8 @@
 """A lab judged as a whole: everything that its file alone decides, before anything is started. Pure."""
 
+from collections.abc import Iterator
+from dataclasses import replace
+
 from formation.config import LabConfig
 from formation.guidance.preview import Preview, expected_start, preview, trajectory_from
 from formation.guidance.shape import configured
@@ -8,7 +11,7 @@ from gcs.lab.apart import judge_apart
 from gcs.lab.keys import Keys
 from gcs.lab.pace import judge_pace
 from gcs.lab.room import judge_room
-from gcs.lab.wiring import judge_wiring
+from gcs.lab.wiring import judge_trajectory_keys, judge_wiring
 
 
 def foreseen(config: LabConfig) -> Preview:
@@ -28,4 +31,20 @@ def judge(config: LabConfig) -> tuple[Finding, ...]:
         *judge_apart(config, keys),
         *judge_pace(config, keys, ahead),
         *judge_wiring(config, keys),
+        *_choices(config),
     )
+
+
+def _choices(config: LabConfig) -> Iterator[Finding]:
+    """The further trajectories that the operator may choose, each judged in the place of the configured one."""
+    for name in config.leader.trajectories if config.leader.sysid is not None else ():
+        lab = config.flying(name)
+        keys, ahead = Keys(lab), foreseen(lab)
+        for finding in (
+            *judge_room(lab, keys, ahead),
+            *judge_pace(lab, keys, ahead),
+            *judge_trajectory_keys(lab, keys),
+        ):
+            table, _, key = finding.subject.partition("leader.trajectory.")
+            if key and not table:
+                yield replace(finding, subject=f"leader.trajectories.{name}.{key}")

@@ -55,9 +55,22 @@ def judge_pace(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[Findin
     yield from _heights(config, keys)
     yield from _vehicles(config, keys)
     if config.leader.sysid is not None:
-        yield from _way(config, keys, ahead)
-        yield from _turns(config, keys, ahead)
-        yield from _duration(config, keys, ahead)
+        yield from judge_way(config, keys, ahead)
+
+
+def judge_way(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[Finding]:
+    """Judge the leader's trajectory: speed, tilt, thrust, turn and how long it lasts, the slots' too."""
+    yield from _way(config, keys, ahead)
+    yield from _turns(config, keys, ahead)
+    yield from _duration(config, keys, ahead)
+
+
+def way_text(config: LabConfig, ahead: Preview) -> str:
+    """The leader's trajectory in words: kind, length, duration, and the most that anybody is led through."""
+    every = peaks(config, ahead)
+    fastest, hardest = max(p.speed_m_s for p in every), max(p.acc_m_s2 for p in every)
+    way = f"{config.leader.trajectory.kind}, {ahead.length_m:.2f} m in {ahead.duration_s:.1f} s"
+    return f"{way}, up to {fastest:.2f} m/s and {hardest:.2f} m/s^2"
 
 
 def _way(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[Finding]:

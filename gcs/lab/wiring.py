@@ -23,7 +23,7 @@ def judge_wiring(config: LabConfig, keys: Keys) -> Iterator[Finding]:
     yield from _links(config, keys)
     yield from _bus(config, keys)
     yield from _profiles(config, keys)
-    yield from _trajectory_keys(config, keys)
+    yield from judge_trajectory_keys(config, keys)
     yield from _leader(config, keys)
     yield from _headings(config, keys)
 
@@ -163,12 +163,16 @@ def _profiles(config: LabConfig, keys: Keys) -> Iterator[Finding]:
             yield keys.warn(vehicle_key(i, "profile"), NAMES, why)
 
 
-def _trajectory_keys(config: LabConfig, keys: Keys) -> Iterator[Finding]:
+def judge_trajectory_keys(config: LabConfig, keys: Keys) -> Iterator[Finding]:
     """Keys of a trajectory that nobody looks at."""
     path, table = config.leader.trajectory, "leader.trajectory"
     if config.leader.sysid is None:
         if path != TrajectoryConfig():
             yield keys.warn(f"{table}.kind", UNUSED, "a leader without a sysid is observed, and flies what it flies")
+        if config.leader.trajectories:
+            yield keys.warn(
+                "leader.trajectories", UNUSED, "a leader without a sysid is observed, and flies what it flies"
+            )
         return
     if path.model_fields_set and "kind" not in path.model_fields_set:
         yield keys.warn(f"{table}.kind", UNUSED, "not given, so the leader holds its place")

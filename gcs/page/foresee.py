@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from formation.config import LabConfig
-from formation.guidance.preview import expected_start, trajectory_from
+from formation.guidance.preview import Preview, expected_start, trajectory_from
 from formation.guidance.shape import Shape, shape_for
 from formation.guidance.shape_request import parse
 from formation.guidance.transition import assigned, demand_room, transition
 from formation.maths.arrays import Float
+from gcs.lab.pace import way_text
 from gcs.page.room import Point, about
-from gcs.reforming import foreseen, names, room_refusals, space, way_refusals
+from gcs.reforming import foreseen, names, room_refusals, space, trajectory_refusals, way_refusals
 
 PATH_POINTS = 60
 FRESH_S = 0.2
@@ -48,7 +49,20 @@ def start(state: Mapping[str, Any], config: LabConfig) -> Foreseen:
     return _judged(shape_for(config, parse(str(state["shape"]))), state, config, forming=True, starting=True)
 
 
+def trajectory(asked: str, state: Mapping[str, Any], config: LabConfig) -> Foreseen:
+    """One of the leader's trajectories, by name, flown from now on."""
+    try:
+        lab = config.flying(asked)
+    except ValueError as error:
+        return Foreseen((), (), (str(error),), "")
+    place, _ = _leader_place(state, config, aloft=state["phase"] == "HOLD")
+    ahead = foreseen(shape_for(config, parse(str(state["shape"]))), place, None, 0.0, lab)
+    against = (*map(str, state["allowed"]["trajectory"]), *trajectory_refusals(ahead, lab))
+    return Foreseen((), _way(ahead), against, f"{asked}: {way_text(lab, ahead)}")
+
+
 def _judged(wanted: Shape, state: Mapping[str, Any], config: LabConfig, forming: bool, starting: bool) -> Foreseen:
+    config = config.flying(str(state["trajectory"]))
     place, seen = _leader_place(state, config, forming)
     path, path_s = None, 0.0
     if state["trajectory_started"] and state["trajectory_from"] is not None and state["trajectory_s"] is not None:
@@ -68,19 +82,23 @@ def _judged(wanted: Shape, state: Mapping[str, Any], config: LabConfig, forming:
     ahead = foreseen(wanted, place, path, path_s, config)
     against += [*(way_refusals(ahead, config) if starting else ()), *room_refusals(ahead, config)]
     places = about(_point(place), float(place[3]), wanted.offset_lead_m)
+    return Foreseen(places, _way(ahead) if config.leader.sysid is not None else (), tuple(against), text)
+
+
+def _way(ahead: Preview) -> tuple[Point, ...]:
+    """The leader's way, in a few points."""
     steps = np.linspace(0, len(ahead.leader) - 1, PATH_POINTS).astype(int)
-    way_m = tuple(_point(ahead.leader[k, 0]) for k in steps) if config.leader.sysid is not None else ()
-    return Foreseen(places, way_m, tuple(against), text)
+    return tuple(_point(ahead.leader[k, 0]) for k in steps)
 
 
-def _leader_place(state: Mapping[str, Any], config: LabConfig, forming: bool) -> tuple[Float, bool]:
+def _leader_place(state: Mapping[str, Any], config: LabConfig, aloft: bool) -> tuple[Float, bool]:
     """The leader's x, y, z, heading, at its flying height while it is not; and whether it is seen."""
     told = (*state["observed"], *state["drones"])
     leader = next((one for one in told if one["body"] == config.leader.body), None)
     pos, yaw = None if leader is None else leader["pos_lab_m"], state["leader_yaw_rad"]
     if leader is None or pos is None or yaw is None or leader["age_s"] > FRESH_S:
         return expected_start(config), False
-    z = pos[2] if forming or config.leader.sysid is None else config.flight.altitude_m
+    z = pos[2] if aloft or config.leader.sysid is None else config.flight.altitude_m
     return np.array([pos[0], pos[1], z, yaw]), True
 
 

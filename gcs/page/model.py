@@ -7,7 +7,7 @@ from formation.config import LabConfig
 from formation.messages import Event, Severity
 from gcs.page.alarms import AlarmBook
 from gcs.page.control import Control
-from gcs.page.foresee import Foreseen, shape, start
+from gcs.page.foresee import Foreseen, shape, start, trajectory
 from gcs.page.room import Room, Trails, room
 from gcs.page.show import NOTHING_YET, SILENT_S, Show, show
 
@@ -54,6 +54,15 @@ class Model:
         mocap = self._mocap if now_ns - self._mocap_ns < 3 * START_NS else None
         return show(self.state, mocap, silent_s, () if self.start is None else self.start.against)
 
+    @property
+    def may_choose(self) -> bool:
+        """Whether a trajectory of the leader's can be chosen now."""
+        return self.state is not None and not self.state["allowed"]["trajectory"]
+
     def foresee(self, asked: str) -> Foreseen | None:
         """A shape before it is asked for; None until the ground was heard."""
         return None if self.state is None else shape(asked, self.state, self.config)
+
+    def foresee_trajectory(self, asked: str) -> Foreseen | None:
+        """A trajectory of the leader's before it is asked for; likewise."""
+        return None if self.state is None else trajectory(asked, self.state, self.config)

@@ -1,6 +1,6 @@
 """The page's process: hears the lab's bus, serves browsers on loopback, asks the ground as any operator.
 
-What runs in the browser is the style beside this file and a little script, which decides nothing: it hands keys on,
+What runs in the browser is the style and the little script in `browser`, which decides nothing: it hands keys on,
 beeps, and says across the page when nothing has come of the server for a while.
 """
 
@@ -17,15 +17,19 @@ from nicegui import Client, app, background_tasks, ui
 from formation.config import LabConfig
 from formation.messages import OperatorReply, OperatorRequest, Verb
 from gcs.page.model import Model
+from gcs.page.origin import OwnPagesOnly
 from gcs.page.viewer import Viewer
 from wire.clock import Clock, unix_us
+from wire.plain_text import plain
+from wire.refusals import Refusals
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
 
-FOLDER = Path(__file__).parent
+FOLDER = Path(__file__).parent / "browser"
 LOOPBACK = "127.0.0.1"
 PORT, PORTS = 8470, 20
 ANSWER_S, ARMING_S = 3.0, 20.0
+SOURCE_MOST = 80
 WATCH_S = 0.25
 """How often the page is drawn where no state comes; the browser notices a server that draws nothing for 1.5 s."""
 
@@ -40,6 +44,7 @@ class Page:
         self._bus: ZenohBus | None = None
         self._style = (FOLDER / "page.css").read_text(encoding="utf-8")
         self._script = (FOLDER / "page.html").read_text(encoding="utf-8")
+        self._refusals = Refusals()
         self._count = 0
         self._drawn_ns = 0
 
@@ -73,6 +78,14 @@ class Page:
         viewer = Viewer(self.model, self.ask)
         client.on_connect(lambda: self._come(viewer))
         client.on_disconnect(lambda: self._leave(viewer))
+
+    def refuse(self, source: str, why: str) -> None:
+        """Somebody else's web page has tried this one's server: a line here, and an alarm, at most once a second."""
+        now_ns = self._clock.monotonic_ns()
+        self._refusals.note(plain(source, SOURCE_MOST), why, now_ns)
+        for event in self._refusals.due(now_ns):
+            print(f"page: {event.source}: {event.text}", file=sys.stderr, flush=True)
+            self.model.alarms.hear(event, unix_us() * 1e-6)
 
     def draw(self) -> None:
         """Show every viewer what there is."""
@@ -133,6 +146,7 @@ def serve(config: LabConfig, ground: str, wanted_port: int | None, clock: Clock)
     async def end() -> None:
         await on_bus.__aexit__(None, None, None)
 
+    app.add_middleware(OwnPagesOnly, tell=page.refuse)
     app.on_startup(begin)
     app.on_shutdown(end)
     print(f"page: http://{LOOPBACK}:{port}", file=sys.stderr, flush=True)

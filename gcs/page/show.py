@@ -4,13 +4,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from formation.requests import CONFIGURED
 from gcs.page.table import Cell, Level, row
 
 SILENT_S = 1.0
 """After so long without the ground's state, the page says so across everything."""
 FLYING = ("TAKEOFF", "FORMATION", "HOLD", "LAND")
 VERBS = ("arm", "adopt", "takeoff", "start", "hold", "land")
-LABELS = {"arm": "Arm", "adopt": "Adopt", "takeoff": "Take off", "start": "Start", "hold": "Hold", "land": "Land"}
+LABELS = {
+    "arm": "Arm", "adopt": "Adopt", "takeoff": "Take off", "start": "Start", "hold": "Hold", "land": "Land",
+    "shape": "Shape", "trajectory": "Choose",
+}  # fmt: skip
 GB, MB = 1e9, 1e6
 
 
@@ -89,9 +93,10 @@ def countdowns(state: Mapping[str, Any]) -> tuple[str, ...]:
         told.append(f"{min(left)[1]} disarms itself in {min(left)[0]:.1f} s")
     if state["landing_left_s"] is not None:
         told.append(f"landing: {state['landing_left_s']:.0f} s at most")
-    way = state["trajectory_s"]
+    way, name = state["trajectory_s"], state["trajectory"]
     if way is not None and state["trajectory_started"] and not state["trajectory_done"]:
-        told.append(f"leader's trajectory: {way[1] - way[0]:.0f} s of {way[1]:.0f} s left")
+        called = "" if name == CONFIGURED else f" {name}"
+        told.append(f"leader's trajectory{called}: {way[1] - way[0]:.0f} s of {way[1]:.0f} s left")
     return tuple(told)
 
 

@@ -1,10 +1,14 @@
 """One browser's page: its elements, what they show, and what they ask. The server behind it is `gcs.page.shell`."""
 
-from collections.abc import Awaitable, Callable
+import math
+from collections.abc import Awaitable, Callable, Iterable
+from dataclasses import dataclass
 from typing import Any
 
 from nicegui import ui
+from nicegui.elements.mixins.value_element import ValueElement
 
+from formation.config import CONFIGURED
 from formation.guidance.shape import known
 from formation.guidance.shape_request import ShapeRequest
 from formation.messages import OperatorReply, Verb
@@ -32,7 +36,7 @@ class Viewer:
         self.name = ""
         self._model, self._ask = model, ask
         self._stand, self._beats = Stand(), 0
-        self._previewing = False
+        self._previewing: Form | None = None
         self._foreseen: Foreseen | None = None
         fence = model.config.limits.fence
         self._crowd = len(model.config.commanded) > MANY
@@ -73,15 +77,9 @@ class Viewer:
             self._buttons = {verb: self._button(verb) for verb in VERBS}
         self._against = ui.html(sanitize=False).classes("against")
         self._answer = ui.html(sanitize=False).classes("answer")
-        with ui.element("div").classes("form"):
-            names = list(known(self._model.config))
-            self._shape = ui.select(names, value=names[0], label="shape").props("dense options-dense dark")
-            self._scale = ui.number("scale", value=1.0, min=0.1, max=100.0, step=0.1).props("dense dark")
-            self._heading = ui.number("heading °", value=0.0, min=-360, max=360, step=15).props("dense dark")
-            self._feasible = ui.html("", sanitize=False).classes("wide")
-            self._form = ui.button("Shape", on_click=self._ask_shape, color=None).props("unelevated no-caps")
-            for field in (self._shape, self._scale, self._heading):
-                field.on_value_change(self._preview)
+        self._forms = [self._shape_form()]
+        if self._model.config.leader.sysid is not None and self._model.config.leader.trajectories:
+            self._forms.append(self._trajectory_form())
         with ui.element("div").classes("alarmbox"):
             with ui.element("div").classes("alarmhead"):
                 self._alarm_count = ui.label("no alarms")
@@ -89,6 +87,42 @@ class Viewer:
                     "dense unelevated no-caps"
                 )
             self._alarms = ui.html(sanitize=False).classes("alarms")
+
+    def _shape_form(self) -> "Form":
+        with ui.element("div").classes("form"):
+            names = list(known(self._model.config))
+            shape = ui.select(names, value=names[0], label="shape").props("dense options-dense dark")
+            scale = ui.number("scale", value=1.0, min=0.1, max=100.0, step=0.1).props("dense dark")
+            heading = ui.number("heading °", value=0.0, min=-360, max=360, step=15).props("dense dark")
+
+            def asked() -> str:
+                heading_rad = math.radians(float(heading.value or 0.0))
+                return ShapeRequest(str(shape.value), float(scale.value or 1.0), heading_rad).text
+
+            return self._form(Verb.SHAPE, (shape, scale, heading), asked, self._model.foresee)
+
+    def _trajectory_form(self) -> "Form":
+        with ui.element("div").classes("form way"):
+            names = [CONFIGURED, *self._model.config.leader.trajectories]
+            label = "leader's trajectory"
+            path = ui.select(names, value=CONFIGURED, label=label).props("dense options-dense dark id=way")
+            return self._form(Verb.TRAJECTORY, (path,), lambda: str(path.value), self._model.foresee_trajectory)
+
+    def _form(
+        self,
+        verb: Verb,
+        fields: Iterable[ValueElement[Any]],
+        asked: Callable[[], str],
+        foresee: Callable[[str], Foreseen | None],
+    ) -> "Form":
+        """The end of a form: what is foreseen of what its fields ask for, and the button that asks."""
+        told = ui.html("", sanitize=False).classes("wide")
+        button = ui.button(LABELS[verb.value], color=None).props(f"unelevated no-caps id=do-{verb}")
+        form = Form(verb, asked, foresee, told, button)
+        button.on_click(lambda: self._ask_form(form))
+        for field in fields:
+            field.on_value_change(lambda: self._preview(form))
+        return form
 
     def _button(self, verb: str) -> ui.button:
         keys = {"hold": " · H", "land": " · L"}.get(verb, "")
@@ -121,7 +155,10 @@ class Viewer:
         self._notice.content = html.plain(model.control.notice(self.name))
         self._take.set_visibility(not self.commands)
         allowed = {step.verb: step.allowed for step in shown.steps}
-        self._form.set_enabled(self.commands and not shown.lost and not (self._foreseen and self._foreseen.against))
+        for form in self._forms:
+            against = form is self._previewing and self._foreseen is not None and self._foreseen.against
+            may = form.verb is Verb.SHAPE or model.may_choose
+            form.button.set_enabled(self.commands and not shown.lost and may and not against)
         for verb, button in self._buttons.items():
             button.set_enabled(self.commands and allowed.get(verb, False) and not shown.lost)
         open_ = model.alarms.open
@@ -129,11 +166,11 @@ class Viewer:
         self._alarm_count.text = severities(open_) or "no alarms"
         self._alarm_count.classes(replace="loud" if model.alarms.loud else "")
         self._seen.set_visibility(bool(open_))
-        if self._previewing and self._beats % PREVIEW_EVERY == 0:
+        if self._previewing is not None and self._beats % PREVIEW_EVERY == 0:
             self._judge()
         ahead = self._foreseen or model.start
         slots, path = ((), ()) if ahead is None else (ahead.slots_lab_m, ahead.path_lab_m)
-        slots = slots if self._previewing else ()
+        slots = slots if self._previewing is not None else ()
         camera = perspective(fence, self._stand, WIDE, HIGH)
         self._moving3.content = drawing.svg(
             camera, drawing.moving(camera, model.room, slots, path, self._crowd), "the room"
@@ -167,23 +204,30 @@ class Viewer:
         camera = perspective(fence, self._stand, WIDE, HIGH)
         self._still3.content = drawing.svg(camera, drawing.still(camera, fence), "the fence")
 
-    def _asked_shape(self) -> str:
-        heading_rad = float(self._heading.value or 0.0) * 3.141592653589793 / 180.0
-        return ShapeRequest(str(self._shape.value), float(self._scale.value or 1.0), heading_rad).text
-
-    def _preview(self) -> None:
-        self._previewing = True
+    def _preview(self, form: "Form") -> None:
+        if self._previewing is not None and self._previewing is not form:
+            self._previewing.told.content = ""
+        self._previewing = form
         self._judge()
 
     def _judge(self) -> None:
-        foreseen: Foreseen | None = self._model.foresee(self._asked_shape())
-        self._foreseen = foreseen
-        if foreseen is None:
-            return
-        against = "; ".join(foreseen.against)
-        self._feasible.content = html.feasible(foreseen.text, against)
+        form = self._previewing
+        self._foreseen = None if form is None else form.foresee(form.asked())
+        if form is not None and self._foreseen is not None:
+            form.told.content = html.feasible(self._foreseen.text, "; ".join(self._foreseen.against))
 
-    async def _ask_shape(self) -> None:
-        self._previewing, self._foreseen = False, None
-        self._feasible.content = ""
-        await self.ask(Verb.SHAPE, self._asked_shape())
+    async def _ask_form(self, form: "Form") -> None:
+        self._previewing, self._foreseen = None, None
+        form.told.content = ""
+        await self.ask(form.verb, form.asked())
+
+
+@dataclass(eq=False)
+class Form:
+    """Something that is asked for with more than a button, and foreseen before: its request in words, its elements."""
+
+    verb: Verb
+    asked: Callable[[], str]
+    foresee: Callable[[str], Foreseen | None]
+    told: ui.html
+    button: ui.button

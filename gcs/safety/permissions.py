@@ -46,7 +46,7 @@ class Permissions:
                 return take_off_refusals(facts, self._flight, self._drones, self._config, now_ns)
             case Verb.START, Phase.HOLD:
                 joining = adoption.joining_refusals(self._drones, now_ns)
-                return joining or reforming.start(self._flight, facts, stages, self._config)
+                return joining or reforming.start(self._flight, facts, stages, self._flight.config)
             case _:
                 return ()
 
@@ -61,6 +61,7 @@ class Permissions:
             told[trigger.value] = (
                 (out_of_turn,) if out_of_turn else self._against(trigger, facts, stages, arming, now_ns)
             )
+        told[Verb.TRAJECTORY.value] = reforming.choosing_refusals(self._flight)
         return told
 
     def _against(

@@ -51,6 +51,7 @@ def swarm_state(
         "button_trouble": about.host.button_trouble,
         "armed": flight.armed,
         "allowed": {verb: list(reasons) for verb, reasons in about.allowed.items()},
+        "trajectory": flight.trajectory_name,
         "trajectory_started": flight.trajectory_start_ns is not None,
         "trajectory_done": flight.trajectory_done(now_ns),
         "trajectory_s": _trajectory(flight, now_ns),

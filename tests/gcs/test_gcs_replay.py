@@ -148,3 +148,16 @@ def test_bits_are_compared_not_values():
     assert first_difference(np.array([1.0, np.nan]), np.array([1.0, np.nan]), "x") is None
     assert first_difference(np.zeros(2), np.zeros(3), "x") == ("x", "float64(2,)", "float64(3,)")
     assert first_difference(b"ab", b"ac") == ("value", "b'ab'", "b'ac'")
+
+
+def test_a_flight_by_a_trajectory_that_was_chosen_replays() -> None:
+    ways = {"eight": {"kind": "figure8", "length_m": 0.8, "period_s": 3.0}}
+    config, entries = triangle(leader={"body": "lead", "sysid": 1, "trajectories": ways}), []
+    lab = FakeLab(config)
+    lab.core = RecordedCore(lab.core, lambda topic, message, t_ns: entries.append(Entry(topic, t_ns, message)))
+    lab.run(1.0)
+    assert lab.reply(lab.ask(Verb.TRAJECTORY, "eight")).accepted
+    lab.fly()
+    lab.run(3.0)
+    assert abs(lab.drones[1].pos[1]) > 0.02  # the configured one, a hold, stays
+    assert replay(MemoryLog(run_metadata(config, T0_NS), entries)).identical

@@ -1,42 +1,30 @@
-import sys
-import tomllib
 from collections.abc import Iterator
-from importlib import invalidate_caches
 from pathlib import Path
 
 import numpy as np
 import pytest
+from own_package import installed_in
 
-from formation.config import LabConfig
+from formation.config import ControlLawConfig, LabConfig
 from formation.guidance.shape import known, shape_for
 from formation.guidance.shape_request import ShapeRequest
 from formation.guidance.trajectory import anchored, sample
 from wire.config_file import ConfigError, dump, load
+from wire.lab_surroundings import law_package
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "own_package"
 FOLLOWERS = '[[followers]]\nbody = "a"\nsysid = 2\noffset_m = [-1.0, 0.0, 0.0]\n'
 
 
-def lab(folder: Path, trajectory: str) -> LabConfig:
+def lab(folder: Path, trajectory: str, law: str = "") -> LabConfig:
     path = folder / "lab.toml"
-    path.write_text(f'[leader]\nbody = "leader"\nsysid = 1\ntrajectory = {trajectory}\n{FOLLOWERS}')
+    path.write_text(f'{law}\n[leader]\nbody = "leader"\nsysid = 1\ntrajectory = {trajectory}\n{FOLLOWERS}')
     return load(path, LabConfig)
 
 
 @pytest.fixture
-def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """The example package as pip leaves it: its modules, and its entry points beside them."""
-    groups = tomllib.loads((EXAMPLE / "pyproject.toml").read_text())["project"]["entry-points"]
-    told = tmp_path / "site" / "own_formation-1.0.dist-info"
-    told.mkdir(parents=True)
-    (told / "METADATA").write_text("Metadata-Version: 2.1\nName: own-formation\nVersion: 1.0\n")
-    lines = [f"[{group}]\n" + "".join(f"{k} = {v}\n" for k, v in made.items()) for group, made in groups.items()]
-    (told / "entry_points.txt").write_text("\n".join(lines))
-    monkeypatch.syspath_prepend(told.parent)
-    monkeypatch.syspath_prepend(EXAMPLE)
-    invalidate_caches()
-    yield
-    sys.modules.pop("own_formation", None)
+def installed(tmp_path: Path) -> Iterator[None]:
+    with installed_in(tmp_path):
+        yield
 
 
 def test_a_way_in_a_file_beside_the_lab_file_becomes_part_of_the_configuration(tmp_path: Path) -> None:
@@ -95,4 +83,24 @@ def test_a_lab_s_own_shape_is_one_of_its_shapes(tmp_path: Path, installed: None)
 def test_what_no_package_makes_is_named(tmp_path: Path, installed: None, trajectory: str, told: str) -> None:
     with pytest.raises(ConfigError) as error:
         lab(tmp_path, trajectory)
+    assert told in str(error.value)
+
+
+def test_a_lab_s_own_law_is_named_and_made_with_its_options(tmp_path: Path, installed: None) -> None:
+    config = lab(tmp_path, '{ kind = "hold" }', 'control_law = { name = "cascade", options = { ki_1_s2 = 1.5 } }')
+    assert config.control_law == ControlLawConfig(name="cascade", options={"ki_1_s2": 1.5})
+    assert law_package("cascade") == "own-formation 1.0"
+
+
+@pytest.mark.parametrize(
+    ("law", "told"),
+    [
+        ('{ name = "pi" }', "registers 'pi' in mavlink_formation.control_laws; known: cascade"),
+        ('{ name = "cascade", options = { kp = 1.0 } }', "unexpected keyword argument 'kp'"),
+        ('{ name = "cascade", options = { kd_1_s = -1.0 } }', "cascade.Cascade: kp_1_s, kd_1_s and speed_m_s must be"),
+    ],
+)
+def test_a_law_that_cannot_be_made_is_named(tmp_path: Path, installed: None, law: str, told: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        lab(tmp_path, '{ kind = "hold" }', f"control_law = {law}")
     assert told in str(error.value)

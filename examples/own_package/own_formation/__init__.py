@@ -1,4 +1,7 @@
-"""A lab's own leader trajectory and formation shape; `pyproject.toml` beside it registers them by name."""
+"""A lab's own leader trajectory and formation shape, and in `cascade` its own control law.
+
+`pyproject.toml` beside it registers them by name.
+"""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -225,3 +225,16 @@ def test_no_lab_of_the_readme_is_refused() -> None:
     for snippet in (first, *others):
         whole = snippet if "leader" in snippet else {**first, **snippet}
         assert of(parse(whole, LabConfig, source="README.md"), Grade.FAIL) == {}
+
+
+def test_every_trajectory_that_may_be_chosen_is_judged_by_its_own_key() -> None:
+    ways = {
+        "far": {"kind": "circle", "radius_m": 30.0},
+        "odd": {"kind": "line", "radius_m": 0.5},
+        "good": {"kind": "circle", "radius_m": 0.4},
+    }
+    told = {finding.subject: finding for finding in judge(lab(leader=LEADER | {"trajectories": ways}))}
+    assert told["leader.trajectories.far.radius_m"].grade is Grade.FAIL
+    assert told["leader.trajectories.far.radius_m"].found == "30"
+    assert told["leader.trajectories.odd.radius_m"].grade is Grade.WARN
+    assert not any("good" in subject for subject in told)

@@ -297,3 +297,30 @@ def test_a_drone_is_drawn_with_its_true_size_and_heading(flight):
     circles = [part.split('"') for part in drawn.split("<circle ") if part.startswith("cx")]
     places = np.array([[float(words[1]), float(words[3])] for words in circles])
     assert np.linalg.norm(places - np.array(motor[:2]), axis=1).min() < 2.0
+
+
+def test_a_trajectory_is_foreseen_as_the_ground_will_answer():
+    ways = {"eight": {"kind": "figure8", "length_m": 0.8, "period_s": 8.0}, "far": {"kind": "line", "length_m": 9.0}}
+    stay = {"kind": "hold", "duration_s": 1.0}
+    lab = FakeLab(triangle(leader={"body": "lead", "sysid": 1, "trajectory": stay, "trajectories": ways}))
+    lab.run(2.0)
+    model = Model(lab.core._config)
+    model.hear(json.dumps(state_of(lab)), lab.now_ns)
+    assert model.may_choose
+    eight, far = model.foresee_trajectory("eight"), model.foresee_trajectory("far")
+    assert eight is not None
+    assert far is not None
+    assert (eight.against, eight.slots_lab_m) == ((), ())
+    assert eight.text.startswith("eight: figure8, ")
+    assert np.ptp(np.array(eight.path_lab_m), axis=0) == pytest.approx([0.8, 0.4, 0.0], abs=0.02)
+    for name, foreseen in (("eight", eight), ("far", far)):
+        reply = lab.reply(lab.ask(Verb.TRAJECTORY, name))
+        assert reply.accepted == (not foreseen.against)
+        assert reply.accepted or reply.text == "; ".join(foreseen.against)
+    lab.fly()
+    lab.run(0.5)
+    model.hear(json.dumps(state_of(lab)), lab.now_ns)
+    assert not model.may_choose
+    while not state_of(lab)["trajectory_started"]:
+        lab.run(0.1)
+    assert countdowns(state_of(lab))[0].startswith("leader's trajectory eight: ")

@@ -1,0 +1,157 @@
+"""Flies a lab's own law in the place of ours: for followers in their slots, behind the same prediction and limits.
+
+Where the law fails, ours takes over in the same tick, and for good.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from formation.config import LabConfig
+from formation.control.composite_law import (
+    HORIZON_MAX_NS,
+    STEP_MAX_S,
+    WORKSPACE,
+    Around,
+    Demand,
+    LawMemory,
+    LawSettings,
+    _dead_times,
+    _situation,
+)
+from formation.control.prediction import Known
+from formation.control.relative_frame import copy_motion
+from formation.estimation.settings import ObserverSettings
+from formation.estimation.state import VehicleEstimate
+from formation.guidance.followed_leader import Led
+from formation.guidance.reference_generator import SLOT
+from formation.maths.arrays import Float
+from formation.maths.kernel import kernel
+from formation.maths.records import Rows
+from formation.messages import Event, Severity
+from formation.own_law.law import ControlLaw, PointMotion, Situation
+from formation.vehicle.response import NEVER_NS, SECONDS, SentCommands
+
+ACC_MOST_M_S2 = 1e3
+"""No vehicle's: who asks for more has lost its sums."""
+OWN, SLOT_MOTION, FRAME = 0, 1, 2
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What our law was asked with in this tick."""
+
+    settings: Rows[LawSettings]
+    observers: Rows[ObserverSettings]
+    estimates: Rows[VehicleEstimate]
+    history: Rows[SentCommands]
+    led: Led
+    memory: Rows[LawMemory]
+    now_ns: int
+
+
+class OwnLaws:
+    """The laws of the commanded vehicles, each from when it is led into a slot until it is led elsewhere."""
+
+    def __init__(self, make: Callable[[], ControlLaw], name: str, config: LabConfig) -> None:
+        self._make, self._name = make, name
+        self._bodies = [config.vehicles[i].body for i in config.commanded]
+        self._laws: dict[int, ControlLaw] = {}
+        self._failed = False
+        self._events: list[Event] = []
+
+    def told(self) -> list[Event]:
+        """What has happened since it was asked last."""
+        told, self._events = self._events, []
+        return told
+
+    def take_over(self, wanted: Rows[Demand], asked: Asked) -> Rows[Demand]:
+        """The demand with what the own laws want in it; the inside of ours, which then did nothing, is 0 there."""
+        references = asked.led.references
+        forming = [i for i in range(len(wanted)) if references[i].kind == SLOT and references[i].airborne]
+        self._laws = {i: law for i, law in self._laws.items() if i in forming}
+        if self._failed or not forming:
+            return wanted
+        motions = np.empty((len(wanted), 3, 3, 4))
+        _motions(
+            asked.settings, asked.observers, asked.estimates, asked.history, asked.led, asked.now_ns, motions
+        )  # fmt: skip
+        answers: dict[int, Float] = {}
+        for i in forming:
+            try:
+                answers[i] = self._answer(i, motions[i], wanted[i], asked)
+            except Exception as error:  # noqa: BLE001 - it is a lab's own code, and drones in the air need a law
+                self._fail(self._bodies[i], error)
+                return wanted
+        for i, acc_lab_m_s2 in answers.items():
+            wanted["acc_lab_m_s2"][i] = acc_lab_m_s2
+            for field in ("s_lead_m_s", "t_m_lead_m_s2", "z_m_lead_m_s2", "lead_acc_lab_m_s2"):
+                wanted[field][i] = 0.0
+        return wanted
+
+    def _answer(self, i: int, motion: Float, wanted: Demand, asked: Asked) -> Float:
+        """What one vehicle's law demands; ValueError for what is no acceleration, and whatever the law raises."""
+        n, kept, begun = asked.settings[i].vehicle, asked.memory[i], i in self._laws
+        if not begun:
+            self._laws[i] = self._make()
+        response = asked.observers[n].response
+        at = Situation(
+            body=self._bodies[i],
+            dt_s=min((asked.now_ns - kept.asked_ns) * SECONDS, STEP_MAX_S) if begun else 0.0,
+            own=_point(motion[OWN]),
+            slot=_point(motion[SLOT_MOTION]),
+            leader=_point(motion[FRAME]),
+            heading_rad=float(motion[FRAME, 0, 3]),
+            heading_rate_rad_s=float(motion[FRAME, 1, 3]),
+            error_lead_m=wanted.e_lead_m.copy(),
+            error_rate_lead_m_s=wanted.e_rate_lead_m_s.copy(),
+            disturbance_lab_m_s2=asked.estimates[n].dist_lab_m_s2.copy(),
+            lag_s=(float(response.attitude_lag_s), float(response.thrust_lag_s)),
+            saturated=bool(kept.saturated),
+        )
+        acc_lab_m_s2 = np.asarray(self._laws[i](at), dtype=np.float64)
+        if acc_lab_m_s2.shape != (3,):
+            raise ValueError(f"its answer has the shape {acc_lab_m_s2.shape}: (3,) is wanted")
+        if not np.abs(acc_lab_m_s2).max() <= ACC_MOST_M_S2:
+            raise ValueError(f"it demands {acc_lab_m_s2.tolist()} m/s^2")
+        return acc_lab_m_s2
+
+    def _fail(self, body: str, error: Exception) -> None:
+        self._failed = True
+        text = f"control law {self._name}, {body}: {type(error).__name__}: {error}; the built-in law flies on"
+        self._events.append(Event(Severity.ERROR, "control", text))
+
+
+def _point(motion: Float) -> PointMotion:
+    return PointMotion(motion[0, :3], motion[1, :3], motion[2, :3])
+
+
+@kernel
+def _motions(
+    settings: Rows[LawSettings], observers: Rows[ObserverSettings], estimates: Rows[VehicleEstimate],
+    history: Rows[SentCommands], led: Led, now_ns: int, out: Float,
+) -> None:  # fmt: skip
+    """Of each vehicle OWN, SLOT_MOTION and FRAME (m, 3, 3, 4) as our law sees them; z from the thrust's channel."""
+    around = Around(Known(estimates, observers, history, _dead_times(settings, observers, estimates)), led)
+    space = np.empty(2, WORKSPACE)
+    for channel in range(2):
+        space[channel].leader_ns[:] = NEVER_NS
+    for i in range(len(settings)):
+        n = settings[i].vehicle
+        at_ns, response = min(now_ns, estimates[n].t_ns + HORIZON_MAX_NS), observers[n].response
+        for channel in range(2):
+            w = space[channel]
+            dead_s = response.thrust_dead_s if channel == 1 else around.known.dead_s[n]
+            lag_s = response.thrust_lag_s if channel == 1 else response.attitude_lag_s
+            hold_ns = at_ns + int(dead_s * 1e9)
+            _situation(i, n, around, hold_ns, hold_ns + int(lag_s * 1e9), w)
+            if channel == 0:
+                copy_motion(w.mine, out[i, OWN])
+                copy_motion(w.lab, out[i, SLOT_MOTION])
+                copy_motion(w.frame, out[i, FRAME])
+            else:
+                for order in range(3):
+                    out[i, OWN, order, 2] = w.mine[order, 2]
+                    out[i, SLOT_MOTION, order, 2] = w.lab[order, 2]
+                    out[i, FRAME, order, 2] = w.frame[order, 2]

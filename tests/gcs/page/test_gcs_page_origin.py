@@ -1,0 +1,72 @@
+"""Other web pages in the operator's browser, and names that lead to loopback: none reaches the page's server."""
+
+import http.client
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from free_ports import free_port
+from gcs_fakes import triangle
+from page_flights import page_server
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from gcs.page.origin import refusal
+from wire import config_file
+
+
+@pytest.mark.parametrize(
+    ("host", "origin"),
+    [
+        ("127.0.0.1:8470", None),
+        ("127.0.0.1:8470", "http://127.0.0.1:8470"),
+        ("localhost:8470", "http://localhost:8470"),
+        ("[::1]:8470", "http://[::1]:8470"),
+        ("LOCALHOST:9000", "http://localhost:9000"),
+    ],
+)
+def test_the_page_itself_may_speak_to_its_server(host: str, origin: str | None) -> None:
+    assert refusal(host, origin) == ""
+
+
+@pytest.mark.parametrize(
+    ("host", "origin"),
+    [
+        ("127.0.0.1:8470", "https://evil.example"),
+        ("127.0.0.1:8470", "http://127.0.0.1:3000"),
+        ("127.0.0.1:8470", "https://127.0.0.1:8470"),
+        ("127.0.0.1:8470", "http://localhost:8470"),
+        ("127.0.0.1:8470", "null"),
+        ("127.0.0.1:8470", "http://127.0.0.1:8470 http://127.0.0.1:8470"),
+        ("evil.example:8470", "http://evil.example:8470"),
+        ("127.0.0.1.evil.example:8470", None),
+        ("evil.example@127.0.0.2", None),
+        ("127.0.0.1:8470 127.0.0.1:8470", "http://127.0.0.1:8470"),
+        ("[::1", None),
+        ("", None),
+    ],
+)
+def test_whoever_else_is_refused(host: str, origin: str | None) -> None:
+    assert refusal(host, origin)
+
+
+@pytest.mark.processes
+def test_a_foreign_page_s_websocket_is_refused_and_told_of(tmp_path: Path) -> None:
+    lab = tmp_path / "lab.toml"
+    link = {"zenoh_listen": [f"tcp/127.0.0.1:{free_port()}"], "zenoh_connect": []}
+    lab.write_text(config_file.dump(triangle(link=link)))
+    with page_server(lab, 1.0) as (url, _):
+        socket = f"ws://{urlsplit(url).netloc}/_nicegui_ws/socket.io/?EIO=4&transport=websocket"
+        with connect(socket, origin=url) as ours:
+            assert str(ours.recv(timeout=30.0)).startswith('0{"sid"')
+        with pytest.raises(InvalidStatus, match="403"), connect(socket, origin="https://evil.example"):
+            pass
+        for path in ("/", "/_nicegui_ws/socket.io/?EIO=4&transport=polling"):
+            asked = http.client.HTTPConnection(urlsplit(url).netloc, timeout=30.0)
+            asked.request("GET", path, headers={"Host": "evil.example:8470"})
+            answer = asked.getresponse()
+            assert (answer.status, answer.read()[:9]) == (403, b"refused: ")
+            asked.close()
+    told = (tmp_path / "page.log").read_text().splitlines()
+    assert "page: https://evil.example: refused: 1 x a page of another origin" in told
+    assert "page: evil.example:8470: refused: 1 x its host is not this machine by 127.0.0.1 or localhost" in told

@@ -20,6 +20,7 @@ from drone_agent.link.telemetry import AGE, ON_REQUEST, TelemetryBuilder
 from drone_agent.monitors import switched_off
 from drone_agent.simulation.airframe import Airframe
 from drone_agent.simulation.level_error import Lean
+from drone_agent.simulation.physics import OWN, Physics
 from formation.messages import Datagram, Event, LabFrame, Truth
 from formation.vehicle.profile import on_ground, profile
 from wire.autopilots.table import AutopilotTable
@@ -49,8 +50,10 @@ class AgentOutgoing(NamedTuple):
 class AgentCore:
     """One simulated drone. Call `receive` with what arrives and `tick` no later than `next_deadline_ns`."""
 
-    def __init__(self, config: AgentConfig, t0_ns: int, without: frozenset[str] = frozenset()) -> None:
-        """without: monitors to do without (drone_agent.monitors), else ValueError."""
+    def __init__(
+        self, config: AgentConfig, t0_ns: int, without: frozenset[str] = frozenset(), physics: Physics = OWN
+    ) -> None:
+        """without: monitors to do without (drone_agent.monitors), else ValueError; physics: what integrates it."""
         without = switched_off(without)
         model = MODELS[config.autopilot]
         self.config = config
@@ -59,8 +62,8 @@ class AgentCore:
         self._t0_ns = self._now_ns = t0_ns
         start = np.array(config.start_lab_m)
         lean = Lean(config.level_error, config.sysid, t0_ns) if config.level_error.rms_rad > 0.0 else None
-        air = config.disturbance
-        self._airframe = Airframe(config.true_vehicle(), air, start, config.start_yaw_rad, t0_ns, lean)
+        vehicle, air = config.true_vehicle(), config.disturbance
+        self._airframe = Airframe(vehicle, air, start, config.start_yaw_rad, t0_ns, lean, physics)
         self._positioning = _positioning(config, t0_ns, gated="pose-rejected" not in without)
         self.autopilot = Autopilot(config, model, self.parameters, self._airframe, self._positioning, without)
         self._failsafes = Failsafes(self.autopilot)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from analysis.load import Flight, from_records
+from drone_agent.simulation.physics import OWN, Physics
 from formation.control.presets import Preset
 from formation.topics import Topic
 from gcs import warm_up as gcs_warm_up
@@ -36,14 +37,16 @@ class Flown:
     realtime_factor: float
 
 
-def run_to_file(scenario: Scenario, seed: int, path: Path, progress: Progress | None = None) -> Flown:
+def run_to_file(
+    scenario: Scenario, seed: int, path: Path, progress: Progress | None = None, physics: Physics = OWN
+) -> Flown:
     """Fly, recording to an MCAP file at `path` (OSError)."""
     with LogWriter(path, metadata(scenario, seed, "memory", T0_NS), threaded=False) as log:
-        return fly(scenario, seed, log.write, progress)
+        return fly(scenario, seed, log.write, progress, physics=physics)
 
 
 def run_in_memory(
-    scenario: Scenario, seed: int, without: Without = WITHOUT_NONE, gains: Preset | None = None
+    scenario: Scenario, seed: int, without: Without = WITHOUT_NONE, gains: Preset | None = None, physics: Physics = OWN
 ) -> tuple[Flown, list[Entry]]:
     """Fly without a file; the records come back, as a reader of the log would give them."""
     records: list[Entry] = []
@@ -51,14 +54,14 @@ def run_in_memory(
     def keep(topic: Topic, message: object, t_ns: int) -> None:
         records.append(Entry(topic, t_ns, message))
 
-    return fly(scenario, seed, keep, without=without, gains=gains), records
+    return fly(scenario, seed, keep, without=without, gains=gains, physics=physics), records
 
 
 def run_and_load(
-    scenario: Scenario, seed: int, without: Without = WITHOUT_NONE, gains: Preset | None = None
+    scenario: Scenario, seed: int, without: Without = WITHOUT_NONE, gains: Preset | None = None, physics: Physics = OWN
 ) -> tuple[Flown, Flight]:
     """Fly without a file; the flight comes back as it would be loaded from its log."""
-    flown, records = run_in_memory(scenario, seed, without, gains)
+    flown, records = run_in_memory(scenario, seed, without, gains, physics)
     return flown, from_records(metadata(scenario, seed, "memory", T0_NS), records)
 
 
@@ -77,13 +80,15 @@ def fly(
     progress: Progress | None = None,
     without: Without = WITHOUT_NONE,
     gains: Preset | None = None,
+    physics: Physics = OWN,
 ) -> Flown:
     """Fly until the operator is done, the flight fails or takes too long.
 
-    without: monitors that are switched off; gains: those of the ground, in the place of the lab's preset.
+    without: monitors that are switched off; gains: those of the ground, in the place of the lab's preset; physics: what
+    integrates the vehicles.
     """
     with uncollected():
-        return _fly(World(scenario, seed, record, without, gains), scenario.longest_s, progress)
+        return _fly(World(scenario, seed, record, without, gains, physics), scenario.longest_s, progress)
 
 
 def _fly(world: World, longest_s: float, progress: Progress | None) -> Flown:

@@ -8,6 +8,7 @@ from drone_agent.autopilots.model import Task
 from drone_agent.bridge.core import BridgeCore
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
+from drone_agent.simulation.physics import Physics
 from formation.maths.arrays import Float, Quat, Vec3
 from formation.messages import Datagram, Event, LabFrame
 from sim.faults.channel import Channel, Sent
@@ -50,12 +51,15 @@ class Seat:
         "followed_ns", "sysid", "up",
     )  # fmt: skip
 
-    def __init__(self, config: AgentConfig, scenario: Scenario, seed: int, now_ns: int, without: Without) -> None:
+    def __init__(
+        self, config: AgentConfig, scenario: Scenario, seed: int, now_ns: int, without: Without, physics: Physics
+    ) -> None:
+        """without: monitors that are switched off; physics: what integrates the vehicle."""
         self._config = config
         self._without = without.agent
         self.sysid = config.sysid
         # Truth is asked for at every exposure; nobody waits for it to be published.
-        self.agent = AgentCore(config.model_copy(update={"truth_rate_hz": 0.0}), now_ns, without.agent)
+        self.agent = AgentCore(config.model_copy(update={"truth_rate_hz": 0.0}), now_ns, without.agent, physics)
         bridged = scenario.true_vehicle(config.sysid).bridged
         self.bridges = [BridgeCore(config, now_ns, without=without.agent)] if bridged else []
         model = scenario.link

@@ -6,6 +6,7 @@ is where a scenario's faults act.
 
 from collections.abc import Sequence
 
+from drone_agent.simulation.physics import OWN, Physics
 from formation.control.presets import Preset
 from formation.messages import Datagram, Event, HostReport, LabFrame, OperatorRequest, Phase, RawFrame, Truth, Verb
 from formation.topics import MOCAP_EVENT, TRUTH
@@ -40,8 +41,12 @@ class World:
         record: Record,
         without: Without = WITHOUT_NONE,
         gains: Preset | None = None,
+        physics: Physics = OWN,
     ) -> None:
-        """without: monitors that are switched off; gains: those of the ground, in the place of the lab's preset."""
+        """without: monitors that are switched off; gains: those of the ground, in the place of the lab's preset.
+
+        physics: what integrates the vehicles.
+        """
         leader = recorded_leader(scenario)
         self.now_ns = T0_NS
         self.operator = Operator(scenario.script, leader_seconds(scenario, leader))
@@ -58,7 +63,9 @@ class World:
         self._grounds = [GroundHost(scenario.lab, 0, T0_NS, record, without, gains)]
         self._epochs = 1
         self._told = DueQueue[tuple[GroundHost, Verb]]()
-        self.seats = {c.sysid: Seat(c, scenario, seed, T0_NS, without) for c in agent_configs(scenario, leader)}
+        self.seats = {
+            c.sysid: Seat(c, scenario, seed, T0_NS, without, physics) for c in agent_configs(scenario, leader)
+        }
         self._body = {v.sysid: v.body for v in scenario.lab.vehicles if v.sysid is not None}
         self._seat_of = {self._body[sysid]: seat for sysid, seat in self.seats.items()}
         self._camera_faults = CameraFaults(scenario.lab, seed)

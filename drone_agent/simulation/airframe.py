@@ -1,4 +1,4 @@
-"""The true vehicle in the true air: physics on an exact 1 kHz grid, the setpoints that reach it, its pack.
+"""The true vehicle in the true air: physics on an exact grid of 1 kHz, the setpoints that reach it, its pack.
 
 The grid starts at construction and never depends on when anybody asks: a state between grid points is a side
 step that leaves the grid alone, so that two hosts that ask at different times fly the same flight.
@@ -8,17 +8,16 @@ from collections import deque
 
 import numpy as np
 
-from drone_agent.simulation.attitude_loop import WHOLE_MOTORS, LoopSetpoint, advance
+from drone_agent.simulation.attitude_loop import WHOLE_MOTORS, LoopSetpoint
 from drone_agent.simulation.battery import BatteryPack
 from drone_agent.simulation.disturbance import Disturbance, acceleration
 from drone_agent.simulation.level_error import Lean
+from drone_agent.simulation.physics import OWN, Physics
 from formation.maths.arrays import Float, Quat, Vec3
 from formation.maths.frames import from_yaw
 from formation.vehicle.profile import VehicleProfile, VehicleState, at_rest
 
-STEP_NS = 1_000_000
-_STEP_S = STEP_NS * 1e-9
-_GUST_NS = 5 * STEP_NS  # the air acts anew this often
+_GUST_STEPS = 5  # the air acts anew this often
 
 
 class Airframe:
@@ -32,8 +31,9 @@ class Airframe:
         start_yaw_rad: float,
         t0_ns: int,
         lean: Lean | None = None,
+        physics: Physics = OWN,
     ) -> None:
-        """lean: how far its autopilot's idea of level is off; None: it knows."""
+        """lean: how far its autopilot's idea of level is off, None: it knows; physics: what integrates it."""
         self.profile = profile
         self.pack = BatteryPack(profile.battery)
         self.armed = False
@@ -45,6 +45,7 @@ class Airframe:
         self._air = air
         self._gusty = air.fan is not None
         self._lean = lean
+        self._physics = physics
         self._t0_ns = t0_ns
         self._push = self._felt()
         self._coming: deque[tuple[int, LoopSetpoint]] = deque()
@@ -60,26 +61,28 @@ class Airframe:
 
     def advance_to(self, now_ns: int) -> None:
         """Integrate up to the last grid point at or before `now_ns`."""
-        while now_ns - self.t_ns >= STEP_NS:
+        step_ns = self._physics.step_ns
+        gust_ns = _GUST_STEPS * step_ns
+        while now_ns - self.t_ns >= step_ns:
             end_ns = now_ns
             while self._coming:
                 due_ns, setpoint = self._coming[0]
                 if due_ns > self.t_ns:
-                    end_ns = min(end_ns, due_ns + STEP_NS - 1)
+                    end_ns = min(end_ns, due_ns + step_ns - 1)
                     break
                 self.setpoint = setpoint
                 self._coming.popleft()
             if self._gusty:
-                since_ns = (self.t_ns - self._t0_ns) % _GUST_NS
+                since_ns = (self.t_ns - self._t0_ns) % gust_ns
                 if since_ns == 0:
                     self._push = self._felt()
-                end_ns = min(end_ns, self.t_ns + _GUST_NS - since_ns)
+                end_ns = min(end_ns, self.t_ns + gust_ns - since_ns)
             if self._lean is not None:
                 self._lean.advance_to(self.t_ns)
                 end_ns = min(end_ns, self._lean.next_ns)
-            steps = max((end_ns - self.t_ns) // STEP_NS, 1)
-            self.state = self._integrated(_STEP_S, steps)
-            self.t_ns += steps * STEP_NS
+            steps = max((end_ns - self.t_ns) // step_ns, 1)
+            self.state = self._integrated(step_ns * 1e-9, steps)
+            self.t_ns += steps * step_ns
 
     def state_at(self, now_ns: int) -> VehicleState:
         """The state at `now_ns`, at most one step past the grid's present, which does not move."""
@@ -109,7 +112,9 @@ class Airframe:
             attitude = self._lean.true(setpoint.q_lab_from_flu)
             setpoint = LoopSetpoint(attitude, setpoint.rate_flu_rad_s, setpoint.thrust_norm)
         gain = self.motor_gain
-        return advance(self.state, self.profile, setpoint, self.armed, self._push, dt_s, steps, scale, gain)
+        return self._physics.advance(
+            self.state, self.profile, setpoint, self.armed, self._push, dt_s, steps, scale, gain
+        )
 
     def _felt(self) -> Vec3:
         x, y, z = self.state.pos_lab_m.tolist()

@@ -1,4 +1,4 @@
-"""The command lines of the studies of `gcs-sim`: `paper`, `robustness`, `gate`, `tune`, `bench`."""
+"""The command lines of the studies of `gcs-sim`: `paper`, `robustness`, `hummingbird`, `gate`, `tune`, `bench`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -13,6 +13,7 @@ def register(app: typer.Typer) -> None:
     """Add the commands."""
     app.command("paper")(compare)
     app.command("robustness")(robust)
+    app.command("hummingbird")(hummingbird)
     app.command("gate")(gate)
     app.command("tune")(tune_vehicle)
     app.command("bench")(bench)
@@ -49,6 +50,20 @@ def robust(
     from sim.cli import study_commands as studies
 
     studies.run_robustness(samples, first, only, profile, preset, as_json, out)
+
+
+def hummingbird(
+    seeds: Annotated[int, typer.Option(min=1, help="How many seeds, from 1.")] = 1,
+    log: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Keep the logs of the flights here.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON, and nothing else there.")] = False,
+) -> None:
+    """Fly line, circle and gust on rotorpy's physics, its Hummingbird; some minutes. Exit code 1 if any failed.
+
+    Needs rotorpy: pip install 'mavlink-formation[rotorpy]'.
+    """
+    from sim.cli import study_commands as studies
+
+    studies.run_hummingbird(seeds, log, as_json)
 
 
 def gate(

@@ -1,8 +1,11 @@
-"""What `gcs-sim paper`, `robustness`, `gate` and `tune` do: many lockstep flights, a table, files for scripts."""
+"""What the studies of `gcs-sim` do: many lockstep flights, a table, files for scripts."""
 
 import json
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 import numpy as np
 import typer
@@ -27,6 +30,9 @@ from sim.studies.tune import Candidate, Task, tune
 from wire.config_file import ConfigError, dump
 from wire.config_file import load as load_config
 from wire.private_files import make_folder
+
+if TYPE_CHECKING:
+    from sim.studies.hummingbird.flights import Benchmark
 
 FAILED, NOT_RIGHT = 1, 2
 
@@ -84,6 +90,29 @@ def run_robustness(
     console.print(f"{len(flown)} flights, {failures} failed", highlight=False)
     console.print(f"RMS on line and circle: median {median_mm:.2f} mm, 95 % under {high_mm:.2f} mm", highlight=False)
     if failures:
+        raise typer.Exit(FAILED)
+
+
+def run_hummingbird(seeds: int, log: Path | None, as_json: bool) -> None:
+    """Line, circle and gust on rotorpy's physics."""
+    console = Console(stderr=as_json, markup=False)
+    try:
+        from sim.studies.hummingbird import flights
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] != "rotorpy":
+            raise
+        console.print("gcs-sim: rotorpy is not here: pip install 'mavlink-formation[rotorpy]'", style="red")
+        raise typer.Exit(NOT_RIGHT) from error
+    if log is not None:
+        make_folder(log)
+    with TemporaryDirectory() if log is None else nullcontext(log) as folder:
+        jobs = flights.flights(range(1, seeds + 1), Path(folder))
+        result = flights.benchmark(jobs, Runner(console).run("flights", flights.fly, jobs))
+    if as_json:
+        print(result.to_json())
+    else:
+        console.print(_hummingbird_table(result))
+    if result.landed < result.flights:
         raise typer.Exit(FAILED)
 
 
@@ -217,6 +246,29 @@ def _table(samples: list[Sample]) -> Table:
             str(sample.draw.seed), sample.experiment, outcome, *numbers, style="red" if sample.failed else None
         )
     return table
+
+
+def _hummingbird_table(result: "Benchmark") -> Table:
+    """What was flown, in millimetres, with what was assumed above it."""
+    a = result.assumed
+    told = [
+        f"{result.vehicle} on rotorpy's physics, {result.seeds} seed(s), {result.landed} of {result.flights} landed",
+        f"cameras {1e3 * a.mocap_delay_s:.0f} ms, link {1e3 * a.link_s:.0f} ms; "
+        f"answer {1e3 * a.response_dead_time_s:.0f} ms dead, {1e3 * a.response_lag_s:.0f} ms lag",
+    ]
+    table = Table(title="\n".join(told), title_justify="left")
+    for heading in ("", "RMS, mm", "vibration, mm", "mean of largest, mm", "largest, mm", "settling, s", "chatter, °"):
+        table.add_column(heading, justify="right" if heading else "left")
+    table.add_row("line", _mm(result.line_rms_m), _mm(result.line_vibration_m))
+    table.add_row("circle", _mm(result.circle_rms_m), _mm(result.circle_vibration_m))
+    settle_s, chatter = ("-" if v is None else f"{v:.2f}" for v in (result.gust_settle_s, result.chatter_deg))
+    gust = (_mm(result.gust_mean_dev_m), _mm(result.gust_max_dev_m))
+    table.add_row(f"gust of {result.wind_m_s:g} m/s", "", "", *gust, settle_s, chatter)
+    return table
+
+
+def _mm(length_m: float | None) -> str:
+    return "-" if length_m is None else f"{1e3 * length_m:.2f}"
 
 
 def _json(samples: list[Sample]) -> str:

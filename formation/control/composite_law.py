@@ -11,7 +11,7 @@ from typing import Annotated, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from formation.control.feedback import feedback, uses_disturbance
+from formation.control.feedback import bound_sideways, feedback, uses_disturbance
 from formation.control.gains import AxisGains, LagCompensation
 from formation.control.prediction import Known, motion_at
 from formation.control.relative_frame import copy_motion, lead_from_lab
@@ -27,9 +27,7 @@ from formation.vehicle.response import NEVER_NS, SECONDS, SentCommands
 HORIZON_MAX_NS = 400_000_000
 HORIZONTAL, VERTICAL = 0, 1  # the channels, each with a workspace of its own
 STEP_MAX_S = 0.1
-LEADER = cast(
-    int, np.int64(0)
-)  # a literal 0 would be a type of its own to numba, and the prediction compiled once more for it
+LEADER = cast(int, np.int64(0))  # a literal 0 would be a type of its own, and the prediction compiled once more
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +148,7 @@ def _demand(
     history: Rows[SentCommands], led: Led, memory: Rows[LawMemory], now_ns: int, out: Rows[Demand],
 ) -> None:  # fmt: skip
     """See `demand`; out (m) is filled."""
-    around = Around(Known(estimates, observers, history, _dead_times(settings, observers, estimates)), led)
+    around = Around(Known(estimates, observers, history, dead_times(settings, observers, estimates)), led)
     # A record keeps no array alive that it lies in: `space` has to be there as long as anybody writes into it.
     space = np.empty(2, WORKSPACE)
     for channel in range(2):
@@ -173,7 +171,7 @@ def _vehicle_demand(
 
 
 @kernel
-def _dead_times(
+def dead_times(
     settings: Rows[LawSettings], observers: Rows[ObserverSettings], estimates: Rows[VehicleEstimate]
 ) -> Float:
     """Dead time of each vehicle's attitude (n), s; where it is compensated, less the delay shift that was seen."""
@@ -194,7 +192,7 @@ def _horizontal_demand(
     lag_s = known.observers[n].response.attitude_lag_s
     arrival_ns = now_ns + int(known.dead_s[n] * 1e9)
     hold_ns = arrival_ns if law.compensate else known.estimates[n].t_ns
-    _situation(i, n, around, hold_ns, hold_ns + int(lag_s * 1e9) if law.compensate else NEVER_NS, w)
+    situation(i, n, around, hold_ns, hold_ns + int(lag_s * 1e9) if law.compensate else NEVER_NS, w)
     gain = _adaptive_gain(i, law, around)
     boost = gain**law.lag_compensation.p1_power
     for axis in range(2):
@@ -210,11 +208,13 @@ def _horizontal_demand(
     for axis in range(3):
         out.specific_force_lab_m_s2[axis] = w.force[axis]
     pull = law.lag_compensation.gain * gain**law.lag_compensation.gain_power - 1.0
+    z3 = known.estimates[n].dist_lab_m_s2
     for axis in range(2):
-        z3 = known.estimates[n].dist_lab_m_s2[axis]
-        _ask(axis, law.horizontal, z3, w, out)
+        _ask(axis, law.horizontal, z3[axis], w, out)
+    bound_sideways(out.acc_lab_m_s2)
+    for axis in range(2):
         if law.compensate:
-            _invert_lag(axis, lag_s * law.lag_compensation.rate, pull, z3, w, out)
+            _invert_lag(axis, lag_s * law.lag_compensation.rate, pull, z3[axis], w, out)
 
 
 @kernel
@@ -225,7 +225,7 @@ def _vertical_demand(
     known, n = around.known, law.vehicle
     dead_s, lag_s = known.observers[n].response.thrust_dead_s, known.observers[n].response.thrust_lag_s
     hold_ns = now_ns + int(dead_s * 1e9)
-    _situation(i, n, around, hold_ns, hold_ns + int(lag_s * 1e9), w)
+    situation(i, n, around, hold_ns, hold_ns + int(lag_s * 1e9), w)
     out.yaw_rad, out.yaw_rate_rad_s = w.lab[0, 3], w.lab[1, 3]
     z3 = known.estimates[n].dist_lab_m_s2[2]
     for axis in range(2, 3):  # as a plain 2 it would be a type of its own to numba, and compiled again
@@ -249,7 +249,7 @@ def _adaptive_gain(i: int, law: LawSettings, around: Around) -> float:
 
 
 @kernel
-def _situation(i: int, n: int, around: Around, hold_ns: int, later_ns: int, w: Workspace) -> None:
+def situation(i: int, n: int, around: Around, hold_ns: int, later_ns: int, w: Workspace) -> None:
     """Vehicle i's own motion, reference and error at hold_ns, and its reference at later_ns, into the workspace.
 
     later_ns: NEVER_NS where the lag is not compensated.

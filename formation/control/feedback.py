@@ -1,5 +1,7 @@
 """The one place where a law is chosen: error in, feedback acceleration out, for one axis of one vehicle."""
 
+from math import sqrt
+
 from formation.control.gains import AxisGains, CascadeGains, GeometricGains, Law, SlidingGains
 from formation.control.geometric import tracking_acceleration
 from formation.control.pid import velocity_error, velocity_pid
@@ -10,9 +12,11 @@ from formation.control.sliding_mode import (
     super_twisting_rate,
     switching,
 )
+from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
 
 SMC, CFC, PID, GEOMETRIC = int(Law.SMC), int(Law.CFC), int(Law.PID), int(Law.GEOMETRIC)
+SIDEWAYS_MOST_M_S2 = 11.7  # of gravity at a tilt of 50 degrees, the most that an agent follows
 Feedback = tuple[float, float, float, float, float]
 """s, t_m, the law's new memory (z_m or integral), the feedback acceleration, and that acceleration's rate."""
 
@@ -81,6 +85,15 @@ def geometric_feedback(
     acc, integral = tracking_acceleration(e, e_rate, integral, kx, kv, ki, mix, bound, dt_s)
     s = mix * e + e_rate
     return s, -acc, integral, acc, -kx * e_rate - kv * e_acc - ki * s
+
+
+@kernel
+def bound_sideways(acc: Float) -> None:
+    """Keeps a demand (3) within SIDEWAYS_MOST_M_S2 in place: the barriers that come after could not weigh more."""
+    size = sqrt(acc[0] * acc[0] + acc[1] * acc[1])
+    if size > SIDEWAYS_MOST_M_S2:
+        acc[0] *= SIDEWAYS_MOST_M_S2 / size
+        acc[1] *= SIDEWAYS_MOST_M_S2 / size
 
 
 @kernel

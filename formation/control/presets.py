@@ -10,11 +10,11 @@ from types import MappingProxyType
 
 from formation.config import MocapConfig
 from formation.control.gains import CascadeGains, Gains, GeometricGains, LagCompensation, Law, SlidingGains
-from formation.estimation.settings import Adaptation, ObserverGains
+from formation.estimation.settings import Adaptation, ObserverGains, Parallel
 from formation.vehicle.profile import GainScale, VehicleProfile
 
-NOT_ADAPTIVE, PLAIN = Adaptation(), LagCompensation()
-SEEN_ADAPTATION = Adaptation(lag_s=0.05, threshold=3.0, most=4.0, bandwidth_power=1.0, mean_share=0.0)
+PLAIN, ALONE = LagCompensation(), Parallel()
+SEEN_ADAPTATION = Adaptation(lag_s=0.086, threshold=1.55, most=5.6, bandwidth_power=1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +52,8 @@ class Preset:
     yaw_trust: float = 0.3
     quiet_m: float = 2e-4
     quiet_rad: float = 1e-3
-    adaptation: Adaptation = NOT_ADAPTIVE
     seen_adaptation: Adaptation = SEEN_ADAPTATION
+    parallel: Parallel = ALONE
     lag_compensation: LagCompensation = PLAIN
     leader_lag_compensation: LagCompensation = PLAIN
 
@@ -63,11 +63,21 @@ HORIZONTAL_LOOP_S, VERTICAL_LOOP_S = 0.170, 0.068
 PRINTED_ALPHA, PRINTED_EPS = -2.0 / 9.0, -0.49
 PRINTED_FTESO = ObserverGains(70.0, PRINTED_ALPHA, scale=1.0, smooth=0.0)
 LEADER_PID = CascadeGains(2.0, 4.0, 1.0)
-HORIZONTAL = SlidingGains(Law.CFC, c=4.0, p1=2.9, p2=0.5, eps=-0.177, smooth_m_s=0.057)
+HORIZONTAL = SlidingGains(Law.CFC, c=4.0, p1=4.1, p2=0.59, eps=-0.177, smooth_m_s=0.027)
 VERTICAL = SlidingGains(Law.CFC, c=8.0, p1=10.0, p2=3.0, eps=-0.15, smooth_m_s=0.35)
 SLOW_OBSERVER = ObserverGains(18.0, -0.1, 0.004)
-OBSERVER = ObserverGains(11.0, -0.029, 0.004)
-LAG_COMPENSATION = LagCompensation(rate=1.2, gain=1.64, gain_power=0.255, p1_power=0.63, lead_share=0.5)
+OBSERVER = ObserverGains(12.3, -0.029, 0.004)
+FAST = Parallel(
+    bandwidth_rad_s=168.0,
+    pos_sigmas=6.3,
+    vel_sigmas=8.8,
+    dist_sigmas=13.1,
+    attitude_trust=0.56,
+    urgency=4.4,
+)
+LAG_COMPENSATION = LagCompensation(rate=0.85, gain=0.9, gain_power=0.32, p1_power=0.9, lead_share=0.28)
+FIRM_COMPENSATION = LagCompensation(rate=1.2, gain=1.64, gain_power=0.255)
+"""Of laws whose own gains nothing raises in a push."""
 
 DEFAULT = Preset(
     name="default",
@@ -80,14 +90,16 @@ DEFAULT = Preset(
     own_observer=OBSERVER,
     vertical_observer=ObserverGains(15.0, -0.1, 0.004),
     heading_observer=ObserverGains(8.0, -0.1, 0.02),
-    seen_observer=ObserverGains(12.0, -0.1, 0.004),
+    seen_observer=ObserverGains(7.3, -0.1, 0.004),
     seen_vertical_observer=ObserverGains(20.0, -0.1, 0.004),
-    seen_heading_observer=ObserverGains(10.0, -0.1, 0.02),
-    yaw_trust=0.6,
-    dead_share=0.9,
-    lag_share=0.62,
-    attitude_trust=0.65,
-    adaptation=Adaptation(lag_s=0.1, threshold=1.7, most=5.8, bandwidth_power=1.1, mean_share=0.04),
+    seen_heading_observer=ObserverGains(7.4, -0.1, 0.01),
+    tilt_bandwidth_rad_s=21.0,
+    tilt_decay_1_s=11.2,
+    yaw_trust=0.58,
+    dead_share=0.69,
+    lag_share=0.95,
+    attitude_trust=0.13,
+    parallel=FAST,
     lag_compensation=LAG_COMPENSATION,
     leader_lag_compensation=LAG_COMPENSATION,
 )
@@ -101,12 +113,13 @@ PAPER_CFC = replace(
     follower=SlidingGains(Law.CFC, c=1.0, p1=8.0, p2=0.1, eps=PRINTED_EPS),
     compensate=False,
     observer=PRINTED_FTESO,
-    adaptation=NOT_ADAPTIVE,
+    dead_share=0.9,
+    lag_share=0.62,
+    attitude_trust=0.65,
+    parallel=ALONE,
     lag_compensation=PLAIN,
 )
-PAPER_COMPENSATED = replace(
-    PAPER_CFC, name="paper_compensated", compensate=True, lag_compensation=DEFAULT.lag_compensation
-)
+PAPER_COMPENSATED = replace(PAPER_CFC, name="paper_compensated", compensate=True, lag_compensation=FIRM_COMPENSATION)
 PAPER_ISTSMC = replace(
     PAPER_CFC,
     name="paper_istsmc",
@@ -114,8 +127,8 @@ PAPER_ISTSMC = replace(
     observer=SLOW_OBSERVER,
 )
 PAPER_SMC = replace(PAPER_ISTSMC, name="paper_smc", follower=SlidingGains(Law.SMC, c=1.0, k=5.0))
-PID = replace(PID_LEADER, name="pid", follower=LEADER_PID)
-GEOMETRIC = replace(PID_LEADER, name="geometric", follower=GeometricGains(kx=9.0, kv=5.0, ki=4.0, mix=1.5, bound=1.0))
+PID = replace(PID_LEADER, name="pid", follower=LEADER_PID, lag_compensation=FIRM_COMPENSATION)
+GEOMETRIC = replace(PID, name="geometric", follower=GeometricGains(kx=9.0, kv=5.0, ki=4.0, mix=1.5, bound=1.0))
 PRESETS: Mapping[str, Preset] = MappingProxyType(
     {
         p.name: p
@@ -160,7 +173,7 @@ def scaled_for(gains: Preset, profile: VehicleProfile, mocap: MocapConfig) -> Pr
         observer=gains.observer.scaled(gain_scale.observer),
         own_observer=gains.own_observer.scaled(gain_scale.observer),
         vertical_observer=gains.vertical_observer.scaled(gain_scale.vertical),
-        adaptation=replace(gains.adaptation, most=1.0 + gain_scale.observer * (gains.adaptation.most - 1.0)),
+        parallel=gains.parallel.scaled(gain_scale.observer),
         dead_share=gain_scale.compensation * gains.dead_share,
         lag_share=gain_scale.compensation * gains.lag_share,
     )

@@ -10,7 +10,7 @@ from formation.control.composite_law import LawSettings
 from formation.control.gains import axis_gains
 from formation.control.limits import KEEP_OUT, MONITORS, SEPARATION_FILTER, SPEED_LIMIT
 from formation.control.limits.bodies import BarrierSettings
-from formation.control.presets import Preset
+from formation.control.presets import ALONE, Preset
 from formation.estimation.settings import ObserverSettings
 from formation.maths.records import Rows, rows
 from formation.vehicle.body import GRAVITY_M_S2
@@ -83,7 +83,8 @@ def _observers(leads: bool, place: int, profile: VehicleProfile, gains: Preset) 
         quiet_m=gains.quiet_m,
         quiet_rad=gains.quiet_rad,
         yaw_trust=gains.yaw_trust,
-        adaptation=gains.seen_adaptation if seen else gains.adaptation,
+        adaptation=gains.seen_adaptation,
+        parallel=ALONE if seen else gains.parallel,
     )
 
 

@@ -1,7 +1,7 @@
-"""The innovation-adaptive gain: what tells a disturbance from measurement noise, and how much faster to observe then.
+"""The innovation-adaptive gain of a vehicle that is only observed: how much faster to observe it.
 
-gain = sqrt(1 + innovation^2 / (threshold^2 noise^2 + mean_share * mean square)), at most `most`: 1 while the filtered
-innovation is no more than is expected of it.
+gain = sqrt(1 + innovation^2 / (threshold^2 noise^2)), at most `most`: 1 while the filtered innovation is no more than
+is expected of it. And the measurement's noise, learned of every vehicle, that tells a disturbance from noise.
 """
 
 from math import exp, sqrt
@@ -16,7 +16,6 @@ from formation.vehicle.response import SECONDS
 
 NOISE_LEAST_M = 2e-5  # of a position: the least believed
 NOISE_LAG_S, NOISE_SPAN_S = 0.5, 0.2  # how slowly it is learned, from how close frames
-MEAN_LAG_S = 3.0
 
 
 @kernel
@@ -66,20 +65,16 @@ def learn_noise(z: VehicleEstimate, to_ns: int, pos_lab_m: Float) -> None:
 
 @kernel
 def adapt(z: VehicleEstimate, pos_lab_m: Float, model: Float, dt_s: float, settings: ObserverSettings) -> None:
-    """Filters the innovation and sets the gain: one for both horizontal axes, so that turning changes nothing.
+    """Filters an observed vehicle's innovation and sets its gain: one for all axes, so that turning changes nothing.
 
-    model (3): modelled acceleration, mean over the step. A vehicle that is only observed has no model of its climbing
-    either: there the height counts too.
+    model (3): modelled acceleration, mean over the step.
     """
     adaptation = settings.adaptation
     share = 1.0 - exp(-dt_s / adaptation.lag_s)
     square = 0.0
-    for axis in range(2 if settings.place >= 0 else 3):
+    for axis in range(3):
         ahead = z.pos_lab_m[axis] + dt_s * (z.vel_lab_m_s[axis] + 0.5 * dt_s * (model[axis] + z.dist_lab_m_s2[axis]))
         z.innovation_m[axis] += share * (pos_lab_m[axis] - ahead - z.innovation_m[axis])
         square += z.innovation_m[axis] * z.innovation_m[axis]
-    z.innovation_var_m2 += (1.0 - exp(-dt_s / MEAN_LAG_S)) * (square - z.innovation_var_m2)
-    threshold2 = adaptation.threshold * adaptation.threshold
-    noise = threshold2 * z.noise_var_m2 * dt_s / (2.0 * adaptation.lag_s + dt_s)
-    expected = sqrt(noise + adaptation.mean_share * z.innovation_var_m2)
-    z.adaptive_gain = adaptive_gain(sqrt(square), expected, adaptation.most)
+    noise = adaptation.threshold * adaptation.threshold * z.noise_var_m2 * dt_s / (2.0 * adaptation.lag_s + dt_s)
+    z.adaptive_gain = adaptive_gain(sqrt(square), sqrt(noise), adaptation.most)

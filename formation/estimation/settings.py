@@ -25,20 +25,37 @@ class ObserverGains:
 
 @dataclass(frozen=True, slots=True)
 class Adaptation:
-    """When observers become faster: while the innovation, filtered over lag_s, exceeds what is expected.
+    """When observers of a vehicle that is only observed become faster: while the filtered innovation exceeds noise.
 
-    What is expected: noise, what the measurement's own noise leaves in the filter, times threshold; and mean_share of
-    the innovation's mean square over some seconds, so that a lasting oscillation calms the loop instead of exciting it.
-    gain^bandwidth_power multiplies the bandwidth (and powers of it the law's gains); most = 1 switches it off. One
-    gain serves both horizontal axes; of a vehicle that is only observed it serves all axes and the tilt, and its
-    heading has one of its own.
+    lag_s: of that filter; threshold: in units of what noise alone leaves in it. gain^bandwidth_power
+    multiplies the bandwidth; most = 1 switches it off. One gain serves all axes and the tilt; the heading has its own.
     """
 
     lag_s: float = 0.05
     threshold: float = 3.0
     most: float = 1.0
     bandwidth_power: float = 1.0
-    mean_share: float = 0.15
+
+
+@dataclass(frozen=True, slots=True)
+class Parallel:
+    """A second, fast observer beside the first (formation.estimation.parallel); bandwidth 0: there is none.
+
+    *_sigmas: how many times what noise makes it see its position, velocity and disturbance must differ from the slow
+    one's to be believed by half; attitude_trust: share of the measured tilt that a frame is given where it is believed;
+    urgency: the vehicle's adaptive gain there, powers of which multiply the law's gains.
+    """
+
+    bandwidth_rad_s: float = 0.0
+    pos_sigmas: float = 8.0
+    vel_sigmas: float = 8.0
+    dist_sigmas: float = 8.0
+    attitude_trust: float = 1.0
+    urgency: float = 1.0
+
+    def scaled(self, rate: float) -> "Parallel":
+        """The same observer, its bandwidth and what is above 1 of its urgency multiplied by `rate`."""
+        return replace(self, bandwidth_rad_s=rate * self.bandwidth_rad_s, urgency=1.0 + rate * (self.urgency - 1.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,3 +86,4 @@ class ObserverSettings:
     quiet_rad: float
     yaw_trust: float
     adaptation: Adaptation
+    parallel: Parallel

@@ -1,8 +1,9 @@
 """The observers after one more frame: position, velocity and disturbance of every vehicle, and its heading.
 
 One finite-time extended state observer (FTESO, Eqs. 3-4) per axis, stepped implicitly so that it is stable at any
-frame rate. It is fed the acceleration rebuilt from the measured attitude and the thrust delivered so far; fed the
-commanded acceleration instead, Z3 would fight the vehicle's own lag.
+frame rate; where the preset says so, two along the horizontal axes of a vehicle we command, a slow and a fast one
+(formation.estimation.parallel). It is fed the acceleration rebuilt from the measured attitude and the thrust delivered
+so far; fed the commanded acceleration instead, Z3 would fight the vehicle's own lag.
 """
 
 from math import sqrt
@@ -15,6 +16,7 @@ from formation.estimation.fteso import fteso_step
 from formation.estimation.heading import observe_heading
 from formation.estimation.leader import observe_tilt
 from formation.estimation.model_mismatch import judge_answer
+from formation.estimation.parallel import observe_parallel
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate, initial
 from formation.estimation.thrust_scale import learn_thrust_scale
@@ -127,8 +129,9 @@ def rebuild_force(
     if not seen:
         return
     along = thrust_axis(z.q_lab_from_flu)
+    trust = s.attitude_trust + z.gate * (s.parallel.attitude_trust - s.attitude_trust)
     for axis in range(2):
-        force[axis] += s.attitude_trust * (z.thrust_m_s2 * along[axis] - z.level_bias_m_s2[axis] - force[axis])
+        force[axis] += trust * (z.thrust_m_s2 * along[axis] - z.level_bias_m_s2[axis] - force[axis])
     force[2] = z.thrust_m_s2 * along[2]
 
 
@@ -140,34 +143,47 @@ def observe(
     commanded = s.place >= 0
     if seen:
         learn_noise(z, z.t_ns, pos_lab_m)
-        adapt(z, pos_lab_m, model, dt_s, s)
-    for axis in range(3):
+        if not commanded:
+            adapt(z, pos_lab_m, model, dt_s, s)
+    alone = 0
+    if seen and s.parallel.bandwidth_rad_s > 0.0:
+        observe_parallel(z, pos_lab_m, model, dt_s, quietened(z, s), s.horizontal, s.parallel)
+        alone = 2
+    for axis in range(alone, 3):
         observe_axis(z, axis, pos_lab_m[axis], seen, model[axis], dt_s, s)
+    for axis in range(3):
+        z.dist_lab_m_s2[axis] = min(max(z.dist_lab_m_s2[axis], -DIST_MAX_M_S2), DIST_MAX_M_S2)
     if airborne and commanded and seen and z.specific_force_lab_m_s2[2] > LIFT_LEAST * GRAVITY_M_S2:
         learn_thrust_scale(z, dt_s, s)
     observe_heading(z, seen, dt_s, s)
 
 
 @kernel
+def quietened(z: VehicleEstimate, s: ObserverSettings) -> float:
+    """Factor on bandwidths in more noise than they were made for."""
+    factor: float = min(s.quiet_m / sqrt(z.noise_var_m2), 1.0) ** NOISE_POWER
+    return factor
+
+
+@kernel
 def observe_axis(
     z: VehicleEstimate, axis: int, measured: float, seen: bool, model: float, dt_s: float, s: ObserverSettings
 ) -> None:
-    """One axis's FTESO, slower in noise and, but for a commanded height, faster by the adaptive gain.
+    """One axis's FTESO, slower in noise and, of a vehicle that is only observed, faster by the adaptive gain.
 
     Unseen, the model alone.
     """
     z1, z2, z3 = z.pos_lab_m[axis], z.vel_lab_m_s[axis], z.dist_lab_m_s2[axis]
     gains = s.horizontal if axis < 2 else s.vertical
     if seen:
-        w = gains.bandwidth_rad_s * min(s.quiet_m / sqrt(z.noise_var_m2), 1.0) ** NOISE_POWER
-        if axis < 2 or s.place < 0:
+        w = gains.bandwidth_rad_s * quietened(z, s)
+        if s.place < 0:
             w *= z.adaptive_gain**s.adaptation.bandwidth_power
         z1, z2, z3 = fteso_step(z1, z2, z3, model, measured, dt_s, w, gains.alpha, gains.scale, gains.smooth)
     else:
         z1 += dt_s * z2 + 0.5 * dt_s * dt_s * (model + z3)
         z2 += dt_s * (model + z3)
-    z.pos_lab_m[axis], z.vel_lab_m_s[axis] = z1, z2
-    z.dist_lab_m_s2[axis] = min(max(z3, -DIST_MAX_M_S2), DIST_MAX_M_S2)
+    z.pos_lab_m[axis], z.vel_lab_m_s[axis], z.dist_lab_m_s2[axis] = z1, z2, z3
 
 
 @kernel

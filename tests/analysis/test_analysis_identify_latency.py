@@ -16,9 +16,9 @@ TRUE_WITHIN_S = 1e-3
 
 @pytest.fixture(scope="module")
 def flown() -> Flight:
-    """Three drones on the circle, stamps exact."""
+    """Three drones on a circle that tilts them, stamps exact."""
     plan = scenario.load("triangle_circle")
-    trajectory = plan.lab.leader.trajectory.model_copy(update={"duration_s": 12.0})
+    trajectory = plan.lab.leader.trajectory.model_copy(update={"duration_s": 12.0, "period_s": 6.0})
     leader = plan.lab.leader.model_copy(update={"trajectory": trajectory})
     plan = plan.model_copy(update={"lab": plan.lab.model_copy(update={"leader": leader}), "formation_s": 12.0})
     _, records = lockstep.run_in_memory(plan, 5)

@@ -4,16 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from oracle_attitude import Airframe, Bounds
-from oracle_estimator import Adaptive, Observer, Traits
+from oracle_estimator import Adaptive, Observer, Second, Traits
 from oracle_law import Flight, Law, Quick, cascade, geometric, sliding, smc
 from oracle_stack import Apart, OracleStack, Task, Told
 
 from formation.config import LabConfig
 from formation.control.gains import CascadeGains, Gains, GeometricGains, LagCompensation, SlidingGains
 from formation.control.gains import Law as Named
-from formation.control.presets import Preset
+from formation.control.presets import ALONE, Preset
 from formation.control.stack import ControlStack, Stages
-from formation.estimation.settings import Adaptation, ObserverGains
+from formation.estimation.settings import Adaptation, ObserverGains, Parallel
 from formation.guidance.plan import Plan
 from formation.messages import LabFrame
 from formation.vehicle.profile import VehicleProfile
@@ -24,7 +24,12 @@ def observer(gains: ObserverGains) -> Observer:
 
 
 def adaptive(gains: Adaptation) -> Adaptive:
-    return Adaptive(gains.lag_s, gains.threshold, gains.most, gains.bandwidth_power, gains.mean_share)
+    return Adaptive(gains.lag_s, gains.threshold, gains.most, gains.bandwidth_power)
+
+
+def second(gains: Parallel) -> Second:
+    sigmas = gains.pos_sigmas, gains.vel_sigmas, gains.dist_sigmas
+    return Second(gains.bandwidth_rad_s, sigmas, gains.attitude_trust, gains.urgency)
 
 
 def quick(gains: LagCompensation) -> Quick:
@@ -53,7 +58,8 @@ def traits(gains: Preset, body: VehicleProfile, leads: bool, commanded: bool) ->
         attitude=(gains.dead_share * body.response_dead_time_s, gains.lag_share * body.response_lag_s),
         thrust=(body.thrust_dead_time_s, body.thrust_lag_s),
         belief=(body.response_dead_time_s, body.response_lag_s),
-        adaptive=adaptive(gains.adaptation if commanded else gains.seen_adaptation),
+        adaptive=adaptive(gains.seen_adaptation),
+        second=second(gains.parallel if commanded else ALONE),
         strength_lag_s=gains.thrust_scale_lag_s,
         attitude_trust=gains.attitude_trust,
         tilt_w=gains.tilt_bandwidth_rad_s,

@@ -21,30 +21,30 @@ def numbers(value: object) -> Iterator[object]:
         yield value
 
 
-HORIZONTAL = (Law.CFC, 4.0, 2.9, 0.5, -0.177, 0.057, 0.0)  # c, p1, p2, eps, rounding, k
+HORIZONTAL = (Law.CFC, 4.0, 4.1, 0.59, -0.177, 0.027, 0.0)  # c, p1, p2, eps, rounding, k
 UPWARDS = (Law.CFC, 8.0, 10.0, 3.0, -0.15, 0.35, 0.0)
-OURS = (11.0, -0.029, 0.004, 1.0)  # w, a, e0, rounding
-LEAD = (1.2, 1.64, 0.255, 0.63, 0.5)
-CALM, AS_IS = (0.05, 3.0, 1.0, 1.0, 0.15), (1.0, 1.0, 0.0, 0.0, 0.0)
+OURS = (12.3, -0.029, 0.004, 1.0)  # w, a, e0, rounding
+LEAD, FIRM, AS_IS = (0.85, 0.9, 0.32, 0.9, 0.28), (1.2, 1.64, 0.255, 0.0, 0.0), (1.0, 1.0, 0.0, 0.0, 0.0)
+SHARES = (0.69, 0.95, 2.0, 0.13)  # of dead time and lag, thrust's lag, trust in the attitude
+FAST, ALONE = (168.0, 6.3, 8.8, 13.1, 0.56, 4.4), (0.0, 8.0, 8.0, 8.0, 1.0, 1.0)
 PID_ROW, CALM_OBSERVER = (2.0, 4.0, 1.0, 0.0), (18.0, -0.1, 0.004, 1.0)
 
 
 def preset_row(
     follower=HORIZONTAL, leader=HORIZONTAL, compensate=True, observer=OURS, own=OURS,
-    adaptive=(0.1, 1.7, 5.8, 1.1, 0.04), follower_lead=LEAD, leader_lead=LEAD,
+    shares=SHARES, parallel=FAST, follower_lead=LEAD, leader_lead=LEAD,
 ) -> list:  # fmt: skip
     return list(numbers((
         follower, UPWARDS, leader, UPWARDS, compensate, observer, own,
         (15.0, -0.1, 0.004, 1.0), (8.0, -0.1, 0.02, 1.0),  # height, heading
-        (12.0, -0.1, 0.004, 1.0), (20.0, -0.1, 0.004, 1.0), (10.0, -0.1, 0.02, 1.0),  # of a leader only observed
-        0.9, 0.62, 2.0, 0.65,  # shares of dead time and lag, thrust's lag, trust in the attitude
-        40.0, 7.0, 0.6, 2e-4, 1e-3,  # tilt filter, its decay, trust in turns, noise in m and rad
-        adaptive, (0.05, 3.0, 4.0, 1.0, 0.0), follower_lead, leader_lead,
+        (7.3, -0.1, 0.004, 1.0), (20.0, -0.1, 0.004, 1.0), (7.4, -0.1, 0.01, 1.0),  # of a leader only observed
+        shares, 21.0, 11.2, 0.58, 2e-4, 1e-3,  # tilt filter, its decay, trust in turns, noise in m and rad
+        (0.086, 1.55, 5.6, 1.0), parallel, follower_lead, leader_lead,
     )))  # fmt: skip
 
 
-PRINTED = {"leader": PID_ROW, "own": CALM_OBSERVER, "adaptive": CALM, "follower_lead": AS_IS, "leader_lead": AS_IS,
-           "compensate": False}  # fmt: skip
+PRINTED = {"leader": PID_ROW, "own": CALM_OBSERVER, "shares": (0.9, 0.62, 2.0, 0.65), "parallel": ALONE,
+           "follower_lead": AS_IS, "leader_lead": AS_IS, "compensate": False}  # fmt: skip
 BEHIND_PID = {"leader": PID_ROW, "own": CALM_OBSERVER, "leader_lead": AS_IS}
 ISTSMC = (Law.ISTSMC, 1.0, 8.0, 0.1, -0.49, 0.0, 0.0)
 EXPECTED = {
@@ -55,12 +55,12 @@ EXPECTED = {
     "paper_compensated": preset_row(
         (Law.CFC, *ISTSMC[1:]),
         observer=(70.0, -2.0 / 9.0, 1.0, 0.0),
-        **(PRINTED | {"compensate": True, "follower_lead": LEAD}),
+        **(PRINTED | {"compensate": True, "follower_lead": FIRM}),
     ),
     "paper_istsmc": preset_row(ISTSMC, observer=CALM_OBSERVER, **PRINTED),
     "paper_smc": preset_row((Law.SMC, 1.0, 0.0, 0.0, 0.0, 0.0, 5.0), observer=CALM_OBSERVER, **PRINTED),
-    "pid": preset_row(PID_ROW, **BEHIND_PID),
-    "geometric": preset_row((9.0, 5.0, 4.0, 1.5, 1.0), **BEHIND_PID),
+    "pid": preset_row(PID_ROW, **BEHIND_PID, follower_lead=FIRM),
+    "geometric": preset_row((9.0, 5.0, 4.0, 1.5, 1.0), **BEHIND_PID, follower_lead=FIRM),
 }
 
 

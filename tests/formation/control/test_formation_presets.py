@@ -77,7 +77,8 @@ def test_each_loop_goes_at_its_own_pace() -> None:
     assert slow.own_observer == DEFAULT.own_observer.scaled(0.6)
     assert slow.vertical_observer == DEFAULT.vertical_observer.scaled(0.7)
     assert (slow.dead_share, slow.lag_share) == pytest.approx((0.8 * DEFAULT.dead_share, 0.8 * DEFAULT.lag_share))
-    assert slow.adaptation.most == pytest.approx(1.0 + 0.6 * (DEFAULT.adaptation.most - 1.0))
+    assert slow.parallel.bandwidth_rad_s == pytest.approx(0.6 * DEFAULT.parallel.bandwidth_rad_s)
+    assert slow.parallel.urgency == pytest.approx(1.0 + 0.6 * (DEFAULT.parallel.urgency - 1.0))
     assert slow.seen_observer == DEFAULT.seen_observer
 
 

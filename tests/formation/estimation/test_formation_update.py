@@ -19,10 +19,12 @@ def _settings() -> ObserverSettings:
     return settings
 
 
-def _observed(axis: int, noise_m: float, gain: float) -> tuple[float, float, float]:
+def _observed(place: int, axis: int, noise_m: float, gain: float) -> tuple[float, float, float]:
     z: VehicleEstimate = blank(VehicleEstimate, 1)[0]
     z.noise_var_m2, z.adaptive_gain = noise_m * noise_m, gain
-    observe_axis(z, axis, MEASURED, True, MODEL, DT_S, _settings())
+    settings = _settings()
+    settings.place = place
+    observe_axis(z, axis, MEASURED, True, MODEL, DT_S, settings)
     return float(z.pos_lab_m[axis]), float(z.vel_lab_m_s[axis]), float(z.dist_lab_m_s2[axis])
 
 
@@ -31,16 +33,16 @@ def _with(gains: ObserverGains) -> tuple[float, float, float]:
     return fteso_step(0.0, 0.0, 0.0, MODEL, MEASURED, DT_S, w, alpha, scale, smooth)
 
 
-@pytest.mark.parametrize(("axis", "noise_m", "gain", "w_rad_s"), [
-    (0, 1e-4, 1.0, 11.0),  # quieter than quiet_m: as it is
-    (0, 8e-4, 1.0, 11.0 * 4.0**-0.35),  # four times the quiet noise
-    (1, 2e-4, 3.0, 11.0 * 3.0**1.1),  # the adaptive gain to its power
-    (2, 8e-4, 3.0, 15.0 * 4.0**-0.35),  # a commanded height is not widened
+@pytest.mark.parametrize(("place", "axis", "noise_m", "gain", "w_rad_s"), [
+    (0, 0, 1e-4, 1.0, 11.0),  # quieter than quiet_m: as it is
+    (0, 0, 8e-4, 1.0, 11.0 * 4.0**-0.35),  # four times the quiet noise
+    (-1, 1, 2e-4, 3.0, 11.0 * 3.0**1.1),  # only observed: the adaptive gain to its power
+    (0, 2, 8e-4, 3.0, 15.0 * 4.0**-0.35),  # a commanded vehicle's is not widened
 ])  # fmt: skip
 def test_the_bandwidth_shrinks_with_noise_and_grows_with_the_adaptive_gain(
-    axis: int, noise_m: float, gain: float, w_rad_s: float
+    place: int, axis: int, noise_m: float, gain: float, w_rad_s: float
 ) -> None:
-    assert _observed(axis, noise_m, gain) == pytest.approx(_with(ObserverGains(w_rad_s, -0.1, 0.004)), rel=1e-12)
+    assert _observed(place, axis, noise_m, gain) == pytest.approx(_with(ObserverGains(w_rad_s, -0.1, 0.004)), rel=1e-12)
 
 
 def test_unseen_it_is_newtons_law() -> None:

@@ -27,13 +27,22 @@ class Observer:
 
 @dataclass(frozen=True)
 class Adaptive:
-    """The innovation-adaptive gain: filter, threshold in noise, bound, power on the bandwidth, share of the mean."""
+    """The innovation-adaptive gain: filter, threshold in noise, bound, power, of observed vehicles."""
 
     lag_s: float
     threshold: float
     most: float
     power: float
-    habit: float
+
+
+@dataclass(frozen=True)
+class Second:
+    """The fast observer beside the first: w, thresholds in noise, trust in the tilt, the gain where believed."""
+
+    w: float
+    sigmas: tuple[float, float, float]
+    attitude_trust: float
+    urgency: float
 
 
 @dataclass(frozen=True)
@@ -48,6 +57,7 @@ class Traits:
     thrust: tuple[float, float]
     belief: tuple[float, float]  # dead time and lag in full
     adaptive: Adaptive
+    second: Second
     strength_lag_s: float
     attitude_trust: float
     tilt_w: float
@@ -75,8 +85,9 @@ class Estimate:
     tilt: np.ndarray = field(default_factory=lambda: np.zeros(2))
     tilt_rate: np.ndarray = field(default_factory=lambda: np.zeros(2))
     innovation: np.ndarray = field(default_factory=lambda: np.zeros(4))
-    mean_square: float = 0.0
     mu: float = 1.0
+    gate: float = 0.0
+    fast: np.ndarray = field(default_factory=lambda: np.zeros((3, 2)))  # what the fast observer has more than the slow
     mu_turn: float = 1.0
     noise_m2: float = 2e-4**2
     recent: list[tuple[int, np.ndarray]] = field(default_factory=list)
@@ -130,20 +141,25 @@ def update(
             model[2] = max(model[2], 0.0)
     if seen:
         _noise(k, t_ns, pos)
-        _adapt(k, has, pos, model, dt)
-    for axis in range(3):
+        if not has.commanded:
+            _adapt(k, has, pos, model, dt)
+    two = seen and has.commanded and has.second.w > 0.0
+    if two:
+        _both(k, has, pos, model, dt)
+    for axis in range(2 if two else 0, 3):
         gains = has.horizontal if axis < 2 else has.vertical
         z = np.array([k.pos[axis], k.vel[axis], k.dist[axis]])
         if seen:
             w = gains.w * min(has.quiet_m / np.sqrt(k.noise_m2), 1.0) ** 0.35
-            if axis < 2 or not has.commanded:
+            if not has.commanded:
                 w *= k.mu**has.adaptive.power
             z = fteso_backward(z, pos[axis], model[axis], dt, w, gains.a, gains.e0, gains.smooth)
         else:
             z = np.array(
                 [z[0] + dt * z[1] + 0.5 * dt**2 * (model[axis] + z[2]), z[1] + dt * (model[axis] + z[2]), z[2]]
             )
-        k.pos[axis], k.vel[axis], k.dist[axis] = z[0], z[1], np.clip(z[2], -14.0, 14.0)
+        k.pos[axis], k.vel[axis], k.dist[axis] = z
+    k.dist = np.clip(k.dist, -14.0, 14.0)
     if has.commanded and airborne and seen and k.force[2] > 0.3 * G:
         was = k.strength
         k.strength = float(np.clip(was + dt / (has.strength_lag_s + dt) * k.dist[2] / k.force[2], 0.5, 2.0))
@@ -159,7 +175,8 @@ def _delivered(
     (up, k.lift), _, _ = answered(sent_ns, sent[:, 2:], from_ns, to_ns, *has.thrust, np.array([k.force[2], k.lift]))
     if seen:
         thrust = k.lift * k.r[:, 2]
-        flat = (1.0 - has.attitude_trust) * flat + has.attitude_trust * (thrust[:2] - k.trim)
+        trust = (1.0 - k.gate) * has.attitude_trust + k.gate * has.second.attitude_trust
+        flat = (1.0 - trust) * flat + trust * (thrust[:2] - k.trim)
         up = thrust[2]
     k.force = np.array([flat[0], flat[1], up])
 
@@ -215,15 +232,37 @@ def _noise(k: Estimate, t_ns: int, pos: np.ndarray) -> None:
     k.recent = [*k.recent, (t_ns, pos.copy())][-3:]
 
 
+def _both(k: Estimate, has: Traits, pos: np.ndarray, model: np.ndarray, dt: float) -> None:
+    """A slow and a fast observer of x and y; the estimate goes from the one to the other by r^4 / (1 + r^4)."""
+    gains, second = has.horizontal, has.second
+    noise = np.sqrt(k.noise_m2)
+    calm = min(has.quiet_m / noise, 1.0) ** 0.35
+    states = np.array([k.pos[:2], k.vel[:2], k.dist[:2]]) - k.gate * k.fast
+    stepped = [
+        np.transpose(
+            [
+                fteso_backward(z[:, axis], pos[axis], model[axis], dt, w * calm, gains.a, gains.e0, gains.smooth)
+                for axis in range(2)
+            ]
+        )
+        for z, w in ((states, gains.w), (states + k.fast, second.w))
+    ]
+    k.fast = stepped[1] - stepped[0]
+    w = second.w * calm
+    seen_by_noise = noise * np.sqrt(min(w * dt, 1.0)) * np.array(second.sigmas) * w ** np.arange(3)
+    r4 = np.max(np.linalg.norm(k.fast, axis=1) / seen_by_noise) ** 4
+    k.gate = r4 / (1.0 + r4)
+    k.mu = 1.0 + k.gate * (second.urgency - 1.0)
+    k.pos[:2], k.vel[:2], k.dist[:2] = stepped[0] + k.gate * k.fast
+
+
 def _adapt(k: Estimate, has: Traits, pos: np.ndarray, model: np.ndarray, dt: float) -> None:
-    """mu = sqrt(1 + innovation^2 / expected^2): one for both horizontal axes, of all three of an observed vehicle."""
-    axes = slice(0, 2 if has.commanded else 3)
+    """mu = sqrt(1 + innovation^2 / expected^2) of an observed vehicle: one for all three axes."""
+    axes = slice(0, 3)
     ahead = k.pos + dt * k.vel + 0.5 * dt**2 * (model + k.dist)
     k.innovation[axes] += share(dt, has.adaptive.lag_s) * ((pos - ahead)[axes] - k.innovation[axes])
     square = float(np.sum(k.innovation[axes] ** 2))
-    k.mean_square += share(dt, 3.0) * (square - k.mean_square)
-    noise = has.adaptive.threshold**2 * k.noise_m2 * dt / (2.0 * has.adaptive.lag_s + dt)
-    expected = noise + has.adaptive.habit * k.mean_square
+    expected = has.adaptive.threshold**2 * k.noise_m2 * dt / (2.0 * has.adaptive.lag_s + dt)
     k.mu = min(np.sqrt(1.0 + square / expected), has.adaptive.most)
 
 

@@ -237,6 +237,8 @@ class Compensator:
                 kept = memory[a] if frozen and abs(fed.memory) > abs(memory[a]) else fed.memory
                 out.memory[a] = kept if airborne else 0.0
             acc = eq_7(slot, frame, error, back) - (known.dist if fed.takes_off_z3 else 0.0)
+            if axes == [0, 1]:
+                acc[:2] *= min(1.0, 11.7 / max(np.linalg.norm(acc[:2]), 1e-9))
             lead_acc = np.zeros(3)
             if compensate:
                 rising = self.lab_reference(i, later_ns, lead_later)[2, :3] - to_lab(slot, frame)[2, :3]

@@ -13,6 +13,7 @@ from drone_agent.config import AgentConfig
 from drone_agent.flight.autopilot import CONTROL_NS, Autopilot
 from drone_agent.flight.estimator import ExternalPose, ExternalPositioning, OwnPositioning, Positioning
 from drone_agent.flight.failsafes import Failsafes
+from drone_agent.flight.motor_failure import LOOK_NS
 from drone_agent.link.commands import Commander
 from drone_agent.link.inbox import READS, Inbox
 from drone_agent.link.schedule import RASTER_NS, Schedule
@@ -66,7 +67,7 @@ class AgentCore:
         self._airframe = Airframe(vehicle, air, start, config.start_yaw_rad, t0_ns, lean, physics)
         self._positioning = _positioning(config, t0_ns, gated="pose-rejected" not in without)
         self.autopilot = Autopilot(config, model, self.parameters, self._airframe, self._positioning, without)
-        self._failsafes = Failsafes(self.autopilot)
+        self._failsafes = Failsafes(self.autopilot, profile(config.profile, config.profiles))
         rates_hz = {**model.rates_hz, AGE: config.age_rate_hz, **config.rates_hz}
         self._schedule = Schedule(rates_hz, ON_REQUEST, t0_ns)
         self._commander = Commander(config, self.autopilot, self._schedule)
@@ -75,7 +76,7 @@ class AgentCore:
         self._outbox: list[bytes] = []
         self._events: list[Event] = []
         self._look_ns = self._inside_ns = t0_ns
-        self._control_ns = t0_ns
+        self._control_ns = self._motors_ns = t0_ns
         self._truth_ns = t0_ns
         self._truth_period_ns = round(1e9 / config.truth_rate_hz) if config.truth_rate_hz > 0.0 else 0
         self._saved_version = self.parameters.version
@@ -147,6 +148,10 @@ class AgentCore:
             if self._control_ns < self._now_ns:
                 self._control_ns = self._rastered(self._now_ns)
             due_ns = min(due_ns, self._control_ns)
+        if self._failsafes.watches_motors:
+            if self._motors_ns < self._now_ns:
+                self._motors_ns = self._rastered(self._now_ns)
+            due_ns = min(due_ns, self._motors_ns)
         stream_ns = self._failsafes.stream_deadline_ns()
         return due_ns if stream_ns is None else min(due_ns, stream_ns)
 
@@ -159,6 +164,9 @@ class AgentCore:
             if self.autopilot.piloted and due_ns >= self._control_ns:
                 self.autopilot.control(due_ns)
                 self._control_ns = due_ns + CONTROL_NS
+            if due_ns >= self._motors_ns:
+                self._failsafes.check_motors(due_ns)
+                self._motors_ns = due_ns + LOOK_NS
             if due_ns >= self._look_ns:
                 self._failsafes.check(due_ns, _LOOK_S)
                 self._look_ns = due_ns + _LOOK_NS

@@ -53,6 +53,8 @@ class World:
         self.phase = Phase.GROUND
         self.exposed_ns = 0
         """When the cameras last took a frame."""
+        self.stops_beside_ns: list[int] = []
+        """When a second ground was asked for an emergency stop, which no record tells of."""
         self._lab, self._without, self._gains = scenario.lab, without, gains
         self._record = record
         self._emulator = MocapEmulator(scenario.mocap, scenario.lab, leader, seed, T0_NS)
@@ -126,6 +128,8 @@ class World:
             self._operator_looks()
         for ground, verb in self._told.pop_due(now_ns):
             ground.ask(OperatorRequest(0, verb), now_ns)
+            if verb is Verb.STOP and ground in self._grounds[1:] and ground.answers:
+                self.stops_beside_ns.append(now_ns)
         for ground in self._grounds:
             if ground.due_ns <= now_ns:
                 self._ground_ticks(ground)

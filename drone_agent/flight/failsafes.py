@@ -14,6 +14,7 @@ from drone_agent.flight.landing import ContactSense
 from drone_agent.flight.motor_failure import MotorFailure
 from drone_agent.stages import Stage, Trigger
 from formation.messages import Severity
+from formation.vehicle.profile import VehicleProfile
 from wire.autopilots.table import FlightMode
 from wire.link_messages.address import Address
 
@@ -27,14 +28,15 @@ _REST_M_S, _REST_RAD_S = 0.1, 0.3
 class Failsafes:
     """What is monitored, and what was already said about it."""
 
-    def __init__(self, autopilot: Autopilot) -> None:
-        self._autopilot = autopilot
+    def __init__(self, autopilot: Autopilot, vehicle: VehicleProfile) -> None:
+        """vehicle: what the autopilot is set up for, whatever it really flies."""
+        self._autopilot, self._vehicle = autopilot, vehicle
         self._landed_ns = 0
         self._flown = False
         self._ground = LinkMonitor()
         self._battery_low_said = self._battery_acted = False
         self._contact = ContactSense()
-        self._failure = MotorFailure()
+        self._failure = MotorFailure(vehicle)
         self._rest_ns = 0
         self._levelled = False
         """Whether it flies level for want of a pose alone."""
@@ -98,7 +100,7 @@ class Failsafes:
         self._detect_landing(now_ns)
         self._disarm_when_done(now_ns)
         if pilot.armed and not pilot.landed:
-            self._check_motors(now_ns)
+            self._check_thrust(now_ns)
             self._check_position(now_ns)
             self._check_battery(now_ns)
             self._check_ground(now_ns)
@@ -121,14 +123,23 @@ class Failsafes:
         if now_ns - self._rest_ns >= _REST_NS:
             pilot.stream.pull(Trigger.RESTED, now_ns)
 
-    def _check_motors(self, now_ns: int) -> None:
+    def check_motors(self, now_ns: int) -> None:
+        """Stop the motors of who turns as they were not told; a hundred times a second."""
         pilot = self._autopilot
-        frame = pilot.airframe
-        if "motor-failure" in pilot.without:
-            return
-        wanted, attitude = frame.setpoint.q_lab_from_flu, frame.state.q_lab_from_flu
-        if self._failure.update(now_ns, wanted, attitude, self._contact.missing):
-            pilot.say(Severity.CRITICAL, "Thrust or attitude out of reach, a motor may be dead: motors off")
+        if self.watches_motors and self._failure.look(pilot.airframe):
+            pilot.say(Severity.CRITICAL, "It turns as it was not told, a motor may be dead: motors off")
+            pilot.terminate(now_ns)
+
+    @property
+    def watches_motors(self) -> bool:
+        """Whether `check_motors` is due at all."""
+        pilot = self._autopilot
+        return pilot.armed and not pilot.landed and "motor-failure" not in pilot.without
+
+    def _check_thrust(self, now_ns: int) -> None:
+        pilot = self._autopilot
+        if self.watches_motors and self._failure.falls(now_ns, self._contact.missing):
+            pilot.say(Severity.CRITICAL, "Its thrust is not felt, a motor may be dead: motors off")
             pilot.terminate(now_ns)
 
     def _detect_landing(self, now_ns: int) -> None:
@@ -146,7 +157,7 @@ class Failsafes:
             pilot.say(Severity.INFO, pilot.model.texts.landed)
         else:
             self._flown = True
-            self._failure = MotorFailure()
+            self._failure = MotorFailure(self._vehicle)
             pilot.say(Severity.INFO, pilot.model.texts.takeoff)
 
     def _disarm_when_done(self, now_ns: int) -> None:

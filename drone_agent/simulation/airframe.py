@@ -39,6 +39,8 @@ class Airframe:
         self.armed = False
         self.motor_gain: Float = WHOLE_MOTORS
         """(4) What each motor gives of what it is told; a dead one nothing."""
+        self.told: Float = np.zeros(8)
+        """What the autopilot knows of its motors: see `drone_agent.simulation.attitude_loop.advance`."""
         self.t_ns = t0_ns
         self.state: VehicleState = at_rest(start_lab_m, from_yaw(np.array(start_yaw_rad)))
         self.setpoint = LoopSetpoint(self.state.q_lab_from_flu, np.zeros(3), 0.0)
@@ -81,7 +83,7 @@ class Airframe:
                 self._lean.advance_to(self.t_ns)
                 end_ns = min(end_ns, self._lean.next_ns)
             steps = max((end_ns - self.t_ns) // step_ns, 1)
-            self.state = self._integrated(step_ns * 1e-9, steps)
+            self.state = self._integrated(step_ns * 1e-9, steps, self.told)
             self.t_ns += steps * step_ns
 
     def state_at(self, now_ns: int) -> VehicleState:
@@ -105,7 +107,7 @@ class Airframe:
         """Take `dt_s` at the present thrust out of the pack."""
         self.pack.drain(sum(self.state.motor_thrust_n.tolist()) / self.profile.weight_n, dt_s)
 
-    def _integrated(self, dt_s: float, steps: int) -> VehicleState:
+    def _integrated(self, dt_s: float, steps: int, told: Float | None = None) -> VehicleState:
         scale = self.pack.thrust_scale
         setpoint = self.setpoint
         if self._lean is not None:
@@ -113,7 +115,7 @@ class Airframe:
             setpoint = LoopSetpoint(attitude, setpoint.rate_flu_rad_s, setpoint.thrust_norm)
         gain = self.motor_gain
         return self._physics.advance(
-            self.state, self.profile, setpoint, self.armed, self._push, dt_s, steps, scale, gain
+            self.state, self.profile, setpoint, self.armed, self._push, dt_s, steps, scale, gain, told
         )
 
     def _felt(self) -> Vec3:

@@ -4,7 +4,7 @@ The structure is PX4's: tilt error first, yaw by the rest, rate setpoint bounded
 with roll and pitch before yaw. The target's own delay (`VehicleProfile.command_delay_s`) is the caller's queue.
 """
 
-from math import acos, asin, cos, sin, sqrt
+from math import acos, asin, cos, exp, sin, sqrt
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from formation.maths.kernel import kernel
 from formation.vehicle.body import (
     ATTITUDE_P,
     INERTIA,
+    MOTOR_LAG,
     RATE_FEED_FORWARD,
     RATE_MAX,
     RATE_P,
@@ -69,17 +70,19 @@ def advance(
     steps: int,
     thrust_scale: float = 1.0,
     motor_gain: Float = WHOLE_MOTORS,
+    told: Float | None = None,
 ) -> VehicleState:
-    """The state `steps` steps of `dt_s` later; the input is left alone.
+    """The state `steps` steps of `dt_s` later; the input is left alone, but for `told`.
 
     dist_lab_m_s2: (3) external acceleration; dt_s <= 2 ms, else ValueError; thrust_scale: what the battery
     leaves of the full thrust; motor_gain: (4) what each motor gives of what it is told, front right, rear left, front
-    left, rear right. Unarmed motors are off. Deterministic to the bit.
+    left, rear right. Unarmed motors are off. told: (8) what the autopilot knows of its motors, carried on in place: the
+    thrust of each, N, had it given what it was told behind its lag, and that summed up, N s. Deterministic to the bit.
     """
     if not 0.0 < dt_s <= STEP_MAX_S:
         raise ValueError(f"attitude loop step must lie in (0, {STEP_MAX_S}] s, got {dt_s}")
-    x = state.x.copy()
-    _advance(x, profile.numbers, setpoint.target, armed, thrust_scale, motor_gain, dist_lab_m_s2, dt_s, steps)
+    x, told = state.x.copy(), np.zeros(8) if told is None else told
+    _advance(x, profile.numbers, setpoint.target, armed, thrust_scale, motor_gain, told, dist_lab_m_s2, dt_s, steps)
     return VehicleState(x)
 
 
@@ -138,12 +141,13 @@ def mix(collective_n: float, torque: Float, numbers: Float, motor_max_n: float, 
 
 @kernel
 def _advance(
-    x: Float, numbers: Float, target: Float, armed: bool, thrust_scale: float, motor_gain: Float,
+    x: Float, numbers: Float, target: Float, armed: bool, thrust_scale: float, motor_gain: Float, told: Float,
     dist_lab_m_s2: Float, dt_s: float, steps: int,
 ) -> None:  # fmt: skip
     """`steps` turns of attitude loop, mixer and body, in place."""
-    rate_sp, torque, motors = np.zeros(3), np.zeros(3), np.zeros(4)
+    rate_sp, torque, motors, thrusts = np.zeros(3), np.zeros(3), np.zeros(4), np.zeros(4)
     work = np.zeros((5, 3))
+    lag = 1.0 - exp(-dt_s / numbers[MOTOR_LAG])
     u = min(max(target[7], 0.0), 1.0)
     full_n = numbers[THRUST_MAX] * thrust_scale
     collective_n = full_n * ((1.0 - numbers[THRUST_CURVE]) * u + numbers[THRUST_CURVE] * u * u)
@@ -154,6 +158,8 @@ def _advance(
             torque[1] = numbers[INERTIA + 1] * numbers[RATE_P] * (rate_sp[1] - x[11])
             torque[2] = numbers[INERTIA + 2] * numbers[RATE_YAW_P] * (rate_sp[2] - x[12])
             mix(collective_n, torque, numbers, 0.25 * full_n, motors)
-            for motor in range(4):
-                motors[motor] *= motor_gain[motor]
-        body_step(x, motors, numbers, dist_lab_m_s2, dt_s, work)
+        for motor in range(4):
+            told[motor] += lag * (motors[motor] - told[motor])
+            told[4 + motor] += told[motor] * dt_s
+            thrusts[motor] = motors[motor] * motor_gain[motor]
+        body_step(x, thrusts, numbers, dist_lab_m_s2, dt_s, work)

@@ -22,8 +22,9 @@ class Advance(Protocol):
         steps: int,
         thrust_scale: float,
         motor_gain: Float,
+        told: Float | None,
     ) -> VehicleState:
-        """The state `steps` steps of `dt_s` later; the input is left alone."""
+        """The state `steps` steps of `dt_s` later; the input is left alone, but for `told`."""
 
 
 @dataclass(frozen=True, slots=True)

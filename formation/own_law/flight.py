@@ -17,8 +17,8 @@ from formation.control.composite_law import (
     Demand,
     LawMemory,
     LawSettings,
-    _dead_times,
-    _situation,
+    dead_times,
+    situation,
 )
 from formation.control.prediction import Known
 from formation.control.relative_frame import copy_motion
@@ -133,7 +133,7 @@ def _motions(
     history: Rows[SentCommands], led: Led, now_ns: int, out: Float,
 ) -> None:  # fmt: skip
     """Of each vehicle OWN, SLOT_MOTION and FRAME (m, 3, 3, 4) as our law sees them; z from the thrust's channel."""
-    around = Around(Known(estimates, observers, history, _dead_times(settings, observers, estimates)), led)
+    around = Around(Known(estimates, observers, history, dead_times(settings, observers, estimates)), led)
     space = np.empty(2, WORKSPACE)
     for channel in range(2):
         space[channel].leader_ns[:] = NEVER_NS
@@ -145,7 +145,7 @@ def _motions(
             dead_s = response.thrust_dead_s if channel == 1 else around.known.dead_s[n]
             lag_s = response.thrust_lag_s if channel == 1 else response.attitude_lag_s
             hold_ns = at_ns + int(dead_s * 1e9)
-            _situation(i, n, around, hold_ns, hold_ns + int(lag_s * 1e9), w)
+            situation(i, n, around, hold_ns, hold_ns + int(lag_s * 1e9), w)
             if channel == 0:
                 copy_motion(w.mine, out[i, OWN])
                 copy_motion(w.lab, out[i, SLOT_MOTION])

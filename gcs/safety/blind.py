@@ -1,8 +1,8 @@
 """What a drone is sent while its pose is not believed: level flight for a moment, then nothing: it holds by itself.
 
-A command made of poses that were wrong, or of a foresight without any, is worse than none: foreseen from a velocity
-that noise gave it, a hovering drone of 40 g was led to 3 m/s within 0.3 s. Each drone's agent, or autopilot, flies by
-its own inertial sensors meanwhile.
+A command made of poses that were wrong is worse than none: foreseen from a velocity that noise gave it, a hovering
+drone of 40 g was led to 3 m/s within 0.3 s. Each drone's agent, or autopilot, flies by its own inertial sensors
+meanwhile. A body that is only hidden is foreseen: what is known of it is right.
 """
 
 from collections.abc import Sequence
@@ -16,8 +16,6 @@ from formation.maths.frames import from_yaw, yaw
 from formation.messages import AttitudeTarget, LabFrame
 from gcs.drones.drone import Drone
 
-FORESEEN_NS = 100_000_000
-"""For so long a body that is only hidden is led by what is foreseen of it."""
 LEVEL_NS = 100_000_000
 """For so long one that is rejected is told to fly level; a setpoint acts as long again."""
 SETTLED_NS = 200_000_000
@@ -72,7 +70,7 @@ class BlindFlight:
             sight, flies = self._sights[drone.index], drone.lifted and not drone.touched
             doubted = sight.since_ns is not None
             levels = doubted and not (flies and t_ns - (sight.since_ns or 0) >= LEVEL_NS)
-            self._muted[i] = flies and not levels and (doubted or t_ns - sight.seen_ns >= FORESEEN_NS)
+            self._muted[i] = doubted and not levels
             if levels:
                 target = _level(target, i, float(hover_thrust_norm[i]))
         return stages if target is stages.target else replace(stages, target=target)

@@ -41,6 +41,8 @@ class Witness:
         now_ns = world.now_ns
         for event in world.take_events():
             self._hear(event, now_ns)
+        self._stops_s += [(t_ns - T0_NS) * 1e-9 for t_ns in world.stops_beside_ns]
+        world.stops_beside_ns.clear()
         self._look_at_log(world.log_is_ill, (now_ns - T0_NS) * 1e-9)
         row: list[float] = []
         down = True
@@ -69,7 +71,7 @@ class Witness:
             gain_low=rows[:, :, 15], gain_high=rows[:, :, 16],
             fence_low_m=np.array(fence.low_m), fence_high_m=np.array(fence.high_m),
             t_onset_s=np.nan if onset_ns is None else (onset_ns - T0_NS) * 1e-9,
-            notes=tuple(sorted(self._notes, key=lambda note: note[0])), stops_s=tuple(self._stops_s),
+            notes=tuple(sorted(self._notes, key=lambda note: note[0])), stops_s=tuple(sorted(self._stops_s)),
             log_ill_s=tuple(self._log_ill_s),
             planned=self.planned,
         )  # fmt: skip

@@ -5,6 +5,7 @@ import numpy as np
 from formation.config import LabConfig
 from formation.maths import frames
 from formation.messages import Datagram, LabFrame, OperatorReply, OperatorRequest, Phase, Severity, Verb
+from formation.rejection import Rejection
 from formation.vehicle.profile import profile
 from gcs.core import GcsCore, Outgoing
 from wire.link_messages.address import Address, ground_address
@@ -159,6 +160,8 @@ class FakeLab:
         }
         self.leader_pos = np.array([0.0, 0.0, 0.3])
         self.hidden: set[str] = set()
+        self.rejected: set[str] = set()
+        self.shift_m: dict[str, tuple[float, float, float]] = {}
         self.frames_stopped = False
         self.replies: list[OperatorReply] = []
         self.records: list[tuple[str, object]] = []
@@ -233,8 +236,10 @@ class FakeLab:
         pos = np.array([self.drones[v.sysid].pos if v.sysid else self.leader_pos for v in vehicles])
         q = np.array([self.drones[v.sysid].q if v.sysid else frames.IDENTITY for v in vehicles])
         pos = pos + self.noise.normal(0.0, 1e-4, pos.shape)
-        seen = np.array([v.body not in self.hidden for v in vehicles])
-        return LabFrame(self.seq, self.now_ns - 5 * MS, tuple(v.body for v in vehicles), pos, q, seen)
+        pos = pos + np.array([self.shift_m.get(v.body, (0.0, 0.0, 0.0)) for v in vehicles])
+        seen = np.array([v.body not in self.hidden | self.rejected for v in vehicles])
+        codes = np.array([Rejection.JUMP if v.body in self.rejected else 0 for v in vehicles], np.uint8)
+        return LabFrame(self.seq, self.now_ns - 5 * MS, tuple(v.body for v in vehicles), pos, q, seen, rejected=codes)
 
     def _tick_while_due(self) -> None:
         for _ in range(4):

@@ -45,6 +45,18 @@ def test_a_request_is_made_when_it_is_due() -> None:
     assert verdict.contained
 
 
+def test_a_stop_that_a_second_ground_is_asked_for_is_the_operators() -> None:
+    verdict = flown(Fault(family=Family.TWIN, core="ground", verb=Verb.STOP, after_s=0.5))
+    assert verdict.contained, verdict.violations
+
+
+@pytest.mark.parametrize("severity", [0.005, 0.01])
+def test_a_pose_that_becomes_noisy_for_a_moment_throws_nobody_about(severity: float) -> None:
+    verdict = flown(Fault(family=Family.NOISE, body="f2", severity=severity, after_s=1.0, for_s=0.25))
+    assert verdict.contained, verdict.violations
+    assert verdict.drift_m < 0.6
+
+
 def test_a_drone_with_a_dead_motor_falls() -> None:
     verdict = flown(Fault(family=Family.DEAD_MOTOR, body="f2", motor=2, severity=0.0, after_s=0.5))
     assert verdict.drift_m > 0.05

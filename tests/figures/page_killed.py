@@ -62,7 +62,9 @@ def flight(folder: Path, after_s: float, speed: float) -> dict[str, Any]:
             begun_ns = monotonic_ns()
             outcome = asyncio.run(fly.fly(scenario, 1, files, watch, clock=clock))
             told = {"outcome": str(outcome.result), "took_s": round((monotonic_ns() - begun_ns) * 1e-9)}
-            dead = bool(killed_ns) and server.wait(10.0) == -signal.SIGKILL
+            if not killed_ns:  # a machine that starves the simulators says nothing of the page
+                return told
+            dead = server.wait(10.0) == -signal.SIGKILL
     log, summary = read_log(files.mcap), summarise(load(files.mcap))
     cycles = [(entry.t_ns, entry.message) for entry in log.entries if entry.topic is topics.TIMING]
     return told | {

@@ -69,7 +69,12 @@ def foxglove(bodies: Sequence[str]) -> dict[str, Any]:
             },
             "scene": {"transforms": {"axisScale": 0.3, "showLabel": False}},
             "topics": {"/scene": {"visible": True}, "/scene/trails": {"visible": True}},
-            "layers": {"grid": {"layerId": "foxglove.Grid", "visible": True, "size": 6.0, "divisions": 12}},
+            "layers": {
+                "grid": {
+                    "instanceId": "grid", "layerId": "foxglove.Grid", "label": "Grid", "frameId": "lab",
+                    "visible": True, "size": 6.0, "divisions": 12,
+                }
+            },
         },
         "Log!lines": {"topicToRender": "/log", "minLogLevel": 1},
     }  # fmt: skip

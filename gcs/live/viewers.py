@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from mcap.writer import CompressionType, Writer
 
-from wire.logs.blueprint import rerun_blueprint
+from wire.logs.blueprint import rerun_blueprint, show_bodies
 from wire.logs.live import Described
 
 MISSING = "{} is not installed: pip install 'mavlink-formation[live]'"
@@ -93,6 +93,7 @@ class Rerun:
         try:
             rerun.spawn() if to is None else rerun.save(to)
             rerun.send_blueprint(rerun_blueprint(bodies))
+            show_bodies(bodies)
         except Exception as error:
             raise ViewerError(f"no Rerun: {error}") from error
 

@@ -69,7 +69,7 @@ PUBLISHED = {
     "Plot": "paths title showLegend legendDisplay showXAxisLabels showYAxisLabels isSynced xAxisVal followingViewWidth",
     "3D": "scene transforms layers topics cameraState followTf fixedFrame followMode publish",
     "Log": "searchTerms minLogLevel topicToRender nameFilter fontSize showLevel showDate showTime showName",
-    "grid": "instanceId layerId label order drawBehind frameId visible size divisions lineWidth color position rotation",
+    "grid": "instanceId layerId label order drawBehind frameId visible size divisions lineWidth color position",
     "camera": "distance perspective phi target targetOffset targetOrientation thetaOffset fovy near far logDepth",
     "line": "enabled color label lineSize showLine value timestampMethod xValuePath",
 }

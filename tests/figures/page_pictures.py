@@ -1,6 +1,7 @@
 """Pictures of the operator's page: `python tests/figures/page_pictures.py FOLDER`; needs Chromium, drones are fake.
 
-Three drones in formation, twenty, a trajectory before it is chosen, an alarm, a lost connection, a stop that every drone has latched.
+Three drones in formation, twenty, a trajectory before it is chosen, an alarm, a lost connection, a stop that all have
+latched.
 """
 
 import subprocess

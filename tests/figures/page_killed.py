@@ -61,7 +61,8 @@ def flight(folder: Path, after_s: float, speed: float) -> dict[str, Any]:
 
             begun_ns = monotonic_ns()
             outcome = asyncio.run(fly.fly(scenario, 1, files, watch, clock=clock))
-            told = {"outcome": str(outcome.result), "took_s": round((monotonic_ns() - begun_ns) * 1e-9)}
+            took_s = round((monotonic_ns() - begun_ns) * 1e-9)
+            told = {"outcome": outcome.result, "reason": outcome.reason, "took_s": took_s}
             if not killed_ns:  # a machine that starves the simulators says nothing of the page
                 return told
             dead = server.wait(10.0) == -signal.SIGKILL

@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from formation.config import LabConfig
 from wire.config_file import load as load_lab
+from wire.logs.blueprint import rerun_blueprint
 from wire.logs.mcap_log import LogError, read_log
 
 USUAL = ("leader", "right", "left")
@@ -68,7 +69,12 @@ def foxglove(bodies: Sequence[str]) -> dict[str, Any]:
             },
             "scene": {"transforms": {"axisScale": 0.3, "showLabel": False}},
             "topics": {"/scene": {"visible": True}, "/scene/trails": {"visible": True}},
-            "layers": {"grid": {"layerId": "foxglove.Grid", "visible": True, "size": 6.0, "divisions": 12}},
+            "layers": {
+                "grid": {
+                    "instanceId": "grid", "layerId": "foxglove.Grid", "label": "Grid", "frameId": "lab",
+                    "visible": True, "size": 6.0, "divisions": 12,
+                }
+            },
         },
         "Log!lines": {"topicToRender": "/log", "minLogLevel": 1},
     }  # fmt: skip
@@ -109,16 +115,7 @@ def _paths(bodies: Sequence[str], *fields: str) -> list[dict[str, Any]]:
 
 def _write_rerun(path: Path, bodies: Sequence[str], application: str) -> None:
     try:
-        import rerun.blueprint as rrb
+        blueprint = rerun_blueprint(bodies)
     except ImportError as error:
         raise LogError(f"{path}: needs rerun-sdk: pip install 'mavlink-formation[live]'") from error
-    drones = [rrb.DataframeView(origin=f"/drone/{body}/state", name=f"{body}: state") for body in bodies]
-    links = [rrb.DataframeView(origin=f"/drone/{body}/link", name=f"{body}: battery and link") for body in bodies]
-    blueprint = rrb.Blueprint(
-        rrb.Horizontal(
-            rrb.Spatial3DView(origin="/", name="Room"),
-            rrb.Vertical(rrb.Tabs(*drones), rrb.Tabs(*links), rrb.TextLogView(origin="/log", name="Log")),
-            column_shares=[3, 2],
-        )
-    )
     blueprint.save(application, str(path))

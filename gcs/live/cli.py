@@ -36,7 +36,7 @@ def live(
             viewers.append(Foxglove(host, port))
             typer.echo(f"Foxglove: open connection ws://{host}:{viewers[-1].port}", err=True)  # type: ignore[attr-defined]
         if rerun or save:
-            viewers.append(Rerun(None if save is None else str(save)))
+            viewers.append(Rerun(None if save is None else str(save), [vehicle.body for vehicle in config.vehicles]))
     except ViewerError as error:
         fail(str(error), NOT_RIGHT)
     try:

@@ -3,12 +3,13 @@
 Both get the log's own channels, bytes untouched. Their packages are optional: `pip install 'mavlink-formation[live]'`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from io import BytesIO
 from typing import Any, Protocol
 
 from mcap.writer import CompressionType, Writer
 
+from wire.logs.blueprint import rerun_blueprint, show_bodies
 from wire.logs.live import Described
 
 MISSING = "{} is not installed: pip install 'mavlink-formation[live]'"
@@ -76,8 +77,11 @@ class Foxglove:
 class Rerun:
     """Rerun's viewer: given a small MCAP file every half second, which it reads as it reads the log itself."""
 
-    def __init__(self, to: str | None) -> None:
-        """to: a file instead of a window. ViewerError where the package is missing."""
+    def __init__(self, to: str | None, bodies: Sequence[str]) -> None:
+        """to: a file instead of a window; bodies: the lab's, leader first, for the blueprint that comes first.
+
+        ViewerError where the package is missing.
+        """
         try:
             import rerun
         except ImportError as error:
@@ -88,6 +92,8 @@ class Rerun:
         rerun.init(APPLICATION)
         try:
             rerun.spawn() if to is None else rerun.save(to)
+            rerun.send_blueprint(rerun_blueprint(bodies))
+            show_bodies(bodies)
         except Exception as error:
             raise ViewerError(f"no Rerun: {error}") from error
 

@@ -7,7 +7,7 @@ from html import escape
 from formation.messages import Severity
 from gcs.page.alarms import Alarm
 from gcs.page.show import LABELS, Show, Step
-from gcs.page.table import ABOUT, COLUMNS, Cell, Level, worst
+from gcs.page.table import ABOUT, COLUMNS, UNITS, Cell, Level, worst
 
 _MARK = {Level.CALM: "", Level.WARN: "▲ ", Level.BAD: "✖ "}
 _CLASS = {Level.CALM: "", Level.WARN: ' class="warn"', Level.BAD: ' class="bad"'}
@@ -29,7 +29,10 @@ def vital(shown: Show) -> str:
 
 def table(shown: Show) -> str:
     """One row a drone."""
-    heads = "".join(f'<th title="{escape(about)}">{name}</th>' for name, about in zip(COLUMNS, ABOUT, strict=True))
+    heads = "".join(
+        f'<th title="{escape(about)}">{name}<small>{unit}</small></th>'
+        for name, unit, about in zip(COLUMNS, UNITS, ABOUT, strict=True)
+    )
     rows = "".join(
         f'<tr tabindex="0" class="r{int(worst(row))}">' + "".join(map(_cell, row)) + "</tr>" for row in shown.rows
     )

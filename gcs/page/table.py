@@ -25,10 +25,12 @@ class Cell:
 
 
 COLUMNS = (
-    "id", "name", "make", "mode", "armed", "landed", "V", "%", "pose", "setp", "beat", "loss", "error", "fence", "gate",
+    "id", "name", "make", "mode", "armed", "landed", "batt", "charge", "pose", "setp", "beat", "loss", "error", "fence",
+    "gate",
 )  # fmt: skip
+UNITS = ("", "", "", "", "", "", "V", "%", "ms", "ms", "s", "%", "mm", "m", "")
 ABOUT = (
-    "sysid", "body", "autopilot", "flight mode", "motors", "what it says of the floor", "battery, V", "battery left",
+    "sysid", "body", "autopilot", "flight mode", "motors", "what it says of the floor", "battery, V", "battery left, %",
     "age of its pose, ms", "age of setpoints when they reach it, ms", "time since its heartbeat, s",
     "packets lost on its link, %", "distance from its slot or reference, mm", "distance to the fence, m",
     "what the mocap gate says",

@@ -6,9 +6,9 @@ from rich.text import Text
 
 from gcs.page.alarms import Alarm
 from gcs.page.show import Show
-from gcs.page.table import COLUMNS, Cell, Level
+from gcs.page.table import COLUMNS, UNITS, Cell, Level
 
-LEFT_OUT = ("landed", "make", "V")
+LEFT_OUT = ("landed", "make", "batt")
 STYLES = {Level.CALM: "", Level.WARN: "yellow", Level.BAD: "bold red"}
 MOST_ALARMS = 6
 NARROW = {"mode": 8, "name": 9, "gate": 9}
@@ -41,7 +41,9 @@ def _table(shown: Show) -> Table:
     for i in kept:
         name = COLUMNS[i]
         words = name in ("name", "mode", "gate")
-        table.add_column(name, no_wrap=True, justify="left" if words else "right", max_width=NARROW.get(name))
+        table.add_column(
+            f"{name}\n{UNITS[i]}", no_wrap=True, justify="left" if words else "right", max_width=NARROW.get(name)
+        )
     for row in shown.rows:
         table.add_row(*(_text(row[i]) for i in kept))
     return table

@@ -63,3 +63,34 @@ def test_another_kind_of_file_is_refused(log: Path, tmp_path: Path) -> None:
     refused = CliRunner().invoke(app, ["layout", str(log), "--out", str(tmp_path / "layout.xml")])
     assert refused.exit_code == 2
     assert ".json (Foxglove) nor .rbl (Rerun)" in refused.stderr
+
+
+PUBLISHED = {
+    "Plot": "paths title showLegend legendDisplay showXAxisLabels showYAxisLabels isSynced xAxisVal followingViewWidth",
+    "3D": "scene transforms layers topics cameraState followTf fixedFrame followMode publish",
+    "Log": "searchTerms minLogLevel topicToRender nameFilter fontSize showLevel showDate showTime showName",
+    "grid": "instanceId layerId label order drawBehind frameId visible size divisions lineWidth color position",
+    "camera": "distance perspective phi target targetOffset targetOrientation thetaOffset fovy near far logDepth",
+    "line": "enabled color label lineSize showLine value timestampMethod xValuePath",
+}
+"""The keys of panels that foxglove-sdk 0.30 publishes (`foxglove.layouts`), those that a layout of ours may have."""
+
+
+def test_every_key_of_the_foxglove_layout_is_a_published_one(log: Path, tmp_path: Path) -> None:
+    out = tmp_path / "layout.json"
+    CliRunner().invoke(app, ["layout", str(log), "--out", str(out)])
+    layout = json.loads(out.read_text())
+    for panel, config in layout["configById"].items():
+        kind = panel.partition("!")[0]
+        assert set(config) <= set(PUBLISHED[kind].split())
+        for line in config.get("paths", ()):
+            assert set(line) <= set(PUBLISHED["line"].split())
+        for part, name in (("cameraState", "camera"), ("layers", "grid")):
+            for one in config.get(part, {}).values() if part == "layers" else [config.get(part, {})]:
+                assert set(one) <= set(PUBLISHED[name].split())
+    splits = [layout["layout"]]
+    while splits:
+        split = splits.pop()
+        assert split["direction"] in ("row", "column")
+        assert 0.0 < split["splitPercentage"] < 100.0
+        splits += [one for one in (split["first"], split["second"]) if isinstance(one, dict)]

@@ -35,7 +35,12 @@ def lab_of(followers: int, port: int) -> LabConfig:
     slots = grid(followers, 0.5)
     return LabConfig.model_validate(
         {
-            "leader": {"body": "leader", "sysid": 1, "trajectory": {"kind": "circle", "radius_m": 0.5, "laps": 100}},
+            "leader": {
+                "body": "leader",
+                "sysid": 1,
+                "trajectory": {"kind": "circle", "radius_m": 0.5, "laps": 100},
+                "trajectories": {"eight": {"kind": "figure8", "length_m": 2.0, "period_s": 24.0}},
+            },
             "followers": [
                 {"body": f"cf{i + 2:02d}", "sysid": i + 2, "offset_m": [float(x) for x in slot]}
                 for i, slot in enumerate(slots)

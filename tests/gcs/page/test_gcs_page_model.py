@@ -16,7 +16,7 @@ from gcs.page.foresee import shape, start
 from gcs.page.model import Model
 from gcs.page.room import Trails, room
 from gcs.page.show import Step, countdowns, show, stop_text
-from gcs.page.table import COLUMNS, Cell, Level, row
+from gcs.page.table import COLUMNS, UNITS, Cell, Level, row
 from gcs.state.host import Disk, EventMemory, host_state
 
 LOG = "flight.mcap"
@@ -79,6 +79,15 @@ def test_a_step_is_allowed_in_its_phase_and_says_why_not_elsewhere(flight):
     assert step(flight[Phase.GROUND], "adopt").reasons == ("no drone is armed: there is nothing to adopt",)
 
 
+def test_every_number_of_the_table_has_its_unit_in_the_head(flight):
+    units = dict(zip(COLUMNS, UNITS, strict=True))
+    for name, cell in zip(COLUMNS, show(flight[Phase.HOLD], None, 0.0).rows[0], strict=True):
+        assert units[name] or name == "id" or not cell.text.replace(".", "").isdigit(), name
+    assert '<th title="time since its heartbeat, s">beat<small>s</small></th>' in html.table(
+        show(flight[Phase.HOLD], None, 0.0)
+    )
+
+
 def test_every_reason_against_arming_is_shown():
     lab = FakeLab(triangle())
     lab.hidden = {"left"}
@@ -135,7 +144,7 @@ def test_a_table_row_has_a_cell_for_each_column_and_marks_what_is_wrong(flight):
         "fence_margin_m": 0.05,
     }
     cells = dict(zip(COLUMNS, row(ill, flying=True), strict=True))
-    assert cells["%"] == Cell("15", Level.WARN)
+    assert cells["charge"] == Cell("15", Level.WARN)
     assert cells["pose"] == Cell("310", Level.BAD)
     assert cells["beat"] == Cell("never", Level.BAD)
     assert cells["gate"] == Cell("frozen", Level.BAD)

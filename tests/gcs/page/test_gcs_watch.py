@@ -43,6 +43,8 @@ def test_a_swarm_fits_into_80_columns_and_says_what_is_wrong():
     assert max(map(len, lines)) <= 80
     table = [line.split() for line in lines if line.startswith("12 ")]
     assert len(table) == 20
+    units = lines[next(i for i, line in enumerate(lines) if "setp" in line) + 1]
+    assert units.split() == ["%", "ms", "ms", "s", "%", "mm", "m"]
     assert table[0][2:] == ["OFFBOARD", "ARMED", "97", "24", "26", "0.9", "12.5", "1234", "0.38", "ok"]
     text = "\n".join(lines)
     for word in (

@@ -15,8 +15,8 @@ from formation.maths.arrays import Float, Vec3
 from formation.maths.frames import canonical, from_yaw, yaw
 from formation.vehicle.profile import BatteryProfile, VehicleProfile, VehicleState
 
-STEP_NS = 2_000_000
-"""rotorpy's attitude controller runs once a step."""
+STEP_NS = 4_000_000
+"""rotorpy's attitude controller runs once a step: as often as PX4's, 250 times a second."""
 
 HUMMINGBIRD = VehicleProfile(
     name="rotorpy_hummingbird",

@@ -52,7 +52,7 @@ def test_with_its_weight_in_thrust_it_hovers() -> None:
 def test_its_motors_stand_where_ours_do(turn: tuple[float, ...], more: tuple[int, int], axis: int, sign: int) -> None:
     """Front right, rear left, front left, rear right."""
     attitude = from_rotation_vector(np.array(turn))
-    begun = flown(hovering(), attitude, 0.006)
+    begun = flown(hovering(), attitude, 0.008)
     less = [k for k in range(4) if k not in more]
     assert begun.motor_thrust_n[list(more)].min() > 1.1 * begun.motor_thrust_n[less].max()
     later = flown(begun, attitude, 0.4)
@@ -69,13 +69,13 @@ def test_wind_pushes_a_hovering_one_as_hard_as_the_fan_says() -> None:
     """Its parasitic drag, c_D v^2 = 0.005 N at 1 m/s, and translational lift come on top of the rotors' drag."""
     push = np.array([push_m_s2(1.0), 0.0, 0.0])
     assert wind_m_s(push) == pytest.approx([1.0, 0.0, 0.0])
-    state = flown(hovering(), LEVEL, 0.01, push=push)
-    assert state.vel_lab_m_s[0] / 0.01 == pytest.approx(push[0] + 0.005 / 0.5, rel=0.02)
+    state = flown(hovering(), LEVEL, 0.012, push=push)
+    assert state.vel_lab_m_s[0] / 0.012 == pytest.approx(push[0] + 0.005 / 0.5, rel=0.02)
 
 
 def test_it_stands_on_the_floor_until_its_thrust_carries_it() -> None:
     standing = at_rest(np.array([1.0, 2.0, 0.0]), from_rotation_vector(np.array([0.0, 0.0, 0.5])))
-    off = RotorpyVehicle().advance(standing, HUMMINGBIRD, LoopSetpoint(LEVEL, STILL, 0.0), False, STILL, 0.002, 50)
+    off = RotorpyVehicle().advance(standing, HUMMINGBIRD, LoopSetpoint(LEVEL, STILL, 0.0), False, STILL, 0.004, 25)
     assert np.array_equal(off.x, standing.x)
     weak = flown(standing, standing.q_lab_from_flu, 0.2, thrust=0.9)
     assert weak.pos_lab_m == pytest.approx([1.0, 2.0, 0.0])

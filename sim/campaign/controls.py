@@ -191,7 +191,6 @@ CONTROLS: Mapping[str, Control] = MappingProxyType(
             _pose(Family.SWAP, (0.8, 1.2), body="leader", other="f2"), ("gate-jump", "gate-flip", "pose-rejected")
         ),
         "gate-stamp": Control(_pose(Family.STAMP_OFFSET, (8.0, 9.0), (-0.38, -0.3)), (*LATE, *LOST, *ASTRAY)),
-        "level-blind": Control(_pose(Family.NOISE, (0.4, 1.5), (0.006, 0.012))),
         "stale-setpoint": Control(_late, _others(LATE, "stale-setpoint")),
         "old-setpoint": Control(_replayed, LATE),
         "foreign-setpoint": _armed_in_air("foreign-setpoint"),

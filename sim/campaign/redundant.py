@@ -2,7 +2,8 @@
 
 No fault was found that does harm for want of one of them alone. Flown and contained without it: gate-flip, keep-out,
 speed-limit, rule-lost. Flown, and as bad with it once all behind it are off: touch-down, rule-tilted-agreed,
-rule-too-close. The others go by the order of limits and times alone.
+rule-too-close. Without level-blind 4 of 25 flights with noise, or a leap within bounds, did harm: it is needed, and no
+fault is known that needs it in 95 % of flights. The others go by the order of limits and times alone.
 """
 
 from collections.abc import Mapping
@@ -12,6 +13,7 @@ _WARNS = "only warns"
 REDUNDANT: Mapping[str, str] = MappingProxyType(
     {
         "gate-flip": "motors are cut by two witnesses alone, and each autopilot flies by its own attitude",
+        "level-blind": "by luck of what the noise was: rule-lost lets go of it after 0.4 s",
         "touch-down": "pose-rejected: no pose that stands still is taken while the drone comes down",
         "land-ends": "a blind descent ends by its thrust, and the ground lets go of who does not come down",
         "keep-out": "the separation filter keeps clear of the last place; unseen, a drone levels and comes down there",

@@ -16,7 +16,6 @@ from formation.control import limits
 from formation.control.presets import Preset
 from formation.control.stack import ControlStack, Stages
 from formation.messages import (
-    AttitudeTarget,
     Datagram,
     Event,
     HostReport,
@@ -309,7 +308,10 @@ class GcsCore:
         for i, drone in enumerate(self._drones):
             link, parts = drone.link, []
             if streaming and frame is not None and stages is not None and drone.flown:
-                parts.append(_setpoint(link, frame.t_capture_ns, stages.target, i))
+                target = stages.target
+                told = self._gatherer.told(drone.index, target.q_lab_from_flu[i])
+                turn, thrust_norm = target.rate_flu_rad_s[i], float(target.thrust_norm[i])
+                parts.append(link.setpoint(frame.t_capture_ns, told, turn, thrust_norm))
             if pose and frame is not None and frame.seen[drone.index]:
                 at = drone.index
                 parts.append(link.pose(frame.t_capture_ns, frame.pos_lab_m[at], frame.q_lab_from_flu[at]))
@@ -344,7 +346,3 @@ class GcsCore:
             drone.checked = True
             events += [Event(Severity.WARNING, link.name, text) for text in warnings(link, self._feeds_pose)]
         return events
-
-
-def _setpoint(link: DroneLink, t_capture_ns: int, target: AttitudeTarget, i: int) -> bytes:
-    return link.setpoint(t_capture_ns, target.q_lab_from_flu[i], target.rate_flu_rad_s[i], float(target.thrust_norm[i]))

@@ -307,9 +307,10 @@ class GcsCore:
         for i, drone in enumerate(self._drones):
             link, parts = drone.link, []
             if streaming and frame is not None and stages is not None and drone.flown and not self._blind.mutes(i):
-                to = stages.target
-                q, rate = to.q_lab_from_flu[i], to.rate_flu_rad_s[i]
-                parts.append(link.setpoint(frame.t_capture_ns, q, rate, float(to.thrust_norm[i])))
+                target = stages.target
+                told = self._gatherer.told(drone.index, target.q_lab_from_flu[i])
+                turn, thrust_norm = target.rate_flu_rad_s[i], float(target.thrust_norm[i])
+                parts.append(link.setpoint(frame.t_capture_ns, told, turn, thrust_norm))
             if pose and frame is not None and frame.seen[drone.index]:
                 at = drone.index
                 parts.append(link.pose(frame.t_capture_ns, frame.pos_lab_m[at], frame.q_lab_from_flu[at]))

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from formation.config import LabConfig
 from formation.control.stack import Stages
-from formation.maths.arrays import Float, Quats, Scalars, Vec3s
+from formation.maths.arrays import Float, Quat, Quats, Scalars, Vec3s
 from formation.maths.kernel import kernel
 from formation.messages import LabFrame
 from formation.safety.rules import Facts
@@ -37,6 +37,10 @@ class FactGatherer:
         for drone in self._drones:
             for t_ns, q_lab_from_flu in drone.link.take_attitudes():
                 self._attitudes.hear(drone.index, t_ns, q_lab_from_flu)
+
+    def told(self, index: int, q_lab_from_flu: Quat) -> Quat:
+        """An attitude target of that body in its autopilot's own idea of level."""
+        return self._attitudes.told(index, q_lab_from_flu)
 
     def gather(self, stages: Stages | None, late_share: float, now_ns: int, asked_to_arm: bool = False) -> Facts:
         """The facts now. Objections of the links are gathered only where arming is asked for."""

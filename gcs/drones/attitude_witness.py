@@ -1,7 +1,8 @@
 """The mocap's attitudes held against the drones' own, moment by moment: poses that are older than they say disagree.
 
 What a drone feels of gravity needs no camera. A constant difference is how the markers lie on it; one that comes and
-goes as it turns is a delay that no stamp shows, and that the control cannot know of.
+goes as it turns is a delay that no stamp shows, and that the control cannot know of. One that comes and goes slowly is
+an autopilot's idea of level that wanders, as PX4's does by half a degree: targets are put into its own idea (`told`).
 """
 
 from collections import deque
@@ -10,12 +11,14 @@ from math import exp, hypot, sqrt
 import numpy as np
 
 from formation.maths.arrays import Quat
+from formation.maths.frames import from_rotation_vector, multiply
 from formation.messages import LabFrame
 
 KEPT = 64
 BRACKET_NS = 60_000_000
 GAP_S = 0.2
 LAG_S, BIAS_LAG_S, BIAS_MAX_RAD = 0.2, 3.0, 0.1
+LEAN_LAG_S, LEAN_SURE_RAD, LEAN_MAX_RAD = 0.15, 2e-3, 0.05
 CLOCK_DOUBT_S = 0.03
 """How far the two clocks, and the two ways of filtering, may be apart: what that makes of a turn is no miss."""
 
@@ -30,6 +33,7 @@ class AttitudeWitness:
         self._own: list[tuple[int, float, float] | None] = [None] * n
         self._bias: list[tuple[float, float] | None] = [None] * n
         self._miss2, self._rate2 = [0.0] * n, [0.0] * n
+        self._lean: list[tuple[float, float]] = [(0.0, 0.0)] * n
 
     def see(self, frame: LabFrame) -> None:
         """A frame came; stamps rise."""
@@ -50,6 +54,18 @@ class AttitudeWitness:
         rate = hypot(before[1] - last[1], before[2] - last[2]) / dt_s
         self._weigh(i, off, rate, dt_s)
 
+    def told(self, i: int, q_lab_from_flu: Quat) -> Quat:
+        """What body i must be told to fly, so that the mocap sees this attitude; the same where it is not sure to lean.
+
+        Within LEAN_MAX_RAD, and less by what noise, and by what the clocks' doubt makes of its turns.
+        """
+        x, y = self._lean[i]
+        lean = hypot(x, y)
+        sure = min(lean - max(LEAN_SURE_RAD, CLOCK_DOUBT_S * sqrt(self._rate2[i])), LEAN_MAX_RAD)
+        if sure <= 0.0:
+            return q_lab_from_flu
+        return multiply(q_lab_from_flu, from_rotation_vector(np.array([-y, x, 0.0]) * (sure / lean)))
+
     def _weigh(self, i: int, off: tuple[float, float], rate_rad_s: float, dt_s: float) -> None:
         bias = self._bias[i] or (_bounded(off[0]), _bounded(off[1]))
         slow, share = 1.0 - exp(-dt_s / BIAS_LAG_S), 1.0 - exp(-dt_s / LAG_S)
@@ -57,6 +73,8 @@ class AttitudeWitness:
         self._bias[i] = (_bounded(bias[0] + slow * (off[0] - bias[0])), _bounded(bias[1] + slow * (off[1] - bias[1])))
         self._miss2[i] += share * (missed * missed - self._miss2[i])
         self._rate2[i] += share * (rate_rad_s * rate_rad_s - self._rate2[i])
+        part, (x, y) = 1.0 - exp(-dt_s / LEAN_LAG_S), self._lean[i]
+        self._lean[i] = x + part * (off[0] - x), y + part * (off[1] - y)
         self.miss_rad[i] = max(sqrt(self._miss2[i]) - CLOCK_DOUBT_S * sqrt(self._rate2[i]), 0.0)
 
     def _shown_at(self, i: int, t_ns: int) -> tuple[float, float] | None:

@@ -65,3 +65,41 @@ def test_nothing_is_said_of_a_drone_that_is_not_seen_or_says_nothing():
         witness.see(LabFrame(k, 10 * k * MS, ("a", "b"), np.zeros((2, 3)), q, np.array([False, True])))
         witness.hear(0, 10 * k * MS, np.array([0.8, 0.6, 0.0, 0.0]))
     assert witness.miss_rad.tolist() == [0.0, 0.0]
+
+
+def leaning(lean: np.ndarray, wanted: np.ndarray, sway_rad: float = 0.0, clock_s: float = 0.0) -> np.ndarray:
+    """What is told to a drone whose own attitude is the true one, turned by `lean`, about lab axes; wanted: of it."""
+    witness = AttitudeWitness(1)
+    for k in range(200):
+        t_s, s = 0.01 * k, 0.01 * k + clock_s
+        true, own = (frames.multiply(wanted, swaying(at_s, sway_rad)) if sway_rad else wanted for at_s in (t_s, s))
+        witness.see(LabFrame(k, 10 * k * MS, ("a",), np.zeros((1, 3)), frames.canonical(true)[None], SEEN))
+        witness.hear(0, 10 * k * MS, frames.canonical(frames.multiply(lean, own)))
+    return witness.told(0, wanted)
+
+
+@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-0.6, 0.8, 0.0)])
+def test_a_drone_that_leans_is_told_so_much_more_that_it_flies_what_is_wanted(axis):
+    """It takes a true attitude q for L q, so that told L q it flies q; two milliradians of it are left to noise."""
+    lean = frames.from_rotation_vector(0.02 * np.array(axis))
+    for yaw_rad in (0.0, 2.0):
+        wanted = frames.multiply(frames.from_yaw(np.array(yaw_rad)), frames.from_rotation_vector(np.array([0.1, 0, 0])))
+        flown = frames.multiply(frames.inverse(lean), leaning(lean, wanted))
+        off = frames.multiply(frames.inverse(wanted), flown)
+        assert 2.0 * np.linalg.norm(off[1:3]) < 0.003
+
+
+def test_a_drone_that_is_level_is_told_what_is_wanted_to_the_bit():
+    wanted = frames.from_rotation_vector(np.array([0.1, -0.2, 0.3]))
+    assert np.array_equal(leaning(frames.IDENTITY, wanted), wanted)
+    assert np.array_equal(leaning(frames.from_rotation_vector(np.array([0.0015, 0.0, 0.0])), wanted), wanted)
+
+
+def test_what_clocks_make_of_a_turn_is_no_lean():
+    assert np.array_equal(leaning(frames.IDENTITY, frames.IDENTITY, sway_rad=0.3, clock_s=0.01), frames.IDENTITY)
+
+
+def test_a_lean_is_followed_within_bounds():
+    """Three degrees; more is markers that lie askew, or worse."""
+    told = leaning(frames.from_rotation_vector(np.array([0.3, 0.0, 0.0])), frames.IDENTITY)
+    assert 2.0 * told[1] == pytest.approx(0.05, rel=1e-3)

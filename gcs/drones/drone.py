@@ -19,6 +19,7 @@ NEAR_FLOOR_M = 0.03
 PRESSING_M, PRESSED_NS = 0.2, 1_000_000_000
 HANGING_M, HANGING_NS = 0.5, 1_000_000_000
 AT_REST_M_S = 0.08
+AT_REST_LAG_S = 0.15  # 4 mm of noise at 30 Hz are 0.02 m/s
 LIFTED_M = 0.02
 TAKE_OFF_S = 3.0  # thrust takes two to rise (formation.control.attitude), its own landing detector one to notice
 IDLE_DISARM_WITHIN_S = 0.5
@@ -35,7 +36,8 @@ class Drone:
     checked: its parameters have been read and what is amiss with them was told. lifted: seen off the floor since it was
     last armed. height_m: above where it stood, NaN unless that was seen. flying_thrust_norm: what it has been flying
     with of late, 0 before it flew. piloted: a pilot has taken it over, it is left alone. landing_itself: seen to land
-    by its autopilot since it was told to. stopped_ns: when it confirmed its cut motors.
+    by its autopilot since it was told to. stopped_ns: when it confirmed its cut motors. slow_height_m: height_m some
+    time before slow_since_ns, in a landing.
     """
 
     index: int
@@ -56,6 +58,8 @@ class Drone:
     piloted: bool = False
     landing_itself: bool = False
     stopped_ns: int | None = None
+    slow_height_m: float = math.nan
+    slow_since_ns: int = 0
 
     def aim(self, goal: Goal, now_ns: int) -> None:
         """Bring the autopilot to another goal; the same goal again changes nothing."""
@@ -172,7 +176,8 @@ class Drone:
     def notice_landing(self, vz_m_s: float, above_reference_m: float, thrust_norm: float, now_ns: int) -> None:
         """Notice touch-down: at rest at its own floor height, or at rest while told to be well below, and borne out."""
         near = self.height_m < NEAR_FLOOR_M
-        rests = (near or above_reference_m > PRESSING_M) and abs(vz_m_s) <= AT_REST_M_S
+        moves_m_s = min(abs(vz_m_s), abs(self._climb_m_s(now_ns)))
+        rests = (near or above_reference_m > PRESSING_M) and moves_m_s <= AT_REST_M_S
         if not rests or not self._stands(near, thrust_norm):
             self.resting_since_ns = None
             return
@@ -180,6 +185,16 @@ class Drone:
             self.resting_since_ns = now_ns
         if now_ns - self.resting_since_ns >= (TOUCH_NS if near else PRESSED_NS) and not self.touched:
             self.stay_down(now_ns)
+
+    def _climb_m_s(self, now_ns: int) -> float:
+        """How fast its height changes as it is seen, some 0.15 s old. On the floor the estimated speed is none:
+        to the model too little thrust to fly with is a fall."""
+        if math.isnan(self.slow_height_m):
+            self.slow_height_m, self.slow_since_ns = self.height_m, now_ns
+            return math.inf
+        dt_s, self.slow_since_ns = (now_ns - self.slow_since_ns) * 1e-9, now_ns
+        self.slow_height_m += dt_s / (dt_s + AT_REST_LAG_S) * (self.height_m - self.slow_height_m)
+        return (self.height_m - self.slow_height_m) / AT_REST_LAG_S
 
     def hangs(self, above_reference_m: float, now_ns: int) -> bool:
         """Whether it has been far above where a landing leads it for a second, off the floor: it does not follow."""
@@ -218,6 +233,7 @@ class Drone:
         """A new phase: another setpoint, another goal; a drone that was let go or cut stays so."""
         self.setpoint = setpoint
         self.descending, self.touched, self.resting_since_ns, self.hanging_since_ns = False, False, None, None
+        self.slow_height_m = math.nan
         if self.flown and not (self.joining(now_ns) and goal is Goal.LEAVE):
             self.aim(goal, now_ns)
 

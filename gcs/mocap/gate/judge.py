@@ -1,6 +1,7 @@
 """All checks of one frame, compiled: which of its poses are believed, and what is remembered of each body."""
 
 from dataclasses import dataclass
+from math import sin
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +36,8 @@ RECOVERY_FRAMES = 3
 KNOWN_FRAMES = 5
 """A path of fewer frames says nothing against another one."""
 RELEARN_FRAMES = 50
+LEAP_M, LEAP_RAD = 0.01, 0.025
+"""A frame so far off the path that it would go on has left it."""
 EXCHANGED_S = 0.1
 UPSET_FRAMES, UPSET_M_S2, UPSET_LAG_S = 5, 3.0, 0.05
 OFF_FLOOR_M = 0.1
@@ -213,7 +216,8 @@ def weigh(m: Memory, bounds: Bounds, t_ns: int, pos: Float, q: Float, reason: in
     """Believe the pose, or the path that it goes on, or neither; reason: what speaks against its following `believed`.
 
     A path that began with a jump while the body was in sight is never believed while its motors are on, wherever it
-    leads: that the body might have come there in the time since says nothing, as it was seen not to.
+    leads: that the body might have come there in the time since says nothing, as it was seen not to. One that comes
+    back from there to where the body must be begins anew: a few wild frames do not count against those after them.
     """
     believed = m.believed
     if m.code == 0 and reason == 0:
@@ -228,6 +232,9 @@ def weigh(m: Memory, bounds: Bounds, t_ns: int, pos: Float, q: Float, reason: in
     if m.code == 0:
         m.possible = believed.frames < KNOWN_FRAMES
         begin(other, t_ns, pos, q)
+    elif not m.possible and reason == 0 and comes_back(m, bounds, t_ns, pos, q):
+        m.possible = True
+        begin(other, t_ns, pos, q)
     elif is_in_sight(other, believed.period_s, t_ns) and objection(other, bounds, t_ns, pos, q) == 0:
         extend(other, t_ns, pos, q)
     else:
@@ -238,6 +245,27 @@ def weigh(m: Memory, bounds: Bounds, t_ns: int, pos: Float, q: Float, reason: in
     if other.frames >= (RECOVERY_FRAMES if m.possible else RELEARN_FRAMES) and (m.possible or not armed):
         copy_into(other, believed)
         m.code = 0
+
+
+@kernel
+def comes_back(m: Memory, bounds: Bounds, t_ns: int, pos: Float, q: Float) -> bool:
+    """Whether the frame leaves the other path, to within one frame's reach of where the believed one has come since.
+
+    There it would have been believed at once, had the frames between not come; a body that is stuck elsewhere, at rest
+    or moving on with the true one, never is.
+    """
+    believed, other = m.believed, m.other
+    since_s, other_s = (t_ns - believed.t_ns) * SECONDS, (t_ns - other.t_ns) * SECONDS
+    led_m, leapt2, w = np.empty(3), 0.0, 0.0
+    for axis in range(3):
+        led_m[axis] = pos[axis] - (since_s - believed.period_s) * believed.vel_lab_m_s[axis]
+        leapt2 += (pos[axis] - other.pos_lab_m[axis] - other_s * other.vel_lab_m_s[axis]) ** 2
+    for k in range(4):
+        w += q[k] * other.q_lab_from_flu[k]
+    if leapt2 <= LEAP_M**2 and 1.0 - w * w <= sin(0.5 * LEAP_RAD) ** 2:
+        return False
+    one_frame_on_ns = believed.t_ns + int(believed.period_s / SECONDS)
+    return objection(believed, bounds, one_frame_on_ns, led_m, q) == 0
 
 
 @kernel

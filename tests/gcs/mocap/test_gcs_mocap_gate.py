@@ -220,6 +220,53 @@ def test_a_wrong_heading_is_rejected_at_once(room, body, angle_rad):
     assert r.seen(body) == [False, False, True, True]
 
 
+def turned(yaw_rad: float) -> np.ndarray:
+    return np.array([np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)])
+
+
+@ROOMS
+@pytest.mark.parametrize("yaws_rad", [(0.2, 0.1), (0.2, 0.06), (0.08, -0.15, -0.06), (0.3, 0.16, 0.3, 0.1)])
+def test_wild_headings_that_lead_back_to_the_true_one_cost_three_frames_more(room, yaws_rad):
+    """Each follows from the one before it, as does the first true one from the last: only the first was a leap."""
+    r = flying(room)
+
+    def wild(k, pos, q):
+        if k < len(yaws_rad):
+            q[LEFT] = frames.canonical(frames.multiply(q[LEFT], turned(yaws_rad[k])))
+
+    r.fly(len(yaws_rad) + 20, wild)
+    assert Rejection.YAW_RATE in r.codes("left")
+    assert all(r.seen("left")[len(yaws_rad) + 2 :])
+
+
+def test_a_wrong_heading_that_jitters_is_not_believed():
+    """By two degrees every other frame: it leaps, but stays far from the true one."""
+    r = flying(UPRIGHT)
+
+    def wrong(k, pos, q):
+        q[LEFT] = frames.canonical(frames.multiply(q[LEFT], turned(0.25 + 0.035 * (k % 2))))
+
+    r.fly(200, wrong)
+    assert not any(r.seen("left"))
+
+
+@pytest.mark.parametrize("ahead_m", [0.12, 0.3, 0.6])
+def test_a_ghost_that_stands_in_the_way_of_a_moving_body_is_not_believed_when_it_would_be_there(ahead_m):
+    def motion(t_s):
+        return PLACES + np.array([max(t_s - 2.2, 0.0), 0.0, 0.0])
+
+    r = Room(motion=motion)
+    r.fly(30)
+    place = {}
+
+    def ghost(k, pos, q):
+        pos[LEFT] = place.setdefault("m", pos[LEFT] + [ahead_m, 0.0, 0.0])
+
+    r.shown.clear()
+    r.fly(100, lambda k, pos, q: (ghost(k, pos, q), pos.__setitem__((LEFT, 2), pos[LEFT, 2] + 1e-4 * (k % 3))))
+    assert not any(r.seen("left"))
+
+
 @ROOMS
 def test_two_exchanged_drones_are_set_right(room):
     r = flying(room)

@@ -65,7 +65,7 @@ LIMIT_OF = [
     ("disarmed in the air", flag("armed", True), 0.3, FLYING, Trigger.LAND),
     ("battery under 20 %", level("battery", 0.21, 0.19, 1.0), 1.0, Phase.ARMED, None),
     ("battery under 10 %", level("battery", 0.11, 0.09, 1.0), 1.0, Phase.ARMED, Trigger.LAND),
-    ("model mismatch", level("model_mismatch", 0.54, 0.56), 1.0, Phase.LAND, None),
+    ("model mismatch", level("model_mismatch", 0.37, 0.39), 0.3, Phase.LAND, None),
     (
         "its attitude is not the mocap's: late poses?",
         level("attitude_miss_rad", 0.049, 0.051),

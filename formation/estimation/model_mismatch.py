@@ -11,7 +11,7 @@ from formation.maths.quaternion import thrust_axis
 from formation.vehicle.response import SECONDS, SentCommands, answer
 
 LAG_S, RATE_M_S3 = 2.0, 3.0  # over how long it is judged; turns as slow as this say little
-MISMATCH_FAIR, MISMATCH_BAD, SHIFT_MOST = 0.38, 0.46, 0.3
+MISMATCH_TOLD, MISMATCH_FAIR, MISMATCH_BAD, SHIFT_MOST = 0.38, 0.45, 0.55, 0.3
 BIAS_LAG_S, BIAS_MAX_M_S2 = 0.5, 1.0
 
 
@@ -24,7 +24,7 @@ def judge_answer(
     What the nominal response alone makes of the commands is held against the force measured. The part of the miss that
     goes with the nominal rate of change is a shift in time, counted on up to SHIFT_MOST of the response's length; the
     rest over that rate and that length is the mismatch. Noise and a plainly slower vehicle show little; one that swings
-    because its motors cannot follow shows 0.47 and more, and no shift; one that is as believed 0.36 at most.
+    because its motors cannot follow shows 0.4 and more, and no shift; one that is as believed 0.36 at most.
     """
     speed, travel = np.empty(2), np.empty(2)
     before_x, before_y = z.nominal_force_m_s2[0], z.nominal_force_m_s2[1]

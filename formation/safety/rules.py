@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.config import LimitsConfig
-from formation.estimation.model_mismatch import MISMATCH_FAIR
+from formation.estimation.model_mismatch import MISMATCH_TOLD
 from formation.maths.arrays import Flags, Float, Scalars, Vec3s
 from formation.maths.kernel import kernel
 from formation.messages import Phase, Severity
@@ -175,7 +175,7 @@ RULES: tuple[Rule, ...] = (
     Rule("rule-battery-empty", "battery under 10 %",
          Measure.DISCHARGE, -BATTERY_EMPTY, 1.0, MOTORS_ON, Trigger.LAND),
     Rule("rule-model-mismatch", "model mismatch",
-         Measure.MODEL_MISMATCH, MISMATCH_FAIR, 0.3, AIRBORNE),
+         Measure.MODEL_MISMATCH, MISMATCH_TOLD, 0.3, AIRBORNE),
     Rule("rule-attitude-miss", "its attitude is not the mocap's: late poses?",
          Measure.ATTITUDE_MISS_RAD, ATTITUDE_MISS_RAD, 0.1, AIRBORNE, Trigger.LAND, Own.RELEASE),
     Rule("rule-frames-late", "a fifth of the frames late",

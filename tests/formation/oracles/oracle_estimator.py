@@ -113,8 +113,8 @@ def share(dt: float, lag: float) -> float:
 
 
 def doubt(mismatch: float) -> float:
-    """0 up to a mismatch of 0.38, 1 from 0.46 on."""
-    return float(np.clip((mismatch - 0.38) / 0.08, 0.0, 1.0))
+    """0 up to a mismatch of 0.45, 1 from 0.55 on."""
+    return float(np.clip((mismatch - 0.45) / 0.1, 0.0, 1.0))
 
 
 def update(

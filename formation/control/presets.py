@@ -14,7 +14,8 @@ from formation.estimation.settings import Adaptation, ObserverGains, Parallel
 from formation.vehicle.profile import GainScale, VehicleProfile
 
 PLAIN, ALONE = LagCompensation(), Parallel()
-SEEN_ADAPTATION = Adaptation(lag_s=0.086, threshold=1.55, most=5.6, bandwidth_power=1.0)
+SEEN_HEADING_FAST = Parallel(bandwidth_rad_s=60.0, pos_sigmas=8.0, vel_sigmas=11.0, dist_sigmas=5.0, hold_s=0.6)
+SEEN_ADAPTATION = Adaptation(lag_s=0.117, threshold=1.55, most=6.1, bandwidth_power=1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +55,7 @@ class Preset:
     quiet_rad: float = 1e-3
     seen_adaptation: Adaptation = SEEN_ADAPTATION
     parallel: Parallel = ALONE
+    seen_heading_parallel: Parallel = SEEN_HEADING_FAST
     lag_compensation: LagCompensation = PLAIN
     leader_lag_compensation: LagCompensation = PLAIN
 
@@ -90,12 +92,12 @@ DEFAULT = Preset(
     own_observer=OBSERVER,
     vertical_observer=ObserverGains(15.0, -0.1, 0.004),
     heading_observer=ObserverGains(8.0, -0.1, 0.02),
-    seen_observer=ObserverGains(7.3, -0.1, 0.004),
+    seen_observer=ObserverGains(12.0, -0.1, 0.004),
     seen_vertical_observer=ObserverGains(20.0, -0.1, 0.004),
-    seen_heading_observer=ObserverGains(7.4, -0.1, 0.01),
-    tilt_bandwidth_rad_s=21.0,
+    seen_heading_observer=ObserverGains(2.4, -0.1, 0.01),
+    tilt_bandwidth_rad_s=18.0,
     tilt_decay_1_s=11.2,
-    yaw_trust=0.58,
+    yaw_trust=0.98,
     dead_share=0.69,
     lag_share=0.95,
     attitude_trust=0.13,
@@ -127,8 +129,8 @@ PAPER_ISTSMC = replace(
     observer=SLOW_OBSERVER,
 )
 PAPER_SMC = replace(PAPER_ISTSMC, name="paper_smc", follower=SlidingGains(Law.SMC, c=1.0, k=5.0))
-PID = replace(PID_LEADER, name="pid", follower=LEADER_PID, lag_compensation=FIRM_COMPENSATION)
-GEOMETRIC = replace(PID, name="geometric", follower=GeometricGains(kx=9.0, kv=5.0, ki=4.0, mix=1.5, bound=1.0))
+PID = replace(PID_LEADER, name="pid", follower=CascadeGains(2.0, 13.37, 1.0), lag_compensation=FIRM_COMPENSATION)
+GEOMETRIC = replace(PID, name="geometric", follower=GeometricGains(kx=13.69, kv=10.99, ki=4.0, mix=1.5, bound=1.0))
 PRESETS: Mapping[str, Preset] = MappingProxyType(
     {
         p.name: p

@@ -85,6 +85,7 @@ def _observers(leads: bool, place: int, profile: VehicleProfile, gains: Preset) 
         yaw_trust=gains.yaw_trust,
         adaptation=gains.seen_adaptation,
         parallel=ALONE if seen else gains.parallel,
+        heading_parallel=gains.seen_heading_parallel if seen else ALONE,
     )
 
 

@@ -28,7 +28,7 @@ class Adaptation:
     """When observers of a vehicle that is only observed become faster: while the filtered innovation exceeds noise.
 
     lag_s: of that filter; threshold: in units of what noise alone leaves in it. gain^bandwidth_power
-    multiplies the bandwidth; most = 1 switches it off. One gain serves all axes and the tilt; the heading has its own.
+    multiplies the bandwidth; most = 1 switches it off. One gain serves all axes and the tilt.
     """
 
     lag_s: float = 0.05
@@ -43,7 +43,8 @@ class Parallel:
 
     *_sigmas: how many times what noise makes it see its position, velocity and disturbance must differ from the slow
     one's to be believed by half; attitude_trust: share of the measured tilt that a frame is given where it is believed;
-    urgency: the vehicle's adaptive gain there, powers of which multiply the law's gains.
+    urgency: the vehicle's adaptive gain there, powers of which multiply the law's gains (both of positions alone);
+    hold_s: how slowly it is given up again (of headings alone: a leader that turns to and fro passes through rest).
     """
 
     bandwidth_rad_s: float = 0.0
@@ -52,6 +53,7 @@ class Parallel:
     dist_sigmas: float = 8.0
     attitude_trust: float = 1.0
     urgency: float = 1.0
+    hold_s: float = 0.1
 
     def scaled(self, rate: float) -> "Parallel":
         """The same observer, its bandwidth and what is above 1 of its urgency multiplied by `rate`."""
@@ -68,7 +70,7 @@ class ObserverSettings:
     tilt, against the modelled one, that a frame is given; tilt_bandwidth_rad_s, tilt_decay_1_s: filter of an observed
     vehicle's tilt and of its rate (0: its attitude is not used); quiet_m, quiet_rad: position noise above which
     bandwidths shrink, and heading noise that is always expected; yaw_trust: how much of an observed heading's Z3 is
-    taken to last.
+    taken to last; parallel, heading_parallel: of the horizontal axes and of the heading.
     """
 
     place: int
@@ -87,3 +89,4 @@ class ObserverSettings:
     yaw_trust: float
     adaptation: Adaptation
     parallel: Parallel
+    heading_parallel: Parallel

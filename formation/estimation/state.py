@@ -29,11 +29,11 @@ class VehicleEstimate:
     tilt, tilt_rate_1_s: of a vehicle that is only observed, horizontal over vertical force, x and y;
     force_rate: how fast its specific force turns.
 
-    innovation, yaw_innovation: filtered, of a vehicle that is only observed; noise_var_m2: learned variance of the
-    measured position; recent_m, recent_ns: the last three positions seen; adaptive_gain, yaw_adaptive_gain:
+    innovation: filtered, of a vehicle that is only observed; noise_var_m2: learned variance of the
+    measured position; recent_m, recent_ns: the last three positions seen; adaptive_gain:
     formation.estimation.adaptive_gain, and of a commanded vehicle its urgency, formation.estimation.parallel.
     gate, spread: how far the estimate has gone over to the fast observer, and what that one has more of position,
-    velocity and disturbance (rows) along x and y than the slow one.
+    velocity and disturbance (rows) along x and y than the slow one; yaw_*: the same of the heading.
     nominal_force_m_s2: horizontal force if the vehicle answered as its profile says; level_bias_m_s2: what the measured
     force lastingly misses of it; mismatch_moments, model_mismatch, delay_shift_s: formation.estimation.model_mismatch.
     """
@@ -58,14 +58,14 @@ class VehicleEstimate:
     tilt_rate_1_s: Vec2
     force_rate_lab_m_s3: Vec3
     innovation_m: Vec3
-    yaw_innovation_rad: float
     noise_var_m2: float
     recent_m: Mat3
     recent_ns: Annotated[Float, Layout(np.int64, (3,))]
     adaptive_gain: float
     gate: float
     spread: Mat3
-    yaw_adaptive_gain: float
+    yaw_ratio: float
+    yaw_spread: Vec3
     nominal_force_m_s2: Vec2
     level_bias_m_s2: Vec2
     mismatch_moments: Vec3
@@ -88,7 +88,7 @@ def initial(frame: LabFrame, flying: Flags) -> Rows[VehicleEstimate]:
     z["noise_var_m2"] = NOISE_FIRST_M**2
     z["recent_m"] = frame.pos_lab_m[:, None, :]
     z["recent_ns"] = NEVER_NS
-    for name in ("thrust_scale", "adaptive_gain", "yaw_adaptive_gain"):
+    for name in ("thrust_scale", "adaptive_gain"):
         z[name] = 1.0
     return z
 

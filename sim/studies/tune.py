@@ -27,7 +27,7 @@ from sim.studies.experiments import Experiment, Job, Score
 from sim.studies.runner import Runner
 
 STEPS = (1.3, 1.15, 1.07)
-ROUNDS_EACH = 3
+ROUNDS_EACH = 6
 PRESET = "default"
 EXPERIMENTS = (Experiment.GUST, Experiment.CIRCLE)
 SEED = 101  # none of those that `gcs-sim paper` shows

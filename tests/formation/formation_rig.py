@@ -29,7 +29,7 @@ def adaptive(gains: Adaptation) -> Adaptive:
 
 def second(gains: Parallel) -> Second:
     sigmas = gains.pos_sigmas, gains.vel_sigmas, gains.dist_sigmas
-    return Second(gains.bandwidth_rad_s, sigmas, gains.attitude_trust, gains.urgency)
+    return Second(gains.bandwidth_rad_s, sigmas, gains.attitude_trust, gains.urgency, gains.hold_s)
 
 
 def quick(gains: LagCompensation) -> Quick:
@@ -60,6 +60,7 @@ def traits(gains: Preset, body: VehicleProfile, leads: bool, commanded: bool) ->
         belief=(body.response_dead_time_s, body.response_lag_s),
         adaptive=adaptive(gains.seen_adaptation),
         second=second(gains.parallel if commanded else ALONE),
+        second_heading=second(ALONE if commanded else gains.seen_heading_parallel),
         strength_lag_s=gains.thrust_scale_lag_s,
         attitude_trust=gains.attitude_trust,
         tilt_w=gains.tilt_bandwidth_rad_s,

@@ -26,7 +26,8 @@ UPWARDS = (Law.CFC, 8.0, 10.0, 3.0, -0.15, 0.35, 0.0)
 OURS = (12.3, -0.029, 0.004, 1.0)  # w, a, e0, rounding
 LEAD, FIRM, AS_IS = (0.85, 0.9, 0.32, 0.9, 0.28), (1.2, 1.64, 0.255, 0.0, 0.0), (1.0, 1.0, 0.0, 0.0, 0.0)
 SHARES = (0.69, 0.95, 2.0, 0.13)  # of dead time and lag, thrust's lag, trust in the attitude
-FAST, ALONE = (168.0, 6.3, 8.8, 13.1, 0.56, 4.4), (0.0, 8.0, 8.0, 8.0, 1.0, 1.0)
+FAST, ALONE = (168.0, 6.3, 8.8, 13.1, 0.56, 4.4, 0.1), (0.0, 8.0, 8.0, 8.0, 1.0, 1.0, 0.1)
+FAST_HEADING = (60.0, 8.0, 11.0, 5.0, 1.0, 1.0, 0.6)
 PID_ROW, CALM_OBSERVER = (2.0, 4.0, 1.0, 0.0), (18.0, -0.1, 0.004, 1.0)
 
 
@@ -37,9 +38,9 @@ def preset_row(
     return list(numbers((
         follower, UPWARDS, leader, UPWARDS, compensate, observer, own,
         (15.0, -0.1, 0.004, 1.0), (8.0, -0.1, 0.02, 1.0),  # height, heading
-        (7.3, -0.1, 0.004, 1.0), (20.0, -0.1, 0.004, 1.0), (7.4, -0.1, 0.01, 1.0),  # of a leader only observed
-        shares, 21.0, 11.2, 0.58, 2e-4, 1e-3,  # tilt filter, its decay, trust in turns, noise in m and rad
-        (0.086, 1.55, 5.6, 1.0), parallel, follower_lead, leader_lead,
+        (12.0, -0.1, 0.004, 1.0), (20.0, -0.1, 0.004, 1.0), (2.4, -0.1, 0.01, 1.0),  # of a leader only observed
+        shares, 18.0, 11.2, 0.98, 2e-4, 1e-3,  # tilt filter, its decay, trust in turns, noise in m and rad
+        (0.117, 1.55, 6.1, 1.0), parallel, FAST_HEADING, follower_lead, leader_lead,
     )))  # fmt: skip
 
 
@@ -59,8 +60,8 @@ EXPECTED = {
     ),
     "paper_istsmc": preset_row(ISTSMC, observer=CALM_OBSERVER, **PRINTED),
     "paper_smc": preset_row((Law.SMC, 1.0, 0.0, 0.0, 0.0, 0.0, 5.0), observer=CALM_OBSERVER, **PRINTED),
-    "pid": preset_row(PID_ROW, **BEHIND_PID, follower_lead=FIRM),
-    "geometric": preset_row((9.0, 5.0, 4.0, 1.5, 1.0), **BEHIND_PID, follower_lead=FIRM),
+    "pid": preset_row((2.0, 13.37, 1.0, 0.0), **BEHIND_PID, follower_lead=FIRM),
+    "geometric": preset_row((13.69, 10.99, 4.0, 1.5, 1.0), **BEHIND_PID, follower_lead=FIRM),
 }
 
 

@@ -37,12 +37,13 @@ class Adaptive:
 
 @dataclass(frozen=True)
 class Second:
-    """The fast observer beside the first: w, thresholds in noise, trust in the tilt, the gain where believed."""
+    """The fast observer beside the first: w, thresholds in noise, trust in the tilt, the gain where believed, memory."""
 
     w: float
     sigmas: tuple[float, float, float]
     attitude_trust: float
     urgency: float
+    hold_s: float
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,7 @@ class Traits:
     belief: tuple[float, float]  # dead time and lag in full
     adaptive: Adaptive
     second: Second
+    second_heading: Second
     strength_lag_s: float
     attitude_trust: float
     tilt_w: float
@@ -84,11 +86,12 @@ class Estimate:
     strength: float = 1.0
     tilt: np.ndarray = field(default_factory=lambda: np.zeros(2))
     tilt_rate: np.ndarray = field(default_factory=lambda: np.zeros(2))
-    innovation: np.ndarray = field(default_factory=lambda: np.zeros(4))
+    innovation: np.ndarray = field(default_factory=lambda: np.zeros(3))
     mu: float = 1.0
     gate: float = 0.0
     fast: np.ndarray = field(default_factory=lambda: np.zeros((3, 2)))  # what the fast observer has more than the slow
-    mu_turn: float = 1.0
+    turn_ratio: float = 0.0  # how far beyond noise the fast observer of the heading was, lately
+    fast_heading: np.ndarray = field(default_factory=lambda: np.zeros(3))
     noise_m2: float = 2e-4**2
     recent: list[tuple[int, np.ndarray]] = field(default_factory=list)
     believed: np.ndarray = field(default_factory=lambda: np.zeros(2))
@@ -258,30 +261,34 @@ def _both(k: Estimate, has: Traits, pos: np.ndarray, model: np.ndarray, dt: floa
 
 def _adapt(k: Estimate, has: Traits, pos: np.ndarray, model: np.ndarray, dt: float) -> None:
     """mu = sqrt(1 + innovation^2 / expected^2) of an observed vehicle: one for all three axes."""
-    axes = slice(0, 3)
     ahead = k.pos + dt * k.vel + 0.5 * dt**2 * (model + k.dist)
-    k.innovation[axes] += share(dt, has.adaptive.lag_s) * ((pos - ahead)[axes] - k.innovation[axes])
-    square = float(np.sum(k.innovation[axes] ** 2))
+    k.innovation += share(dt, has.adaptive.lag_s) * (pos - ahead - k.innovation)
+    square = float(np.sum(k.innovation**2))
     expected = has.adaptive.threshold**2 * k.noise_m2 * dt / (2.0 * has.adaptive.lag_s + dt)
     k.mu = min(np.sqrt(1.0 + square / expected), has.adaptive.most)
 
 
 def _heading(k: Estimate, has: Traits, seen: bool, dt: float, turn: float) -> None:
-    """An FTESO on the unwrapped angle, fed the angular acceleration that was asked for."""
+    """An FTESO on the unwrapped angle, fed the angular acceleration that was asked for; of one only observed, two."""
     psi, rate, more = k.heading
     if not seen:
+        k.fast_heading[2] = 0.0
         k.heading = np.array([psi + dt * rate + 0.5 * dt**2 * (turn + more), rate + dt * turn, 0.0])
         return
     ahead = psi + dt * rate + 0.5 * dt**2 * (turn + more)
     miss = float(np.angle(np.exp(1j * (heading_of(k.r) - ahead))))
-    w = has.heading.w
-    if not has.commanded:
-        k.innovation[3] += share(dt, has.adaptive.lag_s) * (miss - k.innovation[3])
-        noise = has.adaptive.threshold * has.quiet_rad * np.sqrt(dt / (2.0 * has.adaptive.lag_s + dt))
-        k.mu_turn = min(np.sqrt(1.0 + (k.innovation[3] / noise) ** 2), has.adaptive.most)
-        w *= k.mu_turn**has.adaptive.power
-    gains = has.heading
-    k.heading = fteso_backward(k.heading, ahead + miss, turn, dt, w, gains.a, gains.e0, gains.smooth)
+    y, gains, second = ahead + miss, has.heading, has.second_heading
+    gate = k.turn_ratio**4 / (1.0 + k.turn_ratio**4)
+    slow = k.heading - gate * k.fast_heading
+    stepped = fteso_backward(slow, y, turn, dt, gains.w, gains.a, gains.e0, gains.smooth)
+    if second.w > 0.0:
+        fast = fteso_backward(slow + k.fast_heading, y, turn, dt, second.w, gains.a, gains.e0, gains.smooth)
+        k.fast_heading = fast - stepped
+        passed = has.quiet_rad * np.sqrt(min(second.w * dt, 1.0)) * second.w ** np.arange(3)
+        beyond = np.max(np.abs(k.fast_heading) / (np.array(second.sigmas) * passed))
+        k.turn_ratio = max(beyond, k.turn_ratio * np.exp(-dt / second.hold_s))
+        gate = k.turn_ratio**4 / (1.0 + k.turn_ratio**4)
+    k.heading = stepped + gate * k.fast_heading
 
 
 def age_s(k: Estimate) -> float:

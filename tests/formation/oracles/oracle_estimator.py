@@ -37,7 +37,7 @@ class Adaptive:
 
 @dataclass(frozen=True)
 class Second:
-    """The fast observer beside the first: w, thresholds in noise, trust in the tilt, the gain where believed, memory."""
+    """A fast observer beside the first: w, thresholds in noise, trust in the tilt, the gain where believed, memory."""
 
     w: float
     sigmas: tuple[float, float, float]

@@ -129,8 +129,8 @@ PAPER_ISTSMC = replace(
     observer=SLOW_OBSERVER,
 )
 PAPER_SMC = replace(PAPER_ISTSMC, name="paper_smc", follower=SlidingGains(Law.SMC, c=1.0, k=5.0))
-PID = replace(PID_LEADER, name="pid", follower=CascadeGains(2.0, 13.37, 1.0), lag_compensation=FIRM_COMPENSATION)
-GEOMETRIC = replace(PID, name="geometric", follower=GeometricGains(kx=13.69, kv=10.99, ki=4.0, mix=1.5, bound=1.0))
+PID = replace(PID_LEADER, name="pid", follower=CascadeGains(4.4, 13.4, 1.0), lag_compensation=FIRM_COMPENSATION)
+GEOMETRIC = replace(PID, name="geometric", follower=GeometricGains(kx=50.8, kv=14.3, ki=4.0, mix=1.5, bound=1.0))
 PRESETS: Mapping[str, Preset] = MappingProxyType(
     {
         p.name: p

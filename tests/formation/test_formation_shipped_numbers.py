@@ -60,8 +60,8 @@ EXPECTED = {
     ),
     "paper_istsmc": preset_row(ISTSMC, observer=CALM_OBSERVER, **PRINTED),
     "paper_smc": preset_row((Law.SMC, 1.0, 0.0, 0.0, 0.0, 0.0, 5.0), observer=CALM_OBSERVER, **PRINTED),
-    "pid": preset_row((2.0, 13.37, 1.0, 0.0), **BEHIND_PID, follower_lead=FIRM),
-    "geometric": preset_row((13.69, 10.99, 4.0, 1.5, 1.0), **BEHIND_PID, follower_lead=FIRM),
+    "pid": preset_row((4.4, 13.4, 1.0, 0.0), **BEHIND_PID, follower_lead=FIRM),
+    "geometric": preset_row((50.8, 14.3, 4.0, 1.5, 1.0), **BEHIND_PID, follower_lead=FIRM),
 }
 
 

@@ -9,7 +9,7 @@ from formation.control.composite_law import Demand
 from formation.control.limits.fence import keep_inside
 from formation.estimation.model_mismatch import doubt
 from formation.estimation.state import VehicleEstimate
-from formation.guidance.reference_generator import VehicleReference
+from formation.guidance.reference_generator import POINT, VehicleReference
 from formation.maths.arrays import Float, Quat, Scalars, Vec3, Vec4
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import attitude_of, heading_axes
@@ -21,6 +21,8 @@ from formation.vehicle.rigid_body import thrust_norm
 
 TILT, THRUST_LOW, THRUST_HIGH = 1.0, 2.0, 4.0  # bits of formation.messages.Saturation
 LIFT_LEAST = 0.45  # of gravity: below it the attitude says nothing and the autopilot has no authority
+SINK_MOST_M_S2, SINKING_FROM_M_S = 2.0, 0.5  # what holds or lands is not pushed down harder while it sinks
+SCALE_KNOWN_S = 6.0  # since its release: three times the thrust scale's own lag
 LIFT_MOST = 0.92  # of full thrust: what is left turns the vehicle
 UPWARD_MOST = 0.88  # of that: climbing must leave something to steer with
 LEAD_TILT_RAD = 1.1  # how far the lag's inversion may point where body rates carry it
@@ -101,10 +103,28 @@ def body_rates(force: Float, force_rate: Float, yaw: float, yaw_rate: float, rat
 
 
 @kernel
-def bound_force(force: Float, lift_most: float, tilt_max_rad: float) -> float:
-    """Bounds a specific force (3) in place, height before sideways; returns the bits of the limits it met."""
+def lift_least(kind: int, airborne_s: float, climb_m_s: float, thrust_scale: float) -> float:
+    """The least specific force upwards, m/s^2, of a vehicle led as `kind` says, so long in the air, climbing so fast.
+
+    Led to a point of the lab none has to sink fast: one whose height is older than its stamp says must not be
+    thrown at the floor by a loop that swings. It counts from when the thrust scale is known; what climbs is stopped
+    as any other.
+    """
+    least = LIFT_LEAST * GRAVITY_M_S2
+    if kind != POINT or airborne_s < SCALE_KNOWN_S:
+        return least
+    sinks = 1.0 - min(max(climb_m_s / SINKING_FROM_M_S, 0.0), 1.0)
+    return max(least, least + sinks * ((GRAVITY_M_S2 - SINK_MOST_M_S2) / thrust_scale - least))
+
+
+@kernel
+def bound_force(force: Float, least: float, lift_most: float, tilt_max_rad: float) -> float:
+    """Bounds a specific force (3) in place, height before sideways; returns the bits of the limits it met.
+
+    least: `lift_least`; lift_most: specific force of the thrust that may be asked for.
+    """
     bits = 0.0
-    least, most = LIFT_LEAST * GRAVITY_M_S2, UPWARD_MOST * lift_most
+    most = UPWARD_MOST * lift_most
     if force[2] < least:
         force[2] = least
         bits += THRUST_LOW
@@ -163,7 +183,7 @@ def _targets(
         elif not references[i].airborne:
             _wait(settings[i], wanted[i].yaw_rad, (now_ns - references[i].release_ns) * SECONDS, full, out[i])
         else:
-            met = _bounded_force(settings[i], wanted[i], estimates, full, aim, lead)
+            met = _bounded_force(settings[i], wanted[i], estimates, references[i], now_ns, full, aim, lead)
             out[i].saturation = met
             _target(settings[i], wanted[i], aim, lead, full, out[i])
 
@@ -179,8 +199,9 @@ def _wait(s: AttitudeSettings, yaw_rad: float, waited_s: float, full: float, out
 
 @kernel
 def _bounded_force(
-    s: AttitudeSettings, wanted: Demand, estimates: Rows[VehicleEstimate], full: float, aim: Float, lead: Float
-) -> float:
+    s: AttitudeSettings, wanted: Demand, estimates: Rows[VehicleEstimate], reference: VehicleReference, now_ns: int,
+    full: float, aim: Float, lead: Float,
+) -> float:  # fmt: skip
     """Specific force of the demand into aim (3), with the lag's inversion into lead (3); the bits of the limits met."""
     z = estimates[s.vehicle]
     for axis in range(3):
@@ -190,8 +211,10 @@ def _bounded_force(
     for axis in range(3):
         aim[axis] /= z.thrust_scale
         lead[axis] = aim[axis] + wanted.lead_acc_lab_m_s2[axis] / z.thrust_scale
-    met = bound_force(aim, LIFT_MOST * full, s.tilt_max_rad)
-    met_later = bound_force(lead, LIFT_MOST * full, LEAD_TILT_RAD if s.rate_feed_forward else s.tilt_max_rad)
+    airborne_s = (now_ns - reference.release_ns) * SECONDS
+    least = lift_least(reference.kind, airborne_s, wanted.motion[1, 2], z.thrust_scale)
+    met = bound_force(aim, least, LIFT_MOST * full, s.tilt_max_rad)
+    met_later = bound_force(lead, least, LIFT_MOST * full, LEAD_TILT_RAD if s.rate_feed_forward else s.tilt_max_rad)
     trusted = s.turn_authority_rad_s2_m * authority_kept(z.model_mismatch)
     bound_turn(aim, wanted.specific_force_lab_m_s2, trusted, full)
     bound_turn(lead, wanted.specific_force_lab_m_s2, trusted, full)

@@ -86,6 +86,10 @@ def table() -> tuple[Row, ...]:
             benign=True,
         ),
         _row("hidden-latency", _mocap(Family.HIDDEN_LATENCY, None, whole, 0.2)),
+        _row(
+            "hidden-latency-landing",
+            Fault(family=Family.HIDDEN_LATENCY, phase="LAND", after_s=2.0, for_s=3.0, severity=0.33),
+        ),
         _row("stamps-ahead", _mocap(Family.STAMP_OFFSET, None, whole, 0.2)),
         _row("stamps-behind", _mocap(Family.STAMP_OFFSET, None, whole, -0.2)),
         _row("dead-motor", Fault(family=Family.DEAD_MOTOR, body="f2", after_s=2.5, severity=0.0)),

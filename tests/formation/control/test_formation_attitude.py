@@ -4,10 +4,18 @@ import numpy as np
 import pytest
 
 from formation.config import LabConfig
-from formation.control.attitude import AUTHORITY_LEAST, authority_kept, bound_force, bound_turn, turn_authority
+from formation.control.attitude import (
+    AUTHORITY_LEAST,
+    authority_kept,
+    bound_force,
+    bound_turn,
+    lift_least,
+    turn_authority,
+)
 from formation.control.presets import preset
 from formation.control.settings import observer_settings
 from formation.estimation.model_mismatch import MISMATCH_BAD, MISMATCH_FAIR
+from formation.guidance.reference_generator import POINT, SLOT, TRAJECTORY
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import PAPER_40G
 
@@ -39,9 +47,24 @@ def test_a_small_turn_is_left_alone() -> None:
 
 def test_height_comes_before_sideways() -> None:
     force = np.array([20.0, 0.0, 12.0])
-    assert bound_force(force, 15.0, np.radians(70.0)) > 0.0
+    assert bound_force(force, 4.0, 15.0, np.radians(70.0)) > 0.0
     assert force[2] == 12.0
     assert np.linalg.norm(force) == pytest.approx(15.0)
+
+
+def test_what_sinks_to_a_point_of_the_lab_is_not_pushed_down() -> None:
+    """By 2 m/s^2 at most; what climbs, flies in formation, or has only just left the floor, by more than half of g."""
+    usual = pytest.approx(0.45 * GRAVITY_M_S2)
+    assert lift_least(POINT, 7.0, -0.3, 1.0) == lift_least(POINT, 7.0, 0.0, 1.0) == pytest.approx(GRAVITY_M_S2 - 2.0)
+    assert lift_least(POINT, 7.0, -0.3, 1.3) == pytest.approx((GRAVITY_M_S2 - 2.0) / 1.3)
+    assert lift_least(POINT, 7.0, 0.25, 1.0) == pytest.approx(0.5 * (GRAVITY_M_S2 - 2.0 + 0.45 * GRAVITY_M_S2))
+    for kind, airborne_s, climb_m_s in (
+        (POINT, 5.0, -0.3),
+        (POINT, 7.0, 0.5),
+        (SLOT, 7.0, -0.3),
+        (TRAJECTORY, 7.0, 0.0),
+    ):
+        assert lift_least(kind, airborne_s, climb_m_s, 1.0) == usual
 
 
 def test_a_preset_counts_on_its_share_of_the_answer() -> None:

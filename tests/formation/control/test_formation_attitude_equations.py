@@ -64,8 +64,8 @@ def test_yaw_rate_feed_forward_of_a_rolled_vehicle_is_shared_by_pitch_and_yaw() 
 @pytest.mark.parametrize(("lift_most", "tilt"), [(15.0, 0.5), (11.0, 1.1), (30.0, 0.2)])
 def test_tilt_and_thrust_bounds_put_height_before_sideways(force: np.ndarray, lift_most: float, tilt: float) -> None:
     mine = force.copy()
-    bits = bound_force(mine, lift_most, tilt)
-    expected, met = bounded(force, lift_most, tilt)
+    bits = bound_force(mine, 4.41, lift_most, tilt)
+    expected, met = bounded(force, 4.41, lift_most, tilt)
     np.testing.assert_allclose(mine, expected, rtol=1e-12)
     assert bits == met
     assert np.linalg.norm(mine) <= lift_most + 1e-9

@@ -72,9 +72,16 @@ def inside(motion: np.ndarray, acc: np.ndarray, bounds: Bounds) -> tuple[np.ndar
     return acc, bits
 
 
-def bounded(force: np.ndarray, lift_most: float, tilt: float) -> tuple[np.ndarray, int]:
-    """Height before sideways: 0.45 g to 0.88 of the lift, then what tilt and thrust leave."""
-    up = float(np.clip(force[2], 0.45 * G, 0.88 * lift_most))
+def least_lift(sinking_s: float, climb: float, strength: float) -> float:
+    """0.45 g; after 6 s on the way to points of the lab what sinks keeps all but 2 m/s^2, up to a climb of 0.5 m/s."""
+    if sinking_s < 6.0:
+        return 0.45 * G
+    return max(0.45 * G, float(np.interp(climb, [0.0, 0.5], [(G - 2.0) / strength, 0.45 * G])))
+
+
+def bounded(force: np.ndarray, least: float, lift_most: float, tilt: float) -> tuple[np.ndarray, int]:
+    """Height before sideways: from the least to 0.88 of the lift, then what tilt and thrust leave."""
+    up = float(np.clip(force[2], least, 0.88 * lift_most))
     bits = LOW if force[2] < up else HIGH if force[2] > up else 0
     flat = force[:2]
     most = min(up * np.tan(tilt), np.sqrt(lift_most**2 - up**2))
@@ -128,6 +135,7 @@ class Wanted:
     yaw_rate: float
     strength: float
     mismatch: float
+    to_a_point_s: float = 0.0
     bits: int = 0
 
 
@@ -137,8 +145,9 @@ def target(body: Airframe, bounds: Bounds, wanted: Wanted, full: float) -> Targe
     acc, wall = inside(motion, wanted.acc, bounds)
     aim = (acc + np.array([0.0, 0.0, G])) / wanted.strength
     felt = aim + wanted.lead_acc / wanted.strength
-    aim, met = bounded(aim, 0.92 * full, bounds.tilt)
-    felt, later = bounded(felt, 0.92 * full, 1.1 if body.by_rate else bounds.tilt)
+    least = least_lift(wanted.to_a_point_s, motion[1, 2], wanted.strength)
+    aim, met = bounded(aim, least, 0.92 * full, bounds.tilt)
+    felt, later = bounded(felt, least, 0.92 * full, 1.1 if body.by_rate else bounds.tilt)
     trusted = authority_of(body) * (1.0 - 0.45 * doubt(wanted.mismatch))
     aim, felt = turned(aim, force, trusted, full), turned(felt, force, trusted, full)
     rate = np.zeros(3)

@@ -180,7 +180,7 @@ class OracleStack:
         duration = closing_s(gap, task.speed)
         if task.kind == CIRCLE and np.linalg.norm(gap[:3]) > 0.02:
             duration = max(duration, 3.0)
-        return Led(base, gap, t_ns, duration, True)
+        return Led(base, gap, t_ns, duration, True, t_ns)
 
     def _reference(self, i: int, t_ns: int, lead: Motion) -> tuple[Motion, Motion]:
         led, task = self.led[i], self.tasks[i]
@@ -229,14 +229,14 @@ class OracleStack:
         self, i: int, n: int, out: Demanded, kept: tuple[np.ndarray, np.ndarray, int], now_ns: int, hover: float
     ) -> Target:
         body, task, known = self.airframes[i], self.tasks[i], self.known[n]
-        full = full_force(hover, body.curve)
+        full, since_s = full_force(hover, body.curve), (now_ns - self.led[i].release_ns) * SECONDS
         if task.kind == IDLE:
             return Target(attitude_matrix(np.array([0.0, 0.0, 1.0]), out.yaw), np.zeros(3), 0.0, 0, np.zeros(4))
         if not self.led[i].airborne:
-            return waiting(body, out.yaw, (now_ns - self.led[i].release_ns) * SECONDS, full)
+            return waiting(body, out.yaw, since_s, full)
         acc, lead_acc, bits = kept
         wanted = Wanted(
             acc, lead_acc, out.motion, out.force, out.lift_cos, out.yaw, out.yaw_rate,
-            known.strength, known.mismatch, bits,
+            known.strength, known.mismatch, since_s if task.kind == POINT else 0.0, bits,
         )  # fmt: skip
         return target(body, self.bounds, wanted, full)

@@ -20,7 +20,11 @@ def test_the_names_of_the_table_are_unique() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["no-fault", "upside-down", "swap-leader", "jump", "ground-killed", "stop-at-0.2-loss", "frames-at-6-hz"]
+    "name",
+    [
+        "no-fault", "upside-down", "swap-leader", "jump", "ground-killed", "stop-at-0.2-loss", "frames-at-6-hz",
+        "hidden-latency-landing",
+    ],
 )
 def test_a_fault_of_the_table_is_contained(name: str) -> None:
     verdict = fly_row(name)

@@ -21,7 +21,7 @@ from formation.vehicle.rigid_body import thrust_norm
 
 TILT, THRUST_LOW, THRUST_HIGH = 1.0, 2.0, 4.0  # bits of formation.messages.Saturation
 LIFT_LEAST = 0.45  # of gravity: below it the attitude says nothing and the autopilot has no authority
-SINK_MOST_M_S2, SINKING_FROM_M_S = 2.0, 0.5  # what holds or lands is not pushed down harder while it sinks
+SINK_MOST_M_S2, SINKING_FROM_M_S = 1.5, 0.5  # what lands is not pushed down harder while it sinks
 SCALE_KNOWN_S = 6.0  # since its release: three times the thrust scale's own lag
 LIFT_MOST = 0.92  # of full thrust: what is left turns the vehicle
 UPWARD_MOST = 0.88  # of that: climbing must leave something to steer with
@@ -103,15 +103,20 @@ def body_rates(force: Float, force_rate: Float, yaw: float, yaw_rate: float, rat
 
 
 @kernel
-def lift_least(kind: int, airborne_s: float, climb_m_s: float, thrust_scale: float) -> float:
-    """The least specific force upwards, m/s^2, of a vehicle led as `kind` says, so long in the air, climbing so fast.
+def lands(reference: VehicleReference) -> bool:
+    """Whether a vehicle is led down to the floor, to a point of the lab beneath where it stood."""
+    return reference.kind == POINT and reference.target[2] < reference.floor_m
 
-    Led to a point of the lab none has to sink fast: one whose height is older than its stamp says must not be
-    thrown at the floor by a loop that swings. It counts from when the thrust scale is known; what climbs is stopped
-    as any other.
+
+@kernel
+def lift_least(airborne_s: float, climb_m_s: float, thrust_scale: float) -> float:
+    """The least specific force upwards, m/s^2, of a vehicle that lands, so long in the air and climbing so fast.
+
+    None has to be pushed down to land: one whose height is older than its stamp says must not be thrown at the floor
+    by a loop that swings. It counts from when the thrust scale is known; what climbs is stopped as any other.
     """
     least = LIFT_LEAST * GRAVITY_M_S2
-    if kind != POINT or airborne_s < SCALE_KNOWN_S:
+    if airborne_s < SCALE_KNOWN_S:
         return least
     sinks = 1.0 - min(max(climb_m_s / SINKING_FROM_M_S, 0.0), 1.0)
     return max(least, least + sinks * ((GRAVITY_M_S2 - SINK_MOST_M_S2) / thrust_scale - least))
@@ -121,7 +126,7 @@ def lift_least(kind: int, airborne_s: float, climb_m_s: float, thrust_scale: flo
 def bound_force(force: Float, least: float, lift_most: float, tilt_max_rad: float) -> float:
     """Bounds a specific force (3) in place, height before sideways; returns the bits of the limits it met.
 
-    least: `lift_least`; lift_most: specific force of the thrust that may be asked for.
+    least, lift_most: specific forces, upwards and of all the thrust that may be asked for.
     """
     bits = 0.0
     most = UPWARD_MOST * lift_most
@@ -211,8 +216,9 @@ def _bounded_force(
     for axis in range(3):
         aim[axis] /= z.thrust_scale
         lead[axis] = aim[axis] + wanted.lead_acc_lab_m_s2[axis] / z.thrust_scale
-    airborne_s = (now_ns - reference.release_ns) * SECONDS
-    least = lift_least(reference.kind, airborne_s, wanted.motion[1, 2], z.thrust_scale)
+    least = LIFT_LEAST * GRAVITY_M_S2
+    if lands(reference):
+        least = lift_least((now_ns - reference.release_ns) * SECONDS, wanted.motion[1, 2], z.thrust_scale)
     met = bound_force(aim, least, LIFT_MOST * full, s.tilt_max_rad)
     met_later = bound_force(lead, least, LIFT_MOST * full, LEAD_TILT_RAD if s.rate_feed_forward else s.tilt_max_rad)
     trusted = s.turn_authority_rad_s2_m * authority_kept(z.model_mismatch)

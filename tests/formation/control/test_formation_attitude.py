@@ -9,13 +9,15 @@ from formation.control.attitude import (
     authority_kept,
     bound_force,
     bound_turn,
+    lands,
     lift_least,
     turn_authority,
 )
 from formation.control.presets import preset
 from formation.control.settings import observer_settings
 from formation.estimation.model_mismatch import MISMATCH_BAD, MISMATCH_FAIR
-from formation.guidance.reference_generator import POINT, SLOT, TRAJECTORY
+from formation.guidance.reference_generator import POINT, SLOT, VehicleReference
+from formation.maths.records import blank
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import PAPER_40G
 
@@ -52,19 +54,21 @@ def test_height_comes_before_sideways() -> None:
     assert np.linalg.norm(force) == pytest.approx(15.0)
 
 
-def test_what_sinks_to_a_point_of_the_lab_is_not_pushed_down() -> None:
-    """By 2 m/s^2 at most; what climbs, flies in formation, or has only just left the floor, by more than half of g."""
-    usual = pytest.approx(0.45 * GRAVITY_M_S2)
-    assert lift_least(POINT, 7.0, -0.3, 1.0) == lift_least(POINT, 7.0, 0.0, 1.0) == pytest.approx(GRAVITY_M_S2 - 2.0)
-    assert lift_least(POINT, 7.0, -0.3, 1.3) == pytest.approx((GRAVITY_M_S2 - 2.0) / 1.3)
-    assert lift_least(POINT, 7.0, 0.25, 1.0) == pytest.approx(0.5 * (GRAVITY_M_S2 - 2.0 + 0.45 * GRAVITY_M_S2))
-    for kind, airborne_s, climb_m_s in (
-        (POINT, 5.0, -0.3),
-        (POINT, 7.0, 0.5),
-        (SLOT, 7.0, -0.3),
-        (TRAJECTORY, 7.0, 0.0),
-    ):
-        assert lift_least(kind, airborne_s, climb_m_s, 1.0) == usual
+def test_what_lands_is_not_pushed_down_while_it_sinks() -> None:
+    """By 1.5 m/s^2 at most; what climbs, or has only just left the floor, by more than half of g."""
+    kept = GRAVITY_M_S2 - 1.5
+    assert lift_least(7.0, -0.3, 1.0) == lift_least(7.0, 0.0, 1.0) == pytest.approx(kept)
+    assert lift_least(7.0, -0.3, 1.3) == pytest.approx(kept / 1.3)
+    assert lift_least(7.0, 0.25, 1.0) == pytest.approx(0.5 * (kept + 0.45 * GRAVITY_M_S2))
+    for airborne_s, climb_m_s in ((5.0, -0.3), (7.0, 0.5)):
+        assert lift_least(airborne_s, climb_m_s, 1.0) == pytest.approx(0.45 * GRAVITY_M_S2)
+
+
+@pytest.mark.parametrize(("kind", "z_m", "down"), [(POINT, -0.95, True), (POINT, 1.0, False), (SLOT, -0.5, False)])
+def test_who_is_led_beneath_where_it_stood_lands(kind: int, z_m: float, down: bool) -> None:
+    reference = blank(VehicleReference, 1)[0]
+    reference.kind, reference.target[2], reference.floor_m = kind, z_m, 0.05
+    assert lands(reference) == down
 
 
 def test_a_preset_counts_on_its_share_of_the_answer() -> None:

@@ -72,11 +72,11 @@ def inside(motion: np.ndarray, acc: np.ndarray, bounds: Bounds) -> tuple[np.ndar
     return acc, bits
 
 
-def least_lift(sinking_s: float, climb: float, strength: float) -> float:
-    """0.45 g; after 6 s on the way to points of the lab what sinks keeps all but 2 m/s^2, up to a climb of 0.5 m/s."""
-    if sinking_s < 6.0:
+def least_lift(landing_s: float, climb: float, strength: float) -> float:
+    """0.45 g; 6 s after its release what lands and sinks keeps all but 1.5 m/s^2, up to a climb of 0.5 m/s."""
+    if landing_s < 6.0:
         return 0.45 * G
-    return max(0.45 * G, float(np.interp(climb, [0.0, 0.5], [(G - 2.0) / strength, 0.45 * G])))
+    return max(0.45 * G, float(np.interp(climb, [0.0, 0.5], [(G - 1.5) / strength, 0.45 * G])))
 
 
 def bounded(force: np.ndarray, least: float, lift_most: float, tilt: float) -> tuple[np.ndarray, int]:
@@ -135,7 +135,7 @@ class Wanted:
     yaw_rate: float
     strength: float
     mismatch: float
-    to_a_point_s: float = 0.0
+    landing_s: float = 0.0
     bits: int = 0
 
 
@@ -145,7 +145,7 @@ def target(body: Airframe, bounds: Bounds, wanted: Wanted, full: float) -> Targe
     acc, wall = inside(motion, wanted.acc, bounds)
     aim = (acc + np.array([0.0, 0.0, G])) / wanted.strength
     felt = aim + wanted.lead_acc / wanted.strength
-    least = least_lift(wanted.to_a_point_s, motion[1, 2], wanted.strength)
+    least = least_lift(wanted.landing_s, motion[1, 2], wanted.strength)
     aim, met = bounded(aim, least, 0.92 * full, bounds.tilt)
     felt, later = bounded(felt, least, 0.92 * full, 1.1 if body.by_rate else bounds.tilt)
     trusted = authority_of(body) * (1.0 - 0.45 * doubt(wanted.mismatch))

@@ -56,6 +56,7 @@ class Led:
     duration_s: float
     airborne: bool
     release_ns: int = 0
+    floor: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -157,7 +158,7 @@ class OracleStack:
         """At the first frame everybody sets out; who is idle is led where it stands."""
         for i, (task, n) in enumerate(zip(self.tasks, self.own, strict=True)):
             if task.kind == IDLE and not first:
-                self.led[i].base = motions[n][0].copy()
+                self.led[i].base, self.led[i].floor = motions[n][0].copy(), float(motions[n][0, 2])
             elif first:
                 self.led.append(self._set_out(i, task, motions[n], motions[0], t_ns))
         joined = [led for led, task in zip(self.led, self.tasks, strict=True) if task.kind == SLOT]
@@ -166,7 +167,7 @@ class OracleStack:
 
     def _set_out(self, i: int, task: Task, mine: Motion, lead: Motion, t_ns: int) -> Led:
         if task.kind == IDLE:
-            return Led(mine[0].copy(), np.zeros(4), t_ns, 1.0, False, t_ns)
+            return Led(mine[0].copy(), np.zeros(4), t_ns, 1.0, False, t_ns, float(mine[0, 2]))
         seen = to_lead(mine, lead)[0] if task.kind == SLOT else mine[0]
         base = np.array([x if goal is None else goal for x, goal in zip(seen, task.goal, strict=True)])
         if task.kind == CIRCLE:
@@ -234,9 +235,10 @@ class OracleStack:
             return Target(attitude_matrix(np.array([0.0, 0.0, 1.0]), out.yaw), np.zeros(3), 0.0, 0, np.zeros(4))
         if not self.led[i].airborne:
             return waiting(body, out.yaw, since_s, full)
+        lands = task.kind == POINT and self.led[i].base[2] < self.led[i].floor
         acc, lead_acc, bits = kept
         wanted = Wanted(
             acc, lead_acc, out.motion, out.force, out.lift_cos, out.yaw, out.yaw_rate,
-            known.strength, known.mismatch, since_s if task.kind == POINT else 0.0, bits,
+            known.strength, known.mismatch, since_s if lands else 0.0, bits,
         )  # fmt: skip
         return target(body, self.bounds, wanted, full)

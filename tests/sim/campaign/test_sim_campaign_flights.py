@@ -22,7 +22,13 @@ def test_the_names_of_the_table_are_unique() -> None:
 @pytest.mark.parametrize(
     "name",
     [
-        "no-fault", "upside-down", "swap-leader", "jump", "ground-killed", "stop-at-0.2-loss", "frames-at-6-hz",
+        "no-fault",
+        "upside-down",
+        "swap-leader",
+        "jump",
+        "ground-killed",
+        "stop-at-0.2-loss",
+        "frames-at-6-hz",
         "hidden-latency-landing",
     ],
 )

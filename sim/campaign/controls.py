@@ -186,11 +186,10 @@ CONTROLS: Mapping[str, Control] = MappingProxyType(
             _pose(Family.FREEZE, (2.0, 4.0), phase="TAKEOFF", after_s=0.5), ("gate-flip", "gate-jump", "pose-rejected")
         ),
         "gate-jump": Control(_pose(Family.JUMP, (0.6, 1.0), (0.9, 1.2), heading_rad=-pi / 2), ("pose-rejected",)),
-        "gate-yaw-rate": Control(_pose(Family.YAW, (0.2, 0.4), (2.7, 3.1), body="leader"), ("pose-rejected",)),
         "gate-swap": Control(
             _pose(Family.SWAP, (0.8, 1.2), body="leader", other="f2"), ("gate-jump", "gate-flip", "pose-rejected")
         ),
-        "gate-stamp": Control(_pose(Family.STAMP_OFFSET, (8.0, 9.0), (-0.38, -0.3)), (*LATE, *LOST, *ASTRAY)),
+        "gate-stamp": Control(_pose(Family.STAMP_OFFSET, (8.0, 9.0), (0.3, 0.38)), (*LATE, *LOST, *ASTRAY)),
         "stale-setpoint": Control(_late, _others(LATE, "stale-setpoint")),
         "old-setpoint": Control(_replayed, LATE),
         "foreign-setpoint": _armed_in_air("foreign-setpoint"),

@@ -5,7 +5,7 @@ from math import atan2, exp, pi
 import numpy as np
 
 from formation.estimation.fteso import fteso_step
-from formation.estimation.parallel import noise_thresholds, open_gate
+from formation.estimation.parallel import noise_thresholds, open_gate, step_both
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate
 from formation.maths.kernel import kernel
@@ -33,22 +33,19 @@ def observe_heading(z: VehicleEstimate, seen: bool, dt_s: float, settings: Obser
     q = z.q_lab_from_flu
     measured = atan2(2.0 * (q[0] * q[3] + q[1] * q[2]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]))
     y = ahead + wrapped(measured - ahead)
-    slow, fast, gate = settings.heading, settings.heading_parallel, open_gate(z.yaw_ratio)
-    slow_psi, slow_rate, slow_dist = fteso_step(
-        psi - gate * z.yaw_spread[0], rate - gate * z.yaw_spread[1], dist - gate * z.yaw_spread[2], turn, y, dt_s,
-        slow.bandwidth_rad_s, slow.alpha, slow.scale, slow.smooth,
-    )  # fmt: skip
+    slow, fast, gate = settings.heading, settings.heading_parallel, 0.0
+    estimate = np.array((psi, rate, dist))
     if fast.bandwidth_rad_s > 0.0:
-        other = 1.0 - gate  # from the estimate to the fast one
-        fast_psi, fast_rate, fast_dist = fteso_step(
-            psi + other * z.yaw_spread[0], rate + other * z.yaw_spread[1], dist + other * z.yaw_spread[2], turn, y,
-            dt_s, fast.bandwidth_rad_s, slow.alpha, slow.scale, slow.smooth,
-        )  # fmt: skip
-        spread, most = z.yaw_spread, np.empty(3)
-        spread[0], spread[1], spread[2] = fast_psi - slow_psi, fast_rate - slow_rate, fast_dist - slow_dist
-        noise_thresholds(settings.quiet_rad, fast.bandwidth_rad_s, dt_s, fast, most)
-        ratio = max(abs(spread[0]) / most[0], abs(spread[1]) / most[1], abs(spread[2]) / most[2])
-        z.yaw_ratio = max(ratio, z.yaw_ratio * exp(-dt_s / fast.hold_s))
+        w_slow, w_fast, most = slow.bandwidth_rad_s, fast.bandwidth_rad_s, np.empty(3)
+        step_both(estimate, z.yaw_spread, open_gate(z.yaw_ratio), turn, y, dt_s, w_slow, w_fast, slow)
+        noise_thresholds(settings.quiet_rad, w_fast, dt_s, fast, most)
+        z.yaw_ratio *= exp(-dt_s / fast.hold_s)
+        for order in range(3):
+            z.yaw_ratio = max(z.yaw_ratio, abs(z.yaw_spread[order]) / most[order])
         gate = open_gate(z.yaw_ratio)
-    z.yaw_rad, z.yaw_rate_rad_s = slow_psi + gate * z.yaw_spread[0], slow_rate + gate * z.yaw_spread[1]
-    z.yaw_dist_rad_s2 = slow_dist + gate * z.yaw_spread[2]
+    else:
+        estimate[0], estimate[1], estimate[2] = fteso_step(
+            psi, rate, dist, turn, y, dt_s, slow.bandwidth_rad_s, slow.alpha, slow.scale, slow.smooth
+        )
+    z.yaw_rad, z.yaw_rate_rad_s = estimate[0] + gate * z.yaw_spread[0], estimate[1] + gate * z.yaw_spread[1]
+    z.yaw_dist_rad_s2 = estimate[2] + gate * z.yaw_spread[2]

@@ -39,6 +39,27 @@ def open_gate(ratio: float) -> float:
 
 
 @kernel
+def step_both(
+    z: Float, spread: Float, gate: float, model: float, y: float, dt_s: float, w_slow: float, w_fast: float,
+    gains: ObserverGains,
+) -> None:  # fmt: skip
+    """Both observers of one signal over one step.
+
+    z (3): the estimate, which becomes the slow one's; spread (3): how far the fast one is from it; gate: of the
+    estimate; the rest: see `fteso_step`.
+    """
+    for order in range(3):
+        z[order] -= gate * spread[order]
+    fast = fteso_step(
+        z[0] + spread[0], z[1] + spread[1], z[2] + spread[2], model, y, dt_s, w_fast, gains.alpha, gains.scale,
+        gains.smooth,
+    )  # fmt: skip
+    z[0], z[1], z[2] = fteso_step(z[0], z[1], z[2], model, y, dt_s, w_slow, gains.alpha, gains.scale, gains.smooth)
+    for order in range(3):
+        spread[order] = fast[order] - z[order]
+
+
+@kernel
 def observe_parallel(
     z: VehicleEstimate, measured: Float, model: Float, dt_s: float, slowed: float, slow: ObserverGains,
     parallel: Parallel,
@@ -48,27 +69,16 @@ def observe_parallel(
     measured, model (3): position and modelled acceleration; slowed: factor on both bandwidths. z keeps the estimate
     and how far the fast observer is from the slow one, so that what is moved in the estimate is moved in both.
     """
-    z_slow, z_fast, most = np.empty(3), np.empty(3), np.empty(3)
+    estimate, most = np.empty(3), np.empty(3)
     w_slow, w_fast = slowed * slow.bandwidth_rad_s, slowed * parallel.bandwidth_rad_s
     noise_thresholds(sqrt(z.noise_var_m2), w_fast, dt_s, parallel, most)
     square = np.zeros(3)
     gate = z.gate
     for axis in range(2):
-        z_slow[0] = z.pos_lab_m[axis] - gate * z.spread[0, axis]
-        z_slow[1] = z.vel_lab_m_s[axis] - gate * z.spread[1, axis]
-        z_slow[2] = z.dist_lab_m_s2[axis] - gate * z.spread[2, axis]
+        estimate[0], estimate[1], estimate[2] = z.pos_lab_m[axis], z.vel_lab_m_s[axis], z.dist_lab_m_s2[axis]
+        step_both(estimate, z.spread[:, axis], gate, model[axis], measured[axis], dt_s, w_slow, w_fast, slow)
+        z.pos_lab_m[axis], z.vel_lab_m_s[axis], z.dist_lab_m_s2[axis] = estimate[0], estimate[1], estimate[2]
         for order in range(3):
-            z_fast[order] = z_slow[order] + z.spread[order, axis]
-        y, acc = measured[axis], model[axis]
-        z_slow[0], z_slow[1], z_slow[2] = fteso_step(
-            z_slow[0], z_slow[1], z_slow[2], acc, y, dt_s, w_slow, slow.alpha, slow.scale, slow.smooth
-        )
-        z_fast[0], z_fast[1], z_fast[2] = fteso_step(
-            z_fast[0], z_fast[1], z_fast[2], acc, y, dt_s, w_fast, slow.alpha, slow.scale, slow.smooth
-        )
-        z.pos_lab_m[axis], z.vel_lab_m_s[axis], z.dist_lab_m_s2[axis] = z_slow[0], z_slow[1], z_slow[2]
-        for order in range(3):
-            z.spread[order, axis] = z_fast[order] - z_slow[order]
             square[order] += z.spread[order, axis] * z.spread[order, axis]
     ratio = 0.0
     for order in range(3):

@@ -41,9 +41,8 @@ def test_a_block_in_which_a_stranger_has_a_port_is_passed_over() -> None:
             assert other.ground_port_base - usual.ground_port_base == other.drone_port_base - usual.drone_port_base
             assert not udp_ports(other) & udp_ports(first)
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as stranger:
-        stranger.setsockopt(
-            socket.SOL_SOCKET, socket.SO_REUSEADDR, 1
-        )  # as a server: a connection may just have ended there
+        # As a server does: a connection may just have ended there.
+        stranger.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         stranger.bind(("127.0.0.1", first.ground_port_base))
         stranger.listen()
         with private_link("udp", SYSIDS) as other:

@@ -55,8 +55,8 @@ class Led:
     from_ns: int
     duration_s: float
     airborne: bool
-    release_ns: int = 0
-    floor: float = 0.0
+    release_ns: int
+    floor: float
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ class OracleStack:
         duration = closing_s(gap, task.speed)
         if task.kind == CIRCLE and np.linalg.norm(gap[:3]) > 0.02:
             duration = max(duration, 3.0)
-        return Led(base, gap, t_ns, duration, True, t_ns)
+        return Led(base, gap, t_ns, duration, True, t_ns, float(mine[0, 2]))
 
     def _reference(self, i: int, t_ns: int, lead: Motion) -> tuple[Motion, Motion]:
         led, task = self.led[i], self.tasks[i]

@@ -69,7 +69,7 @@ class Seat:
         self.events: list[Event] = []
         self.followed_ns: int | None = None
         self._ghost: AgentCore | None = None
-        self._input = Waiting[LabFrame | Datagram]()
+        self._input = Waiting[LabFrame | Datagram | Sent]()
         self._bridge_input = Waiting[LabFrame | Datagram | bytes]()
 
     def look_ahead(self) -> None:
@@ -91,13 +91,12 @@ class Seat:
         if self._ghost is not None:
             self._ghost.receive(datagram, now_ns)
         if not self.bridges:
-            self._take(datagram, now_ns)
+            self._take(sent, now_ns)
         elif self._bridge_input.admits(datagram):
             for bridge in self.bridges:
                 bridge.receive_ground(datagram, now_ns)
             said = self.say(now_ns)
-        if self.agent.autopilot.stream.monitor.last_ns == now_ns:
-            self.followed_ns = sent.t_ns
+            self._follow(sent.t_ns, now_ns)
         return said
 
     def say(self, now_ns: int) -> list[Datagram]:
@@ -127,7 +126,7 @@ class Seat:
 
     def begin(self, fault: Fault, now_ns: int) -> None:
         """A fault of a core of this drone begins."""
-        host: Waiting[LabFrame | Datagram] | Waiting[LabFrame | Datagram | bytes] = self._host(fault.core)
+        host: Waiting[LabFrame | Datagram | Sent] | Waiting[LabFrame | Datagram | bytes] = self._host(fault.core)
         match fault.family:
             case Family.KILL | Family.RESTART:
                 host.kill()
@@ -149,9 +148,9 @@ class Seat:
             self._wake_bridge(now_ns)
         else:
             for item in self._input.wake():
-                self.agent.receive(item, now_ns)
+                self._give(item, now_ns)
 
-    def _host(self, core: Core | None) -> "Waiting[LabFrame | Datagram] | Waiting[LabFrame | Datagram | bytes]":
+    def _host(self, core: Core | None) -> "Waiting[LabFrame | Datagram | Sent] | Waiting[LabFrame | Datagram | bytes]":
         return self._bridge_input if core == "bridge" else self._input
 
     def _wake_bridge(self, now_ns: int) -> None:
@@ -171,9 +170,21 @@ class Seat:
             due_ns = min(due_ns, *[bridge.next_deadline_ns() for bridge in self.bridges])
         return due_ns if self._ghost is None else min(due_ns, self._ghost.next_deadline_ns())
 
-    def _take(self, message: LabFrame | Datagram, now_ns: int) -> None:
-        if self._input.admits(message):
-            self.agent.receive(message, now_ns)
+    def _take(self, item: LabFrame | Datagram | Sent, now_ns: int) -> None:
+        if self._input.admits(item):
+            self._give(item, now_ns)
+
+    def _give(self, item: LabFrame | Datagram | Sent, now_ns: int) -> None:
+        if isinstance(item, Sent):
+            self.agent.receive(item.datagram, now_ns)
+            self._follow(item.t_ns, now_ns)
+        else:
+            self.agent.receive(item, now_ns)
+
+    def _follow(self, sent_ns: int, now_ns: int) -> None:
+        """What was sent then is what the agent follows, if it has taken a setpoint just now."""
+        if self.agent.autopilot.stream.monitor.last_ns == now_ns:
+            self.followed_ns = sent_ns
 
     def _agent_says(self, now_ns: int) -> tuple[Datagram, ...]:
         outgoing = self.agent.tick(now_ns)

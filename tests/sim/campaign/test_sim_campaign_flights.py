@@ -44,6 +44,12 @@ def test_a_ground_that_was_stalled_goes_on_where_it_was() -> None:
     assert verdict.detection_s == pytest.approx(0.1, abs=0.03)
 
 
+@pytest.mark.parametrize("for_s", [0.39, 0.394, 0.398])
+def test_what_waited_for_a_stalled_agent_is_as_old_as_it_was_sent(for_s: float) -> None:
+    verdict = flown(Fault(family=Family.STALL, core="agent", body="f2", after_s=1.0, for_s=for_s))
+    assert verdict.contained, verdict.violations
+
+
 def test_a_mocap_that_is_gone_for_good_ends_on_the_floor() -> None:
     verdict = flown(Fault(family=Family.KILL, core="mocap", after_s=1.0))
     assert verdict.detection_s is not None

@@ -15,6 +15,7 @@ from formation.control.feedback import bound_sideways, feedback, uses_disturbanc
 from formation.control.gains import AxisGains, LagCompensation
 from formation.control.prediction import Known, motion_at
 from formation.control.relative_frame import copy_motion, lead_from_lab
+from formation.estimation.model_mismatch import attitude_dead_s
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate
 from formation.guidance.followed_leader import Led, shifted
@@ -148,7 +149,7 @@ def _demand(
     history: Rows[SentCommands], led: Led, memory: Rows[LawMemory], now_ns: int, out: Rows[Demand],
 ) -> None:  # fmt: skip
     """See `demand`; out (m) is filled."""
-    around = Around(Known(estimates, observers, history, dead_times(settings, observers, estimates)), led)
+    around = Around(Known(estimates, observers, history), led)
     # A record keeps no array alive that it lies in: `space` has to be there as long as anybody writes into it.
     space = np.empty(2, WORKSPACE)
     for channel in range(2):
@@ -171,26 +172,13 @@ def _vehicle_demand(
 
 
 @kernel
-def dead_times(
-    settings: Rows[LawSettings], observers: Rows[ObserverSettings], estimates: Rows[VehicleEstimate]
-) -> Float:
-    """Dead time of each vehicle's attitude (n), s; where it is compensated, less the delay shift that was seen."""
-    dead_s = np.empty(len(observers))
-    for n in range(len(observers)):
-        dead_s[n] = observers[n].response.attitude_dead_s
-        if observers[n].place >= 0 and settings[observers[n].place].compensate:
-            dead_s[n] = max(dead_s[n] - estimates[n].delay_shift_s, 0.0)
-    return dead_s
-
-
-@kernel
 def _horizontal_demand(
     i: int, law: LawSettings, around: Around, kept: LawMemory, now_ns: int, dt_s: float, w: Workspace, out: Demand
 ) -> None:
     """x and y, by attitude."""
     known, n = around.known, law.vehicle
     lag_s = known.observers[n].response.attitude_lag_s
-    arrival_ns = now_ns + int(known.dead_s[n] * 1e9)
+    arrival_ns = now_ns + int(attitude_dead_s(known.estimates[n], known.observers[n]) * 1e9)
     hold_ns = arrival_ns if law.compensate else known.estimates[n].t_ns
     situation(i, n, around, hold_ns, hold_ns + int(lag_s * 1e9) if law.compensate else NEVER_NS, w)
     gain = _adaptive_gain(i, law, around)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from formation.estimation.model_mismatch import attitude_dead_s
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate
 from formation.maths.arrays import Float
@@ -25,12 +26,11 @@ def decaying(h: float, rate_1_s: float) -> tuple[float, float, float]:
 
 
 class Known(NamedTuple):
-    """What predictions start from. dead_s (n): dead time counted on of each attitude, its delay shift in it."""
+    """What predictions start from."""
 
     estimates: Rows[VehicleEstimate]
     observers: Rows[ObserverSettings]
     history: Rows[SentCommands]
-    dead_s: Float
 
 
 @kernel
@@ -48,7 +48,7 @@ def motion_at(known: Known, n: int, to_ns: int, out: Float, force: Float) -> Non
         force[axis] = z.specific_force_lab_m_s2[axis]
     if commanded:
         sent, response = known.history[observer.place], observer.response
-        answer(sent.t_ns, sent.force[:, 0:2], z.t_ns, to_ns, known.dead_s[n], response.attitude_lag_s,
+        answer(sent.t_ns, sent.force[:, 0:2], z.t_ns, to_ns, attitude_dead_s(z, observer), response.attitude_lag_s,
                force[0:2], speed[0:2], travel[0:2])  # fmt: skip
         answer(sent.t_ns, sent.force[:, 2:3], z.t_ns, to_ns, response.thrust_dead_s, response.thrust_lag_s,
                force[2:3], speed[2:3], travel[2:3])  # fmt: skip

@@ -66,7 +66,9 @@ PRINTED_ALPHA, PRINTED_EPS = -2.0 / 9.0, -0.49
 PRINTED_FTESO = ObserverGains(70.0, PRINTED_ALPHA, scale=1.0, smooth=0.0)
 LEADER_PID = CascadeGains(2.0, 4.0, 1.0)
 HORIZONTAL = SlidingGains(Law.CFC, c=4.0, p1=4.1, p2=0.59, eps=-0.177, smooth_m_s=0.027)
-VERTICAL = SlidingGains(Law.CFC, c=8.0, p1=10.0, p2=3.0, eps=-0.15, smooth_m_s=0.35)
+VERTICAL = SlidingGains(Law.CFC, c=8.0, p1=10.0, p2=0.0, eps=-0.15, smooth_m_s=0.35)
+"""Without the integral of Eq. (6): Z3 and the thrust scale do its work; wound up at take-off, it unwinds for 8 s."""
+PRINTED_VERTICAL = replace(VERTICAL, p2=3.0)
 SLOW_OBSERVER = ObserverGains(18.0, -0.1, 0.004)
 OBSERVER = ObserverGains(12.3, -0.029, 0.004)
 FAST = Parallel(
@@ -98,8 +100,8 @@ DEFAULT = Preset(
     tilt_bandwidth_rad_s=18.0,
     tilt_decay_1_s=11.2,
     yaw_trust=0.98,
-    dead_share=0.69,
-    lag_share=0.95,
+    dead_share=0.95,
+    lag_share=1.0,
     attitude_trust=0.13,
     parallel=FAST,
     lag_compensation=LAG_COMPENSATION,
@@ -113,6 +115,8 @@ PAPER_CFC = replace(
     PID_LEADER,
     name="paper",
     follower=SlidingGains(Law.CFC, c=1.0, p1=8.0, p2=0.1, eps=PRINTED_EPS),
+    follower_vertical=PRINTED_VERTICAL,
+    leader_vertical=PRINTED_VERTICAL,
     compensate=False,
     observer=PRINTED_FTESO,
     dead_share=0.9,

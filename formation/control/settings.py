@@ -18,6 +18,7 @@ from formation.vehicle.profile import VehicleProfile
 from formation.vehicle.response import Response
 
 FENCE_MARGIN_M = 0.05
+DELAY_SHIFT_MOST = 0.6  # of the answer's length
 
 
 def observer_settings(
@@ -76,6 +77,7 @@ def _observers(leads: bool, place: int, profile: VehicleProfile, gains: Preset) 
         response=_response(profile, gains),
         nominal_dead_s=profile.response_dead_time_s,
         nominal_lag_s=profile.response_lag_s,
+        delay_shift_most_s=_delay_shift_most_s(profile) if _compensates(gains, leads) else 0.0,
         thrust_scale_lag_s=gains.thrust_scale_lag_s,
         attitude_trust=gains.attitude_trust,
         tilt_bandwidth_rad_s=gains.tilt_bandwidth_rad_s,
@@ -87,6 +89,16 @@ def _observers(leads: bool, place: int, profile: VehicleProfile, gains: Preset) 
         parallel=ALONE if seen else gains.parallel,
         heading_parallel=gains.seen_heading_parallel if seen else ALONE,
     )
+
+
+def _compensates(gains: Preset, leads: bool) -> bool:
+    """Whether a vehicle's horizontal law does; a leader's always."""
+    return leads or gains.compensate
+
+
+def _delay_shift_most_s(profile: VehicleProfile) -> float:
+    """How far the dead time of an attitude's answer may be shifted by what is seen of it."""
+    return DELAY_SHIFT_MOST * (profile.response_dead_time_s + profile.response_lag_s)
 
 
 def _response(profile: VehicleProfile, gains: Preset) -> Response:
@@ -105,7 +117,7 @@ def _law(config: LabConfig, i: int, gains: Preset) -> LawSettings:
         vehicle=i,
         horizontal=axis_gains(gains.leader if leads else gains.follower),
         vertical=axis_gains(gains.leader_vertical if leads else gains.follower_vertical),
-        compensate=gains.compensate or leads,
+        compensate=_compensates(gains, leads),
         lag_compensation=gains.leader_lag_compensation if leads else gains.lag_compensation,
         speed_max_m_s=config.limits.speed_m_s,
     )

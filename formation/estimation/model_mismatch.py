@@ -11,7 +11,8 @@ from formation.maths.quaternion import thrust_axis
 from formation.vehicle.response import SECONDS, SentCommands, answer
 
 LAG_S, RATE_M_S3 = 2.0, 3.0  # over how long it is judged; turns as slow as this say little
-MISMATCH_TOLD, MISMATCH_FAIR, MISMATCH_BAD, SHIFT_MOST = 0.38, 0.45, 0.55, 0.3
+MISMATCH_TOLD, MISMATCH_FAIR, MISMATCH_BAD = 0.38, 0.45, 0.55
+SHIFT_LAG_S, SHIFT_RATE_M_S3 = 4.0, 0.25  # the same of the shift
 BIAS_LAG_S, BIAS_MAX_M_S2 = 0.5, 1.0
 
 
@@ -22,9 +23,9 @@ def judge_answer(
     """How much earlier, and how far otherwise, a vehicle answers than its profile says: delay shift and mismatch.
 
     What the nominal response alone makes of the commands is held against the force measured. The part of the miss that
-    goes with the nominal rate of change is a shift in time, counted on up to SHIFT_MOST of the response's length; the
-    rest over that rate and that length is the mismatch. Noise and a plainly slower vehicle show little; one that swings
-    because its motors cannot follow shows 0.4 and more, and no shift; one that is as believed 0.36 at most.
+    goes with the nominal rate of change is a shift in time (`learn_shift`); the rest over that rate and the response's
+    length is the mismatch. Noise and a plainly slower vehicle show little; one that swings because its motors cannot
+    follow shows 0.4 and more, and no shift; one that is as believed 0.36 at most.
     """
     speed, travel = np.empty(2), np.empty(2)
     before_x, before_y = z.nominal_force_m_s2[0], z.nominal_force_m_s2[1]
@@ -34,21 +35,45 @@ def judge_answer(
         return
     along = thrust_axis(z.q_lab_from_flu)
     dt_s = (to_ns - from_ns) * SECONDS
+    length_s = dead_s + lag_s
+    slow = 1.0 - exp(-dt_s / length_s)
     rate2, miss2, both = 0.0, 0.0, 0.0
     for axis in range(2):
         rate = (z.nominal_force_m_s2[axis] - (before_x if axis == 0 else before_y)) / dt_s
         miss = learn_level_bias(z, axis, z.thrust_m_s2 * along[axis] - z.nominal_force_m_s2[axis], rate, dt_s)
         rate2, miss2, both = rate2 + rate * rate, miss2 + miss * miss, both + miss * rate
+        z.slow_rate_m_s3[axis] += slow * (rate - z.slow_rate_m_s3[axis])
+        z.slow_miss_m_s2[axis] += slow * (miss - z.slow_miss_m_s2[axis])
     share = 1.0 - exp(-dt_s / LAG_S)
     moments = z.mismatch_moments
     moments[0] += share * (rate2 - moments[0])
     moments[1] += share * (miss2 - moments[1])
     moments[2] += share * (both - moments[2])
     turned = moments[0] + RATE_M_S3 * RATE_M_S3
-    shift_s, length_s = moments[2] / turned, dead_s + lag_s
+    shift_s = moments[2] / turned
     z.model_mismatch = sqrt(max(moments[1] / turned - shift_s * shift_s, 0.0)) / length_s
-    most = (1.0 - doubt(z.model_mismatch)) * SHIFT_MOST * length_s
-    z.delay_shift_s = min(max(shift_s, -most), most)
+    learn_shift(z, dt_s, settings.delay_shift_most_s)
+
+
+@kernel
+def learn_shift(z: VehicleEstimate, dt_s: float, most_s: float) -> None:
+    """The shift in time: least squares of the slow part of the miss over that of the nominal rate of change.
+
+    Slow: behind a first-order filter of the response's length, for of what changes faster than the shift is long the
+    miss says nothing about it. most_s: what of it is counted on.
+    """
+    rate, miss, moments = z.slow_rate_m_s3, z.slow_miss_m_s2, z.shift_moments
+    share = 1.0 - exp(-dt_s / SHIFT_LAG_S)
+    moments[0] += share * (rate[0] * rate[0] + rate[1] * rate[1] - moments[0])
+    moments[1] += share * (miss[0] * rate[0] + miss[1] * rate[1] - moments[1])
+    most = (1.0 - doubt(z.model_mismatch)) * most_s
+    z.delay_shift_s = min(max(moments[1] / (moments[0] + SHIFT_RATE_M_S3 * SHIFT_RATE_M_S3), -most), most)
+
+
+@kernel
+def attitude_dead_s(z: VehicleEstimate, settings: ObserverSettings) -> float:
+    """Dead time that is counted on of the attitude's answer, s, less the shift that was seen."""
+    return max(settings.response.attitude_dead_s - z.delay_shift_s, 0.0)
 
 
 @kernel

@@ -65,7 +65,8 @@ class ObserverSettings:
     """One vehicle's observers, and what they believe of the vehicle.
 
     place: among the commanded vehicles, or -1 for one that is only observed.
-    response: what is counted on of its answer to commands; nominal_*: the attitude's in full, as the profile has it, s.
+    response: what is counted on of its answer to commands; nominal_*: the attitude's in full, as the profile has it, s;
+    delay_shift_most_s: how far that dead time may be shifted by what is seen (0: it is as the profile has it).
     thrust_scale_lag_s: how slowly Z3 of the height moves into the thrust scale; attitude_trust: share of the measured
     tilt, against the modelled one, that a frame is given; tilt_bandwidth_rad_s, tilt_decay_1_s: filter of an observed
     vehicle's tilt and of its rate (0: its attitude is not used); quiet_m, quiet_rad: position noise above which
@@ -80,6 +81,7 @@ class ObserverSettings:
     response: Response
     nominal_dead_s: float
     nominal_lag_s: float
+    delay_shift_most_s: float
     thrust_scale_lag_s: float
     attitude_trust: float
     tilt_bandwidth_rad_s: float

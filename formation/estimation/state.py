@@ -35,7 +35,8 @@ class VehicleEstimate:
     gate, spread: how far the estimate has gone over to the fast observer, and what that one has more of position,
     velocity and disturbance (rows) along x and y than the slow one; yaw_*: the same of the heading.
     nominal_force_m_s2: horizontal force if the vehicle answered as its profile says; level_bias_m_s2: what the measured
-    force lastingly misses of it; mismatch_moments, model_mismatch, delay_shift_s: formation.estimation.model_mismatch.
+    force lastingly misses of it; mismatch_moments, model_mismatch; slow_rate, slow_miss, shift_moments,
+    delay_shift_s: formation.estimation.model_mismatch.
     """
 
     t_ns: int
@@ -70,6 +71,9 @@ class VehicleEstimate:
     level_bias_m_s2: Vec2
     mismatch_moments: Vec3
     model_mismatch: float
+    slow_rate_m_s3: Vec2
+    slow_miss_m_s2: Vec2
+    shift_moments: Vec2
     delay_shift_s: float
 
 

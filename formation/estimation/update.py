@@ -15,7 +15,7 @@ from formation.estimation.adaptive_gain import adapt, learn_noise
 from formation.estimation.fteso import fteso_step
 from formation.estimation.heading import observe_heading
 from formation.estimation.leader import observe_tilt
-from formation.estimation.model_mismatch import judge_answer
+from formation.estimation.model_mismatch import attitude_dead_s, judge_answer
 from formation.estimation.parallel import observe_parallel
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate, initial
@@ -121,7 +121,7 @@ def rebuild_force(
     upward, speed, travel = np.empty(2), np.empty(2), np.empty(2)
     force, response = z.specific_force_lab_m_s2, s.response
     upward[0], upward[1] = force[2], z.thrust_m_s2
-    answer(sent.t_ns, sent.force[:, 0:2], from_ns, to_ns, response.attitude_dead_s, response.attitude_lag_s,
+    answer(sent.t_ns, sent.force[:, 0:2], from_ns, to_ns, attitude_dead_s(z, s), response.attitude_lag_s,
            force[0:2], speed, travel)  # fmt: skip
     answer(sent.t_ns, sent.force[:, 2:4], from_ns, to_ns, response.thrust_dead_s, response.thrust_lag_s,
            upward, speed, travel)  # fmt: skip

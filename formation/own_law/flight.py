@@ -17,11 +17,11 @@ from formation.control.composite_law import (
     Demand,
     LawMemory,
     LawSettings,
-    dead_times,
     situation,
 )
 from formation.control.prediction import Known
 from formation.control.relative_frame import copy_motion
+from formation.estimation.model_mismatch import attitude_dead_s
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate
 from formation.guidance.followed_leader import Led
@@ -133,7 +133,7 @@ def _motions(
     history: Rows[SentCommands], led: Led, now_ns: int, out: Float,
 ) -> None:  # fmt: skip
     """Of each vehicle OWN, SLOT_MOTION and FRAME (m, 3, 3, 4) as our law sees them; z from the thrust's channel."""
-    around = Around(Known(estimates, observers, history, dead_times(settings, observers, estimates)), led)
+    around = Around(Known(estimates, observers, history), led)
     space = np.empty(2, WORKSPACE)
     for channel in range(2):
         space[channel].leader_ns[:] = NEVER_NS
@@ -142,7 +142,7 @@ def _motions(
         at_ns, response = min(now_ns, estimates[n].t_ns + HORIZON_MAX_NS), observers[n].response
         for channel in range(2):
             w = space[channel]
-            dead_s = response.thrust_dead_s if channel == 1 else around.known.dead_s[n]
+            dead_s = response.thrust_dead_s if channel == 1 else attitude_dead_s(estimates[n], observers[n])
             lag_s = response.thrust_lag_s if channel == 1 else response.attitude_lag_s
             hold_ns = at_ns + int(dead_s * 1e9)
             situation(i, n, around, hold_ns, hold_ns + int(lag_s * 1e9), w)

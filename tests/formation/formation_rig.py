@@ -61,6 +61,7 @@ def traits(gains: Preset, body: VehicleProfile, leads: bool, commanded: bool) ->
         adaptive=adaptive(gains.seen_adaptation),
         second=second(gains.parallel if commanded else ALONE),
         second_heading=second(ALONE if commanded else gains.seen_heading_parallel),
+        shift_most_s=0.6 * (body.response_dead_time_s + body.response_lag_s) if leads or gains.compensate else 0.0,
         strength_lag_s=gains.thrust_scale_lag_s,
         attitude_trust=gains.attitude_trust,
         tilt_w=gains.tilt_bandwidth_rad_s,

@@ -22,10 +22,11 @@ def numbers(value: object) -> Iterator[object]:
 
 
 HORIZONTAL = (Law.CFC, 4.0, 4.1, 0.59, -0.177, 0.027, 0.0)  # c, p1, p2, eps, rounding, k
-UPWARDS = (Law.CFC, 8.0, 10.0, 3.0, -0.15, 0.35, 0.0)
+UPWARDS = (Law.CFC, 8.0, 10.0, 0.0, -0.15, 0.35, 0.0)
+PRINTED_UPWARDS = (Law.CFC, 8.0, 10.0, 3.0, -0.15, 0.35, 0.0)
 OURS = (12.3, -0.029, 0.004, 1.0)  # w, a, e0, rounding
 LEAD, FIRM, AS_IS = (0.85, 0.9, 0.32, 0.9, 0.28), (1.2, 1.64, 0.255, 0.0, 0.0), (1.0, 1.0, 0.0, 0.0, 0.0)
-SHARES = (0.69, 0.95, 2.0, 0.13)  # of dead time and lag, thrust's lag, trust in the attitude
+SHARES = (0.95, 1.0, 2.0, 0.13)  # of dead time and lag, thrust's lag, trust in the attitude
 FAST, ALONE = (168.0, 6.3, 8.8, 13.1, 0.56, 4.4, 0.1), (0.0, 8.0, 8.0, 8.0, 1.0, 1.0, 0.1)
 FAST_HEADING = (60.0, 8.0, 11.0, 5.0, 1.0, 1.0, 0.6)
 PID_ROW, CALM_OBSERVER = (2.0, 4.0, 1.0, 0.0), (18.0, -0.1, 0.004, 1.0)
@@ -33,10 +34,10 @@ PID_ROW, CALM_OBSERVER = (2.0, 4.0, 1.0, 0.0), (18.0, -0.1, 0.004, 1.0)
 
 def preset_row(
     follower=HORIZONTAL, leader=HORIZONTAL, compensate=True, observer=OURS, own=OURS,
-    shares=SHARES, parallel=FAST, follower_lead=LEAD, leader_lead=LEAD,
+    shares=SHARES, parallel=FAST, follower_lead=LEAD, leader_lead=LEAD, upwards=UPWARDS,
 ) -> list:  # fmt: skip
     return list(numbers((
-        follower, UPWARDS, leader, UPWARDS, compensate, observer, own,
+        follower, upwards, leader, upwards, compensate, observer, own,
         (15.0, -0.1, 0.004, 1.0), (8.0, -0.1, 0.02, 1.0),  # height, heading
         (12.0, -0.1, 0.004, 1.0), (20.0, -0.1, 0.004, 1.0), (2.4, -0.1, 0.01, 1.0),  # of a leader only observed
         shares, 18.0, 11.2, 0.98, 2e-4, 1e-3,  # tilt filter, its decay, trust in turns, noise in m and rad
@@ -45,7 +46,7 @@ def preset_row(
 
 
 PRINTED = {"leader": PID_ROW, "own": CALM_OBSERVER, "shares": (0.9, 0.62, 2.0, 0.65), "parallel": ALONE,
-           "follower_lead": AS_IS, "leader_lead": AS_IS, "compensate": False}  # fmt: skip
+           "follower_lead": AS_IS, "leader_lead": AS_IS, "compensate": False, "upwards": PRINTED_UPWARDS}  # fmt: skip
 BEHIND_PID = {"leader": PID_ROW, "own": CALM_OBSERVER, "leader_lead": AS_IS}
 ISTSMC = (Law.ISTSMC, 1.0, 8.0, 0.1, -0.49, 0.0, 0.0)
 EXPECTED = {

@@ -63,16 +63,16 @@ def test_a_follower_gives_way_to_a_leader_that_walks_at_it() -> None:
     assert walked_at(frozenset({"separation-filter"})).apart().min() < TOUCHING_M
 
 
-@pytest.mark.parametrize("draw", [0, 1, 2])
+@pytest.mark.parametrize("draw", [0, 1, 2, 3])
 def test_twenty_that_cross_in_one_point_miss_each_other_and_arrive(draw: int) -> None:
     config, rng = lab(20), np.random.default_rng(draw)
     angle = 2.0 * np.pi * rng.permutation(20) / 20.0
     ring = np.column_stack([2.2 * np.cos(angle), 2.2 * np.sin(angle), np.full(20, 1.0)])
     plan = to_points(config, *((-x, -y, z) for x, y, z in ring.tolist()), speed_m_s=1.5)
-    track = fly_points(config, lambda t: plan, np.vstack([FAR, ring]), 7.0, lambda t: FAR)
-    assert track.apart().min() > 0.15
+    track = fly_points(config, lambda t: plan, np.vstack([FAR, ring]), 9.0, lambda t: FAR)
+    assert track.apart().min() > 0.16
     left_m = np.linalg.norm(track.pos[-1, 1:] - ring * [-1.0, -1.0, 1.0], axis=-1)
-    assert np.sort(left_m)[:18].max() < 0.3
+    assert left_m.max() < 0.3
 
 
 @pytest.mark.parametrize("name", ["paper_40g", "px4_quad"])

@@ -3,7 +3,7 @@ from math import asin, cos, sin
 
 import pytest
 
-from formation.estimation.model_mismatch import MISMATCH_BAD, MISMATCH_FAIR, SHIFT_MOST, judge_answer
+from formation.estimation.model_mismatch import MISMATCH_BAD, MISMATCH_FAIR, judge_answer
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate
 from formation.maths.records import blank
@@ -12,6 +12,7 @@ from formation.vehicle.response import NEVER_NS, SentCommands
 
 MS = 1_000_000
 DT_S = 0.01
+SHIFT_MOST_S = 0.06
 
 
 def _hovering() -> VehicleEstimate:
@@ -25,6 +26,7 @@ def _believed() -> ObserverSettings:
     """A dead time and a lag of 50 ms."""
     settings = blank(ObserverSettings, 1)[0]
     settings.nominal_dead_s = settings.nominal_lag_s = 0.05
+    settings.delay_shift_most_s = SHIFT_MOST_S
     return settings
 
 
@@ -79,7 +81,7 @@ def test_an_answer_that_is_late_or_early_is_a_shift_and_no_mismatch(
 
 
 def test_a_shift_is_counted_on_only_so_far() -> None:
-    assert _judged(0.10, 0.05)[1] == pytest.approx(-SHIFT_MOST * 0.1)
+    assert _judged(0.13, 0.05)[1] == pytest.approx(-SHIFT_MOST_S)
 
 
 def test_a_vehicle_whose_motors_cannot_follow_does_not_fit_and_has_no_shift() -> None:

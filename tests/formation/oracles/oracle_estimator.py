@@ -60,6 +60,7 @@ class Traits:
     adaptive: Adaptive
     second: Second
     second_heading: Second
+    shift_most_s: float
     strength_lag_s: float
     attitude_trust: float
     tilt_w: float
@@ -97,6 +98,8 @@ class Estimate:
     believed: np.ndarray = field(default_factory=lambda: np.zeros(2))
     trim: np.ndarray = field(default_factory=lambda: np.zeros(2))
     moments: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    slow: np.ndarray = field(default_factory=lambda: np.zeros((2, 2)))  # low-passed rate and miss
+    slow_moments: np.ndarray = field(default_factory=lambda: np.zeros(2))
     mismatch: float = 0.0
     shift_s: float = 0.0
 
@@ -113,6 +116,11 @@ def begun(t_ns: int, pos: np.ndarray, q: np.ndarray, hovers: bool, seen: bool) -
 def share(dt: float, lag: float) -> float:
     """Of the way that a first-order filter goes in dt."""
     return 1.0 - np.exp(-dt / lag)
+
+
+def attitude_answer(k: Estimate, has: Traits) -> tuple[float, float]:
+    """Dead time, as far as it was seen to be shifted, and lag of the attitude, s."""
+    return max(has.attitude[0] - k.shift_s, 0.0), has.attitude[1]
 
 
 def doubt(mismatch: float) -> float:
@@ -174,7 +182,7 @@ def _delivered(
     k: Estimate, has: Traits, from_ns: int, to_ns: int, seen: bool, sent_ns: np.ndarray, sent: np.ndarray
 ) -> None:
     """Thrust delivered by the lag's model, along the measured body z; sideways between model and measurement."""
-    flat, _, _ = answered(sent_ns, sent[:, :2], from_ns, to_ns, *has.attitude, k.force[:2])
+    flat, _, _ = answered(sent_ns, sent[:, :2], from_ns, to_ns, *attitude_answer(k, has), k.force[:2])
     (up, k.lift), _, _ = answered(sent_ns, sent[:, 2:], from_ns, to_ns, *has.thrust, np.array([k.force[2], k.lift]))
     if seen:
         thrust = k.lift * k.r[:, 2]
@@ -203,8 +211,12 @@ def _mismatch(
     turned, length = k.moments[0] + 3.0**2, sum(has.belief)
     slope = k.moments[2] / turned
     k.mismatch = np.sqrt(max(k.moments[1] / turned - slope**2, 0.0)) / length
-    most = (1.0 - doubt(k.mismatch)) * 0.3 * length
-    k.shift_s = float(np.clip(slope, -most, most))
+    k.slow = k.slow + share(dt, length) * (np.array([rate, miss]) - k.slow)
+    slow_rate, slow_miss = k.slow
+    new = np.array([slow_rate @ slow_rate, slow_miss @ slow_rate])
+    k.slow_moments = k.slow_moments + share(dt, 4.0) * (new - k.slow_moments)
+    most = (1.0 - doubt(k.mismatch)) * has.shift_most_s
+    k.shift_s = float(np.clip(k.slow_moments[1] / (k.slow_moments[0] + 0.25**2), -most, most))
 
 
 def _observed_force(k: Estimate, has: Traits, seen: bool, dt: float) -> None:

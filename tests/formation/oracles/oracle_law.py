@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from oracle_estimator import Estimate, G, Traits, turning
+from oracle_estimator import Estimate, G, Traits, attitude_answer, turning
 from oracle_frames import rot_z, to_lab, to_lead
 from oracle_powers import sig, super_twisting_backward
 from oracle_response import SECONDS, answered
@@ -136,21 +136,14 @@ class Demanded:
 
 
 def predict(
-    k: Estimate,
-    has: Traits,
-    to_ns: int,
-    turn: float,
-    sent_ns: np.ndarray,
-    sent: np.ndarray | None,
-    early_s: float = 0.0,
+    k: Estimate, has: Traits, to_ns: int, turn: float, sent_ns: np.ndarray, sent: np.ndarray | None
 ) -> Predicted:
     """Newton's law: commanded vehicles answer what they were sent; observed ones go on tilting, ever slower."""
     h = (to_ns - k.t_ns) * SECONDS
     force, speed, travel = k.force.copy(), np.zeros(3), np.zeros(3)
     steady = k.dist.copy()
     if sent is not None:
-        dead_s, lag_s = max(has.attitude[0] - early_s, 0.0), has.attitude[1]
-        flat = answered(sent_ns, sent[:, :2], k.t_ns, to_ns, dead_s, lag_s, k.force[:2])
+        flat = answered(sent_ns, sent[:, :2], k.t_ns, to_ns, *attitude_answer(k, has), k.force[:2])
         up = answered(sent_ns, sent[:, 2:3], k.t_ns, to_ns, *has.thrust, k.force[2:])
         force, speed, travel = (np.concatenate(pair) for pair in zip(flat, up, strict=True))
         steady[2] -= G
@@ -216,9 +209,8 @@ class Compensator:
         mu = known.mu
         if self.in_slot[i] and self.leads is None:
             mu = max(mu, self.known[0].mu ** flight.quick.lead_share)
-        dead_s = has.attitude[0] if not flight.compensate else max(has.attitude[0] - known.shift_s, 0.0)
         for axes, law, (dead, lag), compensate in (
-            ([0, 1], flight.horizontal, (dead_s, has.attitude[1]), flight.compensate),
+            ([0, 1], flight.horizontal, attitude_answer(known, has), flight.compensate),
             ([2], flight.vertical, has.thrust, True),
         ):
             arrival_ns = now_ns + int(dead * 1e9)

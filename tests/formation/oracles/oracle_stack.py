@@ -195,9 +195,8 @@ class OracleStack:
     def _predicted(self, n: int, t_ns: int) -> Predicted:
         times, sent = np.array(self.sent_ns), np.array(self.sent)
         i = self.own.index(n) if n in self.own else None
-        early_s = self.known[n].shift_s if i is not None and self.flights[i].compensate else 0.0
         mine = None if i is None else sent[:, i]
-        return predict(self.known[n], self.traits[n], t_ns, float(self.turn[n]), times, mine, early_s)
+        return predict(self.known[n], self.traits[n], t_ns, float(self.turn[n]), times, mine)
 
     def _kept_apart(
         self, demands: list[Demanded], motions: list[Motion], now_ns: int

@@ -1,6 +1,10 @@
 """Frames over real Zenoh sessions on loopback, and what is no frame."""
 
 import asyncio
+import os
+import subprocess
+import sys
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -44,6 +48,41 @@ def test_frames_events_and_state_arrive_as_they_were_sent():
             assert sender.is_heard
 
     asyncio.run(run())
+
+
+@contextmanager
+def busy_machine():
+    """Four processes on every core that do nothing but run."""
+    spinning = [sys.executable, "-c", "while True: pass"]
+    hogs = [subprocess.Popen(spinning) for _ in range(4 * (os.cpu_count() or 1))]
+    try:
+        yield
+    finally:
+        for hog in hogs:
+            hog.kill()
+            hog.wait()
+
+
+def test_what_is_told_behind_a_burst_of_frames_is_not_lost():
+    """Frames go one by one and fill the sender's queue while a busy machine keeps it from sending."""
+
+    async def run():
+        async with joined(*ends()) as (one, two):
+            sender, receiver = MocapBus(one), MocapBus(two)
+            frame, event, told = asyncio.Event(), asyncio.Event(), [0]
+            receiver.on_frame(lambda _: frame.set())
+            receiver.on_event(lambda m: (told.append(int(m.text)), event.set()))
+            await until(frame, lambda: sender.publish_frame(lab_frame()))
+            for number in range(1, 501):
+                event.clear()
+                for _ in range(12):
+                    sender.publish_frame(lab_frame())
+                sender.publish_event(Event(Severity.INFO, "mocap", str(number)))
+                await until(event)
+            assert told == list(range(501))
+
+    with busy_machine():
+        asyncio.run(run())
 
 
 def test_a_frame_of_another_machines_clock_is_moved_onto_ours(monkeypatch):

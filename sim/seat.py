@@ -47,8 +47,8 @@ class Seat:
     """
 
     __slots__ = (
-        "_bridge_input", "_config", "_ghost", "_input", "_without", "agent", "bridges", "down", "due_ns", "events",
-        "followed_ns", "sysid", "up",
+        "_bridge_input", "_config", "_ghost", "_heard", "_input", "_without", "agent", "bridges", "down", "due_ns",
+        "events", "followed_ns", "sysid", "up",
     )  # fmt: skip
 
     def __init__(
@@ -70,7 +70,9 @@ class Seat:
         self.followed_ns: int | None = None
         self._ghost: AgentCore | None = None
         self._input = Waiting[LabFrame | Datagram | Sent]()
-        self._bridge_input = Waiting[LabFrame | Datagram | bytes]()
+        self._bridge_input = Waiting[LabFrame | Sent | bytes]()
+        self._heard = (now_ns, now_ns)
+        """When the bridges last took in what a ground sent, and when it was sent."""
 
     def look_ahead(self) -> None:
         """Find `due_ns`; to be called when anything was done with the agent or its link."""
@@ -81,22 +83,18 @@ class Seat:
         if not self.bridges:
             self._take(frame, now_ns)
         elif self._bridge_input.admits(frame):
-            for bridge in self.bridges:
-                bridge.receive_frame(frame, now_ns)
+            self._give_bridges(frame, now_ns)
 
     def hear(self, sent: Sent, now_ns: int) -> list[Datagram]:
         """A datagram of a ground's arrives; what is said at once."""
         said: list[Datagram] = []
-        datagram = sent.datagram
         if self._ghost is not None:
-            self._ghost.receive(datagram, now_ns)
+            self._ghost.receive(sent.datagram, now_ns)
         if not self.bridges:
             self._take(sent, now_ns)
-        elif self._bridge_input.admits(datagram):
-            for bridge in self.bridges:
-                bridge.receive_ground(datagram, now_ns)
+        elif self._bridge_input.admits(sent):
+            self._give_bridges(sent, now_ns)
             said = self.say(now_ns)
-            self._follow(sent.t_ns, now_ns)
         return said
 
     def say(self, now_ns: int) -> list[Datagram]:
@@ -126,7 +124,7 @@ class Seat:
 
     def begin(self, fault: Fault, now_ns: int) -> None:
         """A fault of a core of this drone begins."""
-        host: Waiting[LabFrame | Datagram | Sent] | Waiting[LabFrame | Datagram | bytes] = self._host(fault.core)
+        host: Waiting[LabFrame | Datagram | Sent] | Waiting[LabFrame | Sent | bytes] = self._host(fault.core)
         match fault.family:
             case Family.KILL | Family.RESTART:
                 host.kill()
@@ -145,23 +143,14 @@ class Seat:
         elif fault.core == "bridge":
             if fault.family is Family.RESTART and self.bridges:
                 self.bridges[0] = BridgeCore(self._config, now_ns, without=self._without)
-            self._wake_bridge(now_ns)
+            for item in self._bridge_input.wake():
+                self._give_bridges(item, now_ns)
         else:
-            for item in self._input.wake():
-                self._give(item, now_ns)
+            for waiting in self._input.wake():
+                self._give(waiting, now_ns)
 
-    def _host(self, core: Core | None) -> "Waiting[LabFrame | Datagram | Sent] | Waiting[LabFrame | Datagram | bytes]":
+    def _host(self, core: Core | None) -> "Waiting[LabFrame | Datagram | Sent] | Waiting[LabFrame | Sent | bytes]":
         return self._bridge_input if core == "bridge" else self._input
-
-    def _wake_bridge(self, now_ns: int) -> None:
-        for item in self._bridge_input.wake():
-            for bridge in self.bridges:
-                if isinstance(item, LabFrame):
-                    bridge.receive_frame(item, now_ns)
-                elif isinstance(item, Datagram):
-                    bridge.receive_ground(item, now_ns)
-                else:
-                    bridge.receive_autopilot(item, now_ns)
 
     def _next_deadline_ns(self) -> int:
         """When agent or bridge has something to do of itself."""
@@ -186,6 +175,17 @@ class Seat:
         if self.agent.autopilot.stream.monitor.last_ns == now_ns:
             self.followed_ns = sent_ns
 
+    def _give_bridges(self, item: LabFrame | Sent | bytes, now_ns: int) -> None:
+        for bridge in self.bridges:
+            if isinstance(item, LabFrame):
+                bridge.receive_frame(item, now_ns)
+            elif isinstance(item, Sent):
+                bridge.receive_ground(item.datagram, now_ns)
+            else:
+                bridge.receive_autopilot(item, now_ns)
+        if isinstance(item, Sent):
+            self._heard = (now_ns, item.t_ns)
+
     def _agent_says(self, now_ns: int) -> tuple[Datagram, ...]:
         outgoing = self.agent.tick(now_ns)
         self.events += outgoing.events
@@ -193,15 +193,15 @@ class Seat:
             return outgoing.datagrams
         for datagram in outgoing.datagrams:
             if self._bridge_input.admits(datagram.data):
-                for bridge in self.bridges:
-                    bridge.receive_autopilot(datagram.data, now_ns)
+                self._give_bridges(datagram.data, now_ns)
         return ()
 
     def _bridge_says(self, bridge: BridgeCore, now_ns: int) -> tuple[Datagram, ...]:
         outgoing = bridge.tick(now_ns)
         self.events += outgoing.events
+        heard_ns, sent_ns = self._heard
         for datagram in outgoing.to_autopilot:
-            self._take(datagram, now_ns)
+            self._take(Sent(sent_ns, datagram) if heard_ns == now_ns else datagram, now_ns)
         return outgoing.to_ground
 
 

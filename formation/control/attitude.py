@@ -211,13 +211,15 @@ def _bounded_force(
     z = estimates[s.vehicle]
     for axis in range(3):
         aim[axis] = wanted.acc_lab_m_s2[axis]
-    bits = wanted.limits_met + keep_inside(wanted.motion, s.fence_low_m, s.fence_high_m, s.fence_margin_m, aim)
+    down = lands(reference)
+    low, high, margin_m = s.fence_low_m, s.fence_high_m, s.fence_margin_m
+    bits = wanted.limits_met + keep_inside(wanted.motion, low, high, margin_m, down, aim)
     aim[2] += GRAVITY_M_S2
     for axis in range(3):
         aim[axis] /= z.thrust_scale
         lead[axis] = aim[axis] + wanted.lead_acc_lab_m_s2[axis] / z.thrust_scale
     least = LIFT_LEAST * GRAVITY_M_S2
-    if lands(reference):
+    if down:
         least = lift_least((now_ns - reference.release_ns) * SECONDS, wanted.motion[1, 2], z.thrust_scale)
     met = bound_force(aim, least, LIFT_MOST * full, s.tilt_max_rad)
     met_later = bound_force(lead, least, LIFT_MOST * full, LEAD_TILT_RAD if s.rate_feed_forward else s.tilt_max_rad)

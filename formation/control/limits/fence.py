@@ -11,14 +11,15 @@ FENCE_RATE_1_S = 4.0
 
 
 @kernel
-def keep_inside(motion: Float, low: Float, high: Float, margin_m: float, acc: Float) -> float:
+def keep_inside(motion: Float, low: Float, high: Float, margin_m: float, lands: bool, acc: Float) -> float:
     """Bounds acc (3) so that the vehicle can always stop margin_m before the fence; returns the bit if it had to.
 
     motion (3, 4): predicted. The speed towards a wall d metres off is held under sqrt(2 a d); past it, inwards.
+    lands: the fence's floor does not bound it, for where that lies against the room's floor nobody measures.
     """
     bit = 0.0
     for axis in range(3):
-        for side in range(2):
+        for side in range(1 if lands and axis == 2 else 0, 2):
             sign = 1.0 if side == 1 else -1.0
             wall = high[axis] if side == 1 else -low[axis]
             room = wall - margin_m - sign * motion[0, axis]

@@ -90,13 +90,14 @@ def test_a_turn_stays_within_the_motors_torque(force: np.ndarray) -> None:
         np.testing.assert_allclose(mine, turned(force, now, authority, full), rtol=1e-12)
 
 
+@pytest.mark.parametrize("lands", [False, True])
 @pytest.mark.parametrize("seed", range(30))
-def test_the_fence_bounds_each_axis_as_braking_needs(seed: int) -> None:
+def test_the_fence_bounds_each_axis_as_braking_needs(seed: int, lands: bool) -> None:
     rng = np.random.default_rng(seed)
     low, high = np.array([-1.0, -1.5, 0.0]), np.array([1.2, 0.9, 1.4])
     motion, acc = np.zeros((3, 4)), rng.normal(size=3) * [9.0, 12.0, 7.0]
     motion[0, :3], motion[1, :3] = rng.uniform(-1.6, 1.6, 3), rng.uniform(-2.0, 2.0, 3)
-    expected, met = inside(motion, acc, Bounds(0.5, low, high, 0.07))
+    expected, met = inside(motion, acc, Bounds(0.5, low, high, 0.07), lands)
     mine = acc.copy()
-    assert keep_inside(motion, low, high, 0.07, mine) == met
+    assert keep_inside(motion, low, high, 0.07, lands, mine) == met
     np.testing.assert_allclose(mine, expected, rtol=1e-12)

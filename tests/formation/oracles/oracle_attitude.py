@@ -55,11 +55,13 @@ def full_force(hover_norm: float, curve: float) -> float:
     return G / ((1.0 - curve) * u + curve * u**2)
 
 
-def inside(motion: np.ndarray, acc: np.ndarray, bounds: Bounds) -> tuple[np.ndarray, int]:
-    """No more acceleration towards a wall than lets the vehicle brake with 4 m/s^2 before it."""
+def inside(motion: np.ndarray, acc: np.ndarray, bounds: Bounds, lands: bool = False) -> tuple[np.ndarray, int]:
+    """No more acceleration towards a wall than lets the vehicle brake with 4 m/s^2; landing, not of the floor."""
     acc, bits = acc.copy(), 0
     for axis in range(3):
         for outward, wall in ((-1.0, bounds.low[axis]), (1.0, bounds.high[axis])):
+            if lands and (axis, outward) == (2, -1.0):
+                continue
             room = outward * (wall - motion[0, axis]) - bounds.margin
             speed = outward * motion[1, axis]
             if room > 0.0:
@@ -142,7 +144,7 @@ class Wanted:
 def target(body: Airframe, bounds: Bounds, wanted: Wanted, full: float) -> Target:
     """In the air."""
     motion, force, yaw, yaw_rate = wanted.motion, wanted.force, wanted.yaw, wanted.yaw_rate
-    acc, wall = inside(motion, wanted.acc, bounds)
+    acc, wall = inside(motion, wanted.acc, bounds, wanted.landing_s > 0.0)
     aim = (acc + np.array([0.0, 0.0, G])) / wanted.strength
     felt = aim + wanted.lead_acc / wanted.strength
     least = least_lift(wanted.landing_s, motion[1, 2], wanted.strength)

@@ -18,6 +18,7 @@ from wire.link_messages.motion import (
     EstimatorType,
     GlobalPosition,
     HomePosition,
+    InertialSample,
     LocalPosition,
     MocapPose,
     Odometry,
@@ -97,6 +98,7 @@ MESSAGES: dict[type, st.SearchStrategy[Any]] = {
     ),
     Attitude: st.builds(Attitude, U32, Q, VECTOR),
     AttitudeQuaternion: st.builds(AttitudeQuaternion, U32, Q, VECTOR),
+    InertialSample: st.builds(InertialSample, U64, VECTOR, VECTOR),
     LocalPosition: st.builds(LocalPosition, U32, VECTOR, VECTOR),
     GlobalPosition: st.builds(
         GlobalPosition, U32, DEGREES, DEGREES, MILLIMETRES, MILLIMETRES, SPEEDS, st.none() | st.floats(-3.1, 3.1)

@@ -72,6 +72,18 @@ class AttitudeQuaternion(NamedTuple):
     rate_flu_rad_s: Vec3
 
 
+class InertialSample(NamedTuple):
+    """HIGHRES_IMU (105): what accelerometer and gyroscope showed, in the body's axes (FLU; FRD on the wire).
+
+    t_boot_us: end of the time that the sample is the mean over, on the autopilot's clock, us. Specific force in
+    m/s^2, gravity not taken out: +g along up at rest, nothing in free fall. Rate in rad/s, NaN where unknown.
+    """
+
+    t_boot_us: int
+    specific_force_flu_m_s2: Vec3
+    rate_flu_rad_s: Vec3
+
+
 class LocalPosition(NamedTuple):
     """LOCAL_POSITION_NED (32), in lab axes."""
 

@@ -10,6 +10,7 @@ from wire.link_messages.motion import (
     AttitudeQuaternion,
     GlobalPosition,
     HomePosition,
+    InertialSample,
     LocalPosition,
     MocapPose,
     Odometry,
@@ -45,7 +46,8 @@ LinkMessage = (
     | GlobalPosition | HomePosition | SysStatus | Battery | ExtendedSysState | EkfStatus | StatusText | CommandLong
     | CommandInt | CommandAck | SetMode | TimeSync | Ping | SystemTime | ParamValue | ParamSet | ParamRequestRead
     | ParamRequestList | AutopilotVersion | AttitudeTargetReport | SimTruth | NamedValue | PositionSetpoint | SetOrigin
-    | Origin | MessageInterval | MissionRequestList | MissionCount | LogRequestList | LogEntry | Unknown
+    | Origin | MessageInterval | MissionRequestList | MissionCount | LogRequestList | LogEntry | InertialSample
+    | Unknown
 )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from wire.link_messages.motion import (
     EstimatorType,
     GlobalPosition,
     HomePosition,
+    InertialSample,
     LocalPosition,
     MocapPose,
     Odometry,
@@ -47,6 +48,7 @@ ATT_POS_MOCAP = layout("ATT_POS_MOCAP", 29)
 ODOMETRY = layout("ODOMETRY", 61)
 ATTITUDE = layout("ATTITUDE", 7)
 ATTITUDE_QUATERNION = layout("ATTITUDE_QUATERNION", 12)
+HIGHRES_IMU = layout("HIGHRES_IMU", 15)  # without the number of the sensor: autopilots send the one they fly by
 LOCAL_POSITION_NED = layout("LOCAL_POSITION_NED", 7)
 GLOBAL_POSITION_INT = layout("GLOBAL_POSITION_INT", 9)
 HOME_POSITION = layout("HOME_POSITION", 14)
@@ -58,6 +60,7 @@ _UNKNOWN_COVARIANCE = (math.nan, *(0.0,) * 20)
 _BODY_FRD = 12
 _HEADING_UNKNOWN = 65535
 _MS_32 = 0xFFFFFFFF
+_ACCELEROMETER, _GYROSCOPE = 0x07, 0x38  # of HIGHRES_IMU_UPDATED_FLAGS
 _NO_ATTITUDE, _NO_THRUST = int(Ignore.ATTITUDE), int(Ignore.THRUST)  # plain, for every packet
 
 
@@ -159,6 +162,22 @@ def _read_attitude_quaternion(f: Fields) -> AttitudeQuaternion:
     return AttitudeQuaternion(f[0], q_lab_from_flu(*f[1:5]), lab(*f[5:8]))
 
 
+def _write_inertial(m: InertialSample) -> Written:
+    force, rate = ned(m.specific_force_flu_m_s2), ned(m.rate_flu_rad_s)
+    updated = _ACCELEROMETER | _GYROSCOPE
+    if math.isnan(rate[0] + rate[1] + rate[2]):
+        updated, rate = _ACCELEROMETER, (0.0, 0.0, 0.0)
+    return HIGHRES_IMU, (m.t_boot_us, *force, *rate, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, updated)
+
+
+def _read_inertial(f: Fields) -> InertialSample | Unknown:
+    """Unknown where the accelerometer has nothing to say."""
+    if f[14] & _ACCELEROMETER != _ACCELEROMETER:
+        return Unknown(HIGHRES_IMU.id)
+    rate = f[4:7] if f[14] & _GYROSCOPE == _GYROSCOPE else (math.nan, math.nan, math.nan)
+    return InertialSample(f[0], lab_finite(*f[1:4]), lab(*rate))
+
+
 def _write_local_position(m: LocalPosition) -> Written:
     return LOCAL_POSITION_NED, (m.t_boot_ms & _MS_32, *ned(m.pos_lab_m), *ned(m.vel_lab_m_s))
 
@@ -223,6 +242,7 @@ WRITERS: Mapping[type, Callable[[Any], Written]] = {
     Odometry: _write_odometry,
     Attitude: _write_attitude,
     AttitudeQuaternion: _write_attitude_quaternion,
+    InertialSample: _write_inertial,
     LocalPosition: _write_local_position,
     GlobalPosition: _write_global_position,
     HomePosition: _write_home,
@@ -237,6 +257,7 @@ READERS: Mapping[Layout, Callable[[Fields], Any]] = {
     ODOMETRY: _read_odometry,
     ATTITUDE: _read_attitude,
     ATTITUDE_QUATERNION: _read_attitude_quaternion,
+    HIGHRES_IMU: _read_inertial,
     LOCAL_POSITION_NED: _read_local_position,
     GLOBAL_POSITION_INT: _read_global_position,
     HOME_POSITION: _read_home,

@@ -26,17 +26,18 @@ from wire.link_messages.motion import (
     AttitudeQuaternion,
     EstimatorType,
     GlobalPosition,
+    InertialSample,
     LocalPosition,
     MocapPose,
     Odometry,
     OdometryFrame,
     VisionPose,
 )
-from wire.link_messages.packet import LinkMessage
+from wire.link_messages.packet import LinkMessage, Unknown
 from wire.link_messages.parameters import ParamRequestList
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
 from wire.link_messages.status import Heartbeat, MavAutopilot
-from wire.mavlink.codec import Codec, decode_packet
+from wire.mavlink.codec import Codec, MavlinkError, decode_packet
 
 C45, C15, S15 = math.sqrt(0.5), math.cos(math.pi / 12), math.sin(math.pi / 12)
 POS_LAB = np.array([1.0, 2.0, 0.5])
@@ -117,6 +118,45 @@ def test_telemetry():
     world = Build.mav.global_position_int_encode(9, 473977420, 85455940, 488500, 500, 25, -50, -75, 27000)
     message = GlobalPosition(9, 47.397742, 8.545594, 488.5, 0.5, np.array([0.25, 0.5, 0.75]), math.pi / 2)
     assert ours(message) == pymavlinks(world)
+
+
+FORCE_FLU, FORCE_FRD = np.array([0.5, 0.25, 9.75]), (0.5, -0.25, -9.75)
+NOTHING_ELSE = (0.0,) * 7  # magnetometer, pressures, altitude, temperature
+ACCELEROMETER, GYROSCOPE = 0x7, 0x38  # HIGHRES_IMU_UPDATED_XACC to ZACC, and XGYRO to ZGYRO
+
+
+def test_an_inertial_sample_at_rest_is_up_here_and_minus_down_there():
+    golden = Build.mav.highres_imu_encode(2**33, *FORCE_FRD, *RATE_FRD, *NOTHING_ELSE, 0x3F)
+    assert ours(InertialSample(2**33, FORCE_FLU, RATE_FLU)) == pymavlinks(golden)
+
+
+def test_an_inertial_sample_is_read_beside_what_nobody_here_reads_and_of_any_sensor():
+    others = (0.2, 0.1, 0.4, 1013.0, 0.5, 488.0, 31.0)
+    read = decode_packet(pymavlinks(Build.mav.highres_imu_encode(7, *FORCE_FRD, *RATE_FRD, *others, 0x1FFF, 2))).message
+    assert isinstance(read, InertialSample)
+    assert read.t_boot_us == 7
+    np.testing.assert_array_equal(read.specific_force_flu_m_s2, FORCE_FLU)
+    np.testing.assert_allclose(read.rate_flu_rad_s, RATE_FLU, rtol=1e-7)
+
+
+def test_of_an_inertial_sample_only_what_is_said_to_be_there_is_taken():
+    def read(updated: int) -> LinkMessage:
+        return decode_packet(
+            pymavlinks(Build.mav.highres_imu_encode(7, *FORCE_FRD, *RATE_FRD, *NOTHING_ELSE, updated))
+        ).message
+
+    assert [read(updated) for updated in (0, GYROSCOPE, 0x3B, 0x1FF8)] == [Unknown(105)] * 4
+    force_only = read(ACCELEROMETER)
+    assert isinstance(force_only, InertialSample)
+    assert np.isnan(force_only.rate_flu_rad_s).all()
+    golden = Build.mav.highres_imu_encode(7, *FORCE_FRD, 0.0, 0.0, 0.0, *NOTHING_ELSE, ACCELEROMETER)
+    assert ours(force_only) == pymavlinks(golden)
+
+
+def test_a_specific_force_that_is_not_finite_is_refused():
+    golden = Build.mav.highres_imu_encode(7, math.inf, 0.0, 0.0, *RATE_FRD, *NOTHING_ELSE, 0x3F)
+    with pytest.raises(MavlinkError):
+        decode_packet(pymavlinks(golden))
 
 
 @pytest.mark.parametrize(

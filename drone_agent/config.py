@@ -7,6 +7,7 @@ from pydantic import AliasChoices, Field, model_validator
 
 from drone_agent.failsafe import LAND_AFTER_S
 from drone_agent.simulation.disturbance import Disturbance
+from drone_agent.simulation.inertial import InertialError
 from drone_agent.simulation.level_error import LevelError
 from formation.config import LinkConfig
 from formation.model import Model, Name, SysId, Vec3Tuple
@@ -46,6 +47,8 @@ class AgentConfig(Model):
     """Then land this long after; not given: 1 s with `pose = mocap` or a bridge, else as the autopilot itself would."""
     accel_bias_lab_m_s2: Vec3Tuple = (0.03, -0.02, 0.02)
     """What the inertial sensors are wrong by: how fast dead reckoning drifts without an external pose."""
+    inertial_error: InertialError = InertialError()
+    """How noisy the inertial samples are that it sends, which nothing of its own is flown by."""
     level_error: LevelError = LevelError()
     """How far its attitude estimate wanders about the truth."""
     parameters: dict[str, float] = Field(default_factory=dict)

@@ -20,12 +20,14 @@ from drone_agent.link.schedule import RASTER_NS, Schedule
 from drone_agent.link.telemetry import AGE, ON_REQUEST, TelemetryBuilder
 from drone_agent.monitors import switched_off
 from drone_agent.simulation.airframe import Airframe
+from drone_agent.simulation.inertial import InertialSensor
 from drone_agent.simulation.level_error import Lean
 from drone_agent.simulation.physics import OWN, Physics
 from formation.messages import Datagram, Event, LabFrame, Truth
 from formation.vehicle.profile import on_ground, profile
 from wire.autopilots.table import AutopilotTable
 from wire.link_messages.address import DRONE_COMPONENT, Address
+from wire.link_messages.message_id import MessageId
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.status import StatusText
 from wire.mavlink.codec import Codec
@@ -65,11 +67,13 @@ class AgentCore:
         lean = Lean(config.level_error, config.sysid, t0_ns) if config.level_error.rms_rad > 0.0 else None
         vehicle, air = config.true_vehicle(), config.disturbance
         self._airframe = Airframe(vehicle, air, start, config.start_yaw_rad, t0_ns, lean, physics)
+        self._inertial = InertialSensor(config.inertial_error, config.accel_bias_lab_m_s2, config.sysid)
         self._positioning = _positioning(config, t0_ns, gated="pose-rejected" not in without)
         self.autopilot = Autopilot(config, model, self.parameters, self._airframe, self._positioning, without)
         self._failsafes = Failsafes(self.autopilot, profile(config.profile, config.profiles))
         rates_hz = {**model.rates_hz, AGE: config.age_rate_hz, **config.rates_hz}
         self._schedule = Schedule(rates_hz, ON_REQUEST, t0_ns)
+        self._watch_inertial()
         self._commander = Commander(config, self.autopilot, self._schedule)
         self._telemetry = TelemetryBuilder(config, self.autopilot, t0_ns)
         self._inbox = Inbox(config, self.autopilot, self._failsafes, self._commander, t0_ns, self._send, self._use_pose)
@@ -204,8 +208,16 @@ class AgentCore:
         if message is not None:
             self._send(message)
 
+    def _watch_inertial(self) -> None:
+        """The sensors follow the body step by step only while somebody wants them told, and cost nothing else."""
+        watched = bool(self._schedule.period_ns(MessageId.HIGHRES_IMU))
+        if watched != (self._airframe.inertial is not None):
+            self._inertial.forget()
+            self._airframe.inertial = self._inertial if watched else None
+
     def _answer(self, now_ns: int) -> None:
         """What REQUEST_MESSAGE asked for, after its acknowledgement."""
+        self._watch_inertial()
         for number in self._commander.wanted:
             self._report(number, now_ns)
         for answer in self._commander.answers:

@@ -75,6 +75,7 @@ RATES_HZ: Mapping[int, float] = MappingProxyType(
         MessageId.LOCAL_POSITION_NED: 30.0,
         MessageId.GLOBAL_POSITION_INT: 5.0,
         MessageId.ATTITUDE_TARGET: 0.0,
+        MessageId.HIGHRES_IMU: 0.0,  # PX4 sends 50 Hz on its off-board link, unless told not to
         MessageId.HIL_STATE_QUATERNION: 0.0,  # the true state, for who plays the mocap
         MessageId.TIMESYNC: 1.0,
         MessageId.BATTERY_STATUS: 0.5,

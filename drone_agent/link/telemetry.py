@@ -18,6 +18,7 @@ from wire.link_messages.motion import (
     AttitudeQuaternion,
     GlobalPosition,
     HomePosition,
+    InertialSample,
     LocalPosition,
     Origin,
     SimTruth,
@@ -103,6 +104,14 @@ def _attitude_quaternion(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
     frame = t.autopilot.airframe
     q = turned(frame.estimated_q_lab_from_flu, t.autopilot.positioning.yaw_rad)
     return AttitudeQuaternion(t.boot_ms(now_ns), q, frame.state.rate_flu_rad_s)
+
+
+def _inertial(t: TelemetryBuilder, _now_ns: int) -> LinkMessage | None:
+    sensor = t.autopilot.airframe.inertial
+    felt = None if sensor is None else sensor.felt()
+    if felt is None:
+        return None
+    return InertialSample((felt.t_ns - t.t0_ns) // 1000, felt.specific_force_flu_m_s2, felt.rate_flu_rad_s)
 
 
 def _local_position(t: TelemetryBuilder, now_ns: int) -> LinkMessage | None:
@@ -195,6 +204,7 @@ _BUILDERS: dict[int, Callable[[TelemetryBuilder, int], LinkMessage | None]] = {
     MessageId.SYS_STATUS: _sys_status,
     MessageId.ATTITUDE: _attitude,
     MessageId.ATTITUDE_QUATERNION: _attitude_quaternion,
+    MessageId.HIGHRES_IMU: _inertial,
     MessageId.LOCAL_POSITION_NED: _local_position,
     MessageId.GLOBAL_POSITION_INT: _global_position,
     MessageId.GPS_GLOBAL_ORIGIN: _origin,

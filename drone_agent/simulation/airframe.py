@@ -11,6 +11,7 @@ import numpy as np
 from drone_agent.simulation.attitude_loop import WHOLE_MOTORS, LoopSetpoint
 from drone_agent.simulation.battery import BatteryPack
 from drone_agent.simulation.disturbance import Disturbance, acceleration
+from drone_agent.simulation.inertial import InertialSensor
 from drone_agent.simulation.level_error import Lean
 from drone_agent.simulation.physics import OWN, Physics
 from formation.maths.arrays import Float, Quat, Vec3
@@ -41,6 +42,8 @@ class Airframe:
         """(4) What each motor gives of what it is told; a dead one nothing."""
         self.told: Float = np.zeros(8)
         """What the autopilot knows of its motors: see `drone_agent.simulation.attitude_loop.advance`."""
+        self.inertial: InertialSensor | None = None
+        """Is told of every step, where there is one: nobody else needs them one by one."""
         self.t_ns = t0_ns
         self.state: VehicleState = at_rest(start_lab_m, from_yaw(np.array(start_yaw_rad)))
         self.setpoint = LoopSetpoint(self.state.q_lab_from_flu, np.zeros(3), 0.0)
@@ -82,9 +85,11 @@ class Airframe:
             if self._lean is not None:
                 self._lean.advance_to(self.t_ns)
                 end_ns = min(end_ns, self._lean.next_ns)
-            steps = max((end_ns - self.t_ns) // step_ns, 1)
+            steps = max((end_ns - self.t_ns) // step_ns, 1) if self.inertial is None else 1
             self.state = self._integrated(step_ns * 1e-9, steps, self.told)
             self.t_ns += steps * step_ns
+            if self.inertial is not None:
+                self.inertial.note(self.t_ns, self.state)
 
     def state_at(self, now_ns: int) -> VehicleState:
         """The state at `now_ns`, at most one step past the grid's present, which does not move."""

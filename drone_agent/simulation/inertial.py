@@ -1,0 +1,78 @@
+"""What a simulated autopilot's accelerometer and gyroscope show: means over 5 ms of what the body does. No clock.
+
+PX4 v1.16 integrates its sensors for 5 ms (IMU_INTEG_RATE, 200 Hz), and HIGHRES_IMU is the mean over the newest such
+time, stamped with its end (src/modules/mavlink/streams/HIGHRES_IMU.hpp). Ours may overlap where more are asked for.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from formation.maths.arrays import Vec3
+from formation.maths.frames import inverse, rotate
+from formation.model import Model, Vec3Tuple
+from formation.vehicle.body import GRAVITY_M_S2
+from formation.vehicle.profile import VehicleState
+
+WINDOW_NS = 5_000_000
+_GRAVITY_LAB_M_S2 = np.array([0.0, 0.0, GRAVITY_M_S2])
+NotNegative = Annotated[float, Field(ge=0.0, le=10.0)]
+
+
+class InertialError(Model):
+    """White noise of each sample of the accelerometer, along each body axis, m/s^2 RMS; zero: there is none."""
+
+    noise_m_s2: NotNegative = 0.3
+    seed: Annotated[int, Field(ge=0)] = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Felt:
+    """Means over WINDOW_NS until `t_ns`, in `flu`: specific force, m/s^2 (+g along up at rest), and rate, rad/s."""
+
+    t_ns: int
+    specific_force_flu_m_s2: Vec3
+    rate_flu_rad_s: Vec3
+
+
+class InertialSensor:
+    """The inertial sensors of one drone: told of every step of its body (`note`), asked for the mean (`felt`)."""
+
+    def __init__(self, error: InertialError, bias_lab_m_s2: Vec3Tuple, sysid: int) -> None:
+        """bias_lab_m_s2: what the accelerometer is wrong by, as the estimator's dead reckoning has it too."""
+        self._rng = np.random.default_rng([error.seed, 14, sysid])
+        self._noise_m_s2 = error.noise_m_s2
+        self._at_rest_lab_m_s2 = _GRAVITY_LAB_M_S2 + bias_lab_m_s2
+        self._steps: deque[tuple[int, VehicleState]] = deque()
+
+    def forget(self) -> None:
+        """What was until now is no part of any sample to come: nobody watched, or it did not happen."""
+        self._steps.clear()
+
+    def note(self, t_ns: int, state: VehicleState) -> None:
+        """The body is in `state` at `t_ns`, later than noted before; the state is kept, and not to be changed."""
+        steps = self._steps
+        steps.append((t_ns, state))
+        while len(steps) > 1 and t_ns - steps[1][0] >= WINDOW_NS:
+            steps.popleft()
+
+    def felt(self) -> Felt | None:
+        """The newest sample, with noise of its own each time it is taken; None until there is a whole one."""
+        if not self._steps:
+            return None
+        (start_ns, start), (end_ns, end) = self._steps[0], self._steps[-1]
+        if end_ns - start_ns < WINDOW_NS:
+            return None
+        gained_lab_m_s = end.vel_lab_m_s - start.vel_lab_m_s
+        force_lab_m_s2 = gained_lab_m_s / ((end_ns - start_ns) * 1e-9) + self._at_rest_lab_m_s2
+        # The mean of what turning axes show is, to second order, the mean force in the axes of half-way.
+        q, p = start.q_lab_from_flu, end.q_lab_from_flu
+        halfway = p + q if float(p @ q) >= 0.0 else p - q
+        force_flu_m_s2 = rotate(inverse(halfway / np.linalg.norm(halfway)), force_lab_m_s2)
+        # The body turns by each step's new rate, so that this is the turn over the time that it took.
+        rates = [state.rate_flu_rad_s for _, state in self._steps][1:]
+        noise_m_s2 = self._noise_m_s2 * self._rng.standard_normal(3)
+        return Felt(end_ns, force_flu_m_s2 + noise_m_s2, np.mean(rates, axis=0))

@@ -6,16 +6,17 @@ time, stamped with its end (src/modules/mavlink/streams/HIGHRES_IMU.hpp). Ours m
 
 from collections import deque
 from dataclasses import dataclass
+from math import sqrt
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from formation.maths.arrays import Vec3
-from formation.maths.frames import inverse, rotate
 from formation.model import Model, Vec3Tuple
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleState
+from formation.vehicle.rigid_body import rotation
 
 WINDOW_NS = 5_000_000
 _GRAVITY_LAB_M_S2 = np.array([0.0, 0.0, GRAVITY_M_S2])
@@ -70,9 +71,13 @@ class InertialSensor:
         force_lab_m_s2 = gained_lab_m_s / ((end_ns - start_ns) * 1e-9) + self._at_rest_lab_m_s2
         # The mean of what turning axes show is, to second order, the mean force in the axes of half-way.
         q, p = start.q_lab_from_flu, end.q_lab_from_flu
-        halfway = p + q if float(p @ q) >= 0.0 else p - q
-        force_flu_m_s2 = rotate(inverse(halfway / np.linalg.norm(halfway)), force_lab_m_s2)
+        halfway, r_lab_from_flu = np.empty_like(end.x), np.empty((3, 3))
+        between = p + q if p @ q >= 0.0 else p - q
+        halfway[6:10] = between / sqrt(between @ between)
+        rotation(halfway, r_lab_from_flu)
+        force_flu_m_s2 = force_lab_m_s2 @ r_lab_from_flu
         # The body turns by each step's new rate, so that this is the turn over the time that it took.
         rates = [state.rate_flu_rad_s for _, state in self._steps][1:]
+        rate_flu_rad_s = np.add.reduce(rates) / len(rates)
         noise_m_s2 = self._noise_m_s2 * self._rng.standard_normal(3)
-        return Felt(end_ns, force_flu_m_s2 + noise_m_s2, np.mean(rates, axis=0))
+        return Felt(end_ns, force_flu_m_s2 + noise_m_s2, rate_flu_rad_s)

@@ -139,7 +139,10 @@ class FlightConfig(Model):
 
 
 class LinkConfig(Model):
-    """How drones are reached: one Zenoh bus, or one UDP socket a drone (base ports plus sysid)."""
+    """How drones are reached: one Zenoh bus, or one UDP socket a drone (base ports plus sysid).
+
+    imu_rate_hz: of HIGHRES_IMU, by which a push is known before it moves the drone; 0: not asked for.
+    """
 
     kind: Literal["zenoh", "udp"] = "zenoh"
     host: Host = "127.0.0.1"
@@ -147,6 +150,7 @@ class LinkConfig(Model):
     drone_port_base: PortBase = 14580
     zenoh_listen: tuple[Endpoint, ...] = ()
     zenoh_connect: tuple[Endpoint, ...] = (ENDPOINT,)
+    imu_rate_hz: Annotated[float, Field(ge=0.0, le=250.0)] = 0.0
 
     @property
     def joined(self) -> "LinkConfig":

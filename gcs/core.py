@@ -38,7 +38,7 @@ from gcs.drones.drone import Drone
 from gcs.drones.goal import Goal
 from gcs.drones.link_state import DroneLink
 from gcs.drones.telemetry import NEVER_NS, ground_heartbeat
-from gcs.facts import FactGatherer, all_finite
+from gcs.facts import FactGatherer, all_finite, felt_forces
 from gcs.flight import Flight
 from gcs.lateness import Lateness
 from gcs.mocap.autopilot_poses import streams
@@ -241,7 +241,7 @@ class GcsCore:
     def _control(self, frame: LabFrame, now_ns: int) -> Stages:
         hover = np.array([drone.link.hover_thrust_norm for drone in self._drones])
         self._stack.forget(self._blind.look(frame))
-        stages = self._stack.step(now_ns, frame, self._flight.plan(), hover)
+        stages = self._stack.step(now_ns, frame, self._flight.plan(), hover, felt_forces(self._drones, frame))
         self._flight.events += self._stack.told()
         state, target = stages.state, stages.target
         if not all_finite(

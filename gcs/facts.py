@@ -92,6 +92,16 @@ class FactGatherer:
         return np.ascontiguousarray(state.pos_lab_m), age_s, state.model_mismatch, measured
 
 
+def felt_forces(drones: tuple[Drone, ...], frame: LabFrame) -> Vec3s:
+    """What each drone's accelerometer felt since the frame before, mean (n, 3) in its body's FLU; NaN: nothing told."""
+    felt = np.full((len(frame.bodies), 3), np.nan)
+    for drone in drones:
+        force = drone.link.telemetry.force.take(frame.t_capture_ns)
+        if force is not None:
+            felt[drone.index] = force
+    return felt
+
+
 @kernel
 def _measure(vel_lab_m_s: Vec3s, q_lab_from_flu: Quats, e_lead_m: Vec3s, own: NDArray[np.int64]) -> Float:
     """Speed, tilt and error of each body, (3, n); the error of one that is not commanded is zero."""

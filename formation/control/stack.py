@@ -17,7 +17,7 @@ from formation.estimation.update import estimate
 from formation.guidance.followed_leader import FollowedLeader, Led, as_estimated, follow
 from formation.guidance.plan import Mode, Plan
 from formation.guidance.reference_generator import Generator, References, fleet, references, start, update
-from formation.maths.arrays import Scalars
+from formation.maths.arrays import Scalars, Vec3s
 from formation.maths.records import Rows, copied, like
 from formation.messages import AttitudeTarget, Command, Event, LabFrame, Reference, SwarmState
 from formation.own_law.flight import Asked, OwnLaws
@@ -76,16 +76,21 @@ class ControlStack:
         self._leader: Rows[FollowedLeader] | None = None
         self._slot_speeds_m_s = config.limits.speed_m_s, config.flight.reform_m_s
 
-    def step(self, t_now_ns: int, frame: LabFrame, plan: Plan, hover_thrust_norm: Scalars) -> Stages:
+    def step(
+        self, t_now_ns: int, frame: LabFrame, plan: Plan, hover_thrust_norm: Scalars, felt_flu_m_s2: Vec3s | None = None
+    ) -> Stages:
         """One tick at t_now_ns (>= the frame's capture) on the newest frame, bodies in the order of the config.
 
         A frame already seen is predicted on from. hover_thrust_norm (m): what hovers each vehicle, as known so far.
+        felt_flu_m_s2 (n, 3): specific force by each vehicle's own accelerometer, mean since the frame before; NaN where
+        it was not measured, None for all.
         """
         before = self._begin(frame, plan) if self._estimates is None else self._estimates
         airborne = np.zeros(len(frame.bodies), dtype=np.bool_)
         if self._generator is not None:
             airborne[self._commanded] = self._generator.airborne
-        estimates = estimate(before, self._observers, frame, self._history, airborne, self._yaw_acc_command)
+        felt = np.full((len(frame.bodies), 3), np.nan) if felt_flu_m_s2 is None else felt_flu_m_s2
+        estimates = estimate(before, self._observers, frame, self._history, airborne, self._yaw_acc_command, felt)
         t_ns, motion = int(estimates["t_ns"][0]), estimates["motion"]
         mine = motion[self._commanded]
         old = start(plan, mine, t_ns) if self._generator is None else self._generator

@@ -3,8 +3,9 @@
     estimate = slow + gate (fast - slow),  gate = r^4 / (1 + r^4)
 
 r: the largest of what the fast one sees otherwise, in position, velocity and disturbance, over what the measurement's
-noise alone lets it see. In calm the estimate is the slow one's, and quiet; a push is believed as soon as it shows,
-without waiting for anything to adapt. One gate serves both horizontal axes, so that turning changes nothing.
+noise alone lets it see, or the same of what the accelerometer feels (formation.estimation.inertial). In calm the
+estimate is the slow one's, and quiet; a push is believed as soon as it shows, without waiting for anything to adapt.
+One gate serves both horizontal axes, so that turning changes nothing.
 """
 
 from math import sqrt
@@ -80,7 +81,7 @@ def observe_parallel(
         z.pos_lab_m[axis], z.vel_lab_m_s[axis], z.dist_lab_m_s2[axis] = estimate[0], estimate[1], estimate[2]
         for order in range(3):
             square[order] += z.spread[order, axis] * z.spread[order, axis]
-    ratio = 0.0
+    ratio = z.inertial_ratio
     for order in range(3):
         ratio = max(ratio, sqrt(square[order]) / most[order])
     z.gate = open_gate(ratio)

@@ -12,7 +12,7 @@ from formation.messages import LabFrame, SwarmState
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.response import NEVER_NS, SECONDS
 
-NOISE_FIRST_M = 2e-4  # of a position: the first guess
+NOISE_FIRST_M, FELT_NOISE_FIRST_M_S2 = 2e-4, 0.3  # of a position, of an accelerometer: the first guess
 
 
 @dataclass(slots=True)
@@ -34,6 +34,7 @@ class VehicleEstimate:
     formation.estimation.adaptive_gain, and of a commanded vehicle its urgency, formation.estimation.parallel.
     gate, spread: how far the estimate has gone over to the fast observer, and what that one has more of position,
     velocity and disturbance (rows) along x and y than the slow one; yaw_*: the same of the heading.
+    inertial_*: formation.estimation.inertial.
     nominal_force_m_s2: horizontal force if the vehicle answered as its profile says; level_bias_m_s2: what the measured
     force lastingly misses of it; mismatch_moments, model_mismatch; slow_rate, slow_miss, shift_moments,
     delay_shift_s: formation.estimation.model_mismatch.
@@ -67,6 +68,9 @@ class VehicleEstimate:
     spread: Mat3
     yaw_ratio: float
     yaw_spread: Vec3
+    inertial_ratio: float
+    inertial_bias_m_s2: Vec2
+    inertial_var_m2_s4: float
     nominal_force_m_s2: Vec2
     level_bias_m_s2: Vec2
     mismatch_moments: Vec3
@@ -90,6 +94,7 @@ def initial(frame: LabFrame, flying: Flags) -> Rows[VehicleEstimate]:
     z["yaw_rad"] = frames.yaw(frame.q_lab_from_flu)
     z["thrust_m_s2"] = z["specific_force_lab_m_s2"][:, 2] = np.where(flying, GRAVITY_M_S2, 0.0)
     z["noise_var_m2"] = NOISE_FIRST_M**2
+    z["inertial_var_m2_s4"] = FELT_NOISE_FIRST_M_S2**2
     z["recent_m"] = frame.pos_lab_m[:, None, :]
     z["recent_ns"] = NEVER_NS
     for name in ("thrust_scale", "adaptive_gain"):

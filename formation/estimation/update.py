@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from formation.estimation.adaptive_gain import adapt, learn_noise
 from formation.estimation.fteso import fteso_step
 from formation.estimation.heading import observe_heading
+from formation.estimation.inertial import take_inertial
 from formation.estimation.leader import observe_tilt
 from formation.estimation.model_mismatch import attitude_dead_s, judge_answer
 from formation.estimation.parallel import observe_parallel
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate, initial
 from formation.estimation.thrust_scale import learn_thrust_scale
-from formation.maths.arrays import Flags, Float, Scalars
+from formation.maths.arrays import Flags, Float, Scalars, Vec3s
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import thrust_axis
 from formation.maths.records import Rows, like
@@ -35,19 +36,20 @@ LIFT_LEAST = 0.3  # of gravity: below it the thrust scale is not learned
 
 def estimate(
     state: Rows[VehicleEstimate], settings: Rows[ObserverSettings], frame: LabFrame, history: Rows[SentCommands],
-    airborne: Flags, yaw_acc_command_rad_s2: Scalars,
+    airborne: Flags, yaw_acc_command_rad_s2: Scalars, felt_flu_m_s2: Vec3s,
 ) -> Rows[VehicleEstimate]:  # fmt: skip
     """The observers after one more frame of the same n bodies; one that is not newer brings but what was asked since.
 
     airborne (n): where not, the thrust scale is not learned (the floor carries part of the weight).
     yaw_acc_command_rad_s2 (n): angular acceleration of the heading that was asked for; zero where nobody asks.
+    felt_flu_m_s2 (n, 3): specific force by the vehicle's accelerometer, mean since the frame before; NaN: not measured.
     """
     new = like(state)
     if frame.t_capture_ns > state["t_ns"][0] and NEVER_NS in state["seen_ns"].tolist():
         state = _begun(state, frame, (state["seen_ns"] == NEVER_NS) & frame.seen)
     _estimate(
         settings, frame.t_capture_ns, frame.pos_lab_m, frame.q_lab_from_flu, frame.seen, airborne,
-        yaw_acc_command_rad_s2, history, state, new,
+        yaw_acc_command_rad_s2, felt_flu_m_s2, history, state, new,
     )  # fmt: skip
     return new
 
@@ -64,11 +66,11 @@ def _begun(state: Rows[VehicleEstimate], frame: LabFrame, appearing: Flags) -> R
 @kernel
 def _estimate(
     settings: Rows[ObserverSettings], to_ns: int, pos_lab_m: Float, q_lab_from_flu: Float, seen: NDArray[np.bool_],
-    airborne: NDArray[np.bool_], yaw_acc_command_rad_s2: Float, history: Rows[SentCommands],
+    airborne: NDArray[np.bool_], yaw_acc_command_rad_s2: Float, felt_flu_m_s2: Float, history: Rows[SentCommands],
     old: Rows[VehicleEstimate], new: Rows[VehicleEstimate],
 ) -> None:  # fmt: skip
     """See `estimate`; new (n) is filled."""
-    model = np.zeros(3)
+    model, q_before = np.zeros(3), np.zeros(4)
     for i in range(len(old)):
         new[i] = old[i]
         z, s = new[i], settings[i]
@@ -80,8 +82,11 @@ def _estimate(
             if seen[i]:
                 z.seen_ns = to_ns
                 for k in range(4):
+                    q_before[k] = z.q_lab_from_flu[k]
                     z.q_lab_from_flu[k] = q_lab_from_flu[i, k]
             model_acceleration(z, from_ns, to_ns, seen[i], airborne[i], s, history, model)
+            if seen[i] and airborne[i] and s.parallel.bandwidth_rad_s > 0.0:
+                take_inertial(z, q_before, felt_flu_m_s2[i], dt_s)
             observe(z, pos_lab_m[i], seen[i], airborne[i], model, dt_s, s)
             if seen[i]:
                 for axis in range(3):

@@ -13,7 +13,7 @@ from gcs.drones.autopilot_model import GROUND_MODELS, GroundModel
 from gcs.drones.commands import CommandChannel, stream
 from gcs.drones.parameters import ParameterReader
 from gcs.drones.sequence import SequenceMonitor
-from gcs.drones.telemetry import NEVER_NS, PILOTED, READS, Telemetry
+from gcs.drones.telemetry import NEVER_NS, PILOTED, READS, READS_IF_ASKED, Telemetry
 from gcs.drones.timesync import TimeSyncClient
 from gcs.drones.witness import Witness
 from wire.autopilots.table import FlightMode
@@ -27,7 +27,7 @@ from wire.link_messages.address import (
 )
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.commands import CommandAck, MavCommand, Result
-from wire.link_messages.motion import AttitudeQuaternion, LocalPosition, Origin, SetOrigin
+from wire.link_messages.motion import AttitudeQuaternion, InertialSample, LocalPosition, Origin, SetOrigin
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.parameters import ParamValue
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
@@ -78,7 +78,7 @@ class DroneLink:
         self._origin_sent_ns = NEVER_NS
         self.target = Address(sysid, DRONE_COMPONENT)
         self._bridge = Address(sysid, BRIDGE_COMPONENT)
-        self.codec = Codec(own, reads=READS)
+        self.codec = Codec(own, reads=READS | (READS_IF_ASKED & dict(streams).keys()))
         self.telemetry = Telemetry()
         self.witness = Witness()
         self.heartbeat_ns = self.heard_ns = NEVER_NS
@@ -253,6 +253,10 @@ class DroneLink:
                 t_ns = self.clock.clock.to_ours_ns(message.t_boot_ms * 1_000_000)
                 if t_ns is not None:
                     self._attitudes.append((t_ns, message.q_lab_from_flu))
+            case InertialSample():
+                t_ns = self.clock.clock.to_ours_ns(message.t_boot_us * 1000)
+                if t_ns is not None:
+                    self.telemetry.force.hear(t_ns, message.specific_force_flu_m_s2)
             case LocalPosition():
                 self.witness.hear_position(message.pos_lab_m, now_ns)
             case ExtendedSysState():

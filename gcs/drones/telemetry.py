@@ -1,8 +1,12 @@
 """What the ground hears of a drone: the messages it reads, the newest of each, and the modes that are a pilot's."""
 
 import math
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, field
 
+import numpy as np
+
+from formation.maths.arrays import Vec3
 from wire.autopilots.table import FlightMode
 from wire.link_messages.message_id import MessageId
 from wire.link_messages.status import EkfStatus, Heartbeat, LandedState, MavAutopilot, MavState, MavType
@@ -27,6 +31,8 @@ READS = frozenset(
         MessageId.STATUSTEXT,
     }
 )
+READS_IF_ASKED = frozenset({MessageId.HIGHRES_IMU})
+FORCES = 64
 # A person flies it in these: the ground leaves it alone.
 PILOTED = frozenset(
     {FlightMode.MANUAL, FlightMode.STABILIZED, FlightMode.ACRO, FlightMode.ALTITUDE, FlightMode.POSITION,
@@ -37,6 +43,25 @@ PILOTED = frozenset(
 def ground_heartbeat(epoch: int) -> Heartbeat:
     """A ground's own heartbeat; it tells its epoch."""
     return Heartbeat(MavAutopilot.INVALID, MavType.GCS, 0, epoch & 0xFFFFFFFF, MavState.ACTIVE)
+
+
+class FeltForce:
+    """The specific force that a drone's accelerometer told of lately: body FLU, m/s^2, on our clock."""
+
+    def __init__(self) -> None:
+        self._samples: deque[tuple[int, Vec3]] = deque(maxlen=FORCES)
+
+    def hear(self, t_ns: int, force_flu_m_s2: Vec3) -> None:
+        """What it felt until t_ns, for some milliseconds."""
+        self._samples.append((t_ns, force_flu_m_s2))
+
+    def take(self, to_ns: int) -> Vec3 | None:
+        """The mean (3) of what was told of until to_ns since the last call; None where nothing was."""
+        total, count = np.zeros(3), 0
+        while self._samples and self._samples[0][0] <= to_ns:
+            total += self._samples.popleft()[1]
+            count += 1
+        return total / count if count else None
 
 
 @dataclass(slots=True)
@@ -51,3 +76,4 @@ class Telemetry:
     setpoint_age_ns: int = NEVER_NS
     estimator: EkfStatus | None = None
     origin: bool = False
+    force: FeltForce = field(default_factory=FeltForce)

@@ -28,11 +28,13 @@ LOST_NS = 500_000_000
 
 
 def streams(config: LabConfig) -> tuple[tuple[int, float], ...]:
-    """The messages to ask each drone for, id and rate, Hz; none where there is a mocap."""
+    """The messages to ask each drone for, id and rate, Hz: its accelerometer's if wanted, and poses without a mocap."""
+    inertial = ((int(MessageId.HIGHRES_IMU), config.link.imu_rate_hz),) if config.link.imu_rate_hz > 0.0 else ()
     if config.mocap.source != "mavlink":
-        return ()
+        return inertial
     rate_hz = config.mocap.rate_hz
     return (
+        *inertial,
         (MessageId.LOCAL_POSITION_NED, rate_hz),
         (MessageId.ATTITUDE_QUATERNION, rate_hz),
         (MessageId.HIL_STATE_QUATERNION, rate_hz),

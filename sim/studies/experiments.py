@@ -34,12 +34,16 @@ CONTROLLERS: Mapping[str, str] = MappingProxyType(
         "cfc_paper": "paper",
         "cfc_paper_compensated": "paper_compensated",
         "cfc": "default",
+        "cfc_imu": "default",
         "cfc_without_z3": "default_without_z3",
         "pid": "pid",
         "geometric": "geometric",
     }
 )
 """Names as in paper.json, and the control preset each is."""
+
+IMU_RATE_HZ: Mapping[str, float] = MappingProxyType({"cfc_imu": 200.0})
+"""Who is told what the drones' accelerometers feel (HIGHRES_IMU, 0.3 m/s^2 of noise), and how often."""
 
 GUST_PEAKS_M_S2: Mapping[str, float] = MappingProxyType({"paper_40g_printed": 7.0})
 """The fan that moves the printed ISTSMC of that vehicle by 0.30 m, as `gcs-sim paper --calibrate --vehicle NAME` found
@@ -112,7 +116,9 @@ class Score:
 def scenario_of(job: Job) -> Scenario:
     """The shipped scenario with the job's vehicle and controller, at least 20 s of formation."""
     scenario = load(SCENARIOS[job.experiment])
-    update: dict[str, object] = {"lab": flown_by(scenario.lab, job.vehicle, CONTROLLERS[job.controller])}
+    lab = flown_by(scenario.lab, job.vehicle, CONTROLLERS[job.controller])
+    link = lab.link.model_copy(update={"imu_rate_hz": IMU_RATE_HZ.get(job.controller, 0.0)})
+    update: dict[str, object] = {"lab": lab.model_copy(update={"link": link})}
     if job.experiment is Experiment.LINE:
         update["formation_s"] = FORMATION_S
     if scenario.air.fan is not None:

@@ -115,6 +115,7 @@ class Look:
     pos: np.ndarray
     q: np.ndarray
     seen: np.ndarray
+    felt: np.ndarray | None = None
 
 
 def flown(
@@ -128,7 +129,7 @@ def flown(
     """The product on these frames."""
     stack, names = ControlStack(config, bodies, gains), tuple(v.body for v in config.vehicles)
     return [
-        stack.step(k.now_ns, LabFrame(seq, k.t_ns, names, k.pos, k.q, k.seen), plan, hover)
+        stack.step(k.now_ns, LabFrame(seq, k.t_ns, names, k.pos, k.q, k.seen), plan, hover, k.felt)
         for seq, k in enumerate(looks)
     ]
 
@@ -137,4 +138,4 @@ def foretold(stack: OracleStack, looks: list[Look], hover: np.ndarray) -> list[T
     """The oracle on the same frames; copies, for it changes its estimates in place."""
     from copy import deepcopy
 
-    return [deepcopy(stack.step(k.now_ns, k.t_ns, k.pos, k.q, k.seen, hover)) for k in looks]
+    return [deepcopy(stack.step(k.now_ns, k.t_ns, k.pos, k.q, k.seen, hover, k.felt)) for k in looks]

@@ -63,6 +63,15 @@ def looks(
     return out
 
 
+def felt(tick: int) -> np.ndarray:
+    """What three accelerometers feel: gravity, noise, pushes that come and go, and nothing now and then."""
+    rng = np.random.default_rng([11, tick])
+    force = np.array([0.0, 0.0, 9.8]) + 0.3 * rng.standard_normal((3, 3))
+    force[1:] += np.array([[2.5, -1.5, 0.2], [0.0, 4.0, 0.5]]) * [[8 < tick < 20], [tick > 25]]
+    force[rng.uniform(size=3) < 0.1] = np.nan
+    return force
+
+
 def same(stages: list, told: list, atol: float = 1e-6) -> None:
     """Every number of every message."""
     for k, (one, other) in enumerate(zip(stages, told, strict=True)):
@@ -118,6 +127,7 @@ class Case:
     places: tuple[tuple[float, float, float], ...] = ()
     ticks: int = 13
     unseen_until: int = 0  # the last body
+    feels: bool = False
 
 
 def joined(k: int, speed: float = 0.6) -> Task:
@@ -167,6 +177,8 @@ CASES = {
     "one comes late": Case(
         (PX4_QUAD, PAPER_40G, STOUT), DEFAULT, (*BEHIND_SEEN[:1], Task(POINT)), None, unseen_until=4
     ),
+    "with accelerometers": Case((PAPER_40G, STOUT, PX4_QUAD), LIVELY, LEADING, ticks=40, feels=True),
+    "behind one seen, with accelerometers": Case((PX4_QUAD,) * 3, DEFAULT, BEHIND_SEEN, None, ticks=40, feels=True),
     "stacked": Case((PX4_QUAD, PAPER_40G, STOUT), DEFAULT, POINTS, 1, TIGHT, 3.0, NEAR),
 }
 
@@ -179,6 +191,7 @@ def test_every_message_is_as_eqs_2_to_7_foretell(name: str) -> None:
     seen = looks(7, case.ticks, size=case.size, places=np.array(case.places or PLACES))
     for k in range(case.unseen_until):
         seen[k] = replace(seen[k], seen=np.array([True, True, False]))
+    seen = [replace(look, felt=felt(k)) for k, look in enumerate(seen)] if case.feels else seen
     start_ns = seen[0].t_ns + 40_000_000
     hover = np.array([1.1, 0.9, 1.2])[-len(case.tasks) :] * [case.bodies[i].hover_thrust_norm for i in config.commanded]
     plan = Plan(tuple(_setpoint(task) for task in case.tasks), configured(config), start_ns)

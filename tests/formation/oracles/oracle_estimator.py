@@ -90,6 +90,9 @@ class Estimate:
     innovation: np.ndarray = field(default_factory=lambda: np.zeros(3))
     mu: float = 1.0
     gate: float = 0.0
+    felt_ratio: float = 0.0  # how far beyond noise the accelerometer was, lately
+    felt_bias: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    felt_var: float = 0.3**2
     fast: np.ndarray = field(default_factory=lambda: np.zeros((3, 2)))  # what the fast observer has more than the slow
     turn_ratio: float = 0.0  # how far beyond noise the fast observer of the heading was, lately
     fast_heading: np.ndarray = field(default_factory=lambda: np.zeros(3))
@@ -130,12 +133,12 @@ def doubt(mismatch: float) -> float:
 
 def update(
     k: Estimate, has: Traits, t_ns: int, pos: np.ndarray | None, q: np.ndarray | None, airborne: bool, turn: float,
-    sent_ns: np.ndarray, sent: np.ndarray,
+    sent_ns: np.ndarray, sent: np.ndarray, felt: np.ndarray | None = None,
 ) -> None:  # fmt: skip
-    """One frame; pos and q are None where the body is not seen; sent (h, 4): its own commands."""
+    """One frame; pos and q are None where the body is not seen; sent (h, 4): its own commands; felt (3): on board."""
     from_ns, dt = k.t_ns, (t_ns - k.t_ns) * SECONDS
     k.t_ns = t_ns
-    seen = pos is not None
+    seen, r_before = pos is not None, k.r
     if seen:
         k.r, k.seen_ns = rotation_matrix(q), t_ns
     before = k.force.copy()
@@ -150,6 +153,8 @@ def update(
         model[2] -= G
         if not airborne:
             model[2] = max(model[2], 0.0)
+    if seen and airborne and has.second.w > 0.0:
+        _felt(k, 0.5 * (r_before + k.r), felt, dt)
     if seen:
         _noise(k, t_ns, pos)
         if not has.commanded:
@@ -247,6 +252,23 @@ def _noise(k: Estimate, t_ns: int, pos: np.ndarray) -> None:
     k.recent = [*k.recent, (t_ns, pos.copy())][-3:]
 
 
+def _felt(k: Estimate, r: np.ndarray, felt: np.ndarray | None, dt: float) -> None:
+    """The fast observer's Z3 goes over to what is felt besides thrust, as far as that is no noise beside the slow's."""
+    k.felt_ratio *= np.exp(-dt / 0.025)
+    if felt is None:
+        return
+    push = (r @ (felt - np.array([0.0, 0.0, k.strength * k.lift])))[:2] - k.felt_bias
+    miss = push - (k.dist[:2] - k.gate * k.fast[2])
+    k.felt_ratio = max(k.felt_ratio, float(miss @ miss) / (4.5**2 * k.felt_var))
+    gate = k.felt_ratio**4 / (1.0 + k.felt_ratio**4)
+    change = gate * (miss - k.fast[2])
+    k.fast[2] += change
+    k.dist[:2] += k.gate * change
+    k.felt_bias = k.felt_bias + (1.0 - 0.75 * gate) * share(dt, 2.0) * miss
+    var = k.felt_var + (1.0 - gate) * share(dt, 2.0) * (0.5 * float(miss @ miss) - k.felt_var)
+    k.felt_var = float(np.clip(var, 0.05**2, 1.5**2))
+
+
 def _both(k: Estimate, has: Traits, pos: np.ndarray, model: np.ndarray, dt: float) -> None:
     """A slow and a fast observer of x and y; the estimate goes from the one to the other by r^4 / (1 + r^4)."""
     gains, second = has.horizontal, has.second
@@ -265,7 +287,7 @@ def _both(k: Estimate, has: Traits, pos: np.ndarray, model: np.ndarray, dt: floa
     k.fast = stepped[1] - stepped[0]
     w = second.w * calm
     seen_by_noise = noise * np.sqrt(min(w * dt, 1.0)) * np.array(second.sigmas) * w ** np.arange(3)
-    r4 = np.max(np.linalg.norm(k.fast, axis=1) / seen_by_noise) ** 4
+    r4 = max(np.max(np.linalg.norm(k.fast, axis=1) / seen_by_noise), k.felt_ratio) ** 4
     k.gate = r4 / (1.0 + r4)
     k.mu = 1.0 + k.gate * (second.urgency - 1.0)
     k.pos[:2], k.vel[:2], k.dist[:2] = stepped[0] + k.gate * k.fast

@@ -97,13 +97,14 @@ class OracleStack:
         self.memory, self.frozen, self.turn, self.last_ns = np.zeros((m, 3)), [False] * m, np.zeros(len(traits)), 0
 
     def step(
-        self, now_ns: int, t_ns: int, pos: np.ndarray, q: np.ndarray, seen: np.ndarray, hover: np.ndarray
+        self, now_ns: int, t_ns: int, pos: np.ndarray, q: np.ndarray, seen: np.ndarray, hover: np.ndarray,
+        felt: np.ndarray | None = None,
     ) -> Told:  # fmt: skip
         first = not self.known
         if first:
             self._begin(t_ns, pos, q, seen)
         else:
-            self._observe(t_ns, pos, q, seen)
+            self._observe(t_ns, pos, q, seen, felt)
         motions = [self._motion(n) for n in range(len(self.traits))]
         self._lead(first, t_ns, now_ns, motions)
         dt = 0.0 if first else min((now_ns - self.last_ns) * SECONDS, 0.1)
@@ -136,7 +137,7 @@ class OracleStack:
         hover = [np.array([0.0, 0.0, G, G]) * flies[n] for n in self.own]
         self.sent_ns, self.sent = [-(1 << 60), t_ns - 10**9], [np.zeros((len(self.own), 4)), np.array(hover)]
 
-    def _observe(self, t_ns: int, pos: np.ndarray, q: np.ndarray, seen: np.ndarray) -> None:
+    def _observe(self, t_ns: int, pos: np.ndarray, q: np.ndarray, seen: np.ndarray, felt: np.ndarray | None) -> None:
         times, sent = np.array(self.sent_ns), np.array(self.sent)
         for n, (k, has) in enumerate(zip(self.known, self.traits, strict=True)):
             i = self.own.index(n) if n in self.own else None
@@ -145,7 +146,8 @@ class OracleStack:
             poses = (pos[n], q[n]) if seen[n] else (None, None)
             if seen[n] and k.seen_ns is None:
                 k = self.known[n] = begun(k.t_ns, pos[n], q[n], k.lift > 0.0, True)
-            update(k, has, t_ns, *poses, airborne, float(self.turn[n]), times, mine)
+            on_board = None if felt is None or np.isnan(felt[n]).any() else felt[n]
+            update(k, has, t_ns, *poses, airborne, float(self.turn[n]), times, mine, on_board)
 
     def _motion(self, n: int) -> Motion:
         k, has = self.known[n], self.traits[n]

@@ -12,7 +12,7 @@ from gcs.drones.link_state import WORDS_A_SECOND, DroneLink
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.commands import CommandAck, CommandLong, Result
-from wire.link_messages.motion import Origin, SetOrigin, VisionPose
+from wire.link_messages.motion import InertialSample, Origin, SetOrigin, VisionPose
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.parameters import ParamRequestRead, ParamType, ParamValue
 from wire.link_messages.status import (
@@ -252,6 +252,27 @@ def test_what_nobody_reads_is_switched_off_only_on_a_link_of_our_own():
     asked = _intervals(own)
     assert (asked[30.0], asked[105.0], asked[331.0]) == (-1.0, -1.0, -1.0)
     assert (asked[31.0], asked[32.0]) == (20_000.0, 10_000.0)
+
+
+def test_an_accelerometer_is_heard_where_it_was_asked_for_on_our_clock():
+    """A boot clock 3 s behind ours: samples of 2.000 and 2.005 s are ours of 5.000 and 5.005 s."""
+    sample = InertialSample(2_000_000, np.array([0.5, -0.25, 9.8]), np.zeros(3))
+    later = InertialSample(2_005_000, np.array([1.5, 0.25, 9.8]), np.zeros(3))
+    wanted = DroneLink(VehicleBody(body="left", sysid=3), 3, PAPER, ((105, 200.0),))
+    unasked = a_link()
+    for link, asked_us in ((wanted, 5_000.0), (unasked, None)):
+        drone = Drone()
+        drone.say(link, beat())
+        assert _intervals(link).get(105.0) == asked_us
+        asked = next(m for m in link.due(4000 * MS) if isinstance(m, TimeSync))
+        drone.say(link, sample, 4001 * MS)  # no clock yet
+        drone.say(link, TimeSync(1001 * MS, asked.ts1_ns, GROUND), 4002 * MS)
+        drone.say(link, sample, 5002 * MS)
+        drone.say(link, later, 5007 * MS)
+    assert wanted.telemetry.force.take(4999 * MS) is None
+    np.testing.assert_allclose(wanted.telemetry.force.take(5006 * MS), [1.0, 0.0, 9.8])
+    assert wanted.telemetry.force.take(6000 * MS) is None
+    assert unasked.telemetry.force.take(6000 * MS) is None
 
 
 def test_a_drone_with_too_much_to_say_is_heard_in_part_and_counted():

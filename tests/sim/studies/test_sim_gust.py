@@ -114,6 +114,17 @@ def test_a_mismatched_vehicle_is_a_body_that_can_fly_and_that_nobody_told_the_gr
     assert scenario == experiments.scenario_of(Job("cfc", Experiment.GUST, 1, mismatch=name))
 
 
+def test_a_push_that_is_felt_on_board_moves_the_drone_less() -> None:
+    """By a quarter, through HIGHRES_IMU, its noise, the link and the drone's clock."""
+    moved_m = {}
+    for controller in ("cfc", "cfc_imu"):
+        scenario = experiments.scenario_of(Job(controller, Experiment.GUST, 1)).model_copy(update={"formation_s": 9.0})
+        flown, flight = lockstep.run_and_load(scenario, 1)
+        assert flown.outcome.result == "landed"
+        moved_m[controller] = gust.gust_numbers(flight, scenario).mean_dev_m
+    assert moved_m["cfc_imu"] < 0.8 * moved_m["cfc"]
+
+
 def test_the_mismatches_are_what_their_names_say() -> None:
     usual = experiments.scenario_of(Job("cfc", Experiment.GUST, 1))
     late = mismatched(usual, "double delay")

@@ -51,6 +51,7 @@ ANSWERS = 2
 ATTITUDES = 8
 OTHER_GROUND_S = 3.0
 AGE_FRESH_NS = 1_000_000_000
+FORCE_LOST_NS = 3_000_000_000
 
 
 class DroneLink:
@@ -98,6 +99,7 @@ class DroneLink:
         self._answers: deque[LinkMessage] = deque(maxlen=ANSWERS)
         self._attitudes: deque[tuple[int, Quat]] = deque(maxlen=ATTITUDES)
         self._misaddressed = 0
+        self._asked_ns, self._forceless = NEVER_NS, False
 
     @property
     def armed(self) -> bool:
@@ -237,6 +239,7 @@ class DroneLink:
         match message:
             case Heartbeat():
                 self._hear(message, now_ns)
+                self._notice_force(now_ns)
             case CommandAck():
                 if message.command == MavCommand.COMPONENT_ARM_DISARM and message.result is Result.ACCEPTED:
                     self.armed_clock.accept(now_ns)
@@ -256,7 +259,7 @@ class DroneLink:
             case InertialSample():
                 t_ns = self.clock.clock.to_ours_ns(message.t_boot_us * 1000)
                 if t_ns is not None:
-                    self.telemetry.force.hear(t_ns, message.specific_force_flu_m_s2)
+                    self.telemetry.force.hear(t_ns, message.specific_force_flu_m_s2, now_ns)
             case LocalPosition():
                 self.witness.hear_position(message.pos_lab_m, now_ns)
             case ExtendedSysState():
@@ -298,10 +301,22 @@ class DroneLink:
             self.model, self.parameters = known, ParameterReader(self.target, known.table.autopilot)
         self.telemetry.origin = False
         self.reread_parameters()
+        self._asked_ns = now_ns
         silenced = dict.fromkeys(known.unread, 0.0) if self._own_link else {}
         for message_id, rate_hz in {**silenced, **dict(known.streams), **dict(self._streams)}.items():
             self.commands.ask(stream(self.target, message_id, rate_hz))
         self._tell(Severity.INFO, f"drone {self.sysid} is here, {known.name}", now_ns)
+
+    def _notice_force(self, now_ns: int) -> None:
+        """Tell where an accelerometer that was asked for is not told of, and when it is again."""
+        if self.model is None or not READS_IF_ASKED & dict(self._streams).keys():
+            return
+        silent = now_ns - max(self._asked_ns, self.telemetry.force.heard_ns) > FORCE_LOST_NS
+        if silent and not self._forceless:
+            self._tell(Severity.WARNING, "sends no HIGHRES_IMU that was asked for: flown without", now_ns)
+        elif self._forceless and not silent:
+            self._tell(Severity.INFO, "sends HIGHRES_IMU", now_ns)
+        self._forceless = silent
 
     def _overhear(self, other: Address | None, now_ns: int) -> None:
         """Notice that it answers another ground: to whom one of its answers was addressed."""

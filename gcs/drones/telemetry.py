@@ -49,10 +49,13 @@ class FeltForce:
     """The specific force that a drone's accelerometer told of lately: body FLU, m/s^2, on our clock."""
 
     def __init__(self) -> None:
+        self.heard_ns = NEVER_NS
+        """When it was told of last."""
         self._samples: deque[tuple[int, Vec3]] = deque(maxlen=FORCES)
 
-    def hear(self, t_ns: int, force_flu_m_s2: Vec3) -> None:
+    def hear(self, t_ns: int, force_flu_m_s2: Vec3, now_ns: int) -> None:
         """What it felt until t_ns, for some milliseconds."""
+        self.heard_ns = now_ns
         self._samples.append((t_ns, force_flu_m_s2))
 
     def take(self, to_ns: int) -> Vec3 | None:

@@ -275,6 +275,19 @@ def test_an_accelerometer_is_heard_where_it_was_asked_for_on_our_clock():
     assert unasked.telemetry.force.take(6000 * MS) is None
 
 
+def test_an_accelerometer_that_is_not_told_of_is_missed_once_and_found_again():
+    link, drone = DroneLink(VehicleBody(body="left", sysid=3), 3, PAPER, ((105, 200.0),)), Drone()
+    for second in range(6):
+        drone.say(link, beat(), second * 1000 * MS)
+        asked = next((m for m in link.due(second * 1000 * MS) if isinstance(m, TimeSync)), None)
+    assert asked is not None
+    assert [event.text for event in link.events[1:]] == ["sends no HIGHRES_IMU that was asked for: flown without"]
+    drone.say(link, TimeSync(5001 * MS, asked.ts1_ns, GROUND), 5001 * MS)
+    drone.say(link, InertialSample(5_900_000, np.array([0.0, 0.0, 9.8]), np.zeros(3)), 5900 * MS)
+    drone.say(link, beat(), 6000 * MS)
+    assert [event.text for event in link.events[2:]] == ["sends HIGHRES_IMU"]
+
+
 def test_a_drone_with_too_much_to_say_is_heard_in_part_and_counted():
     link, drone = a_link(), Drone()
     said = 0

@@ -52,6 +52,7 @@ class FeltForce:
         self.heard_ns = NEVER_NS
         """When it was told of last."""
         self._samples: deque[tuple[int, Vec3]] = deque(maxlen=FORCES)
+        self._taken_ns = NEVER_NS
 
     def hear(self, t_ns: int, force_flu_m_s2: Vec3, now_ns: int) -> None:
         """What it felt until t_ns, for some milliseconds."""
@@ -59,11 +60,16 @@ class FeltForce:
         self._samples.append((t_ns, force_flu_m_s2))
 
     def take(self, to_ns: int) -> Vec3 | None:
-        """The mean (3) of what was told of until to_ns since the last call; None where nothing was."""
+        """The mean (3) of what it felt from the last call's time to this one's; None where that is not told of.
+
+        What comes later than the frame it belongs to is lost: nobody knows any more how the body lay then.
+        """
         total, count = np.zeros(3), 0
         while self._samples and self._samples[0][0] <= to_ns:
-            total += self._samples.popleft()[1]
-            count += 1
+            t_ns, force_flu_m_s2 = self._samples.popleft()
+            if t_ns > self._taken_ns:
+                total, count = total + force_flu_m_s2, count + 1
+        self._taken_ns = to_ns
         return total / count if count else None
 
 

@@ -22,6 +22,7 @@ from formation.maths.quaternion import rotate_into
 SIGMAS, HOLD_S = 4.5, 0.025
 LEARNED_S, SLOWLY = 2.0, 0.25  # bias and noise; of that rate the bias, while the gate is open
 NOISE_LEAST_M_S2, NOISE_MOST_M_S2 = 0.05, 1.5
+PUSH_MOST_M_S2 = 14.0  # as much as Z3 may be
 
 
 @kernel
@@ -41,7 +42,8 @@ def take_inertial(z: VehicleEstimate, q_before: Float, force_flu_m_s2: Float, dt
     square = 0.0
     for axis in range(2):
         slow = z.dist_lab_m_s2[axis] - z.gate * z.spread[2, axis]
-        miss[axis] = 0.5 * (first[axis] + last[axis]) - z.inertial_bias_m_s2[axis] - slow
+        push = 0.5 * (first[axis] + last[axis]) - z.inertial_bias_m_s2[axis]
+        miss[axis] = min(max(push, -PUSH_MOST_M_S2), PUSH_MOST_M_S2) - slow
         square += miss[axis] * miss[axis]
     z.inertial_ratio = max(z.inertial_ratio, square / (SIGMAS * SIGMAS * z.inertial_var_m2_s4))
     gate = open_gate(z.inertial_ratio)

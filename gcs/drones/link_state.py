@@ -258,8 +258,8 @@ class DroneLink:
                     self._attitudes.append((t_ns, message.q_lab_from_flu))
             case InertialSample():
                 t_ns = self.clock.clock.to_ours_ns(message.t_boot_us * 1000)
-                if t_ns is not None:
-                    self.telemetry.force.hear(t_ns, message.specific_force_flu_m_s2, now_ns)
+                if t_ns is not None and not self.telemetry.force.hear(t_ns, message.specific_force_flu_m_s2, now_ns):
+                    self._refusals.note(self.name, "specific force beyond 16 g", now_ns)
             case LocalPosition():
                 self.witness.hear_position(message.pos_lab_m, now_ns)
             case ExtendedSysState():

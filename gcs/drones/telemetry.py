@@ -33,6 +33,7 @@ READS = frozenset(
 )
 READS_IF_ASKED = frozenset({MessageId.HIGHRES_IMU})
 FORCES = 64
+FORCE_MOST_M_S2 = 157.0  # 16 g
 # A person flies it in these: the ground leaves it alone.
 PILOTED = frozenset(
     {FlightMode.MANUAL, FlightMode.STABILIZED, FlightMode.ACRO, FlightMode.ALTITUDE, FlightMode.POSITION,
@@ -54,10 +55,13 @@ class FeltForce:
         self._samples: deque[tuple[int, Vec3]] = deque(maxlen=FORCES)
         self._taken_ns = NEVER_NS
 
-    def hear(self, t_ns: int, force_flu_m_s2: Vec3, now_ns: int) -> None:
-        """What it felt until t_ns, for some milliseconds."""
-        self.heard_ns = now_ns
-        self._samples.append((t_ns, force_flu_m_s2))
+    def hear(self, t_ns: int, force_flu_m_s2: Vec3, now_ns: int) -> bool:
+        """Take in what it felt until t_ns, for some milliseconds; not what no accelerometer can show."""
+        possible = float(np.abs(force_flu_m_s2).max()) <= FORCE_MOST_M_S2
+        if possible:
+            self.heard_ns = now_ns
+            self._samples.append((t_ns, force_flu_m_s2))
+        return possible
 
     def take(self, to_ns: int) -> Vec3 | None:
         """The mean (3) of what it felt from the last call's time to this one's; None where that is not told of.

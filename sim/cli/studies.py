@@ -29,7 +29,7 @@ def compare(
     calibrate: Annotated[bool, typer.Option(help="Only find the fan that moves the printed ISTSMC by 0.30 m.")] = False,
     bound: Annotated[bool, typer.Option(help="Only tell how little any controller could deviate in the gust.")] = False,
 ) -> None:
-    """Fly the paper's gust, line and circle with eight controllers; writes paper.json and paper.html."""
+    """Fly the paper's gust, line and circle with nine controllers; writes paper.json and paper.html."""
     from sim.cli import study_commands as studies
 
     studies.run_paper(out, seeds, vehicle, only or [], calibrate, bound)

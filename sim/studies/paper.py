@@ -1,4 +1,4 @@
-"""`gcs-sim paper`: the paper's three experiments under eight controllers, beside the paper's own figures.
+"""`gcs-sim paper`: the paper's three experiments under nine controllers, beside the paper's own figures.
 
 And the gust on five vehicles that the controller does not know (sim.studies.mismatch).
 """

@@ -74,6 +74,12 @@ def test_a_sensor_that_is_wrong_for_good_is_believed_for_some_seconds_only() -> 
     assert z[0].inertial_ratio < 0.5
 
 
+def test_no_more_is_believed_than_z3_may_be() -> None:
+    z = _hovering()
+    _feel(z[0], np.array([150.0, -150.0, 100.0]))
+    assert np.abs(_fast_z3(z[0])).max() <= 14.0
+
+
 def test_where_nothing_is_measured_nothing_is_different() -> None:
     z, before = _hovering(), _hovering()
     _feel(z[0], np.array([np.nan, 0.0, 0.0]), 100)

@@ -258,7 +258,7 @@ def _felt(k: Estimate, r: np.ndarray, felt: np.ndarray | None, dt: float) -> Non
     if felt is None:
         return
     push = (r @ (felt - np.array([0.0, 0.0, k.strength * k.lift])))[:2] - k.felt_bias
-    miss = push - (k.dist[:2] - k.gate * k.fast[2])
+    miss = np.clip(push, -14.0, 14.0) - (k.dist[:2] - k.gate * k.fast[2])
     k.felt_ratio = max(k.felt_ratio, float(miss @ miss) / (4.5**2 * k.felt_var))
     gate = k.felt_ratio**4 / (1.0 + k.felt_ratio**4)
     change = gate * (miss - k.fast[2])

@@ -272,6 +272,8 @@ def test_an_accelerometer_is_heard_where_it_was_asked_for_on_our_clock():
     assert wanted.telemetry.force.take(4999 * MS) is None
     np.testing.assert_allclose(wanted.telemetry.force.take(5006 * MS), [1.0, 0.0, 9.8])
     assert wanted.telemetry.force.take(6000 * MS) is None
+    drone.say(wanted, InertialSample(3_010_000, np.array([3e38, 0.0, 9.8]), np.zeros(3)), 6001 * MS)
+    assert wanted._refusals.count == 1
     drone.say(wanted, sample, 6001 * MS)
     assert wanted.telemetry.force.take(6010 * MS) is None  # of a frame long gone
     assert unasked.telemetry.force.take(6000 * MS) is None

@@ -74,8 +74,8 @@ def gust(traces: Traces) -> Drawing:
     blown = {name: trace for name, trace in traces.items() if np.any(trace.gust_m_s2)}
     if not blown:
         return Missing("no flight was blown at")
-    fig, column = style.Sheet(6.6, (1.5, 1.0, 1.2)).axes()
-    axes = [row[0] for row in column]
+    fig, column = style.Sheet(7.2, (0.5, 1.5, 1.0, 1.2)).axes()
+    names, *axes = [row[0] for row in column]
     for name, trace in blown.items():
         width = 1.8 if name == SHIPPED else 1.1
         for axis, ax in enumerate(axes[:2]):
@@ -89,7 +89,8 @@ def gust(traces: Traces) -> Drawing:
         _fit_height(ax)
     axes[2].tick_params(labelbottom=True)
     axes[2].set_xlabel("after the first gust, s")
-    style.legend(axes[0])
+    names.axis("off")
+    names.legend(*axes[0].get_legend_handles_labels(), loc="center left", ncols=COLUMNS, borderaxespad=0.0)
     axes[2].legend(loc="lower right", ncols=3)
     return fig
 

@@ -44,7 +44,7 @@ PHASES: Mapping[Phase, str] = MappingProxyType(
 WIDTH_IN = 10.8
 MARGINS_IN = (0.74, 0.06, 0.3, 0.44)  # left, right, top, bottom
 FEW = 6  # lines an axes holds at full detail
-NAMED = 9  # more names than this are left to the table of followers
+NAMED = 8  # more names than this are left to the table of followers
 POINTS = 1100  # points kept of a line: about one a pixel of the page
 _STYLE = Path(__file__).with_name("house.mplstyle")
 

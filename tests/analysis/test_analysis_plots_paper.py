@@ -53,7 +53,7 @@ def test_the_gust_is_at_time_zero():
     with style.styled():
         drawn = paper.gust(TRACES)
     assert isinstance(drawn, Figure)
-    true = drawn.axes[2].lines[2]
+    true = drawn.axes[-1].lines[2]
     t_s, push = np.asarray(true.get_xdata()), np.asarray(true.get_ydata())
     assert abs(t_s[np.argmin(push)]) < 0.25
 

@@ -34,6 +34,8 @@ class AgentConfig(Model):
     """Be no drone but the bridge to a real autopilot: udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD."""
     pose: Literal["own", "mocap"] = "own"
     """own: simulated positioning as an autopilot's SITL has; mocap: the external pose and nothing else."""
+    inertial_rate_hz: Annotated[float, Field(ge=0.0, le=1000.0)] = 100.0
+    """How often a bridge wants HIGHRES_IMU of its autopilot, to hold poses against it; 0: it does not."""
     profiles: tuple[VehicleProfile, ...] = ()
     profile: Name = "paper_40g"
     vehicle: dict[str, Any] = Field(default_factory=dict)

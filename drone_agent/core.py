@@ -201,6 +201,7 @@ class AgentCore:
         if now_ns - frame.t_ns > _LAG_MAX_NS:
             frame.advance_to(now_ns)
         self._positioning.accept(pose, now_ns, frame.state, frame.t_ns)
+        self._failsafes.check_pose(now_ns)
 
     def _report(self, number: int, now_ns: int) -> None:
         self._airframe.advance_to(now_ns)

@@ -24,6 +24,7 @@ REPORTS = {
     Stage.DESCEND: (Severity.CRITICAL, "No pose to land on: coming down level"),
 }
 """What the operator is told as a stage begins."""
+SLIDING_POSE = (Severity.CRITICAL, "Pose does not move as the drone does: hold")
 TAKEN_OVER = (Severity.WARNING, "Another ground takes over: level and hold")
 BACK = (Severity.INFO, "Setpoints are back")
 

@@ -28,6 +28,7 @@ class Refusal(Enum):
     FOREIGN = "setpoint of a ground that does not own the drone"
     UNREADABLE = "setpoint that is not finite"
     LANDING = "setpoint to a drone that lands by itself"
+    SLIDING_POSE = "setpoint while the pose does not move as the drone does"
 
 
 @dataclass(slots=True)

@@ -35,6 +35,7 @@ class Trigger(Enum):
     TIME_OUT = "autopilot's own time-out"
     HELD = "held its time"
     NO_POSE = "no pose"
+    SLIDING_POSE = "sliding pose"
     DISARM = "disarmed"
     STOP = "stop"
     RESTED = "at rest for 2 s"
@@ -54,6 +55,7 @@ TABLE: Mapping[tuple[Stage, Trigger], Stage] = MappingProxyType(
         (Stage.WAIT, Trigger.TAKEN_OVER): Stage.WAIT,
         (Stage.FOLLOW, Trigger.SETPOINT): Stage.FOLLOW,
         (Stage.FOLLOW, Trigger.STALE): Stage.HOLD,
+        (Stage.FOLLOW, Trigger.SLIDING_POSE): Stage.HOLD,
         (Stage.FOLLOW, Trigger.TAKEN_OVER): Stage.HOLD,
         (Stage.FOLLOW, Trigger.TIME_OUT): Stage.LOST,
         (Stage.HOLD, Trigger.SETPOINT): Stage.FOLLOW,

@@ -6,6 +6,7 @@ import numpy as np
 
 from drone_agent.autopilots.model import Task
 from drone_agent.bridge.core import BridgeCore
+from drone_agent.bridge.setpoints import SETPOINTS
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
 from drone_agent.simulation.physics import Physics
@@ -16,6 +17,8 @@ from sim.faults.fault import Core, Family, Fault
 from sim.life import Waiting
 from sim.monitors import Without
 from sim.scenario import LinkModel, Scenario
+from wire.link_messages.address import BRIDGE_COMPONENT
+from wire.mavlink.framing import FrameCutter
 from wire.transport.memory_bus import NOTHING_DUE_NS, random_delay
 
 
@@ -201,8 +204,15 @@ class Seat:
         self.events += outgoing.events
         heard_ns, sent_ns = self._heard
         for datagram in outgoing.to_autopilot:
-            self._take(Sent(sent_ns, datagram) if heard_ns == now_ns else datagram, now_ns)
+            passed = heard_ns == now_ns and not _flown_by_bridge(datagram)
+            self._take(Sent(sent_ns if passed else now_ns, datagram), now_ns)
         return outgoing.to_ground
+
+
+def _flown_by_bridge(datagram: Datagram) -> bool:
+    """Whether the last setpoint among these packets is the bridge's own."""
+    setpoints = [frame for frame in FrameCutter().cut(datagram.data) if frame.number in SETPOINTS]
+    return bool(setpoints) and setpoints[-1].source.component == BRIDGE_COMPONENT
 
 
 def _channel(model: LinkModel, delay_s: float, seed: list[int]) -> Channel:

@@ -9,11 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drone_agent.bridge.feed import BodyFeed
 from drone_agent.bridge.hold import BridgeHold
+from drone_agent.bridge.inertial_stream import InertialStream
+from drone_agent.bridge.reckoning import Reckoning
 from drone_agent.bridge.setpoints import SETPOINTS, BridgeSetpoints, stamp_ms
 from drone_agent.bridge.takeover import STEP_NS, Takeover, Turn
 from drone_agent.config import AgentConfig
-from drone_agent.failsafe import BACK, REPORTS, TAKEN_OVER
+from drone_agent.failsafe import BACK, REPORTS, SLIDING_POSE, TAKEN_OVER
 from drone_agent.monitors import switched_off
 from drone_agent.stages import Stage
 from formation.messages import Datagram, Event, LabFrame, Severity
@@ -33,7 +36,7 @@ from wire.link_messages.commands import (
     command_long,
 )
 from wire.link_messages.message_id import MessageId
-from wire.link_messages.motion import Origin, SetOrigin, VisionPose
+from wire.link_messages.motion import InertialSample, Origin, SetOrigin
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
 from wire.link_messages.status import Heartbeat, MavAutopilot, MavState, MavType, NamedValue, StatusText
@@ -51,12 +54,11 @@ _READS = frozenset(
         MessageId.COMMAND_INT,
         MessageId.COMMAND_ACK,
         MessageId.TIMESYNC,
+        MessageId.HIGHRES_IMU,
     }
 )
 _BEAT_NS = 1_000_000_000
 _HEARTBEAT = Heartbeat(MavAutopilot.INVALID, MavType.ONBOARD_CONTROLLER, 0, 0, MavState.ACTIVE)
-_POSE_NS = 20_000_000
-_OWN_FEED_NS = 200_000_000
 _SILENT_NS = 1_500_000_000  # of heartbeats a second: it may have restarted, and forgotten its origin
 _SETS_MODE = frozenset(
     {
@@ -106,8 +108,11 @@ class BridgeCore:
         self._heard_ns = t0_ns
         self._beat_ns = t0_ns
         self._hold = BridgeHold()
-        self._hold_ns = self._pose_due_ns = t0_ns
-        self._own_feed_ns: int | None = None
+        self._hold_ns = t0_ns
+        reckoning = Reckoning()
+        self._inertial = InertialStream(self._target, config.inertial_rate_hz, reckoning, t0_ns)
+        gated = "pose-rejected" not in without
+        self._feed = BodyFeed(config.body_name, self._hold, reckoning, t0_ns, gated=gated)
         self._age_sent_ns = t0_ns
         self._strangers: set[int] = set()
         self._to_ground: list[bytes] = []
@@ -129,21 +134,17 @@ class BridgeCore:
                 self._to_ground.append(frame.data)
 
     def receive_frame(self, frame: LabFrame, now_ns: int) -> None:
-        """Tell the autopilot the pose of its body, at most fifty times a second."""
+        """Tell the autopilot the pose of its body, and hold the body where that pose is none of its own."""
         self._now_ns = now_ns
-        name = self._config.body_name
-        if name not in frame.bodies:
-            return
-        index = frame.bodies.index(name)
-        pos, q = frame.pos_lab_m[index], frame.q_lab_from_flu[index]
-        if not frame.seen[index] or not np.isfinite(pos).all() or not np.isfinite(q).all():
-            return
-        self._own_feed_ns = now_ns
-        self._hold.see(frame.t_capture_ns, pos, q)
-        self._takeover.rest(now_ns, still=self._hold.still)
-        if now_ns >= self._pose_due_ns:  # a steady 50 Hz out of frames that jitter
-            self._pose_due_ns = max(self._pose_due_ns + _POSE_NS, now_ns)
-            self._send_autopilot(VisionPose(frame.t_capture_ns // 1000, pos, q))
+        pose = self._feed.see(frame, now_ns)
+        if self._feed.fresh(now_ns):
+            self._takeover.rest(now_ns, still=self._hold.still)
+        self._setpoints.pose_slides = self._feed.slides
+        if self._feed.slides and self._takeover.slid(now_ns):
+            self._say(*SLIDING_POSE)
+            self._hold.begin(now_ns)
+        if pose is not None:
+            self._send_autopilot(pose)
 
     def tick(self, now_ns: int) -> BridgeOutgoing:
         """Everything to send now."""
@@ -152,10 +153,12 @@ class BridgeCore:
             self._beat_ns = now_ns + _BEAT_NS
             self._send_autopilot(_HEARTBEAT)
             self._send_ground(TimeSync(0, now_ns))
-            if self._lacks_origin and self._own_feed_ns is not None:
+            if self._lacks_origin and self._feed.begun:
                 self._send_autopilot(SetOrigin(self._config.sysid, *self._config.origin))
-        fed = self._own_feed_ns is not None and now_ns - self._own_feed_ns < _OWN_FEED_NS
-        self._act(self._takeover.due(now_ns, fed=fed, stands=self._hold.stands))
+            asks = self._inertial.due(now_ns) if self._table is not None else None
+            if asks is not None:
+                self._send_autopilot(asks)
+        self._act(self._takeover.due(now_ns, fed=self._feed.fresh(now_ns), stands=self._hold.stands))
         for refused in self._setpoints.told(now_ns):
             self._say(refused.severity, f"{refused.source}: {refused.text}")
         outgoing = BridgeOutgoing(
@@ -175,8 +178,8 @@ class BridgeCore:
 
     def _keep_from_ground(self, frame: Frame, now_ns: int) -> bool:
         """Note what matters; True for a frame that ends here."""
-        if frame.number in _POSES and self._own_feed_ns is not None:
-            return now_ns - self._own_feed_ns < _OWN_FEED_NS
+        if frame.number in _POSES:
+            return self._feed.slides or self._feed.fresh(now_ns)
         if frame.number in SETPOINTS:
             return self._keep_setpoint(frame, now_ns)
         if frame.number not in _READS:
@@ -225,6 +228,9 @@ class BridgeCore:
                 self._hold.begin(now_ns)
             self._answer(source, message.command, Result.ACCEPTED)
             return True
+        if isinstance(message, CommandLong) and self._inertial.requested(message):
+            self._answer(source, message.command, Result.ACCEPTED)
+            return True
         action, force = message.params[0], message.params[1]
         if message.command == MavCommand.COMPONENT_ARM_DISARM:
             if action == 1.0 and self._takeover.stream.stage is Stage.STOPPED:
@@ -261,7 +267,11 @@ class BridgeCore:
             self._lacks_origin = False
         elif isinstance(message, CommandAck) and message.target.component == BRIDGE_COMPONENT:
             self._takeover.acknowledged(message)
+            self._inertial.answered(message)
             return True
+        elif isinstance(message, InertialSample):
+            self._inertial.hear(message, now_ns)
+            return not self._inertial.passes
         elif isinstance(message, TimeSync) and message.tc1_ns == 0:
             # Its poses come from here, so the clock it holds them against must be ours.
             self._send_autopilot(TimeSync(now_ns, message.ts1_ns, packet.source))
@@ -275,6 +285,7 @@ class BridgeCore:
         silent_ns, self._heard_ns = self._now_ns - self._heard_ns, self._now_ns
         if self._table is not table or silent_ns > _SILENT_NS:
             self._lacks_origin = table.needs_origin
+            self._inertial.restarted(self._now_ns)
         if self._table is not table:
             self._table = table
             self._say(Severity.INFO, f"Bridge to {table.autopilot.name.lower()}")
@@ -300,7 +311,7 @@ class BridgeCore:
         dt_s = min(self._now_ns - self._hold_ns, 5 * STEP_NS) * 1e-9
         self._hold_ns = self._now_ns
         wanted = self._hold.sink_blind(dt_s) if blind else self._hold.step(self._now_ns, dt_s, down=down)
-        t_boot_ms = (self._now_ns - self._t0_ns) // 1_000_000
+        t_boot_ms = self._now_ns // 1_000_000 % 2**32  # on the clock of our answers to TIMESYNC
         rate, thrust = np.zeros(3), wanted.thrust_norm
         self._send_autopilot(
             AttitudeSetpoint(self._target, t_boot_ms, wanted.q_lab_from_flu, rate, thrust, Ignore.BODY_RATES)

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from drone_agent.bridge.reckoning import Motion
 from drone_agent.flight.estimator import Belief
 from drone_agent.flight.position import NO_RATE, Demand, PositionController
 from drone_agent.simulation.attitude_loop import LoopSetpoint
@@ -71,6 +72,10 @@ class BridgeHold:
         self._pos = ahead + _SHARE * missed
         self._vel = self._vel + dt_s * push + _SHARE_VEL / dt_s * missed
         self._capture_ns = t_capture_ns
+
+    def take_over(self, t_ns: int, motion: Motion) -> None:
+        """Go on from a place and a velocity that are known otherwise."""
+        self._pos, self._vel, self._capture_ns = motion.pos_lab_m.copy(), motion.vel_lab_m_s.copy(), t_ns
 
     def note(self, target: AttitudeSetpoint) -> None:
         """A setpoint of the ground's: its heading is kept, its thrust and its lean are what carries it."""

@@ -35,6 +35,8 @@ class BridgeSetpoints:
 
     def __init__(self, sysid: int, t0_ns: int, stream: StreamFailsafe, without: frozenset[str]) -> None:
         self.gate = SetpointGate(without)
+        self.pose_slides = False
+        """Whether what they are made of is not so."""
         self.refusals = Refusals()
         self.bounded = Refusals("bounded")
         """Setpoints that asked for more than is passed on."""
@@ -71,6 +73,8 @@ class BridgeSetpoints:
         stream = self._stream
         if stream.stage in (Stage.LAND, Stage.DESCEND):
             return Refusal.LANDING
+        if self.pose_slides and stream.stage in (Stage.FOLLOW, Stage.HOLD):
+            return Refusal.SLIDING_POSE
         if stream.stage is not Stage.FOLLOW:
             self.gate.forget_order()
         if not stream.obeys(frame.source) and "foreign-setpoint" not in self._without:

@@ -78,6 +78,14 @@ class Takeover:
             self._next_ns = self._next_command_ns = now_ns
         return stage
 
+    def slid(self, now_ns: int) -> bool:
+        """The body's pose slides; whether a hold begins."""
+        if not (self._offboard and self._mode_known) or self.stream.stage is not Stage.FOLLOW:
+            return False
+        self.stream.pull(Trigger.SLIDING_POSE, now_ns)
+        self._next_ns = self._next_command_ns = now_ns
+        return True
+
     def acknowledged(self, ack: CommandAck) -> None:
         """The autopilot answered one of our commands."""
         if ack.command == MavCommand.NAV_LAND and ack.result is Result.ACCEPTED:

@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from drone_agent.flight.pose_drift import ALONE_NS, PoseDrift
 from formation.maths.arrays import Quat, Vec3
 from formation.model import Vec3Tuple
 from formation.vehicle.profile import VehicleState
@@ -22,9 +23,6 @@ _RESET_AFTER_NS = 1_000_000_000
 _GATE_M = 0.3
 _GATE_GROWTH_M_S = 0.3
 _YAW_GATE_RAD = 0.35
-_VEL_GATE_M_S = 0.4
-"""What the inertial sensors may be put right by: a pose that wants more does not move as the vehicle does."""
-_KEEP_NS = 500_000_000
 _TILT_GATE = math.cos(0.35)
 _OWN_READY_NS = 2_000_000_000
 # Fraction of a pose's innovation believed at once; the velocity gain that damps it critically.
@@ -104,6 +102,11 @@ class Positioning(Protocol):
         """What the estimate's heading is off by."""
         ...
 
+    @property
+    def slides(self) -> bool:
+        """Whether the pose moves as the inertial sensors say it does not."""
+        ...
+
     def valid(self, now_ns: int) -> bool:
         """Whether a flight may go on with it."""
         ...
@@ -135,6 +138,11 @@ class OwnPositioning:
     def yaw_rad(self) -> float:
         """Nothing."""
         return 0.0
+
+    @property
+    def slides(self) -> bool:
+        """Never."""
+        return False
 
     def valid(self, now_ns: int) -> bool:
         """Once it has found itself."""
@@ -168,8 +176,13 @@ class ExternalPositioning:
         self._good_ns: int | None = None  # receipt of the last accepted pose
         self._since_ns = 0  # start of the present unbroken run of accepted poses
         self._refusal = "no external pose"
-        self._kept = self._older = (0, NO_OFFSET)
+        self._slide = PoseDrift()
         self.refused = 0
+
+    @property
+    def slides(self) -> bool:
+        """Whether the newest pose was refused for that."""
+        return self._slide.slides
 
     def offset(self, now_ns: int) -> Offset:
         """What the last pose left, and the drift since."""
@@ -204,7 +217,7 @@ class ExternalPositioning:
         measured = [p - (t + v * dt_s) for p, t, v in motion]
         refusal = self._refuse(pose.t_capture_ns, now_ns, measured, q, true_q)
         if refusal is None and not lost and self._gated:
-            refusal = self._contradiction(measured, yaw, (pose.t_capture_ns - self._capture_ns) * 1e-9, now_ns)
+            refusal = self._contradiction(pose.t_capture_ns, measured, yaw, now_ns)
         if refusal is not None:
             self.refused += 1
             self._refusal = refusal
@@ -212,14 +225,15 @@ class ExternalPositioning:
         if lost:
             self._pos, self._vel, self.yaw_rad = measured, [0.0, 0.0, 0.0], yaw
             self._since_ns = now_ns
-            self._kept = self._older = (now_ns, self.offset(now_ns))
+            if self._good_ns is None or now_ns - self._good_ns > ALONE_NS:
+                self._slide.begin(pose.t_capture_ns, measured)
+            else:
+                self._slide.place(pose.t_capture_ns, measured)
         else:
             self._correct(measured, yaw, (pose.t_capture_ns - self._capture_ns) * 1e-9)
             if now_ns - (self._good_ns or 0) > _FRESH_NS:
                 self._since_ns = now_ns
         self._capture_ns, self._good_ns = pose.t_capture_ns, now_ns
-        if now_ns - self._kept[0] >= _KEEP_NS:
-            self._older, self._kept = self._kept, (now_ns, self.offset(now_ns))
         self._refusal = "external pose is stale"
         return True
 
@@ -243,29 +257,20 @@ class ExternalPositioning:
             return "external attitude disagrees with gravity"
         return None
 
-    def _contradiction(self, measured: list[float], yaw_rad: float, dt_s: float, now_ns: int) -> str | None:
+    def _contradiction(self, t_capture_ns: int, measured: list[float], yaw_rad: float, now_ns: int) -> str | None:
         """Why a pose cannot be what the vehicle did since the last ones, by its inertial sensors."""
+        slid = self._slide.slides
         gate_m = _GATE_M + _GATE_GROWTH_M_S * (now_ns - (self._good_ns or now_ns)) * 1e-9
-        if math.dist(measured, self._pos) > gate_m:
+        if math.dist(measured, self._pos) > gate_m and not slid:
             return "external position jumped"
         if abs(math.remainder(yaw_rad - self.yaw_rad, math.tau)) > _YAW_GATE_RAD:
             return "external heading jumped"
-        gain = _GAIN_VEL / max(dt_s, 0.002)
-        if (
-            math.hypot(*(v + gain * (m - p) for v, m, p in zip(self._vel, measured, self._pos, strict=True)))
-            > _VEL_GATE_M_S
-        ):
-            self._go_back(now_ns)
-            return "external pose does not move as the vehicle does"
-        return None
-
-    def _go_back(self, now_ns: int) -> None:
-        """Reckon on from before the poses began to be wrong: half a second ago, or a whole one."""
-        since_ns, offset = self._older
-        self._pos, self._vel, self.yaw_rad = [*offset.pos_lab_m], [*offset.vel_lab_m_s], offset.yaw_rad
-        self._t_ns = since_ns
-        self._drift(now_ns)
-        self._kept = self._older
+        if not self._slide.take(t_capture_ns, measured):
+            return None
+        if not slid:  # reckon on from before it began
+            pos, vel = self._slide.offset(now_ns)
+            self._pos, self._vel = [*pos], [*vel]
+        return "external pose does not move as the vehicle does"
 
     def _drift(self, now_ns: int) -> None:
         dt_s = (now_ns - self._t_ns) * 1e-9

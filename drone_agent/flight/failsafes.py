@@ -7,7 +7,7 @@ first; the autopilot's time-outs, from its parameters, come after it.
 from math import hypot
 
 from drone_agent.autopilots.model import Task
-from drone_agent.failsafe import REPORTS, TAKEN_OVER, LinkMonitor
+from drone_agent.failsafe import REPORTS, SLIDING_POSE, TAKEN_OVER, LinkMonitor
 from drone_agent.flight.autopilot import Autopilot
 from drone_agent.flight.estimator import up_cos
 from drone_agent.flight.landing import ContactSense
@@ -65,6 +65,15 @@ class Failsafes:
         if stage is Stage.HOLD:
             pilot.say(*TAKEN_OVER)
         self._carry_out(stage, now_ns)
+
+    def check_pose(self, now_ns: int) -> None:
+        """Leave the ground's setpoints where they are made of a pose that slides: they drive the drone away."""
+        pilot = self._autopilot
+        if not pilot.positioning.slides or pilot.landed or pilot.stream.stage is not Stage.FOLLOW:
+            return
+        pilot.stream.pull(Trigger.SLIDING_POSE, now_ns)
+        pilot.say(*SLIDING_POSE)
+        pilot.fly(Task.HOLD, now_ns)
 
     def _carry_out(self, stage: Stage | None, now_ns: int) -> None:
         """Do what a stage that begins asks for."""
@@ -190,7 +199,7 @@ class Failsafes:
                 pilot.fail_safe(FlightMode.DESCEND, now_ns)
             else:
                 self._carry_out(Stage.DESCEND, now_ns)
-        elif silent_s >= _LEVEL_AFTER_S and pilot.task is Task.HOLD:
+        elif silent_s >= _LEVEL_AFTER_S and pilot.task is Task.HOLD and not pilot.positioning.slides:
             self._levelled = True
             pilot.fly(Task.LEVEL, now_ns)
 

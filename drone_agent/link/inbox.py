@@ -132,6 +132,8 @@ class Inbox:
             self._gate.forget_order()
         foreign = not pilot.stream.obeys(self._owner(source)) and "foreign-setpoint" not in pilot.without
         refusal = Refusal.FOREIGN if foreign else self._gate.judge(source, t_boot_ms, boot_ns)
+        if pilot.positioning.slides and not pilot.landed and source.system != self._config.sysid:
+            refusal = Refusal.SLIDING_POSE
         if refusal is not None:
             self.refusals.note(str(source), refusal.value, now_ns)
             return False

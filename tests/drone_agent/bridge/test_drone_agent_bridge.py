@@ -39,6 +39,8 @@ class Site:
         self.ground = Codec(GROUND)
         self.heard: list[Packet] = []
         self.mocap = True
+        self.slides_m_s, self._slid_m = 0.0, 0.0
+        """How fast the shown pose slides along x."""
         self.now_ns = 0
 
     def say(self, *messages: LinkMessage) -> None:
@@ -55,9 +57,9 @@ class Site:
             self.drone.now_ns = self.now_ns
             if self.mocap:
                 truth = self.drone.truth
-                frame = LabFrame(
-                    0, self.now_ns, ("b",), truth.pos_lab_m[None], truth.q_lab_from_flu[None], np.array([True])
-                )
+                self._slid_m += 0.01 * self.slides_m_s
+                pos = truth.pos_lab_m + np.array([self._slid_m, 0.0, 0.0])
+                frame = LabFrame(0, self.now_ns, ("b",), pos[None], truth.q_lab_from_flu[None], np.array([True]))
                 self.bridge.receive_frame(frame, self.now_ns)
             if stream is not None:
                 self.say(stream(self.drone))

@@ -1,0 +1,62 @@
+"""The autopilot's HIGHRES_IMU for the bridge: asked for where it does not come. No sockets."""
+
+from drone_agent.bridge.reckoning import Reckoning
+from wire.clock_offset import SenderClock
+from wire.link_messages.address import Address
+from wire.link_messages.commands import CommandAck, CommandLong, MavCommand, Result, command_long
+from wire.link_messages.message_id import MessageId
+from wire.link_messages.motion import InertialSample
+
+_LISTEN_NS = 1_500_000_000  # before it is asked for: the autopilot may send it anyhow
+_ASK_NS = 1_000_000_000
+_SHARE = 0.4  # of the rate wanted: what comes more slowly is asked for
+
+
+class InertialStream:
+    """One autopilot's; what it tells goes to `reckoning`."""
+
+    def __init__(self, target: Address, rate_hz: float, reckoning: Reckoning, t0_ns: int) -> None:
+        """rate_hz: wanted; 0: none, and all passes as it comes."""
+        self.passes = True
+        """Whether the ground is to hear it: it asked for it, or the autopilot had sent it unasked."""
+        self._target, self._rate_hz = target, rate_hz
+        self._reckoning = reckoning
+        self._clock = SenderClock()
+        self._asks_ns = t0_ns + _LISTEN_NS
+        self._count = 0
+        self._refused = rate_hz <= 0.0
+
+    def hear(self, sample: InertialSample, now_ns: int) -> None:
+        """A sample came."""
+        self._count += 1
+        made_ns = self._clock.made_ns(sample.t_boot_us * 1000, now_ns)
+        self._reckoning.feel(made_ns, sample.specific_force_flu_m_s2, sample.rate_flu_rad_s)
+
+    def restarted(self, now_ns: int) -> None:
+        """The autopilot is new, or was: listen, then ask again."""
+        self._asks_ns, self._count, self._refused = now_ns + _LISTEN_NS, 0, self._rate_hz <= 0.0
+
+    def answered(self, ack: CommandAck) -> None:
+        """The autopilot answered a command of ours: what it does not know is not asked for again."""
+        if ack.command == MavCommand.SET_MESSAGE_INTERVAL and ack.result is not Result.ACCEPTED:
+            self._refused = True
+
+    def due(self, now_ns: int) -> CommandLong | None:
+        """The request to send now, where too little comes."""
+        if self._refused or now_ns < self._asks_ns:
+            return None
+        lacks = self._count < _SHARE * self._rate_hz * _ASK_NS * 1e-9
+        self._asks_ns, self._count = now_ns + _ASK_NS, 0
+        if not lacks:
+            return None
+        self.passes = False
+        interval_us = 1e6 / self._rate_hz
+        return command_long(self._target, MavCommand.SET_MESSAGE_INTERVAL, float(MessageId.HIGHRES_IMU), interval_us)
+
+    def requested(self, command: CommandLong) -> bool:
+        """The ground sets a message's interval; whether that is this message's and ends here, as good as done."""
+        if command.command != MavCommand.SET_MESSAGE_INTERVAL or command.params[0] != MessageId.HIGHRES_IMU:
+            return False
+        interval_us = command.params[1]
+        self.passes = interval_us >= 0.0
+        return not self._refused and not 0.0 < interval_us <= 1e6 / self._rate_hz

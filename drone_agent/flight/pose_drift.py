@@ -1,0 +1,142 @@
+"""Whether a pose moves as the inertial sensors say: a drift of the pose is a kink in its offset from dead reckoning.
+
+Dead reckoning that nothing puts right wanders, but smoothly: its offset from the poses is a line, bent by what the
+accelerometer is wrong by. A pose that begins to slide kinks that line at once. Two fading-memory filters follow the
+offset, a fast one of first degree and a slow one of second, which learns the bend; where their slopes part, it slides.
+A third, slower still, has hardly seen the slide by then: by it the body is known for a while without its poses.
+"""
+
+import math
+from collections.abc import Sequence
+
+from formation.model import Vec3Tuple
+
+_FAST_1_S, _SLOW_1_S, _KEPT_1_S = 30.0, 8.0, 2.5
+_APART_M_S = (0.04, 0.04, 0.12)
+"""How far slopes may part: 0.37 of a slide that begins at once, 0.06 s after. The floor, as it is met, shakes the
+vertical: samples of 5 ms tell but half of that."""
+_SIGMAS, _NOISE_S = 5.5, 1.0
+"""Of the slopes' noise where that is more: of the poses', learned in so long a time, and of what the sensors tell."""
+_WALK_S = 0.02
+"""Variance of the slopes' difference over the density of a velocity's random walk, simulated."""
+ALONE_NS = 10_000_000_000
+"""After so long a slide it is the sensors that may be wrong, and all is to be learned anew: by then it has landed."""
+_BACK_RATIO, _BACK_M = 1.0, 0.05
+"""Slopes and places within which a pose is taken again."""
+_SETTLED_NS, _RESETTLED_NS = 2_500_000_000, 500_000_000
+"""So long a velocity and a bias that are not known yet take to be learned; and after a gap between poses."""
+_GAP_S = 0.2
+_AXES = range(3)
+_NO_WALK = (0.0, 0.0, 0.0)
+
+
+class PoseDrift:
+    """Follows the offset of one body's poses from its dead reckoning."""
+
+    def __init__(self) -> None:
+        self.slides = False
+        """Whether the newest pose moves as the inertial sensors say it does not."""
+        self._since_ns: int | None = None
+        self._t_ns = 0
+        self._fast = [[0.0, 0.0] for _ in _AXES]
+        self._slow = [[0.0, 0.0, 0.0] for _ in _AXES]
+        self._kept = [[0.0, 0.0, 0.0] for _ in _AXES]
+        self._noise_m2 = 0.0
+
+    def begin(self, t_ns: int, offset_m: Sequence[float]) -> None:
+        """Start anew at this offset: pose minus dead reckoning, along each axis of one frame."""
+        self._since_ns = t_ns
+        self._kept = [[0.0, 0.0, 0.0] for _ in _AXES]
+        self.place(t_ns, offset_m)
+
+    def place(self, t_ns: int, offset_m: Sequence[float]) -> None:
+        """Go on from this offset, with the slope that was known before the poses slid, or were not seen."""
+        dt_s = (t_ns - self._t_ns) * 1e-9
+        self.slides, self._t_ns = False, t_ns
+        for axis in _AXES:
+            bend = self._kept[axis][2]
+            slope = self._kept[axis][1] + dt_s * bend
+            self._fast[axis] = [offset_m[axis], slope]
+            self._slow[axis] = [offset_m[axis], slope, bend]
+            self._kept[axis] = [offset_m[axis], slope, bend]
+
+    def take(self, t_ns: int, offset_m: Sequence[float], walk_m2_s3: Sequence[float] = _NO_WALK) -> bool:
+        """Take one pose in; whether it slides. What slides does not put the reckoning right.
+
+        walk_m2_s3: density of the reckoned velocity's random walk along each axis, variance over time, by the
+        accelerometer's noise.
+        """
+        if self._since_ns is None:
+            self.begin(t_ns, offset_m)
+            return False
+        if t_ns <= self._t_ns:
+            return self.slides
+        dt_s = (t_ns - self._t_ns) * 1e-9
+        if dt_s > _GAP_S and not self.slides:
+            self._since_ns = max(self._since_ns, t_ns + _RESETTLED_NS - _SETTLED_NS)
+            self.place(t_ns, offset_m)
+            return False
+        self._t_ns = t_ns
+        fast, slow, kept = (math.exp(-pole * dt_s) for pole in (_FAST_1_S, _SLOW_1_S, _KEPT_1_S))
+        missed_m2 = 0.0
+        for axis in _AXES:
+            bend_m_s2 = self._slow[axis][2]
+            missed_m2 += _first_degree(self._fast[axis], offset_m[axis], bend_m_s2, fast, dt_s) ** 2
+            _second_degree(self._slow[axis], offset_m[axis], slow, dt_s)
+            _second_degree(self._kept[axis], None if self.slides else offset_m[axis], kept, dt_s)
+        self._noise_m2 += (1.0 - math.exp(-dt_s / _NOISE_S)) * (missed_m2 / 3.0 - self._noise_m2)
+        by_poses_m_s = math.sqrt(2.0 * ((1.0 - fast) / (1.0 + fast)) ** 3 * self._noise_m2) / dt_s
+        noise_m_s = [math.hypot(by_poses_m_s, math.sqrt(_WALK_S * walk)) for walk in walk_m2_s3]
+        if self.slides:
+            self.slides = self._ratio(self._kept, noise_m_s) > _BACK_RATIO or self._apart_m() > _BACK_M
+        else:
+            self.slides = self._ratio(self._slow, noise_m_s) > 1.0 and t_ns - self._since_ns >= _SETTLED_NS
+        return self.slides
+
+    def offset(self, t_ns: int) -> tuple[Vec3Tuple, Vec3Tuple]:
+        """What dead reckoning is off by at a time, m and m/s, as it was before any slide."""
+        dt_s = (t_ns - self._t_ns) * 1e-9
+        (px, vx, ax), (py, vy, ay), (pz, vz, az) = self._kept
+        half = 0.5 * dt_s
+        return (
+            (px + dt_s * (vx + half * ax), py + dt_s * (vy + half * ay), pz + dt_s * (vz + half * az)),
+            (vx + dt_s * ax, vy + dt_s * ay, vz + dt_s * az),
+        )
+
+    def _ratio(self, curves: list[list[float]], noise_m_s: list[float]) -> float:
+        """How far the fast slopes are from those, over what they may be."""
+        x, y, z = (
+            (fast[1] - curve[1]) / max(least, _SIGMAS * noise)
+            for fast, curve, least, noise in zip(self._fast, curves, _APART_M_S, noise_m_s, strict=True)
+        )
+        return max(math.hypot(x, y), abs(z))
+
+    def _apart_m(self) -> float:
+        """How far the poses have slid."""
+        return math.hypot(*(fast[0] - curve[0] for fast, curve in zip(self._fast, self._kept, strict=True)))
+
+
+def _first_degree(line: list[float], measured: float, bend: float, kept: float, dt_s: float) -> float:
+    """Fading-memory filter of place and rate (Morrison 1969, chapter 13), in place; kept: a sample's weight after dt_s.
+
+    bend: known otherwise. Returns by how much it missed. Of the variance of white noise in `measured` the rate has
+    2 (1 - kept)^3 / (1 + kept)^3 / dt_s^2.
+    """
+    line[0] += dt_s * (line[1] + 0.5 * dt_s * bend)
+    line[1] += dt_s * bend
+    missed = measured - line[0]
+    line[0] += (1.0 - kept * kept) * missed
+    line[1] += (1.0 - kept) ** 2 / dt_s * missed
+    return missed
+
+
+def _second_degree(curve: list[float], measured: float | None, kept: float, dt_s: float) -> None:
+    """The same with acceleration; only carried on where nothing was measured."""
+    curve[0] += dt_s * (curve[1] + 0.5 * dt_s * curve[2])
+    curve[1] += dt_s * curve[2]
+    if measured is None:
+        return
+    missed = measured - curve[0]
+    curve[0] += (1.0 - kept**3) * missed
+    curve[1] += 1.5 * (1.0 - kept) ** 2 * (1.0 + kept) / dt_s * missed
+    curve[2] += (1.0 - kept) ** 3 / dt_s**2 * missed

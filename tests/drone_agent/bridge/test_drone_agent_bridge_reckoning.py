@@ -1,0 +1,221 @@
+"""The bridge's dead reckoning by HIGHRES_IMU, and what it does where the poses do not move so."""
+
+import numpy as np
+import pytest
+from agent_harness import MS, Harness, S, hover_over
+from test_drone_agent_bridge import Site
+
+from drone_agent.bridge.core import BridgeCore
+from drone_agent.bridge.inertial_stream import InertialStream
+from drone_agent.bridge.reckoning import Reckoning
+from drone_agent.config import AgentConfig
+from drone_agent.core import AgentCore
+from formation.maths.arrays import Quat, Vec3
+from formation.maths.frames import from_rotation_vector, inverse, rotate
+from formation.messages import Datagram
+from wire.link_messages.address import BRIDGE_COMPONENT, GROUND, Address
+from wire.link_messages.commands import CommandAck, CommandLong, MavCommand, Result, command_long
+from wire.link_messages.motion import InertialSample
+from wire.link_messages.setpoints import AttitudeSetpoint
+from wire.mavlink.codec import Codec
+
+DRONE, BRIDGE = Address(1, 1), Address(1, BRIDGE_COMPONENT)
+IMU = 105.0
+G = np.array([0.0, 0.0, 9.80665])
+
+
+class Circle:
+    """A body that flies a circle of 0.5 m in 4 s while it turns and leans; its state is known in closed form."""
+
+    rate_flu_rad_s = np.array([0.2, -0.1, 0.7])
+
+    def at(self, t_s: float) -> tuple[Vec3, Vec3, Quat, Vec3]:
+        """Place, velocity, attitude, specific force in the body's axes."""
+        w = np.pi / 2
+        c, s = np.cos(w * t_s), np.sin(w * t_s)
+        q = from_rotation_vector(self.rate_flu_rad_s * t_s)
+        force = rotate(inverse(q), G + 0.5 * w * w * np.array([-c, -s, 0.0]))
+        return 0.5 * np.array([c, s, 2.0]), 0.5 * w * np.array([-s, c, 0.0]), q, force
+
+
+def reckoned(
+    seconds: float,
+    slide: Vec3 | None = None,
+    *,
+    lag_ms: int = 0,
+    bias: float = 0.2,
+    noise: float = 0.3,
+    gap_s: tuple[float, float] = (1e9, 1e9),
+) -> tuple[Reckoning, list[float]]:
+    """A flight that slides from 6 s on, its sensors `lag_ms` later than its poses; when it was found to slide."""
+    rng, reckoning, body, found = np.random.default_rng(4), Reckoning(), Circle(), []
+    for ms in range(0, round(seconds * 1000)):
+        felt_ms = ms - lag_ms
+        if felt_ms >= 0 and felt_ms % 10 == 0 and not gap_s[0] < felt_ms * 1e-3 < gap_s[1]:
+            force = body.at(felt_ms * 1e-3 - 0.005)[3] + bias + noise * rng.standard_normal(3)
+            reckoning.feel(felt_ms * MS, force, body.rate_flu_rad_s)
+        if ms % 10 == 3:
+            pos, _, q, _ = body.at(ms * 1e-3)
+            pushed = 0.0 if slide is None else slide * max(ms * 1e-3 - 6.0, 0.0)
+            reckoning.see(ms * MS, pos + pushed + 0.0003 * rng.standard_normal(3), q)
+            if reckoning.slides:
+                found.append(ms * 1e-3)
+    return reckoning, found
+
+
+@pytest.mark.parametrize("lag_ms", [0, 4, 25])
+def test_a_body_that_moves_as_it_is_seen_to_does_not_slide(lag_ms: int) -> None:
+    assert reckoned(60.0, lag_ms=lag_ms)[1] == []
+
+
+@pytest.mark.parametrize("slide", [(0.15, 0.0, 0.0), (0.0, -0.3, 0.0), (0.5, 0.5, 0.0), (0.0, 0.0, 0.5)])
+@pytest.mark.parametrize("lag_ms", [0, 25])
+def test_a_pose_that_slides_is_found_and_the_body_known_without_it(
+    slide: tuple[float, float, float], lag_ms: int
+) -> None:
+    reckoning, found = reckoned(6.6, np.array(slide), lag_ms=lag_ms, bias=0.1)
+    assert 6.0 < found[0] < 6.3 + lag_ms * 1e-3
+    pos, vel, _, _ = Circle().at(6.6)
+    at = reckoning.at(6600 * MS)
+    assert np.linalg.norm(at.pos_lab_m - pos) < 0.1
+    assert np.linalg.norm(at.vel_lab_m_s - vel) < 0.2
+
+
+def test_where_the_sensors_are_silent_nothing_is_judged() -> None:
+    slide = np.array([0.5, 0.0, 0.0])
+    assert reckoned(9.0, slide, gap_s=(5.0, 1e9))[1] == []
+    assert reckoned(9.0, slide, gap_s=(5.0, 6.1))[1] == []  # begun anew, while it slid
+    assert reckoned(9.0, slide, gap_s=(5.0, 5.05))[1][0] < 6.2
+
+
+def test_the_poses_are_right_again_after_ten_seconds() -> None:
+    found = reckoned(20.0, np.array([0.5, 0.0, 0.0]))[1]
+    assert found[-1] - found[0] == pytest.approx(10.0, abs=0.05)
+
+
+def test_a_body_that_is_hidden_for_a_second_is_judged_again_at_once() -> None:
+    rng, reckoning, body, found = np.random.default_rng(4), Reckoning(), Circle(), []
+    for ms in range(0, 8000, 10):
+        reckoning.feel(ms * MS, body.at(ms * 1e-3 - 0.005)[3] + 0.3 * rng.standard_normal(3), body.rate_flu_rad_s)
+        if not 5000 < ms < 6000:
+            pos, _, q, _ = body.at(ms * 1e-3)
+            reckoning.see(ms * MS, pos + np.array([0.3 * max(ms * 1e-3 - 7.0, 0.0), 0.0, 0.0]), q)
+            found += [ms * 1e-3] if reckoning.slides else []
+    assert 7.0 < found[0] < 7.2
+
+
+def test_samples_that_no_accelerometer_shows_or_that_come_late_are_left_out() -> None:
+    reckoning, body = Reckoning(), Circle()
+    for ms in range(0, 8000, 10):
+        pos, _, q, force = body.at(ms * 1e-3)
+        for t_ms, felt in ((ms, force), (ms, 50.0 * force), (ms - 30, -force), (ms + 1, np.full(3, 3e38))):
+            reckoning.feel(t_ms * MS, felt, body.rate_flu_rad_s)
+        reckoning.see(ms * MS, pos, q)
+        reckoning.see((ms - 20) * MS, pos + 9.0, q)
+        assert not reckoning.slides
+
+
+class Asked:
+    """A stream whose requests are kept, with an autopilot that sends what it likes."""
+
+    def __init__(self, rate_hz: float = 100.0) -> None:
+        self.stream = InertialStream(DRONE, rate_hz, Reckoning(), 0)
+        self.requests: list[CommandLong] = []
+        self.now_ns = 0
+
+    def run(self, seconds: float, rate_hz: float = 0.0) -> None:
+        for _ in range(round(seconds * 100)):
+            self.now_ns += 10 * MS
+            if rate_hz and self.now_ns // (10 * MS) % round(100 / rate_hz) == 0:
+                self.stream.hear(InertialSample(self.now_ns // 1000, G, np.zeros(3)), self.now_ns)
+            request = self.stream.due(self.now_ns)
+            self.requests += [request] if request is not None else []
+
+
+def test_it_is_asked_for_until_enough_comes_and_kept_from_who_did_not_ask() -> None:
+    asked = Asked()
+    asked.run(4.0)
+    assert [r.params[:2] for r in asked.requests] == [(IMU, 10_000.0)] * 3
+    assert not asked.stream.passes
+    asked.run(5.0, rate_hz=50.0)
+    assert len(asked.requests) <= 4
+    assert not asked.stream.requested(command_long(DRONE, MavCommand.SET_MESSAGE_INTERVAL, 30.0, 1e4))
+    assert not asked.stream.requested(command_long(DRONE, MavCommand.SET_MESSAGE_INTERVAL, IMU, 5e3))
+    assert asked.stream.passes
+    assert asked.stream.requested(command_long(DRONE, MavCommand.SET_MESSAGE_INTERVAL, IMU, -1.0))
+    assert not asked.stream.passes
+    assert asked.stream.requested(command_long(DRONE, MavCommand.SET_MESSAGE_INTERVAL, IMU, 1e5))
+    assert asked.stream.passes
+
+
+def test_what_comes_unasked_passes() -> None:
+    asked = Asked()
+    asked.run(5.0, rate_hz=50.0)
+    assert asked.requests == []
+    assert asked.stream.passes
+
+
+def test_who_does_not_know_it_is_asked_once_and_again_after_a_restart() -> None:
+    asked = Asked()
+    asked.run(2.0)
+    asked.stream.answered(CommandAck(BRIDGE, MavCommand.SET_MESSAGE_INTERVAL, Result.UNSUPPORTED))
+    asked.run(5.0)
+    assert len(asked.requests) == 1
+    assert not asked.stream.requested(command_long(DRONE, MavCommand.SET_MESSAGE_INTERVAL, IMU, -1.0))
+    asked.stream.restarted(asked.now_ns)
+    asked.run(2.0)
+    assert len(asked.requests) == 2
+
+
+def test_a_bridge_that_wants_none_leaves_it_alone() -> None:
+    asked = Asked(0.0)
+    asked.run(5.0)
+    assert asked.requests == []
+    assert not asked.stream.requested(command_long(DRONE, MavCommand.SET_MESSAGE_INTERVAL, IMU, -1.0))
+
+
+def test_the_request_of_a_ground_for_less_ends_here_and_is_answered() -> None:
+    bridge, ground = BridgeCore(AgentConfig(bridge="udp:h:1", body="b"), 0), Codec(GROUND)
+    bridge.tick(0)
+    for interval_us, passes in ((-1.0, False), (5e3, True)):
+        asks = ground.encode(command_long(DRONE, MavCommand.SET_MESSAGE_INTERVAL, IMU, interval_us))
+        bridge.receive_ground(Datagram(1, asks), MS)
+        out = bridge.tick(MS)
+        assert bool(out.to_autopilot) is passes
+        acks = [p for d in out.to_ground for p in ground.receive(d.data) if isinstance(p.message, CommandAck)]
+        assert [(p.source, p.message.result) for p in acks] == [] if passes else [(DRONE, Result.ACCEPTED)]
+
+
+def blind(site: Site) -> Site:
+    """With an autopilot that follows whatever pose it is told, as one does whose gates are wide."""
+    site.drone.core = AgentCore(site.drone.config, 0, frozenset({"pose-rejected"}))
+    return site
+
+
+@pytest.mark.parametrize("speed_m_s", [0.15, 0.35, 1.0])
+def test_in_flight_it_leaves_the_setpoints_holds_by_the_sensors_and_comes_down(speed_m_s: float) -> None:
+    site = blind(Site())
+    site.fly(1.0, hover_over(0.0, 0.0, 1.0))
+    place, t0_ns = site.drone.truth.pos_lab_m, site.now_ns
+
+    def led_away(drone: Harness) -> AttitudeSetpoint:
+        """By a ground that holds it where the sliding pose says."""
+        return hover_over(-speed_m_s * (site.now_ns - t0_ns) / S, 0.0, 1.0)(drone)
+
+    site.slides_m_s = speed_m_s
+    site.run(5.0, led_away)
+    assert site.texts().count("Pose does not move as the drone does: hold") == 1
+    assert "No pose to land on: coming down level" in site.texts()
+    truth = site.drone.truth
+    assert truth.on_ground
+    assert np.linalg.norm((truth.pos_lab_m - place)[:2]) < 0.3
+
+
+def test_a_flight_without_a_slide_is_left_alone() -> None:
+    site = blind(Site())
+    site.fly(0.6, hover_over(0.0, 0.0, 0.6))
+    for k in range(12):
+        place = 0.4 * np.array([np.cos(k), np.sin(k)])
+        site.run(1.0, hover_over(float(place[0]), float(place[1]), 0.6))
+    assert not any("move as the drone does" in text for text in site.texts())
+    assert not any(isinstance(p.message, InertialSample) for p in site.heard)

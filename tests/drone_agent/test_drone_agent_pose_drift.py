@@ -1,0 +1,125 @@
+"""Poses that begin to slide, against inertial sensors that are wrong and noisy; nothing else is found."""
+
+import numpy as np
+import pytest
+from agent_harness import LEVEL, MS, Harness, S, hover_at, hover_over
+
+from drone_agent.flight.pose_drift import PoseDrift
+from drone_agent.stages import Stage
+from formation.maths.arrays import Float
+from formation.maths.frames import from_rotation_vector
+from wire.link_messages.motion import LocalPosition
+from wire.link_messages.setpoints import AttitudeSetpoint
+
+STEP_S = 0.015
+WALK = 0.03
+"""Velocity random walk of an accelerometer with 0.3 m/s^2 RMS in samples at 100 Hz, m/s per root second."""
+
+
+def wandering(seconds: float, seed: int, noise_m: float, bias_m_s2: Float, walk: float = WALK) -> Float:
+    """Offsets of true poses from dead reckoning: what bias and noise of the accelerometer make of it."""
+    rng = np.random.default_rng(seed)
+    steps = round(seconds / STEP_S)
+    vel = np.cumsum(bias_m_s2 * STEP_S + walk * np.sqrt(STEP_S) * rng.standard_normal((steps, 3)), axis=0)
+    offset: Float = -np.cumsum(vel * STEP_S, axis=0) + noise_m * rng.standard_normal((steps, 3))
+    return offset
+
+
+def slid(offsets: Float, slide: Float | None = None, from_s: float = 1e9) -> list[bool]:
+    drift, told = PoseDrift(), []
+    for k, offset in enumerate(offsets):
+        pushed = offset if slide is None else offset + slide * max(k * STEP_S - from_s, 0.0)
+        told.append(drift.take(round(k * STEP_S * S), pushed.tolist(), [WALK * WALK] * 3))
+    return told
+
+
+@pytest.mark.parametrize("heading_rad", [0.0, 2.0, 4.0])
+@pytest.mark.parametrize("speed_m_s", [0.15, 0.2, 0.5, 2.0])
+def test_a_slide_is_found_within_a_third_of_a_second(speed_m_s: float, heading_rad: float) -> None:
+    slide = speed_m_s * np.array([np.cos(heading_rad), np.sin(heading_rad), 0.0])
+    for seed in range(5):
+        told = slid(wandering(12.0, seed, 0.0003, np.array([0.3, -0.2, 0.1])), slide, 10.0)
+        first_s = told.index(True) * STEP_S
+        assert 10.0 < first_s < 10.33, (seed, first_s)
+
+
+@pytest.mark.parametrize(("noise_m", "bias_m_s2"), [(0.0003, 0.1), (0.001, 0.8), (0.004, 0.3), (0.01, 0.0)])
+def test_nothing_is_found_where_nothing_slides(noise_m: float, bias_m_s2: float) -> None:
+    for seed in range(3):
+        assert not any(slid(wandering(600.0, seed, noise_m, np.full(3, bias_m_s2))))
+
+
+def test_a_change_of_what_the_sensor_is_wrong_by_is_none() -> None:
+    """A lean of 2 degrees between the sensor's level and the markers', seen as the drone turns."""
+    steps = round(60.0 / STEP_S)
+    turned = 0.6 * np.arange(steps) * STEP_S
+    force = 0.35 * np.stack([np.cos(turned), np.sin(turned), 0.0 * turned], axis=1)
+    assert not any(slid(-np.cumsum(np.cumsum(force * STEP_S, axis=0) * STEP_S, axis=0)))
+
+
+def test_what_it_was_off_by_is_carried_on_and_a_pose_that_comes_back_is_taken() -> None:
+    drift = PoseDrift()
+    for k in range(2000):
+        t_s = k * STEP_S
+        slide = 0.4 * (t_s - 15.0) if 15.0 < t_s < 15.6 else 0.0
+        told = drift.take(round(t_s * S), [0.1 * t_s + slide, -0.05 * t_s * t_s, 0.0])
+        if 15.1 < t_s < 15.6:
+            assert told
+            place, rate = drift.offset(round(t_s * S))
+            assert place == pytest.approx([0.1 * t_s, -0.05 * t_s * t_s, 0.0], abs=0.03)
+            assert rate == pytest.approx([0.1, -0.1 * t_s, 0.0], abs=0.08)
+        elif t_s < 15.0 or t_s > 16.2:
+            assert not told
+
+
+def test_a_pose_that_is_not_newer_changes_nothing() -> None:
+    drift = PoseDrift()
+    for k in range(200):
+        drift.take(k * 15 * MS, [0.0, 0.0, 0.0])
+    for t_ns in (2985 * MS, 100 * MS):
+        assert not drift.take(t_ns, [5.0, 0.0, 0.0])
+    assert not drift.take(3000 * MS, [0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+@pytest.mark.parametrize("speed_m_s", [0.15, 0.5])
+def test_in_flight_the_drone_leaves_the_setpoints_holds_and_comes_down(autopilot: str, speed_m_s: float) -> None:
+    options = {"GUID_OPTIONS": 8.0} if autopilot == "ardupilot" else {}
+    harness = Harness(pose="mocap", autopilot=autopilot, profile="px4_quad", parameters=options)
+    harness.fly_offboard(1.0, hover_over(0.0, 0.0, 1.0))
+    shown = np.zeros(3)
+
+    def by_what_is_shown(drone: Harness) -> AttitudeSetpoint:
+        """A ground that believes the poses: it holds the drone where it seems to be."""
+        truth, seems_m_s = drone.truth, drone.truth.vel_lab_m_s[:2] + np.array([speed_m_s, 0.0])
+        asked = -1.5 * (truth.pos_lab_m + shown)[:2] - 2.2 * seems_m_s
+        lean = np.clip(asked / 9.8, -0.2, 0.2)
+        level = hover_at(1.0)(drone)
+        assert level is not None
+        return level._replace(q_lab_from_flu=from_rotation_vector(np.array([-lean[1], lean[0], 0.0])))
+
+    start = harness.truth.pos_lab_m
+    for _ in range(500):
+        shown[0] += 0.01 * speed_m_s
+        harness.run(0.01, by_what_is_shown, mocap=False)
+        harness.show(harness.truth.pos_lab_m + shown)
+    texts = harness.texts()
+    assert texts.count("Pose does not move as the drone does: hold") == 1
+    assert any(text.startswith("255/") and "pose does not move" in text for text in texts)
+    assert np.linalg.norm((harness.truth.pos_lab_m - start)[:2]) < 0.25
+    assert harness.truth.on_ground
+    harness.run(3.0)
+    assert not harness.core.autopilot.armed
+
+
+def test_a_moment_of_it_is_held_through() -> None:
+    harness = Harness(pose="mocap", profile="px4_quad")
+    harness.fly_offboard(1.0, hover_over(0.0, 0.0, 1.0))
+    for k in range(60):
+        harness.run(0.01, hover_over(0.0, 0.0, 1.0), mocap=False)
+        harness.show(harness.truth.pos_lab_m + np.array([0.003 * min(k, 15), 0.0, 0.0]) * (k < 25), LEVEL)
+        if k == 20:
+            assert harness.core.autopilot.stream.stage is Stage.HOLD
+    harness.run(0.5, hover_over(0.0, 0.0, 1.0))
+    assert harness.core.autopilot.stream.stage is Stage.FOLLOW
+    assert harness.last(LocalPosition).pos_lab_m == pytest.approx(harness.truth.pos_lab_m, abs=0.03)

@@ -68,7 +68,7 @@ class AgentCore:
         vehicle, air = config.true_vehicle(), config.disturbance
         self._airframe = Airframe(vehicle, air, start, config.start_yaw_rad, t0_ns, lean, physics)
         self._inertial = InertialSensor(config.inertial_error, config.accel_bias_lab_m_s2, config.sysid)
-        self._positioning = _positioning(config, t0_ns, gated="pose-rejected" not in without)
+        self._positioning = _positioning(config, t0_ns, without)
         self.autopilot = Autopilot(config, model, self.parameters, self._airframe, self._positioning, without)
         self._failsafes = Failsafes(self.autopilot, profile(config.profile, config.profiles))
         rates_hz = {**model.rates_hz, AGE: config.age_rate_hz, **config.rates_hz}
@@ -260,7 +260,8 @@ def _first_values(config: AgentConfig, table: AutopilotTable) -> dict[str, float
     return {**values, **(table.indoor if config.pose == "mocap" else {}), **config.parameters}
 
 
-def _positioning(config: AgentConfig, t0_ns: int, *, gated: bool) -> Positioning:
+def _positioning(config: AgentConfig, t0_ns: int, without: frozenset[str]) -> Positioning:
     if config.pose == "own":
         return OwnPositioning(t0_ns)
-    return ExternalPositioning(config.accel_bias_lab_m_s2, gated=gated)
+    gated, slides = "pose-rejected" not in without, "pose-slides" not in without
+    return ExternalPositioning(config.accel_bias_lab_m_s2, gated=gated, finds_slides=slides)

@@ -12,6 +12,7 @@ MONITORS = (
     "land-ends",  # sinks ever faster where a landing takes too long
     "touch-down",  # the floor must carry it before the motors fade
     "pose-rejected",  # by the agent's own estimator
+    "pose-slides",  # neither poses nor setpoints count that move as the inertial sensors do not
     "motor-failure",  # an attitude that the motors cannot reach
     "stop-latch",  # no arming after a stop until it was seen at rest
 )

@@ -111,8 +111,8 @@ class BridgeCore:
         self._hold_ns = t0_ns
         reckoning = Reckoning()
         self._inertial = InertialStream(self._target, config.inertial_rate_hz, reckoning, t0_ns)
-        gated = "pose-rejected" not in without
-        self._feed = BodyFeed(config.body_name, self._hold, reckoning, t0_ns, gated=gated)
+        finds = "pose-slides" not in without
+        self._feed = BodyFeed(config.body_name, self._hold, reckoning, t0_ns, finds_slides=finds)
         self._age_sent_ns = t0_ns
         self._strangers: set[int] = set()
         self._to_ground: list[bytes] = []

@@ -16,9 +16,9 @@ _RECKONED_NS = 500_000_000
 class BodyFeed:
     """One body's poses; `hold` follows them, and the inertial sensors for a moment where the poses slide."""
 
-    def __init__(self, body: str, hold: BridgeHold, reckoning: Reckoning, t0_ns: int, *, gated: bool) -> None:
-        """gated: whether poses are held against what the inertial sensors say."""
-        self._body, self._hold, self._reckoning, self._gated = body, hold, reckoning, gated
+    def __init__(self, body: str, hold: BridgeHold, reckoning: Reckoning, t0_ns: int, *, finds_slides: bool) -> None:
+        """finds_slides: whether poses are held against what the inertial sensors say."""
+        self._body, self._hold, self._reckoning, self._finds_slides = body, hold, reckoning, finds_slides
         self._pose_due_ns = t0_ns
         self._seen_ns: int | None = None
         self._slides_ns: int | None = None
@@ -46,7 +46,7 @@ class BodyFeed:
         if not frame.seen[index] or not np.isfinite(pos).all() or not np.isfinite(q).all():
             return None
         self._reckoning.see(t_ns, pos, q)
-        if self._gated and self._reckoning.slides:
+        if self._finds_slides and self._reckoning.slides:
             moves = self._reckoning.at(t_ns)
             if self._slides_ns is None:
                 self._slides_ns = now_ns

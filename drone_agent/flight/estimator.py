@@ -164,10 +164,13 @@ class OwnPositioning:
 class ExternalPositioning:
     """The external pose alone: not ready without it, valid for a second after it."""
 
-    def __init__(self, bias_lab_m_s2: Vec3Tuple, *, gated: bool = True) -> None:
-        """gated: whether poses are held against what the inertial sensors say."""
+    def __init__(self, bias_lab_m_s2: Vec3Tuple, *, gated: bool = True, finds_slides: bool = True) -> None:
+        """gated: whether poses are held against what the inertial sensors say of place and attitude.
+
+        finds_slides: and of motion.
+        """
         self._bias = bias_lab_m_s2
-        self._gated = gated
+        self._gated, self._finds_slides = gated, finds_slides
         self._pos = [0.0, 0.0, 0.0]
         self._vel = [0.0, 0.0, 0.0]
         self.yaw_rad = 0.0
@@ -217,7 +220,9 @@ class ExternalPositioning:
         measured = [p - (t + v * dt_s) for p, t, v in motion]
         refusal = self._refuse(pose.t_capture_ns, now_ns, measured, q, true_q)
         if refusal is None and not lost and self._gated:
-            refusal = self._contradiction(pose.t_capture_ns, measured, yaw, now_ns)
+            refusal = self._jump(measured, yaw, now_ns)
+        if refusal is None and not lost and self._finds_slides:
+            refusal = self._slip(pose.t_capture_ns, measured, now_ns)
         if refusal is not None:
             self.refused += 1
             self._refusal = refusal
@@ -257,14 +262,18 @@ class ExternalPositioning:
             return "external attitude disagrees with gravity"
         return None
 
-    def _contradiction(self, t_capture_ns: int, measured: list[float], yaw_rad: float, now_ns: int) -> str | None:
-        """Why a pose cannot be what the vehicle did since the last ones, by its inertial sensors."""
-        slid = self._slide.slides
+    def _jump(self, measured: list[float], yaw_rad: float, now_ns: int) -> str | None:
+        """Why a pose cannot be where the vehicle is, by its inertial sensors."""
         gate_m = _GATE_M + _GATE_GROWTH_M_S * (now_ns - (self._good_ns or now_ns)) * 1e-9
-        if math.dist(measured, self._pos) > gate_m and not slid:
+        if math.dist(measured, self._pos) > gate_m and not self._slide.slides:
             return "external position jumped"
         if abs(math.remainder(yaw_rad - self.yaw_rad, math.tau)) > _YAW_GATE_RAD:
             return "external heading jumped"
+        return None
+
+    def _slip(self, t_capture_ns: int, measured: list[float], now_ns: int) -> str | None:
+        """Why a pose cannot be what the vehicle did since the last ones, by its inertial sensors."""
+        slid = self._slide.slides
         if not self._slide.take(t_capture_ns, measured):
             return None
         if not slid:  # reckon on from before it began

@@ -26,7 +26,9 @@ ENOUGH = 0.95
 """The share of a monitor's runs that must fail without it."""
 LATE = ("stale-setpoint", "rule-setpoints-late", "rule-setpoints-stale")
 """Who acts on setpoints that reach a drone late."""
-LOST = ("pose-rejected", "rule-unseen", "rule-lost")
+ESTIMATE = ("pose-rejected", "pose-slides")
+"""Who acts on poses that a drone's own estimator contradicts."""
+LOST = (*ESTIMATE, "rule-unseen", "rule-lost")
 """Who acts on poses that are old."""
 ASTRAY = ("rule-outside-fence", "rule-far-outside", "rule-astray", "rule-attitude-miss")
 """Who acts on a drone that is not where it is led."""
@@ -183,11 +185,11 @@ def _armed_in_air(monitor: str) -> Control:
 CONTROLS: Mapping[str, Control] = MappingProxyType(
     {
         "gate-freeze": Control(
-            _pose(Family.FREEZE, (2.0, 4.0), phase="TAKEOFF", after_s=0.5), ("gate-flip", "gate-jump", "pose-rejected")
+            _pose(Family.FREEZE, (2.0, 4.0), phase="TAKEOFF", after_s=0.5), ("gate-flip", "gate-jump", *ESTIMATE)
         ),
-        "gate-jump": Control(_pose(Family.JUMP, (0.6, 1.0), (0.9, 1.2), heading_rad=-pi / 2), ("pose-rejected",)),
+        "gate-jump": Control(_pose(Family.JUMP, (0.6, 1.0), (0.9, 1.2), heading_rad=-pi / 2), ESTIMATE),
         "gate-swap": Control(
-            _pose(Family.SWAP, (0.8, 1.2), body="leader", other="f2"), ("gate-jump", "gate-flip", "pose-rejected")
+            _pose(Family.SWAP, (0.8, 1.2), body="leader", other="f2"), ("gate-jump", "gate-flip", *ESTIMATE)
         ),
         "gate-stamp": Control(_pose(Family.STAMP_OFFSET, (8.0, 9.0), (0.3, 0.38)), (*LATE, *LOST, *ASTRAY)),
         "stale-setpoint": Control(_late, _others(LATE, "stale-setpoint")),
@@ -198,7 +200,11 @@ CONTROLS: Mapping[str, Control] = MappingProxyType(
         "own-land": Control(_ground_killed, ("stream-stale",), autopilot="ardupilot"),
         "pose-rejected": Control(
             _killed_then(Family.JUMP, (2.2, 2.4), (1.2, 1.2), severity=1.0, heading_rad=-pi / 2),
-            ("gate-jump",), "hold", fails=("separation",), alone=True,
+            ("gate-jump", "pose-slides"), "hold", fails=("separation",), alone=True,
+        ),
+        "pose-slides": Control(
+            _pose(Family.DRIFT, (2.5, 3.0), (0.3, 0.5), heading_rad=-pi / 2),
+            kind="hold", fails=("separation",), alone=True,
         ),
         "motor-failure": Control(_dead_motor, _others(TILTED, "motor-failure")),
         "stop-latch": Control(

@@ -16,7 +16,7 @@ REDUNDANT: Mapping[str, str] = MappingProxyType(
         "gate-flip": "motors are cut by two witnesses alone, and each autopilot flies by its own attitude",
         "gate-yaw-rate": "slots are followed at limits.speed_m_s at most; autopilots know their own heading",
         "level-blind": "by luck of what the noise was: rule-lost lets go of it after 0.4 s",
-        "touch-down": "pose-rejected: no pose that stands still is taken while the drone comes down",
+        "touch-down": "pose-slides: no pose that stands still is taken while the drone comes down",
         "land-ends": "a blind descent ends by its thrust, and the ground lets go of who does not come down",
         "keep-out": "the separation filter keeps clear of the last place; unseen, a drone levels and comes down there",
         "speed-limit": "references are slow, and gate, separation filter and fence keep what would make them fast",

@@ -188,7 +188,7 @@ def test_the_request_of_a_ground_for_less_ends_here_and_is_answered() -> None:
 
 def blind(site: Site) -> Site:
     """With an autopilot that follows whatever pose it is told, as one does whose gates are wide."""
-    site.drone.core = AgentCore(site.drone.config, 0, frozenset({"pose-rejected"}))
+    site.drone.core = AgentCore(site.drone.config, 0, frozenset({"pose-slides"}))
     return site
 
 

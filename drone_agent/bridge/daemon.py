@@ -1,6 +1,7 @@
 """The bridge's process: pumps BridgeCore between the ground's link, the bus and the autopilot's own port."""
 
 import sys
+from math import inf
 
 from drone_agent.bridge.core import BridgeCore
 from drone_agent.config import AgentConfig
@@ -15,9 +16,12 @@ from wire.process.progress import compile_all
 from wire.refusals import Refusals
 from wire.transport.link import Link
 from wire.transport.mocap_bus import MocapBus
-from wire.transport.serial_link import open_serial
+from wire.transport.serial_link import device_and_baud, open_serial
 from wire.transport.udp_bus import open_udp_direct
 from wire.transport.zenoh_bus import ZenohBus
+
+_BITS = 10  # a byte on a serial line
+_INERTIAL_BYTES, _INERTIAL_SHARE = 75, 0.25  # of HIGHRES_IMU, framed; of the line
 
 
 class _Pump:
@@ -68,6 +72,7 @@ async def run_bridge(config: AgentConfig, autopilot: str, tell: Tell, clock: Clo
     """
     stop = Stop()
     compile_all("drone-agent", position.warm_up, sys.stderr)
+    config = config.model_copy(update={"inertial_rate_hz": min(config.inertial_rate_hz, room_hz_of(autopilot))})
     core = BridgeCore(config, clock.monotonic_ns(), serial=autopilot.startswith("serial:"))
     pump = _Pump(core, tell, clock)
     bus: ZenohBus | None = None
@@ -85,6 +90,15 @@ async def run_bridge(config: AgentConfig, autopilot: str, tell: Tell, clock: Clo
                 link.close()
         if bus is not None:
             await bus.close()
+
+
+def room_hz_of(autopilot: str) -> float:
+    """How many HIGHRES_IMU a second fill no more than their share of the line; infinite where it is none."""
+    try:
+        _, baud = device_and_baud(autopilot)
+    except ValueError:
+        return inf
+    return _INERTIAL_SHARE * baud / (_BITS * _INERTIAL_BYTES)
 
 
 async def _open_autopilot(text: str, sysid: int, pump: _Pump) -> Link:

@@ -80,17 +80,18 @@ class PoseDrift:
         fast, slow, kept = (math.exp(-pole * dt_s) for pole in (_FAST_1_S, _SLOW_1_S, _KEPT_1_S))
         missed_m2 = 0.0
         for axis in _AXES:
-            bend_m_s2 = self._slow[axis][2]
-            missed_m2 += _first_degree(self._fast[axis], offset_m[axis], bend_m_s2, fast, dt_s) ** 2
-            _second_degree(self._slow[axis], offset_m[axis], slow, dt_s)
-            _second_degree(self._kept[axis], None if self.slides else offset_m[axis], kept, dt_s)
-        self._noise_m2 += (1.0 - math.exp(-dt_s / _NOISE_S)) * (missed_m2 / 3.0 - self._noise_m2)
+            measured = None if self.slides else offset_m[axis]
+            missed_m2 += _first_degree(self._fast[axis], offset_m[axis], self._slow[axis][2], fast, dt_s) ** 2
+            _second_degree(self._slow[axis], measured, slow, dt_s)
+            _second_degree(self._kept[axis], measured, kept, dt_s)
+        if not self.slides:
+            self._noise_m2 += (1.0 - math.exp(-dt_s / _NOISE_S)) * (missed_m2 / 3.0 - self._noise_m2)
         by_poses_m_s = math.sqrt(2.0 * ((1.0 - fast) / (1.0 + fast)) ** 3 * self._noise_m2) / dt_s
         noise_m_s = [math.hypot(by_poses_m_s, math.sqrt(_WALK_S * walk)) for walk in walk_m2_s3]
         if self.slides:
             self.slides = self._ratio(self._kept, noise_m_s) > _BACK_RATIO or self._apart_m() > _BACK_M
-        else:
-            self.slides = self._ratio(self._slow, noise_m_s) > 1.0 and t_ns - self._since_ns >= _SETTLED_NS
+        elif self._ratio(self._slow, noise_m_s) > 1.0 and t_ns - self._since_ns >= _SETTLED_NS:
+            self.slides, self._slow = True, [[*curve] for curve in self._kept]
         return self.slides
 
     def offset(self, t_ns: int) -> tuple[Vec3Tuple, Vec3Tuple]:

@@ -42,10 +42,15 @@ class SerialLink:
             self._deliver(Datagram(self._sysid, data))
 
 
-async def open_serial(line: str, sysid: int, deliver: Deliver) -> SerialLink:
-    """The line "serial:DEV:BAUD". OSError where it cannot be opened; ValueError for text that is no line."""
+def device_and_baud(line: str) -> tuple[str, int]:
+    """Of the line "serial:DEV:BAUD"; ValueError for text that is none."""
     kind, _, where = line.partition(":")
     device, _, baud = where.rpartition(":")
     if kind != "serial" or not device or not baud.isdecimal():
         raise ValueError(f"{line!r} is not serial:DEV:BAUD")
-    return SerialLink(device, int(baud), sysid, deliver)
+    return device, int(baud)
+
+
+async def open_serial(line: str, sysid: int, deliver: Deliver) -> SerialLink:
+    """The line "serial:DEV:BAUD". OSError where it cannot be opened; ValueError for text that is no line."""
+    return SerialLink(*device_and_baud(line), sysid, deliver)

@@ -6,6 +6,7 @@ from agent_harness import MS, Harness, S, hover_over
 from test_drone_agent_bridge import Site
 
 from drone_agent.bridge.core import BridgeCore
+from drone_agent.bridge.daemon import room_hz_of
 from drone_agent.bridge.inertial_stream import InertialStream
 from drone_agent.bridge.reckoning import Reckoning
 from drone_agent.config import AgentConfig
@@ -219,3 +220,12 @@ def test_a_flight_without_a_slide_is_left_alone() -> None:
         site.run(1.0, hover_over(float(place[0]), float(place[1]), 0.6))
     assert not any("move as the drone does" in text for text in site.texts())
     assert not any(isinstance(p.message, InertialSample) for p in site.heard)
+
+
+@pytest.mark.parametrize(
+    ("line", "room_hz"),
+    [("serial:/dev/ttyACM0:921600", 307.2), ("serial:/dev/ttyUSB0:57600", 19.2), ("udp:h:1", np.inf)],
+)
+def test_a_slow_line_is_not_filled(line: str, room_hz: float) -> None:
+    """A HIGHRES_IMU of 63 bytes with MAVLink 2's frame of 12, 10 bits each: a quarter of the line."""
+    assert room_hz_of(line) == pytest.approx(room_hz)

@@ -17,14 +17,19 @@ class InertialStream:
 
     def __init__(self, target: Address, rate_hz: float, reckoning: Reckoning, t0_ns: int) -> None:
         """rate_hz: wanted; 0: none, and all passes as it comes."""
-        self.passes = True
-        """Whether the ground is to hear it: it asked for it, or the autopilot had sent it unasked."""
+        self._unasked, self._wanted = True, False
+        """Whether it came before anybody asked; whether the ground did."""
         self._target, self._rate_hz = target, rate_hz
         self._reckoning = reckoning
         self._clock = SenderClock()
         self._asks_ns = t0_ns + _LISTEN_NS
         self._count = 0
         self._refused = rate_hz <= 0.0
+
+    @property
+    def passes(self) -> bool:
+        """Whether the ground is to hear it."""
+        return self._unasked or self._wanted
 
     def hear(self, sample: InertialSample, now_ns: int) -> None:
         """A sample came."""
@@ -49,7 +54,7 @@ class InertialStream:
         self._asks_ns, self._count = now_ns + _ASK_NS, 0
         if not lacks:
             return None
-        self.passes = False
+        self._unasked = False
         interval_us = 1e6 / self._rate_hz
         return command_long(self._target, MavCommand.SET_MESSAGE_INTERVAL, float(MessageId.HIGHRES_IMU), interval_us)
 
@@ -58,5 +63,6 @@ class InertialStream:
         if command.command != MavCommand.SET_MESSAGE_INTERVAL or command.params[0] != MessageId.HIGHRES_IMU:
             return False
         interval_us = command.params[1]
-        self.passes = interval_us >= 0.0
+        self._wanted = interval_us >= 0.0
+        self._unasked = self._unasked and self._wanted
         return not self._refused and not 0.0 < interval_us <= 1e6 / self._rate_hz

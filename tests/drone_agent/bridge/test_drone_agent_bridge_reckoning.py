@@ -147,6 +147,10 @@ def test_it_is_asked_for_until_enough_comes_and_kept_from_who_did_not_ask() -> N
     assert not asked.stream.passes
     assert asked.stream.requested(command_long(DRONE, MavCommand.SET_MESSAGE_INTERVAL, IMU, 1e5))
     assert asked.stream.passes
+    asked.stream.restarted(asked.now_ns)
+    asked.run(3.0)
+    assert len(asked.requests) > 4
+    assert asked.stream.passes
 
 
 def test_what_comes_unasked_passes() -> None:

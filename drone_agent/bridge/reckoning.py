@@ -102,7 +102,7 @@ class Reckoning:
                 continue
             self._q = seen.q_lab_from_flu
             offset, walk = seen.pos_lab_m - self._pos, matrix(self._q) ** 2 @ self._walk_flu_m2_s3
-            if not self._drift.take(seen.t_ns, offset.tolist(), walk.tolist()):
+            if not self._drift.take(seen.t_ns, offset.tolist(), self._vel.tolist(), walk.tolist()):
                 self._good_ns = seen.t_ns
 
     def _begin(self, seen: _Seen) -> None:

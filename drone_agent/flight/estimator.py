@@ -222,7 +222,7 @@ class ExternalPositioning:
         if refusal is None and not lost and self._gated:
             refusal = self._jump(measured, yaw, now_ns)
         if refusal is None and not lost and self._finds_slides:
-            refusal = self._slip(pose.t_capture_ns, measured, now_ns)
+            refusal = self._slip(pose.t_capture_ns, measured, reckoned.vel_lab_m_s, now_ns)
         if refusal is not None:
             self.refused += 1
             self._refusal = refusal
@@ -271,10 +271,10 @@ class ExternalPositioning:
             return "external heading jumped"
         return None
 
-    def _slip(self, t_capture_ns: int, measured: list[float], now_ns: int) -> str | None:
+    def _slip(self, t_capture_ns: int, measured: list[float], vel_lab_m_s: Vec3Tuple, now_ns: int) -> str | None:
         """Why a pose cannot be what the vehicle did since the last ones, by its inertial sensors."""
         slid = self._slide.slides
-        if not self._slide.take(t_capture_ns, measured):
+        if not self._slide.take(t_capture_ns, measured, vel_lab_m_s):
             return None
         if not slid:  # reckon on from before it began
             pos, vel = self._slide.offset(now_ns)

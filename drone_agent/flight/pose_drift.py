@@ -3,15 +3,18 @@
 Dead reckoning that nothing puts right wanders, but smoothly: its offset from the poses is a line, bent by what the
 accelerometer is wrong by. A pose that begins to slide kinks that line at once. Two fading-memory filters follow the
 offset, a fast one of first degree and a slow one of second, which learns the bend; where their slopes part, it slides.
-A third, slower still, has hardly seen the slide by then: by it the body is known for a while without its poses.
+By a third, slower still, as it was half a second to a second before, the body is known for a while without its poses:
+where they went wrong little by little, as late ones do, all three had believed them by then.
 """
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from formation.model import Vec3Tuple
 
 _FAST_1_S, _SLOW_1_S, _KEPT_1_S = 30.0, 8.0, 2.5
+_MARK_NS = 500_000_000
 _APART_M_S = (0.04, 0.04, 0.12)
 """How far slopes may part: 0.37 of a slide that begins at once, 0.06 s after. The floor, as it is met, shakes the
 vertical: samples of 5 ms tell but half of that."""
@@ -19,6 +22,8 @@ _SIGMAS, _NOISE_S = 5.5, 1.0
 """Of the slopes' noise where that is more: of the poses', learned in so long a time, and of what the sensors tell."""
 _WALK_S = 0.02
 """Variance of the slopes' difference over the density of a velocity's random walk, simulated."""
+_LATE_S, _LAG_S = 0.05, 0.15
+"""Poses later than they say by up to so much lag behind by that times the velocity, and a little after: no slide."""
 ALONE_NS = 10_000_000_000
 """After so long a slide it is the sensors that may be wrong, and all is to be learned anew: by then it has landed."""
 _BACK_RATIO, _BACK_M = 1.0, 0.05
@@ -27,7 +32,18 @@ _SETTLED_NS, _RESETTLED_NS = 2_500_000_000, 500_000_000
 """So long a velocity and a bias that are not known yet take to be learned; and after a gap between poses."""
 _GAP_S = 0.2
 _AXES = range(3)
-_NO_WALK = (0.0, 0.0, 0.0)
+_NONE = (0.0, 0.0, 0.0)
+
+
+class _Mark(NamedTuple):
+    """What the slowest filter knew at a time."""
+
+    t_ns: int
+    curves: list[list[float]]
+
+    def carried_to(self, t_ns: int) -> list[list[float]]:
+        dt_s = (t_ns - self.t_ns) * 1e-9
+        return [[p + dt_s * (v + 0.5 * dt_s * a), v + dt_s * a, a] for p, v, a in self.curves]
 
 
 class PoseDrift:
@@ -41,7 +57,11 @@ class PoseDrift:
         self._fast = [[0.0, 0.0] for _ in _AXES]
         self._slow = [[0.0, 0.0, 0.0] for _ in _AXES]
         self._kept = [[0.0, 0.0, 0.0] for _ in _AXES]
+        self._marks: list[_Mark] = []
         self._noise_m2 = 0.0
+        self._fast_vel = [[0.0, 0.0] for _ in _AXES]
+        self._slow_vel = [[0.0, 0.0, 0.0] for _ in _AXES]
+        self._lag_m_s2 = [0.0, 0.0, 0.0]
 
     def begin(self, t_ns: int, offset_m: Sequence[float]) -> None:
         """Start anew at this offset: pose minus dead reckoning, along each axis of one frame."""
@@ -59,11 +79,14 @@ class PoseDrift:
             self._fast[axis] = [offset_m[axis], slope]
             self._slow[axis] = [offset_m[axis], slope, bend]
             self._kept[axis] = [offset_m[axis], slope, bend]
+        self._marks = [_Mark(t_ns, [[*curve] for curve in self._kept])]
 
-    def take(self, t_ns: int, offset_m: Sequence[float], walk_m2_s3: Sequence[float] = _NO_WALK) -> bool:
+    def take(
+        self, t_ns: int, offset_m: Sequence[float], vel_m_s: Sequence[float], walk_m2_s3: Sequence[float] = _NONE
+    ) -> bool:
         """Take one pose in; whether it slides. What slides does not put the reckoning right.
 
-        walk_m2_s3: density of the reckoned velocity's random walk along each axis, variance over time, by the
+        vel_m_s: as it is reckoned. walk_m2_s3: density of its random walk along each axis, variance over time, by the
         accelerometer's noise.
         """
         if self._since_ns is None:
@@ -84,6 +107,10 @@ class PoseDrift:
             missed_m2 += _first_degree(self._fast[axis], offset_m[axis], self._slow[axis][2], fast, dt_s) ** 2
             _second_degree(self._slow[axis], measured, slow, dt_s)
             _second_degree(self._kept[axis], measured, kept, dt_s)
+            _first_degree(self._fast_vel[axis], vel_m_s[axis], self._slow_vel[axis][2], fast, dt_s)
+            _second_degree(self._slow_vel[axis], vel_m_s[axis], slow, dt_s)
+            lag_m_s2 = abs(self._fast_vel[axis][1] - self._slow_vel[axis][1])
+            self._lag_m_s2[axis] = max(lag_m_s2, math.exp(-dt_s / _LAG_S) * self._lag_m_s2[axis])
         if not self.slides:
             self._noise_m2 += (1.0 - math.exp(-dt_s / _NOISE_S)) * (missed_m2 / 3.0 - self._noise_m2)
         by_poses_m_s = math.sqrt(2.0 * ((1.0 - fast) / (1.0 + fast)) ** 3 * self._noise_m2) / dt_s
@@ -91,24 +118,24 @@ class PoseDrift:
         if self.slides:
             self.slides = self._ratio(self._kept, noise_m_s) > _BACK_RATIO or self._apart_m() > _BACK_M
         elif self._ratio(self._slow, noise_m_s) > 1.0 and t_ns - self._since_ns >= _SETTLED_NS:
-            self.slides, self._slow = True, [[*curve] for curve in self._kept]
+            self.slides, self._kept = True, self._marks[0].carried_to(t_ns)
+            self._slow = [[*curve] for curve in self._kept]
+        elif t_ns - self._marks[-1].t_ns >= _MARK_NS:
+            self._marks = [self._marks[-1], _Mark(t_ns, [[*curve] for curve in self._kept])]
         return self.slides
 
     def offset(self, t_ns: int) -> tuple[Vec3Tuple, Vec3Tuple]:
         """What dead reckoning is off by at a time, m and m/s, as it was before any slide."""
-        dt_s = (t_ns - self._t_ns) * 1e-9
-        (px, vx, ax), (py, vy, ay), (pz, vz, az) = self._kept
-        half = 0.5 * dt_s
-        return (
-            (px + dt_s * (vx + half * ax), py + dt_s * (vy + half * ay), pz + dt_s * (vz + half * az)),
-            (vx + dt_s * ax, vy + dt_s * ay, vz + dt_s * az),
-        )
+        (px, vx, _), (py, vy, _), (pz, vz, _) = _Mark(self._t_ns, self._kept).carried_to(t_ns)
+        return (px, py, pz), (vx, vy, vz)
 
     def _ratio(self, curves: list[list[float]], noise_m_s: list[float]) -> float:
         """How far the fast slopes are from those, over what they may be."""
         x, y, z = (
-            (fast[1] - curve[1]) / max(least, _SIGMAS * noise)
-            for fast, curve, least, noise in zip(self._fast, curves, _APART_M_S, noise_m_s, strict=True)
+            (fast[1] - curve[1]) / max(least, _SIGMAS * noise, _LATE_S * lag)
+            for fast, curve, least, noise, lag in zip(
+                self._fast, curves, _APART_M_S, noise_m_s, self._lag_m_s2, strict=True
+            )
         )
         return max(math.hypot(x, y), abs(z))
 

@@ -12,6 +12,7 @@ from wire.link_messages.motion import LocalPosition
 from wire.link_messages.setpoints import AttitudeSetpoint
 
 STEP_S = 0.015
+STILL = (0.0, 0.0, 0.0)
 WALK = 0.03
 """Velocity random walk of an accelerometer with 0.3 m/s^2 RMS in samples at 100 Hz, m/s per root second."""
 
@@ -29,7 +30,7 @@ def slid(offsets: Float, slide: Float | None = None, from_s: float = 1e9) -> lis
     drift, told = PoseDrift(), []
     for k, offset in enumerate(offsets):
         pushed = offset if slide is None else offset + slide * max(k * STEP_S - from_s, 0.0)
-        told.append(drift.take(round(k * STEP_S * S), pushed.tolist(), [WALK * WALK] * 3))
+        told.append(drift.take(round(k * STEP_S * S), pushed.tolist(), STILL, [WALK * WALK] * 3))
     return told
 
 
@@ -62,7 +63,7 @@ def test_what_it_was_off_by_is_carried_on_and_a_pose_that_comes_back_is_taken() 
     for k in range(2000):
         t_s = k * STEP_S
         slide = 0.4 * (t_s - 15.0) if 15.0 < t_s < 15.6 else 0.0
-        told = drift.take(round(t_s * S), [0.1 * t_s + slide, -0.05 * t_s * t_s, 0.0])
+        told = drift.take(round(t_s * S), [0.1 * t_s + slide, -0.05 * t_s * t_s, 0.0], STILL)
         if 15.1 < t_s < 15.6:
             assert told
             place, rate = drift.offset(round(t_s * S))
@@ -75,10 +76,10 @@ def test_what_it_was_off_by_is_carried_on_and_a_pose_that_comes_back_is_taken() 
 def test_a_pose_that_is_not_newer_changes_nothing() -> None:
     drift = PoseDrift()
     for k in range(200):
-        drift.take(k * 15 * MS, [0.0, 0.0, 0.0])
+        drift.take(k * 15 * MS, [0.0, 0.0, 0.0], STILL)
     for t_ns in (2985 * MS, 100 * MS):
-        assert not drift.take(t_ns, [5.0, 0.0, 0.0])
-    assert not drift.take(3000 * MS, [0.0, 0.0, 0.0])
+        assert not drift.take(t_ns, [5.0, 0.0, 0.0], STILL)
+    assert not drift.take(3000 * MS, [0.0, 0.0, 0.0], STILL)
 
 
 @pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
@@ -123,3 +124,17 @@ def test_a_moment_of_it_is_held_through() -> None:
     harness.run(0.5, hover_over(0.0, 0.0, 1.0))
     assert harness.core.autopilot.stream.stage is Stage.FOLLOW
     assert harness.last(LocalPosition).pos_lab_m == pytest.approx(harness.truth.pos_lab_m, abs=0.03)
+
+
+def test_poses_that_come_late_do_not_take_the_reckoning_with_them() -> None:
+    """A drone that rises faster and faster, 0.28 s later than its poses say: it was taken to sink while it rose."""
+    drift, found = PoseDrift(), []
+    for k in range(1, 800):
+        t_s = k * STEP_S
+        rise_s = max(t_s - 8.0, 0.0)
+        vel_m_s = min(4.0 * rise_s, 3.0)
+        told = drift.take(round(t_s * S), (0.0, 0.0, -0.28 * vel_m_s), (0.0, 0.0, vel_m_s))
+        if told:
+            found.append(t_s)
+            assert abs(drift.offset(round(t_s * S))[1][2]) < 0.1
+    assert 8.0 < found[0] < 8.6

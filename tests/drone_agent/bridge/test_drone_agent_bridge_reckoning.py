@@ -78,8 +78,8 @@ def test_a_pose_that_slides_is_found_and_the_body_known_without_it(
     assert 6.0 < found[0] < 6.3 + lag_ms * 1e-3
     pos, vel, _, _ = Circle().at(6.6)
     at = reckoning.at(6600 * MS)
-    assert np.linalg.norm(at.pos_lab_m - pos) < 0.1
-    assert np.linalg.norm(at.vel_lab_m_s - vel) < 0.2
+    assert np.linalg.norm(at.pos_lab_m - pos) < 0.2
+    assert np.linalg.norm(at.vel_lab_m_s - vel) < 0.3
 
 
 def test_where_the_sensors_are_silent_nothing_is_judged() -> None:

@@ -82,6 +82,7 @@ class Measure(IntEnum):
     TILT_TOO_RAD = 13
     SETPOINT_AGE_S = 14
     ATTITUDE_MISS_RAD = 15
+    LEADER_ASTRAY_M = 16  # of the leader alone
 
 
 UNSEEN_S, OUTSIDE_M, NEARNESS = int(Measure.UNSEEN_S), int(Measure.OUTSIDE_M), int(Measure.NEARNESS)
@@ -128,7 +129,7 @@ LOST_S = 0.4
 FAR_OUTSIDE_M = 0.5
 BATTERY_LOW, BATTERY_EMPTY = 0.2, 0.1
 UPSET_RAD = 1.3
-ASTRAY_M = 1.0
+ASTRAY_M, LEADER_ASTRAY_M = 1.0, 0.3
 ATTITUDE_MISS_RAD = 0.05
 
 
@@ -156,6 +157,8 @@ RULES: tuple[Rule, ...] = (
          Measure.NEARNESS, -0.5, 0.1, FLYING, Trigger.LAND),
     Rule("rule-astray", "1 m away from its reference",
          Measure.ASTRAY_M, ASTRAY_M, 1.0, IN_PLACE, Trigger.LAND),
+    Rule("rule-leader-astray", "0.3 m away from its reference, and it leads",
+         Measure.LEADER_ASTRAY_M, LEADER_ASTRAY_M, 0.1, IN_FORMATION, Trigger.HOLD),
     Rule("rule-tilted", "tilted by 75 degrees",
          Measure.TILT_RAD, UPSET_RAD, 0.3, MOTORS_ON, Trigger.LAND, Own.RELEASE),
     Rule("rule-tilted-agreed", "tilted by 75 degrees, says its own attitude too",
@@ -265,6 +268,7 @@ def _measured(facts: Facts, limits: LimitsConfig) -> Float:
     out = np.zeros((len(Measure), len(facts.names)))
     out[Measure.UNSEEN_S] = facts.age_s
     out[Measure.ASTRAY_M] = facts.error_m
+    out[Measure.LEADER_ASTRAY_M, 0] = facts.error_m[0]
     out[Measure.TILT_RAD] = facts.tilt_rad
     out[Measure.SILENT_S] = facts.silent_s
     out[Measure.NOT_OFFBOARD] = facts.armed & ~facts.offboard

@@ -29,6 +29,7 @@ REDUNDANT: Mapping[str, str] = MappingProxyType(
         "rule-too-close": "separation filter, rule-half-separation",
         "rule-half-separation": "separation filter, rule-too-close",
         "rule-astray": "fence and its rules, rule-attitude-miss",
+        "rule-leader-astray": "rule-not-offboard; followers come down no faster than their leader",
         "rule-tilted": "motor-failure in the drone, rule-tilted-agreed",
         "rule-tilted-agreed": "motor-failure in the drone, rule-tilted",
         "rule-silent": "a drone that hears nothing holds and lands by itself; one that says nothing is led as before",

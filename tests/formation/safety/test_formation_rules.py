@@ -64,6 +64,7 @@ FAULTS = {
         Own.NOTHING,
     ),
     "astray": ({"error_m": of(1, 1.1, 0.0)}, Phase.FORMATION, 1.01, Trigger.LAND, Own.NOTHING),
+    "leader astray": ({"error_m": of(0, 0.35, 0.0)}, Phase.FORMATION, 0.11, Trigger.HOLD, Own.NOTHING),
     "upset": ({"tilt_rad": of(1, 1.5, 0.0)}, Phase.HOLD, 0.31, Trigger.LAND, Own.RELEASE),
     "stale": ({"setpoint_age_s": of(1, 0.15, 0.0)}, Phase.HOLD, 1.01, Trigger.LAND, Own.RELEASE),
     "silent": ({"silent_s": of(1, 3.1, 0.0)}, Phase.FORMATION, 0.0, Trigger.LAND, Own.NOTHING),

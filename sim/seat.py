@@ -72,7 +72,7 @@ class Seat:
         self.events: list[Event] = []
         self.followed_ns: int | None = None
         self._ghost: AgentCore | None = None
-        self._input = Waiting[LabFrame | Datagram | Sent]()
+        self._input = Waiting[LabFrame | Sent]()
         self._bridge_input = Waiting[LabFrame | Sent | bytes]()
         self._heard = (now_ns, now_ns)
         """When the bridges last took in what a ground sent, and when it was sent."""
@@ -127,7 +127,7 @@ class Seat:
 
     def begin(self, fault: Fault, now_ns: int) -> None:
         """A fault of a core of this drone begins."""
-        host: Waiting[LabFrame | Datagram | Sent] | Waiting[LabFrame | Sent | bytes] = self._host(fault.core)
+        host: Waiting[LabFrame | Sent] | Waiting[LabFrame | Sent | bytes] = self._host(fault.core)
         match fault.family:
             case Family.KILL | Family.RESTART:
                 host.kill()
@@ -152,7 +152,7 @@ class Seat:
             for waiting in self._input.wake():
                 self._give(waiting, now_ns)
 
-    def _host(self, core: Core | None) -> "Waiting[LabFrame | Datagram | Sent] | Waiting[LabFrame | Sent | bytes]":
+    def _host(self, core: Core | None) -> "Waiting[LabFrame | Sent] | Waiting[LabFrame | Sent | bytes]":
         return self._bridge_input if core == "bridge" else self._input
 
     def _next_deadline_ns(self) -> int:
@@ -162,11 +162,11 @@ class Seat:
             due_ns = min(due_ns, *[bridge.next_deadline_ns() for bridge in self.bridges])
         return due_ns if self._ghost is None else min(due_ns, self._ghost.next_deadline_ns())
 
-    def _take(self, item: LabFrame | Datagram | Sent, now_ns: int) -> None:
+    def _take(self, item: LabFrame | Sent, now_ns: int) -> None:
         if self._input.admits(item):
             self._give(item, now_ns)
 
-    def _give(self, item: LabFrame | Datagram | Sent, now_ns: int) -> None:
+    def _give(self, item: LabFrame | Sent, now_ns: int) -> None:
         if isinstance(item, Sent):
             self.agent.receive(item.datagram, now_ns)
             self._follow(item.t_ns, now_ns)

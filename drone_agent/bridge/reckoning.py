@@ -16,9 +16,9 @@ from drone_agent.flight.pose_drift import ALONE_NS, PoseDrift
 from formation.maths.arrays import Quat, Vec3
 from formation.maths.frames import from_rotation_vector, matrix, multiply, rotate
 from formation.vehicle.body import GRAVITY_M_S2
+from wire.link_messages.motion import FORCE_MOST_M_S2
 
 _GRAVITY_LAB_M_S2 = np.array([0.0, 0.0, GRAVITY_M_S2])
-_FORCE_MOST_M_S2 = 157.0  # 16 g: no accelerometer shows more
 _GAP_MAX_NS = 60_000_000
 _SHAKEN_S = 0.25
 _WAITING, _FELT = 32, 256
@@ -64,7 +64,7 @@ class Reckoning:
 
     def feel(self, t_ns: int, force_flu_m_s2: Vec3, rate_flu_rad_s: Vec3) -> None:
         """What was felt until t_ns, our clock. What no accelerometer shows, or comes out of order, is left out."""
-        possible = float(np.abs(force_flu_m_s2).max()) <= _FORCE_MOST_M_S2
+        possible = float(np.abs(force_flu_m_s2).max()) <= FORCE_MOST_M_S2
         if possible and (self._last is None or t_ns > self._last.t_ns):
             felt = _Felt(t_ns, force_flu_m_s2, np.nan_to_num(rate_flu_rad_s))
             self._shake(felt)

@@ -41,10 +41,6 @@ class _Mark(NamedTuple):
     t_ns: int
     curves: list[list[float]]
 
-    def carried_to(self, t_ns: int) -> list[list[float]]:
-        dt_s = (t_ns - self.t_ns) * 1e-9
-        return [[p + dt_s * (v + 0.5 * dt_s * a), v + dt_s * a, a] for p, v, a in self.curves]
-
 
 class PoseDrift:
     """Follows the offset of one body's poses from its dead reckoning."""
@@ -101,7 +97,7 @@ class PoseDrift:
             return False
         self._t_ns = t_ns
         fast, slow, kept = (math.exp(-pole * dt_s) for pole in (_FAST_1_S, _SLOW_1_S, _KEPT_1_S))
-        missed_m2 = 0.0
+        missed_m2, lag_kept = 0.0, math.exp(-dt_s / _LAG_S)
         for axis in _AXES:
             measured = None if self.slides else offset_m[axis]
             missed_m2 += _first_degree(self._fast[axis], offset_m[axis], self._slow[axis][2], fast, dt_s) ** 2
@@ -110,7 +106,7 @@ class PoseDrift:
             _first_degree(self._fast_vel[axis], vel_m_s[axis], self._slow_vel[axis][2], fast, dt_s)
             _second_degree(self._slow_vel[axis], vel_m_s[axis], slow, dt_s)
             lag_m_s2 = abs(self._fast_vel[axis][1] - self._slow_vel[axis][1])
-            self._lag_m_s2[axis] = max(lag_m_s2, math.exp(-dt_s / _LAG_S) * self._lag_m_s2[axis])
+            self._lag_m_s2[axis] = max(lag_m_s2, lag_kept * self._lag_m_s2[axis])
         if not self.slides:
             self._noise_m2 += (1.0 - math.exp(-dt_s / _NOISE_S)) * (missed_m2 / 3.0 - self._noise_m2)
         by_poses_m_s = math.sqrt(2.0 * ((1.0 - fast) / (1.0 + fast)) ** 3 * self._noise_m2) / dt_s
@@ -118,7 +114,7 @@ class PoseDrift:
         if self.slides:
             self.slides = self._ratio(self._kept, noise_m_s) > _BACK_RATIO or self._apart_m() > _BACK_M
         elif self._ratio(self._slow, noise_m_s) > 1.0 and t_ns - self._since_ns >= _SETTLED_NS:
-            self.slides, self._kept = True, self._marks[0].carried_to(t_ns)
+            self.slides, self._kept = True, _carried(self._marks[0].curves, t_ns - self._marks[0].t_ns)
             self._slow = [[*curve] for curve in self._kept]
         elif t_ns - self._marks[-1].t_ns >= _MARK_NS:
             self._marks = [self._marks[-1], _Mark(t_ns, [[*curve] for curve in self._kept])]
@@ -126,7 +122,7 @@ class PoseDrift:
 
     def offset(self, t_ns: int) -> tuple[Vec3Tuple, Vec3Tuple]:
         """What dead reckoning is off by at a time, m and m/s, as it was before any slide."""
-        (px, vx, _), (py, vy, _), (pz, vz, _) = _Mark(self._t_ns, self._kept).carried_to(t_ns)
+        (px, vx, _), (py, vy, _), (pz, vz, _) = _carried(self._kept, t_ns - self._t_ns)
         return (px, py, pz), (vx, vy, vz)
 
     def _ratio(self, curves: list[list[float]], noise_m_s: list[float]) -> float:
@@ -142,6 +138,11 @@ class PoseDrift:
     def _apart_m(self) -> float:
         """How far the poses have slid."""
         return math.hypot(*(fast[0] - curve[0] for fast, curve in zip(self._fast, self._kept, strict=True)))
+
+
+def _carried(curves: list[list[float]], by_ns: int) -> list[list[float]]:
+    dt_s = by_ns * 1e-9
+    return [[p + dt_s * (v + 0.5 * dt_s * a), v + dt_s * a, a] for p, v, a in curves]
 
 
 def _first_degree(line: list[float], measured: float, bend: float, kept: float, dt_s: float) -> float:

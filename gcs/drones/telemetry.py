@@ -9,6 +9,7 @@ import numpy as np
 from formation.maths.arrays import Vec3
 from wire.autopilots.table import FlightMode
 from wire.link_messages.message_id import MessageId
+from wire.link_messages.motion import FORCE_MOST_M_S2
 from wire.link_messages.status import EkfStatus, Heartbeat, LandedState, MavAutopilot, MavState, MavType
 
 NEVER_NS = -(10**18)
@@ -33,7 +34,6 @@ READS = frozenset(
 )
 READS_IF_ASKED = frozenset({MessageId.HIGHRES_IMU})
 FORCES = 64
-FORCE_MOST_M_S2 = 157.0  # 16 g
 # A person flies it in these: the ground leaves it alone.
 PILOTED = frozenset(
     {FlightMode.MANUAL, FlightMode.STABILIZED, FlightMode.ACRO, FlightMode.ALTITUDE, FlightMode.POSITION,

@@ -214,7 +214,7 @@ class BridgeCore:
         if self._takeover.stream.stage is Stage.FOLLOW and setpoints.gate.untold(source):
             self._say(Severity.INFO, f"Age of setpoints of {source} unknown: no TIMESYNC")
         if taken.target is not None:
-            self._hold.note(taken.target)
+            self._hold.note(taken.target, now_ns)
         if back:
             self._say(*BACK)
         return True
@@ -234,7 +234,8 @@ class BridgeCore:
         action, force = message.params[0], message.params[1]
         if message.command == MavCommand.COMPONENT_ARM_DISARM:
             if action == 1.0 and self._takeover.stream.stage is Stage.STOPPED:
-                self._say(Severity.CRITICAL, "Arm refused: stopped, not yet seen at rest for 2 s")
+                self._takeover.stop(now_ns)  # who goes on asking as before the stop does not know of it
+                self._say(Severity.CRITICAL, "Arm refused: stopped: ask again after 2 s at rest")
                 self._answer(source, message.command, Result.TEMPORARILY_REJECTED)
                 return True
             stops = action == 0.0 and force == DISARM_IN_FLIGHT
@@ -271,6 +272,7 @@ class BridgeCore:
             return True
         elif isinstance(message, InertialSample):
             self._inertial.hear(message, now_ns)
+            self._hold.feel(float(message.specific_force_flu_m_s2[2]), now_ns)
             return not self._inertial.passes
         elif isinstance(message, TimeSync) and message.tc1_ns == 0:
             # Its poses come from here, so the clock it holds them against must be ours.

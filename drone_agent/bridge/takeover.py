@@ -1,7 +1,8 @@
 """When the bridge flies a real autopilot in the ground's place: the fail-safe's stages, and the pace of acting on them.
 
-It acts only on an autopilot whose own heartbeat said armed and off-board after the last command that could have
-changed that: a landing that the ground began must never be undone. No bytes.
+It begins, and commands, only where the autopilot's own heartbeat said armed and off-board after the last command that
+could have changed that: a landing that the ground began must never be undone. The attitude targets of a stage that has
+begun go on until a heartbeat tells of another mode, in which they mean nothing: a landing may be refused. No bytes.
 """
 
 from typing import NamedTuple
@@ -15,6 +16,7 @@ STEP_NS = 10_000_000
 _AGAIN_NS = 300_000_000
 _ALIVE_S = 2.0  # of a stream as a setpoint mode begins, of which a heartbeat a second tells
 _REST_NS = 2_000_000_000
+_FLOWN = (Stage.HOLD, Stage.LAND, Stage.DESCEND)
 
 
 class Turn(NamedTuple):
@@ -60,7 +62,7 @@ class Takeover:
             self._done = False
 
     def stop(self, now_ns: int) -> None:
-        """The ground stops the motors."""
+        """The ground stops the motors, or asks for them too early after that."""
         self.stream.pull(Trigger.STOP, now_ns)
         self._rest_since_ns = now_ns
 
@@ -93,11 +95,11 @@ class Takeover:
 
     def deadline_ns(self) -> int | None:
         """When `due` is next worth asking; None while there is nothing to monitor."""
-        if not (self._offboard and self._mode_known) or self._done:
+        if not self._offboard or self._done:
             return None
-        if self.stream.stage in (Stage.HOLD, Stage.LAND, Stage.DESCEND):
+        if self.stream.stage in _FLOWN:
             return self._next_ns
-        return self.stream.deadline_ns()
+        return self.stream.deadline_ns() if self._mode_known else None
 
     def due(self, now_ns: int, *, fed: bool, stands: bool) -> Turn:
         """What to do now; fed: the body's own pose is fresh; stands: it was let down and sinks no more."""
@@ -111,7 +113,7 @@ class Takeover:
             self._next_command_ns = now_ns
         self._next_ns = now_ns + STEP_NS
         stage = self.stream.stage
-        lands = (stands or stage is Stage.DESCEND) and now_ns >= self._next_command_ns
+        lands = (stands or stage is Stage.DESCEND) and self._mode_known and now_ns >= self._next_command_ns
         if lands:
             self._next_command_ns = now_ns + _AGAIN_NS
         return Turn(tuple(begun), stage, lands)

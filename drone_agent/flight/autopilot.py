@@ -28,7 +28,7 @@ from wire.link_messages.commands import Result
 
 CONTROL_NS = 10_000_000
 _CONTROL_S = CONTROL_NS * 1e-9
-STOPPED = "stopped: not yet at rest for 2 s"
+STOPPED = "stopped: ask again after 2 s at rest"
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class Autopilot:
         self.detector = LandDetector()
         stale_s = 0.0 if "stream-stale" in without else config.stale_setpoint_s
         self.stream = StreamFailsafe(stale_s, None if "own-land" in without else config.land_after_s)
-        self.stopped_ns = 0
+        self.latched_ns = 0
         self.carried = False  # by the floor, as the accelerometer against the thrust says
         self.setpoint_age_ms: float | None = None
         """From camera to drone, of the newest; None once told, or without a common clock."""
@@ -166,6 +166,8 @@ class Autopilot:
         """Arm after the checks, or past them by force; arming what is armed is accepted."""
         if self.armed:
             return Result.ACCEPTED
+        if self.stream.stage is Stage.STOPPED:
+            self.latched_ns = now_ns  # who goes on asking as before the stop does not know of it
         fault = None if force and self.stream.stage is not Stage.STOPPED else self.arming_fault(now_ns)
         if fault is not None:
             for words in self.model.texts.arm_refused:
@@ -188,7 +190,7 @@ class Autopilot:
             return self.model.refused
         latches = force and "stop-latch" not in self.without
         if self.stream.pull(Trigger.STOP if latches else Trigger.DISARM, now_ns) is Stage.STOPPED:
-            self.stopped_ns = now_ns
+            self.latched_ns = now_ns
         if not self.armed:
             return Result.ACCEPTED
         self.armed = self.airframe.armed = False

@@ -220,7 +220,7 @@ class ExternalPositioning:
         measured = [p - (t + v * dt_s) for p, t, v in motion]
         refusal = self._refuse(pose.t_capture_ns, now_ns, measured, q, true_q)
         if refusal is None and not lost and self._gated:
-            refusal = self._jump(measured, yaw, now_ns)
+            refusal = self._jump(pose.t_capture_ns, measured, yaw, now_ns)
         if refusal is None and not lost and self._finds_slides:
             refusal = self._slip(pose.t_capture_ns, measured, reckoned.vel_lab_m_s, now_ns)
         if refusal is not None:
@@ -262,10 +262,11 @@ class ExternalPositioning:
             return "external attitude disagrees with gravity"
         return None
 
-    def _jump(self, measured: list[float], yaw_rad: float, now_ns: int) -> str | None:
+    def _jump(self, t_capture_ns: int, measured: list[float], yaw_rad: float, now_ns: int) -> str | None:
         """Why a pose cannot be where the vehicle is, by its inertial sensors."""
         gate_m = _GATE_M + _GATE_GROWTH_M_S * (now_ns - (self._good_ns or now_ns)) * 1e-9
         if math.dist(measured, self._pos) > gate_m and not self._slide.slides:
+            self._step_back(t_capture_ns, now_ns)
             return "external position jumped"
         if abs(math.remainder(yaw_rad - self.yaw_rad, math.tau)) > _YAW_GATE_RAD:
             return "external heading jumped"
@@ -276,10 +277,19 @@ class ExternalPositioning:
         slid = self._slide.slides
         if not self._slide.take(t_capture_ns, measured, vel_lab_m_s):
             return None
-        if not slid:  # reckon on from before it began
-            pos, vel = self._slide.offset(now_ns)
-            self._pos, self._vel = [*pos], [*vel]
+        if not slid:
+            self._reckon_on(now_ns)
         return "external pose does not move as the vehicle does"
+
+    def _step_back(self, t_capture_ns: int, now_ns: int) -> None:
+        """A pose that is far off may have gone there little by little, as one that lags does, believed all the way."""
+        if self._finds_slides and self._slide.step_back(t_capture_ns):
+            self._reckon_on(now_ns)
+
+    def _reckon_on(self, now_ns: int) -> None:
+        """From before the poses went wrong."""
+        pos, vel = self._slide.offset(now_ns)
+        self._pos, self._vel = [*pos], [*vel]
 
     def _drift(self, now_ns: int) -> None:
         dt_s = (now_ns - self._t_ns) * 1e-9

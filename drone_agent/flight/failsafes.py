@@ -124,11 +124,11 @@ class Failsafes:
         )
 
     def _unlatch(self, now_ns: int) -> None:
-        """After a stop: disarmed, and at rest for two seconds."""
+        """After a stop: disarmed, and at rest for two seconds in which nobody asked it to arm."""
         pilot = self._autopilot
         state = pilot.airframe.state
         moves = hypot(*state.vel_lab_m_s) > _REST_M_S or hypot(*state.rate_flu_rad_s) > _REST_RAD_S
-        self._rest_ns = now_ns if moves else max(self._rest_ns, pilot.stopped_ns)
+        self._rest_ns = now_ns if moves else max(self._rest_ns, pilot.latched_ns)
         if now_ns - self._rest_ns >= _REST_NS:
             pilot.stream.pull(Trigger.RESTED, now_ns)
 

@@ -29,7 +29,7 @@ ALONE_NS = 10_000_000_000
 _BACK_RATIO, _BACK_M = 1.0, 0.05
 """Slopes and places within which a pose is taken again."""
 _SETTLED_NS, _RESETTLED_NS = 2_500_000_000, 500_000_000
-"""So long a velocity and a bias that are not known yet take to be learned; and after a gap between poses."""
+"""So long a velocity and a bias that are not known yet take to be learned; and a velocity after a gap between poses."""
 _GAP_S = 0.2
 _AXES = range(3)
 _NONE = (0.0, 0.0, 0.0)
@@ -49,6 +49,7 @@ class PoseDrift:
         self.slides = False
         """Whether the newest pose moves as the inertial sensors say it does not."""
         self._since_ns: int | None = None
+        self._gap_ns = -(2**62)
         self._t_ns = 0
         self._fast = [[0.0, 0.0] for _ in _AXES]
         self._slow = [[0.0, 0.0, 0.0] for _ in _AXES]
@@ -92,7 +93,7 @@ class PoseDrift:
             return self.slides
         dt_s = (t_ns - self._t_ns) * 1e-9
         if dt_s > _GAP_S and not self.slides:
-            self._since_ns = max(self._since_ns, t_ns + _RESETTLED_NS - _SETTLED_NS)
+            self._gap_ns = t_ns
             self.place(t_ns, offset_m)
             return False
         self._t_ns = t_ns
@@ -113,12 +114,23 @@ class PoseDrift:
         noise_m_s = [math.hypot(by_poses_m_s, math.sqrt(_WALK_S * walk)) for walk in walk_m2_s3]
         if self.slides:
             self.slides = self._ratio(self._kept, noise_m_s) > _BACK_RATIO or self._apart_m() > _BACK_M
-        elif self._ratio(self._slow, noise_m_s) > 1.0 and t_ns - self._since_ns >= _SETTLED_NS:
-            self.slides, self._kept = True, _carried(self._marks[0].curves, t_ns - self._marks[0].t_ns)
-            self._slow = [[*curve] for curve in self._kept]
+        elif self._ratio(self._slow, noise_m_s) > 1.0 and self._settled and t_ns - self._gap_ns >= _RESETTLED_NS:
+            self.slides = self.step_back(t_ns)
         elif t_ns - self._marks[-1].t_ns >= _MARK_NS:
             self._marks = [self._marks[-1], _Mark(t_ns, [[*curve] for curve in self._kept])]
         return self.slides
+
+    def step_back(self, t_ns: int) -> bool:
+        """Forget the last half to whole second: the poses had gone wrong by then. Whether enough was known before."""
+        if not self._settled:
+            return False
+        self._kept = _carried(self._marks[0].curves, t_ns - self._marks[0].t_ns)
+        self._slow, self._t_ns = [[*curve] for curve in self._kept], t_ns
+        return True
+
+    @property
+    def _settled(self) -> bool:
+        return self._since_ns is not None and self._t_ns - self._since_ns >= _SETTLED_NS
 
     def offset(self, t_ns: int) -> tuple[Vec3Tuple, Vec3Tuple]:
         """What dead reckoning is off by at a time, m and m/s, as it was before any slide."""

@@ -16,7 +16,8 @@ OUTSIDE_M = 0.5
 IMPACT_M_S = 1.5
 ACTING_AGE_S = 0.27
 """A setpoint accepted at 100 ms of age acts until the stream is stale, 150 ms later at most; 20 ms for clocks."""
-STOP_S = 0.3
+STOP_S, REST_S = 0.3, 2.0
+"""Within so long after an emergency stop no motor turns; so long after it the operator may have them armed again."""
 COMMANDED_TILT_RAD = 1.05
 AIRBORNE_M = 0.05
 ON_FLOOR_M = 0.02
@@ -37,8 +38,8 @@ class Truth:
     up (T, n): the z component of each body's thrust axis; thrust, of its weight; command (T, n, 5): quaternion w, x, y,
     z and thrust that its attitude loop tracks; command_age_s: NaN while no ground's command acts; gain_low, gain_high:
     what the weakest and the strongest motor give of what they are told. notes: time, whether it tells of something
-    unplanned, text. stops_s: when the operator asked for an emergency stop. log_ill_s: from when to when the log could
-    not be written. t_onset_s: NaN before any fault began.
+    unplanned, text. stops_s, arms_s: when an operator asked for an emergency stop, and for motors. log_ill_s: from when
+    to when the log could not be written. t_onset_s: NaN before any fault began.
     planned: whether the flight ended as the operator meant it to.
     """
 
@@ -58,6 +59,7 @@ class Truth:
     t_onset_s: float
     notes: tuple[tuple[float, bool, str], ...] = ()
     stops_s: tuple[float, ...] = ()
+    arms_s: tuple[float, ...] = ()
     log_ill_s: tuple[tuple[float, float], ...] = ()
     planned: bool = True
 
@@ -219,10 +221,11 @@ def _commands(truth: Truth) -> list[Violation]:
 
 
 def _stop(truth: Truth, within_s: float) -> list[Violation]:
-    """Effective and latched: from then on no motor turns."""
-    if not truth.stops_s:
-        return []
-    after = truth.t_s > truth.stops_s[0] + within_s
+    """Effective and latched: no motor turns until somebody asks for it anew, later than it takes to come to rest."""
+    after = np.zeros(len(truth.t_s), np.bool_)
+    for stop_s in truth.stops_s:
+        again_s = min((arm_s for arm_s in truth.arms_s if arm_s >= stop_s + REST_S), default=np.inf)
+        after |= (truth.t_s > stop_s + within_s) & (truth.t_s < again_s)
     return [
         _at(truth, after & truth.armed[:, i], "stop", f"{name} armed {within_s:g} s and more after the stop")
         for i, name in enumerate(truth.names)

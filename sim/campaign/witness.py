@@ -26,6 +26,7 @@ class Witness:
         self._t_s: list[float] = []
         self._notes: list[tuple[float, bool, str]] = []
         self._stops_s: list[float] = []
+        self._arms_s: list[float] = []
         self._log_ill_s: list[tuple[float, float]] = []
         self._ill_since_s: float | None = None
 
@@ -72,6 +73,7 @@ class Witness:
             fence_low_m=np.array(fence.low_m), fence_high_m=np.array(fence.high_m),
             t_onset_s=np.nan if onset_ns is None else (onset_ns - T0_NS) * 1e-9,
             notes=tuple(sorted(self._notes, key=lambda note: note[0])), stops_s=tuple(sorted(self._stops_s)),
+            arms_s=tuple(self._arms_s),
             log_ill_s=tuple(self._log_ill_s),
             planned=self.planned,
         )  # fmt: skip
@@ -97,3 +99,5 @@ class Witness:
                 self._notes.append((t_s, not planned, f"{message.phase.name}: {message.cause}"))
             case OperatorRequest() if message.verb is Verb.STOP:
                 self._stops_s.append(t_s)
+            case OperatorRequest() if message.verb is Verb.ARM:
+                self._arms_s.append(t_s)

@@ -113,6 +113,23 @@ def test_in_flight_the_drone_leaves_the_setpoints_holds_and_comes_down(autopilot
     assert not harness.core.autopilot.armed
 
 
+def test_poses_that_strayed_before_they_jumped_leave_no_trace() -> None:
+    """Right after a gap a slide is not told from what is learned anew, and believed until the pose is 0.3 m off: the
+    drone took itself to sink at 1.7 m/s, and climbed to correct that."""
+    harness = Harness(pose="mocap", profile="px4_quad")
+    harness.fly_offboard(1.0, hover_over(0.0, 0.0, 1.0))
+    harness.run(0.3, hover_over(0.0, 0.0, 1.0), mocap=False)
+    positioning, shown = harness.core.autopilot.positioning, np.zeros(3)
+    for k in range(80):
+        harness.run(0.01, hover_over(0.0, 0.0, 1.0), mocap=False)
+        shown[2] = -0.01 * k if k < 40 else -1.0
+        harness.show(harness.truth.pos_lab_m + shown)
+    assert positioning.silent_s(harness.now_ns) > 0.1
+    belief, truth = harness.core.autopilot.belief(harness.now_ns), harness.truth
+    np.testing.assert_allclose(belief.vel_lab_m_s, truth.vel_lab_m_s, atol=0.1)
+    np.testing.assert_allclose(belief.pos_lab_m, truth.pos_lab_m, atol=0.1)
+
+
 def test_a_moment_of_it_is_held_through() -> None:
     harness = Harness(pose="mocap", profile="px4_quad")
     harness.fly_offboard(1.0, hover_over(0.0, 0.0, 1.0))

@@ -12,6 +12,7 @@ from drone_agent.monitors import MONITORS
 from drone_agent.stages import Stage
 from formation.maths.frames import from_rotation_vector
 from formation.messages import Datagram, LabFrame
+from formation.vehicle.body import GRAVITY_M_S2
 from wire.autopilots.px4 import PX4
 from wire.autopilots.table import FlightMode
 from wire.link_messages.address import BRIDGE_COMPONENT, Address, ground_address
@@ -169,6 +170,8 @@ def test_a_stop_that_passed_latches_until_the_body_was_seen_at_rest() -> None:
     assert not site.say(OLD, arm)
     assert site.acks()[-1].result is Result.TEMPORARILY_REJECTED
     site.see(1.2)
+    assert not site.say(OLD, arm), "who goes on asking as before the stop does not know of it"
+    site.see(2.1)
     assert site.say(OLD, arm)
 
 
@@ -193,12 +196,67 @@ def test_without_a_pose_it_comes_down_by_attitude_and_thrust_until_the_autopilot
     assert MavCommand.COMPONENT_ARM_DISARM in commands
 
 
+@pytest.mark.parametrize("felt", [False, True])
+def test_what_hovers_it_is_known_of_a_body_that_climbs_ever_faster(felt: bool) -> None:
+    """Cut off in a take-off at 1.3 of its weight, it climbed on "blind and down" to 2.5 m."""
+    hold = BridgeHold()
+    for k in range(100):
+        t_s = 0.01 * k
+        if felt:
+            hold.feel(1.3 * GRAVITY_M_S2, k * 10 * MS)
+        hold.see(k * 10 * MS, np.array([0.0, 0.0, 0.15 * GRAVITY_M_S2 * t_s**2]), LEVEL)
+        hold.note(AttitudeSetpoint(DRONE, 1, LEVEL, np.zeros(3), 1.3 * 0.5, 7), k * 10 * MS)
+    hold.begin(S)
+    assert hold.sink_blind(0.01).thrust_norm == pytest.approx(0.95 * 0.5, rel=0.03)
+
+
+def test_what_hovers_it_is_learned_again_from_what_holds_it() -> None:
+    """Setpoints that the autopilot did not follow had said too much: told to come down by them it would have risen."""
+    hold, true_hover, z_m, vz_m_s = BridgeHold(), 0.5, 1.0, 0.0
+    for k in range(350):
+        now_ns = k * 10 * MS
+        hold.see(now_ns, np.array([0.0, 0.0, z_m]), LEVEL)
+        if k < 100:
+            hold.note(AttitudeSetpoint(DRONE, 1, LEVEL, np.zeros(3), 0.8, 7), now_ns)
+            continue
+        if k == 100:
+            hold.begin(now_ns)
+        thrust = hold.step(now_ns, 0.01, down=k >= 200).thrust_norm
+        vz_m_s += 0.01 * GRAVITY_M_S2 * (thrust / true_hover - 1.0)
+        z_m += 0.01 * vz_m_s
+        if k == 199:
+            assert abs(vz_m_s) < 0.6
+    assert -0.7 < vz_m_s < -0.2
+
+
+def test_a_refused_landing_does_not_interrupt_its_own() -> None:
+    """Told to land every 0.3 s, in a mode that is known by a heartbeat a second: it was left without a setpoint."""
+    site = Bridged()
+    for _ in range(100):
+        site.say(OLD, site.setpoint(thrust=0.5))
+    gaps, last_ns = [], None
+    for k in range(300):
+        site.now_ns += 10 * MS
+        before = len(site.passed)
+        site.turn()
+        if k % 30 == 0:
+            site.say(OLD, command_long(DRONE, MavCommand.NAV_LAND))
+        if k % 100 == 50:
+            site.beat(FlightMode.OFFBOARD)
+        own = [p for p in site.passed[before:] if isinstance(p.message, AttitudeSetpoint)]
+        if own and last_ns is not None:
+            gaps.append(site.now_ns - last_ns)
+        last_ns = site.now_ns if own else last_ns
+    assert site.stage is Stage.DESCEND
+    assert max(gaps) <= 30 * MS
+
+
 def test_a_body_that_is_said_to_stand_in_the_air_is_not_dropped() -> None:
     """At rest by a frozen pose and told to sink, the thrust went down to a third."""
     hold = BridgeHold()
     for k in range(100):
         hold.see(k * 10 * MS, np.array([0.0, 0.0, 1.0]), LEVEL)
-        hold.note(AttitudeSetpoint(DRONE, 1, LEVEL, np.zeros(3), 0.5, 7))
+        hold.note(AttitudeSetpoint(DRONE, 1, LEVEL, np.zeros(3), 0.5, 7), k * 10 * MS)
     hold.begin(S)
     thrusts = [hold.step(S + k * 10 * MS, 0.01, down=True).thrust_norm for k in range(200)]
     assert min(thrusts) >= 0.42

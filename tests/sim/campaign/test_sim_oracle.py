@@ -153,6 +153,16 @@ def test_a_stop_that_is_late_or_does_not_last() -> None:
     assert judge(truth).violations[0].text == "two armed 0.3 s and more after the stop"
 
 
+def test_a_stop_lasts_until_motors_are_asked_for_anew_later_than_it_takes_to_rest() -> None:
+    truth = replace(flown(), stops_s=(3.0,))
+    truth.armed[truth.t_s > 3.0] = False
+    truth.pos_m[truth.t_s > 3.0, :, 2] = 0.0
+    truth.armed[between(truth, 5.5, 5.52), 1] = True
+    assert kinds(judge(replace(truth, arms_s=(0.1, 2.9, 4.5, 5.51)))) == ["stop"]
+    assert judge(replace(truth, arms_s=(0.1, 5.2))).contained
+    assert kinds(judge(replace(truth, arms_s=(0.1, 5.2), stops_s=(3.0, 5.1)))) == ["stop"]
+
+
 def test_a_flight_that_ends_armed_or_in_the_air_has_not_ended() -> None:
     truth = flown()
     truth.armed[-1, 0] = True

@@ -11,7 +11,7 @@ import numpy as np
 
 from drone_agent.bridge.feed import BodyFeed
 from drone_agent.bridge.hold import BridgeHold
-from drone_agent.bridge.inertial_stream import InertialStream
+from drone_agent.bridge.inertial_stream import LACKS, InertialStream
 from drone_agent.bridge.reckoning import Reckoning
 from drone_agent.bridge.setpoints import SETPOINTS, BridgeSetpoints, stamp_ms
 from drone_agent.bridge.takeover import STEP_NS, Takeover, Turn
@@ -158,6 +158,8 @@ class BridgeCore:
             asks = self._inertial.due(now_ns) if self._table is not None else None
             if asks is not None:
                 self._send_autopilot(asks)
+            if self._inertial.tells(now_ns):
+                self._say(Severity.NOTICE, LACKS)
         self._act(self._takeover.due(now_ns, fed=self._feed.fresh(now_ns), stands=self._hold.stands))
         for refused in self._setpoints.told(now_ns):
             self._say(refused.severity, f"{refused.source}: {refused.text}")

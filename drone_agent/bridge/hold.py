@@ -14,7 +14,8 @@ from drone_agent.flight.estimator import Belief
 from drone_agent.flight.position import NO_RATE, Demand, PositionController
 from drone_agent.simulation.attitude_loop import LoopSetpoint
 from formation.maths.arrays import Quat, Vec3
-from formation.maths.frames import IDENTITY, from_yaw, rotate, yaw
+from formation.maths.frames import IDENTITY, from_yaw, yaw
+from formation.maths.quaternion import thrust_axis
 from formation.vehicle.body import GRAVITY_M_S2
 from wire.link_messages.setpoints import AttitudeSetpoint
 
@@ -27,7 +28,6 @@ _THRUST_LEAST = 0.85  # of what carries it, coming down: what stands in the air 
 _BLIND_THRUST, _BLIND_S, _BLIND_FADE_1_S = 0.95, 3.0, 0.3  # 1.5 m in 2.5 s, down at 1.2 m/s
 _STILL_M_S = 0.1
 _STANDS_M_S, _STANDS_NS = 0.08, 400_000_000
-_UP = np.array([0.0, 0.0, 1.0])
 
 
 class BridgeHold:
@@ -66,8 +66,8 @@ class BridgeHold:
             if self._pos is None or dt_s > 0.0:
                 self.take_over(t_capture_ns, Motion(pos_lab_m, np.zeros(3)))
             return
-        axis = rotate(q_lab_from_flu, _UP)
-        push = GRAVITY_M_S2 * np.array([axis[0], axis[1], 0.0]) / max(axis[2], 0.5)
+        x, y, z = thrust_axis(q_lab_from_flu)
+        push = GRAVITY_M_S2 / max(z, 0.5) * np.array([x, y, 0.0])
         ahead = self._pos + dt_s * self._vel
         missed = pos_lab_m - ahead
         self._pos = ahead + _SHARE * missed
@@ -87,8 +87,8 @@ class BridgeHold:
     def note(self, target: AttitudeSetpoint, now_ns: int) -> None:
         """A setpoint of the ground's: its heading is kept, its thrust and its lean are what carries it."""
         self._yaw_rad = float(yaw(target.q_lab_from_flu))
-        axis = rotate(target.q_lab_from_flu, _UP)
-        lean = GRAVITY_M_S2 * np.array([axis[0], axis[1], 0.0])
+        x, y, _ = thrust_axis(target.q_lab_from_flu)
+        lean = GRAVITY_M_S2 * np.array([x, y, 0.0])
         share = self._hover.fly(target.thrust_norm, now_ns, seen=self._is_seen(now_ns))
         self._lean_lab_m_s2 = self._lean_lab_m_s2 + share * (lean - self._lean_lab_m_s2)
 

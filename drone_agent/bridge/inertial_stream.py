@@ -10,6 +10,8 @@ from wire.link_messages.motion import InertialSample
 _LISTEN_NS = 1_500_000_000  # before it is asked for: the autopilot may send it anyhow
 _ASK_NS = 1_000_000_000
 _SHARE = 0.4  # of the rate wanted: what comes more slowly is asked for
+_PATIENCE_NS = 5_000_000_000  # of asking, before the operator is told that it does not come
+LACKS = "No HIGHRES_IMU: sliding poses are not found"
 
 
 class InertialStream:
@@ -25,6 +27,8 @@ class InertialStream:
         self._asks_ns = t0_ns + _LISTEN_NS
         self._count = 0
         self._refused = rate_hz <= 0.0
+        self._lacks_ns: int | None = None
+        self._told = self._refused
 
     @property
     def passes(self) -> bool:
@@ -40,6 +44,7 @@ class InertialStream:
     def restarted(self, now_ns: int) -> None:
         """The autopilot is new, or was: listen, then ask again."""
         self._asks_ns, self._count, self._refused = now_ns + _LISTEN_NS, 0, self._rate_hz <= 0.0
+        self._lacks_ns, self._told = None, self._refused
 
     def answered(self, ack: CommandAck) -> None:
         """The autopilot answered a command of ours: what it does not know is not asked for again."""
@@ -53,10 +58,18 @@ class InertialStream:
         lacks = self._count < _SHARE * self._rate_hz * _ASK_NS * 1e-9
         self._asks_ns, self._count = now_ns + _ASK_NS, 0
         if not lacks:
+            self._lacks_ns = None
             return None
+        self._lacks_ns = self._lacks_ns or now_ns
         self._unasked = False
         interval_us = 1e6 / self._rate_hz
         return command_long(self._target, MavCommand.SET_MESSAGE_INTERVAL, float(MessageId.HIGHRES_IMU), interval_us)
+
+    def tells(self, now_ns: int) -> bool:
+        """Whether the operator is to be told, once, that it does not come."""
+        lacks = self._refused or (self._lacks_ns is not None and now_ns - self._lacks_ns >= _PATIENCE_NS)
+        tells, self._told = lacks and not self._told, self._told or lacks
+        return tells
 
     def requested(self, command: CommandLong) -> bool:
         """The ground sets a message's interval; whether that is this message's and ends here, as good as done."""

@@ -122,6 +122,7 @@ class Asked:
     def __init__(self, rate_hz: float = 100.0) -> None:
         self.stream = InertialStream(DRONE, rate_hz, Reckoning(), 0)
         self.requests: list[CommandLong] = []
+        self.told_s: list[float] = []
         self.now_ns = 0
 
     def run(self, seconds: float, rate_hz: float = 0.0) -> None:
@@ -131,6 +132,7 @@ class Asked:
                 self.stream.hear(InertialSample(self.now_ns // 1000, G, np.zeros(3)), self.now_ns)
             request = self.stream.due(self.now_ns)
             self.requests += [request] if request is not None else []
+            self.told_s += [self.now_ns / S] if self.stream.tells(self.now_ns) else []
 
 
 def test_it_is_asked_for_until_enough_comes_and_kept_from_who_did_not_ask() -> None:
@@ -151,6 +153,19 @@ def test_it_is_asked_for_until_enough_comes_and_kept_from_who_did_not_ask() -> N
     asked.run(3.0)
     assert len(asked.requests) > 4
     assert asked.stream.passes
+
+
+def test_the_operator_is_told_once_that_it_does_not_come() -> None:
+    asked = Asked()
+    asked.run(4.0)
+    asked.run(4.0, rate_hz=50.0)
+    assert asked.told_s == []
+    asked.run(20.0)
+    assert len(asked.told_s) == 1
+    asked.stream.restarted(asked.now_ns)
+    asked.stream.answered(CommandAck(BRIDGE, MavCommand.SET_MESSAGE_INTERVAL, Result.UNSUPPORTED))
+    asked.run(20.0)
+    assert asked.told_s[1:] == [pytest.approx(28.01)]
 
 
 def test_what_comes_unasked_passes() -> None:
@@ -174,8 +189,9 @@ def test_who_does_not_know_it_is_asked_once_and_again_after_a_restart() -> None:
 
 def test_a_bridge_that_wants_none_leaves_it_alone() -> None:
     asked = Asked(0.0)
-    asked.run(5.0)
+    asked.run(20.0)
     assert asked.requests == []
+    assert asked.told_s == []
     assert not asked.stream.requested(command_long(DRONE, MavCommand.SET_MESSAGE_INTERVAL, IMU, -1.0))
 
 

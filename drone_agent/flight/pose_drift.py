@@ -4,7 +4,8 @@ Dead reckoning that nothing puts right wanders, but smoothly: its offset from th
 accelerometer is wrong by. A pose that begins to slide kinks that line at once. Two fading-memory filters follow the
 offset, a fast one of first degree and a slow one of second, which learns the bend; where their slopes part, it slides.
 By a third, slower still, as it was half a second to a second before, the body is known for a while without its poses:
-where they went wrong little by little, as late ones do, all three had believed them by then.
+where they went wrong little by little, as late ones do, all three had believed them by then. Dead reckoning by an
+accelerometer full of noise is worse than that: there it is the second, as it was a tenth of a second before.
 """
 
 import math
@@ -14,7 +15,9 @@ from typing import NamedTuple
 from formation.model import Vec3Tuple
 
 _FAST_1_S, _SLOW_1_S, _KEPT_1_S = 30.0, 8.0, 2.5
-_MARK_NS = 500_000_000
+_MARK_NS, _YOUNG_NS = 500_000_000, 100_000_000
+_NOISY_M_S = 0.05
+"""A velocity that the accelerometer's noise makes wander by more within a second is reckoned on from lately."""
 _APART_M_S = (0.04, 0.04, 0.12)
 """How far slopes may part: 0.37 of a slide that begins at once, 0.06 s after. The floor, as it is met, shakes the
 vertical: samples of 5 ms tell but half of that."""
@@ -55,6 +58,8 @@ class PoseDrift:
         self._slow = [[0.0, 0.0, 0.0] for _ in _AXES]
         self._kept = [[0.0, 0.0, 0.0] for _ in _AXES]
         self._marks: list[_Mark] = []
+        self._young: list[_Mark] = []
+        self._walk_m2_s3 = 0.0
         self._noise_m2 = 0.0
         self._fast_vel = [[0.0, 0.0] for _ in _AXES]
         self._slow_vel = [[0.0, 0.0, 0.0] for _ in _AXES]
@@ -77,6 +82,7 @@ class PoseDrift:
             self._slow[axis] = [offset_m[axis], slope, bend]
             self._kept[axis] = [offset_m[axis], slope, bend]
         self._marks = [_Mark(t_ns, [[*curve] for curve in self._kept])]
+        self._young = [*self._marks]
 
     def take(
         self, t_ns: int, offset_m: Sequence[float], vel_m_s: Sequence[float], walk_m2_s3: Sequence[float] = _NONE
@@ -111,20 +117,29 @@ class PoseDrift:
         if not self.slides:
             self._noise_m2 += (1.0 - math.exp(-dt_s / _NOISE_S)) * (missed_m2 / 3.0 - self._noise_m2)
         by_poses_m_s = math.sqrt(2.0 * ((1.0 - fast) / (1.0 + fast)) ** 3 * self._noise_m2) / dt_s
+        self._walk_m2_s3 = max(walk_m2_s3)
         noise_m_s = [math.hypot(by_poses_m_s, math.sqrt(_WALK_S * walk)) for walk in walk_m2_s3]
         if self.slides:
             self.slides = self._ratio(self._kept, noise_m_s) > _BACK_RATIO or self._apart_m() > _BACK_M
         elif self._ratio(self._slow, noise_m_s) > 1.0 and self._settled and t_ns - self._gap_ns >= _RESETTLED_NS:
             self.slides = self.step_back(t_ns)
-        elif t_ns - self._marks[-1].t_ns >= _MARK_NS:
-            self._marks = [self._marks[-1], _Mark(t_ns, [[*curve] for curve in self._kept])]
+        else:
+            self._mark(t_ns)
         return self.slides
+
+    def _mark(self, t_ns: int) -> None:
+        if t_ns - self._marks[-1].t_ns >= _MARK_NS:
+            self._marks = [self._marks[-1], _Mark(t_ns, [[*curve] for curve in self._kept])]
+        if t_ns - self._young[-1].t_ns >= _YOUNG_NS:
+            curves = [[slow[0], slow[1], kept[2]] for slow, kept in zip(self._slow, self._kept, strict=True)]
+            self._young = [self._young[-1], _Mark(t_ns, curves)]
 
     def step_back(self, t_ns: int) -> bool:
         """Forget the last half to whole second: the poses had gone wrong by then. Whether enough was known before."""
         if not self._settled:
             return False
-        self._kept = _carried(self._marks[0].curves, t_ns - self._marks[0].t_ns)
+        mark = self._young[0] if math.sqrt(self._walk_m2_s3) > _NOISY_M_S else self._marks[0]
+        self._kept = _carried(mark.curves, t_ns - mark.t_ns)
         self._slow, self._t_ns = [[*curve] for curve in self._kept], t_ns
         return True
 

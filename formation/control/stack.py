@@ -95,7 +95,8 @@ class ControlStack:
         mine = motion[self._commanded]
         old = start(plan, mine, t_ns) if self._generator is None else self._generator
         before_it = as_estimated(motion[0], t_ns) if self._leader is None else self._leader
-        followed = follow(before_it, motion[0], t_ns, old.vehicles, self._slot_speeds_m_s)
+        arm_m = plan.shape.arm_m if True in airborne.tolist() else -1.0
+        followed = follow(before_it, motion[0], t_ns, arm_m, self._slot_speeds_m_s)
         leader = followed["motion"][0]
         generator = update(old, plan, self._fleet, mine, leader, t_ns)
         path = generator.trajectory

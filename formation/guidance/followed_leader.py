@@ -3,18 +3,19 @@
 Slots are fixed in the leader's frame, so a step of its pose, or a turn of it that is none, would be asked of every
 follower at once. Where the estimate steps, or carries a slot faster than the speed limit, followers are led on from
 where they were led: the leader that they follow is then another, which approaches the estimate gently and, once there,
-is the estimate again.
+is the estimate again. So it is before anybody is in a slot: the motion with which a slot is joined is against this
+leader's, and that of an estimate full of noise would lead a follower away at the speed of its slot.
 """
 
 from dataclasses import dataclass
-from math import hypot, sqrt
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
 
 from formation.guidance.blend import ACCELERATION_M_S2
-from formation.guidance.reference_generator import SLOT, VehicleReference
-from formation.maths.arrays import Float, Motion
+from formation.guidance.reference_generator import VehicleReference
+from formation.maths.arrays import Float, Motion, Vec4
 from formation.maths.kernel import kernel
 from formation.maths.records import Rows, blank, like
 from formation.vehicle.response import SECONDS
@@ -22,6 +23,8 @@ from formation.vehicle.response import SECONDS
 JOLT_M_S2 = 150.0  # of a slot: beyond what noise and small turns of a real recording make of an estimate
 SAME_M, SAME_M_S = 0.01, 0.1  # of a slot: so near the estimate it is the estimate again
 STEP_MAX_S = 0.1
+MEAN_S = 0.3
+"""Over so long the velocity is averaged with which another leader goes along: noise of one is no motion."""
 
 
 @dataclass(slots=True)
@@ -29,12 +32,14 @@ class FollowedLeader:
     """The leader as it is followed at t_ns; a record.
 
     shift: what is added to the estimated motion to make it this one; apart: whether it is another than the estimate.
+    mean_vel: of the estimate of late, no faster than a slot may be; the faster it says, the less that counts.
     """
 
     t_ns: int
     motion: Motion
     shift: Motion
     apart: bool
+    mean_vel: Vec4
 
 
 class Led(NamedTuple):
@@ -49,19 +54,20 @@ class Led(NamedTuple):
 def as_estimated(lead: Motion, t_ns: int) -> Rows[FollowedLeader]:
     """The leader (3, 4) as it is estimated, one record."""
     made = blank(FollowedLeader, 1)
-    made["t_ns"], made["motion"] = t_ns, lead
+    made["t_ns"], made["motion"], made["mean_vel"] = t_ns, lead, lead[1]
     return made
 
 
 def follow(
-    old: Rows[FollowedLeader], lead: Motion, t_ns: int, vehicles: Rows[VehicleReference], limits: tuple[float, float]
+    old: Rows[FollowedLeader], lead: Motion, t_ns: int, arm_m: float, limits: tuple[float, float]
 ) -> Rows[FollowedLeader]:
     """The leader to be followed at t_ns, when it is estimated to move as `lead` (3, 4).
 
-    vehicles (m): what is led in its slots; limits: speed of a slot, and the speed at which a step is made up for, m/s.
+    arm_m: how far the farthest slot is from it, negative where nobody is to follow; limits: speed of a slot, and the
+    speed at which a step is made up for, m/s.
     """
     new = like(old)
-    _follow(old, lead, t_ns, vehicles, limits[0], limits[1], new)
+    _follow(old, lead, t_ns, arm_m, limits[0], limits[1], new)
     return new
 
 
@@ -79,26 +85,21 @@ def shifted(followed: Rows[FollowedLeader], at_ns: int, motion: Float) -> None:
 
 
 @kernel
-def longest_arm(vehicles: Rows[VehicleReference]) -> float:
-    """How far the farthest slot is from the leader, m; negative where nobody is led in one."""
-    arm = -1.0
-    for i in range(len(vehicles)):
-        if vehicles[i].kind == SLOT:
-            arm = max(arm, hypot(vehicles[i].target[0], vehicles[i].target[1]))
-    return arm
-
-
-@kernel
 def _follow(
-    old: Rows[FollowedLeader], lead: Float, t_ns: int, vehicles: Rows[VehicleReference], speed_m_s: float,
-    closing_m_s: float, new: Rows[FollowedLeader],
+    old: Rows[FollowedLeader], lead: Float, t_ns: int, arm: float, speed_m_s: float, closing_m_s: float,
+    new: Rows[FollowedLeader],
 ) -> None:  # fmt: skip
     """See `follow`."""
-    before, now, arm = old[0], new[0], longest_arm(vehicles)
+    before, now = old[0], new[0]
     dt_s = min((t_ns - before.t_ns) * SECONDS, STEP_MAX_S)
+    kept = min(1.0, speed_m_s / max(_of_slot(lead[1], arm), 1e-9))
+    share = kept * kept * dt_s / (dt_s + MEAN_S)
+    for column in range(4):
+        mean = before.mean_vel[column]
+        now.mean_vel[column] = mean + share * (kept * lead[1, column] - mean)
     now.t_ns, now.apart = t_ns, arm >= 0.0 and _parts(before, lead, dt_s, arm, speed_m_s)
     if now.apart:
-        _approach(before.motion, lead, dt_s, arm, speed_m_s, closing_m_s, now.motion)
+        _approach(before.motion, lead[0], now.mean_vel, dt_s, arm, speed_m_s, closing_m_s, now.motion)
     for order in range(3):
         for column in range(4):
             if not now.apart:
@@ -129,20 +130,20 @@ def _of_slot(x: Float, arm: float) -> float:
 
 @kernel
 def _approach(
-    was: Float, lead: Float, dt_s: float, arm: float, speed_m_s: float, closing_m_s: float, out: Float
-) -> None:
-    """One step (3, 4) from the motion `was` towards the leader's, within speed and acceleration."""
+    was: Float, there: Float, vel: Float, dt_s: float, arm: float, speed_m_s: float, closing_m_s: float, out: Float
+) -> None:  # fmt: skip
+    """One step (3, 4) from the motion `was` to the leader's place, at its velocity, within speed and acceleration."""
     acc = ACCELERATION_M_S2
     gap, wanted = np.empty(4), np.empty(4)
     for column in range(4):
-        gap[column] = lead[0, column] - was[0, column]
+        gap[column] = there[column] - was[0, column]
     share = _of_slot(gap, arm)
     if share > 0.0:
         share = min(closing_m_s, sqrt(acc * share)) / share
     room = max(speed_m_s - closing_m_s, 0.0)
-    carried = min(1.0, room / max(_of_slot(lead[1], arm), 1e-9))
+    carried = min(1.0, room / max(_of_slot(vel, arm), 1e-9))
     for column in range(4):
-        wanted[column] = carried * lead[1, column] + share * gap[column] - was[1, column]
+        wanted[column] = carried * vel[column] + share * gap[column] - was[1, column]
     share = min(1.0, acc * dt_s / max(_of_slot(wanted, arm), 1e-9))
     for column in range(4):
         change = share * wanted[column]

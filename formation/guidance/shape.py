@@ -1,6 +1,7 @@
 """Formations: a named set of slots in the leader's frame, out of the configuration or a pattern."""
 
 from dataclasses import dataclass
+from math import hypot
 
 import numpy as np
 
@@ -24,6 +25,11 @@ class Shape:
     def offsets(self) -> Vec3s:
         """The slots as an array (followers, 3)."""
         return np.array(self.offset_lead_m, dtype=np.float64).reshape(-1, 3)
+
+    @property
+    def arm_m(self) -> float:
+        """How far the farthest slot is from the leader's vertical axis, about which they turn."""
+        return max((hypot(x, y) for x, y, _ in self.offset_lead_m), default=0.0)
 
 
 def configured(config: LabConfig) -> Shape:

@@ -61,6 +61,10 @@ def table() -> tuple[Row, ...]:
         _row("one-frame-900-m", _mocap(Family.ABSURD, "f2", 0.012, 900.0)),
         _row("upside-down", _mocap(Family.FLIP, "f2", 0.4, 3.14159)),
         _row("leader-yaw", _mocap(Family.YAW, "leader", 0.2, 3.0)),
+        _row(
+            "leader-noise-joining", _mocap(Family.NOISE, "leader", 2.3, 0.004, phase="HOLD", after_s=0.1),
+            flight=scenario("observed", 5),
+        ),
         _row("swap-followers", _mocap(Family.SWAP, "f2", 0.6, other="f3")),
         _row("swap-leader", _mocap(Family.SWAP, "leader", 0.6, other="f2")),
         _row("jump", _mocap(Family.JUMP, "f2", 0.6, 1.0, heading_rad=-1.57)),

@@ -58,6 +58,26 @@ def test_a_change_of_what_the_sensor_is_wrong_by_is_none() -> None:
     assert not any(slid(-np.cumsum(np.cumsum(force * STEP_S, axis=0) * STEP_S, axis=0)))
 
 
+def test_by_a_noisy_accelerometer_the_body_is_known_from_just_before() -> None:
+    """1 m/s^2 of noise at 120 Hz, as PX4's own simulation shows: reckoned on from a second before, the velocity was off
+    by 0.13 m/s RMS, 0.3 m/s at most, and a drone that was held by it rose by half a metre."""
+    walk, missed = 0.09, []
+    for seed in range(40):
+        rng, drift = np.random.default_rng(seed), PoseDrift()
+        vel, pos = np.zeros(3), np.zeros(3)
+        for k in range(round(6.0 / STEP_S)):
+            t_s = k * STEP_S
+            vel = vel + walk * np.sqrt(STEP_S) * rng.standard_normal(3)
+            pos = pos + STEP_S * vel
+            slide = np.array([0.5 * max(t_s - 5.0, 0.0), 0.0, 0.0])
+            shown = pos + slide + 0.0003 * rng.standard_normal(3)
+            if drift.take(round(t_s * S), shown.tolist(), STILL, [walk * walk] * 3):
+                missed.append(np.array(drift.offset(round(t_s * S))[1]) - vel)
+                break
+    assert len(missed) == 40
+    assert np.sqrt(np.mean(np.square(missed))) < 0.06
+
+
 def test_what_it_was_off_by_is_carried_on_and_a_pose_that_comes_back_is_taken() -> None:
     drift = PoseDrift()
     for k in range(2000):

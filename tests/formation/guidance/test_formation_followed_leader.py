@@ -3,34 +3,26 @@
 import numpy as np
 import pytest
 
-from formation.guidance.followed_leader import FollowedLeader, as_estimated, follow, longest_arm, shifted
-from formation.guidance.reference_generator import POINT, SLOT, VehicleReference
+from formation.guidance.followed_leader import FollowedLeader, as_estimated, follow, shifted
 from formation.maths.arrays import Float
-from formation.maths.records import Rows, blank
+from formation.maths.records import Rows
 
 DT_NS = 10_000_000
 LIMITS = (3.0, 0.5)
 
 
-def slots(*offsets: tuple[float, float]) -> Rows[VehicleReference]:
-    made = blank(VehicleReference, len(offsets))
-    made["kind"], made["target"][:, :2] = SLOT, offsets
-    return made
-
-
 ARM_M = 0.5
-TWO = slots((-0.3, 0.4), (0.0, -0.2))
 
 
 def motion(pos: tuple = (0.0, 0.0, 1.0, 0.0), vel: tuple = (0.0,) * 4, acc: tuple = (0.0,) * 4) -> Float:
     return np.array([pos, vel, acc])
 
 
-def followed(leads: list[Float], vehicles: Rows[VehicleReference] = TWO) -> list[Rows[FollowedLeader]]:
+def followed(leads: list[Float], arm_m: float = ARM_M) -> list[Rows[FollowedLeader]]:
     """A frame every 10 ms, from the first estimate on."""
     out = [as_estimated(leads[0], 0)]
     for k, lead in enumerate(leads[1:], 1):
-        out.append(follow(out[-1], lead, k * DT_NS, vehicles, LIMITS))
+        out.append(follow(out[-1], lead, k * DT_NS, arm_m, LIMITS))
     return out
 
 
@@ -101,12 +93,8 @@ def test_a_leader_too_fast_for_its_slots_is_followed_at_the_limit() -> None:
     assert slot_speeds(path).max() < 3.0 + 0.02
 
 
-def test_where_nobody_is_in_a_slot_the_leader_is_the_estimate() -> None:
-    vehicles = slots((-0.3, 0.4))
-    vehicles["kind"] = POINT
-    assert longest_arm(TWO) == pytest.approx(ARM_M)
-    assert longest_arm(vehicles) < 0.0
-    path = followed([motion(), motion((9.0, 0.0, 1.0, 3.0))], vehicles)
+def test_where_nobody_is_to_follow_the_leader_is_the_estimate() -> None:
+    path = followed([motion(), motion((9.0, 0.0, 1.0, 3.0))], -1.0)
     assert np.array_equal(path[-1]["motion"][0, 0], [9.0, 0.0, 1.0, 3.0])
 
 

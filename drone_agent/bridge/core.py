@@ -136,7 +136,7 @@ class BridgeCore:
     def receive_frame(self, frame: LabFrame, now_ns: int) -> None:
         """Tell the autopilot the pose of its body, and hold the body where that pose is none of its own."""
         self._now_ns = now_ns
-        pose = self._feed.see(frame, now_ns)
+        pose = self._feed.see(frame, now_ns, armed=self._takeover.armed)
         if self._feed.fresh(now_ns):
             self._takeover.rest(now_ns, still=self._hold.still)
         self._setpoints.pose_slides = self._feed.slides

@@ -1,5 +1,7 @@
 """The body's own mocap poses in the bridge: held against the inertial sensors, told to the autopilot. No bytes."""
 
+from math import nan
+
 import numpy as np
 
 from drone_agent.bridge.hold import BridgeHold
@@ -11,6 +13,8 @@ _POSE_NS = 20_000_000
 _FRESH_NS = 200_000_000
 _RECKONED_NS = 500_000_000
 """So long a place is held by the inertial sensors alone: they drift by some centimetres."""
+_LIFTED_M = 0.05
+"""Above where it stood with its motors off: below, the floor shakes what it feels, and no pose leads it away."""
 
 
 class BodyFeed:
@@ -22,6 +26,7 @@ class BodyFeed:
         self._pose_due_ns = t0_ns
         self._seen_ns: int | None = None
         self._slides_ns: int | None = None
+        self._floor_m = nan
 
     @property
     def begun(self) -> bool:
@@ -37,7 +42,7 @@ class BodyFeed:
         """Whether it is known where the body is."""
         return self._seen_ns is not None and now_ns - self._seen_ns < _FRESH_NS
 
-    def see(self, frame: LabFrame, now_ns: int) -> VisionPose | None:
+    def see(self, frame: LabFrame, now_ns: int, *, armed: bool) -> VisionPose | None:
         """Take a frame in; the pose to tell the autopilot, at most fifty a second."""
         if self._body not in frame.bodies:
             return None
@@ -46,7 +51,10 @@ class BodyFeed:
         if not frame.seen[index] or not np.isfinite(pos).all() or not np.isfinite(q).all():
             return None
         self._reckoning.see(t_ns, pos, q)
-        if self._finds_slides and self._reckoning.slides:
+        if not armed:
+            self._floor_m = float(pos[2])
+        stands = float(pos[2]) - self._floor_m <= _LIFTED_M and not self.slides
+        if self._finds_slides and not stands and self._reckoning.slides:
             moves = self._reckoning.at(t_ns)
             if self._slides_ns is None:
                 self._slides_ns = now_ns

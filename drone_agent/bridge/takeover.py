@@ -32,7 +32,8 @@ class Takeover:
 
     def __init__(self, stale_s: float, land_s: float | None) -> None:
         self.stream = StreamFailsafe(stale_s, land_s)
-        self._armed = self._offboard = False
+        self.armed, self._offboard = True, False
+        """As its last heartbeat said; armed, until the first."""
         self._mode_known = True
         self._next_ns = self._next_command_ns = 0
         self._done = False
@@ -49,7 +50,7 @@ class Takeover:
     def saw(self, now_ns: int, *, armed: bool, offboard: bool) -> None:
         """A heartbeat: whether the autopilot is armed, and follows setpoints."""
         began = armed and offboard and not self._offboard
-        self._mode_known, self._armed, self._offboard = True, armed, armed and offboard
+        self._mode_known, self.armed, self._offboard = True, armed, armed and offboard
         if not armed:
             self.stream.pull(Trigger.DISARM, now_ns)
         else:
@@ -68,7 +69,7 @@ class Takeover:
 
     def rest(self, now_ns: int, *, still: bool) -> None:
         """Whether the body is seen at rest: a stop is over after two seconds of it, disarmed."""
-        if self._armed or not still:
+        if self.armed or not still:
             self._rest_since_ns = now_ns
         elif now_ns - self._rest_since_ns >= _REST_NS:
             self.stream.pull(Trigger.RESTED, now_ns)

@@ -72,9 +72,12 @@ class PoseDrift:
         self.place(t_ns, offset_m)
 
     def place(self, t_ns: int, offset_m: Sequence[float]) -> None:
-        """Go on from this offset, with the slope that was known before the poses slid, or were not seen."""
+        """Go on from this offset, with the slope that was known before the poses slid, or were not seen.
+
+        It is learned anew: by poses that had been wrong for long it is wrong itself, and right ones slid ever after.
+        """
         dt_s = (t_ns - self._t_ns) * 1e-9
-        self.slides, self._t_ns = False, t_ns
+        self.slides, self._t_ns, self._gap_ns = False, t_ns, t_ns
         for axis in _AXES:
             bend = self._kept[axis][2]
             slope = self._kept[axis][1] + dt_s * bend
@@ -99,7 +102,6 @@ class PoseDrift:
             return self.slides
         dt_s = (t_ns - self._t_ns) * 1e-9
         if dt_s > _GAP_S and not self.slides:
-            self._gap_ns = t_ns
             self.place(t_ns, offset_m)
             return False
         self._t_ns = t_ns

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from agent_harness import MS, Harness, S, hover_over
+from agent_harness import MS, Harness, S, hover_at, hover_over
 from test_drone_agent_bridge import Site
 
 from drone_agent.bridge.core import BridgeCore
@@ -230,6 +230,19 @@ def test_in_flight_it_leaves_the_setpoints_holds_by_the_sensors_and_comes_down(s
     truth = site.drone.truth
     assert truth.on_ground
     assert np.linalg.norm((truth.pos_lab_m - place)[:2]) < 0.3
+
+
+def test_on_the_floor_nothing_slides() -> None:
+    """Motors that start shake what it feels: a real take-off was broken off on the floor."""
+    site = blind(Site())
+    site.run(6.0)
+    site.run(0.2, hover_at(-1.0))
+    assert site.command(176, 1.0, 6.0).result == site.command(400, 1.0).result == 0
+    site.slides_m_s = 0.5
+    site.run(2.0, hover_at(-1.0))
+    assert site.bridge._feed._reckoning.slides
+    assert not site.bridge._feed.slides
+    assert not any("move as the drone does" in text for text in site.texts())
 
 
 def test_a_flight_without_a_slide_is_left_alone() -> None:

@@ -19,6 +19,7 @@ _AGE_MAX_NS = 500_000_000
 _FRESH_NS = 300_000_000
 _READY_AFTER_NS = 1_000_000_000
 _VALID_NS = 1_000_000_000
+_RIGHT_NS = 500_000_000
 _RESET_AFTER_NS = 1_000_000_000
 _GATE_M = 0.3
 _GATE_GROWTH_M_S = 0.3
@@ -178,6 +179,7 @@ class ExternalPositioning:
         self._capture_ns = -(2**62)
         self._good_ns: int | None = None  # receipt of the last accepted pose
         self._since_ns = 0  # start of the present unbroken run of accepted poses
+        self._wrong_ns: int | None = None  # of the first refusal since there was a run of half a second
         self._refusal = "no external pose"
         self._slide = PoseDrift()
         self.refused = 0
@@ -226,18 +228,22 @@ class ExternalPositioning:
         if refusal is not None:
             self.refused += 1
             self._refusal = refusal
+            self._wrong_ns = self._wrong_ns or now_ns
             return False
         if lost:
             self._pos, self._vel, self.yaw_rad = measured, [0.0, 0.0, 0.0], yaw
             self._since_ns = now_ns
-            if self._good_ns is None or now_ns - self._good_ns > ALONE_NS:
+            if self._good_ns is None or now_ns - (self._wrong_ns or self._good_ns) > ALONE_NS:
                 self._slide.begin(pose.t_capture_ns, measured)
+                self._wrong_ns = None
             else:
                 self._slide.place(pose.t_capture_ns, measured)
         else:
             self._correct(measured, yaw, (pose.t_capture_ns - self._capture_ns) * 1e-9)
             if now_ns - (self._good_ns or 0) > _FRESH_NS:
                 self._since_ns = now_ns
+            elif now_ns - self._since_ns > _RIGHT_NS:
+                self._wrong_ns = None
         self._capture_ns, self._good_ns = pose.t_capture_ns, now_ns
         self._refusal = "external pose is stale"
         return True

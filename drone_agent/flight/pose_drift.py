@@ -27,8 +27,8 @@ _WALK_S = 0.02
 """Variance of the slopes' difference over the density of a velocity's random walk, simulated."""
 _LATE_S, _LAG_S = 0.05, 0.15
 """Poses later than they say by up to so much lag behind by that times the velocity, and a little after: no slide."""
-ALONE_NS = 10_000_000_000
-"""After so long a slide it is the sensors that may be wrong, and all is to be learned anew: by then it has landed."""
+ALONE_NS = 5_000_000_000
+"""After so long it is what is known from before that may be wrong, and all is learned anew: by then it has landed."""
 _BACK_RATIO, _BACK_M = 1.0, 0.05
 """Slopes and places within which a pose is taken again."""
 _SETTLED_NS, _RESETTLED_NS = 2_500_000_000, 500_000_000
@@ -72,12 +72,9 @@ class PoseDrift:
         self.place(t_ns, offset_m)
 
     def place(self, t_ns: int, offset_m: Sequence[float]) -> None:
-        """Go on from this offset, with the slope that was known before the poses slid, or were not seen.
-
-        It is learned anew: by poses that had been wrong for long it is wrong itself, and right ones slid ever after.
-        """
+        """Go on from this offset, with the slope that was known before the poses slid, or were not seen."""
         dt_s = (t_ns - self._t_ns) * 1e-9
-        self.slides, self._t_ns, self._gap_ns = False, t_ns, t_ns
+        self.slides, self._t_ns = False, t_ns
         for axis in _AXES:
             bend = self._kept[axis][2]
             slope = self._kept[axis][1] + dt_s * bend
@@ -102,6 +99,7 @@ class PoseDrift:
             return self.slides
         dt_s = (t_ns - self._t_ns) * 1e-9
         if dt_s > _GAP_S and not self.slides:
+            self._gap_ns = t_ns
             self.place(t_ns, offset_m)
             return False
         self._t_ns = t_ns

@@ -78,22 +78,6 @@ def test_by_a_noisy_accelerometer_the_body_is_known_from_just_before() -> None:
     assert np.sqrt(np.mean(np.square(missed))) < 0.06
 
 
-def test_right_poses_do_not_slide_for_ever_after_wrong_ones() -> None:
-    """What had crept up on it was taken for the truth: a drone on the floor believed that it sank, and rose."""
-    drift, offset_m, creeps_m_s, told = PoseDrift(), 0.0, 0.0, []
-    for k in range(round(20.0 / STEP_S)):
-        t_s, t_ns = k * STEP_S, round(k * STEP_S * S)
-        creeps_m_s = 0.1 * (t_s - 10.0) if 10.0 < t_s < 14.0 else 0.0
-        offset_m += STEP_S * creeps_m_s
-        if 15.0 <= t_s < 15.0 + STEP_S:
-            drift.place(t_ns, [0.0, 0.0, offset_m])
-            continue
-        told.append((t_s, drift.take(t_ns, [0.0, 0.0, offset_m], STILL)))
-    assert not any(slides for t_s, slides in told if t_s < 14.0)
-    assert any(slides for t_s, slides in told if 14.0 <= t_s < 15.0)
-    assert not any(slides for t_s, slides in told if t_s > 15.0)
-
-
 def test_what_it_was_off_by_is_carried_on_and_a_pose_that_comes_back_is_taken() -> None:
     drift = PoseDrift()
     for k in range(2000):
@@ -164,6 +148,22 @@ def test_poses_that_strayed_before_they_jumped_leave_no_trace() -> None:
     belief, truth = harness.core.autopilot.belief(harness.now_ns), harness.truth
     np.testing.assert_allclose(belief.vel_lab_m_s, truth.vel_lab_m_s, atol=0.1)
     np.testing.assert_allclose(belief.pos_lab_m, truth.pos_lab_m, atol=0.1)
+
+
+def test_right_poses_do_not_slide_for_ever_after_wrong_ones() -> None:
+    """What had crept up on it was taken for the truth: a drone on the floor believed that it sank, and rose."""
+    harness = Harness(pose="mocap", profile="px4_quad")
+    harness.fly_offboard(1.0, hover_over(0.0, 0.0, 1.0))
+    shown, refused_s = np.zeros(3), []
+    for k in range(1200):
+        harness.run(0.01, hover_over(0.0, 0.0, 1.0), mocap=False)
+        shown[2] = 0.05 * (0.01 * k) ** 2 if k < 400 else 0.0
+        harness.show(harness.truth.pos_lab_m + shown)
+        refused_s += [0.01 * k] if harness.core.autopilot.positioning.slides else []
+    assert 4.0 <= refused_s[0] < refused_s[-1] < 10.5
+    belief, truth = harness.core.autopilot.belief(harness.now_ns), harness.truth
+    np.testing.assert_allclose(belief.vel_lab_m_s, truth.vel_lab_m_s, atol=0.05)
+    np.testing.assert_allclose(belief.pos_lab_m, truth.pos_lab_m, atol=0.05)
 
 
 def test_a_moment_of_it_is_held_through() -> None:

@@ -27,6 +27,10 @@ REPORTS = {
 SLIDING_POSE = (Severity.CRITICAL, "Pose does not move as the drone does: hold")
 TAKEN_OVER = (Severity.WARNING, "Another ground takes over: level and hold")
 BACK = (Severity.INFO, "Setpoints are back")
+STOPPED = "stopped: ask again after 2 s at rest"
+"""Why one does not arm after a stop."""
+REST_NS = 2_000_000_000
+"""So long after a stop it must have been at rest, asked by nobody."""
 
 
 @dataclass(slots=True)

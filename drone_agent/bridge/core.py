@@ -16,7 +16,7 @@ from drone_agent.bridge.reckoning import Reckoning
 from drone_agent.bridge.setpoints import SETPOINTS, BridgeSetpoints, stamp_ms
 from drone_agent.bridge.takeover import STEP_NS, Takeover, Turn
 from drone_agent.config import AgentConfig
-from drone_agent.failsafe import BACK, REPORTS, SLIDING_POSE, TAKEN_OVER
+from drone_agent.failsafe import BACK, REPORTS, SLIDING_POSE, STOPPED, TAKEN_OVER
 from drone_agent.monitors import switched_off
 from drone_agent.stages import Stage
 from formation.messages import Datagram, Event, LabFrame, Severity
@@ -237,7 +237,7 @@ class BridgeCore:
         if message.command == MavCommand.COMPONENT_ARM_DISARM:
             if action == 1.0 and self._takeover.stream.stage is Stage.STOPPED:
                 self._takeover.stop(now_ns)  # who goes on asking as before the stop does not know of it
-                self._say(Severity.CRITICAL, "Arm refused: stopped: ask again after 2 s at rest")
+                self._say(Severity.CRITICAL, f"Arm refused: {STOPPED}")
                 self._answer(source, message.command, Result.TEMPORARILY_REJECTED)
                 return True
             stops = action == 0.0 and force == DISARM_IN_FLIGHT

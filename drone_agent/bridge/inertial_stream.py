@@ -24,11 +24,7 @@ class InertialStream:
         self._target, self._rate_hz = target, rate_hz
         self._reckoning = reckoning
         self._clock = SenderClock()
-        self._asks_ns = t0_ns + _LISTEN_NS
-        self._count = 0
-        self._refused = rate_hz <= 0.0
-        self._lacks_ns: int | None = None
-        self._told = self._refused
+        self.restarted(t0_ns)
 
     @property
     def passes(self) -> bool:
@@ -44,7 +40,8 @@ class InertialStream:
     def restarted(self, now_ns: int) -> None:
         """The autopilot is new, or was: listen, then ask again."""
         self._asks_ns, self._count, self._refused = now_ns + _LISTEN_NS, 0, self._rate_hz <= 0.0
-        self._lacks_ns, self._told = None, self._refused
+        self._lacks_ns: int | None = None
+        self._told = self._refused
 
     def answered(self, ack: CommandAck) -> None:
         """The autopilot answered a command of ours: what it does not know is not asked for again."""

@@ -7,7 +7,7 @@ begun go on until a heartbeat tells of another mode, in which they mean nothing:
 
 from typing import NamedTuple
 
-from drone_agent.failsafe import StreamFailsafe
+from drone_agent.failsafe import REST_NS, StreamFailsafe
 from drone_agent.stages import Stage, Trigger
 from wire.link_messages.address import Address
 from wire.link_messages.commands import CommandAck, MavCommand, Result
@@ -15,7 +15,6 @@ from wire.link_messages.commands import CommandAck, MavCommand, Result
 STEP_NS = 10_000_000
 _AGAIN_NS = 300_000_000
 _ALIVE_S = 2.0  # of a stream as a setpoint mode begins, of which a heartbeat a second tells
-_REST_NS = 2_000_000_000
 _FLOWN = (Stage.HOLD, Stage.LAND, Stage.DESCEND)
 
 
@@ -71,7 +70,7 @@ class Takeover:
         """Whether the body is seen at rest: a stop is over after two seconds of it, disarmed."""
         if self.armed or not still:
             self._rest_since_ns = now_ns
-        elif now_ns - self._rest_since_ns >= _REST_NS:
+        elif now_ns - self._rest_since_ns >= REST_NS:
             self.stream.pull(Trigger.RESTED, now_ns)
 
     def hand_over(self, source: Address, wants: bool, now_ns: int) -> Stage | None:

@@ -11,7 +11,7 @@ from math import hypot
 from drone_agent.autopilots.model import AutopilotModel, ModeRow, Needs, StreamLoss, Task, Timing
 from drone_agent.autopilots.parameters import Parameters
 from drone_agent.config import AgentConfig
-from drone_agent.failsafe import StreamFailsafe
+from drone_agent.failsafe import STOPPED, StreamFailsafe
 from drone_agent.flight.estimator import Belief, Positioning, believed, turned
 from drone_agent.flight.flying import Pilot
 from drone_agent.flight.landing import LandDetector
@@ -28,7 +28,6 @@ from wire.link_messages.commands import Result
 
 CONTROL_NS = 10_000_000
 _CONTROL_S = CONTROL_NS * 1e-9
-STOPPED = "stopped: ask again after 2 s at rest"
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,9 +165,10 @@ class Autopilot:
         """Arm after the checks, or past them by force; arming what is armed is accepted."""
         if self.armed:
             return Result.ACCEPTED
-        if self.stream.stage is Stage.STOPPED:
+        stopped = self.stream.stage is Stage.STOPPED
+        if stopped:
             self.latched_ns = now_ns  # who goes on asking as before the stop does not know of it
-        fault = None if force and self.stream.stage is not Stage.STOPPED else self.arming_fault(now_ns)
+        fault = None if force and not stopped else self.arming_fault(now_ns)
         if fault is not None:
             for words in self.model.texts.arm_refused:
                 self.say(Severity.CRITICAL, words, fault)

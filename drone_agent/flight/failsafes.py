@@ -7,7 +7,7 @@ first; the autopilot's time-outs, from its parameters, come after it.
 from math import hypot
 
 from drone_agent.autopilots.model import Task
-from drone_agent.failsafe import REPORTS, SLIDING_POSE, TAKEN_OVER, LinkMonitor
+from drone_agent.failsafe import REPORTS, REST_NS, SLIDING_POSE, TAKEN_OVER, LinkMonitor
 from drone_agent.flight.autopilot import Autopilot
 from drone_agent.flight.estimator import up_cos
 from drone_agent.flight.landing import ContactSense
@@ -21,7 +21,6 @@ from wire.link_messages.address import Address
 _ON_POSITION = (Task.HOLD, Task.TAKEOFF, Task.RETURN, Task.LAND)
 _LEVEL_AFTER_S, _DESCEND_AFTER_S = 0.2, 0.5
 """Without a pose that its estimator takes: no place to hold; nothing to land by."""
-_REST_NS = 2_000_000_000
 _REST_M_S, _REST_RAD_S = 0.1, 0.3
 
 
@@ -129,7 +128,7 @@ class Failsafes:
         state = pilot.airframe.state
         moves = hypot(*state.vel_lab_m_s) > _REST_M_S or hypot(*state.rate_flu_rad_s) > _REST_RAD_S
         self._rest_ns = now_ns if moves else max(self._rest_ns, pilot.latched_ns)
-        if now_ns - self._rest_ns >= _REST_NS:
+        if now_ns - self._rest_ns >= REST_NS:
             pilot.stream.pull(Trigger.RESTED, now_ns)
 
     def check_motors(self, now_ns: int) -> None:

@@ -1,5 +1,7 @@
 """Poses that begin to slide, against inertial sensors that are wrong and noisy; nothing else is found."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from agent_harness import LEVEL, MS, Harness, S, hover_at, hover_over
@@ -133,37 +135,40 @@ def test_in_flight_the_drone_leaves_the_setpoints_holds_and_comes_down(autopilot
     assert not harness.core.autopilot.armed
 
 
+def shown_at(harness: Harness, steps: int, up_m: Callable[[int], float]) -> list[float]:
+    """It hovers, shown that much too high at every step; when its poses were refused as sliding, s."""
+    refused_s = []
+    for k in range(steps):
+        harness.run(0.01, hover_over(0.0, 0.0, 1.0), mocap=False)
+        harness.show(harness.truth.pos_lab_m + np.array([0.0, 0.0, up_m(k)]))
+        refused_s += [0.01 * k] if harness.core.autopilot.positioning.slides else []
+    return refused_s
+
+
+def assert_believes_the_truth(harness: Harness, within: float) -> None:
+    belief, truth = harness.core.autopilot.belief(harness.now_ns), harness.truth
+    np.testing.assert_allclose(belief.vel_lab_m_s, truth.vel_lab_m_s, atol=within)
+    np.testing.assert_allclose(belief.pos_lab_m, truth.pos_lab_m, atol=within)
+
+
 def test_poses_that_strayed_before_they_jumped_leave_no_trace() -> None:
     """Right after a gap a slide is not told from what is learned anew, and believed until the pose is 0.3 m off: the
     drone took itself to sink at 1.7 m/s, and climbed to correct that."""
     harness = Harness(pose="mocap", profile="px4_quad")
     harness.fly_offboard(1.0, hover_over(0.0, 0.0, 1.0))
     harness.run(0.3, hover_over(0.0, 0.0, 1.0), mocap=False)
-    positioning, shown = harness.core.autopilot.positioning, np.zeros(3)
-    for k in range(80):
-        harness.run(0.01, hover_over(0.0, 0.0, 1.0), mocap=False)
-        shown[2] = -0.01 * k if k < 40 else -1.0
-        harness.show(harness.truth.pos_lab_m + shown)
-    assert positioning.silent_s(harness.now_ns) > 0.1
-    belief, truth = harness.core.autopilot.belief(harness.now_ns), harness.truth
-    np.testing.assert_allclose(belief.vel_lab_m_s, truth.vel_lab_m_s, atol=0.1)
-    np.testing.assert_allclose(belief.pos_lab_m, truth.pos_lab_m, atol=0.1)
+    shown_at(harness, 80, lambda k: -0.01 * k if k < 40 else -1.0)
+    assert harness.core.autopilot.positioning.silent_s(harness.now_ns) > 0.1
+    assert_believes_the_truth(harness, 0.1)
 
 
 def test_right_poses_do_not_slide_for_ever_after_wrong_ones() -> None:
     """What had crept up on it was taken for the truth: a drone on the floor believed that it sank, and rose."""
     harness = Harness(pose="mocap", profile="px4_quad")
     harness.fly_offboard(1.0, hover_over(0.0, 0.0, 1.0))
-    shown, refused_s = np.zeros(3), []
-    for k in range(1200):
-        harness.run(0.01, hover_over(0.0, 0.0, 1.0), mocap=False)
-        shown[2] = 0.05 * (0.01 * k) ** 2 if k < 400 else 0.0
-        harness.show(harness.truth.pos_lab_m + shown)
-        refused_s += [0.01 * k] if harness.core.autopilot.positioning.slides else []
+    refused_s = shown_at(harness, 1200, lambda k: 0.05 * (0.01 * k) ** 2 if k < 400 else 0.0)
     assert 4.0 <= refused_s[0] < refused_s[-1] < 10.5
-    belief, truth = harness.core.autopilot.belief(harness.now_ns), harness.truth
-    np.testing.assert_allclose(belief.vel_lab_m_s, truth.vel_lab_m_s, atol=0.05)
-    np.testing.assert_allclose(belief.pos_lab_m, truth.pos_lab_m, atol=0.05)
+    assert_believes_the_truth(harness, 0.05)
 
 
 def test_a_moment_of_it_is_held_through() -> None:

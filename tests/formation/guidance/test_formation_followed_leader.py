@@ -9,8 +9,6 @@ from formation.maths.records import Rows
 
 DT_NS = 10_000_000
 LIMITS = (3.0, 0.5)
-
-
 ARM_M = 0.5
 
 

@@ -18,8 +18,10 @@ from formation.vehicle.response import SECONDS
 
 POINT, SLOT, TRAJECTORY = 0, 1, 2
 LIFT_OFF_M = 0.02
+LAB_FLOOR_M = 0.0
 ENTRY_S = 3.0  # a leader off its trajectory's start takes this long to join it
 NEAR_M = 0.02
+ASTRAY_M, ASTRAY_M_S = 0.3, 0.5  # so far from its reference a vehicle is stopped where it is, not where that was
 
 sample = kernel(trajectory.sample, calls=trajectory.PARTS)
 
@@ -47,10 +49,10 @@ class VehicleReference:
     """Where one commanded vehicle is being led, and from what motion it was picked up; a record.
 
     kind: POINT of the lab, SLOT in the leader's frame, or the leader's TRAJECTORY (of path_kind, begun at
-    path_start_ns); base: the resting target x, y, z, heading in that frame; gap, gap_ns, gap_s: the gap to it
-    (formation.guidance.blend) when the setpoint came, then, and how long it decays. idle: to stand with motors at
-    rest; airborne: false from then until lift-off; floor_m: the height at which it last stood idle; release_ns: when
-    it last ceased to be idle.
+    path_start_ns); target: the resting x, y, z, heading in that frame; gap, gap_ns, gap_s, brake_s: the gap to it
+    (formation.guidance.blend) when the setpoint came, then, how long it decays, and how long its motion is braked.
+    idle: to stand with motors at rest; airborne: false from then until lift-off; floor_m: the height at which it last
+    stood idle, LAB_FLOOR_M if it flew from the first; release_ns: when it last ceased to be idle.
     """
 
     kind: int
@@ -60,6 +62,7 @@ class VehicleReference:
     gap: Gap
     gap_ns: int
     gap_s: float
+    brake_s: float
     idle: bool
     airborne: bool
     floor_m: float
@@ -105,10 +108,11 @@ def start(plan: Plan, motion_lab: Float, t_ns: int) -> Generator:
     vehicles = blank(VehicleReference, m)
     vehicles["target"] = motion_lab[:, 0]
     vehicles["gap_ns"] = vehicles["release_ns"] = t_ns
-    vehicles["gap_s"] = 1.0
-    vehicles["airborne"] = [setpoint.mode is not Mode.IDLE for setpoint in plan.setpoints]
+    vehicles["gap_s"] = vehicles["brake_s"] = 1.0
+    flies = np.array([setpoint.mode is not Mode.IDLE for setpoint in plan.setpoints])
+    vehicles["airborne"] = flies
     vehicles["idle"] = True
-    vehicles["floor_m"] = motion_lab[:, 0, 2]
+    vehicles["floor_m"] = np.where(flies, LAB_FLOOR_M, motion_lab[:, 0, 2])
     return Generator(Plan((IDLE,) * m, plan.shape), vehicles, anchored(TrajectoryConfig(), np.zeros(3), 0.0))
 
 
@@ -138,7 +142,7 @@ def reference_at(
     else:
         for column in range(4):
             slot[0, column] = vehicle.target[column]
-    blend.add_gap(vehicle.gap, (t_ns - vehicle.gap_ns) * SECONDS, vehicle.gap_s, slot)
+    blend.add_gap(vehicle.gap, vehicle.brake_s, (t_ns - vehicle.gap_ns) * SECONDS, vehicle.gap_s, slot)
     if vehicle.kind == SLOT:
         copy_motion(lead, frame)
     lab_from_lead(slot, frame, lab)
@@ -177,8 +181,21 @@ def update(old: Generator, plan: Plan, who: Fleet, motion_lab: Float, lead: Floa
         elif draft.asks_anew(i):
             if now is None:
                 now = references(old, t_ns, lead)
-            draft.begin(i, now.lab[i])
+            draft.begin(i, _picked_up(setpoint.mode, now.lab[i], motion_lab[i]))
     return draft.finished()
+
+
+def _picked_up(mode: Mode, led: Float, own: Float) -> Float:
+    """The motion (3, 4) from which a new course begins: where it is led, or its own where that has gone far from it.
+
+    To stop, or to land, where a reference ran away to would first take it there.
+    """
+    far_m, far_m_s = (float(np.linalg.norm(led[order, :3] - own[order, :3])) for order in range(2))
+    if mode is not Mode.LAB or (far_m <= ASTRAY_M and far_m_s <= ASTRAY_M_S):
+        return led
+    still = own.copy()
+    still[2] = 0.0  # no push of what led it there goes on
+    return still
 
 
 class _Draft:
@@ -246,6 +263,7 @@ class _Draft:
         new.gap[0] -= new.target
         new.gap[3] = 0.0
         new.gap[3, 2] = self._plan.rise_m[follower] if self._plan.rise_m else 0.0
+        new.brake_s = blend.braking_s(new.gap)
         self._take_time(i)
         self._joined.append(i)
 
@@ -258,6 +276,7 @@ class _Draft:
         on_path = np.zeros((3, 4))
         sample(path.kind, path.numbers, path.knots, (self._t_ns - start_ns) * SECONDS, on_path)
         new.gap[:3], new.gap[3] = motion - on_path, 0.0
+        new.brake_s = blend.braking_s(new.gap)
         self._take_time(i)
         if float(np.linalg.norm(new.gap[0, :3])) > NEAR_M:
             new.gap_s = max(new.gap_s, ENTRY_S)
@@ -270,22 +289,28 @@ class _Draft:
         new.target[:] = [motion[0, k] if value is None else value for k, value in enumerate(wanted)]
         new.gap[:3], new.gap[3] = motion, 0.0
         new.gap[0] -= new.target
-        brake_s = blend.braking_s(new.gap)
+        low, high = self._room(new, motion, holds=setpoint.target_lab_m[2] is None)
+        new.brake_s = blend.stopping_s(
+            new.gap, np.where(motion[1, :3] > 0.0, high - motion[0, :3], motion[0, :3] - low)
+        )
         for k, value in enumerate(wanted):
             if value is None:
-                new.target[k] += blend.braked(new.gap, k, brake_s)
-        self._inside(new.target)
+                new.target[k] += blend.braked(new.gap, k, new.brake_s)
+        if setpoint.target_lab_m[2] is not None:
+            low[2] = -np.inf  # landing goes beneath the floor
+        new.target[:3] = np.clip(new.target[:3], low, high)
         new.gap[0] = motion[0] - new.target
         self._take_time(i)
 
-    def _inside(self, point: Float) -> None:
-        """Draws a target back into the fence; only the floor is left alone, for landing goes beneath it."""
+    def _room(self, vehicle: VehicleReference, motion: Float, *, holds: bool) -> tuple[Float, Float]:
+        """The corners (3), (3) between which a vehicle is led: within the fence, and above the floor if it holds."""
         low, high = np.array(self._who.fence.low_m), np.array(self._who.fence.high_m)
-        point[:2] = np.clip(point[:2], low[:2] + FENCE_INSET_M, high[:2] - FENCE_INSET_M)
-        point[2] = min(point[2], high[2] - FENCE_INSET_M)
+        low += FENCE_INSET_M
+        low[2] = min(vehicle.floor_m + (FENCE_INSET_M if holds else 0.0), motion[0, 2])
+        return low, high - FENCE_INSET_M
 
     def _take_time(self, i: int) -> None:
         """How long vehicle i's gap takes to decay; a turn goes the short way round."""
         new = self._vehicles[i]
         new.gap[0, 3] = wrap_angle(new.gap[0, 3])
-        new.gap_s = blend.closing_s(new.gap, self._plan.setpoints[i].speed_m_s)
+        new.gap_s = blend.closing_s(new.gap, new.brake_s, self._plan.setpoints[i].speed_m_s)

@@ -14,7 +14,7 @@ from math import sqrt
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from formation.guidance.blend import add_gap, closing_s
+from formation.guidance.blend import add_gap, braking_s, closing_s
 from formation.guidance.shape import Shape, separations
 from formation.maths.arrays import Float
 from formation.maths.frames import wrap_angle
@@ -155,9 +155,9 @@ class _Ways:
     def look(self) -> None:
         """Follow everybody along the way, at the time it takes them all."""
         n = len(self.gaps)
-        self.duration_s = max(closing_s(gap, self._space.speed_m_s) for gap in self.gaps)
+        self.duration_s = max(closing_s(gap, braking_s(gap), self._space.speed_m_s) for gap in self.gaps)
         for i in range(n):
-            _follow(self._base[i], self.gaps[i], self.duration_s, self.paths[i + 1])
+            _follow(self._base[i], self.gaps[i], braking_s(self.gaps[i]), self.duration_s, self.paths[i + 1])
         for i in range(n + 1):
             self.apart[i] = _least_distances(i, self.paths[i], self.paths)
 
@@ -182,14 +182,14 @@ _BUMP = 64.0 * (_SHARE * (1.0 - _SHARE)) ** 3
 
 
 @kernel
-def _follow(base: Float, gap: Float, duration_s: float, out: Float) -> None:
+def _follow(base: Float, gap: Float, brake_s: float, duration_s: float, out: Float) -> None:
     """Positions (LOOKS, 3) along one way, evenly timed."""
     at = np.empty((3, 4))
     for k in range(len(out)):
         for order in range(3):
             for column in range(4):
                 at[order, column] = base[column] if order == 0 else 0.0
-        add_gap(gap, duration_s * k / (len(out) - 1), duration_s, at)
+        add_gap(gap, brake_s, duration_s * k / (len(out) - 1), duration_s, at)
         for axis in range(3):
             out[k, axis] = at[0, axis]
 

@@ -198,3 +198,33 @@ def test_a_leader_off_its_trajectorys_start_takes_three_seconds_to_join_it() -> 
         who = fleet(LAB.model_copy(update={"leader": LAB.leader.model_copy(update={"trajectory": path})}))
         generator = update(airborne(), everyone(Setpoint(Mode.FORMATION), SECOND), who, START, START[0], SECOND)
         assert generator.vehicles["gap_s"][0] == pytest.approx(seconds)
+
+
+def test_who_holds_where_its_reference_fell_ahead_of_it_stops_above_the_floor() -> None:
+    """Led down at 2.9 m/s by a leader that falls, itself 0.4 m above that and at 1.3 m/s: it has 0.8 m to stop in."""
+    generator = airborne(1.0)
+    formed = everyone(Setpoint(Mode.FORMATION))
+    falling = standing((0.0, 0.0, 0.43))[0]
+    falling[1, 2], falling[2, 2] = -2.9, -9.8
+    generator = update(generator, formed, WHO, references(generator, 0, falling).lab, falling, SECOND)
+    own = references(generator, 60 * SECOND, falling).lab.copy()
+    own[1:, 0, 2], own[1:, 1, 2], own[1:, 2, 2] = 0.83, -1.3, -5.0
+    assert references(generator, 60 * SECOND, falling).lab[1:, 0, 2] == pytest.approx(0.43)
+    for setpoint, rest_m in ((lab_setpoint(None, None, None), 0.1), (lab_setpoint(None, None, -1.0), -1.0)):
+        held = update(generator, everyone(setpoint), WHO, own, falling, 60 * SECOND)
+        track = np.array([references(held, 60 * SECOND + k * SECOND // 100, falling).lab[1:] for k in range(100)])
+        np.testing.assert_allclose(track[0, :, :2], own[1:, :2], atol=1e-9)
+        assert np.abs(track[:, :, 2, 2]).max() <= 4.0 + (0.0 if rest_m > 0.0 else 2.5)  # to land it sets out as well
+        reached = track[track[:, :, 0, 2] <= 0.1][:, 1, 2]
+        assert reached.min(initial=0.0) > -0.7
+        rest = references(held, 90 * SECOND, falling).lab
+        assert (rest[1:, 0, 2] >= rest_m - 1e-9).all()
+
+
+def test_who_keeps_to_its_reference_is_held_by_that() -> None:
+    """An error of tracking or of the estimate makes no jump."""
+    generator = airborne()
+    own = references(generator, SECOND, START[0]).lab + 0.05
+    held = update(generator, everyone(lab_setpoint(None, None, None)), WHO, own, START[0], SECOND)
+    before, after = (references(which, SECOND, START[0]).lab for which in (generator, held))
+    np.testing.assert_allclose(after, before, atol=1e-12)

@@ -3,7 +3,7 @@ import pytest
 
 from formation.config import TrajectoryConfig
 from formation.guidance import reference_generator
-from formation.guidance.blend import add_gap, closing_s
+from formation.guidance.blend import add_gap, braking_s, closing_s
 from formation.guidance.trajectory import Trajectory, anchored, min_jerk, sample
 from formation.maths.arrays import Float
 
@@ -162,11 +162,11 @@ def test_min_jerk_golden() -> None:
 def test_a_gap_begins_as_it_is_and_ends_as_nothing() -> None:
     gap = np.arange(16, dtype=np.float64).reshape(4, 4) - 5.0
     out = np.zeros((3, 4))
-    add_gap(gap, 0.0, 1.7, out)
+    add_gap(gap, braking_s(gap), 0.0, 1.7, out)
     np.testing.assert_allclose(out, gap[:3])  # a detour begins at rest
     for t in (1.7 - 1e-9, 1.7, 30.0):
         out = np.zeros((3, 4))
-        add_gap(gap, t, 1.7, out)
+        add_gap(gap, braking_s(gap), t, 1.7, out)
         np.testing.assert_allclose(out, 0.0, atol=1e-6)
 
 
@@ -175,14 +175,14 @@ def test_gap_rates_are_derivatives() -> None:
     h = 1e-5
     for t in np.linspace(0.1, 1.5, 9):
         before, now, after = np.zeros((3, 4)), np.zeros((3, 4)), np.zeros((3, 4))
-        add_gap(gap, t - h, 1.7, before)
-        add_gap(gap, t, 1.7, now)
-        add_gap(gap, t + h, 1.7, after)
+        add_gap(gap, braking_s(gap), t - h, 1.7, before)
+        add_gap(gap, braking_s(gap), t, 1.7, now)
+        add_gap(gap, braking_s(gap), t + h, 1.7, after)
         np.testing.assert_allclose(now[1:], (after - before)[:2] / (2 * h), atol=1e-5)
 
 
 def test_closing_time_keeps_speed_and_acceleration() -> None:
     far, near = np.zeros((4, 4)), np.zeros((4, 4))
     far[0, 0] = 4.0
-    assert closing_s(far, 0.5) == pytest.approx(15.0)  # 1.875 d / v
-    assert closing_s(near, 0.5) == 0.6
+    assert closing_s(far, braking_s(far), 0.5) == pytest.approx(15.0)  # 1.875 d / v
+    assert closing_s(near, braking_s(near), 0.5) == 0.6

@@ -7,7 +7,7 @@ from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
 from formation.config import FollowerConfig, LabConfig, LeaderConfig
-from formation.guidance.blend import ACCELERATION_M_S2, add_gap, closing_s
+from formation.guidance.blend import ACCELERATION_M_S2, add_gap, braking_s, closing_s
 from formation.guidance.patterns import PATTERNS
 from formation.guidance.plan import Mode, Plan, Setpoint
 from formation.guidance.reference_generator import Generator, fleet, references, update
@@ -163,7 +163,7 @@ def test_a_change_begun_on_the_way_is_judged_by_the_ways_that_will_be_flown(seed
         at = np.zeros((3, 3, 4))
         for k in range(2):
             at[k, 0, :3] = start[k]
-            add_gap(gap[k], elapsed_s, way.duration_s, at[k])
+            add_gap(gap[k], braking_s(gap[k]), elapsed_s, way.duration_s, at[k])
         least = min(least, *(float(np.linalg.norm(at[i, 0] - at[j, 0])) for i, j in ((0, 1), (0, 2), (1, 2))))
     assert least >= SPACE.min_separation_m - 0.005
 
@@ -172,11 +172,11 @@ def test_a_change_begun_on_the_way_is_judged_by_the_ways_that_will_be_flown(seed
 def test_a_way_is_smooth_and_within_its_speed_and_acceleration(distance: float, rise: float, speed: float) -> None:
     gap = np.zeros((4, 4))
     gap[0, :3], gap[3, 2] = (0.6 * distance, -0.8 * distance, 0.0), rise
-    duration_s = closing_s(gap, speed)
+    duration_s = closing_s(gap, braking_s(gap), speed)
     times = np.linspace(0.0, duration_s, 2001)
     track = np.zeros((len(times), 3, 4))
     for at, elapsed_s in zip(track, times, strict=True):
-        add_gap(gap, elapsed_s, duration_s, at)
+        add_gap(gap, braking_s(gap), elapsed_s, duration_s, at)
     np.testing.assert_allclose(track[0], [gap[0], np.zeros(4), np.zeros(4)], atol=1e-12)
     np.testing.assert_allclose(track[-1], 0.0, atol=1e-9)
     step = times[1]

@@ -90,14 +90,17 @@ def test_closing_takes_as_long_as_speed_acceleration_turn_and_braking_need() -> 
             out["pvah".index(name)] = row
         return out
 
-    assert closing_s(gap(p=[3.0, 4.0, 0.0, 0.0]), 1.5) == pytest.approx(1.875 * 5.0 / 1.5)
-    assert closing_s(gap(p=[0.3, 0.0, 0.4, 0.0]), 9.0) == pytest.approx(sqrt(5.7735 * 0.5 / 2.5))
-    assert closing_s(gap(p=[0.0, 0.0, 0.0, -2.0]), 9.0) == pytest.approx(1.875 * 2.0)
-    assert closing_s(gap(h=[0.0, 0.0, 1.0, 0.0]), 0.5) == pytest.approx(3.4346 / 0.5)
-    assert closing_s(gap(p=[1.0, 0.0, 0.0, 0.0], h=[0.0, 0.0, 1.0, 0.0]), 9.0) == pytest.approx(sqrt(29.7735 / 2.5))
+    def closing(gap: np.ndarray, speed: float) -> float:
+        return closing_s(gap, braking_s(gap), speed)
+
+    assert closing(gap(p=[3.0, 4.0, 0.0, 0.0]), 1.5) == pytest.approx(1.875 * 5.0 / 1.5)
+    assert closing(gap(p=[0.3, 0.0, 0.4, 0.0]), 9.0) == pytest.approx(sqrt(5.7735 * 0.5 / 2.5))
+    assert closing(gap(p=[0.0, 0.0, 0.0, -2.0]), 9.0) == pytest.approx(1.875 * 2.0)
+    assert closing(gap(h=[0.0, 0.0, 1.0, 0.0]), 0.5) == pytest.approx(3.4346 / 0.5)
+    assert closing(gap(p=[1.0, 0.0, 0.0, 0.0], h=[0.0, 0.0, 1.0, 0.0]), 9.0) == pytest.approx(sqrt(29.7735 / 2.5))
     moving = gap(v=[2.0, 1.0, 2.0, 0.5])
     assert braking_s(moving) == pytest.approx(2.0 * 3.0 / 2.5)
     # It is braked along Hermite's cubic: half the speed times the time, plus a twelfth of the acceleration's share.
     braked = gap(v=[2.0, 1.0, 2.0, 0.0], a=[0.5, -0.5, 1.0, 0.0])
     ahead = 2.4 * (0.5 * np.array([2.0, 1.0, 2.0]) + np.array([0.5, -0.5, 1.0]) * 2.4 / 12.0)
-    assert closing_s(braked, 0.4) == pytest.approx(1.875 * np.linalg.norm(ahead) / 0.4)
+    assert closing(braked, 0.4) == pytest.approx(1.875 * np.linalg.norm(ahead) / 0.4)

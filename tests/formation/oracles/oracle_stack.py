@@ -183,7 +183,7 @@ class OracleStack:
         duration = closing_s(gap, task.speed)
         if task.kind == CIRCLE and np.linalg.norm(gap[:3]) > 0.02:
             duration = max(duration, 3.0)
-        return Led(base, gap, t_ns, duration, True, t_ns, float(mine[0, 2]))
+        return Led(base, gap, t_ns, duration, True, t_ns, 0.0)  # it flew from the first: the lab's floor
 
     def _reference(self, i: int, t_ns: int, lead: Motion) -> tuple[Motion, Motion]:
         led, task = self.led[i], self.tasks[i]

@@ -14,7 +14,7 @@ from drone_agent.flight.landing import ContactSense
 from drone_agent.flight.motor_failure import MotorFailure
 from drone_agent.stages import Stage, Trigger
 from formation.messages import Severity
-from formation.vehicle.profile import VehicleProfile
+from formation.vehicle.profile import GRAVITY_M_S2, VehicleProfile
 from wire.autopilots.table import FlightMode
 from wire.link_messages.address import Address
 
@@ -22,6 +22,8 @@ _ON_POSITION = (Task.HOLD, Task.TAKEOFF, Task.RETURN, Task.LAND)
 _LEVEL_AFTER_S, _DESCEND_AFTER_S = 0.2, 0.5
 """Without a pose that its estimator takes: no place to hold; nothing to land by."""
 _REST_M_S, _REST_RAD_S = 0.1, 0.3
+_POWERLESS = 0.8
+"""Share of the thrust missing with which it falls as with none."""
 
 
 class Failsafes:
@@ -145,10 +147,17 @@ class Failsafes:
         return pilot.armed and not pilot.landed and "motor-failure" not in pilot.without
 
     def _check_thrust(self, now_ns: int) -> None:
-        pilot = self._autopilot
-        if self.watches_motors and self._failure.falls(now_ns, self._contact.missing):
+        """Thrust that is not felt: come down on what is left, unless that is next to none, or holds nobody level."""
+        pilot, missing = self._autopilot, self._contact.missing
+        if not self.watches_motors or not self._failure.falls(now_ns, missing):
+            return
+        if missing > _POWERLESS or self._failure.beyond_control(pilot.airframe):
             pilot.say(Severity.CRITICAL, "Its thrust is not felt, a motor may be dead: motors off")
             pilot.terminate(now_ns)
+        elif pilot.task not in (Task.LAND, Task.DESCEND):
+            pilot.say(Severity.CRITICAL, "Its thrust is not felt: it comes down on what is left")
+            pilot.fail_safe(FlightMode.LAND, now_ns)
+            pilot.pilot.lift_more(missing * GRAVITY_M_S2)
 
     def _detect_landing(self, now_ns: int) -> None:
         pilot = self._autopilot

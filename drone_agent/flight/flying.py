@@ -69,6 +69,10 @@ class Pilot:
         self._touch_s, self._carried_s, self._thrust = 0.0, 0.0, 1.0
         self.brisk, self._sinking_s, self._due_s = False, 0.0, 0.0
 
+    def lift_more(self, acc_m_s2: float) -> None:
+        """Begin the task with so much more lift than it weighs: what is known to be missing."""
+        self._loop.reset((0.0, 0.0, acc_m_s2))
+
     def set_home(self, belief: Belief) -> None:
         """Return comes back here."""
         self._home = (belief.pos_lab_m[0], belief.pos_lab_m[1])

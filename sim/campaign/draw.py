@@ -73,7 +73,7 @@ RANGES: Mapping[Family, Range] = MappingProxyType(
         Family.RESTART: Range(for_s=(0.1, 4.0)),
         Family.TWIN: Range(for_s=(1.0, 10.0)),
         Family.DEAD_MOTOR: Range(0.01, 0.3, None),
-        Family.WEAK_MOTORS: Range(0.8, 1.0, (0.5, 5.0)),
+        Family.WEAK_MOTORS: Range(0.4, 1.0, (0.5, 5.0)),
         Family.MASS: Range(0.9, 1.15, (0.5, 5.0)),
         Family.BATTERY: Range(0.01, 0.3, None),
         Family.REQUEST: Range(for_s=None),

@@ -26,6 +26,8 @@ FALLING_SHARE, FALLING_S = 0.1, 0.15
 UPSET_COS = 0.26
 UPSET_WITHIN_S = 0.5
 DEAD_GAIN, POWERLESS_GAIN = 0.5, 0.3
+BRAKING_LIFT = 1.1
+"""Motors that give no more than this, of its weight, cannot brake it."""
 CONTACT_S = 0.03
 ALARM_S, KNOWN_S = 1.0, 0.3
 """Within so long a log's trouble is told of, and known to whoever arms."""
@@ -37,7 +39,8 @@ class Truth:
 
     up (T, n): the z component of each body's thrust axis; thrust, of its weight; command (T, n, 5): quaternion w, x, y,
     z and thrust that its attitude loop tracks; command_age_s: NaN while no ground's command acts; gain_low, gain_high:
-    what the weakest and the strongest motor give of what they are told. notes: time, whether it tells of something
+    what the weakest and the strongest motor give of what they are told; lift_most (n): the thrust of sound motors, of
+    each one's weight. notes: time, whether it tells of something
     unplanned, text. stops_s, arms_s: when an operator asked for an emergency stop, and for motors. log_ill_s: from when
     to when the log could not be written. t_onset_s: NaN before any fault began.
     planned: whether the flight ended as the operator meant it to.
@@ -54,6 +57,7 @@ class Truth:
     command_age_s: Float
     gain_low: Float
     gain_high: Float
+    lift_most: Float
     fence_low_m: Float
     fence_high_m: Float
     t_onset_s: float
@@ -153,7 +157,7 @@ def _fence(truth: Truth, airborne: Bool) -> list[Violation]:
 
 
 def _impacts(truth: Truth, airborne: Bool) -> list[Violation]:
-    """Speed at contact with the floor; of no account with the motors off for a good reason, or without any power."""
+    """Speed at contact with the floor; of no account with the motors off for a good reason, or too weak to carry it."""
     found = []
     speed = np.linalg.norm(truth.vel_m_s, axis=-1)
     back = max(round(CONTACT_S / _dt_s(truth)), 1)
@@ -163,7 +167,8 @@ def _impacts(truth: Truth, airborne: Bool) -> list[Violation]:
             if not airborne[max(k - 20 * back, 0) : k, i].any():
                 continue
             hit_m_s = float(speed[max(k - back, 0) : k + 1, i].max())
-            excused = truth.gain_high[k, i] < POWERLESS_GAIN or (not truth.armed[k, i] and _rightly_cut(truth, i, k))
+            weak = truth.gain_high[k, i] * truth.lift_most[i] < BRAKING_LIFT
+            excused = weak or (not truth.armed[k, i] and _rightly_cut(truth, i, k))
             if hit_m_s > IMPACT_M_S and not excused:
                 found.append(Violation("impact", float(truth.t_s[k]), f"{name} met the floor at {hit_m_s:.1f} m/s"))
                 break

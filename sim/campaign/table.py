@@ -80,6 +80,7 @@ def table() -> tuple[Row, ...]:
         _row("late-0.3", _link(Family.DELAY, 0.3, direction="down")),
         _row("late-0.8", _link(Family.DELAY, 0.8, direction="down")),
         _row("leader-without-power", Fault(family=Family.WEAK_MOTORS, body="leader", after_s=2.5, severity=0.0)),
+        _row("motors-at-0.6", Fault(family=Family.WEAK_MOTORS, body="f2", after_s=2.5, severity=0.6)),
         _row("growing-latency", _link(Family.GROWING_DELAY, 0.3, whole, direction="down")),
         _row("loss-0.9", _link(Family.DROP, 0.9, direction="down")),
         _row("stop-at-0.2-loss", _link(Family.DROP, 0.2), _asked(Verb.STOP, 2.8)),

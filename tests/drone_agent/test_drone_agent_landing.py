@@ -279,3 +279,29 @@ def test_forced_arming_of_an_ardupilot_is_refused_while_stopped() -> None:
 def test_stop_leads_to_stopped_from_everywhere_and_only_rest_leads_on() -> None:
     assert all(TABLE[stage, Trigger.STOP] is Stage.STOPPED for stage in Stage)
     assert {trigger for stage, trigger in TABLE if stage is Stage.STOPPED} == {Trigger.STOP, Trigger.RESTED}
+
+
+@pytest.mark.parametrize("gain", [0.6, 0.65])
+def test_who_is_level_but_weak_comes_down_on_what_is_left(gain: float) -> None:
+    """With 1.2 of its weight left of 2; with its motors cut it would meet the floor at 4.4 m/s."""
+    harness = Harness(pose="mocap")
+    harness.fly_offboard(1.0)
+    harness.core._airframe.motor_gain = np.full(4, gain)
+    fastest = 0.0
+    for _ in range(300):
+        harness.run(0.01, hover_at(1.0))
+        fastest = min(fastest, float(harness.truth.vel_lab_m_s[2]))
+    assert "Its thrust is not felt: it comes down on what is left" in harness.texts()
+    assert fastest > -1.5
+    assert harness.truth.on_ground
+    harness.run(3.0)
+    assert not harness.core.autopilot.armed
+
+
+def test_who_has_no_thrust_at_all_stops_its_motors() -> None:
+    harness = Harness(pose="mocap")
+    harness.fly_offboard(1.0)
+    harness.core._airframe.motor_gain = np.full(4, 0.05)
+    harness.run(0.35, hover_at(1.0))
+    assert "Its thrust is not felt, a motor may be dead: motors off" in harness.texts()
+    assert not harness.core.autopilot.armed

@@ -29,6 +29,7 @@ def flown(seconds: float = 6.0, n: int = 2) -> Truth:
         command_age_s=np.full((len(t_s), n), 0.01),
         gain_low=np.ones((len(t_s), n)),
         gain_high=np.ones((len(t_s), n)),
+        lift_most=np.full(n, 1.6),
         fence_low_m=np.array([-2.5, -2.0, -0.1]),
         fence_high_m=np.array([2.5, 2.0, 2.3]),
         t_onset_s=2.0,
@@ -122,6 +123,20 @@ def test_a_hard_landing(speed_m_s: float, found: list[str]) -> None:
     contact += int((truth.pos_m[contact + 10 :, 0, 2] < 0.02).argmax()) + 10
     truth.vel_m_s[contact - 2 : contact + 1, 0] = [0.0, 0.0, -speed_m_s]
     assert kinds(judge(truth)) == found
+
+
+@pytest.mark.parametrize(("gain", "found"), [(0.65, []), (0.7, ["impact"])])
+def test_motors_that_cannot_brake_it_are_no_reason_to_cut_them(gain: float, found: list[str]) -> None:
+    """Of 1.6 of its weight 1.04 is left, or 1.12; falling at 2 m/s all the same."""
+    truth = flown()
+    contact = int((truth.pos_m[:, 0, 2] < 0.02).argmax())
+    contact += int((truth.pos_m[contact + 10 :, 0, 2] < 0.02).argmax()) + 10
+    truth.vel_m_s[contact - 2 : contact + 1, 0] = [0.0, 0.0, -2.0]
+    truth.gain_high[truth.t_s >= 2.0, 0] = gain
+    truth.gain_low[truth.t_s >= 2.0, 0] = gain
+    assert kinds(judge(truth)) == found
+    truth.armed[contact - 10 :, 0] = False
+    assert kinds(judge(truth)) == sorted([*found, "undue-cut"])
 
 
 @pytest.mark.parametrize(("age_s", "found"), [(0.25, []), (0.3, ["command-age"])])

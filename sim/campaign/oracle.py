@@ -26,8 +26,8 @@ FALLING_SHARE, FALLING_S = 0.1, 0.15
 UPSET_COS = 0.26
 UPSET_WITHIN_S = 0.5
 DEAD_GAIN, POWERLESS_GAIN = 0.5, 0.3
-BRAKING_LIFT = 1.1
-"""Motors that give no more than this, of its weight, cannot brake it."""
+BRAKING_LIFT, BRAKING_S = 1.1, 0.3
+"""Motors that give no more than this, of its weight, cannot brake it; so long they need once they are sound again."""
 CONTACT_S = 0.03
 ALARM_S, KNOWN_S = 1.0, 0.3
 """Within so long a log's trouble is told of, and known to whoever arms."""
@@ -167,7 +167,8 @@ def _impacts(truth: Truth, airborne: Bool) -> list[Violation]:
             if not airborne[max(k - 20 * back, 0) : k, i].any():
                 continue
             hit_m_s = float(speed[max(k - back, 0) : k + 1, i].max())
-            weak = truth.gain_high[k, i] * truth.lift_most[i] < BRAKING_LIFT
+            lately = slice(max(k - round(BRAKING_S / _dt_s(truth)), 0), k + 1)
+            weak = truth.gain_high[lately, i].min() * truth.lift_most[i] < BRAKING_LIFT
             excused = weak or (not truth.armed[k, i] and _rightly_cut(truth, i, k))
             if hit_m_s > IMPACT_M_S and not excused:
                 found.append(Violation("impact", float(truth.t_s[k]), f"{name} met the floor at {hit_m_s:.1f} m/s"))

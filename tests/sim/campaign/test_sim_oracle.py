@@ -135,6 +135,11 @@ def test_motors_that_cannot_brake_it_are_no_reason_to_cut_them(gain: float, foun
     truth.gain_high[truth.t_s >= 2.0, 0] = gain
     truth.gain_low[truth.t_s >= 2.0, 0] = gain
     assert kinds(judge(truth)) == found
+    truth.gain_high[contact - 20 :, 0] = 1.0  # sound again 0.2 s before
+    assert kinds(judge(truth)) == found
+    truth.gain_high[contact - 40 :, 0] = 1.0
+    assert kinds(judge(truth)) == ["impact"]
+    truth.gain_high[contact - 40 :, 0] = gain
     truth.armed[contact - 10 :, 0] = False
     assert kinds(judge(truth)) == sorted([*found, "undue-cut"])
 

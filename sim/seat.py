@@ -26,8 +26,8 @@ class Sample(NamedTuple):
     """What is true of one drone at one instant; lab and flu.
 
     thrust_n: of all motors together. q_commanded, thrust_commanded: what its attitude loop tracks. motor_gain: what
-    each motor gives of what it is told. command_sent_ns: when the command that acts was first sent by a ground; None
-    while it flies by itself, or does not fly.
+    each motor gives of what it is told; lift_most: what all of them can, of its weight. command_sent_ns: when the
+    command that acts was first sent by a ground; None while it flies by itself, or does not fly.
     """
 
     sysid: int
@@ -39,6 +39,7 @@ class Sample(NamedTuple):
     q_commanded: Quat
     thrust_commanded: float
     motor_gain: Float
+    lift_most: float
     command_sent_ns: int | None
 
 
@@ -122,7 +123,8 @@ class Seat:
         return Sample(
             self.sysid, state.pos_lab_m, state.vel_lab_m_s, state.q_lab_from_flu, frame.armed,
             sum(state.motor_thrust_n.tolist()), frame.setpoint.q_lab_from_flu, frame.setpoint.thrust_norm,
-            frame.motor_gain, self.followed_ns if led else None,
+            frame.motor_gain, max(frame.motor_gain.tolist()) * frame.profile.thrust_max_n / frame.profile.weight_n,
+            self.followed_ns if led else None,
         )  # fmt: skip
 
     def begin(self, fault: Fault, now_ns: int) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from drone_agent.flight.pose_drift import ALONE_NS, PoseDrift
 from formation.maths.arrays import Quat, Vec3
 from formation.model import Vec3Tuple
+from formation.safety.attitude_miss import GAP_S, MOST_RAD, AttitudeMiss, tilt
 from formation.vehicle.profile import VehicleState
 
 _AGE_MAX_NS = 500_000_000
@@ -21,10 +22,13 @@ _READY_AFTER_NS = 1_000_000_000
 _VALID_NS = 1_000_000_000
 _RIGHT_NS = 500_000_000
 _RESET_AFTER_NS = 1_000_000_000
+_ANEW_AFTER_NS = ALONE_NS - 500_000_000
+"""Before a bridge, which counts for itself, shows it poses again."""
 _GATE_M = 0.3
 _GATE_GROWTH_M_S = 0.3
 _YAW_GATE_RAD = 0.35
 _TILT_GATE = math.cos(0.35)
+_LATE_AFTER_NS = 100_000_000
 _OWN_READY_NS = 2_000_000_000
 # Fraction of a pose's innovation believed at once; the velocity gain that damps it critically.
 _GAIN = 0.2
@@ -182,6 +186,10 @@ class ExternalPositioning:
         self._wrong_ns: int | None = None  # of the first refusal since there was a run of half a second
         self._refusal = "no external pose"
         self._slide = PoseDrift()
+        self._miss = AttitudeMiss()
+        self._late = False
+        self._missed_ns: int | None = None  # since when the attitude has been another than what is felt
+        self._shown_ns = 0  # capture of the last pose that was held against that
         self.refused = 0
 
     @property
@@ -220,7 +228,9 @@ class ExternalPositioning:
         dt_s = (pose.t_capture_ns - t_state_ns) * 1e-9
         motion = zip(pose.pos_lab_m.tolist(), reckoned.pos_lab_m, reckoned.vel_lab_m_s, strict=True)
         measured = [p - (t + v * dt_s) for p, t, v in motion]
-        refusal = self._refuse(pose.t_capture_ns, now_ns, measured, q, true_q)
+        refusal = self._refuse(pose.t_capture_ns, now_ns, measured, q)
+        if refusal is None and self._gated:
+            refusal = self._lean(pose.t_capture_ns, q, state, now_ns)
         if refusal is None and not lost and self._gated:
             refusal = self._jump(pose.t_capture_ns, measured, yaw, now_ns)
         if refusal is None and not lost and self._finds_slides:
@@ -233,7 +243,7 @@ class ExternalPositioning:
         if lost:
             self._pos, self._vel, self.yaw_rad = measured, [0.0, 0.0, 0.0], yaw
             self._since_ns = now_ns
-            if self._good_ns is None or now_ns - (self._wrong_ns or self._good_ns) > ALONE_NS:
+            if self._good_ns is None or now_ns - min(self._wrong_ns or now_ns, self._good_ns) > _ANEW_AFTER_NS:
                 self._slide.begin(pose.t_capture_ns, measured)
                 self._wrong_ns = None
             else:
@@ -255,18 +265,21 @@ class ExternalPositioning:
             self._vel[axis] += _GAIN_VEL / max(dt_s, 0.002) * innovation
         self.yaw_rad += _GAIN_YAW * math.remainder(yaw_rad - self.yaw_rad, math.tau)
 
-    def _refuse(
-        self, t_capture_ns: int, now_ns: int, measured: list[float], q: list[float], true_q: list[float]
-    ) -> str | None:
+    def _refuse(self, t_capture_ns: int, now_ns: int, measured: list[float], q: list[float]) -> str | None:
         if not math.isfinite(sum(measured) + sum(q)):
             return "external pose is not finite"
         if not 0 <= now_ns - t_capture_ns <= _AGE_MAX_NS:
             return "external pose has a wrong time"
         if t_capture_ns <= self._capture_ns:
             return "external pose is out of order"
-        if self._gated and up_dot(q, true_q) < _TILT_GATE:
-            return "external attitude disagrees with gravity"
         return None
+
+    def _lean(self, t_capture_ns: int, q: list[float], state: VehicleState, now_ns: int) -> str | None:
+        """Why an attitude cannot be the vehicle's, by what that feels of gravity: at once, or as it turns."""
+        lags = self._finds_slides and self._lags(t_capture_ns, q, state, now_ns)
+        if up_dot(q, state.q_lab_from_flu.tolist()) < _TILT_GATE:
+            return "external attitude disagrees with gravity"
+        return "external attitude is not what is felt: late poses?" if lags else None
 
     def _jump(self, t_capture_ns: int, measured: list[float], yaw_rad: float, now_ns: int) -> str | None:
         """Why a pose cannot be where the vehicle is, by its inertial sensors."""
@@ -286,6 +299,22 @@ class ExternalPositioning:
         if not slid:
             self._reckon_on(now_ns)
         return "external pose does not move as the vehicle does"
+
+    def _lags(self, t_capture_ns: int, q: list[float], state: VehicleState, now_ns: int) -> bool:
+        """Whether its attitude has not been what is felt for a tenth of a second, as that of late poses is not."""
+        dt_s, self._shown_ns = (t_capture_ns - self._shown_ns) * 1e-9, t_capture_ns
+        if not 0.0 < dt_s < GAP_S:
+            return self._late
+        x_rad_s, y_rad_s, _ = state.rate_flu_rad_s.tolist()
+        self._miss.weigh(tilt(q), tilt(state.q_lab_from_flu.tolist()), math.hypot(x_rad_s, y_rad_s), dt_s)
+        if self._miss.miss_rad <= MOST_RAD:
+            self._missed_ns, self._late = None, False
+            return False
+        self._missed_ns = self._missed_ns or now_ns
+        if now_ns - self._missed_ns > _LATE_AFTER_NS and not self._late:
+            self._late = True
+            self._step_back(t_capture_ns, now_ns)
+        return self._late
 
     def _step_back(self, t_capture_ns: int, now_ns: int) -> None:
         """A pose that is far off may have gone there little by little, as one that lags does, believed all the way."""

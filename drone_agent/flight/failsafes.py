@@ -154,10 +154,11 @@ class Failsafes:
         if missing > _POWERLESS or self._failure.beyond_control(pilot.airframe):
             pilot.say(Severity.CRITICAL, "Its thrust is not felt, a motor may be dead: motors off")
             pilot.terminate(now_ns)
-        elif pilot.task not in (Task.LAND, Task.DESCEND):
+            return
+        if pilot.task not in (Task.LAND, Task.DESCEND):
             pilot.say(Severity.CRITICAL, "Its thrust is not felt: it comes down on what is left")
             pilot.fail_safe(FlightMode.LAND, now_ns)
-            pilot.pilot.lift_more(missing * GRAVITY_M_S2)
+        pilot.pilot.lift_more(missing * GRAVITY_M_S2)
 
     def _detect_landing(self, now_ns: int) -> None:
         pilot = self._autopilot

@@ -70,8 +70,8 @@ class Pilot:
         self.brisk, self._sinking_s, self._due_s = False, 0.0, 0.0
 
     def lift_more(self, acc_m_s2: float) -> None:
-        """Begin the task with so much more lift than it weighs: what is known to be missing."""
-        self._loop.reset((0.0, 0.0, acc_m_s2))
+        """Give at least so much more lift than it weighs: what is known to be missing."""
+        self._loop.lift_more(acc_m_s2)
 
     def set_home(self, belief: Belief) -> None:
         """Return comes back here."""

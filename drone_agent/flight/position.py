@@ -51,6 +51,10 @@ class PositionController:
         """Forget what the integrators learnt, or begin with what is known already."""
         self._sum = list(learnt_lab_m_s2)
 
+    def lift_more(self, acc_m_s2: float) -> None:
+        """Take this for known of what lift is missing, unless more is."""
+        self._sum[2] = max(self._sum[2], min(acc_m_s2, _I_MAX_M_S2))
+
     def step(self, demand: Demand, belief: Belief, dt_s: float) -> LoopSetpoint:
         """Attitude and thrust that take the vehicle towards the demand."""
         ax, ay = self._sideways(demand, belief, dt_s)

@@ -19,6 +19,7 @@ from formation.maths.arrays import Flags, Float, Scalars, Vec3s
 from formation.maths.kernel import kernel
 from formation.messages import Phase, Severity
 from formation.model import Vec3Tuple
+from formation.safety.attitude_miss import MOST_RAD
 from formation.safety.phases import AIRBORNE, Trigger
 from formation.safety.places import nearest, outside_box
 
@@ -29,7 +30,7 @@ class Facts(NamedTuple):
     For a body that is only observed the link's fields hold their healthy values. `battery` is 0..1, NaN where unknown.
     late_share: the part of the last second's frames that came late or were missed, 0..1.
     own_pos_lab_m, own_tilt_rad: what the drone's own estimator says, the second witness; NaN where it says nothing.
-    attitude_miss_rad: how far the mocap's attitude is from the drone's own (gcs.drones.attitude_witness).
+    attitude_miss_rad: how far the mocap's attitude is from the drone's own (formation.safety.attitude_miss).
     silent_s: since anything at all was heard of it; setpoint_age_s: of what reaches it, camera to drone, NaN: unknown.
     """
 
@@ -130,7 +131,6 @@ FAR_OUTSIDE_M = 0.5
 BATTERY_LOW, BATTERY_EMPTY = 0.2, 0.1
 UPSET_RAD = 1.3
 ASTRAY_M, LEADER_ASTRAY_M = 1.0, 0.3
-ATTITUDE_MISS_RAD = 0.05
 
 
 FLYING = AIRBORNE - {Phase.LAND}
@@ -180,7 +180,7 @@ RULES: tuple[Rule, ...] = (
     Rule("rule-model-mismatch", "model mismatch",
          Measure.MODEL_MISMATCH, MISMATCH_TOLD, 0.3, AIRBORNE),
     Rule("rule-attitude-miss", "its attitude is not the mocap's: late poses?",
-         Measure.ATTITUDE_MISS_RAD, ATTITUDE_MISS_RAD, 0.1, AIRBORNE, Trigger.LAND, Own.RELEASE),
+         Measure.ATTITUDE_MISS_RAD, MOST_RAD, 0.1, AIRBORNE, Trigger.LAND, Own.RELEASE),
     Rule("rule-frames-late", "a fifth of the frames late",
          Measure.LATE_SHARE, 0.2, 0.5, MOTORS_ON, of_swarm=True),
     Rule("rule-frames-lost", "seven tenths of the frames late",

@@ -39,8 +39,8 @@ class Truth:
 
     up (T, n): the z component of each body's thrust axis; thrust, of its weight; command (T, n, 5): quaternion w, x, y,
     z and thrust that its attitude loop tracks; command_age_s: NaN while no ground's command acts; gain_low, gain_high:
-    what the weakest and the strongest motor give of what they are told; lift_most (n): the thrust of sound motors, of
-    each one's weight. notes: time, whether it tells of something
+    what the weakest and the strongest motor give of what they are told; lift_most (T, n): the
+    most that all of them can, of the weight. notes: time, whether it tells of something
     unplanned, text. stops_s, arms_s: when an operator asked for an emergency stop, and for motors. log_ill_s: from when
     to when the log could not be written. t_onset_s: NaN before any fault began.
     planned: whether the flight ended as the operator meant it to.
@@ -168,7 +168,7 @@ def _impacts(truth: Truth, airborne: Bool) -> list[Violation]:
                 continue
             hit_m_s = float(speed[max(k - back, 0) : k + 1, i].max())
             lately = slice(max(k - round(BRAKING_S / _dt_s(truth)), 0), k + 1)
-            weak = truth.gain_high[lately, i].min() * truth.lift_most[i] < BRAKING_LIFT
+            weak = truth.lift_most[lately, i].min() < BRAKING_LIFT
             excused = weak or (not truth.armed[k, i] and _rightly_cut(truth, i, k))
             if hit_m_s > IMPACT_M_S and not excused:
                 found.append(Violation("impact", float(truth.t_s[k]), f"{name} met the floor at {hit_m_s:.1f} m/s"))

@@ -54,7 +54,13 @@ class Witness:
             self.armed_ever = self.armed_ever or sample.armed
             row += (*pos, *vel, 1.0 - 2.0 * (x * x + y * y), float(sample.armed), sample.thrust_n)
             row += sample.q_commanded.tolist()
-            row += (sample.thrust_commanded, np.nan if age is None else (now_ns - age) * 1e-9, min(gain), max(gain))
+            row += (
+                sample.thrust_commanded,
+                np.nan if age is None else (now_ns - age) * 1e-9,
+                min(gain),
+                max(gain),
+                sample.lift_most,
+            )
         self._rows.append(row)
         self._t_s.append((now_ns - T0_NS) * 1e-9)
         return down
@@ -62,8 +68,7 @@ class Witness:
     def truth(self, onset_ns: int | None) -> Truth:
         """All that was taken down."""
         vehicles = [v for v in self._scenario.lab.vehicles if v.sysid is not None]
-        profiles = [self._scenario.lab.profile_of(v) for v in vehicles]
-        weights_n = np.array([profile.weight_n for profile in profiles])
+        weights_n = np.array([self._scenario.lab.profile_of(v).weight_n for v in vehicles])
         rows = np.array(self._rows).reshape(len(self._rows), len(vehicles), -1)
         fence = self._scenario.lab.limits.fence
         return Truth(
@@ -71,7 +76,7 @@ class Witness:
             pos_m=rows[:, :, 0:3], vel_m_s=rows[:, :, 3:6], up=rows[:, :, 6], armed=rows[:, :, 7] > 0.5,
             thrust=rows[:, :, 8] / weights_n, command=rows[:, :, 9:14], command_age_s=rows[:, :, 14],
             gain_low=rows[:, :, 15], gain_high=rows[:, :, 16],
-            lift_most=np.array([profile.thrust_max_n for profile in profiles]) / weights_n,
+            lift_most=rows[:, :, 17],
             fence_low_m=np.array(fence.low_m), fence_high_m=np.array(fence.high_m),
             t_onset_s=np.nan if onset_ns is None else (onset_ns - T0_NS) * 1e-9,
             notes=tuple(sorted(self._notes, key=lambda note: note[0])), stops_s=tuple(sorted(self._stops_s)),

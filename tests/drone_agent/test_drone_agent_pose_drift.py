@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from agent_harness import LEVEL, MS, Harness, S, hover_at, hover_over
+from agent_harness import LEVEL, MS, Harness, S, hover_at, hover_over, target
 
 from drone_agent.flight.pose_drift import PoseDrift
 from drone_agent.stages import Stage
@@ -169,6 +169,42 @@ def test_right_poses_do_not_slide_for_ever_after_wrong_ones() -> None:
     refused_s = shown_at(harness, 1200, lambda k: 0.05 * (0.01 * k) ** 2 if k < 400 else 0.0)
     assert 4.0 <= refused_s[0] < refused_s[-1] < 10.5
     assert_believes_the_truth(harness, 0.05)
+
+
+def test_after_five_seconds_without_a_pose_nothing_is_left_of_wrong_ones() -> None:
+    """Behind a bridge that shows none while they are wrong: what it was off by then was held against the right ones,
+    and a drone that came down blind let go of its thrust."""
+    harness = Harness(pose="mocap", profile="px4_quad")
+    harness.fly_offboard(1.0, hover_over(0.0, 0.0, 1.0))
+    shown_at(harness, 415, lambda k: 0.05 * (0.01 * k) ** 2 if k < 400 else 0.0)
+    assert harness.core.autopilot.positioning.silent_s(harness.now_ns) > 0.1
+    last_ns = harness.now_ns - round(harness.core.autopilot.positioning.silent_s(harness.now_ns) * S)
+    while harness.now_ns < last_ns + 4.95 * S:
+        harness.run(0.01, hover_over(0.0, 0.0, 1.0), mocap=False)
+    assert shown_at(harness, 60, lambda _: 0.0) == []
+    assert_believes_the_truth(harness, 0.02)
+
+
+@pytest.mark.parametrize("late", [15, 30])
+def test_late_poses_are_found_by_an_attitude_that_is_not_felt(late: int) -> None:
+    """It leans to and fro; they were believed until they were 0.3 m off, and what was reckoned from them was wrong."""
+    harness = Harness(pose="mocap", profile="px4_quad")
+    harness.fly_offboard(1.0, hover_over(0.0, 0.0, 1.0))
+    hover, shown, refused_s = harness.config.true_vehicle().hover_thrust_norm, [], []
+    for k in range(360):
+        lean_rad = 0.2 * np.sin(2.0 * np.pi * 0.8 * 0.01 * k)
+        q = np.array([np.cos(lean_rad / 2.0), 0.0, np.sin(lean_rad / 2.0), 0.0])
+        harness.run(0.01, lambda harness, q=q: target(harness, hover, q), mocap=False)
+        shown.append((harness.truth.pos_lab_m, harness.truth.q_lab_from_flu))
+        if not 250 <= k < 250 + late:
+            harness.show(*shown[k if k < 250 else k - late])
+        silent_s = harness.core.autopilot.positioning.silent_s(harness.now_ns)
+        refused_s += [0.01 * (k - 250 - late)] if k >= 250 + late and silent_s > 0.05 else []
+    assert 0.1 < refused_s[0] < 0.5
+    assert "late poses?" in str(harness.core.autopilot.positioning.fault(harness.now_ns))
+    np.testing.assert_allclose(
+        harness.core.autopilot.belief(harness.now_ns).vel_lab_m_s, harness.truth.vel_lab_m_s, atol=0.1
+    )
 
 
 def test_a_moment_of_it_is_held_through() -> None:

@@ -108,7 +108,7 @@ class Truths:
             names=tuple(names[sysid] for sysid in sysids), t_s=(t_ns - begin_ns) * 1e-9, pos_m=pos, vel_m_s=vel, up=up,
             armed=armed, thrust=np.ones(shape), command=np.tile(LEVEL, (*shape, 1)),
             command_age_s=np.full(shape, np.nan), gain_low=np.ones(shape), gain_high=np.ones(shape),
-            lift_most=np.full(shape[1], np.inf),
+            lift_most=np.full(shape, np.inf),
             fence_low_m=np.array(fence.low_m), fence_high_m=np.array(fence.high_m),
             t_onset_s=(onset_ns - begin_ns) * 1e-9,
         )  # fmt: skip

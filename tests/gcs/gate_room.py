@@ -56,6 +56,7 @@ class Room:
         self._rng = np.random.default_rng(7)
         self._k = 0
         self._standing = True
+        self.core.note_armed(())
         self.fly(100)
         self._standing = False
         self.core.note_armed({"left", "right"})

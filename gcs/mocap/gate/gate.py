@@ -28,6 +28,7 @@ class Gate:
             bounds=bounds(config),
             q_marker_from_flu=frames.canonical(np.array([v.q_marker_from_flu for v in config.vehicles])),
             armed=np.zeros(len(self._bodies), np.bool_),
+            told=np.zeros(1, np.bool_),
             watched=np.array([reason in counted for reason in Rejection]),
         )
         self._memory = blank(Memory, len(self._bodies))
@@ -36,6 +37,7 @@ class Gate:
 
     def note_armed(self, bodies: Collection[str]) -> None:
         """Which drones have their motors on, as the ground last knew; a body that is only observed leads them."""
+        self._given.told[0] = True
         for i, body in enumerate(self._bodies):
             self._given.armed[i] = body in bodies if self._commanded[i] else bool(bodies)
 

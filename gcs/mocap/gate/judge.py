@@ -52,7 +52,7 @@ class Memory:
     shown_*, same: the pose last shown, and how many times in a row it was the same to the last bit. still_m, varied,
     noisy: whether a standing body's pose varies, as that of every real camera does.
     slow_vel: the velocity some time ago; upset: frames whose attitude contradicts the acceleration.
-    floor_m: height at which it last stood with its motors off.
+    floor_m: height at which it last stood with its motors off, 0 until that is known.
     """
 
     believed: Path
@@ -83,12 +83,14 @@ class Frame(NamedTuple):
 class Given(NamedTuple):
     """What it is judged by: the bodies' bounds and marker frames, which have motors on (n), and what is checked.
 
+    told (1): whether a ground has said who has motors on; until then nobody is known to stand on the floor.
     watched (codes): whether a reason counts; a pose against which only an unwatched one speaks is believed.
     """
 
     bounds: Rows[Bounds]
     q_marker_from_flu: Float
     armed: Bool
+    told: Bool
     watched: Bool
 
 
@@ -115,6 +117,8 @@ def judge(frame: Frame, given: Given, memory: Rows[Memory]) -> int:
             if reason > 0 and not given.watched[reason]:
                 m.believed.frames, m.code, reason = 0, 0, 0
             weigh(m, given.bounds[i], frame.t_ns, pos, q, reason, given.armed[i])
+            if m.code == 0 and reason == 0 and given.told[0] and not given.armed[i]:
+                m.floor_m = pos[2]
             code = m.code
             if code == 0 and given.watched[FLIP] and given.armed[i] and contradicted(m, given.bounds[i], q):
                 code = FLIP
@@ -225,8 +229,6 @@ def weigh(m: Memory, bounds: Bounds, t_ns: int, pos: Float, q: Float, reason: in
             begin(believed, t_ns, pos, q)
         else:
             extend(believed, t_ns, pos, q)
-        if not armed:
-            m.floor_m = pos[2]
         return
     other = m.other
     if m.code == 0:

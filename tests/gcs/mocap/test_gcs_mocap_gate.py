@@ -6,6 +6,7 @@ from gate_room import BODIES, PLACES, TURNED, UPRIGHT, Room
 
 from formation.maths import frames
 from formation.rejection import Rejection
+from gcs.mocap.core import MocapCore
 
 ROOMS = pytest.mark.parametrize("room", [UPRIGHT, TURNED], ids=["upright", "turned"])
 LEFT, RIGHT = 1, 2
@@ -75,6 +76,23 @@ def test_a_body_frozen_as_it_takes_off_is_rejected():
 
     r.fly(6, freeze)
     assert r.codes("left")[4:] == [Rejection.FREEZE] * 2
+
+
+def test_a_mocap_that_is_started_in_flight_rejects_a_body_that_was_frozen_before():
+    """It took the height at which it saw a body first, before the ground had told it of motors, for the floor."""
+    r, held = flying(UPRIGHT), {}
+
+    def freeze(k, pos, q):
+        pos[LEFT], q[LEFT] = held.setdefault("p", pos[LEFT].copy()), held.setdefault("q", q[LEFT].copy())
+
+    r.fly(3, freeze)
+    r.core = MocapCore(r.config)
+    r.fly(8, freeze)
+    r.core.note_armed({"left", "right"})
+    r.shown.clear()
+    r.fly(10, freeze)
+    assert r.codes("left") == [Rejection.FREEZE] * 10
+    assert all(r.seen("right"))
 
 
 def test_cameras_without_noise_show_standing_bodies_as_they_are():

@@ -6,7 +6,7 @@ should turn; what the gyro says besides is what a motor does not give. The thrus
 with one motor dead the mixer gives up its opposite too, and half of the thrust is gone.
 """
 
-from math import acos, hypot
+from math import cos, hypot
 from typing import NamedTuple
 
 from drone_agent.simulation.airframe import Airframe
@@ -27,7 +27,7 @@ _CARRIED = 0.5
 """Of the loss, felt as lift that was not told: a foot on the floor, no motor, turns it."""
 _MISSING, _MISSING_NS = 0.35, 200_000_000
 """Share of the thrust asked for; an empty battery takes 0.15."""
-_ASTRAY_RAD, _SPIN_RAD_S = 0.35, 3.0
+_ASTRAY_COS, _SPIN_RAD_S = cos(0.35), 3.0
 """A sound loop is there within a tenth of a second, and nobody asks for such rates."""
 _CORNERS = ((1.0, 1.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0))
 """Whither, about x and y, the loss of each motor turns it: front right, rear left, front left, rear right."""
@@ -97,8 +97,8 @@ class MotorFailure:
     def beyond_control(frame: Airframe) -> bool:
         """Whether it turns, or leans elsewhere than it was told to: what is left of its motors does not hold it."""
         wanted, is_so = thrust_axis(frame.setpoint.q_lab_from_flu), thrust_axis(frame.estimated_q_lab_from_flu)
-        off_rad = acos(min(sum(a * b for a, b in zip(wanted, is_so, strict=True)), 1.0))
-        return off_rad > _ASTRAY_RAD or hypot(*frame.state.rate_flu_rad_s.tolist()) > _SPIN_RAD_S
+        off_cos = sum(a * b for a, b in zip(wanted, is_so, strict=True))
+        return off_cos < _ASTRAY_COS or hypot(*frame.state.rate_flu_rad_s.tolist()) > _SPIN_RAD_S
 
 
 def felt(before: VehicleState, after: VehicleState, dt_s: float) -> Felt:

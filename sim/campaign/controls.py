@@ -189,7 +189,8 @@ CONTROLS: Mapping[str, Control] = MappingProxyType(
         ),
         "gate-jump": Control(_pose(Family.JUMP, (0.6, 1.0), (0.9, 1.2), heading_rad=-pi / 2), ESTIMATE),
         "gate-swap": Control(
-            _pose(Family.SWAP, (0.8, 1.2), body="leader", other="f2"), ("gate-jump", "gate-flip", *ESTIMATE)
+            _pose(Family.SWAP, (0.8, 1.2), body="leader", other="f2"),
+            ("gate-jump", "gate-flip", *ESTIMATE, "rule-leader-astray"),
         ),
         "gate-stamp": Control(_pose(Family.STAMP_OFFSET, (8.0, 9.0), (0.3, 0.38)), (*LATE, *LOST, *ASTRAY)),
         "stale-setpoint": Control(_late, _others(LATE, "stale-setpoint")),

@@ -13,7 +13,7 @@ import numpy as np
 from drone_agent.flight.pose_drift import ALONE_NS, PoseDrift
 from formation.maths.arrays import Quat, Vec3
 from formation.model import Vec3Tuple
-from formation.safety.attitude_miss import GAP_S, MOST_RAD, AttitudeMiss, tilt
+from formation.safety.attitude_miss import GAP_S, MOST_RAD, AttitudeMiss, Tilt, tilt
 from formation.vehicle.profile import VehicleState
 
 _AGE_MAX_NS = 500_000_000
@@ -230,7 +230,7 @@ class ExternalPositioning:
         measured = [p - (t + v * dt_s) for p, t, v in motion]
         refusal = self._refuse(pose.t_capture_ns, now_ns, measured, q)
         if refusal is None and self._gated:
-            refusal = self._lean(pose.t_capture_ns, q, state, now_ns)
+            refusal = self._lean(pose.t_capture_ns, q, true_q, state, now_ns)
         if refusal is None and not lost and self._gated:
             refusal = self._jump(pose.t_capture_ns, measured, yaw, now_ns)
         if refusal is None and not lost and self._finds_slides:
@@ -274,10 +274,13 @@ class ExternalPositioning:
             return "external pose is out of order"
         return None
 
-    def _lean(self, t_capture_ns: int, q: list[float], state: VehicleState, now_ns: int) -> str | None:
+    def _lean(
+        self, t_capture_ns: int, q: list[float], true_q: list[float], state: VehicleState, now_ns: int
+    ) -> str | None:
         """Why an attitude cannot be the vehicle's, by what that feels of gravity: at once, or as it turns."""
-        lags = self._finds_slides and self._lags(t_capture_ns, q, state, now_ns)
-        if up_dot(q, state.q_lab_from_flu.tolist()) < _TILT_GATE:
+        shown, felt = tilt(q), tilt(true_q)
+        lags = self._finds_slides and self._lags(t_capture_ns, shown, felt, state.rate_flu_rad_s, now_ns)
+        if up_dot(q, shown, true_q, felt) < _TILT_GATE:
             return "external attitude disagrees with gravity"
         return "external attitude is not what is felt: late poses?" if lags else None
 
@@ -300,13 +303,13 @@ class ExternalPositioning:
             self._reckon_on(now_ns)
         return "external pose does not move as the vehicle does"
 
-    def _lags(self, t_capture_ns: int, q: list[float], state: VehicleState, now_ns: int) -> bool:
+    def _lags(self, t_capture_ns: int, shown: Tilt, felt: Tilt, rate_flu_rad_s: Vec3, now_ns: int) -> bool:
         """Whether its attitude has not been what is felt for a tenth of a second, as that of late poses is not."""
         dt_s, self._shown_ns = (t_capture_ns - self._shown_ns) * 1e-9, t_capture_ns
         if not 0.0 < dt_s < GAP_S:
             return self._late
-        x_rad_s, y_rad_s, _ = state.rate_flu_rad_s.tolist()
-        self._miss.weigh(tilt(q), tilt(state.q_lab_from_flu.tolist()), math.hypot(x_rad_s, y_rad_s), dt_s)
+        x_rad_s, y_rad_s, _ = rate_flu_rad_s.tolist()
+        self._miss.weigh(shown, felt, math.hypot(x_rad_s, y_rad_s), dt_s)
         if self._miss.miss_rad <= MOST_RAD:
             self._missed_ns, self._late = None, False
             return False
@@ -341,10 +344,7 @@ def up_cos(q_lab_from_flu: Quat) -> float:
     return 1.0 - 2.0 * (x * x + y * y)
 
 
-def up_dot(q: list[float], p: list[float]) -> float:
+def up_dot(q: list[float], q_tilt: Tilt, p: list[float], p_tilt: Tilt) -> float:
     """Cosine of the angle between two attitudes' ideas of up, in the body's axes, which no heading changes."""
-    qw, qx, qy, qz = q
-    pw, px, py, pz = p
-    forward = 4.0 * (qx * qz - qw * qy) * (px * pz - pw * py)
-    left = 4.0 * (qy * qz + qw * qx) * (py * pz + pw * px)
-    return forward + left + (1.0 - 2.0 * (qx * qx + qy * qy)) * (1.0 - 2.0 * (px * px + py * py))
+    up = (1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2])) * (1.0 - 2.0 * (p[1] * p[1] + p[2] * p[2]))
+    return q_tilt[0] * p_tilt[0] + q_tilt[1] * p_tilt[1] + up

@@ -289,14 +289,15 @@ class _Draft:
         new.target[:] = [motion[0, k] if value is None else value for k, value in enumerate(wanted)]
         new.gap[:3], new.gap[3] = motion, 0.0
         new.gap[0] -= new.target
-        low, high = self._room(new, motion, holds=setpoint.target_lab_m[2] is None)
+        holds = setpoint.target_lab_m[2] is None
+        low, high = self._room(new, motion, holds=holds)
         new.brake_s = blend.stopping_s(
             new.gap, np.where(motion[1, :3] > 0.0, high - motion[0, :3], motion[0, :3] - low)
         )
         for k, value in enumerate(wanted):
             if value is None:
                 new.target[k] += blend.braked(new.gap, k, new.brake_s)
-        if setpoint.target_lab_m[2] is not None:
+        if not holds:
             low[2] = -np.inf  # landing goes beneath the floor
         new.target[:3] = np.clip(new.target[:3], low, high)
         new.gap[0] = motion[0] - new.target

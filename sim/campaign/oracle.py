@@ -39,10 +39,10 @@ class Truth:
 
     up (T, n): the z component of each body's thrust axis; thrust, of its weight; command (T, n, 5): quaternion w, x, y,
     z and thrust that its attitude loop tracks; command_age_s: NaN while no ground's command acts; gain_low, gain_high:
-    what the weakest and the strongest motor give of what they are told; lift_most (T, n): the
-    most that all of them can, of the weight. notes: time, whether it tells of something
-    unplanned, text. stops_s, arms_s: when an operator asked for an emergency stop, and for motors. log_ill_s: from when
-    to when the log could not be written. t_onset_s: NaN before any fault began.
+    what the weakest and the strongest motor give of what they are told; lift_most (T, n): the most that all of them
+    can, of the weight. notes: time, whether it tells of something unplanned, text. stops_s, arms_s: when an operator
+    asked for an emergency stop, and for motors. log_ill_s: from when to when the log could not be written. t_onset_s:
+    NaN before any fault began.
     planned: whether the flight ended as the operator meant it to.
     """
 

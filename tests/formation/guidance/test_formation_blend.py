@@ -42,7 +42,7 @@ def test_what_is_left_open_is_braked_within_the_gentle_acceleration() -> None:
     gap[1, 0] = 2.0
     brake_s = braking_s(gap)
     gap[0, 0] = -braked(gap, 0, brake_s)
-    assert closing_s(gap, braking_s(gap), 0.4) == brake_s
+    assert closing_s(gap, brake_s, 0.4) == brake_s
     assert -gap[0, 0] == pytest.approx(0.5 * 2.0 * brake_s)
     peak = max(np.abs(at(gap, t_s, brake_s)[2, 0]) for t_s in np.linspace(0.0, brake_s, 100))
     assert peak <= ACCELERATION_M_S2 * 1.01

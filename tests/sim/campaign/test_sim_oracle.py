@@ -53,6 +53,12 @@ def falling(truth: Truth, at_s: float = 2.5) -> Truth:
     return replace(truth, pos_m=pos, vel_m_s=vel, armed=armed, thrust=thrust)
 
 
+def touch_down(truth: Truth) -> int:
+    """When drone one is on the floor again."""
+    begun = int((truth.pos_m[:, 0, 2] < 0.02).argmax()) + 10
+    return begun + int((truth.pos_m[begun:, 0, 2] < 0.02).argmax())
+
+
 def kinds(verdict: Verdict) -> list[str]:
     return sorted(set(verdict.kinds))
 
@@ -119,8 +125,7 @@ def test_idle_thrust_in_the_air_is_as_good_as_a_cut() -> None:
 @pytest.mark.parametrize(("speed_m_s", "found"), [(1.4, []), (1.6, ["impact"])])
 def test_a_hard_landing(speed_m_s: float, found: list[str]) -> None:
     truth = flown()
-    contact = int((truth.pos_m[:, 0, 2] < 0.02).argmax())
-    contact += int((truth.pos_m[contact + 10 :, 0, 2] < 0.02).argmax()) + 10
+    contact = touch_down(truth)
     truth.vel_m_s[contact - 2 : contact + 1, 0] = [0.0, 0.0, -speed_m_s]
     assert kinds(judge(truth)) == found
 
@@ -129,8 +134,7 @@ def test_a_hard_landing(speed_m_s: float, found: list[str]) -> None:
 def test_motors_that_cannot_brake_it_are_no_reason_to_cut_them(lift: float, found: list[str]) -> None:
     """It falls at 2 m/s, with hardly its weight as thrust."""
     truth = flown()
-    contact = int((truth.pos_m[:, 0, 2] < 0.02).argmax())
-    contact += int((truth.pos_m[contact + 10 :, 0, 2] < 0.02).argmax()) + 10
+    contact = touch_down(truth)
     truth.vel_m_s[contact - 2 : contact + 1, 0] = [0.0, 0.0, -2.0]
     truth.lift_most[truth.t_s >= 2.0, 0] = lift
     assert kinds(judge(truth)) == found

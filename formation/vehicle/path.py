@@ -98,20 +98,27 @@ def copy_into(path: Path, out: Path) -> None:
 
 
 @kernel
+def missed_m(path: Path, t_ns: int, pos_lab_m: Float) -> float:
+    """How far it is from where the body came with the velocity that it had at the path's end."""
+    dt_s, missed2 = (t_ns - path.t_ns) * SECONDS, 0.0
+    for axis in range(3):
+        missed2 += (pos_lab_m[axis] - path.pos_lab_m[axis] - dt_s * path.vel_lab_m_s[axis]) ** 2
+    return sqrt(missed2)
+
+
+@kernel
 def moved_as_it_can(path: Path, bounds: Bounds, t_ns: int, pos_lab_m: Float) -> bool:
     """Whether the body can have come here from the path's end, with the velocity it had there."""
     dt_s = (t_ns - path.t_ns) * SECONDS
-    away2, missed2 = 0.0, 0.0
+    away2 = 0.0
     for axis in range(3):
-        moved = pos_lab_m[axis] - path.pos_lab_m[axis]
-        away2 += moved * moved
-        missed2 += (moved - dt_s * path.vel_lab_m_s[axis]) ** 2
+        away2 += (pos_lab_m[axis] - path.pos_lab_m[axis]) ** 2
     if away2 > (bounds.step_m + bounds.speed_m_s * dt_s) ** 2:
         return False
     if path.frames < 2:
         return True
     known_s = path.period_s / VELOCITY_GAIN
-    return missed2 <= (bounds.step_m + bounds.acc_m_s2 * dt_s * (0.5 * dt_s + known_s)) ** 2
+    return missed_m(path, t_ns, pos_lab_m) <= bounds.step_m + bounds.acc_m_s2 * dt_s * (0.5 * dt_s + known_s)
 
 
 @kernel

@@ -72,10 +72,19 @@ class Room:
         for k in range(count):
             self.show(lambda pos, q, k=k: fault(k, pos, q), seen)
 
+    def pause(self, count: int) -> None:
+        """So many frames that nobody sees."""
+        self._k += count
+
+    @property
+    def t_s(self) -> float:
+        """When the next frame is exposed, as `motion` counts."""
+        return 1e-8 * self._k * MS
+
     def show(self, change=lambda *_: None, seen=(True, True, True), height_m: float = 0.0, stamp_ns: int = 0) -> None:
         """One frame; stamp_ns: how much later than its exposure it says it was taken."""
         t_ns = T0_NS + self._k * 10 * MS
-        t_s = 1e-8 * self._k * MS
+        t_s = self.t_s
         pos = self.motion(t_s).copy()
         if self._standing:
             pos[1:, 2] = height_m

@@ -21,6 +21,7 @@ from formation.vehicle.path import (
     copy_into,
     extend,
     is_in_sight,
+    missed_m,
     moved_as_it_can,
     objection,
     turned_as_it_can,
@@ -38,7 +39,9 @@ KNOWN_FRAMES = 5
 RELEARN_FRAMES = 50
 LEAP_M, LEAP_RAD = 0.01, 0.025
 """A frame so far off the path that it would go on has left it."""
-EXCHANGED_S = 0.1
+EXCHANGED_S, GAP_S = 0.1, 0.5
+"""So short a time ago only one place was a body's own; after a longer gap, until then, the nearer one is."""
+NEARER = 0.5
 UPSET_FRAMES, UPSET_M_S2, UPSET_LAG_S = 5, 3.0, 0.05
 OFF_FLOOR_M = 0.1
 
@@ -59,6 +62,7 @@ class Memory:
     other: Path
     possible: bool
     code: int
+    under: int
     shown_pos_m: Vec3
     shown_q: Quat
     same: int
@@ -167,22 +171,20 @@ def undo_exchanges(frame: Frame, given: Given, memory: Rows[Memory], reasons: ND
     """Pairs of which each is where the other must be: set right where their attitudes agree, else both SWAP."""
     undone = 0
     for i in range(len(reasons)):
-        if reasons[i] != JUMP or not known_now(memory[i], frame.t_ns):
-            continue
         for j in range(i + 1, len(reasons)):
-            if reasons[j] != JUMP or not known_now(memory[j], frame.t_ns):
+            before = memory[i].under == j + 1
+            if before:
+                memory[i].under = memory[j].under = 0
+            if not (frame.seen[i] and frame.seen[j] and is_exchanged(frame, given, memory, reasons, i, j, before)):
                 continue
-            if not moved_as_it_can(memory[i].believed, given.bounds[i], frame.t_ns, frame.pos_lab_m[j]):
-                continue
-            if not moved_as_it_can(memory[j].believed, given.bounds[j], frame.t_ns, frame.pos_lab_m[i]):
-                continue
-            reasons[i] = reasons[j] = SWAP
+            apart = reasons[i] == JUMP and reasons[j] == JUMP
             q_i = worn_by(frame.q_lab_from_flu[j], given.q_marker_from_flu[j], given.q_marker_from_flu[i])
             q_j = worn_by(frame.q_lab_from_flu[i], given.q_marker_from_flu[i], given.q_marker_from_flu[j])
             wrong = turned_as_it_can(memory[i].believed, given.bounds[i], frame.t_ns, q_i)
             wrong += turned_as_it_can(memory[j].believed, given.bounds[j], frame.t_ns, q_j)
             if wrong == 0 and given.watched[SWAP]:
                 reasons[i] = reasons[j] = 0
+                memory[i].under, memory[j].under = j + 1, i + 1
                 for axis in range(3):
                     here = frame.pos_lab_m[i, axis]
                     frame.pos_lab_m[i, axis] = frame.pos_lab_m[j, axis]
@@ -190,14 +192,34 @@ def undo_exchanges(frame: Frame, given: Given, memory: Rows[Memory], reasons: ND
                 for k in range(4):
                     frame.q_lab_from_flu[i, k], frame.q_lab_from_flu[j, k] = q_i[k], q_j[k]
                 undone += 1
+            elif apart:
+                reasons[i] = reasons[j] = SWAP
             break
     return undone
 
 
 @kernel
-def known_now(m: Memory, t_ns: int) -> bool:
-    """Whether it is believed, and was until just now, so that only one place is its own."""
-    return m.code == 0 and m.believed.frames >= KNOWN_FRAMES and (t_ns - m.believed.t_ns) * SECONDS <= EXCHANGED_S
+def is_exchanged(
+    frame: Frame, given: Given, memory: Rows[Memory], reasons: NDArray[np.int64], i: int, j: int, before: bool
+) -> bool:
+    """Whether i and j are each where the other must be: where neither can be where it is shown, or after a gap by far.
+
+    before: whether they were in the frame before; then they are until what is shown fits better.
+    """
+    one, other, t_ns = memory[i], memory[j], frame.t_ns
+    if one.code != 0 or other.code != 0:
+        return False
+    if not moved_as_it_can(one.believed, given.bounds[i], t_ns, frame.pos_lab_m[j]):
+        return False
+    if not moved_as_it_can(other.believed, given.bounds[j], t_ns, frame.pos_lab_m[i]):
+        return False
+    known = one.believed.frames >= KNOWN_FRAMES and other.believed.frames >= KNOWN_FRAMES
+    since_s = (t_ns - min(one.believed.t_ns, other.believed.t_ns)) * SECONDS
+    if since_s <= EXCHANGED_S and not before:
+        return known and reasons[i] == JUMP and reasons[j] == JUMP
+    crossed = missed_m(one.believed, t_ns, frame.pos_lab_m[j]) + missed_m(other.believed, t_ns, frame.pos_lab_m[i])
+    straight = missed_m(one.believed, t_ns, frame.pos_lab_m[i]) + missed_m(other.believed, t_ns, frame.pos_lab_m[j])
+    return (before or known) and since_s <= GAP_S and crossed < (1.0 if before else NEARER) * straight
 
 
 @kernel

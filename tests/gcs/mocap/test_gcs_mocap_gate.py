@@ -313,6 +313,55 @@ def test_two_exchanged_drones_are_set_right(room):
     ]
 
 
+EXCHANGE = {
+    "exchanged before": (20, 0),
+    "exchanged in it": (0, 0),
+    "over before it ends": (20, None),
+}
+
+
+@pytest.mark.parametrize("gap", [5, 15, 40])
+@pytest.mark.parametrize("when", EXCHANGE)
+def test_a_gap_of_all_poses_does_not_pass_exchanged_drones_off_as_each_other(when, gap):
+    """After a third of a second either could be where the other was, and was believed to be."""
+    r = flying(UPRIGHT)
+
+    def exchange(k, pos, q):
+        pos[[LEFT, RIGHT]], q[[LEFT, RIGHT]] = pos[[RIGHT, LEFT]], q[[RIGHT, LEFT]]
+
+    before, after = EXCHANGE[when]
+    r.fly(before, exchange)
+    r.pause(gap)
+    r.fly(30, exchange if after is not None else lambda *_: None)
+    assert all(frame.seen.all() for frame in r.shown)
+    assert max(np.abs(frame.pos_lab_m - PLACES).max() for frame in r.shown) < 0.01
+    r.shown.clear()
+    r.fly(30)
+    assert all(frame.seen.all() for frame in r.shown)
+    assert max(np.abs(frame.pos_lab_m - PLACES).max() for frame in r.shown) < 0.01
+
+
+@pytest.mark.parametrize("gap", [10, 25, 45])
+@pytest.mark.parametrize("way", [(1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
+def test_drones_that_brake_in_a_gap_behind_each_other_are_not_taken_for_exchanged(gap, way):
+    """Half a metre apart and at 1.5 m/s, one after the other or side by side; they stop as the poses end."""
+    apart = np.array([[0.0, 0.0, 0.0], [0.0, -0.25, 0.0], [0.0, 0.25, 0.0]])
+    ends_s, speed_m_s = 3.0, 1.5
+
+    def motion(t_s):
+        gone_m = speed_m_s * min(t_s, ends_s) + max(0.0, 0.3 * (1.0 - np.exp(-(t_s - ends_s) / 0.2)))
+        return PLACES + apart + gone_m * np.array([*way, 0.0])
+
+    r = Room(motion=motion)
+    while r.t_s < ends_s:
+        r.fly(1)
+    r.pause(gap)
+    r.shown.clear()
+    r.fly(30)
+    assert all(frame.seen.all() for frame in r.shown)
+    assert r.events == []
+
+
 def test_two_drones_exchanged_whose_attitudes_do_not_fit_are_both_rejected():
     r = flying(UPRIGHT)
 

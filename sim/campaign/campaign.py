@@ -2,10 +2,11 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import groupby
 from typing import Protocol, TypeVar
 
-from sim.campaign.draw import GROUP, run_of
+from sim.campaign.draw import FAMILIES_DRAWN, GROUP, Draw, run_of
 from sim.campaign.group import Flown, Job, Run, fly_job
 from sim.campaign.shrink import Shrunk, shrink
 from sim.faults.fault import Fault
@@ -26,7 +27,7 @@ class Workers(Protocol):
 class Failure:
     """A run that was not contained: how, by which faults, and the least of them that still does it, where known."""
 
-    seed: int
+    draw: Draw
     number: int
     reason: str
     faults: tuple[Fault, ...]
@@ -35,7 +36,9 @@ class Failure:
     @property
     def again(self) -> str:
         """The command that flies it again."""
-        return f"gcs-sim campaign --replay {self.seed}:{self.number}"
+        first_of = () if self.draw.first_of == FAMILIES_DRAWN else self.draw.first_of
+        families = "".join(f" --family {family}" for family in first_of)
+        return f"gcs-sim campaign --replay {self.draw.seed}:{self.number}{families}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +65,8 @@ class Result:
                 "simulated_s_per_s_per_core": round(self.simulated_s / max(self.core_s, 1e-9), 2),
                 "failures": [
                     {
-                        "seed": f"{failure.seed}:{failure.number}",
+                        "seed": f"{failure.draw.seed}:{failure.number}",
+                        "again": failure.again,
                         "faults": [fault.model_dump(mode="json", exclude_defaults=True) for fault in _least(failure)],
                         "reason": failure.reason,
                     }
@@ -75,17 +79,17 @@ class Result:
         )
 
 
-def fly(seed: int, runs: int, workers: Workers, *, shrinks: bool = True) -> Result:
-    """Fly the runs 0 to `runs` of a campaign; shrinks: make what fails small, of the first few."""
-    jobs = [Job(seed, first // GROUP, tuple(range(first, min(first + GROUP, runs)))) for first in range(0, runs, GROUP)]
-    flown = workers.run("flights", fly_job, jobs)
-    return summarise(seed, flown, workers if shrinks else None)
+def fly(draw: Draw, runs: range, workers: Workers, *, shrinks: bool = True) -> Result:
+    """Fly these runs of a campaign; shrinks: make what fails small, of the first few."""
+    groups = groupby(runs, lambda number: number // GROUP)
+    flown = workers.run("flights", fly_job, [Job(draw, group, tuple(numbers)) for group, numbers in groups])
+    return summarise(draw, flown, workers if shrinks else None)
 
 
-def summarise(seed: int, flown: Sequence[Flown], workers: Workers | None = None) -> Result:
+def summarise(draw: Draw, flown: Sequence[Flown], workers: Workers | None = None) -> Result:
     """The result of these jobs; workers: who makes the first failures small, if anybody."""
     runs = [run for job in flown for run in job.runs]
-    failures = [_failure(seed, run) for run in runs if not run.verdict.contained]
+    failures = [_failure(draw, run) for run in runs if not run.verdict.contained]
     if workers is not None and failures:
         small = workers.run("making failures small", shrunk, failures[:MOST_SHRUNK])
         failures[: len(small)] = small
@@ -100,13 +104,13 @@ def shrunk(failure: Failure) -> Failure:
     """The failure with the least that does it; as it is where its flight cannot even be flown to its end."""
     if failure.reason.startswith("raised"):
         return failure
-    scenario = run_of(failure.seed, failure.number)
-    return Failure(failure.seed, failure.number, failure.reason, failure.faults, shrink(scenario))
+    scenario = run_of(failure.draw, failure.number)
+    return replace(failure, shrunk=shrink(scenario))
 
 
-def _failure(seed: int, run: Run) -> Failure:
+def _failure(draw: Draw, run: Run) -> Failure:
     first = run.verdict.violations[0]
-    return Failure(seed, run.number, f"{first.kind}: {first.text}", run.faults)
+    return Failure(draw, run.number, f"{first.kind}: {first.text}", run.faults)
 
 
 def _least(failure: Failure) -> tuple[Fault, ...]:

@@ -89,9 +89,17 @@ TOLD = (None, Verb.ARM, Verb.ADOPT, Verb.LAND, Verb.STOP)
 FAMILIES_DRAWN: tuple[Family, ...] = tuple(RANGES)
 
 
-def flight_of(seed: int, group: int) -> Scenario:
+@dataclass(frozen=True, slots=True)
+class Draw:
+    """What a campaign is drawn by: its seed, and the families of which every run's first fault is one."""
+
+    seed: int
+    first_of: tuple[Family, ...] = FAMILIES_DRAWN
+
+
+def flight_of(draw: Draw, group: int) -> Scenario:
     """The flight of a group, without faults."""
-    rng = np.random.default_rng([seed, 12, group])
+    rng = np.random.default_rng([draw.seed, 12, group])
     kind = KINDS[int(rng.integers(len(KINDS)))]
     followers = FOLLOWERS[int(rng.integers(len(FOLLOWERS)))]
     plain = scenario(kind, followers)
@@ -107,23 +115,22 @@ def flight_of(seed: int, group: int) -> Scenario:
         make = makes[int(rng.integers(len(makes)))]
         vehicles.append(vehicle.model_copy(update={"vehicle": true, "autopilot": make, "bridged": bool(bridged)}))
     return plain.model_copy(
-        update={"seed": int(rng.integers(2**31)), "name": f"campaign_{seed}_{group}", "vehicles": tuple(vehicles)}
+        update={"seed": int(rng.integers(2**31)), "name": f"campaign_{draw.seed}_{group}", "vehicles": tuple(vehicles)}
     )
 
 
-def faults_of(seed: int, number: int, flight: Scenario) -> tuple[Fault, ...]:
+def faults_of(draw: Draw, number: int, flight: Scenario) -> tuple[Fault, ...]:
     """The one or two faults of a run."""
-    rng = np.random.default_rng([seed, 11, number])
-    return tuple(
-        fault(FAMILIES_DRAWN[int(rng.integers(len(FAMILIES_DRAWN)))], flight, rng)
-        for _ in range(int(rng.integers(1, 3)))
-    )
+    rng = np.random.default_rng([draw.seed, 11, number])
+    families = (draw.first_of, FAMILIES_DRAWN)[: int(rng.integers(1, 3))]
+    return tuple(fault(of[int(rng.integers(len(of)))], flight, rng) for of in families)
 
 
-def run_of(seed: int, number: int) -> Scenario:
+def run_of(draw: Draw, number: int) -> Scenario:
     """A run whole: its flight with its faults."""
-    flight = flight_of(seed, number // GROUP)
-    return flight.model_copy(update={"name": f"campaign_{seed}_{number}", "faults": faults_of(seed, number, flight)})
+    flight = flight_of(draw, number // GROUP)
+    name = f"campaign_{draw.seed}_{number}"
+    return flight.model_copy(update={"name": name, "faults": faults_of(draw, number, flight)})
 
 
 def fault(family: Family, flight: Scenario, rng: np.random.Generator) -> Fault:

@@ -11,7 +11,7 @@ import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from sim.campaign.draw import faults_of, flight_of
+from sim.campaign.draw import Draw, faults_of, flight_of
 from sim.campaign.flight import Flight, begins_soon
 from sim.campaign.oracle import Verdict, Violation
 from sim.faults.fault import Fault
@@ -26,7 +26,7 @@ FORK_AHEAD_NS = 30_000_000
 class Job:
     """Some runs of one campaign that share a flight."""
 
-    seed: int
+    draw: Draw
     group: int
     numbers: tuple[int, ...]
 
@@ -52,8 +52,8 @@ class Flown:
 
 def fly_job(job: Job) -> Flown:
     """Fly the runs of a job."""
-    scenario = flight_of(job.seed, job.group)
-    return fly_group(scenario, {number: faults_of(job.seed, number, scenario) for number in job.numbers})
+    scenario = flight_of(job.draw, job.group)
+    return fly_group(scenario, {number: faults_of(job.draw, number, scenario) for number in job.numbers})
 
 
 def fly_group(scenario: Scenario, faults: dict[int, tuple[Fault, ...]]) -> Flown:

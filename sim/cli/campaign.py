@@ -14,6 +14,10 @@ def register(app: typer.Typer) -> None:
 def campaign(
     runs: Annotated[int, typer.Option(min=0, help="How many flights with random faults.")] = 300,
     seed: Annotated[int, typer.Option(min=0, help="Decides, with a run's number, all about it.")] = 1,
+    first: Annotated[int, typer.Option(min=0, help="The number of the first run: to go on with a campaign.")] = 0,
+    family: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Draw each run's first fault of it; again for more.")
+    ] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes; without it one a core.")] = None,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Of a Dask cluster that flies instead of this machine.")
@@ -37,6 +41,8 @@ def campaign(
     if table:
         commands.run_table(tuple(only or ()), workers, as_json)
     elif replay is not None:
-        commands.run_again(replay, log, as_json)
+        commands.run_again(replay, tuple(family or ()), log, as_json)
     else:
-        commands.run_campaign(commands.Asked(runs, seed, controls, tuple(only or ())), workers, scheduler, as_json)
+        draw = commands.drawn_by(seed, tuple(family or ()))
+        asked = commands.Asked(range(first, first + runs), draw, controls, tuple(only or ()))
+        commands.run_campaign(asked, workers, scheduler, as_json)

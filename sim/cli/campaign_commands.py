@@ -13,7 +13,7 @@ from sim import lockstep
 from sim.campaign import campaign, controls
 from sim.campaign.campaign import Failure, Workers
 from sim.campaign.cluster import Cluster
-from sim.campaign.draw import run_of
+from sim.campaign.draw import FAMILIES_DRAWN, Draw, run_of
 from sim.campaign.flight import fly
 from sim.campaign.oracle import Verdict
 from sim.campaign.table import fly_row, table
@@ -49,8 +49,8 @@ def run_table(only: tuple[str, ...], workers: int | None, as_json: bool) -> None
 class Asked:
     """A campaign: runs with random faults, flights of each positive control, and which of these alone."""
 
-    runs: int
-    seed: int
+    runs: range
+    draw: Draw
     controls: int
     only: tuple[str, ...]
 
@@ -60,8 +60,8 @@ def run_campaign(asked: Asked, workers: int | None, scheduler: str | None, as_js
     console = Console(stderr=as_json, markup=False)
     compile_for(load_scenario("triangle_line"))
     crew = _workers(workers, scheduler, console)
-    result = campaign.fly(asked.seed, asked.runs, crew)
-    jobs = controls.jobs(asked.seed, asked.controls, asked.only)
+    result = campaign.fly(asked.draw, asked.runs, crew)
+    jobs = controls.jobs(asked.draw.seed, asked.controls, asked.only)
     shares = controls.shares(jobs, crew.run("positive controls", controls.fly_control, jobs)) if jobs else {}
     if as_json:
         with_it = {name: share.with_it for name, share in shares.items()}
@@ -85,13 +85,21 @@ def run_campaign(asked: Asked, workers: int | None, scheduler: str | None, as_js
         raise typer.Exit(FAILED)
 
 
-def run_again(run: str, log: Path | None, as_json: bool) -> None:
+def drawn_by(seed: int, families: tuple[str, ...]) -> Draw:
+    """The draw of a campaign; families: by their names, none for all."""
+    known = {str(family): family for family in FAMILIES_DRAWN}
+    if unknown := [name for name in families if name not in known]:
+        fail(f"--family {unknown[0]}: no family of faults; there are: {', '.join(known)}", NOT_RIGHT)
+    return Draw(seed, tuple(known[name] for name in families) or FAMILIES_DRAWN)
+
+
+def run_again(run: str, families: tuple[str, ...], log: Path | None, as_json: bool) -> None:
     """One run of a campaign."""
     seed, _, number = run.partition(":")
     if not (seed.isdecimal() and number.isdecimal()):
         fail(f"--replay {run}: expected SEED:NUMBER", NOT_RIGHT)
     console = Console(stderr=as_json, markup=False)
-    scenario = run_of(int(seed), int(number))
+    scenario = run_of(drawn_by(int(seed), families), int(number))
     for fault in scenario.faults:
         console.print(fault.text(), highlight=False)
     with ExitStack() as files:

@@ -4,7 +4,7 @@ import pytest
 
 from sim.campaign import controls
 from sim.campaign.campaign import summarise
-from sim.campaign.draw import FAMILIES_DRAWN, GROUP, RANGES, faults_of, flight_of, run_of
+from sim.campaign.draw import FAMILIES_DRAWN, GROUP, RANGES, Draw, faults_of, flight_of, run_of
 from sim.campaign.flight import fly
 from sim.campaign.group import Flown, Run, fly_group
 from sim.campaign.labs import scenario
@@ -17,25 +17,32 @@ from sim.scenario import Scenario
 
 def test_a_run_is_decided_by_seed_and_number_and_is_a_scenario_that_can_be_written() -> None:
     for number in range(60):
-        run = run_of(7, number)
-        assert run == run_of(7, number)
+        run = run_of(Draw(7), number)
+        assert run == run_of(Draw(7), number)
         assert 1 <= len(run.faults) <= 2
         assert Scenario.model_validate(run.model_dump()) == run
-    assert run_of(7, 3).faults != run_of(8, 3).faults
+    assert run_of(Draw(7), 3).faults != run_of(Draw(8), 3).faults
 
 
 def test_every_family_is_drawn_and_every_kind_of_flight() -> None:
     met = set(Family) - {Family.WILD_SETPOINT}  # a ground that is wrong within the bounds is nobody's to contain
     assert set(FAMILIES_DRAWN) == set(RANGES) == met
-    flights = [flight_of(1, group) for group in range(80)]
+    flights = [flight_of(Draw(1), group) for group in range(80)]
     numbers = [(i * GROUP + n, flight) for i, flight in enumerate(flights) for n in range(GROUP)]
-    drawn = {fault.family for number, flight in numbers for fault in faults_of(1, number, flight)}
+    drawn = {fault.family for number, flight in numbers for fault in faults_of(Draw(1), number, flight)}
     assert drawn == met
     vehicles = [vehicle for flight in flights for vehicle in flight.vehicles]
     assert {vehicle.autopilot for vehicle in vehicles} == {"px4", "ardupilot"}
     assert {vehicle.bridged for vehicle in vehicles} == {True, False}
     assert {len(flight.lab.followers) for flight in flights} >= {2, 3, 4, 5, 6, 8, 10}
     assert any(flight.lab.leader.sysid is None for flight in flights)
+
+
+def test_chosen_families_are_those_of_every_first_fault_and_the_second_is_any() -> None:
+    draw = Draw(7, (Family.DRIFT, Family.TWIN))
+    runs = [run_of(draw, number).faults for number in range(300)]
+    assert {faults[0].family for faults in runs} == {Family.DRIFT, Family.TWIN}
+    assert len({faults[1].family for faults in runs if len(faults) > 1}) > 25
 
 
 def test_shrinking_drops_a_fault_then_halves_lengths_then_severities() -> None:
@@ -60,12 +67,15 @@ def test_a_summary_counts_what_failed_and_says_how_to_fly_it_again() -> None:
     bad = Verdict((Violation("fence", 3.0, "f2 0.70 m outside"), Violation("separation", 4.0, "near")), 2.0, 0.1, 1.0)
     good = Verdict((), 2.0, None, 0.0)
     kill = (Fault(family=Family.KILL, core="ground"),)
-    result = summarise(5, [Flown((Run(0, kill, good, 10.0), Run(1, kill, bad, 20.0)), 15.0, 2.0)])
+    result = summarise(Draw(5), [Flown((Run(0, kill, good, 10.0), Run(1, kill, bad, 20.0)), 15.0, 2.0)])
     assert (result.runs, len(result.failures)) == (2, 1)
     assert (result.separation_violations, result.fence_violations) == (1, 1)
     assert result.failures[0].again == "gcs-sim campaign --replay 5:1"
     assert '"virtual_s_per_s_per_core": 15.0' in result.to_json({})
     assert '"seed": "5:1"' in result.to_json({})
+    assert summarise(Draw(5, (Family.TWIN,)), [Flown((Run(1, kill, bad, 20.0),), 15.0, 2.0)]).failures[0].again == (
+        "gcs-sim campaign --replay 5:1 --family twin"
+    )
 
 
 def test_monitors_go_to_the_cores_that_have_them_and_others_are_refused() -> None:

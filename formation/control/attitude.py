@@ -35,7 +35,7 @@ class AttitudeSettings:
     """What turns one commanded vehicle's demand into a target, and bounds it; a record.
 
     vehicle: its index among the n; turn_authority_rad_s2_m: `turn_authority`; rate_feed_forward: whether its autopilot
-    adds the body rates of a target.
+    adds the body rates of a target; sink_most_m_s: as it lands.
     """
 
     vehicle: int
@@ -49,6 +49,7 @@ class AttitudeSettings:
     fence_low_m: Vec3
     fence_high_m: Vec3
     fence_margin_m: float
+    sink_most_m_s: float
 
 
 @dataclass(slots=True)
@@ -109,17 +110,19 @@ def lands(reference: VehicleReference) -> bool:
 
 
 @kernel
-def lift_least(airborne_s: float, climb_m_s: float, thrust_scale: float) -> float:
+def lift_least(airborne_s: float, climb_m_s: float, thrust_scale: float, sink_most_m_s: float) -> float:
     """The least specific force upwards, m/s^2, of a vehicle that lands, so long in the air and climbing so fast.
 
     None has to be pushed down to land: one whose height is older than its stamp says must not be thrown at the floor
-    by a loop that swings. It counts from when the thrust scale is known; what climbs is stopped as any other.
+    by a loop that swings, nor one that its commands reach again plunge after its reference; at sink_most_m_s it is not
+    pushed at all. It counts from when the thrust scale is known; what climbs is stopped as any other.
     """
     least = LIFT_LEAST * GRAVITY_M_S2
     if airborne_s < SCALE_KNOWN_S:
         return least
     sinks = 1.0 - min(max(climb_m_s / SINKING_FROM_M_S, 0.0), 1.0)
-    return max(least, least + sinks * ((GRAVITY_M_S2 - SINK_MOST_M_S2) / thrust_scale - least))
+    push_m_s2 = SINK_MOST_M_S2 * min(max((sink_most_m_s + climb_m_s) / SINKING_FROM_M_S, 0.0), 1.0)
+    return max(least, least + sinks * ((GRAVITY_M_S2 - push_m_s2) / thrust_scale - least))
 
 
 @kernel
@@ -220,7 +223,9 @@ def _bounded_force(
         lead[axis] = aim[axis] + wanted.lead_acc_lab_m_s2[axis] / z.thrust_scale
     least = LIFT_LEAST * GRAVITY_M_S2
     if down:
-        least = lift_least((now_ns - reference.release_ns) * SECONDS, wanted.motion[1, 2], z.thrust_scale)
+        least = lift_least(
+            (now_ns - reference.release_ns) * SECONDS, wanted.motion[1, 2], z.thrust_scale, s.sink_most_m_s
+        )
     met = bound_force(aim, least, LIFT_MOST * full, s.tilt_max_rad)
     met_later = bound_force(lead, least, LIFT_MOST * full, LEAD_TILT_RAD if s.rate_feed_forward else s.tilt_max_rad)
     trusted = s.turn_authority_rad_s2_m * authority_kept(z.model_mismatch)

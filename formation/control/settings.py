@@ -18,6 +18,7 @@ from formation.vehicle.profile import VehicleProfile
 from formation.vehicle.response import Response
 
 FENCE_MARGIN_M = 0.05
+SINK_MOST_M_S = 1.0  # of what lands, or twice its rate of descent where that is more
 DELAY_SHIFT_MOST = 0.6  # of the answer's length
 
 
@@ -137,4 +138,5 @@ def _attitude(config: LabConfig, i: int, profile: VehicleProfile) -> AttitudeSet
         fence_low_m=np.array(limits.fence.low_m),
         fence_high_m=np.array(limits.fence.high_m),
         fence_margin_m=FENCE_MARGIN_M,
+        sink_most_m_s=max(SINK_MOST_M_S, 2.0 * config.flight.descend_m_s),
     )

@@ -171,6 +171,8 @@ RULES: tuple[Rule, ...] = (
          Measure.DISARMED, 0.0, 0.3, FLYING, Trigger.LAND),
     Rule("rule-setpoints-late", "setpoints reach it 70 ms old",
          Measure.SETPOINT_AGE_S, LATE_SETPOINT_S, 1.0, MOTORS_ON),
+    Rule("rule-setpoints-late-landing", "setpoints reach it 70 ms old as it lands",
+         Measure.SETPOINT_AGE_S, LATE_SETPOINT_S, 1.0, frozenset({Phase.LAND}), own=Own.RELEASE),
     Rule("rule-setpoints-stale", "setpoints reach it 100 ms old",
          Measure.SETPOINT_AGE_S, STALE_SETPOINT_S, 1.0, MOTORS_ON, Trigger.LAND, Own.RELEASE),
     Rule("rule-battery-low", "battery under 20 %",

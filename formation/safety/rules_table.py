@@ -1,7 +1,7 @@
 """The rules as the documentation shows them."""
 
 from formation.messages import Phase
-from formation.safety.rules import RULES, Rule
+from formation.safety.rules import RULES, Own, Rule
 
 
 def rules_markdown() -> str:
@@ -19,4 +19,6 @@ def _phases(rule: Rule) -> str:
 
 
 def _swarm(rule: Rule) -> str:
-    return "warning only" if rule.swarm is None else f"{rule.swarm}"
+    if rule.swarm is not None:
+        return f"{rule.swarm}"
+    return "warning only" if rule.own is Own.NOTHING else "-"

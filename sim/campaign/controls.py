@@ -24,7 +24,7 @@ from sim.script import Step
 Draw = Callable[[np.random.Generator], tuple[Fault, ...]]
 ENOUGH = 0.95
 """The share of a monitor's runs that must fail without it."""
-LATE = ("stale-setpoint", "rule-setpoints-late", "rule-setpoints-stale")
+LATE = ("stale-setpoint", "rule-setpoints-late", "rule-setpoints-late-landing", "rule-setpoints-stale")
 """Who acts on setpoints that reach a drone late."""
 ESTIMATE = ("pose-rejected", "pose-slides")
 """Who acts on poses that a drone's own estimator contradicts."""

@@ -35,6 +35,7 @@ REDUNDANT: Mapping[str, str] = MappingProxyType(
         "rule-silent": "a drone that hears nothing holds and lands by itself; one that says nothing is led as before",
         "rule-disarmed": "a drone that is disarmed has come down already, and the others keep clear of it",
         "rule-setpoints-late": _WARNS,
+        "rule-setpoints-late-landing": "stale-setpoint in the drone, the bound on its rate of descent",
         "rule-setpoints-stale": "stale-setpoint in the drone",
         "rule-battery-low": _WARNS,
         "rule-battery-empty": "the autopilot's own landing, then rule-not-offboard",

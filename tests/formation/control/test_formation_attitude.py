@@ -14,13 +14,16 @@ from formation.control.attitude import (
     turn_authority,
 )
 from formation.control.presets import preset
-from formation.control.settings import observer_settings
+from formation.control.settings import attitude_settings, observer_settings
 from formation.estimation.model_mismatch import MISMATCH_BAD, MISMATCH_FAIR
 from formation.guidance.reference_generator import POINT, SLOT, VehicleReference
 from formation.maths.records import blank
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import PAPER_40G
 
+LAB = LabConfig.model_validate(
+    {"leader": {"body": "lead"}, "followers": [{"body": "a", "sysid": 2, "offset_m": [-1.0, 0.0, 0.0]}]}
+)
 FULL = PAPER_40G.thrust_max_n / PAPER_40G.mass_kg
 LEVEL = np.array([0.0, 0.0, GRAVITY_M_S2])
 
@@ -57,11 +60,22 @@ def test_height_comes_before_sideways() -> None:
 def test_what_lands_is_not_pushed_down_while_it_sinks() -> None:
     """By 1.5 m/s^2 at most; what climbs, or has only just left the floor, by more than half of g."""
     kept = GRAVITY_M_S2 - 1.5
-    assert lift_least(7.0, -0.3, 1.0) == lift_least(7.0, 0.0, 1.0) == pytest.approx(kept)
-    assert lift_least(7.0, -0.3, 1.3) == pytest.approx(kept / 1.3)
-    assert lift_least(7.0, 0.25, 1.0) == pytest.approx(0.5 * (kept + 0.45 * GRAVITY_M_S2))
+    assert lift_least(7.0, -0.3, 1.0, 1.0) == lift_least(7.0, 0.0, 1.0, 1.0) == pytest.approx(kept)
+    assert lift_least(7.0, -0.3, 1.3, 1.0) == pytest.approx(kept / 1.3)
+    assert lift_least(7.0, 0.25, 1.0, 1.0) == pytest.approx(0.5 * (kept + 0.45 * GRAVITY_M_S2))
     for airborne_s, climb_m_s in ((5.0, -0.3), (7.0, 0.5)):
-        assert lift_least(airborne_s, climb_m_s, 1.0) == pytest.approx(0.45 * GRAVITY_M_S2)
+        assert lift_least(airborne_s, climb_m_s, 1.0, 1.0) == pytest.approx(0.45 * GRAVITY_M_S2)
+
+
+def test_what_lands_is_pushed_less_the_faster_it_sinks_and_never_lifted_for_it() -> None:
+    """At 1 m/s it carries itself; a lab that asks for 0.8 m/s is given 1.6 before that."""
+    assert lift_least(7.0, -0.75, 1.0, 1.0) == pytest.approx(GRAVITY_M_S2 - 0.75)
+    assert lift_least(7.0, -1.0, 1.0, 1.0) == lift_least(7.0, -3.0, 1.0, 1.0) == pytest.approx(GRAVITY_M_S2)
+    assert lift_least(7.0, -0.8, 1.0, 1.6) == pytest.approx(GRAVITY_M_S2 - 1.5)
+    settings = attitude_settings(LAB, (PAPER_40G, PAPER_40G))
+    assert settings["sink_most_m_s"] == pytest.approx(1.0)
+    quick = LAB.model_copy(update={"flight": LAB.flight.model_copy(update={"descend_m_s": 0.8})})
+    assert attitude_settings(quick, (PAPER_40G, PAPER_40G))["sink_most_m_s"] == pytest.approx(1.6)
 
 
 @pytest.mark.parametrize(("kind", "z_m", "down"), [(POINT, -0.95, True), (POINT, 1.0, False), (SLOT, -0.5, False)])

@@ -59,6 +59,7 @@ LIMIT_OF = [
     ("0.5 m outside the fence, says its own estimate too", (both(2.79), both(2.81)), 0.2, Phase.LAND, Trigger.LAND),
     ("tilted by 75 degrees, says its own attitude too", (upset(1.29), upset(1.31)), 0.3, Phase.ARMED, Trigger.LAND),
     ("setpoints reach it 70 ms old", level("setpoint_age_s", 0.069, 0.071), 1.0, Phase.ARMED, None),
+    ("setpoints reach it 70 ms old as it lands", level("setpoint_age_s", 0.069, 0.071), 1.0, Phase.LAND, None),
     ("setpoints reach it 100 ms old", level("setpoint_age_s", 0.099, 0.101), 1.0, Phase.HOLD, Trigger.LAND),
     ("nothing heard for 3 s", HEARD, 0.0, Phase.ARMED, Trigger.LAND),
     ("not in off-board mode", flag("offboard", True), 0.5, FLYING, Trigger.LAND),

@@ -67,6 +67,7 @@ FAULTS = {
     "leader astray": ({"error_m": of(0, 0.35, 0.0)}, Phase.FORMATION, 0.11, Trigger.HOLD, Own.NOTHING),
     "upset": ({"tilt_rad": of(1, 1.5, 0.0)}, Phase.HOLD, 0.31, Trigger.LAND, Own.RELEASE),
     "stale": ({"setpoint_age_s": of(1, 0.15, 0.0)}, Phase.HOLD, 1.01, Trigger.LAND, Own.RELEASE),
+    "late as it lands": ({"setpoint_age_s": of(1, 0.08, 0.0)}, Phase.LAND, 1.01, None, Own.RELEASE),
     "silent": ({"silent_s": of(1, 3.1, 0.0)}, Phase.FORMATION, 0.0, Trigger.LAND, Own.NOTHING),
     "mode lost": ({"offboard": of(1, False, True)}, Phase.FORMATION, 0.51, Trigger.LAND, Own.NOTHING),
     "disarmed": ({"armed": of(1, False, True)}, Phase.FORMATION, 0.31, Trigger.LAND, Own.NOTHING),
@@ -80,7 +81,7 @@ def test_each_fault_is_answered_once_it_has_lasted(name):
     changes, phase, lasting_s, trigger, own = FAULTS[name]
     verdict = _after(healthy(**changes), phase, lasting_s)
     assert verdict.trigger is trigger
-    assert verdict.cause
+    assert bool(verdict.cause) == (trigger is not None)
     assert verdict.release.any() == (own is Own.RELEASE)
     assert verdict.cut.any() == (own is Own.CUT)
 

@@ -15,12 +15,10 @@ from drone_agent.failsafe import STOPPED, StreamFailsafe
 from drone_agent.flight.estimator import Belief, Positioning, believed, turned
 from drone_agent.flight.flying import Pilot
 from drone_agent.flight.landing import LandDetector
-from drone_agent.flight.position import NO_RATE
+from drone_agent.flight.position import hurried
 from drone_agent.simulation.airframe import Airframe
 from drone_agent.simulation.attitude_loop import LoopSetpoint
 from drone_agent.stages import Stage, Trigger
-from formation.maths.arrays import Quat, Vec3
-from formation.maths.frames import canonical, inverse, multiply
 from formation.messages import Severity
 from formation.model import Vec3Tuple
 from wire.autopilots.table import STREAM_MODES, FlightMode
@@ -303,7 +301,7 @@ class Autopilot:
         belief = self.belief(now_ns)
         setpoint = self.pilot.step(belief, self.timing, _CONTROL_S, carried=self.carried)
         true_q = turned(setpoint.q_lab_from_flu, -self.positioning.yaw_rad)
-        rate = self._hurried(true_q) if self.pilot.levelling else setpoint.rate_flu_rad_s
+        rate = hurried(self.airframe, true_q) if self.pilot.levelling else setpoint.rate_flu_rad_s
         self.airframe.order_now(LoopSetpoint(true_q, rate, setpoint.thrust_norm))
         if not self.pilot.arrived(belief):
             return
@@ -314,14 +312,6 @@ class Autopilot:
                 self.fly(Task.HOLD, now_ns)
         elif self.pilot.task is Task.RETURN:
             self.fly(Task.LAND, now_ns)
-
-    def _hurried(self, q_lab_from_flu: Quat) -> Vec3:
-        """Body rates for an attitude loop that takes them: they turn it half as fast again as it would by itself."""
-        profile = self.airframe.profile
-        if not profile.rate_feed_forward:
-            return NO_RATE
-        left = canonical(multiply(inverse(self.airframe.state.q_lab_from_flu), q_lab_from_flu))
-        return profile.attitude_p_1_s * left[1:] * (1.0, 1.0, 0.0)  # half the angle's sine is half the angle
 
     def _take_up(self, now_ns: int) -> None:
         """Do what the mode does. A stream that is alive takes over with its next target; until then, hold."""

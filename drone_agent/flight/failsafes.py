@@ -11,7 +11,7 @@ from drone_agent.failsafe import REPORTS, REST_NS, SLIDING_POSE, TAKEN_OVER, Lin
 from drone_agent.flight.autopilot import Autopilot
 from drone_agent.flight.estimator import up_cos
 from drone_agent.flight.landing import ContactSense
-from drone_agent.flight.motor_failure import MotorFailure
+from drone_agent.flight.motor_failure import MotorFailure, beyond_control
 from drone_agent.stages import Stage, Trigger
 from formation.messages import Severity
 from formation.vehicle.profile import GRAVITY_M_S2, VehicleProfile
@@ -151,7 +151,7 @@ class Failsafes:
         pilot, missing = self._autopilot, self._contact.missing
         if not self.watches_motors or not self._failure.falls(now_ns, missing):
             return
-        if missing > _POWERLESS or self._failure.beyond_control(pilot.airframe):
+        if missing > _POWERLESS or beyond_control(pilot.airframe):
             pilot.say(Severity.CRITICAL, "Its thrust is not felt, a motor may be dead: motors off")
             pilot.terminate(now_ns)
             return

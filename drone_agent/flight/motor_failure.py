@@ -93,12 +93,12 @@ class MotorFailure:
             self._missing_since_ns = now_ns
         return now_ns - self._missing_since_ns >= _MISSING_NS
 
-    @staticmethod
-    def beyond_control(frame: Airframe) -> bool:
-        """Whether it turns, or leans elsewhere than it was told to: what is left of its motors does not hold it."""
-        wanted, is_so = thrust_axis(frame.setpoint.q_lab_from_flu), thrust_axis(frame.estimated_q_lab_from_flu)
-        off_cos = sum(a * b for a, b in zip(wanted, is_so, strict=True))
-        return off_cos < _ASTRAY_COS or hypot(*frame.state.rate_flu_rad_s.tolist()) > _SPIN_RAD_S
+
+def beyond_control(frame: Airframe) -> bool:
+    """Whether it turns, or leans elsewhere than it was told to: what is left of its motors does not hold it."""
+    wanted, is_so = thrust_axis(frame.setpoint.q_lab_from_flu), thrust_axis(frame.estimated_q_lab_from_flu)
+    off_cos = sum(a * b for a, b in zip(wanted, is_so, strict=True))
+    return off_cos < _ASTRAY_COS or hypot(*frame.state.rate_flu_rad_s.tolist()) > _SPIN_RAD_S
 
 
 def felt(before: VehicleState, after: VehicleState, dt_s: float) -> Felt:

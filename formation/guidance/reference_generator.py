@@ -263,8 +263,7 @@ class _Draft:
         new.gap[0] -= new.target
         new.gap[3] = 0.0
         new.gap[3, 2] = self._plan.rise_m[follower] if self._plan.rise_m else 0.0
-        new.brake_s = blend.braking_s(new.gap)
-        self._take_time(i)
+        self._take_time(i, blend.braking_s(new.gap))
         self._joined.append(i)
 
     def _start_trajectory(self, i: int, motion: Float, start_ns: int) -> None:
@@ -276,8 +275,7 @@ class _Draft:
         on_path = np.zeros((3, 4))
         sample(path.kind, path.numbers, path.knots, (self._t_ns - start_ns) * SECONDS, on_path)
         new.gap[:3], new.gap[3] = motion - on_path, 0.0
-        new.brake_s = blend.braking_s(new.gap)
-        self._take_time(i)
+        self._take_time(i, blend.braking_s(new.gap))
         if float(np.linalg.norm(new.gap[0, :3])) > NEAR_M:
             new.gap_s = max(new.gap_s, ENTRY_S)
 
@@ -291,17 +289,15 @@ class _Draft:
         new.gap[0] -= new.target
         holds = setpoint.target_lab_m[2] is None
         low, high = self._room(new, motion, holds=holds)
-        new.brake_s = blend.stopping_s(
-            new.gap, np.where(motion[1, :3] > 0.0, high - motion[0, :3], motion[0, :3] - low)
-        )
+        brake_s = blend.stopping_s(new.gap, np.where(motion[1, :3] > 0.0, high - motion[0, :3], motion[0, :3] - low))
         for k, value in enumerate(wanted):
             if value is None:
-                new.target[k] += blend.braked(new.gap, k, new.brake_s)
+                new.target[k] += blend.braked(new.gap, k, brake_s)
         if not holds:
             low[2] = -np.inf  # landing goes beneath the floor
         new.target[:3] = np.clip(new.target[:3], low, high)
         new.gap[0] = motion[0] - new.target
-        self._take_time(i)
+        self._take_time(i, brake_s)
 
     def _room(self, vehicle: VehicleReference, motion: Float, *, holds: bool) -> tuple[Float, Float]:
         """The corners (3), (3) between which a vehicle is led: within the fence, and above the floor if it holds."""
@@ -310,8 +306,9 @@ class _Draft:
         low[2] = min(vehicle.floor_m + (FENCE_INSET_M if holds else 0.0), motion[0, 2])
         return low, high - FENCE_INSET_M
 
-    def _take_time(self, i: int) -> None:
-        """How long vehicle i's gap takes to decay; a turn goes the short way round."""
+    def _take_time(self, i: int, brake_s: float) -> None:
+        """How long vehicle i's gap takes to decay, its motion braked so long; a turn goes the short way round."""
         new = self._vehicles[i]
         new.gap[0, 3] = wrap_angle(new.gap[0, 3])
-        new.gap_s = blend.closing_s(new.gap, new.brake_s, self._plan.setpoints[i].speed_m_s)
+        new.brake_s = brake_s
+        new.gap_s = blend.closing_s(new.gap, brake_s, self._plan.setpoints[i].speed_m_s)

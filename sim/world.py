@@ -11,7 +11,7 @@ from formation.control.presets import Preset
 from formation.messages import Datagram, Event, HostReport, LabFrame, OperatorRequest, Phase, RawFrame, Truth, Verb
 from formation.topics import MOCAP_EVENT, TRUTH
 from gcs.mocap.core import MocapCore
-from gcs.mocap.gate.armed import armed_bodies
+from gcs.mocap.gate.armed import motors_on
 from gcs.recording import Input, Record
 from sim.cameras.emulator import MocapEmulator
 from sim.faults import vehicle
@@ -209,7 +209,7 @@ class World:
             return
         state = ground.status(now_ns)
         for mocap in self._mocaps:
-            mocap.note_armed(armed_bodies(state))
+            mocap.note_motors(motors_on(state))
         glance = Glance.at(state)
         if glance.formed:
             self._emulator.start(now_ns)

@@ -4,7 +4,7 @@ The one door through which poses come to everyone: ground, agents, bridges and t
 """
 
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Mapping
 from dataclasses import replace
 
 from formation.config import LabConfig
@@ -49,9 +49,9 @@ class MocapCore:
         """
         return self._again(frame, now_ns) if isinstance(frame, LabFrame) else self._align(frame, now_ns)
 
-    def note_armed(self, bodies: Collection[str]) -> None:
-        """Which drones have their motors on, whenever the ground says so."""
-        self._gate.note_armed(bodies)
+    def note_motors(self, on: Mapping[str, bool]) -> None:
+        """Which drones have their motors on, by body, whenever the ground says so of some."""
+        self._gate.note_motors(on)
 
     def events(self, now_ns: int) -> tuple[Event, ...]:
         """What there is to tell: bodies that are rejected, or believed again."""

@@ -20,7 +20,7 @@ from gcs.mocap import figures
 from gcs.mocap.certainty import Certainty
 from gcs.mocap.core import SOURCE, MocapCore
 from gcs.mocap.figures import FrameWindow
-from gcs.mocap.gate.armed import armed_bodies
+from gcs.mocap.gate.armed import motors_on
 from gcs.mocap.service import ServiceError, configuration_name
 from gcs.mocap.sources import source
 from gcs.mocap.sources.recordings import Frame
@@ -76,7 +76,7 @@ class Mocap:
 
     def take_ground_state(self, state: str) -> None:
         """The ground has published how things are."""
-        self._core.note_armed(armed_bodies(state))
+        self._core.note_motors(motors_on(state))
 
     async def watch(self, linger_s: float | None) -> None:
         """Tell what was refused and how things are; return when nobody has listened for `linger_s`, if given."""

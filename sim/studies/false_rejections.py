@@ -94,10 +94,10 @@ def replay(motion: Motion, seed: int) -> tuple[int, list[str]]:
     rng = np.random.default_rng(seed)
     core, raws = MocapCore(motion.lab), _raw_frames(motion, rng)
     arrivals = motion.t_ns + DELAY_NS + rng.exponential(500_000.0, len(motion.t_ns)).astype(np.int64)
-    flying = {v.body for v in motion.lab.vehicles if v.sysid is not None}
+    drones = [v.body for v in motion.lab.vehicles if v.sysid is not None]
     kept, shown = rng.random(len(raws)) >= LOST_SHARE, 0
     for k in np.flatnonzero(kept):
-        core.note_armed(flying if motion.armed[k] else ())
+        core.note_motors(dict.fromkeys(drones, bool(motion.armed[k])))
         core.receive(raws[k], int(arrivals[k]))
         shown += int(raws[k].seen.sum())
     return shown, [f"{body}: {count} x {name}" for body, by in core.rejections().items() for name, count in by.items()]

@@ -56,16 +56,20 @@ class Room:
         self._rng = np.random.default_rng(7)
         self._k = 0
         self._standing = True
-        self.core.note_armed(())
+        self.arm(False)
         self.fly(100)
         self._standing = False
-        self.core.note_armed({"left", "right"})
+        self.arm(True)
         for k in range(100):  # up they go, at 1 m/s
             self._standing = True
             self.show(height_m=0.01 * k)
         self._standing = False
         self.fly(20)
         self.shown.clear()
+
+    def arm(self, on: bool) -> None:
+        """The ground says of both drones whether their motors are on."""
+        self.core.note_motors({"left": on, "right": on})
 
     def fly(self, count: int, fault: Fault = lambda *_: None, seen: tuple[bool, ...] = (True, True, True)) -> None:
         """So many frames, each changed by the fault, which is told of the first as 0."""

@@ -1,12 +1,17 @@
 """Which drones have their motors on, by what the ground publishes of itself; that is all the mocap learns of it."""
 
 import json
+from collections.abc import Mapping
 
 
-def armed_bodies(state: str) -> frozenset[str]:
-    """The bodies of the drones that are armed in the ground's state (gcs.operator); none in what is no such state."""
+def motors_on(state: str) -> Mapping[str, bool]:
+    """Whether each drone is armed, by body, in the ground's state (gcs.state.swarm); nobody's in what is no such state.
+
+    A ground that has only just begun does not know it of a drone that it has not heard of yet.
+    """
     try:
         drones = json.loads(state)["drones"]
-        return frozenset(str(drone["body"]) for drone in drones if drone["armed"] is True)
+        heard = [drone for drone in drones if drone["heartbeat_age_s"] is not None]
+        return {str(drone["body"]): drone["armed"] is True for drone in heard}
     except (ValueError, KeyError, TypeError):
-        return frozenset()
+        return {}

@@ -1,6 +1,6 @@
 """The gate of one lab: aligned frames in, believed frames out. Pure; all that it remembers is its own."""
 
-from collections.abc import Collection
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -28,18 +28,21 @@ class Gate:
             bounds=bounds(config),
             q_marker_from_flu=frames.canonical(np.array([v.q_marker_from_flu for v in config.vehicles])),
             armed=np.zeros(len(self._bodies), np.bool_),
-            told=np.zeros(1, np.bool_),
+            told=np.zeros(len(self._bodies), np.bool_),
             watched=np.array([reason in counted for reason in Rejection]),
         )
         self._memory = blank(Memory, len(self._bodies))
         self._stamps = StampWatch() if Rejection.STAMP in counted else None
         self._episodes = Episodes(self._bodies)
 
-    def note_armed(self, bodies: Collection[str]) -> None:
-        """Which drones have their motors on, as the ground last knew; a body that is only observed leads them."""
-        self._given.told[0] = True
+    def note_motors(self, on: Mapping[str, bool]) -> None:
+        """Which drones have their motors on, as far as the ground knows; a body that is only observed leads them."""
+        armed, told = self._given.armed, self._given.told
         for i, body in enumerate(self._bodies):
-            self._given.armed[i] = body in bodies if self._commanded[i] else bool(bodies)
+            if self._commanded[i] and body in on:
+                armed[i], told[i] = on[body], True
+        armed[~self._commanded] = armed[self._commanded].any()
+        told[~self._commanded] = told[self._commanded].all()
 
     def refuses_stamp(self, t_capture_ns: int, now_ns: int) -> bool:
         """Whether a frame that arrives now cannot have been captured then."""

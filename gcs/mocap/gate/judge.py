@@ -87,7 +87,7 @@ class Frame(NamedTuple):
 class Given(NamedTuple):
     """What it is judged by: the bodies' bounds and marker frames, which have motors on (n), and what is checked.
 
-    told (1): whether a ground has said who has motors on; until then nobody is known to stand on the floor.
+    told (n): whether a ground has said that of it; until then it is not known to stand on the floor.
     watched (codes): whether a reason counts; a pose against which only an unwatched one speaks is believed.
     """
 
@@ -121,7 +121,7 @@ def judge(frame: Frame, given: Given, memory: Rows[Memory]) -> int:
             if reason > 0 and not given.watched[reason]:
                 m.believed.frames, m.code, reason = 0, 0, 0
             weigh(m, given.bounds[i], frame.t_ns, pos, q, reason, given.armed[i])
-            if m.code == 0 and reason == 0 and given.told[0] and not given.armed[i]:
+            if m.code == 0 and reason == 0 and given.told[i] and not given.armed[i]:
                 m.floor_m = pos[2]
             code = m.code
             if code == 0 and given.watched[FLIP] and given.armed[i] and contradicted(m, given.bounds[i], q):

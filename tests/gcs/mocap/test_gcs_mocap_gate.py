@@ -7,6 +7,7 @@ from gate_room import BODIES, PLACES, TURNED, UPRIGHT, Room
 from formation.maths import frames
 from formation.rejection import Rejection
 from gcs.mocap.core import MocapCore
+from gcs.mocap.gate.armed import motors_on
 
 ROOMS = pytest.mark.parametrize("room", [UPRIGHT, TURNED], ids=["upright", "turned"])
 LEFT, RIGHT = 1, 2
@@ -64,10 +65,10 @@ def test_all_bodies_frozen_at_once_in_the_air_are_rejected():
 
 def test_a_body_frozen_as_it_takes_off_is_rejected():
     r = Room()
-    r.core.note_armed(())
+    r.arm(False)
     r._standing = True
     r.fly(200)
-    r.core.note_armed({"left", "right"})
+    r.arm(True)
     r.shown.clear()
     held = {}
 
@@ -88,17 +89,26 @@ def test_a_mocap_that_is_started_in_flight_rejects_a_body_that_was_frozen_before
     r.fly(3, freeze)
     r.core = MocapCore(r.config)
     r.fly(8, freeze)
-    r.core.note_armed({"left", "right"})
+    r.arm(True)
     r.shown.clear()
     r.fly(10, freeze)
     assert r.codes("left") == [Rejection.FREEZE] * 10
     assert all(r.seen("right"))
 
 
+def test_a_ground_that_begins_anew_in_flight_and_has_heard_of_nobody_makes_no_drone_stand():
+    """Its first state, like what is no state at all, was taken to say that all motors are off."""
+    r = flying(UPRIGHT)
+    r.core.note_motors(motors_on('{"drones": [{"body": "left", "armed": false, "heartbeat_age_s": null}]}'))
+    r.core.note_motors(motors_on("garbage"))
+    r.fly(60, lambda k, pos, q: pos.__setitem__(LEFT, pos[LEFT] + [1.0, 0.0, 0.0]))
+    assert r.codes("left") == [Rejection.JUMP] * 60
+
+
 def test_cameras_without_noise_show_standing_bodies_as_they_are():
     """All of a simulation without noise, which stands on the floor, disarmed, beside one that is carried about."""
     r = Room(noise_m=0.0, noise_rad=0.0, motion=lambda t_s: PLACES + np.outer([1, 0, 0], [0.3 * t_s, 0, 0]))
-    r.core.note_armed(())
+    r.arm(False)
     r._standing = True
     r.fly(500)
     assert all(frame.seen.all() for frame in r.shown[60:])  # after the room's own leap to the floor
@@ -129,7 +139,7 @@ def test_a_jump_that_lasts_for_half_a_minute_is_not_believed_in_the_air_but_on_t
 
     r.fly(3000, jump)
     assert not any(r.seen("left"))
-    r.core.note_armed(())
+    r.arm(False)
     r.fly(2, jump)
     assert r.seen("left")[-1]
 

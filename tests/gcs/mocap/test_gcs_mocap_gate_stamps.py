@@ -38,7 +38,7 @@ def test_growing_latency_is_refused_beyond_150_ms():
 
 def test_another_rhythm_is_taken_up_on_the_floor():
     r = Room()
-    r.core.note_armed(())
+    r.arm(False)
     for _ in range(60):
         r.show(stamp_ns=-400 * MS)
     assert [frame.seen.all() for frame in r.shown] == [False] * 50 + [True] * 10

@@ -8,6 +8,7 @@ from typing import Protocol, TypeVar
 
 from sim.campaign.draw import FAMILIES_DRAWN, GROUP, Draw, run_of
 from sim.campaign.group import Flown, Job, Run, fly_job
+from sim.campaign.labs import DEFAULT_PROFILE
 from sim.campaign.shrink import Shrunk, shrink
 from sim.faults.fault import Fault
 
@@ -37,8 +38,10 @@ class Failure:
     def again(self) -> str:
         """The command that flies it again."""
         first_of = () if self.draw.first_of == FAMILIES_DRAWN else self.draw.first_of
-        families = "".join(f" --family {family}" for family in first_of)
-        return f"gcs-sim campaign --replay {self.draw.seed}:{self.number}{families}"
+        chosen = [f" --family {family}" for family in first_of]
+        if self.draw.profile != DEFAULT_PROFILE:
+            chosen.append(f" --profile {self.draw.profile}")
+        return f"gcs-sim campaign --replay {self.draw.seed}:{self.number}{''.join(chosen)}"
 
 
 @dataclass(frozen=True, slots=True)

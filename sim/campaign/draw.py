@@ -13,7 +13,7 @@ import numpy as np
 
 from formation.messages import Verb
 from formation.vehicle.profile import profile
-from sim.campaign.labs import KINDS, scenario
+from sim.campaign.labs import DEFAULT_PROFILE, KINDS, scenario
 from sim.faults.fault import GROUND_RECEIVER, Core, Family, Fault, OnsetPhase, Site
 from sim.scenario import Scenario
 
@@ -91,10 +91,11 @@ FAMILIES_DRAWN: tuple[Family, ...] = tuple(RANGES)
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """What a campaign is drawn by: its seed, and the families of which every run's first fault is one."""
+    """What a campaign is drawn by: its seed, the families of which every run's first fault is one, and the vehicle."""
 
     seed: int
     first_of: tuple[Family, ...] = FAMILIES_DRAWN
+    profile: str = DEFAULT_PROFILE
 
 
 def flight_of(draw: Draw, group: int) -> Scenario:
@@ -102,7 +103,7 @@ def flight_of(draw: Draw, group: int) -> Scenario:
     rng = np.random.default_rng([draw.seed, 12, group])
     kind = KINDS[int(rng.integers(len(KINDS)))]
     followers = FOLLOWERS[int(rng.integers(len(FOLLOWERS)))]
-    plain = scenario(kind, followers)
+    plain = scenario(kind, followers, profile=draw.profile)
     vehicles = []
     believed = profile(plain.lab.leader.profile)
     makes = ("px4", "ardupilot") if rng.random() < 0.2 else (("px4", "ardupilot")[int(rng.integers(2))],)

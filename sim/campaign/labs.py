@@ -24,6 +24,7 @@ KINDS: tuple[Kind, ...] = ("hold", "line", "circle", "turning", "shapes", "obser
 Autopilot = Literal["px4", "ardupilot"]
 
 FORMATION_S = 5.0
+DEFAULT_PROFILE = "paper_40g"
 ALTITUDE_M = 1.0
 SPACING_M = 0.6
 SCRIPT = (
@@ -49,7 +50,7 @@ def scenario(
     autopilot: Autopilot = "px4",
     *,
     bridged: bool = False,
-    profile: str = "paper_40g",
+    profile: str = DEFAULT_PROFILE,
     altitude_m: float = ALTITUDE_M,
 ) -> Scenario:
     """A flight without faults: up, a formation of some seconds, down; by `sim.campaign.flight`."""

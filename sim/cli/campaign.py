@@ -1,5 +1,6 @@
 """The command line of `gcs-sim campaign`."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -18,6 +19,7 @@ def campaign(
     family: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Draw each run's first fault of it; again for more.")
     ] = None,
+    profile: Annotated[str, typer.Option(help="Of the vehicles that fly.")] = "paper_40g",
     workers: Annotated[int | None, typer.Option(min=1, help="Processes; without it one a core.")] = None,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Of a Dask cluster that flies instead of this machine.")
@@ -38,11 +40,11 @@ def campaign(
     """Fly with random faults; judged by what is true of the drones alone. Exit code 1 if anything was not contained."""
     from sim.cli import campaign_commands as commands
 
+    draw = partial(commands.drawn_by, families=tuple(family or ()), vehicle=profile)
     if table:
         commands.run_table(tuple(only or ()), workers, as_json)
     elif replay is not None:
-        commands.run_again(replay, tuple(family or ()), log, as_json)
+        commands.run_again(replay, draw, log, as_json)
     else:
-        draw = commands.drawn_by(seed, tuple(family or ()))
-        asked = commands.Asked(range(first, first + runs), draw, controls, tuple(only or ()))
+        asked = commands.Asked(range(first, first + runs), draw(seed), controls, tuple(only or ()))
         commands.run_campaign(asked, workers, scheduler, as_json)

@@ -1,6 +1,7 @@
 """What `gcs-sim campaign` does: flights with faults on every core, verdicts, a table."""
 
 import json
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -9,6 +10,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from formation.vehicle.profile import PROFILES
 from sim import lockstep
 from sim.campaign import campaign, controls
 from sim.campaign.campaign import Failure, Workers
@@ -85,21 +87,23 @@ def run_campaign(asked: Asked, workers: int | None, scheduler: str | None, as_js
         raise typer.Exit(FAILED)
 
 
-def drawn_by(seed: int, families: tuple[str, ...]) -> Draw:
-    """The draw of a campaign; families: by their names, none for all."""
+def drawn_by(seed: int, families: tuple[str, ...], vehicle: str) -> Draw:
+    """The draw of a campaign; families: by their names, none for all; vehicle: the profile's name."""
+    if vehicle not in PROFILES:
+        fail(f"--profile {vehicle}: no vehicle's; there are: {', '.join(PROFILES)}", NOT_RIGHT)
     known = {str(family): family for family in FAMILIES_DRAWN}
     if unknown := [name for name in families if name not in known]:
         fail(f"--family {unknown[0]}: no family of faults; there are: {', '.join(known)}", NOT_RIGHT)
-    return Draw(seed, tuple(known[name] for name in families) or FAMILIES_DRAWN)
+    return Draw(seed, tuple(known[name] for name in families) or FAMILIES_DRAWN, vehicle)
 
 
-def run_again(run: str, families: tuple[str, ...], log: Path | None, as_json: bool) -> None:
-    """One run of a campaign."""
+def run_again(run: str, draw: Callable[[int], Draw], log: Path | None, as_json: bool) -> None:
+    """One run of a campaign; draw: by its seed."""
     seed, _, number = run.partition(":")
     if not (seed.isdecimal() and number.isdecimal()):
         fail(f"--replay {run}: expected SEED:NUMBER", NOT_RIGHT)
     console = Console(stderr=as_json, markup=False)
-    scenario = run_of(drawn_by(int(seed), families), int(number))
+    scenario = run_of(draw(int(seed)), int(number))
     for fault in scenario.faults:
         console.print(fault.text(), highlight=False)
     with ExitStack() as files:

@@ -45,6 +45,12 @@ def test_chosen_families_are_those_of_every_first_fault_and_the_second_is_any() 
     assert len({faults[1].family for faults in runs if len(faults) > 1}) > 25
 
 
+def test_another_vehicle_flies_the_same_faults() -> None:
+    usual, other = Draw(7), Draw(7, profile="px4_quad")
+    assert run_of(usual, 5).faults == run_of(other, 5).faults
+    assert {v.profile for v in run_of(other, 5).lab.vehicles} == {"px4_quad"}
+
+
 def test_shrinking_drops_a_fault_then_halves_lengths_then_severities() -> None:
     faults = (Fault(family=Family.JUMP, body="f2", for_s=1.0, severity=2.0), Fault(family=Family.KILL, core="ground"))
     tried = list(_smaller(faults))
@@ -73,9 +79,8 @@ def test_a_summary_counts_what_failed_and_says_how_to_fly_it_again() -> None:
     assert result.failures[0].again == "gcs-sim campaign --replay 5:1"
     assert '"virtual_s_per_s_per_core": 15.0' in result.to_json({})
     assert '"seed": "5:1"' in result.to_json({})
-    assert summarise(Draw(5, (Family.TWIN,)), [Flown((Run(1, kill, bad, 20.0),), 15.0, 2.0)]).failures[0].again == (
-        "gcs-sim campaign --replay 5:1 --family twin"
-    )
+    chosen = summarise(Draw(5, (Family.TWIN,), "px4_quad"), [Flown((Run(1, kill, bad, 20.0),), 15.0, 2.0)])
+    assert chosen.failures[0].again == "gcs-sim campaign --replay 5:1 --family twin --profile px4_quad"
 
 
 def test_monitors_go_to_the_cores_that_have_them_and_others_are_refused() -> None:

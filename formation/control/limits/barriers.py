@@ -13,7 +13,7 @@ from math import sqrt
 import numpy as np
 
 from formation.control.composite_law import Demand
-from formation.control.limits.bodies import BarrierSettings, Bodies, placed
+from formation.control.limits.bodies import BarrierSettings, Bodies, placed, within_limits
 from formation.estimation.state import VehicleEstimate
 from formation.guidance.reference_generator import VehicleReference
 from formation.maths.arrays import Bool, Float, Vec3
@@ -34,12 +34,15 @@ PASSES, SETTLED_M_S2 = 60, 1e-9
 class Pair:
     """Two bodies that may be too near; a record.
 
-    away: unit vector from second to first, less its vertical part unless they are stacked; excess: by how much they
-    accelerate towards each other too hard; push: how hard each is pushed along it so far.
+    away: unit vector from second to first, less its vertical part unless they are stacked; counts: how much of a push
+    is counted on of each; excess: by how much they accelerate towards each other too hard; push: how hard each is
+    pushed along it so far.
     """
 
     first: int
     second: int
+    first_counts: float
+    second_counts: float
     away: Vec3
     excess_m_s2: float
     push_m_s2: float
@@ -80,12 +83,21 @@ def closing_limit(distance_m: float, keep_m: float, least_m: float, closing_m_s:
 
 
 @kernel
-def excess(motion: Float, a: int, b: int, upright: bool, keep_m: float, least_m: float, away: Float) -> float:
+def acceleration_along(bodies: Bodies, n: int, x: float, y: float, z: float) -> float:
+    """Of body n along a unit vector: as demanded; of one that does not answer as it is, if that is less."""
+    wanted, has = bodies.motion[n, 2], bodies.acc_m_s2[n]
+    along: float = x * wanted[0] + y * wanted[1] + z * wanted[2]
+    return along if bodies.answers[n] else min(along, x * has[0] + y * has[1] + z * has[2])
+
+
+@kernel
+def excess(bodies: Bodies, a: int, b: int, least_m: float, away: Float) -> float:
     """How much too hard a and b accelerate towards each other, m/s^2; the direction in which a is to part into away.
 
-    motion (n, 3, 3): see Bodies; upright: the height does not count; keep_m, least_m: see `closing_limit`.
+    least_m: the separation; of a body that is lost the height does not count.
     """
-    up = 0.0 if upright else 1.0
+    motion, keep_m = bodies.motion, least_m + bodies.grown_m[a] + bodies.grown_m[b]
+    up = 0.0 if bodies.lost[a] or bodies.lost[b] else 1.0
     x, y, z = motion[a, 0, 0] - motion[b, 0, 0], motion[a, 0, 1] - motion[b, 0, 1], motion[a, 0, 2] - motion[b, 0, 2]
     distance = sqrt(x * x + y * y + up * z * z)
     if distance < 1e-6:
@@ -97,8 +109,7 @@ def excess(motion: Float, a: int, b: int, upright: bool, keep_m: float, least_m:
     closing = -(x * vx + y * vy + z * vz)
     across_square = max(vx * vx + vy * vy + vz * vz - closing * closing, 0.0)
     closing_acc = -across_square / max(distance, 0.5 * least_m)
-    closing_acc -= x * (motion[a, 2, 0] - motion[b, 2, 0]) + y * (motion[a, 2, 1] - motion[b, 2, 1])
-    closing_acc -= z * (motion[a, 2, 2] - motion[b, 2, 2])
+    closing_acc -= acceleration_along(bodies, a, x, y, z) + acceleration_along(bodies, b, -x, -y, -z)
     away[0], away[1], away[2] = x, y, z if z * z > STEEP else 0.0
     over: float = closing_acc - closing_limit(distance, keep_m, least_m, closing, sqrt(across_square))
     return over
@@ -126,6 +137,7 @@ def _bounded(
             if i >= 0:
                 out[i] = wanted[i]
                 if bits[n] > 0.0:
+                    within_limits(settings[n], wanted[i].acc_lab_m_s2, out[i].acc_lab_m_s2)
                     _apply(change[n], bits[n], settings[n].sideways_m_s2, out[i])
     return altered
 
@@ -150,19 +162,21 @@ def _slow_down(speed_max_m_s: float, motion: Float, change: Float) -> float:
 @kernel
 def _keep_apart(separation_m: float, bodies: Bodies, change: Float, bits: Float) -> None:
     """Adds to change (n, 3) the least that keeps all pairs, and tells whose demand it alters in bits (n)."""
-    motion, grown_m, known, yields, lost = bodies
+    known, yields, answers = bodies.known, bodies.yields, bodies.answers
     count, away, broken, found = len(known), np.empty(3), False, 0
     pairs = np.empty(0, PAIR)
     for kept in range(2):
         for a in range(count):
             for b in range(a):
                 if known[a] and known[b] and (yields[a] or yields[b]):
-                    keep_m = separation_m + grown_m[a] + grown_m[b]
-                    over = excess(motion, a, b, lost[a] or lost[b], keep_m, separation_m, away)
+                    over = excess(bodies, a, b, separation_m, away)
                     broken = broken or over > 0.0
                     if kept > 0 and over > -NEARBY_M_S2:
                         pair = pairs[found]
                         pair.first, pair.second, pair.excess_m_s2, pair.push_m_s2 = a, b, over, 0.0
+                        alone = answers[a] != answers[b] and yields[a] and yields[b]
+                        pair.first_counts = 1.0 if yields[a] and (answers[a] or not alone) else 0.0
+                        pair.second_counts = 1.0 if yields[b] and (answers[b] or not alone) else 0.0
                         for axis in range(3):
                             pair.away[axis] = away[axis]
                         found += 1
@@ -181,15 +195,20 @@ def _keep_apart(separation_m: float, bodies: Bodies, change: Float, bits: Float)
 
 @kernel
 def _share(yields: Bool, pairs: Rows[Pair], apart: Float) -> None:
-    """The least accelerations apart (n, 3), in the sum of squares, that take away all excess (Hildreth)."""
+    """The least accelerations apart (n, 3), in the sum of squares, that take away all excess (Hildreth).
+
+    Beside one that answers, one that does not is pushed as well, but not counted on.
+    """
     for _ in range(PASSES):
         moved = 0.0
         for k in range(len(pairs)):
             pair = pairs[k]
             a, b, x, y, z = pair.first, pair.second, pair.away[0], pair.away[1], pair.away[2]
             of_a, of_b = 1.0 if yields[a] else 0.0, 1.0 if yields[b] else 0.0
-            gained = x * (apart[a, 0] - apart[b, 0]) + y * (apart[a, 1] - apart[b, 1]) + z * (apart[a, 2] - apart[b, 2])
-            share = (of_a + of_b) * (x * x + y * y + z * z)
+            on_a, on_b = pair.first_counts, pair.second_counts
+            gained = on_a * (x * apart[a, 0] + y * apart[a, 1] + z * apart[a, 2])
+            gained -= on_b * (x * apart[b, 0] + y * apart[b, 1] + z * apart[b, 2])
+            share = (on_a + on_b) * (x * x + y * y + z * z)
             push = max(pair.push_m_s2 + (pair.excess_m_s2 - gained) / share, 0.0)
             more = push - pair.push_m_s2
             pair.push_m_s2 = push

@@ -5,12 +5,13 @@ velocity, a keep-out grows by what it can do, at any height, until it is seen ag
 """
 
 from dataclasses import dataclass
-from math import exp
+from math import exp, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
 from formation.control.composite_law import Demand
+from formation.estimation.model_mismatch import MISMATCH_TOLD
 from formation.estimation.state import VehicleEstimate
 from formation.guidance.reference_generator import VehicleReference
 from formation.maths.arrays import Bool, Float
@@ -28,8 +29,8 @@ GROWN_MOST_M = 0.3  # a drone without setpoints is at rest within this
 class BarrierSettings:
     """What is kept with one of the n bodies; a record.
 
-    place: among the commanded vehicles, or -1; dead_s: dead time of attitudes; sideways_m_s2: what the tilt limit
-    gives; keep_apart, keep_out, keep_slow: which barriers there are.
+    place: among the commanded vehicles, or -1; dead_s: dead time of attitudes; sideways_m_s2, up_m_s2, down_m_s2: what
+    its limits of tilt and thrust give; keep_apart, keep_out, keep_slow: which barriers there are.
     """
 
     place: int
@@ -37,6 +38,8 @@ class BarrierSettings:
     separation_m: float
     speed_max_m_s: float
     sideways_m_s2: float
+    up_m_s2: float
+    down_m_s2: float
     keep_apart: bool
     keep_out: bool
     keep_slow: bool
@@ -45,15 +48,29 @@ class BarrierSettings:
 class Bodies(NamedTuple):
     """All n bodies; arrays, for every pair looks at them.
 
-    motion (n, 3, 3): position, velocity and acceleration (rows), as demanded and as disturbed; grown_m: how far beyond
-    it each may be; known: ever seen; yields: its demand may be altered; lost: unseen, at a height that nobody knows.
+    motion (n, 3, 3): position, velocity and acceleration (rows), as demanded and as disturbed; acc_m_s2 (n, 3): the
+    acceleration it has; grown_m: how far beyond it each may be; known: ever seen; yields: its demand may be altered;
+    answers: to its commands, as far as is known; lost: unseen, at a height that nobody knows.
     """
 
     motion: Float
+    acc_m_s2: Float
     grown_m: Float
     known: Bool
     yields: Bool
+    answers: Bool
     lost: Bool
+
+
+@kernel
+def within_limits(s: BarrierSettings, acc: Float, out: Float) -> None:
+    """What a vehicle's limits of tilt and thrust leave of a demanded acceleration acc (3), into out (3).
+
+    Who is far from where it is led is asked for several times of what it can; it does not get away so fast.
+    """
+    flat = sqrt(acc[0] * acc[0] + acc[1] * acc[1])
+    share = s.sideways_m_s2 / max(flat, s.sideways_m_s2)
+    out[0], out[1], out[2] = share * acc[0], share * acc[1], min(max(acc[2], -s.down_m_s2), s.up_m_s2)
 
 
 @kernel
@@ -63,14 +80,17 @@ def placed(
 ) -> Bodies:  # fmt: skip
     """Where all bodies are to be reckoned with."""
     count = len(settings)
-    motion, grown_m = np.zeros((count, 3, 3)), np.zeros(count)
-    known, yields, lost = np.zeros(count, np.bool_), np.zeros(count, np.bool_), np.zeros(count, np.bool_)
+    motion, acc_m_s2, grown_m = np.zeros((count, 3, 3)), np.zeros((count, 3)), np.zeros(count)
+    known, yields, answers, lost = np.zeros((4, count), np.bool_)
     for n in range(count):
         s, z = settings[n], estimates[n]
         unseen_s = (z.t_ns - z.seen_ns) * SECONDS
         known[n] = z.seen_ns > NEVER_NS
         lost[n] = s.keep_out and unseen_s > UNSEEN_S
         yields[n] = s.place >= 0 and not lost[n] and references[s.place].airborne
+        answers[n] = z.model_mismatch < MISMATCH_TOLD
+        for axis in range(3):
+            acc_m_s2[n, axis] = min(max(z.motion[2, axis], -ABLE_M_S2), ABLE_M_S2)
         if lost[n]:
             kept = exp(-unseen_s / DRIFT_S)
             grown_m[n] = min(0.5 * ABLE_M_S2 * unseen_s * unseen_s, GROWN_MOST_M)
@@ -80,13 +100,14 @@ def placed(
                 motion[n, 1, axis] = kept * speed
         elif yields[n]:
             demand = wanted[s.place]
+            within_limits(s, demand.acc_lab_m_s2, motion[n, 2])
             for axis in range(3):
                 motion[n, 0, axis], motion[n, 1, axis] = demand.motion[0, axis], demand.motion[1, axis]
-                motion[n, 2, axis] = demand.acc_lab_m_s2[axis] + z.dist_lab_m_s2[axis]
+                motion[n, 2, axis] += z.dist_lab_m_s2[axis]
         else:
             ahead_s = (now_ns - z.t_ns) * SECONDS + s.dead_s
             for axis in range(3):
                 motion[n, 0, axis] = z.motion[0, axis] + ahead_s * z.motion[1, axis]
                 motion[n, 1, axis] = z.motion[1, axis]
-                motion[n, 2, axis] = min(max(z.motion[2, axis], -ABLE_M_S2), ABLE_M_S2)  # a guess: nobody asked for it
-    return Bodies(motion, grown_m, known, yields, lost)
+                motion[n, 2, axis] = acc_m_s2[n, axis]  # a guess: nobody asked for it
+    return Bodies(motion, acc_m_s2, grown_m, known, yields, answers, lost)

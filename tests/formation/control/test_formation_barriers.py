@@ -46,7 +46,7 @@ def kept(bodies: list[Moving], tilts: bool = False, without: frozenset[str] = fr
     settings = barrier_settings(lab(1 if bodies[0].yields else None), (PAPER_40G,) * 3, without)
     settings["dead_s"] = 0.0
     if not tilts:
-        settings["sideways_m_s2"] = 1e3
+        settings["sideways_m_s2"] = settings["up_m_s2"] = settings["down_m_s2"] = 1e3
     wanted, estimates, references = demands(bodies)
     return bounded(settings, wanted, estimates, references, NOW_NS)
 
@@ -112,6 +112,46 @@ def test_across_its_brake_a_vehicle_asks_for_no_more_than_tilting_leaves() -> No
     free = kept([bodies[1], bodies[0], FAR])
     assert out[0].acc_lab_m_s2[0] == free[0].acc_lab_m_s2[0] < -1.0
     assert np.hypot(*out[0].acc_lab_m_s2[:2]) == pytest.approx(9.8 * np.tan(0.6))
+
+
+@pytest.mark.parametrize("away", [(30.0, 0.0, 0.0), (0.0, 0.0, 30.0), (0.0, 0.0, -30.0)])
+def test_who_is_asked_for_more_than_it_can_does_not_get_away_so_fast(away: tuple) -> None:
+    """It stands where its commands do not reach it, as Z3 says, a third of a metre ahead of one that comes at 0.5 m/s.
+
+    The demand of the one that stays behind its reference grows without bound: it was taken to make room by that.
+    """
+    on = np.array(away) / 30.0
+    stuck, comes = body(tuple([0.0, 0.0, 1.0] + 0.33 * on), acc=away), body((0.0, 0.0, 1.0), tuple(0.5 * on))
+    settings = barrier_settings(lab(1), (PAPER_40G,) * 3)
+    settings["dead_s"] = 0.0
+    wanted, estimates, references = demands([stuck, comes, FAR])
+    limit_m_s2 = {30.0: 9.8 * np.tan(0.6), 0.0: 0.0}[abs(away[0])] or (
+        0.55 * 9.8 if away[2] < 0.0 else 0.92 * 0.88 * PAPER_40G.thrust_max_n / PAPER_40G.mass_kg - 9.8
+    )
+    estimates[0].dist_lab_m_s2[:] = -limit_m_s2 * on
+    out = bounded(settings, wanted, estimates, references, NOW_NS)
+    assert out["limits_met"].tolist() == [Saturation.SEPARATION, Saturation.SEPARATION, 0]
+    assert out[1].acc_lab_m_s2 @ on < -0.5
+    assert out[0].acc_lab_m_s2 @ on > 0.0
+
+
+def test_one_that_does_not_answer_is_pushed_but_another_does_not_count_on_it() -> None:
+    """It stands, though it is asked to go on at 4 m/s^2 and Z3 knows of 1.4: its attitude tells that it is level."""
+    stuck, comes = body((0.35, 0.0, 1.0), acc=(4.0, 0.0, 0.0)), body((0.0, 0.0, 1.0), (0.5, 0.0, 0.0))
+    settings = barrier_settings(lab(1), (PAPER_40G,) * 3)
+    settings["dead_s"] = 0.0
+    wanted, estimates, references = demands([stuck, comes, FAR])
+    estimates[0].dist_lab_m_s2[0], estimates[0].motion[2] = -1.4, 0.0
+    assert bounded(settings, wanted, estimates, references, NOW_NS) is wanted
+    estimates[0].model_mismatch = 0.4
+    out = bounded(settings, wanted, estimates, references, NOW_NS)
+    beside_wall = kept([body((0.35, 0.0, 1.0), yields=False), comes, FAR])
+    np.testing.assert_allclose(out[1].acc_lab_m_s2, beside_wall[0].acc_lab_m_s2)
+    assert out[1].acc_lab_m_s2[0] < -1.0
+    assert out[0].acc_lab_m_s2[0] == pytest.approx(4.0 - out[1].acc_lab_m_s2[0])
+    estimates["model_mismatch"] = 0.4  # neither does: they share it
+    both = bounded(settings, wanted, estimates, references, NOW_NS)
+    assert both[1].acc_lab_m_s2[0] == pytest.approx(0.5 * out[1].acc_lab_m_s2[0])
 
 
 PLACES = np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 1.1], [0.1, 0.25, 0.9]])

@@ -5,7 +5,7 @@ from math import tan
 import numpy as np
 
 from formation.config import LabConfig
-from formation.control.attitude import LIFT_LEAST, LIFT_MOST, UPWARD_MOST, AttitudeSettings, turn_authority
+from formation.control.attitude import AttitudeSettings, turn_authority
 from formation.control.composite_law import LawSettings
 from formation.control.gains import axis_gains
 from formation.control.limits import KEEP_OUT, MONITORS, SEPARATION_FILTER, SPEED_LIMIT
@@ -58,8 +58,6 @@ def barrier_settings(
                 separation_m=limits.min_separation_m,
                 speed_max_m_s=limits.speed_m_s,
                 sideways_m_s2=GRAVITY_M_S2 * tan(limits.tilt_rad),
-                up_m_s2=max(UPWARD_MOST * LIFT_MOST * profile.thrust_max_n / profile.mass_kg - GRAVITY_M_S2, 0.0),
-                down_m_s2=(1.0 - LIFT_LEAST) * GRAVITY_M_S2,
                 keep_apart=SEPARATION_FILTER not in without,
                 keep_out=KEEP_OUT not in without,
                 keep_slow=SPEED_LIMIT not in without,

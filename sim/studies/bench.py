@@ -218,9 +218,7 @@ def separation_filter_ns_per_pair() -> float:
         estimates = initial(
             LabFrame(0, 0, names, pos, np.tile(frames.IDENTITY, (n, 1)), np.ones(n, np.bool_)), np.ones(n, np.bool_)
         )
-        settings = rows(
-            BarrierSettings, [BarrierSettings(k, 0.05, 0.2, 3.0, 6.0, 6.0, 5.0, True, True, True) for k in range(n)]
-        )
+        settings = rows(BarrierSettings, [BarrierSettings(k, 0.05, 0.2, 3.0, 6.0, True, True, True) for k in range(n)])
         wanted, references = blank(Demand, n), blank(VehicleReference, n)
         wanted["motion"][:, 0, :3], references["airborne"] = pos, True
         return call_us(lambda: bounded(settings, wanted, estimates, references, 0))

@@ -13,7 +13,7 @@ from math import sqrt
 import numpy as np
 
 from formation.control.composite_law import Demand
-from formation.control.limits.bodies import BarrierSettings, Bodies, placed, within_limits
+from formation.control.limits.bodies import BarrierSettings, Bodies, placed
 from formation.estimation.state import VehicleEstimate
 from formation.guidance.reference_generator import VehicleReference
 from formation.maths.arrays import Bool, Float, Vec3
@@ -137,7 +137,6 @@ def _bounded(
             if i >= 0:
                 out[i] = wanted[i]
                 if bits[n] > 0.0:
-                    within_limits(settings[n], wanted[i].acc_lab_m_s2, out[i].acc_lab_m_s2)
                     _apply(change[n], bits[n], settings[n].sideways_m_s2, out[i])
     return altered
 
@@ -204,7 +203,6 @@ def _share(yields: Bool, pairs: Rows[Pair], apart: Float) -> None:
         for k in range(len(pairs)):
             pair = pairs[k]
             a, b, x, y, z = pair.first, pair.second, pair.away[0], pair.away[1], pair.away[2]
-            of_a, of_b = 1.0 if yields[a] else 0.0, 1.0 if yields[b] else 0.0
             on_a, on_b = pair.first_counts, pair.second_counts
             gained = on_a * (x * apart[a, 0] + y * apart[a, 1] + z * apart[a, 2])
             gained -= on_b * (x * apart[b, 0] + y * apart[b, 1] + z * apart[b, 2])
@@ -214,10 +212,18 @@ def _share(yields: Bool, pairs: Rows[Pair], apart: Float) -> None:
             pair.push_m_s2 = push
             moved = max(moved, abs(more))
             for axis in range(3):
-                apart[a, axis] += of_a * more * pair.away[axis]
-                apart[b, axis] -= of_b * more * pair.away[axis]
+                apart[a, axis] += on_a * more * pair.away[axis]
+                apart[b, axis] -= on_b * more * pair.away[axis]
         if moved < SETTLED_M_S2:
-            return
+            break
+    for k in range(len(pairs)):
+        pair = pairs[k]
+        a, b = pair.first, pair.second
+        beside_a = (1.0 if yields[a] else 0.0) - pair.first_counts
+        beside_b = (1.0 if yields[b] else 0.0) - pair.second_counts
+        for axis in range(3):
+            apart[a, axis] += beside_a * pair.push_m_s2 * pair.away[axis]
+            apart[b, axis] -= beside_b * pair.push_m_s2 * pair.away[axis]
 
 
 @kernel

@@ -5,7 +5,7 @@ velocity, a keep-out grows by what it can do, at any height, until it is seen ag
 """
 
 from dataclasses import dataclass
-from math import exp, sqrt
+from math import exp
 from typing import NamedTuple
 
 import numpy as np
@@ -29,8 +29,8 @@ GROWN_MOST_M = 0.3  # a drone without setpoints is at rest within this
 class BarrierSettings:
     """What is kept with one of the n bodies; a record.
 
-    place: among the commanded vehicles, or -1; dead_s: dead time of attitudes; sideways_m_s2, up_m_s2, down_m_s2: what
-    its limits of tilt and thrust give; keep_apart, keep_out, keep_slow: which barriers there are.
+    place: among the commanded vehicles, or -1; dead_s: dead time of attitudes; sideways_m_s2: what the tilt limit
+    gives; keep_apart, keep_out, keep_slow: which barriers there are.
     """
 
     place: int
@@ -38,8 +38,6 @@ class BarrierSettings:
     separation_m: float
     speed_max_m_s: float
     sideways_m_s2: float
-    up_m_s2: float
-    down_m_s2: float
     keep_apart: bool
     keep_out: bool
     keep_slow: bool
@@ -60,17 +58,6 @@ class Bodies(NamedTuple):
     yields: Bool
     answers: Bool
     lost: Bool
-
-
-@kernel
-def within_limits(s: BarrierSettings, acc: Float, out: Float) -> None:
-    """What a vehicle's limits of tilt and thrust leave of a demanded acceleration acc (3), into out (3).
-
-    Who is far from where it is led is asked for several times of what it can; it does not get away so fast.
-    """
-    flat = sqrt(acc[0] * acc[0] + acc[1] * acc[1])
-    share = s.sideways_m_s2 / max(flat, s.sideways_m_s2)
-    out[0], out[1], out[2] = share * acc[0], share * acc[1], min(max(acc[2], -s.down_m_s2), s.up_m_s2)
 
 
 @kernel
@@ -100,10 +87,9 @@ def placed(
                 motion[n, 1, axis] = kept * speed
         elif yields[n]:
             demand = wanted[s.place]
-            within_limits(s, demand.acc_lab_m_s2, motion[n, 2])
             for axis in range(3):
                 motion[n, 0, axis], motion[n, 1, axis] = demand.motion[0, axis], demand.motion[1, axis]
-                motion[n, 2, axis] += z.dist_lab_m_s2[axis]
+                motion[n, 2, axis] = demand.acc_lab_m_s2[axis] + z.dist_lab_m_s2[axis]
         else:
             ahead_s = (now_ns - z.t_ns) * SECONDS + s.dead_s
             for axis in range(3):

@@ -1,5 +1,7 @@
 """Barriers: limits by hand, the least change against an exact solution, keep-outs; where none acts, nothing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from oracle_barriers import Moving, altered
@@ -36,8 +38,10 @@ def demands(bodies: list[Moving]) -> tuple[Rows[Demand], Rows[VehicleEstimate], 
     for i, b in enumerate(own):
         wanted[i].motion[0, :3], wanted[i].motion[1, :3], wanted[i].acc_lab_m_s2[:] = b.pos, b.vel, b.acc
     for n, b in enumerate(bodies):
+        has = b.acc if b.has is None else b.has
         estimates[n].t_ns = estimates[n].seen_ns = NOW_NS
-        estimates[n].motion[0, :3], estimates[n].motion[1, :3], estimates[n].motion[2, :3] = b.pos, b.vel, b.acc
+        estimates[n].motion[0, :3], estimates[n].motion[1, :3], estimates[n].motion[2, :3] = b.pos, b.vel, has
+        estimates[n].model_mismatch = 0.0 if b.has is None else 0.39
     return wanted, estimates, references
 
 
@@ -46,7 +50,7 @@ def kept(bodies: list[Moving], tilts: bool = False, without: frozenset[str] = fr
     settings = barrier_settings(lab(1 if bodies[0].yields else None), (PAPER_40G,) * 3, without)
     settings["dead_s"] = 0.0
     if not tilts:
-        settings["sideways_m_s2"] = settings["up_m_s2"] = settings["down_m_s2"] = 1e3
+        settings["sideways_m_s2"] = 1e3
     wanted, estimates, references = demands(bodies)
     return bounded(settings, wanted, estimates, references, NOW_NS)
 
@@ -114,27 +118,6 @@ def test_across_its_brake_a_vehicle_asks_for_no_more_than_tilting_leaves() -> No
     assert np.hypot(*out[0].acc_lab_m_s2[:2]) == pytest.approx(9.8 * np.tan(0.6))
 
 
-@pytest.mark.parametrize("away", [(30.0, 0.0, 0.0), (0.0, 0.0, 30.0), (0.0, 0.0, -30.0)])
-def test_who_is_asked_for_more_than_it_can_does_not_get_away_so_fast(away: tuple) -> None:
-    """It stands where its commands do not reach it, as Z3 says, a third of a metre ahead of one that comes at 0.5 m/s.
-
-    The demand of the one that stays behind its reference grows without bound: it was taken to make room by that.
-    """
-    on = np.array(away) / 30.0
-    stuck, comes = body(tuple([0.0, 0.0, 1.0] + 0.33 * on), acc=away), body((0.0, 0.0, 1.0), tuple(0.5 * on))
-    settings = barrier_settings(lab(1), (PAPER_40G,) * 3)
-    settings["dead_s"] = 0.0
-    wanted, estimates, references = demands([stuck, comes, FAR])
-    limit_m_s2 = {30.0: 9.8 * np.tan(0.6), 0.0: 0.0}[abs(away[0])] or (
-        0.55 * 9.8 if away[2] < 0.0 else 0.92 * 0.88 * PAPER_40G.thrust_max_n / PAPER_40G.mass_kg - 9.8
-    )
-    estimates[0].dist_lab_m_s2[:] = -limit_m_s2 * on
-    out = bounded(settings, wanted, estimates, references, NOW_NS)
-    assert out["limits_met"].tolist() == [Saturation.SEPARATION, Saturation.SEPARATION, 0]
-    assert out[1].acc_lab_m_s2 @ on < -0.5
-    assert out[0].acc_lab_m_s2 @ on > 0.0
-
-
 def test_one_that_does_not_answer_is_pushed_but_another_does_not_count_on_it() -> None:
     """It stands, though it is asked to go on at 4 m/s^2 and Z3 knows of 1.4: its attitude tells that it is level."""
     stuck, comes = body((0.35, 0.0, 1.0), acc=(4.0, 0.0, 0.0)), body((0.0, 0.0, 1.0), (0.5, 0.0, 0.0))
@@ -159,13 +142,19 @@ PLACES = np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 1.1], [0.1, 0.25, 0.9]])
 
 @pytest.mark.parametrize("seed", range(60))
 def test_the_change_is_the_least_that_keeps_every_pair(seed: int) -> None:
-    """Against all active sets tried out, and now and then SciPy; three bodies near each other, one may be observed."""
+    """Against all active sets tried out, and now and then SciPy; three bodies near each other, one may be observed.
+
+    One in three does not answer its commands: it is not counted on beside one that does.
+    """
     rng = np.random.default_rng(seed)
     bodies = [
         Moving(PLACES[n] + rng.uniform(-0.1, 0.1, 3), 0.4 * rng.normal(size=3), rng.uniform(-4.0, 4.0, 3),
                not (n == 0 and seed % 2))
         for n in range(3)
     ]  # fmt: skip
+    if seed % 10:
+        has = [rng.uniform(-4.0, 4.0, 3) if rng.random() < 0.33 and b.yields else None for b in bodies]
+        bodies = [replace(b, has=h) for b, h in zip(bodies, has, strict=True)]
     change, bits = altered(bodies, 0.2, 3.0)
     own = [n for n in range(3) if bodies[n].yields]
     out = kept(bodies)

@@ -3,7 +3,7 @@
 Imports nothing of the product.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -15,23 +15,33 @@ SPEED, SEPARATION = 8, 32
 
 @dataclass(frozen=True)
 class Moving:
-    """A body when the command takes hold; yields: it may be asked to give way."""
+    """A body when the command takes hold; yields: it may be asked to give way; has: the acceleration that it has, of
+    one that does not answer its commands."""
 
     pos: np.ndarray
     vel: np.ndarray
     acc: np.ndarray
     yields: bool = True
+    has: np.ndarray | None = None
+
+    def along(self, n: np.ndarray) -> float:
+        """Its acceleration along n; of one that does not answer the lesser of what is asked and what is."""
+        return float(n @ self.acc if self.has is None else min(n @ self.acc, n @ self.has))
 
 
 def least_pushes(normals: np.ndarray, excess: np.ndarray) -> np.ndarray:
-    """x (k) of least length with normals (pairs, k) @ x >= excess, by the best of all active sets."""
-    best, size = np.zeros(normals.shape[1]), np.inf
+    """Pushes (pairs) whose x = pushes @ normals (pairs, k) is the shortest with normals @ x >= excess.
+
+    By the best of all active sets.
+    """
+    best, size = np.zeros(len(excess)), np.inf
     for count in range(len(excess) + 1):
         for active in combinations(range(len(excess)), count):
             rows = list(active)
             x = np.linalg.pinv(normals[rows]) @ excess[rows] if rows else np.zeros(normals.shape[1])
             if (normals @ x >= excess - 1e-9).all() and x @ x < size:
-                best, size = x, x @ x
+                best, size = np.zeros(len(excess)), x @ x
+                best[rows] = np.linalg.pinv(normals[rows].T) @ x if rows else 0.0
     return best
 
 
@@ -50,7 +60,7 @@ def closing(a: Moving, b: Moving, separation: float) -> tuple[np.ndarray, float]
         falls = (BRAKE + momentum**2 / distance**3) / (allowed + BRAKE * REACTION)
     else:
         allowed, falls = (distance - separation) / REACTION, 1.0 / REACTION
-    towards = -float(n @ (a.acc - b.acc)) - across**2 / max(distance, separation / 2.0)
+    towards = -a.along(n) - b.along(-n) - across**2 / max(distance, separation / 2.0)
     flat = n * [1.0, 1.0, 0.0] if np.degrees(np.arcsin(abs(n[2]))) <= 60.0 else n
     return flat, towards - (RATE * (allowed - speed) - falls * speed)
 
@@ -68,18 +78,23 @@ def altered(bodies: list[Moving], separation: float, speed_max: float) -> tuple[
     """Change (n, 3) of each acceleration, and the bits of what caused it."""
     change = np.array([slowed(b, speed_max) if b.yields else np.zeros(3) for b in bodies])
     bits = [SPEED if c.any() else 0 for c in change]
-    now = [Moving(b.pos, b.vel, b.acc + c, b.yields) for b, c in zip(bodies, change, strict=True)]
-    free = np.repeat([b.yields for b in bodies], 3).astype(float)
-    rows, over = [], []
+    now = [replace(b, acc=b.acc + c) for b, c in zip(bodies, change, strict=True)]
+    counted, rows, over = [], [], []
     for i, j in combinations(range(len(bodies)), 2):
         if now[i].yields or now[j].yields:
             n, excess = closing(now[i], now[j], separation)
             row = np.zeros((len(bodies), 3))
             row[i], row[j] = n, -n
-            rows.append(row.ravel() * free)
+            free = np.array([[float(b.yields)] for b in now])
+            counts = free.copy()
+            if now[i].yields and now[j].yields and (now[i].has is None) != (now[j].has is None):
+                counts[j if now[i].has is None else i] = 0.0
+            rows.append((row * free).ravel())
+            counted.append((row * counts).ravel())
             over.append(excess)
     if rows and max(over) > 0.0:
-        apart = least_pushes(np.array(rows), np.array(over)).reshape(-1, 3)
+        pushes = least_pushes(np.array(counted), np.array(over))
+        apart = (pushes @ np.array(rows)).reshape(-1, 3)  # they also push who is not counted on
         bits = [b + (SEPARATION if x.any() else 0) for b, x in zip(bits, apart, strict=True)]
         change = change + apart
     return change, bits

@@ -14,7 +14,7 @@ from drone_agent.flight.landing import ContactSense
 from drone_agent.flight.motor_failure import MotorFailure, beyond_control
 from drone_agent.stages import Stage, Trigger
 from formation.messages import Severity
-from formation.vehicle.profile import GRAVITY_M_S2, VehicleProfile
+from formation.vehicle.profile import VehicleProfile
 from wire.autopilots.table import FlightMode
 from wire.link_messages.address import Address
 
@@ -149,7 +149,9 @@ class Failsafes:
     def _check_thrust(self, now_ns: int) -> None:
         """Thrust that is not felt: come down on what is left, unless that is next to none, or holds nobody level."""
         pilot, missing = self._autopilot, self._contact.missing
-        if not self.watches_motors or not self._failure.falls(now_ns, missing):
+        falls = self.watches_motors and self._failure.falls(now_ns, missing)
+        pilot.pilot.reckon_with(self._failure.gives if self._failure.fell else 1.0)
+        if not falls:
             return
         if missing > _POWERLESS or beyond_control(pilot.airframe):
             pilot.say(Severity.CRITICAL, "Its thrust is not felt, a motor may be dead: motors off")
@@ -158,7 +160,6 @@ class Failsafes:
         if pilot.task not in (Task.LAND, Task.DESCEND):
             pilot.say(Severity.CRITICAL, "Its thrust is not felt: it comes down on what is left")
             pilot.fail_safe(FlightMode.LAND, now_ns)
-        pilot.pilot.lift_more(missing * GRAVITY_M_S2)
 
     def _detect_landing(self, now_ns: int) -> None:
         pilot = self._autopilot

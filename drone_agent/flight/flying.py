@@ -69,9 +69,9 @@ class Pilot:
         self._touch_s, self._carried_s, self._thrust = 0.0, 0.0, 1.0
         self.brisk, self._sinking_s, self._due_s = False, 0.0, 0.0
 
-    def lift_more(self, acc_m_s2: float) -> None:
-        """Give at least so much more lift than it weighs: what is known to be missing."""
-        self._loop.lift_more(acc_m_s2)
+    def reckon_with(self, motors_give: float) -> None:
+        """The motors give this share of what they are told, from now on."""
+        self._loop.motors_give = motors_give
 
     def set_home(self, belief: Belief) -> None:
         """Return comes back here."""

@@ -27,6 +27,7 @@ _CARRIED = 0.5
 """Of the loss, felt as lift that was not told: a foot on the floor, no motor, turns it."""
 _MISSING, _MISSING_NS = 0.35, 200_000_000
 """Share of the thrust asked for; an empty battery takes 0.15."""
+_GIVES_GAIN, _GIVES_LEAST = 0.2, 0.2
 _ASTRAY_COS, _SPIN_RAD_S = cos(0.35), 3.0
 """A sound loop is there within a tenth of a second, and nobody asks for such rates."""
 _CORNERS = ((1.0, 1.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0))
@@ -49,6 +50,10 @@ class MotorFailure:
         self._before: tuple[int, VehicleState, list[float]] | None = None
         self._lost_since_ns: list[int | None] = [None] * 4
         self._missing_since_ns: int | None = None
+        self.gives = 1.0
+        """Share of the thrust told, behind the motors' lag, that is felt; some 50 ms old."""
+        self.fell = False
+        """Whether it ever did in this flight."""
 
     def look(self, frame: Airframe) -> bool:
         """Whether a motor is dead; every LOOK_NS."""
@@ -67,7 +72,10 @@ class MotorFailure:
         arms = [model.inertia_kg_m2[axis] / model.reach_m for axis in (0, 1)]
         turn = [arm * turn_rad_s2 for arm, turn_rad_s2 in zip(arms, felt.turn_rad_s2, strict=True)]
         part_n = max(sum(told_n), _LEAST * model.weight_n) / 4.0
-        carried_n = felt.lift_m_s2 * model.mass_kg - sum(told_n)
+        felt_n = felt.lift_m_s2 * model.mass_kg
+        carried_n = felt_n - sum(told_n)
+        share = felt_n / max(sum(told_n), _LEAST * model.weight_n)
+        self.gives += _GIVES_GAIN * (min(max(share, _GIVES_LEAST), 1.0) - self.gives)
         dead = False
         for motor, signs in enumerate(_CORNERS):
             loss_n = min(sign * (turn[axis] - told[axis]) for axis, sign in enumerate(signs))
@@ -91,7 +99,9 @@ class MotorFailure:
             return False
         if self._missing_since_ns is None:
             self._missing_since_ns = now_ns
-        return now_ns - self._missing_since_ns >= _MISSING_NS
+        falls = now_ns - self._missing_since_ns >= _MISSING_NS
+        self.fell = self.fell or falls
+        return falls
 
 
 def beyond_control(frame: Airframe) -> bool:

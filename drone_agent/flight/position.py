@@ -48,14 +48,12 @@ class PositionController:
         """thrust_of: the thrust_norm that gives a specific force, m/s^2."""
         self._thrust_of = thrust_of
         self._sum = [0.0, 0.0, 0.0]
+        self.motors_give = 1.0
+        """Share of the thrust they are told, where that is known."""
 
     def reset(self, learnt_lab_m_s2: Vec3Tuple = (0.0, 0.0, 0.0)) -> None:
         """Forget what the integrators learnt, or begin with what is known already."""
         self._sum = list(learnt_lab_m_s2)
-
-    def lift_more(self, acc_m_s2: float) -> None:
-        """Take this for known of what lift is missing, unless more is."""
-        self._sum[2] = max(self._sum[2], min(acc_m_s2, _I_MAX_M_S2))
 
     def step(self, demand: Demand, belief: Belief, dt_s: float) -> LoopSetpoint:
         """Attitude and thrust that take the vehicle towards the demand."""
@@ -71,7 +69,7 @@ class PositionController:
         else:
             q = demand.attitude
             force = lift / max(1.0 - 2.0 * float(q[1] * q[1] + q[2] * q[2]), 0.5)
-        return LoopSetpoint(q, NO_RATE, self._thrust_of(force))
+        return LoopSetpoint(q, NO_RATE, self._thrust_of(force / self.motors_give))
 
     def _sideways(self, demand: Demand, belief: Belief, dt_s: float) -> tuple[float, float]:
         if demand.place_lab_m is not None:

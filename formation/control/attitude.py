@@ -21,7 +21,7 @@ from formation.vehicle.rigid_body import thrust_norm
 
 TILT, THRUST_LOW, THRUST_HIGH = 1.0, 2.0, 4.0  # bits of formation.messages.Saturation
 LIFT_LEAST = 0.45  # of gravity: below it the attitude says nothing and the autopilot has no authority
-SINK_MOST_M_S2, SINKING_FROM_M_S = 1.5, 0.5  # what lands is not pushed down harder while it sinks
+SINK_MOST_M_S2, SINKING_FROM_M_S = 1.0, 0.5  # what lands is not pushed down harder while it sinks
 SCALE_KNOWN_S = 6.0  # since its release: three times the thrust scale's own lag
 LIFT_MOST = 0.92  # of full thrust: what is left turns the vehicle
 UPWARD_MOST = 0.88  # of that: climbing must leave something to steer with

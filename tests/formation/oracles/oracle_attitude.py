@@ -75,10 +75,11 @@ def inside(motion: np.ndarray, acc: np.ndarray, bounds: Bounds, lands: bool = Fa
 
 
 def least_lift(landing_s: float, climb: float, strength: float) -> float:
-    """0.45 g; 6 s after its release what lands and sinks keeps all but 1.5 m/s^2, up to a climb of 0.5 m/s."""
+    """0.45 g; 6 s after its release what lands and sinks keeps all but 1 m/s^2, all of it at 1 m/s of sink."""
     if landing_s < 6.0:
         return 0.45 * G
-    return max(0.45 * G, float(np.interp(climb, [0.0, 0.5], [(G - 1.5) / strength, 0.45 * G])))
+    kept = [G / strength, (G - 1.0) / strength, (G - 1.0) / strength, 0.45 * G]
+    return max(0.45 * G, float(np.interp(climb, [-1.0, -0.5, 0.0, 0.5], kept)))
 
 
 def bounded(force: np.ndarray, least: float, lift_most: float, tilt: float) -> tuple[np.ndarray, int]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from formation.rejection import Rejection
 from gcs.mocap.gate.bounds import FASTEST_M_S, OBSERVED
-from gcs.mocap.gate.judge import FROZEN_FRAMES, RECOVERY_FRAMES, UPSET_FRAMES, UPSET_M_S2
+from gcs.mocap.gate.judge import FROZEN_FRAMES, GAP_S, RECOVERY_FRAMES, UPSET_FRAMES, UPSET_M_S2
 from gcs.mocap.gate.stamps import EARLY_NS, LATE_NS
 
 
@@ -54,7 +54,8 @@ CHECKS = (
     ),
     Check(
         "gate-swap", Rejection.SWAP,
-        "two bodies, each where the other must be: set right if their attitudes fit as well, else both rejected",
+        f"two bodies, each where the other must be, or after a gap of up to {GAP_S:g} s is by far nearer to: "
+        "set right if their attitudes fit as well, else both rejected",
         "1 frame", "set right at once, else as a jump",
     ),
     Check(

@@ -90,17 +90,27 @@ def motion_of(source: str, seed: int) -> Motion:
 
 
 def replay(motion: Motion, seed: int) -> tuple[int, list[str]]:
-    """One pass through a MocapCore: how many poses it was shown, and what it rejected."""
+    """One pass through a MocapCore: how many poses it was shown, and what it rejected, or took to be exchanged."""
     rng = np.random.default_rng(seed)
     core, raws = MocapCore(motion.lab), _raw_frames(motion, rng)
     arrivals = motion.t_ns + DELAY_NS + rng.exponential(500_000.0, len(motion.t_ns)).astype(np.int64)
     drones = [v.body for v in motion.lab.vehicles if v.sysid is not None]
-    kept, shown = rng.random(len(raws)) >= LOST_SHARE, 0
+    kept, shown = (rng.random(len(raws)) >= LOST_SHARE) & ~_in_gaps(motion.t_ns, rng), 0
     for k in np.flatnonzero(kept):
         core.note_motors(dict.fromkeys(drones, bool(motion.armed[k])))
         core.receive(raws[k], int(arrivals[k]))
         shown += int(raws[k].seen.sum())
-    return shown, [f"{body}: {count} x {name}" for body, by in core.rejections().items() for name, count in by.items()]
+    rejected = [f"{body}: {count} x {name}" for body, by in core.rejections().items() for name, count in by.items()]
+    told = [event.text for event in core.events(int(arrivals[-1]) + 10**10)]
+    return shown, rejected + [text for text in told if "exchanged" in text]
+
+
+def _in_gaps(t_ns: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.bool_]:
+    """Which frames are lost whole: a gap of GAP_S every GAP_EVERY_S."""
+    begins_s = np.arange(0.0, (t_ns[-1] - t_ns[0]) * 1e-9, GAP_EVERY_S) + rng.uniform(0.0, GAP_EVERY_S)
+    since_s = (t_ns - t_ns[0])[:, None] * 1e-9 - begins_s
+    gaps: NDArray[np.bool_] = ((since_s >= 0.0) & (since_s < rng.uniform(*GAP_S, len(begins_s)))).any(axis=1)
+    return gaps
 
 
 def flown(name: str) -> Motion:

@@ -71,11 +71,10 @@ class MotorFailure:
         told = (rl + fl - fr - rr, rl + rr - fr - fl)
         arms = [model.inertia_kg_m2[axis] / model.reach_m for axis in (0, 1)]
         turn = [arm * turn_rad_s2 for arm, turn_rad_s2 in zip(arms, felt.turn_rad_s2, strict=True)]
-        part_n = max(sum(told_n), _LEAST * model.weight_n) / 4.0
-        felt_n = felt.lift_m_s2 * model.mass_kg
-        carried_n = felt_n - sum(told_n)
-        share = felt_n / max(sum(told_n), _LEAST * model.weight_n)
-        self.gives += _GIVES_GAIN * (min(max(share, _GIVES_LEAST), 1.0) - self.gives)
+        all_n, felt_n = sum(told_n), felt.lift_m_s2 * model.mass_kg
+        least_n = max(all_n, _LEAST * model.weight_n)
+        part_n, carried_n = least_n / 4.0, felt_n - all_n
+        self.gives += _GIVES_GAIN * (min(max(felt_n / least_n, _GIVES_LEAST), 1.0) - self.gives)
         dead = False
         for motor, signs in enumerate(_CORNERS):
             loss_n = min(sign * (turn[axis] - told[axis]) for axis, sign in enumerate(signs))

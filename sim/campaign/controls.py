@@ -21,7 +21,7 @@ from sim.monitors import Without
 from sim.scenario import Scenario
 from sim.script import Step
 
-Draw = Callable[[np.random.Generator], tuple[Fault, ...]]
+FaultDraw = Callable[[np.random.Generator], tuple[Fault, ...]]
 ENOUGH = 0.95
 """The share of a monitor's runs that must fail without it."""
 LATE = ("stale-setpoint", "rule-setpoints-late", "rule-setpoints-late-landing", "rule-setpoints-stale")
@@ -48,7 +48,7 @@ class Control:
     those behind it switched off.
     """
 
-    faults: Draw
+    faults: FaultDraw
     behind: tuple[str, ...] = ()
     kind: Kind = "circle"
     autopilot: Autopilot = "px4"
@@ -99,7 +99,7 @@ def _others(names: tuple[str, ...], monitor: str) -> tuple[str, ...]:
 
 def _pose(
     family: Family, for_s: tuple[float, float], severity: tuple[float, float] = (1.0, 1.0), **more: object
-) -> Draw:
+) -> FaultDraw:
     def draw(rng: np.random.Generator) -> tuple[Fault, ...]:
         values = {
             "family": family, "body": "f2", "after_s": float(rng.uniform(2.3, 2.8)),
@@ -128,7 +128,7 @@ def _ground_killed(rng: np.random.Generator) -> tuple[Fault, ...]:
     return (Fault(family=Family.KILL, core="ground", after_s=float(rng.uniform(0.5, 4.0))),)
 
 
-def _killed_then(family: Family, after_s: tuple[float, float], for_s: tuple[float, float], **more: object) -> Draw:
+def _killed_then(family: Family, after_s: tuple[float, float], for_s: tuple[float, float], **more: object) -> FaultDraw:
     """The ground is gone, and the drone that holds, or lands, by itself is misled."""
 
     def draw(rng: np.random.Generator) -> tuple[Fault, ...]:

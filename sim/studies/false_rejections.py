@@ -106,10 +106,10 @@ def replay(motion: Motion, seed: int) -> tuple[int, list[str]]:
 
 
 def _in_gaps(t_ns: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.bool_]:
-    """Which frames are lost whole: a gap of GAP_S every GAP_EVERY_S."""
-    begins_s = np.arange(0.0, (t_ns[-1] - t_ns[0]) * 1e-9, GAP_EVERY_S) + rng.uniform(0.0, GAP_EVERY_S)
-    since_s = (t_ns - t_ns[0])[:, None] * 1e-9 - begins_s
-    gaps: NDArray[np.bool_] = ((since_s >= 0.0) & (since_s < rng.uniform(*GAP_S, len(begins_s)))).any(axis=1)
+    """Which exposures lie in a gap of GAP_S; there is one every GAP_EVERY_S or so."""
+    t_s, gaps = (t_ns - t_ns[0]) * 1e-9, np.zeros(len(t_ns), np.bool_)
+    for begin_s in rng.uniform(0.0, t_s[-1], rng.poisson(t_s[-1] / GAP_EVERY_S)):
+        gaps |= (t_s >= begin_s) & (t_s < begin_s + rng.uniform(*GAP_S))
     return gaps
 
 
@@ -213,10 +213,8 @@ def _raw_frames(motion: Motion, rng: np.random.Generator) -> list[RawFrame]:
     small[..., 1:] = 0.5 * NOISE_RAD_PER_M * spread * rng.standard_normal((k, n, 3))
     q = frames.multiply(motion.q_lab_from_flu, frames.canonical(small))
     seen = (rng.random((k, n)) >= HIDDEN_SHARE) & np.isfinite(motion.pos_lab_m).all(axis=-1)
-    t_s = (motion.t_ns - motion.t_ns[0]) * 1e-9
     for i in range(n):
-        for begin_s in rng.uniform(0.0, t_s[-1], rng.poisson(t_s[-1] / GAP_EVERY_S)):
-            seen[(t_s >= begin_s) & (t_s < begin_s + rng.uniform(*GAP_S)), i] = False
+        seen[_in_gaps(motion.t_ns, rng), i] = False
     mocap, bodies = motion.lab.mocap, tuple(v.body for v in motion.lab.vehicles)
     q_mocap_from_lab = frames.inverse(np.array(mocap.q_lab_from_mocap))
     q_flu_from_marker = frames.inverse(np.array([v.q_marker_from_flu for v in motion.lab.vehicles]))

@@ -323,11 +323,8 @@ def test_two_exchanged_drones_are_set_right(room):
     ]
 
 
-EXCHANGE = {
-    "exchanged before": (20, 0),
-    "exchanged in it": (0, 0),
-    "over before it ends": (20, None),
-}
+EXCHANGE = {"exchanged before": (20, True), "exchanged in it": (0, True), "over before it ends": (20, False)}
+"""How many frames before the gap, and whether after it."""
 
 
 @pytest.mark.parametrize("gap", [5, 15, 40])
@@ -342,7 +339,7 @@ def test_a_gap_of_all_poses_does_not_pass_exchanged_drones_off_as_each_other(whe
     before, after = EXCHANGE[when]
     r.fly(before, exchange)
     r.pause(gap)
-    r.fly(30, exchange if after is not None else lambda *_: None)
+    r.fly(30, exchange if after else lambda *_: None)
     assert all(frame.seen.all() for frame in r.shown)
     assert max(np.abs(frame.pos_lab_m - PLACES).max() for frame in r.shown) < 0.01
     r.shown.clear()

@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Protocol, TypeVar
 
-from sim.campaign.draw import FAMILIES_DRAWN, GROUP, Draw, run_of
+from sim.campaign.draw import GROUP, Draw, run_of
 from sim.campaign.group import Flown, Job, Run, fly_job
-from sim.campaign.labs import DEFAULT_PROFILE
+from sim.campaign.oracle import Margin
 from sim.campaign.shrink import Shrunk, shrink
 from sim.faults.fault import Fault
 
 MOST_SHRUNK = 4
+MOST_NEAR = 5
 A = TypeVar("A")
 B = TypeVar("B")
 
@@ -37,16 +38,29 @@ class Failure:
     @property
     def again(self) -> str:
         """The command that flies it again."""
-        first_of = () if self.draw.first_of == FAMILIES_DRAWN else self.draw.first_of
-        chosen = [f" --family {family}" for family in first_of]
-        if self.draw.profile != DEFAULT_PROFILE:
-            chosen.append(f" --profile {self.draw.profile}")
-        return f"gcs-sim campaign --replay {self.draw.seed}:{self.number}{''.join(chosen)}"
+        return self.draw.again(self.number)
+
+
+@dataclass(frozen=True, slots=True)
+class Near:
+    """A run that was contained, and the limit of which it used most."""
+
+    draw: Draw
+    number: int
+    margin: Margin
+
+    @property
+    def again(self) -> str:
+        """The command that flies it again."""
+        return self.draw.again(self.number)
 
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What a campaign found. simulated_s: seconds that were integrated, fewer than were flown where flights fork."""
+    """What a campaign found. simulated_s: seconds that were integrated, fewer than were flown where flights fork.
+
+    nearest: the contained runs that came nearest to a limit, the nearest first.
+    """
 
     runs: int
     failures: tuple[Failure, ...]
@@ -55,6 +69,7 @@ class Result:
     virtual_s: float
     simulated_s: float
     core_s: float
+    nearest: tuple[Near, ...] = ()
 
     def to_json(self, controls: Mapping[str, float], with_monitors: Mapping[str, float] | None = None) -> str:
         """For scripts. controls: by monitor, the share of flights that failed without it; with_monitors: with it."""
@@ -74,6 +89,15 @@ class Result:
                         "reason": failure.reason,
                     }
                     for failure in self.failures
+                ],
+                "nearest": [
+                    {
+                        "again": near.again,
+                        "kind": near.margin.kind,
+                        "used": round(near.margin.used, 3),
+                        "text": near.margin.text,
+                    }
+                    for near in self.nearest
                 ],
                 "positive_controls": dict(controls),
                 "with_monitors_on": dict(with_monitors or {}),
@@ -100,6 +124,7 @@ def summarise(draw: Draw, flown: Sequence[Flown], workers: Workers | None = None
     return Result(
         len(runs), tuple(failures), sum("separation" in kind for kind in kinds), sum("fence" in kind for kind in kinds),
         sum(run.duration_s for run in runs), sum(job.simulated_s for job in flown), sum(job.core_s for job in flown),
+        _nearest(draw, runs),
     )  # fmt: skip
 
 
@@ -114,6 +139,15 @@ def shrunk(failure: Failure) -> Failure:
 def _failure(draw: Draw, run: Run) -> Failure:
     first = run.verdict.violations[0]
     return Failure(draw, run.number, f"{first.kind}: {first.text}", run.faults)
+
+
+def _nearest(draw: Draw, runs: Sequence[Run]) -> tuple[Near, ...]:
+    near = [
+        Near(draw, run.number, max(run.verdict.margins, key=lambda margin: margin.used))
+        for run in runs
+        if run.verdict.contained and run.verdict.margins
+    ]
+    return tuple(sorted(near, key=lambda one: -one.margin.used)[:MOST_NEAR])
 
 
 def _least(failure: Failure) -> tuple[Fault, ...]:

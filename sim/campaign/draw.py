@@ -97,6 +97,14 @@ class Draw:
     first_of: tuple[Family, ...] = FAMILIES_DRAWN
     profile: str = DEFAULT_PROFILE
 
+    def again(self, number: int) -> str:
+        """The command that flies this run again."""
+        first_of = () if self.first_of == FAMILIES_DRAWN else self.first_of
+        chosen = [f" --family {family}" for family in first_of]
+        if self.profile != DEFAULT_PROFILE:
+            chosen.append(f" --profile {self.profile}")
+        return f"gcs-sim campaign --replay {self.seed}:{number}{''.join(chosen)}"
+
 
 def flight_of(draw: Draw, group: int) -> Scenario:
     """The flight of a group, without faults."""

@@ -78,10 +78,24 @@ class Violation:
 
 
 @dataclass(frozen=True, slots=True)
+class Margin:
+    """How near a flight came to one limit: what share of it was used, more than 1 where it was violated, and when.
+
+    t_s: when the limit was first passed, where it was; else when it was nearest.
+    """
+
+    kind: str
+    t_s: float
+    used: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class Verdict:
     """onset_s: when the first fault began; detection_s: how much later it was first told of, None where it never was.
 
     drift_m: how far, sideways or up, a drone went from where it was at the onset. cause: the first that was told.
+    margins: of separation, fence and impact, of each that came up, the least that was left.
     """
 
     violations: tuple[Violation, ...]
@@ -89,6 +103,7 @@ class Verdict:
     detection_s: float | None
     drift_m: float
     cause: str = ""
+    margins: tuple[Margin, ...] = ()
     kinds: tuple[str, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -103,10 +118,9 @@ class Verdict:
 def judge(truth: Truth, *, benign: bool = False, stop_within_s: float = STOP_S) -> Verdict:
     """The verdict on one flight; benign: its fault is one that must be flown through as planned."""
     airborne = truth.pos_m[:, :, 2] > AIRBORNE_M
+    margins = [*_separation(truth, airborne), *_fence(truth, airborne), *_impacts(truth, airborne)]
     violations = [
-        *_separation(truth, airborne),
-        *_fence(truth, airborne),
-        *_impacts(truth, airborne),
+        *(Violation(margin.kind, margin.t_s, margin.text) for margin in margins if margin.used > 1.0),
         *_cuts(truth, airborne),
         *_commands(truth),
         *_stop(truth, stop_within_s),
@@ -123,7 +137,7 @@ def judge(truth: Truth, *, benign: bool = False, stop_within_s: float = STOP_S) 
     detection_s = None if first is None or onset_s is None else first[0] - onset_s
     return Verdict(
         tuple(sorted(violations, key=lambda violation: violation.t_s)), onset_s, detection_s, _drift_m(truth),
-        "" if first is None else first[1],
+        "" if first is None else first[1], _least(margins),
     )  # fmt: skip
 
 
@@ -133,46 +147,46 @@ def outside_m(pos_m: Float, low_m: Float, high_m: Float) -> Float:
     return np.maximum(beyond, 0.0)
 
 
-def _separation(truth: Truth, airborne: Bool) -> list[Violation]:
-    n = len(truth.names)
+def _separation(truth: Truth, airborne: Bool) -> list[Margin]:
+    """Of each pair that was in the air at once."""
     found = []
-    for i in range(n):
+    for i in range(len(truth.names)):
         for j in range(i):
             apart = np.linalg.norm(truth.pos_m[:, i] - truth.pos_m[:, j], axis=-1)
-            near = airborne[:, i] & airborne[:, j] & (apart < SEPARATION_M)
-            if near.any():
-                least = float(apart[airborne[:, i] & airborne[:, j]].min())
-                names = f"{truth.names[j]} and {truth.names[i]}"
-                found.append(_at(truth, near, "separation", f"{names} {least:.3f} m apart"))
+            apart[~(airborne[:, i] & airborne[:, j])] = np.inf
+            least = float(apart.min())
+            if np.isfinite(least):
+                text = f"{truth.names[j]} and {truth.names[i]} {least:.3f} m apart"
+                found.append(_margin(truth, "separation", SEPARATION_M / np.maximum(apart, 1e-9), text))
     return found
 
 
-def _fence(truth: Truth, airborne: Bool) -> list[Violation]:
+def _fence(truth: Truth, airborne: Bool) -> list[Margin]:
     beyond = np.where(airborne, outside_m(truth.pos_m, truth.fence_low_m, truth.fence_high_m), 0.0)
     return [
-        _at(truth, beyond[:, i] > OUTSIDE_M, "fence", f"{name} {beyond[:, i].max():.2f} m outside")
+        _margin(truth, "fence", beyond[:, i] / OUTSIDE_M, f"{name} {beyond[:, i].max():.2f} m outside")
         for i, name in enumerate(truth.names)
-        if (beyond[:, i] > OUTSIDE_M).any()
+        if beyond[:, i].any()
     ]
 
 
-def _impacts(truth: Truth, airborne: Bool) -> list[Violation]:
+def _impacts(truth: Truth, airborne: Bool) -> list[Margin]:
     """Speed at contact with the floor; of no account with the motors off for a good reason, or too weak to carry it."""
     found = []
     speed = np.linalg.norm(truth.vel_m_s, axis=-1)
     back = max(round(CONTACT_S / _dt_s(truth)), 1)
     for i, name in enumerate(truth.names):
         down = truth.pos_m[:, i, 2] < ON_FLOOR_M
+        hits = np.zeros(len(down))
         for k in (np.flatnonzero(down[1:] & ~down[:-1]) + 1).tolist():
             if not airborne[max(k - 20 * back, 0) : k, i].any():
                 continue
-            hit_m_s = float(speed[max(k - back, 0) : k + 1, i].max())
             lately = slice(max(k - round(BRAKING_S / _dt_s(truth)), 0), k + 1)
             weak = truth.lift_most[lately, i].min() < BRAKING_LIFT
-            excused = weak or (not truth.armed[k, i] and _rightly_cut(truth, i, k))
-            if hit_m_s > IMPACT_M_S and not excused:
-                found.append(Violation("impact", float(truth.t_s[k]), f"{name} met the floor at {hit_m_s:.1f} m/s"))
-                break
+            if not weak and (truth.armed[k, i] or not _rightly_cut(truth, i, k)):
+                hits[k] = speed[max(k - back, 0) : k + 1, i].max()
+        if hits.any():
+            found.append(_margin(truth, "impact", hits / IMPACT_M_S, f"{name} met the floor at {hits.max():.1f} m/s"))
     return found
 
 
@@ -297,3 +311,15 @@ def _lasting(flags: Bool, count: int) -> int | None:
 
 def _at(truth: Truth, flags: Bool, kind: str, text: str) -> Violation:
     return Violation(kind, float(truth.t_s[int(flags.argmax())]), text)
+
+
+def _margin(truth: Truth, kind: str, used: Float, text: str) -> Margin:
+    """Of the share that was used of a limit at each instant."""
+    at = int((used > 1.0).argmax() if (used > 1.0).any() else used.argmax())
+    return Margin(kind, float(truth.t_s[at]), float(used.max()), text)
+
+
+def _least(margins: list[Margin]) -> tuple[Margin, ...]:
+    """Of each kind the one of which most was used."""
+    kinds = dict.fromkeys(margin.kind for margin in margins)
+    return tuple(max((m for m in margins if m.kind == kind), key=lambda m: m.used) for kind in kinds)

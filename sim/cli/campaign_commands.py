@@ -78,6 +78,9 @@ def run_campaign(asked: Asked, workers: int | None, scheduler: str | None, as_js
             f"second and core ({result.simulated_s * per_core_s:.1f} integrated)",
             highlight=False,
         )
+    for near in result.nearest:
+        told = f"nearest to a limit: {near.margin.used:.0%}, {near.margin.text}    {near.again}"
+        console.print(told, style="dim", highlight=False, soft_wrap=True)
     for name, share in shares.items():
         told = f"without {name}: {share.without:.0%} of {asked.controls} flights failed, with it {share.with_it:.0%}"
         console.print(told, style=None if share.shows else "red", highlight=False)

@@ -8,7 +8,7 @@ from sim.campaign.draw import FAMILIES_DRAWN, GROUP, RANGES, Draw, faults_of, fl
 from sim.campaign.flight import fly
 from sim.campaign.group import Flown, Run, fly_group
 from sim.campaign.labs import scenario
-from sim.campaign.oracle import Verdict, Violation
+from sim.campaign.oracle import Margin, Verdict, Violation
 from sim.campaign.shrink import _smaller
 from sim.faults.fault import Family, Fault
 from sim.monitors import NAMES, Without
@@ -81,6 +81,18 @@ def test_a_summary_counts_what_failed_and_says_how_to_fly_it_again() -> None:
     assert '"seed": "5:1"' in result.to_json({})
     chosen = summarise(Draw(5, (Family.TWIN,), "px4_quad"), [Flown((Run(1, kill, bad, 20.0),), 15.0, 2.0)])
     assert chosen.failures[0].again == "gcs-sim campaign --replay 5:1 --family twin --profile px4_quad"
+
+
+def test_a_summary_names_the_runs_that_came_nearest_to_a_limit() -> None:
+    kill = (Fault(family=Family.KILL, core="ground"),)
+    used = (0.2, 0.9, 1.2, 0.5)
+    runs = tuple(
+        Run(number, kill, Verdict(() if one < 1.0 else (Violation("fence", 3.0, "far"),), 2.0, None, 0.0, "", (
+            Margin("separation", 1.0, 0.1, "apart"), Margin("fence", 3.0, one, "outside"))), 10.0)
+        for number, one in enumerate(used)
+    )  # fmt: skip
+    nearest = summarise(Draw(5), [Flown(runs, 15.0, 2.0)]).nearest
+    assert [(near.number, near.margin.kind) for near in nearest] == [(1, "fence"), (3, "fence"), (0, "fence")]
 
 
 def test_monitors_go_to_the_cores_that_have_them_and_others_are_refused() -> None:

@@ -91,6 +91,18 @@ def test_half_a_metre_outside_the_fence(y_m: float, found: list[str]) -> None:
     assert kinds(judge(truth)) == found
 
 
+def test_how_near_it_came_to_each_limit() -> None:
+    truth = flown()
+    truth.pos_m[between(truth, 3.0, 3.02), 1, 0] = 0.4
+    truth.pos_m[between(truth, 3.5, 3.52), 0, 1] = 2.25
+    used = {margin.kind: margin.used for margin in judge(truth).margins}
+    assert used["separation"] == pytest.approx(0.25)
+    assert used["fence"] == pytest.approx(0.5)
+    assert used["impact"] < 0.7
+    over = {margin.kind: margin for margin in judge(falling(flown())).margins}["impact"]
+    assert over.used == pytest.approx(4.4 / 1.5, rel=0.02)
+
+
 def test_motors_cut_in_the_air_without_a_reason_and_the_impact() -> None:
     verdict = judge(falling(flown()))
     assert kinds(verdict) == ["impact", "undue-cut"]

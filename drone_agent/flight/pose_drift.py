@@ -5,13 +5,16 @@ accelerometer is wrong by. A pose that begins to slide kinks that line at once. 
 offset, a fast one of first degree and a slow one of second, which learns the bend; where their slopes part, it slides.
 By a third, slower still, as it was half a second to a second before, the body is known for a while without its poses:
 where they went wrong little by little, as late ones do, all three had believed them by then. Dead reckoning by an
-accelerometer full of noise is worse than that: there it is the second, as it was a tenth of a second before.
+accelerometer full of noise is worse than that: there it is the second, as it was a tenth of a second before. Poses that
+are found late by how the body rises and falls (`drone_agent.flight.pose_lag`) slide as well.
 """
 
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from drone_agent.flight.fading import first_degree, second_degree
+from drone_agent.flight.pose_lag import PoseLag
 from formation.model import Vec3Tuple
 
 _FAST_1_S, _SLOW_1_S, _KEPT_1_S = 30.0, 8.0, 2.5
@@ -64,10 +67,11 @@ class PoseDrift:
         self._fast_vel = [[0.0, 0.0] for _ in _AXES]
         self._slow_vel = [[0.0, 0.0, 0.0] for _ in _AXES]
         self._lag_m_s2 = [0.0, 0.0, 0.0]
+        self._lag: PoseLag | None = None
 
     def begin(self, t_ns: int, offset_m: Sequence[float]) -> None:
         """Start anew at this offset: pose minus dead reckoning, along each axis of one frame."""
-        self._since_ns = t_ns
+        self._since_ns, self._lag = t_ns, None
         self._kept = [[0.0, 0.0, 0.0] for _ in _AXES]
         self.place(t_ns, offset_m)
 
@@ -97,8 +101,9 @@ class PoseDrift:
             return False
         if t_ns <= self._t_ns:
             return self.slides
+        late = self._lags(t_ns, offset_m[2], vel_m_s[2], walk_m2_s3[2])
         dt_s = (t_ns - self._t_ns) * 1e-9
-        if dt_s > _GAP_S and not self.slides:
+        if dt_s > _GAP_S and not self.slides and not late:
             self._gap_ns = t_ns
             self.place(t_ns, offset_m)
             return False
@@ -107,11 +112,11 @@ class PoseDrift:
         missed_m2, lag_kept = 0.0, math.exp(-dt_s / _LAG_S)
         for axis in _AXES:
             measured = None if self.slides else offset_m[axis]
-            missed_m2 += _first_degree(self._fast[axis], offset_m[axis], self._slow[axis][2], fast, dt_s) ** 2
-            _second_degree(self._slow[axis], measured, slow, dt_s)
-            _second_degree(self._kept[axis], measured, kept, dt_s)
-            _first_degree(self._fast_vel[axis], vel_m_s[axis], self._slow_vel[axis][2], fast, dt_s)
-            _second_degree(self._slow_vel[axis], vel_m_s[axis], slow, dt_s)
+            missed_m2 += first_degree(self._fast[axis], offset_m[axis], self._slow[axis][2], fast, dt_s) ** 2
+            second_degree(self._slow[axis], measured, slow, dt_s)
+            second_degree(self._kept[axis], measured, kept, dt_s)
+            first_degree(self._fast_vel[axis], vel_m_s[axis], self._slow_vel[axis][2], fast, dt_s)
+            second_degree(self._slow_vel[axis], vel_m_s[axis], slow, dt_s)
             lag_m_s2 = abs(self._fast_vel[axis][1] - self._slow_vel[axis][1])
             self._lag_m_s2[axis] = max(lag_m_s2, lag_kept * self._lag_m_s2[axis])
         if not self.slides:
@@ -120,12 +125,23 @@ class PoseDrift:
         self._walk_m2_s3 = max(walk_m2_s3)
         noise_m_s = [math.hypot(by_poses_m_s, math.sqrt(_WALK_S * walk)) for walk in walk_m2_s3]
         if self.slides:
-            self.slides = self._ratio(self._kept, noise_m_s) > _BACK_RATIO or self._apart_m() > _BACK_M
-        elif self._ratio(self._slow, noise_m_s) > 1.0 and self._settled and t_ns - self._gap_ns >= _RESETTLED_NS:
+            self.slides = late or self._ratio(self._kept, noise_m_s) > _BACK_RATIO or self._apart_m() > _BACK_M
+        elif self._settled and (late or self._slopes_part(noise_m_s)):
             self.slides = self.step_back(t_ns)
+            if late and self._lag is not None:
+                self._kept[2], self._slow[2] = self._lag.on_time, self._lag.on_time
         else:
             self._mark(t_ns)
         return self.slides
+
+    def _slopes_part(self, noise_m_s: list[float]) -> bool:
+        return self._ratio(self._slow, noise_m_s) > 1.0 and self._t_ns - self._gap_ns >= _RESETTLED_NS
+
+    def _lags(self, t_ns: int, offset_m: float, vel_m_s: float, walk_m2_s3: float) -> bool:
+        if self._lag is None:
+            self._lag = PoseLag(t_ns, offset_m, vel_m_s)
+            return False
+        return self._lag.take(t_ns, offset_m, vel_m_s, self._noise_m2, walk_m2_s3)
 
     def _mark(self, t_ns: int) -> None:
         if t_ns - self._marks[-1].t_ns >= _MARK_NS:
@@ -170,29 +186,3 @@ class PoseDrift:
 def _carried(curves: list[list[float]], by_ns: int) -> list[list[float]]:
     dt_s = by_ns * 1e-9
     return [[p + dt_s * (v + 0.5 * dt_s * a), v + dt_s * a, a] for p, v, a in curves]
-
-
-def _first_degree(line: list[float], measured: float, bend: float, kept: float, dt_s: float) -> float:
-    """Fading-memory filter of place and rate (Morrison 1969, chapter 13), in place; kept: a sample's weight after dt_s.
-
-    bend: known otherwise. Returns by how much it missed. Of the variance of white noise in `measured` the rate has
-    2 (1 - kept)^3 / (1 + kept)^3 / dt_s^2.
-    """
-    line[0] += dt_s * (line[1] + 0.5 * dt_s * bend)
-    line[1] += dt_s * bend
-    missed = measured - line[0]
-    line[0] += (1.0 - kept * kept) * missed
-    line[1] += (1.0 - kept) ** 2 / dt_s * missed
-    return missed
-
-
-def _second_degree(curve: list[float], measured: float | None, kept: float, dt_s: float) -> None:
-    """The same with acceleration; only carried on where nothing was measured."""
-    curve[0] += dt_s * (curve[1] + 0.5 * dt_s * curve[2])
-    curve[1] += dt_s * curve[2]
-    if measured is None:
-        return
-    missed = measured - curve[0]
-    curve[0] += (1.0 - kept**3) * missed
-    curve[1] += 1.5 * (1.0 - kept) ** 2 * (1.0 + kept) / dt_s * missed
-    curve[2] += (1.0 - kept) ** 3 / dt_s**2 * missed

@@ -16,7 +16,7 @@ from formation.control.composite_law import Demand
 from formation.control.limits.bodies import BarrierSettings, Bodies, placed
 from formation.estimation.state import VehicleEstimate
 from formation.guidance.reference_generator import VehicleReference
-from formation.maths.arrays import Bool, Float, Vec3
+from formation.maths.arrays import Float, Vec3
 from formation.maths.kernel import kernel
 from formation.maths.records import Rows, dtype_of, like
 
@@ -34,15 +34,14 @@ PASSES, SETTLED_M_S2 = 60, 1e-9
 class Pair:
     """Two bodies that may be too near; a record.
 
-    away: unit vector from second to first, less its vertical part unless they are stacked; counts: how much of a push
-    is counted on of each; excess: by how much they accelerate towards each other too hard; push: how hard each is
-    pushed along it so far.
+    away: unit vector from second to first, less its vertical part unless they are stacked; takes: of a push, how
+    much each does; excess: by how much they accelerate towards each other too hard; push: how hard along it so far.
     """
 
     first: int
     second: int
-    first_counts: float
-    second_counts: float
+    first_takes: float
+    second_takes: float
     away: Vec3
     excess_m_s2: float
     push_m_s2: float
@@ -83,18 +82,25 @@ def closing_limit(distance_m: float, keep_m: float, least_m: float, closing_m_s:
 
 
 @kernel
-def acceleration_along(bodies: Bodies, n: int, x: float, y: float, z: float) -> float:
-    """Of body n along a unit vector: as demanded; of one that does not answer as it is, if that is less."""
+def acceleration_along(bodies: Bodies, n: int, x: float, y: float, z: float, obeys: bool) -> float:
+    """Of body n along a unit vector: as demanded, if it obeys; of one that does not answer as it is, if that is less.
+
+    What is demanded along the vertical of one that heaves is of no account then.
+    """
     wanted, has = bodies.motion[n, 2], bodies.acc_m_s2[n]
     along: float = x * wanted[0] + y * wanted[1] + z * wanted[2]
-    return along if bodies.answers[n] else min(along, x * has[0] + y * has[1] + z * has[2])
+    if obeys or bodies.answers[n]:
+        return along
+    upward = has[2] if bodies.heaves[n] else wanted[2]
+    least: float = min(x * wanted[0] + y * wanted[1] + z * upward, x * has[0] + y * has[1] + z * has[2])
+    return least
 
 
 @kernel
-def excess(bodies: Bodies, a: int, b: int, least_m: float, away: Float) -> float:
+def excess(bodies: Bodies, a: int, b: int, least_m: float, obey: bool, away: Float) -> float:
     """How much too hard a and b accelerate towards each other, m/s^2; the direction in which a is to part into away.
 
-    least_m: the separation; of a body that is lost the height does not count.
+    least_m: the separation; of a body that is lost the height does not count. obey: were both to do as demanded.
     """
     motion, keep_m = bodies.motion, least_m + bodies.grown_m[a] + bodies.grown_m[b]
     up = 0.0 if bodies.lost[a] or bodies.lost[b] else 1.0
@@ -109,7 +115,8 @@ def excess(bodies: Bodies, a: int, b: int, least_m: float, away: Float) -> float
     closing = -(x * vx + y * vy + z * vz)
     across_square = max(vx * vx + vy * vy + vz * vz - closing * closing, 0.0)
     closing_acc = -across_square / max(distance, 0.5 * least_m)
-    closing_acc -= acceleration_along(bodies, a, x, y, z) + acceleration_along(bodies, b, -x, -y, -z)
+    closing_acc -= acceleration_along(bodies, a, x, y, z, obey)
+    closing_acc -= acceleration_along(bodies, b, -x, -y, -z, obey)
     away[0], away[1], away[2] = x, y, z if z * z > STEEP else 0.0
     over: float = closing_acc - closing_limit(distance, keep_m, least_m, closing, sqrt(across_square))
     return over
@@ -161,30 +168,13 @@ def _slow_down(speed_max_m_s: float, motion: Float, change: Float) -> float:
 @kernel
 def _keep_apart(separation_m: float, bodies: Bodies, change: Float, bits: Float) -> None:
     """Adds to change (n, 3) the least that keeps all pairs, and tells whose demand it alters in bits (n)."""
-    known, yields, answers = bodies.known, bodies.yields, bodies.answers
-    count, away, broken, found = len(known), np.empty(3), False, 0
-    pairs = np.empty(0, PAIR)
-    for kept in range(2):
-        for a in range(count):
-            for b in range(a):
-                if known[a] and known[b] and (yields[a] or yields[b]):
-                    over = excess(bodies, a, b, separation_m, away)
-                    broken = broken or over > 0.0
-                    if kept > 0 and over > -NEARBY_M_S2:
-                        pair = pairs[found]
-                        pair.first, pair.second, pair.excess_m_s2, pair.push_m_s2 = a, b, over, 0.0
-                        alone = answers[a] != answers[b] and yields[a] and yields[b]
-                        pair.first_counts = 1.0 if yields[a] and (answers[a] or not alone) else 0.0
-                        pair.second_counts = 1.0 if yields[b] and (answers[b] or not alone) else 0.0
-                        for axis in range(3):
-                            pair.away[axis] = away[axis]
-                        found += 1
-        if not broken:
-            return
-        if kept == 0:
-            pairs = np.empty(count * (count - 1) // 2, PAIR)
+    count = len(bodies.known)
+    pairs = np.empty(count * (count - 1), PAIR)
+    found, broken = _near(separation_m, bodies, pairs)
+    if not broken:
+        return
     apart = np.zeros((count, 3))
-    _share(yields, pairs[:found], apart)
+    _share(pairs[:found], apart)
     for n in range(count):
         if apart[n, 0] != 0.0 or apart[n, 1] != 0.0 or apart[n, 2] != 0.0:
             bits[n] += SEPARATION
@@ -193,17 +183,50 @@ def _keep_apart(separation_m: float, bodies: Bodies, change: Float, bits: Float)
 
 
 @kernel
-def _share(yields: Bool, pairs: Rows[Pair], apart: Float) -> None:
-    """The least accelerations apart (n, 3), in the sum of squares, that take away all excess (Hildreth).
+def _near(separation_m: float, bodies: Bodies, pairs: Rows[Pair]) -> tuple[int, bool]:
+    """Fills in the pairs that are near their bound; how many, and whether any is beyond it.
 
-    Beside one that answers, one that does not is pushed as well, but not counted on.
+    Where one of two does not answer, the other makes room for what it does; what is demanded of it is altered as if it
+    obeyed, for it may do so at any time, and as if it were alone.
     """
+    known, yields, answers = bodies.known, bodies.yields, bodies.answers
+    away, found, broken = np.empty(3), 0, False
+    for a in range(len(known)):
+        for b in range(a):
+            if not (known[a] and known[b] and (yields[a] or yields[b])):
+                continue
+            over = excess(bodies, a, b, separation_m, False, away)
+            obeying = over if answers[a] and answers[b] else excess(bodies, a, b, separation_m, True, away)
+            broken = broken or over > 0.0 or obeying > 0.0
+            if yields[a] and yields[b] and answers[a] != answers[b]:
+                found += _noted(pairs[found], a, b, answers[a], answers[b], over, away)
+                found += _noted(pairs[found], a, b, answers[b], answers[a], obeying, away)
+            else:
+                found += _noted(pairs[found], a, b, yields[a], yields[b], max(over, obeying), away)
+    return found, broken
+
+
+@kernel
+def _noted(pair: Pair, a: int, b: int, a_takes: bool, b_takes: bool, over: float, away: Float) -> int:
+    """Fills in a pair that is near its bound; how many that were."""
+    if over <= -NEARBY_M_S2:
+        return 0
+    pair.first, pair.second, pair.excess_m_s2, pair.push_m_s2 = a, b, over, 0.0
+    pair.first_takes, pair.second_takes = 1.0 if a_takes else 0.0, 1.0 if b_takes else 0.0
+    for axis in range(3):
+        pair.away[axis] = away[axis]
+    return 1
+
+
+@kernel
+def _share(pairs: Rows[Pair], apart: Float) -> None:
+    """The least accelerations apart (n, 3), in the sum of squares, that take away all excess (Hildreth)."""
     for _ in range(PASSES):
         moved = 0.0
         for k in range(len(pairs)):
             pair = pairs[k]
             a, b, x, y, z = pair.first, pair.second, pair.away[0], pair.away[1], pair.away[2]
-            on_a, on_b = pair.first_counts, pair.second_counts
+            on_a, on_b = pair.first_takes, pair.second_takes
             gained = on_a * (x * apart[a, 0] + y * apart[a, 1] + z * apart[a, 2])
             gained -= on_b * (x * apart[b, 0] + y * apart[b, 1] + z * apart[b, 2])
             share = (on_a + on_b) * (x * x + y * y + z * z)
@@ -216,14 +239,6 @@ def _share(yields: Bool, pairs: Rows[Pair], apart: Float) -> None:
                 apart[b, axis] -= on_b * more * pair.away[axis]
         if moved < SETTLED_M_S2:
             break
-    for k in range(len(pairs)):
-        pair = pairs[k]
-        a, b = pair.first, pair.second
-        beside_a = (1.0 if yields[a] else 0.0) - pair.first_counts
-        beside_b = (1.0 if yields[b] else 0.0) - pair.second_counts
-        for axis in range(3):
-            apart[a, axis] += beside_a * pair.push_m_s2 * pair.away[axis]
-            apart[b, axis] -= beside_b * pair.push_m_s2 * pair.away[axis]
 
 
 @kernel

@@ -22,6 +22,7 @@ from formation.vehicle.response import NEVER_NS, SECONDS
 UNSEEN_S = 0.1  # until then where it is predicted to be is where it is
 DRIFT_S = 0.5  # how soon its last velocity is gone: a drone's agent levels and holds at 0.1 s, who carries one stops
 ABLE_M_S2 = 4.0
+HEAVES_M_S2 = 4.0  # no wind, no battery and no propeller does this to one that is given the thrust it is asked for
 GROWN_MOST_M = 0.3  # a drone without setpoints is at rest within this
 
 
@@ -48,7 +49,8 @@ class Bodies(NamedTuple):
 
     motion (n, 3, 3): position, velocity and acceleration (rows), as demanded and as disturbed; acc_m_s2 (n, 3): the
     acceleration it has; grown_m: how far beyond it each may be; known: ever seen; yields: its demand may be altered;
-    answers: to its commands, as far as is known; lost: unseen, at a height that nobody knows.
+    answers: to its commands, as far as is known; heaves: not even its thrust does; lost: unseen, at a height that
+    nobody knows.
     """
 
     motion: Float
@@ -57,6 +59,7 @@ class Bodies(NamedTuple):
     known: Bool
     yields: Bool
     answers: Bool
+    heaves: Bool
     lost: Bool
 
 
@@ -68,14 +71,15 @@ def placed(
     """Where all bodies are to be reckoned with."""
     count = len(settings)
     motion, acc_m_s2, grown_m = np.zeros((count, 3, 3)), np.zeros((count, 3)), np.zeros(count)
-    known, yields, answers, lost = np.zeros((4, count), np.bool_)
+    known, yields, answers, heaves, lost = np.zeros((5, count), np.bool_)
     for n in range(count):
         s, z = settings[n], estimates[n]
         unseen_s = (z.t_ns - z.seen_ns) * SECONDS
         known[n] = z.seen_ns > NEVER_NS
         lost[n] = s.keep_out and unseen_s > UNSEEN_S
         yields[n] = s.place >= 0 and not lost[n] and references[s.place].airborne
-        answers[n] = z.model_mismatch < MISMATCH_TOLD
+        heaves[n] = abs(z.dist_lab_m_s2[2]) > HEAVES_M_S2
+        answers[n] = z.model_mismatch < MISMATCH_TOLD and not heaves[n]
         for axis in range(3):
             acc_m_s2[n, axis] = min(max(z.motion[2, axis], -ABLE_M_S2), ABLE_M_S2)
         if lost[n]:
@@ -96,4 +100,4 @@ def placed(
                 motion[n, 0, axis] = z.motion[0, axis] + ahead_s * z.motion[1, axis]
                 motion[n, 1, axis] = z.motion[1, axis]
                 motion[n, 2, axis] = acc_m_s2[n, axis]  # a guess: nobody asked for it
-    return Bodies(motion, acc_m_s2, grown_m, known, yields, answers, lost)
+    return Bodies(motion, acc_m_s2, grown_m, known, yields, answers, heaves, lost)

@@ -16,17 +16,21 @@ SPEED, SEPARATION = 8, 32
 @dataclass(frozen=True)
 class Moving:
     """A body when the command takes hold; yields: it may be asked to give way; has: the acceleration that it has, of
-    one that does not answer its commands."""
+    one that does not answer its commands; heaves: not even along the vertical."""
 
     pos: np.ndarray
     vel: np.ndarray
     acc: np.ndarray
     yields: bool = True
     has: np.ndarray | None = None
+    heaves: bool = False
 
     def along(self, n: np.ndarray) -> float:
         """Its acceleration along n; of one that does not answer the lesser of what is asked and what is."""
-        return float(n @ self.acc if self.has is None else min(n @ self.acc, n @ self.has))
+        if self.has is None:
+            return float(n @ self.acc)
+        asked = np.array([*self.acc[:2], self.has[2] if self.heaves else self.acc[2]])
+        return float(min(n @ asked, n @ self.has))
 
 
 def least_pushes(normals: np.ndarray, excess: np.ndarray) -> np.ndarray:
@@ -79,22 +83,24 @@ def altered(bodies: list[Moving], separation: float, speed_max: float) -> tuple[
     change = np.array([slowed(b, speed_max) if b.yields else np.zeros(3) for b in bodies])
     bits = [SPEED if c.any() else 0 for c in change]
     now = [replace(b, acc=b.acc + c) for b, c in zip(bodies, change, strict=True)]
-    counted, rows, over = [], [], []
+    obeying = [replace(b, has=None) for b in now]
+    rows, over = [], []
     for i, j in combinations(range(len(bodies)), 2):
         if now[i].yields or now[j].yields:
             n, excess = closing(now[i], now[j], separation)
+            _, asked = closing(obeying[i], obeying[j], separation)
             row = np.zeros((len(bodies), 3))
             row[i], row[j] = n, -n
             free = np.array([[float(b.yields)] for b in now])
-            counts = free.copy()
-            if now[i].yields and now[j].yields and (now[i].has is None) != (now[j].has is None):
-                counts[j if now[i].has is None else i] = 0.0
-            rows.append((row * free).ravel())
-            counted.append((row * counts).ravel())
-            over.append(excess)
+            deaf = np.array([[float(b.has is not None)] for b in now])
+            if now[i].yields and now[j].yields and deaf[i] != deaf[j]:  # each as if it were alone
+                rows += [(row * (1.0 - deaf)).ravel(), (row * deaf).ravel()]
+                over += [excess, asked]
+            else:
+                rows.append((row * free).ravel())
+                over.append(max(excess, asked))
     if rows and max(over) > 0.0:
-        pushes = least_pushes(np.array(counted), np.array(over))
-        apart = (pushes @ np.array(rows)).reshape(-1, 3)  # they also push who is not counted on
+        apart = (least_pushes(np.array(rows), np.array(over)) @ np.array(rows)).reshape(-1, 3)
         bits = [b + (SEPARATION if x.any() else 0) for b, x in zip(bits, apart, strict=True)]
         change = change + apart
     return change, bits

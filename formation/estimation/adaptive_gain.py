@@ -1,7 +1,8 @@
-"""The innovation-adaptive gain of a vehicle that is only observed: how much faster to observe it.
+"""The innovation-adaptive gain: how much faster to observe a vehicle whose motion is not what is expected of it.
 
-gain = sqrt(1 + innovation^2 / (threshold^2 noise^2)), at most `most`: 1 while the filtered innovation is no more than
-is expected of it. And the measurement's noise, learned of every vehicle, that tells a disturbance from noise.
+Of one that is only observed: gain = sqrt(1 + innovation^2 / (threshold^2 noise^2)), at most `most`; 1 while the
+filtered innovation is no more than is expected of it. The measurement's noise, learned of every vehicle, tells a
+disturbance from noise. The height of one that we command: while its thrust is plainly not what is believed.
 """
 
 from math import exp, sqrt
@@ -16,6 +17,8 @@ from formation.vehicle.response import SECONDS
 
 NOISE_LEAST_M = 2e-5  # of a position: the least believed
 NOISE_LAG_S, NOISE_SPAN_S = 0.5, 0.2  # how slowly it is learned, from how close frames
+HEIGHT_LAG_S, HEIGHT_SIGMAS, HEIGHT_MOST = 0.03, 6.0, 3.0  # of a height that we command: filter, noise, the most
+HEIGHT_M = 0.005  # no mass, battery or take-off makes the model miss it by more
 
 
 @kernel
@@ -78,3 +81,16 @@ def adapt(z: VehicleEstimate, pos_lab_m: Float, model: Float, dt_s: float, setti
         square += z.innovation_m[axis] * z.innovation_m[axis]
     noise = adaptation.threshold * adaptation.threshold * z.noise_var_m2 * dt_s / (2.0 * adaptation.lag_s + dt_s)
     z.adaptive_gain = adaptive_gain(sqrt(square), sqrt(noise), adaptation.most)
+
+
+@kernel
+def height_gain(z: VehicleEstimate, measured_m: float, model_m_s2: float, dt_s: float) -> float:
+    """How much faster to observe the height of a vehicle that we command: where its thrust is not what is believed.
+
+    1 while the model explains the height; the filtered innovation over what it may be, at most HEIGHT_MOST.
+    """
+    ahead = z.pos_lab_m[2] + dt_s * (z.vel_lab_m_s[2] + 0.5 * dt_s * (model_m_s2 + z.dist_lab_m_s2[2]))
+    z.innovation_m[2] += (1.0 - exp(-dt_s / HEIGHT_LAG_S)) * (measured_m - ahead - z.innovation_m[2])
+    noise_m = HEIGHT_SIGMAS * sqrt(z.noise_var_m2 * dt_s / (2.0 * HEIGHT_LAG_S + dt_s))
+    gain: float = min(max(abs(z.innovation_m[2]) / max(HEIGHT_M, noise_m), 1.0), HEIGHT_MOST)
+    return gain

@@ -29,11 +29,12 @@ class VehicleEstimate:
     tilt, tilt_rate_1_s: of a vehicle that is only observed, horizontal over vertical force, x and y;
     force_rate: how fast its specific force turns.
 
-    innovation: filtered, of a vehicle that is only observed; noise_var_m2: learned variance of the
-    measured position; recent_m, recent_ns: the last three positions seen; adaptive_gain:
-    formation.estimation.adaptive_gain, and of a commanded vehicle its urgency, formation.estimation.parallel.
-    gate, spread: how far the estimate has gone over to the fast observer, and what that one has more of position,
-    velocity and disturbance (rows) along x and y than the slow one; yaw_*: the same of the heading.
+    innovation: filtered, of a vehicle that is only observed, of the height alone of one that is commanded;
+    noise_var_m2: learned variance of the measured position; recent_m, recent_ns: the last three positions seen;
+    adaptive_gain: formation.estimation.adaptive_gain, and of a commanded vehicle its urgency,
+    formation.estimation.parallel; gate, spread: how far the estimate has gone over to the fast observer, and what that
+    one has more of position, velocity and disturbance (rows) along x and y than the slow one; yaw_*: the same of the
+    heading.
     inertial_*: formation.estimation.inertial.
     nominal_force_m_s2: horizontal force if the vehicle answered as its profile says; level_bias_m_s2: what the measured
     force lastingly misses of it; mismatch_moments, model_mismatch; slow_rate, slow_miss, shift_moments,

@@ -11,7 +11,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from formation.estimation.adaptive_gain import adapt, learn_noise
+from formation.estimation.adaptive_gain import adapt, height_gain, learn_noise
 from formation.estimation.fteso import fteso_step
 from formation.estimation.heading import observe_heading
 from formation.estimation.inertial import take_inertial
@@ -184,6 +184,8 @@ def observe_axis(
         w = gains.bandwidth_rad_s * quietened(z, s)
         if s.place < 0:
             w *= z.adaptive_gain**s.adaptation.bandwidth_power
+        elif axis == 2:
+            w *= height_gain(z, measured, model, dt_s)
         z1, z2, z3 = fteso_step(z1, z2, z3, model, measured, dt_s, w, gains.alpha, gains.scale, gains.smooth)
     else:
         z1 += dt_s * z2 + 0.5 * dt_s * dt_s * (model + z3)

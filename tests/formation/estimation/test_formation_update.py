@@ -1,7 +1,11 @@
 """One axis's observer between quiet and noisy cameras, seen and unseen."""
 
+import numpy as np
 import pytest
+from oracle_estimator import begun
+from oracle_estimator import height_gain as height_gain_by_hand
 
+from formation.estimation.adaptive_gain import height_gain
 from formation.estimation.fteso import fteso_step
 from formation.estimation.settings import ObserverGains, ObserverSettings
 from formation.estimation.state import VehicleEstimate
@@ -9,6 +13,7 @@ from formation.estimation.update import observe_axis
 from formation.maths.records import blank
 
 DT_S, MODEL, MEASURED = 0.01, 0.7, 0.002
+UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def _settings() -> ObserverSettings:
@@ -50,3 +55,41 @@ def test_unseen_it_is_newtons_law() -> None:
     z.pos_lab_m[0], z.vel_lab_m_s[0], z.dist_lab_m_s2[0], z.noise_var_m2 = 1.0, 2.0, 0.5, 1e-8
     observe_axis(z, 0, 99.0, False, 1.5, 0.1, _settings())
     assert (z.pos_lab_m[0], z.vel_lab_m_s[0], z.dist_lab_m_s2[0]) == pytest.approx((1.21, 2.2, 0.5))
+
+
+def _falling(acc_m_s2: float, noise_m: float, seconds: float) -> tuple[VehicleEstimate, list[float], list[float]]:
+    """The height of a vehicle whose acceleration the model misses; every gain, by the oracle the same, and velocity."""
+    rng = np.random.default_rng(3)
+    z: VehicleEstimate = blank(VehicleEstimate, 1)[0]
+    z.noise_var_m2 = max(noise_m, 1e-4) ** 2
+    settings, twin, gains, velocities = _settings(), begun(0, np.zeros(3), UPRIGHT, False, True), [], []
+    settings.vertical.bandwidth_rad_s, twin.noise_m2 = 5.0, float(z.noise_var_m2)
+    for k in range(1, round(seconds / DT_S) + 1):
+        measured = 0.5 * acc_m_s2 * (k * DT_S) ** 2 + noise_m * rng.standard_normal()
+        twin.pos[2], twin.vel[2], twin.dist[2] = z.pos_lab_m[2], z.vel_lab_m_s[2], z.dist_lab_m_s2[2]
+        gains.append(height_gain_by_hand(twin, measured, 0.0, DT_S))
+        before = z.copy()
+        observe_axis(z, 2, measured, True, 0.0, DT_S, settings)
+        assert height_gain(before, measured, 0.0, DT_S) == pytest.approx(gains[-1], rel=1e-12)
+        velocities.append(float(z.vel_lab_m_s[2]))
+    return z, gains, velocities
+
+
+def test_a_height_that_the_thrust_does_not_explain_is_observed_faster() -> None:
+    """A third of the thrust is lost: at the pace that is right in calm, the fall was taken for two thirds of what it was."""
+    _, gains, velocities = _falling(-3.4, 1e-4, 0.6)
+    assert 2.0 < max(gains) <= 3.0
+    assert velocities[-1] == pytest.approx(-3.4 * 0.6, abs=0.3)
+    z: VehicleEstimate = blank(VehicleEstimate, 1)[0]
+    calm = ObserverGains(5.0, -0.1, 0.004)
+    for k in range(1, 61):
+        z.pos_lab_m[2], z.vel_lab_m_s[2], z.dist_lab_m_s2[2] = fteso_step(
+            z.pos_lab_m[2], z.vel_lab_m_s[2], z.dist_lab_m_s2[2], 0.0, -1.7 * (k * DT_S) ** 2, DT_S, 5.0, calm.alpha,
+            calm.scale, calm.smooth,
+        )  # fmt: skip
+    assert abs(z.vel_lab_m_s[2] + 3.4 * 0.6) > 0.6
+
+
+@pytest.mark.parametrize(("acc_m_s2", "noise_m"), [(0.3, 1e-4), (0.0, 0.005), (0.0, 0.03)])
+def test_neither_a_little_mass_nor_noise_makes_a_height_be_observed_faster(acc_m_s2: float, noise_m: float) -> None:
+    assert set(_falling(acc_m_s2, noise_m, 1.0)[1]) == {1.0}

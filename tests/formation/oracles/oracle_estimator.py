@@ -169,6 +169,8 @@ def update(
             w = gains.w * min(has.quiet_m / np.sqrt(k.noise_m2), 1.0) ** 0.35
             if not has.commanded:
                 w *= k.mu**has.adaptive.power
+            elif axis == 2:
+                w *= height_gain(k, pos[2], model[2], dt)
             z = fteso_backward(z, pos[axis], model[axis], dt, w, gains.a, gains.e0, gains.smooth)
         else:
             z = np.array(
@@ -291,6 +293,14 @@ def _both(k: Estimate, has: Traits, pos: np.ndarray, model: np.ndarray, dt: floa
     k.gate = r4 / (1.0 + r4)
     k.mu = 1.0 + k.gate * (second.urgency - 1.0)
     k.pos[:2], k.vel[:2], k.dist[:2] = stepped[0] + k.gate * k.fast
+
+
+def height_gain(k: Estimate, height: float, model: float, dt: float) -> float:
+    """1 to 3, by how far the height that is commanded is from where the model has it: over 5 mm and 6 sigmas."""
+    ahead = k.pos[2] + dt * k.vel[2] + 0.5 * dt**2 * (model + k.dist[2])
+    k.innovation[2] += share(dt, 0.03) * (height - ahead - k.innovation[2])
+    sigmas = 6.0 * np.sqrt(k.noise_m2 * dt / (0.06 + dt))
+    return float(np.clip(abs(k.innovation[2]) / max(0.005, sigmas), 1.0, 3.0))
 
 
 def _adapt(k: Estimate, has: Traits, pos: np.ndarray, model: np.ndarray, dt: float) -> None:

@@ -76,7 +76,7 @@ def _falling(acc_m_s2: float, noise_m: float, seconds: float) -> tuple[VehicleEs
 
 
 def test_a_height_that_the_thrust_does_not_explain_is_observed_faster() -> None:
-    """A third of the thrust is lost: at the pace that is right in calm, the fall was taken for two thirds of what it was."""
+    """A third of the thrust is lost: at the pace that is right in calm, the fall was taken for two thirds of itself."""
     _, gains, velocities = _falling(-3.4, 1e-4, 0.6)
     assert 2.0 < max(gains) <= 3.0
     assert velocities[-1] == pytest.approx(-3.4 * 0.6, abs=0.3)

@@ -11,7 +11,7 @@ from drone_agent.failsafe import REPORTS, REST_NS, SLIDING_POSE, TAKEN_OVER, Lin
 from drone_agent.flight.autopilot import Autopilot
 from drone_agent.flight.estimator import up_cos
 from drone_agent.flight.landing import ContactSense
-from drone_agent.flight.motor_failure import MotorFailure, beyond_control
+from drone_agent.flight.motor_failure import MotorFailure
 from drone_agent.stages import Stage, Trigger
 from formation.messages import Severity
 from formation.vehicle.profile import VehicleProfile
@@ -150,10 +150,11 @@ class Failsafes:
         """Thrust that is not felt: come down on what is left, unless that is next to none, or holds nobody level."""
         pilot, missing = self._autopilot, self._contact.missing
         falls = self.watches_motors and self._failure.falls(now_ns, missing)
+        astray = self._failure.astray(now_ns, pilot.airframe)
         pilot.pilot.reckon_with(self._failure.gives if self._failure.fell else 1.0)
         if not falls:
             return
-        if missing > _POWERLESS or beyond_control(pilot.airframe):
+        if missing > _POWERLESS or astray:
             pilot.say(Severity.CRITICAL, "Its thrust is not felt, a motor may be dead: motors off")
             pilot.terminate(now_ns)
             return

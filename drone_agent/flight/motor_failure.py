@@ -28,8 +28,8 @@ _CARRIED = 0.5
 _MISSING, _MISSING_NS = 0.35, 200_000_000
 """Share of the thrust asked for; an empty battery takes 0.15."""
 _GIVES_GAIN, _GIVES_LEAST = 0.2, 0.2
-_ASTRAY_COS, _SPIN_RAD_S = cos(0.35), 3.0
-"""A sound loop is there within a tenth of a second, and nobody asks for such rates."""
+_ASTRAY_COS, _SPIN_RAD_S, _ASTRAY_NS = cos(0.35), 3.0, 250_000_000
+"""A sound loop is there by then, wherever it was told to go, and turns so fast no longer."""
 _CORNERS = ((1.0, 1.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0))
 """Whither, about x and y, the loss of each motor turns it: front right, rear left, front left, rear right."""
 
@@ -50,6 +50,7 @@ class MotorFailure:
         self._before: tuple[int, VehicleState, list[float]] | None = None
         self._lost_since_ns: list[int | None] = [None] * 4
         self._missing_since_ns: int | None = None
+        self._astray_since_ns: int | None = None
         self.gives = 1.0
         """Share of the thrust told, behind the motors' lag, that is felt; some 50 ms old."""
         self.fell = False
@@ -102,12 +103,18 @@ class MotorFailure:
         self.fell = self.fell or falls
         return falls
 
+    def astray(self, now_ns: int, frame: Airframe) -> bool:
+        """Whether it turns, or leans elsewhere than it was told to, for longer than a sound one; with every `falls`.
 
-def beyond_control(frame: Airframe) -> bool:
-    """Whether it turns, or leans elsewhere than it was told to: what is left of its motors does not hold it."""
-    wanted, is_so = thrust_axis(frame.setpoint.q_lab_from_flu), thrust_axis(frame.estimated_q_lab_from_flu)
-    off_cos = sum(a * b for a, b in zip(wanted, is_so, strict=True))
-    return off_cos < _ASTRAY_COS or hypot(*frame.state.rate_flu_rad_s.tolist()) > _SPIN_RAD_S
+        What is left of its motors does not hold it then.
+        """
+        wanted, is_so = thrust_axis(frame.setpoint.q_lab_from_flu), thrust_axis(frame.estimated_q_lab_from_flu)
+        off_cos = sum(a * b for a, b in zip(wanted, is_so, strict=True))
+        if off_cos >= _ASTRAY_COS and hypot(*frame.state.rate_flu_rad_s.tolist()) <= _SPIN_RAD_S:
+            self._astray_since_ns = None
+            return False
+        self._astray_since_ns = self._astray_since_ns or now_ns
+        return now_ns - self._astray_since_ns >= _ASTRAY_NS
 
 
 def felt(before: VehicleState, after: VehicleState, dt_s: float) -> Felt:

@@ -326,3 +326,17 @@ def test_who_has_no_thrust_at_all_stops_its_motors() -> None:
     harness.run(0.35, hover_at(1.0))
     assert "Its thrust is not felt, a motor may be dead: motors off" in harness.texts()
     assert not harness.core.autopilot.armed
+
+
+@pytest.mark.parametrize("dodges_s", [0.1, 0.15, 0.2, 0.25])
+def test_who_is_weak_and_dodges_another_is_not_taken_to_tumble(dodges_s: float) -> None:
+    """It turned back to level at 3.05 rad/s as it began to land by itself: cut, it met the floor at 3.6 m/s."""
+    harness = Harness(pose="mocap", profile="px4_quad")
+    harness.fly_offboard(1.5)
+    harness.core._airframe.motor_gain = np.full(4, 0.6)
+    lean = from_rotation_vector(np.array([np.radians(35.0), 0.0, 0.0]))
+    for k in range(100):
+        harness.run(0.01, (lambda harness: target(harness, 0.52, lean)) if k > 100 * dodges_s else hover_at(1.5))
+    assert "Its thrust is not felt: it comes down on what is left" in harness.texts()
+    assert harness.core.autopilot.armed
+    assert not any("motors off" in text for text in harness.texts())

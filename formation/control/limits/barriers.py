@@ -85,15 +85,14 @@ def closing_limit(distance_m: float, keep_m: float, least_m: float, closing_m_s:
 def acceleration_along(bodies: Bodies, n: int, x: float, y: float, z: float, obeys: bool) -> float:
     """Of body n along a unit vector: as demanded, if it obeys; of one that does not answer as it is, if that is less.
 
-    What is demanded along the vertical of one that heaves is of no account then.
+    What is demanded of one that is deaf is of no account then.
     """
     wanted, has = bodies.motion[n, 2], bodies.acc_m_s2[n]
-    along: float = x * wanted[0] + y * wanted[1] + z * wanted[2]
+    demanded: float = x * wanted[0] + y * wanted[1] + z * wanted[2]
     if obeys or bodies.answers[n]:
-        return along
-    upward = has[2] if bodies.heaves[n] else wanted[2]
-    least: float = min(x * wanted[0] + y * wanted[1] + z * upward, x * has[0] + y * has[1] + z * has[2])
-    return least
+        return demanded
+    felt: float = x * has[0] + y * has[1] + z * has[2]
+    return felt if bodies.deaf[n] else min(demanded, felt)
 
 
 @kernel

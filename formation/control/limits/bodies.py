@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from formation.control.composite_law import Demand
-from formation.estimation.model_mismatch import MISMATCH_TOLD
+from formation.estimation.model_mismatch import MISMATCH_BAD, MISMATCH_TOLD
 from formation.estimation.state import VehicleEstimate
 from formation.guidance.reference_generator import VehicleReference
 from formation.maths.arrays import Bool, Float
@@ -49,8 +49,7 @@ class Bodies(NamedTuple):
 
     motion (n, 3, 3): position, velocity and acceleration (rows), as demanded and as disturbed; acc_m_s2 (n, 3): the
     acceleration it has; grown_m: how far beyond it each may be; known: ever seen; yields: its demand may be altered;
-    answers: to its commands, as far as is known; heaves: not even its thrust does; lost: unseen, at a height that
-    nobody knows.
+    answers: to its commands, as far as is known; deaf: plainly does not; lost: unseen, at a height that nobody knows.
     """
 
     motion: Float
@@ -59,7 +58,7 @@ class Bodies(NamedTuple):
     known: Bool
     yields: Bool
     answers: Bool
-    heaves: Bool
+    deaf: Bool
     lost: Bool
 
 
@@ -71,15 +70,15 @@ def placed(
     """Where all bodies are to be reckoned with."""
     count = len(settings)
     motion, acc_m_s2, grown_m = np.zeros((count, 3, 3)), np.zeros((count, 3)), np.zeros(count)
-    known, yields, answers, heaves, lost = np.zeros((5, count), np.bool_)
+    known, yields, answers, deaf, lost = np.zeros((5, count), np.bool_)
     for n in range(count):
         s, z = settings[n], estimates[n]
         unseen_s = (z.t_ns - z.seen_ns) * SECONDS
         known[n] = z.seen_ns > NEVER_NS
         lost[n] = s.keep_out and unseen_s > UNSEEN_S
         yields[n] = s.place >= 0 and not lost[n] and references[s.place].airborne
-        heaves[n] = abs(z.dist_lab_m_s2[2]) > HEAVES_M_S2
-        answers[n] = z.model_mismatch < MISMATCH_TOLD and not heaves[n]
+        deaf[n] = abs(z.dist_lab_m_s2[2]) > HEAVES_M_S2 or z.model_mismatch > MISMATCH_BAD
+        answers[n] = z.model_mismatch < MISMATCH_TOLD and not deaf[n]
         for axis in range(3):
             acc_m_s2[n, axis] = min(max(z.motion[2, axis], -ABLE_M_S2), ABLE_M_S2)
         if lost[n]:
@@ -100,4 +99,4 @@ def placed(
                 motion[n, 0, axis] = z.motion[0, axis] + ahead_s * z.motion[1, axis]
                 motion[n, 1, axis] = z.motion[1, axis]
                 motion[n, 2, axis] = acc_m_s2[n, axis]  # a guess: nobody asked for it
-    return Bodies(motion, acc_m_s2, grown_m, known, yields, answers, heaves, lost)
+    return Bodies(motion, acc_m_s2, grown_m, known, yields, answers, deaf, lost)

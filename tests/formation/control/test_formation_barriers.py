@@ -23,7 +23,7 @@ from formation.vehicle.profile import PAPER_40G
 LIMITS = LimitsConfig(min_separation_m=0.2, speed_m_s=3.0)
 NOW_NS = 10**10
 SINKS = -4.1
-"""Z3 along the vertical of a body that heaves."""
+"""Z3 along the vertical of a body that is deaf."""
 
 
 def lab(leader: int | None) -> LabConfig:
@@ -32,20 +32,20 @@ def lab(leader: int | None) -> LabConfig:
 
 
 def demands(bodies: list[Moving]) -> tuple[Rows[Demand], Rows[VehicleEstimate], Rows[VehicleReference]]:
-    """As the law would hand them over, everybody seen just now; there are no disturbances but of what heaves."""
+    """As the law would hand them over, everybody seen just now; there are no disturbances but of who is deaf."""
     own = [b for b in bodies if b.yields]
     wanted, estimates = blank(Demand, len(own)), blank(VehicleEstimate, len(bodies))
     references = blank(VehicleReference, len(own))
     references["airborne"] = True
     for i, b in enumerate(own):
         wanted[i].motion[0, :3], wanted[i].motion[1, :3], wanted[i].acc_lab_m_s2[:] = b.pos, b.vel, b.acc
-        wanted[i].acc_lab_m_s2[2] -= SINKS if b.heaves else 0.0
+        wanted[i].acc_lab_m_s2[2] -= SINKS if b.deaf else 0.0
     for n, b in enumerate(bodies):
         has = b.acc if b.has is None else b.has
         estimates[n].t_ns = estimates[n].seen_ns = NOW_NS
         estimates[n].motion[0, :3], estimates[n].motion[1, :3], estimates[n].motion[2, :3] = b.pos, b.vel, has
-        estimates[n].model_mismatch = 0.0 if b.has is None or b.heaves else 0.39
-        estimates[n].dist_lab_m_s2[2] = SINKS if b.heaves else 0.0
+        estimates[n].model_mismatch = 0.0 if b.has is None or b.deaf else 0.39
+        estimates[n].dist_lab_m_s2[2] = SINKS if b.deaf else 0.0
     return wanted, estimates, references
 
 
@@ -57,7 +57,7 @@ def kept(bodies: list[Moving], tilts: bool = False, without: frozenset[str] = fr
         settings["sideways_m_s2"] = 1e3
     wanted, estimates, references = demands(bodies)
     out = bounded(settings, wanted, estimates, references, NOW_NS)
-    out["acc_lab_m_s2"][:, 2] += [SINKS if b.heaves else 0.0 for b in bodies if b.yields]
+    out["acc_lab_m_s2"][:, 2] += [SINKS if b.deaf else 0.0 for b in bodies if b.yields]
     return out
 
 
@@ -148,13 +148,25 @@ def test_nobody_gives_way_to_what_is_asked_of_one_that_falls_all_the_same() -> N
     falls = body((0.0, -0.5, 0.4), (0.0, 0.0, -0.9), (0.0, 0.0, 29.0))
     stays = body((0.0, 0.0, 1.0))
     assert kept([stays, falls, FAR])[0].acc_lab_m_s2[1] > 2.0
-    heaving = replace(falls, has=np.zeros(3), heaves=True)
-    out = kept([stays, heaving, FAR])
+    sinking = replace(falls, has=np.zeros(3), deaf=True)
+    out = kept([stays, sinking, FAR])
     assert not out[0].acc_lab_m_s2.any()
     assert out[1].acc_lab_m_s2[1] < -4.0  # and it is asked to keep away itself, should it obey again
-    rises = replace(heaving, pos=np.array([0.0, -0.3, 0.5]), vel=np.array([0.0, 1.5, 1.0]))
+    rises = replace(sinking, pos=np.array([0.0, -0.3, 0.5]), vel=np.array([0.0, 1.5, 1.0]))
     near = kept([body((0.0, 0.0, 0.7)), rises, FAR])
     assert near[0].acc_lab_m_s2[1] > 1.0
+
+
+def test_nobody_flees_from_what_is_asked_of_one_whose_agent_is_dead() -> None:
+    """It landed; 10 m/s^2 towards another were asked of it, which fled at 1.3 m/s, and blind out of the fence."""
+    wanted, estimates, references = demands([body((0.4, 0.0, 0.7), acc=(-10.0, 0.0, 0.0)), body((0.0, 0.0, 1.0)), FAR])
+    settings = barrier_settings(lab(1), (PAPER_40G,) * 3)
+    settings["dead_s"] = estimates[0].motion[2, 0] = 0.0
+    assert bounded(settings, wanted, estimates, references, NOW_NS)[1].acc_lab_m_s2[0] < -0.5
+    estimates[0].model_mismatch = 1.5
+    out = bounded(settings, wanted, estimates, references, NOW_NS)
+    assert not out[1].acc_lab_m_s2.any()
+    assert out[0].acc_lab_m_s2[0] > -9.0
 
 
 PLACES = np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 1.1], [0.1, 0.25, 0.9]])
@@ -164,7 +176,7 @@ PLACES = np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 1.1], [0.1, 0.25, 0.9]])
 def test_the_change_is_the_least_that_keeps_every_pair(seed: int) -> None:
     """Against all active sets tried out, and now and then SciPy; three bodies near each other, one may be observed.
 
-    Two in five do not answer their commands, half of these not even along the vertical: nobody counts on them.
+    Two in five do not answer their commands, half of these not at all: nobody counts on them.
     """
     rng = np.random.default_rng(seed)
     bodies = [
@@ -174,8 +186,8 @@ def test_the_change_is_the_least_that_keeps_every_pair(seed: int) -> None:
     ]  # fmt: skip
     if seed % 10:
         has = [rng.uniform(-4.0, 4.0, 3) if rng.random() < 0.4 and b.yields else None for b in bodies]
-        heaves = [h is not None and rng.random() < 0.5 for h in has]
-        bodies = [replace(b, has=h, heaves=up) for b, h, up in zip(bodies, has, heaves, strict=True)]
+        deaf = [h is not None and rng.random() < 0.5 for h in has]
+        bodies = [replace(b, has=h, deaf=not_at_all) for b, h, not_at_all in zip(bodies, has, deaf, strict=True)]
     change, bits = altered(bodies, 0.2, 3.0)
     own = [n for n in range(3) if bodies[n].yields]
     out = kept(bodies)

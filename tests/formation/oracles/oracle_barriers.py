@@ -16,21 +16,20 @@ SPEED, SEPARATION = 8, 32
 @dataclass(frozen=True)
 class Moving:
     """A body when the command takes hold; yields: it may be asked to give way; has: the acceleration that it has, of
-    one that does not answer its commands; heaves: not even along the vertical."""
+    one that does not answer its commands; deaf: what is asked of it is of no account."""
 
     pos: np.ndarray
     vel: np.ndarray
     acc: np.ndarray
     yields: bool = True
     has: np.ndarray | None = None
-    heaves: bool = False
+    deaf: bool = False
 
     def along(self, n: np.ndarray) -> float:
         """Its acceleration along n; of one that does not answer the lesser of what is asked and what is."""
         if self.has is None:
             return float(n @ self.acc)
-        asked = np.array([*self.acc[:2], self.has[2] if self.heaves else self.acc[2]])
-        return float(min(n @ asked, n @ self.has))
+        return float(n @ self.has if self.deaf else min(n @ self.acc, n @ self.has))
 
 
 def least_pushes(normals: np.ndarray, excess: np.ndarray) -> np.ndarray:

@@ -212,9 +212,9 @@ class OracleStack:
             indices.append(n)
             if i is not None and self.led[i].airborne:
                 out = demands[i]
-                heaves = abs(k.dist[2]) > 4.0
-                has_now = np.clip(motions[n][2, :3], -4.0, 4.0) if heaves or k.mismatch >= 0.38 else None
-                bodies.append(Moving(out.motion[0, :3], out.motion[1, :3], out.acc + k.dist, True, has_now, heaves))
+                deaf = bool(abs(k.dist[2]) > 4.0 or k.mismatch > 0.55)
+                has_now = np.clip(motions[n][2, :3], -4.0, 4.0) if deaf or k.mismatch >= 0.38 else None
+                bodies.append(Moving(out.motion[0, :3], out.motion[1, :3], out.acc + k.dist, True, has_now, deaf))
             else:
                 m, ahead = motions[n], (now_ns - k.t_ns) * SECONDS + has.belief[0]
                 bodies.append(Moving(m[0, :3] + ahead * m[1, :3], m[1, :3], np.clip(m[2, :3], -4.0, 4.0), False))

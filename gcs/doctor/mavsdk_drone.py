@@ -96,8 +96,31 @@ async def interview(system: Any, parameters: Iterable[str]) -> Told:
 
 async def read_parameter(reader: ParamAsync, name: str) -> float | None:
     """A parameter of either type; None if the drone does not have it, or does not answer."""
+    found = await _typed_parameter(reader, name)
+    return None if found is None else float(found)
+
+
+async def write_parameter(system: Any, name: str, value: float) -> bool:
+    """Write a parameter as the type it has, and read it back; whether it is now what was written.
+
+    The type is asked for first: PX4 v1.16 gives no answer to a float that is set as an integer.
+    """
+    writer = ParamAsync(system)
     try:
-        return float(await reader.get_param_int(name))
+        if isinstance(await _typed_parameter(writer, name), int):
+            await writer.set_param_int(name, round(value))
+        else:
+            await writer.set_param_float(name, value)
+    except ParamError:
+        return False
+    found = await read_parameter(writer, name)
+    return found is not None and abs(found - value) < 1e-3
+
+
+async def _typed_parameter(reader: ParamAsync, name: str) -> int | float | None:
+    """Its value, an int or a float as it is on the drone; None as `read_parameter` has it."""
+    try:
+        return int(await reader.get_param_int(name))
     except ParamError as error:
         if error.result is not ParamResult.WRONG_TYPE:
             return None
@@ -105,22 +128,6 @@ async def read_parameter(reader: ParamAsync, name: str) -> float | None:
         return float(await reader.get_param_float(name))
     except ParamError:
         return None
-
-
-async def write_parameter(system: Any, name: str, value: float) -> bool:
-    """Write a parameter as the type it has, and read it back; whether it is now what was written."""
-    writer = ParamAsync(system)
-    try:
-        await writer.set_param_int(name, round(value))
-    except ParamError as error:
-        if error.result is not ParamResult.WRONG_TYPE:
-            return False
-        try:
-            await writer.set_param_float(name, value)
-        except ParamError:
-            return False
-    found = await read_parameter(writer, name)
-    return found is not None and abs(found - value) < 1e-3
 
 
 async def fetch_logs(system: Any, folder: Path, prefix: str, newest: int, tell: Callable[[str], None]) -> list[Path]:

@@ -30,8 +30,6 @@ class PoseLag:
 
     def __init__(self, t_ns: int, offset_m: float, vel_m_s: float) -> None:
         """offset_m: pose minus dead reckoning, vel_m_s: as it is reckoned; both of the vertical."""
-        self.late = False
-        """Whether the poses of the last second were older than they say by more than `MOST_S`."""
         self._since_ns = self._t_ns = t_ns
         self._offset, self._vel = [offset_m, 0.0, 0.0], [vel_m_s, 0.0, 0.0]
         self._yy = self._yu = self._uu = 0.0
@@ -43,7 +41,7 @@ class PoseLag:
         return [shown + lag_s * moved for shown, moved in zip(self._offset, self._vel, strict=True)]
 
     def take(self, t_ns: int, offset_m: float, vel_m_s: float, noise_m2: float, walk_m2_s3: float) -> bool:
-        """Take one pose in, later than the last; whether they are late.
+        """Take one pose in, later than the last; whether those of the last second were late by more than `MOST_S`.
 
         noise_m2: variance of the poses. walk_m2_s3: density of the velocity's random walk.
         """
@@ -57,5 +55,4 @@ class PoseLag:
         moves = self._uu > _SWING_M_S**2
         swings = self._yy > max(_SWING_M**2, _SIGMAS**2 * (noise_m2 + _WALK_S3 * walk_m2_s3))
         alike = self._yu * self._yu > _ALIKE * self._yy * self._uu
-        self.late = moves and swings and alike and -self._yu > MOST_S * self._uu and t_ns - self._since_ns > _YOUNG_NS
-        return self.late
+        return moves and swings and alike and -self._yu > MOST_S * self._uu and t_ns - self._since_ns > _YOUNG_NS

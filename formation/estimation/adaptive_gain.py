@@ -67,6 +67,15 @@ def learn_noise(z: VehicleEstimate, to_ns: int, pos_lab_m: Float) -> None:
 
 
 @kernel
+def filter_innovation(z: VehicleEstimate, axis: int, measured: float, model: float, dt_s: float, share: float) -> float:
+    """The filtered innovation of one axis after one more position; share: of the way that the filter goes in dt_s."""
+    ahead = z.pos_lab_m[axis] + dt_s * (z.vel_lab_m_s[axis] + 0.5 * dt_s * (model + z.dist_lab_m_s2[axis]))
+    z.innovation_m[axis] += share * (measured - ahead - z.innovation_m[axis])
+    innovation: float = z.innovation_m[axis]
+    return innovation
+
+
+@kernel
 def adapt(z: VehicleEstimate, pos_lab_m: Float, model: Float, dt_s: float, settings: ObserverSettings) -> None:
     """Filters an observed vehicle's innovation and sets its gain: one for all axes, so that turning changes nothing.
 
@@ -76,9 +85,8 @@ def adapt(z: VehicleEstimate, pos_lab_m: Float, model: Float, dt_s: float, setti
     share = 1.0 - exp(-dt_s / adaptation.lag_s)
     square = 0.0
     for axis in range(3):
-        ahead = z.pos_lab_m[axis] + dt_s * (z.vel_lab_m_s[axis] + 0.5 * dt_s * (model[axis] + z.dist_lab_m_s2[axis]))
-        z.innovation_m[axis] += share * (pos_lab_m[axis] - ahead - z.innovation_m[axis])
-        square += z.innovation_m[axis] * z.innovation_m[axis]
+        innovation = filter_innovation(z, axis, pos_lab_m[axis], model[axis], dt_s, share)
+        square += innovation * innovation
     noise = adaptation.threshold * adaptation.threshold * z.noise_var_m2 * dt_s / (2.0 * adaptation.lag_s + dt_s)
     z.adaptive_gain = adaptive_gain(sqrt(square), sqrt(noise), adaptation.most)
 
@@ -89,8 +97,7 @@ def height_gain(z: VehicleEstimate, measured_m: float, model_m_s2: float, dt_s: 
 
     1 while the model explains the height; the filtered innovation over what it may be, at most HEIGHT_MOST.
     """
-    ahead = z.pos_lab_m[2] + dt_s * (z.vel_lab_m_s[2] + 0.5 * dt_s * (model_m_s2 + z.dist_lab_m_s2[2]))
-    z.innovation_m[2] += (1.0 - exp(-dt_s / HEIGHT_LAG_S)) * (measured_m - ahead - z.innovation_m[2])
+    innovation_m = filter_innovation(z, 2, measured_m, model_m_s2, dt_s, 1.0 - exp(-dt_s / HEIGHT_LAG_S))
     noise_m = HEIGHT_SIGMAS * sqrt(z.noise_var_m2 * dt_s / (2.0 * HEIGHT_LAG_S + dt_s))
-    gain: float = min(max(abs(z.innovation_m[2]) / max(HEIGHT_M, noise_m), 1.0), HEIGHT_MOST)
+    gain: float = min(max(abs(innovation_m) / max(HEIGHT_M, noise_m), 1.0), HEIGHT_MOST)
     return gain

@@ -106,8 +106,11 @@ async def write_parameter(system: Any, name: str, value: float) -> bool:
     The type is asked for first: PX4 v1.16 gives no answer to a float that is set as an integer.
     """
     writer = ParamAsync(system)
+    before = await _typed_parameter(writer, name)
+    if before is None:
+        return False
     try:
-        if isinstance(await _typed_parameter(writer, name), int):
+        if isinstance(before, int):
             await writer.set_param_int(name, round(value))
         else:
             await writer.set_param_float(name, value)

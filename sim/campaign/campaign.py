@@ -49,11 +49,6 @@ class Near:
     number: int
     margin: Margin
 
-    @property
-    def again(self) -> str:
-        """The command that flies it again."""
-        return self.draw.again(self.number)
-
 
 @dataclass(frozen=True, slots=True)
 class Result:
@@ -92,7 +87,7 @@ class Result:
                 ],
                 "nearest": [
                     {
-                        "again": near.again,
+                        "again": near.draw.again(near.number),
                         "kind": near.margin.kind,
                         "used": round(near.margin.used, 3),
                         "text": near.margin.text,

@@ -79,7 +79,7 @@ def run_campaign(asked: Asked, workers: int | None, scheduler: str | None, as_js
             highlight=False,
         )
     for near in result.nearest:
-        told = f"nearest to a limit: {near.margin.used:.0%}, {near.margin.text}    {near.again}"
+        told = f"nearest to a limit: {near.margin.used:.0%}, {near.margin.text}    {near.draw.again(near.number)}"
         console.print(told, style="dim", highlight=False, soft_wrap=True)
     for name, share in shares.items():
         told = f"without {name}: {share.without:.0%} of {asked.controls} flights failed, with it {share.with_it:.0%}"

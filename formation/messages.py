@@ -60,10 +60,14 @@ class LabFrame:
 
 @dataclass(frozen=True, slots=True)
 class Datagram:
-    """MAVLink bytes to or from the drone `sysid`; one datagram may hold several packets."""
+    """MAVLink bytes to or from the drone `sysid`; one datagram may hold several packets.
+
+    superseded: packets of its telemetry that arrived before it and were dropped unread, since newer ones had arrived.
+    """
 
     sysid: int
     data: bytes
+    superseded: int = 0
 
 
 class Phase(IntEnum):

@@ -148,7 +148,7 @@ class GcsCore:
                 if link is None:
                     self._strays += 1
                 else:
-                    link.receive(message.data, now_ns)
+                    link.receive(message.data, now_ns, message.superseded)
                     self._due = self._due or link.has_answers
             case OperatorRequest():
                 self._requests.append(message)

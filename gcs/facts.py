@@ -47,16 +47,21 @@ class FactGatherer:
         n = len(self._names)
         heartbeat_s, silent_s, age_s = [0.0] * n, [0.0] * n, [math.nan] * n
         own_tilt, own_pos, battery = [math.nan] * n, [NOWHERE] * n, [math.nan] * n
+        behind_s = [math.nan] * n
         armed, offboard, duplicate = [True] * n, [True] * n, [False] * n
         for drone in self._drones:
             i, link = drone.index, drone.link
             heartbeat_s[i], silent_s[i] = link.heartbeat_age_s(now_ns), link.silent_s(now_ns)
             age_s[i], battery[i] = link.setpoint_age_s(now_ns), link.telemetry.battery
-            own_tilt[i], own_pos[i] = link.witness.tilt_rad(now_ns), link.witness.pos_lab_m(now_ns)
+            behind_s[i] = link.behind_s(now_ns)
+            if not self._own_mocap:  # what comes by the same link as the poses confirms nothing
+                own_tilt[i], own_pos[i] = link.witness.tilt_rad(now_ns), link.witness.pos_lab_m(now_ns)
             armed[i], duplicate[i] = link.armed, link.sequence.duplicate(now_ns)
             offboard[i] = link.offboard or drone.joining(now_ns)
         pos, age, model_mismatch, measured = self._seen(stages, now_ns)
-        heartbeats, silences, ages, own_tilts, batteries = np.array([heartbeat_s, silent_s, age_s, own_tilt, battery])
+        heartbeats, silences, behind, ages, own_tilts, batteries = np.array(
+            [heartbeat_s, silent_s, behind_s, age_s, own_tilt, battery]
+        )
         arms, streams, twins = np.array([armed, offboard, duplicate])
         return Facts(
             names=self._names,
@@ -72,6 +77,7 @@ class FactGatherer:
             attitude_miss_rad=self._attitudes.miss_rad,
             heartbeat_age_s=heartbeats,
             silent_s=silences,
+            link_behind_s=behind,
             setpoint_age_s=ages,
             armed=arms,
             offboard=streams,

@@ -57,6 +57,11 @@ def monotonic_ns() -> int:
     return REAL_TIME.monotonic_ns()
 
 
+def cpu_ns() -> int:
+    """CPU time of the calling thread so far: how much it has worked, however seldom the machine let it."""
+    return time.thread_time_ns()
+
+
 def unix_us() -> int:
     """Microseconds since 1970, for SYSTEM_TIME and for a log's wall-clock metadata; never for control."""
     return time.time_ns() // 1000

@@ -29,9 +29,11 @@ class Facts(NamedTuple):
 
     For a body that is only observed the link's fields hold their healthy values. `battery` is 0..1, NaN where unknown.
     late_share: the part of the last second's frames that came late or were missed, 0..1.
-    own_pos_lab_m, own_tilt_rad: what the drone's own estimator says, the second witness; NaN where it says nothing.
+    own_pos_lab_m, own_tilt_rad: what the drone's own estimator says, by another way than the mocap's poses come and
+    fresh by its own clock: an independent estimate; NaN where there is none.
     attitude_miss_rad: how far the mocap's attitude is from the drone's own (formation.safety.attitude_miss).
-    silent_s: since anything at all was heard of it; setpoint_age_s: of what reaches it, camera to drone, NaN: unknown.
+    silent_s: since anything at all was heard of it; link_behind_s: how old its newest telemetry was when it was read,
+    by its own clock, NaN: unknown; setpoint_age_s: of what reaches it, camera to drone, NaN: unknown.
     """
 
     names: tuple[str, ...]
@@ -47,6 +49,7 @@ class Facts(NamedTuple):
     attitude_miss_rad: Scalars
     heartbeat_age_s: Scalars
     silent_s: Scalars
+    link_behind_s: Scalars
     setpoint_age_s: Scalars
     armed: Flags
     offboard: Flags
@@ -84,6 +87,7 @@ class Measure(IntEnum):
     SETPOINT_AGE_S = 14
     ATTITUDE_MISS_RAD = 15
     LEADER_ASTRAY_M = 16  # of the leader alone
+    LINK_BEHIND_S = 17
 
 
 UNSEEN_S, OUTSIDE_M, NEARNESS = int(Measure.UNSEEN_S), int(Measure.OUTSIDE_M), int(Measure.NEARNESS)
@@ -127,6 +131,7 @@ SILENT_S = 3.0
 WITNESS_FRESH_S = 0.1
 LATE_SETPOINT_S, STALE_SETPOINT_S = 0.07, 0.1
 LOST_S = 0.4
+BEHIND_WARN_S, BEHIND_HOLD_S, BEHIND_RELEASE_S = 0.05, 0.1, 0.3
 FAR_OUTSIDE_M = 0.5
 BATTERY_LOW, BATTERY_EMPTY = 0.2, 0.1
 UPSET_RAD = 1.3
@@ -165,6 +170,12 @@ RULES: tuple[Rule, ...] = (
          Measure.TILT_TOO_RAD, UPSET_RAD, 0.3, MOTORS_ON, Trigger.LAND, Own.CUT),
     Rule("rule-silent", "nothing heard for 3 s",
          Measure.SILENT_S, SILENT_S, 0.0, MOTORS_ON, Trigger.LAND),
+    Rule("rule-link-behind", "its telemetry arrives 50 ms late",
+         Measure.LINK_BEHIND_S, BEHIND_WARN_S, 1.0, MOTORS_ON),
+    Rule("rule-link-behind-hold", "its telemetry arrives 100 ms late",
+         Measure.LINK_BEHIND_S, BEHIND_HOLD_S, 0.3, IN_FORMATION, Trigger.HOLD),
+    Rule("rule-link-behind-release", "its telemetry arrives 300 ms late",
+         Measure.LINK_BEHIND_S, BEHIND_RELEASE_S, 0.3, MOTORS_ON, Trigger.LAND, Own.RELEASE),
     Rule("rule-not-offboard", "not in off-board mode",
          Measure.NOT_OFFBOARD, 0.0, 0.5, FLYING, Trigger.LAND),
     Rule("rule-disarmed", "disarmed in the air",
@@ -279,6 +290,7 @@ def _measured(facts: Facts, limits: LimitsConfig) -> Float:
     out[Measure.LATE_SHARE, 0] = facts.late_share
     out[Measure.DUPLICATE] = facts.duplicate
     out[Measure.MODEL_MISMATCH] = facts.model_mismatch
+    out[Measure.LINK_BEHIND_S] = facts.link_behind_s
     out[Measure.SETPOINT_AGE_S] = facts.setpoint_age_s
     out[Measure.ATTITUDE_MISS_RAD] = facts.attitude_miss_rad
     fence, apart_m = limits.fence, limits.min_separation_m

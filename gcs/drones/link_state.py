@@ -52,6 +52,8 @@ ATTITUDES = 8
 OTHER_GROUND_S = 3.0
 AGE_FRESH_NS = 1_000_000_000
 FORCE_LOST_NS = 3_000_000_000
+STAMPED_MS = 10_000.0
+"""No link is so far behind: such a stamp is not of the clock that TIMESYNC tells of."""
 
 
 class DroneLink:
@@ -100,6 +102,7 @@ class DroneLink:
         self._attitudes: deque[tuple[int, Quat]] = deque(maxlen=ATTITUDES)
         self._misaddressed = 0
         self._asked_ns, self._forceless = NEVER_NS, False
+        self._behind_s, self._behind_ns = math.nan, NEVER_NS
 
     @property
     def armed(self) -> bool:
@@ -113,6 +116,11 @@ class DroneLink:
     def silent_s(self, now_ns: int) -> float:
         """Time since anything valid was heard of it, s; infinite before the first."""
         return math.inf if self.heard_ns == NEVER_NS else (now_ns - self.heard_ns) * 1e-9
+
+    def behind_s(self, now_ns: int) -> float:
+        """How old its newest telemetry was when it was read, by the drone's own clock, s: what waited in a queue on the
+        way, or here. NaN where nothing stamped came of late, or its clock is not known."""
+        return self._behind_s if now_ns - self._behind_ns <= AGE_FRESH_NS else math.nan
 
     def setpoint_age_s(self, now_ns: int) -> float:
         """How old setpoints are when they reach it, camera to drone, s; NaN where it has not said of late."""
@@ -170,8 +178,11 @@ class DroneLink:
         timeout_s = self.parameters.values.get(name, default_s)
         return timeout_s if timeout_s > 0.0 else None
 
-    def receive(self, data: bytes, now_ns: int) -> None:
-        """Take in one datagram; what cannot be read, or is not from this drone's autopilot, is counted."""
+    def receive(self, data: bytes, now_ns: int, superseded: int = 0) -> None:
+        """Take in one datagram; what cannot be read, or is not from this drone's autopilot, is counted.
+
+        superseded: packets before it that its link dropped unread.
+        """
         for packet in self.codec.receive(data):
             if packet.source == self._bridge:
                 self._read_bridge(packet.message, now_ns)
@@ -180,7 +191,7 @@ class DroneLink:
             if packet.source.system != self.sysid:
                 self._notice_foreign(packet.source.system, now_ns)
                 continue
-            skipped = self.codec.misaddressed_packets - self._misaddressed
+            skipped, superseded = self.codec.misaddressed_packets - self._misaddressed + superseded, 0
             self._misaddressed = self.codec.misaddressed_packets
             self.heard_ns = now_ns
             self.sequence.note(packet.seq, now_ns, skipped)
@@ -252,7 +263,7 @@ class DroneLink:
             case ParamValue():
                 self.parameters.receive(message)
             case AttitudeQuaternion():
-                self.witness.hear_attitude(message.q_lab_from_flu, now_ns)
+                self.witness.receive_attitude(message.q_lab_from_flu, self._made_ns(message.t_boot_ms, now_ns))
                 t_ns = self.clock.clock.to_ours_ns(message.t_boot_ms * 1_000_000)
                 if t_ns is not None:
                     self._attitudes.append((t_ns, message.q_lab_from_flu))
@@ -261,7 +272,7 @@ class DroneLink:
                 if t_ns is not None and not self.telemetry.force.hear(t_ns, message.specific_force_flu_m_s2, now_ns):
                     self._refusals.note(self.name, "specific force beyond 16 g", now_ns)
             case LocalPosition():
-                self.witness.hear_position(message.pos_lab_m, now_ns)
+                self.witness.receive_position(message.pos_lab_m, self._made_ns(message.t_boot_ms, now_ns))
             case ExtendedSysState():
                 self.telemetry.landed = message.landed
             case Battery():
@@ -279,6 +290,14 @@ class DroneLink:
             case StatusText():
                 self.texts.append(message.text)
                 self._tell(message.severity, message.text, now_ns)
+
+    def _made_ns(self, t_boot_ms: int, now_ns: int) -> int:
+        """When the drone made what it stamped so, our clock; NEVER_NS where its clock does not tell."""
+        age_ms = self.clock.clock.since_ms(t_boot_ms, now_ns)
+        if age_ms is None or abs(age_ms) > STAMPED_MS:
+            return NEVER_NS
+        self._behind_s, self._behind_ns = max(age_ms, 0.0) * 1e-3, now_ns
+        return now_ns - round(age_ms * 1e6)
 
     def _read_bridge(self, message: LinkMessage, now_ns: int) -> None:
         """The bridge beside the autopilot: it asks for our clock, and tells what it does and how old setpoints are."""

@@ -1,4 +1,4 @@
-"""What a drone's own estimator says of it: the second witness, beside the mocap, before motors are cut by rule."""
+"""What a drone's own estimator says of it: an independent estimate, beside the mocap, before motors are cut by rule."""
 
 import math
 from dataclasses import dataclass
@@ -12,8 +12,9 @@ NOWHERE: Vec3Tuple = (math.nan, math.nan, math.nan)
 
 @dataclass(slots=True)
 class Witness:
-    """Its newest attitude and position; what is older than 0.3 s is not said any more.
+    """Its newest attitude and position, each of the time t_ns at which the drone made it, our clock.
 
+    What is older than 0.3 s is not said any more, however lately it arrived.
     Its local frame need not be the lab's: where it begins is settled by a mocap pose while both are trusted.
     """
 
@@ -23,13 +24,13 @@ class Witness:
     _position_ns: int = 0
     _origin_lab_m: Vec3Tuple = NOWHERE
 
-    def hear_attitude(self, q_lab_from_flu: Quat, now_ns: int) -> None:
+    def receive_attitude(self, q_lab_from_flu: Quat, t_ns: int) -> None:
         """ATTITUDE_QUATERNION came."""
-        self._attitude, self._attitude_ns = q_lab_from_flu, now_ns
+        self._attitude, self._attitude_ns = q_lab_from_flu, t_ns
 
-    def hear_position(self, pos_m: Vec3, now_ns: int) -> None:
+    def receive_position(self, pos_m: Vec3, t_ns: int) -> None:
         """LOCAL_POSITION_NED came; along the lab's axes, from wherever it counts."""
-        self._position, self._position_ns = pos_m, now_ns
+        self._position, self._position_ns = pos_m, t_ns
 
     def settle(self, pos_lab_m: Vec3, now_ns: int) -> None:
         """It is here, says the mocap, and nothing is in doubt."""

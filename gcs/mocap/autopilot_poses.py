@@ -1,5 +1,8 @@
 """Frames without a mocap: simulated autopilots' own messages say where they are. Sans-IO, MAVLink in, frames out.
 
+A pose is as old as its stamp says on our clock (TIMESYNC, as the ground asks for it on the same link), or, where it has
+none, as old as what else comes by that link: a pose that waited in a queue never counts as fresh.
+
 A simulator's truth (HIL_STATE_QUATERNION, SIM_STATE) is believed where it comes, for the local position is an estimate
 that wanders by decimetres; truth is quantised to a centimetre, so its own velocity carries it from one to the next.
 """
@@ -14,8 +17,10 @@ from formation.maths.arrays import Quat, Vec3
 from formation.maths.frames import IDENTITY
 from formation.maths.geodesy import from_globe
 from formation.messages import Datagram, LabFrame
-from wire.clock_offset import SenderClock
+from formation.safety.rules import BEHIND_HOLD_S
+from wire.clock_offset import ClockOffset, SenderClock
 from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
+from wire.link_messages.clocks import TimeSync
 from wire.link_messages.message_id import MessageId
 from wire.link_messages.motion import AttitudeQuaternion, LocalPosition, SimTruth
 from wire.link_messages.packet import LinkMessage
@@ -25,6 +30,8 @@ SMOOTHING_S = 0.2
 AWAIT_TRUTH_NS = 3_000_000_000  # asked for once its heartbeat is heard, among much else
 CARRIED_PERIODS = 2.5
 LOST_NS = 500_000_000
+OLDEST_NS = round(BEHIND_HOLD_S * 1e9)
+"""A pose that is older is not seen."""
 
 
 def streams(config: LabConfig) -> tuple[tuple[int, float], ...]:
@@ -46,11 +53,14 @@ def streams(config: LabConfig) -> tuple[tuple[int, float], ...]:
 class _Body:
     """One drone's pose as it tells it, from its first truth on, or from AWAIT_TRUTH_NS on where none comes.
 
-    truth_origin: degrees, degrees and metres of its first true place, the spawn.
+    truth_origin: degrees, degrees and metres of its first true place, the spawn. age_ns: of the newest stamped message
+    when it was read. clock: by TIMESYNC; stamps: by the quickest message, until then.
     """
 
     spawn_lab_m: Vec3
-    clock: SenderClock = field(default_factory=SenderClock)
+    clock: ClockOffset = field(default_factory=ClockOffset)
+    stamps: SenderClock = field(default_factory=SenderClock)
+    age_ns: int = 0
     codec: Codec = field(default_factory=lambda: Codec(GROUND))
     pos_lab_m: Vec3 | None = None
     vel_lab_m_s: Vec3 = field(default_factory=lambda: np.zeros(3))
@@ -65,10 +75,14 @@ class _Body:
         """One message of the drone. Its own attitude is what setpoints refer to: truth's only where it tells none."""
         self.first_ns = now_ns if self.first_ns is None else self.first_ns
         match message:
-            case LocalPosition() if self.truth_origin is None and now_ns - self.first_ns >= AWAIT_TRUTH_NS:
-                made_ns = self.clock.made_ns(message.t_boot_ms * 1_000_000, now_ns)
-                self._move(self.spawn_lab_m + message.pos_lab_m, message.vel_lab_m_s, made_ns)
+            case TimeSync() if message.tc1_ns and message.ts1_ns <= now_ns:
+                self.clock.exchange(message.ts1_ns, message.tc1_ns, now_ns)
+            case LocalPosition():
+                made_ns = self._made_ns(message.t_boot_ms * 1_000_000, now_ns)
+                if self.truth_origin is None and now_ns - self.first_ns >= AWAIT_TRUTH_NS:
+                    self._move(self.spawn_lab_m + message.pos_lab_m, message.vel_lab_m_s, made_ns)
             case AttitudeQuaternion():
+                self._made_ns(message.t_boot_ms * 1_000_000, now_ns)
                 self.q_lab_from_flu, self.has_attitude = message.q_lab_from_flu, True
             case SimTruth():
                 self._take_truth(message, now_ns)
@@ -79,12 +93,20 @@ class _Body:
         ahead: Vec3 = pos_lab_m + (now_ns - self.pos_ns) * 1e-9 * self.vel_lab_m_s
         return ahead
 
+    def _made_ns(self, stamp_ns: int, now_ns: int) -> int:
+        """When a message with that stamp was made, our clock; not after now."""
+        by_stamps_ns = self.stamps.made_ns(stamp_ns, now_ns)
+        synchronised_ns = self.clock.to_ours_ns(stamp_ns)
+        made_ns = by_stamps_ns if synchronised_ns is None else min(synchronised_ns, now_ns)
+        self.age_ns = now_ns - made_ns
+        return made_ns
+
     def _move(self, pos_lab_m: Vec3, vel_lab_m_s: Vec3, made_ns: int) -> None:
         self.pos_lab_m, self.vel_lab_m_s, self.pos_ns = pos_lab_m, np.nan_to_num(vel_lab_m_s), made_ns
         self.fresh = self.q_lab_from_flu is not None
 
     def _take_truth(self, truth: SimTruth, now_ns: int) -> None:
-        made_ns = self.clock.made_ns(truth.t_us * 1000, now_ns) if truth.t_us else now_ns
+        made_ns = self._made_ns(truth.t_us * 1000, now_ns) if truth.t_us else now_ns - self.age_ns
         if not self.has_attitude:
             self.q_lab_from_flu = truth.q_lab_from_flu
         if self.truth_origin is None:
@@ -142,7 +164,7 @@ class AutopilotPoses:
             if body is None or body.q_lab_from_flu is None or body.pos_lab_m is None:
                 continue
             body.fresh = False
-            if made_ns - body.pos_ns <= self._carried_ns:
+            if made_ns - body.pos_ns <= self._carried_ns and now_ns - body.pos_ns <= OLDEST_NS:
                 pos[i], q[i], seen[i] = body.at(made_ns), body.q_lab_from_flu, True
         self._seq, self._frame_ns = self._seq + 1, now_ns
         return LabFrame(self._seq, made_ns - self._delay_ns, self._names, pos, q, seen)

@@ -128,6 +128,7 @@ def _drone_state(drone: Drone, m: int, places: _Places, facts: Facts, now_ns: in
         "heartbeat_age_s": _number(float(facts.heartbeat_age_s[i]), 2),
         "battery": _number(link.telemetry.battery, 3),
         "battery_v": _number(link.telemetry.battery_v, 2),
+        "link_behind_s": _number(link.behind_s(now_ns), 3),
         "setpoint_age_s": _number(link.setpoint_age_s(now_ns), 4),
         "clock_offset_s": None if offset_ns is None else round(offset_ns * 1e-9, 6),
         "loss": round(link.sequence.loss, 4),

@@ -24,6 +24,7 @@ def healthy(**changes) -> Facts:
         own_tilt_rad=np.full(3, np.nan),
         heartbeat_age_s=np.full(3, 0.5),
         silent_s=np.full(3, 0.02),
+        link_behind_s=np.full(3, 0.004),
         setpoint_age_s=np.full(3, 0.02),
         armed=np.ones(3, bool),
         offboard=np.ones(3, bool),

@@ -21,6 +21,7 @@ from wire.mavlink.codec import Codec, param_to_raw
 G = 9.8
 MS = 1_000_000
 T0_NS = 5_000_000_000
+AHEAD_NS = 7_000_000_000  # a drone's clock
 PX4_OFFBOARD, PX4_LAND, COPTER_GUIDED, COPTER_LAND = 6 << 16, 4 << 16 | 6 << 24, 4, 9
 PX4_PARAMETERS = {"COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 4, "EKF2_EV_CTRL": 11, "EKF2_HGT_REF": 3,
                   "EKF2_EVP_NOISE": 0.01, "EKF2_GPS_CTRL": 0, "EKF2_MAG_TYPE": 5, "COM_RCL_EXCEPT": 4,
@@ -80,7 +81,7 @@ class FakeDrone:
                 raw = param_to_raw(value, kind, self.autopilot)
                 self._say(ParamValue(message.name, raw, kind, len(self.parameters), 0))
             case TimeSync() if message.tc1_ns == 0:
-                self._say(TimeSync(now_ns + 7_000_000_000, message.ts1_ns, self.ground))
+                self._say(TimeSync(now_ns + AHEAD_NS, message.ts1_ns, self.ground))
 
     def _obey(self, command: CommandLong) -> Result:
         match command.command:
@@ -135,9 +136,9 @@ class FakeDrone:
             self._say(Heartbeat(self.autopilot, 2, 1 | (128 if self.armed else 0), self.mode, status))
             if self.autopilot is MavAutopilot.ARDUPILOT:
                 self._say(EkfStatus(0x10, ardupilot=True))
-        if now_ns - self._own_ns >= 50 * MS:
+        if now_ns - self._own_ns >= 10 * MS:
             self._own_ns = now_ns
-            t_ms = now_ns // MS
+            t_ms = (now_ns + AHEAD_NS) // MS
             self._say(AttitudeQuaternion(t_ms, self.q if self.own_q is None else self.own_q, np.zeros(3)))
             self._say(LocalPosition(t_ms, self.pos + self.own_shift, self.vel))
         out, self._out = self._out, []

@@ -9,12 +9,8 @@ from formation.messages import Datagram
 LARGEST_DATAGRAM = 2048
 """Bytes; nothing that speaks MAVLink sends more at once, and more is refused unread."""
 
-READS_A_TURN = 4
-REFUSALS_A_TURN = 32
 PAUSE_S = 0.002
-"""How many datagrams of one drone are taken, and how many refused, before everybody else has had a turn; and how long a
-drone of which more were waiting then waits itself. It bounds what any sender costs: 2,000 taken a second and drone, and
-16,000 refused, at some microseconds each. What is more than that is lost unread."""
+"""How long a drone waits, of which more had arrived than one turn takes, while everybody else has theirs."""
 
 # Called on the event loop, once a datagram, in the order of arrival.
 Deliver = Callable[[Datagram], None]
@@ -22,12 +18,16 @@ Deliver = Callable[[Datagram], None]
 
 @dataclass(slots=True)
 class LinkCounters:
-    """Datagrams sent, received, dropped here (no room to send, or nobody took what came), and refused unread."""
+    """Datagrams sent, received, dropped here (no room to send or to wait), and refused unread.
+
+    superseded: packets of telemetry that were dropped since newer ones of their stream had arrived.
+    """
 
     sent: int = 0
     received: int = 0
     dropped: int = 0
     refused: int = 0
+    superseded: int = 0
 
 
 class Link(Protocol):

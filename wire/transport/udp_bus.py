@@ -12,7 +12,8 @@ from formation.config import LinkConfig
 from formation.messages import Datagram
 from wire import clock
 from wire.refusals import Refusals
-from wire.transport.link import LARGEST_DATAGRAM, PAUSE_S, READS_A_TURN, REFUSALS_A_TURN, Deliver, LinkCounters
+from wire.transport.intake import READS_A_TURN, Intake
+from wire.transport.link import LARGEST_DATAGRAM, PAUSE_S, Deliver, LinkCounters
 from wire.transport.peer_gate import PeerGate, SocketAddress
 
 _MAGICS = (0xFD, 0xFE)
@@ -42,8 +43,7 @@ class _Port:
         self._peer = peer
         self._gate = gate
         self._talkers: dict[SocketAddress, None] = {}
-        self._sysid = sysid
-        self._deliver = deliver
+        self._intake = Intake(sysid, deliver, counters)
         self._counters = counters
         self._refusals = refusals
         self._loop = asyncio.get_running_loop()
@@ -66,6 +66,7 @@ class _Port:
                 self._counters.dropped += 1
 
     def close(self) -> None:
+        self._intake.close()
         if self._resume is not None:
             self._resume.cancel()
         self._loop.remove_reader(self._socket)
@@ -78,41 +79,32 @@ class _Port:
         return tuple(self._talkers) if peer is None else (peer, *self._talkers)
 
     def _read(self) -> None:
-        """A few datagrams; where more wait, the others' turn comes first and this socket's after a pause."""
-        taken = refused = 0
-        while taken < READS_A_TURN and refused < REFUSALS_A_TURN:
+        """Everything that has arrived, as far as a kernel's buffer goes; a flood waits while others have their turn."""
+        for _ in range(READS_A_TURN):
             try:
                 data, sender = self._socket.recvfrom(LARGEST_DATAGRAM + 1)
             except BlockingIOError:
                 return
             except OSError:  # an ICMP answer to something sent earlier
-                refused += 1
                 continue
             now_ns = clock.monotonic_ns()
             refusal = self._refusal(data, sender, now_ns)
             if refusal:
-                refused += 1
+                self._counters.refused += 1
                 self._refusals.note(sender[0], refusal, now_ns)
                 continue
-            taken += 1
+            self._counters.received += 1
             if self._gate is None and sender != self._peer and data[:1] and data[0] in _MAGICS:
                 self._note(sender)
-            self._deliver(Datagram(self._sysid, data))
-            if self._socket.fileno() < 0:  # closed by what was just delivered
-                return
+            self._intake.put(data)
         self._loop.remove_reader(self._socket)
         self._resume = self._loop.call_later(PAUSE_S, self._loop.add_reader, self._socket, self._read)
 
     def _refusal(self, data: bytes, sender: SocketAddress, now_ns: int) -> str:
-        """Why this datagram is not taken; empty, and counted as received, where it is."""
-        refusal = TOO_LARGE if len(data) > LARGEST_DATAGRAM else ""
-        if not refusal and self._gate is not None:
-            refusal = self._gate.refusal(sender, data, now_ns)
-        if refusal:
-            self._counters.refused += 1
-        else:
-            self._counters.received += 1
-        return refusal
+        """Why this datagram is rejected; empty where it is not."""
+        if len(data) > LARGEST_DATAGRAM:
+            return TOO_LARGE
+        return "" if self._gate is None else self._gate.refusal(sender, data, now_ns)
 
     def _note(self, sender: SocketAddress) -> None:
         """Keep the most recent senders, the oldest first."""

@@ -24,7 +24,8 @@ from wire.plain_text import plain
 from wire.refusals import Refusals
 from wire.schema import Schema, SchemaError, schema_of
 from wire.transport.inbox import Inbox, on_loop
-from wire.transport.link import LARGEST_DATAGRAM, READS_A_TURN, Deliver, LinkCounters
+from wire.transport.intake import WAITING_MOST, Intake
+from wire.transport.link import LARGEST_DATAGRAM, Deliver, LinkCounters
 from wire.transport.zenoh_session import open_session, request_key
 
 T = TypeVar("T")
@@ -38,7 +39,6 @@ _REPLY: Schema[OperatorReply] = schema_of(OperatorReply)
 _EXPRESS = ("mocap/raw", "mocap/frame")  # one at a time, and the control waits for it
 _IDLE = ("/log/head", "/log/chunk")  # for viewers: behind everything else
 _QUEUED = 1024
-_QUEUED_OF_A_DRONE = 128
 _QUEUED_REQUESTS = 256
 LARGEST_PAYLOAD = 1 << 18
 """Bytes of a payload that are read: a frame of a thousand bodies, a state of hundreds of drones, a quarter of it."""
@@ -53,13 +53,13 @@ class ZenohLink:
         self,
         publishers: dict[int, zenoh.Publisher],
         subscribers: list[zenoh.Subscriber[None]],
-        inboxes: tuple[Inbox[Datagram], ...],
+        closing: tuple[Inbox[bytes] | Intake, ...],
         counters: LinkCounters,
     ) -> None:
         self.counters = counters
         self._publishers = publishers
         self._subscribers = subscribers
-        self._inboxes = inboxes
+        self._closing = closing
 
     def send(self, datagram: Datagram) -> None:
         """Publish to (or as) the drone `sysid`; KeyError for a drone that is none of this link's."""
@@ -71,8 +71,8 @@ class ZenohLink:
 
     def close(self) -> None:
         """Stop publishing and delivering."""
-        for inbox in self._inboxes:
-            inbox.close()
+        for part in self._closing:
+            part.close()
         for subscriber in self._subscribers:
             subscriber.undeclare()  # type: ignore[no-untyped-call]
         for publisher in self._publishers.values():
@@ -218,27 +218,30 @@ class ZenohBus:
         base = f"{self.lab}/uav"
         counters = LinkCounters()
 
-        def take(datagram: Datagram) -> None:
-            if datagram.data:
-                deliver(datagram)
-                return
-            counters.refused += 1
-            reason = f"datagram that is empty or larger than {LARGEST_DATAGRAM} bytes"
-            self.refusals.note(f"{base}/{datagram.sysid}", reason, clock.monotonic_ns())
+        def inbox_of(sysid: int, intake: Intake) -> Inbox[bytes]:
+            def receive(data: bytes) -> None:
+                if data:
+                    intake.put(data)
+                    return
+                counters.refused += 1
+                reason = f"datagram that is empty or larger than {LARGEST_DATAGRAM} bytes"
+                self.refusals.note(f"{base}/{sysid}", reason, clock.monotonic_ns())
 
-        def listen(sysid: int, inbox: Inbox[Datagram]) -> zenoh.Subscriber[None]:
+            return Inbox(self._loop, receive, counters, WAITING_MOST)
+
+        def listen(sysid: int, inbox: Inbox[bytes]) -> zenoh.Subscriber[None]:
             def put(sample: zenoh.Sample) -> None:
-                size = len(sample.payload)
-                inbox.put(Datagram(sysid, sample.payload.to_bytes() if size <= LARGEST_DATAGRAM else b""))
+                inbox.put(sample.payload.to_bytes() if len(sample.payload) <= LARGEST_DATAGRAM else b"")
 
             key = f"{base}/{sysid}/mavlink/{into}"
             return self._session.declare_subscriber(key, zenoh.handlers.Callback(put))
 
         # A queue and a turn for each drone: what floods one key costs no other drone a datagram.
-        inboxes = {sysid: Inbox(self._loop, take, counters, _QUEUED_OF_A_DRONE, turn=READS_A_TURN) for sysid in sysids}
+        intakes = {sysid: Intake(sysid, deliver, counters) for sysid in sysids}
+        inboxes = {sysid: inbox_of(sysid, intake) for sysid, intake in intakes.items()}
         publishers = {sysid: self._publisher(f"{base}/{sysid}/mavlink/{out}") for sysid in sysids}
         subscribers = [listen(sysid, inbox) for sysid, inbox in inboxes.items()]
-        return ZenohLink(publishers, subscribers, tuple(inboxes.values()), counters)
+        return ZenohLink(publishers, subscribers, (*inboxes.values(), *intakes.values()), counters)
 
     def _publisher_of(self, key: str) -> zenoh.Publisher:
         """The publisher of a key of the lab, made once."""

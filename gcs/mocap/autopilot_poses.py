@@ -4,7 +4,8 @@ A pose is as old as its stamp says on our clock (TIMESYNC, as the ground asks fo
 none, as old as what else comes by that link: a pose that waited in a queue never counts as fresh.
 
 A simulator's truth (HIL_STATE_QUATERNION, SIM_STATE) is believed where it comes, for the local position is an estimate
-that wanders by decimetres; truth is quantised to a centimetre, so its own velocity carries it from one to the next.
+that wanders by decimetres. Truth is quantised to a centimetre: its own velocity carries it from one to the next, and
+its place sets that right so slowly that a step of the place moves it no faster than the velocity is told finely.
 """
 
 from dataclasses import dataclass, field
@@ -26,7 +27,7 @@ from wire.link_messages.motion import AttitudeQuaternion, LocalPosition, SimTrut
 from wire.link_messages.packet import LinkMessage
 from wire.mavlink.codec import Codec
 
-SMOOTHING_S = 0.2
+POS_STEP_M, SMOOTHING_MOST_S = 0.0111, 4.0  # 1e-7 degrees of latitude
 AWAIT_TRUTH_NS = 3_000_000_000  # asked for once its heartbeat is heard, among much else
 CARRIED_PERIODS = 2.5
 LOST_NS = 500_000_000
@@ -115,7 +116,8 @@ class _Body:
             return
         passed_s = (made_ns - self.pos_ns) * 1e-9
         ahead = self.at(made_ns) + 0.5 * passed_s * (truth.vel_lab_m_s - self.vel_lab_m_s)
-        share = 1.0 - exp(-max(passed_s, 0.0) / SMOOTHING_S)
+        smoothing_s = min(POS_STEP_M / max(truth.vel_step_m_s, 1e-9), SMOOTHING_MOST_S)
+        share = 1.0 - exp(-max(passed_s, 0.0) / smoothing_s)
         self._move(ahead + share * (self._place(truth) - ahead), truth.vel_lab_m_s, made_ns)
 
     def _place(self, truth: SimTruth) -> Vec3:

@@ -135,7 +135,10 @@ class Origin(NamedTuple):
 
 
 class SimTruth(NamedTuple):
-    """HIL_STATE_QUATERNION (115) or SIM_STATE (108): a simulated autopilot's true state."""
+    """HIL_STATE_QUATERNION (115) or SIM_STATE (108): a simulated autopilot's true state.
+
+    vel_step_m_s: how finely its velocity is told, 1 cm/s in the one, 0 (as floats are) in the other.
+    """
 
     t_us: int
     q_lab_from_flu: Quat
@@ -143,3 +146,4 @@ class SimTruth(NamedTuple):
     lat_deg: float
     lon_deg: float
     alt_m: float
+    vel_step_m_s: float = 0.01

@@ -231,7 +231,7 @@ def _read_sim_state(f: Fields) -> SimTruth:
     """SIM_STATE carries no time; its integer degrees, where filled, are finer than its floats."""
     lat_e7, lon_e7 = f[21:23]
     lat, lon = (lat_e7 * 1e-7, lon_e7 * 1e-7) if lat_e7 or lon_e7 else f[13:15]
-    return SimTruth(0, q_lab_from_flu(*f[:4]), lab(*f[18:21]), lat, lon, f[15])
+    return SimTruth(0, q_lab_from_flu(*f[:4]), lab(*f[18:21]), lat, lon, f[15], 0.0)
 
 
 WRITERS: Mapping[type, Callable[[Any], Written]] = {

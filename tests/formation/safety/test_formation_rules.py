@@ -111,6 +111,22 @@ def test_an_observed_leader_that_is_lost_is_waited_for_in_hold_and_landed_withou
         assert not verdict.cut.any()
 
 
+def test_a_link_that_falls_behind_is_warned_of_then_held_then_its_drone_is_released():
+    for behind_s, phase, trigger, released in (
+        (0.04, Phase.FORMATION, None, False),
+        (0.06, Phase.FORMATION, None, False),
+        (0.12, Phase.FORMATION, Trigger.HOLD, False),
+        (0.12, Phase.HOLD, None, False),
+        (0.35, Phase.HOLD, Trigger.LAND, True),
+        (np.nan, Phase.FORMATION, None, False),
+    ):
+        verdict = _after(healthy(link_behind_s=of(1, behind_s, 0.0)), phase, 1.0)
+        assert verdict.trigger is trigger, behind_s
+        assert verdict.release.tolist() == [False, released, False]
+        assert not verdict.cut.any()
+        assert bool(verdict.changes) == (behind_s > 0.05)
+
+
 def test_only_the_drone_in_trouble_is_cut():
     verdict = _after(healthy(tilt_rad=of(2, 1.5, 0.0), own_tilt_rad=of(2, 1.5, 0.0)), Phase.HOLD, 0.4)
     assert verdict.cut.tolist() == [False, False, True]

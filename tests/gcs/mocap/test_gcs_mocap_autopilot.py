@@ -1,11 +1,13 @@
 import numpy as np
 import pytest
+from pymavlink.dialects.v20 import common as mavlink2
 
 from formation.config import LabConfig
 from formation.maths.frames import IDENTITY
 from formation.messages import Datagram
 from gcs.mocap.autopilot_poses import AWAIT_TRUTH_NS, AutopilotPoses, streams
-from wire.link_messages.address import Address
+from wire.link_messages.address import GROUND, Address
+from wire.link_messages.clocks import TimeSync
 from wire.link_messages.motion import AttitudeQuaternion, LocalPosition, SimTruth
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.status import Heartbeat, MavAutopilot
@@ -43,8 +45,8 @@ def _local(x, y, z, v=(0.0, 0.0, 0.0), t_boot_ms=None) -> LocalPosition:
     return LocalPosition(-1 if t_boot_ms is None else t_boot_ms, np.array([x, y, z]), np.array(v))
 
 
-def _attitude() -> AttitudeQuaternion:
-    return AttitudeQuaternion(0, IDENTITY, np.zeros(3))
+def _attitude(t_boot_ms: int = 0) -> AttitudeQuaternion:
+    return AttitudeQuaternion(t_boot_ms, IDENTITY, np.zeros(3))
 
 
 def _truth(north_m: float, up_m: float = 0.0, v=(0.0, 0.0, 0.0), t_us: int = 0) -> SimTruth:
@@ -124,6 +126,52 @@ def test_truth_alone_is_a_pose_from_the_spawn_on_and_smoother_than_its_centimetr
     away = np.array(seen)[50:] - np.mean(seen[50:], axis=0)
     assert np.abs(np.mean(seen[50:], axis=0)).max() < 0.006
     assert np.abs(away).max() < 0.002
+
+
+def test_a_truth_in_centimetre_steps_moves_a_pose_as_smoothly_as_its_exact_velocity():
+    """ArduCopter's SIM_STATE, 0.3 m/s north: a step of 11 mm shown as 55 mm/s made its formation swing by 30 degrees."""
+    lab, sender = Lab(), mavlink2.MAVLink(None, srcSystem=2, srcComponent=1)
+    pos, t_s = [], []
+    for ms in range(0, 8000, 10):
+        lat_e7 = int((HOME[0] + np.degrees(0.3e-3 * ms / 6_378_137.0)) * 1e7)  # as its simulator truncates
+        message = sender.sim_state_encode(
+            1, 0, 0, 0, *[0.0] * 9, 0, 0, HOME[2], 0, 0, 0.3, 0, 0, lat_int=lat_e7, lon_int=int(HOME[1] * 1e7)
+        )
+        frame = lab.poses.receive(Datagram(2, message.pack(sender)), ms * MS)
+        pos.append(frame.pos_lab_m[1, 0])
+        t_s.append(1e-3 * ms)
+    speed = np.diff(pos[400:]) / np.diff(t_s[400:])
+    assert np.abs(speed - 0.3).max() < 0.005
+
+
+def test_a_pose_that_waited_in_a_queue_is_as_old_as_its_stamp_says_and_unseen_beyond_the_limit():
+    lab = Lab()
+    for sysid in (1, 2):
+        for ms in range(0, 1000, 100):
+            lab.say(sysid, TimeSync((77_000 + ms) * MS, (ms - 2) * MS, GROUND), ms + 2)
+        lab.say(sysid, _attitude(78_000), 1000)
+    for stamp_ms, late_ms in ((1050, 5), (1100, 10), (1150, 60)):
+        said = [lab.say(i, _local(0, 0, 0, t_boot_ms=77_000 + stamp_ms), stamp_ms + late_ms) for i in (2, 1)]
+        frame = next(frame for frame in said if frame is not None)
+        assert frame.seen[1]
+        assert abs(frame.t_capture_ns - (stamp_ms - 10) * MS) < 1 * MS
+    said = [lab.say(i, _local(0, 0, 0, t_boot_ms=78_200), 1340) for i in (2, 1)]
+    assert not any(frame is not None and frame.seen.any() for frame in said)
+
+
+def test_a_truth_without_a_stamp_is_as_old_as_what_else_comes_by_its_link():
+    lab = Lab()
+    for ms in range(0, 1000, 100):
+        lab.say(1, TimeSync((77_000 + ms) * MS, (ms - 2) * MS, GROUND), ms + 2)
+    lab.say(1, _attitude(78_000), 1000)
+    frame = lab.say(1, _truth(0.0), 1001)
+    assert frame.seen.tolist() == [True, False]
+    lab.say(1, _attitude(78_100), 1150)
+    frame = lab.say(1, _truth(0.0), 1150)
+    assert abs(frame.t_capture_ns - 1090 * MS) < 1 * MS
+    lab.say(1, _attitude(78_200), 1700)
+    frame = lab.say(1, _truth(0.0), 1700)
+    assert frame is None or not frame.seen.any()
 
 
 def test_an_estimate_that_wanders_is_left_alone_where_truth_comes():

@@ -39,7 +39,7 @@ def parse(values: dict[str, Any], model: type[M], *, source: str, folder: Path |
             for fault in faults
             if fault["type"] != "too_short" or fault["loc"] not in inner
         ]
-        raise ConfigError([f"{source}: {fault}" for fault in told], told) from error
+        raise ConfigError([f"{source}: {fault}" for fault in told], told, source) from error
 
 
 def _key(location: tuple[int | str, ...]) -> str:

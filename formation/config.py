@@ -3,10 +3,10 @@
 Reading files is `wire.config_file`'s work; simulation scenarios extend this in `sim.scenario`.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Protocol, Self
 
-from pydantic import AfterValidator, Field, ValidationInfo, model_validator
+from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, model_validator
 
 from formation.fields import Endpoint, GlobePoint, Host, OwnLink, PortBase, Tilt, UnitQuat
 from formation.mocap_config import MocapConfig as MocapConfig
@@ -79,11 +79,13 @@ class SlotConfig(Model):
 class FormationConfig(Model):
     """Shapes that the followers may change to: the distance of neighbours in the named ones, and further ones, listed.
 
-    shapes: by name, one slot a follower; a list under the name of a pattern replaces it.
+    shapes: by name, one slot a follower; a list under the name of a pattern replaces it. own_shapes: names of shapes
+    that the lab's own packages make.
     """
 
     spacing_m: Positive = 0.5
     shapes: dict[Name, tuple[SlotConfig, ...]] = Field(default_factory=dict)
+    own_shapes: tuple[Name, ...] = ()
 
     @model_validator(mode="after")
     def _leaves_the_configured_one(self) -> Self:
@@ -95,8 +97,8 @@ class FormationConfig(Model):
 class ShapeReader(Protocol):
     """Who knows the shapes that the lab's own packages make."""
 
-    def shapes_of(self, n: int, spacing_m: float) -> Iterable[tuple[str, list[list[float]]]]:
-        """By name, the slots of n followers; ValueError for one that is none."""
+    def shape_of(self, name: str, n: int, spacing_m: float) -> list[list[float]]:
+        """The slots of n followers; ValueError where no package makes it, or it is none."""
 
 
 class Fence(Model):
@@ -221,15 +223,18 @@ class LabConfig(Model):
     @model_validator(mode="before")
     @classmethod
     def _shapes_of_packages(cls, values: Any, info: ValidationInfo) -> Any:
-        """The shapes that the lab's own packages register, where the file lists none of that name."""
+        """The shapes of the lab's own packages that it names, where the file lists none of that name."""
         makers: ShapeReader | None = info.context
         if makers is None or not isinstance(values, dict) or not isinstance(values.get("followers"), list):
             return values
-        table = values.get("formation", {})
-        own = FormationConfig.model_validate(table)
+        try:
+            own = FormationConfig.model_validate(values.get("formation", {}))
+        except ValidationError:  # to be told of with its keys, when the tables are read
+            return values
+        n, table = len(values["followers"]), values.get("formation", {})
         made = {
-            name: [{"offset_m": slot} for slot in slots]
-            for name, slots in makers.shapes_of(len(values["followers"]), own.spacing_m)
+            name: [{"offset_m": slot} for slot in makers.shape_of(name, n, own.spacing_m)]
+            for name in own.own_shapes
             if name not in own.shapes
         }
         return values | {"formation": table | {"shapes": table.get("shapes", {}) | made}} if made else values

@@ -6,7 +6,7 @@ a law is code, and must be there.
 """
 
 import csv
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -54,14 +54,13 @@ class Surroundings:
         maker: TrajectoryMaker = _load(TRAJECTORIES, str(trajectory["name"]))
         return _rows(maker, len(COLUMNS), **dict(trajectory.get("options") or {}))
 
-    def shapes_of(self, n: int, spacing_m: float) -> Iterator[tuple[str, list[list[float]]]]:
-        """The shapes of the lab's own packages, by name, for n followers; ValueError for one that is none."""
-        for point in entry_points(group=SHAPES):
-            maker: ShapeMaker = _loaded(point)
-            slots = _rows(maker, 3, n=n, spacing_m=spacing_m)
-            if len(slots) != n:
-                raise ValueError(f"shape {point.name!r} of {_whose(point)} has {len(slots)} slots for {n} followers")
-            yield point.name, slots
+    def shape_of(self, name: str, n: int, spacing_m: float) -> list[list[float]]:
+        """The slots (n, 3) of a shape of the lab's own packages; ValueError where there is none, or it is none."""
+        maker: ShapeMaker = _load(SHAPES, name)
+        slots = _rows(maker, 3, n=n, spacing_m=spacing_m)
+        if len(slots) != n:
+            raise ValueError(f"{_name(maker)}: shape {name!r} has {len(slots)} slots for {n} followers")
+        return slots
 
     def check_law(self, name: str, options: Mapping[str, Any]) -> None:
         """ValueError where no package registers the law, or it cannot be made with these options."""
@@ -71,10 +70,7 @@ class Surroundings:
 def law_of(name: str, options: Mapping[str, Any]) -> Callable[[], ControlLaw]:
     """What makes the lab's own law anew; ValueError where no package registers it, or it cannot be made so."""
     maker: LawMaker = _load(LAWS, name)
-    try:
-        maker(**options)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{_name(maker)}: {error}") from error
+    _called(maker, **options)
     return partial(maker, **options)
 
 
@@ -116,14 +112,29 @@ def _load(group: str, name: str) -> Any:
 def _loaded(point: EntryPoint) -> Any:
     try:
         return point.load()
-    except (ImportError, AttributeError) as error:
-        raise ValueError(f"{point.name!r} of {_whose(point)} cannot be loaded: {error}") from error
+    except (Exception, SystemExit) as error:  # it is a lab's own code, which may do anything
+        raise ValueError(f"{point.name!r} of {_whose(point)} cannot be loaded: {_said(error)}") from error
+
+
+def _called(maker: Any, **options: Any) -> Any:
+    """What a maker makes; ValueError whatever it raises, its own and those about the options as they are."""
+    try:
+        return maker(**options)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{_name(maker)}: {error}") from error
+    except (Exception, SystemExit) as error:
+        raise ValueError(f"{_name(maker)}: {_said(error)}") from error
+
+
+def _said(error: BaseException) -> str:
+    return str(error) if isinstance(error, ImportError | AttributeError) else f"{type(error).__name__}: {error}"
 
 
 def _rows(maker: Any, columns: int, **options: Any) -> list[list[float]]:
     """What a maker makes, as rows of finite numbers."""
+    made_of = _called(maker, **options)
     try:
-        made = np.asarray(maker(**options), dtype=np.float64)
+        made = np.asarray(made_of, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{_name(maker)}: {error}") from error
     if made.ndim != 2 or made.shape[1] != columns or not np.isfinite(made).all():

@@ -1,8 +1,8 @@
 """`gcs-sim`: simulated flights, in lockstep or by real processes in real time.
 
-Exit codes: 0 flown; 1 the flight was aborted, or missed what is required of it; 2 the command line, a scenario or a
-recording is not right; 3 starved: the machine was too slow for the simulators, which says nothing of what flew; 130
-interrupted.
+Exit codes: 0 flown; 1 the flight was aborted, the lab's own law failed, or it missed what is required of it; 2 the
+command line, a scenario or a recording is not right; 3 starved: the machine was too slow for the simulators, which says
+nothing of what flew; 130 interrupted.
 
 Commands load what they need when they are called: asking for help waits for no compiler.
 """

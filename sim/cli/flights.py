@@ -194,7 +194,7 @@ def _end(summary: Summary, ending: Ending, aborted_code: int = ABORTED) -> None:
         print_summary(summary, Console())
     if summary.outcome.startswith("starved"):
         raise typer.Exit(starved.EXIT_CODE)
-    if summary.outcome.startswith("aborted"):
+    if summary.outcome not in ("landed", "held"):
         raise typer.Exit(aborted_code)
     if missed := unmet(ending.required, summary):
         fail("; ".join(missed), ABORTED)

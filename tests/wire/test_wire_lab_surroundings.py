@@ -1,3 +1,5 @@
+import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,7 +12,7 @@ from formation.guidance.shape import known, shape_for
 from formation.guidance.shape_request import ShapeRequest
 from formation.guidance.trajectory import anchored, sample
 from wire.config_file import ConfigError, dump, load
-from wire.lab_surroundings import law_package
+from wire.lab_surroundings import LAWS, SHAPES, TRAJECTORIES, law_package
 
 FOLLOWERS = '[[followers]]\nbody = "a"\nsysid = 2\noffset_m = [-1.0, 0.0, 0.0]\n'
 
@@ -67,9 +69,34 @@ def test_a_lab_s_own_trajectory_is_flown_as_its_package_makes_it(tmp_path: Path,
 
 
 def test_a_lab_s_own_shape_is_one_of_its_shapes(tmp_path: Path, installed: None) -> None:
-    config = lab(tmp_path, '{ kind = "hold" }')
+    config = lab(tmp_path, '{ kind = "hold" }', 'formation = { own_shapes = ["diamond"] }')
     assert "diamond" in known(config)
     assert shape_for(config, ShapeRequest("diamond", 2.0)).offset_lead_m == ((-1.0, 1.0, 0.0),)
+
+
+def test_of_packages_only_what_the_lab_names_is_loaded(tmp_path: Path, installed: None) -> None:
+    config = lab(tmp_path, '{ kind = "hold" }')
+    assert "diamond" not in known(config)
+    assert [name for name in sys.modules if name.startswith("own_formation")] == []
+
+
+@pytest.mark.parametrize("error", ["SystemExit(3)", "RuntimeError('no licence')", "KeyError('x')"])
+@pytest.mark.parametrize("named", [("", 'control_law = { name = "bad" }'), ("trajectories", ""), ("shapes", "")])
+def test_whatever_a_package_raises_is_an_error_of_the_lab_file(
+    tmp_path: Path, error: str, named: tuple[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "bad_package.py").write_text(f"def make(**options):\n    raise {error}\n")
+    told = tmp_path / "bad_package-1.0.dist-info"
+    told.mkdir()
+    (told / "METADATA").write_text("Metadata-Version: 2.1\nName: bad-package\nVersion: 1.0\n")
+    groups = (LAWS, TRAJECTORIES, SHAPES)
+    (told / "entry_points.txt").write_text("\n".join(f"[{group}]\nbad = bad_package:make" for group in groups))
+    trajectory = '{ kind = "own", name = "bad" }' if named[0] == "trajectories" else '{ kind = "hold" }'
+    law = 'formation = { own_shapes = ["bad"] }' if named[0] == "shapes" else named[1]
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "bad_package", raising=False)
+    with pytest.raises(ConfigError, match=re.escape(error.partition("(")[0])):
+        lab(tmp_path, trajectory, law)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ class LawOverrunError(BaseException):
 class LawGuard(Protocol):
     """Calls the laws of one tick."""
 
-    def __call__(self, now_ns: int, call: Callable[[], Answer]) -> Answer:
+    def __call__(self, now_ns: int, call: Callable[[], Answer], /) -> Answer:
         """What `call` returns; whatever it raises, and LawOverrunError where it takes longer than it may.
 
         now_ns: the tick's time, by which a replay knows in which tick that was.

@@ -16,7 +16,7 @@ from drone_agent.simulation.level_error import LevelError
 from formation.config import FollowerConfig, LabConfig
 from formation.maths import frames
 from formation.maths.arrays import Vec3
-from formation.model import Model, Name, Positive, QuatTuple, SysId, Vec3Tuple
+from formation.model import Model, Name, Positive, QuatTuple, SysId, Vec3Tuple, WrongKeyError
 from formation.vehicle.profile import VehicleProfile
 from gcs.mocap.sources.csv_file import read_recording
 from sim.cameras.emulator import EmulatorConfig, NotNegative, Share
@@ -97,18 +97,19 @@ class Scenario(Model):
     @model_validator(mode="after")
     def _known_vehicles(self) -> "Scenario":
         commanded = {v.sysid for v in self.lab.vehicles}
-        for vehicle in self.vehicles:
+        for k, vehicle in enumerate(self.vehicles):
             if vehicle.sysid not in commanded:
-                raise ValueError(f"sysid {vehicle.sysid} is not in the lab")
+                raise WrongKeyError(f"vehicles[{k}].sysid", f"sysid {vehicle.sysid} is not in the lab")
         return self
 
     @model_validator(mode="after")
     def _known_victims(self) -> "Scenario":
         bodies = {v.body for v in self.lab.vehicles}
-        for fault in self.faults:
+        for k, fault in enumerate(self.faults):
             for body in {fault.body, fault.other, fault.receiver} - {None}:
                 if body not in bodies and not (body == GROUND_RECEIVER and fault.site is Site.BUS):
-                    raise ValueError(f"{body}, which the fault `{fault.family}` is about, is not in the lab")
+                    text = f"{body}, which the fault `{fault.family}` is about, is not in the lab"
+                    raise WrongKeyError(f"faults[{k}]", f"{text}: {', '.join(sorted(bodies))}")
         return self
 
     def true_vehicle(self, sysid: int) -> TrueVehicle:

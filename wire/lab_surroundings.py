@@ -9,6 +9,7 @@ import csv
 from collections.abc import Callable, Mapping
 from functools import partial
 from importlib.metadata import EntryPoint, entry_points
+from io import StringIO
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -16,6 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from formation.own_law.law import ControlLaw, LawMaker
+from formation.trajectory_config import POINTS_MOST
+from wire.small_files import read_text
 
 TRAJECTORIES, SHAPES = "mavlink_formation.trajectories", "mavlink_formation.shapes"
 LAWS = "mavlink_formation.control_laws"
@@ -81,24 +84,34 @@ def law_package(name: str) -> str:
 
 
 def read_points(path: Path) -> list[list[float]]:
-    """Rows of t, x, y, z, yaw, under a line that names them or none; ValueError names file and line."""
+    """Rows of t, x, y, z, yaw, under a line that names them or none; ValueError names file and line.
+
+    It shows nothing of what is there: the file may be any.
+    """
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            lines = [(number, line) for number, line in enumerate(csv.reader(file), 1) if "".join(line).strip()]
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: {getattr(error, 'strerror', None) or 'not text'}") from error
+        reader = csv.reader(StringIO(read_text(path), newline=""))
+        lines = [(number, line) for number, line in enumerate(reader, 1) if "".join(line).strip()]
+    except OSError as error:
+        raise ValueError(f"{path}: {error.strerror}") from error
+    except (ValueError, csv.Error) as error:
+        raise ValueError(f"{path}: {error}") from error
     if lines and tuple(word.strip().lower() for word in lines[0][1]) == COLUMNS:
         lines = lines[1:]
-    points = []
-    for number, line in lines:
+    if len(lines) > POINTS_MOST:
+        raise ValueError(f"{path}: {len(lines)} points, {POINTS_MOST} at most")
+    return [_point(f"{path}, line {number}", line) for number, line in lines]
+
+
+def _point(where: str, line: list[str]) -> list[float]:
+    if len(line) != len(COLUMNS):
+        raise ValueError(f"{where}: {len(line)} columns, t, x, y, z, yaw are wanted")
+    row = []
+    for column, word in zip(COLUMNS, line, strict=True):
         try:
-            row = [float(word) for word in line]
-        except ValueError as error:
-            raise ValueError(f"{path}, line {number}: {error}") from error
-        if len(row) != len(COLUMNS):
-            raise ValueError(f"{path}, line {number}: {len(row)} numbers, t, x, y, z, yaw are wanted")
-        points.append(row)
-    return points
+            row.append(float(word))
+        except ValueError:
+            raise ValueError(f"{where}: {column} is no number") from None
+    return row
 
 
 def _load(group: str, name: str) -> Any:

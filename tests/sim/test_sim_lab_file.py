@@ -113,7 +113,7 @@ def test_the_formation_is_held_behind_a_leader_that_only_stands(lab: Path) -> No
     [
         ('lab = "nowhere.toml"', "nowhere.toml: No such file"),
         ('lab = "lab.toml"\nsed = 1', "windy.toml: sed: "),
-        ('lab = "lab.toml"\n[[vehicles]]\nsysid = 9', "windy.toml: sysid 9 is not in the lab"),
+        ('lab = "lab.toml"\n[[vehicles]]\nsysid = 9', "windy.toml: vehicles[0].sysid: sysid 9 is not in the lab"),
         ("seed = 3", "windy.toml: lab: is missing"),
     ],
 )

@@ -42,8 +42,8 @@ def test_a_way_in_a_file_beside_the_lab_file_becomes_part_of_the_configuration(t
     ("text", "told"),
     [
         (None, "No such file"),
-        ("0,0,0,0.5,0\n1,0,0,x,0\n", "line 2: could not convert string to float: 'x'"),
-        ("0,0,0,0.5,0\n1,0,0,0.5\n", "line 2: 4 numbers, t, x, y, z, yaw are wanted"),
+        ("0,0,0,0.5,0\n1,0,0,x,0\n", "line 2: z is no number"),
+        ("0,0,0,0.5,0\n1,0,0,0.5\n", "line 2: 4 columns, t, x, y, z, yaw are wanted"),
         ("0,0,0,0.5,0\n1,0,0,inf,0\n", "leader.trajectory.points[1][3]"),
         ("", "0 points"),
     ],
@@ -54,6 +54,24 @@ def test_a_file_that_is_no_way_is_named_with_its_line(tmp_path: Path, text: str 
     with pytest.raises(ConfigError) as error:
         lab(tmp_path, '{ kind = "csv", file = "way.csv" }')
     assert told in str(error.value)
+
+
+@pytest.mark.parametrize("file", ["/dev/zero", "/etc/passwd", "endless.csv", "many.csv", "quoted.csv"])
+def test_a_file_of_any_kind_is_refused_in_one_line_that_shows_nothing_of_it(tmp_path: Path, file: str) -> None:
+    (tmp_path / "endless.csv").write_bytes(b"0" * (9 << 20))
+    (tmp_path / "many.csv").write_text("0,0,0,0,0\n" * 20_001)
+    (tmp_path / "quoted.csv").write_text('"' + "secret," * 40_000)
+    with pytest.raises(ConfigError) as error:
+        lab(tmp_path, f'{{ kind = "csv", file = "{file}" }}')
+    (problem,) = error.value.problems
+    assert "0:0" not in problem
+    assert "secret" not in problem
+    assert len(problem) < 300
+
+
+def test_waypoints_are_as_many_as_can_be_flown(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"leader\.trajectory\.waypoints_m: .*at most 500"):
+        lab(tmp_path, f'{{ kind = "polynomial", waypoints_m = [{", ".join(["[0, 0, 1]"] * 100_000)}] }}')
 
 
 def test_a_lab_s_own_trajectory_is_flown_as_its_package_makes_it(tmp_path: Path, installed: None) -> None:
@@ -102,7 +120,7 @@ def test_whatever_a_package_raises_is_an_error_of_the_lab_file(
 @pytest.mark.parametrize(
     ("trajectory", "told"),
     [
-        ('{ kind = "own" }', "needs `name`"),
+        ('{ kind = "own" }', "leader.trajectory.name: is missing: "),
         ('{ kind = "own", name = "helix", options = { size = 1.0 } }', "unexpected keyword argument 'size'"),
         ('{ kind = "own", name = "spiral" }', "registers 'spiral' in mavlink_formation.trajectories; known: helix"),
     ],

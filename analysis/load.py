@@ -23,6 +23,7 @@ from formation.messages import (
     Datagram,
     Event,
     LabFrame,
+    LawFailure,
     LoopTiming,
     OperatorReply,
     OperatorRequest,
@@ -128,6 +129,7 @@ class Flight:
     target: Series[AttitudeTarget]
     timing: Series[LoopTiming]
     events: Series[Event]
+    law_failures: Series[LawFailure]
     requests: Series[OperatorRequest]
     replies: Series[OperatorReply]
     up: Series[Datagram]
@@ -190,6 +192,7 @@ def from_records(metadata: Mapping[str, str], records: Iterable[Record]) -> Flig
         target=_of(found, topics.TARGET, AttitudeTarget),
         timing=_of(found, topics.TIMING, LoopTiming),
         events=_of(found, topics.EVENT, Event),
+        law_failures=_of(found, topics.LAW_FAILURE, LawFailure),
         requests=_of(found, topics.REQUEST, OperatorRequest),
         replies=_of(found, topics.REPLY, OperatorReply),
         up=_of(found, topics.LINK_UP, Datagram),

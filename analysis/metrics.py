@@ -48,8 +48,9 @@ class Summary:
     leader_rms_m, leader_max_m: length of a commanded leader's tracking error, reference against mocap, in formation.
     vibration_m: see `vibration`. altitude_rms_m: the error's vertical part. min_separation_m: while airborne.
     mocap_ms: the mocap process had the raw frame -> the ground has the aligned one. latency_ms: from there to the last
-    datagram handed to the link. command_hash: SHA-256 over every SET_ATTITUDE_TARGET sent, in order. outcome: landed,
-    held or aborted: reason.
+    datagram handed to the link. command_hash: SHA-256 over every SET_ATTITUDE_TARGET sent, in order. law_failures: how
+    often the lab's own control law failed. outcome: landed, held, aborted: reason, or law failed: which, where the
+    flight itself ended well.
     """
 
     scenario: str
@@ -66,6 +67,7 @@ class Summary:
     min_separation_m: float | None
     frames: int
     late_ticks: int
+    law_failures: int
     mocap_ms: Latency | None
     latency_ms: Latency | None
     age_ms: Age | None
@@ -106,6 +108,7 @@ def summarise(
         min_separation_m=min_separation(flight),
         frames=len(flight.poses),
         late_ticks=sum(timing.late for timing in flight.timing.messages),
+        law_failures=len(flight.law_failures),
         mocap_ms=None if flight.run.lockstep else mocap_latency(flight),
         latency_ms=latency(flight),
         age_ms=None if flight.run.lockstep else age(flight),
@@ -113,7 +116,7 @@ def summarise(
         command_hash=command_hash(flight),
         mcap=None if mcap is None else str(mcap),
         report=None if report is None else str(report),
-        outcome=outcome(flight),
+        outcome=_with_laws(outcome(flight), flight),
     )
 
 
@@ -233,6 +236,12 @@ def outcome(flight: Flight) -> str:
     if landings and not _asked_for(flight, Verb.LAND, landings[-1].start_s):
         return f"aborted: {landings[-1].cause or 'landed unasked'}"
     return "landed"
+
+
+def _with_laws(ended: str, flight: Flight) -> str:
+    """The outcome; of a flight that ended well, that the law which it was to show did not fly to its end."""
+    failures = flight.law_failures.messages
+    return f"law failed: {failures[0].text}" if failures and ended in ("landed", "held") else ended
 
 
 def _asked_for(flight: Flight, verb: Verb, t_s: float) -> bool:

@@ -28,6 +28,7 @@ MEANINGS = {
     "altitude_rms_m": "the vertical part of the formation error",
     "min_separation_m": "least distance between two vehicles in the air",
     "frames": "mocap frames recorded",
+    "law_failures": "failures of the lab's own control law",
     "late_ticks": "control cycles by the watchdog or slower than the frames",
     "mocap_ms": "mocap process has the raw frame to ground has the aligned one, ms: median, 99 %, max",
     "latency_ms": "frame received to last datagram sent: median, 99 %, max",

@@ -149,6 +149,8 @@ def _ending(outcome: str) -> str:
         return "The record ends with the swarm holding its place in the air."
     if outcome.startswith("starved"):
         return f"No flight: {outcome.removeprefix('starved: ')}."
+    if outcome.startswith("law failed"):
+        return f"It ended well, but not by the lab's own law: {outcome.removeprefix('law failed: ')}."
     return f"The flight did not end as planned: {outcome.removeprefix('aborted: ')}."
 
 
@@ -172,6 +174,8 @@ def findings(flight: Flight, tracking: Tracking, summary: Summary) -> tuple[Rema
 def _outcome(summary: Summary) -> Iterator[Remark]:
     if summary.outcome.startswith("starved"):
         yield Remark(True, f"A simulator came too late: {summary.outcome.removeprefix('starved: ')}.", "timeline")
+    if summary.outcome.startswith("law failed"):
+        yield Remark(True, f"{summary.outcome.removeprefix('law failed: ').capitalize()}.", "timeline")
     if summary.outcome.startswith("aborted"):
         yield Remark(True, f"The flight ended early: {summary.outcome.removeprefix('aborted: ')}.", "timeline")
 

@@ -3,14 +3,14 @@
 Reading files is `wire.config_file`'s work; simulation scenarios extend this in `sim.scenario`.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Protocol, Self
 
-from pydantic import AfterValidator, Field, ValidationInfo, model_validator
+from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, model_validator
 
 from formation.fields import Endpoint, GlobePoint, Host, OwnLink, PortBase, Tilt, UnitQuat
 from formation.mocap_config import MocapConfig as MocapConfig
-from formation.model import NO_ROTATION, Model, Name, Positive, SysId, Vec3Tuple
+from formation.model import NO_ROTATION, Model, Name, NoFlag, Number, Positive, SysId, Vec3Tuple, WrongKeyError
 from formation.requests import CONFIGURED as CONFIGURED
 from formation.requests import ENDPOINT, LAB
 from formation.trajectory_config import TrajectoryConfig as TrajectoryConfig
@@ -51,13 +51,13 @@ class LeaderConfig(VehicleBody):
     trajectory: TrajectoryConfig = TrajectoryConfig()
     trajectories: dict[Name, TrajectoryConfig] = Field(default_factory=dict)
     """Further ones, by name, among which the operator chooses; `configured` is the one above."""
-    spawn_yaw_rad: float = 0.0
+    spawn_yaw_rad: Number = 0.0
     """Heading in which a commanded leader is expected to start, about lab z; the slots turn with it."""
 
     @model_validator(mode="after")
     def _leaves_the_configured_one(self) -> Self:
         if CONFIGURED in self.trajectories:
-            raise ValueError(f"trajectory {CONFIGURED!r} is the one that `trajectory` says")
+            raise WrongKeyError(f"trajectories.{CONFIGURED}", "this name is that of `trajectory`: choose another")
         return self
 
 
@@ -66,37 +66,39 @@ class FollowerConfig(VehicleBody):
 
     sysid: SysId
     offset_m: Vec3Tuple
-    yaw_offset_rad: float = 0.0
+    yaw_offset_rad: Number = 0.0
 
 
 class SlotConfig(Model):
     """One follower's place in a listed shape: offset and heading in the leader's frame."""
 
     offset_m: Vec3Tuple
-    yaw_offset_rad: float = 0.0
+    yaw_offset_rad: Number = 0.0
 
 
 class FormationConfig(Model):
     """Shapes that the followers may change to: the distance of neighbours in the named ones, and further ones, listed.
 
-    shapes: by name, one slot a follower; a list under the name of a pattern replaces it.
+    shapes: by name, one slot a follower; a list under the name of a pattern replaces it. own_shapes: names of shapes
+    that the lab's own packages make.
     """
 
     spacing_m: Positive = 0.5
     shapes: dict[Name, tuple[SlotConfig, ...]] = Field(default_factory=dict)
+    own_shapes: tuple[Name, ...] = ()
 
     @model_validator(mode="after")
     def _leaves_the_configured_one(self) -> Self:
         if CONFIGURED in self.shapes:
-            raise ValueError(f"shape {CONFIGURED!r} is the one that the followers' own slots make")
+            raise WrongKeyError(f"shapes.{CONFIGURED}", "this name is that of the followers' own slots: choose another")
         return self
 
 
 class ShapeReader(Protocol):
     """Who knows the shapes that the lab's own packages make."""
 
-    def shapes_of(self, n: int, spacing_m: float) -> Iterable[tuple[str, list[list[float]]]]:
-        """By name, the slots of n followers; ValueError for one that is none."""
+    def shape_of(self, name: str, n: int, spacing_m: float) -> list[list[float]]:
+        """The slots of n followers; ValueError where no package makes it, or it is none."""
 
 
 class Fence(Model):
@@ -109,7 +111,9 @@ class Fence(Model):
     def _is_a_box(self) -> Self:
         for axis, low, high in zip("xyz", self.low_m, self.high_m, strict=True):
             if low >= high:
-                raise ValueError(f"low_m is {low:g} and high_m {high:g} along {axis}: low must be under high")
+                raise WrongKeyError(
+                    "low_m", f"low_m is {low:g} and high_m {high:g} along {axis}: low must be under high"
+                )
         return self
 
 
@@ -135,7 +139,7 @@ class FlightConfig(Model):
     climb_m_s: Positive = 0.4
     descend_m_s: Positive = 0.3
     reform_m_s: Positive = 0.5
-    observed_leader_altitude_offset_m: float = 0.0
+    observed_leader_altitude_offset_m: Number = 0.0
 
 
 class LinkConfig(Model):
@@ -150,7 +154,7 @@ class LinkConfig(Model):
     drone_port_base: PortBase = 14580
     zenoh_listen: tuple[Endpoint, ...] = ()
     zenoh_connect: tuple[Endpoint, ...] = (ENDPOINT,)
-    imu_rate_hz: Annotated[float, Field(ge=0.0, le=250.0)] = 0.0
+    imu_rate_hz: Annotated[float, NoFlag, Field(ge=0.0, le=250.0)] = 0.0
 
     @property
     def joined(self) -> "LinkConfig":
@@ -166,7 +170,7 @@ class StopButton(Model):
     """
 
     device: Annotated[str, Field(min_length=1, max_length=255)]
-    button: Annotated[int, Field(ge=0, le=767)] | None = None
+    button: Annotated[int, NoFlag, Field(ge=0, le=767)] | None = None
 
 
 class OperatorConfig(Model):
@@ -192,7 +196,10 @@ class ControlLawConfig(Model):
     def _is_here(self, info: ValidationInfo) -> Self:
         packages: LawReader | None = info.context
         if packages is not None:
-            packages.check_law(self.name, self.options)
+            try:
+                packages.check_law(self.name, self.options)
+            except ValueError as error:
+                raise WrongKeyError("name", str(error), self.name) from error
         return self
 
 
@@ -221,36 +228,57 @@ class LabConfig(Model):
     @model_validator(mode="before")
     @classmethod
     def _shapes_of_packages(cls, values: Any, info: ValidationInfo) -> Any:
-        """The shapes that the lab's own packages register, where the file lists none of that name."""
+        """The shapes of the lab's own packages that it names, where the file lists none of that name."""
         makers: ShapeReader | None = info.context
         if makers is None or not isinstance(values, dict) or not isinstance(values.get("followers"), list):
             return values
-        table = values.get("formation", {})
-        own = FormationConfig.model_validate(table)
+        try:
+            own = FormationConfig.model_validate(values.get("formation", {}))
+        except ValidationError:  # to be told of with its keys, when the tables are read
+            return values
+        n, table = len(values["followers"]), values.get("formation", {})
         made = {
-            name: [{"offset_m": slot} for slot in slots]
-            for name, slots in makers.shapes_of(len(values["followers"]), own.spacing_m)
+            name: [{"offset_m": slot} for slot in makers.shape_of(name, n, own.spacing_m)]
+            for name in own.own_shapes
             if name not in own.shapes
         }
         return values | {"formation": table | {"shapes": table.get("shapes", {}) | made}} if made else values
 
     @model_validator(mode="after")
     def _unique(self) -> Self:
-        bodies = [v.body for v in self.vehicles]
-        sysids = [v.sysid for v in self.vehicles if v.sysid is not None]
-        if len(set(bodies)) != len(bodies):
-            raise ValueError(f"two vehicles share a body name: {sorted(bodies)}")
-        if len(set(sysids)) != len(sysids):
-            raise ValueError(f"two vehicles share a sysid: {sorted(sysids)}")
+        of_body: dict[str, str] = {}
+        of_sysid: dict[int, str] = {}
+        for i, vehicle in enumerate(self.vehicles):
+            key = self.key_of(i)
+            if vehicle.body in of_body:
+                raise WrongKeyError(
+                    f"{key}.body", f"{of_body[vehicle.body]} has it, too: two vehicles share a body name", vehicle.body
+                )
+            if vehicle.sysid in of_sysid:
+                raise WrongKeyError(
+                    f"{key}.sysid", f"{of_sysid[vehicle.sysid]} has it, too: two vehicles share a sysid", vehicle.sysid
+                )
+            of_body[vehicle.body] = key
+            if vehicle.sysid is not None:
+                of_sysid[vehicle.sysid] = key
         for name, slots in self.formation.shapes.items():
             if len(slots) != len(self.followers):
-                raise ValueError(f"shape {name!r} has {len(slots)} slots for {len(self.followers)} followers")
+                text = f"{len(slots)} slots for {len(self.followers)} followers: one a follower is needed"
+                raise WrongKeyError(f"formation.shapes.{name}", text)
         return self
+
+    @staticmethod
+    def key_of(i: int) -> str:
+        """The key of a vehicle in the file, by its index."""
+        return "leader" if i == 0 else f"followers[{i - 1}]"
 
     @model_validator(mode="after")
     def _known_profiles(self) -> Self:
-        for vehicle in self.vehicles:
-            self.profile_of(vehicle)
+        for i, vehicle in enumerate(self.vehicles):
+            try:
+                self.profile_of(vehicle)
+            except ValueError as error:
+                raise WrongKeyError(f"{self.key_of(i)}.profile", str(error)) from error
         return self
 
     def flying(self, trajectory: str) -> "LabConfig":

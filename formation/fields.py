@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from formation.model import Positive, QuatTuple, Vec3Tuple
+from formation.model import NoFlag, Positive, QuatTuple, Vec3Tuple
 
 UNIT_WITHIN = 0.01
 """How far a quaternion's length may be off 1: what is written with three decimals is near enough."""
@@ -77,4 +77,4 @@ GlobePoint = Annotated[Vec3Tuple, AfterValidator(_globe)]
 OwnLink = Annotated[str, AfterValidator(_own_link)]
 Endpoint = Annotated[str, AfterValidator(_endpoint)]
 Host = Annotated[str, AfterValidator(_host)]
-PortBase = Annotated[int, Field(ge=1024, le=PORT_MOST - SYSID_MOST)]
+PortBase = Annotated[int, NoFlag, Field(ge=1024, le=PORT_MOST - SYSID_MOST)]

@@ -207,6 +207,27 @@ class Event:
     text: str
 
 
+@dataclass(frozen=True, slots=True)
+class LawFailure:
+    """The lab's own control law failed in the tick at t_ns, and the built-in law flies on.
+
+    body: whose; of all, and empty, where it overran: it did not answer in time, which a replay cannot find again and
+    takes from here.
+    """
+
+    t_ns: int
+    law: str
+    body: str
+    reason: str
+    overran: bool
+
+    @property
+    def text(self) -> str:
+        """In one line."""
+        whose = f", {self.body}" if self.body else ""
+        return f"control law {self.law}{whose}: {self.reason}; the built-in law flies on"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
     """The simulated vehicle's true state, as its agent publishes it."""

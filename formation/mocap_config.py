@@ -6,11 +6,11 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from formation.fields import Host, UnitQuat
-from formation.model import NO_ROTATION, Model, Name, Positive, QuatTuple, Vec3Tuple
+from formation.model import NO_ROTATION, Model, Name, NoFlag, Positive, QuatTuple, Vec3Tuple, WrongKeyError
 
-Port = Annotated[int, Field(ge=1, le=65_535)]
-Seconds = Annotated[float, Field(ge=0.0, le=0.5)]
-SensorId = Annotated[int, Field(ge=0, le=2**31 - 1)]
+Port = Annotated[int, NoFlag, Field(ge=1, le=65_535)]
+Seconds = Annotated[float, NoFlag, Field(ge=0.0, le=0.5)]
+SensorId = Annotated[int, NoFlag, Field(ge=0, le=2**31 - 1)]
 SourceText = Annotated[str, Field(min_length=1, max_length=128)]
 """A body's name as the camera system writes it, blanks and all."""
 UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
@@ -39,7 +39,7 @@ class VrpnConfig(Model):
     host: Host = "127.0.0.1"
     port: Port = 3883
     udp: bool = False
-    assemble_s: Annotated[float, Field(gt=0.0, le=0.01)] = 0.002
+    assemble_s: Annotated[float, NoFlag, Field(gt=0.0, le=0.01)] = 0.002
     repeats_are_lost: bool = True
 
 
@@ -51,7 +51,7 @@ class ChingmuConfig(Model):
     device: Name = "MCServer"
     first_sensor: SensorId = 300
     """Rigid bodies are sensors from here on: the lab's bodies in their order, where [mocap.names] does not say."""
-    assemble_s: Annotated[float, Field(gt=0.0, le=0.01)] = 0.002
+    assemble_s: Annotated[float, NoFlag, Field(gt=0.0, le=0.01)] = 0.002
     repeats_are_lost: bool = True
 
 
@@ -127,20 +127,23 @@ class MocapConfig(Model):
         """The one rotation, written either way; where both are, they must agree."""
         if not isinstance(values, dict) or values.get("axes") is None:
             return values
-        q = rotation_of(values["axes"])
+        try:
+            q = rotation_of(values["axes"])
+        except ValueError as error:
+            raise WrongKeyError("axes", str(error).removeprefix("axes: "), values["axes"]) from error
         given = values.get("q_lab_from_mocap")
         if given is not None and max(abs(abs(a) - abs(b)) for a, b in zip(given, q, strict=True)) > 1e-3:
-            raise ValueError("axes and q_lab_from_mocap are two ways to say one rotation, and differ: give one")
+            raise WrongKeyError("axes", "q_lab_from_mocap says another rotation: give one of the two")
         return values | {"q_lab_from_mocap": q}
 
     @model_validator(mode="after")
     def _is_whole(self) -> Self:
         if self.source in ("csv", "mcap") and not self.file:
-            raise ValueError(f'source "{self.source}" needs `file`, the recording to play')
+            raise WrongKeyError("file", f'is missing: source "{self.source}" needs `file`, the recording to play')
         if self.unit not in (None, "m") and self.source in IN_METRES:
-            raise ValueError(f'source "{self.source}" is in metres')
+            raise WrongKeyError("unit", f'source "{self.source}" is in metres', self.unit)
         if len(set(self.names.values())) < len(self.names):
-            raise ValueError("names: one body has two names at the source")
+            raise WrongKeyError("names", "one body has two names at the source")
         return self
 
 

@@ -3,11 +3,38 @@
 import re
 from typing import Annotated
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
-Vec3Tuple = tuple[float, float, float]
-QuatTuple = tuple[float, float, float, float]
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+LARGEST, SMALLEST = 1e6, 1e-9
+"""No length, time, angle or mass of a lab is larger, and none that has to be there is smaller."""
+
+
+class WrongKeyError(ValueError):
+    """A rule of a whole table, and which of its keys breaks it: `key`, from the table on; value: as the file has it."""
+
+    def __init__(self, key: str, text: str, value: object = None) -> None:
+        super().__init__(text)
+        self.key, self.value = key, value
+
+
+def _no_flag(value: object) -> object:
+    """`true` is no number, though Python takes it for 1."""
+    if isinstance(value, bool):
+        raise ValueError("a number is wanted")
+    return value
+
+
+def _not_tiny(value: float) -> float:
+    if value < SMALLEST:
+        raise ValueError(f"too small: {SMALLEST:g} at least")
+    return value
+
+
+NoFlag = BeforeValidator(_no_flag)
+Number = Annotated[float, NoFlag, Field(ge=-LARGEST, le=LARGEST)]
+Positive = Annotated[float, NoFlag, Field(gt=0.0, le=LARGEST), AfterValidator(_not_tiny)]
+Vec3Tuple = tuple[Number, Number, Number]
+QuatTuple = tuple[Number, Number, Number, Number]
 LONGEST_NAME = 64
 
 
@@ -19,7 +46,7 @@ def _name(text: str) -> str:
 
 Name = Annotated[str, AfterValidator(_name)]
 """What may stand in a file's name, a key on the bus, a terminal and a page as it is."""
-SysId = Annotated[int, Field(ge=1, le=250)]
+SysId = Annotated[int, NoFlag, Field(ge=1, le=250)]
 NO_ROTATION: QuatTuple = (1.0, 0.0, 0.0, 0.0)
 
 

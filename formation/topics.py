@@ -35,6 +35,7 @@ STATE = Topic("control/state", m.SwarmState, 100.0, Drop.OLDEST_LOST)
 REFERENCE = Topic("control/reference", m.Reference, 100.0, Drop.OLDEST_LOST)
 COMMAND = Topic("control/command", m.Command, 100.0, Drop.OLDEST_LOST)
 TARGET = Topic("control/target", m.AttitudeTarget, 100.0, Drop.OLDEST_LOST)
+LAW_FAILURE = Topic("control/law_failure", m.LawFailure, 0.1, Drop.NEVER)
 EVENT = Topic("event", m.Event, 1.0, Drop.NEVER)
 REFUSED = Topic("edge/refused", m.Event, 1.0, Drop.NEVER)
 PHASE = Topic("phase", m.PhaseChange, 0.1, Drop.NEVER)
@@ -56,6 +57,7 @@ ALL = (
     REFERENCE,
     COMMAND,
     TARGET,
+    LAW_FAILURE,
     EVENT,
     REFUSED,
     PHASE,

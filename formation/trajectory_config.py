@@ -8,15 +8,16 @@ from typing import Annotated, Any, Literal, Protocol, Self
 
 from pydantic import Field, ValidationInfo, model_validator
 
-from formation.model import Model, Name, Positive, Vec3Tuple
+from formation.model import Model, Name, NoFlag, Number, Positive, Vec3Tuple, WrongKeyError
 
 TrajectoryKind = Literal[
     "hold", "line", "circle", "figure8", "lissajous", "waypoints", "polynomial", "csv", "own"
 ]  # fmt: skip
-PathPoint = tuple[float, float, float, float, float]
+PathPoint = tuple[Number, Number, Number, Number, Number]
 """Time from the beginning, s; x, y, z in `lab`, m; heading about lab z, rad."""
-POINTS_MOST = 20_000
-Cycles = Annotated[int, Field(ge=0, le=20)]
+POINTS_MOST, WAYPOINTS_MOST = 20_000, 500
+STEP_LEAST_S = 1e-4
+Cycles = Annotated[int, NoFlag, Field(ge=0, le=20)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,9 +73,9 @@ class TrajectoryConfig(Model):
     period_s: Positive = 12.0
     duration_s: Positive = 8.0
     speed_m_s: Positive = 0.5
-    yaw_rate_rad_s: float = 0.0
-    waypoints_m: tuple[Vec3Tuple, ...] = ()
-    laps: Annotated[int, Field(ge=1, le=1000)] | None = None
+    yaw_rate_rad_s: Number = 0.0
+    waypoints_m: Annotated[tuple[Vec3Tuple, ...], Field(max_length=WAYPOINTS_MOST)] = ()
+    laps: Annotated[int, NoFlag, Field(ge=1, le=1000)] | None = None
     file: str | None = None
     name: Name | None = None
     options: dict[str, float | int | str | bool] = Field(default_factory=dict)
@@ -87,18 +88,26 @@ class TrajectoryConfig(Model):
         if not isinstance(values, dict) or values.get("kind") not in ("csv", "own") or values.get("points"):
             return values
         reader: PathReader | None = info.context
-        return values if reader is None else values | {"points": reader.points_of(values["kind"], values)}
+        if reader is None:
+            return values
+        try:
+            return values | {"points": reader.points_of(values["kind"], values)}
+        except ValueError as error:
+            raise WrongKeyError("file" if values["kind"] == "csv" else "name", str(error)) from error
 
     @model_validator(mode="after")
     def _is_whole(self) -> Self:
         if self.kind in ("waypoints", "polynomial") and not self.waypoints_m:
-            raise ValueError(f'kind "{self.kind}" needs `waypoints_m`, points of the lab')
+            raise WrongKeyError("waypoints_m", f'is missing: kind "{self.kind}" needs `waypoints_m`, points of the lab')
         if self.kind == "csv" and not (self.file or self.points):
-            raise ValueError('kind "csv" needs `file`: lines of t, x, y, z, yaw')
+            raise WrongKeyError("file", 'is missing: kind "csv" flies its lines of t, x, y, z, yaw')
         if self.kind == "own" and not (self.name or self.points):
-            raise ValueError('kind "own" needs `name`, under which a package has registered it')
+            raise WrongKeyError("name", 'is missing: kind "own" flies what a package has registered under it')
         if self.kind in ("csv", "own"):
-            _check_times(self.points)
+            try:
+                _check_times(self.points)
+            except ValueError as error:
+                raise WrongKeyError("file" if self.file else "points", str(error)) from error
         return self
 
 
@@ -109,5 +118,8 @@ def _check_times(points: tuple[PathPoint, ...]) -> None:
     if points[0][0] != 0.0:
         raise ValueError(f"the first point is at t = {points[0][0]:g} s: time is counted from it, so it is at 0")
     for k, (a, b) in enumerate(pairwise(points)):
-        if not b[0] > a[0]:
-            raise ValueError(f"point {k + 2} is at t = {b[0]:g} s, the one before it at {a[0]:g} s: times must rise")
+        if not b[0] - a[0] >= STEP_LEAST_S:
+            raise ValueError(
+                f"point {k + 2} is at t = {b[0]:g} s, the one before it at {a[0]:g} s: times must rise, by "
+                f"{STEP_LEAST_S:g} s or more"
+            )

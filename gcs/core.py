@@ -20,12 +20,14 @@ from formation.messages import (
     Event,
     HostReport,
     LabFrame,
+    LawFailure,
     OperatorReply,
     OperatorRequest,
     Phase,
     Severity,
     Verb,
 )
+from formation.own_law.guard import LawGuard, unlimited
 from formation.rejection import Rejection
 from formation.safety import rules
 from formation.safety.phases import STREAMING, Trigger
@@ -78,12 +80,13 @@ class GcsCore:
 
     def __init__(
         self, config: LabConfig, t0_ns: int, epoch: int = 0, without: frozenset[str] = frozenset(),
-        gains: Preset | None = None,
+        gains: Preset | None = None, law_guard: LawGuard = unlimited,
     ) -> None:  # fmt: skip
         """epoch: which of the lab's grounds this is; one started anew is another.
 
         without: those of gcs.safety.monitors.MONITORS that a campaign switches off; ValueError for other names.
-        gains: those that a search tries in the place of the lab's preset.
+        gains: those that a search tries in the place of the lab's preset. law_guard: bounds how long the lab's own law
+        may take.
         """
         monitors.check(without)
         self._config = config
@@ -96,8 +99,9 @@ class GcsCore:
         self._links = {drone.link.sysid: drone.link for drone in self._drones}
         for link in self._links.values() if monitors.STOP_REPEAT in without else ():
             link.commands.urgent_retry_ns = RETRY_NS
-        self._own = own_laws(config)
+        self._own = own_laws(config, law_guard)
         self._stack = self._fresh_stack()
+        self._law_failures: list[LawFailure] = []
         self._pick_up_ns: int | None = None
         self._flight = Flight(config, self._drones, t0_ns)
         self._gatherer = FactGatherer(config, self._drones)
@@ -242,7 +246,8 @@ class GcsCore:
         hover = np.array([drone.link.hover_thrust_norm for drone in self._drones])
         self._stack.forget(self._blind.look(frame))
         stages = self._stack.step(now_ns, frame, self._flight.plan(), hover, felt_forces(self._drones, frame))
-        self._flight.events += self._stack.told()
+        self._law_failures = self._stack.law_failures()
+        self._flight.events += [Event(Severity.ERROR, "control", failure.text) for failure in self._law_failures]
         state, target = stages.state, stages.target
         if not all_finite(
             state.pos_lab_m, state.vel_lab_m_s, target.q_lab_from_flu, target.rate_flu_rad_s, target.thrust_norm
@@ -328,7 +333,9 @@ class GcsCore:
                 (topics.REFERENCE, stages.reference),
                 (topics.COMMAND, stages.command),
                 (topics.TARGET, stages.target),
+                *((topics.LAW_FAILURE, failure) for failure in self._law_failures),
             ]
+            self._law_failures = []
         flight = self._flight
         records += [(topics.PHASE, change) for change in flight.changes]
         events, flight.events, flight.changes = flight.events, [], []

@@ -40,6 +40,7 @@ from wire.clock import REAL_TIME, Clock, unix_us
 from wire.logs.dates import record_dates
 from wire.logs.live import sharer
 from wire.logs.mcap_log import LogWriter
+from wire.process.deadline import Deadline
 from wire.process.machine import machine
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import Reply, ZenohBus
@@ -47,6 +48,8 @@ from wire.transport.zenoh_bus import Reply, ZenohBus
 STATE_NS, DISK_NS = 100_000_000, 1_000_000_000
 GROUNDED = (Phase.GROUND, Phase.STOPPED)
 LANDING_LIMIT_NS = 60_000_000_000
+LAW_S, LAW_WALL_S = 0.01, 0.05
+"""For the lab's own laws in one tick: of computing, and of any kind; setpoints are stale after 0.1 s."""
 
 Tell = Callable[[Event], None]
 
@@ -266,7 +269,7 @@ async def run(
     """
     start = clock.pair()
     t0_ns, epoch = start.monotonic_ns, start.unix_ns // 1_000_000_000
-    core = GcsCore(config, t0_ns, epoch)
+    core = GcsCore(config, t0_ns, epoch, law_guard=Deadline(LAW_S, LAW_WALL_S))
     bus = await ZenohBus.open(config.link, config.name)
     try:
         told = {**run_metadata(config, t0_ns, epoch), "lab_file": str(lab_file), "machine": machine(), **metadata}

@@ -21,7 +21,7 @@ Input = LabFrame | Datagram | OperatorRequest | HostReport
 
 INPUT_TOPICS = (topics.MOCAP, topics.LINK_UP, topics.REQUEST, topics.HOST)
 OUTPUT_TOPICS = (
-    topics.STATE, topics.REFERENCE, topics.COMMAND, topics.TARGET, topics.PHASE, topics.EVENT,
+    topics.STATE, topics.REFERENCE, topics.COMMAND, topics.TARGET, topics.LAW_FAILURE, topics.PHASE, topics.EVENT,
     topics.LINK_DOWN, topics.REPLY,
 )  # fmt: skip
 

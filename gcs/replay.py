@@ -1,7 +1,7 @@
 """Replay: the inputs of a log through a new GcsCore, its outputs compared bit by bit with the recorded ones."""
 
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from formation import topics
 from formation.config import LabConfig
+from formation.own_law.guard import Answer, LawOverrunError
 from formation.topics import Topic
 from gcs.core import GcsCore
 from gcs.recording import INPUT_TOPICS, OUTPUT_TOPICS, THINNED, Thinning, outputs
@@ -59,7 +60,7 @@ def replay(log: Log) -> Replay:
 
     A log that was cut off may end in the middle of a tick's outputs: what is there must agree.
     """
-    core = _core(log.metadata)
+    core = _core(log)
     thinning = Thinning() if THINNED in log.metadata else None
     inputs = ticks = agreed = 0
     expected: Iterator[Output] = iter(())
@@ -93,14 +94,29 @@ def _left_over(expected: Iterator[Output], t_ns: int) -> Difference | None:
     return Difference(left_out[0].name, t_ns, "message", "nothing", _shown(left_out[1]))
 
 
-def _core(metadata: Mapping[str, str]) -> GcsCore:
+class _RecordedOverruns:
+    """The lab's own law takes too long where it did in flight, and nowhere else: formation.own_law.guard.LawGuard."""
+
+    def __init__(self, log: Log) -> None:
+        failures = (entry.message for entry in log.entries if entry.topic is topics.LAW_FAILURE)
+        self._reasons = {failure.t_ns: failure.reason for failure in failures if failure.overran}
+
+    def __call__(self, now_ns: int, call: Callable[[], Answer]) -> Answer:
+        """What `call` returns."""
+        if now_ns in self._reasons:
+            raise LawOverrunError(self._reasons[now_ns])
+        return call()
+
+
+def _core(log: Log) -> GcsCore:
+    metadata = log.metadata
     try:
         epoch, t0_ns = int(metadata.get("epoch", "0")), int(metadata["t0_ns"])
         config = LabConfig.model_validate_json(metadata["lab"])
     except (KeyError, ValidationError) as error:
         raise ReplayError(f"the log does not hold its run's configuration: {error}") from error
     try:
-        return GcsCore(config, t0_ns, epoch)
+        return GcsCore(config, t0_ns, epoch, law_guard=_RecordedOverruns(log))
     except ValueError as error:
         law = metadata.get("control_law", "")
         raise ReplayError(f"it was flown by the control law {law}, which a replay needs, too: {error}") from error

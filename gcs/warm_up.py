@@ -13,13 +13,20 @@ from formation.maths import frames
 from formation.messages import LabFrame
 from gcs.core import GcsCore
 from gcs.own_law import own_laws
+from wire.process.deadline import Deadline
 
 FRAME_NS = 10_000_000
+LAW_S = 5.0
+"""For the lab's own laws in one imagined tick, in which they may compile, too."""
 
 
 def warm_up(config: LabConfig) -> None:
     """Fly the control of this lab in imagination, change a shape, and let safety judge bodies that stand in a row."""
-    control.warm_up(config, tuple(config.profile_of(vehicle) for vehicle in config.vehicles), own_laws(config))
+    control.warm_up(
+        config,
+        tuple(config.profile_of(vehicle) for vehicle in config.vehicles),
+        own_laws(config, Deadline(LAW_S, LAW_S)),
+    )
     _change_shape()
     _watch_over(config)
     _judge(config)

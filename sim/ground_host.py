@@ -10,11 +10,14 @@ from gcs.core import BrokenInvariantError, GcsCore
 from gcs.recording import Input, Record, Recorder
 from sim.life import Waiting
 from sim.monitors import Without
+from wire.process.deadline import Deadline
 from wire.transport.memory_bus import NOTHING_DUE_NS
 
 REQUEST_IDS = 1_000_000
 """From here on count the requests that faults make; the operator's own begin at 1."""
 TOLD_AFTER_NS = 1_500_000_000
+LAW_S = 5.0
+"""For the lab's own law, of the host's time: simulated time stands still meanwhile, so it only ends what never ends."""
 
 
 class GroundHost:
@@ -34,7 +37,7 @@ class GroundHost:
         self._second = False
         self._input = Waiting[Input]()
         self.name = f"ground-{epoch}"
-        self._core = GcsCore(lab, now_ns, epoch, without.ground, gains)
+        self._core = GcsCore(lab, now_ns, epoch, without.ground, gains, Deadline(LAW_S, LAW_S))
         self._report = HostReport()
         self._requests = REQUEST_IDS * (epoch + 1)
 

@@ -2,7 +2,6 @@
 
 import asyncio
 import signal
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from types import TracebackType
 from typing import Self
 
 from wire.process import starved
+from wire.process.python import python_command
 
 PATIENCE_S = 5.0
 
@@ -58,7 +58,7 @@ class ProcessGroup:
 
         patience_s: how long the process may take to end well when asked to.
         """
-        output, command = self._folder / f"{name}.log", (sys.executable, "-m", module, *arguments)
+        output, command = self._folder / f"{name}.log", python_command(module, *arguments)
         child = Child(name, await _run(command, output, "wb"), output, patience_s, command)
         self._children.append(child)
         return child

@@ -1,10 +1,11 @@
 """A simulated flight as data: the lab, the true vehicles, the emulated mocap and links, the air, the operator.
 
-`load` finds a scenario by path or, among those shipped, by name; `with_leader_file` puts in a recorded leader.
+`find` takes a scenario's or a lab's file or, among those shipped, a name; `with_leader_file` puts in a recorded leader.
 """
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AliasChoices, Field, model_validator
@@ -15,15 +16,20 @@ from drone_agent.simulation.level_error import LevelError
 from formation.config import FollowerConfig, LabConfig
 from formation.maths import frames
 from formation.maths.arrays import Vec3
-from formation.model import Model, Name, Positive, QuatTuple, SysId, Vec3Tuple
+from formation.model import Model, Name, Positive, QuatTuple, SysId, Vec3Tuple, WrongKeyError
 from formation.vehicle.profile import VehicleProfile
 from gcs.mocap.sources.csv_file import read_recording
 from sim.cameras.emulator import EmulatorConfig, NotNegative, Share
 from sim.cameras.playback import Playback
 from sim.faults.fault import GROUND_RECEIVER, Fault, Site
+from sim.lab_file import scenario_values
 from sim.script import FLIGHT, Step
 from sim.shipped import shipped
 from wire import config_file
+from wire.toml_text import read_toml
+
+ONLY_IN_SCENARIOS = frozenset({"about", "air", "faults", "formation_s", "longest_s", "script", "seed", "vehicles"})
+"""Keys that no lab file has: a file with one of them, and no lab, is a scenario that lacks its lab."""
 
 
 class LinkModel(Model):
@@ -91,18 +97,19 @@ class Scenario(Model):
     @model_validator(mode="after")
     def _known_vehicles(self) -> "Scenario":
         commanded = {v.sysid for v in self.lab.vehicles}
-        for vehicle in self.vehicles:
+        for k, vehicle in enumerate(self.vehicles):
             if vehicle.sysid not in commanded:
-                raise ValueError(f"sysid {vehicle.sysid} is not in the lab")
+                raise WrongKeyError(f"vehicles[{k}].sysid", f"sysid {vehicle.sysid} is not in the lab")
         return self
 
     @model_validator(mode="after")
     def _known_victims(self) -> "Scenario":
         bodies = {v.body for v in self.lab.vehicles}
-        for fault in self.faults:
+        for k, fault in enumerate(self.faults):
             for body in {fault.body, fault.other, fault.receiver} - {None}:
                 if body not in bodies and not (body == GROUND_RECEIVER and fault.site is Site.BUS):
-                    raise ValueError(f"{body}, which the fault `{fault.family}` is about, is not in the lab")
+                    text = f"{body}, which the fault `{fault.family}` is about, is not in the lab"
+                    raise WrongKeyError(f"faults[{k}]", f"{text}: {', '.join(sorted(bodies))}")
         return self
 
     def true_vehicle(self, sysid: int) -> TrueVehicle:
@@ -110,13 +117,49 @@ class Scenario(Model):
         return next((v for v in self.vehicles if v.sysid == sysid), TrueVehicle(sysid=sysid))
 
 
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """A scenario as it was found.
+
+    lab_file, lab: where it flies a lab file: that file, and all that stands in it, real links and cameras included.
+    """
+
+    scenario: Scenario
+    lab_file: Path | None = None
+    lab: LabConfig | None = None
+
+
 def load(name_or_path: str) -> Scenario:
     """The scenario of a file, or a shipped one of that name; wire.config_file.ConfigError where it is not right."""
+    return find(name_or_path).scenario
+
+
+def find(name_or_path: str) -> Opened:
+    """The shipped scenario of that name, or a file: a scenario with its lab, one that names a lab file, or a lab file.
+
+    wire.config_file.ConfigError where it is not right.
+    """
     path = shipped().get(name_or_path, Path(name_or_path))
     if not path.exists():
         known = ", ".join(shipped())
         raise config_file.ConfigError([f"{name_or_path}: no such file, nor a shipped scenario ({known})"])
-    scenario = config_file.load(path, Scenario)
+    values = read_toml(path)
+    named = values.get("lab")
+    if isinstance(named, str):
+        return _of_lab_file(path, path.parent / named, {"name": path.stem} | values)
+    if named is None and not ONLY_IN_SCENARIOS & set(values):
+        return _of_lab_file(path, path, {"name": path.stem})
+    return Opened(_beside(path, config_file.parse(values, Scenario, source=str(path), folder=path.parent)))
+
+
+def _of_lab_file(path: Path, lab_file: Path, values: dict[str, Any]) -> Opened:
+    lab = config_file.load(lab_file, LabConfig)
+    scenario = config_file.parse(scenario_values(lab, values), Scenario, source=str(path), folder=path.parent)
+    return Opened(_beside(path, scenario), lab_file, lab)
+
+
+def _beside(path: Path, scenario: Scenario) -> Scenario:
+    """The scenario with the leader's recording, where it has one, looked for beside its file."""
     recorded = scenario.leader.file
     if recorded is None or Path(recorded).is_absolute():
         return scenario

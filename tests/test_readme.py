@@ -15,6 +15,8 @@ from formation.config import LabConfig
 from formation.messages import RawFrame
 from formation.safety import phases, rules_table
 from gcs.mocap.gate.checks import gate_markdown
+from sim import lockstep
+from sim.scenario import load
 from wire import clock
 from wire.config_file import parse
 from wire.schema import schema_of
@@ -79,9 +81,24 @@ def test_the_publisher_shown_publishes_frames_that_are_taken(monkeypatch: pytest
     assert all(raw_fault(frame, clock.monotonic_ns()) is None for frame in kept)
 
 
+def toml_shown() -> tuple[list[str], list[str]]:
+    """The lab files, and the scenarios that name one."""
+    shown = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    return [text for text in shown if "lab" not in tomllib.loads(text)], [t for t in shown if "lab" in tomllib.loads(t)]
+
+
 def test_a_lab_shown_can_be_flown() -> None:
     """A snippet without bodies of its own belongs to the first lab."""
-    first, *others = (tomllib.loads(text) for text in re.findall(r"```toml\n(.*?)```", README, re.DOTALL))
+    first, *others = map(tomllib.loads, toml_shown()[0])
     for snippet in (first, *others):
         parse(snippet if "leader" in snippet else {**first, **snippet}, LabConfig, source="README.md")
     assert others
+
+
+def test_the_scenario_shown_flies_the_lab_shown(tmp_path: Path) -> None:
+    (tmp_path / "lab.toml").write_text(toml_shown()[0][0])
+    (scenario,) = toml_shown()[1]
+    file = tmp_path / "scenario.toml"
+    file.write_text(scenario)
+    flown, _ = lockstep.run_in_memory(load(str(file)), 7)
+    assert flown.outcome.result == "landed", flown.outcome

@@ -3,13 +3,15 @@
 Every error is one line that names the file, the key and the reason.
 """
 
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 import tomli_w
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
-from formation.model import Model
+from formation.model import Model, WrongKeyError
 from wire.errors import ConfigError as ConfigError
 from wire.errors import Fault as Fault
 from wire.lab_surroundings import Surroundings
@@ -17,8 +19,10 @@ from wire.toml_text import read_toml
 
 M = TypeVar("M", bound=Model)
 
-SHORT = 8
-"""So many numbers of a list are shown."""
+SHORT, LONG = 8, 80
+"""So many numbers of a list are shown, and so many characters of a value."""
+NEAR = 0.7
+"""How alike a key must be to one that is known, to be taken for it."""
 
 
 def load(path: Path, model: type[M]) -> M:
@@ -34,12 +38,22 @@ def parse(values: dict[str, Any], model: type[M], *, source: str, folder: Path |
         faults = error.errors()
         # Of a list with a bad item pydantic also says that it is too short: the item is the reason.
         inner = {fault["loc"][:1] for fault in faults if len(fault["loc"]) > 1}
-        told = [
-            Fault(_key(fault["loc"]), _value(fault["type"], fault["input"]), _reason(fault["type"], fault["msg"]))
-            for fault in faults
-            if fault["type"] != "too_short" or fault["loc"] not in inner
-        ]
-        raise ConfigError([f"{source}: {fault}" for fault in told], told) from error
+        told = [_fault(fault, model) for fault in faults if fault["type"] != "too_short" or fault["loc"] not in inner]
+        raise ConfigError([f"{source}: {fault}" for fault in told], told, source) from error
+
+
+def _fault(found: ErrorDetails, model: type[Model]) -> Fault:
+    """One of pydantic's errors in our words."""
+    kind, location = found["type"], found["loc"]
+    key, value, reason = _key(location), _value(kind, found["input"]), _reason(kind, found["msg"])
+    raised = found.get("ctx", {}).get("error")
+    if isinstance(raised, WrongKeyError):
+        key = ".".join(filter(None, (key, raised.key)))
+        value = "" if raised.value is None else _shown(raised.value)
+    elif kind == "extra_forbidden":
+        near = get_close_matches(str(location[-1]), _known_keys(model, location[:-1]), 1, NEAR)
+        reason += f": is {near[0]} meant?" if near else ""
+    return Fault(key, value, reason)
 
 
 def _key(location: tuple[int | str, ...]) -> str:
@@ -50,13 +64,40 @@ def _key(location: tuple[int | str, ...]) -> str:
     return key
 
 
+def _known_keys(model: type[Model], location: tuple[int | str, ...]) -> list[str]:
+    """The keys of the table there; none where it is no model's."""
+    inner: Any = model
+    for part in location:
+        kind = _model_in(inner)
+        if kind is not None and part in kind.model_fields:
+            inner = kind.model_fields[str(part)].annotation
+    kind = _model_in(inner)
+    return [] if kind is None else list(kind.model_fields)
+
+
+def _model_in(annotation: Any) -> type[Model] | None:
+    """The model in `Model`, `Model | None`, `tuple[Model, ...]` or `dict[str, Model]`."""
+    if isinstance(annotation, type) and issubclass(annotation, Model):
+        return annotation
+    return next((found for part in get_args(annotation) if (found := _model_in(part)) is not None), None)
+
+
 def _value(kind: str, value: Any) -> str:
     """The value as written, or nothing where there is none or much of it."""
     if kind in ("missing", "extra_forbidden") or isinstance(value, dict):
         return ""
     if isinstance(value, list) and (len(value) > SHORT or any(isinstance(item, dict | list) for item in value)):
         return ""
-    return repr(value)
+    return _shown(value)
+
+
+def _shown(value: object) -> str:
+    """A value in one short line."""
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of thousands of digits
+        return "a number of thousands of digits"
+    return text if len(text) <= LONG else f"{text[: LONG - 3]}..."
 
 
 def _reason(kind: str, message: str) -> str:

@@ -19,13 +19,14 @@ class Fault:
 class ConfigError(ValueError):
     """A configuration that cannot be used; `problems` has one line a fault, `str` is all of them.
 
-    faults: the same by key, where it was read at all.
+    faults: the same by key, where it was read at all; source: the file that has them.
     """
 
-    def __init__(self, problems: Sequence[str], faults: Sequence[Fault] = ()) -> None:
+    def __init__(self, problems: Sequence[str], faults: Sequence[Fault] = (), source: str = "") -> None:
         super().__init__("\n".join(problems))
         self.problems = list(problems)
         self.faults = tuple(faults)
+        self.source = source
 
 
 class BusError(OSError):

@@ -6,9 +6,10 @@ a law is code, and must be there.
 """
 
 import csv
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from importlib.metadata import EntryPoint, entry_points
+from io import StringIO
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -16,6 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from formation.own_law.law import ControlLaw, LawMaker
+from formation.trajectory_config import POINTS_MOST
+from wire.small_files import read_text
 
 TRAJECTORIES, SHAPES = "mavlink_formation.trajectories", "mavlink_formation.shapes"
 LAWS = "mavlink_formation.control_laws"
@@ -54,14 +57,13 @@ class Surroundings:
         maker: TrajectoryMaker = _load(TRAJECTORIES, str(trajectory["name"]))
         return _rows(maker, len(COLUMNS), **dict(trajectory.get("options") or {}))
 
-    def shapes_of(self, n: int, spacing_m: float) -> Iterator[tuple[str, list[list[float]]]]:
-        """The shapes of the lab's own packages, by name, for n followers; ValueError for one that is none."""
-        for point in entry_points(group=SHAPES):
-            maker: ShapeMaker = _loaded(point)
-            slots = _rows(maker, 3, n=n, spacing_m=spacing_m)
-            if len(slots) != n:
-                raise ValueError(f"shape {point.name!r} of {_whose(point)} has {len(slots)} slots for {n} followers")
-            yield point.name, slots
+    def shape_of(self, name: str, n: int, spacing_m: float) -> list[list[float]]:
+        """The slots (n, 3) of a shape of the lab's own packages; ValueError where there is none, or it is none."""
+        maker: ShapeMaker = _load(SHAPES, name)
+        slots = _rows(maker, 3, n=n, spacing_m=spacing_m)
+        if len(slots) != n:
+            raise ValueError(f"{_name(maker)}: shape {name!r} has {len(slots)} slots for {n} followers")
+        return slots
 
     def check_law(self, name: str, options: Mapping[str, Any]) -> None:
         """ValueError where no package registers the law, or it cannot be made with these options."""
@@ -71,10 +73,7 @@ class Surroundings:
 def law_of(name: str, options: Mapping[str, Any]) -> Callable[[], ControlLaw]:
     """What makes the lab's own law anew; ValueError where no package registers it, or it cannot be made so."""
     maker: LawMaker = _load(LAWS, name)
-    try:
-        maker(**options)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{_name(maker)}: {error}") from error
+    _called(maker, **options)
     return partial(maker, **options)
 
 
@@ -85,24 +84,34 @@ def law_package(name: str) -> str:
 
 
 def read_points(path: Path) -> list[list[float]]:
-    """Rows of t, x, y, z, yaw, under a line that names them or none; ValueError names file and line."""
+    """Rows of t, x, y, z, yaw, under a line that names them or none; ValueError names file and line.
+
+    It shows nothing of what is there: the file may be any.
+    """
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            lines = [(number, line) for number, line in enumerate(csv.reader(file), 1) if "".join(line).strip()]
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: {getattr(error, 'strerror', None) or 'not text'}") from error
+        reader = csv.reader(StringIO(read_text(path), newline=""))
+        lines = [(number, line) for number, line in enumerate(reader, 1) if "".join(line).strip()]
+    except OSError as error:
+        raise ValueError(f"{path}: {error.strerror}") from error
+    except (ValueError, csv.Error) as error:
+        raise ValueError(f"{path}: {error}") from error
     if lines and tuple(word.strip().lower() for word in lines[0][1]) == COLUMNS:
         lines = lines[1:]
-    points = []
-    for number, line in lines:
+    if len(lines) > POINTS_MOST:
+        raise ValueError(f"{path}: {len(lines)} points, {POINTS_MOST} at most")
+    return [_point(f"{path}, line {number}", line) for number, line in lines]
+
+
+def _point(where: str, line: list[str]) -> list[float]:
+    if len(line) != len(COLUMNS):
+        raise ValueError(f"{where}: {len(line)} columns, t, x, y, z, yaw are wanted")
+    row = []
+    for column, word in zip(COLUMNS, line, strict=True):
         try:
-            row = [float(word) for word in line]
-        except ValueError as error:
-            raise ValueError(f"{path}, line {number}: {error}") from error
-        if len(row) != len(COLUMNS):
-            raise ValueError(f"{path}, line {number}: {len(row)} numbers, t, x, y, z, yaw are wanted")
-        points.append(row)
-    return points
+            row.append(float(word))
+        except ValueError:
+            raise ValueError(f"{where}: {column} is no number") from None
+    return row
 
 
 def _load(group: str, name: str) -> Any:
@@ -116,14 +125,29 @@ def _load(group: str, name: str) -> Any:
 def _loaded(point: EntryPoint) -> Any:
     try:
         return point.load()
-    except (ImportError, AttributeError) as error:
-        raise ValueError(f"{point.name!r} of {_whose(point)} cannot be loaded: {error}") from error
+    except (Exception, SystemExit) as error:  # it is a lab's own code, which may do anything
+        raise ValueError(f"{point.name!r} of {_whose(point)} cannot be loaded: {_said(error)}") from error
+
+
+def _called(maker: Any, **options: Any) -> Any:
+    """What a maker makes; ValueError whatever it raises, its own and those about the options as they are."""
+    try:
+        return maker(**options)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{_name(maker)}: {error}") from error
+    except (Exception, SystemExit) as error:
+        raise ValueError(f"{_name(maker)}: {_said(error)}") from error
+
+
+def _said(error: BaseException) -> str:
+    return str(error) if isinstance(error, ImportError | AttributeError) else f"{type(error).__name__}: {error}"
 
 
 def _rows(maker: Any, columns: int, **options: Any) -> list[list[float]]:
     """What a maker makes, as rows of finite numbers."""
+    made_of = _called(maker, **options)
     try:
-        made = np.asarray(maker(**options), dtype=np.float64)
+        made = np.asarray(made_of, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{_name(maker)}: {error}") from error
     if made.ndim != 2 or made.shape[1] != columns or not np.isfinite(made).all():

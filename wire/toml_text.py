@@ -5,15 +5,16 @@ from pathlib import Path
 from typing import Any
 
 from wire.errors import ConfigError
+from wire.small_files import read_text
 
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The values in the file; ConfigError for one that is missing, not UTF-8, or no TOML."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(read_text(path))
     except OSError as error:
         raise ConfigError([f"{path}: {error.strerror}"]) from error
-    except UnicodeDecodeError as error:
-        raise ConfigError([f"{path}: not UTF-8 text"]) from error
-    except tomllib.TOMLDecodeError as error:
+    except RecursionError as error:
+        raise ConfigError([f"{path}: nested too deeply"]) from error
+    except ValueError as error:  # no file that can be read, or no TOML
         raise ConfigError([f"{path}: {error}"]) from error

@@ -19,7 +19,7 @@ from formation.guidance.plan import Mode, Plan
 from formation.guidance.reference_generator import Generator, References, fleet, references, start, update
 from formation.maths.arrays import Scalars, Vec3s
 from formation.maths.records import Rows, copied, like
-from formation.messages import AttitudeTarget, Command, Event, LabFrame, Reference, SwarmState
+from formation.messages import AttitudeTarget, Command, LabFrame, LawFailure, Reference, SwarmState
 from formation.own_law.flight import Asked, OwnLaws
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
@@ -130,9 +130,9 @@ class ControlStack:
         for place in np.flatnonzero(np.isin(self._commanded, list(bodies))).tolist():
             self._memory[place] = no_memory(1)[0]
 
-    def told(self) -> list[Event]:
-        """What has become of the lab's own laws since it was asked last."""
-        return [] if self._own is None else self._own.told()
+    def law_failures(self) -> list[LawFailure]:
+        """Those of the lab's own laws since it was asked last."""
+        return [] if self._own is None else self._own.take_failures()
 
     def _begin(self, frame: LabFrame, plan: Plan) -> Rows[VehicleEstimate]:
         """The first estimate; vehicles not idle are taken to hover, as after a restart in flight."""

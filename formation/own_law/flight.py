@@ -29,7 +29,8 @@ from formation.guidance.reference_generator import SLOT
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
 from formation.maths.records import Rows
-from formation.messages import Event, Severity
+from formation.messages import LawFailure
+from formation.own_law.guard import LawGuard, LawOverrunError, unlimited
 from formation.own_law.law import ControlLaw, PointMotion, Situation
 from formation.vehicle.response import NEVER_NS, SECONDS, SentCommands
 
@@ -54,17 +55,22 @@ class Asked:
 class OwnLaws:
     """The laws of the commanded vehicles, each from when it is led into a slot until it is led elsewhere."""
 
-    def __init__(self, make: Callable[[], ControlLaw], name: str, config: LabConfig) -> None:
-        self._make, self._name = make, name
+    def __init__(
+        self, make: Callable[[], ControlLaw], name: str, config: LabConfig, guard: LawGuard = unlimited
+    ) -> None:
+        """guard: calls the laws of a tick, and bounds how long they take."""
+        self._make, self._name, self._guard = make, name, guard
         self._bodies = [config.vehicles[i].body for i in config.commanded]
         self._laws: dict[int, ControlLaw] = {}
         self._failed = False
-        self._events: list[Event] = []
+        self._asked = ""
+        """Whose law was called last."""
+        self._failures: list[LawFailure] = []
 
-    def told(self) -> list[Event]:
-        """What has happened since it was asked last."""
-        told, self._events = self._events, []
-        return told
+    def take_failures(self) -> list[LawFailure]:
+        """Those since it was asked last; the first is the only one, as the built-in law then flies on."""
+        taken, self._failures = self._failures, []
+        return taken
 
     def take_over(self, wanted: Rows[Demand], asked: Asked) -> Rows[Demand]:
         """The demand with what the own laws want in it; the inside of ours, which then did nothing, is 0 there."""
@@ -77,13 +83,15 @@ class OwnLaws:
         _motions(
             asked.settings, asked.observers, asked.estimates, asked.history, asked.led, asked.now_ns, motions
         )  # fmt: skip
-        answers: dict[int, Float] = {}
-        for i in forming:
-            try:
-                answers[i] = self._answer(i, motions[i], wanted[i], asked)
-            except Exception as error:  # noqa: BLE001 - it is a lab's own code, and drones in the air need a law
-                self._fail(self._bodies[i], error)
-                return wanted
+        try:
+            answers = self._guard(
+                asked.now_ns, lambda: {i: self._answer(i, motions[i], wanted[i], asked) for i in forming}
+            )
+        except KeyboardInterrupt:  # meant for the program
+            raise
+        except BaseException as error:  # noqa: BLE001 - a lab's own code may do anything; drones in the air need a law
+            self._fail(error, asked.now_ns)
+            return wanted
         for i, acc_lab_m_s2 in answers.items():
             wanted["acc_lab_m_s2"][i] = acc_lab_m_s2
             for field in ("s_lead_m_s", "t_m_lead_m_s2", "z_m_lead_m_s2", "lead_acc_lab_m_s2"):
@@ -93,6 +101,7 @@ class OwnLaws:
     def _answer(self, i: int, motion: Float, wanted: Demand, asked: Asked) -> Float:
         """What one vehicle's law demands; ValueError for what is no acceleration, and whatever the law raises."""
         n, kept, begun = asked.settings[i].vehicle, asked.memory[i], i in self._laws
+        self._asked = self._bodies[i]
         if not begun:
             self._laws[i] = self._make()
         response = asked.observers[n].response
@@ -117,10 +126,10 @@ class OwnLaws:
             raise ValueError(f"it demands {acc_lab_m_s2.tolist()} m/s^2")
         return acc_lab_m_s2
 
-    def _fail(self, body: str, error: Exception) -> None:
-        self._failed = True
-        text = f"control law {self._name}, {body}: {type(error).__name__}: {error}; the built-in law flies on"
-        self._events.append(Event(Severity.ERROR, "control", text))
+    def _fail(self, error: BaseException, now_ns: int) -> None:
+        self._failed, overran = True, isinstance(error, LawOverrunError)
+        body, reason = ("", str(error)) if overran else (self._asked, f"{type(error).__name__}: {error}")
+        self._failures.append(LawFailure(now_ns, self._name, body, reason, overran))
 
 
 def _point(motion: Float) -> PointMotion:

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from formation.maths.arrays import Float, Quat, Vec3
-from formation.model import Model, Name, Positive, Vec3Tuple
+from formation.model import LARGEST, Model, Name, NoFlag, Positive, Vec3Tuple
 from formation.vehicle import body
 from formation.vehicle.body import GRAVITY_M_S2, rotor_reach_m, thrust_norm
 
@@ -32,18 +32,18 @@ __all__ = [
     "thrust_norm",
 ]
 
-NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
+NonNegative = Annotated[float, NoFlag, Field(ge=0.0, le=LARGEST)]
+Fraction = Annotated[float, NoFlag, Field(ge=0.0, le=1.0)]
 ROUNDING = 1e-9
 
 
 class BatteryProfile(Model):
     """A LiPo pack: what it holds, and how much of the full thrust an empty pack still gives."""
 
-    cells: Annotated[int, Field(ge=1, le=14)] = 1
+    cells: Annotated[int, NoFlag, Field(ge=1, le=14)] = 1
     capacity_mah: Positive = 350.0
     hover_current_a: Positive = 4.0
-    empty_thrust_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.85
+    empty_thrust_fraction: Annotated[float, NoFlag, Field(gt=0.0, le=1.0)] = 0.85
 
 
 class GainScale(Model):

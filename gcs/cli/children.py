@@ -1,22 +1,23 @@
 """Processes that a command starts beside itself, and ends with itself."""
 
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from wire.process.python import python_command
 
 PATIENCE_S = 5.0
 
 
 @contextmanager
-def page_process(lab: Path, name: str, speed: float) -> Iterator[None]:
+def page_process(lab: Path, name: str, speed: float) -> Iterator["subprocess.Popen[bytes]"]:
     """While inside, a page is served by a process of its own; whatever becomes of it, nothing here waits for it."""
-    command = [sys.executable, "-m", "gcs", "page", str(lab), "--name", name, "--speed", str(speed)]
+    command = python_command("gcs", "page", str(lab), "--name", name, "--speed", str(speed))
     # A session of its own: Ctrl-C is the ground's, which lands before it ends, and is watched meanwhile.
     process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
     try:
-        yield
+        yield process
     finally:
         process.terminate()
         try:

@@ -1,6 +1,7 @@
 """`gcs check`: a lab file judged, told in numbers and drawn, without anything being started."""
 
 import json
+import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -18,26 +19,50 @@ from gcs.lab.pace import peaks, way_text
 from gcs.lab.plan_svg import svg_plan
 from gcs.lab.plan_text import text_plan
 from wire.config_file import ConfigError, load
+from wire.process.python import python_command
+from wire.toml_text import read_toml
 
 INDENT = " " * 8
 
 
 def check(lab: Path, svg: Path | None, as_json: bool) -> None:
-    """Judge and draw; ends the program with its exit code."""
+    """Judge and draw a lab file, or a scenario and the lab that it flies; ends the program with its exit code."""
+    if _is_scenario(lab):
+        # Scenarios are the simulator's; what they are is known there alone.
+        words = [str(lab), *([] if svg is None else ["--svg", str(svg)]), *(["--json"] if as_json else [])]
+        raise typer.Exit(subprocess.run(python_command("sim", "check", *words), check=False).returncode)
     try:
         config = load(lab, LabConfig)
     except ConfigError as error:
-        if not error.faults:
-            fail(str(error), NOT_RIGHT)
-        wrong = [Finding(f.key, "value", Grade.FAIL, f.value, why=f.reason) for f in error.faults]
-        _conclude(lab, wrong, None, as_json)
+        not_right(lab, error, as_json)
     else:
-        ahead = foreseen(config)
-        if svg is not None:
-            _write(svg, svg_plan(drawn(config, ahead), f"{_room(config)}; {_way(config, ahead)}"))
-        if not as_json:
-            print(text_plan(drawn(config, ahead)), *told(config, ahead), "", sep="\n")
-        _conclude(lab, findings_of(config), numbers(config, ahead), as_json)
+        judge_lab(lab, config, svg, as_json)
+
+
+def not_right(file: Path, error: ConfigError, as_json: bool) -> None:
+    """Say what keeps the file from being read, and end the program."""
+    if not error.faults:
+        fail(str(error), NOT_RIGHT)
+    wrong = [Finding(f.key, "value", Grade.FAIL, f.value, why=f.reason) for f in error.faults]
+    conclude(file, wrong, None, as_json)
+
+
+def judge_lab(file: Path, config: LabConfig, svg: Path | None, as_json: bool, further: Sequence[Finding] = ()) -> None:
+    """Judge and draw a lab that could be read; ends the program with its exit code. further: what else was found."""
+    ahead = foreseen(config)
+    if svg is not None:
+        _write(svg, svg_plan(drawn(config, ahead), f"{_room(config)}; {_way(config, ahead)}"))
+    if not as_json:
+        print(text_plan(drawn(config, ahead)), *told(config, ahead), "", sep="\n")
+    conclude(file, (*findings_of(config), *further), numbers(config, ahead), as_json)
+
+
+def _is_scenario(file: Path) -> bool:
+    """Whether the file is a scenario of the simulator's, which has a lab or names one."""
+    try:
+        return "lab" in read_toml(file)
+    except ConfigError as error:
+        fail(str(error), NOT_RIGHT)
 
 
 def numbers(config: LabConfig, ahead: Preview) -> dict[str, object]:
@@ -87,7 +112,7 @@ def _way(config: LabConfig, ahead: Preview) -> str:
     return f"{config.leader.trajectory.kind}: {ahead.length_m:.2f} m in {ahead.duration_s:.1f} s, then it stays there"
 
 
-def _conclude(lab: Path, findings: Sequence[Finding], counted: dict[str, object] | None, as_json: bool) -> None:
+def conclude(lab: Path, findings: Sequence[Finding], counted: dict[str, object] | None, as_json: bool) -> None:
     """Errors, then warnings apart from them, and the exit code."""
     errors, warnings = of_grade(findings, Grade.FAIL), of_grade(findings, Grade.WARN)
     if as_json:

@@ -26,7 +26,8 @@ def line(finding: Finding) -> str:
     """`key = value: reason, wanted ...` in one line."""
     value = f" = {finding.found}" if finding.found else ""
     wanted = f"; wanted {finding.wanted}" if finding.wanted else ""
-    return f"{finding.subject}{value}: {finding.why}{wanted}"
+    key = f"{finding.subject}{value}"
+    return f"{key}: {finding.why}{wanted}" if key else f"{finding.why}{wanted}"
 
 
 def of_grade(findings: Sequence[Finding], grade: Grade) -> list[Finding]:

@@ -2,7 +2,6 @@
 
 import asyncio
 import hashlib
-import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -12,6 +11,7 @@ from formation.messages import Event, Severity
 from gcs.cli.common import NOT_RIGHT
 from wire.clock import REAL_TIME, Clock
 from wire.process.lifetime import Tell
+from wire.process.python import python_command
 from wire.transport.mocap_bus import MocapBus
 
 FIND_S = 1.0
@@ -81,8 +81,9 @@ class _OwnProcess:
     async def start(self) -> None:
         """In a session of its own, so that neither Ctrl-C nor our death takes the drones' poses away."""
         self._process = await asyncio.create_subprocess_exec(
-            sys.executable, "-m", "gcs", "mocap", str(self._lab_file), "--linger", str(LINGER_S),
-            "--speed", str(self._clock.speed),
+            *python_command(
+                "gcs", "mocap", str(self._lab_file), "--linger", str(LINGER_S), "--speed", str(self._clock.speed)
+            ),
             stdin=asyncio.subprocess.DEVNULL, start_new_session=True,
         )  # fmt: skip
 

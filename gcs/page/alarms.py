@@ -9,6 +9,8 @@ from formation.messages import Event, Severity
 LOUD = Severity.ERROR
 """What is as severe as this, or more, is heard until it is acknowledged."""
 MOST = 100
+HEARD_MOST = 1000
+"""Events remembered as heard: many times what a state repeats."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,18 +29,21 @@ class AlarmBook:
     """Keeps alarms in order of their first coming; the same words again raise a count. Bounded: the oldest is lost."""
 
     _kept: dict[tuple[str, str], Alarm] = field(default_factory=dict)
-    _heard: tuple[int, int] = (0, 0)  # epoch of the ground, and the newest of its events that was taken in
+    _heard: dict[tuple[int, int, str], None] = field(default_factory=dict)
+    """The ground's events that were taken in, by its epoch, their number and text: a false number hides no other."""
     _latest: list[Alarm] = field(default_factory=list)
 
     def hear_ground(self, state: Mapping[str, Any]) -> None:
         """Take in the events of the ground's state that are new; a ground started anew begins to count anew."""
-        epoch, newest = int(state["epoch"]), self._heard[1] if self._heard[0] == int(state["epoch"]) else 0
         for event in state["events"]:
-            if event["id"] > newest:
-                newest = int(event["id"])
-                severity = Severity[str(event["severity"])]
-                self.hear(Event(severity, str(event["source"]), str(event["text"])), float(event["unix_s"]))
-        self._heard = (epoch, newest)
+            key = int(state["epoch"]), int(event["id"]), str(event["text"])
+            if key in self._heard:
+                continue
+            self._heard[key] = None
+            severity = Severity[str(event["severity"])]
+            self.hear(Event(severity, str(event["source"]), str(event["text"])), float(event["unix_s"]))
+        while len(self._heard) > HEARD_MOST:
+            del self._heard[next(iter(self._heard))]
 
     def hear(self, event: Event, unix_s: float) -> None:
         """Take an event in."""

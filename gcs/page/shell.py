@@ -30,6 +30,8 @@ LOOPBACK = "127.0.0.1"
 PORT, PORTS = 8470, 20
 ANSWER_S, ARMING_S = 3.0, 20.0
 SOURCE_MOST = 80
+FETCHED_MOST = 8
+"""Pages that were fetched by somebody who has not connected yet; the oldest is dropped, and has to be loaded again."""
 WATCH_S = 0.25
 """How often the page is drawn where no state comes; the browser notices a server that draws nothing for 1.5 s."""
 
@@ -41,6 +43,8 @@ class Page:
         self.model = Model(config)
         self._config, self._ground, self._clock = config, ground, clock
         self._viewers: dict[str, Viewer] = {}
+        self._fetched: list[Client] = []
+        """Those who have fetched the page and are not connected."""
         self._bus: ZenohBus | None = None
         self._style = (FOLDER / "page.css").read_text(encoding="utf-8")
         self._script = (FOLDER / "page.html").read_text(encoding="utf-8")
@@ -76,6 +80,10 @@ class Page:
         ui.add_css(self._style)
         ui.add_body_html(self._script)
         viewer = Viewer(self.model, self.ask)
+        self._fetched = [each for each in self._fetched if not each.has_socket_connection and not each.is_deleted]
+        self._fetched.append(client)
+        while len(self._fetched) > FETCHED_MOST:
+            self._fetched.pop(0).delete()
         client.on_connect(lambda: self._come(viewer))
         client.on_disconnect(lambda: self._leave(viewer))
 

@@ -1,8 +1,8 @@
 """`gcs-sim`: simulated flights, in lockstep or by real processes in real time.
 
-Exit codes: 0 flown; 1 the flight was aborted, or missed what is required of it; 2 the command line, a scenario or a
-recording is not right; 3 starved: the machine was too slow for the simulators, which says nothing of what flew; 130
-interrupted.
+Exit codes: 0 flown; 1 the flight was aborted, the lab's own law failed, or it missed what is required of it; 2 the
+command line, a scenario or a recording is not right; 3 starved: the machine was too slow for the simulators, which says
+nothing of what flew; 130 interrupted.
 
 Commands load what they need when they are called: asking for help waits for no compiler.
 """
@@ -22,7 +22,9 @@ app = program(
     "3 starved, the machine was too slow for the simulators; 130 interrupted.",
 )
 
-Name = Annotated[str, typer.Argument(metavar="SCENARIO", help="A shipped scenario's name or a TOML file.")]
+Name = Annotated[
+    str, typer.Argument(metavar="SCENARIO", help="A shipped scenario's name, a scenario's file, or a lab file.")
+]
 Seed = Annotated[int | None, typer.Option(min=0, help="Decides all luck; without it the scenario's own.")]
 LeaderCsv = Annotated[Path | None, typer.Option(help="The leader's recorded poses (ASL/EuRoC CSV).")]
 Alignment = Annotated[
@@ -57,9 +59,9 @@ def fly(
     from sim.cli import flights
 
     required = flights.required(require)
-    scenario = flights.scenario_of(name, leader_csv, leader_alignment)
+    opened = flights.scenario_of(name, leader_csv, leader_alignment)
     how = flights.Manner(link, mocap, force, speed, watch)
-    flights.fly(scenario, how, seed, flights.Ending(as_json, out, required))
+    flights.fly(opened, how, seed, flights.Ending(as_json, out, required))
 
 
 @app.command()
@@ -76,7 +78,7 @@ def run(
     from sim.cli import flights
 
     ending = flights.Ending(as_json, out, flights.required(require))
-    flights.run(flights.scenario_of(name, leader_csv, leader_alignment), seed, ending)
+    flights.run(flights.scenario_of(name, leader_csv, leader_alignment).scenario, seed, ending)
 
 
 @app.command()
@@ -86,7 +88,19 @@ def mocap(
     """Be the mocap of a scenario's simulated drones, on the bus of its lab, until Ctrl-C."""
     from sim.cli import flights
 
-    flights.mocap(flights.scenario_of(name), seed, speed)
+    flights.mocap(flights.scenario_of(name).scenario, seed, speed)
+
+
+@app.command()
+def check(
+    name: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A scenario's file, or a lab file.")],
+    svg: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the lab from above into an SVG file.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")] = False,
+) -> None:
+    """Judge a scenario and the lab that it flies; starts nothing. `gcs check` does the same."""
+    from sim.cli.check import check as check_scenario
+
+    check_scenario(name, svg, as_json)
 
 
 @app.command("compile")
@@ -94,7 +108,7 @@ def compile_kernels() -> None:
     """Compile everything that flies, once per installation, so that no start waits for it later."""
     from sim.cli import flights
 
-    flights.compile_for(flights.scenario_of("triangle_line"))
+    flights.compile_for(flights.scenario_of("triangle_line").scenario)
 
 
 @app.command("list")

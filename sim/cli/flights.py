@@ -4,7 +4,7 @@ import asyncio
 import signal
 import sys
 from collections.abc import Coroutine, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Literal, NoReturn
@@ -18,6 +18,9 @@ from analysis.metrics import Summary
 from analysis.requirements import Requirement, parse, unmet
 from formation.model import QuatTuple
 from gcs.daemon import GCS_NAME
+from gcs.finding import Grade
+from gcs.lab.findings import line
+from gcs.lab.judge import judge
 from gcs.mocap.sources.csv_file import MocapFileError
 from sim import lockstep
 from sim.cameras import daemon as mocap_daemon
@@ -26,8 +29,9 @@ from sim.cli.conclude import conclude
 from sim.cli.display import Display
 from sim.fly import Files
 from sim.fly import fly as fly_processes
+from sim.lab_file import stand_ins
 from sim.ports import private_link
-from sim.scenario import Scenario, load, recorded_leader, with_leader_file
+from sim.scenario import Opened, Scenario, find, recorded_leader, with_leader_file
 from sim.script import Outcome
 from wire import clock
 from wire.errors import ConfigError
@@ -63,15 +67,18 @@ class Ending:
     required: tuple[Requirement, ...]
 
 
-def fly(scenario: Scenario, how: Manner, seed: int | None, ending: Ending) -> None:
+def fly(opened: Opened, how: Manner, seed: int | None, ending: Ending) -> None:
     """In real time, or slower; ends the process with its exit code."""
-    lab = scenario.lab
+    scenario, lab = opened.scenario, opened.scenario.lab
+    if how.protocol and opened.lab is not None:  # what the lab file says of its own cameras
+        lab = lab.model_copy(update={"mocap": opened.lab.mocap})
     files = Files(_folder(ending.out, scenario))
     compile_for(scenario)
     with (
         private_link(how.link, (v.sysid for v in lab.vehicles if v.sysid is not None)) as own_link,
         Display(Console(stderr=ending.as_json), scenario.name) as display,
     ):
+        own_link = own_link.model_copy(update={"imu_rate_hz": lab.link.imu_rate_hz})
         lab = lab.model_copy(update={"link": own_link})
         scenario = scenario.model_copy(update={"lab": lab_with(lab, how.protocol) if how.protocol else lab})
         flown = asyncio.run(
@@ -126,18 +133,30 @@ async def _interruptible(flight: Coroutine[None, None, Outcome]) -> Outcome | No
         return None
 
 
-def scenario_of(name: str, leader_csv: Path | None = None, alignment: str | None = None) -> Scenario:
-    """The scenario with the leader given; ends the process where either is not right."""
+def scenario_of(name: str, leader_csv: Path | None = None, alignment: str | None = None) -> Opened:
+    """The scenario with the leader given; ends the process where either is not right, or `gcs run` refuses its lab."""
     try:
-        scenario = load(name)
+        opened = find(name)
+        refuse_lab(opened)
         file = None if leader_csv is None else str(leader_csv.absolute())
-        scenario = with_leader_file(scenario, file, None if alignment is None else _quaternion(alignment))
+        scenario = with_leader_file(opened.scenario, file, None if alignment is None else _quaternion(alignment))
         if scenario.needs_leader_file and scenario.leader.file is None:
             raise ValueError(f"{scenario.name} needs a recorded leader: --leader-csv FILE")
         recorded_leader(scenario)
     except (ConfigError, MocapFileError, ValueError) as error:
         fail(str(error), NOT_RIGHT)
-    return scenario
+    if opened.lab is not None:
+        told = f"{opened.lab_file}: {stand_ins(opened.lab)}"
+        Console(stderr=True).print(told, highlight=False, markup=False, soft_wrap=True)
+    return replace(opened, scenario=scenario)
+
+
+def refuse_lab(opened: Opened) -> None:
+    """ConfigError where the scenario flies a lab file that `gcs run` refuses."""
+    if opened.lab is not None:
+        refused = [finding for finding in judge(opened.lab) if finding.grade is Grade.FAIL]
+        if refused:
+            raise ConfigError([f"{opened.lab_file}: {line(finding)}" for finding in refused])
 
 
 def compile_for(scenario: Scenario) -> None:
@@ -175,7 +194,7 @@ def _end(summary: Summary, ending: Ending, aborted_code: int = ABORTED) -> None:
         print_summary(summary, Console())
     if summary.outcome.startswith("starved"):
         raise typer.Exit(starved.EXIT_CODE)
-    if summary.outcome.startswith("aborted"):
+    if summary.outcome not in ("landed", "held"):
         raise typer.Exit(aborted_code)
     if missed := unmet(ending.required, summary):
         fail("; ".join(missed), ABORTED)

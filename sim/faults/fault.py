@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from formation.messages import Verb
-from formation.model import Model, Name, Positive
+from formation.model import Model, Name, Positive, WrongKeyError
 
 
 class Site(StrEnum):
@@ -176,5 +176,5 @@ class Fault(Model):
         }
         for key, is_missing in missing.items():
             if is_missing:
-                raise ValueError(f"a fault `{self.family}` needs `{key}`")
+                raise WrongKeyError(key, f"is missing: a fault `{self.family}` needs `{key}`")
         return self

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from wire.private_files import make_folder
+from wire.process.python import safe_path_for_pools
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -53,7 +54,7 @@ def run_all(work: Callable[[Job], Result], jobs: Sequence[Job], done: Done, work
         return results
     # Spawned, not forked: a fork would take along threads of numba and zstd in whatever state they are.
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(count, mp_context=context) as pool:
+    with safe_path_for_pools(), ProcessPoolExecutor(count, mp_context=context) as pool:
         futures: list[Future[Result]] = [pool.submit(work, job) for job in jobs]
         try:
             for future in as_completed(futures):

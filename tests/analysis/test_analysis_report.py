@@ -19,7 +19,9 @@ from analysis.cli import app
 from analysis.console import print_summary
 from analysis.load import from_records, load
 from analysis.metrics import summarise
+from analysis.pages.compare import _flown_with
 from analysis.pages.events import folded
+from analysis.pages.setup import setup
 from analysis.picture import picture
 from analysis.plots import drawings
 from analysis.plots.style import Missing
@@ -232,6 +234,15 @@ def test_the_report_says_what_it_was_flown_with(log: Path):
     ):
         assert words in page
     assert "follower.c" in page
+
+
+def test_gains_nested_without_end_are_left_out(log: Path):
+    deep = '{"a": ' * 5000 + "1" + "}" * 5000
+    for text in (deep, "[" * 100_000, '{"a": {"b": ' + "[" * 50 + "]" * 50 + "}}"):
+        flight = load(log)
+        flown = replace(flight, run=replace(flight.run, metadata={"gains": text, "profiles": text}))
+        assert "Gains and observers" not in setup(flown)
+        assert dict(_flown_with(flown))["gains"] == text
 
 
 def test_every_picture_says_in_words_what_it_shows(log: Path):

@@ -4,7 +4,7 @@ from analysis.metrics import Latency, Summary
 from analysis.requirements import KEYS, parse, unmet
 
 FLOWN = Summary(
-    "line", 1, "udp", 20.0, 2, 0.004, 0.009, None, None, 0.001, 0.001, 0.55, 2000, 0, None, Latency(1.0, 2.5, 9.0),
+    "line", 1, "udp", 20.0, 2, 0.004, 0.009, None, None, 0.001, 0.001, 0.55, 2000, 0, 0, None, Latency(1.0, 2.5, 9.0),
     None, 0.9, "", None, None, "landed",
 )  # fmt: skip
 

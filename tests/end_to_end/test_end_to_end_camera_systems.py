@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flights import CIRCLE, LINE, UPSIDE_DOWN, gcs_sim_fly, write_scenario
+from flights import CIRCLE, LINE, RATE_HZ, UPSIDE_DOWN, gcs_sim_fly, write_scenario
 
 from analysis.load import load
 from analysis.metrics import summarise
@@ -58,6 +58,21 @@ def test_a_turned_room_in_millimetres_flies_as_the_plain_one(
     )
     summary = flown(scenario, tmp_path / "run", "--mocap", protocol)
     assert summary["formation_rms_m"] <= WORSE * plain_m
+
+
+OWN_LAB = """
+mocap = {{ source = "vicon", {rate}, axes = ["x right", "y up", "z back"], names = {{ "Quad 1" = "leader" }}, {host} }}
+leader = {{ body = "leader", sysid = 1, trajectory = {{ {trajectory} }} }}
+followers = [{{ body = "left", sysid = 3, link = "udp:192.168.1.33:14550", {profile}, offset_m = [-0.5, 0.5, 0.0] }}]
+"""
+
+
+def test_a_labs_own_file_flies_by_its_cameras_protocol(tmp_path: Path) -> None:
+    lab = tmp_path / "lab.toml"
+    host, rate, profile = 'vicon = { host = "192.168.1.10" }', f"rate_hz = {RATE_HZ}", 'profile = "paper_40g"'
+    lab.write_text(OWN_LAB.format(host=host, rate=rate, profile=profile, trajectory=LINE))
+    summary = flown(lab, tmp_path / "run", "--mocap", "vicon")
+    assert (summary["scenario"], summary["followers"]) == ("lab", 1)
 
 
 @pytest.mark.parametrize("protocol", ["natnet", "vicon"])

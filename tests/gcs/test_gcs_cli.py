@@ -78,10 +78,10 @@ def test_a_lab_file_that_is_missing():
     [
         (("sysid = 2", 'sysid = 2\nlink = "tcp:1"'), "followers[0].link: not udp:HOST:PORT"),
         (("offset_m", "# offset_m"), "followers[0].offset_m: is missing"),
-        (('file = "', '# "'), 'mocap: source "csv" needs `file`'),
+        (('file = "', '# "'), 'mocap.file: is missing: source "csv" needs `file`'),
         (('zenoh_connect = ["tcp/', 'zenoh_connect = ["'), "link.zenoh_connect[0]: not an endpoint"),
         (("sysid = 2", "sysid = 251"), "followers[0].sysid: "),
-        (('body = "left"', 'body = "lead"'), "two vehicles share a body name"),
+        (('body = "left"', 'body = "lead"'), "followers[0].body: leader has it, too: two vehicles share a body name"),
     ],
 )
 def test_a_wrong_value_is_named_with_file_and_key(tmp_path, wrong, words):

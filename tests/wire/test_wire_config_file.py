@@ -85,7 +85,7 @@ def test_every_fault_is_one_line_with_file_key_and_reason(tmp_path):
     assert problems(tmp_path, text) == [
         "followers[0].sysid: Input should be a valid integer, unable to parse string as an integer (it is 'x')",
         "followers[0].offset_m: is missing",
-        "followers[0].offset_mm: is not a known key",
+        "followers[0].offset_mm: is not a known key: is offset_m meant?",
         "limits.tilt_rad: Input should be greater than 0 (it is -1)",
     ]
 
@@ -104,9 +104,42 @@ def test_a_short_list_is_shown_and_every_fault_has_its_key(tmp_path):
     assert str(caught.value) == f"{path}: mocap.q_lab_from_mocap: {fault.reason} (it is [1, 1, 0, 0])"
 
 
-def test_a_rule_of_the_whole_file_names_the_file(tmp_path):
-    (line,) = problems(tmp_path, GOOD.replace('"a"', '"leader"'))
-    assert line == "two vehicles share a body name: ['leader', 'leader']"
+@pytest.mark.parametrize(
+    ("right", "wrong", "line"),
+    [
+        ('"a"', '"leader"', "followers[0].body: leader has it, too: two vehicles share a body name (it is 'leader')"),
+        ("sysid = 2", "sysid = 1", "followers[0].sysid: leader has it, too: two vehicles share a sysid (it is 1)"),
+        (
+            "sysid = 2",
+            'sysid = 2\nprofile = "x500"',
+            "followers[0].profile: unknown vehicle profile 'x500'; known: ",
+        ),
+        ("[leader]", '[mocap]\nsource = "csv"\n[leader]', "mocap.file: is missing: "),
+        ("[leader]", '[mocap]\naxes = ["x up"]\n[leader]', "mocap.axes: three are needed"),
+        (
+            "[leader]",
+            "[limits.fence]\nlow_m = [3, 0, 0]\n[leader]",
+            "limits.fence.low_m: low_m is 3 and high_m 2.5 along x: ",
+        ),
+        ("[leader]", '[leader]\ntrajectory.kind = "waypoints"', "leader.trajectory.waypoints_m: is missing: "),
+        (
+            "[leader]",
+            "[leader]\ntrajectory.raduis_m = 1.0",
+            "leader.trajectory.raduis_m: is not a known key: is radius_m",
+        ),
+        ("[leader]", "[limit]\n[leader]", "limit: is not a known key: is limits meant?"),
+        (
+            "[leader]",
+            "[[formation.shapes.s]]\nofset_m = 1\noffset_m = [1, 0, 0]\n[leader]",
+            "formation.shapes.s[0].ofset_m: ",
+        ),
+    ],
+)
+def test_a_rule_of_a_table_names_the_key_that_breaks_it_and_the_nearest_of_one_that_is_unknown(
+    tmp_path, right, wrong, line
+):
+    (problem,) = problems(tmp_path, GOOD.replace(right, wrong, 1))
+    assert problem.startswith(line)
 
 
 def test_no_followers_at_all(tmp_path):

@@ -8,19 +8,23 @@ Shared only while somebody listens, at the lowest priority, and dropped rather t
 
 import struct
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from typing import Protocol
 
 import zstandard
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, McapRecord, Message, Schema
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel, Chunk, McapRecord, Message, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
+
+from wire.logs.mcap_scan import uncompressed
 
 END = struct.pack("<BQI", Opcode.DATA_END, 4, 0) + struct.pack("<BQ20x", Opcode.FOOTER, 20) + MCAP0_MAGIC
 """What makes a log of a head and a chunk."""
+CHUNK_MOST = 8 << 20
+"""Bytes of a chunk when unpacked; of ours, 20 to 200 ms of a flight, one has a hundredth of that."""
 HEAD_EVERY = 25
 """Chunks: half a second in flight."""
 
@@ -58,6 +62,18 @@ def sharer(bus: Bus, gcs_name: str) -> Callable[[bytes, bytes], None]:
         bus.put(chunk_key, chunk)
 
     return share
+
+
+def _records(log: bytes) -> Iterator[McapRecord]:
+    """The records of a log and of its chunks, each unpacked only so far as it says and CHUNK_MOST allows."""
+    for record in StreamReader(BytesIO(log), emit_chunks=True).records:
+        if isinstance(record, Chunk):
+            raw = uncompressed(record) if record.uncompressed_size <= CHUNK_MOST else None
+            if raw is None or len(raw) != record.uncompressed_size:
+                raise ValueError(f"a chunk of {len(record.data)} bytes that says it holds {record.uncompressed_size}")
+            yield from breakup_chunk(replace(record, compression="", data=raw), validate_crc=True)
+        else:
+            yield record
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +121,7 @@ class LiveLog:
     def _read(self, begun: bytes) -> list[McapRecord]:
         """The records of a log that is not finished; none, and counted, where that is none."""
         try:
-            return list(StreamReader(BytesIO(begun + END)).records)
+            return list(_records(begun + END))
         except (McapError, struct.error, ValueError, zstandard.ZstdError):
             self.refused += 1
             return []

@@ -218,7 +218,7 @@ class _Scanner:
         if stream.count != length or chunk.uncompressed_size > CHUNK_MOST:
             return None
         self._spend(chunk.uncompressed_size)
-        raw = _uncompressed(chunk)
+        raw = uncompressed(chunk)
         crc = chunk.uncompressed_crc
         if raw is None or len(raw) != chunk.uncompressed_size or (crc and zlib.crc32(raw) != crc):
             return None
@@ -247,7 +247,7 @@ def _parse(opcode: int, body: bytes) -> Schema | Channel | Metadata | DataEnd | 
     return record
 
 
-def _uncompressed(chunk: Chunk) -> bytes | None:
+def uncompressed(chunk: Chunk) -> bytes | None:
     """The chunk's bytes, None where they are packed otherwise or not as many as they say."""
     if chunk.compression != "zstd":
         return chunk.data

@@ -1,9 +1,13 @@
 """A log on the bus: whoever listens gets the log's own bytes; the file is the same whether anybody does."""
 
+import struct
+import tracemalloc
 from io import BytesIO
 from pathlib import Path
 
 import pytest
+import zstandard
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
 from formation import topics
@@ -96,6 +100,29 @@ def test_another_ground_is_another_log_and_rubbish_is_counted() -> None:
     assert not log.take_head(b"no log")
     assert log.refused == 1
     assert list(log.messages(b"before any head")) == []
+
+
+@pytest.mark.parametrize("said", [True, False], ids=["a frame that says its size", "one that does not"])
+def test_a_small_chunk_that_unpacks_to_a_large_one_is_refused(said: bool, tmp_path, monkeypatch) -> None:
+    bus = FakeBus(heard=True)
+    record(tmp_path / "flight.mcap", bus, monkeypatch)
+    log, zeros = LiveLog(), bytes(1 << 28)
+    assert log.take_head(next(payload for key, payload in bus.sent if key == HEAD))
+    packed = zstandard.ZstdCompressor(write_content_size=said).compress(zeros)
+    for size in (len(zeros), 1 << 20, 1 << 40):
+        data = (
+            struct.pack("<QQQI", 0, 1, size, 0)
+            + struct.pack("<I", 4)
+            + b"zstd"
+            + struct.pack("<Q", len(packed))
+            + packed
+        )
+        tracemalloc.start()
+        assert list(log.messages(struct.pack("<BQ", Opcode.CHUNK, len(data)) + data)) == []
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak < 1 << 25
+    assert log.refused == 3
 
 
 def test_rerun_is_given_whole_files(tmp_path) -> None:

@@ -199,6 +199,20 @@ def test_alarms_stay_until_they_are_acknowledged_the_severest_first():
     assert len(book.open) == 1
 
 
+def test_a_false_number_of_an_event_hides_no_real_alarm():
+    book, told = AlarmBook(), EventMemory()
+    false = {"id": 2**62, "unix_s": 1.0, "severity": "NOTICE", "source": "x", "text": "false"}
+    book.hear_ground({"epoch": 7, "events": [false]})
+    told.note(Event(Severity.CRITICAL, "safety", "right: outside"), 2_000_000)
+    real = {"epoch": 7, "events": list(told)}
+    for state in (real, {"epoch": 7, "events": [false]}, real):
+        book.hear_ground(state)
+    assert [(one.text, one.times) for one in book.open] == [("right: outside", 1)]
+    for k in range(5000):
+        book.hear_ground({"epoch": k, "events": [false | {"id": k, "text": f"{k}"}]})
+    assert len(book._heard) <= 1000
+
+
 def test_what_others_said_is_never_markup():
     book = AlarmBook()
     book.hear(Event(Severity.ERROR, "<b>", "<script>alert(1)</script>"), 0.0)

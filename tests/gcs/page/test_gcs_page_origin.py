@@ -1,6 +1,7 @@
 """Other web pages in the operator's browser, and names that lead to loopback: none reaches the page's server."""
 
 import http.client
+import urllib.request
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -48,6 +49,25 @@ def test_the_page_itself_may_speak_to_its_server(host: str, origin: str | None) 
 )
 def test_whoever_else_is_refused(host: str, origin: str | None) -> None:
     assert refusal(host, origin)
+
+
+def resident_mib(pid: int) -> float:
+    (line,) = (line for line in Path(f"/proc/{pid}/status").read_text().splitlines() if line.startswith("VmRSS"))
+    return int(line.split()[1]) / 1024
+
+
+@pytest.mark.processes
+def test_who_only_fetches_the_page_again_and_again_leaves_nothing_behind(tmp_path: Path) -> None:
+    lab = tmp_path / "lab.toml"
+    link = {"zenoh_listen": [f"tcp/127.0.0.1:{free_port()}"], "zenoh_connect": []}
+    lab.write_text(config_file.dump(triangle(link=link)))
+    with page_server(lab, 1.0) as (url, process):
+        for _ in range(50):
+            urllib.request.urlopen(url, timeout=30.0).read()
+        before = resident_mib(process.pid)
+        for _ in range(300):
+            urllib.request.urlopen(url, timeout=30.0).read()
+        assert resident_mib(process.pid) - before < 20.0
 
 
 @pytest.mark.processes

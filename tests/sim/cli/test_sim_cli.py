@@ -11,8 +11,8 @@ from wire.config_file import dump
 
 KEYS = {
     "scenario", "seed", "link", "duration_s", "followers", "formation_rms_m", "formation_max_m", "leader_rms_m",
-    "leader_max_m", "vibration_m", "altitude_rms_m", "min_separation_m", "frames", "late_ticks", "mocap_ms",
-    "latency_ms", "age_ms", "realtime_factor", "command_hash", "mcap", "report", "outcome",
+    "leader_max_m", "vibration_m", "altitude_rms_m", "min_separation_m", "frames", "late_ticks", "law_failures",
+    "mocap_ms", "latency_ms", "age_ms", "realtime_factor", "command_hash", "mcap", "report", "outcome",
 }  # fmt: skip
 ROW = "1000000000,1.0,2.0,1.5,1.0,0.0,0.0,0.0\n"
 

@@ -21,7 +21,21 @@ body = "left"
 sysid = 2
 offset_m = [-0.5, 0.0, 0.0]
 """
+LAB = """
+[leader]
+body = "leader"
+sysid = 1
+trajectory = { kind = "hold", duration_s = 0.3 }
+[[followers]]
+body = "left"
+sysid = 2
+link = "udp:192.168.1.33:14550"
+offset_m = [-0.5, 0.0, 0.0]
+"""
 TESTS = """
+def test_lab_file(formation_flight):
+    assert formation_flight("lab.toml", require=["formation_max_m<0.02"]).scenario == "lab"
+
 def test_reached(formation_flight):
     assert formation_flight("short.toml", seed=3, require=["formation_max_m<0.02", "min_separation_m>0.4"]).seed == 3
 
@@ -33,15 +47,20 @@ def test_missed(formation_flight):
 def run(pytester: pytest.Pytester, *words: str) -> pytest.RunResult:
     """In a process of its own: pytester takes back what a run in this one has imported, matplotlib among it."""
     Path(pytester.path, "short.toml").write_text(SHORT)
+    Path(pytester.path, "lab.toml").write_text(LAB)
     pytester.makepyfile(TESTS)
     return pytester.runpytest_subprocess(*ALONE, *words)
 
 
 def test_a_flight_that_reaches_what_is_required_passes(pytester: pytest.Pytester) -> None:
-    run(pytester, "-k", "reached", "--max-formation-rms", "0.02").assert_outcomes(passed=1, deselected=1)
+    run(pytester, "-k", "reached", "--max-formation-rms", "0.02").assert_outcomes(passed=1, deselected=2)
+
+
+def test_a_labs_own_file_can_be_flown(pytester: pytest.Pytester) -> None:
+    run(pytester, "-k", "lab_file").assert_outcomes(passed=1, deselected=2)
 
 
 def test_one_that_misses_what_its_test_or_the_command_line_requires_fails(pytester: pytest.Pytester) -> None:
     result = run(pytester, "-k", "missed", "--max-formation-rms", "1e-6")
-    result.assert_outcomes(failed=1, deselected=1)
+    result.assert_outcomes(failed=1, deselected=2)
     result.stdout.fnmatch_lines(["*min_separation_m>4 is required, it is 0.*; formation_rms_m<=1e-06 is required*"])

@@ -1,7 +1,10 @@
 """A lab's own control law, by the example package, in lockstep: it flies the followers, ours stands behind it."""
 
+import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
+from time import sleep
 
 import numpy as np
 import pytest
@@ -9,11 +12,12 @@ from own_package import installed_in
 
 from analysis.load import load as load_flight
 from analysis.metrics import summarise
+from analysis.requirements import parse, unmet
 from formation import topics
 from formation.config import ControlLawConfig
 from formation.messages import Event, Severity
 from gcs.replay import ReplayError, replay
-from sim import lockstep
+from sim import ground_host, lockstep
 from sim.scenario import Scenario, load
 from wire.logs.mcap_log import Log, read_log
 
@@ -75,6 +79,39 @@ def test_where_it_fails_the_built_in_law_takes_over_and_everybody_is_told(
     summary = summarise(load_flight(path))
     assert summary.formation_max_m is not None
     assert summary.formation_max_m < 0.02
+    assert summary.law_failures == 1
+    assert summary.outcome.startswith("law failed: control law cascade, left: ValueError: it demands [")
+    assert "law_failures<1 is required, it is 1" in unmet([parse("law_failures<1")], summary)
+
+
+@pytest.mark.parametrize("does", ["loops", "exits", "sleeps"])
+def test_a_law_that_never_answers_or_ends_the_process_does_not(
+    does: str, tmp_path: Path, installed: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from own_formation.cascade import Cascade
+
+    flies, path = Cascade.__call__, tmp_path / "flight.mcap"
+
+    def goes_wrong(self: Cascade, at):
+        if at.leader.pos_lab_m[1] > 0.29:
+            if does == "exits":
+                sys.exit(3)
+            while does == "loops":
+                with suppress(Exception):
+                    flies(self, at)
+            sleep(60.0)
+        return flies(self, at)
+
+    monkeypatch.setattr(Cascade, "__call__", goes_wrong)
+    monkeypatch.setattr(ground_host, "LAW_S", 0.5)
+    assert lockstep.run_to_file(lap(), 1, path).outcome.result == "landed"
+    log, summary = read_log(path), summarise(load_flight(path))
+    assert summary.law_failures == 1
+    said = "right: SystemExit: 3" if does == "exits" else "cascade: no answer within 500 ms"
+    assert said in summary.outcome
+    if does == "loops":  # a replay does not wait for it: the decision is in the log
+        monkeypatch.setattr(ground_host, "LAW_S", 1e6)
+        assert replay(log).identical
 
 
 def test_what_it_is_told_agrees_with_itself(installed: None, monkeypatch: pytest.MonkeyPatch) -> None:

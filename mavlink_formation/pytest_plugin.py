@@ -1,0 +1,79 @@
+"""For a lab's own tests: the fixture `formation_flight` flies a scenario in lockstep and holds it to what is required.
+
+    def test_our_line(formation_flight):
+        summary = formation_flight("our_line.toml", seed=7, require=["formation_rms_m<0.005", "min_separation_m>0.4"])
+
+`pytest --max-formation-rms 0.005` requires that of every such flight. Each is flown by a process of its own,
+`gcs-sim run`: a project may have modules named `sim`, `analysis` or `wire`, and its tests import those.
+"""
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Protocol
+
+import pytest
+
+MOST = {
+    "--max-formation-rms": ("formation_rms_m", "the followers' formation error, RMS, m"),
+    "--max-formation-error": ("formation_max_m", "their largest formation error, m"),
+    "--max-leader-rms": ("leader_rms_m", "a commanded leader's tracking error, RMS, m"),
+}
+
+
+class FormationFlight(Protocol):
+    """What the fixture gives."""
+
+    def __call__(
+        self, scenario: str | Path, *, seed: int | None = None, require: Iterable[str] = ()
+    ) -> SimpleNamespace:
+        """Fly a scenario, shipped by its name or a TOML file; its summary, by the names of `gcs-sim run --json`.
+
+        Fails the test where the flight does not land, or misses what is required. The log is kept in the test's
+        temporary folder, as `flight.mcap` with its report.
+        """
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """The bounds that hold for every flight of a run."""
+    group = parser.getgroup("formation flights")
+    for option, (key, meaning) in MOST.items():
+        group.addoption(
+            option, dest=key, type=float, metavar="M", help=f"at most, of every formation_flight: {meaning}"
+        )
+
+
+@pytest.fixture
+def formation_flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> FormationFlight:
+    """Flies in lockstep; the same scenario and seed give the same numbers."""
+
+    def fly(scenario: str | Path, *, seed: int | None = None, require: Iterable[str] = ()) -> SimpleNamespace:
+        bounds = {key: request.config.getoption(key) for key, _ in MOST.values()}
+        wanted = [*require, *(f"{key}<={bound}" for key, bound in bounds.items() if bound is not None)]
+        # Python's safe path, `-P`: the folder in which the tests run is not looked into for modules.
+        command = [sys.executable, "-P", "-m", "sim", "run", str(scenario), "--json"]
+        command += ["--out", str(tmp_path_factory.mktemp("flight"))]
+        command += [] if seed is None else ["--seed", str(seed)]
+        command += [word for requirement in wanted for word in ("--require", requirement)]
+        flown = subprocess.run(command, capture_output=True, text=True, check=False)
+        if flown.returncode != 0:
+            pytest.fail(_failure(scenario, flown), pytrace=False)
+        summary: SimpleNamespace = json.loads(flown.stdout, object_hook=lambda values: SimpleNamespace(**values))
+        return summary
+
+    return fly
+
+
+def _failure(scenario: str | Path, flown: subprocess.CompletedProcess[str]) -> str:
+    """One line of what went wrong, and where the flight's report is if there is one."""
+    lines = [line.strip() for line in flown.stderr.splitlines() if line.strip()]
+    said = lines[-1].removeprefix("gcs-sim: ") if lines else f"exit code {flown.returncode}"
+    try:
+        summary = json.loads(flown.stdout)
+        outcome, report = summary["outcome"], summary["report"]
+    except (ValueError, KeyError):
+        return f"{scenario}: {said}"
+    return f"{scenario}: {said if outcome in ('landed', 'held') else outcome} (see {report})"

@@ -1,0 +1,71 @@
+"""A lab file as a simulated flight: everything of it but what is real, the drones, their links and the cameras."""
+
+from typing import Any
+
+from formation.config import FollowerConfig, LabConfig
+from formation.guidance.preview import expected_start
+from formation.mocap_config import CAMERA_SYSTEMS, MocapConfig
+
+HELD_S = 8.0
+"""How long the formation is held behind a leader that is only observed: it stands, so its way never ends."""
+
+
+def with_stand_ins(lab: LabConfig) -> LabConfig:
+    """The lab with simulated drones on the shared link and emulated cameras on the bus; the rest as the file has it."""
+    cameras: dict[str, object] = dict.fromkeys(CAMERA_SYSTEMS)
+    mocap = lab.mocap.model_copy(update=cameras | {"source": "zenoh", "file": None, "unit": None, "names": {}})
+    followers = tuple(_simulated(follower) for follower in lab.followers)
+    leader = lab.leader.model_copy(update={"link": None})
+    operator = lab.operator.model_copy(update={"stop_button": None})
+    return lab.model_copy(update={"mocap": mocap, "leader": leader, "followers": followers, "operator": operator})
+
+
+def stand_ins(lab: LabConfig) -> str:
+    """What is simulated, and what of the lab's own that takes the place of, in one line."""
+    links = [f"{vehicle.body} at {vehicle.link}" for vehicle in lab.vehicles if vehicle.link is not None]
+    said = ["simulated drones" + (f" instead of {', '.join(links)}" if links else "")]
+    said.append("emulated cameras" + (f" instead of {_source(lab.mocap)}" if lab.mocap.source != "zenoh" else ""))
+    if lab.operator.stop_button is not None:
+        said.append(f"no stop button {lab.operator.stop_button.device}")
+    return ", ".join(said)
+
+
+def scenario_values(lab: LabConfig, values: dict[str, Any]) -> dict[str, Any]:
+    """The keys of a scenario that flies this lab: those in `values`, and what the lab decides where they are silent."""
+    cameras: dict[str, Any] = {"rate_hz": lab.mocap.rate_hz, "delay_s": lab.mocap.delay_s}
+    made: dict[str, Any] = {"lab": with_stand_ins(lab)}
+    if isinstance(values.get("mocap", {}), dict):
+        made["mocap"] = cameras | values.get("mocap", {})
+    if isinstance(values.get("vehicles", []), list):
+        made["vehicles"] = _on_their_places(lab, values.get("vehicles", []))
+    if lab.leader.sysid is None:
+        x, y, z, yaw_rad = expected_start(lab).tolist()
+        held = {"formation_s": HELD_S, "leader": {"pose": {"pos_lab_m": (x, y, z), "yaw_rad": yaw_rad}}}
+        moves = isinstance(values.get("leader"), dict) and "file" in values["leader"]
+        values = ({"leader": held["leader"]} if moves else held) | values
+    return values | made
+
+
+def _simulated(follower: FollowerConfig) -> FollowerConfig:
+    """Without its link, and without the place that only an autopilot's own poses need."""
+    return follower.model_copy(update={"link": None, "spawn_lab_m": (0.0, 0.0, 0.0)})
+
+
+def _on_their_places(lab: LabConfig, said: list[Any]) -> list[Any]:
+    """The drones where the lab file expects them to start, unless the scenario says where."""
+    starts = {lab.leader.sysid: (lab.leader.spawn_lab_m, lab.leader.spawn_yaw_rad)}
+    if lab.mocap.source == "mavlink":
+        starts |= {follower.sysid: (follower.spawn_lab_m, 0.0) for follower in lab.followers}
+    tables = {table.get("sysid"): table for table in said if isinstance(table, dict)}
+    for sysid, (place, yaw_rad) in starts.items():
+        if sysid is not None:
+            start = {"pos_lab_m": (place[0], place[1], 0.0), "yaw_rad": yaw_rad}
+            tables[sysid] = {"sysid": sysid, "start": start} | tables.get(sysid, {})
+    return [*tables.values(), *(table for table in said if not isinstance(table, dict))]
+
+
+def _source(mocap: MocapConfig) -> str:
+    """The lab's own, with its address or file."""
+    table = getattr(mocap, mocap.source, None)
+    where = mocap.file or getattr(table, "host", "")
+    return f"{mocap.source} {where}".strip()

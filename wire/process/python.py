@@ -1,0 +1,28 @@
+"""How other Python processes of ours are started: they import what is installed, not what the user's folder holds."""
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+def python_command(module: str, *arguments: str) -> tuple[str, ...]:
+    """The command that runs `python -m module arguments` without the working directory on its path.
+
+    A `queue.py` or a folder `sim` beside the user's lab file is not imported (`-P`, Python's safe path).
+    """
+    return (sys.executable, "-P", "-m", module, *arguments)
+
+
+@contextmanager
+def safe_path_for_pools() -> Iterator[None]:
+    """While inside, the same holds for processes that `multiprocessing` starts, whose command is not ours to write."""
+    before = os.environ.get("PYTHONSAFEPATH")
+    os.environ["PYTHONSAFEPATH"] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["PYTHONSAFEPATH"]
+        else:
+            os.environ["PYTHONSAFEPATH"] = before

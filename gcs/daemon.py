@@ -243,11 +243,13 @@ class GroundFailure(RuntimeError):
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """How a run of the ground ended."""
+    """How a run of the ground ended. cause: of its last phase; not_landed: drones whose motors may still turn."""
 
     phase: Phase
+    cause: str
     timing: Timing
     lost_records: int
+    not_landed: tuple[str, ...]
 
 
 async def run(
@@ -280,7 +282,8 @@ async def run(
                 raise _first_failure(group) from group
             finally:
                 ground.links.close()
-        return Ended(ground.phase, ground.timing, log.lost)
+        state = core.state(clock.monotonic_ns())
+        return Ended(ground.phase, state["cause"], ground.timing, log.lost, tuple(state["not_landed"]))
     finally:
         await bus.close()
 

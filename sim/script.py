@@ -1,6 +1,5 @@
 """The simulated operator, sans-IO: watches the flight's phase and asks for the next thing when its time has come."""
 
-import json
 from dataclasses import dataclass
 from typing import Annotated, Literal, Self
 
@@ -8,6 +7,7 @@ from pydantic import Field
 
 from formation.messages import OperatorReply, OperatorRequest, Phase, Verb
 from formation.model import Model
+from wire.json_text import parse_object
 
 READY_WITHIN_NS = 30_000_000_000
 RETRY_NS = 200_000_000
@@ -51,7 +51,7 @@ class Glance:
     @classmethod
     def at(cls, state: str) -> Self:
         """Of the JSON text that the ground publishes."""
-        values = json.loads(state)
+        values = parse_object(state)
         return cls(
             phase=Phase[values["phase"]],
             formed=values["trajectory_started"],

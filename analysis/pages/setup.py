@@ -6,6 +6,7 @@ from html import escape
 
 from analysis.load import Flight
 from analysis.page import cell, row, table
+from wire.json_text import parse_json
 
 FACTS = (
     ("date", "date"), ("versions", "version"), ("machine", "machine"), ("lab_file", "lab file"),
@@ -32,7 +33,7 @@ def setup(flight: Flight) -> str:
 def _objects(text: str) -> Mapping[str, Mapping[str, object]]:
     """The object of objects in a log's metadata; none where it is anything else."""
     try:
-        found = json.loads(text)
+        found = parse_json(text)
     except ValueError:
         return {}
     return (

@@ -4,6 +4,7 @@ import numpy as np
 
 from formation.maths.arrays import Bool, Float
 from formation.messages import LabFrame, RawFrame
+from formation.rejection import Rejection
 
 MOST_BODIES = 1000
 FARTHEST_M = 1000.0
@@ -36,6 +37,8 @@ def pose_fault(frame: LabFrame) -> str | None:
         return fault
     if frame.rejected.shape != frame.seen.shape:
         return "with unequal numbers of names and rejections"
+    if (frame.rejected >= len(Rejection)).any():
+        return "with a rejection code that is none"
     off_unit = np.abs(np.einsum("ij,ij->i", frame.q_lab_from_flu, frame.q_lab_from_flu) - 1.0)
     # Written so that NaN fails.
     if not ((np.abs(frame.pos_lab_m) <= 2.0 * FARTHEST_M).all() and (off_unit <= UNIT_WITHIN).all()):

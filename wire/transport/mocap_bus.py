@@ -20,6 +20,7 @@ import zenoh
 from formation.messages import Event, LabFrame, RawFrame
 from wire.clock import REAL_TIME, Clock
 from wire.clock_offset import SenderClock
+from wire.json_text import JsonError, parse_object
 from wire.plain_text import plain
 from wire.schema import Schema, SchemaError, schema_of
 from wire.transport.frame_check import lab_fault
@@ -105,13 +106,11 @@ class MocapBus:
 
         def take(sample: zenoh.Sample) -> None:
             try:
-                state = json.loads(sample.payload.to_bytes())
-            except ValueError:
-                state = None
-            if isinstance(state, dict):
-                callback(state)
-            else:
-                self._bus.refuse("mocap/state", "no JSON object")
+                state = parse_object(sample.payload.to_bytes())
+            except JsonError as error:
+                self._bus.refuse("mocap/state", str(error))
+                return
+            callback(state)
 
         self._bus.listen("mocap/state", take, limit=1)
 

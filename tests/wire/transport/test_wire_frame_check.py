@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from formation.messages import LabFrame, RawFrame
+from formation.rejection import Rejection
 from wire.schema import schema_of
 from wire.transport.frame_check import lab_fault, raw_fault
 
@@ -68,3 +69,12 @@ def test_a_frame_of_ten_thousand_empty_names_is_decoded_and_refused_at_once():
     schema = schema_of(RawFrame)
     nothing = RawFrame(1, NOW_NS, ("",) * 10_000, np.zeros((0, 3)), np.zeros((0, 4)), np.zeros(0, bool))
     assert "bodies" in (raw_fault(schema.decode(schema.encode(nothing)), NOW_NS) or "")
+
+
+def test_a_rejection_code_that_is_none_is_refused():
+    for code in (len(Rejection), 200, 255):
+        assert (
+            lab_fault(replace(LAB, rejected=np.array([code], np.uint8)), NOW_NS) == "with a rejection code that is none"
+        )
+    for rejection in Rejection:
+        assert lab_fault(replace(LAB, rejected=np.array([rejection], np.uint8)), NOW_NS) is None

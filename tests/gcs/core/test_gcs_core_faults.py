@@ -271,6 +271,7 @@ def test_a_rejection_code_that_is_none_of_ours_ends_nothing():
     """Such a frame is refused before it comes here; the state is published all the same."""
     lab = FakeLab(triangle())
     lab.run(1.0)
+    lab.now_ns += 10_000_000
     frame = replace(lab.frame(), rejected=np.array([200, 0, 0], np.uint8))
     lab.core.receive(frame, lab.now_ns)
     lab._tick_while_due()

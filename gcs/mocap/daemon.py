@@ -16,6 +16,7 @@ from formation import topics
 from formation.config import LabConfig
 from formation.messages import Event, Severity
 from formation.topics import Topic
+from gcs import GCS_NAME
 from gcs.mocap import figures
 from gcs.mocap.certainty import Certainty
 from gcs.mocap.core import SOURCE, MocapCore
@@ -125,7 +126,7 @@ class Mocap:
         return [Event(Severity.INFO, SOURCE, f"bodies that are none of the lab's are left out: {names}")]
 
 
-async def run(config: LabConfig, linger_s: float | None, told: Told, clock: Clock, ground: str) -> None:
+async def run(config: LabConfig, linger_s: float | None, told: Told, clock: Clock, ground: str = GCS_NAME) -> None:
     """Serve the lab until SIGINT or SIGTERM, or until nobody has listened for `linger_s`.
 
     ground: the name of the one whose word it is that motors are on.

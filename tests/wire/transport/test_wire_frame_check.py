@@ -78,3 +78,11 @@ def test_a_rejection_code_that_is_none_is_refused():
         )
     for rejection in Rejection:
         assert lab_fault(replace(LAB, rejected=np.array([rejection], np.uint8)), NOW_NS) is None
+
+
+@pytest.mark.parametrize("field", ["t_capture_ns", "t_receive_ns"])
+def test_no_lab_frame_comes_from_the_future(field):
+    """15 ms ahead, and drifting, forged frames displaced the true ones."""
+    assert "future" in (lab_fault(replace(LAB, **{field: NOW_NS + 3 * MS}), NOW_NS) or "")
+    assert lab_fault(replace(LAB, **{field: NOW_NS + 1 * MS}), NOW_NS) is None
+    assert raw_fault(replace(RAW, t_capture_ns=NOW_NS + 15 * MS), NOW_NS) is None

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from analysis.load import Flight
+from analysis.outcome import outcome
 from analysis.packets import from_drones, from_ground
 from analysis.series import moving_average
 from analysis.tracking import Tracking, airborne, track, track_leader
 from formation.maths.arrays import Float
-from formation.messages import Phase, Verb
 from wire.link_messages.setpoints import AttitudeSetpoint
 from wire.link_messages.status import NamedValue
 
@@ -49,8 +49,8 @@ class Summary:
     vibration_m: see `vibration`. altitude_rms_m: the error's vertical part. min_separation_m: while airborne.
     mocap_ms: the mocap process had the raw frame -> the ground has the aligned one. latency_ms: from there to the last
     datagram handed to the link. command_hash: SHA-256 over every SET_ATTITUDE_TARGET sent, in order. law_failures: how
-    often the lab's own control law failed. outcome: landed, held, aborted: reason, or law failed: which, where the
-    flight itself ended well.
+    often the lab's own control law failed. outcome: see `analysis.outcome`; law failed: which, where the flight itself
+    ended well.
     """
 
     scenario: str
@@ -217,36 +217,7 @@ def command_hash(flight: Flight) -> str:
     return digest.hexdigest()
 
 
-def outcome(flight: Flight) -> str:
-    """How the run ended: `landed`, `held`, or `aborted: reason`."""
-    if not flight.phases:
-        return "aborted: the log holds no phases"
-    flown = flight.spans(Phase.TAKEOFF, Phase.FORMATION, Phase.HOLD, Phase.LAND)
-    stopped = flight.spans(Phase.STOPPED)
-    last = flight.phases[-1]
-    if stopped:
-        return f"aborted: {stopped[0].cause or 'emergency stop'}"
-    if not flown:
-        return "aborted: never took off"
-    if last.phase is Phase.HOLD:
-        return "held"
-    if last.phase not in (Phase.GROUND, Phase.ARMED):
-        return f"aborted: the log ends in {last.phase.name}"
-    landings = flight.spans(Phase.LAND)
-    if landings and not _asked_for(flight, Verb.LAND, landings[-1].start_s):
-        return f"aborted: {landings[-1].cause or 'landed unasked'}"
-    return "landed"
-
-
 def _with_laws(ended: str, flight: Flight) -> str:
     """The outcome; of a flight that ended well, that the law which it was to show did not fly to its end."""
     failures = flight.law_failures.messages
     return f"law failed: {failures[0].text}" if failures and ended in ("landed", "held") else ended
-
-
-def _asked_for(flight: Flight, verb: Verb, t_s: float) -> bool:
-    """Whether the operator asked for it just before t_s."""
-    return any(
-        request.verb is verb and 0.0 <= t_s - asked_s <= 1.0
-        for asked_s, request in zip(flight.requests.t_s, flight.requests.messages, strict=True)
-    )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.load import Flight
-from formation.rejection import Rejection
+from formation.rejection import rejection_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +30,6 @@ def rejections(flight: Flight) -> tuple[Rejected, ...]:
             met = codes == code
             begins = int(met[0]) + int((met[1:] & ~met[:-1]).sum())
             t_s = poses.t_s[met]
-            reason = Rejection(code).text if code < len(Rejection) else f"reason {code}, of a later version"
+            reason = rejection_text(code)
             found.append(Rejected(vehicle.body, reason, int(met.sum()), begins, float(t_s[0]), float(t_s[-1])))
     return tuple(sorted(found, key=lambda one: one.first_s))

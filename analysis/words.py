@@ -141,6 +141,13 @@ def happened(flight: Flight, tracking: Tracking, summary: Summary) -> str:
     return text + _ending(summary.outcome)
 
 
+_ENDINGS = {
+    "lost": "A drone was lost",
+    "cut": "Motors were cut in the air",
+    "law failed": "It ended well, but not by the lab's own law",
+}
+
+
 def _ending(outcome: str) -> str:
     """The outcome as a sentence."""
     if outcome == "landed":
@@ -149,9 +156,8 @@ def _ending(outcome: str) -> str:
         return "The record ends with the swarm holding its place in the air."
     if outcome.startswith("starved"):
         return f"No flight: {outcome.removeprefix('starved: ')}."
-    if outcome.startswith("law failed"):
-        return f"It ended well, but not by the lab's own law: {outcome.removeprefix('law failed: ')}."
-    return f"The flight did not end as planned: {outcome.removeprefix('aborted: ')}."
+    kind, _, reason = outcome.partition(": ")
+    return f"{_ENDINGS.get(kind, 'The flight did not end as planned')}: {reason}."
 
 
 def findings(flight: Flight, tracking: Tracking, summary: Summary) -> tuple[Remark, ...]:
@@ -174,10 +180,9 @@ def findings(flight: Flight, tracking: Tracking, summary: Summary) -> tuple[Rema
 def _outcome(summary: Summary) -> Iterator[Remark]:
     if summary.outcome.startswith("starved"):
         yield Remark(True, f"A simulator came too late: {summary.outcome.removeprefix('starved: ')}.", "timeline")
-    if summary.outcome.startswith("law failed"):
-        yield Remark(True, f"{summary.outcome.removeprefix('law failed: ').capitalize()}.", "timeline")
-    if summary.outcome.startswith("aborted"):
-        yield Remark(True, f"The flight ended early: {summary.outcome.removeprefix('aborted: ')}.", "timeline")
+    kind, _, reason = summary.outcome.partition(": ")
+    if kind in _ENDINGS or kind == "aborted":
+        yield Remark(True, f"{_ENDINGS.get(kind, 'The flight ended early')}: {reason}.", "timeline")
 
 
 def _separation(flight: Flight, summary: Summary) -> Iterator[Remark]:

@@ -23,6 +23,11 @@ class Rejection(IntEnum):
         return _WORDS[self]
 
 
+def rejection_text(code: int) -> str:
+    """In words, of whatever number; one that is none of ours says so."""
+    return Rejection(code).text if code in _WORDS else f"reason {code}, of a later version"
+
+
 _WORDS = {
     Rejection.NONE: "",
     Rejection.NOT_FINITE: "not finite",

@@ -28,7 +28,7 @@ from formation.messages import (
     Verb,
 )
 from formation.own_law.guard import LawGuard, unlimited
-from formation.rejection import Rejection
+from formation.rejection import rejection_text
 from formation.safety import rules
 from formation.safety.phases import STREAMING, Trigger
 from formation.safety.rules import Facts
@@ -212,7 +212,7 @@ class GcsCore:
             epoch=self._epoch,
             host=self._host,
             counters=counters(self._lateness, self._stale_frames, refused, self._strays, links),
-            rejected={b: Rejection(c).text for b, c in zip(self._bodies, self._rejected.tolist(), strict=True) if c},
+            rejected={b: rejection_text(c) for b, c in zip(self._bodies, self._rejected.tolist(), strict=True) if c},
             refusals=refusals,
             allowed=self._permissions.allowed(facts, self._stages, refusals, now_ns),
         )

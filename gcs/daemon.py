@@ -246,11 +246,13 @@ class GroundFailure(RuntimeError):
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """How a run of the ground ended."""
+    """How a run of the ground ended. cause: of its last phase; not_landed: drones whose motors may still turn."""
 
     phase: Phase
+    cause: str
     timing: Timing
     lost_records: int
+    not_landed: tuple[str, ...]
 
 
 async def run(
@@ -283,7 +285,8 @@ async def run(
                 raise _first_failure(group) from group
             finally:
                 ground.links.close()
-        return Ended(ground.phase, ground.timing, log.lost)
+        state = core.state(clock.monotonic_ns())
+        return Ended(ground.phase, state["cause"], ground.timing, log.lost, tuple(state["not_landed"]))
     finally:
         await bus.close()
 
@@ -320,7 +323,7 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
             tasks.create_task(watch_button(config.operator.stop_button, ground)),  # first: it is there from the first
             tasks.create_task(ground.publish_state(bus, name)),
             tasks.create_task(ground.watch_disk()),
-            tasks.create_task(_have_mocap(config, lab_file, mocap, ground.tell, clock)),
+            tasks.create_task(_have_mocap(config, lab_file, mocap, ground.tell, clock, name)),
         ]
         bus.serve(name, ground.take_request)
         await asked_to_end.wait()
@@ -329,9 +332,11 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
             service.cancel()
 
 
-async def _have_mocap(config: LabConfig, lab_file: Path, mocap: MocapBus, tell: Tell, clock: Clock) -> None:
+async def _have_mocap(
+    config: LabConfig, lab_file: Path, mocap: MocapBus, tell: Tell, clock: Clock, name: str
+) -> None:  # fmt: skip
     """See that a mocap process serves the lab; for ever."""
-    async with mocap_service(config, lab_file, mocap, tell, clock):
+    async with mocap_service(config, lab_file, mocap, tell, clock, name):
         await asyncio.get_running_loop().create_future()
 
 

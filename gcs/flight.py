@@ -17,7 +17,8 @@ from gcs.drones.drone import TAKE_OFF_S, Drone, aside_setpoint, hold_setpoint, l
 from gcs.drones.goal import STREAM_FIRST_NS, Goal
 from gcs.landing import landing_spots
 from gcs.safety.adoption import coming_down
-from gcs.safety.descent import LOOK_NS, Descent, descent, ended_text
+from gcs.safety.alarms import OpenAlarms
+from gcs.safety.descent import LOOK_NS, Descent, descent, landed_text, late_text
 
 ARMING_NS = 12_000_000_000
 SETTLE_NS = 1_000_000_000
@@ -25,6 +26,7 @@ AT_HEIGHT_M = 0.05
 LED_THERE_M = 0.002
 IN_SLOT_M = 0.01
 OVER_SPOT_M = 0.05
+SEEN_S = 0.1
 
 _GOALS = {Phase.GROUND: Goal.DISARM, Phase.ARMED: Goal.FLY, Phase.STOPPED: Goal.CUT}
 
@@ -49,6 +51,7 @@ class Flight:
         self.trajectory: Trajectory | None = None
         self.trajectory_from: Float | None = None
         self.armed = False
+        self.alarms = OpenAlarms(drones)
         self._too_late = False
         self.events: list[Event] = []
         self.changes: list[PhaseChange] = [PhaseChange(Phase.GROUND, self.cause)]
@@ -119,9 +122,7 @@ class Flight:
 
     def judge(self, verdict: Verdict, now_ns: int) -> None:
         """Carry out what safety decided."""
-        for change in verdict.changes:
-            severity = change.rule.severity if change.began else Severity.NOTICE
-            self.events.append(Event(severity, "safety", change.text if change.began else f"over: {change.text}"))
+        self.events += self.alarms.update(verdict.changes, now_ns)
         for drone in self._drones:
             if verdict.cut[drone.index] and not drone.piloted:
                 drone.aim(Goal.CUT, now_ns)
@@ -183,7 +184,8 @@ class Flight:
         steady = self.phase in (Phase.FORMATION, Phase.HOLD)
         for i, drone in enumerate(self._drones):
             thrust_norm = float(stages.target.thrust_norm[i])
-            drone.notice_flight(float(stages.state.pos_lab_m[drone.index, 2]), thrust_norm)
+            x_m, y_m, z_m = stages.state.pos_lab_m[drone.index].tolist()
+            drone.notice_flight((x_m, y_m, z_m), bool(stages.state.age_s[drone.index] < SEEN_S), thrust_norm)
             if steady:
                 drone.notice_thrust(thrust_norm)
 
@@ -279,26 +281,35 @@ class Flight:
         for drone in self._drones:  # who lands by itself already, or holds its place, does not follow
             if drone.link.armed and not drone.link.offboard and not drone.touched and not drone.joining(now_ns):
                 drone.release(now_ns)
-        if all(drone.grounded(now_ns) for drone in self._drones):
-            self.pull(Trigger.DISARMED, self._landed_text(), now_ns)
+        if not any(drone.is_awaited_down(now_ns) for drone in self._drones):
+            self._finish_landing(landed_text(self._drones, now_ns), now_ns)
         elif stages is not None or now_ns - self.entered_ns > LOOK_NS:
             self._end_landing(now_ns)
 
-    def _landed_text(self) -> str:
-        others = [drone.link.name for drone in self._drones if drone.piloted]
-        return f"landed, but for {', '.join(others)}: a pilot's" if others else "every drone has landed and is disarmed"
+    @property
+    def not_landed(self) -> tuple[str, ...]:
+        """The drones that have not reported their motors off, although the landing or the stop is over."""
+        if self.phase not in (Phase.GROUND, Phase.STOPPED):
+            return ()
+        left = (d for d in self._drones if d.goal in (Goal.LAND, Goal.CUT) and not d.is_landed)
+        return tuple(drone.link.name for drone in left)
+
+    def _finish_landing(self, text: str, now_ns: int) -> None:
+        """End it; text: what is known of the drones, which is an alarm unless each has landed or has a pilot."""
+        if any(not drone.piloted and not drone.is_landed for drone in self._drones):
+            self.events.append(Event(Severity.CRITICAL, "flight", text))
+        self.pull(Trigger.DISARMED, text, now_ns)
 
     def _end_landing(self, now_ns: int) -> None:
         """A landing that takes too long is left to the autopilots, and at last is over."""
         if self._descent is None:
             self._descent = descent(self._drones, self.config, self.entered_ns)
         if now_ns >= self._descent.end_ns:
-            text = ended_text(self._drones, now_ns)
-            self.events.append(Event(Severity.CRITICAL, "flight", text))
+            text = late_text(self._drones, now_ns)
             for drone in self._drones:
-                if not drone.grounded(now_ns):
+                if drone.is_awaited_down(now_ns):
                     drone.release(now_ns)
-            self.pull(Trigger.DISARMED, text, now_ns)
+            self._finish_landing(text, now_ns)
         elif now_ns >= self._descent.hand_over_ns:
             for drone in self._drones:
                 if drone.flown and not drone.touched:

@@ -1,6 +1,5 @@
 """The simulated operator, sans-IO: watches the flight's phase and asks for the next thing when its time has come."""
 
-import json
 from dataclasses import dataclass
 from typing import Annotated, Literal, Self
 
@@ -8,6 +7,7 @@ from pydantic import Field
 
 from formation.messages import OperatorReply, OperatorRequest, Phase, Verb
 from formation.model import Model
+from wire.json_text import parse_object
 
 READY_WITHIN_NS = 30_000_000_000
 RETRY_NS = 200_000_000
@@ -39,28 +39,31 @@ class Glance:
     """What the simulation reads off the ground's published state.
 
     formed: the followers are in their slots, and the leader goes on its way. refusals: why it would not arm now.
+    lost: with what the landing ended, where a drone has not reported its motors off.
     """
 
     phase: Phase
     formed: bool = False
     trajectory_done: bool = False
     refusals: tuple[str, ...] = ()
+    lost: str = ""
 
     @classmethod
     def at(cls, state: str) -> Self:
         """Of the JSON text that the ground publishes."""
-        values = json.loads(state)
+        values = parse_object(state)
         return cls(
             phase=Phase[values["phase"]],
             formed=values["trajectory_started"],
             trajectory_done=values["trajectory_done"],
             refusals=tuple(values["refusals"]),
+            lost=values["cause"] if values["not_landed"] else "",
         )
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How the flight ended: `landed`, `held`, `aborted` or `starved` (no flight), and why where that needs saying."""
+    """How the flight ended: `landed`, `held`, `lost`, `cut`, `aborted` or `starved` (no flight), and why."""
 
     result: str
     reason: str = ""
@@ -107,7 +110,7 @@ class Operator:
             if phase is Phase.STOPPED:
                 self.outcome = Outcome("aborted", "the ground stopped every drone")
             elif phase is Phase.GROUND and self._next > 0:
-                self._end_on_ground()
+                self._end_on_ground(glance.lost)
             elif phase is Phase.HOLD and self._next == len(self._steps) and self._steps[-1].verb is not Verb.LAND:
                 self.outcome = Outcome("held")
 
@@ -144,8 +147,10 @@ class Operator:
             step = self._steps[self._next]
             self.outcome = Outcome("aborted", f"{step.verb} refused: {reply.text}")
 
-    def _end_on_ground(self) -> None:
-        if self._next == len(self._steps):
+    def _end_on_ground(self, lost: str) -> None:
+        if lost:
+            self.outcome = Outcome("lost", lost)
+        elif self._next == len(self._steps):
             self.outcome = Outcome("landed")
         else:
             self.outcome = Outcome("aborted", f"back on the ground before `{self._steps[self._next].verb}`")

@@ -11,7 +11,7 @@ from analysis.load import Flight, load
 from analysis.metrics import Summary, summarise
 from analysis.page import Section, cell, picture, row, table
 from analysis.plots import overlay, style
-from analysis.told import read_json
+from wire.json_text import parse_json
 
 FIGURES = (
     "formation_rms_m", "formation_max_m", "leader_rms_m", "leader_max_m", "vibration_m", "altitude_rms_m",
@@ -136,7 +136,7 @@ def _flown_with(flight: Flight) -> Iterator[tuple[str, object]]:
         yield from _flat(flight.run.lab.model_dump(mode="json"), "lab")
     for part in ("gains", "profiles"):
         try:
-            yield from _flat(read_json(flight.run.metadata.get(part, "{}")), part)
+            yield from _flat(parse_json(flight.run.metadata.get(part, "{}")), part)
         except ValueError:  # of a later version, or somebody's own
             yield part, flight.run.metadata[part]
 

@@ -6,7 +6,7 @@ from html import escape
 
 from analysis.load import Flight
 from analysis.page import cell, row, table
-from analysis.told import read_json
+from wire.json_text import parse_json
 
 FACTS = (
     ("date", "date"), ("versions", "version"), ("machine", "machine"), ("lab_file", "lab file"),
@@ -33,7 +33,7 @@ def setup(flight: Flight) -> str:
 def _objects(text: str) -> Mapping[str, Mapping[str, object]]:
     """The object of objects in a log's metadata; none where it is anything else."""
     try:
-        found = read_json(text)
+        found = parse_json(text)
     except ValueError:
         return {}
     return (

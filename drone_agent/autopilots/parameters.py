@@ -4,6 +4,7 @@ PX4 carries an integer's own bytes in the float field, ArduPilot casts it; the k
 """
 
 from collections.abc import Mapping
+from math import isfinite
 
 from wire.autopilots.table import AutopilotTable, ParamSpec
 from wire.link_messages.parameters import ParamType, ParamValue
@@ -36,9 +37,9 @@ class Parameters:
         return self._values[self._index[name]]
 
     def set(self, name: str, value: float) -> bool:
-        """Give a parameter a value of its type, as autopilots do without looking at the range; False if it cannot."""
+        """Give a parameter a finite value of its type, as autopilots do without looking at the range; else False."""
         index = self._index.get(name)
-        if index is None:
+        if index is None or not isfinite(value):
             return False
         try:
             raw = param_to_raw(value, self._specs[index].type, self._autopilot)
@@ -64,7 +65,7 @@ class Parameters:
             return False
         if cast and self._specs[index].type is not ParamType.REAL32:
             value = round(value) if abs(value) < 2.0**31 else value
-        return value == value and self.set(name, value)
+        return self.set(name, value)
 
     def message(self, name_or_index: str | int) -> ParamValue | None:
         """PARAM_VALUE of one parameter, or None if there is no such."""

@@ -7,6 +7,7 @@ rate the raster does not divide is met on average. A late look sends once and do
 from collections.abc import Collection, Mapping
 
 RASTER_NS = 10_000_000
+LONGEST_US = 2**31 - 1
 _OFF = 2**63
 
 
@@ -35,8 +36,11 @@ class Schedule:
         return self._period_ns.get(number)
 
     def set_interval_us(self, number: int, interval_us: float, now_ns: int) -> bool:
-        """SET_MESSAGE_INTERVAL: 0 the default rate, -1 off; False for a message this drone does not have."""
-        if number not in self._defaults or interval_us != interval_us:
+        """SET_MESSAGE_INTERVAL: 0 the default rate, -1 off.
+
+        False for a message this drone does not have, or an interval that MESSAGE_INTERVAL (int32, us) cannot report.
+        """
+        if number not in self._defaults or not abs(interval_us) <= LONGEST_US:  # NaN, too
             return False
         if interval_us == 0.0:
             period = _period(self._defaults[number])

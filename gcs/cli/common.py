@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from gcs.cli.exit_codes import NO_GROUND as NO_GROUND
+from gcs.cli.exit_codes import NOT_LANDED as NOT_LANDED
 from gcs.cli.exit_codes import NOT_RIGHT as NOT_RIGHT
 from gcs.cli.exit_codes import REFUSED as REFUSED
 from wire.errors import ConfigError

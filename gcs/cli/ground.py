@@ -9,7 +9,7 @@ import uvloop
 from formation.config import LabConfig
 from formation.control.margin import DelayMargin, delay_margin
 from formation.control.presets import preset_for
-from gcs.cli.common import NOT_RIGHT, REFUSED, fail, tell, tell_json
+from gcs.cli.common import NOT_LANDED, NOT_RIGHT, REFUSED, fail, tell, tell_json
 from gcs.daemon import Ended, GroundFailure, run
 from gcs.mocap.service import ServiceError
 from gcs.warm_up import warm_up
@@ -61,9 +61,12 @@ def _report(ended: Ended, log: Path, as_json: bool) -> None:
     worst_ms = round(timing.worst_s * 1e3, 2)
     if as_json:
         told = {
-            "phase": ended.phase.name, "ticks": timing.ticks, "late_ticks": timing.late,
+            "phase": ended.phase.name, "cause": ended.cause, "not_landed": ended.not_landed,
+            "ticks": timing.ticks, "late_ticks": timing.late,
             "worst_latency_ms": worst_ms, "lost_records": ended.lost_records, "mcap": str(log),
         }  # fmt: skip
         print(json.dumps(told))
     else:
         print(f"{timing.ticks} ticks, {timing.late} late, worst {worst_ms} ms; log {log}")
+    if ended.not_landed:
+        fail(f"ended with {', '.join(ended.not_landed)} not known to have landed ({ended.cause})", NOT_LANDED)

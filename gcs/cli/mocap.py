@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.common import Json, LabFile, Speed, configuration
+from gcs import GCS_NAME
+from gcs.cli.common import Json, LabFile, Name, Speed, configuration
 from wire import clock
 from wire.process.program import DefaultCommand
 
@@ -26,6 +27,7 @@ def serve(
     ] = None,
     as_json: Json = False,
     speed: Speed = 1.0,
+    name: Name = GCS_NAME,
 ) -> None:
     """Be the lab's mocap process: frames of its source in, aligned and checked frames onto the bus, until Ctrl-C.
 
@@ -34,7 +36,7 @@ def serve(
     """
     from gcs.mocap.cli import serve as serve_mocap  # loads a compiled kernel
 
-    serve_mocap(configuration(lab), linger, record, as_json, clock.Clock(speed))
+    serve_mocap(configuration(lab), linger, record, as_json, clock.Clock(speed), name)
 
 
 @app.command()

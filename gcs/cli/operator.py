@@ -51,7 +51,9 @@ def status(lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeou
     else:
         from rich.console import Console
 
-        print_status(json.loads(reply.text), Console())
+        from wire.json_text import parse_object
+
+        print_status(parse_object(reply.text), Console())
 
 
 def shape(

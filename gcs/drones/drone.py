@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from formation.guidance.plan import HERE, IDLE, Mode, Setpoint
+from formation.model import Vec3Tuple
 from gcs.drones.commands import cut, request_control
 from gcs.drones.goal import Goal, is_reached, pursue
 from gcs.drones.link_state import DroneLink
@@ -37,7 +38,7 @@ class Drone:
     last armed. height_m: above where it stood, NaN unless that was seen. flying_thrust_norm: what it has been flying
     with of late, 0 before it flew. piloted: a pilot has taken it over, it is left alone. landing_itself: seen to land
     by its autopilot since it was told to. stopped_ns: when it confirmed its cut motors. slow_height_m: height_m some
-    time before slow_since_ns, in a landing.
+    time before slow_since_ns, in a landing. last_seen_lab_m: where the mocap last saw it while the swarm flew.
     """
 
     index: int
@@ -54,6 +55,7 @@ class Drone:
     checked: bool = False
     lifted: bool = False
     height_m: float = math.nan
+    last_seen_lab_m: Vec3Tuple | None = None
     flying_thrust_norm: float = 0.0
     piloted: bool = False
     landing_itself: bool = False
@@ -88,12 +90,19 @@ class Drone:
         answer = self.link.commands.answers.get(self.link.model.set_offboard(self.link.target))
         return answer is None or not answer.accepted or answer.t_ns < self.goal_since_ns
 
-    def grounded(self, now_ns: int) -> bool:
-        """Whether its motors are known to be off, or nothing is to be waited for: a pilot's, or silent for too long."""
-        silent_ns = now_ns - max(self.link.heard_ns, self.goal_since_ns)
-        if self.piloted or (silent_ns > GONE_NS and not self.flown):
-            return True
+    @property
+    def is_landed(self) -> bool:
+        """Whether its motors are off, as it reported itself since it was told to land, to disarm or to stop."""
         return self.goal in (Goal.DISARM, Goal.LAND, Goal.CUT) and self.reached
+
+    def is_lost(self, now_ns: int) -> bool:
+        """Whether it fell silent before it reported that its motors are off, and is sent no setpoints any more."""
+        silent_ns = now_ns - max(self.link.heard_ns, self.goal_since_ns)
+        return self.goal in (Goal.LAND, Goal.CUT) and not self.reached and silent_ns > GONE_NS
+
+    def is_awaited_down(self, now_ns: int) -> bool:
+        """Whether a landing still waits for it: not for a pilot's drone, nor for a lost one."""
+        return not (self.piloted or self.is_landed or self.is_lost(now_ns))
 
     def disarms_in_s(self, now_ns: int) -> float | None:
         """How long until it disarms by itself for want of a take-off; None where it is not about to."""
@@ -111,9 +120,13 @@ class Drone:
             return ""
         return f"{self.link.name} disarmed itself: no take-off in {timeout_s:g} s ({model.table.idle_disarm_parameter})"
 
-    def notice_flight(self, z_m: float, thrust_norm: float) -> None:
-        """Notice that it is off the floor: as the mocap sees, its autopilot says, or the thrust it follows tells."""
-        self.height_m = z_m - self.rest_z_m
+    def notice_flight(self, pos_lab_m: Vec3Tuple, seen: bool, thrust_norm: float) -> None:
+        """Notice that it is off the floor: as the mocap sees, its autopilot says, or the thrust it follows tells.
+
+        seen: in this frame; else the position is an estimate.
+        """
+        self.height_m = pos_lab_m[2] - self.rest_z_m
+        self.last_seen_lab_m = pos_lab_m if seen else self.last_seen_lab_m
         self.lifted = self.lifted or self.height_m > LIFTED_M or self.link.telemetry.landed in AIRBORNE_STATES
         if not self.lifted and self.link.armed and self.link.offboard:
             self.lifted = thrust_norm > LIFTING_THRUST * self.link.hover_thrust_norm

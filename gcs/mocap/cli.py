@@ -24,7 +24,9 @@ from wire.process.machine import machine
 from wire.process.progress import compile_all
 
 
-def serve(config: LabConfig, linger_s: float | None, record: Path | None, as_json: bool, clock: Clock) -> None:
+def serve(
+    config: LabConfig, linger_s: float | None, record: Path | None, as_json: bool, clock: Clock, ground: str
+) -> None:  # fmt: skip
     """Be the mocap process until told to end; ends the program with its exit code.
 
     On a terminal a table shows how the mocap is doing, with as_json a line of JSON a second.
@@ -34,7 +36,7 @@ def serve(config: LabConfig, linger_s: float | None, record: Path | None, as_jso
     compile_all("gcs", lambda: warm_up(config), sys.stderr)
     try:
         with _told(config, record, as_json, clock) as told:
-            uvloop.run(run(config, linger_s, told, clock))
+            uvloop.run(run(config, linger_s, told, clock, ground))
     except MocapFileError as error:
         fail(str(error), NOT_RIGHT)
     except ServiceError as error:

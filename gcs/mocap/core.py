@@ -74,6 +74,8 @@ class MocapCore:
             frame = self._gate.blind(frame, (self._newest_ns or 0) + 1, now_ns)
         else:
             frame = self._gate.judge(frame, now_ns)
+        if frame.t_capture_ns > now_ns:  # by the cameras' clock, which is ahead of ours
+            frame = replace(frame, t_capture_ns=now_ns)
         self._newest_ns = frame.t_capture_ns
         self.frames += 1
         return frame

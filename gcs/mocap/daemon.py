@@ -16,6 +16,7 @@ from formation import topics
 from formation.config import LabConfig
 from formation.messages import Event, Severity
 from formation.topics import Topic
+from gcs import GCS_NAME
 from gcs.mocap import figures
 from gcs.mocap.certainty import Certainty
 from gcs.mocap.core import SOURCE, MocapCore
@@ -125,9 +126,10 @@ class Mocap:
         return [Event(Severity.INFO, SOURCE, f"bodies that are none of the lab's are left out: {names}")]
 
 
-async def run(config: LabConfig, linger_s: float | None, told: Told, clock: Clock) -> None:
+async def run(config: LabConfig, linger_s: float | None, told: Told, clock: Clock, ground: str = GCS_NAME) -> None:
     """Serve the lab until SIGINT or SIGTERM, or until nobody has listened for `linger_s`.
 
+    ground: the name of the one whose word it is that motors are on.
     Raises BusError, MocapFileError, and ServiceError where another process serves the lab already.
     """
     stop = Stop()
@@ -138,7 +140,7 @@ async def run(config: LabConfig, linger_s: float | None, told: Told, clock: Cloc
             raise ServiceError(f"another mocap process serves {config.name!r} already")
         mocap = Mocap(config, mocap_bus, bus.refusals, told, clock)
         mocap_bus.announce(configuration_name(config))
-        bus.on_state("*", mocap.take_ground_state)
+        bus.on_state(ground, mocap.take_ground_state)
         gc.collect()
         gc.freeze()  # what start-up made lives as long as the process: collections between frames need not look at it
         await _first_of(mocap.watch(linger_s), mocap.source.run(), stop.wait())

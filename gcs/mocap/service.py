@@ -8,6 +8,7 @@ from pathlib import Path
 
 from formation.config import LabConfig
 from formation.messages import Event, Severity
+from gcs import GCS_NAME
 from gcs.cli.common import NOT_RIGHT
 from wire.clock import REAL_TIME, Clock
 from wire.process.lifetime import Tell
@@ -38,10 +39,11 @@ def configuration_name(config: LabConfig) -> str:
 
 @asynccontextmanager
 async def mocap_service(
-    config: LabConfig, lab_file: Path, bus: MocapBus, tell: Tell, clock: Clock = REAL_TIME
+    config: LabConfig, lab_file: Path, bus: MocapBus, tell: Tell, clock: Clock = REAL_TIME, ground: str = GCS_NAME
 ) -> AsyncIterator[None]:
     """While inside, a mocap process serves the lab; one of ours ends with us, but not if we are killed.
 
+    ground: the name under which the ground is on the bus.
     Raises ServiceError where it cannot be started, or serves another configuration than `config`.
     """
     if config.mocap.source == "mavlink":
@@ -55,7 +57,7 @@ async def mocap_service(
         yield
         return
     tell(Event(Severity.INFO, "mocap", f"no mocap process serves {config.name!r}: starting `gcs mocap {lab_file}`"))
-    own = _OwnProcess(lab_file, bus, tell, clock)
+    own = _OwnProcess(lab_file, bus, tell, clock, ground)
     await own.start()
     try:
         await own.until_serving()
@@ -71,7 +73,8 @@ async def mocap_service(
 class _OwnProcess:
     """The mocap process that we started, and start again when it ends."""
 
-    def __init__(self, lab_file: Path, bus: MocapBus, tell: Tell, clock: Clock) -> None:
+    def __init__(self, lab_file: Path, bus: MocapBus, tell: Tell, clock: Clock, ground: str) -> None:
+        self._ground = ground
         self._lab_file = lab_file
         self._clock = clock
         self._bus = bus
@@ -82,7 +85,8 @@ class _OwnProcess:
         """In a session of its own, so that neither Ctrl-C nor our death takes the drones' poses away."""
         self._process = await asyncio.create_subprocess_exec(
             *python_command(
-                "gcs", "mocap", str(self._lab_file), "--linger", str(LINGER_S), "--speed", str(self._clock.speed)
+                "gcs", "mocap", str(self._lab_file), "--linger", str(LINGER_S), "--speed", str(self._clock.speed),
+                "--name", self._ground,
             ),
             stdin=asyncio.subprocess.DEVNULL, start_new_session=True,
         )  # fmt: skip

@@ -1,6 +1,5 @@
 """All that a page's process knows: the newest states, alarms, trails, who has the control. Pure."""
 
-import json
 from typing import Any
 
 from formation.config import LabConfig
@@ -9,7 +8,8 @@ from gcs.page.alarms import AlarmBook
 from gcs.page.control import Control
 from gcs.page.foresee import Foreseen, shape, start, trajectory
 from gcs.page.room import Room, Trails, room
-from gcs.page.show import NOTHING_YET, SILENT_S, Show, show
+from gcs.page.show import NOTHING_YET, SILENT_S, Show, none_of_ours, show
+from wire.json_text import parse_object
 
 START_NS = 1_000_000_000
 
@@ -30,17 +30,23 @@ class Model:
         self._lost = False
 
     def hear(self, text: str, now_ns: int) -> None:
-        """The ground has published its state; ValueError or KeyError where it is none of this version's."""
-        state = json.loads(text)
-        self.room = room(state, self.config, self._trails)
-        self.alarms.hear_ground(state)
+        """The ground has published its state; ValueError where it is none of this version's, and nothing changes."""
+        state = parse_object(text)
+        with none_of_ours("ground"):
+            show(state, None, 0.0)
+            self.room = room(state, self.config, self._trails)
+            self.alarms.hear_ground(state)
+            if now_ns - self._start_ns > START_NS:
+                self._start_ns = now_ns
+                self.start = start(state, self.config) if state["phase"] == "HOLD" else None
         self.state, self._heard_ns, self._lost = state, now_ns, False
-        if now_ns - self._start_ns > START_NS:
-            self._start_ns = now_ns
-            self.start = start(state, self.config) if state["phase"] == "HOLD" else None
 
     def hear_mocap(self, state: dict[str, Any], now_ns: int) -> None:
-        """The mocap process has published its state."""
+        """The mocap process has published its state; ValueError where it is none of this version's."""
+        if self.state is None:
+            return  # it comes again each second
+        with none_of_ours("mocap process"):
+            show(self.state, state, 0.0)
         self._mocap, self._mocap_ns = state, now_ns
 
     def show(self, now_ns: int, unix_s: float) -> Show:

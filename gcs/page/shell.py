@@ -88,7 +88,7 @@ class Page:
         client.on_disconnect(lambda: self._leave(viewer))
 
     def refuse(self, source: str, why: str) -> None:
-        """Somebody else's web page has tried this one's server: a line here, and an alarm, at most once a second."""
+        """What came of somebody else was not used: a line here, and an alarm, at most once a second."""
         now_ns = self._clock.monotonic_ns()
         self._refusals.note(plain(source, SOURCE_MOST), why, now_ns)
         for event in self._refusals.due(now_ns):
@@ -121,11 +121,17 @@ class Page:
         self.model.control.leave(viewer.name)
 
     def _hear(self, text: str) -> None:
-        self.model.hear(text, self._clock.monotonic_ns())
+        try:
+            self.model.hear(text, self._clock.monotonic_ns())
+        except ValueError as error:
+            self.refuse(f"state of ground {self._ground!r}", str(error))
         self.draw()
 
     def _hear_mocap(self, state: dict[str, Any]) -> None:
-        self.model.hear_mocap(state, self._clock.monotonic_ns())
+        try:
+            self.model.hear_mocap(state, self._clock.monotonic_ns())
+        except ValueError as error:
+            self.refuse("state of the mocap process", str(error))
 
 
 def free_port(wanted: int | None) -> int:

@@ -1,6 +1,7 @@
 """What the page shows: the ground's state, the mocap's and the time make one frozen `Show`. Pure."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,6 +56,15 @@ class Show:
 
 
 NOTHING_YET = Show("waiting to hear the ground", "-", "", "", (), (), (), "", ())
+
+
+@contextmanager
+def none_of_ours(whose: str) -> Iterator[None]:
+    """While inside, what a state that is none of this version's raises is ValueError, and says whose state it was."""
+    try:
+        yield
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        raise ValueError(f"no state of a {whose} of this version: {type(error).__name__}: {error}") from error
 
 
 def show(

@@ -50,6 +50,8 @@ def swarm_state(
         "log_trouble": about.host.log_trouble,
         "button_trouble": about.host.button_trouble,
         "armed": flight.armed,
+        "not_landed": list(flight.not_landed),
+        "open_alarms": list(flight.alarms.texts),
         "allowed": {verb: list(reasons) for verb, reasons in about.allowed.items()},
         "trajectory": flight.trajectory_name,
         "trajectory_started": flight.trajectory_start_ns is not None,

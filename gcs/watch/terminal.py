@@ -1,7 +1,6 @@
 """`gcs watch` in its terminal: hears the bus, reads keys one by one, asks as every operator's command does."""
 
 import asyncio
-import json
 import os
 import sys
 import termios
@@ -18,10 +17,11 @@ from formation.config import LinkConfig
 from formation.messages import OperatorRequest, Verb
 from gcs.cli.common import NOT_RIGHT, fail
 from gcs.page.alarms import AlarmBook
-from gcs.page.show import show
+from gcs.page.show import none_of_ours, show
 from gcs.watch.picture import picture
 from wire import clock
 from wire.errors import BusError, ConfigError
+from wire.json_text import parse_object
 from wire.transport.lab_address import LabAddress, address_in
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
@@ -59,10 +59,23 @@ class _Watch:
         bus = await ZenohBus.open(LinkConfig(zenoh_connect=where.endpoints), where.lab)
 
         def hear(text: str) -> None:
-            self._state, self._heard_ns = json.loads(text), clock.monotonic_ns()
-            self._alarms.hear_ground(self._state or {})
+            try:
+                state = parse_object(text)
+                with none_of_ours("ground"):
+                    show(state, self._mocap, 0.0)
+                    self._alarms.hear_ground(state)
+            except ValueError as error:
+                self._answer = f"refused: {error}"
+                return
+            self._state, self._heard_ns = state, clock.monotonic_ns()
 
         def hear_mocap(state: dict[str, Any]) -> None:
+            try:
+                with none_of_ours("mocap process"):
+                    show(self._state, state, 0.0)
+            except ValueError as error:
+                self._answer = f"refused: {error}"
+                return
             self._mocap = state
 
         bus.on_state(self._name, hear)

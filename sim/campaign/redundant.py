@@ -34,7 +34,7 @@ REDUNDANT: Mapping[str, str] = MappingProxyType(
         "rule-tilted-agreed": "motor-failure in the drone, rule-tilted",
         "rule-silent": "a drone that hears nothing holds and lands by itself; one that says nothing is led as before",
         "rule-link-behind": _WARNS,
-        "rule-link-behind-hold": "poses that old are unseen where autopilots are their own mocap; else the release at 300 ms",
+        "rule-link-behind-hold": "poses so old are unseen where autopilots are their own mocap; else the release",
         "rule-link-behind-release": "rule-lost where autopilots are their own mocap; else a late estimate cuts nothing",
         "rule-disarmed": "a drone that is disarmed has come down already, and the others keep clear of it",
         "rule-setpoints-late": _WARNS,

@@ -8,6 +8,8 @@ from analysis.load import Flight, load_checked
 from analysis.metrics import Summary
 from sim.script import Outcome
 
+GOOD = ("landed", "held")
+
 
 def conclude(mcap: Path, outcome: Outcome, realtime_factor: float | None = None) -> tuple[Flight, Summary]:
     """Write the report beside the log; the flight and its numbers.
@@ -17,7 +19,7 @@ def conclude(mcap: Path, outcome: Outcome, realtime_factor: float | None = None)
     page = mcap.with_name("report.html")
     flight, checked = load_checked(mcap)
     summary = metrics.summarise(flight, mcap=mcap, report=page, realtime_factor=realtime_factor)
-    if outcome.result == "starved" or (outcome.result == "aborted" and not summary.outcome.startswith("aborted")):
+    if outcome.result == "starved" or (outcome.result not in GOOD and summary.outcome in GOOD):
         summary = replace(summary, outcome=f"{outcome.result}: {outcome.reason}")
     report.write(flight, summary, page, "" if checked.complete else checked.damage)
     return flight, summary

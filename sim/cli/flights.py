@@ -25,7 +25,7 @@ from gcs.mocap.sources.csv_file import MocapFileError
 from sim import lockstep
 from sim.cameras import daemon as mocap_daemon
 from sim.cameras.systems import lab_with
-from sim.cli.conclude import conclude
+from sim.cli.conclude import GOOD, conclude
 from sim.cli.display import Display
 from sim.fly import Files
 from sim.fly import fly as fly_processes
@@ -187,14 +187,14 @@ def _folder(out: Path | None, scenario: Scenario) -> Path:
 
 
 def _end(summary: Summary, ending: Ending, aborted_code: int = ABORTED) -> None:
-    """Show the run's numbers; end with `aborted_code` where it was aborted, ABORTED where it missed a requirement."""
+    """Show the run's numbers; end with `aborted_code` where it did not land, ABORTED where it missed a requirement."""
     if ending.as_json:
         print(summary.to_json())
     else:
         print_summary(summary, Console())
     if summary.outcome.startswith("starved"):
         raise typer.Exit(starved.EXIT_CODE)
-    if summary.outcome not in ("landed", "held"):
+    if summary.outcome not in GOOD:
         raise typer.Exit(aborted_code)
     if missed := unmet(ending.required, summary):
         fail("; ".join(missed), ABORTED)

@@ -222,4 +222,4 @@ def _mismatched(scores: Sequence[Score]) -> Mismatched:
 
 
 def _aborted(scores: Sequence[Score]) -> int:
-    return sum(score.outcome == "aborted" for score in scores)
+    return sum(score.outcome in ("aborted", "lost", "cut") for score in scores)

@@ -133,7 +133,7 @@ def test_an_empty_log_is_all_unknown():
         (PHASES[:-2], (), "aborted: the log ends in FORMATION"),
         (PHASES[:4], (), "held"),
         (PHASES[:2], (), "aborted: never took off"),
-        ((*PHASES[:-2], (12.0, Phase.STOPPED, "operator")), (), "aborted: operator"),
+        ((*PHASES[:-2], (12.0, Phase.STOPPED, "operator")), (), "cut: operator"),
         ((*PHASES[:-2], (12.0, Phase.LAND, "mocap lost"), PHASES[-1]), (), "aborted: mocap lost"),
     ],
 )

@@ -219,3 +219,33 @@ def test_termination_stops_for_good() -> None:
     assert harness.command(185, 1.0) is Result.ACCEPTED
     assert not harness.core.autopilot.armed
     assert harness.command(MODE, 1.0, 4.0, 3.0) is Result.TEMPORARILY_REJECTED
+
+
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+@pytest.mark.parametrize("interval_us", [np.inf, -np.inf, np.nan, 5e15, 2.0**31, 3e38, -3e38])
+def test_an_interval_that_is_none_is_refused_and_changes_nothing(autopilot: str, interval_us: float) -> None:
+    harness = Harness(autopilot=autopilot)
+    harness.run(0.2)
+    before = harness.core._schedule.period_ns(32)
+    assert harness.command(INTERVAL, 32.0, interval_us) is harness.core.autopilot.model.no_such_rate
+    assert harness.command(510, 32.0) is Result.ACCEPTED
+    assert harness.core._schedule.period_ns(32) == before
+
+
+@pytest.mark.parametrize("command", [20, 21, 22, 176, 185, 192, 300, 400, 410, 510, 511, 512, 520, 32100, 65535])
+def test_no_number_of_a_command_ends_the_agent(command: int) -> None:
+    """Each is answered, and the drone flies on."""
+    harness = ready()
+    harness.command(MODE, 1.0, 4.0, 2.0)
+    harness.command(ARM, 1.0)
+    harness.command(TAKEOFF)
+    harness.run(2.0)
+    for value in (np.nan, np.inf, -np.inf, 3e38, -3e38, 1e30, 1e10, -1.0, 1e-45):
+        for index in range(7):
+            params = [0.0] * 7
+            params[index] = value
+            assert isinstance(harness.command(command, *params), Result)
+        assert isinstance(harness.command(command, *[value] * 7), Result)
+        harness.run(0.1)
+    harness.run(1.0)
+    assert np.isfinite(harness.truth.pos_lab_m).all()

@@ -122,3 +122,27 @@ def test_a_bad_file_names_its_line(tmp_path: Path, text: str) -> None:
     path.write_text(f"OK 1\n{text}\n")
     with pytest.raises(ConfigError, match=r"bad\.parm:2"):
         parameter_file.read(path)
+
+
+@pytest.mark.parametrize("autopilot", list(MODELS))
+@pytest.mark.parametrize("value", [float("inf"), float("-inf"), float("nan")])
+def test_a_value_that_is_not_finite_is_refused_with_the_old_one(autopilot: str, value: float) -> None:
+    harness = Harness(autopilot=autopilot)
+    harness.run(0.1)
+    specs = [spec for spec in MODELS[autopilot].table.parameters.values() if spec.type is ParamType.REAL32]
+    assert specs
+    for spec in specs:
+        before = read(harness, spec.name)
+        harness.send(ParamSet(harness.target, spec.name, struct.pack("<f", value), spec.type))
+        assert harness.last(ParamValue) == before
+
+
+@pytest.mark.parametrize("autopilot", list(MODELS))
+def test_no_parameter_of_any_number_ends_the_agent(autopilot: str) -> None:
+    harness = Harness(autopilot=autopilot)
+    harness.run(0.1)
+    for spec in MODELS[autopilot].table.parameters.values():
+        for raw in (struct.pack("<f", 3e38), struct.pack("<f", -3e38), b"\xff" * 4, b"\x00\x00\x00\x80", b"\0" * 4):
+            harness.send(ParamSet(harness.target, spec.name, raw, spec.type))
+            harness.run(0.05)
+    harness.run(1.0)

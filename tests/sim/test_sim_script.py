@@ -107,7 +107,8 @@ def test_a_leader_of_whom_the_ground_knows_nothing_is_done_after_its_time_in_for
 
 
 def test_a_glance_reads_the_published_state() -> None:
-    text = '{"phase": "HOLD", "trajectory_started": false, "trajectory_done": true, "refusals": ["L: unseen"]}'
+    text = '{"phase": "HOLD", "trajectory_started": false, "trajectory_done": true, "refusals": ["L: unseen"],'
+    text += ' "not_landed": [], "cause": "start"}'
     assert Glance.at(text) == Glance(Phase.HOLD, trajectory_done=True, refusals=("L: unseen",))
 
 
@@ -121,3 +122,12 @@ def test_arming_waits_until_the_ground_has_nothing_against_it_but_not_for_ever()
     eager.observe(unready, 0)
     eager.observe(Glance(Phase.GROUND), S)
     assert eager.next_request(S) is not None
+
+
+def test_a_flight_whose_drone_is_lost_is_not_landed() -> None:
+    operator = Operator((Step(verb=Verb.LAND, phase="HOLD"),))
+    see(operator, Phase.HOLD, 0)
+    assert yes(operator, 0) is Verb.LAND
+    see(operator, Phase.LAND, S)
+    operator.observe(Glance(Phase.GROUND, lost="LAND ended: F unheard for 24 s"), 30 * S)
+    assert operator.outcome == Outcome("lost", "LAND ended: F unheard for 24 s")

@@ -4,6 +4,7 @@ import numpy as np
 
 from formation.maths.arrays import Bool, Float
 from formation.messages import LabFrame, RawFrame
+from formation.rejection import Rejection
 
 MOST_BODIES = 1000
 FARTHEST_M = 1000.0
@@ -11,6 +12,9 @@ UNIT_WITHIN = 0.1
 """How far the square of a quaternion's length may be from 1."""
 OLDEST_NS = 1_000_000_000
 AHEAD_NS = 20_000_000
+"""How far ahead of ours a camera system's clock may be."""
+DOUBT_NS = 2_000_000
+"""How far after now a lab frame's times may lie: the mocap process's clock is ours, or known to this."""
 
 
 def raw_fault(frame: RawFrame, now_ns: int, ahead_ns: int = AHEAD_NS) -> str | None:
@@ -26,7 +30,8 @@ def raw_fault(frame: RawFrame, now_ns: int, ahead_ns: int = AHEAD_NS) -> str | N
 
 def lab_fault(frame: LabFrame, now_ns: int) -> str | None:
     """Why the frame cannot be used now, None if it can; no mocap process of ours sends one with a fault."""
-    return pose_fault(frame) or _stamp_fault(frame.t_capture_ns, now_ns)
+    newest_ns = max(frame.t_capture_ns, frame.t_receive_ns)
+    return pose_fault(frame) or _stamp_fault(frame.t_capture_ns, now_ns, DOUBT_NS) or _future_fault(newest_ns, now_ns)
 
 
 def pose_fault(frame: LabFrame) -> str | None:
@@ -36,6 +41,8 @@ def pose_fault(frame: LabFrame) -> str | None:
         return fault
     if frame.rejected.shape != frame.seen.shape:
         return "with unequal numbers of names and rejections"
+    if (frame.rejected >= len(Rejection)).any():
+        return "with a rejection code that is none"
     off_unit = np.abs(np.einsum("ij,ij->i", frame.q_lab_from_flu, frame.q_lab_from_flu) - 1.0)
     # Written so that NaN fails.
     if not ((np.abs(frame.pos_lab_m) <= 2.0 * FARTHEST_M).all() and (off_unit <= UNIT_WITHIN).all()):
@@ -53,7 +60,10 @@ def _shape_fault(bodies: tuple[str, ...], pos: Float, q: Float, seen: Bool) -> s
 
 
 def _stamp_fault(t_capture_ns: int, now_ns: int, ahead_ns: int = AHEAD_NS) -> str | None:
-    age_ns = now_ns - t_capture_ns
-    if -ahead_ns <= age_ns < OLDEST_NS:
-        return None
-    return "captured in the future of this machine's clock" if age_ns < 0 else "captured more than 1 s ago"
+    if now_ns - t_capture_ns >= OLDEST_NS:
+        return "captured more than 1 s ago"
+    return _future_fault(t_capture_ns, now_ns, ahead_ns)
+
+
+def _future_fault(t_ns: int, now_ns: int, ahead_ns: int = DOUBT_NS) -> str | None:
+    return "captured in the future of this machine's clock" if t_ns - now_ns > ahead_ns else None

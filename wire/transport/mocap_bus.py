@@ -6,7 +6,8 @@
     <lab>/mocap/alive/<configuration>   a liveliness token, for as long as a mocap process serves
 
 Stamps are on the monotonic clock of the machine that published them: where that is another machine, its clock's name
-rides along, and they are moved onto ours by the quickest frame heard.
+rides along, and they are moved onto ours by the quickest frame heard. With it rides who published the frame: frames
+of a second publisher are refused while the first is heard.
 """
 
 import asyncio
@@ -20,9 +21,11 @@ import zenoh
 from formation.messages import Event, LabFrame, RawFrame
 from wire.clock import REAL_TIME, Clock
 from wire.clock_offset import SenderClock
+from wire.json_text import JsonError, parse_object
 from wire.plain_text import plain
 from wire.schema import Schema, SchemaError, schema_of
 from wire.transport.frame_check import lab_fault
+from wire.transport.source_filter import SourceFilter
 from wire.transport.zenoh_bus import ZenohBus
 
 T = TypeVar("T")
@@ -32,6 +35,7 @@ _FRAME: Schema[LabFrame] = schema_of(LabFrame)
 _EVENT: Schema[Event] = schema_of(Event)
 _ALIVE = "mocap/alive"
 LONGEST_TEXT, LONGEST_NAME, MOST_CLOCKS = 500, 64, 4
+SHOWN_NAME = 12
 
 
 class MocapBus:
@@ -41,6 +45,7 @@ class MocapBus:
         self._bus = bus
         self._clock, self._clock_name = clock, clock.name()
         self._clocks: dict[bytes, SenderClock] = {}
+        self._publisher = SourceFilter()
 
     def publish_raw(self, frame: RawFrame) -> None:
         """Publish one exposure as the cameras tell it."""
@@ -58,7 +63,7 @@ class MocapBus:
 
     def publish_frame(self, frame: LabFrame) -> None:
         """Publish one exposure to everyone; the mocap process alone does."""
-        self._bus.put("mocap/frame", _FRAME.encode(frame), self._clock_name)
+        self._bus.put("mocap/frame", _FRAME.encode(frame), self._clock_name + b"\n" + self._bus.identity)
 
     @property
     def is_heard(self) -> bool:
@@ -73,9 +78,14 @@ class MocapBus:
             if frame is None:
                 return
             now_ns = self._clock.monotonic_ns()
-            frame = self._on_our_clock(frame, sample.attachment, now_ns)
+            clock_name, publisher = _sender(sample.attachment)
+            if self._publisher.rejects(publisher, now_ns):
+                self._bus.refuse("mocap/frame", f"frame of a second publisher, {_called(publisher)}")
+                return
+            frame = self._on_our_clock(frame, clock_name, now_ns)
             fault = lab_fault(frame, now_ns)
             if fault is None:
+                self._publisher.accept(publisher, now_ns)
                 callback(frame)
             else:
                 self._bus.refuse("mocap/frame", f"frame {fault}")
@@ -105,13 +115,11 @@ class MocapBus:
 
         def take(sample: zenoh.Sample) -> None:
             try:
-                state = json.loads(sample.payload.to_bytes())
-            except ValueError:
-                state = None
-            if isinstance(state, dict):
-                callback(state)
-            else:
-                self._bus.refuse("mocap/state", "no JSON object")
+                state = parse_object(sample.payload.to_bytes())
+            except JsonError as error:
+                self._bus.refuse("mocap/state", str(error))
+                return
+            callback(state)
 
         self._bus.listen("mocap/state", take, limit=1)
 
@@ -142,9 +150,8 @@ class MocapBus:
             self._bus.refuse(key, f"no {schema.name}")
             return None
 
-    def _on_our_clock(self, frame: LabFrame, sender: zenoh.ZBytes | None, now_ns: int) -> LabFrame:
+    def _on_our_clock(self, frame: LabFrame, name: bytes, now_ns: int) -> LabFrame:
         """The frame with its stamps on our clock. What another machine received and published is one moment."""
-        name = b"" if sender is None else sender.to_bytes()[:LONGEST_NAME]
         if not name or name == self._clock_name:
             return frame
         if name not in self._clocks:  # one mocap process serves a lab; forged names shall not grow without bound
@@ -154,3 +161,15 @@ class MocapBus:
         received_ns = self._clocks[name].made_ns(frame.t_receive_ns, now_ns)
         ahead_ns = received_ns - frame.t_receive_ns
         return replace(frame, t_capture_ns=frame.t_capture_ns + ahead_ns, t_receive_ns=received_ns)
+
+
+def _sender(attachment: zenoh.ZBytes | None) -> tuple[bytes, bytes]:
+    """The clock's name and the publisher's that ride on a frame; empty where none does."""
+    data = b"" if attachment is None else attachment.to_bytes()[: 2 * LONGEST_NAME]
+    name, _, publisher = data.partition(b"\n")
+    return name[:LONGEST_NAME], publisher[:LONGEST_NAME]
+
+
+def _called(publisher: bytes) -> str:
+    """A publisher's name in few words."""
+    return plain(publisher.decode(errors="replace"), SHOWN_NAME) or "without a name"

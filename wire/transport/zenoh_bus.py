@@ -87,6 +87,8 @@ class ZenohBus:
         self.counters = LinkCounters()
         self.refusals = refusals
         """What was refused of what came by this bus, and by any link of the same process that is given it."""
+        self.identity = str(session.zid()).encode()
+        """Who we are on the bus."""
         self._session = session
         self._loop = asyncio.get_running_loop()
         self._inboxes: list[Inbox[Any]] = []

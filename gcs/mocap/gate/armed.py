@@ -1,7 +1,8 @@
 """Which drones have their motors on, by what the ground publishes of itself; that is all the mocap learns of it."""
 
-import json
 from collections.abc import Mapping
+
+from wire.json_text import parse_object
 
 
 def motors_on(state: str) -> Mapping[str, bool]:
@@ -10,8 +11,8 @@ def motors_on(state: str) -> Mapping[str, bool]:
     A ground that has only just begun does not know it of a drone that it has not heard of yet.
     """
     try:
-        drones = json.loads(state)["drones"]
+        drones = parse_object(state)["drones"]
         heard = [drone for drone in drones if drone["heartbeat_age_s"] is not None]
         return {str(drone["body"]): drone["armed"] is True for drone in heard}
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, LookupError, TypeError):
         return {}

@@ -1,6 +1,7 @@
 """What the ground does on every fault, seen at the drones: GcsCore with fake drones that fail on demand."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -264,3 +265,14 @@ def test_an_estimate_that_is_not_finite_ends_the_core():
     lab.core._stack._memory["z_m"] = np.nan
     with pytest.raises(BrokenInvariantError, match="not finite"):
         lab.run(0.1)
+
+
+def test_a_rejection_code_that_is_none_of_ours_ends_nothing():
+    """Such a frame is refused before it comes here; the state is published all the same."""
+    lab = FakeLab(triangle())
+    lab.run(1.0)
+    lab.now_ns += 10_000_000
+    frame = replace(lab.frame(), rejected=np.array([200, 0, 0], np.uint8))
+    lab.core.receive(frame, lab.now_ns)
+    lab._tick_while_due()
+    assert json.loads(lab.core.status(lab.now_ns))["rejected"] == {"lead": "reason 200, of a later version"}

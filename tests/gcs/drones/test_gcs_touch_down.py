@@ -18,7 +18,7 @@ def landed_after_s(heights_m: np.ndarray, rate_hz: float, mode: int = PX4_OFFBOA
     drone, low = Drone(1, link, lifted=True), 0.5 * link.hover_thrust_norm
     for k, height_m in enumerate(heights_m.tolist()):
         now_ns = round(k / rate_hz * 1e9)
-        drone.notice_flight(height_m, low)
+        drone.notice_flight((0.0, 0.0, height_m), True, low)
         drone.notice_landing(FALLING_M_S, 0.3, low, now_ns)
         if drone.touched:
             return now_ns * 1e-9

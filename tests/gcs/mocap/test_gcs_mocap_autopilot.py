@@ -129,7 +129,7 @@ def test_truth_alone_is_a_pose_from_the_spawn_on_and_smoother_than_its_centimetr
 
 
 def test_a_truth_in_centimetre_steps_moves_a_pose_as_smoothly_as_its_exact_velocity():
-    """ArduCopter's SIM_STATE, 0.3 m/s north: a step of 11 mm shown as 55 mm/s made its formation swing by 30 degrees."""
+    """ArduCopter's SIM_STATE, 0.3 m/s north: 11 mm shown as 55 mm/s made its formation swing by 30 degrees."""
     lab, sender = Lab(), mavlink2.MAVLink(None, srcSystem=2, srcComponent=1)
     pos, t_s = [], []
     for ms in range(0, 8000, 10):

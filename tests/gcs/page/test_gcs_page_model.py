@@ -347,3 +347,12 @@ def test_a_trajectory_is_foreseen_as_the_ground_will_answer():
     while not state_of(lab)["trajectory_started"]:
         lab.run(0.1)
     assert countdowns(state_of(lab))[0].startswith("leader's trajectory eight: ")
+
+
+@pytest.mark.parametrize("text", ["[" * 5000, '{"drones": 3}', '{"phase": []}', "[]", '{"phase": "GROUND"}', "NaN"])
+def test_a_state_that_is_none_is_refused_and_the_last_one_stays(flight, text):
+    model = Model(triangle())
+    model.hear(json.dumps(flight[Phase.HOLD]), 10_000_000_000)
+    with pytest.raises(ValueError, match=r"JSON|no state of a ground"):
+        model.hear(text, 11_000_000_000)
+    assert model.show(11_000_000_000, 0.0).phase == "HOLD"

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from formation.messages import LabFrame, RawFrame
+from formation.rejection import Rejection
 from wire.schema import schema_of
 from wire.transport.frame_check import lab_fault, raw_fault
 
@@ -68,3 +69,20 @@ def test_a_frame_of_ten_thousand_empty_names_is_decoded_and_refused_at_once():
     schema = schema_of(RawFrame)
     nothing = RawFrame(1, NOW_NS, ("",) * 10_000, np.zeros((0, 3)), np.zeros((0, 4)), np.zeros(0, bool))
     assert "bodies" in (raw_fault(schema.decode(schema.encode(nothing)), NOW_NS) or "")
+
+
+def test_a_rejection_code_that_is_none_is_refused():
+    for code in (len(Rejection), 200, 255):
+        assert (
+            lab_fault(replace(LAB, rejected=np.array([code], np.uint8)), NOW_NS) == "with a rejection code that is none"
+        )
+    for rejection in Rejection:
+        assert lab_fault(replace(LAB, rejected=np.array([rejection], np.uint8)), NOW_NS) is None
+
+
+@pytest.mark.parametrize("field", ["t_capture_ns", "t_receive_ns"])
+def test_no_lab_frame_comes_from_the_future(field):
+    """15 ms ahead, and drifting, forged frames displaced the true ones."""
+    assert "future" in (lab_fault(replace(LAB, **{field: NOW_NS + 3 * MS}), NOW_NS) or "")
+    assert lab_fault(replace(LAB, **{field: NOW_NS + 1 * MS}), NOW_NS) is None
+    assert raw_fault(replace(RAW, t_capture_ns=NOW_NS + 15 * MS), NOW_NS) is None

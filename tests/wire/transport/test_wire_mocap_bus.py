@@ -132,6 +132,33 @@ def test_what_is_no_frame_is_refused_and_told_and_the_next_one_is_taken():
     asyncio.run(run())
 
 
+def test_frames_of_a_second_publisher_are_refused_and_named_until_the_first_is_silent():
+    async def run():
+        listening, connecting = ends()
+        async with joined(listening, connecting) as (one, two), joined(connecting) as (three,):
+            receiver, first, second = MocapBus(one), MocapBus(two), MocapBus(three)
+            got: list[int] = []
+            refused, taken = asyncio.Event(), asyncio.Event()
+            receiver.on_frame(lambda m: (got.append(m.seq), taken.set()))
+            await until(taken, lambda: first.publish_frame(lab_frame()))
+
+            def both() -> None:
+                first.publish_frame(lab_frame())
+                second.publish_frame(replace(lab_frame(), seq=99))
+                if one.refusals.count:
+                    refused.set()
+
+            await until(refused, both)
+            assert set(got) == {7}
+            (event,) = one.refusals.due(clock.monotonic_ns())
+            assert "frame of a second publisher, " + three.identity.decode()[:8] in event.text
+            over = asyncio.Event()
+            receiver.on_frame(lambda m: over.set() if m.seq == 99 else None)
+            await until(over, lambda: second.publish_frame(replace(lab_frame(), seq=99)))
+
+    asyncio.run(run())
+
+
 def test_who_serves_is_known_while_it_lives():
     async def run():
         listening, connecting = ends()

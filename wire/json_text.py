@@ -1,0 +1,68 @@
+"""JSON from outside: bounded in size, depth and numbers before anything reads it."""
+
+import json
+import math
+import re
+from typing import Any, NoReturn
+
+MOST_CHARACTERS = 1 << 20
+DEEPEST = 32
+MOST_DIGITS = 19
+"""Of a whole number: those of 64 bits."""
+
+_TEXTS = re.compile(r'"(?:[^"\\]|\\.)*"', re.DOTALL)
+_BRACKETS = re.compile(r"[\[\]{}]")
+
+
+class JsonError(ValueError):
+    """What came is not JSON, or larger, deeper or with other numbers than any of ours."""
+
+
+def parse_json(text: str | bytes) -> Any:
+    """The value that the text stands for; JsonError for all else: NaN, infinities and numbers past 64 bits, too."""
+    if len(text) > MOST_CHARACTERS:
+        raise JsonError(f"more than {MOST_CHARACTERS} characters of JSON")
+    try:
+        if isinstance(text, bytes):
+            text = text.decode()
+        if text.count("[") + text.count("{") > DEEPEST and _depth(text) > DEEPEST:
+            raise JsonError(f"JSON nested deeper than {DEEPEST} levels")
+        return json.loads(text, parse_int=_whole, parse_float=_real, parse_constant=_no_constant)
+    except JsonError:
+        raise
+    except ValueError as error:  # bytes that are no text, too
+        raise JsonError(f"no JSON: {error}") from error
+
+
+def parse_object(text: str | bytes) -> dict[str, Any]:
+    """The JSON object that the text stands for; JsonError for all else."""
+    value = parse_json(text)
+    if not isinstance(value, dict):
+        raise JsonError("no JSON object")
+    return value
+
+
+def _depth(text: str) -> int:
+    """How deep brackets are nested, those in texts left out."""
+    depth = deepest = 0
+    for bracket in _BRACKETS.findall(_TEXTS.sub("", text)):
+        depth += 1 if bracket in "[{" else -1
+        deepest = max(deepest, depth)
+    return deepest
+
+
+def _whole(digits: str) -> int:
+    if len(digits.lstrip("-")) > MOST_DIGITS:
+        raise JsonError(f"a whole number of more than {MOST_DIGITS} digits")
+    return int(digits)
+
+
+def _real(digits: str) -> float:
+    value = float(digits)
+    if not math.isfinite(value):
+        raise JsonError("a number too large")
+    return value
+
+
+def _no_constant(word: str) -> NoReturn:
+    raise JsonError(f"{word} is no number of JSON")

@@ -171,6 +171,16 @@ class BridgeCore:
         self._to_ground, self._to_autopilot, self._events = [], [], []
         return outgoing
 
+    @property
+    def has_autopilot(self) -> bool:
+        """Whether a heartbeat of the drone's autopilot has come."""
+        return self._table is not None
+
+    @property
+    def has_pose(self) -> bool:
+        """Whether the mocap has shown the body."""
+        return self._feed.begun
+
     def next_deadline_ns(self) -> int:
         """When `tick` is due if nothing arrives."""
         if self._to_ground or self._to_autopilot or self._events:

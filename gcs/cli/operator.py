@@ -21,16 +21,21 @@ from wire.transport.lab_address import LabAddress, address_in
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from wire.transport.zenoh_session import Patience
+
 ARMING_S, ANSWER_S = 20.0, 3.0
 
 Lab = Annotated[Path | None, typer.Option("--lab", help="lab.toml, for its name and bus; without it the defaults.")]
-Timeout = Annotated[float, typer.Option("--timeout", min=0.01, help="Seconds to wait for the answer.")]
+Timeout = Annotated[
+    float | None,
+    typer.Option("--timeout", min=0.01, help="Seconds to wait, for a ground to come and for its answer."),
+]
 
 
 def register(app: typer.Typer) -> None:
     """Add the commands, in the order of a flight."""
     app.command(Verb.STATUS.value)(status)
-    _register(app, Verb.ARM, "Bring every drone to off-board mode and arm it; refused with every reason.", ARMING_S)
+    _register(app, Verb.ARM, "Bring every drone to off-board mode and arm it; refused with every reason.")
     _register(app, Verb.ADOPT, "Take over drones that fly under no ground, and hold them where they are.")
     _register(app, Verb.TAKEOFF, "Take off to the configured height, then hold.")
     _register(app, Verb.START, "Take up the formation; a commanded leader then flies its trajectory.")
@@ -43,7 +48,7 @@ def register(app: typer.Typer) -> None:
     )
 
 
-def status(lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeout: Timeout = ANSWER_S) -> None:
+def status(lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeout: Timeout = None) -> None:
     """Show the phase, every drone, and what keeps them from arming."""
     reply = _ask(Verb.STATUS, "", lab, name, timeout)
     if as_json:
@@ -63,7 +68,7 @@ def shape(
     lab: Lab = None,
     name: Name = GCS_NAME,
     as_json: Json = False,
-    timeout: Timeout = ANSWER_S,
+    timeout: Timeout = None,
 ) -> None:
     """Change the formation's shape, size or heading, in flight too; refused where drones would come too near."""
     request = ShapeRequest(shape_name, scale, math.radians(heading))
@@ -77,22 +82,22 @@ def trajectory(
     lab: Lab = None,
     name: Name = GCS_NAME,
     as_json: Json = False,
-    timeout: Timeout = ANSWER_S,
+    timeout: Timeout = None,
 ) -> None:
     """Choose which trajectory the leader flies at the next start; refused where it does not fit, or is flying one."""
     _command(Verb.TRAJECTORY, trajectory_name, lab, name, as_json, timeout)
 
 
-def _register(app: typer.Typer, verb: Verb, words: str, usual_timeout_s: float = ANSWER_S) -> None:
+def _register(app: typer.Typer, verb: Verb, words: str) -> None:
     """The command of one verb that takes no argument."""
 
-    def ask(lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeout: Timeout = usual_timeout_s) -> None:
+    def ask(lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeout: Timeout = None) -> None:
         _command(verb, "", lab, name, as_json, timeout)
 
     app.command(verb.value, help=words)(ask)
 
 
-def _command(verb: Verb, argument: str, lab: Path | None, name: str, as_json: bool, timeout_s: float) -> None:
+def _command(verb: Verb, argument: str, lab: Path | None, name: str, as_json: bool, timeout_s: float | None) -> None:
     reply = _ask(verb, argument, lab, name, timeout_s)
     if as_json:
         print(json.dumps({"accepted": reply.accepted, "text": reply.text}))
@@ -104,17 +109,27 @@ def _command(verb: Verb, argument: str, lab: Path | None, name: str, as_json: bo
         raise typer.Exit(REFUSED)
 
 
-def _ask(verb: Verb, argument: str, lab: Path | None, name: str, timeout_s: float) -> OperatorReply:
+def _ask(verb: Verb, argument: str, lab: Path | None, name: str, timeout_s: float | None) -> OperatorReply:
     from wire.transport.zenoh_session import ask
 
     request = OperatorRequest(clock.unix_us(), verb, argument)
     try:
         where = LabAddress() if lab is None else address_in(lab)
-        return ask(where.endpoints, where.lab, name, request, timeout_s)
+        return ask(where.endpoints, where.lab, name, request, _patience(verb, timeout_s))
     except TimeoutError as error:
         fail(f"no ground answers: {error}", NO_GROUND)
     except (BusError, ConfigError) as error:
         fail(str(error), NOT_RIGHT)
+
+
+def _patience(verb: Verb, timeout_s: float | None) -> "Patience":
+    from wire.transport.zenoh_session import Patience
+
+    if timeout_s is not None:
+        return Patience.throughout(timeout_s)
+    if verb is Verb.STOP:  # is tried for as long as there is anybody on the bus
+        return Patience(ANSWER_S, ground_s=ANSWER_S)
+    return Patience(ARMING_S if verb is Verb.ARM else ANSWER_S)
 
 
 def print_status(told: dict[str, Any], console: "Console") -> None:

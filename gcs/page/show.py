@@ -54,7 +54,7 @@ class Show:
     vital: tuple[tuple[str, Cell], ...]
 
 
-NOTHING_YET = Show("waiting to hear the ground", "-", "", "", (), (), (), "", ())
+NOTHING_YET = Show("waiting to hear the ground: `gcs run` starts one", "-", "", "", (), (), (), "", ())
 
 
 def show(

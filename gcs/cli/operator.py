@@ -5,6 +5,7 @@ Nothing here loads the control, arrays or an event loop: an emergency stop waits
 
 import json
 import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from wire.transport.zenoh_session import Patience
 
 ARMING_S, ANSWER_S = 20.0, 3.0
+_STEPS = (Verb.ARM, Verb.ADOPT, Verb.TAKEOFF, Verb.START, Verb.HOLD, Verb.LAND)
 
 Lab = Annotated[Path | None, typer.Option("--lab", help="lab.toml, for its name and bus; without it the defaults.")]
 Timeout = Annotated[
@@ -43,9 +45,8 @@ def register(app: typer.Typer) -> None:
     app.command(Verb.TRAJECTORY.value)(trajectory)
     _register(app, Verb.HOLD, "Brake and stay where each drone is.")
     _register(app, Verb.LAND, "Land where each drone is, and disarm there; from every phase.")
-    _register(
-        app, Verb.STOP, "EMERGENCY: cut every drone's motors now, wherever it is. Restart the ground to fly again."
-    )
+    _register(app, Verb.STOP, "EMERGENCY: cut every drone's motors now, wherever it is. `gcs reset` to fly again.")
+    _register(app, Verb.RESET, "After a stop, back to GROUND; refused while any drone is armed or unheard.")
 
 
 def status(lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeout: Timeout = None) -> None:
@@ -161,6 +162,17 @@ def print_status(told: dict[str, Any], console: "Console") -> None:
         console.print(Text(f"{body} is rejected by the mocap: {reason}", "red"))
     for refusal in told["refusals"]:
         console.print(Text(f"not ready: {refusal}", "yellow"))
+    for line in next_steps(told["phase"], told.get("allowed", {})):
+        console.print(line, style="yellow", highlight=False, markup=False)
+
+
+def next_steps(phase: str, allowed: Mapping[str, Sequence[str]]) -> list[str]:
+    """What may be asked now; after a stop, else, what stands against its end. allowed: by verb, the reasons against."""
+    steps = (Verb.RESET,) if phase == "STOPPED" else _STEPS
+    may = [f"gcs {verb}" for verb in steps if not allowed.get(verb, ("unknown to a ground of an older version",))]
+    if may:
+        return [f"next: {', '.join(may)}"]
+    return [f"no reset: {reason}" for reason in allowed.get(Verb.RESET, ())] if phase == "STOPPED" else []
 
 
 def _coordinates(pos_lab_m: list[float] | None) -> list[str]:

@@ -74,7 +74,7 @@ def test_a_bridge_says_what_it_waits_for_and_what_to_do() -> None:
         [sys.executable, "-m", "drone_agent", *options], stderr=subprocess.PIPE, text=True
     ) as process:
         assert process.stderr is not None
-        told = [line for line in islice((line for line in process.stderr if "waiting for" in line), 3)]
+        told = list(islice((line for line in process.stderr if "waiting for" in line), 3))
         process.terminate()
     assert f"waiting for the bus at {bus}: nobody is there: start the ground" in told[0]
     assert "--zenoh-connect tcp/HOST:7447" in told[0]

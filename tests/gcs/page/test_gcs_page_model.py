@@ -72,7 +72,7 @@ def test_a_step_is_allowed_in_its_phase_and_says_why_not_elsewhere(flight):
         Phase.HOLD: {"start", "hold", "land"},
         Phase.FORMATION: {"hold", "land"},
         Phase.LAND: {"land"},
-        Phase.STOPPED: {"land"},
+        Phase.STOPPED: {"land", "reset"},
     }
     assert step(flight[Phase.GROUND], "start").out_of_turn
     assert not step(flight[Phase.GROUND], "adopt").out_of_turn

@@ -162,7 +162,7 @@ class BridgeCore:
                 self._say(Severity.NOTICE, LACKS)
         self._act(self._takeover.due(now_ns, fed=self._feed.fresh(now_ns), stands=self._hold.stands))
         for refused in self._setpoints.told(now_ns):
-            self._say(refused.severity, f"{refused.source}: {refused.text}")
+            self._say(refused.severity, f"{refused.text} (from {refused.source})")
         outgoing = BridgeOutgoing(
             _packed(self._config.sysid, self._to_ground),
             _packed(self._config.sysid, self._to_autopilot),

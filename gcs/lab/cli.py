@@ -88,7 +88,7 @@ def vehicles(config: LabConfig) -> list[str]:
 
 def _vehicle(config: LabConfig, vehicle: VehicleBody) -> str:
     kind = config.profile_of(vehicle)
-    whence = "" if "profile" in vehicle.model_fields_set else " (no profile named)"
+    whence = "" if "profile" in vehicle.model_fields_set else " (none named)"
     return (
         f"{vehicle.body} flies as {kind.name}: {kind.mass_kg * 1e3:g} g, {kind.wheelbase_m * 1e3:g} mm, "
         f"hovers at {kind.hover_thrust_norm:.2f}{whence}"

@@ -196,6 +196,6 @@ def test_says_which_vehicle_each_drone_is_believed_to_be(tmp_path):
     lab = written(tmp_path, ("sysid = 2", 'sysid = 2\nprofile = "crazyflie_27g"'))
     shown = runner.invoke(app, ["check", str(lab)]).output
     assert "flies as crazyflie_27g: 27 g, 92 mm, hovers at 0.58" in shown
-    assert "flies as paper_40g: 40 g, 120 mm, hovers at 0.61 (no profile named)" in shown
+    assert "flies as paper_40g: 40 g, 120 mm, hovers at 0.61 (none named)" in shown
     told = json.loads(runner.invoke(app, ["check", str(lab), "--json"]).stdout)["numbers"]["vehicles"]
     assert sorted(v["profile"] for v in told.values()) == ["crazyflie_27g", "paper_40g"]

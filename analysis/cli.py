@@ -171,7 +171,7 @@ def identify(
 
 def _write_profile(found: "Identification", path: Path | None, sysid: int | None) -> None:
     """Write the profile of the drone of that sysid, or of the flight's last drone, a follower."""
-    from wire.config_file import dump
+    from wire.config_file import dump_profile
     from wire.logs.mcap_log import LogError
 
     chosen = [drone for drone in found.drones if sysid in (None, drone.vehicle.sysid)]
@@ -179,7 +179,7 @@ def _write_profile(found: "Identification", path: Path | None, sysid: int | None
         return
     if not chosen:
         raise LogError(f"no drone {sysid} was sent targets in this flight" if sysid else "no drone was sent targets")
-    path.write_text(dump(chosen[-1].profile()), encoding="utf-8")
+    path.write_text(dump_profile(chosen[-1].profile()), encoding="utf-8")
 
 
 @contextmanager

@@ -49,7 +49,9 @@ class Options:
     ] = None
     profile: Annotated[
         str | None,
-        typer.Option(help="Vehicle: paper_40g (if not given), paper_40g_printed, px4_quad or arducopter_quad."),
+        typer.Option(
+            help="Vehicle: paper_40g (if not given) or another shipped profile; a wrong one is answered by all."
+        ),
     ] = None
     start: Annotated[str | None, typer.Option(help="Where it stands: x,y,z in lab metres.")] = None
     yaw: Annotated[float | None, typer.Option(help="Where it faces, rad about lab z.")] = None

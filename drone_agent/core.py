@@ -105,7 +105,7 @@ class AgentCore:
             self._report(number, now_ns)
         self._list_parameters()
         for refused in self._inbox.told(now_ns):
-            self.autopilot.say(refused.severity, f"{refused.source}: {refused.text}")
+            self.autopilot.say(refused.severity, f"{refused.text} (from {refused.source})")
         self._flush_notes()
         truth = None
         if self._truth_period_ns and now_ns >= self._truth_ns:

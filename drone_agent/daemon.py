@@ -1,16 +1,19 @@
 """The drone agent's process: pumps AgentCore between its link, the bus and the clock until it is told to stop."""
 
+import asyncio
 import sys
 
 from drone_agent.autopilots import parameter_file
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
 from drone_agent.flight import position
+from drone_agent.link.awaited import awaited_bus, awaited_pose
 from drone_agent.link.ground_link import open_ground_link
 from drone_agent.wake import Wake
 from formation.messages import Datagram, LabFrame
 from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
+from wire.process.awaited import tell_awaited
 from wire.process.lifetime import Stop, Tell
 from wire.process.progress import compile_all
 from wire.process.starved import Punctuality
@@ -32,6 +35,8 @@ class _Pump:
         self._tell = tell
         self._clock = clock
         self._flying = False
+        self.has_pose = False
+        """Whether the mocap has shown the body."""
         self._punctual = Punctuality(f"drone {config.sysid}", "its physics")
         self.wake = Wake(self.turn, clock)
 
@@ -39,6 +44,12 @@ class _Pump:
         """Something arrived."""
         self._core.receive(message, self._punctual_ns())
         self.turn()
+
+    def take_frame(self, frame: LabFrame) -> None:
+        """The mocap saw something."""
+        if not self.has_pose and self._config.body_name in frame.bodies:
+            self.has_pose = bool(frame.seen[frame.bodies.index(self._config.body_name)])
+        self.take(frame)
 
     def turn(self) -> None:
         """Send what is due and sleep until the next deadline."""
@@ -71,15 +82,22 @@ async def run(config: AgentConfig, tell: Tell, clock: Clock = REAL_TIME) -> None
     """
     stop = Stop()
     pump = _Pump(config, _core(config, clock), tell, clock)
+    waiting: asyncio.Task[None] | None = None
     uses_bus = config.link.kind == "zenoh" or config.pose == "mocap" or config.truth_rate_hz > 0.0
     try:
         if uses_bus:
             pump.bus = await ZenohBus.open(config.link, config.lab, pump.refusals)
-            MocapBus(pump.bus, clock).on_frame(pump.take)
+            MocapBus(pump.bus, clock).on_frame(pump.take_frame)
         pump.link = await open_ground_link(config, pump.bus, pump.take, pump.refusals)
         pump.turn()
+        if pump.bus is not None:
+            awaited = [awaited_bus(config, pump.bus)]
+            awaited += [awaited_pose(config, lambda: pump.has_pose)] if config.pose == "mocap" else []
+            waiting = asyncio.create_task(tell_awaited(f"uav{config.sysid}", awaited, tell))
         await stop.wait()
     finally:
+        if waiting is not None:
+            waiting.cancel()
         pump.wake.stop()
         if pump.link is not None:
             pump.link.close()

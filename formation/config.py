@@ -161,6 +161,16 @@ class LinkConfig(Model):
         """The same bus for a process that does not listen at the lab's own endpoint: where the ground does, join it."""
         return self.model_copy(update={"zenoh_listen": (), "zenoh_connect": self.zenoh_connect or self.zenoh_listen})
 
+    @property
+    def listening(self) -> "LinkConfig":
+        """The same bus for the process that listens where the others connect."""
+        return self.model_copy(update={"zenoh_listen": self.zenoh_connect, "zenoh_connect": ()})
+
+    @property
+    def names_bus(self) -> bool:
+        """Whether the lab file says where the bus is; where it does not, the ground itself listens."""
+        return not self.model_fields_set.isdisjoint({"zenoh_listen", "zenoh_connect"})
+
 
 class StopButton(Model):
     """A key or button that stops the swarm: the Linux input device it is on and, of its buttons, which.

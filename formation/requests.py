@@ -25,6 +25,7 @@ class Verb(StrEnum):
     STOP = "stop"
     SHAPE = "shape"
     TRAJECTORY = "trajectory"
+    RESET = "reset"
 
 
 @dataclass(frozen=True, slots=True)

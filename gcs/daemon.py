@@ -26,9 +26,12 @@ from formation.messages import (
     OperatorReply,
     OperatorRequest,
     Phase,
+    Severity,
     Verb,
 )
+from formation.requests import ENDPOINT
 from gcs import GCS_NAME as GCS_NAME
+from gcs.awaited import awaited_by_ground
 from gcs.core import GcsCore
 from gcs.drones.links import GroundLinks, open_links
 from gcs.mocap.autopilot_poses import AutopilotPoses
@@ -40,11 +43,13 @@ from wire.clock import REAL_TIME, Clock, unix_us
 from wire.logs.dates import record_dates
 from wire.logs.live import sharer
 from wire.logs.mcap_log import LogWriter
+from wire.process.awaited import tell_awaited
 from wire.process.deadline import Deadline
 from wire.process.machine import machine
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import Reply, ZenohBus
 
+LISTENS = Event(Severity.INFO, "ground", f"the lab file names no bus (link.zenoh_connect): it is here, at {ENDPOINT}")
 STATE_NS, DISK_NS = 100_000_000, 1_000_000_000
 GROUNDED = (Phase.GROUND, Phase.STOPPED)
 LANDING_LIMIT_NS = 60_000_000_000
@@ -79,6 +84,9 @@ class Ground:
         self._clock = clock
         self._poses = AutopilotPoses(config) if config.mocap.source == "mavlink" else None
         self._spacing_s = 1.0 / config.mocap.rate_hz
+        self.heard: set[int] = set()
+        """System ids of the drones that have spoken."""
+        self.has_frame = False
         self._waiting: dict[int, Reply] = {}
         self._report = HostReport()
         self.other_grounds: tuple[str, ...] = ()
@@ -101,6 +109,7 @@ class Ground:
         Answers and such frames wait until everything that has arrived is read: what is old must not be flown first.
         """
         now_ns = self._clock.monotonic_ns()
+        self.heard.add(datagram.sysid)
         self._input(datagram, now_ns)
         frame = None if self._poses is None else self._poses.receive(datagram, now_ns)
         if frame is not None:
@@ -189,6 +198,7 @@ class Ground:
 
     def _frame(self, frame: LabFrame, now_ns: int) -> None:
         self._input(frame, now_ns)
+        self.has_frame = True
         self._frame_seq, self._received_ns = frame.seq, now_ns
 
     def _tick_if_due(self) -> None:
@@ -272,11 +282,13 @@ async def run(
     start = clock.pair()
     t0_ns, epoch = start.monotonic_ns, start.unix_ns // 1_000_000_000
     core = GcsCore(config, t0_ns, epoch, law_guard=Deadline(LAW_S, LAW_WALL_S))
-    bus = await ZenohBus.open(config.link, config.name)
+    bus = await ZenohBus.open_or_listen(config.link, config.name)
     try:
         told = {**run_metadata(config, t0_ns, epoch), "lab_file": str(lab_file), "machine": machine(), **metadata}
         with LogWriter(log_path, told, start=start, share=sharer(bus, name)) as log:
             ground = Ground(config, core, log, tell, clock)
+            if bus.listens and not config.link.names_bus:
+                ground.tell(LISTENS)
             ground.links = await open_links(config, bus, ground.take_datagram)
             try:
                 know_other_grounds(bus, name, epoch, ground)
@@ -323,6 +335,7 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
             tasks.create_task(watch_button(config.operator.stop_button, ground)),  # first: it is there from the first
             tasks.create_task(ground.publish_state(bus, name)),
             tasks.create_task(ground.watch_disk()),
+            tasks.create_task(tell_awaited("ground", awaited_by_ground(config, bus, ground), ground.tell)),
             tasks.create_task(_have_mocap(config, lab_file, mocap, ground.tell, clock, name)),
         ]
         bus.serve(name, ground.take_request)

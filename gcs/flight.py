@@ -11,7 +11,7 @@ from formation.guidance.trajectory import Trajectory
 from formation.guidance.transition import Transition
 from formation.maths.arrays import Float
 from formation.messages import Event, Phase, PhaseChange, Severity
-from formation.safety.phases import AIRBORNE, Trigger, advance, allowed_from
+from formation.safety.phases import AFTER_STOP, AIRBORNE, Trigger, advance, allowed_from
 from formation.safety.rules import Verdict
 from gcs.drones.drone import TAKE_OFF_S, Drone, aside_setpoint, hold_setpoint, land_setpoint, take_off_setpoint
 from gcs.drones.goal import STREAM_FIRST_NS, Goal
@@ -104,7 +104,8 @@ class Flight:
         if advance(self.phase, trigger) is not None:
             return ""
         names = ", ".join(phase.name for phase in allowed_from(trigger))
-        return f"{trigger} is for {names}, this is {self.phase.name}"
+        after = f": {AFTER_STOP}" if self.phase is Phase.STOPPED else ""
+        return f"{trigger} is for {names}, this is {self.phase.name}{after}"
 
     @property
     def landing_end_ns(self) -> int | None:

@@ -1,10 +1,13 @@
 """What an operator may ask, and the answers: refusals say why."""
 
 from collections.abc import Sequence
+from math import isfinite
 
 from formation.config import LabConfig
+from formation.messages import Phase
 from formation.safety import arming
-from formation.safety.rules import Facts
+from formation.safety.phases import AFTER_STOP
+from formation.safety.rules import HEARTBEAT_S, Facts
 from gcs.drones.drone import TAKE_OFF_S, Drone
 from gcs.flight import Flight
 
@@ -38,4 +41,20 @@ def armed_text(flight: Flight, now_ns: int) -> str:
 def done_text(flight: Flight) -> str:
     """What is said of a request that was carried out at once."""
     trajectory = f", trajectory {flight.trajectory_name}" if flight.config.leader.trajectories else ""
-    return f"phase {flight.phase.name}, shape {flight.shape.name}{trajectory}"
+    after = f"; {AFTER_STOP}" if flight.phase is Phase.STOPPED else ""
+    return f"phase {flight.phase.name}, shape {flight.shape.name}{trajectory}{after}"
+
+
+def reset_refusals(drones: Sequence[Drone], now_ns: int) -> tuple[str, ...]:
+    """Why a stop is not over: whose motors are on, or may be."""
+    armed = tuple(f"{drone.link.name}: armed" for drone in drones if drone.link.armed)
+    return armed + tuple(
+        f"{drone.link.name}: no heartbeat ({_heard(drone.link.heartbeat_age_s(now_ns))}), it may be armed: "
+        "switch it on, or restart the ground with a lab file that does not name it"
+        for drone in drones
+        if drone.link.heartbeat_age_s(now_ns) > HEARTBEAT_S
+    )
+
+
+def _heard(age_s: float) -> str:
+    return f"last heard {age_s:.1f} s ago" if isfinite(age_s) else "never heard"

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from formation.model import Model, WrongKeyError
+from formation.vehicle.parameters import VehicleProfile
 from wire.errors import ConfigError as ConfigError
 from wire.errors import Fault as Fault
 from wire.lab_surroundings import Surroundings
@@ -106,6 +107,20 @@ def _reason(kind: str, message: str) -> str:
     if kind == "extra_forbidden":
         return "is not a known key"
     return message.removeprefix("Value error, ")
+
+
+def dump_profile(profile: VehicleProfile) -> str:
+    """The profile as an entry `[[profiles]]`: to be appended to a lab file, or read by `load_profile`."""
+    return tomli_w.dumps({"profiles": [profile.model_dump(mode="json", exclude_none=True)]})
+
+
+def load_profile(path: Path) -> VehicleProfile:
+    """The only profile in a file as `dump_profile` writes it, or its keys alone; ConfigError."""
+    values = read_toml(path)
+    entries = values.get("profiles", [values])
+    if not isinstance(entries, list) or len(entries) != 1 or not isinstance(entries[0], dict):
+        raise ConfigError([f"{path}: profiles: one entry [[profiles]] is wanted"])
+    return parse(entries[0], VehicleProfile, source=str(path))
 
 
 def dump(model: Model) -> str:

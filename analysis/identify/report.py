@@ -16,7 +16,7 @@ from analysis.load import Flight
 from analysis.page import Section, cell, picture, row, table, text
 from analysis.plots import style
 from analysis.plots.identified import model_against_data
-from wire.config_file import dump
+from wire.config_file import dump_profile
 
 LEAD = (
     "Left: measured tilt and the fitted attitude loop. Middle: that loop's step, and the dead time and lag nearest to "
@@ -126,9 +126,8 @@ def _drone(flight: Flight, drone: Identified, lead: str) -> Section:
     with style.styled():
         drawn = picture(model_against_data(flight, drone), drone.vehicle.body)
     rows = [row(cell(x.name), cell(x.words(), "number"), cell(x.assumed_words(), "number")) for x in drone_lines(drone)]
-    profile = (
-        f"<details><summary>Profile to paste</summary><pre><code>{escape(dump(drone.profile()))}</code></pre></details>"
-    )
+    text = escape(dump_profile(drone.profile()))
+    profile = f"<details><summary>Profile to paste</summary><pre><code>{text}</code></pre></details>"
     parts = (drawn, table(("quantity", "#estimate", f"#{drone.base.name}"), rows) if rows else "", profile)
     return Section(f"drone-{drone.vehicle.sysid}", drone.vehicle.body, lead, parts)
 

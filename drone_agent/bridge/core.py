@@ -162,7 +162,7 @@ class BridgeCore:
                 self._say(Severity.NOTICE, LACKS)
         self._act(self._takeover.due(now_ns, fed=self._feed.fresh(now_ns), stands=self._hold.stands))
         for refused in self._setpoints.told(now_ns):
-            self._say(refused.severity, f"{refused.source}: {refused.text}")
+            self._say(refused.severity, f"{refused.text} (from {refused.source})")
         outgoing = BridgeOutgoing(
             _packed(self._config.sysid, self._to_ground),
             _packed(self._config.sysid, self._to_autopilot),
@@ -170,6 +170,16 @@ class BridgeCore:
         )
         self._to_ground, self._to_autopilot, self._events = [], [], []
         return outgoing
+
+    @property
+    def has_autopilot(self) -> bool:
+        """Whether a heartbeat of the drone's autopilot has come."""
+        return self._table is not None
+
+    @property
+    def has_pose(self) -> bool:
+        """Whether the mocap has shown the body."""
+        return self._feed.begun
 
     def next_deadline_ns(self) -> int:
         """When `tick` is due if nothing arrives."""

@@ -1,16 +1,19 @@
 """The bridge's process: pumps BridgeCore between the ground's link, the bus and the autopilot's own port."""
 
+import asyncio
 import sys
 from math import inf
 
 from drone_agent.bridge.core import BridgeCore
 from drone_agent.config import AgentConfig
 from drone_agent.flight import position
+from drone_agent.link.awaited import awaited_bus, awaited_pose
 from drone_agent.link.ground_link import open_ground_link
 from drone_agent.wake import Wake
 from formation.messages import Datagram, LabFrame
 from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
+from wire.process.awaited import Awaited, tell_awaited
 from wire.process.lifetime import Stop, Tell
 from wire.process.progress import compile_all
 from wire.refusals import Refusals
@@ -76,20 +79,35 @@ async def run_bridge(config: AgentConfig, autopilot: str, tell: Tell, clock: Clo
     core = BridgeCore(config, clock.monotonic_ns(), serial=autopilot.startswith("serial:"))
     pump = _Pump(core, tell, clock)
     bus: ZenohBus | None = None
+    waiting: asyncio.Task[None] | None = None
     try:
         pump.autopilot = await _open_autopilot(autopilot, config.sysid, pump)
         bus = await ZenohBus.open(config.link, config.lab, pump.refusals)
         MocapBus(bus, clock).on_frame(pump.from_mocap)
         pump.ground = await open_ground_link(config, bus, pump.from_ground, pump.refusals)
         pump.turn()
+        awaited = (
+            awaited_bus(config, bus),
+            _awaited_autopilot(autopilot, config.sysid, core),
+            awaited_pose(config, lambda: core.has_pose),
+        )
+        waiting = asyncio.create_task(tell_awaited(f"uav{config.sysid}", awaited, tell))
         await stop.wait()
     finally:
+        if waiting is not None:
+            waiting.cancel()
         pump.wake.stop()
         for link in (pump.ground, pump.autopilot):
             if link is not None:
                 link.close()
         if bus is not None:
             await bus.close()
+
+
+def _awaited_autopilot(where: str, sysid: int, core: BridgeCore) -> Awaited:
+    line = "its baud rate" if where.startswith("serial:") else "its port"
+    remedy = f"no heartbeat of system {sysid}: is it on, does it send MAVLink here, is {line} the same?"
+    return Awaited(f"the autopilot at {where}", lambda: core.has_autopilot, remedy)
 
 
 def room_hz_of(autopilot: str) -> float:

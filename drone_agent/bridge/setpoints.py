@@ -66,7 +66,7 @@ class BridgeSetpoints:
         bounded = within_bounds(attitude, None)
         if bounded is attitude:
             return Taken(frame.data, attitude)
-        self.bounded.note(str(frame.source), BEYOND, now_ns)
+        self.bounded.note(frame.source.words, BEYOND, now_ns)
         return Taken(Codec(frame.source).encode(bounded), bounded)
 
     def _refusal(self, frame: Frame, now_ns: int) -> Refusal | None:
@@ -82,5 +82,5 @@ class BridgeSetpoints:
         return self.gate.judge(frame.source, stamp_ms(frame), now_ns - self._t0_ns)
 
     def _refuse(self, frame: Frame, refusal: Refusal, now_ns: int) -> Taken:
-        self.refusals.note(str(frame.source), refusal.value, now_ns)
+        self.refusals.note(frame.source.words, refusal.value, now_ns)
         return Taken()

@@ -43,7 +43,7 @@ class Guidance:
         if "setpoint-bounds" not in autopilot.without:
             asked, target = target, within_bounds(target, autopilot.airframe.profile)
             if target is not asked:
-                self.bounded.note(str(source or "on board"), BEYOND, now_ns)
+                self.bounded.note(source.words if source else "on board", BEYOND, now_ns)
         climb_m_s = autopilot.model.climb_rate_of(autopilot.parameters, target.thrust_norm)
         if climb_m_s is not None:
             if autopilot.task is not Task.LEVEL:

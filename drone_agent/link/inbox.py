@@ -135,7 +135,7 @@ class Inbox:
         if pilot.positioning.slides and not pilot.landed and source.system != self._config.sysid:
             refusal = Refusal.SLIDING_POSE
         if refusal is not None:
-            self.refusals.note(str(source), refusal.value, now_ns)
+            self.refusals.note(source.words, refusal.value, now_ns)
             return False
         if self._gate.asks(source, now_ns):
             self._send(TimeSync(0, boot_ns, source))

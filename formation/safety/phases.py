@@ -20,6 +20,7 @@ class Trigger(StrEnum):
     HOLD = "hold"
     LAND = "land"
     STOP = "stop"
+    RESET = "reset"  # back from a stop, on the floor
     AT_HEIGHT = "at height"  # every commanded drone has reached its take-off height
     DISARMED = "disarmed"  # every commanded drone is disarmed, or arming failed and was undone
 
@@ -43,9 +44,13 @@ TABLE: Mapping[tuple[Phase, Trigger], Phase] = MappingProxyType(
         (Phase.LAND, Trigger.LAND): Phase.LAND,
         (Phase.LAND, Trigger.DISARMED): Phase.GROUND,
         (Phase.STOPPED, Trigger.LAND): Phase.STOPPED,
+        (Phase.STOPPED, Trigger.RESET): Phase.GROUND,
         **{(phase, Trigger.STOP): Phase.STOPPED for phase in Phase},
     }
 )
+
+AFTER_STOP = "when every drone is disarmed and heard, `gcs reset` leads back to GROUND"
+"""What to do next in STOPPED, which no flight goes through."""
 
 STREAMING = frozenset({Phase.ARMED, Phase.TAKEOFF, Phase.FORMATION, Phase.HOLD, Phase.LAND})
 """Phases in which every commanded drone is sent setpoints."""

@@ -1,23 +1,19 @@
-"""The quadcopter: its parameters, and the rigid body on SO(3) with motors, drag, ground effect and floor.
+"""The shipped quadcopters, and the rigid body on SO(3) with motors, drag, ground effect and floor.
 
 One model for both sides: the agent integrates it, the controller inverts it. Eq. (1) of the paper is its
 small-rate form. Nothing here knows MAVLink, batteries' chemistry or the attitude loop
-(drone_agent.simulation.attitude_loop).
+(drone_agent.simulation.attitude_loop). What a profile consists of: formation.vehicle.parameters.
 """
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from types import MappingProxyType
-from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, model_validator
 
 from formation.maths.arrays import Float, Quat, Vec3
-from formation.model import LARGEST, Model, Name, NoFlag, Positive, Vec3Tuple
-from formation.vehicle import body
-from formation.vehicle.body import GRAVITY_M_S2, rotor_reach_m, thrust_norm
+from formation.vehicle.body import GRAVITY_M_S2, thrust_norm
+from formation.vehicle.parameters import BatteryProfile, GainScale, VehicleProfile
 
 __all__ = [
     "GRAVITY_M_S2",
@@ -31,147 +27,6 @@ __all__ = [
     "profile",
     "thrust_norm",
 ]
-
-NonNegative = Annotated[float, NoFlag, Field(ge=0.0, le=LARGEST)]
-Fraction = Annotated[float, NoFlag, Field(ge=0.0, le=1.0)]
-ROUNDING = 1e-9
-
-
-class BatteryProfile(Model):
-    """A LiPo pack: what it holds, and how much of the full thrust an empty pack still gives."""
-
-    cells: Annotated[int, NoFlag, Field(ge=1, le=14)] = 1
-    capacity_mah: Positive = 350.0
-    hover_current_a: Positive = 4.0
-    empty_thrust_fraction: Annotated[float, NoFlag, Field(gt=0.0, le=1.0)] = 0.85
-
-
-class GainScale(Model):
-    """How fast a vehicle's loops are flown, in units of gains made for the paper's vehicle; what `gcs-sim tune` finds.
-
-    horizontal, vertical: rates of the horizontal and vertical laws (integral gains with the square; vertical its
-    observer too); observer: bandwidth of the horizontal observer; compensation: share of dead time and lag compensated.
-    """
-
-    horizontal: Positive = 1.0
-    observer: Positive = 1.0
-    vertical: Positive = 1.0
-    compensation: Positive = 1.0
-
-
-class VehicleProfile(Model):
-    """What a quadcopter is, and how its autopilot answers.
-
-    The response_* pair is what the controller assumes of the path from a sent target to the attitude (link,
-    autopilot, motors), the thrust_dead_time_s and thrust_lag_s pair likewise to the thrust; the rest is the
-    body itself and is what a simulated drone integrates.
-    """
-
-    name: Name
-    mass_kg: Positive
-    inertia_kg_m2: Vec3Tuple
-    """About x, y, z. A rigid body's largest is at most the sum of the other two (equal: a flat plate); see below."""
-    impossible_inertia: bool = False
-    """Whether an inertia that no rigid body has is kept all the same: a publication's table, to be flown as printed."""
-    wheelbase_m: Positive
-    rotor_radius_m: Positive
-    thrust_max_n: Positive
-    """Collective thrust at thrust_norm 1."""
-    thrust_curve: Fraction = 0.0
-    """k of T/T_max = (1 - k) u + k u^2; 0 is linear."""
-    yaw_torque_m: Positive
-    """Rotor drag torque per newton of thrust."""
-    motor_lag_s: Positive
-    drag_n_s_m: Vec3Tuple = (0.0, 0.0, 0.0)
-    """Linear drag along the body axes."""
-    ground_effect: NonNegative = 1.0
-    """Factor on Cheeseman and Bennett's thrust gain near the floor; 0 switches it off."""
-    attitude_p_1_s: Positive
-    yaw_p_1_s: Positive
-    rate_p_1_s: Positive
-    rate_yaw_p_1_s: Positive
-    rate_max_rad_s: Positive
-    rate_yaw_max_rad_s: Positive
-    rate_feed_forward: bool
-    """Whether the autopilot adds the target's body rates to its own attitude loop (PX4 takes yaw's alone)."""
-    command_delay_s: NonNegative
-    """Inside the vehicle: receipt of a target -> attitude loop."""
-    response_dead_time_s: NonNegative
-    response_lag_s: Positive
-    thrust_dead_time_s: NonNegative
-    thrust_lag_s: Positive
-    battery: BatteryProfile = BatteryProfile()
-    gain_scale: GainScale | None = None
-    """As tuned; None: by the response's own length (formation.control.presets)."""
-
-    @model_validator(mode="after")
-    def _of_a_body(self) -> "VehicleProfile":
-        largest, total = max(self.inertia_kg_m2), sum(self.inertia_kg_m2)
-        if min(self.inertia_kg_m2) <= 0.0:
-            raise ValueError(f"inertia_kg_m2 must be positive, got {self.inertia_kg_m2}")
-        if largest > (total - largest) * (1.0 + ROUNDING) and not self.impossible_inertia:
-            raise ValueError(
-                f"no body has inertia_kg_m2 = {self.inertia_kg_m2}: the largest is more than the sum of the other two "
-                "(impossible_inertia = true flies it all the same)"
-            )
-        return self
-
-    @property
-    def weight_n(self) -> float:
-        """Thrust that hovers."""
-        return self.mass_kg * GRAVITY_M_S2
-
-    @property
-    def reach_m(self) -> float:
-        """See formation.vehicle.body."""
-        return rotor_reach_m(self.wheelbase_m)
-
-    @property
-    def turn_1_m(self) -> float:
-        """Angular acceleration about x or y, rad/s^2, per m/s^2 of thrust on one side instead of the other."""
-        return self.reach_m * self.mass_kg / max(self.inertia_kg_m2[0], self.inertia_kg_m2[1])
-
-    @property
-    def hover_thrust_norm(self) -> float:
-        """thrust_norm that hovers, away from the floor."""
-        return self.thrust_norm_of(self.weight_n)
-
-    def thrust_norm_of(self, thrust_n: float) -> float:
-        """The thrust_norm that gives `thrust_n`, clipped to 0..1; inverts the thrust curve."""
-        return thrust_norm(min(max(thrust_n / self.thrust_max_n, 0.0), 1.0), self.thrust_curve)
-
-    def thrust_n_of(self, norm: float) -> float:
-        """Collective thrust, N, of `norm` clipped to 0..1, on a full battery."""
-        u = min(max(norm, 0.0), 1.0)
-        return self.thrust_max_n * ((1.0 - self.thrust_curve) * u + self.thrust_curve * u * u)
-
-    @cached_property
-    def numbers(self) -> Float:
-        """The parameters where the kernels look for them (`formation.vehicle.body`)."""
-        numbers = np.empty(body.NUMBERS)
-        numbers[body.MASS] = self.mass_kg
-        numbers[body.INERTIA : body.INERTIA + 3] = self.inertia_kg_m2
-        numbers[body.WHEELBASE] = self.wheelbase_m
-        numbers[body.ROTOR_RADIUS] = self.rotor_radius_m
-        numbers[body.THRUST_MAX] = self.thrust_max_n
-        numbers[body.THRUST_CURVE] = self.thrust_curve
-        numbers[body.YAW_TORQUE] = self.yaw_torque_m
-        numbers[body.MOTOR_LAG] = self.motor_lag_s
-        numbers[body.DRAG : body.DRAG + 3] = self.drag_n_s_m
-        numbers[body.GROUND_EFFECT] = self.ground_effect
-        numbers[body.ATTITUDE_P] = self.attitude_p_1_s
-        numbers[body.YAW_P] = self.yaw_p_1_s
-        numbers[body.RATE_P] = self.rate_p_1_s
-        numbers[body.RATE_YAW_P] = self.rate_yaw_p_1_s
-        numbers[body.RATE_MAX] = self.rate_max_rad_s
-        numbers[body.RATE_YAW_MAX] = self.rate_yaw_max_rad_s
-        numbers[body.RATE_FEED_FORWARD] = float(self.rate_feed_forward)
-        return numbers
-
-    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> "VehicleProfile":  # noqa: ARG002
-        """A changed profile, validated afresh (pydantic's own copy would check nothing and keep old `numbers`)."""
-        return VehicleProfile.model_validate({**self.model_dump(), **(update or {})})
-
 
 PAPER_40G = VehicleProfile(
     name="paper_40g",
@@ -275,8 +130,106 @@ Derived: response_dead_time_s and response_lag_s, which are what `gcs-log identi
 flies with these gains. Assumed: the delays of command and thrust, 0.02 s for ArduPilot's 20 Hz filters in the place of
 a motor lag, and what turns it about its own axis, as of px4_quad.
 """
+CRAZYFLIE_27G = VehicleProfile(
+    name="crazyflie_27g",
+    mass_kg=0.027,
+    inertia_kg_m2=(2.3951e-5, 2.3951e-5, 3.2347e-5),
+    wheelbase_m=0.092,
+    rotor_radius_m=0.0231,
+    thrust_max_n=0.596,
+    thrust_curve=0.57,
+    yaw_torque_m=0.006,
+    motor_lag_s=0.03,
+    drag_n_s_m=(0.0056, 0.0056, 0.0063),
+    attitude_p_1_s=6.0,
+    yaw_p_1_s=6.0,
+    rate_p_1_s=35.0,
+    rate_yaw_p_1_s=12.0,
+    rate_max_rad_s=10.0,
+    rate_yaw_max_rad_s=3.5,
+    rate_feed_forward=False,
+    command_delay_s=0.005,
+    response_dead_time_s=0.048,
+    response_lag_s=0.124,
+    thrust_dead_time_s=0.01,
+    thrust_lag_s=0.03,
+    battery=BatteryProfile(cells=1, capacity_mah=250.0, hover_current_a=2.1),
+)
+"""A Crazyflie 2.x, or what is built like one.
+
+Mass, inertia, rotor radius and thrust to weight (2.25): gym-pybullet-drones' cf2p.urdf, after Landry (MIT 2015).
+Thrust curve (2.130e-11 of the command squared beside 1.033e-6 of it, at 65535), yaw torque and rotor drag (9.18e-7 and
+10.31e-7 N s/m per rad/s, at the 6060 rad/s of four hovering rotors): Foerster, "System Identification of the Crazyflie
+2.0", ETH 2015. Wheelbase (92 mm), battery and its 7 minutes: Bitcraze's datasheet. Attitude and yaw gain: Bitcraze's
+firmware (6.0). response_* are what `gcs-log identify` finds in a simulated flight with these gains. Assumed: rate
+gains, limits, delays, motor lag.
+"""
+QUAD_250G = VehicleProfile(
+    name="quad_250g",
+    mass_kg=0.25,
+    inertia_kg_m2=(2.6e-4, 2.6e-4, 4.7e-4),
+    wheelbase_m=0.16,
+    rotor_radius_m=0.038,
+    thrust_max_n=7.4,
+    thrust_curve=0.5,
+    yaw_torque_m=0.01,
+    motor_lag_s=0.025,
+    drag_n_s_m=(0.04, 0.04, 0.05),
+    attitude_p_1_s=6.5,
+    yaw_p_1_s=2.8,
+    rate_p_1_s=35.0,
+    rate_yaw_p_1_s=12.0,
+    rate_max_rad_s=3.8,
+    rate_yaw_max_rad_s=3.5,
+    rate_feed_forward=False,
+    command_delay_s=0.01,
+    response_dead_time_s=0.052,
+    response_lag_s=0.113,
+    thrust_dead_time_s=0.02,
+    thrust_lag_s=0.025,
+    battery=BatteryProfile(cells=3, capacity_mah=650.0, hover_current_a=5.0),
+)
+"""A 250 g quadcopter with 3-inch propellers that runs PX4: a class, not one make. Measure yours.
+
+Mass: the class. Wheelbase and rotor radius: of 3-inch frames. Inertia: a radius of gyration of 0.4 arms, between
+paper_40g's (0.33) and x500's (0.42), and 0.9 of the sum of two for the third. Attitude and yaw gain, rate limits:
+PX4's defaults (MC_ROLL_P 6.5, MC_YAW_P 2.8, MC_ROLLRATE_MAX 220 degrees/s, MC_YAWRATE_MAX 200). response_* as of
+crazyflie_27g. Assumed: thrust of three times the weight, its curve, drag, rate gains, delays, motor lag, battery.
+"""
+X500 = VehicleProfile(
+    name="x500",
+    mass_kg=2.0,
+    inertia_kg_m2=(0.0217, 0.0217, 0.04),
+    wheelbase_m=0.5,
+    rotor_radius_m=0.127,
+    thrust_max_n=34.2,
+    thrust_curve=1.0,
+    yaw_torque_m=0.016,
+    motor_lag_s=0.025,
+    drag_n_s_m=(0.3, 0.3, 0.3),
+    attitude_p_1_s=6.5,
+    yaw_p_1_s=2.8,
+    rate_p_1_s=25.0,
+    rate_yaw_p_1_s=8.0,
+    rate_max_rad_s=3.8,
+    rate_yaw_max_rad_s=3.5,
+    rate_feed_forward=False,
+    command_delay_s=0.01,
+    response_dead_time_s=0.065,
+    response_lag_s=0.102,
+    thrust_dead_time_s=0.02,
+    thrust_lag_s=0.025,
+    battery=BatteryProfile(cells=4, capacity_mah=5000.0, hover_current_a=16.0),
+)
+"""Holybro's X500 with PX4's default gains, as PX4's Gazebo model has it.
+
+Mass, inertia, thrust (four rotors of 8.549e-6 N s^2 at 1000 rad/s, quadratic in what is sent), yaw torque (0.016 m) and
+motor lag (0.0125 s up, 0.025 down: the slower): PX4-gazebo-models, x500 and x500_base. Wheelbase, 10-inch propellers,
+battery: Holybro's pages. Gains and rate limits: PX4's defaults, as of quad_250g. response_* as of crazyflie_27g.
+Assumed: drag, rate gains, delays.
+"""
 PROFILES: Mapping[str, VehicleProfile] = MappingProxyType(
-    {p.name: p for p in (PAPER_40G, PAPER_40G_PRINTED, PX4_QUAD, ARDUCOPTER_QUAD)}
+    {p.name: p for p in (PAPER_40G, PAPER_40G_PRINTED, PX4_QUAD, ARDUCOPTER_QUAD, CRAZYFLIE_27G, QUAD_250G, X500)}
 )
 
 

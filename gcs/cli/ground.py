@@ -9,6 +9,7 @@ import uvloop
 from formation.config import LabConfig
 from formation.control.margin import DelayMargin, delay_margin
 from formation.control.presets import preset_for
+from formation.messages import Event, Severity
 from gcs.cli.common import NOT_LANDED, NOT_RIGHT, REFUSED, fail, tell, tell_json
 from gcs.daemon import Ended, GroundFailure, run
 from gcs.mocap.service import ServiceError
@@ -29,6 +30,8 @@ def serve(
     clock: Clock,
 ) -> None:
     """Be the ground until told to end; ends the program with its exit code."""
+    told = tell_json if as_json else tell
+    told(Event(Severity.INFO, "ground", f"starting for lab {config.name!r}, log {log}"))
     try:
         compile_all("gcs", lambda: warm_up(config), sys.stderr)
         margins = delay_margins(config)
@@ -36,7 +39,6 @@ def serve(
             reasons = "; ".join(str(margin) for margin in margins if not margin.carried)
             fail(f"refused, this would not fly steadily: {reasons} (--force, for simulation only)", REFUSED)
         make_folder(log.parent)
-        told = tell_json if as_json else tell
         ended = uvloop.run(run(config, lab_file, log, name, metadata, told, clock))
     except ServiceError as error:
         fail(str(error), error.code)

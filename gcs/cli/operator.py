@@ -5,6 +5,7 @@ Nothing here loads the control, arrays or an event loop: an emergency stop waits
 
 import json
 import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,16 +22,22 @@ from wire.transport.lab_address import LabAddress, address_in
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from wire.transport.zenoh_session import Patience
+
 ARMING_S, ANSWER_S = 20.0, 3.0
+_STEPS = (Verb.ARM, Verb.ADOPT, Verb.TAKEOFF, Verb.START, Verb.HOLD, Verb.LAND)
 
 Lab = Annotated[Path | None, typer.Option("--lab", help="lab.toml, for its name and bus; without it the defaults.")]
-Timeout = Annotated[float, typer.Option("--timeout", min=0.01, help="Seconds to wait for the answer.")]
+Timeout = Annotated[
+    float | None,
+    typer.Option("--timeout", min=0.01, help="Seconds to wait, for a ground to come and for its answer."),
+]
 
 
 def register(app: typer.Typer) -> None:
     """Add the commands, in the order of a flight."""
     app.command(Verb.STATUS.value)(status)
-    _register(app, Verb.ARM, "Bring every drone to off-board mode and arm it; refused with every reason.", ARMING_S)
+    _register(app, Verb.ARM, "Bring every drone to off-board mode and arm it; refused with every reason.")
     _register(app, Verb.ADOPT, "Take over drones that fly under no ground, and hold them where they are.")
     _register(app, Verb.TAKEOFF, "Take off to the configured height, then hold.")
     _register(app, Verb.START, "Take up the formation; a commanded leader then flies its trajectory.")
@@ -38,12 +45,11 @@ def register(app: typer.Typer) -> None:
     app.command(Verb.TRAJECTORY.value)(trajectory)
     _register(app, Verb.HOLD, "Brake and stay where each drone is.")
     _register(app, Verb.LAND, "Land where each drone is, and disarm there; from every phase.")
-    _register(
-        app, Verb.STOP, "EMERGENCY: cut every drone's motors now, wherever it is. Restart the ground to fly again."
-    )
+    _register(app, Verb.STOP, "EMERGENCY: cut every drone's motors now, wherever it is. `gcs reset` to fly again.")
+    _register(app, Verb.RESET, "After a stop, back to GROUND; refused while any drone is armed or unheard.")
 
 
-def status(lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeout: Timeout = ANSWER_S) -> None:
+def status(lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeout: Timeout = None) -> None:
     """Show the phase, every drone, and what keeps them from arming."""
     reply = _ask(Verb.STATUS, "", lab, name, timeout)
     if as_json:
@@ -65,7 +71,7 @@ def shape(
     lab: Lab = None,
     name: Name = GCS_NAME,
     as_json: Json = False,
-    timeout: Timeout = ANSWER_S,
+    timeout: Timeout = None,
 ) -> None:
     """Change the formation's shape, size or heading, in flight too; refused where drones would come too near."""
     request = ShapeRequest(shape_name, scale, math.radians(heading))
@@ -79,22 +85,22 @@ def trajectory(
     lab: Lab = None,
     name: Name = GCS_NAME,
     as_json: Json = False,
-    timeout: Timeout = ANSWER_S,
+    timeout: Timeout = None,
 ) -> None:
     """Choose which trajectory the leader flies at the next start; refused where it does not fit, or is flying one."""
     _command(Verb.TRAJECTORY, trajectory_name, lab, name, as_json, timeout)
 
 
-def _register(app: typer.Typer, verb: Verb, words: str, usual_timeout_s: float = ANSWER_S) -> None:
+def _register(app: typer.Typer, verb: Verb, words: str) -> None:
     """The command of one verb that takes no argument."""
 
-    def ask(lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeout: Timeout = usual_timeout_s) -> None:
+    def ask(lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeout: Timeout = None) -> None:
         _command(verb, "", lab, name, as_json, timeout)
 
     app.command(verb.value, help=words)(ask)
 
 
-def _command(verb: Verb, argument: str, lab: Path | None, name: str, as_json: bool, timeout_s: float) -> None:
+def _command(verb: Verb, argument: str, lab: Path | None, name: str, as_json: bool, timeout_s: float | None) -> None:
     reply = _ask(verb, argument, lab, name, timeout_s)
     if as_json:
         print(json.dumps({"accepted": reply.accepted, "text": reply.text}))
@@ -106,17 +112,27 @@ def _command(verb: Verb, argument: str, lab: Path | None, name: str, as_json: bo
         raise typer.Exit(REFUSED)
 
 
-def _ask(verb: Verb, argument: str, lab: Path | None, name: str, timeout_s: float) -> OperatorReply:
+def _ask(verb: Verb, argument: str, lab: Path | None, name: str, timeout_s: float | None) -> OperatorReply:
     from wire.transport.zenoh_session import ask
 
     request = OperatorRequest(clock.unix_us(), verb, argument)
     try:
         where = LabAddress() if lab is None else address_in(lab)
-        return ask(where.endpoints, where.lab, name, request, timeout_s)
+        return ask(where.endpoints, where.lab, name, request, _patience(verb, timeout_s))
     except TimeoutError as error:
         fail(f"no ground answers: {error}", NO_GROUND)
     except (BusError, ConfigError) as error:
         fail(str(error), NOT_RIGHT)
+
+
+def _patience(verb: Verb, timeout_s: float | None) -> "Patience":
+    from wire.transport.zenoh_session import Patience
+
+    if timeout_s is not None:
+        return Patience.throughout(timeout_s)
+    if verb is Verb.STOP:  # is tried for as long as there is anybody on the bus
+        return Patience(ANSWER_S, ground_s=ANSWER_S)
+    return Patience(ARMING_S if verb is Verb.ARM else ANSWER_S)
 
 
 def print_status(told: dict[str, Any], console: "Console") -> None:
@@ -148,6 +164,17 @@ def print_status(told: dict[str, Any], console: "Console") -> None:
         console.print(Text(f"{body} is rejected by the mocap: {reason}", "red"))
     for refusal in told["refusals"]:
         console.print(Text(f"not ready: {refusal}", "yellow"))
+    for line in next_steps(told["phase"], told.get("allowed", {})):
+        console.print(line, style="yellow", highlight=False, markup=False)
+
+
+def next_steps(phase: str, allowed: Mapping[str, Sequence[str]]) -> list[str]:
+    """What may be asked now; after a stop, else, what stands against its end. allowed: by verb, the reasons against."""
+    steps = (Verb.RESET,) if phase == "STOPPED" else _STEPS
+    may = [f"gcs {verb}" for verb in steps if not allowed.get(verb, ("unknown to a ground of an older version",))]
+    if may:
+        return [f"next: {', '.join(may)}"]
+    return [f"no reset: {reason}" for reason in allowed.get(Verb.RESET, ())] if phase == "STOPPED" else []
 
 
 def _coordinates(pos_lab_m: list[float] | None) -> list[str]:

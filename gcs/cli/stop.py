@@ -30,19 +30,22 @@ def stop(words: Sequence[str]) -> int | None:
             return None
         given[name] = value if equals else rest.pop(0)
     try:
-        timeout_s = float(given["--timeout"] or ANSWER_S)
+        timeout_s = float(given["--timeout"]) if given["--timeout"] else None
     except ValueError:
         return None
     return _ask(given["--lab"], given["--name"] or GCS_NAME, timeout_s)
 
 
-def _ask(lab: str, name: str, timeout_s: float) -> int:
+def _ask(lab: str, name: str, timeout_s: float | None) -> int:
     from wire.transport.lab_address import LabAddress, address_in
-    from wire.transport.zenoh_session import ask
+    from wire.transport.zenoh_session import Patience, ask
+
+    # Without a time given it is tried for as long as there is anybody on the bus.
+    patience = Patience(ANSWER_S, ground_s=ANSWER_S) if timeout_s is None else Patience.throughout(timeout_s)
 
     try:
         where = address_in(Path(lab)) if lab else LabAddress()
-        reply = ask(where.endpoints, where.lab, name, OperatorRequest(clock.unix_us(), Verb.STOP), timeout_s)
+        reply = ask(where.endpoints, where.lab, name, OperatorRequest(clock.unix_us(), Verb.STOP), patience)
     except TimeoutError as error:
         return _fail(f"gcs: no ground answers: {error}", NO_GROUND)
     except (BusError, ConfigError) as error:

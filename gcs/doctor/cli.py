@@ -129,7 +129,7 @@ def write_profile(refit: "Refit", folder: Path) -> str:
         path = refit.write(folder)
     except FileExistsError as error:
         return f"{error.filename} is there already, NOT written"
-    return f'{path} written: put it under [[profiles]] in the lab file, and profile = "{refit.name}" in its entry'
+    return f'{path} written: append it to the lab file as it is, and write profile = "{refit.name}" in its entry'
 
 
 async def _logs(config: "LabConfig", lab_file: Path, out: Path, newest: int, only: list[int] | None) -> list[str]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from formation.vehicle.profile import VehicleProfile
 from gcs.drones.autopilot_model import HOVER_WITHIN, GroundModel, ParameterRule
 from gcs.finding import Finding, Fix, Grade, Refit, graded, unmeasured
-from wire.config_file import dump
+from wire.config_file import dump_profile
 
 PACKETS_LEAST = 50  # below it one lost packet would be two per cent, and a twin might not have spoken
 LOSS, LOSS_MOST = 0.01, 0.05
@@ -145,4 +145,4 @@ def refitted(profile: VehicleProfile, hover_norm: float, sysid: int) -> Refit:
     share = (1.0 - profile.thrust_curve) * hover_norm + profile.thrust_curve * hover_norm**2
     name = f"{profile.name}_{sysid}"
     fitting = profile.model_copy(update={"name": name, "thrust_max_n": float(f"{profile.weight_n / share:.4g}")})
-    return Refit(sysid, name, dump(fitting))
+    return Refit(sysid, name, dump_profile(fitting))

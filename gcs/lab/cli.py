@@ -8,7 +8,7 @@ from pathlib import Path
 import typer
 from rich.console import Console
 
-from formation.config import LabConfig
+from formation.config import LabConfig, VehicleBody
 from formation.guidance.preview import Preview
 from gcs.cli.common import NOT_RIGHT, REFUSED, fail
 from gcs.finding import Finding, Grade, as_dicts, failed
@@ -70,6 +70,14 @@ def numbers(config: LabConfig, ahead: Preview) -> dict[str, object]:
     leader, *slots = peaks(config, ahead)
     fastest = max(slots, key=lambda peak: peak.speed_m_s)
     return {
+        "vehicles": {
+            v.body: {
+                "profile": v.profile,
+                "named": "profile" in v.model_fields_set,
+                "mass_kg": config.profile_of(v).mass_kg,
+            }
+            for v in (config.vehicles[i] for i in config.commanded)
+        },
         "leader_observed": config.leader.sysid is None,
         "trajectory": config.leader.trajectory.kind,
         "length_m": round(ahead.length_m, 4),
@@ -84,7 +92,7 @@ def numbers(config: LabConfig, ahead: Preview) -> dict[str, object]:
 
 def told(config: LabConfig, ahead: Preview) -> list[str]:
     """The same for people, and the room."""
-    lines = [f"{INDENT}{_room(config)}"]
+    lines = [f"{INDENT}{_room(config)}", *(f"{INDENT}{text}" for text in vehicles(config))]
     if config.leader.sysid is None:
         return [*lines, f"{INDENT}{config.leader.body} is only observed: it flies what it flies"]
     leader, *slots = peaks(config, ahead)
@@ -96,6 +104,20 @@ def told(config: LabConfig, ahead: Preview) -> list[str]:
         lab = config.flying(name)
         lines.append(f"{INDENT}trajectory {name}: {way_text(lab, foreseen(lab))}")
     return lines
+
+
+def vehicles(config: LabConfig) -> list[str]:
+    """The vehicle that each commanded drone is believed to be."""
+    return [_vehicle(config, config.vehicles[i]) for i in config.commanded]
+
+
+def _vehicle(config: LabConfig, vehicle: VehicleBody) -> str:
+    kind = config.profile_of(vehicle)
+    whence = "" if "profile" in vehicle.model_fields_set else " (none named)"
+    return (
+        f"{vehicle.body} flies as {kind.name}: {kind.mass_kg * 1e3:g} g, {kind.wheelbase_m * 1e3:g} mm, "
+        f"hovers at {kind.hover_thrust_norm:.2f}{whence}"
+    )
 
 
 def _room(config: LabConfig) -> str:

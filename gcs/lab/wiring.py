@@ -159,8 +159,17 @@ def _profiles(config: LabConfig, keys: Keys) -> Iterator[Finding]:
         if vehicle.link is not None and vehicle.sysid is None:
             yield keys.warn(vehicle_key(i, "link"), UNUSED, "without a sysid nothing is sent to it")
         elif vehicle.link is not None and "profile" not in vehicle.model_fields_set:
-            why = f"{vehicle.body} has a link of its own but no profile named: this one is a simulated 40 g vehicle"
-            yield keys.warn(vehicle_key(i, "profile"), NAMES, why)
+            why = (
+                f"{vehicle.body} has a link, so it is a real drone, and no profile says which: this one is a simulated "
+                f'40 g vehicle. Write profile = "..." there: {", ".join(known_profiles(config))}'
+            )
+            yield keys.refuse(vehicle_key(i, "profile"), NAMES, why)
+
+
+def known_profiles(config: LabConfig) -> tuple[str, ...]:
+    """The lab's own profiles, then those that are shipped."""
+    own = tuple(profile.name for profile in config.profiles)
+    return (*own, *(name for name in PROFILES if name not in own))
 
 
 def judge_trajectory_keys(config: LabConfig, keys: Keys) -> Iterator[Finding]:

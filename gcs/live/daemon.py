@@ -1,5 +1,6 @@
 """`gcs live` as a process: the ground's log comes over the bus and goes to the viewers. It asks nothing."""
 
+import asyncio
 from collections.abc import Callable, Sequence
 
 import zenoh
@@ -7,6 +8,7 @@ import zenoh
 from formation.config import LinkConfig
 from gcs.live.viewers import Viewer
 from wire.logs.live import LiveLog, keys
+from wire.process.awaited import GROUND_REMEDY, Awaited, tell_awaited
 from wire.process.lifetime import Stop
 from wire.transport.zenoh_bus import ZenohBus
 
@@ -19,6 +21,7 @@ class Live:
 
     def __init__(self, viewers: Sequence[Viewer], tell: Callable[[str], None]) -> None:
         self.messages = 0
+        self.begun = False
         self._viewers = viewers
         self._tell = tell
         self._log = LiveLog()
@@ -26,6 +29,7 @@ class Live:
     def take_head(self, head: bytes) -> None:
         """The ground says what its log holds."""
         if self._log.take_head(head):
+            self.begun = True
             self._tell(f"streaming {len(self._log.channels)} channels")
             for viewer in self._viewers:
                 viewer.begin(self._log.channels)
@@ -51,11 +55,14 @@ async def run(link: LinkConfig, lab: str, name: str, viewers: Sequence[Viewer], 
     def take_chunk(sample: zenoh.Sample) -> None:
         live.take_chunk(sample.payload.to_bytes())
 
+    ground = Awaited(f"the log of ground {name!r}", lambda: live.begun, GROUND_REMEDY)
+    waiting = asyncio.create_task(tell_awaited("live", [ground], lambda event: tell(f"{event.source}: {event.text}")))
     try:
         bus.listen(head_key, take_head, limit=1)
         bus.listen(chunk_key, take_chunk, limit=QUEUED)
         await stop.wait()
     finally:
+        waiting.cancel()
         await bus.close()
         for viewer in viewers:
             viewer.close()

@@ -28,6 +28,7 @@ from gcs.mocap.sources.recordings import Frame
 from gcs.mocap.sources.registry import open_source
 from gcs.mocap.sources.source import Feed
 from wire.clock import Clock
+from wire.process.awaited import GROUND_REMEDY, Awaited, bus_at, tell_awaited
 from wire.process.lifetime import Stop, Tell
 from wire.refusals import Refusals
 from wire.transport.mocap_bus import MocapBus
@@ -74,6 +75,11 @@ class Mocap:
             self._inside_s.append((self._clock.monotonic_ns() - now_ns) * 1e-9)
             self._window.add(aligned)
             self._told.record(topics.MOCAP, aligned, now_ns)
+
+    @property
+    def has_frame(self) -> bool:
+        """Whether any frame has come."""
+        return self._core.frames > 0
 
     def take_ground_state(self, state: str) -> None:
         """The ground has published how things are."""
@@ -133,6 +139,7 @@ async def run(config: LabConfig, linger_s: float | None, told: Told, clock: Cloc
     Raises BusError, MocapFileError, and ServiceError where another process serves the lab already.
     """
     stop = Stop()
+    waiting: asyncio.Task[None] | None = None
     bus = await ZenohBus.open(config.link.joined, config.name)
     try:
         mocap_bus = MocapBus(bus, clock)
@@ -143,9 +150,22 @@ async def run(config: LabConfig, linger_s: float | None, told: Told, clock: Cloc
         bus.on_state(ground, mocap.take_ground_state)
         gc.collect()
         gc.freeze()  # what start-up made lives as long as the process: collections between frames need not look at it
+        awaited = (
+            bus_at(config.link.joined.zenoh_connect, lambda: bus.is_joined, GROUND_REMEDY),
+            Awaited(f"frames of source {config.mocap.source!r}", lambda: mocap.has_frame, _remedy(config)),
+        )
+        waiting = asyncio.create_task(tell_awaited(SOURCE, awaited, mocap.say))
         await _first_of(mocap.watch(linger_s), mocap.source.run(), stop.wait())
     finally:
+        if waiting is not None:
+            waiting.cancel()
         await bus.close()
+
+
+def _remedy(config: LabConfig) -> str:
+    if config.mocap.source == "zenoh":
+        return f"nobody publishes on {config.name}/mocap/raw: start your publisher, or `gcs-sim mocap` to try"
+    return "are the cameras on and streaming? `gcs mocap discover` finds what there is"
 
 
 async def _first_of(*parts: Any) -> None:

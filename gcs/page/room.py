@@ -11,7 +11,6 @@ from formation.config import LabConfig
 Point = tuple[float, float, float]
 TRAIL = 60
 TRAIL_STEP_M = 0.02
-LOST_S = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +52,11 @@ class Trails:
             trail.append(point)
         return (*trail, point)
 
+    def last(self, name: str) -> Point | None:
+        """Where a body that is not seen now was; None where it never was."""
+        trail = self._points.get(name)
+        return trail[-1] if trail else None
+
 
 def room(state: Mapping[str, Any], config: LabConfig, trails: Trails) -> Room:
     """The room of the ground's state."""
@@ -60,14 +64,13 @@ def room(state: Mapping[str, Any], config: LabConfig, trails: Trails) -> Room:
     bodies = []
     for vehicle in config.vehicles:
         drone = told.get(vehicle.body)
-        if drone is None or drone["pos_lab_m"] is None:
+        if drone is None:
             continue
-        pos, q, reference = (
-            drone["pos_lab_m"],
-            drone["q_lab_from_flu"] or (1.0, 0.0, 0.0, 0.0),
-            drone.get("reference_lab_m"),
-        )
-        place = (float(pos[0]), float(pos[1]), float(pos[2]))
+        pos = drone["pos_lab_m"]
+        place = trails.last(vehicle.body) if pos is None else (float(pos[0]), float(pos[1]), float(pos[2]))
+        if place is None:
+            continue
+        q, reference = drone["q_lab_from_flu"] or (1.0, 0.0, 0.0, 0.0), drone.get("reference_lab_m")
         bodies.append(
             Body(
                 name=vehicle.body,
@@ -75,7 +78,7 @@ def room(state: Mapping[str, Any], config: LabConfig, trails: Trails) -> Room:
                 q_lab_from_flu=(q[0], q[1], q[2], q[3]),
                 size_m=config.profile_of(vehicle).wheelbase_m,
                 leader=vehicle is config.leader,
-                seen=drone["age_s"] is not None and drone["age_s"] <= LOST_S,
+                seen=pos is not None,
                 rejected=bool(drone.get("rejected")),
                 armed=bool(drone.get("armed")),
                 reference_lab_m=None if reference is None else (reference[0], reference[1], reference[2]),

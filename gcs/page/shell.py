@@ -21,6 +21,7 @@ from gcs.page.origin import OwnPagesOnly
 from gcs.page.viewer import Viewer
 from wire.clock import Clock, unix_us
 from wire.plain_text import plain
+from wire.process.awaited import GROUND_REMEDY, Awaited, tell_awaited
 from wire.refusals import Refusals
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
@@ -102,6 +103,11 @@ class Page:
         for viewer in tuple(self._viewers.values()):
             viewer.update(shown)
 
+    async def tell_awaited(self) -> None:
+        """Say on the terminal, too, that no ground is heard, and when one is."""
+        ground = Awaited(f"ground {self._ground!r}", lambda: self.model.state is not None, GROUND_REMEDY)
+        await tell_awaited("page", [ground], lambda e: print(f"{e.source}: {e.text}", file=sys.stderr, flush=True))
+
     async def watch(self) -> None:
         """Draw where no state comes; for ever."""
         while True:
@@ -156,6 +162,7 @@ def serve(config: LabConfig, ground: str, wanted_port: int | None, clock: Clock)
     async def begin() -> None:
         await on_bus.__aenter__()
         background_tasks.create(page.watch(), name="watch")
+        background_tasks.create(page.tell_awaited(), name="awaited")
 
     async def end() -> None:
         await on_bus.__aexit__(None, None, None)

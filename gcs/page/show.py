@@ -11,10 +11,10 @@ from gcs.page.table import Cell, Level, row
 SILENT_S = 1.0
 """After so long without the ground's state, the page says so across everything."""
 FLYING = ("TAKEOFF", "FORMATION", "HOLD", "LAND")
-VERBS = ("arm", "adopt", "takeoff", "start", "hold", "land")
+VERBS = ("arm", "adopt", "takeoff", "start", "hold", "land", "reset")
 LABELS = {
     "arm": "Arm", "adopt": "Adopt", "takeoff": "Take off", "start": "Start", "hold": "Hold", "land": "Land",
-    "shape": "Shape", "trajectory": "Choose",
+    "reset": "Reset", "shape": "Shape", "trajectory": "Choose",
 }  # fmt: skip
 GB, MB = 1e9, 1e6
 
@@ -55,7 +55,7 @@ class Show:
     vital: tuple[tuple[str, Cell], ...]
 
 
-NOTHING_YET = Show("waiting to hear the ground", "-", "", "", (), (), (), "", ())
+NOTHING_YET = Show("waiting to hear the ground: `gcs run` starts one", "-", "", "", (), (), (), "", ())
 
 
 @contextmanager

@@ -11,12 +11,13 @@ from formation.safety.rules import Facts
 from gcs import reforming
 from gcs.drones.drone import Drone
 from gcs.flight import Flight
-from gcs.operator import take_off_refusals
+from gcs.operator import reset_refusals, take_off_refusals
 from gcs.safety import adoption, monitors
 from gcs.safety.host import Host
 
 OPERATORS = (
     Trigger.ARM, Trigger.ADOPT, Trigger.TAKEOFF, Trigger.START, Trigger.HOLD, Trigger.LAND, Trigger.STOP,
+    Trigger.RESET,
 )  # fmt: skip
 """What an operator may pull, in the order of a flight."""
 
@@ -42,6 +43,8 @@ class Permissions:
             case Verb.ADOPT, Phase.GROUND:
                 others = self._other_grounds(now_ns)
                 return adoption.adoption_refusals(self._drones, facts, others, stages is not None)
+            case Verb.RESET, Phase.STOPPED:
+                return reset_refusals(self._drones, now_ns)
             case Verb.TAKEOFF, Phase.ARMED:
                 return take_off_refusals(facts, self._flight, self._drones, self._config, now_ns)
             case Verb.START, Phase.HOLD:

@@ -12,10 +12,14 @@ from formation.control.stack import Stages
 from formation.maths.arrays import Float
 from formation.maths.frames import rotate_about_z
 from formation.messages import Phase
+from formation.safety.arming import FRESH_S
 from formation.safety.rules import Facts
 from gcs.drones.drone import Drone
 from gcs.flight import Flight
 from gcs.safety.host import Host
+
+FLOOR = 2
+"""The lower wall along z, of the fence's six."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +86,7 @@ class _Places:
 
     def __init__(self, facts: Facts, stages: Stages | None, config: LabConfig) -> None:
         n = len(facts.names)
-        seen = np.isfinite(facts.age_s).tolist()
+        self.seen = seen = (facts.age_s <= FRESH_S).tolist()  # what is extrapolated for longer is no place
         pos = facts.pos_lab_m.round(4).tolist()
         self.pos: list[list[float] | None] = [p if ok else None for p, ok in zip(pos, seen, strict=True)]
         self.q: list[list[float] | None] = [None] * n
@@ -94,10 +98,19 @@ class _Places:
             self.reference = reference_lab_m(stages).round(3).tolist()
             self.leader_yaw_rad = round(float(stages.state.yaw_rad[0]), 4) if seen[0] else None
         fence = config.limits.fence
-        margin = np.minimum(facts.pos_lab_m - np.array(fence.low_m), np.array(fence.high_m) - facts.pos_lab_m)
-        self.margin_m = margin.min(axis=1).round(3).tolist()
-        self.error_m = facts.error_m.round(4).tolist()
+        walls = np.hstack((facts.pos_lab_m - np.array(fence.low_m), np.array(fence.high_m) - facts.pos_lab_m))
+        self.margin_m = walls.min(axis=1).round(3).tolist()
+        self.margin_standing_m = np.delete(walls, FLOOR, axis=1).min(axis=1).round(3).tolist()
+        error_m = facts.error_m.round(4).tolist()
+        self.error_m: list[float | None] = [x if ok else None for x, ok in zip(error_m, seen, strict=True)]
         self.age_s = [_number(age, 3) for age in facts.age_s.tolist()]
+
+    def fence_margin_m(self, i: int, *, stands: bool) -> float | None:
+        """To the nearest wall; for a drone that stands, the floor is none."""
+        if not self.seen[i]:
+            return None
+        margin: float = (self.margin_standing_m if stands else self.margin_m)[i]
+        return margin
 
 
 def reference_lab_m(stages: Stages) -> Float:
@@ -125,7 +138,7 @@ def _drone_state(drone: Drone, m: int, places: _Places, facts: Facts, now_ns: in
         "q_lab_from_flu": places.q[i],
         "reference_lab_m": None if places.reference is None or not drone.flown else places.reference[m],
         "error_m": places.error_m[i],
-        "fence_margin_m": None if places.pos[i] is None else places.margin_m[i],
+        "fence_margin_m": places.fence_margin_m(i, stands=not (link.armed and drone.lifted)),
         "age_s": places.age_s[i],
         "heartbeat_age_s": _number(float(facts.heartbeat_age_s[i]), 2),
         "battery": _number(link.telemetry.battery, 3),

@@ -4,10 +4,11 @@ Out by the lab's own bus, or by a vendor's protocol where the lab's source is a 
 """
 
 import asyncio
+import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
-from formation.messages import RawFrame, Truth
+from formation.messages import Event, RawFrame, Truth
 from formation.safety.phases import AIRBORNE
 from sim.cameras.emulator import MocapEmulator
 from sim.cameras.servers.server import Server
@@ -15,9 +16,12 @@ from sim.cameras.systems import is_camera_system, server_for
 from sim.scenario import Scenario, recorded_leader
 from sim.script import Glance
 from wire.clock import Clock
+from wire.process.awaited import Awaited, tell_awaited
 from wire.process.starved import Punctuality
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
+
+_DRONE = "`drone-agent --sysid 1 --pose mocap --body leader --truth 250`"
 
 
 async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> None:
@@ -27,7 +31,6 @@ async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> N
     flight, an exposure comes too late.
     """
     link = scenario.lab.link
-    hub = link.model_copy(update={"zenoh_listen": link.zenoh_connect, "zenoh_connect": ()})
     emulator = MocapEmulator(scenario.mocap, scenario.lab, recorded_leader(scenario), seed, clock.monotonic_ns())
     truths: dict[int, Truth] = {}
     punctual, flying = Punctuality("the mocap emulator", "its exposure"), False
@@ -42,7 +45,12 @@ async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> N
         if glance.formed:
             emulator.start(clock.monotonic_ns())
 
-    bus = await ZenohBus.open(hub, scenario.lab.name)
+    if link.names_bus:
+        bus = await ZenohBus.open(link.listening, scenario.lab.name)
+    else:
+        bus = await ZenohBus.open_or_listen(link, scenario.lab.name)
+    drones = Awaited("true poses of simulated drones", lambda: bool(truths), f"start one: {_DRONE}")
+    waiting = asyncio.create_task(tell_awaited("mocap emulator", [drones], _tell))
     try:
         bus.on_truth(take_truth)
         bus.on_state(gcs_name, take_state)
@@ -63,7 +71,12 @@ async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> N
                 while emulator.next_exposure_ns <= now_ns:
                     emulator.expose(truths)
     finally:
+        waiting.cancel()
         await bus.close()
+
+
+def _tell(event: Event) -> None:
+    print(f"{event.source}: {event.text}", file=sys.stderr, flush=True)
 
 
 @asynccontextmanager

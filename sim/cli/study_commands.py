@@ -27,8 +27,7 @@ from sim.studies.experiments import CONTROLLERS, Experiment, Job, scenario_of
 from sim.studies.robustness import Draw, Sample
 from sim.studies.runner import Runner
 from sim.studies.tune import Candidate, Task, tune
-from wire.config_file import ConfigError, dump
-from wire.config_file import load as load_config
+from wire.config_file import ConfigError, dump, dump_profile, load_profile
 from wire.private_files import make_folder
 
 if TYPE_CHECKING:
@@ -153,7 +152,7 @@ def run_tune(vehicle: str, gains: str | None, rate_hz: float, delay_s: float, no
     preset = preset_for("default", tuned, task.mocap)
     console.print(f"law {preset.follower}\nobserver {preset.observer}", highlight=False)
     if out is not None:
-        out.write_text(dump(tuned), encoding="utf-8")
+        out.write_text(dump_profile(tuned), encoding="utf-8")
     else:
         console.print(f"\n\\[profiles.gain_scale]\n{dump(best.gain_scale)}", highlight=False)
     if not np.isfinite(best.cost):
@@ -191,7 +190,7 @@ def _vehicle(name_or_path: str, console: Console) -> VehicleProfile:
     """A shipped vehicle, or one of a profile's TOML file; ends the program where there is none."""
     try:
         path = Path(name_or_path)
-        return load_config(path, VehicleProfile) if path.exists() else shipped_profile(name_or_path)
+        return load_profile(path) if path.exists() else shipped_profile(name_or_path)
     except (ConfigError, ValueError) as error:
         console.print(f"gcs-sim: {error}", style="red", markup=False, highlight=False)
         raise typer.Exit(NOT_RIGHT) from error

@@ -1,8 +1,12 @@
 """The command line: bad input is one line that names what is wrong, and exit code 2."""
 
+import subprocess
+import sys
+from itertools import islice
 from pathlib import Path
 
 import pytest
+from free_ports import free_port
 from typer.testing import CliRunner
 
 from drone_agent.__main__ import app
@@ -60,3 +64,19 @@ def test_help_tells_the_defaults_and_the_exit_codes() -> None:
     shown = " ".join(runner.invoke(app, ["--help"]).output.replace("│", " ").split())
     for words in ("zenoh (if not given)", "serial:DEV:BAUD", "any MAVLink client can fly", "Exit codes: 0 done"):
         assert words in shown
+
+
+@pytest.mark.processes
+def test_a_bridge_says_what_it_waits_for_and_what_to_do() -> None:
+    bus = f"tcp/127.0.0.1:{free_port()}"
+    options = ["--sysid", "2", "--body", "left", "--bridge", f"udp:127.0.0.1:{free_port()}", "--zenoh-connect", bus]
+    with subprocess.Popen(
+        [sys.executable, "-m", "drone_agent", *options], stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stderr is not None
+        told = list(islice((line for line in process.stderr if "waiting for" in line), 3))
+        process.terminate()
+    assert f"waiting for the bus at {bus}: nobody is there: start the ground" in told[0]
+    assert "--zenoh-connect tcp/HOST:7447" in told[0]
+    assert "waiting for the autopilot at udp:127.0.0.1" in told[1]
+    assert "waiting for the mocap's pose of 'left'" in told[2]

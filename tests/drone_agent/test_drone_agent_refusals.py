@@ -79,7 +79,7 @@ def test_setpoints_100_ms_old_are_followed_and_older_ones_are_no_life_of_the_str
     harness.run(3.0, aged(800, hover))
     told = [text for text in harness.texts() if "older than 100 ms" in text]
     assert 2 <= len(told) <= 5
-    assert told[0].endswith("1 x setpoint older than 100 ms")
+    assert told[0] == "refused: 1 x setpoint older than 100 ms (from the ground, 255/190)"
 
 
 @pytest.mark.parametrize("late_ms", [150, 300, 800, 5000])
@@ -165,7 +165,7 @@ def test_another_grounds_setpoints_are_refused_until_it_takes_over() -> None:
         harness.run(0.01, hover)
         harness.say(other, target(harness, 0.9, LEAN))
     assert harness.truth.pos_lab_m == pytest.approx([0.0, 0.0, 1.0], abs=0.06)
-    assert any("255/26: refused" in text and "does not own the drone" in text for text in harness.texts())
+    assert any("does not own the drone (from the ground, 255/26)" in text for text in harness.texts())
     harness.say(other, command_long(harness.target, REQUEST_OPERATOR_CONTROL, 0.0, 1.0))
     assert harness.core.autopilot.stream.stage is Stage.HOLD
     harness.run(0.3, hover)  # the old one's mean nothing any more
@@ -203,7 +203,9 @@ def test_setpoints_that_are_bounded_are_told_of_once_a_second_with_their_count()
         harness.send(hover(harness)._replace(q_lab_from_flu=from_rotation_vector(np.array([1.2, 0.0, 0.0]))))
     harness.run(1.2, hover)
     told = [text for text in harness.texts() if "bounded" in text]
-    assert told == [f"{GROUND}: bounded: {count} x setpoint beyond tilt, body rates or thrust" for count in (1, 2)]
+    assert told == [
+        f"bounded: {count} x setpoint beyond tilt, body rates or thrust (from the ground, {GROUND})" for count in (1, 2)
+    ]
 
 
 @pytest.mark.parametrize("tilt", [0.9, 2.0, 3.1])

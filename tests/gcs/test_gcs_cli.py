@@ -17,6 +17,7 @@ from formation.messages import Verb
 from formation.vehicle.profile import PX4_QUAD, GainScale
 from gcs.cli.app import app
 from gcs.cli.ground import delay_margins
+from gcs.cli.operator import next_steps
 from wire.logs.mcap_log import check_log
 
 runner = CliRunner()
@@ -195,3 +196,11 @@ def test_a_ground_answers_other_processes_and_ends_on_a_signal(tmp_path):
             assert check_log(log).complete
         finally:
             ground.kill()
+
+
+def test_status_says_what_may_be_asked_next():
+    assert next_steps("ARMED", {"takeoff": [], "land": [], "stop": [], "arm": ["arm is for GROUND"]}) == [
+        "next: gcs takeoff, gcs land"
+    ]
+    assert next_steps("STOPPED", {"land": [], "reset": []}) == ["next: gcs reset"]
+    assert next_steps("STOPPED", {"land": [], "reset": ["left: armed"]}) == ["no reset: left: armed"]

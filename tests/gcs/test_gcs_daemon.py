@@ -64,7 +64,7 @@ def _fly_recording(folder: Path, told: list[Event]) -> tuple[Ended, Path]:
 def test_frames_are_flown_recorded_and_replayed_bit_by_bit(tmp_path):
     told: list[Event] = []
     ended, log = _fly_recording(tmp_path, told)
-    assert "no mocap process serves" in told[0].text
+    assert any("no mocap process serves" in event.text for event in told)
     assert ended.phase is Phase.GROUND
     assert ended.lost_records == 0
     held = check_log(log)

@@ -6,7 +6,8 @@ import pytest
 from free_ports import free_port
 
 from gcs.cli.exit_codes import NO_GROUND, NOT_RIGHT
-from gcs.cli.stop import stop
+from gcs.cli.stop import ANSWER_S, stop
+from wire.transport.zenoh_session import FIND_S, Patience, _is_out_of_patience, open_session
 
 
 @pytest.mark.parametrize("words", [["--help"], ["--json"], ["--lab"], ["now"], ["--timeout", "soon"]])
@@ -19,8 +20,33 @@ def test_a_lab_that_is_not_there_is_not_right(tmp_path: Path, capsys: pytest.Cap
     assert "no.toml" in capsys.readouterr().err
 
 
+def _lab(folder: Path, port: int) -> Path:
+    path = folder / "lab.toml"
+    path.write_text(f'name = "here"\n[link]\nzenoh_connect = ["tcp/127.0.0.1:{port}"]\n')
+    return path
+
+
 def test_no_ground_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    lab = tmp_path / "lab.toml"
-    lab.write_text(f'name = "here"\n[link]\nzenoh_connect = ["tcp/127.0.0.1:{free_port()}"]\n')
-    assert stop([f"--lab={lab}", "--timeout", "0.1", "--name=main"]) == NO_GROUND
-    assert "no answer on here/gcs/main/do within 0.1 s" in capsys.readouterr().err
+    port = free_port()
+    assert stop([f"--lab={_lab(tmp_path, port)}", "--timeout", "0.1", "--name=main"]) == NO_GROUND
+    told = capsys.readouterr().err
+    assert f"nobody listens at tcp/127.0.0.1:{port}" in told
+    assert "gcs run lab.toml" in told
+
+
+def test_gives_up_early_where_nobody_listens():
+    silent = (f"tcp/127.0.0.1:{free_port()}",)
+    assert _is_out_of_patience(FIND_S * 1.1, silent, Patience(ANSWER_S, ground_s=ANSWER_S))
+
+
+def test_asks_on_where_the_bus_is_there_and_no_ground():
+    """A busy ground may be found late: a stop is not given up for that."""
+    assert not _is_out_of_patience(ANSWER_S / 2, (), Patience(ANSWER_S, ground_s=ANSWER_S))
+    assert _is_out_of_patience(ANSWER_S / 2, (), Patience(ANSWER_S))
+
+
+def test_says_that_the_bus_is_there_without_a_ground(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    endpoint = f"tcp/127.0.0.1:{(port := free_port())}"
+    with open_session((endpoint,), (), "here"):
+        assert stop([f"--lab={_lab(tmp_path, port)}", "--timeout", "0.3"]) == NO_GROUND
+    assert "on the bus nobody serves here/gcs/main/do" in capsys.readouterr().err

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from formation.config import FollowerConfig, LabConfig, LeaderConfig, MocapConfig, TrajectoryConfig
 from formation.model import Model
-from wire.config_file import ConfigError, dump, load, parse
+from formation.vehicle.profile import PROFILES
+from wire.config_file import ConfigError, dump, dump_profile, load, load_profile, parse
 
 LAB = LabConfig(
     mocap=MocapConfig(source="csv", file='f"1"\\ü\t.csv'),
@@ -165,3 +166,23 @@ def test_no_file(tmp_path):
         load(tmp_path / "absent.toml", LabConfig)
     with pytest.raises(ConfigError, match="Is a directory"):
         load(tmp_path, LabConfig)
+
+
+@pytest.mark.parametrize("kind", PROFILES.values(), ids=PROFILES)
+def test_a_profile_is_written_so_that_a_lab_file_takes_it_and_it_is_read_again(tmp_path, kind):
+    path = tmp_path / "vehicle.toml"
+    path.write_text(dump_profile(kind))
+    assert load_profile(path) == kind
+    lab = tmp_path / "lab.toml"
+    lab.write_text(
+        '[leader]\nbody = "lead"\n[[followers]]\nbody = "left"\nsysid = 2\noffset_m = [0, 1, 0]\n'
+        f'profile = "{kind.name}"\n[limits]\nmin_separation_m = 0.3\n\n{dump_profile(kind)}'
+    )
+    assert load(lab, LabConfig).profiles == (kind,)
+
+
+def test_a_file_of_two_profiles_is_none(tmp_path):
+    path = tmp_path / "vehicles.toml"
+    path.write_text(2 * dump_profile(PROFILES["x500"]))
+    with pytest.raises(ConfigError, match="one entry"):
+        load_profile(path)

@@ -17,6 +17,11 @@ class Address(NamedTuple):
     def __str__(self) -> str:
         return f"{self.system}/{self.component}"
 
+    @property
+    def words(self) -> str:
+        """Who that is, for people."""
+        return f"{'the ground' if self.system == GROUND_SYSTEM else 'system'}, {self}"
+
 
 GROUND_COMPONENTS = range(25, 100)  # MAV_COMP_ID_USER1 to USER75
 GROUND = Address(GROUND_SYSTEM, GROUND_COMPONENT)

@@ -12,6 +12,7 @@ batched one loses none.
 
 import asyncio
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import Any, TypeVar
 
 import zenoh
@@ -82,8 +83,10 @@ class ZenohLink:
 class ZenohBus:
     """One process's place on the lab's bus. All callbacks run on the event loop that opened it."""
 
-    def __init__(self, session: zenoh.Session, lab: str, refusals: Refusals) -> None:
+    def __init__(self, session: zenoh.Session, lab: str, refusals: Refusals, *, listens: bool = False) -> None:
         self.lab = lab
+        self.listens = listens
+        """Whether it listens where others look for the bus."""
         self.counters = LinkCounters()
         self.refusals = refusals
         """What was refused of what came by this bus, and by any link of the same process that is given it."""
@@ -102,7 +105,21 @@ class ZenohBus:
         refusals: where to note what is refused; a register of its own if none is given.
         """
         session = await asyncio.to_thread(open_session, config.zenoh_listen, config.zenoh_connect, lab)
-        return cls(session, lab, refusals or Refusals())
+        return cls(session, lab, refusals or Refusals(), listens=bool(config.zenoh_listen))
+
+    @classmethod
+    async def open_or_listen(cls, config: LinkConfig, lab: str, refusals: Refusals | None = None) -> "ZenohBus":
+        """Join the bus that the configuration names; where it names none, listen if nobody else does. BusError."""
+        if not config.names_bus:
+            with suppress(BusError):  # the endpoint is another's: join it there
+                return await cls.open(config.listening, lab, refusals)
+        return await cls.open(config, lab, refusals)
+
+    @property
+    def is_joined(self) -> bool:
+        """Whether anybody else is on the bus."""
+        info = self._session.info
+        return bool(info.peers_zid() or info.routers_zid())
 
     async def close(self) -> None:
         """Leave the bus; nothing is delivered afterwards."""

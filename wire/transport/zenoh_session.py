@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from threading import Event
 
 import zenoh
@@ -17,11 +18,32 @@ _REPLY: Schema[OperatorReply] = schema_of(OperatorReply)
 
 # Zenoh's errors end in a line of its own source, which tells an operator nothing.
 _SOURCE_LINE = re.compile(r" at \S+\.rs:\d+\.?")
-_ASK_AGAIN_S = 0.05
+FIND_S = 0.5
+"""How long a ground is looked for that is not there: on a busy machine one answers within a tenth of a second."""
+_REMEDY = "Start it with `gcs run lab.toml`; --lab and --name say which one is meant, --timeout to wait for it"
+_ASK_AGAIN_S, _REFUSED_S = 0.05, 0.2
 # Batches that may wait for the sender's thread, as many as Zenoh allows. An express put takes one for itself: with
 # Zenoh's own two, a busy machine dropped one frame in twenty, and one in nine events told right after a frame.
 _WAITING_BATCHES = 16
 _RETRY = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
+
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """How long one waits, s: for an answer; for a ground that does not show; for a bus at which nobody listens."""
+
+    answer_s: float
+    ground_s: float = FIND_S
+    bus_s: float = FIND_S
+
+    @classmethod
+    def throughout(cls, wait_s: float) -> "Patience":
+        """As long for everything: who says how long may wait for a ground that is about to start."""
+        return cls(wait_s, wait_s, wait_s)
+
+
+class NoGroundError(TimeoutError):
+    """No ground is there; the text says what to do."""
 
 
 def request_key(lab: str, gcs_name: str) -> str:
@@ -41,14 +63,15 @@ def open_session(listen: Sequence[str], connect: Sequence[str], lab: str) -> zen
         raise BusError(f"lab {lab!r}, {tuple(listen or connect)}: {reason}") from error
 
 
-def ask(connect: Sequence[str], lab: str, gcs_name: str, request: OperatorRequest, timeout_s: float) -> OperatorReply:
-    """The answer of the ground `gcs_name`; TimeoutError if none comes in time, BusError.
+def ask(connect: Sequence[str], lab: str, gcs_name: str, request: OperatorRequest, patience: Patience) -> OperatorReply:
+    """The answer of the ground `gcs_name`; TimeoutError if none comes (NoGroundError: nobody is there), BusError.
 
     Asked again only while nobody is there to hear it, so no request is carried out twice.
     """
-    deadline_ns = clock.monotonic_ns() + round(timeout_s * 1e9)
+    begun_ns = clock.monotonic_ns()
+    deadline_ns = begun_ns + round(patience.answer_s * 1e9)
     key, payload = request_key(lab, gcs_name), _REQUEST.encode(request)
-    session = open_session((), connect, lab)
+    session, is_there = open_session((), connect, lab), False
     try:
         while (left_s := clock.REAL_TIME.seconds_until(deadline_ns)) > 0.0:
             answers: list[bytes] = []
@@ -59,13 +82,50 @@ def ask(connect: Sequence[str], lab: str, gcs_name: str, request: OperatorReques
                     answers.append(reply.ok.payload.to_bytes())
 
             session.get(key, zenoh.handlers.Callback(take, ended.set), payload=payload, timeout=left_s)
-            if ended.wait(left_s) and not answers:
-                Event().wait(_ASK_AGAIN_S)
+            is_there = not ended.wait(left_s)  # else the query has ended at once: nobody serves the key
             if answers:
                 return _REPLY.decode(answers[0])
+            if not is_there and _is_out_of_patience((clock.monotonic_ns() - begun_ns) * 1e-9, connect, patience):
+                break
+            if not is_there:
+                Event().wait(_ASK_AGAIN_S)
+        if not is_there:
+            raise _no_ground(key, connect)
     finally:
         session.close()  # type: ignore[no-untyped-call]
-    raise TimeoutError(f"no answer on {key} within {timeout_s:g} s")
+    raise TimeoutError(f"no answer on {key} within {patience.answer_s:g} s")
+
+
+def _is_out_of_patience(looked_s: float, connect: Sequence[str], patience: Patience) -> bool:
+    """Whether a ground that has not shown for so long is given up."""
+    return looked_s > patience.ground_s or (looked_s > patience.bus_s and _is_silent(connect))
+
+
+def _is_silent(connect: Sequence[str]) -> bool:
+    """Whether nobody listens at the bus: every endpoint's machine says so at once."""
+    return bool(connect) and all(_is_refused(endpoint) for endpoint in connect)
+
+
+def _no_ground(key: str, connect: Sequence[str]) -> NoGroundError:
+    found = f"nobody listens at {', '.join(connect)}" if _is_silent(connect) else f"on the bus nobody serves {key}"
+    return NoGroundError(f"{found}. {_REMEDY}")
+
+
+def _is_refused(endpoint: str) -> bool:
+    """Whether the machine says at once that nobody listens there."""
+    import socket  # an emergency stop that finds its ground does without
+
+    protocol, _, address = endpoint.partition("/")
+    host, _, port = address.rpartition(":")
+    if protocol != "tcp" or not port.isdigit():
+        return False
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=_REFUSED_S).close()
+    except ConnectionRefusedError:
+        return True
+    except OSError:
+        return False
+    return False
 
 
 def _configuration(listen: Sequence[str], connect: Sequence[str]) -> zenoh.Config:

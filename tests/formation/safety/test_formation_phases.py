@@ -38,9 +38,11 @@ def test_whole_flight_goes_through_every_phase_and_back_to_ground():
 
 
 @pytest.mark.parametrize("phase", Phase)
-def test_stop_works_from_anywhere_and_nothing_leaves_stopped(phase):
+def test_stop_works_from_anywhere_and_only_reset_leaves_stopped(phase):
     assert advance(phase, Trigger.STOP) is Phase.STOPPED
-    assert all(advance(Phase.STOPPED, trigger) in (None, Phase.STOPPED) for trigger in Trigger)
+    leads_back = [trigger for trigger in Trigger if advance(Phase.STOPPED, trigger) not in (None, Phase.STOPPED)]
+    assert leads_back == [Trigger.RESET]
+    assert advance(Phase.STOPPED, Trigger.RESET) is Phase.GROUND
 
 
 @pytest.mark.parametrize("phase", AIRBORNE)

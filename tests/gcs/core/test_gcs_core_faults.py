@@ -225,7 +225,32 @@ def test_stop_cuts_every_drone_in_the_air_again_and_again_until_each_has_said_so
     assert not lab.drones[1].armed
 
 
-def test_nothing_leaves_stopped():
+def test_reset_leads_from_a_stop_to_another_flight():
+    lab = _flying()
+    lab.command(Verb.STOP, Phase.STOPPED)
+    assert "`gcs reset` leads back to GROUND" in _refusal(lab, Verb.ARM)
+    lab.run(2.0)
+    assert lab.core.state(lab.now_ns)["allowed"]["reset"] == []
+    lab.command(Verb.RESET, Phase.GROUND)
+    lab.run(1.0)
+    assert lab.core.state(lab.now_ns)["allowed"]["arm"] == []
+    lab.command(Verb.ARM, Phase.ARMED)
+    lab.command(Verb.TAKEOFF, Phase.TAKEOFF)
+    lab.run_until(Phase.HOLD)
+
+
+def test_reset_is_refused_while_a_drone_is_armed_or_unheard():
+    lab = _flying()
+    lab.drones[1].deaf = lab.drones[2].mute = True
+    lab.command(Verb.STOP, Phase.STOPPED)
+    lab.run(5.0)
+    refusal = _refusal(lab, Verb.RESET)
+    assert "lead: armed" in refusal
+    assert "no heartbeat (last heard" in refusal
+    assert lab.phase is Phase.STOPPED
+
+
+def test_nothing_else_leaves_stopped():
     lab = _flying()
     lab.command(Verb.STOP, Phase.STOPPED)
     for drone in lab.drones.values():

@@ -207,3 +207,27 @@ def test_a_trajectory_is_done_when_it_has_been_flown(trajectory, lasts_s) -> Non
     assert not told("trajectory_done")
     lab.run(0.2)
     assert told("trajectory_done")
+
+
+def test_a_body_that_is_not_seen_has_no_place_in_the_state(lab):
+    lab.run(2.0)
+    assert lab.core.state(lab.now_ns)["drones"][1]["pos_lab_m"] is not None
+    lab.hidden.add(lab.core.state(lab.now_ns)["drones"][1]["body"])
+    lab.run(1.0)
+    state = lab.core.state(lab.now_ns)["drones"][1]
+    unknown = ("pos_lab_m", "q_lab_from_flu", "fence_margin_m", "error_m")
+    assert {key: state[key] for key in unknown} == dict.fromkeys(unknown)
+    assert state["age_s"] == pytest.approx(1.0, abs=0.05)
+
+
+def test_the_floor_is_no_wall_for_a_drone_that_stands(lab):
+    lab.run(2.0)
+    low, high = lab.config.limits.fence.low_m, lab.config.limits.fence.high_m
+    for drone in lab.core.state(lab.now_ns)["drones"]:
+        x, y, z = drone["pos_lab_m"]
+        walls = (x - low[0], y - low[1], high[0] - x, high[1] - y, high[2] - z)
+        assert drone["fence_margin_m"] == pytest.approx(min(walls), abs=2e-3)
+    lab.fly()
+    z_low = [d["pos_lab_m"][2] - low[2] for d in lab.core.state(lab.now_ns)["drones"]]
+    margins = [d["fence_margin_m"] for d in lab.core.state(lab.now_ns)["drones"]]
+    assert all(margin <= below + 2e-3 for margin, below in zip(margins, z_low, strict=True))

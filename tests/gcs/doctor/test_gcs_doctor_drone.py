@@ -12,6 +12,7 @@ from gcs.doctor.cli import write_profile
 from gcs.doctor.drone_checks import DroneReport, check_drone, refitted
 from gcs.drones.autopilot_model import ARDUPILOT_MODEL, PX4_MODEL
 from gcs.finding import Finding, Fix, Grade, as_dicts, failed
+from wire.config_file import load
 
 PAPER = profile("paper_40g")
 GOOD = DroneReport(
@@ -83,7 +84,7 @@ def test_a_hover_thrust_other_than_the_profiles_asks_for_another_profile_and_nev
     assert "change the profile" in finding.why
     assert finding.fix is None
     assert finding.refit is not None
-    fitting = VehicleProfile.model_validate(tomllib.loads(finding.refit.toml))
+    fitting = VehicleProfile.model_validate(tomllib.loads(finding.refit.toml)["profiles"][0])
     assert fitting.hover_thrust_norm == pytest.approx(learned, abs=5e-4)
     assert fitting.name == "paper_40g_3"
     same = fitting.model_copy(update={"name": PAPER.name, "thrust_max_n": PAPER.thrust_max_n})
@@ -104,16 +105,26 @@ def test_a_hover_thrust_that_was_never_measured_says_nothing_of_the_profile():
     assert "never measured" in finding.why
 
 
+LAB_WITHOUT_PROFILE = """
+[leader]
+body = "lead"
+[[followers]]
+body = "left"
+sysid = 2
+offset_m = [0, 1, 0]
+profile = "{name}"
+[limits]
+min_separation_m = 0.2
+"""
+
+
 def test_the_profile_is_written_to_a_file_that_a_lab_takes_and_over_nothing(tmp_path):
     refit = refitted(PAPER, 0.6, 2)
-    assert "[[profiles]]" in write_profile(refit, tmp_path)
+    assert "append it to the lab file as it is" in write_profile(refit, tmp_path)
     entry = (tmp_path / "profile-2.toml").read_text()
-    lab = {
-        "profiles": [tomllib.loads(entry)],
-        "leader": {"body": "lead"},
-        "followers": [{"body": "left", "sysid": 2, "offset_m": (0, 1, 0), "profile": refit.name}],
-    }
-    config = LabConfig.model_validate(lab)
+    lab = tmp_path / "lab.toml"
+    lab.write_text(LAB_WITHOUT_PROFILE.format(name=refit.name) + entry)
+    config = load(lab, LabConfig)
     assert config.profile_of(config.followers[0]).hover_thrust_norm == pytest.approx(0.6, abs=5e-4)
     assert "NOT written" in write_profile(refitted(PAPER, 0.7, 2), tmp_path)
     assert (tmp_path / "profile-2.toml").read_text() == entry

@@ -190,3 +190,12 @@ def test_checking_loads_no_control_and_nothing_heavy() -> None:
     heavy = ("numba", "scipy", "matplotlib", "pymavlink", "mavsdk", "zenoh", "uvloop", "formation.control")
     assert "gcs.lab.judge" in added
     assert [name for name in added if name.startswith(heavy)] == []
+
+
+def test_says_which_vehicle_each_drone_is_believed_to_be(tmp_path):
+    lab = written(tmp_path, ("sysid = 2", 'sysid = 2\nprofile = "crazyflie_27g"'))
+    shown = runner.invoke(app, ["check", str(lab)]).output
+    assert "flies as crazyflie_27g: 27 g, 92 mm, hovers at 0.58" in shown
+    assert "flies as paper_40g: 40 g, 120 mm, hovers at 0.61 (none named)" in shown
+    told = json.loads(runner.invoke(app, ["check", str(lab), "--json"]).stdout)["numbers"]["vehicles"]
+    assert sorted(v["profile"] for v in told.values()) == ["crazyflie_27g", "paper_40g"]

@@ -72,7 +72,7 @@ def test_a_step_is_allowed_in_its_phase_and_says_why_not_elsewhere(flight):
         Phase.HOLD: {"start", "hold", "land"},
         Phase.FORMATION: {"hold", "land"},
         Phase.LAND: {"land"},
-        Phase.STOPPED: {"land"},
+        Phase.STOPPED: {"land", "reset"},
     }
     assert step(flight[Phase.GROUND], "start").out_of_turn
     assert not step(flight[Phase.GROUND], "adopt").out_of_turn
@@ -165,7 +165,7 @@ def test_the_reference_and_the_fence_margin_are_where_the_drones_are_led(flight)
 
 def test_silence_of_the_ground_is_shown_and_is_an_alarm_once(flight):
     model = Model(triangle())
-    assert model.show(0, 0.0).lost == "waiting to hear the ground"
+    assert model.show(0, 0.0).lost == "waiting to hear the ground: `gcs run` starts one"
     model.hear(json.dumps(flight[Phase.HOLD]), 10_000_000_000)
     assert model.show(10_900_000_000, 5.0).lost == ""
     assert model.show(13_000_000_000, 7.0).lost == "nothing heard of the ground for 3 s"

@@ -319,3 +319,40 @@ def test_when_the_first_peer_is_killed_the_others_keep_talking_and_it_may_come_b
                 drone.kill()
 
     asyncio.run(run())
+
+
+def unnamed(endpoint: str) -> LinkConfig:
+    """As of a lab file that says nothing of a bus."""
+    return LinkConfig.model_construct(_fields_set=set(), zenoh_connect=(endpoint,))
+
+
+def test_listens_where_no_bus_is_named_and_nobody_listens():
+    async def run():
+        endpoint = f"tcp/127.0.0.1:{free_port()}"
+        first = await ZenohBus.open_or_listen(unnamed(endpoint), "lab")
+        second = await ZenohBus.open_or_listen(unnamed(endpoint), "lab")
+        try:
+            assert (first.listens, second.listens) == (True, False)
+            heard = asyncio.Event()
+            first.on_state("main", lambda _: heard.set())
+            await until(heard, lambda: second.publish_state("main", "{}"))
+            assert first.is_joined
+            assert second.is_joined
+        finally:
+            await second.close()
+            await first.close()
+
+    asyncio.run(run())
+
+
+def test_listens_nowhere_else_than_the_lab_file_says():
+    assert not LinkConfig().names_bus
+    assert LinkConfig(zenoh_connect=("tcp/127.0.0.1:7447",)).names_bus
+
+    async def run():
+        bus = await ZenohBus.open_or_listen(LinkConfig(zenoh_connect=(f"tcp/127.0.0.1:{free_port()}",)), "lab")
+        assert not bus.listens
+        assert not bus.is_joined
+        await bus.close()
+
+    asyncio.run(run())

@@ -23,7 +23,7 @@ from gcs.safety.descent import LOOK_NS, Descent, descent, landed_text, late_text
 ARMING_NS = 12_000_000_000
 SETTLE_NS = 1_000_000_000
 AT_HEIGHT_M = 0.05
-LED_THERE_M = 0.002
+LED_THERE_M, LED_AT_REST_M_S2 = 0.001, 0.001
 IN_SLOT_M = 0.01
 OVER_SPOT_M = 0.05
 SEEN_S = 0.1
@@ -243,12 +243,14 @@ class Flight:
             self._watch_height(stages, now_ns)
 
     def _watch_height(self, stages: Stages, now_ns: int) -> None:
-        """At height: led up to it, risen to it, and no longer rising (a hold brakes from whatever speed it finds)."""
+        """At height: led up to it and at rest there, and risen to it. What is asked of it next begins from where it is
+        led: from a reference that still slows down, a hold would brake to rest some centimetres below."""
         height_m, flown = self.config.flight.altitude_m, [i for i, drone in enumerate(self._drones) if drone.flown]
         bodies = [self._drones[i].index for i in flown]
         away_m = np.abs(stages.state.pos_lab_m[bodies, 2] - height_m)
         led_away_m = np.abs(stages.reference.slot_lead_m[flown, 2] - height_m)
-        if bool((away_m < AT_HEIGHT_M).all() and (led_away_m < LED_THERE_M).all()):
+        at_rest = np.abs(stages.reference.slot_acc_lead_m_s2[flown]) < LED_AT_REST_M_S2
+        if bool((away_m < AT_HEIGHT_M).all() and (led_away_m < LED_THERE_M).all() and at_rest.all()):
             self.pull(Trigger.AT_HEIGHT, "every drone is at its height", now_ns)
 
     def _watch_joining(self, now_ns: int) -> None:

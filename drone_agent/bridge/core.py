@@ -42,6 +42,7 @@ from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
 from wire.link_messages.status import Heartbeat, MavAutopilot, MavState, MavType, NamedValue, StatusText
 from wire.mavlink.codec import Codec, MavlinkError, read_frame
 from wire.mavlink.framing import Frame, FrameCutter, packed
+from wire.timesync import slip_text
 
 _POSES = frozenset({MessageId.VISION_POSITION_ESTIMATE, MessageId.ATT_POS_MOCAP, MessageId.ODOMETRY})
 # What is read here; the rest passes.
@@ -115,6 +116,7 @@ class BridgeCore:
         self._feed = BodyFeed(config.body_name, self._hold, reckoning, t0_ns, finds_slides=finds)
         self._age_sent_ns = t0_ns
         self._strangers: set[int] = set()
+        self._slip_reported = False
         self._to_ground: list[bytes] = []
         self._to_autopilot: list[bytes] = []
         self._events: list[Event] = []
@@ -160,6 +162,9 @@ class BridgeCore:
                 self._send_autopilot(asks)
             if self._inertial.tells(now_ns):
                 self._say(Severity.NOTICE, LACKS)
+        asks_clock = self._inertial.sync.due(now_ns) if self._table is not None else None
+        if asks_clock is not None:
+            self._send_autopilot(asks_clock)
         self._act(self._takeover.due(now_ns, fed=self._feed.fresh(now_ns), stands=self._hold.stands))
         for refused in self._setpoints.told(now_ns):
             self._say(refused.severity, f"{refused.text} (from {refused.source})")
@@ -286,7 +291,12 @@ class BridgeCore:
             self._inertial.hear(message, now_ns)
             self._hold.feel(float(message.specific_force_flu_m_s2[2]), now_ns)
             return not self._inertial.passes
-        elif isinstance(message, TimeSync) and message.tc1_ns == 0:
+        elif isinstance(message, TimeSync) and message.tc1_ns:
+            ours = self._inertial.sync.answers(message)
+            self._inertial.sync.receive(message, now_ns)
+            self._report_slip(now_ns)
+            return ours
+        elif isinstance(message, TimeSync):
             # Its poses come from here, so the clock it holds them against must be ours.
             self._send_autopilot(TimeSync(now_ns, message.ts1_ns, packet.source))
             return True
@@ -337,6 +347,13 @@ class BridgeCore:
         if age_ms is not None and rate_hz > 0.0 and now_ns - self._age_sent_ns >= 1e9 / rate_hz:
             self._age_sent_ns = now_ns
             self._send_ground(NamedValue((now_ns - self._t0_ns) // 1_000_000, "age_ms", age_ms))
+
+    def _report_slip(self, now_ns: int) -> None:
+        """Name an autopilot's clock that runs at another rate, once."""
+        slip = self._inertial.sync.slip(now_ns)
+        if slip is not None and not self._slip_reported:
+            self._slip_reported = True
+            self._say(Severity.WARNING, f"Autopilot's {slip_text(slip)}")
 
     def _report_stranger(self, system: int) -> None:
         if system not in self._strangers:

@@ -6,6 +6,7 @@ from wire.link_messages.address import Address
 from wire.link_messages.commands import CommandAck, CommandLong, MavCommand, Result, command_long
 from wire.link_messages.message_id import MessageId
 from wire.link_messages.motion import InertialSample
+from wire.timesync import TimeSyncClient
 
 _LISTEN_NS = 1_500_000_000  # before it is asked for: the autopilot may send it anyhow
 _ASK_NS = 1_000_000_000
@@ -15,7 +16,11 @@ LACKS = "No HIGHRES_IMU: sliding poses are not found"
 
 
 class InertialStream:
-    """One autopilot's; what it tells goes to `reckoning`."""
+    """One autopilot's; what it tells goes to `reckoning`, each sample at the time on our clock when it was made.
+
+    sync: the autopilot's clock, which stamps alone do not tell: a slow clock and a growing queue look the same. Where
+    it answers no TIMESYNC, its quickest sample counts.
+    """
 
     def __init__(self, target: Address, rate_hz: float, reckoning: Reckoning, t0_ns: int) -> None:
         """rate_hz: wanted; 0: none, and all passes as it comes."""
@@ -23,7 +28,8 @@ class InertialStream:
         """Whether it came before anybody asked; whether the ground did."""
         self._target, self._rate_hz = target, rate_hz
         self._reckoning = reckoning
-        self._clock = SenderClock()
+        self._stamps = SenderClock()
+        self.sync = TimeSyncClient(target)
         self.restarted(t0_ns)
 
     @property
@@ -34,11 +40,14 @@ class InertialStream:
     def hear(self, sample: InertialSample, now_ns: int) -> None:
         """A sample came."""
         self._count += 1
-        made_ns = self._clock.made_ns(sample.t_boot_us * 1000, now_ns)
+        by_stamps_ns = self._stamps.made_ns(sample.t_boot_us * 1000, now_ns)
+        synchronised_ns = self.sync.clock.to_ours_ns(sample.t_boot_us * 1000)
+        made_ns = by_stamps_ns if synchronised_ns is None else min(synchronised_ns, now_ns)
         self._reckoning.feel(made_ns, sample.specific_force_flu_m_s2, sample.rate_flu_rad_s)
 
     def restarted(self, now_ns: int) -> None:
         """The autopilot is new, or was: listen, then ask again."""
+        self.sync = TimeSyncClient(self._target)
         self._asks_ns, self._count, self._refused = now_ns + _LISTEN_NS, 0, self._rate_hz <= 0.0
         self._lacks_ns: int | None = None
         self._told = self._refused

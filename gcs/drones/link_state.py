@@ -14,7 +14,6 @@ from gcs.drones.commands import CommandChannel, stream
 from gcs.drones.parameters import ParameterReader
 from gcs.drones.sequence import SequenceMonitor
 from gcs.drones.telemetry import NEVER_NS, PILOTED, READS, READS_IF_ASKED, Telemetry
-from gcs.drones.timesync import TimeSyncClient
 from gcs.drones.witness import Witness
 from wire.autopilots.table import FlightMode
 from wire.link_messages.address import (
@@ -43,6 +42,7 @@ from wire.link_messages.status import (
 )
 from wire.mavlink.codec import Codec
 from wire.refusals import Refusals
+from wire.timesync import TimeSyncClient, slip_text
 
 RESTART_NS = 2_500_000_000  # without a heartbeat: it may have started anew and forgotten what it was asked for
 ORIGIN_NS = 1_000_000_000
@@ -52,6 +52,7 @@ ATTITUDES = 8
 OTHER_GROUND_S = 3.0
 AGE_FRESH_NS = 1_000_000_000
 FORCE_LOST_NS = 3_000_000_000
+SLIP_AGAIN_NS = 60_000_000_000
 STAMPED_MS = 10_000.0
 """No link is so far behind: such a stamp is not of the clock that TIMESYNC tells of."""
 
@@ -103,6 +104,7 @@ class DroneLink:
         self._misaddressed = 0
         self._asked_ns, self._forceless = NEVER_NS, False
         self._behind_s, self._behind_ns = math.nan, NEVER_NS
+        self._slip_told_ns = NEVER_NS
 
     @property
     def armed(self) -> bool:
@@ -259,6 +261,7 @@ class DroneLink:
                 if message.tc1_ns:
                     self._overhear(message.target, now_ns)
                 answer = self.clock.receive(message, now_ns)
+                self._report_slip(now_ns)
                 self._answers.extend(() if answer is None else (answer,))
             case ParamValue():
                 self.parameters.receive(message)
@@ -290,6 +293,13 @@ class DroneLink:
             case StatusText():
                 self.texts.append(message.text)
                 self._tell(message.severity, message.text, now_ns)
+
+    def _report_slip(self, now_ns: int) -> None:
+        """Name a clock that runs at another rate, once a minute."""
+        slip = self.clock.slip(now_ns)
+        if slip is not None and now_ns - self._slip_told_ns >= SLIP_AGAIN_NS:
+            self._slip_told_ns = now_ns
+            self._tell(Severity.WARNING, slip_text(slip), now_ns)
 
     def _made_ns(self, t_boot_ms: int, now_ns: int) -> int:
         """When the drone made what it stamped so, our clock; NEVER_NS where its clock does not tell."""

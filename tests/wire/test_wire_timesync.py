@@ -1,9 +1,9 @@
 import itertools
 import math
 
-from gcs.drones.timesync import TimeSyncClient
 from wire.link_messages.address import Address
 from wire.link_messages.clocks import TimeSync
+from wire.timesync import TimeSyncClient
 
 DRONE = Address(3, 1)
 MS = 1_000_000

@@ -10,6 +10,7 @@ from gcs.cli.exit_codes import NO_GROUND as NO_GROUND
 from gcs.cli.exit_codes import NOT_RIGHT as NOT_RIGHT
 from gcs.cli.exit_codes import REFUSED as REFUSED
 from wire.errors import ConfigError
+from wire.process.program import tell_error
 
 if TYPE_CHECKING:
     from formation.config import LabConfig
@@ -41,6 +42,7 @@ def tell_red(text: str) -> None:
 
 def fail(text: str, code: int) -> NoReturn:
     """End the program with a word and an exit code."""
+    tell_error(text)
     tell_red(f"gcs: {text}")
     raise typer.Exit(code)
 

@@ -164,7 +164,7 @@ def _profiles(config: LabConfig, keys: Keys) -> Iterator[Finding]:
 
 
 def judge_trajectory_keys(config: LabConfig, keys: Keys) -> Iterator[Finding]:
-    """Keys of a trajectory that nobody looks at."""
+    """Keys of a trajectory that its kind does not use."""
     path, table = config.leader.trajectory, "leader.trajectory"
     if config.leader.sysid is None:
         if path != TrajectoryConfig():
@@ -177,8 +177,8 @@ def judge_trajectory_keys(config: LabConfig, keys: Keys) -> Iterator[Finding]:
     if path.model_fields_set and "kind" not in path.model_fields_set:
         yield keys.warn(f"{table}.kind", UNUSED, "not given, so the leader holds its place")
     for name in sorted(path.model_fields_set - {"kind", "yaw_rate_rad_s"} - KINDS[path.kind].used):
-        if getattr(path, name) != type(path).model_fields[name].get_default():
-            yield keys.warn(f"{table}.{name}", UNUSED, f'kind "{path.kind}" does not look at it')
+        if getattr(path, name) != type(path).model_fields[name].get_default(call_default_factory=True):
+            yield keys.warn(f"{table}.{name}", UNUSED, f'kind "{path.kind}" does not use it')
     if path.kind == "circle" and path.laps is not None and path.duration_s != TrajectoryConfig().duration_s:
         yield keys.warn(f"{table}.duration_s", UNUSED, "laps says how long a circle is flown")
 

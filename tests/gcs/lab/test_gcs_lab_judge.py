@@ -157,7 +157,7 @@ WARNED: list[tuple[str, dict[str, object], str, str]] = [
     ("several profiles", {"leader": {**LEADER, "profile": "px4_quad"}}, "followers[0].profile", "several profiles"),
     ("shapes that do not fit", {"formation": {"spacing_m": 2.2}}, "formation.spacing_m", "line, column would leave"),
     ("no kind", {"leader": {**LEADER, "trajectory": {"radius_m": 0.5}}}, "leader.trajectory.kind", "holds its place"),
-    ("another kind's key", {"leader": flies("line", radius_m=0.5)}, "leader.trajectory.radius_m", "look at it"),
+    ("another kind's key", {"leader": flies("line", radius_m=0.5)}, "leader.trajectory.radius_m", "does not use it"),
     ("laps or duration", {"leader": flies("circle", laps=2, duration_s=9.0)}, "leader.trajectory.duration_s", "laps"),
     ("an observed leader's", {"leader": {"body": "lead", "trajectory": {"kind": "line"}}}, "leader.trajectory.kind",
      "flies what it flies"),

@@ -3,6 +3,7 @@
 Exit codes: 0 well, 1 the log is damaged (`check`), 2 no log, or an argument that cannot be used.
 """
 
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,12 +11,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from wire.process.program import Program, tell_error
+
 if TYPE_CHECKING:
     from analysis.identify.vehicle import Identification
 
 DAMAGED, UNUSABLE = 1, 2
 
-app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = typer.Typer(cls=Program, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 LogPath = Annotated[Path, typer.Argument(metavar="FLIGHT.MCAP", help="The flight's log.", show_default=False)]
 Json = Annotated[bool, typer.Option("--json", help="Print it as JSON, and nothing else there.")]
@@ -109,6 +112,7 @@ def layout(
         Path | None, typer.Argument(metavar="LAB.TOML|FLIGHT.MCAP", help="Whose drones; without it three usual ones.")
     ] = None,
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="A .json or .rbl file.")] = Path("foxglove.json"),
+    as_json: Json = False,
 ) -> None:
     """Write a layout of a formation flight for Foxglove (.json), or a blueprint for Rerun (.rbl)."""
     from analysis.pages import layout as layouts
@@ -118,9 +122,10 @@ def layout(
         try:
             layouts.write(out, source)
         except ConfigError as error:
+            tell_error(str(error))
             typer.echo(f"gcs-log: {error}", err=True)
             raise typer.Exit(UNUSABLE) from error
-    typer.echo(out)
+    typer.echo(json.dumps({"file": str(out)}) if as_json else out)
 
 
 @app.command()
@@ -131,6 +136,7 @@ def export(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FOLDER", help="Where to; without it a folder beside the log.")
     ] = None,
+    as_json: Json = False,
 ) -> None:
     """Write every topic as a table, one file each: every number as it was logged, a row a drone."""
     from analysis.tables.export import to_csv, to_parquet
@@ -141,7 +147,8 @@ def export(
     folder = log.with_name(f"{log.stem}-{'csv' if csv else 'parquet'}") if out is None else out
     with _refusing():
         written = (to_csv if csv else to_parquet)(load(log), folder)
-    typer.echo(f"{len(written)} files in {folder}")
+    told = {"folder": str(folder), "files": [str(path) for path in written]}
+    typer.echo(json.dumps(told) if as_json else f"{len(written)} files in {folder}")
 
 
 @app.command()
@@ -190,5 +197,6 @@ def _refusing() -> Iterator[None]:
     try:
         yield
     except (OSError, LogError) as error:
+        tell_error(str(error))
         typer.echo(f"gcs-log: {error}", err=True)
         raise typer.Exit(UNUSABLE) from error

@@ -1,5 +1,6 @@
 """`drone-agent`: one simulated quadcopter that speaks MAVLink, as a process."""
 
+import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,8 +11,9 @@ import typer
 from drone_agent.stages import table_markdown
 from wire.clock import Clock
 from wire.errors import ConfigError
+from wire.markdown import rows
 from wire.process import starved
-from wire.process.program import Version, takes
+from wire.process.program import SingleProgram, Version, takes, tell_error
 from wire.process.starved import StarvedError
 
 if TYPE_CHECKING:
@@ -69,10 +71,13 @@ class Options:
     parameter_file: Annotated[Path | None, typer.Option(help="Keep PARAM_SET's values here.")] = None
     speed: Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)] = 1.0
     stages: Annotated[bool, typer.Option("--stages", help="Print the table of stages, and do nothing else.")] = False
+    as_json: Annotated[bool, typer.Option("--json", help="Events and errors as lines of JSON, on standard output.")] = (
+        False
+    )
     version: Version = False
 
 
-@app.command(epilog=EPILOG)
+@app.command(cls=SingleProgram, epilog=EPILOG)
 @takes(Options)
 def fly(given: Options) -> None:
     """Be one simulated drone that speaks MAVLink, or with --bridge stand beside a real one; until Ctrl-C."""
@@ -82,14 +87,15 @@ def fly(given: Options) -> None:
     from drone_agent.daemon import run
 
     if given.stages:
-        typer.echo(table_markdown())
+        typer.echo(json.dumps(rows(table_markdown())) if given.as_json else table_markdown())
         return
+    tell = _tell_json if given.as_json else _tell
     try:
         agent = _configured(given)
         if agent.bridge is None:
-            uvloop.run(run(agent, _tell, Clock(given.speed)))
+            uvloop.run(run(agent, tell, Clock(given.speed)))
         else:
-            uvloop.run(run_bridge(agent, agent.bridge, _tell, Clock(given.speed)))
+            uvloop.run(run_bridge(agent, agent.bridge, tell, Clock(given.speed)))
     except ConfigError as error:
         _fail(str(error), 2)
     except StarvedError as error:
@@ -142,7 +148,12 @@ def _tell(event: "Event") -> None:
     sys.stderr.write(f"{event.source} {event.severity.name.lower()}: {event.text}\n")
 
 
+def _tell_json(event: "Event") -> None:
+    print(json.dumps({"severity": event.severity.name, "source": event.source, "text": event.text}), flush=True)
+
+
 def _fail(text: str, code: int) -> None:
+    tell_error(text)
     sys.stderr.write(f"{text}\n")
     raise typer.Exit(code)
 

@@ -39,6 +39,7 @@ def _own_link(text: str) -> str:
     if found is None:
         raise ValueError("not udp:HOST:PORT, udpin:HOST:PORT or udpout:HOST:PORT")
     _demand_port(found[2], least=1)
+    _host(text.split(":")[1])
     return text
 
 

@@ -4,6 +4,7 @@ Exit codes: 0 done; 1 refused, failed, or a check failed; 2 the command line, a 
 right; 3 no ground answers.
 """
 
+import json
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
@@ -18,6 +19,7 @@ from gcs.cli.common import REFUSED, Json, LabFile, Name, Speed, configuration, f
 from gcs.doctor import cli as doctor_cli
 from gcs.live import cli as live_cli
 from wire import clock
+from wire.markdown import rows
 from wire.process.program import program
 
 app = program(
@@ -106,11 +108,11 @@ def watch(
 
 
 @app.command()
-def buttons() -> None:
+def buttons(as_json: Json = False) -> None:
     """Tell which key or button of which input device is pressed: what `[operator] stop_button` wants to know."""
     from gcs.stop_button.find import tell_presses
 
-    tell_presses()
+    tell_presses(as_json)
 
 
 operator_cli.register(app)
@@ -121,10 +123,14 @@ app.command()(doctor_cli.logs)
 
 
 @app.command()
-def rules() -> None:
+def rules(as_json: Json = False) -> None:
     """Print phases, safety rules and the mocap gate's checks, as Markdown: the tables that ground and mocap run on."""
     from formation.safety.phases import table_markdown
     from formation.safety.rules_table import rules_markdown
     from gcs.mocap.gate.checks import gate_markdown
 
-    print(f"{table_markdown()}\n\n{rules_markdown()}\n\n{gate_markdown()}")
+    tables = {"phases": table_markdown(), "rules": rules_markdown(), "gate": gate_markdown()}
+    if as_json:
+        print(json.dumps({name: rows(table) for name, table in tables.items()}))
+    else:
+        print("\n\n".join(tables.values()))

@@ -11,6 +11,7 @@ from gcs.cli.exit_codes import NOT_LANDED as NOT_LANDED
 from gcs.cli.exit_codes import NOT_RIGHT as NOT_RIGHT
 from gcs.cli.exit_codes import REFUSED as REFUSED
 from wire.errors import ConfigError
+from wire.process.program import tell_error
 
 if TYPE_CHECKING:
     from formation.config import LabConfig
@@ -42,6 +43,7 @@ def tell_red(text: str) -> None:
 
 def fail(text: str, code: int) -> NoReturn:
     """End the program with a word and an exit code."""
+    tell_error(text)
     tell_red(f"gcs: {text}")
     raise typer.Exit(code)
 

@@ -8,13 +8,17 @@ from formation.config import LabConfig, TrajectoryConfig, VehicleBody
 from formation.mocap_config import CAMERA_SYSTEMS
 from formation.trajectory_config import KINDS
 from formation.vehicle.profile import PROFILES
-from gcs.finding import Finding
+from gcs.finding import Finding, Grade
 from gcs.lab.keys import Keys
 
 LINK, PORT, POSES, UNUSED, NAMES = "link", "port", "poses", "not used", "names"
 SETPOINT_S = 0.1  # an agent levels after so long without a setpoint
 RATE_LEAST_HZ, RATE_FEW_HZ, RATE_MANY_HZ, RATE_MOST_HZ = 2.0 / SETPOINT_S, 50.0, 500.0, 2000.0
 DELAY_LONG_S = 0.05
+ORIGIN_MOST_M = 100.0
+ALWAYS_MILLIMETRES = ("qualisys", "vicon")
+"""Their protocols say so; Chingmu's software may be set otherwise."""
+W_LAST = (0.0, 0.0, 0.0, 1.0)
 
 
 def judge_wiring(config: LabConfig, keys: Keys) -> Iterator[Finding]:
@@ -50,6 +54,7 @@ def _mocap(config: LabConfig, keys: Keys) -> Iterator[Finding]:
     elif mocap.file is not None:
         yield keys.warn("mocap.file", UNUSED, f'nothing is played with source "{mocap.source}"')
     yield from _camera_system(config, keys)
+    yield from _axes(config, keys)
     if mocap.source == "mavlink" and config.leader.sysid is None:
         why = 'with source "mavlink" drones say themselves where they are: a leader that is none is never seen'
         yield keys.refuse("leader.sysid", POSES, why)
@@ -62,6 +67,13 @@ def _mocap(config: LabConfig, keys: Keys) -> Iterator[Finding]:
 def _camera_system(config: LabConfig, keys: Keys) -> Iterator[Finding]:
     """What is said of a camera system, and whether it is the lab's."""
     mocap = config.mocap
+    if mocap.source in CAMERA_SYSTEMS:
+        table = getattr(mocap, mocap.source)
+        if table is None or "host" not in table.model_fields_set:
+            why = f'is missing: source "{mocap.source}" needs the address of the computer that sends the poses'
+            yield Finding(f"mocap.{mocap.source}.host", POSES, Grade.FAIL, "", why=why)
+    if mocap.source in ALWAYS_MILLIMETRES and mocap.unit not in (None, "mm"):
+        yield keys.refuse("mocap.unit", POSES, f'source "{mocap.source}" sends millimetres', '"mm", or leave it out')
     for system in CAMERA_SYSTEMS:
         if system != mocap.source and getattr(mocap, system) is not None:
             yield keys.warn(f"mocap.{system}", UNUSED, f'the source is "{mocap.source}"')
@@ -74,6 +86,19 @@ def _camera_system(config: LabConfig, keys: Keys) -> Iterator[Finding]:
         yield keys.refuse(
             "mocap.latency_s", POSES, "is a part of delay_s, and cannot be more", f"<= {mocap.delay_s:g} s"
         )
+
+
+def _axes(config: LabConfig, keys: Keys) -> Iterator[Finding]:
+    """Where the cameras' origin is, and rotations whose numbers are probably in another order."""
+    farthest_m = max(map(abs, config.mocap.origin_lab_m))
+    if farthest_m > ORIGIN_MOST_M:
+        why = f"{farthest_m:g} m from the lab's origin: metres are meant, not millimetres"
+        yield keys.refuse("mocap.origin_lab_m", POSES, why, f"{ORIGIN_MOST_M:g} m at most")
+    rotations = [("mocap.q_lab_from_mocap", config.mocap.q_lab_from_mocap)]
+    rotations += [(vehicle_key(i, "q_marker_from_flu"), v.q_marker_from_flu) for i, v in enumerate(config.vehicles)]
+    for key, q in rotations:
+        if q == W_LAST and (key != "mocap.q_lab_from_mocap" or config.mocap.axes is None):
+            yield keys.warn(key, POSES, "half a turn about z; no rotation is [1, 0, 0, 0], as w comes first")
 
 
 def _links(config: LabConfig, keys: Keys) -> Iterator[Finding]:
@@ -173,7 +198,7 @@ def known_profiles(config: LabConfig) -> tuple[str, ...]:
 
 
 def judge_trajectory_keys(config: LabConfig, keys: Keys) -> Iterator[Finding]:
-    """Keys of a trajectory that nobody looks at."""
+    """Keys of a trajectory that its kind does not use."""
     path, table = config.leader.trajectory, "leader.trajectory"
     if config.leader.sysid is None:
         if path != TrajectoryConfig():
@@ -186,8 +211,8 @@ def judge_trajectory_keys(config: LabConfig, keys: Keys) -> Iterator[Finding]:
     if path.model_fields_set and "kind" not in path.model_fields_set:
         yield keys.warn(f"{table}.kind", UNUSED, "not given, so the leader holds its place")
     for name in sorted(path.model_fields_set - {"kind", "yaw_rate_rad_s"} - KINDS[path.kind].used):
-        if getattr(path, name) != type(path).model_fields[name].get_default():
-            yield keys.warn(f"{table}.{name}", UNUSED, f'kind "{path.kind}" does not look at it')
+        if getattr(path, name) != type(path).model_fields[name].get_default(call_default_factory=True):
+            yield keys.warn(f"{table}.{name}", UNUSED, f'kind "{path.kind}" does not use it')
     if path.kind == "circle" and path.laps is not None and path.duration_s != TrajectoryConfig().duration_s:
         yield keys.warn(f"{table}.duration_s", UNUSED, "laps says how long a circle is flown")
 

@@ -7,6 +7,7 @@ nothing of what flew; 130 interrupted.
 Commands load what they need when they are called: asking for help waits for no compiler.
 """
 
+import json
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -30,7 +31,7 @@ LeaderCsv = Annotated[Path | None, typer.Option(help="The leader's recorded pose
 Alignment = Annotated[
     str | None, typer.Option(metavar="W,X,Y,Z", help="Turns the leader's marker frame: q_marker_from_flu.")
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print the summary as JSON, and nothing else there.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else there.")]
 Require = Annotated[
     list[str] | None,
     typer.Option(metavar="KEY<NUMBER", help="Exit code 1 unless the summary reaches it; again for more."),
@@ -95,7 +96,7 @@ def mocap(
 def check(
     name: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A scenario's file, or a lab file.")],
     svg: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the lab from above into an SVG file.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Judge a scenario and the lab that it flies; starts nothing. `gcs check` does the same."""
     from sim.cli.check import check as check_scenario
@@ -112,11 +113,14 @@ def compile_kernels() -> None:
 
 
 @app.command("list")
-def list_scenarios() -> None:
+def list_scenarios(as_json: Json = False) -> None:
     """Show the shipped scenarios."""
     from sim.shipped import about, shipped
 
     known = shipped()
+    if as_json:
+        print(json.dumps({name: about(path) for name, path in known.items()}))
+        return
     width = max(map(len, known))
     for name, path in known.items():
         typer.echo(f"{name:{width}}  {about(path)}")

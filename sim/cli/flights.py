@@ -37,6 +37,7 @@ from wire import clock
 from wire.errors import ConfigError
 from wire.private_files import make_folder
 from wire.process import starved
+from wire.process.program import tell_error
 from wire.process.progress import compile_all
 from wire.process.starved import StarvedError
 
@@ -197,7 +198,8 @@ def _end(summary: Summary, ending: Ending, aborted_code: int = ABORTED) -> None:
     if summary.outcome not in GOOD:
         raise typer.Exit(aborted_code)
     if missed := unmet(ending.required, summary):
-        fail("; ".join(missed), ABORTED)
+        _tell("; ".join(missed))
+        raise typer.Exit(ABORTED)
 
 
 def required(texts: Sequence[str] | None) -> tuple[Requirement, ...]:
@@ -210,5 +212,10 @@ def required(texts: Sequence[str] | None) -> tuple[Requirement, ...]:
 
 def fail(text: str, code: int) -> NoReturn:
     """End the program with a word and an exit code."""
-    Console(stderr=True).print(f"gcs-sim: {text}", style="red", highlight=False, markup=False, soft_wrap=True)
+    tell_error(text)
+    _tell(text)
     raise typer.Exit(code)
+
+
+def _tell(text: str) -> None:
+    Console(stderr=True).print(f"gcs-sim: {text}", style="red", highlight=False, markup=False, soft_wrap=True)

@@ -11,7 +11,7 @@ import typer
 
 from analysis.cli import Json, LogPath
 from analysis.cli import app as analysis_app
-from wire.process.program import program
+from wire.process.program import program, tell_error
 
 if TYPE_CHECKING:
     from gcs.replay import Replay
@@ -34,6 +34,7 @@ def replay(log: LogPath, as_json: Json = False) -> None:
     try:
         result = replay_log(read_log(log))
     except (OSError, LogError, ReplayError) as error:
+        tell_error(str(error))
         typer.secho(f"gcs-log: {error}", fg="red", err=True)
         raise typer.Exit(NOT_RIGHT) from error
     if as_json:

@@ -29,6 +29,7 @@ from sim.studies.runner import Runner
 from sim.studies.tune import Candidate, Task, tune
 from wire.config_file import ConfigError, dump, dump_profile, load_profile
 from wire.private_files import make_folder
+from wire.process.program import tell_error
 
 if TYPE_CHECKING:
     from sim.studies.hummingbird.flights import Benchmark
@@ -66,6 +67,7 @@ def _calibrate(profile: VehicleProfile, console: Console) -> None:
     try:
         peak = paper.calibrate(profile, Runner(console), flown)
     except ValueError as error:
+        tell_error(str(error))
         console.print(f"gcs-sim: {error}", style="red", highlight=False)
         raise typer.Exit(FAILED) from error
     console.print(f"peak_m_s2 = {peak:.2f}", highlight=False)
@@ -100,6 +102,7 @@ def run_hummingbird(seeds: int, log: Path | None, as_json: bool) -> None:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] != "rotorpy":
             raise
+        tell_error("rotorpy is not here: pip install 'mavlink-formation[rotorpy]'")
         console.print("gcs-sim: rotorpy is not here: pip install 'mavlink-formation[rotorpy]'", style="red")
         raise typer.Exit(NOT_RIGHT) from error
     if log is not None:
@@ -192,6 +195,7 @@ def _vehicle(name_or_path: str, console: Console) -> VehicleProfile:
         path = Path(name_or_path)
         return load_profile(path) if path.exists() else shipped_profile(name_or_path)
     except (ConfigError, ValueError) as error:
+        tell_error(str(error))
         console.print(f"gcs-sim: {error}", style="red", markup=False, highlight=False)
         raise typer.Exit(NOT_RIGHT) from error
 

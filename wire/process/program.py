@@ -1,22 +1,69 @@
 """What every program has alike: how its command line is made, and `--version`."""
 
 import inspect
+import json
+import sys
 from collections.abc import Callable
-from typing import Annotated, Any, TypeVar, get_type_hints
+from contextvars import ContextVar
+from typing import Annotated, Any, NoReturn, TypeVar, get_type_hints
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from wire import version
+
+_AS_JSON = ContextVar("_AS_JSON", default=False)
+"""Whether `--json` is on the command line that runs."""
 
 
 def program(help_text: str, epilog: str) -> typer.Typer:
     """A command line with commands; plain text, since laying it out richly costs more than saying it."""
     app = typer.Typer(
-        pretty_exceptions_enable=False, no_args_is_help=True, rich_markup_mode=None, help=help_text, epilog=epilog
-    )
+        cls=Program, pretty_exceptions_enable=False, no_args_is_help=True, rich_markup_mode=None, help=help_text,
+        epilog=epilog,
+    )  # fmt: skip
     app.callback()(_options)
     return app
+
+
+def tell_error(text: str) -> None:
+    """With `--json`, an error as JSON: where a program would print what was asked for, it prints why it cannot."""
+    if _AS_JSON.get():
+        print(json.dumps({"error": text}), flush=True)
+
+
+class _JsonErrors:
+    """A command line whose own errors are JSON where `--json` is given; to be mixed with typer's classes."""
+
+    def main(self, *given: Any, **extra: Any) -> Any:
+        """Parse and run; ends the process. The parameters are click's, its `args` the first."""
+        args = given[0] if given else extra.get("args")
+        if "--json" not in (sys.argv[1:] if args is None else args):
+            return super().main(*given, **extra)  # type: ignore[misc]
+        before = _AS_JSON.set(True)
+        try:
+            sys.exit(super().main(*given, **extra | {"standalone_mode": False}))  # type: ignore[misc]
+        except Exception as error:
+            # Of click's class, or of the copy that newer versions of typer bring along.
+            if not hasattr(error, "format_message"):
+                raise
+            _end_with(error)
+        finally:
+            _AS_JSON.reset(before)
+
+
+def _end_with(error: Any) -> NoReturn:
+    tell_error(error.format_message())
+    error.show()
+    sys.exit(error.exit_code)
+
+
+class Program(_JsonErrors, TyperGroup):
+    """Of a program with commands."""
+
+
+class SingleProgram(_JsonErrors, TyperCommand):
+    """Of a program without."""
 
 
 class DefaultCommand(TyperGroup):

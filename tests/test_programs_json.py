@@ -1,0 +1,55 @@
+"""With `--json` every program prints JSON and nothing else there: what was asked for, or why it cannot be had."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+BIN = Path(sys.executable).parent
+pytestmark = pytest.mark.processes
+
+
+def printed(*words: str, cwd: Path) -> tuple[int, Any]:
+    done = subprocess.run([BIN / words[0], *words[1:], "--json"], cwd=cwd, capture_output=True, text=True, check=False)
+    return done.returncode, json.loads(done.stdout)
+
+
+@pytest.mark.parametrize(
+    ("words", "word"),
+    [
+        (("gcs", "rules"), "rule-unseen"),
+        (("gcs-sim", "list"), "triangle_line"),
+        (("gcs-log", "layout"), "foxglove.json"),
+        (("drone-agent", "--stages"), "OWN MODE"),
+    ],
+)
+def test_what_was_asked_for_is_json(words: tuple[str, ...], word: str, tmp_path: Path) -> None:
+    code, told = printed(*words, cwd=tmp_path)
+    assert code == 0
+    assert word in json.dumps(told)
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        (("gcs", "rules", "--rule"), "--rule"),
+        (("gcs", "check"), "LAB.TOML"),
+        (("gcs", "check", "lab.toml"), "lab.toml: No such file or directory"),
+        (("gcs", "status", "--lab", "lab.toml"), "lab.toml: No such file or directory"),
+        (("gcs", "mocap", "serve", "--linger", "x", "lab.toml"), "--linger"),
+        (("gcs-sim", "run"), "SCENARIO"),
+        (("gcs-sim", "run", "nothing"), "nothing: no such file, nor a shipped scenario"),
+        (("gcs-sim", "run", "triangle_line", "--require", "rms=1"), "'rms=1' is not understood"),
+        (("gcs-log", "report", "none.mcap"), "none.mcap"),
+        (("gcs-log", "replay", "none.mcap"), "none.mcap"),
+        (("drone-agent", "--sysid", "x"), "--sysid"),
+        (("drone-agent", "--sysid", "900"), "sysid: "),
+    ],
+)
+def test_so_is_what_is_wrong(words: tuple[str, ...], error: str, tmp_path: Path) -> None:
+    code, told = printed(*words, cwd=tmp_path)
+    assert code == 2
+    assert error in told["error"]

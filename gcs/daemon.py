@@ -51,6 +51,8 @@ from wire.transport.zenoh_bus import Reply, ZenohBus
 
 LISTENS = Event(Severity.INFO, "ground", f"the lab file names no bus (link.zenoh_connect): it is here, at {ENDPOINT}")
 STATE_NS, DISK_NS = 100_000_000, 1_000_000_000
+STATUS_NS = 20_000_000
+"""For so long a state that was worked out answers every status request: a flood of them costs the control nothing."""
 GROUNDED = (Phase.GROUND, Phase.STOPPED)
 LANDING_LIMIT_NS = 60_000_000_000
 LAW_S, LAW_WALL_S = 0.01, 0.05
@@ -88,6 +90,8 @@ class Ground:
         """System ids of the drones that have spoken."""
         self.has_frame = False
         self._waiting: dict[int, Reply] = {}
+        self._state = ""
+        self._state_ns: int | None = None
         self._report = HostReport()
         self.other_grounds: tuple[str, ...] = ()
         """Those that are alive on the lab's bus."""
@@ -119,11 +123,15 @@ class Ground:
             self._loop.call_soon(self._tick_if_due)
 
     def take_request(self, request: OperatorRequest, reply: Reply) -> None:
-        """An operator has asked. Ids are ours here: two operators may use the same."""
+        """An operator has asked. Ids are ours here: two operators may use the same. A status costs no tick."""
+        now_ns = self._clock.monotonic_ns()
+        if request.verb is Verb.STATUS:
+            reply(OperatorReply(request.id, True, self._state_text(now_ns)))
+            return
         self._request_id += 1
+        self._state_ns = None
         asked_id = request.id
         self._waiting[self._request_id] = lambda answer: reply(OperatorReply(asked_id, answer.accepted, answer.text))
-        now_ns = self._clock.monotonic_ns()
         self._input(OperatorRequest(self._request_id, request.verb, request.argument), now_ns)
         self._tick(now_ns)
 
@@ -148,13 +156,19 @@ class Ground:
         while True:
             now_ns = self._clock.monotonic_ns()
             self._report_host(now_ns)
-            timing = self.timing
-            host = host_state(timing.ticks, timing.late, timing.worst_s, self.log.path, self.disk, self._told)
-            bus.publish_state(name, json.dumps(self._core.state(now_ns) | host))
+            bus.publish_state(name, self._state_text(now_ns))
             for event in bus.refusals.due(now_ns):
                 self.log.write(topics.REFUSED, event, now_ns)
                 self.tell(event)
             await self._clock.sleep_until_ns(self._clock.monotonic_ns() + STATE_NS)
+
+    def _state_text(self, now_ns: int) -> str:
+        """Everything that is published of the ground, as JSON, at most STATUS_NS old."""
+        if self._state_ns is None or now_ns - self._state_ns > STATUS_NS:
+            timing = self.timing
+            host = host_state(timing.ticks, timing.late, timing.worst_s, self.log.path, self.disk, self._told)
+            self._state, self._state_ns = json.dumps(self._core.state(now_ns) | host), now_ns
+        return self._state
 
     def _report_host(self, now_ns: int) -> None:
         """Tell the core how log and bus are, where that has changed."""

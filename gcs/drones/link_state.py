@@ -264,7 +264,9 @@ class DroneLink:
                 self._report_slip(now_ns)
                 self._answers.extend(() if answer is None else (answer,))
             case ParamValue():
-                self.parameters.receive(message)
+                refusal = self.parameters.receive(message, self.armed)
+                if refusal:
+                    self._refusals.note(self.name, refusal, now_ns)
             case AttitudeQuaternion():
                 self.witness.receive_attitude(message.q_lab_from_flu, self._made_ns(message.t_boot_ms, now_ns))
                 t_ns = self.clock.clock.to_ours_ns(message.t_boot_ms * 1_000_000)

@@ -1,5 +1,6 @@
 """Reading a drone's parameters: each named one is asked for until it answers or has been asked often enough."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -11,7 +12,6 @@ from wire.mavlink.codec import MavlinkError, param_from_raw
 RETRY_NS = 400_000_000
 TRIES = 6
 AT_ONCE = 4
-KEPT = 2048  # autopilots have some 1,500
 
 
 @dataclass(slots=True)
@@ -38,20 +38,32 @@ class ParameterReader:
         """Whether an answer is still hoped for."""
         return bool(self._open)
 
-    def receive(self, message: ParamValue) -> bool:
-        """Take a value in, asked for or not (autopilots announce changes).
+    def receive(self, message: ParamValue, armed: bool) -> str:
+        """Take a value in: why not, or the empty text where it is known now.
 
-        False if its bytes are no number, or nobody asked for it and too many are known.
+        Only an answer is taken. While armed, what is known does not change; before, an announced change of a known
+        parameter is asked for.
         """
         try:
-            value = param_from_raw(message.raw, message.type, self.autopilot)
+            value = float(param_from_raw(message.raw, message.type, self.autopilot))
         except MavlinkError:
-            return False
-        if message.name not in self._open and message.name not in self.values and len(self.values) >= KEPT:
-            return False
-        self.values[message.name] = float(value)
+            return "parameter whose bytes are no value"
+        if not math.isfinite(value):
+            return "parameter that is not finite"
+        known, asked = self.values.get(message.name), message.name in self._open
+        if known == value:
+            self._open.pop(message.name, None)
+            return ""
+        if known is not None and armed:
+            self._open.pop(message.name, None)
+            return f"{message.name} announced anew while armed"
+        if not asked:
+            if known is not None:
+                self._open[message.name] = _Question()
+            return "parameter that was not asked for"
+        self.values[message.name] = value
         self._open.pop(message.name, None)
-        return True
+        return ""
 
     def due(self, now_ns: int) -> list[ParamRequestRead]:
         """The requests to send now. A name that has stayed silent through all tries is given up."""

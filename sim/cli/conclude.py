@@ -14,12 +14,21 @@ GOOD = ("landed", "held")
 def conclude(mcap: Path, outcome: Outcome, realtime_factor: float | None = None) -> tuple[Flight, Summary]:
     """Write the report beside the log; the flight and its numbers.
 
-    What the host saw fail wins over what the log can tell.
+    What the host saw fail is told beside what the log can tell.
     """
     page = mcap.with_name("report.html")
     flight, checked = load_checked(mcap)
     summary = metrics.summarise(flight, mcap=mcap, report=page, realtime_factor=realtime_factor)
-    if outcome.result == "starved" or (outcome.result not in GOOD and summary.outcome in GOOD):
-        summary = replace(summary, outcome=f"{outcome.result}: {outcome.reason}")
+    summary = replace(summary, outcome=_joined(outcome, summary.outcome))
     report.write(flight, summary, page, "" if checked.complete else checked.damage)
     return flight, summary
+
+
+def _joined(host: Outcome, log: str) -> str:
+    """The outcome by what the host saw and by what the log tells: the worse of the two, with both reasons."""
+    kind, _, reason = log.partition(": ")
+    if host.result == "starved" or (host.result not in GOOD and log in GOOD):
+        return f"{host.result}: {host.reason}"
+    if host.result == "aborted" and kind in ("lost", "cut"):
+        return f"{kind}: {host.reason}; {reason}"
+    return log

@@ -32,7 +32,9 @@ def beat(autopilot: MavAutopilot = MavAutopilot.PX4, armed: bool = False, mode: 
 
 
 def tell(link: DroneLink, values: dict[str, float], autopilot: MavAutopilot) -> None:
+    """Answer for these parameters, asked for once more."""
     drone = Drone()
+    link.parameters.ask(values)
     for name, value in values.items():
         kind = ParamType.INT32 if isinstance(value, int) else ParamType.REAL32
         drone.say(link, ParamValue(name, param_to_raw(value, kind, autopilot), kind, 9, 0))

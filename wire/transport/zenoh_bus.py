@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import zenoh
 
 from formation.config import LinkConfig
-from formation.messages import Datagram, OperatorReply, OperatorRequest, Truth
+from formation.messages import Datagram, OperatorReply, OperatorRequest, Truth, Verb
 from wire import clock
 from wire.errors import BusError as BusError
 from wire.plain_text import plain
@@ -40,7 +40,9 @@ _REPLY: Schema[OperatorReply] = schema_of(OperatorReply)
 _EXPRESS = ("mocap/raw", "mocap/frame")  # one at a time, and the control waits for it
 _IDLE = ("/log/head", "/log/chunk")  # for viewers: behind everything else
 _QUEUED = 1024
-_QUEUED_REQUESTS = 256
+_QUEUED_REQUESTS, _QUEUED_URGENT = 256, 16
+_URGENT = (Verb.STOP, Verb.LAND, Verb.HOLD)
+"""Each waits in a queue of its own: no flood of other requests, nor of another of these, keeps it waiting."""
 LARGEST_PAYLOAD = 1 << 18
 """Bytes of a payload that are read: a frame of a thousand bodies, a state of hundreds of drones, a quarter of it."""
 LARGEST_REQUEST = 1024
@@ -211,13 +213,20 @@ class ZenohBus:
         """Answer operators' requests as the ground `gcs_name`: `handler(request, reply)`, reply once, now or later."""
         key = request_key(self.lab, gcs_name)
 
-        def take(query: zenoh.Query) -> None:
-            self._handle(gcs_name, query, handler)
+        def take(asked: tuple[zenoh.Query, OperatorRequest | None]) -> None:
+            self._handle(gcs_name, *asked, handler)
 
         # One at a time: each may cost the ground a tick.
-        inbox = Inbox(self._loop, take, self.counters, _QUEUED_REQUESTS, turn=1)
-        self._inboxes.append(inbox)
-        self._session.declare_queryable(key, zenoh.handlers.Callback(inbox.put))
+        queues = {verb: Inbox(self._loop, take, self.counters, _QUEUED_URGENT, turn=1) for verb in _URGENT}
+        others = Inbox(self._loop, take, self.counters, _QUEUED_REQUESTS, turn=1)
+        self._inboxes += [*queues.values(), others]
+
+        def put(query: zenoh.Query) -> None:
+            request = _request(query)
+            queue = others if request is None else queues.get(request.verb, others)
+            queue.put((query, request))
+
+        self._session.declare_queryable(key, zenoh.handlers.Callback(put))
 
     async def ask(self, gcs_name: str, request: OperatorRequest, timeout_s: float) -> OperatorReply:
         """The answer of the ground `gcs_name`; TimeoutError if none comes in time.
@@ -291,13 +300,8 @@ class ZenohBus:
 
         self.listen(key, take, limit)
 
-    def _handle(self, gcs_name: str, query: zenoh.Query, handler: Handler) -> None:
+    def _handle(self, gcs_name: str, query: zenoh.Query, request: OperatorRequest | None, handler: Handler) -> None:
         """One query: its handler gets a `reply` that answers and ends it."""
-        payload = b"" if query.payload is None or len(query.payload) > LARGEST_REQUEST else query.payload.to_bytes()
-        try:
-            request = _REQUEST.decode(payload) if payload else None
-        except SchemaError:
-            request = None
         if request is None:
             self.refuse(f"gcs/{gcs_name}/do", "request that is none, or too long")
             query.drop()  # type: ignore[no-untyped-call]
@@ -331,3 +335,12 @@ class ZenohBus:
         callback = zenoh.handlers.Callback(on_reply, lambda: on_loop(self._loop, lambda: settle(None)))
         self._session.get(key, callback, payload=payload, timeout=timeout_s)
         return await answer
+
+
+def _request(query: zenoh.Query) -> OperatorRequest | None:
+    """What a query asks for; None where that is no request, or too long."""
+    payload = b"" if query.payload is None or len(query.payload) > LARGEST_REQUEST else query.payload.to_bytes()
+    try:
+        return _REQUEST.decode(payload) if payload else None
+    except SchemaError:
+        return None

@@ -25,6 +25,9 @@ _ASK_AGAIN_S, _REFUSED_S = 0.05, 0.2
 # Batches that may wait for the sender's thread, as many as Zenoh allows. An express put takes one for itself: with
 # Zenoh's own two, a busy machine dropped one frame in twenty, and one in nine events told right after a frame.
 _WAITING_BATCHES = 16
+# Connections that have said nothing yet, and for how long each is waited for. Zenoh's own are 100 for 10 s: as many
+# idle ones kept an operator's new command out for 10.6 s.
+_UNGREETED, _GREETING_MS = 1024, 2000
 _RETRY = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
 
 
@@ -142,6 +145,8 @@ def _configuration(listen: Sequence[str], connect: Sequence[str]) -> zenoh.Confi
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": True,
         "transport/shared_memory/enabled": False,
+        "transport/unicast/accept_pending": _UNGREETED,
+        "transport/unicast/accept_timeout": _GREETING_MS,
         "transport/link/tx/queue/size/real_time": _WAITING_BATCHES,
     }
     result = zenoh.Config()

@@ -1,6 +1,7 @@
 """What the ground does on every fault, seen at the drones: GcsCore with fake drones that fail on demand."""
 
 import json
+import struct
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from formation.guidance.plan import Mode
 from formation.messages import Phase, Verb
 from gcs.core import BrokenInvariantError
 from wire.link_messages.commands import CommandLong, Result
+from wire.link_messages.parameters import ParamType, ParamValue
 from wire.link_messages.status import EkfStatus, ExtendedSysState, LandedState
 
 
@@ -301,3 +303,17 @@ def test_a_rejection_code_that_is_none_of_ours_ends_nothing():
     lab.core.receive(frame, lab.now_ns)
     lab._tick_while_due()
     assert json.loads(lab.core.status(lab.now_ns))["rejected"] == {"lead": "reason 200, of a later version"}
+
+
+def test_a_forged_hover_thrust_changes_nothing_in_flight():
+    """Led by a hover thrust of 0.1 or 0.4 it would be on the floor, or at 0.40 m, in phase HOLD."""
+    lab, alone = _flying(), _flying()
+    drone, link = lab.drones[2], lab.core._links[2]
+    before = link.hover_thrust_norm
+    for value in (0.1, 0.4, 0.9):
+        drone._say(ParamValue("MPC_THR_HOVER", struct.pack("<f", value), ParamType.REAL32, 1, 0))
+        lab.run(0.5)
+        alone.run(0.5)
+        assert link.hover_thrust_norm == before
+    assert any("MPC_THR_HOVER announced anew while armed" in text for text in lab.events)
+    assert np.array_equal(drone.pos, alone.drones[2].pos)

@@ -2,7 +2,7 @@ import struct
 
 import pytest
 
-from gcs.drones.parameters import KEPT, ParameterReader
+from gcs.drones.parameters import ParameterReader
 from wire.link_messages.address import Address
 from wire.link_messages.parameters import ParamType, ParamValue
 from wire.link_messages.status import MavAutopilot
@@ -22,7 +22,7 @@ def test_an_integer_is_read_as_its_autopilot_sends_it(autopilot, raw):
     reader = ParameterReader(DRONE, autopilot)
     reader.ask(["EKF2_EV_CTRL"])
     assert [request.name for request in reader.due(0)] == ["EKF2_EV_CTRL"]
-    assert reader.receive(_value("EKF2_EV_CTRL", raw, ParamType.INT32))
+    assert reader.receive(_value("EKF2_EV_CTRL", raw, ParamType.INT32), armed=False) == ""
     assert reader.values == {"EKF2_EV_CTRL": 11.0}
     assert not reader.reading
 
@@ -39,25 +39,60 @@ def test_silent_names_are_asked_six_times_four_at_once_then_given_up():
     assert reader.values == {}
 
 
-def test_announced_changes_are_taken():
+def _float(name: str, value: float) -> ParamValue:
+    return _value(name, struct.pack("<f", value), ParamType.REAL32)
+
+
+def _knowing(value: float = 0.5) -> ParameterReader:
     reader = ParameterReader(DRONE, MavAutopilot.PX4)
-    reader.receive(_value("COM_OF_LOSS_T", struct.pack("<f", 0.5), ParamType.REAL32))
-    assert reader.values == {"COM_OF_LOSS_T": 0.5}
+    reader.ask(["MPC_THR_HOVER"])
+    assert reader.receive(_float("MPC_THR_HOVER", value), armed=False) == ""
+    return reader
+
+
+def test_an_announced_change_is_asked_for_and_only_the_answer_taken():
+    reader = _knowing()
+    assert reader.receive(_float("MPC_THR_HOVER", 0.4), armed=False) == "parameter that was not asked for"
+    assert reader.values == {"MPC_THR_HOVER": 0.5}
+    assert [request.name for request in reader.due(0)] == ["MPC_THR_HOVER"]
+    assert reader.receive(_float("MPC_THR_HOVER", 0.4), armed=False) == ""
+    assert reader.values["MPC_THR_HOVER"] == pytest.approx(0.4)
+
+
+def test_nothing_that_is_known_changes_while_armed():
+    """Asked for or not: a drone led by another hover thrust rises, or falls."""
+    for asked in (False, True):
+        reader = _knowing()
+        if asked:
+            reader.ask(["MPC_THR_HOVER"])
+        assert reader.receive(_float("MPC_THR_HOVER", 0.1), armed=True) == "MPC_THR_HOVER announced anew while armed"
+        assert reader.values == {"MPC_THR_HOVER": 0.5}
+        assert reader.due(0) == []
+
+
+def test_a_ground_that_begins_in_flight_reads_what_it_does_not_know():
+    reader = ParameterReader(DRONE, MavAutopilot.PX4)
+    reader.ask(["MPC_THR_HOVER"])
+    assert reader.receive(_float("MPC_THR_HOVER", 0.5), armed=True) == ""
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
+def test_a_value_that_is_not_finite_is_refused(value):
+    reader = ParameterReader(DRONE, MavAutopilot.PX4)
+    reader.ask(["MPC_THR_HOVER"])
+    assert reader.receive(_float("MPC_THR_HOVER", value), armed=False) == "parameter that is not finite"
+    assert reader.values == {}
 
 
 def test_a_type_that_does_not_fit_is_refused():
     reader = ParameterReader(DRONE, MavAutopilot.PX4)
-    assert not reader.receive(_value("X", b"\0\0\0\0", ParamType.REAL64))
+    reader.ask(["X"])
+    assert reader.receive(_value("X", b"\0\0\0\0", ParamType.REAL64), armed=False)
     assert reader.values == {}
 
 
-def test_what_nobody_asked_for_does_not_grow_without_bound():
+def test_what_nobody_asked_for_is_not_kept():
     reader = ParameterReader(DRONE, MavAutopilot.PX4)
-    raw = struct.pack("<i", 1)
-    taken = [reader.receive(_value(f"P{k}", raw, ParamType.INT32)) for k in range(5000)]
-    assert taken == [True] * KEPT + [False] * (5000 - KEPT)
-    reader.ask(["WANTED"])
-    assert reader.receive(_value("WANTED", raw, ParamType.INT32))
-    assert reader.receive(_value("P0", struct.pack("<i", 2), ParamType.INT32))
-    assert reader.values["P0"] == 2.0
-    assert len(reader.values) == KEPT + 1
+    for k in range(5000):
+        assert reader.receive(_value(f"P{k}", struct.pack("<i", 1), ParamType.INT32), armed=False)
+    assert (reader.values, reader.due(0)) == ({}, [])

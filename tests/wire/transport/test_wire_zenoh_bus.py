@@ -1,10 +1,11 @@
 """The lab's bus over real Zenoh sessions on loopback."""
 
 import asyncio
+import socket
 import subprocess
 import sys
 import time
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, contextmanager
 
 import numpy as np
 import pytest
@@ -19,7 +20,8 @@ from formation.messages import Datagram, OperatorReply, OperatorRequest, Truth, 
 from wire.clock import monotonic_ns
 from wire.transport.link import LARGEST_DATAGRAM
 from wire.transport.mocap_bus import MocapBus
-from wire.transport.zenoh_bus import BusError, ZenohBus
+from wire.transport.zenoh_bus import BusError, Reply, ZenohBus
+from wire.transport.zenoh_session import ask
 
 REQUEST = OperatorRequest(3, Verb.SHAPE, "line")
 
@@ -354,5 +356,61 @@ def test_listens_nowhere_else_than_the_lab_file_says():
         assert not bus.listens
         assert not bus.is_joined
         await bus.close()
+
+    asyncio.run(run())
+
+
+@contextmanager
+def idle_connections(endpoint: str, count: int):
+    host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
+    sockets = [socket.create_connection((host, int(port))) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for one in sockets:
+            one.close()
+
+
+def test_idle_connections_keep_no_new_command_out():
+    """A hundred that say nothing kept one out for 10.6 s."""
+
+    async def run():
+        listening, _ = ends()
+        async with joined(listening) as (ground,):
+            ground.serve("main", lambda request, reply: reply(OperatorReply(request.id, True, "held")))
+            (endpoint,) = listening.zenoh_connect
+            with idle_connections(endpoint, 150):
+                start_ns = monotonic_ns()
+                asked = OperatorRequest(1, Verb.HOLD)
+                reply = await asyncio.to_thread(ask, [endpoint], "lab", "main", asked, 30.0)
+                assert reply.text == "held"
+                assert monotonic_ns() - start_ns < 5_000_000_000
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("verb", [Verb.STOP, Verb.LAND, Verb.HOLD])
+def test_a_flood_of_questions_keeps_no_urgent_request_waiting(verb):
+    """Thousands wait, more than are kept; each takes the ground a while; the urgent one is served among the first."""
+
+    async def run():
+        async with joined(*ends()) as (ground, operator):
+            served: list[Verb] = []
+
+            def handle(request: OperatorRequest, reply: Reply) -> None:
+                served.append(request.verb)
+                reply(OperatorReply(request.id, True, "done"))
+
+            ground.serve("main", handle)
+            await operator.ask("main", OperatorRequest(0, Verb.STATUS), 30.0)
+            questions = [OperatorRequest(k, Verb.STATUS) for k in range(800)]
+            flood = [asyncio.ensure_future(operator.ask("main", question, 30.0)) for question in questions]
+            await asyncio.sleep(0)
+            before = len(served)
+            assert (await operator.ask("main", OperatorRequest(9999, verb), 30.0)).accepted
+            assert served.index(verb) - before < 200  # 256 wait at most, and the urgent one behind them
+            for one in flood:
+                one.cancel()
+            await asyncio.gather(*flood, return_exceptions=True)
 
     asyncio.run(run())

@@ -30,7 +30,7 @@ IdentifyOut = Annotated[
 ]
 ProfileOut = Annotated[Path | None, typer.Option("--write", metavar="FILE", help="Write a drone's profile as TOML.")]
 Drone = Annotated[int | None, typer.Option("--sysid", help="Whose profile; without it the last drone's.")]
-PngOut = Annotated[Path, typer.Option("--out", metavar="FILE", help="The PNG to write.")]
+PngOut = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="The PNG; without it beside the log.")]
 
 
 @app.command()
@@ -52,6 +52,7 @@ def report(log: LogPath, out: Out = None, as_json: Json = False) -> None:
         typer.echo(summary.to_json())
     else:
         print_summary(summary, Console())
+        _tell_how_to_open(path)
 
 
 @app.command()
@@ -73,20 +74,23 @@ def check(log: LogPath, as_json: Json = False) -> None:
 
 
 @app.command()
-def picture(log: LogPath, out: PngOut = Path("flight.png")) -> None:
+def picture(log: LogPath, out: PngOut = None) -> None:
     """Draw a flight on one sheet, as a PNG."""
     from analysis.picture import picture as draw_picture
 
+    path = log.with_suffix(".png") if out is None else out
     with _refusing():
-        draw_picture(log, out)
-    typer.echo(out)
+        draw_picture(log, path)
+    typer.echo(path)
 
 
 @app.command()
 def compare(
     first: LogPath,
     second: LogPath,
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The page to write.")] = Path("compared.html"),
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="The page; without it compared.html beside the first.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Hold two flights side by side: numbers, overlaid pictures, and what was not the same in their configuration."""
@@ -95,15 +99,16 @@ def compare(
     from analysis.console import print_comparison
     from analysis.pages import compare as comparing
 
+    path = first.with_name("compared.html") if out is None else out
     with _refusing():
         a, b = comparing.sides(first, second)
         if not as_json:
-            out.write_text(comparing.html(a, b), encoding="utf-8")
+            path.write_text(comparing.html(a, b), encoding="utf-8")
     if as_json:
         typer.echo(comparing.to_json(a, b))
     else:
         print_comparison(a, b, Console())
-        typer.echo(out)
+        _tell_page(path)
 
 
 @app.command()
@@ -187,6 +192,17 @@ def _write_profile(found: "Identification", path: Path | None, sysid: int | None
     if not chosen:
         raise LogError(f"no drone {sysid} was sent targets in this flight" if sysid else "no drone was sent targets")
     path.write_text(dump_profile(chosen[-1].profile()), encoding="utf-8")
+
+
+def _tell_page(path: Path) -> None:
+    """Its path for scripts, on standard output, and how to open it."""
+    typer.echo(path)
+    _tell_how_to_open(path)
+
+
+def _tell_how_to_open(path: Path) -> None:
+    """For people, on standard error."""
+    typer.echo(f"open it in a browser: {path.resolve().as_uri()}", err=True)
 
 
 @contextmanager

@@ -37,7 +37,8 @@ def picture(drawing: Drawing, title: str) -> str:
     if isinstance(drawing, Missing):
         return f'<p class="missing">Not shown: {text(drawing.reason)}.</p>'
     share = 100.0 * drawing.get_figwidth() / WIDTH_IN
-    return f'<figure style="max-width:{share:.1f}%">{_spoken(svg(drawing), f"{title}: {described(drawing)}")}</figure>'
+    image = _spoken(svg(drawing), f"{title}: {described(drawing)}")
+    return f'<figure tabindex="0" style="max-width:{share:.1f}%">{image}</figure>'
 
 
 def _spoken(image: str, words: str) -> str:

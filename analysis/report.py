@@ -10,6 +10,8 @@ from analysis import page, words
 from analysis.load import Flight, load_checked
 from analysis.metrics import Latency, Summary, rms, summarise, vibration_of
 from analysis.page import Section, cell, picture, row, swatch, table, text, tile
+from analysis.pages.altitude import altitudes
+from analysis.pages.downloads import downloads
 from analysis.pages.events import Told, folded
 from analysis.pages.setup import setup
 from analysis.plots import drawings, style
@@ -48,7 +50,7 @@ TEXTS = (
         "paths",
         "Paths",
         "Strong lines are the formation phase, faint ones the rest; dots joined to the leader are the formation "
-        "at even times. The dashed outline is the fence.",
+        "at even times. The dashed outline is the fence. Below, heights over time, and mean altitudes in formation.",
     ),
     (
         "error",
@@ -166,7 +168,7 @@ def _header(flight: Flight, summary: Summary, damage: str) -> str:
     )
     return (
         f'<header><p class="kind">Flight report</p><h1>{escape(_name(flight))}{badge}</h1>'
-        f'<p class="facts">{escape(" · ".join(facts))}</p>{harm}</header>'
+        f'<p class="facts">{escape(" · ".join(facts))}</p>{downloads(summary.mcap, summary.report)}{harm}</header>'
     )
 
 
@@ -210,6 +212,7 @@ def _sections(flight: Flight, tracking: Tracking, summary: Summary) -> Iterator[
     """Every section, finished."""
     pictures = drawings(flight, tracking)
     tables = {
+        "paths": altitudes(flight),
         "timeline": _event_table(flight) + _rejection_table(flight),
         "error": _follower_table(flight, tracking),
         "leader": _leader_table(track_leader(flight)),

@@ -13,6 +13,7 @@ from wire.clock import Clock
 from wire.errors import ConfigError
 from wire.markdown import rows
 from wire.process import starved
+from wire.process.completion import bodies_of, lab_near, starting
 from wire.process.program import SingleProgram, Version, takes, tell_error
 from wire.process.starved import StarvedError
 
@@ -29,6 +30,18 @@ EPILOG = (
 )
 
 
+def _bodies(incomplete: str) -> list[str]:
+    """What the Tab key offers: the vehicles of `lab.toml` here."""
+    return starting(bodies_of(lab_near(None)), incomplete)
+
+
+def _profiles(incomplete: str) -> list[str]:
+    """What the Tab key offers: the shipped vehicles."""
+    from formation.vehicle.profile import PROFILES
+
+    return starting(PROFILES, incomplete)
+
+
 @dataclass(frozen=True, slots=True)
 class Options:
     """What can be given on the command line; None where the file, or the default, says it."""
@@ -39,7 +52,7 @@ class Options:
     ] = None
     config: Annotated[Path | None, typer.Option(help="TOML file; other options win over it.")] = None
     lab: Annotated[str | None, typer.Option(help="Name of the lab: the root of its keys on the bus.")] = None
-    body: Annotated[str | None, typer.Option(help="The mocap's name of this drone.")] = None
+    body: Annotated[str | None, typer.Option(help="The mocap's name of this drone.", autocompletion=_bodies)] = None
     autopilot: Annotated[
         str | None, typer.Option("--autopilot", "--personality", help="px4 (if not given) or ardupilot.")
     ] = None
@@ -52,7 +65,8 @@ class Options:
     profile: Annotated[
         str | None,
         typer.Option(
-            help="Vehicle: paper_40g (if not given) or another shipped profile; a wrong one is answered by all."
+            help="Vehicle: paper_40g (if not given) or another shipped profile; a wrong one is answered by all.",
+            autocompletion=_profiles,
         ),
     ] = None
     start: Annotated[str | None, typer.Option(help="Where it stands: x,y,z in lab metres.")] = None

@@ -26,12 +26,12 @@ def worst_followers(tracking: Tracking, most: int = ROWS) -> tuple[int, ...]:
 
 
 def positions(flight: Flight, tracking: Tracking) -> Drawing:
-    """x and y of each follower against its reference, lab axes: one row a follower."""
+    """x, y and z of each follower against its reference, lab axes: one row a follower."""
     if not len(tracking.t_s):
         return Missing(NO_TRACKING)
     chosen = worst_followers(tracking)
     rows = (1.0,) * len(chosen)
-    fig, grid = style.Sheet(0.6 + 1.55 * len(chosen), rows, (1.0, 1.0), gap_in=(0.34, 0.8)).axes()
+    fig, grid = style.Sheet(0.6 + 1.55 * len(chosen), rows, (1.0, 1.0, 1.0), gap_in=(0.34, 0.7)).axes()
     wanted = reference_lab_m(flight.reference)
     for row, k in zip(grid, chosen, strict=True):
         vehicle = flight.followers[k]
@@ -39,10 +39,9 @@ def positions(flight: Flight, tracking: Tracking) -> Drawing:
             reference = None if vehicle.column is None else wanted[:, vehicle.column, axis]
             _against_reference(ax, flight, k + 1, reference, axis)
             style.time_axis(ax, 0.0, flight.duration_s, label=row is grid[-1])
-        row[0].set_ylabel("x, m")
-        row[1].set_ylabel("y, m")
+            ax.set_ylabel(f"{'xyz'[axis]}, m")
         row[0].set_title(vehicle.body)
-        style.legend(row[1])
+        style.legend(row[2])
     shade([ax for row in grid for ax in row], flight)
     return fig
 
@@ -91,18 +90,18 @@ def leader_error(flight: Flight, leader: LeaderTracking) -> Drawing:
 
 
 def leader_positions(flight: Flight) -> Drawing:
-    """x and y of a commanded leader against its reference, lab axes, over the whole flight."""
+    """x, y and z of a commanded leader against its reference, lab axes, over the whole flight."""
     column = flight.leader.column if flight.vehicles else None
     if column is None or not len(flight.poses) or not len(flight.reference):
         return Missing(NO_LEADER)
-    fig, [row] = style.Sheet(2.15, (1.0,), (1.0, 1.0)).axes()
+    fig, [row] = style.Sheet(2.15, (1.0,), (1.0, 1.0, 1.0)).axes()
     wanted = reference_lab_m(flight.reference)[:, column]
     for axis, ax in enumerate(row):
         _against_reference(ax, flight, 0, wanted[:, axis], axis)
         style.time_axis(ax, 0.0, flight.duration_s)
-        ax.set_ylabel(f"{'xy'[axis]}, m")
+        ax.set_ylabel(f"{'xyz'[axis]}, m")
     row[0].set_title(flight.leader.body)
-    style.legend(row[1])
+    style.legend(row[2])
     shade(row, flight)
     return fig
 

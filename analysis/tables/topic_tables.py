@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from enum import Enum
+from html import escape
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -25,10 +26,11 @@ from wire.logs.mcap_read import clock_of
 
 Table = Mapping[str, NDArray[Any]]
 LINK = "drone/link"
+SHOWN_COLUMNS = 5
 _AXES = {3: ("_x", "_y", "_z"), 4: ("_w", "_x", "_y", "_z")}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class FlightLog(Mapping[str, Table]):
     """A log: its tables by topic (those that hold anything), and what it says of its run.
 
@@ -51,6 +53,31 @@ class FlightLog(Mapping[str, Table]):
 
     def __len__(self) -> int:
         return len(self.tables)
+
+    def __repr__(self) -> str:
+        """The topics as a table of text."""
+        lines = _overview(self.tables)
+        widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
+        rows = (
+            "  ".join(word.ljust(width) for word, width in zip(line, widths, strict=True)).rstrip() for line in lines
+        )
+        return "\n".join((f"flight log of {self.date:%Y-%m-%d %H:%M:%S} UTC", *rows))
+
+    def _repr_html_(self) -> str:
+        """The same for a notebook."""
+        head, *rows = ("".join(f"<td>{escape(word)}</td>" for word in line) for line in _overview(self.tables))
+        body = "".join(f"<tr>{row}</tr>" for row in rows)
+        return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _overview(tables: Mapping[str, Table]) -> list[tuple[str, ...]]:
+    """A line a topic under a line of heads: rows, from when to when, columns."""
+    lines: list[tuple[str, ...]] = [("topic", "rows", "t_s", "columns")]
+    for topic, table in sorted(tables.items()):
+        t_s, columns = table["t_s"], [name for name in table if name not in ("t_s", "unix_ns")]
+        shown = ", ".join(columns[:SHOWN_COLUMNS]) + (", ..." if len(columns) > SHOWN_COLUMNS else "")
+        lines.append((topic, str(len(t_s)), f"{t_s.min():.1f} to {t_s.max():.1f}", shown))
+    return lines
 
 
 def load(path: str | Path) -> FlightLog:

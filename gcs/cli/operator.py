@@ -14,6 +14,7 @@ import typer
 from formation.guidance.shape_request import ShapeRequest
 from formation.requests import CONFIGURED, OperatorReply, OperatorRequest, Verb
 from gcs import GCS_NAME
+from gcs.cli import completion
 from gcs.cli.common import NO_GROUND, NOT_RIGHT, REFUSED, Json, Name, fail, tell_red
 from wire import clock
 from wire.errors import BusError, ConfigError
@@ -64,7 +65,10 @@ def status(lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeou
 
 def shape(
     shape_name: Annotated[
-        str, typer.Argument(metavar="NAME", help="Its name; a wrong one is answered by those known.")
+        str,
+        typer.Argument(
+            metavar="NAME", help="Its name; a wrong one is answered by those known.", autocompletion=completion.shapes
+        ),
     ],
     scale: Annotated[float, typer.Option(help="How much larger than usual.")] = 1.0,
     heading: Annotated[float, typer.Option(metavar="DEG", help="Turned to the left about the leader by this.")] = 0.0,
@@ -80,7 +84,12 @@ def shape(
 
 def trajectory(
     trajectory_name: Annotated[
-        str, typer.Argument(metavar="NAME", help="Its name in lab.toml; a wrong one is answered by those known.")
+        str,
+        typer.Argument(
+            metavar="NAME",
+            help="Its name in lab.toml; a wrong one is answered by those known.",
+            autocompletion=completion.trajectories,
+        ),
     ],
     lab: Lab = None,
     name: Name = GCS_NAME,

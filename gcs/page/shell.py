@@ -170,7 +170,11 @@ def serve(config: LabConfig, ground: str, wanted_port: int | None, clock: Clock)
     app.add_middleware(OwnPagesOnly, tell=page.refuse)
     app.on_startup(begin)
     app.on_shutdown(end)
-    print(f"page: http://{LOOPBACK}:{port}", file=sys.stderr, flush=True)
+    print(f"page: http://{LOOPBACK}:{port}", file=sys.stderr)
+    forward = f"ssh -L {port}:{LOOPBACK}:{port} USER@{socket.gethostname()}"
+    print(
+        f"page: from a tablet or another computer: {forward}, then the same address there", file=sys.stderr, flush=True
+    )
     ui.run(
         page.build, host=LOOPBACK, port=port, title=f"{config.name}: formation", dark=True, reload=False, show=False,
         show_welcome_message=False, uvicorn_logging_level="warning", reconnect_timeout=3.0, access_log=False,

@@ -159,6 +159,7 @@ class Viewer:
             against = form is self._previewing and self._foreseen is not None and self._foreseen.against
             may = form.verb is Verb.SHAPE or model.may_choose
             form.button.set_enabled(self.commands and not shown.lost and may and not against)
+        self._buttons["reset"].set_visibility(shown.phase == "STOPPED")
         for verb, button in self._buttons.items():
             button.set_enabled(self.commands and allowed.get(verb, False) and not shown.lost)
         open_ = model.alarms.open

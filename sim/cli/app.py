@@ -14,6 +14,7 @@ from typing import Annotated, Literal
 import typer
 
 from sim.cli import cameras, campaign, studies
+from wire.process.completion import starting
 from wire.process.program import program
 
 app = program(
@@ -23,8 +24,21 @@ app = program(
     "3 starved, the machine was too slow for the simulators; 130 interrupted.",
 )
 
+
+def _scenarios(incomplete: str) -> list[str]:
+    """What the Tab key offers: shipped scenarios, and files here."""
+    from sim.shipped import shipped
+
+    return starting((*shipped(), *(str(path) for path in Path().glob("*.toml"))), incomplete)
+
+
 Name = Annotated[
-    str, typer.Argument(metavar="SCENARIO", help="A shipped scenario's name, a scenario's file, or a lab file.")
+    str,
+    typer.Argument(
+        metavar="SCENARIO",
+        help="A shipped scenario's name, a scenario's file, or a lab file.",
+        autocompletion=_scenarios,
+    ),
 ]
 Seed = Annotated[int | None, typer.Option(min=0, help="Decides all luck; without it the scenario's own.")]
 LeaderCsv = Annotated[Path | None, typer.Option(help="The leader's recorded poses (ASL/EuRoC CSV).")]

@@ -61,3 +61,13 @@ def test_what_is_no_log_is_refused(two: tuple[Path, Path], tmp_path: Path) -> No
     refused = CliRunner().invoke(app, ["compare", str(two[0]), str(tmp_path / "absent.mcap")])
     assert refused.exit_code == 2
     assert refused.stderr.startswith("gcs-log: ")
+
+
+def test_the_page_is_written_beside_the_first_log(
+    two: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, ["compare", *map(str, two)])
+    assert done.exit_code == 0, done.output
+    assert two[0].with_name("compared.html").exists()
+    assert not list(tmp_path.iterdir())

@@ -129,7 +129,7 @@ def test_the_report_is_one_light_page_that_fetches_nothing(log: Path):
     assert path == log.with_name("report.html")
     assert len(text.encode()) < 3_000_000
     assert re.findall(r'<section id="(\w+)"', text) == SECTIONS
-    assert not re.search(r'(src|href)="(?!#|data:)', text)
+    assert not re.search(r'src="(?!data:)|href="(?!data:)\w+:|<link|@import', text)
     assert "Not shown" not in text
     for words in ("Two followers", "landed", "vibration", "lab x, m", "right unseen for"):
         assert words in text
@@ -333,3 +333,27 @@ def test_words_of_drones_and_people_are_shown_not_read(tmp_path: Path):
         assert page.count(escape(words)) >= 3
     assert "<script>" not in page
     picture(path, tmp_path / "flight.png")
+
+
+def test_the_report_links_to_its_data_and_tells_mean_altitudes(log: Path, tmp_path: Path):
+    flight = load(log)
+    page = html(flight, summarise(flight, mcap=log, report=log.with_name("report.html")))
+    assert f'<a href="{log.name}">' in page
+    assert f'<a href="{log.stem}-csv">CSV</a> after <code>gcs-log export {log.name} --csv</code>' in page
+    assert f'<a href="{log.stem}-parquet">Parquet</a>' in page
+    assert "mean altitude, m" in page
+    away = html(flight, summarise(flight, mcap=log, report=tmp_path / "elsewhere" / "report.html"))
+    assert f'{log.parent.name}/{log.name}">' in away
+
+
+def test_the_picture_is_written_beside_the_log(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, ["picture", str(log)])
+    assert done.exit_code == 0, done.output
+    assert log.with_suffix(".png").exists()
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_path_of_a_report_comes_with_how_to_open_it(log: Path, tmp_path: Path):
+    done = CliRunner().invoke(app, ["report", str(log), "--out", str(tmp_path / "page.html")])
+    assert f"open it in a browser: file://{tmp_path}/page.html" in done.stderr

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -144,3 +145,19 @@ def test_the_example_notebook_runs(path: Path, monkeypatch: pytest.MonkeyPatch, 
         names["plt"].close("all")
     assert names["rms_mm"]["right"] == pytest.approx(1.0, abs=1e-6)
     assert "synthetic" in capsys.readouterr().out
+
+
+def test_the_example_notebook_takes_the_error_and_not_its_rate() -> None:
+    notebook = (Path(__file__).parents[2] / "examples" / "flight.ipynb").read_text()
+    (pattern,) = re.findall(r'filter\(regex=\\"(.*?)\\"\)', notebook)
+    columns = ["e_lead_m_x", "e_lead_m_y", "e_lead_m_z", "e_lead_m_s_x", "e_lead_m_s_y", "e_lead_m_s_z"]
+    assert [name for name in columns if re.search(pattern, name)] == columns[:3]
+
+
+def test_a_log_shows_its_topics(path: Path) -> None:
+    log = gcs_log.load(path)
+    shown = repr(log)
+    assert shown.splitlines()[1].split() == ["topic", "rows", "t_s", "columns"]
+    for topic, table in log.items():
+        assert any(line.split()[:2] == [topic, str(len(table["t_s"]))] for line in shown.splitlines())
+    assert f"<td>{next(iter(log))}</td>" in log._repr_html_()

@@ -1,5 +1,6 @@
 """Other web pages in the operator's browser, and names that lead to loopback: none reaches the page's server."""
 
+import asyncio
 import http.client
 import urllib.request
 from pathlib import Path
@@ -12,7 +13,7 @@ from page_flights import page_server
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from gcs.page.origin import refusal
+from gcs.page.origin import OwnPagesOnly, refusal
 from wire import config_file
 
 
@@ -68,6 +69,25 @@ def test_who_only_fetches_the_page_again_and_again_leaves_nothing_behind(tmp_pat
         for _ in range(300):
             urllib.request.urlopen(url, timeout=30.0).read()
         assert resident_mib(process.pid) - before < 20.0
+
+
+@pytest.mark.parametrize("host", [b"127.0.0.1:8470", b"evil.example"])
+def test_no_page_may_frame_it_whatever_is_answered(host: bytes) -> None:
+    sent: list[dict[str, object]] = []
+
+    async def app(_scope, _receive, send) -> None:
+        await send({"type": "http.response.start", "status": 200, "headers": [(b"content-type", b"text/html")]})
+
+    async def send(message) -> None:
+        sent.append(message)
+
+    server = OwnPagesOnly(app, tell=lambda _source, _why: None)
+    asyncio.run(server({"type": "http", "headers": [(b"host", host)]}, None, send))
+    headers = dict(sent[0]["headers"])
+    assert b"frame-ancestors 'none'" in headers[b"content-security-policy"]
+    assert b"default-src 'self'" in headers[b"content-security-policy"]
+    assert headers[b"x-frame-options"] == b"DENY"
+    assert headers[b"content-type"] in (b"text/html", b"text/plain")
 
 
 @pytest.mark.processes

@@ -1,0 +1,47 @@
+"""The Tab key offers names of the lab file that is meant, and those that are always there."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from drone_agent.__main__ import _bodies, _profiles
+from gcs.cli.completion import shapes, trajectories
+from sim.cli.app import _scenarios
+from wire.process.completion import bodies_of, lab_near
+
+LAB = """
+[leader]
+body = "lead"
+trajectories.eight = { kind = "figure8" }
+[[followers]]
+body = "left"
+[formation.shapes]
+stairs = []
+"""
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "lab.toml").write_text(LAB)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_names_of_the_lab_file_are_offered(here: Path):
+    meant = SimpleNamespace(params={"lab": str(here / "lab.toml")})
+    assert shapes(meant, "st") == ["stairs"]
+    assert "line" in shapes(meant, "")
+    assert trajectories(meant, "") == ["configured", "eight"]
+    assert _bodies("l") == ["lead", "left"]
+
+
+def test_what_is_shipped_is_offered(here: Path):
+    assert _scenarios("triangle") == ["triangle_circle", "triangle_line"]
+    assert _scenarios("lab") == ["lab.toml"]
+    assert _profiles("craz") == ["crazyflie_27g"]
+
+
+def test_a_file_that_is_missing_or_wrong_offers_nothing(tmp_path: Path):
+    assert lab_near(tmp_path / "no.toml") == {}
+    assert bodies_of({"leader": 3, "followers": {"body": "x"}}) == []

@@ -6,6 +6,8 @@
 `pytest --max-formation-rms 0.005` requires that of every such flight. Nothing is loaded until one is flown.
 """
 
+import re
+import shutil
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -28,8 +30,8 @@ class FormationFlight(Protocol):
     def __call__(self, scenario: str | Path, *, seed: int | None = None, require: Iterable[str] = ()) -> "Summary":
         """Fly a scenario, shipped by its name or a TOML file; its numbers.
 
-        Fails the test where the flight does not land, or misses what is required. The log is kept in the test's
-        temporary folder, as `flight.mcap` with its report.
+        Fails the test where the flight does not land, or misses what is required; its log and report are then kept
+        in `runs/TEST` here, beside those of `gcs-sim run`. Of others they are in the test's temporary folder.
         """
 
 
@@ -40,6 +42,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         group.addoption(
             option, dest=key, type=float, metavar="M", help=f"at most, of every formation_flight: {meaning}"
         )
+
+
+def _keep(flown: Path, test: str) -> Path:
+    """Copy a flight's folder to where a workflow collects flights, under the test's name, anew if it is there."""
+    kept = Path("runs") / re.sub(r"[^\w.-]+", "-", test)
+    shutil.copytree(flown, kept, dirs_exist_ok=True)
+    return kept
 
 
 @pytest.fixture
@@ -63,7 +72,8 @@ def formation_flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.Te
         if summary.outcome not in ("landed", "held"):
             missed = (summary.outcome, *missed)
         if missed:
-            pytest.fail(f"{loaded.name}: {'; '.join(missed)} (see {summary.report})", pytrace=False)
+            kept = _keep(log.parent, request.node.name)
+            pytest.fail(f"{loaded.name}: {'; '.join(missed)} (see {kept / 'report.html'})", pytrace=False)
         return summary
 
     return fly

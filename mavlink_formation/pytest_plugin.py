@@ -8,6 +8,8 @@
 """
 
 import json
+import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterable
@@ -32,8 +34,8 @@ class FormationFlight(Protocol):
     ) -> SimpleNamespace:
         """Fly a scenario, shipped by its name or a TOML file; its summary, by the names of `gcs-sim run --json`.
 
-        Fails the test where the flight does not land, or misses what is required. The log is kept in the test's
-        temporary folder, as `flight.mcap` with its report.
+        Fails the test where the flight does not land, or misses what is required; its log and report are then kept
+        in `runs/TEST` here, beside those of `gcs-sim run`. Of others they are in the test's temporary folder.
         """
 
 
@@ -55,25 +57,32 @@ def formation_flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.Te
         wanted = [*require, *(f"{key}<={bound}" for key, bound in bounds.items() if bound is not None)]
         # Python's safe path, `-P`: the folder in which the tests run is not looked into for modules.
         command = [sys.executable, "-P", "-m", "sim", "run", str(scenario), "--json"]
-        command += ["--out", str(tmp_path_factory.mktemp("flight"))]
+        out = tmp_path_factory.mktemp("flight")
+        command += ["--out", str(out)]
         command += [] if seed is None else ["--seed", str(seed)]
         command += [word for requirement in wanted for word in ("--require", requirement)]
         flown = subprocess.run(command, capture_output=True, text=True, check=False)
         if flown.returncode != 0:
-            pytest.fail(_failure(scenario, flown), pytrace=False)
+            pytest.fail(_failure(scenario, flown, _keep(out, request.node.name)), pytrace=False)
         summary: SimpleNamespace = json.loads(flown.stdout, object_hook=lambda values: SimpleNamespace(**values))
         return summary
 
     return fly
 
 
-def _failure(scenario: str | Path, flown: subprocess.CompletedProcess[str]) -> str:
+def _keep(flown: Path, test: str) -> Path:
+    """Copy a flight's folder to where a workflow collects flights, under the test's name, anew if it is there."""
+    kept = Path("runs") / re.sub(r"[^\w.-]+", "-", test)
+    shutil.copytree(flown, kept, dirs_exist_ok=True)
+    return kept
+
+
+def _failure(scenario: str | Path, flown: "subprocess.CompletedProcess[str]", kept: Path) -> str:
     """One line of what went wrong, and where the flight's report is if there is one."""
     lines = [line.strip() for line in flown.stderr.splitlines() if line.strip()]
     said = lines[-1].removeprefix("gcs-sim: ") if lines else f"exit code {flown.returncode}"
     try:
-        summary = json.loads(flown.stdout)
-        outcome, report = summary["outcome"], summary["report"]
+        outcome = json.loads(flown.stdout)["outcome"]
     except (ValueError, KeyError):
         return f"{scenario}: {said}"
-    return f"{scenario}: {said if outcome in ('landed', 'held') else outcome} (see {report})"
+    return f"{scenario}: {said if outcome in ('landed', 'held') else outcome} (see {kept / 'report.html'})"

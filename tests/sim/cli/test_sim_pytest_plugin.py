@@ -64,3 +64,13 @@ def test_one_that_misses_what_its_test_or_the_command_line_requires_fails(pytest
     result = run(pytester, "-k", "missed", "--max-formation-rms", "1e-6")
     result.assert_outcomes(failed=1, deselected=2)
     result.stdout.fnmatch_lines(["*min_separation_m>4 is required, it is 0.*; formation_rms_m<=1e-06 is required*"])
+    for name in ("flight.mcap", "report.html"):
+        assert (pytester.path / "runs" / "test_missed" / name).exists()
+    result.stdout.fnmatch_lines(["*(see runs/test_missed/report.html)*"])
+
+
+def test_the_example_workflow_installs_from_a_repository_and_collects_where_failing_flights_are_kept() -> None:
+    workflow = (Path(__file__).parents[3] / "examples" / "formation-ci.yml").read_text()
+    assert 'pip install "mavlink-formation @ $FORMATION"' in workflow
+    assert "FORMATION: git+https://" in workflow
+    assert "path: runs/" in workflow

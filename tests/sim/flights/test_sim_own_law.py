@@ -1,6 +1,8 @@
 """A lab's own control law, by the example package, in lockstep: it flies the followers, ours stands behind it."""
 
+import re
 import sys
+import tomllib
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -135,3 +137,20 @@ def test_what_it_is_told_agrees_with_itself(installed: None, monkeypatch: pytest
     first = {at.body: at for at in reversed(seen)}
     assert [first[body].dt_s for body in ("left", "right")] == [0.0, 0.0]
     assert np.median([at.dt_s for at in moving]) == pytest.approx(0.01, abs=0.001)
+
+
+def test_the_readme_s_figures_are_those_of_its_options(tmp_path: Path, installed: None) -> None:
+    readme = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
+    options = re.search(r'control_law = \{ name = "cascade", options = (\{.*?\}) \}', readme)
+    told = re.search(
+        r"within ([\d.]+) mm RMS with the options above, where the built-in law does within ([\d.]+) mm", readme
+    )
+    assert options is not None
+    assert told is not None
+    scenario = load("triangle_circle")
+    law = ControlLawConfig(name="cascade", options=tomllib.loads(f"options = {options[1]}")["options"])
+    for control_law, figure in zip((law, None), told.groups(), strict=True):
+        lab = scenario.lab.model_copy(update={"control_law": control_law})
+        log = tmp_path / f"{figure}.mcap"
+        lockstep.run_to_file(scenario.model_copy(update={"lab": lab}), 7, log)
+        assert f"{1e3 * (summarise(load_flight(log)).formation_rms_m or 0.0):.2f}" == figure

@@ -27,6 +27,7 @@ test: $(VENV)/.test
 fuzz: $(VENV)/.fly
 	$(BIN)/python tests/fuzz/fuzz_datagrams.py $(ARGS)
 	$(BIN)/python tests/fuzz/fuzz_frames.py $(ARGS)
+	PYTHONPATH=tests/gcs:tests/drone_agent $(BIN)/python tests/fuzz/fuzz_flight.py $(ARGS)
 	$(BIN)/python tests/fuzz/fuzz_vrpn.py $(ARGS)
 	$(BIN)/python tests/fuzz/fuzz_natnet.py $(ARGS)
 	$(BIN)/python tests/fuzz/fuzz_qtm.py $(ARGS)

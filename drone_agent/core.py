@@ -30,7 +30,7 @@ from wire.link_messages.address import DRONE_COMPONENT, Address
 from wire.link_messages.message_id import MessageId
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.status import StatusText
-from wire.mavlink.codec import Codec
+from wire.mavlink.codec import Codec, MavlinkError
 from wire.mavlink.framing import packed
 
 _LOOK_NS = 50_000_000
@@ -250,7 +250,11 @@ class AgentCore:
         return self.parameters.changed()
 
     def _send(self, message: LinkMessage) -> None:
-        self._outbox.append(self.codec.encode(message))
+        """A message that MAVLink cannot carry is left out, counted and told of; the drone flies on."""
+        try:
+            self._outbox.append(self.codec.encode(message))
+        except MavlinkError as error:
+            self._inbox.refusals.note("own telemetry", str(error), self._airframe.t_ns)
 
 
 def _first_values(config: AgentConfig, table: AutopilotTable) -> dict[str, float]:

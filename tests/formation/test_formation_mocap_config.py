@@ -42,7 +42,7 @@ def test_the_y_up_cameras_of_a_lab_are_written_in_words() -> None:
     ({"axes": ["x forward", "y up"]}, "three"),
     ({"axes": ["x forward", "y up", "y right"]}, "once each"),
     ({"axes": ["x ahead", "y up", "z right"]}, "x ahead"),
-    ({"axes": ["x forward", "y up", "z right"], "q_lab_from_mocap": [1.0, 0.0, 0.0, 0.0]}, "differ"),
+    ({"axes": ["x forward", "y up", "z right"], "q_lab_from_mocap": [1.0, 0.0, 0.0, 0.0]}, "says another rotation"),
     ({"unit": "mm"}, "metres"),
     ({"source": "mavlink", "unit": "cm"}, "metres"),
     ({"unit": "feet"}, "'m', 'cm' or 'mm'"),

@@ -112,8 +112,8 @@ def test_a_short_list_is_shown_and_every_fault_has_its_key(tmp_path):
         ("sysid = 2", "sysid = 1", "followers[0].sysid: leader has it, too: two vehicles share a sysid (it is 1)"),
         (
             "sysid = 2",
-            'sysid = 2\nprofile = "x500"',
-            "followers[0].profile: unknown vehicle profile 'x500'; known: ",
+            'sysid = 2\nprofile = "x5000"',
+            "followers[0].profile: unknown vehicle profile 'x5000'; known: ",
         ),
         ("[leader]", '[mocap]\nsource = "csv"\n[leader]', "mocap.file: is missing: "),
         ("[leader]", '[mocap]\naxes = ["x up"]\n[leader]', "mocap.axes: three are needed"),

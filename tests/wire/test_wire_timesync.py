@@ -3,7 +3,7 @@ import math
 
 from wire.link_messages.address import Address
 from wire.link_messages.clocks import TimeSync
-from wire.timesync import TimeSyncClient
+from wire.timesync import TimeSyncClient, slip_text
 
 DRONE = Address(3, 1)
 MS = 1_000_000
@@ -23,7 +23,7 @@ def test_requests_come_ten_a_second_then_one():
         if request is not None:
             asked.append(ms)
             assert (request.tc1_ns, request.ts1_ns, request.target) == (0, ms * MS, DRONE)
-            clock.receive(TimeSync(7, ms * MS), ms * MS)
+            clock.receive(TimeSync(ms * MS + 7, ms * MS), ms * MS)
     assert asked[:8] == [0, 100, 200, 300, 400, 500, 600, 700]
     assert {b - a for a, b in itertools.pairwise(asked[8:])} == {1000}
 
@@ -47,3 +47,40 @@ def test_answers_set_the_offset():
     clock.receive(TimeSync(tc1_ns=7_000 * MS + 4 * MS, ts1_ns=0), 8 * MS)
     assert clock.offset_ns == 7_000 * MS
     assert clock.round_trip_s == 0.008
+
+
+def exchanged(rate: float, seconds: float, trip_ms: float = 2.0) -> tuple[TimeSyncClient, list[float]]:
+    """A client of a clock that runs so fast, and by how many ms it was wrong of stamps that came between requests."""
+    clock, wrong_ms = TimeSyncClient(DRONE), []
+    trip_ns = round(trip_ms * MS)
+    for ms in range(0, round(1000 * seconds), 10):
+        now_ns = 10**12 + ms * MS
+        request = clock.due(now_ns)
+        if request is not None:
+            theirs_ns = round(rate * (now_ns + trip_ns // 2))
+            clock.receive(TimeSync(theirs_ns, request.ts1_ns), now_ns + trip_ns)
+        believed_ns = clock.clock.to_ours_ns(round(rate * now_ns))
+        if believed_ns is not None and ms > 2000:
+            wrong_ms.append(abs(believed_ns - now_ns) / MS)
+    return clock, wrong_ms
+
+
+def test_a_clock_that_slips_by_a_percent_is_followed_and_named():
+    for rate in (0.99, 1.01):
+        clock, wrong_ms = exchanged(rate, 20.0)
+        assert max(wrong_ms) < 4.0
+        slip = clock.slip(10**12 + 20_000 * MS)
+        assert slip is not None
+        assert abs(slip - (rate - 1.0)) < 0.001
+        assert f"1.0 % {'slower' if rate < 1.0 else 'faster'}" in slip_text(slip)
+
+
+def test_a_clock_that_keeps_its_rate_or_was_set_once_does_not_slip():
+    clock, _ = exchanged(1.0 + 20e-6, 60.0)
+    assert clock.slip(10**12 + 60_000 * MS) is None
+    clock = TimeSyncClient(DRONE)
+    for step, (ms, ahead_ms) in enumerate(((0, 0), (200, 0), (400, 5_000), (600, 5_000), (800, 5_000))):
+        request = clock.due(ms * MS)
+        clock.receive(TimeSync((ms + ahead_ms + 10_000) * MS, request.ts1_ns), ms * MS)
+        assert clock.slip(ms * MS) is None, step
+    assert clock.clock.relearned == 1

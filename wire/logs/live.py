@@ -122,6 +122,6 @@ class LiveLog:
         """The records of a log that is not finished; none, and counted, where that is none."""
         try:
             return list(_records(begun + END))
-        except (McapError, struct.error, ValueError, zstandard.ZstdError):
+        except (McapError, struct.error, ArithmeticError, LookupError, ValueError, MemoryError, zstandard.ZstdError):
             self.refused += 1
             return []

@@ -96,7 +96,7 @@ class Codec:
         try:
             layout, fields = write(message)
             return self._frame(layout, fields)
-        except (struct.error, OverflowError) as error:
+        except (struct.error, OverflowError, ValueError) as error:  # NaN in the place of an integer, too
             raise MavlinkError(f"{type(message).__name__}: {error}") from error
 
     @property

@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from formation.maths.arrays import Quat
+from formation.maths.arrays import Quat, Vec3
 from formation.maths.frames import IDENTITY
 from wire.link_messages.address import Address
 from wire.link_messages.motion import (
@@ -60,6 +60,7 @@ _UNKNOWN_COVARIANCE = (math.nan, *(0.0,) * 20)
 _BODY_FRD = 12
 _HEADING_UNKNOWN = 65535
 _MS_32 = 0xFFFFFFFF
+_MOST_16, _MOST_32 = 2**15 - 1, 2**31 - 1
 _ACCELEROMETER, _GYROSCOPE = 0x07, 0x38  # of HIGHRES_IMU_UPDATED_FLAGS
 _NO_ATTITUDE, _NO_THRUST = int(Ignore.ATTITUDE), int(Ignore.THRUST)  # plain, for every packet
 
@@ -190,8 +191,8 @@ def _write_global_position(m: GlobalPosition) -> Written:
     heading = _HEADING_UNKNOWN
     if m.heading_rad is not None:
         heading = round(math.degrees(heading_ned(m.heading_rad)) * 100.0) % 36000
-    velocity = [round(v * 100.0) for v in ned(m.vel_lab_m_s)]
-    heights = (round(m.alt_m * 1e3), round(m.height_m * 1e3))
+    velocity = _cm_s(m.vel_lab_m_s)
+    heights = (_mm(m.alt_m), _mm(m.height_m))
     return GLOBAL_POSITION_INT, (m.t_boot_ms & _MS_32, *_degrees_e7(m), *heights, *velocity, heading)
 
 
@@ -202,12 +203,22 @@ def _read_global_position(f: Fields) -> GlobalPosition:
     return GlobalPosition(t_boot_ms, lat * 1e-7, lon * 1e-7, alt * 1e-3, height * 1e-3, velocity, yaw)
 
 
+def _cm_s(vel_lab_m_s: Vec3) -> list[int]:
+    """North, east, down in 16 bits: what is faster than 327 m/s reads as 327 m/s, as autopilots send it."""
+    return [min(max(round(v * 100.0), -_MOST_16), _MOST_16) for v in ned(vel_lab_m_s)]
+
+
+def _mm(metres: float) -> int:
+    """Millimetres in 32 bits, held at their ends."""
+    return min(max(round(metres * 1e3), -_MOST_32), _MOST_32)
+
+
 def _degrees_e7(m: GlobalPosition | HomePosition | SimTruth) -> tuple[int, int]:
     return round(m.lat_deg * 1e7), round(m.lon_deg * 1e7)
 
 
 def _write_home(m: HomePosition) -> Written:
-    surface = (*_degrees_e7(m), round(m.alt_m * 1e3))
+    surface = (*_degrees_e7(m), _mm(m.alt_m))
     return HOME_POSITION, (*surface, *ned(m.pos_lab_m), 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
 
 
@@ -216,8 +227,8 @@ def _read_home(f: Fields) -> HomePosition:
 
 
 def _write_truth(m: SimTruth) -> Written:
-    velocity = [round(v * 100.0) for v in ned(m.vel_lab_m_s)]
-    surface = (*_degrees_e7(m), round(m.alt_m * 1e3))
+    velocity = _cm_s(m.vel_lab_m_s)
+    surface = (*_degrees_e7(m), _mm(m.alt_m))
     q = q_ned_from_frd(m.q_lab_from_flu)
     return HIL_STATE_QUATERNION, (m.t_us, *q, 0.0, 0.0, 0.0, *surface, *velocity, 0, 0, 0, 0, 0)
 

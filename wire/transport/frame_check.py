@@ -31,18 +31,19 @@ def raw_fault(frame: RawFrame, now_ns: int, ahead_ns: int = AHEAD_NS) -> str | N
 def lab_fault(frame: LabFrame, now_ns: int) -> str | None:
     """Why the frame cannot be used now, None if it can; no mocap process of ours sends one with a fault."""
     newest_ns = max(frame.t_capture_ns, frame.t_receive_ns)
-    return pose_fault(frame) or _stamp_fault(frame.t_capture_ns, now_ns, DOUBT_NS) or _future_fault(newest_ns, now_ns)
+    fault = pose_fault(frame)
+    if fault is None and (frame.rejected >= len(Rejection)).any():
+        fault = "with a rejection code that is none"
+    return fault or _stamp_fault(frame.t_capture_ns, now_ns, DOUBT_NS) or _future_fault(newest_ns, now_ns)
 
 
 def pose_fault(frame: LabFrame) -> str | None:
-    """Why the frame can never be used, None if it can."""
+    """Why the frame can never be used, None if it can; what rejections a log of a later version knows is no fault."""
     fault = _shape_fault(frame.bodies, frame.pos_lab_m, frame.q_lab_from_flu, frame.seen)
     if fault is not None:
         return fault
     if frame.rejected.shape != frame.seen.shape:
         return "with unequal numbers of names and rejections"
-    if (frame.rejected >= len(Rejection)).any():
-        return "with a rejection code that is none"
     off_unit = np.abs(np.einsum("ij,ij->i", frame.q_lab_from_flu, frame.q_lab_from_flu) - 1.0)
     # Written so that NaN fails.
     if not ((np.abs(frame.pos_lab_m) <= 2.0 * FARTHEST_M).all() and (off_unit <= UNIT_WITHIN).all()):

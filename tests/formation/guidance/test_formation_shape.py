@@ -77,7 +77,7 @@ def test_a_listed_shape_may_replace_a_pattern_and_an_observed_leader_raises_any(
 
 
 def test_a_list_of_the_wrong_length_is_refused() -> None:
-    with pytest.raises(ValueError, match="shape 'tail' has 1 slots for 2 followers"):
+    with pytest.raises(ValueError, match="1 slots for 2 followers"):
         lab(tail=(SlotConfig(offset_m=(1.0, 0.0, 0.0)),))
 
 

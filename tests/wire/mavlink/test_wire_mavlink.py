@@ -14,7 +14,7 @@ from formation.messages import Severity
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.commands import CommandLong, SetMode
-from wire.link_messages.motion import EstimatorType, Odometry, OdometryFrame, SimTruth
+from wire.link_messages.motion import EstimatorType, GlobalPosition, Odometry, OdometryFrame, SetOrigin, SimTruth
 from wire.link_messages.packet import LinkMessage, Packet, Unknown
 from wire.link_messages.parameters import ParamRequestList, ParamSet, ParamValue
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
@@ -325,3 +325,17 @@ def test_what_an_end_does_not_read_is_unknown_to_it_and_costs_no_reading():
     assert [p.message for p in codec.receive(drone.encode(beat) + drone.encode(NamedValue(0, "x", 1.0)))] == [
         beat, Unknown(251),
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("speed_m_s", [327.0, 400.0, 1e30])
+def test_a_drone_faster_than_the_field_holds_is_told_at_its_end(speed_m_s):
+    """It flew on; the packet that could not be made ended its agent."""
+    far = GlobalPosition(1, 47.0, 8.0, 1e9, -1e9, np.array([speed_m_s, 0.0, -speed_m_s]), None)
+    (packet,) = Codec(GROUND).receive(Codec(Address(3, 1)).encode(far))
+    assert packet.message.vel_lab_m_s[0] == pytest.approx(min(speed_m_s, 327.67))
+    assert packet.message.alt_m == pytest.approx(2**31 * 1e-3)
+
+
+def test_a_number_that_no_field_holds_is_the_codecs_own_error():
+    with pytest.raises(MavlinkError):
+        Codec(GROUND).encode(SetOrigin(3, math.nan, 8.0, 0.0))

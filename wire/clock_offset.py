@@ -36,12 +36,10 @@ class ClockOffset:
     """The offset as exchanges bound it: within half the round trip of the one that is believed.
 
     offset_ns: their clock minus ours. round_trip_ns: of the exchange believed. Both None before the first.
-    relearned: how often an exchange contradicted what was believed: their clock was set, or runs at another rate.
     """
 
     offset_ns: int | None = None
     round_trip_ns: int | None = None
-    relearned: int = 0
     _least: LeastDelay = field(default_factory=LeastDelay)
 
     def exchange(self, sent_ns: int, theirs_ns: int, now_ns: int) -> None:
@@ -51,7 +49,6 @@ class ClockOffset:
             return
         if self._contradicts(offset_ns, trip_ns, now_ns):
             self._least = LeastDelay()
-            self.relearned += 1
         if self._least.offer(trip_ns, now_ns) == trip_ns:
             self.offset_ns, self.round_trip_ns = offset_ns, trip_ns
 

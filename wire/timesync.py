@@ -2,7 +2,6 @@
 
 from collections import deque
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 from wire.clock_offset import ClockOffset
 from wire.link_messages.address import Address
@@ -10,23 +9,25 @@ from wire.link_messages.clocks import TimeSync
 
 FAST_S, SLOW_S = 0.1, 1.0
 SETTLED = 8
-SLIP_STEPS, SLIP_WITHIN_NS = 5, 10_000_000_000
-"""So many steps of the offset, one way, within so long are a clock that runs at another rate."""
+SLIP_LEAST, SLIP_OVER_NS = 1e-3, 2_000_000_000
+"""A clock that differs by more, over at least so long, is no crystal: it slips. HISTORY: offsets that are looked at."""
+HISTORY = 32
 
 
 @dataclass(slots=True)
 class TimeSyncClient:
     """Asks one drone for its clock, and answers when it asks for ours.
 
-    A clock that contradicts what was believed of it is asked ten times a second again: one that runs 1 % slow, as a
-    simulator under load, is then followed within a millisecond.
+    slip: how much faster its clock runs than ours, as a share; None where it keeps our rate. One that slips, as a
+    simulator's under load, is asked ten times a second, and so followed within a millisecond or two.
     """
 
     target: Address
     clock: ClockOffset = field(default_factory=ClockOffset)
     _answered: int = 0
     _asked_ns: int | None = None
-    _steps: deque[tuple[int, int]] = field(default_factory=lambda: deque(maxlen=SLIP_STEPS))
+    slip: float | None = None
+    _history: deque[tuple[int, int, int]] = field(default_factory=lambda: deque(maxlen=HISTORY))
 
     def answers(self, message: TimeSync) -> bool:
         """Whether it answers our newest request: known by what it repeats, since PX4 leaves its target to chance."""
@@ -42,19 +43,9 @@ class TimeSyncClient:
         """Of the exchange that is believed, s; NaN before the first answer."""
         return float("nan") if self.clock.round_trip_ns is None else self.clock.round_trip_ns * 1e-9
 
-    def slip(self, now_ns: int) -> float | None:
-        """How much faster their clock runs than ours, as a share; None where it keeps our rate."""
-        if len(self._steps) < SLIP_STEPS or now_ns - self._steps[0][0] > SLIP_WITHIN_NS:
-            return None
-        offsets = [offset_ns for _, offset_ns in self._steps]
-        rises = [later > earlier for earlier, later in pairwise(offsets)]
-        if any(rises) != all(rises):
-            return None
-        return (offsets[-1] - offsets[0]) / (self._steps[-1][0] - self._steps[0][0])
-
     def due(self, now_ns: int) -> TimeSync | None:
         """A request, when it is time for one: ten a second until settled, then one."""
-        every_s = FAST_S if self._answered < SETTLED else SLOW_S
+        every_s = FAST_S if self._answered < SETTLED or self.slip is not None else SLOW_S
         if self._asked_ns is not None and now_ns - self._asked_ns < round(every_s * 1e9):
             return None
         self._asked_ns = now_ns
@@ -66,12 +57,23 @@ class TimeSyncClient:
             return TimeSync(tc1_ns=now_ns, ts1_ns=message.ts1_ns, target=self.target)
         if self.answers(message) and now_ns >= message.ts1_ns:
             self._answered += 1
-            before = self.clock.relearned
             self.clock.exchange(message.ts1_ns, message.tc1_ns, now_ns)
-            if self.clock.relearned != before and self.clock.offset_ns is not None:
-                self._answered = 0
-                self._steps.append((now_ns, self.clock.offset_ns))
+            trip_ns = now_ns - message.ts1_ns
+            self._history.append((now_ns, message.tc1_ns - (message.ts1_ns + now_ns) // 2, trip_ns))
+            self.slip = self._find_slip()
         return None
+
+    def _find_slip(self) -> float | None:
+        """The rate between the oldest and the newest exchange, if it is beyond doubt and was one all the time."""
+        (first_ns, first, doubt), (last_ns, last, doubt_too) = self._history[0], self._history[-1]
+        if last_ns - first_ns < SLIP_OVER_NS:
+            return None
+        rate = (last - first) / (last_ns - first_ns)
+        bent_ns = max(abs(offset - first - rate * (t_ns - first_ns)) for t_ns, offset, _ in self._history)
+        sure_ns = abs(last - first) - (doubt + doubt_too) / 2
+        if sure_ns < SLIP_LEAST * (last_ns - first_ns) or bent_ns > abs(last - first) / 4:
+            return None  # it was set, once, or only seems to differ
+        return rate
 
 
 def slip_text(slip: float) -> str:

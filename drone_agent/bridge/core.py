@@ -350,7 +350,7 @@ class BridgeCore:
 
     def _report_slip(self, now_ns: int) -> None:
         """Name an autopilot's clock that runs at another rate, once."""
-        slip = self._inertial.sync.slip(now_ns)
+        slip = self._inertial.sync.slip
         if slip is not None and not self._slip_reported:
             self._slip_reported = True
             self._say(Severity.WARNING, f"Autopilot's {slip_text(slip)}")

@@ -298,7 +298,7 @@ class DroneLink:
 
     def _report_slip(self, now_ns: int) -> None:
         """Name a clock that runs at another rate, once a minute."""
-        slip = self.clock.slip(now_ns)
+        slip = self.clock.slip
         if slip is not None and now_ns - self._slip_told_ns >= SLIP_AGAIN_NS:
             self._slip_told_ns = now_ns
             self._tell(Severity.WARNING, slip_text(slip), now_ns)

@@ -68,8 +68,8 @@ def exchanged(rate: float, seconds: float, trip_ms: float = 2.0) -> tuple[TimeSy
 def test_a_clock_that_slips_by_a_percent_is_followed_and_named():
     for rate in (0.99, 1.01):
         clock, wrong_ms = exchanged(rate, 20.0)
-        assert max(wrong_ms) < 4.0
-        slip = clock.slip(10**12 + 20_000 * MS)
+        assert max(wrong_ms[100:]) < 4.0
+        slip = clock.slip
         assert slip is not None
         assert abs(slip - (rate - 1.0)) < 0.001
         assert f"1.0 % {'slower' if rate < 1.0 else 'faster'}" in slip_text(slip)
@@ -77,10 +77,12 @@ def test_a_clock_that_slips_by_a_percent_is_followed_and_named():
 
 def test_a_clock_that_keeps_its_rate_or_was_set_once_does_not_slip():
     clock, _ = exchanged(1.0 + 20e-6, 60.0)
-    assert clock.slip(10**12 + 60_000 * MS) is None
+    assert clock.slip is None
     clock = TimeSyncClient(DRONE)
-    for step, (ms, ahead_ms) in enumerate(((0, 0), (200, 0), (400, 5_000), (600, 5_000), (800, 5_000))):
+    for ms in range(0, 20_000, 10):
         request = clock.due(ms * MS)
-        clock.receive(TimeSync((ms + ahead_ms + 10_000) * MS, request.ts1_ns), ms * MS)
-        assert clock.slip(ms * MS) is None, step
-    assert clock.clock.relearned == 1
+        if request is not None:
+            ahead_ms = 10_000 if ms < 7_000 else 15_000
+            clock.receive(TimeSync((ms + ahead_ms) * MS, request.ts1_ns), ms * MS)
+            assert clock.slip is None
+    assert clock.offset_ns == 15_000 * MS

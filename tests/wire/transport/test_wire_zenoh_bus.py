@@ -21,7 +21,7 @@ from wire.clock import monotonic_ns
 from wire.transport.link import LARGEST_DATAGRAM
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import BusError, Reply, ZenohBus
-from wire.transport.zenoh_session import ask
+from wire.transport.zenoh_session import Patience, ask
 
 REQUEST = OperatorRequest(3, Verb.SHAPE, "line")
 
@@ -382,7 +382,7 @@ def test_idle_connections_keep_no_new_command_out():
             with idle_connections(endpoint, 150):
                 start_ns = monotonic_ns()
                 asked = OperatorRequest(1, Verb.HOLD)
-                reply = await asyncio.to_thread(ask, [endpoint], "lab", "main", asked, 30.0)
+                reply = await asyncio.to_thread(ask, [endpoint], "lab", "main", asked, Patience(30.0))
                 assert reply.text == "held"
                 assert monotonic_ns() - start_ns < 5_000_000_000
 

@@ -7,13 +7,10 @@ its reason: setpoints stop, and every drone's agent levels, holds and lands by i
 import asyncio
 import gc
 import json
-import os
 import signal
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-
-import zenoh
 
 from formation import topics
 from formation.config import LabConfig
@@ -36,6 +33,7 @@ from gcs.core import GcsCore
 from gcs.drones.links import GroundLinks, open_links
 from gcs.mocap.autopilot_poses import AutopilotPoses
 from gcs.mocap.service import ServiceError, mocap_service
+from gcs.other_grounds import know_other_grounds
 from gcs.recording import Input, Recorder, run_metadata
 from gcs.state.host import Disk, EventMemory, disk, host_state
 from gcs.stop_button.watch import watch_button
@@ -245,23 +243,6 @@ class Ground:
         timing.worst_s = max(timing.worst_s, latency_s)
         if late or self._recorder.detailed:
             self.log.write(topics.TIMING, LoopTiming(self._frame_seq, latency_s, late), self._clock.monotonic_ns())
-
-
-def know_other_grounds(bus: ZenohBus, name: str, epoch: int, ground: Ground) -> None:
-    """Be known on the lab's bus as a ground that is alive, and know of the others."""
-    own = f"{name}/{epoch}-{os.getpid()}"
-    alive: set[str] = set()
-
-    def take(sample: zenoh.Sample) -> None:
-        other = str(sample.key_expr).removeprefix(f"{bus.lab}/ground/")
-        if sample.kind == zenoh.SampleKind.DELETE:
-            alive.discard(other)
-        elif other != own:
-            alive.add(other)
-        ground.other_grounds = tuple(sorted(alive))
-
-    bus.declare_token(f"ground/{own}")
-    bus.watch_tokens("ground/**", take)
 
 
 class GroundFailure(RuntimeError):

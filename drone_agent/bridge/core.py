@@ -5,13 +5,12 @@ stale, this process holds the body on its own mocap feed, then lets it down; the
 its body by this process, not by the ground. Frames pass byte for byte, sender and all.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from drone_agent.bridge.feed import BodyFeed
 from drone_agent.bridge.hold import BridgeHold
 from drone_agent.bridge.inertial_stream import LACKS, InertialStream
+from drone_agent.bridge.outgoing import BridgeOutgoing, datagrams
 from drone_agent.bridge.reckoning import Reckoning
 from drone_agent.bridge.setpoints import SETPOINTS, BridgeSetpoints, stamp_ms
 from drone_agent.bridge.takeover import STEP_NS, Takeover, Turn
@@ -41,7 +40,7 @@ from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
 from wire.link_messages.status import Heartbeat, MavAutopilot, MavState, MavType, NamedValue, StatusText
 from wire.mavlink.codec import Codec, MavlinkError, read_frame
-from wire.mavlink.framing import Frame, FrameCutter, packed
+from wire.mavlink.framing import Frame, FrameCutter
 from wire.timesync import slip_text
 
 _POSES = frozenset({MessageId.VISION_POSITION_ESTIMATE, MessageId.ATT_POS_MOCAP, MessageId.ODOMETRY})
@@ -73,15 +72,6 @@ _SETS_MODE = frozenset(
     }
 )
 _TABLES = {table.autopilot: table for table in (PX4, ARDUPILOT)}
-
-
-@dataclass(frozen=True, slots=True)
-class BridgeOutgoing:
-    """What one tick gives: packets for the ground, packets for the autopilot, events."""
-
-    to_ground: tuple[Datagram, ...]
-    to_autopilot: tuple[Datagram, ...]
-    events: tuple[Event, ...]
 
 
 class BridgeCore:
@@ -169,8 +159,8 @@ class BridgeCore:
         for refused in self._setpoints.told(now_ns):
             self._say(refused.severity, f"{refused.text} (from {refused.source})")
         outgoing = BridgeOutgoing(
-            _packed(self._config.sysid, self._to_ground),
-            _packed(self._config.sysid, self._to_autopilot),
+            datagrams(self._config.sysid, self._to_ground),
+            datagrams(self._config.sysid, self._to_autopilot),
             tuple(self._events),
         )
         self._to_ground, self._to_autopilot, self._events = [], [], []
@@ -294,7 +284,7 @@ class BridgeCore:
         elif isinstance(message, TimeSync) and message.tc1_ns:
             ours = self._inertial.sync.answers(message)
             self._inertial.sync.receive(message, now_ns)
-            self._report_slip(now_ns)
+            self._report_slip()
             return ours
         elif isinstance(message, TimeSync):
             # Its poses come from here, so the clock it holds them against must be ours.
@@ -348,7 +338,7 @@ class BridgeCore:
             self._age_sent_ns = now_ns
             self._send_ground(NamedValue((now_ns - self._t0_ns) // 1_000_000, "age_ms", age_ms))
 
-    def _report_slip(self, now_ns: int) -> None:
+    def _report_slip(self) -> None:
         """Name an autopilot's clock that runs at another rate, once."""
         slip = self._inertial.sync.slip
         if slip is not None and not self._slip_reported:
@@ -369,7 +359,3 @@ class BridgeCore:
 
     def _send_autopilot(self, message: LinkMessage) -> None:
         self._to_autopilot.append(self._codec.encode(message))
-
-
-def _packed(sysid: int, packets: list[bytes]) -> tuple[Datagram, ...]:
-    return tuple(Datagram(sysid, data) for data in packed(b"".join(packets)))

@@ -15,8 +15,9 @@ from formation import topics
 from formation.config import LabConfig
 from formation.messages import Event, Phase
 from gcs.core import BrokenInvariantError, GcsCore
-from gcs.daemon import Ended, GroundFailure, know_other_grounds, run
+from gcs.daemon import Ended, GroundFailure, run
 from gcs.mocap.service import ServiceError
+from gcs.other_grounds import know_other_grounds
 from gcs.replay import replay
 from wire.config_file import dump
 from wire.logs.mcap_log import LogWriter, check_log, read_log

@@ -39,4 +39,4 @@ async def tell_awaited(source: str, awaited: Sequence[Awaited], tell: Tell) -> N
         await asyncio.sleep(_LOOK_S)
         for need in [need for need in missing if need.is_there()]:
             missing.remove(need)
-            tell(Event(Severity.INFO, source, f"{need.what} is there"))
+            tell(Event(Severity.INFO, source, f"no longer waiting for {need.what}"))

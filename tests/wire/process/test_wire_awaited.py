@@ -20,7 +20,7 @@ def test_says_what_is_missing_and_when_it_has_come(monkeypatch):
     asyncio.run(tell_awaited("uav2", awaited, told.append))
     assert told == [
         Event(Severity.NOTICE, "uav2", "waiting for autopilot: start the autopilot"),
-        Event(Severity.INFO, "uav2", "autopilot is there"),
+        Event(Severity.INFO, "uav2", "no longer waiting for autopilot"),
     ]
 
 

@@ -291,11 +291,11 @@ class Flight:
 
     @property
     def not_landed(self) -> tuple[str, ...]:
-        """The drones that have not reported their motors off, although the landing or the stop is over."""
+        """The drones that were heard and have not reported their motors off, though the landing or the stop is over."""
         if self.phase not in (Phase.GROUND, Phase.STOPPED):
             return ()
-        left = (d for d in self._drones if d.goal in (Goal.LAND, Goal.CUT) and not d.is_landed)
-        return tuple(drone.link.name for drone in left)
+        heard = (drone for drone in self._drones if drone.link.telemetry.heartbeat is not None)
+        return tuple(d.link.name for d in heard if d.goal in (Goal.LAND, Goal.CUT) and not d.is_landed)
 
     def _finish_landing(self, text: str, now_ns: int) -> None:
         """End it; text: what is known of the drones, which is an alarm unless each has landed or has a pilot."""

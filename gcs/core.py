@@ -85,8 +85,7 @@ class GcsCore:
         """epoch: which of the lab's grounds this is; one started anew is another.
 
         without: those of gcs.safety.monitors.MONITORS that a campaign switches off; ValueError for other names.
-        gains: those that a search tries in the place of the lab's preset. law_guard: bounds how long the lab's own law
-        may take.
+        gains: in the place of the lab's preset. law_guard: bounds how long the lab's own law may take.
         """
         monitors.check(without)
         self._config = config
@@ -335,7 +334,6 @@ class GcsCore:
                 (topics.TARGET, stages.target),
                 *((topics.LAW_FAILURE, failure) for failure in self._law_failures),
             ]
-            self._law_failures = []
         flight = self._flight
         records += [(topics.PHASE, change) for change in flight.changes]
         events, flight.events, flight.changes = flight.events, [], []

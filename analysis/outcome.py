@@ -24,6 +24,7 @@ FALL_OVER_M_S = 1.5  # faster than the configured descent by more than this is a
 NEAR_FLOOR_M = 0.05  # height of the markers above where they stood: under this the drone has touched down
 TOUCH_WINDOW_S = 0.1
 IN_AIR_M = 0.15
+LED_UP = (Phase.TAKEOFF, Phase.FORMATION, Phase.HOLD)
 ASTRAY_M = 1.0  # horizontally from where it was led
 UNHEARD_S = 3.0
 CONFIRM_S = 1.5  # a heartbeat a second tells what the ground knew when the landing was over
@@ -49,11 +50,11 @@ def outcome(flight: Flight) -> str:
     """`landed`, `held`, `cut: reason`, `lost: reason` or `aborted: reason`."""
     if not flight.phases:
         return "aborted: the log holds no phases"
-    if not flight.spans(*AIRBORNE):
+    drones = [(i, v) for i, v in enumerate(flight.vehicles) if v.column is not None]
+    paths = {v.body: _path(flight, i) for i, v in drones} if flight.spans(*AIRBORNE) else {}
+    if not flight.spans(*LED_UP) and not any((path.height_m > IN_AIR_M).any() for path in paths.values()):
         stopped = flight.spans(Phase.STOPPED)
         return f"aborted: {stopped[0].cause or 'emergency stop'}" if stopped else "aborted: never took off"
-    drones = [(i, v) for i, v in enumerate(flight.vehicles) if v.column is not None]
-    paths = {v.body: _path(flight, i) for i, v in drones}
     heard = _last_heartbeats(flight)
     for kind, reasons in (
         ("cut", _cuts(flight, paths)),

@@ -10,7 +10,7 @@ from synthetic_flight import END_S, LAB, METADATA, T0_NS, Recipe, Record, record
 from analysis.load import from_records
 from analysis.outcome import outcome
 from formation import topics
-from formation.messages import Datagram, LabFrame
+from formation.messages import Datagram, LabFrame, Phase, PhaseChange
 from gcs.drones.commands import cut
 from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
 from wire.link_messages.status import Heartbeat, MavAutopilot
@@ -93,3 +93,23 @@ def test_motors_cut_on_the_floor_are():
     data = Codec(GROUND).encode(cut(Address(2, DRONE_COMPONENT)))
     cut_late = Record(topics.LINK_DOWN, t_ns(18.99), Datagram(2, data))
     assert outcome(from_records(METADATA, [*records(Recipe()), cut_late])) == "landed"
+
+
+def test_a_landing_asked_for_on_the_floor_is_no_flight():
+    """Armed, disarmed by its time-out, then told to land: nobody ever left the floor."""
+
+    def stays(record: Record) -> Record | None:
+        if isinstance(record.message, PhaseChange) and record.message.phase in (
+            Phase.TAKEOFF,
+            Phase.FORMATION,
+            Phase.HOLD,
+        ):
+            return None
+        if isinstance(record.message, LabFrame):
+            pos = record.message.pos_lab_m.copy()
+            pos[:, 2] = 0.0
+            return Record(record.topic, record.t_ns, replace(record.message, pos_lab_m=pos))
+        return record
+
+    kept = [r for r in map(stays, records(Recipe())) if r is not None]
+    assert outcome(from_records(METADATA, kept)) == "aborted: never took off"

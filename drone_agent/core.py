@@ -71,7 +71,9 @@ class AgentCore:
         self._positioning = _positioning(config, t0_ns, without)
         self.autopilot = Autopilot(config, model, self.parameters, self._airframe, self._positioning, without)
         self._failsafes = Failsafes(self.autopilot, profile(config.profile, config.profiles))
-        rates_hz = {**model.rates_hz, AGE: config.age_rate_hz, **config.rates_hz}
+        self._direct = config.link.kind == "udp"
+        direct_hz = model.direct_rates_hz if self._direct else {}
+        rates_hz = {**model.rates_hz, **direct_hz, AGE: config.age_rate_hz, **config.rates_hz}
         self._schedule = Schedule(rates_hz, ON_REQUEST, t0_ns)
         self._watch_inertial()
         self._commander = Commander(config, self.autopilot, self._schedule)
@@ -112,7 +114,9 @@ class AgentCore:
             self._truth_ns = max(self._truth_ns + self._truth_period_ns, now_ns)
             truth = self.truth(now_ns)
         sysid = self.config.sysid
-        datagrams = tuple(Datagram(sysid, data) for data in packed(b"".join(self._outbox)))
+        # Over UDP a packet a datagram, as autopilots send them.
+        packets = self._outbox if self._direct else packed(b"".join(self._outbox))
+        datagrams = tuple(Datagram(sysid, data) for data in packets)
         events = tuple(self._events)
         self._outbox, self._events = [], []
         return AgentOutgoing(datagrams, truth, events, self._changed_parameters())

@@ -172,6 +172,7 @@ ARDUPILOT_MODEL = AutopilotModel(
     force_arm=True,
     takeoff_in_own_mode=False,
     rates_hz=RATES_HZ,
+    direct_rates_hz={},
     texts=TEXTS,
     timing=_timing,
     mode_request=_mode_request,

@@ -169,6 +169,8 @@ class AutopilotModel:
     """PX4 switches to a take-off mode, armed or not; ArduPilot takes off within GUIDED, armed."""
     rates_hz: Mapping[int, float]
     """MessageId -> default rate of telemetry."""
+    direct_rates_hz: Mapping[int, float]
+    """The same on a UDP link of its own, where that differs: a ground must keep up with what real ones send there."""
     texts: StatusTexts
     timing: Callable[[Parameters], Timing]
     mode_request: Callable[[int, int, int], ModeRequest]

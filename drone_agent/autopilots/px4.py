@@ -85,6 +85,21 @@ RATES_HZ: Mapping[int, float] = MappingProxyType(
     }
 )
 
+# As PX4 v1.16.2 was seen to send unasked on its off-board link: 400 packets a second with those that are not simulated.
+DIRECT_RATES_HZ: Mapping[int, float] = MappingProxyType(
+    {
+        MessageId.ATTITUDE: 100.0,
+        MessageId.ATTITUDE_QUATERNION: 50.0,
+        MessageId.GLOBAL_POSITION_INT: 50.0,
+        MessageId.HIGHRES_IMU: 50.0,
+        MessageId.LOCAL_POSITION_NED: 30.0,
+        MessageId.ATTITUDE_TARGET: 10.0,
+        MessageId.TIMESYNC: 10.0,
+        MessageId.SYS_STATUS: 5.0,
+        MessageId.EXTENDED_SYS_STATE: 5.0,
+    }
+)
+
 TEXTS = StatusTexts(
     boot=((Severity.INFO, "[init] ready"),),
     armed="Armed by external command",
@@ -178,6 +193,7 @@ PX4_MODEL = AutopilotModel(
     force_arm=False,
     takeoff_in_own_mode=True,
     rates_hz=RATES_HZ,
+    direct_rates_hz=DIRECT_RATES_HZ,
     texts=TEXTS,
     timing=_timing,
     mode_request=_mode_request,

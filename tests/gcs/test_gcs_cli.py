@@ -18,6 +18,7 @@ from formation.vehicle.profile import PX4_QUAD, GainScale
 from gcs.cli.app import app
 from gcs.cli.ground import delay_margins
 from gcs.cli.operator import next_steps
+from wire import clock
 from wire.logs.mcap_log import check_log
 
 runner = CliRunner()
@@ -162,8 +163,9 @@ def _gcs(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def _status_once_it_sees(lab: str) -> dict[str, Any]:
-    """What the ground answers once it has had a frame: on a busy machine it may answer before."""
-    for _ in range(20):
+    """What the ground answers once it has had a frame: on a busy machine it answers long before."""
+    end_ns = clock.monotonic_ns() + 120_000_000_000
+    while clock.monotonic_ns() < end_ns:
         told = _gcs("status", "--lab", lab, "--json", *PATIENT)
         assert told.returncode == 0, told.stderr
         status: dict[str, Any] = json.loads(told.stdout)

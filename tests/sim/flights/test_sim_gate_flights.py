@@ -17,7 +17,7 @@ from sim.scenario import load
 from sim.world import T0_NS
 from wire.logs.mcap_log import Entry
 
-ONSET_S = 7.0
+ONSET_S = 7.1
 """The formation holds since a second."""
 LEADER, RIGHT, LEFT = 0, 1, 2
 Lie = Callable[[float, Float, Float, list[RawFrame]], None]

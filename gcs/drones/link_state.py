@@ -51,6 +51,7 @@ ANSWERS = 2
 ATTITUDES = 8
 OTHER_GROUND_S = 3.0
 AGE_FRESH_NS = 1_000_000_000
+BEHIND_FRESH_NS = 100_000_000
 FORCE_LOST_NS = 3_000_000_000
 SLIP_AGAIN_NS = 60_000_000_000
 STAMPED_MS = 10_000.0
@@ -121,8 +122,9 @@ class DroneLink:
 
     def behind_s(self, now_ns: int) -> float:
         """How old its newest telemetry was when it was read, by the drone's own clock, s: what waited in a queue on the
-        way, or here. NaN where nothing stamped came of late, or its clock is not known."""
-        return self._behind_s if now_ns - self._behind_ns <= AGE_FRESH_NS else math.nan
+        way, or here. NaN where its clock is not known, or nothing stamped came just now: one late message before a
+        pause, as of a machine that stalled, is no backlog, of which all that comes is late."""
+        return self._behind_s if now_ns - self._behind_ns <= BEHIND_FRESH_NS else math.nan
 
     def setpoint_age_s(self, now_ns: int) -> float:
         """How old setpoints are when they reach it, camera to drone, s; NaN where it has not said of late."""

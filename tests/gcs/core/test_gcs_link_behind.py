@@ -86,3 +86,22 @@ def test_stamps_of_another_clock_than_timesyncs_say_nothing_of_age():
     assert 0.0 <= link.behind_s(lab.now_ns) < 0.01
     link._made_ns((lab.now_ns + 9 * AHEAD_NS) // MS, lab.now_ns)
     assert 0.0 <= link.behind_s(lab.now_ns) < 0.01
+
+
+def test_one_late_message_before_a_pause_is_no_backlog():
+    """A machine that stalls: each third of a second one message, 0.4 s old, and then nothing."""
+    lab = flying()
+    drone = lab.drones[2]
+    say, waiting = drone.outgoing, []
+
+    def outgoing(now_ns: int) -> list[bytes]:
+        waiting.extend((now_ns + 400 * MS, data) for data in say(now_ns))
+        due = [data for due_ns, data in waiting if due_ns <= now_ns]
+        if not due or lab.seq % 33:
+            return []
+        waiting[:] = [(due_ns, data) for due_ns, data in waiting if due_ns > now_ns]
+        return due[-1:]
+
+    drone.outgoing = outgoing
+    lab.run(2.0)
+    assert not [text for text in lab.events if "arrives" in text]

@@ -123,7 +123,7 @@ ARDUCOPTER_QUAD = VehicleProfile(
 
 Measured on ArduCopter 4.6 and 4.7-dev (SITL): it hovers at 0.37, from which full thrust follows. `gcs-log identify` of
 a line and a circle of two of them (4.7-dev): hover thrust 0.370 to 0.372, attitude gain 6.2 to 6.6 1/s, body rates
-taken to 0.93 to 0.96, attitude lag 0.14 s after 0.015 s of dead time; 0.108 after 0.055 s, below, is as late on the whole.
+taken to 0.93 to 0.96, attitude lag 0.14 s after 0.015 s of dead time; 0.108 after 0.055 s, below, is as late.
 From ArduPilot's sources: mass, size, inertia and momentum drag (SITL/SIM_Frame, its default model); 1 / ATC_INPUT_TC
 (0.15 s) for attitude and yaw gain; ATC_RAT_RLL_P (0.135) on that frame for the rate gain; GUIDED adds a target's body
 rates (mode_guided, input_quaternion); thrust is linearised by MOT_THST_EXPO.

@@ -192,7 +192,6 @@ CONTROLS: Mapping[str, Control] = MappingProxyType(
             _pose(Family.SWAP, (0.8, 1.2), body="leader", other="f2"),
             ("gate-jump", "gate-flip", *ESTIMATE, "rule-leader-astray"),
         ),
-        "gate-stamp": Control(_pose(Family.STAMP_OFFSET, (8.0, 9.0), (0.3, 0.38)), (*LATE, *LOST, *ASTRAY)),
         "stale-setpoint": Control(_late, _others(LATE, "stale-setpoint")),
         "old-setpoint": Control(_replayed, LATE),
         "foreign-setpoint": _armed_in_air("foreign-setpoint"),

@@ -15,6 +15,7 @@ REDUNDANT: Mapping[str, str] = MappingProxyType(
     {
         "gate-flip": "motors are cut by two witnesses alone, and each autopilot flies by its own attitude",
         "gate-yaw-rate": "slots are followed at limits.speed_m_s at most; autopilots know their own heading",
+        "gate-stamp": "no frame leaves the mocap process as of after its receipt; the rules on age for stamps behind",
         "level-blind": "by luck of what the noise was: rule-lost lets go of it after 0.4 s",
         "touch-down": "pose-slides: no pose that stands still is taken while the drone comes down",
         "land-ends": "a blind descent ends by its thrust, and the ground lets go of who does not come down",

@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 ARGS ?=
 
-.PHONY: fly test fuzz rooms mutants paper check setup format clean
+.PHONY: fly test fuzz camera-axes mutants paper docs pictures lock check setup format clean
 
 fly: $(VENV)/.fly
 	$(BIN)/gcs-sim fly $(ARGS)
@@ -25,26 +25,46 @@ test: $(VENV)/.test
 	$(PYTEST)
 
 fuzz: $(VENV)/.fly
-	$(BIN)/python tests/fuzz/fuzz_datagrams.py $(ARGS)
-	$(BIN)/python tests/fuzz/fuzz_frames.py $(ARGS)
-	PYTHONPATH=tests/gcs:tests/drone_agent $(BIN)/python tests/fuzz/fuzz_flight.py $(ARGS)
-	$(BIN)/python tests/fuzz/fuzz_vrpn.py $(ARGS)
-	$(BIN)/python tests/fuzz/fuzz_natnet.py $(ARGS)
-	$(BIN)/python tests/fuzz/fuzz_qtm.py $(ARGS)
-	$(BIN)/python tests/fuzz/fuzz_vicon.py $(ARGS)
+	$(BIN)/python -m tools.fuzz.datagrams $(ARGS)
+	$(BIN)/python -m tools.fuzz.frames $(ARGS)
+	$(BIN)/python -m tools.fuzz.flight $(ARGS)
+	$(BIN)/python -m tools.fuzz.vrpn $(ARGS)
+	$(BIN)/python -m tools.fuzz.natnet $(ARGS)
+	$(BIN)/python -m tools.fuzz.qtm $(ARGS)
+	$(BIN)/python -m tools.fuzz.vicon $(ARGS)
 
-# Every shipped scenario in five rooms of turned cameras.
-rooms: $(VENV)/.fly
-	$(BIN)/python tests/sim/sim_rooms.py $(ARGS)
+# Every shipped scenario with five conventions of the cameras' axes.
+camera-axes: $(VENV)/.fly
+	$(BIN)/python -m tools.camera_axes $(ARGS)
 
 # Small wrong changes of formation/, one at a time, which its unit tests must notice: a fixed list, then drawn ones.
 mutants: $(VENV)/.test
-	$(BIN)/python tests/mutants/mutate.py --named
-	$(BIN)/python tests/mutants/mutate.py $(ARGS)
+	$(BIN)/python -m tools.mutants.mutate --named
+	$(BIN)/python -m tools.mutants.mutate $(ARGS)
 
-# The paper's experiments again, some tens of minutes, and their tables into README.md and docs/paper_vehicle.md.
+# The paper's experiments again, some tens of minutes, into docs/paper; the manual's tables are made from there.
 paper: $(VENV)/.fly
-	$(BIN)/python tests/figures/paper_tables.py $(ARGS)
+	$(BIN)/python -m tools.figures.paper_tables $(ARGS)
+
+# The manual, into docs/manual/_build/html; a warning, a broken local link too, is an error.
+docs: $(VENV)/.docs
+	$(BIN)/sphinx-build -q -E -W --keep-going -b html docs/manual docs/manual/_build/html
+	@echo "the manual: docs/manual/_build/html/index.html"
+
+# The pictures of README and manual again, but for Rerun's window. The page's need Chromium.
+pictures: $(VENV)/.test
+	$(BIN)/gcs-sim run triangle_circle --out $(VENV)/pictures
+	$(BIN)/gcs-log picture $(VENV)/pictures/flight.mcap --out docs/flight.png
+	$(BIN)/python -m tools.figures.page_pictures docs/page
+
+# The newest version of every package that is needed, with hashes, into requirements.txt. uv is no part of what is tested.
+lock: $(VENV)/.fly
+	$(PIP) uv
+	head -3 requirements.txt > $(VENV)/requirements.txt
+	$(BIN)/uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header \
+		--upgrade --quiet --output-file $(VENV)/lock.txt
+	cat $(VENV)/lock.txt >> $(VENV)/requirements.txt
+	mv $(VENV)/requirements.txt requirements.txt
 
 check: setup
 	$(BIN)/ruff format --check .
@@ -78,5 +98,10 @@ $(VENV)/.check: $(VENV)/.test
 	$(PIP) --editable '.[dev]'
 	touch $@
 
+# What builds the manual.
+$(VENV)/.docs: $(VENV)/.fly
+	$(PIP) --editable '.[docs]'
+	touch $@
+
 clean:
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .mutants runs
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .mutants runs docs/manual/_build

@@ -1,6 +1,7 @@
 """`gcs-log report | check | picture | compare | layout | export | identify`: what a log says, to people and scripts.
 
-Exit codes: 0 well, 1 the log is damaged (`check`), 2 no log, or an argument that cannot be used.
+Exit codes: 0 well; 1 the flight neither landed nor ended in the air as asked (`report`), or the log is damaged
+(`check`); 2 no log, or an argument that cannot be used.
 """
 
 import json
@@ -11,12 +12,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wire.process.program import Program, tell_error
+from wire.process.program import Program, print_json_error
 
 if TYPE_CHECKING:
     from analysis.identify.vehicle import Identification
 
-DAMAGED, UNUSABLE = 1, 2
+DAMAGED = NOT_LANDED = 1
+UNUSABLE = 2
 
 app = typer.Typer(cls=Program, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -35,12 +37,14 @@ PngOut = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="The 
 
 @app.command()
 def report(log: LogPath, out: Out = None, as_json: Json = False) -> None:
-    """Write one self-contained HTML page about a flight, and print its numbers."""
+    """Write one self-contained HTML page about a flight, and print its numbers. Exit code 1 where the flight was lost,
+    cut or aborted, or its own law failed; the page is written all the same."""
     from rich.console import Console
 
     from analysis.console import print_summary
     from analysis.load import load_checked
     from analysis.metrics import summarise
+    from analysis.outcome import GOOD
     from analysis.report import write
 
     path = log.with_name("report.html") if out is None else out
@@ -52,7 +56,10 @@ def report(log: LogPath, out: Out = None, as_json: Json = False) -> None:
         typer.echo(summary.to_json())
     else:
         print_summary(summary, Console())
-        _tell_how_to_open(path)
+        _print_how_to_open(path)
+    if summary.outcome not in GOOD:
+        typer.echo(f"gcs-log: {summary.outcome}", err=True)
+        raise typer.Exit(NOT_LANDED)
 
 
 @app.command()
@@ -74,14 +81,14 @@ def check(log: LogPath, as_json: Json = False) -> None:
 
 
 @app.command()
-def picture(log: LogPath, out: PngOut = None) -> None:
+def picture(log: LogPath, out: PngOut = None, as_json: Json = False) -> None:
     """Draw a flight on one sheet, as a PNG."""
     from analysis.picture import picture as draw_picture
 
     path = log.with_suffix(".png") if out is None else out
     with _refusing():
         draw_picture(log, path)
-    typer.echo(path)
+    typer.echo(json.dumps({"file": str(path)}) if as_json else path)
 
 
 @app.command()
@@ -108,7 +115,7 @@ def compare(
         typer.echo(comparing.to_json(a, b))
     else:
         print_comparison(a, b, Console())
-        _tell_page(path)
+        _print_page(path)
 
 
 @app.command()
@@ -127,7 +134,7 @@ def layout(
         try:
             layouts.write(out, source)
         except ConfigError as error:
-            tell_error(str(error))
+            print_json_error(str(error))
             typer.echo(f"gcs-log: {error}", err=True)
             raise typer.Exit(UNUSABLE) from error
     typer.echo(json.dumps({"file": str(out)}) if as_json else out)
@@ -152,8 +159,8 @@ def export(
     folder = log.with_name(f"{log.stem}-{'csv' if csv else 'parquet'}") if out is None else out
     with _refusing():
         written = (to_csv if csv else to_parquet)(load(log), folder)
-    told = {"folder": str(folder), "files": [str(path) for path in written]}
-    typer.echo(json.dumps(told) if as_json else f"{len(written)} files in {folder}")
+    result = {"folder": str(folder), "files": [str(path) for path in written]}
+    typer.echo(json.dumps(result) if as_json else f"{len(written)} files in {folder}")
 
 
 @app.command()
@@ -194,14 +201,14 @@ def _write_profile(found: "Identification", path: Path | None, sysid: int | None
     path.write_text(dump_profile(chosen[-1].profile()), encoding="utf-8")
 
 
-def _tell_page(path: Path) -> None:
-    """Its path for scripts, on standard output, and how to open it."""
+def _print_page(path: Path) -> None:
+    """Print its path for scripts, on standard output, and how to open it."""
     typer.echo(path)
-    _tell_how_to_open(path)
+    _print_how_to_open(path)
 
 
-def _tell_how_to_open(path: Path) -> None:
-    """For people, on standard error."""
+def _print_how_to_open(path: Path) -> None:
+    """Print, for people, on standard error, how to open the page."""
     typer.echo(f"open it in a browser: {path.resolve().as_uri()}", err=True)
 
 
@@ -213,6 +220,6 @@ def _refusing() -> Iterator[None]:
     try:
         yield
     except (OSError, LogError) as error:
-        tell_error(str(error))
+        print_json_error(str(error))
         typer.echo(f"gcs-log: {error}", err=True)
         raise typer.Exit(UNUSABLE) from error

@@ -13,7 +13,7 @@ from analysis.words import counted, mm
 
 
 def print_summary(summary: Summary, console: Console) -> None:
-    """The run's numbers, one a line; what the log cannot tell is left out."""
+    """Print the run's numbers, one a line; a number that the log does not have is left out."""
     table = Table.grid(padding=(0, 2))
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
@@ -37,7 +37,8 @@ def _lines(summary: Summary) -> list[tuple[str, str]]:
         lines.append(("least separation", f"{summary.min_separation_m:.3f} m"))
     late = counted(summary.late_ticks, "control cycle")
     lines.append(("frames", f"{summary.frames}, {late} late"))
-    for name, latency in (("mocap process", summary.mocap_ms), ("latency", summary.latency_ms)):
+    latencies = ("mocap process", summary.mocap_ms), ("latency", summary.latency_ms), ("links", summary.link_behind_ms)
+    for name, latency in latencies:
         if latency is not None:
             lines.append((name, f"{latency.p50:.2f} ms median, {latency.p99:.2f} ms 99 %, {latency.max:.2f} ms max"))
     if summary.age_ms is not None:
@@ -57,7 +58,7 @@ def _flight(summary: Summary) -> str:
 
 
 def print_comparison(a: Side, b: Side, console: Console) -> None:
-    """The numbers of two flights and their differences; what neither log can tell is left out."""
+    """Print the numbers of two flights and their differences; a number that neither log has is left out."""
     table = Table(box=None, pad_edge=False)
     for name in ("", a.name, b.name, "second - first"):
         table.add_column(Text(name), justify="left" if name == "" else "right")

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from analysis.backlog import backlogs
 from analysis.load import Flight
-from analysis.outcome import outcome
+from analysis.outcome import GOOD, outcome
 from analysis.packets import from_drones, from_ground
 from analysis.series import moving_average
 from analysis.tracking import Tracking, airborne, track, track_leader
@@ -42,15 +43,15 @@ class Age:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """One run in numbers, SI unless the name says otherwise; None where the log cannot tell.
+    """One run in numbers, SI unless the name says otherwise; None where the log does not have it.
 
     formation_rms_m, formation_max_m: length of the formation error, all followers, scored frames (analysis.tracking).
     leader_rms_m, leader_max_m: length of a commanded leader's tracking error, reference against mocap, in formation.
     vibration_m: see `vibration`. altitude_rms_m: the error's vertical part. min_separation_m: while airborne.
     mocap_ms: the mocap process had the raw frame -> the ground has the aligned one. latency_ms: from there to the last
-    datagram handed to the link. command_hash: SHA-256 over every SET_ATTITUDE_TARGET sent, in order. law_failures: how
-    often the lab's own control law failed. outcome: see `analysis.outcome`; law failed: which, where the flight itself
-    ended well.
+    datagram handed to the link. link_behind_ms: age of the drones' telemetry when it was read, all drones.
+    command_hash: SHA-256 over every SET_ATTITUDE_TARGET sent, in order. law_failures: how often the lab's own control
+    law failed. outcome: see `analysis.outcome`; law failed: which, where the flight itself ended well.
     """
 
     scenario: str
@@ -71,6 +72,7 @@ class Summary:
     mocap_ms: Latency | None
     latency_ms: Latency | None
     age_ms: Age | None
+    link_behind_ms: Latency | None
     realtime_factor: float | None
     command_hash: str
     mcap: str | None
@@ -112,6 +114,7 @@ def summarise(
         mocap_ms=None if flight.run.lockstep else mocap_latency(flight),
         latency_ms=latency(flight),
         age_ms=None if flight.run.lockstep else age(flight),
+        link_behind_ms=None if flight.run.lockstep else link_behind(flight),
         realtime_factor=realtime_factor,
         command_hash=command_hash(flight),
         mcap=None if mcap is None else str(mcap),
@@ -201,10 +204,15 @@ def age(flight: Flight) -> Age | None:
     return Age(float(p50), float(p99))
 
 
+def link_behind(flight: Flight) -> Latency | None:
+    """Percentiles of the age of telemetry when it was read; None where no drone's clock is known."""
+    return _percentiles(np.concatenate([np.zeros(0), *(link.behind_ms for link in backlogs(flight))]))
+
+
 def ages_ms(flight: Flight) -> Float:
     """Every reported setpoint age, all drones."""
-    said = from_drones(flight)
-    return np.array([m.value for _, _, m in said if isinstance(m, NamedValue) and m.name == AGE_NAME])
+    messages = from_drones(flight)
+    return np.array([m.value for _, _, m in messages if isinstance(m, NamedValue) and m.name == AGE_NAME])
 
 
 def command_hash(flight: Flight) -> str:
@@ -220,4 +228,4 @@ def command_hash(flight: Flight) -> str:
 def _with_laws(ended: str, flight: Flight) -> str:
     """The outcome; of a flight that ended well, that the law which it was to show did not fly to its end."""
     failures = flight.law_failures.messages
-    return f"law failed: {failures[0].text}" if failures and ended in ("landed", "held") else ended
+    return f"law failed: {failures[0].text}" if failures and ended in GOOD else ended

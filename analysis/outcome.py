@@ -20,14 +20,17 @@ from wire.link_messages.commands import DISARM_IN_FLIGHT, CommandLong, MavComman
 from wire.link_messages.message_id import MessageId
 from wire.link_messages.status import Heartbeat
 
+GOOD = frozenset({"landed", "held"})
+"""The outcomes of a flight that ended as it was asked to; every other is a failure, with its reason."""
+
 FALL_OVER_M_S = 1.5  # faster than the configured descent by more than this is a fall: from 0.2 m up it is
 NEAR_FLOOR_M = 0.05  # height of the markers above where they stood: under this the drone has touched down
 TOUCH_WINDOW_S = 0.1
 IN_AIR_M = 0.15
 LED_UP = (Phase.TAKEOFF, Phase.FORMATION, Phase.HOLD)
-ASTRAY_M = 1.0  # horizontally from where it was led
+POSITION_ERROR_M = 1.0  # horizontally from where it was led
 UNHEARD_S = 3.0
-CONFIRM_S = 1.5  # a heartbeat a second tells what the ground knew when the landing was over
+CONFIRM_S = 1.5  # heartbeats come once a second: the ground's state at the landing's end shows by then
 HEARTBEATS = frozenset({MessageId.HEARTBEAT})
 COMMANDS = frozenset({MessageId.COMMAND_LONG})
 
@@ -55,11 +58,11 @@ def outcome(flight: Flight) -> str:
     if not flight.spans(*LED_UP) and not any((path.height_m > IN_AIR_M).any() for path in paths.values()):
         stopped = flight.spans(Phase.STOPPED)
         return f"aborted: {stopped[0].cause or 'emergency stop'}" if stopped else "aborted: never took off"
-    heard = _last_heartbeats(flight)
+    beats = _last_heartbeats(flight)
     for kind, reasons in (
         ("cut", _cuts(flight, paths)),
-        ("lost", (text for _, v in drones for text in _losses(flight, v, paths[v.body], heard))),
-        ("aborted", _aborts(flight, drones, heard)),
+        ("lost", (text for _, v in drones for text in _losses(flight, v, paths[v.body], beats))),
+        ("aborted", _aborts(flight, drones, beats)),
     ):
         reason = next(iter(reasons), None)
         if reason is not None:
@@ -68,7 +71,7 @@ def outcome(flight: Flight) -> str:
 
 
 def _aborts(
-    flight: Flight, drones: list[tuple[int, Vehicle]], heard: dict[int, tuple[float, bool]] | None
+    flight: Flight, drones: list[tuple[int, Vehicle]], beats: dict[int, tuple[float, bool]] | None
 ) -> Iterator[str]:
     last = flight.phases[-1]
     if last.phase not in (Phase.HOLD, Phase.GROUND, Phase.ARMED):
@@ -76,9 +79,9 @@ def _aborts(
     landings = flight.spans(Phase.LAND)
     if last.phase is not Phase.HOLD and landings and not _asked_for(flight, Verb.LAND, landings[-1].start_s):
         yield landings[-1].cause or "landed unasked"
-    if landings and last.phase is not Phase.HOLD and heard is not None:
+    if landings and last.phase is not Phase.HOLD and beats is not None:
         yield from (
-            f"{v.body} is still armed after the landing" for _, v in drones if heard.get(v.sysid or 0, (0.0, False))[1]
+            f"{v.body} is still armed after the landing" for _, v in drones if beats.get(v.sysid or 0, (0.0, False))[1]
         )
 
 
@@ -100,7 +103,7 @@ def _is_cut(message: object) -> bool:
     return message.params[0] == 0.0 and message.params[1] == DISARM_IN_FLIGHT
 
 
-def _losses(flight: Flight, drone: Vehicle, path: Path, heard: dict[int, tuple[float, bool]] | None) -> Iterator[str]:
+def _losses(flight: Flight, drone: Vehicle, path: Path, beats: dict[int, tuple[float, bool]] | None) -> Iterator[str]:
     """What shows that this drone fell, came down elsewhere, or is not known to have come down."""
     lab, name = flight.run.lab, drone.body
     limit_m_s = FALL_OVER_M_S + (lab.flight.descend_m_s if lab is not None else 0.0)
@@ -111,18 +114,18 @@ def _losses(flight: Flight, drone: Vehicle, path: Path, heard: dict[int, tuple[f
     if not landings or flight.phases[-1].phase is Phase.HOLD:
         return
     end_s = landings[-1].end_s
-    disarmed = heard is not None and drone.sysid in heard and not heard[drone.sysid][1]
-    if heard is not None and not disarmed:
-        silent_s = end_s - heard[drone.sysid][0] if drone.sysid in heard else end_s
+    disarmed = beats is not None and drone.sysid in beats and not beats[drone.sysid][1]
+    if beats is not None and not disarmed:
+        silent_s = end_s - beats[drone.sysid][0] if drone.sysid in beats else end_s
         if silent_s > UNHEARD_S:
             yield f"{name} unheard for {silent_s:.0f} s, {_last_seen(path, end_s)}"
     if not disarmed and path.height_at(end_s) > IN_AIR_M:
         yield f"{name} {_last_seen(path, end_s)}"
-    yield from _astray(flight, drone, path, landings[-1])
+    yield from _position_errors(flight, drone, path, landings[-1])
 
 
-def _astray(flight: Flight, drone: Vehicle, path: Path, landing: PhaseSpan) -> Iterator[str]:
-    """Whether it came down outside the fence, or far from where it was led."""
+def _position_errors(flight: Flight, drone: Vehicle, path: Path, landing: PhaseSpan) -> Iterator[str]:
+    """Landing points outside the fence, or far from the last reference."""
     lab, seen = flight.run.lab, np.flatnonzero((path.t_s >= landing.start_s) & (path.t_s <= landing.end_s))
     if not len(seen):
         return
@@ -135,7 +138,7 @@ def _astray(flight: Flight, drone: Vehicle, path: Path, landing: PhaseSpan) -> I
     led = np.flatnonzero(flight.reference.t_s <= path.t_s[seen[-1]])
     if len(led) and drone.column is not None:
         wanted = reference_lab_m(flight.reference)[led[-1], drone.column, :2]
-        if (away_m := float(np.linalg.norm(xy_m - wanted))) > ASTRAY_M:
+        if (away_m := float(np.linalg.norm(xy_m - wanted))) > POSITION_ERROR_M:
             yield f"{drone.body} came down {away_m:.2f} m from where it was led"
 
 

@@ -57,12 +57,14 @@ def table(head: Sequence[str], rows: Iterable[str]) -> str:
 
 def row(*cells: str, alarming: bool = False) -> str:
     """A table row of finished cells."""
-    return f"<tr{' class=alarming' if alarming else ''}>{''.join(cells)}</tr>"
+    kind = ' class="alarming"' if alarming else ""
+    return f"<tr{kind}>{''.join(cells)}</tr>"
 
 
 def cell(words: str, kind: str = "") -> str:
     """A table cell of plain text; kind is a class of the style sheet."""
-    return f"<td{f' class={kind}' if kind else ''}>{text(words)}</td>"
+    named = f' class="{kind}"' if kind else ""
+    return f"<td{named}>{text(words)}</td>"
 
 
 def swatch(words: str, colour: str) -> str:

@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from analysis import page, words
+from analysis.backlog import backlogs
 from analysis.load import Flight, load_checked
 from analysis.metrics import Latency, Summary, rms, summarise, vibration_of
+from analysis.outcome import GOOD
 from analysis.page import Section, cell, picture, row, swatch, table, text, tile
 from analysis.pages.altitude import altitudes
 from analysis.pages.downloads import downloads
-from analysis.pages.events import Told, folded
+from analysis.pages.events import FoldedEvent, folded
 from analysis.pages.setup import setup
 from analysis.plots import drawings, style
 from analysis.rejections import rejections
@@ -35,6 +37,7 @@ MEANINGS = {
     "mocap_ms": "mocap process has the raw frame to ground has the aligned one, ms: median, 99 %, max",
     "latency_ms": "frame received to last datagram sent: median, 99 %, max",
     "age_ms": "camera to drone, as the drones report it: median, 99 %",
+    "link_behind_ms": "age of the drones' telemetry when the ground read it, ms: median, 99 %, max",
     "realtime_factor": "simulated seconds per second, lockstep only",
     "command_hash": "SHA-256 of every attitude target sent, in order",
     "outcome": "how the flight ended",
@@ -102,7 +105,7 @@ TEXTS = (
         "link",
         "Battery and link",
         "What each drone said of itself, as the ground heard it. Silence is the time since its last packet; "
-        "losses are counted by the packets' own numbers.",
+        "losses are counted by the packets' own numbers. Below, what waited on each link.",
     ),
     (
         "setup",
@@ -119,7 +122,7 @@ TEXTS = (
 
 
 def report(path_mcap: Path, path_html: Path | None = None) -> Path:
-    """Write the report of a log, beside it as report.html unless told otherwise; returns where.
+    """Write the report of a log, by default beside it as report.html; returns the path.
 
     Works on truncated logs and on flights with missing topics: a section says what is missing.
     """
@@ -159,7 +162,7 @@ def _header(flight: Flight, summary: Summary, damage: str) -> str:
     facts += [f"{summary.duration_s:.1f} s", words.counted(len(flight.vehicles), "vehicle")]
     facts += [f"link: {summary.link}"] if summary.link else []
     facts += [f"seed {summary.seed}"] if summary.seed is not None else []
-    good = summary.outcome in ("landed", "held")
+    good = summary.outcome in GOOD
     badge = f'<span class="outcome{"" if good else " bad"}">{escape(summary.outcome.split(":")[0])}</span>'
     harm = (
         f'<p class="damage">The log is damaged: {text(damage)}. This report shows what it still holds.</p>'
@@ -200,11 +203,11 @@ def _story(flight: Flight, tracking: Tracking, summary: Summary) -> str:
         f'<li{" class=alarming" if f.alarming else ""}>{text(f.text)} <a href="#{f.section}">{f.section}</a></li>'
         for f in words.findings(flight, tracking, summary)
     )
-    look = f'<ul class="findings">{items}</ul>' if items else "<p>Nothing out of the ordinary.</p>"
+    remarks = f'<ul class="findings">{items}</ul>' if items else "<p>Nothing out of the ordinary.</p>"
     return (
         f'<div class="story"><div><h2>What was flown</h2><p>{text(words.flown(flight))}</p>'
         f"<h2>What happened</h2><p>{text(words.happened(flight, tracking, summary))}</p></div>"
-        f"<div><h2>What to look at</h2>{look}</div></div>"
+        f"<div><h2>What to look at</h2>{remarks}</div></div>"
     )
 
 
@@ -216,6 +219,7 @@ def _sections(flight: Flight, tracking: Tracking, summary: Summary) -> Iterator[
         "timeline": _event_table(flight) + _rejection_table(flight),
         "error": _follower_table(flight, tracking),
         "leader": _leader_table(track_leader(flight)),
+        "link": _backlog_table(flight),
         "setup": setup(flight),
         "metrics": _metric_table(summary),
     }
@@ -225,7 +229,7 @@ def _sections(flight: Flight, tracking: Tracking, summary: Summary) -> Iterator[
 
 
 def _event_table(flight: Flight) -> str:
-    """What an operator must know, and all else folded away; what was told again and again is one line."""
+    """The events that an operator must know, and all others folded away; repeated events are one line."""
     every = folded(flight.events)
     if not every:
         return '<p class="missing">Not shown: no event was recorded.</p>'
@@ -234,17 +238,17 @@ def _event_table(flight: Flight) -> str:
     return _events(notable) + rest if len(notable) < len(every) else _events(every)
 
 
-def _events(lines: list[Told]) -> str:
+def _events(lines: list[FoldedEvent]) -> str:
     """A table of events."""
     rows = [
         row(
-            cell(told.time, "time"),
-            cell(told.event.severity.name.lower(), "level"),
-            cell(told.event.source),
-            cell(told.text),
-            alarming=told.event.severity < Severity.WARNING,
+            cell(line.time, "time"),
+            cell(line.event.severity.name.lower(), "level"),
+            cell(line.event.source),
+            cell(line.text),
+            alarming=line.event.severity < Severity.WARNING,
         )
-        for told in lines
+        for line in lines
     ]
     return table(("time", "level", "source", "what"), rows) if rows else ""
 
@@ -272,10 +276,26 @@ def _follower_table(flight: Flight, tracking: Tracking) -> str:
         if not len(error):
             continue
         length = np.linalg.norm(error, axis=1)
-        spread = [f"{1e3 * m:+.2f} ± {1e3 * s:.2f}" for m, s in zip(error.mean(axis=0), error.std(axis=0), strict=True)]
+        stats = [f"{1e3 * m:+.2f} ± {1e3 * s:.2f}" for m, s in zip(error.mean(axis=0), error.std(axis=0), strict=True)]
         shaking = vibration_of(tracking, k)
-        numbers = (_mm(rms(length))[0], _mm(float(length.max()))[0], *spread, _mm(shaking)[0])
+        numbers = (_mm(rms(length))[0], _mm(float(length.max()))[0], *stats, _mm(shaking)[0])
         rows.append(row(swatch(vehicle.body, colours[k + 1]), *(cell(n, "number") for n in numbers)))
+    return table(head, rows) if rows else ""
+
+
+def _backlog_table(flight: Flight) -> str:
+    """One row a link: how old telemetry was when the ground read it, and what was dropped for newer."""
+    names = {vehicle.sysid: (vehicle.body, i) for i, vehicle in enumerate(flight.vehicles)}
+    colours = style.colours(len(flight.vehicles))
+    rows = []
+    for link in backlogs(flight):
+        if link.sysid not in names or not len(link.behind_ms):
+            continue
+        body, i = names[link.sysid]
+        ages = (*np.percentile(link.behind_ms, (50.0, 99.0)), link.behind_ms.max())
+        numbers = (*(f"{age:.3g}" for age in ages), f"{link.superseded}")
+        rows.append(row(swatch(body, colours[i]), *(cell(number, "number") for number in numbers)))
+    head = ("telemetry of", "#age when read, median, ms", "#99 %, ms", "#worst, ms", "#packets superseded")
     return table(head, rows) if rows else ""
 
 
@@ -286,8 +306,8 @@ def _leader_table(leader: LeaderTracking) -> str:
     length = np.linalg.norm(leader.error_lab_m, axis=1)
     head = ("#RMS, mm", "#max, mm", *(f"#{axis}, mm" for axis in "xyz"))
     means, spreads = leader.error_lab_m.mean(axis=0), leader.error_lab_m.std(axis=0)
-    spread = [f"{1e3 * m:+.2f} ± {1e3 * s:.2f}" for m, s in zip(means, spreads, strict=True)]
-    numbers = (_mm(rms(length))[0], _mm(float(length.max()))[0], *spread)
+    stats = [f"{1e3 * m:+.2f} ± {1e3 * s:.2f}" for m, s in zip(means, spreads, strict=True)]
+    numbers = (_mm(rms(length))[0], _mm(float(length.max()))[0], *stats)
     return table(head, [row(*(cell(n, "number") for n in numbers))])
 
 

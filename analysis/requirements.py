@@ -29,7 +29,7 @@ class Requirement:
         return f"{self.key}{self.relation}{self.bound:g}"
 
     def unmet(self, summary: Summary) -> str | None:
-        """Why the flight does not reach it; None where it does. What the log cannot tell is not reached."""
+        """Why the flight does not reach it; None where it does. A number that the log does not have is not reached."""
         value: object = asdict(summary)
         for part in self.key.split("."):
             value = value.get(part) if isinstance(value, dict) else None
@@ -59,7 +59,7 @@ def unmet(requirements: Iterable[Requirement], summary: Summary) -> tuple[str, .
 
 
 def _keys() -> tuple[str, ...]:
-    groups = {"mocap_ms": Latency, "latency_ms": Latency, "age_ms": Age}
+    groups = {"mocap_ms": Latency, "latency_ms": Latency, "age_ms": Age, "link_behind_ms": Latency}
     keys: list[str] = []
     for field in fields(Summary):
         group = groups.get(field.name)

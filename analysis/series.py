@@ -33,10 +33,12 @@ class Series(Generic[M]):
         """One field of every message as float64, shape (T, ...); of an empty series, (0,)."""
         return np.array([field(message) for message in self.messages], dtype=np.float64)
 
-    def where(self, keep: Bool) -> "Series[M]":
-        """The messages whose flag in keep (T,) is set."""
+    def where(self, mask: Bool) -> "Series[M]":
+        """The messages whose flag in mask (T,) is set."""
         return Series(
-            self.t_s[keep], self.logged_s[keep], tuple(m for m, kept in zip(self.messages, keep, strict=True) if kept)
+            self.t_s[mask],
+            self.logged_s[mask],
+            tuple(m for m, flag in zip(self.messages, mask, strict=True) if flag),
         )
 
 
@@ -83,7 +85,7 @@ def _integral_at(t_s: Float, integral: Float, values: Float, at_s: Float) -> Flo
     return result
 
 
-def smoothed(t_s: Float, values: Float, window_s: float, keep: Bool) -> Float:
+def smoothed(t_s: Float, values: Float, window_s: float, mask: Bool) -> Float:
     """Each value of (T,) replaced by that of the parabola fitted through the kept ones within window_s about it.
 
     Centred, so it lags nothing; uneven times are honoured. Where fewer than five are kept, the value stays as it is.
@@ -94,7 +96,7 @@ def smoothed(t_s: Float, values: Float, window_s: float, keep: Bool) -> Float:
     index = np.arange(len(t_s))[:, None] + np.arange(-reach, reach + 1)
     inside = np.clip(index, 0, len(t_s) - 1)
     dt = (t_s[inside] - t_s[:, None]) / window_s
-    weight = (index == inside) & keep[inside] & (np.abs(dt) <= 0.5)
+    weight = (index == inside) & mask[inside] & (np.abs(dt) <= 0.5)
     powers = dt[..., None] ** np.arange(3)
     normal = np.einsum("tk,tki,tkj->tij", weight, powers, powers)
     enough = weight.sum(axis=1) >= MIN_PARABOLA

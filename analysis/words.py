@@ -1,4 +1,4 @@
-"""A flight told in plain words: what was flown, what happened, what deserves a look. Text only, no markup."""
+"""A flight in plain words: what was flown, what happened, what deserves attention. Text only, no markup."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -52,7 +52,7 @@ def listed(names: tuple[str, ...]) -> str:
 def flown(flight: Flight) -> str:
     """What was flown: the vehicles, the leader's path, the slots, the link."""
     if not flight.vehicles:
-        return "The log holds neither a configuration nor a mocap frame, so there is no telling what was flown."
+        return "The log has neither a configuration nor a mocap frame: what was flown is unknown."
     leader = flight.leader.body
     commanded = flight.leader.column is not None
     lab = flight.run.lab
@@ -265,7 +265,7 @@ def _largest_error(flight: Flight, tracking: Tracking) -> Iterator[Remark]:
 
 
 def _leader(flight: Flight, summary: Summary) -> Iterator[Remark]:
-    """A leader that is held worse than its followers: the formation moves as a whole, and no formation error tells."""
+    """A leader that is held worse than its followers: the formation moves as a whole, without a formation error."""
     leader_m, formation_m = summary.leader_rms_m, summary.formation_rms_m
     if leader_m is None or formation_m is None or leader_m <= max(2.0 * formation_m, LEADER_FAR_M):
         return
@@ -282,9 +282,9 @@ def _bias(flight: Flight, tracking: Tracking) -> Iterator[Remark]:
         error = tracking.error_lead_m[tracking.scored[:, k], k]
         if not len(error):
             continue
-        mean, spread = error.mean(axis=0), error.std(axis=0)
+        mean, std = error.mean(axis=0), error.std(axis=0)
         axis = int(np.argmax(np.abs(mean)))
-        if abs(mean[axis]) > 2.0 * spread[axis] and abs(mean[axis]) > 5e-4:
+        if abs(mean[axis]) > 2.0 * std[axis] and abs(mean[axis]) > 5e-4:
             offset = f"{mm(float(mean[axis]))} {names[axis]}"
             text = f"{vehicle.body} stands off steadily by {offset}: look at trim or marker alignment."
             yield Remark(False, text, "clouds")

@@ -14,7 +14,7 @@ from wire.errors import ConfigError
 from wire.markdown import rows
 from wire.process import starved
 from wire.process.completion import bodies_of, lab_near, starting
-from wire.process.program import SingleProgram, Version, takes, tell_error
+from wire.process.program import SingleProgram, Version, print_json_error, with_options
 from wire.process.starved import StarvedError
 
 if TYPE_CHECKING:
@@ -92,24 +92,24 @@ class Options:
 
 
 @app.command(cls=SingleProgram, epilog=EPILOG)
-@takes(Options)
-def fly(given: Options) -> None:
+@with_options(Options)
+def fly(options: Options) -> None:
     """Be one simulated drone that speaks MAVLink, or with --bridge stand beside a real one; until Ctrl-C."""
     import uvloop
 
     from drone_agent.bridge.daemon import run_bridge
     from drone_agent.daemon import run
 
-    if given.stages:
-        typer.echo(json.dumps(rows(table_markdown())) if given.as_json else table_markdown())
+    if options.stages:
+        typer.echo(json.dumps(rows(table_markdown())) if options.as_json else table_markdown())
         return
-    tell = _tell_json if given.as_json else _tell
+    report = _print_event_json if options.as_json else _print_event
     try:
-        agent = _configured(given)
+        agent = _configured(options)
         if agent.bridge is None:
-            uvloop.run(run(agent, tell, Clock(given.speed)))
+            uvloop.run(run(agent, report, Clock(options.speed)))
         else:
-            uvloop.run(run_bridge(agent, agent.bridge, tell, Clock(given.speed)))
+            uvloop.run(run_bridge(agent, agent.bridge, report, Clock(options.speed)))
     except ConfigError as error:
         _fail(str(error), 2)
     except StarvedError as error:
@@ -118,14 +118,14 @@ def fly(given: Options) -> None:
         _fail(f"drone-agent: {error.strerror or error}", 1)
 
 
-def _configured(given: Options) -> "AgentConfig":
+def _configured(options: Options) -> "AgentConfig":
     """The file's configuration with the options given laid over it."""
     from drone_agent.config import AgentConfig
     from wire.config_file import load, parse
 
-    file = given.config
+    file = options.config
     base: dict[str, Any] = {} if file is None else load(file, AgentConfig).model_dump(exclude_unset=True)
-    for key, value in _laid_over(given).items():
+    for key, value in _laid_over(options).items():
         if isinstance(value, dict):
             base[key] = {**base.get(key, {}), **value}
         elif value is not None:
@@ -133,41 +133,41 @@ def _configured(given: Options) -> "AgentConfig":
     return parse(base, AgentConfig, source="drone-agent")
 
 
-def _laid_over(given: Options) -> dict[str, Any]:
+def _laid_over(options: Options) -> dict[str, Any]:
     links = {
-        "kind": given.link,
-        "host": given.host,
-        "zenoh_connect": None if given.zenoh_connect is None else [given.zenoh_connect],
+        "kind": options.link,
+        "host": options.host,
+        "zenoh_connect": None if options.zenoh_connect is None else [options.zenoh_connect],
     }
     return {
-        "sysid": given.sysid,
-        "lab": given.lab,
-        "body": given.body,
-        "autopilot": given.autopilot,
-        "bridge": given.bridge,
-        "pose": given.pose,
-        "profile": given.profile,
-        "start_lab_m": None if given.start is None else given.start.split(","),
-        "start_yaw_rad": given.yaw,
-        "truth_rate_hz": given.truth,
-        "stale_setpoint_s": given.stale_setpoint,
-        "stale_land_s": given.stale_land,
-        "parameter_file": given.parameter_file,
+        "sysid": options.sysid,
+        "lab": options.lab,
+        "body": options.body,
+        "autopilot": options.autopilot,
+        "bridge": options.bridge,
+        "pose": options.pose,
+        "profile": options.profile,
+        "start_lab_m": None if options.start is None else options.start.split(","),
+        "start_yaw_rad": options.yaw,
+        "truth_rate_hz": options.truth,
+        "stale_setpoint_s": options.stale_setpoint,
+        "stale_land_s": options.stale_land,
+        "parameter_file": options.parameter_file,
         "link": {key: value for key, value in links.items() if value is not None},
-        "parameters": {name: value for name, _, value in (item.partition("=") for item in given.param or ())},
+        "parameters": {name: value for name, _, value in (item.partition("=") for item in options.param or ())},
     }
 
 
-def _tell(event: "Event") -> None:
+def _print_event(event: "Event") -> None:
     sys.stderr.write(f"{event.source} {event.severity.name.lower()}: {event.text}\n")
 
 
-def _tell_json(event: "Event") -> None:
+def _print_event_json(event: "Event") -> None:
     print(json.dumps({"severity": event.severity.name, "source": event.source, "text": event.text}), flush=True)
 
 
 def _fail(text: str, code: int) -> None:
-    tell_error(text)
+    print_json_error(text)
     sys.stderr.write(f"{text}\n")
     raise typer.Exit(code)
 

@@ -14,7 +14,7 @@ TILT_MAX_RAD = math.radians(50.0)
 LIFT_MAX = 2.5
 """Of thrust over weight, where the vehicle has more."""
 BEYOND = "setpoint beyond tilt, body rates or thrust"
-"""What is told of setpoints that were bounded."""
+"""The report of limited setpoints."""
 _TILT_MAX_COS = math.cos(TILT_MAX_RAD)
 
 

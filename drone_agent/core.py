@@ -13,7 +13,7 @@ from drone_agent.config import AgentConfig
 from drone_agent.flight.autopilot import CONTROL_NS, Autopilot
 from drone_agent.flight.estimator import ExternalPose, ExternalPositioning, OwnPositioning, Positioning
 from drone_agent.flight.failsafes import Failsafes
-from drone_agent.flight.motor_failure import LOOK_NS
+from drone_agent.flight.motor_failure import CHECK_PERIOD_NS
 from drone_agent.link.commands import Commander
 from drone_agent.link.inbox import READS, Inbox
 from drone_agent.link.schedule import RASTER_NS, Schedule
@@ -21,7 +21,7 @@ from drone_agent.link.telemetry import AGE, ON_REQUEST, TelemetryBuilder
 from drone_agent.monitors import switched_off
 from drone_agent.simulation.airframe import Airframe
 from drone_agent.simulation.inertial import InertialSensor
-from drone_agent.simulation.level_error import Lean
+from drone_agent.simulation.level_error import AttitudeBias
 from drone_agent.simulation.physics import OWN, Physics
 from formation.messages import Datagram, Event, LabFrame, Truth
 from formation.vehicle.profile import on_ground, profile
@@ -33,11 +33,12 @@ from wire.link_messages.status import StatusText
 from wire.mavlink.codec import Codec, MavlinkError
 from wire.mavlink.framing import packed
 
-_LOOK_NS = 50_000_000
-_LOOK_S = _LOOK_NS * 1e-9
+_MONITOR_PERIOD_NS = 50_000_000
+_MONITOR_PERIOD_S = _MONITOR_PERIOD_NS * 1e-9
 _LAG_MAX_NS = 10_000_000
 _FUSE_NS = 15_000_000  # an estimator takes 30 to 50 poses a second
 _LISTED_AT_ONCE = 6
+_BURST_NS = 1_000_000_000  # of telemetry: what a socket's buffer of the default size holds
 
 
 class AgentOutgoing(NamedTuple):
@@ -64,9 +65,11 @@ class AgentCore:
         self.parameters = Parameters(model.table, _first_values(config, model.table))
         self._t0_ns = self._now_ns = t0_ns
         start = np.array(config.start_lab_m)
-        lean = Lean(config.level_error, config.sysid, t0_ns) if config.level_error.rms_rad > 0.0 else None
+        attitude_bias = (
+            AttitudeBias(config.level_error, config.sysid, t0_ns) if config.level_error.rms_rad > 0.0 else None
+        )
         vehicle, air = config.true_vehicle(), config.disturbance
-        self._airframe = Airframe(vehicle, air, start, config.start_yaw_rad, t0_ns, lean, physics)
+        self._airframe = Airframe(vehicle, air, start, config.start_yaw_rad, t0_ns, attitude_bias, physics)
         self._inertial = InertialSensor(config.inertial_error, config.accel_bias_lab_m_s2, config.sysid)
         self._positioning = _positioning(config, t0_ns, without)
         self.autopilot = Autopilot(config, model, self.parameters, self._airframe, self._positioning, without)
@@ -81,16 +84,17 @@ class AgentCore:
         self._inbox = Inbox(config, self.autopilot, self._failsafes, self._commander, t0_ns, self._send, self._use_pose)
         self._outbox: list[bytes] = []
         self._events: list[Event] = []
-        self._look_ns = self._inside_ns = t0_ns
+        self._monitor_ns = self._inside_ns = t0_ns
         self._control_ns = self._motors_ns = t0_ns
         self._truth_ns = t0_ns
         self._truth_period_ns = round(1e9 / config.truth_rate_hz) if config.truth_rate_hz > 0.0 else 0
         self._saved_version = self.parameters.version
         for severity, text in model.texts.boot:
-            self.autopilot.say(severity, text)
+            self.autopilot.report(severity, text)
 
     def receive(self, message: Datagram | LabFrame, now_ns: int) -> None:
         """Take in a datagram from the ground or a mocap frame. Never raises on what a datagram holds."""
+        self._catch_up(now_ns)
         self._run_to(now_ns)
         if isinstance(message, LabFrame):
             self._receive_frame(message, now_ns)
@@ -102,12 +106,13 @@ class AgentCore:
 
     def tick(self, now_ns: int) -> AgentOutgoing:
         """Everything to send now."""
+        self._catch_up(now_ns)
         self._run_to(now_ns)
-        for number in self._schedule.take_due(now_ns):
+        for number in self._schedule.pop_due(now_ns):
             self._report(number, now_ns)
         self._list_parameters()
-        for refused in self._inbox.told(now_ns):
-            self.autopilot.say(refused.severity, f"{refused.text} (from {refused.source})")
+        for event in self._inbox.due_events(now_ns):
+            self.autopilot.report(event.severity, f"{event.text} (from {event.source})")
         self._flush_notes()
         truth = None
         if self._truth_period_ns and now_ns >= self._truth_ns:
@@ -151,7 +156,7 @@ class AgentCore:
     # Inside
 
     def _next_inside_ns(self) -> int:
-        due_ns = self._look_ns
+        due_ns = self._monitor_ns
         if self.autopilot.piloted:
             if self._control_ns < self._now_ns:
                 self._control_ns = self._rastered(self._now_ns)
@@ -174,12 +179,25 @@ class AgentCore:
                 self._control_ns = due_ns + CONTROL_NS
             if due_ns >= self._motors_ns:
                 self._failsafes.check_motors(due_ns)
-                self._motors_ns = due_ns + LOOK_NS
-            if due_ns >= self._look_ns:
-                self._failsafes.check(due_ns, _LOOK_S)
-                self._look_ns = due_ns + _LOOK_NS
+                self._motors_ns = due_ns + CHECK_PERIOD_NS
+            if due_ns >= self._monitor_ns:
+                self._failsafes.check(due_ns, _MONITOR_PERIOD_S)
+                self._monitor_ns = due_ns + _MONITOR_PERIOD_NS
             self._inside_ns = self._next_inside_ns()
         self._now_ns = max(now_ns, self._now_ns)
+
+    def _catch_up(self, now_ns: int) -> None:
+        """Say what was due before now, each at its own time.
+
+        A real autopilot has a computer of its own. It goes on while the process that stands in for it has no turn, and
+        what it sent meanwhile has arrived in a burst.
+        """
+        if not self._direct:
+            return
+        while (t_ns := max(self._schedule.next_ns, self._now_ns, now_ns - _BURST_NS)) < now_ns:
+            self._run_to(t_ns)
+            for number in self._schedule.pop_due(t_ns):
+                self._report(number, t_ns)
 
     def _rastered(self, t_ns: int) -> int:
         return t_ns + (self._t0_ns - t_ns) % CONTROL_NS
@@ -214,10 +232,10 @@ class AgentCore:
             self._send(message)
 
     def _watch_inertial(self) -> None:
-        """The sensors follow the body step by step only while somebody wants them told, and cost nothing else."""
+        """Sample the sensors at every step only while somebody requests HIGHRES_IMU."""
         watched = bool(self._schedule.period_ns(MessageId.HIGHRES_IMU))
         if watched != (self._airframe.inertial is not None):
-            self._inertial.forget()
+            self._inertial.reset()
             self._airframe.inertial = self._inertial if watched else None
 
     def _answer(self, now_ns: int) -> None:
@@ -254,11 +272,11 @@ class AgentCore:
         return self.parameters.changed()
 
     def _send(self, message: LinkMessage) -> None:
-        """A message that MAVLink cannot carry is left out, counted and told of; the drone flies on."""
+        """Send a message; one that MAVLink cannot encode is left out, counted and reported, and the drone flies on."""
         try:
             self._outbox.append(self.codec.encode(message))
         except MavlinkError as error:
-            self._inbox.refusals.note("own telemetry", str(error), self._airframe.t_ns)
+            self._inbox.rejections.note("own telemetry", str(error), self._airframe.t_ns)
 
 
 def _first_values(config: AgentConfig, table: AutopilotTable) -> dict[str, float]:
@@ -271,5 +289,5 @@ def _first_values(config: AgentConfig, table: AutopilotTable) -> dict[str, float
 def _positioning(config: AgentConfig, t0_ns: int, without: frozenset[str]) -> Positioning:
     if config.pose == "own":
         return OwnPositioning(t0_ns)
-    gated, slides = "pose-rejected" not in without, "pose-slides" not in without
-    return ExternalPositioning(config.accel_bias_lab_m_s2, gated=gated, finds_slides=slides)
+    checks_poses, detects_drift = "pose-rejected" not in without, "pose-slides" not in without
+    return ExternalPositioning(config.accel_bias_lab_m_s2, checks_poses=checks_poses, detects_drift=detects_drift)

@@ -1,4 +1,4 @@
-"""The drone agent's process: pumps AgentCore between its link, the bus and the clock until it is told to stop."""
+"""The drone agent's process: pumps AgentCore between its link, the bus and the clock until it is stopped."""
 
 import asyncio
 import sys
@@ -9,15 +9,15 @@ from drone_agent.core import AgentCore
 from drone_agent.flight import position
 from drone_agent.link.awaited import awaited_bus, awaited_pose
 from drone_agent.link.ground_link import open_ground_link
-from drone_agent.wake import Wake
+from drone_agent.timer import DeadlineTimer
 from formation.messages import Datagram, LabFrame
 from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
-from wire.process.awaited import tell_awaited
-from wire.process.lifetime import Stop, Tell
+from wire.process.awaited import report_missing
+from wire.process.lifetime import EventSink, Stop
 from wire.process.progress import compile_all
 from wire.process.starved import Punctuality
-from wire.refusals import Refusals
+from wire.rejections import RejectionLog
 from wire.transport.link import Link
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
@@ -26,30 +26,30 @@ from wire.transport.zenoh_bus import ZenohBus
 class _Pump:
     """Hands what arrives to the core at once, and wakes it at its own deadlines."""
 
-    def __init__(self, config: AgentConfig, core: AgentCore, tell: Tell, clock: Clock) -> None:
+    def __init__(self, config: AgentConfig, core: AgentCore, report: EventSink, clock: Clock) -> None:
         self.link: Link | None = None
         self.bus: ZenohBus | None = None
-        self.refusals = Refusals()
+        self.rejections = RejectionLog()
         self._config = config
         self._core = core
-        self._tell = tell
+        self._report = report
         self._clock = clock
         self._flying = False
         self.has_pose = False
         """Whether the mocap has shown the body."""
         self._punctual = Punctuality(f"drone {config.sysid}", "its physics")
-        self.wake = Wake(self.turn, clock)
+        self.timer = DeadlineTimer(self.turn, clock)
 
-    def take(self, message: Datagram | LabFrame) -> None:
+    def receive(self, message: Datagram | LabFrame) -> None:
         """Something arrived."""
         self._core.receive(message, self._punctual_ns())
         self.turn()
 
-    def take_frame(self, frame: LabFrame) -> None:
+    def receive_frame(self, frame: LabFrame) -> None:
         """The mocap saw something."""
         if not self.has_pose and self._config.body_name in frame.bodies:
             self.has_pose = bool(frame.seen[frame.bodies.index(self._config.body_name)])
-        self.take(frame)
+        self.receive(frame)
 
     def turn(self) -> None:
         """Send what is due and sleep until the next deadline."""
@@ -61,44 +61,44 @@ class _Pump:
         if self.bus is not None and out.truth is not None:
             self.bus.publish_truth(out.truth)
             self._flying = not out.truth.on_ground
-        for event in (*out.events, *self.refusals.due(now_ns)):
-            self._tell(event)
+        for event in (*out.events, *self.rejections.due(now_ns)):
+            self._report(event)
         if out.parameters is not None and self._config.parameter_file is not None:
             parameter_file.write(self._config.parameter_file, out.parameters)
-        self.wake.at(self._core.next_deadline_ns())
+        self.timer.at(self._core.next_deadline_ns())
 
     def _punctual_ns(self) -> int:
-        """Now; StarvedError where a flight that an emulated mocap watches (it is told the truth) comes too late."""
+        """Now; StarvedError where a flight under an emulated mocap, which needs the true poses, is too late."""
         now_ns = self._clock.monotonic_ns()
         if self._flying:
             self._punctual.check(self._core.next_deadline_ns(), now_ns)
         return now_ns
 
 
-async def run(config: AgentConfig, tell: Tell, clock: Clock = REAL_TIME) -> None:
+async def run(config: AgentConfig, report: EventSink, clock: Clock = REAL_TIME) -> None:
     """Be the drone until SIGINT or SIGTERM.
 
     Raises OSError where its port is taken, ConfigError for parameters that are none, StarvedError.
     """
     stop = Stop()
-    pump = _Pump(config, _core(config, clock), tell, clock)
-    waiting: asyncio.Task[None] | None = None
+    pump = _Pump(config, _core(config, clock), report, clock)
+    missing: asyncio.Task[None] | None = None
     uses_bus = config.link.kind == "zenoh" or config.pose == "mocap" or config.truth_rate_hz > 0.0
     try:
         if uses_bus:
-            pump.bus = await ZenohBus.open(config.link, config.lab, pump.refusals)
-            MocapBus(pump.bus, clock).on_frame(pump.take_frame)
-        pump.link = await open_ground_link(config, pump.bus, pump.take, pump.refusals)
+            pump.bus = await ZenohBus.open(config.link, config.lab, pump.rejections)
+            MocapBus(pump.bus, clock).on_frame(pump.receive_frame)
+        pump.link = await open_ground_link(config, pump.bus, pump.receive, pump.rejections)
         pump.turn()
         if pump.bus is not None:
             awaited = [awaited_bus(config, pump.bus)]
             awaited += [awaited_pose(config, lambda: pump.has_pose)] if config.pose == "mocap" else []
-            waiting = asyncio.create_task(tell_awaited(f"uav{config.sysid}", awaited, tell))
+            missing = asyncio.create_task(report_missing(f"uav{config.sysid}", awaited, report))
         await stop.wait()
     finally:
-        if waiting is not None:
-            waiting.cancel()
-        pump.wake.stop()
+        if missing is not None:
+            missing.cancel()
+        pump.timer.stop()
         if pump.link is not None:
             pump.link.close()
         if pump.bus is not None:
@@ -107,8 +107,8 @@ async def run(config: AgentConfig, tell: Tell, clock: Clock = REAL_TIME) -> None
 
 def _core(config: AgentConfig, clock: Clock) -> AgentCore:
     """The core, its kernels compiled: nothing compiles in flight."""
-    kept = {} if config.parameter_file is None else parameter_file.read(config.parameter_file)
-    config = config.model_copy(update={"parameters": {**config.parameters, **kept}})
+    stored = {} if config.parameter_file is None else parameter_file.read(config.parameter_file)
+    config = config.model_copy(update={"parameters": {**config.parameters, **stored}})
     try:
         core = AgentCore(config, clock.monotonic_ns())
     except ValueError as error:

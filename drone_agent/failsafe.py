@@ -4,7 +4,8 @@ The stages and what leads from one to the next are `drone_agent.stages`; here ar
 Each side carries the stages out in its own way.
 """
 
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, field
 
 from drone_agent.stages import RULED, Stage, Trigger
 from drone_agent.stages import advance as next_stage
@@ -13,19 +14,20 @@ from wire.link_messages.address import Address
 
 LAND_AFTER_S = 1.0
 """Of holding, where nothing else is configured and a pose from outside is all there is."""
-_SLOW_PERIODS = 3.0
-_SLOW_AFTER = 20  # periods, none of them shorter than the stale limit
+_OWN_PERIODS = 3
+_PERIODS_MEASURED = 20
+"""Number of periods averaged for a stream's rate; a single one may be short, as a sender catches up."""
 _PAUSE_NS = 1_000_000_000
-_TELL_NS = 1_000_000_000
+_REPORT_PERIOD_NS = 1_000_000_000
 
 REPORTS = {
     Stage.HOLD: (Severity.WARNING, "Setpoints are stale: level and hold"),
     Stage.LAND: (Severity.CRITICAL, "Setpoints are stale: landing"),
     Stage.DESCEND: (Severity.CRITICAL, "No pose to land on: coming down level"),
 }
-"""What the operator is told as a stage begins."""
-SLIDING_POSE = (Severity.CRITICAL, "Pose does not move as the drone does: hold")
-TAKEN_OVER = (Severity.WARNING, "Another ground takes over: level and hold")
+"""The report to the operator as a stage begins."""
+THRUST_LOSS = (Severity.CRITICAL, "Part of its thrust is missing: landing on what is left")
+NEW_OWNER = (Severity.WARNING, "Another ground takes over: level and hold")
 BACK = (Severity.INFO, "Setpoints are back")
 STOPPED = "stopped: ask again after 2 s at rest"
 """Why one does not arm after a stop."""
@@ -33,23 +35,30 @@ REST_NS = 2_000_000_000
 """So long after a stop it must have been at rest, asked by nobody."""
 
 
+def pose_fault(name: str) -> tuple[Severity, str]:
+    """The report of a pose fault of that name."""
+    return Severity.CRITICAL, f"Pose rejected, {name}: hold"
+
+
 @dataclass(slots=True)
 class LinkMonitor:
     """When something regular last came, and how regularly it comes."""
 
     last_ns: int | None = None
-    _shortest_ns: int = 0
-    _periods: int = 0
+    _came_ns: deque[int] = field(default_factory=lambda: deque(maxlen=_PERIODS_MEASURED + 1))
+    _quickest_ns: int = 0
+    """The shortest time that _PERIODS_MEASURED periods in a row have taken; 0 until there were so many."""
 
     def note(self, now_ns: int, *, may_begin: bool = True) -> None:
         """It came; may_begin: after a pause it counts as a new stream, of its own pace."""
-        if self.last_ns is not None:
-            period_ns = now_ns - self.last_ns
-            if period_ns > _PAUSE_NS and may_begin:
-                self._periods = 0
-            else:
-                self._shortest_ns = min(self._shortest_ns, period_ns) if self._periods else period_ns
-                self._periods += 1
+        came_ns = self._came_ns
+        if self.last_ns is not None and now_ns - self.last_ns > _PAUSE_NS and may_begin:
+            came_ns.clear()
+            self._quickest_ns = 0
+        came_ns.append(now_ns)
+        if len(came_ns) > _PERIODS_MEASURED:
+            span_ns = now_ns - came_ns[0]
+            self._quickest_ns = min(self._quickest_ns or span_ns, span_ns)
         self.last_ns = now_ns
 
     def silent_at_ns(self, span_s: float) -> int | None:
@@ -62,16 +71,14 @@ class LinkMonitor:
         return at_ns is None or now_ns >= at_ns
 
     def stale_at_ns(self, stale_s: float) -> int | None:
-        """When it goes stale if nothing comes: after `stale_s`.
+        """When it goes stale if nothing comes: after `stale_s`, or three periods of its own pace, whichever is longer.
 
-        A client that streams slowly on purpose (an autopilot is content with 3 Hz) is judged by its own pace: three of
-        its periods, where not one of at least 20 since it began was short enough. A fast one that is lossy never is.
+        A client may stream slowly on purpose: MAVSDK at 20 Hz, and an autopilot is content with 3. The pace is the
+        quickest since it began, so a fast stream that becomes lossy is judged as before.
         """
         if self.last_ns is None:
             return None
-        stale_ns = round(stale_s * 1e9)
-        slow = self._periods >= _SLOW_AFTER and self._shortest_ns > stale_ns
-        return self.last_ns + (int(_SLOW_PERIODS * self._shortest_ns) if slow else stale_ns)
+        return self.last_ns + max(round(stale_s * 1e9), _OWN_PERIODS * self._quickest_ns // _PERIODS_MEASURED)
 
 
 class StreamFailsafe:
@@ -86,9 +93,9 @@ class StreamFailsafe:
         self.monitor = LinkMonitor()
         self.owner: Address | None = None
         """Whose setpoints are obeyed; None: whose come next."""
-        self.tells = True
-        """Whether the operator is told of the present hold: of one a second, however lossy the link."""
-        self._told_ns: int | None = None
+        self.reports_hold = True
+        """Whether the present hold is reported: at most one a second, however lossy the link."""
+        self._reported_ns: int | None = None
         self._next_owner: Address | None = None
         self._stale_s = stale_s
         self._land_s = land_s
@@ -113,8 +120,8 @@ class StreamFailsafe:
         if after is Stage.HOLD or (after is Stage.LOST and before is not Stage.HOLD):
             self._held_since_ns = now_ns
         if after is Stage.HOLD:
-            self.tells = self._told_ns is None or now_ns - self._told_ns >= _TELL_NS
-            self._told_ns = now_ns if self.tells else self._told_ns
+            self.reports_hold = self._reported_ns is None or now_ns - self._reported_ns >= _REPORT_PERIOD_NS
+            self._reported_ns = now_ns if self.reports_hold else self._reported_ns
         if after not in RULED:
             self.owner = None
         elif trigger in (Trigger.STREAM, Trigger.NO_STREAM):
@@ -138,17 +145,17 @@ class StreamFailsafe:
             if source not in (self.owner, self._next_owner):
                 return None
             self.owner = self._next_owner = None
-            return self.pull(Trigger.TAKEN_OVER, now_ns) if in_mode else None
+            return self.pull(Trigger.NEW_OWNER, now_ns) if in_mode else None
         if not in_mode or self.stage not in RULED:
             self._next_owner = source
             return None
         if self.owner == source:
             return None
         self.owner = source
-        return self.pull(Trigger.TAKEN_OVER, now_ns)
+        return self.pull(Trigger.NEW_OWNER, now_ns)
 
     def follow(self, source: Address | None, now_ns: int, *, in_mode: bool = True) -> bool:
-        """A setpoint that is obeyed came; whether it ended a hold that was told of."""
+        """Receive an obeyed setpoint; returns whether it ended a reported hold."""
         ruled = in_mode and self.stage in RULED
         due_ns = self.monitor.stale_at_ns(self._stale_s) if self._stale_s else None
         self.monitor.note(now_ns, may_begin=not ruled)
@@ -157,8 +164,9 @@ class StreamFailsafe:
         if self.owner is None:
             self.owner = source
         if self.broken and due_ns is not None and now_ns > due_ns:
-            return False  # the next in time makes it a stream again; a slow trickle is held against, and landed by
-        held = self.stage is Stage.HOLD and self.tells
+            # The next one in time makes it a stream again; setpoints below the minimum rate end in hold and landing.
+            return False
+        held = self.stage is Stage.HOLD and self.reports_hold
         return self.pull(Trigger.SETPOINT, now_ns) is not None and held
 
     # The times
@@ -176,9 +184,9 @@ class StreamFailsafe:
             return own_ns if due_ns is None else due_ns
         return min(due_ns, own_ns)
 
-    def advance(self, now_ns: int, own_s: float | None = None, *, blind: bool = False) -> Stage | None:
-        """The stage that begins now, if one does; blind: there is no pose to hold by, so that a hold lands at once."""
-        if blind and self.stage in (Stage.HOLD, Stage.LAND):
+    def advance(self, now_ns: int, own_s: float | None = None, *, no_pose: bool = False) -> Stage | None:
+        """The stage that begins now, if one does; no_pose: there is no pose for a hold, so a hold lands at once."""
+        if no_pose and self.stage in (Stage.HOLD, Stage.LAND):
             return self.pull(Trigger.NO_POSE, now_ns)
         due_ns = self.deadline_ns(own_s)
         if due_ns is None or now_ns < due_ns:

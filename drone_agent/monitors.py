@@ -1,6 +1,9 @@
 """What in agent and bridge detects or refuses, by name, so that a campaign can show what each is for."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+
+from drone_agent.stages import Trigger
 
 MONITORS = (
     "stale-setpoint",  # older than 100 ms
@@ -16,6 +19,11 @@ MONITORS = (
     "motor-failure",  # an attitude that the motors cannot reach
     "stop-latch",  # no arming after a stop until it was seen at rest
 )
+
+MONITOR_OF: Mapping[Trigger, str] = MappingProxyType(
+    {Trigger.POSE_FAULT: "pose-slides", Trigger.THRUST_LOSS: "motor-failure"}
+)
+"""The monitor that a trigger of a fault signature belongs to."""
 
 
 def switched_off(names: Iterable[str]) -> frozenset[str]:

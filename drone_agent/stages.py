@@ -31,11 +31,12 @@ class Trigger(Enum):
     OTHER_MODE = "other mode"
     SETPOINT = "setpoint"
     STALE = "stale"
-    TAKEN_OVER = "new owner"
+    NEW_OWNER = "new owner"
     TIME_OUT = "autopilot's own time-out"
     HELD = "held its time"
     NO_POSE = "no pose"
-    SLIDING_POSE = "sliding pose"
+    POSE_FAULT = "pose fault"
+    THRUST_LOSS = "thrust loss"
     DISARM = "disarmed"
     STOP = "stop"
     RESTED = "at rest for 2 s"
@@ -52,19 +53,21 @@ TABLE: Mapping[tuple[Stage, Trigger], Stage] = MappingProxyType(
         **{(stage, Trigger.NO_STREAM): Stage.WAIT for stage in _ARMED},
         **{(stage, Trigger.OTHER_MODE): Stage.OWN for stage in _ARMED},
         (Stage.WAIT, Trigger.SETPOINT): Stage.FOLLOW,
-        (Stage.WAIT, Trigger.TAKEN_OVER): Stage.WAIT,
+        (Stage.WAIT, Trigger.NEW_OWNER): Stage.WAIT,
         (Stage.FOLLOW, Trigger.SETPOINT): Stage.FOLLOW,
         (Stage.FOLLOW, Trigger.STALE): Stage.HOLD,
-        (Stage.FOLLOW, Trigger.SLIDING_POSE): Stage.HOLD,
-        (Stage.FOLLOW, Trigger.TAKEN_OVER): Stage.HOLD,
+        (Stage.FOLLOW, Trigger.POSE_FAULT): Stage.HOLD,
+        (Stage.FOLLOW, Trigger.THRUST_LOSS): Stage.LAND,
+        (Stage.FOLLOW, Trigger.NEW_OWNER): Stage.HOLD,
         (Stage.FOLLOW, Trigger.TIME_OUT): Stage.LOST,
         (Stage.HOLD, Trigger.SETPOINT): Stage.FOLLOW,
-        (Stage.HOLD, Trigger.TAKEN_OVER): Stage.HOLD,
+        (Stage.HOLD, Trigger.NEW_OWNER): Stage.HOLD,
         (Stage.HOLD, Trigger.TIME_OUT): Stage.LOST,
         (Stage.HOLD, Trigger.HELD): Stage.LAND,
+        (Stage.HOLD, Trigger.THRUST_LOSS): Stage.LAND,
         (Stage.HOLD, Trigger.NO_POSE): Stage.DESCEND,
         (Stage.LOST, Trigger.SETPOINT): Stage.FOLLOW,
-        (Stage.LOST, Trigger.TAKEN_OVER): Stage.HOLD,
+        (Stage.LOST, Trigger.NEW_OWNER): Stage.HOLD,
         (Stage.LOST, Trigger.HELD): Stage.LAND,
         (Stage.LOST, Trigger.NO_POSE): Stage.DESCEND,
         (Stage.LAND, Trigger.NO_POSE): Stage.DESCEND,

@@ -38,9 +38,13 @@ class VehicleBody(Model):
     """
 
     body: Name
+    """Name of the rigid body in the lab file, the logs and on the page."""
     sysid: SysId | None = None
+    """MAVLink system id of its drone; without one the body is only observed."""
     profile: Name = "paper_40g"
+    """Vehicle model of its drone: a shipped profile or one of `[[profiles]]`."""
     q_marker_from_flu: UnitQuat = NO_ROTATION
+    """Orientation of the body's axes in its marker frame, `w, x, y, z`."""
     link: OwnLink | None = None
     spawn_lab_m: Vec3Tuple = (0.0, 0.0, 0.0)
 
@@ -49,6 +53,7 @@ class LeaderConfig(VehicleBody):
     """The body the formation is held on; without a sysid it is observed only, never commanded."""
 
     trajectory: TrajectoryConfig = TrajectoryConfig()
+    """What a commanded leader flies in `FORMATION`."""
     trajectories: dict[Name, TrajectoryConfig] = Field(default_factory=dict)
     """Further ones, by name, among which the operator chooses; `configured` is the one above."""
     spawn_yaw_rad: Number = 0.0
@@ -65,15 +70,20 @@ class FollowerConfig(VehicleBody):
     """A follower and its slot in the leader's frame."""
 
     sysid: SysId
+    """MAVLink system id of its drone."""
     offset_m: Vec3Tuple
+    """Slot in the leader's frame: forward, left, up."""
     yaw_offset_rad: Number = 0.0
+    """Heading relative to the leader's."""
 
 
 class SlotConfig(Model):
     """One follower's place in a listed shape: offset and heading in the leader's frame."""
 
     offset_m: Vec3Tuple
+    """Slot in the leader's frame: forward, left, up."""
     yaw_offset_rad: Number = 0.0
+    """Heading relative to the leader's."""
 
 
 class FormationConfig(Model):
@@ -84,6 +94,7 @@ class FormationConfig(Model):
     """
 
     spacing_m: Positive = 0.5
+    """Distance of neighbours in the named shapes."""
     shapes: dict[Name, tuple[SlotConfig, ...]] = Field(default_factory=dict)
     own_shapes: tuple[Name, ...] = ()
 
@@ -105,7 +116,9 @@ class Fence(Model):
     """The box, in lab axes, that no commanded drone may leave."""
 
     low_m: Vec3Tuple = (-2.5, -2.0, -0.1)
+    """Lowest x, y, z in `lab`."""
     high_m: Vec3Tuple = (2.5, 2.0, 2.3)
+    """Highest x, y, z in `lab`."""
 
     @model_validator(mode="after")
     def _is_a_box(self) -> Self:
@@ -127,19 +140,28 @@ class LimitsConfig(Model):
     """What no command may exceed."""
 
     tilt_rad: Tilt = 0.6
+    """Largest tilt that is commanded."""
     speed_m_s: Positive = 3.0
+    """Largest speed that is commanded."""
     min_separation_m: Positive = 0.2
+    """Smallest distance between any two bodies."""
     fence: Fence = Fence()
+    """Flight volume of the commanded drones."""
 
 
 class FlightConfig(Model):
     """Heights and speeds of take-off and landing, and the speed at which slots are taken up and changed."""
 
     altitude_m: Positive = 0.3
+    """Height of take-off, hold and formation."""
     climb_m_s: Positive = 0.4
+    """Speed of the take-off."""
     descend_m_s: Positive = 0.3
-    reform_m_s: Positive = 0.5
+    """Speed of the landing."""
+    formation_change_m_s: Positive = 0.5
+    """Largest speed at which slots are taken up and changed."""
     observed_leader_altitude_offset_m: Number = 0.0
+    """Height of the formation above a leader that is only observed."""
 
 
 class LinkConfig(Model):
@@ -149,11 +171,17 @@ class LinkConfig(Model):
     """
 
     kind: Literal["zenoh", "udp"] = "zenoh"
+    """Transport of MAVLink for drones without a `link` of their own."""
     host: Host = "127.0.0.1"
+    """Host of the drones on UDP."""
     ground_port_base: PortBase = 14540
+    """UDP port of the ground for a drone: base plus sysid."""
     drone_port_base: PortBase = 14580
+    """UDP port of a drone: base plus sysid."""
     zenoh_listen: tuple[Endpoint, ...] = ()
+    """Endpoints at which the ground listens on the bus."""
     zenoh_connect: tuple[Endpoint, ...] = (ENDPOINT,)
+    """Endpoints of the bus to which every program connects."""
     imu_rate_hz: Annotated[float, NoFlag, Field(ge=0.0, le=250.0)] = 0.0
 
     @property
@@ -176,7 +204,7 @@ class StopButton(Model):
     """A key or button that stops the swarm: the Linux input device it is on and, of its buttons, which.
 
     device: `/dev/input/by-id/...` of a keyboard, keypad or joystick, or a joystick's `/dev/input/js0`.
-    button: its code (`gcs buttons` tells); not given, any button of the device.
+    button: its code (`gcs buttons` prints it); not given, any button of the device.
     """
 
     device: Annotated[str, Field(min_length=1, max_length=255)]
@@ -200,7 +228,9 @@ class ControlLawConfig(Model):
     """The lab's own law for the followers in formation: its name in a package of the lab's, and what it is given."""
 
     name: Name
+    """Entry point of the law in group `mavlink_formation.control_laws`."""
     options: dict[str, float | int | str | bool] = Field(default_factory=dict)
+    """Arguments of the law."""
 
     @model_validator(mode="after")
     def _is_here(self, info: ValidationInfo) -> Self:
@@ -221,6 +251,7 @@ class LabConfig(Model):
     """
 
     name: Name = LAB
+    """Name of the lab: the root of its keys on the bus."""
     origin: GlobePoint = (47.397742, 8.545594, 488.0)
     mocap: MocapConfig = MocapConfig()
     profiles: tuple[VehicleProfile, ...] = ()
@@ -229,6 +260,7 @@ class LabConfig(Model):
     followers: Annotated[tuple[FollowerConfig, ...], Field(min_length=1)]
     formation: FormationConfig = FormationConfig()
     control_preset: Annotated[str, AfterValidator(_preset)] = "default"
+    """Gains of the built-in laws; see the page on profiles and presets."""
     control_law: ControlLawConfig | None = None
     limits: LimitsConfig = LimitsConfig()
     flight: FlightConfig = FlightConfig()
@@ -244,7 +276,7 @@ class LabConfig(Model):
             return values
         try:
             own = FormationConfig.model_validate(values.get("formation", {}))
-        except ValidationError:  # to be told of with its keys, when the tables are read
+        except ValidationError:  # reported with its keys when the tables are read
             return values
         n, table = len(values["followers"]), values.get("formation", {})
         made = {

@@ -22,7 +22,7 @@ from formation.requests import Verb as Verb
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RawFrame:
-    """One exposure as the motion capture tells it: its own axes, names and marker frames, nothing checked yet.
+    """One exposure as the motion capture reports it: its own axes, names and marker frames, nothing checked yet.
 
     t_capture_ns: exposure, on this machine's monotonic clock; 0 where the source has no stamp.
     """
@@ -39,7 +39,7 @@ class RawFrame:
 class LabFrame:
     """One exposure of the lab's n vehicles in the configuration's order, checked, in `lab` and `flu`.
 
-    Made by the mocap process alone (gcs.mocap.alignment). t_capture_ns: exposure; t_receive_ns: when the mocap process
+    Made by the mocap process alone (mocap.alignment). t_capture_ns: exposure; t_receive_ns: when the mocap process
     had the raw frame, 0 where there was none; both monotonic. An unseen body keeps any finite pose.
     rejected: the formation.rejection.Rejection of each body whose pose was not believed, which is then unseen.
     """
@@ -97,10 +97,11 @@ class PhaseChange:
 class SwarmState:
     """What the observers know of all n vehicles at the capture time `t_ns`.
 
-    Z1, Z2, Z3 of the FTESO (Eqs. 3-4) are pos, vel and dist; `acc` is modelled acceleration plus Z3.
+    Z1, Z2, Z3 of the FTESO (Eqs. 3-4) are pos, vel and dist; the drag of a commanded vehicle's profile is no part of
+    dist. `acc` is modelled acceleration plus Z3.
     `age_s` is the time since each body was last seen, infinite before the first time; yaw is unwrapped.
     `model_mismatch`: how far each vehicle answers otherwise than its profile says, as a share of its response's length
-    (formation.estimation.model_mismatch).
+    (formation.estimation.response).
     """
 
     t_ns: int
@@ -173,9 +174,10 @@ class Saturation(IntFlag):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AttitudeTarget:
-    """Attitude, body rate and thrust for the m commanded vehicles; what SET_ATTITUDE_TARGET carries.
+    """Attitude, body rate and thrust for the m commanded vehicles, bit by bit what SET_ATTITUDE_TARGET carries.
 
-    thrust_norm: fraction of full collective thrust, 0..1; saturation: `Saturation` bits.
+    thrust_norm: fraction of full collective thrust, 0..1; saturation: `Saturation` bits; held_off: whose setpoint is
+    not sent, since its pose is rejected.
     """
 
     t_ns: int
@@ -183,6 +185,7 @@ class AttitudeTarget:
     rate_flu_rad_s: Vec3s
     thrust_norm: Scalars
     saturation: Scalars
+    held_off: Flags
 
 
 class Severity(IntEnum):
@@ -198,13 +201,21 @@ class Severity(IntEnum):
     DEBUG = 7
 
 
+OVER = "over: "
+"""With this begins what ends a condition."""
+
+
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something worth telling a person: a phase change, a refusal, a fault, a recovery."""
+    """An event for the operator: a phase change, a rejection, a fault, a recovery.
+
+    lasts: the condition lasts until an event of the same source has `OVER` and the same text.
+    """
 
     severity: Severity
     source: str
     text: str
+    lasts: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,9 +254,28 @@ class Truth:
     armed: bool = False
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Innovation:
+    """The newest normalised innovation of one source of a drone's navigator, as PX4's EstimatorAidSource3d.
+
+    t_ns: time of the observation. Unit by source: position m, attitudes rad, thrust m/s^2; axes of `lab`, of `flu` for
+    thrust; what is not observed is zero. test_ratio: above 1 the observation is inconsistent. rejected: the source is
+    not used.
+    """
+
+    t_ns: int
+    sysid: int
+    source: str
+    observation: Vec3
+    innovation: Vec3
+    innovation_variance: Vec3
+    test_ratio: Vec3
+    rejected: bool
+
+
 @dataclass(frozen=True, slots=True)
 class HostReport:
-    """What the ground's host tells it: other grounds alive on the lab's bus, what is wrong with log and stop button.
+    """The host's report to its ground: other grounds on the lab's bus, faults of the log and the stop button.
 
     log_trouble, button_trouble: in words; empty while everything is written in time, and the button is there or none is
     configured.
@@ -254,6 +284,18 @@ class HostReport:
     other_grounds: tuple[str, ...] = ()
     log_trouble: str = ""
     button_trouble: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class UnmetParameter:
+    """A parameter that the autopilot `sysid` reads as it boots was written, or found not as wanted, at `t_ns`.
+
+    t_ns: on the ground's clock. Until the autopilot boots after that, it flies with another value than it reports.
+    """
+
+    sysid: int
+    parameter: str
+    t_ns: int
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,7 +37,9 @@ class VrpnConfig(Model):
     """
 
     host: Host = "127.0.0.1"
+    """Computer of the server."""
     port: Port = 3883
+    """TCP port of the server."""
     udp: bool = False
     assemble_s: Annotated[float, NoFlag, Field(gt=0.0, le=0.01)] = 0.002
     repeats_are_lost: bool = True
@@ -47,36 +49,48 @@ class ChingmuConfig(Model):
     """A Chingmu server (CMTracker or CMAvatar): VRPN with one tracker, each body one of its sensors."""
 
     host: Host = "127.0.0.1"
+    """Computer of the server."""
     port: Port = 3883
+    """TCP port of the server."""
     device: Name = "MCServer"
+    """Name of the VRPN device."""
     first_sensor: SensorId = 300
     """Rigid bodies are sensors from here on: the lab's bodies in their order, where [mocap.names] does not say."""
     assemble_s: Annotated[float, NoFlag, Field(gt=0.0, le=0.01)] = 0.002
+    """Longest wait for the poses of one exposure."""
     repeats_are_lost: bool = True
+    """Whether a pose that repeats to the last bit counts as not seen."""
 
 
 class NatNetConfig(Model):
     """OptiTrack's Motive. multicast: the group it streams to, empty for unicast; interface: our own address."""
 
     host: Host = "127.0.0.1"
+    """Computer that Motive runs on."""
     multicast: Annotated[Host | Literal[""], BeforeValidator(lambda group: group or "")] = "239.255.42.99"
     interface: Host = "0.0.0.0"
     command_port: Port = 1510
+    """UDP port of commands."""
     data_port: Port = 1511
+    """UDP port of frames."""
 
 
 class QualisysConfig(Model):
     """Qualisys Track Manager's real-time server."""
 
     host: Host = "127.0.0.1"
+    """Computer that QTM runs on."""
     port: Port = 22223
+    """TCP port of the real-time server."""
 
 
 class ViconConfig(Model):
     """A Vicon DataStream server: Tracker, Nexus, Shogun."""
 
     host: Host = "127.0.0.1"
+    """Computer that Tracker, Nexus or Shogun runs on."""
     port: Port = 801
+    """TCP port of the DataStream."""
 
 
 class MocapConfig(Model):
@@ -84,7 +98,7 @@ class MocapConfig(Model):
 
     source `mavlink`: simulated autopilots say themselves where they are; no mocap, and no pose is sent to them.
     delay_s: from exposure to receipt on the whole, what the loop's delay margin is computed with. latency_s: the part
-    of it that is always there, which VRPN and QTM cannot tell; `gcs-log identify` estimates it; delay_s if not given.
+    of it that is constant, which VRPN and QTM do not report; `gcs-log identify` estimates it; delay_s if not given.
     axes: where the mocap's own x, y and z point, such as ["x forward", "y up", "z right"], instead of q_lab_from_mocap.
     names: the lab's body for what the source calls it (Chingmu: the sensor's number), where the two differ.
     """
@@ -92,14 +106,20 @@ class MocapConfig(Model):
     source: Literal[
         "zenoh", "csv", "mcap", "mavlink", "vrpn", "chingmu", "natnet", "qualisys", "vicon"
     ] = "zenoh"  # fmt: skip
+    """Protocol by which poses arrive."""
     file: str | None = None
+    """Recording that the sources `csv` and `mcap` play."""
     rate_hz: Positive = 100.0
+    """Frames a second."""
     delay_s: Seconds = 0.008
     latency_s: Seconds | None = None
     unit: Literal["m", "cm", "mm"] | None = None
+    """Length unit of the source; not given: the camera system's own."""
     axes: tuple[str, str, str] | None = None
     q_lab_from_mocap: UnitQuat = NO_ROTATION
+    """Rotation from the cameras' axes to `lab`, `w, x, y, z`."""
     origin_lab_m: Vec3Tuple = (0.0, 0.0, 0.0)
+    """Origin of the cameras' axes in `lab`."""
     names: dict[SourceText, Name] = Field(default_factory=dict)
     vrpn: VrpnConfig | None = None
     chingmu: ChingmuConfig | None = None
@@ -131,8 +151,8 @@ class MocapConfig(Model):
             q = rotation_of(values["axes"])
         except ValueError as error:
             raise WrongKeyError("axes", str(error).removeprefix("axes: "), values["axes"]) from error
-        given = values.get("q_lab_from_mocap")
-        if given is not None and max(abs(abs(a) - abs(b)) for a, b in zip(given, q, strict=True)) > 1e-3:
+        rotation = values.get("q_lab_from_mocap")
+        if rotation is not None and max(abs(abs(a) - abs(b)) for a, b in zip(rotation, q, strict=True)) > 1e-3:
             raise WrongKeyError("axes", "q_lab_from_mocap says another rotation: give one of the two")
         return values | {"q_lab_from_mocap": q}
 

@@ -6,6 +6,8 @@ from enum import StrEnum
 LAB = "lab"
 ENDPOINT = "tcp/127.0.0.1:7447"
 """Where a lab's ground is asked, where nothing else is said."""
+GCS_NAME = "main"
+"""The ground of a lab that has one: its name on the bus."""
 
 
 CONFIGURED = "configured"
@@ -17,7 +19,7 @@ class Verb(StrEnum):
 
     STATUS = "status"
     ARM = "arm"
-    ADOPT = "adopt"
+    TAKE_CONTROL = "take_control"
     TAKEOFF = "takeoff"
     START = "start"
     HOLD = "hold"
@@ -26,6 +28,12 @@ class Verb(StrEnum):
     SHAPE = "shape"
     TRAJECTORY = "trajectory"
     RESET = "reset"
+    ACKNOWLEDGE = "acknowledge"
+
+    @property
+    def command_name(self) -> str:
+        """The name of its command line: `gcs take-control`."""
+        return self.value.replace("_", "-")
 
 
 @dataclass(frozen=True, slots=True)

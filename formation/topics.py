@@ -31,15 +31,17 @@ LINK_DOWN = Topic("link/down", m.Datagram, 300.0, Drop.LATEST_WINS)
 REQUEST = Topic("operator/request", m.OperatorRequest, 0.1, Drop.NEVER)
 REPLY = Topic("operator/reply", m.OperatorReply, 0.1, Drop.NEVER)
 HOST = Topic("input/host", m.HostReport, 0.1, Drop.NEVER)
+UNMET = Topic("input/unmet", m.UnmetParameter, 0.1, Drop.NEVER)
 STATE = Topic("control/state", m.SwarmState, 100.0, Drop.OLDEST_LOST)
 REFERENCE = Topic("control/reference", m.Reference, 100.0, Drop.OLDEST_LOST)
 COMMAND = Topic("control/command", m.Command, 100.0, Drop.OLDEST_LOST)
 TARGET = Topic("control/target", m.AttitudeTarget, 100.0, Drop.OLDEST_LOST)
 LAW_FAILURE = Topic("control/law_failure", m.LawFailure, 0.1, Drop.NEVER)
 EVENT = Topic("event", m.Event, 1.0, Drop.NEVER)
-REFUSED = Topic("edge/refused", m.Event, 1.0, Drop.NEVER)
+REJECTED = Topic("edge/refused", m.Event, 1.0, Drop.NEVER)
 PHASE = Topic("phase", m.PhaseChange, 0.1, Drop.NEVER)
 TRUTH = Topic("sim/truth", m.Truth, 250.0, Drop.OLDEST_LOST)
+INNOVATION = Topic("guard/innovation", m.Innovation, 40.0, Drop.OLDEST_LOST)
 TICK = Topic("input/tick", m.Tick, 100.0, Drop.NEVER)
 CLOCK = Topic("clock", m.ClockPair, 1 / 60, Drop.NEVER)
 TIMING = Topic("timing/loop", m.LoopTiming, 100.0, Drop.OLDEST_LOST)
@@ -52,6 +54,7 @@ ALL = (
     REQUEST,
     REPLY,
     HOST,
+    UNMET,
     TICK,
     STATE,
     REFERENCE,
@@ -59,9 +62,10 @@ ALL = (
     TARGET,
     LAW_FAILURE,
     EVENT,
-    REFUSED,
+    REJECTED,
     PHASE,
     TIMING,
     TRUTH,
+    INNOVATION,
     CLOCK,
 )

@@ -22,10 +22,10 @@ Cycles = Annotated[int, NoFlag, Field(ge=0, le=20)]
 
 @dataclass(frozen=True, slots=True)
 class Keys:
-    """Of a kind of trajectory: the keys that it looks at, which of them says how fast it is, and which how far."""
+    """The keys of a kind of trajectory: those used, the one that sets its speed, and the one that sets its extent."""
 
     used: frozenset[str]
-    pace: str
+    speed_key: str
     extent: str
 
 
@@ -64,17 +64,24 @@ class TrajectoryConfig(Model):
     """
 
     kind: TrajectoryKind = "hold"
+    """Kind of trajectory."""
     length_m: Positive = 1.0
+    """Length of a line, or of a figure of eight along lab x."""
     width_m: Positive | None = None
     radius_m: Positive = 0.3
+    """Radius of a circle."""
     amplitude_m: Vec3Tuple = (0.5, 0.5, 0.0)
     cycles: tuple[Cycles, Cycles, Cycles] = (3, 2, 1)
     phase_rad: Vec3Tuple = (0.0, 0.0, 0.0)
     period_s: Positive = 12.0
+    """Time of one lap."""
     duration_s: Positive = 8.0
     speed_m_s: Positive = 0.5
+    """Largest speed through waypoints."""
     yaw_rate_rad_s: Number = 0.0
+    """Rate at which the leader turns as it flies."""
     waypoints_m: Annotated[tuple[Vec3Tuple, ...], Field(max_length=WAYPOINTS_MOST)] = ()
+    """Points in `lab` to fly through."""
     laps: Annotated[int, NoFlag, Field(ge=1, le=1000)] | None = None
     file: str | None = None
     name: Name | None = None

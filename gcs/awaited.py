@@ -1,4 +1,4 @@
-"""What a ground needs of others before it can arm anybody, and what to do where it does not come."""
+"""What a ground needs before it can arm drones, and what to do when it is missing."""
 
 from typing import Protocol
 
@@ -7,14 +7,14 @@ from wire.process.awaited import Awaited, bus_at
 from wire.transport.zenoh_bus import ZenohBus
 
 
-class Hears(Protocol):
-    """What a ground has heard so far: system ids of drones, and whether any frame."""
+class ReceivedInputs(Protocol):
+    """What a ground has received so far: the system ids of drones, and whether any frame."""
 
-    heard: set[int]
+    received_sysids: set[int]
     has_frame: bool
 
 
-def awaited_by_ground(config: LabConfig, bus: ZenohBus, ground: Hears) -> list[Awaited]:
+def awaited_by_ground(config: LabConfig, bus: ZenohBus, ground: ReceivedInputs) -> list[Awaited]:
     """The bus where another listens, frames, and each drone."""
     awaited = []
     if not bus.listens:
@@ -26,8 +26,8 @@ def awaited_by_ground(config: LabConfig, bus: ZenohBus, ground: Hears) -> list[A
     return awaited + [_awaited_drone(config.vehicles[i], ground) for i in config.commanded]
 
 
-def _awaited_drone(vehicle: VehicleBody, ground: Hears) -> Awaited:
+def _awaited_drone(vehicle: VehicleBody, ground: ReceivedInputs) -> Awaited:
     sysid = vehicle.sysid or 0
     where = f"at its link {vehicle.link}" if vehicle.link else f"as system {sysid}"
     remedy = f"nothing is heard {where}: is it on, and its bridge (`drone-agent --sysid {sysid} --bridge ...`)?"
-    return Awaited(f"drone {vehicle.body}", lambda: sysid in ground.heard, remedy)
+    return Awaited(f"drone {vehicle.body}", lambda: sysid in ground.received_sysids, remedy)

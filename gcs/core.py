@@ -13,8 +13,11 @@ import numpy as np
 from formation import topics
 from formation.config import LabConfig
 from formation.control import limits
+from formation.control.limits.target import SetpointHoldOff
 from formation.control.presets import Preset
 from formation.control.stack import ControlStack, Stages
+from formation.guidance.plan import Plan
+from formation.maths.arrays import Scalars
 from formation.messages import (
     Datagram,
     Event,
@@ -25,6 +28,7 @@ from formation.messages import (
     OperatorRequest,
     Phase,
     Severity,
+    UnmetParameter,
     Verb,
 )
 from formation.own_law.guard import LawGuard, unlimited
@@ -33,34 +37,32 @@ from formation.safety import rules
 from formation.safety.phases import STREAMING, Trigger
 from formation.safety.rules import Facts
 from formation.topics import Topic
-from gcs import reforming
+from gcs import formation_change
 from gcs.drones.checks import warnings
-from gcs.drones.commands import RETRY_NS
-from gcs.drones.drone import Drone
-from gcs.drones.goal import Goal
+from gcs.drones.drone import Drone, Goal
 from gcs.drones.link_state import DroneLink
+from gcs.drones.protocols import COMMAND_RETRY_NS
 from gcs.drones.telemetry import NEVER_NS, ground_heartbeat
-from gcs.facts import FactGatherer, all_finite, felt_forces
+from gcs.facts import FactGatherer, Lateness, all_finite, measured_specific_forces
 from gcs.flight import Flight
-from gcs.lateness import Lateness
-from gcs.mocap.autopilot_poses import streams
 from gcs.operator import armed_text, done_text
 from gcs.own_law import own_laws
-from gcs.safety import adoption, monitors
-from gcs.safety.blind import BlindFlight
+from gcs.safety import monitors, takeover
 from gcs.safety.host import Host
 from gcs.safety.permissions import Permissions
+from gcs.state.alarms import ACKNOWLEDGED
 from gcs.state.counters import counters
 from gcs.state.swarm import About, swarm_state
+from mocap.autopilot_poses import streams
 from wire.link_messages.address import ground_address
 from wire.mavlink.framing import packed
-from wire.refusals import Refusals
+from wire.rejections import RejectionLog
 
 HEARTBEAT_NS = 1_000_000_000
 POSE_NS = 20_000_000
 WATCHDOG_FRAMES = 3.0
-PICK_UP_NS = 400_000_000
-"""How often after an adoption the control begins anew from where the drones are, until all follow it."""
+REINITIALISE_NS = 400_000_000
+"""Period of reinitialising the control after a takeover, until every drone follows it."""
 
 
 class BrokenInvariantError(RuntimeError):
@@ -79,36 +81,38 @@ class GcsCore:
     """One lab's ground. Not thread-safe; `now_ns` never goes back."""
 
     def __init__(
-        self, config: LabConfig, t0_ns: int, epoch: int = 0, without: frozenset[str] = frozenset(),
+        self, config: LabConfig, t0_ns: int, session: int = 0, without: frozenset[str] = frozenset(),
         gains: Preset | None = None, law_guard: LawGuard = unlimited,
     ) -> None:  # fmt: skip
-        """epoch: which of the lab's grounds this is; one started anew is another.
+        """session: the ground session; a ground that is started again has another one.
 
         without: those of gcs.safety.monitors.MONITORS that a campaign switches off; ValueError for other names.
-        gains: in the place of the lab's preset. law_guard: bounds how long the lab's own law may take.
+        gains: instead of the lab's preset. law_guard: limits the computing time of the lab's own law.
         """
         monitors.check(without)
         self._config = config
-        self._t0_ns, self._epoch = t0_ns, epoch
+        self._t0_ns, self._session = t0_ns, session
         self._without, self._gains = without, gains
-        self._heartbeat = ground_heartbeat(epoch)
+        self._heartbeat = ground_heartbeat(session)
         self._host = Host(without)
         self._feeds_pose = config.mocap.source != "mavlink"
         self._drones = tuple(Drone(i, self._link(config, i)) for i in config.commanded)
         self._links = {drone.link.sysid: drone.link for drone in self._drones}
         for link in self._links.values() if monitors.STOP_REPEAT in without else ():
-            link.commands.urgent_retry_ns = RETRY_NS
+            link.commands.urgent_retry_ns = COMMAND_RETRY_NS
+        self._hold_off = SetpointHoldOff(
+            config.commanded, len(config.vehicles), on=monitors.SETPOINT_HOLD_OFF not in without
+        )
         self._own = own_laws(config, law_guard)
         self._stack = self._fresh_stack()
         self._law_failures: list[LawFailure] = []
-        self._pick_up_ns: int | None = None
+        self._reinitialise_at_ns: int | None = None
         self._flight = Flight(config, self._drones, t0_ns)
         self._gatherer = FactGatherer(config, self._drones)
         self._permissions = Permissions(config, self._drones, self._flight, self._host, without)
         self._rule_state = rules.start(len(config.vehicles))
         self._rules_on = rules.switched_on(without)
         self._lateness = Lateness()
-        self._blind = BlindFlight(self._drones, len(config.vehicles), on=monitors.LEVEL_BLIND not in without)
         self._stages: Stages | None = None
         self._frame: LabFrame | None = None
         self._bodies = tuple(v.body for v in config.vehicles)
@@ -120,20 +124,22 @@ class GcsCore:
         self._due = False
         self._heartbeat_due_ns = t0_ns
         self._pose_due_ns = t0_ns
-        self._watchdog_ns = round(WATCHDOG_FRAMES / config.mocap.rate_hz * 1e9)
-        self._deadline_ns = t0_ns + self._watchdog_ns
+        self.watchdog_ns = round(WATCHDOG_FRAMES / config.mocap.rate_hz * 1e9)
+        """Without a frame for so long, the next one is overdue."""
+        self._deadline_ns = t0_ns + self.watchdog_ns
         self._stale_frames = 0
-        self._refused_frames = Refusals()
+        self._rejected_frames = RejectionLog()
         self._strays = 0
 
     def _fresh_stack(self) -> ControlStack:
         profiles = tuple(self._config.profile_of(vehicle) for vehicle in self._config.vehicles)
-        return ControlStack(self._config, profiles, self._gains, self._without & set(limits.MONITORS), self._own)
+        without = self._without & set(limits.MONITORS)
+        return ControlStack(self._config, profiles, self._gains, without, self._own, self._hold_off)
 
     def _link(self, config: LabConfig, i: int) -> DroneLink:
         vehicle = config.vehicles[i]
         origin = config.origin if self._feeds_pose else None
-        sysid, profile, address = vehicle.sysid or 0, config.profile_of(vehicle), ground_address(self._epoch)
+        sysid, profile, address = vehicle.sysid or 0, config.profile_of(vehicle), ground_address(self._session)
         return DroneLink(vehicle, sysid, profile, streams(config), origin, address)
 
     @property
@@ -141,8 +147,10 @@ class GcsCore:
         """The swarm's phase."""
         return self._flight.phase
 
-    def receive(self, message: LabFrame | Datagram | OperatorRequest | HostReport, now_ns: int) -> None:
-        """Take one input in. Of frames the newest wins; requests wait for the tick, which is then due at once."""
+    def receive(
+        self, message: LabFrame | Datagram | OperatorRequest | HostReport | UnmetParameter, now_ns: int
+    ) -> None:
+        """Receive one input. A newer frame replaces an older one; a request makes the tick due at once."""
         match message:
             case LabFrame():
                 self._receive_frame(message, now_ns)
@@ -157,8 +165,11 @@ class GcsCore:
                 self._requests.append(message)
                 self._due = True
             case HostReport():
-                self._flight.events += self._host.take(message)
+                self._flight.events += self._host.receive(message)
                 self._due = True
+            case UnmetParameter():
+                if message.sysid in self._links:
+                    self._links[message.sysid].boot_parameters.note_unmet(message.parameter, message.t_ns)
 
     def next_deadline_ns(self) -> int:
         """When `tick` is due if nothing arrives: at once if there is something to do, else when a frame is overdue.
@@ -170,50 +181,53 @@ class GcsCore:
     def tick(self, now_ns: int) -> Outgoing:
         """Control on a fresh frame, safety and the flight's progress always. Raises BrokenInvariantError."""
         self._tick_ns, self._due = now_ns, False
-        self._pick_up(now_ns)
-        frame, stack = self._take_frame(), self._stack
-        stages = None if frame is None else self._control(frame, now_ns)
+        self._reinitialise(now_ns)
+        frame, stack, plan = self._pop_frame(), self._stack, self._flight.plan()
+        links = self._gatherer.gather_links(now_ns)
         self._gatherer.compare_attitudes(frame)
-        facts, phase = self._facts(now_ns), self._flight.phase
+        stages = None if frame is None else self._control(frame, plan, links.hover_thrust_norm, now_ns)
+        facts = self._gatherer.gather(links, self._stages, self._lateness.share, now_ns)
+        phase = self._flight.phase
         self._rule_state, verdict = rules.assess(
             self._rule_state, facts, phase, self._config.limits, now_ns, self._rules_on
         )
         self._flight.judge(verdict, now_ns)
-        replies = [reply for request in self._take_requests() for reply in self._answer(request, now_ns)]
-        led = stages if self._stack is stack else None  # drones that fly are sent nothing that was computed for rest
-        self._flight.proceed(led, now_ns)
+        replies = [reply for request in self._pop_requests() for reply in self._answer(request, now_ns)]
+        # After a reinitialisation nothing is sent that was computed for drones at rest.
+        current = stages if self._stack is stack else None
+        self._flight.update(current, now_ns)
         replies += self._answer_arming(now_ns)
-        datagrams = self._datagrams(frame, led, now_ns)
-        self._deadline_ns = self._next_look_ns(now_ns)
+        datagrams = self._datagrams(frame, current, now_ns)
+        self._deadline_ns = self._compute_deadline_ns(now_ns)
         return Outgoing(datagrams=datagrams, replies=tuple(replies), records=self._records(stages))
 
-    def _next_look_ns(self, now_ns: int) -> int:
-        """When a frame is overdue, or before, when an urgent command is to be repeated."""
+    def _compute_deadline_ns(self, now_ns: int) -> int:
+        """When the next frame is overdue, or an urgent command must be repeated, whichever is first."""
         urgent = (d.link.commands.urgent_ns for d in self._drones if d.goal is Goal.CUT)
-        return min((now_ns + self._watchdog_ns, *(due_ns for due_ns in urgent if due_ns is not None)))
+        return min((now_ns + self.watchdog_ns, *(due_ns for due_ns in urgent if due_ns is not None)))
 
-    def _pick_up(self, now_ns: int) -> None:
-        """Begin the control anew from where drones just adopted are, if they do not follow it yet."""
-        if self._pick_up_ns is None or now_ns < self._pick_up_ns:
+    def _reinitialise(self, now_ns: int) -> None:
+        """Reinitialise the control at the positions of drones just taken over, until they follow it."""
+        if self._reinitialise_at_ns is None or now_ns < self._reinitialise_at_ns:
             return
-        self._pick_up_ns = None
+        self._reinitialise_at_ns = None
         if self.phase is Phase.HOLD and any(drone.awaited(now_ns) for drone in self._drones):
-            self._stack, self._pick_up_ns = self._fresh_stack(), now_ns + PICK_UP_NS
+            self._stack, self._reinitialise_at_ns = self._fresh_stack(), now_ns + REINITIALISE_NS
 
     def state(self, now_ns: int) -> dict[str, Any]:
         """Everything an operator may want to see, as JSON has it; reading it changes nothing."""
-        grounded, late = self.phase is Phase.GROUND, self._lateness.share
-        facts = self._gatherer.gather(self._stages, late, now_ns, grounded or self.phase is Phase.ARMED)
-        refusals = self._permissions.arming(facts, now_ns) if grounded else ()
-        links, refused = self._links.values(), self._refused_frames.count
+        grounded = self.phase is Phase.GROUND
+        facts = self._facts(now_ns, asked_to_arm=grounded or self.phase is Phase.ARMED)
+        reasons = self._permissions.arming(facts, now_ns) if grounded else ()
+        links, rejected_frames = self._links.values(), self._rejected_frames.count
         about = About(
             t_s=(now_ns - self._t0_ns) * 1e-9,
-            epoch=self._epoch,
+            session=self._session,
             host=self._host,
-            counters=counters(self._lateness, self._stale_frames, refused, self._strays, links),
+            counters=counters(self._lateness, self._stale_frames, rejected_frames, self._strays, links),
             rejected={b: rejection_text(c) for b, c in zip(self._bodies, self._rejected.tolist(), strict=True) if c},
-            refusals=refusals,
-            allowed=self._permissions.allowed(facts, self._stages, refusals, now_ns),
+            arming_reject_reasons=reasons,
+            allowed=self._permissions.allowed(facts, self._stages, reasons, now_ns),
         )
         return swarm_state(self._flight, self._drones, facts, self._stages, self._config, about, now_ns)
 
@@ -223,7 +237,7 @@ class GcsCore:
 
     def _receive_frame(self, frame: LabFrame, now_ns: int) -> None:
         if frame.bodies != self._bodies:
-            self._refused_frames.note("mocap", "frame of other bodies than the lab's", now_ns)
+            self._rejected_frames.note("mocap", "frame of other bodies than the lab's", now_ns)
             return
         if frame.t_capture_ns <= self._newest_capture_ns:
             self._stale_frames += 1
@@ -233,41 +247,41 @@ class GcsCore:
         self._frame, self._due = frame, True
         self._rejected = frame.rejected
 
-    def _take_frame(self) -> LabFrame | None:
+    def _pop_frame(self) -> LabFrame | None:
         frame, self._frame = self._frame, None
         return frame
 
-    def _take_requests(self) -> list[OperatorRequest]:
+    def _pop_requests(self) -> list[OperatorRequest]:
         requests, self._requests = self._requests, []
         return requests
 
-    def _control(self, frame: LabFrame, now_ns: int) -> Stages:
-        hover = np.array([drone.link.hover_thrust_norm for drone in self._drones])
-        self._stack.forget(self._blind.look(frame))
-        stages = self._stack.step(now_ns, frame, self._flight.plan(), hover, felt_forces(self._drones, frame))
+    def _control(self, frame: LabFrame, plan: Plan, hover_thrust_norm: Scalars, now_ns: int) -> Stages:
+        flies = np.array([drone.lifted and not drone.touched for drone in self._drones])
+        force_meas, bias = measured_specific_forces(self._drones, frame), self._gatherer.level_bias_rad()
+        stages = self._stack.step(now_ns, frame, plan, hover_thrust_norm, force_meas, bias, flies)
         self._law_failures = self._stack.law_failures()
         self._flight.events += [Event(Severity.ERROR, "control", failure.text) for failure in self._law_failures]
         state, target = stages.state, stages.target
-        if not all_finite(
-            state.pos_lab_m, state.vel_lab_m_s, target.q_lab_from_flu, target.rate_flu_rad_s, target.thrust_norm
-        ):
+        # The limits may have put new arrays in the target; in one memory layout the kernel is compiled once.
+        numbers = (target.q_lab_from_flu, target.rate_flu_rad_s, target.thrust_norm)
+        if not all_finite(state.pos_lab_m, state.vel_lab_m_s, *map(np.ascontiguousarray, numbers)):
             raise BrokenInvariantError(f"frame {frame.seq}: the control's estimate or target is not finite")
-        self._stages = self._blind.kept(stages, frame.t_capture_ns, hover)
-        return self._stages
+        self._stages = stages
+        return stages
 
     def _answer(self, request: OperatorRequest, now_ns: int) -> list[OperatorReply]:
         """The answer; none yet to `arm`, which is answered when every drone has armed, or has not."""
         if request.verb is Verb.STATUS:
             return [OperatorReply(request.id, True, self.status(now_ns))]
-        facts = self._gatherer.gather(self._stages, self._lateness.share, now_ns, asked_to_arm=True)
-        refusals = self._permissions.refusals(request.verb, facts, self._stages, now_ns)
-        if not refusals and request.verb in reforming.CHANGES:
-            refusals = reforming.ask(request, self._flight, self._facts(now_ns), self._stages, now_ns)
-        elif not refusals:
-            refused = self._carry_out(request.verb, now_ns)
-            refusals = (refused,) if refused else ()
-        if refusals:
-            text = "; ".join(refusals)
+        facts = self._facts(now_ns, asked_to_arm=True)
+        reasons = self._permissions.reject_reasons(request.verb, facts, self._stages, now_ns)
+        if not reasons and request.verb in formation_change.CHANGES:
+            reasons = formation_change.ask(request, self._flight, self._facts(now_ns), self._stages, now_ns)
+        elif not reasons:
+            reject_reason = self._execute(request.verb, now_ns)
+            reasons = (reject_reason,) if reject_reason else ()
+        if reasons:
+            text = "; ".join(reasons)
             self._flight.events.append(Event(Severity.WARNING, "operator", f"{request.verb} refused: {text}"))
             return [OperatorReply(request.id, False, text)]
         if request.verb is Verb.ARM:
@@ -275,16 +289,19 @@ class GcsCore:
             return []
         return [OperatorReply(request.id, True, done_text(self._flight))]
 
-    def _carry_out(self, verb: Verb, now_ns: int) -> str:
-        """Pull the verb's trigger: the empty text, or why it means nothing now."""
-        adopted = verb is Verb.ADOPT and self.phase is Phase.GROUND
-        down = adoption.landing_text(self._drones) if adopted else ""
+    def _execute(self, verb: Verb, now_ns: int) -> str:
+        """Execute a request; the empty text, or why it has no effect now. `acknowledge` changes no phase."""
+        if verb is Verb.ACKNOWLEDGE:
+            self._flight.events.append(ACKNOWLEDGED)
+            return ""
+        is_takeover = verb is Verb.TAKE_CONTROL and self.phase is Phase.GROUND
+        down = takeover.landing_text(self._drones) if is_takeover else ""
         if down:
             return self._flight.pull(Trigger.LAND, down, now_ns)
-        refused = self._flight.pull(Trigger(verb.value), f"operator: {verb}", now_ns)
-        if adopted and not refused:
-            self._stack, self._pick_up_ns = self._fresh_stack(), now_ns + PICK_UP_NS
-        return refused
+        reject_reason = self._flight.pull(Trigger(verb.value), f"operator: {verb}", now_ns)
+        if is_takeover and not reject_reason:
+            self._stack, self._reinitialise_at_ns = self._fresh_stack(), now_ns + REINITIALISE_NS
+        return reject_reason
 
     def _answer_arming(self, now_ns: int) -> list[OperatorReply]:
         request, flight = self._arming_request, self._flight
@@ -295,8 +312,9 @@ class GcsCore:
             return [OperatorReply(request, True, armed_text(flight, now_ns))]
         return [OperatorReply(request, False, flight.cause)]
 
-    def _facts(self, now_ns: int) -> Facts:
-        return self._gatherer.gather(self._stages, self._lateness.share, now_ns)
+    def _facts(self, now_ns: int, asked_to_arm: bool = False) -> Facts:
+        links = self._gatherer.gather_links(now_ns)
+        return self._gatherer.gather(links, self._stages, self._lateness.share, now_ns, asked_to_arm)
 
     def _datagrams(self, frame: LabFrame | None, stages: Stages | None, now_ns: int) -> tuple[Datagram, ...]:
         """One datagram a drone where it holds them all, the setpoint first."""
@@ -310,17 +328,17 @@ class GcsCore:
         datagrams = []
         for i, drone in enumerate(self._drones):
             link, parts = drone.link, []
-            if streaming and frame is not None and stages is not None and drone.flown and not self._blind.mutes(i):
+            due = link.due(now_ns)
+            if streaming and frame is not None and stages is not None and drone.flown and not stages.target.held_off[i]:
                 target = stages.target
-                told = self._gatherer.told(drone.index, target.q_lab_from_flu[i])
-                turn, thrust_norm = target.rate_flu_rad_s[i], float(target.thrust_norm[i])
-                parts.append(link.setpoint(frame.t_capture_ns, told, turn, thrust_norm))
+                q, turn, thrust_norm = target.q_lab_from_flu[i], target.rate_flu_rad_s[i], float(target.thrust_norm[i])
+                parts.append(link.setpoint(frame.t_capture_ns, q, turn, thrust_norm))
             if pose and frame is not None and frame.seen[drone.index]:
                 at = drone.index
                 parts.append(link.pose(frame.t_capture_ns, frame.pos_lab_m[at], frame.q_lab_from_flu[at]))
             if beat:
                 parts.append(link.codec.encode(self._heartbeat))
-            parts += [link.codec.encode(message) for message in link.due(now_ns)]
+            parts += [link.codec.encode(message) for message in due]
             datagrams += [Datagram(link.sysid, data) for data in packed(b"".join(parts))]
         return tuple(datagrams)
 
@@ -337,13 +355,13 @@ class GcsCore:
         flight = self._flight
         records += [(topics.PHASE, change) for change in flight.changes]
         events, flight.events, flight.changes = flight.events, [], []
-        events += self._refused_frames.due(self._tick_ns)
+        events += self._rejected_frames.due(self._tick_ns)
         for drone in self._drones:
-            events += self._tell(drone)
+            events += self._pop_events(drone)
         return (*records, *((topics.EVENT, event) for event in events))
 
-    def _tell(self, drone: Drone) -> list[Event]:
-        """What the drone said since the last tick and, once its parameters are read, what is amiss with them."""
+    def _pop_events(self, drone: Drone) -> list[Event]:
+        """The drone's events since the last tick; once its parameters are read, also warnings about them."""
         link = drone.link
         events, link.events = link.events, []
         if not drone.checked and link.model is not None and not link.parameters.reading:

@@ -24,24 +24,25 @@ from formation.messages import (
     OperatorRequest,
     Phase,
     Severity,
+    UnmetParameter,
     Verb,
 )
 from formation.requests import ENDPOINT
-from gcs import GCS_NAME as GCS_NAME
 from gcs.awaited import awaited_by_ground
 from gcs.core import GcsCore
+from gcs.doctor.restart_record import watch_record
 from gcs.drones.links import GroundLinks, open_links
-from gcs.mocap.autopilot_poses import AutopilotPoses
-from gcs.mocap.service import ServiceError, mocap_service
 from gcs.other_grounds import know_other_grounds
 from gcs.recording import Input, Recorder, run_metadata
 from gcs.state.host import Disk, EventMemory, disk, host_state
 from gcs.stop_button.watch import watch_button
+from mocap.autopilot_poses import AutopilotPoses
+from mocap.service import ServiceError, mocap_service
 from wire.clock import REAL_TIME, Clock, unix_us
 from wire.logs.dates import record_dates
 from wire.logs.live import sharer
 from wire.logs.mcap_log import LogWriter
-from wire.process.awaited import tell_awaited
+from wire.process.awaited import report_missing
 from wire.process.deadline import Deadline
 from wire.process.machine import machine
 from wire.transport.mocap_bus import MocapBus
@@ -56,7 +57,7 @@ LANDING_LIMIT_NS = 60_000_000_000
 LAW_S, LAW_WALL_S = 0.01, 0.05
 """For the lab's own laws in one tick: of computing, and of any kind; setpoints are stale after 0.1 s."""
 
-Tell = Callable[[Event], None]
+EventSink = Callable[[Event], None]
 
 
 @dataclass(slots=True)
@@ -71,47 +72,47 @@ class Timing:
 class Ground:
     """One GcsCore between its inputs and its links. Everything runs on the event loop, in order of arrival."""
 
-    def __init__(self, config: LabConfig, core: GcsCore, log: LogWriter, tell: Tell, clock: Clock) -> None:
+    def __init__(self, config: LabConfig, core: GcsCore, log: LogWriter, report: EventSink, clock: Clock) -> None:
         self.timing = Timing()
         self.links: GroundLinks | None = None
         self._core = core
         self.log = log
         self._recorder = Recorder(log.write)
-        self._tell = tell
-        self._told = EventMemory()
+        self._print_event = report
+        self._events = EventMemory()
         self.disk = Disk()
         self.button_trouble = ""
         self._clock = clock
         self._poses = AutopilotPoses(config) if config.mocap.source == "mavlink" else None
         self._spacing_s = 1.0 / config.mocap.rate_hz
-        self.heard: set[int] = set()
-        """System ids of the drones that have spoken."""
+        self.received_sysids: set[int] = set()
+        """System ids of the drones that have sent a datagram."""
         self.has_frame = False
-        self._waiting: dict[int, Reply] = {}
+        self._pending_replies: dict[int, Reply] = {}
         self._state = ""
         self._state_ns: int | None = None
-        self._report = HostReport()
+        self._host_report = HostReport()
         self.other_grounds: tuple[str, ...] = ()
         """Those that are alive on the lab's bus."""
         self._request_id = 0
-        self._frame_seq = -1
+        self._frame_seq, self._frame_ns = -1, 0
         self._received_ns: int | None = None
         self._tick_scheduled = False
         self._loop = asyncio.get_running_loop()
 
-    def take_frame(self, frame: LabFrame) -> None:
-        """A frame has come: control at once."""
+    def receive_frame(self, frame: LabFrame) -> None:
+        """Receive a frame and run a control tick at once."""
         now_ns = self._clock.monotonic_ns()
         self._frame(frame, now_ns)
         self._tick(now_ns)
 
-    def take_datagram(self, datagram: Datagram) -> None:
-        """A drone has spoken. Where drones are their own mocap, this may be a frame.
+    def receive_datagram(self, datagram: Datagram) -> None:
+        """Receive a datagram of a drone. It may complete a frame where the drones report their own poses.
 
-        Answers and such frames wait until everything that has arrived is read: what is old must not be flown first.
+        Replies and such frames wait until everything that has arrived is read, so that no old frame is flown first.
         """
         now_ns = self._clock.monotonic_ns()
-        self.heard.add(datagram.sysid)
+        self.received_sysids.add(datagram.sysid)
         self._input(datagram, now_ns)
         frame = None if self._poses is None else self._poses.receive(datagram, now_ns)
         if frame is not None:
@@ -120,8 +121,8 @@ class Ground:
             self._tick_scheduled = True
             self._loop.call_soon(self._tick_if_due)
 
-    def take_request(self, request: OperatorRequest, reply: Reply) -> None:
-        """An operator has asked. Ids are ours here: two operators may use the same. A status costs no tick."""
+    def receive_request(self, request: OperatorRequest, reply: Reply) -> None:
+        """Receive an operator's request. It gets an id of ours: operators' ids may clash. A status costs no tick."""
         now_ns = self._clock.monotonic_ns()
         if request.verb is Verb.STATUS:
             reply(OperatorReply(request.id, True, self._state_text(now_ns)))
@@ -129,74 +130,81 @@ class Ground:
         self._request_id += 1
         self._state_ns = None
         asked_id = request.id
-        self._waiting[self._request_id] = lambda answer: reply(OperatorReply(asked_id, answer.accepted, answer.text))
+        self._pending_replies[self._request_id] = lambda answer: reply(
+            OperatorReply(asked_id, answer.accepted, answer.text)
+        )
         self._input(OperatorRequest(self._request_id, request.verb, request.argument), now_ns)
         self._tick(now_ns)
 
     async def watch(self) -> None:
-        """Tick where a frame is overdue; for ever."""
+        """Tick where a frame is overdue, which makes the tick late, or an answer waits, which does not; for ever."""
         while True:
             await self._clock.sleep_until_ns(self._core.next_deadline_ns())
             now_ns = self._clock.monotonic_ns()
             if now_ns >= self._core.next_deadline_ns():
-                overdue = self._received_ns is None and self._frame_seq >= 0 and self._core.phase not in GROUNDED
+                is_flying = self._frame_seq >= 0 and self._core.phase not in GROUNDED
+                is_overdue = now_ns - self._frame_ns >= self._core.watchdog_ns
                 self._tick(now_ns)
-                if overdue:
+                if is_flying and is_overdue:
                     self._note((self._clock.monotonic_ns() - now_ns) * 1e-9, late=True)
 
-    def take_mocap_event(self, event: Event) -> None:
-        """The mocap process has something to say."""
+    def receive_mocap_event(self, event: Event) -> None:
+        """Receive an event of the mocap process."""
         self.log.write(topics.MOCAP_EVENT, event, self._clock.monotonic_ns())
-        self.tell(event)
+        self.report(event)
 
     async def publish_state(self, bus: ZenohBus, name: str) -> None:
-        """Tell the bus how things are, and everybody what was refused, ten times a second; for ever."""
+        """Publish the state and report rejected inputs, ten times a second; runs until cancelled."""
         while True:
             now_ns = self._clock.monotonic_ns()
             self._report_host(now_ns)
             bus.publish_state(name, self._state_text(now_ns))
-            for event in bus.refusals.due(now_ns):
-                self.log.write(topics.REFUSED, event, now_ns)
-                self.tell(event)
+            for event in bus.rejections.due(now_ns):
+                self.log.write(topics.REJECTED, event, now_ns)
+                self.report(event)
             await self._clock.sleep_until_ns(self._clock.monotonic_ns() + STATE_NS)
 
     def _state_text(self, now_ns: int) -> str:
         """Everything that is published of the ground, as JSON, at most STATUS_NS old."""
         if self._state_ns is None or now_ns - self._state_ns > STATUS_NS:
             timing = self.timing
-            host = host_state(timing.ticks, timing.late, timing.worst_s, self.log.path, self.disk, self._told)
+            host = host_state(timing.ticks, timing.late, timing.worst_s, self.log.path, self.disk, self._events)
             self._state, self._state_ns = json.dumps(self._core.state(now_ns) | host), now_ns
         return self._state
 
     def _report_host(self, now_ns: int) -> None:
-        """Tell the core how log and bus are, where that has changed."""
+        """Pass the state of log, bus and stop button to the core when it has changed."""
         report = HostReport(self.other_grounds, self.log.trouble(now_ns), self.button_trouble)
-        if report != self._report:
-            self._report = report
+        if report != self._host_report:
+            self._host_report = report
             self._input(report, now_ns)
             self._tick(now_ns)
 
     async def watch_disk(self) -> None:
-        """Look how much room the log has, once a second, in a thread: a disk may answer late; for ever."""
+        """Read the free disk space once a second, in a thread: a disk may answer late; runs until cancelled."""
         while True:
             self.disk = await asyncio.to_thread(disk, self.log.path)
             await self._clock.sleep_until_ns(self._clock.monotonic_ns() + DISK_NS)
 
-    def press(self) -> None:
-        """Somebody has pressed the stop button."""
-        self.take_request(OperatorRequest(0, Verb.STOP, "stop button"), lambda _reply: None)
+    def receive_unmet(self, unmet: UnmetParameter) -> None:
+        """Receive a parameter that the doctor has recorded: it takes effect at a restart."""
+        self._input(unmet, self._clock.monotonic_ns())
 
-    def tell(self, event: Event) -> None:
-        """Say it on the terminal, and keep it for who looks on."""
-        self._told.note(event, unix_us())
-        self._tell(event)
+    def press(self) -> None:
+        """Stop: the stop button was pressed."""
+        self.receive_request(OperatorRequest(0, Verb.STOP, "stop button"), lambda _reply: None)
+
+    def report(self, event: Event) -> None:
+        """Print an event on the terminal, and keep it for the published state."""
+        self._events.note(event, unix_us())
+        self._print_event(event)
 
     async def land(self) -> None:
         """Bring the swarm down and wait for it, within a limit."""
-        give_up_ns = self._clock.monotonic_ns() + LANDING_LIMIT_NS
+        deadline_ns = self._clock.monotonic_ns() + LANDING_LIMIT_NS
         if self._core.phase not in GROUNDED:
-            self.take_request(OperatorRequest(0, Verb.LAND), lambda _reply: None)
-        while self._core.phase not in GROUNDED and self._clock.monotonic_ns() < give_up_ns:
+            self.receive_request(OperatorRequest(0, Verb.LAND), lambda _reply: None)
+        while self._core.phase not in GROUNDED and self._clock.monotonic_ns() < deadline_ns:
             await self._clock.sleep_until_ns(self._clock.monotonic_ns() + STATE_NS)
 
     @property
@@ -211,7 +219,7 @@ class Ground:
     def _frame(self, frame: LabFrame, now_ns: int) -> None:
         self._input(frame, now_ns)
         self.has_frame = True
-        self._frame_seq, self._received_ns = frame.seq, now_ns
+        self._frame_seq, self._frame_ns, self._received_ns = frame.seq, now_ns, now_ns
 
     def _tick_if_due(self) -> None:
         self._tick_scheduled = False
@@ -228,10 +236,10 @@ class Ground:
         sent_ns = self._clock.monotonic_ns()
         self._recorder.tick(outgoing, now_ns)
         for reply in outgoing.replies:
-            self._waiting.pop(reply.id)(reply)
+            self._pending_replies.pop(reply.id)(reply)
         for topic, message in outgoing.records:
             if topic is topics.EVENT and isinstance(message, Event):
-                self.tell(message)
+                self.report(message)
         if self._received_ns is not None:
             latency_s = (sent_ns - self._received_ns) * 1e-9
             self._received_ns = None
@@ -266,7 +274,7 @@ async def run(
     log_path: Path,
     name: str,
     metadata: Mapping[str, str],
-    tell: Tell,
+    report: EventSink,
     clock: Clock = REAL_TIME,
 ) -> Ended:
     """Run the ground until SIGINT or SIGTERM; in flight it lands the swarm first, a second signal ends it at once.
@@ -275,18 +283,23 @@ async def run(
     Raises OSError (bus, ports, log), ValueError (a link that is none), ServiceError (no mocap), GroundFailure.
     """
     start = clock.pair()
-    t0_ns, epoch = start.monotonic_ns, start.unix_ns // 1_000_000_000
-    core = GcsCore(config, t0_ns, epoch, law_guard=Deadline(LAW_S, LAW_WALL_S))
+    t0_ns, session = start.monotonic_ns, start.unix_ns // 1_000_000_000
+    core = GcsCore(config, t0_ns, session, law_guard=Deadline(LAW_S, LAW_WALL_S))
     bus = await ZenohBus.open_or_listen(config.link, config.name)
     try:
-        told = {**run_metadata(config, t0_ns, epoch), "lab_file": str(lab_file), "machine": machine(), **metadata}
-        with LogWriter(log_path, told, start=start, share=sharer(bus, name)) as log:
-            ground = Ground(config, core, log, tell, clock)
+        log_metadata = {
+            **run_metadata(config, t0_ns, session),
+            "lab_file": str(lab_file),
+            "machine": machine(),
+            **metadata,
+        }
+        with LogWriter(log_path, log_metadata, start=start, share=sharer(bus, name)) as log:
+            ground = Ground(config, core, log, report, clock)
             if bus.listens and not config.link.names_bus:
-                ground.tell(LISTENS)
-            ground.links = await open_links(config, bus, ground.take_datagram)
+                ground.report(LISTENS)
+            ground.links = await open_links(config, bus, ground.receive_datagram)
             try:
-                know_other_grounds(bus, name, epoch, ground)
+                know_other_grounds(bus, name, session, ground)
                 await _serve(config, lab_file, ground, bus, name, clock)
             except BaseExceptionGroup as group:
                 raise _first_failure(group) from group
@@ -319,9 +332,9 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
     gc.collect()
     gc.freeze()  # what start-up made lives as long as the process: collections in flight need not look at it
     mocap = MocapBus(bus, clock)
-    mocap.on_event(ground.take_mocap_event)
+    mocap.on_event(ground.receive_mocap_event)  # before frames: who is sent those is known to listen to events by then
     if config.mocap.source != "mavlink":  # there the drones' links bring the poses
-        mocap.on_frame(ground.take_frame)
+        mocap.on_frame(ground.receive_frame)
     async with asyncio.TaskGroup() as tasks:
         services = [
             tasks.create_task(_raise_from(failure)),
@@ -330,10 +343,11 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
             tasks.create_task(watch_button(config.operator.stop_button, ground)),  # first: it is there from the first
             tasks.create_task(ground.publish_state(bus, name)),
             tasks.create_task(ground.watch_disk()),
-            tasks.create_task(tell_awaited("ground", awaited_by_ground(config, bus, ground), ground.tell)),
-            tasks.create_task(_have_mocap(config, lab_file, mocap, ground.tell, clock, name)),
+            tasks.create_task(watch_record(lab_file, ground.receive_unmet, ground.report, clock)),
+            tasks.create_task(report_missing("ground", awaited_by_ground(config, bus, ground), ground.report)),
+            tasks.create_task(_have_mocap(config, lab_file, mocap, ground.report, clock, name)),
         ]
-        bus.serve(name, ground.take_request)
+        bus.serve(name, ground.receive_request)
         await asked_to_end.wait()
         await ground.land()
         for service in services:
@@ -341,10 +355,10 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
 
 
 async def _have_mocap(
-    config: LabConfig, lab_file: Path, mocap: MocapBus, tell: Tell, clock: Clock, name: str
+    config: LabConfig, lab_file: Path, mocap: MocapBus, report: EventSink, clock: Clock, name: str
 ) -> None:  # fmt: skip
     """See that a mocap process serves the lab; for ever."""
-    async with mocap_service(config, lab_file, mocap, tell, clock, name):
+    async with mocap_service(config, lab_file, mocap, report, clock, name):
         await asyncio.get_running_loop().create_future()
 
 

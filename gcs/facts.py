@@ -1,20 +1,68 @@
-"""Gathers what safety decides on, from the newest estimate and the links."""
+"""Gathers what safety decides on: how regularly frames come, the newest estimate, and what the links say."""
 
 import math
+from dataclasses import dataclass
+from math import exp
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from formation.config import LabConfig
 from formation.control.stack import Stages
-from formation.maths.arrays import Float, Quat, Quats, Scalars, Vec3s
+from formation.maths.arrays import Flags, Float, Quats, Scalars, Vec3s
 from formation.maths.kernel import kernel
 from formation.messages import LabFrame
 from formation.safety.rules import Facts
-from gcs.drones.attitude_witness import AttitudeWitness
-from gcs.drones.checks import objections
+from gcs.drones.checks import prearm_failures
 from gcs.drones.drone import Drone
-from gcs.drones.witness import NOWHERE
+from gcs.drones.telemetry import NOWHERE, AttitudeMonitor
+
+MEMORY_S = 1.0
+
+
+@dataclass(slots=True)
+class Lateness:
+    """Frames by sequence number. A frame is missed when its number never comes, or a newer one overtakes it unused."""
+
+    frames: int = 0
+    missed_frames: int = 0
+    _seq: int | None = None
+    _t_ns: int = 0
+    _late: float = 0.0
+    _all: float = 0.0
+
+    @property
+    def share(self) -> float:
+        """The part of about the last second's frames that was missed, 0..1."""
+        return self._late / self._all if self._all > 0.0 else 0.0
+
+    def note(self, seq: int, now_ns: int, overtaken: bool) -> None:
+        """A frame came; `overtaken`: the one before it was never used. A source that starts again starts again here."""
+        missed_frames = int(overtaken)
+        if self._seq is not None and seq > self._seq:
+            missed_frames += seq - self._seq - 1
+        fade = exp(-(now_ns - self._t_ns) * 1e-9 / MEMORY_S)
+        self._late = self._late * fade + missed_frames
+        self._all = self._all * fade + missed_frames + 1
+        self.frames, self.missed_frames = self.frames + 1, self.missed_frames + missed_frames
+        self._seq, self._t_ns = seq, now_ns
+
+
+class LinkFacts(NamedTuple):
+    """What the links say: hover thrust of each commanded vehicle (m), the rest as in `Facts` (n)."""
+
+    hover_thrust_norm: Scalars
+    heartbeat_age_s: Scalars
+    silent_s: Scalars
+    behind_s: Scalars
+    setpoint_age_s: Scalars
+    own_tilt_rad: Scalars
+    battery: Scalars
+    own_pos_lab_m: Vec3s
+    armed: Flags
+    offboard: Flags
+    duplicate: Flags
 
 
 class FactGatherer:
@@ -25,7 +73,7 @@ class FactGatherer:
         self._drones = drones
         self._own = np.array([drone.index for drone in drones])
         self._commanded = np.isin(np.arange(len(self._names)), self._own)
-        self._attitudes = AttitudeWitness(len(self._names))
+        self._attitudes = AttitudeMonitor(len(self._names))
         self._own_mocap = config.mocap.source == "mavlink"
 
     def compare_attitudes(self, frame: LabFrame | None) -> None:
@@ -33,17 +81,17 @@ class FactGatherer:
         if self._own_mocap:
             return
         if frame is not None:
-            self._attitudes.see(frame)
+            self._attitudes.receive_frame(frame)
         for drone in self._drones:
-            for t_ns, q_lab_from_flu in drone.link.take_attitudes():
-                self._attitudes.hear(drone.index, t_ns, q_lab_from_flu)
+            for t_ns, q_lab_from_flu in drone.link.pop_attitudes():
+                self._attitudes.receive_attitude(drone.index, t_ns, q_lab_from_flu)
 
-    def told(self, index: int, q_lab_from_flu: Quat) -> Quat:
-        """An attitude target of that body in its autopilot's own idea of level."""
-        return self._attitudes.told(index, q_lab_from_flu)
+    def level_bias_rad(self) -> Float:
+        """Of each commanded vehicle's autopilot (m, 2); 0 where it is not known: `correct_level` takes it out."""
+        return self._attitudes.level_bias_rad(self._own)
 
-    def gather(self, stages: Stages | None, late_share: float, now_ns: int, asked_to_arm: bool = False) -> Facts:
-        """The facts now. Objections of the links are gathered only where arming is asked for."""
+    def gather_links(self, now_ns: int) -> LinkFacts:
+        """What the links say now."""
         n = len(self._names)
         heartbeat_s, silent_s, age_s = [0.0] * n, [0.0] * n, [math.nan] * n
         own_tilt, own_pos, battery = [math.nan] * n, [NOWHERE] * n, [math.nan] * n
@@ -55,14 +103,23 @@ class FactGatherer:
             age_s[i], battery[i] = link.setpoint_age_s(now_ns), link.telemetry.battery
             behind_s[i] = link.behind_s(now_ns)
             if not self._own_mocap:  # what comes by the same link as the poses confirms nothing
-                own_tilt[i], own_pos[i] = link.witness.tilt_rad(now_ns), link.witness.pos_lab_m(now_ns)
+                own_tilt[i], own_pos[i] = link.own_estimate.tilt_rad(now_ns), link.own_estimate.pos_lab_m(now_ns)
             armed[i], duplicate[i] = link.armed, link.sequence.duplicate(now_ns)
             offboard[i] = link.offboard or drone.joining(now_ns)
-        pos, age, model_mismatch, measured = self._seen(stages, now_ns)
+        hover = np.array([drone.link.hover_thrust_norm for drone in self._drones])
         heartbeats, silences, behind, ages, own_tilts, batteries = np.array(
             [heartbeat_s, silent_s, behind_s, age_s, own_tilt, battery]
         )
         arms, streams, twins = np.array([armed, offboard, duplicate])
+        return LinkFacts(
+            hover, heartbeats, silences, behind, ages, own_tilts, batteries, np.array(own_pos), arms, streams, twins
+        )
+
+    def gather(
+        self, links: LinkFacts, stages: Stages | None, late_share: float, now_ns: int, asked_to_arm: bool = False
+    ) -> Facts:
+        """The facts now. Objections of the links are gathered only where arming is asked for."""
+        pos, age, model_mismatch, measured = self._seen(stages, now_ns)
         return Facts(
             names=self._names,
             commanded=self._commanded,
@@ -72,19 +129,21 @@ class FactGatherer:
             age_s=age,
             error_m=measured[2],
             model_mismatch=model_mismatch,
-            own_pos_lab_m=np.array(own_pos),
-            own_tilt_rad=own_tilts,
-            attitude_miss_rad=self._attitudes.miss_rad,
-            heartbeat_age_s=heartbeats,
-            silent_s=silences,
-            link_behind_s=behind,
-            setpoint_age_s=ages,
-            armed=arms,
-            offboard=streams,
-            battery=batteries,
-            duplicate=twins,
+            own_pos_lab_m=links.own_pos_lab_m,
+            own_tilt_rad=links.own_tilt_rad,
+            attitude_innovation_rad=self._attitudes.innovation_rad,
+            heartbeat_age_s=links.heartbeat_age_s,
+            silent_s=links.silent_s,
+            link_behind_s=links.behind_s,
+            setpoint_age_s=links.setpoint_age_s,
+            armed=links.armed,
+            offboard=links.offboard,
+            battery=links.battery,
+            duplicate=links.duplicate,
             late_share=late_share,
-            objections=tuple(text for d in self._drones for text in objections(d.link)) if asked_to_arm else (),
+            prearm_failures=tuple(text for d in self._drones for text in prearm_failures(d.link))
+            if asked_to_arm
+            else (),
         )
 
     def _seen(self, stages: Stages | None, now_ns: int) -> tuple[Vec3s, Scalars, Scalars, Float]:
@@ -98,14 +157,14 @@ class FactGatherer:
         return np.ascontiguousarray(state.pos_lab_m), age_s, state.model_mismatch, measured
 
 
-def felt_forces(drones: tuple[Drone, ...], frame: LabFrame) -> Vec3s:
-    """What each drone's accelerometer felt since the frame before, mean (n, 3) in its body's FLU; NaN: nothing told."""
-    felt = np.full((len(frame.bodies), 3), np.nan)
+def measured_specific_forces(drones: tuple[Drone, ...], frame: LabFrame) -> Vec3s:
+    """Mean specific force (n, 3) since the frame before, m/s^2, body FLU; NaN where the drone reports none."""
+    force_meas = np.full((len(frame.bodies), 3), np.nan)
     for drone in drones:
-        force = drone.link.telemetry.force.take(frame.t_capture_ns)
+        force = drone.link.telemetry.force.pop_mean(frame.t_capture_ns)
         if force is not None:
-            felt[drone.index] = force
-    return felt
+            force_meas[drone.index] = force
+    return force_meas
 
 
 @kernel

@@ -13,12 +13,20 @@ from formation.maths.arrays import Float
 from formation.messages import Event, Phase, PhaseChange, Severity
 from formation.safety.phases import AFTER_STOP, AIRBORNE, Trigger, advance, allowed_from
 from formation.safety.rules import Verdict
-from gcs.drones.drone import TAKE_OFF_S, Drone, aside_setpoint, hold_setpoint, land_setpoint, take_off_setpoint
-from gcs.drones.goal import STREAM_FIRST_NS, Goal
+from gcs.drones.drone import (
+    STREAM_FIRST_NS,
+    TAKE_OFF_S,
+    Drone,
+    Goal,
+    aside_setpoint,
+    hold_setpoint,
+    land_setpoint,
+    take_off_setpoint,
+)
 from gcs.landing import landing_spots
-from gcs.safety.adoption import coming_down
 from gcs.safety.alarms import OpenAlarms
-from gcs.safety.descent import LOOK_NS, Descent, descent, landed_text, late_text
+from gcs.safety.descent import FIRST_FRAME_NS, Descent, descent, landed_text, late_text
+from gcs.safety.takeover import coming_down
 
 ARMING_NS = 12_000_000_000
 SETTLE_NS = 1_000_000_000
@@ -70,15 +78,16 @@ class Flight:
         self.trajectory_name, self.config = trajectory, self.lab.flying(trajectory)
         self.events.append(Event(Severity.NOTICE, "flight", f"trajectory {trajectory}: {about}"))
 
-    def reform(self, way: Transition) -> None:
-        """Take the shape up, or change to it, along that way."""
-        self.shape, self.rise_m = way.shape, way.rise_m
+    def change_formation(self, transition: Transition) -> None:
+        """Change the formation to a shape by a transition."""
+        self.shape, self.rise_m = transition.shape, transition.rise_m
         self.events.append(
             Event(
                 Severity.NOTICE,
                 "flight",
-                f"shape {way.shape.name} in {way.duration_s:.1f} s; nearest on the way {way.separation_m:.2f} m, "
-                f"{np.count_nonzero(way.rise_m)} of {len(way.rise_m)} pass above or below",
+                f"shape {transition.shape.name} in {transition.duration_s:.1f} s; "
+                f"nearest on the way {transition.separation_m:.2f} m, "
+                f"{np.count_nonzero(transition.rise_m)} of {len(transition.rise_m)} pass above or below",
             )
         )
 
@@ -93,8 +102,8 @@ class Flight:
         start, path = self.trajectory_start_ns, self.trajectory
         return start is not None and path is not None and now_ns - start >= round(path.duration_s * 1e9)
 
-    def on_the_way(self, now_ns: int) -> tuple[Trajectory | None, float]:
-        """The leader's trajectory and the time along it; None, 0 before it has begun."""
+    def trajectory_progress(self, now_ns: int) -> tuple[Trajectory | None, float]:
+        """The leader's trajectory and the time along it, s; None, 0 before it has begun."""
         if self.trajectory is None or self.trajectory_start_ns is None:
             return None, 0.0
         return self.trajectory, (now_ns - self.trajectory_start_ns) * 1e-9
@@ -122,7 +131,7 @@ class Flight:
         return ""
 
     def judge(self, verdict: Verdict, now_ns: int) -> None:
-        """Carry out what safety decided."""
+        """Apply the verdict of the safety rules."""
         self.events += self.alarms.update(verdict.changes, now_ns)
         for drone in self._drones:
             if verdict.cut[drone.index] and not drone.piloted:
@@ -132,12 +141,12 @@ class Flight:
         if verdict.trigger is not None:
             self.pull(verdict.trigger, verdict.cause, now_ns)
 
-    def proceed(self, stages: Stages | None, now_ns: int) -> None:
-        """Notice what has been achieved, move on, pursue every drone's goal. stages: of this tick's frame, if any."""
+    def update(self, stages: Stages | None, now_ns: int) -> None:
+        """Update the phase and every drone's goal. stages: of this tick's frame, if any."""
         if stages is not None and self.phase in AIRBORNE:
-            self._notice_flight(stages)
+            self._detect_lift_off(stages)
         for drone in self._drones:
-            if drone.notice_pilot():
+            if drone.detect_pilot():
                 text = f"{drone.link.name}: a pilot flies it ({drone.link.mode}), it is left alone"
                 self.events.append(Event(Severity.WARNING, "flight", text))
         match self.phase:
@@ -150,7 +159,7 @@ class Flight:
             case Phase.HOLD:
                 self._watch_joining(now_ns)
             case Phase.LAND:
-                self._notice_landing(stages, now_ns)
+                self._watch_landing(stages, now_ns)
         for drone in self._drones:
             if self.phase is not Phase.ARMED or now_ns - self.entered_ns >= STREAM_FIRST_NS:
                 drone.pursue(now_ns)
@@ -181,14 +190,14 @@ class Flight:
             if phase is Phase.LAND and before is Phase.GROUND:
                 drone.setpoint = IDLE  # its motion is not ours, and it is sent none
 
-    def _notice_flight(self, stages: Stages) -> None:
+    def _detect_lift_off(self, stages: Stages) -> None:
         steady = self.phase in (Phase.FORMATION, Phase.HOLD)
         for i, drone in enumerate(self._drones):
             thrust_norm = float(stages.target.thrust_norm[i])
             x_m, y_m, z_m = stages.state.pos_lab_m[drone.index].tolist()
-            drone.notice_flight((x_m, y_m, z_m), bool(stages.state.age_s[drone.index] < SEEN_S), thrust_norm)
+            drone.detect_lift_off((x_m, y_m, z_m), bool(stages.state.age_s[drone.index] < SEEN_S), thrust_norm)
             if steady:
-                drone.notice_thrust(thrust_norm)
+                drone.update_flying_thrust(thrust_norm)
 
     def _setpoint(self) -> Setpoint:
         flight = self.config.flight
@@ -196,7 +205,7 @@ class Flight:
             case Phase.TAKEOFF:
                 return take_off_setpoint(flight.altitude_m, flight.climb_m_s)
             case Phase.FORMATION:
-                return Setpoint(Mode.FORMATION, speed_m_s=flight.reform_m_s)
+                return Setpoint(Mode.FORMATION, speed_m_s=flight.formation_change_m_s)
             case Phase.HOLD | Phase.LAND:  # a landing begins where its first frame sees everybody
                 return hold_setpoint(flight.climb_m_s)
             case _:
@@ -207,7 +216,7 @@ class Flight:
         if stages is not None:
             for drone in self._drones:
                 drone.rest_z_m = float(stages.state.pos_lab_m[drone.index, 2])
-                drone.link.witness.settle(stages.state.pos_lab_m[drone.index], now_ns)
+                drone.link.own_estimate.settle(stages.state.pos_lab_m[drone.index], now_ns)
         if not unready:
             self._watch_countdown(now_ns)
         elif self.armed:
@@ -217,7 +226,7 @@ class Flight:
             self.pull(Trigger.DISARMED, "; ".join(_why_not_armed(drone) for drone in unready), now_ns)
 
     def _watch_countdown(self, now_ns: int) -> None:
-        """Tell once how long there is for a take-off, and once that there is no longer."""
+        """Report once how much time is left for a take-off, and once when it is too late."""
         before, self.armed = self.armed, True
         first = self.first_to_disarm(now_ns)
         if first is None:
@@ -273,20 +282,20 @@ class Flight:
             self.trajectory_from = np.array([*stages.state.pos_lab_m[0], stages.state.yaw_rad[0]])
             self.trajectory = trajectory_from(self.config, self.trajectory_from)
 
-    def _notice_landing(self, stages: Stages | None, now_ns: int) -> None:
+    def _watch_landing(self, stages: Stages | None, now_ns: int) -> None:
         if stages is not None:
             self._lead_down(stages)
             for i, drone in enumerate(self._drones):
                 vz_m_s, above_m = float(stages.state.vel_lab_m_s[drone.index, 2]), float(stages.command.e_lead_m[i, 2])
-                drone.notice_landing(vz_m_s, above_m, float(stages.target.thrust_norm[i]), now_ns)
-                if drone.flown and drone.hangs(above_m, now_ns):
+                drone.detect_touch_down(vz_m_s, above_m, float(stages.target.thrust_norm[i]), now_ns)
+                if drone.flown and drone.is_not_descending(above_m, now_ns):
                     self._hand_over(drone, "does not come down", now_ns)
-        for drone in self._drones:  # who lands by itself already, or holds its place, does not follow
+        for drone in self._drones:  # a drone that lands or holds by itself does not follow
             if drone.link.armed and not drone.link.offboard and not drone.touched and not drone.joining(now_ns):
                 drone.release(now_ns)
         if not any(drone.is_awaited_down(now_ns) for drone in self._drones):
             self._finish_landing(landed_text(self._drones, now_ns), now_ns)
-        elif stages is not None or now_ns - self.entered_ns > LOOK_NS:
+        elif stages is not None or now_ns - self.entered_ns > FIRST_FRAME_NS:
             self._end_landing(now_ns)
 
     @property
@@ -294,8 +303,8 @@ class Flight:
         """The drones that were heard and have not reported their motors off, though the landing or the stop is over."""
         if self.phase not in (Phase.GROUND, Phase.STOPPED):
             return ()
-        heard = (drone for drone in self._drones if drone.link.telemetry.heartbeat is not None)
-        return tuple(d.link.name for d in heard if d.goal in (Goal.LAND, Goal.CUT) and not d.is_landed)
+        known = (drone for drone in self._drones if drone.link.telemetry.heartbeat is not None)
+        return tuple(d.link.name for d in known if d.goal in (Goal.LAND, Goal.CUT) and not d.is_landed)
 
     def _finish_landing(self, text: str, now_ns: int) -> None:
         """End it; text: what is known of the drones, which is an alarm unless each has landed or has a pilot."""
@@ -319,8 +328,8 @@ class Flight:
                     self._hand_over(drone, "has not landed in time", now_ns)
 
     def _hand_over(self, drone: Drone, why: str, now_ns: int) -> None:
-        """Leave a drone to its autopilot's own landing, and say so."""
-        self.events.append(Event(Severity.ERROR, "flight", f"{drone.link.name} {why}: told to land by itself"))
+        """Release a drone to its autopilot's own landing, and report it."""
+        self.events.append(Event(Severity.ERROR, "flight", f"{drone.link.name} {why}: commanded to land by itself"))
         drone.release(now_ns)
 
     def _lead_down(self, stages: Stages) -> None:

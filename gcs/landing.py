@@ -17,12 +17,12 @@ def landing_spots(pos_lab_m: Float, limits: LimitsConfig) -> Float:
     """
     clear_m = CLEARANCE * limits.min_separation_m
     spots = pos_lab_m[:, :2].copy()
-    taken: list[int] = []
+    occupied: list[int] = []
     for i in np.argsort(pos_lab_m[:, 2], kind="stable"):
-        if taken and _distance(spots[taken], spots[i]) < clear_m:
+        if occupied and _distance(spots[occupied], spots[i]) < clear_m:
             others = [j for j in range(len(spots)) if j != i]
             spots[i] = _beside(spots[i], spots[others], clear_m, limits)
-        taken.append(int(i))
+        occupied.append(int(i))
     return spots
 
 

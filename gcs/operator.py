@@ -7,17 +7,18 @@ from formation.config import LabConfig
 from formation.messages import Phase
 from formation.safety import arming
 from formation.safety.phases import AFTER_STOP
-from formation.safety.rules import HEARTBEAT_S, Facts
+from formation.safety.rules import Facts
+from formation.safety.rules_table import HEARTBEAT_S
 from gcs.drones.drone import TAKE_OFF_S, Drone
 from gcs.flight import Flight
 
 
-def take_off_refusals(
+def takeoff_reject_reasons(
     facts: Facts, flight: Flight, drones: Sequence[Drone], config: LabConfig, now_ns: int
 ) -> tuple[str, ...]:
     """Why the swarm may not leave the floor now; as for arming, and every drone must have armed, and stay so."""
     not_armed = () if flight.armed else ("not every drone has armed yet",)
-    return arming.refusals(facts, config.limits) + not_armed + _too_late(drones, now_ns)
+    return arming.prearm_failures(facts, config.limits) + not_armed + _too_late(drones, now_ns)
 
 
 def _too_late(drones: Sequence[Drone], now_ns: int) -> tuple[str, ...]:
@@ -45,16 +46,16 @@ def done_text(flight: Flight) -> str:
     return f"phase {flight.phase.name}, shape {flight.shape.name}{trajectory}{after}"
 
 
-def reset_refusals(drones: Sequence[Drone], now_ns: int) -> tuple[str, ...]:
+def reset_reject_reasons(drones: Sequence[Drone], now_ns: int) -> tuple[str, ...]:
     """Why a stop is not over: whose motors are on, or may be."""
     armed = tuple(f"{drone.link.name}: armed" for drone in drones if drone.link.armed)
     return armed + tuple(
-        f"{drone.link.name}: no heartbeat ({_heard(drone.link.heartbeat_age_s(now_ns))}), it may be armed: "
+        f"{drone.link.name}: no heartbeat ({_last_heartbeat(drone.link.heartbeat_age_s(now_ns))}), it may be armed: "
         "switch it on, or restart the ground with a lab file that does not name it"
         for drone in drones
         if drone.link.heartbeat_age_s(now_ns) > HEARTBEAT_S
     )
 
 
-def _heard(age_s: float) -> str:
+def _last_heartbeat(age_s: float) -> str:
     return f"last heard {age_s:.1f} s ago" if isfinite(age_s) else "never heard"

@@ -9,17 +9,17 @@ from wire.transport.zenoh_bus import ZenohBus
 
 
 class Knows(Protocol):
-    """Who is told: a ground."""
+    """A ground that is informed of other grounds."""
 
     other_grounds: tuple[str, ...]
 
 
-def know_other_grounds(bus: ZenohBus, name: str, epoch: int, ground: Knows) -> None:
+def know_other_grounds(bus: ZenohBus, name: str, session: int, ground: Knows) -> None:
     """Be known on the lab's bus as a ground that is alive, and know of the others."""
-    own = f"{name}/{epoch}-{os.getpid()}"
+    own = f"{name}/{session}-{os.getpid()}"
     alive: set[str] = set()
 
-    def take(sample: zenoh.Sample) -> None:
+    def on_token(sample: zenoh.Sample) -> None:
         other = str(sample.key_expr).removeprefix(f"{bus.lab}/ground/")
         if sample.kind == zenoh.SampleKind.DELETE:
             alive.discard(other)
@@ -28,4 +28,4 @@ def know_other_grounds(bus: ZenohBus, name: str, epoch: int, ground: Knows) -> N
         ground.other_grounds = tuple(sorted(alive))
 
     bus.declare_token(f"ground/{own}")
-    bus.watch_tokens("ground/**", take)
+    bus.watch_tokens("ground/**", on_token)

@@ -10,16 +10,16 @@ from dataclasses import asdict
 from formation import topics
 from formation.config import LabConfig
 from formation.control.presets import preset_for
-from formation.messages import Datagram, HostReport, LabFrame, OperatorRequest, Phase, PhaseChange, Tick
+from formation.messages import Datagram, HostReport, LabFrame, OperatorRequest, Phase, PhaseChange, Tick, UnmetParameter
 from formation.topics import Topic
 from gcs.core import Outgoing
 from wire import version
 from wire.lab_surroundings import law_package
 
 Record = Callable[[Topic, object, int], None]
-Input = LabFrame | Datagram | OperatorRequest | HostReport
+Input = LabFrame | Datagram | OperatorRequest | HostReport | UnmetParameter
 
-INPUT_TOPICS = (topics.MOCAP, topics.LINK_UP, topics.REQUEST, topics.HOST)
+INPUT_TOPICS = (topics.MOCAP, topics.LINK_UP, topics.REQUEST, topics.HOST, topics.UNMET)
 OUTPUT_TOPICS = (
     topics.STATE, topics.REFERENCE, topics.COMMAND, topics.TARGET, topics.LAW_FAILURE, topics.PHASE, topics.EVENT,
     topics.LINK_DOWN, topics.REPLY,
@@ -49,7 +49,7 @@ class Thinning:
         self.detailed = True
         """Whether the last tick was recorded whole."""
 
-    def kept(self, outgoing: Outgoing, now_ns: int) -> Iterator[tuple[Topic, object]]:
+    def recorded(self, outgoing: Outgoing, now_ns: int) -> Iterator[tuple[Topic, object]]:
         """What of a tick's outputs is recorded, in order."""
         for topic, message in outgoing.records:
             if topic is topics.PHASE and isinstance(message, PhaseChange):
@@ -82,7 +82,7 @@ class Recorder:
     def tick(self, outgoing: Outgoing, now_ns: int) -> None:
         """Record a call of `GcsCore.tick` and what is kept of all it returned."""
         self.record(topics.TICK, Tick(now_ns), now_ns)
-        for topic, message in self._thinning.kept(outgoing, now_ns):
+        for topic, message in self._thinning.recorded(outgoing, now_ns):
             self.record(topic, message, now_ns)
 
 
@@ -95,7 +95,7 @@ def outputs(outgoing: Outgoing) -> Iterator[tuple[Topic, object]]:
         yield topics.REPLY, reply
 
 
-def run_metadata(config: LabConfig, t0_ns: int, epoch: int = 0) -> dict[str, str]:
+def run_metadata(config: LabConfig, t0_ns: int, session: int = 0) -> dict[str, str]:
     """What a log must say of its run to be replayed, and what it was flown with: gains and profiles as they were used.
 
     Hosts add what else they know (scenario, seed, link, lab file, machine).
@@ -107,7 +107,7 @@ def run_metadata(config: LabConfig, t0_ns: int, epoch: int = 0) -> dict[str, str
         "control_law": "" if law is None else f"{law.name}, of {law_package(law.name)}",
         "lab": config.model_dump_json(),
         "t0_ns": str(t0_ns),
-        "epoch": str(epoch),
+        "ground_session": str(session),
         THINNED: f"{CALM_NS}",
         "gains": json.dumps({name: asdict(preset) for name, preset in gains.items()}),
         "profiles": json.dumps({name: kind.model_dump(mode="json") for name, kind in profiles.items()}),

@@ -79,7 +79,7 @@ def replay(log: Log) -> Replay:
         elif entry.topic is topics.TICK:
             now_ns = entry.message.now_ns
             outgoing = core.tick(now_ns)
-            ticks, expected = ticks + 1, outputs(outgoing) if thinning is None else thinning.kept(outgoing, now_ns)
+            ticks, expected = ticks + 1, outputs(outgoing) if thinning is None else thinning.recorded(outgoing, now_ns)
         elif entry.topic in INPUT_TOPICS:
             inputs += 1
             core.receive(entry.message, t_ns)
@@ -111,12 +111,12 @@ class _RecordedOverruns:
 def _core(log: Log) -> GcsCore:
     metadata = log.metadata
     try:
-        epoch, t0_ns = int(metadata.get("epoch", "0")), int(metadata["t0_ns"])
+        session, t0_ns = int(metadata.get("ground_session", "0")), int(metadata["t0_ns"])
         config = LabConfig.model_validate_json(metadata["lab"])
     except (KeyError, ValidationError) as error:
         raise ReplayError(f"the log does not hold its run's configuration: {error}") from error
     try:
-        return GcsCore(config, t0_ns, epoch, law_guard=_RecordedOverruns(log))
+        return GcsCore(config, t0_ns, session, law_guard=_RecordedOverruns(log))
     except ValueError as error:
         law = metadata.get("control_law", "")
         raise ReplayError(f"it was flown by the control law {law}, which a replay needs, too: {error}") from error

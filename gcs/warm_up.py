@@ -6,11 +6,11 @@ from formation import warm_up as control
 from formation.config import LabConfig
 from formation.control.margin import kicked_hover
 from formation.control.presets import preset_for
-from formation.control.relative_frame import lead_from_lab
 from formation.guidance.shape import Shape
 from formation.guidance.transition import Space, transition
 from formation.maths import frames
 from formation.messages import LabFrame
+from formation.paper.eq2_relative_frame import lead_from_lab
 from gcs.core import GcsCore
 from gcs.own_law import own_laws
 from wire.process.deadline import Deadline

@@ -63,26 +63,23 @@ def formation_flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.Te
         command += [word for requirement in wanted for word in ("--require", requirement)]
         flown = subprocess.run(command, capture_output=True, text=True, check=False)
         if flown.returncode != 0:
-            pytest.fail(_failure(scenario, flown, _keep(out, request.node.name)), pytrace=False)
+            pytest.fail(_failure(scenario, flown, _copy_flight(out, request.node.name)), pytrace=False)
         summary: SimpleNamespace = json.loads(flown.stdout, object_hook=lambda values: SimpleNamespace(**values))
         return summary
 
     return fly
 
 
-def _keep(flown: Path, test: str) -> Path:
+def _copy_flight(flown: Path, test: str) -> Path:
     """Copy a flight's folder to where a workflow collects flights, under the test's name, anew if it is there."""
-    kept = Path("runs") / re.sub(r"[^\w.-]+", "-", test)
-    shutil.copytree(flown, kept, dirs_exist_ok=True)
-    return kept
+    copied = Path("runs") / re.sub(r"[^\w.-]+", "-", test)
+    shutil.copytree(flown, copied, dirs_exist_ok=True)
+    return copied
 
 
-def _failure(scenario: str | Path, flown: "subprocess.CompletedProcess[str]", kept: Path) -> str:
+def _failure(scenario: str | Path, flown: "subprocess.CompletedProcess[str]", copied: Path) -> str:
     """One line of what went wrong, and where the flight's report is if there is one."""
     lines = [line.strip() for line in flown.stderr.splitlines() if line.strip()]
-    said = lines[-1].removeprefix("gcs-sim: ") if lines else f"exit code {flown.returncode}"
-    try:
-        outcome = json.loads(flown.stdout)["outcome"]
-    except (ValueError, KeyError):
-        return f"{scenario}: {said}"
-    return f"{scenario}: {said if outcome in ('landed', 'held') else outcome} (see {kept / 'report.html'})"
+    last_line = lines[-1].removeprefix("gcs-sim: ") if lines else f"exit code {flown.returncode}"
+    report = copied / "report.html"
+    return f"{scenario}: {last_line} (see {report})" if report.is_file() else f"{scenario}: {last_line}"

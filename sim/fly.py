@@ -10,21 +10,21 @@ from drone_agent.config import AgentConfig
 from formation.config import LinkConfig
 from formation.messages import OperatorReply, OperatorRequest
 from formation.model import Model
+from formation.requests import GCS_NAME
 from gcs.cli.children import page_process
-from gcs.daemon import GCS_NAME
 from sim.ports import private_link
 from sim.processes import Child, ProcessDied, ProcessGroup
 from sim.scenario import Scenario, agent_configs, leader_seconds, recorded_leader
-from sim.script import Glance, Operator, Outcome
+from sim.script import Operator, OperatorView, Outcome
 from wire import config_file
 from wire.clock import REAL_TIME, Clock
 from wire.transport.zenoh_bus import ZenohBus
 
 Progress = Callable[[float, str], None]
-"""Told the seconds since the processes were started, and what is going on."""
+"""Called with the seconds since the processes' start, and the state of the flight."""
 
 TRUTH_RATE_HZ = 250.0
-LOOK_NS = 50_000_000
+POLL_NS = 50_000_000
 ANSWER_S = 25.0
 LANDING_PATIENCE_S = 20.0
 SILENT_NS = 3_000_000_000
@@ -57,17 +57,17 @@ class Files:
 
     @property
     def lab(self) -> Path:
-        """What the ground was told."""
+        """The ground's configuration."""
         return self.folder / "lab.toml"
 
     def drone(self, name: str) -> Path:
-        """What an agent or a bridge was told."""
+        """The configuration of an agent or a bridge."""
         return self.folder / f"{name}.toml"
 
 
 @dataclass(frozen=True, slots=True)
 class Running:
-    """A flight's processes, and the operator's place on their bus."""
+    """A flight's processes, and the operator's session on their bus."""
 
     group: ProcessGroup
     ground: Child
@@ -104,8 +104,8 @@ async def running(
         for config in configs:
             if drones_link is not None:
                 config = config.model_copy(update={"link": drones_link})
-            for name, told in _drone(config, inner if config.sysid in bridged else None):
-                _write(files.drone(name), told)
+            for name, agent_config in _drone(config, inner if config.sysid in bridged else None):
+                _write(files.drone(name), agent_config)
                 await group.start(name, "drone_agent", ["--config", str(files.drone(name)), *speed])
         tags = [
             f"scenario={scenario.name}",
@@ -177,28 +177,28 @@ async def _first(watch: Coroutine[None, None, None], flight: Coroutine[None, Non
 
 
 class _Conversation:
-    """The operator's side of the bus: hears the ground's state, makes requests, takes in the answers."""
+    """The operator's side of the bus: receives the ground's state, makes requests, receives the answers."""
 
     def __init__(self, bus: ZenohBus, operator: Operator, clock: Clock) -> None:
         self.begun_ns: int | None = None
-        self.heard_ns: int | None = None
+        self.received_ns: int | None = None
         self._clock = clock
         self._bus = bus
         self._operator = operator
-        bus.on_state(GCS_NAME, self._hear)
+        bus.on_state(GCS_NAME, self._receive_state)
 
     async def ask(self, request: OperatorRequest) -> None:
-        """Make the request and wait for its answer; no answer is one of refusal."""
+        """Make the request and wait for its answer; no answer counts as rejected."""
         try:
             reply = await self._bus.ask(GCS_NAME, request, ANSWER_S / self._clock.speed)
         except TimeoutError as error:
             reply = OperatorReply(request.id, False, str(error))
         self._operator.receive(reply, self._clock.monotonic_ns())
 
-    def _hear(self, text: str) -> None:
-        self.heard_ns = self._clock.monotonic_ns()
-        self.begun_ns = self.begun_ns or self.heard_ns
-        self._operator.observe(Glance.at(text), self.heard_ns)
+    def _receive_state(self, text: str) -> None:
+        self.received_ns = self._clock.monotonic_ns()
+        self.begun_ns = self.begun_ns or self.received_ns
+        self._operator.observe(OperatorView.at(text), self.received_ns)
 
 
 async def operate(
@@ -206,7 +206,7 @@ async def operate(
 ) -> Outcome:
     """Walk through the operator's script until the flight is over, one way or another.
 
-    However slowly the processes start, the flight begins when the ground is first heard; longest_s counts from there.
+    However slowly the processes start, the flight begins with the ground's first state; longest_s counts from there.
     """
     talk = _Conversation(bus, operator, clock)
     start_ns = clock.monotonic_ns()
@@ -220,13 +220,13 @@ async def operate(
             if request is not None:
                 asking.create_task(talk.ask(request))
             progress((now_ns - start_ns) * 1e-9, _going_on(talk, operator, now_ns))
-            await clock.sleep_until_ns(now_ns + LOOK_NS)
+            await clock.sleep_until_ns(now_ns + POLL_NS)
     await clock.sleep_until_ns(clock.monotonic_ns() + AFTER_NS)
     return operator.outcome
 
 
 def _going_on(talk: _Conversation, operator: Operator, now_ns: int) -> str:
-    """The phase, or what is waited for; a ground that has died is noticed by its process."""
-    if talk.heard_ns is None:
+    """The phase, or what the flight waits for; the process group detects a ground that has died."""
+    if talk.received_ns is None:
         return "waiting for the ground to start"
-    return "waiting to hear the ground again" if now_ns - talk.heard_ns > SILENT_NS else operator.phase.name
+    return "waiting to hear the ground again" if now_ns - talk.received_ns > SILENT_NS else operator.phase.name

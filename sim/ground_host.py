@@ -8,38 +8,46 @@ from formation.messages import Datagram, Event, HostReport, OperatorReply, Opera
 from formation.topics import EVENT
 from gcs.core import BrokenInvariantError, GcsCore
 from gcs.recording import Input, Record, Recorder
-from sim.life import Waiting
+from sim.intake import VirtualIntake
 from sim.monitors import Without
+from sim.process_input import ProcessInput
 from wire.process.deadline import Deadline
+from wire.transport.link import LinkCounters
 from wire.transport.memory_bus import NOTHING_DUE_NS
 
 REQUEST_IDS = 1_000_000
 """From here on count the requests that faults make; the operator's own begin at 1."""
-TOLD_AFTER_NS = 1_500_000_000
+REQUEST_DELAY_NS = 1_500_000_000
 LAW_S = 5.0
 """For the lab's own law, of the host's time: simulated time stands still meanwhile, so it only ends what never ends."""
 
 
 class GroundHost:
-    """The ground of that epoch; of a second one beside the first, only what it tells is recorded."""
+    """The ground of that session; of a second one beside the first, only its events are recorded."""
 
     def __init__(
         self,
         lab: LabConfig,
-        epoch: int,
+        session: int,
         now_ns: int,
         record: Record,
         without: Without,
         gains: Preset | None = None,
+        ingest_s: float = 0.0,
     ) -> None:
+        """ingest_s: of work that one packet of a drone costs it."""
         self._record = record
         self._recorder = Recorder(record)
         self._second = False
-        self._input = Waiting[Input]()
-        self.name = f"ground-{epoch}"
-        self._core = GcsCore(lab, now_ns, epoch, without.ground, gains, Deadline(LAW_S, LAW_S))
+        self._input = ProcessInput[Input]()
+        self.name = f"ground-{session}"
+        self._core = GcsCore(lab, now_ns, session, without.ground, gains, Deadline(LAW_S, LAW_S))
         self._report = HostReport()
-        self._requests = REQUEST_IDS * (epoch + 1)
+        self._intakes: dict[int, VirtualIntake] = {}
+        self.counters = LinkCounters()
+        self._ingest_due_ns = NOTHING_DUE_NS
+        self._ingest_ns = round(ingest_s * 1e9)
+        self._requests = REQUEST_IDS * (session + 1)
 
     def second(self) -> "GroundHost":
         """The same as one beside the first."""
@@ -47,14 +55,16 @@ class GroundHost:
         return self
 
     @property
-    def answers(self) -> bool:
+    def is_running(self) -> bool:
         """Whether it can be asked."""
         return self._input.runs
 
     @property
     def due_ns(self) -> int:
-        """When `tick` is due."""
-        return self._core.next_deadline_ns() if self._input.runs else NOTHING_DUE_NS
+        """When `tick` is due, or telemetry that waits is to be taken in."""
+        if not self._input.runs:
+            return NOTHING_DUE_NS
+        return min(self._core.next_deadline_ns(), self._ingest_due_ns)
 
     @property
     def phase(self) -> Phase:
@@ -66,16 +76,36 @@ class GroundHost:
         return self._core.status(now_ns)
 
     def receive(self, message: Input, now_ns: int) -> None:
-        """Something arrives."""
-        if not self._input.admits(message):
+        """Something arrives. What drones say passes the same intake as in a daemon."""
+        if isinstance(message, Datagram):
+            self._receive_datagram(message, now_ns)
+        elif self._input.admits(message):
+            self._pass_to_core(message, now_ns)
+
+    def _receive_datagram(self, datagram: Datagram, now_ns: int) -> None:
+        """What comes to a ground that is stalled waits in its sockets; to one that is dead, it is lost."""
+        if not self._input.lives:
             return
+        sysid = datagram.sysid
+        if sysid not in self._intakes:
+            self._intakes[sysid] = VirtualIntake(sysid, self._ingest_ns, self.counters)
+        self._intakes[sysid].enqueue(datagram)
+        if self._input.runs:
+            self._ingest(self._intakes[sysid], now_ns)
+
+    def _ingest(self, intake: VirtualIntake, now_ns: int) -> None:
+        for datagram in intake.turn(now_ns):
+            self._pass_to_core(datagram, now_ns)
+        self._ingest_due_ns = min([other.due_ns for other in self._intakes.values()])
+
+    def _pass_to_core(self, message: Input, now_ns: int) -> None:
         if not self._second:
             self._recorder.input(message, now_ns)
         self._core.receive(message, now_ns)
 
     def report(self, report: HostReport, now_ns: int) -> None:
-        """What its host tells it of itself, where that is new."""
-        if report != self._report and self.answers:
+        """A changed report of the host arrives."""
+        if report != self._report and self.is_running:
             self._report = report
             self.receive(report, now_ns)
 
@@ -86,6 +116,10 @@ class GroundHost:
 
     def tick(self, now_ns: int) -> tuple[tuple[Datagram, ...], tuple[OperatorReply, ...]]:
         """What it sends and answers now; a ground that finds itself wrong ends."""
+        for intake in self._intakes.values() if self._ingest_due_ns <= now_ns else ():
+            self._ingest(intake, now_ns)
+        if self._core.next_deadline_ns() > now_ns:
+            return (), ()
         try:
             outgoing = self._core.tick(now_ns)
         except BrokenInvariantError as error:
@@ -107,8 +141,12 @@ class GroundHost:
     def kill(self) -> None:
         """From now on it hears nothing and says nothing."""
         self._input.kill()
+        self._intakes.clear()
+        self._ingest_due_ns = NOTHING_DUE_NS
 
-    def wake(self, now_ns: int) -> None:
+    def resume(self, now_ns: int) -> None:
         """It goes on after a stall, with what has come meanwhile."""
-        for message in self._input.wake():
-            self.receive(message, now_ns)
+        for message in self._input.resume():
+            self._pass_to_core(message, now_ns)
+        for intake in self._intakes.values():
+            self._ingest(intake, now_ns)

@@ -23,11 +23,11 @@ def with_stand_ins(lab: LabConfig) -> LabConfig:
 def stand_ins(lab: LabConfig) -> str:
     """What is simulated, and what of the lab's own that takes the place of, in one line."""
     links = [f"{vehicle.body} at {vehicle.link}" for vehicle in lab.vehicles if vehicle.link is not None]
-    said = ["simulated drones" + (f" instead of {', '.join(links)}" if links else "")]
-    said.append("emulated cameras" + (f" instead of {_source(lab.mocap)}" if lab.mocap.source != "zenoh" else ""))
+    lines = ["simulated drones" + (f" instead of {', '.join(links)}" if links else "")]
+    lines.append("emulated cameras" + (f" instead of {_source(lab.mocap)}" if lab.mocap.source != "zenoh" else ""))
     if lab.operator.stop_button is not None:
-        said.append(f"no stop button {lab.operator.stop_button.device}")
-    return ", ".join(said)
+        lines.append(f"no stop button {lab.operator.stop_button.device}")
+    return ", ".join(lines)
 
 
 def scenario_values(lab: LabConfig, values: dict[str, Any]) -> dict[str, Any]:
@@ -37,7 +37,7 @@ def scenario_values(lab: LabConfig, values: dict[str, Any]) -> dict[str, Any]:
     if isinstance(values.get("mocap", {}), dict):
         made["mocap"] = cameras | values.get("mocap", {})
     if isinstance(values.get("vehicles", []), list):
-        made["vehicles"] = _on_their_places(lab, values.get("vehicles", []))
+        made["vehicles"] = _at_start_positions(lab, values.get("vehicles", []))
     if lab.leader.sysid is None:
         x, y, z, yaw_rad = expected_start(lab).tolist()
         held = {"formation_s": HELD_S, "leader": {"pose": {"pos_lab_m": (x, y, z), "yaw_rad": yaw_rad}}}
@@ -51,17 +51,17 @@ def _simulated(follower: FollowerConfig) -> FollowerConfig:
     return follower.model_copy(update={"link": None, "spawn_lab_m": (0.0, 0.0, 0.0)})
 
 
-def _on_their_places(lab: LabConfig, said: list[Any]) -> list[Any]:
+def _at_start_positions(lab: LabConfig, configured: list[Any]) -> list[Any]:
     """The drones where the lab file expects them to start, unless the scenario says where."""
     starts = {lab.leader.sysid: (lab.leader.spawn_lab_m, lab.leader.spawn_yaw_rad)}
     if lab.mocap.source == "mavlink":
         starts |= {follower.sysid: (follower.spawn_lab_m, 0.0) for follower in lab.followers}
-    tables = {table.get("sysid"): table for table in said if isinstance(table, dict)}
-    for sysid, (place, yaw_rad) in starts.items():
+    tables = {table.get("sysid"): table for table in configured if isinstance(table, dict)}
+    for sysid, (start_lab_m, yaw_rad) in starts.items():
         if sysid is not None:
-            start = {"pos_lab_m": (place[0], place[1], 0.0), "yaw_rad": yaw_rad}
+            start = {"pos_lab_m": (start_lab_m[0], start_lab_m[1], 0.0), "yaw_rad": yaw_rad}
             tables[sysid] = {"sysid": sysid, "start": start} | tables.get(sysid, {})
-    return [*tables.values(), *(table for table in said if not isinstance(table, dict))]
+    return [*tables.values(), *(table for table in configured if not isinstance(table, dict))]
 
 
 def _source(mocap: MocapConfig) -> str:

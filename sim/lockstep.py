@@ -7,20 +7,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from analysis.load import Flight, from_records
+from drone_agent.bridge import estimate
 from drone_agent.simulation.physics import OWN, Physics
 from formation.control.presets import Preset
 from formation.topics import Topic
 from gcs import warm_up as gcs_warm_up
 from gcs.recording import Record, run_metadata
 from sim.monitors import WITHOUT_NONE, Without
-from sim.scenario import Scenario
+from sim.scenario import Scenario, load
 from sim.script import Outcome
 from sim.world import T0_NS, World
 from wire import clock
 from wire.logs.mcap_log import Entry, LogWriter
 
 Progress = Callable[[float, str], None]
-"""Told the simulated seconds and the phase, every tenth of a simulated second."""
+"""Called with the simulated seconds and the phase, every tenth of a simulated second."""
 
 WARM_UP_NS = 300_000_000
 PROGRESS_NS = 100_000_000
@@ -51,10 +52,10 @@ def run_in_memory(
     """Fly without a file; the records come back, as a reader of the log would give them."""
     records: list[Entry] = []
 
-    def keep(topic: Topic, message: object, t_ns: int) -> None:
+    def append(topic: Topic, message: object, t_ns: int) -> None:
         records.append(Entry(topic, t_ns, message))
 
-    return fly(scenario, seed, keep, without=without, gains=gains, physics=physics), records
+    return fly(scenario, seed, append, without=without, gains=gains, physics=physics), records
 
 
 def run_and_load(
@@ -71,6 +72,12 @@ def warm_up(scenario: Scenario) -> None:
     world = World(scenario, scenario.seed, lambda _topic, _message, _t_ns: None)
     while world.now_ns < T0_NS + WARM_UP_NS:
         world.step()
+
+
+def warm_up_all() -> None:
+    """Compile all that any flight runs, with and without a bridge."""
+    warm_up(load("triangle_line"))
+    estimate.warm_up()
 
 
 def fly(
@@ -94,19 +101,19 @@ def fly(
 def _fly(world: World, longest_s: float, progress: Progress | None) -> Flown:
     started_ns = clock.monotonic_ns()
     end_ns = T0_NS + round(longest_s * 1e9)
-    told_ns = T0_NS
+    reported_ns = T0_NS
     ended = False
     while world.now_ns < end_ns:
         world.step()
         if world.operator.outcome is not None and not ended:
             ended, end_ns = True, world.now_ns + AFTER_NS
-        if progress is not None and world.now_ns >= told_ns:
-            told_ns = world.now_ns + PROGRESS_NS
+        if progress is not None and world.now_ns >= reported_ns:
+            reported_ns = world.now_ns + PROGRESS_NS
             progress((world.now_ns - T0_NS) * 1e-9, world.operator.phase.name)
     duration_s = (world.now_ns - T0_NS) * 1e-9
-    taken_s = (clock.monotonic_ns() - started_ns) * 1e-9
+    elapsed_s = (clock.monotonic_ns() - started_ns) * 1e-9
     outcome = world.operator.outcome or Outcome("aborted", f"not over after {longest_s:g} s")
-    return Flown(outcome, duration_s, duration_s / taken_s)
+    return Flown(outcome, duration_s, duration_s / elapsed_s)
 
 
 @contextmanager

@@ -1,10 +1,10 @@
 """Every monitor by name, and which core it belongs to: what a campaign can switch off to see that it is needed."""
 
 from drone_agent.monitors import MONITORS as AGENT_MONITORS
-from gcs.mocap.gate.checks import NAMES as GATE_CHECKS
 from gcs.safety.monitors import MONITORS as GROUND_MONITORS
+from mocap.validator.checks import NAMES as VALIDATOR_CHECKS
 
-NAMES = (*GATE_CHECKS, *AGENT_MONITORS, *GROUND_MONITORS)
+NAMES = (*VALIDATOR_CHECKS, *AGENT_MONITORS, *GROUND_MONITORS)
 """All of them."""
 
 
@@ -14,7 +14,7 @@ class Without:
     def __init__(self, names: frozenset[str] = frozenset()) -> None:
         if unknown := sorted(names - set(NAMES)):
             raise ValueError(f"no monitor {unknown[0]!r}; known: {', '.join(NAMES)}")
-        self.mocap = names & set(GATE_CHECKS)
+        self.mocap = names & set(VALIDATOR_CHECKS)
         self.agent = names & set(AGENT_MONITORS)
         self.ground = names & set(GROUND_MONITORS)
 

@@ -20,14 +20,14 @@ def private_link(kind: str, sysids: Iterable[int]) -> Iterator[LinkConfig]:
     OSError if no block is free.
     """
     usual = LinkConfig()
-    apart = usual.drone_port_base - usual.ground_port_base
-    drones = [offset + sysid for sysid in sysids for offset in (0, apart)]
+    drone_offset = usual.drone_port_base - usual.ground_port_base
+    drones = [offset + sysid for sysid in sysids for offset in (0, drone_offset)]
     with own_ports(drones) as ports:
         yield LinkConfig.model_validate(
             {
                 "kind": kind,
                 "ground_port_base": ports.start,
-                "drone_port_base": ports.start + apart,
+                "drone_port_base": ports.start + drone_offset,
                 "zenoh_connect": (f"tcp/{LOOPBACK}:{ports.start}",),
             }
         )

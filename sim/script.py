@@ -12,7 +12,7 @@ from wire.json_text import parse_object
 READY_WITHIN_NS = 30_000_000_000
 RETRY_NS = 200_000_000
 ANSWER_NS = 20_000_000_000
-REFUSED_FOR_NS = 30_000_000_000
+REJECTED_FOR_NS = 30_000_000_000
 
 
 class Step(Model):
@@ -35,28 +35,28 @@ FLIGHT = (
 
 
 @dataclass(frozen=True, slots=True)
-class Glance:
-    """What the simulation reads off the ground's published state.
+class OperatorView:
+    """The part of the ground's published state that an operator acts on.
 
-    formed: the followers are in their slots, and the leader goes on its way. refusals: why it would not arm now.
-    lost: with what the landing ended, where a drone has not reported its motors off.
+    formed: the followers are in their slots, and the leader moves. prearm_failures: why the ground would not arm now.
+    lost: why the landing ended, where a drone has not reported its motors off.
     """
 
     phase: Phase
     formed: bool = False
     trajectory_done: bool = False
-    refusals: tuple[str, ...] = ()
+    prearm_failures: tuple[str, ...] = ()
     lost: str = ""
 
     @classmethod
     def at(cls, state: str) -> Self:
-        """Of the JSON text that the ground publishes."""
+        """The view in the JSON text that the ground publishes."""
         values = parse_object(state)
         return cls(
             phase=Phase[values["phase"]],
             formed=values["trajectory_started"],
             trajectory_done=values["trajectory_done"],
-            refusals=tuple(values["refusals"]),
+            prearm_failures=tuple(values["refusals"]),
             lost=values["cause"] if values["not_landed"] else "",
         )
 
@@ -70,14 +70,14 @@ class Outcome:
 
 
 class Operator:
-    """Walks through the steps; a refused request is asked again until it has been refused for too long.
+    """Walks through the steps; it repeats a rejected request for up to REJECTED_FOR_NS.
 
-    Before arming it waits until the ground has nothing against it. Arming is answered only when every drone has armed,
+    Before arming it waits until no pre-arm check fails. Arming is answered only when every drone has armed,
     so an answer may take its time.
     """
 
     def __init__(self, steps: tuple[Step, ...], leader_s: float | None = None) -> None:
-        """leader_s: how long the leader is on its way, where the ground cannot tell."""
+        """leader_s: how long the leader moves, where the ground does not know it."""
         self._steps = steps
         self._leader_ns = None if leader_s is None else round(leader_s * 1e9)
         self._formed_ns: int | None = None
@@ -87,7 +87,7 @@ class Operator:
         self._phase = Phase.GROUND
         self._since_ns: int | None = None
         self._ask_again_ns = 0
-        self._waiting_since_ns: int | None = None
+        self._asked_since_ns: int | None = None
         self._requests = 0
         self.outcome: Outcome | None = None
 
@@ -96,13 +96,13 @@ class Operator:
         """The phase last reported."""
         return self._phase
 
-    def observe(self, glance: Glance, now_ns: int) -> None:
-        """The ground publishes its state."""
-        phase = glance.phase
-        if glance.formed and self._formed_ns is None:
+    def observe(self, view: OperatorView, now_ns: int) -> None:
+        """Receive the ground's state."""
+        phase = view.phase
+        if view.formed and self._formed_ns is None:
             self._formed_ns = now_ns
-        self._ready = not glance.refusals
-        self._leader_done = glance.trajectory_done
+        self._ready = not view.prearm_failures
+        self._leader_done = view.trajectory_done
         if self._leader_ns is not None:
             self._leader_done = self._formed_ns is not None and now_ns - self._formed_ns >= self._leader_ns
         if self._since_ns is None or phase is not self._phase:
@@ -110,7 +110,7 @@ class Operator:
             if phase is Phase.STOPPED:
                 self.outcome = Outcome("aborted", "the ground stopped every drone")
             elif phase is Phase.GROUND and self._next > 0:
-                self._end_on_ground(glance.lost)
+                self._end_on_ground(view.lost)
             elif phase is Phase.HOLD and self._next == len(self._steps) and self._steps[-1].verb is not Verb.LAND:
                 self.outcome = Outcome("held")
 
@@ -128,22 +128,22 @@ class Operator:
         if step.verb is Verb.ARM and not self._ready and now_ns - self._since_ns < READY_WITHIN_NS:
             return None
         self._ask_again_ns = now_ns + ANSWER_NS
-        if self._waiting_since_ns is None:
-            self._waiting_since_ns = now_ns
+        if self._asked_since_ns is None:
+            self._asked_since_ns = now_ns
         self._requests += 1
         return OperatorRequest(self._requests, step.verb, step.argument)
 
     def receive(self, reply: OperatorReply, now_ns: int) -> None:
         """The answer to the request made last."""
-        if reply.id != self._requests or self._waiting_since_ns is None:
+        if reply.id != self._requests or self._asked_since_ns is None:
             return
         self._ask_again_ns = now_ns
         if reply.accepted:
             self._next += 1
-            self._waiting_since_ns = None
+            self._asked_since_ns = None
             return
         self._ask_again_ns += RETRY_NS
-        if now_ns - self._waiting_since_ns > REFUSED_FOR_NS:
+        if now_ns - self._asked_since_ns > REJECTED_FOR_NS:
             step = self._steps[self._next]
             self.outcome = Outcome("aborted", f"{step.verb} refused: {reply.text}")
 

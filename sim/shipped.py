@@ -13,5 +13,5 @@ def shipped() -> dict[str, Path]:
 
 def about(path: Path) -> str:
     """What a scenario's file says of itself."""
-    said: str = tomllib.loads(path.read_text(encoding="utf-8")).get("about", "")
-    return said
+    text: str = tomllib.loads(path.read_text(encoding="utf-8")).get("about", "")
+    return text

@@ -9,26 +9,26 @@ from collections.abc import Sequence
 from drone_agent.simulation.physics import OWN, Physics
 from formation.control.presets import Preset
 from formation.messages import Datagram, Event, HostReport, LabFrame, OperatorRequest, Phase, RawFrame, Truth, Verb
-from formation.topics import MOCAP_EVENT, TRUTH
-from gcs.mocap.core import MocapCore
-from gcs.mocap.gate.armed import motors_on
+from formation.topics import INNOVATION, MOCAP_EVENT, TRUTH
 from gcs.recording import Input, Record
+from mocap.core import MocapCore
+from mocap.validator.armed import motors_on
 from sim.cameras.emulator import MocapEmulator
+from sim.drone_node import DroneNode, Sample
 from sim.faults import vehicle
 from sim.faults.fault import GROUND_RECEIVER, Family, Fault, Site
 from sim.faults.onsets import Onsets
 from sim.faults.poses import CameraFaults, Thinning, late_ns
 from sim.faults.queue import DueQueue
-from sim.ground_host import TOLD_AFTER_NS, GroundHost
-from sim.life import Waiting
+from sim.ground_host import REQUEST_DELAY_NS, GroundHost
 from sim.monitors import WITHOUT_NONE, Without
+from sim.process_input import ProcessInput
 from sim.scenario import Scenario, agent_configs, leader_seconds, recorded_leader
-from sim.script import Glance, Operator
-from sim.seat import Sample, Seat
+from sim.script import Operator, OperatorView
 
 T0_NS = 1_000_000_000
-LOOK_NS = 100_000_000
-"""How often the operator looks at the ground's state: as often as a daemon publishes it."""
+OPERATOR_PERIOD_NS = 100_000_000
+"""Period at which the operator reads the ground's state: that of a daemon's publishing."""
 
 
 class World:
@@ -54,59 +54,60 @@ class World:
         self.exposed_ns = 0
         """When the cameras last took a frame."""
         self.stops_beside_ns: list[int] = []
-        """When a second ground was asked for an emergency stop, which no record tells of."""
+        """When a second ground was asked for an emergency stop, which is in no record."""
         self._lab, self._without, self._gains = scenario.lab, without, gains
+        self._ingest_s = scenario.link.ingest_s
         self._record = record
         self._emulator = MocapEmulator(scenario.mocap, scenario.lab, leader, seed, T0_NS)
         self._mocaps = [MocapCore(scenario.lab, without=without.mocap)]
-        self._mocap_input = Waiting[RawFrame]()
+        self._mocap_input = ProcessInput[RawFrame]()
         self._late_raw = DueQueue[RawFrame]()
         self._late_frames = DueQueue[tuple[str, LabFrame]]()
-        self._grounds = [GroundHost(scenario.lab, 0, T0_NS, record, without, gains)]
-        self._epochs = 1
-        self._told = DueQueue[tuple[GroundHost, Verb]]()
-        self.seats = {
-            c.sysid: Seat(c, scenario, seed, T0_NS, without, physics) for c in agent_configs(scenario, leader)
+        self._grounds = [GroundHost(scenario.lab, 0, T0_NS, record, without, gains, scenario.link.ingest_s)]
+        self._sessions = 1
+        self._late_requests = DueQueue[tuple[GroundHost, Verb]]()
+        self.nodes = {
+            c.sysid: DroneNode(c, scenario, seed, T0_NS, without, physics) for c in agent_configs(scenario, leader)
         }
         self._body = {v.sysid: v.body for v in scenario.lab.vehicles if v.sysid is not None}
-        self._seat_of = {self._body[sysid]: seat for sysid, seat in self.seats.items()}
+        self._node_of = {self._body[sysid]: node for sysid, node in self.nodes.items()}
         self._camera_faults = CameraFaults(scenario.lab, seed)
         self._thinning = {name: Thinning() for name in (GROUND_RECEIVER, *self._body.values())}
-        self._look_ns = T0_NS
+        self._operator_due_ns = T0_NS
         self.faults = Onsets(scenario.faults)
         self.faults.enter(Phase.GROUND, T0_NS)
 
     @property
     def log_is_ill(self) -> bool:
         """Whether the first ground is there, and its log cannot be written."""
-        return self._grounds[0].answers and bool(self.faults.active(Site.HOST))
+        return self._grounds[0].is_running and bool(self.faults.active(Site.HOST))
 
     def inject(self, faults: Sequence[Fault]) -> None:
         """Let these faults happen from now on instead of the scenario's; none of them may have begun yet."""
         self.faults = Onsets(faults, self.faults.entered)
 
     def kill_ground(self) -> None:
-        """From now on the ground hears nothing and says nothing; mocap and agents go on."""
+        """End the ground's process; mocap and agents continue."""
         self._grounds[0].kill()
 
     def truths(self) -> dict[int, Truth]:
         """The true state of every drone now, by sysid."""
-        return {sysid: seat.agent.truth(self.now_ns) for sysid, seat in self.seats.items()}
+        return {sysid: node.agent.truth(self.now_ns) for sysid, node in self.nodes.items()}
 
     def samples(self) -> list[Sample]:
-        """What is true of every drone, to the last millisecond."""
-        return [seat.sample() for seat in self.seats.values()]
+        """The true state of every drone, at the last millisecond."""
+        return [node.sample() for node in self.nodes.values()]
 
     def ask(self, verb: Verb, argument: str = "") -> None:
         """The operator asks the first ground, whatever the script; it is lost on one that is gone."""
         self._grounds[0].ask(OperatorRequest(0, verb, argument), self.now_ns)
 
-    def take_events(self) -> list[Event]:
-        """What drones and bridges have told since the last time."""
-        told = [event for seat in self.seats.values() for event in seat.events]
-        for seat in self.seats.values():
-            seat.events.clear()
-        return told
+    def pop_events(self) -> list[Event]:
+        """The events of drones and bridges since the last call."""
+        events = [event for node in self.nodes.values() for event in node.events]
+        for node in self.nodes.values():
+            node.events.clear()
+        return events
 
     def step(self) -> None:
         """Move on to the next event and do all that is due then, in a fixed order."""
@@ -121,14 +122,14 @@ class World:
         if self._late_frames.next_due_ns <= now_ns:
             for receiver, frame in self._late_frames.pop_due(now_ns):
                 self._deliver(receiver, frame)
-        for seat in self.seats.values():
-            if seat.due_ns <= now_ns:
-                self._serve(seat)
-        if self._look_ns <= now_ns:
-            self._operator_looks()
-        for ground, verb in self._told.pop_due(now_ns):
+        for node in self.nodes.values():
+            if node.due_ns <= now_ns:
+                self._serve(node)
+        if self._operator_due_ns <= now_ns:
+            self._tick_operator()
+        for ground, verb in self._late_requests.pop_due(now_ns):
             ground.ask(OperatorRequest(0, verb), now_ns)
-            if verb is Verb.STOP and ground in self._grounds[1:] and ground.answers:
+            if verb is Verb.STOP and ground in self._grounds[1:] and ground.is_running:
                 self.stops_beside_ns.append(now_ns)
         for ground in self._grounds:
             if ground.due_ns <= now_ns:
@@ -137,10 +138,10 @@ class World:
     def _next_event_ns(self) -> int:
         emulator = self._emulator
         due_ns = min(
-            emulator.next_exposure_ns, emulator.next_frame_ns, self._look_ns, self.faults.next_due_ns,
-            self._late_raw.next_due_ns, self._late_frames.next_due_ns, self._told.next_due_ns,
+            emulator.next_exposure_ns, emulator.next_frame_ns, self._operator_due_ns, self.faults.next_due_ns,
+            self._late_raw.next_due_ns, self._late_frames.next_due_ns, self._late_requests.next_due_ns,
             *[ground.due_ns for ground in self._grounds],
-            *[seat.due_ns for seat in self.seats.values()],
+            *[node.due_ns for node in self.nodes.values()],
         )  # fmt: skip
         return max(due_ns, self.now_ns)
 
@@ -182,38 +183,41 @@ class World:
         if receiver == GROUND_RECEIVER:
             self._grounds_receive(frame)
         else:
-            seat = self._seat_of[receiver]
-            seat.see(frame, self.now_ns)
-            seat.look_ahead()
+            node = self._node_of[receiver]
+            node.receive_frame(frame, self.now_ns)
+            node.update_due()
 
-    def _serve(self, seat: Seat) -> None:
-        """What arrives at the drone, what it does of itself, what arrives from it."""
+    def _serve(self, node: DroneNode) -> None:
+        """Deliver datagrams to the drone, tick it, and deliver its datagrams to the grounds."""
         now_ns = self.now_ns
-        said: list[Datagram] = []
-        for sent in seat.down.pop_due(now_ns):
-            said += seat.hear(sent, now_ns)
-        said += seat.say(now_ns)
-        if said:
-            faults = self._on_link(seat, "up")
-            for datagram in said:
-                seat.up.push(now_ns, datagram, faults)
-        for sent in seat.up.pop_due(now_ns):
+        datagrams: list[Datagram] = []
+        for sent in node.down.pop_due(now_ns):
+            datagrams += node.receive_datagram(sent, now_ns)
+        datagrams += node.tick(now_ns)
+        for innovation in node.innovations:
+            self._record(INNOVATION, innovation, now_ns)
+        node.innovations.clear()
+        if datagrams:
+            faults = self._on_link(node, "up")
+            for datagram in datagrams:
+                node.up.push(now_ns, datagram, faults)
+        for sent in node.up.pop_due(now_ns):
             self._grounds_receive(sent.datagram)
-        seat.look_ahead()
+        node.update_due()
 
-    def _operator_looks(self) -> None:
+    def _tick_operator(self) -> None:
         now_ns, ground = self.now_ns, self._grounds[0]
-        self._look_ns = now_ns + LOOK_NS
+        self._operator_due_ns = now_ns + OPERATOR_PERIOD_NS
         self._hosts_report()
-        if not ground.answers:
+        if not ground.is_running:
             return
         state = ground.status(now_ns)
         for mocap in self._mocaps:
             mocap.note_motors(motors_on(state))
-        glance = Glance.at(state)
-        if glance.formed:
+        view = OperatorView.at(state)
+        if view.formed:
             self._emulator.start(now_ns)
-        self.operator.observe(glance, now_ns)
+        self.operator.observe(view, now_ns)
         request = self.operator.next_request(now_ns)
         if request is not None:
             ground.receive(request, now_ns)
@@ -222,7 +226,7 @@ class World:
         """As the daemons' hosts do: who else is a ground on the lab's bus, and how the log fares."""
         trouble = "; ".join(fault.text() for _, fault, _ in self.faults.active(Site.HOST))
         for ground in self._grounds:
-            others = tuple(other.name for other in self._grounds if other is not ground and other.answers)
+            others = tuple(other.name for other in self._grounds if other is not ground and other.is_running)
             ground.report(HostReport(others, trouble), self.now_ns)
 
     def _grounds_receive(self, message: Input) -> None:
@@ -233,9 +237,9 @@ class World:
         now_ns = self.now_ns
         datagrams, replies = ground.tick(now_ns)
         for datagram in datagrams:
-            seat = self.seats[datagram.sysid]
-            seat.down.push(now_ns, datagram, self._on_link(seat, "down"))
-            seat.due_ns = min(seat.due_ns, seat.down.next_due_ns)
+            node = self.nodes[datagram.sysid]
+            node.down.push(now_ns, datagram, self._on_link(node, "down"))
+            node.due_ns = min(node.due_ns, node.down.next_due_ns)
         for reply in replies:
             self.operator.receive(reply, now_ns)
         if ground is self._grounds[0] and ground.phase is not self.phase:
@@ -244,12 +248,12 @@ class World:
 
     # Faults
 
-    def _on_link(self, seat: Seat, way: str) -> list[tuple[Fault, int]]:
-        body = self._body[seat.sysid]
+    def _on_link(self, node: DroneNode, direction: str) -> list[tuple[Fault, int]]:
+        body = self._body[node.sysid]
         return [
             (fault, onset_ns)
             for _, fault, onset_ns in self.faults.active(Site.LINK)
-            if fault.hits(body) and fault.direction in ("both", way)
+            if fault.hits(body) and fault.direction in ("both", direction)
         ]
 
     def _change_faults(self) -> None:
@@ -262,21 +266,21 @@ class World:
                 case Site.CORE if fault.core == "mocap":
                     self._change_mocap(fault, begins)
                 case Site.CORE:
-                    for seat in self._hit(fault):
-                        (seat.begin if begins else seat.end)(fault, self.now_ns)
-                        seat.look_ahead()
+                    for node in self._hit(fault):
+                        (node.begin if begins else node.end)(fault, self.now_ns)
+                        node.update_due()
 
-    def _hit(self, fault: Fault) -> Sequence[Seat]:
-        return [seat for seat in self.seats.values() if fault.hits(self._body[seat.sysid])]
+    def _hit(self, fault: Fault) -> Sequence[DroneNode]:
+        return [node for node in self.nodes.values() if fault.hits(self._body[node.sysid])]
 
     def _change_vehicle(self, fault: Fault, begins: bool) -> None:
         if fault.family is Family.REQUEST:
             if begins and fault.verb is not None:
                 self.ask(fault.verb, fault.argument)
             return
-        for seat in self._hit(fault):
-            (vehicle.begin if begins else vehicle.end)(fault, seat.agent, self.now_ns)
-            seat.look_ahead()
+        for node in self._hit(fault):
+            (vehicle.begin if begins else vehicle.end)(fault, node.agent, self.now_ns)
+            node.update_due()
 
     def _change_ground(self, fault: Fault, begins: bool) -> None:
         first, now_ns = self._grounds[0], self.now_ns
@@ -286,7 +290,7 @@ class World:
             case Family.STALL, True:
                 first.stall()
             case Family.STALL, False:
-                first.wake(now_ns)
+                first.resume(now_ns)
             case Family.RESTART, False:
                 self._grounds[0] = self._new_ground(fault)
             case Family.TWIN, True:
@@ -295,10 +299,12 @@ class World:
                 del self._grounds[1:]
 
     def _new_ground(self, fault: Fault) -> GroundHost:
-        ground = GroundHost(self._lab, self._epochs, self.now_ns, self._record, self._without, self._gains)
-        self._epochs += 1
+        ground = GroundHost(
+            self._lab, self._sessions, self.now_ns, self._record, self._without, self._gains, self._ingest_s
+        )
+        self._sessions += 1
         if fault.verb is not None:
-            self._told.push(self.now_ns + TOLD_AFTER_NS, (ground, fault.verb))
+            self._late_requests.push(self.now_ns + REQUEST_DELAY_NS, (ground, fault.verb))
         return ground
 
     def _change_mocap(self, fault: Fault, begins: bool) -> None:
@@ -308,11 +314,11 @@ class World:
             case Family.STALL, True:
                 self._mocap_input.stall()
             case Family.STALL, False:
-                for raw in self._mocap_input.wake():
+                for raw in self._mocap_input.resume():
                     self._publish(raw)
             case Family.RESTART, False:
                 self._mocaps[0] = MocapCore(self._lab, without=self._without.mocap)
-                self._mocap_input.wake()
+                self._mocap_input.resume()
             case Family.TWIN, True:
                 self._mocaps.append(MocapCore(self._lab, without=self._without.mocap))
             case Family.TWIN, False:

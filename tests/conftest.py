@@ -8,7 +8,6 @@ import pytest
 from hypothesis import settings
 
 from sim import lockstep
-from sim.scenario import load
 
 settings.register_profile("repeatable", deadline=None, derandomize=True)
 settings.load_profile("repeatable")
@@ -17,4 +16,4 @@ settings.load_profile("repeatable")
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Fill the cache of compiled kernels; after the first run on a machine this loads in a second."""
     if not session.config.option.collectonly:
-        lockstep.warm_up(load("triangle_line"))
+        lockstep.warm_up_all()

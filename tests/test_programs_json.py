@@ -3,10 +3,16 @@
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+import typer
+
+from gcs.cli.app import app as gcs_app
+from sim.cli.app import app as sim_app
+from sim.cli.log import app as log_app
 
 BIN = Path(sys.executable).parent
 pytestmark = pytest.mark.processes
@@ -32,6 +38,26 @@ def test_what_was_asked_for_is_json(words: tuple[str, ...], word: str, tmp_path:
     assert word in json.dumps(told)
 
 
+def commands(command: Any, words: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Every command of a program, with its words."""
+    if not hasattr(command, "commands"):
+        yield words, command
+        return
+    for name, part in command.commands.items():
+        yield from commands(part, (*words, name))
+
+
+def test_every_command_has_json_but_the_screen_for_people() -> None:
+    programs = {"gcs": gcs_app, "gcs-sim": sim_app, "gcs-log": log_app}
+    without = [
+        words
+        for name, app in programs.items()
+        for words, command in commands(typer.main.get_command(app), (name,))
+        if not any("--json" in option.opts for option in command.params)
+    ]
+    assert without == [("gcs", "watch")]
+
+
 @pytest.mark.parametrize(
     ("words", "error"),
     [
@@ -45,6 +71,12 @@ def test_what_was_asked_for_is_json(words: tuple[str, ...], word: str, tmp_path:
         (("gcs-sim", "run", "triangle_line", "--require", "rms=1"), "'rms=1' is not understood"),
         (("gcs-log", "report", "none.mcap"), "none.mcap"),
         (("gcs-log", "replay", "none.mcap"), "none.mcap"),
+        (("gcs-log", "picture", "none.mcap"), "none.mcap"),
+        (("gcs", "stop", "now"), "unexpected extra argument"),
+        (("gcs", "page", "lab.toml"), "lab.toml: No such file or directory"),
+        (("gcs-sim", "mocap-server", "--lab", "lab.toml"), "lab.toml"),
+        (("gcs-sim", "tune", "nothing"), "nothing"),
+        (("gcs-sim", "paper", "--only", "nothing"), "nothing"),
         (("drone-agent", "--sysid", "x"), "--sysid"),
         (("drone-agent", "--sysid", "900"), "sysid: "),
     ],

@@ -29,6 +29,11 @@ class Clock:
         """Now, and which date that is, as far apart as two calls take."""
         return ClockPair(self.monotonic_ns(), time.time_ns())
 
+    def at_unix_ns(self, unix_ns: int) -> int:
+        """This clock at a date, as far as the machine's date was not set since."""
+        pair = self.pair()
+        return pair.monotonic_ns + round((unix_ns - pair.unix_ns) * self.speed)
+
     def name(self) -> bytes:
         """Which clock this is: processes with the same name share it, another name is another machine's clock."""
         try:

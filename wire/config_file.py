@@ -39,8 +39,10 @@ def parse(values: dict[str, Any], model: type[M], *, source: str, folder: Path |
         faults = error.errors()
         # Of a list with a bad item pydantic also says that it is too short: the item is the reason.
         inner = {fault["loc"][:1] for fault in faults if len(fault["loc"]) > 1}
-        told = [_fault(fault, model) for fault in faults if fault["type"] != "too_short" or fault["loc"] not in inner]
-        raise ConfigError([f"{source}: {fault}" for fault in told], told, source) from error
+        reported = [
+            _fault(fault, model) for fault in faults if fault["type"] != "too_short" or fault["loc"] not in inner
+        ]
+        raise ConfigError([f"{source}: {fault}" for fault in reported], reported, source) from error
 
 
 def _fault(found: ErrorDetails, model: type[Model]) -> Fault:

@@ -126,7 +126,7 @@ def _loaded(point: EntryPoint) -> Any:
     try:
         return point.load()
     except (Exception, SystemExit) as error:  # it is a lab's own code, which may do anything
-        raise ValueError(f"{point.name!r} of {_whose(point)} cannot be loaded: {_said(error)}") from error
+        raise ValueError(f"{point.name!r} of {_whose(point)} cannot be loaded: {_error_text(error)}") from error
 
 
 def _called(maker: Any, **options: Any) -> Any:
@@ -136,10 +136,10 @@ def _called(maker: Any, **options: Any) -> Any:
     except (TypeError, ValueError) as error:
         raise ValueError(f"{_name(maker)}: {error}") from error
     except (Exception, SystemExit) as error:
-        raise ValueError(f"{_name(maker)}: {_said(error)}") from error
+        raise ValueError(f"{_name(maker)}: {_error_text(error)}") from error
 
 
-def _said(error: BaseException) -> str:
+def _error_text(error: BaseException) -> str:
     return str(error) if isinstance(error, ImportError | AttributeError) else f"{type(error).__name__}: {error}"
 
 

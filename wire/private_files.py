@@ -23,5 +23,5 @@ def inside(folder: Path, name: str) -> Path:
 
     Two names that differ only in what is replaced are one file.
     """
-    kept = re.sub(r"[^A-Za-z0-9_.-]+", "_", name)[:_LONGEST].lstrip(".") or "_"
-    return folder / kept
+    safe = re.sub(r"[^A-Za-z0-9_.-]+", "_", name)[:_LONGEST].lstrip(".") or "_"
+    return folder / safe

@@ -222,9 +222,9 @@ def _fields_of(message: type) -> list[_Field]:
 
 def _without_none(hint: Any) -> tuple[Any, bool]:
     if get_origin(hint) in (Union, types.UnionType):
-        kept = [part for part in get_args(hint) if part is not type(None)]
-        if len(kept) == 1:
-            return kept[0], True
+        others = [part for part in get_args(hint) if part is not type(None)]
+        if len(others) == 1:
+            return others[0], True
     return hint, False
 
 

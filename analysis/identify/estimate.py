@@ -45,8 +45,8 @@ def covariance(jacobian: Float, residual: Float, t_s: Float) -> Float:
     blocks, parameters = int(block.max()) + 1, jacobian.shape[1]
     scores = np.zeros((blocks, parameters))
     np.add.at(scores, block, jacobian * residual[:, None])
-    spread = blocks / max(blocks - parameters, 1)
-    result: Float = spread * bread @ (scores.T @ scores) @ bread
+    correction = blocks / max(blocks - parameters, 1)
+    result: Float = correction * bread @ (scores.T @ scores) @ bread
     return result
 
 

@@ -20,7 +20,7 @@ from wire.config_file import dump_profile
 
 LEAD = (
     "Left: measured tilt and the fitted attitude loop. Middle: that loop's step, and the dead time and lag nearest to "
-    "it, which are what the controller is told. Right: specific force against sent thrust. Dashed: the profile flown "
+    "it, which the controller uses. Right: specific force against sent thrust. Dashed: the profile flown "
     "with."
 )
 
@@ -42,7 +42,7 @@ class Line:
     def words(self) -> str:
         """`49.1 ms (48.7 to 49.6)`."""
         if self.estimate is None:
-            return "cannot be told from this flight"
+            return "no estimate from this flight"
         e = self.estimate.scaled(self.scale)
         unit = f" {self.unit}" if self.unit else ""
         return f"{e.value:.4g}{unit} ({e.low:.4g} to {e.high:.4g})"
@@ -84,7 +84,7 @@ def sensing_lines(sensing: Sensing) -> Iterator[Line]:
 
 
 def to_json(found: Identification) -> str:
-    """Every estimate as {value, low, high}, by drone; null where it cannot be told."""
+    """Every estimate as {value, low, high}, by drone; null where there is none."""
 
     def entries(lines: Iterator[Line]) -> dict[str, dict[str, float] | None]:
         return {

@@ -1,6 +1,6 @@
 """The attitude's answer to a target: fitted as a dead time and the three lags of a cascaded attitude loop.
 
-    lean(s) / target(s) = e^(-d s) (1 + k s) / (1 + s/P (1 + s/R (1 + T s)))
+    tilt(s) / target(s) = e^(-d s) (1 + k s) / (1 + s/P (1 + s/R (1 + T s)))
 
 P and R are the autopilot's attitude and rate gains, T the motors' lag, k s what it makes of the target's body rates.
 The controller assumes less: a dead time and one first-order lag. They are those whose step comes nearest to the step
@@ -15,7 +15,7 @@ from scipy.optimize import curve_fit, least_squares
 from scipy.signal import cont2discrete, lfilter
 
 from analysis.identify.estimate import Estimate, covariance, propagated
-from analysis.identify.signals import GRID_S, Seen, Sent, grid, held, lean_of, turn_of
+from analysis.identify.signals import GRID_S, Seen, Sent, grid, held, tilt_of, turn_of
 from formation.maths.arrays import Float
 
 START = np.array([np.log(10.0), np.log(40.0), np.log(0.025), 0.02, 0.0, 0.0, 0.0])
@@ -24,7 +24,7 @@ HIGHEST = np.array([np.log(80.0), np.log(400.0), np.log(0.2), 0.5, 0.5, 0.2, 0.2
 SCALE = np.array([0.3, 0.3, 0.3, 0.02, 0.05, 0.01, 0.01])
 DEAD, RATES = 3, 4
 STEP_LENGTH = 4.4  # of 1/P: the step has settled
-LEAST_S, LEAST_LEAN = 4.0, 2e-3
+LEAST_S, TILT_MIN = 4.0, 2e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +55,7 @@ def fit(of: Sent, saw: Seen) -> Response | str:
     if len(saw.t_s) < 10 or saw.t_s[-1] - saw.t_s[0] < LEAST_S:
         return f"less than {LEAST_S:g} s of free flight"
     inputs, at_s = _inputs(of, float(saw.t_s[-1]))
-    if float(np.std(inputs[:, :2])) < LEAST_LEAN:
+    if float(np.std(inputs[:, :2])) < TILT_MIN:
         return "the attitude targets hardly moved"
     free = np.ones(len(START), dtype=np.bool_)
     free[RATES] = bool(np.abs(inputs[:, 2:]).max() > 1e-6)
@@ -63,34 +63,34 @@ def fit(of: Sent, saw: Seen) -> Response | str:
     def residual(parameters: Float) -> Float:
         every = START.copy()
         every[free] = parameters
-        apart: Float = (saw.lean - _modelled(every, inputs, at_s, saw)).T.ravel()
-        return apart
+        residuals: Float = (saw.tilt - _modelled(every, inputs, at_s, saw)).T.ravel()
+        return residuals
 
     found = least_squares(residual, START[free], bounds=(LOWEST[free], HIGHEST[free]), x_scale=SCALE[free])
-    spread = np.zeros((len(START), len(START)))
-    spread[np.ix_(free, free)] = covariance(np.asarray(found.jac), found.fun, np.tile(saw.t_s, 2))
+    cov = np.zeros((len(START), len(START)))
+    cov[np.ix_(free, free)] = covariance(np.asarray(found.jac), found.fun, np.tile(saw.t_s, 2))
     best = START.copy()
     best[free] = found.x
-    return _response(best, spread, bool(free[RATES]), saw, _modelled(best, inputs, at_s, saw))
+    return _response(best, cov, bool(free[RATES]), saw, _modelled(best, inputs, at_s, saw))
 
 
 def _inputs(of: Sent, until_s: float) -> tuple[Float, Float]:
-    """Target lean and the turn its body rates ask for, (G, 4), on an even grid (G,)."""
+    """Target tilt and its rate from the target's body rates, (G, 4), on an even grid (G,)."""
     at_s = grid(of, until_s)
-    both = np.hstack([lean_of(of.q_lab_from_flu), turn_of(of.q_lab_from_flu, of.rate_flu_rad_s)])
+    both = np.hstack([tilt_of(of.q_lab_from_flu), turn_of(of.q_lab_from_flu, of.rate_flu_rad_s)])
     return held(of.t_s, both, at_s), at_s
 
 
 def _modelled(parameters: Float, inputs: Float, at_s: Float, saw: Seen) -> Float:
-    """The lean (T, 2) the parameters predict where the mocap looked; the trim turns with the heading."""
-    taken, lead = inputs[:, :2], inputs[:, 2:]
-    answered = _answer(parameters, taken + parameters[RATES] * lead, GRID_S)
+    """The tilt (T, 2) that the parameters predict at the mocap's times; the trim turns with the heading."""
+    target, lead = inputs[:, :2], inputs[:, 2:]
+    answered = _answer(parameters, target + parameters[RATES] * lead, GRID_S)
     when = saw.t_s - parameters[DEAD]
-    lean: Float = np.stack([np.interp(when, at_s, answered[:, axis]) for axis in range(2)], axis=1)
+    tilt: Float = np.stack([np.interp(when, at_s, answered[:, axis]) for axis in range(2)], axis=1)
     cos, sin = np.cos(saw.heading_rad), np.sin(saw.heading_rad)
     x, y = parameters[5], parameters[6]
     trim: Float = np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
-    return lean + trim
+    return tilt + trim
 
 
 def _answer(parameters: Float, values: Float, step_s: float) -> Float:
@@ -102,12 +102,12 @@ def _answer(parameters: Float, values: Float, step_s: float) -> Float:
     return answered
 
 
-def _response(parameters: Float, spread: Float, rates: bool, saw: Seen, modelled: Float) -> Response:
+def _response(parameters: Float, cov: Float, rates: bool, saw: Seen, modelled: Float) -> Response:
     """The estimates that the fitted parameters mean."""
-    dead, lag, p, r, motor, delay, lead = propagated(_meant, parameters, spread)
+    dead, lag, p, r, motor, delay, lead = propagated(_meant, parameters, cov)
     return Response(
-        dead, lag, p, r, motor, delay, lead if rates else None, parameters, saw.t_s, saw.lean, modelled,
-        float(np.sqrt(np.mean(np.square(saw.lean - modelled)))),
+        dead, lag, p, r, motor, delay, lead if rates else None, parameters, saw.t_s, saw.tilt, modelled,
+        float(np.sqrt(np.mean(np.square(saw.tilt - modelled)))),
     )  # fmt: skip
 
 

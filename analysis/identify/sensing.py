@@ -36,8 +36,8 @@ class Sensing:
     noise: tuple[Noise, ...]
 
 
-def sense(flight: Flight) -> Sensing | str:
-    """What the mocap was like, or why it cannot be told."""
+def estimate_sensing(flight: Flight) -> Sensing | str:
+    """The mocap's rate, delay and noise, or why there is no estimate."""
     poses = flight.poses
     if len(poses) < LEAST:
         return "too few mocap frames"
@@ -72,7 +72,7 @@ def _noise(body: str, poses: Poses, index: int, grounded: Bool) -> Noise:
 
 def scatter(t_s: Float, values: Float) -> Estimate | None:
     """White-noise deviation of a smooth signal (T, d) at uneven times: how far each sample is from the cubic through
-    the two before and the two after it. The median makes it blind to jumps; None of too few samples.
+    the two before and the two after it. The median rejects jumps; None of too few samples.
     """
     count = len(t_s) - 2 * REACH
     if count < LEAST:
@@ -86,7 +86,7 @@ def scatter(t_s: Float, values: Float) -> Estimate | None:
             if i != j:
                 weights[:, i] *= dt[:, j] / (dt[:, j] - dt[:, i])
     foretold = np.einsum("ki,kid->kd", weights, values[middle[:, None] + others])
-    apart = (values[middle] - foretold) / np.sqrt(1.0 + np.sum(np.square(weights), axis=1))[:, None]
-    deviation = MAD_TO_DEVIATION * float(np.median(np.abs(apart)))
-    error = CONFIDENCE * MAD_COST * deviation / float(np.sqrt(apart.size))
+    residuals = (values[middle] - foretold) / np.sqrt(1.0 + np.sum(np.square(weights), axis=1))[:, None]
+    deviation = MAD_TO_DEVIATION * float(np.median(np.abs(residuals)))
+    error = CONFIDENCE * MAD_COST * deviation / float(np.sqrt(residuals.size))
     return Estimate(deviation, deviation - error, deviation + error)

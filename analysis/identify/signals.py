@@ -28,14 +28,14 @@ class Sent:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """Where one drone was seen flying freely: lean (T, 2), all else (T,).
+    """One drone's measured motion in free flight: tilt (T, 2), all else (T,).
 
-    lean: the horizontal part of the body's up axis in lab axes; for small angles the tilt in radians.
+    tilt: the horizontal part of the body's up axis in lab axes; for small angles in radians.
     """
 
     t_s: Float
     height_m: Float
-    lean: Float
+    tilt: Float
     cos_tilt: Float
     heading_rad: Float
 
@@ -63,13 +63,13 @@ def seen(flight: Flight, vehicle: Vehicle) -> Seen:
     return Seen(poses.t_s[free], z[free], up[:, :2], up[:, 2], np.unwrap(frames.yaw(q)))
 
 
-def lean_of(q_lab_from_flu: Float) -> Float:
+def tilt_of(q_lab_from_flu: Float) -> Float:
     """Horizontal part of the body's up axis, lab axes, shape (..., 2)."""
     return frames.rotate(q_lab_from_flu, UP)[..., :2]
 
 
 def turn_of(q_lab_from_flu: Float, rate_flu_rad_s: Float) -> Float:
-    """How fast body rates turn that lean: R (rate x up), horizontal part, 1/s, shape (..., 2)."""
+    """The rate of that tilt by body rates: R (rate x up), horizontal part, 1/s, shape (..., 2)."""
     return frames.rotate(q_lab_from_flu, np.cross(rate_flu_rad_s, UP))[..., :2]
 
 

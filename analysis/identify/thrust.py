@@ -21,7 +21,7 @@ BUMP_S = 0.6
 SPACING_S = 0.05
 LEAST_WINDOWS = 40
 FULL_WINDOW = 0.8  # of the frames a window should hold; a window with a gap says nothing
-CURVE_KNOWN = 0.1  # a thrust curve less certain than this is not told from another
+CURVE_KNOWN = 0.1  # a thrust curve with a wider confidence interval is not used
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,7 +29,7 @@ class Thrust:
     """The thrust of one vehicle, per kilogram.
 
     hover_norm: thrust_norm that hovers at lift-off. curve: k of T/T_max = (1 - k) u + k u^2, None where the thrust
-    varied too little to tell. full_m_s2: T_max over mass. fade_1_s: part of the thrust lost a second.
+    varied too little for a fit. full_m_s2: T_max over mass. fade_1_s: share of the thrust lost a second.
     sent_norm, force_m_s2 (W,): window by window, the vertical part of what was sent, and what it made.
     """
 
@@ -51,8 +51,8 @@ def fit(of: Sent, saw: Seen, delay_s: float, motor_lag_s: float) -> Thrust | str
     t_s, force, regressors = table[:, 0], table[:, 1], table[:, 2:]
     solution = np.linalg.lstsq(regressors, force, rcond=None)[0]
     residual = force - regressors @ solution
-    spread = covariance(regressors, residual, t_s)
-    hover, curve, full, fade = propagated(_meant, solution, spread)
+    cov = covariance(regressors, residual, t_s)
+    hover, curve, full, fade = propagated(_meant, solution, cov)
     known = curve if curve.half_width < CURVE_KNOWN else None
     fresh = force - regressors[:, 2:] @ solution[2:]
     return Thrust(hover, known, full, fade, regressors[:, 0], fresh, float(np.std(residual)))
@@ -64,8 +64,8 @@ def _windows(of: Sent, saw: Seen, delay_s: float, motor_lag_s: float) -> Iterato
     if len(at_s) < 2:
         return
     sent = held(of.t_s + delay_s, of.thrust_norm, at_s)
-    keep = float(np.exp(-GRID_S / motor_lag_s))
-    first, second = (lfilter([0.0, 1.0 - keep], [1.0, -keep], sent**power) for power in (1, 2))
+    decay = float(np.exp(-GRID_S / motor_lag_s))
+    first, second = (lfilter([0.0, 1.0 - decay], [1.0, -decay], sent**power) for power in (1, 2))
     cos = np.interp(at_s, saw.t_s, saw.cos_tilt)
     usual = BUMP_S / float(np.median(np.diff(saw.t_s)))
     for middle_s in np.arange(saw.t_s[0] + BUMP_S / 2.0, saw.t_s[-1] - BUMP_S / 2.0, SPACING_S):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from analysis.identify import latency, response, thrust
 from analysis.identify.estimate import Estimate
 from analysis.identify.response import Response
-from analysis.identify.sensing import Sensing, sense
+from analysis.identify.sensing import Sensing, estimate_sensing
 from analysis.identify.signals import seen, sent
 from analysis.identify.thrust import Thrust
 from analysis.load import Flight, Vehicle
@@ -34,7 +34,7 @@ class Identified:
         return (self.base.name.removesuffix(ending) + ending)[-LONGEST_NAME:]
 
     def profile(self) -> VehicleProfile:
-        """The base profile with everything this flight could tell put in; the mass stays the one assumed."""
+        """The base profile updated with all estimates of this flight; the mass stays the assumed one."""
         update: dict[str, float | bool | str] = {"name": self.name}
         if isinstance(self.response, Response):
             update |= _answers(self.response)
@@ -75,7 +75,7 @@ def _short(value: float | bool | str) -> float | bool | str:
 
 @dataclass(frozen=True, slots=True)
 class Identification:
-    """What one flight tells of its drones and its mocap."""
+    """The estimates from one flight, of its drones and its mocap."""
 
     drones: tuple[Identified, ...]
     sensing: Sensing | str
@@ -83,7 +83,7 @@ class Identification:
 
 def identify(flight: Flight) -> Identification:
     """Every drone that was sent targets, in the configuration's order."""
-    targets, own = sent(flight), latency.told(flight)
+    targets, own = sent(flight), latency.attitudes_of(flight)
     drones = []
     for index, vehicle in enumerate(flight.vehicles):
         if vehicle.sysid not in targets:
@@ -98,7 +98,7 @@ def identify(flight: Flight) -> Identification:
         )
         late_s = latency.late(flight, vehicle, own.get(vehicle.sysid))
         drones.append(Identified(vehicle, base, found, thrust.fit(of, saw, delay_s, lag_s), late_s))
-    return Identification(tuple(drones), sense(flight))
+    return Identification(tuple(drones), estimate_sensing(flight))
 
 
 def _base(flight: Flight, index: int) -> VehicleProfile:

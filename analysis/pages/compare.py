@@ -17,9 +17,9 @@ FIGURES = (
     "formation_rms_m", "formation_max_m", "leader_rms_m", "leader_max_m", "vibration_m", "altitude_rms_m",
     "min_separation_m", "duration_s", "frames", "late_ticks",
 )  # fmt: skip
-LATENCIES = ("mocap_ms", "latency_ms", "age_ms")
+LATENCIES = ("mocap_ms", "latency_ms", "age_ms", "link_behind_ms")
 FACTS = ("scenario", "seed", "link", "outcome", "command_hash")
-TOLD = ("date", "versions", "machine", "lab_file")
+PROVENANCE = ("date", "versions", "machine", "lab_file")
 SAME = "the same"
 
 
@@ -61,20 +61,20 @@ def configuration(a: Side, b: Side) -> dict[str, tuple[object, object]]:
 
 def to_json(a: Side, b: Side) -> str:
     """Both summaries, the differences b - a, and the configuration that is not the same."""
-    told = {
+    values = {
         "a": asdict(a.summary),
         "b": asdict(b.summary),
         "difference": {key: None if x is None or y is None else y - x for key, (x, y) in numbers(a, b).items()},
         "configuration": configuration(a, b),
     }
-    return json.dumps(told, indent=2, allow_nan=False)
+    return json.dumps(values, indent=2, allow_nan=False)
 
 
 def html(a: Side, b: Side) -> str:
     """The page."""
     with style.styled():
         both = overlay.flown(a.name, a.flight, True), overlay.flown(b.name, b.flight, False)
-        error, leader, ways = (draw(*both) for draw in (overlay.errors, overlay.leader_errors, overlay.paths))
+        error, leader, paths = (draw(*both) for draw in (overlay.errors, overlay.leader_errors, overlay.paths))
     head = (
         f'<header><p class="kind">Two flights compared</p><h1>{escape(a.name)} and {escape(b.name)}</h1>'
         '<p class="facts">In the pictures the first is dark, the second coloured; times count from each '
@@ -87,7 +87,7 @@ def html(a: Side, b: Side) -> str:
         Section("leader", "Leader tracking error", "",
                 (picture(leader, "Leader tracking error"),)),
         Section("paths", "Paths", "From above, in formation.",
-                (picture(ways, "Paths"),)),
+                (picture(paths, "Paths"),)),
         Section("setup", "Flown with", "What is not the same in lab, gains and profiles.", (_setup_table(a, b),)),
     )  # fmt: skip
     return page.document(f"{a.name} and {b.name} · compared", head + "\n".join(s.html() for s in sections))
@@ -96,7 +96,7 @@ def html(a: Side, b: Side) -> str:
 def _number_table(a: Side, b: Side) -> str:
     rows = [
         row(cell(key), cell(str(_fact(a, key))), cell(str(_fact(b, key))), cell(""), cell(""))
-        for key in (*FACTS, *TOLD)
+        for key in (*FACTS, *PROVENANCE)
         if _fact(a, key) or _fact(b, key)
     ]
     for key, (x, y) in numbers(a, b).items():

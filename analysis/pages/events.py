@@ -1,4 +1,4 @@
-"""Events told again and again, folded into one line each: text only, no markup."""
+"""Repeated events, folded into one line each: text only, no markup."""
 
 import re
 from dataclasses import dataclass
@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from analysis.series import Series
 from formation.messages import Event, Severity
 
-APART_S = 5.0
+PAUSE_S = 5.0
 """A pause longer than this begins a new line."""
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
 @dataclass(slots=True)
-class Told:
+class FoldedEvent:
     """One event, or several of the same words, whatever their numbers, from first_s to last_s."""
 
     event: Event
@@ -28,22 +28,22 @@ class Told:
 
     @property
     def text(self) -> str:
-        """`23 x setpoints stale`; of numbers that differ the first are said."""
+        """`23 x setpoints stale`; where numbers in the text differ, the first ones."""
         return self.event.text if self.count == 1 else f"{self.count} x {self.event.text}"
 
 
-def folded(events: Series[Event], least: Severity = Severity.DEBUG) -> list[Told]:
+def folded(events: Series[Event], least: Severity = Severity.DEBUG) -> list[FoldedEvent]:
     """The events at least that severe, in order of their first time."""
-    lines: list[Told] = []
-    newest: dict[tuple[Severity, str, str], Told] = {}
+    lines: list[FoldedEvent] = []
+    newest: dict[tuple[Severity, str, str], FoldedEvent] = {}
     for t_s, event in zip(events.t_s.tolist(), events.messages, strict=True):
         if event.severity > least:
             continue
         key = (event.severity, event.source, _NUMBER.sub("#", event.text))
-        told = newest.get(key)
-        if told is not None and t_s - told.last_s <= APART_S:
-            told.last_s, told.count = t_s, told.count + 1
+        line = newest.get(key)
+        if line is not None and t_s - line.last_s <= PAUSE_S:
+            line.last_s, line.count = t_s, line.count + 1
         else:
-            newest[key] = Told(event, t_s, t_s)
+            newest[key] = FoldedEvent(event, t_s, t_s)
             lines.append(newest[key])
     return lines

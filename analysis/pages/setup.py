@@ -17,13 +17,13 @@ FACTS = (
 
 def setup(flight: Flight) -> str:
     """Facts, gains by vehicle kind, profiles, and the whole configuration folded away."""
-    told = flight.run.metadata
-    rows = [row(cell(words), cell(told[key])) for key, words in FACTS if told.get(key)]
+    metadata = flight.run.metadata
+    rows = [row(cell(words), cell(metadata[key])) for key, words in FACTS if metadata.get(key)]
     if not rows and flight.run.lab is None:
         return '<p class="missing">Not shown: the log says nothing of what it was flown with.</p>'
     parts = [table(("", ""), rows)] if rows else []
     for key, words in (("gains", "Gains and observers"), ("profiles", "Vehicle profiles")):
-        parts += [_values(f"{words}: {name}", values) for name, values in _objects(told.get(key, "")).items()]
+        parts += [_values(f"{words}: {name}", values) for name, values in _objects(metadata.get(key, "")).items()]
     if flight.run.lab is not None:
         text = json.dumps(flight.run.lab.model_dump(mode="json"), indent=2)
         parts.append(f"<details><summary>The lab's whole configuration</summary><pre>{escape(text)}</pre></details>")

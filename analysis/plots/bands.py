@@ -62,8 +62,8 @@ def _requests(ax: Axes, flight: Flight) -> None:
         ax.plot(t_s, -0.6, marker=">", color=style.INK, ms=5.0, mew=0)
         words = f"{request.verb} {request.argument}".strip()
         if next_s - t_s > (0.0062 * len(words) + 0.012) * flight.duration_s:
-            place = {"xytext": (5.0, 0.0), "textcoords": "offset points", "va": "center", "fontsize": 8.0}
-            ax.annotate(words, (t_s, -0.6), **place)  # type: ignore[arg-type]
+            placement = {"xytext": (5.0, 0.0), "textcoords": "offset points", "va": "center", "fontsize": 8.0}
+            ax.annotate(words, (t_s, -0.6), **placement)  # type: ignore[arg-type]
 
 
 def _events(ax: Axes, flight: Flight) -> None:

@@ -87,7 +87,7 @@ def _components(
     n = len(flight.vehicles)
     shown = _scale_times(flight, t_s)
     for axis, ax in enumerate(axes):
-        spread = [values[shown][..., axis].ravel()]
+        samples = [values[shown][..., axis].ravel()]
         for vehicle, colour in zip(flight.vehicles, style.colours(n), strict=True):
             if vehicle.column is None:
                 continue
@@ -95,10 +95,10 @@ def _components(
             known = None if truth is None else truth(vehicle)
             if known is not None:
                 style.line(ax, known[0], known[1][:, axis], among=n, color=style.INK, lw=0.8, ls=(0, (3, 2)), alpha=0.7)
-                spread.append(known[1][_scale_times(flight, known[0]), axis])
+                samples.append(known[1][_scale_times(flight, known[0]), axis])
         ax.axhline(0.0, color=style.FAINT, lw=0.8, zorder=1)
         ax.set_ylabel(f"{symbol} {AXES[axis]}, {unit}")
-        ax.set_ylim(*_central(np.concatenate(spread)))
+        ax.set_ylim(*_central(np.concatenate(samples)))
 
 
 def _scale_times(flight: Flight, t_s: Float) -> Bool:
@@ -152,7 +152,7 @@ def _names(met: Saturation) -> list[str]:
 
 
 def _first_of_each(t_s: Float, bin_s: float = 0.05) -> Float:
-    """At most one time a bin: marks closer than that cannot be told apart."""
+    """At most one time a bin: marks closer than that overlap."""
     if not len(t_s):
         return t_s
     return t_s[np.unique((t_s / bin_s).astype(np.int64), return_index=True)[1]]

@@ -27,16 +27,16 @@ def model_against_data(flight: Flight, drone: Identified) -> Drawing:
         _tilt(tilt, drone.response, colour)
         _steps(steps, drone.response, drone.base, colour)
     else:
-        _say(tilt, drone.response)
-        _say(steps, drone.response)
+        _show_reason(tilt, drone.response)
+        _show_reason(steps, drone.response)
     if isinstance(drone.thrust, Thrust):
         _force(force, drone.thrust, drone.base, colour)
     else:
-        _say(force, drone.thrust)
+        _show_reason(force, drone.thrust)
     return fig
 
 
-def _say(ax: Axes, reason: str) -> None:
+def _show_reason(ax: Axes, reason: str) -> None:
     """An empty panel with its reason."""
     ax.axis("off")
     ax.text(0.5, 0.5, reason, ha="center", va="center", color=style.SOFT, wrap=True, transform=ax.transAxes)

@@ -18,14 +18,14 @@ PANELS = (
 
 
 def link(flight: Flight) -> Drawing:
-    """One panel a quantity that any drone told, one line a drone."""
-    told = histories(
+    """One panel for each quantity that a drone reported, one line for each drone."""
+    history_of = histories(
         (round(t_s * 1e9), datagram) for t_s, datagram in zip(flight.up.t_s, flight.up.messages, strict=True)
     )
     known = [
         (name, label)
         for name, label in PANELS
-        if any(np.isfinite(history[name].astype(np.float64)).any() for history in told.values())
+        if any(np.isfinite(history[name].astype(np.float64)).any() for history in history_of.values())
     ]
     if not known:
         return Missing("no drone was heard on its link")
@@ -34,8 +34,8 @@ def link(flight: Flight) -> Drawing:
     colours = style.colours(len(flight.vehicles))
     for ax, (name, label) in zip(axes, known, strict=True):
         for colour, vehicle in zip(colours, flight.vehicles, strict=True):
-            if vehicle.sysid in told:
-                history = told[vehicle.sysid]
+            if vehicle.sysid in history_of:
+                history = history_of[vehicle.sysid]
                 values = history[name].astype(np.float64) * (100.0 if name == "battery" else 1.0)
                 style.line(ax, history["t_ns"] * 1e-9, values, color=colour, lw=1.1, label=vehicle.body)
         ax.set_ylabel(label)

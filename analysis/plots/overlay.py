@@ -60,9 +60,9 @@ def paths(a: Flown, b: Flown) -> Drawing:
         poses = one.flight.poses
         formed = in_formation_phase(one.flight, poses.t_s)
         for i in range(len(one.flight.vehicles)):
-            kept = poses.pos_lab_m[formed & poses.seen[:, i], i, :2]
-            kept = kept[:: max(1, len(kept) // style.POINTS)]
-            ax.plot(*kept.T, color=colour, lw=1.0, alpha=0.8, label=one.name if i == 0 else None)
+            path_m = poses.pos_lab_m[formed & poses.seen[:, i], i, :2]
+            path_m = path_m[:: max(1, len(path_m) // style.POINTS)]
+            ax.plot(*path_m.T, color=colour, lw=1.0, alpha=0.8, label=one.name if i == 0 else None)
     ax.set(xlabel="lab x, m", ylabel="lab y, m")
     ax.set_aspect("equal", adjustable="datalim")
     style.legend(ax)

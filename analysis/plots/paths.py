@@ -70,9 +70,9 @@ def _formed(flight: Flight) -> Bool:
     return formed if formed.any() else np.ones(len(formed), dtype=np.bool_)
 
 
-def _path(points: Float, keep: Bool) -> Float:
+def _path(points: Float, shown: Bool) -> Float:
     """Points (T, d) with NaN where not kept."""
-    return np.where(keep[:, None], points, np.nan)
+    return np.where(shown[:, None], points, np.nan)
 
 
 def _spaced(points: Float, among: int = 1) -> Float:

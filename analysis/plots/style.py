@@ -86,7 +86,7 @@ class Sheet:
         rows, columns = len(self.heights), len(self.widths)
         tall = (self.height_in - top - bottom - (rows - 1) * self.gap_in[0]) / rows
         wide = (self.width_in - left - right - (columns - 1) * self.gap_in[1]) / columns
-        place = {
+        margins = {
             "left": left / self.width_in,
             "right": 1.0 - right / self.width_in,
             "top": 1.0 - top / self.height_in,
@@ -96,7 +96,7 @@ class Sheet:
             "height_ratios": self.heights,
             "width_ratios": self.widths,
         }
-        grid = fig.subplots(rows, columns, squeeze=False, sharex=self.share_x, sharey=self.share_y, gridspec_kw=place)
+        grid = fig.subplots(rows, columns, squeeze=False, sharex=self.share_x, sharey=self.share_y, gridspec_kw=margins)
         label_in = left - 0.17
         for ax in grid.ravel():
             ax.yaxis.set_label_coords(-label_in / (ax.get_position().width * self.width_in), 0.5)
@@ -178,9 +178,9 @@ def thin(t_s: Float, y: Float, points: int = POINTS) -> tuple[Float, Float]:
     low = np.argmin(np.where(missing, np.inf, bucket), axis=1)
     high = np.argmax(np.where(missing, -np.inf, bucket), axis=1)
     first = np.arange(len(bucket)) * size
-    kept = [first, first + low, first + high, first + np.argmax(missing, axis=1), np.arange(whole, len(t_s))]
-    keep = np.unique(np.concatenate(kept))
-    return t_s[keep], y[keep]
+    indices = [first, first + low, first + high, first + np.argmax(missing, axis=1), np.arange(whole, len(t_s))]
+    chosen = np.unique(np.concatenate(indices))
+    return t_s[chosen], y[chosen]
 
 
 def line(ax: Axes, t_s: Float, y: Float, *, among: int = 1, **options: Any) -> None:
@@ -188,9 +188,9 @@ def line(ax: Axes, t_s: Float, y: Float, *, among: int = 1, **options: Any) -> N
     ax.plot(*thin(t_s, y, POINTS * FEW // max(among, FEW)), **options)
 
 
-def broken(values: Float, keep: Bool) -> Float:
+def broken(values: Float, chosen: Bool) -> Float:
     """The values (T,) with NaN where not kept: lines break there."""
-    return np.where(keep, values, np.nan)
+    return np.where(chosen, values, np.nan)
 
 
 def time_axis(ax: Axes, low_s: float, high_s: float, *, label: bool = True) -> None:

@@ -4,16 +4,16 @@ import csv
 import json
 from pathlib import Path
 
-from analysis.tables.topic_tables import FlightLog, Table
+from analysis.tables.topic_tables import LogTables, Table
 from wire.logs.mcap_log import LogError
 
 WITHOUT_PYARROW = "--parquet needs pyarrow: pip install 'mavlink-formation[parquet]'"
 
 
-def to_csv(log: FlightLog, folder: Path) -> list[Path]:
+def to_csv(log: LogTables, folder: Path) -> list[Path]:
     """One TOPIC.csv a table, and metadata.json; numbers with every digit they have, bytes in hexadecimal. OSError."""
     written = [_metadata(log, folder)]
-    for topic, table in log.items():
+    for topic, table in log.tables.items():
         path = folder / f"{_name(topic)}.csv"
         with path.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
@@ -23,7 +23,7 @@ def to_csv(log: FlightLog, folder: Path) -> list[Path]:
     return written
 
 
-def to_parquet(log: FlightLog, folder: Path) -> list[Path]:
+def to_parquet(log: LogTables, folder: Path) -> list[Path]:
     """One TOPIC.parquet a table, and metadata.json. OSError; LogError without pyarrow."""
     try:
         import pyarrow as pa
@@ -31,7 +31,7 @@ def to_parquet(log: FlightLog, folder: Path) -> list[Path]:
     except ImportError as error:
         raise LogError(WITHOUT_PYARROW) from error
     written = [_metadata(log, folder)]
-    for topic, table in log.items():
+    for topic, table in log.tables.items():
         path = folder / f"{_name(topic)}.parquet"
         pq.write_table(pa.table(_arrays(table)), path)
         written.append(path)
@@ -42,7 +42,7 @@ def _name(topic: str) -> str:
     return topic.replace("/", "-")
 
 
-def _metadata(log: FlightLog, folder: Path) -> Path:
+def _metadata(log: LogTables, folder: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "metadata.json"
     path.write_text(json.dumps(dict(log.metadata), indent=2), encoding="utf-8")

@@ -4,12 +4,12 @@ A table is a mapping from column to an array (T,), so that `pandas.DataFrame(tab
 vehicles become one row a vehicle, named in `body`. Vectors become `pos_lab_m_x`, `_y`, `_z`, quaternions `_w` first.
 """
 
+import pickle
+import sys
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
-from datetime import UTC, datetime
 from enum import Enum
-from html import escape
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -21,68 +21,29 @@ from analysis.tables.link_history import histories
 from formation.config import LabConfig
 from formation.maths.arrays import Layout
 from formation.topics import LINK_UP
-from wire.logs.mcap_log import read_log
+from wire.logs.mcap_log import LogError, read_log
 from wire.logs.mcap_read import clock_of
 
 Table = Mapping[str, NDArray[Any]]
 LINK = "drone/link"
-SHOWN_COLUMNS = 5
 _AXES = {3: ("_x", "_y", "_z"), 4: ("_w", "_x", "_y", "_z")}
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class FlightLog(Mapping[str, Table]):
-    """A log: its tables by topic (those that hold anything), and what it says of its run.
+@dataclass(frozen=True, slots=True, eq=False)
+class LogTables:
+    """What a log says of its run; its tables by topic, those that hold anything; unix_ns: when it began, since 1970.
 
     In every table: `t_s`, seconds since the log's first record; `unix_ns`, the date of that, ns since 1970 UTC.
     """
 
     metadata: Mapping[str, str]
     tables: Mapping[str, Table]
-
-    @property
-    def date(self) -> datetime:
-        """When it began, UTC; simulated flights begin in 2000, logs of versions before 0.2 in 1970."""
-        return datetime.fromtimestamp(clock_of(self.metadata).unix_ns / 1e9, UTC)
-
-    def __getitem__(self, topic: str) -> Table:
-        return self.tables[topic]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.tables)
-
-    def __len__(self) -> int:
-        return len(self.tables)
-
-    def __repr__(self) -> str:
-        """The topics as a table of text."""
-        lines = _overview(self.tables)
-        widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
-        rows = (
-            "  ".join(word.ljust(width) for word, width in zip(line, widths, strict=True)).rstrip() for line in lines
-        )
-        return "\n".join((f"flight log of {self.date:%Y-%m-%d %H:%M:%S} UTC", *rows))
-
-    def _repr_html_(self) -> str:
-        """The same for a notebook."""
-        head, *rows = ("".join(f"<td>{escape(word)}</td>" for word in line) for line in _overview(self.tables))
-        body = "".join(f"<tr>{row}</tr>" for row in rows)
-        return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    unix_ns: int
 
 
-def _overview(tables: Mapping[str, Table]) -> list[tuple[str, ...]]:
-    """A line a topic under a line of heads: rows, from when to when, columns."""
-    lines: list[tuple[str, ...]] = [("topic", "rows", "t_s", "columns")]
-    for topic, table in sorted(tables.items()):
-        t_s, columns = table["t_s"], [name for name in table if name not in ("t_s", "unix_ns")]
-        shown = ", ".join(columns[:SHOWN_COLUMNS]) + (", ..." if len(columns) > SHOWN_COLUMNS else "")
-        lines.append((topic, str(len(t_s)), f"{t_s.min():.1f} to {t_s.max():.1f}", shown))
-    return lines
-
-
-def load(path: str | Path) -> FlightLog:
+def load(path: Path) -> LogTables:
     """Read a log, whole or damaged. Raises OSError, and LogError (a ValueError) if the file is no MCAP file."""
-    log = read_log(Path(path))
+    log = read_log(path)
     lab = _lab(log.metadata)
     stamps: defaultdict[str, list[int]] = defaultdict(list)
     found: defaultdict[str, list[Any]] = defaultdict(list)
@@ -91,14 +52,14 @@ def load(path: str | Path) -> FlightLog:
         first_ns = entry.t_ns if first_ns is None else first_ns
         stamps[entry.topic.name].append(entry.t_ns)
         found[entry.topic.name].append(entry.message)
-    ahead_ns = clock_of(log.metadata).ahead_ns
+    clock = clock_of(log.metadata)
     tables: dict[str, Table] = {}
     for name, messages in found.items():
-        tables[name] = _table(np.array(stamps[name]), messages, lab, first_ns or 0, ahead_ns)
+        tables[name] = _table(np.array(stamps[name]), messages, lab, first_ns or 0, clock.ahead_ns)
     if LINK_UP.name in found:
-        said = zip(stamps[LINK_UP.name], found[LINK_UP.name], strict=True)
-        tables[LINK] = _link(said, lab, first_ns or 0, ahead_ns)
-    return FlightLog(log.metadata, tables)
+        datagrams = zip(stamps[LINK_UP.name], found[LINK_UP.name], strict=True)
+        tables[LINK] = _link(datagrams, lab, first_ns or 0, clock.ahead_ns)
+    return LogTables(log.metadata, tables, clock.unix_ns)
 
 
 def _lab(metadata: Mapping[str, str]) -> LabConfig | None:
@@ -122,19 +83,19 @@ def _table(
     rowed = [name for name, layout in layouts.items() if layout is not None and layout.shape[0] < 0]
     counts = np.array([len(getattr(message, rowed[0])) for message in messages]) if rowed else None
 
-    def spread(values: NDArray[Any]) -> NDArray[Any]:
+    def repeated(values: NDArray[Any]) -> NDArray[Any]:
         return values if counts is None else np.repeat(values, counts, axis=0)
 
-    columns = _times(spread(t_ns), first_ns, ahead_ns)
+    columns = _times(repeated(t_ns), first_ns, ahead_ns)
     if counts is not None:
         columns["body"] = np.concatenate([_bodies(m, int(n), lab) for m, n in zip(messages, counts, strict=True)])
     for name, layout in layouts.items():
         values = [getattr(message, name) for message in messages]
         if layout is None:
             if not (counts is not None and name == "bodies"):
-                columns[name] = spread(_plain(values))
+                columns[name] = repeated(_plain(values))
         else:
-            rows = np.concatenate(values) if name in rowed else spread(np.array(values))
+            rows = np.concatenate(values) if name in rowed else repeated(np.array(values))
             columns |= _split(name, rows)
     return columns
 
@@ -172,13 +133,30 @@ def _split(name: str, rows: NDArray[Any]) -> dict[str, NDArray[Any]]:
     return {name + ending: flat[:, k] for k, ending in enumerate(endings)}
 
 
-def _link(said: Iterator[tuple[int, Any]], lab: LabConfig | None, first_ns: int, ahead_ns: int) -> Table:
-    """One row a drone and tenth of a second: what it last said of battery, link and mode."""
+def _link(datagrams: Iterator[tuple[int, Any]], lab: LabConfig | None, first_ns: int, ahead_ns: int) -> Table:
+    """One row for each drone and tenth of a second: its last battery, link and mode."""
     body_of = {} if lab is None else {vehicle.sysid: vehicle.body for vehicle in lab.vehicles}
     parts = []
-    for sysid, history in histories(said).items():
+    for sysid, history in histories(datagrams).items():
         rest = dict(history)
         t_ns = np.asarray(rest.pop("t_ns"), np.int64)
         body = np.full(len(t_ns), body_of.get(sysid, str(sysid)), dtype=object)
         parts.append(_times(t_ns, first_ns, ahead_ns) | {"body": body} | rest)
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def main() -> None:
+    """For `gcs_log.load`, which runs in other people's processes: the log of argv as a pickle on standard output.
+
+    Exit code 1 and one line on standard error where it cannot be read.
+    """
+    try:
+        loaded = load(Path(sys.argv[1]))
+    except (OSError, LogError) as error:
+        sys.exit(f"{error}")
+    content = dict(loaded.metadata), {name: dict(table) for name, table in loaded.tables.items()}, loaded.unix_ns
+    pickle.dump(content, sys.stdout.buffer, protocol=5)
+
+
+if __name__ == "__main__":
+    main()

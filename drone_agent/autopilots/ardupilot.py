@@ -76,9 +76,9 @@ TEXTS = StatusTexts(
     boot=((Severity.INFO, "ArduCopter V4.6.0"), (Severity.INFO, "Frame: QUAD/X")),
     armed="Arming motors",
     disarmed="Disarming motors",
-    arm_refused=("Arm: {}",),
-    disarm_refused="",
-    mode_refused="Mode change to {} failed: {}",
+    arm_rejected=("Arm: {}",),
+    disarm_rejected="",
+    mode_rejected="Mode change to {} failed: {}",
     no_position="Need Position Estimate: {}",
     not_armable="{} mode not armable",
     takeoff="",
@@ -127,13 +127,13 @@ def _climb_rate(p: Parameters, thrust: float) -> float | None:
     return 2.0 * half * 0.01 * (p["WPNAV_SPEED_UP"] if half > 0.0 else p["WPNAV_SPEED_DN"])
 
 
-def _takes_target(target: AttitudeSetpoint) -> bool:
+def _accepts_target(target: AttitudeSetpoint) -> bool:
     """Thrust must be given, and of the body rates all or none."""
     rates = target.ignore & Ignore.BODY_RATES
     return not target.ignore & Ignore.THRUST and rates in (Ignore.NONE, Ignore.BODY_RATES)
 
 
-def _takes_pose(p: Parameters, message: LinkMessage) -> bool:
+def _fuses_pose(p: Parameters, message: LinkMessage) -> bool:
     if round(p["VISO_TYPE"]) != 1 or round(p["EK3_SRC1_POSXY"]) != 6:
         return False
     if isinstance(message, Odometry):
@@ -165,22 +165,24 @@ ARDUPILOT_MODEL = AutopilotModel(
     | ProtocolCapability.PARAM_ENCODE_C_CAST,
     modes=MODES,
     boot_mode=FlightMode.STABILIZED,
-    refused=Result.FAILED,
+    rejected=Result.FAILED,
     no_such_rate=Result.DENIED,
     no_such_message=Result.FAILED,
     set_mode_ack=MessageId.SET_MODE,
     force_arm=True,
     takeoff_in_own_mode=False,
+    restores_mode=False,
+    fence_parameter="FENCE_ENABLE",
     rates_hz=RATES_HZ,
     direct_rates_hz={},
     texts=TEXTS,
     timing=_timing,
     mode_request=_mode_request,
     stream_loss=lambda p: StreamLoss(p["GUID_TIMEOUT"], None, Task.LEVEL),
-    takes_target=_takes_target,
+    accepts_target=_accepts_target,
     streams_positions=False,
     climb_rate_of=_climb_rate,
-    takes_pose=_takes_pose,
+    fuses_pose=_fuses_pose,
     system_status=_system_status,
     estimator_flags=_estimator_flags,
 )

@@ -101,9 +101,9 @@ class StatusTexts:
     boot: tuple[tuple[Severity, str], ...]
     armed: str
     disarmed: str
-    arm_refused: tuple[str, ...]
-    disarm_refused: str
-    mode_refused: str
+    arm_rejected: tuple[str, ...]
+    disarm_rejected: str
+    mode_rejected: str
     no_position: str
     not_armable: str
     takeoff: str
@@ -122,7 +122,7 @@ class ModeRequest:
     """What a DO_SET_MODE or SET_MODE asks for; None of a mode it names wrongly."""
 
     mode: FlightMode | None
-    refusal: Result = Result.DENIED
+    result: Result = Result.DENIED
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +157,7 @@ class AutopilotModel:
     capabilities: ProtocolCapability
     modes: Mapping[FlightMode, ModeRow]
     boot_mode: FlightMode
-    refused: Result
+    rejected: Result
     """The MAV_RESULT of an arming, mode change or take-off that the moment does not allow."""
     no_such_rate: Result
     no_such_message: Result
@@ -167,6 +167,10 @@ class AutopilotModel:
     """Whether arming can be forced past its checks."""
     takeoff_in_own_mode: bool
     """PX4 switches to a take-off mode, armed or not; ArduPilot takes off within GUIDED, armed."""
+    restores_mode: bool
+    """Disarmed in a mode that may not arm, PX4 goes back to the last one that may; ArduPilot stays, until asked."""
+    fence_parameter: str | None
+    """Whether its fence is on. PX4 says nothing of its fence in SYS_STATUS, which MAVProxy reads as a breach."""
     rates_hz: Mapping[int, float]
     """MessageId -> default rate of telemetry."""
     direct_rates_hz: Mapping[int, float]
@@ -176,13 +180,13 @@ class AutopilotModel:
     mode_request: Callable[[int, int, int], ModeRequest]
     """DO_SET_MODE's base mode, custom mode and sub-mode -> what is asked for."""
     stream_loss: Callable[[Parameters], StreamLoss]
-    takes_target: Callable[[AttitudeSetpoint], bool]
+    accepts_target: Callable[[AttitudeSetpoint], bool]
     """Whether a SET_ATTITUDE_TARGET is well formed for it; another one stops the vehicle."""
     streams_positions: bool
-    """Whether a position must be sent again and again; ArduPilot goes where it was told once."""
+    """Whether a position must be sent again and again; ArduPilot keeps the last target."""
     climb_rate_of: Callable[[Parameters, float], float | None]
     """SET_ATTITUDE_TARGET's thrust as a climb rate, m/s, or None where it is thrust."""
-    takes_pose: Callable[[Parameters, LinkMessage], bool]
+    fuses_pose: Callable[[Parameters, LinkMessage], bool]
     """Whether the estimator fuses this message, as it is set up."""
     system_status: Callable[[bool, bool, bool, bool], MavState]
     """armed, landed, failsafe, ready -> MAV_STATE."""

@@ -75,7 +75,7 @@ RATES_HZ: Mapping[int, float] = MappingProxyType(
         MessageId.LOCAL_POSITION_NED: 30.0,
         MessageId.GLOBAL_POSITION_INT: 5.0,
         MessageId.ATTITUDE_TARGET: 0.0,
-        MessageId.HIGHRES_IMU: 0.0,  # PX4 sends 50 Hz on its off-board link, unless told not to
+        MessageId.HIGHRES_IMU: 0.0,  # PX4 sends 50 Hz on its off-board link by default
         MessageId.HIL_STATE_QUATERNION: 0.0,  # the true state, for who plays the mocap
         MessageId.TIMESYNC: 1.0,
         MessageId.BATTERY_STATUS: 0.5,
@@ -104,9 +104,9 @@ TEXTS = StatusTexts(
     boot=((Severity.INFO, "[init] ready"),),
     armed="Armed by external command",
     disarmed="Disarmed by {}",
-    arm_refused=("Preflight Fail: {}", "Arming denied: Resolve system health failures first"),
-    disarm_refused="Disarming denied: not landed",
-    mode_refused="Switching to mode '{}' is currently not possible: {}",
+    arm_rejected=("Preflight Fail: {}", "Arming denied: Resolve system health failures first"),
+    disarm_rejected="Disarming denied: not landed",
+    mode_rejected="Switching to mode '{}' is currently not possible: {}",
     no_position="No valid local position estimate: {}",
     not_armable="Mode {} does not allow arming",
     takeoff="Takeoff detected",
@@ -157,7 +157,7 @@ def _mode_request(base_mode: int, main: int, sub: int) -> ModeRequest:
     return ModeRequest(PX4.mode_at(main, sub), Result.ACCEPTED)
 
 
-def _takes_pose(p: Parameters, message: LinkMessage) -> bool:
+def _fuses_pose(p: Parameters, message: LinkMessage) -> bool:
     if not round(p["EKF2_EV_CTRL"]) & 1:
         return False
     if isinstance(message, Odometry):
@@ -186,22 +186,24 @@ PX4_MODEL = AutopilotModel(
     | ProtocolCapability.MAVLINK2,
     modes=MODES,
     boot_mode=FlightMode.HOLD,
-    refused=Result.TEMPORARILY_REJECTED,
+    rejected=Result.TEMPORARILY_REJECTED,
     no_such_rate=Result.FAILED,
     no_such_message=Result.DENIED,
     set_mode_ack=MavCommand.DO_SET_MODE,
     force_arm=False,
     takeoff_in_own_mode=True,
+    restores_mode=True,
+    fence_parameter=None,
     rates_hz=RATES_HZ,
     direct_rates_hz=DIRECT_RATES_HZ,
     texts=TEXTS,
     timing=_timing,
     mode_request=_mode_request,
     stream_loss=_stream_loss,
-    takes_target=lambda _target: True,
+    accepts_target=lambda _target: True,
     streams_positions=True,
     climb_rate_of=lambda _p, _thrust: None,
-    takes_pose=_takes_pose,
+    fuses_pose=_fuses_pose,
     system_status=_system_status,
     estimator_flags=_estimator_flags,
 )

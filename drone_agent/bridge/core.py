@@ -1,27 +1,33 @@
 """The bridge to a real autopilot, without its sockets: passes MAVLink on both ways and enforces the agent's rules.
 
 The last line of defence beside a real drone, whatever becomes of the ground: where the stream of setpoints has gone
-stale, this process holds the body on its own mocap feed, then lets it down; the autopilot is told the mocap pose of
-its body by this process, not by the ground. Frames pass byte for byte, sender and all.
+stale, this process holds the body on its own mocap feed, then lands it. This process, not the ground, sends the
+autopilot the mocap pose of its body. Frames pass byte for byte, sender and all.
 """
+
+import math
 
 import numpy as np
 
+from drone_agent.bridge.estimate import BodyEstimate
 from drone_agent.bridge.feed import BodyFeed
 from drone_agent.bridge.hold import BridgeHold
 from drone_agent.bridge.inertial_stream import LACKS, InertialStream
+from drone_agent.bridge.intercepted import POSES, READS, SETS_MODE
 from drone_agent.bridge.outgoing import BridgeOutgoing, datagrams
-from drone_agent.bridge.reckoning import Reckoning
 from drone_agent.bridge.setpoints import SETPOINTS, BridgeSetpoints, stamp_ms
 from drone_agent.bridge.takeover import STEP_NS, Takeover, Turn
 from drone_agent.config import AgentConfig
-from drone_agent.failsafe import BACK, REPORTS, SLIDING_POSE, STOPPED, TAKEN_OVER
-from drone_agent.monitors import switched_off
-from drone_agent.stages import Stage
+from drone_agent.failsafe import BACK, NEW_OWNER, REPORTS, STOPPED, THRUST_LOSS, pose_fault
+from drone_agent.guard.integrity import SIGNATURES
+from drone_agent.guard.navigator import Fault
+from drone_agent.monitors import MONITOR_OF, switched_off
+from drone_agent.stages import Stage, Trigger
 from formation.messages import Datagram, Event, LabFrame, Severity
 from wire.autopilots.ardupilot import ARDUPILOT
 from wire.autopilots.px4 import PX4
 from wire.autopilots.table import STREAM_MODES, AutopilotTable
+from wire.clock_offset import rate_offset_text
 from wire.link_messages.address import BRIDGE_COMPONENT, DRONE_COMPONENT, Address
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.commands import (
@@ -34,43 +40,16 @@ from wire.link_messages.commands import (
     SetMode,
     command_long,
 )
-from wire.link_messages.message_id import MessageId
-from wire.link_messages.motion import InertialSample, Origin, SetOrigin
+from wire.link_messages.motion import AttitudeQuaternion, InertialSample, Origin, SetOrigin
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
 from wire.link_messages.status import Heartbeat, MavAutopilot, MavState, MavType, NamedValue, StatusText
 from wire.mavlink.codec import Codec, MavlinkError, read_frame
 from wire.mavlink.framing import Frame, FrameCutter
-from wire.timesync import slip_text
 
-_POSES = frozenset({MessageId.VISION_POSITION_ESTIMATE, MessageId.ATT_POS_MOCAP, MessageId.ODOMETRY})
-# What is read here; the rest passes.
-_READS = frozenset(
-    {
-        MessageId.HEARTBEAT,
-        MessageId.SET_MODE,
-        MessageId.GPS_GLOBAL_ORIGIN,
-        MessageId.COMMAND_LONG,
-        MessageId.COMMAND_INT,
-        MessageId.COMMAND_ACK,
-        MessageId.TIMESYNC,
-        MessageId.HIGHRES_IMU,
-    }
-)
 _BEAT_NS = 1_000_000_000
 _HEARTBEAT = Heartbeat(MavAutopilot.INVALID, MavType.ONBOARD_CONTROLLER, 0, 0, MavState.ACTIVE)
 _SILENT_NS = 1_500_000_000  # of heartbeats a second: it may have restarted, and forgotten its origin
-_SETS_MODE = frozenset(
-    {
-        MavCommand.NAV_RETURN_TO_LAUNCH,
-        MavCommand.NAV_LAND,
-        MavCommand.NAV_TAKEOFF,
-        MavCommand.DO_SET_MODE,
-        MavCommand.DO_FLIGHTTERMINATION,
-        MavCommand.DO_REPOSITION,
-        MavCommand.COMPONENT_ARM_DISARM,
-    }
-)
 _TABLES = {table.autopilot: table for table in (PX4, ARDUPILOT)}
 
 
@@ -96,45 +75,43 @@ class BridgeCore:
         self._setpoints = BridgeSetpoints(config.sysid, t0_ns, self._takeover.stream, self._without)
         self._table: AutopilotTable | None = None
         self._lacks_origin = False
-        self._heard_ns = t0_ns
+        self._received_ns = t0_ns
         self._beat_ns = t0_ns
-        self._hold = BridgeHold()
+        signatures = tuple(row for row in SIGNATURES if MONITOR_OF[row.trigger] not in without)
+        self._estimate = BodyEstimate(config.true_vehicle(), config.sysid, signatures)
+        self._hold = BridgeHold(self._estimate)
         self._hold_ns = t0_ns
-        reckoning = Reckoning()
-        self._inertial = InertialStream(self._target, config.inertial_rate_hz, reckoning, t0_ns)
-        finds = "pose-slides" not in without
-        self._feed = BodyFeed(config.body_name, self._hold, reckoning, t0_ns, finds_slides=finds)
+        self._inertial = InertialStream(self._target, config.inertial_rate_hz, self._estimate, t0_ns)
+        self._feed = BodyFeed(config.body_name, self._estimate, t0_ns)
         self._age_sent_ns = t0_ns
         self._strangers: set[int] = set()
-        self._slip_reported = False
+        self._rate_offset_reported = False
         self._to_ground: list[bytes] = []
         self._to_autopilot: list[bytes] = []
         self._events: list[Event] = []
+        self._faults: list[Fault] = []
 
     def receive_ground(self, datagram: Datagram, now_ns: int) -> None:
         """Pass what the ground says on to the autopilot, reading what matters."""
         self._now_ns = now_ns
         for frame in self._from_ground.cut(datagram.data):
-            if not self._keep_from_ground(frame, now_ns):
+            if not self._intercept_from_ground(frame, now_ns):
                 self._to_autopilot.append(frame.data)
 
     def receive_autopilot(self, data: bytes, now_ns: int) -> None:
         """Pass what the autopilot says on to the ground, reading what matters."""
         self._now_ns = now_ns
         for frame in self._from_autopilot.cut(data):
-            if not self._keep_from_autopilot(frame, now_ns):
+            if not self._intercept_from_autopilot(frame, now_ns):
                 self._to_ground.append(frame.data)
 
     def receive_frame(self, frame: LabFrame, now_ns: int) -> None:
-        """Tell the autopilot the pose of its body, and hold the body where that pose is none of its own."""
+        """Send the autopilot the pose of its body, and hold the body while that pose is faulty."""
         self._now_ns = now_ns
-        pose = self._feed.see(frame, now_ns, armed=self._takeover.armed)
+        pose = self._feed.receive_frame(frame, now_ns, armed=self._takeover.armed)
         if self._feed.fresh(now_ns):
-            self._takeover.rest(now_ns, still=self._hold.still)
-        self._setpoints.pose_slides = self._feed.slides
-        if self._feed.slides and self._takeover.slid(now_ns):
-            self._say(*SLIDING_POSE)
-            self._hold.begin(now_ns)
+            self._takeover.rest(now_ns, still=self._hold.is_still(now_ns))
+        self._act_on_faults()
         if pose is not None:
             self._send_autopilot(pose)
 
@@ -145,26 +122,34 @@ class BridgeCore:
             self._beat_ns = now_ns + _BEAT_NS
             self._send_autopilot(_HEARTBEAT)
             self._send_ground(TimeSync(0, now_ns))
+            self._send_ground(self._estimate.status(now_ns))
             if self._lacks_origin and self._feed.begun:
                 self._send_autopilot(SetOrigin(self._config.sysid, *self._config.origin))
             asks = self._inertial.due(now_ns) if self._table is not None else None
             if asks is not None:
                 self._send_autopilot(asks)
-            if self._inertial.tells(now_ns):
-                self._say(Severity.NOTICE, LACKS)
+            if self._inertial.is_missing_report_due(now_ns):
+                self._report(Severity.NOTICE, LACKS)
         asks_clock = self._inertial.sync.due(now_ns) if self._table is not None else None
         if asks_clock is not None:
             self._send_autopilot(asks_clock)
         self._act(self._takeover.due(now_ns, fed=self._feed.fresh(now_ns), stands=self._hold.stands))
-        for refused in self._setpoints.told(now_ns):
-            self._say(refused.severity, f"{refused.text} (from {refused.source})")
+        for event in self._setpoints.due_events(now_ns):
+            self._report(event.severity, f"{event.text} (from {event.source})")
         outgoing = BridgeOutgoing(
             datagrams(self._config.sysid, self._to_ground),
             datagrams(self._config.sysid, self._to_autopilot),
             tuple(self._events),
+            self._estimate.pop_innovations(now_ns),
+            tuple(self._faults),
         )
-        self._to_ground, self._to_autopilot, self._events = [], [], []
+        self._to_ground, self._to_autopilot, self._events, self._faults = [], [], [], []
         return outgoing
+
+    @property
+    def rejects_poses(self) -> bool:
+        """Whether it holds by the inertial sensors alone, since the poses are faulty."""
+        return self._feed.is_rejecting
 
     @property
     def has_autopilot(self) -> bool:
@@ -183,55 +168,56 @@ class BridgeCore:
         takeover_ns = self._takeover.deadline_ns()
         return self._beat_ns if takeover_ns is None else min(self._beat_ns, takeover_ns)
 
-    def _keep_from_ground(self, frame: Frame, now_ns: int) -> bool:
+    def _intercept_from_ground(self, frame: Frame, now_ns: int) -> bool:
         """Note what matters; True for a frame that ends here."""
-        if frame.number in _POSES:
-            return self._feed.slides or self._feed.fresh(now_ns)
+        if frame.number in POSES:
+            return self._feed.is_rejecting or self._feed.fresh(now_ns)
         if frame.number in SETPOINTS:
-            return self._keep_setpoint(frame, now_ns)
-        if frame.number not in _READS:
+            return self._filter_setpoint(frame, now_ns)
+        if frame.number not in READS:
             return False
         try:
             message = read_frame(frame).message
         except MavlinkError:
             return False
         if isinstance(message, CommandLong | CommandInt):
-            return self._keep_command(frame.source, message, now_ns)
+            return self._intercept_command(frame.source, message, now_ns)
         if isinstance(message, SetMode):
-            self._takeover.mode_unknown()
+            self._mode_unknown()
         elif isinstance(message, TimeSync) and message.target.component == BRIDGE_COMPONENT and message.tc1_ns:
-            clock = self._setpoints.gate.clock(frame.source)
+            clock = self._setpoints.setpoint_filter.clock(frame.source)
             clock.exchange(message.ts1_ns - self._t0_ns, message.tc1_ns, now_ns - self._t0_ns)
             return True
         return False
 
-    def _keep_setpoint(self, frame: Frame, now_ns: int) -> bool:
+    def _filter_setpoint(self, frame: Frame, now_ns: int) -> bool:
         """Pass on a setpoint that is obeyed, within bounds."""
         setpoints, source = self._setpoints, frame.source
         self._report_age(source, stamp_ms(frame), now_ns)
-        taken = setpoints.take(frame, now_ns)
-        if taken.passed is None:
+        filtered = setpoints.filter(frame, now_ns)
+        if filtered.passed is None:
             return True
-        back = taken.target is not None and self._takeover.note(source, now_ns)
-        if taken.target is not None and self._takeover.stream.broken:
+        back = filtered.target is not None and self._takeover.note(source, now_ns)
+        if filtered.target is not None and self._takeover.stream.broken:
             return True
-        self._to_autopilot.append(taken.passed)
-        if setpoints.gate.asks(source, now_ns):
+        self._to_autopilot.append(filtered.passed)
+        if setpoints.setpoint_filter.asks(source, now_ns):
             self._send_ground(TimeSync(0, now_ns))
-        if self._takeover.stream.stage is Stage.FOLLOW and setpoints.gate.untold(source):
-            self._say(Severity.INFO, f"Age of setpoints of {source} unknown: no TIMESYNC")
-        if taken.target is not None:
-            self._hold.note(taken.target, now_ns)
+        if self._takeover.stream.stage is Stage.FOLLOW and setpoints.setpoint_filter.is_age_unknown(source):
+            self._report(Severity.INFO, f"Age of setpoints of {source} unknown: no TIMESYNC")
+        if filtered.target is not None:
+            self._hold.note(filtered.target, now_ns)
+            self._note_thrust(filtered.target.thrust_norm)
         if back:
-            self._say(*BACK)
+            self._report(*BACK)
         return True
 
-    def _keep_command(self, source: Address, message: CommandLong | CommandInt, now_ns: int) -> bool:
+    def _intercept_command(self, source: Address, message: CommandLong | CommandInt, now_ns: int) -> bool:
         """Note what a command may change; those that are this process's own to answer end here."""
         if message.command == MavCommand.REQUEST_OPERATOR_CONTROL:
             stage = self._takeover.hand_over(source, message.params[1] == 1.0, now_ns)
             if stage is Stage.HOLD:
-                self._say(*TAKEN_OVER)
+                self._report(*NEW_OWNER)
                 self._hold.begin(now_ns)
             self._answer(source, message.command, Result.ACCEPTED)
             return True
@@ -242,7 +228,7 @@ class BridgeCore:
         if message.command == MavCommand.COMPONENT_ARM_DISARM:
             if action == 1.0 and self._takeover.stream.stage is Stage.STOPPED:
                 self._takeover.stop(now_ns)  # who goes on asking as before the stop does not know of it
-                self._say(Severity.CRITICAL, f"Arm refused: {STOPPED}")
+                self._report(Severity.CRITICAL, f"Arm refused: {STOPPED}")
                 self._answer(source, message.command, Result.TEMPORARILY_REJECTED)
                 return True
             stops = action == 0.0 and force == DISARM_IN_FLIGHT
@@ -250,19 +236,19 @@ class BridgeCore:
             stops = message.command == MavCommand.DO_FLIGHTTERMINATION and action > 0.5
         if stops and "stop-latch" not in self._without:
             self._takeover.stop(now_ns)
-        if message.command in _SETS_MODE:
-            self._takeover.mode_unknown()
+        if message.command in SETS_MODE:
+            self._mode_unknown()
         return False
 
     def _answer(self, source: Address, command: int, result: Result) -> None:
         """In the autopilot's name, to which the command was sent."""
         self._to_ground.append(self._autopilots_name.encode(CommandAck(source, command, result)))
 
-    def _keep_from_autopilot(self, frame: Frame, now_ns: int) -> bool:
+    def _intercept_from_autopilot(self, frame: Frame, now_ns: int) -> bool:
         if frame.source.system != self._config.sysid:
             self._report_stranger(frame.source.system)
             return True
-        if frame.number not in _READS:
+        if frame.number not in READS:
             return False
         try:
             packet = read_frame(frame)
@@ -270,7 +256,7 @@ class BridgeCore:
             return False
         message = packet.message
         if isinstance(message, Heartbeat) and packet.source.component == DRONE_COMPONENT:
-            self._see(message)
+            self._read_heartbeat(message)
         elif isinstance(message, Origin):
             self._lacks_origin = False
         elif isinstance(message, CommandAck) and message.target.component == BRIDGE_COMPONENT:
@@ -278,13 +264,16 @@ class BridgeCore:
             self._inertial.answered(message)
             return True
         elif isinstance(message, InertialSample):
-            self._inertial.hear(message, now_ns)
-            self._hold.feel(float(message.specific_force_flu_m_s2[2]), now_ns)
+            self._inertial.receive_sample(message, now_ns)
+            self._act_on_faults()
             return not self._inertial.passes
+        elif isinstance(message, AttitudeQuaternion):
+            self._inertial.receive_attitude(message, now_ns)
+            self._act_on_faults()
         elif isinstance(message, TimeSync) and message.tc1_ns:
             ours = self._inertial.sync.answers(message)
             self._inertial.sync.receive(message, now_ns)
-            self._report_slip()
+            self._report_rate_offset()
             return ours
         elif isinstance(message, TimeSync):
             # Its poses come from here, so the clock it holds them against must be ours.
@@ -292,65 +281,95 @@ class BridgeCore:
             return True
         return False
 
-    def _see(self, beat: Heartbeat) -> None:
+    def _read_heartbeat(self, beat: Heartbeat) -> None:
         table = _TABLES.get(beat.autopilot)
         if table is None:
             return
-        silent_ns, self._heard_ns = self._now_ns - self._heard_ns, self._now_ns
+        silent_ns, self._received_ns = self._now_ns - self._received_ns, self._now_ns
         if self._table is not table or silent_ns > _SILENT_NS:
             self._lacks_origin = table.needs_origin
             self._inertial.restarted(self._now_ns)
         if self._table is not table:
             self._table = table
-            self._say(Severity.INFO, f"Bridge to {table.autopilot.name.lower()}")
+            self._report(Severity.INFO, f"Bridge to {table.autopilot.name.lower()}")
         offboard = table.mode_of(beat.custom_mode) in STREAM_MODES
         self._takeover.saw(self._now_ns, armed=beat.armed, offboard=offboard)
+        if not self._takeover.is_flown_by_setpoints:
+            self._note_thrust(math.nan)
 
     def _act(self, turn: Turn) -> None:
         """Carry out what the fail-safe asks for."""
         for stage in turn.begun:
             if stage is Stage.HOLD:
                 self._hold.begin(self._now_ns)
-            if stage is not Stage.HOLD or self._takeover.stream.tells:
-                self._say(*REPORTS[stage])
+            if stage is not Stage.HOLD or self._takeover.stream.reports_hold:
+                self._report(*REPORTS[stage])
         if turn.flown is not None:
-            self._fly(down=turn.flown is not Stage.HOLD, blind=turn.flown is Stage.DESCEND)
+            self._fly(down=turn.flown is not Stage.HOLD, open_loop=turn.flown is Stage.DESCEND)
         if turn.lands:
             self._send_autopilot(command_long(self._target, MavCommand.NAV_LAND, 0.0, 0.0, 0.0, float("nan")))
         if turn.lands and self._hold.faded:
             self._send_autopilot(command_long(self._target, MavCommand.COMPONENT_ARM_DISARM))
 
-    def _fly(self, *, down: bool, blind: bool) -> None:
+    def _act_on_faults(self) -> None:
+        """Hold a body whose poses are faulty; land one whose thrust is missing."""
+        now_ns = self._now_ns
+        self._faults += self._estimate.pop_faults()
+        rejected = self._feed.check(now_ns)
+        self._setpoints.pose_rejected = bool(rejected)
+        if rejected and self._takeover.on_fault(Trigger.POSE_FAULT, now_ns):
+            self._report(*pose_fault(rejected))
+            self._hold.begin(now_ns)
+        if self._estimate.is_thrust_lost(now_ns) and self._takeover.on_fault(Trigger.THRUST_LOSS, now_ns):
+            self._report(*THRUST_LOSS)
+            self._hold.begin(now_ns)
+
+    def _fly(self, *, down: bool, open_loop: bool) -> None:
         """One attitude target of our own."""
         dt_s = min(self._now_ns - self._hold_ns, 5 * STEP_NS) * 1e-9
         self._hold_ns = self._now_ns
-        wanted = self._hold.sink_blind(dt_s) if blind else self._hold.step(self._now_ns, dt_s, down=down)
+        wanted = self._hold.descend_open_loop(dt_s) if open_loop else self._hold.step(self._now_ns, dt_s, down=down)
         t_boot_ms = self._now_ns // 1_000_000 % 2**32  # on the clock of our answers to TIMESYNC
         rate, thrust = np.zeros(3), wanted.thrust_norm
+        self._note_thrust(thrust)
         self._send_autopilot(
             AttitudeSetpoint(self._target, t_boot_ms, wanted.q_lab_from_flu, rate, thrust, Ignore.BODY_RATES)
         )
 
+    def _mode_unknown(self) -> None:
+        """The ground sent a command that may change mode or arming."""
+        self._takeover.mode_unknown()
+        self._note_thrust(math.nan)
+
+    def _note_thrust(self, thrust_norm: float) -> None:
+        """A commanded thrust, which carries the body where the autopilot follows it and no floor does.
+
+        An autopilot that gets no poses may fly by itself.
+        """
+        known = self._takeover.is_flown_by_setpoints and not self._feed.is_rejecting
+        flown = known and not self._feed.stands
+        self._estimate.receive_thrust(self._now_ns, thrust_norm if flown else math.nan)
+
     def _report_age(self, source: Address, stamp: int, now_ns: int) -> None:
         rate_hz = self._config.age_rate_hz
-        age_ms = self._setpoints.gate.age_ms(source, stamp, now_ns - self._t0_ns)
+        age_ms = self._setpoints.setpoint_filter.age_ms(source, stamp, now_ns - self._t0_ns)
         if age_ms is not None and rate_hz > 0.0 and now_ns - self._age_sent_ns >= 1e9 / rate_hz:
             self._age_sent_ns = now_ns
             self._send_ground(NamedValue((now_ns - self._t0_ns) // 1_000_000, "age_ms", age_ms))
 
-    def _report_slip(self) -> None:
+    def _report_rate_offset(self) -> None:
         """Name an autopilot's clock that runs at another rate, once."""
-        slip = self._inertial.sync.slip
-        if slip is not None and not self._slip_reported:
-            self._slip_reported = True
-            self._say(Severity.WARNING, f"Autopilot's {slip_text(slip)}")
+        rate_offset = self._inertial.sync.rate_offset
+        if rate_offset is not None and not self._rate_offset_reported:
+            self._rate_offset_reported = True
+            self._report(Severity.WARNING, f"Autopilot's {rate_offset_text(rate_offset)}")
 
     def _report_stranger(self, system: int) -> None:
         if system not in self._strangers:
             self._strangers.add(system)
-            self._say(Severity.ERROR, f"The autopilot says it is system {system}, not {self._config.sysid}")
+            self._report(Severity.ERROR, f"The autopilot says it is system {system}, not {self._config.sysid}")
 
-    def _say(self, severity: Severity, text: str) -> None:
+    def _report(self, severity: Severity, text: str) -> None:
         self._send_ground(StatusText(severity, text))
         self._events.append(Event(severity, f"uav{self._config.sysid}", text))
 

@@ -4,19 +4,20 @@ import asyncio
 import sys
 from math import inf
 
+from drone_agent.bridge import estimate
 from drone_agent.bridge.core import BridgeCore
 from drone_agent.config import AgentConfig
 from drone_agent.flight import position
 from drone_agent.link.awaited import awaited_bus, awaited_pose
 from drone_agent.link.ground_link import open_ground_link
-from drone_agent.wake import Wake
+from drone_agent.timer import DeadlineTimer
 from formation.messages import Datagram, LabFrame
 from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
-from wire.process.awaited import Awaited, tell_awaited
-from wire.process.lifetime import Stop, Tell
+from wire.process.awaited import Awaited, report_missing
+from wire.process.lifetime import EventSink, Stop
 from wire.process.progress import compile_all
-from wire.refusals import Refusals
+from wire.rejections import RejectionLog
 from wire.transport.link import Link
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.serial_link import device_and_baud, open_serial
@@ -30,14 +31,14 @@ _INERTIAL_BYTES, _INERTIAL_SHARE = 75, 0.25  # of HIGHRES_IMU, framed; of the li
 class _Pump:
     """Hands what arrives to the core at once, and wakes it at its own deadlines."""
 
-    def __init__(self, core: BridgeCore, tell: Tell, clock: Clock) -> None:
+    def __init__(self, core: BridgeCore, report: EventSink, clock: Clock) -> None:
         self.ground: Link | None = None
         self.autopilot: Link | None = None
-        self.refusals = Refusals()
+        self.rejections = RejectionLog()
         self._core = core
-        self._tell = tell
+        self._report = report
         self._clock = clock
-        self.wake = Wake(self.turn, clock)
+        self.timer = DeadlineTimer(self.turn, clock)
 
     def from_ground(self, datagram: Datagram) -> None:
         """The ground said something."""
@@ -62,46 +63,52 @@ class _Pump:
             if link is not None:
                 for datagram in datagrams:
                     link.send(datagram)
-        for event in (*out.events, *self.refusals.due(now_ns)):
-            self._tell(event)
-        self.wake.at(self._core.next_deadline_ns())
+        for event in (*out.events, *self.rejections.due(now_ns)):
+            self._report(event)
+        self.timer.at(self._core.next_deadline_ns())
 
 
-async def run_bridge(config: AgentConfig, autopilot: str, tell: Tell, clock: Clock = REAL_TIME) -> None:
+async def run_bridge(config: AgentConfig, autopilot: str, report: EventSink, clock: Clock = REAL_TIME) -> None:
     """Be the bridge until SIGINT or SIGTERM.
 
     autopilot: udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD. Raises OSError where a port cannot be had,
     ConfigError where that text is none of these.
     """
     stop = Stop()
-    compile_all("drone-agent", position.warm_up, sys.stderr)
-    config = config.model_copy(update={"inertial_rate_hz": min(config.inertial_rate_hz, room_hz_of(autopilot))})
+    compile_all("drone-agent", warm_up, sys.stderr)
+    config = config.model_copy(update={"inertial_rate_hz": min(config.inertial_rate_hz, imu_rate_limit_hz(autopilot))})
     core = BridgeCore(config, clock.monotonic_ns(), serial=autopilot.startswith("serial:"))
-    pump = _Pump(core, tell, clock)
+    pump = _Pump(core, report, clock)
     bus: ZenohBus | None = None
-    waiting: asyncio.Task[None] | None = None
+    missing: asyncio.Task[None] | None = None
     try:
         pump.autopilot = await _open_autopilot(autopilot, config.sysid, pump)
-        bus = await ZenohBus.open(config.link, config.lab, pump.refusals)
+        bus = await ZenohBus.open(config.link, config.lab, pump.rejections)
         MocapBus(bus, clock).on_frame(pump.from_mocap)
-        pump.ground = await open_ground_link(config, bus, pump.from_ground, pump.refusals)
+        pump.ground = await open_ground_link(config, bus, pump.from_ground, pump.rejections)
         pump.turn()
         awaited = (
             awaited_bus(config, bus),
             _awaited_autopilot(autopilot, config.sysid, core),
             awaited_pose(config, lambda: core.has_pose),
         )
-        waiting = asyncio.create_task(tell_awaited(f"uav{config.sysid}", awaited, tell))
+        missing = asyncio.create_task(report_missing(f"uav{config.sysid}", awaited, report))
         await stop.wait()
     finally:
-        if waiting is not None:
-            waiting.cancel()
-        pump.wake.stop()
+        if missing is not None:
+            missing.cancel()
+        pump.timer.stop()
         for link in (pump.ground, pump.autopilot):
             if link is not None:
                 link.close()
         if bus is not None:
             await bus.close()
+
+
+def warm_up() -> None:
+    """Compile what the bridge calls."""
+    position.warm_up()
+    estimate.warm_up()
 
 
 def _awaited_autopilot(where: str, sysid: int, core: BridgeCore) -> Awaited:
@@ -110,7 +117,7 @@ def _awaited_autopilot(where: str, sysid: int, core: BridgeCore) -> Awaited:
     return Awaited(f"the autopilot at {where}", lambda: core.has_autopilot, remedy)
 
 
-def room_hz_of(autopilot: str) -> float:
+def imu_rate_limit_hz(autopilot: str) -> float:
     """How many HIGHRES_IMU a second fill no more than their share of the line; infinite where it is none."""
     try:
         _, baud = device_and_baud(autopilot)
@@ -125,7 +132,7 @@ async def _open_autopilot(text: str, sysid: int, pump: _Pump) -> Link:
         if kind == "serial":
             return await open_serial(text, sysid, pump.from_autopilot)
         if kind in ("udp", "udpin", "udpout"):
-            return await open_udp_direct(text, sysid, pump.from_autopilot, pump.refusals)
+            return await open_udp_direct(text, sysid, pump.from_autopilot, pump.rejections)
     except ValueError as error:
         raise ConfigError([f"drone-agent: bridge: {error}"]) from error
     except OSError as error:

@@ -2,17 +2,20 @@
 
 from dataclasses import dataclass
 
-from formation.messages import Datagram, Event
+from drone_agent.guard.navigator import Fault
+from formation.messages import Datagram, Event, Innovation
 from wire.mavlink.framing import packed
 
 
 @dataclass(frozen=True, slots=True)
 class BridgeOutgoing:
-    """What one tick gives: packets for the ground, packets for the autopilot, events."""
+    """What one tick gives: packets for the ground, packets for the autopilot, events, innovations, detected faults."""
 
     to_ground: tuple[Datagram, ...]
     to_autopilot: tuple[Datagram, ...]
     events: tuple[Event, ...]
+    innovations: tuple[Innovation, ...] = ()
+    faults: tuple[Fault, ...] = ()
 
 
 def datagrams(sysid: int, packets: list[bytes]) -> tuple[Datagram, ...]:

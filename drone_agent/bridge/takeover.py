@@ -2,7 +2,7 @@
 
 It begins, and commands, only where the autopilot's own heartbeat said armed and off-board after the last command that
 could have changed that: a landing that the ground began must never be undone. The attitude targets of a stage that has
-begun go on until a heartbeat tells of another mode, in which they mean nothing: a landing may be refused. No bytes.
+begun go on until a heartbeat reports another mode, in which they mean nothing: a landing may be rejected. No bytes.
 """
 
 from typing import NamedTuple
@@ -14,7 +14,7 @@ from wire.link_messages.commands import CommandAck, MavCommand, Result
 
 STEP_NS = 10_000_000
 _AGAIN_NS = 300_000_000
-_ALIVE_S = 2.0  # of a stream as a setpoint mode begins, of which a heartbeat a second tells
+_ALIVE_S = 2.0  # of a stream as a setpoint mode begins, which one heartbeat a second reports
 _FLOWN = (Stage.HOLD, Stage.LAND, Stage.DESCEND)
 
 
@@ -37,6 +37,11 @@ class Takeover:
         self._next_ns = self._next_command_ns = 0
         self._done = False
         self._rest_since_ns = 0
+
+    @property
+    def is_flown_by_setpoints(self) -> bool:
+        """Whether the autopilot is known to follow setpoints, armed."""
+        return self._offboard and self._mode_known
 
     def note(self, source: Address, now_ns: int) -> bool:
         """A setpoint passed; True where it ends a hold."""
@@ -80,11 +85,10 @@ class Takeover:
             self._next_ns = self._next_command_ns = now_ns
         return stage
 
-    def slid(self, now_ns: int) -> bool:
-        """The body's pose slides; whether a hold begins."""
-        if not (self._offboard and self._mode_known) or self.stream.stage is not Stage.FOLLOW:
+    def on_fault(self, trigger: Trigger, now_ns: int) -> bool:
+        """A detected fault pulls its trigger; returns whether a stage begins."""
+        if not self.is_flown_by_setpoints or self.stream.pull(trigger, now_ns) is None:
             return False
-        self.stream.pull(Trigger.SLIDING_POSE, now_ns)
         self._next_ns = self._next_command_ns = now_ns
         return True
 
@@ -107,7 +111,7 @@ class Takeover:
         if deadline_ns is None or now_ns < deadline_ns:
             return Turn()
         begun: list[Stage] = []
-        while (stage := self.stream.advance(now_ns, blind=not fed)) is not None:
+        while (stage := self.stream.advance(now_ns, no_pose=not fed)) is not None:
             begun.append(stage)
         if Stage.HOLD in begun:
             self._next_command_ns = now_ns

@@ -15,7 +15,7 @@ from drone_agent.failsafe import STOPPED, StreamFailsafe
 from drone_agent.flight.estimator import Belief, Positioning, believed, turned
 from drone_agent.flight.flying import Pilot
 from drone_agent.flight.landing import LandDetector
-from drone_agent.flight.position import hurried
+from drone_agent.flight.position import feed_forward_rates
 from drone_agent.simulation.airframe import Airframe
 from drone_agent.simulation.attitude_loop import LoopSetpoint
 from drone_agent.stages import Stage, Trigger
@@ -30,7 +30,7 @@ _CONTROL_S = CONTROL_NS * 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """Something to tell the operator."""
+    """A text for the operator."""
 
     severity: Severity
     text: str
@@ -65,7 +65,7 @@ class Autopilot:
         self.latched_ns = 0
         self.carried = False  # by the floor, as the accelerometer against the thrust says
         self.setpoint_age_ms: float | None = None
-        """From camera to drone, of the newest; None once told, or without a common clock."""
+        """From camera to drone, of the newest; None once reported, or without a common clock."""
         self.armed_ns = 0
         self.origin: Vec3Tuple | None = config.origin if config.pose == "own" else None
         """Of the estimate's frame on the globe, if anybody has said."""
@@ -97,7 +97,7 @@ class Autopilot:
 
     @property
     def landed(self) -> bool:
-        """Whether it stands on the ground, as far as it can tell."""
+        """Whether it detects that it stands on the ground."""
         return self.detector.landed
 
     @property
@@ -116,13 +116,13 @@ class Autopilot:
         """Where it thinks it is."""
         return believed(self.airframe.state, self.positioning.offset(now_ns))
 
-    def take_setpoint_age_ms(self) -> float | None:
+    def pop_setpoint_age_ms(self) -> float | None:
         """The newest setpoint's age, once."""
         age_ms, self.setpoint_age_ms = self.setpoint_age_ms, None
         return age_ms
 
-    def say(self, severity: Severity, text: str, *fills: str) -> None:
-        """Tell the operator, if there are words for it."""
+    def report(self, severity: Severity, text: str, *fills: str) -> None:
+        """Send the operator a text; an empty one is not sent."""
         if text:
             self.notes.append(Note(severity, text.format(*fills)))
 
@@ -168,24 +168,24 @@ class Autopilot:
             self.latched_ns = now_ns  # who goes on asking as before the stop does not know of it
         fault = None if force and not stopped else self.arming_fault(now_ns)
         if fault is not None:
-            for words in self.model.texts.arm_refused:
-                self.say(Severity.CRITICAL, words, fault)
-            return self.model.refused
+            for words in self.model.texts.arm_rejected:
+                self.report(Severity.CRITICAL, words, fault)
+            return self.model.rejected
         self.armed = self.airframe.armed = True
         self.failsafe = False
         self.armed_ns = now_ns
         self.home = self.belief(now_ns)
         self.pilot.set_home(self.home)
-        self.say(Severity.INFO, self.model.texts.armed)
+        self.report(Severity.INFO, self.model.texts.armed)
         self.stream.pull(Trigger.ARM, now_ns)
-        self._take_up(now_ns)
+        self._start_task(now_ns)
         return Result.ACCEPTED
 
     def disarm(self, now_ns: int, *, force: bool, reason: str) -> Result:
         """Stop the motors: on the ground, or anywhere by force, which is a stop and latches."""
         if not (self.landed or force or not self.armed):
-            self.say(Severity.CRITICAL, self.model.texts.disarm_refused)
-            return self.model.refused
+            self.report(Severity.CRITICAL, self.model.texts.disarm_rejected)
+            return self.model.rejected
         latches = force and "stop-latch" not in self.without
         if self.stream.pull(Trigger.STOP if latches else Trigger.DISARM, now_ns) is Stage.STOPPED:
             self.latched_ns = now_ns
@@ -195,9 +195,9 @@ class Autopilot:
         self.airframe.order_now(self.pilot.idle())
         self.piloted = self.failsafe = False
         self.detector.landed = True
-        if self.mode is not FlightMode.TERMINATION:
+        if self.model.restores_mode and self.mode is not FlightMode.TERMINATION:
             self.mode = self._mode_after_disarm
-        self.say(Severity.INFO, self.model.texts.disarmed, reason)
+        self.report(Severity.INFO, self.model.texts.disarmed, reason)
         return Result.ACCEPTED
 
     def terminate(self, now_ns: int) -> Result:
@@ -214,11 +214,11 @@ class Autopilot:
         """The operator's choice of mode: any while disarmed (arming checks it), armed only what can be flown."""
         row = self.model.modes.get(mode)
         if row is None or self.mode is FlightMode.TERMINATION:
-            return self.model.refused
+            return self.model.rejected
         fault = self.missing(row.needs, now_ns) if self.armed else None
         if fault is not None:
-            self.say(Severity.CRITICAL, self.model.texts.mode_refused, row.label, fault)
-            return self.model.refused
+            self.report(Severity.CRITICAL, self.model.texts.mode_rejected, row.label, fault)
+            return self.model.rejected
         self.failsafe = False
         self.stream.pull(Trigger.OTHER_MODE, now_ns)
         self.enter(mode, now_ns)
@@ -230,7 +230,7 @@ class Autopilot:
             self._rise_m = height_m
             return self.change_mode(FlightMode.TAKEOFF, now_ns)
         if not self.in_stream_mode or not self.landed or height_m is None or height_m <= 0.0:
-            return self.model.refused
+            return self.model.rejected
         self.fly(Task.TAKEOFF, now_ns, rise_m=height_m)
         return Result.ACCEPTED
 
@@ -238,21 +238,21 @@ class Autopilot:
         """Come down here."""
         result = self.change_mode(FlightMode.LAND, now_ns)
         if result is Result.ACCEPTED:
-            self.say(Severity.INFO, self.model.texts.landing)
+            self.report(Severity.INFO, self.model.texts.landing)
         return result
 
-    def go_to(self, now_ns: int, place_lab_m: Vec3Tuple, yaw_rad: float | None) -> Result:
-        """Hold at another place, in the estimate's frame."""
+    def go_to(self, now_ns: int, goal_lab_m: Vec3Tuple, yaw_rad: float | None) -> Result:
+        """Hold at another position, in the estimate's frame."""
         if not self.armed or self.landed:
-            return self.model.refused
+            return self.model.rejected
         if self.model.takeoff_in_own_mode:
             result = self.change_mode(FlightMode.HOLD, now_ns)
             if result is not Result.ACCEPTED:
                 return result
         elif not self.in_stream_mode:
-            return self.model.refused
+            return self.model.rejected
         self.fly(Task.HOLD, now_ns)
-        self.pilot.go_to(place_lab_m, yaw_rad)
+        self.pilot.go_to(goal_lab_m, yaw_rad)
         return Result.ACCEPTED
 
     def enter(self, mode: FlightMode, now_ns: int) -> None:
@@ -261,7 +261,7 @@ class Autopilot:
         if self.row.may_arm or mode is FlightMode.TERMINATION:
             self._mode_after_disarm = mode
         if self.armed:
-            self._take_up(now_ns)
+            self._start_task(now_ns)
 
     def fail_safe(self, mode: FlightMode, now_ns: int) -> None:
         """Leave what was asked for, setpoints too, as the autopilot itself does."""
@@ -301,7 +301,7 @@ class Autopilot:
         belief = self.belief(now_ns)
         setpoint = self.pilot.step(belief, self.timing, _CONTROL_S, carried=self.carried)
         true_q = turned(setpoint.q_lab_from_flu, -self.positioning.yaw_rad)
-        rate = hurried(self.airframe, true_q) if self.pilot.levelling else setpoint.rate_flu_rad_s
+        rate = feed_forward_rates(self.airframe, true_q) if self.pilot.levelling else setpoint.rate_flu_rad_s
         self.airframe.order_now(LoopSetpoint(true_q, rate, setpoint.thrust_norm))
         if not self.pilot.arrived(belief):
             return
@@ -313,7 +313,7 @@ class Autopilot:
         elif self.pilot.task is Task.RETURN:
             self.fly(Task.LAND, now_ns)
 
-    def _take_up(self, now_ns: int) -> None:
+    def _start_task(self, now_ns: int) -> None:
         """Do what the mode does. A stream that is alive takes over with its next target; until then, hold."""
         task = self.row.task
         if task is Task.EXTERNAL:

@@ -13,7 +13,7 @@ import numpy as np
 from drone_agent.flight.pose_drift import ALONE_NS, PoseDrift
 from formation.maths.arrays import Quat, Vec3
 from formation.model import Vec3Tuple
-from formation.safety.attitude_miss import GAP_S, MOST_RAD, AttitudeMiss, Tilt, tilt
+from formation.safety.attitude_innovation import GAP_S, MOST_RAD, AttitudeInnovation, Tilt, tilt
 from formation.vehicle.profile import VehicleState
 
 _AGE_MAX_NS = 500_000_000
@@ -22,12 +22,12 @@ _READY_AFTER_NS = 1_000_000_000
 _VALID_NS = 1_000_000_000
 _RIGHT_NS = 500_000_000
 _RESET_AFTER_NS = 1_000_000_000
-_ANEW_AFTER_NS = ALONE_NS - 500_000_000
+_RESTART_AFTER_NS = ALONE_NS - 500_000_000
 """Before a bridge, which counts for itself, shows it poses again."""
-_GATE_M = 0.3
-_GATE_GROWTH_M_S = 0.3
-_YAW_GATE_RAD = 0.35
-_TILT_GATE = math.cos(0.35)
+_POS_INNOVATION_MAX_M = 0.3
+_POS_INNOVATION_GROWTH_M_S = 0.3
+_YAW_INNOVATION_MAX_RAD = 0.35
+_TILT_INNOVATION_COS = math.cos(0.35)
 _LATE_AFTER_NS = 100_000_000
 _OWN_READY_NS = 2_000_000_000
 # Fraction of a pose's innovation believed at once; the velocity gain that damps it critically.
@@ -108,7 +108,7 @@ class Positioning(Protocol):
         ...
 
     @property
-    def slides(self) -> bool:
+    def is_drifting(self) -> bool:
         """Whether the pose moves as the inertial sensors say it does not."""
         ...
 
@@ -130,7 +130,7 @@ class Positioning(Protocol):
 
 
 class OwnPositioning:
-    """An autopilot's simulated receiver: exact, ready a moment after boot, deaf to external poses."""
+    """An autopilot's simulated receiver: exact, ready a moment after boot; it ignores external poses."""
 
     def __init__(self, t0_ns: int) -> None:
         self._ready_ns = t0_ns + _OWN_READY_NS
@@ -145,7 +145,7 @@ class OwnPositioning:
         return 0.0
 
     @property
-    def slides(self) -> bool:
+    def is_drifting(self) -> bool:
         """Never."""
         return False
 
@@ -169,13 +169,10 @@ class OwnPositioning:
 class ExternalPositioning:
     """The external pose alone: not ready without it, valid for a second after it."""
 
-    def __init__(self, bias_lab_m_s2: Vec3Tuple, *, gated: bool = True, finds_slides: bool = True) -> None:
-        """gated: whether poses are held against what the inertial sensors say of place and attitude.
-
-        finds_slides: and of motion.
-        """
+    def __init__(self, bias_lab_m_s2: Vec3Tuple, *, checks_poses: bool = True, detects_drift: bool = True) -> None:
+        """checks_poses: whether it checks position and attitude against the inertial sensors; detects_drift: motion."""
         self._bias = bias_lab_m_s2
-        self._gated, self._finds_slides = gated, finds_slides
+        self._checks_poses, self._detects_drift = checks_poses, detects_drift
         self._pos = [0.0, 0.0, 0.0]
         self._vel = [0.0, 0.0, 0.0]
         self.yaw_rad = 0.0
@@ -184,18 +181,18 @@ class ExternalPositioning:
         self._good_ns: int | None = None  # receipt of the last accepted pose
         self._since_ns = 0  # start of the present unbroken run of accepted poses
         self._wrong_ns: int | None = None  # of the first refusal since there was a run of half a second
-        self._refusal = "no external pose"
-        self._slide = PoseDrift()
-        self._miss = AttitudeMiss()
+        self._reject_reason = "no external pose"
+        self._drift_detector = PoseDrift()
+        self._attitude_innovation = AttitudeInnovation()
         self._late = False
-        self._missed_ns: int | None = None  # since when the attitude has been another than what is felt
+        self._innovation_since_ns: int | None = None  # since when the attitude innovation has been large
         self._shown_ns = 0  # capture of the last pose that was held against that
-        self.refused = 0
+        self.rejected = 0
 
     @property
-    def slides(self) -> bool:
-        """Whether the newest pose was refused for that."""
-        return self._slide.slides
+    def is_drifting(self) -> bool:
+        """Whether the newest pose was rejected for pose drift."""
+        return self._drift_detector.is_drifting
 
     def offset(self, now_ns: int) -> Offset:
         """What the last pose left, and the drift since."""
@@ -215,7 +212,7 @@ class ExternalPositioning:
     def fault(self, now_ns: int) -> str | None:
         """Stale, refused, or not steady for a second yet."""
         if self._good_ns is None or now_ns - self._good_ns > _FRESH_NS:
-            return self._refusal
+            return self._reject_reason
         return None if self._good_ns - self._since_ns >= _READY_AFTER_NS else "external pose not steady yet"
 
     def accept(self, pose: ExternalPose, now_ns: int, state: VehicleState, t_state_ns: int) -> bool:
@@ -224,30 +221,30 @@ class ExternalPositioning:
         yaw = math.remainder(heading(q) - heading(true_q), math.tau)
         self._drift(now_ns)
         lost = self._good_ns is None or now_ns - self._good_ns > _RESET_AFTER_NS
-        reckoned = believed(state, Offset(yaw_rad=yaw if lost else self.yaw_rad))
+        predicted = believed(state, Offset(yaw_rad=yaw if lost else self.yaw_rad))
         dt_s = (pose.t_capture_ns - t_state_ns) * 1e-9
-        motion = zip(pose.pos_lab_m.tolist(), reckoned.pos_lab_m, reckoned.vel_lab_m_s, strict=True)
+        motion = zip(pose.pos_lab_m.tolist(), predicted.pos_lab_m, predicted.vel_lab_m_s, strict=True)
         measured = [p - (t + v * dt_s) for p, t, v in motion]
-        refusal = self._refuse(pose.t_capture_ns, now_ns, measured, q)
-        if refusal is None and self._gated:
-            refusal = self._lean(pose.t_capture_ns, q, true_q, state, now_ns)
-        if refusal is None and not lost and self._gated:
-            refusal = self._jump(pose.t_capture_ns, measured, yaw, now_ns)
-        if refusal is None and not lost and self._finds_slides:
-            refusal = self._slip(pose.t_capture_ns, measured, reckoned.vel_lab_m_s, now_ns)
-        if refusal is not None:
-            self.refused += 1
-            self._refusal = refusal
+        reject_reason = self._format_fault(pose.t_capture_ns, now_ns, measured, q)
+        if reject_reason is None and self._checks_poses:
+            reject_reason = self._attitude_fault(pose.t_capture_ns, q, true_q, state, now_ns)
+        if reject_reason is None and not lost and self._checks_poses:
+            reject_reason = self._jump_fault(pose.t_capture_ns, measured, yaw, now_ns)
+        if reject_reason is None and not lost and self._detects_drift:
+            reject_reason = self._drift_fault(pose.t_capture_ns, measured, predicted.vel_lab_m_s, now_ns)
+        if reject_reason is not None:
+            self.rejected += 1
+            self._reject_reason = reject_reason
             self._wrong_ns = self._wrong_ns or now_ns
             return False
         if lost:
             self._pos, self._vel, self.yaw_rad = measured, [0.0, 0.0, 0.0], yaw
             self._since_ns = now_ns
-            if self._good_ns is None or now_ns - min(self._wrong_ns or now_ns, self._good_ns) > _ANEW_AFTER_NS:
-                self._slide.begin(pose.t_capture_ns, measured)
+            if self._good_ns is None or now_ns - min(self._wrong_ns or now_ns, self._good_ns) > _RESTART_AFTER_NS:
+                self._drift_detector.begin(pose.t_capture_ns, measured)
                 self._wrong_ns = None
             else:
-                self._slide.place(pose.t_capture_ns, measured)
+                self._drift_detector.restart(pose.t_capture_ns, measured)
         else:
             self._correct(measured, yaw, (pose.t_capture_ns - self._capture_ns) * 1e-9)
             if now_ns - (self._good_ns or 0) > _FRESH_NS:
@@ -255,7 +252,7 @@ class ExternalPositioning:
             elif now_ns - self._since_ns > _RIGHT_NS:
                 self._wrong_ns = None
         self._capture_ns, self._good_ns = pose.t_capture_ns, now_ns
-        self._refusal = "external pose is stale"
+        self._reject_reason = "external pose is stale"
         return True
 
     def _correct(self, measured: list[float], yaw_rad: float, dt_s: float) -> None:
@@ -265,7 +262,7 @@ class ExternalPositioning:
             self._vel[axis] += _GAIN_VEL / max(dt_s, 0.002) * innovation
         self.yaw_rad += _GAIN_YAW * math.remainder(yaw_rad - self.yaw_rad, math.tau)
 
-    def _refuse(self, t_capture_ns: int, now_ns: int, measured: list[float], q: list[float]) -> str | None:
+    def _format_fault(self, t_capture_ns: int, now_ns: int, measured: list[float], q: list[float]) -> str | None:
         if not math.isfinite(sum(measured) + sum(q)):
             return "external pose is not finite"
         if not 0 <= now_ns - t_capture_ns <= _AGE_MAX_NS:
@@ -274,59 +271,59 @@ class ExternalPositioning:
             return "external pose is out of order"
         return None
 
-    def _lean(
+    def _attitude_fault(
         self, t_capture_ns: int, q: list[float], true_q: list[float], state: VehicleState, now_ns: int
     ) -> str | None:
-        """Why an attitude cannot be the vehicle's, by what that feels of gravity: at once, or as it turns."""
-        shown, felt = tilt(q), tilt(true_q)
-        lags = self._finds_slides and self._lags(t_capture_ns, shown, felt, state.rate_flu_rad_s, now_ns)
-        if up_dot(q, shown, true_q, felt) < _TILT_GATE:
+        """Why an attitude disagrees with the measured gravity direction: by size, or by a lag while turning."""
+        shown, own = tilt(q), tilt(true_q)
+        lags = self._detects_drift and self._lags(t_capture_ns, shown, own, state.rate_flu_rad_s, now_ns)
+        if up_dot(q, shown, true_q, own) < _TILT_INNOVATION_COS:
             return "external attitude disagrees with gravity"
-        return "external attitude is not what is felt: late poses?" if lags else None
+        return "external attitude lags the measured one: late poses?" if lags else None
 
-    def _jump(self, t_capture_ns: int, measured: list[float], yaw_rad: float, now_ns: int) -> str | None:
+    def _jump_fault(self, t_capture_ns: int, measured: list[float], yaw_rad: float, now_ns: int) -> str | None:
         """Why a pose cannot be where the vehicle is, by its inertial sensors."""
-        gate_m = _GATE_M + _GATE_GROWTH_M_S * (now_ns - (self._good_ns or now_ns)) * 1e-9
-        if math.dist(measured, self._pos) > gate_m and not self._slide.slides:
+        limit_m = _POS_INNOVATION_MAX_M + _POS_INNOVATION_GROWTH_M_S * (now_ns - (self._good_ns or now_ns)) * 1e-9
+        if math.dist(measured, self._pos) > limit_m and not self._drift_detector.is_drifting:
             self._step_back(t_capture_ns, now_ns)
             return "external position jumped"
-        if abs(math.remainder(yaw_rad - self.yaw_rad, math.tau)) > _YAW_GATE_RAD:
+        if abs(math.remainder(yaw_rad - self.yaw_rad, math.tau)) > _YAW_INNOVATION_MAX_RAD:
             return "external heading jumped"
         return None
 
-    def _slip(self, t_capture_ns: int, measured: list[float], vel_lab_m_s: Vec3Tuple, now_ns: int) -> str | None:
+    def _drift_fault(self, t_capture_ns: int, measured: list[float], vel_lab_m_s: Vec3Tuple, now_ns: int) -> str | None:
         """Why a pose cannot be what the vehicle did since the last ones, by its inertial sensors."""
-        slid = self._slide.slides
-        if not self._slide.take(t_capture_ns, measured, vel_lab_m_s):
+        was_drifting = self._drift_detector.is_drifting
+        if not self._drift_detector.update(t_capture_ns, measured, vel_lab_m_s):
             return None
-        if not slid:
-            self._reckon_on(now_ns)
+        if not was_drifting:
+            self._resume_before_drift(now_ns)
         return "external pose does not move as the vehicle does"
 
-    def _lags(self, t_capture_ns: int, shown: Tilt, felt: Tilt, rate_flu_rad_s: Vec3, now_ns: int) -> bool:
-        """Whether its attitude has not been what is felt for a tenth of a second, as that of late poses is not."""
+    def _lags(self, t_capture_ns: int, shown: Tilt, own: Tilt, rate_flu_rad_s: Vec3, now_ns: int) -> bool:
+        """Whether its attitude innovation has been large for a tenth of a second, as with late poses."""
         dt_s, self._shown_ns = (t_capture_ns - self._shown_ns) * 1e-9, t_capture_ns
         if not 0.0 < dt_s < GAP_S:
             return self._late
         x_rad_s, y_rad_s, _ = rate_flu_rad_s.tolist()
-        self._miss.weigh(shown, felt, math.hypot(x_rad_s, y_rad_s), dt_s)
-        if self._miss.miss_rad <= MOST_RAD:
-            self._missed_ns, self._late = None, False
+        self._attitude_innovation.update(shown, own, math.hypot(x_rad_s, y_rad_s), dt_s)
+        if self._attitude_innovation.innovation_rad <= MOST_RAD:
+            self._innovation_since_ns, self._late = None, False
             return False
-        self._missed_ns = self._missed_ns or now_ns
-        if now_ns - self._missed_ns > _LATE_AFTER_NS and not self._late:
+        self._innovation_since_ns = self._innovation_since_ns or now_ns
+        if now_ns - self._innovation_since_ns > _LATE_AFTER_NS and not self._late:
             self._late = True
             self._step_back(t_capture_ns, now_ns)
         return self._late
 
     def _step_back(self, t_capture_ns: int, now_ns: int) -> None:
         """A pose that is far off may have gone there little by little, as one that lags does, believed all the way."""
-        if self._finds_slides and self._slide.step_back(t_capture_ns):
-            self._reckon_on(now_ns)
+        if self._detects_drift and self._drift_detector.step_back(t_capture_ns):
+            self._resume_before_drift(now_ns)
 
-    def _reckon_on(self, now_ns: int) -> None:
+    def _resume_before_drift(self, now_ns: int) -> None:
         """From before the poses went wrong."""
-        pos, vel = self._slide.offset(now_ns)
+        pos, vel = self._drift_detector.offset(now_ns)
         self._pos, self._vel = [*pos], [*vel]
 
     def _drift(self, now_ns: int) -> None:

@@ -7,10 +7,10 @@ first; the autopilot's time-outs, from its parameters, come after it.
 from math import hypot
 
 from drone_agent.autopilots.model import Task
-from drone_agent.failsafe import REPORTS, REST_NS, SLIDING_POSE, TAKEN_OVER, LinkMonitor
+from drone_agent.failsafe import NEW_OWNER, REPORTS, REST_NS, LinkMonitor, pose_fault
 from drone_agent.flight.autopilot import Autopilot
 from drone_agent.flight.estimator import up_cos
-from drone_agent.flight.landing import ContactSense
+from drone_agent.flight.landing import ContactDetector
 from drone_agent.flight.motor_failure import MotorFailure
 from drone_agent.stages import Stage, Trigger
 from formation.messages import Severity
@@ -35,8 +35,8 @@ class Failsafes:
         self._landed_ns = 0
         self._flown = False
         self._ground = LinkMonitor()
-        self._battery_low_said = self._battery_acted = False
-        self._contact = ContactSense()
+        self._battery_low_reported = self._battery_acted = False
+        self._contact = ContactDetector(vehicle.drag_n_s_m[2] / vehicle.mass_kg)
         self._failure = MotorFailure(vehicle)
         self._rest_ns = 0
         self._levelled = False
@@ -55,28 +55,28 @@ class Failsafes:
         """Act on a stream that has been silent too long."""
         pilot = self._autopilot
         stage = pilot.stream.advance(now_ns, pilot.stream_loss.after_s)
-        if stage in REPORTS and (stage is not Stage.HOLD or pilot.stream.tells):
-            pilot.say(*REPORTS[stage])
-        self._carry_out(stage, now_ns)
+        if stage in REPORTS and (stage is not Stage.HOLD or pilot.stream.reports_hold):
+            pilot.report(*REPORTS[stage])
+        self._execute(stage, now_ns)
 
     def hand_over(self, source: Address, wants: bool, now_ns: int) -> None:
         """A ground asks for the stream of setpoints, or gives it back: hold until its owner's come."""
         pilot = self._autopilot
         stage = pilot.stream.hand_over(source, wants, now_ns, in_mode=pilot.in_stream_mode)
         if stage is Stage.HOLD:
-            pilot.say(*TAKEN_OVER)
-        self._carry_out(stage, now_ns)
+            pilot.report(*NEW_OWNER)
+        self._execute(stage, now_ns)
 
     def check_pose(self, now_ns: int) -> None:
-        """Leave the ground's setpoints where they are made of a pose that slides: they drive the drone away."""
+        """Ignore the ground's setpoints while the pose drifts: they would move the drone away."""
         pilot = self._autopilot
-        if not pilot.positioning.slides or pilot.landed or pilot.stream.stage is not Stage.FOLLOW:
+        if not pilot.positioning.is_drifting or pilot.landed or pilot.stream.stage is not Stage.FOLLOW:
             return
-        pilot.stream.pull(Trigger.SLIDING_POSE, now_ns)
-        pilot.say(*SLIDING_POSE)
+        pilot.stream.pull(Trigger.POSE_FAULT, now_ns)
+        pilot.report(*pose_fault("pose drift"))
         pilot.fly(Task.HOLD, now_ns)
 
-    def _carry_out(self, stage: Stage | None, now_ns: int) -> None:
+    def _execute(self, stage: Stage | None, now_ns: int) -> None:
         """Do what a stage that begins asks for."""
         pilot, loss = self._autopilot, self._autopilot.stream_loss
         match stage:
@@ -91,7 +91,7 @@ class Failsafes:
                 pilot.divert(FlightMode.DESCEND, now_ns)
                 pilot.pilot.brisk = True
             case Stage.LOST:
-                pilot.say(Severity.CRITICAL, pilot.model.texts.stream_lost)
+                pilot.report(Severity.CRITICAL, pilot.model.texts.stream_lost)
                 if loss.mode is not None:
                     pilot.divert(loss.mode, now_ns, loss.task)
                 elif not pilot.stream.lands:
@@ -101,7 +101,7 @@ class Failsafes:
         """Everything that changes slowly: twenty times a second."""
         pilot = self._autopilot
         pilot.airframe.drain(dt_s)
-        self._sense_contact()
+        self._detect_contact()
         if not pilot.armed:
             self._flown = False
             self._landed_ns = now_ns
@@ -115,7 +115,7 @@ class Failsafes:
             self._check_battery(now_ns)
             self._check_ground(now_ns)
 
-    def _sense_contact(self) -> None:
+    def _detect_contact(self) -> None:
         pilot = self._autopilot
         frame = pilot.airframe
         lift = frame.profile.thrust_n_of(frame.setpoint.thrust_norm) / frame.profile.mass_kg if pilot.armed else 0.0
@@ -134,10 +134,10 @@ class Failsafes:
             pilot.stream.pull(Trigger.RESTED, now_ns)
 
     def check_motors(self, now_ns: int) -> None:
-        """Stop the motors of who turns as they were not told; a hundred times a second."""
+        """Stop the motors of a drone that turns against its commands; a hundred times a second."""
         pilot = self._autopilot
-        if self.watches_motors and self._failure.look(pilot.airframe):
-            pilot.say(Severity.CRITICAL, "It turns as it was not told, a motor may be dead: motors off")
+        if self.watches_motors and self._failure.check(pilot.airframe):
+            pilot.report(Severity.CRITICAL, "It turns against its commands, a motor may be dead: motors off")
             pilot.terminate(now_ns)
 
     @property
@@ -147,19 +147,19 @@ class Failsafes:
         return pilot.armed and not pilot.landed and "motor-failure" not in pilot.without
 
     def _check_thrust(self, now_ns: int) -> None:
-        """Thrust that is not felt: come down on what is left, unless that is next to none, or holds nobody level."""
+        """Land on the remaining thrust where some is missing; stop the motors where it cannot keep the drone level."""
         pilot, missing = self._autopilot, self._contact.missing
         falls = self.watches_motors and self._failure.falls(now_ns, missing)
-        astray = self._failure.astray(now_ns, pilot.airframe)
-        pilot.pilot.reckon_with(self._failure.gives if self._failure.fell else 1.0)
+        attitude_lost = self._failure.is_attitude_lost(now_ns, pilot.airframe)
+        pilot.pilot.set_thrust_share(self._failure.thrust_share if self._failure.fell else 1.0)
         if not falls:
             return
-        if missing > _POWERLESS or astray:
-            pilot.say(Severity.CRITICAL, "Its thrust is not felt, a motor may be dead: motors off")
+        if missing > _POWERLESS or attitude_lost:
+            pilot.report(Severity.CRITICAL, "Its thrust is missing, a motor may be dead: motors off")
             pilot.terminate(now_ns)
             return
         if pilot.task not in (Task.LAND, Task.DESCEND):
-            pilot.say(Severity.CRITICAL, "Its thrust is not felt: it comes down on what is left")
+            pilot.report(Severity.CRITICAL, "Part of its thrust is missing: landing on what is left")
             pilot.fail_safe(FlightMode.LAND, now_ns)
 
     def _detect_landing(self, now_ns: int) -> None:
@@ -174,11 +174,11 @@ class Failsafes:
         if pilot.landed:
             self._landed_ns = now_ns
             pilot.stream.disown()
-            pilot.say(Severity.INFO, pilot.model.texts.landed)
+            pilot.report(Severity.INFO, pilot.model.texts.landed)
         else:
             self._flown = True
             self._failure = MotorFailure(self._vehicle)
-            pilot.say(Severity.INFO, pilot.model.texts.takeoff)
+            pilot.report(Severity.INFO, pilot.model.texts.takeoff)
 
     def _disarm_when_done(self, now_ns: int) -> None:
         pilot, timing = self._autopilot, self._autopilot.timing
@@ -205,24 +205,24 @@ class Failsafes:
             return
         if silent_s >= _DESCEND_AFTER_S:
             self._levelled = False
-            pilot.say(Severity.CRITICAL, pilot.model.texts.pose_lost)
+            pilot.report(Severity.CRITICAL, pilot.model.texts.pose_lost)
             if pilot.stream.pull(Trigger.NO_POSE, now_ns) is None:
                 pilot.fail_safe(FlightMode.DESCEND, now_ns)
             else:
-                self._carry_out(Stage.DESCEND, now_ns)
-        elif silent_s >= _LEVEL_AFTER_S and pilot.task is Task.HOLD and not pilot.positioning.slides:
+                self._execute(Stage.DESCEND, now_ns)
+        elif silent_s >= _LEVEL_AFTER_S and pilot.task is Task.HOLD and not pilot.positioning.is_drifting:
             self._levelled = True
             pilot.fly(Task.LEVEL, now_ns)
 
     def _check_battery(self, now_ns: int) -> None:
         pilot, timing = self._autopilot, self._autopilot.timing
         left = pilot.airframe.pack.remaining
-        if left < timing.battery_low and not self._battery_low_said:
-            self._battery_low_said = True
-            pilot.say(Severity.WARNING, pilot.model.texts.battery_low)
+        if left < timing.battery_low and not self._battery_low_reported:
+            self._battery_low_reported = True
+            pilot.report(Severity.WARNING, pilot.model.texts.battery_low)
         if left < timing.battery_critical and not self._battery_acted:
             self._battery_acted = True
-            pilot.say(Severity.CRITICAL, pilot.model.texts.battery_critical)
+            pilot.report(Severity.CRITICAL, pilot.model.texts.battery_critical)
             if timing.battery_action is not None:
                 pilot.fail_safe(timing.battery_action, now_ns)
 
@@ -232,5 +232,5 @@ class Failsafes:
             return
         if self._ground.silent(now_ns, timing.ground_loss_s):
             self._ground = LinkMonitor()
-            pilot.say(Severity.CRITICAL, pilot.model.texts.ground_lost)
+            pilot.report(Severity.CRITICAL, pilot.model.texts.ground_lost)
             pilot.fail_safe(timing.ground_loss, now_ns)

@@ -33,12 +33,12 @@ class Pilot:
         self.task = Task.OFF
         self.brisk = False
         """Whether a landing comes down faster than the autopilot's own, high above the ground."""
-        self._feels_floor, self._ends = "touch-down" not in without, "land-ends" not in without
+        self._detects_floor, self._ends = "touch-down" not in without, "land-ends" not in without
         self._rest_m = 0.0
         self._sinking_s = self._due_s = 0.0
         self._carried_s = 0.0
         self._loop = PositionController(lambda force_m_s2: profile.thrust_norm_of(profile.mass_kg * force_m_s2))
-        self._place: tuple[float, float] = (0.0, 0.0)
+        self._hold_xy_m: tuple[float, float] = (0.0, 0.0)
         self._home: tuple[float, float] = (0.0, 0.0)
         self._height_m = self._goal_m = 0.0
         self._yaw_rad = 0.0
@@ -60,7 +60,7 @@ class Pilot:
         vx, vy, _ = belief.vel_lab_m_s
         if (self.task, task) != (Task.TAKEOFF, Task.HOLD):
             stop_s = _BRAKE_S if level_first else _STOP_S
-            self._place = (x + stop_s * vx, y + stop_s * vy)
+            self._hold_xy_m = (x + stop_s * vx, y + stop_s * vy)
             self._height_m, self._goal_m = z, z if goal_m is None else goal_m
             self._yaw_rad = belief.yaw_rad
         self.task = task
@@ -69,18 +69,18 @@ class Pilot:
         self._touch_s, self._carried_s, self._thrust = 0.0, 0.0, 1.0
         self.brisk, self._sinking_s, self._due_s = False, 0.0, 0.0
 
-    def reckon_with(self, motors_give: float) -> None:
-        """The motors give this share of what they are told, from now on."""
-        self._loop.motors_give = motors_give
+    def set_thrust_share(self, thrust_share: float) -> None:
+        """From now on the motors deliver this share of the commanded thrust."""
+        self._loop.thrust_share = thrust_share
 
     def set_home(self, belief: Belief) -> None:
         """Return comes back here."""
         self._home = (belief.pos_lab_m[0], belief.pos_lab_m[1])
         self._rest_m = belief.pos_lab_m[2]
 
-    def go_to(self, place_lab_m: Vec3Tuple, yaw_rad: float | None) -> None:
+    def go_to(self, goal_lab_m: Vec3Tuple, yaw_rad: float | None) -> None:
         """Hold there instead."""
-        self._place, self._goal_m, self._velocity = place_lab_m[:2], place_lab_m[2], None
+        self._hold_xy_m, self._goal_m, self._velocity = goal_lab_m[:2], goal_lab_m[2], None
         if yaw_rad is not None:
             self._yaw_rad = yaw_rad
 
@@ -129,7 +129,7 @@ class Pilot:
         demand = self._demand(belief, timing, dt_s)
         setpoint = self._loop.step(demand, belief, dt_s)
         if self.task in (Task.LAND, Task.DESCEND):
-            return self._touch_down(setpoint, belief, carried or not self._feels_floor, dt_s)
+            return self._touch_down(setpoint, belief, carried or not self._detects_floor, dt_s)
         return setpoint
 
     def _demand(self, belief: Belief, timing: Timing, dt_s: float) -> Demand:
@@ -141,16 +141,16 @@ class Pilot:
         if self.task is Task.DESCEND:
             return Demand(yaw, climb_m_s=-self._sink_m_s(belief, timing, dt_s))
         if self.task is Task.LAND:
-            return Demand(yaw, self._place, climb_m_s=-self._sink_m_s(belief, timing, dt_s))
+            return Demand(yaw, self._hold_xy_m, climb_m_s=-self._sink_m_s(belief, timing, dt_s))
         self._level_s -= dt_s
         if self.task is Task.LEVEL or self._level_s > 0.0:
             if self._level_s > 0.0:
                 x, y, _ = belief.pos_lab_m
-                self._place = (x + _BRAKE_S * belief.vel_lab_m_s[0], y + _BRAKE_S * belief.vel_lab_m_s[1])
+                self._hold_xy_m = (x + _BRAKE_S * belief.vel_lab_m_s[0], y + _BRAKE_S * belief.vel_lab_m_s[1])
             return Demand(yaw, height_m=self._height_m)
         climb = self._climb_reference(belief, timing, dt_s)
-        place = self._home if self.task is Task.RETURN else self._place
-        return Demand(yaw, place, height_m=self._height_m, climb_m_s=climb)
+        xy_m = self._home if self.task is Task.RETURN else self._hold_xy_m
+        return Demand(yaw, xy_m, height_m=self._height_m, climb_m_s=climb)
 
     def _climb_reference(self, belief: Belief, timing: Timing, dt_s: float) -> float:
         """Move the height asked for towards the goal; returns its speed, m/s."""
@@ -179,9 +179,9 @@ class Pilot:
         """On the floor, which carries it, the descent stops though it is still asked for: then fade the thrust out."""
         still = abs(belief.vel_lab_m_s[2]) < _TOUCH_CLIMB_M_S
         self._touch_s = self._touch_s + dt_s if still and carried else 0.0
-        self._carried_s = self._carried_s + dt_s if carried and self._feels_floor else 0.0
+        self._carried_s = self._carried_s + dt_s if carried and self._detects_floor else 0.0
         if self._touch_s > _TOUCH_S or self._carried_s > _CARRIED_S:
             self._thrust = max(self._thrust - _CUT_1_S * dt_s, 0.0)
-        elif self._feels_floor:
+        elif self._detects_floor:
             self._thrust = 1.0
         return LoopSetpoint(setpoint.q_lab_from_flu, setpoint.rate_flu_rad_s, self._thrust * setpoint.thrust_norm)

@@ -19,7 +19,7 @@ from formation.maths.arrays import Quat, Vec3
 from formation.maths.frames import from_rotation_vector, multiply
 from wire.link_messages.address import Address
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore, LocalFrame, PositionIgnore, PositionSetpoint
-from wire.refusals import Refusals
+from wire.rejections import RejectionLog
 
 
 class Guidance:
@@ -27,18 +27,18 @@ class Guidance:
 
     def __init__(self, autopilot: Autopilot) -> None:
         self._autopilot = autopilot
-        self.bounded = Refusals("bounded")
+        self.bounded = RejectionLog("bounded")
         """Setpoints that asked for more than is followed."""
         self._delay_ns = round(autopilot.airframe.profile.command_delay_s * 1e9)
 
     def attitude(self, now_ns: int, target: AttitudeSetpoint, source: Address | None) -> None:
         """An attitude target came."""
         autopilot = self._autopilot
-        if not autopilot.model.takes_target(target):
+        if not autopilot.model.accepts_target(target):
             if autopilot.in_stream_mode:
                 autopilot.fly(Task.HOLD, now_ns)
             return
-        if not self._heard(now_ns, source):
+        if not self._accepts(now_ns, source):
             return
         if "setpoint-bounds" not in autopilot.without:
             asked, target = target, within_bounds(target, autopilot.airframe.profile)
@@ -69,7 +69,7 @@ class Guidance:
         if goes and not autopilot.model.streams_positions:
             if not autopilot.in_stream_mode:
                 return
-        elif not self._heard(now_ns, source):
+        elif not self._accepts(now_ns, source):
             return
         belief = autopilot.belief(now_ns)
         turn_rad = belief.yaw_rad if target.frame in (LocalFrame.BODY, LocalFrame.BODY_OFFSET) else 0.0
@@ -87,11 +87,11 @@ class Guidance:
         x, y, z = belief.pos_lab_m if target.frame is not LocalFrame.LOCAL else (0.0, 0.0, 0.0)
         autopilot.pilot.go_to((x + vector[0], y + vector[1], z + vector[2]), yaw_rad)
 
-    def _heard(self, now_ns: int, source: Address | None) -> bool:
+    def _accepts(self, now_ns: int, source: Address | None) -> bool:
         """Note a setpoint of the stream; whether it is to be followed."""
         autopilot = self._autopilot
         if autopilot.stream.follow(source, now_ns, in_mode=autopilot.in_stream_mode):
-            autopilot.say(*BACK)
+            autopilot.report(*BACK)
         return autopilot.in_stream_mode and not autopilot.stream.broken
 
     def _ahead(self, rate_flu_rad_s: Vec3) -> Quat:

@@ -9,23 +9,26 @@ _CLIMB_M_S, _HEIGHT_M = 0.1, 0.05
 _CARRIED_M_S2, _LIFT_LEAST_M_S2 = 0.15 * GRAVITY_M_S2, 0.5 * GRAVITY_M_S2
 
 
-class ContactSense:
+class ContactDetector:
     """Whether the floor carries the vehicle: it falls less than its thrust would let it. No pose can feign that."""
 
-    def __init__(self) -> None:
+    def __init__(self, drag_1_s: float = 0.0) -> None:
+        """drag_1_s: of the profile along z, deceleration per m/s: air carries what falls as a floor does."""
+        self._drag_1_s = drag_1_s
         self.carried = False
         self.missing = 0.0
-        """Share of the thrust that is not felt, where there is any."""
+        """Share of the thrust that the measured acceleration lacks, where there is thrust."""
         self._t_ns: int | None = None
         self._climb_m_s = self._lift_m_s2 = 0.0
 
     def update(self, t_ns: int, climb_m_s: float, lift_m_s2: float) -> bool:
-        """Take one look. climb_m_s: as the inertial sensors have it; lift_m_s2: the thrust's upward part, by mass."""
+        """Receive a sample. climb_m_s: from the inertial sensors; lift_m_s2: the thrust's upward part over mass."""
         if self._t_ns is not None and t_ns > self._t_ns:
-            felt = (climb_m_s - self._climb_m_s) / ((t_ns - self._t_ns) * 1e-9) + GRAVITY_M_S2
+            acc_m_s2 = (climb_m_s - self._climb_m_s) / ((t_ns - self._t_ns) * 1e-9)
+            measured_m_s2 = acc_m_s2 + GRAVITY_M_S2 + self._drag_1_s * 0.5 * (climb_m_s + self._climb_m_s)
             lift = 0.5 * (lift_m_s2 + self._lift_m_s2)
-            self.carried = felt - lift > _CARRIED_M_S2
-            self.missing = (lift - felt) / lift if lift > _LIFT_LEAST_M_S2 else 0.0
+            self.carried = measured_m_s2 - lift > _CARRIED_M_S2
+            self.missing = (lift - measured_m_s2) / lift if lift > _LIFT_LEAST_M_S2 else 0.0
         self._t_ns, self._climb_m_s, self._lift_m_s2 = t_ns, climb_m_s, lift_m_s2
         return self.carried
 
@@ -44,7 +47,7 @@ class LandDetector:
     ) -> bool:  # fmt: skip
         """Take one look (20 Hz or so); True where the state changed. Speeds and height are estimates.
 
-        carried: see ContactSense; faded: a landing has taken the thrust away, so that no estimate is needed.
+        carried: see ContactDetector; faded: a landing has taken the thrust away, so that no estimate is needed.
         """
         if self.landed:
             if thrust_to_hover < _LOW_THRUST:

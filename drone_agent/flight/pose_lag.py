@@ -1,11 +1,11 @@
-"""Whether poses are older than they say, of a body that only rises and falls: nothing it feels of gravity turns then.
+"""Detects poses older than their stamps on a body that only moves vertically: its gravity direction does not turn then.
 
     offset(t) = b(t) - L v(t),   y = H offset,   u = H v,   L = -sum(y u) / sum(u u)
 
 offset: pose minus dead reckoning, b: what that wanders by, slowly; v: the velocity, all of the vertical.
 H = (s / (s + p))^3 takes b out and leaves how a vehicle swings that is controlled by late poses. The sums fade.
-Along the horizontal a lean of the sensor turns with the heading as the velocity does, and cannot be told from a delay:
-there late poses are known by their attitude (`formation.safety.attitude_miss`).
+Horizontally an attitude bias turns with the heading as the velocity does, and looks like a delay: there the attitude
+shows late poses (`formation.safety.attitude_innovation`).
 """
 
 from math import exp
@@ -29,7 +29,7 @@ class PoseLag:
     """Of one body, since it was first seen."""
 
     def __init__(self, t_ns: int, offset_m: float, vel_m_s: float) -> None:
-        """offset_m: pose minus dead reckoning, vel_m_s: as it is reckoned; both of the vertical."""
+        """offset_m: pose minus dead reckoning, vel_m_s: the predicted velocity; both vertical."""
         self._since_ns = self._t_ns = t_ns
         self._offset, self._vel = [offset_m, 0.0, 0.0], [vel_m_s, 0.0, 0.0]
         self._yy = self._yu = self._uu = 0.0
@@ -40,15 +40,15 @@ class PoseLag:
         lag_s = -self._yu / self._uu if self._uu > 0.0 else 0.0
         return [shown + lag_s * moved for shown, moved in zip(self._offset, self._vel, strict=True)]
 
-    def take(self, t_ns: int, offset_m: float, vel_m_s: float, noise_m2: float, walk_m2_s3: float) -> bool:
+    def update(self, t_ns: int, offset_m: float, vel_m_s: float, noise_m2: float, walk_m2_s3: float) -> bool:
         """Take one pose in, later than the last; whether those of the last second were late by more than `MOST_S`.
 
         noise_m2: variance of the poses. walk_m2_s3: density of the velocity's random walk.
         """
         dt_s, self._t_ns = (t_ns - self._t_ns) * 1e-9, t_ns
-        kept, share = exp(-_POLE_1_S * dt_s), 1.0 - exp(-dt_s / _MEMORY_S)
-        y = second_degree(self._offset, offset_m, kept, dt_s)
-        u = second_degree(self._vel, vel_m_s, kept, dt_s)
+        decay, share = exp(-_POLE_1_S * dt_s), 1.0 - exp(-dt_s / _MEMORY_S)
+        y = second_degree(self._offset, offset_m, decay, dt_s)
+        u = second_degree(self._vel, vel_m_s, decay, dt_s)
         self._yy += share * (y * y - self._yy)
         self._yu += share * (y * u - self._yu)
         self._uu += share * (u * u - self._uu)

@@ -33,7 +33,7 @@ class Demand(NamedTuple):
     """What to fly: a place, a speed or neither (then level), a height or none (then `climb_m_s` alone), a heading."""
 
     yaw_rad: float
-    place_lab_m: tuple[float, float] | None = None
+    pos_lab_m: tuple[float, float] | None = None
     speed_lab_m_s: tuple[float, float] | None = None
     height_m: float | None = None
     climb_m_s: float = 0.0
@@ -48,8 +48,8 @@ class PositionController:
         """thrust_of: the thrust_norm that gives a specific force, m/s^2."""
         self._thrust_of = thrust_of
         self._sum = [0.0, 0.0, 0.0]
-        self.motors_give = 1.0
-        """Share of the thrust they are told, where that is known."""
+        self.thrust_share = 1.0
+        """Share of the commanded thrust that the motors deliver, where known."""
 
     def reset(self, learnt_lab_m_s2: Vec3Tuple = (0.0, 0.0, 0.0)) -> None:
         """Forget what the integrators learnt, or begin with what is known already."""
@@ -69,12 +69,12 @@ class PositionController:
         else:
             q = demand.attitude
             force = lift / max(1.0 - 2.0 * float(q[1] * q[1] + q[2] * q[2]), 0.5)
-        return LoopSetpoint(q, NO_RATE, self._thrust_of(force / self.motors_give))
+        return LoopSetpoint(q, NO_RATE, self._thrust_of(force / self.thrust_share))
 
     def _sideways(self, demand: Demand, belief: Belief, dt_s: float) -> tuple[float, float]:
-        if demand.place_lab_m is not None:
-            place = demand.place_lab_m
-            vel = [_P_1_S * (place[i] - belief.pos_lab_m[i]) for i in (0, 1)]
+        if demand.pos_lab_m is not None:
+            pos = demand.pos_lab_m
+            vel = [_P_1_S * (pos[i] - belief.pos_lab_m[i]) for i in (0, 1)]
         elif demand.speed_lab_m_s is not None:
             vel = list(demand.speed_lab_m_s)
         else:
@@ -105,7 +105,7 @@ def warm_up() -> None:
     attitude_of(0.0, 0.0, 1.0, 0.0, np.empty(4))
 
 
-def hurried(airframe: Airframe, q_lab_from_flu: Quat) -> Vec3:
+def feed_forward_rates(airframe: Airframe, q_lab_from_flu: Quat) -> Vec3:
     """Body rates for an attitude loop that takes them: they turn it half as fast again as it would by itself."""
     profile = airframe.profile
     if not profile.rate_feed_forward:

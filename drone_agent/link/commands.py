@@ -65,8 +65,8 @@ def order_of(message: CommandLong | CommandInt) -> Order:
         p = message.params
         return Order(message.command, p[:4], p[4], p[5], p[6], relative=False)
     scale = 1e-4 if message.frame in _LOCAL_FRAMES else 1e-7
-    place = (message.x * scale, message.y * scale, message.z)
-    return Order(message.command, message.params, *place, relative=message.frame in _RELATIVE_FRAMES)
+    position = (message.x * scale, message.y * scale, message.z)
+    return Order(message.command, message.params, *position, relative=message.frame in _RELATIVE_FRAMES)
 
 
 class Commander:
@@ -103,7 +103,7 @@ class Commander:
         """A change of mode in the autopilot's own numbers."""
         request = self._pilot.model.mode_request(base_mode, main, sub)
         if request.mode is None:
-            return request.refusal
+            return request.result
         return self._pilot.change_mode(request.mode, now_ns)
 
     def _set_mode(self, order: Order, now_ns: int) -> Result:
@@ -116,7 +116,7 @@ class Commander:
             return self._pilot.arm(now_ns, force=force == ARM_PAST_CHECKS and self._pilot.model.force_arm)
         if _int(action) == 0:
             return self._pilot.disarm(now_ns, force=force == DISARM_IN_FLIGHT, reason="external command")
-        self._pilot.say(Severity.CRITICAL, f"Unsupported ARM_DISARM param: {action:.3f}")
+        self._pilot.report(Severity.CRITICAL, f"Unsupported ARM_DISARM param: {action:.3f}")
         return Result.UNSUPPORTED
 
     def _take_off(self, order: Order, now_ns: int) -> Result:

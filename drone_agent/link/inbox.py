@@ -9,7 +9,7 @@ from drone_agent.flight.estimator import ExternalPose
 from drone_agent.flight.failsafes import Failsafes
 from drone_agent.flight.guidance import Guidance
 from drone_agent.link.commands import Commander, order_of
-from drone_agent.setpoint_gate import Refusal, SetpointGate
+from drone_agent.setpoint_filter import RejectReason, SetpointFilter
 from drone_agent.stages import Stage
 from formation.messages import Event, Severity
 from wire.link_messages.address import Address
@@ -22,7 +22,7 @@ from wire.link_messages.parameters import ParamRequestList, ParamRequestRead, Pa
 from wire.link_messages.setpoints import AttitudeSetpoint, PositionSetpoint
 from wire.link_messages.status import Heartbeat, MavAutopilot
 from wire.link_messages.storage import LogEntry, LogRequestList, MissionCount, MissionRequestList
-from wire.refusals import Refusals
+from wire.rejections import RejectionLog
 
 _POSE_AGE_MAX_NS = 500_000_000
 _POSE_DELAY_NS = 20_000_000  # of a pose whose stamp is on no clock we know
@@ -75,9 +75,9 @@ class Inbox:
         self._send = send
         self._use_pose = use_pose
         self._guidance = Guidance(autopilot)
-        self.refusals = Refusals()
+        self.rejections = RejectionLog()
         """Setpoints that were not obeyed."""
-        self._gate = SetpointGate(autopilot.without)
+        self._setpoint_filter = SetpointFilter(autopilot.without)
         self.listing: int | None = None
         """The next parameter of a list that was asked for."""
         self.own_feed_ns: int | None = None
@@ -102,9 +102,9 @@ class Inbox:
             LogRequestList: self._log_list,
         }
 
-    def told(self, now_ns: int) -> tuple[Event, ...]:
-        """What there is to tell of setpoints that were not obeyed, or not as they asked."""
-        return (*self.refusals.due(now_ns), *self._guidance.bounded.due(now_ns))
+    def due_events(self, now_ns: int) -> tuple[Event, ...]:
+        """The due reports of rejected and limited setpoints."""
+        return (*self.rejections.due(now_ns), *self._guidance.bounded.due(now_ns))
 
     def read(self, packet: Packet, now_ns: int) -> None:
         """Act on one packet; what concerns only ground stations is left alone."""
@@ -115,7 +115,7 @@ class Inbox:
     def _setpoint(self, source: Address, message: AttitudeSetpoint, now_ns: int) -> None:
         if self._obeyed(source, message.t_boot_ms, now_ns):
             self._guidance.attitude(now_ns, message, self._owner(source))
-        self._pilot.setpoint_age_ms = self._gate.age_ms(source, message.t_boot_ms, now_ns - self._t0_ns)
+        self._pilot.setpoint_age_ms = self._setpoint_filter.age_ms(source, message.t_boot_ms, now_ns - self._t0_ns)
 
     def _position(self, source: Address, message: PositionSetpoint, now_ns: int) -> None:
         if self._obeyed(source, message.t_boot_ms, now_ns):
@@ -129,18 +129,18 @@ class Inbox:
         """Whether a setpoint counts; one that does not is counted, and is no life of the stream."""
         pilot, boot_ns = self._pilot, now_ns - self._t0_ns
         if pilot.stream.stage is not Stage.FOLLOW:
-            self._gate.forget_order()
+            self._setpoint_filter.reset_order()
         foreign = not pilot.stream.obeys(self._owner(source)) and "foreign-setpoint" not in pilot.without
-        refusal = Refusal.FOREIGN if foreign else self._gate.judge(source, t_boot_ms, boot_ns)
-        if pilot.positioning.slides and not pilot.landed and source.system != self._config.sysid:
-            refusal = Refusal.SLIDING_POSE
-        if refusal is not None:
-            self.refusals.note(source.words, refusal.value, now_ns)
+        reject_reason = RejectReason.FOREIGN if foreign else self._setpoint_filter.judge(source, t_boot_ms, boot_ns)
+        if pilot.positioning.is_drifting and not pilot.landed and source.system != self._config.sysid:
+            reject_reason = RejectReason.POSE_FAULT
+        if reject_reason is not None:
+            self.rejections.note(source.words, reject_reason.value, now_ns)
             return False
-        if self._gate.asks(source, now_ns):
+        if self._setpoint_filter.asks(source, now_ns):
             self._send(TimeSync(0, boot_ns, source))
-        if pilot.in_stream_mode and self._gate.untold(source):
-            pilot.say(Severity.INFO, f"Age of setpoints of {source} unknown: no TIMESYNC")
+        if pilot.in_stream_mode and self._setpoint_filter.is_age_unknown(source):
+            pilot.report(Severity.INFO, f"Age of setpoints of {source} unknown: no TIMESYNC")
         return True
 
     def _set_origin(self, _source: Address, message: SetOrigin, _now_ns: int) -> None:
@@ -153,13 +153,13 @@ class Inbox:
         pilot = self._pilot
         if self.own_feed_ns is not None and now_ns - self.own_feed_ns < _OWN_FEED_RULES_NS:
             return
-        if pilot.model.takes_pose(pilot.parameters, message):
+        if pilot.model.fuses_pose(pilot.parameters, message):
             capture_ns = self._capture_ns(source, message.t_us * 1000, now_ns)
             self._use_pose(ExternalPose(capture_ns, message.pos_lab_m, message.q_lab_from_flu), now_ns)
 
     def _capture_ns(self, source: Address, stamp_ns: int, now_ns: int) -> int:
         """A pose's capture on our clock: its stamp is our time since boot, or the sender's own clock."""
-        own_ns = self._gate.clock(source).to_ours_ns(stamp_ns)
+        own_ns = self._setpoint_filter.clock(source).to_ours_ns(stamp_ns)
         for since_boot_ns in (stamp_ns,) if own_ns is None else (stamp_ns, own_ns):
             if 0 <= now_ns - self._t0_ns - since_boot_ns <= _POSE_AGE_MAX_NS:
                 return self._t0_ns + since_boot_ns
@@ -170,7 +170,7 @@ class Inbox:
         if message.tc1_ns == 0:
             self._send(TimeSync(boot_ns, message.ts1_ns, source))
         else:
-            self._gate.clock(source).exchange(message.ts1_ns, message.tc1_ns, boot_ns)
+            self._setpoint_filter.clock(source).exchange(message.ts1_ns, message.tc1_ns, boot_ns)
 
     def _heartbeat(self, _source: Address, message: Heartbeat, now_ns: int) -> None:
         if message.autopilot is MavAutopilot.INVALID:
@@ -223,4 +223,4 @@ class Inbox:
         self._send(LogEntry(0, 0, 0, 0, 0))
 
     def _unknown_parameter(self, name: str) -> None:
-        self._pilot.say(Severity.INFO, self._pilot.model.texts.unknown_parameter, name)
+        self._pilot.report(Severity.INFO, self._pilot.model.texts.unknown_parameter, name)

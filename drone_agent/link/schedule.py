@@ -1,7 +1,7 @@
 """Which telemetry is due when: default rates, and those that SET_MESSAGE_INTERVAL asked for.
 
 Due times lie on a 10 ms raster where the rate allows, so that messages share a wake-up and a datagram; a
-rate the raster does not divide is met on average. A late look sends once and does not catch up.
+rate the raster does not divide is met on average. A late look sends once; who is to catch up looks at each due time.
 """
 
 from collections.abc import Collection, Mapping
@@ -50,7 +50,7 @@ class Schedule:
         self._find_next()
         return True
 
-    def take_due(self, now_ns: int) -> list[int]:
+    def pop_due(self, now_ns: int) -> list[int]:
         """The messages due now, each once, in the order of their ids' registration; moves them on."""
         if now_ns < self.next_ns:
             return []

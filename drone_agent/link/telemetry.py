@@ -90,8 +90,12 @@ def _sys_status(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
         healthy &= ~receiver
     if not pilot.armed and pilot.arming_fault(now_ns) is not None:
         healthy &= ~SensorFlag.PREARM_CHECK
+    enabled, fence = present, pilot.model.fence_parameter
+    if fence is not None:  # there, and not breached
+        present, healthy = present | SensorFlag.GEOFENCE, healthy | SensorFlag.GEOFENCE
+        enabled |= SensorFlag.GEOFENCE if pilot.parameters[fence] else 0
     pack = pilot.airframe.pack
-    return SysStatus(present, present, healthy, _LOAD, pack.voltage_v, pack.current_a, pack.remaining)
+    return SysStatus(present, enabled, healthy, _LOAD, pack.voltage_v, pack.current_a, pack.remaining)
 
 
 def _attitude(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
@@ -108,10 +112,10 @@ def _attitude_quaternion(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
 
 def _inertial(t: TelemetryBuilder, _now_ns: int) -> LinkMessage | None:
     sensor = t.autopilot.airframe.inertial
-    felt = None if sensor is None else sensor.felt()
-    if felt is None:
+    sample = None if sensor is None else sensor.sample()
+    if sample is None:
         return None
-    return InertialSample((felt.t_ns - t.t0_ns) // 1000, felt.specific_force_flu_m_s2, felt.rate_flu_rad_s)
+    return InertialSample((sample.t_ns - t.t0_ns) // 1000, sample.specific_force_flu_m_s2, sample.rate_flu_rad_s)
 
 
 def _local_position(t: TelemetryBuilder, now_ns: int) -> LinkMessage | None:
@@ -141,9 +145,9 @@ def _home(t: TelemetryBuilder, now_ns: int) -> LinkMessage | None:
     pilot = t.autopilot
     if pilot.origin is None or not pilot.positioning.valid(now_ns):
         return None
-    place = pilot.home.pos_lab_m if pilot.home else t.config.start_lab_m
-    lat, lon, alt = to_globe(pilot.origin, place)
-    return HomePosition(lat, lon, alt, np.array(place))
+    home_lab_m = pilot.home.pos_lab_m if pilot.home else t.config.start_lab_m
+    lat, lon, alt = to_globe(pilot.origin, home_lab_m)
+    return HomePosition(lat, lon, alt, np.array(home_lab_m))
 
 
 def _battery(t: TelemetryBuilder, _now_ns: int) -> LinkMessage:
@@ -190,7 +194,7 @@ def _true_state(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
 
 
 def _age(t: TelemetryBuilder, now_ns: int) -> LinkMessage | None:
-    age_ms = t.autopilot.take_setpoint_age_ms()
+    age_ms = t.autopilot.pop_setpoint_age_ms()
     return None if age_ms is None else NamedValue(t.boot_ms(now_ns), "age_ms", age_ms)
 
 

@@ -12,7 +12,7 @@ from drone_agent.simulation.attitude_loop import WHOLE_MOTORS, LoopSetpoint
 from drone_agent.simulation.battery import BatteryPack
 from drone_agent.simulation.disturbance import Disturbance, acceleration
 from drone_agent.simulation.inertial import InertialSensor
-from drone_agent.simulation.level_error import Lean
+from drone_agent.simulation.level_error import AttitudeBias
 from drone_agent.simulation.physics import OWN, Physics
 from formation.maths.arrays import Float, Quat, Vec3
 from formation.maths.frames import from_yaw
@@ -31,28 +31,28 @@ class Airframe:
         start_lab_m: Vec3,
         start_yaw_rad: float,
         t0_ns: int,
-        lean: Lean | None = None,
+        attitude_bias: AttitudeBias | None = None,
         physics: Physics = OWN,
     ) -> None:
-        """lean: how far its autopilot's idea of level is off, None: it knows; physics: what integrates it."""
+        """attitude_bias: of its autopilot's level estimate, None: none; physics: what integrates it."""
         self.profile = profile
         self.pack = BatteryPack(profile.battery)
         self.armed = False
         self.motor_gain: Float = WHOLE_MOTORS
-        """(4) What each motor gives of what it is told; a dead one nothing."""
-        self.told: Float = np.zeros(8)
+        """(4) Each motor's share of its commanded thrust; 0 of a dead one."""
+        self.expected_thrust: Float = np.zeros(8)
         """What the autopilot knows of its motors: see `drone_agent.simulation.attitude_loop.advance`."""
         self.inertial: InertialSensor | None = None
-        """Is told of every step, where there is one: nobody else needs them one by one."""
+        """Receives every step, where there is one."""
         self.t_ns = t0_ns
         self.state: VehicleState = at_rest(start_lab_m, from_yaw(np.array(start_yaw_rad)))
         self.setpoint = LoopSetpoint(self.state.q_lab_from_flu, np.zeros(3), 0.0)
         self._air = air
         self._gusty = air.fan is not None
-        self._lean = lean
+        self._attitude_bias = attitude_bias
         self._physics = physics
         self._t0_ns = t0_ns
-        self._push = self._felt()
+        self._push = self._disturbance()
         self._coming: deque[tuple[int, LoopSetpoint]] = deque()
 
     def order(self, t_ns: int, setpoint: LoopSetpoint) -> None:
@@ -80,13 +80,13 @@ class Airframe:
             if self._gusty:
                 since_ns = (self.t_ns - self._t0_ns) % gust_ns
                 if since_ns == 0:
-                    self._push = self._felt()
+                    self._push = self._disturbance()
                 end_ns = min(end_ns, self.t_ns + gust_ns - since_ns)
-            if self._lean is not None:
-                self._lean.advance_to(self.t_ns)
-                end_ns = min(end_ns, self._lean.next_ns)
+            if self._attitude_bias is not None:
+                self._attitude_bias.advance_to(self.t_ns)
+                end_ns = min(end_ns, self._attitude_bias.next_ns)
             steps = max((end_ns - self.t_ns) // step_ns, 1) if self.inertial is None else 1
-            self.state = self._integrated(step_ns * 1e-9, steps, self.told)
+            self.state = self._integrated(step_ns * 1e-9, steps, self.expected_thrust)
             self.t_ns += steps * step_ns
             if self.inertial is not None:
                 self.inertial.note(self.t_ns, self.state)
@@ -101,7 +101,7 @@ class Airframe:
     def estimated_q_lab_from_flu(self) -> Quat:
         """The present attitude as the autopilot has it."""
         q = self.state.q_lab_from_flu
-        return q if self._lean is None else self._lean.estimated(q)
+        return q if self._attitude_bias is None else self._attitude_bias.estimated(q)
 
     @property
     def push_lab_m_s2(self) -> Vec3:
@@ -112,17 +112,17 @@ class Airframe:
         """Take `dt_s` at the present thrust out of the pack."""
         self.pack.drain(sum(self.state.motor_thrust_n.tolist()) / self.profile.weight_n, dt_s)
 
-    def _integrated(self, dt_s: float, steps: int, told: Float | None = None) -> VehicleState:
+    def _integrated(self, dt_s: float, steps: int, expected_thrust: Float | None = None) -> VehicleState:
         scale = self.pack.thrust_scale
         setpoint = self.setpoint
-        if self._lean is not None:
-            attitude = self._lean.true(setpoint.q_lab_from_flu)
+        if self._attitude_bias is not None:
+            attitude = self._attitude_bias.true(setpoint.q_lab_from_flu)
             setpoint = LoopSetpoint(attitude, setpoint.rate_flu_rad_s, setpoint.thrust_norm)
         gain = self.motor_gain
         return self._physics.advance(
-            self.state, self.profile, setpoint, self.armed, self._push, dt_s, steps, scale, gain, told
+            self.state, self.profile, setpoint, self.armed, self._push, dt_s, steps, scale, gain, expected_thrust
         )
 
-    def _felt(self) -> Vec3:
+    def _disturbance(self) -> Vec3:
         x, y, z = self.state.pos_lab_m.tolist()
         return np.array(acceleration(self._air, (self.t_ns - self._t0_ns) * 1e-9, (x, y, z), self.profile.reach_m))

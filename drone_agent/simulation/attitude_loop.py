@@ -70,19 +70,30 @@ def advance(
     steps: int,
     thrust_scale: float = 1.0,
     motor_gain: Float = WHOLE_MOTORS,
-    told: Float | None = None,
+    expected_thrust: Float | None = None,
 ) -> VehicleState:
-    """The state `steps` steps of `dt_s` later; the input is left alone, but for `told`.
+    """The state `steps` steps of `dt_s` later; the input is not changed, except `expected_thrust`.
 
     dist_lab_m_s2: (3) external acceleration; dt_s <= 2 ms, else ValueError; thrust_scale: what the battery
-    leaves of the full thrust; motor_gain: (4) what each motor gives of what it is told, front right, rear left, front
-    left, rear right. Unarmed motors are off. told: (8) what the autopilot knows of its motors, carried on in place: the
-    thrust of each, N, had it given what it was told behind its lag, and that summed up, N s. Deterministic to the bit.
+    leaves of the full thrust; motor_gain: (4) each motor's share of its commanded thrust, front right, rear left, front
+    left, rear right. Unarmed motors are off. expected_thrust: (8) updated in place: the thrust of each intact motor at
+    the commands, behind its lag, N, and its sum over time, N s. Deterministic to the bit.
     """
     if not 0.0 < dt_s <= STEP_MAX_S:
         raise ValueError(f"attitude loop step must lie in (0, {STEP_MAX_S}] s, got {dt_s}")
-    x, told = state.x.copy(), np.zeros(8) if told is None else told
-    _advance(x, profile.numbers, setpoint.target, armed, thrust_scale, motor_gain, told, dist_lab_m_s2, dt_s, steps)
+    x, expected_thrust = state.x.copy(), np.zeros(8) if expected_thrust is None else expected_thrust
+    _advance(
+        x,
+        profile.numbers,
+        setpoint.target,
+        armed,
+        thrust_scale,
+        motor_gain,
+        expected_thrust,
+        dist_lab_m_s2,
+        dt_s,
+        steps,
+    )
     return VehicleState(x)
 
 
@@ -129,9 +140,9 @@ def mix(collective_n: float, torque: Float, numbers: Float, motor_max_n: float, 
     tilt = abs(roll) + abs(pitch)
     # As PX4 without air-mode: too much thrust gives way to the torque, too little thrust cuts the torque.
     base = min(max(0.25 * collective_n, 0.0), max(motor_max_n - tilt, 0.5 * motor_max_n))
-    room = min(base, motor_max_n - base)
-    tilt_scale = min(1.0, room / tilt) if tilt > 0.0 else 1.0
-    left = room - tilt_scale * tilt
+    headroom = min(base, motor_max_n - base)
+    tilt_scale = min(1.0, headroom / tilt) if tilt > 0.0 else 1.0
+    left = headroom - tilt_scale * tilt
     yaw = min(max(yaw, -left), left)
     motors[0] = base + tilt_scale * (-roll - pitch) + yaw
     motors[1] = base + tilt_scale * (roll + pitch) + yaw
@@ -141,8 +152,8 @@ def mix(collective_n: float, torque: Float, numbers: Float, motor_max_n: float, 
 
 @kernel
 def _advance(
-    x: Float, numbers: Float, target: Float, armed: bool, thrust_scale: float, motor_gain: Float, told: Float,
-    dist_lab_m_s2: Float, dt_s: float, steps: int,
+    x: Float, numbers: Float, target: Float, armed: bool, thrust_scale: float, motor_gain: Float,
+    expected_thrust: Float, dist_lab_m_s2: Float, dt_s: float, steps: int,
 ) -> None:  # fmt: skip
     """`steps` turns of attitude loop, mixer and body, in place."""
     rate_sp, torque, motors, thrusts = np.zeros(3), np.zeros(3), np.zeros(4), np.zeros(4)
@@ -159,7 +170,7 @@ def _advance(
             torque[2] = numbers[INERTIA + 2] * numbers[RATE_YAW_P] * (rate_sp[2] - x[12])
             mix(collective_n, torque, numbers, 0.25 * full_n, motors)
         for motor in range(4):
-            told[motor] += lag * (motors[motor] - told[motor])
-            told[4 + motor] += told[motor] * dt_s
+            expected_thrust[motor] += lag * (motors[motor] - expected_thrust[motor])
+            expected_thrust[4 + motor] += expected_thrust[motor] * dt_s
             thrusts[motor] = motors[motor] * motor_gain[motor]
         body_step(x, thrusts, numbers, dist_lab_m_s2, dt_s, work)

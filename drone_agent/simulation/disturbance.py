@@ -8,7 +8,7 @@ from math import cos, exp, hypot, pi, sin
 from formation.model import Model, Positive, Vec3Tuple
 
 STILL: Vec3Tuple = (0.0, 0.0, 0.0)
-SPREAD = 0.081  # of a jet's Gaussian, per distance from its nozzle, as Albertson et al. measured it
+JET_WIDTH = 0.081  # of a jet's Gaussian, per distance from its nozzle, as Albertson et al. measured it
 ROTORS = ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))
 
 
@@ -51,7 +51,7 @@ def jet_speed(distance_m: float, aside_m: float, diameter_m: float) -> float:
     """Speed of a round jet over its speed at the fan, at a distance along its axis and a distance off it."""
     if distance_m <= 0.0:
         return 0.0
-    width_m = SPREAD * distance_m
+    width_m = JET_WIDTH * distance_m
     core_m = 0.5 * diameter_m - width_m
     off = max(aside_m - max(core_m, 0.0), 0.0) / width_m
     return min(0.5 * diameter_m / width_m, 1.0) * exp(-0.5 * off * off)

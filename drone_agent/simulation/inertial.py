@@ -31,7 +31,7 @@ class InertialError(Model):
 
 
 @dataclass(frozen=True, slots=True)
-class Felt:
+class ImuSample:
     """Means over WINDOW_NS until `t_ns`, in `flu`: specific force, m/s^2 (+g along up at rest), and rate, rad/s."""
 
     t_ns: int
@@ -40,7 +40,7 @@ class Felt:
 
 
 class InertialSensor:
-    """The inertial sensors of one drone: told of every step of its body (`note`), asked for the mean (`felt`)."""
+    """The inertial sensors of one drone: `note` receives every step of its body, `sample` returns the mean."""
 
     def __init__(self, error: InertialError, bias_lab_m_s2: Vec3Tuple, sysid: int) -> None:
         """bias_lab_m_s2: what the accelerometer is wrong by, as the estimator's dead reckoning has it too."""
@@ -49,8 +49,8 @@ class InertialSensor:
         self._at_rest_lab_m_s2 = _GRAVITY_LAB_M_S2 + bias_lab_m_s2
         self._steps: deque[tuple[int, VehicleState]] = deque()
 
-    def forget(self) -> None:
-        """What was until now is no part of any sample to come: nobody watched, or it did not happen."""
+    def reset(self) -> None:
+        """Drop the steps until now: they are in no later sample."""
         self._steps.clear()
 
     def note(self, t_ns: int, state: VehicleState) -> None:
@@ -60,7 +60,7 @@ class InertialSensor:
         while len(steps) > 1 and t_ns - steps[1][0] >= WINDOW_NS:
             steps.popleft()
 
-    def felt(self) -> Felt | None:
+    def sample(self) -> ImuSample | None:
         """The newest sample, with noise of its own each time it is taken; None until there is a whole one."""
         if not self._steps:
             return None
@@ -80,4 +80,4 @@ class InertialSensor:
         rates = [state.rate_flu_rad_s for _, state in self._steps][1:]
         rate_flu_rad_s = np.add.reduce(rates) / len(rates)
         noise_m_s2 = self._noise_m_s2 * self._rng.standard_normal(3)
-        return Felt(end_ns, force_flu_m_s2 + noise_m_s2, rate_flu_rad_s)
+        return ImuSample(end_ns, force_flu_m_s2 + noise_m_s2, rate_flu_rad_s)

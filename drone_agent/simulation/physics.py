@@ -22,7 +22,7 @@ class Advance(Protocol):
         steps: int,
         thrust_scale: float,
         motor_gain: Float,
-        told: Float | None,
+        expected_thrust: Float | None,
     ) -> VehicleState:
         """The state `steps` steps of `dt_s` later; the input is left alone, but for `told`."""
 

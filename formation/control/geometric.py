@@ -3,7 +3,7 @@
 Lee, Leok, McClamroch, "Geometric tracking control of a quadrotor UAV on SE(3)" (CDC 2010), with the saturated
 integral of Goodarzi, Lee, Lee, "Geometric nonlinear PID control of a quadrotor UAV on SE(3)" (ECC 2013). Its
 attitude part lives where the gyroscope is: in the autopilot's attitude loop, which gets the attitude and the body
-rates that this demand implies (formation.control.attitude).
+rates that this demand implies (formation.control.limits.attitude).
 """
 
 from formation.maths.kernel import kernel

@@ -1,7 +1,8 @@
 """How much more delay a loop can carry than it was designed for, measured on the very code that flies.
 
-The vehicle is what the controller believes it to be, a point that feels its commands after a dead time and a
-first-order lag, except that the dead time is longer. The margin is found by bisection on a kicked hover.
+The vehicle is the controller's own model, a point that follows its commands after a dead time and a first-order lag,
+with two differences: the dead time is longer, and there is no drag. Drag damps the loop, and a wind takes that
+damping away. The margin is found by bisection on a kicked hover.
 """
 
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ import numpy as np
 from formation.config import Fence, FollowerConfig, LabConfig, LeaderConfig, LimitsConfig, MocapConfig
 from formation.control.presets import Preset
 from formation.control.stack import ControlStack
+from formation.estimation.response import answer, no_history, remember
 from formation.guidance.plan import Mode, Plan, Setpoint
 from formation.guidance.shape import configured
 from formation.maths import frames
@@ -18,10 +20,9 @@ from formation.maths.arrays import Float
 from formation.messages import AttitudeTarget, LabFrame
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
-from formation.vehicle.response import answer, no_history, remember
 
 KICK_M_S = 0.3
-HOVER_S, LOOK_S = 6.0, 2.0
+HOVER_S, SAMPLE_S = 6.0, 2.0
 HELD_M = 0.1
 """A hover whose last seconds stay within this of its place is held."""
 MARGIN_MOST_S = 0.2
@@ -76,14 +77,15 @@ def delay_margin(profile: VehicleProfile, gains: Preset, mocap: MocapConfig) -> 
 def held(profile: VehicleProfile, gains: Preset, mocap: MocapConfig, extra_delay_s: float) -> bool:
     """Whether a kicked hover comes back although commands take extra_delay_s longer than believed."""
     path = kicked_hover(profile, gains, mocap, extra_delay_s, HOVER_S)
-    late = path[-round(LOOK_S * mocap.rate_hz) :]
+    late = path[-round(SAMPLE_S * mocap.rate_hz) :]
     return bool(np.isfinite(path).all() and np.abs(late - POINT_M).max() < HELD_M)
 
 
 def kicked_hover(
     profile: VehicleProfile, gains: Preset, mocap: MocapConfig, extra_delay_s: float, duration_s: float
 ) -> Float:
-    """Positions (frames, 3) of a vehicle told to stay at POINT_M that starts there with a sideways speed."""
+    """Positions (frames, 3) of a vehicle that holds POINT_M and starts there with a sideways speed."""
+    profile = profile.model_copy(update={"drag_n_s_m": (0.0, 0.0, 0.0)})
     lab = LabConfig(
         profiles=(profile,),
         leader=LeaderConfig(body=OBSERVED, profile=profile.name),
@@ -111,7 +113,7 @@ def kicked_hover(
             break
         frame = _frame(k, t_ns, pos, force)
         target = stack.step(t_ns + delay_ns, frame, plan, hover).target
-        sent = remember(sent, t_ns + delay_ns, _felt(target, profile))
+        sent = remember(sent, t_ns + delay_ns, _specific_force(target, profile))
         step_s = period_ns * 1e-9
         for axes, dead_s, lag_s in responses:
             answer(
@@ -125,7 +127,7 @@ def kicked_hover(
 
 
 def _frame(seq: int, t_ns: int, pos_lab_m: Float, force: Float) -> LabFrame:
-    """What perfect cameras see of the point: its body z lies along the force it feels."""
+    """The frame of perfect cameras: the body's z axis lies along its specific force."""
     z = force / np.linalg.norm(force)
     tilt = np.array([-z[1], z[0], 0.0])
     sine = float(np.linalg.norm(tilt))
@@ -135,7 +137,7 @@ def _frame(seq: int, t_ns: int, pos_lab_m: Float, force: Float) -> LabFrame:
     return LabFrame(seq, t_ns, bodies, np.stack([np.array([5.0, 5.0, 0.0]), pos_lab_m]), q, np.ones(2, dtype=np.bool_))
 
 
-def _felt(target: AttitudeTarget, profile: VehicleProfile) -> Float:
+def _specific_force(target: AttitudeTarget, profile: VehicleProfile) -> Float:
     """The specific force (1, 4) that a target asks for, body rates counted as the attitude lead they are."""
     size = profile.thrust_n_of(float(target.thrust_norm[0])) / profile.mass_kg
     q = target.q_lab_from_flu[0]

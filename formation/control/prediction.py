@@ -1,28 +1,27 @@
-"""Where a vehicle will be at a given time, from what is known now: its observers, and the commands it was sent."""
+"""Where a vehicle, the leader and a reference will be when a command sent now takes hold, from what is known now.
 
+What is known: the observers, the commands that were sent, and the course that vehicles are led along.
+"""
+
+from dataclasses import dataclass
 from math import exp
-from typing import NamedTuple
+from typing import Annotated, NamedTuple, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
-from formation.estimation.model_mismatch import attitude_dead_s
+from formation.estimation.response import NEVER_NS, SECONDS, SentCommands, answer, attitude_dead_s
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate
-from formation.maths.arrays import Float
+from formation.guidance.followed_leader import Guidance, shifted
+from formation.guidance.reference_generator import VehicleReference, reference_at
+from formation.maths.arrays import Float, Layout, Motion, Vec3
 from formation.maths.kernel import kernel
-from formation.maths.records import Rows
+from formation.maths.records import Rows, dtype_of
+from formation.paper.eq2_relative_frame import copy_motion, lead_from_lab
 from formation.vehicle.body import GRAVITY_M_S2
-from formation.vehicle.response import SECONDS, SentCommands, answer
 
-
-@kernel
-def decaying(h: float, rate_1_s: float) -> tuple[float, float, float]:
-    """Single, double and triple integral over h of exp(-rate t)."""
-    if rate_1_s * h < 1e-3:
-        return h, 0.5 * h * h, h * h * h / 6.0
-    first = (1.0 - exp(-rate_1_s * h)) / rate_1_s
-    second = (h - first) / rate_1_s
-    return first, second, (0.5 * h * h - second) / rate_1_s
+LEADER = cast(int, np.int64(0))  # a literal 0 would be a type of its own, and the prediction compiled once more
 
 
 class Known(NamedTuple):
@@ -33,21 +32,109 @@ class Known(NamedTuple):
     history: Rows[SentCommands]
 
 
+class LawContext(NamedTuple):
+    """What one vehicle's demand is computed from, besides its own settings."""
+
+    known: Known
+    guidance: Guidance
+
+
+@dataclass(slots=True)
+class Workspace:
+    """Motions (3, 4) and vectors (3) of one vehicle's turn in one channel, reused for the next; a record.
+
+    leader, leader_later: the leader as predicted last, when the command holds and later, and leader_ns for when:
+    vehicles of one kind ask for the same.
+    """
+
+    leader_ns: Annotated[NDArray[np.int64], Layout(np.int64, (2,))]
+    leader: Motion
+    leader_later: Motion
+    mine: Motion
+    lead: Motion
+    lead_later: Motion
+    error: Motion
+    slot: Motion
+    frame: Motion
+    lab: Motion
+    lab_later: Motion
+    force: Vec3
+    feedback: Vec3
+    feedback_rate: Vec3
+
+
+WORKSPACE = dtype_of(Workspace)
+
+
+@kernel
+def situation(i: int, n: int, context: LawContext, hold_ns: int, later_ns: int, w: Workspace) -> None:
+    """Vehicle i's own motion, reference and error at hold_ns, and its reference at later_ns, into the workspace.
+
+    later_ns: NEVER_NS where the lag is not compensated.
+    """
+    known, numbers, knots = context.known, context.guidance.numbers, context.guidance.knots
+    reference = context.guidance.references[i]
+    _leader_ahead(context, hold_ns, later_ns, w)
+    if later_ns > NEVER_NS:
+        reference_at(reference, numbers, knots, later_ns, w.lead_later, w.slot, w.frame, w.lab_later)
+    motion_at(known, n, hold_ns, w.mine, w.force)
+    reference_at(reference, numbers, knots, hold_ns, w.lead, w.slot, w.frame, w.lab)
+    lead_from_lab(w.mine, w.frame, w.error)
+    for order in range(3):
+        for column in range(4):
+            w.error[order, column] -= w.slot[order, column]
+
+
+@kernel
+def _leader_ahead(context: LawContext, hold_ns: int, later_ns: int, w: Workspace) -> None:
+    """The leader's motion at hold_ns, and at later_ns if that is wanted, into the workspace.
+
+    A leader we command is taken to accelerate and turn as its own reference says: known ahead, and free of noise.
+    """
+    if w.leader_ns[0] != hold_ns or w.leader_ns[1] != later_ns:
+        w.leader_ns[0], w.leader_ns[1] = hold_ns, later_ns
+        motion_at(context.known, LEADER, hold_ns, w.leader, w.force)
+        shifted(context.guidance.leader, hold_ns, w.leader)
+        commanded_index = context.known.observers[LEADER].commanded_index
+        if later_ns > NEVER_NS and commanded_index >= 0:
+            _as_referred(context.guidance.references[commanded_index], context, hold_ns, later_ns, w)
+        elif later_ns > NEVER_NS:
+            motion_at(context.known, LEADER, later_ns, w.leader_later, w.force)
+            shifted(context.guidance.leader, later_ns, w.leader_later)
+    copy_motion(w.leader, w.lead)
+    copy_motion(w.leader_later, w.lead_later)
+
+
+@kernel
+def _as_referred(reference: VehicleReference, context: LawContext, hold_ns: int, later_ns: int, w: Workspace) -> None:
+    """A commanded leader's motion later: from `leader` on as its reference goes, and accelerations of both."""
+    now, later = w.leader, w.leader_later
+    reference_at(
+        reference, context.guidance.numbers, context.guidance.knots, later_ns, now, w.slot, w.frame, w.lab_later
+    )
+    reference_at(reference, context.guidance.numbers, context.guidance.knots, hold_ns, now, w.slot, w.frame, w.lab)
+    for column in range(4):
+        for order in range(2):
+            later[order, column] = now[order, column] + w.lab_later[order, column] - w.lab[order, column]
+        now[2, column], later[2, column] = w.lab[2, column], w.lab_later[2, column]
+
+
 @kernel
 def motion_at(known: Known, n: int, to_ns: int, out: Float, force: Float) -> None:
     """Motion of vehicle n at to_ns into out (3, 4), and the modelled specific force then into force (3).
 
     A commanded vehicle answers its past commands by dead time and lag; one that is only observed goes on turning its
-    force at a decaying rate. Z3 is taken to last.
+    force at a decaying rate. Z3 is taken to last. Drag, f(x) of Eq. (4), slows a commanded
+    vehicle: the velocity loses drag_1_s times the distance, by the trapezoidal rule.
     """
     z, observer = known.estimates[n], known.observers[n]
     h = (to_ns - z.t_ns) * SECONDS
-    commanded = observer.place >= 0
+    commanded = observer.commanded_index >= 0
     speed, travel = np.empty(3), np.empty(3)
     for axis in range(3):
         force[axis] = z.specific_force_lab_m_s2[axis]
     if commanded:
-        sent, response = known.history[observer.place], observer.response
+        sent, response = known.history[observer.commanded_index], observer.response
         answer(sent.t_ns, sent.force[:, 0:2], z.t_ns, to_ns, attitude_dead_s(z, observer), response.attitude_lag_s,
                force[0:2], speed[0:2], travel[0:2])  # fmt: skip
         answer(sent.t_ns, sent.force[:, 2:3], z.t_ns, to_ns, response.thrust_dead_s, response.thrust_lag_s,
@@ -63,10 +150,23 @@ def motion_at(known: Known, n: int, to_ns: int, out: Float, force: Float) -> Non
         steady = z.dist_lab_m_s2[axis]
         if axis == 2 and commanded:
             steady -= GRAVITY_M_S2
-        out[0, axis] = z.pos_lab_m[axis] + h * z.vel_lab_m_s[axis] + scale * travel[axis] + 0.5 * h * h * steady
-        out[1, axis] = z.vel_lab_m_s[axis] + scale * speed[axis] + h * steady
-        out[2, axis] = scale * force[axis] + steady
+        drag = observer.drag_1_s[axis]
+        free = h * z.vel_lab_m_s[axis] + scale * travel[axis] + 0.5 * h * h * steady
+        moved = free / (1.0 + 0.5 * drag * h)  # the integral of the distance is about h / 2 times it
+        out[0, axis] = z.pos_lab_m[axis] + moved
+        out[1, axis] = z.vel_lab_m_s[axis] + scale * speed[axis] + h * steady - drag * moved
+        out[2, axis] = scale * force[axis] + steady - drag * out[1, axis]
     turning = z.motion[2, 3]
     out[0, 3] = z.yaw_rad + h * z.yaw_rate_rad_s + 0.5 * h * h * turning
     out[1, 3] = z.yaw_rate_rad_s + h * turning
     out[2, 3] = turning
+
+
+@kernel
+def decaying(h: float, rate_1_s: float) -> tuple[float, float, float]:
+    """Single, double and triple integral over h of exp(-rate t)."""
+    if rate_1_s * h < 1e-3:
+        return h, 0.5 * h * h, h * h * h / 6.0
+    first = (1.0 - exp(-rate_1_s * h)) / rate_1_s
+    second = (h - first) / rate_1_s
+    return first, second, (0.5 * h * h - second) / rate_1_s

@@ -5,17 +5,16 @@ from math import tan
 import numpy as np
 
 from formation.config import LabConfig
-from formation.control.attitude import AttitudeSettings, turn_authority
-from formation.control.composite_law import LawSettings
 from formation.control.gains import axis_gains
+from formation.control.law import LawSettings
 from formation.control.limits import KEEP_OUT, MONITORS, SEPARATION_FILTER, SPEED_LIMIT
-from formation.control.limits.bodies import BarrierSettings
+from formation.control.limits.attitude import AttitudeSettings, ForceLimits, turn_authority
+from formation.control.limits.barriers import BarrierSettings
 from formation.control.presets import ALONE, Preset
-from formation.estimation.settings import ObserverSettings
+from formation.estimation.settings import ObserverSettings, Response
 from formation.maths.records import Rows, rows
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
-from formation.vehicle.response import Response
 
 FENCE_MARGIN_M = 0.05
 SINK_MOST_M_S = 1.0  # of what lands, or twice its rate of descent where that is more
@@ -26,9 +25,9 @@ def observer_settings(
     config: LabConfig, profiles: tuple[VehicleProfile, ...], gains: tuple[Preset, ...]
 ) -> Rows[ObserverSettings]:
     """Observers and responses; profiles and gains of the n vehicles in the order of `config.vehicles`."""
-    place = {vehicle: i for i, vehicle in enumerate(config.commanded)}
+    commanded_index = {vehicle: i for i, vehicle in enumerate(config.commanded)}
     each = enumerate(zip(profiles, gains, strict=True))
-    return rows(ObserverSettings, [_observers(i == 0, place.get(i, -1), p, g) for i, (p, g) in each])
+    return rows(ObserverSettings, [_observers(i == 0, commanded_index.get(i, -1), p, g) for i, (p, g) in each])
 
 
 def law_settings(config: LabConfig, gains: tuple[Preset, ...]) -> Rows[LawSettings]:
@@ -37,8 +36,13 @@ def law_settings(config: LabConfig, gains: tuple[Preset, ...]) -> Rows[LawSettin
 
 
 def attitude_settings(config: LabConfig, profiles: tuple[VehicleProfile, ...]) -> Rows[AttitudeSettings]:
-    """Limits, and the bodies of the m commanded vehicles."""
-    return rows(AttitudeSettings, [_attitude(config, i, profiles[i]) for i in config.commanded])
+    """Attitude loops of the m commanded vehicles."""
+    return rows(AttitudeSettings, [_attitude(config, profiles[i]) for i in config.commanded])
+
+
+def force_limits(config: LabConfig, profiles: tuple[VehicleProfile, ...]) -> Rows[ForceLimits]:
+    """Limits on the force of the m commanded vehicles."""
+    return rows(ForceLimits, [_force_limits(config, i, profiles[i]) for i in config.commanded])
 
 
 def barrier_settings(
@@ -47,31 +51,31 @@ def barrier_settings(
     """Barriers about the n bodies; without: of MONITORS those that are switched off (ValueError for others)."""
     if unknown := without - set(MONITORS):
         raise ValueError(f"unknown monitor {min(unknown)!r}; known: {', '.join(MONITORS)}")
-    place = {vehicle: i for i, vehicle in enumerate(config.commanded)}
+    commanded_index = {vehicle: i for i, vehicle in enumerate(config.commanded)}
     limits = config.limits
     return rows(
         BarrierSettings,
         [
             BarrierSettings(
-                place=place.get(i, -1),
+                commanded_index=commanded_index.get(i, -1),
                 dead_s=profile.response_dead_time_s,
                 separation_m=limits.min_separation_m,
                 speed_max_m_s=limits.speed_m_s,
                 sideways_m_s2=GRAVITY_M_S2 * tan(limits.tilt_rad),
-                keep_apart=SEPARATION_FILTER not in without,
-                keep_out=KEEP_OUT not in without,
-                keep_slow=SPEED_LIMIT not in without,
+                separation_on=SEPARATION_FILTER not in without,
+                keep_out_on=KEEP_OUT not in without,
+                speed_limit_on=SPEED_LIMIT not in without,
             )
             for i, profile in enumerate(profiles)
         ],
     )
 
 
-def _observers(leads: bool, place: int, profile: VehicleProfile, gains: Preset) -> ObserverSettings:
-    seen = place < 0
+def _observers(leads: bool, commanded_index: int, profile: VehicleProfile, gains: Preset) -> ObserverSettings:
+    seen = commanded_index < 0
     commanded = gains.own_observer if leads else gains.observer
     return ObserverSettings(
-        place=place,
+        commanded_index=commanded_index,
         horizontal=gains.seen_observer if seen else commanded,
         vertical=gains.seen_vertical_observer if seen else gains.vertical_observer,
         heading=gains.seen_heading_observer if seen else gains.heading_observer,
@@ -79,6 +83,7 @@ def _observers(leads: bool, place: int, profile: VehicleProfile, gains: Preset) 
         nominal_dead_s=profile.response_dead_time_s,
         nominal_lag_s=profile.response_lag_s,
         delay_shift_most_s=_delay_shift_most_s(profile) if _compensates(gains, leads) else 0.0,
+        drag_1_s=np.zeros(3) if seen else profile.drag_1_s,
         thrust_scale_lag_s=gains.thrust_scale_lag_s,
         attitude_trust=gains.attitude_trust,
         tilt_bandwidth_rad_s=gains.tilt_bandwidth_rad_s,
@@ -124,15 +129,23 @@ def _law(config: LabConfig, i: int, gains: Preset) -> LawSettings:
     )
 
 
-def _attitude(config: LabConfig, i: int, profile: VehicleProfile) -> AttitudeSettings:
-    limits = config.limits
+def _attitude(config: LabConfig, profile: VehicleProfile) -> AttitudeSettings:
     return AttitudeSettings(
-        vehicle=i,
         thrust_curve=profile.thrust_curve,
         attitude_p_1_s=profile.attitude_p_1_s,
         yaw_p_1_s=profile.yaw_p_1_s,
         rate_feed_forward=profile.rate_feed_forward,
         rate_max_rad_s=profile.rate_max_rad_s,
+        tilt_max_rad=config.limits.tilt_rad,
+    )
+
+
+def _force_limits(config: LabConfig, i: int, profile: VehicleProfile) -> ForceLimits:
+    limits = config.limits
+    return ForceLimits(
+        vehicle=i,
+        drag_1_s=profile.drag_1_s,
+        rate_feed_forward=profile.rate_feed_forward,
         turn_authority_rad_s2_m=turn_authority(profile),
         tilt_max_rad=limits.tilt_rad,
         fence_low_m=np.array(limits.fence.low_m),

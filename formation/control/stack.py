@@ -7,23 +7,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.config import LabConfig
-from formation.control.attitude import TILT, Target, attitude
-from formation.control.composite_law import Demand, LawMemory, demand, no_memory
-from formation.control.limits.barriers import bounded
+from formation.control.law import Demand, LawMemory, demand, no_memory
+from formation.control.limits.attitude import TILT, Target, attitude
+from formation.control.limits.barriers import limit_demands
+from formation.control.limits.target import SetpointHoldOff, correct_level
 from formation.control.presets import Preset, preset_for
-from formation.control.settings import attitude_settings, barrier_settings, law_settings, observer_settings
-from formation.estimation.state import VehicleEstimate, initial, swarm_state
-from formation.estimation.update import estimate
-from formation.guidance.followed_leader import FollowedLeader, Led, as_estimated, follow
+from formation.control.settings import (
+    attitude_settings,
+    barrier_settings,
+    force_limits,
+    law_settings,
+    observer_settings,
+)
+from formation.estimation.response import NEVER_NS, SentCommands, no_history, remember
+from formation.estimation.state import VehicleEstimate
+from formation.estimation.update import estimate, initial, swarm_state
+from formation.guidance.followed_leader import FollowedLeader, Guidance, as_estimated, follow, slots_arm_m
 from formation.guidance.plan import Mode, Plan
 from formation.guidance.reference_generator import Generator, References, fleet, references, start, update
-from formation.maths.arrays import Scalars, Vec3s
+from formation.maths.arrays import Bool, Flags, Float, Scalars, Vec3s
 from formation.maths.records import Rows, copied, like
 from formation.messages import AttitudeTarget, Command, LabFrame, LawFailure, Reference, SwarmState
 from formation.own_law.flight import Asked, OwnLaws
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
-from formation.vehicle.response import NEVER_NS, SentCommands, no_history, remember
 
 HISTORY_NS = 1_000_000_000
 
@@ -32,7 +39,8 @@ HISTORY_NS = 1_000_000_000
 class Stages:
     """One message per stage of one tick, all stamped with the frame's capture time.
 
-    The reference holds at that time; the command's errors and demand hold when the command takes effect.
+    The reference holds at that time; the command's errors and demand hold when the command takes effect. The target is
+    what is sent, after every limit and correction.
     """
 
     state: SwarmState
@@ -46,7 +54,8 @@ class ControlStack:
 
     profiles: of the n vehicles in the order of `config.vehicles`; chosen: the gains, by default those that
     `config.control_preset` names (ValueError if there is no such preset); without: monitors that are switched off, of
-    formation.control.limits.MONITORS (ValueError for others); own: the lab's own laws, which take over where they fly.
+    formation.control.limits.MONITORS (ValueError for others); own: the lab's own laws, which take over where they fly;
+    hold_off: withholds setpoints from rejected poses, if given.
     """
 
     def __init__(
@@ -56,6 +65,7 @@ class ControlStack:
         chosen: Preset | None = None,
         without: frozenset[str] = frozenset(),
         own: OwnLaws | None = None,
+        hold_off: SetpointHoldOff | None = None,
     ) -> None:
         gains = tuple(
             preset_for(config.control_preset, p, config.mocap) if chosen is None else chosen for p in profiles
@@ -65,74 +75,91 @@ class ControlStack:
         self._observers = observer_settings(config, profiles, gains)
         self._law = law_settings(config, gains)
         self._barriers = barrier_settings(config, profiles, without)
+        self._force_limits = force_limits(config, profiles)
         self._attitude = attitude_settings(config, profiles)
-        self._own = own
+        self._own, self._hold_off = own, hold_off
         m = len(self._commanded)
         self._history: Rows[SentCommands] = no_history(m)
         self._memory: Rows[LawMemory] = no_memory(m)
+        self._airborne: Flags = np.zeros(len(config.vehicles), np.bool_)
         self._yaw_acc_command: Scalars = np.zeros(len(config.vehicles))
         self._estimates: Rows[VehicleEstimate] | None = None
         self._generator: Generator | None = None
         self._leader: Rows[FollowedLeader] | None = None
-        self._slot_speeds_m_s = config.limits.speed_m_s, config.flight.reform_m_s
+        self._slot_speeds_m_s = config.limits.speed_m_s, config.flight.formation_change_m_s
 
     def step(
-        self, t_now_ns: int, frame: LabFrame, plan: Plan, hover_thrust_norm: Scalars, felt_flu_m_s2: Vec3s | None = None
-    ) -> Stages:
+        self, t_now_ns: int, frame: LabFrame, plan: Plan, hover_thrust_norm: Scalars,
+        force_meas_flu_m_s2: Vec3s | None = None, level_bias_rad: Float | None = None, flies: Bool | None = None,
+    ) -> Stages:  # fmt: skip
         """One tick at t_now_ns (>= the frame's capture) on the newest frame, bodies in the order of the config.
 
         A frame already seen is predicted on from. hover_thrust_norm (m): what hovers each vehicle, as known so far.
-        felt_flu_m_s2 (n, 3): specific force by each vehicle's own accelerometer, mean since the frame before; NaN where
-        it was not measured, None for all.
+        force_meas_flu_m_s2 (n, 3): specific force by each vehicle's own accelerometer, mean since the frame before; NaN
+        where it was not measured, None for all. level_bias_rad (m, 2): of the autopilots' attitudes (`correct_level`).
+        flies (m): which drones are in the air, for the setpoint hold-off.
         """
+        if self._hold_off is not None:
+            self._reinitialise(self._hold_off.receive(frame))
         before = self._begin(frame, plan) if self._estimates is None else self._estimates
-        airborne = np.zeros(len(frame.bodies), dtype=np.bool_)
-        if self._generator is not None:
-            airborne[self._commanded] = self._generator.airborne
-        felt = np.full((len(frame.bodies), 3), np.nan) if felt_flu_m_s2 is None else felt_flu_m_s2
-        estimates = estimate(before, self._observers, frame, self._history, airborne, self._yaw_acc_command, felt)
-        t_ns, motion = int(estimates["t_ns"][0]), estimates["motion"]
+        force_meas = np.full((len(frame.bodies), 3), np.nan) if force_meas_flu_m_s2 is None else force_meas_flu_m_s2
+        estimates = estimate(
+            before, self._observers, frame, self._history, self._airborne, self._yaw_acc_command, force_meas
+        )
+        state, motion = swarm_state(estimates), estimates["motion"]
+        t_ns = state.t_ns
         mine = motion[self._commanded]
         old = start(plan, mine, t_ns) if self._generator is None else self._generator
         before_it = as_estimated(motion[0], t_ns) if self._leader is None else self._leader
-        arm_m = plan.shape.arm_m if True in airborne.tolist() else -1.0
+        arm_m = slots_arm_m(plan.shape) if True in self._airborne.tolist() else -1.0
         followed = follow(before_it, motion[0], t_ns, arm_m, self._slot_speeds_m_s)
         leader = followed["motion"][0]
         generator = update(old, plan, self._fleet, mine, leader, t_ns)
+        refs = references(generator, t_ns, leader)
         path = generator.trajectory
-        led_by = Led(generator.vehicles, path.numbers, path.knots, followed)
-        wanted = demand(self._law, self._observers, estimates, self._history, led_by, self._memory, t_now_ns)
+        guidance = Guidance(generator.vehicles, path.numbers, path.knots, followed)
+        wanted = demand(self._law, self._observers, estimates, self._history, guidance, self._memory, t_now_ns)
         if self._own is not None:
-            asked = Asked(self._law, self._observers, estimates, self._history, led_by, self._memory, t_now_ns)
+            asked = Asked(self._law, self._observers, estimates, self._history, guidance, self._memory, t_now_ns)
             wanted = self._own.take_over(wanted, asked)
-        kept = bounded(self._barriers, wanted, estimates, generator.vehicles, t_now_ns)
-        target = attitude(self._attitude, kept, estimates, generator.vehicles, hover_thrust_norm, t_now_ns)
+        limited = limit_demands(self._barriers, wanted, estimates, generator.vehicles, t_now_ns)
+        target = attitude(
+            self._attitude, self._force_limits, limited, estimates, generator.vehicles, hover_thrust_norm, t_now_ns
+        )
         self._history = remember(self._history, t_now_ns, target["force"])
         self._memory = _remembered(self._memory, wanted, target, t_now_ns)
         self._estimates, self._generator, self._leader = estimates, generator, followed
-        led = references(generator, t_ns, leader)
-        self._yaw_acc_command = np.zeros(len(frame.bodies))
-        self._yaw_acc_command[self._commanded] = led.lab[:, 2, 3]
+        self._airborne[self._commanded] = generator.airborne
+        self._yaw_acc_command[self._commanded] = refs.lab[:, 2, 3]
         return Stages(
-            swarm_state(estimates),
-            _reference(generator, led, t_ns),
+            state,
+            _reference(generator, refs, t_ns),
             _command(wanted, estimates, self._commanded, t_ns),
-            _target(target, t_ns),
+            self._as_sent(_target(target, t_ns), hover_thrust_norm, level_bias_rad, flies),
         )
 
-    def forget(self, bodies: Collection[int]) -> None:
+    def _as_sent(
+        self, target: AttitudeTarget, hover_thrust_norm: Scalars, level_bias_rad: Float | None, flies: Bool | None
+    ) -> AttitudeTarget:
+        """The limits that act on a finished target, in the order in which they act."""
+        if self._hold_off is not None:
+            in_air = np.zeros(len(target.thrust_norm), np.bool_) if flies is None else flies
+            target = self._hold_off.limit(target, hover_thrust_norm, in_air)
+        return target if level_bias_rad is None else correct_level(target, level_bias_rad)
+
+    def _reinitialise(self, bodies: Collection[int]) -> None:
         """Begin these bodies' estimates anew, at rest where the next frame sees them: made of poses that were wrong."""
         if not bodies or self._estimates is None:
             return
         self._estimates, self._memory = copied(self._estimates), copied(self._memory)
         for i in bodies:
             self._estimates[i].seen_ns = NEVER_NS
-        for place in np.flatnonzero(np.isin(self._commanded, list(bodies))).tolist():
-            self._memory[place] = no_memory(1)[0]
+        for commanded_index in np.flatnonzero(np.isin(self._commanded, list(bodies))).tolist():
+            self._memory[commanded_index] = no_memory(1)[0]
 
     def law_failures(self) -> list[LawFailure]:
         """Those of the lab's own laws since it was asked last."""
-        return [] if self._own is None else self._own.take_failures()
+        return [] if self._own is None else self._own.pop_failures()
 
     def _begin(self, frame: LabFrame, plan: Plan) -> Rows[VehicleEstimate]:
         """The first estimate; vehicles not idle are taken to hover, as after a restart in flight."""
@@ -177,5 +204,6 @@ def _command(
 def _target(target: Rows[Target], t_ns: int) -> AttitudeTarget:
     """The targets as their message."""
     return AttitudeTarget(
-        t_ns, target["q_lab_from_flu"], target["rate_flu_rad_s"], target["thrust_norm"], target["saturation"]
-    )
+        t_ns, target["q_lab_from_flu"], target["rate_flu_rad_s"], target["thrust_norm"], target["saturation"],
+        np.zeros(len(target), np.bool_),
+    )  # fmt: skip

@@ -1,8 +1,18 @@
-"""What the observers are told of each vehicle: gains, and what is believed of it. Nothing is compiled here."""
+"""The observers' settings for each vehicle: gains and the vehicle's model. Nothing is compiled here."""
 
 from dataclasses import dataclass, replace
 
-from formation.vehicle.response import Response
+from formation.maths.arrays import Vec3
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """What is counted on of a vehicle's answer to attitude and thrust commands, s."""
+
+    attitude_dead_s: float
+    attitude_lag_s: float
+    thrust_dead_s: float
+    thrust_lag_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +49,7 @@ class Adaptation:
 
 @dataclass(frozen=True, slots=True)
 class Parallel:
-    """A second, fast observer beside the first (formation.estimation.parallel); bandwidth 0: there is none.
+    """A second, fast observer beside the first (formation.estimation.observers); bandwidth 0: there is none.
 
     *_sigmas: how many times what noise makes it see its position, velocity and disturbance must differ from the slow
     one's to be believed by half; attitude_trust: share of the measured tilt that a frame is given where it is believed;
@@ -64,9 +74,11 @@ class Parallel:
 class ObserverSettings:
     """One vehicle's observers, and what they believe of the vehicle.
 
-    place: among the commanded vehicles, or -1 for one that is only observed.
+    commanded_index: among the commanded vehicles, or -1 for one that is only observed.
     response: what is counted on of its answer to commands; nominal_*: the attitude's in full, as the profile has it, s;
     delay_shift_most_s: how far that dead time may be shifted by what is seen (0: it is as the profile has it).
+    drag_1_s: of the profile, deceleration per m/s along x, y, z of `lab`, in f(x) of Eq. (4) beside gravity; 0 for a
+    vehicle that is only observed.
     thrust_scale_lag_s: how slowly Z3 of the height moves into the thrust scale; attitude_trust: share of the measured
     tilt, against the modelled one, that a frame is given; tilt_bandwidth_rad_s, tilt_decay_1_s: filter of an observed
     vehicle's tilt and of its rate (0: its attitude is not used); quiet_m, quiet_rad: position noise above which
@@ -74,7 +86,7 @@ class ObserverSettings:
     taken to last; parallel, heading_parallel: of the horizontal axes and of the heading.
     """
 
-    place: int
+    commanded_index: int
     horizontal: ObserverGains
     vertical: ObserverGains
     heading: ObserverGains
@@ -82,6 +94,7 @@ class ObserverSettings:
     nominal_dead_s: float
     nominal_lag_s: float
     delay_shift_most_s: float
+    drag_1_s: Vec3
     thrust_scale_lag_s: float
     attitude_trust: float
     tilt_bandwidth_rad_s: float

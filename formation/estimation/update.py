@@ -2,7 +2,7 @@
 
 One finite-time extended state observer (FTESO, Eqs. 3-4) per axis, stepped implicitly so that it is stable at any
 frame rate; where the preset says so, two along the horizontal axes of a vehicle we command, a slow and a fast one
-(formation.estimation.parallel). It is fed the acceleration rebuilt from the measured attitude and the thrust delivered
+(formation.estimation.observers). It is fed the acceleration rebuilt from the measured attitude and the thrust delivered
 so far; fed the commanded acceleration instead, Z3 would fight the vehicle's own lag.
 """
 
@@ -11,45 +11,79 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from formation.estimation.adaptive_gain import adapt, height_gain, learn_noise
-from formation.estimation.fteso import fteso_step
-from formation.estimation.heading import observe_heading
-from formation.estimation.inertial import take_inertial
-from formation.estimation.leader import observe_tilt
-from formation.estimation.model_mismatch import attitude_dead_s, judge_answer
-from formation.estimation.parallel import observe_parallel
+from formation.estimation.observers import (
+    adapt,
+    height_gain,
+    learn_noise,
+    observe_heading,
+    observe_parallel,
+    receive_inertial,
+)
+from formation.estimation.response import (
+    NEVER_NS,
+    SECONDS,
+    SentCommands,
+    answer,
+    attitude_dead_s,
+    learn_thrust_scale,
+    observe_tilt,
+    update_model_mismatch,
+)
 from formation.estimation.settings import ObserverSettings
-from formation.estimation.state import VehicleEstimate, initial
-from formation.estimation.thrust_scale import learn_thrust_scale
+from formation.estimation.state import VehicleEstimate
+from formation.maths import frames
 from formation.maths.arrays import Flags, Float, Scalars, Vec3s
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import thrust_axis
-from formation.maths.records import Rows, like
-from formation.messages import LabFrame
+from formation.maths.records import Rows, blank, like
+from formation.messages import LabFrame, SwarmState
+from formation.paper.eq34_observer import fteso_step
 from formation.vehicle.body import GRAVITY_M_S2
-from formation.vehicle.response import NEVER_NS, SECONDS, SentCommands, answer
 
+NOISE_FIRST_M, ACCEL_NOISE_INITIAL_M_S2 = 2e-4, 0.3  # of a position, of an accelerometer: the first guess
 DIST_MAX_M_S2 = 14.0
 NOISE_POWER = 0.35
 LIFT_LEAST = 0.3  # of gravity: below it the thrust scale is not learned
 
 
+def initial(frame: LabFrame, flying: Flags) -> Rows[VehicleEstimate]:
+    """All n at rest where the first frame sees them; flying (n): commanded ones that hover there already.
+
+    A body that the frame does not see is nowhere yet: it begins with the first frame that does.
+    """
+    z = blank(VehicleEstimate, len(frame.bodies))
+    z["t_ns"] = frame.t_capture_ns
+    z["seen_ns"] = np.where(frame.seen, frame.t_capture_ns, NEVER_NS)
+    z["pos_lab_m"] = z["seen_pos_lab_m"] = frame.pos_lab_m
+    z["q_lab_from_flu"] = frame.q_lab_from_flu
+    z["yaw_rad"] = frames.yaw(frame.q_lab_from_flu)
+    z["thrust_m_s2"] = z["specific_force_lab_m_s2"][:, 2] = np.where(flying, GRAVITY_M_S2, 0.0)
+    z["noise_var_m2"] = NOISE_FIRST_M**2
+    z["inertial_var_m2_s4"] = ACCEL_NOISE_INITIAL_M_S2**2
+    z["recent_m"] = frame.pos_lab_m[:, None, :]
+    z["recent_ns"] = NEVER_NS
+    for name in ("thrust_scale", "adaptive_gain"):
+        z[name] = 1.0
+    return z
+
+
 def estimate(
     state: Rows[VehicleEstimate], settings: Rows[ObserverSettings], frame: LabFrame, history: Rows[SentCommands],
-    airborne: Flags, yaw_acc_command_rad_s2: Scalars, felt_flu_m_s2: Vec3s,
+    airborne: Flags, yaw_acc_command_rad_s2: Scalars, force_meas_flu_m_s2: Vec3s,
 ) -> Rows[VehicleEstimate]:  # fmt: skip
     """The observers after one more frame of the same n bodies; one that is not newer brings but what was asked since.
 
     airborne (n): where not, the thrust scale is not learned (the floor carries part of the weight).
     yaw_acc_command_rad_s2 (n): angular acceleration of the heading that was asked for; zero where nobody asks.
-    felt_flu_m_s2 (n, 3): specific force by the vehicle's accelerometer, mean since the frame before; NaN: not measured.
+    force_meas_flu_m_s2 (n, 3): specific force by the vehicle's accelerometer, mean since the last frame; NaN: not
+    measured.
     """
     new = like(state)
     if frame.t_capture_ns > state["t_ns"][0] and NEVER_NS in state["seen_ns"].tolist():
         state = _begun(state, frame, (state["seen_ns"] == NEVER_NS) & frame.seen)
     _estimate(
         settings, frame.t_capture_ns, frame.pos_lab_m, frame.q_lab_from_flu, frame.seen, airborne,
-        yaw_acc_command_rad_s2, felt_flu_m_s2, history, state, new,
+        yaw_acc_command_rad_s2, force_meas_flu_m_s2, history, state, new,
     )  # fmt: skip
     return new
 
@@ -66,7 +100,7 @@ def _begun(state: Rows[VehicleEstimate], frame: LabFrame, appearing: Flags) -> R
 @kernel
 def _estimate(
     settings: Rows[ObserverSettings], to_ns: int, pos_lab_m: Float, q_lab_from_flu: Float, seen: NDArray[np.bool_],
-    airborne: NDArray[np.bool_], yaw_acc_command_rad_s2: Float, felt_flu_m_s2: Float, history: Rows[SentCommands],
+    airborne: NDArray[np.bool_], yaw_acc_command_rad_s2: Float, force_meas_flu_m_s2: Float, history: Rows[SentCommands],
     old: Rows[VehicleEstimate], new: Rows[VehicleEstimate],
 ) -> None:  # fmt: skip
     """See `estimate`; new (n) is filled."""
@@ -86,7 +120,7 @@ def _estimate(
                     z.q_lab_from_flu[k] = q_lab_from_flu[i, k]
             model_acceleration(z, from_ns, to_ns, seen[i], airborne[i], s, history, model)
             if seen[i] and airborne[i] and s.parallel.bandwidth_rad_s > 0.0:
-                take_inertial(z, q_before, felt_flu_m_s2[i], dt_s)
+                receive_inertial(z, q_before, force_meas_flu_m_s2[i], dt_s, s.drag_1_s)
             observe(z, pos_lab_m[i], seen[i], airborne[i], model, dt_s, s)
             if seen[i]:
                 for axis in range(3):
@@ -99,19 +133,21 @@ def model_acceleration(
     z: VehicleEstimate, from_ns: int, to_ns: int, seen: bool, airborne: bool, s: ObserverSettings,
     history: Rows[SentCommands], model: Float,
 ) -> None:  # fmt: skip
-    """g(x) u + f(x) of Eq. (4), mean over the step, into model (3): the scaled specific force, and gravity."""
-    commanded = s.place >= 0
+    """g(x) u + f(x) of Eq. (4), mean over the step, into model (3): the scaled specific force, drag and gravity."""
+    commanded = s.commanded_index >= 0
     dt_s = (to_ns - from_ns) * SECONDS
     for axis in range(3):
         model[axis] = 0.5 * z.specific_force_lab_m_s2[axis]
     if commanded:
-        rebuild_force(z, from_ns, to_ns, seen, s, history[s.place])
+        rebuild_force(z, from_ns, to_ns, seen, s, history[s.commanded_index])
         if airborne:
-            judge_answer(z, from_ns, to_ns, seen, s, history[s.place])
+            update_model_mismatch(z, from_ns, to_ns, seen, s, history[s.commanded_index])
     elif s.tilt_bandwidth_rad_s > 0.0:
         observe_tilt(z, seen, dt_s, s)
     for axis in range(3):
         model[axis] = z.thrust_scale * (model[axis] + 0.5 * z.specific_force_lab_m_s2[axis])
+    for axis in range(3):
+        model[axis] -= s.drag_1_s[axis] * z.vel_lab_m_s[axis]
     if commanded:
         model[2] -= GRAVITY_M_S2
         if not airborne:  # the floor carries what the thrust does not
@@ -134,7 +170,7 @@ def rebuild_force(
     if not seen:
         return
     along = thrust_axis(z.q_lab_from_flu)
-    trust = s.attitude_trust + z.gate * (s.parallel.attitude_trust - s.attitude_trust)
+    trust = s.attitude_trust + z.fast_weight * (s.parallel.attitude_trust - s.attitude_trust)
     for axis in range(2):
         force[axis] += trust * (z.thrust_m_s2 * along[axis] - z.level_bias_m_s2[axis] - force[axis])
     force[2] = z.thrust_m_s2 * along[2]
@@ -145,14 +181,14 @@ def observe(
     z: VehicleEstimate, pos_lab_m: Float, seen: bool, airborne: bool, model: Float, dt_s: float, s: ObserverSettings
 ) -> None:
     """All observers of one vehicle over one step; pos_lab_m (3): as measured; model (3): `model_acceleration`."""
-    commanded = s.place >= 0
+    commanded = s.commanded_index >= 0
     if seen:
         learn_noise(z, z.t_ns, pos_lab_m)
         if not commanded:
             adapt(z, pos_lab_m, model, dt_s, s)
     alone = 0
     if seen and s.parallel.bandwidth_rad_s > 0.0:
-        observe_parallel(z, pos_lab_m, model, dt_s, quietened(z, s), s.horizontal, s.parallel)
+        observe_parallel(z, pos_lab_m, model, dt_s, noise_bandwidth_factor(z, s), s.horizontal, s.parallel)
         alone = 2
     for axis in range(alone, 3):
         observe_axis(z, axis, pos_lab_m[axis], seen, model[axis], dt_s, s)
@@ -164,7 +200,7 @@ def observe(
 
 
 @kernel
-def quietened(z: VehicleEstimate, s: ObserverSettings) -> float:
+def noise_bandwidth_factor(z: VehicleEstimate, s: ObserverSettings) -> float:
     """Factor on bandwidths in more noise than they were made for."""
     factor: float = min(s.quiet_m / sqrt(z.noise_var_m2), 1.0) ** NOISE_POWER
     return factor
@@ -181,8 +217,8 @@ def observe_axis(
     z1, z2, z3 = z.pos_lab_m[axis], z.vel_lab_m_s[axis], z.dist_lab_m_s2[axis]
     gains = s.horizontal if axis < 2 else s.vertical
     if seen:
-        w = gains.bandwidth_rad_s * quietened(z, s)
-        if s.place < 0:
+        w = gains.bandwidth_rad_s * noise_bandwidth_factor(z, s)
+        if s.commanded_index < 0:
             w *= z.adaptive_gain**s.adaptation.bandwidth_power
         elif axis == 2:
             w *= height_gain(z, measured, model, dt_s)
@@ -196,11 +232,23 @@ def observe_axis(
 @kernel
 def _join_motion(z: VehicleEstimate, s: ObserverSettings) -> None:
     """Position, velocity and acceleration of x, y, z and heading as one motion."""
-    commanded = s.place >= 0
+    commanded = s.commanded_index >= 0
     for axis in range(3):
         z.motion[0, axis], z.motion[1, axis] = z.pos_lab_m[axis], z.vel_lab_m_s[axis]
-        z.motion[2, axis] = z.thrust_scale * z.specific_force_lab_m_s2[axis] + z.dist_lab_m_s2[axis]
+        forced = z.thrust_scale * z.specific_force_lab_m_s2[axis] - s.drag_1_s[axis] * z.vel_lab_m_s[axis]
+        z.motion[2, axis] = forced + z.dist_lab_m_s2[axis]
     if commanded:
         z.motion[2, 2] -= GRAVITY_M_S2
     z.motion[0, 3], z.motion[1, 3] = z.yaw_rad, z.yaw_rate_rad_s
     z.motion[2, 3] = (1.0 if commanded else s.yaw_trust) * z.yaw_dist_rad_s2 + z.yaw_acc_command_rad_s2
+
+
+def swarm_state(z: Rows[VehicleEstimate]) -> SwarmState:
+    """The estimate as the message that is logged and shown."""
+    motion, t_ns = z["motion"], int(z["t_ns"][0])
+    age_s = [(t_ns - seen_ns) * SECONDS if seen_ns > NEVER_NS else np.inf for seen_ns in z["seen_ns"].tolist()]
+    return SwarmState(
+        t_ns, z["pos_lab_m"], z["vel_lab_m_s"], z["dist_lab_m_s2"], motion[:, 2, :3], z["q_lab_from_flu"],
+        z["yaw_rad"], z["yaw_rate_rad_s"], motion[:, 2, 3],
+        np.array(age_s), z["model_mismatch"],
+    )  # fmt: skip

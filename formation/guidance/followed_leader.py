@@ -8,19 +8,20 @@ leader's, and that of an estimate full of noise would lead a follower away at th
 """
 
 from dataclasses import dataclass
-from math import sqrt
+from math import hypot, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
-from formation.guidance.blend import ACCELERATION_M_S2
+from formation.estimation.response import SECONDS
 from formation.guidance.reference_generator import VehicleReference
+from formation.guidance.shape import Shape
+from formation.guidance.trajectory import ACCELERATION_M_S2
 from formation.maths.arrays import Float, Motion, Vec4
 from formation.maths.kernel import kernel
 from formation.maths.records import Rows, blank, like
-from formation.vehicle.response import SECONDS
 
-JOLT_M_S2 = 150.0  # of a slot: beyond what noise and small turns of a real recording make of an estimate
+SLOT_ACC_MAX_M_S2 = 150.0  # of a slot: beyond what noise and small turns of a real recording make of an estimate
 SAME_M, SAME_M_S = 0.01, 0.1  # of a slot: so near the estimate it is the estimate again
 STEP_MAX_S = 0.1
 MEAN_S = 0.3
@@ -31,18 +32,18 @@ MEAN_S = 0.3
 class FollowedLeader:
     """The leader as it is followed at t_ns; a record.
 
-    shift: what is added to the estimated motion to make it this one; apart: whether it is another than the estimate.
-    mean_vel: of the estimate of late, no faster than a slot may be; the faster it says, the less that counts.
+    shift: the difference of this motion from the estimated one; is_shifted: whether there is one.
+    mean_vel: recent mean of the estimated velocity, limited to a slot's speed; larger velocities count less.
     """
 
     t_ns: int
     motion: Motion
     shift: Motion
-    apart: bool
+    is_shifted: bool
     mean_vel: Vec4
 
 
-class Led(NamedTuple):
+class Guidance(NamedTuple):
     """Where vehicles are led: references (m), numbers and knots of the leader's trajectory, the leader as followed."""
 
     references: Rows[VehicleReference]
@@ -56,6 +57,11 @@ def as_estimated(lead: Motion, t_ns: int) -> Rows[FollowedLeader]:
     made = blank(FollowedLeader, 1)
     made["t_ns"], made["motion"], made["mean_vel"] = t_ns, lead, lead[1]
     return made
+
+
+def slots_arm_m(shape: Shape) -> float:
+    """How far the farthest slot is from the leader's vertical axis, about which they turn."""
+    return max((hypot(x, y) for x, y, _ in shape.offset_lead_m), default=0.0)
 
 
 def follow(
@@ -75,7 +81,7 @@ def follow(
 def shifted(followed: Rows[FollowedLeader], at_ns: int, motion: Float) -> None:
     """Makes of the estimated leader's motion (3, 4) at a later time that of the followed one, in place."""
     leader = followed[0]
-    if leader.apart:
+    if leader.is_shifted:
         h = (at_ns - leader.t_ns) * SECONDS
         for column in range(4):
             p, v, a = leader.shift[0, column], leader.shift[1, column], leader.shift[2, column]
@@ -92,17 +98,17 @@ def _follow(
     """See `follow`."""
     before, now = old[0], new[0]
     dt_s = min((t_ns - before.t_ns) * SECONDS, STEP_MAX_S)
-    kept = min(1.0, speed_m_s / max(_of_slot(lead[1], arm), 1e-9))
-    share = kept * kept * dt_s / (dt_s + MEAN_S)
+    scale = min(1.0, speed_m_s / max(_of_slot(lead[1], arm), 1e-9))
+    share = scale * scale * dt_s / (dt_s + MEAN_S)
     for column in range(4):
         mean = before.mean_vel[column]
-        now.mean_vel[column] = mean + share * (kept * lead[1, column] - mean)
-    now.t_ns, now.apart = t_ns, arm >= 0.0 and _parts(before, lead, dt_s, arm, speed_m_s)
-    if now.apart:
+        now.mean_vel[column] = mean + share * (scale * lead[1, column] - mean)
+    now.t_ns, now.is_shifted = t_ns, arm >= 0.0 and _parts(before, lead, dt_s, arm, speed_m_s)
+    if now.is_shifted:
         _approach(before.motion, lead[0], now.mean_vel, dt_s, arm, speed_m_s, closing_m_s, now.motion)
     for order in range(3):
         for column in range(4):
-            if not now.apart:
+            if not now.is_shifted:
                 now.motion[order, column] = lead[order, column]
             now.shift[order, column] = now.motion[order, column] - lead[order, column]
 
@@ -113,12 +119,12 @@ def _parts(before: FollowedLeader, lead: Float, dt_s: float, arm: float, speed_m
     was = before.motion
     if _of_slot(lead[1], arm) > speed_m_s:
         return True
-    step, jolt = np.empty(4), np.empty(4)
+    step, vel_step = np.empty(4), np.empty(4)
     for column in range(4):
-        step[column], jolt[column] = lead[0, column] - was[0, column], lead[1, column] - was[1, column]
-    if before.apart:
-        return _of_slot(step, arm) > SAME_M or _of_slot(jolt, arm) > SAME_M_S
-    return _of_slot(step, arm) > speed_m_s * dt_s + SAME_M or _of_slot(jolt, arm) > JOLT_M_S2 * dt_s
+        step[column], vel_step[column] = lead[0, column] - was[0, column], lead[1, column] - was[1, column]
+    if before.is_shifted:
+        return _of_slot(step, arm) > SAME_M or _of_slot(vel_step, arm) > SAME_M_S
+    return _of_slot(step, arm) > speed_m_s * dt_s + SAME_M or _of_slot(vel_step, arm) > SLOT_ACC_MAX_M_S2 * dt_s
 
 
 @kernel
@@ -140,8 +146,8 @@ def _approach(
     share = _of_slot(gap, arm)
     if share > 0.0:
         share = min(closing_m_s, sqrt(acc * share)) / share
-    room = max(speed_m_s - closing_m_s, 0.0)
-    carried = min(1.0, room / max(_of_slot(vel, arm), 1e-9))
+    spare_m_s = max(speed_m_s - closing_m_s, 0.0)
+    carried = min(1.0, spare_m_s / max(_of_slot(vel, arm), 1e-9))
     for column in range(4):
         wanted[column] = carried * vel[column] + share * gap[column] - was[1, column]
     share = min(1.0, acc * dt_s / max(_of_slot(wanted, arm), 1e-9))

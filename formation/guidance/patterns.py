@@ -36,8 +36,8 @@ def triangle(n: int, spacing_m: float) -> Vec3s:
     slots: list[tuple[float, float, float]] = []
     row = 1
     while len(slots) < n:
-        places = sorted((k - 0.5 * row for k in range(row + 1)), key=lambda y: (abs(y), -y))
-        slots += [(-0.5 * sqrt(3.0) * row, y, 0.0) for y in places]
+        columns_y = sorted((k - 0.5 * row for k in range(row + 1)), key=lambda y: (abs(y), -y))
+        slots += [(-0.5 * sqrt(3.0) * row, y, 0.0) for y in columns_y]
         row += 1
     return spacing_m * np.array(slots[:n])
 
@@ -52,8 +52,8 @@ def circle(n: int, spacing_m: float) -> Vec3s:
 def grid(n: int, spacing_m: float) -> Vec3s:
     """Rows behind the leader, as many columns as rows or one more; the last row fills from its middle."""
     columns = ceil(sqrt(n))
-    places = sorted((k - 0.5 * (columns - 1) for k in range(columns)), key=lambda y: (abs(y), -y))
-    return spacing_m * np.array([(-(k // columns + 1.0), places[k % columns], 0.0) for k in range(n)])
+    columns_y = sorted((k - 0.5 * (columns - 1) for k in range(columns)), key=lambda y: (abs(y), -y))
+    return spacing_m * np.array([(-(k // columns + 1.0), columns_y[k % columns], 0.0) for k in range(n)])
 
 
 def _side(k: int) -> float:

@@ -14,7 +14,7 @@ from formation.guidance.trajectory import Trajectory, anchored, sample
 from formation.maths.arrays import Float, Vec3s
 from formation.maths.frames import rotate_about_z
 
-LOOK_S, LOOKS_LEAST, LOOKS_MOST = 0.05, 100, 5_000
+SAMPLE_S, SAMPLES_MIN, SAMPLES_MAX = 0.05, 100, 5_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,17 +55,17 @@ def trajectory_from(config: LabConfig, start: Float) -> Trajectory:
     return anchored(path, start[:3], float(start[3]))
 
 
-def preview(path: Trajectory, shape: Shape, start: Float, from_s: float = 0.0, looks: int | None = None) -> Preview:
+def preview(path: Trajectory, shape: Shape, start: Float, from_s: float = 0.0, samples: int | None = None) -> Preview:
     """The formation phase in that shape, taken up with the leader at `start` (4), along its path from from_s on.
 
     looks: at how many times it is looked at; by default some twenty a second.
     """
-    if looks is None:
-        looks = min(max(round(path.duration_s / LOOK_S), LOOKS_LEAST), LOOKS_MOST) + 1
-    t_s = np.linspace(min(from_s, path.duration_s), path.duration_s, looks)
-    leader = np.empty((looks, 3, 4))
-    for look, motion in zip(t_s, leader, strict=True):
-        sample(path.kind, path.numbers, path.knots, float(look), motion)
+    if samples is None:
+        samples = min(max(round(path.duration_s / SAMPLE_S), SAMPLES_MIN), SAMPLES_MAX) + 1
+    t_s = np.linspace(min(from_s, path.duration_s), path.duration_s, samples)
+    leader = np.empty((samples, 3, 4))
+    for at_s, motion in zip(t_s, leader, strict=True):
+        sample(path.kind, path.numbers, path.knots, float(at_s), motion)
     return _with_slots(start, t_s, leader, shape)
 
 

@@ -6,24 +6,28 @@ from dataclasses import dataclass
 import numpy as np
 
 from formation.config import CONFIGURED, FENCE_INSET_M, Fence, LabConfig, TrajectoryConfig
-from formation.control.relative_frame import copy_motion, lab_from_lead, lead_from_lab
-from formation.guidance import blend, trajectory
+from formation.estimation.response import SECONDS
+from formation.guidance import trajectory
 from formation.guidance.plan import IDLE, Mode, Plan
-from formation.guidance.trajectory import Trajectory, anchored
+from formation.guidance.trajectory import Trajectory, anchored, braked, braking_s, closing_s, stopping_s
 from formation.maths.arrays import Flags, Float, Gap, Vec4
 from formation.maths.frames import wrap_angle
 from formation.maths.kernel import kernel
 from formation.maths.records import Rows, blank, copied
-from formation.vehicle.response import SECONDS
+from formation.paper.eq2_relative_frame import copy_motion, lab_from_lead, lead_from_lab
 
 POINT, SLOT, TRAJECTORY = 0, 1, 2
 LIFT_OFF_M = 0.02
 LAB_FLOOR_M = 0.0
 ENTRY_S = 3.0  # a leader off its trajectory's start takes this long to join it
 NEAR_M = 0.02
-ASTRAY_M, ASTRAY_M_S = 0.3, 0.5  # so far from its reference a vehicle is stopped where it is, not where that was
+POSITION_ERROR_M, VELOCITY_ERROR_M_S = (
+    0.3,
+    0.5,
+)  # so far from its reference a vehicle is stopped where it is, not where that was
 
 sample = kernel(trajectory.sample, calls=trajectory.PARTS)
+add_gap = kernel(trajectory.add_gap, calls=(trajectory.braked,))
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +54,7 @@ class VehicleReference:
 
     kind: POINT of the lab, SLOT in the leader's frame, or the leader's TRAJECTORY (of path_kind, begun at
     path_start_ns); target: the resting x, y, z, heading in that frame; gap, gap_ns, gap_s, brake_s: the gap to it
-    (formation.guidance.blend) when the setpoint came, then, how long it decays, and how long its motion is braked.
+    (formation.guidance.trajectory) when the setpoint came, then, how long it decays, and how long its motion is braked.
     idle: to stand with motors at rest; airborne: false from then until lift-off; floor_m: the height at which it last
     stood idle, LAB_FLOOR_M if it flew from the first; release_ns: when it last ceased to be idle.
     """
@@ -94,7 +98,7 @@ class Generator:
 class References:
     """References of the m vehicles, each (m, 3, 4): in their own frame, that frame's motion, and both joined in `lab`.
 
-    Motions are laid out as in formation.control.relative_frame.
+    Motions are laid out as in formation.paper.eq2_relative_frame.
     """
 
     slot: Float
@@ -142,7 +146,7 @@ def reference_at(
     else:
         for column in range(4):
             slot[0, column] = vehicle.target[column]
-    blend.add_gap(vehicle.gap, vehicle.brake_s, (t_ns - vehicle.gap_ns) * SECONDS, vehicle.gap_s, slot)
+    add_gap(vehicle.gap, vehicle.brake_s, (t_ns - vehicle.gap_ns) * SECONDS, vehicle.gap_s, slot)
     if vehicle.kind == SLOT:
         copy_motion(lead, frame)
     lab_from_lead(slot, frame, lab)
@@ -178,21 +182,21 @@ def update(old: Generator, plan: Plan, who: Fleet, motion_lab: Float, lead: Floa
             draft.wait(i, motion_lab[i], was_idle)
         elif was_idle or not airborne[i]:
             draft.begin(i, motion_lab[i])
-        elif draft.asks_anew(i):
+        elif draft.is_replanned(i):
             if now is None:
                 now = references(old, t_ns, lead)
-            draft.begin(i, _picked_up(setpoint.mode, now.lab[i], motion_lab[i]))
+            draft.begin(i, _start_motion(setpoint.mode, now.lab[i], motion_lab[i]))
     return draft.finished()
 
 
-def _picked_up(mode: Mode, led: Float, own: Float) -> Float:
+def _start_motion(mode: Mode, ref: Float, own: Float) -> Float:
     """The motion (3, 4) from which a new course begins: where it is led, or its own where that has gone far from it.
 
     To stop, or to land, where a reference ran away to would first take it there.
     """
-    far_m, far_m_s = (float(np.linalg.norm(led[order, :3] - own[order, :3])) for order in range(2))
-    if mode is not Mode.LAB or (far_m <= ASTRAY_M and far_m_s <= ASTRAY_M_S):
-        return led
+    far_m, far_m_s = (float(np.linalg.norm(ref[order, :3] - own[order, :3])) for order in range(2))
+    if mode is not Mode.LAB or (far_m <= POSITION_ERROR_M and far_m_s <= VELOCITY_ERROR_M_S):
+        return ref
     still = own.copy()
     still[2] = 0.0  # no push of what led it there goes on
     return still
@@ -206,7 +210,7 @@ class _Draft:
         self._vehicles, self._trajectory = copied(old.vehicles), old.trajectory
         self._joined: list[int] = []
 
-    def asks_anew(self, i: int) -> bool:
+    def is_replanned(self, i: int) -> bool:
         """Whether the plan asks something new of vehicle i."""
         setpoint, plan, before = self._plan.setpoints[i], self._plan, self._old.plan
         if setpoint.mode is not Mode.FORMATION or setpoint != before.setpoints[i]:
@@ -263,19 +267,19 @@ class _Draft:
         new.gap[0] -= new.target
         new.gap[3] = 0.0
         new.gap[3, 2] = self._plan.rise_m[follower] if self._plan.rise_m else 0.0
-        self._take_time(i, blend.braking_s(new.gap))
+        self._set_duration(i, braking_s(new.gap))
         self._joined.append(i)
 
     def _start_trajectory(self, i: int, motion: Float, start_ns: int) -> None:
         """Onto the leader's trajectory, anchored where the reference is."""
-        new, way = self._vehicles[i], self._who.trajectories[self._plan.trajectory]
-        path = anchored(way, motion[0, :3], float(motion[0, 3]))
+        new, trajectory = self._vehicles[i], self._who.trajectories[self._plan.trajectory]
+        path = anchored(trajectory, motion[0, :3], float(motion[0, 3]))
         self._trajectory = path
         new.kind, new.path_kind, new.path_start_ns = TRAJECTORY, path.kind, start_ns
         on_path = np.zeros((3, 4))
         sample(path.kind, path.numbers, path.knots, (self._t_ns - start_ns) * SECONDS, on_path)
         new.gap[:3], new.gap[3] = motion - on_path, 0.0
-        self._take_time(i, blend.braking_s(new.gap))
+        self._set_duration(i, braking_s(new.gap))
         if float(np.linalg.norm(new.gap[0, :3])) > NEAR_M:
             new.gap_s = max(new.gap_s, ENTRY_S)
 
@@ -288,27 +292,27 @@ class _Draft:
         new.gap[:3], new.gap[3] = motion, 0.0
         new.gap[0] -= new.target
         holds = setpoint.target_lab_m[2] is None
-        low, high = self._room(new, motion, holds=holds)
-        brake_s = blend.stopping_s(new.gap, np.where(motion[1, :3] > 0.0, high - motion[0, :3], motion[0, :3] - low))
+        low, high = self._flight_volume(new, motion, holds=holds)
+        brake_s = stopping_s(new.gap, np.where(motion[1, :3] > 0.0, high - motion[0, :3], motion[0, :3] - low))
         for k, value in enumerate(wanted):
             if value is None:
-                new.target[k] += blend.braked(new.gap, k, brake_s)
+                new.target[k] += braked(new.gap, k, brake_s)
         if not holds:
             low[2] = -np.inf  # landing goes beneath the floor
         new.target[:3] = np.clip(new.target[:3], low, high)
         new.gap[0] = motion[0] - new.target
-        self._take_time(i, brake_s)
+        self._set_duration(i, brake_s)
 
-    def _room(self, vehicle: VehicleReference, motion: Float, *, holds: bool) -> tuple[Float, Float]:
+    def _flight_volume(self, vehicle: VehicleReference, motion: Float, *, holds: bool) -> tuple[Float, Float]:
         """The corners (3), (3) between which a vehicle is led: within the fence, and above the floor if it holds."""
         low, high = np.array(self._who.fence.low_m), np.array(self._who.fence.high_m)
         low += FENCE_INSET_M
         low[2] = min(vehicle.floor_m + (FENCE_INSET_M if holds else 0.0), motion[0, 2])
         return low, high - FENCE_INSET_M
 
-    def _take_time(self, i: int, brake_s: float) -> None:
+    def _set_duration(self, i: int, brake_s: float) -> None:
         """How long vehicle i's gap takes to decay, its motion braked so long; a turn goes the short way round."""
         new = self._vehicles[i]
         new.gap[0, 3] = wrap_angle(new.gap[0, 3])
         new.brake_s = brake_s
-        new.gap_s = blend.closing_s(new.gap, brake_s, self._plan.setpoints[i].speed_m_s)
+        new.gap_s = closing_s(new.gap, brake_s, self._plan.setpoints[i].speed_m_s)

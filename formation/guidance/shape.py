@@ -1,7 +1,6 @@
 """Formations: a named set of slots in the leader's frame, out of the configuration or a pattern."""
 
 from dataclasses import dataclass
-from math import hypot
 
 import numpy as np
 
@@ -25,11 +24,6 @@ class Shape:
     def offsets(self) -> Vec3s:
         """The slots as an array (followers, 3)."""
         return np.array(self.offset_lead_m, dtype=np.float64).reshape(-1, 3)
-
-    @property
-    def arm_m(self) -> float:
-        """How far the farthest slot is from the leader's vertical axis, about which they turn."""
-        return max((hypot(x, y) for x, y, _ in self.offset_lead_m), default=0.0)
 
 
 def configured(config: LabConfig) -> Shape:
@@ -56,9 +50,9 @@ def shape_for(config: LabConfig, request: ShapeRequest) -> Shape:
 def separations(slot_lead_m: Float) -> Float:
     """Distances between the leader (first, at the origin) and all followers (n, 3), infinite to oneself."""
     bodies = np.vstack([np.zeros((1, 3)), slot_lead_m])
-    apart: Float = np.linalg.norm(bodies[:, None] - bodies[None], axis=-1)
-    np.fill_diagonal(apart, np.inf)
-    return apart
+    distances_m: Float = np.linalg.norm(bodies[:, None] - bodies[None], axis=-1)
+    np.fill_diagonal(distances_m, np.inf)
+    return distances_m
 
 
 def known(config: LabConfig) -> tuple[str, ...]:

@@ -26,13 +26,13 @@ class ShapeRequest:
 def parse(text: str) -> ShapeRequest:
     """The request in an operator's words; ValueError says what is not understood, and what would be."""
     name, *rest = text.split() or [""]
-    said: dict[str, float] = {}
+    values: dict[str, float] = {}
     for word in rest:
         key, equals, value = word.partition("=")
-        if key not in ("scale", "heading") or not equals or key in said:
+        if key not in ("scale", "heading") or not equals or key in values:
             raise ValueError(f"{word!r} is not understood; {USAGE}")
-        said[key] = _number(key, value)
-    scale, heading = said.get("scale", 1.0), said.get("heading", 0.0)
+        values[key] = _number(key, value)
+    scale, heading = values.get("scale", 1.0), values.get("heading", 0.0)
     if not 0.0 < scale <= SCALE_MAX:
         raise ValueError(f"scale is {scale:g}; it must be above 0 and at most {SCALE_MAX:g}")
     if abs(heading) > HEADING_MOST:

@@ -14,7 +14,7 @@ from formation.maths.arrays import Float
 POWERS = 8
 END_LEGS = 1.5
 """A leg from or to rest takes so many times as long as one of its length between others."""
-LOOKS = 50
+SAMPLES = 50
 LEAST_M = 1e-6
 
 
@@ -25,8 +25,8 @@ def through(points: Float, yaw_rad: float, speed_m_s: float) -> tuple[Float, flo
     "Minimum snap trajectory generation and control for quadrotors"; legs take times in proportion to their lengths).
     """
     legs = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    kept = np.concatenate([[True], legs > LEAST_M])
-    points, legs = points[kept], legs[legs > LEAST_M]
+    distinct = np.concatenate([[True], legs > LEAST_M])
+    points, legs = points[distinct], legs[legs > LEAST_M]
     if not len(legs):
         return _pieces(np.array([0.0, 1.0]), np.column_stack([points[[0, 0]], [yaw_rad, yaw_rad]]), 5)
     legs[0] *= END_LEGS
@@ -66,7 +66,7 @@ def _fastest(pieces: Float, duration_s: float) -> float:
     out = np.zeros((3, 4))
     ends = np.append(pieces[:, 0], duration_s)
     for begin, end in pairwise(ends.tolist()):
-        for t_s in np.linspace(begin, end, LOOKS):
+        for t_s in np.linspace(begin, end, SAMPLES):
             at(pieces, float(t_s), out)
             worst = max(worst, float(np.linalg.norm(out[1, :3])))
     return worst

@@ -1,4 +1,11 @@
-"""The leader's own trajectories, smooth in acceleration, from rest to rest: the kinds of formation.trajectory_config.
+"""Motions from rest to rest, smooth in acceleration: the leader's own trajectories, and how a gap to a course closes.
+
+The trajectories are the kinds of formation.trajectory_config. A gap is the one way in which a reference changes its
+mind: it closes from any motion to none. Two motions add up: what motion there was is soon braked to rest, and the
+distance left then closes along a quintic from rest to rest; so a long way does not let a passing motion run on.
+Position, velocity and acceleration stay continuous, and after `duration` the gap is exactly zero. On the way it may
+make a detour: a bump that begins and ends at rest. A gap is an array (4, 4): columns x, y, z, heading; rows position,
+velocity, acceleration when it began, and the detour half-way. brake_s: how long that motion is braked.
 
 Plain functions, so that a lab is judged without a compiler; where they must be fast, kernels call them
 (formation.guidance.reference_generator), and it is these very functions that they compile.
@@ -6,7 +13,7 @@ Plain functions, so that a lab is judged without a compiler; where they must be 
 
 from dataclasses import dataclass
 from itertools import pairwise
-from math import cos, pi, sin
+from math import cos, pi, sin, sqrt
 
 import numpy as np
 
@@ -19,7 +26,15 @@ HOLD, LINE, CIRCLE, WAYPOINTS, LISSAJOUS, SPLINE = range(6)
 DURATION, LENGTH, RADIUS, LAP_RATE, LAP_RAMP, TURN_RATE, TURN_RAMP = range(4, 11)
 AMPLITUDE, CYCLES, PHASE = 11, 14, 17
 RAMP_MAX_S, TURN_RAMP_S = 3.0, 2.0
-PEAK_SPEED = 1.875  # of a minimum-jerk step, in units of its mean speed
+PEAK_SPEED = 1.875  # of a minimum-jerk step of unit length and duration
+SHORTEST_S, HARDEST_S = 0.6, 0.2
+ACCELERATION_M_S2 = 2.5
+TURN_RAD_S = 1.0
+HARD_M_S2 = 4.0  # two thirds of what a tilt of 0.6 rad gives
+PEAK_BRAKING = 1.5  # of a speed braked along Hermite's cubic in unit time
+STILL_M_S = 0.01
+PEAK_ACCELERATION = 5.7735  # of such a step
+BUMP_SPEED, BUMP_ACCELERATION = 3.4346, 24.0  # of a detour of unit height and duration
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,7 +83,7 @@ def anchored(config: TrajectoryConfig, pos_lab_m: Float, yaw_rad: float) -> Traj
             width_m = config.width_m or 0.5 * config.length_m
             amplitude, cycles, phase = (0.5 * config.length_m, 0.5 * width_m, 0.0), (1, 2, 0), (0.0, 0.0, 0.0)
     elif config.kind == "polynomial":
-        kind, (knots, duration) = SPLINE, spline.through(_way(config, pos_lab_m), yaw_rad, config.speed_m_s)
+        kind, (knots, duration) = SPLINE, spline.through(_path_points(config, pos_lab_m), yaw_rad, config.speed_m_s)
     elif config.kind in ("csv", "own"):
         kind, (knots, duration) = SPLINE, spline.timed(np.array(config.points))
     numbers = np.array(
@@ -93,13 +108,13 @@ def _there_and_back(config: TrajectoryConfig, laps: int, pos_lab_m: Float) -> Fl
 
 def _timed_knots(config: TrajectoryConfig, pos_lab_m: Float) -> Float:
     """Arrival times at the start and each waypoint, with the peak speed of each step at the configured one."""
-    points, times = _way(config, pos_lab_m), [0.0]
+    points, times = _path_points(config, pos_lab_m), [0.0]
     for a, b in pairwise(points):
         times.append(times[-1] + max(PEAK_SPEED * float(np.linalg.norm(b - a)) / config.speed_m_s, 0.5))
     return np.column_stack([times, points])
 
 
-def _way(config: TrajectoryConfig, pos_lab_m: Float) -> Float:
+def _path_points(config: TrajectoryConfig, pos_lab_m: Float) -> Float:
     """The start and every waypoint of every lap (k, 3)."""
     return np.array([tuple(pos_lab_m), *(config.waypoints_m * (config.laps or 1))], dtype=np.float64)
 
@@ -202,3 +217,66 @@ def _waypoints(knots: Float, t_s: float, out: Float) -> None:
 
 PARTS = (min_jerk, ramped_angle, _circle, _waypoints, _lissajous, spline.at)
 """What `sample` calls: whoever compiles it has these compiled too."""
+
+
+def braking_s(gap: Float) -> float:
+    """How long the motion that a gap (4, 4) began with is braked where there is room."""
+    speed = sqrt(gap[1, 0] ** 2 + gap[1, 1] ** 2 + gap[1, 2] ** 2)
+    return max(2.0 * speed / ACCELERATION_M_S2, SHORTEST_S)
+
+
+def stopping_s(gap: Float, distance_m: Float) -> float:
+    """Braking time, s, with so much free distance ahead (3) in x, y, z: harder where that is short, up to HARD_M_S2."""
+    speed = np.abs(gap[1, :3])
+    stop_s = np.min(2.0 * np.maximum(distance_m, 0.0) / np.maximum(speed, STILL_M_S))
+    hardest_s = PEAK_BRAKING * np.linalg.norm(speed) / HARD_M_S2
+    return min(max(float(stop_s), float(hardest_s), HARDEST_S), braking_s(gap))
+
+
+def braked(gap: Float, column: int, brake_s: float) -> float:
+    """How far the motion of one column goes on before it is at rest."""
+    ahead: float = brake_s * (0.5 * gap[1, column] + gap[2, column] * brake_s / 12.0)
+    return ahead
+
+
+def closing_s(gap: Float, brake_s: float, speed_max: float) -> float:
+    """How long a gap (4, 4) should take to close: its peaks stay under speed_max, a gentle acceleration and turn."""
+    left = [gap[0, column] + braked(gap, column, brake_s) for column in range(4)]
+    distance, detour = float(np.linalg.norm(left[:3])), float(np.linalg.norm(gap[3, :3]))
+    duration_s: float = max(
+        (PEAK_SPEED * distance + BUMP_SPEED * detour) / speed_max,
+        sqrt((PEAK_ACCELERATION * distance + BUMP_ACCELERATION * detour) / ACCELERATION_M_S2),
+        PEAK_SPEED * abs(left[3]) / TURN_RAD_S,
+        brake_s,
+    )
+    return duration_s
+
+
+def add_gap(gap: Float, brake_s: float, elapsed_s: float, duration_s: float, out: Float) -> None:
+    """Adds to the motion `out` (3, 4) what is left after elapsed_s of the gap (4, 4) it began with.
+
+    Velocity is braked along Hermite's cubic, the distance closes along the minimum-jerk quintic; the detour is
+    64 u^3 (1 - u)^3 of its height.
+    """
+    if elapsed_s >= duration_s:
+        return
+    t, d = max(elapsed_s, 0.0), duration_s
+    u = t / d
+    b = min(t / brake_s, 1.0)
+    left = (1.0 - b) * (1.0 - b)
+    for i in range(4):
+        ahead, v, a = braked(gap, i, brake_s), gap[1, i], gap[2, i] * brake_s
+        p = gap[0, i] + ahead
+        out[0, i] += p * (1.0 - u * u * u * (10.0 + u * (-15.0 + 6.0 * u)))
+        out[1, i] -= p * 30.0 * u * u * (1.0 - u) * (1.0 - u) / d
+        out[2, i] -= p * 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / (d * d)
+        out[0, i] += (
+            brake_s * b * (v * (1.0 + b * b * (0.5 * b - 1.0)) + a * b * (0.5 + b * (0.25 * b - 2.0 / 3.0))) - ahead
+        )
+        out[1, i] += left * (v * (1.0 + 2.0 * b) + a * b)
+        out[2, i] += (1.0 - b) * (a * (1.0 - 3.0 * b) - 6.0 * v * b) / brake_s
+        if gap[3, i] != 0.0:
+            w = u * (1.0 - u)
+            out[0, i] += gap[3, i] * 64.0 * w * w * w
+            out[1, i] += gap[3, i] * 192.0 * w * w * (1.0 - 2.0 * u) / d
+            out[2, i] += gap[3, i] * 384.0 * w * (1.0 - 5.0 * w) / (d * d)

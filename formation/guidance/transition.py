@@ -14,13 +14,14 @@ from math import sqrt
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from formation.guidance.blend import add_gap, braking_s, closing_s
+from formation.guidance.reference_generator import add_gap
 from formation.guidance.shape import Shape, separations
+from formation.guidance.trajectory import braking_s, closing_s
 from formation.maths.arrays import Float
 from formation.maths.frames import wrap_angle
 from formation.maths.kernel import kernel
 
-LOOKS = 121
+SAMPLES = 121
 """At so many times a way is looked at. Two 2 m apart at first pass each other 0.25 m off, seen 0.252 m off at worst."""
 RISES = (1.5, -1.5, 2.0, -2.0, 3.0, -3.0, 4.0, 5.0, 1.0, -1.0)
 """Heights at which a follower may pass, in clearances, best first: near, but out of the other's downwash."""
@@ -73,43 +74,44 @@ def assigned(shape: Shape, slot_now_lead_m: Float) -> Shape:
 def transition(shape: Shape, motion_lead: Float, space: Space, names: Sequence[str]) -> Transition:
     """The way from motion_lead (followers, 3, 4) into the slots of `shape` as they are dealt.
 
-    Motions are laid out as in formation.control.relative_frame; names: of the leader and the followers. ValueError says
-    who would come too near to whom.
+    Motions are laid out as in formation.paper.eq2_relative_frame; names: of the leader and the followers. ValueError
+    names the two that would come too near to each other.
     """
-    ways = _Ways(shape, motion_lead, space)
+    paths = _Paths(shape, motion_lead, space)
     start, goal = separations(motion_lead[:, 0, :3]), separations(shape.offsets)
-    demand_room(shape, space, names)
-    _demand_apart(start, space, names, "already now there are")
+    require_separation(shape, space, names)
+    _require_separation(start, space, names, "already now there are")
     own = OWN_SHARE * float(min(start.min(), goal.min()))
     wanted = max(space.min_separation_m, min(space.clearance_m, own))
     for _ in range(ATTEMPTS_EACH * len(shape.offset_lead_m)):
-        if ways.separation_m >= wanted or not ways.mend(wanted):
+        if paths.separation_m >= wanted or not paths.separate(wanted):
             break
-    ways.look()
-    _demand_apart(ways.apart, space, names, f"on the way to shape {shape.name} there would be")
-    return Transition(shape, tuple(ways.gaps[:, 3, 2].tolist()), ways.separation_m, ways.duration_s)
+    paths.sample()
+    _require_separation(paths.distances_m, space, names, f"on the way to shape {shape.name} there would be")
+    return Transition(shape, tuple(paths.gaps[:, 3, 2].tolist()), paths.separation_m, paths.duration_s)
 
 
-def demand_room(shape: Shape, space: Space, names: Sequence[str]) -> None:
+def require_separation(shape: Shape, space: Space, names: Sequence[str]) -> None:
     """ValueError if any two, leader included, would be too near each other in their slots."""
-    _demand_apart(separations(shape.offsets), space, names, f"shape {shape.name} leaves")
+    _require_separation(separations(shape.offsets), space, names, f"shape {shape.name} leaves")
 
 
-def _demand_apart(apart: Float, space: Space, names: Sequence[str], words: str) -> None:
+def _require_separation(distances_m: Float, space: Space, names: Sequence[str], words: str) -> None:
     """ValueError if any two are nearer than the minimum."""
-    i, j = _nearest_pair(apart)
-    if apart[i, j] < space.min_separation_m - 1e-9:
+    i, j = _nearest_pair(distances_m)
+    if distances_m[i, j] < space.min_separation_m - 1e-9:
         raise ValueError(
-            f"{words} {apart[i, j]:.2f} m between {names[i]} and {names[j]}, minimum is {space.min_separation_m:.2f} m"
+            f"{words} {distances_m[i, j]:.2f} m between {names[i]} and {names[j]}, "
+            f"minimum is {space.min_separation_m:.2f} m"
         )
 
 
-def _nearest_pair(apart: Float) -> tuple[int, int]:
-    i, j = np.unravel_index(int(np.argmin(apart)), apart.shape)
+def _nearest_pair(distances_m: Float) -> tuple[int, int]:
+    i, j = np.unravel_index(int(np.argmin(distances_m)), distances_m.shape)
     return int(i), int(j)
 
 
-class _Ways:
+class _Paths:
     """The ways of all followers as they would be flown, and how near they bring each to each.
 
     gaps (n, 4, 4): as in formation.guidance.reference_generator; apart (n + 1, n + 1): least distances on the way,
@@ -124,19 +126,19 @@ class _Ways:
         self.gaps[:, :3] = motion_lead
         self.gaps[:, 0] -= self._base
         self.gaps[:, 0, 3] = wrap_angle(self.gaps[:, 0, 3])
-        self.paths = np.zeros((n + 1, LOOKS, 3))
-        self.apart = np.empty((n + 1, n + 1))
-        self.look()
+        self.paths = np.zeros((n + 1, SAMPLES, 3))
+        self.distances_m = np.empty((n + 1, n + 1))
+        self.sample()
 
     @property
     def separation_m(self) -> float:
         """The least distance of all."""
-        return float(self.apart.min())
+        return float(self.distances_m.min())
 
-    def mend(self, wanted_m: float) -> bool:
+    def separate(self, wanted_m: float) -> bool:
         """Let one of the two that come nearest pass above or below; False if nothing better is found."""
         best, chosen, height = self.separation_m + 1e-9, 0, 0.0
-        for i in _nearest_pair(self.apart):
+        for i in _nearest_pair(self.distances_m):
             if i == 0:
                 continue  # the leader flies its own way
             rises = self._possible_rises(i, wanted_m)
@@ -149,41 +151,41 @@ class _Ways:
         self.gaps[chosen - 1, 3, 2] = height
         straight[:, 2] += height * _BUMP
         self.paths[chosen] = straight
-        self.apart[chosen] = self.apart[:, chosen] = _least_distances(chosen, straight, self.paths)
+        self.distances_m[chosen] = self.distances_m[:, chosen] = _least_distances(chosen, straight, self.paths)
         return True
 
-    def look(self) -> None:
+    def sample(self) -> None:
         """Follow everybody along the way, at the time it takes them all."""
         n = len(self.gaps)
         self.duration_s = max(closing_s(gap, braking_s(gap), self._space.speed_m_s) for gap in self.gaps)
         for i in range(n):
             _follow(self._base[i], self.gaps[i], braking_s(self.gaps[i]), self.duration_s, self.paths[i + 1])
         for i in range(n + 1):
-            self.apart[i] = _least_distances(i, self.paths[i], self.paths)
+            self.distances_m[i] = _least_distances(i, self.paths[i], self.paths)
 
     def _possible_rises(self, i: int, wanted_m: float) -> Float:
         """Heights at which body i would stay off the floor and the ceiling, best first."""
         level = self._straight(i)[:, 2]
         rises = wanted_m * np.array(RISES)
-        ways = level + rises[:, None] * _BUMP
+        paths = level + rises[:, None] * _BUMP
         low, high = min(self._space.low_m, float(level.min())), max(self._space.high_m, float(level.max()))
-        inside: Float = rises[(ways.min(axis=1) >= low) & (ways.max(axis=1) <= high)]
+        inside: Float = rises[(paths.min(axis=1) >= low) & (paths.max(axis=1) <= high)]
         return inside
 
     def _straight(self, i: int) -> Float:
-        """Body i's path (LOOKS, 3) without its detour."""
+        """Body i's path (SAMPLES, 3) without its detour."""
         path: Float = self.paths[i].copy()
         path[:, 2] -= self.gaps[i - 1, 3, 2] * _BUMP
         return path
 
 
-_SHARE = np.linspace(0.0, 1.0, LOOKS)
+_SHARE = np.linspace(0.0, 1.0, SAMPLES)
 _BUMP = 64.0 * (_SHARE * (1.0 - _SHARE)) ** 3
 
 
 @kernel
 def _follow(base: Float, gap: Float, brake_s: float, duration_s: float, out: Float) -> None:
-    """Positions (LOOKS, 3) along one way, evenly timed."""
+    """Positions (SAMPLES, 3) along one way, evenly timed."""
     at = np.empty((3, 4))
     for k in range(len(out)):
         for order in range(3):
@@ -196,7 +198,7 @@ def _follow(base: Float, gap: Float, brake_s: float, duration_s: float, out: Flo
 
 @kernel
 def _if_risen(i: int, straight: Float, rises: Float, paths: Float) -> Float:
-    """How near body i would come to any other if it passed this much above its straight path (LOOKS, 3); (rises,)."""
+    """How near body i would come to any other if it passed this much above its straight path (SAMPLES, 3); (rises,)."""
     nearest = np.full(len(rises), np.inf)
     for r in range(len(rises)):
         for k in range(len(straight)):
@@ -213,7 +215,7 @@ def _if_risen(i: int, straight: Float, rises: Float, paths: Float) -> Float:
 
 @kernel
 def _least_distances(i: int, path: Float, paths: Float) -> Float:
-    """How near body i, on `path` (LOOKS, 3), comes to each of the others on paths (n + 1, LOOKS, 3); (n + 1,)."""
+    """How near body i, on `path` (SAMPLES, 3), comes to each of the others on paths (n + 1, SAMPLES, 3); (n + 1,)."""
     least = np.full(len(paths), np.inf)
     for j in range(len(paths)):
         if j == i:

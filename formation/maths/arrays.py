@@ -34,4 +34,4 @@ Mat3 = Annotated[Float, Layout(np.float64, (3, 3))]
 Motion = Annotated[Float, Layout(np.float64, (3, 4))]
 """Rows position, velocity, acceleration; columns x, y, z, heading."""
 Gap = Annotated[Float, Layout(np.float64, (4, 4))]
-"""Rows position, velocity, acceleration, detour; columns x, y, z, heading (formation.guidance.blend)."""
+"""Rows position, velocity, acceleration, detour; columns x, y, z, heading (formation.guidance.trajectory)."""

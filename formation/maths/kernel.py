@@ -18,7 +18,7 @@ from numba.extending import register_jitable
 P = ParamSpec("P")
 R = TypeVar("R")
 Begun = Callable[[str, int, int], None]
-"""Told the kernel that is compiled now, how many have been begun with it, and how many kernels there are."""
+"""Called with the kernel that is compiled now, how many are begun with it, and how many kernels there are."""
 
 
 def kernel(function: Callable[P, R], calls: tuple[Callable[..., object], ...] = ()) -> Callable[P, R]:
@@ -37,7 +37,7 @@ def kernel(function: Callable[P, R], calls: tuple[Callable[..., object], ...] = 
 
 @contextmanager
 def compiling(begun: Begun) -> Iterator[None]:
-    """Within it every kernel that has to be compiled, because no cache on disk has it, is told of.
+    """Within it `begun` is called for every kernel that has to be compiled, because no cache on disk has it.
 
     Garbage is not collected meanwhile: numba makes objects by the million, and a quarter of its time went there.
     """

@@ -9,22 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from formation.config import LabConfig
-from formation.control.composite_law import (
-    HORIZON_MAX_NS,
-    STEP_MAX_S,
-    WORKSPACE,
-    Around,
-    Demand,
-    LawMemory,
-    LawSettings,
-    situation,
-)
-from formation.control.prediction import Known
-from formation.control.relative_frame import copy_motion
-from formation.estimation.model_mismatch import attitude_dead_s
+from formation.control.law import HORIZON_MAX_NS, STEP_MAX_S, Demand, LawMemory, LawSettings
+from formation.control.prediction import WORKSPACE, Known, LawContext, situation
+from formation.estimation.response import NEVER_NS, SECONDS, SentCommands, attitude_dead_s
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate
-from formation.guidance.followed_leader import Led
+from formation.guidance.followed_leader import Guidance
 from formation.guidance.reference_generator import SLOT
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
@@ -32,7 +22,7 @@ from formation.maths.records import Rows
 from formation.messages import LawFailure
 from formation.own_law.guard import LawGuard, LawOverrunError, unlimited
 from formation.own_law.law import ControlLaw, PointMotion, Situation
-from formation.vehicle.response import NEVER_NS, SECONDS, SentCommands
+from formation.paper.eq2_relative_frame import copy_motion
 
 ACC_MOST_M_S2 = 1e3
 """No vehicle's: who asks for more has lost its sums."""
@@ -47,7 +37,7 @@ class Asked:
     observers: Rows[ObserverSettings]
     estimates: Rows[VehicleEstimate]
     history: Rows[SentCommands]
-    led: Led
+    guidance: Guidance
     memory: Rows[LawMemory]
     now_ns: int
 
@@ -67,21 +57,21 @@ class OwnLaws:
         """Whose law was called last."""
         self._failures: list[LawFailure] = []
 
-    def take_failures(self) -> list[LawFailure]:
-        """Those since it was asked last; the first is the only one, as the built-in law then flies on."""
-        taken, self._failures = self._failures, []
-        return taken
+    def pop_failures(self) -> list[LawFailure]:
+        """The failures since the last call; after the first, the built-in law flies, so there is never another."""
+        failures, self._failures = self._failures, []
+        return failures
 
     def take_over(self, wanted: Rows[Demand], asked: Asked) -> Rows[Demand]:
         """The demand with what the own laws want in it; the inside of ours, which then did nothing, is 0 there."""
-        references = asked.led.references
+        references = asked.guidance.references
         forming = [i for i in range(len(wanted)) if references[i].kind == SLOT and references[i].airborne]
         self._laws = {i: law for i, law in self._laws.items() if i in forming}
         if self._failed or not forming:
             return wanted
         motions = np.empty((len(wanted), 3, 3, 4))
         _motions(
-            asked.settings, asked.observers, asked.estimates, asked.history, asked.led, asked.now_ns, motions
+            asked.settings, asked.observers, asked.estimates, asked.history, asked.guidance, asked.now_ns, motions
         )  # fmt: skip
         try:
             answers = self._guard(
@@ -100,14 +90,14 @@ class OwnLaws:
 
     def _answer(self, i: int, motion: Float, wanted: Demand, asked: Asked) -> Float:
         """What one vehicle's law demands; ValueError for what is no acceleration, and whatever the law raises."""
-        n, kept, begun = asked.settings[i].vehicle, asked.memory[i], i in self._laws
+        n, memory, begun = asked.settings[i].vehicle, asked.memory[i], i in self._laws
         self._asked = self._bodies[i]
         if not begun:
             self._laws[i] = self._make()
         response = asked.observers[n].response
         at = Situation(
             body=self._bodies[i],
-            dt_s=min((asked.now_ns - kept.asked_ns) * SECONDS, STEP_MAX_S) if begun else 0.0,
+            dt_s=min((asked.now_ns - memory.asked_ns) * SECONDS, STEP_MAX_S) if begun else 0.0,
             own=_point(motion[OWN]),
             slot=_point(motion[SLOT_MOTION]),
             leader=_point(motion[FRAME]),
@@ -117,7 +107,7 @@ class OwnLaws:
             error_rate_lead_m_s=wanted.e_rate_lead_m_s.copy(),
             disturbance_lab_m_s2=asked.estimates[n].dist_lab_m_s2.copy(),
             lag_s=(float(response.attitude_lag_s), float(response.thrust_lag_s)),
-            saturated=bool(kept.saturated),
+            saturated=bool(memory.saturated),
         )
         acc_lab_m_s2 = np.asarray(self._laws[i](at), dtype=np.float64)
         if acc_lab_m_s2.shape != (3,):
@@ -139,10 +129,10 @@ def _point(motion: Float) -> PointMotion:
 @kernel
 def _motions(
     settings: Rows[LawSettings], observers: Rows[ObserverSettings], estimates: Rows[VehicleEstimate],
-    history: Rows[SentCommands], led: Led, now_ns: int, out: Float,
+    history: Rows[SentCommands], guidance: Guidance, now_ns: int, out: Float,
 ) -> None:  # fmt: skip
     """Of each vehicle OWN, SLOT_MOTION and FRAME (m, 3, 3, 4) as our law sees them; z from the thrust's channel."""
-    around = Around(Known(estimates, observers, history), led)
+    context = LawContext(Known(estimates, observers, history), guidance)
     space = np.empty(2, WORKSPACE)
     for channel in range(2):
         space[channel].leader_ns[:] = NEVER_NS
@@ -154,7 +144,7 @@ def _motions(
             dead_s = response.thrust_dead_s if channel == 1 else attitude_dead_s(estimates[n], observers[n])
             lag_s = response.thrust_lag_s if channel == 1 else response.attitude_lag_s
             hold_ns = at_ns + int(dead_s * 1e9)
-            situation(i, n, around, hold_ns, hold_ns + int(lag_s * 1e9), w)
+            situation(i, n, context, hold_ns, hold_ns + int(lag_s * 1e9), w)
             if channel == 0:
                 copy_motion(w.mine, out[i, OWN])
                 copy_motion(w.lab, out[i, SLOT_MOTION])

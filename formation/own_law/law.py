@@ -25,7 +25,7 @@ class Situation:
     slot: the motion that keeps it in its slot, the leader's turn in it; leader: the leader's own. heading_rad,
     heading_rate_rad_s: of the leader's frame, about lab z. error_lead_m, error_rate_lead_m_s (3): what it is off its
     slot and how that changes, in the leader's turning frame (Eq. 2). disturbance_lab_m_s2 (3): Z3, the acceleration
-    that the observer finds and no command explains. lag_s: of the attitude behind its target, and of the thrust.
+    that neither commands nor drag of the profile explain. lag_s: of the attitude behind its target, and of the thrust.
     saturated: the last target met a limit of tilt, so that an integral may not grow.
     """
 
@@ -47,8 +47,9 @@ class ControlLaw(Protocol):
     """Flies one follower from the moment when it is led into its slot until it is led elsewhere."""
 
     def __call__(self, at: Situation) -> ArrayLike:
-        """The acceleration (3) demanded in `lab`, m/s^2, gravity excluded: 0 stays as fast. Once a frame.
+        """The acceleration (3) demanded in `lab`, m/s^2, gravity and drag excluded: 0 stays as fast. Once a frame.
 
+        Weight and the profile's drag are added to the force; Z3 is not: subtract it where it is to be compensated.
         It is bounded as any other demand is: by separation, speed and fence, tilt and thrust.
         """
 

@@ -3,16 +3,16 @@
 import numpy as np
 
 from formation.config import LimitsConfig
-from formation.safety.places import nearest, outside_box
-from formation.safety.rules import BATTERY_LOW, HEARTBEAT_S, Facts
+from formation.safety.rules import Facts, nearest, outside_box
+from formation.safety.rules_table import BATTERY_LOW, HEARTBEAT_S
 
 FRESH_S = 0.2
 STILL_M_S = 0.3
 LEVEL_RAD = 0.35
 
 
-def refusals(facts: Facts, limits: LimitsConfig) -> tuple[str, ...]:
-    """Every reason not to arm, in words; empty when the swarm may arm. What an operator can act on comes first."""
+def prearm_failures(facts: Facts, limits: LimitsConfig) -> tuple[str, ...]:
+    """Every failed pre-arm check, as a text; empty when the swarm may arm. Those an operator can fix come first."""
     fresh = facts.age_s <= FRESH_S
     outside = outside_box(facts.pos_lab_m, limits.fence.low_m, limits.fence.high_m)
     near = nearest(facts.pos_lab_m, fresh)
@@ -21,15 +21,15 @@ def refusals(facts: Facts, limits: LimitsConfig) -> tuple[str, ...]:
         if not fresh[i]:
             reasons.append(f"{name}: no fresh pose (last seen {_seconds(facts.age_s[i])})")
         elif facts.commanded[i]:
-            reasons += _pose_refusals(facts, i, float(outside[i]))
+            reasons += _pose_failures(facts, i, float(outside[i]))
         if near[i] < limits.min_separation_m:
             reasons.append(f"{name}: {near[i]:.2f} m from the next body, minimum is {limits.min_separation_m:.2f} m")
         if facts.commanded[i]:
-            reasons += _link_refusals(facts, i)
-    return (*reasons, *facts.objections)
+            reasons += _link_failures(facts, i)
+    return (*reasons, *facts.prearm_failures)
 
 
-def _pose_refusals(facts: Facts, i: int, outside_m: float) -> list[str]:
+def _pose_failures(facts: Facts, i: int, outside_m: float) -> list[str]:
     name, reasons = facts.names[i], []
     if outside_m > 0.0:
         reasons.append(f"{name}: {outside_m:.2f} m outside the fence")
@@ -40,7 +40,7 @@ def _pose_refusals(facts: Facts, i: int, outside_m: float) -> list[str]:
     return reasons
 
 
-def _link_refusals(facts: Facts, i: int) -> list[str]:
+def _link_failures(facts: Facts, i: int) -> list[str]:
     name, reasons = facts.names[i], []
     if facts.heartbeat_age_s[i] > HEARTBEAT_S:
         reasons.append(f"{name}: no heartbeat (last heard {_seconds(facts.heartbeat_age_s[i])})")

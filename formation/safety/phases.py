@@ -14,7 +14,7 @@ class Trigger(StrEnum):
     """What can change the phase: an operator's or safety's wish, or something seen to have happened."""
 
     ARM = "arm"
-    ADOPT = "adopt"  # take over drones that fly under no ground
+    TAKE_CONTROL = "take_control"  # of drones that fly without a ground
     TAKEOFF = "takeoff"
     START = "start"
     HOLD = "hold"
@@ -28,7 +28,7 @@ class Trigger(StrEnum):
 TABLE: Mapping[tuple[Phase, Trigger], Phase] = MappingProxyType(
     {
         (Phase.GROUND, Trigger.ARM): Phase.ARMED,
-        (Phase.GROUND, Trigger.ADOPT): Phase.HOLD,
+        (Phase.GROUND, Trigger.TAKE_CONTROL): Phase.HOLD,
         (Phase.GROUND, Trigger.LAND): Phase.LAND,  # each by its autopilot: nobody here leads it
         (Phase.ARMED, Trigger.TAKEOFF): Phase.TAKEOFF,
         (Phase.ARMED, Trigger.LAND): Phase.GROUND,
@@ -65,7 +65,7 @@ def advance(phase: Phase, trigger: Trigger) -> Phase | None:
 
 
 def allowed_from(trigger: Trigger) -> tuple[Phase, ...]:
-    """The phases in which `trigger` means something; what a refusal tells the operator."""
+    """The phases that allow `trigger`; a rejection lists them for the operator."""
     return tuple(phase for phase in Phase if (phase, trigger) in TABLE)
 
 

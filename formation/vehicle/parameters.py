@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, model_validator
 
-from formation.maths.arrays import Float
+from formation.maths.arrays import Float, Vec3
 from formation.model import LARGEST, Model, Name, NoFlag, Positive, Vec3Tuple
 from formation.vehicle import body
 from formation.vehicle.body import GRAVITY_M_S2, rotor_reach_m, thrust_norm
@@ -24,9 +24,13 @@ class BatteryProfile(Model):
     """A LiPo pack: what it holds, and how much of the full thrust an empty pack still gives."""
 
     cells: Annotated[int, NoFlag, Field(ge=1, le=14)] = 1
+    """Cells in series."""
     capacity_mah: Positive = 350.0
+    """Capacity."""
     hover_current_a: Positive = 4.0
+    """Current in hover."""
     empty_thrust_fraction: Annotated[float, NoFlag, Field(gt=0.0, le=1.0)] = 0.85
+    """Share of the full thrust that an empty pack gives."""
 
 
 class GainScale(Model):
@@ -51,13 +55,17 @@ class VehicleProfile(Model):
     """
 
     name: Name
+    """Name by which vehicles refer to the profile."""
     mass_kg: Positive
+    """Take-off mass."""
     inertia_kg_m2: Vec3Tuple
     """About x, y, z. A rigid body's largest is at most the sum of the other two (equal: a flat plate); see below."""
     impossible_inertia: bool = False
     """Whether an inertia that no rigid body has is kept all the same: a publication's table, to be flown as printed."""
     wheelbase_m: Positive
+    """Distance of motors across the centre."""
     rotor_radius_m: Positive
+    """Radius of a propeller."""
     thrust_max_n: Positive
     """Collective thrust at thrust_norm 1."""
     thrust_curve: Fraction = 0.0
@@ -65,25 +73,37 @@ class VehicleProfile(Model):
     yaw_torque_m: Positive
     """Rotor drag torque per newton of thrust."""
     motor_lag_s: Positive
+    """Time constant of the motors."""
     drag_n_s_m: Vec3Tuple = (0.0, 0.0, 0.0)
     """Linear drag along the body axes."""
     ground_effect: NonNegative = 1.0
     """Factor on Cheeseman and Bennett's thrust gain near the floor; 0 switches it off."""
     attitude_p_1_s: Positive
+    """Gain of the attitude loop for roll and pitch."""
     yaw_p_1_s: Positive
+    """Gain of the attitude loop for yaw."""
     rate_p_1_s: Positive
+    """Gain of the rate loop for roll and pitch."""
     rate_yaw_p_1_s: Positive
+    """Gain of the rate loop for yaw."""
     rate_max_rad_s: Positive
+    """Largest rate of roll and pitch."""
     rate_yaw_max_rad_s: Positive
+    """Largest rate of yaw."""
     rate_feed_forward: bool
     """Whether the autopilot adds the target's body rates to its own attitude loop (PX4 takes yaw's alone)."""
     command_delay_s: NonNegative
     """Inside the vehicle: receipt of a target -> attitude loop."""
     response_dead_time_s: NonNegative
+    """Dead time from a sent attitude target to the attitude."""
     response_lag_s: Positive
+    """First-order lag after that dead time."""
     thrust_dead_time_s: NonNegative
+    """Dead time from a sent thrust to the thrust."""
     thrust_lag_s: Positive
+    """First-order lag after that dead time."""
     battery: BatteryProfile = BatteryProfile()
+    """The LiPo pack."""
     gain_scale: GainScale | None = None
     """As tuned; None: by the response's own length (formation.control.presets)."""
 
@@ -103,6 +123,12 @@ class VehicleProfile(Model):
     def weight_n(self) -> float:
         """Thrust that hovers."""
         return self.mass_kg * GRAVITY_M_S2
+
+    @property
+    def drag_1_s(self) -> Vec3:
+        """Drag over mass along the axes of `lab`, 1/s, of a nearly level vehicle; x and y: mean of both body axes."""
+        x, y, z = self.drag_n_s_m
+        return np.array([0.5 * (x + y), 0.5 * (x + y), z]) / self.mass_kg
 
     @property
     def reach_m(self) -> float:

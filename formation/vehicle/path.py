@@ -98,12 +98,12 @@ def copy_into(path: Path, out: Path) -> None:
 
 
 @kernel
-def missed_m(path: Path, t_ns: int, pos_lab_m: Float) -> float:
+def position_innovation_m(path: Path, t_ns: int, pos_lab_m: Float) -> float:
     """How far it is from where the body came with the velocity that it had at the path's end."""
-    dt_s, missed2 = (t_ns - path.t_ns) * SECONDS, 0.0
+    dt_s, innovation2 = (t_ns - path.t_ns) * SECONDS, 0.0
     for axis in range(3):
-        missed2 += (pos_lab_m[axis] - path.pos_lab_m[axis] - dt_s * path.vel_lab_m_s[axis]) ** 2
-    return sqrt(missed2)
+        innovation2 += (pos_lab_m[axis] - path.pos_lab_m[axis] - dt_s * path.vel_lab_m_s[axis]) ** 2
+    return sqrt(innovation2)
 
 
 @kernel
@@ -118,7 +118,9 @@ def moved_as_it_can(path: Path, bounds: Bounds, t_ns: int, pos_lab_m: Float) -> 
     if path.frames < 2:
         return True
     known_s = path.period_s / VELOCITY_GAIN
-    return missed_m(path, t_ns, pos_lab_m) <= bounds.step_m + bounds.acc_m_s2 * dt_s * (0.5 * dt_s + known_s)
+    return position_innovation_m(path, t_ns, pos_lab_m) <= bounds.step_m + bounds.acc_m_s2 * dt_s * (
+        0.5 * dt_s + known_s
+    )
 
 
 @kernel
@@ -142,7 +144,7 @@ def turned_as_it_can(path: Path, bounds: Bounds, t_ns: int, q_lab_from_flu: Floa
 
 
 @kernel
-def objection(path: Path, bounds: Bounds, t_ns: int, pos_lab_m: Float, q_lab_from_flu: Float) -> int:
+def reject_reason(path: Path, bounds: Bounds, t_ns: int, pos_lab_m: Float, q_lab_from_flu: Float) -> int:
     """Why the pose does not follow from the path: JUMP, FLIP, YAW_RATE; 0 where it does, or there is no path."""
     if path.frames == 0:
         return 0

@@ -79,7 +79,7 @@ PX4_QUAD = VehicleProfile(
     thrust_curve=0.0,
     yaw_torque_m=0.05,
     motor_lag_s=0.02,
-    drag_n_s_m=(0.1, 0.1, 0.1),
+    drag_n_s_m=(1.0, 1.0, 1.0),
     attitude_p_1_s=11.0,
     yaw_p_1_s=4.0,
     rate_p_1_s=45.0,
@@ -94,6 +94,12 @@ PX4_QUAD = VehicleProfile(
     thrust_lag_s=0.02,
     battery=BatteryProfile(cells=4, capacity_mah=3300.0, hover_current_a=12.0),
 )
+"""PX4's own simulation, SIH, of a quadcopter.
+
+From PX4's sources (v1.16, modules/simulation/simulator_sih): mass, full thrust (SIH_MASS, four times SIH_T_MAX), drag
+(SIH_KDV: 1 N s/m, more than most vehicles have). response_* and thrust_*: as its attitudes answer over loopback UDP.
+Inertia is less than SIH's 0.025 kg m^2.
+"""
 ARDUCOPTER_QUAD = VehicleProfile(
     name="arducopter_quad",
     mass_kg=3.0,

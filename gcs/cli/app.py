@@ -11,15 +11,15 @@ from typing import Annotated
 
 import typer
 
-from gcs import GCS_NAME
+from formation.requests import GCS_NAME
 from gcs.cli import mocap as mocap_cli
 from gcs.cli import operator as operator_cli
 from gcs.cli.children import page_process
-from gcs.cli.common import REFUSED, Json, LabFile, Name, Speed, configuration, fail
 from gcs.doctor import cli as doctor_cli
 from gcs.live import cli as live_cli
 from wire import clock
 from wire.markdown import rows
+from wire.process.console import REJECTED, Json, LabFile, Name, Speed, configuration, fail
 from wire.process.program import program
 
 app = program(
@@ -34,7 +34,7 @@ def run(
     log: Annotated[Path | None, typer.Option(help="The flight log; without it runs/LAB-TIME.mcap.")] = None,
     name: Name = GCS_NAME,
     tag: Annotated[
-        list[str] | None, typer.Option(metavar="KEY=VALUE", help="Said of the run in its log; as often as needed.")
+        list[str] | None, typer.Option(metavar="KEY=VALUE", help="Metadata for the log; as often as needed.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Fly a preset the delay margin refuses; simulation only.")] = (
         False
@@ -45,7 +45,7 @@ def run(
     as_json: Json = False,
     speed: Speed = 1.0,
 ) -> None:
-    """Be the ground: mocap in, control on every frame, setpoints out, everything recorded. Ctrl-C lands and ends."""
+    """Run the ground: mocap in, control on every frame, setpoints out, everything recorded. Ctrl-C lands and ends."""
     from gcs.cli.ground import serve  # loads the compiled control, which the other commands do without
     from gcs.lab.findings import approved
 
@@ -85,15 +85,16 @@ def page(
     port: Annotated[
         int | None, typer.Option(min=1, max=65535, help="On loopback, 127.0.0.1; without it 8470 or the next free one.")
     ] = None,
+    as_json: Json = False,
     speed: Speed = 1.0,
 ) -> None:
     """Serve the operator's page on loopback: the room, every drone, alarms, every command, STOP by the space bar."""
     from gcs.page.shell import serve as serve_page
 
     try:
-        serve_page(configuration(lab), name, port, clock.Clock(speed))
+        serve_page(configuration(lab), name, port, clock.Clock(speed), as_json)
     except OSError as error:
-        fail(str(error), REFUSED)
+        fail(str(error), REJECTED)
 
 
 @app.command()
@@ -101,7 +102,10 @@ def watch(
     lab: operator_cli.Lab = None,
     name: Name = GCS_NAME,
 ) -> None:
-    """Show every drone in this terminal, ten times a second; keys: H hold, L land, space bar STOP, Q quit."""
+    """Show every drone in this terminal, ten times a second; keys: H hold, L land, space bar STOP, A acknowledge, Q.
+
+    For people alone; a script reads `gcs status --json`.
+    """
     from gcs.watch.terminal import watch as watch_ground
 
     watch_ground(lab, name)
@@ -109,10 +113,10 @@ def watch(
 
 @app.command()
 def buttons(as_json: Json = False) -> None:
-    """Tell which key or button of which input device is pressed: what `[operator] stop_button` wants to know."""
-    from gcs.stop_button.find import tell_presses
+    """Print each press of a key or button with its input device: the value that `[operator] stop_button` needs."""
+    from gcs.stop_button.find import print_presses
 
-    tell_presses(as_json)
+    print_presses(as_json)
 
 
 operator_cli.register(app)
@@ -124,12 +128,12 @@ app.command()(doctor_cli.logs)
 
 @app.command()
 def rules(as_json: Json = False) -> None:
-    """Print phases, safety rules and the mocap gate's checks, as Markdown: the tables that ground and mocap run on."""
+    """Print phases, safety rules and the pose validator's checks as Markdown tables."""
     from formation.safety.phases import table_markdown
     from formation.safety.rules_table import rules_markdown
-    from gcs.mocap.gate.checks import gate_markdown
+    from mocap.validator.checks import checks_markdown
 
-    tables = {"phases": table_markdown(), "rules": rules_markdown(), "gate": gate_markdown()}
+    tables = {"phases": table_markdown(), "rules": rules_markdown(), "validator": checks_markdown()}
     if as_json:
         print(json.dumps({name: rows(table) for name, table in tables.items()}))
     else:

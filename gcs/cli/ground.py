@@ -10,12 +10,12 @@ from formation.config import LabConfig
 from formation.control.margin import DelayMargin, delay_margin
 from formation.control.presets import preset_for
 from formation.messages import Event, Severity
-from gcs.cli.common import NOT_LANDED, NOT_RIGHT, REFUSED, fail, tell, tell_json
 from gcs.daemon import Ended, GroundFailure, run
-from gcs.mocap.service import ServiceError
 from gcs.warm_up import warm_up
+from mocap.service import ServiceError
 from wire.clock import Clock
 from wire.private_files import make_folder
+from wire.process.console import NOT_LANDED, NOT_RIGHT, REJECTED, fail, print_event, print_event_json
 from wire.process.progress import compile_all
 
 
@@ -29,25 +29,25 @@ def serve(
     as_json: bool,
     clock: Clock,
 ) -> None:
-    """Be the ground until told to end; ends the program with its exit code."""
-    told = tell_json if as_json else tell
-    told(Event(Severity.INFO, "ground", f"starting for lab {config.name!r}, log {log}"))
+    """Run the ground until SIGINT or SIGTERM, then end the program with its exit code."""
+    report = print_event_json if as_json else print_event
+    report(Event(Severity.INFO, "ground", f"starting for lab {config.name!r}, log {log}"))
     try:
         compile_all("gcs", lambda: warm_up(config), sys.stderr)
         margins = delay_margins(config)
         if not force and any(not margin.carried for margin in margins):
             reasons = "; ".join(str(margin) for margin in margins if not margin.carried)
-            fail(f"refused, this would not fly steadily: {reasons} (--force, for simulation only)", REFUSED)
+            fail(f"refused, this would not fly steadily: {reasons} (--force, for simulation only)", REJECTED)
         make_folder(log.parent)
-        ended = uvloop.run(run(config, lab_file, log, name, metadata, told, clock))
+        ended = uvloop.run(run(config, lab_file, log, name, metadata, report, clock))
     except ServiceError as error:
         fail(str(error), error.code)
     except ValueError as error:
         fail(str(error), NOT_RIGHT)
     except OSError as error:
-        fail(str(error), REFUSED)
+        fail(str(error), REJECTED)
     except GroundFailure as error:
-        fail(f"the ground has failed and ends, the drones land by themselves: {error}", REFUSED)
+        fail(f"the ground has failed and ends, the drones land by themselves: {error}", REJECTED)
     _report(ended, log, as_json)
 
 
@@ -62,12 +62,12 @@ def _report(ended: Ended, log: Path, as_json: bool) -> None:
     timing = ended.timing
     worst_ms = round(timing.worst_s * 1e3, 2)
     if as_json:
-        told = {
+        summary = {
             "phase": ended.phase.name, "cause": ended.cause, "not_landed": ended.not_landed,
             "ticks": timing.ticks, "late_ticks": timing.late,
             "worst_latency_ms": worst_ms, "lost_records": ended.lost_records, "mcap": str(log),
         }  # fmt: skip
-        print(json.dumps(told))
+        print(json.dumps(summary))
     else:
         print(f"{timing.ticks} ticks, {timing.late} late, worst {worst_ms} ms; log {log}")
     if ended.not_landed:

@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from gcs import GCS_NAME
-from gcs.cli.common import Json, LabFile, Name, Speed, configuration
+from formation.requests import GCS_NAME
 from wire import clock
+from wire.process.console import Json, LabFile, Name, Speed, configuration
 from wire.process.program import DefaultCommand
 
 app = typer.Typer(
@@ -34,7 +34,7 @@ def serve(
     On a terminal it shows how the mocap is doing: rate, jitter, delay, losses; each body's gaps, noise and pose.
     `gcs run` starts one where none serves the lab. One that runs by itself outlives every ground.
     """
-    from gcs.mocap.cli import serve as serve_mocap  # loads a compiled kernel
+    from mocap.cli import serve as serve_mocap  # loads a compiled kernel
 
     serve_mocap(configuration(lab), linger, record, as_json, clock.Clock(speed), name)
 
@@ -46,6 +46,6 @@ def discover(
     as_json: Json = False,
 ) -> None:
     """Find camera systems: Motive and QTM answer by themselves; of the others the ports of HOSTS are tried."""
-    from gcs.mocap.discover_cli import discover as find
+    from mocap.discover_cli import discover as find
 
     find(tuple(hosts or ()), wait, as_json)

@@ -1,4 +1,4 @@
-"""The operator's commands: each asks the running ground over the lab's bus and tells its answer.
+"""The operator's commands: each sends a request to the running ground over the lab's bus and prints the reply.
 
 Nothing here loads the control, arrays or an event loop: an emergency stop waits for none of them.
 """
@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from formation.guidance.shape_request import ShapeRequest
-from formation.requests import CONFIGURED, OperatorReply, OperatorRequest, Verb
-from gcs import GCS_NAME
+from formation.requests import CONFIGURED, GCS_NAME, OperatorReply, OperatorRequest, Verb
 from gcs.cli import completion
-from gcs.cli.common import NO_GROUND, NOT_RIGHT, REFUSED, Json, Name, fail, tell_red
 from wire import clock
 from wire.errors import BusError, ConfigError
+from wire.process.console import NO_GROUND, NOT_RIGHT, REJECTED, Json, Name, fail, print_error
 from wire.transport.lab_address import LabAddress, address_in
 
 if TYPE_CHECKING:
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     from wire.transport.zenoh_session import Patience
 
 ARMING_S, ANSWER_S = 20.0, 3.0
-_STEPS = (Verb.ARM, Verb.ADOPT, Verb.TAKEOFF, Verb.START, Verb.HOLD, Verb.LAND)
+_STEPS = (Verb.ARM, Verb.TAKE_CONTROL, Verb.TAKEOFF, Verb.START, Verb.HOLD, Verb.LAND)
 
 Lab = Annotated[Path | None, typer.Option("--lab", help="lab.toml, for its name and bus; without it the defaults.")]
 Timeout = Annotated[
@@ -39,7 +38,7 @@ def register(app: typer.Typer) -> None:
     """Add the commands, in the order of a flight."""
     app.command(Verb.STATUS.value)(status)
     _register(app, Verb.ARM, "Bring every drone to off-board mode and arm it; refused with every reason.")
-    _register(app, Verb.ADOPT, "Take over drones that fly under no ground, and hold them where they are.")
+    _register(app, Verb.TAKE_CONTROL, "Take control of drones that fly without a ground, and hold them where they are.")
     _register(app, Verb.TAKEOFF, "Take off to the configured height, then hold.")
     _register(app, Verb.START, "Take up the formation; a commanded leader then flies its trajectory.")
     app.command(Verb.SHAPE.value)(shape)
@@ -47,6 +46,7 @@ def register(app: typer.Typer) -> None:
     _register(app, Verb.HOLD, "Brake and stay where each drone is.")
     _register(app, Verb.LAND, "Land where each drone is, and disarm there; from every phase.")
     _register(app, Verb.STOP, "EMERGENCY: cut every drone's motors now, wherever it is. `gcs reset` to fly again.")
+    _register(app, Verb.ACKNOWLEDGE, "Acknowledge every alarm; those whose conditions go on stay shown until they end.")
     _register(app, Verb.RESET, "After a stop, back to GROUND; refused while any drone is armed or unheard.")
 
 
@@ -106,7 +106,7 @@ def _register(app: typer.Typer, verb: Verb, words: str) -> None:
     def ask(lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeout: Timeout = None) -> None:
         _command(verb, "", lab, name, as_json, timeout)
 
-    app.command(verb.value, help=words)(ask)
+    app.command(verb.command_name, help=words)(ask)
 
 
 def _command(verb: Verb, argument: str, lab: Path | None, name: str, as_json: bool, timeout_s: float | None) -> None:
@@ -116,9 +116,9 @@ def _command(verb: Verb, argument: str, lab: Path | None, name: str, as_json: bo
     elif reply.accepted:
         print(reply.text)
     else:
-        tell_red("refused: " + reply.text.replace("; ", "\n         "))
+        print_error("refused: " + reply.text.replace("; ", "\n         "))
     if not reply.accepted:
-        raise typer.Exit(REFUSED)
+        raise typer.Exit(REJECTED)
 
 
 def _ask(verb: Verb, argument: str, lab: Path | None, name: str, timeout_s: float | None) -> OperatorReply:
@@ -144,43 +144,60 @@ def _patience(verb: Verb, timeout_s: float | None) -> "Patience":
     return Patience(ARMING_S if verb is Verb.ARM else ANSWER_S)
 
 
-def print_status(told: dict[str, Any], console: "Console") -> None:
+def print_status(state: dict[str, Any], console: "Console") -> None:
     """The status for people."""
     from rich.table import Table
     from rich.text import Text
 
-    chosen = told.get("trajectory", CONFIGURED)  # a ground of an older version has one only
+    chosen = state.get("trajectory", CONFIGURED)  # a ground of an older version has one only
     flown = "" if chosen == CONFIGURED else f", trajectory {chosen}"
-    console.print(Text.assemble((told["phase"], "bold"), f" ({told['cause']}), shape {told['shape']}{flown}"))
+    console.print(Text.assemble((state["phase"], "bold"), f" ({state['cause']}), shape {state['shape']}{flown}"))
     table = Table(box=None, pad_edge=False)
-    for column in ("id", "body", "autopilot", "mode", "armed", "x", "y", "z", "battery", "heard", "seen"):
+    for column in ("id", "body", "autopilot", "mode", "armed", "x", "y", "z", "battery", "behind", "heard", "seen"):
         table.add_column(column, no_wrap=True)
-    for drone in told["drones"]:
+    for drone in state["drones"]:
         cells = (
             str(drone["sysid"]), drone["body"], drone["autopilot"] or "-", drone["mode"],
             "armed" if drone["armed"] else "-", *_coordinates(drone["pos_lab_m"]),
-            _percent(drone["battery"]), _age(drone["heartbeat_age_s"]), _age(drone["age_s"]),
+            _percent(drone["battery"]), _milliseconds(drone.get("link_behind_s")),
+            _age(drone["heartbeat_age_s"]), _age(drone["age_s"]),
         )  # fmt: skip
         table.add_row(*map(Text, cells))  # what drones and people said is never markup
     console.print(table)
-    if told["log_trouble"]:
-        console.print(Text(told["log_trouble"], "red"))
-    for drone in told["drones"]:
+    if state["log_trouble"]:
+        console.print(Text(state["log_trouble"], "red"))
+    for drone in state["drones"]:
         if drone["disarms_in_s"] is not None:
             text = f"{drone['body']} disarms itself in {drone['disarms_in_s']:.1f} s unless it takes off"
             console.print(text, style="yellow", highlight=False)
-    for body, reason in told.get("rejected", {}).items():  # a ground of an older version says nothing of it
+    for drone in state["drones"]:
+        if drone.get("superseded"):  # a ground of an older version says nothing of it
+            text = f"{drone['body']}: {drone['superseded']} packets of its telemetry dropped unread for newer ones"
+            console.print(text, style="yellow", highlight=False, markup=False)
+    for body, reason in state.get("rejected", {}).items():  # a ground of an older version says nothing of it
         console.print(Text(f"{body} is rejected by the mocap: {reason}", "red"))
-    for refusal in told["refusals"]:
-        console.print(Text(f"not ready: {refusal}", "yellow"))
-    for line in next_steps(told["phase"], told.get("allowed", {})):
+    for reason in state["refusals"]:
+        console.print(Text(f"not ready: {reason}", "yellow"))
+    for alarm in state.get("alarms", ()):  # a ground of an older version keeps none
+        console.print(Text(_alarm(alarm), "yellow" if alarm["acknowledged"] else "red"))
+    for line in next_steps(state["phase"], state.get("allowed", {})):
         console.print(line, style="yellow", highlight=False, markup=False)
 
 
+def _alarm(alarm: Mapping[str, Any]) -> str:
+    still = ", goes on" if alarm["goes_on"] else ""
+    read = ", acknowledged" if alarm["acknowledged"] else ": gcs acknowledge"
+    return f"{alarm['severity']} {alarm['source']}: {alarm['text']} ({alarm['times']} x{still}{read})"
+
+
 def next_steps(phase: str, allowed: Mapping[str, Sequence[str]]) -> list[str]:
-    """What may be asked now; after a stop, else, what stands against its end. allowed: by verb, the reasons against."""
+    """The commands that are possible now; after a stop, why no reset is. allowed: the reasons against, by verb."""
     steps = (Verb.RESET,) if phase == "STOPPED" else _STEPS
-    may = [f"gcs {verb}" for verb in steps if not allowed.get(verb, ("unknown to a ground of an older version",))]
+    may = [
+        f"gcs {verb.command_name}"
+        for verb in steps
+        if not allowed.get(verb, ("unknown to a ground of an older version",))
+    ]
     if may:
         return [f"next: {', '.join(may)}"]
     return [f"no reset: {reason}" for reason in allowed.get(Verb.RESET, ())] if phase == "STOPPED" else []
@@ -193,6 +210,10 @@ def _coordinates(pos_lab_m: list[float] | None) -> list[str]:
 
 def _percent(value: float | None) -> str:
     return "-" if value is None else f"{value:.0%}"
+
+
+def _milliseconds(value_s: float | None) -> str:
+    return "-" if value_s is None else f"{1e3 * value_s:.0f} ms"
 
 
 def _age(value: float | None) -> str:

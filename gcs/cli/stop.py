@@ -3,40 +3,42 @@
 Its protocol is that of every other command (wire.transport.zenoh_session.ask); only the command line is read here.
 """
 
+import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from formation.requests import OperatorRequest, Verb
-from gcs import GCS_NAME
-from gcs.cli.exit_codes import NO_GROUND, NOT_RIGHT, REFUSED
+from formation.requests import GCS_NAME, OperatorRequest, Verb
 from wire import clock
 from wire.errors import BusError, ConfigError
+from wire.process.exit_codes import NO_GROUND, NOT_RIGHT, REJECTED
 
 ANSWER_S = 3.0
+Report = Callable[[bool | None, str], None]
 _OPTIONS = ("--lab", "--name", "--timeout")
 
 
 def stop(words: Sequence[str]) -> int | None:
-    """Stop the swarm as those words after `stop` say; the exit code, None where they are not understood here.
+    """Stop the swarm by the words after `stop`; the exit code, or None for words that this module does not know.
 
-    `--help`, `--json` and mistakes are left to the whole command line, which has an answer for each.
+    `--help` and mistakes are left to the whole command line, which has an answer for each.
     """
-    given = dict.fromkeys(_OPTIONS, "")
-    rest = list(words)
+    options = dict.fromkeys(_OPTIONS, "")
+    rest = [word for word in words if word != "--json"]
+    report = _print_json if len(rest) < len(words) else _print
     while rest:
         name, equals, value = rest.pop(0).partition("=")
-        if name not in given or not (equals or rest):
+        if name not in options or not (equals or rest):
             return None
-        given[name] = value if equals else rest.pop(0)
+        options[name] = value if equals else rest.pop(0)
     try:
-        timeout_s = float(given["--timeout"]) if given["--timeout"] else None
+        timeout_s = float(options["--timeout"]) if options["--timeout"] else None
     except ValueError:
         return None
-    return _ask(given["--lab"], given["--name"] or GCS_NAME, timeout_s)
+    return _ask(options["--lab"], options["--name"] or GCS_NAME, timeout_s, report)
 
 
-def _ask(lab: str, name: str, timeout_s: float | None) -> int:
+def _ask(lab: str, name: str, timeout_s: float | None, report: Report) -> int:
     from wire.transport.lab_address import LabAddress, address_in
     from wire.transport.zenoh_session import Patience, ask
 
@@ -47,15 +49,23 @@ def _ask(lab: str, name: str, timeout_s: float | None) -> int:
         where = address_in(Path(lab)) if lab else LabAddress()
         reply = ask(where.endpoints, where.lab, name, OperatorRequest(clock.unix_us(), Verb.STOP), patience)
     except TimeoutError as error:
-        return _fail(f"gcs: no ground answers: {error}", NO_GROUND)
+        report(None, f"no ground answers: {error}")
+        return NO_GROUND
     except (BusError, ConfigError) as error:
-        return _fail(f"gcs: {error}", NOT_RIGHT)
-    if not reply.accepted:
-        return _fail("refused: " + reply.text, REFUSED)
-    print(reply.text)
-    return 0
+        report(None, str(error))
+        return NOT_RIGHT
+    report(reply.accepted, reply.text)
+    return 0 if reply.accepted else REJECTED
 
 
-def _fail(text: str, code: int) -> int:
-    print(text, file=sys.stderr)
-    return code
+def _print(accepted: bool | None, text: str) -> None:
+    """The ground's answer, or why there is none (None), for people."""
+    prefix = {True: "", False: "refused: ", None: "gcs: "}[accepted]
+    print(prefix + text, file=sys.stdout if accepted else sys.stderr)
+
+
+def _print_json(accepted: bool | None, text: str) -> None:
+    """The same as the other commands print with `--json`."""
+    print(json.dumps({"error": text} if accepted is None else {"accepted": accepted, "text": text}))
+    if accepted is None:
+        _print(accepted, text)

@@ -24,7 +24,7 @@ AXES = "axes"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Look:
+class Snapshot:
     """All n bodies at one moment, as the configuration turns them into lab and flu; no pose counts of one not seen."""
 
     pos_lab_m: Vec3s
@@ -37,11 +37,11 @@ class Moves:
     """One drone moved by hand: looks before the first move and after each of forward, left, up, and a left turn."""
 
     vehicle: int
-    looks: tuple[Look, Look, Look, Look, Look]
+    snapshots: tuple[Snapshot, Snapshot, Snapshot, Snapshot, Snapshot]
 
     def displacement(self, step: int) -> Vec3s:
         """How far every body went in step 0..2, (n, 3)."""
-        moved: Vec3s = self.looks[step + 1].pos_lab_m - self.looks[step].pos_lab_m
+        moved: Vec3s = self.snapshots[step + 1].pos_lab_m - self.snapshots[step].pos_lab_m
         return moved
 
 
@@ -53,7 +53,7 @@ def check_axes(config: LabConfig, moved: Sequence[Moves]) -> tuple[Finding, ...]
 def _check_drone(config: LabConfig, moves: Moves) -> Iterator[Finding]:
     name = config.vehicles[moves.vehicle].body
     steps = [moves.displacement(k) for k in range(3)]
-    seen = np.all([look.seen for look in moves.looks], axis=0)
+    seen = np.all([snapshot.seen for snapshot in moves.snapshots], axis=0)
     travel = np.where(seen, np.sum([np.linalg.norm(step, axis=-1) for step in steps], axis=0), 0.0)
     mover = int(np.argmax(travel))
     if travel[mover] < MOVED_M and not seen[moves.vehicle]:
@@ -108,10 +108,10 @@ def _check_directions(config: LabConfig, name: str, paths: Float) -> Generator[F
 def _check_yaw(config: LabConfig, moves: Moves, mover: int, forward: Vec3) -> Iterator[Finding]:
     """Whether the body's heading is where its nose went, and turns left when it is turned left."""
     name = config.vehicles[moves.vehicle].body
-    q_before, q_after = moves.looks[3].q_lab_from_flu[mover], moves.looks[4].q_lab_from_flu[mover]
+    q_before, q_after = moves.snapshots[3].q_lab_from_flu[mover], moves.snapshots[4].q_lab_from_flu[mover]
     nose = float(np.arctan2(forward[1], forward[0]))
-    zero = float(frames.wrap_angle(frames.yaw(moves.looks[0].q_lab_from_flu[mover]) - nose))
-    q_marker_from_flu = _alignment_to_write(config, mover, moves.looks[0].q_lab_from_flu[mover], nose)
+    zero = float(frames.wrap_angle(frames.yaw(moves.snapshots[0].q_lab_from_flu[mover]) - nose))
+    q_marker_from_flu = _alignment_to_write(config, mover, moves.snapshots[0].q_lab_from_flu[mover], nose)
     why = f"q_marker_from_flu = [{', '.join(f'{x:.4f}' for x in q_marker_from_flu)}]"
     found = f"{np.degrees(zero):+.0f} deg"
     yield graded(name, "yaw zero", found, "0 deg along the nose", abs(zero) <= YAW_WITHIN_RAD, why)

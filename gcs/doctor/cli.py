@@ -2,18 +2,19 @@
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gcs.cli.common import NOT_RIGHT, REFUSED, Json, LabFile, configuration, fail, tell, tell_red
+from wire.process.console import NOT_RIGHT, REJECTED, Json, LabFile, configuration, fail, print_error, print_event
+from wire.process.program import print_json_error
 
 if TYPE_CHECKING:
     from formation.config import LabConfig
     from gcs.doctor.survey import Survey
-    from gcs.finding import Finding, Refit
+    from gcs.finding import Finding, Fix, Refit
 
 SETTLE_S = 3.0
 WIDTH = 150  # of a table that is not for a terminal
@@ -34,7 +35,7 @@ def doctor(
     import uvloop
 
     from gcs.finding import as_dicts, failed
-    from gcs.mocap.service import ServiceError
+    from mocap.service import ServiceError
 
     try:
         findings = uvloop.run(_doctor(config, lab, seconds, still, as_json, _Fixing(fix, yes)))
@@ -43,11 +44,11 @@ def doctor(
     except ValueError as error:
         fail(str(error), NOT_RIGHT)
     except OSError as error:
-        fail(str(error), REFUSED)
+        fail(str(error), REJECTED)
     if as_json:
         print(json.dumps(as_dicts(findings)))
     if failed(findings):
-        raise typer.Exit(REFUSED)
+        raise typer.Exit(REJECTED)
 
 
 def logs(
@@ -55,25 +56,26 @@ def logs(
     out: Annotated[Path, typer.Option(help="Where to put them.")] = Path("logs"),
     newest: Annotated[int, typer.Option(min=1, help="How many of each drone, from the newest on.")] = 1,
     sysid: Annotated[list[int] | None, typer.Option(help="Only this drone; as often as needed.")] = None,
+    as_json: Json = False,
 ) -> None:
     """Download the drones' own flight logs."""
     config = configuration(lab)
     import uvloop
 
-    from gcs.mocap.service import ServiceError
+    from mocap.service import ServiceError
     from wire.private_files import make_folder
 
     make_folder(out)
     try:
-        problems = uvloop.run(_logs(config, lab, out, newest, sysid))
+        problems = uvloop.run(_logs(config, lab, out, newest, sysid, as_json))
     except ServiceError as error:
         fail(str(error), error.code)
     except (OSError, ValueError) as error:
         fail(str(error), NOT_RIGHT)
     for problem in problems:
-        tell_red(problem)
+        print_error(problem)
     if problems:
-        raise typer.Exit(REFUSED)
+        raise typer.Exit(REJECTED)
 
 
 class _Fixing:
@@ -93,27 +95,33 @@ async def _doctor(
 ) -> Sequence["Finding"]:
     from rich.console import Console
 
+    from gcs.doctor.restart_record import read_record
     from gcs.doctor.survey import examine, surveying  # loads MAVSDK
     from gcs.finding import show
 
-    async with surveying(config, lab_file, tell) as survey:
+    recorded = read_record(lab_file)
+    async with surveying(config, lab_file, print_event) as survey:
+        survey.recall(recorded)
         findings = await examine(config, max(seconds, SETTLE_S), None if still else _prompt, survey)
+        note_fixes(lab_file, (f.fix for f in findings if f.fix is not None and survey.reads_at_boot(f.fix)))
         if not as_json:
             show(findings, Console(width=None if sys.stdout.isatty() else WIDTH))
         if fixing.wanted:
-            await _write(survey, findings, fixing)
+            await _write(survey, lab_file, findings, fixing)
         return findings
 
 
-async def _write(survey: "Survey", findings: Sequence["Finding"], fixing: _Fixing) -> None:
+async def _write(survey: "Survey", lab_file: Path, findings: Sequence["Finding"], fixing: _Fixing) -> None:
     """Write what is agreed to; what was found stays found until the doctor is asked again."""
     written = 0
     for finding in findings:
         name, fix, refit = finding.subject, finding.fix, finding.refit
         if fix is not None and fixing.agreed(f"{name}: write {fix.parameter} = {fix.value:g} (is {finding.found})?"):
-            taken = await survey.write(fix)
-            written += taken
-            words = "written" if taken else "NOT taken"
+            accepted = await survey.write(fix)
+            written += accepted
+            if accepted and survey.reads_at_boot(fix):
+                note_fixes(lab_file, [fix])
+            words = "written" if accepted else "NOT accepted"
             print(f"{name}: {fix.parameter} {words}", file=sys.stderr)
         if refit is not None and fixing.agreed(
             f"{name}: write a profile that hovers at {finding.found} to a file here?"
@@ -123,8 +131,17 @@ async def _write(survey: "Survey", findings: Sequence["Finding"], fixing: _Fixin
         print("Restart the autopilots, some parameters count from there; then ask the doctor again.", file=sys.stderr)
 
 
+def note_fixes(lab_file: Path, fixes: "Iterable[Fix]") -> None:
+    """Record that these were not as wanted until now: what is set right counts from the next boot on."""
+    from gcs.doctor.restart_record import note_unmet
+    from wire.clock import unix_us
+
+    for fix in fixes:
+        note_unmet(lab_file, fix.sysid, fix.parameter, unix_us() * 1e-6)
+
+
 def write_profile(refit: "Refit", folder: Path) -> str:
-    """Write it; what to tell of that. The lab file itself is its owner's: nobody but a person changes it."""
+    """Write the profile to a file and return a text about it. The doctor never changes the lab file itself."""
     try:
         path = refit.write(folder)
     except FileExistsError as error:
@@ -132,27 +149,34 @@ def write_profile(refit: "Refit", folder: Path) -> str:
     return f'{path} written: append it to the lab file as it is, and write profile = "{refit.name}" in its entry'
 
 
-async def _logs(config: "LabConfig", lab_file: Path, out: Path, newest: int, only: list[int] | None) -> list[str]:
+async def _logs(
+    config: "LabConfig", lab_file: Path, out: Path, newest: int, only: list[int] | None, as_json: bool
+) -> list[str]:
     import asyncio
 
     from gcs.doctor.mavsdk_drone import DroneError
     from gcs.doctor.survey import surveying  # loads MAVSDK
 
     problems = []
-    async with surveying(config, lab_file, tell) as survey:
+    async with surveying(config, lab_file, print_event) as survey:
         await asyncio.sleep(SETTLE_S)
         for vehicle in config.vehicles:
             if vehicle.sysid is None or (only and vehicle.sysid not in only):
                 continue
             try:
-                await survey.fetch_logs(vehicle.sysid, out, newest, print)
+                await survey.fetch_logs(vehicle.sysid, out, newest, _print_json if as_json else print)
             except DroneError as error:
                 problems.append(str(error))
+                print_json_error(str(error))
     return problems
 
 
+def _print_json(text: str) -> None:
+    print(json.dumps({"text": text}), flush=True)
+
+
 async def _prompt(text: str) -> None:
-    """Say what to do, wait for Enter; ValueError where nobody is there to press it."""
+    """Print the instruction and wait for Enter; ValueError without an operator."""
     import asyncio
 
     print(f"{text}, then press Enter.", file=sys.stderr, flush=True)

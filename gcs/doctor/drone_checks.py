@@ -1,4 +1,4 @@
-"""What a drone's link, its clock and its parameters tell before a flight. Pure."""
+"""Checks of a drone's link, clock and parameters before a flight. Pure."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -19,8 +19,8 @@ HOVER_MOST = 0.25
 class DroneReport:
     """What was learned of one drone; None or NaN where nothing was. `parameters` holds only what it answered.
 
-    packets: how many came from it. unhealthy: what the autopilot itself says it lacks, in words; None where it was not
-    heard to say.
+    packets: how many came from it. unhealthy: what the autopilot reports as missing; None where it reported
+    nothing. awaiting_restart: parameters that are right by now and were not when it booted, each with why.
     """
 
     name: str
@@ -37,6 +37,7 @@ class DroneReport:
     duplicate: bool
     foreign_sysid: int | None
     battery: float
+    awaiting_restart: tuple[tuple[str, str], ...] = ()
 
 
 def check_drone(report: DroneReport, feeds_pose: bool) -> tuple[Finding, ...]:
@@ -53,21 +54,25 @@ def _check(report: DroneReport, feeds_pose: bool) -> Iterator[Finding]:
     if report.model is None:
         yield Finding(name, "heartbeat", Grade.FAIL, "none", "PX4 or ArduPilot", "off, or not on this link")
         return
-    yield Finding(name, "autopilot", Grade.PASS, f"{report.model.name} {report.version or '(version not told)'}")
+    yield Finding(name, "autopilot", Grade.PASS, f"{report.model.name} {report.version or '(version not reported)'}")
     yield from _check_link(report)
     for rule in report.model.rules:
         if feeds_pose or not rule.external_pose:
             yield _check_rule(report, rule)
+    for parameter, why in report.awaiting_restart:
+        yield Finding(name, f"restart for {parameter}", Grade.FAIL, "not restarted", "restarted", f"it {why}")
     yield _check_hover(report, report.model)
     yield from _check_health(report)
     if math.isnan(report.battery):
-        yield unmeasured(name, "battery", "over 50%", "it tells no charge: nobody would land it before it is empty")
+        yield unmeasured(
+            name, "battery", "over 50%", "it reports no charge: the ground cannot land it before the battery is empty"
+        )
     else:
         yield graded(name, "battery", f"{report.battery:.0%}", "over 50%", report.battery > 0.5, "charge it", True)
 
 
 def _check_own(report: DroneReport) -> Finding:
-    """Whether one drone alone answers to the sysid, as far as enough was heard of it to tell."""
+    """Whether only one drone uses the sysid; unmeasured below PACKETS_LEAST packets."""
     check, wanted = "sysid is its own", "one drone"
     if report.duplicate:
         why = "two drones have this sysid: change one (PX4 MAV_SYS_ID, ArduPilot SYSID_THISMAV)"
@@ -135,7 +140,7 @@ def _check_hover(report: DroneReport, model: GroundModel) -> Finding:
     refit = refitted(report.profile, value, report.sysid)
     why = (
         "the autopilot's own is flown, so the profile is wrong for this drone: change the profile (--fix offers one), "
-        "or weigh it and identify a flight"
+        "or measure its mass and identify a flight"
     )
     return Finding(report.name, name, grade, found, expected, why, refit=refit)
 

@@ -70,8 +70,8 @@ class MavsdkPort:
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
-    """What MAVSDK learned of one drone; unhealthy: what it lacks, None where it did not say."""
+class MavsdkReport:
+    """What MAVSDK read of one drone; unhealthy: what it lacks, None if it did not report its health."""
 
     version: str
     unhealthy: tuple[str, ...] | None
@@ -87,11 +87,11 @@ async def mavsdk_system(url: str) -> AsyncIterator[Any]:
         yield await mavsdk.first_autopilot(timeout_s=DISCOVERY_S)
 
 
-async def interview(system: Any, parameters: Iterable[str]) -> Told:
+async def interview(system: Any, parameters: Iterable[str]) -> MavsdkReport:
     """Ask one drone for its version, its health, and these parameters."""
     reader = ParamAsync(system)
     values = {name: value for name in parameters if (value := await read_parameter(reader, name)) is not None}
-    return Told(await _version(system), await _unhealthy(system), values)
+    return MavsdkReport(await _version(system), await _unhealthy(system), values)
 
 
 async def read_parameter(reader: ParamAsync, name: str) -> float | None:
@@ -133,8 +133,10 @@ async def _typed_parameter(reader: ParamAsync, name: str) -> int | float | None:
         return None
 
 
-async def fetch_logs(system: Any, folder: Path, prefix: str, newest: int, tell: Callable[[str], None]) -> list[Path]:
-    """Download the newest logs, the newest first, told file by file; DroneError where the drone gives none."""
+async def fetch_logs(
+    system: Any, folder: Path, prefix: str, newest: int, progress: Callable[[str], None]
+) -> list[Path]:
+    """Download the newest logs, the newest first; progress: called with each file. DroneError without logs."""
     files = LogFilesAsync(system)
     try:
         async with asyncio.timeout(LISTING_S):
@@ -146,7 +148,7 @@ async def fetch_logs(system: Any, folder: Path, prefix: str, newest: int, tell: 
     fetched = []
     for entry in sorted(entries, key=lambda entry: int(entry.id), reverse=True)[:newest]:
         path = log_path(folder, prefix, entry.id, entry.date)
-        tell(f"{path} ({entry.size_bytes / 1e6:.1f} MB)")
+        progress(f"{path} ({entry.size_bytes / 1e6:.1f} MB)")
         try:
             async for _ in files.download_log_file(entry, str(path)):
                 pass
@@ -175,7 +177,7 @@ async def _unhealthy(system: Any) -> tuple[str, ...] | None:
     health = None
     try:
         async with asyncio.timeout(HEALTH_S):
-            async for health in values:  # the first ones tell what has not been heard yet as lacking
+            async for health in values:  # the first ones report as lacking what has not come yet
                 if health.is_armable:
                     break
     except TimeoutError:

@@ -1,4 +1,4 @@
-"""What some seconds of frames, with the drones at rest, tell of the mocap. Pure."""
+"""Checks of the mocap from some seconds of frames, with the drones at rest. Pure."""
 
 from collections.abc import Iterator, Sequence
 
@@ -7,9 +7,9 @@ import numpy as np
 from formation.config import LabConfig, MocapConfig
 from formation.maths.arrays import Bool, Float
 from formation.messages import LabFrame
-from formation.safety.places import nearest, outside_box
+from formation.safety.rules import nearest, outside_box
 from gcs.finding import Finding, Grade, graded, unmeasured
-from gcs.mocap.figures import noise_m, timing
+from mocap.figures import noise_m, timing
 
 Received = tuple[int, LabFrame]
 
@@ -36,7 +36,7 @@ def check_mocap(config: LabConfig, received: Sequence[Received], unknown: Sequen
         *_timing(config, received),
         *_bodies(config, seen, unknown),
         *_rest(config, pos, q, seen),
-        *_places(config, pos, seen),
+        *_positions(config, pos, seen),
     )
 
 
@@ -66,7 +66,9 @@ def _delay(mocap: MocapConfig, delay_s: float) -> Finding:
     """From exposure to receipt, where frames say when they were exposed; else it is only what the lab file says."""
     check, wanted = "delay", f"{mocap.delay_s * 1e3:.1f} ms"
     if mocap.source in ("csv", "mcap", "mavlink"):
-        return unmeasured(MOCAP, check, wanted, f'source "{mocap.source}" tells no exposure: mocap.delay_s is taken')
+        return unmeasured(
+            MOCAP, check, wanted, f'source "{mocap.source}" reports no exposure time: mocap.delay_s is used'
+        )
     if 0.0 <= delay_s < DELAY_LEAST_S:
         return unmeasured(MOCAP, check, wanted, "frames are stamped as they are sent, not as they are exposed")
     close = abs(delay_s - mocap.delay_s) <= DELAY_WITHIN_S
@@ -109,7 +111,7 @@ def _noise(body: str, pos: Float) -> Finding:
     return graded(body, check, f"{found_m * 1e3:.2f} mm", wanted, found_m <= NOISE_M, "moving? reflections?")
 
 
-def _places(config: LabConfig, pos: Float, seen: Bool) -> Iterator[Finding]:
+def _positions(config: LabConfig, pos: Float, seen: Bool) -> Iterator[Finding]:
     """Units, floor, fence and separation of the bodies that were seen."""
     commanded = [i for i in config.commanded if seen[:, i].any()]
     if not commanded:

@@ -1,7 +1,7 @@
 """The doctor's round: listens to mocap and drones, has drones moved by hand, interviews each through MAVSDK."""
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -10,31 +10,33 @@ import numpy as np
 
 from formation.config import LabConfig
 from formation.messages import Datagram, LabFrame
-from gcs.doctor.axes_checks import Look, Moves, check_axes
+from gcs.doctor.axes_checks import Moves, Snapshot, check_axes
 from gcs.doctor.drone_checks import DroneReport, check_drone
 from gcs.doctor.mavsdk_drone import (
     DroneError,
     MavsdkPort,
-    Told,
+    MavsdkReport,
     fetch_logs,
     interview,
     mavsdk_system,
     write_parameter,
 )
 from gcs.doctor.mocap_checks import Received, check_mocap
+from gcs.doctor.restart_record import Unmet
+from gcs.drones.checks import restart_text
 from gcs.drones.link_state import DroneLink
 from gcs.drones.links import GroundLinks, open_links
 from gcs.drones.telemetry import ground_heartbeat
 from gcs.finding import Finding, Fix
-from gcs.mocap.autopilot_poses import AutopilotPoses, streams
-from gcs.mocap.service import mocap_service
+from mocap.autopilot_poses import AutopilotPoses, streams
+from mocap.service import mocap_service
 from wire import clock
 from wire.mavlink.framing import packed
-from wire.process.lifetime import Tell
+from wire.process.lifetime import EventSink
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
 
-LOOK_NS = 300_000_000
+SNAPSHOT_NS = 300_000_000
 PUMP_S = 0.02
 SETTLE_NS = 6_000_000_000
 BEAT_NS = 1_000_000_000
@@ -49,7 +51,7 @@ Prompt = Callable[[str], Awaitable[None]]
 
 
 class Survey:
-    """Everything heard of one lab so far."""
+    """Everything received from one lab so far."""
 
     def __init__(self, config: LabConfig) -> None:
         self.config = config
@@ -67,17 +69,17 @@ class Survey:
         self._ports: dict[int, MavsdkPort] = {}
         self._beat_ns = 0
 
-    def take_frame(self, frame: LabFrame) -> None:
-        """A frame has come; one of other bodies is another lab's."""
+    def receive_frame(self, frame: LabFrame) -> None:
+        """Receive a frame; a frame of other bodies is another lab's and is ignored."""
         if frame.bodies == self._names:
             self.received.append((clock.monotonic_ns(), frame))
 
-    def take_mocap_state(self, state: dict[str, Any]) -> None:
-        """The mocap process says how it is doing."""
+    def receive_mocap_state(self, state: dict[str, Any]) -> None:
+        """Receive the published state of the mocap process."""
         self.unknown_bodies = tuple(str(name) for name in state.get("unknown_bodies", ()))
 
-    def take_datagram(self, datagram: Datagram) -> None:
-        """A drone has spoken: to our own link, to MAVSDK where it listens, and as its own mocap where it is that."""
+    def receive_datagram(self, datagram: Datagram) -> None:
+        """Receive a datagram for our own link, for MAVSDK where it listens, and for poses without a mocap."""
         now_ns = clock.monotonic_ns()
         self.drones[datagram.sysid].receive(datagram.data, now_ns)
         frame = None if self._poses is None else self._poses.receive(datagram, now_ns)
@@ -87,7 +89,7 @@ class Survey:
             self._ports[datagram.sysid].hand_over(datagram.data)
 
     async def pump(self) -> None:
-        """Keep every link asking and answering; for ever."""
+        """Send heartbeats, requests and replies on every link; runs until cancelled."""
         while True:
             now_ns = clock.monotonic_ns()
             beat = now_ns - self._beat_ns >= BEAT_NS
@@ -101,29 +103,41 @@ class Survey:
 
     async def settle(self) -> None:
         """Wait until every drone and a frame were heard, and have been for a moment; not for ever."""
-        give_up_ns = clock.monotonic_ns() + SETTLE_NS
-        while clock.monotonic_ns() < give_up_ns:
+        deadline_ns = clock.monotonic_ns() + SETTLE_NS
+        while clock.monotonic_ns() < deadline_ns:
             if self.received and all(link.model is not None for link in self.drones.values()):
                 break
             await asyncio.sleep(PUMP_S)
-        await asyncio.sleep(LOOK_NS * 1e-9)
+        await asyncio.sleep(SNAPSHOT_NS * 1e-9)
 
     def send(self, sysid: int, data: bytes) -> None:
         """Bytes to a drone."""
         if self.links is not None:
             self.links.send(Datagram(sysid, data))
 
-    async def look(self) -> Look:
+    def reads_at_boot(self, fix: Fix) -> bool:
+        """Whether the drone reads that parameter only as it boots."""
+        model = self.drones[fix.sysid].model
+        return model is not None and fix.parameter in model.table.read_at_boot
+
+    def recall(self, unmet: Sequence[Unmet]) -> None:
+        """Parameters that were not as wanted when an earlier doctor looked."""
+        for one in unmet:
+            if one.sysid in self.drones:
+                t_ns = clock.REAL_TIME.at_unix_ns(round(one.unix_s * 1e9))
+                self.drones[one.sysid].boot_parameters.note_unmet(one.parameter, t_ns)
+
+    async def snapshot(self) -> Snapshot:
         """All bodies over the next moment: mean positions, newest attitudes."""
         self.received.clear()
-        await asyncio.sleep(LOOK_NS * 1e-9)
+        await asyncio.sleep(SNAPSHOT_NS * 1e-9)
         n = len(self.config.vehicles)
         pos, count, q = np.zeros((n, 3)), np.zeros(n), np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
         for _, frame in self.received:
             pos[frame.seen] += frame.pos_lab_m[frame.seen]
             q[frame.seen] = frame.q_lab_from_flu[frame.seen]
             count += frame.seen
-        return Look(pos / np.maximum(count, 1.0)[:, None], q, count > 0.0)
+        return Snapshot(pos / np.maximum(count, 1.0)[:, None], q, count > 0.0)
 
     async def have_moved(self, prompt: Prompt) -> tuple[Moves, ...]:
         """Ask for each commanded drone's moves, one prompt a step."""
@@ -131,31 +145,31 @@ class Survey:
         moved = []
         for vehicle in self.config.commanded:
             name = self.config.vehicles[vehicle].body
-            looks = [await self.look()]
+            snapshots = [await self.snapshot()]
             for step in STEPS:
                 await prompt(step.format(name=name))
-                looks.append(await self.look())
-            start, forward, left, up, turned = looks
+                snapshots.append(await self.snapshot())
+            start, forward, left, up, turned = snapshots
             moved.append(Moves(vehicle, (start, forward, left, up, turned)))
             await prompt(f"Put {name} back")
         return tuple(moved)
 
-    async def interview(self, sysid: int) -> Told:
+    async def interview(self, sysid: int) -> MavsdkReport:
         """One drone through MAVSDK; one that was never heard is not asked."""
         if self.drones[sysid].model is None:
-            return Told("", None, {})
+            return MavsdkReport("", None, {})
         async with self._mavsdk(sysid) as system:
             if system is None:
-                return Told("", None, {})
+                return MavsdkReport("", None, {})
             model = self.drones[sysid].model
             return await interview(system, () if model is None else model.parameters)
 
-    async def fetch_logs(self, sysid: int, folder: Path, newest: int, tell: Callable[[str], None]) -> list[Path]:
+    async def fetch_logs(self, sysid: int, folder: Path, newest: int, report: Callable[[str], None]) -> list[Path]:
         """Download the newest logs of one drone into `folder`. DroneError."""
         async with self._mavsdk(sysid) as system:
             if system is None:
                 raise DroneError(f"{self.drones[sysid].name}: MAVSDK finds no autopilot")
-            return await fetch_logs(system, folder, self.drones[sysid].name, newest, tell)
+            return await fetch_logs(system, folder, self.drones[sysid].name, newest, report)
 
     async def write(self, fix: Fix) -> bool:
         """Write one parameter; whether it took."""
@@ -176,16 +190,16 @@ class Survey:
         """Interview and judge every drone."""
         findings: list[Finding] = []
         for sysid, link in self.drones.items():
-            told = await self.interview(sysid)
+            answers = await self.interview(sysid)
             offset_ns = link.clock.offset_ns
             report = DroneReport(
                 name=link.name,
                 sysid=sysid,
                 profile=link.profile,
                 model=link.model,
-                version=told.version,
-                parameters=told.parameters,
-                unhealthy=told.unhealthy,
+                version=answers.version,
+                parameters=answers.parameters,
+                unhealthy=answers.unhealthy,
                 packets=link.sequence.received,
                 loss=link.sequence.loss,
                 round_trip_s=link.clock.round_trip_s,
@@ -193,24 +207,25 @@ class Survey:
                 duplicate=link.sequence.duplicate(clock.monotonic_ns()),
                 foreign_sysid=link.foreign_sysid,
                 battery=link.telemetry.battery,
+                awaiting_restart=tuple((name, restart_text(link)) for name in link.awaiting_restart),
             )
             findings += check_drone(report, self._feeds_pose)
         return tuple(findings)
 
 
 @asynccontextmanager
-async def surveying(config: LabConfig, lab_file: Path, tell: Tell) -> AsyncIterator[Survey]:
+async def surveying(config: LabConfig, lab_file: Path, report: EventSink) -> AsyncIterator[Survey]:
     """A survey of the lab, its links open and pumped. Raises what opening the bus, the links and the mocap raises."""
     bus = await ZenohBus.open(config.link, config.name)
     survey = Survey(config)
     tasks: list[asyncio.Task[None]] = []
     try:
-        survey.links = await open_links(config, bus, survey.take_datagram)
+        survey.links = await open_links(config, bus, survey.receive_datagram)
         tasks = [asyncio.create_task(survey.pump())]
         mocap = MocapBus(bus)
-        mocap.on_frame(survey.take_frame)
-        mocap.on_state(survey.take_mocap_state)
-        async with mocap_service(config, lab_file, mocap, tell):
+        mocap.on_frame(survey.receive_frame)
+        mocap.on_state(survey.receive_mocap_state)
+        async with mocap_service(config, lab_file, mocap, report):
             yield survey
     finally:
         for task in tasks:

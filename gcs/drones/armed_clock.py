@@ -1,11 +1,11 @@
-"""Since when a drone has been armed, as its heartbeats and its answers tell: what its own time-out counts."""
+"""Since when a drone has been armed, by its heartbeats and acknowledgements: the start of its own disarm time-out."""
 
 from dataclasses import dataclass
 
 
 @dataclass(slots=True)
 class ArmedClock:
-    """A heartbeat tells of arming late; the answer to our command, where there was one, tells when. Never too late.
+    """A heartbeat reports arming late; the acknowledgement of our command gives the time. The result is never too late.
 
     since_ns: None while disarmed. lasted_s: for how long it was armed the last time.
     """
@@ -16,12 +16,12 @@ class ArmedClock:
     _accepted_ns: int | None = None
 
     def accept(self, now_ns: int) -> None:
-        """The drone has taken a command to arm, or to disarm."""
+        """The drone has accepted a command to arm, or to disarm."""
         if self.since_ns is None and self._accepted_ns is None:
             self._accepted_ns = now_ns
 
-    def hear(self, armed: bool, now_ns: int) -> None:
-        """A heartbeat came."""
+    def receive_heartbeat(self, armed: bool, now_ns: int) -> None:
+        """Receive a heartbeat."""
         if armed and self.since_ns is None:
             known = [t_ns for t_ns in (self._disarmed_ns, self._accepted_ns) if t_ns is not None]
             self.since_ns = max(known, default=now_ns)

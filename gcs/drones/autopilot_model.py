@@ -4,7 +4,7 @@ Built on wire.autopilots' tables; a drone's heartbeat says which applies. Everyt
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from formation.maths.arrays import Quat, Vec3
@@ -21,7 +21,7 @@ from wire.link_messages.setpoints import Ignore
 from wire.link_messages.status import EkfStatus, EstimatorFlag, MavAutopilot, ModeFlag
 
 HOVER_WITHIN = 0.15
-"""Share by which an autopilot's own hover thrust may differ from the profile's before anybody is told."""
+"""Share by which an autopilot's own hover thrust may differ from the profile's before the ground warns."""
 _HOVER_LEAST, _HOVER_MOST = 0.05, 0.95
 IDLE_DISARM_LEAST_S = 8.0  # arming a swarm takes three seconds, a take-off three more, the operator what is left
 
@@ -49,7 +49,7 @@ class GroundModel:
 
     table: AutopilotTable
     ignore: Ignore
-    """Body rates that it cannot take beside an attitude."""
+    """Body rates that it does not accept beside an attitude."""
     rules: tuple[ParameterRule, ...]
     streams: tuple[tuple[int, float], ...]
     """Messages to ask for: id and rate, Hz."""
@@ -57,16 +57,16 @@ class GroundModel:
     """Messages that it sends unasked and that nobody here reads: switched off on a link of our own."""
     unready: Callable[[EkfStatus | None], str]
     """Why its estimator cannot carry a flight yet; empty when it can, or does not say."""
+    hover_default: float = field(init=False)
+    """The hover thrust before anyone has measured it, which says nothing of the vehicle."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "hover_default", self.table.default(self.table.hover_parameter))
 
     @property
     def name(self) -> str:
         """As operators know it."""
         return self.table.name
-
-    @property
-    def hover_default(self) -> float:
-        """The hover thrust before anyone has measured it, which says nothing of the vehicle."""
-        return self.table.default(self.table.hover_parameter)
 
     def hover_measured(self, hover_norm: float) -> bool:
         """Whether this value of its hover thrust is one that flying taught it."""

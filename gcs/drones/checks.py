@@ -1,4 +1,4 @@
-"""What a drone's own link and parameters say against arming it, in words; the rules are the autopilot model's."""
+"""Why a drone's link and parameters do not allow arming, as texts; the rules are the autopilot model's."""
 
 from collections.abc import Iterator
 
@@ -6,12 +6,12 @@ from gcs.drones.autopilot_model import HOVER_WITHIN, ParameterRule
 from gcs.drones.link_state import DroneLink
 
 
-def objections(link: DroneLink) -> tuple[str, ...]:
+def prearm_failures(link: DroneLink) -> tuple[str, ...]:
     """Every reason of this link's own not to arm; empty when there is none."""
-    return tuple(f"{link.name}: {reason}" for reason in _objections(link))
+    return tuple(f"{link.name}: {reason}" for reason in _prearm_failures(link))
 
 
-def _objections(link: DroneLink) -> Iterator[str]:
+def _prearm_failures(link: DroneLink) -> Iterator[str]:
     if link.foreign_sysid is not None:
         yield f"drone {link.foreign_sysid} answers on the link of drone {link.sysid}"
     if link.telemetry.heartbeat is None:
@@ -22,6 +22,8 @@ def _objections(link: DroneLink) -> Iterator[str]:
     unready = link.model.unready(link.telemetry.estimator)
     if unready:
         yield unready
+    for name in link.awaiting_restart:
+        yield f"{name} {restart_text(link)}"
     for rule in link.model.rules:
         if rule.vital and not _holds(link, rule):
             yield _complaint(link, rule)
@@ -43,6 +45,13 @@ def _hover_warning(link: DroneLink) -> tuple[str, ...]:
     return (
         f"{link.model.table.hover_parameter} is {used:.2f}, the profile {link.profile.name} hovers at {expected:.2f}",
     )
+
+
+def restart_text(link: DroneLink) -> str:
+    """Why a parameter that was set right keeps its drone on the ground, and what to do."""
+    if link.booted_ns is None:
+        return "was changed and counts from a restart, and the drone's clock (TIMESYNC) does not show when it started"
+    return "was changed since the autopilot started and counts from a restart only: restart the autopilot"
 
 
 def _holds(link: DroneLink, rule: ParameterRule) -> bool:

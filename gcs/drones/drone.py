@@ -1,24 +1,32 @@
-"""One commanded drone as the flight handles it: its link, the goal its autopilot is brought to, and its landing."""
+"""One commanded drone as the flight handles it: the goal its autopilot is brought to, its link, and its landing.
+
+A goal is what the ground wants of the autopilot: wanted against reported, every tick. An acknowledgement alone never
+counts as done; the drone's next heartbeat does.
+"""
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 
 from formation.guidance.plan import HERE, IDLE, Mode, Setpoint
 from formation.model import Vec3Tuple
-from gcs.drones.commands import cut, request_control
-from gcs.drones.goal import Goal, is_reached, pursue
 from gcs.drones.link_state import DroneLink
+from gcs.drones.protocols import arm, cut, disarm, land, request_control
 from gcs.drones.telemetry import NEVER_NS
+from wire.link_messages.commands import CommandLong
 from wire.link_messages.status import LandedState
 
+STREAM_FIRST_NS = 1_200_000_000  # PX4 wants a second of setpoints before it changes to off-board
+HOLD_OFF_NS = 1_000_000_000  # an answer stands until the next heartbeat can confirm it
+CUT_HOLD_OFF_NS = 100_000_000
 TOUCH_NS = 300_000_000
 GONE_NS = 5_000_000_000
 OWN_LANDING_NS = 2_500_000_000
-REFUSED_DISARM_NS = 5_000_000_000
+REJECTED_DISARM_NS = 5_000_000_000
 AIRBORNE_STATES = (LandedState.IN_AIR, LandedState.TAKEOFF, LandedState.LANDING)
 NEAR_FLOOR_M = 0.03
 PRESSING_M, PRESSED_NS = 0.2, 1_000_000_000
-HANGING_M, HANGING_NS = 0.5, 1_000_000_000
+NOT_DESCENDING_M, NOT_DESCENDING_NS = 0.5, 1_000_000_000
 AT_REST_M_S = 0.08
 AT_REST_LAG_S = 0.15  # 4 mm of noise at 30 Hz are 0.02 m/s
 LIFTED_M = 0.02
@@ -30,15 +38,27 @@ LOW_THRUST = 0.92  # of what it flew with: who follows that in the air is not at
 THRUST_MEMORY = 0.005
 
 
+class Goal(StrEnum):
+    """The state the drone's autopilot is to be brought to."""
+
+    LEAVE = "leave as it is"
+    FLY = "off-board and armed"
+    JOIN = "off-board, following this ground"
+    LAND = "landing by itself"
+    DISARM = "disarmed"
+    CUT = "motors cut"
+
+
 @dataclass(slots=True)
 class Drone:
     """index: its place among the n vehicles. rest_z_m: height of its markers when it stood on the floor.
 
-    checked: its parameters have been read and what is amiss with them was told. lifted: seen off the floor since it was
+    checked: its parameters have been read and wrong ones reported. lifted: seen off the floor since it was
     last armed. height_m: above where it stood, NaN unless that was seen. flying_thrust_norm: what it has been flying
-    with of late, 0 before it flew. piloted: a pilot has taken it over, it is left alone. landing_itself: seen to land
-    by its autopilot since it was told to. stopped_ns: when it confirmed its cut motors. slow_height_m: height_m some
-    time before slow_since_ns, in a landing. last_seen_lab_m: where the mocap last saw it while the swarm flew.
+    with of late, 0 before it flew. piloted: a pilot has taken it over, it is left alone. landing_itself: its
+    autopilot was seen to land since it was commanded to. stopped_ns: when it confirmed its cut motors.
+    slow_height_m: height_m some time before slow_since_ns, in a landing. last_seen_lab_m: where the mocap last saw it
+    while the swarm flew.
     """
 
     index: int
@@ -49,7 +69,7 @@ class Drone:
     rest_z_m: float = 0.0
     released: bool = False
     resting_since_ns: int | None = None
-    hanging_since_ns: int | None = None
+    not_descending_since_ns: int | None = None
     descending: bool = False
     touched: bool = False
     checked: bool = False
@@ -76,7 +96,7 @@ class Drone:
 
     @property
     def flown(self) -> bool:
-        """Whether it is sent setpoints: not once it was let go or cut, or a pilot has it."""
+        """Whether it is sent setpoints: not after a release or a motor cut, nor while a pilot flies it."""
         return not self.released and not self.piloted and self.goal is not Goal.CUT
 
     def joining(self, now_ns: int) -> bool:
@@ -92,12 +112,12 @@ class Drone:
 
     @property
     def is_landed(self) -> bool:
-        """Whether its motors are off, as it reported itself since it was told to land, to disarm or to stop."""
+        """Whether it has reported its motors off since it was commanded to land, to disarm or to stop."""
         return self.goal in (Goal.DISARM, Goal.LAND, Goal.CUT) and self.reached
 
     def is_lost(self, now_ns: int) -> bool:
         """Whether it fell silent before it reported that its motors are off, and is sent no setpoints any more."""
-        silent_ns = now_ns - max(self.link.heard_ns, self.goal_since_ns)
+        silent_ns = now_ns - max(self.link.received_ns, self.goal_since_ns)
         return self.goal in (Goal.LAND, Goal.CUT) and not self.reached and silent_ns > GONE_NS
 
     def is_awaited_down(self, now_ns: int) -> bool:
@@ -120,8 +140,8 @@ class Drone:
             return ""
         return f"{self.link.name} disarmed itself: no take-off in {timeout_s:g} s ({model.table.idle_disarm_parameter})"
 
-    def notice_flight(self, pos_lab_m: Vec3Tuple, seen: bool, thrust_norm: float) -> None:
-        """Notice that it is off the floor: as the mocap sees, its autopilot says, or the thrust it follows tells.
+    def detect_lift_off(self, pos_lab_m: Vec3Tuple, seen: bool, thrust_norm: float) -> None:
+        """Detect lift-off: by the mocap's height, the autopilot's landed state, or the thrust setpoint that it follows.
 
         seen: in this frame; else the position is an estimate.
         """
@@ -131,19 +151,19 @@ class Drone:
         if not self.lifted and self.link.armed and self.link.offboard:
             self.lifted = thrust_norm > LIFTING_THRUST * self.link.hover_thrust_norm
 
-    def notice_thrust(self, thrust_norm: float) -> None:
-        """It flies with this; averaged over some two seconds."""
+    def update_flying_thrust(self, thrust_norm: float) -> None:
+        """Update the mean thrust in flight, over some two seconds."""
         before = self.flying_thrust_norm or thrust_norm
         self.flying_thrust_norm = before + THRUST_MEMORY * (thrust_norm - before)
 
-    def notice_pilot(self) -> bool:
-        """Notice that a pilot has taken it over in flight; true once. Whoever stops the swarm stops it all the same."""
-        told_to_land = self.goal is Goal.LAND
-        self.landing_itself = self.landing_itself or (told_to_land and self.link.landing)
+    def detect_pilot(self) -> bool:
+        """Detect that a pilot has taken it over in flight; true once. A stop of the swarm still stops it."""
+        landing_commanded = self.goal is Goal.LAND
+        self.landing_itself = self.landing_itself or (landing_commanded and self.link.landing)
         if self.piloted or not self.lifted or not self.link.piloted or self.goal in (Goal.CUT, Goal.JOIN):
             return False
-        if told_to_land and not self.landing_itself:
-            return False  # it has only just been told
+        if landing_commanded and not self.landing_itself:
+            return False  # the command to land is still on its way
         self.piloted, self.goal = True, Goal.LEAVE
         return True
 
@@ -154,16 +174,19 @@ class Drone:
             self.aim(Goal.DISARM, now_ns)
 
     def pursue(self, now_ns: int) -> None:
-        """One more step towards the goal. A disarm that a landed drone keeps refusing is forced, if two witnesses agree
-        that it has landed; else it is left to its autopilot to land."""
+        """Take one more step towards the goal.
+
+        If a landed drone keeps rejecting a disarm, the disarm is forced, provided that two independent estimates
+        confirm the landing. Else the drone is released.
+        """
         since_ns = now_ns - self.goal_since_ns
         if self.goal is Goal.CUT and self.stopped_ns is None and (self.reached or self._cut_accepted):
             self.stopped_ns = now_ns
         if self.goal is Goal.DISARM and not self.reached:
             if self.touched and self.link.telemetry.landed in AIRBORNE_STATES and since_ns < OWN_LANDING_NS:
                 return  # it would refuse: its own landing detector has not seen yet what the mocap saw
-            if since_ns > REFUSED_DISARM_NS:
-                self._insist(now_ns)
+            if since_ns > REJECTED_DISARM_NS:
+                self._force_disarm(now_ns)
         pursue(self.goal, self.link, self.goal_since_ns, now_ns)
 
     @property
@@ -171,8 +194,8 @@ class Drone:
         answer = self.link.commands.answers.get(cut(self.link.target))
         return answer is not None and answer.accepted and answer.t_ns >= self.goal_since_ns
 
-    def _insist(self, now_ns: int) -> None:
-        """Its own landed state, or its height as the mocap sees it, must bear out that it stands on the floor."""
+    def _force_disarm(self, now_ns: int) -> None:
+        """Force the disarm if the landed state, or the height by the mocap, confirms the landing; else release it."""
         if self.link.piloted:
             self.aim(Goal.LEAVE, now_ns)
         elif self.height_m < NEAR_FLOOR_M or self.link.telemetry.landed is LandedState.ON_GROUND:
@@ -181,13 +204,13 @@ class Drone:
             self.release(now_ns)
 
     def release(self, now_ns: int) -> None:
-        """Let go of it: no more setpoints, it lands by itself."""
+        """Release it: no more setpoints; its autopilot lands it."""
         if not self.released and not self.piloted and self.goal is not Goal.CUT:
             self.released = True
             self.aim(Goal.LAND, now_ns)
 
-    def notice_landing(self, vz_m_s: float, above_reference_m: float, thrust_norm: float, now_ns: int) -> None:
-        """Notice touch-down: at rest at its own floor height, or at rest while told to be well below, and borne out."""
+    def detect_touch_down(self, vz_m_s: float, above_reference_m: float, thrust_norm: float, now_ns: int) -> None:
+        """Detect touch-down: at rest at its floor height, or at rest well above its reference, and confirmed."""
         near = self.height_m < NEAR_FLOOR_M
         moves_m_s = min(abs(vz_m_s), abs(self._climb_m_s(now_ns)))
         rests = (near or above_reference_m > PRESSING_M) and moves_m_s <= AT_REST_M_S
@@ -209,19 +232,20 @@ class Drone:
         self.slow_height_m += dt_s / (dt_s + AT_REST_LAG_S) * (self.height_m - self.slow_height_m)
         return (self.height_m - self.slow_height_m) / AT_REST_LAG_S
 
-    def hangs(self, above_reference_m: float, now_ns: int) -> bool:
-        """Whether it has been far above where a landing leads it for a second, off the floor: it does not follow."""
-        if above_reference_m <= HANGING_M or self.height_m < NEAR_FLOOR_M or self.touched:
-            self.hanging_since_ns = None
+    def is_not_descending(self, above_reference_m: float, now_ns: int) -> bool:
+        """Whether it has been far above its landing reference for a second, off the floor: it does not descend."""
+        if above_reference_m <= NOT_DESCENDING_M or self.height_m < NEAR_FLOOR_M or self.touched:
+            self.not_descending_since_ns = None
             return False
-        if self.hanging_since_ns is None:
-            self.hanging_since_ns = now_ns
-        return now_ns - self.hanging_since_ns >= HANGING_NS
+        if self.not_descending_since_ns is None:
+            self.not_descending_since_ns = now_ns
+        return now_ns - self.not_descending_since_ns >= NOT_DESCENDING_NS
 
     def _stands(self, near: bool, thrust_norm: float) -> bool:
-        """The second witness of a touch-down: its landed state or, at its own floor height, that it follows too little
-        thrust to stay up. Elsewhere thrust tells nothing: one that hovers where a landing leads it down, and does not
-        follow, is sent as little."""
+        """The independent confirmation of a touch-down: the landed state or, at floor height, a thrust too low to fly.
+
+        Above the floor the thrust is no evidence: a hovering drone that does not follow its descent is sent as little.
+        """
         low = thrust_norm < LOW_THRUST * (self.flying_thrust_norm or self.link.hover_thrust_norm)
         return self.link.telemetry.landed is LandedState.ON_GROUND or (near and low and self.link.offboard)
 
@@ -229,7 +253,7 @@ class Drone:
         """It flies under no ground: it is to follow this one, from where it is."""
         self.released = self.piloted = self.touched = False
         self.lifted = True
-        self.link.commands.forget(request_control(self.link.target, self.link.codec.own))
+        self.link.commands.reset_answer(request_control(self.link.target, self.link.codec.own))
         self.aim(Goal.JOIN, now_ns)
 
     def let_down(self, now_ns: int) -> None:
@@ -243,9 +267,9 @@ class Drone:
             self.stay_down(now_ns)
 
     def lead_to(self, setpoint: Setpoint, goal: Goal, now_ns: int) -> None:
-        """A new phase: another setpoint, another goal; a drone that was let go or cut stays so."""
+        """A new phase: another setpoint, another goal; a released or cut drone stays so."""
         self.setpoint = setpoint
-        self.descending, self.touched, self.resting_since_ns, self.hanging_since_ns = False, False, None, None
+        self.descending, self.touched, self.resting_since_ns, self.not_descending_since_ns = False, False, None, None
         self.slow_height_m = math.nan
         if self.flown and not (self.joining(now_ns) and goal is Goal.LEAVE):
             self.aim(goal, now_ns)
@@ -269,3 +293,63 @@ def land_setpoint(rest_z_m: float, speed_m_s: float) -> Setpoint:
 def aside_setpoint(x_m: float, y_m: float, speed_m_s: float) -> Setpoint:
     """To above another spot of the floor, at this height."""
     return Setpoint(Mode.LAB, (x_m, y_m, None), speed_m_s=speed_m_s)
+
+
+def is_reached(goal: Goal, link: DroneLink, since_ns: int) -> bool:
+    """Whether a heartbeat younger than `since_ns` reports the goal."""
+    if goal is Goal.LEAVE:
+        return True
+    if link.heartbeat_ns <= since_ns:
+        return False
+    if goal is Goal.FLY:
+        return link.armed and link.offboard
+    if goal is Goal.JOIN:
+        return link.offboard and _control_asked(link)
+    return not link.armed
+
+
+def pursue(goal: Goal, link: DroneLink, since_ns: int, now_ns: int) -> None:
+    """Ask for the next command towards the goal; nothing when it is reached, or while one is on its way or settling."""
+    if is_reached(goal, link, since_ns):
+        link.commands.calm()
+        return
+    command = _next(goal, link)
+    if goal is Goal.JOIN and link.model is not None and command == link.model.set_offboard(link.target):
+        command = command if now_ns - since_ns >= STREAM_FIRST_NS else None
+    if command is None:
+        return
+    hold_off_ns = CUT_HOLD_OFF_NS if goal is Goal.CUT else HOLD_OFF_NS
+    answer = link.commands.answers.get(command)
+    if answer is not None and now_ns - answer.t_ns < hold_off_ns:
+        return
+    if goal is Goal.CUT:
+        link.commands.urge(command)
+    else:
+        link.commands.ask(command)
+
+
+def _next(goal: Goal, link: DroneLink) -> CommandLong | None:
+    match goal:
+        case Goal.CUT:
+            return cut(link.target)
+        case Goal.DISARM:
+            return disarm(link.target)
+        case Goal.LAND:
+            return None if link.landing else land(link.target)
+        case Goal.JOIN if not _control_asked(link):
+            return _control(link)
+        case Goal.JOIN if link.model is not None and not link.offboard:
+            return link.model.set_offboard(link.target)
+        case Goal.FLY if link.model is not None:
+            return arm(link.target) if link.offboard else link.model.set_offboard(link.target)
+        case _:
+            return None
+
+
+def _control(link: DroneLink) -> CommandLong:
+    return request_control(link.target, link.codec.own)
+
+
+def _control_asked(link: DroneLink) -> bool:
+    """Whether it was asked to follow this ground; a real autopilot answers that it does not know what that means."""
+    return _control(link) in link.commands.answers

@@ -10,12 +10,10 @@ from formation.model import Vec3Tuple
 from formation.vehicle.profile import VehicleProfile
 from gcs.drones.armed_clock import ArmedClock
 from gcs.drones.autopilot_model import GROUND_MODELS, GroundModel
-from gcs.drones.commands import CommandChannel, stream
-from gcs.drones.parameters import ParameterReader
-from gcs.drones.sequence import SequenceMonitor
-from gcs.drones.telemetry import NEVER_NS, PILOTED, READS, READS_IF_ASKED, Telemetry
-from gcs.drones.witness import Witness
+from gcs.drones.protocols import BootParameters, CommandChannel, ParameterReader, stream
+from gcs.drones.telemetry import NEVER_NS, PILOTED, READS, READS_IF_ASKED, OwnEstimate, SequenceMonitor, Telemetry
 from wire.autopilots.table import FlightMode
+from wire.clock_offset import TimeSyncClient, rate_offset_text
 from wire.link_messages.address import (
     BRIDGE_COMPONENT,
     DRONE_COMPONENT,
@@ -41,10 +39,9 @@ from wire.link_messages.status import (
     SysStatus,
 )
 from wire.mavlink.codec import Codec
-from wire.refusals import Refusals
-from wire.timesync import TimeSyncClient, slip_text
+from wire.rejections import RejectionLog
 
-RESTART_NS = 2_500_000_000  # without a heartbeat: it may have started anew and forgotten what it was asked for
+RESTART_NS = 2_500_000_000  # without a heartbeat: it may have restarted and lost its stream requests
 ORIGIN_NS = 1_000_000_000
 WORDS_A_SECOND = 20
 ANSWERS = 2
@@ -53,9 +50,7 @@ OTHER_GROUND_S = 3.0
 AGE_FRESH_NS = 1_000_000_000
 BEHIND_FRESH_NS = 100_000_000
 FORCE_LOST_NS = 3_000_000_000
-SLIP_AGAIN_NS = 60_000_000_000
-STAMPED_MS = 10_000.0
-"""No link is so far behind: such a stamp is not of the clock that TIMESYNC tells of."""
+CLOCK_DRIFT_WARN_NS = 60_000_000_000
 
 
 class DroneLink:
@@ -72,7 +67,7 @@ class DroneLink:
     ) -> None:
         """own: who we are on it. streams: messages to ask for beside its autopilot model's, id and rate, Hz.
 
-        origin: degrees, degrees and metres to tell a drone that waits for them; None where its pose is not ours.
+        origin: latitude, longitude (degrees) and altitude (m) to send to a drone that needs them; None without a mocap.
         """
         self.name = body.body
         self.sysid = sysid
@@ -85,8 +80,10 @@ class DroneLink:
         self._bridge = Address(sysid, BRIDGE_COMPONENT)
         self.codec = Codec(own, reads=READS | (READS_IF_ASKED & dict(streams).keys()))
         self.telemetry = Telemetry()
-        self.witness = Witness()
-        self.heartbeat_ns = self.heard_ns = NEVER_NS
+        self.own_estimate = OwnEstimate()
+        self.armed = False
+        """Whether its last heartbeat said armed."""
+        self.heartbeat_ns = self.received_ns = NEVER_NS
         self._other_ground_ns = NEVER_NS
         self.model: GroundModel | None = None
         self._flight_mode: FlightMode | None = None
@@ -98,19 +95,16 @@ class DroneLink:
         self.foreign_sysid: int | None = None
         self.texts: deque[str] = deque(maxlen=4)
         self.events: list[Event] = []
-        self._refusals = Refusals()
+        self._reject_log = RejectionLog()
         self._second_ns, self._words = NEVER_NS, 0
         self._answers: deque[LinkMessage] = deque(maxlen=ANSWERS)
         self._attitudes: deque[tuple[int, Quat]] = deque(maxlen=ATTITUDES)
         self._misaddressed = 0
+        self.superseded = 0
         self._asked_ns, self._forceless = NEVER_NS, False
         self._behind_s, self._behind_ns = math.nan, NEVER_NS
-        self._slip_told_ns = NEVER_NS
-
-    @property
-    def armed(self) -> bool:
-        """Whether its last heartbeat said armed."""
-        return self.telemetry.heartbeat is not None and self.telemetry.heartbeat.armed
+        self._clock_drift_warned_ns = NEVER_NS
+        self.boot_parameters = BootParameters()
 
     def heartbeat_age_s(self, now_ns: int) -> float:
         """Time since its last heartbeat, s; infinite before the first."""
@@ -118,7 +112,7 @@ class DroneLink:
 
     def silent_s(self, now_ns: int) -> float:
         """Time since anything valid was heard of it, s; infinite before the first."""
-        return math.inf if self.heard_ns == NEVER_NS else (now_ns - self.heard_ns) * 1e-9
+        return math.inf if self.received_ns == NEVER_NS else (now_ns - self.received_ns) * 1e-9
 
     def behind_s(self, now_ns: int) -> float:
         """How old its newest telemetry was when it was read, by the drone's own clock, s: what waited in a queue on the
@@ -128,8 +122,8 @@ class DroneLink:
 
     def setpoint_age_s(self, now_ns: int) -> float:
         """How old setpoints are when they reach it, camera to drone, s; NaN where it has not said of late."""
-        told = self.telemetry
-        return told.setpoint_age_s if now_ns - told.setpoint_age_ns <= AGE_FRESH_NS else math.nan
+        telemetry = self.telemetry
+        return telemetry.setpoint_age_s if now_ns - telemetry.setpoint_age_ns <= AGE_FRESH_NS else math.nan
 
     def answers_other_ground(self, now_ns: int) -> bool:
         """Whether it was lately heard to answer another ground than this."""
@@ -139,7 +133,7 @@ class DroneLink:
     def piloted(self) -> bool:
         """Whether its last heartbeat said that a person flies it: armed, in a mode that is a pilot's."""
         heartbeat, model = self.telemetry.heartbeat, self.model
-        if heartbeat is None or model is None or not heartbeat.armed or self._flight_mode not in PILOTED:
+        if heartbeat is None or model is None or not self.armed or self._flight_mode not in PILOTED:
             return False
         return model.table.split(heartbeat.custom_mode)[0] != model.table.auto_main  # PX4 holds by itself
 
@@ -182,38 +176,49 @@ class DroneLink:
         timeout_s = self.parameters.values.get(name, default_s)
         return timeout_s if timeout_s > 0.0 else None
 
+    @property
+    def booted_ns(self) -> int | None:
+        """When its autopilot booted, on our clock, by TIMESYNC. None before the first answer."""
+        return None if self.clock.offset_ns is None else -self.clock.offset_ns
+
+    @property
+    def awaiting_restart(self) -> tuple[str, ...]:
+        """Parameters that are as wanted by now and count from a boot that is still to come."""
+        return self.boot_parameters.awaiting(self.booted_ns, self.parameters.values, self.model)
+
     def receive(self, data: bytes, now_ns: int, superseded: int = 0) -> None:
         """Take in one datagram; what cannot be read, or is not from this drone's autopilot, is counted.
 
         superseded: packets before it that its link dropped unread.
         """
+        self.superseded += superseded
         for packet in self.codec.receive(data):
             if packet.source == self._bridge:
                 self._read_bridge(packet.message, now_ns)
             if packet.source.component != DRONE_COMPONENT:
                 continue
             if packet.source.system != self.sysid:
-                self._notice_foreign(packet.source.system, now_ns)
+                self._detect_foreign_sysid(packet.source.system, now_ns)
                 continue
             skipped, superseded = self.codec.misaddressed_packets - self._misaddressed + superseded, 0
             self._misaddressed = self.codec.misaddressed_packets
-            self.heard_ns = now_ns
+            self.received_ns = now_ns
             self.sequence.note(packet.seq, now_ns, skipped)
             self._read(packet.message, now_ns)
         self._overhear(self.codec.overheard, now_ns)
         self.codec.overheard = None
 
-    def take_attitudes(self) -> tuple[tuple[int, Quat], ...]:
-        """What it has said of its own attitude since the last call: times, ns, on our clock, and q_lab_from_flu."""
-        taken = tuple(self._attitudes)
+    def pop_attitudes(self) -> tuple[tuple[int, Quat], ...]:
+        """Its own attitude estimates since the last call: times, ns, on our clock, and q_lab_from_flu."""
+        attitudes = tuple(self._attitudes)
         self._attitudes.clear()
-        return taken
+        return attitudes
 
     def due(self, now_ns: int) -> list[LinkMessage]:
         """Answers, time sync, commands and parameter requests to send now."""
         messages = list(self._answers)
         self._answers.clear()
-        self.events += self._refusals.due(now_ns)
+        self.events += self._reject_log.due(now_ns)
         for one in (self.clock.due(now_ns), self.commands.due(now_ns)):
             if one is not None:
                 messages.append(one)
@@ -253,8 +258,8 @@ class DroneLink:
     def _read(self, message: LinkMessage, now_ns: int) -> None:
         match message:
             case Heartbeat():
-                self._hear(message, now_ns)
-                self._notice_force(now_ns)
+                self._receive_heartbeat(message, now_ns)
+                self._watch_imu_stream(now_ns)
             case CommandAck():
                 if message.command == MavCommand.COMPONENT_ARM_DISARM and message.result is Result.ACCEPTED:
                     self.armed_clock.accept(now_ns)
@@ -263,23 +268,27 @@ class DroneLink:
                 if message.tc1_ns:
                     self._overhear(message.target, now_ns)
                 answer = self.clock.receive(message, now_ns)
-                self._report_slip(now_ns)
+                self._report_clock_drift(now_ns)
                 self._answers.extend(() if answer is None else (answer,))
             case ParamValue():
-                refusal = self.parameters.receive(message, self.armed)
-                if refusal:
-                    self._refusals.note(self.name, refusal, now_ns)
+                reason = self.parameters.receive(message, self.armed)
+                if reason:
+                    self._reject_log.note(self.name, reason, now_ns)
+                elif self.model is not None:
+                    name, value = message.name, self.parameters.values[message.name]
+                    self.boot_parameters.read(name, value, self.model, self._origin is not None, now_ns)
             case AttitudeQuaternion():
-                self.witness.receive_attitude(message.q_lab_from_flu, self._made_ns(message.t_boot_ms, now_ns))
-                t_ns = self.clock.clock.to_ours_ns(message.t_boot_ms * 1_000_000)
+                t_ns = self._made_ns(message.t_boot_ms * 1_000_000, now_ns)
+                self.own_estimate.receive_attitude(message.q_lab_from_flu, NEVER_NS if t_ns is None else t_ns)
                 if t_ns is not None:
                     self._attitudes.append((t_ns, message.q_lab_from_flu))
             case InertialSample():
-                t_ns = self.clock.clock.to_ours_ns(message.t_boot_us * 1000)
-                if t_ns is not None and not self.telemetry.force.hear(t_ns, message.specific_force_flu_m_s2, now_ns):
-                    self._refusals.note(self.name, "specific force beyond 16 g", now_ns)
+                t_ns = self._made_ns(message.t_boot_us * 1000, now_ns)
+                if t_ns is not None and not self.telemetry.force.receive(t_ns, message.specific_force_flu_m_s2, now_ns):
+                    self._reject_log.note(self.name, "specific force beyond 16 g", now_ns)
             case LocalPosition():
-                self.witness.receive_position(message.pos_lab_m, self._made_ns(message.t_boot_ms, now_ns))
+                t_ns = self._made_ns(message.t_boot_ms * 1_000_000, now_ns)
+                self.own_estimate.receive_position(message.pos_lab_m, NEVER_NS if t_ns is None else t_ns)
             case ExtendedSysState():
                 self.telemetry.landed = message.landed
             case Battery():
@@ -296,35 +305,36 @@ class DroneLink:
                 self.telemetry.setpoint_age_s, self.telemetry.setpoint_age_ns = message.value * 1e-3, now_ns
             case StatusText():
                 self.texts.append(message.text)
-                self._tell(message.severity, message.text, now_ns)
+                self._add_event(message.severity, message.text, now_ns)
 
-    def _report_slip(self, now_ns: int) -> None:
-        """Name a clock that runs at another rate, once a minute."""
-        slip = self.clock.slip
-        if slip is not None and now_ns - self._slip_told_ns >= SLIP_AGAIN_NS:
-            self._slip_told_ns = now_ns
-            self._tell(Severity.WARNING, slip_text(slip), now_ns)
+    def _report_clock_drift(self, now_ns: int) -> None:
+        """Report a clock that drifts against ours, at most once a minute."""
+        drift = self.clock.rate_offset
+        if drift is not None and now_ns - self._clock_drift_warned_ns >= CLOCK_DRIFT_WARN_NS:
+            self._clock_drift_warned_ns = now_ns
+            self._add_event(Severity.WARNING, rate_offset_text(drift), now_ns)
 
-    def _made_ns(self, t_boot_ms: int, now_ns: int) -> int:
-        """When the drone made what it stamped so, our clock; NEVER_NS where its clock does not tell."""
-        age_ms = self.clock.clock.since_ms(t_boot_ms, now_ns)
-        if age_ms is None or abs(age_ms) > STAMPED_MS:
-            return NEVER_NS
-        self._behind_s, self._behind_ns = max(age_ms, 0.0) * 1e-3, now_ns
-        return now_ns - round(age_ms * 1e6)
+    def _made_ns(self, stamp_ns: int, now_ns: int) -> int | None:
+        """The time of a stamp of the drone on our clock; None before its clock offset is known. Each stamped message
+        also updates the age of the link's telemetry."""
+        age_ns = self.clock.clock.lag_ns(stamp_ns, now_ns)
+        if age_ns is None:
+            return None
+        self._behind_s, self._behind_ns = max(age_ns, 0) * 1e-9, now_ns
+        return now_ns - age_ns
 
     def _read_bridge(self, message: LinkMessage, now_ns: int) -> None:
-        """The bridge beside the autopilot: it asks for our clock, and tells what it does and how old setpoints are."""
+        """The bridge beside the autopilot: it asks for our clock, and reports its events and the age of setpoints."""
         match message:
             case TimeSync(tc1_ns=0):
                 self._answers.append(TimeSync(now_ns, message.ts1_ns, self._bridge))
             case NamedValue() | StatusText():
                 self._read(message, now_ns)
 
-    def _hear(self, heartbeat: Heartbeat, now_ns: int) -> None:
+    def _receive_heartbeat(self, heartbeat: Heartbeat, now_ns: int) -> None:
         silent_ns, self.heartbeat_ns = now_ns - self.heartbeat_ns, now_ns
-        self.telemetry.heartbeat = heartbeat
-        self.armed_clock.hear(heartbeat.armed, now_ns)
+        self.telemetry.heartbeat, self.armed = heartbeat, heartbeat.armed
+        self.armed_clock.receive_heartbeat(heartbeat.armed, now_ns)
         known = GROUND_MODELS.get(heartbeat.autopilot)
         model = known or self.model
         self._flight_mode = None if model is None else model.table.mode_of(heartbeat.custom_mode)
@@ -338,38 +348,38 @@ class DroneLink:
         silenced = dict.fromkeys(known.unread, 0.0) if self._own_link else {}
         for message_id, rate_hz in {**silenced, **dict(known.streams), **dict(self._streams)}.items():
             self.commands.ask(stream(self.target, message_id, rate_hz))
-        self._tell(Severity.INFO, f"drone {self.sysid} is here, {known.name}", now_ns)
+        self._add_event(Severity.INFO, f"drone {self.sysid} is here, {known.name}", now_ns)
 
-    def _notice_force(self, now_ns: int) -> None:
-        """Tell where an accelerometer that was asked for is not told of, and when it is again."""
+    def _watch_imu_stream(self, now_ns: int) -> None:
+        """Report when the requested HIGHRES_IMU stream is missing, and when it is back."""
         if self.model is None or not READS_IF_ASKED & dict(self._streams).keys():
             return
-        silent = now_ns - max(self._asked_ns, self.telemetry.force.heard_ns) > FORCE_LOST_NS
+        silent = now_ns - max(self._asked_ns, self.telemetry.force.received_ns) > FORCE_LOST_NS
         if silent and not self._forceless:
-            self._tell(Severity.WARNING, "sends no HIGHRES_IMU that was asked for: flown without", now_ns)
+            self._add_event(Severity.WARNING, "sends no HIGHRES_IMU that was asked for: flown without", now_ns)
         elif self._forceless and not silent:
-            self._tell(Severity.INFO, "sends HIGHRES_IMU", now_ns)
+            self._add_event(Severity.INFO, "sends HIGHRES_IMU", now_ns)
         self._forceless = silent
 
     def _overhear(self, other: Address | None, now_ns: int) -> None:
-        """Notice that it answers another ground: to whom one of its answers was addressed."""
+        """Detect that it answers another ground, by the address of one of its answers."""
         if other is None or other == self.codec.own or other.system != GROUND_SYSTEM:
             return
         if other.component in GROUND_COMPONENTS:
             self._other_ground_ns = now_ns
 
-    def _notice_foreign(self, system: int, now_ns: int) -> None:
+    def _detect_foreign_sysid(self, system: int, now_ns: int) -> None:
         if system != self.foreign_sysid:
             self.foreign_sysid = system
-            self._tell(Severity.ERROR, f"drone {system} answers on the link of drone {self.sysid}", now_ns)
+            self._add_event(Severity.ERROR, f"drone {system} answers on the link of drone {self.sysid}", now_ns)
 
-    def _tell(self, severity: Severity, text: str, now_ns: int) -> None:
-        """An event in this drone's name, as long as it has not too much to say; what is too much is counted."""
+    def _add_event(self, severity: Severity, text: str, now_ns: int) -> None:
+        """Add an event of this drone; beyond WORDS_A_SECOND events are counted only."""
         if now_ns - self._second_ns >= 1_000_000_000:
             self._second_ns, self._words = now_ns, 0
         self._words += 1
         if self._words > WORDS_A_SECOND:
-            self._refusals.note(self.name, f"texts beyond {WORDS_A_SECOND} a second", now_ns)
+            self._reject_log.note(self.name, f"texts beyond {WORDS_A_SECOND} a second", now_ns)
         else:
             self.events.append(Event(severity, self.name, text))
 

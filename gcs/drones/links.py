@@ -20,13 +20,13 @@ class GroundLinks:
     @property
     def counters(self) -> LinkCounters:
         """Sums over all links."""
-        total = LinkCounters()
-        for link in {id(link): link for link in self._links.values()}.values():
-            total.sent += link.counters.sent
-            total.received += link.counters.received
-            total.dropped += link.counters.dropped
-            total.refused += link.counters.refused
-        return total
+        counters = [link.counters for link in {id(link): link for link in self._links.values()}.values()]
+        return LinkCounters(
+            sent=sum(each.sent for each in counters),
+            received=sum(each.received for each in counters),
+            dropped=sum(each.dropped for each in counters),
+            rejected=sum(each.rejected for each in counters),
+        )
 
     def close(self) -> None:
         """Close every link."""
@@ -43,7 +43,7 @@ async def open_links(config: LabConfig, bus: ZenohBus, deliver: Deliver) -> Grou
     shared = [v.sysid for v in config.vehicles if v.sysid is not None and v.link is None]
     links: dict[int, Link] = {}
     for sysid, text in own.items():
-        links[sysid] = await open_udp_direct(text, sysid, deliver, bus.refusals)
+        links[sysid] = await open_udp_direct(text, sysid, deliver, bus.rejections)
     if shared:
         common = await _open_shared(config, bus, shared, deliver)
         links.update((sysid, common) for sysid in shared)
@@ -54,7 +54,7 @@ async def _open_shared(config: LabConfig, bus: ZenohBus, sysids: list[int], deli
     if config.link.kind == "zenoh":
         return bus.ground_link(sysids, deliver)
     try:
-        return await open_udp_ground(config.link, sysids, deliver, bus.refusals)
+        return await open_udp_ground(config.link, sysids, deliver, bus.rejections)
     except OSError as error:
         ports = ", ".join(str(config.link.ground_port_base + sysid) for sysid in sysids)
         raise OSError(f"UDP ports {ports} on {config.link.host}: {error.strerror or error}") from error

@@ -1,17 +1,37 @@
-"""What the ground hears of a drone: the messages it reads, the newest of each, and the modes that are a pilot's."""
+"""What the ground receives of its drones: packets, the newest of each message, their own estimates and attitudes.
+
+*Packets.* Losses by sequence number, and two senders under one identity, whatever the packets say.
+*Messages.* Those that are read, and the modes that are a pilot's.
+*Own estimate.* What a drone's own estimator says of it: an independent estimate, beside the mocap, before motors are
+cut by rule.
+*Attitudes.* The mocap's against the drones' own (formation.safety.attitude_innovation). A difference that changes
+slowly is the autopilot's level bias, as PX4's half a degree. The last of the limits takes it out of the targets.
+"""
 
 import math
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from math import exp, hypot
 
 import numpy as np
+from numpy.typing import NDArray
 
-from formation.maths.arrays import Vec3
+from formation.maths.arrays import Float, Quat, Vec3
+from formation.messages import LabFrame
+from formation.model import Vec3Tuple
+from formation.safety.attitude_innovation import CLOCK_DOUBT_S, GAP_S, AttitudeInnovation, Tilt, tilt
 from wire.autopilots.table import FlightMode
 from wire.link_messages.message_id import MessageId
 from wire.link_messages.motion import FORCE_MOST_M_S2
 from wire.link_messages.status import EkfStatus, Heartbeat, LandedState, MavAutopilot, MavState, MavType
 
+MODULO = 256
+FORWARD = 128  # a step this long or longer is a step back: a packet overtaken on the way
+NEAR = 4  # a stream is recognised by a step this short
+CAME_MASK = (1 << NEAR + 1) - 1
+STREAM_TIMEOUT_NS = 500_000_000
+MEMORY_S = 1.0
+TURNS, TURNS_SHARE = 4.0, 0.15
 NEVER_NS = -(10**18)
 # What is acted on by gcs.drones.link_state. The rest, much of what a drone sends, is not even decoded.
 READS = frozenset(
@@ -39,41 +59,146 @@ PILOTED = frozenset(
     {FlightMode.MANUAL, FlightMode.STABILIZED, FlightMode.ACRO, FlightMode.ALTITUDE, FlightMode.POSITION,
      FlightMode.HOLD}
 )  # fmt: skip
+FRESH_NS = 300_000_000
+NOWHERE: Vec3Tuple = (math.nan, math.nan, math.nan)
+FRAMES_MAX = 64
+BRACKET_NS = 60_000_000
+LEVEL_BIAS_LAG_S, LEVEL_BIAS_MIN_RAD, LEVEL_BIAS_MAX_RAD = 0.15, 2e-3, 0.05
 
 
-def ground_heartbeat(epoch: int) -> Heartbeat:
-    """A ground's own heartbeat; it tells its epoch."""
-    return Heartbeat(MavAutopilot.INVALID, MavType.GCS, 0, epoch & 0xFFFFFFFF, MavState.ACTIVE)
+@dataclass(slots=True)
+class _Stream:
+    """A counter that goes on: its newest number, and which of those just behind it came (bit k: k before it)."""
+
+    seq: int
+    received_ns: int
+    came: int = 1
+
+    def advance(self, step: int, now_ns: int) -> None:
+        """Go on to the number `step` further."""
+        self.seq = (self.seq + step) % MODULO
+        self.received_ns = now_ns
+        self.came = (self.came << step | 1) & CAME_MASK
+
+    def repeats(self, behind: int) -> bool:
+        """Whether the number that far behind the newest had come before; it has now."""
+        before = self.came
+        self.came |= 1 << behind
+        return self.came == before
 
 
-class FeltForce:
-    """The specific force that a drone's accelerometer told of lately: body FLU, m/s^2, on our clock."""
+@dataclass(slots=True)
+class SequenceMonitor:
+    """One sender's sequence numbers (0..255, one more each packet).
+
+    Two senders that use the same address show as two interleaved counters: each packet continues one of two streams,
+    and the stream changes again and again; where the counters are close, numbers come twice. A lone sender never
+    returns to a counter it has left, and what a network delays on the way fills a gap, once.
+    """
+
+    received: int = 0
+    lost: int = 0
+    _skipped: int = 0
+    _stream: _Stream | None = None
+    _other: _Stream | None = None
+    _turns: float = 0.0
+    _packets: float = 0.0
+    _noted_ns: int = 0
+
+    @property
+    def loss(self) -> float:
+        """The part of the packets that never came, 0..1."""
+        sent = self.received + self.lost
+        return self.lost / sent if sent else 0.0
+
+    def duplicate(self, now_ns: int) -> bool:
+        """Whether two senders were heard in turns in about the last second."""
+        if self._turns < TURNS or self._turns < TURNS_SHARE * self._packets:
+            return False
+        return self._turns * exp(-(now_ns - self._noted_ns) * 1e-9 / MEMORY_S) >= TURNS
+
+    def note(self, seq: int, now_ns: int, skipped: int = 0) -> None:
+        """A packet with this number came; `skipped` others came since the last, before it or after, not for us."""
+        self.received += 1
+        self._skipped += skipped
+        if self._stream is None:
+            self._stream, self._noted_ns = _Stream(seq, now_ns), now_ns
+            return
+        self._count(self._turn(self._stream, seq, now_ns), now_ns)
+
+    def _turn(self, stream: _Stream, seq: int, now_ns: int) -> bool:
+        """Place the number on a stream; whether a lone sender would not have sent it now."""
+        step = (seq - stream.seq) % MODULO
+        behind = -step % MODULO
+        if behind <= NEAR:
+            return self._receive_late(stream, behind)
+        if step > NEAR and self._other is not None and self._goes_on(self._other, seq, now_ns):
+            self._stream, self._other = self._other, stream
+            return True
+        if step >= FORWARD:  # too far back to be overtaken on the way: the counter is another one
+            self._stream, self._other = _Stream(seq, now_ns), stream
+            return False
+        if step > NEAR:
+            self._other = replace(stream)
+        stream.advance(step, now_ns)
+        explained = min(self._skipped, step - 1)
+        self._skipped -= explained
+        self.lost += step - 1 - explained
+        return False
+
+    def _receive_late(self, stream: _Stream, behind: int) -> bool:
+        if stream.repeats(behind):
+            return True
+        self.lost = max(self.lost - 1, 0)  # late, not lost
+        return False
+
+    def _goes_on(self, other: _Stream, seq: int, now_ns: int) -> bool:
+        step = (seq - other.seq) % MODULO
+        if now_ns - other.received_ns >= STREAM_TIMEOUT_NS or not 0 < step <= NEAR:
+            return False
+        other.advance(step, now_ns)
+        return True
+
+    def _count(self, turned: bool, now_ns: int) -> None:
+        fade = exp(-(now_ns - self._noted_ns) * 1e-9 / MEMORY_S)
+        self._noted_ns = now_ns
+        self._turns = self._turns * fade + turned
+        self._packets = self._packets * fade + 1.0
+
+
+def ground_heartbeat(session: int) -> Heartbeat:
+    """A ground's own heartbeat; its custom_mode holds the ground session."""
+    return Heartbeat(MavAutopilot.INVALID, MavType.GCS, 0, session & 0xFFFFFFFF, MavState.ACTIVE)
+
+
+class SpecificForce:
+    """The specific force that a drone's accelerometer measured lately: body FLU, m/s^2, on our clock."""
 
     def __init__(self) -> None:
-        self.heard_ns = NEVER_NS
-        """When it was told of last."""
+        self.received_ns = NEVER_NS
+        """When the last measurement came."""
         self._samples: deque[tuple[int, Vec3]] = deque(maxlen=FORCES)
-        self._taken_ns = NEVER_NS
+        self._mean_until_ns = NEVER_NS
 
-    def hear(self, t_ns: int, force_flu_m_s2: Vec3, now_ns: int) -> bool:
-        """Take in what it felt until t_ns, for some milliseconds; not what no accelerometer can show."""
+    def receive(self, t_ns: int, force_flu_m_s2: Vec3, now_ns: int) -> bool:
+        """Receive a measurement of t_ns; False, rejected, beyond FORCE_MOST_M_S2."""
         possible = float(np.abs(force_flu_m_s2).max()) <= FORCE_MOST_M_S2
         if possible:
-            self.heard_ns = now_ns
+            self.received_ns = now_ns
             self._samples.append((t_ns, force_flu_m_s2))
         return possible
 
-    def take(self, to_ns: int) -> Vec3 | None:
-        """The mean (3) of what it felt from the last call's time to this one's; None where that is not told of.
+    def pop_mean(self, to_ns: int) -> Vec3 | None:
+        """The mean measurement (3) from the last call's time to this one's; None without measurements.
 
-        What comes later than the frame it belongs to is lost: nobody knows any more how the body lay then.
+        Measurements that come after their frame are discarded: the attitude of that time is no longer known.
         """
         total, count = np.zeros(3), 0
         while self._samples and self._samples[0][0] <= to_ns:
             t_ns, force_flu_m_s2 = self._samples.popleft()
-            if t_ns > self._taken_ns:
+            if t_ns > self._mean_until_ns:
                 total, count = total + force_flu_m_s2, count + 1
-        self._taken_ns = to_ns
+        self._mean_until_ns = to_ns
         return total / count if count else None
 
 
@@ -89,4 +214,112 @@ class Telemetry:
     setpoint_age_ns: int = NEVER_NS
     estimator: EkfStatus | None = None
     origin: bool = False
-    force: FeltForce = field(default_factory=FeltForce)
+    force: SpecificForce = field(default_factory=SpecificForce)
+
+
+@dataclass(slots=True)
+class OwnEstimate:
+    """Its newest attitude and position, each of the time t_ns at which the drone made it, our clock.
+
+    What is older than 0.3 s is not said any more, however lately it arrived.
+    Its local frame need not be the lab's: where it begins is settled by a mocap pose while both are trusted.
+    """
+
+    _attitude: Quat | None = None
+    _attitude_ns: int = 0
+    _position: Vec3 | None = None
+    _position_ns: int = 0
+    _origin_lab_m: Vec3Tuple = NOWHERE
+
+    def receive_attitude(self, q_lab_from_flu: Quat, t_ns: int) -> None:
+        """ATTITUDE_QUATERNION came."""
+        self._attitude, self._attitude_ns = q_lab_from_flu, t_ns
+
+    def receive_position(self, pos_m: Vec3, t_ns: int) -> None:
+        """LOCAL_POSITION_NED came; along the lab's axes, from wherever it counts."""
+        self._position, self._position_ns = pos_m, t_ns
+
+    def settle(self, pos_lab_m: Vec3, now_ns: int) -> None:
+        """It is here, says the mocap, and nothing is in doubt."""
+        if self._position is not None and now_ns - self._position_ns <= FRESH_NS:
+            x, y, z = (float(here - own) for here, own in zip(pos_lab_m, self._position, strict=True))
+            self._origin_lab_m = (x, y, z)
+
+    def tilt_rad(self, now_ns: int) -> float:
+        """The angle of its own vertical to the lab's; NaN where it does not say."""
+        if self._attitude is None or now_ns - self._attitude_ns > FRESH_NS:
+            return math.nan
+        _, x, y, _ = self._attitude.tolist()
+        return math.acos(min(max(1.0 - 2.0 * (x * x + y * y), -1.0), 1.0))
+
+    def pos_lab_m(self, now_ns: int) -> Vec3Tuple:
+        """Where it believes itself; NaN where it does not say, or its origin was never settled."""
+        if self._position is None or now_ns - self._position_ns > FRESH_NS:
+            return NOWHERE
+        (x, y, z), (x0, y0, z0) = self._position.tolist(), self._origin_lab_m
+        return x + x0, y + y0, z + z0
+
+
+class AttitudeMonitor:
+    """Of n bodies. innovation_rad (n): the mocap's attitude less the drone's own; 0 where the drone reports none."""
+
+    def __init__(self, n: int) -> None:
+        self.innovation_rad = np.zeros(n)
+        self._frames: deque[tuple[int, list[Tilt | None]]] = deque(maxlen=FRAMES_MAX)
+        self._pending: list[tuple[int, float, float] | None] = [None] * n
+        self._own: list[tuple[int, float, float] | None] = [None] * n
+        self._innovations = [AttitudeInnovation() for _ in range(n)]
+        self._level_bias: list[Tilt] = [(0.0, 0.0)] * n
+
+    def receive_frame(self, frame: LabFrame) -> None:
+        """Add a frame; capture times rise."""
+        poses = zip(frame.q_lab_from_flu.tolist(), frame.seen.tolist(), strict=True)
+        self._frames.append((frame.t_capture_ns, [tilt(q) if seen else None for q, seen in poses]))
+
+    def receive_attitude(self, i: int, t_ns: int, q_lab_from_flu: Quat) -> None:
+        """Add body i's own attitude of t_ns, our clock. It is compared when the next comes: the cameras are slower."""
+        before, self._pending[i] = self._pending[i], (t_ns, *tilt(q_lab_from_flu.tolist()))
+        if before is None or t_ns <= before[0]:
+            return
+        last, self._own[i] = self._own[i], before
+        dt_s = 0.0 if last is None else (before[0] - last[0]) * 1e-9
+        mocap_tilt = self._mocap_tilt_at(i, before[0])
+        if last is None or mocap_tilt is None or not 0.0 < dt_s < GAP_S:
+            return
+        rate = hypot(before[1] - last[1], before[2] - last[2]) / dt_s
+        off = self._innovations[i].update(mocap_tilt, before[1:], rate, dt_s)
+        part, (x, y) = 1.0 - exp(-dt_s / LEVEL_BIAS_LAG_S), self._level_bias[i]
+        self._level_bias[i] = x + part * (off[0] - x), y + part * (off[1] - y)
+        self.innovation_rad[i] = self._innovations[i].innovation_rad
+
+    def level_bias_rad(self, bodies: NDArray[np.int64]) -> Float:
+        """Gravity's direction in the x and y axes of these bodies (m), by the mocap less by themselves (m, 2).
+
+        At most LEVEL_BIAS_MAX_RAD; what noise and the clocks' doubt can explain is left out.
+        """
+        return np.array([self._significant_bias_rad(i) for i in bodies.tolist()]).reshape(len(bodies), 2)
+
+    def _significant_bias_rad(self, i: int) -> Tilt:
+        x, y = self._level_bias[i]
+        bias_rad, doubt_rad = hypot(x, y), CLOCK_DOUBT_S * self._innovations[i].rate_rad_s
+        significant_rad = min(bias_rad - max(LEVEL_BIAS_MIN_RAD, doubt_rad), LEVEL_BIAS_MAX_RAD)
+        if significant_rad <= 0.0:
+            return 0.0, 0.0
+        return x * (significant_rad / bias_rad), y * (significant_rad / bias_rad)
+
+    def _mocap_tilt_at(self, i: int, t_ns: int) -> Tilt | None:
+        """Gravity's direction in body i's axes, x and y, as the mocap shows it at t_ns; None where it does not."""
+        after: tuple[int, list[Tilt | None]] | None = None
+        for before in reversed(self._frames):
+            if before[0] < t_ns:
+                break
+            after = before
+        else:
+            return None
+        if after is None or after[0] - before[0] > BRACKET_NS:
+            return None
+        first, second = before[1][i], after[1][i]
+        if first is None or second is None:
+            return None
+        part = (t_ns - before[0]) / (after[0] - before[0])
+        return first[0] + part * (second[0] - first[0]), first[1] + part * (second[1] - first[1])

@@ -1,4 +1,4 @@
-"""`gcs check`: a lab file judged, told in numbers and drawn, without anything being started."""
+"""`gcs check`: judges a lab file, prints its numbers and draws it, without starting anything."""
 
 import json
 import subprocess
@@ -10,15 +10,15 @@ from rich.console import Console
 
 from formation.config import LabConfig, VehicleBody
 from formation.guidance.preview import Preview
-from gcs.cli.common import NOT_RIGHT, REFUSED, fail
 from gcs.finding import Finding, Grade, as_dicts, failed
 from gcs.lab.drawing import drawn
-from gcs.lab.findings import findings_of, line, of_grade, tell
+from gcs.lab.feasibility import peaks, trajectory_text
+from gcs.lab.findings import findings_of, line, of_grade, print_line
 from gcs.lab.judge import foreseen
-from gcs.lab.pace import peaks, way_text
 from gcs.lab.plan_svg import svg_plan
 from gcs.lab.plan_text import text_plan
 from wire.config_file import ConfigError, load
+from wire.process.console import NOT_RIGHT, REJECTED, fail
 from wire.process.python import python_command
 from wire.toml_text import read_toml
 
@@ -51,9 +51,9 @@ def judge_lab(file: Path, config: LabConfig, svg: Path | None, as_json: bool, fu
     """Judge and draw a lab that could be read; ends the program with its exit code. further: what else was found."""
     ahead = foreseen(config)
     if svg is not None:
-        _write(svg, svg_plan(drawn(config, ahead), f"{_room(config)}; {_way(config, ahead)}"))
+        _write(svg, svg_plan(drawn(config, ahead), f"{_fence_text(config)}; {_trajectory_text(config, ahead)}"))
     if not as_json:
-        print(text_plan(drawn(config, ahead)), *told(config, ahead), "", sep="\n")
+        print(text_plan(drawn(config, ahead)), *summary(config, ahead), "", sep="\n")
     conclude(file, (*findings_of(config), *further), numbers(config, ahead), as_json)
 
 
@@ -90,19 +90,19 @@ def numbers(config: LabConfig, ahead: Preview) -> dict[str, object]:
     }
 
 
-def told(config: LabConfig, ahead: Preview) -> list[str]:
-    """The same for people, and the room."""
-    lines = [f"{INDENT}{_room(config)}", *(f"{INDENT}{text}" for text in vehicles(config))]
+def summary(config: LabConfig, ahead: Preview) -> list[str]:
+    """The same as text lines, and the fence."""
+    lines = [f"{INDENT}{_fence_text(config)}", *(f"{INDENT}{text}" for text in vehicles(config))]
     if config.leader.sysid is None:
         return [*lines, f"{INDENT}{config.leader.body} is only observed: it flies what it flies"]
     leader, *slots = peaks(config, ahead)
     fastest = max(slots, key=lambda peak: peak.speed_m_s)
-    lines.append(f"{INDENT}{_way(config, ahead)}")
+    lines.append(f"{INDENT}{_trajectory_text(config, ahead)}")
     for role, peak in (("leader", leader), (f"fastest slot, {fastest.body}", fastest)):
         lines.append(f"{INDENT}{role}: up to {peak.speed_m_s:.2f} m/s and {peak.acc_m_s2:.2f} m/s^2")
     for name in config.leader.trajectories:
         lab = config.flying(name)
-        lines.append(f"{INDENT}trajectory {name}: {way_text(lab, foreseen(lab))}")
+        lines.append(f"{INDENT}trajectory {name}: {trajectory_text(lab, foreseen(lab))}")
     return lines
 
 
@@ -120,13 +120,13 @@ def _vehicle(config: LabConfig, vehicle: VehicleBody) -> str:
     )
 
 
-def _room(config: LabConfig) -> str:
+def _fence_text(config: LabConfig) -> str:
     low, high = config.limits.fence.low_m, config.limits.fence.high_m
     size = " x ".join(f"{b - a:g}" for a, b in zip(low, high, strict=True))
     return f"fence {size} m, take-off to {config.flight.altitude_m:g} m"
 
 
-def _way(config: LabConfig, ahead: Preview) -> str:
+def _trajectory_text(config: LabConfig, ahead: Preview) -> str:
     if config.leader.sysid is None:
         return "leader observed"
     if config.leader.trajectory.kind == "hold":
@@ -135,17 +135,17 @@ def _way(config: LabConfig, ahead: Preview) -> str:
 
 
 def conclude(lab: Path, findings: Sequence[Finding], counted: dict[str, object] | None, as_json: bool) -> None:
-    """Errors, then warnings apart from them, and the exit code."""
+    """Print errors, then warnings; end with the exit code."""
     errors, warnings = of_grade(findings, Grade.FAIL), of_grade(findings, Grade.WARN)
     if as_json:
         print(json.dumps({"file": str(lab), "findings": as_dicts(findings), "numbers": counted}))
     else:
         for words, found in (("error", errors), ("warning", warnings)):
             for finding in found:
-                tell(f"{words}: {lab}: {line(finding)}", finding.grade, Console())
+                print_line(f"{words}: {lab}: {line(finding)}", finding.grade, Console())
         print(f"{lab}: {_counted(len(errors), 'error')}, {_counted(len(warnings), 'warning')}")
     if failed(findings):
-        raise typer.Exit(REFUSED)
+        raise typer.Exit(REJECTED)
 
 
 def _counted(n: int, word: str) -> str:

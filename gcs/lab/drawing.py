@@ -16,8 +16,8 @@ BEYOND_SHARE = 0.5
 class Drawing:
     """The lab from above: x forward is up on the sheet, y left is to the left.
 
-    low_m, high_m: the fence; leader (2), slots (n, 2): at the start; path (k, 2): the leader's way; swept (n, k, 2):
-    the slots' ways; heading_rad: the leader's at the start; bodies: the names, leader first.
+    low_m, high_m: the fence; leader (2), slots (n, 2): at the start; path (k, 2): the leader's; swept (n, k, 2):
+    the slots' paths; heading_rad: the leader's at the start; bodies: the names, leader first.
     """
 
     name: str

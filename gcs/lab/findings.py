@@ -1,4 +1,4 @@
-"""What is found wrong with a lab file, told: the one place where programs have a lab judged."""
+"""Findings about a lab file, for all programs that judge one."""
 
 import json
 from collections.abc import Sequence
@@ -7,13 +7,13 @@ from pathlib import Path
 from rich.console import Console
 
 from formation.config import LabConfig
-from gcs.cli.common import NOT_RIGHT, configuration, fail
 from gcs.finding import STYLES, Finding, Grade, graded
 from gcs.lab.judge import judge
+from wire.process.console import NOT_RIGHT, configuration, fail
 
 
 def findings_of(config: LabConfig) -> tuple[Finding, ...]:
-    """All refusals and warnings of a lab, the files that it names included."""
+    """All errors and warnings of a lab, including the files that it names."""
     file = config.mocap.file
     if file is None or config.mocap.source not in ("csv", "mcap"):
         return judge(config)
@@ -36,20 +36,20 @@ def of_grade(findings: Sequence[Finding], grade: Grade) -> list[Finding]:
 
 
 def approved(path: Path, as_json: bool) -> LabConfig:
-    """The lab in a file, its warnings told; ends the program where the lab is refused."""
+    """Load a lab file and print its warnings; ends the program if the lab is rejected."""
     config = configuration(path)
     findings = findings_of(config)
-    if refusals := of_grade(findings, Grade.FAIL):
-        fail("\n".join(f"{path}: {line(finding)}" for finding in refusals), NOT_RIGHT)
+    if errors := of_grade(findings, Grade.FAIL):
+        fail("\n".join(f"{path}: {line(finding)}" for finding in errors), NOT_RIGHT)
     for finding in of_grade(findings, Grade.WARN):
         if as_json:
             print(json.dumps({"severity": "WARNING", "source": str(path), "text": line(finding)}), flush=True)
         else:
-            tell(f"{path}: {line(finding)}", Grade.WARN)
+            print_line(f"{path}: {line(finding)}", Grade.WARN)
     return config
 
 
-def tell(text: str, grade: Grade, console: Console | None = None) -> None:
-    """One line to people, on stderr where nothing else is said."""
+def print_line(text: str, grade: Grade, console: Console | None = None) -> None:
+    """Print one line in the grade's style; to stderr by default."""
     console = console or Console(stderr=True)
     console.print(text, style=STYLES[grade], highlight=False, markup=False, soft_wrap=True)

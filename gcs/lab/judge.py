@@ -7,10 +7,10 @@ from formation.config import LabConfig
 from formation.guidance.preview import Preview, expected_start, preview, trajectory_from
 from formation.guidance.shape import configured
 from gcs.finding import Finding
-from gcs.lab.apart import judge_apart
+from gcs.lab.feasibility import judge_feasibility
+from gcs.lab.flight_volume import judge_flight_volume
 from gcs.lab.keys import Keys
-from gcs.lab.pace import judge_pace
-from gcs.lab.room import judge_room
+from gcs.lab.separation import judge_separation
 from gcs.lab.wiring import judge_trajectory_keys, judge_wiring
 
 
@@ -27,9 +27,9 @@ def judge(config: LabConfig) -> tuple[Finding, ...]:
     """
     keys, ahead = Keys(config), foreseen(config)
     return (
-        *judge_room(config, keys, ahead),
-        *judge_apart(config, keys),
-        *judge_pace(config, keys, ahead),
+        *judge_flight_volume(config, keys, ahead),
+        *judge_separation(config, keys),
+        *judge_feasibility(config, keys, ahead),
         *judge_wiring(config, keys),
         *_choices(config),
     )
@@ -41,8 +41,8 @@ def _choices(config: LabConfig) -> Iterator[Finding]:
         lab = config.flying(name)
         keys, ahead = Keys(lab), foreseen(lab)
         for finding in (
-            *judge_room(lab, keys, ahead),
-            *judge_pace(lab, keys, ahead),
+            *judge_flight_volume(lab, keys, ahead),
+            *judge_feasibility(lab, keys, ahead),
             *judge_trajectory_keys(lab, keys),
         ):
             table, _, key = finding.subject.partition("leader.trajectory.")

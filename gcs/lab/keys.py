@@ -14,12 +14,12 @@ class Keys:
     def __init__(self, config: LabConfig) -> None:
         self._config = config
 
-    def refuse(self, key: str, check: str, why: str, wanted: str = "") -> Finding:
-        """The lab cannot be flown like this."""
+    def reject(self, key: str, check: str, why: str, wanted: str = "") -> Finding:
+        """An error: the lab cannot be flown with this value."""
         return Finding(key, check, Grade.FAIL, self.value(key), wanted, why)
 
     def warn(self, key: str, check: str, why: str, wanted: str = "") -> Finding:
-        """It can, but somebody should know."""
+        """A warning: the lab can be flown, but the value is unusual."""
         return Finding(key, check, Grade.WARN, self.value(key), wanted, why)
 
     def value(self, key: str) -> str:

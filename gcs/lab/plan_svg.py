@@ -1,4 +1,4 @@
-"""A lab from above as one SVG: fence, slots at the start, the leader's way and theirs, axes and a scale bar."""
+"""A lab from above as one SVG: fence, slots at the start, the leader's path and theirs, axes and a scale bar."""
 
 from math import cos, floor, log10, sin
 from xml.sax.saxutils import escape
@@ -27,7 +27,7 @@ def svg_plan(drawing: Drawing, subtitle: str) -> str:
         *sheet.grid(),
         '<g clip-path="url(#sheet)">',
         *sheet.fence(drawing),
-        *sheet.ways(drawing),
+        *sheet.paths(drawing),
         *sheet.axes(drawing),
         *sheet.bodies(drawing),
         "</g>",
@@ -103,13 +103,13 @@ class _Sheet:
             f'fill="{FENCE}" fill-opacity="0.025" stroke="{FENCE}" stroke-width="2.5"/>'
         ]
 
-    def ways(self, drawing: Drawing) -> list[str]:
-        """The slots' ways under the leader's; what of them is outside the fence, as plain as the fence."""
-        parts = [self._way(way, FOLLOWER, 1.4, 0.45) for way in drawing.swept if _moves(way)]
+    def paths(self, drawing: Drawing) -> list[str]:
+        """The slots' paths under the leader's; the parts outside the fence in the fence's colour."""
+        parts = [self._path(path, FOLLOWER, 1.4, 0.45) for path in drawing.swept if _moves(path)]
         if _moves(drawing.path):
-            parts += [self._way(drawing.path, LEADER, 2.4, 1.0), *self._direction(drawing.path)]
-        for way in (*drawing.swept, drawing.path):
-            parts += [self._way(run, FENCE, 3.0, 1.0) for run in _outside(way, drawing) if _moves(run)]
+            parts += [self._path(drawing.path, LEADER, 2.4, 1.0), *self._direction(drawing.path)]
+        for path in (*drawing.swept, drawing.path):
+            parts += [self._path(run, FENCE, 3.0, 1.0) for run in _outside(path, drawing) if _moves(run)]
         return parts
 
     def axes(self, drawing: Drawing) -> list[str]:
@@ -153,7 +153,7 @@ class _Sheet:
     def legend(self) -> list[str]:
         """What the lines are, in a row."""
         down, right = TOP + self.height + 62.0, LEFT + self.px_m * self.step_m + 74.0
-        items = [(FENCE, "", "fence"), (LEADER, "", "leader's way"), (FOLLOWER, "", "slots' ways")]
+        items = [(FENCE, "", "fence"), (LEADER, "", "leader's path"), (FOLLOWER, "", "slots' paths")]
         items.append((QUIET, "3 3", "minimum separation"))
         parts = []
         for k, (colour, dashes, words) in enumerate(items):
@@ -162,12 +162,12 @@ class _Sheet:
                       f'<text class="quiet" x="{x + 32:.1f}" y="{y + 4:.1f}">{escape(words)}</text>']  # fmt: skip
         return parts
 
-    def _way(self, way: Float, colour: str, width: float, opacity: float) -> str:
-        """A way (k, 2) as one line, of points a pixel apart at least."""
+    def _path(self, path: Float, colour: str, width: float, opacity: float) -> str:
+        """A path (k, 2) as one line, of points a pixel apart at least."""
         points: list[tuple[float, float]] = []
-        for k, point in enumerate(way):
+        for k, point in enumerate(path):
             at = self.at(point)
-            if k in (0, len(way) - 1) or abs(at[0] - points[-1][0]) + abs(at[1] - points[-1][1]) >= 1.0:
+            if k in (0, len(path) - 1) or abs(at[0] - points[-1][0]) + abs(at[1] - points[-1][1]) >= 1.0:
                 points.append(at)
         text = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
         return (
@@ -176,7 +176,7 @@ class _Sheet:
         )
 
     def _direction(self, path: Float) -> list[str]:
-        """An arrow head on the leader's way, where it is an eighth of the way along."""
+        """An arrow head on the leader's path, an eighth of the length along."""
         far = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=-1))])
         k = min(int(np.searchsorted(far, min(0.125 * far[-1], 60.0 / self.px_m))), len(path) - 2)
         (x, y), (x1, y1) = self.at(path[k]), self.at(path[k + 1])
@@ -184,15 +184,15 @@ class _Sheet:
         return [f'<polygon points="{_head(x, y, (x1 - x) / size, (y1 - y) / size, 7.0)}" fill="{LEADER}"/>']
 
 
-def _outside(way: Float, drawing: Drawing) -> list[Float]:
-    """The parts of a way (k, 2) that are beyond the fence, seen from above."""
-    out = ((way < np.array(drawing.low_m[:2]) - 1e-9) | (way > np.array(drawing.high_m[:2]) + 1e-9)).any(axis=-1)
+def _outside(path: Float, drawing: Drawing) -> list[Float]:
+    """The parts of a path (k, 2) that are beyond the fence, seen from above."""
+    out = ((path < np.array(drawing.low_m[:2]) - 1e-9) | (path > np.array(drawing.high_m[:2]) + 1e-9)).any(axis=-1)
     edges = np.flatnonzero(np.diff(out)) + 1
-    return [run for run, is_out in zip(np.split(way, edges), np.split(out, edges), strict=True) if is_out.any()]
+    return [run for run, is_out in zip(np.split(path, edges), np.split(out, edges), strict=True) if is_out.any()]
 
 
-def _moves(way: Float) -> bool:
-    return float(np.ptp(way, axis=0).max()) > 1e-6
+def _moves(path: Float) -> bool:
+    return float(np.ptp(path, axis=0).max()) > 1e-6
 
 
 def _step(about: float) -> float:

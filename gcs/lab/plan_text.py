@@ -10,7 +10,7 @@ from gcs.lab.drawing import Drawing
 COLUMNS, ROWS = 70, 24
 TALL = 2.0  # a character's height in its widths
 MARGIN = 8
-LEADER, OBSERVED, LEADERS_WAY, SLOTS_WAY, ORIGIN = "L", "O", "o", ".", "+"
+LEADER, OBSERVED, LEADER_PATH, SLOT_PATH, ORIGIN = "L", "O", "o", ".", "+"
 NAMES = string.digits[1:] + string.ascii_lowercase.replace("o", "") + string.ascii_uppercase.replace("L", "")
 BAR_M = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
 
@@ -20,9 +20,9 @@ def text_plan(drawing: Drawing) -> str:
     sheet = _Sheet(drawing)
     sheet.fence(drawing)
     sheet.mark(np.zeros(2), ORIGIN)
-    for way in drawing.swept:
-        sheet.line(way, SLOTS_WAY)
-    sheet.line(drawing.path, LEADERS_WAY)
+    for path in drawing.swept:
+        sheet.line(path, SLOT_PATH)
+    sheet.line(drawing.path, LEADER_PATH)
     for name, slot in zip(_names(len(drawing.slots)), drawing.slots, strict=True):
         sheet.mark(slot, name)
     sheet.mark(drawing.leader, OBSERVED if drawing.observed else LEADER)
@@ -50,7 +50,7 @@ class _Sheet:
             self._rows[row][column] = character
 
     def line(self, points: Float, character: str) -> None:
-        """A way (k, 2), closely sampled."""
+        """A path (k, 2), closely sampled."""
         for point in points:
             self.mark(point, character)
 
@@ -85,7 +85,7 @@ def _legend(drawing: Drawing) -> list[str]:
     leader, *followers = drawing.bodies
     who = f"{OBSERVED} {leader} (observed, taken to be here)" if drawing.observed else f"{LEADER} {leader}"
     items = [who, *(f"{name} {body}" for name, body in zip(_names(len(followers)), followers, strict=True))]
-    items += [f"{LEADERS_WAY} leader's way", f"{SLOTS_WAY} slots' ways", f"{ORIGIN} origin"]
+    items += [f"{LEADER_PATH} leader's path", f"{SLOT_PATH} slots' paths", f"{ORIGIN} origin"]
     lines, line = [], ""
     for item in items:
         if line and len(line) + 2 + len(item) > COLUMNS:
@@ -93,5 +93,5 @@ def _legend(drawing: Drawing) -> list[str]:
             line = ""
         line = f"{line}  {item}" if line else item
     lines.append(line)
-    told = ["from above: x forward is up, y left is to the left", *lines, drawing.beyond]
-    return [" " * MARGIN + text for text in told if text]
+    legend = ["from above: x forward is up, y left is to the left", *lines, drawing.beyond]
+    return [" " * MARGIN + text for text in legend if text]

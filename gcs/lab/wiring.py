@@ -42,7 +42,7 @@ def _mocap(config: LabConfig, keys: Keys) -> Iterator[Finding]:
     if not RATE_LEAST_HZ <= mocap.rate_hz <= RATE_MOST_HZ:
         why = f"drones level where no setpoint comes for {SETPOINT_S:g} s" if mocap.rate_hz < RATE_LEAST_HZ else ""
         wanted = f"{RATE_LEAST_HZ:g} to {RATE_MOST_HZ:g} Hz"
-        yield keys.refuse("mocap.rate_hz", POSES, why or "no mocap is as fast, and no ground", wanted)
+        yield keys.reject("mocap.rate_hz", POSES, why or "no mocap is as fast, and no ground", wanted)
     elif not RATE_FEW_HZ <= mocap.rate_hz <= RATE_MANY_HZ:
         why = "unusual: every frame is a control cycle"
         yield keys.warn("mocap.rate_hz", POSES, why, f"{RATE_FEW_HZ:g} to {RATE_MANY_HZ:g} Hz")
@@ -57,7 +57,7 @@ def _mocap(config: LabConfig, keys: Keys) -> Iterator[Finding]:
     yield from _axes(config, keys)
     if mocap.source == "mavlink" and config.leader.sysid is None:
         why = 'with source "mavlink" drones say themselves where they are: a leader that is none is never seen'
-        yield keys.refuse("leader.sysid", POSES, why)
+        yield keys.reject("leader.sysid", POSES, why)
     elif mocap.source != "mavlink":
         for i, follower in enumerate(config.followers):
             if "spawn_lab_m" in follower.model_fields_set and any(follower.spawn_lab_m):
@@ -73,7 +73,7 @@ def _camera_system(config: LabConfig, keys: Keys) -> Iterator[Finding]:
             why = f'is missing: source "{mocap.source}" needs the address of the computer that sends the poses'
             yield Finding(f"mocap.{mocap.source}.host", POSES, Grade.FAIL, "", why=why)
     if mocap.source in ALWAYS_MILLIMETRES and mocap.unit not in (None, "mm"):
-        yield keys.refuse("mocap.unit", POSES, f'source "{mocap.source}" sends millimetres', '"mm", or leave it out')
+        yield keys.reject("mocap.unit", POSES, f'source "{mocap.source}" sends millimetres', '"mm", or leave it out')
     for system in CAMERA_SYSTEMS:
         if system != mocap.source and getattr(mocap, system) is not None:
             yield keys.warn(f"mocap.{system}", UNUSED, f'the source is "{mocap.source}"')
@@ -81,9 +81,9 @@ def _camera_system(config: LabConfig, keys: Keys) -> Iterator[Finding]:
         yield keys.warn("mocap.names", UNUSED, f'source "{mocap.source}" names bodies as the lab does')
     bodies = {v.body for v in config.vehicles}
     for body in sorted(set(mocap.names.values()) - bodies):
-        yield keys.refuse("mocap.names", NAMES, f"{body} is none of the lab's bodies: {', '.join(sorted(bodies))}")
+        yield keys.reject("mocap.names", NAMES, f"{body} is none of the lab's bodies: {', '.join(sorted(bodies))}")
     if mocap.latency_s is not None and mocap.latency_s > mocap.delay_s:
-        yield keys.refuse(
+        yield keys.reject(
             "mocap.latency_s", POSES, "is a part of delay_s, and cannot be more", f"<= {mocap.delay_s:g} s"
         )
 
@@ -93,7 +93,7 @@ def _axes(config: LabConfig, keys: Keys) -> Iterator[Finding]:
     farthest_m = max(map(abs, config.mocap.origin_lab_m))
     if farthest_m > ORIGIN_MOST_M:
         why = f"{farthest_m:g} m from the lab's origin: metres are meant, not millimetres"
-        yield keys.refuse("mocap.origin_lab_m", POSES, why, f"{ORIGIN_MOST_M:g} m at most")
+        yield keys.reject("mocap.origin_lab_m", POSES, why, f"{ORIGIN_MOST_M:g} m at most")
     rotations = [("mocap.q_lab_from_mocap", config.mocap.q_lab_from_mocap)]
     rotations += [(vehicle_key(i, "q_marker_from_flu"), v.q_marker_from_flu) for i, v in enumerate(config.vehicles)]
     for key, q in rotations:
@@ -108,11 +108,11 @@ def _links(config: LabConfig, keys: Keys) -> Iterator[Finding]:
     for order, (i, vehicle) in enumerate(own):
         kind, host, port = (vehicle.link or "").split(":")
         key = vehicle_key(i, "link")
-        before = next((v for _, v in own[:order] if _place(v) == _place(vehicle)), None)
+        before = next((v for _, v in own[:order] if _endpoint(v) == _endpoint(vehicle)), None)
         if before is not None:
-            yield keys.refuse(key, LINK, f"{before.body} has the same: no two drones are at one end")
+            yield keys.reject(key, LINK, f"{before.body} has the same: no two drones are at one end")
         elif int(port) in bound and (kind == "udpin" or _is_local(host)):
-            yield keys.refuse(key, PORT, f"UDP port {port} is {bound[int(port)]}")
+            yield keys.reject(key, PORT, f"UDP port {port} is {bound[int(port)]}")
         elif kind == "udpin":
             bound[int(port)] = f"the link of {vehicle.body}"
     if config.link.kind == "udp" and _is_local(config.link.host):
@@ -138,11 +138,11 @@ def _both_ends(config: LabConfig, keys: Keys) -> Iterator[Finding]:
                 f"UDP port {port} would be the ground's for {vehicle.body} (link.ground_port_base + sysid) and that of "
                 f"{theirs[port]} itself (link.drone_port_base + sysid), both on {link.host}"
             )
-            yield keys.refuse("link.drone_port_base", PORT, why)
+            yield keys.reject("link.drone_port_base", PORT, why)
             return
 
 
-def _place(vehicle: VehicleBody) -> tuple[bool, str, str]:
+def _endpoint(vehicle: VehicleBody) -> tuple[bool, str, str]:
     """Where a drone's own link leads: whether it is bound here, host and port."""
     kind, host, port = (vehicle.link or "").split(":")
     return kind == "udpin", "127.0.0.1" if host == "localhost" or kind == "udpin" else host, port
@@ -157,20 +157,20 @@ def _bus(config: LabConfig, keys: Keys) -> Iterator[Finding]:
     for name, endpoints in (("zenoh_listen", link.zenoh_listen), ("zenoh_connect", link.zenoh_connect)):
         for endpoint, times in Counter(endpoints).items():
             if times > 1:
-                yield keys.refuse(f"link.{name}", LINK, f"{endpoint} is there {times} times")
+                yield keys.reject(f"link.{name}", LINK, f"{endpoint} is there {times} times")
         for k, endpoint in enumerate(endpoints):
             if name == "zenoh_connect" and endpoint.endswith(":0"):
-                yield keys.refuse(f"link.{name}[{k}]", PORT, "port 0 is any free one: nobody is known to be there")
+                yield keys.reject(f"link.{name}[{k}]", PORT, "port 0 is any free one: nobody is known to be there")
     if not link.zenoh_listen and not link.zenoh_connect:
         why = "neither this nor link.zenoh_listen: no operator, mocap or agent finds the ground"
-        yield keys.refuse("link.zenoh_connect", LINK, why)
+        yield keys.reject("link.zenoh_connect", LINK, why)
 
 
 def _profiles(config: LabConfig, keys: Keys) -> Iterator[Finding]:
     names = Counter(own.name for own in config.profiles)
     for k, own in enumerate(config.profiles):
         if names[own.name] > 1:
-            yield keys.refuse(f"profiles[{k}].name", NAMES, "two profiles have this name")
+            yield keys.reject(f"profiles[{k}].name", NAMES, "two profiles have this name")
         elif own.name in PROFILES:
             yield keys.warn(f"profiles[{k}].name", NAMES, "replaces the shipped profile of this name")
         if own.name not in {v.profile for v in config.vehicles}:
@@ -188,7 +188,7 @@ def _profiles(config: LabConfig, keys: Keys) -> Iterator[Finding]:
                 f"{vehicle.body} has a link, so it is a real drone, and no profile says which: this one is a simulated "
                 f'40 g vehicle. Write profile = "..." there: {", ".join(known_profiles(config))}'
             )
-            yield keys.refuse(vehicle_key(i, "profile"), NAMES, why)
+            yield keys.reject(vehicle_key(i, "profile"), NAMES, why)
 
 
 def known_profiles(config: LabConfig) -> tuple[str, ...]:
@@ -227,10 +227,10 @@ def _leader(config: LabConfig, keys: Keys) -> Iterator[Finding]:
 
 def _headings(config: LabConfig, keys: Keys) -> Iterator[Finding]:
     """Radians are meant."""
-    said = [("leader.spawn_yaw_rad", config.leader.spawn_yaw_rad)]
-    said += [(f"followers[{k}].yaw_offset_rad", f.yaw_offset_rad) for k, f in enumerate(config.followers)]
+    angles = [("leader.spawn_yaw_rad", config.leader.spawn_yaw_rad)]
+    angles += [(f"followers[{k}].yaw_offset_rad", f.yaw_offset_rad) for k, f in enumerate(config.followers)]
     for name, slots in config.formation.shapes.items():
-        said += [(f"formation.shapes.{name}[{k}].yaw_offset_rad", s.yaw_offset_rad) for k, s in enumerate(slots)]
-    for key, angle_rad in said:
+        angles += [(f"formation.shapes.{name}[{k}].yaw_offset_rad", s.yaw_offset_rad) for k, s in enumerate(slots)]
+    for key, angle_rad in angles:
         if abs(angle_rad) > 2.0 * pi:
-            yield keys.refuse(key, "heading", "more than a whole turn: radians are meant, not degrees")
+            yield keys.reject(key, "heading", "more than a whole turn: radians are meant, not degrees")

@@ -1,12 +1,13 @@
 """`gcs live`: a flight live in Foxglove and Rerun."""
 
+import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gcs import GCS_NAME
-from gcs.cli.common import NOT_RIGHT, REFUSED, LabFile, Name, configuration, fail
+from formation.requests import GCS_NAME
+from wire.process.console import NOT_RIGHT, REJECTED, Json, LabFile, Name, configuration, fail
 
 
 def live(
@@ -17,6 +18,7 @@ def live(
     host: Annotated[str, typer.Option(help="Where Foxglove is served.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="And on which port.")] = 8765,
     save: Annotated[Path | None, typer.Option("--save", metavar="FILE.rrd", help="Rerun into a file instead.")] = None,
+    as_json: Json = False,
 ) -> None:
     """Stream the flight to Foxglove or Rerun while it is flown: the log's own channels, from the bus, until Ctrl-C.
 
@@ -42,5 +44,5 @@ def live(
     try:
         count = asyncio.run(run(config.link, config.name, name, viewers, lambda text: typer.echo(text, err=True)))
     except OSError as error:
-        fail(str(error), REFUSED)
-    typer.echo(f"{count} messages streamed")
+        fail(str(error), REJECTED)
+    typer.echo(json.dumps({"messages": count}) if as_json else f"{count} messages streamed")

@@ -8,7 +8,7 @@ import zenoh
 from formation.config import LinkConfig
 from gcs.live.viewers import Viewer
 from wire.logs.live import LiveLog, keys
-from wire.process.awaited import GROUND_REMEDY, Awaited, tell_awaited
+from wire.process.awaited import GROUND_REMEDY, Awaited, report_missing
 from wire.process.lifetime import Stop
 from wire.transport.zenoh_bus import ZenohBus
 
@@ -19,22 +19,22 @@ QUEUED = 64
 class Live:
     """Between one ground's log and the viewers."""
 
-    def __init__(self, viewers: Sequence[Viewer], tell: Callable[[str], None]) -> None:
+    def __init__(self, viewers: Sequence[Viewer], report: Callable[[str], None]) -> None:
         self.messages = 0
         self.begun = False
         self._viewers = viewers
-        self._tell = tell
+        self._report = report
         self._log = LiveLog()
 
-    def take_head(self, head: bytes) -> None:
+    def receive_head(self, head: bytes) -> None:
         """The ground says what its log holds."""
-        if self._log.take_head(head):
+        if self._log.receive_head(head):
             self.begun = True
-            self._tell(f"streaming {len(self._log.channels)} channels")
+            self._report(f"streaming {len(self._log.channels)} channels")
             for viewer in self._viewers:
                 viewer.begin(self._log.channels)
 
-    def take_chunk(self, chunk: bytes) -> None:
+    def receive_chunk(self, chunk: bytes) -> None:
         """The newest moments of the log."""
         for channel, unix_ns, data in self._log.messages(chunk):
             self.messages += 1
@@ -42,27 +42,29 @@ class Live:
                 viewer.show(channel, unix_ns, data)
 
 
-async def run(link: LinkConfig, lab: str, name: str, viewers: Sequence[Viewer], tell: Callable[[str], None]) -> int:
+async def run(link: LinkConfig, lab: str, name: str, viewers: Sequence[Viewer], report: Callable[[str], None]) -> int:
     """Stream until SIGINT or SIGTERM; how many messages. Raises BusError."""
     stop = Stop()
     bus = await ZenohBus.open(link.joined, lab)
-    live = Live(viewers, tell)
+    live = Live(viewers, report)
     head_key, chunk_key = keys(name)
 
-    def take_head(sample: zenoh.Sample) -> None:
-        live.take_head(sample.payload.to_bytes())
+    def receive_head(sample: zenoh.Sample) -> None:
+        live.receive_head(sample.payload.to_bytes())
 
-    def take_chunk(sample: zenoh.Sample) -> None:
-        live.take_chunk(sample.payload.to_bytes())
+    def receive_chunk(sample: zenoh.Sample) -> None:
+        live.receive_chunk(sample.payload.to_bytes())
 
     ground = Awaited(f"the log of ground {name!r}", lambda: live.begun, GROUND_REMEDY)
-    waiting = asyncio.create_task(tell_awaited("live", [ground], lambda event: tell(f"{event.source}: {event.text}")))
+    awaited_task = asyncio.create_task(
+        report_missing("live", [ground], lambda event: report(f"{event.source}: {event.text}"))
+    )
     try:
-        bus.listen(head_key, take_head, limit=1)
-        bus.listen(chunk_key, take_chunk, limit=QUEUED)
+        bus.listen(head_key, receive_head, limit=1)
+        bus.listen(chunk_key, receive_chunk, limit=QUEUED)
         await stop.wait()
     finally:
-        waiting.cancel()
+        awaited_task.cancel()
         await bus.close()
         for viewer in viewers:
             viewer.close()

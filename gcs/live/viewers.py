@@ -58,11 +58,11 @@ class Foxglove:
             channel.close()
         self._channels = {
             number: self._sdk.Channel(
-                told.topic,
+                described.topic,
                 message_encoding="protobuf",
-                schema=self._sdk.Schema(name=told.schema_name, encoding="protobuf", data=told.descriptor_set),
+                schema=self._sdk.Schema(name=described.schema_name, encoding="protobuf", data=described.descriptor_set),
             )
-            for number, told in channels.items()
+            for number, described in channels.items()
         }
 
     def show(self, channel: int, unix_ns: int, data: bytes) -> None:
@@ -126,11 +126,11 @@ def file_of(channels: Mapping[int, Described], messages: list[tuple[int, int, by
     writer.start()
     schemas: dict[tuple[str, bytes], int] = {}
     numbers: dict[int, int] = {}
-    for number, told in channels.items():
-        key = (told.schema_name, told.descriptor_set)
+    for number, described in channels.items():
+        key = (described.schema_name, described.descriptor_set)
         if key not in schemas:
-            schemas[key] = writer.register_schema(told.schema_name, "protobuf", told.descriptor_set)
-        numbers[number] = writer.register_channel(told.topic, "protobuf", schemas[key])
+            schemas[key] = writer.register_schema(described.schema_name, "protobuf", described.descriptor_set)
+        numbers[number] = writer.register_channel(described.topic, "protobuf", schemas[key])
     for number, unix_ns, data in messages:
         writer.add_message(numbers[number], unix_ns, data, unix_ns)
     writer.finish()  # type: ignore[no-untyped-call]

@@ -12,7 +12,7 @@ Row = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """A picture of width by height. right, up, ahead: rows that make a point's place before the camera, m.
+    """A picture of width by height. right, up, ahead: rows that give a point's camera coordinates, m.
 
     A metre one metre ahead is focal pixels large; from above, everything is one metre ahead.
     """
@@ -24,8 +24,8 @@ class Camera:
     ahead: Row
     focal: float
 
-    def place(self, x: float, y: float, z: float) -> tuple[float, float, float]:
-        """Where in the picture a point of the lab is, and how large a metre is there. Called for every point drawn."""
+    def project(self, x: float, y: float, z: float) -> tuple[float, float, float]:
+        """Pixel coordinates of a point of the lab, and the size of a metre there, px. Called for every drawn point."""
         a, u, r = self.ahead, self.up, self.right
         scale = self.focal / max(a[0] * x + a[1] * y + a[2] * z + a[3], NEAREST_M)
         return (

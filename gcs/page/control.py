@@ -11,8 +11,8 @@ class Control:
     """Viewers by name, in order of their coming; the first has the control until it leaves or another takes it."""
 
     holder: str | None = None
-    taken: str = ""
-    """What the viewers are told about the last change of hands."""
+    handover: str = ""
+    """The text for the viewers about the last handover."""
     viewers: list[str] = field(default_factory=list)
 
     def come(self, viewer: str) -> None:
@@ -29,18 +29,18 @@ class Control:
         if self.holder == viewer:
             self.holder = None
 
-    def take(self, viewer: str) -> None:
+    def take_control(self, viewer: str) -> None:
         """A viewer takes the control over."""
         if self.holder not in (None, viewer):
-            self.taken = f"{viewer} has taken the control over from {self.holder}"
+            self.handover = f"{viewer} has taken the control over from {self.holder}"
         self.holder = viewer
 
-    def notice(self, viewer: str) -> str:
-        """What a viewer must know of it; empty for the one that has the control alone."""
+    def status_text(self, viewer: str) -> str:
+        """The status text for a viewer; empty for one that is alone and has the control."""
         if self.holder == viewer:
             others = len(self.viewers) - 1
             return "" if others < 1 else f"{others} more {'viewer looks' if others == 1 else 'viewers look'} on"
         if self.holder is None:
             return "Nobody has the control: this page is read-only until you take it"
         text = f"Read-only: {self.holder} has the control"
-        return f"{self.taken}. {text}" if self.taken.endswith(f"from {viewer}") else text
+        return f"{self.handover}. {text}" if self.handover.endswith(f"from {viewer}") else text

@@ -1,6 +1,6 @@
-"""The room as SVG, by any camera: what stands still (fence, floor) and what moves (drones, slots, trails). Pure.
+"""The scene as SVG, by any camera: what stands still (fence, floor) and what moves (drones, slots, trails). Pure.
 
-Colours are Okabe and Ito's, told apart by every eye; whatever a colour says, a form or a word says too.
+The colours are Okabe and Ito's, safe for colour-blind viewers; each meaning also has a shape or a word.
 """
 
 import math
@@ -9,7 +9,7 @@ from html import escape
 
 from formation.config import Fence
 from gcs.page.camera import Camera
-from gcs.page.room import Body, Point, Room
+from gcs.page.scene import Body, Point, Scene
 
 LEADER, FOLLOWER, BAD, WARN, PREVIEW = "#F0E442", "#56B4E9", "#FF7A33", "#E69F00", "#9AD8C4"
 SMALLEST_PX = 7.0
@@ -35,7 +35,7 @@ def still(camera: Camera, fence: Fence) -> str:
 
 def moving(
     camera: Camera,
-    shown: Room,
+    shown: Scene,
     preview_lab_m: Sequence[Point] = (),
     path_lab_m: Sequence[Point] = (),
     crowd: bool = False,
@@ -51,13 +51,13 @@ def moving(
     parts += [_ring(camera, point, radius, "keepout") for point, radius in shown.keep_outs]
     parts += _marks(camera, shown.slots_lab_m, "slot", 12.0)
     parts += _marks(camera, preview_lab_m, "preview", 12.0)
-    for i, j, apart_m in shown.pairs:
+    for i, j, distance_m in shown.pairs:
         one, other = shown.bodies[i].pos_lab_m, shown.bodies[j].pos_lab_m
         middle = (0.5 * (one[0] + other[0]), 0.5 * (one[1] + other[1]), 0.5 * (one[2] + other[2]))
-        parts.append(_line(camera, one, other, "near") + _text(camera, middle, f"{apart_m:.2f} m", "neart"))
+        parts.append(_line(camera, one, other, "near") + _text(camera, middle, f"{distance_m:.2f} m", "neart"))
     led = [(body.pos_lab_m, body.reference_lab_m) for body in shown.bodies if body.reference_lab_m is not None]
     for at, reference in led:
-        x, y, _ = camera.place(*reference)
+        x, y, _ = camera.project(*reference)
         parts.append(_line(camera, at, reference, "off"))
         parts.append(f'<path class="ref" d="M{x - 5:.1f} {y:.1f}h10M{x:.1f} {y - 5:.1f}v10"/>')
     parts += [_drone(camera, body, named=not crowd or body.leader or _troubled(body)) for body in shown.bodies]
@@ -86,8 +86,8 @@ def _drone(camera: Camera, body: Body, named: bool) -> str:
     d = DIAGONAL * arm
     tips = [_tip(camera, body, sx * d, sy * d) for sx, sy in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
     nx, ny, _ = _tip(camera, body, 1.6 * arm, 0.0)
-    x, y, scale = camera.place(*body.pos_lab_m)
-    sx, sy, _ = camera.place(body.pos_lab_m[0], body.pos_lab_m[1], 0.0)
+    x, y, scale = camera.project(*body.pos_lab_m)
+    sx, sy, _ = camera.project(body.pos_lab_m[0], body.pos_lab_m[1], 0.0)
     colour, rotor = _colour(body), max(0.38 * arm * scale, 1.5)
     parts = [f'<g class="drone" stroke="{colour}" fill="{colour if body.armed else "none"}">']
     if abs(sy - y) > 2.0:
@@ -112,7 +112,7 @@ def _tip(camera: Camera, body: Body, x: float, y: float) -> tuple[float, float, 
     """Where a point of the body's own plane, x forward, y left, is in the picture."""
     w, i, j, k = body.q_lab_from_flu
     px, py, pz = body.pos_lab_m
-    return camera.place(
+    return camera.project(
         px + (1.0 - 2.0 * (j * j + k * k)) * x + 2.0 * (i * j - w * k) * y,
         py + 2.0 * (i * j + w * k) * x + (1.0 - 2.0 * (i * i + k * k)) * y,
         pz + 2.0 * (i * k - w * j) * x + 2.0 * (j * k + w * i) * y,
@@ -128,13 +128,13 @@ def _differ(one: Point, other: Point) -> int:
 
 
 def _line(camera: Camera, a: Point, b: Point, name: str) -> str:
-    (x0, y0, _), (x1, y1, _) = camera.place(*a), camera.place(*b)
+    (x0, y0, _), (x1, y1, _) = camera.project(*a), camera.project(*b)
     return f'<path class="{name}" d="M{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}"/>'
 
 
 def _points(camera: Camera, points: Iterable[Point]) -> str:
-    places = [camera.place(*point) for point in points]
-    return " ".join([f"{x:.0f},{y:.0f}" for x, y, _ in places])
+    pixels = [camera.project(*point) for point in points]
+    return " ".join([f"{x:.0f},{y:.0f}" for x, y, _ in pixels])
 
 
 def _polyline(camera: Camera, points: Sequence[Point], name: str, colour: str = "") -> str:
@@ -149,10 +149,10 @@ def _ring(camera: Camera, point: Point, radius_m: float, name: str) -> str:
 
 
 def _marks(camera: Camera, points: Sequence[Point], name: str, radius_px: float) -> list[str]:
-    places = [camera.place(*point) for point in points]
-    return [f'<circle class="{name}" cx="{x:.1f}" cy="{y:.1f}" r="{radius_px:g}"/>' for x, y, _ in places]
+    pixels = [camera.project(*point) for point in points]
+    return [f'<circle class="{name}" cx="{x:.1f}" cy="{y:.1f}" r="{radius_px:g}"/>' for x, y, _ in pixels]
 
 
 def _text(camera: Camera, point: Point, text: str, name: str) -> str:
-    x, y, _ = camera.place(*point)
+    x, y, _ = camera.project(*point)
     return f'<text class="{name}" x="{x:.1f}" y="{y - 4:.1f}">{escape(text)}</text>'

@@ -14,11 +14,18 @@ from formation.config import LabConfig
 from formation.guidance.preview import Preview, expected_start, trajectory_from
 from formation.guidance.shape import Shape, shape_for
 from formation.guidance.shape_request import parse
-from formation.guidance.transition import assigned, demand_room, transition
+from formation.guidance.transition import assigned, require_separation, transition
 from formation.maths.arrays import Float
-from gcs.lab.pace import way_text
-from gcs.page.room import Point, about
-from gcs.reforming import foreseen, names, room_refusals, space, trajectory_refusals, way_refusals
+from gcs.formation_change import (
+    foreseen,
+    leader_path_reject_reasons,
+    names,
+    slot_reject_reasons,
+    space,
+    trajectory_reject_reasons,
+)
+from gcs.lab.feasibility import trajectory_text
+from gcs.page.scene import Point, about
 
 PATH_POINTS = 60
 FRESH_S = 0.2
@@ -38,7 +45,7 @@ def shape(asked: str, state: Mapping[str, Any], config: LabConfig) -> Foreseen:
     """A shape in an operator's words, NAME [scale=S] [heading=DEGREES], asked for now."""
     try:
         wanted = shape_for(config, parse(asked))
-        demand_room(wanted, space(config, 0.0), names(config))
+        require_separation(wanted, space(config, 0.0), names(config))
     except ValueError as error:
         return Foreseen((), (), (str(error),), "")
     return _judged(wanted, state, config, forming=state["phase"] == "FORMATION", starting=False)
@@ -55,46 +62,46 @@ def trajectory(asked: str, state: Mapping[str, Any], config: LabConfig) -> Fores
         lab = config.flying(asked)
     except ValueError as error:
         return Foreseen((), (), (str(error),), "")
-    place, _ = _leader_place(state, config, aloft=state["phase"] == "HOLD")
-    ahead = foreseen(shape_for(config, parse(str(state["shape"]))), place, None, 0.0, lab)
-    against = (*map(str, state["allowed"]["trajectory"]), *trajectory_refusals(ahead, lab))
-    return Foreseen((), _way(ahead), against, f"{asked}: {way_text(lab, ahead)}")
+    pose, _ = _leader_pose(state, config, aloft=state["phase"] == "HOLD")
+    ahead = foreseen(shape_for(config, parse(str(state["shape"]))), pose, None, 0.0, lab)
+    against = (*map(str, state["allowed"]["trajectory"]), *trajectory_reject_reasons(ahead, lab))
+    return Foreseen((), _leader_path(ahead), against, f"{asked}: {trajectory_text(lab, ahead)}")
 
 
 def _judged(wanted: Shape, state: Mapping[str, Any], config: LabConfig, forming: bool, starting: bool) -> Foreseen:
     config = config.flying(str(state["trajectory"]))
-    place, seen = _leader_place(state, config, forming)
+    pose, seen = _leader_pose(state, config, forming)
     path, path_s = None, 0.0
     if state["trajectory_started"] and state["trajectory_from"] is not None and state["trajectory_s"] is not None:
         path, path_s = trajectory_from(config, np.array(state["trajectory_from"])), float(state["trajectory_s"][0])
     against: list[str] = []
     text = f"{wanted.name}: possible"
     if forming and seen:
-        led = _led(state, place)
+        led = _led(state, pose)
         if led is not None:
             if not starting:
                 wanted = assigned(wanted, led[:, 0, :3])
             try:
-                way = transition(wanted, led, space(config, float(place[2])), names(config))
-                text = f"{wanted.name}: {way.duration_s:.1f} s, never nearer than {way.separation_m:.2f} m"
+                change = transition(wanted, led, space(config, float(pose[2])), names(config))
+                text = f"{wanted.name}: {change.duration_s:.1f} s, never nearer than {change.separation_m:.2f} m"
             except ValueError as error:
                 against.append(str(error))
-    ahead = foreseen(wanted, place, path, path_s, config)
-    against += [*(way_refusals(ahead, config) if starting else ()), *room_refusals(ahead, config)]
-    places = about(_point(place), float(place[3]), wanted.offset_lead_m)
-    return Foreseen(places, _way(ahead) if config.leader.sysid is not None else (), tuple(against), text)
+    ahead = foreseen(wanted, pose, path, path_s, config)
+    against += [*(leader_path_reject_reasons(ahead, config) if starting else ()), *slot_reject_reasons(ahead, config)]
+    slots = about(_point(pose), float(pose[3]), wanted.offset_lead_m)
+    return Foreseen(slots, _leader_path(ahead) if config.leader.sysid is not None else (), tuple(against), text)
 
 
-def _way(ahead: Preview) -> tuple[Point, ...]:
-    """The leader's way, in a few points."""
+def _leader_path(ahead: Preview) -> tuple[Point, ...]:
+    """The leader's path, in a few points."""
     steps = np.linspace(0, len(ahead.leader) - 1, PATH_POINTS).astype(int)
     return tuple(_point(ahead.leader[k, 0]) for k in steps)
 
 
-def _leader_place(state: Mapping[str, Any], config: LabConfig, aloft: bool) -> tuple[Float, bool]:
+def _leader_pose(state: Mapping[str, Any], config: LabConfig, aloft: bool) -> tuple[Float, bool]:
     """The leader's x, y, z, heading, at its flying height while it is not; and whether it is seen."""
-    told = (*state["observed"], *state["drones"])
-    leader = next((one for one in told if one["body"] == config.leader.body), None)
+    reported = (*state["observed"], *state["drones"])
+    leader = next((one for one in reported if one["body"] == config.leader.body), None)
     pos, yaw = None if leader is None else leader["pos_lab_m"], state["leader_yaw_rad"]
     if leader is None or pos is None or yaw is None or leader["age_s"] > FRESH_S:
         return expected_start(config), False
@@ -102,19 +109,19 @@ def _leader_place(state: Mapping[str, Any], config: LabConfig, aloft: bool) -> t
     return np.array([pos[0], pos[1], z, yaw]), True
 
 
-def _led(state: Mapping[str, Any], place: Float) -> Float | None:
+def _led(state: Mapping[str, Any], pose: Float) -> Float | None:
     """Where the followers are led now, at rest, as motions (followers, 3, 4) in the leader's frame."""
     followers = len(state["slots_lead_m"])
-    told = [drone["reference_lab_m"] for drone in state["drones"][-followers:]]
-    if any(reference is None for reference in told):
+    reported = [drone["reference_lab_m"] for drone in state["drones"][-followers:]]
+    if any(reference is None for reference in reported):
         return None
-    c, s = math.cos(-float(place[3])), math.sin(-float(place[3]))
+    c, s = math.cos(-float(pose[3])), math.sin(-float(pose[3]))
     motion = np.zeros((followers, 3, 4))
-    away = np.array(told) - place[:3]
+    away = np.array(reported) - pose[:3]
     motion[:, 0, 0], motion[:, 0, 1] = c * away[:, 0] - s * away[:, 1], s * away[:, 0] + c * away[:, 1]
     motion[:, 0, 2] = away[:, 2]
     return motion
 
 
-def _point(place: Float) -> Point:
-    return float(place[0]), float(place[1]), float(place[2])
+def _point(pose: Float) -> Point:
+    return float(pose[0]), float(pose[1]), float(pose[2])

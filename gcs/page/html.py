@@ -5,9 +5,9 @@ from datetime import datetime
 from html import escape
 
 from formation.messages import Severity
-from gcs.page.alarms import Alarm
 from gcs.page.show import LABELS, Show, Step
 from gcs.page.table import ABOUT, COLUMNS, UNITS, Cell, Level, worst
+from gcs.state.alarms import Alarm
 
 _MARK = {Level.CALM: "", Level.WARN: "▲ ", Level.BAD: "✖ "}
 _CLASS = {Level.CALM: "", Level.WARN: ' class="warn"', Level.BAD: ' class="bad"'}
@@ -41,21 +41,21 @@ def table(shown: Show) -> str:
 
 def steps(shown: Show, commands: bool) -> str:
     """For what is not allowed, every reason; what is only out of turn in few words."""
-    told = [_against(step) for step in shown.steps if step.reasons and not step.out_of_turn]
+    texts = [_against(step) for step in shown.steps if step.reasons and not step.out_of_turn]
     turn = [
         f"{LABELS[step.verb]}: only in {escape(step.reasons[0].partition(' is for ')[2].partition(', this')[0])}"
         for step in shown.steps
         if step.out_of_turn
     ]
     later = f'<p class="later">{"<br>".join(turn)}</p>' if turn and commands else ""
-    return "".join(told) + later
+    return "".join(texts) + later
 
 
 def alarms(open_: Sequence[Alarm], latest: Sequence[Alarm]) -> str:
-    """Those that nobody has acknowledged; without any, what was told last, dimmed."""
+    """Those that are not acknowledged and over; without any, the newest events, dimmed."""
     if open_:
         return "".join(map(_alarm, open_))
-    return "".join(f'<p class="told">{_time(one)} {escape(one.source)}: {escape(one.text)}</p>' for one in latest)
+    return "".join(f'<p class="event">{_time(one)} {escape(one.source)}: {escape(one.text)}</p>' for one in latest)
 
 
 def lost(shown: Show) -> str:
@@ -72,12 +72,14 @@ def _against(step: Step) -> str:
 
 def _alarm(alarm: Alarm) -> str:
     name = "bad" if alarm.severity <= Severity.ERROR else "warn"
-    mark = "✖" if name == "bad" else "▲"
+    name += " read" if alarm.acknowledged else ""
+    mark = "✖" if alarm.severity <= Severity.ERROR else "▲"
     times = f" ({alarm.times} times)" if alarm.times > 1 else ""
     word = alarm.severity.name
+    still = (", goes on" if alarm.goes_on else "") + (", acknowledged" if alarm.acknowledged else "")
     return (
         f'<div class="alarm {name}"><b>{mark} {word} {_time(alarm)}</b> '
-        f"{escape(alarm.source)}: {escape(alarm.text)}{times}</div>"
+        f"{escape(alarm.source)}: {escape(alarm.text)}{times}{still}</div>"
     )
 
 

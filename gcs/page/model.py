@@ -4,10 +4,10 @@ from typing import Any
 
 from formation.config import LabConfig
 from formation.messages import Event, Severity
-from gcs.page.alarms import AlarmBook
+from gcs.page.alarms import ShownAlarms
 from gcs.page.control import Control
 from gcs.page.foresee import Foreseen, shape, start, trajectory
-from gcs.page.room import Room, Trails, room
+from gcs.page.scene import Scene, Trails, scene
 from gcs.page.show import NOTHING_YET, SILENT_S, Show, none_of_ours, show
 from wire.json_text import parse_object
 
@@ -15,34 +15,34 @@ START_NS = 1_000_000_000
 
 
 class Model:
-    """Hears the bus, and says what is to be shown; times are on the flight's clock, ns."""
+    """Receives the published states and computes what is shown; times are on the flight's clock, ns."""
 
     def __init__(self, config: LabConfig) -> None:
         self.config = config
-        self.alarms = AlarmBook()
+        self.alarms = ShownAlarms()
         self.control = Control()
         self.state: dict[str, Any] | None = None
-        self.room = Room((), (), (), ())
+        self.scene = Scene((), (), (), ())
         self.start: Foreseen | None = None
         self._mocap: dict[str, Any] | None = None
         self._trails = Trails()
-        self._heard_ns = self._mocap_ns = self._start_ns = 0
+        self._state_ns = self._mocap_ns = self._start_ns = 0
         self._lost = False
 
-    def hear(self, text: str, now_ns: int) -> None:
-        """The ground has published its state; ValueError where it is none of this version's, and nothing changes."""
+    def receive_state(self, text: str, now_ns: int) -> None:
+        """Receive the ground's published state; ValueError, without effect, for another version's."""
         state = parse_object(text)
         with none_of_ours("ground"):
             show(state, None, 0.0)
-            self.room = room(state, self.config, self._trails)
-            self.alarms.hear_ground(state)
+            self.scene = scene(state, self.config, self._trails)
+            self.alarms.receive_ground(state)
             if now_ns - self._start_ns > START_NS:
                 self._start_ns = now_ns
                 self.start = start(state, self.config) if state["phase"] == "HOLD" else None
-        self.state, self._heard_ns, self._lost = state, now_ns, False
+        self.state, self._state_ns, self._lost = state, now_ns, False
 
-    def hear_mocap(self, state: dict[str, Any], now_ns: int) -> None:
-        """The mocap process has published its state; ValueError where it is none of this version's."""
+    def receive_mocap_state(self, state: dict[str, Any], now_ns: int) -> None:
+        """Receive the mocap process's published state; ValueError for another version's."""
         if self.state is None:
             return  # it comes again each second
         with none_of_ours("mocap process"):
@@ -53,10 +53,11 @@ class Model:
         """What is to be shown now; a ground that falls silent is an alarm, once."""
         if self.state is None:
             return NOTHING_YET
-        silent_s = (now_ns - self._heard_ns) * 1e-9
+        silent_s = (now_ns - self._state_ns) * 1e-9
         if silent_s > SILENT_S and not self._lost:
             self._lost = True
-            self.alarms.hear(Event(Severity.CRITICAL, "page", "the ground is not heard any more"), unix_s)
+            self.alarms.retain_ground_alarms()
+            self.alarms.receive(Event(Severity.CRITICAL, "page", "the ground is not heard any more"), unix_s)
         mocap = self._mocap if now_ns - self._mocap_ns < 3 * START_NS else None
         return show(self.state, mocap, silent_s, () if self.start is None else self.start.against)
 

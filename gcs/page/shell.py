@@ -5,6 +5,7 @@ beeps, and says across the page when nothing has come of the server for a while.
 """
 
 import asyncio
+import json
 import socket
 import sys
 from collections.abc import AsyncIterator
@@ -21,8 +22,8 @@ from gcs.page.origin import OwnPagesOnly
 from gcs.page.viewer import Viewer
 from wire.clock import Clock, unix_us
 from wire.plain_text import plain
-from wire.process.awaited import GROUND_REMEDY, Awaited, tell_awaited
-from wire.refusals import Refusals
+from wire.process.awaited import GROUND_REMEDY, Awaited, report_missing
+from wire.rejections import RejectionLog
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
 
@@ -49,18 +50,18 @@ class Page:
         self._bus: ZenohBus | None = None
         self._style = (FOLDER / "page.css").read_text(encoding="utf-8")
         self._script = (FOLDER / "page.html").read_text(encoding="utf-8")
-        self._refusals = Refusals()
+        self._reject_log = RejectionLog()
         self._count = 0
         self._drawn_ns = 0
 
     @asynccontextmanager
-    async def heard(self) -> AsyncIterator[None]:
+    async def subscribed(self) -> AsyncIterator[None]:
         """While inside, the bus is heard."""
         bus = await ZenohBus.open(self._config.link.joined, self._config.name)
         self._bus = bus
         try:
-            bus.on_state(self._ground, self._hear)
-            MocapBus(bus, self._clock).on_state(self._hear_mocap)
+            bus.on_state(self._ground, self._receive_state)
+            MocapBus(bus, self._clock).on_state(self._receive_mocap_state)
             yield
         finally:
             await bus.close()
@@ -88,13 +89,13 @@ class Page:
         client.on_connect(lambda: self._come(viewer))
         client.on_disconnect(lambda: self._leave(viewer))
 
-    def refuse(self, source: str, why: str) -> None:
+    def reject(self, source: str, why: str) -> None:
         """What came of somebody else was not used: a line here, and an alarm, at most once a second."""
         now_ns = self._clock.monotonic_ns()
-        self._refusals.note(plain(source, SOURCE_MOST), why, now_ns)
-        for event in self._refusals.due(now_ns):
+        self._reject_log.note(plain(source, SOURCE_MOST), why, now_ns)
+        for event in self._reject_log.due(now_ns):
             print(f"page: {event.source}: {event.text}", file=sys.stderr, flush=True)
-            self.model.alarms.hear(event, unix_us() * 1e-6)
+            self.model.alarms.receive(event, unix_us() * 1e-6)
 
     def draw(self) -> None:
         """Show every viewer what there is."""
@@ -103,10 +104,10 @@ class Page:
         for viewer in tuple(self._viewers.values()):
             viewer.update(shown)
 
-    async def tell_awaited(self) -> None:
+    async def report_awaited(self) -> None:
         """Say on the terminal, too, that no ground is heard, and when one is."""
         ground = Awaited(f"ground {self._ground!r}", lambda: self.model.state is not None, GROUND_REMEDY)
-        await tell_awaited("page", [ground], lambda e: print(f"{e.source}: {e.text}", file=sys.stderr, flush=True))
+        await report_missing("page", [ground], lambda e: print(f"{e.source}: {e.text}", file=sys.stderr, flush=True))
 
     async def watch(self) -> None:
         """Draw where no state comes; for ever."""
@@ -126,18 +127,18 @@ class Page:
         self._viewers.pop(viewer.name, None)
         self.model.control.leave(viewer.name)
 
-    def _hear(self, text: str) -> None:
+    def _receive_state(self, text: str) -> None:
         try:
-            self.model.hear(text, self._clock.monotonic_ns())
+            self.model.receive_state(text, self._clock.monotonic_ns())
         except ValueError as error:
-            self.refuse(f"state of ground {self._ground!r}", str(error))
+            self.reject(f"state of ground {self._ground!r}", str(error))
         self.draw()
 
-    def _hear_mocap(self, state: dict[str, Any]) -> None:
+    def _receive_mocap_state(self, state: dict[str, Any]) -> None:
         try:
-            self.model.hear_mocap(state, self._clock.monotonic_ns())
+            self.model.receive_mocap_state(state, self._clock.monotonic_ns())
         except ValueError as error:
-            self.refuse("state of the mocap process", str(error))
+            self.reject("state of the mocap process", str(error))
 
 
 def free_port(wanted: int | None) -> int:
@@ -153,21 +154,24 @@ def free_port(wanted: int | None) -> int:
     raise OSError(f"port {PORT if wanted is None else wanted} of {LOOPBACK} is taken: --port for another")
 
 
-def serve(config: LabConfig, ground: str, wanted_port: int | None, clock: Clock) -> None:
-    """Serve the page on loopback until SIGINT or SIGTERM, at that port or at a free one. OSError if it is taken."""
+def serve(config: LabConfig, ground: str, wanted_port: int | None, clock: Clock, as_json: bool) -> None:
+    """Serve the page on loopback until SIGINT or SIGTERM, at that port or at a free one. OSError if it is taken.
+
+    as_json: print where it is as JSON, too.
+    """
     port = free_port(wanted_port)
     page = Page(config, ground, clock)
-    on_bus = page.heard()
+    on_bus = page.subscribed()
 
     async def begin() -> None:
         await on_bus.__aenter__()
         background_tasks.create(page.watch(), name="watch")
-        background_tasks.create(page.tell_awaited(), name="awaited")
+        background_tasks.create(page.report_awaited(), name="awaited")
 
     async def end() -> None:
         await on_bus.__aexit__(None, None, None)
 
-    app.add_middleware(OwnPagesOnly, tell=page.refuse)
+    app.add_middleware(OwnPagesOnly, on_reject=page.reject)
     app.on_startup(begin)
     app.on_shutdown(end)
     print(f"page: http://{LOOPBACK}:{port}", file=sys.stderr)
@@ -175,8 +179,11 @@ def serve(config: LabConfig, ground: str, wanted_port: int | None, clock: Clock)
     print(
         f"page: from a tablet or another computer: {forward}, then the same address there", file=sys.stderr, flush=True
     )
+    if as_json:
+        print(json.dumps({"url": f"http://{LOOPBACK}:{port}", "forward": forward}), flush=True)
     ui.run(
         page.build, host=LOOPBACK, port=port, title=f"{config.name}: formation", dark=True, reload=False, show=False,
         show_welcome_message=False, uvicorn_logging_level="warning", reconnect_timeout=3.0, access_log=False,
+        gzip_middleware_factory=None,
         ws_per_message_deflate=False,  # to this very machine: it costs more than all the drawing
     )  # fmt: skip

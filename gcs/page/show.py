@@ -11,10 +11,10 @@ from gcs.page.table import Cell, Level, row
 SILENT_S = 1.0
 """After so long without the ground's state, the page says so across everything."""
 FLYING = ("TAKEOFF", "FORMATION", "HOLD", "LAND")
-VERBS = ("arm", "adopt", "takeoff", "start", "hold", "land", "reset")
+VERBS = ("arm", "take_control", "takeoff", "start", "hold", "land", "reset")
 LABELS = {
-    "arm": "Arm", "adopt": "Adopt", "takeoff": "Take off", "start": "Start", "hold": "Hold", "land": "Land",
-    "reset": "Reset", "shape": "Shape", "trajectory": "Choose",
+    "arm": "Arm", "take_control": "Take control", "takeoff": "Take off", "start": "Start", "hold": "Hold",
+    "land": "Land", "reset": "Reset", "acknowledge": "Acknowledge", "shape": "Shape", "trajectory": "Choose",
 }  # fmt: skip
 GB, MB = 1e9, 1e6
 
@@ -97,17 +97,17 @@ def _step(verb: str, state: Mapping[str, Any], start_against: Sequence[str]) -> 
 
 def countdowns(state: Mapping[str, Any]) -> tuple[str, ...]:
     """What runs out: armed drones that disarm by themselves (the first of them), a landing's time, a trajectory's."""
-    told = []
+    texts = []
     left = [(d["disarms_in_s"], str(d["body"])) for d in state["drones"] if d["disarms_in_s"] is not None]
     if left:
-        told.append(f"{min(left)[1]} disarms itself in {min(left)[0]:.1f} s")
+        texts.append(f"{min(left)[1]} disarms itself in {min(left)[0]:.1f} s")
     if state["landing_left_s"] is not None:
-        told.append(f"landing: {state['landing_left_s']:.0f} s at most")
-    way, name = state["trajectory_s"], state["trajectory"]
-    if way is not None and state["trajectory_started"] and not state["trajectory_done"]:
+        texts.append(f"landing: {state['landing_left_s']:.0f} s at most")
+    progress, name = state["trajectory_s"], state["trajectory"]
+    if progress is not None and state["trajectory_started"] and not state["trajectory_done"]:
         called = "" if name == CONFIGURED else f" {name}"
-        told.append(f"leader's trajectory{called}: {way[1] - way[0]:.0f} s of {way[1]:.0f} s left")
-    return tuple(told)
+        texts.append(f"leader's trajectory{called}: {progress[1] - progress[0]:.0f} s of {progress[1]:.0f} s left")
+    return tuple(texts)
 
 
 def stop_text(state: Mapping[str, Any]) -> str:
@@ -126,12 +126,12 @@ def vital(state: Mapping[str, Any], mocap: Mapping[str, Any] | None) -> tuple[tu
     """Mocap, control cycles, log and disk."""
     cycles, log, share = state["cycles"], state["log"], float(state["counters"]["late_share"])
     timing = None if mocap is None else mocap.get("timing")
-    told: list[tuple[str, Cell]] = []
+    texts: list[tuple[str, Cell]] = []
     if timing is None:
-        told.append(("mocap", Cell("not heard", Level.WARN)))
+        texts.append(("mocap", Cell("not heard", Level.WARN)))
     else:
         lost = float(timing["lost_share"])
-        told += [
+        texts += [
             ("mocap", Cell(f"{timing['rate_hz']:.0f} Hz")),
             ("jitter", Cell(f"{timing['jitter_s'] * 1e3:.1f} ms")),
             (
@@ -141,13 +141,15 @@ def vital(state: Mapping[str, Any], mocap: Mapping[str, Any] | None) -> tuple[tu
             ("frames lost", Cell(f"{lost:.1%}", Level.WARN if lost > 0.05 else Level.CALM)),
         ]
     late = f"{cycles['late']} of {cycles['count']}, worst {cycles['worst_ms']:.0f} ms"
-    told.append(("late cycles", Cell(late, Level.BAD if share > 0.2 else Level.CALM)))
+    texts.append(("late cycles", Cell(late, Level.BAD if share > 0.2 else Level.CALM)))
+    superseded = sum(int(drone["superseded"]) for drone in state["drones"])
+    texts.append(("superseded", Cell(f"{superseded} packets")))
     size, free = log["bytes"], log["free_bytes"]
     text = f"{log['name']}, " + ("-" if size is None else f"{size / MB:.1f} MB")
-    told.append(("log", Cell(str(state["log_trouble"]) or text, Level.BAD if state["log_trouble"] else Level.CALM)))
+    texts.append(("log", Cell(str(state["log_trouble"]) or text, Level.BAD if state["log_trouble"] else Level.CALM)))
     if free is not None:
-        told.append(("disk left", Cell(f"{free / GB:.1f} GB", Level.WARN if free < GB else Level.CALM)))
-    return tuple(told)
+        texts.append(("disk left", Cell(f"{free / GB:.1f} GB", Level.WARN if free < GB else Level.CALM)))
+    return tuple(texts)
 
 
 def _clock(seconds: float) -> str:

@@ -5,7 +5,15 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
-from formation.safety.rules import BATTERY_EMPTY, BATTERY_LOW, LATE_SETPOINT_S, SILENT_S, STALE_SETPOINT_S
+from formation.safety.rules_table import (
+    BATTERY_EMPTY,
+    BATTERY_LOW,
+    BEHIND_HOLD_S,
+    BEHIND_WARN_S,
+    LATE_SETPOINT_S,
+    SILENT_S,
+    STALE_SETPOINT_S,
+)
 
 
 class Level(IntEnum):
@@ -25,15 +33,16 @@ class Cell:
 
 
 COLUMNS = (
-    "id", "name", "make", "mode", "armed", "landed", "batt", "charge", "pose", "setp", "beat", "loss", "error", "fence",
-    "gate",
+    "id", "name", "make", "mode", "armed", "landed", "batt", "charge", "pose", "setp", "late", "beat", "loss", "error",
+    "fence", "validator",
 )  # fmt: skip
-UNITS = ("", "", "", "", "", "", "V", "%", "ms", "ms", "s", "%", "mm", "m", "")
+UNITS = ("", "", "", "", "", "", "V", "%", "ms", "ms", "ms", "s", "%", "mm", "m", "")
 ABOUT = (
     "sysid", "body", "autopilot", "flight mode", "motors", "what it says of the floor", "battery, V", "battery left, %",
-    "age of its pose, ms", "age of setpoints when they reach it, ms", "time since its heartbeat, s",
+    "age of its pose, ms", "age of setpoints when they reach it, ms",
+    "age of its telemetry when it is read: the backlog of its link, ms", "time since its heartbeat, s",
     "packets lost on its link, %", "distance from its slot or reference, mm", "distance to the fence, m",
-    "what the mocap gate says",
+    "why the pose validator rejects it",
 )  # fmt: skip
 POSE_WARN_S, POSE_BAD_S = 0.1, 0.2
 BEAT_WARN_S = 2.0
@@ -58,6 +67,7 @@ def row(drone: Mapping[str, Any], flying: bool) -> tuple[Cell, ...]:
         _under(drone["battery"], BATTERY_LOW, BATTERY_EMPTY, 100.0, 0),
         _over(drone["age_s"], POSE_WARN_S, POSE_BAD_S, 1e3, 0, "never"),
         _over(drone["setpoint_age_s"], LATE_SETPOINT_S, STALE_SETPOINT_S, 1e3, 0, "-"),
+        _over(drone["link_behind_s"], BEHIND_WARN_S, BEHIND_HOLD_S, 1e3, 0, "-"),
         _over(drone["heartbeat_age_s"], BEAT_WARN_S, SILENT_S, 1.0, 1, "never"),
         _over(drone["loss"], LOSS_WARN, LOSS_BAD, 100.0, 1, "-"),
         _over(drone["error_m"], ERROR_WARN_M, ERROR_BAD_M, 1e3, 0, "-") if flying else Cell("-"),

@@ -70,8 +70,8 @@ class Viewer:
             ui.html("STOP<small>space bar &middot; cuts every motor now</small>", sanitize=False)
         stop.on("pointerdown", lambda: self.ask(Verb.STOP)).on("keydown.enter", lambda: self.ask(Verb.STOP))
         self._stopped = ui.html(sanitize=False).classes("stopped")
-        self._notice = ui.html(sanitize=False).classes("notice")
-        with ui.element("div").classes("take") as self._take:
+        self._control_status = ui.html(sanitize=False).classes("notice")
+        with ui.element("div").classes("take") as self._take_control:
             ui.button("Take the control over", on_click=self._take_over, color=None).props("unelevated no-caps")
         with ui.element("div").classes("buttons"):
             self._buttons = {verb: self._button(verb) for verb in VERBS}
@@ -116,9 +116,9 @@ class Viewer:
         foresee: Callable[[str], Foreseen | None],
     ) -> "Form":
         """The end of a form: what is foreseen of what its fields ask for, and the button that asks."""
-        told = ui.html("", sanitize=False).classes("wide")
+        preview = ui.html("", sanitize=False).classes("wide")
         button = ui.button(LABELS[verb.value], color=None).props(f"unelevated no-caps id=do-{verb}")
-        form = Form(verb, asked, foresee, told, button)
+        form = Form(verb, asked, foresee, preview, button)
         button.on_click(lambda: self._ask_form(form))
         for field in fields:
             field.on_value_change(lambda: self._preview(form))
@@ -139,9 +139,11 @@ class Viewer:
         """Ask the ground, and show its answer; from a viewer that only looks on, nothing but a stop."""
         if verb is not Verb.STOP and not self.commands:
             return
-        self._say(f"{verb} ...", True)
+        self._show_answer(f"{verb} ...", True)
         reply = await self._ask(verb, argument)
-        self._say(f"{verb}: {reply.text}" if reply.accepted else f"{verb} refused: {reply.text}", reply.accepted)
+        self._show_answer(
+            f"{verb}: {reply.text}" if reply.accepted else f"{verb} refused: {reply.text}", reply.accepted
+        )
 
     def update(self, shown: Show) -> None:
         """Show it."""
@@ -152,8 +154,8 @@ class Viewer:
         self._table.content, self._lost.content = html.table(shown), html.lost(shown)
         self._against.content = html.steps(shown, self.commands)
         self._stopped.content = html.stopped(shown)
-        self._notice.content = html.plain(model.control.notice(self.name))
-        self._take.set_visibility(not self.commands)
+        self._control_status.content = html.plain(model.control.status_text(self.name))
+        self._take_control.set_visibility(not self.commands)
         allowed = {step.verb: step.allowed for step in shown.steps}
         for form in self._forms:
             against = form is self._previewing and self._foreseen is not None and self._foreseen.against
@@ -166,7 +168,8 @@ class Viewer:
         self._alarms.content = html.alarms(open_, model.alarms.latest)
         self._alarm_count.text = severities(open_) or "no alarms"
         self._alarm_count.classes(replace="loud" if model.alarms.loud else "")
-        self._seen.set_visibility(bool(open_))
+        self._seen.set_visibility(any(not alarm.acknowledged for alarm in open_))
+        self._seen.set_enabled(self.commands)
         if self._previewing is not None and self._beats % PREVIEW_EVERY == 0:
             self._judge()
         ahead = self._foreseen or model.start
@@ -174,20 +177,22 @@ class Viewer:
         slots = slots if self._previewing is not None else ()
         camera = perspective(fence, self._stand, WIDE, HIGH)
         self._moving3.content = drawing.svg(
-            camera, drawing.moving(camera, model.room, slots, path, self._crowd), "the room"
+            camera, drawing.moving(camera, model.scene, slots, path, self._crowd), "the room"
         )
-        top = drawing.moving(self._above, model.room, slots, path)
+        top = drawing.moving(self._above, model.scene, slots, path)
         self._moving2.content = drawing.svg(self._above, top, "the room from above")
 
-    def _say(self, text: str, accepted: bool) -> None:
+    def _show_answer(self, text: str, accepted: bool) -> None:
         self._answer.classes(replace="answer" if accepted else "answer refused")
         self._answer.content = html.plain(text)
 
     def _take_over(self) -> None:
-        self._model.control.take(self.name)
+        self._model.control.take_control(self.name)
 
-    def _acknowledge(self) -> None:
-        self._model.alarms.acknowledge()
+    async def _acknowledge(self) -> None:
+        if self.commands:
+            self._model.alarms.acknowledge()
+            await self.ask(Verb.ACKNOWLEDGE)
 
     async def _key(self, name: str) -> None:
         await self.ask(Verb(name))
@@ -207,7 +212,7 @@ class Viewer:
 
     def _preview(self, form: "Form") -> None:
         if self._previewing is not None and self._previewing is not form:
-            self._previewing.told.content = ""
+            self._previewing.preview.content = ""
         self._previewing = form
         self._judge()
 
@@ -215,11 +220,11 @@ class Viewer:
         form = self._previewing
         self._foreseen = None if form is None else form.foresee(form.asked())
         if form is not None and self._foreseen is not None:
-            form.told.content = html.feasible(self._foreseen.text, "; ".join(self._foreseen.against))
+            form.preview.content = html.feasible(self._foreseen.text, "; ".join(self._foreseen.against))
 
     async def _ask_form(self, form: "Form") -> None:
         self._previewing, self._foreseen = None, None
-        form.told.content = ""
+        form.preview.content = ""
         await self.ask(form.verb, form.asked())
 
 
@@ -230,5 +235,5 @@ class Form:
     verb: Verb
     asked: Callable[[], str]
     foresee: Callable[[str], Foreseen | None]
-    told: ui.html
+    preview: ui.html
     button: ui.button

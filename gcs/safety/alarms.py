@@ -2,8 +2,9 @@
 
 from collections.abc import Iterable, Sequence
 
-from formation.messages import Event, Severity
-from formation.safety.rules import SILENT_S, FaultChange
+from formation.messages import OVER, Event, Severity
+from formation.safety.rules import FaultChange
+from formation.safety.rules_table import SILENT_S
 from gcs.drones.drone import Drone
 
 
@@ -20,19 +21,19 @@ class OpenAlarms:
         return tuple(self._open.values())
 
     def update(self, changes: Iterable[FaultChange], now_ns: int) -> list[Event]:
-        """What is new to tell: faults that began, and those that are over."""
+        """Events for faults that began, and for faults that are over."""
         events = []
         for change in changes:
             key = change.vehicle, change.rule.name
             if change.began:
                 if self._open.pop(key, None) is None:
-                    events.append(Event(change.rule.severity, "safety", change.text))
+                    events.append(Event(change.rule.severity, "safety", change.text, lasts=True))
             elif not change.rule.of_swarm and self._is_unheard(change.vehicle, now_ns):
                 self._open[key] = change.text
             else:
                 events.append(_over(change.text))
-        heard = [key for key in self._open if not self._is_unheard(key[0], now_ns)]
-        return events + [_over(self._open.pop(key)) for key in heard]
+        ended = [key for key in self._open if not self._is_unheard(key[0], now_ns)]
+        return events + [_over(self._open.pop(key)) for key in ended]
 
     def _is_unheard(self, vehicle: int, now_ns: int) -> bool:
         drone = self._drones.get(vehicle)
@@ -40,4 +41,4 @@ class OpenAlarms:
 
 
 def _over(text: str) -> Event:
-    return Event(Severity.NOTICE, "safety", f"over: {text}")
+    return Event(Severity.NOTICE, "safety", f"{OVER}{text}")

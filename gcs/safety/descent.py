@@ -9,8 +9,8 @@ from gcs.drones.drone import NEAR_FLOOR_M, Drone
 
 HAND_OVER_S = 6.0
 END_S = 10.0
-LOOK_NS = 200_000_000
-"""For so long a first frame is waited for, which tells how high the drones are."""
+FIRST_FRAME_NS = 200_000_000
+"""How long a landing waits for its first frame, which shows the drones' heights."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,8 +25,8 @@ def descent(drones: Iterable[Drone], config: LabConfig, begun_ns: int) -> Descen
     """The times of a landing that began then; a drone whose height is not known is taken to be under the ceiling."""
     ceiling_m = config.limits.fence.high_m[2]
     heights_m = [ceiling_m if math.isnan(drone.height_m) else drone.height_m for drone in drones]
-    way_s = max(0.0, *heights_m) / config.flight.descend_m_s
-    return Descent(begun_ns + round((way_s + HAND_OVER_S) * 1e9), begun_ns + round((way_s + END_S) * 1e9))
+    descent_s = max(0.0, *heights_m) / config.flight.descend_m_s
+    return Descent(begun_ns + round((descent_s + HAND_OVER_S) * 1e9), begun_ns + round((descent_s + END_S) * 1e9))
 
 
 def late_text(drones: Iterable[Drone], now_ns: int) -> str:

@@ -1,6 +1,6 @@
-"""What the ground's host tells the core of itself: log, stop button, other grounds on the lab's bus."""
+"""What the ground's host reports to the core: log, stop button, other grounds on the lab's bus."""
 
-from formation.messages import Event, HostReport, Severity
+from formation.messages import OVER, Event, HostReport, Severity
 from gcs.safety.monitors import LOG_TROUBLE
 
 
@@ -26,8 +26,8 @@ class Host:
         """What is wrong with the stop button, in words; empty while it is there, or none is configured."""
         return self._report.button_trouble
 
-    def take(self, report: HostReport) -> list[Event]:
-        """Take a report in; what is new in it."""
+    def receive(self, report: HostReport) -> list[Event]:
+        """Receive a report; return events for what is new in it."""
         before, trouble_before, button_before = self.other_grounds, self.log_trouble, self.button_trouble
         self._report = report
         events = [
@@ -42,5 +42,5 @@ class Host:
 def _changed(source: str, before: str, after: str) -> list[Event]:
     """A trouble that began, or is over."""
     if after and after != before:
-        return [Event(Severity.CRITICAL, source, after)]
-    return [Event(Severity.NOTICE, source, f"over: {before}")] if before and not after else []
+        return [Event(Severity.CRITICAL, source, after, lasts=True)]
+    return [Event(Severity.NOTICE, source, f"{OVER}{before}")] if before and not after else []

@@ -8,15 +8,15 @@ from formation.messages import Phase, Verb
 from formation.safety import arming
 from formation.safety.phases import Trigger
 from formation.safety.rules import Facts
-from gcs import reforming
+from gcs import formation_change
 from gcs.drones.drone import Drone
 from gcs.flight import Flight
-from gcs.operator import reset_refusals, take_off_refusals
-from gcs.safety import adoption, monitors
+from gcs.operator import reset_reject_reasons, takeoff_reject_reasons
+from gcs.safety import monitors, takeover
 from gcs.safety.host import Host
 
 OPERATORS = (
-    Trigger.ARM, Trigger.ADOPT, Trigger.TAKEOFF, Trigger.START, Trigger.HOLD, Trigger.LAND, Trigger.STOP,
+    Trigger.ARM, Trigger.TAKE_CONTROL, Trigger.TAKEOFF, Trigger.START, Trigger.HOLD, Trigger.LAND, Trigger.STOP,
     Trigger.RESET,
 )  # fmt: skip
 """What an operator may pull, in the order of a flight."""
@@ -35,37 +35,37 @@ class Permissions:
         self._host = host
         self._without = without
 
-    def refusals(self, verb: Verb, facts: Facts, stages: Stages | None, now_ns: int) -> tuple[str, ...]:
-        """Every reason against the verb; facts: with the links' objections."""
+    def reject_reasons(self, verb: Verb, facts: Facts, stages: Stages | None, now_ns: int) -> tuple[str, ...]:
+        """Every reason against the verb; facts: with the links' pre-arm failures."""
         match verb, self._flight.phase:
             case Verb.ARM, Phase.GROUND:
                 return self.arming(facts, now_ns)
-            case Verb.ADOPT, Phase.GROUND:
+            case Verb.TAKE_CONTROL, Phase.GROUND:
                 others = self._other_grounds(now_ns)
-                return adoption.adoption_refusals(self._drones, facts, others, stages is not None)
+                return takeover.take_control_reject_reasons(self._drones, facts, others, stages is not None)
             case Verb.RESET, Phase.STOPPED:
-                return reset_refusals(self._drones, now_ns)
+                return reset_reject_reasons(self._drones, now_ns)
             case Verb.TAKEOFF, Phase.ARMED:
-                return take_off_refusals(facts, self._flight, self._drones, self._config, now_ns)
+                return takeoff_reject_reasons(facts, self._flight, self._drones, self._config, now_ns)
             case Verb.START, Phase.HOLD:
-                joining = adoption.joining_refusals(self._drones, now_ns)
-                return joining or reforming.start(self._flight, facts, stages, self._flight.config)
+                joining = takeover.joining_reject_reasons(self._drones, now_ns)
+                return joining or formation_change.start(self._flight, facts, stages, self._flight.config)
             case _:
                 return ()
 
     def allowed(
         self, facts: Facts, stages: Stages | None, arming: Sequence[str], now_ns: int
     ) -> dict[str, tuple[str, ...]]:  # fmt: skip
-        """By verb, every reason against it now, as far as looking costs no tick: a shape's room and way are judged when
-        it is asked for, or by who shows it. arming: the reasons against arming, where the swarm is on the ground."""
-        told: dict[str, tuple[str, ...]] = {}
+        """By verb, every reason against it now, without expensive checks: a shape's fit and its transition are judged
+        when it is requested, or by the page. arming: the reasons against arming, where the swarm is on the ground."""
+        reasons: dict[str, tuple[str, ...]] = {}
         for trigger in OPERATORS:
             out_of_turn = self._flight.out_of_turn(trigger)
-            told[trigger.value] = (
+            reasons[trigger.value] = (
                 (out_of_turn,) if out_of_turn else self._against(trigger, facts, stages, arming, now_ns)
             )
-        told[Verb.TRAJECTORY.value] = reforming.choosing_refusals(self._flight)
-        return told
+        reasons[Verb.TRAJECTORY.value] = formation_change.choice_reject_reasons(self._flight)
+        return reasons
 
     def _against(
         self, trigger: Trigger, facts: Facts, stages: Stages | None, arming: Sequence[str], now_ns: int
@@ -73,16 +73,19 @@ class Permissions:
         if trigger is Trigger.ARM:
             return tuple(arming)
         if trigger is Trigger.START:
-            return (*adoption.joining_refusals(self._drones, now_ns), *reforming.leader_refusals(facts, self._config))
-        return self.refusals(Verb(trigger.value), facts, stages, now_ns)
+            return (
+                *takeover.joining_reject_reasons(self._drones, now_ns),
+                *formation_change.leader_reject_reasons(facts, self._config),
+            )
+        return self.reject_reasons(Verb(trigger.value), facts, stages, now_ns)
 
     def arming(self, facts: Facts, now_ns: int) -> tuple[str, ...]:
         """Every reason not to arm; first of all, that drones may be flying already, under this ground or another."""
-        flying = () if monitors.ARM_IN_AIR in self._without else adoption.flying(self._drones)
+        flying = () if monitors.ARM_IN_AIR in self._without else takeover.flying(self._drones)
         trouble = self._host.log_trouble
         return (
-            *adoption.arming_refusals(flying, self._other_grounds(now_ns)),
-            *arming.refusals(facts, self._config.limits),
+            *takeover.arming_reject_reasons(flying, self._other_grounds(now_ns)),
+            *arming.prearm_failures(facts, self._config.limits),
             *((f"the log: {trouble}",) if trouble else ()),
             *((self._host.button_trouble,) if self._host.button_trouble else ()),
         )
@@ -90,4 +93,4 @@ class Permissions:
     def _other_grounds(self, now_ns: int) -> tuple[str, ...]:
         if monitors.ARM_OTHER_GROUND in self._without:
             return ()
-        return adoption.other_grounds(self._drones, self._host.other_grounds, now_ns)
+        return takeover.other_grounds(self._drones, self._host.other_grounds, now_ns)

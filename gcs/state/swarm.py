@@ -24,18 +24,19 @@ FLOOR = 2
 
 @dataclass(frozen=True, slots=True)
 class About:
-    """What the ground says of itself: since its start, s; its epoch; what its host says; its counters.
+    """The ground itself: the time since its start, s; its session; its host's report; its counters.
 
-    rejected: why the mocap gate rejects a body now, by body. refusals: why it would not arm, while on the ground.
+    rejected: why the pose validator rejects a body now, by body. arming_reject_reasons: why it would not arm, while
+    on the ground.
     allowed: by verb, every reason against it now; none where it may be asked.
     """
 
     t_s: float
-    epoch: int
+    session: int
     host: Host
     counters: Mapping[str, int | float]
     rejected: Mapping[str, str]
-    refusals: Sequence[str]
+    arming_reject_reasons: Sequence[str]
     allowed: Mapping[str, Sequence[str]]
 
 
@@ -44,13 +45,13 @@ def swarm_state(
     now_ns: int,
 ) -> dict[str, Any]:  # fmt: skip
     """The whole state for people and scripts, as JSON has it; SI units, `lab` axes."""
-    places = _Places(facts, stages, config)
+    poses = _Poses(facts, stages, config)
     return {
         "phase": flight.phase.name,
         "cause": flight.cause,
         "t_s": round(about.t_s, 3),
         "phase_s": round((now_ns - flight.entered_ns) * 1e-9, 2),
-        "epoch": about.epoch,
+        "ground_session": about.session,
         "log_trouble": about.host.log_trouble,
         "button_trouble": about.host.button_trouble,
         "armed": flight.armed,
@@ -66,27 +67,27 @@ def swarm_state(
         "shape": flight.shape.name,
         "slots_lead_m": [[round(x, 3) for x in slot] for slot in flight.shape.offset_lead_m],
         "drones": [
-            _drone_state(drone, m, places, facts, now_ns) | {"rejected": about.rejected.get(drone.link.name)}
+            _drone_state(drone, m, poses, facts, now_ns) | {"rejected": about.rejected.get(drone.link.name)}
             for m, drone in enumerate(drones)
         ],
         "observed": [
-            {"body": name, "pos_lab_m": places.pos[i], "q_lab_from_flu": places.q[i], "age_s": places.age_s[i]}
+            {"body": name, "pos_lab_m": poses.pos[i], "q_lab_from_flu": poses.q[i], "age_s": poses.age_s[i]}
             for i, name in enumerate(facts.names)
             if not facts.commanded[i]
         ],
-        "leader_yaw_rad": places.leader_yaw_rad,
+        "leader_yaw_rad": poses.leader_yaw_rad,
         "rejected": dict(about.rejected),
-        "refusals": list(about.refusals),
+        "refusals": list(about.arming_reject_reasons),
         "counters": dict(about.counters),
     }
 
 
-class _Places:
+class _Poses:
     """Where the n bodies are and the m references; rounded all at once, since one at a time costs what a tick does."""
 
     def __init__(self, facts: Facts, stages: Stages | None, config: LabConfig) -> None:
         n = len(facts.names)
-        self.seen = seen = (facts.age_s <= FRESH_S).tolist()  # what is extrapolated for longer is no place
+        self.seen = seen = (facts.age_s <= FRESH_S).tolist()  # a longer extrapolation is no position
         pos = facts.pos_lab_m.round(4).tolist()
         self.pos: list[list[float] | None] = [p if ok else None for p, ok in zip(pos, seen, strict=True)]
         self.q: list[list[float] | None] = [None] * n
@@ -119,7 +120,7 @@ def reference_lab_m(stages: Stages) -> Float:
     return np.asarray(reference.origin_lab_m + rotate_about_z(reference.heading_rad, reference.slot_lead_m))
 
 
-def _drone_state(drone: Drone, m: int, places: _Places, facts: Facts, now_ns: int) -> dict[str, Any]:
+def _drone_state(drone: Drone, m: int, poses: _Poses, facts: Facts, now_ns: int) -> dict[str, Any]:
     link, i = drone.link, drone.index
     disarms_in_s = drone.disarms_in_s(now_ns)
     offset_ns, stopped_ns = link.clock.offset_ns, drone.stopped_ns
@@ -134,16 +135,17 @@ def _drone_state(drone: Drone, m: int, places: _Places, facts: Facts, now_ns: in
         "piloted": drone.piloted,
         "landed": link.telemetry.landed.name,
         "stopped_ms": None if stopped_ns is None else round((stopped_ns - drone.goal_since_ns) * 1e-6, 1),
-        "pos_lab_m": places.pos[i],
-        "q_lab_from_flu": places.q[i],
-        "reference_lab_m": None if places.reference is None or not drone.flown else places.reference[m],
-        "error_m": places.error_m[i],
-        "fence_margin_m": places.fence_margin_m(i, stands=not (link.armed and drone.lifted)),
-        "age_s": places.age_s[i],
+        "pos_lab_m": poses.pos[i],
+        "q_lab_from_flu": poses.q[i],
+        "reference_lab_m": None if poses.reference is None or not drone.flown else poses.reference[m],
+        "error_m": poses.error_m[i],
+        "fence_margin_m": poses.fence_margin_m(i, stands=not (link.armed and drone.lifted)),
+        "age_s": poses.age_s[i],
         "heartbeat_age_s": _number(float(facts.heartbeat_age_s[i]), 2),
         "battery": _number(link.telemetry.battery, 3),
         "battery_v": _number(link.telemetry.battery_v, 2),
         "link_behind_s": _number(link.behind_s(now_ns), 3),
+        "superseded": link.superseded,
         "setpoint_age_s": _number(link.setpoint_age_s(now_ns), 4),
         "clock_offset_s": None if offset_ns is None else round(offset_ns * 1e-9, 6),
         "loss": round(link.sequence.loss, 4),
@@ -152,7 +154,7 @@ def _drone_state(drone: Drone, m: int, places: _Places, facts: Facts, now_ns: in
 
 def _trajectory(flight: Flight, now_ns: int) -> list[float] | None:
     """Time along the leader's trajectory and its duration, s; None before it has begun."""
-    path, t_s = flight.on_the_way(now_ns)
+    path, t_s = flight.trajectory_progress(now_ns)
     return None if path is None else [round(min(t_s, path.duration_s), 1), round(path.duration_s, 1)]
 
 

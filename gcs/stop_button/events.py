@@ -27,11 +27,11 @@ class Buttons:
         self._rest = data[whole:]
         return [code for code in map(self._pressed, record.iter_unpack(data[:whole])) if code is not None]
 
-    def _pressed(self, said: tuple[int, ...]) -> int | None:
+    def _pressed(self, fields: tuple[int, ...]) -> int | None:
         if self._joystick:
-            _, value, kind, code = said
+            _, value, kind, code = fields
             return code if kind == JS_EVENT_BUTTON and value == PRESSED else None
-        _, _, kind, code, value = said
+        _, _, kind, code, value = fields
         return code if kind == EV_KEY and value == PRESSED else None
 
 

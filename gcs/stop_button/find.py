@@ -10,7 +10,7 @@ from gcs.stop_button.events import Buttons
 FOLDER = Path("/dev/input")
 
 
-def tell_presses(as_json: bool = False) -> None:
+def print_presses(as_json: bool = False) -> None:
     """Print each press until Ctrl-C; ends at once where there is no input device that may be read."""
     named = {path.resolve(): path for path in sorted(FOLDER.glob("by-id/*"))}
     devices: dict[int, tuple[str, Buttons]] = {}
@@ -18,12 +18,12 @@ def tell_presses(as_json: bool = False) -> None:
         try:
             device = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
         except OSError as error:
-            _say(as_json, {"device": str(path), "error": error.strerror}, f"{path}: {error.strerror}")
+            _print(as_json, {"device": str(path), "error": error.strerror}, f"{path}: {error.strerror}")
             continue
         name = str(named.get(path.resolve(), path))
         devices[device] = (name, Buttons(str(path)))
     text = f"{len(devices)} devices: press the button" if devices else f"no input device under {FOLDER} can be read"
-    _say(as_json, {"devices": [name for name, _ in devices.values()]}, text)
+    _print(as_json, {"devices": [name for name, _ in devices.values()]}, text)
     while devices:
         ready, _, _ = select.select(list(devices), [], [])
         for device in ready:
@@ -35,9 +35,9 @@ def tell_presses(as_json: bool = False) -> None:
                 continue
             for code in codes:
                 line = f'stop_button = {{ device = "{name}", button = {code} }}'
-                _say(as_json, {"device": name, "button": code}, line)
+                _print(as_json, {"device": name, "button": code}, line)
 
 
-def _say(as_json: bool, told: dict[str, object], text: str) -> None:
+def _print(as_json: bool, record: dict[str, object], text: str) -> None:
     """One line, for scripts or for people."""
-    print(json.dumps(told) if as_json else text, flush=True)
+    print(json.dumps(record) if as_json else text, flush=True)

@@ -1,4 +1,4 @@
-"""Waits on the stop button's device, in the ground's event loop; notices that it is gone, and takes it up again."""
+"""Waits on the stop button's device, in the ground's event loop; detects that it is gone, and reopens it."""
 
 import asyncio
 import os
@@ -14,7 +14,7 @@ PAUSE_S = 0.002
 
 
 class Pressed(Protocol):
-    """Who is told: the ground."""
+    """The ground, which receives the presses."""
 
     button_trouble: str
 
@@ -23,7 +23,7 @@ class Pressed(Protocol):
 
 
 async def watch_button(button: StopButton | None, ground: Pressed) -> None:
-    """Tell of every press, and what is wrong with the device; for ever. Nothing without a button."""
+    """Report every press and each device error, until cancelled; returns at once without a button."""
     if button is None:
         return
     while True:

@@ -4,14 +4,14 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from gcs.page.alarms import Alarm
 from gcs.page.show import Show
 from gcs.page.table import COLUMNS, UNITS, Cell, Level
+from gcs.state.alarms import Alarm
 
 LEFT_OUT = ("landed", "make", "batt")
 STYLES = {Level.CALM: "", Level.WARN: "yellow", Level.BAD: "bold red"}
 MOST_ALARMS = 6
-NARROW = {"mode": 8, "name": 9, "gate": 9}
+NARROW = {"mode": 8, "name": 9, "validator": 9}
 
 
 def picture(shown: Show, alarms: tuple[Alarm, ...], answer: str) -> Group:
@@ -30,22 +30,25 @@ def picture(shown: Show, alarms: tuple[Alarm, ...], answer: str) -> Group:
         for reason in step.reasons
         if not step.out_of_turn
     ]
-    told = [Text(f"{alarm.severity.name} {alarm.source}: {alarm.text}", "bold red") for alarm in alarms[:MOST_ALARMS]]
+    alarm_lines = [
+        Text(f"{alarm.severity.name} {alarm.source}: {alarm.text}", "red" if alarm.acknowledged else "bold red")
+        for alarm in alarms[:MOST_ALARMS]
+    ]
     keys = Text("H hold   L land   SPACE STOP   A acknowledge   Q quit", "dim")
-    return Group(*parts, _table(shown), vital, *against[:MOST_ALARMS], *told, Text(answer, "bold"), keys)
+    return Group(*parts, _table(shown), vital, *against[:MOST_ALARMS], *alarm_lines, Text(answer, "bold"), keys)
 
 
 def _table(shown: Show) -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    kept = [i for i, name in enumerate(COLUMNS) if name not in LEFT_OUT]
-    for i in kept:
+    columns = [i for i, name in enumerate(COLUMNS) if name not in LEFT_OUT]
+    for i in columns:
         name = COLUMNS[i]
-        words = name in ("name", "mode", "gate")
+        words = name in ("name", "mode", "validator")
         table.add_column(
             f"{name}\n{UNITS[i]}", no_wrap=True, justify="left" if words else "right", max_width=NARROW.get(name)
         )
     for row in shown.rows:
-        table.add_row(*(_text(row[i]) for i in kept))
+        table.add_row(*(_text(row[i]) for i in columns))
     return table
 
 

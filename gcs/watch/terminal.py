@@ -15,19 +15,19 @@ from rich.live import Live
 
 from formation.config import LinkConfig
 from formation.messages import OperatorRequest, Verb
-from gcs.cli.common import NOT_RIGHT, fail
-from gcs.page.alarms import AlarmBook
+from gcs.page.alarms import ShownAlarms
 from gcs.page.show import none_of_ours, show
 from gcs.watch.picture import picture
 from wire import clock
 from wire.errors import BusError, ConfigError
 from wire.json_text import parse_object
+from wire.process.console import NOT_RIGHT, fail
 from wire.transport.lab_address import LabAddress, address_in
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
 
-KEYS = {" ": Verb.STOP, "h": Verb.HOLD, "l": Verb.LAND}
-ANSWER_S, LOOK_S = 3.0, 0.1
+KEYS = {" ": Verb.STOP, "h": Verb.HOLD, "l": Verb.LAND, "a": Verb.ACKNOWLEDGE}
+ANSWER_S, REDRAW_S = 3.0, 0.1
 
 
 def watch(lab: Path | None, name: str) -> None:
@@ -45,10 +45,10 @@ def watch(lab: Path | None, name: str) -> None:
 class _Watch:
     def __init__(self, name: str) -> None:
         self._name = name
-        self._alarms = AlarmBook()
+        self._alarms = ShownAlarms()
         self._state: dict[str, Any] | None = None
         self._mocap: dict[str, Any] | None = None
-        self._heard_ns = 0
+        self._state_ns = 0
         self._answer = ""
         self._quit = asyncio.Event()
         self._asking: set[asyncio.Task[None]] = set()
@@ -58,18 +58,18 @@ class _Watch:
 
         bus = await ZenohBus.open(LinkConfig(zenoh_connect=where.endpoints), where.lab)
 
-        def hear(text: str) -> None:
+        def receive_state(text: str) -> None:
             try:
                 state = parse_object(text)
                 with none_of_ours("ground"):
                     show(state, self._mocap, 0.0)
-                    self._alarms.hear_ground(state)
+                    self._alarms.receive_ground(state)
             except ValueError as error:
                 self._answer = f"refused: {error}"
                 return
-            self._state, self._heard_ns = state, clock.monotonic_ns()
+            self._state, self._state_ns = state, clock.monotonic_ns()
 
-        def hear_mocap(state: dict[str, Any]) -> None:
+        def receive_mocap_state(state: dict[str, Any]) -> None:
             try:
                 with none_of_ours("mocap process"):
                     show(self._state, state, 0.0)
@@ -78,18 +78,18 @@ class _Watch:
                 return
             self._mocap = state
 
-        bus.on_state(self._name, hear)
-        MocapBus(bus).on_state(hear_mocap)
+        bus.on_state(self._name, receive_state)
+        MocapBus(bus).on_state(receive_mocap_state)
         loop = asyncio.get_running_loop()
         keyboard = sys.stdin.fileno()
         loop.add_reader(keyboard, lambda: self._press(os.read(keyboard, 64).decode(errors="replace"), bus))
         try:
             with Live(console=Console(), screen=True, auto_refresh=False) as live:
                 while not self._quit.is_set():
-                    silent_s = (clock.monotonic_ns() - self._heard_ns) * 1e-9
+                    silent_s = (clock.monotonic_ns() - self._state_ns) * 1e-9
                     shown = show(self._state, self._mocap, silent_s)
                     live.update(picture(shown, self._alarms.open, self._answer), refresh=True)
-                    await asyncio.sleep(LOOK_S)
+                    await asyncio.sleep(REDRAW_S)
         finally:
             loop.remove_reader(keyboard)
             await bus.close()
@@ -98,9 +98,9 @@ class _Watch:
         for key in keys.lower():
             if key == "q":
                 self._quit.set()
-            elif key == "a":
-                self._alarms.acknowledge()
             elif key in KEYS:
+                if KEYS[key] is Verb.ACKNOWLEDGE:
+                    self._alarms.acknowledge()
                 task = asyncio.create_task(self._ask(KEYS[key], bus))
                 self._asking.add(task)
                 task.add_done_callback(self._asking.discard)

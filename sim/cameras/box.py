@@ -1,23 +1,23 @@
-"""A camera system in a box: a room of moving bodies, served in a vendor's own protocol, until told to end."""
+"""An emulated camera system: serves a scene of moving bodies in a vendor's own protocol, until it is stopped."""
 
 import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from formation.messages import RawFrame
-from sim.cameras.room import Room
+from sim.cameras.scene import Scene
 from sim.cameras.servers.server import Server
 from wire.clock import Clock
 
 AWAY_S = 1.0
-"""How long a server that is restarted is gone."""
+"""How long a restarted server is away, s."""
 
 
 @dataclass(frozen=True, slots=True)
-class Manner:
-    """What the box does now and then, each so many seconds; None: never.
+class Interruptions:
+    """Interruptions of the emulated server, each with its period in s; None: never.
 
-    restart_s: the server ends and is back a second later. rename_s: the last body gets another name, or its own again.
+    restart_s: the server stops for a second. rename_s: the last body gets another name, or its own again.
     """
 
     restart_s: float | None = None
@@ -25,9 +25,9 @@ class Manner:
 
 
 async def serve(
-    room: Room, make: Callable[[], Server], manner: Manner, say: Callable[[str], None], clock: Clock
+    scene: Scene, make: Callable[[], Server], interruptions: Interruptions, report: Callable[[str], None], clock: Clock
 ) -> None:
-    """Serve the room for ever; OSError where an address is taken."""
+    """Serve the scene for ever; OSError where an address is taken."""
     server = make()
     await server.start()
     start_ns = clock.monotonic_ns()
@@ -35,25 +35,25 @@ async def serve(
     try:
         while True:
             await asyncio.sleep(0.0)  # also where the time has passed: clients are to be let in
-            await clock.sleep_until_ns(room.next_ns)
+            await clock.sleep_until_ns(scene.next_ns)
             now_ns = clock.monotonic_ns()
             past_s = (now_ns - start_ns) * 1e-9
-            if manner.restart_s is not None and past_s >= (restarts + 1) * manner.restart_s:
+            if interruptions.restart_s is not None and past_s >= (restarts + 1) * interruptions.restart_s:
                 restarts += 1
-                say("the server goes")
+                report("the server goes")
                 await server.close()
                 await clock.sleep_until_ns(now_ns + round(AWAY_S * 1e9))
-                room.frames(clock.monotonic_ns())  # what nobody served is gone
+                scene.frames(clock.monotonic_ns())  # the frames of that time are lost
                 server = make()
                 await server.start()
-                say("the server is back")
-            for frame in room.frames(clock.monotonic_ns()):
-                server.publish(_renamed(frame, past_s, manner))
+                report("the server is back")
+            for frame in scene.frames(clock.monotonic_ns()):
+                server.publish(_renamed(frame, past_s, interruptions))
     finally:
         await server.close()
 
 
-def _renamed(frame: RawFrame, past_s: float, manner: Manner) -> RawFrame:
-    if manner.rename_s is None or int(past_s / manner.rename_s) % 2 == 0:
+def _renamed(frame: RawFrame, past_s: float, interruptions: Interruptions) -> RawFrame:
+    if interruptions.rename_s is None or int(past_s / interruptions.rename_s) % 2 == 0:
         return frame
     return replace(frame, bodies=(*frame.bodies[:-1], f"{frame.bodies[-1]}-renamed"))

@@ -14,9 +14,9 @@ from sim.cameras.emulator import MocapEmulator
 from sim.cameras.servers.server import Server
 from sim.cameras.systems import is_camera_system, server_for
 from sim.scenario import Scenario, recorded_leader
-from sim.script import Glance
+from sim.script import OperatorView
 from wire.clock import Clock
-from wire.process.awaited import Awaited, tell_awaited
+from wire.process.awaited import Awaited, report_missing
 from wire.process.starved import Punctuality
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
@@ -35,14 +35,14 @@ async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> N
     truths: dict[int, Truth] = {}
     punctual, flying = Punctuality("the mocap emulator", "its exposure"), False
 
-    def take_truth(truth: Truth) -> None:
+    def receive_truth(truth: Truth) -> None:
         truths[truth.sysid] = truth
 
-    def take_state(text: str) -> None:
+    def receive_state(text: str) -> None:
         nonlocal flying
-        glance = Glance.at(text)
-        flying = glance.phase in AIRBORNE
-        if glance.formed:
+        view = OperatorView.at(text)
+        flying = view.phase in AIRBORNE
+        if view.formed:
             emulator.start(clock.monotonic_ns())
 
     if link.names_bus:
@@ -50,10 +50,10 @@ async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> N
     else:
         bus = await ZenohBus.open_or_listen(link, scenario.lab.name)
     drones = Awaited("true poses of simulated drones", lambda: bool(truths), f"start one: {_DRONE}")
-    waiting = asyncio.create_task(tell_awaited("mocap emulator", [drones], _tell))
+    missing = asyncio.create_task(report_missing("mocap emulator", [drones], _print_event))
     try:
-        bus.on_truth(take_truth)
-        bus.on_state(gcs_name, take_state)
+        bus.on_truth(receive_truth)
+        bus.on_state(gcs_name, receive_state)
         async with _outlet(scenario, bus, clock) as server:
             serving = True
             while True:
@@ -71,11 +71,11 @@ async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> N
                 while emulator.next_exposure_ns <= now_ns:
                     emulator.expose(truths)
     finally:
-        waiting.cancel()
+        missing.cancel()
         await bus.close()
 
 
-def _tell(event: Event) -> None:
+def _print_event(event: Event) -> None:
     print(f"{event.source}: {event.text}", file=sys.stderr, flush=True)
 
 

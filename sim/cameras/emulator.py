@@ -116,14 +116,14 @@ class MocapEmulator:
         seen = luck >= self._config.occluded_share
         if hidden:
             seen &= np.array([body not in hidden for body in self._bodies])
-        self._look(t_ns, truths, seen, noise)
+        self._measure_poses(t_ns, truths, seen, noise)
         if None not in hidden:
             self._send(t_ns, RawFrame(self._seq, t_ns, self._bodies, self._pos.copy(), self._q.copy(), seen))
         self._seq += 1
         self.next_exposure_ns = self._next_exposure_after(t_ns)
 
-    def miss(self, now_ns: int) -> None:
-        """What was to be exposed until now was not: the cameras' computer stood still."""
+    def skip_to(self, now_ns: int) -> None:
+        """Skip the exposures until `now_ns`: the cameras' computer was stopped."""
         ticks = self._ticks
         self.next_exposure_ns = self._next_exposure_after(now_ns)
         self._seq += self._ticks - ticks
@@ -139,7 +139,7 @@ class MocapEmulator:
                 self._cable.push(t_ns, each)
             self._unsent = []
 
-    def _look(self, t_ns: int, truths: Mapping[int, Truth], seen: Bool, noise: Float) -> None:
+    def _measure_poses(self, t_ns: int, truths: Mapping[int, Truth], seen: Bool, noise: Float) -> None:
         """Fill in the poses of the bodies in sight; the others keep their last pose and lose their flag in `seen`.
 
         A recording that plays brings its own noise along; held still, it is given the emulator's.
@@ -154,7 +154,7 @@ class MocapEmulator:
             row[0] = (t_ns - truth.t_ns) * 1e-9
             row[1:4], row[4:7] = truth.pos_lab_m, truth.vel_lab_m_s
             row[7:11], row[11:14] = truth.q_lab_from_flu, truth.rate_flu_rad_s
-        optics.look(self._truth, carried, self._view, self._q_flu_from_marker, noise, self._pos, self._q)
+        optics.measure_poses(self._truth, carried, self._view, self._q_flu_from_marker, noise, self._pos, self._q)
         if self._leader is not None and seen[0]:
             elapsed_ns = t_ns - (self._start_ns or t_ns)
             pos, q = self._leader.pose(elapsed_ns)

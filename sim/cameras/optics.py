@@ -6,18 +6,18 @@ from formation.maths.quaternion import multiply_into, rotate_into, turn_into
 
 
 @kernel
-def look(
-    truth: Float, looked_at: Bool, view: Float, q_flu_from_marker: Float, noise: Float, pos: Float, q: Float
+def measure_poses(
+    truth: Float, in_view: Bool, view: Float, q_flu_from_marker: Float, noise: Float, pos: Float, q: Float
 ) -> None:
-    """Poses in the mocap's axes of the bodies looked at, into pos (n, 3) and q (n, 4).
+    """Poses of the bodies in view, in the mocap's axes, into pos (n, 3) and q (n, 4).
 
     truth (n, 14): seconds since the truth was so, pos_lab_m, vel_lab_m_s, q_lab_from_flu, rate_flu_rad_s.
     view (7): q_mocap_from_lab and the mocap's origin in lab; q_flu_from_marker (n, 4).
     noise (n, 6): m in lab, rad in flu.
     """
     from_origin, turn, moved, seen = pos[0].copy(), pos[0].copy(), q[0].copy(), q[0].copy()
-    for i in range(len(looked_at)):
-        if not looked_at[i]:
+    for i in range(len(in_view)):
+        if not in_view[i]:
             continue
         dt = truth[i, 0]
         for axis in range(3):

@@ -8,7 +8,7 @@ import numpy as np
 
 from formation.maths import frames
 from formation.maths.arrays import Quat, Vec3
-from gcs.mocap.sources.csv_file import Recording
+from mocap.sources.csv_file import Recording
 
 EASE_IN_NS = 1_000_000_000
 RESTING_M = 0.05

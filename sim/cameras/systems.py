@@ -68,8 +68,8 @@ def lab_with(lab: LabConfig, protocol: str) -> LabConfig:
         case _:
             own = {"host": LOOPBACK, "port": port}
     table = getattr(lab.mocap, source)
-    said = {} if table is None else table.model_dump()
-    values = lab.mocap.model_dump(exclude_none=True) | {"source": source, source: said | own}
+    configured = {} if table is None else table.model_dump()
+    values = lab.mocap.model_dump(exclude_none=True) | {"source": source, source: configured | own}
     return lab.model_copy(update={"mocap": MocapConfig.model_validate(values)})
 
 

@@ -27,10 +27,10 @@ ENOUGH = 0.95
 LATE = ("stale-setpoint", "rule-setpoints-late", "rule-setpoints-late-landing", "rule-setpoints-stale")
 """Who acts on setpoints that reach a drone late."""
 ESTIMATE = ("pose-rejected", "pose-slides")
-"""Who acts on poses that a drone's own estimator contradicts."""
+"""Monitors of poses that are inconsistent with a drone's own estimate."""
 LOST = (*ESTIMATE, "rule-unseen", "rule-lost")
 """Who acts on poses that are old."""
-ASTRAY = ("rule-outside-fence", "rule-far-outside", "rule-astray", "rule-attitude-miss")
+POSITION_ERROR = ("rule-outside-fence", "rule-far-outside", "rule-position-error", "rule-attitude-innovation")
 """Who acts on a drone that is not where it is led."""
 NEAR = ("separation-filter", "rule-not-offboard", "rule-too-close", "rule-half-separation")
 """Who acts where one drone stands in another's way because a pilot holds it."""
@@ -118,10 +118,10 @@ def _replayed(rng: np.random.Generator) -> tuple[Fault, ...]:
     return (Fault(family=Family.REPLAY, severity=float(rng.uniform(0.8, 2.0)), direction="down", after_s=3.0),)
 
 
-def _wild(rng: np.random.Generator) -> tuple[Fault, ...]:
+def _rogue_setpoint(rng: np.random.Generator) -> tuple[Fault, ...]:
     after_s, tilt_rad = float(rng.uniform(0.5, 3.5)), float(rng.uniform(2.0, pi))
     one = {"body": "f2", "direction": "down", "after_s": after_s, "for_s": 0.02, "severity": tilt_rad}
-    return (Fault.model_validate({"family": Family.WILD_SETPOINT} | one),)
+    return (Fault.model_validate({"family": Family.ROGUE_SETPOINT} | one),)
 
 
 def _ground_killed(rng: np.random.Generator) -> tuple[Fault, ...]:
@@ -145,7 +145,7 @@ def _second_ground(rng: np.random.Generator) -> tuple[Fault, ...]:
 
 
 def _armed_after_stop(rng: np.random.Generator) -> tuple[Fault, ...]:
-    """A second ground is told to arm while drones that were just stopped on the floor must not."""
+    """A second ground requests arming just after the drones were stopped on the floor; they must not arm."""
     twin_s, stop_s = float(rng.uniform(0.55, 0.65)), float(rng.uniform(1.95, 2.05))
     return (
         Fault(family=Family.TWIN, core="ground", verb=Verb.ARM, phase="ARMED", after_s=twin_s),
@@ -164,7 +164,7 @@ def _log_ill(rng: np.random.Generator) -> tuple[Fault, ...]:
     return (Fault(family=Family.LOG_TROUBLE, phase="GROUND", after_s=float(rng.uniform(0.03, 0.5))),)
 
 
-def _pilot_in_the_way(rng: np.random.Generator) -> tuple[Fault, ...]:
+def _pilot_interferes(rng: np.random.Generator) -> tuple[Fault, ...]:
     return (Fault(family=Family.PILOT, body="f2", after_s=float(rng.uniform(1.05, 1.15)), for_s=6.0),)
 
 
@@ -184,23 +184,24 @@ def _armed_in_air(monitor: str) -> Control:
 
 CONTROLS: Mapping[str, Control] = MappingProxyType(
     {
-        "gate-freeze": Control(
-            _pose(Family.FREEZE, (2.0, 4.0), phase="TAKEOFF", after_s=0.5), ("gate-flip", "gate-jump", *ESTIMATE)
+        "validator-freeze": Control(
+            _pose(Family.FREEZE, (2.0, 4.0), phase="TAKEOFF", after_s=0.5),
+            ("validator-flip", "validator-jump", *ESTIMATE),
         ),
-        "gate-jump": Control(_pose(Family.JUMP, (0.6, 1.0), (0.9, 1.2), heading_rad=-pi / 2), ESTIMATE),
-        "gate-swap": Control(
+        "validator-jump": Control(_pose(Family.JUMP, (0.6, 1.0), (0.9, 1.2), heading_rad=-pi / 2), ESTIMATE),
+        "validator-swap": Control(
             _pose(Family.SWAP, (0.8, 1.2), body="leader", other="f2"),
-            ("gate-jump", "gate-flip", *ESTIMATE, "rule-leader-astray"),
+            ("validator-jump", "validator-flip", *ESTIMATE, "rule-leader-position-error"),
         ),
         "stale-setpoint": Control(_late, _others(LATE, "stale-setpoint")),
         "old-setpoint": Control(_replayed, LATE),
         "foreign-setpoint": _armed_in_air("foreign-setpoint"),
-        "setpoint-bounds": Control(_wild, fails=("command-bounds",), alone=True),
+        "setpoint-bounds": Control(_rogue_setpoint, fails=("command-bounds",), alone=True),
         "stream-stale": Control(_ground_killed),
         "own-land": Control(_ground_killed, ("stream-stale",), autopilot="ardupilot"),
         "pose-rejected": Control(
             _killed_then(Family.JUMP, (2.2, 2.4), (1.2, 1.2), severity=1.0, heading_rad=-pi / 2),
-            ("gate-jump", "pose-slides"), "hold", fails=("separation",), alone=True,
+            ("validator-jump", "pose-slides"), "hold", fails=("separation",), alone=True,
         ),
         "pose-slides": Control(
             _pose(Family.DRIFT, (2.5, 3.0), (0.3, 0.5), heading_rad=-pi / 2),
@@ -212,13 +213,16 @@ CONTROLS: Mapping[str, Control] = MappingProxyType(
         ),
         "stop-repeat": Control(_stop_at_loss, kind="hold", followers=5, fails=("stop",), alone=True),
         "separation-filter": Control(
-            _pilot_in_the_way, _others(NEAR, "separation-filter"), "turning", fails=("separation",), alone=True
+            _pilot_interferes, _others(NEAR, "separation-filter"), "turning", fails=("separation",), alone=True
         ),
         "rule-not-offboard": Control(
-            _pilot_in_the_way, _others(NEAR, "rule-not-offboard"), "turning", fails=("separation",), alone=True
+            _pilot_interferes, _others(NEAR, "rule-not-offboard"), "turning", fails=("separation",), alone=True
         ),
-        "rule-attitude-miss": Control(
-            _hidden_latency, _others(ASTRAY, "rule-attitude-miss"), fails=("fence", "impact", "separation"), alone=True
+        "rule-attitude-innovation": Control(
+            _hidden_latency,
+            _others(POSITION_ERROR, "rule-attitude-innovation"),
+            fails=("fence", "impact", "separation"),
+            alone=True,
         ),
         "arm-in-air": _armed_in_air("arm-in-air"),
         "arm-other-ground": _armed_in_air("arm-other-ground"),
@@ -247,10 +251,10 @@ def jobs(seed: int, flights: int, only: Sequence[str] = ()) -> list[ControlJob]:
 
 def shares(flown: Sequence[ControlJob], tried: Sequence[Tried]) -> dict[str, Shares]:
     """Of each monitor, the shares of its flights that failed."""
-    told: dict[str, list[Tried]] = {}
+    tried_of: dict[str, list[Tried]] = {}
     for job, one in zip(flown, tried, strict=True):
-        told.setdefault(job.monitor, []).append(one)
+        tried_of.setdefault(job.monitor, []).append(one)
     return {
         name: Shares(sum(one.without for one in each) / len(each), sum(one.with_it for one in each) / len(each))
-        for name, each in told.items()
+        for name, each in tried_of.items()
     }

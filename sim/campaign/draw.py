@@ -81,9 +81,9 @@ RANGES: Mapping[Family, Range] = MappingProxyType(
         Family.LOG_TROUBLE: Range(for_s=(0.5, 10.0)),
     }
 )
-ASKED = (Verb.ARM, Verb.TAKEOFF, Verb.START, Verb.HOLD, Verb.LAND, Verb.STOP, Verb.SHAPE, Verb.ADOPT)
+ASKED = (Verb.ARM, Verb.TAKEOFF, Verb.START, Verb.HOLD, Verb.LAND, Verb.STOP, Verb.SHAPE, Verb.TAKE_CONTROL)
 SHAPES = ("line", "v", "circle", "configured")
-TOLD = (None, Verb.ARM, Verb.ADOPT, Verb.LAND, Verb.STOP)
+REQUESTED = (None, Verb.ARM, Verb.TAKE_CONTROL, Verb.LAND, Verb.STOP)
 """What a restarted or second ground is asked for."""
 
 FAMILIES_DRAWN: tuple[Family, ...] = tuple(RANGES)
@@ -204,7 +204,7 @@ def _receiver(family: Family, flight: Scenario, rng: np.random.Generator) -> dic
     return values
 
 
-def _way(family: Family, flight: Scenario, rng: np.random.Generator) -> dict[str, object]:
+def _link_direction(family: Family, flight: Scenario, rng: np.random.Generator) -> dict[str, object]:
     values: dict[str, object] = {"direction": _one(("down", "up", "both"), rng)}
     if rng.random() < 0.5:
         values["body"] = _one(_drones(flight), rng)
@@ -221,7 +221,7 @@ def _core(family: Family, flight: Scenario, rng: np.random.Generator) -> dict[st
     if core in ("agent", "bridge"):
         values["body"] = _one(_drones(flight), rng)
     elif core == "ground" and family in (Family.RESTART, Family.TWIN):
-        values["verb"] = TOLD[int(rng.integers(len(TOLD)))]
+        values["verb"] = REQUESTED[int(rng.integers(len(REQUESTED)))]
     return values
 
 
@@ -232,7 +232,7 @@ def _asked(_family: Family, _flight: Scenario, rng: np.random.Generator) -> dict
 
 _VICTIM_AT: Mapping[Site, _Victim] = MappingProxyType(
     {
-        Site.CAMERAS: _body, Site.BUS: _receiver, Site.LINK: _way, Site.CORE: _core, Site.VEHICLE: _drone,
+        Site.CAMERAS: _body, Site.BUS: _receiver, Site.LINK: _link_direction, Site.CORE: _core, Site.VEHICLE: _drone,
         Site.OPERATOR: _drone, Site.HOST: _every_body,
     }
 )  # fmt: skip

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from formation.messages import Phase, Verb
 from gcs.recording import Record
 from sim.campaign.oracle import Verdict, judge
-from sim.campaign.witness import Witness
+from sim.campaign.recorder import FlightRecorder
 from sim.faults.fault import Fault
 from sim.lockstep import uncollected
 from sim.monitors import WITHOUT_NONE, Without
@@ -74,8 +74,8 @@ class Flight:
         self, scenario: Scenario, seed: int, log: Record | None = None, without: Without = WITHOUT_NONE
     ) -> None:
         """log: where its records go, if anywhere; without: monitors that are switched off."""
-        self._witness = Witness(scenario, log)
-        self.world = World(scenario, seed, self._witness.record, without)
+        self._recorder = FlightRecorder(scenario, log)
+        self.world = World(scenario, seed, self._recorder.record, without)
         self._ending = Ending(scenario)
 
     @property
@@ -88,12 +88,12 @@ class Flight:
         world, before_ns = self.world, self.world.exposed_ns
         while world.exposed_ns == before_ns:
             world.step()
-        down = self._witness.look(world)
-        return self._ending.over(world, down=down, flown=self._witness.armed_ever)
+        down = self._recorder.sample(world)
+        return self._ending.over(world, down=down, flown=self._recorder.armed_ever)
 
     def verdict(self, *, benign: bool = False) -> Verdict:
         """The oracle's, on the flight so far; benign: as `judge` has it."""
-        return judge(self._witness.truth(self.world.faults.first_ns), benign=benign)
+        return judge(self._recorder.truth(self.world.faults.first_ns), benign=benign)
 
 
 def fly(

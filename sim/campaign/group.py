@@ -75,12 +75,12 @@ def _fly_each(scenario: Scenario, faults: dict[int, tuple[Fault, ...]]) -> list[
 
 def _fork_along(scenario: Scenario, faults: dict[int, tuple[Fault, ...]]) -> list[tuple[Run, float]]:
     """The runs, each with the seconds that were integrated for it; those of the shared flight count for its last."""
-    flight, waiting = Flight(scenario, scenario.seed), dict(faults)
+    flight, remaining = Flight(scenario, scenario.seed), dict(faults)
     flown: list[tuple[Run, float]] = []
     over = False
-    while waiting and not over:
-        for number in [number for number in waiting if begins_soon(flight, waiting[number], FORK_AHEAD_NS)]:
-            these = waiting.pop(number)
+    while remaining and not over:
+        for number in [number for number in remaining if begins_soon(flight, remaining[number], FORK_AHEAD_NS)]:
+            these = remaining.pop(number)
 
             def fly_on(number: int = number, these: tuple[Fault, ...] = these) -> Run:
                 flight.world.inject(these)
@@ -91,9 +91,9 @@ def _fork_along(scenario: Scenario, faults: dict[int, tuple[Fault, ...]]) -> lis
                 raised = Violation("raised", flight.t_s, run)
                 run = Run(number, these, Verdict((raised,), flight.t_s, None, 0.0), flight.t_s)
             flown.append((run, run.duration_s - flight.t_s))
-        over = over or (bool(waiting) and flight.advance())
+        over = over or (bool(remaining) and flight.advance())
     # What is left never began.
-    flown += [(_judged(flight, number, these), 0.0) for number, these in waiting.items()]
+    flown += [(_judged(flight, number, these), 0.0) for number, these in remaining.items()]
     last, own_s = flown[-1]
     return [*flown[:-1], (last, own_s + flight.t_s)]
 
@@ -113,13 +113,13 @@ def _forked(work: Callable[[], Run]) -> Run | str:
     reads, writes = os.pipe()
     child = os.fork()
     if child == 0:
-        told: Run | str = ""
+        outcome: Run | str = ""
         try:
             os.close(reads)
-            told = work()
+            outcome = work()
         finally:  # an exception on its way ends here too: what the stack holds further down is the parent's
             with os.fdopen(writes, "wb") as pipe:
-                pickle.dump(told or traceback.format_exc(limit=-2), pipe)
+                pickle.dump(outcome or traceback.format_exc(limit=-2), pipe)
             os._exit(0)
     os.close(writes)
     with os.fdopen(reads, "rb") as pipe:

@@ -30,20 +30,19 @@ BRAKING_LIFT, BRAKING_S = 1.1, 0.3
 """Motors that give no more than this, of its weight, cannot brake it; so long they need once they are sound again."""
 CONTACT_S = 0.03
 ALARM_S, KNOWN_S = 1.0, 0.3
-"""Within so long a log's trouble is told of, and known to whoever arms."""
+"""Times within which the ground reports a failing log, and refuses to arm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """What was true of n drones at T instants, and what was told; times in seconds, lab axes.
+    """True states of n drones at T instants, and the events reported; times in s, lab axes.
 
     up (T, n): the z component of each body's thrust axis; thrust, of its weight; command (T, n, 5): quaternion w, x, y,
     z and thrust that its attitude loop tracks; command_age_s: NaN while no ground's command acts; gain_low, gain_high:
-    what the weakest and the strongest motor give of what they are told; lift_most (T, n): the most that all of them
-    can, of the weight. notes: time, whether it tells of something unplanned, text. stops_s, arms_s: when an operator
-    asked for an emergency stop, and for motors. log_ill_s: from when to when the log could not be written. t_onset_s:
-    NaN before any fault began.
-    planned: whether the flight ended as the operator meant it to.
+    share of the commanded thrust of the weakest and the strongest motor; lift_most (T, n): maximum thrust over weight.
+    notes: time, whether the event is unplanned, text. stops_s, arms_s: when an operator asked for an emergency stop,
+    and for arming. log_ill_s: start and end of the times when the log could not be written. t_onset_s: NaN before any
+    fault began. planned: whether the flight ended as the operator intended.
     """
 
     names: tuple[str, ...]
@@ -92,9 +91,9 @@ class Margin:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """onset_s: when the first fault began; detection_s: how much later it was first told of, None where it never was.
+    """onset_s: when the first fault began; detection_s: delay of its first report, None where there was none.
 
-    drift_m: how far, sideways or up, a drone went from where it was at the onset. cause: the first that was told.
+    drift_m: how far, sideways or up, a drone went from where it was at the onset. cause: the first event reported.
     margins: of separation, fence and impact, of each that came up, the least that was left.
     """
 
@@ -129,10 +128,12 @@ def judge(truth: Truth, *, benign: bool = False, stop_within_s: float = STOP_S) 
     ]
     first = _first_note(truth)
     if not truth.planned and first is None:
-        violations.append(Violation("no-cause", float(truth.t_s[-1]), "the flight did not end as planned, untold why"))
+        violations.append(
+            Violation("no-cause", float(truth.t_s[-1]), "the flight did not end as planned, no cause reported")
+        )
     if benign and not truth.planned:
-        told = "nothing told" if first is None else first[1]
-        violations.append(Violation("nuisance", first[0] if first else float(truth.t_s[-1]), told))
+        reason = "nothing reported" if first is None else first[1]
+        violations.append(Violation("nuisance", first[0] if first else float(truth.t_s[-1]), reason))
     onset_s = None if np.isnan(truth.t_onset_s) else truth.t_onset_s
     detection_s = None if first is None or onset_s is None else first[0] - onset_s
     return Verdict(
@@ -152,12 +153,12 @@ def _separation(truth: Truth, airborne: Bool) -> list[Margin]:
     found = []
     for i in range(len(truth.names)):
         for j in range(i):
-            apart = np.linalg.norm(truth.pos_m[:, i] - truth.pos_m[:, j], axis=-1)
-            apart[~(airborne[:, i] & airborne[:, j])] = np.inf
-            least = float(apart.min())
+            separation_m = np.linalg.norm(truth.pos_m[:, i] - truth.pos_m[:, j], axis=-1)
+            separation_m[~(airborne[:, i] & airborne[:, j])] = np.inf
+            least = float(separation_m.min())
             if np.isfinite(least):
                 text = f"{truth.names[j]} and {truth.names[i]} {least:.3f} m apart"
-                found.append(_margin(truth, "separation", SEPARATION_M / np.maximum(apart, 1e-9), text))
+                found.append(_margin(truth, "separation", SEPARATION_M / np.maximum(separation_m, 1e-9), text))
     return found
 
 
@@ -236,7 +237,7 @@ def _commands(truth: Truth) -> list[Violation]:
         wrong = flown[:, i] & ~bounded[:, i]
         if wrong.any():
             worst = float(np.degrees(tilt[wrong, i].max()))
-            found.append(_at(truth, wrong, "command-bounds", f"{name} told what is out of bounds, {worst:.0f} degrees"))
+            found.append(_at(truth, wrong, "command-bounds", f"{name} commanded out of bounds, {worst:.0f} degrees"))
     return found
 
 
@@ -264,11 +265,11 @@ def _end(truth: Truth) -> list[Violation]:
 
 
 def _unrecorded(truth: Truth) -> list[Violation]:
-    """A log that cannot be written is told of, and nobody arms with one."""
+    """The ground reports a log that cannot be written, and nobody arms with one."""
     found = []
     for begin_s, end_s in truth.log_ill_s:
-        told = any(begin_s <= t_s <= begin_s + ALARM_S and text.startswith("log: ") for t_s, _, text in truth.notes)
-        if end_s - begin_s > ALARM_S and not told:
+        reported = any(begin_s <= t_s <= begin_s + ALARM_S and text.startswith("log: ") for t_s, _, text in truth.notes)
+        if end_s - begin_s > ALARM_S and not reported:
             found.append(Violation("unrecorded", begin_s + ALARM_S, "a log that is not written, and no alarm"))
         found += [
             Violation("unrecorded", t_s, "armed with a log that is not written")
@@ -279,7 +280,7 @@ def _unrecorded(truth: Truth) -> list[Violation]:
 
 
 def _first_note(truth: Truth) -> tuple[float, str] | None:
-    """The first that was told, from the onset on, of anything unplanned."""
+    """The first unplanned event from the onset on."""
     onset_s = -np.inf if np.isnan(truth.t_onset_s) else truth.t_onset_s
     return next(((t_s, text) for t_s, unplanned, text in truth.notes if unplanned and t_s >= onset_s), None)
 

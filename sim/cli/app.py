@@ -75,7 +75,7 @@ def fly(
 
     required = flights.required(require)
     opened = flights.scenario_of(name, leader_csv, leader_alignment)
-    how = flights.Manner(link, mocap, force, speed, watch)
+    how = flights.ProcessOptions(link, mocap, force, speed, watch)
     flights.fly(opened, how, seed, flights.Ending(as_json, out, required))
 
 
@@ -98,9 +98,12 @@ def run(
 
 @app.command()
 def mocap(
-    name: Name, seed: Seed = None, speed: Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)] = 1.0
+    name: Name,
+    seed: Seed = None,
+    _json: Json = False,
+    speed: Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)] = 1.0,
 ) -> None:
-    """Be the mocap of a scenario's simulated drones, on the bus of its lab, until Ctrl-C."""
+    """Be the mocap of a scenario's simulated drones, on the bus of its lab, until Ctrl-C. JSON: its errors."""
     from sim.cli import flights
 
     flights.mocap(flights.scenario_of(name).scenario, seed, speed)
@@ -119,11 +122,13 @@ def check(
 
 
 @app.command("compile")
-def compile_kernels() -> None:
+def compile_kernels(as_json: Json = False) -> None:
     """Compile everything that flies, once per installation, so that no start waits for it later."""
     from sim.cli import flights
 
-    flights.compile_for(flights.scenario_of("triangle_line").scenario)
+    flights.compile_everything()
+    if as_json:
+        print(json.dumps({"compiled": True}))
 
 
 @app.command("list")

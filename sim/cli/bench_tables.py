@@ -19,6 +19,7 @@ def bench_tables(result: Result) -> Iterator[Table]:
     swarms.add_row("control step", *(_words(s.step) for s in result.swarms))
     swarms.add_row("the ground's tick", *(_words(s.tick) for s in result.swarms))
     swarms.add_row("lockstep, s a second", *(f"{s.lockstep_speed:.1f}" for s in result.swarms))
+    swarms.add_row("Python calls, a simulated second", *(f"{s.python_calls:,}" for s in result.swarms))
     yield swarms
     parts, calls = result.parts, _table("single calls", "", "each")
     calls.add_row("nearest, by pair", f"{parts.nearest_ns_per_pair:.1f} ns")

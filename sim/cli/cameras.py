@@ -1,6 +1,7 @@
 """`gcs-sim mocap-server`: a camera system in a box, to try a lab's configuration with no cameras."""
 
 import asyncio
+import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from wire.process.program import takes
+from wire.process.program import print_json_error, with_options
 
 MOST_BODIES = 250
 Protocol = Literal["vrpn", "chingmu", "natnet", "qtm", "vicon"]
@@ -37,6 +38,7 @@ class BoxOptions:
     host: Annotated[str | None, typer.Option(help="Our address: 127.0.0.1, for NatNet 127.0.0.2.")] = None
     port: Annotated[int | None, typer.Option(min=1, max=65535, help="The vendor's own if not given.")] = None
     seed: Annotated[int, typer.Option(min=0, help="Decides all luck.")] = 1
+    as_json: Annotated[bool, typer.Option("--json", help="Events and errors as lines of JSON.")] = False
     speed: Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)] = 1.0
 
 
@@ -45,18 +47,25 @@ def register(app: typer.Typer) -> None:
     app.command("mocap-server")(mocap_server)
 
 
-@takes(BoxOptions)
+@with_options(BoxOptions)
 def mocap_server(options: BoxOptions) -> None:
     """Serve moving bodies in a camera system's own protocol, until Ctrl-C."""
-    from sim.cameras.box import Manner
-    from sim.cli.camera_rooms import NotRight, box
+    from sim.cameras.box import Interruptions
+    from sim.cli.mocap_server import NotRight, box
+
+    def print_text(text: str) -> None:
+        print(text, file=sys.stderr, flush=True)
+
+    def print_text_json(text: str) -> None:
+        print(json.dumps({"text": text}), flush=True)
 
     try:
         running = box(options)
-        manner = Manner(options.restart_every, options.rename_every)
-        asyncio.run(running.serve(manner, lambda text: print(text, file=sys.stderr, flush=True)))
+        interruptions = Interruptions(options.restart_every, options.rename_every)
+        asyncio.run(running.serve(interruptions, print_text_json if options.as_json else print_text))
     except KeyboardInterrupt:
         return
     except (NotRight, OSError) as error:
+        print_json_error(str(error))
         print(f"gcs-sim: {error}", file=sys.stderr)
         raise typer.Exit(2) from error

@@ -25,7 +25,7 @@ def campaign(
         str | None, typer.Option(metavar="ADDRESS", help="Of a Dask cluster that flies instead of this machine.")
     ] = None,
     replay: Annotated[
-        str | None, typer.Option(metavar="SEED:NUMBER", help="Fly this one run again, and tell all about it.")
+        str | None, typer.Option(metavar="SEED:NUMBER", help="Fly this one run again and print its details.")
     ] = None,
     log: Annotated[Path | None, typer.Option(metavar="FILE.mcap", help="With --replay: log it there.")] = None,
     table: Annotated[bool, typer.Option("--table", help="Fly each fault of the table once, show how it ends.")] = False,

@@ -19,8 +19,7 @@ from sim.campaign.draw import FAMILIES_DRAWN, Draw, run_of
 from sim.campaign.flight import fly
 from sim.campaign.oracle import Verdict
 from sim.campaign.table import fly_row, table
-from sim.cli.flights import compile_for, fail
-from sim.scenario import load as load_scenario
+from sim.cli.flights import compile_everything, fail
 from sim.studies.runner import Runner
 from sim.world import T0_NS
 from wire.logs.mcap_log import LogWriter
@@ -35,7 +34,7 @@ def run_table(only: tuple[str, ...], workers: int | None, as_json: bool) -> None
     if unknown := [name for name in only if name not in names]:
         fail(f"no row {unknown[0]!r} in the table; there are: {', '.join(names)}", NOT_RIGHT)
     wanted = [name for name in names if not only or name in only]
-    compile_for(load_scenario("triangle_line"))
+    compile_everything()
     verdicts = Runner(console, workers).run("table", fly_row, wanted)
     flown = dict(zip(wanted, verdicts, strict=True))
     if as_json:
@@ -60,7 +59,7 @@ class Asked:
 def run_campaign(asked: Asked, workers: int | None, scheduler: str | None, as_json: bool) -> None:
     """Random faults, and positive controls."""
     console = Console(stderr=as_json, markup=False)
-    compile_for(load_scenario("triangle_line"))
+    compile_everything()
     crew = _workers(workers, scheduler, console)
     result = campaign.fly(asked.draw, asked.runs, crew)
     jobs = controls.jobs(asked.draw.seed, asked.controls, asked.only)
@@ -79,11 +78,11 @@ def run_campaign(asked: Asked, workers: int | None, scheduler: str | None, as_js
             highlight=False,
         )
     for near in result.nearest:
-        told = f"nearest to a limit: {near.margin.used:.0%}, {near.margin.text}    {near.draw.again(near.number)}"
-        console.print(told, style="dim", highlight=False, soft_wrap=True)
+        line = f"nearest to a limit: {near.margin.used:.0%}, {near.margin.text}    {near.draw.again(near.number)}"
+        console.print(line, style="dim", highlight=False, soft_wrap=True)
     for name, share in shares.items():
-        told = f"without {name}: {share.without:.0%} of {asked.controls} flights failed, with it {share.with_it:.0%}"
-        console.print(told, style=None if share.shows else "red", highlight=False)
+        line = f"without {name}: {share.without:.0%} of {asked.controls} flights failed, with it {share.with_it:.0%}"
+        console.print(line, style=None if share.shows else "red", highlight=False)
     for name, behind in controls.REDUNDANT.items() if shares and not asked.only else ():
         console.print(f"without {name}: no control, {behind}", style="dim", highlight=False)
     if result.failures or not all(share.shows for share in shares.values()):
@@ -112,8 +111,8 @@ def run_again(run: str, draw: Callable[[int], Draw], log: Path | None, as_json: 
     with ExitStack() as files:
         record = None
         if log is not None:
-            told = lockstep.metadata(scenario, scenario.seed, "memory", T0_NS)
-            record = files.enter_context(LogWriter(log, told, threaded=False)).write
+            metadata = lockstep.metadata(scenario, scenario.seed, "memory", T0_NS)
+            record = files.enter_context(LogWriter(log, metadata, threaded=False)).write
         verdict = fly(scenario, scenario.seed, record).verdict
     if as_json:
         print(json.dumps(asdict(verdict), indent=2))
@@ -143,12 +142,12 @@ def _show(failure: Failure, console: Console) -> None:
 
 def _page(flown: dict[str, Verdict]) -> Table:
     page = Table(title="how each fault ends; again with --table --only NAME")
-    for heading in ("fault", "ends", "told after, s", "drift, m", "first told"):
+    for heading in ("fault", "ends", "reported after, s", "drift, m", "first report"):
         numeric = heading.endswith((" s", " m"))
         page.add_column(heading, justify="right" if numeric else "left", no_wrap=numeric or heading == "fault")
     for name, verdict in flown.items():
         ends = "contained" if verdict.contained else "; ".join(violation.text for violation in verdict.violations[:2])
-        told = "-" if verdict.detection_s is None else f"{verdict.detection_s:.2f}"
+        detection_s = "-" if verdict.detection_s is None else f"{verdict.detection_s:.2f}"
         drift = "-" if verdict.onset_s is None else f"{verdict.drift_m:.2f}"
-        page.add_row(name, ends, told, drift, verdict.cause, style=None if verdict.contained else "red")
+        page.add_row(name, ends, detection_s, drift, verdict.cause, style=None if verdict.contained else "red")
     return page

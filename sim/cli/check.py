@@ -9,7 +9,7 @@ from formation.guidance.shape_request import parse
 from formation.messages import Verb
 from gcs.finding import Finding, Grade
 from gcs.lab import cli
-from gcs.mocap.sources.csv_file import MocapFileError
+from mocap.sources.csv_file import MocapFileError
 from sim.scenario import Opened, Scenario, find, recorded_leader
 from wire.config_file import ConfigError
 

@@ -6,15 +6,14 @@ from pathlib import Path
 from analysis import metrics, report
 from analysis.load import Flight, load_checked
 from analysis.metrics import Summary
+from analysis.outcome import GOOD
 from sim.script import Outcome
-
-GOOD = ("landed", "held")
 
 
 def conclude(mcap: Path, outcome: Outcome, realtime_factor: float | None = None) -> tuple[Flight, Summary]:
     """Write the report beside the log; the flight and its numbers.
 
-    What the host saw fail is told beside what the log can tell.
+    The outcome has the failures that the host saw beside those in the log.
     """
     page = mcap.with_name("report.html")
     flight, checked = load_checked(mcap)
@@ -25,7 +24,7 @@ def conclude(mcap: Path, outcome: Outcome, realtime_factor: float | None = None)
 
 
 def _joined(host: Outcome, log: str) -> str:
-    """The outcome by what the host saw and by what the log tells: the worse of the two, with both reasons."""
+    """The outcome by the host and by the log: the worse of the two, with both reasons."""
     kind, _, reason = log.partition(": ")
     if host.result == "starved" or (host.result not in GOOD and log in GOOD):
         return f"{host.result}: {host.reason}"

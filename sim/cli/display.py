@@ -25,7 +25,7 @@ class Display:
     ) -> None:
         self._status.stop()
 
-    def say(self, text: str) -> None:
+    def update(self, text: str) -> None:
         """Show what is going on, without a time."""
         self._status.update(Text(f"{self._title}: {text}"))
 

@@ -15,17 +15,18 @@ from rich.console import Console
 
 from analysis.console import print_summary
 from analysis.metrics import Summary
+from analysis.outcome import GOOD
 from analysis.requirements import Requirement, parse, unmet
 from formation.model import QuatTuple
-from gcs.daemon import GCS_NAME
+from formation.requests import GCS_NAME
 from gcs.finding import Grade
 from gcs.lab.findings import line
 from gcs.lab.judge import judge
-from gcs.mocap.sources.csv_file import MocapFileError
+from mocap.sources.csv_file import MocapFileError
 from sim import lockstep
 from sim.cameras import daemon as mocap_daemon
 from sim.cameras.systems import lab_with
-from sim.cli.conclude import GOOD, conclude
+from sim.cli.conclude import conclude
 from sim.cli.display import Display
 from sim.fly import Files
 from sim.fly import fly as fly_processes
@@ -37,7 +38,7 @@ from wire import clock
 from wire.errors import ConfigError
 from wire.private_files import make_folder
 from wire.process import starved
-from wire.process.program import tell_error
+from wire.process.program import print_json_error
 from wire.process.progress import compile_all
 from wire.process.starved import StarvedError
 
@@ -46,7 +47,7 @@ UNIT_WITHIN = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class Manner:
+class ProcessOptions:
     """How processes fly: over which link, by which camera system's protocol if any, speed seconds in one second.
 
     watch: with the operator's page.
@@ -68,7 +69,7 @@ class Ending:
     required: tuple[Requirement, ...]
 
 
-def fly(opened: Opened, how: Manner, seed: int | None, ending: Ending) -> None:
+def fly(opened: Opened, how: ProcessOptions, seed: int | None, ending: Ending) -> None:
     """In real time, or slower; ends the process with its exit code."""
     scenario, lab = opened.scenario, opened.scenario.lab
     if how.protocol and opened.lab is not None:  # what the lab file says of its own cameras
@@ -138,7 +139,7 @@ def scenario_of(name: str, leader_csv: Path | None = None, alignment: str | None
     """The scenario with the leader given; ends the process where either is not right, or `gcs run` refuses its lab."""
     try:
         opened = find(name)
-        refuse_lab(opened)
+        check_lab(opened)
         file = None if leader_csv is None else str(leader_csv.absolute())
         scenario = with_leader_file(opened.scenario, file, None if alignment is None else _quaternion(alignment))
         if scenario.needs_leader_file and scenario.leader.file is None:
@@ -147,22 +148,27 @@ def scenario_of(name: str, leader_csv: Path | None = None, alignment: str | None
     except (ConfigError, MocapFileError, ValueError) as error:
         fail(str(error), NOT_RIGHT)
     if opened.lab is not None:
-        told = f"{opened.lab_file}: {stand_ins(opened.lab)}"
-        Console(stderr=True).print(told, highlight=False, markup=False, soft_wrap=True)
+        stand_ins_text = f"{opened.lab_file}: {stand_ins(opened.lab)}"
+        Console(stderr=True).print(stand_ins_text, highlight=False, markup=False, soft_wrap=True)
     return replace(opened, scenario=scenario)
 
 
-def refuse_lab(opened: Opened) -> None:
+def check_lab(opened: Opened) -> None:
     """ConfigError where the scenario flies a lab file that `gcs run` refuses."""
     if opened.lab is not None:
-        refused = [finding for finding in judge(opened.lab) if finding.grade is Grade.FAIL]
-        if refused:
-            raise ConfigError([f"{opened.lab_file}: {line(finding)}" for finding in refused])
+        failed = [finding for finding in judge(opened.lab) if finding.grade is Grade.FAIL]
+        if failed:
+            raise ConfigError([f"{opened.lab_file}: {line(finding)}" for finding in failed])
 
 
 def compile_for(scenario: Scenario) -> None:
     """Everything that any process of the scenario runs; the processes find it in the cache on disk."""
     compile_all("gcs-sim", lambda: lockstep.warm_up(scenario), sys.stderr)
+
+
+def compile_everything() -> None:
+    """What any flight runs, with and without a bridge."""
+    compile_all("gcs-sim", lockstep.warm_up_all, sys.stderr)
 
 
 def _quaternion(text: str) -> QuatTuple:
@@ -177,8 +183,8 @@ def _quaternion(text: str) -> QuatTuple:
     return w / norm, x / norm, y / norm, z / norm
 
 
-def _seed(given: int | None, scenario: Scenario) -> int:
-    return scenario.seed if given is None else given
+def _seed(requested: int | None, scenario: Scenario) -> int:
+    return scenario.seed if requested is None else requested
 
 
 def _folder(out: Path | None, scenario: Scenario) -> Path:
@@ -196,9 +202,10 @@ def _end(summary: Summary, ending: Ending, aborted_code: int = ABORTED) -> None:
     if summary.outcome.startswith("starved"):
         raise typer.Exit(starved.EXIT_CODE)
     if summary.outcome not in GOOD:
+        _print_error(summary.outcome)
         raise typer.Exit(aborted_code)
-    if missed := unmet(ending.required, summary):
-        _tell("; ".join(missed))
+    if unmet_requirements := unmet(ending.required, summary):
+        _print_error("; ".join(unmet_requirements))
         raise typer.Exit(ABORTED)
 
 
@@ -212,10 +219,10 @@ def required(texts: Sequence[str] | None) -> tuple[Requirement, ...]:
 
 def fail(text: str, code: int) -> NoReturn:
     """End the program with a word and an exit code."""
-    tell_error(text)
-    _tell(text)
+    print_json_error(text)
+    _print_error(text)
     raise typer.Exit(code)
 
 
-def _tell(text: str) -> None:
+def _print_error(text: str) -> None:
     Console(stderr=True).print(f"gcs-sim: {text}", style="red", highlight=False, markup=False, soft_wrap=True)

@@ -11,7 +11,7 @@ import typer
 
 from analysis.cli import Json, LogPath
 from analysis.cli import app as analysis_app
-from wire.process.program import program, tell_error
+from wire.process.program import print_json_error, program
 
 if TYPE_CHECKING:
     from gcs.replay import Replay
@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 DIFFERENT, NOT_RIGHT = 1, 2
 
 app = program(
-    "Read flight logs.", "Exit codes: 0 well; 1 the log is damaged (check), or not replayed bit by bit; 2 no log."
+    "Read flight logs.",
+    "Exit codes: 0 well; 1 the flight did not end well (report), the log is damaged (check), or is not replayed bit by "
+    "bit (replay); 2 no log.",
 )
 app.add_typer(analysis_app)
 
@@ -34,7 +36,7 @@ def replay(log: LogPath, as_json: Json = False) -> None:
     try:
         result = replay_log(read_log(log))
     except (OSError, LogError, ReplayError) as error:
-        tell_error(str(error))
+        print_json_error(str(error))
         typer.secho(f"gcs-log: {error}", fg="red", err=True)
         raise typer.Exit(NOT_RIGHT) from error
     if as_json:

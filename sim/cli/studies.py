@@ -1,4 +1,4 @@
-"""The command lines of the studies of `gcs-sim`: `paper`, `robustness`, `hummingbird`, `gate`, `tune`, `bench`."""
+"""The command lines of the studies of `gcs-sim`, from `paper` to `bench`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +14,7 @@ def register(app: typer.Typer) -> None:
     app.command("paper")(compare)
     app.command("robustness")(robust)
     app.command("hummingbird")(hummingbird)
-    app.command("gate")(gate)
+    app.command("false-rejections")(false_rejections)
     app.command("tune")(tune_vehicle)
     app.command("bench")(bench)
 
@@ -27,12 +27,15 @@ def compare(
     ] = "paper_40g",
     only: Annotated[list[str] | None, typer.Option(help="Fly this controller alone; can be given again.")] = None,
     calibrate: Annotated[bool, typer.Option(help="Only find the fan that moves the printed ISTSMC by 0.30 m.")] = False,
-    bound: Annotated[bool, typer.Option(help="Only tell how little any controller could deviate in the gust.")] = False,
+    bound: Annotated[
+        bool, typer.Option(help="Only print the least deviation in the gust that any controller could reach.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")] = False,
 ) -> None:
     """Fly the paper's gust, line and circle with nine controllers; writes paper.json and paper.html."""
     from sim.cli import study_commands as studies
 
-    studies.run_paper(out, seeds, vehicle, only or [], calibrate, bound)
+    studies.run_paper(out, seeds, vehicle, only or [], calibrate, bound, as_json)
 
 
 def robust(
@@ -66,20 +69,20 @@ def hummingbird(
     studies.run_hummingbird(seeds, log, as_json)
 
 
-def gate(
+def false_rejections(
     hours: Annotated[float, typer.Option(min=0.001, help="Hours of flight, over all sources together.")] = 10.0,
     leader_csv: Annotated[
         Path | None, typer.Option(help="A recorded leader to replay as well (ASL/EuRoC CSV).")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")] = False,
 ) -> None:
-    """Count the mocap gate's false rejections: every shipped scenario, and aggressive motion, under ever new noise.
+    """Count the pose validator's false rejections: every shipped scenario, and aggressive motion, under ever new noise.
 
     Exit code 1 if there was any.
     """
     from sim.cli import study_commands as studies
 
-    studies.run_gate(hours, leader_csv, as_json)
+    studies.run_false_rejections(hours, leader_csv, as_json)
 
 
 def tune_vehicle(
@@ -93,11 +96,12 @@ def tune_vehicle(
     delay_s: Annotated[float, typer.Option("--delay", help="Mocap delay, s.")] = 0.008,
     noise_m: Annotated[float, typer.Option("--noise", help="Mocap noise, m.")] = 0.0001,
     out: Annotated[Path | None, typer.Option(help="Write the tuned profile here, to go under [[profiles]].")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")] = False,
 ) -> None:
     """Find the gain scales of a vehicle's loops: gains, observer bandwidth and compensation, judged in flight."""
     from sim.cli import study_commands as studies
 
-    studies.run_tune(vehicle, gains, rate_hz, delay_s, noise_m, out)
+    studies.run_tune(vehicle, gains, rate_hz, delay_s, noise_m, out, as_json)
 
 
 def bench(

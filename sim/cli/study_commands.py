@@ -5,7 +5,7 @@ from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import typer
@@ -13,13 +13,13 @@ from rich.console import Console
 from rich.table import Table
 
 from analysis.console import print_summary
-from formation.control.presets import preset_for
+from formation.control.presets import Preset, preset_for
 from formation.vehicle.profile import VehicleProfile
 from formation.vehicle.profile import profile as shipped_profile
 from sim import lockstep
 from sim.cli.bench_tables import bench_tables
 from sim.cli.conclude import conclude
-from sim.cli.flights import compile_for
+from sim.cli.flights import compile_everything
 from sim.scenario import load as load_scenario
 from sim.shipped import shipped
 from sim.studies import bench, false_rejections, gain_search, paper, paper_page, performance_bound, robustness
@@ -29,7 +29,7 @@ from sim.studies.runner import Runner
 from sim.studies.tune import Candidate, Task, tune
 from wire.config_file import ConfigError, dump, dump_profile, load_profile
 from wire.private_files import make_folder
-from wire.process.program import tell_error
+from wire.process.program import print_json_error
 
 if TYPE_CHECKING:
     from sim.studies.hummingbird.flights import Benchmark
@@ -37,15 +37,17 @@ if TYPE_CHECKING:
 FAILED, NOT_RIGHT = 1, 2
 
 
-def run_paper(out: Path, seeds: int, vehicle: str, only: list[str], calibrate: bool, bound: bool) -> None:
+def run_paper(
+    out: Path, seeds: int, vehicle: str, only: list[str], calibrate: bool, bound: bool, as_json: bool
+) -> None:
     """The paper's gust, line and circle."""
-    console = Console(markup=False)
+    console = Console(stderr=as_json, markup=False)
     profile = _vehicle(vehicle, console)
     if calibrate:
-        _calibrate(profile, console)
+        _calibrate(profile, console, as_json)
         return
     if bound:
-        _show_bound(profile, console)
+        _show_bound(profile, console, as_json)
         return
     try:
         flights = paper.jobs(range(1, seeds + 1), profile, tuple(only) or tuple(CONTROLLERS))
@@ -55,10 +57,12 @@ def run_paper(out: Path, seeds: int, vehicle: str, only: list[str], calibrate: b
     comparison = paper.compare(flights, runner)
     for table in paper_page.console_tables(comparison):
         console.print(table)
+    if as_json:
+        print(comparison.to_json())
     runner.write(out, {"paper.json": comparison.to_json() + "\n", "paper.html": paper_page.html(comparison)})
 
 
-def _calibrate(profile: VehicleProfile, console: Console) -> None:
+def _calibrate(profile: VehicleProfile, console: Console, as_json: bool) -> None:
     """The fan that moves the printed ISTSMC of that vehicle by 0.30 m."""
 
     def flown(peak: float, deviation_m: float) -> None:
@@ -67,10 +71,12 @@ def _calibrate(profile: VehicleProfile, console: Console) -> None:
     try:
         peak = paper.calibrate(profile, Runner(console), flown)
     except ValueError as error:
-        tell_error(str(error))
+        print_json_error(str(error))
         console.print(f"gcs-sim: {error}", style="red", highlight=False)
         raise typer.Exit(FAILED) from error
     console.print(f"peak_m_s2 = {peak:.2f}", highlight=False)
+    if as_json:
+        print(json.dumps({"peak_m_s2": peak}))
 
 
 def run_robustness(
@@ -102,7 +108,7 @@ def run_hummingbird(seeds: int, log: Path | None, as_json: bool) -> None:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] != "rotorpy":
             raise
-        tell_error("rotorpy is not here: pip install 'mavlink-formation[rotorpy]'")
+        print_json_error("rotorpy is not here: pip install 'mavlink-formation[rotorpy]'")
         console.print("gcs-sim: rotorpy is not here: pip install 'mavlink-formation[rotorpy]'", style="red")
         raise typer.Exit(NOT_RIGHT) from error
     if log is not None:
@@ -118,8 +124,8 @@ def run_hummingbird(seeds: int, log: Path | None, as_json: bool) -> None:
         raise typer.Exit(FAILED)
 
 
-def run_gate(hours: float, recording: Path | None, as_json: bool) -> None:
-    """Right poses that the mocap's gate rejects."""
+def run_false_rejections(hours: float, recording: Path | None, as_json: bool) -> None:
+    """Count correct poses that the pose validator rejects."""
     console = Console(stderr=as_json, markup=False)
     scenarios = tuple(name for name in shipped() if not load_scenario(name).needs_leader_file)
     jobs = false_rejections.jobs(hours, scenarios, recording)
@@ -137,17 +143,19 @@ def run_gate(hours: float, recording: Path | None, as_json: bool) -> None:
         raise typer.Exit(FAILED)
 
 
-def run_tune(vehicle: str, gains: str | None, rate_hz: float, delay_s: float, noise_m: float, out: Path | None) -> None:
+def run_tune(
+    vehicle: str, gains: str | None, rate_hz: float, delay_s: float, noise_m: float, out: Path | None, as_json: bool
+) -> None:
     """The gain scales of a vehicle's loops, or the gains of a preset for it."""
-    console = Console(markup=False)
+    console = Console(stderr=as_json, markup=False)
     profile = _vehicle(vehicle, console)
     task = Task(profile, rate_hz, delay_s, noise_m)
     if gains is not None:
-        _search_gains(task, gains, console)
+        _search_gains(task, gains, console, as_json)
         return
 
     def show(candidate: Candidate) -> None:
-        console.print(f"cost {candidate.cost:7.2f}  {_pace(candidate)}", highlight=False)
+        console.print(f"cost {candidate.cost:7.2f}  {_factors_text(candidate)}", highlight=False)
 
     first, best = tune(task, Runner(console), show)
     console.print(f"by the rule {first.cost:.2f}, tuned {best.cost:.2f}; {best.margin}", highlight=False)
@@ -158,11 +166,24 @@ def run_tune(vehicle: str, gains: str | None, rate_hz: float, delay_s: float, no
         out.write_text(dump_profile(tuned), encoding="utf-8")
     else:
         console.print(f"\n\\[profiles.gain_scale]\n{dump(best.gain_scale)}", highlight=False)
+    if as_json:
+        result = {"by_rule": _cost(first.cost), "tuned": _cost(best.cost), "gain_scale": best.gain_scale.model_dump()}
+        print(json.dumps(result | _as_json(preset)))
     if not np.isfinite(best.cost):
         raise typer.Exit(FAILED)
 
 
-def _search_gains(task: Task, name: str, console: Console) -> None:
+def _as_json(preset: Preset) -> dict[str, Any]:
+    """Its followers' gains by name."""
+    return {"law": asdict(preset.follower), "observer": asdict(preset.observer)}
+
+
+def _cost(cost: float) -> float | None:
+    """None where nothing flew: JSON has no infinity."""
+    return cost if np.isfinite(cost) else None
+
+
+def _search_gains(task: Task, name: str, console: Console, as_json: bool) -> None:
     """The gains of one preset's followers."""
 
     def show(found: gain_search.Tried) -> None:
@@ -172,6 +193,8 @@ def _search_gains(task: Task, name: str, console: Console) -> None:
         best = gain_search.search(task, name, Runner(console), show)
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
+    if as_json:
+        print(json.dumps({"tuned": _cost(best.cost)} | _as_json(best.gains)))
     if not np.isfinite(best.cost):
         raise typer.Exit(FAILED)
 
@@ -179,7 +202,7 @@ def _search_gains(task: Task, name: str, console: Console) -> None:
 def run_bench(as_json: bool) -> None:
     """What the parts of a flight cost."""
     console = Console(stderr=as_json, markup=False)
-    compile_for(load_scenario("triangle_line"))
+    compile_everything()
     with console.status("starting") as status:
         result = bench.bench(status.update)
     if as_json:
@@ -195,28 +218,31 @@ def _vehicle(name_or_path: str, console: Console) -> VehicleProfile:
         path = Path(name_or_path)
         return load_profile(path) if path.exists() else shipped_profile(name_or_path)
     except (ConfigError, ValueError) as error:
-        tell_error(str(error))
+        print_json_error(str(error))
         console.print(f"gcs-sim: {error}", style="red", markup=False, highlight=False)
         raise typer.Exit(NOT_RIGHT) from error
 
 
-def _show_bound(profile: VehicleProfile, console: Console) -> None:
+def _show_bound(profile: VehicleProfile, console: Console, as_json: bool) -> None:
     """The least deviation by the time of reaction: bounds, and last what can be expected at best."""
     scenario = scenario_of(Job("cfc", Experiment.GUST, seed=1, vehicle=profile))
     gust = performance_bound.gust_pass(scenario)
     own_s = performance_bound.reaction_s(scenario)
     seen_s = own_s + performance_bound.seen_s(scenario, gust)
-    told = [(seconds, "") for seconds in performance_bound.REACTIONS_S]
-    told += [
+    rows = [(seconds, "") for seconds in performance_bound.REACTIONS_S]
+    rows += [
         (own_s, "  this loop: exposed at once, passed on, acted on"),
         (seen_s, "  an estimate: not before the push shows in the mocap's noise"),
     ]
-    for seconds, who in told:
-        least_mm = 1e3 * performance_bound.least_deviation_m(gust, seconds)
-        console.print(f"acts after {1e3 * seconds:4.1f} ms: {least_mm:5.2f} mm at least{who}", highlight=False)
+    least_m = [performance_bound.least_deviation_m(gust, seconds) for seconds, _ in rows]
+    for (seconds, who), metres in zip(rows, least_m, strict=True):
+        console.print(f"acts after {1e3 * seconds:4.1f} ms: {1e3 * metres:5.2f} mm at least{who}", highlight=False)
+    if as_json:
+        bounds = zip(rows, least_m, strict=True)
+        print(json.dumps([{"reaction_s": seconds, "least_deviation_m": metres} for (seconds, _), metres in bounds]))
 
 
-def _pace(candidate: Candidate) -> str:
+def _factors_text(candidate: Candidate) -> str:
     """The factors in words."""
     gain_scale = candidate.gain_scale
     return (
@@ -254,12 +280,12 @@ def _table(samples: list[Sample]) -> Table:
 def _hummingbird_table(result: "Benchmark") -> Table:
     """What was flown, in millimetres, with what was assumed above it."""
     a = result.assumed
-    told = [
+    lines = [
         f"{result.vehicle} on rotorpy's physics, {result.seeds} seed(s), {result.landed} of {result.flights} landed",
         f"cameras {1e3 * a.mocap_delay_s:.0f} ms, link {1e3 * a.link_s:.0f} ms; "
         f"answer {1e3 * a.response_dead_time_s:.0f} ms dead, {1e3 * a.response_lag_s:.0f} ms lag",
     ]
-    table = Table(title="\n".join(told), title_justify="left")
+    table = Table(title="\n".join(lines), title_justify="left")
     for heading in ("", "RMS, mm", "vibration, mm", "mean of largest, mm", "largest, mm", "settling, s", "chatter, °"):
         table.add_column(heading, justify="right" if heading else "left")
     table.add_row("line", _mm(result.line_rms_m), _mm(result.line_vibration_m))
@@ -275,7 +301,7 @@ def _mm(length_m: float | None) -> str:
 
 
 def _json(samples: list[Sample]) -> str:
-    """Every sample and the percentiles; null for what no flight could tell."""
+    """Every sample and the percentiles; null for what no flight measured."""
     values = {
         "samples": [asdict(sample) | {"failed": sample.failed} for sample in samples],
         "failed": sum(sample.failed for sample in samples),

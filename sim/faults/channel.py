@@ -9,7 +9,7 @@ import numpy as np
 from formation.messages import Datagram
 from sim.faults.fault import Family, Fault
 from sim.faults.queue import DueQueue
-from sim.faults.wild import tilted
+from sim.faults.rogue_setpoint import tilted
 from wire.transport.memory_bus import DelayModel
 
 OVERTAKEN_NS = 30_000_000
@@ -34,7 +34,7 @@ class Channel:
         self._rng = rng
         self._queue = DueQueue[Sent]()
         self._last_due_ns = 0
-        self._said: deque[Sent] = deque()
+        self._history: deque[Sent] = deque()
 
     @property
     def next_due_ns(self) -> int:
@@ -44,16 +44,16 @@ class Channel:
     def push(self, now_ns: int, datagram: Datagram, faults: Sequence[tuple[Fault, int]] = ()) -> None:
         """Send it now; faults: those that act on this link now, each with its onset."""
         sent = Sent(now_ns, datagram)
-        self._said.append(sent)
-        while self._said[0].t_ns < now_ns - REMEMBERED_NS:
-            self._said.popleft()
+        self._history.append(sent)
+        while self._history[0].t_ns < now_ns - REMEMBERED_NS:
+            self._history.popleft()
         delay_ns = self._delay()
         if not faults:
             if delay_ns is not None:
                 self._enqueue(now_ns + delay_ns, sent)
             return
         for fault, _ in faults:
-            if fault.family is Family.REPLAY and (old := self._said_before(now_ns - round(fault.severity * 1e9))):
+            if fault.family is Family.REPLAY and (old := self._sent_before(now_ns - round(fault.severity * 1e9))):
                 self._queue.push(now_ns + (delay_ns or 0) + AGAIN_NS, old)
         held_ns, again = 0, False
         for fault, onset_ns in faults:
@@ -70,7 +70,7 @@ class Channel:
                     delay_ns = _later(delay_ns, fault.severity * tail)
                 case Family.CORRUPT if met:
                     sent = Sent(now_ns, self._corrupted(datagram))
-                case Family.WILD_SETPOINT:
+                case Family.ROGUE_SETPOINT:
                     sent = Sent(now_ns, Datagram(datagram.sysid, tilted(datagram.data, fault.severity)))
                 case Family.REORDER if met:
                     held_ns = OVERTAKEN_NS
@@ -93,11 +93,11 @@ class Channel:
         self._last_due_ns = max(due_ns, self._last_due_ns)
         self._queue.push(self._last_due_ns, sent)
 
-    def _said_before(self, t_ns: int) -> Sent | None:
+    def _sent_before(self, t_ns: int) -> Sent | None:
         """The last that was sent until then; each is said again once."""
-        said, last = self._said, None
-        while said and said[0].t_ns <= t_ns:
-            last = said.popleft()
+        history, last = self._history, None
+        while history and history[0].t_ns <= t_ns:
+            last = history.popleft()
         return last
 
     def _corrupted(self, datagram: Datagram) -> Datagram:

@@ -50,7 +50,7 @@ class Family(StrEnum):
     DUPLICATE = "duplicate"
     CORRUPT = "corrupt"
     REPLAY = "replay"
-    WILD_SETPOINT = "wild-setpoint"
+    ROGUE_SETPOINT = "rogue-setpoint"
     KILL = "kill"
     STALL = "stall"
     RESTART = "restart"
@@ -101,7 +101,7 @@ FAMILIES: Mapping[Family, Meaning] = MappingProxyType(
         Family.DUPLICATE: Meaning(Site.LINK, "share that comes again, 30 ms later", zero_is_none=True),
         Family.CORRUPT: Meaning(Site.LINK, "share with a byte changed", zero_is_none=True),
         Family.REPLAY: Meaning(Site.LINK, "s ago, what was sent then is sent again"),
-        Family.WILD_SETPOINT: Meaning(Site.LINK, "rad that attitude targets are tilted farther", zero_is_none=True),
+        Family.ROGUE_SETPOINT: Meaning(Site.LINK, "rad that attitude targets are tilted farther", zero_is_none=True),
         Family.KILL: Meaning(Site.CORE),
         Family.STALL: Meaning(Site.CORE),
         Family.RESTART: Meaning(Site.CORE),
@@ -158,15 +158,15 @@ class Fault(Model):
     def text(self) -> str:
         """In a few words: family, victim, onset, length, severity."""
         victim = " ".join(part for part in (self.core, self.body, self.other, self.receiver) if part)
-        way = f" {self.direction}" if self.site is Site.LINK else ""
+        direction = f" {self.direction}" if self.site is Site.LINK else ""
         how_much = f" {self.severity:.3g}" if FAMILIES[self.family].severity else ""
-        told = f" told {self.verb}" if self.verb else ""
+        request = f" requests {self.verb}" if self.verb else ""
         lasts = "" if self.for_s is None else f" for {self.for_s:.3g} s"
         whom = f" of {victim}" if victim else ""
-        return f"{self.family}{how_much}{whom}{way}{told} at {self.phase} + {self.after_s:.3g} s{lasts}"
+        return f"{self.family}{how_much}{whom}{direction}{request} at {self.phase} + {self.after_s:.3g} s{lasts}"
 
     @model_validator(mode="after")
-    def _says_what_it_hits(self) -> Self:
+    def _has_required_keys(self) -> Self:
         missing = {
             "core": self.site is Site.CORE and self.core is None,
             "for_s": self.family in (Family.STALL, Family.RESTART) and self.for_s is None,

@@ -11,7 +11,7 @@ NOTHING_YET: Mapping[Phase, int] = MappingProxyType({})
 
 
 class Onsets:
-    """The clock of some faults; `enter` tells it the phases. entered: those that were entered before, and when."""
+    """The onsets of some faults; `enter` starts a phase. entered: phases entered before, and when."""
 
     def __init__(self, faults: Sequence[Fault], entered: Mapping[Phase, int] = NOTHING_YET) -> None:
         self.faults = tuple(faults)
@@ -39,7 +39,7 @@ class Onsets:
             self._due.append((begin_ns, i, True))
             if fault.for_s is not None:
                 self._due.append((begin_ns + round(fault.for_s * 1e9), i, False))
-        self._look_ahead()
+        self._update_next_due()
 
     def begins_ns(self, fault: Fault) -> int:
         """When the fault begins; NOTHING_DUE_NS while its phase has not come."""
@@ -62,13 +62,13 @@ class Onsets:
             site: [(i, self.faults[i], t_ns) for i, t_ns in self._active.items() if self.faults[i].site is site]
             for site in Site
         }
-        self._look_ahead()
+        self._update_next_due()
         return [(self.faults[i], begins) for _, i, begins in due]
 
     def active(self, site: Site) -> Sequence[tuple[int, Fault, int]]:
         """Number, fault and onset of each that acts there now."""
         return self._at.get(site, ())
 
-    def _look_ahead(self) -> None:
+    def _update_next_due(self) -> None:
         self._due.sort(key=lambda entry: (entry[0], entry[1]))
         self.next_due_ns = self._due[0][0] if self._due else NOTHING_DUE_NS

@@ -13,6 +13,7 @@ from contextlib import asynccontextmanager, contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import FrameType
 
 import numpy as np
 import uvloop
@@ -20,24 +21,23 @@ import uvloop
 from formation import topics
 from formation.config import LabConfig, LinkConfig
 from formation.control import stack
-from formation.control.composite_law import Demand
-from formation.control.limits.barriers import bounded
-from formation.control.limits.bodies import BarrierSettings
+from formation.control.law import Demand
+from formation.control.limits.barriers import BarrierSettings, limit_demands
 from formation.control.stack import ControlStack
-from formation.estimation.state import initial
+from formation.estimation.update import initial
 from formation.guidance.reference_generator import VehicleReference
 from formation.maths import frames
 from formation.maths.arrays import Float
 from formation.maths.records import blank, rows
 from formation.messages import LabFrame, RawFrame
-from formation.safety import places
+from formation.safety import rules
 from gcs.core import GcsCore
 from gcs.recording import INPUT_TOPICS
 from sim import lockstep
 from sim.ports import private_link
 from sim.processes import ProcessGroup
 from sim.scenario import Scenario, load
-from sim.world import T0_NS
+from sim.world import T0_NS, World
 from wire import clock
 from wire.config_file import dump
 from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
@@ -56,9 +56,13 @@ FEW, MANY = 20, 120
 CALLS, BATCHES = 200, 20
 LAB, FRAMES, RATE_HZ = "triangle_line", 300, 100.0
 SHOWN_WITHIN_S = 60.0
+OURS = tuple(
+    f"{Path(__file__).parents[2] / name}/" for name in ("formation", "wire", "mocap", "gcs", "drone_agent", "sim")
+)
+"""The folders of our packages."""
 
 Progress = Callable[[str], None]
-"""Told what is measured next."""
+"""Called with what is measured next."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,10 +75,10 @@ class Timing:
     count: int
 
     @classmethod
-    def of(cls, taken_us: Sequence[float]) -> "Timing":
+    def of(cls, durations_us: Sequence[float]) -> "Timing":
         """Of durations in microseconds, one at least."""
-        least, p50, p99 = np.percentile(taken_us, (0.0, 50.0, 99.0))
-        return cls(float(least), float(p50), float(p99), len(taken_us))
+        least, p50, p99 = np.percentile(durations_us, (0.0, 50.0, 99.0))
+        return cls(float(least), float(p50), float(p99), len(durations_us))
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +86,8 @@ class Swarm:
     """A tick with a frame, of a leader and so many followers, airborne; all durations of the whole swarm.
 
     step: `ControlStack.step`, which holds estimate and law; tick: `GcsCore.tick`, which holds the step.
-    lockstep_speed: simulated seconds a second, the drones included.
+    lockstep_speed: simulated seconds a second, the drones included; python_calls: of our own functions in one such
+    second, which no machine's load changes.
     """
 
     followers: int
@@ -91,6 +96,7 @@ class Swarm:
     step: Timing
     tick: Timing
     lockstep_speed: float
+    python_calls: int
 
     @property
     def law_and_estimate_us_per_drone(self) -> float:
@@ -170,12 +176,32 @@ def swarm(followers: int) -> Swarm:
                     ticks_us.append((clock.monotonic_ns() - begun_ns) * 1e-3)
     return Swarm(
         followers, _airborne(estimates_us), _airborne(demands_us), _airborne(steps_us), _airborne(ticks_us),
-        flown.realtime_factor,
+        flown.realtime_factor, python_calls(scenario),
     )  # fmt: skip
 
 
-def _airborne(taken_us: Sequence[float]) -> Timing:
-    return Timing.of(taken_us[-AIRBORNE_TICKS:])
+def python_calls(scenario: Scenario) -> int:
+    """Calls of Python functions of our own in the last second of the scenario's longest flight, in lockstep."""
+    world, calls = World(scenario, scenario.seed, lambda _topic, _message, _t_ns: None), 0
+    end_ns = T0_NS + round(scenario.longest_s * 1e9)
+
+    def count(frame: FrameType, event: str, _: object) -> None:
+        nonlocal calls
+        calls += event == "call" and frame.f_code.co_filename.startswith(OURS)
+
+    while world.now_ns < end_ns - 1_000_000_000:
+        world.step()
+    sys.setprofile(count)
+    try:
+        while world.now_ns < end_ns:
+            world.step()
+    finally:
+        sys.setprofile(None)
+    return calls
+
+
+def _airborne(durations_us: Sequence[float]) -> Timing:
+    return Timing.of(durations_us[-AIRBORNE_TICKS:])
 
 
 def of_size(followers: int) -> Scenario:
@@ -188,17 +214,17 @@ def of_size(followers: int) -> Scenario:
 @contextmanager
 def timed(owner: object, name: str) -> Iterator[list[float]]:
     """How long each call of the owner's function takes meanwhile, microseconds."""
-    function, taken_us = getattr(owner, name), list[float]()
+    function, durations_us = getattr(owner, name), list[float]()
 
-    def clocked(*given: object) -> object:
+    def clocked(*arguments: object) -> object:
         begun_ns = clock.monotonic_ns()
-        result = function(*given)
-        taken_us.append((clock.monotonic_ns() - begun_ns) * 1e-3)
+        result = function(*arguments)
+        durations_us.append((clock.monotonic_ns() - begun_ns) * 1e-3)
         return result
 
     setattr(owner, name, clocked)
     try:
-        yield taken_us
+        yield durations_us
     finally:
         setattr(owner, name, function)
 
@@ -207,7 +233,7 @@ def nearest_ns_per_pair() -> float:
     """Of every pair of vehicles, once."""
     pairs = (MANY * (MANY - 1) - FEW * (FEW - 1)) / 2
     few, many = (in_a_row(FEW), np.ones(FEW, np.bool_)), (in_a_row(MANY), np.ones(MANY, np.bool_))
-    return 1e3 * (call_us(lambda: places.nearest(*many)) - call_us(lambda: places.nearest(*few))) / pairs
+    return 1e3 * (call_us(lambda: rules.nearest(*many)) - call_us(lambda: rules.nearest(*few))) / pairs
 
 
 def separation_filter_ns_per_pair() -> float:
@@ -221,7 +247,7 @@ def separation_filter_ns_per_pair() -> float:
         settings = rows(BarrierSettings, [BarrierSettings(k, 0.05, 0.2, 3.0, 6.0, True, True, True) for k in range(n)])
         wanted, references = blank(Demand, n), blank(VehicleReference, n)
         wanted["motion"][:, 0, :3], references["airborne"] = pos, True
-        return call_us(lambda: bounded(settings, wanted, estimates, references, 0))
+        return call_us(lambda: limit_demands(settings, wanted, estimates, references, 0))
 
     pairs = (MANY * (MANY - 1) - FEW * (FEW - 1)) / 2
     return 1e3 * (all_of(MANY) - all_of(FEW)) / pairs
@@ -244,41 +270,41 @@ def in_a_row(n: int) -> Float:
 def call_us(function: Callable[[], object]) -> float:
     """Of one call, the median over some batches, microseconds; the first call is not counted."""
     function()
-    taken_us = []
+    durations_us = []
     for _ in range(BATCHES):
         begun_ns = clock.monotonic_ns()
         for _ in range(CALLS):
             function()
-        taken_us.append((clock.monotonic_ns() - begun_ns) * 1e-3 / CALLS)
-    return float(np.median(taken_us))
+        durations_us.append((clock.monotonic_ns() - begun_ns) * 1e-3 / CALLS)
+    return float(np.median(durations_us))
 
 
 async def bus() -> Bus:
     """Show frames in one process, align them in the mocap's, hear both here."""
     with private_link("zenoh", ()) as link, TemporaryDirectory() as folder:
         lab = load(LAB).lab.model_copy(update={"link": link})
-        async with ProcessGroup(Path(folder)) as group, listening(lab) as heard:
+        async with ProcessGroup(Path(folder)) as group, listening(lab) as delays:
             file = Path(folder) / "lab.toml"
             file.write_text(dump(lab), encoding="utf-8")
             await group.start("cameras", "sim.studies.bench", [str(file)])
             await group.start("mocap", "gcs", ["mocap", str(file)])
             watching = asyncio.create_task(group.watch())
             async with asyncio.timeout(SHOWN_WITHIN_S):
-                while not watching.done() and not heard.enough:
+                while not watching.done() and not delays.enough:
                     await asyncio.sleep(0.05)
             if watching.done():
                 watching.result()
             watching.cancel()
-        inside = heard.inside_ms[-1]
+        inside = delays.inside_ms[-1]
         return Bus(
-            Timing.of(heard.hops_us[-FRAMES:]), Timing.of(heard.paths_us[-FRAMES:]),
+            Timing.of(delays.hops_us[-FRAMES:]), Timing.of(delays.paths_us[-FRAMES:]),
             1e3 * inside["p50"], 1e3 * inside["p99"],
         )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
-    """How old raw frames and frames were when they came here, and what the mocap process said of itself."""
+class MocapDelays:
+    """Ages of raw frames and frames on arrival here, and the delays that the mocap process reports."""
 
     hops_us: list[float] = field(default_factory=list)
     paths_us: list[float] = field(default_factory=list)
@@ -286,24 +312,24 @@ class Heard:
 
     @property
     def enough(self) -> bool:
-        """Whether all figures can be told."""
+        """Whether there are enough frames for all figures."""
         return min(len(self.hops_us), len(self.paths_us)) >= FRAMES and bool(self.inside_ms)
 
 
 @asynccontextmanager
-async def listening(lab: LabConfig) -> AsyncIterator[Heard]:
-    """Hear what is on the lab's bus for as long as the block lasts."""
-    session, heard = await ZenohBus.open(lab.link, lab.name), Heard()
+async def listening(lab: LabConfig) -> AsyncIterator[MocapDelays]:
+    """Measure the delays of frames on the lab's bus for as long as the block lasts."""
+    session, delays = await ZenohBus.open(lab.link, lab.name), MocapDelays()
     mocap = MocapBus(session)
 
-    def note(taken_us: list[float], frame: RawFrame | LabFrame) -> None:
-        taken_us.append((clock.monotonic_ns() - frame.t_capture_ns) * 1e-3)
+    def note(durations_us: list[float], frame: RawFrame | LabFrame) -> None:
+        durations_us.append((clock.monotonic_ns() - frame.t_capture_ns) * 1e-3)
 
-    mocap.on_raw(lambda frame: note(heard.hops_us, frame))
-    mocap.on_frame(lambda frame: note(heard.paths_us, frame))
-    mocap.on_state(lambda state: heard.inside_ms.append(state["inside_ms"]))
+    mocap.on_raw(lambda frame: note(delays.hops_us, frame))
+    mocap.on_frame(lambda frame: note(delays.paths_us, frame))
+    mocap.on_state(lambda state: delays.inside_ms.append(state["inside_ms"]))
     try:
-        yield heard
+        yield delays
     finally:
         await session.close()
 

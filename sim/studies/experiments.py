@@ -43,7 +43,7 @@ CONTROLLERS: Mapping[str, str] = MappingProxyType(
 """Names as in paper.json, and the control preset each is."""
 
 IMU_RATE_HZ: Mapping[str, float] = MappingProxyType({"cfc_imu": 200.0})
-"""Who is told what the drones' accelerometers feel (HIGHRES_IMU, 0.3 m/s^2 of noise), and how often."""
+"""Controllers that get the drones' accelerometer samples (HIGHRES_IMU, 0.3 m/s^2 of noise), with the rate, Hz."""
 
 GUST_PEAKS_M_S2: Mapping[str, float] = MappingProxyType({"paper_40g_printed": 7.0})
 """The fan that moves the printed ISTSMC of that vehicle by 0.30 m, as `gcs-sim paper --calibrate --vehicle NAME` found
@@ -101,7 +101,7 @@ class Trace:
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """One flight's numbers; NaN where this experiment does not tell.
+    """One flight's numbers; NaN where this experiment does not measure them.
 
     rms_m, vibration_m: analysis.metrics.
     """

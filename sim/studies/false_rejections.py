@@ -1,4 +1,4 @@
-"""How often the mocap's gate rejects what is right: flights and aggressive motion, replayed under ever new noise.
+"""How often the pose validator rejects correct poses: flights and aggressive motion, replayed under ever new noise.
 
 A flight is flown once; its true poses then go through MocapCore again and again, each time with other noise, delays,
 lost frames and hidden bodies. Any rejection is a false one.
@@ -19,8 +19,8 @@ from formation.messages import Phase, RawFrame
 from formation.safety.phases import AIRBORNE
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import PROFILES
-from gcs.mocap.core import MocapCore
-from gcs.mocap.sources.csv_file import read_recording
+from mocap.core import MocapCore
+from mocap.sources.csv_file import read_recording
 from sim.lockstep import run_in_memory
 from sim.scenario import load, with_leader_file
 
@@ -95,14 +95,14 @@ def replay(motion: Motion, seed: int) -> tuple[int, list[str]]:
     core, raws = MocapCore(motion.lab), _raw_frames(motion, rng)
     arrivals = motion.t_ns + DELAY_NS + rng.exponential(500_000.0, len(motion.t_ns)).astype(np.int64)
     drones = [v.body for v in motion.lab.vehicles if v.sysid is not None]
-    kept, shown = (rng.random(len(raws)) >= LOST_SHARE) & ~_in_gaps(motion.t_ns, rng), 0
-    for k in np.flatnonzero(kept):
+    delivered, shown = (rng.random(len(raws)) >= LOST_SHARE) & ~_in_gaps(motion.t_ns, rng), 0
+    for k in np.flatnonzero(delivered):
         core.note_motors(dict.fromkeys(drones, bool(motion.armed[k])))
         core.receive(raws[k], int(arrivals[k]))
         shown += int(raws[k].seen.sum())
     rejected = [f"{body}: {count} x {name}" for body, by in core.rejections().items() for name, count in by.items()]
-    told = [event.text for event in core.events(int(arrivals[-1]) + 10**10)]
-    return shown, rejected + [text for text in told if "exchanged" in text]
+    texts = [event.text for event in core.events(int(arrivals[-1]) + 10**10)]
+    return shown, rejected + [text for text in texts if "swapped" in text]
 
 
 def _in_gaps(t_ns: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.bool_]:
@@ -118,7 +118,7 @@ def flown(name: str) -> Motion:
     scenario = load(name)
     _, records = run_in_memory(scenario, scenario.seed)
     lab = scenario.lab
-    place = {v.sysid: i for i, v in enumerate(lab.vehicles)}
+    index_of = {v.sysid: i for i, v in enumerate(lab.vehicles)}
     shown = {e.message.t_capture_ns: e.message for e in records if e.topic is topics.MOCAP}
     t_ns = np.array(sorted(shown), np.int64)
     at = {int(t): k for k, t in enumerate(t_ns)}
@@ -126,7 +126,7 @@ def flown(name: str) -> Motion:
     q = np.stack([shown[int(t)].q_lab_from_flu for t in t_ns])
     for entry in records:
         if entry.topic is topics.TRUTH and entry.message.t_ns in at:
-            k, i = at[entry.message.t_ns], place[entry.message.sysid]
+            k, i = at[entry.message.t_ns], index_of[entry.message.sysid]
             pos[k, i], q[k, i] = entry.message.pos_lab_m, entry.message.q_lab_from_flu
     changes = [(e.t_ns, e.message.phase) for e in records if e.topic is topics.PHASE]
     phase = np.searchsorted([t for t, _ in changes], t_ns, side="right") - 1
@@ -204,13 +204,13 @@ def totals(judged: list[Judged]) -> Counter[str]:
 
 
 def _raw_frames(motion: Motion, rng: np.random.Generator) -> list[RawFrame]:
-    """The motion as the cameras tell it, in their axes, with noise; some bodies hidden for a frame, or for a while."""
+    """The motion as the cameras report it, in their axes, with noise; some bodies hidden for one frame or more."""
     k, n = motion.pos_lab_m.shape[:2]
     noise_m = float(np.exp(rng.uniform(*np.log(NOISE_M))))
-    spread = motion.noisy[:, None] * noise_m
-    pos = motion.pos_lab_m + spread * rng.standard_normal((k, n, 3))
+    noise_std_m = motion.noisy[:, None] * noise_m
+    pos = motion.pos_lab_m + noise_std_m * rng.standard_normal((k, n, 3))
     small = np.ones((k, n, 4))
-    small[..., 1:] = 0.5 * NOISE_RAD_PER_M * spread * rng.standard_normal((k, n, 3))
+    small[..., 1:] = 0.5 * NOISE_RAD_PER_M * noise_std_m * rng.standard_normal((k, n, 3))
     q = frames.multiply(motion.q_lab_from_flu, frames.canonical(small))
     seen = (rng.random((k, n)) >= HIDDEN_SHARE) & np.isfinite(motion.pos_lab_m).all(axis=-1)
     for i in range(n):

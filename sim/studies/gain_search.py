@@ -33,10 +33,10 @@ def search(task: Task, name: str, runner: Runner, better: Callable[[Tried], None
     """The best gains found from that preset's own on; ValueError if there is no such preset."""
     first = judge(task, [preset_for(name, task.profile, task.mocap)], runner)[0]
 
-    def around(tried: Tried, step: float) -> list[Tried]:
+    def neighbours_of(tried: Tried, step: float) -> list[Tried]:
         return judge(task, list(neighbours(tried.gains, step)), runner)
 
-    return compass(first, around, better)
+    return compass(first, neighbours_of, better)
 
 
 def neighbours(gains: Preset, step: float) -> Iterator[Preset]:

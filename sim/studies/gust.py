@@ -24,7 +24,7 @@ HOVER_CALM_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class GustNumbers:
-    """Of the one follower, from its true states; NaN where the flight cannot tell.
+    """The one follower's numbers, from its true states; NaN where the flight has none.
 
     mean_dev_m: mean over the whole passes of the largest |deviation in x| in each ("average maximum deviation");
     max_dev_m: the largest of all while the fan sweeps; settle_s: from the end of each push until the deviation stays
@@ -95,11 +95,11 @@ def pushes(push_m_s2: Float) -> list[tuple[int, int, int]]:
 
 def settling(t_s: Float, deviation_m: Float, passes: list[tuple[int, int, int]]) -> float:
     """Mean time from the end of a push until the deviation stays within 1 cm, at the latest the next push."""
-    taken = []
+    times_s = []
     for _, end, after in passes:
         outside = np.flatnonzero(deviation_m[end:after] > SETTLED_M)
-        taken.append(t_s[min(end + outside[-1] + 1, len(t_s) - 1)] - t_s[end] if outside.size else 0.0)
-    return float(np.mean(taken)) if taken else np.nan
+        times_s.append(t_s[min(end + outside[-1] + 1, len(t_s) - 1)] - t_s[end] if outside.size else 0.0)
+    return float(np.mean(times_s)) if times_s else np.nan
 
 
 def chatter_deg(q_lab_from_flu: Float, rate_flu_rad_s: Float, attitude_p_1_s: float) -> float:

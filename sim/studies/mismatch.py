@@ -2,7 +2,7 @@
 
 Each is the believed vehicle times factors at the edge of what `gcs-sim robustness` draws at random: 30 % of mass, with
 the inertia that the same body made of heavier or lighter stuff has, half of the lags, twice the delays (of cameras,
-links and vehicle). Weak motors are an empty battery (0.85) and worn propellers.
+links and vehicle). Weak motors are an empty battery (0.85) and old propellers.
 """
 
 from collections.abc import Mapping

@@ -34,7 +34,7 @@ REPORTED: Mapping[str, Mapping[str, float]] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """One controller in numbers, each the median over the seeds; None where no flight of it could tell.
+    """One controller in numbers, each the median over the seeds; None where no flight of it has the number.
 
     gust_mean_dev_m is the paper's "average maximum deviation" (sim.studies.gust).
     """
@@ -92,13 +92,13 @@ class Comparison:
 def from_json(text: str) -> Comparison:
     """The comparison that `to_json` wrote, without traces; ValueError where it is none."""
     try:
-        told = json.loads(text)
+        values = json.loads(text)
         return Comparison(
-            {name: Figures(**figures) for name, figures in told["controllers"].items()},
-            {name: Mismatched(**figures) for name, figures in told["mismatches"].items()},
-            told["vehicle"],
-            float(told["gust_peak_m_s2"]),
-            tuple(told["seeds"]),
+            {name: Figures(**figures) for name, figures in values["controllers"].items()},
+            {name: Mismatched(**figures) for name, figures in values["mismatches"].items()},
+            values["vehicle"],
+            float(values["gust_peak_m_s2"]),
+            tuple(values["seeds"]),
             {},
         )
     except (KeyError, TypeError, AttributeError, ValueError) as error:
@@ -159,8 +159,8 @@ def compare(flights: Sequence[Job], runner: Runner) -> Comparison:
 def calibrate(vehicle: VehicleProfile, runner: Runner, flown: Callable[[float, float], None]) -> float:
     """The fan's peak push (m/s^2) in which the printed ISTSMC alone deviates by 0.30 m in the mean over the passes.
 
-    By the secant of the medians over seeds that are not among those shown. `flown` is told each peak flown and the
-    deviation it gave. ValueError where no peak gives it.
+    By the secant of the medians over seeds that are not among those shown. `flown` is called with each
+    peak flown and the deviation in it. ValueError where no peak gives it.
     """
     peak, slope = PEAK_M_S2, GUST_TARGET_M / PEAK_M_S2
     before: tuple[float, float] | None = None

@@ -1,6 +1,6 @@
 """Performance bound: how little any controller could deviate in the gust, by the vehicle's motors and the loop's delay.
 
-It is told, one reaction time after the push begins, all of the push that is still to come, and steers without noise.
+One reaction time after the push begins, the ideal controller knows the rest of the push, and steers without noise.
 A true lower bound for the push at the place that is held, since each step gives it more than the vehicle can do:
 
 - its tilt is at any time whatever the motors could have reached by then from level hover, all of their thrust on one
@@ -124,8 +124,8 @@ def _push(scenario: Scenario, profile: VehicleProfile) -> Float:
     fan = scenario.air.fan
     if fan is None:
         raise ValueError(f"{scenario.name} has no fan")
-    place = np.array(scenario.leader.pose.pos_lab_m) + np.array(scenario.lab.followers[0].offset_m)
-    x, y, z = place.tolist()
+    slot_lab_m = np.array(scenario.leader.pose.pos_lab_m) + np.array(scenario.lab.followers[0].offset_m)
+    x, y, z = slot_lab_m.tolist()
     middle_s = fan.phase_s + fan.period_s * (1.0 + np.ceil((fan.start_s - fan.phase_s) / fan.period_s))
     times = np.arange(middle_s - BEFORE_S, middle_s + AFTER_S, STEP_S)
     return np.array([acceleration(scenario.air, float(t), (x, y, z), profile.reach_m)[0] for t in times])

@@ -50,7 +50,7 @@ class Task:
 
     @property
     def mocap(self) -> MocapConfig:
-        """The cameras as the ground is told of them."""
+        """The mocap configuration that the ground has."""
         return MocapConfig(rate_hz=self.rate_hz, delay_s=self.delay_s)
 
 
@@ -75,13 +75,13 @@ class Candidate:
 
 
 def tune(task: Task, runner: Runner, better: Callable[[Candidate], None]) -> tuple[Candidate, Candidate]:
-    """The rule's candidate and the best one found; `better` is told of each that is."""
+    """The rule's candidate and the best one found; `better` is called with each better one."""
     first = judge(task, [gain_scale_of(task.profile, task.mocap)], runner)[0]
 
-    def around(candidate: Candidate, step: float) -> list[Candidate]:
+    def neighbours_of(candidate: Candidate, step: float) -> list[Candidate]:
         return judge(task, list(neighbours(candidate.gain_scale, step)), runner)
 
-    return first, compass(first, around, better)
+    return first, compass(first, neighbours_of, better)
 
 
 class Costed(Protocol):
@@ -95,16 +95,18 @@ class Costed(Protocol):
 Tried = TypeVar("Tried", bound=Costed)
 
 
-def compass(first: Tried, around: Callable[[Tried, float], list[Tried]], better: Callable[[Tried], None]) -> Tried:
-    """The best found from `first` on by steps that get smaller; `better` is told of each that is.
+def compass(
+    first: Tried, neighbours_of: Callable[[Tried, float], list[Tried]], better: Callable[[Tried], None]
+) -> Tried:
+    """The best found from `first` on by compass search with decreasing steps; `better` is called with each better one.
 
-    around: the candidates one step away from one.
+    neighbours_of: the candidates one step away from one.
     """
     best = first
     better(best)
     for step in STEPS:
         for _ in range(ROUNDS_EACH):
-            found = min(around(best, step), key=lambda candidate: candidate.cost)
+            found = min(neighbours_of(best, step), key=lambda candidate: candidate.cost)
             if found.cost >= BETTER * best.cost:
                 break
             best = found

@@ -113,7 +113,7 @@ def _cycle(recipe: Recipe, seq: int, rng: np.random.Generator) -> Iterator[Recor
     e = np.vstack([np.zeros((1, 3)), recipe.error_lead(t_s)])
     yield Record(topics.COMMAND, now_ns, Command(t_ns(t_s), e, zero, 4.0 * e, zero, zero, dist, acc, yaw, flat))
     thrust = np.full(3, 0.5) + 0.01 * rng.standard_normal(3)
-    yield Record(topics.TARGET, now_ns, AttitudeTarget(t_ns(t_s), q, zero, thrust, flat))
+    yield Record(topics.TARGET, now_ns, AttitudeTarget(t_ns(t_s), q, zero, thrust, flat, flat > 1.0))
     latency_s = 0.0008 + 0.0002 * float(rng.standard_gamma(2.0))
     yield Record(topics.TIMING, now_ns + 900_000, LoopTiming(seq, latency_s, seq % 250 == 249))
 

@@ -35,7 +35,7 @@ _long = partial(whole, kind=ParamType.INT32)
 
 _PARAMETERS = (
     _byte("AHRS_EKF_TYPE", 3, 0, 11, "estimator: 3 EKF3"),
-    _short("ANGLE_MAX", 3000, 1000, 8000, "lean angle, cdeg"),
+    _short("ANGLE_MAX", 3000, 1000, 8000, "tilt limit, cdeg"),
     _long("ARMING_CHECK", 1, 0, 1048575, "arming checks: 1 all"),
     _byte("ARMING_REQUIRE", 1, 0, 1, "arming required"),
     real("ATC_ACCEL_P_MAX", 110000.0, 0.0, 180000.0, "pitch acceleration, cdeg/s^2"),
@@ -128,5 +128,8 @@ ARDUPILOT = AutopilotTable(
     system_parameter="SYSID_THISMAV",
     hover_parameter="MOT_THST_HOVER",
     idle_disarm_parameter="DISARM_DELAY",
+    read_at_boot=frozenset(
+        {"BATT_MONITOR", "COMPASS_ENABLE", "EK3_ENABLE", "FRAME_CLASS", "FRAME_TYPE", "GPS1_TYPE", "VISO_TYPE"}
+    ),
     needs_origin=True,
 )

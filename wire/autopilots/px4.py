@@ -61,7 +61,7 @@ _PARAMETERS = (
     real("EKF2_EV_POS_Y", 0.0, -100.0, 100.0, "marker right of the body's origin, m"),
     real("EKF2_EV_POS_Z", 0.0, -100.0, 100.0, "marker below the body's origin, m"),
     real("EKF2_EVA_NOISE", 0.1, 0.05, 1.0, "external attitude noise, rad"),
-    real("EKF2_EVP_GATE", 5.0, 1.0, 10.0, "external position gate, standard deviations"),
+    real("EKF2_EVP_GATE", 5.0, 1.0, 10.0, "external position innovation limit, standard deviations"),
     real("EKF2_EVP_NOISE", 0.1, 0.01, 10.0, "external position noise, m"),
     whole("EKF2_GPS_CTRL", 7, 0, 15, "GNSS fusion"),
     whole("EKF2_HGT_REF", 1, 0, 3, "height: 0 barometer, 1 GNSS, 2 range, 3 vision"),
@@ -134,5 +134,8 @@ PX4 = AutopilotTable(
     system_parameter="MAV_SYS_ID",
     hover_parameter="MPC_THR_HOVER",
     idle_disarm_parameter="COM_DISARM_PRFLT",
+    read_at_boot=frozenset(
+        {"COM_HOME_EN", "EKF2_HGT_REF", "MAV_COMP_ID", "MAV_SYS_ID", "SYS_AUTOSTART", "SYS_HAS_GPS", "SYS_HAS_MAG"}
+    ),
     needs_origin=False,
 )

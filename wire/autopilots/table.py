@@ -93,8 +93,10 @@ class AutopilotTable:
     hover_parameter: str
     idle_disarm_parameter: str
     """After how many seconds it disarms when armed without a take-off; never where that is zero or less."""
+    read_at_boot: frozenset[str]
+    """Parameters of this table that count from the next boot on, as its documentation says."""
     needs_origin: bool
-    """Whether it uses an external pose only once it was told where on the globe its local frame begins."""
+    """Whether it fuses external poses only after SET_GPS_GLOBAL_ORIGIN gave its local frame an origin on the globe."""
 
     def custom_mode(self, mode: FlightMode) -> int:
         """HEARTBEAT's custom mode in that mode."""

@@ -28,6 +28,6 @@ GROUND = Address(GROUND_SYSTEM, GROUND_COMPONENT)
 EVERYONE = Address(BROADCAST, BROADCAST)
 
 
-def ground_address(epoch: int) -> Address:
-    """Who a ground of that epoch is on every link: a ground that was started anew is another."""
-    return Address(GROUND_SYSTEM, GROUND_COMPONENTS[epoch % len(GROUND_COMPONENTS)])
+def ground_address(session: int) -> Address:
+    """The ground's address in that ground session, the same on every link; a restarted ground has another."""
+    return Address(GROUND_SYSTEM, GROUND_COMPONENTS[session % len(GROUND_COMPONENTS)])

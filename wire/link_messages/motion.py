@@ -1,4 +1,4 @@
-"""Where a body is and how it moves: told to the autopilot, estimated by it, or true in a simulator."""
+"""Poses and motions of a body: sent to the autopilot, estimated by it, or true in a simulator."""
 
 from enum import IntEnum
 from typing import NamedTuple
@@ -137,7 +137,7 @@ class Origin(NamedTuple):
 class SimTruth(NamedTuple):
     """HIL_STATE_QUATERNION (115) or SIM_STATE (108): a simulated autopilot's true state.
 
-    vel_step_m_s: how finely its velocity is told, 1 cm/s in the one, 0 (as floats are) in the other.
+    vel_step_m_s: resolution of the velocity: 0.01 in HIL_STATE_QUATERNION, 0 (floats) in SIM_STATE.
     """
 
     t_us: int

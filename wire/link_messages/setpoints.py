@@ -1,4 +1,4 @@
-"""What a vehicle is told to fly, and what it says it is flying."""
+"""Setpoints for a vehicle, and the targets that it reports back."""
 
 from enum import IntEnum, IntFlag
 from typing import NamedTuple

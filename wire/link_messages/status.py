@@ -107,10 +107,18 @@ class ExtendedSysState(NamedTuple):
 
 
 class EkfStatus(NamedTuple):
-    """EKF_STATUS_REPORT (193, ArduPilot) and ESTIMATOR_STATUS (230, PX4) flags."""
+    """EKF_STATUS_REPORT (193, ArduPilot) and ESTIMATOR_STATUS (230, PX4) flags.
+
+    The rest is of ESTIMATOR_STATUS alone: innovation test ratios, above 1 is inconsistent, and RMS errors.
+    """
 
     flags: int
     ardupilot: bool
+    t_us: int = 0
+    pos_horiz_ratio: float = 0.0
+    pos_vert_ratio: float = 0.0
+    pos_horiz_accuracy_m: float = 0.0
+    pos_vert_accuracy_m: float = 0.0
 
 
 class ProtocolCapability(IntFlag):
@@ -140,6 +148,7 @@ class SensorFlag(IntFlag):
     Z_ALTITUDE_CONTROL = 1 << 13
     XY_POSITION_CONTROL = 1 << 14
     MOTOR_OUTPUTS = 1 << 15
+    GEOFENCE = 1 << 20
     AHRS = 1 << 21
     BATTERY = 1 << 25
     PREARM_CHECK = 1 << 28

@@ -1,4 +1,4 @@
-"""Which date it is, told to a log once a minute: the wall clock beside the monotonic one that everything runs on."""
+"""The date in a log: once a minute the wall clock beside the monotonic clock, on which everything runs."""
 
 from formation import topics
 from wire.clock import Clock

@@ -1,4 +1,4 @@
-"""What each drone says of itself over its link, as one small message: battery, link, mode; out of its datagrams."""
+"""Battery, link and mode of each drone as one small message, read from the drone's datagrams."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from wire.link_messages.status import Battery, ExtendedSysState, Heartbeat, Land
 from wire.mavlink.codec import Codec
 
 READS = frozenset({0, 1, 147, 245, 251})
-"""HEARTBEAT, SYS_STATUS, BATTERY_STATUS, EXTENDED_SYS_STATE, NAMED_VALUE_FLOAT: the rest costs no reading."""
+"""HEARTBEAT, SYS_STATUS, BATTERY_STATUS, EXTENDED_SYS_STATE, NAMED_VALUE_FLOAT; other messages are not decoded."""
 _NAN = float("nan")
 
 
@@ -32,7 +32,7 @@ class DroneLink:
 
 
 class LinkView:
-    """One drone's: takes its datagrams, tells what it last said."""
+    """The link state of one drone, from the datagrams that it sends."""
 
     def __init__(self, sysid: int) -> None:
         self._sysid = sysid
@@ -40,15 +40,15 @@ class LinkView:
         self._battery_v = self._battery = self._age_ms = _NAN
         self._received = self._lost = 0
         self._seq: int | None = None
-        self._heard_ns: int | None = None
+        self._received_ns: int | None = None
         self._armed, self._mode, self._landed = False, 0, LandedState.UNDEFINED
 
-    def take(self, datagram: Datagram, t_ns: int) -> None:
-        """It has spoken."""
+    def receive(self, datagram: Datagram, t_ns: int) -> None:
+        """Receive a datagram of the drone."""
         for packet in self._codec.receive(datagram.data):
             if packet.source.system != self._sysid:
                 continue
-            self._heard_ns = t_ns
+            self._received_ns = t_ns
             self._count(packet.seq)
             match packet.message:
                 case Heartbeat() as heartbeat if packet.source.component == 1:
@@ -63,8 +63,8 @@ class LinkView:
                     self._age_ms = age.value
 
     def now(self, t_ns: int) -> DroneLink:
-        """What is known now."""
-        silent_s = _NAN if self._heard_ns is None else (t_ns - self._heard_ns) * 1e-9
+        """The link state at `t_ns`."""
+        silent_s = _NAN if self._received_ns is None else (t_ns - self._received_ns) * 1e-9
         return DroneLink(
             self._battery_v, self._battery, self._age_ms, silent_s, self._received, self._lost,
             self._armed, self._landed, self._mode,

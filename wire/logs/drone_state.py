@@ -52,25 +52,25 @@ class _Rows:
 
     def __init__(self, count: int, fields: frozenset[str]) -> None:
         template = b""
-        places: dict[str, int] = {}
+        offsets: dict[str, int] = {}
         for number, name in enumerate((*_VECTORS, *_SCALARS), start=1):
             if name not in fields:
                 continue
             if name in _VECTORS:
                 template += bytes((number << 3 | _LENGTH, _VECTOR_SIZE))
-                places[name] = len(template) + 1
+                offsets[name] = len(template) + 1
                 template += b"".join(bytes((part << 3 | _FIXED32, 0, 0, 0, 0)) for part in (1, 2, 3))
             else:
-                places[name] = len(template) + 1
+                offsets[name] = len(template) + 1
                 template += bytes((number << 3 | _FIXED32, 0, 0, 0, 0))
         self._count, self._size = count, len(template)
         self._bytes = np.tile(np.frombuffer(template, np.uint8), count)
         self._of: dict[str, NDArray[np.float32]] = {
             name: np.ndarray(
-                (count, 3) if name in _VECTORS else (count,), "<f4", self._bytes.data, place,
+                (count, 3) if name in _VECTORS else (count,), "<f4", self._bytes.data, offset,
                 (self._size, 5) if name in _VECTORS else (self._size,),
             )
-            for name, place in places.items()
+            for name, offset in offsets.items()
         }  # fmt: skip
 
     def pack(self, values: Mapping[str, Float]) -> list[bytes]:

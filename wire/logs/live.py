@@ -32,10 +32,10 @@ HEAD_EVERY = 25
 class Bus(Protocol):
     """What of the lab's bus is needed to share a log."""
 
-    def put(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
+    def publish(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
         """Publish."""
 
-    def is_heard(self, key: str) -> bool:
+    def has_subscribers(self, key: str) -> bool:
         """Whether anybody listens."""
 
 
@@ -48,18 +48,18 @@ def sharer(bus: Bus, gcs_name: str) -> Callable[[bytes, bytes], None]:
     """What a LogWriter shares its chunks by."""
     head_key, chunk_key = keys(gcs_name)
     for key in (head_key, chunk_key):
-        bus.is_heard(key)  # makes its publisher here, not in the log's thread
+        bus.has_subscribers(key)  # makes its publisher here, not in the log's thread
     left = 0
 
     def share(head: bytes, chunk: bytes) -> None:
         nonlocal left
-        if not bus.is_heard(chunk_key):
+        if not bus.has_subscribers(chunk_key):
             left = 0
             return
         if left == 0:
-            bus.put(head_key, head)
+            bus.publish(head_key, head)
         left = (left + 1) % HEAD_EVERY
-        bus.put(chunk_key, chunk)
+        bus.publish(chunk_key, chunk)
 
     return share
 
@@ -90,11 +90,11 @@ class LiveLog:
 
     def __init__(self) -> None:
         self.channels: Mapping[int, Described] = {}
-        self.refused = 0
+        self.rejected = 0
         """Heads and chunks that could not be read."""
         self._head = b""
 
-    def take_head(self, head: bytes) -> bool:
+    def receive_head(self, head: bytes) -> bool:
         """Whether this begins another log than before."""
         if head == self._head:
             return False
@@ -123,5 +123,5 @@ class LiveLog:
         try:
             return list(_records(begun + END))
         except (McapError, struct.error, ArithmeticError, LookupError, ValueError, MemoryError, zstandard.ZstdError):
-            self.refused += 1
+            self.rejected += 1
             return []

@@ -1,13 +1,14 @@
 """An MCAP file being written: checked chunks that stand alone, and the summary at the end.
 
 The message records are packed here, one `struct` each, because the lockstep host writes thousands a second;
-the rare records are the `mcap` library's. https://mcap.dev/spec
+the rare records are the `mcap` library's. The library's writer keeps the index of every chunk in memory, 200 MB an
+hour at our chunks' rate; here it waits in a second file. https://mcap.dev/spec
 """
 
 import struct
 import zlib
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from io import RawIOBase
 
 import zstandard
@@ -33,6 +34,8 @@ _MESSAGE = struct.Struct("<BQHIQQ")
 _MESSAGE_INDEX = struct.Struct("<BQHI")
 _MESSAGE_FIXED = 22
 _FOOTER_START = struct.Struct("<BQQQ")
+_BLOCK = 1 << 20
+"""Bytes of the chunks' index copied at a time."""
 
 
 Stored = tuple[int, int, bytes]
@@ -51,11 +54,12 @@ def message_record(channel: int, sequence: int, t_ns: int, data: bytes) -> Store
 class McapFile:
     """Writes the records of one file in order; every call leaves all it was given with the operating system.
 
-    `stream` is unbuffered. Any write may raise OSError; the file so far stays readable.
+    `stream` and `index` are unbuffered. `index` is an empty file to write and read: it holds the chunks' part of the
+    summary until `finish`. Any write may raise OSError; the file so far stays readable.
     """
 
-    def __init__(self, stream: RawIOBase, library: str) -> None:
-        self._stream = stream
+    def __init__(self, stream: RawIOBase, index: RawIOBase, library: str) -> None:
+        self._stream, self._index = stream, index
         self._position = 0
         self.head = b""
         """The file up to its first chunk: with any chunk behind it, a log to be read."""
@@ -63,7 +67,8 @@ class McapFile:
         self._compress = zstandard.ZstdCompressor(level=3).compress
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
-        self._chunks: list[ChunkIndex] = []
+        self._chunks = 0
+        self._start_ns, self._end_ns = 0, 0
         self._metadata: list[MetadataIndex] = []
         self._counts: dict[int, int] = {}
         self._write(MCAP0_MAGIC + _record(Header(profile="", library=library)))
@@ -105,19 +110,21 @@ class McapFile:
         record = _record(chunk)
         entries = _entries(messages)
         index, offsets = _message_indexes(entries, self._position + len(record))
-        self._chunks.append(
-            ChunkIndex(
-                chunk_start_offset=self._position,
-                chunk_length=len(record),
-                message_start_time=chunk.message_start_time,
-                message_end_time=chunk.message_end_time,
-                message_index_offsets=offsets,
-                message_index_length=len(index),
-                compression=chunk.compression,
-                compressed_size=len(chunk.data),
-                uncompressed_size=len(raw),
-            )
+        chunk_index = ChunkIndex(
+            chunk_start_offset=self._position,
+            chunk_length=len(record),
+            message_start_time=chunk.message_start_time,
+            message_end_time=chunk.message_end_time,
+            message_index_offsets=offsets,
+            message_index_length=len(index),
+            compression=chunk.compression,
+            compressed_size=len(chunk.data),
+            uncompressed_size=len(raw),
         )
+        _write_all(self._index, _record(chunk_index))
+        self._start_ns = min(self._start_ns, chunk.message_start_time) if self._chunks else chunk.message_start_time
+        self._end_ns = max(self._end_ns, chunk.message_end_time)
+        self._chunks += 1
         for channel, flat in entries.items():
             self._counts[channel] = self._counts.get(channel, 0) + len(flat) // 2
         self._write(record + index)
@@ -126,50 +133,58 @@ class McapFile:
     def finish(self) -> None:
         """Write the summary and the end of the file."""
         self._write(_record(DataEnd(data_section_crc=self._crc)))
-        start = self._position
-        groups: list[tuple[Opcode, list[McapRecord]]] = [
-            (Opcode.SCHEMA, [*self._schemas]),
-            (Opcode.CHANNEL, [*self._channels]),
-            (Opcode.STATISTICS, [self._statistics()]),
-            (Opcode.CHUNK_INDEX, [*self._chunks]),
-            (Opcode.METADATA_INDEX, [*self._metadata]),
+        start, offsets, crc = self._position, b"", 0
+        groups: list[tuple[Opcode, Iterable[bytes]]] = [
+            (Opcode.SCHEMA, map(_record, self._schemas)),
+            (Opcode.CHANNEL, map(_record, self._channels)),
+            (Opcode.STATISTICS, [_record(self._statistics())]),
+            (Opcode.CHUNK_INDEX, _blocks(self._index)),
+            (Opcode.METADATA_INDEX, map(_record, self._metadata)),
         ]
-        summary = b""
-        offsets = b""
-        for opcode, records in groups:
-            group = b"".join(map(_record, records))
-            if group:
-                at = start + len(summary)
-                offset = SummaryOffset(group_opcode=opcode, group_start=at, group_length=len(group))
+        for opcode, parts in groups:
+            at = self._position
+            for part in parts:
+                crc = zlib.crc32(part, crc)
+                self._write(part)
+            if self._position > at:
+                offset = SummaryOffset(group_opcode=opcode, group_start=at, group_length=self._position - at)
                 offsets += _record(offset)
-            summary += group
-        offset_start = start + len(summary)
-        summary += offsets
-        crc = zlib.crc32(summary + _FOOTER_START.pack(Opcode.FOOTER, 20, start, offset_start))
-        footer = Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=crc)
-        self._write(summary + _record(footer) + MCAP0_MAGIC)
+        crc = zlib.crc32(offsets + _FOOTER_START.pack(Opcode.FOOTER, 20, start, self._position), crc)
+        footer = Footer(summary_start=start, summary_offset_start=self._position, summary_crc=crc)
+        self._write(offsets + _record(footer) + MCAP0_MAGIC)
 
     def _statistics(self) -> Statistics:
         return Statistics(
             attachment_count=0,
             channel_count=len(self._channels),
             channel_message_counts=self._counts,
-            chunk_count=len(self._chunks),
+            chunk_count=self._chunks,
             message_count=sum(self._counts.values()),
             metadata_count=len(self._metadata),
-            message_start_time=min((c.message_start_time for c in self._chunks), default=0),
-            message_end_time=max((c.message_end_time for c in self._chunks), default=0),
+            message_start_time=self._start_ns,
+            message_end_time=self._end_ns,
             schema_count=len(self._schemas),
         )
 
     def _write(self, data: bytes) -> None:
-        view = memoryview(data)
-        while view:  # an unbuffered write may take less than all
-            view = view[self._stream.write(view) or 0 :]
+        _write_all(self._stream, data)
         self._crc = zlib.crc32(data, self._crc)
         if not self._chunks:
             self.head += data
         self._position += len(data)
+
+
+def _write_all(stream: RawIOBase, data: bytes) -> None:
+    view = memoryview(data)
+    while view:  # an unbuffered write may take less than all
+        view = view[stream.write(view) or 0 :]
+
+
+def _blocks(file: RawIOBase) -> Iterator[bytes]:
+    """What the file holds, from its beginning."""
+    file.seek(0)
+    while block := file.read(_BLOCK):
+        yield block
 
 
 def _record(record: McapRecord) -> bytes:

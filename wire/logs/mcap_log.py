@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from io import FileIO
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 from pydantic import ValidationError
@@ -77,7 +78,8 @@ class LogWriter:
         self._stream = FileIO(path, "w", opener=private)
         self._share = share
         self._ahead_ns = start.ahead_ns
-        self._file = McapFile(self._stream, _LIBRARY)
+        self._index = TemporaryFile(dir=path.parent, buffering=0)  # noqa: SIM115 (`close` closes it)
+        self._file = McapFile(self._stream, self._index, _LIBRARY)
         self._file.add_metadata("run", {**metadata, **_dated(start)})
         self._channels = {topic.name: self._open(topic) for topic in topics.ALL}
         self._views = Views(_lab(metadata), self._file.add_channel)
@@ -104,9 +106,9 @@ class LogWriter:
         if isinstance(message, PhaseChange):
             self._calm = message.phase in CALM
         unix_ns = t_ns + self._ahead_ns
-        self._put(channel, unix_ns, encode(message))
+        self._append(channel, unix_ns, encode(message))
         for number, data in self._views.of(topic, message, t_ns, unix_ns):
-            self._put(number, unix_ns, data)
+            self._append(number, unix_ns, data)
         if self._thread is None and len(self._pending) >= _CHUNK_MESSAGES:
             self._drain()
 
@@ -136,6 +138,7 @@ class LogWriter:
                 self._file.finish()
         finally:
             self._stream.close()
+            self._index.close()
         if self.failure is not None:
             raise self.failure
 
@@ -143,7 +146,7 @@ class LogWriter:
         schema = schema_of(topic.type)
         return self._file.add_channel(topic.name, schema.name, schema.descriptor_set), schema.encode
 
-    def _put(self, channel: int, unix_ns: int, data: bytes) -> None:
+    def _append(self, channel: int, unix_ns: int, data: bytes) -> None:
         self._pending.append(message_record(channel, self._sequence, unix_ns, data))
         self._sequence += 1
 

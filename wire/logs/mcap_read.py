@@ -103,7 +103,7 @@ class Reading:
             self._damage.note("the file was not closed: it has no summary")
 
     def check(self) -> LogCheck:
-        """What the entries read tell of the file."""
+        """The counts, times and damage of the file, from the entries read so far."""
         damage = self._damage
         return LogCheck(
             dict(self._counts), self._first_ns, self._last_ns, complete=not damage.faults, damage=damage.text()

@@ -1,8 +1,8 @@
 """The sound records of an MCAP file that may be truncated or damaged, and what was found wrong.
 
-Every chunk stands alone behind a checksum. What does not check is skipped and told, never guessed at. The work is
-bounded by the file's size, whatever it holds: each byte is searched once, each place judged once, and all that is
-unpacked is counted before it is.
+Every chunk stands alone behind a checksum. The scan skips and reports a chunk whose checksum is wrong; it guesses
+nothing. The file's size bounds the work, whatever the file holds: each byte is searched once, each offset is checked
+once, and the size of unpacked data is counted before unpacking.
 """
 
 import mmap
@@ -252,7 +252,7 @@ def uncompressed(chunk: Chunk) -> bytes | None:
     if chunk.compression != "zstd":
         return chunk.data
     try:
-        # A frame that tells its size is given that much, whatever the limit says: ask it first.
+        # zstd allocates the size in a frame's header, whatever max_output_size is: check the header first.
         if zstandard.frame_content_size(chunk.data) not in (-1, chunk.uncompressed_size):
             return None
         return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=chunk.uncompressed_size)

@@ -1,6 +1,6 @@
 """The flight as Foxglove draws it: frames of bodies and slots, drones, fence and trails, lines of the log.
 
-What stands in a frame is drawn once and moves with the frame, so that only frames are told often.
+An entity is drawn once and moves with its frame, so that only the frames' transforms are sent often.
 """
 
 from collections.abc import Iterator, Sequence
@@ -71,8 +71,8 @@ def slots(names: Sequence[str], pos_lab_m: Vec3s, unix_ns: int) -> bytes:
     return _bytes(transforms)
 
 
-def room(lab: LabConfig, unix_ns: int) -> bytes:
-    """Fence, drones in their true size with a nose and a name, and slots; the whole of what stands in frames."""
+def lab_scene(lab: LabConfig, unix_ns: int) -> bytes:
+    """All entities of the scene: the fence, the drones in true size with nose and name, and the slots."""
     update = SceneUpdate()
     stamp = _stamp(unix_ns)
     _fence(update.entities.add(timestamp=stamp, frame_id=LAB, id="fence"), lab.limits.fence)
@@ -102,16 +102,16 @@ def room(lab: LabConfig, unix_ns: int) -> bytes:
 
 
 def trails(points: Sequence[Sequence[tuple[float, float, float]]], names: Sequence[str], unix_ns: int) -> bytes:
-    """The last stretch of each body's way, lab, m; it fades after TRAIL_S."""
+    """The newest part of each body's path, lab, m; it fades after TRAIL_S."""
     update = SceneUpdate()
-    for i, (body, way) in enumerate(zip(names, points, strict=True)):
+    for i, (body, trail_m) in enumerate(zip(names, points, strict=True)):
         entity = update.entities.add(
             timestamp=_stamp(unix_ns), frame_id=LAB, id=f"trail/{body}/{unix_ns}", lifetime=Duration(seconds=TRAIL_S)
         )
         line = entity.lines.add(type=LinePrimitive.LINE_STRIP, thickness=2.0, scale_invariant=True)
         line.pose.orientation.w = 1.0
         line.color.CopyFrom(_colour(COLOURS[i % len(COLOURS)], 0.8))
-        for x, y, z in way:
+        for x, y, z in trail_m:
             line.points.add(x=x, y=y, z=z)
     return _bytes(update)
 

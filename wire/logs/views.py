@@ -24,11 +24,11 @@ from wire.logs.drone_state import DroneStates, reference_lab
 from wire.schema import schema_of
 
 STATE_NS, FRAMES_NS, SLOTS_NS, LINK_NS = 70_000_000, 70_000_000, 200_000_000, 1_000_000_000
-POINT_NS, TRAIL_NS, ROOM_NS = 200_000_000, 2_000_000_000, 10_000_000_000
+POINT_NS, TRAIL_NS, SCENE_NS = 200_000_000, 2_000_000_000, 10_000_000_000
 CALM_NS = 100_000_000
 """The least spacing of frames while nobody is armed."""
 CALM = frozenset({m.Phase.GROUND})
-LINES = frozenset({topics.EVENT.name, topics.MOCAP_EVENT.name, topics.REFUSED.name})
+LINES = frozenset({topics.EVENT.name, topics.MOCAP_EVENT.name, topics.REJECTED.name})
 
 AddChannel = Callable[[str, str, bytes], int]
 """(topic, schema's name, descriptor set) -> the channel's number."""
@@ -37,14 +37,14 @@ Shown = tuple[int, bytes]
 
 
 @dataclass(slots=True)
-class _Pace:
-    """Something that is told at least `spacing_ns` apart."""
+class _RateLimiter:
+    """Lets something pass at most once every `spacing_ns`."""
 
     spacing_ns: int
     next_ns: int = 0
 
     def due(self, t_ns: int, at_least_ns: int = 0) -> bool:
-        """Whether it is to be told now, which it then is."""
+        """Whether it passes now; if so, the next may pass `spacing_ns` or `at_least_ns` later."""
         if t_ns < self.next_ns:
             return False
         self.next_ns = t_ns + max(self.spacing_ns, at_least_ns)
@@ -86,18 +86,22 @@ class _Flight:
         }
         self._encode_link = link.encode
         self._tf = add_channel("/tf", *_foxglove(FrameTransforms))
-        self._room = add_channel("/scene", *_foxglove(SceneUpdate))
+        self._scene = add_channel("/scene", *_foxglove(SceneUpdate))
         self._trails = add_channel("/scene/trails", *_foxglove(SceneUpdate))
         self._states = DroneStates(len(self._bodies), lab.commanded)
-        self._paces = {"state": _Pace(STATE_NS), "tf": _Pace(FRAMES_NS), "slots": _Pace(SLOTS_NS)}
-        self._rare = {
-            "link": _Pace(LINK_NS),
-            "room": _Pace(ROOM_NS),
-            "point": _Pace(POINT_NS),
-            "trail": _Pace(TRAIL_NS),
+        self._limiters = {
+            "state": _RateLimiter(STATE_NS),
+            "tf": _RateLimiter(FRAMES_NS),
+            "slots": _RateLimiter(SLOTS_NS),
+        }
+        self._slow_limiters = {
+            "link": _RateLimiter(LINK_NS),
+            "scene": _RateLimiter(SCENE_NS),
+            "point": _RateLimiter(POINT_NS),
+            "trail": _RateLimiter(TRAIL_NS),
         }
         self._tick: dict[type, object] = {}
-        self._ways: list[list[tuple[float, float, float]]] = [[] for _ in self._bodies]
+        self._trails_m: list[list[tuple[float, float, float]]] = [[] for _ in self._bodies]
         self._calm_ns = CALM_NS
 
     def of(self, topic: Topic, message: object, t_ns: int, unix_ns: int) -> Iterator[Shown]:
@@ -109,37 +113,37 @@ class _Flight:
             case m.AttitudeTarget():
                 yield from self._control(message, t_ns, unix_ns)
             case m.Datagram() if topic is topics.LINK_UP and message.sysid in self._link_of:
-                self._link_of[message.sysid][1].take(message, t_ns)
-            case m.Tick() if self._rare["link"].due(t_ns):
+                self._link_of[message.sysid][1].receive(message, t_ns)
+            case m.Tick() if self._slow_limiters["link"].due(t_ns):
                 for channel, view in self._link_of.values():
                     yield channel, self._encode_link(view.now(t_ns))
             case m.PhaseChange():
                 self._calm_ns = CALM_NS if message.phase in CALM else 0
 
     def _frame(self, frame: m.LabFrame, t_ns: int, unix_ns: int) -> Iterator[Shown]:
-        if self._rare["room"].due(t_ns):
-            yield self._room, scene.room(self._lab, unix_ns)
-        if self._paces["tf"].due(t_ns, self._calm_ns):
+        if self._slow_limiters["scene"].due(t_ns):
+            yield self._scene, scene.lab_scene(self._lab, unix_ns)
+        if self._limiters["tf"].due(t_ns, self._calm_ns):
             yield self._tf, scene.bodies(frame, unix_ns)
         if self._calm_ns or frame.bodies != self._bodies:
             return
-        if self._rare["point"].due(t_ns):
-            for way, pos, seen in zip(self._ways, frame.pos_lab_m.tolist(), frame.seen.tolist(), strict=True):
+        if self._slow_limiters["point"].due(t_ns):
+            for trail_m, pos, seen in zip(self._trails_m, frame.pos_lab_m.tolist(), frame.seen.tolist(), strict=True):
                 if seen:
-                    way.append(tuple(pos))
-        if self._rare["trail"].due(t_ns):
-            yield self._trails, scene.trails(self._ways, self._bodies, unix_ns)
-            self._ways = [way[-1:] for way in self._ways]
+                    trail_m.append(tuple(pos))
+        if self._slow_limiters["trail"].due(t_ns):
+            yield self._trails, scene.trails(self._trails_m, self._bodies, unix_ns)
+            self._trails_m = [trail_m[-1:] for trail_m in self._trails_m]
 
     def _control(self, target: m.AttitudeTarget, t_ns: int, unix_ns: int) -> Iterator[Shown]:
         state, reference, command = (self._tick.get(kind) for kind in (m.SwarmState, m.Reference, m.Command))
         if not isinstance(reference, m.Reference) or len(reference.slot_lead_m) != len(self._commanded):
             return
-        if self._paces["slots"].due(t_ns, self._calm_ns):
+        if self._limiters["slots"].due(t_ns, self._calm_ns):
             yield self._tf, scene.slots(self._commanded, reference_lab(reference), unix_ns)
         if not isinstance(state, m.SwarmState) or not isinstance(command, m.Command):
             return
-        if self._paces["state"].due(t_ns, self._calm_ns):
+        if self._limiters["state"].due(t_ns, self._calm_ns):
             for i, data in self._states.pack(state, reference, command, target):
                 yield self._state_of[i], data
 

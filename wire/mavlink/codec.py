@@ -1,7 +1,7 @@
 """The MAVLink codec: bytes to and from the messages of `wire.link_messages`. MAVLink 2 out, 1 and 2 in, never signed.
 
 The invariant: any bytes either read as packets or raise the one error, `MavlinkError`; `Codec.receive` counts
-that error and goes on. Bytes out are those of pymavlink, whose tables are used (wire.mavlink.layout).
+that error and goes on. Bytes out are those of pymavlink, whose tables are used (wire.mavlink.framing).
 """
 
 import struct
@@ -21,8 +21,7 @@ from wire.mavlink import guidance as mavlink_guidance
 from wire.mavlink import motion as mavlink_motion
 from wire.mavlink import service as mavlink_service
 from wire.mavlink import storage as mavlink_storage
-from wire.mavlink.framing import Frame, FrameCutter, framed, whole_frame
-from wire.mavlink.layout import Fields, Layout, MavlinkError
+from wire.mavlink.framing import Fields, Frame, FrameCutter, Layout, MavlinkError, framed, whole_frame
 from wire.mavlink.params import param_from_raw, param_to_raw
 from wire.mavlink.text import STATUSTEXT, TextChunk, TextJoiner, chunk_text, text_of
 

@@ -1,26 +1,32 @@
-"""Makes MAVLink frames, and cuts bytes into whole ones; nothing else knows where packets begin and end.
+"""MAVLink's bytes: how a message's fields are laid out, how frames are made, and how bytes are cut into whole ones.
 
-`wire.mavlink.codec` reads what they say. The cost of any piece of bytes is bounded, whatever they are: where a frame
-might begin and does not, the search goes on behind that byte, but only so often; then what is left is no MAVLink.
+Layouts are pymavlink's generated tables. Fields are handled flat and in the order of the message's documentation
+(arrays spread out); the order on the wire, by size, stays inside `Layout`. Nothing else knows where packets begin and
+end; `wire.mavlink.codec` reads what they say. The cost of any piece of bytes is bounded, whatever they are: where a
+frame might begin and does not, the search goes on behind that byte, but only so often; then what is left is no MAVLink.
 """
 
+import operator
 import struct
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from fastcrc import crc16
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from wire.link_messages.address import Address
-from wire.mavlink.layout import CRC_EXTRA, Layout
 from wire.transport.link import LARGEST_DATAGRAM
 
+# A field is an int, a float or (for char arrays) bytes: the message's own layout knows which.
+Fields = tuple[Any, ...]
 FRAMES_MOST = 8
 """Places of one datagram where a frame is looked for, found or not; `packed` keeps to it, and who sends one frame a
 datagram (most do) never meets it."""
 _PACKED_BYTES = 1200
 # On a line that noise and restarts cut anywhere, false starts are what is bounded, by the bytes read.
 _FALSE_STARTS, _BYTES_A_FALSE_START = 8, 32
-
 _MAGIC_1, _MAGIC_2 = 0xFE, 0xFD
 _MAGICS = (_MAGIC_1, _MAGIC_2)
 _SIGNED, _SIGNATURE = 0x01, 13
@@ -30,6 +36,76 @@ _WRITTEN_2 = struct.Struct("<BBBBBBBHB")
 _SEED = tuple(bytes([value]) for value in range(256))
 _mcrf4xx = crc16.mcrf4xx
 _address = lru_cache(maxsize=1024)(Address)
+
+
+class MavlinkError(ValueError):
+    """Bytes that are not a MAVLink packet we can read, or a message that MAVLink cannot carry."""
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """The bytes of one message: its number, its checksum seed and its payload's structure."""
+
+    id: int
+    name: str
+    crc_extra: int
+    payload: struct.Struct
+    to_wire: Callable[[Fields], Fields]
+    from_wire: Callable[[Fields], Fields]
+
+    def pack(self, fields: Fields) -> bytes:
+        """Payload with trailing zeros cut, at least one byte (MAVLink 2); raises `struct.error`, `OverflowError`."""
+        return self.payload.pack(*self.to_wire(fields)).rstrip(b"\0") or b"\0"
+
+    def unpack(self, payload: bytes) -> Fields:
+        """Fields of a payload; a short one is filled with zeros, a longer one is a newer dialect's, cut."""
+        return self.from_wire(self.payload.unpack_from(payload.ljust(self.payload.size, b"\0")))
+
+
+CRC_EXTRA: dict[int, int] = {number: message.crc_extra for number, message in dialect.mavlink_map.items()}
+
+
+def layout(name: str, count: int, *, raw: str = "", extension: str = "") -> Layout:
+    """The layout of the message `name` with `count` fields, arrays spread out.
+
+    Another version of pymavlink may know more extension fields, which are left out, or fewer, for which
+    `extension` has the structure; extensions come last and take no part in the checksum's seed.
+    raw: a four-byte field to keep as bytes. ValueError if these fields cannot be had.
+    """
+    message = getattr(dialect, f"MAVLink_{name.lower()}_message")
+    codes = _field_codes(message.unpacker.format)
+    if raw:
+        codes[message.ordered_fieldnames.index(raw)] = "4s"
+    counts = [1 if code.endswith("s") else int(code[:-1] or 1) for code in codes]
+    starts = [sum(counts[:i]) for i in range(len(counts))]
+    order = [starts[i] + k for i in message.orders for k in range(counts[i])][:count]
+    used = [code for code, start in zip(codes, starts, strict=True) if start < count]
+    missing = count - len(order)
+    if missing > len(extension) or sorted(order) != list(range(len(order))):
+        raise ValueError(f"{name} with {count} fields is none that pymavlink knows")
+    order += range(len(order), count)
+    back = sorted(range(count), key=order.__getitem__)
+    return Layout(
+        id=message.id,
+        name=name,
+        crc_extra=message.crc_extra,
+        payload=struct.Struct("<" + "".join(used) + extension[len(extension) - missing :]),
+        to_wire=operator.itemgetter(*back),
+        from_wire=operator.itemgetter(*order),
+    )
+
+
+def _field_codes(structure: str) -> list[str]:
+    """ "<I4fB" -> ["I", "4f", "B"], one code a field; pymavlink writes only arrays with a count."""
+    codes: list[str] = []
+    count = ""
+    for character in structure.lstrip("<"):
+        if character.isdigit():
+            count += character
+        else:
+            codes.append(count + character)
+            count = ""
+    return codes
 
 
 class Frame(NamedTuple):

@@ -1,5 +1,5 @@
-"""Messages that guide an autopilot by position, and set or tell its origin and its messages' intervals, to and from
-MAVLink fields; see mavlink_motion for the form.
+"""Position setpoints, global origin and message intervals, to and from MAVLink fields; see mavlink_motion for the
+form.
 """
 
 import math
@@ -10,9 +10,8 @@ from wire.link_messages.address import Address
 from wire.link_messages.motion import Origin, SetOrigin
 from wire.link_messages.setpoints import LocalFrame, PositionIgnore, PositionSetpoint
 from wire.link_messages.status import MessageInterval
-from wire.mavlink.axes import lab, ned
-from wire.mavlink.layout import Fields, Layout, layout
-from wire.mavlink.motion import Written
+from wire.mavlink.framing import Fields, Layout, layout
+from wire.mavlink.motion import Written, lab, ned
 
 SET_POSITION_TARGET_LOCAL_NED = layout("SET_POSITION_TARGET_LOCAL_NED", 16)
 SET_GPS_GLOBAL_ORIGIN = layout("SET_GPS_GLOBAL_ORIGIN", 5)

@@ -4,7 +4,7 @@ import struct
 
 from wire.link_messages.parameters import ParamType
 from wire.link_messages.status import MavAutopilot
-from wire.mavlink.layout import MavlinkError
+from wire.mavlink.framing import MavlinkError
 
 _REAL32 = struct.Struct("<f")
 _BYTEWISE = {

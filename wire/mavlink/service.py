@@ -20,7 +20,7 @@ from wire.link_messages.status import (
     NamedValue,
     SysStatus,
 )
-from wire.mavlink.layout import Fields, Layout, MavlinkError, layout
+from wire.mavlink.framing import Fields, Layout, MavlinkError, layout
 from wire.mavlink.motion import Written
 from wire.mavlink.text import STATUSTEXT, read_chunk
 from wire.plain_text import plain
@@ -122,7 +122,12 @@ def _read_extended_state(f: Fields) -> ExtendedSysState:
 def _write_ekf(m: EkfStatus) -> Written:
     if m.ardupilot:
         return EKF_STATUS_REPORT, (m.flags, *(0.0,) * 6)
-    return ESTIMATOR_STATUS, (0, m.flags, *(0.0,) * 8)
+    ratios = (0.0, m.pos_horiz_ratio, m.pos_vert_ratio, 0.0, 0.0, 0.0)
+    return ESTIMATOR_STATUS, (m.t_us, m.flags, *ratios, m.pos_horiz_accuracy_m, m.pos_vert_accuracy_m)
+
+
+def _read_estimator(f: Fields) -> EkfStatus:
+    return EkfStatus(f[1], False, f[0], f[3], f[4], f[8], f[9])
 
 
 def _write_command(m: CommandLong) -> Written:
@@ -233,7 +238,7 @@ READERS: Mapping[Layout, Callable[[Fields], Any]] = {
     BATTERY_STATUS: _read_battery,
     EXTENDED_SYS_STATE: _read_extended_state,
     EKF_STATUS_REPORT: lambda f: EkfStatus(f[0], ardupilot=True),
-    ESTIMATOR_STATUS: lambda f: EkfStatus(f[1], ardupilot=False),
+    ESTIMATOR_STATUS: _read_estimator,
     STATUSTEXT: read_chunk,
     COMMAND_LONG: _read_command,
     COMMAND_INT: _read_command_int,

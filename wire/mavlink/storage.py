@@ -5,7 +5,7 @@ from typing import Any
 
 from wire.link_messages.address import Address
 from wire.link_messages.storage import LogEntry, LogRequestList, MissionCount, MissionRequestList
-from wire.mavlink.layout import Fields, Layout, layout
+from wire.mavlink.framing import Fields, Layout, layout
 from wire.mavlink.motion import Written
 
 MISSION_REQUEST_LIST = layout("MISSION_REQUEST_LIST", 3)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from formation.messages import Severity
 from wire.link_messages.address import Address
 from wire.link_messages.status import StatusText
-from wire.mavlink.layout import Fields, layout
+from wire.mavlink.framing import Fields, layout
 from wire.plain_text import plain
 
 STATUSTEXT = layout("STATUSTEXT", 4)

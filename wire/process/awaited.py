@@ -1,15 +1,15 @@
-"""What a program needs of others before it can work: said soon where it is missing, with what to do about it."""
+"""Other processes that a program needs: it reports soon which one is missing, and what to do."""
 
 import asyncio
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from formation.messages import Event, Severity
-from wire.process.lifetime import Tell
+from wire.process.lifetime import EventSink
 
 PATIENCE_S = 0.5
-"""How long nothing is said: what starts together is there by then, and a program has started within a second."""
-_LOOK_S = 0.2
+"""No report before that, s: processes started together are there by then."""
+_POLL_S = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,14 +29,14 @@ def bus_at(endpoints: Sequence[str], is_there: Callable[[], bool], remedy: str) 
     return Awaited(f"the bus at {', '.join(endpoints) or 'no endpoint'}", is_there, remedy)
 
 
-async def tell_awaited(source: str, awaited: Sequence[Awaited], tell: Tell) -> None:
-    """Say what is missing, and what to do, once; then say when it has come; return when all is there."""
+async def report_missing(source: str, awaited: Sequence[Awaited], report: EventSink) -> None:
+    """Report once what is missing and what to do, then when it is there; return when nothing is missing."""
     await asyncio.sleep(PATIENCE_S)
     missing = [need for need in awaited if not need.is_there()]
     for need in missing:
-        tell(Event(Severity.NOTICE, source, f"waiting for {need.what}: {need.remedy}"))
+        report(Event(Severity.NOTICE, source, f"waiting for {need.what}: {need.remedy}"))
     while missing:
-        await asyncio.sleep(_LOOK_S)
+        await asyncio.sleep(_POLL_S)
         for need in [need for need in missing if need.is_there()]:
             missing.remove(need)
-            tell(Event(Severity.INFO, source, f"no longer waiting for {need.what}"))
+            report(Event(Severity.INFO, source, f"no longer waiting for {need.what}"))

@@ -15,10 +15,10 @@ def starting(names: Iterable[str], incomplete: str) -> list[str]:
     return [name for name in names if name.startswith(incomplete)]
 
 
-def lab_near(given: object) -> dict[str, Any]:
-    """What the lab file given, or `lab.toml` here, says; nothing where it cannot be read."""
+def lab_near(argument: object) -> dict[str, Any]:
+    """The values in the lab file of the argument, or else in `lab.toml` here; empty where it cannot be read."""
     try:
-        return read_toml(LAB if given is None else Path(str(given)))
+        return read_toml(LAB if argument is None else Path(str(argument)))
     except ConfigError:
         return {}
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from formation.messages import Event
 
-Tell = Callable[[Event], None]
+EventSink = Callable[[Event], None]
 """Where a daemon's events go."""
 
 

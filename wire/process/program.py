@@ -26,8 +26,8 @@ def program(help_text: str, epilog: str) -> typer.Typer:
     return app
 
 
-def tell_error(text: str) -> None:
-    """With `--json`, an error as JSON: where a program would print what was asked for, it prints why it cannot."""
+def print_json_error(text: str) -> None:
+    """With `--json`, print an error as JSON on standard output, where a script reads the result."""
     if _AS_JSON.get():
         print(json.dumps({"error": text}), flush=True)
 
@@ -35,14 +35,14 @@ def tell_error(text: str) -> None:
 class _JsonErrors:
     """A command line whose own errors are JSON where `--json` is given; to be mixed with typer's classes."""
 
-    def main(self, *given: Any, **extra: Any) -> Any:
+    def main(self, *arguments: Any, **extra: Any) -> Any:
         """Parse and run; ends the process. The parameters are click's, its `args` the first."""
-        args = given[0] if given else extra.get("args")
+        args = arguments[0] if arguments else extra.get("args")
         if "--json" not in (sys.argv[1:] if args is None else args):
-            return super().main(*given, **extra)  # type: ignore[misc]
+            return super().main(*arguments, **extra)  # type: ignore[misc]
         before = _AS_JSON.set(True)
         try:
-            sys.exit(super().main(*given, **extra | {"standalone_mode": False}))  # type: ignore[misc]
+            sys.exit(super().main(*arguments, **extra | {"standalone_mode": False}))  # type: ignore[misc]
         except Exception as error:
             # Of click's class, or of the copy that newer versions of typer bring along.
             if not hasattr(error, "format_message"):
@@ -53,7 +53,7 @@ class _JsonErrors:
 
 
 def _end_with(error: Any) -> NoReturn:
-    tell_error(error.format_message())
+    print_json_error(error.format_message())
     error.show()
     sys.exit(error.exit_code)
 
@@ -76,15 +76,15 @@ class DefaultCommand(TyperGroup):
         return super().parse_args(ctx, args)
 
 
-Given = TypeVar("Given")
+Options = TypeVar("Options")
 
 
-def takes(options: type[Given]) -> Callable[[Callable[[Given], None]], Callable[..., None]]:
-    """Give a command all its options as one dataclass, whose fields are annotated as typer has it for parameters."""
+def with_options(options: type[Options]) -> Callable[[Callable[[Options], None]], Callable[..., None]]:
+    """Pass a command all its options as one dataclass; its fields are annotated as typer's parameters are."""
 
-    def decorate(command: Callable[[Given], None]) -> Callable[..., None]:
-        def run(**given: object) -> None:
-            command(options(**given))
+    def decorate(command: Callable[[Options], None]) -> Callable[..., None]:
+        def run(**arguments: object) -> None:
+            command(options(**arguments))
 
         run.__name__, run.__doc__ = command.__name__, command.__doc__
         run.__signature__ = inspect.signature(options)  # type: ignore[attr-defined]

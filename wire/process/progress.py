@@ -10,7 +10,7 @@ SELDOM = 10
 
 
 def compile_all(program: str, warm_up: Callable[[], None], stream: TextIO) -> None:
-    """Run `warm_up` and tell of every kernel that it compiles; silent where all are in the cache on disk."""
+    """Run `warm_up` and print every kernel that it compiles; nothing where all are in the cache on disk."""
     compiled = 0
 
     def begun(name: str, count: int, total: int) -> None:

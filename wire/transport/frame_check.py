@@ -18,7 +18,7 @@ DOUBT_NS = 2_000_000
 
 
 def raw_fault(frame: RawFrame, now_ns: int, ahead_ns: int = AHEAD_NS) -> str | None:
-    """Why the frame cannot be used, None if it can. Its poses are judged one by one, later (gcs.mocap.alignment).
+    """Why the frame cannot be used, None if it can. Its poses are judged one by one, later (mocap.alignment).
 
     ahead_ns: how far after `now_ns` its capture may be.
     """

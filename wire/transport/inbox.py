@@ -1,4 +1,4 @@
-"""The way from other threads to the event loop: bounded, the oldest lost, one wake-up for many items."""
+"""A bounded queue from other threads to the event loop; the oldest item is lost, one wake-up delivers many."""
 
 import asyncio
 from collections import deque
@@ -13,19 +13,19 @@ T = TypeVar("T")
 class Inbox(Generic[T]):
     """Hands items from Zenoh's threads to the event loop, one wake-up for many; when full the oldest is lost.
 
-    `turn`: how many are taken before everything else has its turn; what then waits, waits PAUSE_S. All, where None.
+    `turn`: how many items it delivers in a row; the others wait for PAUSE_S. None: all.
     """
 
     def __init__(
         self,
         loop: asyncio.AbstractEventLoop,
-        take: Callable[[T], None],
+        deliver: Callable[[T], None],
         counters: LinkCounters,
         limit: int,
         turn: int | None = None,
     ) -> None:
         self._loop = loop
-        self._take = take
+        self._deliver = deliver
         self._counters = counters
         self._queue: deque[T] = deque(maxlen=limit)
         self._turn = turn
@@ -33,7 +33,7 @@ class Inbox(Generic[T]):
         self._awake = False
         self._open = True
 
-    def put(self, item: T) -> None:
+    def enqueue(self, item: T) -> None:
         """From any thread."""
         if len(self._queue) == self._queue.maxlen:
             self._counters.dropped += 1
@@ -49,26 +49,26 @@ class Inbox(Generic[T]):
     def _drain(self) -> None:
         if self._resting:
             return  # and stay awake: nobody need wake the loop before the pause is over
-        # Cleared first: what is put from here on either is taken below or wakes the loop again.
+        # Cleared first: an item queued from here on is either delivered below or wakes the loop again.
         self._awake = False
-        taken = 0
+        delivered = 0
         while self._queue and self._open:
-            if taken == self._turn:
+            if delivered == self._turn:
                 self._resting = True
-                self._loop.call_later(PAUSE_S, self._go_on)
+                self._loop.call_later(PAUSE_S, self._resume)
                 return
-            taken += 1
+            delivered += 1
             self._counters.received += 1
-            self._take(self._queue.popleft())
+            self._deliver(self._queue.popleft())
 
-    def _go_on(self) -> None:
+    def _resume(self) -> None:
         self._resting = False
         self._drain()
 
 
 def on_loop(loop: asyncio.AbstractEventLoop, call: Callable[[], None]) -> None:
-    """Have the loop make a call, from any thread; nothing happens once it has closed."""
+    """Call on the loop, from any thread; nothing happens once the loop has closed."""
     try:
         loop.call_soon_threadsafe(call)
-    except RuntimeError:  # the loop has closed: nobody is left to tell
+    except RuntimeError:  # the loop has closed
         return

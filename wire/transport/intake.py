@@ -8,7 +8,7 @@ cost TURN_NS of CPU time, however long the machine took for it; the rest waits, 
 
 import asyncio
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from formation.messages import Datagram
 from wire import clock
@@ -17,12 +17,18 @@ from wire.transport.link import PAUSE_S, Deliver, LinkCounters
 
 TURN_NS = 1_000_000
 """CPU time of one turn: some 60 messages."""
-WAITING_MOST = 512
+BACKLOG_MAX = 512
 """Datagrams that may wait for a turn, the oldest lost beyond: a second of what a PX4 sends by default."""
 READS_A_TURN = 256
 """Datagrams read from a socket at once: as many as a kernel's buffer of the default size (208 KiB) holds."""
 SUPERSEDED = frozenset(
     {
+        MessageId.HEARTBEAT,
+        MessageId.SYS_STATUS,
+        MessageId.EXTENDED_SYS_STATE,
+        MessageId.ESTIMATOR_STATUS,
+        MessageId.EKF_STATUS_REPORT,
+        MessageId.HOME_POSITION,
         MessageId.ATTITUDE,
         MessageId.ATTITUDE_QUATERNION,
         MessageId.LOCAL_POSITION_NED,
@@ -43,23 +49,23 @@ SUPERSEDED = frozenset(
 _Stream = tuple[int, int, int]
 
 
-def newest(waiting: Sequence[tuple[bytes, int]]) -> list[tuple[bytes, int]]:
+def newest(backlog: Sequence[tuple[bytes, int]]) -> list[tuple[bytes, int]]:
     """The datagrams to deliver, in order, each with how many packets before it were superseded and dropped.
 
     waiting: the same of all that has arrived. A datagram is dropped where each of its packets belongs to a stream of
     SUPERSEDED of which a later one has a packet.
     """
     later: set[_Stream] = set()
-    kept: list[tuple[bytes, int]] = []
-    for data, before in reversed(waiting):
+    current: list[tuple[bytes, int]] = []
+    for data, before in reversed(backlog):
         streams = _streams(data)
         if streams is None or not later.issuperset(streams):
-            kept.append((data, before))
+            current.append((data, before))
             later.update(streams or ())
         else:  # its streams have a later packet, so something is kept
-            kept[-1] = (kept[-1][0], kept[-1][1] + len(streams) + before)
-    kept.reverse()
-    return kept
+            current[-1] = (current[-1][0], current[-1][1] + len(streams) + before)
+    current.reverse()
+    return current
 
 
 def _streams(data: bytes) -> list[_Stream] | None:
@@ -77,42 +83,67 @@ def _streams(data: bytes) -> list[_Stream] | None:
     return streams if streams and at == end else None
 
 
+class Backlog:
+    """The waiting datagrams of one drone: `enqueue` on arrival, `dequeue` a turn at a time. No loop, no clock."""
+
+    def __init__(self, sysid: int, counters: LinkCounters) -> None:
+        """counters: counts dropped datagrams and superseded packets; the caller of `enqueue` counts received ones."""
+        self._sysid = sysid
+        self._counters = counters
+        self._datagrams: deque[tuple[bytes, int]] = deque(maxlen=BACKLOG_MAX)
+
+    def __len__(self) -> int:
+        """How many datagrams wait."""
+        return len(self._datagrams)
+
+    def enqueue(self, data: bytes, superseded: int = 0) -> None:
+        """A datagram has arrived; superseded: packets before it that were dropped on the way."""
+        if len(self._datagrams) == BACKLOG_MAX:
+            self._counters.dropped += 1
+        self._datagrams.append((data, superseded))
+
+    def dequeue(self) -> Iterator[Datagram]:
+        """The datagrams to deliver, in order, until the caller stops; the rest waits for the next turn."""
+        if len(self._datagrams) > 1:
+            self._datagrams = deque(newest(self._datagrams), BACKLOG_MAX)
+        while self._datagrams:
+            data, superseded = self._datagrams.popleft()
+            self._counters.superseded += superseded
+            yield Datagram(self._sysid, data, superseded)
+
+    def clear(self) -> None:
+        """Drop all waiting datagrams."""
+        self._datagrams.clear()
+
+
 class Intake:
-    """One drone's: `put` what arrives; it is delivered from the event loop, a turn at a time."""
+    """One drone's intake: `enqueue` on arrival; the event loop delivers, a turn at a time."""
 
     def __init__(self, sysid: int, deliver: Deliver, counters: LinkCounters) -> None:
-        """counters: dropped is counted there in datagrams, superseded in packets; who puts counts what is received."""
-        self._sysid = sysid
+        """counters: as a Backlog counts there."""
         self._deliver = deliver
-        self._counters = counters
-        self._waiting: deque[tuple[bytes, int]] = deque(maxlen=WAITING_MOST)
+        self._backlog = Backlog(sysid, counters)
         self._loop = asyncio.get_running_loop()
         self._scheduled: asyncio.Handle | None = None
 
-    def put(self, data: bytes) -> None:
+    def enqueue(self, data: bytes) -> None:
         """A datagram has arrived; on the event loop."""
-        if len(self._waiting) == WAITING_MOST:
-            self._counters.dropped += 1
-        self._waiting.append((data, 0))
+        self._backlog.enqueue(data)
         if self._scheduled is None:
             self._scheduled = self._loop.call_soon(self._turn)
 
     def close(self) -> None:
         """Deliver nothing more."""
-        self._waiting.clear()
+        self._backlog.clear()
         if self._scheduled is not None:
             self._scheduled.cancel()
 
     def _turn(self) -> None:
         self._scheduled = None
         began_ns = clock.cpu_ns()
-        if len(self._waiting) > 1:
-            self._waiting = deque(newest(self._waiting), WAITING_MOST)
-        while self._waiting:
-            data, superseded = self._waiting.popleft()
-            self._counters.superseded += superseded
-            self._deliver(Datagram(self._sysid, data, superseded))
+        for datagram in self._backlog.dequeue():
+            self._deliver(datagram)
             if clock.cpu_ns() - began_ns >= TURN_NS:
                 break
-        if self._waiting:  # everybody else's turn comes first
+        if self._backlog:  # everybody else's turn comes first
             self._scheduled = self._loop.call_later(PAUSE_S, self._turn)

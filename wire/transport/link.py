@@ -7,7 +7,7 @@ from typing import Protocol
 from formation.messages import Datagram
 
 LARGEST_DATAGRAM = 2048
-"""Bytes; nothing that speaks MAVLink sends more at once, and more is refused unread."""
+"""Bytes; no MAVLink sender sends more at once, and a larger datagram is rejected unread."""
 
 PAUSE_S = 0.002
 """How long a drone waits, of which more had arrived than one turn takes, while everybody else has theirs."""
@@ -18,7 +18,7 @@ Deliver = Callable[[Datagram], None]
 
 @dataclass(slots=True)
 class LinkCounters:
-    """Datagrams sent, received, dropped here (no room to send or to wait), and refused unread.
+    """Datagrams sent, received, dropped here (a full queue or socket buffer), and rejected unread.
 
     superseded: packets of telemetry that were dropped since newer ones of their stream had arrived.
     """
@@ -26,7 +26,7 @@ class LinkCounters:
     sent: int = 0
     received: int = 0
     dropped: int = 0
-    refused: int = 0
+    rejected: int = 0
     superseded: int = 0
 
 

@@ -1,4 +1,4 @@
-"""The motion capture's part of the lab's bus: raw frames in, lab frames out, what the mocap process says of itself.
+"""The motion capture's part of the lab's bus: raw frames in, lab frames out, state and events of the mocap process.
 
     <lab>/mocap/raw                     RawFrame, from whoever has the cameras, to the mocap process
     <lab>/mocap/frame                   LabFrame, from the mocap process, to everyone
@@ -6,8 +6,8 @@
     <lab>/mocap/alive/<configuration>   a liveliness token, for as long as a mocap process serves
 
 Stamps are on the monotonic clock of the machine that published them: where that is another machine, its clock's name
-rides along, and they are moved onto ours by the quickest frame heard. With it rides who published the frame: frames
-of a second publisher are refused while the first is heard.
+is attached, and they are moved onto ours by the quickest frame received. The publisher's name is attached too: frames
+of a second publisher are rejected while the first publishes.
 """
 
 import asyncio
@@ -39,7 +39,7 @@ SHOWN_NAME = 12
 
 
 class MocapBus:
-    """One process's view of it. Callbacks run on the event loop; what is not handed on, the bus's `refusals` say."""
+    """One process's view of it. Callbacks run on the event loop; the bus's `rejections` count rejected payloads."""
 
     def __init__(self, bus: ZenohBus, clock: Clock = REAL_TIME) -> None:
         self._bus = bus
@@ -48,39 +48,39 @@ class MocapBus:
         self._publisher = SourceFilter()
 
     def publish_raw(self, frame: RawFrame) -> None:
-        """Publish one exposure as the cameras tell it."""
-        self._bus.put("mocap/raw", _RAW.encode(frame))
+        """Publish one exposure as the cameras report it."""
+        self._bus.publish("mocap/raw", _RAW.encode(frame))
 
     def on_raw(self, callback: Callable[[RawFrame], None]) -> None:
         """Call back with each raw frame, unchecked; the latest wins where the loop is late."""
 
-        def take(sample: zenoh.Sample) -> None:
+        def receive(sample: zenoh.Sample) -> None:
             frame = self._decoded("mocap/raw", _RAW, sample)
             if frame is not None:
                 callback(frame)
 
-        self._bus.listen("mocap/raw", take, limit=1)
+        self._bus.listen("mocap/raw", receive, limit=1)
 
     def publish_frame(self, frame: LabFrame) -> None:
         """Publish one exposure to everyone; the mocap process alone does."""
-        self._bus.put("mocap/frame", _FRAME.encode(frame), self._clock_name + b"\n" + self._bus.identity)
+        self._bus.publish("mocap/frame", _FRAME.encode(frame), self._clock_name + b"\n" + self._bus.identity)
 
     @property
-    def is_heard(self) -> bool:
-        """Whether anybody listens to the frames we publish."""
-        return self._bus.is_heard("mocap/frame")
+    def has_subscribers(self) -> bool:
+        """Whether a process subscribes to the frames that this one publishes."""
+        return self._bus.has_subscribers("mocap/frame")
 
     def on_frame(self, callback: Callable[[LabFrame], None]) -> None:
         """Call back with each frame, its stamps on our clock; the latest wins where the loop is late."""
 
-        def take(sample: zenoh.Sample) -> None:
+        def receive(sample: zenoh.Sample) -> None:
             frame = self._decoded("mocap/frame", _FRAME, sample)
             if frame is None:
                 return
             now_ns = self._clock.monotonic_ns()
             clock_name, publisher = _sender(sample.attachment)
             if self._publisher.rejects(publisher, now_ns):
-                self._bus.refuse("mocap/frame", f"frame of a second publisher, {_called(publisher)}")
+                self._bus.reject("mocap/frame", f"frame of a second publisher, {_called(publisher)}")
                 return
             frame = self._on_our_clock(frame, clock_name, now_ns)
             fault = lab_fault(frame, now_ns)
@@ -88,54 +88,54 @@ class MocapBus:
                 self._publisher.accept(publisher, now_ns)
                 callback(frame)
             else:
-                self._bus.refuse("mocap/frame", f"frame {fault}")
+                self._bus.reject("mocap/frame", f"frame {fault}")
 
-        self._bus.listen("mocap/frame", take, limit=1)
+        self._bus.listen("mocap/frame", receive, limit=1)
 
     def publish_event(self, event: Event) -> None:
-        """Tell everyone what the mocap process has to say."""
-        self._bus.put("mocap/event", _EVENT.encode(event))
+        """Publish an event of the mocap process."""
+        self._bus.publish("mocap/event", _EVENT.encode(event))
 
     def on_event(self, callback: Callable[[Event], None]) -> None:
-        """Call back with what the mocap process has to say."""
+        """Call back with each event of the mocap process."""
 
-        def take(sample: zenoh.Sample) -> None:
+        def receive(sample: zenoh.Sample) -> None:
             event = self._decoded("mocap/event", _EVENT, sample)
             if event is not None:
                 callback(Event(event.severity, plain(event.source, LONGEST_TEXT), plain(event.text, LONGEST_TEXT)))
 
-        self._bus.listen("mocap/event", take, limit=64)
+        self._bus.listen("mocap/event", receive, limit=64)
 
     def publish_state(self, state: dict[str, Any]) -> None:
-        """Publish how the mocap process is doing, as JSON."""
-        self._bus.put("mocap/state", json.dumps(state).encode())
+        """Publish the state of the mocap process, as JSON."""
+        self._bus.publish("mocap/state", json.dumps(state).encode())
 
     def on_state(self, callback: Callable[[dict[str, Any]], None]) -> None:
-        """Call back with how the mocap process is doing."""
+        """Call back with the state of the mocap process."""
 
-        def take(sample: zenoh.Sample) -> None:
+        def receive(sample: zenoh.Sample) -> None:
             try:
                 state = parse_object(sample.payload.to_bytes())
             except JsonError as error:
-                self._bus.refuse("mocap/state", str(error))
+                self._bus.reject("mocap/state", str(error))
                 return
             callback(state)
 
-        self._bus.listen("mocap/state", take, limit=1)
+        self._bus.listen("mocap/state", receive, limit=1)
 
     def announce(self, configuration: str) -> None:
-        """Say that a mocap process serves this lab as `configuration` (gcs.mocap.service), for as long as we live."""
+        """Declare that this process serves the lab's mocap with `configuration` (mocap.service), until it ends."""
         self._bus.declare_token(f"{_ALIVE}/{configuration}")
 
     async def serving(self, within_s: float) -> str | None:
         """The configuration that a mocap process serves; None where none was found in that time."""
         found: asyncio.Future[str] = asyncio.get_running_loop().create_future()
 
-        def take(sample: zenoh.Sample) -> None:
+        def receive(sample: zenoh.Sample) -> None:
             if sample.kind == zenoh.SampleKind.PUT and not found.done():
                 found.set_result(str(sample.key_expr).rpartition("/")[2])
 
-        close = self._bus.watch_tokens(f"{_ALIVE}/*", take)
+        close = self._bus.watch_tokens(f"{_ALIVE}/*", receive)
         try:
             return await asyncio.wait_for(found, within_s)
         except TimeoutError:
@@ -147,11 +147,11 @@ class MocapBus:
         try:
             return schema.decode(sample.payload.to_bytes())
         except SchemaError:
-            self._bus.refuse(key, f"no {schema.name}")
+            self._bus.reject(key, f"no {schema.name}")
             return None
 
     def _on_our_clock(self, frame: LabFrame, name: bytes, now_ns: int) -> LabFrame:
-        """The frame with its stamps on our clock. What another machine received and published is one moment."""
+        """The frame with its stamps on our clock; another machine's receive time counts as its publish time."""
         if not name or name == self._clock_name:
             return frame
         if name not in self._clocks:  # one mocap process serves a lab; forged names shall not grow without bound
@@ -164,7 +164,7 @@ class MocapBus:
 
 
 def _sender(attachment: zenoh.ZBytes | None) -> tuple[bytes, bytes]:
-    """The clock's name and the publisher's that ride on a frame; empty where none does."""
+    """The names of clock and publisher attached to a frame; empty where there are none."""
     data = b"" if attachment is None else attachment.to_bytes()[: 2 * LONGEST_NAME]
     name, _, publisher = data.partition(b"\n")
     return name[:LONGEST_NAME], publisher[:LONGEST_NAME]

@@ -1,22 +1,22 @@
-"""Which of several publishers on one key is believed: the first, until it falls silent. Pure; time is an argument."""
+"""The source filter of one key: it accepts the first of several publishers until that is silent. Pure."""
 
 from dataclasses import dataclass
 
 SILENT_NS = 250_000_000
-"""A publisher silent for so long is replaced: before a body unseen for 0.4 s makes the swarm land."""
+"""A publisher silent for so long may be replaced; less than the 0.4 s after which a lost body lands the swarm."""
 
 
 @dataclass(slots=True)
 class SourceFilter:
-    """The publisher of one key. An open bus proves nobody's name, but two that publish at once are found out."""
+    """The publisher of one key. The bus does not authenticate publishers, but two at once are detected."""
 
     current: bytes | None = None
-    _heard_ns: int = 0
+    _received_ns: int = 0
 
     def rejects(self, publisher: bytes, now_ns: int) -> bool:
-        """Whether another one was heard just now."""
-        return self.current is not None and publisher != self.current and now_ns - self._heard_ns < SILENT_NS
+        """Whether another publisher is current: its last frame is less than SILENT_NS old."""
+        return self.current is not None and publisher != self.current and now_ns - self._received_ns < SILENT_NS
 
     def accept(self, publisher: bytes, now_ns: int) -> None:
-        """What it published was sound and is used."""
-        self.current, self._heard_ns = publisher, now_ns
+        """Make this publisher the current one: its frame was valid."""
+        self.current, self._received_ns = publisher, now_ns

@@ -11,10 +11,10 @@ from collections.abc import Iterable
 from formation.config import LinkConfig
 from formation.messages import Datagram
 from wire import clock
-from wire.refusals import Refusals
+from wire.rejections import RejectionLog
 from wire.transport.intake import READS_A_TURN, Intake
 from wire.transport.link import LARGEST_DATAGRAM, PAUSE_S, Deliver, LinkCounters
-from wire.transport.peer_gate import PeerGate, SocketAddress
+from wire.transport.peer_filter import PeerFilter, SocketAddress
 
 _MAGICS = (0xFD, 0xFE)
 _TALKERS = 4
@@ -23,29 +23,29 @@ TOO_LARGE = f"datagram larger than {LARGEST_DATAGRAM} bytes"
 
 
 class _Port:
-    """One bound socket of one drone's traffic: where it sends, and who else has talked to it.
+    """One bound socket of one drone's traffic, with its peer and the other recent senders.
 
-    `gate` judges who is heard; without one everybody is, and the most recent `_TALKERS` senders of MAVLink are
-    answered as well: any ground station may talk to a drone.
+    `peer_filter` accepts or rejects senders. Without one, every sender is accepted, and the latest `_TALKERS` senders
+    of MAVLink get all packets too: any ground station may talk to a drone.
     """
 
     def __init__(
         self,
         bind: SocketAddress,
         peer: SocketAddress | None,
-        gate: PeerGate | None,
+        peer_filter: PeerFilter | None,
         sysid: int,
         deliver: Deliver,
         counters: LinkCounters,
-        refusals: Refusals,
+        rejections: RejectionLog,
     ) -> None:
         """Bind (OSError)."""
         self._peer = peer
-        self._gate = gate
+        self._peer_filter = peer_filter
         self._talkers: dict[SocketAddress, None] = {}
         self._intake = Intake(sysid, deliver, counters)
         self._counters = counters
-        self._refusals = refusals
+        self._rejections = rejections
         self._loop = asyncio.get_running_loop()
         self._resume: asyncio.TimerHandle | None = None
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -74,8 +74,8 @@ class _Port:
 
     def _audience(self) -> tuple[SocketAddress, ...]:
         peer = self._peer
-        if peer is None and self._gate is not None:
-            peer = self._gate.current
+        if peer is None and self._peer_filter is not None:
+            peer = self._peer_filter.current
         return tuple(self._talkers) if peer is None else (peer, *self._talkers)
 
     def _read(self) -> None:
@@ -88,23 +88,23 @@ class _Port:
             except OSError:  # an ICMP answer to something sent earlier
                 continue
             now_ns = clock.monotonic_ns()
-            refusal = self._refusal(data, sender, now_ns)
-            if refusal:
-                self._counters.refused += 1
-                self._refusals.note(sender[0], refusal, now_ns)
+            reject_reason = self._reject_reason(data, sender, now_ns)
+            if reject_reason:
+                self._counters.rejected += 1
+                self._rejections.note(sender[0], reject_reason, now_ns)
                 continue
             self._counters.received += 1
-            if self._gate is None and sender != self._peer and data[:1] and data[0] in _MAGICS:
+            if self._peer_filter is None and sender != self._peer and data[:1] and data[0] in _MAGICS:
                 self._note(sender)
-            self._intake.put(data)
+            self._intake.enqueue(data)
         self._loop.remove_reader(self._socket)
         self._resume = self._loop.call_later(PAUSE_S, self._loop.add_reader, self._socket, self._read)
 
-    def _refusal(self, data: bytes, sender: SocketAddress, now_ns: int) -> str:
+    def _reject_reason(self, data: bytes, sender: SocketAddress, now_ns: int) -> str:
         """Why this datagram is rejected; empty where it is not."""
         if len(data) > LARGEST_DATAGRAM:
             return TOO_LARGE
-        return "" if self._gate is None else self._gate.refusal(sender, data, now_ns)
+        return "" if self._peer_filter is None else self._peer_filter.reject_reason(sender, data, now_ns)
 
     def _note(self, sender: SocketAddress) -> None:
         """Keep the most recent senders, the oldest first."""
@@ -132,7 +132,9 @@ class UdpLink:
         self._ports.clear()
 
 
-async def open_udp_ground(config: LinkConfig, sysids: Iterable[int], deliver: Deliver, refusals: Refusals) -> UdpLink:
+async def open_udp_ground(
+    config: LinkConfig, sysids: Iterable[int], deliver: Deliver, rejections: RejectionLog
+) -> UdpLink:
     """The ground's end: one socket a drone. OSError where a port is taken or the host is unknown."""
     host = await _resolve(config.host)
     ports: dict[int, _Port] = {}
@@ -141,23 +143,23 @@ async def open_udp_ground(config: LinkConfig, sysids: Iterable[int], deliver: De
         for sysid in sysids:
             bind = (_bind_host(host), config.ground_port_base + sysid)
             peer = (host, config.drone_port_base + sysid)
-            ports[sysid] = _Port(bind, peer, PeerGate(sysid, peer), sysid, deliver, link.counters, refusals)
+            ports[sysid] = _Port(bind, peer, PeerFilter(sysid, peer), sysid, deliver, link.counters, rejections)
     except OSError:
         link.close()
         raise
     return link
 
 
-async def open_udp_drone(config: LinkConfig, sysid: int, deliver: Deliver, refusals: Refusals) -> UdpLink:
+async def open_udp_drone(config: LinkConfig, sysid: int, deliver: Deliver, rejections: RejectionLog) -> UdpLink:
     """The drone's end: sends to the ground's port, and to whoever else has spoken MAVLink to it of late. OSError."""
     host = await _resolve(config.host)
     bind = (_bind_host(host), config.drone_port_base + sysid)
     peer = (host, config.ground_port_base + sysid)
     counters = LinkCounters()
-    return UdpLink({sysid: _Port(bind, peer, None, sysid, deliver, counters, refusals)}, counters)
+    return UdpLink({sysid: _Port(bind, peer, None, sysid, deliver, counters, rejections)}, counters)
 
 
-async def open_udp_direct(link: str, sysid: int, deliver: Deliver, refusals: Refusals) -> UdpLink:
+async def open_udp_direct(link: str, sysid: int, deliver: Deliver, rejections: RejectionLog) -> UdpLink:
     """A link to one autopilot's own telemetry port. Raises OSError, and ValueError for text that is no such link.
 
     link: "udp:HOST:PORT" or "udpout:HOST:PORT" sends there; "udpin:HOST:PORT" binds there and answers the drone that
@@ -172,7 +174,7 @@ async def open_udp_direct(link: str, sysid: int, deliver: Deliver, refusals: Ref
     counters = LinkCounters()
 
     def bound(bind: SocketAddress, peer: SocketAddress | None) -> _Port:
-        return _Port(bind, peer, PeerGate(sysid, peer), sysid, deliver, counters, refusals)
+        return _Port(bind, peer, PeerFilter(sysid, peer), sysid, deliver, counters, rejections)
 
     if kind == "udpin":
         endpoint = bound(address, None)

@@ -22,10 +22,10 @@ from formation.messages import Datagram, OperatorReply, OperatorRequest, Truth, 
 from wire import clock
 from wire.errors import BusError as BusError
 from wire.plain_text import plain
-from wire.refusals import Refusals
+from wire.rejections import RejectionLog
 from wire.schema import Schema, SchemaError, schema_of
 from wire.transport.inbox import Inbox, on_loop
-from wire.transport.intake import WAITING_MOST, Intake
+from wire.transport.intake import BACKLOG_MAX, Intake
 from wire.transport.link import LARGEST_DATAGRAM, Deliver, LinkCounters
 from wire.transport.zenoh_session import open_session, request_key
 
@@ -83,17 +83,17 @@ class ZenohLink:
 
 
 class ZenohBus:
-    """One process's place on the lab's bus. All callbacks run on the event loop that opened it."""
+    """One process's connection to the lab's bus. All callbacks run on the event loop that opened it."""
 
-    def __init__(self, session: zenoh.Session, lab: str, refusals: Refusals, *, listens: bool = False) -> None:
+    def __init__(self, session: zenoh.Session, lab: str, rejections: RejectionLog, *, listens: bool = False) -> None:
         self.lab = lab
         self.listens = listens
         """Whether it listens where others look for the bus."""
         self.counters = LinkCounters()
-        self.refusals = refusals
-        """What was refused of what came by this bus, and by any link of the same process that is given it."""
+        self.rejections = rejections
+        """Inputs rejected on this bus, and on the links of this process that share this log."""
         self.identity = str(session.zid()).encode()
-        """Who we are on the bus."""
+        """Our Zenoh id."""
         self._session = session
         self._loop = asyncio.get_running_loop()
         self._inboxes: list[Inbox[Any]] = []
@@ -101,21 +101,21 @@ class ZenohBus:
         self._tokens: list[zenoh.LivelinessToken] = []
 
     @classmethod
-    async def open(cls, config: LinkConfig, lab: str, refusals: Refusals | None = None) -> "ZenohBus":
+    async def open(cls, config: LinkConfig, lab: str, rejections: RejectionLog | None = None) -> "ZenohBus":
         """Join the bus; peers that are not there yet are retried for ever. BusError.
 
-        refusals: where to note what is refused; a register of its own if none is given.
+        rejections: counts rejected inputs; the bus makes its own if there is none.
         """
         session = await asyncio.to_thread(open_session, config.zenoh_listen, config.zenoh_connect, lab)
-        return cls(session, lab, refusals or Refusals(), listens=bool(config.zenoh_listen))
+        return cls(session, lab, rejections or RejectionLog(), listens=bool(config.zenoh_listen))
 
     @classmethod
-    async def open_or_listen(cls, config: LinkConfig, lab: str, refusals: Refusals | None = None) -> "ZenohBus":
+    async def open_or_listen(cls, config: LinkConfig, lab: str, rejections: RejectionLog | None = None) -> "ZenohBus":
         """Join the bus that the configuration names; where it names none, listen if nobody else does. BusError."""
         if not config.names_bus:
             with suppress(BusError):  # the endpoint is another's: join it there
-                return await cls.open(config.listening, lab, refusals)
-        return await cls.open(config, lab, refusals)
+                return await cls.open(config.listening, lab, rejections)
+        return await cls.open(config, lab, rejections)
 
     @property
     def is_joined(self) -> bool:
@@ -137,50 +137,50 @@ class ZenohBus:
         """The drone's own end."""
         return self._link([sysid], "up", "down", deliver)
 
-    def put(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
-        """Publish bytes on a key of the lab; dropped and counted where there is no room."""
+    def publish(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
+        """Publish bytes on a key of the lab; dropped and counted where Zenoh's queue is full."""
         try:
             self._publisher_of(key).put(payload, attachment=attachment)
             self.counters.sent += 1
         except zenoh.ZError:
             self.counters.dropped += 1
 
-    def listen(self, key: str, take: Callable[[zenoh.Sample], None], limit: int) -> None:
-        """Hand over what comes on a key of the lab, if not too large; at most `limit` wait, the oldest is lost."""
+    def listen(self, key: str, receive: Callable[[zenoh.Sample], None], limit: int) -> None:
+        """Subscribe to a key of the lab; too large payloads are rejected. At most `limit` wait, the oldest is lost."""
 
-        def take_bounded(sample: zenoh.Sample | None) -> None:
+        def receive_bounded(sample: zenoh.Sample | None) -> None:
             if sample is None:
-                self.refuse(key, f"payload larger than {LARGEST_PAYLOAD} bytes")
+                self.reject(key, f"payload larger than {LARGEST_PAYLOAD} bytes")
             else:
-                take(sample)
+                receive(sample)
 
-        inbox = Inbox(self._loop, take_bounded, self.counters, limit)
+        inbox = Inbox(self._loop, receive_bounded, self.counters, limit)
 
-        def put(sample: zenoh.Sample) -> None:
-            inbox.put(sample if len(sample.payload) <= LARGEST_PAYLOAD else None)
+        def enqueue(sample: zenoh.Sample) -> None:
+            inbox.enqueue(sample if len(sample.payload) <= LARGEST_PAYLOAD else None)
 
         self._inboxes.append(inbox)
-        self._session.declare_subscriber(f"{self.lab}/{key}", zenoh.handlers.Callback(put))
+        self._session.declare_subscriber(f"{self.lab}/{key}", zenoh.handlers.Callback(enqueue))
 
-    def refuse(self, key: str, reason: str) -> None:
-        """Count and note what came on a key of the lab and was refused."""
-        self.counters.refused += 1
-        self.refusals.note(f"{self.lab}/{key}", reason, clock.monotonic_ns())
+    def reject(self, key: str, reason: str) -> None:
+        """Count a rejected payload of a key of the lab."""
+        self.counters.rejected += 1
+        self.rejections.note(f"{self.lab}/{key}", reason, clock.monotonic_ns())
 
-    def is_heard(self, key: str) -> bool:
-        """Whether anybody listens to what we publish on the key."""
+    def has_subscribers(self, key: str) -> bool:
+        """Whether another process subscribes to the key."""
         # An object, though zenoh's own annotations call it a bool; as one it would always be true.
         matching: bool = self._publisher_of(key).matching_status.matching  # type: ignore[attr-defined]
         return matching
 
     def declare_token(self, key: str) -> None:
-        """Be known under the key for as long as this process is on the bus."""
+        """Declare a liveliness token on the key, for as long as this process is on the bus."""
         self._tokens.append(self._session.liveliness().declare_token(f"{self.lab}/{key}"))
 
-    def watch_tokens(self, key: str, take: Callable[[zenoh.Sample], None]) -> Callable[[], None]:
-        """Hand over the tokens that are there, come and go; call the result to end it."""
-        inbox = Inbox(self._loop, take, self.counters, _QUEUED)
-        callback = zenoh.handlers.Callback(inbox.put)
+    def watch_tokens(self, key: str, receive: Callable[[zenoh.Sample], None]) -> Callable[[], None]:
+        """Call back with the liveliness tokens that are there, appear and disappear; call the result to end it."""
+        inbox = Inbox(self._loop, receive, self.counters, _QUEUED)
+        callback = zenoh.handlers.Callback(inbox.enqueue)
         subscriber = self._session.liveliness().declare_subscriber(f"{self.lab}/{key}", callback, history=True)
 
         def close() -> None:
@@ -191,42 +191,42 @@ class ZenohBus:
 
     def publish_truth(self, truth: Truth) -> None:
         """Publish a simulated vehicle's true state."""
-        self.put(f"sim/{truth.sysid}/truth", _TRUTH.encode(truth))
+        self.publish(f"sim/{truth.sysid}/truth", _TRUTH.encode(truth))
 
     def on_truth(self, callback: Callable[[Truth], None]) -> None:
         """Call back with the true state of every simulated vehicle."""
         self._subscribe("sim/*/truth", _TRUTH, callback, limit=_QUEUED)
 
     def publish_state(self, gcs_name: str, text: str) -> None:
-        """Publish the ground's state, in words of its own."""
-        self.put(f"gcs/{gcs_name}/state", text.encode())
+        """Publish the ground's state, a JSON text."""
+        self.publish(f"gcs/{gcs_name}/state", text.encode())
 
     def on_state(self, gcs_name: str, callback: Callable[[str], None]) -> None:
         """Call back with the state of the ground `gcs_name`; the latest wins."""
 
-        def take(sample: zenoh.Sample) -> None:
+        def receive(sample: zenoh.Sample) -> None:
             callback(sample.payload.to_bytes().decode(errors="replace"))
 
-        self.listen(f"gcs/{gcs_name}/state", take, limit=1)
+        self.listen(f"gcs/{gcs_name}/state", receive, limit=1)
 
     def serve(self, gcs_name: str, handler: Handler) -> None:
         """Answer operators' requests as the ground `gcs_name`: `handler(request, reply)`, reply once, now or later."""
         key = request_key(self.lab, gcs_name)
 
-        def take(asked: tuple[zenoh.Query, OperatorRequest | None]) -> None:
+        def receive(asked: tuple[zenoh.Query, OperatorRequest | None]) -> None:
             self._handle(gcs_name, *asked, handler)
 
         # One at a time: each may cost the ground a tick.
-        queues = {verb: Inbox(self._loop, take, self.counters, _QUEUED_URGENT, turn=1) for verb in _URGENT}
-        others = Inbox(self._loop, take, self.counters, _QUEUED_REQUESTS, turn=1)
+        queues = {verb: Inbox(self._loop, receive, self.counters, _QUEUED_URGENT, turn=1) for verb in _URGENT}
+        others = Inbox(self._loop, receive, self.counters, _QUEUED_REQUESTS, turn=1)
         self._inboxes += [*queues.values(), others]
 
-        def put(query: zenoh.Query) -> None:
+        def enqueue(query: zenoh.Query) -> None:
             request = _request(query)
             queue = others if request is None else queues.get(request.verb, others)
-            queue.put((query, request))
+            queue.enqueue((query, request))
 
-        self._session.declare_queryable(key, zenoh.handlers.Callback(put))
+        self._session.declare_queryable(key, zenoh.handlers.Callback(enqueue))
 
     async def ask(self, gcs_name: str, request: OperatorRequest, timeout_s: float) -> OperatorReply:
         """The answer of the ground `gcs_name`; TimeoutError if none comes in time.
@@ -249,20 +249,20 @@ class ZenohBus:
         def inbox_of(sysid: int, intake: Intake) -> Inbox[bytes]:
             def receive(data: bytes) -> None:
                 if data:
-                    intake.put(data)
+                    intake.enqueue(data)
                     return
-                counters.refused += 1
+                counters.rejected += 1
                 reason = f"datagram that is empty or larger than {LARGEST_DATAGRAM} bytes"
-                self.refusals.note(f"{base}/{sysid}", reason, clock.monotonic_ns())
+                self.rejections.note(f"{base}/{sysid}", reason, clock.monotonic_ns())
 
-            return Inbox(self._loop, receive, counters, WAITING_MOST)
+            return Inbox(self._loop, receive, counters, BACKLOG_MAX)
 
         def listen(sysid: int, inbox: Inbox[bytes]) -> zenoh.Subscriber[None]:
-            def put(sample: zenoh.Sample) -> None:
-                inbox.put(sample.payload.to_bytes() if len(sample.payload) <= LARGEST_DATAGRAM else b"")
+            def enqueue(sample: zenoh.Sample) -> None:
+                inbox.enqueue(sample.payload.to_bytes() if len(sample.payload) <= LARGEST_DATAGRAM else b"")
 
             key = f"{base}/{sysid}/mavlink/{into}"
-            return self._session.declare_subscriber(key, zenoh.handlers.Callback(put))
+            return self._session.declare_subscriber(key, zenoh.handlers.Callback(enqueue))
 
         # A queue and a turn for each drone: what floods one key costs no other drone a datagram.
         intakes = {sysid: Intake(sysid, deliver, counters) for sysid in sysids}
@@ -290,20 +290,20 @@ class ZenohBus:
         )
 
     def _subscribe(self, key: str, schema: Schema[T], callback: Callable[[T], None], limit: int) -> None:
-        def take(sample: zenoh.Sample) -> None:
+        def receive(sample: zenoh.Sample) -> None:
             try:
                 message = schema.decode(sample.payload.to_bytes())
             except SchemaError:
-                self.refuse(key, "payload that is no message of its kind")
+                self.reject(key, "payload that is no message of its kind")
                 return
             callback(message)
 
-        self.listen(key, take, limit)
+        self.listen(key, receive, limit)
 
     def _handle(self, gcs_name: str, query: zenoh.Query, request: OperatorRequest | None, handler: Handler) -> None:
         """One query: its handler gets a `reply` that answers and ends it."""
         if request is None:
-            self.refuse(f"gcs/{gcs_name}/do", "request that is none, or too long")
+            self.reject(f"gcs/{gcs_name}/do", "request that is none, or too long")
             query.drop()  # type: ignore[no-untyped-call]
             return
 

@@ -1,4 +1,4 @@
-"""A place on the lab's bus, and one question asked there: what an operator's command needs, and no more."""
+"""A session on the lab's bus, and one request over it: what an operator's command needs, and no more."""
 
 import json
 import re
@@ -16,15 +16,15 @@ from wire.schema import Schema, schema_of
 _REQUEST: Schema[OperatorRequest] = schema_of(OperatorRequest)
 _REPLY: Schema[OperatorReply] = schema_of(OperatorReply)
 
-# Zenoh's errors end in a line of its own source, which tells an operator nothing.
+# Zenoh's errors end in a line of its own source, which does not help an operator.
 _SOURCE_LINE = re.compile(r" at \S+\.rs:\d+\.?")
 FIND_S = 0.5
 """How long a ground is looked for that is not there: on a busy machine one answers within a tenth of a second."""
 _REMEDY = "Start it with `gcs run lab.toml`; --lab and --name say which one is meant, --timeout to wait for it"
-_ASK_AGAIN_S, _REFUSED_S = 0.05, 0.2
+_ASK_AGAIN_S, _CONNECT_TIMEOUT_S = 0.05, 0.2
 # Batches that may wait for the sender's thread, as many as Zenoh allows. An express put takes one for itself: with
-# Zenoh's own two, a busy machine dropped one frame in twenty, and one in nine events told right after a frame.
-_WAITING_BATCHES = 16
+# Zenoh's own two, a busy machine dropped one frame in twenty, and one in nine events sent right after a frame.
+_QUEUED_BATCHES = 16
 # Connections that have said nothing yet, and for how long each is waited for. Zenoh's own are 100 for 10 s: as many
 # idle ones kept an operator's new command out for 10.6 s.
 _UNGREETED, _GREETING_MS = 1024, 2000
@@ -80,11 +80,11 @@ def ask(connect: Sequence[str], lab: str, gcs_name: str, request: OperatorReques
             answers: list[bytes] = []
             ended = Event()
 
-            def take(reply: zenoh.Reply, answers: list[bytes] = answers) -> None:
+            def receive(reply: zenoh.Reply, answers: list[bytes] = answers) -> None:
                 if reply.ok is not None:
                     answers.append(reply.ok.payload.to_bytes())
 
-            session.get(key, zenoh.handlers.Callback(take, ended.set), payload=payload, timeout=left_s)
+            session.get(key, zenoh.handlers.Callback(receive, ended.set), payload=payload, timeout=left_s)
             is_there = not ended.wait(left_s)  # else the query has ended at once: nobody serves the key
             if answers:
                 return _REPLY.decode(answers[0])
@@ -99,14 +99,14 @@ def ask(connect: Sequence[str], lab: str, gcs_name: str, request: OperatorReques
     raise TimeoutError(f"no answer on {key} within {patience.answer_s:g} s")
 
 
-def _is_out_of_patience(looked_s: float, connect: Sequence[str], patience: Patience) -> bool:
-    """Whether a ground that has not shown for so long is given up."""
-    return looked_s > patience.ground_s or (looked_s > patience.bus_s and _is_silent(connect))
+def _is_out_of_patience(waited_s: float, connect: Sequence[str], patience: Patience) -> bool:
+    """Whether a ground that has not appeared for `waited_s` is given up."""
+    return waited_s > patience.ground_s or (waited_s > patience.bus_s and _is_silent(connect))
 
 
 def _is_silent(connect: Sequence[str]) -> bool:
-    """Whether nobody listens at the bus: every endpoint's machine says so at once."""
-    return bool(connect) and all(_is_refused(endpoint) for endpoint in connect)
+    """Whether nobody listens at the bus: the machine of every endpoint refuses the connection."""
+    return bool(connect) and all(_is_port_closed(endpoint) for endpoint in connect)
 
 
 def _no_ground(key: str, connect: Sequence[str]) -> NoGroundError:
@@ -114,8 +114,8 @@ def _no_ground(key: str, connect: Sequence[str]) -> NoGroundError:
     return NoGroundError(f"{found}. {_REMEDY}")
 
 
-def _is_refused(endpoint: str) -> bool:
-    """Whether the machine says at once that nobody listens there."""
+def _is_port_closed(endpoint: str) -> bool:
+    """Whether the machine refuses a connection there."""
     import socket  # an emergency stop that finds its ground does without
 
     protocol, _, address = endpoint.partition("/")
@@ -123,7 +123,7 @@ def _is_refused(endpoint: str) -> bool:
     if protocol != "tcp" or not port.isdigit():
         return False
     try:
-        socket.create_connection((host.strip("[]"), int(port)), timeout=_REFUSED_S).close()
+        socket.create_connection((host.strip("[]"), int(port)), timeout=_CONNECT_TIMEOUT_S).close()
     except ConnectionRefusedError:
         return True
     except OSError:
@@ -132,7 +132,7 @@ def _is_refused(endpoint: str) -> bool:
 
 
 def _configuration(listen: Sequence[str], connect: Sequence[str]) -> zenoh.Config:
-    """Zenoh's own configuration; who is told no port listens on any, on loopback where all others are there too."""
+    """Zenoh's configuration; without `listen`, any free port, on loopback where every `connect` is."""
     local = all("127.0.0.1" in endpoint or "localhost" in endpoint for endpoint in connect)
     values: dict[str, object] = {
         "mode": "peer",
@@ -147,7 +147,7 @@ def _configuration(listen: Sequence[str], connect: Sequence[str]) -> zenoh.Confi
         "transport/shared_memory/enabled": False,
         "transport/unicast/accept_pending": _UNGREETED,
         "transport/unicast/accept_timeout": _GREETING_MS,
-        "transport/link/tx/queue/size/real_time": _WAITING_BATCHES,
+        "transport/link/tx/queue/size/real_time": _QUEUED_BATCHES,
     }
     result = zenoh.Config()
     for key, value in values.items():

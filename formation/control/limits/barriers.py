@@ -5,21 +5,31 @@ spare and after a delay for it to begin; so may no vehicle gain speed faster tha
 barrier functions of the demanded accelerations, linear in them (Ames et al., Control barrier functions, ECC 2019;
 pairwise between vehicles: Wang, Ames, Egerstedt, IEEE T-RO 2017). The least change that keeps all pairs is found by
 Hildreth's method, pair after pair, each sharing what is missing. Where nothing is near, not a bit is changed.
+
+The barriers see every body where it will be when a command sent now takes hold, or where it may be. A body that is not
+seen is somewhere about where it was: around its last place, drifting with what is left of its last velocity, a keep-out
+grows by what it can do, at any height, until it is seen again.
 """
 
 from dataclasses import dataclass
-from math import sqrt
+from math import exp, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
-from formation.control.composite_law import Demand
-from formation.control.limits.bodies import BarrierSettings, Bodies, placed
+from formation.control.law import Demand
+from formation.estimation.response import MISMATCH_BAD, MISMATCH_WARN, NEVER_NS, SECONDS
 from formation.estimation.state import VehicleEstimate
 from formation.guidance.reference_generator import VehicleReference
-from formation.maths.arrays import Float, Vec3
+from formation.maths.arrays import Bool, Float, Vec3
 from formation.maths.kernel import kernel
 from formation.maths.records import Rows, dtype_of, like
 
+UNSEEN_S = 0.1  # until then where it is predicted to be is where it is
+DRIFT_S = 0.5  # how soon its last velocity is gone: a drone's agent levels and holds at 0.1 s, who carries one stops
+ABLE_M_S2 = 4.0
+VERTICAL_DIST_MAX_M_S2 = 4.0  # what no wind, battery or propeller does to a vehicle whose thrust is as commanded
+GROWN_MOST_M = 0.3  # a drone without setpoints is at rest within this
 SPEED, SEPARATION = 8.0, 32.0  # bits of formation.messages.Saturation
 BRAKE_M_S2 = 4.0  # two thirds of what a tilt of 0.6 rad gives: one of a pair alone can do it, against wind too
 REACTION_S = 0.25  # how long it takes to turn towards it: dead time is predicted, lag and a saturated turn are not
@@ -28,6 +38,42 @@ SPEED_RATE_1_S, FAST = 6.0, 0.5  # where it begins, as a share of the limit: wha
 STEEP = 0.75  # sine squared of the elevation from which two are stacked, and part upwards and downwards
 NEARBY_M_S2 = 20.0  # pairs this far from their bound may be driven to it by what others are changed
 PASSES, SETTLED_M_S2 = 60, 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class BarrierSettings:
+    """What is kept with one of the n bodies; a record.
+
+    place: among the commanded vehicles, or -1; dead_s: dead time of attitudes; sideways_m_s2: what the tilt limit
+    gives; separation_on, keep_out_on, speed_limit_on: which barriers there are.
+    """
+
+    commanded_index: int
+    dead_s: float
+    separation_m: float
+    speed_max_m_s: float
+    sideways_m_s2: float
+    separation_on: bool
+    keep_out_on: bool
+    speed_limit_on: bool
+
+
+class Bodies(NamedTuple):
+    """All n bodies; arrays, for every pair looks at them.
+
+    motion (n, 3, 3): position, velocity and acceleration (rows), as demanded and as disturbed; acc_m_s2 (n, 3): the
+    estimated one; grown_m: uncertainty of the position; known: ever seen; controllable: its demand may be altered;
+    responds: follows its commands, as far as is known; unresponsive: surely does not; lost: unseen, at unknown height.
+    """
+
+    motion: Float
+    acc_m_s2: Float
+    grown_m: Float
+    known: Bool
+    controllable: Bool
+    responds: Bool
+    unresponsive: Bool
+    lost: Bool
 
 
 @dataclass(slots=True)
@@ -40,8 +86,8 @@ class Pair:
 
     first: int
     second: int
-    first_takes: float
-    second_takes: float
+    first_share: float
+    second_share: float
     away: Vec3
     excess_m_s2: float
     push_m_s2: float
@@ -50,7 +96,7 @@ class Pair:
 PAIR = dtype_of(Pair)
 
 
-def bounded(
+def limit_demands(
     settings: Rows[BarrierSettings], wanted: Rows[Demand], estimates: Rows[VehicleEstimate],
     references: Rows[VehicleReference], now_ns: int,
 ) -> Rows[Demand]:  # fmt: skip
@@ -59,70 +105,11 @@ def bounded(
     The very same object where nothing had to be altered.
     """
     out = like(wanted)
-    return out if _bounded(settings, wanted, estimates, references, now_ns, out) else wanted
+    return out if _limit_demands(settings, wanted, estimates, references, now_ns, out) else wanted
 
 
 @kernel
-def closing_limit(distance_m: float, keep_m: float, least_m: float, closing_m_s: float, across_m_s: float) -> float:
-    """How hard, m/s^2, two bodies may accelerate towards each other.
-
-    From the speed at which braking, after the reaction, and their passing each other sideways (across_m_s; its angular
-    momentum lasts) stop them keep_m apart. Within it nobody may come nearer; nearer than least_m they part.
-    """
-    pad = BRAKE_M_S2 * REACTION_S
-    allowed, slope = 0.0, 1.0 / REACTION_S
-    if distance_m > keep_m:
-        square = across_m_s * across_m_s
-        ratio = distance_m / keep_m
-        root = sqrt(pad * pad + 2.0 * BRAKE_M_S2 * (distance_m - keep_m) + square * (ratio * ratio - 1.0))
-        allowed, slope = root - pad, (BRAKE_M_S2 + square / distance_m) / root
-    elif distance_m < least_m:
-        allowed = (distance_m - least_m) / REACTION_S
-    return BARRIER_RATE_1_S * (allowed - closing_m_s) - slope * closing_m_s
-
-
-@kernel
-def acceleration_along(bodies: Bodies, n: int, x: float, y: float, z: float, obeys: bool) -> float:
-    """Of body n along a unit vector: as demanded, if it obeys; of one that does not answer as it is, if that is less.
-
-    What is demanded of one that is deaf is of no account then.
-    """
-    wanted, has = bodies.motion[n, 2], bodies.acc_m_s2[n]
-    demanded: float = x * wanted[0] + y * wanted[1] + z * wanted[2]
-    if obeys or bodies.answers[n]:
-        return demanded
-    felt: float = x * has[0] + y * has[1] + z * has[2]
-    return felt if bodies.deaf[n] else min(demanded, felt)
-
-
-@kernel
-def excess(bodies: Bodies, a: int, b: int, least_m: float, obey: bool, away: Float) -> float:
-    """How much too hard a and b accelerate towards each other, m/s^2; the direction in which a is to part into away.
-
-    least_m: the separation; of a body that is lost the height does not count. obey: were both to do as demanded.
-    """
-    motion, keep_m = bodies.motion, least_m + bodies.grown_m[a] + bodies.grown_m[b]
-    up = 0.0 if bodies.lost[a] or bodies.lost[b] else 1.0
-    x, y, z = motion[a, 0, 0] - motion[b, 0, 0], motion[a, 0, 1] - motion[b, 0, 1], motion[a, 0, 2] - motion[b, 0, 2]
-    distance = sqrt(x * x + y * y + up * z * z)
-    if distance < 1e-6:
-        x, y, z = 1.0, 0.0, 0.0
-    else:
-        x, y, z = x / distance, y / distance, up * z / distance
-    vx, vy = motion[a, 1, 0] - motion[b, 1, 0], motion[a, 1, 1] - motion[b, 1, 1]
-    vz = up * (motion[a, 1, 2] - motion[b, 1, 2])
-    closing = -(x * vx + y * vy + z * vz)
-    across_square = max(vx * vx + vy * vy + vz * vz - closing * closing, 0.0)
-    closing_acc = -across_square / max(distance, 0.5 * least_m)
-    closing_acc -= acceleration_along(bodies, a, x, y, z, obey)
-    closing_acc -= acceleration_along(bodies, b, -x, -y, -z, obey)
-    away[0], away[1], away[2] = x, y, z if z * z > STEEP else 0.0
-    over: float = closing_acc - closing_limit(distance, keep_m, least_m, closing, sqrt(across_square))
-    return over
-
-
-@kernel
-def _bounded(
+def _limit_demands(
     settings: Rows[BarrierSettings], wanted: Rows[Demand], estimates: Rows[VehicleEstimate],
     references: Rows[VehicleReference], now_ns: int, out: Rows[Demand],
 ) -> bool:  # fmt: skip
@@ -130,16 +117,16 @@ def _bounded(
     bodies = placed(settings, estimates, wanted, references, now_ns)
     change, bits = np.zeros((len(settings), 3)), np.zeros(len(settings))
     for n in range(len(settings)):
-        if settings[n].keep_slow and bodies.yields[n]:
-            bits[n] += _slow_down(settings[n].speed_max_m_s, bodies.motion[n], change[n])
-    if settings[0].keep_apart:
-        _keep_apart(settings[0].separation_m, bodies, change, bits)
+        if settings[n].speed_limit_on and bodies.controllable[n]:
+            bits[n] += _limit_speed(settings[n].speed_max_m_s, bodies.motion[n], change[n])
+    if settings[0].separation_on:
+        _separate(settings[0].separation_m, bodies, change, bits)
     altered = False
     for n in range(len(settings)):
         altered = altered or bits[n] > 0.0
     if altered:
         for n in range(len(settings)):
-            i = settings[n].place
+            i = settings[n].commanded_index
             if i >= 0:
                 out[i] = wanted[i]
                 if bits[n] > 0.0:
@@ -148,7 +135,47 @@ def _bounded(
 
 
 @kernel
-def _slow_down(speed_max_m_s: float, motion: Float, change: Float) -> float:
+def placed(
+    settings: Rows[BarrierSettings], estimates: Rows[VehicleEstimate], wanted: Rows[Demand],
+    references: Rows[VehicleReference], now_ns: int,
+) -> Bodies:  # fmt: skip
+    """The bodies with their motions, extrapolated for bodies that are unseen."""
+    count = len(settings)
+    motion, acc_m_s2, grown_m = np.zeros((count, 3, 3)), np.zeros((count, 3)), np.zeros(count)
+    known, controllable, responds, unresponsive, lost = np.zeros((5, count), np.bool_)
+    for n in range(count):
+        s, z = settings[n], estimates[n]
+        unseen_s = (z.t_ns - z.seen_ns) * SECONDS
+        known[n] = z.seen_ns > NEVER_NS
+        lost[n] = s.keep_out_on and unseen_s > UNSEEN_S
+        controllable[n] = s.commanded_index >= 0 and not lost[n] and references[s.commanded_index].airborne
+        unresponsive[n] = abs(z.dist_lab_m_s2[2]) > VERTICAL_DIST_MAX_M_S2 or z.model_mismatch > MISMATCH_BAD
+        responds[n] = z.model_mismatch < MISMATCH_WARN and not unresponsive[n]
+        for axis in range(3):
+            acc_m_s2[n, axis] = min(max(z.motion[2, axis], -ABLE_M_S2), ABLE_M_S2)
+        if lost[n]:
+            decay = exp(-unseen_s / DRIFT_S)
+            grown_m[n] = min(0.5 * ABLE_M_S2 * unseen_s * unseen_s, GROWN_MOST_M)
+            for axis in range(3):
+                speed = z.seen_vel_lab_m_s[axis]
+                motion[n, 0, axis] = z.seen_pos_lab_m[axis] + DRIFT_S * (1.0 - decay) * speed
+                motion[n, 1, axis] = decay * speed
+        elif controllable[n]:
+            demand = wanted[s.commanded_index]
+            for axis in range(3):
+                motion[n, 0, axis], motion[n, 1, axis] = demand.motion[0, axis], demand.motion[1, axis]
+                motion[n, 2, axis] = demand.acc_lab_m_s2[axis] + z.dist_lab_m_s2[axis]
+        else:
+            ahead_s = (now_ns - z.t_ns) * SECONDS + s.dead_s
+            for axis in range(3):
+                motion[n, 0, axis] = z.motion[0, axis] + ahead_s * z.motion[1, axis]
+                motion[n, 1, axis] = z.motion[1, axis]
+                motion[n, 2, axis] = acc_m_s2[n, axis]  # a guess: nobody asked for it
+    return Bodies(motion, acc_m_s2, grown_m, known, controllable, responds, unresponsive, lost)
+
+
+@kernel
+def _limit_speed(speed_max_m_s: float, motion: Float, change: Float) -> float:
     """Bounds the acceleration along the velocity, so that a body's speed ends at the limit; the bit if it had to."""
     v, acc = motion[1], motion[2]
     speed = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
@@ -165,20 +192,20 @@ def _slow_down(speed_max_m_s: float, motion: Float, change: Float) -> float:
 
 
 @kernel
-def _keep_apart(separation_m: float, bodies: Bodies, change: Float, bits: Float) -> None:
-    """Adds to change (n, 3) the least that keeps all pairs, and tells whose demand it alters in bits (n)."""
+def _separate(separation_m: float, bodies: Bodies, change: Float, bits: Float) -> None:
+    """Adds to change (n, 3) the least that keeps all pairs, and sets bits (n) of the bodies whose demand it alters."""
     count = len(bodies.known)
     pairs = np.empty(count * (count - 1), PAIR)
     found, broken = _near(separation_m, bodies, pairs)
     if not broken:
         return
-    apart = np.zeros((count, 3))
-    _share(pairs[:found], apart)
+    pushes = np.zeros((count, 3))
+    _share(pairs[:found], pushes)
     for n in range(count):
-        if apart[n, 0] != 0.0 or apart[n, 1] != 0.0 or apart[n, 2] != 0.0:
+        if pushes[n, 0] != 0.0 or pushes[n, 1] != 0.0 or pushes[n, 2] != 0.0:
             bits[n] += SEPARATION
             for axis in range(3):
-                change[n, axis] += apart[n, axis]
+                change[n, axis] += pushes[n, axis]
 
 
 @kernel
@@ -188,54 +215,115 @@ def _near(separation_m: float, bodies: Bodies, pairs: Rows[Pair]) -> tuple[int, 
     Where one of two does not answer, the other makes room for what it does; what is demanded of it is altered as if it
     obeyed, for it may do so at any time, and as if it were alone.
     """
-    known, yields, answers = bodies.known, bodies.yields, bodies.answers
+    known, controllable, responds = bodies.known, bodies.controllable, bodies.responds
     away, found, broken = np.empty(3), 0, False
     for a in range(len(known)):
         for b in range(a):
-            if not (known[a] and known[b] and (yields[a] or yields[b])):
+            if not (known[a] and known[b] and (controllable[a] or controllable[b])):
                 continue
             over = excess(bodies, a, b, separation_m, False, away)
-            obeying = over if answers[a] and answers[b] else excess(bodies, a, b, separation_m, True, away)
+            obeying = over if responds[a] and responds[b] else excess(bodies, a, b, separation_m, True, away)
             broken = broken or over > 0.0 or obeying > 0.0
-            if yields[a] and yields[b] and answers[a] != answers[b]:
-                found += _noted(pairs[found], a, b, answers[a], answers[b], over, away)
-                found += _noted(pairs[found], a, b, answers[b], answers[a], obeying, away)
+            if controllable[a] and controllable[b] and responds[a] != responds[b]:
+                found += _add_pair(pairs[found], a, b, responds[a], responds[b], over, away)
+                found += _add_pair(pairs[found], a, b, responds[b], responds[a], obeying, away)
             else:
-                found += _noted(pairs[found], a, b, yields[a], yields[b], max(over, obeying), away)
+                found += _add_pair(pairs[found], a, b, controllable[a], controllable[b], max(over, obeying), away)
     return found, broken
 
 
 @kernel
-def _noted(pair: Pair, a: int, b: int, a_takes: bool, b_takes: bool, over: float, away: Float) -> int:
+def excess(bodies: Bodies, a: int, b: int, least_m: float, obey: bool, away: Float) -> float:
+    """How much too hard a and b accelerate towards each other, m/s^2; the direction in which a is to part into away.
+
+    least_m: the separation; of a body that is lost the height does not count. obey: were both to do as demanded.
+    """
+    motion, clearance_m = bodies.motion, least_m + bodies.grown_m[a] + bodies.grown_m[b]
+    up = 0.0 if bodies.lost[a] or bodies.lost[b] else 1.0
+    x, y, z = motion[a, 0, 0] - motion[b, 0, 0], motion[a, 0, 1] - motion[b, 0, 1], motion[a, 0, 2] - motion[b, 0, 2]
+    distance = sqrt(x * x + y * y + up * z * z)
+    if distance < 1e-6:
+        x, y, z = 1.0, 0.0, 0.0
+    else:
+        x, y, z = x / distance, y / distance, up * z / distance
+    vx, vy = motion[a, 1, 0] - motion[b, 1, 0], motion[a, 1, 1] - motion[b, 1, 1]
+    vz = up * (motion[a, 1, 2] - motion[b, 1, 2])
+    closing = -(x * vx + y * vy + z * vz)
+    across_square = max(vx * vx + vy * vy + vz * vz - closing * closing, 0.0)
+    closing_acc = -across_square / max(distance, 0.5 * least_m)
+    closing_acc -= acceleration_along(bodies, a, x, y, z, obey)
+    closing_acc -= acceleration_along(bodies, b, -x, -y, -z, obey)
+    away[0], away[1], away[2] = x, y, z if z * z > STEEP else 0.0
+    over: float = closing_acc - closing_limit(distance, clearance_m, least_m, closing, sqrt(across_square))
+    return over
+
+
+@kernel
+def acceleration_along(bodies: Bodies, n: int, x: float, y: float, z: float, obeys: bool) -> float:
+    """Acceleration of body n along a unit vector: the demanded one, or the estimated one of an unresponsive body.
+
+    A body that may be either has the smaller of the two.
+    """
+    wanted, has = bodies.motion[n, 2], bodies.acc_m_s2[n]
+    demanded: float = x * wanted[0] + y * wanted[1] + z * wanted[2]
+    if obeys or bodies.responds[n]:
+        return demanded
+    force_meas: float = x * has[0] + y * has[1] + z * has[2]
+    return force_meas if bodies.unresponsive[n] else min(demanded, force_meas)
+
+
+@kernel
+def closing_limit(
+    distance_m: float, clearance_m: float, least_m: float, closing_m_s: float, across_m_s: float
+) -> float:
+    """How hard, m/s^2, two bodies may accelerate towards each other.
+
+    From the speed at which braking, after the reaction, and their passing each other sideways (across_m_s; its angular
+    momentum lasts) stop them clearance_m apart. Within it nobody may come nearer; nearer than least_m they part.
+    """
+    pad = BRAKE_M_S2 * REACTION_S
+    allowed, slope = 0.0, 1.0 / REACTION_S
+    if distance_m > clearance_m:
+        square = across_m_s * across_m_s
+        ratio = distance_m / clearance_m
+        root = sqrt(pad * pad + 2.0 * BRAKE_M_S2 * (distance_m - clearance_m) + square * (ratio * ratio - 1.0))
+        allowed, slope = root - pad, (BRAKE_M_S2 + square / distance_m) / root
+    elif distance_m < least_m:
+        allowed = (distance_m - least_m) / REACTION_S
+    return BARRIER_RATE_1_S * (allowed - closing_m_s) - slope * closing_m_s
+
+
+@kernel
+def _add_pair(pair: Pair, a: int, b: int, a_share: bool, b_share: bool, over: float, away: Float) -> int:
     """Fills in a pair that is near its bound; how many that were."""
     if over <= -NEARBY_M_S2:
         return 0
     pair.first, pair.second, pair.excess_m_s2, pair.push_m_s2 = a, b, over, 0.0
-    pair.first_takes, pair.second_takes = 1.0 if a_takes else 0.0, 1.0 if b_takes else 0.0
+    pair.first_share, pair.second_share = 1.0 if a_share else 0.0, 1.0 if b_share else 0.0
     for axis in range(3):
         pair.away[axis] = away[axis]
     return 1
 
 
 @kernel
-def _share(pairs: Rows[Pair], apart: Float) -> None:
+def _share(pairs: Rows[Pair], pushes: Float) -> None:
     """The least accelerations apart (n, 3), in the sum of squares, that take away all excess (Hildreth)."""
     for _ in range(PASSES):
         moved = 0.0
         for k in range(len(pairs)):
             pair = pairs[k]
             a, b, x, y, z = pair.first, pair.second, pair.away[0], pair.away[1], pair.away[2]
-            on_a, on_b = pair.first_takes, pair.second_takes
-            gained = on_a * (x * apart[a, 0] + y * apart[a, 1] + z * apart[a, 2])
-            gained -= on_b * (x * apart[b, 0] + y * apart[b, 1] + z * apart[b, 2])
+            on_a, on_b = pair.first_share, pair.second_share
+            gained = on_a * (x * pushes[a, 0] + y * pushes[a, 1] + z * pushes[a, 2])
+            gained -= on_b * (x * pushes[b, 0] + y * pushes[b, 1] + z * pushes[b, 2])
             share = (on_a + on_b) * (x * x + y * y + z * z)
             push = max(pair.push_m_s2 + (pair.excess_m_s2 - gained) / share, 0.0)
             more = push - pair.push_m_s2
             pair.push_m_s2 = push
             moved = max(moved, abs(more))
             for axis in range(3):
-                apart[a, axis] += on_a * more * pair.away[axis]
-                apart[b, axis] -= on_b * more * pair.away[axis]
+                pushes[a, axis] += on_a * more * pair.away[axis]
+                pushes[b, axis] -= on_b * more * pair.away[axis]
         if moved < SETTLED_M_S2:
             break
 
@@ -244,20 +332,20 @@ def _share(pairs: Rows[Pair], apart: Float) -> None:
 def _apply(change: Float, bits: float, sideways_m_s2: float, out: Demand) -> None:
     """Alters a demand by change (3); what the law asks across it gives way where both together would tilt too far."""
     acc, lead = out.acc_lab_m_s2, out.lead_acc_lab_m_s2
-    square, led = 0.0, 0.0
+    square, lead_along = 0.0, 0.0
     for axis in range(3):
         acc[axis] += change[axis]
         square += change[axis] * change[axis]
-        led += lead[axis] * change[axis]
-    if led < 0.0:  # inverting the lag must not undo it
+        lead_along += lead[axis] * change[axis]
+    if lead_along < 0.0:  # inverting the lag must not undo it
         for axis in range(3):
-            lead[axis] -= led * change[axis] / square
+            lead[axis] -= lead_along * change[axis] / square
     flat = sqrt(change[0] * change[0] + change[1] * change[1])
     if flat > 0.0 and acc[0] * acc[0] + acc[1] * acc[1] > sideways_m_s2 * sideways_m_s2:
         ux, uy = change[0] / flat, change[1] / flat
         along, across = acc[0] * ux + acc[1] * uy, acc[1] * ux - acc[0] * uy
         along = min(max(along, -sideways_m_s2), sideways_m_s2)
-        room = sqrt(sideways_m_s2 * sideways_m_s2 - along * along)
-        across = min(max(across, -room), room)
+        across_max = sqrt(sideways_m_s2 * sideways_m_s2 - along * along)
+        across = min(max(across, -across_max), across_max)
         acc[0], acc[1] = along * ux - across * uy, along * uy + across * ux
     out.limits_met = bits

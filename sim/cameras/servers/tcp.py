@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Generic, Protocol, TypeVar
 
 READ_BYTES = 65_536
-MOST_WAITING_BYTES = 1 << 20
+SEND_BUFFER_MAX_BYTES = 1 << 20
 """A client that reads too slowly misses frames, as it does with the vendors' servers."""
 
 
@@ -39,7 +39,7 @@ class TcpPort(Generic[C]):
     def send(self, message: Callable[[C], bytes]) -> None:
         """To each client what `message` makes of its conversation; nothing to one that is behind."""
         for writer, conversation in list(self._clients.items()):
-            if not writer.is_closing() and writer.transport.get_write_buffer_size() < MOST_WAITING_BYTES:
+            if not writer.is_closing() and writer.transport.get_write_buffer_size() < SEND_BUFFER_MAX_BYTES:
                 data = message(conversation)
                 if data:
                     writer.write(data)

@@ -43,7 +43,7 @@ class Assumed:
 
 @dataclass(frozen=True, slots=True)
 class Benchmark:
-    """Medians over the seeds, as sim.studies.experiments measures them; None where a flight did not tell."""
+    """Medians over the seeds, as sim.studies.experiments measures them; None where a flight has no number."""
 
     vehicle: str
     seeds: int

@@ -44,7 +44,7 @@ HUMMINGBIRD = VehicleProfile(
     thrust_lag_s=0.005,
     battery=BatteryProfile(cells=3, capacity_mah=2100.0, hover_current_a=8.0),
 )
-"""What the ground is told of it.
+"""The vehicle profile that the ground has.
 
 From rotorpy's hummingbird_params: mass, inertia, arms of 0.17 m, rotors, thrust 4 k_eta (1500 rad/s)^2, drag torque
 k_m / k_eta, motor lag, kp_att / kd_att as attitude gain and kd_att as rate gain; drag: that of four rotors (k_d, k_z)
@@ -87,7 +87,7 @@ class RotorpyVehicle:
         steps: int,
         thrust_scale: float = 1.0,
         motor_gain: Float = WHOLE_MOTORS,
-        told: Float | None = None,
+        expected_thrust: Float | None = None,
     ) -> VehicleState:
         """As drone_agent.simulation.attitude_loop.advance. `cmd_ctatt` takes no body rates: they are not looked at.
 
@@ -117,9 +117,9 @@ class RotorpyVehicle:
             now = on_the_floor(model.step(now, asked, dt_s))
         thrust_n = k_eta * now["rotor_speeds"][_OURS_FROM_ROTORPY] ** 2
         thrust_n[thrust_n < _STOPPED_N] = 0.0
-        if told is not None:  # its motors give what they are told
-            told[:4] = thrust_n
-            told[4:] += thrust_n * (steps * dt_s)
+        if expected_thrust is not None:  # its motors deliver the commanded thrust
+            expected_thrust[:4] = thrust_n
+            expected_thrust[4:] += thrust_n * (steps * dt_s)
         q_lab_from_flu = canonical(now["q"][_WIJK_FROM_IJKW])
         return VehicleState(np.concatenate([now["x"], now["v"], q_lab_from_flu, now["w"], thrust_n]))
 

@@ -28,7 +28,7 @@ ALL = "all"
 
 @dataclass(frozen=True, slots=True)
 class Stamps:
-    """Of a frame: seconds since the server's start, and its clock's ticks. exposure: 0 where cameras cannot tell."""
+    """A frame's stamps: seconds since the server's start, and ticks of its clock. exposure: 0 where unknown."""
 
     seconds: float
     exposure: int

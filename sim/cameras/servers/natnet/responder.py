@@ -23,7 +23,7 @@ class NatNetSettings:
     """What differs between one Motive and another.
 
     clock_hz, clock_s: the high-resolution clock's ticks a second, and what it shows more than ours. stamps: whether
-    the cameras tell the exposure (Ethernet cameras do, USB cameras do not).
+    the cameras report the exposure time (Ethernet cameras do, USB cameras do not).
     """
 
     version: Version = (4, 1)
@@ -118,7 +118,7 @@ class Responder:
         """Where frames go: the group, or who connected and is alive."""
         if self.group is not None:
             return [(self.group, self.data_port)]
-        for client in [each for each, heard_ns in self.clients.items() if now_ns - heard_ns > CLIENT_NS]:
+        for client in [each for each, received_ns in self.clients.items() if now_ns - received_ns > CLIENT_NS]:
             del self.clients[client]
         return list(self.clients)
 

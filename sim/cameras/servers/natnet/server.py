@@ -14,7 +14,7 @@ LARGEST_PACKET = 65_536
 
 
 class NatNetServer:
-    """Motive at `config.host`, as far as clients can tell."""
+    """An emulated Motive server at `config.host`."""
 
     def __init__(self, config: NatNetConfig, responder: Responder, clock: Clock) -> None:
         self.responder = responder

@@ -9,14 +9,14 @@ from sim.cameras.servers.qtm import packets
 
 LARGEST_COMMAND = 65_536
 OLDEST, NEWEST = 1, 25
-"""Of the protocol's minor versions, on ports that tell the byte order."""
+"""Minor versions of the protocol, on ports that fix the byte order."""
 QTM_VERSION = "QTM Version is 2024.3 (build 20041)"
 _VERSION = re.compile(r"1\.(\d{1,2})")
 _UDP = re.compile(r"udp(?::([^:]+))?:(\d{1,5})")
 
 
-class Room(Protocol):
-    """What every conversation sees of the server."""
+class ServerState(Protocol):
+    """The server's state that every conversation reads."""
 
     rate_hz: float
 
@@ -37,14 +37,14 @@ class Wanted:
 class QtmConversation:
     """One client's. order: of the bytes, as its port says; host: where it is."""
 
-    def __init__(self, order: str, host: str, room: Room) -> None:
+    def __init__(self, order: str, host: str, server: ServerState) -> None:
         self.order = order
         self.wanted: Wanted | None = None
         self.once: tuple[int, ...] = ()
         """Components of GetCurrentFrame, for the next frame."""
         self.minor = OLDEST
         self._host = host
-        self._room = room
+        self._server = server
         self._data = bytearray()
 
     def received(self, data: bytes) -> bytes:
@@ -60,7 +60,7 @@ class QtmConversation:
             words = bytes(self._data[8:size]).rstrip(b"\0").decode("utf-8", "replace")
             del self._data[:size]
             known = kind == packets.COMMAND
-            answers.append(self._answer(words) if known else self._say(packets.ERROR, "Command not supported."))
+            answers.append(self._answer(words) if known else self._text_packet(packets.ERROR, "Command not supported."))
         return b"".join(answers)
 
     def _answer(self, words: str) -> bytes:
@@ -69,36 +69,36 @@ class QtmConversation:
             case "version":
                 return self._version(arguments)
             case "qtmversion":
-                return self._say(packets.COMMAND, QTM_VERSION)
+                return self._text_packet(packets.COMMAND, QTM_VERSION)
             case "byteorder":
                 big = self.order == ">"
-                return self._say(packets.COMMAND, f"Byte order is {'big' if big else 'little'} endian")
+                return self._text_packet(packets.COMMAND, f"Byte order is {'big' if big else 'little'} endian")
             case "getstate" | "getlastevent":
                 return packets.packet(self.order, packets.EVENT, bytes([packets.CONNECTED]))
             case "getparameters":
                 return self._parameters(arguments)
             case "getcurrentframe":
                 self.once = components_of(arguments)
-                return b"" if self.once else self._say(packets.ERROR, "Parse error")
+                return b"" if self.once else self._text_packet(packets.ERROR, "Parse error")
             case "streamframes":
                 return self._stream(arguments)
-        return self._say(packets.ERROR, "Command not supported.")
+        return self._text_packet(packets.ERROR, "Command not supported.")
 
     def _version(self, arguments: list[str]) -> bytes:
         if not arguments:
-            return self._say(packets.COMMAND, f"Version is 1.{self.minor}")
+            return self._text_packet(packets.COMMAND, f"Version is 1.{self.minor}")
         asked = _VERSION.fullmatch(arguments[0])
         if asked is None or not OLDEST <= int(asked[1]) <= NEWEST:
-            return self._say(packets.ERROR, "Version NOT supported")
+            return self._text_packet(packets.ERROR, "Version NOT supported")
         self.minor = int(asked[1])
-        return self._say(packets.COMMAND, f"Version set to 1.{self.minor}")
+        return self._text_packet(packets.COMMAND, f"Version set to 1.{self.minor}")
 
     def _parameters(self, arguments: list[str]) -> bytes:
         if "6d" in arguments or "all" in arguments:
-            return self._say(packets.XML, packets.parameters_6d(self.minor, self._room.bodies))
+            return self._text_packet(packets.XML, packets.parameters_6d(self.minor, self._server.bodies))
         if "general" in arguments:
-            return self._say(packets.XML, packets.parameters_general(self.minor, self._room.rate_hz))
-        return self._say(packets.ERROR, "Parameters not available")
+            return self._text_packet(packets.XML, packets.parameters_general(self.minor, self._server.rate_hz))
+        return self._text_packet(packets.ERROR, "Parameters not available")
 
     def _stream(self, arguments: list[str]) -> bytes:
         if arguments[:1] == ["stop"]:
@@ -108,7 +108,7 @@ class QtmConversation:
         udp = next((asked for asked in map(_UDP.fullmatch, arguments) if asked), None)
         components = components_of(arguments)
         if divisor is None or not components or (udp and not 1023 <= int(udp[2]) <= 65_535):
-            return self._say(packets.ERROR, "Parse error")
+            return self._text_packet(packets.ERROR, "Parse error")
         self.wanted = Wanted(components, divisor, (udp[1] or self._host, int(udp[2])) if udp else None)
         return b""
 
@@ -120,9 +120,9 @@ class QtmConversation:
             return None
         if kind == "frequencydivisor":
             return int(number)
-        return max(round(self._room.rate_hz / int(number)), 1) if kind == "frequency" else None
+        return max(round(self._server.rate_hz / int(number)), 1) if kind == "frequency" else None
 
-    def _say(self, kind: int, words: str) -> bytes:
+    def _text_packet(self, kind: int, words: str) -> bytes:
         return packets.text(self.order, kind, words)
 
 

@@ -67,7 +67,7 @@ class QtmServer:
             port.send(lambda to: self._frame_for(to, frame, made))
 
     async def close(self) -> None:
-        """Tell that QTM shuts down, end every connection and listen no more."""
+        """Send the event "QTM shutting down", end every connection and stop listening."""
         for port in self._ports:
             port.send(lambda to: packets.packet(to.order, packets.EVENT, bytes([packets.SHUTTING_DOWN])))
             await port.close()

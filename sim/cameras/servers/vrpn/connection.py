@@ -4,19 +4,19 @@ import asyncio
 from collections.abc import Callable, Iterable
 from typing import cast
 
-from gcs.mocap.sources.tcp import ProtocolError
-from gcs.mocap.sources.vrpn import messages
-from gcs.mocap.sources.vrpn.messages import Stream
+from mocap.sources.tcp import ProtocolError
+from mocap.sources.vrpn import messages
+from mocap.sources.vrpn.messages import Stream
 
-MOST_WAITING_BYTES = 1_000_000
-"""A client that takes nothing is dropped when so much waits for it."""
+SEND_BUFFER_MAX_BYTES = 1_000_000
+"""The server drops a client with more unsent bytes than that."""
 DATAGRAM_BYTES = 1400
 TYPES = (messages.POSE_TYPE, messages.PING_TYPE, messages.PONG_TYPE)
 """What the server's types are, by number."""
 
 
 class Names:
-    """What a server says of itself: its cookie, its clock in ns, its senders by number."""
+    """A server's identity: its cookie, its clock in ns, its senders by number."""
 
     def __init__(self, cookie: bytes, clock_ns: Callable[[], int]) -> None:
         self.cookie = cookie
@@ -24,20 +24,20 @@ class Names:
         self._numbers: dict[bytes, int] = {messages.CONTROL: 0}
 
     def number(self, name: bytes) -> int | None:
-        """None of one that there is not."""
+        """A sender's number; None of an unknown one."""
         return self._numbers.get(name)
 
     def add(self, names: Iterable[bytes]) -> bytes:
-        """The descriptions of those that are new."""
-        told = b""
+        """Add senders; returns the descriptions of the new ones."""
+        descriptions = b""
         for name in names:
             if name not in self._numbers:
                 self._numbers[name] = len(self._numbers)
-                told += messages.description(messages.SENDER_DESCRIPTION, self._numbers[name], name)
-        return told
+                descriptions += messages.description(messages.SENDER_DESCRIPTION, self._numbers[name], name)
+        return descriptions
 
     def all(self) -> bytes:
-        """What a new client is told."""
+        """The descriptions that a new client gets: all senders and types."""
         senders = (
             messages.description(messages.SENDER_DESCRIPTION, number, name) for name, number in self._numbers.items()
         )
@@ -76,7 +76,7 @@ class Connection(asyncio.Protocol):
                 self._transport.write(self._names.all())
                 self._clients.add(self)
             for message in self._stream.messages(data):
-                self._take(message)
+                self._receive(message)
         except ProtocolError:
             self.drop()
 
@@ -84,17 +84,17 @@ class Connection(asyncio.Protocol):
         """It has gone."""
         self._clients.discard(self)
 
-    def tell(self, descriptions: bytes) -> None:
-        """Over TCP, always."""
-        if self._transport.get_write_buffer_size() > MOST_WAITING_BYTES:
+    def send_reliable(self, descriptions: bytes) -> None:
+        """Send over TCP; a client that does not read is dropped."""
+        if self._transport.get_write_buffer_size() > SEND_BUFFER_MAX_BYTES:
             self.drop()
         elif descriptions:
             self._transport.write(descriptions)
 
     def send(self, poses: list[bytes]) -> None:
-        """As datagrams, if it has said where to."""
+        """Send pose messages by UDP, or over TCP if the client gave no UDP port."""
         if self._udp_port is None:
-            self.tell(b"".join(poses))
+            self.send_reliable(b"".join(poses))
             return
         each = DATAGRAM_BYTES // len(poses[0]) if poses else 1
         to = self._transport.get_extra_info("peername")[0], self._udp_port
@@ -106,7 +106,7 @@ class Connection(asyncio.Protocol):
         self._clients.discard(self)
         self._transport.abort()
 
-    def _take(self, message: messages.Message) -> None:
+    def _receive(self, message: messages.Message) -> None:
         kind, number = message.type, message.sender
         if kind in (messages.SENDER_DESCRIPTION, messages.TYPE_DESCRIPTION):
             if 0 <= number < messages.MOST_IDS:
@@ -116,4 +116,4 @@ class Connection(asyncio.Protocol):
         elif self._theirs.get((messages.TYPE_DESCRIPTION, kind)) == messages.PING_TYPE:
             sender = self._names.number(self._theirs.get((messages.SENDER_DESCRIPTION, number), b""))
             if sender:
-                self.tell(messages.message(self._names.clock_ns(), sender, TYPES.index(messages.PONG_TYPE)))
+                self.send_reliable(messages.message(self._names.clock_ns(), sender, TYPES.index(messages.PONG_TYPE)))

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 from formation.messages import RawFrame
 from formation.mocap_config import ChingmuConfig, MocapConfig, VrpnConfig
-from gcs.mocap.sources.vrpn import messages
+from mocap.sources.vrpn import messages
 from sim.cameras.servers.vrpn.connection import TYPES, Connection, Names
-from sim.cameras.servers.vrpn.manner import Manner, SensorEach, TrackerEach
+from sim.cameras.servers.vrpn.server_kind import SensorEach, ServerKind, TrackerEach
 from wire.clock import Clock
 
 CHINGMU_COOKIE = messages.COOKIE.replace(b"07.35", b"07.30")
@@ -30,25 +30,27 @@ class Address:
 def vrpn_server(config: MocapConfig, bodies: tuple[str, ...], clock: Clock) -> "VrpnServer":
     """A tracker a body."""
     at = config.vrpn or VrpnConfig()
-    manner = TrackerEach(config.unit_m)
-    return VrpnServer(Address(at.host, at.port), manner, bodies, messages.COOKIE, clock)
+    kind = TrackerEach(config.unit_m)
+    return VrpnServer(Address(at.host, at.port), kind, bodies, messages.COOKIE, clock)
 
 
 def chingmu_server(config: MocapConfig, bodies: tuple[str, ...], clock: Clock) -> "VrpnServer":
     """One device; the lab's bodies are sensors by `[mocap.names]`, the others in their order."""
     at = config.chingmu or ChingmuConfig()
     sensors = {body: number for number, body in config.names.items()}
-    manner = SensorEach(config.unit_m, at.device, at.first_sensor, sensors)
-    return VrpnServer(Address(at.host, at.port), manner, bodies, CHINGMU_COOKIE, clock)
+    kind = SensorEach(config.unit_m, at.device, at.first_sensor, sensors)
+    return VrpnServer(Address(at.host, at.port), kind, bodies, CHINGMU_COOKIE, clock)
 
 
 class VrpnServer:
     """A `Server`. clock_ns: what its clock counts more than ours; may be set at any time, as people set clocks."""
 
-    def __init__(self, address: Address, manner: Manner, bodies: tuple[str, ...], cookie: bytes, clock: Clock) -> None:
+    def __init__(
+        self, address: Address, kind: ServerKind, bodies: tuple[str, ...], cookie: bytes, clock: Clock
+    ) -> None:
         self.clock_ns = CLOCK_NS
         self._address = address
-        self._manner = manner
+        self._kind = kind
         self._cookie = cookie
         self._bodies = bodies
         self._clock = clock
@@ -83,15 +85,15 @@ class VrpnServer:
 
     def publish(self, frame: RawFrame) -> None:
         """Send one exposure, metres, to whoever is connected."""
-        told = self._names.add(self._senders(frame.bodies))
+        descriptions = self._names.add(self._senders(frame.bodies))
         stamp_ns = frame.t_capture_ns + self.clock_ns
         poses = []
-        for sender, sensor, pos, (w, x, y, z), later_ns in self._manner.reports(frame):
+        for sender, sensor, pos, (w, x, y, z), later_ns in self._kind.reports(frame):
             payload = messages.POSE.pack(sensor, sensor, *pos, x, y, z, w)
             number = self._names.number(sender.encode()) or 0
             poses.append(messages.message(stamp_ns + later_ns, number, TYPES.index(messages.POSE_TYPE), payload))
         for client in tuple(self._clients):
-            client.tell(told)
+            client.send_reliable(descriptions)
             client.send(poses)
 
     async def close(self) -> None:
@@ -130,7 +132,7 @@ class VrpnServer:
         return Names(self._cookie, lambda: self._clock.monotonic_ns() + self.clock_ns)
 
     def _senders(self, bodies: tuple[str, ...]) -> list[bytes]:
-        return [name.encode() for name in self._manner.senders(bodies)]
+        return [name.encode() for name in self._kind.senders(bodies)]
 
 
 class _Requests(asyncio.DatagramProtocol):

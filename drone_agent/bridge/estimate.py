@@ -1,0 +1,186 @@
+"""Where the bridge's body is and how it moves: the guard's navigator, fed by the autopilot's messages and the mocap.
+
+Times are of our monotonic clock. No bytes.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from drone_agent.guard.integrity import SIGNATURES, Signature
+from drone_agent.guard.navigator import SOURCES, Fault, Navigator
+from formation.maths.arrays import Quat, Vec3
+from formation.messages import Innovation
+from formation.navigation.receive import Input, RejectReason
+from formation.navigation.state import POS, Airframe
+from formation.vehicle.body import GRAVITY_M_S2
+from formation.vehicle.profile import VehicleProfile
+from wire.link_messages.motion import AttitudeQuaternion, InertialSample
+from wire.link_messages.status import EkfStatus, EstimatorFlag
+
+_ONE = np.array([0])
+_INNOVATION_NS = 100_000_000
+"""Between recorded innovations: ten a second show how a source behaves; what it did is in the log's own streams."""
+_SCALE_LEAST, _SCALE_MOST = 0.4, 2.5
+"""Of true over modelled thrust: as far as a profile may be another vehicle's, from 0.3 to 0.75 of full to hover."""
+_LOSS_LASTS_NS, _LOSS_LEFT = 200_000_000, 0.875
+"""Less of the thrust scale than half of the least loss in the table takes, so long after it was detected."""
+_UPSET_RAD_S = 2.0
+"""Half of what an autopilot turns with at most (MC_ROLLRATE_MAX 220 degrees/s); a formation turns with 1."""
+_FLAGS = (
+    EstimatorFlag.ATTITUDE
+    | EstimatorFlag.VELOCITY_HORIZ
+    | EstimatorFlag.VELOCITY_VERT
+    | EstimatorFlag.POS_HORIZ_ABS
+    | EstimatorFlag.POS_VERT_ABS
+)
+
+
+class Motion(NamedTuple):
+    """Position and velocity in `lab`."""
+
+    pos_lab_m: Vec3
+    vel_lab_m_s: Vec3
+
+
+class BodyEstimate:
+    """One body."""
+
+    def __init__(self, vehicle: VehicleProfile, sysid: int, signatures: tuple[Signature, ...] = SIGNATURES) -> None:
+        """vehicle: what its thrust is modelled by; sysid: in what is recorded; signatures: the faults to detect."""
+        frame = Airframe(
+            np.array(vehicle.drag_n_s_m) / vehicle.mass_kg,
+            round(vehicle.thrust_dead_time_s * 1e9),
+            vehicle.thrust_lag_s,
+        )
+        self._vehicle, self._sysid = vehicle, sysid
+        self._navigator = Navigator(1, frame, signatures=signatures)
+        self._recorded_ns = 0
+        self._flown = False
+        self._rate_flu_rad_s = np.zeros(3)
+        self._stands = True
+        self._pose_fault = ""
+        self._faults: list[Fault] = []
+        self._loss: tuple[int, float] | None = None
+        """When a loss of thrust was detected, and the thrust scale then."""
+
+    def receive_imu(self, t_ns: int, sample: InertialSample) -> None:
+        """A HIGHRES_IMU, the mean until t_ns; a rate that is not known counts as none."""
+        rate = self._rate_flu_rad_s = np.nan_to_num(sample.rate_flu_rad_s)
+        self._navigator.receive_imu(_ONE, np.array([t_ns]), sample.specific_force_flu_m_s2[None], rate[None])
+        self._collect_faults()
+
+    def receive_attitude(self, t_ns: int, attitude: AttitudeQuaternion) -> None:
+        """An ATTITUDE_QUATERNION, of t_ns."""
+        q, rate = attitude.q_lab_from_flu, attitude.rate_flu_rad_s
+        self._rate_flu_rad_s = np.nan_to_num(rate)
+        self._navigator.receive_attitude(_ONE, np.array([t_ns]), q[None], rate[None])
+        self._collect_faults()
+
+    def receive_thrust(self, t_ns: int, thrust_norm: float) -> None:
+        """The thrust that the autopilot is commanded from t_ns on; NaN: it is on the ground, or nobody knows.
+
+        Of a body that turns fast nobody knows: its mixer gives thrust away to turn it.
+
+        The first of a flight is taken for the one that carries the body: the profile may be another vehicle's.
+        """
+        x_rad_s, y_rad_s, _ = self._rate_flu_rad_s.tolist()
+        known = math.isfinite(thrust_norm) and math.hypot(x_rad_s, y_rad_s) < _UPSET_RAD_S
+        self._loss = self._loss if known else None
+        thrust_m_s2 = self._vehicle.thrust_n_of(thrust_norm) / self._vehicle.mass_kg if known else math.nan
+        if known and not self._flown:
+            self._flown = True
+            self._navigator.bodies[0].estimate.thrust_scale = _bounded_scale(GRAVITY_M_S2 / max(thrust_m_s2, 0.1))
+        self._navigator.receive_thrust(_ONE, np.array([t_ns]), np.array([thrust_m_s2]))
+
+    def receive_pose(self, t_ns: int, pos_lab_m: Vec3, q_lab_from_flu: Quat, *, stands: bool) -> RejectReason:
+        """A mocap pose captured at t_ns; why it is no observation, NONE where it is one.
+
+        stands: on the floor, which disturbs the IMU, and where a pose may repeat: nothing is a fault there.
+        """
+        navigator, self._stands = self._navigator, stands
+        if stands:
+            navigator.reset_checks(0)
+        before = navigator.rejected[0, Input.POSE].copy()
+        navigator.receive_pose(_ONE, np.array([t_ns]), pos_lab_m[None], q_lab_from_flu[None])
+        self._collect_faults()
+        return RejectReason(int(np.argmax(navigator.rejected[0, Input.POSE] - before)))
+
+    @property
+    def pose_fault(self) -> str:
+        """The detected fault by which poses are rejected at present, empty where they are not."""
+        return self._pose_fault if self._navigator.bodies[0].status.rejecting_ns and not self._stands else ""
+
+    def pop_faults(self) -> tuple[Fault, ...]:
+        """What was detected since the last call."""
+        faults, self._faults = tuple(self._faults), []
+        return faults
+
+    def is_thrust_lost(self, now_ns: int) -> bool:
+        """Whether a detected loss of thrust has lasted: a mixer that saturates in a gust loses some for a moment."""
+        if self._loss is None or self._stands:
+            self._loss = None
+            return False
+        since_ns, before = self._loss
+        if now_ns - since_ns < _LOSS_LASTS_NS:
+            return False
+        lost = float(self._navigator.bodies[0].estimate.thrust_scale) < _LOSS_LEFT * before
+        self._loss = self._loss if lost else None
+        return lost
+
+    def _collect_faults(self) -> None:
+        for fault in self._navigator.new_faults():
+            self._faults.append(fault)
+            if fault.signature.rolls_back:
+                self._pose_fault = fault.signature.name
+            elif fault.amplitude[0] < 0.0 and self._loss is None:
+                self._loss = (fault.t_ns, float(self._navigator.bodies[0].estimate.thrust_scale))
+
+    @property
+    def hover_thrust_norm(self) -> float:
+        """The thrust that carries the body at rest."""
+        scale = _bounded_scale(float(self._navigator.bodies[0].estimate.thrust_scale))
+        return self._vehicle.thrust_norm_of(self._vehicle.weight_n / scale)
+
+    def motion(self, t_ns: int) -> Motion | None:
+        """Where it is at t_ns; None before the first pose."""
+        if not self._navigator.bodies[0].status.begun:
+            return None
+        there = self._navigator.predicted(0, t_ns)
+        return Motion(there.pos_lab_m.copy(), there.vel_lab_m_s.copy())
+
+    def pop_innovations(self, now_ns: int) -> tuple[Innovation, ...]:
+        """The newest of every source that was observed, ten times a second; else nothing."""
+        if now_ns - self._recorded_ns < _INNOVATION_NS:
+            return ()
+        self._recorded_ns = now_ns
+        newest = (self._navigator.innovation(0, source, self._sysid) for source in range(len(SOURCES)))
+        return tuple(innovation for innovation in newest if innovation.t_ns)
+
+    def status(self, now_ns: int) -> EkfStatus:
+        """ESTIMATOR_STATUS of this estimate."""
+        body = self._navigator.bodies[0]
+        x, y, z = body.innovations.test_ratio[0].tolist()
+        variance = np.diag(body.estimate.cov)[POS : POS + 3]
+        return EkfStatus(
+            int(_FLAGS) if body.status.begun else int(EstimatorFlag.EKF_UNINITIALIZED), False, now_ns // 1000,
+            max(x, y), z, math.sqrt(variance[0] + variance[1]), math.sqrt(variance[2]),
+        )  # fmt: skip
+
+
+def _bounded_scale(scale: float) -> float:
+    return min(max(scale, _SCALE_LEAST), _SCALE_MOST)
+
+
+def warm_up() -> None:
+    """Compile what `BodyEstimate` calls: nothing compiles in flight."""
+    navigator = Navigator()
+    force, zero, level = np.array([[0.0, 0.0, 9.8]]), np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]])
+    for k in range(1, 4):
+        t_ns = np.array([k * 10_000_000])
+        navigator.receive_thrust(_ONE, t_ns, np.array([9.8]))
+        navigator.receive_imu(_ONE, t_ns, force, zero)
+        navigator.receive_attitude(_ONE, t_ns, level, zero)
+        navigator.receive_pose(_ONE, t_ns, 1e-4 * k * np.ones((1, 3)), level)
+    navigator.predicted(0, 40_000_000)

@@ -1,0 +1,33 @@
+"""Which messages the bridge looks at; all others pass."""
+
+from wire.link_messages.commands import MavCommand
+from wire.link_messages.message_id import MessageId
+
+POSES = frozenset({MessageId.VISION_POSITION_ESTIMATE, MessageId.ATT_POS_MOCAP, MessageId.ODOMETRY})
+"""Of a ground: those of the bridge take their place."""
+READS = frozenset(
+    {
+        MessageId.HEARTBEAT,
+        MessageId.SET_MODE,
+        MessageId.GPS_GLOBAL_ORIGIN,
+        MessageId.COMMAND_LONG,
+        MessageId.COMMAND_INT,
+        MessageId.COMMAND_ACK,
+        MessageId.TIMESYNC,
+        MessageId.HIGHRES_IMU,
+        MessageId.ATTITUDE_QUATERNION,
+    }
+)
+"""Read by the bridge beside setpoints and poses."""
+SETS_MODE = frozenset(
+    {
+        MavCommand.NAV_RETURN_TO_LAUNCH,
+        MavCommand.NAV_LAND,
+        MavCommand.NAV_TAKEOFF,
+        MavCommand.DO_SET_MODE,
+        MavCommand.DO_FLIGHTTERMINATION,
+        MavCommand.DO_REPOSITION,
+        MavCommand.COMPONENT_ARM_DISARM,
+    }
+)
+"""Commands that may change the mode, or arm."""

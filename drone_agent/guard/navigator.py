@@ -1,0 +1,133 @@
+"""Where n bodies are and how they move, by inertial samples and mocap poses, and which poses are faulty. No bytes.
+
+One error-state Kalman filter a body (formation.navigation.error_state); why nothing is fused late, and how the present
+is predicted, says formation.navigation.fusion. A guard has one body, the ground has all. Times are of this machine's
+monotonic clock. Inputs in any order of arrival, each source's stamps rising.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drone_agent.guard.integrity import SIGNATURES, Signature, shapes
+from formation.maths.arrays import Bool, Float, Vec3
+from formation.maths.frames import IDENTITY
+from formation.maths.records import blank
+from formation.messages import Innovation
+from formation.navigation import receive, samples
+from formation.navigation.evidence import empty_bank
+from formation.navigation.receive import Input, Ints, RejectReason
+from formation.navigation.state import Airframe, Body, Estimate
+
+SOURCES = ("pose position", "pose attitude", "autopilot attitude", "thrust")
+FIRST_NOISE = (1e-6, 4e-6, 4e-6, 0.25)
+"""Variances before they are learned: 1 mm, 2 mrad, 2 mrad, 0.5 m/s^2, squared."""
+FIRST_FORCE_M_S2, FIRST_RATE_RAD_S = 0.3, 0.02
+"""RMS noise of an inertial sample before it is learned."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A detected fault of one body. onset_ns: stamp of the last pose before it; amplitude (3) in the row's unit."""
+
+    body: int
+    signature: Signature
+    t_ns: int
+    onset_ns: int
+    statistic: float
+    amplitude: Vec3
+
+
+class Navigator:
+    """Of n bodies. rejected (n, inputs, reasons): how many inputs were used (NONE) and rejected, why."""
+
+    def __init__(
+        self,
+        n: int = 1,
+        airframe: Airframe | None = None,
+        pose_rate_hz: float = 120.0,
+        signatures: tuple[Signature, ...] = SIGNATURES,
+    ) -> None:
+        """airframe: of all; pose_rate_hz: at most, for the false-alarm rate."""
+        self.signatures = signatures
+        self.bodies = blank(Body, n)
+        self._bank = empty_bank(shapes(signatures, pose_rate_hz), n)
+        self.rejected: Ints = np.zeros((n, len(Input), len(RejectReason)), np.int64)
+        self._reported = np.zeros(n, np.int64)
+        known = airframe or Airframe(np.zeros(3), 0, 0.0)
+        for i in range(n):
+            body = self.bodies[i]
+            body.estimate.q_lab_from_flu[:] = IDENTITY
+            body.estimate.thrust_scale = 1.0
+            body.estimate.thrust_m_s2 = np.nan
+            body.noise.source[:] = FIRST_NOISE
+            body.noise.force_m2_s4[:] = FIRST_FORCE_M_S2**2
+            body.noise.rate_rad2_s2[:] = FIRST_RATE_RAD_S**2
+            body.airframe.drag_flu_1_s[:] = known.drag_flu_1_s
+            body.airframe.thrust_dead_time_ns = known.thrust_dead_time_ns
+            body.airframe.thrust_lag_s = known.thrust_lag_s
+            body.noise.last_force_flu_m_s2[:] = np.nan
+            body.fault.row = -1
+
+    def receive_imu(self, which: Ints, t_ns: Ints, force_flu_m_s2: Float, rate_flu_rad_s: Float) -> None:
+        """HIGHRES_IMU of bodies `which` (k): means until t_ns (k) of specific force and body rate (k, 3)."""
+        receive.receive_imu(self.bodies, self.rejected, which, t_ns, force_flu_m_s2, rate_flu_rad_s)
+        receive.advance_bodies(self.bodies, self._bank, which)
+
+    def receive_attitude(self, which: Ints, t_ns: Ints, q_lab_from_flu: Float, rate_flu_rad_s: Float) -> None:
+        """ATTITUDE_QUATERNION (k, 4) and its rates (k, 3); with the thrust it stands in for an absent HIGHRES_IMU."""
+        receive.receive_attitude(self.bodies, self._bank, self.rejected, which, t_ns, q_lab_from_flu, rate_flu_rad_s)
+        receive.advance_bodies(self.bodies, self._bank, which)
+
+    def receive_pose(self, which: Ints, t_capture_ns: Ints, pos_lab_m: Float, q_lab_from_flu: Float) -> None:
+        """Mocap poses (k, 3) and (k, 4) at their capture times (k)."""
+        receive.receive_pose(self.bodies, self.rejected, which, t_capture_ns, pos_lab_m, q_lab_from_flu)
+        receive.advance_bodies(self.bodies, self._bank, which)
+
+    def receive_thrust(self, which: Ints, t_ns: Ints, thrust_m_s2: Float) -> None:
+        """Thrust commanded to bodies in flight (k), over mass by the profile; NaN: on the ground, or nobody knows."""
+        receive.receive_thrust(self.bodies, self.rejected, which, t_ns, thrust_m_s2)
+
+    def reset_checks(self, i: int) -> None:
+        """Body i stands on the floor: a pose may repeat, and where poses are rejected the estimate begins anew."""
+        body = self.bodies[i]
+        body.pending.last_pos_lab_m[:] = np.nan
+        if body.status.rejecting_ns:
+            body.status.begun = False
+            self._bank.order[i].count = 0
+
+    @property
+    def rejecting(self) -> Bool:
+        """Whether each body's poses are rejected at present (n)."""
+        return np.array([self.bodies[i].status.rejecting_ns != 0 for i in range(len(self.bodies))])
+
+    def predicted(self, i: int, t_ns: int) -> Estimate:
+        """Body i's motion at a time, its covariance at the newest pose."""
+        out = blank(Estimate, 1)
+        samples.predicted(self.bodies[i], t_ns, out[0])
+        return out[0]
+
+    def innovation(self, i: int, source: int, sysid: int = 0) -> Innovation:
+        """The newest of body i, which is that system's, and a source (formation.navigation.state)."""
+        new = self.bodies[i].innovations
+        return Innovation(
+            int(new.t_ns[source]),
+            sysid,
+            SOURCES[source],
+            new.observation[source].copy(),
+            new.innovation[source].copy(),
+            new.innovation_variance[source].copy(),
+            new.test_ratio[source].copy(),
+            bool(new.rejected[source]),
+        )
+
+    def new_faults(self) -> list[Fault]:
+        """What was detected since this was last asked."""
+        out = []
+        for i in range(len(self.bodies)):
+            fault = self.bodies[i].fault
+            if fault.row >= 0 and fault.t_ns > self._reported[i]:
+                self._reported[i] = fault.t_ns
+                row, t_ns, onset_ns = self.signatures[fault.row], int(fault.t_ns), int(fault.onset_ns)
+                out.append(Fault(i, row, t_ns, onset_ns, float(fault.statistic), fault.amplitude.copy()))
+        return out

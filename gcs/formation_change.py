@@ -1,0 +1,233 @@
+"""Requests for a shape or a trajectory in the current flight: whether it fits, and the transition into the slots."""
+
+import numpy as np
+
+from formation.config import PERSONAL_SPACE, LabConfig
+from formation.control.stack import Stages
+from formation.guidance.preview import Preview, beyond_text, expected_start, outside_m, preview, trajectory_from
+from formation.guidance.shape import Shape, shape_for
+from formation.guidance.shape_request import parse
+from formation.guidance.trajectory import Trajectory
+from formation.guidance.transition import Space, Transition, assigned, require_separation, transition
+from formation.maths.arrays import Float
+from formation.messages import OperatorRequest, Phase, Verb
+from formation.paper.eq2_relative_frame import lead_from_lab
+from formation.safety.rules import Facts
+from gcs.finding import Grade
+from gcs.flight import Flight
+from gcs.lab.feasibility import judge_trajectory, trajectory_text
+from gcs.lab.keys import Keys
+
+TRACKING_M = 0.02  # by so much together two followers may miss their references before the separation filter is asked
+INSET_M = 0.2
+FRESH_S = 0.2
+SAMPLES = 200  # along the leader's path; a sample takes 15 us of a tick
+CHANGES = frozenset({Verb.SHAPE, Verb.TRAJECTORY})
+"""What may be asked for that changes no phase."""
+CHOOSING = (Phase.GROUND, Phase.ARMED, Phase.TAKEOFF, Phase.HOLD)
+"""Where the leader's trajectory may be chosen: it neither flies one nor waits for its slots to be taken."""
+
+
+def ask(
+    request: OperatorRequest, flight: Flight, facts: Facts, stages: Stages | None, now_ns: int
+) -> tuple[str, ...]:  # fmt: skip
+    """Carry out a request of CHANGES, or say why not."""
+    if request.verb is Verb.SHAPE:
+        return change(request.argument, flight, facts, stages, now_ns)
+    return choose(request.argument, flight, facts, stages)
+
+
+def start(flight: Flight, facts: Facts, stages: Stages | None, config: LabConfig) -> tuple[str, ...]:
+    """Form the flight's shape about the leader, or return why not: shape or transition would leave the fence."""
+    unseen = leader_reject_reasons(facts, config)
+    if unseen or stages is None:
+        return unseen
+    ahead = foreseen(flight.shape, _leader_pose(stages), None, 0.0, config)
+    outside = leader_path_reject_reasons(ahead, config) + slot_reject_reasons(ahead, config)
+    return outside or _set_out(flight.shape, flight, stages, config)
+
+
+def change(asked: str, flight: Flight, facts: Facts, stages: Stages | None, now_ns: int) -> tuple[str, ...]:
+    """Take another shape, or say why not; judged on the ground as in the air.
+
+    In formation the followers set out at once. Else it is kept for the start, and judged above where the leader is, at
+    the height of the take-off; or, while it is not seen, where the lab file expects it.
+    """
+    config = flight.config
+    unseen, forming = leader_reject_reasons(facts, config), flight.phase is Phase.FORMATION
+    if forming and (unseen or stages is None):
+        return unseen
+    try:
+        shape = requested(asked, stages, config)
+    except ValueError as error:
+        return (str(error),)
+    pose = _start_pose(unseen, stages, config, aloft=forming)
+    ahead = foreseen(shape, pose, *flight.trajectory_progress(now_ns), config)
+    if reasons := slot_reject_reasons(ahead, config):
+        return reasons
+    if forming and stages is not None:
+        return _set_out(shape, flight, stages, config)
+    flight.shape = shape
+    return ()
+
+
+def choose(asked: str, flight: Flight, facts: Facts, stages: Stages | None) -> tuple[str, ...]:
+    """Have the leader fly another trajectory when it is started next, or say why not; judged from where it is now.
+
+    On the ground at the height of the take-off, and while the leader is not seen from where the lab file expects it.
+    """
+    if reasons := choice_reject_reasons(flight):
+        return reasons
+    try:
+        config = flight.lab.flying(asked)
+    except ValueError as error:
+        return (str(error),)
+    pose = _start_pose(leader_reject_reasons(facts, config), stages, config, aloft=flight.phase is Phase.HOLD)
+    ahead = foreseen(flight.shape, pose, None, 0.0, config)
+    if reasons := trajectory_reject_reasons(ahead, config):
+        return reasons
+    flight.choose(asked, trajectory_text(config, ahead))
+    return ()
+
+
+def choice_reject_reasons(flight: Flight) -> tuple[str, ...]:
+    """Why no trajectory of the leader's can be chosen now, whichever it is."""
+    leader = flight.config.leader
+    if leader.sysid is None:
+        return (f"{leader.body}: it is only observed, and flies what it flies",)
+    if flight.phase not in CHOOSING:
+        names = ", ".join(phase.name for phase in CHOOSING)
+        return (f"{Verb.TRAJECTORY} is for {names}, this is {flight.phase.name}",)
+    return ()
+
+
+def trajectory_reject_reasons(ahead: Preview, config: LabConfig) -> tuple[str, ...]:
+    """Why a trajectory of the leader's cannot be flown: fence, speed, tilt, thrust and turn, the slots' too."""
+    infeasible = (
+        finding.why for finding in judge_trajectory(config, Keys(config), ahead) if finding.grade is Grade.FAIL
+    )
+    return (*leader_path_reject_reasons(ahead, config), *slot_reject_reasons(ahead, config), *infeasible)
+
+
+def requested(text: str, stages: Stages | None, config: LabConfig) -> Shape:
+    """The shape an operator asks for, its slots dealt for least travel from where the followers are led.
+
+    ValueError says what is wrong with the words or the shape.
+    """
+    shape = shape_for(config, parse(text))
+    require_separation(shape, space(config, 0.0), names(config))
+    if stages is None:
+        return shape
+    return assigned(shape, _led_motion(stages, config)[:, 0, :3])
+
+
+def compute_transition(shape: Shape, stages: Stages, config: LabConfig) -> Transition:
+    """The transition from the followers' references into the slots of `shape`; ValueError says why there is none."""
+    available = space(config, float(stages.state.pos_lab_m[0, 2]))
+    return transition(shape, _led_motion(stages, config), available, names(config))
+
+
+def _set_out(shape: Shape, flight: Flight, stages: Stages, config: LabConfig) -> tuple[str, ...]:
+    """Start the transition into the slots, or return why there is none."""
+    try:
+        flight.change_formation(compute_transition(shape, stages, config))
+    except ValueError as error:
+        return (str(error),)
+    return ()
+
+
+def foreseen(shape: Shape, pose: Float, path: Trajectory | None, path_s: float, config: LabConfig) -> Preview:
+    """Where the shape is led, taken up with the leader at `place` (4), on what is left of its path path_s along it.
+
+    path: None, if it has not begun; it then begins here.
+    """
+    return preview(trajectory_from(config, pose) if path is None else path, shape, pose, path_s, SAMPLES)
+
+
+def leader_reject_reasons(facts: Facts, config: LabConfig) -> tuple[str, ...]:
+    """Why nothing can be formed now: no leader to see."""
+    if facts.age_s[0] > FRESH_S:
+        return (f"{config.leader.body}: no fresh pose, there is nothing to form on",)
+    return ()
+
+
+def slot_reject_reasons(ahead: Preview, config: LabConfig) -> tuple[str, ...]:
+    """Which slots would be outside the fence, at once or where the leader's trajectory carries them."""
+    fence, reasons = config.limits.fence, []
+    at_start, on_path = outside_m(ahead.at_start, fence), outside_m(ahead.slots[:, :, 0], fence)
+    for k, follower in enumerate(config.followers):
+        sample = int(np.argmax(on_path[:, k]))
+        if at_start[k] > 0.0:
+            where = beyond_text(ahead.at_start[k], fence)
+            reasons.append(f"{follower.body}: its slot would be outside the fence, {where}")
+        elif on_path[sample, k] > 0.0:
+            where = beyond_text(ahead.slots[sample, k, 0], fence)
+            where = f"{where}, {ahead.t_s[sample]:.1f} s along the leader's path"
+            reasons.append(f"{follower.body}: its slot would be outside the fence, {where}")
+    return tuple(reasons)
+
+
+def leader_path_reject_reasons(ahead: Preview, config: LabConfig) -> tuple[str, ...]:
+    """Where the leader itself would leave the fence on its trajectory."""
+    out = outside_m(ahead.leader[:, 0, :3], config.limits.fence)
+    sample = int(np.argmax(out))
+    if config.leader.sysid is None or out[sample] <= 0.0:
+        return ()
+    where = f"{beyond_text(ahead.leader[sample, 0, :3], config.limits.fence)}, {ahead.t_s[sample]:.1f} s along its path"
+    return (f"{config.leader.body}: it would be outside the fence, {where}",)
+
+
+def names(config: LabConfig) -> tuple[str, ...]:
+    """All vehicles, leader first."""
+    return tuple(vehicle.body for vehicle in config.vehicles)
+
+
+def space(config: LabConfig, leader_z_m: float) -> Space:
+    """What the lab's limits leave, for a leader at that height."""
+    limits = config.limits
+    floor_m, ceiling_m = max(limits.fence.low_m[2], 0.0), limits.fence.high_m[2]
+    return Space(
+        min_separation_m=limits.min_separation_m,
+        clearance_m=PERSONAL_SPACE * limits.min_separation_m + TRACKING_M,
+        low_m=floor_m + INSET_M - leader_z_m,
+        high_m=ceiling_m - INSET_M - leader_z_m,
+        speed_m_s=config.flight.formation_change_m_s,
+    )
+
+
+def _led_motion(stages: Stages, config: LabConfig) -> Float:
+    """Where the followers are led, as motions (followers, 3, 4) in the leader's frame."""
+    reference, followers = stages.reference, len(config.followers)
+    motion = np.zeros((followers, 3, 4))
+    rows = slice(-followers, None)
+    motion[:, 0, :3], motion[:, 0, 3] = reference.slot_lead_m[rows], reference.slot_yaw_rad[rows]
+    motion[:, 1, :3], motion[:, 1, 3] = reference.slot_vel_lead_m_s[rows], reference.slot_yaw_rate_rad_s[rows]
+    motion[:, 2, :3] = reference.slot_acc_lead_m_s2[rows]
+    leader = _leader_motion(stages)
+    for i in np.flatnonzero(~reference.in_formation[rows]):
+        in_lab = motion[i].copy()
+        lead_from_lab(in_lab, leader, motion[i])
+    return motion
+
+
+def _start_pose(unseen: tuple[str, ...], stages: Stages | None, config: LabConfig, aloft: bool) -> Float:
+    """Where the leader is when the formation is taken up: where it is, or while it is not seen is expected to be."""
+    pose = expected_start(config) if unseen or stages is None else _leader_pose(stages)
+    if not aloft and config.leader.sysid is not None:
+        pose[2] = config.flight.altitude_m
+    return pose
+
+
+def _leader_pose(stages: Stages) -> Float:
+    """Where the leader is now, x, y, z, heading (4)."""
+    return np.array([*stages.state.pos_lab_m[0], stages.state.yaw_rad[0]])
+
+
+def _leader_motion(stages: Stages) -> Float:
+    """The leader's estimated motion (3, 4) in `lab`."""
+    state = stages.state
+    motion = np.empty((3, 4))
+    motion[0, :3], motion[0, 3] = state.pos_lab_m[0], state.yaw_rad[0]
+    motion[1, :3], motion[1, 3] = state.vel_lab_m_s[0], state.yaw_rate_rad_s[0]
+    motion[2, :3], motion[2, 3] = state.acc_lab_m_s2[0], state.yaw_acc_rad_s2[0]
+    return motion

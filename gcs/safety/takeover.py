@@ -1,0 +1,70 @@
+"""Drones that fly under no ground, and other grounds: why arming is rejected, and what taking control requires."""
+
+from collections.abc import Iterable, Sequence
+
+from formation.safety.rules import Facts
+from gcs.drones.checks import prearm_failures
+from gcs.drones.drone import AIRBORNE_STATES, Drone
+from wire.link_messages.status import LandedState
+
+FRESH_S = 0.2
+UNLED = "drones are flying under no ground: take control, land or stop"
+
+
+def flying(drones: Iterable[Drone]) -> tuple[Drone, ...]:
+    """Drones that are armed, or report that they are in the air."""
+    return tuple(drone for drone in drones if drone.link.armed or drone.link.telemetry.landed in AIRBORNE_STATES)
+
+
+def arming_reject_reasons(up: Sequence[Drone], others: Sequence[str]) -> tuple[str, ...]:
+    """Why this ground must not arm the drones now: some may be flying, or belong to another ground."""
+    reasons = [f"{drone.link.name}: {_state(drone)}" for drone in up]
+    return (*((UNLED,) if up else ()), *reasons, *_other_grounds(others))
+
+
+def take_control_reject_reasons(
+    drones: Sequence[Drone], facts: Facts, others: Sequence[str], seen: bool
+) -> tuple[str, ...]:  # fmt: skip
+    """Why this ground cannot take control; `land` and `stop` remain possible.
+
+    seen: whether there is an estimate of the drones' positions.
+    """
+    armed = [drone for drone in drones if drone.link.armed]
+    if not armed:
+        return ("no drone is armed: there is nothing to take control of",)
+    unseen = [d for d in armed if not seen or facts.age_s[d.index] > FRESH_S]
+    reasons = [f"{drone.link.name}: no fresh pose to lead it from: land or stop" for drone in unseen]
+    reasons += [text for drone in armed for text in prearm_failures(drone.link)]
+    return (*reasons, *_other_grounds(others))
+
+
+def joining_reject_reasons(drones: Iterable[Drone], now_ns: int) -> tuple[str, ...]:
+    """Drones that do not follow this ground yet."""
+    return tuple(f"{drone.link.name}: does not follow this ground yet" for drone in drones if drone.joining(now_ns))
+
+
+def coming_down(drone: Drone) -> bool:
+    """Whether the drone has landed, or its autopilot lands it; a landing is not interrupted."""
+    link = drone.link
+    return not link.armed or link.landing or link.telemetry.landed is LandedState.ON_GROUND
+
+
+def landing_text(drones: Iterable[Drone]) -> str:
+    """Why the drones can only be landed: the names of those that are landing already; empty where all fly."""
+    down = [drone.link.name for drone in drones if coming_down(drone)]
+    return f"control taken to land: {', '.join(down)} on the floor, or landing already" if down else ""
+
+
+def other_grounds(drones: Iterable[Drone], on_bus: Iterable[str], now_ns: int) -> tuple[str, ...]:
+    """Every sign of another live ground: grounds on the bus, and drones that answer another ground."""
+    answers = (d.link.name for d in drones if d.link.answers_other_ground(now_ns))
+    return (*(f"ground {name}" for name in on_bus), *(f"{name} answers another ground" for name in answers))
+
+
+def _other_grounds(others: Sequence[str]) -> tuple[str, ...]:
+    return (f"another ground is alive ({', '.join(others)}): end it first",) if others else ()
+
+
+def _state(drone: Drone) -> str:
+    link = drone.link
+    return f"armed, in {link.mode}" if link.armed else f"in the air, it says ({link.telemetry.landed.name})"

@@ -1,0 +1,98 @@
+"""Alarms: events of severity WARNING or worse, until they are acknowledged and over. Pure; wall-clock times, s."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+from formation.messages import OVER, Event, Severity
+
+LOUD = Severity.ERROR
+"""What is as severe as this, or more, is heard until it is acknowledged."""
+MOST = 100
+ACKNOWLEDGED = Event(Severity.NOTICE, "operator", "alarms acknowledged")
+"""The ground's event when an operator has acknowledged every alarm."""
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """One alarm: since when, how severe, whose, in words; times: how often it came.
+
+    goes_on: its condition has not ended. acknowledged: an operator has read it.
+    """
+
+    unix_s: float
+    severity: Severity
+    source: str
+    text: str
+    times: int = 1
+    goes_on: bool = False
+    acknowledged: bool = False
+
+    def as_json(self) -> dict[str, Any]:
+        """As the state has it; the severity by its name."""
+        return asdict(self) | {"severity": self.severity.name}
+
+    @classmethod
+    def from_json(cls, values: Mapping[str, Any]) -> "Alarm":
+        """What `as_json` made; LookupError, TypeError or ValueError of anything else."""
+        return cls(
+            float(values["unix_s"]), Severity[str(values["severity"])], str(values["source"]), str(values["text"]),
+            int(values["times"]), bool(values["goes_on"]), bool(values["acknowledged"]),
+        )  # fmt: skip
+
+
+@dataclass(slots=True)
+class AlarmBook:
+    """Keeps alarms in order of their first coming; the same words again raise a count.
+
+    An alarm goes when it is acknowledged and its condition has ended, in whatever order. Bounded: of the least severe
+    the oldest is lost.
+    """
+
+    _alarms: dict[tuple[str, str], Alarm] = field(default_factory=dict)
+
+    def receive(self, event: Event, unix_s: float) -> None:
+        """Receive an event, `ACKNOWLEDGED` and the end of a condition included."""
+        if event == ACKNOWLEDGED:
+            self.acknowledge()
+        ended = self._alarms.get((event.source, event.text.removeprefix(OVER)))
+        if event.text.startswith(OVER) and ended is not None:
+            self._store(replace(ended, goes_on=False))
+        if event.severity > Severity.WARNING:
+            return
+        before = self._alarms.pop((event.source, event.text), None)
+        times = 1 if before is None else before.times + 1
+        self._store(Alarm(unix_s, event.severity, event.source, event.text, times, goes_on=event.lasts))
+
+    def add(self, alarm: Alarm) -> None:
+        """Add an alarm of a ground that is gone: its end will not be reported."""
+        self._store(replace(alarm, goes_on=False))
+
+    def acknowledge(self) -> None:
+        """Somebody has read them all; those whose conditions go on stay."""
+        for alarm in tuple(self._alarms.values()):
+            self._store(replace(alarm, acknowledged=True))
+
+    @property
+    def open(self) -> tuple[Alarm, ...]:
+        """Those that are not both acknowledged and over, as `ordered` has it."""
+        return ordered(self._alarms.values())
+
+    def _store(self, alarm: Alarm) -> None:
+        key = alarm.source, alarm.text
+        if alarm.acknowledged and not alarm.goes_on:
+            self._alarms.pop(key, None)
+            return
+        self._alarms[key] = alarm
+        while len(self._alarms) > MOST:
+            del self._alarms[max(self._alarms, key=lambda entry: self._alarms[entry].severity)]
+
+
+def ordered(alarms: Iterable[Alarm]) -> tuple[Alarm, ...]:
+    """Those nobody has acknowledged before the others, the severest first, of these the newest."""
+    return tuple(sorted(alarms, key=lambda alarm: (alarm.acknowledged, alarm.severity, -alarm.unix_s)))
+
+
+def is_loud(alarms: Iterable[Alarm]) -> bool:
+    """Whether there is something to be heard."""
+    return any(alarm.severity <= LOUD and not alarm.acknowledged for alarm in alarms)

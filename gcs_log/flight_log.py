@@ -1,0 +1,83 @@
+"""A flight's log as tables, read by a process of its own. Imports numpy and the standard library, nothing else."""
+
+import pickle
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+Table = Mapping[str, NDArray[Any]]
+SHOWN_COLUMNS = 5
+# Python's safe path, `-P`: the folder of a notebook is not looked into for modules.
+READER = (sys.executable, "-P", "-m", "analysis.tables.topic_tables")
+
+
+class LogError(ValueError):
+    """The file is no log; says which file, and why."""
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class FlightLog(Mapping[str, Table]):
+    """A log: its tables by topic (those that hold anything), and what it says of its run.
+
+    In every table: `t_s`, seconds since the log's first record; `unix_ns`, the date of that, ns since 1970 UTC.
+    """
+
+    metadata: Mapping[str, str]
+    tables: Mapping[str, Table]
+    _unix_ns: int
+
+    @property
+    def date(self) -> datetime:
+        """When it began, UTC; simulated flights begin in 2000, logs of versions before 0.2 in 1970."""
+        return datetime.fromtimestamp(self._unix_ns / 1e9, UTC)
+
+    def __getitem__(self, topic: str) -> Table:
+        return self.tables[topic]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.tables)
+
+    def __len__(self) -> int:
+        return len(self.tables)
+
+    def __repr__(self) -> str:
+        """The topics as a table of text."""
+        lines = _overview(self.tables)
+        widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
+        rows = (
+            "  ".join(word.ljust(width) for word, width in zip(line, widths, strict=True)).rstrip() for line in lines
+        )
+        return "\n".join((f"flight log of {self.date:%Y-%m-%d %H:%M:%S} UTC", *rows))
+
+    def _repr_html_(self) -> str:
+        """The same for a notebook."""
+        head, *rows = ("".join(f"<td>{escape(word)}</td>" for word in line) for line in _overview(self.tables))
+        body = "".join(f"<tr>{row}</tr>" for row in rows)
+        return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _overview(tables: Mapping[str, Table]) -> list[tuple[str, ...]]:
+    """A line a topic under a line of heads: rows, from when to when, columns."""
+    lines: list[tuple[str, ...]] = [("topic", "rows", "t_s", "columns")]
+    for topic, table in sorted(tables.items()):
+        t_s, columns = table["t_s"], [name for name in table if name not in ("t_s", "unix_ns")]
+        shown = ", ".join(columns[:SHOWN_COLUMNS]) + (", ..." if len(columns) > SHOWN_COLUMNS else "")
+        lines.append((topic, str(len(t_s)), f"{t_s.min():.1f} to {t_s.max():.1f}", shown))
+    return lines
+
+
+def load(path: str | Path) -> FlightLog:
+    """Read a log, whole or damaged. Raises OSError, and LogError (a ValueError) if the file is no MCAP file."""
+    Path(path).open("rb").close()
+    read = subprocess.run([*READER, str(path)], capture_output=True, check=False)
+    if read.returncode != 0:
+        raise LogError(read.stderr.decode(errors="replace").strip().rpartition("\n")[2])
+    metadata, tables, unix_ns = pickle.loads(read.stdout)
+    return FlightLog(metadata, tables, unix_ns)

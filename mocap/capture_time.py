@@ -1,0 +1,156 @@
+"""When a frame was exposed, on our clock, from the stamps of another: of one way, or of both. Pure.
+
+What arrives is late by an unknown, changing delay and never early, so the truth lies along the lower edge of
+`arrival - stamp`. That edge's offset and slope (two clocks part by tens of parts in a million) are those of the line
+under all points of the last seconds that is nearest to them: an edge of their lower convex hull (Moon, Skelly, Towsley:
+Estimation and removal of clock skew from network delay measurements, 1999). Bursts and stalls only lie above it.
+"""
+
+from collections import deque
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+BUCKET_NS = 250_000_000
+WINDOW = 120
+"""Of each bucket the least is kept; so many buckets are remembered."""
+SLOPE_NS = 6_000_000_000
+"""The slope is believed when the points span so much."""
+STEEPEST = 1e-3
+STEP_NS = 2_000_000
+"""A point farther below the line shows that a clock was set, or that the path became shorter."""
+ABOVE_NS, ABOVE_SCATTERS = 3_000_000_000, 3
+"""After so long with every point more than ABOVE_SCATTERS scatters above the line, the line starts over."""
+
+Point = tuple[int, int]
+
+
+@dataclass(slots=True)
+class LowerEdge:
+    """The least of a delay-laden difference of two clocks, as a line in time: it may drift, and be stepped."""
+
+    _points: deque[Point] = field(default_factory=lambda: deque(maxlen=WINDOW))
+    _line: tuple[int, int, float] | None = None
+    _touched_ns: int = 0
+    _above: Point | None = None
+    scatter_ns: int = 0
+    """Mean height of the buckets' least values above the edge: the edge's uncertainty."""
+
+    def offer(self, now_ns: int, value_ns: int) -> None:
+        """A difference as of now: the truth plus a delay."""
+        line_ns = self.at_ns(now_ns)
+        if line_ns is None or value_ns < line_ns - STEP_NS:
+            self._restart(now_ns, value_ns)
+        elif value_ns - line_ns <= max(STEP_NS, ABOVE_SCATTERS * self.scatter_ns):
+            self._touched_ns, self._above = now_ns, None
+        else:
+            self._above = min(self._above or (now_ns, value_ns), (now_ns, value_ns), key=lambda p: p[1])
+            if now_ns - self._touched_ns > ABOVE_NS:
+                self._restart(*self._above)
+        self._add((now_ns, value_ns))
+
+    def at_ns(self, now_ns: int) -> int | None:
+        """The edge at that time; None before the first point."""
+        if self._line is None:
+            return None
+        t_ns, value_ns, slope = self._line
+        return value_ns + round((now_ns - t_ns) * slope)
+
+    def restart(self) -> None:
+        """Reset all but the clock drift: for a new connection, or after a clock was set."""
+        self._points.clear()
+        self._line = None
+
+    def _restart(self, now_ns: int, value_ns: int) -> None:
+        slope = self._line[2] if self._line is not None else 0.0
+        self._points.clear()
+        self._line = now_ns, value_ns, slope
+        self._touched_ns = now_ns
+        self._above = None
+
+    def _add(self, point: Point) -> None:
+        last = self._points[-1] if self._points else None
+        if last is None or point[0] // BUCKET_NS != last[0] // BUCKET_NS:
+            self._points.append(point)
+        elif point[1] < last[1]:
+            self._points[-1] = point
+        else:
+            return
+        self._fit()
+
+    def _fit(self) -> None:
+        """The edge of the hull over the middle of the points; with few of them, the slope is the one known."""
+        slope = self._line[2] if self._line is not None else 0.0
+        points = self._points
+        if points[-1][0] - points[0][0] >= SLOPE_NS:
+            a, b = _edge_over(_lower_hull(points), (points[0][0] + points[-1][0]) // 2)
+            slope = min(max((b[1] - a[1]) / (b[0] - a[0]), -STEEPEST), STEEPEST)
+        t0, _ = points[0]
+        lowest = min(points, key=lambda p: p[1] - slope * (p[0] - t0))
+        self._line = lowest[0], lowest[1], slope
+        above = [value - lowest[1] - (t - lowest[0]) * slope for t, value in points]
+        self.scatter_ns = round(sum(above) / len(above))
+
+
+@dataclass(slots=True)
+class CaptureTime:
+    """Exposures on our clock from a source's stamps.
+
+    latency_ns: the constant part of the delay from exposure to receipt, used where only stamps come. With clock echoes
+    (`exchange`) the delay is measured instead.
+    """
+
+    latency_ns: int
+    _down: LowerEdge = field(default_factory=LowerEdge)
+    _echo_down: LowerEdge = field(default_factory=LowerEdge)
+    _echo_up: LowerEdge = field(default_factory=LowerEdge)
+    _stamp_ns: int | None = None
+
+    def exchange(self, sent_ns: int, theirs_ns: int, now_ns: int) -> None:
+        """A request sent at `sent_ns` was answered at `theirs_ns` of their clock and heard at `now_ns`."""
+        if now_ns >= sent_ns:
+            self._echo_up.offer(now_ns, theirs_ns - sent_ns)
+            self._echo_down.offer(now_ns, now_ns - theirs_ns)
+
+    def capture_ns(self, stamp_ns: int, now_ns: int) -> int:
+        """The exposure that they stamped `stamp_ns` and that came now; never later than now."""
+        if self._stamp_ns is not None and stamp_ns < self._stamp_ns - STEP_NS:
+            self._down.restart()
+        self._stamp_ns = stamp_ns
+        self._down.offer(now_ns, now_ns - stamp_ns)
+        offset_ns = self.offset_ns(now_ns)
+        if offset_ns is not None:
+            return min(stamp_ns + offset_ns, now_ns)
+        return min(stamp_ns + (self._down.at_ns(now_ns) or 0) - self.latency_ns, now_ns)
+
+    def offset_ns(self, now_ns: int) -> int | None:
+        """Our clock minus theirs by the echoes, delays of both ways taken as equal at their least; None without."""
+        up_ns = self._echo_up.at_ns(now_ns)
+        down_ns = None if up_ns is None else self._echo_down.at_ns(now_ns)
+        return None if up_ns is None or down_ns is None else (down_ns - up_ns) // 2
+
+    def uncertainty_ns(self, now_ns: int) -> int | None:
+        """How far a capture time may be off, apart from the constant where no echo is heard; None before any frame."""
+        up_ns, down_ns = self._echo_up.at_ns(now_ns), self._echo_down.at_ns(now_ns)
+        if up_ns is not None and down_ns is not None:
+            return (up_ns + down_ns) // 2
+        return None if self._down.at_ns(now_ns) is None else self._down.scatter_ns
+
+
+def _lower_hull(points: deque[Point]) -> list[Point]:
+    hull: list[Point] = []
+    for p in points:
+        while len(hull) > 1 and _turns_down(hull[-2], hull[-1], p):
+            hull.pop()
+        hull.append(p)
+    return hull
+
+
+def _turns_down(a: Point, b: Point, c: Point) -> bool:
+    return (b[1] - a[1]) * (c[0] - b[0]) >= (c[1] - b[1]) * (b[0] - a[0])
+
+
+def _edge_over(hull: list[Point], t_ns: int) -> tuple[Point, Point]:
+    for a, b in pairwise(hull):
+        if b[0] >= t_ns:
+            return a, b
+    return hull[-2], hull[-1]

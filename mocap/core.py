@@ -1,0 +1,123 @@
+"""MocapCore, the mocap process without its inputs and outputs: raw frames in, aligned and checked frames out.
+
+The one door through which poses come to everyone: ground, agents, bridges and tools. Sans-IO, time an argument.
+"""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
+
+from formation.config import LabConfig
+from formation.messages import Event, LabFrame, RawFrame
+from formation.rejection import Rejection
+from mocap.alignment import Alignment
+from mocap.validator.validator import PoseValidator
+from wire.rejections import RejectionLog
+from wire.transport.frame_check import OLDEST_NS, lab_fault, raw_fault
+
+MOST_UNKNOWN = 16
+"""How many bodies that are none of the lab's are remembered, to name them."""
+LONGEST_GAP = 1000
+SOURCE = "mocap"
+
+
+class MocapCore:
+    """The mocap process of one lab, without inputs and outputs.
+
+    reject_log: counts rejected frames; a new one by default.
+    without: checks of the pose validator to switch off (mocap.validator.checks.NAMES); ValueError for another name.
+    """
+
+    def __init__(
+        self, config: LabConfig, reject_log: RejectionLog | None = None, without: frozenset[str] = frozenset()
+    ) -> None:
+        self.reject_log = reject_log or RejectionLog()
+        self.frames = 0
+        self.unknown: Counter[str] = Counter()
+        self._alignment = Alignment(config)
+        self._validator = PoseValidator(config, without)
+        self._delay_ns = round(config.mocap.delay_s * 1e9)
+        self._raw_seq: int | None = None
+        self._seq = -1
+        self._newest_ns: int | None = None
+        self._named: tuple[str, ...] = ()
+        self._twice: tuple[str, ...] = ()
+
+    def receive(self, frame: RawFrame | LabFrame, now_ns: int) -> LabFrame | None:
+        """The frame for the bus, or None for a rejected frame. A rejected pose makes its body unseen.
+
+        A LabFrame comes from a flight's log, where it was recorded aligned and judged.
+        """
+        return self._again(frame, now_ns) if isinstance(frame, LabFrame) else self._align(frame, now_ns)
+
+    def note_motors(self, on: Mapping[str, bool]) -> None:
+        """Which drones have their motors on, by body, whenever the ground says so of some."""
+        self._validator.note_motors(on)
+
+    def events(self, now_ns: int) -> tuple[Event, ...]:
+        """Events that are due: bodies whose poses are rejected, or accepted again."""
+        return self._validator.events(now_ns)
+
+    def rejections(self) -> dict[str, dict[str, int]]:
+        """Poses rejected since the start, by body and reason."""
+        return self._validator.counts()
+
+    def _align(self, raw: RawFrame, now_ns: int) -> LabFrame | None:
+        t_capture_ns = raw.t_capture_ns or now_ns - self._delay_ns
+        if self._is_rejected(raw_fault(raw, now_ns, OLDEST_NS) or self._name_fault(raw.bodies), now_ns):
+            return None
+        frame = self._alignment.align(raw, raw.seq, t_capture_ns, now_ns)
+        stamp_rejected = raw.t_capture_ns != 0 and self._validator.rejects_stamp(t_capture_ns, now_ns)
+        if not stamp_rejected and self._is_rejected(self._order_fault(t_capture_ns), now_ns):
+            return None
+        self._note_no_poses(frame, now_ns)
+        if stamp_rejected:
+            frame = self._validator.without_poses(frame, (self._newest_ns or 0) + 1, now_ns)
+        else:
+            frame = self._validator.judge(frame, now_ns)
+        self._newest_ns = min(frame.t_capture_ns, now_ns)  # the cameras' clock may be ahead of ours
+        self.frames += 1
+        return replace(frame, seq=self._number(raw.seq), t_capture_ns=self._newest_ns)
+
+    def _note_no_poses(self, frame: LabFrame, now_ns: int) -> None:
+        for body, code in zip(frame.bodies, frame.rejected.tolist(), strict=True):
+            if code:
+                self.reject_log.note(SOURCE, f"{body}: {Rejection(code).text}", now_ns)
+
+    def _again(self, frame: LabFrame, now_ns: int) -> LabFrame | None:
+        fault = lab_fault(frame, now_ns) or self._order_fault(frame.t_capture_ns)
+        if fault is None and frame.bodies != self._alignment.bodies:
+            fault = "of other bodies than the lab's"
+        if self._is_rejected(fault, now_ns):
+            return None
+        self._newest_ns = frame.t_capture_ns
+        self.frames += 1
+        return replace(frame, seq=self._number(frame.seq), t_receive_ns=now_ns)
+
+    def _is_rejected(self, fault: str | None, now_ns: int) -> bool:
+        if fault is not None:
+            self.reject_log.note(SOURCE, f"frame {fault}", now_ns)
+        return fault is not None
+
+    def _order_fault(self, t_capture_ns: int) -> str | None:
+        if self._newest_ns is None or t_capture_ns > self._newest_ns:
+            return None
+        return "whose capture time does not advance"
+
+    def _name_fault(self, bodies: tuple[str, ...]) -> str | None:
+        """A body of ours that a frame names twice has no one pose."""
+        if bodies != self._named:
+            self._named, known = bodies, set(self._alignment.bodies)
+            count = Counter(bodies)
+            self._twice = tuple(body for body in known if count[body] > 1)
+            for body in count.keys() - known:
+                if len(self.unknown) < MOST_UNKNOWN:
+                    self.unknown[body[:64]] += 1
+        return f"that names {self._twice[0]} twice" if self._twice else None
+
+    def _number(self, raw_seq: int) -> int:
+        """Ours go on where the source starts again; a gap stays the gap it was."""
+        step = 1 if self._raw_seq is None else raw_seq - self._raw_seq
+        self._raw_seq = raw_seq
+        self._seq += step if 0 < step <= LONGEST_GAP else 1
+        return self._seq

@@ -1,0 +1,300 @@
+"""The client's side of NatNet without its sockets: packets in, frames to the feed; what to send as time passes.
+
+Nothing that is sent here moves Motive's playback or changes what it streams.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
+
+from formation.messages import Severity
+from formation.mocap_config import NatNetConfig
+from mocap.capture_time import CaptureTime
+from mocap.sources.natnet import messages
+from mocap.sources.natnet.frames import EDITED, MODELS_CHANGED, TRACKED, VERSION_CHANGED, Frame, frame_of_data
+from mocap.sources.natnet.messages import MessageId, ServerInfo, Version
+from mocap.sources.natnet.models import rigid_bodies
+from mocap.sources.natnet.numbers import FrameNumbers
+from mocap.sources.natnet.reader import PacketError
+from mocap.sources.poses import from_quaternions
+from mocap.sources.source import Feed, SourceStatus, seconds
+
+WHO = "mavlink-formation"
+CONNECT_NS, MODELS_NS, ALIVE_NS = 500_000_000, 200_000_000, 1_000_000_000
+SILENT_NS = 2_000_000_000
+AT_FIRST_NS, ECHO_AT_FIRST_NS, ECHO_NS = 2_000_000_000, 50_000_000, 100_000_000
+ECHOES = 32
+"""So many requests may be on their way."""
+STEP_NS = 2_000_000
+"""A larger difference between an echo and the clock offset shows that the server's clock was set."""
+OTHER_SENDER_NS = 1_000_000_000
+"""Frames come from one address; from another when that has been silent for so long."""
+LATEST_NS = 1_000_000_000
+"""An older capture time shows that the clock was set; the next echo corrects the offset."""
+
+
+class NatNetSession:
+    """One source's conversation with its server, over all restarts of either.
+
+    wanted: the lab's bodies, to name those that the server lacks. latency_ns: from exposure to receipt, used where the
+    cameras do not report exposures.
+    """
+
+    def __init__(self, config: NatNetConfig, latency_ns: int, wanted: Sequence[str], feed: Feed) -> None:
+        self._config = config
+        self._latency_ns = latency_ns
+        self._wanted = tuple(wanted)
+        self._feed = feed
+        self._reported: dict[str, str] = {}
+        self._info: ServerInfo | None = None
+        self._version: Version = messages.OLDEST
+        self._peer = ""
+        self._streamer = ""
+        self._names: dict[int, str] | None = None
+        self._order: tuple[bytes, tuple[str, ...], list[int]] = (b"", (), [])
+        self._numbers = FrameNumbers()
+        self._capture = CaptureTime(latency_ns)
+        self._echoes: deque[int] = deque(maxlen=ECHOES)
+        self._status = SourceStatus(server=f"{config.host}:{config.command_port}")
+        self._sent: dict[MessageId, int] = {}
+        self._received_ns = self._frame_ns = self._since_ns = 0
+        self._alone_ns = 0
+        self._newest: tuple[int, int, bool] | None = None
+        self._unread_ns: int | None = None
+        self._stale_ns: int | None = None
+
+    def start(self, now_ns: int) -> None:
+        """Sockets are open (again)."""
+        self._received_ns = self._frame_ns = self._alone_ns = now_ns
+        self._sent.clear()
+
+    def is_silent(self, now_ns: int) -> bool:
+        """Whether nothing at all has come for 2 s."""
+        return now_ns - self._received_ns > SILENT_NS
+
+    def status(self) -> SourceStatus:
+        """How it is doing."""
+        if self._newest is None:
+            return self._status
+        now_ns, capture_ns, is_stamped = self._newest
+        uncertainty_ns = self._capture.uncertainty_ns(now_ns) if is_stamped else None
+        return replace(
+            self._status,
+            lost=self._numbers.lost,
+            latency_s=seconds(now_ns - capture_ns),
+            uncertainty_s=seconds(uncertainty_ns),
+            latency_measured=is_stamped and self._capture.offset_ns(now_ns) is not None,
+        )
+
+    def due(self, now_ns: int) -> list[bytes]:
+        """What is to be sent to the server's command port now; to be asked every 25 ms or so."""
+        self._watch(now_ns)
+        out = []
+        if self._is_unsure(now_ns) and self._is_due(MessageId.CONNECT, CONNECT_NS, now_ns):
+            out += [messages.hello(MessageId.CONNECT, WHO)]
+        if self._info is None:
+            return out
+        if self._stale_ns is not None and self._is_due(MessageId.REQUEST_MODELS, MODELS_NS, now_ns):
+            out += [
+                messages.packet(MessageId.REQUEST, messages.WHICH_VERSION),
+                messages.packet(MessageId.REQUEST_MODELS),
+            ]
+        if not self._config.multicast and self._is_due(MessageId.KEEP_ALIVE, ALIVE_NS, now_ns):
+            out += [messages.packet(MessageId.KEEP_ALIVE)]
+        often = now_ns - self._since_ns < AT_FIRST_NS
+        if self._is_due(MessageId.ECHO_REQUEST, ECHO_AT_FIRST_NS if often else ECHO_NS, now_ns):
+            self._echoes.append(now_ns)
+            out += [messages.echo_request(now_ns)]
+        return out
+
+    def _is_unsure(self, now_ns: int) -> bool:
+        """Whether to ask the server who it is: frames are missing, or its list (in another version than believed)."""
+        waited = self._stale_ns is not None and now_ns - self._stale_ns >= CONNECT_NS
+        return self._info is None or self._names is None or waited or now_ns - self._frame_ns >= CONNECT_NS
+
+    def received(self, data: bytes, sender: str, now_ns: int) -> None:
+        """Receive a packet from an address. An unreadable packet is rejected and counted, and changes nothing."""
+        try:
+            self._receive(*messages.unpack(data), sender, now_ns)
+        except PacketError as error:
+            self._feed.reject(str(error))
+
+    def _receive(self, message: int, payload: bytes, sender: str, now_ns: int) -> None:
+        if message == MessageId.FRAME:
+            self._receive_frame(payload, sender, now_ns)
+        elif message == MessageId.SERVER_INFO:
+            self._greet(messages.server_info(payload), sender, now_ns)
+        elif sender != self._peer:
+            self._feed.reject("a message of another sender than the server")
+        elif message == MessageId.MODELS:
+            self._received_ns = now_ns
+            self._receive_models(rigid_bodies(payload, self._version))
+        elif message == MessageId.ECHO_RESPONSE:
+            self._received_ns = now_ns
+            self._receive_echo(*messages.echo_response(payload), now_ns)
+        elif message == MessageId.RESPONSE:
+            version = messages.stream_version(payload)
+            if version is not None:
+                self._speak(version, now_ns)
+
+    def _greet(self, info: ServerInfo, sender: str, now_ns: int) -> None:
+        if self._info is not None and sender != self._peer:
+            self._feed.reject("server info of another sender than the server")
+            return
+        if self._info is None:
+            self._frame_ns = now_ns
+        if self._info is None or info != self._info:
+            self._since_ns = now_ns
+            self._capture = CaptureTime(self._latency_ns)
+            self._names = None  # ids may mean others now
+        self._received_ns, self._stale_ns = now_ns, now_ns
+        self._info, self._peer = info, sender
+        self._status = replace(self._status, server=info.text, connected=True)
+        self._speak(info.version, now_ns)
+        self._report("server", Severity.INFO, f"connected to {info.text} at {sender}")
+
+    def _speak(self, version: Version, now_ns: int) -> None:
+        """Frames and models come in this version from now on."""
+        if version != self._version:
+            self._version, self._stale_ns = version, now_ns
+        if version > messages.NEWEST:
+            self._report(
+                "version",
+                Severity.ERROR,
+                f"the server streams NatNet {version[0]}.{version[1]}, which is not known (3.0 to 4.2 are): not read",
+            )
+
+    def _receive_models(self, theirs: dict[int, str]) -> None:
+        """The newest list; asked for again where the change that it was asked for is newer than the question."""
+        if self._stale_ns is not None and self._sent.get(MessageId.REQUEST_MODELS, 0) >= self._stale_ns:
+            self._stale_ns = None
+        names = {number: self._feed.name(name) for number, name in theirs.items()}
+        if names == self._names:
+            return
+        self._names, self._order = names, (b"", (), [])
+        self._status = replace(self._status, bodies=tuple(names.values()))
+        listed = ", ".join(names.values()) or "none"
+        missing = [body for body in self._wanted if body not in self._status.bodies]
+        if missing:
+            what = "bodies" if len(missing) > 1 else "body"
+            text = f"{what} {', '.join(missing)} not in the server's list, which is: {listed}"
+            self._report("bodies", Severity.WARNING, text)
+        else:
+            self._report("bodies", Severity.INFO, f"rigid bodies: {listed}")
+
+    def _receive_echo(self, sent_ns: int, ticks: int, now_ns: int) -> None:
+        if sent_ns not in self._echoes:
+            self._feed.reject("echo response: to no request of ours, or a second time")
+            return
+        self._echoes.remove(sent_ns)
+        if self._info is None:
+            return
+        theirs_ns = ticks * 1_000_000_000 // self._info.clock_hz
+        offset_ns = self._capture.offset_ns(now_ns)
+        doubt_ns = STEP_NS + (self._capture.uncertainty_ns(now_ns) or 0)
+        # The answer was given after the request and before it came: whatever the delays, that bounds the offset.
+        if offset_ns is not None and not sent_ns - doubt_ns <= theirs_ns + offset_ns <= now_ns + doubt_ns:
+            self._capture, self._since_ns = CaptureTime(self._latency_ns), now_ns
+            self._feed.report(Severity.WARNING, "the server's clock was set")
+        self._capture.exchange(sent_ns, theirs_ns, now_ns)
+
+    def _receive_frame(self, payload: bytes, sender: str, now_ns: int) -> None:
+        if sender not in (self._streamer, self._peer) and now_ns - self._frame_ns < OTHER_SENDER_NS and self._streamer:
+            self._feed.reject("a frame of another sender than the server")
+            return
+        if self._info is None:
+            self._note_frame(sender, now_ns)
+            if now_ns - self._alone_ns > SILENT_NS:
+                self._report(
+                    "server", Severity.WARNING, f"frames come from {sender}, but {self._asked} does not answer"
+                )
+            return
+        if self._version > messages.NEWEST:
+            self._feed.reject("a frame of an unknown version")
+            return
+        try:
+            frame = frame_of_data(payload, self._version)
+        except PacketError:
+            self._unread_ns = now_ns
+            raise
+        self._note_frame(sender, now_ns)
+        if not self._numbers.receive(frame.number):
+            return
+        if self._numbers.restarted:  # another server, or the same one started again: its ids may mean others
+            self._names = None
+        changed = frame.params & (MODELS_CHANGED | VERSION_CHANGED)
+        if changed or self._numbers.skipped or self._numbers.restarted:  # what was skipped may have said so
+            self._stale_ns = now_ns
+        self._report("mode", Severity.WARNING, "plays a recording (Edit mode)" if frame.params & EDITED else "")
+        if self._names is not None:
+            self._deliver(frame, self._names, now_ns)
+
+    def _note_frame(self, sender: str, now_ns: int) -> None:
+        self._streamer, self._received_ns, self._frame_ns = sender, now_ns, now_ns
+
+    def _deliver(self, frame: Frame, names: dict[int, str], now_ns: int) -> None:
+        ids = frame.bodies["id"].tobytes()
+        if ids != self._order[0]:
+            rows = [k for k, number in enumerate(frame.bodies["id"].tolist()) if number in names]
+            self._order = ids, tuple(names[int(frame.bodies["id"][k])] for k in rows), rows
+            if len(rows) < len(frame.bodies):  # a body that is new
+                self._stale_ns = now_ns
+        _, bodies, rows = self._order
+        table = frame.bodies[rows] if len(rows) < len(frame.bodies) else frame.bodies
+        capture_ns = self._capture_ns(frame.exposure_ticks, now_ns)
+        self._newest = now_ns, capture_ns, frame.exposure_ticks != 0
+        pos_m, q = from_quaternions(table["pose"], self._feed.unit_m)
+        self._feed.frame(frame.number, capture_ns, bodies, pos_m, q, (table["params"] & TRACKED) != 0)
+
+    def _capture_ns(self, ticks: int, now_ns: int) -> int:
+        """The middle of the exposure on our clock; without a valid stamp, arrival less latency."""
+        if ticks and self._info is not None:
+            capture_ns = self._capture.capture_ns(ticks * 1_000_000_000 // self._info.clock_hz, now_ns)
+            if now_ns - capture_ns < LATEST_NS:
+                return capture_ns
+        return now_ns - self._latency_ns
+
+    def _watch(self, now_ns: int) -> None:
+        """Report silence once."""
+        if self.is_silent(now_ns):
+            self._info, self._alone_ns = None, now_ns
+            self._status = replace(self._status, connected=False)
+            self._report("server", Severity.WARNING, f"no answer from {self._asked} for 2 s; trying again")
+        elif self._info is not None and now_ns - self._frame_ns > SILENT_NS:
+            self._report(
+                "server", Severity.WARNING, f"{self._info.text} answers, but sends no frames: {self._hint(now_ns)}"
+            )
+        elif self._info is not None:
+            self._report("server", Severity.INFO, f"connected to {self._info.text} at {self._peer}")
+
+    def _hint(self, now_ns: int) -> str:
+        """What is most likely wrong where a server answers and no frame comes."""
+        if self._unread_ns is not None and now_ns - self._unread_ns < SILENT_NS:
+            return f"what comes cannot be read as NatNet {self._version[0]}.{self._version[1]}"
+        ours, theirs = self._config.multicast or None, self._info.multicast if self._info else None
+        if ours != theirs:
+            return f"it streams {_transmission(theirs)}, the lab file says {_transmission(ours)}"
+        if ours is None:
+            return "is streaming on, and does a firewall let its packets in?"
+        return "is streaming on, and is `interface` our address in the cameras' network?"
+
+    @property
+    def _asked(self) -> str:
+        return f"{self._config.host}:{self._config.command_port}"
+
+    def _report(self, subject: str, severity: Severity, text: str) -> None:
+        """Report once, until the text of the subject changes."""
+        if text != self._reported.get(subject, ""):
+            self._reported[subject] = text
+            if text:
+                self._feed.report(severity, text)
+
+    def _is_due(self, message: MessageId, every_ns: int, now_ns: int) -> bool:
+        if now_ns - self._sent.get(message, now_ns - every_ns) < every_ns:
+            return False
+        self._sent[message] = now_ns
+        return True
+
+
+def _transmission(group: str | None) -> str:
+    return "unicast" if group is None else f"multicast to {group}"

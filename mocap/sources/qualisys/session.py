@@ -1,0 +1,141 @@
+"""One connection to QTM: version, names, stream; the names again when they change. Sans-IO, time an argument."""
+
+from collections.abc import Callable
+
+from qtm_rt.packet import QRTEvent, QRTPacketType
+
+from formation.messages import Severity
+from mocap.sources.qualisys.packets import HEADER, SixD, Stream, bodies_of, names_of, text_of
+from mocap.sources.source import Feed
+from mocap.sources.tcp import ProtocolError
+
+VERSION = "1.19"
+"""The oldest in wide use; QTM serves every older one too."""
+WELCOME = "QTM RT Interface connected"
+ANSWER_NS = 2_000_000_000
+AGAIN_NS, SOON_NS = 1_000_000_000, 100_000_000
+"""Period of asking for the names: QTM may rename a body without an event, or may have gone silent."""
+ANSWERS_MAX = 8
+RENAMING = (QRTEvent.EventCameraSettingsChanged, QRTEvent.EventConnected, QRTEvent.EventRTfromFileStarted)
+SHUTTING_DOWN = QRTEvent.EventQTMShuttingDown
+
+
+def command(text: str) -> bytes:
+    """A command's packet."""
+    data = text.encode() + b"\0"
+    return HEADER.pack(HEADER.size + len(data), QRTPacketType.PacketCommand.value) + data
+
+
+class QualisysSession:
+    """Delivers frames to `deliver` after their names to `named`; none while it asks QTM for the names again."""
+
+    def __init__(
+        self,
+        deliver: Callable[[SixD, int], None],
+        named: Callable[[tuple[str, ...]], None],
+        feed: Feed,
+        now_ns: int,
+    ) -> None:
+        self._deliver = deliver
+        self._named = named
+        self._feed = feed
+        self._stream = Stream()
+        self._names: tuple[str, ...] | None = None
+        self._version = self._streaming = self._idle = False
+        self._opened_ns = self._asked_ns = now_ns
+        self._reported: set[str] = set()
+
+    def received(self, data: bytes, now_ns: int) -> bytes:
+        """Take the next bytes; what to answer. ProtocolError where the connection cannot go on."""
+        return b"".join(self._packet(kind, packet, now_ns) for kind, packet in self._stream.receive(data))
+
+    def due(self, now_ns: int) -> bytes:
+        """The names again, once a second. ProtocolError where QTM answers nothing that is of use."""
+        if self._version:
+            return self._ask(now_ns) if now_ns - self._asked_ns >= AGAIN_NS else b""
+        if now_ns - self._opened_ns > ANSWER_NS:
+            raise ProtocolError("no answer to the version asked for")
+        return b""
+
+    def _packet(self, kind: QRTPacketType, packet: bytes, now_ns: int) -> bytes:
+        match kind:
+            case QRTPacketType.PacketData:
+                return self._frame(packet, now_ns)
+            case QRTPacketType.PacketXML:
+                return self._parameters(text_of(packet))
+            case QRTPacketType.PacketCommand | QRTPacketType.PacketError:
+                return self._answer(text_of(packet), now_ns)
+            case QRTPacketType.PacketEvent:
+                return self._event(packet, now_ns)
+            case QRTPacketType.PacketNoMoreData:
+                self._rest()
+        return b""
+
+    def _answer(self, text: str, now_ns: int) -> bytes:
+        if text.startswith(WELCOME):
+            return command(f"Version {VERSION}")
+        if text.startswith("Version set to"):
+            self._version = True
+            return self._ask(now_ns)
+        if "NOT supported" in text:
+            raise ProtocolError(f"QTM does not know version {VERSION} of its protocol: update QTM")
+        if text.startswith("Connection refused"):
+            raise ProtocolError("QTM has as many clients as it takes")
+        if text.startswith("Parameters not available"):
+            return self._receive_names(())
+        self._feed.reject("an answer that was not expected")
+        if text not in self._reported and len(self._reported) < ANSWERS_MAX:
+            self._reported.add(text)
+            self._feed.report(Severity.WARNING, f"QTM says: {text}")
+        return b""
+
+    def _parameters(self, text: str) -> bytes:
+        try:
+            return self._receive_names(names_of(text))
+        except ValueError as error:
+            self._feed.reject(str(error))
+            return b""
+
+    def _receive_names(self, names: tuple[str, ...]) -> bytes:
+        self._names = names
+        self._named(names)
+        if self._streaming:
+            return b""
+        self._streaming = True
+        return command("StreamFrames AllFrames 6D")
+
+    def _event(self, packet: bytes, now_ns: int) -> bytes:
+        if packet[:1] == bytes([SHUTTING_DOWN.value]):
+            self._feed.report(Severity.WARNING, "QTM is shutting down")
+        if self._version and packet[:1] in [bytes([event.value]) for event in RENAMING]:
+            self._names = None  # an index may mean another body now
+            return self._ask(now_ns)
+        return b""
+
+    def _rest(self) -> None:
+        if not self._idle:
+            self._idle = True
+            self._feed.report(Severity.WARNING, "QTM measures nothing: start a measurement or its real-time preview")
+
+    def _ask(self, now_ns: int) -> bytes:
+        self._asked_ns = now_ns
+        return command("GetParameters 6D")
+
+    def _frame(self, packet: bytes, now_ns: int) -> bytes:
+        try:
+            frame = bodies_of(packet)
+        except ValueError as error:
+            self._feed.reject(str(error))
+            return b""
+        if frame is None:
+            self._feed.reject("data packet: no 6D component")
+        elif self._names is None:
+            self._feed.reject("a frame while the bodies' names are asked for")
+        elif len(self._names) != len(frame.rows):
+            self._feed.reject("a frame of more or fewer bodies than are named")
+            self._names = None
+            return self._ask(now_ns) if now_ns - self._asked_ns > SOON_NS else b""
+        else:
+            self._idle = False
+            self._deliver(frame, now_ns)
+        return b""

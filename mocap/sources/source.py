@@ -1,0 +1,106 @@
+"""What every camera system's client is, and where what it receives goes.
+
+A client speaks one protocol and computes the exposure time of each frame as well as that system reports it. Names,
+units and everything after them are the same for all, and are handled here.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from formation.maths.arrays import Bool, Float
+from formation.messages import Event, RawFrame, Severity
+from formation.mocap_config import MocapConfig
+from wire.clock import Clock
+from wire.plain_text import plain
+from wire.process.lifetime import EventSink
+from wire.rejections import RejectionLog
+
+LONGEST_NAME, LONGEST_TEXT = 64, 200
+
+
+@dataclass(frozen=True, slots=True)
+class SourceStatus:
+    """How a source is doing, for `gcs mocap` and the log.
+
+    server: what it says of itself, or its address; lost: frames that were numbered or stamped and never came.
+    latency_s: from exposure to receipt of the newest frames; uncertainty_s: of the capture times; None until known.
+    latency_measured: whether the constant part of the latency is measured; else it is configured (VRPN, QTM:
+    `mocap.latency_s`) and its error adds to uncertainty_s.
+    bodies: what it sends, by the names of the lab.
+    """
+
+    server: str = ""
+    connected: bool = False
+    lost: int = 0
+    latency_s: float | None = None
+    uncertainty_s: float | None = None
+    latency_measured: bool = False
+    bodies: tuple[str, ...] = ()
+
+
+class Source(Protocol):
+    """A camera system's client."""
+
+    async def run(self) -> None:
+        """Receive frames until cancelled. Report whatever the server does, and reconnect."""
+
+    def status(self) -> SourceStatus:
+        """How it is doing."""
+
+
+class Feed:
+    """One source's interface to the mocap process: frames, names, events, rejected inputs, the time."""
+
+    def __init__(
+        self,
+        config: MocapConfig,
+        deliver: Callable[[RawFrame], None],
+        report: EventSink,
+        reject_log: RejectionLog,
+        clock: Clock,
+    ) -> None:
+        self.clock = clock
+        self.unit_m = config.unit_m
+        self._deliver = deliver
+        self._report = report
+        self._reject_log = reject_log
+        self._source = config.source
+        self._names = config.names
+
+    def name(self, theirs: str) -> str:
+        """What the lab calls the body that the source calls `theirs`."""
+        return self._names.get(theirs) or plain(theirs, LONGEST_NAME)
+
+    def frame(self, seq: int, t_capture_ns: int, bodies: tuple[str, ...], pos_m: Float, q: Float, seen: Bool) -> None:
+        """One exposure: positions (n, 3), marker frames (n, 4) w x y z, seen (n,), bodies by `name`.
+
+        t_capture_ns: on our clock. Any numbers at all: they are judged afterwards, body by body.
+        """
+        self._deliver(RawFrame(seq, t_capture_ns, bodies, pos_m, q, seen))
+
+    def report(self, severity: Severity, text: str) -> None:
+        """Report an event to the operator."""
+        self._report(Event(severity, self._source, plain(text, LONGEST_TEXT)))
+
+    def reject(self, reason: str, count: int = 1) -> None:
+        """Count a rejected input; `reason` is one of few fixed texts."""
+        self._reject_log.note(self._source, reason, self.clock.monotonic_ns(), count)
+
+
+def seconds(ns: int | None) -> float | None:
+    """Of nanoseconds; None of what is not known."""
+    return None if ns is None else ns * 1e-9
+
+
+def as_json(status: SourceStatus) -> dict[str, Any]:
+    """For the state that the mocap process publishes; times in ms."""
+    return {
+        "server": status.server,
+        "connected": status.connected,
+        "lost": status.lost,
+        "latency_ms": None if status.latency_s is None else 1e3 * status.latency_s,
+        "uncertainty_ms": None if status.uncertainty_s is None else 1e3 * status.uncertainty_s,
+        "latency_measured": status.latency_measured,
+        "bodies": list(status.bodies),
+    }

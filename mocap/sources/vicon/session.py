@@ -1,0 +1,168 @@
+"""One connection to a DataStream server: what is wanted, then every frame it pushes. Sans-IO, time an argument."""
+
+import struct
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TypeVar
+
+from mocap.sources.source import Feed
+from mocap.sources.tcp import ProtocolError
+from mocap.sources.vicon import packets
+from mocap.sources.vicon.layout import Layout, Rows, is_plain, rows_of
+from mocap.sources.vicon.packets import Block, Kind
+
+WANTED = frozenset(
+    {Kind.CONTENTS, Kind.STREAM_INFO, Kind.SUBJECT_INFO, Kind.FRAME_INFO, Kind.GLOBAL_SEGMENTS, Kind.LATENCY_INFO}
+)
+PING_NS = 1_000_000_000
+"""A server whose cameras are paused still answers."""
+ANSWER_NS = 2_000_000_000
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class ViconFrame:
+    """One exposure. rows: each subject's place and matrix, as `layout.rows_of`, in the subjects' order.
+
+    period: in ticks, None while the server has not said it; latency_s: from exposure to sending, likewise.
+    """
+
+    number: int
+    period: int | None
+    latency_s: float | None
+    rows: Rows
+
+
+class ViconSession:
+    """Frames go to `deliver`, the subjects' names before them to `named`, whenever they change."""
+
+    def __init__(
+        self,
+        deliver: Callable[[ViconFrame, int], None],
+        named: Callable[[tuple[str, ...]], None],
+        feed: Feed,
+        now_ns: int,
+    ) -> None:
+        self._deliver = deliver
+        self._named = named
+        self._feed = feed
+        self._stream = packets.Stream()
+        self._offered: frozenset[int] = frozenset()
+        self._roots: dict[int, bytes] = {}
+        self._segments: dict[int, bytes] = {}
+        self._layout: Layout | None = None
+        self._newest = b""
+        """The packet that was read by its layout, where one was since the segments were."""
+        self._period: int | None = None
+        self._latency_s: float | None = None
+        self._opened_ns = self._pinged_ns = now_ns
+        self._pings = self._rejected = self._size = 0
+
+    def received(self, data: bytes, now_ns: int) -> bytes:
+        """Take the next bytes; what to answer. ProtocolError where the connection cannot go on."""
+        answers = []
+        for packet in self._stream.receive(data):
+            try:
+                if not self._read_by_layout(packet, now_ns):
+                    answers.append(self._packet(packets.blocks_of(packet), now_ns))
+            except ProtocolError:
+                raise
+            except ValueError as error:
+                self._feed.reject(str(error))
+        return b"".join(answers)
+
+    def due(self, now_ns: int) -> bytes:
+        """A ping each second. ProtocolError where the server does not say what it offers."""
+        if not self._offered and now_ns - self._opened_ns > ANSWER_NS:
+            raise ProtocolError("no list of what is offered")
+        if Kind.PING not in self._offered or now_ns - self._pinged_ns < PING_NS:
+            return b""
+        self._pinged_ns = now_ns
+        self._pings += 1
+        return packets.packet_of((Kind.PING, struct.pack("<Q", self._pings)))
+
+    def _read_by_layout(self, packet: bytes, now_ns: int) -> bool:
+        """Whether it is laid out as the one before, which spares nearly all of the work."""
+        layout = self._layout
+        rows = None if layout is None else layout.rows(packet)
+        if layout is None or rows is None:
+            return False
+        changed = {kind: [packet[where]] for kind, where in layout.changing.items()}
+        number = packets.number_of(changed[Kind.FRAME_INFO][-1])
+        self._newest = packet
+        self._receive_latency(changed)
+        self._deliver(ViconFrame(number, self._period, self._latency_s, rows), now_ns)
+        return True
+
+    def _packet(self, blocks: list[Block], now_ns: int) -> bytes:
+        self._layout = None
+        if self._newest:
+            before = [data for kind, data in packets.blocks_of(self._newest) if kind == Kind.GLOBAL_SEGMENTS]
+            self._newest, self._segments = b"", self._segments_of(before)
+        of: dict[int, list[bytes]] = {}
+        for kind, data in blocks:
+            of.setdefault(kind, []).append(data)
+        if Kind.STREAM_INFO in of:
+            self._period = self._read(packets.period_of, of[Kind.STREAM_INFO][-1], self._period)
+        if Kind.SUBJECT_INFO in of:
+            self._name([packets.subject_of(data) for data in of[Kind.SUBJECT_INFO]])
+        self._receive_latency(of)
+        if Kind.FRAME_INFO in of and self._frame(of, now_ns) and is_plain([kind for kind, _ in blocks]):
+            size = sum(len(data) for _, data in blocks)
+            if size == self._size:  # laid out the same twice: it may well be again
+                self._layout = Layout(blocks, self._roots)
+            self._size = size
+        return self._want(packets.kinds_of(of[Kind.OBJECT_ENUMS][-1])) if Kind.OBJECT_ENUMS in of else b""
+
+    def _want(self, offered: frozenset[int]) -> bytes:
+        if Kind.GLOBAL_SEGMENTS not in offered or Kind.FRAME_INFO not in offered:
+            raise ProtocolError("the server offers no segments of its subjects")
+        self._offered = offered
+        wanted = packets.packet_of((Kind.OBJECT_ENUMS, packets.set_of(WANTED & offered)))
+        return wanted + packets.packet_of((Kind.REQUEST_FRAME, b"\1"))
+
+    def _name(self, subjects: list[tuple[int, str, bytes]]) -> None:
+        roots = {identifier: root for identifier, _, root in subjects}
+        if len(roots) < len(subjects):
+            raise ValueError("SubjectInfo: two subjects with one identifier")
+        self._roots = roots
+        self._named(tuple(name for _, name, _ in subjects))
+
+    def _receive_latency(self, of: Mapping[int, list[bytes]]) -> None:
+        if Kind.LATENCY_INFO in of:
+            self._latency_s = self._read(packets.latency_of, of[Kind.LATENCY_INFO][-1], self._latency_s)
+
+    def _frame(self, of: Mapping[int, list[bytes]], now_ns: int) -> bool:
+        """Whether it has segments of its own, and all of them could be read."""
+        number = packets.number_of(of[Kind.FRAME_INFO][-1])
+        unchanged = packets.unchanged_of(of[Kind.CONTENTS][-1]) if Kind.CONTENTS in of else frozenset()
+        blocks = of.get(Kind.GLOBAL_SEGMENTS, [])
+        is_whole = Kind.GLOBAL_SEGMENTS not in unchanged
+        if is_whole:
+            rejected_before = self._rejected
+            self._segments = self._segments_of(blocks)
+            is_whole = rejected_before == self._rejected
+        rows = rows_of([self._segments.get(identifier) for identifier in self._roots])
+        self._deliver(ViconFrame(number, self._period, self._latency_s, rows), now_ns)
+        return is_whole
+
+    def _segments_of(self, blocks: list[bytes]) -> dict[int, bytes]:
+        """Each subject's root; one that cannot be read is lost, not the others."""
+        segments = {}
+        for data in blocks:
+            try:
+                identifier, segment = packets.root_of(data, self._roots)
+            except ValueError as error:
+                self._rejected += 1
+                self._feed.reject(str(error))
+                continue
+            if segment is not None:
+                segments[identifier] = segment
+        return segments
+
+    def _read(self, read: Callable[[bytes], T], data: bytes, otherwise: T) -> T:
+        try:
+            return read(data)
+        except ValueError as error:
+            self._feed.reject(str(error))
+            return otherwise

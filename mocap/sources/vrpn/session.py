@@ -1,0 +1,197 @@
+"""One connection to a VRPN server without its sockets: bytes and times in, frames and answers out."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from formation.messages import Severity
+from mocap.capture_time import CaptureTime
+from mocap.sources.poses import from_quaternions
+from mocap.sources.source import Feed
+from mocap.sources.tcp import ProtocolError
+from mocap.sources.vrpn import messages
+from mocap.sources.vrpn.assembly import Assembly, Exposure
+from mocap.sources.vrpn.messages import Message, Stream
+from mocap.sources.vrpn.naming import Naming
+from mocap.sources.vrpn.pacing import Pacing
+from mocap.sources.vrpn.rows import MOST_BODIES, Rows
+
+PING_NS = 500_000_000
+PINGED = 4
+"""So many senders are asked whether they live; any answer will do."""
+NAMED_NS = 1_000_000_000
+"""Delay after the connection before a missing body is reported."""
+
+
+@dataclass(slots=True)
+class Knowledge:
+    """What outlives a connection: how frames are numbered and counted, and what was reported to the operator."""
+
+    feed: Feed
+    naming: Naming
+    pacing: Pacing
+    assemble_ns: int
+    latency_ns: int
+    repeats_are_lost: bool
+    lack: str = ""
+
+
+class VrpnSession:
+    """A `tcp.Session`. Poses may come as datagrams, too."""
+
+    def __init__(self, known: Knowledge, now_ns: int) -> None:
+        self.latency_ns: int | None = None
+        """From the exposure of the newest frame to its first pose's receipt."""
+        self._known = known
+        self._stream = Stream()
+        self._cookie = b""
+        self._opened_ns = self._pinged_ns = now_ns
+        self._senders: dict[int, str] = {}
+        self._pose_type: int | None = None
+        self._time = CaptureTime(known.latency_ns)
+        self._begin()
+        known.pacing.restart()
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Whose poses have come, by the names of the lab."""
+        return self._rows.names
+
+    @property
+    def due_ns(self) -> int | None:
+        """When `expire` is to be called at the latest."""
+        return self._assembly.due_ns
+
+    def uncertainty_ns(self, now_ns: int) -> int | None:
+        """Of the capture times, apart from the constant."""
+        return self._time.uncertainty_ns(now_ns)
+
+    def received(self, data: bytes, now_ns: int) -> bytes:
+        """Take what came over TCP."""
+        if len(self._cookie) < messages.COOKIE_BYTES:
+            missing = messages.COOKIE_BYTES - len(self._cookie)
+            self._cookie, data = self._cookie + data[:missing], data[missing:]
+            if len(self._cookie) < messages.COOKIE_BYTES:
+                return b""
+            messages.check_cookie(self._cookie)
+            ping = messages.description(messages.TYPE_DESCRIPTION, 0, messages.PING_TYPE)
+            return ping + self.received(data, now_ns) if data else ping
+        answer = self._read_messages(data, now_ns)
+        self._deliver(now_ns)
+        return answer
+
+    def datagrams(self, came: Iterable[bytes], now_ns: int) -> None:
+        """Take the poses in them; what cannot be read is refused, and the connection goes on."""
+        for data in came:
+            stream = Stream()
+            try:
+                for message in stream.messages(data):
+                    if message.type == self._pose_type:
+                        self._receive_pose(message, now_ns)
+            except ProtocolError as error:
+                self._known.feed.reject(f"datagram: {error}")
+            if stream.is_cut:
+                self._known.feed.reject("datagram that ends within a message")
+        self._deliver(now_ns)
+
+    def expire(self, now_ns: int) -> None:
+        """A frame that has waited long enough goes out, whole or not."""
+        self._deliver(now_ns)
+
+    def due(self, now_ns: int) -> bytes:
+        """Pings, and word of missing bodies."""
+        if now_ns - self._pinged_ns < PING_NS:
+            return b""
+        self._pinged_ns = now_ns
+        if self._senders and now_ns - self._opened_ns >= NAMED_NS:
+            self._report_lack()
+        control = messages.CONTROL.decode()
+        asked = [number for number, name in self._senders.items() if name != control][:PINGED]
+        return b"".join(messages.message(now_ns, number, 0) for number in asked)
+
+    def _read_messages(self, data: bytes, now_ns: int) -> bytes:
+        answers = []
+        for message in self._stream.messages(data):
+            if message.type == self._pose_type:
+                self._receive_pose(message, now_ns)
+            elif message.type == messages.SENDER_DESCRIPTION:
+                answers.append(self._name_sender(message))
+            elif message.type == messages.TYPE_DESCRIPTION:
+                self._name_type(message)
+        return b"".join(answers)
+
+    def _receive_pose(self, message: Message, now_ns: int) -> None:
+        _, sender, _, payload = message
+        if len(payload) != messages.POSE_BYTES:
+            self._known.feed.reject("pose message of another length than 64 bytes")
+            return
+        sensor = int.from_bytes(payload[:4], "big", signed=True)
+        is_known, row = self._rows.find(sender, sensor)
+        if not is_known:
+            row = self._new_row(sender, sensor)
+        if row is not None:
+            self._assembly.add(row, message.stamp_ns or now_ns, payload[8:], now_ns)
+
+    def _new_row(self, sender: int, sensor: int) -> int | None:
+        """Of what is seen for the first time; None where it is no body."""
+        name = self._senders.get(sender)
+        if name is None:
+            self._known.feed.reject("pose of a sender that has no name yet")
+            return None
+        if self._rows.is_full:
+            self._known.feed.reject(f"pose of more than {MOST_BODIES} senders and sensors")
+            return None
+        return self._rows.add(sender, sensor, self._known.naming.body(name, sensor))
+
+    def _name_sender(self, message: Message) -> bytes:
+        """A sender is named, or renamed; the answer names it the same, so that it can be pinged."""
+        name, number = messages.described(message.payload), message.sender
+        if not 0 <= number < messages.MOST_IDS:
+            raise ProtocolError("a sender's number cannot be right")
+        text = name.decode("utf-8", "replace")
+        if self._senders.get(number) not in (None, text):
+            self._begin()  # poses under another name are another body's
+        self._senders[number] = text
+        return messages.description(messages.SENDER_DESCRIPTION, number, name)
+
+    def _name_type(self, message: Message) -> None:
+        if not 0 <= message.sender < messages.MOST_IDS:
+            raise ProtocolError("a type's number cannot be right")
+        if messages.described(message.payload) == messages.POSE_TYPE:
+            self._pose_type = message.sender
+        elif message.sender == self._pose_type:
+            self._pose_type = None
+
+    def _begin(self) -> None:
+        self._rows = Rows(self._known.repeats_are_lost)
+        self._assembly = Assembly(self._known.assemble_ns)
+
+    def _deliver(self, now_ns: int) -> None:
+        """What is whole, or has waited long enough."""
+        late = self._assembly.late
+        for exposure in self._assembly.pop_ready(now_ns):
+            self._deliver_one(exposure)
+        if late:
+            self._assembly.late = 0
+            self._known.feed.reject("pose later than the rest of its exposure", late)
+
+    def _deliver_one(self, exposure: Exposure) -> None:
+        pacing = self._known.pacing
+        seq = pacing.number(exposure.stamp_ns)
+        self._assembly.set_period(pacing.period_ns)
+        t_capture_ns = self._time.capture_ns(exposure.stamp_ns, exposure.arrived_ns)
+        self.latency_ns = exposure.arrived_ns - t_capture_ns
+        rows, seen = self._rows.fill(exposure)
+        feed = self._known.feed
+        feed.frame(seq, t_capture_ns, self._rows.names, *from_quaternions(rows, feed.unit_m), seen)
+
+    def _report_lack(self) -> None:
+        """Report missing bodies once, and again when they change."""
+        known = self._known
+        lack = known.naming.lack(self._named(), self._rows.names)
+        if lack != known.lack:
+            known.lack = lack
+            known.feed.report(Severity.WARNING if lack else Severity.INFO, lack or "all bodies of the lab are there")
+
+    def _named(self) -> list[str]:
+        control = messages.CONTROL.decode()
+        return [name for name in self._senders.values() if name != control]

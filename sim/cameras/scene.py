@@ -1,0 +1,133 @@
+"""Scenes for emulated cameras without any drone: bodies at rest, circling, or from a recording. Pure."""
+
+from dataclasses import replace
+from math import cos, pi, sin
+from typing import Protocol
+
+import numpy as np
+
+from formation.config import FollowerConfig, LabConfig, LeaderConfig
+from formation.maths import frames
+from formation.messages import LabFrame, RawFrame, Truth
+from formation.mocap_config import MocapConfig
+from mocap.sources.recordings import Timed
+from sim.cameras.emulator import EmulatorConfig, MocapEmulator
+from sim.cameras.playback import Playback
+
+SPACING_M, ACROSS, HEIGHT_M, LEVELS, LEVEL_M = 0.6, 5, 0.3, 7, 0.05
+RADIUS_M, PERIOD_S, TURN_PERIOD_S = 0.2, 6.0, 15.0
+
+STOOD_STILL_NS = 500_000_000
+"""A process so late was stopped: it skips the frames of that time, since sending them would delay later ones."""
+
+
+class Scene(Protocol):
+    """The bodies that the cameras see, frame by frame; each has the lab's name for it."""
+
+    bodies: tuple[str, ...]
+
+    @property
+    def next_ns(self) -> int:
+        """When `frames` is due again."""
+
+    def frames(self, now_ns: int) -> list[RawFrame]:
+        """The frames that leave the cameras' computer by now."""
+
+
+class Circling:
+    """Each body circles about its grid point, 0.2 m from it, and yaws slowly; at rest where `still`.
+
+    leader: how the first body moves instead, if recorded.
+    """
+
+    def __init__(
+        self, lab: LabConfig, count: int, cameras: EmulatorConfig, still: bool, leader: Playback | None, seed: int,
+        t0_ns: int,
+    ) -> None:  # fmt: skip
+        """count: so many of the lab's vehicles there are, the leader first."""
+        self.bodies = tuple(v.body for v in lab.vehicles)[:count]
+        self._cameras = MocapEmulator(cameras, _carried(lab, leader is not None), leader, seed, t0_ns)
+        self._cameras.start(t0_ns)
+        self._first = 0 if leader is None else 1
+        self._still = still
+        self._t0_ns = t0_ns
+
+    @property
+    def next_ns(self) -> int:
+        """When `frames` is due again."""
+        return min(self._cameras.next_exposure_ns, self._cameras.next_frame_ns)
+
+    def frames(self, now_ns: int) -> list[RawFrame]:
+        """The frames that leave the cameras' computer by now."""
+        n = len(self.bodies)
+        if now_ns - self._cameras.next_exposure_ns > STOOD_STILL_NS:
+            self._cameras.skip_to(now_ns)
+        while (t_ns := self._cameras.next_exposure_ns) <= now_ns:
+            self._cameras.expose({i + 1: self._truth(i, t_ns) for i in range(self._first, n)})
+        return [_first_bodies(frame, n) for frame in self._cameras.pop_due(now_ns)]
+
+    def _truth(self, i: int, t_ns: int) -> Truth:
+        t_s = 0.0 if self._still else (t_ns - self._t0_ns) * 1e-9
+        w, turn = (0.0, 0.0) if self._still else (2.0 * pi / PERIOD_S, 2.0 * pi / TURN_PERIOD_S)
+        angle, yaw = w * t_s + i, turn * t_s + 0.3 * i
+        centre = ((i // ACROSS) * SPACING_M, (i % ACROSS - ACROSS // 2) * SPACING_M, HEIGHT_M + LEVEL_M * (i % LEVELS))
+        pos = np.array(centre) + RADIUS_M * np.array([cos(angle), sin(angle), 0.0])
+        vel = RADIUS_M * w * np.array([-sin(angle), cos(angle), 0.0])
+        q = frames.from_yaw(np.array(yaw))
+        return Truth(t_ns, i + 1, pos, vel, q, np.array([0.0, 0.0, turn]), np.zeros(3), False)
+
+
+class Recorded:
+    """The frames of a log, or of a leader's CSV, at their own times; then nothing more."""
+
+    def __init__(self, recorded: list[Timed], t0_ns: int) -> None:
+        self.bodies = recorded[0][1].bodies
+        self._left = [(t0_ns + t_ns, frame) for t_ns, frame in reversed(recorded)]
+
+    @property
+    def next_ns(self) -> int:
+        """When `frames` is due again."""
+        return self._left[-1][0] if self._left else 2**63 - 1
+
+    def frames(self, now_ns: int) -> list[RawFrame]:
+        """The frames whose time has come."""
+        due = []
+        while self._left and self._left[-1][0] <= now_ns:
+            t_ns, frame = self._left.pop()
+            due.append(_as_raw(frame, t_ns))
+        return due
+
+
+def lab_of(names: tuple[str, ...], mocap: MocapConfig) -> LabConfig:
+    """A lab of bodies of these names, and one more where there is but one."""
+    followers = tuple(
+        FollowerConfig(body=name, sysid=i, offset_m=(-0.5 * i, 0.0, 0.0))
+        for i, name in enumerate(names[1:] or ("nobody",), start=2)
+    )
+    return LabConfig(leader=LeaderConfig(body=names[0], sysid=1), followers=followers, mocap=mocap)
+
+
+def _carried(lab: LabConfig, led: bool) -> LabConfig:
+    """Body i is sysid i + 1, the leader nobody's where a recording carries it."""
+    leader = lab.leader.model_copy(update={"sysid": None if led else 1})
+    followers = tuple(f.model_copy(update={"sysid": i}) for i, f in enumerate(lab.followers, start=2))
+    return lab.model_copy(update={"leader": leader, "followers": followers})
+
+
+def _first_bodies(frame: RawFrame, n: int) -> RawFrame:
+    if len(frame.bodies) == n:
+        return frame
+    return replace(
+        frame,
+        bodies=frame.bodies[:n],
+        pos_mocap_m=frame.pos_mocap_m[:n],
+        q_mocap_from_marker=frame.q_mocap_from_marker[:n],
+        seen=frame.seen[:n],
+    )
+
+
+def _as_raw(frame: RawFrame | LabFrame, t_ns: int) -> RawFrame:
+    """A log's frame is in lab axes, and shown by cameras whose axes are the lab's."""
+    if isinstance(frame, RawFrame):
+        return replace(frame, t_capture_ns=t_ns)
+    return RawFrame(frame.seq, t_ns, frame.bodies, frame.pos_lab_m, frame.q_lab_from_flu, frame.seen)

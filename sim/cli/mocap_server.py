@@ -1,0 +1,99 @@
+"""What `gcs-sim mocap-server` serves: the lab or the bodies that were asked for, and the vendor's server."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import ValidationError
+
+from formation.config import LabConfig
+from formation.mocap_config import MocapConfig
+from mocap.sources.csv_file import MocapFileError, read_recording
+from mocap.sources.recordings import mcap_frames
+from sim.cameras import box as cameras_box
+from sim.cameras.emulator import EmulatorConfig
+from sim.cameras.playback import Playback
+from sim.cameras.scene import Circling, Recorded, Scene, lab_of
+from sim.cameras.systems import LOOPBACK, OTHER_LOOPBACK, SOURCE_OF, is_camera_system, server_for
+from sim.cli.cameras import BoxOptions
+from wire.clock import Clock
+from wire.config_file import load
+from wire.errors import ConfigError
+
+
+class NotRight(ValueError):
+    """Something given cannot be served, in one line."""
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A scene, the camera system that sees it, and their clock."""
+
+    scene: Scene
+    mocap: MocapConfig
+    clock: Clock
+
+    async def serve(self, interruptions: cameras_box.Interruptions, report: Callable[[str], None]) -> None:
+        """Serve until cancelled; OSError where an address is taken."""
+        table = getattr(self.mocap, self.mocap.source)
+        where = ", ".join(f"{key} {value}" for key, value in table.model_dump(exclude_none=True).items())
+        report(f"{self.mocap.source} ({where}): {', '.join(self.scene.bodies)}")
+        await cameras_box.serve(
+            self.scene, lambda: server_for(self.mocap, self.scene.bodies, self.clock), interruptions, report, self.clock
+        )
+
+
+def box(options: BoxOptions) -> Box:
+    """Raises NotRight for what cannot be served."""
+    clock = Clock(options.speed)
+    t0_ns = clock.monotonic_ns()
+    try:
+        recorded = None if options.mcap is None else mcap_frames(options.mcap)
+        leader = None if options.csv is None else Playback(read_recording(options.csv))
+        names = _names(options.bodies) if recorded is None else recorded[0][1].bodies
+        lab = lab_of(names, MocapConfig()) if options.lab is None else load(options.lab, LabConfig)
+        mocap = _mocap(lab.mocap, options)
+        emulator = EmulatorConfig.model_validate({"rate_hz": mocap.rate_hz} | _settings(options.cameras))
+    except (ConfigError, MocapFileError, ValidationError) as error:
+        raise NotRight(_first_line(error)) from error
+    if recorded is not None:
+        return Box(Recorded(recorded, t0_ns), mocap, clock)
+    lab = lab.model_copy(update={"mocap": mocap})
+    count = options.bodies if options.lab is None else len(lab.vehicles)
+    return Box(Circling(lab, count, emulator, options.still, leader, options.seed, t0_ns), mocap, clock)
+
+
+def _names(count: int) -> tuple[str, ...]:
+    return tuple(f"body{i + 1}" for i in range(count))
+
+
+def _mocap(mocap: MocapConfig, options: BoxOptions) -> MocapConfig:
+    """The lab's own section with the protocol and the address given."""
+    source = mocap.source if options.protocol is None else SOURCE_OF[options.protocol]
+    values = mocap.model_dump(exclude_none=True) | {"source": source}
+    if not is_camera_system(MocapConfig.model_validate(values)):
+        raise NotRight(f'source "{source}" is no camera system: --protocol {"|".join(SOURCE_OF)}')
+    host, port = options.host, options.port
+    table = values.get(source, {})
+    table["host"] = host or table.get("host") or (OTHER_LOOPBACK if source == "natnet" else LOOPBACK)
+    if port is not None:
+        table |= {"command_port": port, "data_port": port + 1} if source == "natnet" else {"port": port}
+    return MocapConfig.model_validate(values | {source: table})
+
+
+def _settings(text: str) -> dict[str, Any]:
+    """KEY=VALUE pairs."""
+    settings = {}
+    for pair in filter(None, text.split(",")):
+        key, found, value = pair.partition("=")
+        if not found:
+            raise NotRight(f"--cameras: {pair!r} is not KEY=VALUE")
+        settings[key.strip()] = value.strip()
+    return settings
+
+
+def _first_line(error: Exception) -> str:
+    if isinstance(error, ValidationError):
+        first = error.errors()[0]
+        return f"--cameras: {'.'.join(map(str, first['loc']))}: {first['msg']}"
+    return str(error)

@@ -1,0 +1,258 @@
+"""Vehicles whose truth is known: made by hand, and flown in the simulator."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import curve_fit
+from typer.testing import CliRunner
+
+from analysis.cli import app
+from analysis.identify import response, thrust
+from analysis.identify.estimate import Estimate, covariance, propagated
+from analysis.identify.report import to_json, write
+from analysis.identify.response import Response, nearest_first_order
+from analysis.identify.sensing import Sensing, estimate_sensing, scatter
+from analysis.identify.signals import Seen, Sent, held
+from analysis.identify.thrust import Thrust
+from analysis.identify.vehicle import Identification, identify
+from analysis.load import Flight, from_records
+from drone_agent.simulation.attitude_loop import LoopSetpoint, advance
+from formation.maths import frames
+from formation.maths.arrays import Float
+from formation.vehicle.profile import GRAVITY_M_S2, PROFILES, VehicleProfile, at_rest
+from sim import lockstep, scenario
+from wire import config_file
+
+FINE_S = 0.0005
+
+
+def covers(estimate: Estimate, truth: float) -> bool:
+    """Within three standard deviations, or nearer than the test integrator is exact."""
+    reach = 1.5 * estimate.half_width
+    return abs(estimate.value - truth) <= max(reach, 0.02 * abs(truth))
+
+
+def commanded(seconds: float, rng: np.random.Generator) -> tuple[Float, Float]:
+    """Jittered times and a lively tilt (two axes), rad."""
+    t_s = np.cumsum(0.01 + 0.0005 * rng.standard_normal(round(100 * seconds)))
+    steps = np.repeat(0.06 * rng.standard_normal((len(t_s) // 20 + 1, 2)), 20, axis=0)[: len(t_s)]
+    return t_s, steps + 0.02 * rng.standard_normal((len(t_s), 2))
+
+
+def attitude_loop(t_s: Float, target: Float, at_s: Float, p: float, r: float, motor_s: float, delay_s: float) -> Float:
+    """Cascaded attitude loop integrated in small steps: torque lags, rate loop, attitude P."""
+    angle, rate, torque = np.zeros(2), np.zeros(2), np.zeros(2)
+    index = np.clip(np.searchsorted(t_s + delay_s, at_s, side="right") - 1, -1, None)
+    out = np.empty((len(at_s), 2))
+    for k, i in enumerate(index):
+        out[k] = angle
+        wanted = target[i] if i >= 0 else np.zeros(2)
+        torque = torque + FINE_S * (r * (p * (wanted - angle) - rate) - torque) / motor_s
+        rate = rate + FINE_S * torque
+        angle = angle + FINE_S * rate
+    return out
+
+
+def level(lean: Float) -> Float:
+    """Attitudes whose up axis leans so."""
+    return frames.from_rotation_vector(np.stack([-np.arcsin(lean[:, 1]), np.arcsin(lean[:, 0]), 0 * lean[:, 0]], -1))
+
+
+@pytest.mark.parametrize(("p", "r", "motor_s", "delay_s"), [(11.0, 35.0, 0.025, 0.006), (7.0, 50.0, 0.02, 0.08)])
+def test_a_cascaded_loop_is_found_again(p: float, r: float, motor_s: float, delay_s: float):
+    rng = np.random.default_rng(1)
+    t_s, tilt = commanded(20.0, rng)
+    fine_s = np.arange(t_s[0], t_s[-1], FINE_S)
+    lean = attitude_loop(t_s, np.sin(tilt), fine_s, p, r, motor_s, delay_s)
+    looked_s = np.arange(t_s[0] + 0.5, t_s[-1], 0.01)
+    trim = np.array([0.004, -0.002])
+    noisy = np.stack([np.interp(looked_s, fine_s, lean[:, i]) for i in range(2)], 1) + trim
+    noisy += 0.001 * rng.standard_normal(noisy.shape)
+    flat = np.zeros(len(looked_s))
+    saw = Seen(looked_s, flat, noisy, flat + 1.0, flat)
+    found = response.fit(Sent(t_s, level(np.sin(tilt)), np.zeros((len(t_s), 3)), np.full(len(t_s), 0.5)), saw)
+    assert isinstance(found, Response)
+    assert covers(found.attitude_p_1_s, p)
+    assert covers(found.rate_p_1_s, r)
+    assert covers(found.motor_lag_s, motor_s)
+    assert found.delay_s.value == pytest.approx(delay_s, abs=0.001)
+    assert found.rate_lead is None
+    assert found.residual_rad == pytest.approx(0.001, rel=0.05)
+
+
+def test_a_first_order_response_is_its_own_nearest():
+    """A loop whose inner lags vanish is a first-order lag of 1/P."""
+    parameters = np.array([np.log(8.0), np.log(400.0), np.log(0.002), 0.03, 0.0, 0.0, 0.0])
+    dead_s, lag_s = nearest_first_order(parameters)
+    assert lag_s == pytest.approx(1.0 / 8.0, rel=0.03)
+    assert dead_s == pytest.approx(0.03 + 1.0 / 400.0, abs=0.002)
+
+
+def test_thrust_and_its_curve_are_found_again():
+    """A climb and a descent with 0.1 mm of noise: hover, curve and the battery's fade."""
+    rng = np.random.default_rng(2)
+    curve, full, delay_s, motor_s, fade = 0.4, 21.0, 0.01, 0.025, 0.0006
+    t_s = np.arange(0.0, 30.0, 0.01)
+    norm = 0.6 + 0.04 * np.sin(1.7 * t_s) * np.sin(0.3 * t_s)
+    fine_s = np.arange(0.0, 30.0, FINE_S)
+    index = np.clip(np.searchsorted(t_s + delay_s, fine_s, side="right") - 1, 0, None)
+    force = full * ((1.0 - curve) * norm[index] + curve * norm[index] ** 2)
+    reached = np.empty_like(force)
+    reached[0] = force[0]
+    for k in range(1, len(force)):
+        reached[k] = reached[k - 1] + FINE_S * (force[k - 1] - reached[k - 1]) / motor_s
+    acc = reached * (1.0 - fade * fine_s) - GRAVITY_M_S2
+    z = 1.0 + np.cumsum(np.cumsum(acc) * FINE_S) * FINE_S
+    height = np.interp(t_s, fine_s, z) + 1e-4 * rng.standard_normal(len(t_s))
+    flat = np.zeros(len(t_s))
+    of = Sent(t_s, np.tile(frames.IDENTITY, (len(t_s), 1)), np.zeros((len(t_s), 3)), norm)
+    found = thrust.fit(of, Seen(t_s, height, np.zeros((len(t_s), 2)), flat + 1.0, flat), delay_s, motor_s)
+    assert isinstance(found, Thrust)
+    hover = (-(1.0 - curve) + np.sqrt((1.0 - curve) ** 2 + 4.0 * curve * GRAVITY_M_S2 / full)) / (2.0 * curve)
+    assert found.hover_norm.value == pytest.approx(hover, rel=0.003)
+    assert found.curve is not None
+    assert covers(found.curve, curve)
+    assert found.fade_1_s.value == pytest.approx(fade, rel=0.1)
+
+
+def test_pose_noise_is_told_from_motion_at_uneven_times():
+    rng = np.random.default_rng(3)
+    t_s = np.cumsum(0.01 + 0.001 * rng.standard_normal(4000))
+    moving = np.stack([np.sin(t_s), 1.5 * t_s, 0.3 * np.cos(3.0 * t_s)], axis=1)
+    found = scatter(t_s, moving + 2e-4 * rng.standard_normal(moving.shape))
+    assert found is not None
+    assert found.value == pytest.approx(2e-4, rel=0.05)
+    assert scatter(t_s[:20], moving[:20]) is None
+
+
+def test_a_held_signal_keeps_its_area_on_the_grid():
+    t_s, values = np.array([0.0, 0.0137, 0.02]), np.array([1.0, 3.0, -2.0])
+    at_s = np.arange(0.0, 0.04, 0.002)
+    np.testing.assert_allclose(held(t_s, values, at_s).sum() * 0.002, 0.0137 + 3.0 * 0.0063 - 2.0 * 0.02, atol=1e-12)
+
+
+def test_the_sandwich_agrees_with_the_textbook_on_white_residuals():
+    rng = np.random.default_rng(4)
+    t_s = np.arange(0.0, 400.0, 0.05)
+    table = np.stack([np.ones_like(t_s), np.sin(t_s)], axis=1)
+    spread = covariance(table, 0.3 * rng.standard_normal(len(t_s)), t_s)
+    np.testing.assert_allclose(np.diag(spread), 0.09 * np.diag(np.linalg.inv(table.T @ table)), rtol=0.25)
+
+
+def test_uncertainty_is_carried_through_a_function():
+    (product,) = propagated(lambda x: np.array([x[0] * x[1]]), np.array([2.0, 3.0]), np.diag([0.01, 0.04]))
+    assert product.value == 6.0
+    assert product.half_width == pytest.approx(1.96 * np.sqrt(9.0 * 0.01 + 4.0 * 0.04), rel=1e-4)
+
+
+SLOW = {"attitude_p_1_s": 8.0, "rate_p_1_s": 28.0, "command_delay_s": 0.012, "thrust_curve": 0.3, "mass_kg": 0.046}
+
+
+@pytest.fixture(scope="module")
+def flown() -> Flight:
+    """A short flight of one follower that is not what its profile says, from the simulator."""
+    plan = scenario.load("triangle_circle")
+    lab = plan.lab.model_copy(update={"followers": plan.lab.followers[:1]})
+    trajectory = lab.leader.trajectory.model_copy(update={"duration_s": 12.0})
+    lab = lab.model_copy(update={"leader": lab.leader.model_copy(update={"trajectory": trajectory})})
+    true = scenario.TrueVehicle(sysid=2, vehicle=SLOW)
+    _, records = lockstep.run_in_memory(
+        plan.model_copy(update={"lab": lab, "formation_s": 12.0, "vehicles": (true,)}), 5
+    )
+    return from_records(lockstep.metadata(plan, 5, "memory", 0) | {"lab": lab.model_dump_json()}, records)
+
+
+@pytest.fixture(scope="module")
+def found(flown: Flight) -> Identification:
+    return identify(flown)
+
+
+def step_truth(body: VehicleProfile) -> tuple[float, float]:
+    """Dead time and lag of the vehicle's own step, as control's profiles state them."""
+    tilt = 0.05
+    target = LoopSetpoint(frames.from_rotation_vector(np.array([0.0, tilt, 0.0])), np.zeros(3), body.hover_thrust_norm)
+    state, angles = at_rest(np.array([0.0, 0.0, 5.0]), frames.IDENTITY, body.weight_n / 4.0), []
+    for _ in range(round(4.4e3 / body.attitude_p_1_s)):
+        state = advance(state, body, target, True, np.zeros(3), 0.001, 1)
+        angles.append(2.0 * np.arcsin(state.q_lab_from_flu[2]) / tilt)
+    (dead_s, lag_s), _ = curve_fit(response.first_order, 0.001 * np.arange(1, len(angles) + 1), angles, p0=(0.05, 0.05))
+    return dead_s, lag_s
+
+
+def test_a_flown_vehicles_lag_delay_and_hover_thrust_are_found(found: Identification):
+    """Within 10 % (lag, dead time) and 2 % (hover), the drone being unlike the profile it was flown with."""
+    follower = found.drones[1]
+    body = VehicleProfile.model_validate(PROFILES["paper_40g"].model_dump() | SLOW)
+    dead_s, lag_s = step_truth(body)
+    link = scenario.load("triangle_circle").link
+    path_s = link.down_s + link.jitter_s + body.command_delay_s
+    assert isinstance(follower.response, Response)
+    assert follower.response.dead_time_s.value == pytest.approx(dead_s + path_s, rel=0.1)
+    assert follower.response.lag_s.value == pytest.approx(lag_s, rel=0.1)
+    assert follower.response.rate_lead is not None
+    assert follower.response.rate_lead.value > 0.5
+    assert isinstance(follower.thrust, Thrust)
+    assert follower.thrust.hover_norm.value == pytest.approx(body.hover_thrust_norm, rel=0.02)
+
+
+def test_the_flown_mocaps_noise_and_delay_are_found(found: Identification):
+    assert isinstance(found.sensing, Sensing)
+    emulated = scenario.load("triangle_circle").mocap
+    assert found.sensing.delay_s.value == pytest.approx(emulated.delay_s + emulated.delay_jitter_s, rel=0.1)
+    for noise in found.sensing.noise:
+        assert noise.pos_m is not None
+        assert noise.attitude_rad is not None
+        assert noise.pos_m.value == pytest.approx(emulated.noise_m, rel=0.1)
+        assert noise.attitude_rad.value == pytest.approx(emulated.noise_rad, rel=0.2)
+
+
+def test_the_profile_hovers_where_the_flight_did(found: Identification, tmp_path: Path):
+    follower = found.drones[1]
+    profile = follower.profile()
+    assert isinstance(follower.thrust, Thrust)
+    assert isinstance(follower.response, Response)
+    assert profile.hover_thrust_norm == pytest.approx(follower.thrust.hover_norm.value, rel=1e-3)
+    assert profile.response_lag_s == pytest.approx(follower.response.lag_s.value, rel=1e-3)
+    path = tmp_path / "profile.toml"
+    path.write_text(config_file.dump(profile), encoding="utf-8")
+    assert config_file.load(path, VehicleProfile) == profile
+
+
+def test_a_vehicle_of_the_labs_own_is_identified_from_its_own_profile(flown: Flight):
+    """As after a first `identify --write`: the mass stays, the name does not grow, no more delay inside than seen."""
+    own = PROFILES["paper_40g"].model_copy(update={"name": "ours_left", "mass_kg": 0.046, "command_delay_s": 0.08})
+    assert flown.run.lab is not None
+    follower = flown.run.lab.followers[0].model_copy(update={"profile": "ours_left", "body": "left"})
+    lab = flown.run.lab.model_copy(update={"profiles": (own,), "followers": (follower,)})
+    vehicles = (flown.vehicles[0], replace(flown.vehicles[1], body="left"))
+    again = identify(replace(flown, run=replace(flown.run, lab=lab), vehicles=vehicles)).drones[1]
+    profile = again.profile()
+    assert (profile.name, profile.mass_kg) == ("ours_left", 0.046)
+    assert profile.command_delay_s <= profile.thrust_dead_time_s < 0.03
+
+
+def test_the_page_and_the_json_hold_every_estimate(flown: Flight, found: Identification, tmp_path: Path):
+    values = json.loads(to_json(found))
+    assert set(values["drones"]) == {v.body for v in flown.vehicles}
+    for drone in values["drones"].values():
+        assert drone["response_lag_s"]["low"] < drone["response_lag_s"]["value"] < drone["response_lag_s"]["high"]
+    write(flown, found, tmp_path / "identified.html")
+    text = (tmp_path / "identified.html").read_text(encoding="utf-8")
+    assert text.count("<svg") == len(found.drones)
+    assert "thrust_curve" in text
+
+
+def test_a_flight_that_tells_nothing_says_so(flown: Flight):
+    grounded = replace(flown, phases=flown.phases[:1])
+    told = identify(grounded)
+    assert all(isinstance(drone.response, str) and isinstance(drone.thrust, str) for drone in told.drones)
+    assert told.drones[0].profile().response_lag_s == PROFILES["paper_40g"].response_lag_s
+    assert estimate_sensing(from_records({}, [])) == "too few mocap frames"
+
+
+def test_the_command_refuses_what_is_no_log(tmp_path: Path):
+    refused = CliRunner().invoke(app, ["identify", str(tmp_path / "absent.mcap")])
+    assert refused.exit_code == 2

@@ -1,0 +1,171 @@
+"""The bridge's HIGHRES_IMU: asked for where it does not come; and what the bridge does about poses that drift."""
+
+import numpy as np
+import pytest
+
+from drone_agent.bridge.core import BridgeCore
+from drone_agent.bridge.daemon import imu_rate_limit_hz
+from drone_agent.bridge.estimate import BodyEstimate
+from drone_agent.bridge.inertial_stream import InertialStream
+from drone_agent.config import AgentConfig
+from drone_agent.core import AgentCore
+from formation.messages import Datagram
+from formation.vehicle.profile import PROFILES
+from tests.drone_agent.agent_harness import MS, Harness, S, hover_at, hover_over
+from tests.drone_agent.bridge.test_bridge import Site
+from wire.link_messages.address import BRIDGE_COMPONENT, GROUND, Address
+from wire.link_messages.commands import CommandAck, CommandLong, MavCommand, Result, command_long
+from wire.link_messages.motion import InertialSample
+from wire.link_messages.setpoints import AttitudeSetpoint
+from wire.mavlink.codec import Codec
+
+DRONE, BRIDGE = Address(1, 1), Address(1, BRIDGE_COMPONENT)
+IMU = 105.0
+G = np.array([0.0, 0.0, 9.80665])
+
+
+class Asked:
+    """A stream whose requests are kept, with an autopilot that sends what it likes."""
+
+    def __init__(self, rate_hz: float = 100.0) -> None:
+        self.stream = InertialStream(DRONE, rate_hz, BodyEstimate(PROFILES["px4_quad"], 1), 0)
+        self.requests: list[CommandLong] = []
+        self.told_s: list[float] = []
+        self.now_ns = 0
+
+    def run(self, seconds: float, rate_hz: float = 0.0) -> None:
+        for _ in range(round(seconds * 100)):
+            self.now_ns += 10 * MS
+            if rate_hz and self.now_ns // (10 * MS) % round(100 / rate_hz) == 0:
+                self.stream.receive_sample(InertialSample(self.now_ns // 1000, G, np.zeros(3)), self.now_ns)
+            request = self.stream.due(self.now_ns)
+            self.requests += [request] if request is not None else []
+            self.told_s += [self.now_ns / S] if self.stream.is_missing_report_due(self.now_ns) else []
+
+
+def test_it_is_asked_for_until_enough_comes_and_kept_from_who_did_not_ask() -> None:
+    asked = Asked()
+    asked.run(4.0)
+    assert [r.params[:2] for r in asked.requests] == [(IMU, 10_000.0)] * 3
+    assert not asked.stream.passes
+    asked.run(5.0, rate_hz=50.0)
+    assert len(asked.requests) <= 4
+    assert not asked.stream.requested(command_long(DRONE, MavCommand.SET_MESSAGE_INTERVAL, 30.0, 1e4))
+    assert not asked.stream.requested(command_long(DRONE, MavCommand.SET_MESSAGE_INTERVAL, IMU, 5e3))
+    assert asked.stream.passes
+    assert asked.stream.requested(command_long(DRONE, MavCommand.SET_MESSAGE_INTERVAL, IMU, -1.0))
+    assert not asked.stream.passes
+    assert asked.stream.requested(command_long(DRONE, MavCommand.SET_MESSAGE_INTERVAL, IMU, 1e5))
+    assert asked.stream.passes
+    asked.stream.restarted(asked.now_ns)
+    asked.run(3.0)
+    assert len(asked.requests) > 4
+    assert asked.stream.passes
+
+
+def test_the_operator_is_told_once_that_it_does_not_come() -> None:
+    asked = Asked()
+    asked.run(4.0)
+    asked.run(4.0, rate_hz=50.0)
+    assert asked.told_s == []
+    asked.run(20.0)
+    assert len(asked.told_s) == 1
+    asked.stream.restarted(asked.now_ns)
+    asked.stream.answered(CommandAck(BRIDGE, MavCommand.SET_MESSAGE_INTERVAL, Result.UNSUPPORTED))
+    asked.run(20.0)
+    assert asked.told_s[1:] == [pytest.approx(28.01)]
+
+
+def test_what_comes_unasked_passes() -> None:
+    asked = Asked()
+    asked.run(5.0, rate_hz=50.0)
+    assert asked.requests == []
+    assert asked.stream.passes
+
+
+def test_who_does_not_know_it_is_asked_once_and_again_after_a_restart() -> None:
+    asked = Asked()
+    asked.run(2.0)
+    asked.stream.answered(CommandAck(BRIDGE, MavCommand.SET_MESSAGE_INTERVAL, Result.UNSUPPORTED))
+    asked.run(5.0)
+    assert len(asked.requests) == 1
+    assert not asked.stream.requested(command_long(DRONE, MavCommand.SET_MESSAGE_INTERVAL, IMU, -1.0))
+    asked.stream.restarted(asked.now_ns)
+    asked.run(2.0)
+    assert len(asked.requests) == 2
+
+
+def test_a_bridge_that_wants_none_leaves_it_alone() -> None:
+    asked = Asked(0.0)
+    asked.run(20.0)
+    assert asked.requests == []
+    assert asked.told_s == []
+    assert not asked.stream.requested(command_long(DRONE, MavCommand.SET_MESSAGE_INTERVAL, IMU, -1.0))
+
+
+def test_the_request_of_a_ground_for_less_ends_here_and_is_answered() -> None:
+    bridge, ground = BridgeCore(AgentConfig(bridge="udp:h:1", body="b"), 0), Codec(GROUND)
+    bridge.tick(0)
+    for interval_us, passes in ((-1.0, False), (5e3, True)):
+        asks = ground.encode(command_long(DRONE, MavCommand.SET_MESSAGE_INTERVAL, IMU, interval_us))
+        bridge.receive_ground(Datagram(1, asks), MS)
+        out = bridge.tick(MS)
+        assert bool(out.to_autopilot) is passes
+        acks = [p for d in out.to_ground for p in ground.receive(d.data) if isinstance(p.message, CommandAck)]
+        assert [(p.source, p.message.result) for p in acks] == [] if passes else [(DRONE, Result.ACCEPTED)]
+
+
+def blind(site: Site) -> Site:
+    """With an autopilot that follows whatever pose it is told, as one does whose gates are wide."""
+    site.drone.core = AgentCore(site.drone.config, 0, frozenset({"pose-slides"}))
+    return site
+
+
+@pytest.mark.parametrize("speed_m_s", [0.15, 0.35, 1.0])
+def test_in_flight_it_leaves_the_setpoints_holds_by_the_sensors_and_comes_down(speed_m_s: float) -> None:
+    site = blind(Site())
+    site.fly(1.0, hover_over(0.0, 0.0, 1.0))
+    place, t0_ns = site.drone.truth.pos_lab_m, site.now_ns
+
+    def led_away(drone: Harness) -> AttitudeSetpoint:
+        """By a ground that holds it where the sliding pose says."""
+        return hover_over(-speed_m_s * (site.now_ns - t0_ns) / S, 0.0, 1.0)(drone)
+
+    site.slides_m_s = speed_m_s
+    site.run(5.0, led_away)
+    assert site.texts().count("Pose rejected, pose drift: hold") == 1
+    assert "No pose to land on: coming down level" in site.texts()
+    truth = site.drone.truth
+    assert truth.on_ground
+    assert np.linalg.norm((truth.pos_lab_m - place)[:2]) < 0.3
+
+
+def test_on_the_floor_nothing_slides() -> None:
+    """Motors that start shake what it feels: a real take-off was broken off on the floor."""
+    site = blind(Site())
+    site.run(6.0)
+    site.run(0.2, hover_at(-1.0))
+    assert site.command(176, 1.0, 6.0).result == site.command(400, 1.0).result == 0
+    site.slides_m_s = 0.5
+    site.run(2.0, hover_at(-1.0))
+    assert not site.bridge.rejects_poses
+    assert not any("Pose rejected" in text for text in site.texts())
+
+
+def test_a_flight_without_a_slide_is_left_alone() -> None:
+    site = blind(Site())
+    site.fly(0.6, hover_over(0.0, 0.0, 0.6))
+    for k in range(12):
+        place = 0.4 * np.array([np.cos(k), np.sin(k)])
+        site.run(1.0, hover_over(float(place[0]), float(place[1]), 0.6))
+    assert not any("Pose rejected" in text for text in site.texts())
+    assert not any(isinstance(p.message, InertialSample) for p in site.heard)
+
+
+@pytest.mark.parametrize(
+    ("line", "room_hz"),
+    [("serial:/dev/ttyACM0:921600", 307.2), ("serial:/dev/ttyUSB0:57600", 19.2), ("udp:h:1", np.inf)],
+)
+def test_a_slow_line_is_not_filled(line: str, room_hz: float) -> None:
+    """A HIGHRES_IMU of 63 bytes with MAVLink 2's frame of 12, 10 bits each: a quarter of the line."""
+    assert imu_rate_limit_hz(line) == pytest.approx(room_hz)

@@ -1,0 +1,290 @@
+"""The navigator against true motion: what it says of its errors is what they are, and no input disturbs it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import chi2
+
+from drone_agent.guard.navigator import Navigator
+from formation.maths.arrays import Float
+from formation.maths.frames import IDENTITY, inverse, multiply, rotate
+from formation.navigation.receive import Input, RejectReason
+from formation.navigation.state import BIAS, DELAY, LEVEL, Airframe
+from tests.drone_agent.guard.guard_flights import MS, SIH, Flight, G, Motion, S, Streams, fly, navigator, sensed
+
+ONE = np.array([0])
+WHOLE_S = 0.01
+"""Inertial samples that miss nothing between them, so that the truth's time is theirs."""
+
+
+def errors(nav: Navigator, motion: Motion) -> tuple[Float, Float]:
+    """True less estimated position and velocity (n, 6), and what the navigator says of them (n, 6, 6)."""
+    out, cov = [], []
+    for i in range(len(nav.bodies)):
+        x = nav.bodies[i].estimate
+        t = np.array(x.t_ns * 1e-9)
+        out.append(np.concatenate([motion.pos(t)[i] - x.pos_lab_m, motion.vel(t)[i] - x.vel_lab_m_s]))
+        cov.append(x.cov[:6, :6].copy())
+    return np.array(out), np.array(cov)
+
+
+@pytest.mark.parametrize("imu", [(0.3, 0.3, 0.3), SIH])
+def test_errors_are_as_large_as_the_covariance_says(imu: tuple[float, float, float]) -> None:
+    """NEES of the velocity and NIS of the position within the 99.9 % interval of chi-square over time.
+
+    The position's NEES may be half as much more: samples of 10 ms are no more than steps of what happened between.
+    """
+    flight = Flight(n=20, seed=3, imu_m_s2=imu, gyro_rad_s=0.03, tilt_rad=0.0, imu_mean_s=WHOLE_S)
+    motion = Motion(flight)
+    nav = navigator(flight)
+    pos, vel, nis = [], [], []
+
+    def keep(j: int) -> None:
+        if j >= 1000 and j % 250 == 0:
+            error, cov = errors(nav, motion)
+            for part, out in ((slice(0, 3), pos), (slice(3, 6), vel)):
+                inverse_cov = np.linalg.inv(cov[:, part, part])
+                out.append(np.einsum("ni,nij,nj->n", error[:, part], inverse_cov, error[:, part]))
+            new = [nav.innovation(i, 0) for i in range(flight.n)]
+            nis.append([np.sum(a.innovation**2 / a.innovation_variance) for a in new])
+
+    assert fly(nav, sensed(motion, 20.1), keep) == []
+    count = len(nis) * flight.n
+    low, high = chi2.ppf([0.0005, 0.9995], 3 * count) / count
+    assert low < np.mean(vel) < high
+    assert low < np.mean(nis) < high
+    assert low < np.mean(pos) < 1.5 * high
+
+
+def test_biases_and_delay_are_found() -> None:
+    flight = Flight(n=4, seed=1, vel_m_s=0.8, clock_s=0.012, tilt_rad=0.0, imu_mean_s=WHOLE_S, level_rad=0.0)
+    motion, nav = Motion(flight), navigator(flight)
+    assert fly(nav, sensed(motion, 30.0)) == []
+    for i in range(flight.n):
+        x = nav.bodies[i].estimate
+        bias, level, delay = (np.sqrt(np.diag(x.cov)[k]) for k in (BIAS, LEVEL, DELAY))
+        assert x.accel_bias_flu_m_s2 == pytest.approx(motion.bias[i], abs=4.0 * bias)
+        assert x.pose_delay_s == pytest.approx(flight.clock_s, abs=4.0 * delay)
+        assert x.level_bias_flu_rad == pytest.approx(np.zeros(3), abs=4.0 * level)
+        assert bias < 0.06
+        assert level < 0.01
+        assert delay < 0.002
+
+
+def test_the_level_bias_is_the_markers_tilt() -> None:
+    flight = Flight(n=5, seed=2, tilt_rad=0.03, level_rad=0.0)
+    motion, nav = Motion(flight), navigator(flight)
+    fly(nav, sensed(motion, 10.0))
+    for i in range(5):
+        assert nav.bodies[i].estimate.level_bias_flu_rad == pytest.approx(motion.tilt[i], abs=0.003)
+
+
+def test_dead_reckoning_drifts_as_computed_by_hand() -> None:
+    """A second without poses, of bodies at rest, by SIH's accelerometer of s m/s^2 RMS at 100 Hz along each axis:
+    position q T^3 / 3 and velocity q T, q = s^2 / 100 Hz; velocity and bias were known too well to add more than half.
+    """
+    flight = Flight(n=30, seed=5, vel_m_s=0.0, imu_m_s2=SIH, tilt_rad=0.0, bias_m_s2=0.2, yaw_rate_rad_s=0.0)
+    motion, nav = Motion(flight), navigator(flight)
+    streams = sensed(motion, 11.2)
+    seen = replace(streams, pose_ns=streams.pose_ns[:1000], pos=streams.pos[:1000], q=streams.q[:1000])
+    fly(nav, seen)
+    which = np.arange(30)
+    for k in np.flatnonzero((streams.imu_ns > seen.pose_ns[-1] + 10 * MS) & (streams.imu_ns <= 11 * S + 200 * MS)):
+        nav.receive_imu(which, np.full(30, streams.imu_ns[k]), streams.force[k], streams.rate[k])
+    at_ns = int(seen.pose_ns[-1]) + S
+    there = [nav.predicted(i, at_ns) for i in range(30)]
+    q = motion.q(np.array(1.0))
+    pos = rotate(inverse(q), np.array([x.pos_lab_m for x in there]) - motion.pos(np.array(1.0)))
+    vel = rotate(inverse(q), np.array([x.vel_lab_m_s for x in there]))
+    density = np.square(SIH) / 100.0
+    for error, by_hand in ((pos, np.sqrt(density / 3.0)), (vel, np.sqrt(density))):
+        rms = np.sqrt(np.mean(error**2, axis=0))
+        assert (rms[1:] > 0.75 * by_hand[1:]).all()
+        assert (rms[1:] < 1.5 * by_hand[1:]).all()
+        assert rms[0] < 3.0 * by_hand[0]
+    said = np.sqrt(np.mean([np.trace(nav.bodies[i].estimate.cov[:3, :3]) for i in range(30)]))
+    assert said == pytest.approx(np.sqrt(np.mean(np.sum(pos**2, axis=1))), rel=0.35)
+
+
+def test_the_covariance_stays_symmetric_and_positive() -> None:
+    flight = Flight(n=2, seed=8, vel_m_s=1.0, gust_m_s2=1.0)
+    nav = navigator(flight)
+
+    def check(j: int) -> None:
+        if j % 25 == 0:
+            for i in range(2):
+                cov = nav.bodies[i].estimate.cov
+                assert (cov == cov.T).all()
+                assert np.linalg.eigvalsh(cov).min() > 0.0
+
+    fly(nav, sensed(Motion(flight), 10.0), check)
+
+
+def test_a_turned_lab_changes_nothing() -> None:
+    """Position, velocity and statistics turn with the frame, to rounding."""
+    flight = Flight(n=4, seed=9, gust_m_s2=0.5)
+    here, there = navigator(flight), navigator(flight)
+    streams = sensed(Motion(flight), 8.0)
+    turn = np.array([np.cos(0.55), 0.0, 0.0, np.sin(0.55)])
+    turned = replace(
+        streams,
+        pos=rotate(turn, streams.pos),
+        q=multiply(turn, streams.q),
+        attitude=multiply(turn, streams.attitude),
+    )
+    fly(here, streams)
+    fly(there, turned)
+    for i in range(4):
+        a, b = here.bodies[i], there.bodies[i]
+        np.testing.assert_allclose(rotate(turn, a.estimate.pos_lab_m), b.estimate.pos_lab_m, atol=2e-5)
+        np.testing.assert_allclose(rotate(turn, a.estimate.vel_lab_m_s), b.estimate.vel_lab_m_s, atol=2e-4)
+        assert np.trace(a.estimate.cov[:6, :6]) == pytest.approx(np.trace(b.estimate.cov[:6, :6]), rel=0.02)
+
+
+def test_the_same_inputs_give_the_same_bits() -> None:
+    flight = Flight(n=2, seed=4)
+    streams = sensed(Motion(flight), 4.0)
+    a, b = navigator(flight), navigator(flight)
+    fly(a, streams)
+    fly(b, streams)
+    assert a.bodies.tobytes() == b.bodies.tobytes()
+
+
+def test_a_body_is_estimated_alike_alone_and_among_others() -> None:
+    flight = Flight(n=3, seed=4)
+    s = sensed(Motion(flight), 4.0)
+    all_of_them, alone = navigator(flight), Navigator(1, pose_rate_hz=100)
+    fly(all_of_them, s)
+    one = Streams(s.imu_ns, s.force[:, 1:2], s.rate[:, 1:2], s.pose_ns, s.pos[:, 1:2], s.q[:, 1:2], s.attitude[:, 1:2])
+    fly(alone, one)
+    assert alone.bodies[0].tobytes() == all_of_them.bodies[1].tobytes()
+
+
+def test_poses_wait_for_the_inertial_samples_of_their_time() -> None:
+    """Whatever of both comes first, no pose is lost and the estimate is the same, to what noise was learned by then."""
+    flight = Flight(n=1, seed=6)
+    s = sensed(Motion(flight), 4.0)
+    early, late = navigator(flight), navigator(flight)
+    for nav, ahead_ns in ((early, 5 * MS), (late, 40 * MS)):
+        k = 0
+        for j, t_ns in enumerate(s.pose_ns):
+            while k < len(s.imu_ns) and s.imu_ns[k] <= t_ns + ahead_ns - 30 * MS:
+                nav.receive_imu(ONE, s.imu_ns[k : k + 1], s.force[k], s.rate[k])
+                k += 1
+            nav.receive_pose(ONE, s.pose_ns[j : j + 1], s.pos[j], s.q[j])
+        while k < len(s.imu_ns):
+            nav.receive_imu(ONE, s.imu_ns[k : k + 1], s.force[k], s.rate[k])
+            k += 1
+    assert early.bodies["estimate"][0]["pos_lab_m"] == pytest.approx(late.bodies["estimate"][0]["pos_lab_m"], abs=1e-3)
+    assert early.rejected[0, Input.POSE, RejectReason.NONE] == late.rejected[0, Input.POSE, RejectReason.NONE]
+
+
+def standing(seconds: float = 3.0) -> tuple[Navigator, int]:
+    nav, rng = Navigator(1, pose_rate_hz=100), np.random.default_rng(0)
+    for k in range(1, round(seconds * 100) + 1):
+        t_ns = np.array([k * 10 * MS])
+        force = np.array([[0.0, 0.0, G]]) + 0.1 * rng.standard_normal((1, 3))
+        nav.receive_imu(ONE, t_ns, force, np.zeros((1, 3)))
+        nav.receive_pose(ONE, t_ns, 0.0003 * rng.standard_normal((1, 3)), IDENTITY[None])
+    return nav, k * 10 * MS
+
+
+LEVEL_FORCE, ZERO = np.array([[0.0, 0.0, G]]), np.zeros((1, 3))
+
+
+def test_each_input_that_is_none_is_rejected_with_its_reason() -> None:
+    nav, t_ns = standing()
+    next_ns, last_ns, future = np.array([t_ns + 5 * MS]), np.array([t_ns]), np.array([t_ns - S])
+    before = nav.bodies["estimate"].tobytes()
+    nan, huge = np.full((1, 3), np.nan), np.full((1, 3), 1e3)
+    nav.receive_imu(ONE, next_ns, nan, ZERO)
+    nav.receive_imu(ONE, next_ns, LEVEL_FORCE, nan)
+    nav.receive_imu(ONE, next_ns, huge, ZERO)
+    nav.receive_imu(ONE, last_ns, LEVEL_FORCE, ZERO)
+    nav.receive_imu(ONE, future, LEVEL_FORCE, ZERO)
+    nav.receive_pose(ONE, next_ns, nan, IDENTITY[None])
+    nav.receive_pose(ONE, next_ns, ZERO, np.full((1, 4), np.inf))
+    nav.receive_pose(ONE, next_ns, 10.0 * huge, IDENTITY[None])
+    nav.receive_pose(ONE, next_ns, ZERO, np.zeros((1, 4)))
+    nav.receive_pose(ONE, last_ns, ZERO, IDENTITY[None])
+    nav.receive_pose(ONE, future, ZERO, IDENTITY[None])
+    nav.receive_attitude(ONE, next_ns, np.full((1, 4), np.nan), ZERO)
+    nav.receive_attitude(ONE, future, IDENTITY[None], ZERO)
+    nav.receive_thrust(ONE, next_ns, np.array([1e9]))
+    assert nav.bodies["estimate"].tobytes() == before
+    reasons = RejectReason
+    counts = nav.rejected[0]
+    assert counts[Input.IMU, [reasons.NOT_FINITE, reasons.IMPOSSIBLE, reasons.OUT_OF_ORDER]].tolist() == [2, 1, 2]
+    assert counts[Input.POSE, [reasons.NOT_FINITE, reasons.IMPOSSIBLE, reasons.OUT_OF_ORDER]].tolist() == [2, 2, 2]
+    assert counts[Input.ATTITUDE, [reasons.NOT_FINITE, reasons.TOO_OLD]].tolist() == [1, 1]
+    assert counts[Input.THRUST, reasons.IMPOSSIBLE] == 1
+
+
+floats = st.floats(width=64)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.sampled_from(list(Input)), st.integers(-300, 300), st.lists(floats, min_size=7, max_size=7)),
+        max_size=20,
+    )
+)
+def test_nothing_that_comes_breaks_the_estimate(inputs: list[tuple[Input, int, list[float]]]) -> None:
+    """Whatever numbers at whatever times: the estimate stays finite, its covariance positive."""
+    nav, t_ns = standing(0.3)
+    for kind, ms, numbers in inputs:
+        at, v = np.array([t_ns + ms * MS]), np.array([numbers])
+        if kind is Input.IMU:
+            nav.receive_imu(ONE, at, v[:, :3], v[:, 3:6])
+        elif kind is Input.ATTITUDE:
+            nav.receive_attitude(ONE, at, v[:, :4], v[:, 4:7])
+        elif kind is Input.POSE:
+            nav.receive_pose(ONE, at, v[:, :3], v[:, 3:7])
+        else:
+            nav.receive_thrust(ONE, at, v[:, 0])
+    x = nav.bodies[0].estimate
+    assert np.isfinite(x.pos_lab_m).all()
+    assert np.linalg.norm(x.q_lab_from_flu) == pytest.approx(1.0)
+    assert np.linalg.eigvalsh(x.cov).min() > 0.0
+
+
+def test_a_pose_that_is_the_same_to_the_last_bit_is_no_observation() -> None:
+    nav, t_ns = standing()
+    for k in range(1, 21):
+        nav.receive_imu(ONE, np.array([t_ns + k * 10 * MS]), LEVEL_FORCE, ZERO)
+        nav.receive_pose(ONE, np.array([t_ns + k * 10 * MS]), np.array([[0.0, 0.0, 1e-4]]), IDENTITY[None])
+    assert nav.rejected[0, Input.POSE, RejectReason.FROZEN] == 19
+    assert nav.rejected[0, Input.POSE, RejectReason.NONE] == 301
+
+
+def test_without_an_accelerometer_attitude_and_thrust_stand_in() -> None:
+    """A hover and its drag: velocity within 5 cm/s of the truth although nothing tells of the force."""
+    flight = Flight(n=5, seed=12, vel_m_s=0.3, band_hz=(0.1, 0.3), level_rad=0.005)
+    motion = Motion(flight)
+    nav = navigator(flight, Airframe(np.zeros(3), 0, 0.0))
+    streams, which = sensed(motion, 12.0), np.arange(5)
+    for k, t_ns in enumerate(streams.imu_ns):
+        t = np.array(t_ns * 1e-9)
+        thrust = 1.1 * motion.force(t)[:, 2]
+        nav.receive_thrust(which, np.full(5, t_ns), thrust)
+        nav.receive_attitude(which, np.full(5, t_ns), streams.attitude[k], streams.rate[k])
+        if k < len(streams.pose_ns):
+            nav.receive_pose(which, np.full(5, streams.pose_ns[k]), streams.pos[k], streams.q[k])
+    assert not nav.rejecting.any()
+    error, cov = errors(nav, motion)
+    assert np.sqrt(np.mean(error[:, 3:] ** 2)) < 0.05
+    assert np.mean(error[:, 3:] ** 2 / np.einsum("nii->ni", cov)[:, 3:]) < 2.0
+    scales = [nav.bodies[i].estimate.thrust_scale for i in range(5)]
+    assert scales == pytest.approx([1.0 / 1.1] * 5, abs=0.04)
+
+
+def test_where_no_sensor_tells_the_uncertainty_says_so() -> None:
+    nav, t_ns = standing()
+    nav.receive_imu(ONE, np.array([t_ns + 500 * MS]), LEVEL_FORCE, ZERO)
+    nav.receive_pose(ONE, np.array([t_ns + 499 * MS]), np.array([[0.2, 0.0, 0.0]]), IDENTITY[None])
+    assert not nav.rejecting.any()
+    assert nav.bodies[0].estimate.pos_lab_m[0] == pytest.approx(0.2, abs=0.01)

@@ -1,0 +1,142 @@
+import numpy as np
+import pytest
+from scipy.optimize import curve_fit
+
+from drone_agent.simulation.attitude_loop import LoopSetpoint, advance
+from formation.maths import frames
+from formation.maths.arrays import Float
+from formation.vehicle.profile import GRAVITY_M_S2, PROFILES, VehicleProfile, VehicleState, at_rest, on_ground, profile
+
+CALM = np.zeros(3)
+PAPER = profile("paper_40g")
+
+
+def level(norm: float) -> LoopSetpoint:
+    return LoopSetpoint(frames.IDENTITY, np.zeros(3), norm)
+
+
+def hovering(body: VehicleProfile, height_m: float = 1.0) -> VehicleState:
+    return at_rest(np.array([0.0, 0.0, height_m]), frames.IDENTITY, 0.25 * body.weight_n)
+
+
+def test_unarmed_it_falls_as_a_free_body_should() -> None:
+    body = PAPER.model_copy(update={"drag_n_s_m": (0.0, 0.0, 0.0)})
+    start = at_rest(np.array([0.0, 0.0, 50.0]), frames.IDENTITY)
+    fallen = advance(start, body, level(1.0), False, CALM, 0.001, 1000)
+    assert fallen.vel_lab_m_s[2] == pytest.approx(-GRAVITY_M_S2, rel=1e-9)
+    assert fallen.pos_lab_m[2] == pytest.approx(50.0 - 0.5 * GRAVITY_M_S2, abs=0.006)
+
+
+def test_spin_without_torque_keeps_energy_and_angular_momentum() -> None:
+    body = PAPER.model_copy(update={"drag_n_s_m": (0.0, 0.0, 0.0), "inertia_kg_m2": (1e-4, 2e-4, 3e-4)})
+    inertia = np.array(body.inertia_kg_m2)
+    start = at_rest(np.array([0.0, 0.0, 90.0]), frames.IDENTITY)
+    start.rate_flu_rad_s[:] = [0.1, 6.0, 0.1]
+
+    def momentum_lab(state: VehicleState) -> Float:
+        return frames.rotate(state.q_lab_from_flu, inertia * state.rate_flu_rad_s)
+
+    end = advance(start, body, level(0.0), False, CALM, 0.0002, 10000)
+    np.testing.assert_allclose(momentum_lab(end), momentum_lab(start), atol=0.01 * np.linalg.norm(momentum_lab(start)))
+    energy = [float(inertia @ s.rate_flu_rad_s**2) for s in (start, end)]
+    assert energy[1] == pytest.approx(energy[0], rel=0.01)
+
+
+@pytest.mark.parametrize("name", sorted(PROFILES))
+def test_hover_thrust_hovers(name: str) -> None:
+    body = PROFILES[name].model_copy(update={"ground_effect": 0.0})
+    end = advance(hovering(body), body, level(body.hover_thrust_norm), True, CALM, 0.001, 2000)
+    np.testing.assert_allclose(end.pos_lab_m, [0.0, 0.0, 1.0], atol=1e-6)
+
+
+def test_takes_off_only_above_its_weight_and_lands_again() -> None:
+    state = at_rest(np.zeros(3), frames.IDENTITY)
+    state = advance(state, PAPER, level(0.9 * PAPER.hover_thrust_norm), True, CALM, 0.001, 1000)
+    assert on_ground(state)
+    state = advance(state, PAPER, level(1.1 * PAPER.hover_thrust_norm), True, CALM, 0.001, 500)
+    assert state.pos_lab_m[2] > 0.1
+    state = advance(state, PAPER, level(0.0), True, CALM, 0.001, 3000)
+    assert on_ground(state)
+    assert frames.rotate(state.q_lab_from_flu, np.array([0.0, 0.0, 1.0]))[2] > 0.999
+
+
+def test_floor_friction_stops_a_slide() -> None:
+    start = at_rest(np.array([0.0, 0.0, -0.001]), frames.IDENTITY)
+    start.vel_lab_m_s[0] = 0.5
+    end = advance(start, PAPER, level(0.0), False, CALM, 0.001, 1000)
+    assert np.linalg.norm(end.vel_lab_m_s) < 1e-6
+    # v^2 / (2 mu g), mu = 0.6
+    assert end.pos_lab_m[0] == pytest.approx(0.25 / (2 * 0.6 * GRAVITY_M_S2), rel=0.25)
+
+
+def test_tilt_accelerates_along_the_thrust() -> None:
+    tilt = 0.1
+    target = LoopSetpoint(frames.from_rotation_vector(np.array([0.0, tilt, 0.0])), np.zeros(3), PAPER.hover_thrust_norm)
+    body = PAPER.model_copy(update={"drag_n_s_m": (0.0, 0.0, 0.0), "ground_effect": 0.0})
+    first = advance(hovering(body), body, target, True, CALM, 0.001, 1000)
+    second = advance(first, body, target, True, CALM, 0.001, 1000)
+    acceleration = second.vel_lab_m_s - first.vel_lab_m_s
+    np.testing.assert_allclose(
+        acceleration, [GRAVITY_M_S2 * np.sin(tilt), 0.0, GRAVITY_M_S2 * (np.cos(tilt) - 1.0)], atol=2e-3
+    )
+
+
+@pytest.mark.parametrize("turn", [np.array([0.4, -0.3, 0.0]), np.array([0.0, 0.0, 2.5]), np.array([0.3, 0.2, -2.0])])
+def test_attitude_converges_from_far(turn: Float) -> None:
+    target = frames.from_rotation_vector(turn)
+    end = advance(hovering(PAPER, 30.0), PAPER, LoopSetpoint(target, np.zeros(3), 0.7), True, CALM, 0.001, 3000)
+    np.testing.assert_allclose(end.q_lab_from_flu, target, atol=1e-3)
+
+
+def test_px4_answers_as_measured() -> None:
+    """PX4 v1.16 SIH: 0.11 s dead time and 0.06 s lag from target to attitude fit to within 5 %."""
+    body = profile("px4_quad")
+    tilt = 0.1
+    target = LoopSetpoint(frames.from_rotation_vector(np.array([0.0, tilt, 0.0])), np.zeros(3), body.hover_thrust_norm)
+    state, angles = hovering(body, 5.0), []
+    for _ in range(400):
+        state = advance(state, body, target, True, CALM, 0.001, 1)
+        angles.append(2.0 * np.arcsin(state.q_lab_from_flu[2]) / tilt)
+    t_s = np.arange(1, 401) * 0.001 + body.command_delay_s
+
+    def response(t: Float, dead_s: float, lag_s: float) -> Float:
+        return np.where(t > dead_s, 1.0 - np.exp(-np.maximum(t - dead_s, 0.0) / lag_s), 0.0)
+
+    (dead_s, lag_s), _ = curve_fit(response, t_s, np.array(angles), p0=(0.1, 0.05))
+    assert dead_s == pytest.approx(body.response_dead_time_s, abs=0.005)
+    assert lag_s == pytest.approx(body.response_lag_s, abs=0.005)
+
+
+def test_body_rates_are_honoured_where_the_autopilot_does() -> None:
+    spin = LoopSetpoint(frames.IDENTITY, np.array([1.0, 0.0, 0.0]), 0.5)
+    for body in PROFILES.values():
+        end = advance(hovering(body, 5.0), body, spin, True, CALM, 0.001, 20)
+        assert (abs(end.rate_flu_rad_s[0]) > 0.01) == body.rate_feed_forward
+
+
+def test_the_input_is_left_alone_and_the_result_repeats() -> None:
+    start = hovering(PAPER)
+    before = start.pos_lab_m.copy()
+    one, two = (advance(start, PAPER, level(0.9), True, np.array([0.3, 0.0, 0.0]), 0.001, 50) for _ in range(2))
+    np.testing.assert_array_equal(start.pos_lab_m, before)
+    assert one.pos_lab_m.tobytes() == two.pos_lab_m.tobytes()
+
+
+def test_too_long_a_step_is_refused() -> None:
+    with pytest.raises(ValueError, match="step"):
+        advance(hovering(PAPER), PAPER, level(0.5), True, CALM, 0.01, 1)
+
+
+def test_it_knows_what_its_motors_should_give_by_what_they_were_told() -> None:
+    """Whole ones give it; a dead one does not, and by then has been told more."""
+    expected_thrust, start = np.zeros(8), hovering(PAPER)
+    expected_thrust[:4] = start.motor_thrust_n
+    target = LoopSetpoint(frames.from_rotation_vector(np.array([0.3, 0.2, 0.0])), np.zeros(3), 0.6)
+    end = advance(start, PAPER, target, True, CALM, 0.001, 20, expected_thrust=expected_thrust)
+    np.testing.assert_allclose(expected_thrust[:4], end.motor_thrust_n, rtol=1e-12)
+    assert expected_thrust[4:].sum() == pytest.approx(
+        0.02 * 0.25 * (start.motor_thrust_n + expected_thrust[:4]).sum() * 2.0, rel=0.02
+    )
+    gain = np.array([0.0, 1.0, 1.0, 1.0])
+    dead = advance(start, PAPER, target, True, CALM, 0.001, 40, motor_gain=gain, expected_thrust=expected_thrust)
+    assert dead.motor_thrust_n[0] < 0.25 * expected_thrust[0]

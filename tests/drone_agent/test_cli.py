@@ -1,0 +1,82 @@
+"""The command line: bad input is one line that names what is wrong, and exit code 2."""
+
+import subprocess
+import sys
+from itertools import islice
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from drone_agent.__main__ import app
+from tests.free_ports import free_port
+
+runner = CliRunner()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--sysid", "300"], "sysid: "),
+        (["--link", "tcp"], "link.kind: "),
+        (["--start", "1,2"], "start_lab_m[2]: is missing"),
+        (["--autopilot", "betaflight"], "autopilot: "),
+        (["--truth", "-1"], "truth_rate_hz: "),
+        (["--profile", "nope"], "known: paper_40g, paper_40g_printed, px4_quad"),
+        (["--param", "NO_SUCH=1"], "parameters: 'NO_SUCH' is unknown"),
+        (["--param", "COM_OF_LOSS_T=soon"], "parameters.COM_OF_LOSS_T: "),
+        (["--bridge", "tcp:there:1"], "is not udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD"),
+        (["--bridge", "udp:127.0.0.1:99999"], "bridge: 'udp:127.0.0.1:99999' is not"),
+        (["--bridge", "serial:/dev/ttyUSB0"], "is not serial:DEV:BAUD"),
+        (["--zenoh-connect", "there"], "link.zenoh_connect[0]: not an endpoint such as tcp/127.0.0.1:7447"),
+        (["--config", "/nowhere/uav.toml"], "/nowhere/uav.toml: No such file"),
+        (["--parameter-file", "/nowhere/uav.parm"], "/nowhere/uav.parm: no such folder"),
+    ],
+)
+def test_what_is_not_right_is_named_in_one_line(options: list[str], words: str) -> None:
+    result = runner.invoke(app, options)
+    assert result.exit_code == 2
+    assert words in result.output
+    assert len(result.output.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--bridge", "serial:/dev/no-such-line:57600"], "bridge serial:/dev/no-such-line:57600: "),
+        (["--link", "udp", "--host", "no-host.invalid"], "link to no-host.invalid, own port 14581: "),
+    ],
+)
+def test_what_cannot_be_had_is_named(options: list[str], words: str) -> None:
+    result = runner.invoke(app, options)
+    assert result.exit_code == 1
+    assert words in result.output
+
+
+def test_a_key_of_the_file_is_named(tmp_path: Path) -> None:
+    config = tmp_path / "uav.toml"
+    config.write_text("speed_kmh = 3\n")
+    result = runner.invoke(app, ["--config", str(config)])
+    assert (result.exit_code, result.output) == (2, f"{config}: speed_kmh: is not a known key\n")
+
+
+def test_help_tells_the_defaults_and_the_exit_codes() -> None:
+    shown = " ".join(runner.invoke(app, ["--help"]).output.replace("│", " ").split())
+    for words in ("zenoh (if not given)", "serial:DEV:BAUD", "any MAVLink client can fly", "Exit codes: 0 done"):
+        assert words in shown
+
+
+@pytest.mark.processes
+def test_a_bridge_says_what_it_waits_for_and_what_to_do() -> None:
+    bus = f"tcp/127.0.0.1:{free_port()}"
+    options = ["--sysid", "2", "--body", "left", "--bridge", f"udp:127.0.0.1:{free_port()}", "--zenoh-connect", bus]
+    with subprocess.Popen(
+        [sys.executable, "-m", "drone_agent", *options], stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stderr is not None
+        told = list(islice((line for line in process.stderr if "waiting for" in line), 3))
+        process.terminate()
+    assert f"waiting for the bus at {bus}: nobody is there: start the ground" in told[0]
+    assert "--zenoh-connect tcp/HOST:7447" in told[0]
+    assert "waiting for the autopilot at udp:127.0.0.1" in told[1]
+    assert "waiting for the mocap's pose of 'left'" in told[2]

@@ -1,0 +1,156 @@
+"""The core as a whole: it depends on time and input alone, survives any bytes, and keeps its own clock."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drone_agent.config import AgentConfig
+from drone_agent.core import AgentCore
+from drone_agent.link.schedule import RASTER_NS, Schedule
+from drone_agent.simulation.airframe import Airframe
+from drone_agent.simulation.attitude_loop import LoopSetpoint
+from drone_agent.simulation.disturbance import Disturbance, SweptFan
+from formation.messages import Datagram
+from formation.vehicle.profile import profile
+from tests.drone_agent.agent_harness import MS, Harness, S, hover_at, target
+from wire.clock_offset import ClockOffset
+from wire.link_messages.clocks import TimeSync
+from wire.link_messages.motion import AttitudeQuaternion, LocalPosition
+from wire.link_messages.status import NamedValue
+
+
+def test_the_same_input_gives_the_same_flight() -> None:
+    def flight() -> tuple[list[tuple[int, str]], list[float]]:
+        harness = Harness(pose="mocap", disturbance={"fan": {}})
+        harness.fly_offboard(0.4)
+        return [(t, repr(m)) for t, m in harness.heard], harness.truth.pos_lab_m.tolist()
+
+    assert flight() == flight()
+
+
+@given(st.lists(st.integers(1, 40 * MS), min_size=1, max_size=30))
+@settings(max_examples=25)
+def test_looking_does_not_change_the_flight(steps: list[int]) -> None:
+    def core() -> AgentCore:
+        return AgentCore(AgentConfig(disturbance=Disturbance(fan=SweptFan())), 7)
+
+    watched, left_alone = core(), core()
+    now_ns = 7
+    for step in steps:
+        now_ns += step
+        watched.tick(now_ns)
+        watched.truth(now_ns)
+    end_ns = 7 + 2 * S
+    np.testing.assert_array_equal(watched.truth(end_ns).pos_lab_m, left_alone.truth(end_ns).pos_lab_m)
+
+
+@given(st.binary(max_size=300))
+def test_any_bytes_are_survived(data: bytes) -> None:
+    core = AgentCore(AgentConfig(), 0)
+    core.receive(Datagram(1, data), MS)
+    core.tick(MS)
+
+
+@given(
+    st.integers(0, 2**32 - 1),
+    st.integers(0, 65535),
+    st.lists(st.floats(width=32), min_size=7, max_size=7),
+)
+def test_any_command_is_answered(seed: int, number: int, params: list[float]) -> None:
+    harness = Harness()
+    harness.run(seed % 5 * 0.6)
+    assert 0 <= harness.command(number, *params) <= 6
+
+
+def test_datagrams_to_another_drone_are_left_alone() -> None:
+    harness = Harness(sysid=3)
+    harness.tick()
+    harness.core.receive(Datagram(4, harness.codec.encode(TimeSync(0, 1))), 0)
+    assert not harness.core.tick(0).datagrams
+
+
+def test_truth_is_exact_between_the_steps_of_the_physics() -> None:
+    """A free fall in air, sampled anywhere: z = -g (t - (1 - exp(-D t)) / D) / D, D = 1 1/s; first order in 1 ms."""
+    still = Disturbance()
+    frame = Airframe(profile("px4_quad"), still, np.array([0.0, 0.0, 50.0]), 0.0, 0)
+    for t_ns in (1_234_567, 250_000_001, 499_999_999):
+        t_s = t_ns * 1e-9
+        fallen_m = 9.8 * (t_s - (1.0 - np.exp(-t_s)))
+        assert frame.state_at(t_ns).pos_lab_m[2] - 50.0 == pytest.approx(-fallen_m, rel=0.005, abs=1e-5)
+    assert frame.t_ns == 499 * MS
+
+
+def test_setpoints_rule_after_the_vehicles_delay_in_their_order() -> None:
+    frame = Airframe(profile("px4_quad"), Disturbance(), np.zeros(3), 0.0, 0)
+    first, second = (LoopSetpoint(frame.state.q_lab_from_flu, np.zeros(3), t) for t in (0.1, 0.2))
+    frame.order(10 * MS, first)
+    frame.order(20 * MS, second)
+    frame.advance_to(10 * MS)
+    assert frame.setpoint.thrust_norm == 0.0
+    frame.advance_to(12 * MS)
+    assert frame.setpoint is first
+    frame.advance_to(100 * MS)
+    assert frame.setpoint is second
+
+
+def test_events_carry_what_the_operator_is_told() -> None:
+    harness = Harness(sysid=9)
+    harness.run(1.0)
+    assert [(e.source, e.text) for e in harness.events] == [("uav9", "[init] ready")]
+
+
+def test_the_age_of_a_setpoint_is_reported_on_the_grounds_clock() -> None:
+    harness = Harness()
+    ground_ahead_ns = 1234 * S
+    harness.run(0.05)
+    request = next(m for m in harness.of(TimeSync) if m.tc1_ns == 0)
+    harness.send(TimeSync(harness.now_ns + ground_ahead_ns, request.ts1_ns))
+    harness.run(3.0)
+    # The exchange took 50 ms, all of it after the ground's stamp: half of that is the error of the offset.
+    stamp_ms = (harness.now_ns + ground_ahead_ns - 30 * MS) // MS
+    setpoint = target(harness, 0.0)
+    harness.send(type(setpoint)(setpoint.target, stamp_ms, setpoint.q_lab_from_flu, np.zeros(3), 0.0, setpoint.ignore))
+    harness.run(0.03)
+    value = harness.last(NamedValue)
+    assert value.name == "age_ms"
+    assert value.value == pytest.approx(30.0, abs=26.0)
+
+
+def test_the_shortest_exchange_sets_the_clock() -> None:
+    clock = ClockOffset()
+    assert clock.age_ms(5, 10) is None
+    clock.exchange(0, 1_000_010_000_000, 20 * MS)
+    clock.exchange(S, 1_001_000_000_000 + 1 * MS, S + 2 * MS)
+    clock.exchange(2 * S, 1_002_000_000_000 + 90 * MS, 2 * S + 100 * MS)
+    assert clock.to_ours_ns(1_001_000_000_000 + 1 * MS) == S + 1 * MS
+    assert clock.age_ms(1_003_000, 3 * S + 7 * MS) == pytest.approx(7.0)
+    assert clock.age_ms(2_003_000, 3 * S) is None
+
+
+def test_rates_are_met_on_average_on_the_raster() -> None:
+    schedule = Schedule({31: 50.0, 32: 30.0, 0: 1.0}, (), 0)
+    sent: dict[int, list[int]] = {0: [], 31: [], 32: []}
+    while (now_ns := schedule.next_ns) < 10 * S:
+        for number in schedule.pop_due(now_ns):
+            sent[number].append(now_ns)
+    assert [len(sent[n]) for n in (0, 31, 32)] == [10, 500, 300]
+    assert all(t % RASTER_NS == 0 for times in sent.values() for t in times)
+    assert max(np.diff(sent[32])) <= 40 * MS
+
+
+def test_a_late_look_sends_once() -> None:
+    schedule = Schedule({31: 50.0}, (), 0)
+    assert schedule.pop_due(5 * S) == [31]
+    assert schedule.pop_due(5 * S) == []
+    assert schedule.next_ns > 5 * S
+
+
+def test_default_telemetry_is_enough_and_not_more() -> None:
+    harness = Harness()
+    harness.run(3.0)
+    harness.heard.clear()
+    harness.run(10.0, hover_at(0.0))
+    assert len(harness.of(AttitudeQuaternion)) == 500
+    assert len(harness.of(LocalPosition)) == 300
+    assert len(harness.heard) < 1200

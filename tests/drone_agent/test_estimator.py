@@ -1,0 +1,171 @@
+"""The external pose: when it is accepted, when the drone is ready, and what it believes then."""
+
+import numpy as np
+import pytest
+
+from formation.maths.frames import from_yaw, multiply, rotate
+from tests.drone_agent.agent_harness import LEVEL, Harness
+from wire.link_messages.commands import Result
+from wire.link_messages.motion import (
+    AttitudeQuaternion,
+    EstimatorType,
+    LocalPosition,
+    MocapPose,
+    Odometry,
+    OdometryFrame,
+    SetOrigin,
+    VisionPose,
+)
+from wire.link_messages.packet import LinkMessage
+from wire.link_messages.status import EkfStatus, SysStatus
+
+ZERO = np.zeros(3)
+PREARM = 1 << 28
+VISION = 128
+
+
+def vision(t_us: int) -> LinkMessage:
+    return VisionPose(t_us, ZERO, LEVEL)
+
+
+def att_pos_mocap(t_us: int) -> LinkMessage:
+    return MocapPose(t_us, ZERO, LEVEL)
+
+
+def odometry(frame: OdometryFrame, estimator: EstimatorType, vel: float) -> object:
+    return lambda t_us: Odometry(t_us, frame, estimator, ZERO, LEVEL, np.full(3, vel), ZERO)
+
+
+def is_ready(autopilot: str, message: object) -> bool:
+    harness = Harness(pose="mocap", autopilot=autopilot)
+    harness.send(SetOrigin(1, 47.0, 8.0, 400.0))
+    for _ in range(60):
+        harness.run(0.033, mocap=False)
+        harness.send(message(harness.now_ns // 1000))
+    # Hold (main 4, sub 3) of one, GUIDED (4) of the other.
+    harness.command(176, 1.0, 4.0, 3.0)
+    return harness.command(400, 1.0) is Result.ACCEPTED
+
+
+FRD, NED = OdometryFrame.LOCAL_FRD, OdometryFrame.LOCAL_NED
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "message", "fused"),
+    [
+        ("px4", vision, True),
+        ("px4", att_pos_mocap, False),
+        ("px4", odometry(NED, EstimatorType.VISION, np.nan), True),
+        ("px4", odometry(FRD, EstimatorType.VISION, np.nan), True),
+        ("px4", odometry(NED, EstimatorType.MOCAP, np.nan), False),
+        ("ardupilot", vision, True),
+        ("ardupilot", att_pos_mocap, True),
+        ("ardupilot", odometry(FRD, EstimatorType.MOCAP, 0.0), True),
+        ("ardupilot", odometry(FRD, EstimatorType.MOCAP, np.nan), False),
+        ("ardupilot", odometry(NED, EstimatorType.VISION, 0.0), False),
+    ],
+)
+def test_each_make_fuses_what_it_was_seen_to_fuse(autopilot: str, message: object, fused: bool) -> None:
+    assert is_ready(autopilot, message) is fused
+
+
+def test_ardupilot_needs_an_origin_beside_the_pose() -> None:
+    harness = Harness(pose="mocap", autopilot="ardupilot")
+
+    def see(seconds: float) -> None:
+        for _ in range(round(seconds * 30)):
+            harness.run(1.0 / 30.0, mocap=False)
+            harness.send(vision(harness.now_ns // 1000))
+
+    see(2.0)
+    harness.command(176, 1.0, 4.0)
+    assert harness.command(400, 1.0) is Result.FAILED
+    assert "Arm: Need Position Estimate: EKF origin not set" in harness.texts()
+    assert harness.last(EkfStatus).flags & 0x410 == 0x400
+    harness.send(SetOrigin(1, 47.0, 8.0, 400.0))
+    see(1.0)
+    assert harness.last(EkfStatus).flags & 0x410 == 0x10
+    assert harness.command(400, 1.0) is Result.ACCEPTED
+
+
+def test_not_fused_where_a_parameter_says_so() -> None:
+    harness = Harness(pose="mocap", parameters={"EKF2_EV_CTRL": 0.0})
+    harness.run(1.0)
+    harness.send(vision(harness.now_ns // 1000))
+    assert harness.command(400, 1.0) is Result.TEMPORARILY_REJECTED
+
+
+def test_not_ready_without_a_pose_then_ready_then_not() -> None:
+    harness = Harness(pose="mocap")
+    harness.run(4.0, mocap=False)
+    assert not harness.last(SysStatus).sensors_healthy & (PREARM | VISION)
+    assert not harness.of(LocalPosition)
+    assert harness.command(400, 1.0) is Result.TEMPORARILY_REJECTED
+    assert any("no external pose" in text for text in harness.texts())
+    harness.run(0.8)
+    assert harness.command(400, 1.0) is Result.TEMPORARILY_REJECTED
+    harness.run(1.5)
+    assert harness.last(SysStatus).sensors_healthy & PREARM
+    assert harness.last(EkfStatus).flags & 16
+    harness.run(1.5, mocap=False)
+    assert not harness.last(SysStatus).sensors_healthy & PREARM
+    assert harness.command(400, 1.0) is Result.TEMPORARILY_REJECTED
+    assert any("stale" in text for text in harness.texts())
+
+
+def test_believes_the_pose_over_a_biased_accelerometer() -> None:
+    harness = Harness(pose="mocap", start_lab_m=(1.0, 2.0, 0.0))
+    harness.fly_offboard(0.6)
+    np.testing.assert_allclose(harness.last(LocalPosition).pos_lab_m, harness.truth.pos_lab_m, atol=0.02)
+    np.testing.assert_allclose(harness.last(LocalPosition).vel_lab_m_s, harness.truth.vel_lab_m_s, atol=0.02)
+
+
+def test_a_turned_mocap_turns_what_it_believes_and_flies_all_the_same() -> None:
+    turn = from_yaw(np.array(np.pi / 2))
+    harness = Harness(pose="mocap", start_lab_m=(0.5, 0.0, 0.0))
+
+    def show_turned(seconds: float) -> None:
+        for _ in range(round(seconds * 100)):
+            harness.run(0.01, mocap=False)
+            truth = harness.truth
+            harness.show(rotate(turn, truth.pos_lab_m), multiply(turn, truth.q_lab_from_flu))
+
+    show_turned(3.0)
+    harness.command(400, 1.0)
+    harness.command(22)
+    show_turned(8.0)
+    np.testing.assert_allclose(harness.truth.pos_lab_m, [0.5, 0.0, 2.5], atol=0.05)
+    np.testing.assert_allclose(harness.last(LocalPosition).pos_lab_m, [0.0, 0.5, 2.5], atol=0.05)
+    np.testing.assert_allclose(harness.last(AttitudeQuaternion).q_lab_from_flu, turn, atol=0.02)
+
+
+def pose_fault(harness: Harness) -> str:
+    harness.command(400, 1.0)
+    return next(text for text in reversed(harness.texts()) if text.startswith("Preflight Fail"))
+
+
+@pytest.mark.parametrize(
+    ("pos", "q", "reason"),
+    [
+        ([5.0, 0.0, 0.0], LEVEL, "jumped"),
+        ([0.0, 0.0, 0.0], np.array([np.cos(0.4), np.sin(0.4), 0.0, 0.0]), "gravity"),
+        ([np.nan, 0.0, 0.0], LEVEL, "not finite"),
+    ],
+)
+def test_an_implausible_pose_is_refused_with_its_reason(pos: list[float], q: np.ndarray, reason: str) -> None:
+    harness = Harness(pose="mocap")
+    harness.run(2.0)
+    for _ in range(50):
+        harness.run(0.01, mocap=False)
+        harness.show(np.array(pos), q)
+    assert reason in pose_fault(harness)
+
+
+def test_a_pose_that_jumped_for_good_is_believed_after_a_second() -> None:
+    harness = Harness(pose="mocap")
+    harness.run(2.0)
+    for _ in range(250):
+        harness.run(0.01, mocap=False)
+        harness.show(np.array([5.0, 0.0, 0.0]))
+    assert harness.command(400, 1.0) is Result.ACCEPTED
+    np.testing.assert_allclose(harness.last(LocalPosition).pos_lab_m, [5.0, 0.0, 0.0], atol=0.05)

@@ -1,0 +1,356 @@
+"""Landings that end, and end on the floor: the ground dead, no pose, a wrong one, a dead motor, a stop."""
+
+import numpy as np
+import pytest
+
+from drone_agent.autopilots.model import Task
+from drone_agent.flight.landing import ContactDetector, LandDetector
+from drone_agent.flight.motor_failure import BodyResponse, MotorFailure
+from drone_agent.stages import TABLE, Stage, Trigger
+from formation.maths.frames import from_rotation_vector
+from formation.vehicle.profile import GRAVITY_M_S2
+from formation.vehicle.profile import profile as profile_of
+from tests.drone_agent.agent_harness import MS, Harness, S, hover_at, hover_over, idle, target
+from wire.autopilots.table import FlightMode
+from wire.link_messages.commands import Result
+from wire.link_messages.setpoints import AttitudeSetpoint
+
+PAPER = profile_of("paper_40g")
+ARM, LAND, MODE, TERMINATE = 400, 21, 176, 185
+CUT = 21196.0
+OWN_DELAY_S = {"px4": 2.0, "ardupilot": 0.5}
+"""From touch-down to disarming: PX4's COM_DISARM_LAND, ArduCopter's LAND."""
+
+
+def down(harness: Harness, longest_s: float, *, mocap: bool = True) -> tuple[float, float]:
+    """Seconds until it is disarmed, and the fastest it met the floor, m/s."""
+    began_ns, sinking, impact = harness.now_ns, 0.0, 0.0
+    while harness.core.autopilot.armed and harness.now_ns < began_ns + longest_s * S:
+        harness.run(0.01, mocap=mocap)
+        truth = harness.truth
+        if truth.on_ground:
+            impact, sinking = max(impact, sinking), 0.0
+        else:
+            sinking = -float(truth.vel_lab_m_s[2])
+    return (harness.now_ns - began_ns) / S, impact
+
+
+@pytest.mark.parametrize("flown_s", [0.05, 0.5, 1.0, 4.0])
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_the_ground_dies_at_any_time_and_all_is_down_within_five_seconds(autopilot: str, flown_s: float) -> None:
+    """ArduPilot's own time-out left it hovering for ever. Every tick of a flight: tools/ground_killed.py."""
+    harness = Harness(pose="mocap", autopilot=autopilot)
+    harness.run(3.0)
+    harness.run(1.2, idle)
+    assert harness.command(MODE, 1.0, 6.0 if autopilot == "px4" else 4.0) is Result.ACCEPTED
+    assert harness.command(ARM, 1.0) is Result.ACCEPTED
+    harness.run(flown_s, hover_over(0.3, 0.0, 1.5))
+    seconds, impact = down(harness, 12.0)
+    assert not harness.core.autopilot.armed
+    assert seconds - OWN_DELAY_S[autopilot] < 5.0
+    assert impact < 1.5
+
+
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_own_clock_lands_whatever_the_makes_time_out_does(autopilot: str) -> None:
+    """PX4 told to hold at a lost stream, ArduPilot to level for ever after 0.1 s: sooner than the hold ends."""
+    parameters = {"COM_OBL_RC_ACT": 5.0, "COM_OF_LOSS_T": 0.3} if autopilot == "px4" else {"GUID_TIMEOUT": 0.1}
+    harness = Harness(pose="mocap", autopilot=autopilot, parameters=parameters)
+    harness.fly_offboard(1.0)
+    harness.run(0.6)
+    assert harness.core.autopilot.stream.stage is Stage.LOST
+    seconds, _ = down(harness, 10.0)
+    assert not harness.core.autopilot.armed
+    assert seconds < 5.0
+
+
+def test_an_operators_mode_ends_the_agents_own_landing() -> None:
+    harness = Harness(pose="mocap")
+    harness.fly_offboard(1.0)
+    harness.run(0.5)
+    assert harness.command(MODE, 1.0, 3.0) is Result.TEMPORARILY_REJECTED  # PX4's position mode wants a pilot
+    assert harness.command(MODE, 1.0, 4.0, 2.0) is Result.ACCEPTED
+    assert harness.core.autopilot.stream.stage is Stage.OWN
+    harness.run(3.0)
+    assert harness.core.autopilot.armed
+
+
+def test_a_frozen_pose_at_the_end_of_a_hold_is_not_taken_for_the_floor() -> None:
+    """At rest by the pose and told to sink, a landing faded its motors in the air."""
+    harness = Harness(pose="mocap")
+    harness.fly_offboard(1.5, hover_over(0.0, 0.0, 1.5))
+    at, q = harness.truth.pos_lab_m.copy(), harness.truth.q_lab_from_flu.copy()
+    impact, sinking = 0.0, 0.0
+    for _ in range(1000):
+        harness.run(0.01, mocap=False)
+        harness.show(at, q)
+        truth = harness.truth
+        impact, sinking = (max(impact, sinking), 0.0) if truth.on_ground else (impact, -float(truth.vel_lab_m_s[2]))
+    assert not harness.core.autopilot.armed
+    assert harness.truth.on_ground
+    assert impact < 1.5
+
+
+@pytest.mark.parametrize("shift_m", [0.5, 1.0, 3.0])
+def test_a_pose_that_jumps_while_it_holds_does_not_fly_it_away(shift_m: float) -> None:
+    harness = Harness(pose="mocap")
+    harness.fly_offboard(1.0, hover_over(0.0, 0.0, 1.0))
+    place, away = harness.truth.pos_lab_m.copy(), 0.0
+    for _ in range(800):
+        harness.run(0.01, mocap=False)
+        harness.show(harness.truth.pos_lab_m + np.array([shift_m, 0.0, 0.0]))
+        away = max(away, float(np.linalg.norm((harness.truth.pos_lab_m - place)[:2])))
+    assert not harness.core.autopilot.armed
+    assert away < 0.3
+
+
+def test_levels_unseen_then_holds_again_or_comes_down() -> None:
+    harness = Harness(pose="mocap", stale_land_s=10.0)
+    harness.fly_offboard(1.0, hover_over(0.0, 0.0, 1.0))
+    harness.run(0.2)
+    assert harness.core.autopilot.task is Task.HOLD
+    harness.run(0.3, mocap=False)
+    assert harness.core.autopilot.task is Task.LEVEL
+    harness.run(0.2)
+    assert harness.core.autopilot.task is Task.HOLD
+    harness.run(0.6, mocap=False)
+    assert harness.core.autopilot.stream.stage is Stage.DESCEND
+    assert harness.core.autopilot.mode is FlightMode.DESCEND
+    _, impact = down(harness, 8.0, mocap=False)
+    assert not harness.core.autopilot.armed
+    assert impact < 1.5
+
+
+@pytest.mark.parametrize("error_m_s", [-0.8, 0.8])
+def test_a_landing_ends_though_its_estimate_says_that_it_sinks(error_m_s: float) -> None:
+    """Within height / descent rate + 10 s."""
+    harness = Harness(pose="mocap")
+    harness.fly_offboard(1.0)
+    harness.run(0.55, mocap=False)
+    harness.core.autopilot.positioning._vel[2] = error_m_s
+    seconds, impact = down(harness, 20.0, mocap=False)
+    assert not harness.core.autopilot.armed
+    assert seconds < 1.0 / 0.7 + 10.0
+    assert impact < 1.5
+
+
+def test_the_floor_is_felt_by_thrust_and_accelerometer_alone() -> None:
+    """Hand computed: at rest 9.8 m/s^2 are felt; with 0.8 of them as thrust the floor gives the rest."""
+    contact = ContactDetector()
+    contact.update(0, 0.0, 0.8 * GRAVITY_M_S2)
+    assert contact.update(50 * MS, 0.0, 0.8 * GRAVITY_M_S2)
+    assert not contact.update(100 * MS, -0.2 * GRAVITY_M_S2 * 0.05, 0.8 * GRAVITY_M_S2)
+
+
+def test_low_thrust_at_rest_in_the_air_is_not_landed() -> None:
+    detector = LandDetector()
+    detector.landed = False
+    for k in range(100):
+        assert not detector.update(k * 50 * MS, 0.3, 1.0, 0.0, 0.0, carried=False, faded=False)
+    assert not detector.landed
+
+
+def test_thrust_that_is_not_felt_for_a_fifth_of_a_second_is_a_dead_motor() -> None:
+    failure = MotorFailure(PAPER)
+    assert not failure.falls(0, 0.4)
+    assert not failure.falls(190 * MS, 0.4)
+    assert failure.falls(200 * MS, 0.4)
+    assert not failure.falls(250 * MS, 0.15)  # an empty battery's share
+    assert not failure.falls(300 * MS, 0.4)
+
+
+PART_N, TURN_RAD_S2 = 0.04 * GRAVITY_M_S2 / 4.0, 271.6
+"""Of paper_40g in hover, by hand: each motor's part, and what the loss of one makes on its arm of 0.12 m / 2^1.5 about
+x and about y, 0.0981 N * 0.0424 m / 1.532e-5 kg m^2."""
+CORNERS = ((1, 1), (-1, -1), (-1, 1), (1, -1))
+
+
+def looks(expected_n: list[float], turn: tuple[float, float], lift_g: float, slips: float = 1.0) -> list[bool]:
+    """Six looks from rest, each with the same; slips: the part of the turn that became rate."""
+    failure, told = MotorFailure(PAPER), []
+    for k in range(6):
+        x, y = (slips * 0.01 * (k + 1) * about for about in turn)
+        told.append(failure.turns(k * 10 * MS, expected_n, BodyResponse((x, y), turn, lift_g * GRAVITY_M_S2)))
+    return told
+
+
+@pytest.mark.parametrize("motor", range(4))
+def test_a_body_that_turns_over_a_motor_as_nobody_told_it_has_lost_it_after_40_ms(motor: int) -> None:
+    x, y = CORNERS[motor]
+    turn = (x * TURN_RAD_S2, y * TURN_RAD_S2)
+    assert looks([PART_N] * 4, turn, 0.75) == [False] * 4 + [True] * 2
+    assert looks([PART_N] * 4, (0.6 * turn[0], 0.6 * turn[1]), 0.85) == [False] * 4 + [True] * 2
+    assert not any(looks([PART_N] * 4, (0.5 * turn[0], 0.5 * turn[1]), 0.87))  # half is left: it flies
+    assert not any(looks([PART_N] * 4, (turn[0], 0.0), 1.0))  # no motor's, but a gust's
+    assert not any(looks([PART_N] * 4, turn, 1.25))  # a foot on the floor
+    assert not any(looks([PART_N] * 4, turn, 0.75, slips=0.1))  # it does not turn: carried
+
+
+@pytest.mark.parametrize("inertia", [0.7, 1.0, 1.4])
+def test_a_body_that_turns_as_it_was_told_has_its_motors_however_heavy_it_is(inertia: float) -> None:
+    """Front right told 0.4 of its part less, rear left as much more: it turns as if front right gave less."""
+    expected_n = [0.6 * PART_N, 1.4 * PART_N, PART_N, PART_N]
+    turn = 0.8 * TURN_RAD_S2 / inertia
+    assert not any(looks(expected_n, (turn, turn), 1.0))
+
+
+def test_a_weak_motor_that_is_told_more_is_not_dead() -> None:
+    """Of 0.7 of its thrust, told 1 / 0.7 of its part: it hovers, and nothing turns."""
+    assert not any(looks([PART_N / 0.7, PART_N, PART_N, PART_N], (0.0, 0.0), 1.0))
+
+
+def leaping(harness: Harness) -> AttitudeSetpoint:
+    """A target that leaps from 40 degrees on one side to 40 on the other, five times a second."""
+    side = 1.0 if harness.now_ns // (200 * MS) % 2 else -1.0
+    return target(harness, 0.65, from_rotation_vector(np.array([side * np.radians(40.0), 0.0, 0.0])))
+
+
+@pytest.mark.parametrize("inertia", [0.7, 1.4])
+def test_a_drone_whose_target_leaps_about_is_not_cut(inertia: float) -> None:
+    """Its attitude was 30 degrees and more off for a fifth of a second, as a dead motor's is."""
+    about = [inertia * each for each in PAPER.inertia_kg_m2]
+    harness = Harness(pose="mocap", vehicle={"inertia_kg_m2": about})
+    harness.fly_offboard(1.5)
+    harness.run(1.2, leaping)
+    assert harness.core.autopilot.armed
+
+
+@pytest.mark.parametrize("profile", ["paper_40g", "paper_40g_printed", "px4_quad"])
+@pytest.mark.parametrize("gain", [0.0, 0.3])
+def test_a_dead_motor_stops_the_others_within_an_eighth_of_a_second(profile: str, gain: float) -> None:
+    """It took 1.4 s by the ground's rule, and 0.3 s by an attitude out of reach: the light one had tumbled by then."""
+    harness = Harness(pose="mocap", profile=profile)
+    harness.fly_offboard(1.0, hover_over(0.0, 0.0, 1.0))
+    harness.core._airframe.motor_gain = np.array([gain, 1.0, 1.0, 1.0])
+    dead_ns = harness.now_ns
+    while harness.core.autopilot.armed and harness.now_ns < dead_ns + S:
+        harness.run(0.01, hover_at(1.0))
+    assert harness.now_ns - dead_ns <= 125 * MS
+    assert harness.core.autopilot.stream.stage is Stage.STOPPED
+
+
+@pytest.mark.parametrize("gain", [0.7, 1.0])
+def test_a_weak_motor_is_flown_down_and_switched_off_on_the_floor(gain: float) -> None:
+    harness = Harness(pose="mocap")
+    harness.fly_offboard(0.6, hover_over(0.0, 0.0, 0.6))
+    harness.core._airframe.motor_gain = np.array([1.0, gain, 1.0, 1.0])
+    harness.run(1.0, hover_over(0.0, 0.0, 0.6))
+    _, impact = down(harness, 8.0)
+    assert impact < 1.0
+    assert not any("motors off" in text for text in harness.texts())
+
+
+def test_a_stop_latches_until_it_was_seen_at_rest_for_two_seconds() -> None:
+    harness = Harness(pose="mocap")
+    harness.fly_offboard(0.5)
+    assert harness.command(ARM, 0.0, CUT) is Result.ACCEPTED
+    assert harness.core.autopilot.stream.stage is Stage.STOPPED
+    harness.run(0.2, idle)
+    assert harness.command(ARM, 1.0) is Result.TEMPORARILY_REJECTED
+    assert any("ask again after 2 s at rest" in text for text in harness.texts())
+    harness.run(1.5, idle)
+    assert harness.command(ARM, 1.0) is Result.TEMPORARILY_REJECTED
+    harness.run(3.0, idle)
+    assert not harness.core.autopilot.armed  # by setpoints never
+    assert harness.command(ARM, 1.0) is Result.ACCEPTED
+
+
+def test_a_stop_of_a_drone_at_rest_latches_for_two_seconds_too() -> None:
+    harness = Harness(pose="mocap")
+    harness.run(3.0)
+    assert harness.command(ARM, 0.0, CUT) is Result.ACCEPTED
+    harness.run(1.8)
+    for _ in range(5):  # a ground that asks every second, as it did before, does not know of the stop
+        assert harness.command(ARM, 1.0) is Result.TEMPORARILY_REJECTED
+        harness.run(1.0)
+    harness.run(1.1)
+    assert harness.command(ARM, 1.0) is Result.ACCEPTED
+
+
+def test_forced_arming_of_an_ardupilot_is_refused_while_stopped() -> None:
+    harness = Harness(autopilot="ardupilot")
+    harness.run(3.0)
+    harness.command(ARM, 0.0, CUT)
+    assert harness.command(ARM, 1.0, 2989.0) is Result.FAILED
+    harness.run(2.1)
+    assert harness.command(ARM, 1.0, 2989.0) is Result.ACCEPTED
+
+
+def test_stop_leads_to_stopped_from_everywhere_and_only_rest_leads_on() -> None:
+    assert all(TABLE[stage, Trigger.STOP] is Stage.STOPPED for stage in Stage)
+    assert {trigger for stage, trigger in TABLE if stage is Stage.STOPPED} == {Trigger.STOP, Trigger.RESTED}
+
+
+@pytest.mark.parametrize(
+    ("profile", "gain", "most_m_s"), [("paper_40g", 0.6, 1.5), ("paper_40g", 0.65, 1.5), ("arducopter_quad", 0.44, 1.2)]
+)
+def test_who_is_level_but_weak_comes_down_on_what_is_left(profile: str, gain: float, most_m_s: float) -> None:
+    """With 1.2 of its weight left of 2, or 1.3 of 3; with its motors cut it would meet the floor at 4.4 m/s."""
+    harness = Harness(pose="mocap", profile=profile)
+    harness.fly_offboard(1.0)
+    harness.core._airframe.motor_gain = np.full(4, gain)
+    fastest = 0.0
+    for _ in range(300):
+        harness.run(0.01, hover_at(1.0))
+        fastest = min(fastest, float(harness.truth.vel_lab_m_s[2]))
+    assert "Part of its thrust is missing: landing on what is left" in harness.texts()
+    assert fastest > -most_m_s
+    assert harness.truth.on_ground
+    harness.run(3.0)
+    assert not harness.core.autopilot.armed
+
+
+def test_motors_that_give_all_again_do_not_throw_it_up() -> None:
+    """Told 2.3 times of what carries it for as long as it takes to feel that."""
+    harness = Harness(pose="mocap", profile="arducopter_quad")
+    harness.fly_offboard(1.5, hover_over(0.0, 0.0, 1.5))
+    harness.core._airframe.motor_gain = np.full(4, 0.44)
+    harness.run(1.0, hover_at(1.5))
+    height_m = float(harness.truth.pos_lab_m[2])
+    assert height_m > 0.3
+    harness.core._airframe.motor_gain = np.ones(4)
+    highest, impact = height_m, 0.0
+    for _ in range(400):
+        harness.run(0.01)
+        highest = max(highest, float(harness.truth.pos_lab_m[2]))
+        impact = min(impact, float(harness.truth.vel_lab_m_s[2]))
+    assert highest < height_m + 0.15
+    assert impact > -1.2
+    assert harness.truth.on_ground
+
+
+def test_who_has_no_thrust_at_all_stops_its_motors() -> None:
+    harness = Harness(pose="mocap")
+    harness.fly_offboard(1.0)
+    harness.core._airframe.motor_gain = np.full(4, 0.05)
+    harness.run(0.35, hover_at(1.0))
+    assert "Its thrust is missing, a motor may be dead: motors off" in harness.texts()
+    assert not harness.core.autopilot.armed
+
+
+@pytest.mark.parametrize("dodges_s", [0.1, 0.15, 0.2, 0.25])
+def test_who_is_weak_and_dodges_another_is_not_taken_to_tumble(dodges_s: float) -> None:
+    """It turned back to level at 3.05 rad/s as it began to land by itself: cut, it met the floor at 3.6 m/s."""
+    harness = Harness(pose="mocap", profile="px4_quad")
+    harness.fly_offboard(1.5)
+    harness.core._airframe.motor_gain = np.full(4, 0.6)
+    lean = from_rotation_vector(np.array([np.radians(35.0), 0.0, 0.0]))
+    for k in range(100):
+        harness.run(0.01, (lambda harness: target(harness, 0.52, lean)) if k > 100 * dodges_s else hover_at(1.5))
+    assert "Part of its thrust is missing: landing on what is left" in harness.texts()
+    assert harness.core.autopilot.armed
+    assert not any("motors off" in text for text in harness.texts())
+
+
+def test_air_that_brakes_a_fall_is_neither_floor_nor_thrust() -> None:
+    """Terminal velocity at 1 1/s: 40 % of the thrust is lost and drag carries it, 3.92 m/s^2 at 3.92 m/s.
+
+    Without the drag in the model it was carried by 0 of the missing 40 %, and a sound one that sinks at 2 m/s by 0.2 g.
+    """
+    lost, sound = ContactDetector(1.0), ContactDetector(1.0)
+    for k in range(2):
+        lost.update(k * 50 * MS, -0.4 * GRAVITY_M_S2, GRAVITY_M_S2)
+        sound.update(k * 50 * MS, -2.0, GRAVITY_M_S2 - 2.0)
+    assert lost.missing == pytest.approx(0.4)
+    assert not sound.carried
+    assert sound.missing == pytest.approx(0.0, abs=1e-9)

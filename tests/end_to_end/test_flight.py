@@ -1,0 +1,83 @@
+"""Whole flights by real processes, started as a user starts them."""
+
+import json
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from analysis.load import load
+from analysis.metrics import summarise
+from gcs.replay import replay
+from tests.end_to_end.flights import CIRCLE, LINE, SPEED, gcs_sim_fly, pid_of, processes_of, read_until, write_scenario
+from wire.logs.mcap_log import check_log, read_log
+from wire.process.starved import LATE_NS
+
+pytestmark = [pytest.mark.processes, pytest.mark.flights, pytest.mark.timeout(900)]
+
+
+@pytest.mark.parametrize("link", ["zenoh", "udp"])
+def test_three_drones_fly_the_triangle_and_land(link: str, tmp_path: Path) -> None:
+    scenario, out = write_scenario(tmp_path, LINE), tmp_path / "run"
+    with gcs_sim_fly(str(scenario), "--link", link, "--out", str(out)) as process:
+        said, _ = process.communicate()
+    assert process.returncode == 0, said
+    summary = json.loads(summarise(load(out / "flight.mcap")).to_json())
+    assert summary["outcome"] == "landed"
+    assert summary["link"] == link
+    assert summary["scenario"] == "short_triangle"
+    assert summary["followers"] == 2
+    assert summary["formation_rms_m"] <= 0.02
+    assert summary["min_separation_m"] > 0.4
+    assert summary["latency_ms"]["p50"] < 10.0
+    assert 5.0 < summary["age_ms"]["p50"] < 60.0
+    page = (out / "report.html").read_text()
+    assert "<img" in page or "<svg" in page
+    assert "http://" not in page.replace("http://www.w3.org", "")
+    assert check_log(out / "flight.mcap").complete
+    assert replay(read_log(out / "flight.mcap")).identical
+    assert not processes_of(out)
+
+
+def test_ctrl_c_lands_the_drones_and_leaves_no_process_and_a_whole_log(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    with gcs_sim_fly(str(write_scenario(tmp_path, CIRCLE)), "--out", str(out)) as process:
+        read_until(process, "FORMATION")
+        process.send_signal(signal.SIGINT)
+        said, _ = process.communicate()
+    assert process.returncode == 130, said
+    assert "aborted: interrupted" in said
+    assert not processes_of(out)
+    assert check_log(out / "flight.mcap").complete
+    ended = (out / "gcs.log").read_text()
+    assert "LAND -> GROUND" in ended
+
+
+def test_an_emulator_that_is_not_let_run_is_named_and_neither_a_pass_nor_a_failed_flight(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    with gcs_sim_fly(str(write_scenario(tmp_path, CIRCLE)), "--out", str(out)) as process:
+        read_until(process, "HOLD")
+        mocap = pid_of(out, lambda words: "sim" in words and "mocap" in words)
+        os.kill(mocap, signal.SIGSTOP)
+        time.sleep(2.0 * LATE_NS * 1e-9 / SPEED)
+        os.kill(mocap, signal.SIGCONT)
+        said, _ = process.communicate()
+    assert process.returncode == 3, said
+    assert "the mocap emulator is starved: its exposure" in said
+    assert "aborted" not in said
+    assert "landed" not in said
+    assert not processes_of(out)
+
+
+def test_when_an_agent_dies_the_flight_ends_with_its_name_and_leaves_no_process(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    with gcs_sim_fly(str(write_scenario(tmp_path, CIRCLE)), "--out", str(out)) as process:
+        read_until(process, "TAKEOFF")
+        os.kill(pid_of(out, lambda words: any(word.endswith("agent-3.toml") for word in words)), signal.SIGKILL)
+        said, _ = process.communicate()
+    assert process.returncode == 1, said
+    assert "agent-3 ended with signal SIGKILL" in said
+    assert not processes_of(out)
+    assert (out / "report.html").exists()

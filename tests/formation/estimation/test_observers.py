@@ -1,0 +1,278 @@
+"""The observers: two in parallel, quiet until a push and quick to believe it; accelerometer; an observed heading."""
+
+import numpy as np
+import pytest
+
+from formation.control.presets import DEFAULT, OBSERVER
+from formation.estimation.observers import (
+    blending_weight,
+    noise_thresholds,
+    observe_heading,
+    observe_parallel,
+    receive_inertial,
+)
+from formation.estimation.settings import ObserverGains, ObserverSettings, Parallel
+from formation.estimation.state import VehicleEstimate
+from formation.maths import frames
+from formation.maths.arrays import Float, Vec3
+from formation.maths.frames import from_rotation_vector, inverse, rotate
+from formation.maths.records import Rows, blank, copied
+
+DT_S, NOISE_M = 0.01, 1e-4
+STILL = np.zeros(3)
+
+
+def _settings(slow: ObserverGains = OBSERVER, fast: Parallel = DEFAULT.parallel) -> ObserverSettings:
+    settings = blank(ObserverSettings, 1)[0]
+    for name in ObserverGains.__slots__:
+        setattr(settings.horizontal, name, getattr(slow, name))
+    for name in Parallel.__slots__:
+        setattr(settings.parallel, name, getattr(fast, name))
+    return settings
+
+
+def _at_rest() -> Rows[VehicleEstimate]:
+    z = blank(VehicleEstimate, 1)
+    z["noise_var_m2"] = NOISE_M**2
+    return z
+
+
+def _step(z: VehicleEstimate, measured: Float, settings: ObserverSettings) -> None:
+    observe_parallel(z, measured, STILL, DT_S, 1.0, settings.horizontal, settings.parallel)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "fast_weight"), [(0.0, 0.0), (0.5, 1.0 / 17.0), (1.0, 0.5), (3.0, 81.0 / 82.0), (1e99, 1.0)]
+)
+def test_the_blending_weight(ratio: float, fast_weight: float) -> None:
+    assert blending_weight(ratio) == pytest.approx(fast_weight)
+
+
+def test_what_noise_alone_shows_of_each_derivative() -> None:
+    """0.1 mm at 100 Hz through 25 rad/s: half of it; each derivative another 25 rad/s; all times so many sigmas."""
+    out = np.zeros(3)
+    noise_thresholds(1e-4, 25.0, 0.01, _settings(fast=Parallel(25.0, 2.0, 4.0, 6.0)).parallel, out)
+    assert out == pytest.approx([2 * 0.5e-4, 4 * 0.5e-4 * 25.0, 6 * 0.5e-4 * 625.0])
+
+
+def test_in_calm_it_stays_with_the_slow_observer() -> None:
+    rng = np.random.default_rng(4)
+    z, settings = _at_rest(), _settings()
+    weights, disturbances = [], []
+    for _ in range(1000):
+        _step(z[0], NOISE_M * rng.standard_normal(3), settings)
+        weights.append(float(z[0].fast_weight))
+        disturbances.append(float(z[0].dist_lab_m_s2[0]))
+    assert np.mean(weights) < 0.02
+    assert np.std(disturbances) < 0.05
+
+
+def test_a_push_is_believed_within_five_frames_and_known_within_ten() -> None:
+    """5 m/s^2 along x; y, which is not pushed, stays where it is but for noise."""
+    rng = np.random.default_rng(5)
+    z, settings = _at_rest(), _settings()
+    for _ in range(100):
+        _step(z[0], NOISE_M * rng.standard_normal(3), settings)
+    weights, estimates = [], []
+    for k in range(1, 11):
+        truth = np.array([2.5 * (k * DT_S) ** 2, 0.0, 0.0])
+        _step(z[0], truth + NOISE_M * rng.standard_normal(3), settings)
+        weights.append(float(z[0].fast_weight))
+        estimates.append(z[0].dist_lab_m_s2[:2].copy())
+    assert max(weights[:5]) > 0.9
+    assert estimates[-1][0] == pytest.approx(5.0, rel=0.2)
+    assert abs(estimates[-1][1]) < 1.5
+
+
+def test_what_is_moved_in_the_estimate_is_moved_in_both_observers() -> None:
+    """As the thrust scale and the level bias are: the same motion under another model is the same estimate again."""
+    rng = np.random.default_rng(6)
+    z, settings = _at_rest(), _settings()
+    for _ in range(30):
+        _step(z[0], 1e-3 * rng.standard_normal(3), settings)
+    moved, by = copied(z), np.array([0.7, -0.4, 0.0])
+    for axis in range(2):
+        moved[0].dist_lab_m_s2[axis] += by[axis]
+    for _ in range(5):
+        measured = 1e-3 * rng.standard_normal(3)
+        observe_parallel(z[0], measured, STILL, DT_S, 1.0, settings.horizontal, settings.parallel)
+        observe_parallel(moved[0], measured, -by, DT_S, 1.0, settings.horizontal, settings.parallel)
+    assert moved[0].dist_lab_m_s2[:2] - by[:2] == pytest.approx(z[0].dist_lab_m_s2[:2], abs=1e-9)
+    assert moved[0].pos_lab_m == pytest.approx(z[0].pos_lab_m, abs=1e-12)
+
+
+def test_one_weight_makes_it_the_same_in_every_direction() -> None:
+    """A push at 45 degrees is estimated as the same push along x, turned."""
+    quarter, settings = np.sqrt(0.5), _settings(ObserverGains(8.0, 0.0, 0.004), Parallel(90.0))
+    along, across = _at_rest(), _at_rest()
+    for k in range(1, 12):
+        x = 2.0 * (k * DT_S) ** 2
+        _step(along[0], np.array([x, 0.0, 0.0]), settings)
+        _step(across[0], np.array([quarter * x, quarter * x, 0.0]), settings)
+    assert across[0].fast_weight == pytest.approx(float(along[0].fast_weight))
+    assert across[0].dist_lab_m_s2[:2] == pytest.approx(quarter * along[0].dist_lab_m_s2[0], rel=1e-9)
+
+
+DT_S, G = 0.01, 9.8
+LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
+UP = np.array([0.0, 0.0, G])
+NO_DRAG = np.zeros(3)
+
+
+def _hovering(q: Float = LEVEL) -> Rows[VehicleEstimate]:
+    z = blank(VehicleEstimate, 1)
+    z["thrust_scale"], z["thrust_m_s2"], z["q_lab_from_flu"] = 1.0, G, q
+    z["inertial_var_m2_s4"] = 0.04
+    return z
+
+
+def _feel(z: VehicleEstimate, force_flu_m_s2: Vec3, steps: int = 1) -> None:
+    for _ in range(steps):
+        receive_inertial(z, z.q_lab_from_flu.copy(), force_flu_m_s2, DT_S, NO_DRAG)
+
+
+def _fast_z3(z: VehicleEstimate) -> Float:
+    return np.asarray(z.dist_lab_m_s2[:2] + (1.0 - z.fast_weight) * z.fast_minus_slow[2, :2])
+
+
+@pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (0.2, -0.3, 0.0), (0.1, 0.4, 2.5)])
+def test_a_push_is_the_fast_observers_z3_in_one_step(turn: tuple[float, float, float]) -> None:
+    """Whatever way the vehicle leans and heads: what is felt besides the thrust along its own z."""
+    q, push = from_rotation_vector(np.array(turn)), np.array([4.0, -3.0, 0.0])
+    z = _hovering(q)
+    _feel(z[0], UP + rotate(inverse(q), push))
+    assert _fast_z3(z[0]) == pytest.approx(push[:2], rel=0.01)
+    assert z[0].inertial_ratio > 1.0
+
+
+def test_a_turn_within_the_step_is_counted_by_its_mean() -> None:
+    """From 0.1 to 0.2 rad about y under a push along x: felt at 0.15 rad."""
+    push, z = np.array([4.0, 0.0, 0.0]), _hovering(from_rotation_vector(np.array([0.0, 0.2, 0.0])))
+    halfway = from_rotation_vector(np.array([0.0, 0.15, 0.0]))
+    receive_inertial(
+        z[0], from_rotation_vector(np.array([0.0, 0.1, 0.0])), UP + rotate(inverse(halfway), push), DT_S, NO_DRAG
+    )
+    assert _fast_z3(z[0]) == pytest.approx(push[:2], abs=0.05)
+
+
+def test_drag_is_no_disturbance() -> None:
+    """At 2 and -1 m/s a drag of 0.5 1/s is measured as -1 and 0.5 m/s^2; a push of 4 m/s^2 beside it is still seen."""
+    drag_1_s = np.array([0.5, 0.5, 0.5])
+    for push_m_s2 in (0.0, 4.0):
+        z = _hovering()
+        z["vel_lab_m_s"] = [[2.0, -1.0, 0.0]]
+        measured = UP + np.array([push_m_s2 - 1.0, 0.5, 0.0])
+        receive_inertial(z[0], LEVEL, measured, DT_S, drag_1_s)
+        assert _fast_z3(z[0]) == pytest.approx([push_m_s2, 0.0], abs=0.04)
+
+
+def test_noise_hardly_moves_it_and_is_learned() -> None:
+    rng, z, seen = np.random.default_rng(5), _hovering(), []
+    for _ in range(3000):
+        _feel(z[0], UP + 0.3 * rng.standard_normal(3))
+        z["fast_minus_slow"] *= 0.8  # positions say that nothing pushes
+        seen.append(_fast_z3(z[0])[0])
+    assert np.sqrt(z[0].inertial_var_m2_s4) == pytest.approx(0.3, rel=0.15)
+    assert np.std(seen) < 0.03
+
+
+def test_a_small_bias_is_learned_and_no_push() -> None:
+    z = _hovering()
+    _feel(z[0], UP + np.array([0.3, -0.2, 0.0]), 1000)
+    assert z[0].inertial_bias_m_s2 == pytest.approx([0.3, -0.2], rel=0.02)
+    assert np.abs(_fast_z3(z[0])).max() < 0.01
+
+
+def test_a_sensor_that_is_wrong_for_good_is_believed_for_some_seconds_only() -> None:
+    z = _hovering()
+    _feel(z[0], UP + np.array([6.0, 0.0, 0.0]), 10)
+    assert _fast_z3(z[0])[0] == pytest.approx(6.0, rel=0.1)
+    _feel(z[0], UP + np.array([6.0, 0.0, 0.0]), 3000)
+    assert z[0].inertial_bias_m_s2[0] == pytest.approx(6.0, rel=0.1)
+    assert z[0].inertial_ratio < 0.5
+
+
+def test_no_more_is_believed_than_z3_may_be() -> None:
+    z = _hovering()
+    _feel(z[0], np.array([150.0, -150.0, 100.0]))
+    assert np.abs(_fast_z3(z[0])).max() <= 14.0
+
+
+def test_where_nothing_is_measured_nothing_is_different() -> None:
+    z, before = _hovering(), _hovering()
+    _feel(z[0], np.array([np.nan, 0.0, 0.0]), 100)
+    assert z.tobytes() == before.tobytes()
+
+
+def test_a_push_that_was_felt_last_is_soon_forgotten() -> None:
+    z = _hovering()
+    _feel(z[0], UP + np.array([4.0, 0.0, 0.0]))
+    _feel(z[0], np.full(3, np.nan), 20)
+    assert z[0].inertial_ratio < 0.05
+
+
+DT_S, NOISE_RAD = 0.01, 1e-3
+T_S = np.arange(1, 400) * DT_S
+
+
+def _heading_settings() -> ObserverSettings:
+    settings = blank(ObserverSettings, 1)[0]
+    settings.commanded_index, settings.quiet_rad = -1, DEFAULT.quiet_rad
+    for name in ObserverGains.__slots__:
+        setattr(settings.heading, name, getattr(DEFAULT.seen_heading_observer, name))
+    for name in Parallel.__slots__:
+        setattr(settings.heading_parallel, name, getattr(DEFAULT.seen_heading_parallel, name))
+    return settings
+
+
+def _observed(yaw_rad: Float, seed: int, unseen: slice = slice(0)) -> tuple[Rows[VehicleEstimate], Float]:
+    """The estimate after all of these headings, each seen with noise; and yaw, rate, Z3, weight (T, 4) on the way."""
+    z, settings, rng = blank(VehicleEstimate, 1), _heading_settings(), np.random.default_rng(seed)
+    seen = np.ones(len(yaw_rad), dtype=bool)
+    seen[unseen] = False
+    course = np.empty((len(yaw_rad), 4))
+    for k, yaw in enumerate(yaw_rad):
+        z["q_lab_from_flu"][0] = frames.from_yaw(yaw + NOISE_RAD * rng.standard_normal())
+        observe_heading(z[0], bool(seen[k]), DT_S, settings)
+        course[k] = z[0].yaw_rad, z[0].yaw_rate_rad_s, z[0].yaw_dist_rad_s2, blending_weight(z[0].yaw_ratio)
+    return z, course
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_at_rest_noise_neither_raises_the_weight_nor_turns_the_followers(seed: int) -> None:
+    """A rate of 5 mrad/s is 3 mm/s at an arm of 0.6 m."""
+    _, course = _observed(np.zeros(len(T_S)), seed)
+    assert np.max(course[100:, 3]) < 0.3
+    assert np.std(course[100:, 1]) < 5e-3
+
+
+def test_a_turn_that_begins_is_known_within_a_tenth_of_a_second() -> None:
+    """4 rad/s^2 from rest on: after 0.1 s the rate is 0.4 rad/s."""
+    begins = 100
+    yaw = 2.0 * np.maximum(np.arange(len(T_S)) - begins, 0) ** 2 * DT_S**2
+    _, course = _observed(yaw, 4)
+    after = begins + 10
+    assert course[after, 3] > 0.9
+    assert course[after, 1] == pytest.approx(4.0 * 10 * DT_S, rel=0.15)
+
+
+def test_to_and_fro_it_stays_fast_where_the_turn_reverses() -> None:
+    """0.5 rad at 0.5 Hz, as a hand turns a leader: nowhere does the estimate go back to the slow observer."""
+    yaw = 0.5 * np.sin(np.pi * T_S)
+    _, course = _observed(yaw, 5)
+    assert np.min(course[100:, 3]) > 0.95
+    late_s = np.abs(course[100:, 1] - 0.5 * np.pi * np.cos(np.pi * T_S[100:])).max() / (0.5 * np.pi**2)
+    assert late_s < 0.03
+
+
+def test_unseen_it_goes_on_turning_and_is_found_again_without_a_jump() -> None:
+    yaw = 1.0 * T_S
+    _, course = _observed(yaw, 6, unseen=slice(200, 220))
+    assert np.abs(course[200:, 0] - yaw[200:]).max() < 0.02
+    assert course[200:220, 2] == pytest.approx(0.0)
+    assert np.abs(course[200:, 1] - 1.0).max() < 0.2
+
+
+def test_a_heading_that_passes_half_a_turn_is_unwrapped() -> None:
+    _, course = _observed(2.0 * T_S, 7)
+    assert course[-1, 0] == pytest.approx(2.0 * T_S[-1], abs=0.01)

@@ -1,0 +1,308 @@
+"""What the ground does on every fault, seen at the drones: GcsCore with fake drones that fail on demand."""
+
+import json
+import struct
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from formation.guidance.plan import Mode
+from formation.messages import Phase, Verb
+from gcs.core import BrokenInvariantError
+from tests.gcs.fakes import FakeLab, commands, refusal, triangle
+from wire.link_messages.commands import Result
+from wire.link_messages.parameters import ParamType, ParamValue
+from wire.link_messages.status import EkfStatus, ExtendedSysState, LandedState
+
+
+def _flying() -> FakeLab:
+    lab = FakeLab(triangle())
+    lab.fly()
+    lab.run(1.0)
+    return lab
+
+
+def test_arming_is_rejected_without_fresh_poses():
+    lab = FakeLab(triangle())
+    lab.run(2.0)
+    lab.hidden.add("left")
+    lab.run(0.3)
+    assert refusal(lab, Verb.ARM).startswith("left: no fresh pose (last seen 0.3")
+    lab.hidden.clear()
+    lab.run(0.2)
+    lab.frames_stopped = True
+    lab.run(0.5)
+    assert refusal(lab, Verb.ARM).count("no fresh pose") == 3
+    assert lab.phase is Phase.GROUND
+
+
+def test_a_body_never_seen_is_nowhere_until_it_is_seen():
+    """It would stand at (0, 0, 0), where the drone `lead` is, and shoot from there to where it is first seen."""
+    lab = FakeLab(triangle())
+    lab.hidden.add("left")
+    lab.drones[2].pos = np.array([1.5, 1.0, 0.0])
+    lab.run(2.0)
+    assert refusal(lab, Verb.ARM) == "left: no fresh pose (last seen never)"
+    status = json.loads(lab.core.status(lab.now_ns))
+    assert [drone["pos_lab_m"] is None for drone in status["drones"]] == [False, True, False]
+    lab.hidden.clear()
+    lab.step()
+    status = json.loads(lab.core.status(lab.now_ns))
+    assert status["drones"][1]["pos_lab_m"] == pytest.approx([1.5, 1.0, 0.0], abs=0.01)
+    assert status["refusals"] == []
+
+
+def test_arming_is_rejected_with_a_body_outside_the_fence():
+    lab = FakeLab(triangle())
+    lab.drones[2].pos = np.array([2.7, 0.4, 0.0])
+    lab.run(2.0)
+    assert "left: 0.20 m outside the fence" in refusal(lab, Verb.ARM)
+
+
+def test_arming_is_rejected_with_two_drones_too_close():
+    lab = FakeLab(triangle())
+    lab.drones[2].pos = np.array([-0.4, -0.3, 0.0])
+    lab.run(2.0)
+    assert "left: 0.10 m from the next body, minimum is 0.20 m" in refusal(lab, Verb.ARM)
+
+
+def test_arming_is_rejected_with_a_heartbeat_missing():
+    lab = FakeLab(triangle())
+    lab.drones[3].sends_nothing = True
+    lab.run(2.0)
+    assert "right: no heartbeat (last heard never)" in refusal(lab, Verb.ARM)
+
+
+def test_a_drone_that_rejects_arming_disarms_the_others_with_its_own_words():
+    lab = FakeLab(triangle())
+    lab.run(2.0)
+    lab.drones[2].rejects_arming = True
+    request = lab.ask(Verb.ARM)
+    lab.run_until(Phase.ARMED)
+    lab.run_until(Phase.GROUND, longest_s=15.0)
+    reply = lab.reply(request)
+    assert not reply.accepted
+    assert reply.text == "left is not armed (denied; it says: PreArm: no position)"
+    lab.run(3.0)
+    assert [d.armed for d in lab.drones.values()] == [False] * 3
+
+
+def test_requests_out_of_turn_are_rejected_with_the_phases_they_are_for():
+    lab = FakeLab(triangle())
+    lab.run(1.0)
+    assert refusal(lab, Verb.TAKEOFF) == "takeoff is for ARMED, this is GROUND"
+    assert refusal(lab, Verb.START) == "start is for HOLD, this is GROUND"
+    assert refusal(lab, Verb.SHAPE).startswith("no shape ''")
+    lab.command(Verb.ARM, Phase.ARMED)
+    assert refusal(lab, Verb.ARM) == "arm is for GROUND, this is ARMED"
+
+
+def test_take_off_waits_for_every_drone():
+    lab = FakeLab(triangle())
+    lab.run(2.0)
+    lab.ask(Verb.ARM)
+    lab.run(0.5)
+    assert refusal(lab, Verb.TAKEOFF) == "not every drone has armed yet"
+
+
+def test_the_formation_is_not_taken_up_outside_the_fence():
+    lab = FakeLab(triangle(followers=[{"body": "left", "sysid": 2, "offset_m": (-2.0, 2.2, 0.0)}]))
+    lab.drones[2].pos = np.array([-2.0, 1.5, 0.0])
+    lab.run(2.0)
+    lab.command(Verb.ARM, Phase.ARMED)
+    lab.command(Verb.TAKEOFF, Phase.TAKEOFF)
+    lab.run_until(Phase.HOLD)
+    assert refusal(lab, Verb.START).startswith("left: its slot would be outside the fence")
+
+
+def test_a_follower_hidden_holds_the_swarm_then_lands_it_and_is_let_go():
+    lab = _flying()
+    lab.hidden.add("left")
+    lab.run(0.3)
+    assert lab.phase is Phase.HOLD
+    lab.run(0.3)
+    assert lab.phase is Phase.LAND
+    setpoints = len(lab.drones[2].setpoints)
+    lab.run(1.0)
+    assert len(lab.drones[2].setpoints) == setpoints
+    assert commands(lab.drones[2], 21)
+    assert not commands(lab.drones[1], 21)
+    lab.run_until(Phase.GROUND)
+    assert [d.armed for d in lab.drones.values()] == [False] * 3
+
+
+def test_a_short_dropout_is_flown_through():
+    lab = _flying()
+    lab.hidden.update(("lead", "left", "right"))
+    lab.run(0.05)
+    lab.hidden.clear()
+    lab.run(1.0)
+    assert lab.phase is Phase.FORMATION
+
+
+def test_an_observed_leader_hidden_holds_the_followers():
+    lab = FakeLab(triangle(leader={"body": "lead"}))
+    lab.fly()
+    lab.run(2.0)
+    lab.hidden.add("lead")
+    lab.run(3.0)
+    assert lab.phase is Phase.HOLD
+    assert refusal(lab, Verb.START) == "lead: no fresh pose, there is nothing to form on"
+
+
+def test_mocap_gone_stops_setpoints_and_heartbeats_and_commands_every_drone_to_land():
+    lab = _flying()
+    lab.frames_stopped = True
+    lab.run(0.5)
+    assert lab.phase is Phase.LAND
+    assert all(commands(drone, 21) for drone in lab.drones.values())
+    lab.run(5.0)
+    assert [d.armed for d in lab.drones.values()] == [False] * 3
+    assert lab.phase is Phase.GROUND
+
+
+def test_a_silent_drone_lands_the_swarm():
+    lab = _flying()
+    lab.drones[3].sends_nothing = True
+    lab.run(4.5)
+    assert lab.phase is Phase.LAND
+    assert "right: nothing heard for 3 s" in lab.events
+
+
+def test_a_drone_far_outside_the_fence_is_cut_and_the_others_land():
+    lab = _flying()
+    lab.drones[3].pos = np.array([3.2, -1.0, 0.3])
+    lab.run(0.4)
+    assert lab.phase is Phase.LAND
+    assert commands(lab.drones[3], 400)[-1].params[:2] == (0.0, 21196.0)
+    assert not lab.drones[3].armed
+    assert lab.drones[1].armed
+
+
+def test_a_drone_that_a_pilot_takes_over_is_not_fought_for():
+    lab = _flying()
+    lab.drones[2].mode = 3 << 16
+    modes = len(commands(lab.drones[2], 176))
+    lab.run(2.0)
+    assert lab.phase is Phase.LAND
+    assert len(commands(lab.drones[2], 176)) == modes
+    assert not commands(lab.drones[2], 21)
+    led = [setpoint.mode is not Mode.IDLE for setpoint in lab.core._flight.plan().setpoints]
+    assert led == [True, False, True]  # it goes its own way, and the others keep clear of that
+
+
+def test_a_disarm_rejected_on_the_floor_is_forced():
+    lab = _flying()
+    drone = lab.drones[1]
+    obey = drone._obey
+    drone._obey = lambda c: Result.DENIED if c.command == 400 and c.params[1] == 0.0 else obey(c)
+    lab.command(Verb.LAND, Phase.LAND)
+    lab.run_until(Phase.GROUND)
+    assert not drone.armed
+    assert any(c.params[:2] == (0.0, 21196.0) for c in commands(drone, 400))
+
+
+def test_stop_cuts_every_drone_in_the_air_again_and_again_until_each_has_said_so():
+    lab = _flying()
+    lab.drones[1].receives_nothing = True
+    lab.command(Verb.STOP, Phase.STOPPED)
+    assert not lab.drones[2].armed
+    assert not lab.drones[3].armed
+    lab.run(1.0)
+    assert lab.drones[1].armed
+    lab.drones[1].receives_nothing = False
+    lab.run(0.2)
+    assert not lab.drones[1].armed
+
+
+def test_reset_leads_from_a_stop_to_another_flight():
+    lab = _flying()
+    lab.command(Verb.STOP, Phase.STOPPED)
+    assert "`gcs reset` leads back to GROUND" in refusal(lab, Verb.ARM)
+    lab.run(2.0)
+    assert lab.core.state(lab.now_ns)["allowed"]["reset"] == []
+    lab.command(Verb.RESET, Phase.GROUND)
+    lab.run(1.0)
+    assert lab.core.state(lab.now_ns)["allowed"]["arm"] == []
+    lab.command(Verb.ARM, Phase.ARMED)
+    lab.command(Verb.TAKEOFF, Phase.TAKEOFF)
+    lab.run_until(Phase.HOLD)
+
+
+def test_reset_is_rejected_while_a_drone_is_armed_or_unheard():
+    lab = _flying()
+    lab.drones[1].receives_nothing = lab.drones[2].sends_nothing = True
+    lab.command(Verb.STOP, Phase.STOPPED)
+    lab.run(5.0)
+    text = refusal(lab, Verb.RESET)
+    assert "lead: armed" in text
+    assert "no heartbeat (last heard" in text
+    assert lab.phase is Phase.STOPPED
+
+
+def test_nothing_else_leaves_stopped():
+    lab = _flying()
+    lab.command(Verb.STOP, Phase.STOPPED)
+    for drone in lab.drones.values():
+        drone.setpoints.clear()
+    for verb in (Verb.ARM, Verb.TAKE_CONTROL, Verb.TAKEOFF, Verb.START, Verb.HOLD):
+        assert "this is STOPPED" in refusal(lab, verb)
+    assert lab.reply(lab.ask(Verb.LAND)).accepted  # their motors are off, which ends every landing
+    assert lab.phase is Phase.STOPPED
+    lab.run(2.0)
+    assert all(not drone.setpoints for drone in lab.drones.values())
+
+
+def test_stop_on_the_ground_stops_too():
+    lab = FakeLab(triangle())
+    lab.command(Verb.STOP, Phase.STOPPED)
+    lab.run(2.0)
+    assert all(commands(drone, 400)[0].params[:2] == (0.0, 21196.0) for drone in lab.drones.values())
+
+
+def test_a_duplicate_sysid_is_reported_and_keeps_the_swarm_on_the_ground():
+    lab = FakeLab(triangle())
+    twin = FakeLab(triangle()).drones[2]
+    for _ in range(77):
+        twin.codec.encode(EkfStatus(0, ardupilot=False))
+    lab.run(2.0)
+    for _ in range(300):
+        lab.step()
+        twin._say(ExtendedSysState(LandedState.ON_GROUND))
+        lab.drones[2]._say(ExtendedSysState(LandedState.ON_GROUND))
+        lab.drones[2]._out += twin.outgoing(lab.now_ns)
+    assert "left: its sysid is used twice on the network" in lab.events
+    assert "left: its sysid is used twice on the network" in refusal(lab, Verb.ARM)
+
+
+def test_an_estimate_that_is_not_finite_ends_the_core():
+    lab = _flying()
+    lab.core._stack._memory["z_m"] = np.nan
+    with pytest.raises(BrokenInvariantError, match="not finite"):
+        lab.run(0.1)
+
+
+def test_a_rejection_code_that_is_none_of_ours_ends_nothing():
+    """Such a frame is refused before it comes here; the state is published all the same."""
+    lab = FakeLab(triangle())
+    lab.run(1.0)
+    lab.now_ns += 10_000_000
+    frame = replace(lab.frame(), rejected=np.array([200, 0, 0], np.uint8))
+    lab.core.receive(frame, lab.now_ns)
+    lab._tick_while_due()
+    assert json.loads(lab.core.status(lab.now_ns))["rejected"] == {"lead": "reason 200, of a later version"}
+
+
+def test_a_forged_hover_thrust_changes_nothing_in_flight():
+    """Led by a hover thrust of 0.1 or 0.4 it would be on the floor, or at 0.40 m, in phase HOLD."""
+    lab, alone = _flying(), _flying()
+    drone, link = lab.drones[2], lab.core._links[2]
+    before = link.hover_thrust_norm
+    for value in (0.1, 0.4, 0.9):
+        drone._say(ParamValue("MPC_THR_HOVER", struct.pack("<f", value), ParamType.REAL32, 1, 0))
+        lab.run(0.5)
+        alone.run(0.5)
+        assert link.hover_thrust_norm == before
+    assert any("MPC_THR_HOVER announced anew while armed" in text for text in lab.events)
+    assert np.array_equal(drone.pos, alone.drones[2].pos)

@@ -1,0 +1,209 @@
+"""Motors are cut where two independent estimates agree, a pilot is left alone, and a landing ends."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from formation.messages import Phase, Verb
+from gcs.core import GcsCore
+from gcs.safety.monitors import MONITORS
+from tests.gcs.fakes import MS, FakeLab, commands, triangle
+from wire.link_messages.commands import CommandLong, Result
+from wire.link_messages.status import NamedValue
+
+UPSIDE_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
+POSCTL = 3 << 16
+CUT = (0.0, 21196.0)
+
+
+def flying(altitude_m: float = 0.3) -> FakeLab:
+    lab = FakeLab(triangle(flight={"altitude_m": altitude_m}))
+    lab.fly()
+    lab.run(1.0)
+    return lab
+
+
+def parameters(drone, number: int) -> list[tuple[float, ...]]:
+    return [command.params[:2] for command in commands(drone, number)]
+
+
+def lying_mocap(lab: FakeLab, body: str, pos=None, q=None) -> None:
+    """From now on the mocap has that body elsewhere, or turned."""
+    true = lab.frame
+
+    def frame():
+        seen = true()
+        k = seen.bodies.index(body)
+        if pos is not None:
+            seen.pos_lab_m[k] = pos
+        if q is not None:
+            seen.q_lab_from_flu[k] = q
+        return seen
+
+    lab.frame = frame
+
+
+def test_an_attitude_that_only_the_mocap_sees_upside_down_cuts_no_motor():
+    lab = flying()
+    lying_mocap(lab, "left", q=UPSIDE_DOWN)
+    lab.run(0.6)
+    assert lab.phase is Phase.LAND
+    assert "left: tilted by 75 degrees" in lab.events
+    lab.run(4.0)
+    assert CUT not in parameters(lab.drones[2], 400)
+    assert parameters(lab.drones[2], 21)
+    assert not lab.drones[2].armed
+
+
+def test_an_attitude_that_both_see_upside_down_does():
+    lab = flying()
+    lying_mocap(lab, "left", q=UPSIDE_DOWN)
+    lab.drones[2].own_q = UPSIDE_DOWN
+    lab.run(0.5)
+    assert "left: tilted by 75 degrees, says its own attitude too" in lab.events
+    assert not lab.drones[2].armed
+
+
+def test_a_place_far_outside_that_only_the_mocap_sees_cuts_no_motor():
+    lab = flying()
+    lying_mocap(lab, "right", pos=(3.2, -1.0, 0.3))
+    lab.run(0.5)
+    assert lab.phase is Phase.LAND
+    lab.run(5.0)
+    assert CUT not in parameters(lab.drones[3], 400)
+    assert not lab.drones[3].armed
+
+
+def test_an_estimate_with_its_origin_at_the_start_counts_as_independent():
+    lab = FakeLab(triangle())
+    lab.drones[3].own_shift = np.array([5.0, -7.0, 0.2])
+    lab.fly()
+    lab.drones[3].pos = np.array([3.2, -1.0, 0.3])
+    lab.run(0.4)
+    assert "right: 0.5 m outside the fence, says its own estimate too" in lab.events
+    assert not lab.drones[3].armed
+
+
+def test_a_pilot_who_holds_it_at_a_metre_keeps_his_motors():
+    """It is at rest while the landing leads it to the floor, which counted as touched down."""
+    lab = flying(1.0)
+    drone = lab.drones[2]
+    lab.command(Verb.LAND, Phase.LAND)
+    drone.mode = POSCTL
+    lab.run(10.0)
+    assert drone.armed
+    assert drone.pos[2] > 0.8
+    assert not parameters(drone, 21)
+    assert [c for c in parameters(drone, 400) if c[0] == 0.0] == []
+    assert lab.events.count("left: a pilot flies it (POSCTL), it is left alone") == 1
+    assert lab.phase is Phase.GROUND
+    assert "LAND -> GROUND: landed, but for left: a pilot's" in lab.events
+    reply = lab.reply(lab.ask(Verb.ARM))
+    assert "left: armed, in POSCTL" in reply.text
+    lab.command(Verb.STOP, Phase.STOPPED)
+    lab.run(0.1)
+    assert not drone.armed
+
+
+def test_a_drone_that_does_not_follow_the_landing_is_left_to_its_autopilot_and_the_landing_ends():
+    lab = flying(1.0)
+    drone = lab.drones[2]
+    lab.command(Verb.LAND, Phase.LAND)
+    began_ns, react = lab.now_ns, drone._react
+    drone._react = lambda m, now: react(m, now) if isinstance(m, CommandLong) else None
+    lab.run_until(Phase.GROUND, longest_s=1.0 / 0.3 + 10.0)
+    assert parameters(drone, 21)
+    assert not drone.armed
+    assert (lab.now_ns - began_ns) * 1e-9 < 10.0
+
+
+@pytest.mark.parametrize("how", ["receives_nothing", "rejecting", "sends_nothing"])
+def test_a_landing_ends_with_its_cause_whatever_a_drone_does(how):
+    lab = flying(1.0)
+    drone = lab.drones[2]
+    height_m = float(drone.pos[2])
+    lab.command(Verb.LAND, Phase.LAND)
+    began_ns = lab.now_ns
+    if how == "rejecting":
+        drone._obey = lambda _command: Result.DENIED
+    else:
+        setattr(drone, how, True)
+    if how != "rejecting":
+        drone.receives_nothing = True
+    lab.run_until(Phase.GROUND, longest_s=height_m / 0.3 + 10.1)
+    assert (lab.now_ns - began_ns) * 1e-9 <= height_m / 0.3 + 10.05
+    if how == "receives_nothing":
+        assert any(e.startswith("the landing has taken too long: left is still armed, in OFFBOARD") for e in lab.events)
+    assert not lab.drones[1].armed
+
+
+def test_a_disarm_that_is_rejected_in_the_air_is_never_forced():
+    """Its own landed state and a mode that is not ours: nothing bears out that it is on the floor."""
+    lab = FakeLab(triangle())
+    lab.run(2.0)
+    lab.command(Verb.ARM, Phase.ARMED)
+    drone = lab.drones[2]
+    drone.mode, drone.pos = POSCTL, np.array([-0.4, 0.4, 0.8])
+    lab.run_until(Phase.GROUND)
+    lab.run(8.0)
+    assert drone.armed
+    assert CUT not in parameters(drone, 400)
+
+
+def test_every_packet_is_a_sign_of_life():
+    lab = flying()
+    lab.drones[3]._beat_ns = 2**62  # not one heartbeat more
+    lab.run(6.0)
+    assert lab.phase is Phase.FORMATION
+    lab.drones[3].sends_nothing = True
+    lab.run(3.1)
+    assert lab.phase is Phase.LAND
+    assert "right: nothing heard for 3 s" in lab.events
+
+
+def test_setpoints_that_come_late_are_warned_of_then_the_drone_is_let_go():
+    lab = flying()
+    for _ in range(20):
+        lab.drones[2]._say(NamedValue(0, "age_ms", 85.0))
+        lab.run(0.1)
+    assert "left: setpoints reach it 70 ms old" in lab.events
+    assert lab.phase is Phase.FORMATION
+    for _ in range(12):
+        lab.drones[2]._say(NamedValue(0, "age_ms", 140.0))
+        lab.run(0.1)
+    assert lab.phase is Phase.LAND
+    assert parameters(lab.drones[2], 21)
+    assert not parameters(lab.drones[1], 21)
+
+
+def test_a_stop_is_repeated_every_ten_milliseconds_without_any_frame_until_it_is_confirmed():
+    lab = flying()
+    lab.drones[2].receives_nothing = True
+    sent: list[int] = []
+    lab.core.receive(lab.frame(), lab.now_ns)
+    lab.ask(Verb.STOP)
+    for _ in range(100):
+        due_ns = lab.core.next_deadline_ns()
+        lab.now_ns = max(due_ns, lab.now_ns)
+        out = lab.core.tick(lab.now_ns)
+        sent += [lab.now_ns for d in out.datagrams if d.sysid == 2]
+    spacing = {b - a for a, b in itertools.pairwise(sent)}
+    assert spacing == {10 * MS}
+    lab.drones[2].receives_nothing = False
+    lab.run(0.02)
+    assert not lab.drones[2].armed
+    lab.run(1.5)
+    assert lab.core.next_deadline_ns() - lab.now_ns == 30 * MS
+
+
+def test_monitors_are_switched_off_by_name_and_unknown_names_are_rejected():
+    with pytest.raises(ValueError, match="no monitor of the ground: rule-nonsense"):
+        GcsCore(triangle(), 0, without=frozenset({"rule-nonsense"}))
+    assert len(set(MONITORS)) == len(MONITORS)
+    lab = FakeLab(triangle())
+    lab.core = GcsCore(lab.config, lab.now_ns, without=frozenset({"rule-unseen", "rule-lost"}))
+    lab.fly()
+    lab.hidden.add("left")
+    lab.run(1.0)
+    assert lab.phase is Phase.FORMATION

@@ -1,0 +1,71 @@
+"""Arming where a parameter was set right that the autopilot reads only as it boots: PX4's EKF2_HGT_REF."""
+
+import pytest
+
+from formation.messages import Phase, UnmetParameter, Verb
+from tests.gcs.fakes import AHEAD_NS, FakeLab, triangle
+
+WHY = "was changed since the autopilot started and counts from a restart only: restart the autopilot"
+REFUSED = f"left: EKF2_HGT_REF {WHY}"
+
+
+@pytest.fixture
+def lab() -> FakeLab:
+    lab = FakeLab(triangle())
+    lab.run(2.0)
+    return lab
+
+
+def _reboot(lab: FakeLab, sysid: int) -> None:
+    """Silent for three seconds; its clock begins anew."""
+    drone = lab.drones[sysid]
+    drone.sends_nothing = drone.receives_nothing = True
+    lab.run(3.0)
+    drone.sends_nothing = drone.receives_nothing = False
+    drone.ahead_ns = -lab.now_ns
+    lab.run(3.0)
+
+
+def _arm(lab: FakeLab) -> str:
+    request = lab.ask(Verb.ARM)
+    lab.run(1.0)
+    reply = lab.reply(request)
+    return "" if reply is None or reply.accepted else reply.text
+
+
+def test_a_drone_that_did_not_boot_since_the_doctor_wrote_is_not_armed(lab):
+    lab.core.receive(UnmetParameter(2, "EKF2_HGT_REF", lab.now_ns), lab.now_ns)
+    assert REFUSED in lab.core.state(lab.now_ns)["refusals"]
+    assert REFUSED in _arm(lab)
+    _reboot(lab, 2)
+    lab.command(Verb.ARM, Phase.ARMED)
+
+
+def test_what_was_written_before_the_drone_booted_counts(lab):
+    lab.core.receive(UnmetParameter(2, "EKF2_HGT_REF", -AHEAD_NS - 1_000_000_000), lab.now_ns)
+    lab.command(Verb.ARM, Phase.ARMED)
+
+
+def test_a_parameter_that_the_ground_saw_wrong_and_then_right_counts_from_a_restart_too():
+    lab = FakeLab(triangle())
+    lab.drones[2].parameters["EKF2_HGT_REF"] = 1
+    lab.run(2.0)
+    assert not any("restart" in text for text in lab.core.state(lab.now_ns)["refusals"])
+    lab.drones[2].parameters["EKF2_HGT_REF"] = 3
+    lab.core._links[2].reread_parameters()
+    lab.run(2.0)
+    assert REFUSED in _arm(lab)
+    _reboot(lab, 2)
+    lab.command(Verb.ARM, Phase.ARMED)
+
+
+def test_a_drone_whose_clock_is_not_known_is_not_armed(lab):
+    fresh = FakeLab(triangle())
+    fresh.core.receive(UnmetParameter(2, "EKF2_HGT_REF", 0), fresh.now_ns)
+    assert any("does not show when it started" in text for text in _refusals_of_silent_clock(fresh))
+
+
+def _refusals_of_silent_clock(lab: FakeLab) -> list[str]:
+    lab.drones[2]._react = lambda *_: None  # answers neither TIMESYNC nor anything else
+    lab.run(2.0)
+    return list(lab.core.state(lab.now_ns)["refusals"])

@@ -1,0 +1,247 @@
+"""A ground that begins while drones fly: it arms nobody, and can stop or land them, or take control."""
+
+import json
+
+import numpy as np
+import pytest
+
+from formation.messages import HostReport, Phase, Verb
+from tests.gcs.fakes import FakeLab, commands, refusal, triangle
+from wire.link_messages.address import Address, ground_address
+from wire.link_messages.commands import CommandAck, CommandLong, Result
+from wire.link_messages.setpoints import AttitudeSetpoint
+from wire.link_messages.status import ExtendedSysState, Heartbeat, LandedState, MavAutopilot
+from wire.mavlink.codec import Codec
+
+
+def flying(autopilots=None) -> FakeLab:
+    lab = FakeLab(triangle(), autopilots)
+    lab.fly()
+    lab.run(1.0)
+    return lab
+
+
+def restarted(after_s: float = 0.5, autopilots=None) -> FakeLab:
+    """Drones that hold their place, and a new ground that has heard them."""
+    lab = flying(autopilots)
+    lab.restart_ground(after_s)
+    lab.run(3.5)
+    for drone in lab.drones.values():
+        drone.heard.clear()
+        drone.setpoints.clear()
+    return lab
+
+
+def test_a_restarted_ground_asked_to_arm_drops_nobody():
+    lab = restarted()
+    text = refusal(lab, Verb.ARM)
+    assert text.startswith("drones are flying under no ground: take control, land or stop; lead: armed, in OFFBOARD")
+    assert text.split("; ")[1:4] == [f"{name}: armed, in OFFBOARD" for name in ("lead", "left", "right")]
+    lab.run(3.0)
+    assert all(not drone.setpoints for drone in lab.drones.values())
+    assert all(drone.pos[2] > 0.25 for drone in lab.drones.values())
+    status = json.loads(lab.core.status(lab.now_ns))
+    assert status["refusals"][0] == "drones are flying under no ground: take control, land or stop"
+    assert status["ground_session"] == 1
+
+
+def test_land_from_ground_has_each_autopilot_land_its_drone_and_sends_no_setpoint():
+    lab = restarted()
+    lab.command(Verb.LAND, Phase.LAND)
+    lab.run_until(Phase.GROUND)
+    for drone in lab.drones.values():
+        assert len(commands(drone, 21)) == 1
+        assert not drone.setpoints
+        assert not drone.armed
+    assert refusal(lab, Verb.TAKEOFF)
+    lab.run(1.0)
+    lab.command(Verb.ARM, Phase.ARMED)
+
+
+def test_land_at_once_after_the_start_reaches_drones_that_have_sent_nothing_yet():
+    lab = flying()
+    lab.restart_ground(0.5)
+    lab.command(Verb.LAND, Phase.LAND)
+    lab.run_until(Phase.GROUND)
+    assert not any(drone.armed for drone in lab.drones.values())
+
+
+def test_stop_from_ground_cuts():
+    lab = restarted()
+    lab.command(Verb.STOP, Phase.STOPPED)
+    lab.run(0.05)
+    assert not any(drone.armed for drone in lab.drones.values())
+
+
+def test_land_on_the_ground_with_nobody_flying_is_over_at_once():
+    lab = FakeLab(triangle())
+    lab.run(2.0)
+    lab.command(Verb.LAND, Phase.LAND)
+    lab.run_until(Phase.GROUND, longest_s=2.0)
+    lab.run(0.5)
+    lab.command(Verb.ARM, Phase.ARMED)
+
+
+@pytest.mark.parametrize("knows_owners", [True, False])
+@pytest.mark.parametrize("make", [MavAutopilot.PX4, MavAutopilot.ARDUPILOT])
+def test_drones_taken_over_hold_where_they_are_and_fly_on(make, knows_owners):
+    lab = restarted(autopilots=dict.fromkeys((1, 2, 3), make))
+    for drone in lab.drones.values():
+        drone.knows_owners = knows_owners
+        drone.owner = drone.owner if knows_owners else ground_address(1)
+    before = {sysid: drone.pos.copy() for sysid, drone in lab.drones.items()}
+    lab.command(Verb.TAKE_CONTROL, Phase.HOLD)
+    lab.run(4.0)
+    assert lab.phase is Phase.HOLD
+    for sysid, drone in lab.drones.items():
+        asked = commands(drone, 32100)
+        assert asked[0].params[:2] == (255.0, 1.0)
+        assert not commands(drone, 400)
+        assert len(drone.setpoints) > 300
+        assert min(s.thrust_norm for _, s in drone.setpoints) > 0.7 * drone.hover
+        assert np.linalg.norm(drone.pos - before[sysid]) < 0.05
+    lab.command(Verb.START, Phase.FORMATION)
+    lab.run(2.0)
+    assert lab.phase is Phase.FORMATION
+    lab.command(Verb.LAND, Phase.LAND)
+    lab.run_until(Phase.GROUND)
+    assert not any(drone.armed for drone in lab.drones.values())
+
+
+def test_drones_that_hold_in_a_mode_of_their_own_are_brought_back_to_off_board():
+    lab = restarted()
+    for drone in lab.drones.values():
+        drone.mode = 4 << 16 | 3 << 24  # PX4's HOLD
+    lab.run(1.5)
+    lab.command(Verb.TAKE_CONTROL, Phase.HOLD)
+    assert refusal(lab, Verb.START).startswith("lead: does not follow this ground yet")
+    lab.run(4.0)
+    assert lab.phase is Phase.HOLD
+    assert all(drone.mode == drone.offboard for drone in lab.drones.values())
+    assert all(drone.pos[2] > 0.2 for drone in lab.drones.values())
+    drone = lab.drones[1]
+    kinds = [type(m) for m in drone.heard]
+    modes = [k for k, m in enumerate(drone.heard) if isinstance(m, CommandLong) and m.command == 176]
+    assert kinds[: modes[0]].count(AttitudeSetpoint) >= 100
+
+
+def test_drones_that_land_by_themselves_already_are_not_led_up_again():
+    lab = FakeLab(triangle(flight={"altitude_m": 1.5}))
+    lab.fly()
+    lab.restart_ground(0.5)
+    lab.drones[1].mode = lab.drones[1].land
+    lab.run(1.5)
+    lab.command(Verb.TAKE_CONTROL, Phase.LAND)
+    assert "GROUND -> LAND: control taken to land: lead on the floor, or landing already" in lab.events
+    lab.run_until(Phase.GROUND)
+    assert not any(drone.armed for drone in lab.drones.values())
+
+
+def test_with_one_on_the_floor_those_that_fly_are_landed():
+    lab = restarted()
+    lab.drones[2].armed, lab.drones[2].pos[2] = False, 0.0
+    lab.run(1.5)
+    lab.command(Verb.TAKE_CONTROL, Phase.LAND)
+    assert "GROUND -> LAND: control taken to land: left on the floor, or landing already" in lab.events
+    lab.run_until(Phase.GROUND)
+    assert not any(drone.armed for drone in lab.drones.values())
+
+
+def test_rejects_take_control_without_poses_or_armed_drones():
+    lab = restarted()
+    lab.hidden.add("left")
+    lab.run(0.3)
+    assert "left: no fresh pose to lead it from: land or stop" in refusal(lab, Verb.TAKE_CONTROL)
+    assert lab.phase is Phase.GROUND
+    idle = FakeLab(triangle())
+    idle.run(2.0)
+    assert refusal(idle, Verb.TAKE_CONTROL) == "no drone is armed: there is nothing to take control of"
+
+
+def test_a_drone_that_answers_another_ground_keeps_this_one_from_arming_for_three_seconds():
+    lab = FakeLab(triangle())
+    lab.run(2.0)
+    lab.drones[2]._say(CommandAck(ground_address(7), 511, Result.ACCEPTED))
+    lab.run(0.1)
+    assert refusal(lab, Verb.ARM) == "another ground is alive (left answers another ground): end it first"
+    lab.drones[2]._say(CommandAck(Address(255, 190), 511, Result.ACCEPTED))  # a ground station of another make
+    lab.run(3.0)
+    assert lab.core.phase is Phase.GROUND
+    lab.command(Verb.ARM, Phase.ARMED)
+
+
+def test_another_ground_on_the_bus_forbids_arming_and_taking_control():
+    lab = restarted()
+    lab.core.receive(HostReport(other_grounds=("gcs/0-77",)), lab.now_ns)
+    lab.run(0.1)
+    assert "another ground is alive: gcs/0-77" in lab.events
+    assert "another ground is alive (ground gcs/0-77): end it first" in refusal(lab, Verb.ARM)
+    assert refusal(lab, Verb.TAKE_CONTROL) == "another ground is alive (ground gcs/0-77): end it first"
+    lab.core.receive(HostReport(), lab.now_ns)
+    lab.command(Verb.TAKE_CONTROL, Phase.HOLD)
+
+
+def test_each_session_speaks_from_an_address_of_its_own_and_says_so():
+    lab = FakeLab(triangle())
+    lab.run(1.5)
+    lab.restart_ground()
+    heard = []
+    lab.drones[1].receive = lambda data, _now: heard.extend(Codec(Address(1, 1)).receive(data))
+    lab.run(1.5)
+    assert {packet.source for packet in heard} == {Address(255, 26)}
+    assert {p.message.custom_mode for p in heard if isinstance(p.message, Heartbeat)} == {1}
+
+
+def test_log_trouble_is_reported_forbids_arming_and_changes_no_setpoint():
+    def flight(trouble: str) -> FakeLab:
+        lab = flying()
+        lab.core.receive(HostReport(log_trouble=trouble), lab.now_ns)
+        lab.run(1.0)
+        return lab
+
+    well, ill = flight(""), flight("the disk is full")
+    assert "the disk is full" in ill.events
+    assert json.loads(ill.core.status(ill.now_ns))["log_trouble"] == "the disk is full"
+    for mine, other in zip(well.drones.values(), ill.drones.values(), strict=True):
+        assert [(t, s.thrust_norm, s.q_lab_from_flu.tobytes()) for t, s in mine.setpoints] == [
+            (t, s.thrust_norm, s.q_lab_from_flu.tobytes()) for t, s in other.setpoints
+        ]
+    ill.command(Verb.LAND, Phase.LAND)
+    ill.run_until(Phase.GROUND)
+    ill.run(1.5)
+    assert refusal(ill, Verb.ARM) == "the log: the disk is full"
+    ill.core.receive(HostReport(), ill.now_ns)
+    ill.command(Verb.ARM, Phase.ARMED)
+    assert "over: the disk is full" in ill.events
+
+
+def held_aside() -> FakeLab:
+    """Drones in a mode of their own, just taken over."""
+    lab = restarted()
+    for drone in lab.drones.values():
+        drone.mode = 4 << 16 | 3 << 24
+    lab.run(1.5)
+    lab.command(Verb.TAKE_CONTROL, Phase.HOLD)
+    return lab
+
+
+def test_a_drone_that_comes_down_while_it_is_taken_over_is_not_led_up_again():
+    lab = held_aside()
+    lab.drones[3]._say(ExtendedSysState(LandedState.ON_GROUND))
+    lab.run(0.1)
+    assert "HOLD -> LAND: right has begun to land meanwhile" in lab.events
+    lab.run_until(Phase.GROUND)
+    assert not any(drone.armed for drone in lab.drones.values())
+
+
+def test_a_drone_that_does_not_follow_within_five_seconds_has_all_land():
+    lab = held_aside()
+    obey = lab.drones[1]._obey
+    lab.drones[1]._obey = lambda c: Result.DENIED if c.command == 176 else obey(c)
+    lab.run(4.5)
+    assert lab.phase is Phase.HOLD
+    lab.run(1.5)
+    assert lab.phase is Phase.LAND
+    assert "lead: not in off-board mode" in lab.events
+    lab.run_until(Phase.GROUND)
+    assert not any(drone.armed for drone in lab.drones.values())

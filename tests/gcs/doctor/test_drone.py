@@ -1,0 +1,169 @@
+import json
+import math
+import tomllib
+from dataclasses import replace
+
+import pytest
+
+from formation.config import LabConfig
+from formation.vehicle.profile import VehicleProfile, profile
+from gcs.doctor.cli import write_profile
+from gcs.doctor.drone_checks import DroneReport, check_drone, refitted
+from gcs.drones.autopilot_model import ARDUPILOT_MODEL, PX4_MODEL
+from gcs.finding import Finding, Fix, Grade, as_dicts, failed
+from tests.gcs.fakes import COPTER_PARAMETERS, PX4_PARAMETERS
+from wire.config_file import load
+
+PAPER = profile("paper_40g")
+GOOD = DroneReport(
+    name="left", sysid=3, profile=PAPER, model=PX4_MODEL, version="1.16.1",
+    parameters={**PX4_PARAMETERS, "MPC_THR_HOVER": PAPER.hover_thrust_norm}, unhealthy=(), packets=400, loss=0.0,
+    round_trip_s=0.002, clock_offset_s=1.5, duplicate=False, foreign_sysid=None, battery=0.9,
+)  # fmt: skip
+
+
+def _check(feeds_pose: bool = True, **changes) -> dict[str, Finding]:
+    return {f.check: f for f in check_drone(replace(GOOD, **changes), feeds_pose) if f.grade is not Grade.PASS}
+
+
+def _parameters(**values) -> dict[str, float]:
+    return {**GOOD.parameters, **values}
+
+
+def test_a_good_drone_passes_and_is_named():
+    findings = check_drone(GOOD, feeds_pose=True)
+    assert not failed(findings)
+    assert {f.grade for f in findings} == {Grade.PASS}
+    assert next(f for f in findings if f.check == "autopilot").found == "PX4 1.16.1"
+
+
+def test_a_silent_drone_fails_and_passes_nothing():
+    nothing = {
+        "model": None, "packets": 0, "parameters": {}, "unhealthy": None, "round_trip_s": math.nan,
+        "clock_offset_s": None, "battery": math.nan,
+    }  # fmt: skip
+    findings = check_drone(replace(GOOD, **nothing), feeds_pose=True)
+    assert {f.check: f.grade for f in findings} == {"sysid is its own": Grade.FAIL, "heartbeat": Grade.FAIL}
+    assert findings[0].found == "not measured"
+
+
+def test_what_was_not_measured_does_not_pass():
+    """Twenty packets tell neither of a twin nor of losses of a per cent; no battery message is no full battery."""
+    findings = check_drone(
+        replace(GOOD, packets=20, parameters={}, unhealthy=None, round_trip_s=math.nan, clock_offset_s=None,
+                battery=math.nan, version=""), feeds_pose=True
+    )  # fmt: skip
+    assert [f.check for f in findings if f.grade is Grade.PASS] == ["autopilot"]
+    bad = {f.check: f.found for f in findings if f.found == "not measured"}
+    assert set(bad) == {"sysid is its own", "link", "own health", "battery"}
+
+
+def test_findings_are_json_with_the_profile_as_text():
+    findings = check_drone(replace(GOOD, parameters=_parameters(MPC_THR_HOVER=0.9)), feeds_pose=True)
+    told = json.loads(json.dumps(as_dicts(findings)))
+    assert any(finding["refit"] and "thrust_max_n" in finding["refit"]["toml"] for finding in told)
+
+
+def test_a_duplicate_sysid_is_named():
+    assert "two drones have this sysid" in _check(duplicate=True)["sysid is its own"].why
+    assert _check(foreign_sysid=1)["sysid"].found == "drone 1 answers"
+
+
+@pytest.mark.parametrize(
+    ("hover", "grade"), [(1.0, None), (1.08, None), (0.82, Grade.WARN), (1.2, Grade.WARN), (0.6, Grade.FAIL)]
+)
+def test_a_hover_thrust_other_than_the_profiles_asks_for_another_profile_and_never_for_another_parameter(hover, grade):
+    """The autopilot has learned its value by flying; writing the profile's over it made a drone jump (0.39 -> 0.49)."""
+    learned = hover * PAPER.hover_thrust_norm
+    bad = _check(parameters=_parameters(MPC_THR_HOVER=learned))
+    if grade is None:
+        assert bad == {}
+        return
+    finding = bad["MPC_THR_HOVER"]
+    assert finding.grade is grade
+    assert "change the profile" in finding.why
+    assert finding.fix is None
+    assert finding.refit is not None
+    fitting = VehicleProfile.model_validate(tomllib.loads(finding.refit.toml)["profiles"][0])
+    assert fitting.hover_thrust_norm == pytest.approx(learned, abs=5e-4)
+    assert fitting.name == "paper_40g_3"
+    same = fitting.model_copy(update={"name": PAPER.name, "thrust_max_n": PAPER.thrust_max_n})
+    assert same == PAPER
+
+
+@pytest.mark.parametrize("model", [PX4_MODEL, ARDUPILOT_MODEL])
+def test_no_fix_ever_writes_a_hover_thrust(model):
+    for hover in (0.05, 0.2, model.hover_default, 0.39, 0.6, 0.9):
+        findings = check_drone(replace(GOOD, model=model, parameters={model.table.hover_parameter: hover}), True)
+        assert model.table.hover_parameter not in {f.fix.parameter for f in findings if f.fix is not None}
+    assert model.table.hover_parameter not in {rule.name for rule in model.rules}
+
+
+def test_a_hover_thrust_that_was_never_measured_says_nothing_of_the_profile():
+    finding = _check(parameters=_parameters(MPC_THR_HOVER=0.5))["MPC_THR_HOVER"]
+    assert (finding.grade, finding.fix, finding.refit) == (Grade.WARN, None, None)
+    assert "never measured" in finding.why
+
+
+LAB_WITHOUT_PROFILE = """
+[leader]
+body = "lead"
+[[followers]]
+body = "left"
+sysid = 2
+offset_m = [0, 1, 0]
+profile = "{name}"
+[limits]
+min_separation_m = 0.2
+"""
+
+
+def test_the_profile_is_written_to_a_file_that_a_lab_takes_and_over_nothing(tmp_path):
+    refit = refitted(PAPER, 0.6, 2)
+    assert "append it to the lab file as it is" in write_profile(refit, tmp_path)
+    entry = (tmp_path / "profile-2.toml").read_text()
+    lab = tmp_path / "lab.toml"
+    lab.write_text(LAB_WITHOUT_PROFILE.format(name=refit.name) + entry)
+    config = load(lab, LabConfig)
+    assert config.profile_of(config.followers[0]).hover_thrust_norm == pytest.approx(0.6, abs=5e-4)
+    assert "NOT written" in write_profile(refitted(PAPER, 0.7, 2), tmp_path)
+    assert (tmp_path / "profile-2.toml").read_text() == entry
+
+
+def test_parameters_are_judged_with_found_wanted_why_and_fix():
+    bad = _check(parameters=_parameters(COM_OF_LOSS_T=5.0, COM_OBL_RC_ACT=0.0, EKF2_EV_CTRL=0.0))
+    assert {name: f.grade for name, f in bad.items()} == {
+        "COM_OF_LOSS_T": Grade.FAIL,
+        "COM_OBL_RC_ACT": Grade.WARN,
+        "EKF2_EV_CTRL": Grade.FAIL,
+    }
+    finding = bad["COM_OF_LOSS_T"]
+    assert (finding.found, finding.wanted) == ("5", "0 to 2 s")
+    assert finding.why
+    assert finding.fix == Fix(3, "COM_OF_LOSS_T", 0.5)
+
+
+def test_external_pose_is_not_asked_of_who_positions_itself():
+    assert _check(feeds_pose=False, parameters=_parameters(EKF2_EV_CTRL=0.0)) == {}
+
+
+def test_ardupilots_thrust_option_is_vital():
+    hover = {"MOT_THST_HOVER": PAPER.hover_thrust_norm}
+    bad = _check(model=ARDUPILOT_MODEL, parameters={**COPTER_PARAMETERS, **hover, "GUID_OPTIONS": 0.0})
+    assert set(bad) == {"GUID_OPTIONS"}
+    assert bad["GUID_OPTIONS"].grade is Grade.FAIL
+
+
+def test_an_unanswered_parameter_is_reported():
+    bad = _check(parameters={})
+    assert {f.found for f in bad.values()} == {"not answered"}
+    assert bad["COM_OF_LOSS_T"].grade is Grade.FAIL
+
+
+def test_link_clock_health_and_battery():
+    bad = _check(loss=0.03, round_trip_s=0.05, unhealthy=("not armable",), battery=0.3)
+    assert {check: f.grade for check, f in bad.items()} == dict.fromkeys(
+        ("link", "clock", "own health", "battery"), Grade.WARN
+    )
+    assert _check(loss=0.2)["link"].grade is Grade.FAIL
+    assert _check(round_trip_s=math.nan, clock_offset_s=None)["clock"].found == "no TIMESYNC"

@@ -1,0 +1,143 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from formation.config import LabConfig
+from formation.maths import frames
+from formation.messages import RawFrame
+from gcs.doctor.mocap_checks import check_mocap
+from gcs.finding import Finding, Grade
+from mocap.core import MocapCore
+
+MS = 1_000_000
+HALF = math.sqrt(0.5)
+
+
+def _lab(**mocap) -> LabConfig:
+    return LabConfig.model_validate(
+        {
+            "mocap": mocap,
+            "leader": {"body": "lead", "sysid": 1},
+            "followers": [{"body": "left", "sysid": 2, "offset_m": (0, 1, 0)}],
+        }
+    )
+
+
+def _frames(
+    config=None, n=500, period_ms=10.0, delay_ms=8.0, scale=1.0, q=frames.IDENTITY, jitter_ms=0.1, lost=(), **changes
+):
+    """What a mocap with these faults makes the mocap process publish, with each frame's receipt."""
+    rng, core = np.random.default_rng(1), MocapCore(config or _lab())
+    bodies = changes.get("bodies", ("lead", "left"))
+    pos = np.array(changes.get("pos", [[0.0, 0.0, 0.0], [-0.4, 0.4, 0.0]]))
+    received = []
+    for seq in range(n):
+        if seq in lost:
+            continue
+        t_ns = 10**12 + round((seq * period_ms + jitter_ms * rng.choice([-1.0, 1.0])) * MS)
+        seen = np.array([rng.random() < changes.get("seen", 1.0) for _ in bodies])
+        noise = rng.normal(0.0, changes.get("noise_m", 1e-4), pos.shape)
+        raw = RawFrame(seq, t_ns, tuple(bodies), (pos + noise) * scale, np.tile(q, (len(bodies), 1)), seen)
+        received_ns = t_ns + round(delay_ms * MS)
+        frame = core.receive(raw, received_ns)
+        assert frame is not None
+        received.append((received_ns, frame))
+    return received
+
+
+def _bad(findings: tuple[Finding, ...]) -> dict[tuple[str, str], Finding]:
+    return {(f.subject, f.check): f for f in findings if f.grade is not Grade.PASS}
+
+
+def test_a_good_mocap_passes_every_check():
+    assert _bad(check_mocap(_lab(), _frames())) == {}
+
+
+def test_silence_is_a_failure():
+    (finding,) = check_mocap(_lab(), [])
+    assert (finding.check, finding.grade) == ("frames", Grade.FAIL)
+
+
+def test_frames_that_come_in_pairs_have_their_mean_rate():
+    """Two simulators whose messages interlock: 12 ms, then 8 ms, as two ArduCopters were seen to."""
+    steady = _frames(jitter_ms=0.0)
+    paired = [(t, replace(f, t_capture_ns=f.t_capture_ns + f.seq % 2 * 2 * MS)) for t, f in steady]
+    assert ("mocap", "rate") not in _bad(check_mocap(_lab(), paired))
+
+
+def test_a_wrong_rate_is_reported():
+    bad = _bad(check_mocap(_lab(), _frames(period_ms=5.0)))
+    assert float(bad["mocap", "rate"].found.split()[0]) == pytest.approx(200.0, rel=0.01)
+    assert bad["mocap", "rate"].wanted == "100 Hz"
+
+
+def test_jitter_loss_and_delay_are_measured():
+    bad = _bad(check_mocap(_lab(), _frames(jitter_ms=4.5, lost=range(100, 120), delay_ms=30.0)))
+    assert {check for _, check in bad} >= {"jitter", "lost frames", "delay"}
+    assert bad["mocap", "lost frames"].found == "4.0%"
+    assert bad["mocap", "delay"].found == "30.0 ms"
+
+
+def test_a_missing_body_is_reported_with_the_names_there_are():
+    bad = _bad(check_mocap(_lab(), _frames(bodies=("lead", "Rigid Body 2")), ["Rigid Body 2"]))
+    assert bad["left", "seen"].grade is Grade.FAIL
+    assert "Rigid Body 2" in bad["left", "seen"].why
+
+
+def test_an_occluded_body_warns():
+    bad = _bad(check_mocap(_lab(), _frames(seen=0.8)))
+    assert bad["left", "seen"].grade is Grade.WARN
+
+
+def test_noise_at_rest_is_reported():
+    bad = _bad(check_mocap(_lab(), _frames(noise_m=0.003)))
+    assert bad["left", "noise at rest"].found.endswith("mm")
+
+
+def test_millimetres_are_named():
+    bad = _bad(check_mocap(_lab(), _frames(scale=1000.0)))
+    assert "millimetres" in bad["mocap", "units"].why
+
+
+def test_a_y_up_mocap_is_named_by_bodies_that_lie_on_their_side():
+    # A level drone seen by a y-up mocap: its up axis lies along the mocap's y.
+    bad = _bad(check_mocap(_lab(), _frames(q=np.array([HALF, -HALF, 0.0, 0.0]))))
+    assert "y-up" in bad["lead", "level at rest"].why
+    put_right = _lab(q_lab_from_mocap=(HALF, HALF, 0.0, 0.0))
+    frames_put_right = _frames(put_right, q=np.array([HALF, -HALF, 0.0, 0.0]))
+    assert ("lead", "level at rest") not in _bad(check_mocap(put_right, frames_put_right))
+
+
+def test_fence_floor_and_separation():
+    bad = _bad(check_mocap(_lab(), _frames(pos=[[2.7, 0.0, 0.5], [2.6, 0.0, 0.5]])))
+    assert bad["lead", "inside the fence"].grade is Grade.FAIL
+    assert "0.20 m outside" in bad["lead", "inside the fence"].why
+    assert bad["lead", "on the floor"].grade is Grade.WARN
+    assert bad["left", "separation"].found == "0.10 m"
+
+
+@pytest.mark.parametrize("source", ["csv", "mcap", "mavlink"])
+def test_a_delay_that_is_only_the_configured_one_is_not_measured(source):
+    """Such sources stamp their frames by mocap.delay_s itself: whatever it says was found to be right."""
+    bad = _bad(check_mocap(_lab(source=source, file="x", delay_s=0.008), _frames(delay_ms=8.0)))
+    assert (bad["mocap", "delay"].found, bad["mocap", "delay"].grade) == ("not measured", Grade.WARN)
+    assert (("mocap", "lost frames") in bad) == (source != "mcap")
+
+
+def test_frames_stamped_as_they_are_sent_measure_no_delay():
+    bad = _bad(check_mocap(_lab(), _frames(delay_ms=0.1)))
+    assert bad["mocap", "delay"].found == "not measured"
+
+
+def test_a_frozen_pose_has_no_noise_and_is_not_passed_for_that():
+    bad = _bad(check_mocap(_lab(), _frames(noise_m=0.0)))
+    assert bad["left", "noise at rest"].found == "not measured"
+
+
+def test_a_body_seen_in_a_few_frames_has_no_noise_yet():
+    received = [(t, replace(f, seen=f.seen & (f.seq < 5))) for t, f in _frames()]
+    bad = _bad(check_mocap(_lab(), received))
+    assert bad["left", "noise at rest"].found == "not measured"
+    assert bad["left", "seen"].grade is Grade.FAIL

@@ -1,0 +1,73 @@
+"""The record beside the lab file of what counts from a restart, as doctor writes and ground reads it."""
+
+import asyncio
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from formation.messages import Event, UnmetParameter
+from gcs.doctor.cli import note_fixes
+from gcs.doctor.drone_checks import check_drone
+from gcs.doctor.restart_record import Unmet, note_unmet, read_record, record_path, watch_record
+from gcs.finding import Fix, Grade
+from tests.gcs.doctor.test_drone import GOOD
+from tests.gcs.fakes import PX4_PARAMETERS
+from wire.clock import REAL_TIME, Clock
+from wire.errors import ConfigError
+
+
+def test_the_newest_date_of_each_parameter_is_kept(tmp_path: Path) -> None:
+    lab = tmp_path / "lab.toml"
+    assert read_record(lab) == ()
+    for sysid, name, unix_s in [(2, "VISO_TYPE", 1e9), (3, "VISO_TYPE", 1e9), (2, "VISO_TYPE", 2e9)]:
+        note_unmet(lab, sysid, name, unix_s)
+    assert read_record(lab) == (
+        Unmet(sysid=3, parameter="VISO_TYPE", unix_s=1e9), Unmet(sysid=2, parameter="VISO_TYPE", unix_s=2e9),
+    )  # fmt: skip
+    assert [path.name for path in tmp_path.iterdir()] == ["lab-restarts.toml"]
+
+
+@pytest.mark.parametrize(("text", "key"), [("unmet = 3", "unmet"), ("[[unmet]]\nsysid = 0", "unmet[0].sysid")])
+def test_a_record_that_is_none_is_reported_with_file_and_key(tmp_path: Path, text: str, key: str) -> None:
+    lab = tmp_path / "lab.toml"
+    record_path(lab).write_text(text)
+    with pytest.raises(ConfigError, match=r"lab-restarts\.toml") as events:
+        read_record(lab)
+    assert key in str(events.value)
+
+
+def test_what_the_doctor_writes_reaches_the_ground_on_its_clock(tmp_path: Path) -> None:
+    lab, delivered, events = tmp_path / "lab.toml", list[UnmetParameter](), list[Event]()
+    before_ns = REAL_TIME.monotonic_ns()
+    note_fixes(lab, [Fix(2, "EKF2_HGT_REF", 3.0)])
+    after_ns = REAL_TIME.monotonic_ns()
+
+    async def watch() -> None:
+        watching = asyncio.create_task(watch_record(lab, delivered.append, events.append, REAL_TIME))
+        async with asyncio.timeout(10.0):
+            while not delivered:
+                await asyncio.sleep(0.01)
+            record_path(lab).write_text("no TOML")
+            while not events:
+                await asyncio.sleep(0.01)
+        watching.cancel()
+
+    asyncio.run(watch())
+    assert [(one.sysid, one.parameter) for one in delivered] == [(2, "EKF2_HGT_REF")]
+    assert before_ns - 1_000_000 <= delivered[0].t_ns <= after_ns + 1_000_000  # a date is kept to a microsecond
+    assert "which restarts are missing is not known" in events[0].text
+
+
+def test_a_date_is_found_on_a_clock_that_is_slower() -> None:
+    clock = Clock(0.5)
+    pair = clock.pair()
+    ago_ns = pair.monotonic_ns - clock.at_unix_ns(pair.unix_ns - 10_000_000_000)
+    assert ago_ns == pytest.approx(5_000_000_000, abs=100_000_000)
+
+
+def test_the_doctor_asks_for_a_restart_until_it_has_seen_one() -> None:
+    waiting = replace(GOOD, awaiting_restart=(("EKF2_HGT_REF", "counts from a restart"),))
+    failed = [f for f in check_drone(waiting, feeds_pose=True) if f.grade is Grade.FAIL]
+    assert [(f.check, f.found) for f in failed] == [("restart for EKF2_HGT_REF", "not restarted")]
+    assert PX4_PARAMETERS["EKF2_HGT_REF"] == 3  # as wanted, says the drone

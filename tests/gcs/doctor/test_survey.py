@@ -1,0 +1,120 @@
+"""The whole round on real agents, through MAVSDK: a mocap turned by 90 degrees, a wrong hover thrust, a twin."""
+
+import asyncio
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from formation.config import LabConfig, LinkConfig
+from formation.maths import frames
+from formation.messages import Event, RawFrame
+from gcs.doctor.survey import examine, surveying
+from gcs.finding import Finding, Fix, Grade
+from mocap.core import MocapCore
+from mocap.service import configuration_name
+from tests.free_ports import free_port
+from wire import clock
+from wire.transport.mocap_bus import MocapBus
+from wire.transport.zenoh_bus import ZenohBus
+
+pytestmark = pytest.mark.processes
+HALF = math.sqrt(0.5)
+Q_MOCAP_FROM_LAB = np.array([HALF, 0.0, 0.0, HALF])
+STEPS = 50
+"""Of 10 ms each, in which a hand moves it."""
+MOVES = {"forward": [0.5, 0.0, 0.0], "to its left": [0.0, 0.5, 0.0], "up": [0.0, 0.0, 0.5]}
+
+
+class Room:
+    """The true place of the one drone, and a mocap whose frame is turned by 90 degrees about up."""
+
+    def __init__(self) -> None:
+        self.pos, self.yaw = np.array([0.3, 0.2, 0.0]), 0.0
+        self._rng = np.random.default_rng(1)
+
+    async def publish(self, config: LabConfig, bus: ZenohBus) -> None:
+        """The cameras and the lab's mocap process in one."""
+        seq, core, mocap = 0, MocapCore(config), MocapBus(bus)
+        mocap.announce(configuration_name(config))
+        while True:
+            seq += 1
+            q_lab_from_flu = frames.from_yaw(np.array(self.yaw))
+            pos = frames.rotate(Q_MOCAP_FROM_LAB, self.pos) + self._rng.normal(0.0, 1e-4, 3)
+            q = frames.multiply(Q_MOCAP_FROM_LAB, q_lab_from_flu)
+            now_ns = clock.monotonic_ns()
+            frame = core.receive(RawFrame(seq, now_ns, ("left",), pos[None], q[None], np.ones(1, bool)), now_ns)
+            assert frame is not None
+            mocap.publish_frame(frame)
+            await asyncio.sleep(0.01)
+
+    async def obey(self, text: str) -> None:
+        """The operator's hand."""
+        move, turn = np.zeros(3), 0.0
+        for word, there in MOVES.items():
+            if f" {word}" in text and "quarter" not in text and not text.startswith(("Stand", "Put")):
+                move = np.array(there)
+        if "quarter turn" in text:
+            turn = math.pi / 2
+        for _ in range(STEPS):
+            self.pos, self.yaw = self.pos + move / STEPS, self.yaw + turn / STEPS
+            await asyncio.sleep(0.01)
+
+
+def _agent(folder: Path, lab: str, port: int, name: str, *options: str) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", "drone_agent", "--sysid", "2", "--lab", lab, "--zenoh-connect",
+               f"tcp/127.0.0.1:{port}", *options]  # fmt: skip
+    with (folder / name).open("wb") as log:
+        return subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT)
+
+
+async def _round(config: LabConfig, hub: LinkConfig, events: list[Event]) -> tuple[list[Finding], bool]:
+    room, bus = Room(), await ZenohBus.open(hub, config.name)
+    publisher = asyncio.create_task(room.publish(config, bus))
+    try:
+        async with surveying(config, Path("unused.toml"), events.append) as survey:
+            async with asyncio.timeout(60.0):
+                while not all(link.sequence.duplicate(clock.monotonic_ns()) for link in survey.drones.values()):
+                    await asyncio.sleep(0.1)
+            findings = await examine(config, 2.0, room.obey, survey)
+            fixed = await survey.write(Fix(2, "COM_OF_LOSS_T", 0.75))
+            return list(findings), fixed
+    finally:
+        publisher.cancel()
+        await asyncio.gather(publisher, return_exceptions=True)
+        await bus.close()
+
+
+def test_every_fault_of_a_lab_is_named(tmp_path):
+    lab, port = f"doctor-{os.getpid()}", free_port()
+    config = LabConfig.model_validate(
+        {
+            "name": lab,
+            "leader": {"body": "left", "sysid": 2},
+            "followers": [{"body": "right", "sysid": 3, "offset_m": (0, 1, 0)}],
+            "link": {"zenoh_connect": [f"tcp/127.0.0.1:{port}"]},
+        }
+    )
+    config = config.model_copy(update={"followers": ()})
+    hub = LinkConfig(zenoh_listen=(f"tcp/127.0.0.1:{port}",), zenoh_connect=())
+    twins = [_agent(tmp_path, lab, port, f"{i}.txt", "--param", "MPC_THR_HOVER=0.3") for i in range(2)]
+    events: list[Event] = []
+    try:
+        findings, fixed = asyncio.run(_round(config, hub, events))
+    finally:
+        for twin in twins:
+            twin.terminate()
+        for twin in twins:
+            twin.wait()
+    failed = {(f.subject, f.check): f.why for f in findings if f.grade is Grade.FAIL}
+    assert "two drones have this sysid" in failed["left", "sysid is its own"]
+    assert "turned by 90 degrees about up" in failed["left", "axes"]
+    assert "change the profile" in failed["left", "MPC_THR_HOVER"]
+    passed = {(f.subject, f.check) for f in findings if f.grade is Grade.PASS}
+    assert {("left", "autopilot"), ("left", "COM_OF_LOSS_T"), ("left", "body name"), ("mocap", "units")} <= passed
+    assert fixed
+    assert [event.text for event in events] == ["frames come from the mocap process that is running"]

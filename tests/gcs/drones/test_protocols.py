@@ -1,0 +1,186 @@
+"""Commands and parameters, repeated until they are answered."""
+
+import struct
+
+import pytest
+
+from gcs.drones.protocols import CommandChannel, ParameterReader, arm, cut, disarm, land
+from wire.link_messages.address import Address
+from wire.link_messages.commands import CommandAck, MavCommand, Result
+from wire.link_messages.parameters import ParamType, ParamValue
+from wire.link_messages.status import MavAutopilot
+
+DRONE = Address(3, 1)
+GROUND = Address(255, 190)
+MS = 1_000_000
+
+
+def _ack(command: int, result: Result = Result.ACCEPTED) -> CommandAck:
+    return CommandAck(GROUND, command, result)
+
+
+def test_an_unanswered_command_is_repeated_with_a_rising_confirmation_then_given_up():
+    channel = CommandChannel()
+    channel.ask(arm(DRONE))
+    sent = [(ms, command.confirmation) for ms in range(3000) if (command := channel.due(ms * MS)) is not None]
+    assert sent == [(250 * i, i) for i in range(8)]
+    answer = channel.answers[arm(DRONE)]
+    assert answer.result is None
+    assert str(answer) == "no answer"
+    assert not answer.accepted
+
+
+def test_an_answer_ends_the_repeats():
+    channel = CommandChannel()
+    channel.ask(arm(DRONE))
+    channel.due(0)
+    channel.receive(_ack(MavCommand.COMPONENT_ARM_DISARM), 100 * MS)
+    assert channel.due(1000 * MS) is None
+    assert channel.answers[arm(DRONE)].accepted
+
+
+def test_a_rejection_is_kept_with_its_word():
+    channel = CommandChannel()
+    channel.ask(arm(DRONE))
+    channel.due(0)
+    channel.receive(_ack(MavCommand.COMPONENT_ARM_DISARM, Result.TEMPORARILY_REJECTED), MS)
+    assert str(channel.answers[arm(DRONE)]) == "temporarily rejected"
+
+
+def test_commands_go_one_at_a_time_in_order():
+    channel = CommandChannel()
+    channel.ask(arm(DRONE))
+    channel.ask(land(DRONE))
+    channel.ask(land(DRONE))
+    assert channel.due(0).command == 400
+    assert channel.due(MS) is None
+    channel.receive(_ack(400), 2 * MS)
+    assert channel.due(3 * MS).command == 21
+    channel.receive(_ack(21), 4 * MS)
+    assert channel.due(5 * MS) is None
+
+
+def test_progress_puts_the_repeat_off():
+    channel = CommandChannel()
+    channel.ask(arm(DRONE))
+    channel.due(0)
+    channel.receive(_ack(MavCommand.COMPONENT_ARM_DISARM, Result.IN_PROGRESS), 100 * MS)
+    assert channel.due(1000 * MS) is None
+    assert channel.due(3200 * MS) is not None
+
+
+def test_answers_to_other_commands_are_not_taken():
+    channel = CommandChannel()
+    channel.ask(arm(DRONE))
+    channel.due(0)
+    channel.receive(_ack(21), MS)
+    assert channel.due(300 * MS).confirmation == 1
+
+
+def test_an_urgent_command_goes_first_and_is_never_given_up():
+    channel = CommandChannel()
+    channel.ask(arm(DRONE))
+    channel.ask(land(DRONE))
+    channel.due(0)
+    channel.urge(cut(DRONE))
+    sent = []
+    for ms in range(1, 3000):
+        channel.urge(cut(DRONE))
+        command = channel.due(ms * MS)
+        if command is not None:
+            sent.append((ms, command.params[:2]))
+    assert len(sent) == 300
+    assert all(params == (0.0, 21196.0) for _, params in sent)
+    assert [sent[1][0] - sent[0][0], sent[2][0] - sent[1][0]] == [10, 10]
+
+
+def test_disarming_is_not_forced_and_cutting_is():
+    assert disarm(DRONE).params[:2] == (0.0, 0.0)
+    assert cut(DRONE).params[:2] == (0.0, 21196.0)
+
+
+def _value(name: str, raw: bytes, kind: ParamType) -> ParamValue:
+    return ParamValue(name, raw, kind, 2, 0)
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "raw"), [(MavAutopilot.PX4, struct.pack("<i", 11)), (MavAutopilot.ARDUPILOT, struct.pack("<f", 11.0))]
+)
+def test_an_integer_is_read_as_its_autopilot_sends_it(autopilot, raw):
+    reader = ParameterReader(DRONE, autopilot)
+    reader.ask(["EKF2_EV_CTRL"])
+    assert [request.name for request in reader.due(0)] == ["EKF2_EV_CTRL"]
+    assert reader.receive(_value("EKF2_EV_CTRL", raw, ParamType.INT32), armed=False) == ""
+    assert reader.values == {"EKF2_EV_CTRL": 11.0}
+    assert not reader.reading
+
+
+def test_silent_names_are_asked_six_times_four_at_once_then_given_up():
+    reader = ParameterReader(DRONE, MavAutopilot.PX4)
+    reader.ask(["A", "B", "C", "D", "E"])
+    asked: list[str] = []
+    for ms in range(0, 20_000, 10):
+        asked += [request.name for request in reader.due(ms * MS)]
+    assert asked[:4] == ["A", "B", "C", "D"]
+    assert {name: asked.count(name) for name in "ABCDE"} == dict.fromkeys("ABCDE", 6)
+    assert not reader.reading
+    assert reader.values == {}
+
+
+def _float(name: str, value: float) -> ParamValue:
+    return _value(name, struct.pack("<f", value), ParamType.REAL32)
+
+
+def _knowing(value: float = 0.5) -> ParameterReader:
+    reader = ParameterReader(DRONE, MavAutopilot.PX4)
+    reader.ask(["MPC_THR_HOVER"])
+    assert reader.receive(_float("MPC_THR_HOVER", value), armed=False) == ""
+    return reader
+
+
+def test_an_announced_change_is_asked_for_and_only_the_answer_taken():
+    reader = _knowing()
+    assert reader.receive(_float("MPC_THR_HOVER", 0.4), armed=False) == "parameter that was not asked for"
+    assert reader.values == {"MPC_THR_HOVER": 0.5}
+    assert [request.name for request in reader.due(0)] == ["MPC_THR_HOVER"]
+    assert reader.receive(_float("MPC_THR_HOVER", 0.4), armed=False) == ""
+    assert reader.values["MPC_THR_HOVER"] == pytest.approx(0.4)
+
+
+def test_nothing_that_is_known_changes_while_armed():
+    """Asked for or not: a drone led by another hover thrust rises, or falls."""
+    for asked in (False, True):
+        reader = _knowing()
+        if asked:
+            reader.ask(["MPC_THR_HOVER"])
+        assert reader.receive(_float("MPC_THR_HOVER", 0.1), armed=True) == "MPC_THR_HOVER announced anew while armed"
+        assert reader.values == {"MPC_THR_HOVER": 0.5}
+        assert reader.due(0) == []
+
+
+def test_a_ground_that_begins_in_flight_reads_what_it_does_not_know():
+    reader = ParameterReader(DRONE, MavAutopilot.PX4)
+    reader.ask(["MPC_THR_HOVER"])
+    assert reader.receive(_float("MPC_THR_HOVER", 0.5), armed=True) == ""
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
+def test_a_value_that_is_not_finite_is_rejected(value):
+    reader = ParameterReader(DRONE, MavAutopilot.PX4)
+    reader.ask(["MPC_THR_HOVER"])
+    assert reader.receive(_float("MPC_THR_HOVER", value), armed=False) == "parameter that is not finite"
+    assert reader.values == {}
+
+
+def test_a_type_that_does_not_fit_is_rejected():
+    reader = ParameterReader(DRONE, MavAutopilot.PX4)
+    reader.ask(["X"])
+    assert reader.receive(_value("X", b"\0\0\0\0", ParamType.REAL64), armed=False)
+    assert reader.values == {}
+
+
+def test_what_nobody_asked_for_is_not_kept():
+    reader = ParameterReader(DRONE, MavAutopilot.PX4)
+    for k in range(5000):
+        assert reader.receive(_value(f"P{k}", struct.pack("<i", 1), ParamType.INT32), armed=False)
+    assert (reader.values, reader.due(0)) == ({}, [])

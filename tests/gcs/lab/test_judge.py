@@ -1,0 +1,232 @@
+"""Every fault that a lab file alone decides: found at its exact key, with its reason; what is right is left alone."""
+
+import pytest
+
+from formation.config import LabConfig
+from formation.vehicle.profile import PAPER_40G
+from gcs.finding import Finding, Grade
+from gcs.lab.judge import judge
+from sim.scenario import load, shipped
+
+LEADER = {"body": "lead", "sysid": 1}
+RIGHT, LEFT = [-0.4, -0.4, 0.0], [-0.4, 0.4, 0.0]
+
+
+def lab(**changes: object) -> LabConfig:
+    values = {"leader": LEADER, "followers": followers(RIGHT, LEFT)}
+    return LabConfig.model_validate({**values, **changes})
+
+
+def followers(*offsets: list[float], **changes: object) -> list[dict[str, object]]:
+    names = ("right", "left", "third", "fourth")
+    return [
+        {"body": name, "sysid": 2 + k, "offset_m": offset, **changes}
+        for k, (name, offset) in enumerate(zip(names, offsets, strict=False))
+    ]
+
+
+def flies(kind: str = "hold", **trajectory: object) -> dict[str, object]:
+    return {**LEADER, "trajectory": {"kind": kind, **trajectory}}
+
+
+def of(config: LabConfig, grade: Grade) -> dict[str, Finding]:
+    return {finding.subject: finding for finding in judge(config) if finding.grade is grade}
+
+
+FENCE = {"low_m": [-2.5, -2.0, -0.1], "high_m": [2.5, 2.0, 2.3]}
+OWN = PAPER_40G.model_dump()
+REFUSED: list[tuple[str, dict[str, object], str, str, str]] = [
+    ("millimetres", {"followers": followers([-400.0, -0.4, 0.0], LEFT)}, "followers[0].offset_m", "[-400, -0.4, 0]",
+     "397.50 m beyond limits.fence.low_m x = -2.5"),
+    ("slot outside", {"followers": followers([-0.4, -2.2, 0.0], LEFT)}, "followers[0].offset_m", "[-0.4, -2.2, 0]",
+     "0.20 m beyond limits.fence.low_m y = -2"),
+    ("slot above", {"followers": followers(RIGHT, [-0.4, 0.4, 2.1])}, "followers[1].offset_m", "[-0.4, 0.4, 2.1]",
+     "0.10 m beyond limits.fence.high_m z = 2.3"),
+    ("slot in the floor", {"followers": followers([-0.4, -0.4, -0.3], LEFT)}, "followers[0].offset_m",
+     "[-0.4, -0.4, -0.3]", "in the floor"),
+    ("slots too near", {"followers": followers(RIGHT, [-0.4, -0.3, 0.0])}, "followers[1].offset_m", "[-0.4, -0.3, 0]",
+     "left would be 0.10 m from right, limits.min_separation_m is 0.2 m"),
+    ("slot at the leader", {"followers": followers([0.0, 0.1, 0.0])}, "followers[0].offset_m", "[0, 0.1, 0]",
+     "right would be 0.10 m from lead"),
+    ("slots stacked too near", {"followers": followers([-0.4, 0.0, 0.0], [-0.4, 0.0, 0.15])}, "followers[1].offset_m",
+     "[-0.4, 0, 0.15]", "0.15 m from right"),
+    ("listed shape too near", {"formation": {"shapes": {"s": [{"offset_m": RIGHT}, {"offset_m": [-0.4, -0.5, 0]}]}}},
+     "formation.shapes.s[1].offset_m", "[-0.4, -0.5, 0]", "0.10 m from right"),
+    ("a name with a dot", {"formation": {"shapes": {"a.b": [{"offset_m": RIGHT}, {"offset_m": [-0.4, -0.5, 0]}]}}},
+     "formation.shapes.a.b[1].offset_m", "[-0.4, -0.5, 0]", "0.10 m from right"),
+    ("listed shape outside", {"formation": {"shapes": {"s": [{"offset_m": RIGHT}, {"offset_m": [-4.0, 0, 0]}]}}},
+     "formation.shapes.s[1].offset_m", "[-4, 0, 0]", "1.50 m beyond limits.fence.low_m x"),
+    ("spacing", {"formation": {"spacing_m": 0.15}}, "formation.spacing_m", "0.15", "nearer than limits."),
+    ("separation", {"limits": {"min_separation_m": 0.6}}, "formation.spacing_m", "0.5", "min_separation_m = 0.6"),
+    ("altitude above", {"flight": {"altitude_m": 3.0}}, "flight.altitude_m", "3", "the fence ends at z = 2.3"),
+    ("altitude at the fence", {"flight": {"altitude_m": 2.25}}, "flight.altitude_m", "2.25", "the fence ends at"),
+    ("fence above the floor", {"limits": {"fence": {**FENCE, "low_m": [-2.5, -2.0, 0.2]}}}, "limits.fence.low_m",
+     "[-2.5, -2, 0.2]", "drones on the floor"),
+    ("fence in millimetres", {"limits": {"fence": {"low_m": [-2500, -2000, -1], "high_m": [2500, 2000, 2300]}}},
+     "limits.fence.low_m", "[-2500, -2000, -1]", "millimetres"),
+    ("start outside", {"leader": {**LEADER, "spawn_lab_m": [0, 3, 0]}}, "leader.spawn_lab_m", "[0, 3, 0]",
+     "1.00 m beyond limits.fence.high_m y = 2"),
+    ("start turned", {"followers": followers([-2.2, 0, 0]), "leader": {**LEADER, "spawn_yaw_rad": 1.5708}},
+     "followers[0].offset_m", "[-2.2, 0, 0]", "heading 90 degrees"),
+    ("circle of 30 m", {"leader": flies("circle", radius_m=30.0)}, "leader.trajectory.radius_m", "30",
+     "28.00 m beyond limits.fence.high_m y = 2"),
+    ("circle that carries slots out", {"leader": flies("circle", radius_m=1.8)}, "leader.trajectory.radius_m", "1.8",
+     "the slot of left is at"),
+    ("line too long", {"leader": flies("line", length_m=2.6)}, "leader.trajectory.length_m", "2.6",
+     "0.10 m beyond limits.fence.high_m x = 2.5"),
+    ("line that carries a slot out", {"followers": followers([0.6, 0, 0]), "leader": flies("line", length_m=2.0)},
+     "leader.trajectory.length_m", "2", "8.0 s along the path the slot of right is at (2.60, 0.00, 0.30) m"),
+    ("turn that carries slots out", {"followers": followers([-2.2, 0, 0]), "leader": flies(yaw_rate_rad_s=0.5)},
+     "leader.trajectory.yaw_rate_rad_s", "0.5", "turned with the leader"),
+    ("waypoint outside", {"leader": flies("waypoints", waypoints_m=[[1, 0, 1], [1, 9, 1]])},
+     "leader.trajectory.waypoints_m[1]", "[1, 9, 1]", "7.00 m beyond limits.fence.high_m y"),
+    ("waypoints that carry a slot out", {"leader": flies("waypoints", waypoints_m=[[1, 0, 1], [-2.3, 0, 1]])},
+     "leader.trajectory.waypoints_m", "[[1, 0, 1], [-2.3, 0, 1]]", "beyond limits.fence.low_m x"),
+    ("too fast", {"leader": flies("circle", radius_m=1.0, period_s=1.5), "limits": {"tilt_rad": 1.2}},
+     "leader.trajectory.period_s", "1.5", "limits.speed_m_s is 3"),
+    ("line too fast", {"leader": flies("line", length_m=2.0, duration_s=1.0)}, "leader.trajectory.duration_s", "1",
+     "3.75 m/s"),
+    ("waypoints too fast", {"leader": flies("waypoints", waypoints_m=[[2, 0, 1]], speed_m_s=4.0)},
+     "leader.trajectory.speed_m_s", "4", "limits.speed_m_s is 3"),
+    ("polynomial too fast", {"leader": flies("polynomial", waypoints_m=[[2, 0, 1]], speed_m_s=4.0)},
+     "leader.trajectory.speed_m_s", "4", "limits.speed_m_s is 3"),
+    ("an eight longer than the room", {"leader": flies("figure8", length_m=6.0, period_s=30.0)},
+     "leader.trajectory.length_m", "6", "beyond limits.fence."),
+    ("more tilt than allowed", {"leader": flies("circle", radius_m=0.5, period_s=1.7), "limits": {"tilt_rad": 0.3}},
+     "leader.trajectory.period_s", "1.7", "of what paper_40g reaches under limits.tilt_rad = 0.3"),
+    ("more drag than tilt", {"leader": {**flies("circle", radius_m=1.0, period_s=4.0), "profile": "ours"},
+                             "profiles": [{**OWN, "name": "ours", "drag_n_s_m": (0.2, 0.2, 0.2)}]},
+     "leader.trajectory.period_s", "4", "against 7.85 m/s^2 of drag"),
+    ("slots swung too fast", {"followers": followers([-1.8, 0, 0]), "leader": flies(yaw_rate_rad_s=1.8)},
+     "leader.trajectory.yaw_rate_rad_s", "1.8", "right would fly at 3.24 m/s"),
+    ("degrees a second", {"followers": followers([0.2, 0, 0]), "leader": flies(yaw_rate_rad_s=30.0)},
+     "leader.trajectory.yaw_rate_rad_s", "30", "radians are meant"),
+    ("an hour", {"leader": flies("circle", period_s=20.0, laps=200)}, "leader.trajectory.laps", "200", "hour"),
+    ("climb", {"flight": {"climb_m_s": 4.0}}, "flight.climb_m_s", "4", "limits.speed_m_s is 3"),
+    ("descent", {"flight": {"descend_m_s": 300.0}}, "flight.descend_m_s", "300", "limits.speed_m_s is 3"),
+    ("reform", {"flight": {"formation_change_m_s": 4.0}}, "flight.formation_change_m_s", "4", "limits.speed_m_s is 3"),
+    ("grams", {"profiles": [{**OWN, "name": "ours", "mass_kg": 40.0}], "leader": {**LEADER, "profile": "ours"}},
+     "profiles[0].thrust_max_n", "0.8", "0.00 times its weight"),
+    ("a real drone of no profile", {"leader": {**LEADER, "link": "udp:10.0.0.5:14550"}}, "leader.profile",
+     '"paper_40g"', 'Write profile = "..." there: paper_40g, paper_40g_printed, px4_quad'),
+    ("two profiles of one name", {"profiles": [{**OWN, "name": "ours"}] * 2, "leader": {**LEADER, "profile": "ours"}},
+     "profiles[1].name", '"ours"', "two profiles"),
+    ("same link", {"followers": followers(RIGHT, LEFT, link="udp:10.0.0.5:14550")}, "followers[1].link",
+     '"udp:10.0.0.5:14550"', "right has the same"),
+    ("one port bound twice", {"followers": [
+        {**followers(RIGHT)[0], "link": "udpin:127.0.0.1:14600"}, {**followers(RIGHT, LEFT)[1],
+                                                                   "link": "udpin:0.0.0.0:14600"}]},
+     "followers[1].link", '"udpin:0.0.0.0:14600"', "right has the same"),
+    ("the ground's own port", {"link": {"kind": "udp"}, "followers": [
+        followers(RIGHT)[0], {**followers(RIGHT, LEFT)[1], "link": "udpin:127.0.0.1:14541"}]},
+     "followers[1].link", '"udpin:127.0.0.1:14541"', "the ground's own for lead"),
+    ("bases that meet", {"link": {"kind": "udp", "drone_port_base": 14541}}, "link.drone_port_base", "14541",
+     "UDP port 14542 would be the ground's for right"),
+    ("no bus", {"link": {"zenoh_connect": []}}, "link.zenoh_connect", "[]", "finds the ground"),
+    ("connect to any port", {"link": {"zenoh_connect": ["tcp/127.0.0.1:0"]}}, "link.zenoh_connect[0]",
+     '"tcp/127.0.0.1:0"', "port 0"),
+    ("endpoint twice", {"link": {"zenoh_connect": ["tcp/a:1", "tcp/a:1"]}}, "link.zenoh_connect",
+     '["tcp/a:1", "tcp/a:1"]', "2 times"),
+    ("few frames", {"mocap": {"rate_hz": 5.0}}, "mocap.rate_hz", "5", "no setpoint comes for 0.1 s"),
+    ("kilohertz", {"mocap": {"rate_hz": 100_000.0}}, "mocap.rate_hz", "100000", "no mocap is as fast"),
+    ("an unseen leader", {"mocap": {"source": "mavlink"}, "leader": {"body": "lead"}}, "leader.sysid", "",
+     "never seen"),
+    ("drones start in one place", {"mocap": {"source": "mavlink"}, "followers": followers(RIGHT)},
+     "followers[0].spawn_lab_m", "[0, 0, 0]", "right starts 0.00 m from lead"),
+    ("a drone starts outside", {"mocap": {"source": "mavlink"}, "followers": followers(RIGHT, spawn_lab_m=[5, 0, 0])},
+     "followers[0].spawn_lab_m", "[5, 0, 0]", "would not arm"),
+    ("heading in degrees", {"followers": followers(RIGHT, LEFT, yaw_offset_rad=90.0)}, "followers[0].yaw_offset_rad",
+     "90", "radians are meant"),
+    ("behind an observed leader", {"leader": {"body": "lead"}, "followers": followers([-400.0, 0, 0])},
+     "followers[0].offset_m", "[-400, 0, 0]", "farther from the leader than the fence is wide"),
+    ("an unknown body's name", {"mocap": {"source": "vrpn", "names": {"A": "wand"}}}, "mocap.names", "", "wand is"),
+    ("more than the whole", {"mocap": {"latency_s": 0.02}}, "mocap.latency_s", "0.02", "a part of delay_s"),
+]  # fmt: skip
+WARNED: list[tuple[str, dict[str, object], str, str]] = [
+    ("observed", {"leader": {"body": "lead"}}, "leader.body", "only observed"),
+    ("little room", {"followers": followers([-2.45, 0, 0])}, "limits.fence", "right comes within 0.05 m"),
+    ("floor on the fence", {"limits": {"fence": {**FENCE, "low_m": [-2.5, -2, 0]}}}, "limits.fence.low_m", "stand and"),
+    ("a hall", {"limits": {"fence": {"low_m": [-200, -2, -1], "high_m": [2, 2, 2]}}}, "limits.fence.low_m", "metres"),
+    ("ground effect", {"flight": {"altitude_m": 0.2}}, "flight.altitude_m", "ground effect"),
+    ("fast descent", {"flight": {"descend_m_s": 2.0}}, "flight.descend_m_s", "downwash"),
+    ("slow descent", {"flight": {"descend_m_s": 0.005}}, "flight.descend_m_s", "longer than a minute"),
+    ("near", {"followers": followers(RIGHT, [-0.4, -0.65, 0])}, "followers[1].offset_m", "brake for each other"),
+    ("downwash", {"followers": followers(RIGHT, [-0.4, -0.4, 0.6])}, "followers[1].offset_m", "downwash"),
+    ("wider than apart", {"leader": {**LEADER, "profile": "px4_quad"}}, "limits.min_separation_m", "0.43 m wide"),
+    ("several profiles", {"leader": {**LEADER, "profile": "px4_quad"}}, "followers[0].profile", "several profiles"),
+    ("shapes that do not fit", {"formation": {"spacing_m": 2.2}}, "formation.spacing_m", "line, column would leave"),
+    ("no kind", {"leader": {**LEADER, "trajectory": {"radius_m": 0.5}}}, "leader.trajectory.kind", "holds its place"),
+    ("another kind's key", {"leader": flies("line", radius_m=0.5)}, "leader.trajectory.radius_m", "does not use it"),
+    ("laps or duration", {"leader": flies("circle", laps=2, duration_s=9.0)}, "leader.trajectory.duration_s", "laps"),
+    ("an observed leader's", {"leader": {"body": "lead", "trajectory": {"kind": "line"}}}, "leader.trajectory.kind",
+     "flies what it flies"),
+    ("raised above nobody", {"flight": {"observed_leader_altitude_offset_m": 0.5}},
+     "flight.observed_leader_altitude_offset_m", "the leader is commanded"),
+    ("longer than a battery", {"leader": flies("circle", laps=30)}, "leader.trajectory.laps", "hovers for about 315 s"),
+    ("slow frames", {"mocap": {"rate_hz": 30.0}}, "mocap.rate_hz", "control cycle"),
+    ("late poses", {"mocap": {"delay_s": 0.2}}, "mocap.delay_s", "seconds are meant"),
+    ("another system's table", {"mocap": {"source": "vrpn", "vrpn": {"host": "10.0.0.1"}, "natnet": {}}},
+     "mocap.natnet", '"vrpn"'),
+    ("names for nobody", {"mocap": {"names": {"A": "lead"}}}, "mocap.names", "as the lab does"),
+    ("played leader", {"mocap": {"source": "csv", "file": "x"}}, "mocap.source", "of the leader alone"),
+    ("a file for nobody", {"mocap": {"file": "x.csv"}}, "mocap.file", "nothing is played"),
+    ("a spawn for nobody", {"followers": followers(RIGHT, spawn_lab_m=[1, 1, 0])}, "followers[0].spawn_lab_m", "mocap"),
+    ("a link to nobody", {"leader": {"body": "lead", "link": "udp:10.0.0.5:14550"}}, "leader.link", "nothing is sent"),
+    ("a profile for nobody", {"profiles": [{**OWN, "name": "ours"}]}, "profiles[0].name", "no vehicle names"),
+    ("a shipped name", {"profiles": [OWN]}, "profiles[0].name", "replaces the shipped"),
+    ("heavy", {"profiles": [{**OWN, "name": "ours", "mass_kg": 0.075}], "leader": {**LEADER, "profile": "ours"}},
+     "profiles[0].thrust_max_n", "1.09 times its weight"),
+    ("much tilt", {"leader": flies("circle", radius_m=0.5, period_s=2.0)}, "leader.trajectory.period_s", "% of what"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("changes", "key", "value", "words"), [case[1:] for case in REFUSED], ids=[c[0] for c in REFUSED]
+)
+def test_a_fault_is_rejected_at_its_key(changes, key: str, value: str, words: str) -> None:
+    refusals = [f for f in judge(lab(**changes)) if f.grade is Grade.FAIL and f.subject == key]
+    assert any(words in f.why for f in refusals), judge(lab(**changes))
+    assert {f.found for f in refusals} == {value}
+
+
+@pytest.mark.parametrize(("changes", "key", "words"), [case[1:] for case in WARNED], ids=[c[0] for c in WARNED])
+def test_a_doubtful_value_is_warned_of_and_not_rejected(changes, key: str, words: str) -> None:
+    config = lab(**changes)
+    warnings = [f for f in judge(config) if f.grade is Grade.WARN and f.subject == key]
+    assert any(words in f.why for f in warnings), judge(config)
+    assert of(config, Grade.FAIL) == {}
+
+
+def test_a_plain_lab_is_neither_rejected_nor_warned_of() -> None:
+    assert judge(lab()) == ()
+
+
+def test_each_fault_is_reported_once() -> None:
+    """An altitude above the fence is not told again of every slot, nor a circle too large of every slot it carries."""
+    assert list(of(lab(flight={"altitude_m": 3.0}), Grade.FAIL)) == ["flight.altitude_m"]
+    circle = flies("circle", radius_m=30.0, period_s=600.0)
+    assert list(of(lab(leader=circle), Grade.FAIL)) == ["leader.trajectory.radius_m"]
+
+
+def test_a_leader_that_starts_elsewhere_is_judged_from_there() -> None:
+    ahead = followers([-3.0, 0.0, 0.0])
+    assert "followers[0].offset_m" in of(lab(followers=ahead), Grade.FAIL)
+    assert of(lab(followers=ahead, leader={**LEADER, "spawn_lab_m": [1.0, 0.0, 0.0]}), Grade.FAIL) == {}
+
+
+@pytest.mark.parametrize("name", sorted(shipped()))
+def test_no_shipped_scenario_is_rejected(name: str) -> None:
+    assert of(load(name).lab, Grade.FAIL) == {}
+
+
+def test_every_trajectory_that_may_be_chosen_is_judged_by_its_own_key() -> None:
+    ways = {
+        "far": {"kind": "circle", "radius_m": 30.0},
+        "odd": {"kind": "line", "radius_m": 0.5},
+        "good": {"kind": "circle", "radius_m": 0.4},
+    }
+    summary = {finding.subject: finding for finding in judge(lab(leader=LEADER | {"trajectories": ways}))}
+    assert summary["leader.trajectories.far.radius_m"].grade is Grade.FAIL
+    assert summary["leader.trajectories.far.radius_m"].found == "30"
+    assert summary["leader.trajectories.odd.radius_m"].grade is Grade.WARN
+    assert not any("good" in subject for subject in summary)

@@ -1,0 +1,146 @@
+"""Any number in any key of a lab file: judged, or refused by one line that names the key; never a traceback."""
+
+import copy
+import tomllib
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+from formation.config import LabConfig
+from formation.vehicle.profile import PAPER_40G, GainScale
+from gcs.lab.cli import judge_lab
+from wire.config_file import ConfigError, parse
+
+LAB = """name = "lab"
+origin = [47.0, 8.5, 488.0]
+[mocap]
+source = "natnet"
+rate_hz = 100.0
+delay_s = 0.008
+latency_s = 0.004
+q_lab_from_mocap = [1.0, 0.0, 0.0, 0.0]
+origin_lab_m = [0.0, 0.0, 0.0]
+[mocap.natnet]
+host = "10.0.0.1"
+command_port = 1510
+data_port = 1511
+[mocap.vrpn]
+port = 3883
+assemble_s = 0.002
+[mocap.chingmu]
+port = 3883
+first_sensor = 300
+[leader]
+body = "leader"
+sysid = 1
+spawn_lab_m = [0.0, 0.0, 0.0]
+spawn_yaw_rad = 0.0
+q_marker_from_flu = [1.0, 0.0, 0.0, 0.0]
+trajectory = TRAJ
+[[followers]]
+body = "a"
+sysid = 2
+profile = "own"
+offset_m = [-0.5, 0.5, 0.0]
+yaw_offset_rad = 0.0
+spawn_lab_m = [0.0, 0.0, 0.0]
+[[formation.shapes.s]]
+offset_m = [-0.5, 0.0, 0.0]
+yaw_offset_rad = 0.1
+[formation]
+spacing_m = 0.5
+[limits]
+tilt_rad = 0.5
+speed_m_s = 2.0
+min_separation_m = 0.2
+fence = { low_m = [-2.5, -2.0, -0.1], high_m = [2.5, 2.0, 2.3] }
+[flight]
+altitude_m = 0.3
+climb_m_s = 0.4
+descend_m_s = 0.3
+formation_change_m_s = 0.5
+observed_leader_altitude_offset_m = 0.0
+[link]
+kind = "udp"
+ground_port_base = 14540
+drone_port_base = 14580
+imu_rate_hz = 100.0
+[operator]
+stop_button = { device = "/dev/x", button = 57 }
+"""
+TRAJECTORIES = [
+    '{ kind = "circle", radius_m = 0.3, period_s = 12.0, duration_s = 20.0, laps = 2, yaw_rate_rad_s = 0.1 }',
+    '{ kind = "line", length_m = 1.0, duration_s = 8.0, laps = 2 }',
+    '{ kind = "hold", duration_s = 8.0 }',
+    '{ kind = "figure8", length_m = 1.0, width_m = 0.5, period_s = 12.0, laps = 1 }',
+    '{ kind = "lissajous", amplitude_m = [0.5, 0.5, 0.0], cycles = [3, 2, 1], '
+    "phase_rad = [0.0, 0.0, 0.0], period_s = 12.0, laps = 1 }",
+    '{ kind = "waypoints", waypoints_m = [[0.0,0.0,0.5],[1.0,0.0,0.5]], speed_m_s = 0.5, laps = 1 }',
+    '{ kind = "polynomial", waypoints_m = [[0.0,0.0,0.5],[1.0,0.0,0.5],[1.0,1.0,0.5]], speed_m_s = 0.5, laps = 1 }',
+    '{ kind = "csv", points = [[0.0,0.0,0.0,0.5,0.0],[2.0,1.0,0.0,0.5,0.0]] }',
+]
+PROFILE = PAPER_40G.model_copy(update={"name": "own", "gain_scale": GainScale()}).model_dump(mode="json")
+VALUES = [
+    float("nan"), float("inf"), float("-inf"), 1e308, -1e308, 5e-324, 1e-9, 1e9, -0.0, 0, -1, 10**400, 2**63, True, "1",
+    "x", [], {}, [1.0],
+]  # fmt: skip
+Place = tuple[str | int, ...]
+
+
+def lab(trajectory: str) -> dict[str, Any]:
+    values = tomllib.loads(LAB.replace("TRAJ", trajectory))
+    return values | {"profiles": [copy.deepcopy(PROFILE)]}
+
+
+def numbers(values: Any, place: Place = ()) -> Iterator[Place]:
+    """Where in a file there is a number."""
+    if isinstance(values, dict | list):
+        for key, inner in values.items() if isinstance(values, dict) else enumerate(values):
+            yield from numbers(inner, (*place, key))
+    elif isinstance(values, int | float) and not isinstance(values, bool):
+        yield place
+
+
+def changed(values: dict[str, Any], place: Place, value: object) -> dict[str, Any]:
+    new: Any = copy.deepcopy(values)
+    table = new
+    for key in place[:-1]:
+        table = table[key]
+    table[place[-1]] = value
+    return dict(new)
+
+
+@pytest.mark.parametrize("trajectory", TRAJECTORIES)
+def test_any_number_is_judged_or_rejected_in_one_line_that_names_its_key(
+    trajectory: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    values = lab(trajectory)
+    places = [p for p in numbers(values) if trajectory is TRAJECTORIES[0] or p[:2] == ("leader", "trajectory")]
+    for place in places:
+        key = next(part for part in reversed(place) if isinstance(part, str))
+        for value in VALUES:
+            said = problems(changed(values, place, value))
+            capsys.readouterr()
+            assert all("\n" not in problem and len(problem) < 400 for problem in said), (place, value)
+            assert not said or key in "".join(said), (place, value, said)
+
+
+def problems(values: dict[str, Any]) -> list[str]:
+    """What keeps the lab from being read; nothing where it is judged and drawn."""
+    try:
+        config = parse(values, LabConfig, source="lab.toml", folder=Path())
+    except ConfigError as error:
+        return error.problems
+    with suppress(typer.Exit):
+        judge_lab(Path("lab.toml"), config, None, as_json=False)
+    return []
+
+
+@pytest.mark.parametrize(("place", "value"), [(("limits", "speed_m_s"), True), (("leader", "sysid"), True)])
+def test_true_is_no_number(place: Place, value: object) -> None:
+    with pytest.raises(ConfigError, match="a number is wanted"):
+        parse(changed(lab(TRAJECTORIES[0]), place, value), LabConfig, source="lab.toml")

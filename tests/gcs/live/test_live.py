@@ -1,0 +1,131 @@
+"""A log on the bus: whoever listens gets the log's own bytes; the file is the same whether anybody does."""
+
+import struct
+import tracemalloc
+from io import BytesIO
+from pathlib import Path
+
+import pytest
+import zstandard
+from mcap.opcode import Opcode
+from mcap.reader import make_reader
+
+from formation import topics
+from formation.messages import Event, Severity, Tick
+from gcs.live.daemon import Live
+from gcs.live.viewers import file_of
+from wire.logs.live import HEAD_EVERY, Described, LiveLog, keys, sharer
+from wire.logs.mcap_log import LogWriter
+
+HEAD, CHUNK = keys("main")
+
+
+class FakeBus:
+    """Keeps what is put, while it is heard."""
+
+    def __init__(self, heard: bool) -> None:
+        self.heard = heard
+        self.sent: list[tuple[str, bytes]] = []
+
+    def publish(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
+        self.sent.append((key, payload))
+
+    def has_subscribers(self, key: str) -> bool:
+        return self.heard
+
+
+class Seen:
+    """A viewer that keeps what it is shown."""
+
+    def __init__(self) -> None:
+        self.begun: list[dict[int, Described]] = []
+        self.shown: list[tuple[str, int, bytes]] = []
+
+    def begin(self, channels) -> None:
+        self.begun.append(dict(channels))
+
+    def show(self, channel: int, unix_ns: int, data: bytes) -> None:
+        self.shown.append((self.begun[-1][channel].topic, unix_ns, data))
+
+    def close(self) -> None:
+        pass
+
+
+def record(path: Path, bus: FakeBus, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("wire.logs.mcap_log._CHUNK_MESSAGES", 10)
+    with LogWriter(path, {"seed": "1"}, threaded=False, share=sharer(bus, "main")) as log:
+        for k in range(600):
+            log.write(topics.TICK, Tick(k), k)
+            if k % 100 == 0:
+                log.write(topics.EVENT, Event(Severity.INFO, "gcs", f"event {k}"), k)
+
+
+def in_file(source: Path | BytesIO) -> list[tuple[str, int, bytes]]:
+    file = source if isinstance(source, BytesIO) else BytesIO(source.read_bytes())
+    return [(channel.topic, m.log_time, m.data) for _, channel, m in make_reader(file).iter_messages()]
+
+
+def test_a_viewer_is_shown_the_very_messages_of_the_log(tmp_path, monkeypatch) -> None:
+    bus, seen = FakeBus(heard=True), Seen()
+    record(tmp_path / "flight.mcap", bus, monkeypatch)
+    live = Live([seen], lambda _text: None)
+    for key, payload in bus.sent:
+        (live.receive_head if key == HEAD else live.receive_chunk)(payload)
+    assert sorted(seen.shown) == sorted(in_file(tmp_path / "flight.mcap"))
+    assert len(seen.begun) == 1
+    assert live.messages == 612
+    assert sum(key == HEAD for key, _ in bus.sent) >= sum(key == CHUNK for key, _ in bus.sent) // HEAD_EVERY
+
+
+def test_who_comes_late_begins_with_the_next_head(tmp_path, monkeypatch) -> None:
+    bus, seen = FakeBus(heard=True), Seen()
+    record(tmp_path / "flight.mcap", bus, monkeypatch)
+    live = Live([seen], lambda _text: None)
+    for key, payload in bus.sent[10:]:
+        (live.receive_head if key == HEAD else live.receive_chunk)(payload)
+    assert 0 < len(seen.shown) < 612
+    assert seen.shown[-1] == in_file(tmp_path / "flight.mcap")[-1]
+
+
+def test_nothing_is_shared_while_nobody_listens_and_the_file_is_the_same(tmp_path, monkeypatch) -> None:
+    silent, heard = FakeBus(heard=False), FakeBus(heard=True)
+    record(tmp_path / "a.mcap", silent, monkeypatch)
+    record(tmp_path / "b.mcap", heard, monkeypatch)
+    assert silent.sent == []
+    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
+
+
+def test_another_ground_is_another_log_and_rubbish_is_counted() -> None:
+    log = LiveLog()
+    assert not log.receive_head(b"no log")
+    assert log.rejected == 1
+    assert list(log.messages(b"before any head")) == []
+
+
+@pytest.mark.parametrize("said", [True, False], ids=["a frame that says its size", "one that does not"])
+def test_a_small_chunk_that_unpacks_to_a_large_one_is_rejected(said: bool, tmp_path, monkeypatch) -> None:
+    bus = FakeBus(heard=True)
+    record(tmp_path / "flight.mcap", bus, monkeypatch)
+    log, zeros = LiveLog(), bytes(1 << 28)
+    assert log.receive_head(next(payload for key, payload in bus.sent if key == HEAD))
+    packed = zstandard.ZstdCompressor(write_content_size=said).compress(zeros)
+    for size in (len(zeros), 1 << 20, 1 << 40):
+        data = (
+            struct.pack("<QQQI", 0, 1, size, 0)
+            + struct.pack("<I", 4)
+            + b"zstd"
+            + struct.pack("<Q", len(packed))
+            + packed
+        )
+        tracemalloc.start()
+        assert list(log.messages(struct.pack("<BQ", Opcode.CHUNK, len(data)) + data)) == []
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak < 1 << 25
+    assert log.rejected == 3
+
+
+def test_rerun_is_given_whole_files(tmp_path) -> None:
+    channels = {3: Described("/a", "x.A", b""), 7: Described("/b", "x.A", b"")}
+    file = BytesIO(file_of(channels, [(7, 5, b"five"), (3, 6, b"six")]))
+    assert in_file(file) == [("/b", 5, b"five"), ("/a", 6, b"six")]

@@ -1,0 +1,159 @@
+"""A ground for pages, out of fake drones: publishes on a real bus what a GcsCore says of them, and takes requests.
+
+    python tests/gcs/page/lab.py --followers 19 --port 7500 --lab lab.toml
+
+For pictures and for timing what a page costs: neither processes of agents nor a mocap share the machine with it.
+"""
+
+import argparse
+import asyncio
+import itertools
+import json
+import sys
+from pathlib import Path
+
+from formation.config import LabConfig
+from formation.guidance.patterns import grid
+from formation.messages import OperatorReply, OperatorRequest, Verb
+from formation.requests import GCS_NAME
+from gcs.state.host import Disk, EventMemory, host_state
+from tests.gcs.fakes import FakeLab
+from wire import config_file
+from wire.clock import monotonic_ns, sleep_until_ns, unix_us
+from wire.link_messages.status import LandedState
+from wire.transport.mocap_bus import MocapBus
+from wire.transport.zenoh_bus import Reply, ZenohBus
+
+STEPS = 10
+
+
+def lab_of(followers: int, port: int) -> LabConfig:
+    """A leader on a circle with followers in a grid behind it, in a room that has space for them."""
+    half = max(2.5, 0.6 * followers**0.5 + 1.2)
+    slots = grid(followers, 0.5)
+    return LabConfig.model_validate(
+        {
+            "leader": {
+                "body": "leader",
+                "sysid": 1,
+                "trajectory": {"kind": "circle", "radius_m": 0.5, "laps": 100},
+                "trajectories": {"eight": {"kind": "figure8", "length_m": 2.0, "period_s": 24.0}},
+            },
+            "followers": [
+                {"body": f"cf{i + 2:02d}", "sysid": i + 2, "offset_m": [float(x) for x in slot]}
+                for i, slot in enumerate(slots)
+            ],
+            "limits": {"fence": {"low_m": (-half - 1.0, -half, -0.1), "high_m": (half, half, 2.3)}},
+            "flight": {"altitude_m": 0.8},
+            "link": {"zenoh_listen": [f"tcp/127.0.0.1:{port}"], "zenoh_connect": []},
+        }
+    )
+
+
+class Ground:
+    """Fake drones in real time, ten steps a tenth of a second, and what the ground says of them."""
+
+    def __init__(self, config: LabConfig, anew: bool) -> None:
+        """anew: whenever a stop has cut every motor, say when, and begin anew."""
+        self.anew = anew
+        self.lab = FakeLab(config)
+        for drone in self.lab.core._drones:  # what fake drones do not say
+            telemetry = drone.link.telemetry
+            telemetry.battery, telemetry.battery_v = 0.91 - 0.003 * drone.index, 4.02 - 0.01 * (drone.index % 7)
+            telemetry.setpoint_age_s, telemetry.setpoint_age_ns = 0.0214, 2**62
+        self.memory = EventMemory()
+        self.waiting: dict[int, Reply] = {}
+        self._events = 0
+
+    def receive_request(self, request: OperatorRequest, reply: Reply) -> None:
+        """An operator has asked."""
+        self.waiting[self.lab.ask(request.verb, request.argument)] = reply
+        if request.verb is Verb.STOP and self.anew and not any(drone.armed for drone in self.lab.drones.values()):
+            print(monotonic_ns(), flush=True)
+            self.answer()
+            self.begin()
+
+    def begin(self) -> None:
+        """The same lab anew, its drones armed on the floor."""
+        self.lab = FakeLab(self.lab.config)
+        for drone in self.lab.drones.values():
+            drone.armed = True
+
+    def answer(self) -> None:
+        """Whatever has been answered."""
+        for id, reply in tuple(self.waiting.items()):
+            answer = self.lab.reply(id)
+            if answer is not None:
+                del self.waiting[id]
+                reply(OperatorReply(0, answer.accepted, answer.text))
+
+    def advance(self) -> str:
+        """A tenth of a second further; the state."""
+        self.lab.run(STEPS / 100.0)
+        for name, event in self.lab.records[self._events :]:
+            if name == "event":
+                self.memory.note(event, unix_us())
+        self._events = len(self.lab.records)
+        self.answer()
+        host = host_state(
+            self.lab.seq, 0, 0.002, Path("lab-20260301-101502.mcap"), Disk(8_400_000, 82_000_000_000), self.memory
+        )
+        return json.dumps(self.lab.core.state(self.lab.now_ns) | host)
+
+
+async def again(config: LabConfig) -> None:
+    """Until killed; three seconds of a formation over and over, at a steady 10 Hz however many drones there are."""
+    ground = Ground(config, anew=False)
+    ground.lab.fly()
+    bus = await ZenohBus.open(config.link, config.name)
+    states = [ground.advance() for _ in range(30)]
+    print("ready", flush=True)
+    due_ns = monotonic_ns()
+    for state in itertools.cycle(states):
+        bus.publish_state(GCS_NAME, state)
+        due_ns = max(due_ns + 100_000_000, monotonic_ns())
+        await sleep_until_ns(due_ns)
+
+
+async def serve(config: LabConfig, fly: bool, anew: bool) -> None:
+    """Until killed; each line of standard input is Python that is run upon `lab`, the FakeLab."""
+    ground = Ground(config, anew)
+    if anew:
+        ground.begin()
+    bus = await ZenohBus.open(config.link, config.name)
+    bus.serve(GCS_NAME, ground.receive_request)
+    mocap = MocapBus(bus)
+    if fly:
+        ground.lab.fly()
+        for drone in ground.lab.core._drones:
+            drone.link.telemetry.landed = LandedState.IN_AIR
+    loop = asyncio.get_running_loop()
+    loop.add_reader(sys.stdin.fileno(), lambda: exec(sys.stdin.readline(), {"lab": ground.lab, "Verb": Verb}))
+    print("ready", flush=True)
+    due_ns = monotonic_ns()
+    while True:
+        bus.publish_state(GCS_NAME, ground.advance())
+        if ground.lab.seq % 100 < STEPS:
+            timing = {"rate_hz": 100.0, "jitter_s": 0.0003, "lost_share": 0.0, "delay_s": 0.006, "gap_s": 0.011}
+            mocap.publish_state({"timing": timing})
+        due_ns = max(due_ns + 100_000_000, monotonic_ns())
+        await sleep_until_ns(due_ns)
+
+
+def main() -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--followers", type=int, default=2)
+    parser.add_argument("--port", type=int, default=7500)
+    parser.add_argument("--lab", type=Path, required=True)
+    parser.add_argument("--fly", action="store_true")
+    parser.add_argument("--anew", action="store_true", help="After each stop; prints when it had cut every motor.")
+    parser.add_argument("--again", action="store_true", help="Three seconds of a formation over and over.")
+    given = parser.parse_args()
+    config = lab_of(given.followers, given.port)
+    given.lab.write_text(config_file.dump(config))
+    asyncio.run(again(config) if given.again else serve(config, given.fly, given.anew))
+
+
+if __name__ == "__main__":
+    main()

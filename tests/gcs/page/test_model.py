@@ -1,0 +1,429 @@
+"""The page's view model, on states of a GcsCore that flies fake drones: no browser, no bus."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from formation.messages import Datagram, Event, HostReport, Phase, Severity, Verb
+from gcs.page import drawing, html
+from gcs.page.alarms import ShownAlarms
+from gcs.page.camera import Stand, above, perspective
+from gcs.page.control import Control
+from gcs.page.foresee import shape, start
+from gcs.page.model import Model
+from gcs.page.scene import Trails, scene
+from gcs.page.show import Step, countdowns, show, stop_text
+from gcs.page.table import COLUMNS, UNITS, Cell, Level, row
+from gcs.state.alarms import ACKNOWLEDGED
+from gcs.state.host import Disk, EventMemory, host_state
+from tests.gcs.fakes import FakeLab, triangle
+
+LOG = "flight.mcap"
+
+
+def state_of(lab: FakeLab, events: EventMemory | None = None) -> dict:
+    """As the ground publishes it."""
+    host = host_state(1000, 2, 0.012, Path(LOG), Disk(5_000_000, 80_000_000_000), events or EventMemory())
+    return json.loads(json.dumps(lab.core.state(lab.now_ns) | host))
+
+
+def step(state: dict, verb: str) -> Step:
+    return next(one for one in show(state, None, 0.0).steps if one.verb == verb)
+
+
+@pytest.fixture(scope="module")
+def flight() -> dict[Phase, dict]:
+    """The states of a flight, one for each phase, and the last of a stop."""
+    lab, told = FakeLab(triangle()), {}
+    lab.run(2.0)
+    told[Phase.GROUND] = state_of(lab)
+    lab.command(Verb.ARM, Phase.ARMED)
+    lab.run(4.0)
+    told[Phase.ARMED] = state_of(lab)
+    lab.command(Verb.TAKEOFF, Phase.TAKEOFF)
+    lab.run(1.0)
+    told[Phase.TAKEOFF] = state_of(lab)
+    lab.run_until(Phase.HOLD)
+    lab.run(0.5)
+    told[Phase.HOLD] = state_of(lab)
+    lab.command(Verb.START, Phase.FORMATION)
+    while not state_of(lab)["trajectory_started"]:
+        lab.run(0.1)
+    lab.run(0.5)
+    told[Phase.FORMATION] = state_of(lab)
+    lab.command(Verb.LAND, Phase.LAND)
+    lab.run(0.5)
+    told[Phase.LAND] = state_of(lab)
+    lab.command(Verb.STOP, Phase.STOPPED)
+    lab.run(1.5)
+    told[Phase.STOPPED] = state_of(lab)
+    return told
+
+
+def test_a_step_is_allowed_in_its_phase_and_says_why_not_elsewhere(flight):
+    allowed = {
+        phase: {one.verb for one in show(state, None, 0.0).steps if one.allowed} for phase, state in flight.items()
+    }
+    assert allowed == {
+        Phase.GROUND: {"arm", "land"},
+        Phase.ARMED: {"takeoff", "land"},
+        Phase.TAKEOFF: {"hold", "land"},
+        Phase.HOLD: {"start", "hold", "land"},
+        Phase.FORMATION: {"hold", "land"},
+        Phase.LAND: {"land"},
+        Phase.STOPPED: {"land", "reset"},
+    }
+    assert step(flight[Phase.GROUND], "start").out_of_turn
+    assert not step(flight[Phase.GROUND], "take_control").out_of_turn
+    assert step(flight[Phase.GROUND], "take_control").reasons == (
+        "no drone is armed: there is nothing to take control of",
+    )
+
+
+def test_every_number_of_the_table_has_its_unit_in_the_head(flight):
+    units = dict(zip(COLUMNS, UNITS, strict=True))
+    for name, cell in zip(COLUMNS, show(flight[Phase.HOLD], None, 0.0).rows[0], strict=True):
+        assert units[name] or name == "id" or not cell.text.replace(".", "").isdigit(), name
+    assert '<th title="time since its heartbeat, s">beat<small>s</small></th>' in html.table(
+        show(flight[Phase.HOLD], None, 0.0)
+    )
+
+
+def test_every_reason_against_arming_is_shown():
+    lab = FakeLab(triangle())
+    lab.hidden = {"left"}
+    lab.drones[3].sends_nothing = True
+    lab.run(1.0)
+    lab.core.receive(HostReport(button_trouble="the stop button does not work: /dev/input/js0: gone"), lab.now_ns)
+    lab.run(0.1)
+    reasons = step(state_of(lab), "arm").reasons
+    assert "left: no fresh pose (last seen never)" in reasons
+    assert "right: no heartbeat (last heard never)" in reasons
+    assert reasons[-1] == "the stop button does not work: /dev/input/js0: gone"
+    assert all(reason in html.steps(show(state_of(lab), None, 0.0), True) for reason in reasons)
+
+
+def test_the_countdowns(flight):
+    first, left_s = countdowns(flight[Phase.ARMED])[0].split(" disarms itself in ")
+    assert first in ("lead", "left", "right")
+    assert 0.0 < float(left_s.removesuffix(" s")) < 10.0
+    assert countdowns(flight[Phase.FORMATION]) == (f"leader's trajectory: {_left(flight):.0f} s of 3 s left",)
+    assert countdowns(flight[Phase.LAND])[-1].startswith("landing: ")
+    assert countdowns(flight[Phase.GROUND]) == ()
+
+
+def _left(flight) -> float:
+    t_s, whole_s = flight[Phase.FORMATION]["trajectory_s"]
+    assert whole_s == 3.0
+    return whole_s - t_s
+
+
+def test_a_stop_says_who_has_latched_it_and_how_soon(flight):
+    told = flight[Phase.STOPPED]["drones"]
+    assert all(0.0 <= drone["stopped_ms"] <= 20.0 for drone in told)  # fake drones answer at once: a frame or two
+    assert stop_text(flight[Phase.STOPPED]).startswith("3 of 3 drones have latched the stop: lead ")
+    assert stop_text(flight[Phase.HOLD]) == ""
+    lab = FakeLab(triangle())
+    lab.fly()
+    lab.drones[2].receives_nothing = True
+    lab.ask(Verb.STOP)
+    lab.run(0.5)
+    assert stop_text(state_of(lab)).endswith("; NOT YET: left")
+
+
+def test_a_table_row_has_a_cell_for_each_column_and_marks_what_is_wrong(flight):
+    drone = flight[Phase.FORMATION]["drones"][1]
+    cells = dict(zip(COLUMNS, row(drone, flying=True), strict=True))
+    assert (cells["id"].text, cells["name"].text, cells["make"].text) == ("2", "left", "PX4")
+    assert (cells["armed"].text, cells["validator"].text) == ("ARMED", "ok")
+    assert float(cells["error"].text) < 50.0
+    ill = drone | {
+        "battery": 0.15,
+        "age_s": 0.31,
+        "heartbeat_age_s": None,
+        "rejected": "frozen",
+        "fence_margin_m": 0.05,
+        "link_behind_s": 0.12,
+    }
+    cells = dict(zip(COLUMNS, row(ill, flying=True), strict=True))
+    assert cells["charge"] == Cell("15", Level.WARN)
+    assert cells["pose"] == Cell("310", Level.BAD)
+    assert cells["beat"] == Cell("never", Level.BAD)
+    assert cells["validator"] == Cell("frozen", Level.BAD)
+    assert cells["late"] == Cell("120", Level.BAD)
+    assert cells["fence"] == Cell("0.05", Level.WARN)
+    assert row(drone, flying=False)[COLUMNS.index("error")] == Cell("-")
+
+
+def test_the_page_tells_what_waits_on_the_links():
+    lab = FakeLab(triangle())
+    lab.run(2.0)
+    lab.core.receive(Datagram(2, b"", superseded=7), lab.now_ns)
+    shown = show(state_of(lab), None, 0.0)
+    assert dict(shown.vital)["superseded"] == Cell("7 packets")
+    assert all(0 <= float(cells[COLUMNS.index("late")].text) < 20 for cells in shown.rows)
+
+
+def test_the_reference_and_the_fence_margin_are_where_the_drones_are_led(flight):
+    drones = flight[Phase.FORMATION]["drones"]
+    for drone in drones:
+        assert np.allclose(drone["reference_lab_m"], drone["pos_lab_m"], atol=0.06)
+        x, y, z = drone["pos_lab_m"]
+        assert drone["fence_margin_m"] == pytest.approx(min(2.5 - abs(x), 2.0 - abs(y), z + 0.1, 2.3 - z), abs=2e-3)
+    shown = scene(flight[Phase.FORMATION], triangle(), Trails())
+    for slot, follower in zip(shown.slots_lab_m, shown.bodies[1:], strict=True):
+        assert np.allclose(slot, follower.pos_lab_m, atol=0.05)
+
+
+def test_silence_of_the_ground_is_shown_and_is_an_alarm_once(flight):
+    model = Model(triangle())
+    assert model.show(0, 0.0).lost == "waiting to hear the ground: `gcs run` starts one"
+    model.receive_state(json.dumps(flight[Phase.HOLD]), 10_000_000_000)
+    assert model.show(10_900_000_000, 5.0).lost == ""
+    assert model.show(13_000_000_000, 7.0).lost == "nothing heard of the ground for 3 s"
+    model.show(14_000_000_000, 8.0)
+    assert [(alarm.severity, alarm.times) for alarm in model.alarms.open] == [(Severity.CRITICAL, 1)]
+    assert "NO CONNECTION" in html.lost(model.show(14_000_000_000, 8.0))
+    model.receive_state(json.dumps(flight[Phase.HOLD]), 15_000_000_000)
+    assert html.lost(model.show(15_000_000_000, 9.0)) == ""
+
+
+BATTERY = Event(Severity.WARNING, "safety", "left: battery under 20 %", lasts=True)
+OUTSIDE = Event(Severity.CRITICAL, "safety", "right: outside", lasts=True)
+
+
+def published(told: EventMemory, session: int = 7) -> dict:
+    """What the alarms of a page are made of."""
+    alarms = [alarm.as_json() for alarm in told.alarms.open]
+    return json.loads(json.dumps({"ground_session": session, "events": list(told), "alarms": alarms}))
+
+
+def over(event: Event) -> Event:
+    return Event(Severity.NOTICE, event.source, f"over: {event.text}")
+
+
+def test_alarms_are_shown_the_severest_first():
+    shown, told = ShownAlarms(), EventMemory()
+    told.note(BATTERY, 1_000_000)
+    told.note(OUTSIDE, 2_000_000)
+    told.note(Event(Severity.NOTICE, "flight", "HOLD -> LAND"), 3_000_000)
+    told.note(BATTERY, 4_000_000)
+    shown.receive_ground(published(told))
+    shown.receive_ground(published(told))  # the same again is no news
+    assert [(one.text, one.times, one.unix_s) for one in shown.open] == [
+        ("right: outside", 1, 2.0),
+        ("left: battery under 20 %", 2, 4.0),
+    ]
+    assert shown.loud
+    assert shown.latest[1].text == "HOLD -> LAND"
+
+
+@pytest.mark.parametrize("first", ["acknowledged", "over"])
+def test_an_alarm_stays_until_it_is_acknowledged_and_over(first: str):
+    shown, told = ShownAlarms(), EventMemory()
+    told.note(OUTSIDE, 2_000_000)
+    told.note(ACKNOWLEDGED if first == "acknowledged" else over(OUTSIDE), 3_000_000)
+    shown.receive_ground(published(told))
+    (alarm,) = shown.open
+    assert (alarm.acknowledged, alarm.goes_on) == ((True, True) if first == "acknowledged" else (False, False))
+    assert shown.loud is (first == "over")
+    text = html.alarms(shown.open, ())
+    assert ("goes on, acknowledged" in text) is (first == "acknowledged")
+    told.note(over(OUTSIDE) if first == "acknowledged" else ACKNOWLEDGED, 4_000_000)
+    shown.receive_ground(published(told))
+    assert shown.open == ()
+
+
+def test_what_has_no_end_is_over_at_once_and_a_fault_that_comes_again_is_news():
+    told = EventMemory()
+    told.note(Event(Severity.WARNING, "left", "low voltage"), 1_000_000)
+    told.note(OUTSIDE, 2_000_000)
+    told.note(ACKNOWLEDGED, 3_000_000)
+    assert [(one.text, one.acknowledged) for one in told.alarms.open] == [("right: outside", True)]
+    told.note(OUTSIDE, 4_000_000)
+    assert [(one.times, one.acknowledged) for one in told.alarms.open] == [(2, False)]
+
+
+def test_alarms_of_a_ground_that_is_gone_stay_until_they_are_acknowledged():
+    shown, told = ShownAlarms(), EventMemory()
+    told.note(OUTSIDE, 2_000_000)
+    shown.receive_ground(published(told))
+    shown.receive_ground(published(EventMemory(), session=8))  # a ground that was started anew
+    assert [(one.text, one.goes_on) for one in shown.open] == [("right: outside", False)]
+    shown.acknowledge()
+    assert shown.open == ()
+
+
+def test_a_false_state_hides_no_real_alarm():
+    shown, told, false = ShownAlarms(), EventMemory(), EventMemory()
+    told.note(OUTSIDE, 2_000_000)
+    real, other = published(told), published(false)
+    other["events"] = [{"id": 2**62, "unix_s": 1.0, "severity": "NOTICE", "source": "x", "text": "false"}]
+    for state in (other, real, other, real):
+        shown.receive_ground(state)
+    assert [(one.text, one.times) for one in shown.open] == [("right: outside", 1)]
+    for k in range(5000):
+        false.note(Event(Severity.WARNING, "x", f"{k}"), 1)
+    false.note(OUTSIDE, 2)
+    assert len(false.alarms.open) <= 100
+    assert false.alarms.open[0].text == "right: outside"
+
+
+def test_an_operator_acknowledges_by_a_request_that_is_recorded():
+    lab, told = FakeLab(triangle()), EventMemory()
+    lab.run(1.0)
+    told.note(Event(Severity.WARNING, "left", "low voltage"), 1_000_000)
+    reply = lab.reply(lab.ask(Verb.ACKNOWLEDGE))
+    assert reply.accepted
+    for topic, event in lab.records:
+        if topic == "event":
+            told.note(event, 2_000_000)
+    assert ACKNOWLEDGED.text in lab.events
+    assert told.alarms.open == ()
+
+
+def test_what_others_said_is_never_markup():
+    shown = ShownAlarms()
+    shown.receive(Event(Severity.ERROR, "<b>", "<script>alert(1)</script>"), 0.0)
+    assert "<script>" not in html.alarms(shown.open, shown.latest)
+    assert "&lt;script&gt;" in html.alarms(shown.open, shown.latest)
+
+
+def test_one_viewer_has_the_control_until_another_takes_it():
+    control = Control()
+    control.come("viewer 1")
+    control.come("viewer 2")
+    assert control.holder == "viewer 1"
+    assert control.status_text("viewer 2") == "Read-only: viewer 1 has the control"
+    control.take_control("viewer 2")
+    assert control.status_text("viewer 1").startswith("viewer 2 has taken the control over from viewer 1")
+    control.leave("viewer 2")
+    assert control.holder is None
+    assert control.status_text("viewer 1").startswith("Nobody has the control")
+
+
+def test_a_shape_is_judged_before_it_is_asked_for_as_the_ground_judges_it():
+    lab = FakeLab(triangle())
+    lab.fly()
+    lab.run(2.0)
+    state = state_of(lab)
+    good = shape("line", state, lab.config)
+    assert good.against == ()
+    assert good.text.startswith("line: ")
+    assert {round(y, 1) for _, y, _ in good.slots_lab_m} == {-0.5, 0.5}
+    wide = shape("line scale=8", state, lab.config)
+    assert len(wide.against) == 2
+    near = shape("configured scale=0.2", state, lab.config)
+    for asked, told in (
+        ("line scale=8", wide),
+        ("configured scale=0.2", near),
+        ("star", shape("star", state, lab.config)),
+    ):
+        reply = lab.reply(lab.ask(Verb.SHAPE, asked))
+        assert not reply.accepted
+        said = [reason.split(",")[0] for reason in "; ".join(told.against).split("; ")]
+        assert [reason.split(",")[0] for reason in reply.text.split("; ")] == said
+    assert lab.reply(lab.ask(Verb.SHAPE, "line")).accepted
+
+
+def test_a_start_is_judged_with_the_leaders_whole_way():
+    config = triangle(limits={"fence": {"low_m": (-1.0, -1.0, -0.1), "high_m": (0.8, 1.0, 2.3)}})
+    lab = FakeLab(config)
+    lab.run(2.0)
+    lab.command(Verb.ARM, Phase.ARMED)
+    lab.command(Verb.TAKEOFF, Phase.TAKEOFF)
+    lab.run_until(Phase.HOLD)
+    lab.run(0.5)
+    state = state_of(lab)
+    against = start(state, config).against
+    assert against[0].startswith("lead: it would be outside the fence")
+    assert not next(one for one in show(state, None, 0.0, against).steps if one.verb == "start").allowed
+    assert lab.reply(lab.ask(Verb.START)).text.startswith("lead: it would be outside the fence")
+
+
+def test_who_reads_the_state_changes_no_command_by_a_bit():
+    def flown(watched: bool) -> list[tuple[int, bytes]]:
+        lab = FakeLab(triangle())
+        plain_step = lab.step
+
+        def step_and_look() -> None:
+            plain_step()
+            if watched and lab.seq % 10 == 0 and not 500 < lab.seq < 700:  # it is killed meanwhile, and comes again
+                state = state_of(lab)
+                Model(lab.config).receive_state(json.dumps(state), lab.now_ns)
+
+        lab.step = step_and_look
+        lab.fly()
+        lab.run(2.0)
+        lab.command(Verb.STOP, Phase.STOPPED)
+        return [(datagram.sysid, datagram.data) for _, out in lab.ticks for datagram in out.datagrams]
+
+    assert flown(watched=True) == flown(watched=False)
+
+
+def test_cameras_put_points_where_they_are_seen():
+    fence = triangle().limits.fence
+    top = above(fence, 640.0, 480.0)
+    x, y, scale = top.project(0.0, 0.0, 1.0)
+    assert (x, y) == (320.0, 240.0)
+    assert top.project(1.0, 0.0, 0.0)[0] == pytest.approx(320.0 + scale)  # lab x to the right
+    assert top.project(0.0, 1.0, 0.0)[1] == pytest.approx(240.0 - scale)  # lab y up
+    from_x = perspective(fence, Stand(azimuth_rad=0.0, elevation_rad=0.3), 640.0, 480.0)
+    assert from_x.project(0.0, 1.0, 1.0)[0] > from_x.project(0.0, -1.0, 1.0)[0]  # who looks along -x has y at the right
+    assert from_x.project(0.0, 0.0, 2.0)[1] < from_x.project(0.0, 0.0, 0.0)[1]
+    assert from_x.project(2.0, 0.0, 1.0)[2] > from_x.project(-2.0, 0.0, 1.0)[2]  # what is nearer is larger
+
+
+def test_a_drone_is_drawn_with_its_true_size_and_heading(flight):
+    fence = triangle().limits.fence
+    top = above(fence, 6400.0, 4800.0)
+    shown = scene(flight[Phase.FORMATION], triangle(), Trails())
+    lead = shown.bodies[0]
+    drawn = drawing.moving(top, shown)
+    assert drawn.count('class="drone"') == 3
+    d = 0.5 * lead.size_m / np.sqrt(2.0)
+    w, x, y, z = lead.q_lab_from_flu
+    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    px, py, _ = lead.pos_lab_m
+    motor = top.project(px + d * (np.cos(yaw) - np.sin(yaw)), py + d * (np.sin(yaw) + np.cos(yaw)), 0.0)
+    circles = [part.split('"') for part in drawn.split("<circle ") if part.startswith("cx")]
+    places = np.array([[float(words[1]), float(words[3])] for words in circles])
+    assert np.linalg.norm(places - np.array(motor[:2]), axis=1).min() < 2.0
+
+
+def test_a_trajectory_is_foreseen_as_the_ground_will_answer():
+    ways = {"eight": {"kind": "figure8", "length_m": 0.8, "period_s": 8.0}, "far": {"kind": "line", "length_m": 9.0}}
+    stay = {"kind": "hold", "duration_s": 1.0}
+    lab = FakeLab(triangle(leader={"body": "lead", "sysid": 1, "trajectory": stay, "trajectories": ways}))
+    lab.run(2.0)
+    model = Model(lab.core._config)
+    model.receive_state(json.dumps(state_of(lab)), lab.now_ns)
+    assert model.may_choose
+    eight, far = model.foresee_trajectory("eight"), model.foresee_trajectory("far")
+    assert eight is not None
+    assert far is not None
+    assert (eight.against, eight.slots_lab_m) == ((), ())
+    assert eight.text.startswith("eight: figure8, ")
+    assert np.ptp(np.array(eight.path_lab_m), axis=0) == pytest.approx([0.8, 0.4, 0.0], abs=0.02)
+    for name, foreseen in (("eight", eight), ("far", far)):
+        reply = lab.reply(lab.ask(Verb.TRAJECTORY, name))
+        assert reply.accepted == (not foreseen.against)
+        assert reply.accepted or reply.text == "; ".join(foreseen.against)
+    lab.fly()
+    lab.run(0.5)
+    model.receive_state(json.dumps(state_of(lab)), lab.now_ns)
+    assert not model.may_choose
+    while not state_of(lab)["trajectory_started"]:
+        lab.run(0.1)
+    assert countdowns(state_of(lab))[0].startswith("leader's trajectory eight: ")
+
+
+@pytest.mark.parametrize("text", ["[" * 5000, '{"drones": 3}', '{"phase": []}', "[]", '{"phase": "GROUND"}', "NaN"])
+def test_a_state_that_is_none_is_rejected_and_the_last_one_stays(flight, text):
+    model = Model(triangle())
+    model.receive_state(json.dumps(flight[Phase.HOLD]), 10_000_000_000)
+    with pytest.raises(ValueError, match=r"JSON|no state of a ground"):
+        model.receive_state(text, 11_000_000_000)
+    assert model.show(11_000_000_000, 0.0).phase == "HOLD"

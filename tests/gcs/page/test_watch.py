@@ -1,0 +1,63 @@
+"""`gcs watch` in 80 columns."""
+
+import io
+
+from rich.console import Console
+
+from formation.messages import Severity
+from gcs.page.show import NOTHING_YET, Show, Step
+from gcs.page.table import Cell, Level
+from gcs.state.alarms import Alarm
+from gcs.watch.picture import picture
+
+ROW = (
+    "12",
+    "follower_12",
+    "PX4",
+    "OFFBOARD",
+    "ARMED",
+    "air",
+    "15.2",
+    "97",
+    "24",
+    "26",
+    "120",
+    "0.9",
+    "12.5",
+    "1234",
+    "0.38",
+    "ok",
+)
+
+
+def printed(shown: Show, *alarms: Alarm) -> list[str]:
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(picture(shown, alarms, "hold: phase HOLD"))
+    return console.export_text().splitlines()
+
+
+def test_a_swarm_fits_into_80_columns_and_says_what_is_wrong():
+    row = tuple(Cell(text, Level.BAD if text == "1234" else Level.CALM) for text in ROW)
+    steps = (Step("arm", ("left: no fresh pose",)), Step("takeoff", ("takeoff is for ARMED, this is GROUND",)))
+    shown = Show("", "GROUND", "start", "1:07", steps, (row,) * 20, ("left disarms itself in 7.0 s",), "", ())
+    lines = printed(shown, Alarm(0.0, Severity.ERROR, "safety", "right: outside the fence"))
+    assert max(map(len, lines)) <= 80
+    table = [line.split() for line in lines if line.startswith("12 ")]
+    assert len(table) == 20
+    units = lines[next(i for i, line in enumerate(lines) if "setp" in line) + 1]
+    assert units.split() == ["%", "ms", "ms", "ms", "s", "%", "mm", "m"]
+    assert table[0][2:] == ["OFFBOARD", "ARMED", "97", "24", "26", "120", "0.9", "12.5", "1234", "0.38", "ok"]
+    text = "\n".join(lines)
+    for word in (
+        "GROUND",
+        "disarms itself in 7.0 s",
+        "no arm: left: no fresh pose",
+        "ERROR safety: right",
+        "SPACE STOP",
+    ):
+        assert word in text
+    assert "takeoff is for" not in text
+
+
+def test_a_ground_that_is_not_heard_is_the_first_line():
+    assert "NO CONNECTION TO THE GROUND" in printed(NOTHING_YET)[0]

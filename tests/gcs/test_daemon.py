@@ -1,0 +1,257 @@
+"""The daemon in this process: a recorded leader as its mocap, a bus of its own, no drone that answers."""
+
+import asyncio
+import os
+import signal
+import socket
+from itertools import pairwise
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import pytest
+
+from formation import topics
+from formation.config import LabConfig
+from formation.messages import Event, LabFrame, Phase
+from gcs.core import BrokenInvariantError, GcsCore, Outgoing
+from gcs.daemon import Ended, Ground, GroundFailure, Timing, run
+from gcs.other_grounds import know_other_grounds
+from gcs.replay import replay
+from mocap.service import ServiceError
+from tests.free_ports import free_port
+from tests.gcs.bus import a_lab, hub_of
+from wire.clock import Clock
+from wire.config_file import dump
+from wire.logs.mcap_log import LogWriter, check_log, read_log
+from wire.transport.zenoh_bus import ZenohBus
+
+FRAMES = 400
+
+
+def _lab(tmp_path: Path, frames: int = FRAMES) -> LabConfig:
+    """A recording of two seconds."""
+    csv, step_ns = tmp_path / "leader.csv", 2_000_000_000 // frames
+    csv.write_text("".join(f"{i * step_ns},{0.4 * i / frames},0,1,1,0,0,0\n" for i in range(frames)))
+    return LabConfig.model_validate(
+        {
+            "name": f"test-{os.getpid()}",
+            "mocap": {"source": "csv", "file": str(csv), "rate_hz": 0.5 * frames, "delay_s": 0.0},
+            "leader": {"body": "lead"},
+            "followers": [{"body": "left", "sysid": 2, "offset_m": (0, 1, 0)}],
+            "link": {"zenoh_listen": (f"tcp/127.0.0.1:{free_port()}",), "zenoh_connect": ()},
+        }
+    )
+
+
+def _lab_file(config: LabConfig, folder: Path) -> Path:
+    file = folder / "lab.toml"
+    file.write_text(dump(config))
+    return file
+
+
+async def _until_over(config: LabConfig, folder: Path, events: list[Event]) -> Ended:
+    """The daemon and its mocap process, asked to end when the recording is over."""
+
+    def tell(event: Event) -> None:
+        events.append(event)
+        if event.text == "the recording is over":
+            os.kill(os.getpid(), signal.SIGINT)
+
+    return await run(config, _lab_file(config, folder), folder / "flight.mcap", "main", {"scenario": "test"}, tell)
+
+
+def _fly_recording(folder: Path, events: list[Event]) -> tuple[Ended, Path]:
+    return asyncio.run(_until_over(_lab(folder), folder, events)), folder / "flight.mcap"
+
+
+def test_frames_are_flown_recorded_and_replayed_bit_by_bit(tmp_path):
+    events: list[Event] = []
+    ended, log = _fly_recording(tmp_path, events)
+    assert any("no mocap process serves" in event.text for event in events)
+    assert ended.phase is Phase.GROUND
+    assert ended.lost_records == 0
+    held = check_log(log)
+    assert held.complete
+    assert 20 <= held.entries["mocap/frame"] <= FRAMES
+    assert held.entries["mocap/frame"] == ended.timing.ticks
+    assert 0 < held.entries["control/target"] < ended.timing.ticks  # on the ground ten a second are kept
+    assert read_log(log).metadata["scenario"] == "test"
+    assert replay(read_log(log)).identical
+
+
+def test_latency_is_recorded_for_every_frame_whose_control_is(tmp_path):
+    _, log = _fly_recording(tmp_path, [])
+    entries = list(read_log(log).entries)
+    timings = [e.message for e in entries if e.topic is topics.TIMING]
+    captured_ns = {e.message.t_capture_ns: e.message.seq for e in entries if e.topic is topics.MOCAP}
+    controlled = [captured_ns[e.message.t_ns] for e in entries if e.topic is topics.TARGET]
+    assert [timing.frame_seq for timing in timings if not timing.late or timing.frame_seq in controlled] == controlled
+    assert all(0.0 < timing.latency_s < 1.0 for timing in timings)
+
+
+class _Core:
+    """A core in flight for which something is due every millisecond: an answer, or at 15 ms a frame that is overdue."""
+
+    phase, watchdog_ns = Phase.HOLD, 15_000_000
+
+    def __init__(self) -> None:
+        self.ticks_ns = [0]
+
+    def next_deadline_ns(self) -> int:
+        return self.ticks_ns[-1] + 1_000_000
+
+    def receive(self, message: object, now_ns: int) -> None:
+        pass
+
+    def tick(self, now_ns: int) -> Outgoing:
+        self.ticks_ns.append(now_ns)
+        return Outgoing((), (), ())
+
+
+class _Clock:
+    """Time that passes by sleeping alone, until it ends."""
+
+    now_ns, end_ns = 0, 0
+
+    def monotonic_ns(self) -> int:
+        return self.now_ns
+
+    async def sleep_until_ns(self, deadline_ns: int) -> None:
+        if deadline_ns > self.end_ns:
+            raise asyncio.CancelledError
+        self.now_ns = max(self.now_ns, deadline_ns)
+
+
+@pytest.mark.parametrize(("until_ms", "late"), [(14, 0), (15, 1), (17, 3)])
+def test_a_tick_is_late_for_an_overdue_frame_and_not_for_an_answer(until_ms: int, late: int, tmp_path: Path) -> None:
+    async def watched() -> Timing:
+        core, clock = _Core(), _Clock()
+        with LogWriter(tmp_path / "flight.mcap", {}, threaded=False) as log:
+            ground = Ground(_lab(tmp_path), cast(GcsCore, core), log, lambda _event: None, cast(Clock, clock))
+            ground.receive_frame(
+                LabFrame(0, 0, ("lead", "left"), np.zeros((2, 3)), np.eye(4)[[0, 0]], np.ones(2, np.bool_))
+            )
+            clock.end_ns = until_ms * 1_000_000
+            with pytest.raises(asyncio.CancelledError):
+                await ground.watch()
+            assert len(core.ticks_ns) == until_ms + 2
+            return ground.timing
+
+    timing = asyncio.run(watched())
+    assert (timing.ticks, timing.late) == (1 + late, late)
+
+
+def test_a_core_that_breaks_ends_the_daemon_with_its_reason_and_a_whole_log(tmp_path, monkeypatch):
+    whole_tick, log = GcsCore.tick, tmp_path / "flight.mcap"
+
+    def tick(core: GcsCore, now_ns: int):
+        outgoing = whole_tick(core, now_ns)
+        if core._lateness.frames > 20:
+            raise BrokenInvariantError("the estimate is not finite")
+        return outgoing
+
+    monkeypatch.setattr(GcsCore, "tick", tick)
+    config = _lab(tmp_path)
+    with pytest.raises(GroundFailure, match="BrokenInvariantError: the estimate is not finite"):
+        asyncio.run(run(config, _lab_file(config, tmp_path), log, "main", {}, lambda _event: None))
+    assert check_log(log).complete
+
+
+def test_a_recording_that_is_not_right_ends_the_daemon_with_file_and_line(tmp_path, capfd):
+    config = _lab(tmp_path)
+    (tmp_path / "leader.csv").write_text("1,0,0,0,1,0,0,0\n0,0,0,0,1,0,0,0\n")
+    with pytest.raises(ServiceError, match="exit code 2") as failed:
+        asyncio.run(run(config, _lab_file(config, tmp_path), tmp_path / "flight.mcap", "main", {}, lambda _event: None))
+    assert failed.value.code == 2
+    assert "leader.csv:2: time goes back" in capfd.readouterr().err
+
+
+def test_a_port_that_is_taken_is_named(tmp_path):
+    config = _lab(tmp_path)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        link = config.link.model_copy(update={"kind": "udp", "ground_port_base": port - 2})
+        config = config.model_copy(update={"link": link})
+        with pytest.raises(OSError, match=f"UDP ports {port} on 127.0.0.1: Address already in use"):
+            asyncio.run(_until_over(config, tmp_path, []))
+
+
+STRAYS = (b"\xfe" * 1500, b"\xfd" * 1500, bytes(60_000), b"no MAVLink", b"\xfd\xff\x02" * 500)
+
+
+async def _stray(ports: list[int], pause_s: float) -> None:
+    """Throw strays at the ports, each kind in turn; for ever."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        while True:
+            for port in ports:
+                for stray in STRAYS:
+                    stranger.sendto(stray, ("127.0.0.1", port))
+            await asyncio.sleep(pause_s)
+
+
+def test_strays_cost_no_frame_are_not_recorded_and_are_reported_once_a_second(tmp_path):
+    """640 a second cost six of ten frames: each was searched byte by byte, and logged."""
+    # A frame every 20 ms: what else the machine does costs few of them, a stray searched byte by byte as many as ever.
+    plain = _lab(tmp_path, frames=100)
+    link = {"kind": "udp", "ground_port_base": free_port() - 2, "drone_port_base": free_port() - 2}
+    config = plain.model_copy(update={"link": plain.link.model_copy(update=link)})
+    log, events = tmp_path / "flight.mcap", []
+
+    async def flooded() -> Ended:
+        flood = asyncio.create_task(_stray([config.link.ground_port_base + 2], 0.0025))
+        try:
+            return await _until_over(config, tmp_path, events)
+        finally:
+            flood.cancel()
+
+    ended = asyncio.run(flooded())
+    held = check_log(log)
+    assert held.complete
+    assert held.entries["mocap/frame"] == ended.timing.ticks
+    assert 0 < held.entries["control/target"] < ended.timing.ticks  # on the ground ten a second are kept
+    assert "link/up" not in held.entries
+    entries = list(read_log(log).entries)
+    frames = [entry.message.seq for entry in entries if entry.topic is topics.MOCAP]
+    assert len(frames) > 0.8 * 100  # every one of them on a machine with a core to spare
+    refused = [entry for entry in entries if entry.topic is topics.REJECTED]
+    assert {entry.message.source for entry in refused} == {"127.0.0.1"}
+    assert all(b.t_ns - a.t_ns >= 1_000_000_000 for a, b in pairwise(refused))
+    assert [event for event in events if event.source == "127.0.0.1"] == [entry.message for entry in refused]
+    assert replay(read_log(log)).identical
+
+
+class _Knowing:
+    """In a ground's place: it is told who else is alive."""
+
+    other_grounds: tuple[str, ...] = ()
+
+
+def test_grounds_of_one_lab_know_of_each_other_for_as_long_as_they_live():
+    async def meet() -> None:
+        config = a_lab()
+        one, other = await hub_of(config), await ZenohBus.open(config.link, config.name)
+        old, new = _Knowing(), _Knowing()
+        know_other_grounds(one, "main", 100, old)
+        know_other_grounds(other, "main", 107, new)
+        async with asyncio.timeout(30.0):
+            while not (old.other_grounds and new.other_grounds):
+                await asyncio.sleep(0.01)
+        assert (old.other_grounds, new.other_grounds) == ((f"main/107-{os.getpid()}",), (f"main/100-{os.getpid()}",))
+        await other.close()
+        async with asyncio.timeout(30.0):
+            while old.other_grounds:
+                await asyncio.sleep(0.01)
+        await one.close()
+
+    asyncio.run(meet())
+
+
+def test_a_log_in_trouble_is_reported_recorded_and_replayed(tmp_path, monkeypatch):
+    events: list[Event] = []
+    monkeypatch.setattr(LogWriter, "trouble", lambda _log, _now_ns: "the disk is full")
+    _, log = _fly_recording(tmp_path, events)
+    assert [event.text for event in events if event.source == "log"] == ["the disk is full"]
+    assert replay(read_log(log)).identical
+    assert int(read_log(log).metadata["ground_session"]) > 1_700_000_000

@@ -1,0 +1,105 @@
+"""QTM's packets, against bytes written by hand from the tables of the QTM RT protocol documentation."""
+
+import struct
+
+import numpy as np
+import pytest
+from qtm_rt.packet import QRTPacketType
+
+from mocap.sources.qualisys.packets import LARGEST_PACKET, Stream, bodies_of, names_of, text_of
+from mocap.sources.qualisys.session import command
+from mocap.sources.tcp import ProtocolError
+from tests.mocap.sources.qtm_bytes import FRAME, PARAMETERS_1_19, PARAMETERS_1_25, WELCOME
+
+
+def test_the_welcome():
+    ((kind, packet),) = Stream().receive(WELCOME)
+    assert kind is QRTPacketType.PacketCommand
+    assert text_of(packet) == "QTM RT Interface connected"
+
+
+def test_a_command_is_the_documentations_example():
+    assert command("Version 1.2") == b"\x14\0\0\0\1\0\0\0Version 1.2\0"
+
+
+def test_a_frame():
+    ((kind, packet),) = Stream().receive(FRAME)
+    assert kind is QRTPacketType.PacketData
+    frame = bodies_of(packet)
+    assert frame is not None
+    assert (frame.stamp_us, frame.number) == (5_000_000_000, 70_000)
+    np.testing.assert_array_equal(frame.rows[0, :3], [1000.25, -250.5, 1500.0])
+    turned = frame.rows[0, 3:].reshape(3, 3).T
+    np.testing.assert_array_equal(turned, [[0, -1, 0], [1, 0, 0], [0, 0, 1]])  # 90 degrees about z
+    assert np.isnan(frame.rows[1]).all()
+
+
+def test_names_of_both_ways_to_write_them():
+    assert names_of(PARAMETERS_1_19) == ("Body1", "Body & 2")
+    assert names_of(PARAMETERS_1_25) == ("refined", "Table")
+
+
+def test_a_stream_in_any_pieces():
+    stream, data, packets = Stream(), WELCOME + FRAME + FRAME, []
+    for at in range(0, len(data), 5):
+        packets += stream.receive(data[at : at + 5])
+    assert [kind for kind, _ in packets] == [QRTPacketType.PacketCommand] + 2 * [QRTPacketType.PacketData]
+
+
+@pytest.mark.parametrize(
+    ("size", "kind", "why"),
+    [(0, 4, "a size"), (7, 3, "a size"), (LARGEST_PACKET + 1, 3, "a size"), (2**32 - 1, 3, "a size"), (8, 9, "a type")],
+)
+def test_what_is_no_stream(size, kind, why):
+    with pytest.raises(ProtocolError, match=f"packet header: {why} that no packet has"):
+        Stream().receive(struct.pack("<II", size, kind))
+
+
+def with_value(at: int, form: str, value: int) -> bytes:
+    packet = bytearray(FRAME[8:])
+    struct.pack_into("<" + form, packet, at, value)
+    return bytes(packet)
+
+
+COMPONENTS_AT, SIZE_AT, TYPE_AT, BODIES_AT = 12, 16, 20, 24
+
+
+@pytest.mark.parametrize(
+    ("packet", "why"),
+    [
+        (b"", "data packet: cut short"),
+        (FRAME[8:23], "data packet: cut short"),
+        (with_value(COMPONENTS_AT, "I", 2**32 - 1), "a component count that no packet has"),
+        (with_value(COMPONENTS_AT, "I", 32), "components that cannot be read"),
+        (with_value(TYPE_AT, "I", 99), "components that cannot be read"),
+        (with_value(SIZE_AT, "I", 0), "body count and size do not agree"),
+        (with_value(SIZE_AT, "I", 2**32 - 1), "body count and size do not agree"),
+        (with_value(BODIES_AT, "i", -1), "a body count that no laboratory has"),
+        (with_value(BODIES_AT, "i", 2**31 - 1), "a body count that no laboratory has"),
+        (with_value(BODIES_AT, "i", 3), "body count and size do not agree"),
+        (FRAME[8:32], "6D component: cut short"),
+        (FRAME[8:-1], "body count and size do not agree"),
+    ],
+)
+def test_what_cannot_be_read_is_named(packet, why):
+    with pytest.raises(ValueError, match=why):
+        bodies_of(packet)
+
+
+def test_a_packet_without_bodies():
+    assert bodies_of(struct.pack("<qII", 1, 1, 0)) is None
+
+
+@pytest.mark.parametrize(
+    ("parameters", "why"),
+    [
+        ("", "not XML"),
+        ("<a><The_6D>", "not XML"),
+        ('<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "a document type"),
+        ("<a><The_6D><Body><Mesh><Name>x</Name></Mesh></Body></The_6D></a>", "a body without a name"),
+        ("<a><The_6D>" + 1001 * "<Body/>" + "</The_6D></a>", "more bodies than any laboratory has"),
+    ],
+)
+def test_parameters_that_cannot_be_read(parameters, why):
+    with pytest.raises(ValueError, match=why):
+        names_of(parameters)

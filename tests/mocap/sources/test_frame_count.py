@@ -1,0 +1,36 @@
+"""Which frames were lost, by their numbers."""
+
+import pytest
+
+from mocap.sources.frame_count import FrameCount
+
+
+@pytest.mark.parametrize(
+    ("numbers", "seqs", "lost"),
+    [
+        ([5, 6, 7, 8], [0, 1, 2, 3], 0),
+        ([5, 6, 9, 10], [0, 1, 4, 5], 2),
+        ([100, 110, 120, 150, 160], [0, 1, 2, 5, 6], 2),  # 10 camera frames to one that is sent
+        ([5, 6, 6, 7], [0, 1, None, 2], 0),
+        ([900, 901, 1, 2, 3], [0, 1, 2, 3, 4], 0),  # the server was started again
+        ([2**32 - 2, 2**32 - 1, 0, 1], [0, 1, 2, 3], 0),
+        ([1, 2, 900_000, 900_001], [0, 1, 2, 3], 0),
+    ],
+)
+def test_gaps_count_and_new_starts_do_not(numbers, seqs, lost):
+    count = FrameCount()
+    assert [count.receive(number) for number in numbers] == seqs
+    assert count.lost == lost
+
+
+def test_a_slower_stream_is_no_loss_for_long():
+    count = FrameCount()
+    for number in range(100):
+        count.receive(number)
+    for number in range(101, 400, 2):
+        count.receive(number)
+    lost = count.lost
+    assert lost <= 64
+    for number in range(401, 600, 2):
+        count.receive(number)
+    assert count.lost == lost

@@ -1,0 +1,148 @@
+"""The client and a server over real sockets of this machine."""
+
+import asyncio
+import socket
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+
+from formation.config import LabConfig
+from formation.messages import Event, RawFrame
+from mocap.sources.natnet.client import NatNet, open_sockets
+from mocap.sources.registry import open_source
+from mocap.sources.source import Feed
+from sim.cameras.servers.natnet import NatNetSettings, natnet_server
+from tests.free_ports import free_port
+from wire.clock import REAL_TIME
+from wire.rejections import RejectionLog
+
+BODIES = ("lead", "left")
+POS = np.array([[1.0, 2.0, 3.0], [-0.5, 0.25, 1.5]])
+Q = np.array([[0.5, 0.5, -0.5, 0.5], [1.0, 0.0, 0.0, 0.0]])
+UNICAST: dict[str, Any] = {"interface": "127.0.0.2", "multicast": ""}
+MULTICAST: dict[str, Any] = {"multicast": "239.255.42.99"}
+WITHIN_S = 30.0
+
+
+def lab(table: dict[str, Any]) -> LabConfig:
+    port = free_port(2)
+    ports = {"host": "127.0.0.1", "command_port": port, "data_port": port + 1}
+    follower = {"body": "left", "sysid": 2, "offset_m": (0.0, 1.0, 0.0)}
+    mocap = {"source": "natnet", "natnet": ports | table}
+    return LabConfig.model_validate({"mocap": mocap, "leader": {"body": "lead"}, "followers": [follower]})
+
+
+@dataclass
+class Flow:
+    """A client that runs, and what came of it."""
+
+    config: LabConfig
+    frames: asyncio.Queue[RawFrame] = field(default_factory=asyncio.Queue)
+    events: list[Event] = field(default_factory=list)
+
+    def feed(self) -> Feed:
+        return Feed(self.config.mocap, self.frames.put_nowait, self.events.append, RejectionLog(), REAL_TIME)
+
+    async def next_frame(self, server: Any, seq: int) -> RawFrame:
+        """Publish until a frame comes."""
+        while self.frames.empty():
+            now_ns = REAL_TIME.monotonic_ns()
+            server.publish(RawFrame(seq, now_ns - 3_000_000, BODIES, POS, Q, np.array([True, False])))
+            seq += 1
+            await asyncio.sleep(0.01)
+        return self.frames.get_nowait()
+
+
+@asynccontextmanager
+async def running(config: LabConfig):
+    flow = Flow(config)
+    client = NatNet(config, flow.feed())
+    task = asyncio.ensure_future(client.run())
+    try:
+        async with asyncio.timeout(WITHIN_S):
+            yield flow, client
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+@pytest.mark.parametrize("table", [UNICAST, MULTICAST])
+@pytest.mark.parametrize("version", [(3, 0), (4, 2)])
+def test_frames_come_over_real_sockets(table, version):
+    async def fly() -> None:
+        config = lab(table)
+        server = natnet_server(config.mocap, BODIES, REAL_TIME, NatNetSettings(version=version))
+        await server.start()
+        try:
+            async with running(config) as (flow, client):
+                frame = await flow.next_frame(server, 1)
+                assert frame.bodies == BODIES
+                np.testing.assert_allclose(frame.pos_mocap_m, POS, atol=1e-6)
+                np.testing.assert_allclose(frame.q_mocap_from_marker, Q, atol=1e-6)
+                assert frame.seen.tolist() == [True, False]
+                assert client.status().connected
+        finally:
+            await server.close()
+
+    asyncio.run(fly())
+
+
+@pytest.mark.parametrize("table", [UNICAST, MULTICAST])
+def test_a_server_that_comes_late_and_one_that_comes_again_are_found(table):
+    async def fly() -> None:
+        config = lab(table)
+        server = natnet_server(config.mocap, BODIES, REAL_TIME)
+        async with running(config) as (flow, client):
+            while not flow.events:
+                await asyncio.sleep(0.02)
+            assert "no answer from 127.0.0.1" in flow.events[0].text
+            for seq in (1, 10_000_000):
+                await server.start()
+                assert (await flow.next_frame(server, seq)).seq >= seq
+                await server.close()
+                while not flow.frames.empty():
+                    flow.frames.get_nowait()
+            assert client.status().lost == 0
+
+    asyncio.run(fly())
+
+
+def test_data_for_port_1511_is_taken_where_the_server_sends_it_there():
+    config = lab(UNICAST).mocap.natnet
+    assert config is not None
+    with open_sockets(config, "127.0.0.1") as sockets:
+        assert [each.getsockname()[0] for each in sockets] == ["127.0.0.2"] * 2
+        assert sockets[1].getsockname()[1] == config.data_port
+        assert sockets[0].getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) > 200_000
+        with open_sockets(config, "127.0.0.1") as others:  # the port is taken: the command socket alone
+            assert len(others) == 1
+
+
+@pytest.mark.parametrize(
+    ("table", "text"),
+    [
+        ({"interface": "203.0.113.7"}, "203.0.113.7 port 0: Cannot assign requested address"),
+        ({"multicast": "10.1.2.3"}, "10.1.2.3 port"),
+        ({"host": "no.such.host.invalid"}, "no.such.host.invalid: "),
+    ],
+)
+def test_an_address_that_cannot_be_used_is_reported_once_and_tried_again(table, text):
+    async def fly() -> None:
+        async with running(lab(table)) as (flow, _):
+            while not flow.events:
+                await asyncio.sleep(0.02)
+            await asyncio.sleep(0.6)
+            assert len(flow.events) == 1
+            assert text in flow.events[0].text
+            assert flow.events[0].text.endswith("; trying again")
+
+    asyncio.run(fly())
+
+
+def test_the_lab_file_names_this_source():
+    config = lab(UNICAST)
+    source = open_source(config, None, Flow(config).feed(), lambda frame: None)  # type: ignore[arg-type]
+    assert isinstance(source, NatNet)

@@ -1,0 +1,96 @@
+"""Vicon's objects, against bytes that the classes of Vicon's own DataStream SDK 1.12 wrote."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from mocap.sources.tcp import ProtocolError
+from mocap.sources.vicon import packets
+from mocap.sources.vicon.packets import Kind, Stream
+from tests.mocap.sources.vicon_bytes import FIRST, OFFER, PING, STREAM, UNCHANGED, WANT
+
+
+def blocks(data: bytes) -> list[packets.Block]:
+    (packet,) = Stream().receive(data)
+    return packets.blocks_of(packet)
+
+
+def test_what_we_write_is_what_their_classes_write():
+    wanted = {Kind.CONTENTS, Kind.STREAM_INFO, Kind.SUBJECT_INFO, Kind.FRAME_INFO, Kind.GLOBAL_SEGMENTS}
+    assert packets.packet_of((Kind.OBJECT_ENUMS, packets.set_of(wanted | {Kind.LATENCY_INFO}))) == WANT
+    assert packets.packet_of((Kind.REQUEST_FRAME, b"\1")) == STREAM
+    assert packets.packet_of((Kind.PING, struct.pack("<Q", 1))) == PING
+
+
+def test_their_list_of_objects():
+    ((kind, data),) = blocks(OFFER)
+    assert kind == Kind.OBJECT_ENUMS
+    assert packets.kinds_of(data) == {1, 2, 5, 9, 26, 42, 100004}
+
+
+def test_their_frame():
+    of = dict(blocks(FIRST))
+    assert packets.period_of(of[Kind.STREAM_INFO]) == 1_350_000
+    assert packets.number_of(of[Kind.FRAME_INFO]) == 4711
+    assert packets.latency_of(of[Kind.LATENCY_INFO]) == pytest.approx(0.004, abs=1e-15)
+    subjects = [packets.subject_of(data) for kind, data in blocks(FIRST) if kind == Kind.SUBJECT_INFO]
+    assert subjects == [(7, "lead", b"\3\0\0\0"), (8, "right", b"\1\0\0\0")]
+    lead, right = (data for kind, data in blocks(FIRST) if kind == Kind.GLOBAL_SEGMENTS)
+    roots = {identifier: root for identifier, _, root in subjects}
+    identifier, segment = packets.root_of(lead, roots)
+    assert identifier == 7
+    assert segment is not None
+    values = packets.SEGMENT.unpack(segment)
+    assert values[:4] == (3, 1000.25, -250.5, 1500.0)
+    np.testing.assert_array_equal(np.reshape(values[4:], (3, 3)), [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    assert packets.root_of(right, roots) == (8, None)
+
+
+def test_what_is_unchanged():
+    assert packets.unchanged_of(dict(blocks(UNCHANGED))[Kind.CONTENTS]) == {1, 2, 9, 26}
+    assert packets.unchanged_of(dict(blocks(FIRST))[Kind.CONTENTS]) == set()
+
+
+def test_a_stream_in_any_pieces():
+    stream, data, packets = Stream(), OFFER + FIRST + UNCHANGED, []
+    for at in range(0, len(data), 7):
+        packets += stream.receive(data[at : at + 7])
+    assert packets == [OFFER[8:], FIRST[8:], UNCHANGED[8:]]
+
+
+@pytest.mark.parametrize(
+    ("data", "why"),
+    [
+        (b"GET / HTTP/1.1\r\n", "not that of a packet of objects"),
+        (struct.pack("<II", packets.STREAM_TAG, 2**31), "a length that no packet has"),
+    ],
+)
+def test_what_is_no_stream(data, why):
+    with pytest.raises(ProtocolError, match=why):
+        Stream().receive(data)
+
+
+@pytest.mark.parametrize(
+    ("read", "data", "why"),
+    [
+        (packets.blocks_of, b"\1\0\0\0", "block header: cut short"),
+        (packets.blocks_of, struct.pack("<II", 1, 9), "block header: a length beyond the packet"),
+        (packets.blocks_of, bytes(8 * 4001), "packet: more blocks than any packet has"),
+        (packets.kinds_of, struct.pack("<II", 2**32 - 1, 1), "ObjectEnums: a count beyond the block"),
+        (packets.unchanged_of, struct.pack("<III", 2**32 - 1, 1, 1), "Contents: a count beyond the block"),
+        (packets.number_of, b"\1\0", "FrameInfo: cut short"),
+        (packets.period_of, bytes(7), "StreamInfo: cut short"),
+        (packets.period_of, struct.pack("<q", -1), "StreamInfo: a frame period that no camera has"),
+        (packets.subject_of, struct.pack("<II", 1, 2**32 - 1), "SubjectInfo: a text beyond the block"),
+        (packets.subject_of, struct.pack("<III", 1, 0, 0), "SubjectInfo: a subject without a segment"),
+        (packets.subject_of, struct.pack("<III", 1, 0, 1), "SubjectInfo: cut short"),
+        (packets.latency_of, struct.pack("<I", 2**32 - 1), "LatencyInfo: cut short"),
+        (packets.latency_of, struct.pack("<IId", 1, 0, float("nan")), "LatencyInfo: not between 0 and 1 s"),
+        (packets.latency_of, struct.pack("<IId", 1, 0, 3.0), "LatencyInfo: not between 0 and 1 s"),
+        (lambda data: packets.root_of(data, {}), struct.pack("<II", 1, 2**31), "count and length do not agree"),
+    ],
+)
+def test_what_cannot_be_read_is_named(read, data, why):
+    with pytest.raises(ValueError, match=why):
+        read(data)

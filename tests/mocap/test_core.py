@@ -1,0 +1,108 @@
+"""The one door for poses: what comes in raw goes out in the lab, and what is hostile does not stop what is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from formation.config import LabConfig
+from formation.messages import RawFrame
+from mocap.core import MocapCore
+
+MS = 1_000_000
+T0_NS = 10**12
+
+
+def a_core() -> MocapCore:
+    return MocapCore(
+        LabConfig.model_validate(
+            {"leader": {"body": "lead"}, "followers": [{"body": "left", "sysid": 2, "offset_m": (0, 1, 0)}]}
+        )
+    )
+
+
+def raw(k: int, **changes: object) -> RawFrame:
+    """The k-th frame of a steady 100 Hz."""
+    frame = RawFrame(
+        k, T0_NS + k * 10 * MS, ("lead", "left"), np.zeros((2, 3)), np.tile([1.0, 0, 0, 0], (2, 1)), np.ones(2, bool)
+    )
+    return replace(frame, **changes)
+
+
+def at(k: int) -> int:
+    return T0_NS + k * 10 * MS + 8 * MS
+
+
+def test_frames_go_through_with_both_stamps():
+    frame = a_core().receive(raw(3), at(3))
+    assert frame is not None
+    assert (frame.t_capture_ns, frame.t_receive_ns) == (T0_NS + 30 * MS, at(3))
+    assert frame.seen.all()
+
+
+HOSTILE = {
+    "two names and one pose": {"pos_mocap_m": np.zeros((1, 3))},
+    "rows fewer than names": {"q_mocap_from_marker": np.zeros((0, 4)), "seen": np.zeros(0, bool)},
+    "a capture in a hundred years": {"t_capture_ns": 2**62},
+    "a capture long ago": {"t_capture_ns": -(2**62)},
+    "a name twice": {"bodies": ("left", "left")},
+    "ten thousand names": {"bodies": ("",) * 10_000},
+}
+
+
+@pytest.mark.parametrize("change", HOSTILE.values(), ids=HOSTILE.keys())
+def test_a_hostile_frame_is_rejected_and_the_next_is_taken(change):
+    core = a_core()
+    core.receive(raw(0), at(0))
+    assert core.receive(raw(1, **change), at(1)) is None
+    assert core.reject_log.count == 1
+    assert core.receive(raw(2), at(2)) is not None
+
+
+def test_a_pose_that_is_none_hides_its_body_alone():
+    core = a_core()
+    pos = np.array([[0.0, 0, 0], [1e200, 0, 0]])
+    frame = core.receive(raw(0, pos_mocap_m=pos), at(0))
+    assert frame is not None
+    assert frame.seen.tolist() == [True, False]
+    (event,) = core.reject_log.due(at(0))
+    assert event.text == "refused: 1 x left: more than 1000 m away (millimetres?)"
+
+
+def test_a_frame_twice_is_taken_once():
+    core = a_core()
+    assert core.receive(raw(0), at(0)) is not None
+    assert core.receive(raw(0), at(0) + MS) is None
+
+
+def test_a_source_without_stamps_is_taken_at_its_delay():
+    frame = a_core().receive(raw(0, t_capture_ns=0), at(0))
+    assert frame is not None
+    assert frame.t_capture_ns == at(0) - 8 * MS
+
+
+def test_numbers_go_on_over_a_restart_and_forged_ones_and_gaps_stay():
+    core, seqs = a_core(), []
+    for k, seq in enumerate((5, 6, 9, 0, 1, 2**62, 2, 3)):
+        frame = core.receive(raw(k, seq=seq), at(k))
+        assert frame is not None
+        seqs.append(frame.seq)
+    assert seqs == [0, 1, 4, 5, 6, 7, 8, 9]
+
+
+def test_bodies_of_others_are_named_up_to_a_bound():
+    core = a_core()
+    for k in range(100):
+        core.receive(raw(k, bodies=("lead", f"wand {k}")), at(k))
+    assert len(core.unknown) == 16
+
+
+def test_a_recorded_lab_frame_goes_through_again_as_it_was():
+    core = a_core()
+    first = core.receive(raw(0), at(0))
+    assert first is not None
+    again = core.receive(replace(first, t_capture_ns=T0_NS + 50 * MS), at(5))
+    assert again is not None
+    assert again.bodies == first.bodies
+    other = replace(first, t_capture_ns=T0_NS + 60 * MS, bodies=("lead", "wand"))
+    assert core.receive(other, at(6)) is None

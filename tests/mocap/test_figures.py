@@ -1,0 +1,61 @@
+"""The figures of a stream against ones that were put into it by hand."""
+
+import numpy as np
+import pytest
+
+from formation.maths import frames
+from formation.messages import LabFrame
+from mocap.figures import FrameWindow, as_json, noise_m, timing
+
+PERIOD_NS, DELAY_NS = 10_000_000, 8_000_000
+
+
+def frame(seq: int, t_ns: int, x_m: float, seen: bool = True, yaw_rad: float = 0.0) -> LabFrame:
+    pos = np.array([[x_m, 1.0, 2.0], [0.0, 0.0, 0.0]])
+    q = np.array([frames.from_yaw(np.array(yaw_rad)), [1.0, 0.0, 0.0, 0.0]])
+    return LabFrame(seq, t_ns, ("a", "b"), pos, q, np.array([seen, False]), t_ns + DELAY_NS)
+
+
+def test_timing_is_of_exposures_and_counts_what_is_missing() -> None:
+    """Ten periods of 10 ms, of which three frames never came."""
+    numbers = np.array([0, 1, 2, 4, 5, 8, 9, 10])
+    captured = numbers * PERIOD_NS
+    found = timing(captured, captured + DELAY_NS, numbers)
+    assert found.rate_hz == pytest.approx(100.0)
+    assert found.lost_share == pytest.approx(0.3)
+    assert found.delay_s == pytest.approx(0.008)
+    assert found.gap_s == pytest.approx(0.03)
+    assert found.jitter_s == pytest.approx(np.std([0.01, 0.01, 0.02, 0.01, 0.03, 0.01, 0.01]))
+
+
+def test_noise_is_the_worst_axis() -> None:
+    pos = np.array([[0.0, 0.001, 0.0], [0.0, -0.001, 0.0005], [0.0, 0.001, 0.0], [0.0, -0.001, 0.0005]])
+    assert noise_m(pos) == pytest.approx(0.001)
+
+
+def test_a_window_tells_of_each_body_and_forgets_after_two_seconds() -> None:
+    window = FrameWindow(("a", "b"))
+    for k in range(700):
+        window.add(frame(k, k * PERIOD_NS, 0.5 + 1e-4 * (-1) ** k, seen=k % 10 != 0, yaw_rad=1.25))
+    now_ns = 699 * PERIOD_NS + DELAY_NS
+    found = window.timing(now_ns)
+    assert found is not None
+    assert (found.rate_hz, found.lost_share) == (pytest.approx(100.0), 0.0)
+    a, b = window.bodies(now_ns)
+    assert a.seen_share == pytest.approx(0.9, abs=0.01)
+    assert a.gap_s == pytest.approx(0.02)
+    assert a.noise_m == pytest.approx(1e-4, rel=0.02)
+    assert a.pos_lab_m == (0.5 - 1e-4, 1.0, 2.0)
+    assert a.yaw_rad == pytest.approx(1.25)
+    assert (b.seen_share, b.pos_lab_m, b.noise_m) == (0.0, None, None)
+    late_ns = now_ns + 3_000_000_000
+    assert window.timing(late_ns) is None
+    assert as_json(window, late_ns)["timing"] is None
+    assert window.bodies(late_ns)[0].pos_lab_m is None
+
+
+def test_a_body_that_moves_has_no_noise_at_rest() -> None:
+    window = FrameWindow(("a", "b"))
+    for k in range(100):
+        window.add(frame(k, k * PERIOD_NS, 0.01 * k))
+    assert window.bodies(100 * PERIOD_NS)[0].noise_m is None

@@ -1,0 +1,164 @@
+"""The emulated QTM's answers, held against Qualisys' documentation and read by Qualisys' own client library, qtm-rt."""
+
+import struct
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from qtm_rt.packet import QRTComponentType, QRTEvent, QRTPacket, RT6DComponent
+from scipy.spatial.transform import Rotation
+
+from formation.messages import RawFrame
+from sim.cameras.servers.qtm import packets
+from sim.cameras.servers.qtm.conversation import QtmConversation, Wanted
+from sim.cameras.servers.qtm.server import Discovery
+
+NAMES = ("lead", "<right> & left")
+ROTATIONS = Rotation.random(2, random_state=3)
+
+
+class FakeServer:
+    rate_hz = 100.0
+    bodies = NAMES
+
+
+def a_frame(seen: tuple[bool, bool] = (True, True)) -> RawFrame:
+    pos = np.array([[1.00025, -0.2505, 1.5], [0.0, 0.0, 0.0]])
+    return RawFrame(0, 0, NAMES, pos, ROTATIONS.as_quat(scalar_first=True), np.array(seen))
+
+
+def say(conversation: QtmConversation, words: str) -> tuple[int, str]:
+    data = struct.pack(conversation.order + "II", 8 + len(words), 1) + words.encode()
+    answer = conversation.received(data)
+    if not answer:
+        return -1, ""
+    size, kind = struct.unpack_from(conversation.order + "II", answer)
+    assert size == len(answer)
+    return kind, answer[8:].rstrip(b"\0").decode()
+
+
+@pytest.fixture
+def client() -> QtmConversation:
+    return QtmConversation("<", "127.0.0.1", FakeServer())
+
+
+@pytest.mark.parametrize(
+    ("words", "kind", "answer"),
+    [
+        ("Version 1.19", 1, "Version set to 1.19"),
+        ("version 1.25", 1, "Version set to 1.25"),
+        ("Version 1.26", 0, "Version NOT supported"),
+        ("Version 2.0", 0, "Version NOT supported"),
+        ("Version", 1, "Version is 1.1"),
+        ("ByteOrder", 1, "Byte order is little endian"),
+        ("GetState", 6, "\1"),
+        ("Reprocess", 0, "Command not supported."),
+        ("", 0, "Command not supported."),
+        ("StreamFrames AllFrames 3D", 0, "Parse error"),
+        ("StreamFrames Frequency:0 6D", 0, "Parse error"),
+        ("StreamFrames AllFrames UDP:80 6D", 0, "Parse error"),
+        ("GetParameters Force", 0, "Parameters not available"),
+    ],
+)
+def test_commands(client, words, kind, answer):
+    assert say(client, words) == (kind, answer)
+
+
+def test_qtm_names_its_version(client):
+    assert say(client, "QTMVersion")[1].startswith("QTM Version is ")
+
+
+def test_the_other_byte_order():
+    client = QtmConversation(">", "127.0.0.1", FakeServer())
+    assert say(client, "ByteOrder") == (1, "Byte order is big endian")
+    assert say(client, "Version 1.10") == (1, "Version set to 1.10")
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        ("StreamFrames AllFrames 6D", Wanted((5,))),
+        ("streamframes frequencydivisor:4 6deuler 6dres", Wanted((6, 11), 4)),
+        ("StreamFrames Frequency:25 6DEulerRes", Wanted((12,), 4)),
+        ("StreamFrames AllFrames UDP:6734 6DEuler", Wanted((6,), 1, ("127.0.0.1", 6734))),
+        ("StreamFrames AllFrames UDP:10.0.0.9:6734 6D", Wanted((5,), 1, ("10.0.0.9", 6734))),
+    ],
+)
+def test_what_is_streamed(client, words, wanted):
+    assert say(client, words) == (-1, "")
+    assert client.wanted == wanted
+    say(client, "StreamFrames Stop")
+    assert client.wanted is None
+
+
+@pytest.mark.parametrize("minor", [8, 15, 16, 19, 20, 21, 25])
+def test_parameters_name_the_bodies_in_every_version(client, minor):
+    say(client, f"Version 1.{minor}")
+    kind, parameters = say(client, "GetParameters 6D")
+    root = ElementTree.fromstring(parameters)
+    assert (kind, root.tag) == (2, f"QTM_Parameters_Ver_1.{minor}")
+    assert tuple(body.findtext("Name") for body in root.findall("The_6D/Body")) == NAMES
+    assert root.findtext("The_6D/Bodies") == ("2" if minor < 21 else None)
+    assert (root.find("The_6D/Euler") is not None) == (16 <= minor < 21)
+    assert len(root.findall("The_6D/Body/Points/Point" if minor > 20 else "The_6D/Body/Point")) == 6
+
+
+def test_bodies_as_qtm_rt_reads_them():
+    frame = a_frame((True, False))
+    parts = [packets.six_d("<", kind, frame) for kind in (5, 6, 11, 12)]
+    data = packets.data_packet("<", 123_456, 2**32 + 5, parts)
+    packet = QRTPacket(data[8:])
+    assert (packet.timestamp, packet.framenumber) == (123_456, 5)
+    assert set(packet.components) == {
+        QRTComponentType.Component6d,
+        QRTComponentType.Component6dEuler,
+        QRTComponentType.Component6dRes,
+        QRTComponentType.Component6dEulerRes,
+    }
+    info, bodies = packet.get_6d()
+    assert info == RT6DComponent(2, 0, 0)
+    (position, rotation), (lost, _) = bodies
+    np.testing.assert_allclose(position, [1000.25, -250.5, 1500.0], atol=1e-4)
+    np.testing.assert_allclose(np.reshape(rotation.matrix, (3, 3)).T, ROTATIONS[0].as_matrix(), atol=1e-6)
+    assert np.isnan(lost).all()
+    _, eulers = packet.get_6d_euler()
+    turned = Rotation.from_euler("XYZ", eulers[0][1], degrees=True)  # QTM's standard: roll, pitch, yaw of moving axes
+    assert (turned * ROTATIONS[0].inv()).magnitude() < 1e-6
+    assert packet.get_6d_residual()[1][0][2].residual == pytest.approx(0.4)
+    assert len(packet.get_6d_euler_residual()[1]) == 2
+
+
+def test_big_endian_is_the_same_turned_round():
+    little, big = (packets.six_d(order, 5, a_frame()) for order in "<>")
+    assert np.frombuffer(little[16:], "<f4").tolist() == np.frombuffer(big[16:], ">f4").tolist()
+    assert struct.unpack(">IIihh", big[:16]) == struct.unpack("<IIihh", little[:16])
+
+
+def test_numbers_of_events_are_qtm_rts():
+    assert QRTEvent.EventConnected.value == packets.CONNECTED
+    assert QRTEvent.EventCameraSettingsChanged.value == packets.SETTINGS_CHANGED
+    assert QRTEvent.EventQTMShuttingDown.value == packets.SHUTTING_DOWN
+
+
+def test_what_is_no_packet_ends_the_connection(client):
+    with pytest.raises(ValueError, match="no packet has this size"):
+        client.received(b"GET / HTTP/1.1\r\n")
+
+
+def test_a_discovery_is_answered_to_the_port_it_names():
+    sent = []
+
+    class Transport:
+        def sendto(self, data, to):
+            sent.append((data, to))
+
+    discovery = Discovery(22222)
+    discovery.connection_made(Transport())
+    discovery.datagram_received(b"\x0a\0\0\0\7\0\0\0\x11\xc3", ("10.0.0.9", 9999))
+    discovery.datagram_received(b"\x0a\0\0\0\1\0\0\0\x11\xc3", ("10.0.0.9", 9999))
+    discovery.datagram_received(b"nonsense", ("10.0.0.9", 9999))
+    ((data, to),) = sent
+    assert to == ("10.0.0.9", 4547)
+    assert struct.unpack_from("<II", data) == (len(data), 1)
+    assert data[-3:] == b"\0\x56\xce"
+    assert b"QTM" in data

@@ -1,0 +1,188 @@
+"""The emulated VRPN server, spoken to as the VRPN library speaks."""
+
+import asyncio
+import struct
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+import numpy as np
+import pytest
+
+from formation.messages import RawFrame
+from formation.mocap_config import MocapConfig
+from sim.cameras.servers.vrpn import VrpnServer, chingmu_server, vrpn_server
+from tests.free_ports import free_port
+from wire.clock import REAL_TIME
+
+# Recorded from a vrpn_Tracker_Remote of the VRPN library 07.38.
+COOKIE = bytes.fromhex("7672706e3a207665722e2030372e33382020300000000000")
+LEADER_IS_1 = bytes.fromhex("00000023 6b02d79b 000b4e46 00000001 ffffffff 00000001 00000007 6c656164657200 0000000000")
+PING_IS_16 = bytes.fromhex(
+    "00000033 6b02d79b 000b4e47 00000010 fffffffe 00000013"
+    "00000017 7672706e5f426173652070696e675f6d65737361676500 0000000000"
+)
+PINGS_LEADER = bytes.fromhex("00000018 6b02d79d 000e2ad2 00000001 00000010 00000014")
+BODIES = ("leader", "left")
+POS = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
+Q = np.array([[0.8, 0.6, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]])
+LONG_S = 60.0
+
+
+class Client:
+    """Reads messages without our own decoder."""
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self.reader, self.writer = reader, writer
+
+    async def message(self) -> tuple[tuple[int, ...], bytes]:
+        async with asyncio.timeout(LONG_S):
+            header = struct.unpack(">IIIiiI", await self.reader.readexactly(24))
+            body = await self.reader.readexactly((header[0] - 24 + 7) // 8 * 8)
+        return header, body[: header[0] - 24]
+
+    async def greet(self) -> tuple[bytes, dict[str, int], dict[str, int]]:
+        """Its cookie, senders and types, as far as "vrpn_Base pong_message", which is the last."""
+        self.writer.write(COOKIE)
+        cookie, names = await self.reader.readexactly(24), {-1: {}, -2: {}}
+        while "vrpn_Base pong_message" not in names[-2]:
+            (_, _, _, number, kind, _), payload = await self.message()
+            (count,) = struct.unpack_from(">i", payload)
+            assert count == len(payload) - 4
+            assert payload[-1] == 0
+            names[kind][payload[4:-1].decode()] = number
+        return cookie, names[-1], names[-2]
+
+
+def config_of(kind: str) -> MocapConfig:
+    return MocapConfig.model_validate({"source": kind, kind: {"port": free_port()}})
+
+
+def frame_of(seen: tuple[bool, ...], bodies: tuple[str, ...] = BODIES) -> RawFrame:
+    return RawFrame(0, 123_456_789_000, bodies, POS, Q, np.array(seen))
+
+
+@asynccontextmanager
+async def served(server: VrpnServer) -> AsyncIterator[Client]:
+    await server.start()
+    client = Client(*await asyncio.open_connection("127.0.0.1", server.port))
+    try:
+        yield client
+    finally:
+        client.writer.close()
+        await server.close()
+
+
+def test_a_tracker_a_body_and_hidden_ones_are_silent():
+    async def steps() -> None:
+        server = vrpn_server(config_of("vrpn"), BODIES, REAL_TIME)
+        async with served(server) as client:
+            cookie, senders, types = await client.greet()
+            assert cookie.startswith(b"vrpn: ver. 07.")
+            assert list(senders) == ["VRPN Control", "leader", "left"]
+            server.publish(frame_of((True, True)))
+            server.publish(frame_of((False, True)))
+            sent = [await client.message() for _ in range(3)]
+        assert [header[3] for header, _ in sent] == [senders["leader"], senders["left"], senders["left"]]
+        assert {header[4] for header, _ in sent} == {types["vrpn_Tracker Pos_Quat"]}
+        assert struct.unpack(">ii7d", sent[0][1]) == (0, 0, 1.0, 2.0, 3.0, 0.6, 0.0, 0.0, 0.8)
+        stamps_us = [header[1] * 1_000_000 + header[2] for header, _ in sent]
+        assert stamps_us[0] == (123_456_789_000 + server.clock_ns) // 1000
+        assert stamps_us[1] == stamps_us[0] + 10
+
+    asyncio.run(steps())
+
+
+def test_chingmu_sends_each_pose_twice_in_millimetres_and_a_lost_bodys_again():
+    async def steps() -> None:
+        server = chingmu_server(config_of("chingmu"), BODIES, REAL_TIME)
+        async with served(server) as client:
+            cookie, senders, _ = await client.greet()
+            assert cookie.startswith(b"vrpn: ver. 07.30")
+            assert list(senders) == ["VRPN Control", "MCServer"]
+            server.publish(frame_of((True, False)))
+            server.publish(frame_of((True, True)))
+            server.publish(frame_of((True, False)))
+            sent = [struct.unpack(">ii7d", (await client.message())[1]) for _ in range(10)]
+        assert [pose[0] for pose in sent] == [300, 300, 300, 300, 301, 301, 300, 300, 301, 301]
+        assert sent[0][2:] == (1000.0, 2000.0, 3000.0, 0.6, 0.0, 0.0, 0.8)
+        assert sent[4] == sent[9] == (301, 301, 4000.0, 5000.0, 6000.0, 0.0, 0.0, 0.0, 1.0)
+
+    asyncio.run(steps())
+
+
+def test_the_librarys_ping_is_answered():
+    async def steps() -> None:
+        server = vrpn_server(config_of("vrpn"), BODIES, REAL_TIME)
+        async with served(server) as client:
+            _, senders, types = await client.greet()
+            client.writer.write(LEADER_IS_1 + PING_IS_16 + PINGS_LEADER)
+            header, payload = await client.message()
+        assert header[3:5] == (senders["leader"], types["vrpn_Base pong_message"])
+        assert payload == b""
+
+    asyncio.run(steps())
+
+
+def test_a_renamed_body_is_a_new_sender():
+    async def steps() -> None:
+        server = vrpn_server(config_of("vrpn"), BODIES, REAL_TIME)
+        async with served(server) as client:
+            await client.greet()
+            server.publish(frame_of((False, True), ("leader", "wand")))
+            (_, _, _, number, kind, _), payload = await client.message()
+            pose, _ = await client.message()
+        assert (kind, payload) == (-1, b"\0\0\0\5wand\0")
+        assert pose[3] == number
+
+    asyncio.run(steps())
+
+
+def test_a_client_that_asks_by_datagram_is_called_back():
+    """As the library's clients do unless told "tcp://": host, blank, port, a null byte."""
+
+    async def steps() -> None:
+        server = vrpn_server(config_of("vrpn"), BODIES, REAL_TIME)
+        called: asyncio.Future[Client] = asyncio.get_running_loop().create_future()
+        listening = await asyncio.start_server(lambda r, w: called.set_result(Client(r, w)), "127.0.0.1", 0)
+        port = listening.sockets[0].getsockname()[1]
+        async with served(server), listening:
+            transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
+                asyncio.DatagramProtocol, remote_addr=("127.0.0.1", server.port)
+            )
+            for text in (b"", b"nonsense", b"127.0.0.1 22\0", b"127.0.0.1 99999\0", b"a b c\0"):
+                transport.sendto(text)
+            transport.sendto(f"127.0.0.1 {port}\0".encode())
+            client = await asyncio.wait_for(called, LONG_S)
+            _, senders, _ = await client.greet()
+            transport.close()
+            client.writer.close()
+        assert "leader" in senders
+
+    asyncio.run(steps())
+
+
+def test_a_taken_address_is_an_error():
+    async def steps() -> None:
+        config = config_of("vrpn")
+        first = vrpn_server(config, BODIES, REAL_TIME)
+        await first.start()
+        with pytest.raises(OSError, match="in use"):
+            await vrpn_server(config, BODIES, REAL_TIME).start()
+        await first.close()
+
+    asyncio.run(steps())
+
+
+@pytest.mark.parametrize("data", [b"GET / HTTP/1.1\r\nHost: x\r\n\r\n", COOKIE + b"\xff" * 24])
+def test_a_client_that_speaks_something_else_is_dropped(data: bytes):
+    async def steps() -> None:
+        async with served(vrpn_server(config_of("vrpn"), BODIES, REAL_TIME)) as client:
+            client.writer.write(data)
+            async with asyncio.timeout(LONG_S):
+                try:
+                    while await client.reader.read(4096):
+                        pass
+                except ConnectionError:
+                    pass
+
+    asyncio.run(steps())

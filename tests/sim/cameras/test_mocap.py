@@ -1,0 +1,162 @@
+from itertools import pairwise
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from formation.config import FollowerConfig, LabConfig, LeaderConfig, MocapConfig
+from formation.maths import frames
+from formation.messages import RawFrame, Truth
+from mocap.sources.csv_file import Recording
+from sim.cameras.emulator import EmulatorConfig, Gap, MocapEmulator
+from sim.cameras.playback import EASE_IN_NS, Playback
+from wire.transport.memory_bus import NOTHING_DUE_NS
+
+S = 1_000_000_000
+QUIET = EmulatorConfig(jitter_s=0.0, noise_m=0.0, noise_rad=0.0, delay_jitter_s=0.0)
+
+
+def a_lab(**changes: object) -> LabConfig:
+    fields: dict[str, object] = {
+        "leader": LeaderConfig(body="L", sysid=1),
+        "followers": (FollowerConfig(body="F", sysid=2, offset_m=(-0.4, -0.4, 0.0)),),
+    }
+    return LabConfig.model_validate(fields | changes)
+
+
+def a_truth(t_ns: int, sysid: int, pos: tuple[float, float, float], **changes: object) -> Truth:
+    zero = np.zeros(3)
+    fields = {
+        "vel_lab_m_s": zero, "q_lab_from_flu": frames.IDENTITY, "rate_flu_rad_s": zero, "dist_lab_m_s2": zero,
+        "on_ground": False,
+    } | changes  # fmt: skip
+    return Truth(t_ns=t_ns, sysid=sysid, pos_lab_m=np.array(pos), **fields)  # type: ignore[arg-type]
+
+
+def film(emulator: MocapEmulator, seconds: float, truths: dict[int, Truth] | None = None) -> list[tuple[int, RawFrame]]:
+    """Run the emulator on standing drones; frames with the time at which each arrived."""
+    arrived, now, end = [], 0, round(seconds * S)
+    while now <= end:
+        now = min(emulator.next_exposure_ns, emulator.next_frame_ns)
+        arrived += [(now, frame) for frame in emulator.pop_due(now)]
+        if emulator.next_exposure_ns <= now:
+            standing = {1: a_truth(now, 1, (0, 0, 0)), 2: a_truth(now, 2, (-0.4, -0.4, 0))}
+            emulator.expose(standing if truths is None else truths)
+    return arrived
+
+
+def test_an_ideal_mocap_shows_every_body_where_it_is_at_its_rate_after_its_delay() -> None:
+    arrived = film(MocapEmulator(QUIET, a_lab(), None, 1, 0), 1.0)
+    assert abs(len(arrived) - 100) <= 1
+    for seq, (now, frame) in enumerate(arrived):
+        assert frame.seq == seq
+        assert frame.t_capture_ns == seq * 10_000_000
+        assert now - frame.t_capture_ns == 8_000_000
+        assert frame.bodies == ("L", "F")
+        assert frame.seen.all()
+        assert np.allclose(frame.pos_mocap_m, [[0, 0, 0], [-0.4, -0.4, 0]], atol=1e-15)
+
+
+def test_noise_and_jitter_have_the_size_asked_for_and_the_seed_decides_them() -> None:
+    config = EmulatorConfig(jitter_s=0.001, noise_m=0.0002, noise_rad=0.002)
+    arrived = film(MocapEmulator(config, a_lab(), None, 5, 0), 20.0)
+    pos = np.array([frame.pos_mocap_m[0] for _, frame in arrived])
+    q = np.array([frame.q_mocap_from_marker[0] for _, frame in arrived])
+    spacing = np.diff([frame.t_capture_ns for _, frame in arrived])
+    assert np.allclose(pos.std(axis=0), 0.0002, rtol=0.1)
+    assert np.allclose((2 * q[:, 1:]).std(axis=0), 0.002, rtol=0.1)
+    assert np.isclose(spacing.std(), 0.001 * np.sqrt(2) * 1e9, rtol=0.1)
+    assert spacing.min() > 0
+    again = film(MocapEmulator(config, a_lab(), None, 5, 0), 1.0)
+    other = film(MocapEmulator(config, a_lab(), None, 6, 0), 1.0)
+    assert all(np.array_equal(a.pos_mocap_m, b.pos_mocap_m) for (_, a), (_, b) in zip(arrived, again, strict=False))
+    assert not np.array_equal(arrived[0][1].pos_mocap_m, other[0][1].pos_mocap_m)
+
+
+def test_a_truth_a_little_old_is_moved_on_to_the_exposure() -> None:
+    emulator = MocapEmulator(QUIET, a_lab(), None, 1, 4_000_000)
+    moving = a_truth(0, 1, (1.0, 0.0, 0.5), vel_lab_m_s=np.array([0.5, 0, 0]), rate_flu_rad_s=np.array([0, 0, 2.0]))
+    emulator.expose({1: moving, 2: a_truth(0, 2, (0, 0, 0))})
+    frame = emulator.pop_due(NOTHING_DUE_NS)[0]
+    assert np.allclose(frame.pos_mocap_m[0], [1.002, 0.0, 0.5])
+    assert np.isclose(frames.yaw(frame.q_mocap_from_marker[0]), 0.008, atol=1e-6)
+
+
+def test_frames_are_in_the_mocaps_axes_and_the_markers_own_frame() -> None:
+    """A y-up mocap: its x is lab x, its y lab z, its z lab -y; the leader's marker frame is turned 90 degrees left."""
+    half = np.sqrt(0.5)
+    q_lab_from_mocap = (half, half, 0.0, 0.0)
+    q_marker_from_flu = (half, 0.0, 0.0, -half)
+    lab = a_lab(
+        mocap=MocapConfig(q_lab_from_mocap=q_lab_from_mocap, origin_lab_m=(0.0, 0.0, 0.1)),
+        leader=LeaderConfig(body="L", sysid=1, q_marker_from_flu=q_marker_from_flu),
+    )
+    emulator = MocapEmulator(QUIET, lab, None, 1, 0)
+    emulator.expose({1: a_truth(0, 1, (1.0, 2.0, 3.1)), 2: a_truth(0, 2, (0, 0, 0.1))})
+    frame = emulator.pop_due(NOTHING_DUE_NS)[0]
+    assert np.allclose(frame.pos_mocap_m[0], [1.0, 3.0, -2.0])
+    q_lab_from_marker = frames.multiply(np.array(q_lab_from_mocap), frame.q_mocap_from_marker[0])
+    assert np.isclose(frames.yaw(q_lab_from_marker), np.pi / 2)
+    assert np.allclose(frames.multiply(q_lab_from_marker, np.array(q_marker_from_flu)), frames.IDENTITY)
+
+
+def test_a_body_is_unseen_while_its_drone_is_silent_and_keeps_its_last_pose() -> None:
+    emulator = MocapEmulator(QUIET, a_lab(), None, 1, 0)
+    arrived = film(emulator, 1.0, {1: a_truth(0, 1, (0.3, 0, 0))})
+    early, late = arrived[10][1], arrived[-1][1]
+    assert early.seen.tolist() == [True, False]
+    assert late.seen.tolist() == [False, False]
+    assert late.pos_mocap_m[0].tolist() == [0.3, 0.0, 0.0]
+
+
+def test_gaps_count_from_the_formation_and_hide_one_body_or_all() -> None:
+    gaps = (Gap(at_s=0.2, for_s=0.05), Gap(at_s=0.5, for_s=0.1, body="F"))
+    emulator = MocapEmulator(QUIET.model_copy(update={"gaps": gaps}), a_lab(), None, 1, 0)
+    before = film(emulator, 1.0)
+    emulator.start(2 * S)
+    after = film(emulator, 3.0)
+    assert all(frame.seen.all() for _, frame in before)
+    stamps = np.array([frame.t_capture_ns for _, frame in after]) - 2 * S
+    assert not np.any((stamps >= 200_000_000) & (stamps < 250_000_000))
+    hidden = stamps[[not frame.seen[1] for _, frame in after]]
+    assert (hidden.min(), hidden.max()) == (500_000_000, 590_000_000)
+    assert all(frame.seen[0] for _, frame in after)
+
+
+def test_shares_of_lost_frames_and_hidden_bodies() -> None:
+    config = QUIET.model_copy(update={"lost_share": 0.1, "occluded_share": 0.2})
+    arrived = film(MocapEmulator(config, a_lab(), None, 1, 0), 20.0)
+    assert 0.85 < len(arrived) / 2000 < 0.95
+    seen = np.array([frame.seen for _, frame in arrived])
+    assert np.all(np.abs(seen.mean(axis=0) - 0.8) < 0.04)
+
+
+def test_a_recorded_leader_stands_until_the_start_then_is_seen_on_its_own_stamps_with_its_own_noise() -> None:
+    t_ns = np.cumsum(np.random.default_rng(2).integers(8_000_000, 14_000_000, 300))
+    pos = np.column_stack([t_ns * 1e-9, np.zeros(300), np.ones(300)])
+    recording = Recording(t_ns - t_ns[0], pos, np.tile(frames.IDENTITY, (300, 1)))
+    lab = a_lab(leader=LeaderConfig(body="L"))
+    noisy = EmulatorConfig(noise_m=0.001)
+    emulator = MocapEmulator(noisy, lab, Playback(recording), 1, 0)
+    standing = np.array([frame.pos_mocap_m[0] for _, frame in film(emulator, 1.0)])
+    assert np.allclose(standing.std(axis=0), 0.001, rtol=0.3)
+    start = emulator.next_exposure_ns
+    emulator.start(start)
+    played = [frame for _, frame in film(emulator, 3.0) if frame.t_capture_ns > start + EASE_IN_NS]
+    stamps = [frame.t_capture_ns - start - EASE_IN_NS // 2 for frame in played]
+    first = int(np.searchsorted(recording.t_ns, EASE_IN_NS // 2 + 14_000_000))
+    played, stamps = played[stamps.index(recording.t_ns[first]) :], stamps[stamps.index(recording.t_ns[first]) :]
+    assert stamps == recording.t_ns[first : first + len(stamps)].tolist()
+    shown = np.array([frame.pos_mocap_m[0] for frame in played])
+    assert np.array_equal(shown, pos[first : first + len(shown)])
+
+
+@settings(max_examples=30)
+@given(st.floats(10, 240), st.floats(0, 0.02), st.floats(0, 0.05), st.integers(0, 2**32))
+def test_stamps_rise_and_frames_never_overtake_each_other(rate: float, jitter: float, late: float, seed: int) -> None:
+    config = EmulatorConfig(rate_hz=rate, jitter_s=jitter, delay_jitter_s=late)
+    arrived = film(MocapEmulator(config, a_lab(), None, seed, 0), 1.0)
+    stamps = [frame.t_capture_ns for _, frame in arrived]
+    assert all(a < b for a, b in pairwise(stamps))
+    assert all(now >= frame.t_capture_ns + 8_000_000 for now, frame in arrived)
+    assert [frame.seq for _, frame in arrived] == sorted(frame.seq for _, frame in arrived)

@@ -1,0 +1,88 @@
+"""Rooms without drones: what a camera system in a box shows."""
+
+import numpy as np
+import pytest
+
+from formation.maths import frames
+from formation.messages import LabFrame, RawFrame
+from formation.mocap_config import MocapConfig
+from sim.cameras.emulator import EmulatorConfig
+from sim.cameras.scene import RADIUS_M, Circling, Recorded, lab_of
+
+S = 1_000_000_000
+EXACT = EmulatorConfig(jitter_s=0.0, noise_m=0.0, noise_rad=0.0, delay_s=0.0, delay_jitter_s=0.0)
+Y_UP = MocapConfig.model_validate({"axes": ["x right", "y up", "z back"], "origin_lab_m": [0.3, -0.2, 0.1]})
+
+
+def shown(room: Circling, for_s: float) -> list[RawFrame]:
+    found: list[RawFrame] = []
+    while room.next_ns <= for_s * S:
+        found += room.frames(room.next_ns)
+    return found
+
+
+@pytest.mark.parametrize("count", [1, 2, 20])
+def test_so_many_bodies_are_seen_at_the_cameras_rate(count: int) -> None:
+    names = tuple(f"b{i}" for i in range(count))
+    room = Circling(lab_of(names, MocapConfig()), count, EXACT, False, None, 1, 0)
+    seen = shown(room, 2.0)
+    assert len(seen) in (200, 201)
+    assert {frame.bodies for frame in seen} == {names}
+    assert all(frame.seen.all() and frame.pos_mocap_m.shape == (count, 3) for frame in seen)
+
+
+def test_bodies_circle_and_turn_smoothly_and_apart() -> None:
+    room = Circling(lab_of(("a", "b", "c"), MocapConfig()), 3, EXACT, False, None, 1, 0)
+    seen = shown(room, 6.0)
+    pos = np.array([frame.pos_mocap_m for frame in seen])
+    assert np.ptp(pos[:, :, 0], axis=0) == pytest.approx(2.0 * RADIUS_M, abs=1e-3)
+    speed = np.linalg.norm(np.diff(pos, axis=0), axis=2) * 100.0
+    assert speed == pytest.approx(2.0 * np.pi / 6.0 * RADIUS_M, rel=0.01)
+    assert np.linalg.norm(pos[:, 0] - pos[:, 1], axis=1).min() > 0.15
+
+
+def test_a_still_room_is_still_and_turned_cameras_show_it_in_their_own_axes() -> None:
+    plain = shown(Circling(lab_of(("a", "b"), MocapConfig()), 2, EXACT, True, None, 1, 0), 0.5)
+    turned = shown(Circling(lab_of(("a", "b"), Y_UP), 2, EXACT, True, None, 1, 0), 0.5)
+    np.testing.assert_allclose(plain[-1].pos_mocap_m, plain[0].pos_mocap_m, atol=1e-12)
+    # The cameras' x points to the right (the lab's -y), y up, z back (-x).
+    x, y, z = plain[0].pos_mocap_m.T
+    np.testing.assert_allclose(turned[0].pos_mocap_m, np.array([-(y + 0.2), z - 0.1, -(x - 0.3)]).T, atol=1e-12)
+
+
+def test_a_burst_comes_at_once_and_every_frame_of_it_with_its_own_exposure() -> None:
+    cameras = EXACT.model_copy(update={"burst": 10})
+    room = Circling(lab_of(("a", "b"), MocapConfig()), 2, cameras, False, None, 1, 0)
+    came: list[tuple[int, int]] = []
+    while room.next_ns <= S:
+        now_ns = room.next_ns
+        came += [(now_ns, frame.t_capture_ns) for frame in room.frames(now_ns)]
+    assert len(came) == 100
+    arrivals, exposures = np.array(came).T
+    assert len(set(arrivals.tolist())) == 10
+    assert np.diff(exposures) == pytest.approx(10_000_000)
+    assert (arrivals - exposures).max() == pytest.approx(90_000_000)
+
+
+def test_a_log_is_shown_at_its_own_times_in_the_labs_axes_and_then_ends() -> None:
+    pos, q = np.array([[1.0, 2.0, 3.0]]), frames.IDENTITY[None]
+    logged = [LabFrame(k, 0, ("a",), pos, q, np.array([k != 1])) for k in range(3)]
+    room = Recorded([(k * 20_000_000, frame) for k, frame in enumerate(logged)], 5 * S)
+    assert room.bodies == ("a",)
+    assert room.next_ns == 5 * S
+    first, second = room.frames(5 * S + 25_000_000)
+    assert (first.t_capture_ns, second.t_capture_ns) == (5 * S, 5 * S + 20_000_000)
+    np.testing.assert_array_equal(first.pos_mocap_m, pos)
+    assert (first.seen[0], second.seen[0]) == (True, False)
+    assert len(room.frames(6 * S)) == 1
+    assert room.next_ns > 10**18
+
+
+def test_a_box_that_was_stopped_does_not_keep_its_clients_waiting_for_what_it_missed() -> None:
+    room = Circling(lab_of(("a", "b"), MocapConfig()), 2, EXACT, False, None, 1, 0)
+    before = shown(room, 1.0)
+    assert room.frames(6 * S) == []
+    assert 6 * S < room.next_ns <= 6 * S + S // 100
+    after = shown(room, 7.0)
+    assert len(after) in (99, 100, 101)
+    assert after[0].seq - before[-1].seq == round((after[0].t_capture_ns - before[-1].t_capture_ns) / (S // 100))

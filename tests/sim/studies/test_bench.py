@@ -1,0 +1,74 @@
+"""That the figures are told whole and hang together; how large they are is the machine's business."""
+
+import asyncio
+import io
+import json
+
+import pytest
+from rich.console import Console
+
+from sim.cli.bench_tables import bench_tables
+from sim.studies import bench
+from sim.studies.bench import Bus, Parts, Result, Timing
+
+SOME = Timing(1.0, 2.0, 3.0, 4)
+
+
+def test_a_timing_is_of_all_its_durations() -> None:
+    timing = Timing.of([3.0, 1.0, 2.0])
+    assert (timing.least_us, timing.p50_us, timing.count) == (1.0, 2.0, 3)
+    assert timing.p99_us == pytest.approx(2.98)
+
+
+def test_what_is_timed_is_called_all_the_same_and_left_as_it_was() -> None:
+    class Owner:
+        def twice(self, number: int) -> int:
+            return 2 * number
+
+    before = Owner.twice
+    with bench.timed(Owner, "twice") as taken_us:
+        assert Owner().twice(3) == 6
+    assert len(taken_us) == 1
+    assert taken_us[0] > 0.0
+    assert Owner.twice is before
+
+
+def test_a_tick_holds_its_step_and_a_step_its_law_and_estimate() -> None:
+    swarm = bench.swarm(2)
+    assert swarm.estimate.count == swarm.law.count == swarm.step.count == swarm.tick.count == bench.AIRBORNE_TICKS
+    assert 0.0 < swarm.estimate.least_us + swarm.law.least_us < swarm.step.least_us < swarm.tick.least_us
+    assert 3.0 * swarm.law_and_estimate_us_per_drone == pytest.approx(swarm.estimate.p50_us + swarm.law.p50_us)
+    assert swarm.lockstep_speed > 0.0
+    assert swarm.python_calls > 0
+
+
+@pytest.mark.parametrize(("followers", "budget"), [(2, 164_835), (20, 1_024_189)])
+def test_a_simulated_second_makes_no_more_python_calls_than_its_budget(followers: int, budget: int) -> None:
+    """More than 5 % over the budget: change the code, or argue for a new budget. No load of a machine changes it."""
+    assert bench.python_calls(bench.of_size(followers)) <= 1.05 * budget
+
+
+def test_codec_and_kernels_take_their_time() -> None:
+    assert min(bench.codec_us()) > 0.0
+
+
+@pytest.mark.processes
+def test_frames_are_heard_from_the_cameras_and_by_way_of_the_mocap_process() -> None:
+    bus = asyncio.run(bench.bus())
+    assert bus.hop.count == bus.path.count == bench.FRAMES
+    assert 0.0 < bus.mocap_p50_us <= bus.mocap_p99_us
+    assert min(bus.hop.least_us, bus.path.least_us) > 0.0
+
+
+def test_every_figure_is_in_the_json_and_in_the_tables() -> None:
+    swarm = bench.Swarm(2, SOME, SOME, SOME, SOME, 7.5, 1000)
+    result = Result((swarm,), Parts(11.0, 12.0, 13.0, 14.0), Bus(SOME, SOME, 15.0, 16.0))
+    values = json.loads(result.to_json())
+    assert values["swarms"][0]["law_and_estimate_us_per_drone"] == pytest.approx(4.0 / 3.0)
+    assert values["bus"]["mocap_p99_us"] == 16.0
+    console = Console(record=True, width=100, file=io.StringIO())
+    for table in bench_tables(result):
+        console.print(table)
+    shown = console.export_text()
+    for figure in ("+ 2", "1.3", "2 (1)", "7.5", "11.0 ns", "12.0 ns", "13.0 µs", "14.0 µs", "15", "16"):
+        assert figure in shown

@@ -1,0 +1,93 @@
+"""The ground's intake in lockstep: one that is too slow in simulated time is shown, and flown safely."""
+
+import numpy as np
+import pytest
+
+from analysis.load import Flight
+from formation.maths.frames import IDENTITY
+from formation.messages import Datagram
+from sim import lockstep
+from sim.intake import PAUSE_NS, VirtualIntake
+from sim.scenario import LinkModel, Scenario, load
+from sim.script import FLIGHT
+from wire.link_messages.address import GROUND, Address
+from wire.link_messages.commands import CommandAck, MavCommand, Result
+from wire.link_messages.motion import AttitudeQuaternion
+from wire.mavlink.codec import Codec
+from wire.transport.intake import TURN_NS
+from wire.transport.link import LinkCounters
+
+MS = 1_000_000
+ACK = Codec(Address(1, 1)).encode(CommandAck(GROUND, MavCommand.NAV_LAND, Result.ACCEPTED))
+
+
+def attitude(ms: int) -> bytes:
+    return Codec(Address(1, 1)).encode(AttitudeQuaternion(ms, IDENTITY, np.zeros(3)))
+
+
+def test_a_turn_ends_with_its_work_and_what_waits_becomes_newer() -> None:
+    counters = LinkCounters()
+    intake = VirtualIntake(1, 600_000, counters)
+    for data in (ACK, attitude(1), ACK, attitude(2), ACK):
+        intake.enqueue(Datagram(1, data))
+    assert [d.data for d in intake.turn(0)] == [ACK, ACK]  # 1.2 ms of work
+    assert intake.due_ns == 1_200_000 + PAUSE_NS
+    intake.enqueue(Datagram(1, attitude(3)))
+    assert list(intake.turn(MS)) == []
+    assert [d.data for d in intake.turn(intake.due_ns)] == [ACK, attitude(3)]
+    assert counters.superseded == 2
+
+
+def test_work_that_is_done_by_the_next_packet_bounds_nothing() -> None:
+    intake = VirtualIntake(1, TURN_NS // 2, LinkCounters())
+    for ms in range(100):
+        intake.enqueue(Datagram(1, ACK))
+        assert len(list(intake.turn(ms * MS))) == 1
+
+
+def _with_ingest(ingest_s: float) -> Scenario:
+    """The triangle line; ingest_s: of the ground's work for each packet of a drone."""
+    scenario = load("triangle_line")
+    return scenario.model_copy(update={"link": scenario.link.model_copy(update={"ingest_s": ingest_s})})
+
+
+def test_a_budget_that_suffices_changes_no_bit() -> None:
+    forming = {"script": FLIGHT[:3], "longest_s": 8.0}
+    flown = [
+        lockstep.run_in_memory(_with_ingest(s).model_copy(update=forming), 7)[1] for s in (0.0, LinkModel().ingest_s)
+    ]
+    assert len(flown[0]) == len(flown[1])
+    assert [str(entry.message) for entry in flown[0]] == [str(entry.message) for entry in flown[1]]
+
+
+def _flown(ingest_s: float, seed: int) -> tuple[Flight, list[str]]:
+    _, flight = lockstep.run_and_load(_with_ingest(ingest_s), seed)
+    return flight, [message.text for message in flight.events.messages]
+
+
+def _all_landed_softly(flight: Flight) -> bool:
+    """Every drone at rest and disarmed at the end, and none was faster than a landing near the floor."""
+    soft = True
+    for track in flight.truth.values():
+        soft &= all(t.vel_lab_m_s[2] > -1.0 for t in track.messages if t.pos_lab_m[2] < 0.1)
+        soft &= track.messages[-1].on_ground and not track.messages[-1].armed
+    return soft
+
+
+@pytest.mark.parametrize("seed", [7, 8])
+def test_a_ground_that_falls_behind_in_flight_warns_holds_and_lets_its_drones_land(seed: int) -> None:
+    flight, texts = _flown(0.010, seed)
+    for late_ms in (50, 100, 300):
+        assert any(f"its telemetry arrives {late_ms} ms late" in text for text in texts)
+    changes = [text for text in texts if " -> " in text]
+    assert any(text.startswith("FORMATION -> HOLD") and "100 ms late" in text for text in changes)
+    assert any(text.startswith("HOLD -> LAND") and "300 ms late" in text for text in changes)
+    assert _all_landed_softly(flight)
+
+
+def test_a_ground_that_never_keeps_up_does_not_take_off() -> None:
+    """It was seconds behind, knew no drone's clock for it, and flew a formation on answers that were old."""
+    flight, texts = _flown(0.015, 7)
+    assert any("its telemetry arrives 300 ms late" in text for text in texts)
+    assert not any("-> TAKEOFF" in text for text in texts)
+    assert _all_landed_softly(flight)

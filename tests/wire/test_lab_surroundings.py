@@ -1,0 +1,151 @@
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from formation.config import ControlLawConfig, LabConfig
+from formation.guidance.shape import known, shape_for
+from formation.guidance.shape_request import ShapeRequest
+from formation.guidance.trajectory import anchored, sample
+from tests.wire.own_package import installed_in
+from wire.config_file import ConfigError, dump, load
+from wire.lab_surroundings import LAWS, SHAPES, TRAJECTORIES, law_package
+
+FOLLOWERS = '[[followers]]\nbody = "a"\nsysid = 2\noffset_m = [-1.0, 0.0, 0.0]\n'
+
+
+def lab(folder: Path, trajectory: str, law: str = "") -> LabConfig:
+    path = folder / "lab.toml"
+    path.write_text(f'{law}\n[leader]\nbody = "leader"\nsysid = 1\ntrajectory = {trajectory}\n{FOLLOWERS}')
+    return load(path, LabConfig)
+
+
+@pytest.fixture
+def installed(tmp_path: Path) -> Iterator[None]:
+    with installed_in(tmp_path):
+        yield
+
+
+def test_a_way_in_a_file_beside_the_lab_file_becomes_part_of_the_configuration(tmp_path: Path) -> None:
+    (tmp_path / "way.csv").write_text("t,x,y,z,yaw\n0,0,0,0.5,0\n\n2, 1,0,0.5,0\n4,1,1,0.5,1.57\n")
+    config = lab(tmp_path, '{ kind = "csv", file = "way.csv" }')
+    assert config.leader.trajectory.points[1] == (2.0, 1.0, 0.0, 0.5, 0.0)
+    (tmp_path / "way.csv").unlink()
+    (tmp_path / "again.toml").write_text(dump(config))
+    assert load(tmp_path / "again.toml", LabConfig) == config
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (None, "No such file"),
+        ("0,0,0,0.5,0\n1,0,0,x,0\n", "line 2: z is no number"),
+        ("0,0,0,0.5,0\n1,0,0,0.5\n", "line 2: 4 columns, t, x, y, z, yaw are wanted"),
+        ("0,0,0,0.5,0\n1,0,0,inf,0\n", "leader.trajectory.points[1][3]"),
+        ("", "0 points"),
+    ],
+)
+def test_a_file_that_is_no_way_is_named_with_its_line(tmp_path: Path, text: str | None, told: str) -> None:
+    if text is not None:
+        (tmp_path / "way.csv").write_text(text)
+    with pytest.raises(ConfigError) as error:
+        lab(tmp_path, '{ kind = "csv", file = "way.csv" }')
+    assert told in str(error.value)
+
+
+@pytest.mark.parametrize("file", ["/dev/zero", "/etc/passwd", "endless.csv", "many.csv", "quoted.csv"])
+def test_a_file_of_any_kind_is_refused_in_one_line_that_shows_nothing_of_it(tmp_path: Path, file: str) -> None:
+    (tmp_path / "endless.csv").write_bytes(b"0" * (9 << 20))
+    (tmp_path / "many.csv").write_text("0,0,0,0,0\n" * 20_001)
+    (tmp_path / "quoted.csv").write_text('"' + "secret," * 40_000)
+    with pytest.raises(ConfigError) as error:
+        lab(tmp_path, f'{{ kind = "csv", file = "{file}" }}')
+    (problem,) = error.value.problems
+    assert "0:0" not in problem
+    assert "secret" not in problem
+    assert len(problem) < 300
+
+
+def test_waypoints_are_as_many_as_can_be_flown(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"leader\.trajectory\.waypoints_m: .*at most 500"):
+        lab(tmp_path, f'{{ kind = "polynomial", waypoints_m = [{", ".join(["[0, 0, 1]"] * 100_000)}] }}')
+
+
+def test_a_lab_s_own_trajectory_is_flown_as_its_package_makes_it(tmp_path: Path, installed: None) -> None:
+    config = lab(tmp_path, '{ kind = "own", name = "helix", options = { laps = 1, radius_m = 0.5, climb_m = 0.2 } }')
+    path = anchored(config.leader.trajectory, np.zeros(3), 0.0)
+    motion = np.empty((3, 4))
+    sample(path.kind, path.numbers, path.knots, 4.0, motion)
+    # Half-way round a circle of half a metre, at 1.875 of its mean speed.
+    np.testing.assert_allclose(motion[0], [-0.5, 0.0, 0.4, 1.5 * np.pi], atol=1e-6)
+    np.testing.assert_allclose(
+        motion[1], [0.0, -1.875 * np.pi / 8.0, 1.875 * 0.2 / 8.0, 1.875 * np.pi / 4.0], atol=1e-4
+    )
+
+
+def test_a_lab_s_own_shape_is_one_of_its_shapes(tmp_path: Path, installed: None) -> None:
+    config = lab(tmp_path, '{ kind = "hold" }', 'formation = { own_shapes = ["diamond"] }')
+    assert "diamond" in known(config)
+    assert shape_for(config, ShapeRequest("diamond", 2.0)).offset_lead_m == ((-1.0, 1.0, 0.0),)
+
+
+def test_of_packages_only_what_the_lab_names_is_loaded(tmp_path: Path, installed: None) -> None:
+    config = lab(tmp_path, '{ kind = "hold" }')
+    assert "diamond" not in known(config)
+    assert [name for name in sys.modules if name.startswith("own_formation")] == []
+
+
+@pytest.mark.parametrize("error", ["SystemExit(3)", "RuntimeError('no licence')", "KeyError('x')"])
+@pytest.mark.parametrize("named", [("", 'control_law = { name = "bad" }'), ("trajectories", ""), ("shapes", "")])
+def test_whatever_a_package_raises_is_an_error_of_the_lab_file(
+    tmp_path: Path, error: str, named: tuple[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "bad_package.py").write_text(f"def make(**options):\n    raise {error}\n")
+    told = tmp_path / "bad_package-1.0.dist-info"
+    told.mkdir()
+    (told / "METADATA").write_text("Metadata-Version: 2.1\nName: bad-package\nVersion: 1.0\n")
+    groups = (LAWS, TRAJECTORIES, SHAPES)
+    (told / "entry_points.txt").write_text("\n".join(f"[{group}]\nbad = bad_package:make" for group in groups))
+    trajectory = '{ kind = "own", name = "bad" }' if named[0] == "trajectories" else '{ kind = "hold" }'
+    law = 'formation = { own_shapes = ["bad"] }' if named[0] == "shapes" else named[1]
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "bad_package", raising=False)
+    with pytest.raises(ConfigError, match=re.escape(error.partition("(")[0])):
+        lab(tmp_path, trajectory, law)
+
+
+@pytest.mark.parametrize(
+    ("trajectory", "told"),
+    [
+        ('{ kind = "own" }', "leader.trajectory.name: is missing: "),
+        ('{ kind = "own", name = "helix", options = { size = 1.0 } }', "unexpected keyword argument 'size'"),
+        ('{ kind = "own", name = "spiral" }', "registers 'spiral' in mavlink_formation.trajectories; known: helix"),
+    ],
+)
+def test_what_no_package_makes_is_named(tmp_path: Path, installed: None, trajectory: str, told: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        lab(tmp_path, trajectory)
+    assert told in str(error.value)
+
+
+def test_a_lab_s_own_law_is_named_and_made_with_its_options(tmp_path: Path, installed: None) -> None:
+    config = lab(tmp_path, '{ kind = "hold" }', 'control_law = { name = "cascade", options = { ki_1_s2 = 1.5 } }')
+    assert config.control_law == ControlLawConfig(name="cascade", options={"ki_1_s2": 1.5})
+    assert law_package("cascade") == "own-formation 1.0"
+
+
+@pytest.mark.parametrize(
+    ("law", "told"),
+    [
+        ('{ name = "pi" }', "registers 'pi' in mavlink_formation.control_laws; known: cascade"),
+        ('{ name = "cascade", options = { kp = 1.0 } }', "unexpected keyword argument 'kp'"),
+        ('{ name = "cascade", options = { kd_1_s = -1.0 } }', "cascade.Cascade: kp_1_s, kd_1_s and speed_m_s must be"),
+    ],
+)
+def test_a_law_that_cannot_be_made_is_named(tmp_path: Path, installed: None, law: str, told: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        lab(tmp_path, '{ kind = "hold" }', f"control_law = {law}")
+    assert told in str(error.value)

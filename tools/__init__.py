@@ -1,0 +1,1 @@
+"""Commands for those who work on the project: fuzzing, mutants, figures, recorded flights."""

@@ -1,0 +1,110 @@
+"""How long a stop takes to reach a drone over a link that loses packets: the ground's end of it, trial by trial.
+
+    python -m tools.figures.stop_at_loss --trials 100000 --loss 0.2
+
+Prints the quantiles of the time from the stop to zero thrust, and how many drones it never reached within ten seconds.
+"""
+
+import argparse
+import heapq
+
+import numpy as np
+
+from formation.config import VehicleBody
+from formation.vehicle.profile import profile
+from gcs.drones.drone import Drone, Goal
+from gcs.drones.link_state import DroneLink
+from wire.link_messages.address import Address
+from wire.link_messages.commands import CommandAck, CommandLong, Result
+from wire.link_messages.status import Heartbeat, MavAutopilot
+from wire.mavlink.codec import Codec
+
+MS = 1_000_000
+GIVE_UP_NS = 10_000 * MS
+HEARTBEAT_NS = 1_000 * MS
+
+
+class Trial:
+    """One drone that is armed, its link, and a stop at time zero; `cut_ns`: when its motors stopped."""
+
+    def __init__(self, rng: np.random.Generator, loss: float, delay_ns: int, jitter_ns: int) -> None:
+        self._rng, self._loss, self._delay_ns, self._jitter_ns = rng, loss, delay_ns, jitter_ns
+        self._drone = Drone(0, DroneLink(VehicleBody(body="left", sysid=2), 2, profile("paper_40g")))
+        self._codec = Codec(Address(2, 1))
+        self._events: list[tuple[int, int, str, bytes]] = []
+        self._armed = True
+        self.cut_ns: int | None = None
+        self.confirmed_ns: int | None = None
+
+    def run(self) -> None:
+        """Until the ground knows that the motors are off, or ten seconds."""
+        link, now_ns = self._drone.link, 0
+        link.receive(self._codec.encode(self._heartbeat()), -1)
+        beat_ns = int(self._rng.integers(HEARTBEAT_NS))
+        self._drone.aim(Goal.CUT, 0)
+        while now_ns < GIVE_UP_NS:
+            self._drone.pursue(now_ns)
+            for message in link.due(now_ns):
+                if isinstance(message, CommandLong):
+                    self._send(now_ns, "down", link.codec.encode(message))
+            if self._drone.reached:
+                self.confirmed_ns = now_ns
+                return
+            due_ns = link.commands.urgent_ns
+            next_ns = now_ns + 10 * MS if due_ns is None else due_ns
+            arrival_ns = self._events[0][0] if self._events else GIVE_UP_NS
+            now_ns = min(next_ns, arrival_ns, beat_ns)
+            if now_ns == beat_ns:
+                beat_ns += HEARTBEAT_NS
+                self._send(now_ns, "up", self._codec.encode(self._heartbeat()))
+            while self._events and self._events[0][0] <= now_ns:
+                self._arrive(now_ns, *heapq.heappop(self._events)[2:])
+
+    def _heartbeat(self) -> Heartbeat:
+        return Heartbeat(MavAutopilot.PX4, 2, 129 if self._armed else 1, 6 << 16, 4)
+
+    def _send(self, now_ns: int, way: str, data: bytes) -> None:
+        if self._rng.random() >= self._loss:
+            delay_ns = self._delay_ns + int(self._jitter_ns * self._rng.standard_exponential())
+            heapq.heappush(self._events, (now_ns + delay_ns, len(self._events), way, data))
+
+    def _arrive(self, now_ns: int, way: str, data: bytes) -> None:
+        if way == "up":
+            self._drone.link.receive(data, now_ns)
+            return
+        for packet in self._codec.receive(data):
+            if isinstance(packet.message, CommandLong):
+                self._armed = False
+                self.cut_ns = now_ns if self.cut_ns is None else self.cut_ns
+                self._send(now_ns, "up", self._codec.encode(CommandAck(packet.source, 400, Result.ACCEPTED)))
+
+
+def times_s(trials: int, loss: float, seed: int, delay_ns: int = 2 * MS, jitter_ns: int = 1 * MS) -> np.ndarray:
+    """From the stop to zero thrust, s, of each trial; infinite where it never came."""
+    rng, out = np.random.default_rng(seed), np.full(trials, np.inf)
+    for k in range(trials):
+        trial = Trial(rng, loss, delay_ns, jitter_ns)
+        trial.run()
+        out[k] = np.inf if trial.cut_ns is None else trial.cut_ns * 1e-9
+    return out
+
+
+def main() -> None:
+    """Fly the trials that the command line asks for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--trials", type=int, default=100_000)
+    parser.add_argument("--loss", type=float, default=0.2)
+    parser.add_argument("--seed", type=int, default=1)
+    asked = parser.parse_args()
+    taken = times_s(asked.trials, asked.loss, asked.seed)
+    median, most = np.median(taken), np.quantile(taken, 0.999)
+    missed = int(np.isinf(taken).sum())
+    print(
+        f"{asked.trials} stops at {asked.loss:.0%} loss: median {median * 1e3:.1f} ms, p99.9 {most * 1e3:.1f} ms, ",
+        end="",
+    )
+    print(f"slowest {taken.max() * 1e3:.1f} ms, {missed} missed")
+
+
+if __name__ == "__main__":
+    main()

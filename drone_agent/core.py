@@ -70,7 +70,7 @@ class AgentCore:
         )
         vehicle, air = config.true_vehicle(), config.disturbance
         self._airframe = Airframe(vehicle, air, start, config.start_yaw_rad, t0_ns, attitude_bias, physics)
-        self._inertial = InertialSensor(config.inertial_error, config.accel_bias_lab_m_s2, config.sysid)
+        self._inertial = InertialSensor(config.inertial_error, config.accel_bias_lab_m_s2, config.sysid, t0_ns)
         self._positioning = _positioning(config, t0_ns, without)
         self.autopilot = Autopilot(config, model, self.parameters, self._airframe, self._positioning, without)
         self._failsafes = Failsafes(self.autopilot, profile(config.profile, config.profiles))
@@ -232,8 +232,10 @@ class AgentCore:
             self._send(message)
 
     def _watch_inertial(self) -> None:
-        """Sample the sensors at every step only while somebody requests HIGHRES_IMU."""
-        watched = bool(self._schedule.period_ns(MessageId.HIGHRES_IMU))
+        """Sample the sensors only while somebody requests HIGHRES_IMU."""
+        period_ns = self._schedule.period_ns(MessageId.HIGHRES_IMU) or 0
+        watched = period_ns > 0
+        self._inertial.finely = watched and period_ns < RASTER_NS
         if watched != (self._airframe.inertial is not None):
             self._inertial.reset()
             self._airframe.inertial = self._inertial if watched else None

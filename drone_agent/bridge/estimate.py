@@ -91,7 +91,7 @@ class BodyEstimate:
         thrust_m_s2 = self._vehicle.thrust_n_of(thrust_norm) / self._vehicle.mass_kg if known else math.nan
         if known and not self._flown:
             self._flown = True
-            self._navigator.bodies[0].estimate.thrust_scale = _bounded_scale(GRAVITY_M_S2 / max(thrust_m_s2, 0.1))
+            self._navigator.thrust_scale[0] = _bounded_scale(GRAVITY_M_S2 / max(thrust_m_s2, 0.1))
         self._navigator.receive_thrust(_ONE, np.array([t_ns]), np.array([thrust_m_s2]))
 
     def receive_pose(self, t_ns: int, pos_lab_m: Vec3, q_lab_from_flu: Quat, *, stands: bool) -> RejectReason:
@@ -110,7 +110,7 @@ class BodyEstimate:
     @property
     def pose_fault(self) -> str:
         """The detected fault by which poses are rejected at present, empty where they are not."""
-        return self._pose_fault if self._navigator.bodies[0].status.rejecting_ns and not self._stands else ""
+        return self._pose_fault if self._navigator.rejecting[0] and not self._stands else ""
 
     def pop_faults(self) -> tuple[Fault, ...]:
         """What was detected since the last call."""
@@ -125,7 +125,7 @@ class BodyEstimate:
         since_ns, before = self._loss
         if now_ns - since_ns < _LOSS_LASTS_NS:
             return False
-        lost = float(self._navigator.bodies[0].estimate.thrust_scale) < _LOSS_LEFT * before
+        lost = float(self._navigator.thrust_scale[0]) < _LOSS_LEFT * before
         self._loss = self._loss if lost else None
         return lost
 
@@ -135,20 +135,19 @@ class BodyEstimate:
             if fault.signature.rolls_back:
                 self._pose_fault = fault.signature.name
             elif fault.amplitude[0] < 0.0 and self._loss is None:
-                self._loss = (fault.t_ns, float(self._navigator.bodies[0].estimate.thrust_scale))
+                self._loss = (fault.t_ns, float(self._navigator.thrust_scale[0]))
 
     @property
     def hover_thrust_norm(self) -> float:
         """The thrust that carries the body at rest."""
-        scale = _bounded_scale(float(self._navigator.bodies[0].estimate.thrust_scale))
+        scale = _bounded_scale(float(self._navigator.thrust_scale[0]))
         return self._vehicle.thrust_norm_of(self._vehicle.weight_n / scale)
 
     def motion(self, t_ns: int) -> Motion | None:
         """Where it is at t_ns; None before the first pose."""
-        if not self._navigator.bodies[0].status.begun:
+        if not self._navigator.begun(0):
             return None
-        there = self._navigator.predicted(0, t_ns)
-        return Motion(there.pos_lab_m.copy(), there.vel_lab_m_s.copy())
+        return Motion(*self._navigator.motion(0, t_ns))
 
     def pop_innovations(self, now_ns: int) -> tuple[Innovation, ...]:
         """The newest of every source that was observed, ten times a second; else nothing."""

@@ -54,6 +54,15 @@ class Navigator:
         self._bank = empty_bank(shapes(signatures, pose_rate_hz), n)
         self.rejected: Ints = np.zeros((n, len(Input), len(RejectReason)), np.int64)
         self._reported = np.zeros(n, np.int64)
+        # Fields of all bodies, read outside of kernels: through a record, each level of it would cost a microsecond.
+        self._rejecting_ns: Ints = self.bodies["status"]["rejecting_ns"]
+        self._begun: Bool = self.bodies["status"]["begun"]
+        self._fault_ns: Ints = self.bodies["fault"]["t_ns"]
+        self._fault_row: Ints = self.bodies["fault"]["row"]
+        self.thrust_scale: Float = self.bodies["estimate"]["thrust_scale"]
+        """Of each body (n): true over modelled thrust."""
+        self._predicted = blank(Estimate, n)
+        self._predicted_pos, self._predicted_vel = self._predicted["pos_lab_m"], self._predicted["vel_lab_m_s"]
         known = airframe or Airframe(np.zeros(3), 0, 0.0)
         for i in range(n):
             body = self.bodies[i]
@@ -90,22 +99,30 @@ class Navigator:
 
     def reset_checks(self, i: int) -> None:
         """Body i stands on the floor: a pose may repeat, and where poses are rejected the estimate begins anew."""
-        body = self.bodies[i]
-        body.pending.last_pos_lab_m[:] = np.nan
-        if body.status.rejecting_ns:
-            body.status.begun = False
+        self.bodies["pending"]["last_pos_lab_m"][i] = np.nan
+        if self._rejecting_ns[i]:
+            self._begun[i] = False
             self._bank.order[i].count = 0
 
     @property
     def rejecting(self) -> Bool:
         """Whether each body's poses are rejected at present (n)."""
-        return np.array([self.bodies[i].status.rejecting_ns != 0 for i in range(len(self.bodies))])
+        rejecting: Bool = self._rejecting_ns != 0
+        return rejecting
+
+    def begun(self, i: int) -> bool:
+        """Whether body i was ever seen."""
+        return bool(self._begun[i])
 
     def predicted(self, i: int, t_ns: int) -> Estimate:
-        """Body i's motion at a time, its covariance at the newest pose."""
-        out = blank(Estimate, 1)
-        samples.predicted(self.bodies[i], t_ns, out[0])
-        return out[0]
+        """Body i's motion at a time, its covariance at the newest pose; overwritten by the next call for it."""
+        samples.predicted(self.bodies[i], t_ns, self._predicted[i])
+        return self._predicted[i]
+
+    def motion(self, i: int, t_ns: int) -> tuple[Vec3, Vec3]:
+        """Body i's position and velocity in `lab` at a time."""
+        samples.predicted(self.bodies[i], t_ns, self._predicted[i])
+        return self._predicted_pos[i].copy(), self._predicted_vel[i].copy()
 
     def innovation(self, i: int, source: int, sysid: int = 0) -> Innovation:
         """The newest of body i, which is that system's, and a source (formation.navigation.state)."""
@@ -124,10 +141,10 @@ class Navigator:
     def new_faults(self) -> list[Fault]:
         """What was detected since this was last asked."""
         out = []
-        for i in range(len(self.bodies)):
-            fault = self.bodies[i].fault
-            if fault.row >= 0 and fault.t_ns > self._reported[i]:
-                self._reported[i] = fault.t_ns
+        for i, t_ns in enumerate(self._fault_ns.tolist()):
+            if self._fault_row[i] >= 0 and t_ns > self._reported[i]:
+                fault = self.bodies[i].fault
+                self._reported[i] = t_ns
                 row, t_ns, onset_ns = self.signatures[fault.row], int(fault.t_ns), int(fault.onset_ns)
                 out.append(Fault(i, row, t_ns, onset_ns, float(fault.statistic), fault.amplitude.copy()))
         return out

@@ -43,7 +43,7 @@ class Airframe:
         self.expected_thrust: Float = np.zeros(8)
         """What the autopilot knows of its motors: see `drone_agent.simulation.attitude_loop.advance`."""
         self.inertial: InertialSensor | None = None
-        """Receives every step, where there is one."""
+        """Receives the states at its own rhythm, where there is one."""
         self.t_ns = t0_ns
         self.state: VehicleState = at_rest(start_lab_m, from_yaw(np.array(start_yaw_rad)))
         self.setpoint = LoopSetpoint(self.state.q_lab_from_flu, np.zeros(3), 0.0)
@@ -85,7 +85,9 @@ class Airframe:
             if self._attitude_bias is not None:
                 self._attitude_bias.advance_to(self.t_ns)
                 end_ns = min(end_ns, self._attitude_bias.next_ns)
-            steps = max((end_ns - self.t_ns) // step_ns, 1) if self.inertial is None else 1
+            if self.inertial is not None:
+                end_ns = min(end_ns, self.inertial.next_ns(self.t_ns, step_ns))
+            steps = max((end_ns - self.t_ns) // step_ns, 1)
             self.state = self._integrated(step_ns * 1e-9, steps, self.expected_thrust)
             self.t_ns += steps * step_ns
             if self.inertial is not None:

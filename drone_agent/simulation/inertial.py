@@ -6,13 +6,14 @@ time, stamped with its end (src/modules/mavlink/streams/HIGHRES_IMU.hpp). Ours m
 
 from collections import deque
 from dataclasses import dataclass
-from math import sqrt
+from math import atan2, sqrt
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from formation.maths.arrays import Vec3
+from formation.maths.arrays import Quat, Vec3
+from formation.maths.frames import canonical, inverse, multiply
 from formation.model import Model, Vec3Tuple
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleState
@@ -40,10 +41,18 @@ class ImuSample:
 
 
 class InertialSensor:
-    """The inertial sensors of one drone: `note` receives every step of its body, `sample` returns the mean."""
+    """The inertial sensors of one drone: `note` receives its body's states, `sample` returns the mean.
 
-    def __init__(self, error: InertialError, bias_lab_m_s2: Vec3Tuple, sysid: int) -> None:
+    A window begins at a noted state: at those `next_ns` asks for where samples are taken on the same raster, at any
+    where `finely`.
+    """
+
+    def __init__(
+        self, error: InertialError, bias_lab_m_s2: Vec3Tuple, sysid: int, t0_ns: int = 0, *, finely: bool = False
+    ) -> None:
         """bias_lab_m_s2: what the accelerometer is wrong by, as the estimator's dead reckoning has it too."""
+        self._t0_ns = t0_ns
+        self.finely = finely
         self._rng = np.random.default_rng([error.seed, 14, sysid])
         self._noise_m_s2 = error.noise_m_s2
         self._at_rest_lab_m_s2 = _GRAVITY_LAB_M_S2 + bias_lab_m_s2
@@ -52,6 +61,10 @@ class InertialSensor:
     def reset(self) -> None:
         """Drop the steps until now: they are in no later sample."""
         self._steps.clear()
+
+    def next_ns(self, t_ns: int, step_ns: int) -> int:
+        """The time after t_ns whose state is to be noted; step_ns: of the body's own grid."""
+        return t_ns + step_ns if self.finely else t_ns + WINDOW_NS - (t_ns - self._t0_ns) % WINDOW_NS
 
     def note(self, t_ns: int, state: VehicleState) -> None:
         """The body is in `state` at `t_ns`, later than noted before; the state is kept, and not to be changed."""
@@ -76,8 +89,13 @@ class InertialSensor:
         halfway[6:10] = between / sqrt(between @ between)
         rotation(halfway, r_lab_from_flu)
         force_flu_m_s2 = force_lab_m_s2 @ r_lab_from_flu
-        # The body turns by each step's new rate, so that this is the turn over the time that it took.
-        rates = [state.rate_flu_rad_s for _, state in self._steps][1:]
-        rate_flu_rad_s = np.add.reduce(rates) / len(rates)
+        rate_flu_rad_s = _turn_rad(q, p) / ((end_ns - start_ns) * 1e-9)
         noise_m_s2 = self._noise_m_s2 * self._rng.standard_normal(3)
         return ImuSample(end_ns, force_flu_m_s2 + noise_m_s2, rate_flu_rad_s)
+
+
+def _turn_rad(q: Quat, p: Quat) -> Vec3:
+    """The rotation vector from attitude q to attitude p, in `flu`."""
+    turn = canonical(multiply(inverse(q), p))
+    sine = sqrt(turn[1:] @ turn[1:])
+    return turn[1:] * (2.0 * atan2(sine, turn[0]) / sine if sine > 0.0 else 2.0)

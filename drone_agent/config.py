@@ -34,6 +34,8 @@ class AgentConfig(Model):
     """Be no drone but the bridge to a real autopilot: udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD."""
     pose: Literal["own", "mocap"] = "own"
     """own: simulated positioning as an autopilot's SITL has; mocap: the external pose and nothing else."""
+    guard: bool = True
+    """With `pose = mocap`: fly behind a guard in this process; false where a bridge of its own stands before it."""
     inertial_rate_hz: Annotated[float, Field(ge=0.0, le=1000.0)] = 100.0
     """How often a bridge wants HIGHRES_IMU of its autopilot, to hold poses against it; 0: it does not."""
     profiles: tuple[VehicleProfile, ...] = ()
@@ -74,6 +76,11 @@ class AgentConfig(Model):
     def body_name(self) -> str:
         """The body this agent listens for in mocap frames."""
         return self.body if self.body is not None else f"uav{self.sysid}"
+
+    @property
+    def is_guarded(self) -> bool:
+        """Whether a guard in this process stands before the simulated autopilot."""
+        return self.guard and self.pose == "mocap" and self.bridge is None
 
     @property
     def land_after_s(self) -> float | None:

@@ -1,4 +1,4 @@
-"""The drone agent without its sockets: packets, mocap frames and time in; packets, truth and events out.
+"""A simulated autopilot and its vehicle without their sockets: packets and time in; packets, truth and events out.
 
 Sans-IO: time is an argument, and everything inside happens at its own time and in order, whenever anybody asks.
 """
@@ -17,13 +17,13 @@ from drone_agent.flight.motor_failure import CHECK_PERIOD_NS
 from drone_agent.link.commands import Commander
 from drone_agent.link.inbox import READS, Inbox
 from drone_agent.link.schedule import RASTER_NS, Schedule
-from drone_agent.link.telemetry import AGE, ON_REQUEST, TelemetryBuilder
+from drone_agent.link.telemetry import ON_REQUEST, TelemetryBuilder
 from drone_agent.monitors import switched_off
 from drone_agent.simulation.airframe import Airframe
 from drone_agent.simulation.inertial import InertialSensor
 from drone_agent.simulation.level_error import AttitudeBias
 from drone_agent.simulation.physics import OWN, Physics
-from formation.messages import Datagram, Event, LabFrame, Truth
+from formation.messages import Datagram, Event, Truth
 from formation.vehicle.profile import on_ground, profile
 from wire.autopilots.table import AutopilotTable
 from wire.link_messages.address import DRONE_COMPONENT, Address
@@ -36,7 +36,6 @@ from wire.mavlink.framing import packed
 _MONITOR_PERIOD_NS = 50_000_000
 _MONITOR_PERIOD_S = _MONITOR_PERIOD_NS * 1e-9
 _LAG_MAX_NS = 10_000_000
-_FUSE_NS = 15_000_000  # an estimator takes 30 to 50 poses a second
 _LISTED_AT_ONCE = 6
 _BURST_NS = 1_000_000_000  # of telemetry: what a socket's buffer of the default size holds
 
@@ -76,7 +75,7 @@ class AgentCore:
         self._failsafes = Failsafes(self.autopilot, profile(config.profile, config.profiles))
         self._direct = config.link.kind == "udp"
         direct_hz = model.direct_rates_hz if self._direct else {}
-        rates_hz = {**model.rates_hz, **direct_hz, AGE: config.age_rate_hz, **config.rates_hz}
+        rates_hz = {**model.rates_hz, **direct_hz, **config.rates_hz}
         self._schedule = Schedule(rates_hz, ON_REQUEST, t0_ns)
         self._watch_inertial()
         self._commander = Commander(config, self.autopilot, self._schedule)
@@ -92,13 +91,11 @@ class AgentCore:
         for severity, text in model.texts.boot:
             self.autopilot.report(severity, text)
 
-    def receive(self, message: Datagram | LabFrame, now_ns: int) -> None:
-        """Take in a datagram from the ground or a mocap frame. Never raises on what a datagram holds."""
+    def receive(self, message: Datagram, now_ns: int) -> None:
+        """Take in a datagram. Never raises on what it holds."""
         self._catch_up(now_ns)
         self._run_to(now_ns)
-        if isinstance(message, LabFrame):
-            self._receive_frame(message, now_ns)
-        elif message.sysid == self.config.sysid:
+        if message.sysid == self.config.sysid:
             for packet in self.codec.receive(message.data):
                 self._inbox.read(packet, now_ns)
             self._answer(now_ns)
@@ -178,7 +175,7 @@ class AgentCore:
                 self.autopilot.control(due_ns)
                 self._control_ns = due_ns + CONTROL_NS
             if due_ns >= self._motors_ns:
-                self._failsafes.check_motors(due_ns)
+                self._failsafes.check_motors()
                 self._motors_ns = due_ns + CHECK_PERIOD_NS
             if due_ns >= self._monitor_ns:
                 self._failsafes.check(due_ns, _MONITOR_PERIOD_S)
@@ -202,28 +199,11 @@ class AgentCore:
     def _rastered(self, t_ns: int) -> int:
         return t_ns + (self._t0_ns - t_ns) % CONTROL_NS
 
-    def _receive_frame(self, frame: LabFrame, now_ns: int) -> None:
-        name = self.config.body_name
-        if self.config.pose != "mocap" or name not in frame.bodies:
-            return
-        index = frame.bodies.index(name)
-        if frame.seen[index]:
-            fused_ns = self._inbox.own_feed_ns
-            if fused_ns is not None and now_ns - fused_ns < _FUSE_NS:
-                return
-            self._inbox.own_feed_ns = now_ns
-            if self.autopilot.origin is None and self.autopilot.model.table.needs_origin:
-                # Over MAVLink the ground must give it; here the lab's own is known.
-                self.autopilot.origin = self.config.origin
-            pose = ExternalPose(frame.t_capture_ns, frame.pos_lab_m[index], frame.q_lab_from_flu[index])
-            self._use_pose(pose, now_ns)
-
     def _use_pose(self, pose: ExternalPose, now_ns: int) -> None:
         frame = self._airframe
         if now_ns - frame.t_ns > _LAG_MAX_NS:
             frame.advance_to(now_ns)
         self._positioning.accept(pose, now_ns, frame.state, frame.t_ns)
-        self._failsafes.check_pose(now_ns)
 
     def _report(self, number: int, now_ns: int) -> None:
         self._airframe.advance_to(now_ns)
@@ -291,5 +271,4 @@ def _first_values(config: AgentConfig, table: AutopilotTable) -> dict[str, float
 def _positioning(config: AgentConfig, t0_ns: int, without: frozenset[str]) -> Positioning:
     if config.pose == "own":
         return OwnPositioning(t0_ns)
-    checks_poses, detects_drift = "pose-rejected" not in without, "pose-slides" not in without
-    return ExternalPositioning(config.accel_bias_lab_m_s2, checks_poses=checks_poses, detects_drift=detects_drift)
+    return ExternalPositioning(config.accel_bias_lab_m_s2, checks_poses="pose-rejected" not in without)

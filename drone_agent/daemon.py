@@ -1,12 +1,14 @@
-"""The drone agent's process: pumps AgentCore between its link, the bus and the clock until it is stopped."""
+"""The drone agent's process: pumps a simulated drone between its link, the bus and the clock until it is stopped."""
 
 import asyncio
 import sys
 
 from drone_agent.autopilots import parameter_file
+from drone_agent.bridge import estimate
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
 from drone_agent.flight import position
+from drone_agent.guarded import GuardedDrone
 from drone_agent.link.awaited import awaited_bus, awaited_pose
 from drone_agent.link.ground_link import open_ground_link
 from drone_agent.timer import DeadlineTimer
@@ -22,11 +24,13 @@ from wire.transport.link import Link
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
 
+Drone = GuardedDrone | AgentCore
+
 
 class _Pump:
     """Hands what arrives to the core at once, and wakes it at its own deadlines."""
 
-    def __init__(self, config: AgentConfig, core: AgentCore, report: EventSink, clock: Clock) -> None:
+    def __init__(self, config: AgentConfig, core: Drone, report: EventSink, clock: Clock) -> None:
         self.link: Link | None = None
         self.bus: ZenohBus | None = None
         self.rejections = RejectionLog()
@@ -40,16 +44,19 @@ class _Pump:
         self._punctual = Punctuality(f"drone {config.sysid}", "its physics")
         self.timer = DeadlineTimer(self.turn, clock)
 
-    def receive(self, message: Datagram | LabFrame) -> None:
-        """Something arrived."""
-        self._core.receive(message, self._punctual_ns())
+    def receive(self, datagram: Datagram) -> None:
+        """The ground said something."""
+        self._core.receive(datagram, self._punctual_ns())
         self.turn()
 
     def receive_frame(self, frame: LabFrame) -> None:
-        """The mocap saw something."""
+        """The mocap saw something, which is the guard's to use."""
+        if not isinstance(self._core, GuardedDrone):
+            return
         if not self.has_pose and self._config.body_name in frame.bodies:
             self.has_pose = bool(frame.seen[frame.bodies.index(self._config.body_name)])
-        self.receive(frame)
+        self._core.receive(frame, self._punctual_ns())
+        self.turn()
 
     def turn(self) -> None:
         """Send what is due and sleep until the next deadline."""
@@ -83,7 +90,7 @@ async def run(config: AgentConfig, report: EventSink, clock: Clock = REAL_TIME) 
     stop = Stop()
     pump = _Pump(config, _core(config, clock), report, clock)
     missing: asyncio.Task[None] | None = None
-    uses_bus = config.link.kind == "zenoh" or config.pose == "mocap" or config.truth_rate_hz > 0.0
+    uses_bus = config.link.kind == "zenoh" or config.is_guarded or config.truth_rate_hz > 0.0
     try:
         if uses_bus:
             pump.bus = await ZenohBus.open(config.link, config.lab, pump.rejections)
@@ -92,7 +99,7 @@ async def run(config: AgentConfig, report: EventSink, clock: Clock = REAL_TIME) 
         pump.turn()
         if pump.bus is not None:
             awaited = [awaited_bus(config, pump.bus)]
-            awaited += [awaited_pose(config, lambda: pump.has_pose)] if config.pose == "mocap" else []
+            awaited += [awaited_pose(config, lambda: pump.has_pose)] if config.is_guarded else []
             missing = asyncio.create_task(report_missing(f"uav{config.sysid}", awaited, report))
         await stop.wait()
     finally:
@@ -105,18 +112,19 @@ async def run(config: AgentConfig, report: EventSink, clock: Clock = REAL_TIME) 
             await pump.bus.close()
 
 
-def _core(config: AgentConfig, clock: Clock) -> AgentCore:
+def _core(config: AgentConfig, clock: Clock) -> Drone:
     """The core, its kernels compiled: nothing compiles in flight."""
     stored = {} if config.parameter_file is None else parameter_file.read(config.parameter_file)
     config = config.model_copy(update={"parameters": {**config.parameters, **stored}})
     try:
-        core = AgentCore(config, clock.monotonic_ns())
+        core = (GuardedDrone if config.is_guarded else AgentCore)(config, clock.monotonic_ns())
     except ValueError as error:
         raise ConfigError([f"drone-agent: parameters: {error}"]) from error
     compile_all("drone-agent", lambda: _warm_up(core, clock), sys.stderr)
     return core
 
 
-def _warm_up(core: AgentCore, clock: Clock) -> None:
+def _warm_up(core: Drone, clock: Clock) -> None:
     core.truth(clock.monotonic_ns())
     position.warm_up()
+    estimate.warm_up()

@@ -1,7 +1,6 @@
-"""The fail-safe of a drone whose ground falls silent, one for the simulated autopilot and for the bridge. Pure.
+"""The guard's fail-safe of a drone whose ground falls silent. Pure.
 
 The stages and what leads from one to the next are `drone_agent.stages`; here are the times, and who owns the stream.
-Each side carries the stages out in its own way.
 """
 
 from collections import deque
@@ -87,7 +86,7 @@ class StreamFailsafe:
     def __init__(self, stale_s: float, land_s: float | None) -> None:
         """stale_s: the silence a control loop's stream may have; 0: any. land_s: holds for this long; None: for ever.
 
-        Either leaves the autopilot's own time-out to act.
+        0 and None leave it to the autopilot's own time-out.
         """
         self.stage = Stage.DISARMED
         self.monitor = LinkMonitor()
@@ -105,28 +104,22 @@ class StreamFailsafe:
     @property
     def broken(self) -> bool:
         """Whether the stream broke off, and has not come back: one setpoint alone is none."""
-        return self._broken and self.stage in (Stage.HOLD, Stage.LOST)
-
-    @property
-    def lands(self) -> bool:
-        """Whether a hold ends in a landing."""
-        return self._land_s is not None
+        return self._broken and self.stage is Stage.HOLD
 
     def pull(self, trigger: Trigger, now_ns: int) -> Stage | None:
         """The stage that begins, or begins anew; None where the trigger means nothing now."""
-        before, after = self.stage, next_stage(self.stage, trigger)
+        after = next_stage(self.stage, trigger)
         if after is None:
             return None
-        if after is Stage.HOLD or (after is Stage.LOST and before is not Stage.HOLD):
-            self._held_since_ns = now_ns
         if after is Stage.HOLD:
+            self._held_since_ns = now_ns
             self.reports_hold = self._reported_ns is None or now_ns - self._reported_ns >= _REPORT_PERIOD_NS
             self._reported_ns = now_ns if self.reports_hold else self._reported_ns
         if after not in RULED:
             self.owner = None
         elif trigger in (Trigger.STREAM, Trigger.NO_STREAM):
             self.owner, self._next_owner = self._next_owner, None
-        self.stage, self._broken = after, trigger in (Trigger.STALE, Trigger.TIME_OUT)
+        self.stage, self._broken = after, trigger is Trigger.STALE
         return after
 
     # The owner
@@ -171,28 +164,19 @@ class StreamFailsafe:
 
     # The times
 
-    def deadline_ns(self, own_s: float | None = None) -> int | None:
-        """When `advance` is next due, None while nothing is; own_s: the autopilot's own time-out, where it is known."""
+    def deadline_ns(self) -> int | None:
+        """When `advance` is next due, None while nothing is."""
         if self.stage is Stage.FOLLOW:
-            due_ns = self.monitor.stale_at_ns(self._stale_s) if self._stale_s else None
-        elif self.stage is Stage.HOLD:
-            due_ns = self._held_at_ns()
-        else:
-            return self._held_at_ns() if self.stage is Stage.LOST else None
-        own_ns = None if own_s is None else self.monitor.silent_at_ns(own_s)
-        if due_ns is None or own_ns is None:
-            return own_ns if due_ns is None else due_ns
-        return min(due_ns, own_ns)
+            return self.monitor.stale_at_ns(self._stale_s) if self._stale_s else None
+        return self._held_at_ns() if self.stage is Stage.HOLD else None
 
-    def advance(self, now_ns: int, own_s: float | None = None, *, no_pose: bool = False) -> Stage | None:
+    def advance(self, now_ns: int, *, no_pose: bool = False) -> Stage | None:
         """The stage that begins now, if one does; no_pose: there is no pose for a hold, so a hold lands at once."""
         if no_pose and self.stage in (Stage.HOLD, Stage.LAND):
             return self.pull(Trigger.NO_POSE, now_ns)
-        due_ns = self.deadline_ns(own_s)
+        due_ns = self.deadline_ns()
         if due_ns is None or now_ns < due_ns:
             return None
-        if self.stage is not Stage.LOST and own_s is not None and self.monitor.silent(now_ns, own_s):
-            return self.pull(Trigger.TIME_OUT, now_ns)
         return self.pull(Trigger.STALE if self.stage is Stage.FOLLOW else Trigger.HELD, now_ns)
 
     def _held_at_ns(self) -> int | None:

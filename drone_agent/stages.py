@@ -1,4 +1,4 @@
-"""The stage table: who guides the drone, and what each event makes of it. Agent and bridge run on it.
+"""The stage table: who guides the drone, and what each event makes of it. The guard runs on it.
 
 One stage at a time, from disarmed to disarmed; the README shows this very table.
 """
@@ -15,8 +15,7 @@ class Stage(Enum):
     OWN = "OWN MODE"  # armed in a mode of the autopilot's own, an operator's choice or its own fail-safe's
     WAIT = "WAIT"  # armed in a setpoint mode, no setpoint yet
     FOLLOW = "FOLLOW"  # the owner's setpoints
-    HOLD = "HOLD"  # they are stale: level and hold until they come back
-    LOST = "LOST"  # the autopilot's own time-out acts; the agent's clock runs on
+    HOLD = "HOLD"  # they are stale, or the pose is faulty: hold until they come back
     LAND = "LAND"  # by its own clock, on its own pose
     DESCEND = "DESCEND"  # by attitude and thrust alone
     STOPPED = "STOPPED"  # disarmed, and not to be armed
@@ -32,7 +31,6 @@ class Trigger(Enum):
     SETPOINT = "setpoint"
     STALE = "stale"
     NEW_OWNER = "new owner"
-    TIME_OUT = "autopilot's own time-out"
     HELD = "held its time"
     NO_POSE = "no pose"
     POSE_FAULT = "pose fault"
@@ -42,8 +40,8 @@ class Trigger(Enum):
     RESTED = "at rest for 2 s"
 
 
-_ARMED = (Stage.OWN, Stage.WAIT, Stage.FOLLOW, Stage.HOLD, Stage.LOST, Stage.LAND, Stage.DESCEND)
-RULED = frozenset({Stage.WAIT, Stage.FOLLOW, Stage.HOLD, Stage.LOST})
+_ARMED = (Stage.OWN, Stage.WAIT, Stage.FOLLOW, Stage.HOLD, Stage.LAND, Stage.DESCEND)
+RULED = frozenset({Stage.WAIT, Stage.FOLLOW, Stage.HOLD})
 """In which setpoints have an owner."""
 
 TABLE: Mapping[tuple[Stage, Trigger], Stage] = MappingProxyType(
@@ -59,17 +57,11 @@ TABLE: Mapping[tuple[Stage, Trigger], Stage] = MappingProxyType(
         (Stage.FOLLOW, Trigger.POSE_FAULT): Stage.HOLD,
         (Stage.FOLLOW, Trigger.THRUST_LOSS): Stage.LAND,
         (Stage.FOLLOW, Trigger.NEW_OWNER): Stage.HOLD,
-        (Stage.FOLLOW, Trigger.TIME_OUT): Stage.LOST,
         (Stage.HOLD, Trigger.SETPOINT): Stage.FOLLOW,
         (Stage.HOLD, Trigger.NEW_OWNER): Stage.HOLD,
-        (Stage.HOLD, Trigger.TIME_OUT): Stage.LOST,
         (Stage.HOLD, Trigger.HELD): Stage.LAND,
         (Stage.HOLD, Trigger.THRUST_LOSS): Stage.LAND,
         (Stage.HOLD, Trigger.NO_POSE): Stage.DESCEND,
-        (Stage.LOST, Trigger.SETPOINT): Stage.FOLLOW,
-        (Stage.LOST, Trigger.NEW_OWNER): Stage.HOLD,
-        (Stage.LOST, Trigger.HELD): Stage.LAND,
-        (Stage.LOST, Trigger.NO_POSE): Stage.DESCEND,
         (Stage.LAND, Trigger.NO_POSE): Stage.DESCEND,
         **{(stage, Trigger.DISARM): Stage.DISARMED for stage in _ARMED},
         **{(stage, Trigger.STOP): Stage.STOPPED for stage in Stage},

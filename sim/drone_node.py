@@ -1,4 +1,4 @@
-"""One drone in a lockstep flight: its agent, its bridge if it has one, and both directions of its link."""
+"""One drone in a lockstep flight: its guard, the simulated autopilot behind it, and both directions of its link."""
 
 from typing import NamedTuple
 
@@ -14,13 +14,13 @@ from drone_agent.simulation.physics import Physics
 from formation.maths.arrays import Float, Quat, Vec3
 from formation.messages import Datagram, Event, Innovation, LabFrame
 from sim.faults.channel import Channel, Sent
-from sim.faults.fault import Core, Family, Fault
+from sim.faults.fault import Family, Fault
 from sim.monitors import Without
 from sim.process_input import ProcessInput
 from sim.scenario import LinkModel, Scenario
 from wire.link_messages.address import BRIDGE_COMPONENT
 from wire.mavlink.framing import FrameCutter
-from wire.transport.memory_bus import NOTHING_DUE_NS, random_delay
+from wire.transport.memory_bus import random_delay
 
 
 class Sample(NamedTuple):
@@ -47,13 +47,13 @@ class Sample(NamedTuple):
 class DroneNode:
     """One drone; `due_ns`: when it has work to do.
 
-    Behind a bridge the agent is the autopilot: only the bridge receives the data of the ground and the mocap. Faults of
-    an agent are of its radio and its pose feed; the simulated vehicle and the autopilot's inner loops go on.
+    Only the guard receives the data of the ground and the mocap. Faults of the agent are of the guard's computer; the
+    autopilot, which has its own, flies on.
     """
 
     __slots__ = (
-        "_bridge_input", "_bridge_received", "_config", "_ghost", "_input", "_without", "agent", "bridges", "down",
-        "due_ns", "events", "faults", "followed_ns", "innovations", "sysid", "up",
+        "_config", "_input", "_received", "_without", "autopilot", "down", "due_ns", "events", "faults", "followed_ns",
+        "guards", "innovations", "sysid", "up",
     )  # fmt: skip
 
     def __init__(
@@ -64,9 +64,8 @@ class DroneNode:
         self._without = without.agent
         self.sysid = config.sysid
         # Truth is asked for at every exposure; nobody waits for it to be published.
-        self.agent = AgentCore(config.model_copy(update={"truth_rate_hz": 0.0}), now_ns, without.agent, physics)
-        bridged = scenario.true_vehicle(config.sysid).bridged
-        self.bridges = [BridgeCore(config, now_ns, without=without.agent)] if bridged else []
+        self.autopilot = AgentCore(config.model_copy(update={"truth_rate_hz": 0.0}), now_ns, without.agent, physics)
+        self.guards = [BridgeCore(config, now_ns, without=without.agent)]
         model = scenario.link
         self.down = _channel(model, model.down_s, [seed, 3, config.sysid])
         self.up = _channel(model, model.up_s, [seed, 4, config.sysid])
@@ -75,51 +74,40 @@ class DroneNode:
         self.innovations: list[Innovation] = []
         self.faults: list[PoseFault] = []
         self.followed_ns: int | None = None
-        self._ghost: AgentCore | None = None
-        self._input = ProcessInput[LabFrame | Sent]()
-        self._bridge_input = ProcessInput[LabFrame | Sent | bytes]()
-        self._bridge_received = (now_ns, now_ns)
-        """When the bridges last received a ground's datagram, and when it was sent."""
+        self._input = ProcessInput[LabFrame | Sent | bytes]()
+        self._received = (now_ns, now_ns)
+        """When the guards last received a ground's datagram, and when it was sent."""
 
     def update_due(self) -> None:
-        """Update `due_ns`; call it after any change of the agent or its link."""
+        """Update `due_ns`; call it after any change of the drone or its link."""
         self.due_ns = min(self._next_deadline_ns(), self.down.next_due_ns, self.up.next_due_ns)
 
     def receive_frame(self, frame: LabFrame, now_ns: int) -> None:
         """Receive a mocap frame."""
-        if not self.bridges:
-            self._receive(frame, now_ns)
-        elif self._bridge_input.admits(frame):
-            self._pass_to_bridges(frame, now_ns)
+        if self._input.admits(frame):
+            self._pass_to_guards(frame, now_ns)
 
     def receive_datagram(self, sent: Sent, now_ns: int) -> list[Datagram]:
         """Receive a ground's datagram; returns the datagrams sent at once."""
-        outgoing_datagrams: list[Datagram] = []
-        if self._ghost is not None:
-            self._ghost.receive(sent.datagram, now_ns)
-        if not self.bridges:
-            self._receive(sent, now_ns)
-        elif self._bridge_input.admits(sent):
-            self._pass_to_bridges(sent, now_ns)
-            outgoing_datagrams = self.tick(now_ns)
-        return outgoing_datagrams
+        if not self._input.admits(sent):
+            return []
+        self._pass_to_guards(sent, now_ns)
+        return self.tick(now_ns)
 
     def tick(self, now_ns: int) -> list[Datagram]:
-        """The datagrams for the ground; agent and bridge exchange theirs, without delay, until neither has more."""
-        outgoing_datagrams: list[Datagram] = []
+        """The datagrams for the ground; guard and autopilot exchange theirs, without delay, until neither has more."""
+        to_ground: list[Datagram] = []
         while self._next_deadline_ns() <= now_ns:
-            if self._ghost is not None and self._ghost.next_deadline_ns() <= now_ns:
-                outgoing_datagrams += self._ghost.tick(now_ns).datagrams
-            if self._input.runs and self.agent.next_deadline_ns() <= now_ns:
-                outgoing_datagrams += self._tick_agent(now_ns)
-            for bridge in self.bridges if self._bridge_input.runs else ():
-                if bridge.next_deadline_ns() <= now_ns:
-                    outgoing_datagrams += self._tick_bridge(bridge, now_ns)
-        return outgoing_datagrams
+            if self.autopilot.next_deadline_ns() <= now_ns:
+                self._tick_autopilot(now_ns)
+            for guard in self.guards if self._input.runs else ():
+                if guard.next_deadline_ns() <= now_ns:
+                    to_ground += self._tick_guard(guard, now_ns)
+        return to_ground
 
     def sample(self) -> Sample:
         """The true state of the drone, at the last millisecond of its physics."""
-        autopilot = self.agent.autopilot
+        autopilot = self.autopilot.autopilot
         frame = autopilot.airframe
         state = frame.state
         led = autopilot.task is Task.EXTERNAL
@@ -131,93 +119,71 @@ class DroneNode:
         )  # fmt: skip
 
     def begin(self, fault: Fault, now_ns: int) -> None:
-        """A fault of a core of this drone begins."""
-        host: ProcessInput[LabFrame | Sent] | ProcessInput[LabFrame | Sent | bytes] = self._host(fault.core)
+        """A fault of the guard begins."""
         match fault.family:
             case Family.KILL | Family.RESTART:
-                host.kill()
+                self._input.kill()
             case Family.STALL:
-                host.stall()
-            case Family.TWIN if fault.core == "agent":
-                self._ghost = AgentCore(self._config.model_copy(update={"truth_rate_hz": 0.0}), now_ns)
-            case Family.TWIN if self.bridges:
-                self.bridges.append(BridgeCore(self._config, now_ns, without=self._without))
+                self._input.stall()
+            case Family.TWIN:
+                self.guards.append(BridgeCore(self._config, now_ns, without=self._without))
 
     def end(self, fault: Fault, now_ns: int) -> None:
-        """It is over: a stalled core takes in what has come meanwhile, a restarted one is new."""
+        """It is over: a stalled guard takes in what has come meanwhile, a restarted one is new."""
         if fault.family is Family.TWIN:
-            self._ghost = None if fault.core == "agent" else self._ghost
-            del self.bridges[1 if fault.core == "bridge" else len(self.bridges) :]
-        elif fault.core == "bridge":
-            if fault.family is Family.RESTART and self.bridges:
-                self.bridges[0] = BridgeCore(self._config, now_ns, without=self._without)
-            for item in self._bridge_input.resume():
-                self._pass_to_bridges(item, now_ns)
-        else:
-            for item in self._input.resume():
-                self._pass_to_agent(item, now_ns)
-
-    def _host(self, core: Core | None) -> "ProcessInput[LabFrame | Sent] | ProcessInput[LabFrame | Sent | bytes]":
-        return self._bridge_input if core == "bridge" else self._input
+            del self.guards[1:]
+            return
+        if fault.family is Family.RESTART:
+            self.guards[0] = BridgeCore(self._config, now_ns, without=self._without)
+        for item in self._input.resume():
+            self._pass_to_guards(item, now_ns)
 
     def _next_deadline_ns(self) -> int:
-        """When agent or bridge has something to do of itself."""
-        due_ns = self.agent.next_deadline_ns() if self._input.runs else NOTHING_DUE_NS
-        if self.bridges and self._bridge_input.runs:
-            due_ns = min(due_ns, *[bridge.next_deadline_ns() for bridge in self.bridges])
-        return due_ns if self._ghost is None else min(due_ns, self._ghost.next_deadline_ns())
+        """When guard or autopilot has something to do of itself."""
+        due_ns = self.autopilot.next_deadline_ns()
+        if self._input.runs:
+            for guard in self.guards:
+                due_ns = min(due_ns, guard.next_deadline_ns())
+        return due_ns
 
-    def _receive(self, item: LabFrame | Sent, now_ns: int) -> None:
-        if self._input.admits(item):
-            self._pass_to_agent(item, now_ns)
-
-    def _pass_to_agent(self, item: LabFrame | Sent, now_ns: int) -> None:
-        if isinstance(item, Sent):
-            self.agent.receive(item.datagram, now_ns)
-            self._follow(item.t_ns, now_ns)
-        else:
-            self.agent.receive(item, now_ns)
-
-    def _follow(self, sent_ns: int, now_ns: int) -> None:
-        """Note when the followed setpoint was sent, if the agent has accepted one just now."""
-        if self.agent.autopilot.stream.monitor.last_ns == now_ns:
-            self.followed_ns = sent_ns
-
-    def _pass_to_bridges(self, item: LabFrame | Sent | bytes, now_ns: int) -> None:
-        for bridge in self.bridges:
+    def _pass_to_guards(self, item: LabFrame | Sent | bytes, now_ns: int) -> None:
+        for guard in self.guards:
             if isinstance(item, LabFrame):
-                bridge.receive_frame(item, now_ns)
+                guard.receive_frame(item, now_ns)
             elif isinstance(item, Sent):
-                bridge.receive_ground(item.datagram, now_ns)
+                guard.receive_ground(item.datagram, now_ns)
             else:
-                bridge.receive_autopilot(item, now_ns)
+                guard.receive_autopilot(item, now_ns)
         if isinstance(item, Sent):
-            self._bridge_received = (now_ns, item.t_ns)
+            self._received = (now_ns, item.t_ns)
 
-    def _tick_agent(self, now_ns: int) -> tuple[Datagram, ...]:
-        outgoing = self.agent.tick(now_ns)
+    def _tick_autopilot(self, now_ns: int) -> None:
+        outgoing = self.autopilot.tick(now_ns)
         self.events += outgoing.events
-        if not self.bridges:
-            return outgoing.datagrams
         for datagram in outgoing.datagrams:
-            if self._bridge_input.admits(datagram.data):
-                self._pass_to_bridges(datagram.data, now_ns)
-        return ()
+            if self._input.admits(datagram.data):
+                self._pass_to_guards(datagram.data, now_ns)
 
-    def _tick_bridge(self, bridge: BridgeCore, now_ns: int) -> tuple[Datagram, ...]:
-        outgoing = bridge.tick(now_ns)
+    def _tick_guard(self, guard: BridgeCore, now_ns: int) -> tuple[Datagram, ...]:
+        outgoing = guard.tick(now_ns)
         self.events += outgoing.events
         self.innovations += outgoing.innovations
         self.faults += outgoing.faults
-        received_ns, sent_ns = self._bridge_received
+        received_ns, sent_ns = self._received
         for datagram in outgoing.to_autopilot:
-            passed = received_ns == now_ns and not _flown_by_bridge(datagram)
-            self._receive(Sent(sent_ns if passed else now_ns, datagram), now_ns)
+            passed = received_ns == now_ns and not _flown_by_guard(datagram)
+            self._pass_to_autopilot(datagram, sent_ns if passed else now_ns, now_ns)
         return outgoing.to_ground
 
+    def _pass_to_autopilot(self, datagram: Datagram, sent_ns: int, now_ns: int) -> None:
+        """Hand it over; note when the followed setpoint was sent, if it has accepted one just now."""
+        self.autopilot.receive(datagram, now_ns)
+        if self.autopilot.autopilot.stream.last_ns == now_ns:
+            self.followed_ns = sent_ns
 
-def _flown_by_bridge(datagram: Datagram) -> bool:
-    """Whether the last setpoint among these packets is the bridge's own."""
+
+def _flown_by_guard(datagram: Datagram) -> bool:
+    """Whether the last setpoint among these packets is the guard's own."""
     setpoints = [frame for frame in FrameCutter().cut(datagram.data) if frame.number in SETPOINTS]
     return bool(setpoints) and setpoints[-1].source.component == BRIDGE_COMPONENT
 

@@ -149,9 +149,9 @@ def _drone(config: AgentConfig, inner: LinkConfig | None) -> Iterator[tuple[str,
     if inner is None:
         yield f"agent-{config.sysid}", config
         return
-    # It is on the bus for its truth alone: the mocap has no body of that name, and setpoints die by the bridge's rule.
+    # It is on the bus for its truth alone.
     own = {"kind": "udp", "zenoh_connect": config.link.zenoh_connect}
-    behind = {"link": inner.model_copy(update=own), "body": f"behind-{config.sysid}", "stale_setpoint_s": 0.0}
+    behind = {"link": inner.model_copy(update=own), "body": f"behind-{config.sysid}", "guard": False}
     yield f"agent-{config.sysid}", config.model_copy(update=behind)
     bridge = {"bridge": f"udp:{inner.host}:{inner.drone_port_base + config.sysid}", "truth_rate_hz": 0.0}
     yield f"bridge-{config.sysid}", config.model_copy(update=bridge)

@@ -66,7 +66,7 @@ class TrueVehicle(Model):
         default="px4", validation_alias=AliasChoices("autopilot", "personality")
     )
     bridged: bool = False
-    """It stands behind a bridge, as a real autopilot does, which alone hears ground and mocap."""
+    """With real processes: its guard is a process of its own, the bridge, as before a real autopilot."""
     level_error: LevelError = LevelError()
 
 

@@ -92,7 +92,7 @@ class World:
 
     def truths(self) -> dict[int, Truth]:
         """The true state of every drone now, by sysid."""
-        return {sysid: node.agent.truth(self.now_ns) for sysid, node in self.nodes.items()}
+        return {sysid: node.autopilot.truth(self.now_ns) for sysid, node in self.nodes.items()}
 
     def samples(self) -> list[Sample]:
         """The true state of every drone, at the last millisecond."""
@@ -279,7 +279,7 @@ class World:
                 self.ask(fault.verb, fault.argument)
             return
         for node in self._hit(fault):
-            (vehicle.begin if begins else vehicle.end)(fault, node.agent, self.now_ns)
+            (vehicle.begin if begins else vehicle.end)(fault, node.autopilot, self.now_ns)
             node.update_due()
 
     def _change_ground(self, fault: Fault, begins: bool) -> None:

@@ -26,11 +26,11 @@ TICK_NS = 10_000_000
 _PATIENCE_NS = 20_000_000_000
 
 
-def scenario(autopilot: Literal["px4", "ardupilot"], *, bridged: bool = False, height_m: float = 1.5) -> Scenario:
+def scenario(autopilot: Literal["px4", "ardupilot"], *, height_m: float = 1.5) -> Scenario:
     """The paper's line at `height_m`, its three drones of one make."""
     line = load("triangle_line")
     flight = line.lab.flight.model_copy(update={"altitude_m": height_m})
-    vehicles = tuple(TrueVehicle(sysid=k, autopilot=autopilot, bridged=bridged) for k in (1, 2, 3))
+    vehicles = tuple(TrueVehicle(sysid=k, autopilot=autopilot) for k in (1, 2, 3))
     return line.model_copy(update={"lab": line.lab.model_copy(update={"flight": flight}), "vehicles": vehicles})
 
 
@@ -44,9 +44,9 @@ def landing(world: World) -> dict[str, float]:
     """Kill the ground now: seconds until all are disarmed, the fastest touch-down, the farthest drift."""
     world.kill_ground()
     killed_ns, before = world.now_ns, world.truths()
-    agents = [node.agent for node in world.nodes.values()]
+    autopilots = [node.autopilot for node in world.nodes.values()]
     impact_m_s, last = 0.0, before
-    while any(agent.autopilot.armed for agent in agents) and world.now_ns < killed_ns + _PATIENCE_NS:
+    while any(each.autopilot.armed for each in autopilots) and world.now_ns < killed_ns + _PATIENCE_NS:
         world.step()
         now = world.truths()
         touched = [k for k, truth in now.items() if truth.on_ground and not last[k].on_ground]
@@ -58,7 +58,7 @@ def landing(world: World) -> dict[str, float]:
         "seconds": (world.now_ns - killed_ns) * 1e-9,
         "impact_m_s": impact_m_s,
         "drift_m": max(float(np.linalg.norm((last[k].pos_lab_m - before[k].pos_lab_m)[:2])) for k in before),
-        "armed": float(any(agent.autopilot.armed for agent in agents)),
+        "armed": float(any(each.autopilot.armed for each in autopilots)),
     }
 
 
@@ -93,10 +93,9 @@ def main() -> int:
     """The program."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--autopilot", choices=tuple(MODELS), default="px4")
-    parser.add_argument("--bridged", action="store_true")
     parser.add_argument("--every", type=int, default=1)
     told = parser.parse_args()
-    world = World(scenario(told.autopilot, bridged=told.bridged), 7, lambda _topic, _message, _t_ns: None)
+    world = World(scenario(told.autopilot), 7, lambda _topic, _message, _t_ns: None)
     allowed_s = WITHIN_S + disarm_delay_s(told.autopilot)
     runs = list(landings(world, told.every))
     failed = [r for r in runs if r["armed"] or r["seconds"] > allowed_s or r["impact_m_s"] > IMPACT_M_S]

@@ -1,4 +1,4 @@
-"""What the guard's navigator detects in every row of the fault campaign, flown with each drone behind a bridge.
+"""What the guard's navigator detects in every row of the fault campaign, flown.
 
 python -m tools.guard_detections              # all rows, as a Markdown table
 python -m tools.guard_detections drift jump   # these
@@ -14,7 +14,7 @@ from formation.topics import EVENT, Topic
 from sim.campaign.flight import Flight
 from sim.campaign.table import SEED, Row, table
 from sim.lockstep import fly, uncollected
-from sim.scenario import Scenario, TrueVehicle, load
+from sim.scenario import load
 from sim.shipped import shipped
 
 
@@ -26,17 +26,9 @@ class Detected(NamedTuple):
     drift_m: float
 
 
-def bridged(scenario: Scenario) -> Scenario:
-    """The scenario with every drone behind a bridge."""
-    known = {vehicle.sysid: vehicle for vehicle in scenario.vehicles}
-    sysids = [vehicle.sysid for vehicle in scenario.lab.vehicles if vehicle.sysid is not None]
-    vehicles = [known.get(sysid, TrueVehicle(sysid=sysid)).model_copy(update={"bridged": True}) for sysid in sysids]
-    return scenario.model_copy(update={"vehicles": tuple(vehicles)})
-
-
 def detected(row: Row) -> Detected:
-    """Fly a row with its drones behind bridges."""
-    flight = Flight(bridged(row.scenario), SEED)
+    """Fly a row."""
+    flight = Flight(row.scenario, SEED)
     found: list[tuple[int, int, str]] = []
     rejecting: dict[int, bool] = {}
     with uncollected():
@@ -46,9 +38,9 @@ def detected(row: Row) -> Detected:
             for sysid, node in flight.world.nodes.items():
                 found += [(sysid, flight.world.now_ns, fault.signature.name) for fault in node.faults]
                 node.faults.clear()
-                rejects = any(bridge.rejects_poses for bridge in node.bridges)
+                rejects = any(guard.rejects_poses for guard in node.guards)
                 if rejects and not rejecting.get(sysid):
-                    found.append((sysid, flight.world.now_ns, "bridge holds"))
+                    found.append((sysid, flight.world.now_ns, "guard holds"))
                 rejecting[sysid] = rejects
     onset_ns = flight.world.faults.first_ns or flight.world.now_ns
     times = [(sysid, (t_ns - onset_ns) * 1e-9, name) for sysid, t_ns, name in found]
@@ -62,7 +54,7 @@ def line(name: str, result: Detected) -> str:
     false = 0
     for sysid, after_s, what in result.detections:
         if after_s < 0.0:
-            false += what != "bridge holds"
+            false += what != "guard holds"
         else:
             first.setdefault((sysid, what), after_s)
     cells = [f"{sysid}: {what} {after_s:.2f} s" for (sysid, what), after_s in first.items()]
@@ -71,8 +63,8 @@ def line(name: str, result: Detected) -> str:
 
 
 def nominal(name: str, seed: int) -> tuple[float, list[str]]:
-    """Seconds of drones in a shipped scenario flown behind bridges, and what the guard reported in it."""
-    scenario = bridged(load(name))
+    """Seconds of drones in a shipped scenario and what the guard reported in it."""
+    scenario = load(name)
     found: list[str] = []
 
     def record(topic: Topic, message: object, _t_ns: int) -> None:
@@ -80,7 +72,7 @@ def nominal(name: str, seed: int) -> tuple[float, list[str]]:
             found.append(f"{message.source}: {message.text}")
 
     flown = fly(scenario, seed, record)
-    return flown.duration_s * len(scenario.vehicles), found
+    return flown.duration_s * len([v for v in scenario.lab.vehicles if v.sysid is not None]), found
 
 
 def report_nominal(count: int, names: Sequence[str]) -> None:

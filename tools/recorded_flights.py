@@ -29,7 +29,7 @@ SECOND_NS = 1_000_000_000
 RECORDED: tuple[Topic, ...] = (topics.TARGET, topics.LINK_DOWN, topics.PHASE, topics.TRUTH)
 ADDED = ("held_off",)
 """Fields that recordings made before them lack."""
-FLIGHTS = ("line", "circle", "twenty", "bridged", "gust")
+FLIGHTS = ("line", "circle", "twenty", "campaign", "gust")
 
 
 def main() -> int:
@@ -57,11 +57,9 @@ def main() -> int:
 
 def flight_entries(name: str) -> list[Entry]:
     """Fly one of the five; its log entries."""
-    if name == "bridged":
+    if name == "campaign":
         entries: list[Entry] = []
-        fly(
-            campaign_scenario(bridged=True), 7, lambda topic, message, t_ns: entries.append(Entry(topic, t_ns, message))
-        )
+        fly(campaign_scenario(), 7, lambda topic, message, t_ns: entries.append(Entry(topic, t_ns, message)))
         return entries
     scenario_name = {"line": "triangle_line", "circle": "triangle_circle", "gust": "hover_gust"}.get(name, name)
     return run_in_memory(load(scenario_name), 7)[1]

@@ -40,6 +40,7 @@ from wire.link_messages.commands import (
     SetMode,
     command_long,
 )
+from wire.link_messages.message_id import MessageId
 from wire.link_messages.motion import AttitudeQuaternion, InertialSample, Origin, SetOrigin
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
@@ -263,6 +264,9 @@ class BridgeCore:
             self._takeover.acknowledged(message)
             self._inertial.answered(message)
             return True
+        elif isinstance(message, CommandAck) and message.command in SETS_MODE:
+            # Its next heartbeat by itself may be a second away, and until it is here nothing is guarded.
+            self._send_autopilot(command_long(self._target, MavCommand.REQUEST_MESSAGE, float(MessageId.HEARTBEAT)))
         elif isinstance(message, InertialSample):
             self._inertial.receive_sample(message, now_ns)
             self._act_on_faults()
@@ -277,7 +281,7 @@ class BridgeCore:
             return ours
         elif isinstance(message, TimeSync):
             # Its poses come from here, so the clock it holds them against must be ours.
-            self._send_autopilot(TimeSync(now_ns, message.ts1_ns, packet.source))
+            self._send_autopilot(TimeSync(max(now_ns, 1), message.ts1_ns, packet.source))  # zero would be a request
             return True
         return False
 
@@ -308,7 +312,7 @@ class BridgeCore:
             self._fly(down=turn.flown is not Stage.HOLD, open_loop=turn.flown is Stage.DESCEND)
         if turn.lands:
             self._send_autopilot(command_long(self._target, MavCommand.NAV_LAND, 0.0, 0.0, 0.0, float("nan")))
-        if turn.lands and self._hold.faded:
+        if turn.lands and (self._hold.faded or self._hold.stands):  # refused in the air
             self._send_autopilot(command_long(self._target, MavCommand.COMPONENT_ARM_DISARM))
 
     def _act_on_faults(self) -> None:

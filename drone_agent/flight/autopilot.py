@@ -11,14 +11,12 @@ from math import hypot
 from drone_agent.autopilots.model import AutopilotModel, ModeRow, Needs, StreamLoss, Task, Timing
 from drone_agent.autopilots.parameters import Parameters
 from drone_agent.config import AgentConfig
-from drone_agent.failsafe import STOPPED, StreamFailsafe
 from drone_agent.flight.estimator import Belief, Positioning, believed, turned
 from drone_agent.flight.flying import Pilot
 from drone_agent.flight.landing import LandDetector
-from drone_agent.flight.position import feed_forward_rates
+from drone_agent.flight.stream import SetpointStream
 from drone_agent.simulation.airframe import Airframe
 from drone_agent.simulation.attitude_loop import LoopSetpoint
-from drone_agent.stages import Stage, Trigger
 from formation.messages import Severity
 from formation.model import Vec3Tuple
 from wire.autopilots.table import STREAM_MODES, FlightMode
@@ -60,12 +58,8 @@ class Autopilot:
         self.home: Belief | None = None
         self.notes: list[Note] = []
         self.detector = LandDetector()
-        stale_s = 0.0 if "stream-stale" in without else config.stale_setpoint_s
-        self.stream = StreamFailsafe(stale_s, None if "own-land" in without else config.land_after_s)
-        self.latched_ns = 0
+        self.stream = SetpointStream()
         self.carried = False  # by the floor, as the accelerometer against the thrust says
-        self.setpoint_age_ms: float | None = None
-        """From camera to drone, of the newest; None once reported, or without a common clock."""
         self.armed_ns = 0
         self.origin: Vec3Tuple | None = config.origin if config.pose == "own" else None
         """Of the estimate's frame on the globe, if anybody has said."""
@@ -116,11 +110,6 @@ class Autopilot:
         """Where it thinks it is."""
         return believed(self.airframe.state, self.positioning.offset(now_ns))
 
-    def pop_setpoint_age_ms(self) -> float | None:
-        """The newest setpoint's age, once."""
-        age_ms, self.setpoint_age_ms = self.setpoint_age_ms, None
-        return age_ms
-
     def report(self, severity: Severity, text: str, *fills: str) -> None:
         """Send the operator a text; an empty one is not sent."""
         if text:
@@ -130,8 +119,6 @@ class Autopilot:
 
     def arming_fault(self, now_ns: int) -> str | None:
         """Why it will not arm now, or None."""
-        if self.stream.stage is Stage.STOPPED:
-            return STOPPED
         row = self.row
         if not row.may_arm:
             return self.model.texts.not_armable.format(row.label)
@@ -147,7 +134,7 @@ class Autopilot:
                 return self.model.texts.no_position.format(fault)
         if Needs.GLOBE in needs and self.origin is None and self.armed:
             return "no valid global position estimate"
-        if Needs.STREAM in needs and self.stream.monitor.silent(now_ns, self.stream_loss.after_s):
+        if Needs.STREAM in needs and self.stream.is_silent(now_ns, self.stream_loss.after_s):
             return self.model.texts.stream_lost
         if Needs.PILOT in needs:
             return "manual control signal lost"
@@ -163,10 +150,7 @@ class Autopilot:
         """Arm after the checks, or past them by force; arming what is armed is accepted."""
         if self.armed:
             return Result.ACCEPTED
-        stopped = self.stream.stage is Stage.STOPPED
-        if stopped:
-            self.latched_ns = now_ns  # who goes on asking as before the stop does not know of it
-        fault = None if force and not stopped else self.arming_fault(now_ns)
+        fault = None if force else self.arming_fault(now_ns)
         if fault is not None:
             for words in self.model.texts.arm_rejected:
                 self.report(Severity.CRITICAL, words, fault)
@@ -177,18 +161,15 @@ class Autopilot:
         self.home = self.belief(now_ns)
         self.pilot.set_home(self.home)
         self.report(Severity.INFO, self.model.texts.armed)
-        self.stream.pull(Trigger.ARM, now_ns)
         self._start_task(now_ns)
         return Result.ACCEPTED
 
-    def disarm(self, now_ns: int, *, force: bool, reason: str) -> Result:
-        """Stop the motors: on the ground, or anywhere by force, which is a stop and latches."""
+    def disarm(self, *, force: bool, reason: str) -> Result:
+        """Stop the motors: on the ground, or anywhere by force."""
         if not (self.landed or force or not self.armed):
             self.report(Severity.CRITICAL, self.model.texts.disarm_rejected)
             return self.model.rejected
-        latches = force and "stop-latch" not in self.without
-        if self.stream.pull(Trigger.STOP if latches else Trigger.DISARM, now_ns) is Stage.STOPPED:
-            self.latched_ns = now_ns
+        self.stream.end()
         if not self.armed:
             return Result.ACCEPTED
         self.armed = self.airframe.armed = False
@@ -200,13 +181,13 @@ class Autopilot:
         self.report(Severity.INFO, self.model.texts.disarmed, reason)
         return Result.ACCEPTED
 
-    def terminate(self, now_ns: int) -> Result:
+    def terminate(self) -> Result:
         """Motors off wherever it is."""
         if not self.armed:
             return Result.DENIED
         if FlightMode.TERMINATION in self.model.modes:
             self.mode = FlightMode.TERMINATION
-        return self.disarm(now_ns, force=True, reason="flight termination")
+        return self.disarm(force=True, reason="flight termination")
 
     # Modes
 
@@ -220,7 +201,6 @@ class Autopilot:
             self.report(Severity.CRITICAL, self.model.texts.mode_rejected, row.label, fault)
             return self.model.rejected
         self.failsafe = False
-        self.stream.pull(Trigger.OTHER_MODE, now_ns)
         self.enter(mode, now_ns)
         return Result.ACCEPTED
 
@@ -263,32 +243,27 @@ class Autopilot:
         if self.armed:
             self._start_task(now_ns)
 
-    def fail_safe(self, mode: FlightMode, now_ns: int) -> None:
-        """Leave what was asked for, setpoints too, as the autopilot itself does."""
-        self.stream.pull(Trigger.OTHER_MODE, now_ns)
-        self.divert(mode, now_ns)
-
     def divert(self, mode: FlightMode, now_ns: int, task: Task | None = None) -> None:
-        """Show `mode` and fly its task, or `task`; without a position, descend."""
+        """Leave what was asked for: show `mode` and fly its task, or `task`; without a position, descend."""
         self.failsafe = True
         self.enter(mode, now_ns)
         if not self.armed:
             return
         flown = task or self.row.task
         if flown is Task.OFF:
-            self.terminate(now_ns)
+            self.terminate()
         elif flown in (Task.HOLD, Task.RETURN, Task.LAND) and not self.positioning.valid(now_ns):
             self.fly(Task.DESCEND, now_ns)
         elif task is not None:
             self.fly(task, now_ns)
 
-    def fly(self, task: Task, now_ns: int, *, rise_m: float = 0.0, level_first: bool = False) -> None:
+    def fly(self, task: Task, now_ns: int, *, rise_m: float = 0.0) -> None:
         """Let the pilot take `task` up from here."""
         belief = self.belief(now_ns)
         goal_m = belief.pos_lab_m[2] + rise_m
         if task is Task.RETURN:
             goal_m = self._return_height_m(belief)
-        self.pilot.begin(task, belief, goal_m=goal_m, level_first=level_first)
+        self.pilot.begin(task, belief, goal_m=goal_m)
         self.piloted = True
 
     # The steady rate
@@ -301,8 +276,7 @@ class Autopilot:
         belief = self.belief(now_ns)
         setpoint = self.pilot.step(belief, self.timing, _CONTROL_S, carried=self.carried)
         true_q = turned(setpoint.q_lab_from_flu, -self.positioning.yaw_rad)
-        rate = feed_forward_rates(self.airframe, true_q) if self.pilot.levelling else setpoint.rate_flu_rad_s
-        self.airframe.order_now(LoopSetpoint(true_q, rate, setpoint.thrust_norm))
+        self.airframe.order_now(LoopSetpoint(true_q, setpoint.rate_flu_rad_s, setpoint.thrust_norm))
         if not self.pilot.arrived(belief):
             return
         if self.pilot.task is Task.TAKEOFF:
@@ -316,9 +290,9 @@ class Autopilot:
     def _start_task(self, now_ns: int) -> None:
         """Do what the mode does. A stream that is alive takes over with its next target; until then, hold."""
         task = self.row.task
+        self.stream.end()
         if task is Task.EXTERNAL:
-            alive = not self.stream.monitor.silent(now_ns, self.stream_loss.after_s)
-            self.stream.pull(Trigger.STREAM if alive else Trigger.NO_STREAM, now_ns)
+            self.stream.begin(now_ns, self.stream_loss.after_s)
             task = Task.HOLD if self.positioning.valid(now_ns) else Task.LEVEL
         if task is Task.TAKEOFF:
             rise_m = self._rise_m if self._rise_m is not None else self.timing.takeoff_height_m

@@ -10,25 +10,20 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from drone_agent.flight.pose_drift import ALONE_NS, PoseDrift
 from formation.maths.arrays import Quat, Vec3
 from formation.model import Vec3Tuple
-from formation.safety.attitude_innovation import GAP_S, MOST_RAD, AttitudeInnovation, Tilt, tilt
+from formation.safety.attitude_innovation import Tilt, tilt
 from formation.vehicle.profile import VehicleState
 
 _AGE_MAX_NS = 500_000_000
 _FRESH_NS = 300_000_000
 _READY_AFTER_NS = 1_000_000_000
 _VALID_NS = 1_000_000_000
-_RIGHT_NS = 500_000_000
 _RESET_AFTER_NS = 1_000_000_000
-_RESTART_AFTER_NS = ALONE_NS - 500_000_000
-"""Before a bridge, which counts for itself, shows it poses again."""
 _POS_INNOVATION_MAX_M = 0.3
 _POS_INNOVATION_GROWTH_M_S = 0.3
 _YAW_INNOVATION_MAX_RAD = 0.35
 _TILT_INNOVATION_COS = math.cos(0.35)
-_LATE_AFTER_NS = 100_000_000
 _OWN_READY_NS = 2_000_000_000
 # Fraction of a pose's innovation believed at once; the velocity gain that damps it critically.
 _GAIN = 0.2
@@ -107,17 +102,8 @@ class Positioning(Protocol):
         """What the estimate's heading is off by."""
         ...
 
-    @property
-    def is_drifting(self) -> bool:
-        """Whether the pose moves as the inertial sensors say it does not."""
-        ...
-
     def valid(self, now_ns: int) -> bool:
         """Whether a flight may go on with it."""
-        ...
-
-    def silent_s(self, now_ns: int) -> float:
-        """For how long no pose has been taken, s; infinite before the first."""
         ...
 
     def fault(self, now_ns: int) -> str | None:
@@ -144,18 +130,9 @@ class OwnPositioning:
         """Nothing."""
         return 0.0
 
-    @property
-    def is_drifting(self) -> bool:
-        """Never."""
-        return False
-
     def valid(self, now_ns: int) -> bool:
         """Once it has found itself."""
         return now_ns >= self._ready_ns
-
-    def silent_s(self, now_ns: int) -> float:
-        """Never, once it has found itself."""
-        return 0.0 if self.valid(now_ns) else math.inf
 
     def fault(self, now_ns: int) -> str | None:
         """Until it has found itself."""
@@ -169,10 +146,10 @@ class OwnPositioning:
 class ExternalPositioning:
     """The external pose alone: not ready without it, valid for a second after it."""
 
-    def __init__(self, bias_lab_m_s2: Vec3Tuple, *, checks_poses: bool = True, detects_drift: bool = True) -> None:
-        """checks_poses: whether it checks position and attitude against the inertial sensors; detects_drift: motion."""
+    def __init__(self, bias_lab_m_s2: Vec3Tuple, *, checks_poses: bool = True) -> None:
+        """checks_poses: whether it checks position and attitude against the inertial sensors."""
         self._bias = bias_lab_m_s2
-        self._checks_poses, self._detects_drift = checks_poses, detects_drift
+        self._checks_poses = checks_poses
         self._pos = [0.0, 0.0, 0.0]
         self._vel = [0.0, 0.0, 0.0]
         self.yaw_rad = 0.0
@@ -180,19 +157,8 @@ class ExternalPositioning:
         self._capture_ns = -(2**62)
         self._good_ns: int | None = None  # receipt of the last accepted pose
         self._since_ns = 0  # start of the present unbroken run of accepted poses
-        self._wrong_ns: int | None = None  # of the first refusal since there was a run of half a second
         self._reject_reason = "no external pose"
-        self._drift_detector = PoseDrift()
-        self._attitude_innovation = AttitudeInnovation()
-        self._late = False
-        self._innovation_since_ns: int | None = None  # since when the attitude innovation has been large
-        self._shown_ns = 0  # capture of the last pose that was held against that
         self.rejected = 0
-
-    @property
-    def is_drifting(self) -> bool:
-        """Whether the newest pose was rejected for pose drift."""
-        return self._drift_detector.is_drifting
 
     def offset(self, now_ns: int) -> Offset:
         """What the last pose left, and the drift since."""
@@ -204,10 +170,6 @@ class ExternalPositioning:
     def valid(self, now_ns: int) -> bool:
         """Dead reckoning is trusted for a second."""
         return self._good_ns is not None and now_ns - self._good_ns < _VALID_NS
-
-    def silent_s(self, now_ns: int) -> float:
-        """Since the last accepted pose."""
-        return math.inf if self._good_ns is None else (now_ns - self._good_ns) * 1e-9
 
     def fault(self, now_ns: int) -> str | None:
         """Stale, refused, or not steady for a second yet."""
@@ -227,30 +189,20 @@ class ExternalPositioning:
         measured = [p - (t + v * dt_s) for p, t, v in motion]
         reject_reason = self._format_fault(pose.t_capture_ns, now_ns, measured, q)
         if reject_reason is None and self._checks_poses:
-            reject_reason = self._attitude_fault(pose.t_capture_ns, q, true_q, state, now_ns)
+            reject_reason = self._attitude_fault(q, true_q)
         if reject_reason is None and not lost and self._checks_poses:
-            reject_reason = self._jump_fault(pose.t_capture_ns, measured, yaw, now_ns)
-        if reject_reason is None and not lost and self._detects_drift:
-            reject_reason = self._drift_fault(pose.t_capture_ns, measured, predicted.vel_lab_m_s, now_ns)
+            reject_reason = self._jump_fault(measured, yaw, now_ns)
         if reject_reason is not None:
             self.rejected += 1
             self._reject_reason = reject_reason
-            self._wrong_ns = self._wrong_ns or now_ns
             return False
         if lost:
             self._pos, self._vel, self.yaw_rad = measured, [0.0, 0.0, 0.0], yaw
             self._since_ns = now_ns
-            if self._good_ns is None or now_ns - min(self._wrong_ns or now_ns, self._good_ns) > _RESTART_AFTER_NS:
-                self._drift_detector.begin(pose.t_capture_ns, measured)
-                self._wrong_ns = None
-            else:
-                self._drift_detector.restart(pose.t_capture_ns, measured)
         else:
             self._correct(measured, yaw, (pose.t_capture_ns - self._capture_ns) * 1e-9)
             if now_ns - (self._good_ns or 0) > _FRESH_NS:
                 self._since_ns = now_ns
-            elif now_ns - self._since_ns > _RIGHT_NS:
-                self._wrong_ns = None
         self._capture_ns, self._good_ns = pose.t_capture_ns, now_ns
         self._reject_reason = "external pose is stale"
         return True
@@ -271,60 +223,19 @@ class ExternalPositioning:
             return "external pose is out of order"
         return None
 
-    def _attitude_fault(
-        self, t_capture_ns: int, q: list[float], true_q: list[float], state: VehicleState, now_ns: int
-    ) -> str | None:
-        """Why an attitude disagrees with the measured gravity direction: by size, or by a lag while turning."""
-        shown, own = tilt(q), tilt(true_q)
-        lags = self._detects_drift and self._lags(t_capture_ns, shown, own, state.rate_flu_rad_s, now_ns)
-        if up_dot(q, shown, true_q, own) < _TILT_INNOVATION_COS:
-            return "external attitude disagrees with gravity"
-        return "external attitude lags the measured one: late poses?" if lags else None
+    def _attitude_fault(self, q: list[float], true_q: list[float]) -> str | None:
+        """Why an attitude disagrees with the measured gravity direction."""
+        upright = up_dot(q, tilt(q), true_q, tilt(true_q)) >= _TILT_INNOVATION_COS
+        return None if upright else "external attitude disagrees with gravity"
 
-    def _jump_fault(self, t_capture_ns: int, measured: list[float], yaw_rad: float, now_ns: int) -> str | None:
+    def _jump_fault(self, measured: list[float], yaw_rad: float, now_ns: int) -> str | None:
         """Why a pose cannot be where the vehicle is, by its inertial sensors."""
         limit_m = _POS_INNOVATION_MAX_M + _POS_INNOVATION_GROWTH_M_S * (now_ns - (self._good_ns or now_ns)) * 1e-9
-        if math.dist(measured, self._pos) > limit_m and not self._drift_detector.is_drifting:
-            self._step_back(t_capture_ns, now_ns)
+        if math.dist(measured, self._pos) > limit_m:
             return "external position jumped"
         if abs(math.remainder(yaw_rad - self.yaw_rad, math.tau)) > _YAW_INNOVATION_MAX_RAD:
             return "external heading jumped"
         return None
-
-    def _drift_fault(self, t_capture_ns: int, measured: list[float], vel_lab_m_s: Vec3Tuple, now_ns: int) -> str | None:
-        """Why a pose cannot be what the vehicle did since the last ones, by its inertial sensors."""
-        was_drifting = self._drift_detector.is_drifting
-        if not self._drift_detector.update(t_capture_ns, measured, vel_lab_m_s):
-            return None
-        if not was_drifting:
-            self._resume_before_drift(now_ns)
-        return "external pose does not move as the vehicle does"
-
-    def _lags(self, t_capture_ns: int, shown: Tilt, own: Tilt, rate_flu_rad_s: Vec3, now_ns: int) -> bool:
-        """Whether its attitude innovation has been large for a tenth of a second, as with late poses."""
-        dt_s, self._shown_ns = (t_capture_ns - self._shown_ns) * 1e-9, t_capture_ns
-        if not 0.0 < dt_s < GAP_S:
-            return self._late
-        x_rad_s, y_rad_s, _ = rate_flu_rad_s.tolist()
-        self._attitude_innovation.update(shown, own, math.hypot(x_rad_s, y_rad_s), dt_s)
-        if self._attitude_innovation.innovation_rad <= MOST_RAD:
-            self._innovation_since_ns, self._late = None, False
-            return False
-        self._innovation_since_ns = self._innovation_since_ns or now_ns
-        if now_ns - self._innovation_since_ns > _LATE_AFTER_NS and not self._late:
-            self._late = True
-            self._step_back(t_capture_ns, now_ns)
-        return self._late
-
-    def _step_back(self, t_capture_ns: int, now_ns: int) -> None:
-        """A pose that is far off may have gone there little by little, as one that lags does, believed all the way."""
-        if self._detects_drift and self._drift_detector.step_back(t_capture_ns):
-            self._resume_before_drift(now_ns)
-
-    def _resume_before_drift(self, now_ns: int) -> None:
-        """From before the poses went wrong."""
-        pos, vel = self._drift_detector.offset(now_ns)
-        self._pos, self._vel = [*pos], [*vel]
 
     def _drift(self, now_ns: int) -> None:
         dt_s = (now_ns - self._t_ns) * 1e-9

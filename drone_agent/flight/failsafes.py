@@ -1,27 +1,21 @@
-"""The autopilot's fail-safes: a silent stream, a lost position, a low battery, a lost ground, a finished landing.
+"""The autopilot's own fail-safes: a silent stream, a lost position, a low battery, a lost ground, a finished landing.
 
-The agent's own (drone_agent.failsafe: level on a stale stream, then land) is the last line of defence and comes
-first; the autopilot's time-outs, from its parameters, come after it.
+Its times are its parameters'. What stands between it and a ground, and acts sooner, is the guard.
 """
 
 from math import hypot
 
 from drone_agent.autopilots.model import Task
-from drone_agent.failsafe import NEW_OWNER, REPORTS, REST_NS, LinkMonitor, pose_fault
+from drone_agent.failsafe import LinkMonitor
 from drone_agent.flight.autopilot import Autopilot
 from drone_agent.flight.estimator import up_cos
 from drone_agent.flight.landing import ContactDetector
 from drone_agent.flight.motor_failure import MotorFailure
-from drone_agent.stages import Stage, Trigger
 from formation.messages import Severity
 from formation.vehicle.profile import VehicleProfile
 from wire.autopilots.table import FlightMode
-from wire.link_messages.address import Address
 
 _ON_POSITION = (Task.HOLD, Task.TAKEOFF, Task.RETURN, Task.LAND)
-_LEVEL_AFTER_S, _DESCEND_AFTER_S = 0.2, 0.5
-"""Without a pose that its estimator takes: no place to hold; nothing to land by."""
-_REST_M_S, _REST_RAD_S = 0.1, 0.3
 _POWERLESS = 0.8
 """Share of the thrust missing with which it falls as with none."""
 
@@ -38,9 +32,6 @@ class Failsafes:
         self._battery_low_reported = self._battery_acted = False
         self._contact = ContactDetector(vehicle.drag_n_s_m[2] / vehicle.mass_kg)
         self._failure = MotorFailure(vehicle)
-        self._rest_ns = 0
-        self._levelled = False
-        """Whether it flies level for want of a pose alone."""
 
     def ground_seen(self, now_ns: int) -> None:
         """A ground station's heartbeat came."""
@@ -48,54 +39,20 @@ class Failsafes:
 
     def stream_deadline_ns(self) -> int | None:
         """When `check_stream` is next due; None while there is nothing to monitor."""
-        pilot = self._autopilot
-        return pilot.stream.deadline_ns(pilot.stream_loss.after_s)
+        return self._autopilot.stream.deadline_ns(self._autopilot.stream_loss.after_s)
 
     def check_stream(self, now_ns: int) -> None:
         """Act on a stream that has been silent too long."""
-        pilot = self._autopilot
-        stage = pilot.stream.advance(now_ns, pilot.stream_loss.after_s)
-        if stage in REPORTS and (stage is not Stage.HOLD or pilot.stream.reports_hold):
-            pilot.report(*REPORTS[stage])
-        self._execute(stage, now_ns)
-
-    def hand_over(self, source: Address, wants: bool, now_ns: int) -> None:
-        """A ground asks for the stream of setpoints, or gives it back: hold until its owner's come."""
-        pilot = self._autopilot
-        stage = pilot.stream.hand_over(source, wants, now_ns, in_mode=pilot.in_stream_mode)
-        if stage is Stage.HOLD:
-            pilot.report(*NEW_OWNER)
-        self._execute(stage, now_ns)
-
-    def check_pose(self, now_ns: int) -> None:
-        """Ignore the ground's setpoints while the pose drifts: they would move the drone away."""
-        pilot = self._autopilot
-        if not pilot.positioning.is_drifting or pilot.landed or pilot.stream.stage is not Stage.FOLLOW:
+        pilot, due_ns = self._autopilot, self.stream_deadline_ns()
+        if due_ns is None or now_ns < due_ns:
             return
-        pilot.stream.pull(Trigger.POSE_FAULT, now_ns)
-        pilot.report(*pose_fault("pose drift"))
-        pilot.fly(Task.HOLD, now_ns)
-
-    def _execute(self, stage: Stage | None, now_ns: int) -> None:
-        """Do what a stage that begins asks for."""
-        pilot, loss = self._autopilot, self._autopilot.stream_loss
-        match stage:
-            case Stage.HOLD:
-                holds = pilot.positioning.silent_s(now_ns) < _LEVEL_AFTER_S
-                pilot.fly(Task.HOLD if holds else Task.LEVEL, now_ns, level_first=True)
-            case Stage.LAND:
-                if pilot.task not in (Task.LAND, Task.DESCEND):
-                    pilot.divert(FlightMode.LAND, now_ns)
-                pilot.pilot.brisk = True
-            case Stage.DESCEND:
-                pilot.divert(FlightMode.DESCEND, now_ns)
-                pilot.pilot.brisk = True
-            case Stage.LOST:
-                pilot.report(Severity.CRITICAL, pilot.model.texts.stream_lost)
-                if loss.mode is not None:
-                    pilot.divert(loss.mode, now_ns, loss.task)
-                elif not pilot.stream.lands:
-                    pilot.fly(loss.task, now_ns)
+        pilot.report(Severity.CRITICAL, pilot.model.texts.stream_lost)
+        loss = pilot.stream_loss
+        if loss.mode is not None:
+            pilot.divert(loss.mode, now_ns, loss.task)
+        else:
+            pilot.fly(loss.task, now_ns)
+            pilot.stream.lost = True
 
     def check(self, now_ns: int, dt_s: float) -> None:
         """Everything that changes slowly: twenty times a second."""
@@ -105,7 +62,6 @@ class Failsafes:
         if not pilot.armed:
             self._flown = False
             self._landed_ns = now_ns
-            self._unlatch(now_ns)
             return
         self._detect_landing(now_ns)
         self._disarm_when_done(now_ns)
@@ -124,21 +80,12 @@ class Failsafes:
             frame.t_ns, float(state.vel_lab_m_s[2]), lift * up_cos(state.q_lab_from_flu)
         )
 
-    def _unlatch(self, now_ns: int) -> None:
-        """After a stop: disarmed, and at rest for two seconds in which nobody asked it to arm."""
-        pilot = self._autopilot
-        state = pilot.airframe.state
-        moves = hypot(*state.vel_lab_m_s) > _REST_M_S or hypot(*state.rate_flu_rad_s) > _REST_RAD_S
-        self._rest_ns = now_ns if moves else max(self._rest_ns, pilot.latched_ns)
-        if now_ns - self._rest_ns >= REST_NS:
-            pilot.stream.pull(Trigger.RESTED, now_ns)
-
-    def check_motors(self, now_ns: int) -> None:
+    def check_motors(self) -> None:
         """Stop the motors of a drone that turns against its commands; a hundred times a second."""
         pilot = self._autopilot
         if self.watches_motors and self._failure.check(pilot.airframe):
             pilot.report(Severity.CRITICAL, "It turns against its commands, a motor may be dead: motors off")
-            pilot.terminate(now_ns)
+            pilot.terminate()
 
     @property
     def watches_motors(self) -> bool:
@@ -156,11 +103,11 @@ class Failsafes:
             return
         if missing > _POWERLESS or attitude_lost:
             pilot.report(Severity.CRITICAL, "Its thrust is missing, a motor may be dead: motors off")
-            pilot.terminate(now_ns)
+            pilot.terminate()
             return
         if pilot.task not in (Task.LAND, Task.DESCEND):
             pilot.report(Severity.CRITICAL, "Part of its thrust is missing: landing on what is left")
-            pilot.fail_safe(FlightMode.LAND, now_ns)
+            pilot.divert(FlightMode.LAND, now_ns)
 
     def _detect_landing(self, now_ns: int) -> None:
         pilot = self._autopilot
@@ -173,7 +120,6 @@ class Failsafes:
             return
         if pilot.landed:
             self._landed_ns = now_ns
-            pilot.stream.disown()
             pilot.report(Severity.INFO, pilot.model.texts.landed)
         else:
             self._flown = True
@@ -184,35 +130,21 @@ class Failsafes:
         pilot, timing = self._autopilot, self._autopilot.timing
         if not pilot.landed or not pilot.armed:
             return
-        if not self._flown and pilot.stream.stage not in (Stage.LAND, Stage.DESCEND):
+        if not self._flown:
             wait_s, since_ns, reason = timing.disarm_idle_s, pilot.armed_ns, "auto preflight disarming"
         else:
             landing = pilot.task in (Task.LAND, Task.DESCEND)
             wait_s = timing.disarm_landing_s if landing else timing.disarm_flown_s
             since_ns, reason = self._landed_ns, "landing"
         if wait_s >= 0.0 and now_ns - since_ns >= round(wait_s * 1e9):
-            pilot.disarm(now_ns, force=False, reason=reason)
+            pilot.disarm(force=False, reason=reason)
 
     def _check_position(self, now_ns: int) -> None:
-        """A place is held by a pose that is taken, and by level flight without one; then it comes down level."""
+        """Where there is no position to fly by, it comes down level."""
         pilot = self._autopilot
-        silent_s = pilot.positioning.silent_s(now_ns)
-        if pilot.task is Task.LEVEL and self._levelled and silent_s < _LEVEL_AFTER_S:
-            self._levelled = False
-            pilot.fly(Task.HOLD, now_ns)
-        if pilot.task not in _ON_POSITION and not (pilot.task is Task.LEVEL and self._levelled):
-            self._levelled = False
-            return
-        if silent_s >= _DESCEND_AFTER_S:
-            self._levelled = False
+        if pilot.task in _ON_POSITION and not pilot.positioning.valid(now_ns):
             pilot.report(Severity.CRITICAL, pilot.model.texts.pose_lost)
-            if pilot.stream.pull(Trigger.NO_POSE, now_ns) is None:
-                pilot.fail_safe(FlightMode.DESCEND, now_ns)
-            else:
-                self._execute(Stage.DESCEND, now_ns)
-        elif silent_s >= _LEVEL_AFTER_S and pilot.task is Task.HOLD and not pilot.positioning.is_drifting:
-            self._levelled = True
-            pilot.fly(Task.LEVEL, now_ns)
+            pilot.divert(FlightMode.DESCEND, now_ns)
 
     def _check_battery(self, now_ns: int) -> None:
         pilot, timing = self._autopilot, self._autopilot.timing
@@ -224,7 +156,7 @@ class Failsafes:
             self._battery_acted = True
             pilot.report(Severity.CRITICAL, pilot.model.texts.battery_critical)
             if timing.battery_action is not None:
-                pilot.fail_safe(timing.battery_action, now_ns)
+                pilot.divert(timing.battery_action, now_ns)
 
     def _check_ground(self, now_ns: int) -> None:
         pilot, timing = self._autopilot, self._autopilot.timing
@@ -233,4 +165,4 @@ class Failsafes:
         if self._ground.silent(now_ns, timing.ground_loss_s):
             self._ground = LinkMonitor()
             pilot.report(Severity.CRITICAL, pilot.model.texts.ground_lost)
-            pilot.fail_safe(timing.ground_loss, now_ns)
+            pilot.divert(timing.ground_loss, now_ns)

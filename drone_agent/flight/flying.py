@@ -12,8 +12,6 @@ from formation.model import Vec3Tuple
 from formation.vehicle.profile import VehicleProfile
 
 _STOP_S = 0.3  # a hold's place is where the present speed would come to rest
-_BRAKE_S = 0.12  # and where it brakes as hard as it can, after a lost stream
-_LEVEL_FIRST_S = 0.1
 _LEAD_M = 0.4  # how far the height asked for may run ahead of the vehicle
 _ARRIVED_M = 0.08
 _RISE_M, _RISE_M_S = 0.1, 0.1
@@ -21,7 +19,6 @@ _TOUCH_CLIMB_M_S = 0.12
 _TOUCH_S = 0.3
 _CARRIED_S = 1.0  # what the floor carries for this long stands on it, whatever the estimate says
 _CUT_1_S = 3.0  # after touch-down the thrust fades in a third of a second
-_BRISK_M_S, _BRISK_ABOVE_M = 0.9, 0.5
 _LATE_S, _LATE_M_S2, _LATE_MAX_M_S = 3.0, 0.3, 0.7  # a landing that takes this much too long sinks faster and faster
 
 
@@ -31,8 +28,6 @@ class Pilot:
     def __init__(self, profile: VehicleProfile, without: frozenset[str] = frozenset()) -> None:
         """without: monitors that are switched off (drone_agent.monitors)."""
         self.task = Task.OFF
-        self.brisk = False
-        """Whether a landing comes down faster than the autopilot's own, high above the ground."""
         self._detects_floor, self._ends = "touch-down" not in without, "land-ends" not in without
         self._rest_m = 0.0
         self._sinking_s = self._due_s = 0.0
@@ -45,11 +40,10 @@ class Pilot:
         self._attitude: Quat | None = None
         self._velocity: Vec3Tuple | None = None
         self._climb_m_s = 0.0
-        self._level_s = 0.0
         self._touch_s = 0.0
         self._thrust = 1.0
 
-    def begin(self, task: Task, belief: Belief, *, goal_m: float | None = None, level_first: bool = False) -> None:
+    def begin(self, task: Task, belief: Belief, *, goal_m: float | None = None) -> None:
         """Take the task up from where the vehicle is; goal_m: the height of a take-off or a return.
 
         A hold that follows a take-off keeps the place and height the take-off was for.
@@ -59,15 +53,13 @@ class Pilot:
         x, y, z = belief.pos_lab_m
         vx, vy, _ = belief.vel_lab_m_s
         if (self.task, task) != (Task.TAKEOFF, Task.HOLD):
-            stop_s = _BRAKE_S if level_first else _STOP_S
-            self._hold_xy_m = (x + stop_s * vx, y + stop_s * vy)
+            self._hold_xy_m = (x + _STOP_S * vx, y + _STOP_S * vy)
             self._height_m, self._goal_m = z, z if goal_m is None else goal_m
             self._yaw_rad = belief.yaw_rad
         self.task = task
         self._attitude, self._velocity, self._climb_m_s = None, None, 0.0
-        self._level_s = _LEVEL_FIRST_S if level_first else 0.0
         self._touch_s, self._carried_s, self._thrust = 0.0, 0.0, 1.0
-        self.brisk, self._sinking_s, self._due_s = False, 0.0, 0.0
+        self._sinking_s = self._due_s = 0.0
 
     def set_thrust_share(self, thrust_share: float) -> None:
         """From now on the motors deliver this share of the commanded thrust."""
@@ -86,18 +78,13 @@ class Pilot:
 
     def drift(self, vel_lab_m_s: Vec3Tuple, yaw_rad: float | None) -> None:
         """Move at this velocity until the next."""
-        self._velocity, self._level_s = vel_lab_m_s, 0.0
+        self._velocity = vel_lab_m_s
         if yaw_rad is not None:
             self._yaw_rad = yaw_rad
 
     def follow(self, attitude: Quat, climb_m_s: float) -> None:
         """Fly this attitude and climb rate until the next (ArduPilot's reading of an attitude target)."""
-        self._attitude, self._climb_m_s, self._level_s = attitude, climb_m_s, 0.0
-
-    @property
-    def levelling(self) -> bool:
-        """Whether nothing counts yet but to be level."""
-        return self._level_s > 0.0
+        self._attitude, self._climb_m_s = attitude, climb_m_s
 
     @property
     def asks_to_rise(self) -> bool:
@@ -142,11 +129,7 @@ class Pilot:
             return Demand(yaw, climb_m_s=-self._sink_m_s(belief, timing, dt_s))
         if self.task is Task.LAND:
             return Demand(yaw, self._hold_xy_m, climb_m_s=-self._sink_m_s(belief, timing, dt_s))
-        self._level_s -= dt_s
-        if self.task is Task.LEVEL or self._level_s > 0.0:
-            if self._level_s > 0.0:
-                x, y, _ = belief.pos_lab_m
-                self._hold_xy_m = (x + _BRAKE_S * belief.vel_lab_m_s[0], y + _BRAKE_S * belief.vel_lab_m_s[1])
+        if self.task is Task.LEVEL:
             return Demand(yaw, height_m=self._height_m)
         climb = self._climb_reference(belief, timing, dt_s)
         xy_m = self._home if self.task is Task.RETURN else self._hold_xy_m
@@ -162,7 +145,7 @@ class Pilot:
         return step / dt_s
 
     def _sink_m_s(self, belief: Belief, timing: Timing, dt_s: float) -> float:
-        """How fast to come down: by the autopilot's own parameter, and briskly while there is height left.
+        """How fast to come down: by the autopilot's own parameter.
 
         Every landing ends: one that has taken longer than its height says has an estimate that is wrong.
         """
@@ -173,7 +156,7 @@ class Pilot:
         late_s = self._sinking_s - self._due_s
         if late_s > 0.0 and self._ends:
             return timing.land_m_s + min(_LATE_M_S2 * late_s, _LATE_MAX_M_S)
-        return max(timing.land_m_s, _BRISK_M_S) if self.brisk and height_m > _BRISK_ABOVE_M else timing.land_m_s
+        return timing.land_m_s
 
     def _touch_down(self, setpoint: LoopSetpoint, belief: Belief, carried: bool, dt_s: float) -> LoopSetpoint:
         """On the floor, which carries it, the descent stops though it is still asked for: then fade the thrust out."""

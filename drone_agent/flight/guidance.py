@@ -9,17 +9,13 @@ import math
 import numpy as np
 
 from drone_agent.autopilots.model import Task
-from drone_agent.bounds import BEYOND, within_bounds
-from drone_agent.failsafe import BACK
 from drone_agent.flight.autopilot import Autopilot
 from drone_agent.flight.estimator import turned
 from drone_agent.flight.position import NO_RATE
 from drone_agent.simulation.attitude_loop import LoopSetpoint
 from formation.maths.arrays import Quat, Vec3
 from formation.maths.frames import from_rotation_vector, multiply
-from wire.link_messages.address import Address
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore, LocalFrame, PositionIgnore, PositionSetpoint
-from wire.rejections import RejectionLog
 
 
 class Guidance:
@@ -27,23 +23,17 @@ class Guidance:
 
     def __init__(self, autopilot: Autopilot) -> None:
         self._autopilot = autopilot
-        self.bounded = RejectionLog("bounded")
-        """Setpoints that asked for more than is followed."""
         self._delay_ns = round(autopilot.airframe.profile.command_delay_s * 1e9)
 
-    def attitude(self, now_ns: int, target: AttitudeSetpoint, source: Address | None) -> None:
+    def attitude(self, now_ns: int, target: AttitudeSetpoint) -> None:
         """An attitude target came."""
         autopilot = self._autopilot
         if not autopilot.model.accepts_target(target):
             if autopilot.in_stream_mode:
                 autopilot.fly(Task.HOLD, now_ns)
             return
-        if not self._accepts(now_ns, source):
+        if not self._accepts(now_ns):
             return
-        if "setpoint-bounds" not in autopilot.without:
-            asked, target = target, within_bounds(target, autopilot.airframe.profile)
-            if target is not asked:
-                self.bounded.note(source.words if source else "on board", BEYOND, now_ns)
         climb_m_s = autopilot.model.climb_rate_of(autopilot.parameters, target.thrust_norm)
         if climb_m_s is not None:
             if autopilot.task is not Task.LEVEL:
@@ -59,7 +49,7 @@ class Guidance:
         thrust = 0.0 if Ignore.THRUST in target.ignore else target.thrust_norm
         autopilot.airframe.order(now_ns + self._delay_ns, LoopSetpoint(attitude, rate, thrust))
 
-    def position(self, now_ns: int, target: PositionSetpoint, source: Address | None) -> None:
+    def position(self, now_ns: int, target: PositionSetpoint) -> None:
         """A position or velocity came; the pilot flies it, where there is an estimate to fly it in."""
         autopilot = self._autopilot
         goes = not target.ignore & PositionIgnore.POSITION
@@ -69,7 +59,7 @@ class Guidance:
         if goes and not autopilot.model.streams_positions:
             if not autopilot.in_stream_mode:
                 return
-        elif not self._accepts(now_ns, source):
+        elif not self._accepts(now_ns):
             return
         belief = autopilot.belief(now_ns)
         turn_rad = belief.yaw_rad if target.frame in (LocalFrame.BODY, LocalFrame.BODY_OFFSET) else 0.0
@@ -87,12 +77,11 @@ class Guidance:
         x, y, z = belief.pos_lab_m if target.frame is not LocalFrame.LOCAL else (0.0, 0.0, 0.0)
         autopilot.pilot.go_to((x + vector[0], y + vector[1], z + vector[2]), yaw_rad)
 
-    def _accepts(self, now_ns: int, source: Address | None) -> bool:
+    def _accepts(self, now_ns: int) -> bool:
         """Note a setpoint of the stream; whether it is to be followed."""
         autopilot = self._autopilot
-        if autopilot.stream.follow(source, now_ns, in_mode=autopilot.in_stream_mode):
-            autopilot.report(*BACK)
-        return autopilot.in_stream_mode and not autopilot.stream.broken
+        autopilot.stream.note(now_ns, in_mode=autopilot.in_stream_mode)
+        return autopilot.in_stream_mode
 
     def _ahead(self, rate_flu_rad_s: Vec3) -> Quat:
         """The attitude so far ahead that the attitude loop, when it gets it, turns at this rate."""

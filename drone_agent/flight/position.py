@@ -10,10 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from drone_agent.flight.estimator import Belief
-from drone_agent.simulation.airframe import Airframe
 from drone_agent.simulation.attitude_loop import LoopSetpoint
-from formation.maths.arrays import Quat, Vec3
-from formation.maths.frames import canonical, inverse, multiply
+from formation.maths.arrays import Quat
 from formation.maths.quaternion import attitude_of
 from formation.model import Vec3Tuple
 from formation.vehicle.profile import GRAVITY_M_S2
@@ -103,12 +101,3 @@ class PositionController:
 def warm_up() -> None:
     """Compile what `PositionController` calls: nothing compiles in flight."""
     attitude_of(0.0, 0.0, 1.0, 0.0, np.empty(4))
-
-
-def feed_forward_rates(airframe: Airframe, q_lab_from_flu: Quat) -> Vec3:
-    """Body rates for an attitude loop that takes them: they turn it half as fast again as it would by itself."""
-    profile = airframe.profile
-    if not profile.rate_feed_forward:
-        return NO_RATE
-    left = canonical(multiply(inverse(airframe.state.q_lab_from_flu), q_lab_from_flu))
-    return profile.attitude_p_1_s * left[1:] * (1.0, 1.0, 0.0)  # half the angle's sine is half the angle

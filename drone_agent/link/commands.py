@@ -115,7 +115,7 @@ class Commander:
         if _int(action) == 1:
             return self._pilot.arm(now_ns, force=force == ARM_PAST_CHECKS and self._pilot.model.force_arm)
         if _int(action) == 0:
-            return self._pilot.disarm(now_ns, force=force == DISARM_IN_FLIGHT, reason="external command")
+            return self._pilot.disarm(force=force == DISARM_IN_FLIGHT, reason="external command")
         self._pilot.report(Severity.CRITICAL, f"Unsupported ARM_DISARM param: {action:.3f}")
         return Result.UNSUPPORTED
 
@@ -142,8 +142,8 @@ class Commander:
         heading = order.params[3]
         return pilot.go_to(now_ns, (x, y, z), -heading if isfinite(heading) else None)
 
-    def _terminate(self, order: Order, now_ns: int) -> Result:
-        return self._pilot.terminate(now_ns) if order.params[0] > 0.5 else Result.DENIED
+    def _terminate(self, order: Order, _now_ns: int) -> Result:
+        return self._pilot.terminate() if order.params[0] > 0.5 else Result.DENIED
 
     def _set_interval(self, order: Order, now_ns: int) -> Result:
         known = self._schedule.set_interval_us(_int(order.params[0]), order.params[1], now_ns)

@@ -9,12 +9,11 @@ from drone_agent.flight.estimator import ExternalPose
 from drone_agent.flight.failsafes import Failsafes
 from drone_agent.flight.guidance import Guidance
 from drone_agent.link.commands import Commander, order_of
-from drone_agent.setpoint_filter import RejectReason, SetpointFilter
-from drone_agent.stages import Stage
 from formation.messages import Event, Severity
+from wire.clock_offset import ClockOffset
 from wire.link_messages.address import Address
 from wire.link_messages.clocks import Ping, TimeSync
-from wire.link_messages.commands import CommandAck, CommandInt, CommandLong, MavCommand, Result, SetMode
+from wire.link_messages.commands import CommandAck, CommandInt, CommandLong, SetMode
 from wire.link_messages.message_id import MessageId
 from wire.link_messages.motion import MocapPose, Odometry, Origin, SetOrigin, VisionPose
 from wire.link_messages.packet import LinkMessage, Packet
@@ -26,7 +25,7 @@ from wire.rejections import RejectionLog
 
 _POSE_AGE_MAX_NS = 500_000_000
 _POSE_DELAY_NS = 20_000_000  # of a pose whose stamp is on no clock we know
-_OWN_FEED_RULES_NS = 200_000_000
+_CLOCKS = 8
 
 # What `Inbox` acts on; what only ground stations care for is not even decoded.
 READS = frozenset(
@@ -76,12 +75,10 @@ class Inbox:
         self._use_pose = use_pose
         self._guidance = Guidance(autopilot)
         self.rejections = RejectionLog()
-        """Setpoints that were not obeyed."""
-        self._setpoint_filter = SetpointFilter(autopilot.without)
+        """Messages of its own that MAVLink cannot encode."""
+        self._clocks: dict[Address, ClockOffset] = {}
         self.listing: int | None = None
         """The next parameter of a list that was asked for."""
-        self.own_feed_ns: int | None = None
-        """When the agent's own mocap feed last gave its body's pose."""
         self._readers: dict[type, Callable[[Address, Any, int], None]] = {
             AttitudeSetpoint: self._setpoint,
             PositionSetpoint: self._position,
@@ -103,8 +100,8 @@ class Inbox:
         }
 
     def due_events(self, now_ns: int) -> tuple[Event, ...]:
-        """The due reports of rejected and limited setpoints."""
-        return (*self.rejections.due(now_ns), *self._guidance.bounded.due(now_ns))
+        """The due reports of what was not sent."""
+        return self.rejections.due(now_ns)
 
     def read(self, packet: Packet, now_ns: int) -> None:
         """Act on one packet; what concerns only ground stations is left alone."""
@@ -112,36 +109,11 @@ class Inbox:
         if reader is not None:
             reader(packet.source, packet.message, now_ns)
 
-    def _setpoint(self, source: Address, message: AttitudeSetpoint, now_ns: int) -> None:
-        if self._obeyed(source, message.t_boot_ms, now_ns):
-            self._guidance.attitude(now_ns, message, self._owner(source))
-        self._pilot.setpoint_age_ms = self._setpoint_filter.age_ms(source, message.t_boot_ms, now_ns - self._t0_ns)
+    def _setpoint(self, _source: Address, message: AttitudeSetpoint, now_ns: int) -> None:
+        self._guidance.attitude(now_ns, message)
 
-    def _position(self, source: Address, message: PositionSetpoint, now_ns: int) -> None:
-        if self._obeyed(source, message.t_boot_ms, now_ns):
-            self._guidance.position(now_ns, message, self._owner(source))
-
-    def _owner(self, source: Address) -> Address | None:
-        """Whose the setpoints of `source` are: a ground's, or the vehicle's own, where what is on board sent them."""
-        return None if source.system == self._config.sysid else source
-
-    def _obeyed(self, source: Address, t_boot_ms: int, now_ns: int) -> bool:
-        """Whether a setpoint counts; one that does not is counted, and is no life of the stream."""
-        pilot, boot_ns = self._pilot, now_ns - self._t0_ns
-        if pilot.stream.stage is not Stage.FOLLOW:
-            self._setpoint_filter.reset_order()
-        foreign = not pilot.stream.obeys(self._owner(source)) and "foreign-setpoint" not in pilot.without
-        reject_reason = RejectReason.FOREIGN if foreign else self._setpoint_filter.judge(source, t_boot_ms, boot_ns)
-        if pilot.positioning.is_drifting and not pilot.landed and source.system != self._config.sysid:
-            reject_reason = RejectReason.POSE_FAULT
-        if reject_reason is not None:
-            self.rejections.note(source.words, reject_reason.value, now_ns)
-            return False
-        if self._setpoint_filter.asks(source, now_ns):
-            self._send(TimeSync(0, boot_ns, source))
-        if pilot.in_stream_mode and self._setpoint_filter.is_age_unknown(source):
-            pilot.report(Severity.INFO, f"Age of setpoints of {source} unknown: no TIMESYNC")
-        return True
+    def _position(self, _source: Address, message: PositionSetpoint, now_ns: int) -> None:
+        self._guidance.position(now_ns, message)
 
     def _set_origin(self, _source: Address, message: SetOrigin, _now_ns: int) -> None:
         if self._config.pose == "mocap":
@@ -151,15 +123,13 @@ class Inbox:
 
     def _pose(self, source: Address, message: VisionPose | MocapPose | Odometry, now_ns: int) -> None:
         pilot = self._pilot
-        if self.own_feed_ns is not None and now_ns - self.own_feed_ns < _OWN_FEED_RULES_NS:
-            return
         if pilot.model.fuses_pose(pilot.parameters, message):
             capture_ns = self._capture_ns(source, message.t_us * 1000, now_ns)
             self._use_pose(ExternalPose(capture_ns, message.pos_lab_m, message.q_lab_from_flu), now_ns)
 
     def _capture_ns(self, source: Address, stamp_ns: int, now_ns: int) -> int:
         """A pose's capture on our clock: its stamp is our time since boot, or the sender's own clock."""
-        own_ns = self._setpoint_filter.clock(source).to_ours_ns(stamp_ns)
+        own_ns = self._clock(source).to_ours_ns(stamp_ns)
         for since_boot_ns in (stamp_ns,) if own_ns is None else (stamp_ns, own_ns):
             if 0 <= now_ns - self._t0_ns - since_boot_ns <= _POSE_AGE_MAX_NS:
                 return self._t0_ns + since_boot_ns
@@ -168,20 +138,25 @@ class Inbox:
     def _timesync(self, source: Address, message: TimeSync, now_ns: int) -> None:
         boot_ns = now_ns - self._t0_ns
         if message.tc1_ns == 0:
-            self._send(TimeSync(boot_ns, message.ts1_ns, source))
+            self._send(TimeSync(max(boot_ns, 1), message.ts1_ns, source))  # zero would be a request
         else:
-            self._setpoint_filter.clock(source).exchange(message.ts1_ns, message.tc1_ns, boot_ns)
+            self._clock(source).exchange(message.ts1_ns, message.tc1_ns, boot_ns)
+
+    def _clock(self, source: Address) -> ClockOffset:
+        """The clock of a sender against ours; of more than eight at a time the first is forgotten."""
+        known = self._clocks.get(source)
+        if known is None:
+            if len(self._clocks) >= _CLOCKS:
+                del self._clocks[next(iter(self._clocks))]
+            known = self._clocks[source] = ClockOffset()
+        return known
 
     def _heartbeat(self, _source: Address, message: Heartbeat, now_ns: int) -> None:
         if message.autopilot is MavAutopilot.INVALID:
             self._failsafes.ground_seen(now_ns)
 
     def _command(self, source: Address, message: CommandLong | CommandInt, now_ns: int) -> None:
-        if message.command == MavCommand.REQUEST_OPERATOR_CONTROL:
-            self._failsafes.hand_over(source, message.params[1] == 1.0, now_ns)
-            result = Result.ACCEPTED
-        else:
-            result = self._commander.obey(order_of(message), now_ns)
+        result = self._commander.obey(order_of(message), now_ns)
         self._send(CommandAck(source, message.command, result))
 
     def _set_mode(self, source: Address, message: SetMode, now_ns: int) -> None:

@@ -35,7 +35,6 @@ from wire.link_messages.status import (
     MavAutopilot,
     MavType,
     ModeFlag,
-    NamedValue,
     SensorFlag,
     SysStatus,
 )
@@ -51,8 +50,6 @@ _CONTROL = (
 )
 _PRESENT = _SENSORS | _CONTROL | SensorFlag.AHRS | SensorFlag.BATTERY | SensorFlag.PREARM_CHECK
 _LOAD = 0.2
-AGE = MessageId.NAMED_VALUE_FLOAT
-"""The age of the newest setpoint."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,11 +190,6 @@ def _true_state(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
     return SimTruth((now_ns - t.t0_ns) // 1000, state.q_lab_from_flu, state.vel_lab_m_s, lat, lon, alt)
 
 
-def _age(t: TelemetryBuilder, now_ns: int) -> LinkMessage | None:
-    age_ms = t.autopilot.pop_setpoint_age_ms()
-    return None if age_ms is None else NamedValue(t.boot_ms(now_ns), "age_ms", age_ms)
-
-
 def _version(t: TelemetryBuilder, _now_ns: int) -> LinkMessage:
     model = t.autopilot.model
     return AutopilotVersion(model.capabilities, model.version, t.config.sysid)
@@ -221,7 +213,6 @@ _BUILDERS: dict[int, Callable[[TelemetryBuilder, int], LinkMessage | None]] = {
     MessageId.ESTIMATOR_STATUS: _estimator,
     MessageId.HOME_POSITION: _home,
     MessageId.EXTENDED_SYS_STATE: _extended,
-    AGE: _age,
 }
 ON_REQUEST = frozenset({MessageId.GPS_GLOBAL_ORIGIN, MessageId.AUTOPILOT_VERSION})
 """Sent when asked for, never at a rate."""

@@ -19,7 +19,6 @@ from sim.scenario import Scenario
 
 GROUP = 12
 FOLLOWERS = (2, 2, 2, 2, 3, 3, 4, 5, 6, 8, 10)
-BRIDGED = 0.3
 MASS = THRUST = 0.05
 FOR_EVER = 0.15
 """The share of losses that never end."""
@@ -115,14 +114,13 @@ def flight_of(draw: Draw, group: int) -> Scenario:
     vehicles = []
     believed = profile(plain.lab.leader.profile)
     makes = ("px4", "ardupilot") if rng.random() < 0.2 else (("px4", "ardupilot")[int(rng.integers(2))],)
-    bridged = rng.random() < BRIDGED
     for vehicle in plain.vehicles:
         true = {
             "mass_kg": believed.mass_kg * rng.uniform(1.0 - MASS, 1.0 + MASS),
             "thrust_max_n": believed.thrust_max_n * rng.uniform(1.0 - THRUST, 1.0 + THRUST),
         }
         make = makes[int(rng.integers(len(makes)))]
-        vehicles.append(vehicle.model_copy(update={"vehicle": true, "autopilot": make, "bridged": bool(bridged)}))
+        vehicles.append(vehicle.model_copy(update={"vehicle": true, "autopilot": make}))
     return plain.model_copy(
         update={"seed": int(rng.integers(2**31)), "name": f"campaign_{draw.seed}_{group}", "vehicles": tuple(vehicles)}
     )
@@ -214,11 +212,9 @@ def _link_direction(family: Family, flight: Scenario, rng: np.random.Generator) 
 
 
 def _core(family: Family, flight: Scenario, rng: np.random.Generator) -> dict[str, object]:
-    bridged = any(vehicle.bridged for vehicle in flight.vehicles)
-    cores: list[Core] = [core for core in get_args(Core) if bridged or core != "bridge"]
-    core = _one(cores, rng)
+    core = _one(get_args(Core), rng)
     values: dict[str, object] = {"core": core}
-    if core in ("agent", "bridge"):
+    if core == "agent":
         values["body"] = _one(_drones(flight), rng)
     elif core == "ground" and family in (Family.RESTART, Family.TWIN):
         values["verb"] = REQUESTED[int(rng.integers(len(REQUESTED)))]

@@ -49,7 +49,6 @@ def scenario(
     followers: int = 2,
     autopilot: Autopilot = "px4",
     *,
-    bridged: bool = False,
     profile: str = DEFAULT_PROFILE,
     altitude_m: float = ALTITUDE_M,
 ) -> Scenario:
@@ -78,9 +77,7 @@ def scenario(
         name=f"campaign_{kind}",
         formation_s=FORMATION_S,
         lab=lab,
-        vehicles=tuple(
-            TrueVehicle(sysid=sysid, autopilot=autopilot, bridged=bridged, start=starts.get(sysid)) for sysid in sysids
-        ),
+        vehicles=tuple(TrueVehicle(sysid=sysid, autopilot=autopilot, start=starts.get(sysid)) for sysid in sysids),
         leader=ObservedLeader(pose=Pose(pos_lab_m=(0.0, 0.0, altitude_m))),
         script=SCRIPT + shape,
     )

@@ -51,7 +51,7 @@ def fly_row(name: str) -> Verdict:
 
 def table() -> tuple[Row, ...]:
     """Every row."""
-    arducopter, bridged = scenario(autopilot="ardupilot"), scenario(bridged=True)
+    arducopter = scenario(autopilot="ardupilot")
     whole = FORMATION_S + 6.0
     return (
         _row("freeze", _mocap(Family.FREEZE, "f2", 0.5)),
@@ -101,7 +101,7 @@ def table() -> tuple[Row, ...]:
         _row("dead-motor", Fault(family=Family.DEAD_MOTOR, body="f2", after_s=2.5, severity=0.0)),
         _row("drift", _mocap(Family.DRIFT, "f2", whole, 0.05)),
         _row("drift-0.15", _mocap(Family.DRIFT, "f2", whole, 0.15, heading_rad=-pi / 2)),
-        _row("drift-0.4-bridged", _mocap(Family.DRIFT, "f2", whole, 0.4, heading_rad=-pi / 2), flight=bridged),
+        _row("drift-0.4", _mocap(Family.DRIFT, "f2", whole, 0.4, heading_rad=-pi / 2)),
         _row("frames-at-6-hz", Fault(family=Family.SLOW_STREAM, after_s=2.5, severity=0.94)),
         _row("log-full", Fault(family=Family.LOG_TROUBLE, after_s=2.5)),
         _row("no-fault", benign=True),

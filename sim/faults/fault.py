@@ -116,7 +116,7 @@ FAMILIES: Mapping[Family, Meaning] = MappingProxyType(
     }
 )
 
-Core = Literal["ground", "mocap", "agent", "bridge"]
+Core = Literal["ground", "mocap", "agent"]
 OnsetPhase = Literal["GROUND", "ARMED", "TAKEOFF", "FORMATION", "HOLD", "LAND"]
 GROUND_RECEIVER = "ground"
 

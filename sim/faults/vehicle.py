@@ -4,7 +4,6 @@ import numpy as np
 
 from drone_agent.core import AgentCore
 from drone_agent.simulation.attitude_loop import WHOLE_MOTORS
-from drone_agent.stages import Trigger
 from formation.messages import Verb
 from formation.vehicle.profile import VehicleProfile
 from sim.faults.fault import Family, Fault
@@ -30,7 +29,6 @@ def begin(fault: Fault, agent: AgentCore, now_ns: int) -> None:
             # that it is put there past its own question whether one is on.
             mode = FlightMode.LAND if fault.verb is Verb.LAND else FlightMode.POSITION
             if agent.autopilot.armed:
-                agent.autopilot.stream.pull(Trigger.OTHER_MODE, now_ns)
                 agent.autopilot.enter(mode, now_ns)
 
 

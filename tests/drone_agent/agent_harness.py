@@ -1,4 +1,7 @@
-"""A ground and a mocap for one AgentCore, joined by function calls: time is a number."""
+"""A ground and a mocap for one simulated drone, joined by function calls: time is a number.
+
+With `pose="mocap"` it has its guard before it, unless `guard=False`.
+"""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -7,11 +10,15 @@ import numpy as np
 
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
+from drone_agent.failsafe import StreamFailsafe
+from drone_agent.flight.autopilot import Autopilot
+from drone_agent.guarded import GuardedDrone
 from formation.maths.arrays import Float
 from formation.maths.frames import from_rotation_vector
 from formation.messages import Datagram, Event, LabFrame, Truth
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.commands import CommandAck, Result, command_long
+from wire.link_messages.motion import VisionPose
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
 from wire.link_messages.status import StatusText
@@ -29,13 +36,23 @@ class Harness:
 
     def __init__(self, t0_ns: int = 0, **config: Any) -> None:
         self.config = AgentConfig(**config)
-        self.core = AgentCore(self.config, t0_ns)
+        self.core = GuardedDrone(self.config, t0_ns) if self.config.is_guarded else AgentCore(self.config, t0_ns)
         self.t0_ns = self.now_ns = t0_ns
         self.target = Address(self.config.sysid, 1)
         self.codec = Codec(GROUND)
         self.heard: list[tuple[int, LinkMessage]] = []
         self.events: list[Event] = []
         self.seq = 0
+
+    @property
+    def autopilot(self) -> Autopilot:
+        return (self.core.behind if isinstance(self.core, GuardedDrone) else self.core).autopilot
+
+    @property
+    def stream(self) -> StreamFailsafe:
+        """The guard's."""
+        assert isinstance(self.core, GuardedDrone)
+        return self.core.guard._takeover.stream
 
     @property
     def truth(self) -> Truth:
@@ -66,16 +83,20 @@ class Harness:
                 self.send(setpoint)
 
     def show(self, pos_lab_m: Float | None = None, q_lab_from_flu: Float | None = None) -> None:
-        """One mocap frame of this drone and a stranger."""
+        """One mocap frame of this drone and a stranger, or the pose as a guard sends it."""
         truth = self.truth
-        self.seq += 1
         pos = truth.pos_lab_m if pos_lab_m is None else pos_lab_m
         q = truth.q_lab_from_flu if q_lab_from_flu is None else q_lab_from_flu
+        if not isinstance(self.core, GuardedDrone):
+            self.send(VisionPose((self.now_ns - self.t0_ns) // 1000, pos, q))
+            return
+        self.seq += 1
         frame = LabFrame(
             self.seq, self.now_ns, ("stranger", self.config.body_name), np.array([[9.0, 9.0, 9.0], pos]),
             np.array([LEVEL, q]), np.array([True, True]),
         )  # fmt: skip
         self.core.receive(frame, self.now_ns)
+        self.tick()
 
     def send(self, *messages: LinkMessage) -> None:
         data = b"".join(self.codec.encode(message) for message in messages)

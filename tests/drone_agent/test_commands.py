@@ -51,7 +51,7 @@ def test_px4_offboard_without_a_stream_is_refused_in_the_air() -> None:
     harness.command(TAKEOFF)
     harness.run(6.0)
     assert harness.command(MODE, 1.0, 6.0) is Result.TEMPORARILY_REJECTED
-    assert harness.core.autopilot.mode is FlightMode.HOLD
+    assert harness.autopilot.mode is FlightMode.HOLD
     harness.run(0.5, hover_at(2.5))
     assert harness.command(MODE, 1.0, 6.0) is Result.ACCEPTED
 
@@ -87,11 +87,11 @@ def test_ardupilot_takes_off_only_in_guided_and_armed() -> None:
     assert harness.command(TAKEOFF, 0, 0, 0, 0, 0, 0, 1.5) is Result.ACCEPTED
     harness.run(8.0)
     np.testing.assert_allclose(harness.truth.pos_lab_m, [0.0, 0.0, 1.5], atol=0.05)
-    assert harness.core.autopilot.mode is FlightMode.OFFBOARD
+    assert harness.autopilot.mode is FlightMode.OFFBOARD
     assert harness.command(ARM, 0.0) is Result.FAILED
     assert harness.command(LAND) is Result.ACCEPTED
     harness.run(8.0)
-    assert not harness.core.autopilot.armed
+    assert not harness.autopilot.armed
 
 
 @pytest.mark.parametrize(("autopilot", "mode"), [("ardupilot", FlightMode.LAND), ("px4", FlightMode.HOLD)])
@@ -105,8 +105,8 @@ def test_the_mode_after_a_landing_is_the_makes_own(autopilot: str, mode: FlightM
     harness.run(6.0)
     harness.command(LAND)
     harness.run(10.0)
-    assert not harness.core.autopilot.armed
-    assert harness.core.autopilot.mode is mode
+    assert not harness.autopilot.armed
+    assert harness.autopilot.mode is mode
     if autopilot == "ardupilot":
         assert harness.command(ARM, 1.0) is Result.FAILED
         assert harness.command(MODE, 1.0, 4.0) is Result.ACCEPTED
@@ -195,10 +195,10 @@ def test_messages_to_somebody_else_are_ignored() -> None:
     harness.heard.clear()
     params = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     harness.send(CommandLong(Address(2, 1), ARM, params), CommandLong(Address(1, 25), ARM, params))
-    assert not harness.core.autopilot.armed
+    assert not harness.autopilot.armed
     assert not harness.of(CommandAck)
     harness.send(CommandLong(Address(1, 0), ARM, params))
-    assert harness.core.autopilot.armed
+    assert harness.autopilot.armed
 
 
 def test_repositions_by_command_int() -> None:
@@ -221,10 +221,10 @@ def test_repositions_by_command_int() -> None:
 def test_set_mode_message() -> None:
     px4 = ready()
     px4.send(SetMode(1, 1, 4 << 16 | 2 << 24))
-    assert (px4.core.autopilot.mode, px4.last(CommandAck).command) == (FlightMode.TAKEOFF, 176)
+    assert (px4.autopilot.mode, px4.last(CommandAck).command) == (FlightMode.TAKEOFF, 176)
     copter = ready("ardupilot")
     copter.send(SetMode(1, 1, 4))
-    assert (copter.core.autopilot.mode, copter.last(CommandAck).command) == (FlightMode.OFFBOARD, 11)
+    assert (copter.autopilot.mode, copter.last(CommandAck).command) == (FlightMode.OFFBOARD, 11)
 
 
 def test_timesync_and_ping_are_answered() -> None:
@@ -246,7 +246,7 @@ def test_termination_stops_for_good() -> None:
     assert harness.command(185, 1.0) is Result.DENIED
     harness.command(ARM, 1.0)
     assert harness.command(185, 1.0) is Result.ACCEPTED
-    assert not harness.core.autopilot.armed
+    assert not harness.autopilot.armed
     assert harness.command(MODE, 1.0, 4.0, 3.0) is Result.TEMPORARILY_REJECTED
 
 
@@ -256,7 +256,7 @@ def test_an_interval_that_is_none_is_refused_and_changes_nothing(autopilot: str,
     harness = Harness(autopilot=autopilot)
     harness.run(0.2)
     before = harness.core._schedule.period_ns(32)
-    assert harness.command(INTERVAL, 32.0, interval_us) is harness.core.autopilot.model.no_such_rate
+    assert harness.command(INTERVAL, 32.0, interval_us) is harness.autopilot.model.no_such_rate
     assert harness.command(510, 32.0) is Result.ACCEPTED
     assert harness.core._schedule.period_ns(32) == before
 

@@ -15,6 +15,7 @@ from formation.messages import Datagram
 from formation.vehicle.profile import profile
 from tests.drone_agent.agent_harness import MS, Harness, S, hover_at, target
 from wire.clock_offset import ClockOffset
+from wire.link_messages.address import BRIDGE_COMPONENT, Address
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.motion import AttitudeQuaternion, LocalPosition
 from wire.link_messages.status import NamedValue
@@ -101,11 +102,11 @@ def test_events_carry_what_the_operator_is_told() -> None:
 
 
 def test_the_age_of_a_setpoint_is_reported_on_the_grounds_clock() -> None:
-    harness = Harness()
+    harness = Harness(pose="mocap")
     ground_ahead_ns = 1234 * S
     harness.run(0.05)
     request = next(m for m in harness.of(TimeSync) if m.tc1_ns == 0)
-    harness.send(TimeSync(harness.now_ns + ground_ahead_ns, request.ts1_ns))
+    harness.send(TimeSync(harness.now_ns + ground_ahead_ns, request.ts1_ns, Address(1, BRIDGE_COMPONENT)))
     harness.run(3.0)
     # The exchange took 50 ms, all of it after the ground's stamp: half of that is the error of the offset.
     stamp_ms = (harness.now_ns + ground_ahead_ns - 30 * MS) // MS

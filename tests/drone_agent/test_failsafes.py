@@ -1,15 +1,11 @@
 """The fail-safes: what happens, and when, as the stream, the pose or the ground goes silent."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
 from drone_agent.autopilots.model import Task
-from drone_agent.flight.estimator import Belief
-from drone_agent.flight.flying import Pilot
-from formation.maths.frames import IDENTITY
-from formation.vehicle.profile import PAPER_40G
+from drone_agent.stages import Stage
+from formation.maths.frames import rotate
 from tests.drone_agent.agent_harness import MS, Harness, S, Stream, hover_at, idle, target, tilt_rad
 from wire.autopilots.table import FlightMode
 from wire.link_messages.commands import Result
@@ -24,37 +20,28 @@ def leaning(harness: Harness) -> object:
 
 
 def silent_since(harness: Harness) -> int:
-    return harness.core.autopilot.stream.monitor.last_ns or 0
+    return harness.autopilot.stream.last_ns or 0
 
 
-@pytest.mark.parametrize("pose", ["own", "mocap"])
 @pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
-def test_levels_within_a_fifth_of_a_second_of_the_last_setpoint(pose: str, autopilot: str) -> None:
+def test_brakes_within_a_fifth_of_a_second_of_the_last_setpoint(autopilot: str) -> None:
     options = {"GUID_OPTIONS": 8.0} if autopilot == "ardupilot" else {}
-    harness = Harness(pose=pose, autopilot=autopilot, parameters=options)
+    harness = Harness(pose="mocap", autopilot=autopilot, parameters=options)
     harness.fly_offboard(1.0)
     harness.run(0.4, leaning)
     assert tilt_rad(harness.truth.q_lab_from_flu) > 0.15
-    last_ns = silent_since(harness)
+    last_ns, place = harness.stream.monitor.last_ns or 0, harness.truth.pos_lab_m
     harness.run(0.08)
-    assert harness.core.autopilot.task is Task.EXTERNAL
+    assert harness.stream.stage is Stage.FOLLOW
     harness.run_to(last_ns + 101 * MS)
-    assert harness.core.autopilot.task is Task.HOLD
-    assert tilt_rad(harness.core.autopilot.airframe.setpoint.q_lab_from_flu) < 1e-6
-    harness.run_to(last_ns + 200 * MS)
-    assert tilt_rad(harness.truth.q_lab_from_flu) < 0.03
+    assert harness.stream.stage is Stage.HOLD
+    harness.run(0.1)
+    up_lab = rotate(harness.truth.q_lab_from_flu, np.array([0.0, 0.0, 1.0]))
+    assert up_lab[0] < 0.03  # it pushes on no more
+    harness.run(0.8)
+    assert np.linalg.norm(harness.truth.vel_lab_m_s) < 0.15
+    assert np.linalg.norm(harness.truth.pos_lab_m - place) < 0.6
     assert "Setpoints are stale: level and hold" in harness.texts()
-
-
-@pytest.mark.parametrize(
-    "order", [lambda pilot: pilot.drift((0.5, 0.0, 0.0), None), lambda pilot: pilot.follow(IDENTITY, 0.0)]
-)
-def test_a_new_order_ends_the_hurry_to_be_level(order: Callable[[Pilot], None]) -> None:
-    pilot = Pilot(PAPER_40G)
-    pilot.begin(Task.HOLD, Belief((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 0.0), level_first=True)
-    assert pilot.levelling
-    order(pilot)
-    assert not pilot.levelling
 
 
 def test_holds_on_its_own_mocap_feed_then_lands() -> None:
@@ -62,11 +49,11 @@ def test_holds_on_its_own_mocap_feed_then_lands() -> None:
     harness.fly_offboard(0.5)
     at = harness.truth.pos_lab_m.copy()
     harness.run(0.9)
-    assert harness.core.autopilot.mode is FlightMode.OFFBOARD
+    assert harness.autopilot.mode is FlightMode.OFFBOARD
     np.testing.assert_allclose(harness.truth.pos_lab_m, at, atol=0.03)
     harness.run(5.0)
     assert harness.truth.on_ground
-    assert not harness.core.autopilot.armed
+    assert not harness.autopilot.armed
     np.testing.assert_allclose(harness.truth.pos_lab_m[:2], at[:2], atol=0.03)
 
 
@@ -76,7 +63,7 @@ def test_lands_when_stream_and_mocap_stop_together() -> None:
     at = harness.truth.pos_lab_m.copy()
     harness.run(8.0, mocap=False)
     assert harness.truth.on_ground
-    assert not harness.core.autopilot.armed
+    assert not harness.autopilot.armed
     # Blind for four seconds on a biased accelerometer: near, but not exactly, below.
     assert np.hypot(*(harness.truth.pos_lab_m - at)[:2]) < 0.5
 
@@ -85,9 +72,9 @@ def test_takes_the_stream_up_again_when_it_comes_back_in_time() -> None:
     harness = Harness(pose="mocap")
     harness.fly_offboard(0.5)
     harness.run(0.3)
-    assert harness.core.autopilot.task is Task.HOLD
+    assert harness.stream.stage is Stage.HOLD
     harness.run(0.5, hover_at(0.5))
-    assert harness.core.autopilot.task is Task.EXTERNAL
+    assert harness.stream.stage is Stage.FOLLOW
     assert "Setpoints are back" in harness.texts()
     harness.run(1.0, hover_at(0.5))
     assert harness.truth.pos_lab_m[2] == pytest.approx(0.5, abs=0.05)
@@ -102,7 +89,7 @@ def test_a_dropout_shorter_than_the_rule_changes_nothing() -> None:
 
 
 def test_a_stream_that_is_slow_on_purpose_is_not_stale() -> None:
-    harness = Harness()
+    harness = Harness(pose="mocap")
     harness.run(3.0)
 
     def stream(count: int, setpoint: Stream) -> None:
@@ -115,7 +102,7 @@ def test_a_stream_that_is_slow_on_purpose_is_not_stale() -> None:
     assert harness.command(400, 1.0) is Result.ACCEPTED
     stream(50, hover_at(0.5))
     assert not any("stale" in text for text in harness.texts())
-    assert harness.core.autopilot.mode is FlightMode.OFFBOARD
+    assert harness.autopilot.mode is FlightMode.OFFBOARD
     assert harness.truth.pos_lab_m[2] == pytest.approx(0.5, abs=0.1)
 
 
@@ -126,49 +113,49 @@ def test_a_fast_stream_that_becomes_lossy_is_stale_after_a_tenth_of_a_second() -
     hover = hover_at(0.5)
     for _ in range(300):
         harness.run(0.01, lambda h: hover(h) if rng.random() < 0.1 else None)
-    last_ns = silent_since(harness)
+    last_ns = harness.stream.monitor.last_ns or 0
     harness.run_to(max(last_ns + 99 * MS, harness.now_ns))
     harness.run_to(max(last_ns + 101 * MS, harness.now_ns))
-    assert harness.core.autopilot.task is Task.HOLD
+    assert harness.stream.stage is Stage.HOLD
 
 
 def test_px4_by_itself_fails_safe_after_its_own_time_out() -> None:
-    harness = Harness(stale_setpoint_s=0.0, parameters={"COM_OF_LOSS_T": 1.0})
+    harness = Harness(parameters={"COM_OF_LOSS_T": 1.0})
     harness.fly_offboard(0.5)
     last_ns = silent_since(harness)
     harness.run_to(last_ns + 990 * MS)
-    assert harness.core.autopilot.task is Task.EXTERNAL
+    assert harness.autopilot.task is Task.EXTERNAL
     harness.run_to(last_ns + 1001 * MS)
-    assert (harness.core.autopilot.mode, harness.core.autopilot.task) == (FlightMode.POSITION, Task.LAND)
+    assert (harness.autopilot.mode, harness.autopilot.task) == (FlightMode.POSITION, Task.LAND)
     harness.run(1.0)
     beat = harness.last(Heartbeat)
     assert (beat.custom_mode, beat.system_status) == (3 << 16, 5)
     harness.run(7.0, idle)
-    assert not harness.core.autopilot.armed
+    assert not harness.autopilot.armed
 
 
 @pytest.mark.parametrize(("action", "mode"), [(4.0, FlightMode.LAND), (5.0, FlightMode.HOLD), (3.0, FlightMode.RETURN)])
 def test_px4_offboard_loss_actions(action: float, mode: FlightMode) -> None:
-    harness = Harness(stale_setpoint_s=0.0, parameters={"COM_OBL_RC_ACT": action, "COM_OF_LOSS_T": 0.5})
+    harness = Harness(parameters={"COM_OBL_RC_ACT": action, "COM_OF_LOSS_T": 0.5})
     harness.fly_offboard(0.5)
     harness.run(0.6)
-    assert harness.core.autopilot.mode is mode
+    assert harness.autopilot.mode is mode
 
 
 def test_ardupilot_by_itself_levels_for_ever_and_takes_the_stream_back() -> None:
     options = {"GUID_OPTIONS": 8.0, "GUID_TIMEOUT": 1.0}
-    harness = Harness(autopilot="ardupilot", stale_setpoint_s=0.0, parameters=options)
+    harness = Harness(autopilot="ardupilot", parameters=options)
     harness.fly_offboard(0.8)
     harness.run(0.3, leaning)
     last_ns = silent_since(harness)
     harness.run_to(last_ns + 990 * MS)
-    assert harness.core.autopilot.task is Task.EXTERNAL
+    assert harness.autopilot.task is Task.EXTERNAL
     harness.run(20.0)
-    assert (harness.core.autopilot.mode, harness.core.autopilot.task) == (FlightMode.OFFBOARD, Task.LEVEL)
+    assert (harness.autopilot.mode, harness.autopilot.task) == (FlightMode.OFFBOARD, Task.LEVEL)
     assert tilt_rad(harness.truth.q_lab_from_flu) < 0.01
     assert abs(harness.truth.vel_lab_m_s[2]) < 0.02
     harness.run(0.3, leaning)
-    assert harness.core.autopilot.task is Task.EXTERNAL
+    assert harness.autopilot.task is Task.EXTERNAL
     assert tilt_rad(harness.truth.q_lab_from_flu) > 0.15
 
 
@@ -178,12 +165,12 @@ def test_a_lost_position_ends_a_hold() -> None:
     harness.command(400, 1.0)
     harness.command(22)
     harness.run(4.0)
-    assert harness.core.autopilot.task is Task.HOLD
+    assert harness.autopilot.task is Task.HOLD
     harness.run(1.5, mocap=False)
-    assert harness.core.autopilot.task is Task.DESCEND
+    assert harness.autopilot.task is Task.DESCEND
     assert harness.last(Heartbeat).system_status == 5
     harness.run(9.0, mocap=False)
-    assert not harness.core.autopilot.armed
+    assert not harness.autopilot.armed
 
 
 def test_a_lost_ground_station_is_acted_on_where_asked() -> None:
@@ -193,9 +180,9 @@ def test_a_lost_ground_station_is_acted_on_where_asked() -> None:
     harness.command(400, 1.0)
     harness.command(22)
     harness.run(4.9)
-    assert harness.core.autopilot.mode is FlightMode.HOLD
+    assert harness.autopilot.mode is FlightMode.HOLD
     harness.run(0.3)
-    assert harness.core.autopilot.mode is FlightMode.LAND
+    assert harness.autopilot.mode is FlightMode.LAND
     assert "Connection to ground station lost" in harness.texts()
 
 
@@ -204,6 +191,6 @@ def test_a_process_that_slept_acts_on_the_time_that_passed() -> None:
     harness.fly_offboard(0.5)
     harness.now_ns += 10 * S
     harness.tick()
-    assert not harness.core.autopilot.armed
+    assert not harness.autopilot.armed
     assert harness.truth.on_ground
     assert harness.command(400, 1.0) is Result.TEMPORARILY_REJECTED

@@ -22,14 +22,14 @@ def test_takes_off_holds_and_lands_by_itself(profile: str) -> None:
     assert harness.last(ExtendedSysState).landed is LandedState.TAKEOFF
     harness.run(7.0)
     np.testing.assert_allclose(harness.truth.pos_lab_m, [0.3, -0.2, 2.5], atol=0.03)
-    assert harness.core.autopilot.mode is FlightMode.HOLD
+    assert harness.autopilot.mode is FlightMode.HOLD
     assert harness.last(ExtendedSysState).landed is LandedState.IN_AIR
     np.testing.assert_allclose(harness.last(LocalPosition).pos_lab_m, harness.truth.pos_lab_m, atol=1e-3)
     assert harness.command(21) is Result.ACCEPTED
     harness.run(8.0)
     assert harness.truth.on_ground
     np.testing.assert_allclose(harness.truth.pos_lab_m, [0.3, -0.2, 0.0], atol=0.03)
-    assert not harness.core.autopilot.armed
+    assert not harness.autopilot.armed
     assert harness.last(ExtendedSysState).landed is LandedState.ON_GROUND
     assert [text for text in harness.texts() if "anding" in text or "Takeoff" in text] == [
         "Takeoff detected",
@@ -47,7 +47,7 @@ def test_lands_softly() -> None:
     harness.run(8.0)
     harness.command(21)
     speeds = []
-    while harness.core.autopilot.armed:
+    while harness.autopilot.armed:
         harness.run(0.01)
         speeds.append(-harness.truth.vel_lab_m_s[2])
     assert max(speeds) < 0.9
@@ -82,8 +82,8 @@ def test_lands_by_the_stream_and_disarms() -> None:
     harness.run(1.5, hover_at(-0.1))
     assert harness.truth.on_ground
     harness.run(3.0, lambda b: target(b, 0.0))
-    assert not harness.core.autopilot.armed
-    assert harness.core.autopilot.mode in STREAM_MODES
+    assert not harness.autopilot.armed
+    assert harness.autopilot.mode in STREAM_MODES
 
 
 def test_disarms_what_does_not_take_off() -> None:
@@ -91,9 +91,9 @@ def test_disarms_what_does_not_take_off() -> None:
     harness.run(3.0)
     harness.command(400, 1.0)
     harness.run(9.9)
-    assert harness.core.autopilot.armed
+    assert harness.autopilot.armed
     harness.run(0.2)
-    assert not harness.core.autopilot.armed
+    assert not harness.autopilot.armed
     assert "Disarmed by auto preflight disarming" in harness.texts()
 
 
@@ -101,7 +101,7 @@ def test_kill_stops_the_motors_in_the_air_and_disarm_does_not() -> None:
     harness = Harness()
     harness.fly_offboard(1.0)
     assert harness.command(400, 0.0) is Result.TEMPORARILY_REJECTED
-    assert harness.core.autopilot.armed
+    assert harness.autopilot.armed
     assert harness.command(400, 0.0, 21196.0) is Result.ACCEPTED
     harness.run(0.3)
     assert harness.truth.vel_lab_m_s[2] < -1.5
@@ -117,7 +117,7 @@ def test_returns_home_and_lands() -> None:
     assert harness.command(20) is Result.ACCEPTED
     harness.run(15.0)
     np.testing.assert_allclose(harness.truth.pos_lab_m[:2], 0.0, atol=0.2)
-    assert not harness.core.autopilot.armed
+    assert not harness.autopilot.armed
 
 
 def test_heartbeat_tells_mode_and_arming() -> None:
@@ -154,5 +154,5 @@ def test_battery_action_lands() -> None:
     harness.command(400, 1.0)
     harness.command(22)
     harness.run(8.5)
-    assert harness.core.autopilot.task is Task.LAND
+    assert harness.autopilot.task is Task.LAND
     assert harness.last(Heartbeat).system_status == 5

@@ -136,7 +136,7 @@ def test_nothing_is_sent_unless_it_is_asked_for() -> None:
     harness = Harness()
     harness.run(3.0)
     assert not harness.of(InertialSample)
-    assert harness.core.autopilot.airframe.inertial is None  # and no step of the body is watched
+    assert harness.autopilot.airframe.inertial is None  # and no step of the body is watched
 
 
 def test_only_px4_has_it() -> None:
@@ -170,7 +170,7 @@ def test_it_comes_as_often_as_asked_until_it_is_switched_off(rate_hz: float) -> 
     harness.heard.clear()
     harness.run(1.0)
     assert not harness.of(InertialSample)
-    assert harness.core.autopilot.airframe.inertial is None
+    assert harness.autopilot.airframe.inertial is None
 
 
 def test_when_it_is_asked_for_again_nothing_of_the_time_between_is_in_it() -> None:
@@ -217,6 +217,6 @@ def test_a_flight_is_the_same_to_the_bit_whether_it_is_watched_or_not() -> None:
         harness.run(2.0, hover_over(0.2, -0.1, 0.7))
         flown.append(harness)
     assert [bool(harness.of(InertialSample)) for harness in flown] == [False, True]
-    still, watched = (harness.core.autopilot.airframe.state.x for harness in flown)
-    assert flown[0].core.autopilot.airframe.t_ns == flown[1].core.autopilot.airframe.t_ns
+    still, watched = (harness.autopilot.airframe.state.x for harness in flown)
+    assert flown[0].autopilot.airframe.t_ns == flown[1].autopilot.airframe.t_ns
     np.testing.assert_array_equal(still, watched)

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from drone_agent.autopilots.model import Task
 from drone_agent.bounds import TILT_MAX_RAD, within_bounds
+from drone_agent.bridge.core import BridgeCore
 from drone_agent.core import AgentCore
 from drone_agent.monitors import MONITORS
 from drone_agent.setpoint_filter import RejectReason, SetpointFilter
@@ -15,7 +15,7 @@ from formation.maths.frames import from_rotation_vector
 from formation.messages import Datagram
 from formation.vehicle.profile import PAPER_40G
 from tests.drone_agent.agent_harness import LEVEL, MS, Harness, S, hover_at, hover_over, target, tilt_rad
-from wire.link_messages.address import GROUND, Address, ground_address
+from wire.link_messages.address import BRIDGE_COMPONENT, GROUND, Address, ground_address
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.commands import Result, command_long
 from wire.link_messages.packet import LinkMessage
@@ -40,7 +40,8 @@ class Synchronised(Harness):
         for _, message in self.heard[self._answered :]:
             if isinstance(message, TimeSync) and message.tc1_ns == 0:
                 theirs_ns = self.now_ns + AHEAD_MS * MS
-                data = self.codec.encode(TimeSync(theirs_ns, message.ts1_ns, self.target))
+                asker = Address(self.config.sysid, BRIDGE_COMPONENT)
+                data = self.codec.encode(TimeSync(theirs_ns, message.ts1_ns, asker))
                 self.core.receive(Datagram(self.config.sysid, data), self.now_ns)
         self._answered = len(self.heard)
 
@@ -70,12 +71,12 @@ def test_setpoints_100_ms_old_are_followed_and_older_ones_are_no_life_of_the_str
     harness = flying()
     hover = hover_over(0.0, 0.0, 1.0)
     harness.run(1.0, aged(99, hover))
-    assert harness.core.autopilot.task is Task.EXTERNAL
-    last_ns = harness.core.autopilot.stream.monitor.last_ns or 0
+    assert harness.stream.stage is Stage.FOLLOW
+    last_ns = harness.stream.monitor.last_ns or 0
     harness.run(0.095, aged(101, hover))
-    assert harness.core.autopilot.stream.monitor.last_ns == last_ns
+    assert harness.stream.monitor.last_ns == last_ns
     harness.run(0.02, aged(101, hover))
-    assert harness.core.autopilot.task is Task.HOLD
+    assert harness.stream.stage is Stage.HOLD
     harness.run(3.0, aged(800, hover))
     told = [text for text in harness.texts() if "older than 100 ms" in text]
     assert 2 <= len(told) <= 5
@@ -87,8 +88,8 @@ def test_a_ground_whose_setpoints_come_late_is_held_then_landed(late_ms: int) ->
     """It was followed at any age: 10 m/s, 8.7 m outside."""
     harness = flying()
     place = harness.truth.pos_lab_m.copy()
-    harness.run(6.0, aged(late_ms, lambda h: target(h, 0.6, LEAN)))
-    assert not harness.core.autopilot.armed
+    harness.run(7.0, aged(late_ms, lambda h: target(h, 0.6, LEAN)))
+    assert not harness.autopilot.armed
     assert np.linalg.norm((harness.truth.pos_lab_m - place)[:2]) < 0.1
 
 
@@ -121,7 +122,7 @@ def test_with_nine_in_ten_lost_no_setpoint_acts_for_longer_than_150_ms() -> None
     hover, told = aged(20, hover_over(0.0, 0.0, 1.0)), len(harness.texts())
     for _ in range(1500):
         harness.run(0.01, lambda h: hover(h) if rng.random() < 0.1 else None)
-        stream = harness.core.autopilot.stream
+        stream = harness.stream
         assert stream.stage is not Stage.FOLLOW or harness.now_ns - (stream.monitor.last_ns or 0) <= 150 * MS
         assert np.linalg.norm(harness.truth.pos_lab_m - [0.0, 0.0, 1.0]) < 0.15
     assert len(harness.texts()) - told < 45  # two a second, and what was refused
@@ -142,10 +143,10 @@ def test_one_that_is_not_newer_is_refused() -> None:
 def test_a_client_without_timesync_flies_and_that_is_said_once() -> None:
     harness = Harness(pose="mocap")
     harness.fly_offboard(0.6)
-    assert harness.core.autopilot.task is Task.EXTERNAL
+    assert harness.stream.stage is Stage.FOLLOW
     assert harness.texts().count("Age of setpoints of 255/190 unknown: no TIMESYNC") == 1
     harness.run(1.0, lambda h: hover_at(0.6)(h)._replace(t_boot_ms=0))
-    assert harness.core.autopilot.task is Task.EXTERNAL
+    assert harness.stream.stage is Stage.FOLLOW
 
 
 def test_the_gate_knows_a_clock_of_its_own_from_an_old_stamp() -> None:
@@ -167,27 +168,28 @@ def test_another_grounds_setpoints_are_refused_until_it_takes_over() -> None:
     assert harness.truth.pos_lab_m == pytest.approx([0.0, 0.0, 1.0], abs=0.06)
     assert any("does not own the drone (from the ground, 255/26)" in text for text in harness.texts())
     harness.say(other, command_long(harness.target, REQUEST_OPERATOR_CONTROL, 0.0, 1.0))
-    assert harness.core.autopilot.stream.stage is Stage.HOLD
+    assert harness.stream.stage is Stage.HOLD
     harness.run(0.3, hover)  # the old one's mean nothing any more
-    assert harness.core.autopilot.stream.stage is Stage.HOLD
+    assert harness.stream.stage is Stage.HOLD
     harness.say(other, target(harness, 0.5))
-    assert harness.core.autopilot.stream.stage is Stage.FOLLOW
-    assert harness.core.autopilot.stream.owner == other
+    assert harness.stream.stage is Stage.FOLLOW
+    assert harness.stream.owner == other
 
 
 def test_a_ground_that_took_over_and_says_nothing_is_landed() -> None:
     harness = flying()
     harness.say(ground_address(1), command_long(harness.target, REQUEST_OPERATOR_CONTROL, 0.0, 1.0))
     harness.run(6.0, aged(20, hover_over(0.0, 0.0, 1.0)))
-    assert not harness.core.autopilot.armed
+    assert not harness.autopilot.armed
     assert harness.truth.on_ground
 
 
 def test_ownership_ends_with_the_mode() -> None:
     harness = flying()
-    assert harness.core.autopilot.stream.owner == GROUND
+    assert harness.stream.owner == GROUND
     assert harness.command(21) is Result.ACCEPTED
-    assert harness.core.autopilot.stream.owner is None
+    harness.run(0.05)
+    assert harness.stream.owner is None
 
 
 def test_the_ground_of_an_epoch_has_an_address_of_its_own() -> None:
@@ -229,7 +231,8 @@ def test_an_upside_down_target_does_not_turn_the_drone_over() -> None:
 
 @pytest.mark.parametrize("name", MONITORS)
 def test_each_monitor_can_be_done_without(name: str) -> None:
-    core = AgentCore(Harness(pose="mocap").config, 0, frozenset({name}))
-    core.tick(0)
-    with pytest.raises(ValueError, match="unknown monitors: x"):
-        AgentCore(Harness(pose="mocap").config, 0, frozenset({"x"}))
+    config = Harness(pose="mocap").config
+    for core in (AgentCore, BridgeCore):
+        core(config, 0, without=frozenset({name})).tick(0)
+        with pytest.raises(ValueError, match="unknown monitors: x"):
+            core(config, 0, without=frozenset({"x"}))

@@ -15,7 +15,7 @@ import numpy as np
 
 from drone_agent.bridge.core import BridgeCore
 from drone_agent.config import AgentConfig
-from drone_agent.core import AgentCore
+from drone_agent.guarded import GuardedDrone
 from formation.config import LabConfig
 from formation.maths.arrays import Float
 from formation.messages import LabFrame, RawFrame
@@ -104,7 +104,7 @@ class Readers:
         self.mocap = MocapCore(LAB)
         self._ground = GcsCore(LAB, t0_ns)
         agent = AgentConfig(sysid=2, body="left", pose="mocap")
-        self._agent = AgentCore(agent, t0_ns)
+        self._agent = GuardedDrone(agent, t0_ns)
         self._bridge = BridgeCore(agent, t0_ns)
 
     def read(self, data: bytes, now_ns: int) -> LabFrame | None:

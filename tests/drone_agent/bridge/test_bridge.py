@@ -34,7 +34,7 @@ class Site:
     def __init__(self, autopilot: str = "px4", level_error: LevelError = TRUE_LEVEL, **config: object) -> None:
         options = {"GUID_OPTIONS": 8.0} if autopilot == "ardupilot" else {}
         self.drone = Harness(
-            pose="mocap", stale_setpoint_s=0.0, stale_land_s=60.0, profile="px4_quad", autopilot=autopilot,
+            pose="mocap", guard=False, profile="px4_quad", autopilot=autopilot,
             parameters=options, level_error=level_error,
         )  # fmt: skip
         self.bridge = BridgeCore(AgentConfig(bridge="udp:h:1", body="b", **config), 0)
@@ -164,7 +164,7 @@ def test_holds_its_place_and_lets_it_down_when_the_ground_falls_silent(autopilot
         site.run(0.1)
         drift_m.append(float(np.linalg.norm((site.drone.truth.pos_lab_m - place)[:2])))
     assert "Setpoints are stale: level and hold" in site.texts()
-    assert not site.drone.core.autopilot.armed
+    assert not site.drone.autopilot.armed
     # By level targets, a hold that PX4 refuses and its own landing: 0.088 here, where its idea of level alone is wrong;
     # 0.25 to 0.34 on v1.16.1 SIH, whose position wanders too.
     assert max(drift_m) < 0.05
@@ -184,14 +184,14 @@ def test_brakes_what_the_ground_left_in_motion(autopilot: str) -> None:
     assert abs(truth.vel_lab_m_s[0]) < 0.25 < speed_m_s + 0.25
     assert truth.pos_lab_m[2] == pytest.approx(0.6, abs=0.1)
     site.run(6.0)
-    assert not site.drone.core.autopilot.armed
+    assert not site.drone.autopilot.armed
 
 
 def test_a_real_px4_holds_in_no_mode_of_its_own_on_a_mocap_alone() -> None:
     site = Site()
     site.fly()
     assert site.command(176, 1.0, 4.0, 3.0).result is Result.TEMPORARILY_REJECTED
-    assert site.drone.core.autopilot.mode is FlightMode.OFFBOARD
+    assert site.drone.autopilot.mode is FlightMode.OFFBOARD
     assert site.command(21).result is Result.ACCEPTED
 
 
@@ -214,7 +214,7 @@ def test_without_a_pose_it_lands_at_once() -> None:
     site.mocap = False
     site.run(0.3, hover_at(0.6))
     site.run(0.5)
-    assert site.drone.core.autopilot.mode in (FlightMode.LAND, FlightMode.DESCEND)
+    assert site.drone.autopilot.mode in (FlightMode.LAND, FlightMode.DESCEND)
 
 
 def test_a_stream_that_comes_back_goes_on() -> None:
@@ -223,7 +223,7 @@ def test_a_stream_that_comes_back_goes_on() -> None:
     site.run(0.25)
     site.run(1.0, hover_at(0.6))
     assert "Setpoints are back" in site.texts()
-    assert site.drone.core.autopilot.mode is FlightMode.OFFBOARD
+    assert site.drone.autopilot.mode is FlightMode.OFFBOARD
     assert site.drone.truth.pos_lab_m[2] == pytest.approx(0.6, abs=0.08)
 
 
@@ -233,13 +233,13 @@ def test_a_landing_of_the_grounds_is_left_alone() -> None:
     assert site.command(21).result == 0
     site.run(6.0)
     assert not any("stale" in text for text in site.texts())
-    assert not site.drone.core.autopilot.armed
+    assert not site.drone.autopilot.armed
 
 
 def test_gives_an_ardupilot_its_origin_once() -> None:
     site = Site("ardupilot")
     site.run(4.0)
-    origin = site.drone.core.autopilot.origin
+    origin = site.drone.autopilot.origin
     assert origin is not None
     assert origin[0] == pytest.approx(47.397742, abs=1e-6)
     assert sum(isinstance(p.message, Origin) for p in site.heard) == 1
@@ -249,14 +249,14 @@ def test_an_ardupilot_that_restarted_is_given_its_origin_again() -> None:
     site = Site("ardupilot")
     site.run(4.0)
     site.drone = Harness(
-        pose="mocap", stale_setpoint_s=0.0, stale_land_s=60.0, profile="px4_quad", autopilot="ardupilot",
+        pose="mocap", guard=False, profile="px4_quad", autopilot="ardupilot",
         parameters={"GUID_OPTIONS": 8.0},
     )  # fmt: skip
     site.now_ns += 3 * S  # it boots
     while site.drone.core.next_deadline_ns() < site.now_ns:
         site.drone.core.tick(site.drone.core.next_deadline_ns())
     site.run(4.0)
-    assert site.drone.core.autopilot.origin is not None
+    assert site.drone.autopilot.origin is not None
 
 
 def test_tells_of_an_autopilot_with_another_number() -> None:

@@ -99,7 +99,7 @@ def test_a_drone_whose_thrust_is_lost_is_landed_on_what_is_left(loss: float) -> 
     site = unchecked()
     site.fly(1.0, hover_over(0.0, 0.0, 1.0))
     start_ns = site.now_ns
-    site.drone.core.autopilot.airframe.motor_gain = np.full(4, 1.0 - loss)
+    site.drone.autopilot.airframe.motor_gain = np.full(4, 1.0 - loss)
     while site.bridge._takeover.stream.stage is not Stage.LAND and site.now_ns - start_ns < S:
         site.run(0.01, hover_over(0.0, 0.0, 1.0))
     assert site.now_ns - start_ns <= 0.4 * S
@@ -110,7 +110,7 @@ def test_a_drone_whose_thrust_is_lost_is_landed_on_what_is_left(loss: float) -> 
     assert "Part of its thrust is missing: landing on what is left" in site.texts()
     assert site.drone.truth.on_ground
     assert fastest_m_s > -1.1
-    assert not site.drone.core.autopilot.armed
+    assert not site.drone.autopilot.armed
 
 
 def test_every_row_has_a_test_here() -> None:

@@ -1,9 +1,9 @@
-"""Two real cores joined by a function: GcsCore and AgentCore, no clock, no socket."""
+"""Two real cores joined by a function: GcsCore and GuardedDrone, no clock, no socket."""
 
 import numpy as np
 
 from drone_agent.config import AgentConfig
-from drone_agent.core import AgentCore
+from drone_agent.guarded import GuardedDrone
 from formation.config import LabConfig
 from formation.messages import Datagram, LabFrame, OperatorRequest, Phase, Verb
 from gcs.core import GcsCore
@@ -21,7 +21,7 @@ class Lab:
         starts = {1: (0.0, 0.0, 0.0), 2: (-0.4, -0.4, 0.0), 3: (-0.4, 0.4, 0.0)}
         self.core = GcsCore(config, T0_NS)
         self.agents = {
-            sysid: AgentCore(
+            sysid: GuardedDrone(
                 AgentConfig(
                     sysid=sysid, body=f"f{sysid}", pose="mocap", autopilot=autopilot, start_lab_m=starts[sysid],
                     parameters={"GUID_OPTIONS": 8, "GUID_TIMEOUT": 1.0} if autopilot == "ardupilot" else {},

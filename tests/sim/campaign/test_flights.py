@@ -7,11 +7,11 @@ from sim.campaign.flight import fly
 from sim.campaign.labs import scenario
 from sim.campaign.oracle import Verdict
 from sim.campaign.table import fly_row, table
-from sim.faults.fault import Core, Family, Fault
+from sim.faults.fault import Family, Fault
 
 
-def flown(*faults: Fault, bridged: bool = False) -> Verdict:
-    return fly(scenario("hold", bridged=bridged).model_copy(update={"faults": faults}), 1).verdict
+def flown(*faults: Fault) -> Verdict:
+    return fly(scenario("hold").model_copy(update={"faults": faults}), 1).verdict
 
 
 def test_the_names_of_the_table_are_unique() -> None:
@@ -32,11 +32,10 @@ def test_a_ground_that_was_stalled_goes_on_where_it_was() -> None:
     assert verdict.detection_s == pytest.approx(0.1, abs=0.03)
 
 
-@pytest.mark.parametrize("core", ["agent", "bridge"])
 @pytest.mark.parametrize("for_s", [0.384, 0.39, 0.394, 0.398])
-def test_what_waited_for_a_stalled_core_is_as_old_as_it_was_sent(core: Core, for_s: float) -> None:
-    stall = Fault(family=Family.STALL, core=core, body="f2", after_s=1.0, for_s=for_s)
-    verdict = flown(stall, bridged=core == "bridge")
+def test_what_waited_for_a_stalled_guard_is_as_old_as_it_was_sent(for_s: float) -> None:
+    stall = Fault(family=Family.STALL, core="agent", body="f2", after_s=1.0, for_s=for_s)
+    verdict = flown(stall)
     assert verdict.contained, verdict.violations
 
 

@@ -100,6 +100,8 @@ class StreamFailsafe:
         self._land_s = land_s
         self._held_since_ns = 0
         self._broken = False
+        self.deadline_ns: int | None = None
+        """When `advance` is next due, None while nothing is."""
 
     @property
     def broken(self) -> bool:
@@ -120,6 +122,7 @@ class StreamFailsafe:
         elif trigger in (Trigger.STREAM, Trigger.NO_STREAM):
             self.owner, self._next_owner = self._next_owner, None
         self.stage, self._broken = after, trigger is Trigger.STALE
+        self._find_deadline()
         return after
 
     # The owner
@@ -147,9 +150,9 @@ class StreamFailsafe:
         self.owner = source
         return self.pull(Trigger.NEW_OWNER, now_ns)
 
-    def follow(self, source: Address | None, now_ns: int, *, in_mode: bool = True) -> bool:
+    def follow(self, source: Address, now_ns: int) -> bool:
         """Receive an obeyed setpoint; returns whether it ended a reported hold."""
-        ruled = in_mode and self.stage in RULED
+        ruled = self.stage in RULED
         due_ns = self.monitor.stale_at_ns(self._stale_s) if self._stale_s else None
         self.monitor.note(now_ns, may_begin=not ruled)
         if not ruled:
@@ -164,20 +167,17 @@ class StreamFailsafe:
 
     # The times
 
-    def deadline_ns(self) -> int | None:
-        """When `advance` is next due, None while nothing is."""
-        if self.stage is Stage.FOLLOW:
-            return self.monitor.stale_at_ns(self._stale_s) if self._stale_s else None
-        return self._held_at_ns() if self.stage is Stage.HOLD else None
-
     def advance(self, now_ns: int, *, no_pose: bool = False) -> Stage | None:
         """The stage that begins now, if one does; no_pose: there is no pose for a hold, so a hold lands at once."""
         if no_pose and self.stage in (Stage.HOLD, Stage.LAND):
             return self.pull(Trigger.NO_POSE, now_ns)
-        due_ns = self.deadline_ns()
-        if due_ns is None or now_ns < due_ns:
+        if self.deadline_ns is None or now_ns < self.deadline_ns:
             return None
         return self.pull(Trigger.STALE if self.stage is Stage.FOLLOW else Trigger.HELD, now_ns)
 
-    def _held_at_ns(self) -> int | None:
-        return None if self._land_s is None else self._held_since_ns + round(self._land_s * 1e9)
+    def _find_deadline(self) -> None:
+        self.deadline_ns = None
+        if self.stage is Stage.FOLLOW and self._stale_s:
+            self.deadline_ns = self.monitor.stale_at_ns(self._stale_s)
+        elif self.stage is Stage.HOLD and self._land_s is not None:
+            self.deadline_ns = self._held_since_ns + round(self._land_s * 1e9)

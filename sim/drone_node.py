@@ -97,12 +97,15 @@ class DroneNode:
     def tick(self, now_ns: int) -> list[Datagram]:
         """The datagrams for the ground; guard and autopilot exchange theirs, without delay, until neither has more."""
         to_ground: list[Datagram] = []
-        while self._next_deadline_ns() <= now_ns:
-            if self.autopilot.next_deadline_ns() <= now_ns:
+        busy = True
+        while busy:
+            busy = self.autopilot.next_deadline_ns() <= now_ns
+            if busy:
                 self._tick_autopilot(now_ns)
             for guard in self.guards if self._input.runs else ():
                 if guard.next_deadline_ns() <= now_ns:
                     to_ground += self._tick_guard(guard, now_ns)
+                    busy = True
         return to_ground
 
     def sample(self) -> Sample:

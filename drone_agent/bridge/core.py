@@ -84,7 +84,7 @@ class BridgeCore:
         self._hold_ns = t0_ns
         self._inertial = InertialStream(self._target, config.inertial_rate_hz, self._estimate, t0_ns)
         self._feed = BodyFeed(config.body_name, self._estimate, t0_ns)
-        self._age_sent_ns = t0_ns
+        self._age_due_ns = t0_ns
         self._strangers: set[int] = set()
         self._rate_offset_reported = False
         self._to_ground: list[bytes] = []
@@ -357,8 +357,8 @@ class BridgeCore:
     def _report_age(self, source: Address, stamp: int, now_ns: int) -> None:
         rate_hz = self._config.age_rate_hz
         age_ms = self._setpoints.setpoint_filter.age_ms(source, stamp, now_ns - self._t0_ns)
-        if age_ms is not None and rate_hz > 0.0 and now_ns - self._age_sent_ns >= 1e9 / rate_hz:
-            self._age_sent_ns = now_ns
+        if age_ms is not None and rate_hz > 0.0 and now_ns >= self._age_due_ns:
+            self._age_due_ns = max(self._age_due_ns + round(1e9 / rate_hz), now_ns)
             self._send_ground(NamedValue((now_ns - self._t0_ns) // 1_000_000, "age_ms", age_ms))
 
     def _report_rate_offset(self) -> None:

@@ -67,14 +67,14 @@ class BodyEstimate:
 
     def receive_imu(self, t_ns: int, sample: InertialSample) -> None:
         """A HIGHRES_IMU, the mean until t_ns; a rate that is not known counts as none."""
-        rate = self._rate_flu_rad_s = np.nan_to_num(sample.rate_flu_rad_s)
+        rate = self._rate_flu_rad_s = _known(sample.rate_flu_rad_s)
         self._navigator.receive_imu(_ONE, np.array([t_ns]), sample.specific_force_flu_m_s2[None], rate[None])
         self._collect_faults()
 
     def receive_attitude(self, t_ns: int, attitude: AttitudeQuaternion) -> None:
         """An ATTITUDE_QUATERNION, of t_ns."""
         q, rate = attitude.q_lab_from_flu, attitude.rate_flu_rad_s
-        self._rate_flu_rad_s = np.nan_to_num(rate)
+        self._rate_flu_rad_s = _known(rate)
         self._navigator.receive_attitude(_ONE, np.array([t_ns]), q[None], rate[None])
         self._collect_faults()
 
@@ -166,6 +166,11 @@ class BodyEstimate:
             int(_FLAGS) if body.status.begun else int(EstimatorFlag.EKF_UNINITIALIZED), False, now_ns // 1000,
             max(x, y), z, math.sqrt(variance[0] + variance[1]), math.sqrt(variance[2]),
         )  # fmt: skip
+
+
+def _known(rate_flu_rad_s: Vec3) -> Vec3:
+    """The rate, zero along each axis that is not known."""
+    return rate_flu_rad_s if math.isfinite(sum(rate_flu_rad_s.tolist())) else np.nan_to_num(rate_flu_rad_s)
 
 
 def _bounded_scale(scale: float) -> float:

@@ -12,8 +12,8 @@ from drone_agent.bridge.estimate import BodyEstimate
 from drone_agent.flight.estimator import Belief
 from drone_agent.flight.position import NO_RATE, Demand, PositionController
 from drone_agent.simulation.attitude_loop import LoopSetpoint
-from formation.maths.arrays import Vec3
-from formation.maths.frames import from_yaw, yaw
+from formation.maths.arrays import Quat
+from formation.maths.frames import IDENTITY, from_yaw, yaw
 from formation.maths.quaternion import thrust_axis
 from formation.vehicle.body import GRAVITY_M_S2
 from wire.link_messages.setpoints import AttitudeSetpoint
@@ -39,7 +39,8 @@ class BridgeHold:
         self._hover_norm = estimate.hover_thrust_norm
         self._sink_norm: float | None = None
         """What carried it as it began to sink; None: it does not."""
-        self._tilt_acc_lab_m_s2: Vec3 = np.zeros(3)
+        self._tilt_acc_lab_m_s2 = (0.0, 0.0)
+        self._q_lab_from_flu: Quat = IDENTITY
         self._noted_ns = 0
         self._loop = PositionController(self._thrust_of)
         self._hold_xy_m = (0.0, 0.0)
@@ -59,17 +60,18 @@ class BridgeHold:
 
     def note(self, target: AttitudeSetpoint, now_ns: int) -> None:
         """Receive a ground's setpoint: the hold keeps its heading and learns from its tilt what balances a wind."""
-        self._yaw_rad = float(yaw(target.q_lab_from_flu))
+        self._q_lab_from_flu = target.q_lab_from_flu
         x, y, _ = thrust_axis(target.q_lab_from_flu)
-        tilt_acc = GRAVITY_M_S2 * np.array([x, y, 0.0])
         share = 1.0 - math.exp(-(now_ns - self._noted_ns) * 1e-9 / _TILT_AVERAGED_S)
         self._noted_ns = now_ns
-        self._tilt_acc_lab_m_s2 = self._tilt_acc_lab_m_s2 + share * (tilt_acc - self._tilt_acc_lab_m_s2)
+        ax, ay = self._tilt_acc_lab_m_s2
+        self._tilt_acc_lab_m_s2 = (ax + share * (GRAVITY_M_S2 * x - ax), ay + share * (GRAVITY_M_S2 * y - ay))
 
     def begin(self, now_ns: int) -> None:
         """Hold from here on, or where it would come to rest."""
-        tilt_acc = np.clip(self._tilt_acc_lab_m_s2, -_TILT_ACC_MAX_M_S2, _TILT_ACC_MAX_M_S2)
-        self._loop.reset((float(tilt_acc[0]), float(tilt_acc[1]), 0.0))
+        self._yaw_rad = float(yaw(self._q_lab_from_flu))
+        ax, ay = (min(max(acc, -_TILT_ACC_MAX_M_S2), _TILT_ACC_MAX_M_S2) for acc in self._tilt_acc_lab_m_s2)
+        self._loop.reset((ax, ay, 0.0))
         motion = self._estimate.motion(now_ns)
         x, y, z = (0.0, 0.0, 0.0) if motion is None else motion.pos_lab_m.tolist()
         vx, vy, _ = (0.0, 0.0, 0.0) if motion is None else motion.vel_lab_m_s.tolist()

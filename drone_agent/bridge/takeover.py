@@ -103,7 +103,7 @@ class Takeover:
             return None
         if self.stream.stage in _FLOWN:
             return self._next_ns
-        return self.stream.deadline_ns() if self._mode_known else None
+        return self.stream.deadline_ns if self._mode_known else None
 
     def due(self, now_ns: int, *, fed: bool, stands: bool) -> Turn:
         """What to do now; fed: the body's own pose is fresh; stands: it was let down and sinks no more."""

@@ -6,14 +6,13 @@ time, stamped with its end (src/modules/mavlink/streams/HIGHRES_IMU.hpp). Ours m
 
 from collections import deque
 from dataclasses import dataclass
-from math import atan2, sqrt
+from math import atan2, hypot, sqrt
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from formation.maths.arrays import Quat, Vec3
-from formation.maths.frames import canonical, inverse, multiply
 from formation.model import Model, Vec3Tuple
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleState
@@ -96,6 +95,11 @@ class InertialSensor:
 
 def _turn_rad(q: Quat, p: Quat) -> Vec3:
     """The rotation vector from attitude q to attitude p, in `flu`."""
-    turn = canonical(multiply(inverse(q), p))
-    sine = sqrt(turn[1:] @ turn[1:])
-    return turn[1:] * (2.0 * atan2(sine, turn[0]) / sine if sine > 0.0 else 2.0)
+    (qw, qx, qy, qz), (pw, px, py, pz) = q.tolist(), p.tolist()
+    w = qw * pw + qx * px + qy * py + qz * pz
+    x = qw * px - qx * pw - qy * pz + qz * py
+    y = qw * py + qx * pz - qy * pw - qz * px
+    z = qw * pz - qx * py + qy * px - qz * pw
+    sine = hypot(x, y, z)
+    scale = 2.0 * atan2(sine, abs(w)) / sine if sine > 0.0 else 2.0
+    return np.array([x, y, z]) * (scale if w >= 0.0 else -scale)

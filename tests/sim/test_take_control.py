@@ -7,7 +7,7 @@ from sim.campaign.labs import scenario
 from sim.faults.fault import Family, Fault
 from sim.world import World
 
-KILLED_S = 1.75
+KILLED_S = 2.45
 """After the formation began: shortly before a heartbeat, by which the new ground knows that there are drones."""
 
 

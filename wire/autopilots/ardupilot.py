@@ -111,7 +111,7 @@ _PARAMETERS = (
 # Set up for a lab: flown on motion capture alone (what ArduCopter was seen to need), by thrust, landing without
 # its ground.
 _INDOOR = {
-    "GUID_OPTIONS": 8.0, "GUID_TIMEOUT": 0.5, "FS_GCS_ENABLE": 5.0,
+    "GUID_OPTIONS": 8.0, "GUID_TIMEOUT": 0.2, "FS_GCS_ENABLE": 5.0,
     "VISO_TYPE": 1.0, "EK3_SRC1_POSXY": 6.0, "EK3_SRC1_POSZ": 6.0, "EK3_SRC1_VELXY": 0.0, "EK3_SRC1_VELZ": 0.0,
     "EK3_SRC1_YAW": 6.0, "GPS1_TYPE": 0.0, "COMPASS_ENABLE": 0.0, "COMPASS_USE": 0.0,
 }  # fmt: skip

@@ -117,7 +117,7 @@ _PARAMETERS = (
 )
 # Set up for a lab: flown on motion capture alone (what PX4 v1.16.1 was seen to need), landing when the stream ends.
 _INDOOR = {
-    "COM_OBL_RC_ACT": 4.0, "COM_RCL_EXCEPT": 4.0,
+    "COM_OBL_RC_ACT": 4.0, "COM_OF_LOSS_T": 0.2, "COM_RCL_EXCEPT": 4.0,
     "EKF2_EV_CTRL": 11.0, "EKF2_GPS_CTRL": 0.0, "EKF2_HGT_REF": 3.0, "EKF2_BARO_CTRL": 0.0, "EKF2_MAG_TYPE": 5.0,
     "EKF2_EV_DELAY": 20.0, "EKF2_EVP_NOISE": 0.01, "SYS_HAS_MAG": 0.0, "SYS_HAS_GPS": 0.0,
 }  # fmt: skip

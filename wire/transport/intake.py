@@ -42,11 +42,14 @@ SUPERSEDED = frozenset(
         MessageId.DISTANCE_SENSOR,
         MessageId.ALTITUDE,
         MessageId.ODOMETRY,
+        MessageId.NAMED_VALUE_FLOAT,
     }
 )
-"""Streams of which the newest message says all: states, not events and not sums."""
+"""Streams of which the newest message says all: states, not events and not sums. Of named values, of each name."""
 
-_Stream = tuple[int, int, int]
+_Stream = tuple[int, int, int, bytes]
+_NAME_AT = 18
+"""Where the name of a NAMED_VALUE_FLOAT begins in its frame: after the head, a time and a value."""
 
 
 def newest(backlog: Sequence[tuple[bytes, int]]) -> list[tuple[bytes, int]]:
@@ -69,7 +72,7 @@ def newest(backlog: Sequence[tuple[bytes, int]]) -> list[tuple[bytes, int]]:
 
 
 def _streams(data: bytes) -> list[_Stream] | None:
-    """System, component and message id of each packet, by their heads alone; None where one of them may not be lost."""
+    """System, component, message id and name of each packet, by its bytes; None where one of them may not be lost."""
     streams: list[_Stream] = []
     at, end = 0, len(data)
     while at < end:
@@ -78,7 +81,8 @@ def _streams(data: bytes) -> list[_Stream] | None:
         number = data[at + 7] | data[at + 8] << 8 | data[at + 9] << 16
         if number not in SUPERSEDED:
             return None
-        streams.append((data[at + 5], data[at + 6], number))
+        name = data[at + _NAME_AT : at + 10 + data[at + 1]] if number == MessageId.NAMED_VALUE_FLOAT else b""
+        streams.append((data[at + 5], data[at + 6], number, name))
         at += 12 + data[at + 1] + (13 if data[at + 2] & 1 else 0)
     return streams if streams and at == end else None
 

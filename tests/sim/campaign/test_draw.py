@@ -33,7 +33,6 @@ def test_every_family_is_drawn_and_every_kind_of_flight() -> None:
     assert drawn == met
     vehicles = [vehicle for flight in flights for vehicle in flight.vehicles]
     assert {vehicle.autopilot for vehicle in vehicles} == {"px4", "ardupilot"}
-    assert {vehicle.bridged for vehicle in vehicles} == {True, False}
     assert {len(flight.lab.followers) for flight in flights} >= {2, 3, 4, 5, 6, 8, 10}
     assert any(flight.lab.leader.sysid is None for flight in flights)
 

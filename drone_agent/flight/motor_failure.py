@@ -80,18 +80,17 @@ class MotorFailure:
         part_n, carried_n = least_n / 4.0, measured_n - all_n
         self.thrust_share += _SHARE_GAIN * (min(max(measured_n / least_n, _SHARE_MIN), 1.0) - self.thrust_share)
         dead = False
-        for motor, signs in enumerate(_CORNERS):
-            loss_n = min(sign * (turn[axis] - expected_turn[axis]) for axis, sign in enumerate(signs))
-            obeys = any(
-                sign * expected_turn[axis] > _OBEYS * part_n or sign * turn[axis] < -_OBEYS * part_n
-                for axis, sign in enumerate(signs)
-            )
+        (turn_x, turn_y), (expected_x, expected_y), obeyed_n = turn, expected_turn, _OBEYS * part_n
+        for motor, (x, y) in enumerate(_CORNERS):
+            loss_n = min(x * (turn_x - expected_x), y * (turn_y - expected_y))
+            asked_n, countered_n = max(x * expected_x, y * expected_y), min(x * turn_x, y * turn_y)
+            obeys = asked_n > obeyed_n or countered_n < -obeyed_n
             if loss_n < _LOST * part_n or obeys or carried_n > _CARRIED * loss_n:
                 self._lost_since_ns[motor] = None
                 continue
             since_ns = self._lost_since_ns[motor]
             since_ns = self._lost_since_ns[motor] = now_ns if since_ns is None else since_ns
-            turn_n_s = min(sign * arms[axis] * response.rate_rad_s[axis] for axis, sign in enumerate(signs))
+            turn_n_s = min(x * arms[0] * response.rate_rad_s[0], y * arms[1] * response.rate_rad_s[1])
             dead = dead or (now_ns - since_ns >= _LOST_NS and turn_n_s > _TURN_SHARE * part_n * _LOST_NS * 1e-9)
         return dead
 

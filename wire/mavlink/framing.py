@@ -201,6 +201,19 @@ def sealed(body: bytes, crc_extra: int) -> bytes:
     return body + crc.to_bytes(2, "little")
 
 
+def resealed(frame: bytes, flags: int) -> bytes | None:
+    """A whole MAVLink 2 frame with other incompatibility flags and its checksum anew, without its signature.
+
+    None for MAVLink 1, and for a message that is in no dialect of ours.
+    """
+    if frame[0] != _MAGIC_2:
+        return None
+    crc_extra = CRC_EXTRA.get(frame[7] | frame[8] << 8 | frame[9] << 16)
+    if crc_extra is None:
+        return None
+    return sealed(frame[:2] + _SEED[flags] + frame[3 : 10 + frame[1]], crc_extra)
+
+
 def _stop(buffer: bytes, at: int, end: int) -> int:
     """Where the frame that starts at `at` stops, as far as its head says: `at` if none starts there.
 

@@ -1,0 +1,163 @@
+"""MAVLink 2 signing: packets signed as they leave a link, and verified as they arrive, before anything reads them.
+
+https://mavlink.io/en/guide/message_signing.html. It belongs to the link and not to the codec, so that no key enters a
+core or a log, and a log replays without one. Two rules are stricter than the specification. A stamp counts across
+restarts: what was accepted before is never accepted again. The sender's system must be that of the link's other end,
+so that no packet can be sent back to where it came from.
+"""
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from hmac import compare_digest
+from typing import NamedTuple
+
+from wire.mavlink.framing import FRAMES_MOST, resealed
+
+STAMPS_SINCE_US = 1_420_070_400_000_000
+"""2015-01-01 UTC; stamps count units of 10 us from there."""
+KEY_BYTES, SIGNATURE_BYTES, STREAMS_MOST = 32, 13, 32
+WINDOW = 6_000_000
+"""One minute of stamps: a stream that is not known yet may lie so far behind, any stream so far ahead."""
+_MAGIC_1, _MAGIC_2, _SIGNED = 0xFE, 0xFD, 0x01
+_OVERHEAD_1, _OVERHEAD_2 = 8, 12
+
+NOT_WHOLE = "packet that is no whole MAVLink 2 packet"
+VERSION_1 = "MAVLink 1 packet, which has no signature"
+UNSIGNED = "packet without a signature"
+BACKWARDS = "packet of this end's own system, sent back"
+TOO_OLD = "signed packet that is too old"
+TOO_NEW = "signed packet from the future of this machine's clock"
+WRONG = "packet with a wrong signature"
+REPLAYED = "signed packet that came before"
+CROWDED = "signed packet of one stream too many"
+
+
+def stamp_at(unix_us: int) -> int:
+    """The stamp of a time."""
+    return max(unix_us - STAMPS_SINCE_US, 0) // 10
+
+
+@dataclass(slots=True)
+class StampClock:
+    """The newest stamp that a process has signed with or accepted; never goes back.
+
+    floor: the newest that may have been used before this process began (`wire.security.stamp_file`).
+    """
+
+    floor: int = 0
+    newest: int = 0
+
+    def __post_init__(self) -> None:
+        self.newest = max(self.newest, self.floor)
+
+    def next(self, unix_us: int) -> int:
+        """A stamp for the next packet: later than every one before."""
+        self.newest = max(stamp_at(unix_us), self.newest + 1)
+        return self.newest
+
+    def receive(self, stamp: int) -> None:
+        """A stamp was accepted: another machine's clock may be ahead."""
+        self.newest = max(self.newest, stamp)
+
+
+class Verified(NamedTuple):
+    """The packets of a datagram that are as they must be, byte for byte, and why the others are rejected, if any."""
+
+    data: bytes
+    reject_reason: str = ""
+
+
+@dataclass(slots=True)
+class SigningChannel:
+    """One end of one drone's link, signed by that drone's own key.
+
+    is_peer: whether a packet of this system may come from the other end. trusts_clock: whether this machine's clock is
+    right, so that stamps far ahead of it are rejected; a companion computer without a clock takes the ground's.
+    """
+
+    key: bytes = field(repr=False)
+    clock: StampClock
+    is_peer: Callable[[int], bool]
+    link_id: int = 0
+    trusts_clock: bool = True
+    _streams: dict[bytes, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if len(self.key) != KEY_BYTES:
+            raise ValueError(f"a signing key has {KEY_BYTES} bytes")
+
+    def sign(self, data: bytes, unix_us: int) -> bytes:
+        """The packets of a datagram, each with its signature; one that another key has signed is signed anew.
+
+        Bytes that are no MAVLink 2 packet are left out: what cannot be signed is not sent.
+        """
+        signed, at = [], 0
+        while (stop := _stop(data, at)) is not None:
+            body = resealed(data[at:stop], _SIGNED)
+            if body is not None:
+                tail = bytes((self.link_id,)) + self.clock.next(unix_us).to_bytes(6, "little")
+                signed.append(body + tail + self._signature(body + tail))
+            at = stop
+        return b"".join(signed)
+
+    def verify(self, data: bytes, unix_us: int) -> Verified:
+        """The datagram's packets that are signed by the link's key, later than those before."""
+        accepted: list[bytes] = []
+        reason, at = "", 0
+        for _ in range(FRAMES_MOST):
+            if at >= len(data):
+                break
+            stop = _stop(data, at)
+            if stop is None:
+                return Verified(b"".join(accepted), NOT_WHOLE)
+            found = self._reject_reason(data[at:stop], unix_us)
+            if found:
+                reason = found
+            else:
+                accepted.append(data[at:stop])
+            at = stop
+        return Verified(b"".join(accepted), reason or (NOT_WHOLE if at < len(data) else ""))
+
+    def _reject_reason(self, frame: bytes, unix_us: int) -> str:
+        """Cheap checks first: a flood of forged packets costs no hashing that it need not."""
+        if frame[0] == _MAGIC_1:
+            return VERSION_1
+        if frame[2] != _SIGNED:
+            return UNSIGNED
+        if not self.is_peer(frame[5]):
+            return BACKWARDS
+        stamp = int.from_bytes(frame[-12:-6], "little")
+        if self.trusts_clock and stamp > max(stamp_at(unix_us), self.clock.floor) + WINDOW:
+            return TOO_NEW
+        stream = frame[5:7] + frame[-13:-12]
+        before = self._streams.get(stream)
+        if before is None and (stamp <= self.clock.floor or stamp < self.clock.newest - WINDOW):
+            return TOO_OLD
+        if not compare_digest(self._signature(frame[:-6]), frame[-6:]):
+            return WRONG
+        if before is None and len(self._streams) >= STREAMS_MOST:
+            return CROWDED
+        if before is not None and stamp <= before:
+            return REPLAYED
+        self._streams[stream] = stamp
+        self.clock.receive(stamp)
+        return ""
+
+    def _signature(self, signed: bytes) -> bytes:
+        """The first 48 bits of SHA-256 over key and packet, link id and stamp included."""
+        return hashlib.sha256(self.key + signed).digest()[:6]
+
+
+def _stop(data: bytes, at: int) -> int | None:
+    """Where the whole packet that begins at `at` ends, as its head says; None where none does."""
+    left = len(data) - at
+    if left < 3:
+        return None
+    if data[at] == _MAGIC_1:
+        size = _OVERHEAD_1 + data[at + 1]
+    elif data[at] == _MAGIC_2 and data[at + 2] <= _SIGNED:
+        size = _OVERHEAD_2 + data[at + 1] + (SIGNATURE_BYTES if data[at + 2] else 0)
+    else:
+        return None
+    return at + size if size <= left else None

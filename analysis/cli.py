@@ -1,4 +1,4 @@
-"""`gcs-log report | check | picture | compare | layout | export | identify`: what a log says, to people and scripts.
+"""`gcs-log report | check | audit | picture | compare | layout | export | identify`: what a log says.
 
 Exit codes: 0 well; 1 the flight neither landed nor ended in the air as asked (`report`), or the log is damaged
 (`check`); 2 no log, or an argument that cannot be used.
@@ -78,6 +78,24 @@ def check(log: LogPath, as_json: Json = False) -> None:
         print_check(found, Console())
     if not found.complete:
         raise typer.Exit(DAMAGED)
+
+
+@app.command()
+def audit(log: LogPath, as_json: Json = False) -> None:
+    """List who asked for what, what was done to the lab's keys, and which packets and requests were rejected."""
+    from dataclasses import asdict
+
+    from analysis.audit import audit as audit_log
+    from wire.logs.mcap_log import read_log
+
+    with _refusing():
+        rows = audit_log(read_log(log))
+    if as_json:
+        typer.echo(json.dumps([asdict(row) for row in rows]))
+        return
+    for row in rows:
+        time = "before" if row.t_s is None else f"{row.t_s:.2f} s"
+        typer.echo("  ".join(filter(None, (f"{time:>10}", f"{row.who:<28}", row.what, row.result))))
 
 
 @app.command()

@@ -77,6 +77,10 @@ class Options:
     ] = None
     host: Annotated[str | None, typer.Option(help="The ground's host (udp).")] = None
     zenoh_connect: Annotated[str | None, typer.Option(help="Endpoint of the bus, tcp/HOST:PORT.")] = None
+    keys: Annotated[Path | None, typer.Option(help="Folder of the keys that `gcs keys install` wrote.")] = None
+    insecure: Annotated[
+        bool | None, typer.Option("--insecure", help="Simulation only: open links to other machines without any keys.")
+    ] = None
     stale_setpoint: Annotated[
         float | None, typer.Option(help="Level after this silence, s; 0.1 if not given, 0: never.")
     ] = None
@@ -150,6 +154,8 @@ def _laid_over(options: Options) -> dict[str, Any]:
         "start_lab_m": None if options.start is None else options.start.split(","),
         "start_yaw_rad": options.yaw,
         "truth_rate_hz": options.truth,
+        "keys": options.keys,
+        "insecure": options.insecure,
         "stale_setpoint_s": options.stale_setpoint,
         "stale_land_s": options.stale_land,
         "parameter_file": options.parameter_file,

@@ -10,8 +10,11 @@ from drone_agent.simulation.disturbance import Disturbance
 from drone_agent.simulation.inertial import InertialError
 from drone_agent.simulation.level_error import LevelError
 from formation.config import LinkConfig
+from formation.identities import drone_identity
 from formation.model import Model, Name, SysId, Vec3Tuple
 from formation.vehicle.profile import VehicleProfile, profile
+from wire.security.bus_access import BusAccess
+from wire.security.protection import Protection, protection_of
 
 NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 # Where PX4's and ArduPilot's simulators put their drones, so that a map shows something known.
@@ -58,6 +61,10 @@ class AgentConfig(Model):
     parameters: dict[str, float] = Field(default_factory=dict)
     parameter_file: Path | None = None
     """Where PARAM_SET keeps its values; not given: they die with the process."""
+    keys: Path | None = None
+    """Folder of the keys that `gcs keys install` wrote; without it every link must be on this machine."""
+    insecure: bool = False
+    """Simulation only: open links to other machines without keys."""
     origin: Vec3Tuple = ZURICH
     """Latitude and longitude, degrees, and altitude, m, of the lab's origin."""
     rates_hz: dict[int, NonNegative] = Field(default_factory=dict)
@@ -71,6 +78,18 @@ class AgentConfig(Model):
     def _vehicle_exists(self) -> "AgentConfig":
         self.true_vehicle()
         return self
+
+    @property
+    def is_networked(self) -> bool:
+        """Whether its ground may be on another machine: then the bridge passes what its allow-list has, and no more."""
+        return self.keys is not None or self.insecure
+
+    @property
+    def protection(self) -> Protection:
+        """What protects this drone's links. ConfigError for keys that are missing or open to others."""
+        if self.keys is not None:
+            return protection_of(self.keys, drone_identity(self.sysid))
+        return Protection(BusAccess(insecure=self.insecure))
 
     @property
     def body_name(self) -> str:

@@ -87,22 +87,26 @@ async def run(config: AgentConfig, report: EventSink, clock: Clock = REAL_TIME) 
 
     Raises OSError where its port is taken, ConfigError for parameters that are none, StarvedError.
     """
-    stop = Stop()
+    stop, protection = Stop(), config.protection
     pump = _Pump(config, _core(config, clock), report, clock)
     missing: asyncio.Task[None] | None = None
+    attending: asyncio.Task[None] | None = None
     uses_bus = config.link.kind == "zenoh" or config.is_guarded or config.truth_rate_hz > 0.0
     try:
         if uses_bus:
-            pump.bus = await ZenohBus.open(config.link, config.lab, pump.rejections)
+            pump.bus = await ZenohBus.open(config.link, config.lab, pump.rejections, protection)
             MocapBus(pump.bus, clock).on_frame(pump.receive_frame)
-        pump.link = await open_ground_link(config, pump.bus, pump.receive, pump.rejections)
+        pump.link = await open_ground_link(config, pump.bus, pump.receive, pump.rejections, protection)
         pump.turn()
         if pump.bus is not None:
             awaited = [awaited_bus(config, pump.bus)]
             awaited += [awaited_pose(config, lambda: pump.has_pose)] if config.is_guarded else []
             missing = asyncio.create_task(report_missing(f"uav{config.sysid}", awaited, report))
+        attending = asyncio.create_task(protection.attend(report))
         await stop.wait()
     finally:
+        if attending is not None:
+            attending.cancel()
         if missing is not None:
             missing.cancel()
         pump.timer.stop()

@@ -13,6 +13,7 @@ from formation.mocap_config import MocapConfig as MocapConfig
 from formation.model import NO_ROTATION, Model, Name, NoFlag, Number, Positive, SysId, Vec3Tuple, WrongKeyError
 from formation.requests import CONFIGURED as CONFIGURED
 from formation.requests import ENDPOINT, LAB
+from formation.security_config import SecurityConfig
 from formation.trajectory_config import TrajectoryConfig as TrajectoryConfig
 from formation.vehicle.profile import VehicleProfile, profile
 
@@ -266,6 +267,8 @@ class LabConfig(Model):
     flight: FlightConfig = FlightConfig()
     link: LinkConfig = LinkConfig()
     operator: OperatorConfig = OperatorConfig()
+    security: SecurityConfig | None = None
+    """Keys and roles; without it every endpoint must be on this machine."""
 
     @model_validator(mode="before")
     @classmethod

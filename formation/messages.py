@@ -278,12 +278,13 @@ class HostReport:
     """The host's report to its ground: other grounds on the lab's bus, faults of the log and the stop button.
 
     log_trouble, button_trouble: in words; empty while everything is written in time, and the button is there or none is
-    configured.
+    configured. exposed: that links of other machines are open without keys, in words; empty while none is.
     """
 
     other_grounds: tuple[str, ...] = ()
     log_trouble: str = ""
     button_trouble: str = ""
+    exposed: str = ""
 
 
 @dataclass(frozen=True, slots=True)

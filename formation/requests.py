@@ -38,11 +38,15 @@ class Verb(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class OperatorRequest:
-    """One request; `argument` is the verb's own text (the shape's name, say)."""
+    """One request; `argument` is the verb's own text (the shape's name, say).
+
+    source: who asks and from where: the name in the certificate where there are keys, user and machine as they say.
+    """
 
     id: int
     verb: Verb
     argument: str = ""
+    source: str = ""
 
 
 @dataclass(frozen=True, slots=True)

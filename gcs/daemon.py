@@ -9,7 +9,7 @@ import gc
 import json
 import signal
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from formation import topics
@@ -34,6 +34,7 @@ from gcs.doctor.restart_record import watch_record
 from gcs.drones.links import GroundLinks, open_links
 from gcs.other_grounds import know_other_grounds
 from gcs.recording import Input, Recorder, run_metadata
+from gcs.security.roles import by_role
 from gcs.state.host import Disk, EventMemory, disk, host_state
 from gcs.stop_button.watch import watch_button
 from mocap.autopilot_poses import AutopilotPoses
@@ -45,6 +46,7 @@ from wire.logs.mcap_log import LogWriter
 from wire.process.awaited import report_missing
 from wire.process.deadline import Deadline
 from wire.process.machine import machine
+from wire.security.protection import INSECURE, LOOPBACK_ONLY, Protection
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import Reply, ZenohBus
 
@@ -81,7 +83,7 @@ class Ground:
         self._print_event = report
         self._events = EventMemory()
         self.disk = Disk()
-        self.button_trouble = ""
+        self.button_trouble = self.exposed = ""
         self._clock = clock
         self._poses = AutopilotPoses(config) if config.mocap.source == "mavlink" else None
         self._spacing_s = 1.0 / config.mocap.rate_hz
@@ -133,7 +135,7 @@ class Ground:
         self._pending_replies[self._request_id] = lambda answer: reply(
             OperatorReply(asked_id, answer.accepted, answer.text)
         )
-        self._input(OperatorRequest(self._request_id, request.verb, request.argument), now_ns)
+        self._input(replace(request, id=self._request_id), now_ns)
         self._tick(now_ns)
 
     async def watch(self) -> None:
@@ -174,7 +176,7 @@ class Ground:
 
     def _report_host(self, now_ns: int) -> None:
         """Pass the state of log, bus and stop button to the core when it has changed."""
-        report = HostReport(self.other_grounds, self.log.trouble(now_ns), self.button_trouble)
+        report = HostReport(self.other_grounds, self.log.trouble(now_ns), self.button_trouble, self.exposed)
         if report != self._host_report:
             self._host_report = report
             self._input(report, now_ns)
@@ -276,25 +278,28 @@ async def run(
     metadata: Mapping[str, str],
     report: EventSink,
     clock: Clock = REAL_TIME,
+    protection: Protection = LOOPBACK_ONLY,
 ) -> Ended:
     """Run the ground until SIGINT or SIGTERM; in flight it lands the swarm first, a second signal ends it at once.
 
-    lab_file: where `config` was read, for the mocap process, if one has to be started.
+    lab_file: where `config` was read, for the mocap process, if one has to be started. protection: of every link.
     Raises OSError (bus, ports, log), ValueError (a link that is none), ServiceError (no mocap), GroundFailure.
     """
     start = clock.pair()
     t0_ns, session = start.monotonic_ns, start.unix_ns // 1_000_000_000
     core = GcsCore(config, t0_ns, session, law_guard=Deadline(LAW_S, LAW_WALL_S))
-    bus = await ZenohBus.open_or_listen(config.link, config.name)
+    bus = await ZenohBus.open_or_listen(config.link, config.name, protection=protection)
     try:
         log_metadata = {
             **run_metadata(config, t0_ns, session),
             "lab_file": str(lab_file),
             "machine": machine(),
+            "security": protection.words,
             **metadata,
         }
         with LogWriter(log_path, log_metadata, start=start, share=sharer(bus, name)) as log:
             ground = Ground(config, core, log, report, clock)
+            ground.exposed = INSECURE if protection.bus.insecure else ""
             if bus.listens and not config.link.names_bus:
                 ground.report(LISTENS)
             ground.links = await open_links(config, bus, ground.receive_datagram)
@@ -345,9 +350,10 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
             tasks.create_task(ground.watch_disk()),
             tasks.create_task(watch_record(lab_file, ground.receive_unmet, ground.report, clock)),
             tasks.create_task(report_missing("ground", awaited_by_ground(config, bus, ground), ground.report)),
+            tasks.create_task(bus.protection.attend(ground.report)),
             tasks.create_task(_have_mocap(config, lab_file, mocap, ground.report, clock, name)),
         ]
-        bus.serve(name, ground.receive_request)
+        bus.serve(name, by_role(config, ground.receive_request, bus.rejections, clock.monotonic_ns))
         await asked_to_end.wait()
         await ground.land()
         for service in services:

@@ -22,11 +22,18 @@ from wire.logs.mcap_log import LogWriter
 from wire.process.console import NOT_RIGHT, REJECTED, fail, print_event, print_event_json
 from wire.process.machine import machine
 from wire.process.progress import compile_all
+from wire.security.protection import LOOPBACK_ONLY, Protection
 
 
 def serve(
-    config: LabConfig, linger_s: float | None, record: Path | None, as_json: bool, clock: Clock, ground: str
-) -> None:  # fmt: skip
+    config: LabConfig,
+    linger_s: float | None,
+    record: Path | None,
+    as_json: bool,
+    clock: Clock,
+    ground: str,
+    protection: Protection = LOOPBACK_ONLY,
+) -> None:
     """Run the mocap process until SIGINT or SIGTERM, then end the program with its exit code.
 
     On a terminal a table shows the mocap's state; with as_json a line of JSON is printed each second.
@@ -36,7 +43,7 @@ def serve(
     compile_all("gcs", lambda: warm_up(config), sys.stderr)
     try:
         with _outputs(config, record, as_json, clock) as outputs:
-            uvloop.run(run(config, linger_s, outputs, clock, ground))
+            uvloop.run(run(config, linger_s, outputs, clock, ground, protection))
     except MocapFileError as error:
         fail(str(error), NOT_RIGHT)
     except ServiceError as error:

@@ -31,6 +31,7 @@ from wire.clock import Clock
 from wire.process.awaited import GROUND_REMEDY, Awaited, bus_at, report_missing
 from wire.process.lifetime import EventSink, Stop
 from wire.rejections import RejectionLog
+from wire.security.protection import LOOPBACK_ONLY, Protection
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
 
@@ -135,7 +136,12 @@ class Mocap:
 
 
 async def run(
-    config: LabConfig, linger_s: float | None, outputs: Outputs, clock: Clock, ground: str = GCS_NAME
+    config: LabConfig,
+    linger_s: float | None,
+    outputs: Outputs,
+    clock: Clock,
+    ground: str = GCS_NAME,
+    protection: Protection = LOOPBACK_ONLY,
 ) -> None:
     """Serve the lab until SIGINT or SIGTERM, or until nobody has listened for `linger_s`.
 
@@ -144,7 +150,8 @@ async def run(
     """
     stop = Stop()
     awaited_task: asyncio.Task[None] | None = None
-    bus = await ZenohBus.open(config.link.joined, config.name)
+    attending = asyncio.create_task(protection.attend(outputs.event))
+    bus = await ZenohBus.open(config.link.joined, config.name, protection=protection)
     try:
         mocap_bus = MocapBus(bus, clock)
         if await mocap_bus.serving(OTHERS_S) is not None:
@@ -161,6 +168,7 @@ async def run(
         awaited_task = asyncio.create_task(report_missing(SOURCE, awaited, mocap.report))
         await _first_of(mocap.watch(linger_s), mocap.source.run(), stop.wait())
     finally:
+        attending.cancel()
         if awaited_task is not None:
             awaited_task.cancel()
         await bus.close()

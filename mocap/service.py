@@ -91,7 +91,7 @@ class _OwnProcess:
         self._process = await asyncio.create_subprocess_exec(
             *python_command(
                 "gcs", "mocap", str(self._lab_file), "--linger", str(LINGER_S), "--speed", str(self._clock.speed),
-                "--name", self._ground,
+                "--name", self._ground, *(("--insecure",) if self._bus.insecure else ()),
             ),
             stdin=asyncio.subprocess.DEVNULL, start_new_session=True,
         )  # fmt: skip

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from drone_agent.config import AgentConfig
 from formation.config import LinkConfig
+from formation.identities import TOOL
 from formation.messages import OperatorReply, OperatorRequest
 from formation.model import Model
 from formation.requests import GCS_NAME
@@ -18,6 +19,8 @@ from sim.scenario import Scenario, agent_configs, leader_seconds, recorded_leade
 from sim.script import Operator, OperatorView, Outcome
 from wire import config_file
 from wire.clock import REAL_TIME, Clock
+from wire.security.private_keys import keys_folder
+from wire.security.protection import lab_protection
 from wire.transport.zenoh_bus import ZenohBus
 
 Progress = Callable[[float, str], None]
@@ -92,7 +95,7 @@ async def running(
     _write(files.scenario, scenario)
     _write(files.lab, scenario.lab)
     speed = ("--speed", str(clock.speed))
-    configs = agent_configs(scenario, recorded_leader(scenario))
+    configs, security = agent_configs(scenario, recorded_leader(scenario)), scenario.lab.security
     bridged = [config.sysid for config in configs if scenario.true_vehicle(config.sysid).bridged]
     async with AsyncExitStack() as stack:
         inner = stack.enter_context(private_link("udp", bridged)) if bridged else None
@@ -104,6 +107,8 @@ async def running(
         for config in configs:
             if drones_link is not None:
                 config = config.model_copy(update={"link": drones_link})
+            if security is not None:
+                config = config.model_copy(update={"keys": keys_folder(security.keys, files.lab)})
             for name, agent_config in _drone(config, inner if config.sysid in bridged else None):
                 _write(files.drone(name), agent_config)
                 await group.start(name, "drone_agent", ["--config", str(files.drone(name)), *speed])
@@ -115,7 +120,8 @@ async def running(
         arguments = ["run", str(files.lab), "--log", str(files.mcap), *speed, *(["--force"] if force else [])]
         arguments += [word for tag in tags for word in ("--tag", tag)]
         ground = await group.start("gcs", "gcs", arguments, patience_s=LANDING_PATIENCE_S / clock.speed)
-        bus = await ZenohBus.open(scenario.lab.link, scenario.lab.name)
+        protection = lab_protection(security, files.lab, TOOL)
+        bus = await ZenohBus.open(scenario.lab.link, scenario.lab.name, protection=protection)
         try:
             yield Running(group, ground, bus)
         finally:

@@ -17,7 +17,8 @@ def with_stand_ins(lab: LabConfig) -> LabConfig:
     followers = tuple(_simulated(follower) for follower in lab.followers)
     leader = lab.leader.model_copy(update={"link": None})
     operator = lab.operator.model_copy(update={"stop_button": None})
-    return lab.model_copy(update={"mocap": mocap, "leader": leader, "followers": followers, "operator": operator})
+    real = {"mocap": mocap, "leader": leader, "followers": followers, "operator": operator, "security": None}
+    return lab.model_copy(update=real)
 
 
 def stand_ins(lab: LabConfig) -> str:

@@ -11,7 +11,7 @@ from wire.json_text import parse_json
 FACTS = (
     ("date", "date"), ("versions", "version"), ("machine", "machine"), ("lab_file", "lab file"),
     ("control_law", "control law"), ("scenario", "scenario"), ("seed", "seed"), ("link", "link"),
-    ("speed", "speed of the clock"),
+    ("speed", "speed of the clock"), ("security", "protection of the links"),
 )  # fmt: skip
 
 

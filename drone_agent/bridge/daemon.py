@@ -2,6 +2,7 @@
 
 import asyncio
 import sys
+from dataclasses import replace
 from math import inf
 
 from drone_agent.bridge import estimate
@@ -11,6 +12,7 @@ from drone_agent.flight import position
 from drone_agent.link.awaited import awaited_bus, awaited_pose
 from drone_agent.link.ground_link import open_ground_link
 from drone_agent.timer import DeadlineTimer
+from formation.exposure import is_local_link
 from formation.messages import Datagram, LabFrame
 from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
@@ -18,6 +20,8 @@ from wire.process.awaited import Awaited, report_missing
 from wire.process.lifetime import EventSink, Stop
 from wire.process.progress import compile_all
 from wire.rejections import RejectionLog
+from wire.security.bus_access import ExposedError
+from wire.security.protection import Protection
 from wire.transport.link import Link
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.serial_link import device_and_baud, open_serial
@@ -74,18 +78,19 @@ async def run_bridge(config: AgentConfig, autopilot: str, report: EventSink, clo
     autopilot: udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD. Raises OSError where a port cannot be had,
     ConfigError where that text is none of these.
     """
-    stop = Stop()
+    stop, protection = Stop(), config.protection
     compile_all("drone-agent", warm_up, sys.stderr)
     config = config.model_copy(update={"inertial_rate_hz": min(config.inertial_rate_hz, imu_rate_limit_hz(autopilot))})
     core = BridgeCore(config, clock.monotonic_ns(), serial=autopilot.startswith("serial:"))
     pump = _Pump(core, report, clock)
     bus: ZenohBus | None = None
     missing: asyncio.Task[None] | None = None
+    attending: asyncio.Task[None] | None = None
     try:
-        pump.autopilot = await _open_autopilot(autopilot, config.sysid, pump)
-        bus = await ZenohBus.open(config.link, config.lab, pump.rejections)
+        pump.autopilot = await _open_autopilot(autopilot, config.sysid, pump, protection)
+        bus = await ZenohBus.open(config.link, config.lab, pump.rejections, protection)
         MocapBus(bus, clock).on_frame(pump.from_mocap)
-        pump.ground = await open_ground_link(config, bus, pump.from_ground, pump.rejections)
+        pump.ground = await open_ground_link(config, bus, pump.from_ground, pump.rejections, protection)
         pump.turn()
         awaited = (
             awaited_bus(config, bus),
@@ -93,8 +98,11 @@ async def run_bridge(config: AgentConfig, autopilot: str, report: EventSink, clo
             awaited_pose(config, lambda: core.has_pose),
         )
         missing = asyncio.create_task(report_missing(f"uav{config.sysid}", awaited, report))
+        attending = asyncio.create_task(protection.attend(report))
         await stop.wait()
     finally:
+        if attending is not None:
+            attending.cancel()
         if missing is not None:
             missing.cancel()
         pump.timer.stop()
@@ -126,15 +134,18 @@ def imu_rate_limit_hz(autopilot: str) -> float:
     return _INERTIAL_SHARE * baud / (_BITS * _INERTIAL_BYTES)
 
 
-async def _open_autopilot(text: str, sysid: int, pump: _Pump) -> Link:
+async def _open_autopilot(text: str, sysid: int, pump: _Pump, protection: Protection) -> Link:
     kind = text.partition(":")[0]
+    inner = replace(protection, signing=None if is_local_link(text) else protection.autopilot)
     try:
         if kind == "serial":
             return await open_serial(text, sysid, pump.from_autopilot)
         if kind in ("udp", "udpin", "udpout"):
-            return await open_udp_direct(text, sysid, pump.from_autopilot, pump.rejections)
+            return await open_udp_direct(text, sysid, pump.from_autopilot, pump.rejections, inner)
     except ValueError as error:
         raise ConfigError([f"drone-agent: bridge: {error}"]) from error
+    except ExposedError:
+        raise
     except OSError as error:
         raise OSError(f"bridge {text}: {error.strerror or error}") from error
     raise ConfigError([f"drone-agent: bridge: {text!r} is not udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD"])

@@ -11,15 +11,18 @@ from typing import Annotated
 
 import typer
 
+from formation.identities import PAGE
 from formation.requests import GCS_NAME
+from gcs.cli import keys as keys_cli
 from gcs.cli import mocap as mocap_cli
 from gcs.cli import operator as operator_cli
 from gcs.cli.children import page_process
 from gcs.doctor import cli as doctor_cli
 from gcs.live import cli as live_cli
 from wire import clock
+from wire.errors import ConfigError
 from wire.markdown import rows
-from wire.process.console import REJECTED, Json, LabFile, Name, Speed, configuration, fail
+from wire.process.console import NOT_RIGHT, REJECTED, Insecure, Json, LabFile, Name, Speed, configuration, fail
 from wire.process.program import program
 
 app = program(
@@ -44,18 +47,19 @@ def run(
     ),
     as_json: Json = False,
     speed: Speed = 1.0,
+    insecure: Insecure = False,
 ) -> None:
     """Run the ground: mocap in, control on every frame, setpoints out, everything recorded. Ctrl-C lands and ends."""
-    from gcs.cli.ground import serve  # loads the compiled control, which the other commands do without
+    from gcs.cli.ground import Run, serve  # loads the compiled control, which the other commands do without
     from gcs.lab.findings import approved
 
-    config = approved(lab, as_json)
+    config = approved(lab, as_json, insecure=insecure)
 
     path = log or Path("runs") / f"{config.name}-{clock.unix_us() // 1_000_000}.mcap"
     metadata = {"link": config.link_kinds}
     metadata |= _tags(tag or [])
-    with page_process(lab, name, speed) if page else nullcontext():
-        serve(config, lab, path, name, metadata, force, as_json, clock.Clock(speed))
+    with page_process(lab, name, speed, insecure) if page else nullcontext():
+        serve(config, Run(lab, path, name, metadata, force, as_json, insecure, clock.Clock(speed)))
 
 
 def _tags(items: list[str]) -> dict[str, str]:
@@ -87,12 +91,18 @@ def page(
     ] = None,
     as_json: Json = False,
     speed: Speed = 1.0,
+    insecure: Insecure = False,
 ) -> None:
     """Serve the operator's page on loopback: the room, every drone, alarms, every command, STOP by the space bar."""
     from gcs.page.shell import serve as serve_page
+    from wire.security.protection import lab_protection
 
     try:
-        serve_page(configuration(lab), name, port, clock.Clock(speed), as_json)
+        config = configuration(lab)
+        protection = lab_protection(config.security, lab, PAGE, insecure=insecure)
+        serve_page(config, name, port, clock.Clock(speed), as_json, protection)
+    except ConfigError as error:
+        fail(str(error), NOT_RIGHT)
     except OSError as error:
         fail(str(error), REJECTED)
 
@@ -101,6 +111,8 @@ def page(
 def watch(
     lab: operator_cli.Lab = None,
     name: Name = GCS_NAME,
+    identity: operator_cli.Identity = "",
+    insecure: Insecure = False,
 ) -> None:
     """Show every drone in this terminal, ten times a second; keys: H hold, L land, space bar STOP, A acknowledge, Q.
 
@@ -108,7 +120,7 @@ def watch(
     """
     from gcs.watch.terminal import watch as watch_ground
 
-    watch_ground(lab, name)
+    watch_ground(lab, name, identity, insecure)
 
 
 @app.command()
@@ -121,6 +133,7 @@ def buttons(as_json: Json = False) -> None:
 
 operator_cli.register(app)
 app.add_typer(mocap_cli.app, name="mocap")
+app.add_typer(keys_cli.app, name="keys")
 app.command()(live_cli.live)
 app.command()(doctor_cli.doctor)
 app.command()(doctor_cli.logs)

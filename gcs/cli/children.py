@@ -11,9 +11,10 @@ PATIENCE_S = 5.0
 
 
 @contextmanager
-def page_process(lab: Path, name: str, speed: float) -> Iterator["subprocess.Popen[bytes]"]:
+def page_process(lab: Path, name: str, speed: float, insecure: bool = False) -> Iterator["subprocess.Popen[bytes]"]:
     """While inside, a page is served by a process of its own; whatever becomes of it, nothing here waits for it."""
-    command = python_command("gcs", "page", str(lab), "--name", name, "--speed", str(speed))
+    words = ("page", str(lab), "--name", name, "--speed", str(speed), *(("--insecure",) if insecure else ()))
+    command = python_command("gcs", *words)
     # A session of its own: Ctrl-C is the ground's, which lands before it ends, and is watched meanwhile.
     process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
     try:

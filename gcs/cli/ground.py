@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import uvloop
@@ -9,6 +10,7 @@ import uvloop
 from formation.config import LabConfig
 from formation.control.margin import DelayMargin, delay_margin
 from formation.control.presets import preset_for
+from formation.identities import GROUND
 from formation.messages import Event, Severity
 from gcs.daemon import Ended, GroundFailure, run
 from gcs.warm_up import warm_up
@@ -17,29 +19,39 @@ from wire.clock import Clock
 from wire.private_files import make_folder
 from wire.process.console import NOT_LANDED, NOT_RIGHT, REJECTED, fail, print_event, print_event_json
 from wire.process.progress import compile_all
+from wire.security.private_keys import keys_folder, read_operations
+from wire.security.protection import lab_protection
 
 
-def serve(
-    config: LabConfig,
-    lab_file: Path,
-    log: Path,
-    name: str,
-    metadata: dict[str, str],
-    force: bool,
-    as_json: bool,
-    clock: Clock,
-) -> None:
+@dataclass(frozen=True, slots=True)
+class Run:
+    """How `gcs run` was asked to run. force: fly a preset that the delay margin refuses; insecure: without keys."""
+
+    lab_file: Path
+    log: Path
+    name: str
+    metadata: dict[str, str]
+    force: bool
+    as_json: bool
+    insecure: bool
+    clock: Clock
+
+
+def serve(config: LabConfig, asked: Run) -> None:
     """Run the ground until SIGINT or SIGTERM, then end the program with its exit code."""
+    log, name, as_json = asked.log, asked.name, asked.as_json
     report = print_event_json if as_json else print_event
     report(Event(Severity.INFO, "ground", f"starting for lab {config.name!r}, log {log}"))
     try:
+        protection = lab_protection(config.security, asked.lab_file, GROUND, insecure=asked.insecure)
         compile_all("gcs", lambda: warm_up(config), sys.stderr)
         margins = delay_margins(config)
-        if not force and any(not margin.carried for margin in margins):
+        if not asked.force and any(not margin.carried for margin in margins):
             reasons = "; ".join(str(margin) for margin in margins if not margin.carried)
             fail(f"refused, this would not fly steadily: {reasons} (--force, for simulation only)", REJECTED)
         make_folder(log.parent)
-        ended = uvloop.run(run(config, lab_file, log, name, metadata, report, clock))
+        metadata = asked.metadata | _key_operations(config, asked.lab_file)
+        ended = uvloop.run(run(config, asked.lab_file, log, name, metadata, report, asked.clock, protection))
     except ServiceError as error:
         fail(str(error), error.code)
     except ValueError as error:
@@ -49,6 +61,13 @@ def serve(
     except GroundFailure as error:
         fail(f"the ground has failed and ends, the drones land by themselves: {error}", REJECTED)
     _report(ended, log, as_json)
+
+
+def _key_operations(config: LabConfig, lab_file: Path) -> dict[str, str]:
+    """For the log: what was done to the lab's keys."""
+    if config.security is None:
+        return {}
+    return {"key_operations": read_operations(keys_folder(config.security.keys, lab_file))}
 
 
 def delay_margins(config: LabConfig) -> tuple[DelayMargin, ...]:

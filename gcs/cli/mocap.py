@@ -5,9 +5,11 @@ from typing import Annotated
 
 import typer
 
+from formation.identities import MOCAP
 from formation.requests import GCS_NAME
 from wire import clock
-from wire.process.console import Json, LabFile, Name, Speed, configuration
+from wire.errors import ConfigError
+from wire.process.console import NOT_RIGHT, Insecure, Json, LabFile, Name, Speed, configuration, fail
 from wire.process.program import DefaultCommand
 
 app = typer.Typer(
@@ -28,6 +30,7 @@ def serve(
     as_json: Json = False,
     speed: Speed = 1.0,
     name: Name = GCS_NAME,
+    insecure: Insecure = False,
 ) -> None:
     """Be the lab's mocap process: frames of its source in, aligned and checked frames onto the bus, until Ctrl-C.
 
@@ -35,8 +38,14 @@ def serve(
     `gcs run` starts one where none serves the lab. One that runs by itself outlives every ground.
     """
     from mocap.cli import serve as serve_mocap  # loads a compiled kernel
+    from wire.security.protection import lab_protection
 
-    serve_mocap(configuration(lab), linger, record, as_json, clock.Clock(speed), name)
+    config = configuration(lab)
+    try:
+        protection = lab_protection(config.security, lab, MOCAP, insecure=insecure)
+    except ConfigError as error:
+        fail(str(error), NOT_RIGHT)
+    serve_mocap(config, linger, record, as_json, clock.Clock(speed), name, protection)
 
 
 @app.command()

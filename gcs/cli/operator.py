@@ -17,6 +17,7 @@ from gcs.cli import completion
 from wire import clock
 from wire.errors import BusError, ConfigError
 from wire.process.console import NO_GROUND, NOT_RIGHT, REJECTED, Json, Name, fail, print_error
+from wire.process.own_name import own_name
 from wire.transport.lab_address import LabAddress, address_in
 
 if TYPE_CHECKING:
@@ -31,6 +32,10 @@ Lab = Annotated[Path | None, typer.Option("--lab", help="lab.toml, for its name 
 Timeout = Annotated[
     float | None,
     typer.Option("--timeout", min=0.01, help="Seconds to wait, for a ground to come and for its answer."),
+]
+
+Identity = Annotated[
+    str, typer.Option("--identity", help="In a lab with keys, as whom; `tool` or the only one there if not given.")
 ]
 
 
@@ -50,9 +55,11 @@ def register(app: typer.Typer) -> None:
     _register(app, Verb.RESET, "After a stop, back to GROUND; refused while any drone is armed or unheard.")
 
 
-def status(lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeout: Timeout = None) -> None:
+def status(
+    lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeout: Timeout = None, identity: Identity = ""
+) -> None:
     """Show the phase, every drone, and what keeps them from arming."""
-    reply = _ask(Verb.STATUS, "", lab, name, timeout)
+    reply = _ask(Verb.STATUS, "", lab, name, timeout, identity)
     if as_json:
         print(reply.text)
     else:
@@ -76,10 +83,11 @@ def shape(
     name: Name = GCS_NAME,
     as_json: Json = False,
     timeout: Timeout = None,
+    identity: Identity = "",
 ) -> None:
     """Change the formation's shape, size or heading, in flight too; refused where drones would come too near."""
     request = ShapeRequest(shape_name, scale, math.radians(heading))
-    _command(Verb.SHAPE, request.text, lab, name, as_json, timeout)
+    _command(Verb.SHAPE, request.text, lab, name, as_json, timeout, identity)
 
 
 def trajectory(
@@ -95,22 +103,27 @@ def trajectory(
     name: Name = GCS_NAME,
     as_json: Json = False,
     timeout: Timeout = None,
+    identity: Identity = "",
 ) -> None:
     """Choose which trajectory the leader flies at the next start; refused where it does not fit, or is flying one."""
-    _command(Verb.TRAJECTORY, trajectory_name, lab, name, as_json, timeout)
+    _command(Verb.TRAJECTORY, trajectory_name, lab, name, as_json, timeout, identity)
 
 
 def _register(app: typer.Typer, verb: Verb, words: str) -> None:
     """The command of one verb that takes no argument."""
 
-    def ask(lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeout: Timeout = None) -> None:
-        _command(verb, "", lab, name, as_json, timeout)
+    def ask(
+        lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeout: Timeout = None, identity: Identity = ""
+    ) -> None:
+        _command(verb, "", lab, name, as_json, timeout, identity)
 
     app.command(verb.command_name, help=words)(ask)
 
 
-def _command(verb: Verb, argument: str, lab: Path | None, name: str, as_json: bool, timeout_s: float | None) -> None:
-    reply = _ask(verb, argument, lab, name, timeout_s)
+def _command(
+    verb: Verb, argument: str, lab: Path | None, name: str, as_json: bool, timeout_s: float | None, identity: str
+) -> None:
+    reply = _ask(verb, argument, lab, name, timeout_s, identity)
     if as_json:
         print(json.dumps({"accepted": reply.accepted, "text": reply.text}))
     elif reply.accepted:
@@ -121,13 +134,15 @@ def _command(verb: Verb, argument: str, lab: Path | None, name: str, as_json: bo
         raise typer.Exit(REJECTED)
 
 
-def _ask(verb: Verb, argument: str, lab: Path | None, name: str, timeout_s: float | None) -> OperatorReply:
+def _ask(
+    verb: Verb, argument: str, lab: Path | None, name: str, timeout_s: float | None, identity: str
+) -> OperatorReply:
     from wire.transport.zenoh_session import ask
 
-    request = OperatorRequest(clock.unix_us(), verb, argument)
+    request = OperatorRequest(clock.unix_us(), verb, argument, own_name())
     try:
         where = LabAddress() if lab is None else address_in(lab)
-        return ask(where.endpoints, where.lab, name, request, _patience(verb, timeout_s))
+        return ask(where.endpoints, where.lab, name, request, _patience(verb, timeout_s), where.access(identity))
     except TimeoutError as error:
         fail(f"no ground answers: {error}", NO_GROUND)
     except (BusError, ConfigError) as error:

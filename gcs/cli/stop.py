@@ -12,10 +12,11 @@ from formation.requests import GCS_NAME, OperatorRequest, Verb
 from wire import clock
 from wire.errors import BusError, ConfigError
 from wire.process.exit_codes import NO_GROUND, NOT_RIGHT, REJECTED
+from wire.process.own_name import own_name
 
 ANSWER_S = 3.0
 Report = Callable[[bool | None, str], None]
-_OPTIONS = ("--lab", "--name", "--timeout")
+_OPTIONS = ("--lab", "--name", "--timeout", "--identity")
 
 
 def stop(words: Sequence[str]) -> int | None:
@@ -35,10 +36,10 @@ def stop(words: Sequence[str]) -> int | None:
         timeout_s = float(options["--timeout"]) if options["--timeout"] else None
     except ValueError:
         return None
-    return _ask(options["--lab"], options["--name"] or GCS_NAME, timeout_s, report)
+    return _ask(options["--lab"], options["--name"] or GCS_NAME, timeout_s, report, options["--identity"])
 
 
-def _ask(lab: str, name: str, timeout_s: float | None, report: Report) -> int:
+def _ask(lab: str, name: str, timeout_s: float | None, report: Report, identity: str) -> int:
     from wire.transport.lab_address import LabAddress, address_in
     from wire.transport.zenoh_session import Patience, ask
 
@@ -47,7 +48,8 @@ def _ask(lab: str, name: str, timeout_s: float | None, report: Report) -> int:
 
     try:
         where = address_in(Path(lab)) if lab else LabAddress()
-        reply = ask(where.endpoints, where.lab, name, OperatorRequest(clock.unix_us(), Verb.STOP), patience)
+        request = OperatorRequest(clock.unix_us(), Verb.STOP, source=own_name())
+        reply = ask(where.endpoints, where.lab, name, request, patience, where.access(identity))
     except TimeoutError as error:
         report(None, f"no ground answers: {error}")
         return NO_GROUND

@@ -8,13 +8,25 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wire.process.console import NOT_RIGHT, REJECTED, Json, LabFile, configuration, fail, print_error, print_event
+from formation.identities import GROUND
+from wire.process.console import (
+    NOT_RIGHT,
+    REJECTED,
+    Insecure,
+    Json,
+    LabFile,
+    configuration,
+    fail,
+    print_error,
+    print_event,
+)
 from wire.process.program import print_json_error
 
 if TYPE_CHECKING:
     from formation.config import LabConfig
     from gcs.doctor.survey import Survey
     from gcs.finding import Finding, Fix, Refit
+    from wire.security.protection import Protection
 
 SETTLE_S = 3.0
 WIDTH = 150  # of a table that is not for a terminal
@@ -29,6 +41,7 @@ def doctor(
     ] = False,
     yes: Annotated[bool, typer.Option("--yes", help="With --fix: write without asking.")] = False,
     as_json: Json = False,
+    insecure: Insecure = False,
 ) -> None:
     """Check mocap, axes, links, clocks and parameters before a motor turns. Exit code 1 if any check fails."""
     config = configuration(lab)
@@ -38,7 +51,7 @@ def doctor(
     from mocap.service import ServiceError
 
     try:
-        findings = uvloop.run(_doctor(config, lab, seconds, still, as_json, _Fixing(fix, yes)))
+        findings = uvloop.run(_doctor(config, lab, seconds, still, as_json, _Fixing(fix, yes), insecure))
     except ServiceError as error:
         fail(str(error), error.code)
     except ValueError as error:
@@ -57,6 +70,7 @@ def logs(
     newest: Annotated[int, typer.Option(min=1, help="How many of each drone, from the newest on.")] = 1,
     sysid: Annotated[list[int] | None, typer.Option(help="Only this drone; as often as needed.")] = None,
     as_json: Json = False,
+    insecure: Insecure = False,
 ) -> None:
     """Download the drones' own flight logs."""
     config = configuration(lab)
@@ -67,7 +81,7 @@ def logs(
 
     make_folder(out)
     try:
-        problems = uvloop.run(_logs(config, lab, out, newest, sysid, as_json))
+        problems = uvloop.run(_logs(config, lab, out, newest, sysid, as_json, insecure))
     except ServiceError as error:
         fail(str(error), error.code)
     except (OSError, ValueError) as error:
@@ -91,7 +105,13 @@ class _Fixing:
 
 
 async def _doctor(
-    config: "LabConfig", lab_file: Path, seconds: float, still: bool, as_json: bool, fixing: _Fixing
+    config: "LabConfig",
+    lab_file: Path,
+    seconds: float,
+    still: bool,
+    as_json: bool,
+    fixing: _Fixing,
+    insecure: bool,
 ) -> Sequence["Finding"]:
     from rich.console import Console
 
@@ -100,7 +120,7 @@ async def _doctor(
     from gcs.finding import show
 
     recorded = read_record(lab_file)
-    async with surveying(config, lab_file, print_event) as survey:
+    async with surveying(config, lab_file, print_event, _protection(config, lab_file, insecure)) as survey:
         survey.recall(recorded)
         findings = await examine(config, max(seconds, SETTLE_S), None if still else _prompt, survey)
         note_fixes(lab_file, (f.fix for f in findings if f.fix is not None and survey.reads_at_boot(f.fix)))
@@ -150,7 +170,13 @@ def write_profile(refit: "Refit", folder: Path) -> str:
 
 
 async def _logs(
-    config: "LabConfig", lab_file: Path, out: Path, newest: int, only: list[int] | None, as_json: bool
+    config: "LabConfig",
+    lab_file: Path,
+    out: Path,
+    newest: int,
+    only: list[int] | None,
+    as_json: bool,
+    insecure: bool,
 ) -> list[str]:
     import asyncio
 
@@ -158,7 +184,7 @@ async def _logs(
     from gcs.doctor.survey import surveying  # loads MAVSDK
 
     problems = []
-    async with surveying(config, lab_file, print_event) as survey:
+    async with surveying(config, lab_file, print_event, _protection(config, lab_file, insecure)) as survey:
         await asyncio.sleep(SETTLE_S)
         for vehicle in config.vehicles:
             if vehicle.sysid is None or (only and vehicle.sysid not in only):
@@ -169,6 +195,13 @@ async def _logs(
                 problems.append(str(error))
                 print_json_error(str(error))
     return problems
+
+
+def _protection(config: "LabConfig", lab_file: Path, insecure: bool) -> "Protection":
+    """The doctor is on the links as the ground is. ConfigError."""
+    from wire.security.protection import lab_protection
+
+    return lab_protection(config.security, lab_file, GROUND, insecure=insecure)
 
 
 def _print_json(text: str) -> None:

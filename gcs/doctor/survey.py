@@ -33,6 +33,7 @@ from mocap.service import mocap_service
 from wire import clock
 from wire.mavlink.framing import packed
 from wire.process.lifetime import EventSink
+from wire.security.protection import LOOPBACK_ONLY, Protection
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
 
@@ -214,14 +215,16 @@ class Survey:
 
 
 @asynccontextmanager
-async def surveying(config: LabConfig, lab_file: Path, report: EventSink) -> AsyncIterator[Survey]:
+async def surveying(
+    config: LabConfig, lab_file: Path, report: EventSink, protection: Protection = LOOPBACK_ONLY
+) -> AsyncIterator[Survey]:
     """A survey of the lab, its links open and pumped. Raises what opening the bus, the links and the mocap raises."""
-    bus = await ZenohBus.open(config.link, config.name)
+    bus = await ZenohBus.open(config.link, config.name, protection=protection)
     survey = Survey(config)
     tasks: list[asyncio.Task[None]] = []
     try:
         survey.links = await open_links(config, bus, survey.receive_datagram)
-        tasks = [asyncio.create_task(survey.pump())]
+        tasks = [asyncio.create_task(survey.pump()), asyncio.create_task(protection.attend(report))]
         mocap = MocapBus(bus)
         mocap.on_frame(survey.receive_frame)
         mocap.on_state(survey.receive_mocap_state)

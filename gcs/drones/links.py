@@ -2,6 +2,7 @@
 
 from formation.config import LabConfig
 from formation.messages import Datagram
+from wire.security.bus_access import ExposedError
 from wire.transport.link import Deliver, Link, LinkCounters
 from wire.transport.udp_bus import open_udp_direct, open_udp_ground
 from wire.transport.zenoh_bus import ZenohBus
@@ -43,7 +44,7 @@ async def open_links(config: LabConfig, bus: ZenohBus, deliver: Deliver) -> Grou
     shared = [v.sysid for v in config.vehicles if v.sysid is not None and v.link is None]
     links: dict[int, Link] = {}
     for sysid, text in own.items():
-        links[sysid] = await open_udp_direct(text, sysid, deliver, bus.rejections)
+        links[sysid] = await open_udp_direct(text, sysid, deliver, bus.rejections, bus.protection)
     if shared:
         common = await _open_shared(config, bus, shared, deliver)
         links.update((sysid, common) for sysid in shared)
@@ -54,7 +55,9 @@ async def _open_shared(config: LabConfig, bus: ZenohBus, sysids: list[int], deli
     if config.link.kind == "zenoh":
         return bus.ground_link(sysids, deliver)
     try:
-        return await open_udp_ground(config.link, sysids, deliver, bus.rejections)
+        return await open_udp_ground(config.link, sysids, deliver, bus.rejections, bus.protection)
+    except ExposedError:
+        raise
     except OSError as error:
         ports = ", ".join(str(config.link.ground_port_base + sysid) for sysid in sysids)
         raise OSError(f"UDP ports {ports} on {config.link.host}: {error.strerror or error}") from error

@@ -7,6 +7,7 @@ from formation.config import LabConfig
 from formation.guidance.preview import Preview, expected_start, preview, trajectory_from
 from formation.guidance.shape import configured
 from gcs.finding import Finding
+from gcs.lab.exposed import judge_exposure
 from gcs.lab.feasibility import judge_feasibility
 from gcs.lab.flight_volume import judge_flight_volume
 from gcs.lab.keys import Keys
@@ -31,6 +32,7 @@ def judge(config: LabConfig) -> tuple[Finding, ...]:
         *judge_separation(config, keys),
         *judge_feasibility(config, keys, ahead),
         *judge_wiring(config, keys),
+        *judge_exposure(config, keys),
         *_choices(config),
     )
 

@@ -6,8 +6,13 @@ from typing import Annotated
 
 import typer
 
+from formation.exposure import is_loopback
+from formation.identities import TOOL
 from formation.requests import GCS_NAME
-from wire.process.console import NOT_RIGHT, REJECTED, Json, LabFile, Name, configuration, fail
+from wire.errors import ConfigError
+from wire.process.console import NOT_RIGHT, REJECTED, Insecure, Json, LabFile, Name, configuration, fail
+
+FORWARD = "ssh -L {port}:127.0.0.1:{port} USER@THIS-MACHINE from there, or, for simulation only, --insecure"
 
 
 def live(
@@ -19,6 +24,7 @@ def live(
     port: Annotated[int, typer.Option(min=0, max=65535, help="And on which port.")] = 8765,
     save: Annotated[Path | None, typer.Option("--save", metavar="FILE.rrd", help="Rerun into a file instead.")] = None,
     as_json: Json = False,
+    insecure: Insecure = False,
 ) -> None:
     """Stream the flight to Foxglove or Rerun while it is flown: the log's own channels, from the bus, until Ctrl-C.
 
@@ -28,9 +34,12 @@ def live(
 
     from gcs.live.daemon import run
     from gcs.live.viewers import Foxglove, Rerun, Viewer, ViewerError
+    from wire.security.protection import lab_protection
 
     if not (foxglove or rerun or save):
         raise typer.BadParameter("say where to: --foxglove or --rerun")
+    if foxglove and not (insecure or is_loopback(host)):
+        fail(f"--host {host} is not this machine, and a viewer has no password: {FORWARD.format(port=port)}", NOT_RIGHT)
     config = configuration(lab)
     viewers: list[Viewer] = []
     try:
@@ -42,7 +51,12 @@ def live(
     except ViewerError as error:
         fail(str(error), NOT_RIGHT)
     try:
-        count = asyncio.run(run(config.link, config.name, name, viewers, lambda text: typer.echo(text, err=True)))
+        protection = lab_protection(config.security, lab, TOOL, insecure=insecure)
+        count = asyncio.run(
+            run(config.link, config.name, name, viewers, lambda text: typer.echo(text, err=True), protection)
+        )
+    except ConfigError as error:
+        fail(str(error), NOT_RIGHT)
     except OSError as error:
         fail(str(error), REJECTED)
     typer.echo(json.dumps({"messages": count}) if as_json else f"{count} messages streamed")

@@ -10,6 +10,7 @@ from gcs.live.viewers import Viewer
 from wire.logs.live import LiveLog, keys
 from wire.process.awaited import GROUND_REMEDY, Awaited, report_missing
 from wire.process.lifetime import Stop
+from wire.security.protection import LOOPBACK_ONLY, Protection
 from wire.transport.zenoh_bus import ZenohBus
 
 QUEUED = 64
@@ -42,10 +43,17 @@ class Live:
                 viewer.show(channel, unix_ns, data)
 
 
-async def run(link: LinkConfig, lab: str, name: str, viewers: Sequence[Viewer], report: Callable[[str], None]) -> int:
+async def run(
+    link: LinkConfig,
+    lab: str,
+    name: str,
+    viewers: Sequence[Viewer],
+    report: Callable[[str], None],
+    protection: Protection = LOOPBACK_ONLY,
+) -> int:
     """Stream until SIGINT or SIGTERM; how many messages. Raises BusError."""
     stop = Stop()
-    bus = await ZenohBus.open(link.joined, lab)
+    bus = await ZenohBus.open(link.joined, lab, protection=protection)
     live = Live(viewers, report)
     head_key, chunk_key = keys(name)
 

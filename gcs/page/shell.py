@@ -23,7 +23,9 @@ from gcs.page.viewer import Viewer
 from wire.clock import Clock, unix_us
 from wire.plain_text import plain
 from wire.process.awaited import GROUND_REMEDY, Awaited, report_missing
+from wire.process.own_name import own_name
 from wire.rejections import RejectionLog
+from wire.security.protection import LOOPBACK_ONLY, Protection
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
 
@@ -41,9 +43,10 @@ WATCH_S = 0.25
 class Page:
     """One lab's page: a model and its viewers."""
 
-    def __init__(self, config: LabConfig, ground: str, clock: Clock) -> None:
+    def __init__(self, config: LabConfig, ground: str, clock: Clock, protection: Protection = LOOPBACK_ONLY) -> None:
         self.model = Model(config)
         self._config, self._ground, self._clock = config, ground, clock
+        self._protection = protection
         self._viewers: dict[str, Viewer] = {}
         self._fetched: list[Client] = []
         """Those who have fetched the page and are not connected."""
@@ -57,7 +60,7 @@ class Page:
     @asynccontextmanager
     async def subscribed(self) -> AsyncIterator[None]:
         """While inside, the bus is heard."""
-        bus = await ZenohBus.open(self._config.link.joined, self._config.name)
+        bus = await ZenohBus.open(self._config.link.joined, self._config.name, protection=self._protection)
         self._bus = bus
         try:
             bus.on_state(self._ground, self._receive_state)
@@ -68,7 +71,7 @@ class Page:
 
     async def ask(self, verb: Verb, argument: str) -> OperatorReply:
         """The ground's answer; that there is none is one of refusal."""
-        request = OperatorRequest(unix_us(), verb, argument)
+        request = OperatorRequest(unix_us(), verb, argument, f"page of {own_name()}")
         wait_s = (ARMING_S if verb is Verb.ARM else ANSWER_S) / self._clock.speed
         if self._bus is None:
             return OperatorReply(request.id, False, "not on the bus yet")
@@ -154,13 +157,20 @@ def free_port(wanted: int | None) -> int:
     raise OSError(f"port {PORT if wanted is None else wanted} of {LOOPBACK} is taken: --port for another")
 
 
-def serve(config: LabConfig, ground: str, wanted_port: int | None, clock: Clock, as_json: bool) -> None:
+def serve(
+    config: LabConfig,
+    ground: str,
+    wanted_port: int | None,
+    clock: Clock,
+    as_json: bool,
+    protection: Protection = LOOPBACK_ONLY,
+) -> None:
     """Serve the page on loopback until SIGINT or SIGTERM, at that port or at a free one. OSError if it is taken.
 
     as_json: print where it is as JSON, too.
     """
     port = free_port(wanted_port)
-    page = Page(config, ground, clock)
+    page = Page(config, ground, clock, protection)
     on_bus = page.subscribed()
 
     async def begin() -> None:

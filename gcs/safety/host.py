@@ -29,6 +29,7 @@ class Host:
     def receive(self, report: HostReport) -> list[Event]:
         """Receive a report; return events for what is new in it."""
         before, trouble_before, button_before = self.other_grounds, self.log_trouble, self.button_trouble
+        exposed_before = self._report.exposed
         self._report = report
         events = [
             Event(Severity.WARNING, "flight", f"another ground is alive: {name}")
@@ -36,6 +37,7 @@ class Host:
             if name not in before
         ]
         events += _changed("log", trouble_before, self.log_trouble)
+        events += _changed("security", exposed_before, report.exposed)
         return events + _changed("stop button", button_before, self.button_trouble)
 
 

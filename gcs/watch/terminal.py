@@ -7,6 +7,7 @@ import termios
 import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,8 @@ from wire import clock
 from wire.errors import BusError, ConfigError
 from wire.json_text import parse_object
 from wire.process.console import NOT_RIGHT, fail
+from wire.process.own_name import own_name
+from wire.security.protection import Protection
 from wire.transport.lab_address import LabAddress, address_in
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
@@ -30,12 +33,12 @@ KEYS = {" ": Verb.STOP, "h": Verb.HOLD, "l": Verb.LAND, "a": Verb.ACKNOWLEDGE}
 ANSWER_S, REDRAW_S = 3.0, 0.1
 
 
-def watch(lab: Path | None, name: str) -> None:
+def watch(lab: Path | None, name: str, identity: str = "", insecure: bool = False) -> None:
     """Show the ground until Q or Ctrl-C; ends the program where the lab or its bus is not right."""
     try:
         where = LabAddress() if lab is None else address_in(lab)
         with _single_keys():
-            asyncio.run(_Watch(name).run(where))
+            asyncio.run(_Watch(name).run(where, Protection(replace(where.access(identity), insecure=insecure))))
     except KeyboardInterrupt:
         return
     except (BusError, ConfigError) as error:
@@ -53,10 +56,10 @@ class _Watch:
         self._quit = asyncio.Event()
         self._asking: set[asyncio.Task[None]] = set()
 
-    async def run(self, where: LabAddress) -> None:
+    async def run(self, where: LabAddress, protection: Protection) -> None:
         """Until Q."""
 
-        bus = await ZenohBus.open(LinkConfig(zenoh_connect=where.endpoints), where.lab)
+        bus = await ZenohBus.open(LinkConfig(zenoh_connect=where.endpoints), where.lab, protection=protection)
 
         def receive_state(text: str) -> None:
             try:
@@ -108,7 +111,7 @@ class _Watch:
     async def _ask(self, verb: Verb, bus: ZenohBus) -> None:
         self._answer = f"{verb} ..."
         try:
-            reply = await bus.ask(self._name, OperatorRequest(clock.unix_us(), verb), ANSWER_S)
+            reply = await bus.ask(self._name, OperatorRequest(clock.unix_us(), verb, source=own_name()), ANSWER_S)
         except TimeoutError as error:
             self._answer = f"no ground answers: {error}"
         else:

@@ -7,7 +7,9 @@ import asyncio
 import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from pathlib import Path
 
+from formation.identities import TOOL
 from formation.messages import Event, RawFrame, Truth
 from formation.safety.phases import AIRBORNE
 from sim.cameras.emulator import MocapEmulator
@@ -18,6 +20,7 @@ from sim.script import OperatorView
 from wire.clock import Clock
 from wire.process.awaited import Awaited, report_missing
 from wire.process.starved import Punctuality
+from wire.security.protection import lab_protection
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
 
@@ -30,7 +33,7 @@ async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> N
     A recorded leader sets out when the ground `gcs_name` says that the formation stands. StarvedError where, in
     flight, an exposure comes too late.
     """
-    link = scenario.lab.link
+    link, protection = scenario.lab.link, lab_protection(scenario.lab.security, Path(), TOOL)
     emulator = MocapEmulator(scenario.mocap, scenario.lab, recorded_leader(scenario), seed, clock.monotonic_ns())
     truths: dict[int, Truth] = {}
     punctual, flying = Punctuality("the mocap emulator", "its exposure"), False
@@ -46,9 +49,9 @@ async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> N
             emulator.start(clock.monotonic_ns())
 
     if link.names_bus:
-        bus = await ZenohBus.open(link.listening, scenario.lab.name)
+        bus = await ZenohBus.open(link.listening, scenario.lab.name, protection=protection)
     else:
-        bus = await ZenohBus.open_or_listen(link, scenario.lab.name)
+        bus = await ZenohBus.open_or_listen(link, scenario.lab.name, protection=protection)
     drones = Awaited("true poses of simulated drones", lambda: bool(truths), f"start one: {_DRONE}")
     missing = asyncio.create_task(report_missing("mocap emulator", [drones], _print_event))
     try:

@@ -67,6 +67,7 @@ def fly(
     ] = 1.0,
     require: Require = None,
     watch: Annotated[bool, typer.Option("--watch", help="Serve the operator's page, and print where.")] = False,
+    signed: Annotated[bool, typer.Option("--signed", help="With the lab file's own keys on every link.")] = False,
     as_json: Json = False,
     out: Out = None,
 ) -> None:
@@ -75,7 +76,7 @@ def fly(
 
     required = flights.required(require)
     opened = flights.scenario_of(name, leader_csv, leader_alignment)
-    how = flights.ProcessOptions(link, mocap, force, speed, watch)
+    how = flights.ProcessOptions(link, mocap, force, speed, watch, signed)
     flights.fly(opened, how, seed, flights.Ending(as_json, out, required))
 
 

@@ -19,7 +19,9 @@ from analysis.outcome import GOOD
 from analysis.requirements import Requirement, parse, unmet
 from formation.model import QuatTuple
 from formation.requests import GCS_NAME
+from formation.security_config import SecurityConfig
 from gcs.finding import Grade
+from gcs.lab.exposed import SECURITY
 from gcs.lab.findings import line
 from gcs.lab.judge import judge
 from mocap.sources.csv_file import MocapFileError
@@ -41,6 +43,7 @@ from wire.process import starved
 from wire.process.program import print_json_error
 from wire.process.progress import compile_all
 from wire.process.starved import StarvedError
+from wire.security.private_keys import keys_folder
 
 ABORTED, NOT_RIGHT, INTERRUPTED = 1, 2, 130
 UNIT_WITHIN = 0.01
@@ -50,7 +53,7 @@ UNIT_WITHIN = 0.01
 class ProcessOptions:
     """How processes fly: over which link, by which camera system's protocol if any, speed seconds in one second.
 
-    watch: with the operator's page.
+    watch: with the operator's page. signed: with the lab's keys, on every link.
     """
 
     link: Literal["zenoh", "udp"]
@@ -58,6 +61,7 @@ class ProcessOptions:
     force: bool
     speed: float
     watch: bool
+    signed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +78,8 @@ def fly(opened: Opened, how: ProcessOptions, seed: int | None, ending: Ending) -
     scenario, lab = opened.scenario, opened.scenario.lab
     if how.protocol and opened.lab is not None:  # what the lab file says of its own cameras
         lab = lab.model_copy(update={"mocap": opened.lab.mocap})
+    if how.signed:
+        lab = lab.model_copy(update={"security": _security(opened)})
     files = Files(_folder(ending.out, scenario))
     compile_for(scenario)
     with (
@@ -123,6 +129,15 @@ def mocap(scenario: Scenario, seed: int | None, speed: float) -> None:
         fail(str(error), starved.EXIT_CODE)
 
 
+def _security(opened: Opened) -> SecurityConfig:
+    """Where the keys of the lab file that is flown are; ends the program where it has none."""
+    lab, file = opened.lab, opened.lab_file
+    if lab is None or file is None or lab.security is None:
+        fail("--signed: fly a lab file that has [security]", NOT_RIGHT)
+    keys = keys_folder(lab.security.keys, file.resolve())
+    return lab.security.model_copy(update={"keys": str(keys)})
+
+
 async def _interruptible(flight: Coroutine[None, None, Outcome]) -> Outcome | None:
     """The flight's outcome, None where SIGINT or SIGTERM ended it; the second signal does not wait for a landing."""
     flying = asyncio.create_task(flight)
@@ -154,9 +169,10 @@ def scenario_of(name: str, leader_csv: Path | None = None, alignment: str | None
 
 
 def check_lab(opened: Opened) -> None:
-    """ConfigError where the scenario flies a lab file that `gcs run` refuses."""
+    """ConfigError where the scenario flies a lab file that `gcs run` refuses; its links are simulated, on loopback."""
     if opened.lab is not None:
-        failed = [finding for finding in judge(opened.lab) if finding.grade is Grade.FAIL]
+        found = (finding for finding in judge(opened.lab) if finding.check != SECURITY)
+        failed = [finding for finding in found if finding.grade is Grade.FAIL]
         if failed:
             raise ConfigError([f"{opened.lab_file}: {line(finding)}" for finding in failed])
 

@@ -17,6 +17,7 @@ from wire.config_file import load as load_file
 LAB = """
 name = "room_7"
 flight = { altitude_m = 0.5 }
+security = {}
 
 [operator]
 stop_button = { device = "/dev/input/js7" }

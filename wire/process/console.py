@@ -22,6 +22,9 @@ COLOURS = {"WARNING": "yellow", "ERROR": "red", "CRITICAL": "bright_red", "EMERG
 Name = Annotated[str, typer.Option("--name", help="Which ground of the lab.")]
 Speed = Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
+Insecure = Annotated[
+    bool, typer.Option("--insecure", help="Simulation only: open links to other machines without any keys.")
+]
 LabFile = Annotated[Path, typer.Argument(metavar="LAB.TOML", help="The lab: bodies, drones, limits, links, mocap.")]
 
 

@@ -1,4 +1,4 @@
-"""Where on the bus a lab's ground is asked: its name and endpoints, and nothing else of its file.
+"""Where on the bus a lab's ground is asked: its name, endpoints and keys, and nothing else of its file.
 
 A file that is wrong elsewhere keeps nobody from stopping the swarm; `gcs run` is who judges it whole.
 """
@@ -9,15 +9,23 @@ from typing import Any
 
 from formation.requests import ENDPOINT, LAB
 from wire.errors import ConfigError
+from wire.security.bus_access import LOCAL, BusAccess, own_access
+from wire.security.private_keys import keys_folder
 from wire.toml_text import read_toml
 
 
 @dataclass(frozen=True, slots=True)
 class LabAddress:
-    """The lab's name, and the endpoints to connect to: where the ground itself is the hub, its own."""
+    """The lab's name, the endpoints to connect to (where the ground itself is the hub, its own), and the keys."""
 
     lab: str = LAB
     endpoints: tuple[str, ...] = (ENDPOINT,)
+    keys: Path | None = None
+    """Folder of the keys; None without [security]."""
+
+    def access(self, identity: str = "") -> BusAccess:
+        """How a person's command is on the bus; identity: as whom, see `own_access`. ConfigError."""
+        return LOCAL if self.keys is None else own_access(self.keys, identity)
 
 
 def address_in(path: Path) -> LabAddress:
@@ -29,7 +37,16 @@ def address_in(path: Path) -> LabAddress:
     if not isinstance(link, dict):
         raise ConfigError([f"{path}: link: is not a table"])
     connect = _endpoints(path, link, "zenoh_connect", (ENDPOINT,))
-    return LabAddress(lab, connect or _endpoints(path, link, "zenoh_listen", ()))
+    return LabAddress(lab, connect or _endpoints(path, link, "zenoh_listen", ()), _keys(path, values.get("security")))
+
+
+def _keys(path: Path, security: object) -> Path | None:
+    if security is None:
+        return None
+    keys = security.get("keys", "keys") if isinstance(security, dict) else None
+    if not isinstance(keys, str):
+        raise ConfigError([f"{path}: security.keys: is not the name of a folder (it is {keys!r})"])
+    return keys_folder(keys, path)
 
 
 def _endpoints(path: Path, link: dict[str, Any], key: str, usual: tuple[str, ...]) -> tuple[str, ...]:

@@ -66,6 +66,11 @@ class MocapBus:
         self._bus.publish("mocap/frame", _FRAME.encode(frame), self._clock_name + b"\n" + self._bus.identity)
 
     @property
+    def insecure(self) -> bool:
+        """Whether this process was asked to open links to other machines without keys."""
+        return self._bus.protection.bus.insecure
+
+    @property
     def has_subscribers(self) -> bool:
         """Whether a process subscribes to the frames that this one publishes."""
         return self._bus.has_subscribers("mocap/frame")

@@ -1,7 +1,9 @@
 """MAVLink over UDP, PX4's port habit: the ground has one socket a drone, so that no drone hears another's packets.
 
 The drone `sysid` binds drone_port_base + sysid and sends to ground_port_base + sysid; the ground does the reverse.
-Sockets are read straight from the event loop, which costs a third of asyncio's datagram transports.
+Sockets are read straight from the event loop, which costs a third of asyncio's datagram transports. They are bound
+to loopback, or, for a peer on another machine, to the one address of this machine that leads there. Where the drone
+has a key, packets are signed here and verified before their sender is looked at.
 """
 
 import asyncio
@@ -9,9 +11,13 @@ import socket
 from collections.abc import Iterable
 
 from formation.config import LinkConfig
+from formation.exposure import is_loopback
 from formation.messages import Datagram
 from wire import clock
+from wire.mavlink.signing import SigningChannel
 from wire.rejections import RejectionLog
+from wire.security.own_address import address_towards
+from wire.security.protection import LOOPBACK_ONLY, Protection
 from wire.transport.intake import READS_A_TURN, Intake
 from wire.transport.link import LARGEST_DATAGRAM, PAUSE_S, Deliver, LinkCounters
 from wire.transport.peer_filter import PeerFilter, SocketAddress
@@ -26,7 +32,8 @@ class _Port:
     """One bound socket of one drone's traffic, with its peer and the other recent senders.
 
     `peer_filter` accepts or rejects senders. Without one, every sender is accepted, and the latest `_TALKERS` senders
-    of MAVLink get all packets too: any ground station may talk to a drone.
+    of MAVLink get all packets too: any ground station may talk to a drone. `channel` signs and verifies: a sender is
+    learnt from a verified packet only.
     """
 
     def __init__(
@@ -38,8 +45,10 @@ class _Port:
         deliver: Deliver,
         counters: LinkCounters,
         rejections: RejectionLog,
+        channel: SigningChannel | None = None,
     ) -> None:
         """Bind (OSError)."""
+        self._channel = channel
         self._peer = peer
         self._peer_filter = peer_filter
         self._talkers: dict[SocketAddress, None] = {}
@@ -58,6 +67,8 @@ class _Port:
         self._loop.add_reader(self._socket, self._read)
 
     def send(self, data: bytes) -> None:
+        if self._channel is not None:
+            data = self._channel.sign(data, clock.unix_us())
         for peer in self._audience():
             try:
                 self._socket.sendto(data, peer)
@@ -88,6 +99,10 @@ class _Port:
             except OSError:  # an ICMP answer to something sent earlier
                 continue
             now_ns = clock.monotonic_ns()
+            if self._channel is not None and len(data) <= LARGEST_DATAGRAM:
+                data = self._verified(self._channel, data, sender, now_ns)
+                if not data:
+                    continue
             reject_reason = self._reject_reason(data, sender, now_ns)
             if reject_reason:
                 self._counters.rejected += 1
@@ -98,7 +113,17 @@ class _Port:
                 self._note(sender)
             self._intake.enqueue(data)
         self._loop.remove_reader(self._socket)
-        self._resume = self._loop.call_later(PAUSE_S, self._loop.add_reader, self._socket, self._read)
+        # Verifying is cheap, and what overflows the kernel's buffer meanwhile is anybody's: with keys nobody waits.
+        pause_s = PAUSE_S if self._channel is None else 0.0
+        self._resume = self._loop.call_later(pause_s, self._loop.add_reader, self._socket, self._read)
+
+    def _verified(self, channel: SigningChannel, data: bytes, sender: SocketAddress, now_ns: int) -> bytes:
+        """The datagram's verified packets; the others are counted."""
+        verified = channel.verify(data, clock.unix_us())
+        if verified.reject_reason:
+            self._counters.rejected += 1
+            self._rejections.note(sender[0], verified.reject_reason, now_ns)
+        return verified.data
 
     def _reject_reason(self, data: bytes, sender: SocketAddress, now_ns: int) -> str:
         """Why this datagram is rejected; empty where it is not."""
@@ -133,33 +158,52 @@ class UdpLink:
 
 
 async def open_udp_ground(
-    config: LinkConfig, sysids: Iterable[int], deliver: Deliver, rejections: RejectionLog
+    config: LinkConfig,
+    sysids: Iterable[int],
+    deliver: Deliver,
+    rejections: RejectionLog,
+    protection: Protection = LOOPBACK_ONLY,
 ) -> UdpLink:
-    """The ground's end: one socket a drone. OSError where a port is taken or the host is unknown."""
-    host = await _resolve(config.host)
+    """The ground's end: one socket a drone. OSError where a port is taken, the host is unknown or not authenticated."""
+    sysids, host = tuple(sysids), await _resolve(config.host)
+    for sysid in sysids:
+        protection.demand_host("link.host", host, sysid)
     ports: dict[int, _Port] = {}
     link = UdpLink(ports, LinkCounters())
     try:
         for sysid in sysids:
             bind = (_bind_host(host), config.ground_port_base + sysid)
             peer = (host, config.drone_port_base + sysid)
-            ports[sysid] = _Port(bind, peer, PeerFilter(sysid, peer), sysid, deliver, link.counters, rejections)
+            channel = protection.channel(sysid)
+            ports[sysid] = _Port(
+                bind, peer, PeerFilter(sysid, peer), sysid, deliver, link.counters, rejections, channel
+            )
     except OSError:
         link.close()
         raise
     return link
 
 
-async def open_udp_drone(config: LinkConfig, sysid: int, deliver: Deliver, rejections: RejectionLog) -> UdpLink:
+async def open_udp_drone(
+    config: LinkConfig,
+    sysid: int,
+    deliver: Deliver,
+    rejections: RejectionLog,
+    protection: Protection = LOOPBACK_ONLY,
+) -> UdpLink:
     """The drone's end: sends to the ground's port, and to whoever else has spoken MAVLink to it of late. OSError."""
     host = await _resolve(config.host)
+    protection.demand_host("link.host", host, sysid)
     bind = (_bind_host(host), config.drone_port_base + sysid)
     peer = (host, config.ground_port_base + sysid)
     counters = LinkCounters()
-    return UdpLink({sysid: _Port(bind, peer, None, sysid, deliver, counters, rejections)}, counters)
+    port = _Port(bind, peer, None, sysid, deliver, counters, rejections, protection.channel(sysid))
+    return UdpLink({sysid: port}, counters)
 
 
-async def open_udp_direct(link: str, sysid: int, deliver: Deliver, rejections: RejectionLog) -> UdpLink:
+async def open_udp_direct(
+    link: str, sysid: int, deliver: Deliver, rejections: RejectionLog, protection: Protection = LOOPBACK_ONLY
+) -> UdpLink:
     """A link to one autopilot's own telemetry port. Raises OSError, and ValueError for text that is no such link.
 
     link: "udp:HOST:PORT" or "udpout:HOST:PORT" sends there; "udpin:HOST:PORT" binds there and answers the drone that
@@ -171,10 +215,11 @@ async def open_udp_direct(link: str, sysid: int, deliver: Deliver, rejections: R
     if kind not in ("udp", "udpin", "udpout") or not host or not port.isdecimal() or not 0 < int(port) < 65536:
         raise ValueError(f"{link!r} is not udp:HOST:PORT, udpin:HOST:PORT or udpout:HOST:PORT")
     address = (await _resolve(host), int(port))
-    counters = LinkCounters()
+    protection.demand_host("link", f"{address[0]}", sysid)
+    counters, channel = LinkCounters(), protection.channel(sysid)
 
     def bound(bind: SocketAddress, peer: SocketAddress | None) -> _Port:
-        return _Port(bind, peer, PeerFilter(sysid, peer), sysid, deliver, counters, rejections)
+        return _Port(bind, peer, PeerFilter(sysid, peer), sysid, deliver, counters, rejections, channel)
 
     if kind == "udpin":
         endpoint = bound(address, None)
@@ -195,5 +240,5 @@ async def _resolve(host: str) -> str:
 
 
 def _bind_host(peer_host: str) -> str:
-    """Loopback for a peer on this machine, else every interface."""
-    return "127.0.0.1" if peer_host.startswith("127.") else "0.0.0.0"
+    """Loopback for a peer on this machine, else the one address of this machine that leads to the peer. OSError."""
+    return "127.0.0.1" if is_loopback(peer_host) else address_towards(peer_host)

@@ -1,7 +1,7 @@
 """The lab's bus over Zenoh: MAVLink, truth, state and operator requests, by key; poses are wire.transport.mocap_bus's.
 
     <lab>/uav/<sysid>/mavlink/{down,up}   <lab>/sim/<sysid>/truth
-    <lab>/gcs/<name>/state                <lab>/gcs/<name>/do   (a queryable)
+    <lab>/gcs/<name>/state                <lab>/gcs/<name>/do   (a queryable; with keys .../do/<who asks>)
 
 Peers with explicit endpoints and no multicast. Each listens on a port of its own and learns of the others by
 gossip, so that the ones left keep talking when one dies, the one that was connected to first included.
@@ -18,15 +18,16 @@ from typing import Any, TypeVar
 import zenoh
 
 from formation.config import LinkConfig
-from formation.messages import Datagram, OperatorReply, OperatorRequest, Truth, Verb
+from formation.messages import OperatorReply, OperatorRequest, Truth, Verb
 from wire import clock
 from wire.errors import BusError as BusError
 from wire.plain_text import plain
 from wire.rejections import RejectionLog
 from wire.schema import Schema, SchemaError, schema_of
+from wire.security.protection import LOOPBACK_ONLY, Protection
 from wire.transport.inbox import Inbox, on_loop
-from wire.transport.intake import BACKLOG_MAX, Intake
-from wire.transport.link import LARGEST_DATAGRAM, Deliver, LinkCounters
+from wire.transport.link import Deliver, LinkCounters
+from wire.transport.zenoh_link import ZenohLink
 from wire.transport.zenoh_session import open_session, request_key
 
 T = TypeVar("T")
@@ -45,48 +46,26 @@ _URGENT = (Verb.STOP, Verb.LAND, Verb.HOLD)
 """Each waits in a queue of its own: no flood of other requests, nor of another of these, keeps it waiting."""
 LARGEST_PAYLOAD = 1 << 18
 """Bytes of a payload that are read: a frame of a thousand bodies, a state of hundreds of drones, a quarter of it."""
-LARGEST_REQUEST = 1024
+LARGEST_REQUEST, LONGEST_SOURCE = 1024, 64
 _ASK_AGAIN_S = 0.05
-
-
-class ZenohLink:
-    """The MAVLink of some drones over the bus; see `ZenohBus.ground_link` and `drone_link`."""
-
-    def __init__(
-        self,
-        publishers: dict[int, zenoh.Publisher],
-        subscribers: list[zenoh.Subscriber[None]],
-        closing: tuple[Inbox[bytes] | Intake, ...],
-        counters: LinkCounters,
-    ) -> None:
-        self.counters = counters
-        self._publishers = publishers
-        self._subscribers = subscribers
-        self._closing = closing
-
-    def send(self, datagram: Datagram) -> None:
-        """Publish to (or as) the drone `sysid`; KeyError for a drone that is none of this link's."""
-        try:
-            self._publishers[datagram.sysid].put(datagram.data)
-            self.counters.sent += 1
-        except zenoh.ZError:
-            self.counters.dropped += 1
-
-    def close(self) -> None:
-        """Stop publishing and delivering."""
-        for part in self._closing:
-            part.close()
-        for subscriber in self._subscribers:
-            subscriber.undeclare()  # type: ignore[no-untyped-call]
-        for publisher in self._publishers.values():
-            publisher.undeclare()  # type: ignore[no-untyped-call]
 
 
 class ZenohBus:
     """One process's connection to the lab's bus. All callbacks run on the event loop that opened it."""
 
-    def __init__(self, session: zenoh.Session, lab: str, rejections: RejectionLog, *, listens: bool = False) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        lab: str,
+        rejections: RejectionLog,
+        *,
+        listens: bool = False,
+        protection: Protection = LOOPBACK_ONLY,
+    ) -> None:
         self.lab = lab
+        self.protection = protection
+        """Of the bus, and of the drones' links that this process opens beside it."""
+        self._certificate_name = protection.bus.name
         self.listens = listens
         """Whether it listens where others look for the bus."""
         self.counters = LinkCounters()
@@ -101,21 +80,35 @@ class ZenohBus:
         self._tokens: list[zenoh.LivelinessToken] = []
 
     @classmethod
-    async def open(cls, config: LinkConfig, lab: str, rejections: RejectionLog | None = None) -> "ZenohBus":
-        """Join the bus; peers that are not there yet are retried for ever. BusError.
+    async def open(
+        cls,
+        config: LinkConfig,
+        lab: str,
+        rejections: RejectionLog | None = None,
+        protection: Protection = LOOPBACK_ONLY,
+    ) -> "ZenohBus":
+        """Join the bus; peers that are not there yet are retried for ever. BusError, ConfigError for keys.
 
-        rejections: counts rejected inputs; the bus makes its own if there is none.
+        rejections: counts rejected inputs; the bus makes its own if there is none. protection: with keys the bus and
+        the drones' links on it are authenticated; without, an endpoint of another machine is a BusError.
         """
-        session = await asyncio.to_thread(open_session, config.zenoh_listen, config.zenoh_connect, lab)
-        return cls(session, lab, rejections or RejectionLog(), listens=bool(config.zenoh_listen))
+        listen, connect = config.zenoh_listen, config.zenoh_connect
+        session = await asyncio.to_thread(open_session, listen, connect, lab, protection.bus)
+        return cls(session, lab, rejections or RejectionLog(), listens=bool(listen), protection=protection)
 
     @classmethod
-    async def open_or_listen(cls, config: LinkConfig, lab: str, rejections: RejectionLog | None = None) -> "ZenohBus":
+    async def open_or_listen(
+        cls,
+        config: LinkConfig,
+        lab: str,
+        rejections: RejectionLog | None = None,
+        protection: Protection = LOOPBACK_ONLY,
+    ) -> "ZenohBus":
         """Join the bus that the configuration names; where it names none, listen if nobody else does. BusError."""
         if not config.names_bus:
             with suppress(BusError):  # the endpoint is another's: join it there
-                return await cls.open(config.listening, lab, rejections)
-        return await cls.open(config, lab, rejections)
+                return await cls.open(config.listening, lab, rejections, protection)
+        return await cls.open(config, lab, rejections, protection)
 
     @property
     def is_joined(self) -> bool:
@@ -131,11 +124,15 @@ class ZenohBus:
 
     def ground_link(self, sysids: Iterable[int], deliver: Deliver) -> ZenohLink:
         """The ground's end of the drones `sysids`."""
-        return self._link(list(sysids), "down", "up", deliver)
+        return self._link(sysids, "down", "up", deliver)
 
     def drone_link(self, sysid: int, deliver: Deliver) -> ZenohLink:
         """The drone's own end."""
-        return self._link([sysid], "up", "down", deliver)
+        return self._link((sysid,), "up", "down", deliver)
+
+    def _link(self, sysids: Iterable[int], out: str, into: str, deliver: Deliver) -> ZenohLink:
+        publish = {sysid: self._publisher(f"{self.lab}/uav/{sysid}/mavlink/{out}") for sysid in sysids}
+        return ZenohLink(self._session, f"{self.lab}/uav", into, publish, deliver, self.rejections, self.protection)
 
     def publish(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
         """Publish bytes on a key of the lab; dropped and counted where Zenoh's queue is full."""
@@ -210,8 +207,11 @@ class ZenohBus:
         self.listen(f"gcs/{gcs_name}/state", receive, limit=1)
 
     def serve(self, gcs_name: str, handler: Handler) -> None:
-        """Answer operators' requests as the ground `gcs_name`: `handler(request, reply)`, reply once, now or later."""
-        key = request_key(self.lab, gcs_name)
+        """Answer operators' requests as the ground `gcs_name`: `handler(request, reply)`, reply once, now or later.
+
+        With keys, a request's source begins with the name in the certificate of who asks.
+        """
+        key = request_key(self.lab, gcs_name, "*" if self._certificate_name else "")
 
         def receive(asked: tuple[zenoh.Query, OperatorRequest | None]) -> None:
             self._handle(gcs_name, *asked, handler)
@@ -233,7 +233,7 @@ class ZenohBus:
 
         Asked again only while nobody is there to hear it, so no request is carried out twice.
         """
-        key = request_key(self.lab, gcs_name)
+        key = request_key(self.lab, gcs_name, self._certificate_name)
         try:
             async with asyncio.timeout(timeout_s):
                 while (data := await self._get(key, _REQUEST.encode(request), timeout_s)) is None:
@@ -241,35 +241,6 @@ class ZenohBus:
         except TimeoutError as error:
             raise TimeoutError(f"no answer on {key} within {timeout_s:g} s") from error
         return _REPLY.decode(data)
-
-    def _link(self, sysids: list[int], out: str, into: str, deliver: Deliver) -> ZenohLink:
-        base = f"{self.lab}/uav"
-        counters = LinkCounters()
-
-        def inbox_of(sysid: int, intake: Intake) -> Inbox[bytes]:
-            def receive(data: bytes) -> None:
-                if data:
-                    intake.enqueue(data)
-                    return
-                counters.rejected += 1
-                reason = f"datagram that is empty or larger than {LARGEST_DATAGRAM} bytes"
-                self.rejections.note(f"{base}/{sysid}", reason, clock.monotonic_ns())
-
-            return Inbox(self._loop, receive, counters, BACKLOG_MAX)
-
-        def listen(sysid: int, inbox: Inbox[bytes]) -> zenoh.Subscriber[None]:
-            def enqueue(sample: zenoh.Sample) -> None:
-                inbox.enqueue(sample.payload.to_bytes() if len(sample.payload) <= LARGEST_DATAGRAM else b"")
-
-            key = f"{base}/{sysid}/mavlink/{into}"
-            return self._session.declare_subscriber(key, zenoh.handlers.Callback(enqueue))
-
-        # A queue and a turn for each drone: what floods one key costs no other drone a datagram.
-        intakes = {sysid: Intake(sysid, deliver, counters) for sysid in sysids}
-        inboxes = {sysid: inbox_of(sysid, intake) for sysid, intake in intakes.items()}
-        publishers = {sysid: self._publisher(f"{base}/{sysid}/mavlink/{out}") for sysid in sysids}
-        subscribers = [listen(sysid, inbox) for sysid, inbox in inboxes.items()]
-        return ZenohLink(publishers, subscribers, (*inboxes.values(), *intakes.values()), counters)
 
     def _publisher_of(self, key: str) -> zenoh.Publisher:
         """The publisher of a key of the lab, made once."""
@@ -307,7 +278,10 @@ class ZenohBus:
             query.drop()  # type: ignore[no-untyped-call]
             return
 
-        key = request_key(self.lab, gcs_name)
+        key = query.key_expr
+        source = plain(request.source, LONGEST_SOURCE)
+        if self._certificate_name:
+            source = f"{str(key).rpartition('/')[2]} ({source})"
 
         def reply(answer: OperatorReply) -> None:
             try:
@@ -316,7 +290,7 @@ class ZenohBus:
                 self.counters.dropped += 1
             query.drop()  # type: ignore[no-untyped-call]
 
-        handler(OperatorRequest(request.id, request.verb, plain(request.argument, LARGEST_REQUEST)), reply)
+        handler(OperatorRequest(request.id, request.verb, plain(request.argument, LARGEST_REQUEST), source), reply)
 
     async def _get(self, key: str, payload: bytes, timeout_s: float) -> bytes | None:
         """The first reply's bytes; None where the query ends without one, because nobody serves the key."""

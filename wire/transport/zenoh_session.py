@@ -8,10 +8,11 @@ from threading import Event
 
 import zenoh
 
-from formation.requests import OperatorReply, OperatorRequest
+from formation.requests import OperatorReply, OperatorRequest, Verb
 from wire import clock
 from wire.errors import BusError
 from wire.schema import Schema, schema_of
+from wire.security.bus_access import LOCAL, BusAccess, connectable
 
 _REQUEST: Schema[OperatorRequest] = schema_of(OperatorRequest)
 _REPLY: Schema[OperatorReply] = schema_of(OperatorReply)
@@ -21,7 +22,7 @@ _SOURCE_LINE = re.compile(r" at \S+\.rs:\d+\.?")
 FIND_S = 0.5
 """How long a ground is looked for that is not there: on a busy machine one answers within a tenth of a second."""
 _REMEDY = "Start it with `gcs run lab.toml`; --lab and --name say which one is meant, --timeout to wait for it"
-_ASK_AGAIN_S, _CONNECT_TIMEOUT_S = 0.05, 0.2
+_ASK_AGAIN_S, _STOP_AGAIN_S, _CONNECT_TIMEOUT_S = 0.05, 0.2, 0.2
 # Batches that may wait for the sender's thread, as many as Zenoh allows. An express put takes one for itself: with
 # Zenoh's own two, a busy machine dropped one frame in twenty, and one in nine events sent right after a frame.
 _QUEUED_BATCHES = 16
@@ -49,43 +50,64 @@ class NoGroundError(TimeoutError):
     """No ground is there; the text says what to do."""
 
 
-def request_key(lab: str, gcs_name: str) -> str:
-    """Where the ground `gcs_name` answers."""
-    return f"{lab}/gcs/{gcs_name}/do"
+def request_key(lab: str, gcs_name: str, certificate_name: str = "") -> str:
+    """Where the ground `gcs_name` answers: with keys, each identity at a key of its own, which nobody else may ask at.
+
+    certificate_name: who asks, or `*` for all; empty without keys.
+    """
+    key = f"{lab}/gcs/{gcs_name}/do"
+    return f"{key}/{certificate_name}" if certificate_name else key
 
 
-def open_session(listen: Sequence[str], connect: Sequence[str], lab: str) -> zenoh.Session:
-    """Join the bus; peers that are not there yet are retried for ever. BusError."""
+def open_session(
+    listen: Sequence[str], connect: Sequence[str], lab: str, access: BusAccess = LOCAL, *, asks: bool = False
+) -> zenoh.Session:
+    """Join the bus; peers that are not there yet are retried for ever. BusError, ConfigError for keys.
+
+    asks: this process only asks, and listens on loopback at most: it may ask a ground anywhere, and obeys nobody.
+    """
+    if not asks:
+        access.demand((*listen, *connect))
     if "*" in lab or "$" in lab:
         raise BusError(f"lab {lab!r}: * and $ stand for other names on the bus")
     try:
         zenoh.KeyExpr(lab)
-        return zenoh.open(_configuration(listen, connect))
+        return zenoh.open(_configuration(listen, connect, access, asks))
     except zenoh.ZError as error:
         reason = _SOURCE_LINE.sub("", str(error))
         raise BusError(f"lab {lab!r}, {tuple(listen or connect)}: {reason}") from error
 
 
-def ask(connect: Sequence[str], lab: str, gcs_name: str, request: OperatorRequest, patience: Patience) -> OperatorReply:
+def ask(
+    connect: Sequence[str],
+    lab: str,
+    gcs_name: str,
+    request: OperatorRequest,
+    patience: Patience,
+    access: BusAccess = LOCAL,
+) -> OperatorReply:
     """The answer of the ground `gcs_name`; TimeoutError if none comes (NoGroundError: nobody is there), BusError.
 
-    Asked again only while nobody is there to hear it, so no request is carried out twice.
+    Asked again only while nobody is there to hear it, so no request is carried out twice; but a stop, which may be, is
+    also asked again where the answer is late: somebody else may have taken the question and keeps it.
     """
     begun_ns = clock.monotonic_ns()
     deadline_ns = begun_ns + round(patience.answer_s * 1e9)
-    key, payload = request_key(lab, gcs_name), _REQUEST.encode(request)
-    session, is_there = open_session((), connect, lab), False
+    key, payload = request_key(lab, gcs_name, access.name), _REQUEST.encode(request)
+    session, is_there = open_session((), connect, lab, access, asks=True), False
+    answers: list[bytes] = []
     try:
         while (left_s := clock.REAL_TIME.seconds_until(deadline_ns)) > 0.0:
-            answers: list[bytes] = []
             ended = Event()
 
-            def receive(reply: zenoh.Reply, answers: list[bytes] = answers) -> None:
+            def receive(reply: zenoh.Reply, ended: Event = ended) -> None:
                 if reply.ok is not None:
                     answers.append(reply.ok.payload.to_bytes())
+                    ended.set()
 
             session.get(key, zenoh.handlers.Callback(receive, ended.set), payload=payload, timeout=left_s)
-            is_there = not ended.wait(left_s)  # else the query has ended at once: nobody serves the key
+            wait_s = min(left_s, _STOP_AGAIN_S) if request.verb is Verb.STOP else left_s
+            is_there = not ended.wait(wait_s)  # else the query has ended at once: nobody serves the key
             if answers:
                 return _REPLY.decode(answers[0])
             if not is_there and _is_out_of_patience((clock.monotonic_ns() - begun_ns) * 1e-9, connect, patience):
@@ -120,7 +142,7 @@ def _is_port_closed(endpoint: str) -> bool:
 
     protocol, _, address = endpoint.partition("/")
     host, _, port = address.rpartition(":")
-    if protocol != "tcp" or not port.isdigit():
+    if protocol not in ("tcp", "tls") or not port.isdigit():
         return False
     try:
         socket.create_connection((host.strip("[]"), int(port)), timeout=_CONNECT_TIMEOUT_S).close()
@@ -131,14 +153,14 @@ def _is_port_closed(endpoint: str) -> bool:
     return False
 
 
-def _configuration(listen: Sequence[str], connect: Sequence[str]) -> zenoh.Config:
-    """Zenoh's configuration; without `listen`, any free port, on loopback where every `connect` is."""
-    local = all("127.0.0.1" in endpoint or "localhost" in endpoint for endpoint in connect)
+def _configuration(listen: Sequence[str], connect: Sequence[str], access: BusAccess, asks: bool) -> zenoh.Config:
+    """Zenoh's configuration; without `listen`, any free port of the address that leads to `connect`."""
+    own = access.carried(listen) or [access.own_endpoint(() if asks else connect)]
     values: dict[str, object] = {
         "mode": "peer",
-        "listen/endpoints": list(listen or ("tcp/127.0.0.1:0" if local else "tcp/0.0.0.0:0",)),
+        "listen/endpoints": own,
         "listen/exit_on_failure": True,
-        "connect/endpoints": [endpoint for endpoint in connect if endpoint not in listen],
+        "connect/endpoints": access.carried([connectable(e) for e in connect if e not in listen]),
         "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
         "connect/retry": _RETRY,
@@ -148,6 +170,7 @@ def _configuration(listen: Sequence[str], connect: Sequence[str]) -> zenoh.Confi
         "transport/unicast/accept_pending": _UNGREETED,
         "transport/unicast/accept_timeout": _GREETING_MS,
         "transport/link/tx/queue/size/real_time": _QUEUED_BATCHES,
+        **access.configuration(),
     }
     result = zenoh.Config()
     for key, value in values.items():

@@ -513,6 +513,13 @@ def guard_signatures(_: str = "") -> str:
     return signatures_markdown()
 
 
+def allow_list(_: str = "") -> str:
+    """What a bridge with keys passes to its autopilot."""
+    from drone_agent.guard.allow_list import allow_list_markdown
+
+    return allow_list_markdown()
+
+
 def guard_times(_: str = "") -> str:
     """The times by which the guard acts."""
     from drone_agent.config import AgentConfig
@@ -745,7 +752,7 @@ PIECES: Mapping[str, Callable[[str], str]] = {
         "trajectories": trajectories, "shapes": shapes, "scenarios": scenarios, "fault_families": fault_families,
         "topics": topics, "messages": messages, "rules": rules, "phases": phases, "pose_validator": pose_validator,
         "stages": stages, "guard_times": guard_times, "guard_signatures": guard_signatures, "events": events,
-        "rejections": rejections, "mavlink": mavlink,
+        "rejections": rejections, "mavlink": mavlink, "allow_list": allow_list,
         "autopilot": autopilot, "results": results, "version": version, "extras": extras,
         "frame_way": manual_drawing.drawing, "equations": manual_drawing.equations,
     }.items()

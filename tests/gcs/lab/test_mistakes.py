@@ -11,7 +11,7 @@ from gcs.cli.app import app
 LAB = """
 name = "hall"
 control_preset = "default"
-
+security = {}
 [mocap]
 source = "vicon"
 rate_hz = 100.0

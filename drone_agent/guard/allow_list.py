@@ -1,0 +1,126 @@
+"""What a ground may send a drone over a network: one table by message and field; everything else ends at the bridge.
+
+Numbers are MAVLink's (common.xml, 11 of ardupilotmega the same); a packet is judged by its version, its id and the
+fields of its payload. Nothing here knows keys: signatures are verified before.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class When(StrEnum):
+    """In which state of the motors a packet passes."""
+
+    ALWAYS = "always"
+    DISARMED = "disarmed"
+
+
+@dataclass(frozen=True, slots=True)
+class Allowed:
+    """One row: a message id, its name, and when it passes.
+
+    target_at: the byte of the payload that has the target system, which must be the drone's; None: not looked at.
+    """
+
+    number: int
+    name: str
+    when: When = When.ALWAYS
+    target_at: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class AllowedCommand:
+    """One row: a command of COMMAND_LONG and COMMAND_INT, its name, and when it passes."""
+
+    number: int
+    name: str
+    when: When = When.ALWAYS
+
+
+ALLOWED = (
+    Allowed(0, "HEARTBEAT"),
+    Allowed(2, "SYSTEM_TIME"),
+    Allowed(4, "PING"),
+    Allowed(11, "SET_MODE", target_at=4),
+    Allowed(20, "PARAM_REQUEST_READ", target_at=2),
+    Allowed(21, "PARAM_REQUEST_LIST", target_at=0),
+    Allowed(48, "SET_GPS_GLOBAL_ORIGIN", When.DISARMED, target_at=12),
+    Allowed(75, "COMMAND_INT", target_at=30),
+    Allowed(76, "COMMAND_LONG", target_at=30),
+    Allowed(77, "COMMAND_ACK"),
+    Allowed(82, "SET_ATTITUDE_TARGET", target_at=36),
+    Allowed(84, "SET_POSITION_TARGET_LOCAL_NED", target_at=50),
+    Allowed(102, "VISION_POSITION_ESTIMATE"),
+    Allowed(111, "TIMESYNC"),
+    Allowed(117, "LOG_REQUEST_LIST", When.DISARMED, target_at=4),
+    Allowed(119, "LOG_REQUEST_DATA", When.DISARMED, target_at=10),
+    Allowed(122, "LOG_REQUEST_END", target_at=0),
+    Allowed(138, "ATT_POS_MOCAP"),
+    Allowed(331, "ODOMETRY"),
+)
+ALLOWED_COMMANDS = (
+    AllowedCommand(20, "NAV_RETURN_TO_LAUNCH"),
+    AllowedCommand(21, "NAV_LAND"),
+    AllowedCommand(22, "NAV_TAKEOFF"),
+    AllowedCommand(176, "DO_SET_MODE"),
+    AllowedCommand(185, "DO_FLIGHTTERMINATION"),
+    AllowedCommand(246, "PREFLIGHT_REBOOT_SHUTDOWN", When.DISARMED),
+    AllowedCommand(400, "COMPONENT_ARM_DISARM, arming past the checks excepted"),
+    AllowedCommand(410, "GET_HOME_POSITION"),
+    AllowedCommand(510, "GET_MESSAGE_INTERVAL"),
+    AllowedCommand(511, "SET_MESSAGE_INTERVAL"),
+    AllowedCommand(512, "REQUEST_MESSAGE"),
+    AllowedCommand(520, "REQUEST_AUTOPILOT_CAPABILITIES"),
+    AllowedCommand(32100, "REQUEST_OPERATOR_CONTROL"),
+)
+VERSION_1 = "MAVLink 1 packet, which the allow-list never passes"
+UNLISTED = "message that is not on the allow-list"
+UNLISTED_COMMAND = "command that is not on the allow-list"
+ARMED = "message that passes only while the motors are off"
+OTHER_SYSTEM = "message to another system, or to every system"
+PAST_CHECKS = "arming past the autopilot's checks"
+
+_ROWS = {row.number: row for row in ALLOWED}
+_COMMANDS = {row.number: row for row in ALLOWED_COMMANDS}
+_COMMAND_MESSAGES, _COMMAND_AT = (75, 76), slice(28, 30)
+_ARM_DISARM, _ACTION, _FORCE, _ZERO = 400, slice(0, 4), slice(4, 8), b"\0" * 4
+_LONGEST = 255
+
+
+def reject_reason(version: int, number: int, payload: bytes, sysid: int, *, armed: bool) -> str:
+    """Why a packet from the network does not reach the autopilot of drone `sysid`; empty where it may.
+
+    payload: as it is on the wire, trailing zeros cut.
+    """
+    if version != 2:
+        return VERSION_1
+    row = _ROWS.get(number)
+    if row is None:
+        return UNLISTED
+    if armed and row.when is When.DISARMED:
+        return ARMED
+    if row.target_at is None:
+        return ""
+    whole = payload.ljust(_LONGEST, b"\0")
+    if whole[row.target_at] != sysid:
+        return OTHER_SYSTEM
+    return _command_reject_reason(whole, armed=armed) if number in _COMMAND_MESSAGES else ""
+
+
+def _command_reject_reason(payload: bytes, *, armed: bool) -> str:
+    command = int.from_bytes(payload[_COMMAND_AT], "little")
+    row = _COMMANDS.get(command)
+    if row is None:
+        return UNLISTED_COMMAND
+    if armed and row.when is When.DISARMED:
+        return ARMED
+    forces_arming = payload[_ACTION] != _ZERO and payload[_FORCE] != _ZERO
+    return PAST_CHECKS if command == _ARM_DISARM and forces_arming else ""
+
+
+def allow_list_markdown() -> str:
+    """The table as Markdown."""
+    rows = [(row.name, str(row.number), row.when.value) for row in ALLOWED]
+    rows += [(f"command {row.name}", str(row.number), row.when.value) for row in ALLOWED_COMMANDS]
+    head = ("message or command", "number", "passes")
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in (head, ("---",) * len(head), *rows))

@@ -1,0 +1,159 @@
+"""`gcs keys`: the lab's keys. Nothing here prints a key."""
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NoReturn
+
+import typer
+
+from wire.errors import ConfigError
+from wire.process.console import NOT_RIGHT, REJECTED, Json, LabFile, configuration, fail
+
+if TYPE_CHECKING:
+    from gcs.security.key_folder import KeyFolder
+
+app = typer.Typer(
+    no_args_is_help=True, rich_markup_mode=None,
+    help="Make, carry and revoke the lab's keys, without which no link leaves this machine.",
+)  # fmt: skip
+Who = Annotated[str, typer.Argument(metavar="NAME", help="An identity, as `gcs keys list` names it: drone-2.")]
+Lab = Annotated[Path, typer.Option("--lab", help="The lab file.")]
+LAB = Path("lab.toml")
+
+
+@app.command()
+def new(lab: LabFile, as_json: Json = False) -> None:
+    """Make the lab's keys: those that are missing, for its programs, drones and operators."""
+    try:
+        folder = _folder(lab)
+        made = folder.make(_now())
+    except (ConfigError, OSError) as error:
+        _fail(error)
+    table = "" if configuration(lab).security is not None else "; now write [security] into the lab file"
+    _print(as_json, {"made": made, "keys": str(folder.path)}, f"keys of {_list(made)} in {folder.path}{table}")
+
+
+@app.command()
+def pack(
+    who: Who,
+    lab: Lab = LAB,
+    out: Annotated[Path | None, typer.Option(help="The file; NAME.keys if not given.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Write one file that carries an identity's keys to another computer. Delete it once it is installed there."""
+    from gcs.security.bundle import write_bundle
+
+    path = out or Path(f"{who}.keys")
+    try:
+        write_bundle(path, who, _folder(lab).files(who, _now()))
+    except (ConfigError, OSError) as error:
+        _fail(error)
+    _print(as_json, {"file": str(path)}, f"{path}: carry it to the computer of {who}, and run `gcs keys install` there")
+
+
+@app.command()
+def install(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="What `gcs keys pack` wrote.")],
+    keys: Annotated[Path, typer.Option(help="Folder to install into.")] = Path("keys"),
+    sysid: Annotated[int | None, typer.Option(min=1, max=250, help="The drone that the keys must be of.")] = None,
+    serial: Annotated[
+        str | None, typer.Option(metavar="DEV:BAUD", help="Give the signing key to the autopilot on this line, too.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Install the keys of one identity on this computer, and with --serial in its autopilot."""
+    from formation.identities import drone_identity
+    from gcs.security.bundle import bundle_identity, install_bundle
+
+    try:
+        identity = bundle_identity(file)
+        if sysid is not None and identity != drone_identity(sysid):
+            raise ConfigError([f"{file}: keys of {identity}, not of drone {sysid}"])
+        install_bundle(file, keys)
+        if serial is not None:
+            from gcs.security.autopilot_key import send_key
+
+            send_key(keys / identity, serial)
+    except (ConfigError, OSError) as error:
+        _fail(error)
+    _print(as_json, {"identity": identity, "keys": str(keys)}, f"keys of {identity} in {keys}: delete {file}")
+
+
+@app.command("list")
+def list_keys(lab: LabFile, as_json: Json = False) -> None:
+    """List the identities with role, certificate and the day it ends."""
+    try:
+        held = list(_folder(lab).held())
+    except (ConfigError, OSError) as error:
+        _fail(error)
+    rows = [
+        {
+            "identity": each.identity, "role": each.role, "certificate": each.name,
+            "expires": f"{each.expires:%Y-%m-%d}", "revoked": each.revoked,
+        }
+        for each in held
+    ]  # fmt: skip
+    lines = [
+        f"{each.identity:<16} {each.role:<9} {each.name:<18} "
+        + ("revoked" if each.revoked else f"until {each.expires:%Y-%m-%d}")
+        for each in held
+    ]
+    _print(as_json, {"keys": rows}, "\n".join(lines) or "no keys: run `gcs keys new`")
+
+
+@app.command()
+def check(lab: LabFile, as_json: Json = False) -> None:
+    """Check modes, ends and rules of the keys. Exit code 1 where something is wrong."""
+    try:
+        faults = list(_folder(lab).faults(_now()))
+    except (ConfigError, OSError) as error:
+        _fail(error)
+    _print(as_json, {"faults": faults}, "\n".join(faults) or "every key is right")
+    if faults:
+        raise typer.Exit(REJECTED)
+
+
+@app.command()
+def rotate(who: Who, lab: Lab = LAB, as_json: Json = False) -> None:
+    """Replace an identity's keys. Its old ones are void where the new rules are: pack and install it again."""
+    try:
+        name = _folder(lab).rotate(who, _now())
+    except (ConfigError, OSError) as error:
+        _fail(error)
+    _print(as_json, {"certificate": name}, f"{name}: {_AFTER}")
+
+
+@app.command()
+def revoke(who: Who, lab: Lab = LAB, as_json: Json = False) -> None:
+    """Let nobody in by an identity's keys any more."""
+    try:
+        name = _folder(lab).revoke(who, _now())
+    except (ConfigError, OSError) as error:
+        _fail(error)
+    _print(as_json, {"certificate": name}, f"{name} is revoked: {_AFTER}")
+
+
+_AFTER = "restart the lab's programs here; other computers have their rules from the next `gcs keys pack`"
+
+
+def _folder(lab: Path) -> "KeyFolder":
+    from gcs.security.key_folder import KeyFolder
+
+    return KeyFolder(configuration(lab), lab)
+
+
+def _now() -> datetime:
+    return datetime.now(UTC)
+
+
+def _fail(error: Exception) -> NoReturn:
+    fail(str(error), NOT_RIGHT if isinstance(error, ConfigError) else REJECTED)
+
+
+def _list(names: list[str]) -> str:
+    return ", ".join(names) or "nobody new"
+
+
+def _print(as_json: bool, values: dict[str, object], text: str) -> None:
+    print(json.dumps(values) if as_json else text)

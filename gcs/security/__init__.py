@@ -1,0 +1,1 @@
+"""The lab's keys: making, packing, installing, checking, replacing and revoking them."""

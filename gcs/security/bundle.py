@@ -1,0 +1,69 @@
+"""One file that carries an identity's keys to another computer, and the folder it becomes there."""
+
+import json
+import re
+from pathlib import Path
+
+from wire.errors import ConfigError
+from wire.private_files import make_folder
+from wire.security.private_keys import (
+    ACCESS,
+    AUTHORITY,
+    AUTOPILOT,
+    CERTIFICATE,
+    NAME,
+    PRIVATE,
+    demand_private,
+    write_private,
+)
+from wire.small_files import read_text
+
+_FILES = {AUTHORITY, CERTIFICATE, PRIVATE, NAME, ACCESS, AUTOPILOT}
+_NEEDED = _FILES - {AUTOPILOT}
+_SIGNING = re.compile(r"mavlink-\d{1,3}\.key")
+_IDENTITY = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}")
+
+
+def write_bundle(path: Path, identity: str, files: dict[str, str]) -> None:
+    """Write the file, its owner's alone. OSError."""
+    write_private(path, json.dumps({"identity": identity, "files": files}).encode())
+
+
+def install_bundle(path: Path, keys: Path) -> str:
+    """Make the folder of the identity that the file carries; return the identity. ConfigError, OSError.
+
+    A file open to others is refused: who could read it has the keys.
+    """
+    identity, files = _parse(path)
+    make_folder(keys)
+    demand_private(keys)
+    own = keys / identity
+    make_folder(own)
+    demand_private(own)
+    for name, text in files.items():
+        write_private(own / name, text.encode())
+    return identity
+
+
+def bundle_identity(path: Path) -> str:
+    """Whose keys the file carries. ConfigError."""
+    return _parse(path)[0]
+
+
+def _parse(path: Path) -> tuple[str, dict[str, str]]:
+    demand_private(path)
+    try:
+        values = json.loads(read_text(path))
+        identity, files = values["identity"], values["files"]
+        names = set(files)
+        right = (
+            _IDENTITY.fullmatch(identity) is not None
+            and names >= _NEEDED
+            and all(name in _FILES or _SIGNING.fullmatch(name) for name in names)
+            and all(isinstance(text, str) for text in files.values())
+        )
+    except (OSError, ValueError, KeyError, TypeError):
+        right = False
+    if not right:
+        raise ConfigError([f"{path}: not a file of `gcs keys pack`"])
+    return identity, files

@@ -1,0 +1,200 @@
+"""A lab's folder of keys on the computer where they are made: everything in it, and what is changed (layout:
+`wire.security.private_keys`). A name in a certificate is an identity with a number; a new certificate has the next one,
+and the rules let nobody in by an older.
+"""
+
+import json
+import secrets
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+
+from formation.config import LabConfig
+from formation.exposure import endpoint_host
+from formation.identities import GROUND, drone_identity, numbered
+from formation.security_config import SecurityConfig
+from gcs.security.access_rules import access_control, identities
+from gcs.security.certificates import Issued, common_name, expiry, new_authority, new_identity
+from wire.errors import ConfigError
+from wire.private_files import make_folder
+from wire.process.own_name import own_name
+from wire.security.private_keys import (
+    ACCESS,
+    AUTHORITY,
+    AUTOPILOT,
+    CERTIFICATE,
+    KEY_BYTES,
+    NAME,
+    PRIVATE,
+    demand_private,
+    demand_private_tree,
+    keys_folder,
+    mavlink_key_file,
+    note_operation,
+    read_access,
+    read_name,
+    write_private,
+)
+
+AUTHORITY_PRIVATE, REVOKED = "authority.pem", "revoked"
+EXPIRES_SOON = timedelta(days=30)
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """One identity's keys as they are: its role, the name and the end of its certificate, whether it is revoked."""
+
+    identity: str
+    role: str
+    name: str
+    expires: datetime
+    revoked: bool
+
+
+class KeyFolder:
+    """The keys of one lab. Raises ConfigError for keys that are missing, not private, or not as the lab file has it."""
+
+    def __init__(self, config: LabConfig, lab_file: Path) -> None:
+        self._config = config
+        self._security = config.security or SecurityConfig()
+        self.path = keys_folder(self._security.keys, lab_file)
+
+    def make(self, now: datetime) -> list[str]:
+        """Make what is missing, and the rules anew; return the identities that were made. OSError."""
+        make_folder(self.path)
+        demand_private(self.path)
+        if not (self.path / AUTHORITY_PRIVATE).exists():
+            authority = new_authority(self._config.name, now)
+            write_private(self.path / AUTHORITY_PRIVATE, authority.private)
+            write_private(self.path / AUTHORITY, authority.certificate)
+        made = [identity for identity in identities(self._config) if not (self.path / identity / NAME).exists()]
+        for identity in made:
+            self._issue(identity, 1, now)
+        self._write_rules()
+        self._note(now, f"new {', '.join(made) or 'rules'}")
+        return made
+
+    def rotate(self, identity: str, now: datetime) -> str:
+        """Replace an identity's keys, revoked ones too; return the new certificate's name."""
+        number = int(self._name(identity).rpartition(".")[2]) + 1
+        self._issue(identity, number, now)
+        (self.path / identity / REVOKED).unlink(missing_ok=True)
+        self._write_rules()
+        self._note(now, f"rotate {numbered(identity, number)}")
+        return numbered(identity, number)
+
+    def revoke(self, identity: str, now: datetime) -> str:
+        """Let nobody in by an identity's keys any more; return the certificate's name."""
+        name = self._name(identity)
+        write_private(self.path / identity / REVOKED, b"")
+        for key in self._mavlink_keys(identity):
+            key.unlink(missing_ok=True)
+        self._write_rules()
+        self._note(now, f"revoke {name}")
+        return name
+
+    def files(self, identity: str, now: datetime) -> dict[str, str]:
+        """What another computer needs to be this identity: the texts of its files, by their names."""
+        name = self._name(identity)
+        own = self.path / identity
+        demand_private_tree(own)
+        if (own / REVOKED).exists():
+            raise ConfigError([f"{own}: revoked: `gcs keys rotate` makes new keys"])
+        wanted = (AUTHORITY, CERTIFICATE, PRIVATE, NAME, ACCESS, AUTOPILOT)
+        self._note(now, f"pack {name}")
+        found = [*(own / name for name in wanted), *sorted(own.glob("mavlink-*.key"))]
+        return {path.name: path.read_text(encoding="ascii") for path in found if path.exists()}
+
+    def held(self) -> Iterator[Held]:
+        """Every identity of the lab that has keys."""
+        for identity in identities(self._config):
+            own = self.path / identity
+            if (own / NAME).exists():
+                role = self._security.role_of(identity)
+                certificate = (own / CERTIFICATE).read_bytes()
+                yield Held(
+                    identity, role or "-", read_name(own / NAME), expiry(certificate), (own / REVOKED).exists()
+                )  # fmt: skip
+
+    def faults(self, now: datetime) -> Iterator[str]:
+        """What is wrong with the keys, a line each."""
+        try:
+            demand_private_tree(self.path)
+        except ConfigError as error:
+            yield str(error)
+            return
+        held = {each.identity: each for each in self.held()}
+        for identity in identities(self._config):
+            if identity not in held:
+                yield f"{identity}: no keys: run `gcs keys new`"
+        for each in held.values():
+            own = self.path / each.identity
+            if each.expires <= now:
+                yield f"{each.identity}: expired on {each.expires:%Y-%m-%d}: run `gcs keys rotate {each.identity}`"
+            elif each.expires - now < EXPIRES_SOON:
+                yield f"{each.identity}: expires on {each.expires:%Y-%m-%d}: run `gcs keys rotate {each.identity}`"
+            if common_name((own / CERTIFICATE).read_bytes()) != each.name:
+                yield f"{each.identity}: its certificate is of another name"
+            if read_access(own) != self._rules():
+                yield f"{each.identity}: its rules are not those of the lab file: run `gcs keys new`"
+        for vehicle in self._config.vehicles:
+            drone = None if vehicle.sysid is None else held.get(drone_identity(vehicle.sysid))
+            key = self.path / GROUND / mavlink_key_file(vehicle.sysid or 0)
+            if drone is not None and not drone.revoked and not key.exists():
+                yield f"{drone.identity}: the ground has no signing key: run `gcs keys rotate {drone.identity}`"
+
+    def _issue(self, identity: str, number: int, now: datetime) -> None:
+        """A new certificate, and for a drone new keys of signing, which the ground has, too."""
+        own = self.path / identity
+        make_folder(own)
+        authority = self._authority()
+        issued = new_identity(authority, numbered(identity, number), self._hosts(), now)
+        write_private(own / AUTHORITY, authority.certificate)
+        write_private(own / CERTIFICATE, issued.certificate)
+        write_private(own / PRIVATE, issued.private)
+        key = secrets.token_hex(KEY_BYTES).encode()
+        for path in self._mavlink_keys(identity):
+            make_folder(path.parent)
+            write_private(path, key)
+        if identity in self._bridged():
+            write_private(own / AUTOPILOT, secrets.token_hex(KEY_BYTES).encode())
+        write_private(own / NAME, numbered(identity, number).encode())
+
+    def _note(self, now: datetime, what: str) -> None:
+        note_operation(self.path, f"{now:%Y-%m-%dT%H:%M:%SZ} {own_name()} {what}")
+
+    def _write_rules(self) -> None:
+        rules = json.dumps(self._rules(), indent=1).encode()
+        for each in self.held():
+            write_private(self.path / each.identity / ACCESS, rules)
+
+    def _rules(self) -> dict[str, object]:
+        return access_control(self._config, {each.identity: each.name for each in self.held() if not each.revoked})
+
+    def _name(self, identity: str) -> str:
+        if identity not in identities(self._config):
+            raise ConfigError([f"no identity {identity!r}; known: {', '.join(identities(self._config))}"])
+        return read_name(self.path / identity / NAME)
+
+    def _authority(self) -> Issued:
+        demand_private(self.path / AUTHORITY_PRIVATE)
+        return Issued((self.path / AUTHORITY).read_bytes(), (self.path / AUTHORITY_PRIVATE).read_bytes())
+
+    def _hosts(self) -> tuple[str, ...]:
+        """The names by which others connect to a process of the lab."""
+        link = self._config.link
+        named = (endpoint_host(endpoint) for endpoint in (*link.zenoh_listen, *link.zenoh_connect))
+        own = ("localhost", "127.0.0.1", "::1", *self._security.addresses)
+        return tuple(dict.fromkeys((*own, *(host for host in named if host not in ("", "0.0.0.0", "::")))))
+
+    def _mavlink_keys(self, identity: str) -> tuple[Path, ...]:
+        """The files that hold a drone's signing key, here and at the ground; none for others."""
+        if not identity.startswith("drone-"):
+            return ()
+        name = mavlink_key_file(int(identity.removeprefix("drone-")))
+        return self.path / identity / name, self.path / GROUND / name
+
+    def _bridged(self) -> tuple[str, ...]:
+        """Drones that a bridge stands beside: those without a link of their own."""
+        return tuple(drone_identity(v.sysid) for v in self._config.vehicles if v.sysid is not None and v.link is None)

@@ -1,0 +1,43 @@
+"""Who may ask the ground for what, in a lab with keys."""
+
+from collections.abc import Callable
+
+from formation.config import LabConfig
+from formation.identities import identity_in
+from formation.requests import OperatorReply, OperatorRequest
+from formation.security_config import MAY_ASK
+from wire.rejections import RejectionLog
+from wire.transport.zenoh_bus import Handler, Reply
+
+BEYOND_ROLE = "request that its role may not make"
+
+
+def asker(request: OperatorRequest) -> str:
+    """The name in the certificate of who asks: the bus puts it first in the source."""
+    return request.source.partition(" ")[0]
+
+
+def role_reject_reason(config: LabConfig, request: OperatorRequest) -> str:
+    """Why a request over the bus is rejected by who asks; empty where it may be made, and in a lab without keys."""
+    if config.security is None:
+        return ""
+    role = config.security.role_of(identity_in(asker(request)))
+    if role is None:
+        return f"{asker(request)} has no role: [security] operators names those who have"
+    if request.verb in MAY_ASK[role]:
+        return ""
+    return f"the role {role} of {asker(request)} may not {request.verb.command_name}"
+
+
+def by_role(config: LabConfig, handler: Handler, rejections: RejectionLog, now_ns: Callable[[], int]) -> Handler:
+    """A handler that hands on what the role of who asks allows, and answers and counts the rest."""
+
+    def handle(request: OperatorRequest, reply: Reply) -> None:
+        reason = role_reject_reason(config, request)
+        if not reason:
+            handler(request, reply)
+            return
+        rejections.note(asker(request), BEYOND_ROLE, now_ns())
+        reply(OperatorReply(request.id, False, reason))
+
+    return handle

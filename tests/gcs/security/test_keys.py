@@ -1,0 +1,229 @@
+"""Keys from new to revoked by the command line; openssl judges the certificates."""
+
+import json
+import os
+import pty
+import re
+import subprocess
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+import tomli_w
+from pymavlink.dialects.v20 import ardupilotmega as oracle
+from typer.testing import CliRunner
+
+from formation.config import LabConfig
+from formation.requests import OperatorRequest, Verb
+from gcs.cli.app import app
+from gcs.security.key_folder import KeyFolder
+from gcs.security.roles import role_reject_reason
+from tests.gcs.security.lab import LAB, NOW, keyed_lab
+from wire.errors import ConfigError
+from wire.security.protection import protection_of
+
+RUNNER = CliRunner()
+
+
+@pytest.fixture
+def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A lab file in a folder of its own, which is the working folder."""
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "lab.toml"
+    path.write_text(tomli_w.dumps(LAB))
+    return path
+
+
+def gcs(*words: str, code: int = 0) -> str:
+    """The output of a command line, which must end with that code."""
+    result = RUNNER.invoke(app, ["keys", *words])
+    assert result.exit_code == code, result.output
+    return result.output
+
+
+def secrets_in(keys: Path) -> set[str]:
+    """Every private line of the folder: keys, and the lines of private PEM files."""
+    found = set()
+    for path in keys.rglob("*"):
+        if path.suffix == ".key" or path.name in ("private.pem", "authority.pem"):
+            found |= {line for line in path.read_text().splitlines() if len(line) > 16 and "-----" not in line}
+    return found
+
+
+def openssl(*words: str) -> str:
+    return subprocess.run(["openssl", *words], capture_output=True, text=True, check=True).stdout
+
+
+def test_from_new_to_revoked(lab: Path) -> None:
+    said = gcs("new", "lab.toml")
+    assert "drone-3" in said
+    assert "anna" in said
+    assert gcs("check", "lab.toml") == "every key is right\n"
+    said += gcs("pack", "drone-2")
+    elsewhere = lab.parent / "companion"
+    said += gcs("install", "drone-2.keys", "--keys", str(elsewhere), "--sysid", "2")
+    protection = protection_of(elsewhere, "drone-2")
+    assert protection.signing is not None
+    assert protection.channel(2) is not None
+    assert protection.channel(3) is None
+    said += gcs("rotate", "drone-2") + gcs("revoke", "board") + gcs("list", "lab.toml") + gcs("check", "lab.toml")
+    listed = {each["identity"]: each for each in json.loads(gcs("list", "lab.toml", "--json"))["keys"]}
+    assert listed["drone-2"]["certificate"] == "drone-2.2"
+    assert listed["board"]["revoked"]
+    assert listed["judge"]["role"] == "safety"
+    rules = json.loads((lab.parent / "keys" / "ground" / "access.json").read_text())
+    names = {name for subject in rules["subjects"] for name in subject.get("cert_common_names", ())}
+    assert "drone-2.2" in names
+    assert not {"drone-2.1", "board.1"} & names
+    assert not any(secret in said for secret in secrets_in(lab.parent / "keys"))
+    assert "board" in gcs("pack", "board", code=2)
+
+
+def test_every_file_is_its_owners_alone(lab: Path) -> None:
+    gcs("new", "lab.toml")
+    gcs("pack", "drone-1")
+    keys = lab.parent / "keys"
+    for path in (keys, *keys.rglob("*"), lab.parent / "drone-1.keys"):
+        assert path.stat().st_mode & 0o777 == (0o700 if path.is_dir() else 0o600), path
+
+
+def test_openssl_accepts_the_certificates(lab: Path) -> None:
+    gcs("new", "lab.toml")
+    keys = lab.parent / "keys"
+    for identity in ("ground", "drone-2", "anna"):
+        own = keys / identity
+        certificate = str(own / "certificate.pem")
+        assert ": OK" in openssl("verify", "-x509_strict", "-CAfile", str(keys / "ca.pem"), certificate)
+        text = openssl("x509", "-in", certificate, "-noout", "-text")
+        assert re.search(rf"Subject: CN ?= ?{identity}\.1\n", text)
+        assert "TLS Web Server Authentication, TLS Web Client Authentication" in text
+        assert "CA:FALSE" in text
+        public = openssl("x509", "-in", certificate, "-noout", "-pubkey")
+        assert openssl("pkey", "-in", str(own / "private.pem"), "-pubout") == public
+
+
+def test_another_labs_authority_is_none_here(lab: Path, tmp_path: Path) -> None:
+    gcs("new", "lab.toml")
+    keyed_lab(tmp_path / "other")
+    theirs = tmp_path / "other" / "keys" / "ground" / "certificate.pem"
+    done = subprocess.run(
+        ["openssl", "verify", "-CAfile", str(lab.parent / "keys" / "ca.pem"), str(theirs)],
+        capture_output=True, check=False,
+    )  # fmt: skip
+    assert done.returncode != 0
+
+
+def test_new_adds_what_is_missing_and_keeps_the_rest(lab: Path) -> None:
+    gcs("new", "lab.toml")
+    before = (lab.parent / "keys" / "drone-2" / "private.pem").read_bytes()
+    more = LAB | {"followers": [*LAB["followers"], {"body": "back", "sysid": 9, "offset_m": [-1.0, 0.0, 0.0]}]}
+    lab.write_text(tomli_w.dumps(more))
+    assert "drone-9: no keys" in gcs("check", "lab.toml", code=1)
+    assert json.loads(gcs("new", "lab.toml", "--json"))["made"] == ["drone-9"]
+    assert (lab.parent / "keys" / "drone-2" / "private.pem").read_bytes() == before
+    gcs("check", "lab.toml")
+
+
+def test_the_keys_of_drones_differ_and_the_ground_has_each(lab: Path) -> None:
+    gcs("new", "lab.toml")
+    keys = lab.parent / "keys"
+    own = [(keys / f"drone-{n}" / f"mavlink-{n}.key").read_text() for n in (1, 2, 3)]
+    assert own == [(keys / "ground" / f"mavlink-{n}.key").read_text() for n in (1, 2, 3)]
+    inner = [(keys / f"drone-{n}" / "autopilot.key").read_text() for n in (1, 2, 3)]
+    assert len({*own, *inner}) == 6
+    assert not list((keys / "ground").glob("autopilot.key"))
+
+
+def test_a_revoked_drone_has_no_signing_key_at_the_ground(lab: Path) -> None:
+    gcs("new", "lab.toml")
+    gcs("revoke", "drone-2")
+    protection = protection_of(lab.parent / "keys", "ground")
+    assert protection.channel(2) is None
+    assert protection.channel(1) is not None
+
+
+def test_an_end_is_foreseen_and_an_ended_certificate_is_a_fault(tmp_path: Path) -> None:
+    config = LabConfig.model_validate(LAB)
+    folder = KeyFolder(config, tmp_path / "lab.toml")
+    folder.make(NOW)
+    assert list(folder.faults(NOW)) == []
+    assert all("expires on 2027-11-25" in fault for fault in folder.faults(NOW + timedelta(days=350)))
+    assert len(list(folder.faults(NOW + timedelta(days=366)))) == 10
+
+
+def test_loose_modes_are_a_fault_and_keep_a_program_from_starting(lab: Path) -> None:
+    gcs("new", "lab.toml")
+    path = lab.parent / "keys" / "ground" / "private.pem"
+    path.chmod(0o644)
+    assert "open to others" in gcs("check", "lab.toml", code=1)
+    with pytest.raises(ConfigError, match="open to others"):
+        protection_of(lab.parent / "keys", "ground")
+
+
+@pytest.mark.parametrize(
+    "files",
+    [
+        {"../../evil": "x"}, {"/etc/passwd": "x"}, {"mavlink-1.key/..": "x"}, {"stamp": "0"}, {"a": 1}, {},
+    ],
+)  # fmt: skip
+def test_a_file_that_is_no_bundle_installs_nothing(files: dict[str, object], lab: Path) -> None:
+    gcs("new", "lab.toml")
+    gcs("pack", "drone-1")
+    bundle = json.loads(Path("drone-1.keys").read_text())
+    bundle["files"] = (bundle["files"] | files) if files else {}
+    Path("drone-1.keys").write_text(json.dumps(bundle))
+    assert "not a file of `gcs keys pack`" in gcs("install", "drone-1.keys", "--keys", "there", code=2)
+    assert not Path("there").exists()
+
+
+def test_a_bundle_of_another_drone_is_refused(lab: Path) -> None:
+    gcs("new", "lab.toml")
+    gcs("pack", "drone-1")
+    assert "keys of drone-1, not of drone 2" in gcs("install", "drone-1.keys", "--sysid", "2", code=2)
+    Path("drone-1.keys").chmod(0o644)
+    assert "open to others" in gcs("install", "drone-1.keys", code=2)
+
+
+def test_the_autopilot_is_given_its_key_over_a_serial_line(lab: Path) -> None:
+    """pymavlink reads what came over the line; behind a bridge it is the inner key, not the network's."""
+    gcs("new", "lab.toml")
+    gcs("pack", "drone-2")
+    master, slave = pty.openpty()
+    gcs("install", "drone-2.keys", "--keys", "there", "--sysid", "2", "--serial", f"{os.ttyname(slave)}:57600")
+    data = os.read(master, 4096)
+    os.close(master), os.close(slave)
+    messages = oracle.MAVLink(None).parse_buffer(data)
+    assert [m.get_type() for m in messages] == ["SETUP_SIGNING"] * 2
+    assert bytes(messages[0].secret_key).hex() == Path("there/drone-2/autopilot.key").read_text()
+    assert (messages[0].target_system, messages[0].target_component) == (2, 1)
+    assert messages[0].initial_timestamp > 0
+
+
+@pytest.mark.parametrize(
+    ("name", "allowed"),
+    [
+        ("tool.1", set(Verb)),
+        ("page.4", set(Verb)),
+        ("anna.1", set(Verb)),
+        ("board.2", {Verb.STATUS, Verb.STOP}),
+        ("judge.1", {Verb.STATUS, Verb.STOP, Verb.HOLD, Verb.LAND, Verb.ACKNOWLEDGE}),
+        ("drone-1.1", set()),
+        ("mocap.1", set()),
+        ("nobody.1", set()),
+        ("board", set()),
+        ("", set()),
+    ],
+)
+def test_each_role_may_ask_for_its_own(name: str, allowed: set[Verb]) -> None:
+    config = LabConfig.model_validate(LAB)
+    found = {v for v in Verb if not role_reject_reason(config, OperatorRequest(1, v, source=f"{name} (anna@page.1)"))}
+    assert found == allowed
+
+
+def test_operations_are_recorded_without_keys(lab: Path) -> None:
+    gcs("new", "lab.toml")
+    gcs("rotate", "anna")
+    gcs("revoke", "board")
+    text = (lab.parent / "keys" / "operations.log").read_text()
+    assert [line.split(" ", 2)[2] for line in text.splitlines()[1:]] == ["rotate anna.2", "revoke board.1"]
+    assert not any(secret in text for secret in secrets_in(lab.parent / "keys"))

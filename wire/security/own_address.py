@@ -1,0 +1,19 @@
+"""Which of this machine's addresses leads to another machine: where a socket for that machine alone is bound."""
+
+import socket
+from ipaddress import ip_address
+
+_ANY_PORT = 9  # of "discard"; nothing is sent
+
+
+def address_towards(host: str) -> str:
+    """This machine's address on the way to a host, by its routes; `host` itself where it is any address. OSError."""
+    try:
+        if ip_address(host).is_unspecified:
+            return host
+    except ValueError:
+        pass  # a name
+    (family, kind, _, _, where), *_ = socket.getaddrinfo(host, _ANY_PORT, type=socket.SOCK_DGRAM)
+    with socket.socket(family, kind) as probe:
+        probe.connect(where)
+        return str(probe.getsockname()[0])

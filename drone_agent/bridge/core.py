@@ -13,7 +13,7 @@ from drone_agent.bridge.estimate import BodyEstimate
 from drone_agent.bridge.feed import BodyFeed
 from drone_agent.bridge.hold import BridgeHold
 from drone_agent.bridge.inertial_stream import LACKS, InertialStream
-from drone_agent.bridge.intercepted import POSES, READS, SETS_MODE
+from drone_agent.bridge.intercepted import POSES, READS, SETS_MODE, list_reject_reason
 from drone_agent.bridge.outgoing import BridgeOutgoing, datagrams
 from drone_agent.bridge.setpoints import SETPOINTS, BridgeSetpoints, stamp_ms
 from drone_agent.bridge.takeover import STEP_NS, Takeover, Turn
@@ -96,6 +96,10 @@ class BridgeCore:
         """Pass what the ground says on to the autopilot, reading what matters."""
         self._now_ns = now_ns
         for frame in self._from_ground.cut(datagram.data):
+            reject_reason = list_reject_reason(frame, self._config, armed=self._takeover.armed)
+            if reject_reason:
+                self._setpoints.rejections.note(frame.source.words, reject_reason, now_ns)
+                continue
             if not self._intercept_from_ground(frame, now_ns):
                 self._to_autopilot.append(frame.data)
 

@@ -1,7 +1,10 @@
-"""Which messages the bridge looks at; all others pass."""
+"""Which messages the bridge looks at; all others pass, but what comes by a network only where the allow-list has it."""
 
+from drone_agent.config import AgentConfig
+from drone_agent.guard import allow_list
 from wire.link_messages.commands import MavCommand
 from wire.link_messages.message_id import MessageId
+from wire.mavlink.framing import Frame
 
 POSES = frozenset({MessageId.VISION_POSITION_ESTIMATE, MessageId.ATT_POS_MOCAP, MessageId.ODOMETRY})
 """Of a ground: those of the bridge take their place."""
@@ -31,3 +34,11 @@ SETS_MODE = frozenset(
     }
 )
 """Commands that may change the mode, or arm."""
+
+
+def list_reject_reason(frame: Frame, config: AgentConfig, *, armed: bool) -> str:
+    """Why the allow-list ends a frame of the ground here; empty where it passes, and where no network is between."""
+    if not config.is_networked:
+        return ""
+    version = 2 if frame.data[0] == 0xFD else 1
+    return allow_list.reject_reason(version, frame.number, frame.payload, config.sysid, armed=armed)

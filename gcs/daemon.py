@@ -353,7 +353,8 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
             tasks.create_task(bus.protection.attend(ground.report)),
             tasks.create_task(_have_mocap(config, lab_file, mocap, ground.report, clock, name)),
         ]
-        bus.serve(name, by_role(config, ground.receive_request, bus.rejections, clock.monotonic_ns))
+        names = bus.protection.names
+        bus.serve(name, by_role(config, ground.receive_request, bus.rejections, clock.monotonic_ns, names))
         await asked_to_end.wait()
         await ground.land()
         for service in services:

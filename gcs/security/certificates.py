@@ -59,6 +59,13 @@ def expiry(certificate: bytes) -> datetime:
     return x509.load_pem_x509_certificate(certificate).not_valid_after_utc
 
 
+def hosts_in(certificate: bytes) -> set[str]:
+    """The names and addresses by which others may connect to a certificate's identity."""
+    names = x509.load_pem_x509_certificate(certificate).extensions.get_extension_for_class(x509.SubjectAlternativeName)
+    addresses = names.value.get_values_for_type(x509.IPAddress)
+    return {*names.value.get_values_for_type(x509.DNSName), *map(str, addresses)}
+
+
 def common_name(certificate: bytes) -> str:
     """The identity that a certificate names."""
     (name,) = x509.load_pem_x509_certificate(certificate).subject.get_attributes_for_oid(NameOID.COMMON_NAME)

@@ -12,10 +12,10 @@ from pathlib import Path
 
 from formation.config import LabConfig
 from formation.exposure import endpoint_host
-from formation.identities import GROUND, drone_identity, numbered
+from formation.identities import GROUND, OWN_IDENTITIES, drone_identity, numbered
 from formation.security_config import SecurityConfig
 from gcs.security.access_rules import access_control, identities
-from gcs.security.certificates import Issued, common_name, expiry, new_authority, new_identity
+from gcs.security.certificates import Issued, common_name, expiry, hosts_in, new_authority, new_identity
 from wire.errors import ConfigError
 from wire.private_files import make_folder
 from wire.process.own_name import own_name
@@ -71,13 +71,17 @@ class KeyFolder:
         made = [identity for identity in identities(self._config) if not (self.path / identity / NAME).exists()]
         for identity in made:
             self._issue(identity, 1, now)
+        moved = [identity for identity in OWN_IDENTITIES if self._lacks_hosts(identity)]
+        for identity in moved:
+            self._issue(identity, self._number(identity) + 1, now)
+        made += moved
         self._write_rules()
         self._note(now, f"new {', '.join(made) or 'rules'}")
         return made
 
     def rotate(self, identity: str, now: datetime) -> str:
         """Replace an identity's keys, revoked ones too; return the new certificate's name."""
-        number = int(self._name(identity).rpartition(".")[2]) + 1
+        number = self._number(identity) + 1
         self._issue(identity, number, now)
         (self.path / identity / REVOKED).unlink(missing_ok=True)
         self._write_rules()
@@ -136,6 +140,8 @@ class KeyFolder:
                 yield f"{each.identity}: expires on {each.expires:%Y-%m-%d}: run `gcs keys rotate {each.identity}`"
             if common_name((own / CERTIFICATE).read_bytes()) != each.name:
                 yield f"{each.identity}: its certificate is of another name"
+            if each.identity in OWN_IDENTITIES and self._lacks_hosts(each.identity):
+                yield f"{each.identity}: its certificate lacks an address of the lab file: run `gcs keys new`"
             if read_access(own) != self._rules():
                 yield f"{each.identity}: its rules are not those of the lab file: run `gcs keys new`"
         for vehicle in self._config.vehicles:
@@ -176,6 +182,13 @@ class KeyFolder:
         if identity not in identities(self._config):
             raise ConfigError([f"no identity {identity!r}; known: {', '.join(identities(self._config))}"])
         return read_name(self.path / identity / NAME)
+
+    def _number(self, identity: str) -> int:
+        return int(self._name(identity).rpartition(".")[2])
+
+    def _lacks_hosts(self, identity: str) -> bool:
+        """Whether the lab has an address by now that the identity's certificate does not name."""
+        return not set(self._hosts()) <= hosts_in((self.path / identity / CERTIFICATE).read_bytes())
 
     def _authority(self) -> Issued:
         demand_private(self.path / AUTHORITY_PRIVATE)

@@ -7,6 +7,7 @@ from formation.identities import identity_in
 from formation.requests import OperatorReply, OperatorRequest
 from formation.security_config import MAY_ASK
 from wire.rejections import RejectionLog
+from wire.security.protection import Names
 from wire.transport.zenoh_bus import Handler, Reply
 
 BEYOND_ROLE = "request that its role may not make"
@@ -29,11 +30,18 @@ def role_reject_reason(config: LabConfig, request: OperatorRequest) -> str:
     return f"the role {role} of {asker(request)} may not {request.verb.command_name}"
 
 
-def by_role(config: LabConfig, handler: Handler, rejections: RejectionLog, now_ns: Callable[[], int]) -> Handler:
-    """A handler that hands on what the role of who asks allows, and answers and counts the rest."""
+def by_role(
+    config: LabConfig, handler: Handler, rejections: RejectionLog, now_ns: Callable[[], int], names: Names | None = None
+) -> Handler:
+    """A handler that hands on what the role of who asks allows, and answers and counts the rest.
+
+    names: of certificates that are not revoked, as they are at the time; None: nobody is asked.
+    """
 
     def handle(request: OperatorRequest, reply: Reply) -> None:
         reason = role_reject_reason(config, request)
+        if names is not None and asker(request) not in names.known:
+            reason = f"the keys of {asker(request)} are revoked"
         if not reason:
             handler(request, reply)
             return

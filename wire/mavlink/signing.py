@@ -30,6 +30,7 @@ TOO_OLD = "signed packet that is too old"
 TOO_NEW = "signed packet from the future of this machine's clock"
 WRONG = "packet with a wrong signature"
 REPLAYED = "signed packet that came before"
+REVOKED = "packet on a link whose key is revoked"
 CROWDED = "signed packet of one stream too many"
 
 
@@ -74,6 +75,7 @@ class SigningChannel:
 
     is_peer: whether a packet of this system may come from the other end. trusts_clock: whether this machine's clock is
     right, so that stamps far ahead of it are rejected; a companion computer without a clock takes the ground's.
+    begins_new_key: whether this end is the first to sign with a new key (`replace_key`), the other follows.
     """
 
     key: bytes = field(repr=False)
@@ -81,11 +83,24 @@ class SigningChannel:
     is_peer: Callable[[int], bool]
     link_id: int = 0
     trusts_clock: bool = True
+    begins_new_key: bool = False
+    _other_key: bytes | None = field(default=None, repr=False)
+    _is_revoked: bool = False
     _streams: dict[bytes, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if len(self.key) != KEY_BYTES:
             raise ValueError(f"a signing key has {KEY_BYTES} bytes")
+
+    def replace_key(self, key: bytes | None) -> None:
+        """Use a new key from now on; None: the key is revoked, and nothing passes any more, neither way.
+
+        The old key counts until the other end has signed with the new one, so that no packet is lost.
+        """
+        if key is None or len(key) != KEY_BYTES:
+            self._is_revoked = True
+        elif key != self.key and key != self._other_key:
+            self.key, self._other_key = (key, self.key) if self.begins_new_key else (self.key, key)
 
     def sign(self, data: bytes, unix_us: int) -> bytes:
         """The packets of a datagram, each with its signature; one that another key has signed is signed anew.
@@ -93,6 +108,8 @@ class SigningChannel:
         Bytes that are no MAVLink 2 packet are left out: what cannot be signed is not sent.
         """
         signed, at = [], 0
+        if self._is_revoked:
+            return b""
         while (stop := _stop(data, at)) is not None:
             body = resealed(data[at:stop], _SIGNED)
             if body is not None:
@@ -121,6 +138,8 @@ class SigningChannel:
 
     def _reject_reason(self, frame: bytes, unix_us: int) -> str:
         """Cheap checks first: a flood of forged packets costs no hashing that it need not."""
+        if self._is_revoked:
+            return REVOKED
         if frame[0] == _MAGIC_1:
             return VERSION_1
         if frame[2] != _SIGNED:
@@ -134,15 +153,29 @@ class SigningChannel:
         before = self._streams.get(stream)
         if before is None and (stamp <= self.clock.floor or stamp < self.clock.newest - WINDOW):
             return TOO_OLD
-        if not compare_digest(self._signature(frame[:-6]), frame[-6:]):
+        if not (self._is_of_own_key(frame) or self._is_of_other_key(frame)):
             return WRONG
         if before is None and len(self._streams) >= STREAMS_MOST:
             return CROWDED
         if before is not None and stamp <= before:
             return REPLAYED
+        if self.begins_new_key and self._other_key is not None and self._is_of_own_key(frame):
+            self._other_key = None
         self._streams[stream] = stamp
         self.clock.receive(stamp)
         return ""
+
+    def _is_of_own_key(self, frame: bytes) -> bool:
+        return compare_digest(self._signature(frame[:-6]), frame[-6:])
+
+    def _is_of_other_key(self, frame: bytes) -> bool:
+        """Whether the other key signed it: where that is the new one, it is the key from now on."""
+        other = self._other_key
+        if other is None or not compare_digest(hashlib.sha256(other + frame[:-6]).digest()[:6], frame[-6:]):
+            return False
+        if not self.begins_new_key:
+            self.key, self._other_key = other, None
+        return True
 
     def _signature(self, signed: bytes) -> bytes:
         """The first 48 bits of SHA-256 over key and packet, link id and stamp included."""

@@ -12,6 +12,7 @@ from formation.exposure import is_loopback
 from formation.identities import GROUND
 from formation.messages import Event, Severity
 from formation.security_config import SecurityConfig
+from wire.errors import ConfigError
 from wire.mavlink.signing import SigningChannel, StampClock
 from wire.process.lifetime import EventSink
 from wire.security.bus_access import LOCAL, BusAccess, ExposedError, access_with
@@ -20,6 +21,7 @@ from wire.security.private_keys import (
     STAMP,
     StampFile,
     keys_folder,
+    read_access,
     read_mavlink_key,
     read_mavlink_keys,
 )
@@ -36,39 +38,50 @@ class Signing:
     clock: StampClock
     stamps: StampFile
     at_ground: bool
+    _channels: dict[int, SigningChannel] = field(default_factory=dict, repr=False)
 
     def channel(self, sysid: int) -> SigningChannel | None:
         """This end of a drone's link, None without its key: the ground hears that system alone, a drone all others."""
         key = self.keys.get(sysid)
-        if key is None:
-            return None
-        is_peer: Callable[[int], bool] = sysid.__eq__ if self.at_ground else sysid.__ne__
-        return SigningChannel(key, self.clock, is_peer, trusts_clock=self.at_ground)
+        if key is not None and sysid not in self._channels:
+            is_peer: Callable[[int], bool] = sysid.__eq__ if self.at_ground else sysid.__ne__
+            self._channels[sysid] = SigningChannel(
+                key, self.clock, is_peer, trusts_clock=self.at_ground, begins_new_key=not self.at_ground
+            )
+        return self._channels.get(sysid)
 
-    async def store_stamps(self, report: EventSink) -> None:
-        """Keep the newest stamp on disk, and report once where that fails; runs until cancelled."""
-        failed = False
-        while True:
-            try:
-                await asyncio.to_thread(self.stamps.store, self.clock.newest)
-            except OSError as error:
-                if not failed:
-                    text = f"stamps of signed packets are not kept, replays pass after a restart: {error.strerror}"
-                    report(Event(Severity.WARNING, "security", text))
-                failed = True
-            await asyncio.sleep(StampFile.PERIOD_S)
+    def refresh(self, keys: Mapping[int, bytes]) -> None:
+        """The keys as their folder has them now: new ones are taken into use, those that are gone are revoked."""
+        for sysid, channel in self._channels.items():
+            channel.replace_key(keys.get(sysid))
+
+
+class Names:
+    """The names in the lab's certificates that its rules let in, as the folder has them now."""
+
+    def __init__(self, own: Path) -> None:
+        """Raises ConfigError."""
+        self.known: frozenset[str] = frozenset()
+        self.read(own)
+
+    def read(self, own: Path) -> None:
+        """Read them again. ConfigError."""
+        subjects = read_access(own).get("subjects", ())
+        self.known = frozenset(name for subject in subjects for name in subject.get("cert_common_names", ()))
 
 
 @dataclass(frozen=True, slots=True)
 class Protection:
     """How a process may open links: its access to the bus, the signing of its drones' MAVLink.
 
-    autopilot: of a bridge, the signing between it and an autopilot that is reached by a network.
+    autopilot: of a bridge, the signing between it and an autopilot that is reached by a network. names: of the
+    certificates that are not revoked.
     """
 
     bus: BusAccess = LOCAL
     signing: Signing | None = None
     autopilot: Signing | None = None
+    names: "Names | None" = None
 
     @property
     def words(self) -> str:
@@ -78,12 +91,28 @@ class Protection:
         return "loopback" if self.bus.identity is None else f"keys of {self.bus.name}"
 
     async def attend(self, report: EventSink) -> None:
-        """Keep the stamps of signed packets on disk, and report open links once a minute; runs until cancelled."""
-        if self.signing is not None:
-            await self.signing.store_stamps(report)
+        """Keep stamps on disk, use keys that change there, and report open links once a minute; until cancelled."""
+        failed = False
+        while self.signing is not None:
+            try:
+                await asyncio.to_thread(self._attend_once)
+            except (OSError, ConfigError) as error:
+                if not failed:
+                    report(Event(Severity.WARNING, "security", f"the folder of keys cannot be used: {error}"))
+                failed = True
+            await asyncio.sleep(StampFile.PERIOD_S)
         while self.bus.insecure:
             report(Event(Severity.WARNING, "security", INSECURE))
             await asyncio.sleep(REMIND_S)
+
+    def _attend_once(self) -> None:
+        """In a thread: a disk may answer late."""
+        if self.signing is None or self.bus.identity is None:
+            return
+        self.signing.refresh(read_mavlink_keys(self.bus.identity))
+        if self.names is not None:
+            self.names.read(self.bus.identity)
+        self.signing.stamps.store(self.signing.clock.newest)
 
     def demand_host(self, what: str, host: str, sysid: int) -> None:
         """ExposedError for a host of MAVLink that is not this machine, without a key of that drone."""
@@ -111,7 +140,7 @@ def protection_of(keys: Path, identity: str) -> Protection:
     autopilot = None
     if inner.is_file() and len(signing.keys) == 1:
         autopilot = Signing({sysid: read_mavlink_key(inner) for sysid in signing.keys}, stamp_clock, stamps, True)
-    return Protection(access, signing, autopilot)
+    return Protection(access, signing, autopilot, Names(own))
 
 
 def lab_protection(

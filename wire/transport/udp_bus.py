@@ -69,6 +69,8 @@ class _Port:
     def send(self, data: bytes) -> None:
         if self._channel is not None:
             data = self._channel.sign(data, clock.unix_us())
+            if not data:
+                return
         for peer in self._audience():
             try:
                 self._socket.sendto(data, peer)

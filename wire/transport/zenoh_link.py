@@ -44,6 +44,8 @@ class ZenohLink:
         """Publish to (or as) the drone `sysid`; KeyError for a drone that is none of this link's."""
         channel = self._channels[datagram.sysid]
         data = datagram.data if channel is None else channel.sign(datagram.data, clock.unix_us())
+        if channel is not None and not data:
+            return
         try:
             self._publishers[datagram.sysid].put(data)
             self.counters.sent += 1

@@ -14,6 +14,7 @@ from wire.mavlink.signing import (
     BACKWARDS,
     NOT_WHOLE,
     REPLAYED,
+    REVOKED,
     TOO_NEW,
     TOO_OLD,
     UNSIGNED,
@@ -204,3 +205,32 @@ def test_a_key_of_another_length_is_rejected_without_being_shown() -> None:
     with pytest.raises(ValueError, match="32 bytes") as caught:
         SigningChannel(b"secret", StampClock(), (1).__eq__)
     assert "secret" not in str(caught.value)
+
+
+def test_a_key_is_replaced_in_flight_and_no_packet_is_lost() -> None:
+    """The ground has the new key first and waits for the drone; packets go both ways all the time."""
+    ground = ground_end()
+    drone = SigningChannel(KEY, StampClock(), (1).__ne__, begins_new_key=True)
+    down, up = Codec(GROUND), Codec(Address(1, 1))
+    used = []
+    for k in range(400):
+        if k == 100:
+            ground.replace_key(OTHER_KEY)
+        if k == 200:
+            drone.replace_key(OTHER_KEY)
+        now_us = NOW_US + 10_000 * k
+        for sender, receiver, codec in ((ground, drone, down), (drone, ground, up)):
+            data = sender.sign(disarm(codec), now_us)
+            assert receiver.verify(data, now_us).data == data
+            used.append(data)
+    late = [ground_end(KEY, StampClock(stamp_at(NOW_US) + 1_000_000)).sign(disarm(down), NOW_US)]
+    assert drone.verify(late[0], NOW_US).reject_reason == WRONG  # the old key counts no more
+    assert {drone.verify(data, NOW_US).data for data in used} == {b""}
+
+
+def test_a_revoked_key_signs_nothing_and_lets_nothing_in() -> None:
+    ground, drone = ground_end(), drone_end()
+    data = drone.sign(disarm(Codec(Address(1, 1))), NOW_US)
+    ground.replace_key(None)
+    assert ground.verify(data, NOW_US).reject_reason == REVOKED
+    assert ground.sign(disarm(Codec(GROUND)), NOW_US) == b""

@@ -1,0 +1,100 @@
+"""Keys that are replaced or revoked while the ground runs: used, or void, from the next look at their folder."""
+
+import asyncio
+from datetime import UTC, datetime
+from pathlib import Path
+
+from formation.messages import OperatorReply, OperatorRequest, Verb
+from gcs.security.roles import by_role
+from tests.gcs.security.lab import keyed_lab
+from wire import clock
+from wire.link_messages.address import GROUND, Address
+from wire.link_messages.status import Heartbeat, MavAutopilot
+from wire.mavlink.codec import Codec
+from wire.mavlink.signing import REVOKED
+from wire.rejections import RejectionLog
+from wire.security.private_keys import StampFile
+from wire.security.protection import Protection, protection_of
+
+UP = Codec(Address(2, 1)).encode(Heartbeat(MavAutopilot.PX4, 2, 0, 0, 4))
+DOWN = Codec(GROUND).encode(Heartbeat(MavAutopilot.INVALID, 6, 0, 0, 4))
+
+
+def look(*protections: Protection) -> None:
+    """What each process does twice a second."""
+
+    async def attend() -> None:
+        tasks = [asyncio.create_task(each.attend(lambda event: None)) for each in protections]
+        await asyncio.sleep(0.3)
+        for task in tasks:
+            task.cancel()
+
+    asyncio.run(attend())
+
+
+def test_a_new_key_is_used_in_flight_and_a_revoked_drone_is_silent(tmp_path: Path) -> None:
+    assert StampFile.PERIOD_S <= 0.5  # so that it is so within a second
+    _, folder = keyed_lab(tmp_path)
+    ground, drone = protection_of(tmp_path / "keys", "ground"), protection_of(tmp_path / "keys", "drone-2")
+    at_ground, aboard = ground.channel(2), drone.channel(2)
+    assert at_ground is not None
+    assert aboard is not None
+
+    def both_ways() -> bool:
+        up, down = aboard.sign(UP, clock.unix_us()), at_ground.sign(DOWN, clock.unix_us())
+        return bool(at_ground.verify(up, clock.unix_us()).data and aboard.verify(down, clock.unix_us()).data)
+
+    assert both_ways()
+    before = at_ground.key
+    folder.rotate("drone-2", datetime.now(UTC))
+    assert both_ways()
+    look(ground)
+    assert both_ways()
+    look(drone)
+    assert both_ways()
+    assert at_ground.key == aboard.key != before
+    folder.revoke("drone-2", datetime.now(UTC))
+    look(ground)
+    assert at_ground.verify(aboard.sign(UP, clock.unix_us()), clock.unix_us()).reject_reason == REVOKED
+    other = ground.channel(1)
+    assert other is not None
+    assert other.sign(DOWN, clock.unix_us())  # the others fly on
+
+
+def test_a_revoked_operator_is_refused_in_flight(tmp_path: Path) -> None:
+    config, folder = keyed_lab(tmp_path)
+    ground, answers = protection_of(tmp_path / "keys", "ground"), []
+
+    def handle(request: OperatorRequest, reply: object) -> None:
+        reply(OperatorReply(request.id, True, "done"))  # type: ignore[operator]
+
+    handler = by_role(config, handle, RejectionLog(), clock.monotonic_ns, ground.names)
+    hold = OperatorRequest(1, Verb.HOLD, source="anna.1 (anna@pc)")
+    handler(hold, answers.append)
+    folder.revoke("anna", datetime.now(UTC))
+    look(ground)
+    handler(hold, answers.append)
+    assert [answer.text for answer in answers] == ["done", "the keys of anna.1 are revoked"]
+
+
+def test_the_stamps_of_a_running_process_are_on_disk(tmp_path: Path) -> None:
+    """What was accepted before a restart is not accepted after it: by files alone."""
+    keyed_lab(tmp_path)
+    ground, drone = protection_of(tmp_path / "keys", "ground"), protection_of(tmp_path / "keys", "drone-2")
+    aboard = drone.channel(2)
+    recorded = [ground.channel(2).sign(DOWN, clock.unix_us()) for _ in range(500)]
+    assert all(aboard.verify(data, clock.unix_us()).data for data in recorded)
+    look(drone)
+    restarted = protection_of(tmp_path / "keys", "drone-2").channel(2)
+    assert not any(restarted.verify(data, clock.unix_us()).data for data in recorded)
+
+
+def test_an_address_that_the_lab_gets_later_is_in_new_certificates(tmp_path: Path) -> None:
+    _, folder = keyed_lab(tmp_path)
+    values = folder._config.model_dump(mode="json")
+    values["security"]["addresses"] = ["192.0.2.20"]
+    _, moved = keyed_lab(tmp_path, values)
+    names = {each.identity: each.name for each in moved.held()}
+    assert names["ground"] == "ground.2"
+    assert names["drone-2"] == "drone-2.1"
+    assert list(moved.faults(datetime.now(UTC))) == []

@@ -41,22 +41,23 @@ def live(
     if foxglove and not (insecure or is_loopback(host)):
         fail(f"--host {host} is not this machine, and a viewer has no password: {FORWARD.format(port=port)}", NOT_RIGHT)
     config = configuration(lab)
-    viewers: list[Viewer] = []
+    joined, viewers = config.link.joined, list[Viewer]()
     try:
+        protection = lab_protection(config.security, lab, TOOL, insecure=insecure)
+        protection.bus.demand((*joined.zenoh_listen, *joined.zenoh_connect))  # before a viewer is opened
         if foxglove:
             viewers.append(Foxglove(host, port))
             typer.echo(f"Foxglove: open connection ws://{host}:{viewers[-1].port}", err=True)  # type: ignore[attr-defined]
         if rerun or save:
             viewers.append(Rerun(None if save is None else str(save), [vehicle.body for vehicle in config.vehicles]))
-    except ViewerError as error:
+    except (ViewerError, ConfigError) as error:
         fail(str(error), NOT_RIGHT)
+    except OSError as error:
+        fail(str(error), REJECTED)
     try:
-        protection = lab_protection(config.security, lab, TOOL, insecure=insecure)
         count = asyncio.run(
             run(config.link, config.name, name, viewers, lambda text: typer.echo(text, err=True), protection)
         )
-    except ConfigError as error:
-        fail(str(error), NOT_RIGHT)
     except OSError as error:
         fail(str(error), REJECTED)
     typer.echo(json.dumps({"messages": count}) if as_json else f"{count} messages streamed")

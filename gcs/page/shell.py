@@ -165,10 +165,13 @@ def serve(
     as_json: bool,
     protection: Protection = LOOPBACK_ONLY,
 ) -> None:
-    """Serve the page on loopback until SIGINT or SIGTERM, at that port or at a free one. OSError if it is taken.
+    """Serve the page on loopback until SIGINT or SIGTERM, at that port or at a free one. OSError if it is taken,
+    or a bus on another machine is not authenticated.
 
     as_json: print where it is as JSON, too.
     """
+    joined = config.link.joined
+    protection.bus.demand((*joined.zenoh_listen, *joined.zenoh_connect))  # here, where it ends the program in a line
     port = free_port(wanted_port)
     page = Page(config, ground, clock, protection)
     on_bus = page.subscribed()

@@ -102,7 +102,7 @@ class Protection:
                 failed = True
             await asyncio.sleep(StampFile.PERIOD_S)
         while self.bus.insecure:
-            report(Event(Severity.WARNING, "security", INSECURE))
+            report(Event(Severity.WARNING, "security", INSECURE, lasts=True))
             await asyncio.sleep(REMIND_S)
 
     def _attend_once(self) -> None:

@@ -1,0 +1,107 @@
+"""Programs refuse links to other machines without keys, and say so as long as they are asked to open them."""
+
+import asyncio
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import tomli_w
+from typer.testing import CliRunner
+
+from formation.messages import Event, HostReport
+from gcs.cli.app import app as gcs_app
+from tests.free_ports import free_port
+from tests.gcs.core.test_takeover import flying
+from wire.logs.mcap_log import read_log
+from wire.security.bus_access import BusAccess
+from wire.security.protection import INSECURE, Protection
+
+LINE = "run `gcs keys new lab.toml` and write [security] into the lab file"
+
+
+def exposed_lab(folder: Path, port: int) -> Path:
+    """A lab whose ground listens at every address."""
+    path = folder / "lab.toml"
+    values = {
+        "leader": {"body": "lead", "sysid": 1},
+        "followers": [{"body": "left", "sysid": 2, "offset_m": [-0.5, 0.5, 0.0], "spawn_lab_m": [-0.5, 0.5, 0.0]}],
+        "link": {"zenoh_listen": [f"tcp/0.0.0.0:{port}"], "zenoh_connect": []},
+        "mocap": {"source": "mavlink"},
+    }
+    path.write_text(tomli_w.dumps(values))
+    return path
+
+
+def run(*words: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run([sys.executable, "-m", *words], capture_output=True, text=True, check=False)
+
+
+def test_check_says_it(tmp_path: Path) -> None:
+    result = CliRunner().invoke(gcs_app, ["check", str(exposed_lab(tmp_path, 7447))])
+    assert result.exit_code == 1
+    assert LINE in result.output.replace("\n", " ")
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("gcs", "run", "LAB"),
+        ("gcs", "doctor", "LAB", "--still"),
+        ("gcs", "page", "LAB"),
+        ("gcs", "mocap", "FAR"),
+        ("gcs", "live", "FAR", "--save", "x.rrd"),
+        ("drone_agent", "--zenoh-connect", "tcp/192.0.2.77:7447"),
+        ("drone_agent", "--link", "udp", "--host", "192.0.2.77"),
+        ("drone_agent", "--bridge", "udpin:0.0.0.0:14777"),
+    ],
+)
+def test_no_program_opens_a_link_of_another_machine(words: tuple[str, ...], tmp_path: Path) -> None:
+    lab = exposed_lab(tmp_path, free_port())
+    far = tmp_path / "far.toml"
+    far.write_text(lab.read_text().replace("0.0.0.0", "192.0.2.77").replace('"mavlink"', '"zenoh"'))
+    done = run(*({"LAB": str(lab), "FAR": str(far)}.get(word, word) for word in words))
+    assert done.returncode in (1, 2)
+    assert LINE in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.processes
+def test_an_insecure_ground_says_so_everywhere(tmp_path: Path) -> None:
+    port, log = free_port(), tmp_path / "flight.mcap"
+    lab = exposed_lab(tmp_path, port)
+    command = [sys.executable, "-m", "gcs", "run", str(lab), "--insecure", "--log", str(log)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as ground:
+        try:
+            asked = ("gcs", "status", "--lab", str(lab), "--json", "--timeout", "60")
+            state = json.loads(run(*asked).stdout)
+            ground.send_signal(signal.SIGINT)
+            _, said = ground.communicate()
+        finally:
+            ground.kill()
+    assert any(alarm["text"] == INSECURE and alarm["goes_on"] for alarm in state["alarms"])
+    assert f"security: {INSECURE}" in said
+    recorded = read_log(log)
+    assert recorded.metadata["security"] == "insecure"
+    assert any(isinstance(e.message, Event) and e.message.text == INSECURE for e in recorded.entries)
+
+
+def test_it_is_reported_again_and_again() -> None:
+    async def listen() -> list[Event]:
+        events: list[Event] = []
+        task = asyncio.create_task(Protection(BusAccess(insecure=True)).attend(events.append))
+        await asyncio.sleep(0)
+        task.cancel()
+        return events
+
+    assert [event.text for event in asyncio.run(listen())] == [INSECURE]
+
+
+def test_it_is_an_event_of_the_flight() -> None:
+    lab = flying()
+    lab.core.receive(HostReport(exposed=INSECURE), lab.now_ns)
+    lab.run(0.5)
+    assert INSECURE in lab.events

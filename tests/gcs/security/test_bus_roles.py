@@ -215,3 +215,28 @@ def test_who_has_no_certificate_of_the_lab_is_not_on_the_bus(tmp_path: Path) -> 
         sessions["ground"].put("lab/uav/1/mavlink/down", b"hold")
         wait_for(lambda: heard)
         assert [sample.payload.to_bytes() for sample in heard] == [b"hold"]  # the bus itself works
+
+
+def test_only_a_ground_is_known_as_one_and_only_mocap_as_mocap(tmp_path: Path) -> None:
+    """A token of "another ground" would keep every drone from arming."""
+    names = ("judge", "ground", "mocap", "page", "tool", "drone-1", "board")
+    with bus(tmp_path, names) as (_, sessions):
+        seen, pause = set(), Event()
+
+        def receive(sample: zenoh.Sample) -> None:
+            seen.add(str(sample.key_expr))
+
+        watching = sessions["judge"].liveliness().declare_subscriber("lab/**", zenoh.handlers.Callback(receive))
+        pause.wait(1.0)
+        tokens = [
+            sessions[name].liveliness().declare_token(f"lab/{kind}/{name}")
+            for name in names[1:]
+            for kind in ("ground/main", "mocap/alive", "gcs/main")
+        ]
+        allowed = {"lab/ground/main/ground", "lab/mocap/alive/mocap"}
+        wait_for(lambda: seen >= allowed)
+        pause.wait(0.5)
+        assert seen == allowed
+        for token in tokens:
+            token.undeclare()
+        watching.undeclare()

@@ -66,6 +66,7 @@ class BridgeCore:
         """
         self._without = switched_off(without)
         self._config = config
+        self._is_networked = config.is_networked
         self._t0_ns = self._now_ns = t0_ns
         self._target = Address(config.sysid, DRONE_COMPONENT)
         self._codec = Codec(Address(config.sysid, BRIDGE_COMPONENT))
@@ -96,10 +97,11 @@ class BridgeCore:
         """Pass what the ground says on to the autopilot, reading what matters."""
         self._now_ns = now_ns
         for frame in self._from_ground.cut(datagram.data):
-            reject_reason = list_reject_reason(frame, self._config, armed=self._takeover.armed)
-            if reject_reason:
-                self._setpoints.rejections.note(frame.source.words, reject_reason, now_ns)
-                continue
+            if self._is_networked:
+                reject_reason = list_reject_reason(frame, self._config.sysid, armed=self._takeover.armed)
+                if reject_reason:
+                    self._setpoints.rejections.note(frame.source.words, reject_reason, now_ns)
+                    continue
             if not self._intercept_from_ground(frame, now_ns):
                 self._to_autopilot.append(frame.data)
 

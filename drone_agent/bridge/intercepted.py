@@ -1,6 +1,5 @@
 """Which messages the bridge looks at; all others pass, but what comes by a network only where the allow-list has it."""
 
-from drone_agent.config import AgentConfig
 from drone_agent.guard import allow_list
 from wire.link_messages.commands import MavCommand
 from wire.link_messages.message_id import MessageId
@@ -36,9 +35,7 @@ SETS_MODE = frozenset(
 """Commands that may change the mode, or arm."""
 
 
-def list_reject_reason(frame: Frame, config: AgentConfig, *, armed: bool) -> str:
-    """Why the allow-list ends a frame of the ground here; empty where it passes, and where no network is between."""
-    if not config.is_networked:
-        return ""
+def list_reject_reason(frame: Frame, sysid: int, *, armed: bool) -> str:
+    """Why the allow-list ends a frame of the ground of drone `sysid` here; empty where it passes."""
     version = 2 if frame.data[0] == 0xFD else 1
-    return allow_list.reject_reason(version, frame.number, frame.payload, config.sysid, armed=armed)
+    return allow_list.reject_reason(version, frame.number, frame.payload, sysid, armed=armed)

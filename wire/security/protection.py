@@ -17,6 +17,7 @@ from wire.mavlink.signing import SigningChannel, StampClock
 from wire.process.lifetime import EventSink
 from wire.security.bus_access import LOCAL, BusAccess, ExposedError, access_with
 from wire.security.private_keys import (
+    ACCESS,
     AUTOPILOT,
     STAMP,
     StampFile,
@@ -57,17 +58,29 @@ class Signing:
 
 
 class Names:
-    """The names in the lab's certificates that its rules let in, as the folder has them now."""
+    """The names in the lab's certificates that its rules let in, as the folder of keys has them now."""
 
     def __init__(self, own: Path) -> None:
         """Raises ConfigError."""
-        self.known: frozenset[str] = frozenset()
-        self.read(own)
+        self._own = own
+        self._files = self._look()
+        self.known = self._read()
 
-    def read(self, own: Path) -> None:
-        """Read them again. ConfigError."""
-        subjects = read_access(own).get("subjects", ())
-        self.known = frozenset(name for subject in subjects for name in subject.get("cert_common_names", ()))
+    def poll(self, signing: Signing) -> None:
+        """Take over what has changed in the folder since the last look: names, and keys of signing. ConfigError."""
+        files = self._look()
+        if files != self._files:
+            self.known = self._read()
+            signing.refresh(read_mavlink_keys(self._own))
+            self._files = files
+
+    def _look(self) -> tuple[tuple[str, int], ...]:
+        files = (*self._own.glob("mavlink-*.key"), self._own / ACCESS)
+        return tuple(sorted((file.name, file.stat().st_mtime_ns) for file in files))
+
+    def _read(self) -> frozenset[str]:
+        subjects = read_access(self._own).get("subjects", ())
+        return frozenset(name for subject in subjects for name in subject.get("cert_common_names", ()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,12 +120,9 @@ class Protection:
 
     def _attend_once(self) -> None:
         """In a thread: a disk may answer late."""
-        if self.signing is None or self.bus.identity is None:
-            return
-        self.signing.refresh(read_mavlink_keys(self.bus.identity))
-        if self.names is not None:
-            self.names.read(self.bus.identity)
-        self.signing.stamps.store(self.signing.clock.newest)
+        if self.signing is not None and self.names is not None:
+            self.signing.stamps.store(self.signing.clock.newest)
+            self.names.poll(self.signing)
 
     def demand_host(self, what: str, host: str, sysid: int) -> None:
         """ExposedError for a host of MAVLink that is not this machine, without a key of that drone."""

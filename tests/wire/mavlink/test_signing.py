@@ -4,6 +4,8 @@ import hashlib
 import random
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as oracle
 
 from wire.link_messages.address import GROUND, Address
@@ -234,3 +236,15 @@ def test_a_revoked_key_signs_nothing_and_lets_nothing_in() -> None:
     ground.replace_key(None)
     assert ground.verify(data, NOW_US).reject_reason == REVOKED
     assert ground.sign(disarm(Codec(GROUND)), NOW_US) == b""
+
+
+@settings(max_examples=2000, deadline=None)
+@given(st.binary(max_size=400), st.integers(0, 12))
+def test_bytes_of_any_content_neither_raise_nor_pass(noise: bytes, cut: int) -> None:
+    """Noise alone, and before, after and within a good packet."""
+    good = ground_end().sign(disarm(Codec(GROUND)), NOW_US)
+    head = b"\xfd" + noise[1:]
+    for data in (noise, head, noise + good, good + noise, good[:cut] + noise + good[cut:]):
+        verified = drone_end().verify(data, NOW_US)
+        assert verified.data in (b"", good)
+        assert drone_end().sign(data, NOW_US) is not None

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from formation.exposure import is_loopback
 from wire.process.program import print_json_error, with_options
 
 MOST_BODIES = 250
@@ -37,6 +38,9 @@ class BoxOptions:
     rename_every: Annotated[float | None, typer.Option(min=1.0, help="A body's name changes so often, s.")] = None
     host: Annotated[str | None, typer.Option(help="Our address: 127.0.0.1, for NatNet 127.0.0.2.")] = None
     port: Annotated[int | None, typer.Option(min=1, max=65535, help="The vendor's own if not given.")] = None
+    insecure: Annotated[
+        bool, typer.Option("--insecure", help="Serve other machines; camera protocols know no keys.")
+    ] = False
     seed: Annotated[int, typer.Option(min=0, help="Decides all luck.")] = 1
     as_json: Annotated[bool, typer.Option("--json", help="Events and errors as lines of JSON.")] = False
     speed: Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)] = 1.0
@@ -60,6 +64,8 @@ def mocap_server(options: BoxOptions) -> None:
         print(json.dumps({"text": text}), flush=True)
 
     try:
+        if options.host is not None and not (options.insecure or is_loopback(options.host)):
+            raise NotRight(f"--host {options.host} is not this machine, and camera protocols know no keys: --insecure")
         running = box(options)
         interruptions = Interruptions(options.restart_every, options.rename_every)
         asyncio.run(running.serve(interruptions, print_text_json if options.as_json else print_text))

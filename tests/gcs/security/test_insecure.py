@@ -105,3 +105,10 @@ def test_it_is_an_event_of_the_flight() -> None:
     lab.core.receive(HostReport(exposed=INSECURE), lab.now_ns)
     lab.run(0.5)
     assert INSECURE in lab.events
+
+
+@pytest.mark.processes
+def test_an_emulated_camera_system_serves_this_machine_alone() -> None:
+    done = run("sim", "mocap-server", "--protocol", "vicon", "--host", "0.0.0.0")
+    assert done.returncode == 2
+    assert "camera protocols know no keys: --insecure" in done.stderr

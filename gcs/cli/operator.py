@@ -18,7 +18,7 @@ from wire import clock
 from wire.errors import BusError, ConfigError
 from wire.process.console import NO_GROUND, NOT_RIGHT, REJECTED, Json, Name, fail, print_error
 from wire.process.own_name import own_name
-from wire.transport.lab_address import LabAddress, address_in
+from wire.transport.lab_address import address_near
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -141,7 +141,7 @@ def _ask(
 
     request = OperatorRequest(clock.unix_us(), verb, argument, own_name())
     try:
-        where = LabAddress() if lab is None else address_in(lab)
+        where = address_near(lab)
         return ask(where.endpoints, where.lab, name, request, _patience(verb, timeout_s), where.access(identity))
     except TimeoutError as error:
         fail(f"no ground answers: {error}", NO_GROUND)

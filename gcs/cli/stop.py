@@ -40,14 +40,14 @@ def stop(words: Sequence[str]) -> int | None:
 
 
 def _ask(lab: str, name: str, timeout_s: float | None, report: Report, identity: str) -> int:
-    from wire.transport.lab_address import LabAddress, address_in
+    from wire.transport.lab_address import address_near
     from wire.transport.zenoh_session import Patience, ask
 
     # Without a time given it is tried for as long as there is anybody on the bus.
     patience = Patience(ANSWER_S, ground_s=ANSWER_S) if timeout_s is None else Patience.throughout(timeout_s)
 
     try:
-        where = address_in(Path(lab)) if lab else LabAddress()
+        where = address_near(Path(lab) if lab else None)
         request = OperatorRequest(clock.unix_us(), Verb.STOP, source=own_name())
         reply = ask(where.endpoints, where.lab, name, request, patience, where.access(identity))
     except TimeoutError as error:

@@ -25,7 +25,7 @@ from wire.json_text import parse_object
 from wire.process.console import NOT_RIGHT, fail
 from wire.process.own_name import own_name
 from wire.security.protection import Protection
-from wire.transport.lab_address import LabAddress, address_in
+from wire.transport.lab_address import LabAddress, address_near
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
 
@@ -36,7 +36,7 @@ ANSWER_S, REDRAW_S = 3.0, 0.1
 def watch(lab: Path | None, name: str, identity: str = "", insecure: bool = False) -> None:
     """Show the ground until Q or Ctrl-C; ends the program where the lab or its bus is not right."""
     try:
-        where = LabAddress() if lab is None else address_in(lab)
+        where = address_near(lab)
         with _single_keys():
             asyncio.run(_Watch(name).run(where, Protection(replace(where.access(identity), insecure=insecure))))
     except KeyboardInterrupt:

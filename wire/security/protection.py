@@ -63,18 +63,18 @@ class Names:
     def __init__(self, own: Path) -> None:
         """Raises ConfigError."""
         self._own = own
-        self._files = self._look()
+        self._files = self._read_times()
         self.known = self._read()
 
     def poll(self, signing: Signing) -> None:
         """Take over what has changed in the folder since the last look: names, and keys of signing. ConfigError."""
-        files = self._look()
+        files = self._read_times()
         if files != self._files:
             self.known = self._read()
             signing.refresh(read_mavlink_keys(self._own))
             self._files = files
 
-    def _look(self) -> tuple[tuple[str, int], ...]:
+    def _read_times(self) -> tuple[tuple[str, int], ...]:
         files = (*self._own.glob("mavlink-*.key"), self._own / ACCESS)
         return tuple(sorted((file.name, file.stat().st_mtime_ns) for file in files))
 

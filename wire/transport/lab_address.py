@@ -13,6 +13,8 @@ from wire.security.bus_access import LOCAL, BusAccess, own_access
 from wire.security.private_keys import keys_folder
 from wire.toml_text import read_toml
 
+HERE = Path("lab.toml")
+
 
 @dataclass(frozen=True, slots=True)
 class LabAddress:
@@ -38,6 +40,20 @@ def address_in(path: Path) -> LabAddress:
         raise ConfigError([f"{path}: link: is not a table"])
     connect = _endpoints(path, link, "zenoh_connect", (ENDPOINT,))
     return LabAddress(lab, connect or _endpoints(path, link, "zenoh_listen", ()), _keys(path, values.get("security")))
+
+
+def address_near(path: Path | None) -> LabAddress:
+    """The address in a lab file; without one the usual, or that of `lab.toml` here where that has keys. ConfigError.
+
+    A stop that names no file reaches a ground with keys, too.
+    """
+    if path is not None:
+        return address_in(path)
+    try:
+        here = address_in(HERE)
+    except ConfigError:  # none, or not one that can be read: as ever
+        return LabAddress()
+    return here if here.keys is not None else LabAddress()
 
 
 def _keys(path: Path, security: object) -> Path | None:

@@ -13,19 +13,26 @@ from formation.messages import LabFrame
 Times = NDArray[np.int64]
 FRAMES_MAX = 512
 WINDOW_NS = 2_000_000_000
+BURST_SHARE = 0.01
+"""Of spacings: a clock that is set once in a window of two seconds is less."""
 STILL_M = 0.01
 """A body whose positions span more than this moves: its noise at rest is not to be seen."""
 
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """Of the frames: rate and standard deviation of the exposures' spacing, share lost, delay (median), longest gap."""
+    """Of the frames: rate and standard deviation of the exposures' spacing, share lost, delay (median), longest gap.
+
+    arrival_stamps: the stamps are arrival times: more than BURST_SHARE of them follow each other in less than half of
+    the usual spacing, as no camera exposes.
+    """
 
     rate_hz: float
     jitter_s: float
     lost_share: float
     delay_s: float
     gap_s: float
+    arrival_stamps: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +58,7 @@ def timing(captured_ns: Times, received_ns: Times, seq: Times) -> Timing:
         lost_share=float(np.sum(steps - 1)) / float(np.sum(steps)),
         delay_s=float(np.median(received_ns - captured_ns)) * 1e-9,
         gap_s=float(spacing_s.max()),
+        arrival_stamps=bool(np.mean(spacing_s < 0.5 * np.median(spacing_s / steps)) > BURST_SHARE),
     )
 
 

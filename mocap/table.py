@@ -62,7 +62,8 @@ def _clock(state: dict[str, Any]) -> str:
         constant = "" if state["latency_measured"] else ", apart from the constant that latency_s says"
         clock = f"latency {state['latency_ms']:.1f} ms, uncertain by {state['uncertainty_ms'] or 0.0:.2f} ms{constant}"
     delay = "" if timing is None else f"exposure to receipt {_MS * timing['delay_s']:.1f} ms (median); "
-    return delay + clock
+    warning = "" if timing is None or not timing["arrival_stamps"] else "; stamps are arrival times"
+    return delay + clock + warning
 
 
 def _bodies(state: dict[str, Any]) -> Table:

@@ -68,7 +68,8 @@ SIGNATURES = (
 )
 """Least amplitudes. Jump: the radius of a marker. Drift: half of what must be found, 4 cm in a second of hold. Delay:
 what the clocks' exchange leaves in doubt; growing: 80 ms within 1.6 s; a simulator's clock drifts by 1 %. Attitude:
-2.3 degrees, 0.4 m/s^2. Thrust: of the commanded, more than an empty battery (0.15) or a gust takes."""
+2.3 degrees, 0.4 m/s^2. Thrust: of the commanded, more than an empty battery (0.15) or a vertical gust takes; what a
+horizontal wind does along the rotors' axis is taken out before (formation.navigation.observe)."""
 
 
 def chi_square_tail(x: float, axes: int) -> float:

@@ -82,9 +82,15 @@ def held(profile: VehicleProfile, gains: Preset, mocap: MocapConfig, extra_delay
 
 
 def kicked_hover(
-    profile: VehicleProfile, gains: Preset, mocap: MocapConfig, extra_delay_s: float, duration_s: float
+    profile: VehicleProfile,
+    gains: Preset,
+    mocap: MocapConfig,
+    extra_delay_s: float,
+    duration_s: float,
+    *,
+    upwards: bool = False,
 ) -> Float:
-    """Positions (frames, 3) of a vehicle that holds POINT_M and starts there with a sideways speed."""
+    """Positions (frames, 3) of a vehicle that holds POINT_M and starts there with a speed, sideways or upwards."""
     profile = profile.model_copy(update={"drag_n_s_m": (0.0, 0.0, 0.0)})
     lab = LabConfig(
         profiles=(profile,),
@@ -97,7 +103,8 @@ def kicked_hover(
     plan = Plan((Setpoint(Mode.LAB, (0.0, 0.0, 1.0), 0.0),), configured(lab))
     hover = np.array([profile.hover_thrust_norm])
     steps = round(duration_s * mocap.rate_hz)
-    pos, vel, force = POINT_M.copy(), np.array([KICK_M_S, 0.5 * KICK_M_S, 0.0]), np.array([0.0, 0.0, GRAVITY_M_S2])
+    kick = np.array([0.0, 0.0, 1.0]) if upwards else np.array([1.0, 0.5, 0.0])
+    pos, vel, force = POINT_M.copy(), KICK_M_S * kick, np.array([0.0, 0.0, GRAVITY_M_S2])
     sent = remember(no_history(1), START_NS - 10**9, np.array([[0.0, 0.0, GRAVITY_M_S2, GRAVITY_M_S2]]))
     speed, travel, weight = np.zeros(3), np.zeros(3), np.array([0.0, 0.0, GRAVITY_M_S2])
     responses = (

@@ -23,6 +23,11 @@ r is here the largest ratio of the difference between both observers, in positio
 measurement's noise alone makes of it, or the same ratio of the accelerometer's innovation. In calm air the estimate is
 the slow observer's and quiet. A push shows at once, without an adaptation time. One weight serves both horizontal axes,
 so that a turn of the axes changes nothing. The heading has a pair of its own.
+
+A push sets both apart to one side, and once more when it ends. A loop that swings by itself, because the law's gains
+rise with the weight and the vehicle is slower than believed, sets them apart to one side and the other, again and
+again. So reversals count against the weight: n of late leave 1 / (1 + (n / 2)^8) of it. What remains is the loop of
+the slow observer, whose delay margin is known (formation.control.margin).
 """
 
 from math import atan2, exp, pi, sqrt
@@ -44,6 +49,7 @@ HEIGHT_M = 0.005  # no mass, battery or take-off makes the model miss it by more
 INERTIAL_SIGMAS, INERTIAL_HOLD_S = 4.5, 0.025
 INERTIAL_LAG_S, BIAS_SHARE = 2.0, 0.25  # of bias and noise; share of that rate for the bias, while the weight is large
 ACCEL_NOISE_M_S2 = (0.05, 1.5)  # the least and the most that is believed
+REVERSAL_S, REVERSALS, SIGN_LEAST = 0.5, 2.0, 0.5  # what is remembered; a swing's least; share of noise for a sign
 PUSH_MOST_M_S2 = 14.0  # as much as Z3 may be
 
 
@@ -205,6 +211,21 @@ def step_both(
 
 
 @kernel
+def count_reversals(z: VehicleEstimate, axis: int, ratio: float, dt_s: float) -> None:
+    """Counts how often the positions of both observers have changed sides of late, along one axis.
+
+    ratio: fast less slow, over what noise makes of it. What is older fades with REVERSAL_S.
+    """
+    fade = exp(-dt_s / REVERSAL_S)
+    z.push_sign[axis] *= fade
+    z.reversals[axis] *= fade
+    if abs(ratio) > SIGN_LEAST:
+        sign = 1.0 if ratio > 0.0 else -1.0
+        z.reversals[axis] += max(-sign * z.push_sign[axis], 0.0)
+        z.push_sign[axis] = sign
+
+
+@kernel
 def observe_parallel(
     z: VehicleEstimate, measured: Float, model: Float, dt_s: float, slowed: float, slow: ObserverGains,
     parallel: Parallel,
@@ -230,7 +251,10 @@ def observe_parallel(
     ratio = z.inertial_ratio
     for order in range(3):
         ratio = max(ratio, sqrt(square[order]) / most[order])
-    z.fast_weight = blending_weight(ratio)
+    for axis in range(2):
+        count_reversals(z, axis, z.fast_minus_slow[0, axis] / most[0], dt_s)
+    swing = max(z.reversals[0], z.reversals[1]) / REVERSALS
+    z.fast_weight = blending_weight(ratio) * (1.0 - blending_weight(swing * swing))
     z.adaptive_gain = 1.0 + z.fast_weight * (parallel.urgency - 1.0)
     for axis in range(2):
         z.pos_lab_m[axis] += z.fast_weight * z.fast_minus_slow[0, axis]

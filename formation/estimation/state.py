@@ -25,8 +25,9 @@ class VehicleEstimate:
     innovation: filtered, of a vehicle that is only observed, of the height alone of one that is commanded;
     noise_var_m2: learned variance of the measured position; recent_m, recent_ns: the last three positions seen;
     adaptive_gain, and of a commanded vehicle its urgency; fast_weight: blending weight of the fast observer;
-    fast_minus_slow: its position, velocity and disturbance (rows) along x and y, less the slow observer's; yaw_*: the
-    same of the heading; inertial_*: of the accelerometer (all of formation.estimation.observers).
+    fast_minus_slow: its position, velocity and disturbance (rows) along x and y, less the slow observer's; push_sign:
+    the side to which they were apart last, fading; reversals: how often that changed of late; yaw_*: the same of the
+    heading; inertial_*: of the accelerometer (all of formation.estimation.observers).
     nominal_force_m_s2: horizontal force if the vehicle answered as its profile says; level_bias_m_s2: what the measured
     force lastingly misses of it; mismatch_moments, model_mismatch; slow_rate, slow_miss, shift_moments,
     delay_shift_s: formation.estimation.response.
@@ -58,6 +59,8 @@ class VehicleEstimate:
     adaptive_gain: float
     fast_weight: float
     fast_minus_slow: Mat3
+    push_sign: Vec2
+    reversals: Vec2
     yaw_ratio: float
     yaw_fast_minus_slow: Vec3
     inertial_ratio: float

@@ -99,7 +99,7 @@ def coast(body: Body, until_ns: int, bank: Bank, i: int) -> None:
         predict(x, force, force_var, rate, rate_var, gain_m_s2, dt_s, response)
         x.t_ns = end_ns
         if measured and whole and isfinite(modelled):
-            use_thrust(body, force[2], modelled, bank, i)
+            use_thrust(body, force, modelled, bank, i)
         if whole:
             number += 1
 

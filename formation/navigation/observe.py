@@ -26,6 +26,8 @@ from formation.navigation.state import (
 TEST_SIGMAS = 3.0
 """Of the innovation test. Poses are used again when within it; outliers of other sources, and of noise, count as this.
 """
+UPRIGHT_LEAST = 0.5
+"""Cosine of the tilt: at more than 60 degrees hardly anything of a horizontal wind is across the rotors' axis."""
 SOURCE_LEARN_S = 3.0
 """Time constant of a source's learned noise: a camera's stays as it is."""
 
@@ -89,14 +91,23 @@ def learn(body: Body, source: int, more: float, dt_s: float) -> None:
 
 
 @kernel
-def use_thrust(body: Body, force_z_m_s2: float, modelled_m_s2: float, bank: Bank, i: int) -> None:
-    """Compares the force measured along the rotors' axis with the modelled thrust."""
-    x = body.estimate
+def use_thrust(body: Body, force_flu_m_s2: Float, modelled_m_s2: float, bank: Bank, i: int) -> None:
+    """Compares the force measured along the rotors' axis, less that of a horizontal wind, with the modelled thrust.
+
+    Rotors push along z alone: what is measured along x and y is air. A horizontal wind's force a obeys up' a = 0, so
+    its part along z follows: a_z = -(up_x a_x + up_y a_y) / up_z. A lost thrust has no part along x and y.
+    """
+    x, r = body.estimate, np.empty((3, 3))
     h, p_h, correction = np.zeros(ERRORS), np.empty(ERRORS), np.zeros(ERRORS)
     observation, innovation, variance = np.zeros(3), np.zeros(3), np.zeros(3)
+    rotation_into(x.q_lab_from_flu, r)
     h[BIAS + 2], h[SCALE] = 1.0, modelled_m_s2
-    observation[2] = force_z_m_s2
-    innovation[2] = force_z_m_s2 - x.accel_bias_flu_m_s2[2] - x.thrust_scale * modelled_m_s2
+    observation[2] = force_flu_m_s2[2]
+    innovation[2] = force_flu_m_s2[2] - x.accel_bias_flu_m_s2[2] - x.thrust_scale * modelled_m_s2
+    for axis in range(2):
+        slope = r[2, axis] / max(r[2, 2], UPRIGHT_LEAST)
+        h[BIAS + axis] = slope
+        innovation[2] += slope * (force_flu_m_s2[axis] - x.accel_bias_flu_m_s2[axis])
     variance[2] = innovation_variance(x.cov, h, body.noise.source[THRUST], p_h)
     dt_s = (x.t_ns - body.innovations.t_ns[THRUST]) * 1e-9
     record(body, THRUST, x.t_ns, observation, innovation, variance, True)

@@ -51,6 +51,9 @@ def _timing(config: LabConfig, received: Sequence[Received]) -> Iterator[Finding
     yield graded(MOCAP, "rate", f"{found.rate_hz:.1f} Hz", f"{wanted_hz:g} Hz", close, why)
     fair, most = found.jitter_s <= JITTER_SHARE / wanted_hz, f"under {500.0 / wanted_hz:.1f} ms"
     yield graded(MOCAP, "jitter", f"{found.jitter_s * 1e3:.2f} ms", most, fair, "uneven frames")
+    stamps = "arrival times" if found.arrival_stamps else "exposure times"
+    why = "stamps are arrival times: let the source stamp each frame when it is exposed"
+    yield graded(MOCAP, "stamps", stamps, "exposure times", not found.arrival_stamps, why, fair=True)
     yield _lost_frames(config.mocap.source, found.lost_share)
     yield _delay(config.mocap, found.delay_s)
 

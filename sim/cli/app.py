@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from sim.cli import cameras, campaign, studies
+from sim.cli import benchmarks, cameras, campaign, studies
 from wire.process.completion import starting
 from wire.process.program import program
 
@@ -147,6 +147,7 @@ def list_scenarios(as_json: Json = False) -> None:
 
 
 studies.register(app)
+app.add_typer(benchmarks.app, name="benchmark")
 campaign.register(app)
 cameras.register(app)
 

@@ -13,6 +13,7 @@ def register(app: typer.Typer) -> None:
     """Add the commands."""
     app.command("paper")(compare)
     app.command("robustness")(robust)
+    app.command("steady-push")(steady_push)
     app.command("hummingbird")(hummingbird)
     app.command("false-rejections")(false_rejections)
     app.command("tune")(tune_vehicle)
@@ -53,6 +54,20 @@ def robust(
     from sim.cli import study_commands as studies
 
     studies.run_robustness(samples, first, only, profile, preset, as_json, out)
+
+
+def steady_push(
+    seeds: Annotated[int, typer.Option(min=1, help="How many seeds, from 1.")] = 1,
+    vehicle: Annotated[
+        str, typer.Option(help="What is flown: a shipped vehicle's name, or a profile's TOML file.")
+    ] = "paper_40g",
+    only: Annotated[list[str] | None, typer.Option(help="Fly this controller; can be given again.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")] = False,
+) -> None:
+    """Hover in a push that begins at once and stays, with slower motors than believed; exit code 1 if any swings on."""
+    from sim.cli import study_commands as studies
+
+    studies.run_steady_push(seeds, vehicle, tuple(only or ["cfc"]), as_json)
 
 
 def hummingbird(

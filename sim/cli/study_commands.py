@@ -20,9 +20,19 @@ from sim import lockstep
 from sim.cli.bench_tables import bench_tables
 from sim.cli.conclude import conclude
 from sim.cli.flights import compile_everything
+from sim.cli.steady_push_table import steady_push_table
 from sim.scenario import load as load_scenario
 from sim.shipped import shipped
-from sim.studies import bench, false_rejections, gain_search, paper, paper_page, performance_bound, robustness
+from sim.studies import (
+    bench,
+    false_rejections,
+    gain_search,
+    paper,
+    paper_page,
+    performance_bound,
+    robustness,
+    steady_push,
+)
 from sim.studies.experiments import CONTROLLERS, Experiment, Job, scenario_of
 from sim.studies.robustness import Draw, Sample
 from sim.studies.runner import Runner
@@ -121,6 +131,25 @@ def run_hummingbird(seeds: int, log: Path | None, as_json: bool) -> None:
     else:
         console.print(_hummingbird_table(result))
     if result.landed < result.flights:
+        raise typer.Exit(FAILED)
+
+
+def run_steady_push(seeds: int, vehicle: str, controllers: tuple[str, ...], as_json: bool) -> None:
+    """Hover in a steady push."""
+    console = Console(stderr=as_json, markup=False)
+    try:
+        jobs = steady_push.jobs(controllers, _vehicle(vehicle, console), range(1, seeds + 1))
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
+    flown = Runner(console).run("flights", steady_push.fly, jobs)
+    console.print(steady_push_table(jobs, flown))
+    if as_json:
+        rows = [
+            {"controller": j.controller, "share": j.share, "motor_lag": j.motor_lag, "seed": j.seed} | asdict(f)
+            for j, f in zip(jobs, flown, strict=True)
+        ]
+        print(json.dumps(_without_nan(rows), indent=2))
+    if not all(settling.at_rest for settling in flown):
         raise typer.Exit(FAILED)
 
 

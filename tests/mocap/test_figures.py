@@ -28,6 +28,14 @@ def test_timing_is_of_exposures_and_counts_what_is_missing() -> None:
     assert found.jitter_s == pytest.approx(np.std([0.01, 0.01, 0.02, 0.01, 0.03, 0.01, 0.01]))
 
 
+@pytest.mark.parametrize(("late_s", "arrival_stamps"), [(0.0005, False), (0.02, True)])
+def test_frames_that_are_stamped_in_bursts_are_stamped_on_arrival(late_s: float, arrival_stamps: bool) -> None:
+    """A network that holds one frame in ten back by 20 ms lets those behind it arrive with it."""
+    numbers = np.arange(200)
+    arrived = numbers * PERIOD_NS + np.where(numbers % 10 == 0, round(late_s * 1e9), 0)
+    assert timing(np.maximum.accumulate(arrived), arrived, numbers).arrival_stamps is arrival_stamps
+
+
 def test_noise_is_the_worst_axis() -> None:
     pos = np.array([[0.0, 0.001, 0.0], [0.0, -0.001, 0.0005], [0.0, 0.001, 0.0], [0.0, -0.001, 0.0005]])
     assert noise_m(pos) == pytest.approx(0.001)

@@ -10,7 +10,8 @@ from mocap.table import LiveTable, mocap_view
 STATE: dict[str, Any] = {
     "source": "natnet", "server": "Motive 3.1 at 10.0.0.2", "connected": True, "lost": 3, "frames": 1200, "refused": 0,
     "rejected": {"left": {"FREEZE": 7}}, "latency_ms": 4.2, "uncertainty_ms": 0.31, "latency_measured": True,
-    "timing": {"rate_hz": 119.98, "jitter_s": 0.0002, "lost_share": 0.0025, "delay_s": 0.0052, "gap_s": 0.0167},
+    "timing": {"rate_hz": 119.98, "jitter_s": 0.0002, "lost_share": 0.0025, "delay_s": 0.0052, "gap_s": 0.0167,
+               "arrival_stamps": False},
     "body_figures": [
         {"body": "left", "seen_share": 0.995, "gap_s": 0.025, "noise_m": 0.00012, "pos_lab_m": (1.0, -0.5, 0.25),
          "yaw_rad": 1.5707963267948966},
@@ -41,6 +42,11 @@ def test_every_figure_is_there_with_its_unit() -> None:
 def test_a_constant_that_the_protocol_does_not_report_is_named() -> None:
     assert "apart from the constant that latency_s says" in shown(STATE | {"latency_measured": False})
     assert "delay_s is used" in shown(STATE | {"latency_ms": None})
+
+
+def test_stamps_that_are_arrival_times_are_named() -> None:
+    assert "stamps are arrival times" not in shown(STATE)
+    assert "stamps are arrival times" in shown(STATE | {"timing": STATE["timing"] | {"arrival_stamps": True}})
 
 
 def test_without_frames_it_says_so() -> None:

@@ -13,7 +13,18 @@ from formation.maths.arrays import Float
 from formation.maths.frames import from_rotation_vector, multiply
 from formation.navigation.evidence import ONSETS
 from formation.navigation.state import Airframe
-from tests.drone_agent.guard.guard_flights import MS, SIH, Flight, Motion, S, Streams, fly, navigator, sensed
+from tests.drone_agent.guard.guard_flights import (
+    MS,
+    SIH,
+    WEIGHT,
+    Flight,
+    Motion,
+    S,
+    Streams,
+    fly,
+    navigator,
+    sensed,
+)
 
 Spoil = Callable[[Motion, Streams, float], None]
 AT_S = 5.0
@@ -196,23 +207,65 @@ def test_after_five_seconds_the_estimate_begins_anew() -> None:
 
 @pytest.mark.parametrize("loss", [0.35, 0.6])
 def test_a_loss_of_thrust_is_found_and_poses_are_used_on(loss: float) -> None:
-    flight = Flight(n=10, seed=38, imu_m_s2=SIH)
-    motion = Motion(flight)
-    nav = navigator(flight, Airframe(np.zeros(3), 20 * MS, 0.02))
-    s, which, found = sensed(motion, AT_S + 1.0), np.arange(10), []
-    for k, t_ns in enumerate(s.imu_ns):
-        t = np.array(t_ns * 1e-9)
-        whole = 1.0 - loss if t_ns > AT_S * S else 1.0
-        nav.receive_thrust(which, np.full(10, t_ns), 1.08 * motion.force(t + 0.04)[:, 2] / whole)
-        nav.receive_imu(which, np.full(10, t_ns), s.force[k], s.rate[k])
-        if k < len(s.pose_ns):
-            nav.receive_pose(which, np.full(10, s.pose_ns[k]), s.pos[k], s.q[k])
-        found += nav.new_faults()
+    motion = Motion(Flight(n=10, seed=38, imu_m_s2=SIH))
+    nav, found = with_thrust(motion, lambda t: motion.force(t)[:, 2], loss, AT_S, AT_S + 1.0)
     assert len({fault.body for fault in found}) == 10
     assert {fault.signature.name for fault in found} == {"vertical thrust loss"}
     assert delays_s(found).min() > 0.0
     assert delays_s(found).max() < 0.2
     assert not nav.rejecting.any()
+
+
+class Windy(Motion):
+    """A horizontal wind that rises within half a second at AT_S, from a direction drawn for each body."""
+
+    def __init__(self, flight: Flight, wind_m_s2: float) -> None:
+        super().__init__(flight)
+        heading = self.rng.uniform(0.0, 2.0 * np.pi, flight.n)
+        self.wind_lab_m_s2 = wind_m_s2 * np.stack([np.cos(heading), np.sin(heading), 0.0 * heading], axis=-1)
+
+    def _push(self, t: Float) -> Float:
+        push: Float = np.clip((np.asarray(t) - AT_S) / 0.5, 0.0, 1.0)[..., None, None] * self.wind_lab_m_s2
+        return push
+
+    def thrust(self, t: Float) -> Float:
+        """Of the rotors alone."""
+        return np.linalg.norm(self._acc(t) + WEIGHT - self._push(t), axis=-1)
+
+
+@pytest.mark.parametrize("wind_m_s2", [6.0, 8.0])
+def test_a_wind_along_the_thrust_axis_is_no_loss_of_thrust(wind_m_s2: float) -> None:
+    """Of a hover tilted against 6 m/s^2 the accelerometer shows g cos(tilt) where the rotors give g / cos(tilt)."""
+    motion = Windy(Flight(n=10, seed=39, vel_m_s=0.2), wind_m_s2)
+    _, found = with_thrust(motion, motion.thrust, 0.0, AT_S, AT_S + 5.0)
+    assert found == []
+
+
+def test_a_loss_of_thrust_is_found_in_wind() -> None:
+    motion = Windy(Flight(n=10, seed=40, vel_m_s=0.2), 6.0)
+    _, found = with_thrust(motion, motion.thrust, 0.35, AT_S + 2.0, AT_S + 3.0)
+    assert len({fault.body for fault in found}) == 10
+    assert {fault.signature.name for fault in found} == {"vertical thrust loss"}
+    assert delays_s(found).min() > 2.0
+    assert delays_s(found).max() < 2.2
+
+
+def with_thrust(
+    motion: Motion, thrust_m_s2: Callable[[Float], Float], loss: float, lost_s: float, seconds: float
+) -> tuple[Navigator, list[Fault]]:
+    """Fly bodies whose thrust is commanded as `thrust_m_s2` delivers it; from lost_s on they command more for it."""
+    n = motion.flight.n
+    nav, which, found = navigator(motion.flight, Airframe(np.zeros(3), 20 * MS, 0.02)), np.arange(n), []
+    s = sensed(motion, seconds)
+    for k, t_ns in enumerate(s.imu_ns):
+        t = np.array(t_ns * 1e-9)
+        whole = 1.0 - loss if t_ns > lost_s * S else 1.0
+        nav.receive_thrust(which, np.full(n, t_ns), 1.08 * thrust_m_s2(t + 0.04) / whole)
+        nav.receive_imu(which, np.full(n, t_ns), s.force[k], s.rate[k])
+        if k < len(s.pose_ns):
+            nav.receive_pose(which, np.full(n, s.pose_ns[k]), s.pos[k], s.q[k])
+        found += nav.new_faults()
+    return nav, found
 
 
 def test_every_row_has_a_unit_and_its_own_name() -> None:

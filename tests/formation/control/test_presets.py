@@ -46,22 +46,25 @@ def test_a_slower_observer_has_the_same_poles_in_its_own_time() -> None:
     assert gains.scaled(0.5) == ObserverGains(6.0, -0.1, 0.004, 0.7)
 
 
-def test_the_pace_is_inverse_to_the_loops_delay_in_which_a_dead_time_counts_twice() -> None:
-    """By hand, 50 Hz and 20 ms: wait 0.02 + 1.5 / 50 = 0.05; PX4 0.05 + 0.22 + 0.06 = 0.33 and 0.05 + 0.16 + 0.02."""
+def test_the_gain_scale_is_inverse_to_the_loops_delay() -> None:
+    """By hand, 50 Hz and 20 ms. Horizontal: wait 0.02 + 1.5 / 50 = 0.05; PX4 0.05 + 0.22 + 0.06 = 0.33.
+
+    Vertical: 0.03 over 0.02 + 0.08, the dead times of cameras and thrust.
+    """
     cameras = MocapConfig(rate_hz=50.0, delay_s=0.02)
     gain_scale = gain_scale_of(PX4_QUAD, cameras)
     assert (gain_scale.horizontal, gain_scale.observer, gain_scale.vertical) == pytest.approx(
-        (0.17 / 0.33, 0.17 / 0.33, 0.068 / 0.23)
+        (0.17 / 0.33, 0.17 / 0.33, 0.3)
     )
     assert gain_scale.compensation == 1.0
     assert gain_scale_of(PAPER_40G, MocapConfig()) == GainScale()
 
 
 def test_the_papers_vehicle_is_what_the_gains_were_found_on() -> None:
-    """0.008 + 0.015 + 2 x 0.049 + 0.049 = 0.170 s horizontal, 0.023 + 2 x 0.01 + 0.025 = 0.068 s vertical."""
+    """Horizontal 0.008 + 0.015 + 2 x 0.049 + 0.049 = 0.170 s; vertical 0.008 + 0.052 = 0.060 s at half rate."""
     quicker = PAPER_40G.model_copy(update={"response_lag_s": 0.02, "thrust_lag_s": 0.01})
     assert gain_scale_of(quicker, MocapConfig()) == GainScale()
-    slower = PAPER_40G.model_copy(update={"response_lag_s": 0.049 + 0.17, "thrust_lag_s": 0.025 + 0.068})
+    slower = PAPER_40G.model_copy(update={"response_lag_s": 0.049 + 0.17, "thrust_dead_time_s": 0.052})
     gain_scale = gain_scale_of(slower, MocapConfig())
     assert (gain_scale.horizontal, gain_scale.vertical) == pytest.approx((0.5, 0.5))
 

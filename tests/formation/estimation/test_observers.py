@@ -84,6 +84,33 @@ def test_a_push_is_believed_within_five_frames_and_known_within_ten() -> None:
     assert abs(estimates[-1][1]) < 1.5
 
 
+def _weights(shown_m: Float) -> Float:
+    """The fast observer's weight while a body is seen at shown_m (k, 3)."""
+    z, settings, weights = _at_rest(), _settings(), []
+    for measured in shown_m:
+        _step(z[0], measured, settings)
+        weights.append(float(z[0].fast_weight))
+    return np.array(weights)
+
+
+def test_a_swing_is_no_push() -> None:
+    """At 3 Hz and 2 cm along a slanted line: after four reversals, in 0.8 s, the slow observer has the most of it."""
+    t = DT_S * np.arange(1, 301)
+    weights = _weights(0.02 * np.sin(6.0 * np.pi * t)[:, None] * np.array([0.8, -0.6, 0.0]))
+    assert weights[:15].max() > 0.9
+    assert weights[80:].max() < 0.45
+    assert weights[150:].mean() < 0.15
+
+
+def test_a_push_that_ends_is_a_push_both_times() -> None:
+    """5 m/s^2 for 0.3 s: the weight is whole when it comes and when it goes."""
+    t = DT_S * np.arange(1, 61)
+    x = np.where(t < 0.3, 2.5 * t * t, 0.225 + 1.5 * (t - 0.3))
+    weights = _weights(np.stack([x, 0.0 * t, 0.0 * t], axis=-1))
+    assert weights[5:30].min() > 0.9
+    assert weights[40:50].min() > 0.9  # they change sides within 0.1 s
+
+
 def test_what_is_moved_in_the_estimate_is_moved_in_both_observers() -> None:
     """As the thrust scale and the level bias are: the same motion under another model is the same estimate again."""
     rng = np.random.default_rng(6)

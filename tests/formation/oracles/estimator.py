@@ -96,6 +96,8 @@ class Estimate:
     felt_bias: np.ndarray = field(default_factory=lambda: np.zeros(2))
     felt_var: float = 0.3**2
     fast: np.ndarray = field(default_factory=lambda: np.zeros((3, 2)))  # what the fast observer has more than the slow
+    side: np.ndarray = field(default_factory=lambda: np.zeros(2))  # to which they were apart last, fading
+    turns: np.ndarray = field(default_factory=lambda: np.zeros(2))  # how often that changed of late
     turn_ratio: float = 0.0  # how far beyond noise the fast observer of the heading was, lately
     fast_heading: np.ndarray = field(default_factory=lambda: np.zeros(3))
     noise_m2: float = 2e-4**2
@@ -292,7 +294,11 @@ def _both(k: Estimate, has: Traits, pos: np.ndarray, model: np.ndarray, dt: floa
     w = second.w * calm
     seen_by_noise = noise * np.sqrt(min(w * dt, 1.0)) * np.array(second.sigmas) * w ** np.arange(3)
     r4 = max(np.max(np.linalg.norm(k.fast, axis=1) / seen_by_noise), k.felt_ratio) ** 4
-    k.fast_weight = r4 / (1.0 + r4)
+    fades, apart = np.exp(-dt / 0.5), k.fast[0] / seen_by_noise[0]
+    sided = np.abs(apart) > 0.5
+    k.turns = fades * k.turns + np.where(sided, np.maximum(-np.sign(apart) * fades * k.side, 0.0), 0.0)
+    k.side = np.where(sided, np.sign(apart), fades * k.side)
+    k.fast_weight = r4 / (1.0 + r4) / (1.0 + (np.max(k.turns) / 2.0) ** 8)
     k.mu = 1.0 + k.fast_weight * (second.urgency - 1.0)
     k.pos[:2], k.vel[:2], k.dist[:2] = stepped[0] + k.fast_weight * k.fast
 

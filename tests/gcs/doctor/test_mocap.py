@@ -67,6 +67,18 @@ def test_frames_that_come_in_pairs_have_their_mean_rate():
     assert ("mocap", "rate") not in _bad(check_mocap(_lab(), paired))
 
 
+def test_stamps_that_are_arrival_times_are_named():
+    """A network that holds one frame in ten back by 20 ms lets those behind it arrive with it, 1 us apart."""
+    late, newest_ns = [], 0
+    for received_ns, frame in _frames():
+        arrival_ns = received_ns + (20 * MS if frame.seq % 10 == 0 else 0)
+        newest_ns = max(newest_ns + 1000, arrival_ns)
+        late.append((newest_ns, replace(frame, t_capture_ns=newest_ns - 8 * MS)))
+    bad = _bad(check_mocap(_lab(), late))
+    assert bad["mocap", "stamps"].found == "arrival times"
+    assert bad["mocap", "stamps"].grade is Grade.WARN
+
+
 def test_a_wrong_rate_is_reported():
     bad = _bad(check_mocap(_lab(), _frames(period_ms=5.0)))
     assert float(bad["mocap", "rate"].found.split()[0]) == pytest.approx(200.0, rel=0.01)

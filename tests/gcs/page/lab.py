@@ -134,7 +134,14 @@ async def serve(config: LabConfig, fly: bool, anew: bool) -> None:
     while True:
         bus.publish_state(GCS_NAME, ground.advance())
         if ground.lab.seq % 100 < STEPS:
-            timing = {"rate_hz": 100.0, "jitter_s": 0.0003, "lost_share": 0.0, "delay_s": 0.006, "gap_s": 0.011}
+            timing = {
+                "rate_hz": 100.0,
+                "jitter_s": 0.0003,
+                "lost_share": 0.0,
+                "delay_s": 0.006,
+                "gap_s": 0.011,
+                "arrival_stamps": False,
+            }
             mocap.publish_state({"timing": timing})
         due_ns = max(due_ns + 100_000_000, monotonic_ns())
         await sleep_until_ns(due_ns)

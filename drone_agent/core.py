@@ -70,7 +70,7 @@ class AgentCore:
         vehicle, air = config.true_vehicle(), config.disturbance
         self._airframe = Airframe(vehicle, air, start, config.start_yaw_rad, t0_ns, attitude_bias, physics)
         self._inertial = InertialSensor(config.inertial_error, config.accel_bias_lab_m_s2, config.sysid, t0_ns)
-        self._positioning = _positioning(config, t0_ns, without)
+        self._positioning = _positioning(config, t0_ns)
         self.autopilot = Autopilot(config, model, self.parameters, self._airframe, self._positioning, without)
         self._failsafes = Failsafes(self.autopilot, profile(config.profile, config.profiles))
         self._direct = config.link.kind == "udp"
@@ -268,7 +268,7 @@ def _first_values(config: AgentConfig, table: AutopilotTable) -> dict[str, float
     return {**values, **(table.indoor if config.pose == "mocap" else {}), **config.parameters}
 
 
-def _positioning(config: AgentConfig, t0_ns: int, without: frozenset[str]) -> Positioning:
+def _positioning(config: AgentConfig, t0_ns: int) -> Positioning:
     if config.pose == "own":
         return OwnPositioning(t0_ns)
-    return ExternalPositioning(config.accel_bias_lab_m_s2, checks_poses="pose-rejected" not in without)
+    return ExternalPositioning(config.accel_bias_lab_m_s2)

@@ -1,4 +1,4 @@
-"""What in agent and bridge detects or refuses, by name, so that a campaign can show what each is for."""
+"""What in the guard detects or refuses, by name, so that a campaign can show what each is for."""
 
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
@@ -12,11 +12,8 @@ MONITORS = (
     "setpoint-bounds",  # tilt, body rate and thrust
     "stream-stale",  # level and hold 0.1 s after the last setpoint
     "own-land",  # land by its own clock after that
-    "land-ends",  # sinks ever faster where a landing takes too long
-    "touch-down",  # the floor must carry it before the motors fade
-    "pose-rejected",  # by the agent's own estimator
     "pose-slides",  # neither poses nor setpoints count that move as the inertial sensors do not
-    "motor-failure",  # an attitude that the motors cannot reach
+    "motor-failure",  # thrust that is missing; before a simulated autopilot, a dead motor too
     "stop-latch",  # no arming after a stop until it was seen at rest
 )
 

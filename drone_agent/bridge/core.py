@@ -2,7 +2,8 @@
 
 The last line of defence beside a real drone, whatever becomes of the ground: where the stream of setpoints has gone
 stale, this process holds the body on its own mocap feed, then lands it. This process, not the ground, sends the
-autopilot the mocap pose of its body. Frames pass byte for byte, sender and all.
+autopilot the mocap pose of its body. Frames pass byte for byte, sender and all; only an autopilot's are numbered anew
+where some have ended here.
 """
 
 import math
@@ -46,7 +47,7 @@ from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
 from wire.link_messages.status import Heartbeat, MavAutopilot, MavState, MavType, NamedValue, StatusText
 from wire.mavlink.codec import Codec, MavlinkError, read_frame
-from wire.mavlink.framing import Frame, FrameCutter
+from wire.mavlink.framing import Frame, FrameCutter, renumbered
 
 _BEAT_NS = 1_000_000_000
 _HEARTBEAT = Heartbeat(MavAutopilot.INVALID, MavType.ONBOARD_CONTROLLER, 0, 0, MavState.ACTIVE)
@@ -87,6 +88,8 @@ class BridgeCore:
         self._feed = BodyFeed(config.body_name, self._estimate, t0_ns)
         self._age_due_ns = t0_ns
         self._strangers: set[int] = set()
+        self._kept: dict[Address, int] = {}
+        """How many frames of each sender beside the autopilot's link ended here: the ground must not miss them."""
         self._rate_offset_reported = False
         self._to_ground: list[bytes] = []
         self._to_autopilot: list[bytes] = []
@@ -109,8 +112,11 @@ class BridgeCore:
         """Pass what the autopilot says on to the ground, reading what matters."""
         self._now_ns = now_ns
         for frame in self._from_autopilot.cut(data):
-            if not self._intercept_from_autopilot(frame, now_ns):
-                self._to_ground.append(frame.data)
+            kept = self._kept.get(frame.source, 0)
+            if self._intercept_from_autopilot(frame, now_ns):
+                self._kept[frame.source] = kept + 1
+            else:
+                self._to_ground.append(renumbered(frame, frame.seq - kept) if kept else frame.data)
 
     def receive_frame(self, frame: LabFrame, now_ns: int) -> None:
         """Send the autopilot the pose of its body, and hold the body while that pose is faulty."""

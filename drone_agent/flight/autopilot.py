@@ -63,7 +63,7 @@ class Autopilot:
         self.armed_ns = 0
         self.origin: Vec3Tuple | None = config.origin if config.pose == "own" else None
         """Of the estimate's frame on the globe, if anybody has said."""
-        self.pilot = Pilot(airframe.profile, without)
+        self.pilot = Pilot(airframe.profile)
         self.piloted = False
         """Whether the agent flies by itself, so that `control` is due every CONTROL_NS."""
         self._mode_after_disarm = model.boot_mode

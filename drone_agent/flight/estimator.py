@@ -146,10 +146,8 @@ class OwnPositioning:
 class ExternalPositioning:
     """The external pose alone: not ready without it, valid for a second after it."""
 
-    def __init__(self, bias_lab_m_s2: Vec3Tuple, *, checks_poses: bool = True) -> None:
-        """checks_poses: whether it checks position and attitude against the inertial sensors."""
+    def __init__(self, bias_lab_m_s2: Vec3Tuple) -> None:
         self._bias = bias_lab_m_s2
-        self._checks_poses = checks_poses
         self._pos = [0.0, 0.0, 0.0]
         self._vel = [0.0, 0.0, 0.0]
         self.yaw_rad = 0.0
@@ -188,9 +186,9 @@ class ExternalPositioning:
         motion = zip(pose.pos_lab_m.tolist(), predicted.pos_lab_m, predicted.vel_lab_m_s, strict=True)
         measured = [p - (t + v * dt_s) for p, t, v in motion]
         reject_reason = self._format_fault(pose.t_capture_ns, now_ns, measured, q)
-        if reject_reason is None and self._checks_poses:
+        if reject_reason is None:
             reject_reason = self._attitude_fault(q, true_q)
-        if reject_reason is None and not lost and self._checks_poses:
+        if reject_reason is None and not lost:
             reject_reason = self._jump_fault(measured, yaw, now_ns)
         if reject_reason is not None:
             self.rejected += 1

@@ -114,9 +114,10 @@ class Failsafes:
         frame, belief = pilot.airframe, pilot.belief(now_ns)
         vx, vy, vz = belief.vel_lab_m_s
         thrust = frame.profile.thrust_n_of(frame.setpoint.thrust_norm) / frame.profile.weight_n
-        quiet = pilot.carried or "touch-down" in pilot.without
         down = pilot.piloted and pilot.pilot.faded
-        if not pilot.detector.update(now_ns, thrust, belief.pos_lab_m[2], vz, hypot(vx, vy), carried=quiet, faded=down):
+        if not pilot.detector.update(
+            now_ns, thrust, belief.pos_lab_m[2], vz, hypot(vx, vy), carried=pilot.carried, faded=down
+        ):
             return
         if pilot.landed:
             self._landed_ns = now_ns

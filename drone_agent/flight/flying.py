@@ -25,10 +25,8 @@ _LATE_S, _LATE_M_S2, _LATE_MAX_M_S = 3.0, 0.3, 0.7  # a landing that takes this 
 class Pilot:
     """The task in hand and its references; `begin` a task, then `step` at a steady rate."""
 
-    def __init__(self, profile: VehicleProfile, without: frozenset[str] = frozenset()) -> None:
-        """without: monitors that are switched off (drone_agent.monitors)."""
+    def __init__(self, profile: VehicleProfile) -> None:
         self.task = Task.OFF
-        self._detects_floor, self._ends = "touch-down" not in without, "land-ends" not in without
         self._rest_m = 0.0
         self._sinking_s = self._due_s = 0.0
         self._carried_s = 0.0
@@ -116,7 +114,7 @@ class Pilot:
         demand = self._demand(belief, timing, dt_s)
         setpoint = self._loop.step(demand, belief, dt_s)
         if self.task in (Task.LAND, Task.DESCEND):
-            return self._touch_down(setpoint, belief, carried or not self._detects_floor, dt_s)
+            return self._touch_down(setpoint, belief, carried, dt_s)
         return setpoint
 
     def _demand(self, belief: Belief, timing: Timing, dt_s: float) -> Demand:
@@ -154,7 +152,7 @@ class Pilot:
             self._due_s = max(height_m, 0.0) / timing.land_m_s + _LATE_S
         self._sinking_s += dt_s
         late_s = self._sinking_s - self._due_s
-        if late_s > 0.0 and self._ends:
+        if late_s > 0.0:
             return timing.land_m_s + min(_LATE_M_S2 * late_s, _LATE_MAX_M_S)
         return timing.land_m_s
 
@@ -162,9 +160,9 @@ class Pilot:
         """On the floor, which carries it, the descent stops though it is still asked for: then fade the thrust out."""
         still = abs(belief.vel_lab_m_s[2]) < _TOUCH_CLIMB_M_S
         self._touch_s = self._touch_s + dt_s if still and carried else 0.0
-        self._carried_s = self._carried_s + dt_s if carried and self._detects_floor else 0.0
+        self._carried_s = self._carried_s + dt_s if carried else 0.0
         if self._touch_s > _TOUCH_S or self._carried_s > _CARRIED_S:
             self._thrust = max(self._thrust - _CUT_1_S * dt_s, 0.0)
-        elif self._detects_floor:
+        else:
             self._thrust = 1.0
         return LoopSetpoint(setpoint.q_lab_from_flu, setpoint.rate_flu_rad_s, self._thrust * setpoint.thrust_norm)

@@ -26,12 +26,10 @@ ENOUGH = 0.95
 """The share of a monitor's runs that must fail without it."""
 LATE = ("stale-setpoint", "rule-setpoints-late", "rule-setpoints-late-landing", "rule-setpoints-stale")
 """Who acts on setpoints that reach a drone late."""
-ESTIMATE = ("pose-rejected", "pose-slides")
+ESTIMATE = ("pose-slides",)
 """Monitors of poses that are inconsistent with a drone's own estimate."""
 LOST = (*ESTIMATE, "rule-unseen", "rule-lost")
 """Who acts on poses that are old."""
-POSITION_ERROR = ("rule-outside-fence", "rule-far-outside", "rule-position-error", "rule-attitude-innovation")
-"""Who acts on a drone that is not where it is led."""
 NEAR = ("separation-filter", "rule-not-offboard", "rule-too-close", "rule-half-separation")
 """Who acts where one drone stands in another's way because a pilot holds it."""
 ARMING = ("arm-in-air", "arm-other-ground", "foreign-setpoint")
@@ -128,18 +126,6 @@ def _ground_killed(rng: np.random.Generator) -> tuple[Fault, ...]:
     return (Fault(family=Family.KILL, core="ground", after_s=float(rng.uniform(0.5, 4.0))),)
 
 
-def _killed_then(family: Family, after_s: tuple[float, float], for_s: tuple[float, float], **more: object) -> FaultDraw:
-    """The ground is gone, and the drone that holds, or lands, by itself is misled."""
-
-    def draw(rng: np.random.Generator) -> tuple[Fault, ...]:
-        values = {
-            "family": family, "body": "f2", "after_s": float(rng.uniform(*after_s)), "for_s": float(rng.uniform(*for_s))
-        }  # fmt: skip
-        return (Fault(family=Family.KILL, core="ground", after_s=2.0), Fault.model_validate(values | more))
-
-    return draw
-
-
 def _second_ground(rng: np.random.Generator) -> tuple[Fault, ...]:
     return (Fault(family=Family.TWIN, core="ground", verb=Verb.ARM, after_s=float(rng.uniform(0.3, 1.5))),)
 
@@ -168,11 +154,6 @@ def _pilot_interferes(rng: np.random.Generator) -> tuple[Fault, ...]:
     return (Fault(family=Family.PILOT, body="f2", after_s=float(rng.uniform(1.05, 1.15)), for_s=6.0),)
 
 
-def _hidden_latency(rng: np.random.Generator) -> tuple[Fault, ...]:
-    after_s, late_s = float(rng.uniform(1.5, 2.5)), float(rng.uniform(0.2, 0.3))
-    return (Fault(family=Family.HIDDEN_LATENCY, after_s=after_s, severity=late_s),)
-
-
 def _dead_motor(rng: np.random.Generator) -> tuple[Fault, ...]:
     motor, after_s = int(rng.integers(4)), float(rng.uniform(1.0, 4.0))
     return (Fault(family=Family.DEAD_MOTOR, body="f2", motor=motor, severity=0.0, after_s=after_s),)
@@ -197,12 +178,7 @@ CONTROLS: Mapping[str, Control] = MappingProxyType(
         "old-setpoint": Control(_replayed, LATE),
         "foreign-setpoint": _armed_in_air("foreign-setpoint"),
         "setpoint-bounds": Control(_rogue_setpoint, fails=("command-bounds",), alone=True),
-        "stream-stale": Control(_ground_killed),
         "own-land": Control(_ground_killed, ("stream-stale",), autopilot="ardupilot"),
-        "pose-rejected": Control(
-            _killed_then(Family.JUMP, (2.2, 2.4), (1.2, 1.2), severity=1.0, heading_rad=-pi / 2),
-            ("validator-jump", "pose-slides"), "hold", fails=("separation",), alone=True,
-        ),
         "pose-slides": Control(
             _pose(Family.DRIFT, (2.5, 3.0), (0.3, 0.5), heading_rad=-pi / 2),
             kind="hold", fails=("separation",), alone=True,
@@ -217,12 +193,6 @@ CONTROLS: Mapping[str, Control] = MappingProxyType(
         ),
         "rule-not-offboard": Control(
             _pilot_interferes, _others(NEAR, "rule-not-offboard"), "turning", fails=("separation",), alone=True
-        ),
-        "rule-attitude-innovation": Control(
-            _hidden_latency,
-            _others(POSITION_ERROR, "rule-attitude-innovation"),
-            fails=("fence", "impact", "separation"),
-            alone=True,
         ),
         "arm-in-air": _armed_in_air("arm-in-air"),
         "arm-other-ground": _armed_in_air("arm-other-ground"),

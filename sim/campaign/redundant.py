@@ -1,7 +1,7 @@
 """Monitors without a control of their own: others are expected to contain what each one does, or it only warns.
 
 No fault was found that does harm for want of one of them alone. Flown and contained without it: validator-flip,
-validator-yaw-rate, keep-out, speed-limit, rule-lost. Flown, and as bad with it once all behind it are off: touch-down,
+validator-yaw-rate, keep-out, speed-limit, rule-lost. Flown, and as bad with it once all behind it are off:
 rule-tilted-agreed, rule-too-close. Without setpoint-hold-off, 4
 of 25 flights with noise, or a leap within bounds, did harm:
 it is needed, and no fault is known that needs it in 95 % of flights. The others go by the order of limits and times
@@ -18,8 +18,7 @@ REDUNDANT: Mapping[str, str] = MappingProxyType(
         "validator-yaw-rate": "slots are followed at limits.speed_m_s at most; autopilots know their own heading",
         "validator-stamp": "no frame leaves the mocap process stamped after its receipt; rules on age for late stamps",
         "setpoint-hold-off": "by luck of what the noise was: rule-lost lets go of it after 0.4 s",
-        "touch-down": "pose-slides: no pose that stands still is taken while the drone comes down",
-        "land-ends": "an open-loop descent ends by its thrust, and the ground lets go of who does not come down",
+        "stream-stale": "the autopilot's own time-out 0.1 s later (COM_OF_LOSS_T, GUID_TIMEOUT 0.2 s)",
         "keep-out": "the separation filter keeps clear of the last place; unseen, a drone levels and comes down there",
         "speed-limit": "references are slow; pose validator, separation filter and fence limit fast ones",
         "rule-unseen": "rule-lost 0.2 s later",
@@ -32,6 +31,7 @@ REDUNDANT: Mapping[str, str] = MappingProxyType(
         "rule-half-separation": "separation filter, rule-too-close",
         "rule-position-error": "fence and its rules, rule-attitude-innovation",
         "rule-leader-position-error": "rule-not-offboard; followers come down no faster than their leader",
+        "rule-attitude-innovation": "a latency begins with a gap: stream-stale, no pose to hold by; pose-slides",
         "rule-tilted": "motor-failure in the drone, rule-tilted-agreed",
         "rule-tilted-agreed": "motor-failure in the drone, rule-tilted",
         "rule-silent": "a drone that hears nothing holds and lands by itself; one that says nothing is led as before",

@@ -97,7 +97,7 @@ def tilt_rad(truth: Truth) -> float:
 
 
 @pytest.mark.parametrize("link", ["zenoh", "udp"])
-def test_every_agent_levels_and_lands_by_itself_and_the_log_is_whole_to_the_last_moment(
+def test_every_drone_stops_and_lands_by_itself_and_the_log_is_whole_to_the_last_moment(
     link: str, tmp_path: Path
 ) -> None:
     scenario = load(str(write_scenario(tmp_path, CIRCLE)))
@@ -114,10 +114,10 @@ def test_every_agent_levels_and_lands_by_itself_and_the_log_is_whole_to_the_last
         last_ns = max(e.t_ns for e in entries if e.topic is topics.LINK_DOWN and e.message.sysid == sysid)
         seen = watched.truths[sysid]
         at_kill = min(seen, key=lambda truth: abs(truth.t_ns - last_ns))
-        # 0.2 s is what the agent keeps by its own time (tests/drone_agent/test_failsafes.py).
-        after = [truth for truth in seen if 0 <= truth.t_ns - last_ns < 1_000_000_000]
+        # 1 s is what the guard keeps by its own time (tests/drone_agent/test_refusals.py).
+        after = [truth for truth in seen if 0 <= truth.t_ns - last_ns < 2_000_000_000]
         assert tilt_rad(at_kill) > np.radians(3.0)
-        assert min(tilt_rad(truth) for truth in after) < np.radians(1.5)
+        assert min(np.linalg.norm(truth.vel_lab_m_s[:2]) for truth in after) < 0.15
         moved_m = np.linalg.norm(seen[-1].pos_lab_m[:2] - at_kill.pos_lab_m[:2])
         assert moved_m < 0.6
         assert seen[-1].t_ns - last_ns < 30_000_000_000

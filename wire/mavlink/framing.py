@@ -195,6 +195,14 @@ def framed(layout: Layout, payload: bytes, source: Address, seq: int) -> bytes:
     return sealed(head + payload, layout.crc_extra)
 
 
+def renumbered(frame: Frame, seq: int) -> bytes:
+    """The frame with another sequence number; as it is if it is signed, of version 1, or in no dialect of ours."""
+    crc_extra = CRC_EXTRA.get(frame.number)
+    if crc_extra is None or frame.data[0] != _MAGIC_2 or frame.data[2]:
+        return frame.data
+    return sealed(frame.data[:4] + bytes((seq % 256,)) + frame.data[5:-2], crc_extra)
+
+
 def sealed(body: bytes, crc_extra: int) -> bytes:
     """A frame's head and payload with their checksum behind them."""
     crc: int = _mcrf4xx(body[1:] + _SEED[crc_extra])

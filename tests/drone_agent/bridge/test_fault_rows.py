@@ -15,7 +15,7 @@ from tests.drone_agent.bridge.test_bridge import Site
 from wire.link_messages.setpoints import AttitudeSetpoint
 
 Shown = tuple[Vec3, Quat]
-CHECKS = frozenset({"pose-slides", "pose-rejected", "motor-failure"})
+CHECKS = frozenset({"pose-slides", "motor-failure"})
 
 
 def unchecked(**config: object) -> Site:

@@ -112,7 +112,7 @@ def test_every_monitor_has_a_control_or_is_said_to_have_others_behind_it() -> No
     assert not set(controls.CONTROLS) & set(controls.REDUNDANT)
 
 
-@pytest.mark.parametrize("monitor", ["stream-stale", "setpoint-bounds", "separation-filter"])
+@pytest.mark.parametrize("monitor", ["own-land", "setpoint-bounds", "separation-filter"])
 def test_without_its_monitor_a_fault_does_harm_and_with_it_none(monitor: str) -> None:
     assert controls.fly_control(controls.ControlJob(monitor, 1)) == controls.Tried(without=True, with_it=False)
 

@@ -28,8 +28,6 @@ LATE = ("stale-setpoint", "rule-setpoints-late", "rule-setpoints-late-landing", 
 """Who acts on setpoints that reach a drone late."""
 ESTIMATE = ("pose-slides",)
 """Monitors of poses that are inconsistent with a drone's own estimate."""
-LOST = (*ESTIMATE, "rule-unseen", "rule-lost")
-"""Who acts on poses that are old."""
 NEAR = ("separation-filter", "rule-not-offboard", "rule-too-close", "rule-half-separation")
 """Who acts where one drone stands in another's way because a pilot holds it."""
 ARMING = ("arm-in-air", "arm-other-ground", "foreign-setpoint")

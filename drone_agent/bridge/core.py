@@ -88,7 +88,7 @@ class BridgeCore:
         self._feed = BodyFeed(config.body_name, self._estimate, t0_ns)
         self._age_due_ns = t0_ns
         self._strangers: set[int] = set()
-        self._kept: dict[Address, int] = {}
+        self._intercepted: dict[Address, int] = {}
         """How many frames of each sender beside the autopilot's link ended here: the ground must not miss them."""
         self._rate_offset_reported = False
         self._to_ground: list[bytes] = []
@@ -112,11 +112,11 @@ class BridgeCore:
         """Pass what the autopilot says on to the ground, reading what matters."""
         self._now_ns = now_ns
         for frame in self._from_autopilot.cut(data):
-            kept = self._kept.get(frame.source, 0)
+            ended = self._intercepted.get(frame.source, 0)
             if self._intercept_from_autopilot(frame, now_ns):
-                self._kept[frame.source] = kept + 1
+                self._intercepted[frame.source] = ended + 1
             else:
-                self._to_ground.append(renumbered(frame, frame.seq - kept) if kept else frame.data)
+                self._to_ground.append(renumbered(frame, frame.seq - ended) if ended else frame.data)
 
     def receive_frame(self, frame: LabFrame, now_ns: int) -> None:
         """Send the autopilot the pose of its body, and hold the body while that pose is faulty."""

@@ -10,9 +10,8 @@ from formation.navigation.receive import RejectReason
 from wire.link_messages.motion import VisionPose
 
 _POSE_NS = 20_000_000
-_FRESH_NS = 200_000_000
 _DEAD_RECKONING_NS = 500_000_000
-"""Longest hold on the inertial sensors alone: they drift by some centimetres."""
+"""Longest hold on the inertial sensors alone, unseen or with faulty poses: they drift by some centimetres."""
 _FROZEN_NS = 100_000_000
 """So long repeated poses are taken for lost frames: ten at 100 Hz."""
 _LIFTED_M = 0.05
@@ -44,7 +43,7 @@ class BodyFeed:
 
     def fresh(self, now_ns: int) -> bool:
         """Whether it is known where the body is."""
-        return self._seen_ns is not None and now_ns - self._seen_ns < _FRESH_NS
+        return self._seen_ns is not None and now_ns - self._seen_ns < _DEAD_RECKONING_NS
 
     def receive_frame(self, frame: LabFrame, now_ns: int, *, armed: bool) -> VisionPose | None:
         """Receive a frame; returns the pose for the autopilot, at most fifty a second."""
@@ -63,8 +62,6 @@ class BodyFeed:
         elif reason is RejectReason.NONE:
             self._frozen_ns = None
         self.check(now_ns)
-        if self._rejecting_ns is not None and now_ns - self._rejecting_ns < _DEAD_RECKONING_NS:
-            self._seen_ns = now_ns
         if self._rejecting_ns is not None or reason is not RejectReason.NONE:
             return None
         self._seen_ns = now_ns

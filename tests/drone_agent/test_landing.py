@@ -108,7 +108,9 @@ def test_a_hold_that_sees_nothing_comes_down_level() -> None:
     harness.fly_offboard(1.0, hover_over(0.0, 0.0, 1.0))
     harness.run(0.2)
     assert harness.stream.stage is Stage.HOLD
-    harness.run(0.3, mocap=False)
+    harness.run(0.45, mocap=False)
+    assert harness.stream.stage is Stage.HOLD
+    harness.run(0.1, mocap=False)
     assert harness.stream.stage is Stage.DESCEND
     _, impact = down(harness, 8.0, mocap=False)
     assert not harness.autopilot.armed

@@ -27,7 +27,7 @@ from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
 from wire.link_messages.commands import CommandAck, CommandLong
 from wire.link_messages.status import Heartbeat, MavAutopilot
 from wire.mavlink.codec import Codec
-from wire.mavlink.framing import CRC_EXTRA, sealed
+from wire.mavlink.framing import CRC_EXTRA, Frame, FrameCutter, sealed
 
 SYSID = 3
 DRONE = Address(SYSID, DRONE_COMPONENT)
@@ -181,13 +181,14 @@ class Readers:
         if not any(isinstance(p.message, CommandAck) and p.message.command == 512 for p in said):
             return "the drone does not hear the ground"
         for bridge, tries in zip(self.bridges, (1, 24), strict=True):  # a line may owe the end of a frame
-            passed = b""
+            passed: list[Frame] = []
             for _ in range(tries):
                 bridge.receive_ground(order, now_ns)
                 bridge.receive_autopilot(beat, now_ns)
                 out = bridge.tick(now_ns)
-                passed += b"".join(d.data for d in (*out.to_autopilot, *out.to_ground))
-            if order.data not in passed or beat not in passed:
+                passed += [f for d in (*out.to_autopilot, *out.to_ground) for f in FrameCutter().cut(d.data)]
+            payloads = {(frame.number, frame.payload) for frame in passed}
+            if not {(f.number, f.payload) for data in (order.data, beat) for f in FrameCutter().cut(data)} <= payloads:
                 return "the bridge does not pass what is valid"
         return ""
 

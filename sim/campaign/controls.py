@@ -28,6 +28,8 @@ LATE = ("stale-setpoint", "rule-setpoints-late", "rule-setpoints-late-landing", 
 """Who acts on setpoints that reach a drone late."""
 ESTIMATE = ("pose-slides",)
 """Monitors of poses that are inconsistent with a drone's own estimate."""
+SWAPPED = ("validator-swap", "validator-jump", "validator-flip", *ESTIMATE, "rule-leader-position-error")
+"""Who acts on two bodies that the cameras exchange."""
 NEAR = ("separation-filter", "rule-not-offboard", "rule-too-close", "rule-half-separation")
 """Who acts where one drone stands in another's way because a pilot holds it."""
 ARMING = ("arm-in-air", "arm-other-ground", "foreign-setpoint")
@@ -106,6 +108,9 @@ def _pose(
     return draw
 
 
+_swapped = _pose(Family.SWAP, (0.8, 1.2), body="leader", other="f2")
+
+
 def _late(rng: np.random.Generator) -> tuple[Fault, ...]:
     return (Fault(family=Family.DELAY, severity=float(rng.uniform(0.35, 0.9)), direction="down", after_s=2.0),)
 
@@ -169,8 +174,7 @@ CONTROLS: Mapping[str, Control] = MappingProxyType(
         ),
         "validator-jump": Control(_pose(Family.JUMP, (0.6, 1.0), (0.9, 1.2), heading_rad=-pi / 2), ESTIMATE),
         "validator-swap": Control(
-            _pose(Family.SWAP, (0.8, 1.2), body="leader", other="f2"),
-            ("validator-jump", "validator-flip", *ESTIMATE, "rule-leader-position-error"),
+            _swapped, (*_others(SWAPPED, "validator-swap"), "rule-attitude-innovation")
         ),
         "stale-setpoint": Control(_late, _others(LATE, "stale-setpoint")),
         "old-setpoint": Control(_replayed, LATE),
@@ -192,6 +196,7 @@ CONTROLS: Mapping[str, Control] = MappingProxyType(
         "rule-not-offboard": Control(
             _pilot_interferes, _others(NEAR, "rule-not-offboard"), "turning", fails=("separation",), alone=True
         ),
+        "rule-attitude-innovation": Control(_swapped, SWAPPED, fails=("fence",), alone=True),
         "arm-in-air": _armed_in_air("arm-in-air"),
         "arm-other-ground": _armed_in_air("arm-other-ground"),
         "log-trouble": Control(_log_ill, arms_after_s=1.0, fails=("unrecorded",), alone=True),

@@ -31,7 +31,6 @@ REDUNDANT: Mapping[str, str] = MappingProxyType(
         "rule-half-separation": "separation filter, rule-too-close",
         "rule-position-error": "fence and its rules, rule-attitude-innovation",
         "rule-leader-position-error": "rule-not-offboard; followers come down no faster than their leader",
-        "rule-attitude-innovation": "a latency begins with a gap: stream-stale, no pose to hold by; pose-slides",
         "rule-tilted": "motor-failure in the drone, rule-tilted-agreed",
         "rule-tilted-agreed": "motor-failure in the drone, rule-tilted",
         "rule-silent": "a drone that hears nothing holds and lands by itself; one that says nothing is led as before",

@@ -1,4 +1,4 @@
-"""Bounds on what a setpoint may ask of the vehicle, one rule for the simulated autopilot and for the bridge. Pure."""
+"""Bounds on what a setpoint may ask of the vehicle, by the guard's rule. Pure."""
 
 import math
 

@@ -127,13 +127,9 @@ class StreamFailsafe:
 
     # The owner
 
-    def obeys(self, source: Address | None) -> bool:
-        """Whether setpoints of `source` count; None: of what is on board, which no ground owns."""
-        return self.stage not in RULED or source is None or self.owner is None or self.owner == source
-
-    def disown(self) -> None:
-        """It landed: the next ground to be followed owns the stream."""
-        self.owner = None
+    def obeys(self, source: Address) -> bool:
+        """Whether setpoints of `source` count."""
+        return self.stage not in RULED or self.owner in (None, source)
 
     def hand_over(self, source: Address, wants: bool, now_ns: int, *, in_mode: bool) -> Stage | None:
         """`source` wants the stream, now or when a setpoint mode begins, or gives it back; the stage that begins."""

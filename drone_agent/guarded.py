@@ -31,7 +31,8 @@ class GuardedDrone:
         parameters: dict[str, float] | None = None
         while self.next_deadline_ns() <= now_ns:
             own = self.behind.tick(now_ns)
-            truth, parameters = own.truth or truth, own.parameters or parameters
+            truth = own.truth or truth
+            parameters = parameters if own.parameters is None else own.parameters
             for datagram in own.datagrams:
                 self.guard.receive_autopilot(datagram.data, now_ns)
             guards = self.guard.tick(now_ns)

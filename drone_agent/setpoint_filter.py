@@ -1,4 +1,4 @@
-"""Which setpoints are fresh enough to be obeyed, one rule for the simulated autopilot and for the bridge. Pure.
+"""Which setpoints are fresh enough to be obeyed, by the guard's rule. Pure.
 
 A setpoint's `time_boot_ms` says when, on its sender's clock, what it was computed from was seen. TIMESYNC with that
 sender turns it into an age. A sender that does no TIMESYNC, or whose stamps are on a clock of their own (MAVSDK's

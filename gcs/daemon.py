@@ -1,7 +1,7 @@
 """The ground as a process: pumps frames, datagrams and requests into GcsCore and its output out. It decides nothing.
 
 A frame triggers the tick; a timer only watches for one that does not come. Any failure inside ends the process with
-its reason: setpoints stop, and every drone's agent levels, holds and lands by its own rule.
+its reason: setpoints stop, and every drone's guard holds and lands it by its own rule.
 """
 
 import asyncio

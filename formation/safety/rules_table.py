@@ -2,7 +2,7 @@
 
 `RULES` is the whole of it; formation.safety.rules evaluates it, and the documentation prints it. The ground acts by a
 trigger for the swarm (formation.safety.phases) and, where one drone is the trouble, by releasing that drone or cutting
-its motors. Below all of this each drone's agent levels, holds and lands by itself when setpoints go stale.
+its motors. Below all of this each drone's guard holds and lands it when setpoints go stale.
 """
 
 from dataclasses import dataclass

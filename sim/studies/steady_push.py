@@ -26,11 +26,11 @@ SHARES = (0.3, 0.6, 0.9)
 """Of the push that the tilt limit holds against."""
 MOTOR_LAGS = (1.0, 1.3, 1.6)
 """True motor lag over the profile's."""
-BEGIN_S, LASTS_S, LATE_S = 10.0, 8.0, 3.0
+BEGIN_S, LATE_S = 10.0, 3.0
 FORMATION_S = 14.0
 WALL = SweptFan(pos_lab_m=(3.0, 0.0, 0.3), sweep_rad=0.0, diameter_m=20.0, start_s=BEGIN_S)
 """A fan so wide that it pushes alike wherever the drone goes."""
-SETTLED_DEG, CALM_DEG, SETTLE_MOST_S = 1.0, 0.5, 1.0
+SETTLED_DEG, CALM_DEG = 1.0, 0.5
 """Settled: within SETTLED_DEG of the tilt that holds against the push; calm: the most that it still swings then."""
 
 

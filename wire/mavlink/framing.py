@@ -197,10 +197,7 @@ def framed(layout: Layout, payload: bytes, source: Address, seq: int) -> bytes:
 
 def renumbered(frame: Frame, seq: int) -> bytes:
     """The frame with another sequence number; as it is if it is signed, of version 1, or in no dialect of ours."""
-    crc_extra = CRC_EXTRA.get(frame.number)
-    if crc_extra is None or frame.data[0] != _MAGIC_2 or frame.data[2]:
-        return frame.data
-    return sealed(frame.data[:4] + bytes((seq % 256,)) + frame.data[5:-2], crc_extra)
+    return frame.data if frame.data[2] else resealed(frame.data, 0, seq) or frame.data
 
 
 def sealed(body: bytes, crc_extra: int) -> bytes:
@@ -209,17 +206,18 @@ def sealed(body: bytes, crc_extra: int) -> bytes:
     return body + crc.to_bytes(2, "little")
 
 
-def resealed(frame: bytes, flags: int) -> bytes | None:
+def resealed(frame: bytes, flags: int, seq: int | None = None) -> bytes | None:
     """A whole MAVLink 2 frame with other incompatibility flags and its checksum anew, without its signature.
 
-    None for MAVLink 1, and for a message that is in no dialect of ours.
+    seq: another sequence number; None: the same. Returns None for MAVLink 1, and for what is in no dialect of ours.
     """
     if frame[0] != _MAGIC_2:
         return None
     crc_extra = CRC_EXTRA.get(frame[7] | frame[8] << 8 | frame[9] << 16)
     if crc_extra is None:
         return None
-    return sealed(frame[:2] + _SEED[flags] + frame[3 : 10 + frame[1]], crc_extra)
+    number = _SEED[frame[4] if seq is None else seq % 256]
+    return sealed(frame[:2] + _SEED[flags] + frame[3:4] + number + frame[5 : 10 + frame[1]], crc_extra)
 
 
 def _stop(buffer: bytes, at: int, end: int) -> int:

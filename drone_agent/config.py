@@ -8,7 +8,6 @@ from pydantic import AliasChoices, Field, model_validator
 from drone_agent.failsafe import LAND_AFTER_S
 from drone_agent.simulation.disturbance import Disturbance
 from drone_agent.simulation.inertial import InertialError
-from drone_agent.simulation.level_error import LevelError
 from formation.config import LinkConfig
 from formation.identities import drone_identity
 from formation.model import Model, Name, SysId, Vec3Tuple
@@ -52,12 +51,8 @@ class AgentConfig(Model):
     """A stream this silent is dead: level and hold. 0 leaves it to the autopilot's own time-outs."""
     stale_land_s: NonNegative | None = None
     """Then land this long after; not given: 1 s with `pose = mocap` or a bridge, else as the autopilot itself would."""
-    accel_bias_lab_m_s2: Vec3Tuple = (0.03, -0.02, 0.02)
-    """What the inertial sensors are wrong by: how fast dead reckoning drifts without an external pose."""
     inertial_error: InertialError = InertialError()
-    """How noisy the inertial samples are that it sends, which nothing of its own is flown by."""
-    level_error: LevelError = LevelError()
-    """How far its attitude estimate wanders about the truth."""
+    """What its inertial sensors are wrong by: by them it knows its attitude, and where it is without a pose."""
     parameters: dict[str, float] = Field(default_factory=dict)
     parameter_file: Path | None = None
     """Where PARAM_SET keeps its values; not given: they die with the process."""

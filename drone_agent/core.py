@@ -11,23 +11,22 @@ from drone_agent.autopilots.models import MODELS
 from drone_agent.autopilots.parameters import Parameters
 from drone_agent.config import AgentConfig
 from drone_agent.flight.autopilot import CONTROL_NS, Autopilot
-from drone_agent.flight.estimator import ExternalPose, ExternalPositioning, OwnPositioning, Positioning
+from drone_agent.flight.estimator import Estimator, ExternalPose
 from drone_agent.flight.failsafes import Failsafes
-from drone_agent.flight.motor_failure import CHECK_PERIOD_NS
 from drone_agent.link.commands import Commander
 from drone_agent.link.inbox import READS, Inbox
 from drone_agent.link.schedule import RASTER_NS, Schedule
 from drone_agent.link.telemetry import ON_REQUEST, TelemetryBuilder
-from drone_agent.monitors import switched_off
 from drone_agent.simulation.airframe import Airframe
 from drone_agent.simulation.inertial import InertialSensor
-from drone_agent.simulation.level_error import AttitudeBias
 from drone_agent.simulation.physics import OWN, Physics
+from formation.maths.geodesy import to_globe
 from formation.messages import Datagram, Event, Truth
 from formation.vehicle.profile import on_ground, profile
 from wire.autopilots.table import AutopilotTable
 from wire.link_messages.address import DRONE_COMPONENT, Address
 from wire.link_messages.message_id import MessageId
+from wire.link_messages.motion import SimTruth
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.status import StatusText
 from wire.mavlink.codec import Codec, MavlinkError
@@ -35,7 +34,7 @@ from wire.mavlink.framing import packed
 
 _MONITOR_PERIOD_NS = 50_000_000
 _MONITOR_PERIOD_S = _MONITOR_PERIOD_NS * 1e-9
-_LAG_MAX_NS = 10_000_000
+_OWN_READY_NS, _OWN_WAITS = 2_000_000_000, "waiting for estimator to initialize"
 _LISTED_AT_ONCE = 6
 _BURST_NS = 1_000_000_000  # of telemetry: what a socket's buffer of the default size holds
 
@@ -53,38 +52,35 @@ class AgentOutgoing(NamedTuple):
 class AgentCore:
     """One simulated drone. Call `receive` with what arrives and `tick` no later than `next_deadline_ns`."""
 
-    def __init__(
-        self, config: AgentConfig, t0_ns: int, without: frozenset[str] = frozenset(), physics: Physics = OWN
-    ) -> None:
-        """without: monitors to do without (drone_agent.monitors), else ValueError; physics: what integrates it."""
-        without = switched_off(without)
+    def __init__(self, config: AgentConfig, t0_ns: int, physics: Physics = OWN) -> None:
+        """physics: what integrates the vehicle."""
         model = MODELS[config.autopilot]
         self.config = config
         self.codec = Codec(Address(config.sysid, DRONE_COMPONENT), reads=READS)
         self.parameters = Parameters(model.table, _first_values(config, model.table))
         self._t0_ns = self._now_ns = t0_ns
         start = np.array(config.start_lab_m)
-        attitude_bias = (
-            AttitudeBias(config.level_error, config.sysid, t0_ns) if config.level_error.rms_rad > 0.0 else None
-        )
-        vehicle, air = config.true_vehicle(), config.disturbance
-        self._airframe = Airframe(vehicle, air, start, config.start_yaw_rad, t0_ns, attitude_bias, physics)
-        self._inertial = InertialSensor(config.inertial_error, config.accel_bias_lab_m_s2, config.sysid, t0_ns)
-        self._positioning = _positioning(config, t0_ns)
-        self.autopilot = Autopilot(config, model, self.parameters, self._airframe, self._positioning, without)
-        self._failsafes = Failsafes(self.autopilot, profile(config.profile, config.profiles))
+        own = config.pose == "own"
+        self._estimator = Estimator(t0_ns, _OWN_READY_NS, _OWN_WAITS) if own else Estimator(t0_ns)
+        self.airframe = Airframe(
+            config.true_vehicle(), config.disturbance, start, config.start_yaw_rad, t0_ns,
+            InertialSensor(config.inertial_error, config.sysid), self._estimator, physics, has_receiver=own,
+        )  # fmt: skip
+        """The simulated vehicle, which the autopilot knows as its `vehicle`: by sensors and orders."""
+        told = profile(config.profile, config.profiles)
+        self.autopilot = Autopilot(config, model, self.parameters, self.airframe, self._estimator, told)
+        self._failsafes = Failsafes(self.autopilot)
         self._direct = config.link.kind == "udp"
         direct_hz = model.direct_rates_hz if self._direct else {}
         rates_hz = {**model.rates_hz, **direct_hz, **config.rates_hz}
         self._schedule = Schedule(rates_hz, ON_REQUEST, t0_ns)
-        self._watch_inertial()
         self._commander = Commander(config, self.autopilot, self._schedule)
         self._telemetry = TelemetryBuilder(config, self.autopilot, t0_ns)
         self._inbox = Inbox(config, self.autopilot, self._failsafes, self._commander, t0_ns, self._send, self._use_pose)
         self._outbox: list[bytes] = []
         self._events: list[Event] = []
         self._monitor_ns = self._inside_ns = t0_ns
-        self._control_ns = self._motors_ns = t0_ns
+        self._control_ns = t0_ns
         self._truth_ns = t0_ns
         self._truth_period_ns = round(1e9 / config.truth_rate_hz) if config.truth_rate_hz > 0.0 else 0
         self._saved_version = self.parameters.version
@@ -137,7 +133,7 @@ class AgentCore:
     def truth(self, now_ns: int) -> Truth:
         """The true state at `now_ns`, exactly, wherever the physics' grid lies."""
         self._run_to(now_ns)
-        state = self._airframe.state_at(now_ns)
+        state = self.airframe.state_at(now_ns)
         return Truth(
             t_ns=now_ns,
             sysid=self.config.sysid,
@@ -145,9 +141,9 @@ class AgentCore:
             vel_lab_m_s=state.vel_lab_m_s,
             q_lab_from_flu=state.q_lab_from_flu,
             rate_flu_rad_s=state.rate_flu_rad_s,
-            dist_lab_m_s2=self._airframe.push_lab_m_s2,
+            dist_lab_m_s2=self.airframe.push_lab_m_s2,
             on_ground=on_ground(state),
-            armed=self._airframe.armed,
+            armed=self.airframe.armed,
         )
 
     # Inside
@@ -158,10 +154,6 @@ class AgentCore:
             if self._control_ns < self._now_ns:
                 self._control_ns = self._rastered(self._now_ns)
             due_ns = min(due_ns, self._control_ns)
-        if self._failsafes.watches_motors:
-            if self._motors_ns < self._now_ns:
-                self._motors_ns = self._rastered(self._now_ns)
-            due_ns = min(due_ns, self._motors_ns)
         stream_ns = self._failsafes.stream_deadline_ns()
         return due_ns if stream_ns is None else min(due_ns, stream_ns)
 
@@ -169,16 +161,14 @@ class AgentCore:
         """Let everything inside happen up to `now_ns`: each at its own time."""
         while (due_ns := self._inside_ns) <= now_ns:
             self._now_ns = max(due_ns, self._now_ns)
-            self._airframe.advance_to(due_ns)
+            self.airframe.advance_to(due_ns)
             self._failsafes.check_stream(due_ns)
             if self.autopilot.piloted and due_ns >= self._control_ns:
                 self.autopilot.control(due_ns)
                 self._control_ns = due_ns + CONTROL_NS
-            if due_ns >= self._motors_ns:
-                self._failsafes.check_motors()
-                self._motors_ns = due_ns + CHECK_PERIOD_NS
             if due_ns >= self._monitor_ns:
-                self._failsafes.check(due_ns, _MONITOR_PERIOD_S)
+                self.airframe.drain(_MONITOR_PERIOD_S)
+                self._failsafes.check(due_ns)
                 self._monitor_ns = due_ns + _MONITOR_PERIOD_NS
             self._inside_ns = self._next_inside_ns()
         self._now_ns = max(now_ns, self._now_ns)
@@ -200,29 +190,27 @@ class AgentCore:
         return t_ns + (self._t0_ns - t_ns) % CONTROL_NS
 
     def _use_pose(self, pose: ExternalPose, now_ns: int) -> None:
-        frame = self._airframe
-        if now_ns - frame.t_ns > _LAG_MAX_NS:
-            frame.advance_to(now_ns)
-        self._positioning.accept(pose, now_ns, frame.state, frame.t_ns)
+        if self.config.pose == "mocap":
+            self.airframe.advance_to(now_ns)
+            self._estimator.receive_pose(pose, now_ns, self.autopilot.fusion)
 
     def _report(self, number: int, now_ns: int) -> None:
-        self._airframe.advance_to(now_ns)
+        self.airframe.advance_to(now_ns)
+        if number == MessageId.HIL_STATE_QUATERNION:  # the simulator's word, not the autopilot's
+            self._send(self._true_state(now_ns))
+            return
         message = self._telemetry.build(number, now_ns)
         if message is not None:
             self._send(message)
 
-    def _watch_inertial(self) -> None:
-        """Sample the sensors only while somebody requests HIGHRES_IMU."""
-        period_ns = self._schedule.period_ns(MessageId.HIGHRES_IMU) or 0
-        watched = period_ns > 0
-        self._inertial.finely = watched and period_ns < RASTER_NS
-        if watched != (self._airframe.inertial is not None):
-            self._inertial.reset()
-            self._airframe.inertial = self._inertial if watched else None
+    def _true_state(self, now_ns: int) -> SimTruth:
+        state = self.airframe.state
+        x, y, z = state.pos_lab_m.tolist()
+        lat, lon, alt = to_globe(self.config.origin, (x, y, z))
+        return SimTruth((now_ns - self._t0_ns) // 1000, state.q_lab_from_flu, state.vel_lab_m_s, lat, lon, alt)
 
     def _answer(self, now_ns: int) -> None:
         """What REQUEST_MESSAGE asked for, after its acknowledgement."""
-        self._watch_inertial()
         for number in self._commander.wanted:
             self._report(number, now_ns)
         for answer in self._commander.answers:
@@ -258,7 +246,7 @@ class AgentCore:
         try:
             self._outbox.append(self.codec.encode(message))
         except MavlinkError as error:
-            self._inbox.rejections.note("own telemetry", str(error), self._airframe.t_ns)
+            self._inbox.rejections.note("own telemetry", str(error), self.airframe.t_ns)
 
 
 def _first_values(config: AgentConfig, table: AutopilotTable) -> dict[str, float]:
@@ -266,9 +254,3 @@ def _first_values(config: AgentConfig, table: AutopilotTable) -> dict[str, float
     hover = round(profile(config.profile, config.profiles).hover_thrust_norm, 3)
     values = {table.system_parameter: float(config.sysid), table.hover_parameter: hover}
     return {**values, **(table.indoor if config.pose == "mocap" else {}), **config.parameters}
-
-
-def _positioning(config: AgentConfig, t0_ns: int) -> Positioning:
-    if config.pose == "own":
-        return OwnPositioning(t0_ns)
-    return ExternalPositioning(config.accel_bias_lab_m_s2)

@@ -26,6 +26,7 @@ REPORTS = {
 }
 """The report to the operator as a stage begins."""
 THRUST_LOSS = (Severity.CRITICAL, "Part of its thrust is missing: landing on what is left")
+ATTITUDE_LOSS = (Severity.CRITICAL, "It turns against its commands, a motor may be dead: motors off")
 NEW_OWNER = (Severity.WARNING, "Another ground takes over: level and hold")
 BACK = (Severity.INFO, "Setpoints are back")
 STOPPED = "stopped: ask again after 2 s at rest"

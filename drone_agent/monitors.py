@@ -13,12 +13,16 @@ MONITORS = (
     "stream-stale",  # level and hold 0.1 s after the last setpoint
     "own-land",  # land by its own clock after that
     "pose-slides",  # neither poses nor setpoints count that move as the inertial sensors do not
-    "motor-failure",  # thrust that is missing; before a simulated autopilot, a dead motor too
+    "motor-failure",  # thrust that is missing, and a body that turns as no command turns it
     "stop-latch",  # no arming after a stop until it was seen at rest
 )
 
 MONITOR_OF: Mapping[Trigger, str] = MappingProxyType(
-    {Trigger.POSE_FAULT: "pose-slides", Trigger.THRUST_LOSS: "motor-failure"}
+    {
+        Trigger.POSE_FAULT: "pose-slides",
+        Trigger.THRUST_LOSS: "motor-failure",
+        Trigger.ATTITUDE_LOSS: "motor-failure",
+    }
 )
 """The monitor that a trigger of a fault signature belongs to."""
 

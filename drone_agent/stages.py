@@ -35,12 +35,14 @@ class Trigger(Enum):
     NO_POSE = "no pose"
     POSE_FAULT = "pose fault"
     THRUST_LOSS = "thrust loss"
+    ATTITUDE_LOSS = "attitude loss"
     DISARM = "disarmed"
     STOP = "stop"
     RESTED = "at rest for 2 s"
 
 
 _ARMED = (Stage.OWN, Stage.WAIT, Stage.FOLLOW, Stage.HOLD, Stage.LAND, Stage.DESCEND)
+_SETPOINT_MODES = (Stage.WAIT, Stage.FOLLOW, Stage.HOLD, Stage.LAND, Stage.DESCEND)
 RULED = frozenset({Stage.WAIT, Stage.FOLLOW, Stage.HOLD})
 """In which setpoints have an owner."""
 
@@ -63,6 +65,7 @@ TABLE: Mapping[tuple[Stage, Trigger], Stage] = MappingProxyType(
         (Stage.HOLD, Trigger.THRUST_LOSS): Stage.LAND,
         (Stage.HOLD, Trigger.NO_POSE): Stage.DESCEND,
         (Stage.LAND, Trigger.NO_POSE): Stage.DESCEND,
+        **{(stage, Trigger.ATTITUDE_LOSS): Stage.STOPPED for stage in _SETPOINT_MODES},
         **{(stage, Trigger.DISARM): Stage.DISARMED for stage in _ARMED},
         **{(stage, Trigger.STOP): Stage.STOPPED for stage in Stage},
         (Stage.STOPPED, Trigger.RESTED): Stage.DISARMED,

@@ -64,7 +64,7 @@ class DroneNode:
         self._without = without.agent
         self.sysid = config.sysid
         # Truth is asked for at every exposure; nobody waits for it to be published.
-        self.autopilot = AgentCore(config.model_copy(update={"truth_rate_hz": 0.0}), now_ns, without.agent, physics)
+        self.autopilot = AgentCore(config.model_copy(update={"truth_rate_hz": 0.0}), now_ns, physics)
         self.guards = [BridgeCore(config, now_ns, without=without.agent)]
         model = scenario.link
         self.down = _channel(model, model.down_s, [seed, 3, config.sysid])
@@ -111,7 +111,7 @@ class DroneNode:
     def sample(self) -> Sample:
         """The true state of the drone, at the last millisecond of its physics."""
         autopilot = self.autopilot.autopilot
-        frame = autopilot.airframe
+        frame = self.autopilot.airframe
         state = frame.state
         led = autopilot.task is Task.EXTERNAL
         return Sample(

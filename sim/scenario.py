@@ -12,7 +12,7 @@ from pydantic import AliasChoices, Field, model_validator
 
 from drone_agent.config import AgentConfig
 from drone_agent.simulation.disturbance import Disturbance
-from drone_agent.simulation.level_error import LevelError
+from drone_agent.simulation.inertial import InertialError
 from formation.config import FollowerConfig, LabConfig
 from formation.maths import frames
 from formation.maths.arrays import Vec3
@@ -67,7 +67,7 @@ class TrueVehicle(Model):
     )
     bridged: bool = False
     """With real processes: its guard is a process of its own, the bridge, as before a real autopilot."""
-    level_error: LevelError = LevelError()
+    inertial_error: InertialError = InertialError()
 
 
 class ObservedLeader(Model):
@@ -244,7 +244,7 @@ def agent_configs(scenario: Scenario, leader: Playback | None) -> tuple[AgentCon
                 start_lab_m=start.pos_lab_m,
                 start_yaw_rad=start.yaw_rad,
                 disturbance=scenario.air,
-                level_error=true.level_error,
+                inertial_error=true.inertial_error,
             )
         )
     return tuple(configs)

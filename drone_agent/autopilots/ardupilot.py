@@ -4,13 +4,17 @@ Its pilot's sticks are taken as centred: the manual modes level and hold the hei
 """
 
 from collections.abc import Mapping
-from math import isfinite
+from math import isfinite, radians
 from types import MappingProxyType
+
+import numpy as np
 
 from drone_agent.autopilots.model import (
     ATTITUDE_ONLY,
     POSITIONED,
+    AttitudeFailure,
     AutopilotModel,
+    Fusion,
     ModeRequest,
     Needs,
     StatusTexts,
@@ -85,6 +89,7 @@ TEXTS = StatusTexts(
     landing="",
     landed="",
     stream_lost="",
+    attitude_lost="Crash: Disarming",
     pose_lost="EKF Failsafe: changed to LAND Mode",
     battery_low="Battery 1 is low",
     battery_critical="Battery 1 is critical",
@@ -141,6 +146,16 @@ def _fuses_pose(p: Parameters, message: LinkMessage) -> bool:
     return isinstance(message, VisionPose | MocapPose)
 
 
+def _fusion(p: Parameters) -> Fusion:
+    """As EKF3: `EK3_POS_I_GATE` 500 and `EK3_YAW_I_GATE` 300, in hundredths, and `posRetryTimeNoVel_ms` 7000."""
+    noise_and_gates = np.array([p["VISO_POS_M_NSE"], p["VISO_YAW_M_NSE"], 5.0, 3.0])
+    return Fusion(noise_and_gates, 7.0, 7.0)
+
+
+_CRASHED = AttitudeFailure(radians(30.0), 2.0)
+"""ArduCopter's crash check (`CRASH_CHECK_ANGLE_DEVIATION_DEG`, `CRASH_CHECK_TRIGGER_SEC`), of the tilt itself."""
+
+
 def _system_status(_armed: bool, landed: bool, failsafe: bool, _ready: bool) -> MavState:
     if failsafe:
         return MavState.CRITICAL
@@ -183,6 +198,8 @@ ARDUPILOT_MODEL = AutopilotModel(
     streams_positions=False,
     climb_rate_of=_climb_rate,
     fuses_pose=_fuses_pose,
+    fusion=_fusion,
+    attitude_failure=lambda _p: _CRASHED,
     system_status=_system_status,
     estimator_flags=_estimator_flags,
 )

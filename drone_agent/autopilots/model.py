@@ -9,6 +9,7 @@ from enum import Enum, Flag, auto
 from types import MappingProxyType
 
 from drone_agent.autopilots.parameters import Parameters
+from formation.maths.arrays import Float
 from formation.messages import Severity
 from wire.autopilots.table import AutopilotTable, FlightMode
 from wire.link_messages.commands import Result
@@ -110,6 +111,7 @@ class StatusTexts:
     landing: str
     landed: str
     stream_lost: str
+    attitude_lost: str
     pose_lost: str
     battery_low: str
     battery_critical: str
@@ -145,6 +147,27 @@ class Timing:
     battery_action: FlightMode | None
     return_height_m: float
     return_slope: float
+
+
+@dataclass(frozen=True, slots=True)
+class Fusion:
+    """How the estimator fuses poses.
+
+    noise_and_gates (4): standard deviations of position, m, and heading, rad; the gates of their innovations, in
+    standard deviations. A pose rejected for reset_after_s is taken for true; a position not fused for valid_s is lost.
+    """
+
+    noise_and_gates: Float
+    reset_after_s: float
+    valid_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class AttitudeFailure:
+    """Motors off where the tilt has been over tilt_rad for after_s."""
+
+    tilt_rad: float
+    after_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,6 +211,8 @@ class AutopilotModel:
     """SET_ATTITUDE_TARGET's thrust as a climb rate, m/s, or None where it is thrust."""
     fuses_pose: Callable[[Parameters, LinkMessage], bool]
     """Whether the estimator fuses this message, as it is set up."""
+    fusion: Callable[[Parameters], Fusion]
+    attitude_failure: Callable[[Parameters], AttitudeFailure | None]
     system_status: Callable[[bool, bool, bool, bool], MavState]
     """armed, landed, failsafe, ready -> MAV_STATE."""
     estimator_flags: Callable[[bool, bool], EstimatorFlag]

@@ -1,13 +1,17 @@
 """PX4 v1.16 as its peers see it: after its Commander, its failsafe table, its MAVLink module and SITL flights."""
 
 from collections.abc import Mapping
-from math import tan
+from math import radians, tan
 from types import MappingProxyType
+
+import numpy as np
 
 from drone_agent.autopilots.model import (
     ATTITUDE_ONLY,
     POSITIONED,
+    AttitudeFailure,
     AutopilotModel,
+    Fusion,
     ModeRequest,
     Needs,
     StatusTexts,
@@ -113,6 +117,7 @@ TEXTS = StatusTexts(
     landing="Landing at current position",
     landed="Landing detected",
     stream_lost="No offboard signal",
+    attitude_lost="Critical failure detected: terminate flight",
     pose_lost="Position estimate lost, descending",
     battery_low="Low battery level",
     battery_critical="Critical battery level",
@@ -166,6 +171,17 @@ def _fuses_pose(p: Parameters, message: LinkMessage) -> bool:
     return isinstance(message, VisionPose)
 
 
+def _fusion(p: Parameters) -> Fusion:
+    """As EKF2: `EKF2_HDG_GATE` 2.6, and `no_aid_timeout_max` of a second until a rejected source is taken for true."""
+    noise_and_gates = np.array([p["EKF2_EVP_NOISE"], p["EKF2_EVA_NOISE"], p["EKF2_EVP_GATE"], 2.6])
+    return Fusion(noise_and_gates, 1.0, p["EKF2_NOAID_TOUT"] * 1e-6)
+
+
+def _attitude_failure(p: Parameters) -> AttitudeFailure | None:
+    """FD_FAIL_R and FD_FAIL_P, 60 degrees for 0.3 s, which terminate the flight only where CBRK_FLIGHTTERM is 0."""
+    return None if round(p["CBRK_FLIGHTTERM"]) else AttitudeFailure(radians(60.0), 0.3)
+
+
 def _system_status(armed: bool, _landed: bool, failsafe: bool, ready: bool) -> MavState:
     if armed:
         return MavState.CRITICAL if failsafe else MavState.ACTIVE
@@ -204,6 +220,8 @@ PX4_MODEL = AutopilotModel(
     streams_positions=True,
     climb_rate_of=lambda _p, _thrust: None,
     fuses_pose=_fuses_pose,
+    fusion=_fusion,
+    attitude_failure=_attitude_failure,
     system_status=_system_status,
     estimator_flags=_estimator_flags,
 )

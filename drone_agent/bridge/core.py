@@ -19,12 +19,14 @@ from drone_agent.bridge.outgoing import BridgeOutgoing, datagrams
 from drone_agent.bridge.setpoints import SETPOINTS, BridgeSetpoints, stamp_ms
 from drone_agent.bridge.takeover import STEP_NS, Takeover, Turn
 from drone_agent.config import AgentConfig
-from drone_agent.failsafe import BACK, NEW_OWNER, REPORTS, STOPPED, THRUST_LOSS, pose_fault
+from drone_agent.failsafe import ATTITUDE_LOSS, BACK, NEW_OWNER, REPORTS, STOPPED, THRUST_LOSS, pose_fault
 from drone_agent.guard.integrity import SIGNATURES
 from drone_agent.guard.navigator import Fault
 from drone_agent.monitors import MONITOR_OF, switched_off
 from drone_agent.stages import Stage, Trigger
+from formation.maths.arrays import Quat
 from formation.messages import Datagram, Event, LabFrame, Severity
+from formation.vehicle.profile import profile
 from wire.autopilots.ardupilot import ARDUPILOT
 from wire.autopilots.px4 import PX4
 from wire.autopilots.table import STREAM_MODES, AutopilotTable
@@ -51,6 +53,7 @@ from wire.mavlink.framing import Frame, FrameCutter, renumbered
 
 _BEAT_NS = 1_000_000_000
 _HEARTBEAT = Heartbeat(MavAutopilot.INVALID, MavType.ONBOARD_CONTROLLER, 0, 0, MavState.ACTIVE)
+_AGAIN_NS = 100_000_000  # between requests to stop the motors
 _SILENT_NS = 1_500_000_000  # of heartbeats a second: it may have restarted, and forgotten its origin
 _TABLES = {table.autopilot: table for table in (PX4, ARDUPILOT)}
 
@@ -81,7 +84,9 @@ class BridgeCore:
         self._received_ns = t0_ns
         self._beat_ns = t0_ns
         signatures = tuple(row for row in SIGNATURES if MONITOR_OF[row.trigger] not in without)
-        self._estimate = BodyEstimate(config.true_vehicle(), config.sysid, signatures)
+        told = profile(config.profile, config.profiles)
+        self._estimate = BodyEstimate(told, config.sysid, signatures)
+        self._watches_attitude = "motor-failure" not in without
         self._hold = BridgeHold(self._estimate)
         self._hold_ns = t0_ns
         self._inertial = InertialStream(self._target, config.inertial_rate_hz, self._estimate, t0_ns)
@@ -91,6 +96,8 @@ class BridgeCore:
         self._intercepted: dict[Address, int] = {}
         """How many frames of each sender beside the autopilot's link ended here: the ground must not miss them."""
         self._rate_offset_reported = False
+        self._disarm_ns: int | None = None
+        """When it is disarmed again, after its attitude was lost."""
         self._to_ground: list[bytes] = []
         self._to_autopilot: list[bytes] = []
         self._events: list[Event] = []
@@ -220,7 +227,7 @@ class BridgeCore:
             self._report(Severity.INFO, f"Age of setpoints of {source} unknown: no TIMESYNC")
         if filtered.target is not None:
             self._hold.note(filtered.target, now_ns)
-            self._note_thrust(filtered.target.thrust_norm)
+            self._note_command(filtered.target.thrust_norm, filtered.target.q_lab_from_flu)
         if back:
             self._report(*BACK)
         return True
@@ -311,7 +318,7 @@ class BridgeCore:
         offboard = table.mode_of(beat.custom_mode) in STREAM_MODES
         self._takeover.saw(self._now_ns, armed=beat.armed, offboard=offboard)
         if not self._takeover.is_flown_by_setpoints:
-            self._note_thrust(math.nan)
+            self._note_command(math.nan)
 
     def _act(self, turn: Turn) -> None:
         """Carry out what the fail-safe asks for."""
@@ -339,6 +346,18 @@ class BridgeCore:
         if self._estimate.is_thrust_lost(now_ns) and self._takeover.on_fault(Trigger.THRUST_LOSS, now_ns):
             self._report(*THRUST_LOSS)
             self._hold.begin(now_ns)
+        if self._watches_attitude and self._estimate.is_attitude_lost(now_ns):
+            self._stop_the_motors()
+
+    def _stop_the_motors(self) -> None:
+        """Of a body that nobody holds any more; again until it is disarmed."""
+        if self._takeover.on_fault(Trigger.ATTITUDE_LOSS, self._now_ns):
+            self._report(*ATTITUDE_LOSS)
+            self._disarm_ns = self._now_ns
+        if self._disarm_ns is not None and self._takeover.armed and self._now_ns >= self._disarm_ns:
+            self._disarm_ns = self._now_ns + _AGAIN_NS
+            off = command_long(self._target, MavCommand.COMPONENT_ARM_DISARM, 0.0, DISARM_IN_FLIGHT)
+            self._send_autopilot(off)
 
     def _fly(self, *, down: bool, open_loop: bool) -> None:
         """One attitude target of our own."""
@@ -347,7 +366,7 @@ class BridgeCore:
         wanted = self._hold.descend_open_loop(dt_s) if open_loop else self._hold.step(self._now_ns, dt_s, down=down)
         t_boot_ms = self._now_ns // 1_000_000 % 2**32  # on the clock of our answers to TIMESYNC
         rate, thrust = np.zeros(3), wanted.thrust_norm
-        self._note_thrust(thrust)
+        self._note_command(thrust, wanted.q_lab_from_flu)
         self._send_autopilot(
             AttitudeSetpoint(self._target, t_boot_ms, wanted.q_lab_from_flu, rate, thrust, Ignore.BODY_RATES)
         )
@@ -355,16 +374,16 @@ class BridgeCore:
     def _mode_unknown(self) -> None:
         """The ground sent a command that may change mode or arming."""
         self._takeover.mode_unknown()
-        self._note_thrust(math.nan)
+        self._note_command(math.nan)
 
-    def _note_thrust(self, thrust_norm: float) -> None:
+    def _note_command(self, thrust_norm: float, q_lab_from_flu: Quat | None = None) -> None:
         """A commanded thrust, which carries the body where the autopilot follows it and no floor does.
 
         An autopilot that gets no poses may fly by itself.
         """
         known = self._takeover.is_flown_by_setpoints and not self._feed.is_rejecting
         flown = known and not self._feed.stands
-        self._estimate.receive_thrust(self._now_ns, thrust_norm if flown else math.nan)
+        self._estimate.receive_command(self._now_ns, thrust_norm if flown else math.nan, q_lab_from_flu)
 
     def _report_age(self, source: Address, stamp: int, now_ns: int) -> None:
         rate_hz = self._config.age_rate_hz

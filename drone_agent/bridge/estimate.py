@@ -4,6 +4,7 @@ Times are of our monotonic clock. No bytes.
 """
 
 import math
+from operator import mul
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from drone_agent.guard.integrity import SIGNATURES, Signature
 from drone_agent.guard.navigator import SOURCES, Fault, Navigator
 from formation.maths.arrays import Quat, Vec3
+from formation.maths.quaternion import thrust_axis
 from formation.messages import Innovation
 from formation.navigation.receive import Input, RejectReason
 from formation.navigation.state import POS, Airframe
@@ -28,6 +30,10 @@ _LOSS_LASTS_NS, _LOSS_LEFT = 200_000_000, 0.875
 """Less of the thrust scale than half of the least loss in the table takes, so long after it was detected."""
 _UPSET_RAD_S = 2.0
 """Half of what an autopilot turns with at most (MC_ROLLRATE_MAX 220 degrees/s); a formation turns with 1."""
+_TUMBLES, _TUMBLES_NS = 1.5, 50_000_000
+"""Times the largest rate that its autopilot commands."""
+_STRAYS_COS, _STRAYS_NS = math.cos(math.radians(30.0)), 200_000_000
+"""The angle of ArduCopter's crash check. A working loop is nearer to any target by then."""
 _FLAGS = (
     EstimatorFlag.ATTITUDE
     | EstimatorFlag.VELOCITY_HORIZ
@@ -62,6 +68,10 @@ class BodyEstimate:
         self._stands = True
         self._pose_fault = ""
         self._faults: list[Fault] = []
+        self._commanded_up: tuple[float, float, float] | None = None
+        """Where the thrust is commanded to point; None: nobody knows."""
+        self._tumbles_since_ns: int | None = None
+        self._strays_since_ns: int | None = None
         self._loss: tuple[int, float] | None = None
         """When a loss of thrust was detected, and the thrust scale then."""
 
@@ -69,6 +79,7 @@ class BodyEstimate:
         """A HIGHRES_IMU, the mean until t_ns; a rate that is not known counts as none."""
         rate = self._rate_flu_rad_s = _known(sample.rate_flu_rad_s)
         self._navigator.receive_imu(_ONE, np.array([t_ns]), sample.specific_force_flu_m_s2[None], rate[None])
+        self._note_rate(t_ns)
         self._collect_faults()
 
     def receive_attitude(self, t_ns: int, attitude: AttitudeQuaternion) -> None:
@@ -76,18 +87,23 @@ class BodyEstimate:
         q, rate = attitude.q_lab_from_flu, attitude.rate_flu_rad_s
         self._rate_flu_rad_s = _known(rate)
         self._navigator.receive_attitude(_ONE, np.array([t_ns]), q[None], rate[None])
+        self._note_rate(t_ns)
+        self._note_lean(t_ns, q)
         self._collect_faults()
 
-    def receive_thrust(self, t_ns: int, thrust_norm: float) -> None:
-        """The thrust that the autopilot is commanded from t_ns on; NaN: it is on the ground, or nobody knows.
+    def receive_command(self, t_ns: int, thrust_norm: float, q_lab_from_flu: Quat | None = None) -> None:
+        """Thrust and attitude that the autopilot is commanded from t_ns on; NaN: it is on the ground, or nobody knows.
 
         Of a body that turns fast nobody knows: its mixer gives thrust away to turn it.
 
         The first of a flight is taken for the one that carries the body: the profile may be another vehicle's.
         """
         x_rad_s, y_rad_s, _ = self._rate_flu_rad_s.tolist()
-        known = math.isfinite(thrust_norm) and math.hypot(x_rad_s, y_rad_s) < _UPSET_RAD_S
-        self._loss = self._loss if known else None
+        flown = math.isfinite(thrust_norm)
+        self._commanded_up = thrust_axis(q_lab_from_flu) if flown and q_lab_from_flu is not None else None
+        known = flown and math.hypot(x_rad_s, y_rad_s) < _UPSET_RAD_S
+        if self._loss is not None and not known:
+            self._loss = (t_ns, self._loss[1]) if flown else None  # what a turn hides is looked at after it
         thrust_m_s2 = self._vehicle.thrust_n_of(thrust_norm) / self._vehicle.mass_kg if known else math.nan
         if known and not self._flown:
             self._flown = True
@@ -129,6 +145,26 @@ class BodyEstimate:
         self._loss = self._loss if lost else None
         return lost
 
+    def is_attitude_lost(self, now_ns: int) -> bool:
+        """Whether it tumbles, or leans otherwise than commanded, for longer than an autopilot that works lets it.
+
+        Who only spins about its own up, as a heavy body does with a motor dead, is let down on what is left.
+        """
+        if self._stands:
+            self._tumbles_since_ns = self._strays_since_ns = None
+        tumbles = self._tumbles_since_ns is not None and now_ns - self._tumbles_since_ns >= _TUMBLES_NS
+        return tumbles or (self._strays_since_ns is not None and now_ns - self._strays_since_ns >= _STRAYS_NS)
+
+    def _note_rate(self, t_ns: int) -> None:
+        x_rad_s, y_rad_s, _ = self._rate_flu_rad_s.tolist()
+        tumbles = math.hypot(x_rad_s, y_rad_s) > _TUMBLES * self._vehicle.rate_max_rad_s
+        self._tumbles_since_ns = _since(self._tumbles_since_ns, t_ns, lasts=tumbles)
+
+    def _note_lean(self, t_ns: int, q_lab_from_flu: Quat) -> None:
+        up = self._commanded_up
+        strays = up is not None and sum(map(mul, up, thrust_axis(q_lab_from_flu))) < _STRAYS_COS
+        self._strays_since_ns = _since(self._strays_since_ns, t_ns, lasts=strays)
+
     def _collect_faults(self) -> None:
         for fault in self._navigator.new_faults():
             self._faults.append(fault)
@@ -166,6 +202,11 @@ class BodyEstimate:
             int(_FLAGS) if body.status.begun else int(EstimatorFlag.EKF_UNINITIALIZED), False, now_ns // 1000,
             max(x, y), z, math.sqrt(variance[0] + variance[1]), math.sqrt(variance[2]),
         )  # fmt: skip
+
+
+def _since(since_ns: int | None, t_ns: int, *, lasts: bool) -> int | None:
+    """Since when something lasts."""
+    return (t_ns if since_ns is None else since_ns) if lasts else None
 
 
 def _known(rate_flu_rad_s: Vec3) -> Vec3:

@@ -107,9 +107,9 @@ class BridgeHold:
         return LoopSetpoint(from_yaw(np.array(self._yaw_rad)), NO_RATE, thrust)
 
     def _begin_to_sink(self) -> float:
-        """What carries it, fixed once: by a wrong pose alone it would seem lighter the less thrust it has."""
-        if self._sink_norm is None:
-            self._sink_norm = self._estimate.hover_thrust_norm
+        """The least that carried it since: motors that give all again would throw it up."""
+        now = self._estimate.hover_thrust_norm
+        self._sink_norm = now if self._sink_norm is None else min(self._sink_norm, now)
         return self._sink_norm
 
     def _open_loop_share(self) -> float:

@@ -8,17 +8,26 @@ asked of their model.
 from dataclasses import dataclass
 from math import hypot
 
-from drone_agent.autopilots.model import AutopilotModel, ModeRow, Needs, StreamLoss, Task, Timing
+from drone_agent.autopilots.model import (
+    AttitudeFailure,
+    AutopilotModel,
+    Fusion,
+    ModeRow,
+    Needs,
+    StreamLoss,
+    Task,
+    Timing,
+)
 from drone_agent.autopilots.parameters import Parameters
 from drone_agent.config import AgentConfig
-from drone_agent.flight.estimator import Belief, Positioning, believed, turned
+from drone_agent.flight.estimator import Belief, Estimator
 from drone_agent.flight.flying import Pilot
 from drone_agent.flight.landing import LandDetector
 from drone_agent.flight.stream import SetpointStream
-from drone_agent.simulation.airframe import Airframe
-from drone_agent.simulation.attitude_loop import LoopSetpoint
+from drone_agent.flight.vehicle import Vehicle
 from formation.messages import Severity
 from formation.model import Vec3Tuple
+from formation.vehicle.profile import VehicleProfile
 from wire.autopilots.table import STREAM_MODES, FlightMode
 from wire.link_messages.commands import Result
 
@@ -42,16 +51,16 @@ class Autopilot:
         config: AgentConfig,
         model: AutopilotModel,
         parameters: Parameters,
-        airframe: Airframe,
-        positioning: Positioning,
-        without: frozenset[str] = frozenset(),
+        vehicle: Vehicle,
+        estimator: Estimator,
+        told: VehicleProfile,
     ) -> None:
-        """without: monitors that are switched off (drone_agent.monitors)."""
+        """told: what it is set up for, whatever it really flies."""
         self.model = model
         self.parameters = parameters
-        self.airframe = airframe
-        self.positioning = positioning
-        self.without = without
+        self.vehicle = vehicle
+        self.estimator = estimator
+        self.told = told
         self.armed = False
         self.mode = model.boot_mode
         self.failsafe = False
@@ -63,7 +72,7 @@ class Autopilot:
         self.armed_ns = 0
         self.origin: Vec3Tuple | None = config.origin if config.pose == "own" else None
         """Of the estimate's frame on the globe, if anybody has said."""
-        self.pilot = Pilot(airframe.profile)
+        self.pilot = Pilot(told)
         self.piloted = False
         """Whether the agent flies by itself, so that `control` is due every CONTROL_NS."""
         self._mode_after_disarm = model.boot_mode
@@ -71,6 +80,8 @@ class Autopilot:
         self._read_version = parameters.version
         self._timing = model.timing(parameters)
         self._stream_loss = model.stream_loss(parameters)
+        self._fusion = model.fusion(parameters)
+        self._attitude_failure = model.attitude_failure(parameters)
 
     @property
     def row(self) -> ModeRow:
@@ -106,9 +117,22 @@ class Autopilot:
         """Whether attitude targets rule, or would if they came."""
         return self.armed and self.mode in STREAM_MODES
 
-    def belief(self, now_ns: int) -> Belief:
+    @property
+    def fusion(self) -> Fusion:
+        """How its estimator fuses poses, as the parameters have it now."""
+        self._reread()
+        return self._fusion
+
+    @property
+    def attitude_failure(self) -> AttitudeFailure | None:
+        """When it stops its motors since it lies on its side, as the parameters have it now."""
+        self._reread()
+        return self._attitude_failure
+
+    @property
+    def belief(self) -> Belief:
         """Where it thinks it is."""
-        return believed(self.airframe.state, self.positioning.offset(now_ns))
+        return self.estimator.belief()
 
     def report(self, severity: Severity, text: str, *fills: str) -> None:
         """Send the operator a text; an empty one is not sent."""
@@ -122,7 +146,7 @@ class Autopilot:
         row = self.row
         if not row.may_arm:
             return self.model.texts.not_armable.format(row.label)
-        if self.airframe.pack.remaining < self.timing.battery_critical:
+        if self.vehicle.pack.remaining < self.timing.battery_critical:
             return "low battery"
         return self.missing(row.needs, now_ns)
 
@@ -130,7 +154,7 @@ class Autopilot:
         """The first of a mode's needs that is not met, in words."""
         if Needs.POSITION in needs:
             fault = self.position_fault(now_ns)
-            if fault is not None and not (self.armed and self.positioning.valid(now_ns)):
+            if fault is not None and not (self.armed and self.estimator.valid(now_ns)):
                 return self.model.texts.no_position.format(fault)
         if Needs.GLOBE in needs and self.origin is None and self.armed:
             return "no valid global position estimate"
@@ -144,7 +168,7 @@ class Autopilot:
         """Why there is no position to arm on, or None."""
         if self.model.table.needs_origin and self.origin is None:
             return "EKF origin not set"
-        return self.positioning.fault(now_ns)
+        return self.estimator.fault(now_ns)
 
     def arm(self, now_ns: int, *, force: bool = False) -> Result:
         """Arm after the checks, or past them by force; arming what is armed is accepted."""
@@ -155,10 +179,10 @@ class Autopilot:
             for words in self.model.texts.arm_rejected:
                 self.report(Severity.CRITICAL, words, fault)
             return self.model.rejected
-        self.armed = self.airframe.armed = True
+        self.armed = self.vehicle.armed = True
         self.failsafe = False
         self.armed_ns = now_ns
-        self.home = self.belief(now_ns)
+        self.home = self.belief
         self.pilot.set_home(self.home)
         self.report(Severity.INFO, self.model.texts.armed)
         self._start_task(now_ns)
@@ -172,8 +196,8 @@ class Autopilot:
         self.stream.end()
         if not self.armed:
             return Result.ACCEPTED
-        self.armed = self.airframe.armed = False
-        self.airframe.order_now(self.pilot.idle())
+        self.armed = self.vehicle.armed = False
+        self.vehicle.order_now(self.pilot.idle())
         self.piloted = self.failsafe = False
         self.detector.landed = True
         if self.model.restores_mode and self.mode is not FlightMode.TERMINATION:
@@ -211,7 +235,7 @@ class Autopilot:
             return self.change_mode(FlightMode.TAKEOFF, now_ns)
         if not self.in_stream_mode or not self.landed or height_m is None or height_m <= 0.0:
             return self.model.rejected
-        self.fly(Task.TAKEOFF, now_ns, rise_m=height_m)
+        self.fly(Task.TAKEOFF, rise_m=height_m)
         return Result.ACCEPTED
 
     def land(self, now_ns: int) -> Result:
@@ -231,7 +255,7 @@ class Autopilot:
                 return result
         elif not self.in_stream_mode:
             return self.model.rejected
-        self.fly(Task.HOLD, now_ns)
+        self.fly(Task.HOLD)
         self.pilot.go_to(goal_lab_m, yaw_rad)
         return Result.ACCEPTED
 
@@ -252,14 +276,14 @@ class Autopilot:
         flown = task or self.row.task
         if flown is Task.OFF:
             self.terminate()
-        elif flown in (Task.HOLD, Task.RETURN, Task.LAND) and not self.positioning.valid(now_ns):
-            self.fly(Task.DESCEND, now_ns)
+        elif flown in (Task.HOLD, Task.RETURN, Task.LAND) and not self.estimator.valid(now_ns):
+            self.fly(Task.DESCEND)
         elif task is not None:
-            self.fly(task, now_ns)
+            self.fly(task)
 
-    def fly(self, task: Task, now_ns: int, *, rise_m: float = 0.0) -> None:
+    def fly(self, task: Task, *, rise_m: float = 0.0) -> None:
         """Let the pilot take `task` up from here."""
-        belief = self.belief(now_ns)
+        belief = self.belief
         goal_m = belief.pos_lab_m[2] + rise_m
         if task is Task.RETURN:
             goal_m = self._return_height_m(belief)
@@ -271,21 +295,20 @@ class Autopilot:
     def control(self, now_ns: int) -> None:
         """The pilot's next setpoint, every CONTROL_NS while `piloted`."""
         if self.landed and not self.pilot.asks_to_rise:
-            self.airframe.order_now(self.pilot.idle())
+            self.vehicle.order_now(self.pilot.idle())
             return
-        belief = self.belief(now_ns)
+        belief = self.belief
         setpoint = self.pilot.step(belief, self.timing, _CONTROL_S, carried=self.carried)
-        true_q = turned(setpoint.q_lab_from_flu, -self.positioning.yaw_rad)
-        self.airframe.order_now(LoopSetpoint(true_q, setpoint.rate_flu_rad_s, setpoint.thrust_norm))
+        self.vehicle.order_now(setpoint)
         if not self.pilot.arrived(belief):
             return
         if self.pilot.task is Task.TAKEOFF:
             if self.model.takeoff_in_own_mode:
                 self.enter(FlightMode.HOLD, now_ns)
             else:
-                self.fly(Task.HOLD, now_ns)
+                self.fly(Task.HOLD)
         elif self.pilot.task is Task.RETURN:
-            self.fly(Task.LAND, now_ns)
+            self.fly(Task.LAND)
 
     def _start_task(self, now_ns: int) -> None:
         """Do what the mode does. A stream that is alive takes over with its next target; until then, hold."""
@@ -293,13 +316,13 @@ class Autopilot:
         self.stream.end()
         if task is Task.EXTERNAL:
             self.stream.begin(now_ns, self.stream_loss.after_s)
-            task = Task.HOLD if self.positioning.valid(now_ns) else Task.LEVEL
+            task = Task.HOLD if self.estimator.valid(now_ns) else Task.LEVEL
         if task is Task.TAKEOFF:
             rise_m = self._rise_m if self._rise_m is not None else self.timing.takeoff_height_m
             self._rise_m = None
-            self.fly(task, now_ns, rise_m=rise_m if self.landed else 0.0)
+            self.fly(task, rise_m=rise_m if self.landed else 0.0)
         elif task is not Task.OFF:
-            self.fly(task, now_ns)
+            self.fly(task)
 
     def _return_height_m(self, belief: Belief) -> float:
         """Height to fly home at: a cone over the home place, never below the present height."""
@@ -314,3 +337,5 @@ class Autopilot:
             self._read_version = self.parameters.version
             self._timing = self.model.timing(self.parameters)
             self._stream_loss = self.model.stream_loss(self.parameters)
+            self._fusion = self.model.fusion(self.parameters)
+            self._attitude_failure = self.model.attitude_failure(self.parameters)

@@ -1,34 +1,33 @@
-"""Where the autopilot believes it is: dead reckoning put right by an external pose, or by its own simulated receiver.
+"""Where the autopilot believes it is, by its inertial samples and the positions and headings that come to it.
 
-The inertial sensors are ideal but for a constant bias, so the estimate is the true motion plus an offset, and
-the filter is the offset's: bias drives it, accepted poses pull it back. The rules of acceptance are those an
-EKF has: fresh, in order, finite, upright as the inertial sensors are, and near where the estimate says.
+The filter is drone_agent.flight.ekf. What is here are the times: of a pose, of a source that has failed its gate for so
+long that the estimate is set to it, of the last one fused. The sources are mocap poses, or a simulated GNSS receiver
+with a compass.
 """
 
 import math
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
-from formation.maths.arrays import Quat, Vec3
+from drone_agent.autopilots.model import Fusion
+from drone_agent.flight import ekf
+from drone_agent.flight.vehicle import ImuSample
+from formation.maths.arrays import Float, Quat, Vec3
 from formation.model import Vec3Tuple
-from formation.safety.attitude_innovation import Tilt, tilt
-from formation.vehicle.profile import VehicleState
 
 _AGE_MAX_NS = 500_000_000
 _FRESH_NS = 300_000_000
 _READY_AFTER_NS = 1_000_000_000
-_VALID_NS = 1_000_000_000
-_RESET_AFTER_NS = 1_000_000_000
-_POS_INNOVATION_MAX_M = 0.3
-_POS_INNOVATION_GROWTH_M_S = 0.3
-_YAW_INNOVATION_MAX_RAD = 0.35
-_TILT_INNOVATION_COS = math.cos(0.35)
-_OWN_READY_NS = 2_000_000_000
-# Fraction of a pose's innovation believed at once; the velocity gain that damps it critically.
-_GAIN = 0.2
-_GAIN_VEL = _GAIN * _GAIN / (2.0 - _GAIN)
-_GAIN_YAW = 0.02
+_RESETS = 5
+"""Of the position while rejected; then it is fused no more (EKF2's `_nb_ev_pos_reset_available`)."""
+_REST_M_S = 0.03
+_UNSTEADY = "external pose not steady yet"
+_FIX = Fusion(np.array([0.001, 0.01, 5.0, 5.0]), 1.0, 5.0)
+"""Of the simulated receiver and compass, which are exact."""
+PLANE, HEIGHT, HEADING = 0, 1, 2
+_AXES = ((0, 2), (2, 3))
+_REASONS = ("external position jumped", "external height jumped", "external heading jumped")
 
 
 class ExternalPose(NamedTuple):
@@ -39,14 +38,6 @@ class ExternalPose(NamedTuple):
     q_lab_from_flu: Quat
 
 
-class Offset(NamedTuple):
-    """What the estimate is off by: turned by `yaw_rad` about lab z, then shifted."""
-
-    pos_lab_m: Vec3Tuple = (0.0, 0.0, 0.0)
-    vel_lab_m_s: Vec3Tuple = (0.0, 0.0, 0.0)
-    yaw_rad: float = 0.0
-
-
 class Belief(NamedTuple):
     """Where the autopilot thinks it is, in its own estimate's frame (`lab` if the external pose is right)."""
 
@@ -55,165 +46,103 @@ class Belief(NamedTuple):
     yaw_rad: float
 
 
-NO_OFFSET = Offset()
+class Estimator:
+    """Of one autopilot, which boots at t0_ns, standing level."""
 
-
-def believed(state: VehicleState, offset: Offset) -> Belief:
-    """The truth as the estimate has it."""
-    pos, vel = state.pos_lab_m.tolist(), state.vel_lab_m_s.tolist()
-    yaw = heading(state.q_lab_from_flu.tolist())
-    if offset is NO_OFFSET:
-        return Belief(tuple(pos), tuple(vel), yaw)
-    c, s = math.cos(offset.yaw_rad), math.sin(offset.yaw_rad)
-    ox, oy, oz = offset.pos_lab_m
-    ux, uy, uz = offset.vel_lab_m_s
-    return Belief(
-        (c * pos[0] - s * pos[1] + ox, s * pos[0] + c * pos[1] + oy, pos[2] + oz),
-        (c * vel[0] - s * vel[1] + ux, s * vel[0] + c * vel[1] + uy, vel[2] + uz),
-        math.remainder(yaw + offset.yaw_rad, math.tau),
-    )
-
-
-def turned(q_lab_from_flu: Quat, yaw_rad: float) -> Quat:
-    """The attitude turned by `yaw_rad` about lab z."""
-    if yaw_rad == 0.0:
-        return q_lab_from_flu
-    w, x, y, z = q_lab_from_flu.tolist()
-    c, s = math.cos(0.5 * yaw_rad), math.sin(0.5 * yaw_rad)
-    turn = (c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w)
-    return np.array(turn if turn[0] >= 0.0 else tuple(-e for e in turn))
-
-
-def heading(q: list[float]) -> float:
-    """Heading of the body's forward axis about lab z, rad."""
-    w, x, y, z = q
-    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-
-
-class Positioning(Protocol):
-    """A source of position: what the estimate is off by, and whether to arm or fly on it."""
-
-    def offset(self, now_ns: int) -> Offset:
-        """What the estimate is off by."""
-        ...
-
-    @property
-    def yaw_rad(self) -> float:
-        """What the estimate's heading is off by."""
-        ...
-
-    def valid(self, now_ns: int) -> bool:
-        """Whether a flight may go on with it."""
-        ...
-
-    def fault(self, now_ns: int) -> str | None:
-        """Why one must not arm on it, or None."""
-        ...
-
-    def accept(self, pose: ExternalPose, now_ns: int, state: VehicleState, t_state_ns: int) -> bool:
-        """Whether an external pose was used; `state` is the truth at `t_state_ns`, near the capture."""
-        ...
-
-
-class OwnPositioning:
-    """An autopilot's simulated receiver: exact, ready a moment after boot; it ignores external poses."""
-
-    def __init__(self, t0_ns: int) -> None:
-        self._ready_ns = t0_ns + _OWN_READY_NS
-
-    def offset(self, now_ns: int) -> Offset:  # noqa: ARG002
-        """Nothing."""
-        return NO_OFFSET
-
-    @property
-    def yaw_rad(self) -> float:
-        """Nothing."""
-        return 0.0
-
-    def valid(self, now_ns: int) -> bool:
-        """Once it has found itself."""
-        return now_ns >= self._ready_ns
-
-    def fault(self, now_ns: int) -> str | None:
-        """Until it has found itself."""
-        return None if self.valid(now_ns) else "waiting for estimator to initialize"
-
-    def accept(self, pose: ExternalPose, now_ns: int, state: VehicleState, t_state_ns: int) -> bool:  # noqa: ARG002
-        """Never."""
-        return False
-
-
-class ExternalPositioning:
-    """The external pose alone: not ready without it, valid for a second after it."""
-
-    def __init__(self, bias_lab_m_s2: Vec3Tuple) -> None:
-        self._bias = bias_lab_m_s2
-        self._pos = [0.0, 0.0, 0.0]
-        self._vel = [0.0, 0.0, 0.0]
-        self.yaw_rad = 0.0
-        self._t_ns = 0
+    def __init__(self, t0_ns: int, ready_after_ns: int = _READY_AFTER_NS, waits: str = _UNSTEADY) -> None:
+        """ready_after_ns: how long poses must have come without a gap before one may arm on them; waits: said until."""
+        self._x, self._cov = np.empty(16), np.empty((ekf.ERRORS, ekf.ERRORS))
+        self._history = np.full((ekf.HISTORY, 5), -math.inf)
+        self._row = 0
+        self._climbed = np.zeros(1)
+        self._ratios = np.zeros(3)
+        ekf.begin(self._x, self._cov, np.zeros(3), 0.0)
+        self._history[0] = 0.0
+        self.t_ns = self._t0_ns = t0_ns
+        self.rate_flu_rad_s: Vec3 = np.zeros(3)
+        """At the newest inertial sample; overwritten by the next."""
+        self._ready_after_ns, self._waits = ready_after_ns, waits
         self._capture_ns = -(2**62)
-        self._good_ns: int | None = None  # receipt of the last accepted pose
-        self._since_ns = 0  # start of the present unbroken run of accepted poses
+        self._fused_ns: list[int | None] = [None, None, None]
+        self._since_ns = 0  # start of the present unbroken run of fused poses
+        self._resets = _RESETS
+        self._valid_ns = 0
         self._reject_reason = "no external pose"
         self.rejected = 0
 
-    def offset(self, now_ns: int) -> Offset:
-        """What the last pose left, and the drift since."""
-        self._drift(now_ns)
-        px, py, pz = self._pos
-        vx, vy, vz = self._vel
-        return Offset((px, py, pz), (vx, vy, vz), self.yaw_rad)
+    @property
+    def q_lab_from_flu(self) -> Quat:
+        """The attitude at the newest inertial sample; a view."""
+        return self._x[0:4]
+
+    @property
+    def pos_lab_m(self) -> Vec3:
+        """The position then; a view."""
+        return self._x[ekf.POS : ekf.POS + 3]
+
+    @property
+    def vel_lab_m_s(self) -> Vec3:
+        """The velocity then; a view."""
+        return self._x[ekf.VEL : ekf.VEL + 3]
+
+    @property
+    def climbed_m_s(self) -> float:
+        """The climb since boot by the inertial samples alone: its differences are what no pose can feign."""
+        return float(self._climbed[0])
+
+    def belief(self) -> Belief:
+        """The estimate at the newest inertial sample."""
+        _, _, _, _, vx, vy, vz, x, y, z = self._x[:10].tolist()
+        return Belief((x, y, z), (vx, vy, vz), ekf.heading_of(self._x))
+
+    def receive_sample(self, sample: ImuSample) -> Quat:
+        """Advance to a sample; returns the attitude then."""
+        self._row = (self._row + 1) % ekf.HISTORY
+        dt_s, self.t_ns = (sample.t_ns - self.t_ns) * 1e-9, sample.t_ns
+        t_s = (sample.t_ns - self._t0_ns) * 1e-9
+        ekf.predict(
+            self._x, self._cov, sample.values, t_s, dt_s, self._history, self._row, self._climbed, self.rate_flu_rad_s
+        )
+        return self._x[0:4]
+
+    def receive_fix(self, t_ns: int, pos_lab_m: Vec3, q_lab_from_flu: Quat) -> None:
+        """A position and heading of the autopilot's own receiver and compass."""
+        self.receive_pose(ExternalPose(t_ns, pos_lab_m, q_lab_from_flu), t_ns, _FIX)
+
+    def rest(self) -> None:
+        """It is disarmed: it stands still."""
+        ekf.observe_rest(self._x, self._cov, self._history, _REST_M_S)
 
     def valid(self, now_ns: int) -> bool:
-        """Dead reckoning is trusted for a second."""
-        return self._good_ns is not None and now_ns - self._good_ns < _VALID_NS
+        """Whether a flight may go on with the position."""
+        fused_ns = self._fused_ns[PLANE]
+        return fused_ns is not None and now_ns - fused_ns < self._valid_ns
 
     def fault(self, now_ns: int) -> str | None:
-        """Stale, refused, or not steady for a second yet."""
-        if self._good_ns is None or now_ns - self._good_ns > _FRESH_NS:
+        """Why one must not arm on it: no pose, rejected, or not steady yet."""
+        fused_ns = self._fused_ns[PLANE]
+        if fused_ns is None or now_ns - fused_ns > _FRESH_NS:
             return self._reject_reason
-        return None if self._good_ns - self._since_ns >= _READY_AFTER_NS else "external pose not steady yet"
+        return None if fused_ns - self._since_ns >= self._ready_after_ns else self._waits
 
-    def accept(self, pose: ExternalPose, now_ns: int, state: VehicleState, t_state_ns: int) -> bool:
-        """Correct the estimate by a pose that passes every test; a refusal is counted and its reason kept."""
-        q, true_q = pose.q_lab_from_flu.tolist(), state.q_lab_from_flu.tolist()
-        yaw = math.remainder(heading(q) - heading(true_q), math.tau)
-        self._drift(now_ns)
-        lost = self._good_ns is None or now_ns - self._good_ns > _RESET_AFTER_NS
-        predicted = believed(state, Offset(yaw_rad=yaw if lost else self.yaw_rad))
-        dt_s = (pose.t_capture_ns - t_state_ns) * 1e-9
-        motion = zip(pose.pos_lab_m.tolist(), predicted.pos_lab_m, predicted.vel_lab_m_s, strict=True)
-        measured = [p - (t + v * dt_s) for p, t, v in motion]
-        reject_reason = self._format_fault(pose.t_capture_ns, now_ns, measured, q)
-        if reject_reason is None:
-            reject_reason = self._attitude_fault(q, true_q)
-        if reject_reason is None and not lost:
-            reject_reason = self._jump_fault(measured, yaw, now_ns)
-        if reject_reason is not None:
+    def receive_pose(self, pose: ExternalPose, now_ns: int, fusion: Fusion) -> bool:
+        """Fuse what of a pose passes its gates; False where the position did not. A rejection is counted."""
+        w, i, j, k = pose.q_lab_from_flu.tolist()
+        heading_rad = math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
+        measured = np.array([*pose.pos_lab_m.tolist(), heading_rad])
+        reason = self._format_fault(pose.t_capture_ns, now_ns, measured)
+        if reason is None:
+            self._capture_ns, self._valid_ns = pose.t_capture_ns, round(fusion.valid_s * 1e9)
+            reason = self._fuse(measured, pose.t_capture_ns, now_ns, fusion)
+        if reason is not None:
             self.rejected += 1
-            self._reject_reason = reject_reason
+            self._reject_reason = reason
             return False
-        if lost:
-            self._pos, self._vel, self.yaw_rad = measured, [0.0, 0.0, 0.0], yaw
-            self._since_ns = now_ns
-        else:
-            self._correct(measured, yaw, (pose.t_capture_ns - self._capture_ns) * 1e-9)
-            if now_ns - (self._good_ns or 0) > _FRESH_NS:
-                self._since_ns = now_ns
-        self._capture_ns, self._good_ns = pose.t_capture_ns, now_ns
         self._reject_reason = "external pose is stale"
         return True
 
-    def _correct(self, measured: list[float], yaw_rad: float, dt_s: float) -> None:
-        for axis in range(3):
-            innovation = measured[axis] - self._pos[axis]
-            self._pos[axis] += _GAIN * innovation
-            self._vel[axis] += _GAIN_VEL / max(dt_s, 0.002) * innovation
-        self.yaw_rad += _GAIN_YAW * math.remainder(yaw_rad - self.yaw_rad, math.tau)
-
-    def _format_fault(self, t_capture_ns: int, now_ns: int, measured: list[float], q: list[float]) -> str | None:
-        if not math.isfinite(sum(measured) + sum(q)):
+    def _format_fault(self, t_capture_ns: int, now_ns: int, measured: Float) -> str | None:
+        if not math.isfinite(sum(measured.tolist())):
             return "external pose is not finite"
         if not 0 <= now_ns - t_capture_ns <= _AGE_MAX_NS:
             return "external pose has a wrong time"
@@ -221,36 +150,44 @@ class ExternalPositioning:
             return "external pose is out of order"
         return None
 
-    def _attitude_fault(self, q: list[float], true_q: list[float]) -> str | None:
-        """Why an attitude disagrees with the measured gravity direction."""
-        upright = up_dot(q, tilt(q), true_q, tilt(true_q)) >= _TILT_INNOVATION_COS
-        return None if upright else "external attitude disagrees with gravity"
-
-    def _jump_fault(self, measured: list[float], yaw_rad: float, now_ns: int) -> str | None:
-        """Why a pose cannot be where the vehicle is, by its inertial sensors."""
-        limit_m = _POS_INNOVATION_MAX_M + _POS_INNOVATION_GROWTH_M_S * (now_ns - (self._good_ns or now_ns)) * 1e-9
-        if math.dist(measured, self._pos) > limit_m:
-            return "external position jumped"
-        if abs(math.remainder(yaw_rad - self.yaw_rad, math.tau)) > _YAW_INNOVATION_MAX_RAD:
-            return "external heading jumped"
+    def _fuse(self, measured: Float, t_capture_ns: int, now_ns: int, fusion: Fusion) -> str | None:
+        """Observe it; a group that was not fused for too long is reset to it. Why the position was not, or None."""
+        fused_ns, t_s = self._fused_ns, (t_capture_ns - self._t0_ns) * 1e-9
+        before_ns = fused_ns[PLANE]
+        lasting_ns = round(fusion.reset_after_s * 1e9)
+        for group, last_ns in enumerate(fused_ns):
+            if last_ns is None or now_ns - last_ns > lasting_ns:
+                self._reset(group, measured, fusion)
+        ekf.observe_pose(
+            self._x, self._cov, self._history, self._row, t_s, measured, fusion.noise_and_gates, self._ratios
+        )
+        reason = None
+        for group, ratio in enumerate(self._ratios.tolist()):
+            if ratio <= 1.0:
+                fused_ns[group] = now_ns
+            else:
+                reason = reason or _REASONS[group]
+        if fused_ns[PLANE] != now_ns:
+            return reason
+        if before_ns is None or now_ns - before_ns > _FRESH_NS:
+            self._since_ns = now_ns
         return None
 
-    def _drift(self, now_ns: int) -> None:
-        dt_s = (now_ns - self._t_ns) * 1e-9
-        if self._good_ns is not None and dt_s > 0.0:
-            for axis in range(3):
-                self._pos[axis] += dt_s * (self._vel[axis] + 0.5 * dt_s * self._bias[axis])
-                self._vel[axis] += dt_s * self._bias[axis]
-        self._t_ns = max(now_ns, self._t_ns)
+    def _reset(self, group: int, measured: Float, fusion: Fusion) -> None:
+        if group == HEADING:
+            variance = float(fusion.noise_and_gates[1]) ** 2
+            ekf.reset_heading(self._x, self._cov, self._history, float(measured[3]), variance)
+            return
+        if group == PLANE and self._fused_ns[PLANE] is not None:
+            if not self._resets:
+                return
+            self._resets -= 1
+        first, last = _AXES[group]
+        variance = float(fusion.noise_and_gates[0]) ** 2
+        ekf.reset_position(self._x, self._cov, self._history, measured[:3], variance, first, last)
 
 
 def up_cos(q_lab_from_flu: Quat) -> float:
     """Cosine of the tilt."""
     x, y = float(q_lab_from_flu[1]), float(q_lab_from_flu[2])
     return 1.0 - 2.0 * (x * x + y * y)
-
-
-def up_dot(q: list[float], q_tilt: Tilt, p: list[float], p_tilt: Tilt) -> float:
-    """Cosine of the angle between two attitudes' ideas of up, in the body's axes, which no heading changes."""
-    up = (1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2])) * (1.0 - 2.0 * (p[1] * p[1] + p[2] * p[2]))
-    return q_tilt[0] * p_tilt[0] + q_tilt[1] * p_tilt[1] + up

@@ -3,35 +3,30 @@
 Its times are its parameters'. What stands between it and a ground, and acts sooner, is the guard.
 """
 
-from math import hypot
+from math import cos, hypot
 
 from drone_agent.autopilots.model import Task
 from drone_agent.failsafe import LinkMonitor
 from drone_agent.flight.autopilot import Autopilot
 from drone_agent.flight.estimator import up_cos
 from drone_agent.flight.landing import ContactDetector
-from drone_agent.flight.motor_failure import MotorFailure
 from formation.messages import Severity
-from formation.vehicle.profile import VehicleProfile
 from wire.autopilots.table import FlightMode
 
 _ON_POSITION = (Task.HOLD, Task.TAKEOFF, Task.RETURN, Task.LAND)
-_POWERLESS = 0.8
-"""Share of the thrust missing with which it falls as with none."""
 
 
 class Failsafes:
     """What is monitored, and what was already said about it."""
 
-    def __init__(self, autopilot: Autopilot, vehicle: VehicleProfile) -> None:
-        """vehicle: what the autopilot is set up for, whatever it really flies."""
-        self._autopilot, self._vehicle = autopilot, vehicle
+    def __init__(self, autopilot: Autopilot) -> None:
+        self._autopilot = autopilot
         self._landed_ns = 0
         self._flown = False
         self._ground = LinkMonitor()
         self._battery_low_reported = self._battery_acted = False
-        self._contact = ContactDetector(vehicle.drag_n_s_m[2] / vehicle.mass_kg)
-        self._failure = MotorFailure(vehicle)
+        self._contact = ContactDetector(autopilot.told.drag_n_s_m[2] / autopilot.told.mass_kg)
+        self._tilted_ns: int | None = None
 
     def ground_seen(self, now_ns: int) -> None:
         """A ground station's heartbeat came."""
@@ -51,69 +46,55 @@ class Failsafes:
         if loss.mode is not None:
             pilot.divert(loss.mode, now_ns, loss.task)
         else:
-            pilot.fly(loss.task, now_ns)
+            pilot.fly(loss.task)
             pilot.stream.lost = True
 
-    def check(self, now_ns: int, dt_s: float) -> None:
+    def check(self, now_ns: int) -> None:
         """Everything that changes slowly: twenty times a second."""
         pilot = self._autopilot
-        pilot.airframe.drain(dt_s)
         self._detect_contact()
         if not pilot.armed:
+            pilot.estimator.rest()
             self._flown = False
             self._landed_ns = now_ns
             return
         self._detect_landing(now_ns)
         self._disarm_when_done(now_ns)
         if pilot.armed and not pilot.landed:
-            self._check_thrust(now_ns)
+            self._check_attitude(now_ns)
             self._check_position(now_ns)
             self._check_battery(now_ns)
             self._check_ground(now_ns)
 
     def _detect_contact(self) -> None:
         pilot = self._autopilot
-        frame = pilot.airframe
-        lift = frame.profile.thrust_n_of(frame.setpoint.thrust_norm) / frame.profile.mass_kg if pilot.armed else 0.0
-        state = frame.state
+        estimate, told = pilot.estimator, pilot.told
+        lift = told.thrust_n_of(pilot.vehicle.setpoint.thrust_norm) / told.mass_kg if pilot.armed else 0.0
         pilot.carried = self._contact.update(
-            frame.t_ns, float(state.vel_lab_m_s[2]), lift * up_cos(state.q_lab_from_flu)
+            estimate.t_ns,
+            estimate.climbed_m_s,
+            float(estimate.vel_lab_m_s[2]),
+            lift * up_cos(estimate.q_lab_from_flu),
+            flies=not pilot.landed and pilot.task not in (Task.LAND, Task.DESCEND),
         )
+        pilot.pilot.set_thrust_scale(self._contact.thrust_scale)
 
-    def check_motors(self) -> None:
-        """Stop the motors of a drone that turns against its commands; a hundred times a second."""
-        pilot = self._autopilot
-        if self.watches_motors and self._failure.check(pilot.airframe):
-            pilot.report(Severity.CRITICAL, "It turns against its commands, a motor may be dead: motors off")
-            pilot.terminate()
-
-    @property
-    def watches_motors(self) -> bool:
-        """Whether `check_motors` is due at all."""
-        pilot = self._autopilot
-        return pilot.armed and not pilot.landed and "motor-failure" not in pilot.without
-
-    def _check_thrust(self, now_ns: int) -> None:
-        """Land on the remaining thrust where some is missing; stop the motors where it cannot keep the drone level."""
-        pilot, missing = self._autopilot, self._contact.missing
-        falls = self.watches_motors and self._failure.falls(now_ns, missing)
-        attitude_lost = self._failure.is_attitude_lost(now_ns, pilot.airframe)
-        pilot.pilot.set_thrust_share(self._failure.thrust_share if self._failure.fell else 1.0)
-        if not falls:
+    def _check_attitude(self, now_ns: int) -> None:
+        """Stop the motors of a drone that has lain on its side for too long, where the autopilot is set up to."""
+        pilot, limits = self._autopilot, self._autopilot.attitude_failure
+        if limits is None or up_cos(pilot.estimator.q_lab_from_flu) >= cos(limits.tilt_rad):
+            self._tilted_ns = None
             return
-        if missing > _POWERLESS or attitude_lost:
-            pilot.report(Severity.CRITICAL, "Its thrust is missing, a motor may be dead: motors off")
+        self._tilted_ns = now_ns if self._tilted_ns is None else self._tilted_ns
+        if now_ns - self._tilted_ns >= round(limits.after_s * 1e9):
+            pilot.report(Severity.CRITICAL, pilot.model.texts.attitude_lost)
             pilot.terminate()
-            return
-        if pilot.task not in (Task.LAND, Task.DESCEND):
-            pilot.report(Severity.CRITICAL, "Part of its thrust is missing: landing on what is left")
-            pilot.divert(FlightMode.LAND, now_ns)
 
     def _detect_landing(self, now_ns: int) -> None:
         pilot = self._autopilot
-        frame, belief = pilot.airframe, pilot.belief(now_ns)
+        belief, told = pilot.belief, pilot.told
         vx, vy, vz = belief.vel_lab_m_s
-        thrust = frame.profile.thrust_n_of(frame.setpoint.thrust_norm) / frame.profile.weight_n
+        thrust = self._contact.thrust_scale * told.thrust_n_of(pilot.vehicle.setpoint.thrust_norm) / told.weight_n
         down = pilot.piloted and pilot.pilot.faded
         if not pilot.detector.update(
             now_ns, thrust, belief.pos_lab_m[2], vz, hypot(vx, vy), carried=pilot.carried, faded=down
@@ -124,7 +105,6 @@ class Failsafes:
             pilot.report(Severity.INFO, pilot.model.texts.landed)
         else:
             self._flown = True
-            self._failure = MotorFailure(self._vehicle)
             pilot.report(Severity.INFO, pilot.model.texts.takeoff)
 
     def _disarm_when_done(self, now_ns: int) -> None:
@@ -143,13 +123,13 @@ class Failsafes:
     def _check_position(self, now_ns: int) -> None:
         """Where there is no position to fly by, it comes down level."""
         pilot = self._autopilot
-        if pilot.task in _ON_POSITION and not pilot.positioning.valid(now_ns):
+        if pilot.task in _ON_POSITION and not pilot.estimator.valid(now_ns):
             pilot.report(Severity.CRITICAL, pilot.model.texts.pose_lost)
             pilot.divert(FlightMode.DESCEND, now_ns)
 
     def _check_battery(self, now_ns: int) -> None:
         pilot, timing = self._autopilot, self._autopilot.timing
-        left = pilot.airframe.pack.remaining
+        left = pilot.vehicle.pack.remaining
         if left < timing.battery_low and not self._battery_low_reported:
             self._battery_low_reported = True
             pilot.report(Severity.WARNING, pilot.model.texts.battery_low)

@@ -11,6 +11,7 @@ from formation.maths.frames import from_yaw
 from formation.model import Vec3Tuple
 from formation.vehicle.profile import VehicleProfile
 
+_LANDINGS = (Task.LAND, Task.DESCEND)
 _STOP_S = 0.3  # a hold's place is where the present speed would come to rest
 _LEAD_M = 0.4  # how far the height asked for may run ahead of the vehicle
 _ARRIVED_M = 0.08
@@ -54,14 +55,15 @@ class Pilot:
             self._hold_xy_m = (x + _STOP_S * vx, y + _STOP_S * vy)
             self._height_m, self._goal_m = z, z if goal_m is None else goal_m
             self._yaw_rad = belief.yaw_rad
+        if task not in _LANDINGS or self.task not in _LANDINGS:
+            self._sinking_s = self._due_s = 0.0
         self.task = task
         self._attitude, self._velocity, self._climb_m_s = None, None, 0.0
         self._touch_s, self._carried_s, self._thrust = 0.0, 0.0, 1.0
-        self._sinking_s = self._due_s = 0.0
 
-    def set_thrust_share(self, thrust_share: float) -> None:
-        """From now on the motors deliver this share of the commanded thrust."""
-        self._loop.thrust_share = thrust_share
+    def set_thrust_scale(self, thrust_scale: float) -> None:
+        """From now on the motors deliver so much of the thrust that the profile says."""
+        self._loop.thrust_scale = thrust_scale
 
     def set_home(self, belief: Belief) -> None:
         """Return comes back here."""
@@ -113,7 +115,7 @@ class Pilot:
         """The next attitude and thrust; carried: by the floor, as drone_agent.flight.landing senses it."""
         demand = self._demand(belief, timing, dt_s)
         setpoint = self._loop.step(demand, belief, dt_s)
-        if self.task in (Task.LAND, Task.DESCEND):
+        if self.task in _LANDINGS:
             return self._touch_down(setpoint, belief, carried, dt_s)
         return setpoint
 

@@ -1,6 +1,6 @@
 """What a stream of setpoints does to the autopilot: attitude targets, body rates, positions and velocities.
 
-Attitude and thrust go straight to the attitude loop after the vehicle's own delay; everything else is the
+Attitude and thrust go straight to the attitude loop; everything else is the
 pilot's to fly. What autopilots read differently is asked of the model.
 """
 
@@ -10,7 +10,6 @@ import numpy as np
 
 from drone_agent.autopilots.model import Task
 from drone_agent.flight.autopilot import Autopilot
-from drone_agent.flight.estimator import turned
 from drone_agent.flight.position import NO_RATE
 from drone_agent.simulation.attitude_loop import LoopSetpoint
 from formation.maths.arrays import Quat, Vec3
@@ -23,51 +22,49 @@ class Guidance:
 
     def __init__(self, autopilot: Autopilot) -> None:
         self._autopilot = autopilot
-        self._delay_ns = round(autopilot.airframe.profile.command_delay_s * 1e9)
 
     def attitude(self, now_ns: int, target: AttitudeSetpoint) -> None:
         """An attitude target came."""
         autopilot = self._autopilot
         if not autopilot.model.accepts_target(target):
             if autopilot.in_stream_mode:
-                autopilot.fly(Task.HOLD, now_ns)
+                autopilot.fly(Task.HOLD)
             return
         if not self._accepts(now_ns):
             return
         climb_m_s = autopilot.model.climb_rate_of(autopilot.parameters, target.thrust_norm)
         if climb_m_s is not None:
             if autopilot.task is not Task.LEVEL:
-                autopilot.fly(Task.LEVEL, now_ns)
+                autopilot.fly(Task.LEVEL)
             autopilot.pilot.follow(target.q_lab_from_flu, climb_m_s)
             return
         autopilot.piloted = False
         if Ignore.ATTITUDE in target.ignore:
             attitude, rate = self._ahead(target.rate_flu_rad_s), NO_RATE
         else:
-            offset_rad = autopilot.positioning.yaw_rad
-            attitude, rate = turned(target.q_lab_from_flu, -offset_rad), target.rate_flu_rad_s
+            attitude, rate = target.q_lab_from_flu, target.rate_flu_rad_s
         thrust = 0.0 if Ignore.THRUST in target.ignore else target.thrust_norm
-        autopilot.airframe.order(now_ns + self._delay_ns, LoopSetpoint(attitude, rate, thrust))
+        autopilot.vehicle.order(now_ns, LoopSetpoint(attitude, rate, thrust))
 
     def position(self, now_ns: int, target: PositionSetpoint) -> None:
         """A position or velocity came; the pilot flies it, where there is an estimate to fly it in."""
         autopilot = self._autopilot
         goes = not target.ignore & PositionIgnore.POSITION
         drifts = not target.ignore & PositionIgnore.VELOCITY
-        if not autopilot.positioning.valid(now_ns) or not (goes or drifts):
+        if not autopilot.estimator.valid(now_ns) or not (goes or drifts):
             return
         if goes and not autopilot.model.streams_positions:
             if not autopilot.in_stream_mode:
                 return
         elif not self._accepts(now_ns):
             return
-        belief = autopilot.belief(now_ns)
+        belief = autopilot.belief
         turn_rad = belief.yaw_rad if target.frame in (LocalFrame.BODY, LocalFrame.BODY_OFFSET) else 0.0
         vector = _turned_flat(target.pos_m if goes else target.vel_m_s, turn_rad)
         if not all(map(math.isfinite, vector)):
             return
         if autopilot.task is not Task.HOLD:
-            autopilot.fly(Task.HOLD, now_ns)
+            autopilot.fly(Task.HOLD)
         yaw_rad = (
             None if target.ignore & PositionIgnore.YAW or math.isnan(target.yaw_rad) else target.yaw_rad + turn_rad
         )
@@ -85,10 +82,10 @@ class Guidance:
 
     def _ahead(self, rate_flu_rad_s: Vec3) -> Quat:
         """The attitude so far ahead that the attitude loop, when it gets it, turns at this rate."""
-        frame = self._autopilot.airframe
-        tilt_s, yaw_s = 1.0 / frame.profile.attitude_p_1_s, 1.0 / frame.profile.yaw_p_1_s
-        ahead_s = np.array([tilt_s, tilt_s, yaw_s]) + self._delay_ns * 1e-9
-        return multiply(frame.state.q_lab_from_flu, from_rotation_vector(rate_flu_rad_s * ahead_s))
+        told = self._autopilot.told
+        tilt_s, yaw_s = 1.0 / told.attitude_p_1_s, 1.0 / told.yaw_p_1_s
+        ahead_s = np.array([tilt_s, tilt_s, yaw_s]) + told.command_delay_s
+        return multiply(self._autopilot.estimator.q_lab_from_flu, from_rotation_vector(rate_flu_rad_s * ahead_s))
 
 
 def _turned_flat(vector: Vec3, yaw_rad: float) -> tuple[float, float, float]:

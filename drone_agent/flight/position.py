@@ -46,8 +46,8 @@ class PositionController:
         """thrust_of: the thrust_norm that gives a specific force, m/s^2."""
         self._thrust_of = thrust_of
         self._sum = [0.0, 0.0, 0.0]
-        self.thrust_share = 1.0
-        """Share of the commanded thrust that the motors deliver, where known."""
+        self.thrust_scale = 1.0
+        """Delivered over modelled thrust, as far as it is known."""
 
     def reset(self, learnt_lab_m_s2: Vec3Tuple = (0.0, 0.0, 0.0)) -> None:
         """Forget what the integrators learnt, or begin with what is known already."""
@@ -67,7 +67,7 @@ class PositionController:
         else:
             q = demand.attitude
             force = lift / max(1.0 - 2.0 * float(q[1] * q[1] + q[2] * q[2]), 0.5)
-        return LoopSetpoint(q, NO_RATE, self._thrust_of(force / self.thrust_share))
+        return LoopSetpoint(q, NO_RATE, self._thrust_of(force / self.thrust_scale))
 
     def _sideways(self, demand: Demand, belief: Belief, dt_s: float) -> tuple[float, float]:
         if demand.pos_lab_m is not None:

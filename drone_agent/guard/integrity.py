@@ -14,7 +14,7 @@ trembles drifts by minus the body's velocity.
 
 from dataclasses import dataclass
 from enum import IntEnum
-from math import erfc, exp, pi, sqrt
+from math import erfc, exp, inf, pi, sqrt
 
 from drone_agent.stages import Stage, Trigger, advance
 from formation.maths.records import Rows, rows
@@ -39,7 +39,8 @@ class Effect(IntEnum):
 class Signature:
     """One declared fault.
 
-    unit: of the amplitude. least: amplitude below which the fault does no harm, and is left to the estimate.
+    unit: of the amplitude. least: amplitude below which the fault does no harm, and is left to the estimate; most: that
+    it can have.
     rolls_back: whether the estimate goes back to the onset and on by dead reckoning. trigger: of the stage table.
     """
 
@@ -49,6 +50,7 @@ class Signature:
     position: Effect = Effect.NOTHING
     attitude: Effect = Effect.NOTHING
     thrust: Effect = Effect.NOTHING
+    most: float = inf
     rolls_back: bool = True
     trigger: Trigger = Trigger.POSE_FAULT
 
@@ -61,15 +63,16 @@ class Signature:
 SIGNATURES = (
     Signature("pose jump", "m", 0.01, position=Effect.STEP),
     Signature("pose drift", "m/s", 0.04, position=Effect.RAMP),
-    Signature("pose delay", "s", 0.02, position=Effect.LATE, attitude=Effect.LATE),
-    Signature("pose delay growing", "1", 0.05, position=Effect.LATER, attitude=Effect.LATER),
+    Signature("pose delay", "s", 0.02, position=Effect.LATE, attitude=Effect.LATE, most=0.5),
+    Signature("pose delay growing", "1", 0.05, position=Effect.LATER, attitude=Effect.LATER, most=1.0),
     Signature("pose attitude inconsistent", "rad", 0.04, attitude=Effect.STEP),
     Signature("vertical thrust loss", "1", 0.25, thrust=Effect.LOSS, rolls_back=False, trigger=Trigger.THRUST_LOSS),
 )
 """Least amplitudes. Jump: the radius of a marker. Drift: half of what must be found, 4 cm in a second of hold. Delay:
-what the clocks' exchange leaves in doubt; growing: 80 ms within 1.6 s; a simulator's clock drifts by 1 %. Attitude:
-2.3 degrees, 0.4 m/s^2. Thrust: of the commanded, more than an empty battery (0.15) or a vertical gust takes; what a
-horizontal wind does along the rotors' axis is taken out before (formation.navigation.observe)."""
+what the clocks' exchange leaves in doubt; older poses are refused. Growing: 80 ms within 1.6 s, and no faster than time
+goes; a simulator's clock drifts by 1 %. Attitude: 2.3 degrees, 0.4 m/s^2. Thrust: of the commanded, more than an empty
+battery (0.15) or a vertical gust takes; what a horizontal wind does along the rotors' axis is taken out before
+(formation.navigation.observe)."""
 
 
 def chi_square_tail(x: float, axes: int) -> float:
@@ -93,7 +96,7 @@ def shapes(signatures: tuple[Signature, ...], pose_rate_hz: float) -> Rows[Shape
     out, first = [], 0
     for s in signatures:
         bound = threshold(s.axes, pose_rate_hz)
-        out.append(Shape(s.position, s.attitude, s.thrust, s.axes, first, bound, s.least, s.rolls_back))
+        out.append(Shape(s.position, s.attitude, s.thrust, s.axes, first, bound, s.least, s.most, s.rolls_back))
         first += s.axes
     return rows(Shape, out)
 

@@ -123,7 +123,7 @@ class Commander:
         height_m: float | None = order.height_m
         if self._pilot.model.takeoff_in_own_mode and not order.relative:
             # PX4's seventh parameter is above sea level; nothing, or a height below here, is the default height.
-            height_m = order.height_m - self._here_amsl_m(now_ns)
+            height_m = order.height_m - self._here_amsl_m()
         if height_m is None or not isfinite(height_m) or height_m <= 0.0:
             height_m = None
         return self._pilot.take_off(now_ns, height_m)
@@ -132,7 +132,7 @@ class Commander:
         if not _int(order.params[1]) & _REPOSITION_CHANGES_MODE:
             return Result.UNSUPPORTED
         pilot = self._pilot
-        here = pilot.belief(now_ns).pos_lab_m
+        here = pilot.belief.pos_lab_m
         x, y, z = here
         if isfinite(order.lat_deg + order.lon_deg):
             x, y = from_globe(self._origin, order.lat_deg, order.lon_deg)
@@ -166,8 +166,8 @@ class Commander:
     def _origin(self) -> Vec3Tuple:
         return self._pilot.origin or self._config.origin
 
-    def _here_amsl_m(self, now_ns: int) -> float:
-        return to_globe(self._origin, self._pilot.belief(now_ns).pos_lab_m)[2]
+    def _here_amsl_m(self) -> float:
+        return to_globe(self._origin, self._pilot.belief.pos_lab_m)[2]
 
 
 def _int(value: float) -> int:

@@ -8,7 +8,6 @@ import numpy as np
 from drone_agent.autopilots.model import Task
 from drone_agent.config import AgentConfig
 from drone_agent.flight.autopilot import Autopilot
-from drone_agent.flight.estimator import NO_OFFSET, turned
 from formation.maths.arrays import Vec3
 from formation.maths.geodesy import to_globe
 from wire.link_messages.clocks import TimeSync
@@ -21,7 +20,6 @@ from wire.link_messages.motion import (
     InertialSample,
     LocalPosition,
     Origin,
-    SimTruth,
 )
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeTargetReport, Ignore
@@ -83,7 +81,7 @@ def _sys_status(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
     receiver = SensorFlag.VISION_POSITION if t.config.pose == "mocap" else SensorFlag.GPS
     present = _PRESENT | receiver
     healthy = present
-    if not pilot.positioning.valid(now_ns):
+    if not pilot.estimator.valid(now_ns):
         healthy &= ~receiver
     if not pilot.armed and pilot.arming_fault(now_ns) is not None:
         healthy &= ~SensorFlag.PREARM_CHECK
@@ -91,25 +89,22 @@ def _sys_status(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
     if fence is not None:  # there, and not breached
         present, healthy = present | SensorFlag.GEOFENCE, healthy | SensorFlag.GEOFENCE
         enabled |= SensorFlag.GEOFENCE if pilot.parameters[fence] else 0
-    pack = pilot.airframe.pack
+    pack = pilot.vehicle.pack
     return SysStatus(present, enabled, healthy, _LOAD, pack.voltage_v, pack.current_a, pack.remaining)
 
 
-def _attitude(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
-    frame = t.autopilot.airframe
-    q = turned(frame.estimated_q_lab_from_flu, t.autopilot.positioning.yaw_rad)
-    return Attitude(t.boot_ms(now_ns), q, frame.state.rate_flu_rad_s)
+def _attitude(t: TelemetryBuilder, _now_ns: int) -> LinkMessage:
+    estimate = t.autopilot.estimator
+    return Attitude(t.boot_ms(estimate.t_ns), estimate.q_lab_from_flu, estimate.rate_flu_rad_s)
 
 
-def _attitude_quaternion(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
-    frame = t.autopilot.airframe
-    q = turned(frame.estimated_q_lab_from_flu, t.autopilot.positioning.yaw_rad)
-    return AttitudeQuaternion(t.boot_ms(now_ns), q, frame.state.rate_flu_rad_s)
+def _attitude_quaternion(t: TelemetryBuilder, _now_ns: int) -> LinkMessage:
+    estimate = t.autopilot.estimator
+    return AttitudeQuaternion(t.boot_ms(estimate.t_ns), estimate.q_lab_from_flu, estimate.rate_flu_rad_s)
 
 
 def _inertial(t: TelemetryBuilder, _now_ns: int) -> LinkMessage | None:
-    sensor = t.autopilot.airframe.inertial
-    sample = None if sensor is None else sensor.sample()
+    sample = t.autopilot.vehicle.newest_sample
     if sample is None:
         return None
     return InertialSample((sample.t_ns - t.t0_ns) // 1000, sample.specific_force_flu_m_s2, sample.rate_flu_rad_s)
@@ -117,21 +112,17 @@ def _inertial(t: TelemetryBuilder, _now_ns: int) -> LinkMessage | None:
 
 def _local_position(t: TelemetryBuilder, now_ns: int) -> LinkMessage | None:
     pilot = t.autopilot
-    if not pilot.positioning.valid(now_ns):
+    if not pilot.estimator.valid(now_ns):
         return None
-    offset = pilot.positioning.offset(now_ns)
-    if offset is NO_OFFSET:
-        state = pilot.airframe.state
-        return LocalPosition(t.boot_ms(now_ns), state.pos_lab_m, state.vel_lab_m_s)
-    belief = pilot.belief(now_ns)
-    return LocalPosition(t.boot_ms(now_ns), np.array(belief.pos_lab_m), np.array(belief.vel_lab_m_s))
+    estimate = pilot.estimator
+    return LocalPosition(t.boot_ms(estimate.t_ns), estimate.pos_lab_m, estimate.vel_lab_m_s)
 
 
 def _global_position(t: TelemetryBuilder, now_ns: int) -> LinkMessage | None:
     pilot = t.autopilot
-    if pilot.origin is None or not pilot.positioning.valid(now_ns):
+    if pilot.origin is None or not pilot.estimator.valid(now_ns):
         return None
-    belief = pilot.belief(now_ns)
+    belief = pilot.belief
     lat, lon, alt = to_globe(pilot.origin, belief.pos_lab_m)
     ground_m = pilot.home.pos_lab_m[2] if pilot.home else t.config.start_lab_m[2]
     vel: Vec3 = np.array(belief.vel_lab_m_s)
@@ -140,7 +131,7 @@ def _global_position(t: TelemetryBuilder, now_ns: int) -> LinkMessage | None:
 
 def _home(t: TelemetryBuilder, now_ns: int) -> LinkMessage | None:
     pilot = t.autopilot
-    if pilot.origin is None or not pilot.positioning.valid(now_ns):
+    if pilot.origin is None or not pilot.estimator.valid(now_ns):
         return None
     home_lab_m = pilot.home.pos_lab_m if pilot.home else t.config.start_lab_m
     lat, lon, alt = to_globe(pilot.origin, home_lab_m)
@@ -148,7 +139,7 @@ def _home(t: TelemetryBuilder, now_ns: int) -> LinkMessage | None:
 
 
 def _battery(t: TelemetryBuilder, _now_ns: int) -> LinkMessage:
-    pack = t.autopilot.airframe.pack
+    pack = t.autopilot.vehicle.pack
     return Battery((pack.cell_v,) * pack.profile.cells, pack.current_a, pack.used_mah, pack.remaining)
 
 
@@ -164,15 +155,14 @@ def _extended(t: TelemetryBuilder, _now_ns: int) -> LinkMessage:
 def _estimator(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
     pilot = t.autopilot
     placed = pilot.origin is not None or not pilot.model.table.needs_origin
-    valid = placed and pilot.positioning.valid(now_ns)
+    valid = placed and pilot.estimator.valid(now_ns)
     flags = pilot.model.estimator_flags(valid, pilot.position_fault(now_ns) is None)
     return EkfStatus(flags, t.autopilot.model.table.autopilot is MavAutopilot.ARDUPILOT)
 
 
 def _target(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
-    now = t.autopilot.airframe.setpoint
-    q = turned(now.q_lab_from_flu, t.autopilot.positioning.yaw_rad)
-    return AttitudeTargetReport(t.boot_ms(now_ns), q, now.rate_flu_rad_s, now.thrust_norm, Ignore.NONE)
+    now = t.autopilot.vehicle.setpoint
+    return AttitudeTargetReport(t.boot_ms(now_ns), now.q_lab_from_flu, now.rate_flu_rad_s, now.thrust_norm, Ignore.NONE)
 
 
 def _timesync(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
@@ -181,13 +171,6 @@ def _timesync(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
 
 def _origin(t: TelemetryBuilder, _now_ns: int) -> LinkMessage | None:
     return None if t.autopilot.origin is None else Origin(*t.autopilot.origin)
-
-
-def _true_state(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
-    state = t.autopilot.airframe.state
-    x, y, z = state.pos_lab_m.tolist()
-    lat, lon, alt = to_globe(t.config.origin, (x, y, z))
-    return SimTruth((now_ns - t.t0_ns) // 1000, state.q_lab_from_flu, state.vel_lab_m_s, lat, lon, alt)
 
 
 def _version(t: TelemetryBuilder, _now_ns: int) -> LinkMessage:
@@ -206,7 +189,6 @@ _BUILDERS: dict[int, Callable[[TelemetryBuilder, int], LinkMessage | None]] = {
     MessageId.GPS_GLOBAL_ORIGIN: _origin,
     MessageId.ATTITUDE_TARGET: _target,
     MessageId.TIMESYNC: _timesync,
-    MessageId.HIL_STATE_QUATERNION: _true_state,
     MessageId.BATTERY_STATUS: _battery,
     MessageId.AUTOPILOT_VERSION: _version,
     MessageId.EKF_STATUS_REPORT: _estimator,

@@ -4,16 +4,16 @@ The structure is PX4's: tilt error first, yaw by the rest, rate setpoint bounded
 with roll and pitch before yaw. The target's own delay (`VehicleProfile.command_delay_s`) is the caller's queue.
 """
 
-from math import acos, asin, cos, exp, sin, sqrt
+from math import acos, asin, cos, sin, sqrt
 
 import numpy as np
 
 from formation.maths.arrays import Float, Quat, Vec3
 from formation.maths.kernel import kernel
+from formation.maths.quaternion import multiply_into
 from formation.vehicle.body import (
     ATTITUDE_P,
     INERTIA,
-    MOTOR_LAG,
     RATE_FEED_FORWARD,
     RATE_MAX,
     RATE_P,
@@ -70,18 +70,16 @@ def advance(
     steps: int,
     thrust_scale: float = 1.0,
     motor_gain: Float = WHOLE_MOTORS,
-    expected_thrust: Float | None = None,
 ) -> VehicleState:
-    """The state `steps` steps of `dt_s` later; the input is not changed, except `expected_thrust`.
+    """The state `steps` steps of `dt_s` later; the input is not changed.
 
     dist_lab_m_s2: (3) external acceleration; dt_s <= 2 ms, else ValueError; thrust_scale: what the battery
     leaves of the full thrust; motor_gain: (4) each motor's share of its commanded thrust, front right, rear left, front
-    left, rear right. Unarmed motors are off. expected_thrust: (8) updated in place: the thrust of each intact motor at
-    the commands, behind its lag, N, and its sum over time, N s. Deterministic to the bit.
+    left, rear right. Unarmed motors are off. Deterministic to the bit.
     """
     if not 0.0 < dt_s <= STEP_MAX_S:
         raise ValueError(f"attitude loop step must lie in (0, {STEP_MAX_S}] s, got {dt_s}")
-    x, expected_thrust = state.x.copy(), np.zeros(8) if expected_thrust is None else expected_thrust
+    x = state.x.copy()
     _advance(
         x,
         profile.numbers,
@@ -89,12 +87,25 @@ def advance(
         armed,
         thrust_scale,
         motor_gain,
-        expected_thrust,
         dist_lab_m_s2,
         dt_s,
         steps,
     )
     return VehicleState(x)
+
+
+@kernel
+def turn_target(q_lab_from_flu: Float, q_estimated: Float, asked: Float, target: Float) -> None:
+    """The target (8) that a loop flies whose attitude estimate is q_estimated where it should be q_lab_from_flu."""
+    w, x, y, z = q_estimated[0], -q_estimated[1], -q_estimated[2], -q_estimated[3]
+    turn = np.empty(4)
+    a, b, c, d = q_lab_from_flu[0], q_lab_from_flu[1], q_lab_from_flu[2], q_lab_from_flu[3]
+    turn[0] = a * w - b * x - c * y - d * z
+    turn[1] = a * x + b * w + c * z - d * y
+    turn[2] = a * y - b * z + c * w + d * x
+    turn[3] = a * z + b * y - c * x + d * w
+    multiply_into(turn, asked[0:4], target[0:4])
+    target[4:8] = asked[4:8]
 
 
 @kernel
@@ -153,12 +164,11 @@ def mix(collective_n: float, torque: Float, numbers: Float, motor_max_n: float, 
 @kernel
 def _advance(
     x: Float, numbers: Float, target: Float, armed: bool, thrust_scale: float, motor_gain: Float,
-    expected_thrust: Float, dist_lab_m_s2: Float, dt_s: float, steps: int,
+    dist_lab_m_s2: Float, dt_s: float, steps: int,
 ) -> None:  # fmt: skip
     """`steps` turns of attitude loop, mixer and body, in place."""
     rate_sp, torque, motors, thrusts = np.zeros(3), np.zeros(3), np.zeros(4), np.zeros(4)
     work = np.zeros((5, 3))
-    lag = 1.0 - exp(-dt_s / numbers[MOTOR_LAG])
     u = min(max(target[7], 0.0), 1.0)
     full_n = numbers[THRUST_MAX] * thrust_scale
     collective_n = full_n * ((1.0 - numbers[THRUST_CURVE]) * u + numbers[THRUST_CURVE] * u * u)
@@ -170,7 +180,5 @@ def _advance(
             torque[2] = numbers[INERTIA + 2] * numbers[RATE_YAW_P] * (rate_sp[2] - x[12])
             mix(collective_n, torque, numbers, 0.25 * full_n, motors)
         for motor in range(4):
-            expected_thrust[motor] += lag * (motors[motor] - expected_thrust[motor])
-            expected_thrust[4 + motor] += expected_thrust[motor] * dt_s
             thrusts[motor] = motors[motor] * motor_gain[motor]
         body_step(x, thrusts, numbers, dist_lab_m_s2, dt_s, work)

@@ -22,9 +22,8 @@ class Advance(Protocol):
         steps: int,
         thrust_scale: float,
         motor_gain: Float,
-        expected_thrust: Float | None,
     ) -> VehicleState:
-        """The state `steps` steps of `dt_s` later; the input is left alone, but for `told`."""
+        """The state `steps` steps of `dt_s` later; the input is left alone."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,7 +35,8 @@ class Shape:
     """One fault as the kernels have it; a record.
 
     position, attitude, thrust: what it adds to those of a source. axes: 3, or 1 where its amplitude is a number.
-    first: its first column. threshold: of the statistic. least: amplitude below which it does not matter.
+    first: its first column. threshold: of the statistic. least: amplitude below which it does not matter; most: that
+    it can have.
     rolls_back: whether poses are wrong by it.
     """
 
@@ -46,6 +47,7 @@ class Shape:
     first: int
     threshold: float
     least: float
+    most: float
     rolls_back: bool
 
 
@@ -208,7 +210,7 @@ def find_fault(bank: Bank, i: int, t_ns: int, fault: Fault) -> int:
             last = first + shape.axes
             statistic = statistic_of(bank.evidence[i, first:last], bank.information[i, :, first:last], amplitude)
             size = sqrt(amplitude[0] ** 2 + amplitude[1] ** 2 + amplitude[2] ** 2)
-            if statistic > most * shape.threshold * CLEARLY and size >= shape.least:
+            if statistic > most * shape.threshold * CLEARLY and shape.least <= size <= shape.most:
                 most, found = statistic / shape.threshold, slot
                 fault.row, fault.t_ns, fault.statistic = row, t_ns, statistic
                 fault.onset_ns = bank.onsets[i * ONSETS + slot].t_ns

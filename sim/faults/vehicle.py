@@ -13,7 +13,7 @@ from wire.autopilots.table import FlightMode
 def begin(fault: Fault, agent: AgentCore, now_ns: int) -> None:
     """The fault comes over the drone. A battery stays as empty as it is made."""
     agent.truth(now_ns)  # so that what was until now is past
-    frame = agent.autopilot.airframe
+    frame = agent.airframe
     match fault.family:
         case Family.DEAD_MOTOR:
             frame.motor_gain = np.where(np.arange(4) == fault.motor, fault.severity, 1.0)
@@ -35,7 +35,7 @@ def begin(fault: Fault, agent: AgentCore, now_ns: int) -> None:
 def end(fault: Fault, agent: AgentCore, now_ns: int) -> None:
     """The fault leaves the drone, where it can; a pilot who still holds it brings it down."""
     agent.truth(now_ns)
-    frame = agent.autopilot.airframe
+    frame = agent.airframe
     if fault.family in (Family.DEAD_MOTOR, Family.WEAK_MOTORS):
         frame.motor_gain = WHOLE_MOTORS
     elif fault.family is Family.MASS:

@@ -13,6 +13,7 @@ from drone_agent.core import AgentCore
 from drone_agent.failsafe import StreamFailsafe
 from drone_agent.flight.autopilot import Autopilot
 from drone_agent.guarded import GuardedDrone
+from drone_agent.simulation.airframe import Airframe
 from formation.maths.arrays import Float
 from formation.maths.frames import from_rotation_vector
 from formation.messages import Datagram, Event, LabFrame, Truth
@@ -45,8 +46,16 @@ class Harness:
         self.seq = 0
 
     @property
+    def agent(self) -> AgentCore:
+        return self.core.behind if isinstance(self.core, GuardedDrone) else self.core
+
+    @property
     def autopilot(self) -> Autopilot:
-        return (self.core.behind if isinstance(self.core, GuardedDrone) else self.core).autopilot
+        return self.agent.autopilot
+
+    @property
+    def airframe(self) -> Airframe:
+        return self.agent.airframe
 
     @property
     def stream(self) -> StreamFailsafe:

@@ -125,18 +125,3 @@ def test_the_input_is_left_alone_and_the_result_repeats() -> None:
 def test_too_long_a_step_is_refused() -> None:
     with pytest.raises(ValueError, match="step"):
         advance(hovering(PAPER), PAPER, level(0.5), True, CALM, 0.01, 1)
-
-
-def test_it_knows_what_its_motors_should_give_by_what_they_were_told() -> None:
-    """Whole ones give it; a dead one does not, and by then has been told more."""
-    expected_thrust, start = np.zeros(8), hovering(PAPER)
-    expected_thrust[:4] = start.motor_thrust_n
-    target = LoopSetpoint(frames.from_rotation_vector(np.array([0.3, 0.2, 0.0])), np.zeros(3), 0.6)
-    end = advance(start, PAPER, target, True, CALM, 0.001, 20, expected_thrust=expected_thrust)
-    np.testing.assert_allclose(expected_thrust[:4], end.motor_thrust_n, rtol=1e-12)
-    assert expected_thrust[4:].sum() == pytest.approx(
-        0.02 * 0.25 * (start.motor_thrust_n + expected_thrust[:4]).sum() * 2.0, rel=0.02
-    )
-    gain = np.array([0.0, 1.0, 1.0, 1.0])
-    dead = advance(start, PAPER, target, True, CALM, 0.001, 40, motor_gain=gain, expected_thrust=expected_thrust)
-    assert dead.motor_thrust_n[0] < 0.25 * expected_thrust[0]

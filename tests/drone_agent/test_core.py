@@ -7,10 +7,13 @@ from hypothesis import strategies as st
 
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
+from drone_agent.flight.estimator import Estimator
 from drone_agent.link.schedule import RASTER_NS, Schedule
 from drone_agent.simulation.airframe import Airframe
 from drone_agent.simulation.attitude_loop import LoopSetpoint
 from drone_agent.simulation.disturbance import Disturbance, SweptFan
+from drone_agent.simulation.inertial import InertialError, InertialSensor
+from formation.maths.arrays import Float
 from formation.messages import Datagram
 from formation.vehicle.profile import profile
 from tests.drone_agent.agent_harness import MS, Harness, S, hover_at, target
@@ -71,10 +74,14 @@ def test_datagrams_to_another_drone_are_left_alone() -> None:
     assert not harness.core.tick(0).datagrams
 
 
+def airframe(start_lab_m: Float) -> Airframe:
+    sensor = InertialSensor(InertialError(), 1)
+    return Airframe(profile("px4_quad"), Disturbance(), start_lab_m, 0.0, 0, sensor, Estimator(0))
+
+
 def test_truth_is_exact_between_the_steps_of_the_physics() -> None:
     """A free fall in air, sampled anywhere: z = -g (t - (1 - exp(-D t)) / D) / D, D = 1 1/s; first order in 1 ms."""
-    still = Disturbance()
-    frame = Airframe(profile("px4_quad"), still, np.array([0.0, 0.0, 50.0]), 0.0, 0)
+    frame = airframe(np.array([0.0, 0.0, 50.0]))
     for t_ns in (1_234_567, 250_000_001, 499_999_999):
         t_s = t_ns * 1e-9
         fallen_m = 9.8 * (t_s - (1.0 - np.exp(-t_s)))
@@ -83,15 +90,16 @@ def test_truth_is_exact_between_the_steps_of_the_physics() -> None:
 
 
 def test_setpoints_rule_after_the_vehicles_delay_in_their_order() -> None:
-    frame = Airframe(profile("px4_quad"), Disturbance(), np.zeros(3), 0.0, 0)
+    frame = airframe(np.zeros(3))
+    delay_ns = round(profile("px4_quad").command_delay_s * 1e9)
     first, second = (LoopSetpoint(frame.state.q_lab_from_flu, np.zeros(3), t) for t in (0.1, 0.2))
     frame.order(10 * MS, first)
     frame.order(20 * MS, second)
-    frame.advance_to(10 * MS)
+    frame.advance_to(10 * MS + delay_ns)
     assert frame.setpoint.thrust_norm == 0.0
-    frame.advance_to(12 * MS)
+    frame.advance_to(12 * MS + delay_ns)
     assert frame.setpoint is first
-    frame.advance_to(100 * MS)
+    frame.advance_to(100 * MS + delay_ns)
     assert frame.setpoint is second
 
 

@@ -6,7 +6,7 @@ import pytest
 from drone_agent.autopilots.model import Task
 from drone_agent.stages import Stage
 from formation.maths.frames import rotate
-from tests.drone_agent.agent_harness import MS, Harness, S, Stream, hover_at, idle, target, tilt_rad
+from tests.drone_agent.agent_harness import MS, Harness, S, Stream, hover_at, hover_over, idle, target, tilt_rad
 from wire.autopilots.table import FlightMode
 from wire.link_messages.commands import Result
 from wire.link_messages.status import Heartbeat, MavAutopilot
@@ -46,7 +46,7 @@ def test_brakes_within_a_fifth_of_a_second_of_the_last_setpoint(autopilot: str) 
 
 def test_holds_on_its_own_mocap_feed_then_lands() -> None:
     harness = Harness(pose="mocap")
-    harness.fly_offboard(0.5)
+    harness.fly_offboard(0.5, hover_over(0.0, 0.0, 0.5))
     at = harness.truth.pos_lab_m.copy()
     harness.run(0.9)
     assert harness.autopilot.mode is FlightMode.OFFBOARD
@@ -166,7 +166,9 @@ def test_a_lost_position_ends_a_hold() -> None:
     harness.command(22)
     harness.run(4.0)
     assert harness.autopilot.task is Task.HOLD
-    harness.run(1.5, mocap=False)
+    harness.run(4.9, mocap=False)  # EKF2_NOAID_TOUT is 5 s
+    assert harness.autopilot.task is Task.HOLD
+    harness.run(0.3, mocap=False)
     assert harness.autopilot.task is Task.DESCEND
     assert harness.last(Heartbeat).system_status == 5
     harness.run(9.0, mocap=False)

@@ -4,7 +4,7 @@ import numpy as np
 
 from analysis.load import from_records
 from analysis.packets import from_ground
-from drone_agent.simulation.level_error import LevelError
+from drone_agent.simulation.inertial import InertialError
 from formation.messages import AttitudeTarget
 from sim.campaign.flight import fly
 from sim.campaign.labs import scenario
@@ -16,14 +16,14 @@ from wire.link_messages.setpoints import AttitudeSetpoint
 from wire.logs.mcap_log import Entry
 from wire.mavlink.codec import Codec, decode_packet
 
-LEANS = LevelError(rms_rad=0.02, correlation_s=100.0)
+LEANS = InertialError(bias_flu_m_s2=(0.2, -0.15, 0.0))
 JUMP = Fault(family=Family.JUMP, body="f2", after_s=2.5, for_s=0.5, severity=0.5)
 GROUND = Codec(Address(255, 190))
 
 
 def test_every_setpoint_to_leaning_autopilots_is_the_logged_target() -> None:
     flight = scenario("circle")
-    vehicles = tuple(v.model_copy(update={"level_error": LEANS}) for v in flight.vehicles)
+    vehicles = tuple(v.model_copy(update={"inertial_error": LEANS}) for v in flight.vehicles)
     flight = flight.model_copy(update={"vehicles": vehicles, "faults": (JUMP,)})
     entries: list[Entry] = []
     fly(flight, 5, lambda topic, message, t_ns: entries.append(Entry(topic, t_ns, message)))

@@ -41,6 +41,7 @@ _PARAMETERS = (
     real("BAT_LOW_THR", 0.15, 0.12, 0.5, "low battery, fraction"),
     whole("CBRK_SUPPLY_CHK", 0, 0, 894281, "circuit breaker, power supply check"),
     whole("COM_ARM_WO_GPS", 1, 0, 2, "arming without GNSS: 0 denied, 1 warning, 2 allowed"),
+    whole("CBRK_FLIGHTTERM", 121212, 0, 121212, "termination of the flight: 121212 off, 0 on"),
     real("COM_DISARM_LAND", 2.0, -1.0, 20.0, "disarm after landing, s; <= 0 off"),
     real("COM_DISARM_PRFLT", 10.0, -1.0, 30.0, "disarm if not taken off, s; <= 0 off"),
     whole("COM_DL_LOSS_T", 10, 5, 300, "ground station lost after, s"),
@@ -117,7 +118,7 @@ _PARAMETERS = (
 )
 # Set up for a lab: flown on motion capture alone (what PX4 v1.16.1 was seen to need), landing when the stream ends.
 _INDOOR = {
-    "COM_OBL_RC_ACT": 4.0, "COM_OF_LOSS_T": 0.2, "COM_RCL_EXCEPT": 4.0,
+    "CBRK_FLIGHTTERM": 0.0, "COM_OBL_RC_ACT": 4.0, "COM_OF_LOSS_T": 0.2, "COM_RCL_EXCEPT": 4.0,
     "EKF2_EV_CTRL": 11.0, "EKF2_GPS_CTRL": 0.0, "EKF2_HGT_REF": 3.0, "EKF2_BARO_CTRL": 0.0, "EKF2_MAG_TYPE": 5.0,
     "EKF2_EV_DELAY": 20.0, "EKF2_EVP_NOISE": 0.01, "SYS_HAS_MAG": 0.0, "SYS_HAS_GPS": 0.0,
 }  # fmt: skip

@@ -87,7 +87,6 @@ class RotorpyVehicle:
         steps: int,
         thrust_scale: float = 1.0,
         motor_gain: Float = WHOLE_MOTORS,
-        expected_thrust: Float | None = None,
     ) -> VehicleState:
         """As drone_agent.simulation.attitude_loop.advance. `cmd_ctatt` takes no body rates: they are not looked at.
 
@@ -117,9 +116,6 @@ class RotorpyVehicle:
             now = on_the_floor(model.step(now, asked, dt_s))
         thrust_n = k_eta * now["rotor_speeds"][_OURS_FROM_ROTORPY] ** 2
         thrust_n[thrust_n < _STOPPED_N] = 0.0
-        if expected_thrust is not None:  # its motors deliver the commanded thrust
-            expected_thrust[:4] = thrust_n
-            expected_thrust[4:] += thrust_n * (steps * dt_s)
         q_lab_from_flu = canonical(now["q"][_WIJK_FROM_IJKW])
         return VehicleState(np.concatenate([now["x"], now["v"], q_lab_from_flu, now["w"], thrust_n]))
 

@@ -129,14 +129,10 @@ class ReplayedWind:
         steps: int,
         thrust_scale: float = 1.0,
         motor_gain: Float = WHOLE_MOTORS,
-        expected_thrust: Float | None = None,
     ) -> VehicleState:
         """As drone_agent.simulation.attitude_loop.advance, in this wind."""
         push = self.push_lab_m_s2() if profile.name == VEHICLE.name else 0.0
-        return advance(
-            state, profile, setpoint, armed, dist_lab_m_s2 + push, dt_s, steps, thrust_scale, motor_gain,
-            expected_thrust,
-        )  # fmt: skip
+        return advance(state, profile, setpoint, armed, dist_lab_m_s2 + push, dt_s, steps, thrust_scale, motor_gain)
 
 
 def jobs(folder: Path, controllers: Sequence[str], seed: int = 1) -> list[Job]:

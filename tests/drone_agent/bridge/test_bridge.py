@@ -10,7 +10,7 @@ import pytest
 
 from drone_agent.bridge.core import BridgeCore
 from drone_agent.config import AgentConfig
-from drone_agent.simulation.level_error import LevelError
+from drone_agent.simulation.inertial import InertialError
 from formation.maths.arrays import Quat, Vec3
 from formation.messages import Datagram, LabFrame
 from tests.drone_agent.agent_harness import LEVEL, MS, Harness, S, Stream, hover_at, hover_over
@@ -24,18 +24,20 @@ from wire.link_messages.setpoints import AttitudeSetpoint
 from wire.link_messages.status import NamedValue, StatusText
 from wire.mavlink.codec import Codec
 
-TRUE_LEVEL = LevelError()
+SENSORS = InertialError()
+SIH = InertialError(noise_m_s2=1.52, rate_noise_rad_s=0.125)
+"""The noise of an armed vehicle in PX4's own simulation."""
 Pose = tuple[Vec3, Quat]
 
 
 class Site:
     """Ground, bridge and autopilot, joined by functions; the autopilot is never shown the mocap itself."""
 
-    def __init__(self, autopilot: str = "px4", level_error: LevelError = TRUE_LEVEL, **config: object) -> None:
+    def __init__(self, autopilot: str = "px4", inertial_error: InertialError = SENSORS, **config: object) -> None:
         options = {"GUID_OPTIONS": 8.0} if autopilot == "ardupilot" else {}
         self.drone = Harness(
             pose="mocap", guard=False, profile="px4_quad", autopilot=autopilot,
-            parameters=options, level_error=level_error,
+            parameters=options, inertial_error=inertial_error,
         )  # fmt: skip
         self.bridge = BridgeCore(AgentConfig(bridge="udp:h:1", body="b", **config), 0)
         self.ground = Codec(GROUND)
@@ -155,7 +157,7 @@ def test_the_grounds_poses_end_here_while_the_bridge_has_its_own() -> None:
 
 @pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 def test_holds_its_place_and_lets_it_down_when_the_ground_falls_silent(autopilot: str) -> None:
-    site = Site(autopilot, level_error=LevelError(rms_rad=np.radians(0.6), seed=2))
+    site = Site(autopilot, inertial_error=SIH)
     site.fly(stream=hover_over(0.0, 0.0, 0.6))
     place = site.drone.truth.pos_lab_m
     assert site.drone.truth.vel_lab_m_s == pytest.approx([0.0, 0.0, 0.0], abs=0.1)

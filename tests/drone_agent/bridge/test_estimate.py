@@ -97,7 +97,7 @@ def test_thrust_is_lost_that_is_missing_for_long_and_of_a_body_that_does_not_tur
         force = np.array([0.0, 0.0, (0.6 if 3.0 < t_s < 3.0 + for_s else 1.0) * GRAVITY_M_S2])
         fallen_m = 0.4 * GRAVITY_M_S2 * (0.5 * fallen_s**2 + for_s * max(t_s - 3.0 - for_s, 0.0))
         pos = np.array([0.0, 0.0, 2.0 - fallen_m]) + 3e-4 * rng.standard_normal(3)
-        estimate.receive_thrust(now_ns, 0.49)
+        estimate.receive_command(now_ns, 0.49)
         estimate.receive_pose(now_ns, pos, q, stands=False)
         estimate.receive_imu(now_ns, InertialSample(0, force + 0.1 * rng.standard_normal(3), rate))
         found = found or estimate.is_thrust_lost(now_ns)

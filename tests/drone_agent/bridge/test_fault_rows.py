@@ -1,11 +1,10 @@
-"""Every row of the signature table, and frozen poses, by the bridge of an autopilot that checks nothing itself."""
+"""Every row of the signature table, and frozen poses, by the bridge."""
 
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from drone_agent.core import AgentCore
 from drone_agent.guard.integrity import SIGNATURES
 from drone_agent.stages import Stage
 from formation.maths.arrays import Quat, Vec3
@@ -15,14 +14,6 @@ from tests.drone_agent.bridge.test_bridge import Site
 from wire.link_messages.setpoints import AttitudeSetpoint
 
 Shown = tuple[Vec3, Quat]
-CHECKS = frozenset({"pose-slides", "motor-failure"})
-
-
-def unchecked(**config: object) -> Site:
-    """With an autopilot that follows whatever pose it gets, as one does whose gates are wide."""
-    site = Site(**config)
-    site.drone.core = AgentCore(site.drone.config, 0, CHECKS)
-    return site
 
 
 def swinging(site: Site) -> Callable[[Harness], AttitudeSetpoint]:
@@ -76,7 +67,7 @@ ROWS = {
 def test_a_faulty_pose_is_held_against_and_the_drone_comes_down(name: str) -> None:
     """Held within the row's time of its onset, then let down near its place: a pose fault is none of the drone's."""
     fault, within_s = ROWS[name]
-    site = unchecked()
+    site = Site()
     site.fly(1.0, swinging(site))
     place = site.drone.truth.pos_lab_m
     site.spoil = fault
@@ -96,10 +87,10 @@ def test_a_faulty_pose_is_held_against_and_the_drone_comes_down(name: str) -> No
 
 @pytest.mark.parametrize("loss", [0.3, 0.45])
 def test_a_drone_whose_thrust_is_lost_is_landed_on_what_is_left(loss: float) -> None:
-    site = unchecked()
+    site = Site()
     site.fly(1.0, hover_over(0.0, 0.0, 1.0))
     start_ns = site.now_ns
-    site.drone.autopilot.airframe.motor_gain = np.full(4, 1.0 - loss)
+    site.drone.airframe.motor_gain = np.full(4, 1.0 - loss)
     while site.bridge._takeover.stream.stage is not Stage.LAND and site.now_ns - start_ns < S:
         site.run(0.01, hover_over(0.0, 0.0, 1.0))
     assert site.now_ns - start_ns <= 0.4 * S
@@ -118,7 +109,7 @@ def test_every_row_has_a_test_here() -> None:
 
 
 def test_a_flight_without_a_fault_is_left_alone() -> None:
-    site = unchecked()
+    site = Site()
     site.fly(1.0, swinging(site))
     site.run(20.0, swinging(site))
     assert not any("rejected" in text or "missing" in text for text in site.texts())

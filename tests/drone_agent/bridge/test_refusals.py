@@ -205,7 +205,7 @@ def test_without_a_pose_it_comes_down_by_attitude_and_thrust_until_the_autopilot
 def flown(hold: BridgeHold, estimate: BodyEstimate, now_ns: int, pos_lab_m: Vec3, thrust: float) -> None:
     """One pose, and one setpoint that passes."""
     estimate.receive_pose(now_ns, pos_lab_m, LEVEL, stands=False)
-    estimate.receive_thrust(now_ns, thrust)
+    estimate.receive_command(now_ns, thrust)
     hold.note(AttitudeSetpoint(DRONE, 1, LEVEL, np.zeros(3), thrust, 7), now_ns)
 
 
@@ -247,7 +247,7 @@ def test_hover_thrust_is_learned_again_from_what_holds_it() -> None:
             hold.begin(now_ns)
         estimate.receive_pose(now_ns, place, LEVEL, stands=False)
         thrust = hold.step(now_ns, 0.01, down=k >= 200).thrust_norm
-        estimate.receive_thrust(now_ns, thrust)
+        estimate.receive_command(now_ns, thrust)
         vz_m_s += 0.01 * GRAVITY_M_S2 * (thrust / true_hover - 1.0)
         z_m += 0.01 * vz_m_s
         if k == 199:

@@ -1,9 +1,7 @@
 """Vehicles as PX4 flies them, its estimate's errors and all: what the mocap sees of leader and follower."""
 
-from math import radians
-
 from analysis.metrics import summarise
-from drone_agent.simulation.level_error import LevelError
+from drone_agent.simulation.inertial import InertialError
 from sim import lockstep
 from sim.scenario import TrueVehicle, load
 
@@ -13,8 +11,8 @@ OTHERWISE = "model mismatch"
 def test_a_leader_is_held_as_well_as_its_followers_though_its_idea_of_level_wanders() -> None:
     scenario = load("px4_line")
     lab = scenario.lab.model_copy(update={"followers": scenario.lab.followers[:1]})
-    error = LevelError(rms_rad=radians(0.6), seed=2)
-    drones = tuple(TrueVehicle(sysid=sysid, level_error=error) for sysid in (1, 2))
+    error = InertialError(noise_m_s2=1.52, rate_noise_rad_s=0.125, seed=2)  # as in PX4's own simulation
+    drones = tuple(TrueVehicle(sysid=sysid, inertial_error=error) for sysid in (1, 2))
     flown, flight = lockstep.run_and_load(
         scenario.model_copy(update={"lab": lab, "vehicles": drones, "formation_s": 12.0}), 2
     )

@@ -67,8 +67,8 @@ class AgentCore:
             InertialSensor(config.inertial_error, config.sysid), self._estimator, physics, has_receiver=own,
         )  # fmt: skip
         """The simulated vehicle, which the autopilot knows as its `vehicle`: by sensors and orders."""
-        told = profile(config.profile, config.profiles)
-        self.autopilot = Autopilot(config, model, self.parameters, self.airframe, self._estimator, told)
+        configured = profile(config.profile, config.profiles)
+        self.autopilot = Autopilot(config, model, self.parameters, self.airframe, self._estimator, configured)
         self._failsafes = Failsafes(self.autopilot)
         self._direct = config.link.kind == "udp"
         direct_hz = model.direct_rates_hz if self._direct else {}

@@ -148,8 +148,8 @@ def _fuses_pose(p: Parameters, message: LinkMessage) -> bool:
 
 def _fusion(p: Parameters) -> Fusion:
     """As EKF3: `EK3_POS_I_GATE` 500 and `EK3_YAW_I_GATE` 300, in hundredths, and `posRetryTimeNoVel_ms` 7000."""
-    noise_and_gates = np.array([p["VISO_POS_M_NSE"], p["VISO_YAW_M_NSE"], 5.0, 3.0])
-    return Fusion(noise_and_gates, 7.0, 7.0)
+    noise_and_limits = np.array([p["VISO_POS_M_NSE"], p["VISO_YAW_M_NSE"], 5.0, 3.0])
+    return Fusion(noise_and_limits, 7.0, 7.0)
 
 
 _CRASHED = AttitudeFailure(radians(30.0), 2.0)

@@ -153,11 +153,11 @@ class Timing:
 class Fusion:
     """How the estimator fuses poses.
 
-    noise_and_gates (4): standard deviations of position, m, and heading, rad; the gates of their innovations, in
+    noise_and_limits (4): standard deviations of position, m, and heading, rad; the limits of their innovations, in
     standard deviations. A pose rejected for reset_after_s is taken for true; a position not fused for valid_s is lost.
     """
 
-    noise_and_gates: Float
+    noise_and_limits: Float
     reset_after_s: float
     valid_s: float
 

@@ -173,8 +173,8 @@ def _fuses_pose(p: Parameters, message: LinkMessage) -> bool:
 
 def _fusion(p: Parameters) -> Fusion:
     """As EKF2: `EKF2_HDG_GATE` 2.6, and `no_aid_timeout_max` of a second until a rejected source is taken for true."""
-    noise_and_gates = np.array([p["EKF2_EVP_NOISE"], p["EKF2_EVA_NOISE"], p["EKF2_EVP_GATE"], 2.6])
-    return Fusion(noise_and_gates, 1.0, p["EKF2_NOAID_TOUT"] * 1e-6)
+    noise_and_limits = np.array([p["EKF2_EVP_NOISE"], p["EKF2_EVA_NOISE"], p["EKF2_EVP_GATE"], 2.6])
+    return Fusion(noise_and_limits, 1.0, p["EKF2_NOAID_TOUT"] * 1e-6)
 
 
 def _attitude_failure(p: Parameters) -> AttitudeFailure | None:

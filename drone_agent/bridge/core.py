@@ -84,8 +84,8 @@ class BridgeCore:
         self._received_ns = t0_ns
         self._beat_ns = t0_ns
         signatures = tuple(row for row in SIGNATURES if MONITOR_OF[row.trigger] not in without)
-        told = profile(config.profile, config.profiles)
-        self._estimate = BodyEstimate(told, config.sysid, signatures)
+        configured = profile(config.profile, config.profiles)
+        self._estimate = BodyEstimate(configured, config.sysid, signatures)
         self._watches_attitude = "motor-failure" not in without
         self._hold = BridgeHold(self._estimate)
         self._hold_ns = t0_ns

@@ -88,7 +88,7 @@ class BodyEstimate:
         self._rate_flu_rad_s = _known(rate)
         self._navigator.receive_attitude(_ONE, np.array([t_ns]), q[None], rate[None])
         self._note_rate(t_ns)
-        self._note_lean(t_ns, q)
+        self._note_tilt(t_ns, q)
         self._collect_faults()
 
     def receive_command(self, t_ns: int, thrust_norm: float, q_lab_from_flu: Quat | None = None) -> None:
@@ -146,7 +146,7 @@ class BodyEstimate:
         return lost
 
     def is_attitude_lost(self, now_ns: int) -> bool:
-        """Whether it tumbles, or leans otherwise than commanded, for longer than an autopilot that works lets it.
+        """Whether it tumbles, or tilts otherwise than commanded, for longer than an autopilot that works lets it.
 
         Who only spins about its own up, as a heavy body does with a motor dead, is let down on what is left.
         """
@@ -160,7 +160,7 @@ class BodyEstimate:
         tumbles = math.hypot(x_rad_s, y_rad_s) > _TUMBLES * self._vehicle.rate_max_rad_s
         self._tumbles_since_ns = _since(self._tumbles_since_ns, t_ns, lasts=tumbles)
 
-    def _note_lean(self, t_ns: int, q_lab_from_flu: Quat) -> None:
+    def _note_tilt(self, t_ns: int, q_lab_from_flu: Quat) -> None:
         up = self._commanded_up
         strays = up is not None and sum(map(mul, up, thrust_axis(q_lab_from_flu))) < _STRAYS_COS
         self._strays_since_ns = _since(self._strays_since_ns, t_ns, lasts=strays)

@@ -53,14 +53,14 @@ class Autopilot:
         parameters: Parameters,
         vehicle: Vehicle,
         estimator: Estimator,
-        told: VehicleProfile,
+        configured: VehicleProfile,
     ) -> None:
-        """told: what it is set up for, whatever it really flies."""
+        """configured: what it is set up for, whatever it really flies."""
         self.model = model
         self.parameters = parameters
         self.vehicle = vehicle
         self.estimator = estimator
-        self.told = told
+        self.configured = configured
         self.armed = False
         self.mode = model.boot_mode
         self.failsafe = False
@@ -72,7 +72,7 @@ class Autopilot:
         self.armed_ns = 0
         self.origin: Vec3Tuple | None = config.origin if config.pose == "own" else None
         """Of the estimate's frame on the globe, if anybody has said."""
-        self.pilot = Pilot(told)
+        self.pilot = Pilot(configured)
         self.piloted = False
         """Whether the agent flies by itself, so that `control` is due every CONTROL_NS."""
         self._mode_after_disarm = model.boot_mode

@@ -1,6 +1,6 @@
 """The simulated autopilot's Kalman filter: 15 error states, from inertial samples, positions and headings. No time.
 
-After PX4's EKF2 (src/modules/ekf2/EKF): its process noises, an innovation gate for each observation, positions
+After PX4's EKF2 (src/modules/ekf2/EKF): its process noises, an innovation limit for each observation, positions
 observed against where the estimate was at their capture. Its errors are turned about lab axes: q_true = exp(e) q.
 """
 
@@ -193,9 +193,9 @@ def _past(x: Float, history: Float, t_s: float, row: int, was: Float) -> bool:
 def observe_pose(
     x: Float, cov: Float, history: Float, row: int, t_s: float, pose: Float, noise: Float, ratios: Float
 ) -> None:
-    """Observe a position and heading (4) captured at t_s, each group as far as it passes its gate.
+    """Observe a position and heading (4) captured at t_s, each group as far as it is within its limit.
 
-    noise (4): standard deviations of position, m, and heading, rad, and the gates of both in standard deviations.
+    noise (4): standard deviations of position, m, and heading, rad, and the limits of both in standard deviations.
     ratios (3): the test ratios of position in the plane, height and heading; above 1: rejected. NaN: too old.
     """
     was = np.empty(4)

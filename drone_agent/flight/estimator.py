@@ -1,6 +1,6 @@
 """Where the autopilot believes it is, by its inertial samples and the positions and headings that come to it.
 
-The filter is drone_agent.flight.ekf. What is here are the times: of a pose, of a source that has failed its gate for so
+The filter is drone_agent.flight.ekf. What is here are the times: of a pose, of a source that was rejected for so
 long that the estimate is set to it, of the last one fused. The sources are mocap poses, or a simulated GNSS receiver
 with a compass.
 """
@@ -126,7 +126,7 @@ class Estimator:
         return None if fused_ns - self._since_ns >= self._ready_after_ns else self._waits
 
     def receive_pose(self, pose: ExternalPose, now_ns: int, fusion: Fusion) -> bool:
-        """Fuse what of a pose passes its gates; False where the position did not. A rejection is counted."""
+        """Fuse what of a pose is within its limits; False where the position did not. A rejection is counted."""
         w, i, j, k = pose.q_lab_from_flu.tolist()
         heading_rad = math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
         measured = np.array([*pose.pos_lab_m.tolist(), heading_rad])
@@ -159,7 +159,7 @@ class Estimator:
             if last_ns is None or now_ns - last_ns > lasting_ns:
                 self._reset(group, measured, fusion)
         ekf.observe_pose(
-            self._x, self._cov, self._history, self._row, t_s, measured, fusion.noise_and_gates, self._ratios
+            self._x, self._cov, self._history, self._row, t_s, measured, fusion.noise_and_limits, self._ratios
         )
         reason = None
         for group, ratio in enumerate(self._ratios.tolist()):
@@ -175,7 +175,7 @@ class Estimator:
 
     def _reset(self, group: int, measured: Float, fusion: Fusion) -> None:
         if group == HEADING:
-            variance = float(fusion.noise_and_gates[1]) ** 2
+            variance = float(fusion.noise_and_limits[1]) ** 2
             ekf.reset_heading(self._x, self._cov, self._history, float(measured[3]), variance)
             return
         if group == PLANE and self._fused_ns[PLANE] is not None:
@@ -183,7 +183,7 @@ class Estimator:
                 return
             self._resets -= 1
         first, last = _AXES[group]
-        variance = float(fusion.noise_and_gates[0]) ** 2
+        variance = float(fusion.noise_and_limits[0]) ** 2
         ekf.reset_position(self._x, self._cov, self._history, measured[:3], variance, first, last)
 
 

@@ -25,7 +25,7 @@ class Failsafes:
         self._flown = False
         self._ground = LinkMonitor()
         self._battery_low_reported = self._battery_acted = False
-        self._contact = ContactDetector(autopilot.told.drag_n_s_m[2] / autopilot.told.mass_kg)
+        self._contact = ContactDetector(autopilot.configured.drag_n_s_m[2] / autopilot.configured.mass_kg)
         self._tilted_ns: int | None = None
 
     def ground_seen(self, now_ns: int) -> None:
@@ -68,8 +68,8 @@ class Failsafes:
 
     def _detect_contact(self) -> None:
         pilot = self._autopilot
-        estimate, told = pilot.estimator, pilot.told
-        lift = told.thrust_n_of(pilot.vehicle.setpoint.thrust_norm) / told.mass_kg if pilot.armed else 0.0
+        estimate, configured = pilot.estimator, pilot.configured
+        lift = configured.thrust_n_of(pilot.vehicle.setpoint.thrust_norm) / configured.mass_kg if pilot.armed else 0.0
         pilot.carried = self._contact.update(
             estimate.t_ns,
             estimate.climbed_m_s,
@@ -92,9 +92,13 @@ class Failsafes:
 
     def _detect_landing(self, now_ns: int) -> None:
         pilot = self._autopilot
-        belief, told = pilot.belief, pilot.told
+        belief, configured = pilot.belief, pilot.configured
         vx, vy, vz = belief.vel_lab_m_s
-        thrust = self._contact.thrust_scale * told.thrust_n_of(pilot.vehicle.setpoint.thrust_norm) / told.weight_n
+        thrust = (
+            self._contact.thrust_scale
+            * configured.thrust_n_of(pilot.vehicle.setpoint.thrust_norm)
+            / configured.weight_n
+        )
         down = pilot.piloted and pilot.pilot.faded
         if not pilot.detector.update(
             now_ns, thrust, belief.pos_lab_m[2], vz, hypot(vx, vy), carried=pilot.carried, faded=down

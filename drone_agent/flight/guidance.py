@@ -82,9 +82,9 @@ class Guidance:
 
     def _ahead(self, rate_flu_rad_s: Vec3) -> Quat:
         """The attitude so far ahead that the attitude loop, when it gets it, turns at this rate."""
-        told = self._autopilot.told
-        tilt_s, yaw_s = 1.0 / told.attitude_p_1_s, 1.0 / told.yaw_p_1_s
-        ahead_s = np.array([tilt_s, tilt_s, yaw_s]) + told.command_delay_s
+        configured = self._autopilot.configured
+        tilt_s, yaw_s = 1.0 / configured.attitude_p_1_s, 1.0 / configured.yaw_p_1_s
+        ahead_s = np.array([tilt_s, tilt_s, yaw_s]) + configured.command_delay_s
         return multiply(self._autopilot.estimator.q_lab_from_flu, from_rotation_vector(rate_flu_rad_s * ahead_s))
 
 

@@ -96,7 +96,7 @@ class Airframe:
             self.state = self._integrated(step_ns * 1e-9, steps)
             self.t_ns += steps * step_ns
             if self.t_ns >= self._sensors.next_ns:
-                q_estimated = self._sensors.sense(self.t_ns, self.state)
+                q_estimated = self._sensors.sample(self.t_ns, self.state)
                 self._attitudes = (self.state.q_lab_from_flu, q_estimated.copy())
                 self._turn_setpoint()
 

@@ -35,7 +35,7 @@ class Sensors:
         self._state = state
         self.newest: ImuSample | None = None
 
-    def sense(self, t_ns: int, state: VehicleState) -> Quat:
+    def sample(self, t_ns: int, state: VehicleState) -> Quat:
         """The vehicle is in `state` at t_ns, at next_ns or just after. Returns the autopilot's attitude estimate."""
         sample = self._inertial.sample(self._state, state, t_ns, (t_ns - self._t_ns) * 1e-9)
         self.newest, self._t_ns, self._state = sample, t_ns, state

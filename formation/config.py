@@ -30,12 +30,19 @@ def _preset(name: str) -> str:
     return name
 
 
+UNGUARDED = (
+    "a drone with a link of its own has no guard: only its autopilot acts when the ground dies or a pose is wrong; "
+    'write guard = "none" to fly so, or put it behind drone-agent --bridge and delete its link'
+)
+
+
 class VehicleBody(Model):
     """One rigid body the mocap sees: its name, its drone (if commanded) and its marker frame's alignment.
 
-    link: the drone's own link where it has one, `udp:HOST:PORT` or `udpin:HOST:PORT`. spawn_lab_m: for mocap source
-    `mavlink`, where in the lab the origin of the drone's own local position is; of a commanded leader, whatever the
-    source, where it is expected to start.
+    link: the drone's own link where it has one, `udp:HOST:PORT` or `udpin:HOST:PORT`. guard: "none" with such a link: a
+    real autopilot that nothing guards has to be said to be one. spawn_lab_m: for mocap source `mavlink`, where in the
+    lab the origin of the drone's own local position is; of a commanded leader, whatever the source, where it is
+    expected to start.
     """
 
     body: Name
@@ -47,7 +54,14 @@ class VehicleBody(Model):
     q_marker_from_flu: UnitQuat = NO_ROTATION
     """Orientation of the body's axes in its marker frame, `w, x, y, z`."""
     link: OwnLink | None = None
+    guard: Literal["none"] | None = None
     spawn_lab_m: Vec3Tuple = (0.0, 0.0, 0.0)
+
+    @model_validator(mode="after")
+    def _unguarded_on_purpose(self) -> Self:
+        if self.link is not None and self.guard is None:
+            raise WrongKeyError("guard", UNGUARDED)
+        return self
 
 
 class LeaderConfig(VehicleBody):

@@ -110,7 +110,7 @@ class Estimator:
         self.receive_pose(ExternalPose(t_ns, pos_lab_m, q_lab_from_flu), t_ns, _FIX)
 
     def rest(self) -> None:
-        """It is disarmed: it stands still."""
+        """It is disarmed on the floor: it stands still."""
         ekf.observe_rest(self._x, self._cov, self._history, _REST_M_S)
 
     def valid(self, now_ns: int) -> bool:

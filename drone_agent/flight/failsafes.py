@@ -54,7 +54,8 @@ class Failsafes:
         pilot = self._autopilot
         self._detect_contact()
         if not pilot.armed:
-            pilot.estimator.rest()
+            if pilot.carried:  # it may have been disarmed in the air
+                pilot.estimator.rest()
             self._flown = False
             self._landed_ns = now_ns
             return

@@ -18,6 +18,10 @@ DELAY_LONG_S = 0.05
 ORIGIN_MOST_M = 100.0
 ALWAYS_MILLIMETRES = ("qualisys", "vicon")
 """Their protocols say so; Chingmu's software may be set otherwise."""
+UNGUARDED = (
+    "no guard notices wrong poses, lost thrust or old setpoints. When they end, its autopilot alone acts: PX4 as "
+    "COM_OBL_RC_ACT says after COM_OF_LOSS_T, ArduPilot levels after GUID_TIMEOUT and lands by FS_GCS_ENABLE"
+)
 W_LAST = (0.0, 0.0, 0.0, 1.0)
 
 
@@ -189,6 +193,8 @@ def _profiles(config: LabConfig, keys: Keys) -> Iterator[Finding]:
                 f'40 g vehicle. Write profile = "..." there: {", ".join(known_profiles(config))}'
             )
             yield keys.reject(vehicle_key(i, "profile"), NAMES, why)
+        elif vehicle.link is not None:
+            yield keys.warn(vehicle_key(i, "guard"), LINK, f"{vehicle.body}: {UNGUARDED}")
 
 
 def known_profiles(config: LabConfig) -> tuple[str, ...]:

@@ -100,7 +100,13 @@ def flown(scenario: Path, out: Path, *arguments: str) -> dict[str, Any]:
 OWN_LAB = """
 mocap = {{ source = "vicon", {rate}, axes = ["x right", "y up", "z back"], names = {{ "Quad 1" = "leader" }}, {host} }}
 leader = {{ body = "leader", sysid = 1, trajectory = {{ {trajectory} }} }}
-followers = [{{ body = "left", sysid = 3, link = "udp:192.168.1.33:14550", {profile}, offset_m = [-0.5, 0.5, 0.0] }}]
+[[followers]]
+body = "left"
+sysid = 3
+link = "udp:192.168.1.33:14550"
+guard = "none"
+{profile}
+offset_m = [-0.5, 0.5, 0.0]
 """
 
 

@@ -37,7 +37,7 @@ def test_no_two_vehicles_share_a_name(leader, named):
     [
         ({"body": "a", "sysid": 1}, "zenoh"),
         ({"body": "a"}, "zenoh"),
-        ({"body": "a", "sysid": 1, "link": "udp:127.0.0.1:14540"}, "udp and zenoh"),
+        ({"body": "a", "sysid": 1, "link": "udp:127.0.0.1:14540", "guard": "none"}, "udp and zenoh"),
     ],
 )
 def test_the_links_told_are_those_that_drones_are_on(leader, links):
@@ -58,8 +58,12 @@ def test_the_presets_that_a_lab_may_name_are_those_there_are():
         ({"limits": {"fence": {"low_m": (-1, -1, 2), "high_m": (1, 1, 2)}}}, "low_m is 2 and high_m 2 along z"),
         ({"limits": {"tilt_rad": 30}}, "radians are meant"),
         ({"control_preset": "heroic"}, "unknown control preset 'heroic'; known: default, pid_leader, paper"),
-        ({"leader": {"body": "a", "link": "udp:127.0.0.1:0"}}, "port 0 is not within 1 to 65535"),
-        ({"leader": {"body": "a", "link": "udp:127.0.0.1:70000"}}, "port 70000 is not within 1 to 65535"),
+        ({"leader": {"body": "a", "link": "udp:127.0.0.1:14540"}}, 'has no guard: .* write guard = "none"'),
+        ({"leader": {"body": "a", "link": "udp:127.0.0.1:0", "guard": "none"}}, "port 0 is not within 1 to 65535"),
+        (
+            {"leader": {"body": "a", "link": "udp:127.0.0.1:70000", "guard": "none"}},
+            "port 70000 is not within 1 to 65535",
+        ),
         ({"link": {"zenoh_listen": ["tcp/0.0.0.0:99999"]}}, "port 99999 is not within 0 to 65535"),
         ({"link": {"zenoh_connect": ["tcp/127.0.0.1"]}}, "not an endpoint such as tcp/127.0.0.1:7447"),
         ({"link": {"host": "127.0.0.256"}}, "not an IPv4 address"),

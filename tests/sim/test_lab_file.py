@@ -47,6 +47,7 @@ trajectories.out = { kind = "line", length_m = 0.2, duration_s = 1.0 }
 body = "left"
 sysid = 3
 link = "udp:192.168.1.33:14550"
+guard = "none"
 profile = "px4_quad"
 offset_m = [-0.6, 0.6, 0.0]
 """

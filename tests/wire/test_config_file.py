@@ -16,7 +16,7 @@ LAB = LabConfig(
     leader=LeaderConfig(body="lead-er", sysid=1, trajectory=TrajectoryConfig(waypoints_m=((0, 0, 1), (1, 0, 1)))),
     followers=(
         FollowerConfig(body="f1", sysid=2, offset_m=(-0.4, 0.4, 0.0)),
-        FollowerConfig(body="f2", sysid=3, offset_m=(-0.4, -0.4, 1e-7), link="udp:127.0.0.1:14540"),
+        FollowerConfig(body="f2", sysid=3, offset_m=(-0.4, -0.4, 1e-7), link="udp:127.0.0.1:14540", guard="none"),
     ),
 )
 

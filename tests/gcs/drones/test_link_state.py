@@ -247,7 +247,9 @@ def test_what_nobody_reads_is_switched_off_only_on_a_link_of_our_own():
     shared = a_link()
     Drone().say(shared, beat())
     assert _intervals(shared) == {31.0: 20_000.0, 245.0: 500_000.0, 147.0: 1_000_000.0}
-    own = DroneLink(VehicleBody(body="left", sysid=3, link="udpin:127.0.0.1:14540"), 3, PAPER, ((32, 100.0),))
+    own = DroneLink(
+        VehicleBody(body="left", sysid=3, link="udpin:127.0.0.1:14540", guard="none"), 3, PAPER, ((32, 100.0),)
+    )
     Drone().say(own, beat())
     asked = _intervals(own)
     assert (asked[30.0], asked[105.0], asked[331.0]) == (-1.0, -1.0, -1.0)

@@ -29,6 +29,7 @@ body = "leader"
 sysid = 1
 profile = "px4_quad"
 link = "udp:192.168.1.31:14550"
+guard = "none"
 spawn_lab_m = [0.0, 0.0, 0.0]
 trajectory = { kind = "circle", radius_m = 0.5, period_s = 12.0, laps = 2 }
 
@@ -37,6 +38,7 @@ body = "right"
 sysid = 2
 profile = "px4_quad"
 link = "udp:192.168.1.32:14550"
+guard = "none"
 offset_m = [-1.0, -1.0, 0.0]
 q_marker_from_flu = [1.0, 0.0, 0.0, 0.0]
 
@@ -45,6 +47,7 @@ body = "left"
 sysid = 3
 profile = "px4_quad"
 link = "udp:192.168.1.33:14550"
+guard = "none"
 offset_m = [-1.0, 1.0, 0.0]
 yaw_offset_rad = 0.0
 

@@ -23,6 +23,7 @@ trajectory = { kind = "hold", duration_s = 0.3 }
 body = "left"
 sysid = 2
 link = "udp:192.168.1.33:14550"
+guard = "none"
 profile = "paper_40g"
 offset_m = [-0.5, 0.0, 0.0]
 """

@@ -31,9 +31,9 @@ _LOSS_LASTS_NS, _LOSS_LEFT = 200_000_000, 0.875
 _UPSET_RAD_S = 2.0
 """Half of what an autopilot turns with at most (MC_ROLLRATE_MAX 220 degrees/s); a formation turns with 1."""
 _TUMBLES, _TUMBLES_NS = 1.5, 50_000_000
-"""Times the largest rate that its autopilot commands."""
+"""Times the largest rate that its autopilot commands: no command turns it so fast."""
 _STRAYS_COS, _STRAYS_NS = math.cos(math.radians(30.0)), 200_000_000
-"""The angle of ArduCopter's crash check. A working loop is nearer to any target by then."""
+"""The angle of ArduCopter's crash check."""
 _FLAGS = (
     EstimatorFlag.ATTITUDE
     | EstimatorFlag.VELOCITY_HORIZ
@@ -146,9 +146,10 @@ class BodyEstimate:
         return lost
 
     def is_attitude_lost(self, now_ns: int) -> bool:
-        """Whether it tumbles, or tilts otherwise than commanded, for longer than an autopilot that works lets it.
+        """Whether it tumbles, or spins and tilts otherwise than commanded, for longer than a working autopilot lets it.
 
-        Who only spins about its own up, as a heavy body does with a motor dead, is let down on what is left.
+        Who only spins, as a heavy body does with a weak motor, is let down on what is left; who only tilts otherwise
+        may swing, and comes to rest.
         """
         if self._stands:
             self._tumbles_since_ns = self._strays_since_ns = None
@@ -162,7 +163,8 @@ class BodyEstimate:
 
     def _note_tilt(self, t_ns: int, q_lab_from_flu: Quat) -> None:
         up = self._commanded_up
-        strays = up is not None and sum(map(mul, up, thrust_axis(q_lab_from_flu))) < _STRAYS_COS
+        spins = abs(float(self._rate_flu_rad_s[2])) > _TUMBLES * self._vehicle.rate_yaw_max_rad_s
+        strays = spins and up is not None and sum(map(mul, up, thrust_axis(q_lab_from_flu))) < _STRAYS_COS
         self._strays_since_ns = _since(self._strays_since_ns, t_ns, lasts=strays)
 
     def _collect_faults(self) -> None:

@@ -130,7 +130,7 @@ class BridgeCore:
         self._now_ns = now_ns
         pose = self._feed.receive_frame(frame, now_ns, armed=self._takeover.armed)
         if self._feed.fresh(now_ns):
-            self._takeover.rest(now_ns, still=self._hold.is_still(now_ns))
+            self._takeover.rest(now_ns, still=self._hold.update_rest(now_ns))
         self._act_on_faults()
         if pose is not None:
             self._send_autopilot(pose)

@@ -311,7 +311,7 @@ class BridgeCore:
         silent_ns, self._received_ns = self._now_ns - self._received_ns, self._now_ns
         if self._table is not table or silent_ns > _SILENT_NS:
             self._lacks_origin = table.needs_origin
-            self._inertial.restarted(self._now_ns)
+            self._inertial.restarted(self._now_ns, table.inertial_delay_s)
         if self._table is not table:
             self._table = table
             self._report(Severity.INFO, f"Bridge to {table.autopilot.name.lower()}")

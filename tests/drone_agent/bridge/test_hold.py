@@ -33,7 +33,7 @@ class Body:
             now_ns, moved_s = self._k * 10 * MS, 0.01 * (self._k - start)
             if self._k % 2 == 0:
                 self.estimate.receive_attitude(now_ns, AttitudeQuaternion(now_ns // MS, LEVEL, np.zeros(3)))
-            self.estimate.receive_thrust(now_ns, nan)  # as on the floor, or where nobody knows
+            self.estimate.receive_command(now_ns, nan)  # as on the floor, or where nobody knows
             place = np.array([velocity_m_s[0] * moved_s, 0.0, 1.0 + velocity_m_s[1] * moved_s])
             pos = place + self._noise_m * self._rng.standard_normal(3)
             self.estimate.receive_pose(now_ns - 8 * MS, pos, LEVEL, stands=True)

@@ -130,7 +130,7 @@ class BridgeCore:
         self._now_ns = now_ns
         pose = self._feed.receive_frame(frame, now_ns, armed=self._takeover.armed)
         if self._feed.fresh(now_ns):
-            self._takeover.rest(now_ns, still=self._hold.is_still(now_ns))
+            self._takeover.rest(now_ns, still=self._hold.update_rest(now_ns))
         self._act_on_faults()
         if pose is not None:
             self._send_autopilot(pose)
@@ -311,7 +311,7 @@ class BridgeCore:
         silent_ns, self._received_ns = self._now_ns - self._received_ns, self._now_ns
         if self._table is not table or silent_ns > _SILENT_NS:
             self._lacks_origin = table.needs_origin
-            self._inertial.restarted(self._now_ns)
+            self._inertial.restarted(self._now_ns, table.inertial_delay_s)
         if self._table is not table:
             self._table = table
             self._report(Severity.INFO, f"Bridge to {table.autopilot.name.lower()}")

@@ -24,8 +24,10 @@ _STOP_S = 0.4  # its place is where the present speed would come to rest
 _SINK_M_S = 0.7  # as PX4 lands (MPC_LAND_SPEED)
 _THRUST_LEAST = 0.85  # of what carries it, coming down: what stands in the air by a wrong pose must not fall
 _OPEN_LOOP_THRUST, _OPEN_LOOP_S, _OPEN_LOOP_FADE_1_S = 0.95, 3.0, 0.3  # 1.5 m in 2.5 s, down at 1.2 m/s
-_STILL_M_S = 0.1
-_STANDS_M_S, _STANDS_NS = 0.08, 400_000_000
+_STILL_M = 0.05
+"""A body at rest keeps within: by its place, since without an IMU the estimated velocity of a body at rest is noise."""
+_STANDS_M, _STANDS_NS = 0.02, 500_000_000
+"""What is let down and sinks less in that time stands; in the air the least thrust lets it sink 0.18 m."""
 
 
 class BridgeHold:
@@ -45,13 +47,19 @@ class BridgeHold:
         self._loop = PositionController(self._thrust_of)
         self._hold_xy_m = (0.0, 0.0)
         self._height_m = 0.0
-        self._sinks_ns = 0
+        self._sunk_m, self._sunk_ns = 0.0, 0
+        self._rest_lab_m = np.full(3, np.nan)
         self._open_loop_s = 0.0
 
-    def is_still(self, now_ns: int) -> bool:
-        """Whether it is seen at rest."""
+    def update_rest(self, now_ns: int) -> bool:
+        """Whether it is still where it came to rest; what moves comes to rest anew every _STILL_M."""
         motion = self._estimate.motion(now_ns)
-        return motion is not None and float(np.linalg.norm(motion.vel_lab_m_s)) < _STILL_M_S
+        if motion is None:
+            return False
+        rests = float(np.linalg.norm(motion.pos_lab_m - self._rest_lab_m)) <= _STILL_M
+        if not rests:
+            self._rest_lab_m = motion.pos_lab_m
+        return rests
 
     @property
     def faded(self) -> bool:
@@ -76,7 +84,8 @@ class BridgeHold:
         x, y, z = (0.0, 0.0, 0.0) if motion is None else motion.pos_lab_m.tolist()
         vx, vy, _ = (0.0, 0.0, 0.0) if motion is None else motion.vel_lab_m_s.tolist()
         self._hold_xy_m = (x + _STOP_S * vx, y + _STOP_S * vy)
-        self._height_m, self._sinks_ns, self.stands = z, now_ns, False
+        self._height_m, self.stands = z, False
+        self._sunk_m, self._sunk_ns = z, now_ns
         self._open_loop_s = 0.0
         self._sink_norm = None
 
@@ -89,11 +98,11 @@ class BridgeHold:
         x, y, z = motion.pos_lab_m.tolist()
         vx, vy, vz = motion.vel_lab_m_s.tolist()
         demand = Demand(self._yaw_rad, self._hold_xy_m, height_m=self._height_m)
-        if not down or vz < -_STANDS_M_S:
-            self._sinks_ns = now_ns
+        if not down or self._sunk_m - z > _STANDS_M:
+            self._sunk_m, self._sunk_ns = z, now_ns
         if down:
             demand = Demand(self._yaw_rad, self._hold_xy_m, climb_m_s=-_SINK_M_S)
-            self.stands = self.stands or now_ns - self._sinks_ns >= _STANDS_NS
+            self.stands = self.stands or now_ns - self._sunk_ns >= _STANDS_NS
         flown = self._loop.step(demand, Belief((x, y, z), (vx, vy, vz), self._yaw_rad), dt_s)
         least = _THRUST_LEAST * self._begin_to_sink() if down else 0.0
         if flown.thrust_norm < least:

@@ -11,7 +11,7 @@ _LISTEN_NS = 1_500_000_000  # before it is asked for: the autopilot may send it 
 _ASK_NS = 1_000_000_000
 _SHARE = 0.4  # of the rate wanted: what comes more slowly is asked for
 _PATIENCE_NS = 5_000_000_000  # of requests, before the report that the stream is missing
-LACKS = "No HIGHRES_IMU: faulty poses are found late"
+LACKS = "No HIGHRES_IMU: slow pose drift is not detected"
 
 
 class InertialStream:
@@ -38,15 +38,17 @@ class InertialStream:
         """A sample came."""
         self._count += 1
         made_ns = self.sync.clock.made_ns(sample.t_boot_us * 1000, now_ns)
-        self._estimate.receive_imu(made_ns, sample)
+        self._estimate.receive_imu(made_ns - self._delay_ns, sample)
 
     def receive_attitude(self, attitude: AttitudeQuaternion, now_ns: int) -> None:
         """An attitude came."""
         made_ns = self.sync.clock.made_ns(attitude.t_boot_ms * 1_000_000, now_ns)
         self._estimate.receive_attitude(made_ns, attitude)
 
-    def restarted(self, now_ns: int) -> None:
-        """The autopilot is new, or was: listen, then ask again."""
+    def restarted(self, now_ns: int, delay_s: float = 0.0) -> None:
+        """The autopilot is new, or was: listen, then ask again. delay_s: its table's `inertial_delay_s`."""
+        # The estimate takes a sample for the mean until its time, which is of half an interval before.
+        self._delay_ns = round(max(delay_s - 0.5 / self._rate_hz, 0.0) * 1e9) if self._rate_hz > 0.0 else 0
         self.sync = TimeSyncClient(self._target)
         self._asks_ns, self._count, self._rejected = now_ns + _LISTEN_NS, 0, self._rate_hz <= 0.0
         self._lacks_ns: int | None = None

@@ -132,4 +132,5 @@ ARDUPILOT = AutopilotTable(
         {"BATT_MONITOR", "COMPASS_ENABLE", "EK3_ENABLE", "FRAME_CLASS", "FRAME_TYPE", "GPS1_TYPE", "VISO_TYPE"}
     ),
     needs_origin=True,
+    inertial_delay_s=0.011,  # Butterworth low-pass, 2nd order, of 20 Hz: sqrt(2) / (2 pi 20 Hz) (INS_ACCEL_FILTER)
 )

@@ -97,6 +97,8 @@ class AutopilotTable:
     """Parameters of this table that count from the next boot on, as its documentation says."""
     needs_origin: bool
     """Whether it fuses external poses only after SET_GPS_GLOBAL_ORIGIN gave its local frame an origin on the globe."""
+    inertial_delay_s: float
+    """Age of HIGHRES_IMU's force and rate at its stamp, for a single filtered sample; 0: it is the mean until then."""
 
     def custom_mode(self, mode: FlightMode) -> int:
         """HEARTBEAT's custom mode in that mode."""

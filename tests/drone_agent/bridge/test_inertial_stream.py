@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import butter, lfilter
 
 from drone_agent.bridge.core import BridgeCore
 from drone_agent.bridge.daemon import imu_rate_limit_hz
@@ -12,6 +13,9 @@ from formation.messages import Datagram
 from formation.vehicle.profile import PROFILES
 from tests.drone_agent.agent_harness import MS, Harness, S, hover_at, hover_over
 from tests.drone_agent.bridge.test_bridge import Site
+from wire.autopilots.ardupilot import ARDUPILOT
+from wire.autopilots.px4 import PX4
+from wire.autopilots.table import AutopilotTable
 from wire.link_messages.address import BRIDGE_COMPONENT, GROUND, Address
 from wire.link_messages.commands import CommandAck, CommandLong, MavCommand, Result, command_long
 from wire.link_messages.motion import InertialSample
@@ -162,3 +166,26 @@ def test_a_flight_without_a_slide_is_left_alone() -> None:
 def test_a_slow_line_is_not_filled(line: str, room_hz: float) -> None:
     """A HIGHRES_IMU of 63 bytes with MAVLink 2's frame of 12, 10 bits each: a quarter of the line."""
     assert imu_rate_limit_hz(line) == pytest.approx(room_hz)
+
+
+@pytest.mark.parametrize(("table", "error_m_s"), [(ARDUPILOT, 0.003), (PX4, 0.03)])
+def test_ardupilots_filtered_samples_are_taken_for_as_old_as_they_are(table: AutopilotTable, error_m_s: float) -> None:
+    """ArduPilot's sample is one value behind a Butterworth low-pass of 20 Hz (AP_InertialSensor, INS_ACCEL_FILTER).
+
+    Force rises by 10 m/s^3 for 0.5 s and no pose is seen. Taken for PX4's mean until the stamp, its velocity is 6 ms
+    late, which is 0.03 m/s.
+    """
+    estimate, level = BodyEstimate(PROFILES["px4_quad"], 1), np.array([1.0, 0.0, 0.0, 0.0])
+    stream = InertialStream(DRONE, 100.0, estimate, 0)
+    stream.restarted(0, table.inertial_delay_s)
+    rising_s = np.clip(0.001 * np.arange(2501) - 2.0, 0.0, None)
+    b, a = butter(2, 20.0, fs=1000.0)
+    filtered_m_s2 = lfilter(b, a, 10.0 * rising_s)
+    for k in range(10, 2501, 10):
+        if k <= 2000:
+            pos = 1e-3 * np.random.default_rng(k).standard_normal(3)
+            estimate.receive_pose(k * MS, pos, level, stands=False)
+        stream.receive_sample(InertialSample(k * 1000, G + np.array([0.0, 0.0, filtered_m_s2[k]]), np.zeros(3)), k * MS)
+    motion = estimate.motion(2500 * MS)
+    assert motion is not None
+    assert 5.0 * 0.5**2 - motion.vel_lab_m_s[2] == pytest.approx(error_m_s, abs=0.008)

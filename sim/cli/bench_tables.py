@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from rich import box
 from rich.table import Table
 
-from sim.studies.bench import Result, Timing
+from sim.studies.bench import MANY, Result, Timing
 
 
 def bench_tables(result: Result) -> Iterator[Table]:
@@ -22,8 +22,8 @@ def bench_tables(result: Result) -> Iterator[Table]:
     swarms.add_row("Python calls, a simulated second", *(f"{s.python_calls:,}" for s in result.swarms))
     yield swarms
     parts, calls = result.parts, _table("single calls", "", "each")
-    calls.add_row("nearest, by pair", f"{parts.nearest_ns_per_pair:.1f} ns")
-    calls.add_row("separation filter, by pair", f"{parts.separation_filter_ns_per_pair:.1f} ns")
+    calls.add_row(f"nearest neighbours of {MANY:,}", f"{parts.nearest_us:.0f} µs")
+    calls.add_row(f"separation filter of {MANY:,}", f"{parts.separation_filter_us:.0f} µs")
     calls.add_row("encode an attitude target", f"{parts.encode_us:.1f} µs")
     calls.add_row("decode it", f"{parts.decode_us:.1f} µs")
     yield calls

@@ -49,7 +49,7 @@ def test_a_simulated_second_makes_no_more_python_calls_than_its_budget(followers
 
 
 def test_codec_and_kernels_take_their_time() -> None:
-    assert min(bench.codec_us()) > 0.0
+    assert min(*bench.codec_us(), bench.nearest_us(), bench.separation_filter_us()) > 0.0
 
 
 @pytest.mark.processes
@@ -70,5 +70,5 @@ def test_every_figure_is_in_the_json_and_in_the_tables() -> None:
     for table in bench_tables(result):
         console.print(table)
     shown = console.export_text()
-    for figure in ("+ 2", "1.3", "2 (1)", "7.5", "11.0 ns", "12.0 ns", "13.0 µs", "14.0 µs", "15", "16"):
+    for figure in ("+ 2", "1.3", "2 (1)", "7.5", "11 µs", "12 µs", "13.0 µs", "14.0 µs", "15", "16"):
         assert figure in shown

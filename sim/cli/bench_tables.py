@@ -18,6 +18,8 @@ def bench_tables(result: Result) -> Iterator[Table]:
     swarms.add_row("law", *(_words(s.law) for s in result.swarms))
     swarms.add_row("control step", *(_words(s.step) for s in result.swarms))
     swarms.add_row("the ground's tick", *(_words(s.tick) for s in result.swarms))
+    swarms.add_row("Python calls in it", *(f"{s.tick_calls.tick:.0f}" for s in result.swarms))
+    swarms.add_row("and to take in what came", *(f"{s.tick_calls.receive:.0f}" for s in result.swarms))
     swarms.add_row("lockstep, s a second", *(f"{s.lockstep_speed:.1f}" for s in result.swarms))
     swarms.add_row("Python calls, a simulated second", *(f"{s.python_calls:,}" for s in result.swarms))
     yield swarms

@@ -14,7 +14,6 @@ from contextlib import asynccontextmanager, contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import FrameType
 
 import numpy as np
 import uvloop
@@ -38,7 +37,8 @@ from sim import lockstep
 from sim.ports import private_link
 from sim.processes import ProcessGroup
 from sim.scenario import Scenario, load
-from sim.world import T0_NS, World
+from sim.studies.call_counts import TickCalls, python_calls, tick_calls
+from sim.world import T0_NS
 from wire import clock
 from wire.config_file import dump
 from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
@@ -57,11 +57,6 @@ MANY = 1000
 CALLS, BATCHES = 200, 20
 LAB, FRAMES, RATE_HZ = "triangle_line", 300, 100.0
 SHOWN_WITHIN_S = 60.0
-OURS = tuple(
-    f"{Path(__file__).parents[2] / name}/" for name in ("formation", "wire", "mocap", "gcs", "drone_agent", "sim")
-)
-"""The folders of our packages."""
-
 Progress = Callable[[str], None]
 """Called with what is measured next."""
 
@@ -87,8 +82,8 @@ class Swarm:
     """A tick with a frame, of a leader and so many followers, airborne; all durations of the whole swarm.
 
     step: `ControlStack.step`, which holds estimate and law; tick: `GcsCore.tick`, which holds the step.
-    lockstep_speed: simulated seconds a second, the drones included; python_calls: of our own functions in one such
-    second, which no machine's load changes.
+    tick_calls: of our own Python functions in a tick, and of them to take in what arrived before it. lockstep_speed:
+    simulated seconds a second, the drones included; python_calls: in one such second. No machine's load changes calls.
     """
 
     followers: int
@@ -96,6 +91,7 @@ class Swarm:
     law: Timing
     step: Timing
     tick: Timing
+    tick_calls: TickCalls
     lockstep_speed: float
     python_calls: int
 
@@ -177,28 +173,8 @@ def swarm(followers: int) -> Swarm:
                     ticks_us.append((clock.monotonic_ns() - begun_ns) * 1e-3)
     return Swarm(
         followers, _airborne(estimates_us), _airborne(demands_us), _airborne(steps_us), _airborne(ticks_us),
-        flown.realtime_factor, python_calls(scenario),
+        tick_calls(scenario.lab, entries, AIRBORNE_TICKS), flown.realtime_factor, python_calls(scenario),
     )  # fmt: skip
-
-
-def python_calls(scenario: Scenario) -> int:
-    """Calls of Python functions of our own in the last second of the scenario's longest flight, in lockstep."""
-    world, calls = World(scenario, scenario.seed, lambda _topic, _message, _t_ns: None), 0
-    end_ns = T0_NS + round(scenario.longest_s * 1e9)
-
-    def count(frame: FrameType, event: str, _: object) -> None:
-        nonlocal calls
-        calls += event == "call" and frame.f_code.co_filename.startswith(OURS)
-
-    while world.now_ns < end_ns - 1_000_000_000:
-        world.step()
-    sys.setprofile(count)
-    try:
-        while world.now_ns < end_ns:
-            world.step()
-    finally:
-        sys.setprofile(None)
-    return calls
 
 
 def _airborne(durations_us: Sequence[float]) -> Timing:

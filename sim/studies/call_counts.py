@@ -36,11 +36,11 @@ def tick_calls(lab: LabConfig, entries: Sequence[Entry], count: int) -> TickCall
     begin = ticks[-count - 1] + 1
     core = GcsCore(lab, T0_NS)
     _feed(core, entries[:begin])
-    taken_in, ticked = Calls(), Calls()
+    received, ticked = Calls(), Calls()
     for entry in entries[begin : ticks[-1] + 1]:
-        with ticked if entry.topic is topics.TICK else taken_in:
+        with ticked if entry.topic is topics.TICK else received:
             _feed(core, (entry,))
-    return TickCalls(ticked.count / count, taken_in.count / count)
+    return TickCalls(ticked.count / count, received.count / count)
 
 
 def _feed(core: GcsCore, entries: Sequence[Entry]) -> None:

@@ -41,8 +41,9 @@ from gcs import formation_change
 from gcs.drones.checks import warnings
 from gcs.drones.drone import Drone, Goal
 from gcs.drones.link_state import DroneLink
+from gcs.drones.packets import Packets
 from gcs.drones.protocols import COMMAND_RETRY_NS
-from gcs.drones.telemetry import NEVER_NS, ground_heartbeat
+from gcs.drones.telemetry import NEVER_NS
 from gcs.facts import FactGatherer, Lateness, all_finite, measured_specific_forces
 from gcs.flight import Flight
 from gcs.operator import armed_text, done_text
@@ -55,11 +56,8 @@ from gcs.state.counters import counters
 from gcs.state.swarm import About, swarm_state
 from mocap.autopilot_poses import streams
 from wire.link_messages.address import ground_address
-from wire.mavlink.framing import packed
 from wire.rejections import RejectionLog
 
-HEARTBEAT_NS = 1_000_000_000
-POSE_NS = 20_000_000
 WATCHDOG_FRAMES = 3.0
 REINITIALISE_NS = 400_000_000
 """Period of reinitialising the control after a takeover, until every drone follows it."""
@@ -93,11 +91,11 @@ class GcsCore:
         self._config = config
         self._t0_ns, self._session = t0_ns, session
         self._without, self._gains = without, gains
-        self._heartbeat = ground_heartbeat(session)
         self._host = Host(without)
         self._feeds_pose = config.mocap.source != "mavlink"
         self._drones = tuple(Drone(i, self._link(config, i)) for i in config.commanded)
         self._links = {drone.link.sysid: drone.link for drone in self._drones}
+        self._packets = Packets(self._drones, self._feeds_pose, session, t0_ns)
         for link in self._links.values() if monitors.STOP_REPEAT in without else ():
             link.commands.urgent_retry_ns = COMMAND_RETRY_NS
         self._hold_off = SetpointHoldOff(
@@ -122,8 +120,6 @@ class GcsCore:
         self._arming_request: int | None = None
         self._tick_ns = t0_ns
         self._due = False
-        self._heartbeat_due_ns = t0_ns
-        self._pose_due_ns = t0_ns
         self.watchdog_ns = round(WATCHDOG_FRAMES / config.mocap.rate_hz * 1e9)
         """Without a frame for so long, the next one is overdue."""
         self._deadline_ns = t0_ns + self.watchdog_ns
@@ -197,7 +193,8 @@ class GcsCore:
         current = stages if self._stack is stack else None
         self._flight.update(current, now_ns)
         replies += self._answer_arming(now_ns)
-        datagrams = self._datagrams(frame, current, now_ns)
+        streamed = None if current is None or self.phase not in STREAMING else current.target
+        datagrams = self._packets.due(frame, streamed, now_ns)
         self._deadline_ns = self._compute_deadline_ns(now_ns)
         return Outgoing(datagrams=datagrams, replies=tuple(replies), records=self._records(stages))
 
@@ -316,32 +313,6 @@ class GcsCore:
         links = self._gatherer.gather_links(now_ns)
         return self._gatherer.gather(links, self._stages, self._lateness.share, now_ns, asked_to_arm)
 
-    def _datagrams(self, frame: LabFrame | None, stages: Stages | None, now_ns: int) -> tuple[Datagram, ...]:
-        """One datagram a drone where it holds them all, the setpoint first."""
-        beat = frame is not None and now_ns >= self._heartbeat_due_ns
-        pose = self._feeds_pose and frame is not None and now_ns >= self._pose_due_ns
-        if beat:
-            self._heartbeat_due_ns = now_ns + HEARTBEAT_NS
-        if pose:  # a steady 50 Hz out of frames that jitter
-            self._pose_due_ns = max(self._pose_due_ns + POSE_NS, now_ns)
-        streaming = stages is not None and self.phase in STREAMING
-        datagrams = []
-        for i, drone in enumerate(self._drones):
-            link, parts = drone.link, []
-            due = link.due(now_ns)
-            if streaming and frame is not None and stages is not None and drone.flown and not stages.target.held_off[i]:
-                target = stages.target
-                q, turn, thrust_norm = target.q_lab_from_flu[i], target.rate_flu_rad_s[i], float(target.thrust_norm[i])
-                parts.append(link.setpoint(frame.t_capture_ns, q, turn, thrust_norm))
-            if pose and frame is not None and frame.seen[drone.index]:
-                at = drone.index
-                parts.append(link.pose(frame.t_capture_ns, frame.pos_lab_m[at], frame.q_lab_from_flu[at]))
-            if beat:
-                parts.append(link.codec.encode(self._heartbeat))
-            parts += [link.codec.encode(message) for message in due]
-            datagrams += [Datagram(link.sysid, data) for data in packed(b"".join(parts))]
-        return tuple(datagrams)
-
     def _records(self, stages: Stages | None) -> tuple[tuple[Topic, object], ...]:
         records: list[tuple[Topic, object]] = []
         if stages is not None:
@@ -355,9 +326,11 @@ class GcsCore:
         flight = self._flight
         records += [(topics.PHASE, change) for change in flight.changes]
         events, flight.events, flight.changes = flight.events, [], []
-        events += self._rejected_frames.due(self._tick_ns)
+        if self._rejected_frames.has_pending:
+            events += self._rejected_frames.due(self._tick_ns)
         for drone in self._drones:
-            events += self._pop_events(drone)
+            if drone.link.events or not drone.checked:
+                events += self._pop_events(drone)
         return (*records, *((topics.EVENT, event) for event in events))
 
     def _pop_events(self, drone: Drone) -> list[Event]:

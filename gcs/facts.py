@@ -83,8 +83,10 @@ class FactGatherer:
         if frame is not None:
             self._attitudes.receive_frame(frame)
         for drone in self._drones:
-            for t_ns, q_lab_from_flu in drone.link.pop_attitudes():
+            attitudes = drone.link.attitudes
+            for t_ns, q_lab_from_flu in attitudes:
                 self._attitudes.receive_attitude(drone.index, t_ns, q_lab_from_flu)
+            attitudes.clear()
 
     def level_bias_rad(self) -> Float:
         """Of each commanded vehicle's autopilot (m, 2); 0 where it is not known: `correct_level` takes it out."""
@@ -99,11 +101,10 @@ class FactGatherer:
         armed, offboard, duplicate = [True] * n, [True] * n, [False] * n
         for drone in self._drones:
             i, link = drone.index, drone.link
-            heartbeat_s[i], silent_s[i] = link.heartbeat_age_s(now_ns), link.silent_s(now_ns)
-            age_s[i], battery[i] = link.setpoint_age_s(now_ns), link.telemetry.battery
-            behind_s[i] = link.behind_s(now_ns)
+            heartbeat_s[i], silent_s[i], behind_s[i], age_s[i] = link.ages_s(now_ns)
+            battery[i] = link.telemetry.battery
             if not self._own_mocap:  # what comes by the same link as the poses confirms nothing
-                own_tilt[i], own_pos[i] = link.own_estimate.tilt_rad(now_ns), link.own_estimate.pos_lab_m(now_ns)
+                own_tilt[i], own_pos[i] = link.own_estimate.at(now_ns)
             armed[i], duplicate[i] = link.armed, link.sequence.duplicate(now_ns)
             offboard[i] = link.offboard or drone.joining(now_ns)
         hover = np.array([drone.link.hover_thrust_norm for drone in self._drones])

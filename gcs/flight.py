@@ -192,10 +192,10 @@ class Flight:
 
     def _detect_lift_off(self, stages: Stages) -> None:
         steady = self.phase in (Phase.FORMATION, Phase.HOLD)
-        for i, drone in enumerate(self._drones):
-            thrust_norm = float(stages.target.thrust_norm[i])
-            x_m, y_m, z_m = stages.state.pos_lab_m[drone.index].tolist()
-            drone.detect_lift_off((x_m, y_m, z_m), bool(stages.state.age_s[drone.index] < SEEN_S), thrust_norm)
+        positions_m, ages_s = stages.state.pos_lab_m.tolist(), stages.state.age_s.tolist()
+        for drone, thrust_norm in zip(self._drones, stages.target.thrust_norm.tolist(), strict=True):
+            x_m, y_m, z_m = positions_m[drone.index]
+            drone.detect_lift_off((x_m, y_m, z_m), ages_s[drone.index] < SEEN_S, thrust_norm)
             if steady:
                 drone.update_flying_thrust(thrust_norm)
 

@@ -9,10 +9,12 @@ from formation.control.presets import preset_for
 from formation.guidance.shape import Shape
 from formation.guidance.transition import Space, transition
 from formation.maths import frames
-from formation.messages import LabFrame
+from formation.messages import AttitudeTarget, LabFrame
 from formation.paper.eq2_relative_frame import lead_from_lab
 from gcs.core import GcsCore
 from gcs.own_law import own_laws
+from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
+from wire.mavlink.setpoint_batch import SetpointBatch
 from wire.process.deadline import Deadline
 
 FRAME_NS = 10_000_000
@@ -29,6 +31,7 @@ def warm_up(config: LabConfig) -> None:
     )
     _change_shape()
     _watch_over(config)
+    _encode()
     _judge(config)
 
 
@@ -45,6 +48,12 @@ def _change_shape() -> None:
     beyond = Shape("beyond", ((-2.0, 0.0, 0.0),), (0.0,))
     transition(beyond, motion, Space(0.1, 0.2, 0.0, 1.0, 1.0), ("leader", "follower"))
     lead_from_lab(motion[0], np.zeros((3, 4)), np.zeros((3, 4)))
+
+
+def _encode() -> None:
+    """A setpoint of one drone."""
+    target = AttitudeTarget(0, np.ones((1, 4)), np.zeros((1, 3)), np.zeros(1), np.zeros(1), np.zeros(1, np.bool_))
+    SetpointBatch(GROUND, (Address(1, DRONE_COMPONENT),)).encode(target, 0, (0,), (0,))
 
 
 def _watch_over(config: LabConfig) -> None:

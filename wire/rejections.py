@@ -36,12 +36,15 @@ class RejectionLog:
         """verb: the first word of each report, "refused" or, say, "bounded"."""
         self.count = 0
         """All rejected inputs so far."""
+        self.has_pending = False
+        """Whether `due` may have something to report, now or later."""
         self._verb = verb
         self._sources: dict[str, _Source] = {}
 
     def note(self, source: str, reason: str, now_ns: int, count: int = 1) -> None:
         """Count rejected inputs of `source`; `reason` is one of a few fixed texts."""
         self.count += count
+        self.has_pending = True
         known = self._sources.get(source) or self._admit(source, now_ns)
         reasons = known.reasons
         if reason not in reasons and len(reasons) >= REASONS:
@@ -51,11 +54,14 @@ class RejectionLog:
     def due(self, now_ns: int) -> tuple[Event, ...]:
         """The reports due now: one warning a source, none where its last report is less than a second old."""
         events = []
+        self.has_pending = False
         for name, source in self._sources.items():
             due_ns = source.due_ns()
             if due_ns is not None and now_ns >= due_ns:
                 events.append(Event(Severity.WARNING, name, _words(self._verb, source.reasons)))
                 source.reported_ns, source.reasons = now_ns, {}
+            elif due_ns is not None:
+                self.has_pending = True
         return tuple(events)
 
     def _admit(self, source: str, now_ns: int) -> _Source:

@@ -86,7 +86,8 @@ def transition(shape: Shape, motion_lead: Float, space: Space, names: Sequence[s
     for _ in range(ATTEMPTS_EACH * len(shape.offset_lead_m)):
         if paths.separation_m >= wanted or not paths.separate(wanted):
             break
-    paths.sample()
+    if paths.gaps[:, 3, 2].any():  # else they are still as they were sampled
+        paths.sample()
     _require_separation(paths.distances_m, space, names, f"on the way to shape {shape.name} there would be")
     return Transition(shape, tuple(paths.gaps[:, 3, 2].tolist()), paths.separation_m, paths.duration_s)
 
@@ -160,8 +161,7 @@ class _Paths:
         self.duration_s = max(closing_s(gap, braking_s(gap), self._space.speed_m_s) for gap in self.gaps)
         for i in range(n):
             _follow(self._base[i], self.gaps[i], braking_s(self.gaps[i]), self.duration_s, self.paths[i + 1])
-        for i in range(n + 1):
-            self.distances_m[i] = _least_distances(i, self.paths[i], self.paths)
+        _all_distances(self.paths, self.distances_m)
 
     def _possible_rises(self, i: int, wanted_m: float) -> Float:
         """Heights at which body i would stay off the floor and the ceiling, best first."""
@@ -214,13 +214,30 @@ def _if_risen(i: int, straight: Float, rises: Float, paths: Float) -> Float:
 
 
 @kernel
+def _all_distances(paths: Float, out: Float) -> None:
+    """How near all on paths (n + 1, SAMPLES, 3) come to each other, into out (n + 1, n + 1); infinite to themselves."""
+    for i in range(len(paths)):
+        out[i, i] = np.inf
+        for j in range(i):
+            out[i, j] = out[j, i] = _least_distance(paths[i], paths[j])
+
+
+@kernel
 def _least_distances(i: int, path: Float, paths: Float) -> Float:
     """How near body i, on `path` (SAMPLES, 3), comes to each of the others on paths (n + 1, SAMPLES, 3); (n + 1,)."""
     least = np.full(len(paths), np.inf)
     for j in range(len(paths)):
-        if j == i:
-            continue
-        for k in range(len(path)):
-            dx, dy, dz = path[k, 0] - paths[j, k, 0], path[k, 1] - paths[j, k, 1], path[k, 2] - paths[j, k, 2]
-            least[j] = min(least[j], sqrt(dx * dx + dy * dy + dz * dz))
+        if j != i:
+            least[j] = _least_distance(path, paths[j])
     return least
+
+
+@kernel
+def _least_distance(path: Float, other: Float) -> float:
+    """How near two come on their paths (SAMPLES, 3), at the same times."""
+    least = np.inf
+    for k in range(len(path)):
+        dx, dy, dz = path[k, 0] - other[k, 0], path[k, 1] - other[k, 1], path[k, 2] - other[k, 2]
+        square = dx * dx + dy * dy + dz * dz
+        least = square if square < least else least
+    return sqrt(least)

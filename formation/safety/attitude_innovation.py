@@ -7,6 +7,8 @@ clock.
 
 from math import exp, hypot, sqrt
 
+from formation.maths.arrays import Quats
+
 LAG_S, BIAS_LAG_S, BIAS_MAX_RAD = 0.2, 3.0, 0.1
 CLOCK_DOUBT_S = 0.03
 """How far the two clocks, and the two ways of filtering, may be apart: what that makes of a turn is no miss."""
@@ -22,6 +24,12 @@ def tilt(q_lab_from_flu: list[float]) -> Tilt:
     """Of an attitude w, x, y, z."""
     w, x, y, z = q_lab_from_flu
     return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x)
+
+
+def tilts(q_lab_from_flu: Quats) -> list[Tilt]:
+    """The same of many (n, 4), to the bit."""
+    w, x, y, z = q_lab_from_flu.T
+    return list(zip((2.0 * (x * z - w * y)).tolist(), (2.0 * (y * z + w * x)).tolist(), strict=True))
 
 
 class AttitudeInnovation:

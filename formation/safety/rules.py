@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from formation.config import LimitsConfig
 from formation.maths.arrays import Flags, Float, Scalars, Vec3s
 from formation.maths.kernel import kernel
+from formation.maths.sweep import ascending, widest_axis
 from formation.messages import Phase
 from formation.model import Vec3Tuple
 from formation.safety.phases import Trigger
@@ -195,16 +196,24 @@ def outside_box(pos_lab_m: Vec3s, low_m: Vec3Tuple, high_m: Vec3Tuple) -> Scalar
 
 @kernel
 def nearest(pos_lab_m: Vec3s, known: Flags) -> Scalars:
-    """Distance of each point to the nearest other, among those `known` (n,); infinite for the rest; shape (n,)."""
+    """Distance of each point to the nearest other, among those `known` (n,); infinite for the rest; shape (n,).
+
+    Along the widest axis, from each point both ways, until all that is left is farther along this axis alone.
+    """
     near = np.full(len(pos_lab_m), np.inf)
-    for i in range(len(pos_lab_m)):
-        for j in range(i if known[i] else 0):
-            if not known[j]:
-                continue
-            dx, dy = pos_lab_m[i, 0] - pos_lab_m[j, 0], pos_lab_m[i, 1] - pos_lab_m[j, 1]
-            dz = pos_lab_m[i, 2] - pos_lab_m[j, 2]
-            distance = np.sqrt(dx * dx + dy * dy + dz * dz)
-            near[i], near[j] = min(near[i], distance), min(near[j], distance)
+    axis = widest_axis(pos_lab_m, known, 3)
+    order = ascending(pos_lab_m[:, axis], known)
+    for rank in range(len(order)):
+        i = order[rank]
+        for step in (-1, 1):
+            k = rank + step
+            while 0 <= k < len(order) and abs(pos_lab_m[order[k], axis] - pos_lab_m[i, axis]) < near[i]:
+                j = order[k]
+                dx, dy = pos_lab_m[i, 0] - pos_lab_m[j, 0], pos_lab_m[i, 1] - pos_lab_m[j, 1]
+                dz = pos_lab_m[i, 2] - pos_lab_m[j, 2]
+                distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+                near[i], near[j] = min(near[i], distance), min(near[j], distance)
+                k += step
     return near
 
 

@@ -48,6 +48,9 @@ def run(
     as_json: Json = False,
     speed: Speed = 1.0,
     insecure: Insecure = False,
+    priority: Annotated[
+        bool, typer.Option("--priority", help="Run before other processes, in locked memory, as far as is allowed.")
+    ] = False,
 ) -> None:
     """Run the ground: mocap in, control on every frame, setpoints out, everything recorded. Ctrl-C lands and ends."""
     from gcs.cli.ground import Run, serve  # loads the compiled control, which the other commands do without
@@ -59,7 +62,7 @@ def run(
     metadata = {"link": config.link_kinds}
     metadata |= _tags(tag or [])
     with page_process(lab, name, speed, insecure) if page else nullcontext():
-        serve(config, Run(lab, path, name, metadata, force, as_json, insecure, clock.Clock(speed)))
+        serve(config, Run(lab, path, name, metadata, force, as_json, insecure, priority, clock.Clock(speed)))
 
 
 def _tags(items: list[str]) -> dict[str, str]:

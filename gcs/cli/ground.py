@@ -18,14 +18,20 @@ from mocap.service import ServiceError
 from wire.clock import Clock
 from wire.private_files import make_folder
 from wire.process.console import NOT_LANDED, NOT_RIGHT, REJECTED, fail, print_event, print_event_json
+from wire.process.priority import raise_priority
 from wire.process.progress import compile_all
 from wire.security.private_keys import keys_folder, read_operations
 from wire.security.protection import lab_protection
 
+AS_STARTED = "as started"
+
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """How `gcs run` was asked to run. force: fly a preset that the delay margin refuses; insecure: without keys."""
+    """How `gcs run` was asked to run. force: fly a preset that the delay margin refuses; insecure: without keys.
+
+    priority: before other processes, where the machine allows it.
+    """
 
     lab_file: Path
     log: Path
@@ -34,6 +40,7 @@ class Run:
     force: bool
     as_json: bool
     insecure: bool
+    priority: bool
     clock: Clock
 
 
@@ -50,7 +57,11 @@ def serve(config: LabConfig, asked: Run) -> None:
             reasons = "; ".join(str(margin) for margin in margins if not margin.carried)
             fail(f"refused, this would not fly steadily: {reasons} (--force, for simulation only)", REJECTED)
         make_folder(log.parent)
-        metadata = asked.metadata | _key_operations(config, asked.lab_file)
+        # After the compiler, before the threads that inherit it.
+        priority = raise_priority() if asked.priority else AS_STARTED
+        if asked.priority:
+            report(Event(Severity.INFO, "ground", f"priority: {priority}"))
+        metadata = asked.metadata | _key_operations(config, asked.lab_file) | {"priority": priority}
         ended = uvloop.run(run(config, asked.lab_file, log, name, metadata, report, asked.clock, protection))
     except ServiceError as error:
         fail(str(error), error.code)
@@ -60,7 +71,7 @@ def serve(config: LabConfig, asked: Run) -> None:
         fail(str(error), REJECTED)
     except GroundFailure as error:
         fail(f"the ground has failed and ends, the drones land by themselves: {error}", REJECTED)
-    _report(ended, log, as_json)
+    _report(ended, log, as_json, priority)
 
 
 def _key_operations(config: LabConfig, lab_file: Path) -> dict[str, str]:
@@ -77,17 +88,17 @@ def delay_margins(config: LabConfig) -> tuple[DelayMargin, ...]:
     return tuple(delay_margin(kind, preset_for(name, kind, mocap), mocap) for kind in kinds.values())
 
 
-def _report(ended: Ended, log: Path, as_json: bool) -> None:
+def _report(ended: Ended, log: Path, as_json: bool, priority: str) -> None:
     timing = ended.timing
     worst_ms = round(timing.worst_s * 1e3, 2)
     if as_json:
         summary = {
             "phase": ended.phase.name, "cause": ended.cause, "not_landed": ended.not_landed,
             "ticks": timing.ticks, "late_ticks": timing.late,
-            "worst_latency_ms": worst_ms, "lost_records": ended.lost_records, "mcap": str(log),
+            "worst_latency_ms": worst_ms, "priority": priority, "lost_records": ended.lost_records, "mcap": str(log),
         }  # fmt: skip
         print(json.dumps(summary))
     else:
-        print(f"{timing.ticks} ticks, {timing.late} late, worst {worst_ms} ms; log {log}")
+        print(f"{timing.ticks} ticks, {timing.late} late, worst {worst_ms} ms; priority {priority}; log {log}")
     if ended.not_landed:
         fail(f"ended with {', '.join(ended.not_landed)} not known to have landed ({ended.cause})", NOT_LANDED)

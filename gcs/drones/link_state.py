@@ -27,7 +27,7 @@ from wire.link_messages.commands import CommandAck, MavCommand, Result
 from wire.link_messages.motion import AttitudeQuaternion, InertialSample, LocalPosition, Origin, SetOrigin
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.parameters import ParamValue
-from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
+from wire.link_messages.setpoints import Ignore
 from wire.link_messages.status import (
     Battery,
     EkfStatus,
@@ -86,6 +86,8 @@ class DroneLink:
         self.heartbeat_ns = self.received_ns = NEVER_NS
         self._other_ground_ns = NEVER_NS
         self.model: GroundModel | None = None
+        self.setpoint_ignore = int(Ignore.BODY_RATES)
+        """The type mask of its setpoints."""
         self._flight_mode: FlightMode | None = None
         self.armed_clock = ArmedClock()
         self.commands = CommandChannel()
@@ -98,7 +100,8 @@ class DroneLink:
         self._reject_log = RejectionLog()
         self._second_ns, self._words = NEVER_NS, 0
         self._answers: deque[LinkMessage] = deque(maxlen=ANSWERS)
-        self._attitudes: deque[tuple[int, Quat]] = deque(maxlen=ATTITUDES)
+        self.attitudes: deque[tuple[int, Quat]] = deque(maxlen=ATTITUDES)
+        """Its own attitude estimates since they were last cleared: times, ns, on our clock, and q_lab_from_flu."""
         self._misaddressed = 0
         self.superseded = 0
         self._asked_ns, self._forceless = NEVER_NS, False
@@ -106,24 +109,33 @@ class DroneLink:
         self._clock_drift_warned_ns = NEVER_NS
         self.boot_parameters = BootParameters()
 
+    def ages_s(self, now_ns: int) -> tuple[float, float, float, float]:
+        """What `heartbeat_age_s`, `silent_s`, `behind_s` and `setpoint_age_s` return, in one call a tick."""
+        telemetry = self.telemetry
+        return (
+            math.inf if telemetry.heartbeat is None else (now_ns - self.heartbeat_ns) * 1e-9,
+            math.inf if self.received_ns == NEVER_NS else (now_ns - self.received_ns) * 1e-9,
+            self._behind_s if now_ns - self._behind_ns <= BEHIND_FRESH_NS else math.nan,
+            telemetry.setpoint_age_s if now_ns - telemetry.setpoint_age_ns <= AGE_FRESH_NS else math.nan,
+        )
+
     def heartbeat_age_s(self, now_ns: int) -> float:
         """Time since its last heartbeat, s; infinite before the first."""
-        return math.inf if self.telemetry.heartbeat is None else (now_ns - self.heartbeat_ns) * 1e-9
+        return self.ages_s(now_ns)[0]
 
     def silent_s(self, now_ns: int) -> float:
         """Time since anything valid was heard of it, s; infinite before the first."""
-        return math.inf if self.received_ns == NEVER_NS else (now_ns - self.received_ns) * 1e-9
+        return self.ages_s(now_ns)[1]
 
     def behind_s(self, now_ns: int) -> float:
         """How old its newest telemetry was when it was read, by the drone's own clock, s: what waited in a queue on the
         way, or here. NaN where its clock is not known, or nothing stamped came just now: one late message before a
         pause, as of a machine that stalled, is no backlog, of which all that comes is late."""
-        return self._behind_s if now_ns - self._behind_ns <= BEHIND_FRESH_NS else math.nan
+        return self.ages_s(now_ns)[2]
 
     def setpoint_age_s(self, now_ns: int) -> float:
         """How old setpoints are when they reach it, camera to drone, s; NaN where it has not said of late."""
-        telemetry = self.telemetry
-        return telemetry.setpoint_age_s if now_ns - telemetry.setpoint_age_ns <= AGE_FRESH_NS else math.nan
+        return self.ages_s(now_ns)[3]
 
     def answers_other_ground(self, now_ns: int) -> bool:
         """Whether it was lately heard to answer another ground than this."""
@@ -208,36 +220,32 @@ class DroneLink:
         self._overhear(self.codec.overheard, now_ns)
         self.codec.overheard = None
 
-    def pop_attitudes(self) -> tuple[tuple[int, Quat], ...]:
-        """Its own attitude estimates since the last call: times, ns, on our clock, and q_lab_from_flu."""
-        attitudes = tuple(self._attitudes)
-        self._attitudes.clear()
-        return attitudes
-
     def due(self, now_ns: int) -> list[LinkMessage]:
         """Answers, time sync, commands and parameter requests to send now."""
-        messages = list(self._answers)
-        self._answers.clear()
-        self.events += self._reject_log.due(now_ns)
-        for one in (self.clock.due(now_ns), self.commands.due(now_ns)):
-            if one is not None:
-                messages.append(one)
-        messages += self.parameters.due(now_ns)
-        messages += self._due_origin(now_ns)
+        messages: list[LinkMessage] = []
+        if self._answers:
+            messages += self._answers
+            self._answers.clear()
+        if self._reject_log.has_pending:
+            self.events += self._reject_log.due(now_ns)
+        request = self.clock.due(now_ns)
+        if request is not None:
+            messages.append(request)
+        commands = self.commands
+        if commands.current is not None or commands.queue:
+            command = commands.due(now_ns)
+            if command is not None:
+                messages.append(command)
+        if self.parameters.open:
+            messages += self.parameters.due(now_ns)
+        if self._origin is not None and not self.telemetry.origin:
+            messages += self._due_origin(now_ns)
         return messages
 
     def reread_parameters(self) -> None:
         """Ask again for everything that matters before arming."""
         if self.model is not None:
             self.parameters.ask(self.model.parameters)
-
-    def setpoint(self, t_capture_ns: int, q_lab_from_flu: Quat, rate_flu_rad_s: Vec3, thrust_norm: float) -> bytes:
-        """SET_ATTITUDE_TARGET stamped with the capture time of the frame it was computed from."""
-        ignore = Ignore.BODY_RATES if self.model is None else self.model.setpoint_ignore(self.profile)
-        t_ms = t_capture_ns // 1_000_000
-        return self.codec.encode(
-            AttitudeSetpoint(self.target, t_ms, q_lab_from_flu, rate_flu_rad_s, thrust_norm, ignore)
-        )
 
     def pose(self, t_capture_ns: int, pos_lab_m: Vec3, q_lab_from_flu: Quat) -> bytes:
         """Its own pose as the mocap saw it, in the message its autopilot fuses; empty until the autopilot is known."""
@@ -281,7 +289,7 @@ class DroneLink:
                 t_ns = self._made_ns(message.t_boot_ms * 1_000_000, now_ns)
                 self.own_estimate.receive_attitude(message.q_lab_from_flu, NEVER_NS if t_ns is None else t_ns)
                 if t_ns is not None:
-                    self._attitudes.append((t_ns, message.q_lab_from_flu))
+                    self.attitudes.append((t_ns, message.q_lab_from_flu))
             case InertialSample():
                 t_ns = self._made_ns(message.t_boot_us * 1000, now_ns)
                 if t_ns is not None and not self.telemetry.force.receive(t_ns, message.specific_force_flu_m_s2, now_ns):
@@ -342,6 +350,7 @@ class DroneLink:
             return
         if known is not self.model:
             self.model, self.parameters = known, ParameterReader(self.target, known.table.autopilot)
+            self.setpoint_ignore = int(known.setpoint_ignore(self.profile))
         self.telemetry.origin = False
         self.reread_parameters()
         self._asked_ns = now_ns

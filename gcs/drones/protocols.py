@@ -79,16 +79,17 @@ class CommandChannel:
     answers: dict[CommandLong, Answer] = field(default_factory=dict)
     urgent_retry_ns: int = URGENT_RETRY_NS
     """How soon what is urgent is repeated."""
-    _queue: deque[CommandLong] = field(default_factory=deque)
-    _current: CommandLong | None = None
+    queue: deque[CommandLong] = field(default_factory=deque)
+    current: CommandLong | None = None
+    """Commands that wait, and the one on its way; without any of them nothing is due."""
     _tries: int = 0
     _retry_at_ns: int = 0
     _urgent: bool = False
 
     def ask(self, command: CommandLong) -> None:
         """Queue a command unless it is already on its way."""
-        if command != self._current and command not in self._queue:
-            self._queue.append(command)
+        if command != self.current and command not in self.queue:
+            self.queue.append(command)
 
     def reset_answer(self, command: CommandLong) -> None:
         """Discard the answer to a command, so that it is sent again."""
@@ -96,15 +97,15 @@ class CommandChannel:
 
     def urge(self, command: CommandLong) -> None:
         """Drop everything for this one, repeated every `urgent_retry_ns`."""
-        self._queue.clear()
-        if command != self._current:
+        self.queue.clear()
+        if command != self.current:
             self._start(command)
         self._urgent = True
 
     def calm(self) -> None:
         """What was urgent is done, whether or not it was answered."""
         if self._urgent:
-            self._current, self._urgent = None, False
+            self.current, self._urgent = None, False
 
     @property
     def urgent_ns(self) -> int | None:
@@ -113,7 +114,7 @@ class CommandChannel:
 
     def receive(self, ack: CommandAck, now_ns: int) -> None:
         """The drone's answer to the command in flight; answers to others' commands are not ours."""
-        if self._current is None or ack.command != self._current.command:
+        if self.current is None or ack.command != self.current.command:
             return
         if ack.result is Result.IN_PROGRESS:
             self._retry_at_ns = now_ns + PROGRESS_NS
@@ -123,24 +124,24 @@ class CommandChannel:
     def due(self, now_ns: int) -> CommandLong | None:
         """The command to send now, if any."""
         over = self._tries >= COMMAND_TRIES and not self._urgent
-        if self._current is not None and now_ns >= self._retry_at_ns and over:
+        if self.current is not None and now_ns >= self._retry_at_ns and over:
             self._finish(Answer(None, now_ns))
-        if self._current is None and self._queue:
-            self._start(self._queue.popleft())
-        if self._current is None or now_ns < self._retry_at_ns:
+        if self.current is None and self.queue:
+            self._start(self.queue.popleft())
+        if self.current is None or now_ns < self._retry_at_ns:
             return None
         confirmation = min(self._tries, 255)
         self._tries += 1
         self._retry_at_ns = now_ns + (self.urgent_retry_ns if self._urgent else COMMAND_RETRY_NS)
-        return replace(self._current, confirmation=confirmation)
+        return replace(self.current, confirmation=confirmation)
 
     def _start(self, command: CommandLong) -> None:
-        self._current, self._tries, self._retry_at_ns, self._urgent = command, 0, 0, False
+        self.current, self._tries, self._retry_at_ns, self._urgent = command, 0, 0, False
 
     def _finish(self, answer: Answer) -> None:
-        if self._current is not None:
-            self.answers[self._current] = answer
-        self._current, self._urgent = None, False
+        if self.current is not None:
+            self.answers[self.current] = answer
+        self.current, self._urgent = None, False
 
 
 @dataclass(slots=True)
@@ -156,16 +157,17 @@ class ParameterReader:
     target: Address
     autopilot: MavAutopilot
     values: dict[str, float] = field(default_factory=dict)
-    _open: dict[str, _Question] = field(default_factory=dict)
+    open: dict[str, _Question] = field(default_factory=dict)
+    """What an answer is still hoped for; without any nothing is due."""
 
     def ask(self, names: Iterable[str]) -> None:
         """Read these, again if they were read before."""
-        self._open.update((name, _Question()) for name in names)
+        self.open.update((name, _Question()) for name in names)
 
     @property
     def reading(self) -> bool:
         """Whether an answer is still hoped for."""
-        return bool(self._open)
+        return bool(self.open)
 
     def receive(self, message: ParamValue, armed: bool) -> str:
         """Take a value in: why not, or the empty text where it is known now.
@@ -179,29 +181,29 @@ class ParameterReader:
             return "parameter whose bytes are no value"
         if not math.isfinite(value):
             return "parameter that is not finite"
-        known, asked = self.values.get(message.name), message.name in self._open
+        known, asked = self.values.get(message.name), message.name in self.open
         if known == value:
-            self._open.pop(message.name, None)
+            self.open.pop(message.name, None)
             return ""
         if known is not None and armed:
-            self._open.pop(message.name, None)
+            self.open.pop(message.name, None)
             return f"{message.name} announced anew while armed"
         if not asked:
             if known is not None:
-                self._open[message.name] = _Question()
+                self.open[message.name] = _Question()
             return "parameter that was not asked for"
         self.values[message.name] = value
-        self._open.pop(message.name, None)
+        self.open.pop(message.name, None)
         return ""
 
     def due(self, now_ns: int) -> list[ParamRequestRead]:
         """The requests to send now. A name that has stayed silent through all tries is given up."""
         requests = []
-        for name, question in list(self._open.items())[:PARAMETERS_AT_ONCE]:
+        for name, question in list(self.open.items())[:PARAMETERS_AT_ONCE]:
             if now_ns - question.asked_ns < PARAMETER_RETRY_NS:
                 continue
             if question.tries >= PARAMETER_TRIES:
-                del self._open[name]
+                del self.open[name]
                 continue
             question.tries, question.asked_ns = question.tries + 1, now_ns
             requests.append(ParamRequestRead(self.target, name))

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from formation.maths.arrays import Float, Quat, Vec3
 from formation.messages import LabFrame
 from formation.model import Vec3Tuple
-from formation.safety.attitude_innovation import CLOCK_DOUBT_S, GAP_S, AttitudeInnovation, Tilt, tilt
+from formation.safety.attitude_innovation import CLOCK_DOUBT_S, GAP_S, AttitudeInnovation, Tilt, tilt, tilts
 from wire.autopilots.table import FlightMode
 from wire.link_messages.message_id import MessageId
 from wire.link_messages.motion import FORCE_MOST_M_S2
@@ -193,6 +193,9 @@ class SpecificForce:
 
         Measurements that come after their frame are discarded: the attitude of that time is no longer known.
         """
+        if not self._samples:
+            self._mean_until_ns = to_ns
+            return None
         total, count = np.zeros(3), 0
         while self._samples and self._samples[0][0] <= to_ns:
             t_ns, force_flu_m_s2 = self._samples.popleft()
@@ -225,39 +228,47 @@ class OwnEstimate:
     Its local frame need not be the lab's: where it begins is settled by a mocap pose while both are trusted.
     """
 
-    _attitude: Quat | None = None
-    _attitude_ns: int = 0
-    _position: Vec3 | None = None
-    _position_ns: int = 0
+    _tilt_rad: float = math.nan
+    _attitude_ns: int = NEVER_NS
+    _position_m: Vec3Tuple = NOWHERE
+    _position_ns: int = NEVER_NS
     _origin_lab_m: Vec3Tuple = NOWHERE
+    _pos_lab_m: Vec3Tuple = NOWHERE
 
     def receive_attitude(self, q_lab_from_flu: Quat, t_ns: int) -> None:
         """ATTITUDE_QUATERNION came."""
-        self._attitude, self._attitude_ns = q_lab_from_flu, t_ns
+        _, x, y, _ = q_lab_from_flu.tolist()
+        self._tilt_rad, self._attitude_ns = math.acos(min(max(1.0 - 2.0 * (x * x + y * y), -1.0), 1.0)), t_ns
 
     def receive_position(self, pos_m: Vec3, t_ns: int) -> None:
         """LOCAL_POSITION_NED came; along the lab's axes, from wherever it counts."""
-        self._position, self._position_ns = pos_m, t_ns
+        x, y, z = pos_m.tolist()
+        self._position_m, self._position_ns = (x, y, z), t_ns
+        self._update_position()
 
     def settle(self, pos_lab_m: Vec3, now_ns: int) -> None:
         """It is here, says the mocap, and nothing is in doubt."""
-        if self._position is not None and now_ns - self._position_ns <= FRESH_NS:
-            x, y, z = (float(here - own) for here, own in zip(pos_lab_m, self._position, strict=True))
+        if now_ns - self._position_ns <= FRESH_NS:
+            x, y, z = (float(here - own) for here, own in zip(pos_lab_m.tolist(), self._position_m, strict=True))
             self._origin_lab_m = (x, y, z)
+            self._update_position()
 
     def tilt_rad(self, now_ns: int) -> float:
         """The angle of its own vertical to the lab's; NaN where it does not say."""
-        if self._attitude is None or now_ns - self._attitude_ns > FRESH_NS:
-            return math.nan
-        _, x, y, _ = self._attitude.tolist()
-        return math.acos(min(max(1.0 - 2.0 * (x * x + y * y), -1.0), 1.0))
+        return self.at(now_ns)[0]
 
     def pos_lab_m(self, now_ns: int) -> Vec3Tuple:
         """Where it believes itself; NaN where it does not say, or its origin was never settled."""
-        if self._position is None or now_ns - self._position_ns > FRESH_NS:
-            return NOWHERE
-        (x, y, z), (x0, y0, z0) = self._position.tolist(), self._origin_lab_m
-        return x + x0, y + y0, z + z0
+        return self.at(now_ns)[1]
+
+    def at(self, now_ns: int) -> tuple[float, Vec3Tuple]:
+        """`tilt_rad` and `pos_lab_m`, in one call a tick."""
+        tilt_rad = self._tilt_rad if now_ns - self._attitude_ns <= FRESH_NS else math.nan
+        return tilt_rad, self._pos_lab_m if now_ns - self._position_ns <= FRESH_NS else NOWHERE
+
+    def _update_position(self) -> None:
+        (x, y, z), (x0, y0, z0) = self._position_m, self._origin_lab_m
+        self._pos_lab_m = (x + x0, y + y0, z + z0)
 
 
 class AttitudeMonitor:
@@ -270,11 +281,12 @@ class AttitudeMonitor:
         self._own: list[tuple[int, float, float] | None] = [None] * n
         self._innovations = [AttitudeInnovation() for _ in range(n)]
         self._level_bias: list[Tilt] = [(0.0, 0.0)] * n
+        self._significant_bias_rad = np.zeros((n, 2))
 
     def receive_frame(self, frame: LabFrame) -> None:
         """Add a frame; capture times rise."""
-        poses = zip(frame.q_lab_from_flu.tolist(), frame.seen.tolist(), strict=True)
-        self._frames.append((frame.t_capture_ns, [tilt(q) if seen else None for q, seen in poses]))
+        poses = zip(tilts(frame.q_lab_from_flu), frame.seen.tolist(), strict=True)
+        self._frames.append((frame.t_capture_ns, [tilted if seen else None for tilted, seen in poses]))
 
     def receive_attitude(self, i: int, t_ns: int, q_lab_from_flu: Quat) -> None:
         """Add body i's own attitude of t_ns, our clock. It is compared when the next comes: the cameras are slower."""
@@ -291,15 +303,17 @@ class AttitudeMonitor:
         part, (x, y) = 1.0 - exp(-dt_s / LEVEL_BIAS_LAG_S), self._level_bias[i]
         self._level_bias[i] = x + part * (off[0] - x), y + part * (off[1] - y)
         self.innovation_rad[i] = self._innovations[i].innovation_rad
+        self._significant_bias_rad[i] = self._significant(i)
 
     def level_bias_rad(self, bodies: NDArray[np.int64]) -> Float:
         """Gravity's direction in the x and y axes of these bodies (m), by the mocap less by themselves (m, 2).
 
         At most LEVEL_BIAS_MAX_RAD; what noise and the clocks' doubt can explain is left out.
         """
-        return np.array([self._significant_bias_rad(i) for i in bodies.tolist()]).reshape(len(bodies), 2)
+        significant: Float = self._significant_bias_rad[bodies]
+        return significant
 
-    def _significant_bias_rad(self, i: int) -> Tilt:
+    def _significant(self, i: int) -> Tilt:
         x, y = self._level_bias[i]
         bias_rad, doubt_rad = hypot(x, y), CLOCK_DOUBT_S * self._innovations[i].rate_rad_s
         significant_rad = min(bias_rad - max(LEVEL_BIAS_MIN_RAD, doubt_rad), LEVEL_BIAS_MAX_RAD)

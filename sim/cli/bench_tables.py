@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from rich import box
 from rich.table import Table
 
-from sim.studies.bench import Result, Timing
+from sim.studies.bench import MANY, Result, Timing
 
 
 def bench_tables(result: Result) -> Iterator[Table]:
@@ -18,12 +18,14 @@ def bench_tables(result: Result) -> Iterator[Table]:
     swarms.add_row("law", *(_words(s.law) for s in result.swarms))
     swarms.add_row("control step", *(_words(s.step) for s in result.swarms))
     swarms.add_row("the ground's tick", *(_words(s.tick) for s in result.swarms))
+    swarms.add_row("Python calls in it", *(f"{s.tick_calls.tick:.0f}" for s in result.swarms))
+    swarms.add_row("and to take in what came", *(f"{s.tick_calls.receive:.0f}" for s in result.swarms))
     swarms.add_row("lockstep, s a second", *(f"{s.lockstep_speed:.1f}" for s in result.swarms))
     swarms.add_row("Python calls, a simulated second", *(f"{s.python_calls:,}" for s in result.swarms))
     yield swarms
     parts, calls = result.parts, _table("single calls", "", "each")
-    calls.add_row("nearest, by pair", f"{parts.nearest_ns_per_pair:.1f} ns")
-    calls.add_row("separation filter, by pair", f"{parts.separation_filter_ns_per_pair:.1f} ns")
+    calls.add_row(f"nearest neighbours of {MANY:,}", f"{parts.nearest_us:.0f} µs")
+    calls.add_row(f"separation filter of {MANY:,}", f"{parts.separation_filter_us:.0f} µs")
     calls.add_row("encode an attitude target", f"{parts.encode_us:.1f} µs")
     calls.add_row("decode it", f"{parts.decode_us:.1f} µs")
     yield calls

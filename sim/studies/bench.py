@@ -7,13 +7,13 @@ bus between processes as in flight: cameras that publish, the mocap process, and
 import asyncio
 import itertools
 import json
+import math
 import sys
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import FrameType
 
 import numpy as np
 import uvloop
@@ -37,7 +37,8 @@ from sim import lockstep
 from sim.ports import private_link
 from sim.processes import ProcessGroup
 from sim.scenario import Scenario, load
-from sim.world import T0_NS, World
+from sim.studies.call_counts import TickCalls, python_calls, tick_calls
+from sim.world import T0_NS
 from wire import clock
 from wire.config_file import dump
 from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
@@ -51,16 +52,11 @@ FLIGHT_S = 5.0
 """Of each lockstep flight: up to the middle of its take-off."""
 AIRBORNE_TICKS = 100
 """The last ones of it."""
-FEW, MANY = 20, 120
-"""Vehicles; the difference of two times is free of what a call costs by itself."""
+MANY = 1000
+"""Bodies of a large swarm, a metre from each other."""
 CALLS, BATCHES = 200, 20
 LAB, FRAMES, RATE_HZ = "triangle_line", 300, 100.0
 SHOWN_WITHIN_S = 60.0
-OURS = tuple(
-    f"{Path(__file__).parents[2] / name}/" for name in ("formation", "wire", "mocap", "gcs", "drone_agent", "sim")
-)
-"""The folders of our packages."""
-
 Progress = Callable[[str], None]
 """Called with what is measured next."""
 
@@ -86,8 +82,8 @@ class Swarm:
     """A tick with a frame, of a leader and so many followers, airborne; all durations of the whole swarm.
 
     step: `ControlStack.step`, which holds estimate and law; tick: `GcsCore.tick`, which holds the step.
-    lockstep_speed: simulated seconds a second, the drones included; python_calls: of our own functions in one such
-    second, which no machine's load changes.
+    tick_calls: of our own Python functions in a tick, and of them to take in what arrived before it. lockstep_speed:
+    simulated seconds a second, the drones included; python_calls: in one such second. No machine's load changes calls.
     """
 
     followers: int
@@ -95,6 +91,7 @@ class Swarm:
     law: Timing
     step: Timing
     tick: Timing
+    tick_calls: TickCalls
     lockstep_speed: float
     python_calls: int
 
@@ -106,10 +103,10 @@ class Swarm:
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """Single calls: kernels by pair of vehicles, nanoseconds; the codec by attitude target, microseconds."""
+    """Single calls, microseconds: the kernels that look at pairs, of MANY bodies; the codec by attitude target."""
 
-    nearest_ns_per_pair: float
-    separation_filter_ns_per_pair: float
+    nearest_us: float
+    separation_filter_us: float
     encode_us: float
     decode_us: float
 
@@ -151,7 +148,7 @@ def bench(progress: Progress) -> Result:
         progress(f"a flight of {followers + 1} drones")
         swarms.append(swarm(followers))
     progress("single calls")
-    parts = Parts(nearest_ns_per_pair(), separation_filter_ns_per_pair(), *codec_us())
+    parts = Parts(nearest_us(), separation_filter_us(), *codec_us())
     progress("the bus between processes")
     return Result(tuple(swarms), parts, asyncio.run(bus()))
 
@@ -176,28 +173,8 @@ def swarm(followers: int) -> Swarm:
                     ticks_us.append((clock.monotonic_ns() - begun_ns) * 1e-3)
     return Swarm(
         followers, _airborne(estimates_us), _airborne(demands_us), _airborne(steps_us), _airborne(ticks_us),
-        flown.realtime_factor, python_calls(scenario),
+        tick_calls(scenario.lab, entries, AIRBORNE_TICKS), flown.realtime_factor, python_calls(scenario),
     )  # fmt: skip
-
-
-def python_calls(scenario: Scenario) -> int:
-    """Calls of Python functions of our own in the last second of the scenario's longest flight, in lockstep."""
-    world, calls = World(scenario, scenario.seed, lambda _topic, _message, _t_ns: None), 0
-    end_ns = T0_NS + round(scenario.longest_s * 1e9)
-
-    def count(frame: FrameType, event: str, _: object) -> None:
-        nonlocal calls
-        calls += event == "call" and frame.f_code.co_filename.startswith(OURS)
-
-    while world.now_ns < end_ns - 1_000_000_000:
-        world.step()
-    sys.setprofile(count)
-    try:
-        while world.now_ns < end_ns:
-            world.step()
-    finally:
-        sys.setprofile(None)
-    return calls
 
 
 def _airborne(durations_us: Sequence[float]) -> Timing:
@@ -229,28 +206,21 @@ def timed(owner: object, name: str) -> Iterator[list[float]]:
         setattr(owner, name, function)
 
 
-def nearest_ns_per_pair() -> float:
-    """Of every pair of vehicles, once."""
-    pairs = (MANY * (MANY - 1) - FEW * (FEW - 1)) / 2
-    few, many = (in_a_row(FEW), np.ones(FEW, np.bool_)), (in_a_row(MANY), np.ones(MANY, np.bool_))
-    return 1e3 * (call_us(lambda: rules.nearest(*many)) - call_us(lambda: rules.nearest(*few))) / pairs
+def nearest_us() -> float:
+    """Every body's distance to its nearest neighbour."""
+    pos, known = in_a_square(MANY), np.ones(MANY, np.bool_)
+    return call_us(lambda: rules.nearest(pos, known), 1)
 
 
-def separation_filter_ns_per_pair() -> float:
-    """Of every pair of vehicles, once, none of which is near."""
-
-    def all_of(n: int) -> float:
-        pos, names = in_a_row(n), tuple(str(k) for k in range(n))
-        estimates = initial(
-            LabFrame(0, 0, names, pos, np.tile(frames.IDENTITY, (n, 1)), np.ones(n, np.bool_)), np.ones(n, np.bool_)
-        )
-        settings = rows(BarrierSettings, [BarrierSettings(k, 0.05, 0.2, 3.0, 6.0, True, True, True) for k in range(n)])
-        wanted, references = blank(Demand, n), blank(VehicleReference, n)
-        wanted["motion"][:, 0, :3], references["airborne"] = pos, True
-        return call_us(lambda: limit_demands(settings, wanted, estimates, references, 0))
-
-    pairs = (MANY * (MANY - 1) - FEW * (FEW - 1)) / 2
-    return 1e3 * (all_of(MANY) - all_of(FEW)) / pairs
+def separation_filter_us() -> float:
+    """The demands of all bodies at rest, none of which has to be altered."""
+    n, pos = MANY, in_a_square(MANY)
+    names, seen = tuple(str(k) for k in range(n)), np.ones(n, np.bool_)
+    estimates = initial(LabFrame(0, 0, names, pos, np.tile(frames.IDENTITY, (n, 1)), seen), seen)
+    settings = rows(BarrierSettings, [BarrierSettings(k, 0.05, 0.2, 3.0, 6.0, True, True, True) for k in range(n)])
+    wanted, references = blank(Demand, n), blank(VehicleReference, n)
+    wanted["motion"][:, 0, :3], references["airborne"] = pos, True
+    return call_us(lambda: limit_demands(settings, wanted, estimates, references, 0), 1)
 
 
 def codec_us() -> tuple[float, float]:
@@ -267,15 +237,21 @@ def in_a_row(n: int) -> Float:
     return np.column_stack([np.arange(n, dtype=np.float64), np.zeros(n), np.ones(n)])
 
 
-def call_us(function: Callable[[], object]) -> float:
-    """Of one call, the median over some batches, microseconds; the first call is not counted."""
+def in_a_square(n: int) -> Float:
+    """Positions (n, 3) at one height, a metre apart, row by row."""
+    side = math.ceil(math.sqrt(n))
+    return np.array([[k % side, k // side, 1.0] for k in range(n)])
+
+
+def call_us(function: Callable[[], object], calls: int = CALLS) -> float:
+    """Of one call, the median over some batches of `calls`, microseconds; the first call is not counted."""
     function()
     durations_us = []
     for _ in range(BATCHES):
         begun_ns = clock.monotonic_ns()
-        for _ in range(CALLS):
+        for _ in range(calls):
             function()
-        durations_us.append((clock.monotonic_ns() - begun_ns) * 1e-3 / CALLS)
+        durations_us.append((clock.monotonic_ns() - begun_ns) * 1e-3 / calls)
     return float(np.median(durations_us))
 
 

@@ -35,6 +35,7 @@ from wire.logs.mcap_read import (
 )
 from wire.logs.views import CALM, Views
 from wire.private_files import private
+from wire.process.priority import lower_priority
 from wire.schema import schema_of
 
 __all__ = ["Entry", "Log", "LogCheck", "LogError", "LogWriter", "Reading", "check_log", "read_log"]
@@ -151,6 +152,7 @@ class LogWriter:
         self._sequence += 1
 
     def _run(self) -> None:
+        lower_priority()  # it has a queue, and compresses; what it records for may not wait
         while not self._closing.wait(_CALM_PERIOD_S if self._calm else _CHUNK_PERIOD_S):
             self._drain()
 

@@ -98,6 +98,12 @@ class Codec:
         except (struct.error, OverflowError, ValueError) as error:  # NaN in the place of an integer, too
             raise MavlinkError(f"{type(message).__name__}: {error}") from error
 
+    def next_seq(self) -> int:
+        """Take the sequence number of a packet that was encoded elsewhere."""
+        seq = self._seq
+        self._seq = (seq + 1) & 0xFF
+        return seq
+
     @property
     def bad_bytes(self) -> int:
         """Bytes that belong to no packet."""
@@ -137,7 +143,7 @@ class Codec:
         return kind not in _FOR_SYSTEM or message.target_system in (BROADCAST, own.system)
 
     def _frame(self, layout: Layout, fields: Fields) -> bytes:
-        data = framed(layout, layout.pack(fields), self.own, self._seq)
+        data = framed(layout, layout.pack(fields), self.own, self._seq)  # which may raise, and then takes no number
         self._seq = (self._seq + 1) & 0xFF
         return data
 

@@ -13,15 +13,23 @@ grows by what it can do, at any height, until it is seen again.
 
 from dataclasses import dataclass
 from math import exp, sqrt
-from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from formation.control.law import Demand
+from formation.control.limits.near_pairs import (
+    BARRIER_RATE_1_S,
+    BRAKE_M_S2,
+    NEARBY_M_S2,
+    REACTION_S,
+    Bodies,
+    near_pairs,
+)
 from formation.estimation.response import MISMATCH_BAD, MISMATCH_WARN, NEVER_NS, SECONDS
 from formation.estimation.state import VehicleEstimate
 from formation.guidance.reference_generator import VehicleReference
-from formation.maths.arrays import Bool, Float, Vec3
+from formation.maths.arrays import Float, Vec3
 from formation.maths.kernel import kernel
 from formation.maths.records import Rows, dtype_of, like
 
@@ -31,12 +39,8 @@ ABLE_M_S2 = 4.0
 VERTICAL_DIST_MAX_M_S2 = 4.0  # what no wind, battery or propeller does to a vehicle whose thrust is as commanded
 GROWN_MOST_M = 0.3  # a drone without setpoints is at rest within this
 SPEED, SEPARATION = 8.0, 32.0  # bits of formation.messages.Saturation
-BRAKE_M_S2 = 4.0  # two thirds of what a tilt of 0.6 rad gives: one of a pair alone can do it, against wind too
-REACTION_S = 0.25  # how long it takes to turn towards it: dead time is predicted, lag and a saturated turn are not
-BARRIER_RATE_1_S = 6.0
 SPEED_RATE_1_S, FAST = 6.0, 0.5  # where it begins, as a share of the limit: what is demanded below it is let be
 STEEP = 0.75  # sine squared of the elevation from which two are stacked, and part upwards and downwards
-NEARBY_M_S2 = 20.0  # pairs this far from their bound may be driven to it by what others are changed
 PASSES, SETTLED_M_S2 = 60, 1e-9
 
 
@@ -56,24 +60,6 @@ class BarrierSettings:
     separation_on: bool
     keep_out_on: bool
     speed_limit_on: bool
-
-
-class Bodies(NamedTuple):
-    """All n bodies; arrays, for every pair looks at them.
-
-    motion (n, 3, 3): position, velocity and acceleration (rows), as demanded and as disturbed; acc_m_s2 (n, 3): the
-    estimated one; grown_m: uncertainty of the position; known: ever seen; controllable: its demand may be altered;
-    responds: follows its commands, as far as is known; unresponsive: surely does not; lost: unseen, at unknown height.
-    """
-
-    motion: Float
-    acc_m_s2: Float
-    grown_m: Float
-    known: Bool
-    controllable: Bool
-    responds: Bool
-    unresponsive: Bool
-    lost: Bool
 
 
 @dataclass(slots=True)
@@ -194,9 +180,9 @@ def _limit_speed(speed_max_m_s: float, motion: Float, change: Float) -> float:
 @kernel
 def _separate(separation_m: float, bodies: Bodies, change: Float, bits: Float) -> None:
     """Adds to change (n, 3) the least that keeps all pairs, and sets bits (n) of the bodies whose demand it alters."""
-    count = len(bodies.known)
-    pairs = np.empty(count * (count - 1), PAIR)
-    found, broken = _near(separation_m, bodies, pairs)
+    count, within_reach = len(bodies.known), near_pairs(separation_m, bodies)
+    pairs = np.empty(2 * len(within_reach), PAIR)
+    found, broken = _near(separation_m, bodies, within_reach, pairs)
     if not broken:
         return
     pushes = np.zeros((count, 3))
@@ -209,26 +195,24 @@ def _separate(separation_m: float, bodies: Bodies, change: Float, bits: Float) -
 
 
 @kernel
-def _near(separation_m: float, bodies: Bodies, pairs: Rows[Pair]) -> tuple[int, bool]:
-    """Fills in the pairs that are near their bound; how many, and whether any is beyond it.
+def _near(separation_m: float, bodies: Bodies, within_reach: NDArray[np.int64], pairs: Rows[Pair]) -> tuple[int, bool]:
+    """Fills in those within reach (k, 2) that are near their bound; how many, and whether any is beyond it.
 
     Where one of two does not answer, the other makes room for what it does; what is demanded of it is altered as if it
     obeyed, for it may do so at any time, and as if it were alone.
     """
-    known, controllable, responds = bodies.known, bodies.controllable, bodies.responds
+    controllable, responds = bodies.controllable, bodies.responds
     away, found, broken = np.empty(3), 0, False
-    for a in range(len(known)):
-        for b in range(a):
-            if not (known[a] and known[b] and (controllable[a] or controllable[b])):
-                continue
-            over = excess(bodies, a, b, separation_m, False, away)
-            obeying = over if responds[a] and responds[b] else excess(bodies, a, b, separation_m, True, away)
-            broken = broken or over > 0.0 or obeying > 0.0
-            if controllable[a] and controllable[b] and responds[a] != responds[b]:
-                found += _add_pair(pairs[found], a, b, responds[a], responds[b], over, away)
-                found += _add_pair(pairs[found], a, b, responds[b], responds[a], obeying, away)
-            else:
-                found += _add_pair(pairs[found], a, b, controllable[a], controllable[b], max(over, obeying), away)
+    for k in range(len(within_reach)):
+        a, b = within_reach[k, 0], within_reach[k, 1]
+        over = excess(bodies, a, b, separation_m, False, away)
+        obeying = over if responds[a] and responds[b] else excess(bodies, a, b, separation_m, True, away)
+        broken = broken or over > 0.0 or obeying > 0.0
+        if controllable[a] and controllable[b] and responds[a] != responds[b]:
+            found += _add_pair(pairs[found], a, b, responds[a], responds[b], over, away)
+            found += _add_pair(pairs[found], a, b, responds[b], responds[a], obeying, away)
+        else:
+            found += _add_pair(pairs[found], a, b, controllable[a], controllable[b], max(over, obeying), away)
     return found, broken
 
 

@@ -1,5 +1,7 @@
 """Each rule's limit, patience and measure, from both sides: a little less is let pass, a little more is told."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -113,6 +115,26 @@ def test_the_nearest_neighbour_is_found_among_all() -> None:
     among = nearest(points, known)
     np.testing.assert_allclose(among[known], apart[known][:, known].min(axis=1))
     assert np.isinf(among[~known]).all()
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_the_nearest_by_a_sweep_is_the_nearest_of_all_to_the_bit(seed: int) -> None:
+    """Also with many at one place along an axis, and some in one point."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 80))
+    points, known = rng.normal(size=(n, 3)) * rng.choice([0.0, 1.0, 9.0], 3), rng.random(n) < 0.9
+    if seed % 3 == 0:
+        points = np.round(points)
+    np.testing.assert_array_equal(nearest(points, known), nearest_of_all(points, known))
+
+
+def nearest_of_all(points: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Every point against every other."""
+    near = np.full(len(points), np.inf)
+    for i, j in itertools.permutations(np.flatnonzero(known).tolist(), 2):
+        x, y, z = points[i] - points[j]
+        near[i] = min(near[i], np.sqrt(x * x + y * y + z * z))
+    return near
 
 
 def test_severity_follows_from_what_is_done() -> None:

@@ -1,0 +1,62 @@
+"""What the drones are sent in a tick: setpoint, pose, the ground's heartbeat, and what each link has to say."""
+
+from collections.abc import Sequence
+
+from formation.messages import AttitudeTarget, Datagram, LabFrame
+from gcs.drones.drone import Drone
+from gcs.drones.telemetry import ground_heartbeat
+from wire.link_messages.address import ground_address
+from wire.mavlink.framing import packed
+from wire.mavlink.setpoint_batch import SetpointBatch
+
+HEARTBEAT_NS = 1_000_000_000
+POSE_NS = 20_000_000
+
+
+class Packets:
+    """Of one ground: the heartbeat rides on ticks with a frame alone, poses on every second one at 100 Hz."""
+
+    def __init__(self, drones: Sequence[Drone], feeds_pose: bool, session: int, t0_ns: int) -> None:
+        """feeds_pose: whether drones are sent their own pose. session: the ground session."""
+        self._drones = drones
+        self._feeds_pose = feeds_pose
+        self._heartbeat = ground_heartbeat(session)
+        self._setpoints = SetpointBatch(ground_address(session), [drone.link.target for drone in drones])
+        self._no_setpoints = [b""] * len(drones)
+        self._heartbeat_due_ns = self._pose_due_ns = t0_ns
+
+    def due(self, frame: LabFrame | None, target: AttitudeTarget | None, now_ns: int) -> tuple[Datagram, ...]:
+        """One datagram a drone where it holds all that is due, the setpoint first.
+
+        frame: of this tick; without one neither heartbeat, pose nor setpoint is sent. target: streamed now, if any.
+        """
+        beat = frame is not None and now_ns >= self._heartbeat_due_ns
+        pose = self._feeds_pose and frame is not None and now_ns >= self._pose_due_ns
+        if beat:
+            self._heartbeat_due_ns = now_ns + HEARTBEAT_NS
+        if pose:  # a steady 50 Hz out of frames that jitter
+            self._pose_due_ns = max(self._pose_due_ns + POSE_NS, now_ns)
+        streamed = self._no_setpoints if frame is None or target is None else self._encode(frame, target)
+        datagrams = []
+        for drone, setpoint in zip(self._drones, streamed, strict=True):
+            link, at = drone.link, drone.index
+            due, parts = link.due(now_ns), [setpoint]
+            if pose and frame is not None and frame.seen[at]:
+                parts.append(link.pose(frame.t_capture_ns, frame.pos_lab_m[at], frame.q_lab_from_flu[at]))
+            if beat:
+                parts.append(link.codec.encode(self._heartbeat))
+            if due:
+                parts += [link.codec.encode(message) for message in due]
+                datagrams += [Datagram(link.sysid, data) for data in packed(b"".join(parts))]
+            elif data := b"".join(parts):  # three frames at most: nothing to split
+                datagrams.append(Datagram(link.sysid, data))
+        return tuple(datagrams)
+
+    def _encode(self, frame: LabFrame, target: AttitudeTarget) -> list[bytes]:
+        """SET_ATTITUDE_TARGET of each drone, stamped with the frame's capture time; empty for whom none is sent."""
+        held_off = target.held_off.tolist()
+        sent = [drone.flown and not off for drone, off in zip(self._drones, held_off, strict=True)]
+        seqs = [drone.link.codec.next_seq() if of else 0 for drone, of in zip(self._drones, sent, strict=True)]
+        ignore = [drone.link.setpoint_ignore for drone in self._drones]
+        packets = self._setpoints.encode(target, frame.t_capture_ns // 1_000_000, ignore, seqs)
+        return [packet if of else b"" for packet, of in zip(packets, sent, strict=True)]

@@ -4,6 +4,7 @@ keys/            0700   made by `gcs keys new`, beside the lab file; a drone's o
   operations.log        what was done to the keys: date, who, what
   authority.pem         the authority's private key: on the computer where keys are made, and nowhere else
   ca.pem                its certificate
+  loopback              where the hub of this computer listens for it alone
   NAME/          0700   one identity
     ca.pem, certificate.pem, private.pem, name           on the bus: the name is the certificate's
     mavlink-SYSID.key   64 hexadecimal digits: MAVLink signing of that drone; the ground has every drone's
@@ -26,6 +27,7 @@ from wire.small_files import read_text
 
 AUTHORITY, CERTIFICATE, PRIVATE, NAME = "ca.pem", "certificate.pem", "private.pem", "name"
 ACCESS, AUTOPILOT, STAMP = "access.json", "autopilot.key", "stamp"
+HUB = "loopback"
 OPERATIONS, OPERATIONS_SHOWN = "operations.log", 100
 KEY_BYTES = 32
 """Of MAVLink signing."""

@@ -27,6 +27,7 @@ from wire.small_files import read_text
 
 AUTHORITY, CERTIFICATE, PRIVATE, NAME = "ca.pem", "certificate.pem", "private.pem", "name"
 ACCESS, AUTOPILOT, STAMP = "access.json", "autopilot.key", "stamp"
+REVOKED_NAMES = "revoked-names"
 HUB = "loopback"
 OPERATIONS, OPERATIONS_SHOWN = "operations.log", 100
 KEY_BYTES = 32
@@ -114,6 +115,16 @@ def read_access(folder: Path) -> dict[str, Any]:
     if not isinstance(rules, dict):
         raise ConfigError([f"{path}: no access rules"])
     return rules
+
+
+def read_revoked(folder: Path) -> frozenset[str]:
+    """The names of revoked certificates in a folder; none where nothing is revoked. ConfigError."""
+    try:
+        return frozenset(read_text(folder / REVOKED_NAMES).split())
+    except FileNotFoundError:
+        return frozenset()
+    except (OSError, ValueError) as error:
+        raise ConfigError([f"{folder / REVOKED_NAMES}: no names of certificates: {error}"]) from error
 
 
 def note_operation(keys: Path, line: str) -> None:

@@ -57,7 +57,7 @@ def keyed_lab(folder: Path, port: int) -> KeyedLab:
 
 
 @contextmanager
-def taking_part(role: Role, *arguments: object) -> Iterator["Queue[Any]"]:
+def participant(role: Role, *arguments: object) -> Iterator["Queue[Any]"]:
     """While inside, another process does its part; what it says after that it is ready comes by the queue."""
     context = multiprocessing.get_context("spawn")
     queue: Queue[Any] = context.Queue()

@@ -18,7 +18,7 @@ from formation.config import LinkConfig
 from formation.messages import OperatorReply, OperatorRequest, Verb
 from formation.requests import GCS_NAME
 from formation.requests import LAB as LAB_NAME
-from sim.studies.hostile.lab import KeyedLab, taking_part
+from sim.studies.hostile.lab import KeyedLab, participant
 from wire.clock import monotonic_ns
 from wire.schema import schema_of
 from wire.security.bus_access import BusAccess, access_with
@@ -51,16 +51,16 @@ class Stops:
     median_s: float
     worst_s: float
     requests_hz: float
-    """Of the flood, as the ground has heard them."""
+    """Of the flood, as the ground has counted them."""
 
 
 def stop_beside(flood: Flood, count: int, lab: KeyedLab) -> Stops:
     """Run `gcs stop` so many times on the ground's computer, while the flood comes by the network's listener."""
-    with taking_part(_ground, lab) as heard, taking_part(_flood, lab, flood):
+    with participant(_ground, lab) as counted, participant(_flood, lab, flood):
         Event().wait(SETTLE_S)
-        heard_before, begun_ns = _newest(heard), monotonic_ns()
+        received_before, begun_ns = _newest(counted), monotonic_ns()
         asked_s = [_stop(lab.file) for _ in range(count)]
-        requests_hz = (_newest(heard) - heard_before) / ((monotonic_ns() - begun_ns) * 1e-9)
+        requests_hz = (_newest(counted) - received_before) / ((monotonic_ns() - begun_ns) * 1e-9)
     answered_s = [each for each in asked_s if each is not None]
     in_time = sum(each <= DUE_S for each in answered_s)
     median_s, worst_s = np.percentile(answered_s or [inf], (50.0, 100.0))
@@ -75,11 +75,11 @@ def _stop(lab_file: Path) -> float | None:
     return (monotonic_ns() - begun_ns) * 1e-9 if ended.stdout.strip() == STOPPED else None
 
 
-def _newest(heard: "Queue[int]") -> int:
+def _newest(counted: "Queue[int]") -> int:
     """The newest count of the ground's, and nothing older left behind it."""
-    newest: int = heard.get()
-    while not heard.empty():
-        newest = heard.get()
+    newest: int = counted.get()
+    while not counted.empty():
+        newest = counted.get()
     return newest
 
 
@@ -114,11 +114,11 @@ class _Lawless(BusAccess):
 def _flood(queue: "Queue[str]", lab: KeyedLab, flood: Flood) -> None:
     """Everything hostile, until it is killed."""
     sessions: list[zenoh.Session] = []
-    kept: list[zenoh.Query] = []
+    stolen: list[zenoh.Query] = []
     for _ in range(3 if flood.thief else 0):
         session = open_session((), (lab.from_network,), LAB_NAME, _Lawless(lab.keys / "page"))
         for key in (f"{LAB_NAME}/gcs/*/do/*", f"{LAB_NAME}/**", "**"):
-            session.declare_queryable(key, zenoh.handlers.Callback(kept.append), complete=True)
+            session.declare_queryable(key, zenoh.handlers.Callback(stolen.append), complete=True)
         sessions.append(session)
     access = access_with(lab.keys, "board")
     asking = open_session((), (lab.from_network,), LAB_NAME, access)

@@ -3,9 +3,10 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+SUPPLY := $(VENV)/supply
 ARGS ?=
 
-.PHONY: fly test fuzz camera-axes mutants paper docs pictures lock check setup format clean
+.PHONY: fly test fuzz camera-axes mutants paper docs pictures lock audit wheel check setup format clean
 
 fly: $(VENV)/.fly
 	$(BIN)/gcs-sim fly $(ARGS)
@@ -66,6 +67,18 @@ lock: $(VENV)/.fly
 	cat $(VENV)/lock.txt >> $(VENV)/requirements.txt
 	mv $(VENV)/requirements.txt requirements.txt
 
+# Known vulnerabilities of what is locked; says so, and fails, where no database is reached. pip-audit has its own .venv.
+audit: $(VENV)/.supply
+	$(SUPPLY)/bin/python -m tools.audit
+
+# The wheel into dist/, and beside it what it needs, as CycloneDX.
+wheel: $(VENV)/.supply
+	rm -rf dist
+	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist .
+	$(SUPPLY)/bin/cyclonedx-py requirements --pyproject pyproject.toml --output-reproducible --spec-version 1.6 \
+		--output-file "$$(ls dist/*.whl | sed 's/whl$$/cdx.json/')" requirements.txt
+	@ls dist
+
 check: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
@@ -96,6 +109,12 @@ $(VENV)/.test: $(VENV)/.fly
 # What judges the code.
 $(VENV)/.check: $(VENV)/.test
 	$(PIP) --editable '.[dev]'
+	touch $@
+
+# What judges the packages, apart from them: it needs other versions of some.
+$(VENV)/.supply: $(VENV)/.fly
+	$(PYTHON) -m venv $(SUPPLY)
+	$(SUPPLY)/bin/python -m pip install --quiet --disable-pip-version-check pip-audit cyclonedx-bom
 	touch $@
 
 # What builds the manual.

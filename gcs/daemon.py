@@ -56,8 +56,9 @@ STATUS_NS = 20_000_000
 """For so long a state that was worked out answers every status request: a flood of them costs the control nothing."""
 GROUNDED = (Phase.GROUND, Phase.STOPPED)
 LANDING_LIMIT_NS = 60_000_000_000
-LAW_S, LAW_WALL_S = 0.01, 0.05
-"""For the lab's own laws in one tick: of computing, and of any kind; setpoints are stale after 0.1 s."""
+LAW_S, LAW_WALL_S, LAW_USUAL_S = 0.01, 0.05, 0.002
+"""For the lab's own laws in one tick: of computing, of any kind, and of computing for each follower more than once;
+setpoints are stale after 0.1 s."""
 
 EventSink = Callable[[Event], None]
 
@@ -287,7 +288,8 @@ async def run(
     """
     start = clock.pair()
     t0_ns, session = start.monotonic_ns, start.unix_ns // 1_000_000_000
-    core = GcsCore(config, t0_ns, session, law_guard=Deadline(LAW_S, LAW_WALL_S))
+    guard = Deadline(LAW_S, LAW_WALL_S, LAW_USUAL_S * len(config.commanded))
+    core = GcsCore(config, t0_ns, session, law_guard=guard)
     bus = await ZenohBus.open_or_listen(config.link, config.name, protection=protection)
     try:
         log_metadata = {

@@ -131,9 +131,10 @@ def revoke(who: Who, lab: Lab = LAB, as_json: Json = False) -> None:
         name = _folder(lab).revoke(who, _now())
     except (ConfigError, OSError) as error:
         _fail(error)
-    _print(as_json, {"certificate": name}, f"{name} is revoked: {_AFTER}")
+    _print(as_json, {"certificate": name}, f"{name} is revoked: {_REVOKED}")
 
 
+_REVOKED = "within a second nothing of it is read here; other computers know from the next `gcs keys pack`"
 _AFTER = "restart the lab's programs here; other computers have their rules from the next `gcs keys pack`"
 
 

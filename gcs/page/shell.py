@@ -180,6 +180,7 @@ def serve(
         await on_bus.__aenter__()
         background_tasks.create(page.watch(), name="watch")
         background_tasks.create(page.report_awaited(), name="awaited")
+        background_tasks.create(protection.attend(lambda e: page.reject(e.source, e.text)), name="keys")
 
     async def end() -> None:
         await on_bus.__aexit__(None, None, None)

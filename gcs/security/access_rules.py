@@ -42,22 +42,26 @@ def access_control(config: LabConfig, names: Mapping[str, str]) -> dict[str, Any
 
 
 def _allowed(identity: str, name: str) -> tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]:
-    """Kinds of messages of an identity, and their keys below the lab's name."""
+    """Kinds of messages of an identity, and their keys below the lab's name.
+
+    What is published carries the name in its publisher's certificate, so that each process knows what of it is revoked.
+    """
     asks = (_ASK, (f"gcs/*/do/{name}",))
     if identity == GROUND:
         return (
-            (_PUBLISH, ("uav/*/mavlink/down", "gcs/*/state", "gcs/*/log/head", "gcs/*/log/chunk")),
+            (_PUBLISH, ("uav/*/mavlink/down", *(f"gcs/*/{key}/{name}" for key in ("state", "log/head", "log/chunk")))),
             (_ANSWER, ("gcs/*/do/*",)),
             (_ALIVE, ("ground/**",)),
         )
     if identity == MOCAP:
-        return (_PUBLISH, ("mocap/frame", "mocap/event", "mocap/state")), (_ALIVE, ("mocap/alive/*",))
+        published = tuple(f"mocap/{key}/{name}" for key in ("frame", "event", "state"))
+        return (_PUBLISH, published), (_ALIVE, ("mocap/alive/*",))
     if identity == TOOL:  # a publisher of the lab's own cameras is one, too
-        return asks, (_PUBLISH, ("mocap/raw",))
+        return asks, (_PUBLISH, (f"mocap/raw/{name}",))
     if identity == PAGE or not identity.startswith("drone-"):
         return (asks,)
     sysid = identity.removeprefix("drone-")
-    return ((_PUBLISH, (f"uav/{sysid}/mavlink/up", f"sim/{sysid}/truth")),)
+    return ((_PUBLISH, (f"uav/{sysid}/mavlink/up", f"sim/{sysid}/truth/{name}")),)
 
 
 def _rule(name: str, messages: tuple[str, ...], keys: tuple[str, ...], flow: str = "ingress") -> dict[str, Any]:

@@ -27,6 +27,7 @@ from wire.security.private_keys import (
     KEY_BYTES,
     NAME,
     PRIVATE,
+    REVOKED_NAMES,
     demand_private,
     demand_private_tree,
     keys_folder,
@@ -34,6 +35,7 @@ from wire.security.private_keys import (
     note_operation,
     read_access,
     read_name,
+    read_revoked,
     write_private,
 )
 
@@ -92,6 +94,8 @@ class KeyFolder:
         """Let nobody in by an identity's keys any more; return the certificate's name."""
         name = self._name(identity)
         write_private(self.path / identity / REVOKED, b"")
+        own = {numbered(identity, number + 1) for number in range(self._number(identity))}
+        write_private(self.path / REVOKED_NAMES, "\n".join(sorted(read_revoked(self.path) | own)).encode())
         for key in self._mavlink_keys(identity):
             key.unlink(missing_ok=True)
         self._write_rules()
@@ -105,7 +109,7 @@ class KeyFolder:
         demand_private_tree(own)
         if (own / REVOKED).exists():
             raise ConfigError([f"{own}: revoked: `gcs keys rotate` makes new keys"])
-        wanted = (AUTHORITY, CERTIFICATE, PRIVATE, NAME, ACCESS, AUTOPILOT)
+        wanted = (AUTHORITY, CERTIFICATE, PRIVATE, NAME, ACCESS, AUTOPILOT, REVOKED_NAMES)
         self._note(now, f"pack {name}")
         found = [*(own / name for name in wanted), *sorted(own.glob("mavlink-*.key"))]
         return {path.name: path.read_text(encoding="ascii") for path in found if path.exists()}
@@ -172,8 +176,10 @@ class KeyFolder:
 
     def _write_rules(self) -> None:
         rules = json.dumps(self._rules(), indent=1).encode()
+        revoked = "\n".join(sorted(read_revoked(self.path))).encode()
         for each in self.held():
             write_private(self.path / each.identity / ACCESS, rules)
+            write_private(self.path / each.identity / REVOKED_NAMES, revoked)
 
     def _rules(self) -> dict[str, object]:
         return access_control(self._config, {each.identity: each.name for each in self.held() if not each.revoked})

@@ -1,4 +1,4 @@
-"""`gcs-sim benchmark`: flights against what others have recorded, from files that the user has fetched."""
+"""`gcs-sim benchmark`: flights against what others have recorded, and a lab with keys against who attacks it."""
 
 import json
 from dataclasses import asdict
@@ -11,15 +11,11 @@ import typer
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from sim.studies.hostile.figures import Figures
     from sim.studies.neural_fly.flights import Job, Score
 
 FAILED, NOT_RIGHT = 1, 2
-app = typer.Typer(help="Fly against what others have recorded; the files are yours to fetch.", no_args_is_help=True)
-
-
-@app.callback()
-def benchmark() -> None:
-    """Keep `neural-fly` a command of its own, although it is the only one."""
+app = typer.Typer(help="Measure against what others have recorded, and against attacks.", no_args_is_help=True)
 
 
 @app.command("neural-fly")
@@ -64,6 +60,54 @@ def neural_fly(
         print(json.dumps({"flown_rms_m": flown, "simulated": rows}, indent=2))
     if any(score.outcome != "landed" for score in scores):
         raise typer.Exit(FAILED)
+
+
+@app.command()
+def security(
+    stops: Annotated[int, typer.Option(min=1, help="How many `gcs stop` beside the flood.")] = 30,
+    setpoints: Annotated[int, typer.Option(min=1, help="How many signed setpoints, 100 a second.")] = 1000,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")] = False,
+) -> None:
+    """Measure what keys cost and what they withstand, by real sockets on loopback. It judges nothing."""
+    from tempfile import TemporaryDirectory
+
+    from rich.console import Console
+
+    from sim.studies.hostile.figures import measure
+
+    console = Console(stderr=True, markup=False)
+    with TemporaryDirectory() as folder, console.status("starting") as status:
+        figures = measure(Path(folder), stops, setpoints, status.update)
+    if as_json:
+        print(figures.to_json())
+    else:
+        Console(markup=False).print(_security_table(figures))
+
+
+def _security_table(figures: "Figures") -> "Table":
+    """A row a figure."""
+    from rich.table import Table
+
+    signing, alone, beside = figures.signing, figures.setpoints_alone, figures.setpoints_beside_flood
+    table = Table(title=f"keys on {figures.cores} cores, load {figures.load:.1f}", show_header=False)
+    table.add_row("sign, verify a packet", f"{signing.sign_us:.1f}, {signing.verify_us:.1f} µs")
+    table.add_row(
+        "100 drones at 100 Hz, of a core", f"{signing.sign_core_share:.1%}, {signing.verify_core_share:.1%}"
+    )  # fmt: skip
+    for name, hop in (("bus without keys", figures.hop_plain), ("bus with keys", figures.hop_with_keys)):
+        table.add_row(f"{name}, median and 99 %", f"{hop.p50_us:.0f}, {hop.p99_us:.0f} µs")
+    for arrivals in (alone, beside):
+        table.add_row(
+            f"setpoints beside {arrivals.hostile_hz:,.0f} hostile datagrams a second",
+            f"{arrivals.accepted} of {arrivals.sent}, median {arrivals.p50_ms:.2f}, 99 % {arrivals.p99_ms:.2f} ms, "
+            f"{arrivals.core_share:.0%} of a core",
+        )
+    stops = figures.stops
+    table.add_row(
+        f"gcs stop beside {stops.requests_hz:.0f} requests a second and half-open connections",
+        f"{stops.answered} of {stops.asked} answered, {stops.in_time} within 0.5 s, worst {stops.worst_s:.2f} s",
+    )
+    return table
 
 
 def _is_nan(value: object) -> bool:

@@ -12,17 +12,20 @@ from re import sub
 
 from formation.exposure import endpoint_host, is_local_endpoint
 from wire.errors import BusError, ConfigError
-from wire.security.own_address import address_towards
+from wire.security.own_address import address_towards, free_loopback_port
 from wire.security.private_keys import (
     AUTHORITY,
     CERTIFICATE,
+    HUB,
     NAME,
     PRIVATE,
     demand_private,
     demand_private_tree,
     read_access,
     read_name,
+    write_private,
 )
+from wire.small_files import read_text
 
 REMEDY = "run `gcs keys new lab.toml` and write [security] into the lab file, or, for simulation only, --insecure"
 MESSAGE_MOST = 1 << 19
@@ -70,6 +73,28 @@ class BusAccess:
         host = address_towards(endpoint_host(far[0])) if far else "127.0.0.1"
         host = f"[{host}]" if ":" in host else host
         return f"{'tcp' if self.identity is None else 'tls'}/{host}:0"
+
+    def open_loopback(self, listen: Sequence[str]) -> list[str]:
+        """Where a hub listens beside the endpoints that other machines reach: for this machine's own processes.
+
+        Zenoh (1.10) accepts nobody for 0.1 s after each connection that is no TLS: a stranger keeps everybody out of an
+        endpoint that it reaches. The endpoint stands in the folder of keys. OSError.
+        """
+        if self.identity is None or all(is_local_endpoint(endpoint) for endpoint in listen):
+            return []
+        endpoint = f"tls/127.0.0.1:{free_loopback_port()}"
+        write_private(self.identity.parent / HUB, endpoint.encode())
+        return [endpoint]
+
+    def loopback(self) -> list[str]:
+        """Where the hub of this machine listens for it alone; none where there is none, and without keys."""
+        if self.identity is None:
+            return []
+        try:
+            endpoint = read_text(self.identity.parent / HUB)
+        except (OSError, ValueError):
+            return []
+        return [endpoint] if is_local_endpoint(endpoint) else []
 
     def configuration(self) -> dict[str, object]:
         """Zenoh's settings of TLS and access control; none without keys. ConfigError."""

@@ -1,4 +1,4 @@
-"""Which of this machine's addresses leads to another machine: where a socket for that machine alone is bound."""
+"""Which of this machine's addresses leads to another machine, and ports for this machine alone."""
 
 import socket
 from ipaddress import ip_address
@@ -17,3 +17,10 @@ def address_towards(host: str) -> str:
     with socket.socket(family, kind) as probe:
         probe.connect(where)
         return str(probe.getsockname()[0])
+
+
+def free_loopback_port() -> int:
+    """A TCP port of loopback that nobody has now."""
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

@@ -4,6 +4,7 @@ keys/            0700   made by `gcs keys new`, beside the lab file; a drone's o
   operations.log        what was done to the keys: date, who, what
   authority.pem         the authority's private key: on the computer where keys are made, and nowhere else
   ca.pem                its certificate
+  loopback              where the hub of this computer listens for it alone
   NAME/          0700   one identity
     ca.pem, certificate.pem, private.pem, name           on the bus: the name is the certificate's
     mavlink-SYSID.key   64 hexadecimal digits: MAVLink signing of that drone; the ground has every drone's
@@ -26,6 +27,8 @@ from wire.small_files import read_text
 
 AUTHORITY, CERTIFICATE, PRIVATE, NAME = "ca.pem", "certificate.pem", "private.pem", "name"
 ACCESS, AUTOPILOT, STAMP = "access.json", "autopilot.key", "stamp"
+REVOKED_NAMES = "revoked-names"
+HUB = "loopback"
 OPERATIONS, OPERATIONS_SHOWN = "operations.log", 100
 KEY_BYTES = 32
 """Of MAVLink signing."""
@@ -112,6 +115,16 @@ def read_access(folder: Path) -> dict[str, Any]:
     if not isinstance(rules, dict):
         raise ConfigError([f"{path}: no access rules"])
     return rules
+
+
+def read_revoked(folder: Path) -> frozenset[str]:
+    """The names of revoked certificates in a folder; none where nothing is revoked. ConfigError."""
+    try:
+        return frozenset(read_text(folder / REVOKED_NAMES).split())
+    except FileNotFoundError:
+        return frozenset()
+    except (OSError, ValueError) as error:
+        raise ConfigError([f"{folder / REVOKED_NAMES}: no names of certificates: {error}"]) from error
 
 
 def note_operation(keys: Path, line: str) -> None:

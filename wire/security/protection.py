@@ -19,12 +19,14 @@ from wire.security.bus_access import LOCAL, BusAccess, ExposedError, access_with
 from wire.security.private_keys import (
     ACCESS,
     AUTOPILOT,
+    REVOKED_NAMES,
     STAMP,
     StampFile,
     keys_folder,
     read_access,
     read_mavlink_key,
     read_mavlink_keys,
+    read_revoked,
 )
 
 INSECURE = "--insecure: no link is authenticated, whoever reaches this network can command the drones"
@@ -58,24 +60,25 @@ class Signing:
 
 
 class Names:
-    """The names in the lab's certificates that its rules let in, as the folder of keys has them now."""
+    """The names in the lab's certificates that its rules let in, and those revoked, as the folder of keys has them."""
 
     def __init__(self, own: Path) -> None:
         """Raises ConfigError."""
         self._own = own
         self._files = self._read_times()
-        self.known = self._read()
+        self.known, self.revoked = self._read(), read_revoked(own)
 
-    def poll(self, signing: Signing) -> None:
+    def poll(self, signing: Signing | None) -> None:
         """Take over what has changed in the folder since the last look: names, and keys of signing. ConfigError."""
         files = self._read_times()
         if files != self._files:
-            self.known = self._read()
-            signing.refresh(read_mavlink_keys(self._own))
+            self.known, self.revoked = self._read(), read_revoked(self._own)
+            if signing is not None:
+                signing.refresh(read_mavlink_keys(self._own))
             self._files = files
 
     def _read_times(self) -> tuple[tuple[str, int], ...]:
-        files = (*self._own.glob("mavlink-*.key"), self._own / ACCESS)
+        files = (*self._own.glob("mavlink-*.key"), self._own / ACCESS, *self._own.glob(REVOKED_NAMES))
         return tuple(sorted((file.name, file.stat().st_mtime_ns) for file in files))
 
     def _read(self) -> frozenset[str]:
@@ -106,7 +109,7 @@ class Protection:
     async def attend(self, report: EventSink) -> None:
         """Keep stamps on disk, use keys that change there, and report open links once a minute; until cancelled."""
         failed = False
-        while self.signing is not None:
+        while self.names is not None or self.signing is not None:
             try:
                 await asyncio.to_thread(self._attend_once)
             except (OSError, ConfigError) as error:
@@ -120,8 +123,9 @@ class Protection:
 
     def _attend_once(self) -> None:
         """In a thread: a disk may answer late."""
-        if self.signing is not None and self.names is not None:
+        if self.signing is not None:
             self.signing.stamps.store(self.signing.clock.newest)
+        if self.names is not None:
             self.names.poll(self.signing)
 
     def demand_host(self, what: str, host: str, sysid: int) -> None:
@@ -142,7 +146,7 @@ def protection_of(keys: Path, identity: str) -> Protection:
     access, own = access_with(keys, identity), keys / identity
     mavlink_keys = read_mavlink_keys(own)
     if not mavlink_keys:
-        return Protection(access)
+        return Protection(access, names=Names(own))
     stamps = StampFile(own / STAMP)
     stamp_clock = StampClock(stamps.read())
     signing = Signing(mavlink_keys, stamp_clock, stamps, identity == GROUND)

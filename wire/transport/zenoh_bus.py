@@ -1,7 +1,9 @@
 """The lab's bus over Zenoh: MAVLink, truth, state and operator requests, by key; poses are wire.transport.mocap_bus's.
 
     <lab>/uav/<sysid>/mavlink/{down,up}   <lab>/sim/<sysid>/truth
-    <lab>/gcs/<name>/state                <lab>/gcs/<name>/do   (a queryable; with keys .../do/<who asks>)
+    <lab>/gcs/<name>/state                <lab>/gcs/<name>/do   (a queryable)
+
+With keys, the name in the certificate of who publishes or asks ends each key but MAVLink's, which is signed.
 
 Peers with explicit endpoints and no multicast. Each listens on a port of its own and learns of the others by
 gossip, so that the ones left keep talking when one dies, the one that was connected to first included.
@@ -135,7 +137,10 @@ class ZenohBus:
         return ZenohLink(self._session, f"{self.lab}/uav", into, publish, deliver, self.rejections, self.protection)
 
     def publish(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
-        """Publish bytes on a key of the lab; dropped and counted where Zenoh's queue is full."""
+        """Publish bytes on a key of the lab; dropped and counted where Zenoh's queue is full.
+
+        With keys, the name in this process's certificate ends the key, and nobody else may publish there.
+        """
         try:
             self._publisher_of(key).put(payload, attachment=attachment)
             self.counters.sent += 1
@@ -143,21 +148,35 @@ class ZenohBus:
             self.counters.dropped += 1
 
     def listen(self, key: str, receive: Callable[[zenoh.Sample], None], limit: int) -> None:
-        """Subscribe to a key of the lab; too large payloads are rejected. At most `limit` wait, the oldest is lost."""
+        """Subscribe to a key of the lab. At most `limit` wait, the oldest is lost.
 
-        def receive_bounded(sample: zenoh.Sample | None) -> None:
-            if sample is None:
-                self.reject(key, f"payload larger than {LARGEST_PAYLOAD} bytes")
+        Payloads that are too large are rejected, and those of publishers whose keys are revoked.
+        """
+
+        def receive_judged(judged: zenoh.Sample | str) -> None:
+            if isinstance(judged, str):
+                self.reject(key, judged)
             else:
-                receive(sample)
+                receive(judged)
 
-        inbox = Inbox(self._loop, receive_bounded, self.counters, limit)
+        inbox = Inbox(self._loop, receive_judged, self.counters, limit)
 
         def enqueue(sample: zenoh.Sample) -> None:
-            inbox.enqueue(sample if len(sample.payload) <= LARGEST_PAYLOAD else None)
+            inbox.enqueue(self._reject_reason(sample) or sample)
 
         self._inboxes.append(inbox)
-        self._session.declare_subscriber(f"{self.lab}/{key}", zenoh.handlers.Callback(enqueue))
+        expression = f"{self.lab}/{key}/*" if self._certificate_name else f"{self.lab}/{key}"
+        self._session.declare_subscriber(expression, zenoh.handlers.Callback(enqueue))
+
+    def _reject_reason(self, sample: zenoh.Sample) -> str:
+        """Why a sample is not read; empty where it is."""
+        if len(sample.payload) > LARGEST_PAYLOAD:
+            return f"payload larger than {LARGEST_PAYLOAD} bytes"
+        names = self.protection.names
+        if names is not None and names.revoked:
+            name = str(sample.key_expr).rpartition("/")[2]
+            return f"payload of {name}, whose keys are revoked" if name in names.revoked else ""
+        return ""
 
     def reject(self, key: str, reason: str) -> None:
         """Count a rejected payload of a key of the lab."""
@@ -247,7 +266,8 @@ class ZenohBus:
         publisher = self._publishers.get(key)
         if publisher is None:
             priority = zenoh.Priority.BACKGROUND if key.endswith(_IDLE) else zenoh.Priority.REAL_TIME
-            publisher = self._publishers[key] = self._publisher(f"{self.lab}/{key}", key in _EXPRESS, priority)
+            own = f"{self.lab}/{key}/{self._certificate_name}" if self._certificate_name else f"{self.lab}/{key}"
+            publisher = self._publishers[key] = self._publisher(own, key in _EXPRESS, priority)
         return publisher
 
     def _publisher(

@@ -4,7 +4,7 @@ import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from threading import Event
+from threading import Event, Thread
 
 import zenoh
 
@@ -29,6 +29,9 @@ _QUEUED_BATCHES = 16
 # Connections that have said nothing yet, and for how long each is waited for. Zenoh's own are 100 for 10 s: as many
 # idle ones kept an operator's new command out for 10.6 s.
 _UNGREETED, _GREETING_MS = 1024, 2000
+# How long opening waits for peers and what they declare; a notice may be lost in it. Who only asks, asks again instead.
+_ASKING_DELAY_MS, _DELAY_MS = 50, 500
+_CLOSE_S = 0.1
 _RETRY = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
 
 
@@ -64,7 +67,7 @@ def open_session(
 ) -> zenoh.Session:
     """Join the bus; peers that are not there yet are retried for ever. BusError, ConfigError for keys.
 
-    asks: this process only asks, and listens on loopback at most: it may ask a ground anywhere, and obeys nobody.
+    asks: this process only asks, and listens nowhere: it may ask a ground anywhere, and obeys nobody.
     """
     if not asks:
         access.demand((*listen, *connect))
@@ -76,6 +79,8 @@ def open_session(
     except zenoh.ZError as error:
         reason = _SOURCE_LINE.sub("", str(error))
         raise BusError(f"lab {lab!r}, {tuple(listen or connect)}: {reason}") from error
+    except OSError as error:
+        raise BusError(f"lab {lab!r}: {error}") from error
 
 
 def ask(
@@ -117,8 +122,15 @@ def ask(
         if not is_there:
             raise _no_ground(key, connect)
     finally:
-        session.close()  # type: ignore[no-untyped-call]
+        _close(session)
     raise TimeoutError(f"no answer on {key} within {patience.answer_s:g} s")
+
+
+def _close(session: zenoh.Session) -> None:
+    """Close, but wait no longer than _CLOSE_S: Zenoh waits 10 s for a connection that it is opening."""
+    closing = Thread(target=session.close, name="closing", daemon=True)
+    closing.start()
+    closing.join(_CLOSE_S)
 
 
 def _is_out_of_patience(waited_s: float, connect: Sequence[str], patience: Patience) -> bool:
@@ -154,18 +166,25 @@ def _is_port_closed(endpoint: str) -> bool:
 
 
 def _configuration(listen: Sequence[str], connect: Sequence[str], access: BusAccess, asks: bool) -> zenoh.Config:
-    """Zenoh's configuration; without `listen`, any free port of the address that leads to `connect`."""
-    own = access.carried(listen) or [access.own_endpoint(() if asks else connect)]
+    """Zenoh's configuration; without `listen`, any free port of the address that leads to `connect`.
+
+    Who only asks listens nowhere: others would look for it where it was, for as long as they live.
+    """
+    listens = [*access.carried(listen), *access.open_loopback(listen)]
+    if not listens and not asks:
+        listens = [access.own_endpoint(connect)]
+    connects = [*([] if listen else access.loopback()), *access.carried([connectable(e) for e in connect])]
     values: dict[str, object] = {
         "mode": "peer",
-        "listen/endpoints": own,
+        "listen/endpoints": listens,
         "listen/exit_on_failure": True,
-        "connect/endpoints": access.carried([connectable(e) for e in connect if e not in listen]),
+        "connect/endpoints": [endpoint for endpoint in connects if endpoint not in listens],
         "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
         "connect/retry": _RETRY,
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": True,
+        "scouting/delay": _ASKING_DELAY_MS if asks else _DELAY_MS,
         "transport/shared_memory/enabled": False,
         "transport/unicast/accept_pending": _UNGREETED,
         "transport/unicast/accept_timeout": _GREETING_MS,

@@ -25,20 +25,20 @@ from wire.transport.zenoh_bus import ZenohBus
 from wire.transport.zenoh_session import Patience, ask, open_session
 
 KEYS = (
-    "mocap/frame", "mocap/raw", "mocap/event", "mocap/state", "uav/1/mavlink/down", "uav/1/mavlink/up",
-    "uav/2/mavlink/down", "uav/2/mavlink/up", "sim/1/truth", "gcs/main/state", "gcs/main/do/tool.1",
-    "gcs/main/log/head", "gcs/main/log/chunk", "elsewhere", "uav/*/mavlink/down", "uav/*/mavlink/up",
-    "mocap/*", "**", "gcs/main/*",
+    "mocap/frame/mocap.1", "mocap/raw/tool.1", "mocap/event/mocap.1", "mocap/state/mocap.1", "mocap/frame",
+    "uav/1/mavlink/down", "uav/1/mavlink/up", "uav/2/mavlink/down", "uav/2/mavlink/up", "sim/1/truth/drone-1.1",
+    "gcs/main/state/ground.1", "gcs/main/do/tool.1", "gcs/main/log/head/ground.1", "gcs/main/log/chunk/ground.1",
+    "gcs/main/state/mocap.1", "uav/*/mavlink/down", "uav/*/mavlink/up", "mocap/*", "**", "gcs/main/*",
 )  # fmt: skip
 MAY_PUBLISH = {
     "ground": {
-        "uav/1/mavlink/down", "uav/2/mavlink/down", "uav/*/mavlink/down", "gcs/main/state", "gcs/main/log/head",
-        "gcs/main/log/chunk",
+        "uav/1/mavlink/down", "uav/2/mavlink/down", "uav/*/mavlink/down", "gcs/main/state/ground.1",
+        "gcs/main/log/head/ground.1", "gcs/main/log/chunk/ground.1",
     },
-    "mocap": {"mocap/frame", "mocap/event", "mocap/state"},
+    "mocap": {"mocap/frame/mocap.1", "mocap/event/mocap.1", "mocap/state/mocap.1"},
     "page": set(),
-    "tool": {"mocap/raw"},
-    "drone-1": {"uav/1/mavlink/up", "sim/1/truth"},
+    "tool": {"mocap/raw/tool.1"},
+    "drone-1": {"uav/1/mavlink/up", "sim/1/truth/drone-1.1"},
     "drone-2": {"uav/2/mavlink/up"},
     "board": set(),
 }  # fmt: skip
@@ -70,7 +70,7 @@ def bus(folder: Path, names: tuple[str, ...]) -> Iterator[tuple[str, dict[str, z
 
 
 def test_each_identity_publishes_its_own_and_nothing_else(tmp_path: Path) -> None:
-    """7 identities on 19 keys and wildcards, 75 times each: 9,975 publications."""
+    """7 identities on 20 keys and wildcards, 75 times each: 10,500 publications."""
     names = ("judge", *MAY_PUBLISH)
     with bus(tmp_path, names) as (_, sessions):
         heard: Counter[tuple[str, str]] = Counter()

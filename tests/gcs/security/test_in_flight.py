@@ -4,8 +4,10 @@ import asyncio
 from datetime import UTC, datetime
 from pathlib import Path
 
+from formation.config import LinkConfig
 from formation.messages import OperatorReply, OperatorRequest, Verb
 from gcs.security.roles import by_role
+from tests.free_ports import free_port
 from tests.gcs.security.lab import keyed_lab
 from wire import clock
 from wire.link_messages.address import GROUND, Address
@@ -15,6 +17,7 @@ from wire.mavlink.signing import REVOKED
 from wire.rejections import RejectionLog
 from wire.security.private_keys import StampFile
 from wire.security.protection import Protection, protection_of
+from wire.transport.zenoh_bus import ZenohBus
 
 UP = Codec(Address(2, 1)).encode(Heartbeat(MavAutopilot.PX4, 2, 0, 0, 4))
 DOWN = Codec(GROUND).encode(Heartbeat(MavAutopilot.INVALID, 6, 0, 0, 4))
@@ -98,3 +101,45 @@ def test_an_address_that_the_lab_gets_later_is_in_new_certificates(tmp_path: Pat
     assert names["ground"] == "ground.2"
     assert names["drone-2"] == "drone-2.1"
     assert list(moved.faults(datetime.now(UTC))) == []
+
+
+def test_a_revoked_publisher_is_silent_within_a_second_and_others_lose_nothing(tmp_path: Path) -> None:
+    """Both keep publishing on a bus that goes on; a restart of nobody."""
+    _, folder = keyed_lab(tmp_path)
+    endpoint, heard = f"tls/127.0.0.1:{free_port()}", {"mocap/state": [], "gcs/main/state": []}
+
+    async def fly() -> None:
+        async def joined(identity: str, link: LinkConfig) -> ZenohBus:
+            return await ZenohBus.open(link, "lab", protection=protection_of(tmp_path / "keys", identity))
+
+        joins = LinkConfig(zenoh_connect=(endpoint,))
+        ground = await joined("ground", LinkConfig(zenoh_listen=(endpoint,), zenoh_connect=()))
+        mocap, judge = await joined("mocap", joins), await joined("judge", joins)
+        buses = (ground, mocap, judge)
+        attending = [asyncio.create_task(bus.protection.attend(lambda event: None)) for bus in buses]
+        for key, numbers in heard.items():
+            judge.listen(key, lambda sample, numbers=numbers: numbers.append(int(sample.payload.to_bytes())), 1000)
+        async with asyncio.timeout(30.0):
+            while not (mocap.has_subscribers("mocap/state") and ground.has_subscribers("gcs/main/state")):
+                await asyncio.sleep(0.05)
+        sent = 0
+        for turn in range(300):  # 3 s; revoked after 0.5 s, so silent from 1.5 s on
+            if turn == 50:
+                folder.revoke("mocap", datetime.now(UTC))
+            mocap.publish("mocap/state", str(turn).encode())
+            ground.publish("gcs/main/state", str(turn).encode())
+            sent += 1
+            await asyncio.sleep(0.01)
+        async with asyncio.timeout(10.0):
+            while len(heard["gcs/main/state"]) < sent:
+                await asyncio.sleep(0.05)
+        assert judge.rejections.due(clock.monotonic_ns())[0].text.count("mocap.1, whose keys are revoked") == 1
+        for task in attending:
+            task.cancel()
+        for bus in buses:
+            await bus.close()
+
+    asyncio.run(fly())
+    assert heard["gcs/main/state"] == list(range(300))
+    assert heard["mocap/state"][:40] == list(range(40))
+    assert max(heard["mocap/state"]) < 150

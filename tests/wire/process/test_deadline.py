@@ -56,3 +56,12 @@ def test_another_thread_is_not_limited() -> None:
     thread.start()
     thread.join()
     assert said == [7]
+
+
+def test_the_second_call_that_is_slower_than_usual_is_the_last() -> None:
+    """By the clock that is handed in: 1, 3, 1 and 3 ms of computing, 2 ms are usual."""
+    readings_s = iter((0.0, 0.001, 0.0, 0.003, 0.0, 0.001, 0.0, 0.003))
+    deadline = Deadline(10.0, 10.0, 0.002, lambda: next(readings_s))
+    assert [deadline(0, lambda: 7) for _ in range(3)] == [7, 7, 7]
+    with pytest.raises(LawOverrunError, match=r"more than 2 ms twice, now 3\.0 ms"):
+        deadline(0, lambda: 7)

@@ -4,6 +4,7 @@ import asyncio
 import struct
 from typing import Any
 
+from formation.exposure import is_loopback
 from formation.messages import RawFrame
 from formation.mocap_config import MocapConfig, QualisysConfig
 from sim.cameras.servers.qtm import packets
@@ -48,8 +49,9 @@ class QtmServer:
             for port in self._ports:
                 await port.start()
             self._udp, _ = await loop.create_datagram_endpoint(asyncio.DatagramProtocol, (self._host, 0))
+            everywhere = self._host if is_loopback(self._host) else "0.0.0.0"  # where broadcasts come
             self._discovery, _ = await loop.create_datagram_endpoint(
-                lambda: Discovery(self._base_port), ("0.0.0.0", self._discovery_port), reuse_port=True
+                lambda: Discovery(self._base_port), (everywhere, self._discovery_port), reuse_port=True
             )
         except OSError:
             await self.close()

@@ -159,3 +159,16 @@ def test_a_silent_server_does_not_hold_the_client(rig):
 
     asyncio.run(run_with(rig, flight))
     assert any("no answer" in event.text or "no list" in event.text for event in rig.said)
+
+
+@pytest.mark.parametrize(("host", "bound"), [("127.0.0.1", "127.0.0.1"), ("0.0.0.0", "0.0.0.0")])
+def test_a_qualisys_emulator_on_loopback_answers_discoveries_of_this_machine_alone(host: str, bound: str) -> None:
+    async def run() -> str:
+        server = QtmServer(host, free_port(3), NAMES, 100.0, free_port())
+        await server.start()
+        assert server._discovery is not None
+        address: str = server._discovery.get_extra_info("sockname")[0]
+        await server.close()
+        return address
+
+    assert asyncio.run(run()) == bound

@@ -1,0 +1,53 @@
+"""All figures of `gcs-sim benchmark security`, one after the other."""
+
+import json
+import os
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from formation.config import LinkConfig
+from sim.ports import own_ports
+from sim.studies.hostile.datagram_flood import Arrivals, setpoints_beside
+from sim.studies.hostile.lab import keyed_lab
+from sim.studies.hostile.link_cost import Hop, Signing, bus_hop, signing_cost
+from sim.studies.hostile.stop_flood import Flood, Stops, stop_beside
+
+HOSTILE_HZ = 1e5
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """load: of this machine, processes that want a core, at the beginning; the figures are no better than that."""
+
+    load: float
+    cores: int
+    signing: Signing
+    hop_plain: Hop
+    hop_with_keys: Hop
+    setpoints_alone: Arrivals
+    setpoints_beside_flood: Arrivals
+    stops: Stops
+
+    def to_json(self) -> str:
+        """As one object."""
+        return json.dumps(asdict(self), indent=2)
+
+
+def measure(folder: Path, stops: int, setpoints: int, show: Callable[[str], None]) -> Figures:
+    """Take every figure; `show` names it. The lab and its keys are made in the folder."""
+    load = os.getloadavg()[0]
+    with own_ports() as ports:
+        lab = keyed_lab(folder, ports[1])
+        links = LinkConfig(kind="udp", ground_port_base=ports[2] - 1, drone_port_base=ports[3] - 1)
+        show("signing")
+        signing = signing_cost()
+        show("the bus without keys, and with")
+        plain = bus_hop(lab, f"tcp/127.0.0.1:{ports[4]}", with_keys=False)
+        with_keys = bus_hop(lab, f"tls/127.0.0.1:{ports[5]}", with_keys=True)
+        show(f"{setpoints} setpoints alone, and beside {HOSTILE_HZ:.0f} hostile datagrams a second")
+        alone = setpoints_beside(0.0, setpoints, lab, links)
+        beside = setpoints_beside(HOSTILE_HZ, setpoints, lab, links)
+        show(f"{stops} stops beside half-open connections, requests and a thief")
+        stopped = stop_beside(Flood(), stops, lab)
+    return Figures(load, os.cpu_count() or 1, signing, plain, with_keys, alone, beside, stopped)

@@ -1,0 +1,36 @@
+"""The figures of `gcs-sim benchmark security` are of what they say: what was sent arrives, and a flood was one."""
+
+from pathlib import Path
+
+import pytest
+
+from formation.config import LinkConfig
+from sim.studies.hostile.datagram_flood import setpoints_beside
+from sim.studies.hostile.lab import keyed_lab
+from sim.studies.hostile.link_cost import CALLS, DRONES, HOPS, RATE_HZ, bus_hop, signing_cost
+from tests.free_ports import free_port
+
+pytestmark = pytest.mark.processes
+
+
+def test_every_signed_setpoint_is_accepted_beside_hostile_datagrams(tmp_path: Path) -> None:
+    """A flood that a busy machine reads in time: what its kernel has to drop is nobody's."""
+    links = LinkConfig(kind="udp", ground_port_base=free_port() - 1, drone_port_base=free_port() - 1)
+    arrivals = setpoints_beside(2000.0, 100, keyed_lab(tmp_path, free_port()), links)
+    assert arrivals.accepted == 100
+    assert 200.0 < arrivals.hostile_hz < 2100.0
+
+
+def test_the_cost_of_signing_is_that_of_packets_which_verify() -> None:
+    cost = signing_cost()
+    assert CALLS >= 10_000
+    assert cost.sign_core_share == pytest.approx(cost.sign_us * 1e-6 * DRONES * RATE_HZ)
+    assert 0.0 < cost.verify_us < 1000.0
+
+
+@pytest.mark.parametrize("with_keys", [False, True])
+def test_a_hop_of_the_bus_is_timed_with_keys_and_without(with_keys: bool, tmp_path: Path) -> None:
+    endpoint = f"{'tls' if with_keys else 'tcp'}/127.0.0.1:{free_port()}"
+    hop = bus_hop(keyed_lab(tmp_path, free_port()), endpoint, with_keys=with_keys)
+    assert hop.received == HOPS - HOPS // 10
+    assert 0.0 < hop.p50_us <= hop.p99_us

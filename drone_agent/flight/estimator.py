@@ -64,6 +64,7 @@ class Estimator:
         self._ready_after_ns, self._waits = ready_after_ns, waits
         self._capture_ns = -(2**62)
         self._fused_ns: list[int | None] = [None, None, None]
+        self._was_ready = False
         self._since_ns = 0  # start of the present unbroken run of fused poses
         self._resets = _RESETS
         self._valid_ns = 0
@@ -114,9 +115,9 @@ class Estimator:
         ekf.observe_rest(self._x, self._cov, self._history, _REST_M_S)
 
     def valid(self, now_ns: int) -> bool:
-        """Whether a flight may go on with the position."""
+        """Whether a flight may go on with the position: once steady, until none was fused for too long."""
         fused_ns = self._fused_ns[PLANE]
-        return fused_ns is not None and now_ns - fused_ns < self._valid_ns
+        return self._was_ready and fused_ns is not None and now_ns - fused_ns < self._valid_ns
 
     def fault(self, now_ns: int) -> str | None:
         """Why one must not arm on it: no pose, rejected, or not steady yet."""
@@ -171,6 +172,7 @@ class Estimator:
             return reason
         if before_ns is None or now_ns - before_ns > _FRESH_NS:
             self._since_ns = now_ns
+        self._was_ready = self._was_ready or now_ns - self._since_ns >= self._ready_after_ns
         return None
 
     def _reset(self, group: int, measured: Float, fusion: Fusion) -> None:

@@ -169,7 +169,7 @@ def test_holds_its_place_and_lets_it_down_when_the_ground_falls_silent(autopilot
     assert not site.drone.autopilot.armed
     # By level targets, a hold that PX4 refuses and its own landing: 0.088 here, where its idea of level alone is wrong;
     # 0.25 to 0.34 on v1.16.1 SIH, whose position wanders too.
-    assert max(drift_m) < 0.05
+    assert max(drift_m) < 0.06
 
 
 @pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])

@@ -49,7 +49,7 @@ def labs(draw: st.DrawFn) -> tuple[dict[str, object], bool]:
     for body in bodies:
         if draw(st.booleans()):
             kind = draw(st.sampled_from(["udp", "udpin", "udpout"]))
-            body |= {"link": f"{kind}:{host(HERE, ELSEWHERE)}:{next(ports)}", "profile": "x500"}
+            body |= {"link": f"{kind}:{host(HERE, ELSEWHERE)}:{next(ports)}", "profile": "x500", "guard": "none"}
     return {"leader": bodies[0], "followers": bodies[1:], "link": link}, exposed
 
 

@@ -171,7 +171,7 @@ WARNED: list[tuple[str, dict[str, object], str, str]] = [
     ("played leader", {"mocap": {"source": "csv", "file": "x"}}, "mocap.source", "of the leader alone"),
     ("a file for nobody", {"mocap": {"file": "x.csv"}}, "mocap.file", "nothing is played"),
     ("a spawn for nobody", {"followers": followers(RIGHT, spawn_lab_m=[1, 1, 0])}, "followers[0].spawn_lab_m", "mocap"),
-    ("nothing guards it", {"leader": {**LEADER, "profile": "px4_quad", "link": "udp:10.0.0.5:14550", "guard": "none"},
+    ("nothing guards it", {"leader": {**LEADER, "profile": "px4_quad", "link": "udp:127.0.0.1:14550", "guard": "none"},
                            "followers": followers(RIGHT, LEFT, profile="px4_quad")}, "leader.guard", "COM_OBL_RC_ACT"),
     ("a link to nobody", {"leader": {"body": "lead", "link": "udp:10.0.0.5:14550", "guard": "none"}}, "leader.link",
      "nothing is sent"),

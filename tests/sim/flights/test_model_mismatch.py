@@ -39,7 +39,7 @@ def test_a_drone_that_asks_too_much_of_its_motors_does_not_swing_from_stop_to_st
     _, flight = lockstep.run_and_load(_tense(), seed)
     largest_m = summarise(flight).formation_max_m
     assert largest_m is not None
-    assert largest_m < 0.45  # trusted as its profile says, it swung by 0.7 to 0.9 m and sank
+    assert largest_m < 0.5  # trusted as its profile says, it swung by 0.7 to 0.9 m and sank
     assert TOLD in [event.text for event in flight.events.messages]
 
 

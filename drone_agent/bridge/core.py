@@ -350,7 +350,7 @@ class BridgeCore:
             self._stop_the_motors()
 
     def _stop_the_motors(self) -> None:
-        """Of a body that nobody holds any more; again until it is disarmed."""
+        """Of a body that nobody holds any more; again while it is so and armed."""
         if self._takeover.on_fault(Trigger.ATTITUDE_LOSS, self._now_ns):
             self._report(*ATTITUDE_LOSS)
             self._disarm_ns = self._now_ns

@@ -77,11 +77,8 @@ class Autopilot:
         """Whether the agent flies by itself, so that `control` is due every CONTROL_NS."""
         self._mode_after_disarm = model.boot_mode
         self._rise_m: float | None = None
-        self._read_version = parameters.version
-        self._timing = model.timing(parameters)
-        self._stream_loss = model.stream_loss(parameters)
-        self._fusion = model.fusion(parameters)
-        self._attitude_failure = model.attitude_failure(parameters)
+        self._read_version: int | None = None
+        self._reread()
 
     @property
     def row(self) -> ModeRow:

@@ -10,6 +10,7 @@ import numpy as np
 
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
+from formation.maths.quaternion import matrix_into
 from formation.vehicle.body import GRAVITY_M_S2
 
 ATTITUDE, VEL, POS, RATE_BIAS, FORCE_BIAS = 0, 4, 7, 10, 13
@@ -61,7 +62,7 @@ def _turn(q: Float, x_rad: float, y_rad: float, z_rad: float, in_lab: bool) -> N
 
 @kernel
 def heading_of(x: Float) -> float:
-    """Heading of the body's forward axis about lab z, rad."""
+    """x: an estimate, or an attitude alone. Heading of the body's forward axis about lab z, rad."""
     w, i, j, k = x[0], x[1], x[2], x[3]
     return atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
 
@@ -75,11 +76,8 @@ def predict(
     history: its row `row` is overwritten. climbed (1): grows by what the sensors alone make of the climb, m/s.
     rate (3): becomes the body's, rad/s.
     """
-    w, i, j, k = x[0], x[1], x[2], x[3]
     r = np.empty((3, 3))
-    r[0, 0], r[0, 1], r[0, 2] = 1.0 - 2.0 * (j * j + k * k), 2.0 * (i * j - w * k), 2.0 * (i * k + w * j)
-    r[1, 0], r[1, 1], r[1, 2] = 2.0 * (i * j + w * k), 1.0 - 2.0 * (i * i + k * k), 2.0 * (j * k - w * i)
-    r[2, 0], r[2, 1], r[2, 2] = 2.0 * (i * k - w * j), 2.0 * (j * k + w * i), 1.0 - 2.0 * (i * i + j * j)
+    matrix_into(x[ATTITUDE : ATTITUDE + 4], r)
     turn, force = np.empty(3), np.empty(3)
     for axis in range(3):
         rate[axis] = sample[3 + axis] - x[RATE_BIAS + axis]

@@ -69,7 +69,6 @@ class Estimator:
         self._resets = _RESETS
         self._valid_ns = 0
         self._reject_reason = "no external pose"
-        self.rejected = 0
 
     @property
     def q_lab_from_flu(self) -> Quat:
@@ -126,21 +125,14 @@ class Estimator:
             return self._reject_reason
         return None if fused_ns - self._since_ns >= self._ready_after_ns else self._waits
 
-    def receive_pose(self, pose: ExternalPose, now_ns: int, fusion: Fusion) -> bool:
-        """Fuse what of a pose is within its limits; False where the position did not. A rejection is counted."""
-        w, i, j, k = pose.q_lab_from_flu.tolist()
-        heading_rad = math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
-        measured = np.array([*pose.pos_lab_m.tolist(), heading_rad])
+    def receive_pose(self, pose: ExternalPose, now_ns: int, fusion: Fusion) -> None:
+        """Fuse what of a pose is within its limits; why the position was not, `fault` says."""
+        measured = np.array([*pose.pos_lab_m.tolist(), ekf.heading_of(pose.q_lab_from_flu)])
         reason = self._format_fault(pose.t_capture_ns, now_ns, measured)
         if reason is None:
             self._capture_ns, self._valid_ns = pose.t_capture_ns, round(fusion.valid_s * 1e9)
             reason = self._fuse(measured, pose.t_capture_ns, now_ns, fusion)
-        if reason is not None:
-            self.rejected += 1
-            self._reject_reason = reason
-            return False
-        self._reject_reason = "external pose is stale"
-        return True
+        self._reject_reason = reason or "external pose is stale"
 
     def _format_fault(self, t_capture_ns: int, now_ns: int, measured: Float) -> str | None:
         if not math.isfinite(sum(measured.tolist())):

@@ -97,13 +97,9 @@ def advance(
 @kernel
 def turn_target(q_lab_from_flu: Float, q_estimated: Float, asked: Float, target: Float) -> None:
     """The target (8) that a loop flies whose attitude estimate is q_estimated where it should be q_lab_from_flu."""
-    w, x, y, z = q_estimated[0], -q_estimated[1], -q_estimated[2], -q_estimated[3]
-    turn = np.empty(4)
-    a, b, c, d = q_lab_from_flu[0], q_lab_from_flu[1], q_lab_from_flu[2], q_lab_from_flu[3]
-    turn[0] = a * w - b * x - c * y - d * z
-    turn[1] = a * x + b * w + c * z - d * y
-    turn[2] = a * y - b * z + c * w + d * x
-    turn[3] = a * z + b * y - c * x + d * w
+    back, turn = -q_estimated, np.empty(4)
+    back[0] = q_estimated[0]
+    multiply_into(q_lab_from_flu, back, turn)
     multiply_into(turn, asked[0:4], target[0:4])
     target[4:8] = asked[4:8]
 

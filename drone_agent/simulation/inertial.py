@@ -13,10 +13,10 @@ from pydantic import Field
 from drone_agent.flight.vehicle import ImuSample
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
+from formation.maths.quaternion import matrix_into
 from formation.model import Model, Vec3Tuple
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleState
-from formation.vehicle.rigid_body import rotation
 
 WINDOW_NS = 5_000_000
 _DRAWN = 256
@@ -77,13 +77,13 @@ def _add_mean(start: Float, end: Float, dt_s: float, values: Float) -> None:
     pw, px, py, pz = end[6], end[7], end[8], end[9]
     cosine = qw * pw + qx * px + qy * py + qz * pz
     side = 1.0 if cosine >= 0.0 else -1.0
-    halfway, r_lab_from_flu = np.zeros(17), np.empty((3, 3))
+    halfway, r_lab_from_flu = np.empty(4), np.empty((3, 3))
     for n in range(4):
-        halfway[6 + n] = start[6 + n] + side * end[6 + n]
-    norm = sqrt(halfway[6] ** 2 + halfway[7] ** 2 + halfway[8] ** 2 + halfway[9] ** 2)
+        halfway[n] = start[6 + n] + side * end[6 + n]
+    norm = sqrt(halfway[0] ** 2 + halfway[1] ** 2 + halfway[2] ** 2 + halfway[3] ** 2)
     for n in range(4):
-        halfway[6 + n] /= norm
-    rotation(halfway, r_lab_from_flu)
+        halfway[n] /= norm
+    matrix_into(halfway, r_lab_from_flu)
     for axis in range(3):
         for lab in range(3):
             force = (end[3 + lab] - start[3 + lab]) / dt_s + (GRAVITY_M_S2 if lab == 2 else 0.0)

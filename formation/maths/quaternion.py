@@ -27,6 +27,21 @@ def rotate_into(q: Float, v: Float, out: Float) -> None:
 
 
 @kernel
+def matrix_into(q: Float, rot: Float) -> None:
+    """rot (3, 3) = R(q)."""
+    w, i, j, k = q[0], q[1], q[2], q[3]
+    rot[0, 0] = 1.0 - 2.0 * (j * j + k * k)
+    rot[0, 1] = 2.0 * (i * j - w * k)
+    rot[0, 2] = 2.0 * (i * k + w * j)
+    rot[1, 0] = 2.0 * (i * j + w * k)
+    rot[1, 1] = 1.0 - 2.0 * (i * i + k * k)
+    rot[1, 2] = 2.0 * (j * k - w * i)
+    rot[2, 0] = 2.0 * (i * k - w * j)
+    rot[2, 1] = 2.0 * (j * k + w * i)
+    rot[2, 2] = 1.0 - 2.0 * (i * i + j * j)
+
+
+@kernel
 def turn_into(q: Float, rotation_rad: Float, out: Float) -> None:
     """out = q exp(rotation / 2) to second order, unit, w >= 0; for rotations much smaller than 1."""
     half = out.copy()

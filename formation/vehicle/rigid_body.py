@@ -9,6 +9,7 @@ from math import cos, exp, sin, sqrt
 
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
+from formation.maths.quaternion import matrix_into
 from formation.vehicle import body
 from formation.vehicle.body import (
     DRAG,
@@ -29,21 +30,6 @@ GROUND_EFFECT_MAX = 1.3
 
 thrust_norm = kernel(body.thrust_norm)
 rotor_reach_m = kernel(body.rotor_reach_m)
-
-
-@kernel
-def rotation(x: Float, rot: Float) -> None:
-    """R_lab_from_flu of the state into `rot` (3, 3)."""
-    w, i, j, k = x[6], x[7], x[8], x[9]
-    rot[0, 0] = 1.0 - 2.0 * (j * j + k * k)
-    rot[0, 1] = 2.0 * (i * j - w * k)
-    rot[0, 2] = 2.0 * (i * k + w * j)
-    rot[1, 0] = 2.0 * (i * j + w * k)
-    rot[1, 1] = 1.0 - 2.0 * (i * i + k * k)
-    rot[1, 2] = 2.0 * (j * k - w * i)
-    rot[2, 0] = 2.0 * (i * k - w * j)
-    rot[2, 1] = 2.0 * (j * k + w * i)
-    rot[2, 2] = 1.0 - 2.0 * (i * i + j * j)
 
 
 @kernel
@@ -121,7 +107,7 @@ def body_step(x: Float, motor_target_n: Float, numbers: Float, dist_lab_m_s2: Fl
         if x[13 + motor] < 1e-12:
             x[13 + motor] = 0.0  # a stopped motor must not run on in slow subnormal numbers
     fr, rl, fl, rr = x[13], x[14], x[15], x[16]
-    rotation(x, rot)
+    matrix_into(x[6:10], rot)
     lift = (fr + rl + fl + rr) * ground_effect_gain(x[2], numbers[ROTOR_RADIUS], numbers[GROUND_EFFECT])
     for axis in range(3):
         force[axis] = lift * rot[axis, 2] + mass * dist_lab_m_s2[axis]

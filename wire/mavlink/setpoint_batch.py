@@ -57,16 +57,16 @@ def _seal(frames: Bytes, crc_extra: int) -> Index:
     ends = np.empty(len(frames), np.int64)
     for i in range(len(frames)):
         frame = frames[i]
-        end = len(frame) - 2
-        while end > 11 and frame[end - 1] == 0:
+        end = len(frame) - _CHECKSUM
+        while end > _HEAD + 1 and frame[end - 1] == 0:
             end -= 1
-        frame[1] = end - 10
+        frame[1] = end - _HEAD
         crc = 0xFFFF
         for k in range(1, end):
             crc = _accumulated(crc, frame[k])
         crc = _accumulated(crc, crc_extra)
         frame[end], frame[end + 1] = crc & 0xFF, crc >> 8
-        ends[i] = end + 2
+        ends[i] = end + _CHECKSUM
     return ends
 
 

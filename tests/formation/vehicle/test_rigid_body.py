@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from formation.maths.quaternion import matrix_into
 from formation.vehicle.profile import ARDUCOPTER_QUAD, PAPER_40G, PX4_QUAD, VehicleProfile
-from formation.vehicle.rigid_body import add_floor, body_step, ground_effect_gain, rotation, turn
+from formation.vehicle.rigid_body import add_floor, body_step, ground_effect_gain, turn
 from tests.formation.oracles.body import floor, ground_effect, moved, turned
 from tests.formation.oracles.frames import rotation_matrix
 
@@ -37,7 +38,7 @@ def test_the_floor_pushes_grips_and_turns_through_four_feet(seed: int) -> None:
     for height_m in (0.0, -0.001, 0.004, 0.02):
         x = state(seed, ODD, height_m)
         rot, force, torque = np.empty((3, 3)), np.ones(3), np.full(3, 0.5)
-        rotation(x, rot)
+        matrix_into(x[6:10], rot)
         np.testing.assert_allclose(rot, rotation_matrix(x[6:10]), atol=1e-12)
         add_floor(x, rot, ODD.numbers, force, torque)
         lab, flu = floor(ODD, x)

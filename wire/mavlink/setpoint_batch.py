@@ -63,7 +63,7 @@ def _seal(frames: Bytes, crc_extra: int) -> Index:
         frame[1] = end - _HEAD
         crc = 0xFFFF
         for k in range(1, end):
-            crc = _accumulated(crc, np.int64(frame[k]))
+            crc = _accumulated(crc, int(frame[k]))
         crc = _accumulated(crc, crc_extra)
         frame[end], frame[end + 1] = crc & 0xFF, crc >> 8
         ends[i] = end + _CHECKSUM

@@ -27,8 +27,8 @@ class Sample(NamedTuple):
     """The true state of one drone at one instant; lab and flu.
 
     thrust_n: of all motors together. q_commanded, thrust_commanded: the setpoint of its attitude loop. motor_gain: each
-    motor's share of its commanded thrust; lift_most: maximum thrust over weight. command_sent_ns: when a ground first
-    sent the active command; None while the drone flies by itself, or does not fly.
+    motor's share of its commanded thrust; lift_most: maximum thrust over weight that does not tilt it. command_sent_ns:
+    when a ground first sent the active command; None while the drone flies by itself, or does not fly.
     """
 
     sysid: int
@@ -117,7 +117,7 @@ class DroneNode:
         return Sample(
             self.sysid, state.pos_lab_m, state.vel_lab_m_s, state.q_lab_from_flu, frame.armed,
             sum(state.motor_thrust_n.tolist()), frame.setpoint.q_lab_from_flu, frame.setpoint.thrust_norm,
-            frame.motor_gain, max(frame.motor_gain.tolist()) * frame.profile.thrust_max_n / frame.profile.weight_n,
+            frame.motor_gain, level_share(frame.motor_gain) * frame.profile.thrust_max_n / frame.profile.weight_n,
             self.followed_ns if led else None,
         )  # fmt: skip
 
@@ -183,6 +183,12 @@ class DroneNode:
         self.autopilot.receive(datagram, now_ns)
         if self.autopilot.autopilot.stream.last_ns == now_ns:
             self.followed_ns = sent_ns
+
+
+def level_share(motor_gain: Float) -> float:
+    """Of the full thrust, what motors of these gains (4) give without tilting it: as much as the opposite one."""
+    front_right, rear_left, front_left, rear_right = motor_gain.tolist()
+    return float(0.5 * (min(front_right, rear_left) + min(front_left, rear_right)))
 
 
 def _flown_by_guard(datagram: Datagram) -> bool:

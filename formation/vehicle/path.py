@@ -6,6 +6,8 @@ A body can have come, and turned, only so far since it was last believed.
 from dataclasses import dataclass
 from math import atan2, sqrt
 
+import numpy as np
+
 from formation.maths.arrays import Float, Quat, Vec3
 from formation.maths.kernel import kernel
 from formation.rejection import Rejection
@@ -22,8 +24,9 @@ SECONDS = 1e-9
 class Bounds:
     """One body's; a record. What a step may be: each `step` for noise and glitches, and what grows with the time.
 
-    acc_m_s2: the most its velocity can change by; turn and yaw: about the body's x and y axes, and about its z.
-    commanded: whether it is a drone of ours, whose thrust is along its z axis.
+    acc_m_s2: the most its velocity can change by; turn: about the body's x and y axes; yaw: about its z axis, at most
+    yaw_rad_s, which changes by yaw_acc_rad_s2 at most. commanded: whether it is a drone of ours, whose thrust is along
+    its z axis.
     """
 
     step_m: float
@@ -33,6 +36,7 @@ class Bounds:
     turn_rad_s: float
     yaw_step_rad: float
     yaw_rad_s: float
+    yaw_acc_rad_s2: float
     commanded: bool
 
 
@@ -40,7 +44,7 @@ class Bounds:
 class Path:
     """The newest pose of a path, its velocity, and how many frames made it since the last gap (0: none); a record.
 
-    period_s: the time between its frames, without the gaps.
+    yaw_rate_rad_s: about its own z axis. period_s: the time between its frames, without the gaps.
     """
 
     t_ns: int
@@ -48,13 +52,14 @@ class Path:
     period_s: float
     pos_lab_m: Vec3
     vel_lab_m_s: Vec3
+    yaw_rate_rad_s: float
     q_lab_from_flu: Quat
 
 
 @kernel
 def begin(path: Path, t_ns: int, pos_lab_m: Float, q_lab_from_flu: Float) -> None:
     """A path of this one pose."""
-    path.t_ns, path.frames = t_ns, 1
+    path.t_ns, path.frames, path.yaw_rate_rad_s = t_ns, 1, 0.0
     for axis in range(3):
         path.pos_lab_m[axis], path.vel_lab_m_s[axis] = pos_lab_m[axis], 0.0
     for k in range(4):
@@ -74,6 +79,8 @@ def extend(path: Path, t_ns: int, pos_lab_m: Float, q_lab_from_flu: Float) -> No
         mean = (pos_lab_m[axis] - path.pos_lab_m[axis]) / dt_s
         path.vel_lab_m_s[axis] += gain * (mean - path.vel_lab_m_s[axis])
         path.pos_lab_m[axis] = pos_lab_m[axis]
+    yaw_rad = turn_flu_rad(path.q_lab_from_flu, q_lab_from_flu)[2]
+    path.yaw_rate_rad_s += gain * (yaw_rad / dt_s - path.yaw_rate_rad_s)
     for k in range(4):
         path.q_lab_from_flu[k] = q_lab_from_flu[k]
     path.t_ns, path.frames = t_ns, path.frames + 1
@@ -91,6 +98,7 @@ def is_in_sight(path: Path, period_s: float, t_ns: int) -> bool:
 def copy_into(path: Path, out: Path) -> None:
     """The same path in another place."""
     out.t_ns, out.frames, out.period_s = path.t_ns, path.frames, path.period_s
+    out.yaw_rate_rad_s = path.yaw_rate_rad_s
     for axis in range(3):
         out.pos_lab_m[axis], out.vel_lab_m_s[axis] = path.pos_lab_m[axis], path.vel_lab_m_s[axis]
     for k in range(4):
@@ -124,23 +132,34 @@ def moved_as_it_can(path: Path, bounds: Bounds, t_ns: int, pos_lab_m: Float) -> 
 
 
 @kernel
-def turned_as_it_can(path: Path, bounds: Bounds, t_ns: int, q_lab_from_flu: Float) -> int:
-    """Whether it can have turned so far: 0, or FLIP or YAW_RATE; by the rotation vector in its own axes."""
-    dt_s = (t_ns - path.t_ns) * SECONDS
-    a, b = path.q_lab_from_flu, q_lab_from_flu
+def turn_flu_rad(q_before: Float, q_after: Float) -> Float:
+    """The rotation vector (3) between two attitudes, in the body's axes before it; the shorter way, rad."""
+    a, b, turn = q_before, q_after, np.empty(3)
     w = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
-    x = a[0] * b[1] - a[1] * b[0] - a[2] * b[3] + a[3] * b[2]
-    y = a[0] * b[2] + a[1] * b[3] - a[2] * b[0] - a[3] * b[1]
-    z = a[0] * b[3] - a[1] * b[2] + a[2] * b[1] - a[3] * b[0]
-    half_sine = sqrt(x * x + y * y + z * z)
-    if half_sine < 1e-9:
-        return 0
-    angle_per_sine = 2.0 * atan2(half_sine, abs(w)) / half_sine
-    if angle_per_sine * sqrt(x * x + y * y) > bounds.turn_step_rad + bounds.turn_rad_s * dt_s:
+    turn[0] = a[0] * b[1] - a[1] * b[0] - a[2] * b[3] + a[3] * b[2]
+    turn[1] = a[0] * b[2] + a[1] * b[3] - a[2] * b[0] - a[3] * b[1]
+    turn[2] = a[0] * b[3] - a[1] * b[2] + a[2] * b[1] - a[3] * b[0]
+    sine = sqrt(turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2])
+    scale = 2.0 if sine < 1e-9 else 2.0 * atan2(sine, abs(w)) / sine
+    for axis in range(3):
+        turn[axis] *= scale if w >= 0.0 else -scale
+    return turn
+
+
+@kernel
+def turned_as_it_can(path: Path, bounds: Bounds, t_ns: int, q_lab_from_flu: Float) -> int:
+    """Whether it can have turned so far, about z with the rate it had at the path's end: 0, or FLIP or YAW_RATE."""
+    dt_s = (t_ns - path.t_ns) * SECONDS
+    turn = turn_flu_rad(path.q_lab_from_flu, q_lab_from_flu)
+    if sqrt(turn[0] * turn[0] + turn[1] * turn[1]) > bounds.turn_step_rad + bounds.turn_rad_s * dt_s:
         return FLIP
-    if angle_per_sine * abs(z) > bounds.yaw_step_rad + bounds.yaw_rad_s * dt_s:
+    if abs(turn[2]) > bounds.yaw_step_rad + bounds.yaw_rad_s * dt_s:
         return YAW_RATE
-    return 0
+    if path.frames < 2:
+        return 0
+    known_s = path.period_s / VELOCITY_GAIN
+    reach_rad = bounds.yaw_step_rad + bounds.yaw_acc_rad_s2 * dt_s * (0.5 * dt_s + known_s)
+    return YAW_RATE if abs(turn[2] - dt_s * path.yaw_rate_rad_s) > reach_rad else 0
 
 
 @kernel

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from formation.rejection import Rejection
-from mocap.validator.bounds import FASTEST_M_S, OBSERVED
+from mocap.validator.bounds import FASTEST_M_S, OBSERVED, SPIN_RAD_S
 from mocap.validator.judge import FROZEN_FRAMES, GAP_S, RECOVERY_FRAMES, UPSET_FRAMES, UPSET_M_S2
 
 EARLY_NS = 10_000_000
@@ -52,8 +52,9 @@ CHECKS = (
     ),
     Check(
         "validator-yaw-rate", Rejection.YAW_RATE,
-        "a turn about z beyond 0.1 rad and twice the vehicle's yaw rate "
-        f"(only observed: {OBSERVED.yaw_step_rad:g} rad and {OBSERVED.yaw_rad_s:g} rad/s)",
+        "a turn about z beyond 0.1 rad and what two motors alone can do since it was last believed "
+        f"(only observed: {OBSERVED.yaw_step_rad:g} rad and {OBSERVED.yaw_acc_rad_s2:g} rad/s²), or beyond "
+        f"{SPIN_RAD_S:g} rad/s",
         "1 frame", _LASTING,
     ),
     Check(

@@ -26,8 +26,9 @@ FALLING_SHARE, FALLING_S = 0.1, 0.15
 UPSET_COS = 0.26
 UPSET_WITHIN_S = 0.5
 DEAD_GAIN, POWERLESS_GAIN = 0.5, 0.3
-BRAKING_LIFT, BRAKING_S = 1.1, 0.3
-"""Motors that give no more than this, of its weight, cannot brake it; so long they need once they are sound again."""
+BRAKING_LIFT, BRAKING_S = 1.0 / 0.88, 0.3
+"""Motors that give no more than this, of its weight, cannot brake it: 12 % of thrust are left to the attitude. So long
+they need once they are sound again."""
 CONTACT_S = 0.03
 ALARM_S, KNOWN_S = 1.0, 0.3
 """Times within which the ground reports a failing log, and refuses to arm."""

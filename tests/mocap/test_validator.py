@@ -239,6 +239,21 @@ def test_a_drone_that_falls_turning_over_is_believed():
 
 
 @MOUNTINGS
+def test_a_drone_that_two_motors_turn_about_its_own_axis_is_seen_to_the_floor(mounting):
+    """paper_40g: 0.4 N at 10 mm about 2.9e-5 kg m^2, less a quarter for the air; 0.25 s to 26 rad/s."""
+    r = flying(mounting)
+
+    def spin(k, pos, q):
+        t_s = 0.01 * min(k, 25)
+        q[LEFT] = frames.canonical(
+            frames.multiply(q[LEFT], turned(0.5 * 103.0 * t_s**2 + 26.0 * 0.01 * max(k - 25, 0)))
+        )
+
+    r.fly(80, spin)
+    assert all(r.seen("left"))
+
+
+@MOUNTINGS
 @pytest.mark.parametrize(("body", "angle_rad"), [("lead", 0.4), ("lead", 2.0), ("left", 0.25)])
 def test_a_wrong_heading_is_rejected_at_once(mounting, body, angle_rad):
     r, i = flying(mounting), BODIES.index(body)

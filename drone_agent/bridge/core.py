@@ -53,7 +53,6 @@ from wire.mavlink.framing import Frame, FrameCutter, renumbered
 
 _BEAT_NS = 1_000_000_000
 _HEARTBEAT = Heartbeat(MavAutopilot.INVALID, MavType.ONBOARD_CONTROLLER, 0, 0, MavState.ACTIVE)
-_AGAIN_NS = 100_000_000  # between requests to stop the motors
 _SILENT_NS = 1_500_000_000  # of heartbeats a second: it may have restarted, and forgotten its origin
 _TABLES = {table.autopilot: table for table in (PX4, ARDUPILOT)}
 
@@ -96,8 +95,6 @@ class BridgeCore:
         self._intercepted: dict[Address, int] = {}
         """How many frames of each sender beside the autopilot's link ended here: the ground must not miss them."""
         self._rate_offset_reported = False
-        self._disarm_ns: int | None = None
-        """When it is disarmed again, after its attitude was lost."""
         self._to_ground: list[bytes] = []
         self._to_autopilot: list[bytes] = []
         self._events: list[Event] = []
@@ -329,13 +326,16 @@ class BridgeCore:
                 self._report(*REPORTS[stage])
         if turn.flown is not None:
             self._fly(down=turn.flown is not Stage.HOLD, open_loop=turn.flown is Stage.DESCEND)
+        if turn.stops:
+            off = command_long(self._target, MavCommand.COMPONENT_ARM_DISARM, 0.0, DISARM_IN_FLIGHT)
+            self._send_autopilot(off)
         if turn.lands:
             self._send_autopilot(command_long(self._target, MavCommand.NAV_LAND, 0.0, 0.0, 0.0, float("nan")))
         if turn.lands and (self._hold.faded or self._hold.stands):  # refused in the air
             self._send_autopilot(command_long(self._target, MavCommand.COMPONENT_ARM_DISARM))
 
     def _act_on_faults(self) -> None:
-        """Hold a body whose poses are faulty; land one whose thrust is missing."""
+        """Hold a body whose poses are faulty, land one whose thrust is missing, stop one that nobody holds any more."""
         now_ns = self._now_ns
         self._faults += self._estimate.pop_faults()
         rejected = self._feed.check(now_ns)
@@ -346,18 +346,9 @@ class BridgeCore:
         if self._estimate.is_thrust_lost(now_ns) and self._takeover.on_fault(Trigger.THRUST_LOSS, now_ns):
             self._report(*THRUST_LOSS)
             self._hold.begin(now_ns)
-        if self._watches_attitude and self._estimate.is_attitude_lost(now_ns):
-            self._stop_the_motors()
-
-    def _stop_the_motors(self) -> None:
-        """Of a body that nobody holds any more; again while it is so and armed."""
-        if self._takeover.on_fault(Trigger.ATTITUDE_LOSS, self._now_ns):
+        lost = self._watches_attitude and self._estimate.is_attitude_lost(now_ns)
+        if lost and self._takeover.on_fault(Trigger.ATTITUDE_LOSS, now_ns):
             self._report(*ATTITUDE_LOSS)
-            self._disarm_ns = self._now_ns
-        if self._disarm_ns is not None and self._takeover.armed and self._now_ns >= self._disarm_ns:
-            self._disarm_ns = self._now_ns + _AGAIN_NS
-            off = command_long(self._target, MavCommand.COMPONENT_ARM_DISARM, 0.0, DISARM_IN_FLIGHT)
-            self._send_autopilot(off)
 
     def _fly(self, *, down: bool, open_loop: bool) -> None:
         """One attitude target of our own."""

@@ -13,17 +13,18 @@ from wire.link_messages.address import Address
 from wire.link_messages.commands import CommandAck, MavCommand, Result
 
 STEP_NS = 10_000_000
-_AGAIN_NS = 300_000_000
+_AGAIN_NS = 100_000_000
 _ALIVE_S = 2.0  # of a stream as a setpoint mode begins, which one heartbeat a second reports
 _FLOWN = (Stage.HOLD, Stage.LAND, Stage.DESCEND)
 
 
 class Turn(NamedTuple):
-    """What to do now: stages that begin, the one to fly an attitude target of, whether to command a landing."""
+    """What to do now: stages that begin, the one to fly an attitude target of, whether to command a landing, a stop."""
 
     begun: tuple[Stage, ...] = ()
     flown: Stage | None = None
     lands: bool = False
+    stops: bool = False
 
 
 class Takeover:
@@ -69,7 +70,7 @@ class Takeover:
     def stop(self, now_ns: int) -> None:
         """The ground stops the motors, or asks for them too early after that."""
         self.stream.pull(Trigger.STOP, now_ns)
-        self._rest_since_ns = now_ns
+        self._rest_since_ns = self._next_command_ns = now_ns
 
     def rest(self, now_ns: int, *, still: bool) -> None:
         """Whether the body is seen at rest: a stop is over after two seconds of it, disarmed."""
@@ -99,17 +100,27 @@ class Takeover:
 
     def deadline_ns(self) -> int | None:
         """When `due` is next worth asking; None while there is nothing to monitor."""
+        if self._is_to_stop:
+            return self._next_command_ns
         if not self._offboard or self._done:
             return None
         if self.stream.stage in _FLOWN:
             return self._next_ns
         return self.stream.deadline_ns if self._mode_known else None
 
+    @property
+    def _is_to_stop(self) -> bool:
+        """Whether the motors must not turn, and the autopilot has not said that they do not."""
+        return self.armed and self.stream.stage is Stage.STOPPED
+
     def due(self, now_ns: int, *, fed: bool, stands: bool) -> Turn:
         """What to do now; fed: the body's own pose is fresh; stands: it was let down and sinks no more."""
         deadline_ns = self.deadline_ns()
         if deadline_ns is None or now_ns < deadline_ns:
             return Turn()
+        if self._is_to_stop:
+            self._next_command_ns = now_ns + _AGAIN_NS
+            return Turn(stops=True)
         begun: list[Stage] = []
         while (stage := self.stream.advance(now_ns, no_pose=not fed)) is not None:
             begun.append(stage)

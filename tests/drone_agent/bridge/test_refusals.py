@@ -181,6 +181,26 @@ def test_a_stop_that_passed_latches_until_the_body_was_seen_at_rest() -> None:
     assert site.say(OLD, arm)
 
 
+def test_a_stop_is_asked_for_again_until_a_heartbeat_says_that_no_motor_turns() -> None:
+    """The first one, or the autopilot's heartbeat, may be lost."""
+    site = Bridged()
+    site.say(OLD, command_long(DRONE, MavCommand.COMPONENT_ARM_DISARM, 0.0, CUT))
+
+    def asked() -> int:
+        before = len(site.passed)
+        for _ in range(50):
+            site.now_ns += 10 * MS
+            site.turn()
+        sent = [p.message for p in site.passed[before:] if p.source.component == BRIDGE_COMPONENT]
+        return sum(m == command_long(DRONE, MavCommand.COMPONENT_ARM_DISARM, 0.0, CUT) for m in sent)
+
+    assert asked() == 5
+    site.beat(FlightMode.OFFBOARD)
+    assert asked() == 5
+    site.beat(FlightMode.HOLD, armed=False)
+    assert asked() == 0
+
+
 def test_without_a_pose_it_comes_down_by_attitude_and_thrust_until_the_autopilot_lands() -> None:
     site = Bridged()
     site.see(0.1)

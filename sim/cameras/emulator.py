@@ -21,8 +21,8 @@ from wire.transport.memory_bus import MemoryLink, random_delay
 
 NotNegative = Annotated[float, Field(ge=0.0)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
-TRUTH_LIVES_NS = 200_000_000
-"""A truth older than this says nothing: its agent is gone."""
+TRUTH_LIVES_NS = 30_000_000
+"""A body whose truth is older is not seen: its process is late, or gone. Cameras do not guess where a body may be."""
 
 
 class Gap(Model):

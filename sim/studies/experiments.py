@@ -2,8 +2,8 @@
 
 The vehicle is `paper_40g`, or any other: attitude loop, motor lag, drag and ground effect as in its profile; the
 scenarios add 8 ms mocap delay with a tail of 0.5 ms, 0.1 mm and 1 mrad of noise, 0.5 ms of exposure jitter, and links
-of 4 ms with a tail of 0.5 ms each way. Every controller flies behind the same estimator inputs, limits, links and
-delays, and without the drone's watch for a dead motor: it takes the printed gains' swinging from stop to stop for one.
+of 4 ms with a tail of 0.5 ms each way. Every controller flies behind the same estimator inputs, limits, links, delays
+and monitors.
 """
 
 from collections.abc import Mapping
@@ -22,7 +22,6 @@ from formation.maths.arrays import Float
 from formation.messages import Phase
 from formation.vehicle.profile import PAPER_40G, VehicleProfile
 from sim import lockstep
-from sim.monitors import Without
 from sim.scenario import Scenario, flown_by, load
 from sim.studies.gust import GustNumbers, gust_numbers
 from sim.studies.mismatch import mismatched
@@ -51,7 +50,6 @@ it: by the mean over the passes, median of the seeds 101 to 106, 297 mm; for eve
 scenario, found in the same way with `paper_40g`, 299 mm."""
 
 FORMATION_S = 20.0
-WITHOUT = Without(frozenset({"motor-failure"}))
 
 
 class Experiment(StrEnum):
@@ -137,7 +135,7 @@ def gust_peak_m_s2(vehicle: VehicleProfile) -> float:
 def fly(job: Job) -> Score:
     """Fly the job and measure it."""
     scenario = scenario_of(job)
-    flown, flight = lockstep.run_and_load(scenario, job.seed, WITHOUT)
+    flown, flight = lockstep.run_and_load(scenario, job.seed)
     return measure(flight, scenario, flown.outcome.result, job.traced)
 
 

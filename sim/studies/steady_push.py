@@ -90,7 +90,7 @@ def scenario_of(job: Push) -> Scenario:
 
 def fly(job: Push) -> Settling:
     """Fly the job and measure it."""
-    flown, flight = lockstep.run_and_load(scenario_of(job), job.seed, experiments.WITHOUT)
+    flown, flight = lockstep.run_and_load(scenario_of(job), job.seed)
     return measure(flight, flown.outcome.result)
 
 

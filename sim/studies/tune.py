@@ -143,7 +143,7 @@ def judge(task: Task, scales: list[GainScale], runner: Runner) -> list[Candidate
 def fly(flight: Flight) -> float:
     """The cost of one flight."""
     scenario = scenario_of(flight)
-    flown, log = lockstep.run_and_load(scenario, SEED, experiments.WITHOUT, flight.gains)
+    flown, log = lockstep.run_and_load(scenario, SEED, gains=flight.gains)
     return cost_of(experiments.measure(log, scenario, flown.outcome.result), flight.experiment)
 
 

@@ -24,7 +24,7 @@ from formation.trajectory_config import TrajectoryConfig
 from formation.vehicle.profile import BatteryProfile, VehicleProfile, VehicleState
 from sim import lockstep
 from sim.scenario import Pose, Scenario, TrueVehicle
-from sim.studies.experiments import CONTROLLERS, IMU_RATE_HZ, WITHOUT
+from sim.studies.experiments import CONTROLLERS, IMU_RATE_HZ
 from sim.studies.neural_fly.recordings import PUSHED_BY, SETTLED_S, WINDS, Recording, path_of, read
 from sim.world import T0_NS
 from wire.logs.mcap_log import Entry
@@ -173,7 +173,7 @@ def fly(job: Job) -> Score:
         wind.receive(message, t_ns)
         records.append(Entry(topic, t_ns, message))
 
-    flown = lockstep.fly(scenario, job.seed, record, without=WITHOUT, physics=Physics(OWN.step_ns, wind.advance))
+    flown = lockstep.fly(scenario, job.seed, record, physics=Physics(OWN.step_ns, wind.advance))
     if wind.start_ns is None:
         return Score(flown.outcome.result)
     flight = from_records(lockstep.metadata(scenario, job.seed, "memory", T0_NS), records)

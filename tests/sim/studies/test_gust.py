@@ -65,7 +65,7 @@ def test_a_flights_numbers_are_those_of_its_truth() -> None:
     """Computed again from position, push and targets alone; the fan's passes from its end points at +-80 degrees."""
     job = Job("pid", Experiment.GUST, 1)
     scenario = experiments.scenario_of(job).model_copy(update={"formation_s": 15.0})
-    flown, flight = lockstep.run_and_load(scenario, 1, experiments.WITHOUT)
+    flown, flight = lockstep.run_and_load(scenario, 1)
     numbers = experiments.measure(flight, scenario, flown.outcome.result).gust
     truth, fan = flight.truth[2], scenario.air.fan
     assert fan is not None

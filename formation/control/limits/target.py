@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from formation.maths.arrays import Bool, Float, Quat, Scalars
+from formation.maths.arrays import Bool, Float, Scalars
 from formation.maths.frames import from_rotation_vector, from_yaw, multiply, yaw
 from formation.messages import AttitudeTarget, LabFrame
 
@@ -93,14 +93,10 @@ def correct_level(target: AttitudeTarget, bias_rad: Float) -> AttitudeTarget:
 
     bias_rad (m, 2): gravity's direction in each body's x and y axes by the mocap less that by the autopilot.
     """
-    biased = np.flatnonzero(bias_rad.any(axis=1)).tolist()
-    if not biased:
+    biased = np.flatnonzero(bias_rad.any(axis=1))
+    if not len(biased):
         return target
-    q_lab_from_flu = target.q_lab_from_flu.copy()
-    for i in biased:
-        q_lab_from_flu[i] = _corrected(q_lab_from_flu[i], *bias_rad[i].tolist())
+    q_lab_from_flu, rotation_rad = target.q_lab_from_flu.copy(), np.zeros((len(biased), 3))
+    rotation_rad[:, 0], rotation_rad[:, 1] = -bias_rad[biased, 1], bias_rad[biased, 0]
+    q_lab_from_flu[biased] = multiply(q_lab_from_flu[biased], from_rotation_vector(rotation_rad))
     return replace(target, q_lab_from_flu=q_lab_from_flu)
-
-
-def _corrected(q_lab_from_flu: Quat, x_rad: float, y_rad: float) -> Quat:
-    return multiply(q_lab_from_flu, from_rotation_vector(np.array([-y_rad, x_rad, 0.0])))

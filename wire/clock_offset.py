@@ -17,6 +17,7 @@ _WRAP_NS = 2**32 * 1_000_000
 _LAG_NS = 10_000_000_000
 _STAMPED_MS = (-5.0, 2000.0)
 FAST_S, SLOW_S = 0.1, 1.0
+FAST_NS, SLOW_NS = round(FAST_S * 1e9), round(SLOW_S * 1e9)
 SETTLED = 8
 RATE_OFFSET_MIN, RATE_OFFSET_OVER_NS = 1e-3, 2_000_000_000
 """A clock whose rate differs by this share, over at least this time, is no crystal. HISTORY: exchanges compared."""
@@ -161,8 +162,8 @@ class TimeSyncClient:
 
     def due(self, now_ns: int) -> TimeSync | None:
         """A request, when it is time for one: ten a second until settled, then one."""
-        every_s = FAST_S if self._answered < SETTLED or self.rate_offset is not None else SLOW_S
-        if self._asked_ns and now_ns - self._asked_ns[-1] < round(every_s * 1e9):
+        every_ns = FAST_NS if self._answered < SETTLED or self.rate_offset is not None else SLOW_NS
+        if self._asked_ns and now_ns - self._asked_ns[-1] < every_ns:
             return None
         self._asked_ns.append(now_ns)
         return TimeSync(tc1_ns=0, ts1_ns=now_ns, target=self.target)

@@ -126,10 +126,12 @@ class BodyEstimate:
     @property
     def pose_fault(self) -> str:
         """The detected fault by which poses are rejected at present, empty where they are not."""
-        return self._pose_fault if self._navigator.rejecting[0] and not self._stands else ""
+        return self._pose_fault if self._pose_fault and self._navigator.rejecting[0] and not self._stands else ""
 
     def pop_faults(self) -> tuple[Fault, ...]:
         """What was detected since the last call."""
+        if not self._faults:
+            return ()
         faults, self._faults = tuple(self._faults), []
         return faults
 

@@ -20,4 +20,4 @@ class BridgeOutgoing:
 
 def datagrams(sysid: int, packets: list[bytes]) -> tuple[Datagram, ...]:
     """The packets for, or of, that drone in as few datagrams as hold them."""
-    return tuple(Datagram(sysid, data) for data in packed(b"".join(packets))) if packets else ()
+    return tuple([Datagram(sysid, data) for data in packed(b"".join(packets))]) if packets else ()

@@ -4,7 +4,7 @@ import math
 from collections import deque
 
 from formation.config import VehicleBody
-from formation.maths.arrays import Quat, Vec3
+from formation.maths.arrays import Quat
 from formation.messages import Event, Severity
 from formation.model import Vec3Tuple
 from formation.vehicle.profile import VehicleProfile
@@ -246,12 +246,6 @@ class DroneLink:
         """Ask again for everything that matters before arming."""
         if self.model is not None:
             self.parameters.ask(self.model.parameters)
-
-    def pose(self, t_capture_ns: int, pos_lab_m: Vec3, q_lab_from_flu: Quat) -> bytes:
-        """Its own pose as the mocap saw it, in the message its autopilot fuses; empty until the autopilot is known."""
-        if self.model is None:
-            return b""
-        return self.codec.encode(self.model.pose(t_capture_ns // 1000, pos_lab_m, q_lab_from_flu))
 
     def _due_origin(self, now_ns: int) -> list[LinkMessage]:
         """The origin, every second until the drone has repeated it or is ready without."""

@@ -197,6 +197,8 @@ class DroneNode:
 
 def _flown_by_guard(datagram: Datagram) -> bool:
     """Whether the last setpoint among these packets is the guard's own."""
+    if BRIDGE_COMPONENT not in datagram.data:
+        return False
     setpoints = [frame for frame in FrameCutter().cut(datagram.data) if frame.number in SETPOINTS]
     return bool(setpoints) and setpoints[-1].source.component == BRIDGE_COMPONENT
 

@@ -138,6 +138,8 @@ class TimeSyncClient:
 
     target: Address
     clock: ClockOffset = field(default_factory=ClockOffset)
+    next_ns: int = -(2**62)
+    """Before that `due` has no request."""
     _answered: int = 0
     _asked_ns: deque[int] = field(default_factory=lambda: deque(maxlen=HISTORY))
     rate_offset: float | None = None
@@ -166,6 +168,7 @@ class TimeSyncClient:
         if self._asked_ns and now_ns - self._asked_ns[-1] < every_ns:
             return None
         self._asked_ns.append(now_ns)
+        self.next_ns = now_ns + FAST_NS
         return TimeSync(tc1_ns=0, ts1_ns=now_ns, target=self.target)
 
     def receive(self, message: TimeSync, now_ns: int) -> TimeSync | None:

@@ -118,10 +118,12 @@ class BodyEstimate:
         navigator, self._stands = self._navigator, stands
         if stands:
             navigator.reset_checks(0)
-        before = navigator.rejected[0, Input.POSE].copy()
+        counts = navigator.rejected[0, Input.POSE]
+        before = counts.tolist()
         navigator.receive_pose(_ONE, np.array([t_ns]), pos_lab_m[None], q_lab_from_flu[None])
         self._collect_faults()
-        return RejectReason(int(np.argmax(navigator.rejected[0, Input.POSE] - before)))
+        counted = [k for k, (new, old) in enumerate(zip(counts.tolist(), before, strict=True)) if new > old]
+        return RejectReason(counted[0]) if counted else RejectReason.NONE
 
     @property
     def pose_fault(self) -> str:

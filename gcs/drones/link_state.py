@@ -145,7 +145,9 @@ class DroneLink:
     def piloted(self) -> bool:
         """Whether its last heartbeat said that a person flies it: armed, in a mode that is a pilot's."""
         heartbeat, model = self.telemetry.heartbeat, self.model
-        if heartbeat is None or model is None or not self.armed or self._flight_mode not in PILOTED:
+        if self._flight_mode is FlightMode.OFFBOARD or heartbeat is None or model is None or not self.armed:
+            return False
+        if self._flight_mode not in PILOTED:
             return False
         return model.table.split(heartbeat.custom_mode)[0] != model.table.auto_main  # PX4 holds by itself
 
@@ -228,9 +230,10 @@ class DroneLink:
             self._answers.clear()
         if self._reject_log.has_pending:
             self.events += self._reject_log.due(now_ns)
-        request = self.clock.due(now_ns)
-        if request is not None:
-            messages.append(request)
+        if now_ns >= self.clock.next_ns:
+            request = self.clock.due(now_ns)
+            if request is not None:
+                messages.append(request)
         commands = self.commands
         if commands.current is not None or commands.queue:
             command = commands.due(now_ns)

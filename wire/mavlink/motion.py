@@ -9,6 +9,7 @@ velocities and rates may be NaN, MAVLink's "unknown".
 
 import math
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -134,6 +135,7 @@ _HEADING_UNKNOWN = 65535
 _MS_32 = 0xFFFFFFFF
 _MOST_16, _MOST_32 = 2**15 - 1, 2**31 - 1
 _ACCELEROMETER, _GYROSCOPE = 0x07, 0x38  # of HIGHRES_IMU_UPDATED_FLAGS
+_ignore = lru_cache(maxsize=256)(Ignore)
 _NO_ATTITUDE, _NO_THRUST = int(Ignore.ATTITUDE), int(Ignore.THRUST)  # plain, for every packet
 
 
@@ -149,7 +151,7 @@ def _write_setpoint(m: AttitudeSetpoint) -> Written:
 def _read_setpoint(f: Fields) -> AttitudeSetpoint:
     t_boot_ms, system, component, mask, w, x, y, z, p, q, r, thrust = f
     attitude, rate, thrust = _demand(mask, (w, x, y, z), (p, q, r), thrust)
-    return AttitudeSetpoint(Address(system, component), t_boot_ms, attitude, lab(*rate), thrust, Ignore(mask))
+    return AttitudeSetpoint(Address(system, component), t_boot_ms, attitude, lab(*rate), thrust, _ignore(mask))
 
 
 def _write_attitude_target(m: AttitudeTargetReport) -> Written:
@@ -160,7 +162,7 @@ def _write_attitude_target(m: AttitudeTargetReport) -> Written:
 def _read_attitude_target(f: Fields) -> AttitudeTargetReport:
     t_boot_ms, mask, w, x, y, z, p, q, r, thrust = f
     attitude, rate, thrust = _demand(mask, (w, x, y, z), (p, q, r), thrust)
-    return AttitudeTargetReport(t_boot_ms, attitude, lab(*rate), thrust, Ignore(mask))
+    return AttitudeTargetReport(t_boot_ms, attitude, lab(*rate), thrust, _ignore(mask))
 
 
 def _demand(

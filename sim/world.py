@@ -117,7 +117,7 @@ class World:
             self._change_faults()
         if emulator.next_exposure_ns <= now_ns:
             self._expose()
-        if emulator.next_frame_ns <= now_ns or self._late_raw.next_due_ns <= now_ns:
+        if emulator.cable.next_due_ns <= now_ns or self._late_raw.next_due_ns <= now_ns:
             self._show_frames()
         if self._late_frames.next_due_ns <= now_ns:
             for receiver, frame in self._late_frames.pop_due(now_ns):
@@ -142,7 +142,7 @@ class World:
     def _next_event_ns(self) -> int:
         emulator = self._emulator
         due_ns = min(
-            emulator.next_exposure_ns, emulator.next_frame_ns, self._operator_due_ns, self.faults.next_due_ns,
+            emulator.next_exposure_ns, emulator.cable.next_due_ns, self._operator_due_ns, self.faults.next_due_ns,
             self._late_raw.next_due_ns, self._late_frames.next_due_ns, self._late_requests.next_due_ns,
             *[ground.due_ns for ground in self._grounds],
             *[node.due_ns for node in self.nodes.values()],

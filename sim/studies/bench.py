@@ -194,15 +194,15 @@ def of_size(followers: int) -> Scenario:
     scenario = load("twenty")
     known = scenario.lab.followers
     more = (
-        FollowerConfig(body=f"f{k + 1:02}", sysid=k + 2, offset_m=_place_m(k - len(known)))
+        FollowerConfig(body=f"f{k + 1:02}", sysid=k + 2, offset_m=_position_m(k - len(known)))
         for k in range(len(known), followers)
     )
     lab = scenario.lab.model_copy(update={"followers": (*known[:followers], *more)})
     return scenario.model_copy(update={"lab": lab, "longest_s": FLIGHT_S})
 
 
-def _place_m(k: int) -> Vec3Tuple:
-    """Place k of the further rows: ROW_MOST in each, ROW_M from each other and from those in front."""
+def _position_m(k: int) -> Vec3Tuple:
+    """Position k of the further rows: ROW_MOST in each, ROW_M from each other and from those in front."""
     row, column = divmod(k, ROW_MOST)
     return -LAST_ROW_M - ROW_M * (row + 1), ROW_M * (column - ROW_MOST // 2), 0.0
 

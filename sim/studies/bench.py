@@ -38,7 +38,7 @@ from sim import lockstep
 from sim.ports import private_link
 from sim.processes import ProcessGroup
 from sim.scenario import Scenario, load
-from sim.studies.call_counts import TickCalls, python_calls, tick_calls
+from sim.studies.scale.call_counts import TickCalls, python_calls, tick_calls
 from sim.world import T0_NS
 from wire import clock
 from wire.config_file import dump

@@ -13,7 +13,7 @@ from formation.maths import frames
 from sim.cli.bench_tables import bench_tables
 from sim.studies import bench
 from sim.studies.bench import Bus, Parts, Result, Timing
-from sim.studies.call_counts import Calls, TickCalls, python_calls
+from sim.studies.scale.call_counts import Calls, TickCalls, python_calls
 
 SOME = Timing(1.0, 2.0, 3.0, 4)
 

@@ -114,7 +114,7 @@ class AgentCore:
         sysid = self.config.sysid
         # Over UDP a packet a datagram, as autopilots send them.
         packets = self._outbox if self._direct else packed(b"".join(self._outbox))
-        datagrams = tuple(Datagram(sysid, data) for data in packets)
+        datagrams = tuple([Datagram(sysid, data) for data in packets])
         events = tuple(self._events)
         self._outbox, self._events = [], []
         return AgentOutgoing(datagrams, truth, events, self._changed_parameters())

@@ -24,7 +24,7 @@ def warm_up(config: LabConfig, profiles: tuple[VehicleProfile, ...], own: OwnLaw
     n, m = len(config.vehicles), len(config.commanded)
     bodies = tuple(v.body for v in config.vehicles)
     hover = np.array([profiles[i].hover_thrust_norm for i in config.commanded])
-    q = np.tile(frames.IDENTITY, (n, 1))
+    q, bias = np.tile(frames.IDENTITY, (n, 1)), np.full((m, 2), 0.01)
     shape = configured(config)
     setpoints = (
         IDLE,
@@ -35,4 +35,4 @@ def warm_up(config: LabConfig, profiles: tuple[VehicleProfile, ...], own: OwnLaw
     for k, (setpoint, height_m) in enumerate(zip(setpoints, HEIGHTS_M, strict=True)):
         pos = np.column_stack([np.arange(n, dtype=np.float64), np.zeros(n), np.full(n, height_m)])
         frame = LabFrame(k, (k + 1) * FRAME_NS, bodies, pos, q, np.ones(n, dtype=np.bool_))
-        stack.step((k + 1) * FRAME_NS + FRAME_NS // 2, frame, Plan((setpoint,) * m, shape, FRAME_NS), hover)
+        stack.step((k + 1) * FRAME_NS + FRAME_NS // 2, frame, Plan((setpoint,) * m, shape, FRAME_NS), hover, None, bias)

@@ -101,6 +101,8 @@ class Ground:
         self._frame_seq, self._frame_ns = -1, 0
         self._received_ns: int | None = None
         self._tick_scheduled = False
+        self._ticked = asyncio.Event()
+        """Set by every tick; without frames the watchdog makes them."""
         self._loop = asyncio.get_running_loop()
 
     def receive_frame(self, frame: LabFrame) -> None:
@@ -157,7 +159,10 @@ class Ground:
         self.report(event)
 
     async def publish_state(self, bus: ZenohBus, name: str) -> None:
-        """Publish the state and report rejected inputs, ten times a second; runs until cancelled."""
+        """Publish the state and report rejected inputs, ten times a second; runs until cancelled.
+
+        Just after a tick, when the next frame is a whole period away: no frame waits until the state is assembled.
+        """
         while True:
             now_ns = self._clock.monotonic_ns()
             self._report_host(now_ns)
@@ -165,7 +170,9 @@ class Ground:
             for event in bus.rejections.due(now_ns):
                 self.log.write(topics.REJECTED, event, now_ns)
                 self.report(event)
-            await self._clock.sleep_until_ns(self._clock.monotonic_ns() + STATE_NS)
+            await self._clock.sleep_until_ns(now_ns + STATE_NS - round(0.5e9 * self._spacing_s))
+            self._ticked.clear()
+            await self._ticked.wait()
 
     def _state_text(self, now_ns: int) -> str:
         """Everything that is published of the ground, as JSON, at most STATUS_NS old."""
@@ -247,6 +254,7 @@ class Ground:
             latency_s = (sent_ns - self._received_ns) * 1e-9
             self._received_ns = None
             self._note(latency_s, late=latency_s > self._spacing_s)
+        self._ticked.set()
 
     def _note(self, latency_s: float, late: bool) -> None:
         timing = self.timing

@@ -19,6 +19,9 @@ from gcs.drones.drone import Drone
 from gcs.drones.telemetry import NOWHERE, AttitudeMonitor
 
 MEMORY_S = 1.0
+_NO_AGES = (0.0, 0.0, math.nan, math.nan)
+_REPORTED = (True, True, False)
+"""Of a body without a link: ages as of `DroneLink.ages_s`; armed, off-board, and that its address is used twice."""
 
 
 @dataclass(slots=True)
@@ -95,23 +98,19 @@ class FactGatherer:
     def gather_links(self, now_ns: int) -> LinkFacts:
         """What the links say now."""
         n = len(self._names)
-        heartbeat_s, silent_s, age_s = [0.0] * n, [0.0] * n, [math.nan] * n
-        own_tilt, own_pos, battery = [math.nan] * n, [NOWHERE] * n, [math.nan] * n
-        behind_s = [math.nan] * n
-        armed, offboard, duplicate = [True] * n, [True] * n, [False] * n
+        ages_s, own_tilt, own_pos, battery = [_NO_AGES] * n, [math.nan] * n, [NOWHERE] * n, [math.nan] * n
+        reported = [_REPORTED] * n
         for drone in self._drones:
             i, link = drone.index, drone.link
-            heartbeat_s[i], silent_s[i], behind_s[i], age_s[i] = link.ages_s(now_ns)
+            ages_s[i] = link.ages_s(now_ns)
             battery[i] = link.telemetry.battery
             if not self._own_mocap:  # what comes by the same link as the poses confirms nothing
                 own_tilt[i], own_pos[i] = link.own_estimate.at(now_ns)
-            armed[i], duplicate[i] = link.armed, link.sequence.duplicate(now_ns)
-            offboard[i] = link.offboard or drone.joining(now_ns)
+            reported[i] = (link.armed, link.offboard or drone.joining(now_ns), link.sequence.duplicate(now_ns))
         hover = np.array([drone.link.hover_thrust_norm for drone in self._drones])
-        heartbeats, silences, behind, ages, own_tilts, batteries = np.array(
-            [heartbeat_s, silent_s, behind_s, age_s, own_tilt, battery]
-        )
-        arms, streams, twins = np.array([armed, offboard, duplicate])
+        own_tilts, batteries = np.array([own_tilt, battery])
+        heartbeats, silences, behind, ages = np.ascontiguousarray(np.array(ages_s).T)
+        arms, streams, twins = np.ascontiguousarray(np.array(reported).T)
         return LinkFacts(
             hover, heartbeats, silences, behind, ages, own_tilts, batteries, np.array(own_pos), arms, streams, twins
         )

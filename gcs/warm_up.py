@@ -14,6 +14,7 @@ from formation.paper.eq2_relative_frame import lead_from_lab
 from gcs.core import GcsCore
 from gcs.own_law import own_laws
 from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
+from wire.mavlink.pose_batch import PoseBatch
 from wire.mavlink.setpoint_batch import SetpointBatch
 from wire.process.deadline import Deadline
 
@@ -51,9 +52,10 @@ def _change_shape() -> None:
 
 
 def _encode() -> None:
-    """A setpoint of one drone."""
+    """A setpoint of one drone, and a pose."""
     target = AttitudeTarget(0, np.ones((1, 4)), np.zeros((1, 3)), np.zeros(1), np.zeros(1), np.zeros(1, np.bool_))
     SetpointBatch(GROUND, (Address(1, DRONE_COMPONENT),)).encode(target, 0, (0,), (0,))
+    PoseBatch(GROUND, 1).encode(0, np.zeros((1, 3)), target.q_lab_from_flu, (0,))
 
 
 def _watch_over(config: LabConfig) -> None:

@@ -53,7 +53,7 @@ class DroneNode:
 
     __slots__ = (
         "_config", "_input", "_received", "_without", "autopilot", "down", "due_ns", "events", "faults", "followed_ns",
-        "guards", "innovations", "sysid", "up",
+        "guards", "innovations", "own_due_ns", "sysid", "up",
     )  # fmt: skip
 
     def __init__(
@@ -69,7 +69,8 @@ class DroneNode:
         model = scenario.link
         self.down = _channel(model, model.down_s, [seed, 3, config.sysid])
         self.up = _channel(model, model.up_s, [seed, 4, config.sysid])
-        self.due_ns = now_ns
+        self.due_ns = self.own_due_ns = now_ns
+        """own_due_ns: when guard or autopilot has something to do of itself, as the last tick left them."""
         self.events: list[Event] = []
         self.innovations: list[Innovation] = []
         self.faults: list[PoseFault] = []
@@ -80,7 +81,12 @@ class DroneNode:
 
     def update_due(self) -> None:
         """Update `due_ns`; call it after any change of the drone or its link."""
-        self.due_ns = min(self._next_deadline_ns(), self.down.next_due_ns, self.up.next_due_ns)
+        self.own_due_ns = self._next_deadline_ns()
+        self.update_due_after_tick()
+
+    def update_due_after_tick(self) -> None:
+        """The same, where nothing but its link has changed since `tick`."""
+        self.due_ns = min(self.own_due_ns, self.down.next_due_ns, self.up.next_due_ns)
 
     def receive_frame(self, frame: LabFrame, now_ns: int) -> None:
         """Receive a mocap frame."""
@@ -97,15 +103,19 @@ class DroneNode:
     def tick(self, now_ns: int) -> list[Datagram]:
         """The datagrams for the ground; guard and autopilot exchange theirs, without delay, until neither has more."""
         to_ground: list[Datagram] = []
-        busy = True
+        guards, busy = self.guards if self._input.runs else [], True
         while busy:
-            busy = self.autopilot.next_deadline_ns() <= now_ns
+            due_ns = self.autopilot.next_deadline_ns()
+            busy = due_ns <= now_ns
             if busy:
                 self._tick_autopilot(now_ns)
-            for guard in self.guards if self._input.runs else ():
-                if guard.next_deadline_ns() <= now_ns:
+            for guard in guards:
+                guard_due_ns = guard.next_deadline_ns()
+                due_ns = min(due_ns, guard_due_ns)
+                if guard_due_ns <= now_ns:
                     to_ground += self._tick_guard(guard, now_ns)
                     busy = True
+        self.own_due_ns = due_ns
         return to_ground
 
     def sample(self) -> Sample:
@@ -193,6 +203,8 @@ def level_share(motor_gain: Float) -> float:
 
 def _flown_by_guard(datagram: Datagram) -> bool:
     """Whether the last setpoint among these packets is the guard's own."""
+    if BRIDGE_COMPONENT not in datagram.data:
+        return False
     setpoints = [frame for frame in FrameCutter().cut(datagram.data) if frame.number in SETPOINTS]
     return bool(setpoints) and setpoints[-1].source.component == BRIDGE_COMPONENT
 

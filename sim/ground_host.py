@@ -47,6 +47,8 @@ class GroundHost:
         self.counters = LinkCounters()
         self._ingest_due_ns = NOTHING_DUE_NS
         self._ingest_ns = round(ingest_s * 1e9)
+        self.due_ns = self._core.next_deadline_ns()
+        """When `tick` is due, or telemetry that waits is to be taken in."""
         self._requests = REQUEST_IDS * (session + 1)
 
     def second(self) -> "GroundHost":
@@ -58,13 +60,6 @@ class GroundHost:
     def is_running(self) -> bool:
         """Whether it can be asked."""
         return self._input.runs
-
-    @property
-    def due_ns(self) -> int:
-        """When `tick` is due, or telemetry that waits is to be taken in."""
-        if not self._input.runs:
-            return NOTHING_DUE_NS
-        return min(self._core.next_deadline_ns(), self._ingest_due_ns)
 
     @property
     def phase(self) -> Phase:
@@ -81,6 +76,12 @@ class GroundHost:
             self._receive_datagram(message, now_ns)
         elif self._input.admits(message):
             self._pass_to_core(message, now_ns)
+        self._update_due()
+
+    def _update_due(self) -> None:
+        """After every change of the core or its input."""
+        runs = self._input.runs
+        self.due_ns = min(self._core.next_deadline_ns(), self._ingest_due_ns) if runs else NOTHING_DUE_NS
 
     def _receive_datagram(self, datagram: Datagram, now_ns: int) -> None:
         """What comes to a ground that is stalled waits in its sockets; to one that is dead, it is lost."""
@@ -116,6 +117,11 @@ class GroundHost:
 
     def tick(self, now_ns: int) -> tuple[tuple[Datagram, ...], tuple[OperatorReply, ...]]:
         """What it sends and answers now; a ground that finds itself wrong ends."""
+        sent = self._tick(now_ns)
+        self._update_due()
+        return sent
+
+    def _tick(self, now_ns: int) -> tuple[tuple[Datagram, ...], tuple[OperatorReply, ...]]:
         for intake in self._intakes.values() if self._ingest_due_ns <= now_ns else ():
             self._ingest(intake, now_ns)
         if self._core.next_deadline_ns() > now_ns:
@@ -137,12 +143,14 @@ class GroundHost:
     def stall(self) -> None:
         """It stops where it is."""
         self._input.stall()
+        self._update_due()
 
     def kill(self) -> None:
         """From now on it hears nothing and says nothing."""
         self._input.kill()
         self._intakes.clear()
         self._ingest_due_ns = NOTHING_DUE_NS
+        self._update_due()
 
     def resume(self, now_ns: int) -> None:
         """It goes on after a stall, with what has come meanwhile."""
@@ -150,3 +158,4 @@ class GroundHost:
             self._pass_to_core(message, now_ns)
         for intake in self._intakes.values():
             self._ingest(intake, now_ns)
+        self._update_due()

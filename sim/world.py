@@ -117,7 +117,7 @@ class World:
             self._change_faults()
         if emulator.next_exposure_ns <= now_ns:
             self._expose()
-        if emulator.next_frame_ns <= now_ns or self._late_raw.next_due_ns <= now_ns:
+        if emulator.cable.next_due_ns <= now_ns or self._late_raw.next_due_ns <= now_ns:
             self._show_frames()
         if self._late_frames.next_due_ns <= now_ns:
             for receiver, frame in self._late_frames.pop_due(now_ns):
@@ -127,18 +127,22 @@ class World:
                 self._serve(node)
         if self._operator_due_ns <= now_ns:
             self._tick_operator()
-        for ground, verb in self._late_requests.pop_due(now_ns):
-            ground.ask(OperatorRequest(0, verb), now_ns)
-            if verb is Verb.STOP and ground in self._grounds[1:] and ground.is_running:
-                self.stops_beside_ns.append(now_ns)
+        if self._late_requests.next_due_ns <= now_ns:
+            self._ask_late()
         for ground in self._grounds:
             if ground.due_ns <= now_ns:
                 self._ground_ticks(ground)
 
+    def _ask_late(self) -> None:
+        for ground, verb in self._late_requests.pop_due(self.now_ns):
+            ground.ask(OperatorRequest(0, verb), self.now_ns)
+            if verb is Verb.STOP and ground in self._grounds[1:] and ground.is_running:
+                self.stops_beside_ns.append(self.now_ns)
+
     def _next_event_ns(self) -> int:
         emulator = self._emulator
         due_ns = min(
-            emulator.next_exposure_ns, emulator.next_frame_ns, self._operator_due_ns, self.faults.next_due_ns,
+            emulator.next_exposure_ns, emulator.cable.next_due_ns, self._operator_due_ns, self.faults.next_due_ns,
             self._late_raw.next_due_ns, self._late_frames.next_due_ns, self._late_requests.next_due_ns,
             *[ground.due_ns for ground in self._grounds],
             *[node.due_ns for node in self.nodes.values()],
@@ -203,7 +207,7 @@ class World:
                 node.up.push(now_ns, datagram, faults)
         for sent in node.up.pop_due(now_ns):
             self._grounds_receive(sent.datagram)
-        node.update_due()
+        node.update_due_after_tick()
 
     def _tick_operator(self) -> None:
         now_ns, ground = self.now_ns, self._grounds[0]
@@ -249,10 +253,13 @@ class World:
     # Faults
 
     def _on_link(self, node: DroneNode, direction: str) -> list[tuple[Fault, int]]:
+        acting = self.faults.active(Site.LINK)
+        if not acting:
+            return []
         body = self._body[node.sysid]
         return [
             (fault, onset_ns)
-            for _, fault, onset_ns in self.faults.active(Site.LINK)
+            for _, fault, onset_ns in acting
             if fault.hits(body) and fault.direction in ("both", direction)
         ]
 

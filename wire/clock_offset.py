@@ -13,10 +13,12 @@ from wire.link_messages.clocks import TimeSync
 DRIFT = 100e-6
 """Largest assumed drift between two clocks, s/s."""
 RESTART_NS = 1_000_000_000
+_AT_ONCE = -(2**62)
 _WRAP_NS = 2**32 * 1_000_000
 _LAG_NS = 10_000_000_000
 _STAMPED_MS = (-5.0, 2000.0)
 FAST_S, SLOW_S = 0.1, 1.0
+FAST_NS, SLOW_NS = round(FAST_S * 1e9), round(SLOW_S * 1e9)
 SETTLED = 8
 RATE_OFFSET_MIN, RATE_OFFSET_OVER_NS = 1e-3, 2_000_000_000
 """A clock whose rate differs by this share, over at least this time, is no crystal. HISTORY: exchanges compared."""
@@ -137,6 +139,8 @@ class TimeSyncClient:
 
     target: Address
     clock: ClockOffset = field(default_factory=ClockOffset)
+    next_ns: int = _AT_ONCE
+    """Before that `due` has no request."""
     _answered: int = 0
     _asked_ns: deque[int] = field(default_factory=lambda: deque(maxlen=HISTORY))
     rate_offset: float | None = None
@@ -161,10 +165,12 @@ class TimeSyncClient:
 
     def due(self, now_ns: int) -> TimeSync | None:
         """A request, when it is time for one: ten a second until settled, then one."""
-        every_s = FAST_S if self._answered < SETTLED or self.rate_offset is not None else SLOW_S
-        if self._asked_ns and now_ns - self._asked_ns[-1] < round(every_s * 1e9):
+        every_ns = FAST_NS if self._answered < SETTLED or self.rate_offset is not None else SLOW_NS
+        if self._asked_ns and now_ns - self._asked_ns[-1] < every_ns:
+            self.next_ns = self._asked_ns[-1] + every_ns
             return None
         self._asked_ns.append(now_ns)
+        self.next_ns = now_ns + FAST_NS
         return TimeSync(tc1_ns=0, ts1_ns=now_ns, target=self.target)
 
     def receive(self, message: TimeSync, now_ns: int) -> TimeSync | None:
@@ -173,6 +179,7 @@ class TimeSyncClient:
             return TimeSync(tc1_ns=now_ns, ts1_ns=message.ts1_ns, target=self.target)
         if self.answers(message) and now_ns >= message.ts1_ns:
             self._answered += 1
+            self.next_ns = _AT_ONCE
             self.clock.exchange(message.ts1_ns, message.tc1_ns, now_ns)
             trip_ns = now_ns - message.ts1_ns
             self._history.append((now_ns, message.tc1_ns - (message.ts1_ns + now_ns) // 2, trip_ns))

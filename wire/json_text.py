@@ -10,6 +10,7 @@ DEEPEST = 32
 MOST_DIGITS = 19
 """Of a whole number: those of 64 bits."""
 
+_DIGITS = bytes.maketrans(b"123456789E", b"000000000e")
 _TEXTS = re.compile(r'"(?:[^"\\]|\\.)*"', re.DOTALL)
 _BRACKETS = re.compile(r"[\[\]{}]")
 
@@ -27,6 +28,8 @@ def parse_json(text: str | bytes) -> Any:
             text = text.decode()
         if text.count("[") + text.count("{") > DEEPEST and _depth(text) > DEEPEST:
             raise JsonError(f"JSON nested deeper than {DEEPEST} levels")
+        if not _may_hold_large_numbers(text):  # nearly always; a call for every number takes ten times as long
+            return json.loads(text, parse_constant=_no_constant)
         return json.loads(text, parse_int=_whole, parse_float=_real, parse_constant=_no_constant)
     except JsonError:
         raise
@@ -40,6 +43,12 @@ def parse_object(text: str | bytes) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise JsonError("no JSON object")
     return value
+
+
+def _may_hold_large_numbers(text: str) -> bool:
+    """False where no number has so many digits, or so long an exponent, that `_whole` or `_real` could refuse it."""
+    folded = text.encode(errors="replace").translate(_DIGITS, b"+")
+    return b"0" * (MOST_DIGITS + 1) in folded or b"e000" in folded
 
 
 def _depth(text: str) -> int:

@@ -147,9 +147,10 @@ class BridgeCore:
                 self._send_autopilot(asks)
             if self._inertial.is_missing_report_due(now_ns):
                 self._report(Severity.NOTICE, LACKS)
-        asks_clock = self._inertial.sync.due(now_ns) if self._table is not None else None
-        if asks_clock is not None:
-            self._send_autopilot(asks_clock)
+        if self._table is not None and now_ns >= self._inertial.sync.next_ns:
+            asks_clock = self._inertial.sync.due(now_ns)
+            if asks_clock is not None:
+                self._send_autopilot(asks_clock)
         self._act(self._takeover.due(now_ns, fed=self._feed.fresh(now_ns), stands=self._hold.stands))
         for event in self._setpoints.due_events(now_ns):
             self._report(event.severity, f"{event.text} (from {event.source})")

@@ -118,18 +118,22 @@ class BodyEstimate:
         navigator, self._stands = self._navigator, stands
         if stands:
             navigator.reset_checks(0)
-        before = navigator.rejected[0, Input.POSE].copy()
+        counts = navigator.rejected[0, Input.POSE]
+        before = counts.tolist()
         navigator.receive_pose(_ONE, np.array([t_ns]), pos_lab_m[None], q_lab_from_flu[None])
         self._collect_faults()
-        return RejectReason(int(np.argmax(navigator.rejected[0, Input.POSE] - before)))
+        counted = [k for k, (new, old) in enumerate(zip(counts.tolist(), before, strict=True)) if new > old]
+        return RejectReason(counted[0]) if counted else RejectReason.NONE
 
     @property
     def pose_fault(self) -> str:
         """The detected fault by which poses are rejected at present, empty where they are not."""
-        return self._pose_fault if self._navigator.rejecting[0] and not self._stands else ""
+        return self._pose_fault if self._pose_fault and self._navigator.rejecting[0] and not self._stands else ""
 
     def pop_faults(self) -> tuple[Fault, ...]:
         """What was detected since the last call."""
+        if not self._faults:
+            return ()
         faults, self._faults = tuple(self._faults), []
         return faults
 

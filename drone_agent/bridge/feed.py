@@ -1,8 +1,6 @@
 """The body's mocap poses in the bridge: checked by the guard's navigator and sent to the autopilot. No bytes."""
 
-from math import nan
-
-import numpy as np
+from math import isfinite, nan
 
 from drone_agent.bridge.estimate import BodyEstimate
 from formation.messages import LabFrame
@@ -23,6 +21,8 @@ class BodyFeed:
 
     def __init__(self, body: str, estimate: BodyEstimate, t0_ns: int) -> None:
         self._body, self._estimate = body, estimate
+        self._index = 0
+        """Where the body was in the last frame."""
         self._pose_due_ns = t0_ns
         self._seen_ns: int | None = None
         self._rejecting_ns: int | None = None
@@ -47,15 +47,19 @@ class BodyFeed:
 
     def receive_frame(self, frame: LabFrame, now_ns: int, *, armed: bool) -> VisionPose | None:
         """Receive a frame; returns the pose for the autopilot, at most fifty a second."""
-        if self._body not in frame.bodies:
-            return None
-        index = frame.bodies.index(self._body)
+        bodies = frame.bodies
+        if self._index >= len(bodies) or bodies[self._index] != self._body:
+            if self._body not in bodies:
+                return None
+            self._index = bodies.index(self._body)
+        index = self._index
         t_ns, pos, q = frame.t_capture_ns, frame.pos_lab_m[index], frame.q_lab_from_flu[index]
-        if not frame.seen[index] or not np.isfinite(pos).all() or not np.isfinite(q).all():
+        position_m = pos.tolist()
+        if not frame.seen[index] or not all(map(isfinite, position_m)) or not all(map(isfinite, q.tolist())):
             return None
         if not armed:
-            self._floor_m = float(pos[2])
-        self.stands = not armed or (not self.is_rejecting and float(pos[2]) - self._floor_m <= _LIFTED_M)
+            self._floor_m = position_m[2]
+        self.stands = not armed or (not self.is_rejecting and position_m[2] - self._floor_m <= _LIFTED_M)
         reason = self._estimate.receive_pose(t_ns, pos, q, stands=self.stands)
         if reason is RejectReason.FROZEN:
             self._frozen_ns = self._frozen_ns or now_ns

@@ -48,7 +48,7 @@ class BridgeHold:
         self._hold_xy_m = (0.0, 0.0)
         self._height_m = 0.0
         self._sunk_m, self._sunk_ns = 0.0, 0
-        self._rest_lab_m = np.full(3, np.nan)
+        self._rest_lab_m = [math.nan] * 3
         self._open_loop_s = 0.0
 
     def update_rest(self, now_ns: int) -> bool:
@@ -56,9 +56,10 @@ class BridgeHold:
         motion = self._estimate.motion(now_ns)
         if motion is None:
             return False
-        rests = float(np.linalg.norm(motion.pos_lab_m - self._rest_lab_m)) <= _STILL_M
+        pos_lab_m = motion.pos_lab_m.tolist()
+        rests = math.dist(pos_lab_m, self._rest_lab_m) <= _STILL_M
         if not rests:
-            self._rest_lab_m = motion.pos_lab_m
+            self._rest_lab_m = pos_lab_m
         return rests
 
     @property

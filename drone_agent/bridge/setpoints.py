@@ -47,6 +47,8 @@ class BridgeSetpoints:
 
     def due_events(self, now_ns: int) -> tuple[Event, ...]:
         """The due reports of rejected and limited setpoints."""
+        if not (self.rejections.has_pending or self.bounded.has_pending):
+            return ()
         return (*self.rejections.due(now_ns), *self.bounded.due(now_ns))
 
     def filter(self, frame: Frame, now_ns: int) -> FilteredSetpoint:

@@ -61,6 +61,11 @@ class Navigator:
         self._fault_row: Ints = self.bodies["fault"]["row"]
         self.thrust_scale: Float = self.bodies["estimate"]["thrust_scale"]
         """Of each body (n): true over modelled thrust."""
+        newest = self.bodies["innovations"]
+        self._newest = tuple(
+            newest[name]
+            for name in ("t_ns", "observation", "innovation", "innovation_variance", "test_ratio", "rejected")
+        )
         self._predicted = blank(Estimate, n)
         self._predicted_pos, self._predicted_vel = self._predicted["pos_lab_m"], self._predicted["vel_lab_m_s"]
         known = airframe or Airframe(np.zeros(3), 0, 0.0)
@@ -116,26 +121,26 @@ class Navigator:
 
     def predicted(self, i: int, t_ns: int) -> Estimate:
         """Body i's motion at a time, its covariance at the newest pose; overwritten by the next call for it."""
-        samples.predicted(self.bodies[i], t_ns, self._predicted[i])
+        samples.predicted(self.bodies, i, t_ns, self._predicted)
         return self._predicted[i]
 
     def motion(self, i: int, t_ns: int) -> tuple[Vec3, Vec3]:
         """Body i's position and velocity in `lab` at a time."""
-        samples.predicted(self.bodies[i], t_ns, self._predicted[i])
+        samples.predicted(self.bodies, i, t_ns, self._predicted)
         return self._predicted_pos[i].copy(), self._predicted_vel[i].copy()
 
     def innovation(self, i: int, source: int, sysid: int = 0) -> Innovation:
         """The newest of body i, which is that system's, and a source (formation.navigation.state)."""
-        new = self.bodies[i].innovations
+        t_ns, observation, innovation, variance, ratio, rejected = self._newest
         return Innovation(
-            int(new.t_ns[source]),
+            int(t_ns[i, source]),
             sysid,
             SOURCES[source],
-            new.observation[source].copy(),
-            new.innovation[source].copy(),
-            new.innovation_variance[source].copy(),
-            new.test_ratio[source].copy(),
-            bool(new.rejected[source]),
+            observation[i, source].copy(),
+            innovation[i, source].copy(),
+            variance[i, source].copy(),
+            ratio[i, source].copy(),
+            bool(rejected[i, source]),
         )
 
     def new_faults(self) -> list[Fault]:

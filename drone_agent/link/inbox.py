@@ -101,7 +101,7 @@ class Inbox:
 
     def due_events(self, now_ns: int) -> tuple[Event, ...]:
         """The due reports of what was not sent."""
-        return self.rejections.due(now_ns)
+        return self.rejections.due(now_ns) if self.rejections.has_pending else ()
 
     def read(self, packet: Packet, now_ns: int) -> None:
         """Act on one packet; what concerns only ground stations is left alone."""

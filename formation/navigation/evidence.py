@@ -200,15 +200,15 @@ def kind_of(shape: Shape, source: int) -> int:
 @kernel
 def find_fault(bank: Bank, i: int, t_ns: int, fault: Fault) -> int:
     """The slot of the onset and the fault whose statistic exceeds its threshold most; -1: none does."""
-    amplitude, most, found = np.empty(3), 1.0, -1
+    amplitude, lower, half, most, found = np.empty(3), np.empty((3, 3)), np.empty(3), 1.0, -1
+    evidence, information = bank.evidence[i], bank.information[i]
     columns = bank.evidence.shape[1] // ONSETS
     for k in range(bank.order[i].count):
         slot = bank.order[i].slots[k]
         for row in range(len(bank.shapes)):
             shape = bank.shapes[row]
             first = slot * columns + shape.first
-            last = first + shape.axes
-            statistic = statistic_of(bank.evidence[i, first:last], bank.information[i, :, first:last], amplitude)
+            statistic = statistic_of(evidence, information, first, shape.axes, amplitude, lower, half)
             size = sqrt(amplitude[0] ** 2 + amplitude[1] ** 2 + amplitude[2] ** 2)
             if statistic > most * shape.threshold * CLEARLY and shape.least <= size <= shape.most:
                 most, found = statistic / shape.threshold, slot
@@ -219,23 +219,29 @@ def find_fault(bank: Bank, i: int, t_ns: int, fault: Fault) -> int:
 
 
 @kernel
-def statistic_of(evidence: Float, information: Float, amplitude: Float) -> float:
-    """d' c^-1 d and c^-1 d by Cholesky, of 1 to 3 axes; axes that look like the state's own error are left out."""
-    axes = len(evidence)
-    lower, half = np.zeros((3, 3)), np.zeros(3)
+def statistic_of(
+    evidence: Float, information: Float, first: int, axes: int, amplitude: Float, lower: Float, half: Float
+) -> float:  # fmt: skip
+    """d' c^-1 d and c^-1 d by Cholesky, of 1 to 3 axes; axes that look like the state's own error are left out.
+
+    first: column of the first axis; lower (3, 3), half (3): overwritten.
+    """
     statistic = 0.0
-    amplitude[:] = 0.0
+    for a in range(3):
+        amplitude[a], half[a] = 0.0, 0.0
+        for b in range(3):
+            lower[a, b] = 0.0
     for a in range(axes):
         for b in range(a + 1):
-            total = information[a, b]
+            total = information[a, first + b]
             for k in range(b):
                 total -= lower[a, k] * lower[b, k]
             if a != b:
                 lower[a, b] = total / lower[b, b] if lower[b, b] > 0.0 else 0.0
-            elif total > _SINGULAR * information[a, a]:
+            elif total > _SINGULAR * information[a, first + a]:
                 lower[a, a] = sqrt(total)
         if lower[a, a] > 0.0:
-            half[a] = evidence[a]
+            half[a] = evidence[first + a]
             for k in range(a):
                 half[a] -= lower[a, k] * half[k]
             half[a] /= lower[a, a]

@@ -7,6 +7,7 @@ import numpy as np
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import turn_into
+from formation.maths.records import Rows
 from formation.navigation.error_state import move, rotation_into
 from formation.navigation.evidence import copy_estimate
 from formation.navigation.state import SAMPLES, THRUSTS, Body, Estimate, Inertial
@@ -106,8 +107,13 @@ def attitude_at(x: Estimate, ring: Inertial, t_ns: int, q: Float) -> None:
 
 
 @kernel
-def predicted(body: Body, t_ns: int, out: Estimate) -> None:
-    """Position, velocity and attitude at a time, from the horizon through the ring on; the rest is the horizon's."""
+def predicted(bodies: Rows[Body], i: int, t_ns: int, predictions: Rows[Estimate]) -> None:
+    """Position, velocity and attitude of body i at a time, from the horizon through the ring on, into its prediction.
+
+    The rest of it is the horizon's.
+    """
+    # By row: a record that is passed into a kernel is read field by field first, which takes longer than the kernel.
+    body, out = bodies[i], predictions[i]
     ring, r = body.inertial, np.empty((3, 3))
     copy_estimate(body.estimate, out)
     number = next_sample(ring, out.t_ns)

@@ -7,7 +7,10 @@ clock.
 
 from math import exp, hypot, sqrt
 
-from formation.maths.arrays import Quats
+import numpy as np
+
+from formation.maths.arrays import Float, Quats
+from formation.maths.kernel import kernel
 
 LAG_S, BIAS_LAG_S, BIAS_MAX_RAD = 0.2, 3.0, 0.1
 CLOCK_DOUBT_S = 0.03
@@ -28,8 +31,16 @@ def tilt(q_lab_from_flu: list[float]) -> Tilt:
 
 def tilts(q_lab_from_flu: Quats) -> list[Tilt]:
     """The same of many (n, 4), to the bit."""
-    w, x, y, z = q_lab_from_flu.T
-    return list(zip((2.0 * (x * z - w * y)).tolist(), (2.0 * (y * z + w * x)).tolist(), strict=True))
+    return [(x, y) for x, y in _tilts(np.ascontiguousarray(q_lab_from_flu)).tolist()]
+
+
+@kernel
+def _tilts(q_lab_from_flu: Quats) -> Float:
+    out = np.empty((len(q_lab_from_flu), 2))
+    for i in range(len(q_lab_from_flu)):
+        w, x, y, z = q_lab_from_flu[i, 0], q_lab_from_flu[i, 1], q_lab_from_flu[i, 2], q_lab_from_flu[i, 3]
+        out[i, 0], out[i, 1] = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x)
+    return out
 
 
 class AttitudeInnovation:

@@ -61,10 +61,14 @@ class Facts(NamedTuple):
 
 
 class RuleState(NamedTuple):
-    """Since when each vehicle has broken each rule (ns, -1: it does not), and which were acted on; both (rules, n)."""
+    """Since when each vehicle has broken each rule (ns, -1: it does not), and which were acted on; both (rules, n).
+
+    is_quiet: nothing is broken, and nothing was acted on.
+    """
 
     since_ns: NDArray[np.int64]
     acted: NDArray[np.bool_]
+    is_quiet: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +93,7 @@ class Verdict(NamedTuple):
 
 def start(n: int) -> RuleState:
     """Nothing is wrong yet with any of the n vehicles."""
-    return RuleState(np.full((len(RULES), n), -1, np.int64), np.zeros((len(RULES), n), np.bool_))
+    return RuleState(np.full((len(RULES), n), -1, np.int64), np.zeros((len(RULES), n), np.bool_), is_quiet=True)
 
 
 def switched_on(without: frozenset[str]) -> Flags:
@@ -109,7 +113,7 @@ def assess(
     measured = _measured(facts, limits)
     if not _find_broken(measured, facts.commanded, _MEASURES, _OVER, _OF_ALL, active, state.acted, broken):
         nobody = np.zeros(n, np.bool_)
-        return start(n), Verdict(None, "", nobody, nobody, ())
+        return state if state.is_quiet else start(n), Verdict(None, "", nobody, nobody, ())
     since = np.where(broken, np.where(state.since_ns < 0, now_ns, state.since_ns), -1)
     acting = broken & (now_ns - since >= _PERSIST_NS[:, None])
     trigger, cause = _swarm_trigger(acting, facts)

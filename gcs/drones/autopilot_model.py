@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from formation.maths.arrays import Quat, Vec3
 from formation.vehicle.profile import VehicleProfile
 from wire.autopilots.ardupilot import ARDUPILOT, THRUST_AS_THRUST
 from wire.autopilots.px4 import PX4
@@ -15,8 +14,6 @@ from wire.autopilots.table import AutopilotTable, FlightMode
 from wire.link_messages.address import Address
 from wire.link_messages.commands import CommandLong, MavCommand, command_long
 from wire.link_messages.message_id import MessageId
-from wire.link_messages.motion import VisionPose
-from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import Ignore
 from wire.link_messages.status import EkfStatus, EstimatorFlag, MavAutopilot, ModeFlag
 
@@ -91,10 +88,6 @@ class GroundModel:
     def setpoint_ignore(self, profile: VehicleProfile) -> Ignore:
         """The type mask of SET_ATTITUDE_TARGET: a vehicle known to feed all body rates forward is given them all."""
         return Ignore.NONE if profile.rate_feed_forward else self.ignore
-
-    def pose(self, t_us: int, pos_lab_m: Vec3, q_lab_from_flu: Quat) -> LinkMessage:
-        """Its external pose. VISION_POSITION_ESTIMATE is the one message that both fuse as they are documented."""
-        return VisionPose(t_us, pos_lab_m, q_lab_from_flu)
 
 
 def _px4_unready(_status: EkfStatus | None) -> str:

@@ -160,7 +160,7 @@ class Drone:
         """Detect that a pilot has taken it over in flight; true once. A stop of the swarm still stops it."""
         landing_commanded = self.goal is Goal.LAND
         self.landing_itself = self.landing_itself or (landing_commanded and self.link.landing)
-        if self.piloted or not self.lifted or not self.link.piloted or self.goal in (Goal.CUT, Goal.JOIN):
+        if self.piloted or not self.lifted or self.goal is Goal.CUT or self.goal is Goal.JOIN or not self.link.piloted:
             return False
         if landing_commanded and not self.landing_itself:
             return False  # the command to land is still on its way
@@ -179,6 +179,9 @@ class Drone:
         If a landed drone keeps rejecting a disarm, the disarm is forced, provided that two independent estimates
         confirm the landing. Else the drone is released.
         """
+        if self.goal is Goal.LEAVE:
+            self.link.commands.calm()
+            return
         since_ns = now_ns - self.goal_since_ns
         if self.goal is Goal.CUT and self.stopped_ns is None and (self.reached or self._cut_accepted):
             self.stopped_ns = now_ns

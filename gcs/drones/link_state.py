@@ -4,7 +4,7 @@ import math
 from collections import deque
 
 from formation.config import VehicleBody
-from formation.maths.arrays import Quat, Vec3
+from formation.maths.arrays import Quat
 from formation.messages import Event, Severity
 from formation.model import Vec3Tuple
 from formation.vehicle.profile import VehicleProfile
@@ -89,6 +89,10 @@ class DroneLink:
         self.setpoint_ignore = int(Ignore.BODY_RATES)
         """The type mask of its setpoints."""
         self._flight_mode: FlightMode | None = None
+        self.offboard = False
+        """Whether its last heartbeat said that it follows our setpoints."""
+        self.hover_thrust_norm = profile.hover_thrust_norm
+        """Thrust that hovers: the autopilot's own parameter where it was measured, else the profile's."""
         self.armed_clock = ArmedClock()
         self.commands = CommandChannel()
         self.clock = TimeSyncClient(self.target)
@@ -145,7 +149,9 @@ class DroneLink:
     def piloted(self) -> bool:
         """Whether its last heartbeat said that a person flies it: armed, in a mode that is a pilot's."""
         heartbeat, model = self.telemetry.heartbeat, self.model
-        if heartbeat is None or model is None or not self.armed or self._flight_mode not in PILOTED:
+        if self.offboard or heartbeat is None or model is None or not self.armed:
+            return False
+        if self._flight_mode not in PILOTED:
             return False
         return model.table.split(heartbeat.custom_mode)[0] != model.table.auto_main  # PX4 holds by itself
 
@@ -153,11 +159,6 @@ class DroneLink:
     def landing(self) -> bool:
         """Whether its last heartbeat said that it lands by itself."""
         return self._flight_mode in (FlightMode.LAND, FlightMode.DESCEND)
-
-    @property
-    def offboard(self) -> bool:
-        """Whether its last heartbeat said that it follows our setpoints."""
-        return self._flight_mode is FlightMode.OFFBOARD
 
     @property
     def mode(self) -> str:
@@ -169,15 +170,6 @@ class DroneLink:
     def has_answers(self) -> bool:
         """Whether something is waiting that should not wait for the next frame."""
         return bool(self._answers)
-
-    @property
-    def hover_thrust_norm(self) -> float:
-        """Thrust that hovers: the autopilot's own parameter where it was measured, else the profile's."""
-        if self.model is not None:
-            known = self.parameters.values.get(self.model.table.hover_parameter)
-            if known is not None and self.model.hover_measured(known):
-                return known
-        return self.profile.hover_thrust_norm
 
     @property
     def idle_disarm_s(self) -> float | None:
@@ -228,9 +220,10 @@ class DroneLink:
             self._answers.clear()
         if self._reject_log.has_pending:
             self.events += self._reject_log.due(now_ns)
-        request = self.clock.due(now_ns)
-        if request is not None:
-            messages.append(request)
+        if now_ns >= self.clock.next_ns:
+            request = self.clock.due(now_ns)
+            if request is not None:
+                messages.append(request)
         commands = self.commands
         if commands.current is not None or commands.queue:
             command = commands.due(now_ns)
@@ -246,12 +239,6 @@ class DroneLink:
         """Ask again for everything that matters before arming."""
         if self.model is not None:
             self.parameters.ask(self.model.parameters)
-
-    def pose(self, t_capture_ns: int, pos_lab_m: Vec3, q_lab_from_flu: Quat) -> bytes:
-        """Its own pose as the mocap saw it, in the message its autopilot fuses; empty until the autopilot is known."""
-        if self.model is None:
-            return b""
-        return self.codec.encode(self.model.pose(t_capture_ns // 1000, pos_lab_m, q_lab_from_flu))
 
     def _due_origin(self, now_ns: int) -> list[LinkMessage]:
         """The origin, every second until the drone has repeated it or is ready without."""
@@ -280,6 +267,7 @@ class DroneLink:
                 self._answers.extend(() if answer is None else (answer,))
             case ParamValue():
                 reason = self.parameters.receive(message, self.armed)
+                self._update_hover_thrust()
                 if reason:
                     self._reject_log.note(self.name, reason, now_ns)
                 elif self.model is not None:
@@ -346,11 +334,13 @@ class DroneLink:
         known = GROUND_MODELS.get(heartbeat.autopilot)
         model = known or self.model
         self._flight_mode = None if model is None else model.table.mode_of(heartbeat.custom_mode)
+        self.offboard = self._flight_mode is FlightMode.OFFBOARD
         if known is None or (known is self.model and silent_ns < RESTART_NS):
             return
         if known is not self.model:
             self.model, self.parameters = known, ParameterReader(self.target, known.table.autopilot)
             self.setpoint_ignore = int(known.setpoint_ignore(self.profile))
+            self._update_hover_thrust()
         self.telemetry.origin = False
         self.reread_parameters()
         self._asked_ns = now_ns
@@ -358,6 +348,11 @@ class DroneLink:
         for message_id, rate_hz in {**silenced, **dict(known.streams), **dict(self._streams)}.items():
             self.commands.ask(stream(self.target, message_id, rate_hz))
         self._add_event(Severity.INFO, f"drone {self.sysid} is here, {known.name}", now_ns)
+
+    def _update_hover_thrust(self) -> None:
+        known = None if self.model is None else self.parameters.values.get(self.model.table.hover_parameter)
+        measured = known is not None and self.model is not None and self.model.hover_measured(known)
+        self.hover_thrust_norm = known if measured and known is not None else self.profile.hover_thrust_norm
 
     def _watch_imu_stream(self, now_ns: int) -> None:
         """Report when the requested HIGHRES_IMU stream is missing, and when it is back."""

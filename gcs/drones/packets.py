@@ -2,11 +2,14 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from formation.messages import AttitudeTarget, Datagram, LabFrame
 from gcs.drones.drone import Drone
 from gcs.drones.telemetry import ground_heartbeat
 from wire.link_messages.address import ground_address
 from wire.mavlink.framing import packed
+from wire.mavlink.pose_batch import PoseBatch
 from wire.mavlink.setpoint_batch import SetpointBatch
 
 HEARTBEAT_NS = 1_000_000_000
@@ -22,7 +25,9 @@ class Packets:
         self._feeds_pose = feeds_pose
         self._heartbeat = ground_heartbeat(session)
         self._setpoints = SetpointBatch(ground_address(session), [drone.link.target for drone in drones])
-        self._no_setpoints = [b""] * len(drones)
+        self._poses = PoseBatch(ground_address(session), len(drones))
+        self._bodies = np.array([drone.index for drone in drones])
+        self._nothing = [b""] * len(drones)
         self._heartbeat_due_ns = self._pose_due_ns = t0_ns
 
     def due(self, frame: LabFrame | None, target: AttitudeTarget | None, now_ns: int) -> tuple[Datagram, ...]:
@@ -36,13 +41,12 @@ class Packets:
             self._heartbeat_due_ns = now_ns + HEARTBEAT_NS
         if pose:  # a steady 50 Hz out of frames that jitter
             self._pose_due_ns = max(self._pose_due_ns + POSE_NS, now_ns)
-        streamed = self._no_setpoints if frame is None or target is None else self._encode(frame, target)
+        streamed = self._nothing if frame is None or target is None else self._encode(frame, target)
+        poses = self._encode_poses(frame) if pose and frame is not None else self._nothing
         datagrams = []
-        for drone, setpoint in zip(self._drones, streamed, strict=True):
-            link, at = drone.link, drone.index
-            due, parts = link.due(now_ns), [setpoint]
-            if pose and frame is not None and frame.seen[at]:
-                parts.append(link.pose(frame.t_capture_ns, frame.pos_lab_m[at], frame.q_lab_from_flu[at]))
+        for drone, setpoint, seen in zip(self._drones, streamed, poses, strict=True):
+            link = drone.link
+            due, parts = link.due(now_ns), [setpoint, seen]
             if beat:
                 parts.append(link.codec.encode(self._heartbeat))
             if due:
@@ -51,6 +55,19 @@ class Packets:
             elif data := b"".join(parts):  # three frames at most: nothing to split
                 datagrams.append(Datagram(link.sysid, data))
         return tuple(datagrams)
+
+    def _encode_poses(self, frame: LabFrame) -> list[bytes]:
+        """VISION_POSITION_ESTIMATE, which PX4 and ArduPilot both fuse as documented; empty for whom none is sent.
+
+        That is who is not seen, and who has not said yet which autopilot it is.
+        """
+        bodies, seen = self._bodies, frame.seen[self._bodies].tolist()
+        sent = [of and drone.link.model is not None for drone, of in zip(self._drones, seen, strict=True)]
+        seqs = [drone.link.codec.next_seq() if of else 0 for drone, of in zip(self._drones, sent, strict=True)]
+        packets = self._poses.encode(
+            frame.t_capture_ns // 1000, frame.pos_lab_m[bodies], frame.q_lab_from_flu[bodies], seqs
+        )
+        return [packet if of else b"" for packet, of in zip(packets, sent, strict=True)]
 
     def _encode(self, frame: LabFrame, target: AttitudeTarget) -> list[bytes]:
         """SET_ATTITUDE_TARGET of each drone, stamped with the frame's capture time; empty for whom none is sent."""

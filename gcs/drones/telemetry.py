@@ -303,7 +303,7 @@ class AttitudeMonitor:
         part, (x, y) = 1.0 - exp(-dt_s / LEVEL_BIAS_LAG_S), self._level_bias[i]
         self._level_bias[i] = x + part * (off[0] - x), y + part * (off[1] - y)
         self.innovation_rad[i] = self._innovations[i].innovation_rad
-        self._significant_bias_rad[i] = self._significant(i)
+        self._significant_bias_rad[i, 0], self._significant_bias_rad[i, 1] = self._significant(i)
 
     def level_bias_rad(self, bodies: NDArray[np.int64]) -> Float:
         """Gravity's direction in the x and y axes of these bodies (m), by the mocap less by themselves (m, 2).

@@ -9,7 +9,7 @@ import numpy as np
 
 from formation.config import LabConfig
 from formation.control.stack import Stages
-from formation.maths.arrays import Float
+from formation.maths.arrays import Float, Scalars
 from formation.maths.frames import rotate_about_z
 from formation.messages import Phase
 from formation.safety.arming import FRESH_S
@@ -45,7 +45,7 @@ def swarm_state(
     now_ns: int,
 ) -> dict[str, Any]:  # fmt: skip
     """The whole state for people and scripts, as JSON has it; SI units, `lab` axes."""
-    poses = _Poses(facts, stages, config)
+    numbers = _Numbers(facts, stages, config)
     return {
         "phase": flight.phase.name,
         "cause": flight.cause,
@@ -67,23 +67,23 @@ def swarm_state(
         "shape": flight.shape.name,
         "slots_lead_m": [[round(x, 3) for x in slot] for slot in flight.shape.offset_lead_m],
         "drones": [
-            _drone_state(drone, m, poses, facts, now_ns) | {"rejected": about.rejected.get(drone.link.name)}
+            _drone_state(drone, m, numbers, now_ns) | {"rejected": about.rejected.get(drone.link.name)}
             for m, drone in enumerate(drones)
         ],
         "observed": [
-            {"body": name, "pos_lab_m": poses.pos[i], "q_lab_from_flu": poses.q[i], "age_s": poses.age_s[i]}
+            {"body": name, "pos_lab_m": numbers.pos[i], "q_lab_from_flu": numbers.q[i], "age_s": numbers.age_s[i]}
             for i, name in enumerate(facts.names)
             if not facts.commanded[i]
         ],
-        "leader_yaw_rad": poses.leader_yaw_rad,
+        "leader_yaw_rad": numbers.leader_yaw_rad,
         "rejected": dict(about.rejected),
         "refusals": list(about.arming_reject_reasons),
         "counters": dict(about.counters),
     }
 
 
-class _Poses:
-    """Where the n bodies are and the m references; rounded all at once, since one at a time costs what a tick does."""
+class _Numbers:
+    """What the state says of the n bodies and the m references in numbers; rounded all at once, not one at a time."""
 
     def __init__(self, facts: Facts, stages: Stages | None, config: LabConfig) -> None:
         n = len(facts.names)
@@ -104,7 +104,11 @@ class _Poses:
         self.margin_standing_m = np.delete(walls, FLOOR, axis=1).min(axis=1).round(3).tolist()
         error_m = facts.error_m.round(4).tolist()
         self.error_m: list[float | None] = [x if ok else None for x, ok in zip(error_m, seen, strict=True)]
-        self.age_s = [_number(age, 3) for age in facts.age_s.tolist()]
+        self.age_s = _rounded(facts.age_s, 3)
+        self.heartbeat_age_s = _rounded(facts.heartbeat_age_s, 2)
+        self.battery = _rounded(facts.battery, 3)
+        self.link_behind_s = _rounded(facts.link_behind_s, 3)
+        self.setpoint_age_s = _rounded(facts.setpoint_age_s, 4)
 
     def fence_margin_m(self, i: int, *, stands: bool) -> float | None:
         """To the nearest wall; for a drone that stands, the floor is none."""
@@ -120,7 +124,7 @@ def reference_lab_m(stages: Stages) -> Float:
     return np.asarray(reference.origin_lab_m + rotate_about_z(reference.heading_rad, reference.slot_lead_m))
 
 
-def _drone_state(drone: Drone, m: int, poses: _Poses, facts: Facts, now_ns: int) -> dict[str, Any]:
+def _drone_state(drone: Drone, m: int, numbers: _Numbers, now_ns: int) -> dict[str, Any]:
     link, i = drone.link, drone.index
     disarms_in_s = drone.disarms_in_s(now_ns)
     offset_ns, stopped_ns = link.clock.offset_ns, drone.stopped_ns
@@ -135,18 +139,18 @@ def _drone_state(drone: Drone, m: int, poses: _Poses, facts: Facts, now_ns: int)
         "piloted": drone.piloted,
         "landed": link.telemetry.landed.name,
         "stopped_ms": None if stopped_ns is None else round((stopped_ns - drone.goal_since_ns) * 1e-6, 1),
-        "pos_lab_m": poses.pos[i],
-        "q_lab_from_flu": poses.q[i],
-        "reference_lab_m": None if poses.reference is None or not drone.flown else poses.reference[m],
-        "error_m": poses.error_m[i],
-        "fence_margin_m": poses.fence_margin_m(i, stands=not (link.armed and drone.lifted)),
-        "age_s": poses.age_s[i],
-        "heartbeat_age_s": _number(float(facts.heartbeat_age_s[i]), 2),
-        "battery": _number(link.telemetry.battery, 3),
+        "pos_lab_m": numbers.pos[i],
+        "q_lab_from_flu": numbers.q[i],
+        "reference_lab_m": None if numbers.reference is None or not drone.flown else numbers.reference[m],
+        "error_m": numbers.error_m[i],
+        "fence_margin_m": numbers.fence_margin_m(i, stands=not (link.armed and drone.lifted)),
+        "age_s": numbers.age_s[i],
+        "heartbeat_age_s": numbers.heartbeat_age_s[i],
+        "battery": numbers.battery[i],
         "battery_v": _number(link.telemetry.battery_v, 2),
-        "link_behind_s": _number(link.behind_s(now_ns), 3),
+        "link_behind_s": numbers.link_behind_s[i],
         "superseded": link.superseded,
-        "setpoint_age_s": _number(link.setpoint_age_s(now_ns), 4),
+        "setpoint_age_s": numbers.setpoint_age_s[i],
         "clock_offset_s": None if offset_ns is None else round(offset_ns * 1e-9, 6),
         "loss": round(link.sequence.loss, 4),
     }
@@ -164,6 +168,12 @@ def _landing_left(flight: Flight, now_ns: int) -> float | None:
     if flight.phase is not Phase.LAND or end_ns is None:
         return None
     return round(max((end_ns - now_ns) * 1e-9, 0.0), 1)
+
+
+def _rounded(values: Scalars, digits: int) -> list[float | None]:
+    """Each as `_number` has it."""
+    known = np.isfinite(values).tolist()
+    return [x if ok else None for x, ok in zip(values.round(digits).tolist(), known, strict=True)]
 
 
 def _number(value: float, digits: int) -> float | None:

@@ -84,9 +84,10 @@ class MocapEmulator:
         """When `expose` is due."""
         self._start_ns: int | None = None
         arrival = np.random.default_rng([seed, 2])
-        self._cable = MemoryLink[RawFrame](
+        self.cable = MemoryLink[RawFrame](
             random_delay(config.delay_s, config.delay_jitter_s, config.lost_share, arrival)
         )
+        """On which its frames are under way: `pop_due` has the next at `next_due_ns`."""
         self._unsent: list[RawFrame] = []
         self._truth = np.zeros((n, 14))
         self._pos = np.zeros((n, 3))
@@ -95,7 +96,7 @@ class MocapEmulator:
     @property
     def next_frame_ns(self) -> int:
         """When `pop_due` has the next frame."""
-        return self._cable.next_due_ns
+        return self.cable.next_due_ns
 
     def start(self, now_ns: int) -> None:
         """The formation phase begins: the recorded leader moves, the gaps' clock runs."""
@@ -130,13 +131,13 @@ class MocapEmulator:
 
     def pop_due(self, now_ns: int) -> list[RawFrame]:
         """The frames that have arrived by now, oldest first."""
-        return [frame for _, frame in self._cable.pop_due(now_ns)]
+        return [frame for _, frame in self.cable.pop_due(now_ns)]
 
     def _send(self, t_ns: int, frame: RawFrame) -> None:
         self._unsent.append(frame)
         if len(self._unsent) >= self._config.burst:
             for each in self._unsent:
-                self._cable.push(t_ns, each)
+                self.cable.push(t_ns, each)
             self._unsent = []
 
     def _measure_poses(self, t_ns: int, truths: Mapping[int, Truth], seen: Bool, noise: Float) -> None:

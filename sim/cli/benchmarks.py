@@ -1,4 +1,4 @@
-"""`gcs-sim benchmark`: flights against what others have recorded, and a lab with keys against who attacks it."""
+"""`gcs-sim benchmark`: against what others have recorded, against attackers of a lab with keys, and for a long time."""
 
 import json
 from dataclasses import asdict
@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from sim.studies.neural_fly.flights import Job, Score
 
 FAILED, NOT_RIGHT = 1, 2
-app = typer.Typer(help="Measure against what others have recorded, and against attacks.", no_args_is_help=True)
+app = typer.Typer(
+    help="Measure against what others have recorded, against attacks, and for long.", no_args_is_help=True
+)
 
 
 @app.command("neural-fly")
@@ -82,6 +84,35 @@ def security(
         print(figures.to_json())
     else:
         Console(markup=False).print(_security_table(figures))
+
+
+@app.command()
+def soak(
+    followers: Annotated[int, typer.Option(min=1, max=249, help="How many follow.")] = 9,
+    minutes: Annotated[float, typer.Option(min=1.0, help="Simulated minutes; ten drones take half as long.")] = 10.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")] = False,
+) -> None:
+    """Hover for long in lockstep, and measure what memory and log grow by; exit code 1 if it did not last."""
+    from tempfile import TemporaryDirectory
+
+    from rich.console import Console
+
+    from sim.studies.scale.soak import soak as hover_for_long
+
+    console = Console(stderr=True, markup=False)
+    with TemporaryDirectory() as folder, console.status("starting") as status:
+        result = hover_for_long(followers, minutes, Path(folder), status.update)
+    if as_json:
+        print(result.to_json())
+    else:
+        Console(markup=False).print(
+            f"{result.drones} drones, {minutes:g} minutes at {result.speed:.1f} times real time: "
+            f"memory grows {result.memory_bytes_h * 1e-6:.1f} MB an hour, "
+            f"the log {result.log_bytes_s_drone * 1e-3:.1f} kB a second and drone",
+            soft_wrap=True,
+        )
+    if result.phase != "HOLD":
+        raise typer.Exit(FAILED)
 
 
 def _security_table(figures: "Figures") -> "Table":

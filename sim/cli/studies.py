@@ -120,9 +120,15 @@ def tune_vehicle(
 
 
 def bench(
+    followers: Annotated[
+        list[int] | None, typer.Option(min=1, max=249, help="How many follow; again for more swarms. 2, 10 and 20.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON, and nothing else there.")] = False,
 ) -> None:
-    """Time law, estimate, tick, codec, lockstep and bus on this machine; some seconds. It judges nothing."""
+    """Time law, estimate, tick, codec, lockstep and bus on this machine; some seconds. It judges nothing.
+
+    A swarm of 101 drones takes two minutes.
+    """
     from sim.cli import study_commands as studies
 
-    studies.run_bench(as_json)
+    studies.run_bench(followers, as_json)

@@ -228,12 +228,12 @@ def _search_gains(task: Task, name: str, console: Console, as_json: bool) -> Non
         raise typer.Exit(FAILED)
 
 
-def run_bench(as_json: bool) -> None:
+def run_bench(followers: list[int] | None, as_json: bool) -> None:
     """What the parts of a flight cost."""
     console = Console(stderr=as_json, markup=False)
     compile_everything()
     with console.status("starting") as status:
-        result = bench.bench(status.update)
+        result = bench.bench(status.update, followers or bench.FOLLOWERS)
     if as_json:
         print(result.to_json())
         return

@@ -10,7 +10,7 @@ from formation.messages import Datagram
 from sim.faults.fault import Family, Fault
 from sim.faults.queue import DueQueue
 from sim.faults.rogue_setpoint import tilted
-from wire.transport.memory_bus import DelayModel
+from wire.transport.memory_bus import NOTHING_DUE_NS, DelayModel
 
 OVERTAKEN_NS = 30_000_000
 AGAIN_NS = 5_000_000
@@ -34,15 +34,16 @@ class Channel:
         self._rng = rng
         self._queue = DueQueue[Sent]()
         self._last_due_ns = 0
-        self._history: deque[Sent] = deque()
-
-    @property
-    def next_due_ns(self) -> int:
+        self.next_due_ns = NOTHING_DUE_NS
         """When something arrives."""
-        return self._queue.next_due_ns
+        self._history: deque[Sent] = deque()
 
     def push(self, now_ns: int, datagram: Datagram, faults: Sequence[tuple[Fault, int]] = ()) -> None:
         """Send it now; faults: those that act on this link now, each with its onset."""
+        self._push(now_ns, datagram, faults)
+        self.next_due_ns = self._queue.next_due_ns
+
+    def _push(self, now_ns: int, datagram: Datagram, faults: Sequence[tuple[Fault, int]]) -> None:
         sent = Sent(now_ns, datagram)
         self._history.append(sent)
         while self._history[0].t_ns < now_ns - REMEMBERED_NS:
@@ -87,7 +88,11 @@ class Channel:
 
     def pop_due(self, now_ns: int) -> list[Sent]:
         """What has arrived by now."""
-        return self._queue.pop_due(now_ns)
+        if now_ns < self.next_due_ns:
+            return []
+        due = self._queue.pop_due(now_ns)
+        self.next_due_ns = self._queue.next_due_ns
+        return due
 
     def _enqueue(self, due_ns: int, sent: Sent) -> None:
         self._last_due_ns = max(due_ns, self._last_due_ns)

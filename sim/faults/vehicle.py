@@ -23,7 +23,7 @@ def begin(fault: Fault, agent: AgentCore, now_ns: int) -> None:
             heavier = {"mass_kg": frame.profile.mass_kg * fault.severity}
             frame.profile = VehicleProfile.model_validate(frame.profile.model_dump() | heavier)
         case Family.BATTERY:
-            frame.pack.used_mah = (1.0 - fault.severity) * frame.pack.profile.capacity_mah
+            frame.pack.set_remaining(fault.severity)
         case Family.PILOT:
             # Sticks centred: POSITION is what a pilot takes over in. The simulated autopilot has no remote control, so
             # that it is put there past its own question whether one is on.

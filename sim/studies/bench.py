@@ -19,7 +19,7 @@ import numpy as np
 import uvloop
 
 from formation import topics
-from formation.config import LabConfig, LinkConfig
+from formation.config import FollowerConfig, LabConfig, LinkConfig
 from formation.control import stack
 from formation.control.law import Demand
 from formation.control.limits.barriers import BarrierSettings, limit_demands
@@ -30,6 +30,7 @@ from formation.maths import frames
 from formation.maths.arrays import Float
 from formation.maths.records import blank, rows
 from formation.messages import LabFrame, RawFrame
+from formation.model import Vec3Tuple
 from formation.safety import rules
 from gcs.core import GcsCore
 from gcs.recording import INPUT_TOPICS
@@ -37,7 +38,7 @@ from sim import lockstep
 from sim.ports import private_link
 from sim.processes import ProcessGroup
 from sim.scenario import Scenario, load
-from sim.studies.call_counts import TickCalls, python_calls, tick_calls
+from sim.studies.scale.call_counts import TickCalls, python_calls, tick_calls
 from sim.world import T0_NS
 from wire import clock
 from wire.config_file import dump
@@ -48,6 +49,10 @@ from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
 
 FOLLOWERS = (2, 10, 20)
+FOLLOWERS_MOST = 249
+"""With the leader 250 drones: more have no MAVLink system id."""
+LAST_ROW_M, ROW_M, ROW_MOST = 2.4, 0.6, 28
+"""Behind the leader stand the twenty of the scenario as far as the first; further rows, so far apart, hold so many."""
 FLIGHT_S = 5.0
 """Of each lockstep flight: up to the middle of its take-off."""
 AIRBORNE_TICKS = 100
@@ -141,12 +146,15 @@ class Result:
         return json.dumps(values, indent=2, allow_nan=False)
 
 
-def bench(progress: Progress) -> Result:
-    """Measure everything. Raises BusError, OSError and TimeoutError where the processes do not come to speak."""
+def bench(progress: Progress, followers: Sequence[int] = FOLLOWERS) -> Result:
+    """Measure everything, of swarms with so many followers.
+
+    Raises BusError, OSError and TimeoutError where the processes do not come to speak.
+    """
     swarms = []
-    for followers in FOLLOWERS:
-        progress(f"a flight of {followers + 1} drones")
-        swarms.append(swarm(followers))
+    for count in followers:
+        progress(f"a flight of {count + 1} drones")
+        swarms.append(swarm(count))
     progress("single calls")
     parts = Parts(nearest_us(), separation_filter_us(), *codec_us())
     progress("the bus between processes")
@@ -182,10 +190,21 @@ def _airborne(durations_us: Sequence[float]) -> Timing:
 
 
 def of_size(followers: int) -> Scenario:
-    """The beginning of `twenty` with fewer followers."""
+    """The beginning of `twenty` with fewer followers, or with more, that stand in rows behind the others."""
     scenario = load("twenty")
-    lab = scenario.lab.model_copy(update={"followers": scenario.lab.followers[:followers]})
+    known = scenario.lab.followers
+    more = (
+        FollowerConfig(body=f"f{k + 1:02}", sysid=k + 2, offset_m=_position_m(k - len(known)))
+        for k in range(len(known), followers)
+    )
+    lab = scenario.lab.model_copy(update={"followers": (*known[:followers], *more)})
     return scenario.model_copy(update={"lab": lab, "longest_s": FLIGHT_S})
+
+
+def _position_m(k: int) -> Vec3Tuple:
+    """Position k of the further rows: ROW_MOST in each, ROW_M from each other and from those in front."""
+    row, column = divmod(k, ROW_MOST)
+    return -LAST_ROW_M - ROW_M * (row + 1), ROW_M * (column - ROW_MOST // 2), 0.0
 
 
 @contextmanager

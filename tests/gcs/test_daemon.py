@@ -24,6 +24,7 @@ from tests.gcs.bus import a_lab, hub_of
 from wire.clock import Clock
 from wire.config_file import dump
 from wire.logs.mcap_log import LogWriter, check_log, read_log
+from wire.rejections import RejectionLog
 from wire.transport.zenoh_bus import ZenohBus
 
 FRAMES = 400
@@ -140,6 +141,40 @@ def test_a_tick_is_late_for_an_overdue_frame_and_not_for_an_answer(until_ms: int
 
     timing = asyncio.run(watched())
     assert (timing.ticks, timing.late) == (1 + late, late)
+
+
+class _Bus:
+    """A bus on which nothing arrives; what is published on it is counted."""
+
+    rejections = RejectionLog()
+    published = 0
+
+    def publish_state(self, name: str, text: str) -> None:
+        self.published += 1
+
+
+def test_the_state_is_published_after_a_tick_and_delays_none(tmp_path: Path) -> None:
+    """A state of 100 drones takes as long as a tick: made when a frame comes, it would delay that frame's setpoints."""
+
+    async def published() -> list[int]:
+        clock, bus, counts = _Clock(), _Bus(), []
+        clock.end_ns = 10**12
+        with LogWriter(tmp_path / "flight.mcap", {}, threaded=False) as log:
+            lab = _lab(tmp_path)
+            ground = Ground(lab, GcsCore(lab, 0), log, lambda _event: None, cast(Clock, clock))
+            publishing = asyncio.create_task(ground.publish_state(cast(ZenohBus, bus), "main"))
+            for seq in range(3):
+                await asyncio.sleep(0)
+                await asyncio.sleep(0)
+                counts.append(bus.published)
+                ground.receive_frame(
+                    LabFrame(seq, seq, ("lead", "left"), np.zeros((2, 3)), np.eye(4)[[0, 0]], np.ones(2, np.bool_))
+                )
+                counts.append(bus.published)
+            publishing.cancel()
+        return counts
+
+    assert asyncio.run(published()) == [1, 1, 2, 2, 3, 3]
 
 
 def test_a_core_that_breaks_ends_the_daemon_with_its_reason_and_a_whole_log(tmp_path, monkeypatch):

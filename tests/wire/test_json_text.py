@@ -16,7 +16,7 @@ from wire.json_text import DEEPEST, MOST_CHARACTERS, JsonError, parse_json, pars
         "[" * 5000 + "]" * 5000,
         '{"a":' * 200_000,
         "[" * (DEEPEST + 1) + "]" * (DEEPEST + 1),
-        "NaN", "-Infinity", "1e999", "9" * 5000, "1" * 20,
+        "NaN", "-Infinity", "1e999", "1E+400", "-1.5e0400", "9" * 250 + "e99", "9" * 5000, "1" * 20, "-" + "1" * 20,
         "", "nothing", b"\xff\xfe", '"' + "a" * MOST_CHARACTERS + '"',
     ],
     ids=lambda text: repr(text[:12]),

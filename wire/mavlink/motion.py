@@ -9,6 +9,7 @@ velocities and rates may be NaN, MAVLink's "unknown".
 
 import math
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ Triple = tuple[float, float, float]
 Quadruple = tuple[float, float, float, float]
 
 # Nearer to +-90 degrees of pitch than this (sine of the pitch), only roll plus yaw is observable: roll is set to 0.
-_POLE = 1.0 - 1e-12
+POLE = 1.0 - 1e-12
 
 
 def ned(vector_lab: Vec3) -> Triple:
@@ -78,7 +79,7 @@ def euler_ned_from_frd(q: Quat) -> Triple:
     """Roll, pitch, yaw (intrinsic z-y-x, rad) of the body FRD in NED, from q_lab_from_flu."""
     w, x, y, z = q_ned_from_frd(q)
     sin_pitch = 2.0 * (w * y - z * x)
-    if abs(sin_pitch) > _POLE:
+    if abs(sin_pitch) > POLE:
         side = math.copysign(1.0, sin_pitch)
         return 0.0, side * 0.5 * math.pi, _exact(-2.0 * side * math.atan2(x, w))
     roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
@@ -128,12 +129,13 @@ HIL_STATE_QUATERNION = layout("HIL_STATE_QUATERNION", 19)
 SIM_STATE = layout("SIM_STATE", 23)
 
 # A covariance whose first element is NaN is unknown, says MAVLink; the rest stays zero and costs no bytes.
-_UNKNOWN_COVARIANCE = (math.nan, *(0.0,) * 20)
+UNKNOWN_COVARIANCE = (math.nan, *(0.0,) * 20)
 _BODY_FRD = 12
 _HEADING_UNKNOWN = 65535
 _MS_32 = 0xFFFFFFFF
 _MOST_16, _MOST_32 = 2**15 - 1, 2**31 - 1
 _ACCELEROMETER, _GYROSCOPE = 0x07, 0x38  # of HIGHRES_IMU_UPDATED_FLAGS
+_ignore = lru_cache(maxsize=256)(Ignore)
 _NO_ATTITUDE, _NO_THRUST = int(Ignore.ATTITUDE), int(Ignore.THRUST)  # plain, for every packet
 
 
@@ -149,7 +151,7 @@ def _write_setpoint(m: AttitudeSetpoint) -> Written:
 def _read_setpoint(f: Fields) -> AttitudeSetpoint:
     t_boot_ms, system, component, mask, w, x, y, z, p, q, r, thrust = f
     attitude, rate, thrust = _demand(mask, (w, x, y, z), (p, q, r), thrust)
-    return AttitudeSetpoint(Address(system, component), t_boot_ms, attitude, lab(*rate), thrust, Ignore(mask))
+    return AttitudeSetpoint(Address(system, component), t_boot_ms, attitude, lab(*rate), thrust, _ignore(mask))
 
 
 def _write_attitude_target(m: AttitudeTargetReport) -> Written:
@@ -160,7 +162,7 @@ def _write_attitude_target(m: AttitudeTargetReport) -> Written:
 def _read_attitude_target(f: Fields) -> AttitudeTargetReport:
     t_boot_ms, mask, w, x, y, z, p, q, r, thrust = f
     attitude, rate, thrust = _demand(mask, (w, x, y, z), (p, q, r), thrust)
-    return AttitudeTargetReport(t_boot_ms, attitude, lab(*rate), thrust, Ignore(mask))
+    return AttitudeTargetReport(t_boot_ms, attitude, lab(*rate), thrust, _ignore(mask))
 
 
 def _demand(
@@ -179,7 +181,7 @@ def _demand(
 
 def _write_vision(m: VisionPose) -> Written:
     euler = euler_ned_from_frd(m.q_lab_from_flu)
-    return VISION_POSITION_ESTIMATE, (m.t_us, *ned(m.pos_lab_m), *euler, *_UNKNOWN_COVARIANCE, 0)
+    return VISION_POSITION_ESTIMATE, (m.t_us, *ned(m.pos_lab_m), *euler, *UNKNOWN_COVARIANCE, 0)
 
 
 def _read_vision(f: Fields) -> VisionPose:
@@ -187,7 +189,7 @@ def _read_vision(f: Fields) -> VisionPose:
 
 
 def _write_mocap(m: MocapPose) -> Written:
-    return ATT_POS_MOCAP, (m.t_us, *q_ned_from_frd(m.q_lab_from_flu), *ned(m.pos_lab_m), *_UNKNOWN_COVARIANCE)
+    return ATT_POS_MOCAP, (m.t_us, *q_ned_from_frd(m.q_lab_from_flu), *ned(m.pos_lab_m), *UNKNOWN_COVARIANCE)
 
 
 def _read_mocap(f: Fields) -> MocapPose:
@@ -197,7 +199,7 @@ def _read_mocap(f: Fields) -> MocapPose:
 def _write_odometry(m: Odometry) -> Written:
     velocity, rate = ned(m.vel_flu_m_s), ned(m.rate_flu_rad_s)
     pose = (*ned(m.pos_lab_m), *q_ned_from_frd(m.q_lab_from_flu))
-    covariances = (*_UNKNOWN_COVARIANCE, *_UNKNOWN_COVARIANCE)
+    covariances = (*UNKNOWN_COVARIANCE, *UNKNOWN_COVARIANCE)
     head = (m.t_us, int(m.frame), _BODY_FRD)
     return ODOMETRY, (*head, *pose, *velocity, *rate, *covariances, m.reset_counter, int(m.estimator), 0)
 

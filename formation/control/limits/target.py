@@ -10,11 +10,14 @@ predicted on: what is known of it is right.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import cos, pi, sin, sqrt
 
 import numpy as np
 
-from formation.maths.arrays import Bool, Float, Quat, Scalars
-from formation.maths.frames import from_rotation_vector, from_yaw, multiply, yaw
+from formation.maths.arrays import Bool, Float, Quats, Scalars
+from formation.maths.frames import from_yaw, yaw
+from formation.maths.kernel import kernel
+from formation.maths.quaternion import multiply_into
 from formation.messages import AttitudeTarget, LabFrame
 
 LEVEL_NS = 100_000_000
@@ -93,14 +96,26 @@ def correct_level(target: AttitudeTarget, bias_rad: Float) -> AttitudeTarget:
 
     bias_rad (m, 2): gravity's direction in each body's x and y axes by the mocap less that by the autopilot.
     """
-    biased = np.flatnonzero(bias_rad.any(axis=1)).tolist()
-    if not biased:
+    if not bias_rad.any():
         return target
-    q_lab_from_flu = target.q_lab_from_flu.copy()
-    for i in biased:
-        q_lab_from_flu[i] = _corrected(q_lab_from_flu[i], *bias_rad[i].tolist())
-    return replace(target, q_lab_from_flu=q_lab_from_flu)
+    return replace(target, q_lab_from_flu=_corrected(np.ascontiguousarray(target.q_lab_from_flu), bias_rad))
 
 
-def _corrected(q_lab_from_flu: Quat, x_rad: float, y_rad: float) -> Quat:
-    return multiply(q_lab_from_flu, from_rotation_vector(np.array([-y_rad, x_rad, 0.0])))
+@kernel
+def _corrected(q_lab_from_flu: Quats, bias_rad: Float) -> Quats:
+    """q exp(r) of each attitude (m, 4), r = (-bias_y, bias_x, 0); itself where there is no bias."""
+    corrected, turn = q_lab_from_flu.copy(), np.empty(4)
+    for i in range(len(bias_rad)):
+        x, y = -bias_rad[i, 1], bias_rad[i, 0]
+        angle = sqrt(x * x + y * y)
+        if angle == 0.0:
+            continue
+        half = 0.5 * angle
+        rounded = pi * (half / pi)  # as numpy.sinc rounds it: recorded flights stay the same to the bit
+        scale = 0.5 * (sin(rounded) / rounded)
+        turn[0], turn[1], turn[2], turn[3] = cos(half), scale * x, scale * y, 0.0
+        size = sqrt(turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2])
+        for k in range(3):
+            turn[k] /= size
+        multiply_into(q_lab_from_flu[i], turn, corrected[i])
+    return corrected

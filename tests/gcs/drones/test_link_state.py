@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from formation.config import VehicleBody
-from formation.maths.frames import IDENTITY
 from formation.messages import Severity
 from gcs.drones.link_state import WORDS_A_SECOND, DroneLink
 from tests.gcs.fakes import PX4_OFFBOARD, PX4_PARAMETERS
@@ -12,7 +11,7 @@ from tests.gcs.link import MS, PAPER, Drone, a_link, beat, tell
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.commands import CommandAck, CommandLong, Result
-from wire.link_messages.motion import InertialSample, Origin, SetOrigin, VisionPose
+from wire.link_messages.motion import InertialSample, Origin, SetOrigin
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.parameters import ParamRequestRead, ParamType, ParamValue
 from wire.link_messages.status import (
@@ -177,16 +176,6 @@ def test_setpoints_have_the_rates_the_autopilot_can_take():
         ("ARDUPILOT", "paper_40g"): 0,
         ("ARDUPILOT", "px4_quad"): 0,
     }
-
-
-def test_no_pose_is_sent_before_the_autopilot_is_known():
-    link = a_link()
-    assert link.pose(0, np.zeros(3), IDENTITY) == b""
-    Drone().say(link, beat())
-    (packet,) = Codec(Address(3, 1)).receive(link.pose(5_000, np.array([1.0, 2.0, 3.0]), IDENTITY))
-    assert isinstance(packet.message, VisionPose)
-    assert packet.message.t_us == 5
-    assert np.allclose(packet.message.pos_lab_m, [1.0, 2.0, 3.0])
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from sim.world import T0_NS, World
 from wire.logs.mcap_log import Entry
 
 OURS = tuple(
-    f"{Path(__file__).parents[2] / name}/" for name in ("formation", "wire", "mocap", "gcs", "drone_agent", "sim")
+    f"{Path(__file__).parents[3] / name}/" for name in ("formation", "wire", "mocap", "gcs", "drone_agent", "sim")
 )
 """The folders of our packages."""
 _COUNTING = frozenset({"__exit__", "_feed"})

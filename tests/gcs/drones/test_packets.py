@@ -1,0 +1,64 @@
+"""What drones are sent in a tick: which of them get a pose, and in which order their packets are numbered."""
+
+import numpy as np
+
+from formation.maths.frames import IDENTITY
+from formation.messages import LabFrame
+from gcs.drones.drone import Drone
+from gcs.drones.packets import Packets
+from tests.gcs.link import Drone as Peer
+from tests.gcs.link import a_link, beat
+from wire.link_messages.address import Address
+from wire.link_messages.motion import VisionPose
+from wire.link_messages.packet import Packet
+from wire.link_messages.status import Heartbeat
+from wire.mavlink.codec import Codec
+
+T0_NS = 1_000_000_000
+
+
+def frame(t_ns: int, *, seen: bool = True) -> LabFrame:
+    pos = np.array([[9.0, 9.0, 9.0], [1.0, 2.0, 3.0]])
+    return LabFrame(0, t_ns, ("leader", "left"), pos, np.tile(IDENTITY, (2, 1)), np.array([True, seen]))
+
+
+def sent(packets: Packets, now: LabFrame) -> list[Packet]:
+    codec = Codec(Address(3, 1))
+    return [p for d in packets.due(now, None, now.t_capture_ns) for p in codec.receive(d.data)]
+
+
+def test_no_pose_is_sent_before_the_autopilot_is_known_nor_of_a_body_that_is_not_seen() -> None:
+    link = a_link()
+    packets = Packets([Drone(1, link)], True, 0, T0_NS)
+    for step, known, seen, expected in (
+        (0, False, True, 0),
+        (1, True, True, 1),
+        (2, True, False, 0),
+        (3, True, True, 1),
+    ):
+        if known:
+            Peer().say(link, beat(), T0_NS)
+        t_ns = T0_NS + step * 20_000_000
+        poses = [p.message for p in sent(packets, frame(t_ns, seen=seen)) if isinstance(p.message, VisionPose)]
+        assert len(poses) == expected
+        for pose in poses:
+            assert pose.t_us == t_ns // 1000
+            assert np.allclose(pose.pos_lab_m, [1.0, 2.0, 3.0])
+            assert np.allclose(pose.q_lab_from_flu, IDENTITY)
+
+
+def test_packets_are_numbered_in_the_order_in_which_they_are_sent() -> None:
+    link = a_link()
+    Peer().say(link, beat(), T0_NS)
+    found = sent(Packets([Drone(1, link)], True, 0, T0_NS), frame(T0_NS))
+    assert [type(p.message) for p in found[:2]] == [VisionPose, Heartbeat]
+    assert [p.seq for p in found] == list(range(len(found)))
+
+
+def test_poses_fifty_times_a_second_and_none_without_a_mocap() -> None:
+    link = a_link()
+    Peer().say(link, beat(), T0_NS)
+    for feeds, expected in ((True, 50), (False, 0)):
+        packets = Packets([Drone(1, link)], feeds, 0, T0_NS)
+        messages = [p.message for k in range(100) for p in sent(packets, frame(T0_NS + k * 10_000_000))]
+        assert sum(isinstance(message, VisionPose) for message in messages) == expected

@@ -32,8 +32,8 @@ def _check(name: str, outcome: ProbeOutcome, is_bridged: bool) -> Iterator[Findi
     else:
         why = (
             "it answers signed commands neither: it is off, or has another key"
-            if outcome.heard
-            else "nothing was heard"
+            if outcome.received
+            else "nothing came from it"
         )
         yield unmeasured(name, _CHECK, _WANTED, why, Grade.FAIL)
     always = None if is_bridged or outcome.autopilot is None else ALWAYS_UNSIGNED.get(outcome.autopilot)

@@ -19,12 +19,12 @@ _BEAT = Heartbeat(MavAutopilot.INVALID, MavType.GCS, 0, 0, MavState.ACTIVE)
 
 @dataclass(frozen=True, slots=True)
 class ProbeOutcome:
-    """What an autopilot did: whether it was heard, which make, whether its packets are signed by the key, its answers.
+    """What an autopilot did: whether anything came, which make, whether its packets are signed by the key, its answers.
 
     signed_answers: to signed commands, signed themselves. unsigned_answers: to unsigned commands, of either kind.
     """
 
-    heard: bool = False
+    received: bool = False
     autopilot: MavAutopilot | None = None
     signs: bool = False
     signed_answers: int = 0
@@ -49,7 +49,7 @@ class SigningProbe:
         self._channel = channel
         self._codec, self._cutter = Codec(GROUND), FrameCutter(stream=True)
         self._asks_signed = True
-        self._heard, self._signs = False, False
+        self._received, self._signs = False, False
         self._autopilot: MavAutopilot | None = None
         self._answers = {True: 0, False: 0}
 
@@ -69,7 +69,7 @@ class SigningProbe:
         for frame in self._cutter.cut(data):
             if frame.source.system != self.sysid:
                 continue
-            self._heard = True
+            self._received = True
             verified = bool(self._channel.verify(frame.data, unix_us).data)
             self._signs = self._signs or verified
             for packet in self._codec.receive(frame.data):
@@ -82,7 +82,7 @@ class SigningProbe:
     @property
     def outcome(self) -> ProbeOutcome:
         """What is known so far."""
-        return ProbeOutcome(self._heard, self._autopilot, self._signs, self._answers[True], self._answers[False])
+        return ProbeOutcome(self._received, self._autopilot, self._signs, self._answers[True], self._answers[False])
 
     def _sealed(self, data: bytes, unix_us: int, *, signed: bool) -> bytes:
         return self._channel.sign(data, unix_us) if signed else data

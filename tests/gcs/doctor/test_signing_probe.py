@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from pymavlink.dialects.v20 import ardupilotmega as oracle
 
 from formation.config import LabConfig
 from gcs.doctor.signing_checks import check_signing
@@ -14,47 +13,13 @@ from gcs.doctor.survey import probe_signing
 from gcs.finding import Finding, Grade, failed
 from gcs.security.signing_probe import ASKS, ProbeOutcome, SigningProbe
 from tests.free_ports import free_port
+from tests.gcs.security.autopilot import NOW_US, Autopilot
 from wire.link_messages.status import MavAutopilot
 from wire.mavlink.signing import SigningChannel, StampClock, stamp_at
 from wire.security.private_keys import StampFile
 from wire.security.protection import Protection, Signing
 
-NOW_US = 1_795_000_000_000_000
 KEY, OTHER_KEY = bytes(range(32)), bytes(range(1, 33))
-PX4_UNSIGNED = {0, 109, 246, 247}
-"""HEARTBEAT, RADIO_STATUS, ADSB_VEHICLE and COLLISION, as PX4's mavlink_sign_control.cpp has them."""
-
-
-class Autopilot:
-    """pymavlink as an autopilot of system 2 that answers COMMAND_LONG.
-
-    key: what it signs with, None for none. trusts: whether its line is one whose packets it never checks.
-    """
-
-    def __init__(self, key: bytes | None, make: int = 12, *, trusts: bool = False) -> None:
-        self._make = make
-        self._end = oracle.MAVLink(None, srcSystem=2, srcComponent=1)
-        self._end.robust_parsing = True
-        if key is not None:
-            self.sign_with(key)
-        self._end.signing.allow_unsigned_callback = lambda _, number: trusts or number in PX4_UNSIGNED
-
-    def sign_with(self, key: bytes) -> None:
-        signing = self._end.signing
-        signing.secret_key, signing.timestamp, signing.sign_outgoing = key, stamp_at(NOW_US), True
-
-    def obey(self, data: bytes) -> bytes:
-        """Its answers to what it obeys; the key of a SETUP_SIGNING counts from the next packet on."""
-        answers = bytearray()
-        for message in self._end.parse_buffer(data) or ():
-            kind = message.get_type()
-            if kind == "HEARTBEAT":
-                answers += oracle.MAVLink_heartbeat_message(2, self._make, 0, 0, 4, 3).pack(self._end)
-            elif kind == "COMMAND_LONG":
-                answers += oracle.MAVLink_command_ack_message(message.command, 0).pack(self._end)
-            elif kind == "SETUP_SIGNING":
-                self.sign_with(bytes(message.secret_key))
-        return bytes(answers)
 
 
 def asked(autopilot: Autopilot, key: bytes = KEY, *, late: bool = False) -> ProbeOutcome:
@@ -89,7 +54,7 @@ def test_an_autopilot_that_trusts_its_line_has_the_key_and_obeys_all_the_same() 
 
 def test_an_autopilot_with_another_key_is_no_proof() -> None:
     outcome = asked(Autopilot(OTHER_KEY))
-    assert outcome == ProbeOutcome(heard=True, autopilot=MavAutopilot.PX4)
+    assert outcome == ProbeOutcome(received=True, autopilot=MavAutopilot.PX4)
 
 
 def test_a_late_answer_counts_against_the_autopilot() -> None:

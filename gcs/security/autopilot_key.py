@@ -25,6 +25,8 @@ from wire.transport.serial_link import device_and_baud
 
 TIMES = 2
 """It is not acknowledged, so it is sent more than once, as MAVLink's guide asks."""
+LINK = 1
+"""A stream of its own: an autopilot whose stamps are ahead of the clock would take the ground's for replayed ones."""
 PRESENT_S, TURN_S = 5.0, 0.05
 """How long the autopilot's first packet is awaited, and how long one read of the line takes."""
 _SETUP_SIGNING = layout("SETUP_SIGNING", 3 + KEY_BYTES)
@@ -53,7 +55,7 @@ def send_key(own: Path, line: str) -> ProbeOutcome:
     except ValueError as error:
         raise ConfigError([f"--serial: {line} is not DEV:BAUD"]) from error
     with serial.Serial(device, baud, timeout=TURN_S, write_timeout=1.0, exclusive=True) as port:
-        probe = SigningProbe(sysids[0], SigningChannel(key, stamp_clock, sysids[0].__eq__))
+        probe = SigningProbe(sysids[0], SigningChannel(key, stamp_clock, sysids[0].__eq__, LINK))
         _await_autopilot(port, probe, line)
         _send(port, sysids[0], key, _installed(own, stamp_clock, sysids[0]))
         for signed in ASKS:
@@ -86,7 +88,7 @@ def _installed(own: Path, stamp_clock: StampClock, sysid: int) -> SigningChannel
     """The autopilot's own key as it is by now; None where it has none."""
     if not (own / INSTALLED).exists():
         return None
-    return SigningChannel(read_mavlink_key(own / INSTALLED), stamp_clock, sysid.__eq__)
+    return SigningChannel(read_mavlink_key(own / INSTALLED), stamp_clock, sysid.__eq__, LINK)
 
 
 def _read(port: serial.Serial, probe: SigningProbe, for_s: float, enough: Callable[[], bool]) -> None:

@@ -54,6 +54,24 @@ def pack(
 
 
 @app.command()
+def token(
+    who: Who,
+    lab: Lab = LAB,
+    out: Annotated[Path | None, typer.Option(help="The file; NAME.token if not given.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Write the token by which an operator logs in on the page from another computer; an older one is void."""
+    from wire.security.private_keys import write_private
+
+    path = out or Path(f"{who}.token")
+    try:
+        write_private(path, f"{_folder(lab).page_token(who, _now())}\n".encode())
+    except (ConfigError, OSError) as error:
+        _fail(error)
+    _print(as_json, {"file": str(path)}, f"{path}: carry it to {who}, and delete it once it is in a password manager")
+
+
+@app.command()
 def install(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="What `gcs keys pack` wrote.")],
     keys: Annotated[Path, typer.Option(help="Folder to install into.")] = Path("keys"),

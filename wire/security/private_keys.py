@@ -11,6 +11,7 @@ keys/            0700   made by `gcs keys new`, beside the lab file; a drone's o
     autopilot.key       likewise, between a bridge and its autopilot
     autopilot-installed.key   likewise, what the autopilot has been given and has proved to have
     access.json         who may do what on the bus, as every process enforces it
+    tokens              of the page: SHA-256 of each operator's token
     stamp               newest stamp of signed packets, see StampFile
 """
 
@@ -30,7 +31,7 @@ AUTHORITY, CERTIFICATE, PRIVATE, NAME = "ca.pem", "certificate.pem", "private.pe
 ACCESS, AUTOPILOT, STAMP = "access.json", "autopilot.key", "stamp"
 INSTALLED = "autopilot-installed.key"
 REVOKED_NAMES = "revoked-names"
-HUB = "loopback"
+HUB, TOKENS = "loopback", "tokens"
 OPERATIONS, OPERATIONS_SHOWN = "operations.log", 100
 KEY_BYTES = 32
 """Of MAVLink signing."""

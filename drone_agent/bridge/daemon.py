@@ -2,7 +2,6 @@
 
 import asyncio
 import sys
-from dataclasses import replace
 from math import inf
 
 from drone_agent.bridge import estimate
@@ -12,7 +11,6 @@ from drone_agent.flight import position
 from drone_agent.link.awaited import awaited_bus, awaited_pose
 from drone_agent.link.ground_link import open_ground_link
 from drone_agent.timer import DeadlineTimer
-from formation.exposure import is_local_link
 from formation.messages import Datagram, LabFrame
 from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
@@ -136,10 +134,10 @@ def imu_rate_limit_hz(autopilot: str) -> float:
 
 async def _open_autopilot(text: str, sysid: int, pump: _Pump, protection: Protection) -> Link:
     kind = text.partition(":")[0]
-    inner = replace(protection, signing=None if is_local_link(text) else protection.autopilot)
+    inner = protection.towards_autopilot(text)
     try:
         if kind == "serial":
-            return await open_serial(text, sysid, pump.from_autopilot)
+            return await open_serial(text, sysid, pump.from_autopilot, inner.channel(sysid))
         if kind in ("udp", "udpin", "udpout"):
             return await open_udp_direct(text, sysid, pump.from_autopilot, pump.rejections, inner)
     except ValueError as error:

@@ -92,18 +92,32 @@ def page(
     port: Annotated[
         int | None, typer.Option(min=1, max=65535, help="On loopback, 127.0.0.1; without it 8470 or the next free one.")
     ] = None,
+    public: Annotated[
+        str,
+        typer.Option(metavar="URL", help="Serve other machines, too, with a login, behind a proxy at https://HOST."),
+    ] = "",
+    public_port: Annotated[
+        int, typer.Option(min=1, max=65535, help="With --public: the port on loopback that the proxy forwards to.")
+    ] = 8480,
     as_json: Json = False,
     speed: Speed = 1.0,
     insecure: Insecure = False,
 ) -> None:
     """Serve the operator's page on loopback: the room, every drone, alarms, every command, STOP by the space bar."""
+    from gcs.page.door import is_public
+    from gcs.page.shell import Public
     from gcs.page.shell import serve as serve_page
     from wire.security.protection import lab_protection
 
+    config = configuration(lab)
+    if public and not is_public(public):
+        fail(f"--public: {public!r} is not https://HOST or https://HOST:PORT", NOT_RIGHT)
+    if public and config.security is None:
+        fail(f"{lab}: --public needs [security]: its operators are those who log in", NOT_RIGHT)
     try:
-        config = configuration(lab)
         protection = lab_protection(config.security, lab, PAGE, insecure=insecure)
-        serve_page(config, name, port, clock.Clock(speed), as_json, protection)
+        door = Public(public, public_port) if public else None
+        serve_page(config, name, port, clock.Clock(speed), as_json, protection, door)
     except ConfigError as error:
         fail(str(error), NOT_RIGHT)
     except OSError as error:

@@ -12,6 +12,7 @@ from wire.process.console import NOT_RIGHT, REJECTED, Json, LabFile, configurati
 
 if TYPE_CHECKING:
     from gcs.security.key_folder import KeyFolder
+    from gcs.security.signing_probe import ProbeOutcome
 
 app = typer.Typer(
     no_args_is_help=True, rich_markup_mode=None,
@@ -53,6 +54,24 @@ def pack(
 
 
 @app.command()
+def token(
+    who: Who,
+    lab: Lab = LAB,
+    out: Annotated[Path | None, typer.Option(help="The file; NAME.token if not given.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Write the token by which an operator logs in on the page from another computer; an older one is void."""
+    from wire.security.private_keys import write_private
+
+    path = out or Path(f"{who}.token")
+    try:
+        write_private(path, f"{_folder(lab).page_token(who, _now())}\n".encode())
+    except (ConfigError, OSError) as error:
+        _fail(error)
+    _print(as_json, {"file": str(path)}, f"{path}: carry it to {who}, and delete it once it is in a password manager")
+
+
+@app.command()
 def install(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="What `gcs keys pack` wrote.")],
     keys: Annotated[Path, typer.Option(help="Folder to install into.")] = Path("keys"),
@@ -66,6 +85,7 @@ def install(
     from formation.identities import drone_identity
     from gcs.security.bundle import bundle_identity, install_bundle
 
+    outcome = None
     try:
         identity = bundle_identity(file)
         if sysid is not None and identity != drone_identity(sysid):
@@ -74,10 +94,29 @@ def install(
         if serial is not None:
             from gcs.security.autopilot_key import send_key
 
-            send_key(keys / identity, serial)
+            outcome = send_key(keys / identity, serial)
     except (ConfigError, OSError) as error:
         _fail(error)
-    _print(as_json, {"identity": identity, "keys": str(keys)}, f"keys of {identity} in {keys}: delete {file}")
+    values: dict[str, object] = {"identity": identity, "keys": str(keys)}
+    text = f"keys of {identity} in {keys}: delete {file}"
+    if outcome is not None:
+        values |= {"autopilot_has_key": outcome.has_key, "demands_signatures": outcome.demands_signatures}
+        text += f"\n{_proof(outcome)}"
+    _print(as_json, values, text)
+    if outcome is not None and not outcome.has_key:
+        raise typer.Exit(REJECTED)
+
+
+def _proof(outcome: "ProbeOutcome") -> str:
+    """What the autopilot did after it was given its key."""
+    if outcome.demands_signatures:
+        return "the autopilot has its key: it obeys what is signed, and nothing that is not"
+    if outcome.has_key:
+        return (
+            "the autopilot has its key, and obeys unsigned commands on this line all the same, as ArduPilot does on "
+            "its first serial port (USB): ask `gcs doctor` about a link over a network"
+        )
+    return "the autopilot did NOT take its key: it answers nothing that the key has signed. Is it disarmed?"
 
 
 @app.command("list")

@@ -23,18 +23,24 @@ from gcs.doctor.mavsdk_drone import (
 )
 from gcs.doctor.mocap_checks import Received, check_mocap
 from gcs.doctor.restart_record import Unmet
+from gcs.doctor.signing_checks import check_signing
 from gcs.drones.checks import restart_text
 from gcs.drones.link_state import DroneLink
 from gcs.drones.links import GroundLinks, open_links
 from gcs.drones.telemetry import ground_heartbeat
 from gcs.finding import Finding, Fix
+from gcs.security.signing_probe import ASK_S, ASKS, SigningProbe
 from mocap.autopilot_poses import AutopilotPoses, streams
 from mocap.service import mocap_service
 from wire import clock
 from wire.mavlink.framing import packed
 from wire.process.lifetime import EventSink
+from wire.rejections import RejectionLog
+from wire.security.bus_access import BusAccess
 from wire.security.protection import LOOPBACK_ONLY, Protection
+from wire.transport.link import Deliver, Link
 from wire.transport.mocap_bus import MocapBus
+from wire.transport.udp_bus import open_udp_direct, open_udp_ground
 from wire.transport.zenoh_bus import ZenohBus
 
 SNAPSHOT_NS = 300_000_000
@@ -69,6 +75,8 @@ class Survey:
         }
         self._ports: dict[int, MavsdkPort] = {}
         self._beat_ns = 0
+        self.signing: tuple[Finding, ...] = ()
+        """Which drones demand signatures, as it was found before the links were opened."""
 
     def receive_frame(self, frame: LabFrame) -> None:
         """Receive a frame; a frame of other bodies is another lab's and is ignored."""
@@ -223,6 +231,7 @@ async def surveying(
     survey = Survey(config)
     tasks: list[asyncio.Task[None]] = []
     try:
+        survey.signing = await probe_signing(config, protection)
         survey.links = await open_links(config, bus, survey.receive_datagram)
         tasks = [asyncio.create_task(survey.pump()), asyncio.create_task(protection.attend(report))]
         mocap = MocapBus(bus)
@@ -248,4 +257,42 @@ async def examine(config: LabConfig, listen_s: float, prompt: Prompt | None, sur
     if prompt is not None:
         findings += check_axes(config, await survey.have_moved(prompt))
     findings += await survey.check_drones()
-    return tuple(findings)
+    return (*findings, *survey.signing)
+
+
+async def probe_signing(config: LabConfig, protection: Protection) -> tuple[Finding, ...]:
+    """Send every drone on UDP that has a key signed and unsigned commands. Raises what opening the links raises.
+
+    The links are the ground's own, ports too, without its signatures: an autopilot answers who spoke to it first.
+    """
+    probed = []
+    for vehicle in config.vehicles:
+        sysid, link = vehicle.sysid, vehicle.link
+        channel = None if sysid is None else protection.channel(sysid)
+        if sysid is not None and channel is not None and (link is not None or config.link.kind == "udp"):
+            probed.append((vehicle.body, link, SigningProbe(sysid, channel)))
+    await asyncio.gather(*(_probe(config, probe, link) for _, link, probe in probed))
+    found = (check_signing(name, probe.outcome, is_bridged=link is None) for name, link, probe in probed)
+    return tuple(finding for findings in found for finding in findings)
+
+
+async def _probe(config: LabConfig, probe: SigningProbe, link: str | None) -> None:
+    """Every command of a probe, and its answers."""
+    opened = await _open_unsigned(
+        config, probe.sysid, link, lambda datagram: probe.receive(datagram.data, clock.unix_us())
+    )  # fmt: skip
+    try:
+        for signed in ASKS:
+            now_us = clock.unix_us()
+            opened.send(Datagram(probe.sysid, probe.beat(now_us, signed=True) + probe.ask(now_us, signed=signed)))
+            await asyncio.sleep(ASK_S)
+    finally:
+        opened.close()
+
+
+async def _open_unsigned(config: LabConfig, sysid: int, link: str | None, deliver: Deliver) -> Link:
+    """The ground's end of a drone's link, open to unsigned packets: they are counted here, and obeyed by nobody."""
+    unsigned, rejections = Protection(BusAccess(insecure=True)), RejectionLog()
+    if link is not None:
+        return await open_udp_direct(link, sysid, deliver, rejections, unsigned)
+    return await open_udp_ground(config.link, (sysid,), deliver, rejections, unsigned)

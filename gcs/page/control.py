@@ -15,11 +15,11 @@ class Control:
     """The text for the viewers about the last handover."""
     viewers: list[str] = field(default_factory=list)
 
-    def come(self, viewer: str) -> None:
-        """A viewer has opened the page."""
+    def come(self, viewer: str, *, may_command: bool = True) -> None:
+        """A viewer has opened the page; may_command: whether its role allows more than a stop."""
         if viewer not in self.viewers:
             self.viewers.append(viewer)
-        if self.holder is None:
+        if self.holder is None and may_command:
             self.holder = viewer
 
     def leave(self, viewer: str) -> None:

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from datetime import datetime
 from html import escape
 
-from formation.messages import Severity
+from formation.messages import Severity, Verb
+from formation.security_config import MAY_ASK, Role
 from gcs.page.show import LABELS, Show, Step
 from gcs.page.table import ABOUT, COLUMNS, UNITS, Cell, Level, worst
 from gcs.state.alarms import Alarm
@@ -98,6 +99,13 @@ def _span(cell: Cell) -> str:
 def plain(text: str) -> str:
     """Words as they are."""
     return escape(text)
+
+
+def visitor(name: str, role: Role) -> str:
+    """Who is logged in, what that role may do, and the way out."""
+    may = ", ".join(verb.command_name for verb in Verb if verb in MAY_ASK[role] and verb is not Verb.STATUS)
+    may = "everything" if role is Role.OPERATOR else f"only {may}"
+    return f'{escape(name)}, {role}: may ask for {may}. <a href="/logout">Log out</a>'
 
 
 def stopped(shown: Show) -> str:

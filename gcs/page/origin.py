@@ -21,10 +21,13 @@ OnReject = Callable[[str, str], None]
 GUARDS = (
     (b"x-frame-options", b"DENY"),
     (b"x-content-type-options", b"nosniff"),
-    (b"referrer-policy", b"no-referrer"),
+    (b"referrer-policy", b"same-origin"),  # by `no-referrer` a browser hides the origin of a form, too
 )
 _INLINE = re.compile(rb"<script(?![^>]*\bsrc=)[^>]*>(.*?)</script>", re.DOTALL)
 CRLF, LF = b"\r\n", b"\n"  # as a browser reads a document
+VISITOR = "formation.visitor"
+"""In the scope of a request that came by the door for other machines (`gcs.page.door`), which has checked it: who it is
+of. No client can write it."""
 OUR_NAMES = ("127.0.0.1", "localhost", "::1")
 
 
@@ -40,8 +43,8 @@ class OwnPagesOnly:
             await self._app(scope, receive, send)
             return
         send = _guarded(send)
-        host, origin = _header(scope, b"host") or "", _header(scope, b"origin")
-        against = reject_reason(host, origin)
+        host, origin = header(scope, b"host") or "", header(scope, b"origin")
+        against = reject_reason(host, origin) if VISITOR not in scope else ""
         if not against:
             await self._app(scope, receive, send)
             return
@@ -121,7 +124,7 @@ def _name(url: str) -> str:
         return ""
 
 
-def _header(scope: Scope, name: bytes) -> str | None:
+def header(scope: Scope, name: bytes) -> str | None:
     """The value of a header, of one that comes twice both, which then is none of ours; None where there is none."""
     found = [value.decode("latin-1") for key, value in scope["headers"] if key.lower() == name]
     return " ".join(found) if found else None

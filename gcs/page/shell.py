@@ -8,19 +8,26 @@ import asyncio
 import json
 import socket
 import sys
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import uvicorn
 from nicegui import Client, app, background_tasks, ui
 
 from formation.config import LabConfig
 from formation.messages import OperatorReply, OperatorRequest, Verb
+from gcs.page.door import Door
 from gcs.page.model import Model
-from gcs.page.origin import OwnPagesOnly
+from gcs.page.origin import VISITOR, OwnPagesOnly
 from gcs.page.viewer import Viewer
+from gcs.security.page_logins import Logins, Visitor
+from gcs.security.page_tokens import read_tokens
+from gcs.security.roles import visitor_source
 from wire.clock import Clock, unix_us
+from wire.errors import ConfigError
 from wire.plain_text import plain
 from wire.process.awaited import GROUND_REMEDY, Awaited, report_missing
 from wire.process.own_name import own_name
@@ -56,6 +63,9 @@ class Page:
         self._reject_log = RejectionLog()
         self._count = 0
         self._drawn_ns = 0
+        identity, security = protection.bus.identity, config.security
+        operators = {} if security is None else security.operators
+        self.logins = Logins(operators, lambda: {} if identity is None else read_tokens(identity))
 
     @asynccontextmanager
     async def subscribed(self) -> AsyncIterator[None]:
@@ -69,9 +79,12 @@ class Page:
         finally:
             await bus.close()
 
-    async def ask(self, verb: Verb, argument: str) -> OperatorReply:
-        """The ground's answer; that there is none is one of refusal."""
-        request = OperatorRequest(unix_us(), verb, argument, f"page of {own_name()}")
+    async def ask(self, verb: Verb, argument: str, visitor: Visitor | None = None) -> OperatorReply:
+        """The ground's answer; that there is none is one of refusal. visitor: on another machine, who asks."""
+        if visitor is not None and not self._is_logged_in(visitor):
+            return OperatorReply(unix_us(), False, "you are not logged in any more: load the page again")
+        source = f"page of {own_name()}" if visitor is None else visitor_source(visitor.name, visitor.address)
+        request = OperatorRequest(unix_us(), verb, argument, source)
         wait_s = (ARMING_S if verb is Verb.ARM else ANSWER_S) / self._clock.speed
         if self._bus is None:
             return OperatorReply(request.id, False, "not on the bus yet")
@@ -84,7 +97,8 @@ class Page:
         """Somebody asks for the page; who only fetches it is no viewer yet."""
         ui.add_css(self._style)
         ui.add_body_html(self._script)
-        viewer = Viewer(self.model, self.ask)
+        visitor = None if client.request is None else client.request.scope.get(VISITOR)
+        viewer = Viewer(self.model, self.ask, visitor)
         self._fetched = [each for each in self._fetched if not each.has_socket_connection and not each.is_deleted]
         self._fetched.append(client)
         while len(self._fetched) > FETCHED_MOST:
@@ -105,7 +119,8 @@ class Page:
         self._drawn_ns = now_ns = self._clock.monotonic_ns()
         shown = self.model.show(now_ns, unix_us() * 1e-6)
         for viewer in tuple(self._viewers.values()):
-            viewer.update(shown)
+            if viewer.visitor is None or self._is_logged_in(viewer.visitor):
+                viewer.update(shown)
 
     async def report_awaited(self) -> None:
         """Say on the terminal, too, that no ground is heard, and when one is."""
@@ -122,9 +137,17 @@ class Page:
     def _come(self, viewer: Viewer) -> None:
         if not viewer.name:
             self._count += 1
-            viewer.name = f"viewer {self._count}"
+            viewer.name = f"viewer {self._count}" if viewer.visitor is None else f"{viewer.visitor.name} {self._count}"
         self._viewers[viewer.name] = viewer
-        self.model.control.come(viewer.name)
+        self.model.control.come(viewer.name, may_command=viewer.may_command)
+
+    def _is_logged_in(self, visitor: Visitor) -> bool:
+        """Whether the operator's session goes on: its token may be void by now."""
+        try:
+            found = self.logins.visitor(visitor.session, visitor.address, self._clock.monotonic_ns())
+        except ConfigError:
+            return False
+        return found is not None
 
     def _leave(self, viewer: Viewer) -> None:
         self._viewers.pop(viewer.name, None)
@@ -157,6 +180,42 @@ def free_port(wanted: int | None) -> int:
     raise OSError(f"port {PORT if wanted is None else wanted} of {LOOPBACK} is taken: --port for another")
 
 
+@dataclass(frozen=True, slots=True)
+class Public:
+    """Where other machines reach the page: a reverse proxy's address, https://HOST:PORT, and the port that it forwards
+    to, on loopback."""
+
+    address: str
+    port: int
+
+
+class _DoorServer(uvicorn.Server):
+    """A second server of the process; its signals are the first one's."""
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """None of them."""
+        yield
+
+
+def _door(page: Page, public: Public, clock: Clock) -> _DoorServer:
+    """The server for other machines; OSError where its port is taken. The address of who asks is the proxy's word."""
+    app_for_others = Door(app, public.address, page.logins, clock.monotonic_ns, page.reject)
+    return _DoorServer(
+        uvicorn.Config(
+            app_for_others,
+            host=LOOPBACK,
+            port=free_port(public.port),
+            lifespan="off",
+            log_level="warning",
+            access_log=False,
+            proxy_headers=True,
+            forwarded_allow_ips=LOOPBACK,
+            server_header=False,
+        )
+    )
+
+
 def serve(
     config: LabConfig,
     ground: str,
@@ -164,25 +223,31 @@ def serve(
     clock: Clock,
     as_json: bool,
     protection: Protection = LOOPBACK_ONLY,
+    public: Public | None = None,
 ) -> None:
     """Serve the page on loopback until SIGINT or SIGTERM, at that port or at a free one. OSError if it is taken,
     or a bus on another machine is not authenticated.
 
-    as_json: print where it is as JSON, too.
+    as_json: print where it is as JSON, too. public: serve it to other machines, too, with a login.
     """
     joined = config.link.joined
     protection.bus.demand((*joined.zenoh_listen, *joined.zenoh_connect))  # here, where it ends the program in a line
     port = free_port(wanted_port)
     page = Page(config, ground, clock, protection)
     on_bus = page.subscribed()
+    door = None if public is None else _door(page, public, clock)
 
     async def begin() -> None:
         await on_bus.__aenter__()
+        if door is not None:
+            background_tasks.create(door.serve(), name="door")
         background_tasks.create(page.watch(), name="watch")
         background_tasks.create(page.report_awaited(), name="awaited")
         background_tasks.create(protection.attend(lambda e: page.reject(e.source, e.text)), name="keys")
 
     async def end() -> None:
+        if door is not None:
+            door.should_exit = True
         await on_bus.__aexit__(None, None, None)
 
     app.add_middleware(OwnPagesOnly, on_reject=page.reject)
@@ -193,6 +258,8 @@ def serve(
     print(
         f"page: from a tablet or another computer: {forward}, then the same address there", file=sys.stderr, flush=True
     )
+    if public is not None:
+        print(f"page: from other machines, with a login: {public.address}", file=sys.stderr, flush=True)
     if as_json:
         print(json.dumps({"url": f"http://{LOOPBACK}:{port}", "forward": forward}), flush=True)
     ui.run(

@@ -12,14 +12,16 @@ from formation.config import CONFIGURED
 from formation.guidance.shape import known
 from formation.guidance.shape_request import ShapeRequest
 from formation.messages import OperatorReply, Verb
+from formation.security_config import MAY_ASK, Role
 from gcs.page import drawing, html
 from gcs.page.alarms import severities
 from gcs.page.camera import Stand, above, perspective
 from gcs.page.foresee import Foreseen
 from gcs.page.model import Model
 from gcs.page.show import LABELS, VERBS, Show
+from gcs.security.page_logins import Visitor
 
-Ask = Callable[[Verb, str], Awaitable[OperatorReply]]
+Ask = Callable[[Verb, str, Visitor | None], Awaitable[OperatorReply]]
 
 WIDE, HIGH = 640.0, 540.0
 MANY = 8
@@ -32,8 +34,9 @@ class Viewer:
     A stop is everybody's, whoever has the control.
     """
 
-    def __init__(self, model: Model, ask: Ask) -> None:
-        self.name = ""
+    def __init__(self, model: Model, ask: Ask, visitor: Visitor | None = None) -> None:
+        """visitor: who it is, where it came by the door for other machines."""
+        self.name, self.visitor = "", visitor
         self._model, self._ask = model, ask
         self._stand, self._beats = Stand(), 0
         self._previewing: Form | None = None
@@ -70,6 +73,8 @@ class Viewer:
             ui.html("STOP<small>space bar &middot; cuts every motor now</small>", sanitize=False)
         stop.on("pointerdown", lambda: self.ask(Verb.STOP)).on("keydown.enter", lambda: self.ask(Verb.STOP))
         self._stopped = ui.html(sanitize=False).classes("stopped")
+        if self.visitor is not None:
+            ui.html(html.visitor(self.visitor.name, self.visitor.role), sanitize=False).classes("notice visitor")
         self._control_status = ui.html(sanitize=False).classes("notice")
         with ui.element("div").classes("take") as self._take_control:
             ui.button("Take the control over", on_click=self._take_over, color=None).props("unelevated no-caps")
@@ -130,6 +135,15 @@ class Viewer:
             f"unelevated no-caps id=do-{verb}"
         )
 
+    def may(self, verb: Verb) -> bool:
+        """Whether its role may ask for it."""
+        return self.visitor is None or verb in MAY_ASK[self.visitor.role]
+
+    @property
+    def may_command(self) -> bool:
+        """Whether its role may ask for more than every role."""
+        return self.visitor is None or self.visitor.role is not Role.VIEWER
+
     @property
     def commands(self) -> bool:
         """Whether this viewer has the control."""
@@ -137,10 +151,10 @@ class Viewer:
 
     async def ask(self, verb: Verb, argument: str = "") -> None:
         """Ask the ground, and show its answer; from a viewer that only looks on, nothing but a stop."""
-        if verb is not Verb.STOP and not self.commands:
-            return
+        if self.may(verb) and verb is not Verb.STOP and not self.commands:
+            return  # what its role forbids the ground refuses, and records
         self._show_answer(f"{verb} ...", True)
-        reply = await self._ask(verb, argument)
+        reply = await self._ask(verb, argument, self.visitor)
         self._show_answer(
             f"{verb}: {reply.text}" if reply.accepted else f"{verb} refused: {reply.text}", reply.accepted
         )
@@ -155,15 +169,15 @@ class Viewer:
         self._against.content = html.steps(shown, self.commands)
         self._stopped.content = html.stopped(shown)
         self._control_status.content = html.plain(model.control.status_text(self.name))
-        self._take_control.set_visibility(not self.commands)
+        self._take_control.set_visibility(self.may_command and not self.commands)
         allowed = {step.verb: step.allowed for step in shown.steps}
         for form in self._forms:
             against = form is self._previewing and self._foreseen is not None and self._foreseen.against
             may = form.verb is Verb.SHAPE or model.may_choose
-            form.button.set_enabled(self.commands and not shown.lost and may and not against)
+            form.button.set_enabled(self.commands and self.may(form.verb) and not shown.lost and may and not against)
         self._buttons["reset"].set_visibility(shown.phase == "STOPPED")
         for verb, button in self._buttons.items():
-            button.set_enabled(self.commands and allowed.get(verb, False) and not shown.lost)
+            button.set_enabled(self.commands and self.may(Verb(verb)) and allowed.get(verb, False) and not shown.lost)
         open_ = model.alarms.open
         self._alarms.content = html.alarms(open_, model.alarms.latest)
         self._alarm_count.text = severities(open_) or "no alarms"
@@ -187,6 +201,8 @@ class Viewer:
         self._answer.content = html.plain(text)
 
     def _take_over(self) -> None:
+        if not self.may_command:
+            return
         self._model.control.take_control(self.name)
 
     async def _acknowledge(self) -> None:

@@ -12,10 +12,11 @@ from pathlib import Path
 
 from formation.config import LabConfig
 from formation.exposure import endpoint_host
-from formation.identities import GROUND, OWN_IDENTITIES, drone_identity, numbered
+from formation.identities import GROUND, OWN_IDENTITIES, PAGE, drone_identity, numbered
 from formation.security_config import SecurityConfig
 from gcs.security.access_rules import access_control, identities
 from gcs.security.certificates import Issued, common_name, expiry, hosts_in, new_authority, new_identity
+from gcs.security.page_tokens import drop_token, new_token
 from wire.errors import ConfigError
 from wire.private_files import make_folder
 from wire.process.own_name import own_name
@@ -98,9 +99,22 @@ class KeyFolder:
         write_private(self.path / REVOKED_NAMES, "\n".join(sorted(read_revoked(self.path) | own)).encode())
         for key in self._mavlink_keys(identity):
             key.unlink(missing_ok=True)
+        drop_token(self.path / PAGE, identity)
         self._write_rules()
         self._note(now, f"revoke {name}")
         return name
+
+    def page_token(self, operator: str, now: datetime) -> str:
+        """A new token by which an operator logs in on the page from another machine; an older one is void."""
+        if operator not in self._security.operators:
+            known = ", ".join(self._security.operators) or "none"
+            raise ConfigError([f"no operator {operator!r} in [security] operators; known: {known}"])
+        if (self.path / operator / REVOKED).exists():
+            raise ConfigError([f"{operator}: revoked: `gcs keys rotate` makes new keys"])
+        demand_private_tree(self.path / PAGE)
+        token = new_token(self.path / PAGE, operator)
+        self._note(now, f"token {operator}")
+        return token
 
     def files(self, identity: str, now: datetime) -> dict[str, str]:
         """What another computer needs to be this identity: the texts of its files, by their names."""

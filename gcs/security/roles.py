@@ -1,9 +1,10 @@
 """Who may ask the ground for what, in a lab with keys."""
 
+import re
 from collections.abc import Callable
 
 from formation.config import LabConfig
-from formation.identities import identity_in
+from formation.identities import PAGE, identity_in
 from formation.requests import OperatorReply, OperatorRequest
 from formation.security_config import MAY_ASK
 from wire.rejections import RejectionLog
@@ -11,6 +12,18 @@ from wire.security.protection import Names
 from wire.transport.zenoh_bus import Handler, Reply
 
 BEYOND_ROLE = "request that its role may not make"
+_VISITOR = re.compile(r"\((\S+) at \S+\)$")
+
+
+def visitor_source(name: str, address: str) -> str:
+    """The source of a request that the page makes for an operator on another machine."""
+    return f"{name} at {address}"
+
+
+def visitor(request: OperatorRequest) -> str:
+    """The operator on another machine for whom the page asks; empty where it asks for who sits before it."""
+    found = _VISITOR.search(request.source)
+    return found[1] if found is not None and identity_in(asker(request)) == PAGE else ""
 
 
 def asker(request: OperatorRequest) -> str:
@@ -25,9 +38,14 @@ def role_reject_reason(config: LabConfig, request: OperatorRequest) -> str:
     role = config.security.role_of(identity_in(asker(request)))
     if role is None:
         return f"{asker(request)} has no role: [security] operators names those who have"
+    name, behind = asker(request), visitor(request)
+    if behind and request.verb in MAY_ASK[role]:
+        name, role = behind, config.security.operators.get(behind)
+        if role is None:
+            return f"{name} has no role: [security] operators names those who have"
     if request.verb in MAY_ASK[role]:
         return ""
-    return f"the role {role} of {asker(request)} may not {request.verb.command_name}"
+    return f"the role {role} of {name} may not {request.verb.command_name}"
 
 
 def by_role(
@@ -45,7 +63,7 @@ def by_role(
         if not reason:
             handler(request, reply)
             return
-        rejections.note(asker(request), BEYOND_ROLE, now_ns())
+        rejections.note(request.source if visitor(request) else asker(request), BEYOND_ROLE, now_ns())
         reply(OperatorReply(request.id, False, reason))
 
     return handle

@@ -9,7 +9,9 @@ keys/            0700   made by `gcs keys new`, beside the lab file; a drone's o
     ca.pem, certificate.pem, private.pem, name           on the bus: the name is the certificate's
     mavlink-SYSID.key   64 hexadecimal digits: MAVLink signing of that drone; the ground has every drone's
     autopilot.key       likewise, between a bridge and its autopilot
+    autopilot-installed.key   likewise, what the autopilot has been given and has proved to have
     access.json         who may do what on the bus, as every process enforces it
+    tokens              of the page: SHA-256 of each operator's token
     stamp               newest stamp of signed packets, see StampFile
 """
 
@@ -27,8 +29,9 @@ from wire.small_files import read_text
 
 AUTHORITY, CERTIFICATE, PRIVATE, NAME = "ca.pem", "certificate.pem", "private.pem", "name"
 ACCESS, AUTOPILOT, STAMP = "access.json", "autopilot.key", "stamp"
+INSTALLED = "autopilot-installed.key"
 REVOKED_NAMES = "revoked-names"
-HUB = "loopback"
+HUB, TOKENS = "loopback", "tokens"
 OPERATIONS, OPERATIONS_SHOWN = "operations.log", 100
 KEY_BYTES = 32
 """Of MAVLink signing."""

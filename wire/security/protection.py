@@ -5,10 +5,10 @@ A link that another machine reaches opens only with keys: it is asked here where
 
 import asyncio
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from formation.exposure import is_loopback
+from formation.exposure import is_local_link, is_loopback
 from formation.identities import GROUND
 from formation.messages import Event, Severity
 from formation.security_config import SecurityConfig
@@ -19,6 +19,7 @@ from wire.security.bus_access import LOCAL, BusAccess, ExposedError, access_with
 from wire.security.private_keys import (
     ACCESS,
     AUTOPILOT,
+    INSTALLED,
     REVOKED_NAMES,
     STAMP,
     StampFile,
@@ -90,13 +91,14 @@ class Names:
 class Protection:
     """How a process may open links: its access to the bus, the signing of its drones' MAVLink.
 
-    autopilot: of a bridge, the signing between it and an autopilot that is reached by a network. names: of the
-    certificates that are not revoked.
+    autopilot: of a bridge, the signing between it and its autopilot. autopilot_has_key: whether the autopilot was given
+    that key. names: of the certificates that are not revoked.
     """
 
     bus: BusAccess = LOCAL
     signing: Signing | None = None
     autopilot: Signing | None = None
+    autopilot_has_key: bool = False
     names: "Names | None" = None
 
     @property
@@ -133,6 +135,11 @@ class Protection:
         if not (self.channel(sysid) is not None or self.bus.insecure or is_loopback(host)):
             raise ExposedError(what, host)
 
+    def towards_autopilot(self, link: str) -> "Protection":
+        """What protects a bridge's link to its autopilot: a key where it has one, and always over a network."""
+        signed = self.autopilot_has_key or not is_local_link(link)
+        return replace(self, signing=self.autopilot if signed else None)
+
     def channel(self, sysid: int) -> SigningChannel | None:
         """The signing of a drone's link; None where it is not signed."""
         return None if self.signing is None else self.signing.channel(sysid)
@@ -150,11 +157,12 @@ def protection_of(keys: Path, identity: str) -> Protection:
     stamps = StampFile(own / STAMP)
     stamp_clock = StampClock(stamps.read())
     signing = Signing(mavlink_keys, stamp_clock, stamps, identity == GROUND)
-    inner = own / AUTOPILOT
+    has_key = (own / INSTALLED).is_file()
+    inner = own / (INSTALLED if has_key else AUTOPILOT)
     autopilot = None
     if inner.is_file() and len(signing.keys) == 1:
         autopilot = Signing({sysid: read_mavlink_key(inner) for sysid in signing.keys}, stamp_clock, stamps, True)
-    return Protection(access, signing, autopilot, Names(own))
+    return Protection(access, signing, autopilot, has_key, Names(own))
 
 
 def lab_protection(

@@ -5,16 +5,24 @@ import asyncio
 import serial
 
 from formation.messages import Datagram
+from wire import clock
+from wire.mavlink.signing import SigningChannel
 from wire.transport.link import Deliver, LinkCounters
 
 _READ = 4096
 
 
 class SerialLink:
-    """The line of the drone `sysid`; what is read is a stream, cut anywhere."""
+    """The line of the drone `sysid`; what is read is a stream, cut anywhere.
 
-    def __init__(self, device: str, baud: int, sysid: int, deliver: Deliver) -> None:
+    `channel`: signs what is sent, for an autopilot that demands it. What is read is not verified: a cable leads there.
+    """
+
+    def __init__(
+        self, device: str, baud: int, sysid: int, deliver: Deliver, channel: SigningChannel | None = None
+    ) -> None:
         """Open the line (OSError)."""
+        self._channel = channel
         self.counters = LinkCounters()
         self._sysid = sysid
         self._deliver = deliver
@@ -24,8 +32,9 @@ class SerialLink:
 
     def send(self, datagram: Datagram) -> None:
         """Hand bytes to the line; what does not fit its buffer is lost and counted."""
+        data = datagram.data if self._channel is None else self._channel.sign(datagram.data, clock.unix_us())
         try:
-            self._port.write(datagram.data)
+            self._port.write(data)
             self.counters.sent += 1
         except (serial.SerialTimeoutException, BlockingIOError):
             self.counters.dropped += 1
@@ -51,6 +60,6 @@ def device_and_baud(line: str) -> tuple[str, int]:
     return device, int(baud)
 
 
-async def open_serial(line: str, sysid: int, deliver: Deliver) -> SerialLink:
+async def open_serial(line: str, sysid: int, deliver: Deliver, channel: SigningChannel | None = None) -> SerialLink:
     """The line "serial:DEV:BAUD". OSError where it cannot be opened; ValueError for text that is no line."""
-    return SerialLink(*device_and_baud(line), sysid, deliver)
+    return SerialLink(*device_and_baud(line), sysid, deliver, channel)

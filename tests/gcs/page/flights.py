@@ -22,11 +22,13 @@ T = TypeVar("T")
 
 
 @contextmanager
-def page_server(lab: Path, speed: float, patience_s: float = 120.0) -> Iterator[tuple[str, "subprocess.Popen[bytes]"]]:
+def page_server(
+    lab: Path, speed: float, *options: str, patience_s: float = 120.0
+) -> Iterator[tuple[str, "subprocess.Popen[bytes]"]]:
     """A page that answers: its address and its process."""
     port = free_port()
     url = f"http://127.0.0.1:{port}"
-    command = [sys.executable, "-m", "gcs", "page", str(lab), "--port", str(port), "--speed", str(speed)]
+    command = [sys.executable, "-m", "gcs", "page", str(lab), "--port", str(port), "--speed", str(speed), *options]
     env = {name: value for name, value in os.environ.items() if name != "PYTEST_CURRENT_TEST"}  # NiceGUI looks at it
     with (
         lab.with_name("page.log").open("wb") as log,

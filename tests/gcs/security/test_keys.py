@@ -1,8 +1,6 @@
 """Keys from new to revoked by the command line; openssl judges the certificates."""
 
 import json
-import os
-import pty
 import re
 import subprocess
 from datetime import timedelta
@@ -10,14 +8,15 @@ from pathlib import Path
 
 import pytest
 import tomli_w
-from pymavlink.dialects.v20 import ardupilotmega as oracle
 from typer.testing import CliRunner
 
 from formation.config import LabConfig
 from formation.requests import OperatorRequest, Verb
 from gcs.cli.app import app
+from gcs.security import autopilot_key
 from gcs.security.key_folder import KeyFolder
 from gcs.security.roles import role_reject_reason
+from tests.gcs.security.autopilot import Autopilot, on_a_line
 from tests.gcs.security.lab import LAB, NOW, keyed_lab
 from wire.errors import ConfigError
 from wire.security.protection import protection_of
@@ -184,19 +183,67 @@ def test_a_bundle_of_another_drone_is_refused(lab: Path) -> None:
     assert "open to others" in gcs("install", "drone-1.keys", code=2)
 
 
-def test_the_autopilot_is_given_its_key_over_a_serial_line(lab: Path) -> None:
-    """pymavlink reads what came over the line; behind a bridge it is the inner key, not the network's."""
+def install_over(line: str, code: int = 0) -> str:
+    """The output of an installation over a serial line."""
+    return gcs("install", "drone-2.keys", "--keys", "there", "--sysid", "2", "--serial", f"{line}:57600", code=code)
+
+
+def test_the_autopilot_is_given_its_key_over_a_serial_line_and_proves_it(lab: Path) -> None:
+    """pymavlink reads what comes over the line; behind a bridge it is the inner key, not the network's."""
     gcs("new", "lab.toml")
     gcs("pack", "drone-2")
-    master, slave = pty.openpty()
-    gcs("install", "drone-2.keys", "--keys", "there", "--sysid", "2", "--serial", f"{os.ttyname(slave)}:57600")
-    data = os.read(master, 4096)
-    os.close(master), os.close(slave)
-    messages = oracle.MAVLink(None).parse_buffer(data)
-    assert [m.get_type() for m in messages] == ["SETUP_SIGNING"] * 2
-    assert bytes(messages[0].secret_key).hex() == Path("there/drone-2/autopilot.key").read_text()
-    assert (messages[0].target_system, messages[0].target_component) == (2, 1)
-    assert messages[0].initial_timestamp > 0
+    autopilot = Autopilot(None)
+    with on_a_line(autopilot) as line:
+        said = install_over(line)
+    (first, *_) = autopilot.received
+    assert bytes(first.secret_key).hex() == Path("there/drone-2/autopilot.key").read_text()
+    assert (first.target_system, first.target_component) == (2, 1)
+    assert first.initial_timestamp > 0
+    assert "it obeys what is signed, and nothing that is not" in said
+    assert Path("there/drone-2/autopilot-installed.key").read_text() == Path("there/drone-2/autopilot.key").read_text()
+    assert protection_of(Path("there"), "drone-2").autopilot_has_key
+
+
+def test_an_autopilot_with_a_key_takes_the_next_one_from_a_packet_that_the_old_one_signs(lab: Path) -> None:
+    gcs("new", "lab.toml")
+    gcs("pack", "drone-2")
+    autopilot = Autopilot(None)
+    with on_a_line(autopilot) as line:
+        install_over(line)
+        gcs("rotate", "drone-2")
+        gcs("pack", "drone-2")
+        said = install_over(line)
+    assert "it obeys what is signed, and nothing that is not" in said
+    keys = {bytes(message.secret_key) for message in autopilot.received}
+    assert len(keys) == 2
+
+
+def test_a_line_that_the_autopilot_trusts_is_said_to_be_one(lab: Path) -> None:
+    gcs("new", "lab.toml")
+    gcs("pack", "drone-2")
+    with on_a_line(Autopilot(None, make=3, trusts=True)) as line:
+        assert "obeys unsigned commands on this line all the same" in install_over(line)
+
+
+def test_a_key_that_is_not_taken_is_no_success(lab: Path) -> None:
+    """As of an ArduPilot that is armed; the bridge then does not sign either."""
+    gcs("new", "lab.toml")
+    gcs("pack", "drone-2")
+    autopilot = Autopilot(None)
+    autopilot.takes_keys = False
+    with on_a_line(autopilot) as line:
+        assert "did NOT take its key" in install_over(line, code=1)
+    assert not protection_of(Path("there"), "drone-2").autopilot_has_key
+
+
+def test_no_key_is_sent_where_another_system_speaks_or_none(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(autopilot_key, "PRESENT_S", 0.2)
+    gcs("new", "lab.toml")
+    gcs("pack", "drone-2")
+    stranger = Autopilot(None, system=3)
+    with on_a_line(stranger) as line:
+        assert "no autopilot of system 2 speaks there; no key was sent" in install_over(line, code=1)
+    assert not stranger.received
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,11 @@ import tty
 import pytest
 
 from formation.messages import Datagram
+from tests.gcs.security.autopilot import Autopilot, on_a_line
+from wire.link_messages.address import GROUND, Address
+from wire.link_messages.commands import MavCommand, command_long
+from wire.mavlink.codec import Codec
+from wire.mavlink.signing import SigningChannel, StampClock
 from wire.transport.serial_link import open_serial
 
 
@@ -50,3 +55,26 @@ def test_text_that_is_no_line(text: str) -> None:
 def test_a_line_that_is_not_there() -> None:
     with pytest.raises(OSError, match="nowhere"):
         asyncio.run(open_serial("serial:/dev/nowhere:57600", 1, lambda datagram: None))
+
+
+def test_an_autopilot_that_demands_signatures_obeys_what_the_line_signs() -> None:
+    """pymavlink judges; what comes back passes as it came."""
+    key = bytes(range(32))
+
+    async def talk() -> None:
+        arrived: asyncio.Queue[Datagram] = asyncio.Queue()
+        with on_a_line(Autopilot(key)) as line:
+            for channel, answers in ((None, False), (SigningChannel(key, StampClock(), (2).__eq__), True)):
+                link = await open_serial(f"serial:{line}:57600", 2, arrived.put_nowait, channel)
+                try:
+                    command = command_long(Address(2, 1), MavCommand.REQUEST_MESSAGE, 148.0)
+                    link.send(Datagram(2, Codec(GROUND).encode(command)))
+                    if answers:
+                        assert (await asyncio.wait_for(arrived.get(), 5.0)).data[:1] == b"\xfd"
+                    else:
+                        with pytest.raises(TimeoutError):
+                            await asyncio.wait_for(arrived.get(), 0.3)
+                finally:
+                    link.close()
+
+    asyncio.run(talk())

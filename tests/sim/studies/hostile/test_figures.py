@@ -14,11 +14,11 @@ pytestmark = pytest.mark.processes
 
 
 def test_every_signed_setpoint_is_accepted_beside_hostile_datagrams(tmp_path: Path) -> None:
-    """A flood that a busy machine reads in time: what its kernel has to drop is nobody's."""
+    """However busy the machine: the peer's packets have a buffer of their own, which holds all of these."""
     links = LinkConfig(kind="udp", ground_port_base=free_port() - 1, drone_port_base=free_port() - 1)
-    arrivals = setpoints_beside(500.0, 100, keyed_lab(tmp_path, free_port()), links)
+    arrivals = setpoints_beside(1e5, 100, keyed_lab(tmp_path, free_port()), links)
     assert arrivals.accepted == 100
-    assert 50.0 < arrivals.hostile_hz < 600.0
+    assert arrivals.hostile_hz > 1000.0
 
 
 def test_the_cost_of_signing_is_that_of_packets_which_verify() -> None:

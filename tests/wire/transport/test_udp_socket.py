@@ -1,0 +1,121 @@
+"""The sockets of one UDP port: the peer's packets survive a flood of others, and nobody else shares the port."""
+
+import asyncio
+import socket
+from collections.abc import Iterator
+
+import pytest
+
+from formation.config import LinkConfig
+from formation.messages import Datagram
+from tests.free_ports import free_port
+from wire.link_messages.address import Address
+from wire.link_messages.status import Heartbeat, MavAutopilot, MavState, MavType
+from wire.mavlink.codec import Codec
+from wire.rejections import RejectionLog
+from wire.transport.udp_bus import open_udp_ground
+from wire.transport.udp_socket import PortSockets, bind_port
+
+LOOPBACK = "127.0.0.1"
+FLOOD = 50_000
+"""Datagrams: a kernel's buffer of the default size holds a few hundred."""
+
+
+@pytest.fixture
+def peer() -> Iterator[socket.socket]:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as end:
+        end.bind((LOOPBACK, free_port()))
+        yield end
+
+
+def flood(port: int) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        for _ in range(FLOOD):
+            stranger.sendto(bytes(60), (LOOPBACK, port))
+
+
+def drained(source: socket.socket | None) -> list[bytes]:
+    found = []
+    while source is not None:
+        try:
+            found.append(source.recv(2048))
+        except BlockingIOError:
+            break
+    return found
+
+
+def test_what_others_send_takes_no_room_of_the_peers(peer: socket.socket) -> None:
+    sockets = bind_port((LOOPBACK, free_port()), peer.getsockname())
+    try:
+        port = sockets.others.getsockname()[1]
+        sent = [f"before {k}".encode() for k in range(100)]
+        for data in sent:
+            peer.sendto(data, (LOOPBACK, port))
+        flood(port)
+        peer.sendto(b"after", (LOOPBACK, port))
+        assert drained(sockets.peer) == [*sent, b"after"]
+        assert 0 < len(drained(sockets.others)) < FLOOD
+    finally:
+        sockets.close()
+
+
+def test_without_a_known_peer_everybody_has_the_one_socket(peer: socket.socket) -> None:
+    sockets = bind_port((LOOPBACK, free_port()), None)
+    try:
+        peer.sendto(b"first", sockets.others.getsockname())
+        assert sockets.peer is None
+        assert drained(sockets.others) == [b"first"]
+    finally:
+        sockets.close()
+
+
+@pytest.mark.parametrize("shares", [False, True])
+def test_nobody_else_binds_the_port(shares: bool, peer: socket.socket) -> None:
+    port = free_port()
+    sockets = bind_port((LOOPBACK, port), peer.getsockname())
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+            other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, int(shares))
+            with pytest.raises(OSError, match="in use"):
+                other.bind((LOOPBACK, port))
+        with pytest.raises(OSError, match="in use"):
+            bind_port((LOOPBACK, port), peer.getsockname())
+    finally:
+        sockets.close()
+
+
+def test_both_sockets_close(peer: socket.socket) -> None:
+    port = free_port()
+    for _ in range(3):
+        sockets: PortSockets = bind_port((LOOPBACK, port), peer.getsockname())
+        sockets.close()
+
+
+def test_a_link_delivers_every_packet_of_its_drone_beside_a_flood(peer: socket.socket) -> None:
+    """A byte behind each packet, so that no newer one supersedes it; all wait in the kernel before one is read."""
+    beat = Heartbeat(MavAutopilot.PX4, MavType.QUADROTOR, 0, 0, MavState.STANDBY)
+    packets = [Codec(Address(1, 1)).encode(beat) + bytes((0xFF,)) for _ in range(200)]
+    drone_port, ground_port = peer.getsockname()[1], free_port()
+    links = LinkConfig(kind="udp", ground_port_base=ground_port - 1, drone_port_base=drone_port - 1)
+
+    async def receive() -> list[Datagram]:
+        delivered: list[Datagram] = []
+        done = asyncio.Event()
+
+        def deliver(datagram: Datagram) -> None:
+            delivered.append(datagram)
+            if len(delivered) == len(packets):
+                done.set()
+
+        link = await open_udp_ground(links, (1,), deliver, RejectionLog())
+        for packet in packets[:100]:
+            peer.sendto(packet, (LOOPBACK, ground_port))
+        flood(ground_port)
+        for packet in packets[100:]:
+            peer.sendto(packet, (LOOPBACK, ground_port))
+        async with asyncio.timeout(30.0):
+            await done.wait()
+        link.close()
+        return delivered
+
+    assert [each.data for each in asyncio.run(receive())] == packets

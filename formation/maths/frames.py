@@ -20,6 +20,7 @@ def canonical(q: Float) -> Float:
 
 def _components(vectors: Float) -> list[Float]:
     """The last axis apart, as `numpy.moveaxis` does in ten times the time."""
+    vectors = np.asarray(vectors)
     return [vectors[..., k] for k in range(vectors.shape[-1])]
 
 

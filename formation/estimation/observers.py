@@ -42,7 +42,7 @@ from formation.maths.kernel import kernel
 from formation.maths.quaternion import rotate_into
 from formation.paper.eq34_observer import fteso_step
 
-NOISE_LEAST_M = 2e-5  # of a position: the least believed
+NOISE_LEAST_M, NOISE_LEAST_RAD = 2e-5, 1e-4  # of a position, of a heading: the least believed
 NOISE_LAG_S, NOISE_SPAN_S = 0.5, 0.2  # how slowly it is learned, from how close frames
 HEIGHT_LAG_S, HEIGHT_SIGMAS, HEIGHT_MOST = 0.03, 6.0, 3.0  # of a height that we command: filter, noise, the most
 HEIGHT_M = 0.005  # no mass, battery or take-off makes the model miss it by more
@@ -78,9 +78,28 @@ def extrapolation_error(times_s: Float, values: Float, t_s: float, y: float) -> 
 
 
 @kernel
+def learned(var: float, square: float, share: float, least: float) -> float:
+    """A variance after one more square, of which no outlier moves it far; at least that of a deviation `least`."""
+    return max(var + share * (min(square, 9.0 * var) - var), least * least)
+
+
+@kernel
+def wrapped(angle: float) -> float:
+    """The same angle in [-pi, pi)."""
+    return (angle + pi) % (2.0 * pi) - pi
+
+
+@kernel
+def heading_of(q: Float) -> float:
+    """The heading of an attitude (4)."""
+    return atan2(2.0 * (q[0] * q[3] + q[1] * q[2]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]))
+
+
+@kernel
 def learn_noise(z: VehicleEstimate, to_ns: int, pos_lab_m: Float) -> None:
-    """Learns the variance of the measured position from what smooth motion cannot explain."""
+    """Learns the variances of the measured position and heading from what smooth motion cannot explain."""
     span_s = (to_ns - z.recent_ns[0]) * SECONDS
+    yaw_rad = z.yaw_rad + wrapped(heading_of(z.q_lab_from_flu) - z.yaw_rad)
     if span_s < NOISE_SPAN_S:
         times = np.zeros(3)
         for k in range(3):
@@ -89,11 +108,13 @@ def learn_noise(z: VehicleEstimate, to_ns: int, pos_lab_m: Float) -> None:
         for axis in range(3):
             error, gain = extrapolation_error(times, z.recent_m[:, axis], 0.0, pos_lab_m[axis])
             square += error * error / gain
+        error, gain = extrapolation_error(times, z.recent_yaw_rad, 0.0, yaw_rad)
         share = min(span_s / (3.0 * NOISE_LAG_S), 1.0)
-        z.noise_var_m2 += share * (min(square / 3.0, 9.0 * z.noise_var_m2) - z.noise_var_m2)
-        z.noise_var_m2 = max(z.noise_var_m2, NOISE_LEAST_M * NOISE_LEAST_M)
+        z.noise_var_m2 = learned(z.noise_var_m2, square / 3.0, share, NOISE_LEAST_M)
+        z.yaw_noise_var_rad2 = learned(z.yaw_noise_var_rad2, error * error / gain, share, NOISE_LEAST_RAD)
     for k in range(3):
         z.recent_ns[k] = z.recent_ns[k + 1] if k < 2 else to_ns
+        z.recent_yaw_rad[k] = z.recent_yaw_rad[k + 1] if k < 2 else yaw_rad
         for axis in range(3):
             z.recent_m[k, axis] = z.recent_m[k + 1, axis] if k < 2 else pos_lab_m[axis]
 
@@ -263,12 +284,6 @@ def observe_parallel(
 
 
 @kernel
-def wrapped(angle: float) -> float:
-    """The same angle in [-pi, pi)."""
-    return (angle + pi) % (2.0 * pi) - pi
-
-
-@kernel
 def observe_heading(z: VehicleEstimate, seen: bool, dt_s: float, settings: ObserverSettings) -> None:
     """One step of the heading's FTESO, its angle unwrapped; unseen, the turn asked for alone, and no Z3.
 
@@ -281,15 +296,13 @@ def observe_heading(z: VehicleEstimate, seen: bool, dt_s: float, settings: Obser
         z.yaw_rad, z.yaw_rate_rad_s, z.yaw_dist_rad_s2 = ahead, rate + dt_s * turn, 0.0
         z.yaw_fast_minus_slow[2] = 0.0
         return
-    q = z.q_lab_from_flu
-    measured = atan2(2.0 * (q[0] * q[3] + q[1] * q[2]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]))
-    y = ahead + wrapped(measured - ahead)
+    y = ahead + wrapped(heading_of(z.q_lab_from_flu) - ahead)
     slow, fast, fast_weight = settings.heading, settings.heading_parallel, 0.0
     estimate = np.array((psi, rate, dist))
     if fast.bandwidth_rad_s > 0.0:
         w_slow, w_fast, most = slow.bandwidth_rad_s, fast.bandwidth_rad_s, np.empty(3)
         step_both(estimate, z.yaw_fast_minus_slow, blending_weight(z.yaw_ratio), turn, y, dt_s, w_slow, w_fast, slow)
-        noise_thresholds(settings.quiet_rad, w_fast, dt_s, fast, most)
+        noise_thresholds(max(settings.quiet_rad, sqrt(z.yaw_noise_var_rad2)), w_fast, dt_s, fast, most)
         z.yaw_ratio *= exp(-dt_s / fast.hold_s)
         for order in range(3):
             z.yaw_ratio = max(z.yaw_ratio, abs(z.yaw_fast_minus_slow[order]) / most[order])

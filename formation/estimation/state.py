@@ -23,7 +23,8 @@ class VehicleEstimate:
     force_rate: how fast its specific force turns.
 
     innovation: filtered, of a vehicle that is only observed, of the height alone of one that is commanded;
-    noise_var_m2: learned variance of the measured position; recent_m, recent_ns: the last three positions seen;
+    noise_var_m2, yaw_noise_var_rad2: learned variances of the measured position and heading; recent_m, recent_yaw_rad,
+    recent_ns: the last three seen;
     adaptive_gain, and of a commanded vehicle its urgency; fast_weight: blending weight of the fast observer;
     fast_minus_slow: its position, velocity and disturbance (rows) along x and y, less the slow observer's; push_sign:
     the side to which they were apart last, fading; reversals: how often that changed of late; yaw_*: the same of the
@@ -54,7 +55,9 @@ class VehicleEstimate:
     force_rate_lab_m_s3: Vec3
     innovation_m: Vec3
     noise_var_m2: float
+    yaw_noise_var_rad2: float
     recent_m: Mat3
+    recent_yaw_rad: Vec3
     recent_ns: Annotated[Float, Layout(np.int64, (3,))]
     adaptive_gain: float
     fast_weight: float

@@ -40,7 +40,7 @@ from formation.messages import LabFrame, SwarmState
 from formation.paper.eq34_observer import fteso_step
 from formation.vehicle.body import GRAVITY_M_S2
 
-NOISE_FIRST_M, ACCEL_NOISE_INITIAL_M_S2 = 2e-4, 0.3  # of a position, of an accelerometer: the first guess
+NOISE_FIRST_M, NOISE_FIRST_RAD, ACCEL_NOISE_INITIAL_M_S2 = 2e-4, 1e-3, 0.3  # the first guess of each sensor's noise
 DIST_MAX_M_S2 = 14.0
 NOISE_POWER = 0.35
 LIFT_LEAST = 0.3  # of gravity: below it the thrust scale is not learned
@@ -60,7 +60,9 @@ def initial(frame: LabFrame, flying: Flags) -> Rows[VehicleEstimate]:
     z["thrust_m_s2"] = z["specific_force_lab_m_s2"][:, 2] = np.where(flying, GRAVITY_M_S2, 0.0)
     z["noise_var_m2"] = NOISE_FIRST_M**2
     z["inertial_var_m2_s4"] = ACCEL_NOISE_INITIAL_M_S2**2
+    z["yaw_noise_var_rad2"] = NOISE_FIRST_RAD**2
     z["recent_m"] = frame.pos_lab_m[:, None, :]
+    z["recent_yaw_rad"] = z["yaw_rad"][:, None]
     z["recent_ns"] = NEVER_NS
     for name in ("thrust_scale", "adaptive_gain"):
         z[name] = 1.0

@@ -34,7 +34,7 @@ from sim.studies import (
     steady_push,
 )
 from sim.studies.experiments import CONTROLLERS, Experiment, Job, scenario_of
-from sim.studies.robustness import Draw, Sample
+from sim.studies.robustness import Draw, Kind, Sample
 from sim.studies.runner import Runner
 from sim.studies.tune import Candidate, Task, tune
 from wire.config_file import ConfigError, dump, dump_profile, load_profile
@@ -295,14 +295,13 @@ def _again(draw: Draw, out: Path, console: Console) -> Sample:
 def _table(samples: list[Sample]) -> Table:
     """The worst ten and how to fly them again."""
     table = Table(title="the worst; again with --only SEED")
-    for heading in ("seed", "experiment", "outcome", "RMS, mm", "largest, mm"):
+    for heading in ("seed", "experiment", "outcome", "RMS, mm", "largest, mm", "swing, deg"):
         table.add_column(heading, justify="left" if heading in ("experiment", "outcome") else "right")
     for sample in robustness.worst(samples):
         outcome = f"{sample.outcome}, left its fence" if sample.left_fence else sample.outcome
-        numbers = (f"{1e3 * sample.rms_m:.2f}", f"{1e3 * sample.max_m:.1f}")
-        table.add_row(
-            str(sample.draw.seed), sample.experiment, outcome, *numbers, style="red" if sample.failed else None
-        )
+        swing = f"{sample.swing_deg:.2f}" if sample.kind is Kind.PUSH else ""
+        numbers = (f"{1e3 * sample.rms_m:.2f}", f"{1e3 * sample.max_m:.1f}", swing)
+        table.add_row(str(sample.draw.seed), sample.kind, outcome, *numbers, style="red" if sample.failed else None)
     return table
 
 

@@ -5,6 +5,7 @@ A seed decides everything: the experiment, every drone's true vehicle, the mocap
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from formation.vehicle.profile import VehicleProfile, profile
 from sim import lockstep
 from sim.cameras.emulator import EmulatorConfig, Gap
 from sim.scenario import LinkModel, Scenario, TrueVehicle, flown_by, load
+from sim.studies import steady_push
 from sim.studies.experiments import FORMATION_S, SCENARIOS, Experiment
 
 MASS = INERTIA = 0.3
@@ -27,6 +29,19 @@ NOISE_M = (0.0001, 0.001)
 NOISE_RAD_PER_M = 10.0
 RATES_HZ = (50.0, 100.0, 240.0)
 DROPOUT_S = 0.05
+PUSH_MOST = 0.9
+"""Of the push that the tilt limit holds against."""
+SWING_DEG = 5.0
+"""So much at the end of a steady push is a limit cycle; the noise that is drawn shakes by half of that."""
+
+
+class Kind(StrEnum):
+    """What is flown: the paper's experiments, and a push that begins at once and stays."""
+
+    GUST = Experiment.GUST
+    LINE = Experiment.LINE
+    CIRCLE = Experiment.CIRCLE
+    PUSH = "push"
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,26 +55,31 @@ class Draw:
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """How a draw flew. rms_m, max_m: formation error; left_fence: whether a drone was ever truly outside."""
+    """How a draw flew. rms_m, max_m: formation error; left_fence: whether a drone was ever truly outside.
+
+    swing_deg: at the end of a steady push.
+    """
 
     draw: Draw
-    experiment: Experiment
+    kind: Kind
     outcome: str
     rms_m: float
     max_m: float
     left_fence: bool
+    swing_deg: float = 0.0
 
     @property
     def failed(self) -> bool:
-        """Diverged, aborted, or left the fence."""
-        return self.outcome != "landed" or self.left_fence or not np.isfinite(self.rms_m)
+        """Diverged, aborted, left the fence, or swings on in a push."""
+        calm = self.swing_deg <= SWING_DEG  # NaN is none
+        return self.outcome != "landed" or self.left_fence or not np.isfinite(self.rms_m) or not calm
 
 
 def scenario_of(draw: Draw) -> Scenario:
     """The flight that the draw's seed decides."""
     rng = np.random.default_rng([draw.seed, 5])
-    experiment = list(Experiment)[int(rng.integers(len(Experiment)))]
-    scenario = load(SCENARIOS[experiment])
+    kind = list(Kind)[int(rng.integers(len(Kind)))]
+    scenario = load(SCENARIOS[Experiment.GUST if kind is Kind.PUSH else Experiment(kind)])
     believed = profile(draw.profile)
     lab = flown_by(scenario.lab, believed, draw.preset)
     delay = rng.uniform(1.0, DELAY_MAX)
@@ -75,14 +95,16 @@ def scenario_of(draw: Draw) -> Scenario:
     rate_hz = float(rng.choice(RATES_HZ))
     lab = lab.model_copy(update={"mocap": lab.mocap.model_copy(update={"rate_hz": rate_hz})})
     update: dict[str, object] = {
-        "name": f"robustness_{experiment}_{draw.seed}",
+        "name": f"robustness_{kind}_{draw.seed}",
         "seed": draw.seed,
         "lab": lab,
         "vehicles": vehicles,
         "mocap": _mocap(scenario.mocap, rate_hz, delay, rng),
         "link": _link(scenario.link, delay),
     }
-    if experiment is not Experiment.GUST:
+    if kind is Kind.PUSH:
+        update |= steady_push.push_of(scenario, float(rng.uniform(0.0, PUSH_MOST)))
+    elif kind is not Kind.GUST:
         update["formation_s"] = FORMATION_S
     return scenario.model_copy(update=update)
 
@@ -97,14 +119,15 @@ def fly(draw: Draw) -> Sample:
 def judge(draw: Draw, outcome: str, flight: Flight, summary: Summary) -> Sample:
     """The sample of a flight of that draw."""
     scenario = scenario_of(draw)
-    experiment = next(e for e in Experiment if f"_{e}_" in scenario.name)
+    kind = next(k for k in Kind if f"_{k}_" in scenario.name)
     return Sample(
         draw,
-        experiment,
+        kind,
         outcome,
         np.nan if summary.formation_rms_m is None else summary.formation_rms_m,
         np.nan if summary.formation_max_m is None else summary.formation_max_m,
         _left_fence(flight, scenario.lab.limits.fence),
+        steady_push.measure(flight, outcome).swing_deg if kind is Kind.PUSH else 0.0,
     )
 
 
@@ -115,7 +138,7 @@ def worst(samples: Sequence[Sample], count: int = 10) -> list[Sample]:
 
 def percentile_m(samples: Sequence[Sample], percent: float) -> float:
     """Of the formation RMS over line and circle."""
-    errors = [s.rms_m for s in samples if s.experiment is not Experiment.GUST and np.isfinite(s.rms_m)]
+    errors = [s.rms_m for s in samples if s.kind in (Kind.LINE, Kind.CIRCLE) and np.isfinite(s.rms_m)]
     return float(np.percentile(errors, percent)) if errors else np.nan
 
 

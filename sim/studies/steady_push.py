@@ -74,7 +74,6 @@ def jobs(controllers: Sequence[str], vehicle: VehicleProfile, seeds: Sequence[in
 def scenario_of(job: Push) -> Scenario:
     """The hover of the gust experiment in that push."""
     scenario = experiments.scenario_of(Job(job.controller, Experiment.GUST, job.seed, vehicle=job.vehicle))
-    push_m_s2 = job.share * GRAVITY_M_S2 * tan(scenario.lab.limits.tilt_rad)
     slower: dict[str, float | bool | tuple[float, float, float]] = {
         "motor_lag_s": job.motor_lag * job.vehicle.motor_lag_s
     }
@@ -83,9 +82,14 @@ def scenario_of(job: Push) -> Scenario:
         for v in scenario.lab.vehicles
         if v.sysid is not None
     )
+    return scenario.model_copy(update={"name": "steady_push", "vehicles": vehicles} | push_of(scenario, job.share))
+
+
+def push_of(scenario: Scenario, share: float) -> dict[str, object]:
+    """What changes of a hover in a push of that share."""
+    push_m_s2 = share * GRAVITY_M_S2 * tan(scenario.lab.limits.tilt_rad)
     fan = WALL.model_copy(update={"peak_m_s2": push_m_s2})
-    update = {"name": "steady_push", "air": Disturbance(fan=fan), "formation_s": FORMATION_S, "vehicles": vehicles}
-    return scenario.model_copy(update=update)
+    return {"air": Disturbance(fan=fan), "formation_s": FORMATION_S}
 
 
 def fly(job: Push) -> Settling:

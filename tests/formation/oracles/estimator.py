@@ -101,6 +101,7 @@ class Estimate:
     turn_ratio: float = 0.0  # how far beyond noise the fast observer of the heading was, lately
     fast_heading: np.ndarray = field(default_factory=lambda: np.zeros(3))
     noise_m2: float = 2e-4**2
+    noise_rad2: float = 1e-3**2
     recent: list[tuple[int, np.ndarray]] = field(default_factory=list)
     believed: np.ndarray = field(default_factory=lambda: np.zeros(2))
     trim: np.ndarray = field(default_factory=lambda: np.zeros(2))
@@ -246,16 +247,18 @@ def _observed_force(k: Estimate, has: Traits, seen: bool, dt: float) -> None:
 
 
 def _noise(k: Estimate, t_ns: int, pos: np.ndarray) -> None:
-    """Variance of the position from what the parabola through the last three misses of the next."""
+    """Variances of position and heading from what the parabola through the last three misses of the next."""
+    seen = np.append(pos, k.heading[0] + np.angle(np.exp(1j * (heading_of(k.r) - k.heading[0]))))
     if len(k.recent) == 3 and (t_ns - k.recent[0][0]) * SECONDS < 0.2:
         times = np.array([(t - t_ns) * SECONDS for t, _ in k.recent])
         weights = np.linalg.solve(np.vander(times, 3, increasing=True).T, [1.0, 0.0, 0.0])
-        miss = pos - weights @ np.array([p for _, p in k.recent])
-        variance = miss @ miss / 3.0 / (1.0 + weights @ weights)
+        squares = (seen - weights @ np.array([p for _, p in k.recent])) ** 2 / (1.0 + weights @ weights)
         gain = min(-times[0] / 1.5, 1.0)
-        k.noise_m2 += gain * (min(variance, 9.0 * k.noise_m2) - k.noise_m2)
+        k.noise_m2 += gain * (min(squares[:3].mean(), 9.0 * k.noise_m2) - k.noise_m2)
         k.noise_m2 = max(k.noise_m2, 2e-5**2)
-    k.recent = [*k.recent, (t_ns, pos.copy())][-3:]
+        k.noise_rad2 += gain * (min(squares[3], 9.0 * k.noise_rad2) - k.noise_rad2)
+        k.noise_rad2 = max(k.noise_rad2, 1e-4**2)
+    k.recent = [*k.recent, (t_ns, seen)][-3:]
 
 
 def _felt(k: Estimate, has: Traits, r: np.ndarray, felt: np.ndarray | None, dt: float) -> None:
@@ -336,7 +339,8 @@ def _heading(k: Estimate, has: Traits, seen: bool, dt: float, turn: float) -> No
     if second.w > 0.0:
         fast = fteso_backward(slow + k.fast_heading, y, turn, dt, second.w, gains.a, gains.e0, gains.smooth)
         k.fast_heading = fast - stepped
-        passed = has.quiet_rad * np.sqrt(min(second.w * dt, 1.0)) * second.w ** np.arange(3)
+        noise = max(has.quiet_rad, np.sqrt(k.noise_rad2))
+        passed = noise * np.sqrt(min(second.w * dt, 1.0)) * second.w ** np.arange(3)
         beyond = np.max(np.abs(k.fast_heading) / (np.array(second.sigmas) * passed))
         k.turn_ratio = max(beyond, k.turn_ratio * np.exp(-dt / second.hold_s))
         fast_weight = k.turn_ratio**4 / (1.0 + k.turn_ratio**4)

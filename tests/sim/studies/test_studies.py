@@ -14,7 +14,7 @@ from sim.studies import experiments, paper, robustness
 from sim.studies.experiments import CONTROLLERS, Experiment, Job, Score
 from sim.studies.gust import GustNumbers
 from sim.studies.mismatch import MISMATCHES
-from sim.studies.robustness import Draw, Sample
+from sim.studies.robustness import Draw, Kind, Sample
 from sim.studies.runner import Runner, run_all
 
 
@@ -170,8 +170,13 @@ def test_draws_cover_what_they_should_and_no_more() -> None:
     assert all(s.mocap.rate_hz == s.lab.mocap.rate_hz for s in scenarios)
     assert all(0.0001 <= s.mocap.noise_m <= 0.001 for s in scenarios)
     assert all(gap.for_s == 0.05 and gap.body is None for s in scenarios for gap in s.mocap.gaps)
-    flown = [next(e for e in Experiment if f"_{e}_" in s.name) for s in scenarios]
-    assert all(70 < flown.count(e) < 130 for e in Experiment)
+    flown = [next(kind for kind in Kind if f"_{kind}_" in s.name) for s in scenarios]
+    assert all(50 < flown.count(kind) < 100 for kind in Kind)
+    pushes = [s.air.fan.peak_m_s2 for s in scenarios if "_push_" in s.name and s.air.fan is not None]
+    most = 9.80665 * np.tan(scenarios[0].lab.limits.tilt_rad)
+    assert len(pushes) == flown.count(Kind.PUSH)
+    assert 0.0 <= min(pushes) < 0.1 * most
+    assert 0.8 * most < max(pushes) <= 0.9 * most
 
 
 def test_the_controller_is_told_nothing_of_what_the_vehicle_truly_is() -> None:
@@ -181,19 +186,22 @@ def test_the_controller_is_told_nothing_of_what_the_vehicle_truly_is() -> None:
     assert {v.profile for v in slow.lab.vehicles} == {"px4_quad"}
 
 
-def a_sample(seed: int, rms_m: float, outcome: str = "landed", left_fence: bool = False) -> Sample:
-    return Sample(Draw(seed), Experiment.LINE, outcome, rms_m, 2 * rms_m, left_fence)
+def a_sample(
+    seed: int, rms_m: float, outcome: str = "landed", left_fence: bool = False, swing_deg: float = 0.0
+) -> Sample:
+    return Sample(Draw(seed), Kind.LINE, outcome, rms_m, 2 * rms_m, left_fence, swing_deg)
 
 
 def test_the_worst_are_the_failures_then_the_largest_errors() -> None:
     samples = [
         a_sample(1, 0.001), a_sample(2, 0.004), a_sample(3, 0.002, outcome="aborted"),
-        a_sample(4, 0.001, left_fence=True), a_sample(5, float("nan")),
+        a_sample(4, 0.001, left_fence=True), a_sample(5, float("nan")), a_sample(6, 0.001, swing_deg=12.0),
+        a_sample(7, 0.001, swing_deg=float("nan")),
     ]  # fmt: skip
-    order = [sample.draw.seed for sample in robustness.worst(samples, 4)]
-    assert set(order[:3]) == {3, 4, 5}
-    assert order[3] == 2
-    assert [sample.failed for sample in samples] == [False, False, True, True, True]
+    order = [sample.draw.seed for sample in robustness.worst(samples, 6)]
+    assert set(order[:5]) == {3, 4, 5, 6, 7}
+    assert order[5] == 2
+    assert [sample.failed for sample in samples] == [False, False, True, True, True, True, True]
 
 
 def test_one_draw_flies_and_is_judged_the_same_again() -> None:

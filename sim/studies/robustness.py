@@ -94,12 +94,14 @@ def scenario_of(draw: Draw) -> Scenario:
     )
     rate_hz = float(rng.choice(RATES_HZ))
     lab = lab.model_copy(update={"mocap": lab.mocap.model_copy(update={"rate_hz": rate_hz})})
+    # A dropout while it settles in a push would be taken for its swing.
+    dropout_by_s = steady_push.BEGIN_S if kind is Kind.PUSH else FORMATION_S - 2.0
     update: dict[str, object] = {
         "name": f"robustness_{kind}_{draw.seed}",
         "seed": draw.seed,
         "lab": lab,
         "vehicles": vehicles,
-        "mocap": _mocap(scenario.mocap, rate_hz, delay, rng),
+        "mocap": _mocap(scenario.mocap, rate_hz, delay, dropout_by_s, rng),
         "link": _link(scenario.link, delay),
     }
     if kind is Kind.PUSH:
@@ -164,10 +166,12 @@ def _vehicle(
     }
 
 
-def _mocap(usual: EmulatorConfig, rate_hz: float, delay: float, rng: np.random.Generator) -> EmulatorConfig:
+def _mocap(
+    usual: EmulatorConfig, rate_hz: float, delay: float, dropout_by_s: float, rng: np.random.Generator
+) -> EmulatorConfig:
     low, high = np.log(NOISE_M)
     noise_m = float(np.exp(rng.uniform(low, high)))
-    gap = Gap(at_s=float(rng.uniform(2.0, FORMATION_S - 2.0)), for_s=DROPOUT_S)
+    gap = Gap(at_s=float(rng.uniform(2.0, dropout_by_s)), for_s=DROPOUT_S)
     return usual.model_copy(
         update={
             "rate_hz": rate_hz,

@@ -53,7 +53,7 @@ class DroneNode:
 
     __slots__ = (
         "_config", "_input", "_received", "_without", "autopilot", "down", "due_ns", "events", "faults", "followed_ns",
-        "guards", "innovations", "own_due_ns", "sysid", "up",
+        "guards", "innovations", "own_due_ns", "row", "sysid", "up",
     )  # fmt: skip
 
     def __init__(
@@ -71,6 +71,8 @@ class DroneNode:
         self.up = _channel(model, model.up_s, [seed, 4, config.sysid])
         self.due_ns = self.own_due_ns = now_ns
         """own_due_ns: when guard or autopilot has something to do of itself, as the last tick left them."""
+        self.row = 0
+        """Among the flight's drones, in the order in which they are served."""
         self.events: list[Event] = []
         self.innovations: list[Innovation] = []
         self.faults: list[PoseFault] = []

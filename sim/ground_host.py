@@ -97,7 +97,8 @@ class GroundHost:
     def _ingest(self, intake: VirtualIntake, now_ns: int) -> None:
         for datagram in intake.turn(now_ns):
             self._pass_to_core(datagram, now_ns)
-        self._ingest_due_ns = min([other.due_ns for other in self._intakes.values()])
+        if intake.due_ns != NOTHING_DUE_NS or self._ingest_due_ns != NOTHING_DUE_NS:
+            self._ingest_due_ns = min([other.due_ns for other in self._intakes.values()])
 
     def _pass_to_core(self, message: Input, now_ns: int) -> None:
         if not self._second:

@@ -19,7 +19,7 @@ from sim.faults import vehicle
 from sim.faults.fault import GROUND_RECEIVER, Family, Fault, Site
 from sim.faults.onsets import Onsets
 from sim.faults.poses import CameraFaults, Thinning, late_ns
-from sim.faults.queue import DueQueue
+from sim.faults.queue import Agenda, DueQueue
 from sim.ground_host import REQUEST_DELAY_NS, GroundHost
 from sim.monitors import WITHOUT_NONE, Without
 from sim.process_input import ProcessInput
@@ -69,6 +69,10 @@ class World:
         self.nodes = {
             c.sysid: DroneNode(c, scenario, seed, T0_NS, without, physics) for c in agent_configs(scenario, leader)
         }
+        self._in_order = list(self.nodes.values())
+        self._agenda = Agenda(len(self._in_order), T0_NS)
+        for row, node in enumerate(self._in_order):
+            node.row = row
         self._body = {v.sysid: v.body for v in scenario.lab.vehicles if v.sysid is not None}
         self._node_of = {self._body[sysid]: node for sysid, node in self.nodes.items()}
         self._camera_faults = CameraFaults(scenario.lab, seed)
@@ -122,9 +126,9 @@ class World:
         if self._late_frames.next_due_ns <= now_ns:
             for receiver, frame in self._late_frames.pop_due(now_ns):
                 self._deliver(receiver, frame)
-        for node in self.nodes.values():
-            if node.due_ns <= now_ns:
-                self._serve(node)
+        if self._agenda.next_due_ns <= now_ns:
+            for row in self._agenda.pop_due(now_ns):
+                self._serve(self._in_order[row])
         if self._operator_due_ns <= now_ns:
             self._tick_operator()
         if self._late_requests.next_due_ns <= now_ns:
@@ -145,7 +149,7 @@ class World:
             emulator.next_exposure_ns, emulator.cable.next_due_ns, self._operator_due_ns, self.faults.next_due_ns,
             self._late_raw.next_due_ns, self._late_frames.next_due_ns, self._late_requests.next_due_ns,
             *[ground.due_ns for ground in self._grounds],
-            *[node.due_ns for node in self.nodes.values()],
+            self._agenda.next_due_ns,
         )  # fmt: skip
         return max(due_ns, self.now_ns)
 
@@ -189,7 +193,7 @@ class World:
         else:
             node = self._node_of[receiver]
             node.receive_frame(frame, self.now_ns)
-            node.update_due()
+            self._changed(node)
 
     def _serve(self, node: DroneNode) -> None:
         """Deliver datagrams to the drone, tick it, and deliver its datagrams to the grounds."""
@@ -208,6 +212,12 @@ class World:
         for sent in node.up.pop_due(now_ns):
             self._grounds_receive(sent.datagram)
         node.update_due_after_tick()
+        self._agenda.set_due(node.row, node.due_ns)
+
+    def _changed(self, node: DroneNode) -> None:
+        """Something was done to the drone from outside."""
+        node.update_due()
+        self._agenda.set_due(node.row, node.due_ns)
 
     def _tick_operator(self) -> None:
         now_ns, ground = self.now_ns, self._grounds[0]
@@ -244,6 +254,7 @@ class World:
             node = self.nodes[datagram.sysid]
             node.down.push(now_ns, datagram, self._on_link(node, "down"))
             node.due_ns = min(node.due_ns, node.down.next_due_ns)
+            self._agenda.set_due(node.row, node.due_ns)
         for reply in replies:
             self.operator.receive(reply, now_ns)
         if ground is self._grounds[0] and ground.phase is not self.phase:
@@ -275,7 +286,7 @@ class World:
                 case Site.CORE:
                     for node in self._hit(fault):
                         (node.begin if begins else node.end)(fault, self.now_ns)
-                        node.update_due()
+                        self._changed(node)
 
     def _hit(self, fault: Fault) -> Sequence[DroneNode]:
         return [node for node in self.nodes.values() if fault.hits(self._body[node.sysid])]
@@ -287,7 +298,7 @@ class World:
             return
         for node in self._hit(fault):
             (vehicle.begin if begins else vehicle.end)(fault, node.autopilot, self.now_ns)
-            node.update_due()
+            self._changed(node)
 
     def _change_ground(self, fault: Fault, begins: bool) -> None:
         first, now_ns = self._grounds[0], self.now_ns

@@ -81,18 +81,27 @@ def _with_slots(start: Float, t_s: Float, leader: Float, shape: Shape) -> Previe
 
 def carried(leader: Float, offset_lead_m: Vec3s) -> Float:
     """Motions (k, n, 3, 3) in `lab` of points fixed in the leader's frame, for the leader's motion (k, 3, 4)."""
-    arm = rotate_about_z(leader[:, None, 0, 3], np.broadcast_to(offset_lead_m, (len(leader), *offset_lead_m.shape)))
-    flat = arm * np.array([1.0, 1.0, 0.0])
-    across = np.stack([-arm[..., 1], arm[..., 0], np.zeros(arm.shape[:2])], axis=-1)
-    rate, turn = leader[:, 1, 3, None, None], leader[:, 2, 3, None, None]
-    motion = leader[:, None, :, :3] + np.stack([arm, rate * across, turn * across - rate * rate * flat], axis=2)
-    return np.asarray(motion)
+    yaw, rate, turn = leader[:, 0, 3, None], leader[:, 1, 3, None], leader[:, 2, 3, None]
+    cosine, sine, (x, y, z) = np.cos(yaw), np.sin(yaw), offset_lead_m.T
+    arm_x, arm_y = cosine * x - sine * y, sine * x + cosine * y
+    motion = np.empty((len(leader), len(offset_lead_m), 3, 3))
+    motion[:] = leader[:, None, :, :3]
+    # By component: whole vectors, stacked, took four times as long.
+    motion[..., 0, 0] += arm_x
+    motion[..., 0, 1] += arm_y
+    motion[..., 0, 2] += z
+    motion[..., 1, 0] -= rate * arm_y
+    motion[..., 1, 1] += rate * arm_x
+    motion[..., 2, 0] -= turn * arm_y + rate * rate * arm_x
+    motion[..., 2, 1] += turn * arm_x - rate * rate * arm_y
+    return motion
 
 
 def outside_m(pos_lab_m: Float, fence: Fence) -> Float:
     """How far points (..., 3) are beyond the fence, along the axis where they are farthest; negative inside."""
     low, high = np.asarray(fence.low_m), np.asarray(fence.high_m)
-    beyond: Float = np.maximum(low - pos_lab_m, pos_lab_m - high).max(axis=-1)
+    along = np.maximum(low - pos_lab_m, pos_lab_m - high)
+    beyond: Float = np.maximum(np.maximum(along[..., 0], along[..., 1]), along[..., 2])
     return beyond
 
 

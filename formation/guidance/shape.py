@@ -50,7 +50,8 @@ def shape_for(config: LabConfig, request: ShapeRequest) -> Shape:
 def separations(slot_lead_m: Float) -> Float:
     """Distances between the leader (first, at the origin) and all followers (n, 3), infinite to oneself."""
     bodies = np.vstack([np.zeros((1, 3)), slot_lead_m])
-    distances_m: Float = np.linalg.norm(bodies[:, None] - bodies[None], axis=-1)
+    square = (bodies[:, None] - bodies[None]) ** 2
+    distances_m: Float = np.sqrt(square[..., 0] + square[..., 1] + square[..., 2])
     np.fill_diagonal(distances_m, np.inf)
     return distances_m
 

@@ -79,7 +79,7 @@ def transition(shape: Shape, motion_lead: Float, space: Space, names: Sequence[s
     """
     paths = _Paths(shape, motion_lead, space)
     start, goal = separations(motion_lead[:, 0, :3]), separations(shape.offsets)
-    require_separation(shape, space, names)
+    _require_separation(goal, space, names, _leaves(shape))
     _require_separation(start, space, names, "already now there are")
     own = OWN_SHARE * float(min(start.min(), goal.min()))
     wanted = max(space.min_separation_m, min(space.clearance_m, own))
@@ -94,7 +94,11 @@ def transition(shape: Shape, motion_lead: Float, space: Space, names: Sequence[s
 
 def require_separation(shape: Shape, space: Space, names: Sequence[str]) -> None:
     """ValueError if any two, leader included, would be too near each other in their slots."""
-    _require_separation(separations(shape.offsets), space, names, f"shape {shape.name} leaves")
+    _require_separation(separations(shape.offsets), space, names, _leaves(shape))
+
+
+def _leaves(shape: Shape) -> str:
+    return f"shape {shape.name} leaves"
 
 
 def _require_separation(distances_m: Float, space: Space, names: Sequence[str], words: str) -> None:

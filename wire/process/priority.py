@@ -4,7 +4,6 @@ Who may is the machine's business (`ulimit -r`, `-e`, `-l`; systemd's LimitRTPRI
 allowed is left as it was, and reported.
 """
 
-import ctypes
 import os
 from collections.abc import Callable
 from contextlib import suppress
@@ -16,9 +15,14 @@ _LOCK_ALL_ON_FAULT = 1 | 2 | 4
 """MCL_CURRENT, MCL_FUTURE and MCL_ONFAULT: pages stay once they were used; unused ones take no memory."""
 
 
+def run_before_others() -> str:
+    """Have the calling thread, and all that it starts, run before others; what is in force, empty where nothing is."""
+    return _first_allowed(_real_time, _nice)
+
+
 def raise_priority() -> str:
-    """Have the calling thread, and all that it starts from now on, run before others; what is in force, in words."""
-    scheduled = _first_allowed(_real_time, _nice)
+    """The same, with its memory locked; what is in force, in words."""
+    scheduled = run_before_others()
     return f"{scheduled or f'ordinary, nice {os.getpriority(os.PRIO_PROCESS, 0)}'}, {_lock_memory()}"
 
 
@@ -51,5 +55,7 @@ def _nice() -> str:
 
 
 def _lock_memory() -> str:
+    import ctypes  # which a stop does without
+
     failed = ctypes.CDLL(None, use_errno=True).mlockall(_LOCK_ALL_ON_FAULT)
     return f"memory not locked ({os.strerror(ctypes.get_errno())})" if failed else "memory locked"

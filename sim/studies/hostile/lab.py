@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from formation.config import LabConfig
+from gcs.security.bundle import install_bundle, write_bundle
 from gcs.security.key_folder import KeyFolder
-from wire.config_file import dump
+from wire.config_file import dump, load
 
 READY_S = 60.0
 Role = Callable[..., None]
@@ -54,6 +55,23 @@ def keyed_lab(folder: Path, port: int) -> KeyedLab:
     keys = KeyFolder(lab, file)
     keys.make(datetime.now(UTC))
     return KeyedLab(file, keys.path, port)
+
+
+def elsewhere(lab: KeyedLab, identity: str) -> Path:
+    """The lab file of another computer, which has that identity's keys alone and reaches the ground by the network."""
+    folder = lab.file.parent / f"computer-of-{identity}"
+    install_bundle(_bundle(lab, identity), folder / "keys")
+    file = folder / lab.file.name
+    values = _LAB | {"link": {"zenoh_listen": [], "zenoh_connect": [lab.from_network]}}
+    file.write_text(dump(LabConfig.model_validate(values)), encoding="utf-8")
+    return file
+
+
+def _bundle(lab: KeyedLab, identity: str) -> Path:
+    path = lab.file.parent / f"{identity}.keys"
+    config = load(lab.file, LabConfig)
+    write_bundle(path, identity, KeyFolder(config, lab.file).files(identity, datetime.now(UTC)))
+    return path
 
 
 @contextmanager

@@ -18,8 +18,9 @@ from formation.config import LinkConfig
 from formation.messages import OperatorReply, OperatorRequest, Verb
 from formation.requests import GCS_NAME
 from formation.requests import LAB as LAB_NAME
-from sim.studies.hostile.lab import KeyedLab, participant
+from sim.studies.hostile.lab import KeyedLab, elsewhere, participant
 from wire.clock import monotonic_ns
+from wire.process.priority import raise_priority
 from wire.schema import schema_of
 from wire.security.bus_access import BusAccess, access_with
 from wire.security.protection import protection_of
@@ -54,12 +55,16 @@ class Stops:
     """Of the flood, as the ground has counted them."""
 
 
-def stop_beside(flood: Flood, count: int, lab: KeyedLab) -> Stops:
-    """Run `gcs stop` so many times on the ground's computer, while the flood comes by the network's listener."""
+def stop_beside(flood: Flood, count: int, lab: KeyedLab, *, from_elsewhere: bool = False) -> Stops:
+    """Run `gcs stop` so many times on the ground's computer, while the flood comes by the network's listener.
+
+    from_elsewhere: on another computer, which has the network's listener alone.
+    """
+    file = elsewhere(lab, "tool") if from_elsewhere else lab.file
     with participant(_ground, lab) as counted, participant(_flood, lab, flood):
         Event().wait(SETTLE_S)
         received_before, begun_ns = _newest(counted), monotonic_ns()
-        asked_s = [_stop(lab.file) for _ in range(count)]
+        asked_s = [_stop(file) for _ in range(count)]
         requests_hz = (_newest(counted) - received_before) / ((monotonic_ns() - begun_ns) * 1e-9)
     answered_s = [each for each in asked_s if each is not None]
     in_time = sum(each <= DUE_S for each in answered_s)
@@ -100,6 +105,7 @@ def _ground(queue: "Queue[int]", lab: KeyedLab) -> None:
             queue.put(asked)
             await asyncio.sleep(0.1)
 
+    raise_priority()
     asyncio.run(serve())
 
 

@@ -27,7 +27,7 @@ from formation.messages import (
     UnmetParameter,
     Verb,
 )
-from formation.requests import ENDPOINT
+from formation.requests import ENDPOINT, GCS_NAME
 from gcs.awaited import awaited_by_ground
 from gcs.core import GcsCore
 from gcs.doctor.restart_record import watch_record
@@ -48,6 +48,7 @@ from wire.process.deadline import Deadline
 from wire.process.machine import machine
 from wire.security.protection import INSECURE, LOOPBACK_ONLY, Protection
 from wire.transport.mocap_bus import MocapBus
+from wire.transport.stop_port import stop_ports
 from wire.transport.zenoh_bus import Reply, ZenohBus
 
 LISTENS = Event(Severity.INFO, "ground", f"the lab file names no bus (link.zenoh_connect): it is here, at {ENDPOINT}")
@@ -364,9 +365,12 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
             tasks.create_task(_have_mocap(config, lab_file, mocap, ground.report, clock, name)),
         ]
         names = bus.protection.names
-        bus.serve(name, by_role(config, ground.receive_request, bus.rejections, clock.monotonic_ns, names))
-        await asked_to_end.wait()
-        await ground.land()
+        handler = by_role(config, ground.receive_request, bus.rejections, clock.monotonic_ns, names)
+        bus.serve(name, handler)
+        listen = config.link.zenoh_listen if name == GCS_NAME else ()
+        with stop_ports(listen, bus.protection, handler, bus.rejections):
+            await asked_to_end.wait()
+            await ground.land()
         for service in services:
             service.cancel()
 

@@ -14,7 +14,8 @@ from wire.errors import BusError, ConfigError
 from wire.process.exit_codes import NO_GROUND, NOT_RIGHT, REJECTED
 from wire.process.own_name import own_name
 
-ANSWER_S = 3.0
+ANSWER_S, DATAGRAM_S = 3.0, 0.4
+"""How long an answer is awaited, on the bus, and before that by one datagram, which needs no connection."""
 Report = Callable[[bool | None, str], None]
 _OPTIONS = ("--lab", "--name", "--timeout", "--identity")
 
@@ -41,15 +42,19 @@ def stop(words: Sequence[str]) -> int | None:
 
 def _ask(lab: str, name: str, timeout_s: float | None, report: Report, identity: str) -> int:
     from wire.transport.lab_address import address_near
-    from wire.transport.zenoh_session import Patience, ask
-
-    # Without a time given it is tried for as long as there is anybody on the bus.
-    patience = Patience(ANSWER_S, ground_s=ANSWER_S) if timeout_s is None else Patience.throughout(timeout_s)
+    from wire.transport.stop_call import stop_by_datagram
 
     try:
         where = address_near(Path(lab) if lab else None)
         request = OperatorRequest(clock.unix_us(), Verb.STOP, source=own_name())
-        reply = ask(where.endpoints, where.lab, name, request, patience, where.access(identity))
+        access = where.access(identity)
+        reply = stop_by_datagram(where.endpoints, access, request, DATAGRAM_S if name == GCS_NAME else 0.0)
+        if reply is None:
+            from wire.transport.zenoh_session import Patience, ask
+
+            # Without a time given it is tried for as long as there is anybody on the bus.
+            patience = Patience(ANSWER_S, ground_s=ANSWER_S) if timeout_s is None else Patience.throughout(timeout_s)
+            reply = ask(where.endpoints, where.lab, name, request, patience, access)
     except TimeoutError as error:
         report(None, f"no ground answers: {error}")
         return NO_GROUND

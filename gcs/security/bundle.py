@@ -14,13 +14,14 @@ from wire.security.private_keys import (
     NAME,
     PRIVATE,
     REVOKED_NAMES,
+    STOP_KEY,
     demand_private,
     write_private,
 )
 from wire.small_files import read_text
 
-_FILES = {AUTHORITY, CERTIFICATE, PRIVATE, NAME, ACCESS, AUTOPILOT, REVOKED_NAMES}
-_NEEDED = _FILES - {AUTOPILOT, REVOKED_NAMES}
+_FILES = {AUTHORITY, CERTIFICATE, PRIVATE, NAME, ACCESS, AUTOPILOT, REVOKED_NAMES, STOP_KEY}
+_NEEDED = _FILES - {AUTOPILOT, REVOKED_NAMES, STOP_KEY}
 _SIGNING = re.compile(r"mavlink-\d{1,3}\.key")
 _IDENTITY = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}")
 

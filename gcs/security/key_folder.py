@@ -29,6 +29,7 @@ from wire.security.private_keys import (
     NAME,
     PRIVATE,
     REVOKED_NAMES,
+    STOP_KEY,
     demand_private,
     demand_private_tree,
     keys_folder,
@@ -37,6 +38,7 @@ from wire.security.private_keys import (
     read_access,
     read_name,
     read_revoked,
+    stop_key_file,
     write_private,
 )
 
@@ -99,6 +101,7 @@ class KeyFolder:
         write_private(self.path / REVOKED_NAMES, "\n".join(sorted(read_revoked(self.path) | own)).encode())
         for key in self._mavlink_keys(identity):
             key.unlink(missing_ok=True)
+        self._drop_stop_keys(identity)
         drop_token(self.path / PAGE, identity)
         self._write_rules()
         self._note(now, f"revoke {name}")
@@ -123,7 +126,7 @@ class KeyFolder:
         demand_private_tree(own)
         if (own / REVOKED).exists():
             raise ConfigError([f"{own}: revoked: `gcs keys rotate` makes new keys"])
-        wanted = (AUTHORITY, CERTIFICATE, PRIVATE, NAME, ACCESS, AUTOPILOT, REVOKED_NAMES)
+        wanted = (AUTHORITY, CERTIFICATE, PRIVATE, NAME, ACCESS, AUTOPILOT, REVOKED_NAMES, STOP_KEY)
         self._note(now, f"pack {name}")
         found = [*(own / name for name in wanted), *sorted(own.glob("mavlink-*.key"))]
         return {path.name: path.read_text(encoding="ascii") for path in found if path.exists()}
@@ -181,9 +184,21 @@ class KeyFolder:
         for path in self._mavlink_keys(identity):
             make_folder(path.parent)
             write_private(path, key)
+        self._drop_stop_keys(identity)
+        if self._security.role_of(identity) is not None:
+            make_folder(self.path / GROUND)
+            stop_key = secrets.token_hex(KEY_BYTES).encode()
+            write_private(own / STOP_KEY, stop_key)
+            write_private(self.path / GROUND / stop_key_file(numbered(identity, number)), stop_key)
         if identity in self._bridged():
             write_private(own / AUTOPILOT, secrets.token_hex(KEY_BYTES).encode())
         write_private(own / NAME, numbered(identity, number).encode())
+
+    def _drop_stop_keys(self, identity: str) -> None:
+        """The ground's, of every certificate that the identity has had."""
+        for path in (self.path / GROUND).glob(stop_key_file(f"{identity}.*")):
+            if path.stem.removeprefix(f"stop-{identity}.").isdecimal():
+                path.unlink()
 
     def _note(self, now: datetime, what: str) -> None:
         note_operation(self.path, f"{now:%Y-%m-%dT%H:%M:%SZ} {own_name()} {what}")

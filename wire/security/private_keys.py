@@ -11,6 +11,7 @@ keys/            0700   made by `gcs keys new`, beside the lab file; a drone's o
     autopilot.key       likewise, between a bridge and its autopilot
     autopilot-installed.key   likewise, what the autopilot has been given and has proved to have
     access.json         who may do what on the bus, as every process enforces it
+    stop.key            64 hexadecimal digits: of an operator, for a stop by one datagram; the ground has stop-NAME.key
     tokens              of the page: SHA-256 of each operator's token
     stamp               newest stamp of signed packets, see StampFile
 """
@@ -31,7 +32,7 @@ AUTHORITY, CERTIFICATE, PRIVATE, NAME = "ca.pem", "certificate.pem", "private.pe
 ACCESS, AUTOPILOT, STAMP = "access.json", "autopilot.key", "stamp"
 INSTALLED = "autopilot-installed.key"
 REVOKED_NAMES = "revoked-names"
-HUB, TOKENS = "loopback", "tokens"
+HUB, TOKENS, STOP_KEY = "loopback", "tokens", "stop.key"
 OPERATIONS, OPERATIONS_SHOWN = "operations.log", 100
 KEY_BYTES = 32
 """Of MAVLink signing."""
@@ -101,6 +102,11 @@ def read_name(path: Path) -> str:
 def mavlink_key_file(sysid: int) -> str:
     """The file of a drone's key."""
     return f"mavlink-{sysid}.key"
+
+
+def stop_key_file(name: str) -> str:
+    """The ground's file of the stop key of a certificate's name."""
+    return f"stop-{name}.key"
 
 
 def read_mavlink_keys(folder: Path) -> Mapping[int, bytes]:

@@ -28,6 +28,7 @@ class Figures:
     setpoints_alone: Arrivals
     setpoints_beside_flood: Arrivals
     stops: Stops
+    stops_from_elsewhere: Stops
 
     def to_json(self) -> str:
         """As one object."""
@@ -50,4 +51,6 @@ def measure(folder: Path, stops: int, setpoints: int, show: Callable[[str], None
         beside = setpoints_beside(HOSTILE_HZ, setpoints, lab, links)
         show(f"{stops} stops beside half-open connections, requests and a thief")
         stopped = stop_beside(Flood(), stops, lab)
-    return Figures(load, os.cpu_count() or 1, signing, plain, with_keys, alone, beside, stopped)
+        show("the same from another computer")
+        stopped_from_elsewhere = stop_beside(Flood(), stops, lab, from_elsewhere=True)
+    return Figures(load, os.cpu_count() or 1, signing, plain, with_keys, alone, beside, stopped, stopped_from_elsewhere)

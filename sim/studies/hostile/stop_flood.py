@@ -19,27 +19,34 @@ from formation.messages import OperatorReply, OperatorRequest, Verb
 from formation.requests import GCS_NAME
 from formation.requests import LAB as LAB_NAME
 from sim.studies.hostile.lab import KeyedLab, elsewhere, participant
-from wire.clock import monotonic_ns
+from wire.clock import monotonic_ns, unix_us
 from wire.process.priority import raise_priority
 from wire.schema import schema_of
 from wire.security.bus_access import BusAccess, access_with
+from wire.security.private_keys import KEY_BYTES
 from wire.security.protection import protection_of
+from wire.security.stop_datagram import encode_stop
+from wire.transport.stop_port import stop_ports
 from wire.transport.zenoh_bus import ZenohBus
 from wire.transport.zenoh_session import open_session, request_key
 
 DUE_S, SETTLE_S, TURN_S = 0.5, 2.0, 0.005
-BURST_MOST = 20
+BURST_MOST, FORGED_MOST = 20, 400
 """Requests of one turn: a machine that cannot send as many sends fewer, and goes on with the rest of the flood."""
 STOPPED = "STOPPED by the true ground"
 
 
 @dataclass(frozen=True, slots=True)
 class Flood:
-    """What comes beside the stops: connections that never greet, requests a second, whether a thief listens."""
+    """What comes beside the stops: connections that never greet, requests a second, whether a thief listens.
+
+    datagrams_hz: at the port where a stop by one datagram arrives, those that no key has sealed.
+    """
 
     half_open: int = 300
     requests_hz: float = 1000.0
     thief: bool = True
+    datagrams_hz: float = 20_000.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,9 +108,10 @@ def _ground(queue: "Queue[int]", lab: KeyedLab) -> None:
             reply(OperatorReply(request.id, True, STOPPED))
 
         bus.serve(GCS_NAME, answer)
-        while True:
-            queue.put(asked)
-            await asyncio.sleep(0.1)
+        with stop_ports(listening.zenoh_listen, bus.protection, answer, bus.rejections):
+            while True:
+                queue.put(asked)
+                await asyncio.sleep(0.1)
 
     raise_priority()
     asyncio.run(serve())
@@ -131,10 +139,16 @@ def _flood(queue: "Queue[str]", lab: KeyedLab, flood: Flood) -> None:
     key = request_key(LAB_NAME, GCS_NAME, access.name)
     payload = schema_of(OperatorRequest).encode(OperatorRequest(1, Verb.STATUS))
     idle: list[socket.socket] = []
+    stranger = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    forged = encode_stop("tool.1", bytes(KEY_BYTES), unix_us(), "nobody")
     queue.put("ready")
-    asked, begun_ns = 0, monotonic_ns()
+    asked, begun_ns, forged_count = 0, monotonic_ns(), 0
     while True:
-        due = round((monotonic_ns() - begun_ns) * 1e-9 * flood.requests_hz)
+        elapsed_s = (monotonic_ns() - begun_ns) * 1e-9
+        for _ in range(min(round(elapsed_s * flood.datagrams_hz) - forged_count, FORGED_MOST)):
+            stranger.sendto(forged, ("127.0.0.1", lab.port))
+        forged_count = round(elapsed_s * flood.datagrams_hz)
+        due = round(elapsed_s * flood.requests_hz)
         for _ in range(min(due - asked, BURST_MOST)):
             asking.get(key, _ignore, payload=payload, timeout=1.0)
         asked = due

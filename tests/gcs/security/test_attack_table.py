@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[3]
-ATTACKS = 18
+ATTACKS = 20
 
 
 def test_each_attack_of_the_manual_has_its_test() -> None:

@@ -1,0 +1,107 @@
+"""Stops by one datagram over real sockets: one answer, obeyed once, beside forged ones, and none for who is revoked."""
+
+import asyncio
+import socket
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+
+from formation.requests import OperatorReply, OperatorRequest, Verb
+from tests.free_ports import free_port
+from tests.gcs.security.lab import keyed_lab
+from wire import clock
+from wire.rejections import RejectionLog
+from wire.security.bus_access import BusAccess, access_with
+from wire.security.private_keys import KEY_BYTES
+from wire.security.protection import protection_of
+from wire.security.stop_datagram import encode_stop
+from wire.transport.stop_call import stop_address, stop_by_datagram
+from wire.transport.stop_port import stop_ports
+
+Ask = Callable[[], OperatorReply | None]
+
+
+def serve(folder: Path, ask: Callable[[str], Ask], answers: bool = True) -> tuple[object, list[OperatorRequest], int]:
+    """What `ask` got of a ground in the folder, what the ground was asked, and how many datagrams it rejected."""
+    endpoint, asked, rejections = f"tls/0.0.0.0:{free_port()}", [], RejectionLog()
+
+    def handle(request: OperatorRequest, reply: Callable[[OperatorReply], None]) -> None:
+        asked.append(request)
+        if answers:
+            reply(OperatorReply(1, True, "STOPPED"))
+
+    async def run() -> object:
+        with stop_ports((endpoint,), protection_of(folder / "keys", "ground"), handle, rejections):
+            return await asyncio.to_thread(ask(endpoint))
+
+    return asyncio.run(run()), asked, rejections.count
+
+
+def stop_of(access: BusAccess, wait_s: float = 10.0) -> Callable[[str], Ask]:
+    request = OperatorRequest(clock.unix_us() + 1_000_000, Verb.STOP, source="anna@tablet")
+    return lambda endpoint: lambda: stop_by_datagram((endpoint,), access, request, wait_s)
+
+
+def test_a_stop_is_answered_and_its_asker_is_known(tmp_path: Path) -> None:
+    keyed_lab(tmp_path)
+    reply, asked, rejected = serve(tmp_path, stop_of(access_with(tmp_path / "keys", "board")))
+    assert isinstance(reply, OperatorReply)
+    assert (reply.accepted, reply.text) == (True, "STOPPED")
+    assert [(each.verb, each.source) for each in asked] == [(Verb.STOP, "board.1 (anna@tablet at 127.0.0.1)")]
+    assert rejected == 0
+
+
+def test_a_stop_that_is_sent_again_and_again_is_asked_for_once(tmp_path: Path) -> None:
+    keyed_lab(tmp_path)
+    reply, asked, _ = serve(tmp_path, stop_of(access_with(tmp_path / "keys", "tool"), 0.3), answers=False)
+    assert reply is None
+    assert len(asked) == 1
+
+
+def test_forged_ones_are_counted_and_the_true_one_is_answered(tmp_path: Path) -> None:
+    keyed_lab(tmp_path)
+    stop = stop_of(access_with(tmp_path / "keys", "tool"))
+
+    def ask(endpoint: str) -> Ask:
+        address = stop_address(endpoint.replace("0.0.0.0", "127.0.0.1"))
+        assert address is not None
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+            for _ in range(100):
+                stranger.sendto(encode_stop("tool.1", bytes(KEY_BYTES), clock.unix_us(), "nobody"), address)
+        return stop(endpoint)
+
+    reply, asked, rejected = serve(tmp_path, ask)
+    assert reply is not None
+    assert len(asked) == 1
+    assert rejected == 100
+
+
+def test_who_is_revoked_is_not_answered(tmp_path: Path) -> None:
+    _, folder = keyed_lab(tmp_path)
+    access = access_with(tmp_path / "keys", "anna")
+    folder.revoke("anna", datetime.now(UTC))
+    reply, asked, rejected = serve(tmp_path, stop_of(access, 0.2))
+    assert reply is None
+    assert asked == []
+    assert rejected > 0
+
+
+def test_a_rotated_key_counts_and_the_old_one_does_not(tmp_path: Path) -> None:
+    _, folder = keyed_lab(tmp_path)
+    old = (tmp_path / "keys" / "anna" / "stop.key").read_bytes()
+    folder.rotate("anna", datetime.now(UTC))
+    assert (tmp_path / "keys" / "anna" / "stop.key").read_bytes() != old
+    assert [path.name for path in (tmp_path / "keys" / "ground").glob("stop-anna.*")] == ["stop-anna.2.key"]
+    reply, asked, _ = serve(tmp_path, stop_of(access_with(tmp_path / "keys", "anna")))
+    assert reply is not None
+    assert asked[0].source.startswith("anna.2 (")
+
+
+def test_where_nobody_listens_it_ends_at_once_and_without_keys_it_is_not_tried(tmp_path: Path) -> None:
+    keyed_lab(tmp_path)
+    endpoint = f"tls/127.0.0.1:{free_port()}"
+    begun_ns = clock.monotonic_ns()
+    assert stop_of(access_with(tmp_path / "keys", "tool"), 600.0)(endpoint)() is None  # not after ten minutes
+    assert clock.monotonic_ns() - begun_ns < 60e9
+    assert stop_of(BusAccess(), 600.0)(endpoint)() is None
+    assert stop_of(access_with(tmp_path / "keys", "tool"), 600.0)("tls/a-name:7447")() is None

@@ -1,0 +1,124 @@
+"""The ground's UDP ports for stops by one datagram: one beside each endpoint of the bus that other machines reach."""
+
+import asyncio
+import socket
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from formation.exposure import is_local_endpoint
+from formation.requests import OperatorReply, OperatorRequest, Verb
+from wire import clock
+from wire.errors import ConfigError
+from wire.plain_text import plain
+from wire.rejections import RejectionLog
+from wire.security.private_keys import read_mavlink_key, stop_key_file
+from wire.security.protection import Names, Protection
+from wire.security.stop_datagram import LARGEST, SOURCE_MOST, StopAsked, StopReader
+from wire.transport.link import PAUSE_S
+from wire.transport.stop_call import stop_address
+
+Handler = Callable[[OperatorRequest, Callable[[OperatorReply], None]], None]
+READS_A_TURN = 32
+"""Datagrams read at once: 0.2 ms of work. A flood of others is read no faster; who asks asks again every 10 ms."""
+BUFFER = 1 << 20
+
+
+class StopPort:
+    """One bound port. A request is handed on once; one that comes again is answered again."""
+
+    def __init__(
+        self, address: tuple[str, int], reader: StopReader, handler: Handler, rejections: RejectionLog
+    ) -> None:
+        """Bind (OSError)."""
+        self._reader, self._handler, self._rejections = reader, handler, rejections
+        self._answers: dict[str, bytes] = {}
+        """The newest answer by name."""
+        self._loop = asyncio.get_running_loop()
+        self._resume: asyncio.TimerHandle | None = None
+        self._socket = socket.socket(socket.AF_INET6 if ":" in address[0] else socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
+        try:
+            self._socket.bind(address)
+        except OSError:
+            self._socket.close()
+            raise
+        self._loop.add_reader(self._socket, self._read)
+
+    def close(self) -> None:
+        """Hear nobody more."""
+        if self._resume is not None:
+            self._resume.cancel()
+        self._loop.remove_reader(self._socket)
+        self._socket.close()
+
+    def _read(self) -> None:
+        for _ in range(READS_A_TURN):
+            try:
+                data, sender = self._socket.recvfrom(LARGEST + 1)
+            except BlockingIOError:
+                return
+            except OSError:  # an ICMP answer to something sent earlier
+                continue
+            found = self._reader.read(data, clock.unix_us())
+            if isinstance(found, StopAsked):
+                self._obey(found, sender)
+            else:
+                self._rejections.note(str(sender[0]), found, clock.monotonic_ns())
+        self._loop.remove_reader(self._socket)
+        self._resume = self._loop.call_later(PAUSE_S, self._loop.add_reader, self._socket, self._read)
+
+    def _obey(self, asked: StopAsked, sender: tuple[str, int]) -> None:
+        if asked.again:
+            if asked.name in self._answers:
+                self._send(self._answers[asked.name], sender)
+            return
+        self._answers.pop(asked.name, None)
+
+        def reply(answer: OperatorReply) -> None:
+            self._answers[asked.name] = self._reader.reply(asked, answer)
+            self._send(self._answers[asked.name], sender)
+
+        source = f"{asked.name} ({plain(asked.source, SOURCE_MOST)} at {sender[0]})"
+        self._handler(OperatorRequest(asked.id, Verb.STOP, source=source), reply)
+
+    def _send(self, data: bytes, sender: tuple[str, int]) -> None:
+        try:
+            self._socket.sendto(data, sender)
+        except OSError:  # it asks again
+            return
+
+
+@contextmanager
+def stop_ports(
+    listen: Sequence[str], protection: Protection, handler: Handler, rejections: RejectionLog
+) -> Iterator[None]:
+    """While inside, each endpoint that other machines reach by its address has a port; none without keys. OSError."""
+    own, names = protection.bus.identity, protection.names
+    with ExitStack() as opened:
+        for endpoint in () if own is None else listen:
+            address = stop_address(endpoint)
+            if own is not None and names is not None and address is not None and not is_local_endpoint(endpoint):
+                reader = StopReader(_Keys(own, names).of, clock.unix_us())
+                opened.callback(StopPort(address, reader, handler, rejections).close)
+        yield
+
+
+class _Keys:
+    """The stop keys in the ground's folder, each read when it is first needed; of known names alone."""
+
+    def __init__(self, own: Path, names: Names) -> None:
+        self._own, self._names = own, names
+        self._keys: dict[str, bytes] = {}
+
+    def of(self, name: str) -> bytes | None:
+        """The key of a name that is not revoked."""
+        if name not in self._names.known:
+            return None
+        if name not in self._keys:
+            try:
+                self._keys[name] = read_mavlink_key(self._own / stop_key_file(name))
+            except ConfigError:
+                return None
+        return self._keys[name]

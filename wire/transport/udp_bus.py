@@ -8,6 +8,7 @@ signed here and verified before their sender is looked at.
 """
 
 import asyncio
+import select
 import socket
 from collections.abc import Iterable
 
@@ -62,9 +63,11 @@ class _Port:
         self._loop = asyncio.get_running_loop()
         self._resume: dict[socket.socket, asyncio.TimerHandle] = {}
         self._sockets = bind_port(bind, peer)
-        if self._sockets.peer is not None:
-            self._loop.add_reader(self._sockets.peer, self._read, self._sockets.peer, READS_A_TURN)
-        self._loop.add_reader(self._sockets.others, self._read, self._sockets.others, OTHERS_A_TURN)
+        # Of these two, not of each: uvloop hears no more of a socket to which an ICMP error has come.
+        self._ready = select.epoll()
+        for each in self._sockets.both:
+            self._ready.register(each, select.EPOLLIN)
+        self._loop.add_reader(self._ready.fileno(), self._turn)
 
     def send(self, data: bytes) -> None:
         if self._channel is not None:
@@ -82,9 +85,8 @@ class _Port:
         self._intake.close()
         for handle in self._resume.values():
             handle.cancel()
-        for each in self._sockets:
-            if each is not None:
-                self._loop.remove_reader(each)
+        self._loop.remove_reader(self._ready.fileno())
+        self._ready.close()
         self._sockets.close()
 
     def _audience(self) -> tuple[SocketAddress, ...]:
@@ -92,6 +94,12 @@ class _Port:
         if peer is None and self._peer_filter is not None:
             peer = self._peer_filter.current
         return tuple(self._talkers) if peer is None else (peer, *self._talkers)
+
+    def _turn(self) -> None:
+        """Read the peer's packets before those of others."""
+        for source in self._sockets.both:
+            if source not in self._resume:
+                self._read(source, OTHERS_A_TURN if source is self._sockets.others else READS_A_TURN)
 
     def _read(self, source: socket.socket, reads_most: int) -> None:
         """What has arrived at one socket, so much of it; a flood waits while others have their turn."""
@@ -116,9 +124,12 @@ class _Port:
             if self._peer_filter is None and sender != self._peer and data[:1] and data[0] in _MAGICS:
                 self._note(sender)
             self._intake.enqueue(data)
-        self._loop.remove_reader(source)
-        again = self._loop.call_later(PAUSE_S, self._loop.add_reader, source, self._read, source, reads_most)
-        self._resume[source] = again
+        self._ready.unregister(source)
+        self._resume[source] = self._loop.call_later(PAUSE_S, self._go_on, source)
+
+    def _go_on(self, source: socket.socket) -> None:
+        del self._resume[source]
+        self._ready.register(source, select.EPOLLIN)
 
     def _verified(self, channel: SigningChannel, data: bytes, sender: SocketAddress, now_ns: int) -> bytes:
         """The datagram's verified packets; the others are counted."""

@@ -18,6 +18,11 @@ class PortSockets(NamedTuple):
     peer: socket.socket | None
     others: socket.socket
 
+    @property
+    def both(self) -> tuple[socket.socket, ...]:
+        """Those that there are, the peer's first."""
+        return (self.others,) if self.peer is None else (self.peer, self.others)
+
     def close(self) -> None:
         """Close both."""
         self.others.close()

@@ -5,6 +5,7 @@ import socket
 from collections.abc import Iterator
 
 import pytest
+import uvloop
 
 from formation.config import LinkConfig
 from formation.messages import Datagram
@@ -13,7 +14,7 @@ from wire.link_messages.address import Address
 from wire.link_messages.status import Heartbeat, MavAutopilot, MavState, MavType
 from wire.mavlink.codec import Codec
 from wire.rejections import RejectionLog
-from wire.transport.udp_bus import open_udp_ground
+from wire.transport.udp_bus import open_udp_drone, open_udp_ground
 from wire.transport.udp_socket import PortSockets, bind_port
 
 LOOPBACK = "127.0.0.1"
@@ -119,3 +120,28 @@ def test_a_link_delivers_every_packet_of_its_drone_beside_a_flood(peer: socket.s
         return delivered
 
     assert [each.data for each in asyncio.run(receive())] == packets
+
+
+@pytest.mark.parametrize("run", [asyncio.run, uvloop.run])
+def test_a_drone_that_spoke_before_its_ground_was_there_hears_it_later(run) -> None:
+    """What it sent comes back as an ICMP error, which must not end the hearing; on the loop of the programs, too."""
+    beat = Codec(Address(255, 190)).encode(Heartbeat(MavAutopilot.INVALID, MavType.GCS, 0, 0, MavState.ACTIVE))
+    drone_port, ground_port = free_port(), free_port()
+    links = LinkConfig(kind="udp", ground_port_base=ground_port - 1, drone_port_base=drone_port - 1)
+
+    async def speak() -> bytes:
+        heard: asyncio.Queue[Datagram] = asyncio.Queue()
+        drone = await open_udp_drone(links, 1, heard.put_nowait, RejectionLog())
+        for _ in range(3):
+            drone.send(Datagram(1, beat))
+            await asyncio.sleep(0.02)  # the loop sees the error
+        ground = await open_udp_ground(links, (1,), lambda _: None, RejectionLog())
+        ground.send(Datagram(1, beat))
+        try:
+            async with asyncio.timeout(10.0):
+                return (await heard.get()).data
+        finally:
+            drone.close()
+            ground.close()
+
+    assert run(speak()) == beat

@@ -125,9 +125,9 @@ class _Port:
                 self._note(sender)
             self._intake.enqueue(data)
         self._ready.unregister(source)
-        self._resume[source] = self._loop.call_later(PAUSE_S, self._go_on, source)
+        self._resume[source] = self._loop.call_later(PAUSE_S, self._resume_reading, source)
 
-    def _go_on(self, source: socket.socket) -> None:
+    def _resume_reading(self, source: socket.socket) -> None:
         del self._resume[source]
         self._ready.register(source, select.EPOLLIN)
 

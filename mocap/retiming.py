@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 from mocap.capture_time import ABOVE_SCATTERS, STEP_NS, Point, edge_over, lower_hull
 from mocap.figures import is_stamped_on_arrival
 
-WINDOW = 200
-"""Frames by which stamps are judged, and from which the first period is learnt."""
+WINDOW, JUDGED = 200, 20
+"""Stamps are judged by so many frames, every so many; from the same the first period is learnt."""
 BUCKET, BUCKETS, ABOVE = 16, 64, 20
 """Of so many frames the least late one is kept, and so many of those; ABOVE of them over the line start it over."""
 SLOPE_FRAMES, SLOPE_SHARE = 100, 0.05
 """Over so many frames the line's own slope counts, within this share of the first period."""
-CAUGHT_UP = 0.5
-"""A frame that follows the one before it by less than this share of the period catches up."""
+CAUGHT_UP, GAP = 0.5, 1.5
+"""A frame that follows the one before it by less than this share of the period catches up; by more than GAP, lags."""
 LAGGING, LAG_SHARE = 3, 0.9
-"""So many frames in a row that lag by this share of a period and do not catch up show that frames were lost."""
+"""So many frames after a gap that lag by this share of a period and do not catch up show that frames were lost."""
 LONGEST_GAP = 1000
 """A larger step of the numbers is a new count."""
 
@@ -44,6 +44,8 @@ class ExposureLine:
     _lost: int = 0
     """Frames that were lost without a gap in their numbers, and are counted in `_number`."""
     _arrived_ns: int = 0
+    _has_gap: bool = False
+    """Whether there was a gap since the last frame that was on the line."""
     _lags_ns: deque[float] = field(default_factory=lambda: deque(maxlen=LAGGING))
     _points: deque[Point] = field(default_factory=lambda: deque(maxlen=BUCKETS))
     _at: Point = (0, 0)
@@ -71,10 +73,12 @@ class ExposureLine:
 
     def _count_lost(self, late_ns: float, spacing_ns: int) -> None:
         """Count the frames that were lost without a gap in the numbers; count them back if they were merely late."""
-        if spacing_ns < CAUGHT_UP * self.period_ns or late_ns < LAG_SHARE * self.period_ns:
-            self._lags_ns.clear()
-        else:
+        has_gap = self._has_gap or spacing_ns >= GAP * self.period_ns
+        self._has_gap = has_gap and late_ns >= LAG_SHARE * self.period_ns
+        if self._has_gap and spacing_ns >= CAUGHT_UP * self.period_ns:
             self._lags_ns.append(late_ns)
+        else:
+            self._lags_ns.clear()
         more = 0
         if len(self._lags_ns) == LAGGING:
             more = int(min(self._lags_ns) / self.period_ns + 1.0 - LAG_SHARE)
@@ -123,8 +127,9 @@ class Retiming:
     _line: ExposureLine | None = None
     _seq: int = 0
     _stamp_ns: int = 0
-    _spacings_ns: list[int] = field(default_factory=list)
-    _steps: list[int] = field(default_factory=list)
+    _spacings_ns: deque[int] = field(default_factory=lambda: deque(maxlen=WINDOW))
+    _steps: deque[int] = field(default_factory=lambda: deque(maxlen=WINDOW))
+    _count: int = 0
 
     @property
     def scatter_ns(self) -> int | None:
@@ -136,23 +141,24 @@ class Retiming:
         steps, spacing_ns = (self.is_numbered and seq - self._seq) or 1, stamp_ns - self._stamp_ns
         self._seq, self._stamp_ns = seq, stamp_ns
         if not 0 < steps <= LONGEST_GAP:
-            self._line = None
+            self._line, self._count = None, 0
             self._spacings_ns.clear()
             self._steps.clear()
         elif self._line is None:
             self._spacings_ns.append(spacing_ns)
             self._steps.append(steps)
-            if len(self._steps) >= WINDOW:
+            self._count += 1
+            if self._count >= WINDOW and self._count % JUDGED == 0:
                 self._judge(is_stamped)
         return stamp_ns if self._line is None else self._line.exposed_ns(steps, stamp_ns)
 
     def _judge(self, is_stamped: bool) -> None:
         """Decide by the last frames; their usual spacing is the period."""
         spacings_ns, steps = np.array(self._spacings_ns, float), np.array(self._steps)
-        if not is_stamped or is_stamped_on_arrival(spacings_ns, steps):
-            self._line = ExposureLine(usual_period_ns(spacings_ns / steps), max(self._steps) > 1)
-        self._spacings_ns.clear()
-        self._steps.clear()
+        period_ns = usual_period_ns(spacings_ns / steps)
+        is_catching_up = spacings_ns[-1] < CAUGHT_UP * period_ns
+        if not is_catching_up and (not is_stamped or is_stamped_on_arrival(spacings_ns, steps)):
+            self._line = ExposureLine(period_ns, max(self._steps) > 1)
 
 
 def usual_period_ns(spacings_ns: NDArray[np.float64]) -> float:

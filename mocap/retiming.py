@@ -33,16 +33,15 @@ LONGEST_GAP = 1000
 class ExposureLine:
     """Exposures of evenly spaced frames from the arrivals of numbered ones.
 
-    period_ns: between frames, nearly. numbers_skip: whether lost frames show in the numbers. scatter_ns: median
-    height of the least late frames above the line: its uncertainty.
+    period_ns: between frames, nearly. numbers_skip: whether lost frames show in the numbers; else `lost` counts
+    them. scatter_ns: median height of the least late frames above the line: its uncertainty.
     """
 
     period_ns: float
     numbers_skip: bool = False
     scatter_ns: int = 0
+    lost: int = 0
     _number: int = 0
-    _lost: int = 0
-    """Frames that were lost without a gap in their numbers, and are counted in `_number`."""
     _arrived_ns: int = 0
     _has_gap: bool = False
     """Whether there was a gap since the last frame that was on the line."""
@@ -73,19 +72,19 @@ class ExposureLine:
 
     def _count_lost(self, late_ns: float, spacing_ns: int) -> None:
         """Count the frames that were lost without a gap in the numbers; count them back if they were merely late."""
-        has_gap = self._has_gap or spacing_ns >= GAP * self.period_ns
-        self._has_gap = has_gap and late_ns >= LAG_SHARE * self.period_ns
+        is_gap = spacing_ns >= GAP * self.period_ns
+        self._has_gap = (self._has_gap or is_gap) and late_ns >= LAG_SHARE * self.period_ns
+        if is_gap or not self._has_gap or spacing_ns < CAUGHT_UP * self.period_ns:
+            self._lags_ns.clear()
         if self._has_gap and spacing_ns >= CAUGHT_UP * self.period_ns:
             self._lags_ns.append(late_ns)
-        else:
-            self._lags_ns.clear()
         more = 0
         if len(self._lags_ns) == LAGGING:
-            more = int(min(self._lags_ns) / self.period_ns + 1.0 - LAG_SHARE)
+            more = round(min(self._lags_ns) / self.period_ns)
             self._lags_ns.clear()
         elif late_ns < -LAG_SHARE * self.period_ns:
-            more = -min(round(-late_ns / self.period_ns), self._lost)
-        self._lost += more
+            more = -min(round(-late_ns / self.period_ns), self.lost)
+        self.lost += more
         self._number += more
 
     def _add(self, point: Point) -> None:
@@ -164,3 +163,22 @@ class Retiming:
 def usual_period_ns(spacings_ns: NDArray[np.float64]) -> float:
     """The median of the spacings that are no bursts."""
     return float(np.median(spacings_ns[spacings_ns >= CAUGHT_UP * np.median(spacings_ns)]))
+
+
+def exposures_ns(stamps_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Exposures (k,) of a whole recording without frame numbers: its stamps, re-timed where they are arrival times.
+
+    Where frames were lost is known afterwards: the first ones behind a gap have their times, too. A few near a burst
+    may not rise.
+    """
+    spacings_ns = np.diff(stamps_ns).astype(float)
+    if len(spacings_ns) < WINDOW or not is_stamped_on_arrival(spacings_ns, np.ones(len(spacings_ns))):
+        return stamps_ns
+    line = ExposureLine(usual_period_ns(spacings_ns))
+    out = np.zeros(len(stamps_ns), np.int64)
+    for k, stamp_ns in enumerate(stamps_ns.tolist()):
+        lost = line.lost
+        out[k] = line.exposed_ns(1, stamp_ns)
+        if line.lost > lost:
+            out[k + 1 - LAGGING : k] += round((line.lost - lost) * line.period_ns)
+    return np.minimum(out, stamps_ns)

@@ -175,8 +175,8 @@ class MocapEmulator:
             row[1:4], row[4:7] = truth.pos_lab_m, truth.vel_lab_m_s
             row[7:11], row[11:14] = truth.q_lab_from_flu, truth.rate_flu_rad_s
         optics.measure_poses(self._truth, carried, self._view, self._q_flu_from_marker, noise, self._pos, self._q)
-        if self._leader is not None and seen[0]:
-            elapsed_ns = t_ns - (self._start_ns or t_ns)
+        elapsed_ns = t_ns - (self._start_ns or t_ns)
+        if self._leader is not None and seen[0] and self._leader.is_in_sight(elapsed_ns):
             pos, q = self._leader.pose(elapsed_ns)
             shown = noise[0] * (0.0 if self._start_ns is not None and self._leader.plays(elapsed_ns) else 1.0)
             optics.blur(pos, q, self._view, self._q_flu_from_marker[0], shown, self._pos[0], self._q[0])

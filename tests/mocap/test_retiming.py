@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from formation.maths.arrays import Float
-from mocap.retiming import WINDOW, Retiming
+from mocap.retiming import WINDOW, Retiming, exposures_ns
 
 LATENCY_S, IN_BURST_S = 0.004, 0.0004
 S = 10**9
@@ -133,3 +133,21 @@ def test_a_source_that_numbers_by_its_stamps_is_counted_frame_by_frame() -> None
         seq = round(arrived[k] * 100.0)
         off_s.append(retiming.capture_ns(seq, round(arrived[k] * S), True) / S - exposed[k] - LATENCY_S)
     assert np.abs(np.array(off_s)[exposed > 8.0]).max() < 0.003
+
+
+@pytest.mark.parametrize("stalled_share", [1.0, 0.5])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_whole_recording_without_numbers_is_re_timed(seed: int, stalled_share: float) -> None:
+    stream = Stream(stalled_share=stalled_share, is_numbered=False, length_s=60.0)
+    exposed, arrived, _ = stream.frames(seed)
+    stamps_ns = np.round(arrived * S).astype(np.int64)
+    found_ns = exposures_ns(stamps_ns)
+    assert (found_ns <= stamps_ns).all()
+    off_s = found_ns[200:] / S - exposed[200:] - LATENCY_S
+    assert (np.abs(off_s) > 0.004).mean() < 0.01
+    assert np.std(off_s) < 0.3 * np.std(arrived[200:] - exposed[200:])
+
+
+def test_a_recording_with_true_stamps_is_left_as_it_is() -> None:
+    stamps_ns = np.arange(1000) * 10_000_000 + np.random.default_rng(1).integers(0, 2_000_000, 1000)
+    assert exposures_ns(stamps_ns) is stamps_ns

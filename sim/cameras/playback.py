@@ -14,6 +14,8 @@ from mocap.sources.csv_file import Recording
 EASE_IN_NS = 1_000_000_000
 GAP_NS = 50_000_000
 """A longer time without a recorded pose is one without the body."""
+IN_GAP_NS = 10_000_000
+"""Period of the cameras in a gap."""
 RESTING_M = 0.05
 """A body that stays this near its last recorded pose has come to rest."""
 REST_NS = 1_000_000_000
@@ -77,7 +79,7 @@ class Playback:
     def next_exposure_ns(self, elapsed_ns: int) -> int | None:
         """Elapsed time of the first recorded exposure after `elapsed_ns`; None where the mocap's own rhythm applies.
 
-        This is before the ease-in is over, after the end, and in a gap until shortly before it ends.
+        In a gap the cameras go on evenly, up to between 0.6 and 1.6 periods before it ends.
         """
         if elapsed_ns < EASE_IN_NS:
             return None
@@ -86,7 +88,8 @@ class Playback:
         if k == len(stamps):
             return None
         next_ns = int(stamps[k]) + EASE_IN_NS // 2
-        return next_ns if next_ns - elapsed_ns <= GAP_NS else None
+        is_gap = k > 0 and stamps[k] - stamps[k - 1] > GAP_NS
+        return elapsed_ns + IN_GAP_NS if is_gap and next_ns - elapsed_ns > 1.6 * IN_GAP_NS else next_ns
 
     def is_in_sight(self, elapsed_ns: int) -> bool:
         """Whether the cameras see the body: not where the recording has a gap."""

@@ -7,6 +7,7 @@ Estimation and removal of clock skew from network delay measurements, 1999). Bur
 """
 
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -82,7 +83,7 @@ class LowerEdge:
         slope = self._line[2] if self._line is not None else 0.0
         points = self._points
         if points[-1][0] - points[0][0] >= SLOPE_NS:
-            a, b = _edge_over(_lower_hull(points), (points[0][0] + points[-1][0]) // 2)
+            a, b = edge_over(lower_hull(points), (points[0][0] + points[-1][0]) // 2)
             slope = min(max((b[1] - a[1]) / (b[0] - a[0]), -STEEPEST), STEEPEST)
         t0, _ = points[0]
         lowest = min(points, key=lambda p: p[1] - slope * (p[0] - t0))
@@ -136,7 +137,8 @@ class CaptureTime:
         return None if self._down.at_ns(now_ns) is None else self._down.scatter_ns
 
 
-def _lower_hull(points: deque[Point]) -> list[Point]:
+def lower_hull(points: Iterable[Point]) -> list[Point]:
+    """The points of rising abscissa on the lower convex hull."""
     hull: list[Point] = []
     for p in points:
         while len(hull) > 1 and _turns_down(hull[-2], hull[-1], p):
@@ -149,7 +151,8 @@ def _turns_down(a: Point, b: Point, c: Point) -> bool:
     return (b[1] - a[1]) * (c[0] - b[0]) >= (c[1] - b[1]) * (b[0] - a[0])
 
 
-def _edge_over(hull: list[Point], t_ns: int) -> tuple[Point, Point]:
+def edge_over(hull: list[Point], t_ns: int) -> tuple[Point, Point]:
+    """The hull's edge over the abscissa `t_ns`."""
     for a, b in pairwise(hull):
         if b[0] >= t_ns:
             return a, b

@@ -8,9 +8,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from formation.config import LabConfig
-from formation.messages import Event, LabFrame, RawFrame
+from formation.messages import Event, LabFrame, RawFrame, Severity
 from formation.rejection import Rejection
 from mocap.alignment import Alignment
+from mocap.retiming import Retiming
+from mocap.sources.source import seconds
 from mocap.validator.validator import PoseValidator
 from wire.rejections import RejectionLog
 from wire.transport.frame_check import OLDEST_NS, lab_fault, raw_fault
@@ -18,6 +20,8 @@ from wire.transport.frame_check import OLDEST_NS, lab_fault, raw_fault
 MOST_UNKNOWN = 16
 """How many bodies that are none of the lab's are remembered, to name them."""
 LONGEST_GAP = 1000
+UNNUMBERED = ("vrpn", "chingmu", "csv")
+"""Sources without numbers of their own: ours follow from the stamps."""
 SOURCE = "mocap"
 
 
@@ -36,6 +40,8 @@ class MocapCore:
         self.unknown: Counter[str] = Counter()
         self._alignment = Alignment(config)
         self._validator = PoseValidator(config, without)
+        self._retiming = Retiming(config.mocap.source not in UNNUMBERED)
+        self._is_retimed = False
         self._delay_ns = round(config.mocap.delay_s * 1e9)
         self._raw_seq: int | None = None
         self._seq = -1
@@ -55,19 +61,35 @@ class MocapCore:
         self._validator.note_motors(on)
 
     def events(self, now_ns: int) -> tuple[Event, ...]:
-        """Events that are due: bodies whose poses are rejected, or accepted again."""
-        return self._validator.events(now_ns)
+        """Events that are due: bodies whose poses are rejected, or accepted again; frames that are re-timed."""
+        return (*self._validator.events(now_ns), *self._newly_retimed())
+
+    @property
+    def retimed_scatter_s(self) -> float | None:
+        """The residual scatter of re-timed capture times; None where the source's stamps are used as they are."""
+        return seconds(self._retiming.scatter_ns)
 
     def rejections(self) -> dict[str, dict[str, int]]:
         """Poses rejected since the start, by body and reason."""
         return self._validator.counts()
 
+    def _newly_retimed(self) -> tuple[Event, ...]:
+        scatter_s, was_retimed = self.retimed_scatter_s, self._is_retimed
+        self._is_retimed = scatter_s is not None
+        if scatter_s is None or was_retimed:
+            return ()
+        text = f"stamps are arrival times: frames are re-timed, with a scatter of {1e3 * scatter_s:.2f} ms"
+        return (Event(Severity.WARNING, SOURCE, text),)
+
     def _align(self, raw: RawFrame, now_ns: int) -> LabFrame | None:
-        t_capture_ns = raw.t_capture_ns or now_ns - self._delay_ns
+        is_stamped = raw.t_capture_ns != 0
         if self._is_rejected(raw_fault(raw, now_ns, OLDEST_NS) or self._name_fault(raw.bodies), now_ns):
             return None
+        stamp_ns = raw.t_capture_ns if is_stamped else now_ns - self._delay_ns
+        t_capture_ns = self._retiming.capture_ns(raw.seq, stamp_ns, is_stamped)
         frame = self._alignment.align(raw, raw.seq, t_capture_ns, now_ns)
-        stamp_rejected = raw.t_capture_ns != 0 and self._validator.rejects_stamp(t_capture_ns, now_ns)
+        is_known = is_stamped or self._retiming.scatter_ns is not None
+        stamp_rejected = is_known and self._validator.rejects_stamp(t_capture_ns, now_ns)
         if not stamp_rejected and self._is_rejected(self._order_fault(t_capture_ns), now_ns):
             return None
         self._note_no_poses(frame, now_ns)

@@ -120,6 +120,7 @@ class Mocap:
             "source": self._name,
             **source.as_json(self.source.status()),
             **figures.as_json(self._window, now_ns),
+            "retimed_scatter_s": self._core.retimed_scatter_s,
             "frames": self._core.frames,
             "refused": self._core.reject_log.count,
             "rejected": self._core.rejections(),

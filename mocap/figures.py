@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from formation.maths import frames
 from formation.maths.arrays import Bool, Float
@@ -58,8 +58,14 @@ def timing(captured_ns: Times, received_ns: Times, seq: Times) -> Timing:
         lost_share=float(np.sum(steps - 1)) / float(np.sum(steps)),
         delay_s=float(np.median(received_ns - captured_ns)) * 1e-9,
         gap_s=float(spacing_s.max()),
-        arrival_stamps=bool(np.mean(spacing_s < 0.5 * np.median(spacing_s / steps)) > BURST_SHARE),
+        arrival_stamps=is_stamped_on_arrival(spacing_s, steps),
     )
+
+
+def is_stamped_on_arrival(spacings: ArrayLike, steps: ArrayLike) -> bool:
+    """Whether stamps with these spacings (k), of frames so many numbers apart, are no exposures but arrival times."""
+    each = np.asarray(spacings)
+    return bool(np.mean(each < 0.5 * np.median(each / np.asarray(steps))) > BURST_SHARE)
 
 
 def noise_m(pos_lab_m: Float) -> float:

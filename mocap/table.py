@@ -40,7 +40,7 @@ class LiveTable:
 
 def mocap_view(state: dict[str, Any]) -> Group:
     """The published state for people."""
-    return Group(Text(_stream(state)), Text(_clock(state)), _bodies(state))
+    return Group(Text(_stream(state)), Text(_clock(state)), *map(Text, _stamps(state)), _bodies(state))
 
 
 def _stream(state: dict[str, Any]) -> str:
@@ -62,8 +62,16 @@ def _clock(state: dict[str, Any]) -> str:
         constant = "" if state["latency_measured"] else ", apart from the constant that latency_s says"
         clock = f"latency {state['latency_ms']:.1f} ms, uncertain by {state['uncertainty_ms'] or 0.0:.2f} ms{constant}"
     delay = "" if timing is None else f"exposure to receipt {_MS * timing['delay_s']:.1f} ms (median); "
-    warning = "" if timing is None or not timing["arrival_stamps"] else "; stamps are arrival times"
-    return delay + clock + warning
+    return delay + clock
+
+
+def _stamps(state: dict[str, Any]) -> tuple[str, ...]:
+    """The line about stamps that are no exposures, if there is one."""
+    if state["retimed_scatter_s"] is not None:
+        scatter_ms = _MS * state["retimed_scatter_s"]
+        return (f"stamps are arrival times: frames are re-timed, with a scatter of {scatter_ms:.2f} ms",)
+    timing = state["timing"]
+    return () if timing is None or not timing["arrival_stamps"] else ("stamps are arrival times",)
 
 
 def _bodies(state: dict[str, Any]) -> Table:

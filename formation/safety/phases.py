@@ -52,6 +52,9 @@ TABLE: Mapping[tuple[Phase, Trigger], Phase] = MappingProxyType(
 AFTER_STOP = "when every drone is disarmed and heard, `gcs reset` leads back to GROUND"
 """What to do next in STOPPED, which no flight goes through."""
 
+AFTER_HOLD = "`start` by the operator leads on"
+"""What to do next in HOLD: nothing resumes by itself, whatever the cause and though it be over."""
+
 STREAMING = frozenset({Phase.ARMED, Phase.TAKEOFF, Phase.FORMATION, Phase.HOLD, Phase.LAND})
 """Phases in which every commanded drone is sent setpoints."""
 

@@ -24,8 +24,13 @@ FRAMES_LEAST = 10
 MOCAP = "mocap"
 
 
-def check_mocap(config: LabConfig, received: Sequence[Received], unknown: Sequence[str] = ()) -> tuple[Finding, ...]:
-    """Judge frames, each with the time it was received, ns; unknown: bodies that the mocap has beside the lab's."""
+def check_mocap(
+    config: LabConfig, received: Sequence[Received], unknown: Sequence[str] = (), retimed_scatter_s: float | None = None
+) -> tuple[Finding, ...]:
+    """Judge frames, each with the time it was received, ns.
+
+    unknown: bodies that the mocap has beside the lab's. retimed_scatter_s: of capture times, where they are re-timed.
+    """
     if len(received) < FRAMES_LEAST:
         found = f"{len(received)} frames"
         return (Finding(MOCAP, "frames", Grade.FAIL, found, "a stream", "no mocap, or not on this bus"),)
@@ -33,14 +38,14 @@ def check_mocap(config: LabConfig, received: Sequence[Received], unknown: Sequen
     q = np.stack([frame.q_lab_from_flu for _, frame in received])
     seen = np.stack([frame.seen for _, frame in received])
     return (
-        *_timing(config, received),
+        *_timing(config, received, retimed_scatter_s),
         *_bodies(config, seen, unknown),
         *_rest(config, pos, q, seen),
         *_positions(config, pos, seen),
     )
 
 
-def _timing(config: LabConfig, received: Sequence[Received]) -> Iterator[Finding]:
+def _timing(config: LabConfig, received: Sequence[Received], retimed_scatter_s: float | None) -> Iterator[Finding]:
     arrived = np.array([t_ns for t_ns, _ in received])
     captured = np.array([frame.t_capture_ns for _, frame in received])
     numbers = np.array([frame.seq for _, frame in received])
@@ -51,11 +56,19 @@ def _timing(config: LabConfig, received: Sequence[Received]) -> Iterator[Finding
     yield graded(MOCAP, "rate", f"{found.rate_hz:.1f} Hz", f"{wanted_hz:g} Hz", close, why)
     fair, most = found.jitter_s <= JITTER_SHARE / wanted_hz, f"under {500.0 / wanted_hz:.1f} ms"
     yield graded(MOCAP, "jitter", f"{found.jitter_s * 1e3:.2f} ms", most, fair, "uneven frames")
-    stamps = "arrival times" if found.arrival_stamps else "exposure times"
-    why = "stamps are arrival times: let the source stamp each frame when it is exposed"
-    yield graded(MOCAP, "stamps", stamps, "exposure times", not found.arrival_stamps, why, fair=True)
+    yield _stamps(found.arrival_stamps, retimed_scatter_s)
     yield _lost_frames(config.mocap.source, found.lost_share)
     yield _delay(config.mocap, found.delay_s)
+
+
+def _stamps(are_arrival_times: bool, retimed_scatter_s: float | None) -> Finding:
+    check, wanted = "stamps", "exposure times"
+    why = "stamps are arrival times: let the source stamp each frame when it is exposed"
+    if retimed_scatter_s is not None:
+        found = f"arrival times, re-timed with a scatter of {retimed_scatter_s * 1e3:.2f} ms"
+        return Finding(MOCAP, check, Grade.WARN, found, wanted, why)
+    found = "arrival times" if are_arrival_times else wanted
+    return graded(MOCAP, check, found, wanted, not are_arrival_times, why, fair=True)
 
 
 def _lost_frames(source: str, lost: float) -> Finding:

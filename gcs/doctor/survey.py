@@ -64,6 +64,7 @@ class Survey:
         self.config = config
         self.received: list[Received] = []
         self.unknown_bodies: tuple[str, ...] = ()
+        self.retimed_scatter_s: float | None = None
         self._names = tuple(v.body for v in config.vehicles)
         self.links: GroundLinks | None = None
         self._feeds_pose = config.mocap.source != "mavlink"
@@ -86,6 +87,7 @@ class Survey:
     def receive_mocap_state(self, state: dict[str, Any]) -> None:
         """Receive the published state of the mocap process."""
         self.unknown_bodies = tuple(str(name) for name in state.get("unknown_bodies", ()))
+        self.retimed_scatter_s = state.get("retimed_scatter_s")
 
     def receive_datagram(self, datagram: Datagram) -> None:
         """Receive a datagram for our own link, for MAVSDK where it listens, and for poses without a mocap."""
@@ -253,7 +255,7 @@ async def examine(config: LabConfig, listen_s: float, prompt: Prompt | None, sur
     await survey.settle()
     survey.received.clear()
     await asyncio.sleep(listen_s)
-    findings = [*check_mocap(config, survey.received, survey.unknown_bodies)]
+    findings = [*check_mocap(config, survey.received, survey.unknown_bodies, survey.retimed_scatter_s)]
     if prompt is not None:
         findings += check_axes(config, await survey.have_moved(prompt))
     findings += await survey.check_drones()

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from formation.requests import CONFIGURED
+from formation.safety.phases import AFTER_HOLD
 from gcs.page.table import Cell, Level, row
 
 SILENT_S = 1.0
@@ -80,7 +81,7 @@ def show(
     return Show(
         lost=f"nothing heard of the ground for {silent_s:.0f} s" if silent_s > SILENT_S else "",
         phase=str(state["phase"]),
-        cause=str(state["cause"]),
+        cause=cause(state),
         since=_clock(float(state["phase_s"])),
         steps=tuple(_step(verb, state, start_against) for verb in VERBS),
         rows=tuple(row(drone, flying) for drone in state["drones"]),
@@ -88,6 +89,11 @@ def show(
         stop=stop_text(state),
         vital=vital(state, mocap),
     )
+
+
+def cause(state: Mapping[str, Any]) -> str:
+    """Why the phase is what it is, and what leads on from HOLD."""
+    return f"{state['cause']}; {AFTER_HOLD}" if state["phase"] == "HOLD" else str(state["cause"])
 
 
 def _step(verb: str, state: Mapping[str, Any], start_against: Sequence[str]) -> Step:

@@ -1,7 +1,7 @@
 """One body's recorded poses from a CSV file in ASL/EuRoC format, checked line by line.
 
 `timestamp [ns], x, y, z, qw, qx, qy, qz`, further columns left alone; `#` starts a comment. Stamps are kept as they
-are, jitter and gaps included. Every error names the file and the line.
+are, jitter and gaps included, unless they are arrival times: then they are re-timed. Every error names file and line.
 """
 
 import math
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from formation.maths import frames
 from formation.maths.arrays import Float
+from mocap.retiming import exposures_ns
 
 FIELDS = 8
 UNIT_WITHIN = 0.01
@@ -53,8 +54,9 @@ def read_recording(path: Path) -> Recording:
     if not stamps:
         raise MocapFileError(path, None, "no poses in this file")
     table = np.array(poses)
-    t_ns = np.array([stamp - stamps[0] for stamp in stamps], dtype=np.int64)
-    return Recording(t_ns, table[:, :3], frames.canonical(table[:, 3:]))
+    t_ns = exposures_ns(np.array([stamp - stamps[0] for stamp in stamps], dtype=np.int64))
+    rises = np.append(True, t_ns[1:] > np.maximum.accumulate(t_ns)[:-1])
+    return Recording(t_ns[rises] - t_ns[0], table[rises, :3], frames.canonical(table[rises, 3:]))
 
 
 def _lines(path: Path) -> list[str]:

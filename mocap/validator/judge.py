@@ -24,6 +24,7 @@ from formation.vehicle.path import (
     moved_as_it_can,
     position_innovation_m,
     reject_reason,
+    since_s,
     turned_as_it_can,
 )
 
@@ -218,8 +219,8 @@ def is_swapped(
     if not moved_as_it_can(other.believed, criteria.bounds[j], t_ns, frame.pos_lab_m[i]):
         return False
     known = one.believed.frames >= KNOWN_FRAMES and other.believed.frames >= KNOWN_FRAMES
-    since_s = (t_ns - min(one.believed.t_ns, other.believed.t_ns)) * SECONDS
-    if since_s <= SWAP_S and not before:
+    gone_s = (t_ns - min(one.believed.t_ns, other.believed.t_ns)) * SECONDS
+    if gone_s <= SWAP_S and not before:
         return known and reasons[i] == JUMP and reasons[j] == JUMP
     crossed = position_innovation_m(one.believed, t_ns, frame.pos_lab_m[j]) + position_innovation_m(
         other.believed, t_ns, frame.pos_lab_m[i]
@@ -227,7 +228,7 @@ def is_swapped(
     straight = position_innovation_m(one.believed, t_ns, frame.pos_lab_m[i]) + position_innovation_m(
         other.believed, t_ns, frame.pos_lab_m[j]
     )
-    return (before or known) and since_s <= GAP_S and crossed < (1.0 if before else NEARER) * straight
+    return (before or known) and gone_s <= GAP_S and crossed < (1.0 if before else NEARER) * straight
 
 
 @kernel
@@ -263,6 +264,7 @@ def update(m: Memory, bounds: Bounds, t_ns: int, pos: Float, q: Float, reason: i
     if m.code == 0:
         m.possible = believed.frames < KNOWN_FRAMES
         begin(other, t_ns, pos, q)
+        other.period_s, other.burst = believed.period_s, 0  # of the same cameras
     elif not m.possible and reason == 0 and is_reacquired(m, bounds, t_ns, pos, q):
         m.possible = True
         begin(other, t_ns, pos, q)
@@ -286,10 +288,10 @@ def is_reacquired(m: Memory, bounds: Bounds, t_ns: int, pos: Float, q: Float) ->
     along with the true one, is never reacquired.
     """
     believed, other = m.believed, m.other
-    since_s, other_s = (t_ns - believed.t_ns) * SECONDS, (t_ns - other.t_ns) * SECONDS
+    gone_s, other_s = (t_ns - believed.t_ns) * SECONDS, since_s(other, t_ns)
     led_m, leapt2, w = np.empty(3), 0.0, 0.0
     for axis in range(3):
-        led_m[axis] = pos[axis] - (since_s - believed.period_s) * believed.vel_lab_m_s[axis]
+        led_m[axis] = pos[axis] - (gone_s - believed.period_s) * believed.vel_lab_m_s[axis]
         leapt2 += (pos[axis] - other.pos_lab_m[axis] - other_s * other.vel_lab_m_s[axis]) ** 2
     for k in range(4):
         w += q[k] * other.q_lab_from_flu[k]

@@ -5,6 +5,7 @@ Noise is drawn in lab and flu, so that the same flight is the same in a room of 
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -25,6 +26,10 @@ TRUTH_LIVES_NS = 30_000_000
 """A body whose truth is older is not seen: its process is late, or gone. Cameras do not guess where a body may be."""
 
 
+IN_BURST_NS = 1_000
+"""Frames that arrive together are stamped so far from each other."""
+
+
 class Gap(Model):
     """A time without frames, or without one body; `at_s` counts from the start of the formation phase.
 
@@ -41,6 +46,8 @@ class EmulatorConfig(Model):
 
     jitter_s, noise_m and noise_rad are standard deviations (of the exposure's time; per axis), delay_jitter_s the mean
     of what comes on top of delay_s. burst: so many frames are sent at once, when the last of them was exposed.
+    stall_s: the network holds frames back for up to so long and then sends them together, every stall_every_s in the
+    mean. arrival_stamps: frames are stamped as they arrive, not as they are exposed.
     """
 
     rate_hz: Positive = 100.0
@@ -53,6 +60,9 @@ class EmulatorConfig(Model):
     occluded_share: Share = 0.0
     burst: Annotated[int, Field(ge=1, le=1000)] = 1
     gaps: tuple[Gap, ...] = ()
+    stall_s: NotNegative = 0.0
+    stall_every_s: Positive = 1.0
+    arrival_stamps: bool = False
 
 
 class MocapEmulator:
@@ -89,6 +99,9 @@ class MocapEmulator:
         )
         """On which its frames are under way: `pop_due` has the next at `next_due_ns`."""
         self._unsent: list[RawFrame] = []
+        self._stamped_ns = 0
+        self._stalls = np.random.default_rng([seed, 3])
+        self._stall_ns = self._next_stall_after(t0_ns)
         self._truth = np.zeros((n, 14))
         self._pos = np.zeros((n, 3))
         self._q = np.tile(frames.IDENTITY, (n, 1))
@@ -131,11 +144,18 @@ class MocapEmulator:
 
     def pop_due(self, now_ns: int) -> list[RawFrame]:
         """The frames that have arrived by now, oldest first."""
-        return [frame for _, frame in self.cable.pop_due(now_ns)]
+        due = self.cable.pop_due(now_ns)
+        return (
+            [self._stamped(frame, t_ns) for t_ns, frame in due] if self._config.arrival_stamps else [f for _, f in due]
+        )
+
+    def _stamped(self, frame: RawFrame, arrived_ns: int) -> RawFrame:
+        self._stamped_ns = max(arrived_ns, self._stamped_ns + IN_BURST_NS)
+        return replace(frame, t_capture_ns=self._stamped_ns)
 
     def _send(self, t_ns: int, frame: RawFrame) -> None:
         self._unsent.append(frame)
-        if len(self._unsent) >= self._config.burst:
+        if len(self._unsent) >= self._config.burst and not self._is_stalled(t_ns):
             for each in self._unsent:
                 self.cable.push(t_ns, each)
             self._unsent = []
@@ -156,8 +176,8 @@ class MocapEmulator:
             row[1:4], row[4:7] = truth.pos_lab_m, truth.vel_lab_m_s
             row[7:11], row[11:14] = truth.q_lab_from_flu, truth.rate_flu_rad_s
         optics.measure_poses(self._truth, carried, self._view, self._q_flu_from_marker, noise, self._pos, self._q)
-        if self._leader is not None and seen[0]:
-            elapsed_ns = t_ns - (self._start_ns or t_ns)
+        elapsed_ns = t_ns - (self._start_ns or t_ns)
+        if self._leader is not None and seen[0] and self._leader.is_in_sight(elapsed_ns):
             pos, q = self._leader.pose(elapsed_ns)
             shown = noise[0] * (0.0 if self._start_ns is not None and self._leader.plays(elapsed_ns) else 1.0)
             optics.blur(pos, q, self._view, self._q_flu_from_marker[0], shown, self._pos[0], self._q[0])
@@ -169,6 +189,18 @@ class MocapEmulator:
             return set()
         elapsed_s = (t_ns - self._start_ns) * 1e-9
         return {gap.body for gap in self._config.gaps if gap.at_s <= elapsed_s < gap.at_s + gap.for_s}
+
+    def _is_stalled(self, t_ns: int) -> bool:
+        if self._config.stall_s == 0.0:
+            return False
+        while t_ns >= self._stall_ns[1]:
+            self._stall_ns = self._next_stall_after(self._stall_ns[1])
+        return t_ns >= self._stall_ns[0]
+
+    def _next_stall_after(self, t_ns: int) -> tuple[int, int]:
+        """From when to when the network holds back all frames."""
+        begin_ns = t_ns + round(1e9 * self._config.stall_every_s * self._stalls.standard_exponential())
+        return begin_ns, begin_ns + round(1e9 * self._config.stall_s * self._stalls.random())
 
     def _next_exposure_after(self, t_ns: int) -> int:
         """The recorded stamp that comes next while a recording plays, else the camera's next jittered tick."""

@@ -1,7 +1,8 @@
 """A leader no drone carries: the pose of its body at any time after the start, and when the camera saw it.
 
 A recording is held at its first pose until the start; the playback then eases in (a recording may begin in full
-flight), after which every exposure falls on a recorded stamp, jitter and gaps included; at the end the last pose holds.
+flight), after which every exposure falls on a recorded stamp, jitter included; at the end the last pose holds. In a gap
+of the recording the cameras go on, and do not see the body.
 """
 
 import numpy as np
@@ -11,6 +12,10 @@ from formation.maths.arrays import Quat, Vec3
 from mocap.sources.csv_file import Recording
 
 EASE_IN_NS = 1_000_000_000
+GAP_NS = 50_000_000
+"""A longer time without a recorded pose is one without the body."""
+IN_GAP_NS = 10_000_000
+"""Period of the cameras in a gap."""
 RESTING_M = 0.05
 """A body that stays this near its last recorded pose has come to rest."""
 REST_NS = 1_000_000_000
@@ -72,12 +77,27 @@ class Playback:
         return pos, q
 
     def next_exposure_ns(self, elapsed_ns: int) -> int | None:
-        """Elapsed time of the first recorded exposure after `elapsed_ns`; None where the mocap's own rhythm applies."""
+        """Elapsed time of the first recorded exposure after `elapsed_ns`; None where the mocap's own rhythm applies.
+
+        In a gap the cameras go on evenly, up to between 0.6 and 1.6 periods before it ends.
+        """
         if elapsed_ns < EASE_IN_NS:
             return None
         stamps = self._recording.t_ns
         k = max(int(np.searchsorted(stamps, elapsed_ns - EASE_IN_NS // 2, side="right")), self._first_stamp)
-        return None if k == len(stamps) else int(stamps[k]) + EASE_IN_NS // 2
+        if k == len(stamps):
+            return None
+        next_ns = int(stamps[k]) + EASE_IN_NS // 2
+        is_gap = k > 0 and stamps[k] - stamps[k - 1] > GAP_NS
+        return elapsed_ns + IN_GAP_NS if is_gap and next_ns - elapsed_ns > 1.6 * IN_GAP_NS else next_ns
+
+    def is_in_sight(self, elapsed_ns: int) -> bool:
+        """Whether the cameras see the body: not where the recording has a gap."""
+        stamps, t_ns = self._recording.t_ns, self._recorded_time_ns(elapsed_ns)
+        after = int(np.searchsorted(stamps, t_ns))
+        if after in (0, len(stamps)) or stamps[after] == t_ns:
+            return True
+        return bool(stamps[after] - stamps[after - 1] <= GAP_NS)
 
     @staticmethod
     def _recorded_time_ns(elapsed_ns: int) -> int:

@@ -106,3 +106,21 @@ def test_a_recorded_lab_frame_goes_through_again_as_it_was():
     assert again.bodies == first.bodies
     other = replace(first, t_capture_ns=T0_NS + 60 * MS, bodies=("lead", "wand"))
     assert core.receive(other, at(6)) is None
+
+
+@pytest.mark.parametrize("is_stamped", [True, False])
+def test_frames_stamped_on_arrival_are_re_timed_and_it_is_said_once(is_stamped: bool):
+    """Every 40th frame is held back by 60 ms and those behind it with it; they come 0.3 ms after each other."""
+    core, free_ns, out, texts = a_core(), 0, [], []
+    for k in range(800):
+        free_ns = max(at(k // 40 * 40) + 60 * MS, free_ns + 300_000) if k % 40 < 6 else max(at(k), free_ns + 300_000)
+        frame = core.receive(raw(k, t_capture_ns=free_ns if is_stamped else 0), free_ns)
+        texts += [event.text for event in core.events(free_ns)]
+        if frame is not None:
+            out.append((k, frame.t_capture_ns - T0_NS - 10 * MS * k))
+    late_ns = 8 * MS if is_stamped else 0
+    assert {k for k, _ in out} >= set(range(210, 800))
+    assert max(abs(off_ns - late_ns) for k, off_ns in out if k >= 210) < 1 * MS
+    assert len(texts) == 1
+    assert texts[0].startswith("stamps are arrival times: frames are re-timed, with a scatter of 0.")
+    assert core.retimed_scatter_s is not None

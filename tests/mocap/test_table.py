@@ -12,6 +12,7 @@ STATE: dict[str, Any] = {
     "rejected": {"left": {"FREEZE": 7}}, "latency_ms": 4.2, "uncertainty_ms": 0.31, "latency_measured": True,
     "timing": {"rate_hz": 119.98, "jitter_s": 0.0002, "lost_share": 0.0025, "delay_s": 0.0052, "gap_s": 0.0167,
                "arrival_stamps": False},
+    "retimed_scatter_s": None,
     "body_figures": [
         {"body": "left", "seen_share": 0.995, "gap_s": 0.025, "noise_m": 0.00012, "pos_lab_m": (1.0, -0.5, 0.25),
          "yaw_rad": 1.5707963267948966},
@@ -47,6 +48,12 @@ def test_a_constant_that_the_protocol_does_not_report_is_named() -> None:
 def test_stamps_that_are_arrival_times_are_named() -> None:
     assert "stamps are arrival times" not in shown(STATE)
     assert "stamps are arrival times" in shown(STATE | {"timing": STATE["timing"] | {"arrival_stamps": True}})
+
+
+def test_re_timed_captures_are_shown_with_their_scatter() -> None:
+    assert "stamps are arrival times: frames are re-timed, with a scatter of 0.21 ms" in shown(
+        STATE | {"retimed_scatter_s": 0.00021}
+    )
 
 
 def test_without_frames_it_says_so() -> None:

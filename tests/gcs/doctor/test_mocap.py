@@ -79,6 +79,13 @@ def test_stamps_that_are_arrival_times_are_named():
     assert bad["mocap", "stamps"].grade is Grade.WARN
 
 
+def test_frames_that_are_re_timed_are_named_with_their_scatter():
+    """Re-timed frames are even; what stamps them should be told all the same."""
+    bad = _bad(check_mocap(_lab(), _frames(), retimed_scatter_s=0.00021))
+    assert bad["mocap", "stamps"].found == "arrival times, re-timed with a scatter of 0.21 ms"
+    assert bad["mocap", "stamps"].grade is Grade.WARN
+
+
 def test_a_wrong_rate_is_reported():
     bad = _bad(check_mocap(_lab(), _frames(period_ms=5.0)))
     assert float(bad["mocap", "rate"].found.split()[0]) == pytest.approx(200.0, rel=0.01)

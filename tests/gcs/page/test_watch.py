@@ -5,7 +5,7 @@ import io
 from rich.console import Console
 
 from formation.messages import Severity
-from gcs.page.show import NOTHING_YET, Show, Step
+from gcs.page.show import NOTHING_YET, Show, Step, cause
 from gcs.page.table import Cell, Level
 from gcs.state.alarms import Alarm
 from gcs.watch.picture import picture
@@ -61,3 +61,11 @@ def test_a_swarm_fits_into_80_columns_and_says_what_is_wrong():
 
 def test_a_ground_that_is_not_heard_is_the_first_line():
     assert "NO CONNECTION TO THE GROUND" in printed(NOTHING_YET)[0]
+
+
+def test_in_hold_it_says_that_the_operator_resumes():
+    """The cause may be long over: no formation resumes by itself."""
+    assert cause({"phase": "HOLD", "cause": "leader: body not seen for 0.2 s"}) == (
+        "leader: body not seen for 0.2 s; `start` by the operator leads on"
+    )
+    assert cause({"phase": "LAND", "cause": "operator: land"}) == "operator: land"

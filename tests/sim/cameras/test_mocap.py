@@ -168,3 +168,16 @@ def test_stamps_rise_and_frames_never_overtake_each_other(rate: float, jitter: f
     assert all(a < b for a, b in pairwise(stamps))
     assert all(now >= frame.t_capture_ns + 8_000_000 for now, frame in arrived)
     assert [frame.seq for _, frame in arrived] == sorted(frame.seq for _, frame in arrived)
+
+
+def test_a_stalled_network_sends_what_it_held_at_once_and_stamps_it_then() -> None:
+    """No frame is lost; those held come within 2 ms after up to 0.3 s, stamped in their order as they arrive."""
+    config = QUIET.model_copy(update={"stall_s": 0.3, "stall_every_s": 0.5, "arrival_stamps": True})
+    arrived = film(MocapEmulator(config, a_lab(), None, 1, 0), 20.0)
+    assert [frame.seq for _, frame in arrived] == list(range(len(arrived)))
+    stamps = np.array([frame.t_capture_ns for _, frame in arrived])
+    assert np.abs(stamps - np.array([now for now, _ in arrived])).max() < 100_000
+    spacing_ns = np.diff(stamps)
+    assert spacing_ns.min() > 0
+    assert (spacing_ns < 2_000_000).mean() > 0.1
+    assert 0.15 * S < spacing_ns.max() < 0.32 * S

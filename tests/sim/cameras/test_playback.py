@@ -81,3 +81,21 @@ def test_a_recording_that_ends_with_a_landing_is_left_before_it() -> None:
     assert Playback(flight).flight_ns == Playback(flight).duration_ns
     left_s = (Playback(landed).flight_ns - EASE_IN_NS // 2) * 1e-9
     assert 8.0 < left_s < 9.0, "about a second before the ten seconds of motion end"
+
+
+def test_in_a_gap_the_cameras_keep_their_rhythm_and_do_not_see_the_body() -> None:
+    whole = circling(5.0)
+    kept = (whole.t_ns < 2 * S) | (whole.t_ns > 2 * S + 870_000_000)
+    playback = Playback(Recording(whole.t_ns[kept], whole.pos_mocap_m[kept], whole.q_mocap_from_marker[kept]))
+    last, first = whole.t_ns[whole.t_ns < 2 * S][-1], whole.t_ns[whole.t_ns > 2 * S + 870_000_000][0]
+    before, after = (int(t_ns) + EASE_IN_NS // 2 for t_ns in (last, first))
+    exposures = [before]
+    while exposures[-1] < after:
+        exposures.append(playback.next_exposure_ns(exposures[-1]) or after)
+    assert exposures[-1] == after
+    assert 6_000_000 <= np.diff(exposures).min() <= np.diff(exposures).max() <= 16_000_000
+    assert [playback.is_in_sight(t) for t in (before, before + 10_000_000, after - 10_000_000, after)] == [
+        True, False, False, True
+    ]  # fmt: skip
+    assert playback.is_in_sight(0)
+    assert Playback.standing(np.zeros(3), frames.IDENTITY).is_in_sight(5 * S)

@@ -1,0 +1,184 @@
+"""When frames were exposed whose stamps are only the times at which they arrived. Pure.
+
+Cameras expose evenly. A frame arrives late by a changing delay and never early, so exposures lie on the line under all
+points (number, arrival) of the last seconds that is nearest to them. Frames that were held back lie above it.
+Where numbers never skip, a gap shows what was lost: frames that lag by periods and do not catch up follow lost ones.
+"""
+
+from collections import deque
+from dataclasses import dataclass, field
+from statistics import median
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mocap.capture_time import ABOVE_SCATTERS, STEP_NS, Point, edge_over, lower_hull
+from mocap.figures import is_stamped_on_arrival
+
+WINDOW, JUDGED = 200, 20
+"""Stamps are judged by so many frames, every so many; from the same the first period is learnt."""
+BUCKET, BUCKETS, ABOVE = 16, 64, 20
+"""Of so many frames the least late one is kept, and so many of those; ABOVE of them over the line start it over."""
+SLOPE_FRAMES, SLOPE_SHARE = 100, 0.05
+"""Over so many frames the line's own slope counts, within this share of the first period."""
+CAUGHT_UP, GAP = 0.5, 1.5
+"""A frame that follows the one before it by less than this share of the period catches up; by more than GAP, lags."""
+LAGGING, LAG_SHARE = 3, 0.9
+"""So many frames after a gap that lag by this share of a period and do not catch up show that frames were lost."""
+LONGEST_GAP = 1000
+"""A larger step of the numbers is a new count."""
+
+
+@dataclass(slots=True)
+class ExposureLine:
+    """Exposures of evenly spaced frames from the arrivals of numbered ones.
+
+    period_ns: between frames, nearly. numbers_skip: whether lost frames show in the numbers; else `lost` counts
+    them. scatter_ns: median height of the least late frames above the line: its uncertainty.
+    """
+
+    period_ns: float
+    numbers_skip: bool = False
+    scatter_ns: int = 0
+    lost: int = 0
+    _number: int = 0
+    _arrived_ns: int = 0
+    _has_gap: bool = False
+    """Whether there was a gap since the last frame that was on the line."""
+    _lags_ns: deque[float] = field(default_factory=lambda: deque(maxlen=LAGGING))
+    _points: deque[Point] = field(default_factory=lambda: deque(maxlen=BUCKETS))
+    _at: Point = (0, 0)
+    _slope_ns: float = 0.0
+
+    def exposed_ns(self, steps: int, arrived_ns: int) -> int:
+        """The exposure of the frame `steps` numbers after the last one; never later than its arrival."""
+        spacing_ns = arrived_ns - self._arrived_ns
+        self._number, self._arrived_ns = self._number + steps, arrived_ns
+        self.numbers_skip = self.numbers_skip or steps > 1
+        if self._points and not self.numbers_skip:
+            self._count_lost(arrived_ns - self._line_ns(), spacing_ns)
+        if self._points and arrived_ns - self._line_ns() < -self._tolerance_ns():
+            self._points.clear()
+        self._add((self._number, arrived_ns))
+        return min(round(self._line_ns()), arrived_ns)
+
+    def _line_ns(self) -> float:
+        return self._at[1] + (self._number - self._at[0]) * self._slope_ns
+
+    def _tolerance_ns(self) -> float:
+        """How far a frame may be below the line, which is sure of its slope only after SLOPE_FRAMES."""
+        is_sure = self._points[-1][0] - self._points[0][0] >= SLOPE_FRAMES
+        return STEP_NS if is_sure else SLOPE_SHARE * SLOPE_FRAMES * self.period_ns
+
+    def _count_lost(self, late_ns: float, spacing_ns: int) -> None:
+        """Count the frames that were lost without a gap in the numbers; count them back if they were merely late."""
+        is_gap = spacing_ns >= GAP * self.period_ns
+        self._has_gap = (self._has_gap or is_gap) and late_ns >= LAG_SHARE * self.period_ns
+        if is_gap or not self._has_gap or spacing_ns < CAUGHT_UP * self.period_ns:
+            self._lags_ns.clear()
+        if self._has_gap and spacing_ns >= CAUGHT_UP * self.period_ns:
+            self._lags_ns.append(late_ns)
+        more = 0
+        if len(self._lags_ns) == LAGGING:
+            more = round(min(self._lags_ns) / self.period_ns)
+            self._lags_ns.clear()
+        elif late_ns < -LAG_SHARE * self.period_ns:
+            more = -min(round(-late_ns / self.period_ns), self.lost)
+        self.lost += more
+        self._number += more
+
+    def _add(self, point: Point) -> None:
+        """Keep the point, if it is the first of its bucket or the least late one."""
+        points = self._points
+        if not points or point[0] // BUCKET != points[-1][0] // BUCKET:
+            points.append(point)
+        elif point[1] - points[-1][1] < (point[0] - points[-1][0]) * self.period_ns:
+            points[-1] = point
+        else:
+            return
+        self._fit()
+
+    def _fit(self) -> None:
+        """The edge of the hull over the middle of the points; with few of them, the slope is the period."""
+        points, slope_ns = self._points, self._slope_ns or self.period_ns
+        first, last = points[0][0], points[-1][0]
+        if last - first >= SLOPE_FRAMES:
+            a, b = edge_over(lower_hull(points), (first + last) // 2)
+            least_ns, most_ns = (1.0 - SLOPE_SHARE) * self.period_ns, (1.0 + SLOPE_SHARE) * self.period_ns
+            slope_ns = min(max((b[1] - a[1]) / (b[0] - a[0]), least_ns), most_ns)
+        above = [arrived_ns - (number - first) * slope_ns for number, arrived_ns in points]
+        while len(above) > ABOVE and min(above[-ABOVE:]) - min(above) > STEP_NS + ABOVE_SCATTERS * self.scatter_ns:
+            points.popleft()
+            del above[0]
+        self._slope_ns, self._at = slope_ns, points[above.index(min(above))]
+        self.scatter_ns = round(median(above) - min(above))
+
+
+@dataclass(slots=True)
+class Retiming:
+    """Capture times of one source: its stamps where they are exposures; re-timed where they are arrival times.
+
+    is_numbered: whether the source itself numbers its frames; else each is the next. A new count of frames starts over:
+    another publisher may stamp otherwise.
+    """
+
+    is_numbered: bool = True
+    _line: ExposureLine | None = None
+    _seq: int = 0
+    _stamp_ns: int = 0
+    _spacings_ns: deque[int] = field(default_factory=lambda: deque(maxlen=WINDOW))
+    _steps: deque[int] = field(default_factory=lambda: deque(maxlen=WINDOW))
+    _count: int = 0
+
+    @property
+    def scatter_ns(self) -> int | None:
+        """The residual scatter of re-timed captures; None where stamps are exposures."""
+        return None if self._line is None else self._line.scatter_ns
+
+    def capture_ns(self, seq: int, stamp_ns: int, is_stamped: bool) -> int:
+        """The exposure of frame `seq`, never later than stamp_ns: its stamp, or its arrival less the latency."""
+        steps, spacing_ns = (self.is_numbered and seq - self._seq) or 1, stamp_ns - self._stamp_ns
+        self._seq, self._stamp_ns = seq, stamp_ns
+        if not 0 < steps <= LONGEST_GAP:
+            self._line, self._count = None, 0
+            self._spacings_ns.clear()
+            self._steps.clear()
+        elif self._line is None:
+            self._spacings_ns.append(spacing_ns)
+            self._steps.append(steps)
+            self._count += 1
+            if self._count >= WINDOW and self._count % JUDGED == 0:
+                self._judge(is_stamped)
+        return stamp_ns if self._line is None else self._line.exposed_ns(steps, stamp_ns)
+
+    def _judge(self, is_stamped: bool) -> None:
+        """Decide by the last frames; their usual spacing is the period."""
+        spacings_ns, steps = np.array(self._spacings_ns, float), np.array(self._steps)
+        period_ns = usual_period_ns(spacings_ns / steps)
+        is_catching_up = spacings_ns[-1] < CAUGHT_UP * period_ns
+        if not is_catching_up and (not is_stamped or is_stamped_on_arrival(spacings_ns, steps)):
+            self._line = ExposureLine(period_ns, max(self._steps) > 1)
+
+
+def usual_period_ns(spacings_ns: NDArray[np.float64]) -> float:
+    """The median of the spacings that are no bursts."""
+    return float(np.median(spacings_ns[spacings_ns >= CAUGHT_UP * np.median(spacings_ns)]))
+
+
+def exposures_ns(stamps_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Exposures (k,) of a whole recording without frame numbers: its stamps, re-timed where they are arrival times.
+
+    Where frames were lost is known afterwards: the first ones behind a gap have their times, too. A few near a burst
+    may not rise.
+    """
+    spacings_ns = np.diff(stamps_ns).astype(float)
+    if len(spacings_ns) < WINDOW or not is_stamped_on_arrival(spacings_ns, np.ones(len(spacings_ns))):
+        return stamps_ns
+    line = ExposureLine(usual_period_ns(spacings_ns))
+    out = np.zeros(len(stamps_ns), np.int64)
+    for k, stamp_ns in enumerate(stamps_ns.tolist()):
+        lost = line.lost
+        out[k] = line.exposed_ns(1, stamp_ns)
+        if line.lost > lost:
+            out[k + 1 - LAGGING : k] += round((line.lost - lost) * line.period_ns)
+    return np.minimum(out, stamps_ns)

@@ -264,11 +264,19 @@ def _show_bound(profile: VehicleProfile, console: Console, as_json: bool) -> Non
         (seen_s, "  an estimate: not before the push shows in the mocap's noise"),
     ]
     least_m = [performance_bound.least_deviation_m(gust, seconds) for seconds, _ in rows]
+    loop = performance_bound.attitude_loop(scenario)
+    by_attitude_m = performance_bound.least_deviation_by_attitude_m(gust, loop)
     for (seconds, who), metres in zip(rows, least_m, strict=True):
         console.print(f"acts after {1e3 * seconds:4.1f} ms: {1e3 * metres:5.2f} mm at least{who}", highlight=False)
+    console.print(
+        f"by attitude commands: {1e3 * by_attitude_m:5.2f} mm at least, dead for {1e3 * loop.dead_s:.0f} ms from the "
+        f"exposure on, lag {1e3 * loop.lag_s:.0f} ms",
+        highlight=False,
+    )
     if as_json:
         bounds = zip(rows, least_m, strict=True)
-        print(json.dumps([{"reaction_s": seconds, "least_deviation_m": metres} for (seconds, _), metres in bounds]))
+        told = [{"reaction_s": seconds, "least_deviation_m": metres} for (seconds, _), metres in bounds]
+        print(json.dumps([*told, {"reaction_s": loop.dead_s, "lag_s": loop.lag_s, "least_deviation_m": by_attitude_m}]))
 
 
 def _factors_text(candidate: Candidate) -> str:

@@ -12,9 +12,13 @@ A true lower bound for the push at the place that is held, since each step gives
 
 The least largest deviation under such a force is a linear program over exact steps of a double integrator; the force
 may change at every step, and the limit of a step is that of its end.
+
+Who commands attitudes has less: an autopilot that answers after a dead time and with a first-order lag, as the profile
+says, and the lab's limit of tilt. The same program with that answer between command and force bounds every such law.
 """
 
 from dataclasses import dataclass
+from math import tan
 from typing import Any
 
 import numpy as np
@@ -23,6 +27,7 @@ from scipy.optimize import linprog
 
 from drone_agent.simulation.disturbance import acceleration
 from formation.maths.arrays import Float
+from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
 from sim.scenario import Scenario
 
@@ -46,6 +51,22 @@ class GustPass:
     motor_lag_s: float
     thrust_max_m_s2: float
     drag_1_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class AttitudeLoop:
+    """How sideways force follows commands: after dead_s from the exposure that shows the push, with lag_s; at most."""
+
+    dead_s: float
+    lag_s: float
+    most_m_s2: float
+
+
+def attitude_loop(scenario: Scenario) -> AttitudeLoop:
+    """The follower's, as its profile says, behind the cameras' delay."""
+    profile = scenario.lab.profile_of(scenario.lab.followers[0])
+    most_m_s2 = GRAVITY_M_S2 * tan(scenario.lab.limits.tilt_rad)
+    return AttitudeLoop(scenario.mocap.delay_s + profile.response_dead_time_s, profile.response_lag_s, most_m_s2)
 
 
 def gust_pass(scenario: Scenario) -> GustPass:
@@ -83,26 +104,65 @@ def seen_s(scenario: Scenario, gust: GustPass) -> float:
 
 def least_deviation_m(gust: GustPass, reaction: float) -> float:
     """A lower bound of the largest deviation, m, of any controller that acts from `reaction` seconds on."""
-    length = len(gust.push_m_s2)
-    force = _force_most_m_s2(gust, reaction)
+    one, nothing = _shifted(gust, 0), _column(gust, 0.0)
     # Unknown: the force of each step, velocity and position at its end, and the largest deviation.
-    one: Any = sparse.eye_array(length)
-    before: Any = sparse.eye_array(length, k=-1)
-    most: Any = sparse.csr_array(np.ones((length, 1)))
-    steps: Any = sparse.block_array(
-        [
-            [-STEP_S * one, one - before, None, 0.0 * most],
-            [-0.5 * STEP_S**2 * one, -STEP_S * before, one - before, None],
-        ]
+    steps: Any = sparse.block_array([[*row, nothing if k == 0 else None] for k, row in enumerate(_motion(gust, 0.0))])
+    within: Any = sparse.block_array(
+        [[0.0 * one, 0.0 * one, one, _column(gust, -1.0)], [None, None, -one, _column(gust, -1.0)]]
     )
-    within: Any = sparse.block_array([[0.0 * one, 0.0 * one, one, -most], [None, None, -one, -most]])
+    limits = [(-f, f) for f in _force_most_m_s2(gust, reaction).tolist()]
+    return _least_m(steps, within, _impulses(gust), limits)
+
+
+def least_deviation_by_attitude_m(gust: GustPass, loop: AttitudeLoop) -> float:
+    """A lower bound of the largest deviation, m, of any law that commands attitudes through this loop."""
+    one, nothing = _shifted(gust, 0), _column(gust, 0.0)
+    share = -np.expm1(-STEP_S / loop.lag_s)
+    answer = [-share * _shifted(gust, int(loop.dead_s / STEP_S)), one - (1.0 - share) * _shifted(gust, 1)]
+    # Unknown: the command of each step before the others.
+    steps: Any = sparse.block_array(
+        [[*answer, None, None, nothing], *([None, *row, None] for row in _motion(gust, gust.drag_1_s))]
+    )
+    deviation = _column(gust, -1.0)
+    within: Any = sparse.block_array(
+        [[0.0 * one, 0.0 * one, 0.0 * one, one, deviation], [None, None, None, -one, deviation]]
+    )
+    impulses = np.concatenate([np.zeros(len(gust.push_m_s2)), _impulses(gust)])
+    return _least_m(steps, within, impulses, [(-loop.most_m_s2, loop.most_m_s2)] * len(gust.push_m_s2))
+
+
+def _motion(gust: GustPass, drag_1_s: float) -> list[list[Any]]:
+    """Exact steps of a double integrator: force, velocity and position (columns) of two equations."""
+    one, before = _shifted(gust, 0), _shifted(gust, 1)
+    return [
+        [-STEP_S * one, one - (1.0 - STEP_S * drag_1_s) * before, None],
+        [-0.5 * STEP_S**2 * one, -STEP_S * before, one - before],
+    ]
+
+
+def _impulses(gust: GustPass) -> Float:
+    return np.concatenate([STEP_S * gust.push_m_s2, 0.5 * STEP_S**2 * gust.push_m_s2])
+
+
+def _shifted(gust: GustPass, steps: int) -> Any:
+    """The matrix that takes each step's value from so many steps before."""
+    return sparse.eye_array(len(gust.push_m_s2), k=-steps)
+
+
+def _column(gust: GustPass, value: float) -> Any:
+    return sparse.csr_array(np.full((len(gust.push_m_s2), 1), value))
+
+
+def _least_m(steps: Any, within: Any, impulses: Float, limits: list[tuple[float, float]]) -> float:
+    """The last unknown, minimised; limits: of the first unknowns, all others are free."""
+    free = steps.shape[1] - len(limits) - 1
     result = linprog(
-        np.append(np.zeros(3 * length), 1.0),
+        np.append(np.zeros(steps.shape[1] - 1), 1.0),
         A_eq=steps,
-        b_eq=np.concatenate([STEP_S * gust.push_m_s2, 0.5 * STEP_S**2 * gust.push_m_s2]),
+        b_eq=impulses,
         A_ub=within,
-        b_ub=np.zeros(2 * length),
-        bounds=[*((-f, f) for f in force.tolist()), *[(None, None)] * (2 * length), (0.0, None)],
+        b_ub=np.zeros(within.shape[0]),
+        bounds=[*limits, *[(None, None)] * free, (0.0, None)],
     )
     return float(np.asarray(result.x)[-1])
 

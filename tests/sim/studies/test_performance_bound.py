@@ -6,7 +6,17 @@ import pytest
 from formation.vehicle.profile import profile
 from sim.scenario import load
 from sim.studies.experiments import Experiment, Job, scenario_of
-from sim.studies.performance_bound import STEP_S, GustPass, gust_pass, least_deviation_m, reaction_s, seen_s
+from sim.studies.performance_bound import (
+    STEP_S,
+    AttitudeLoop,
+    GustPass,
+    attitude_loop,
+    gust_pass,
+    least_deviation_by_attitude_m,
+    least_deviation_m,
+    reaction_s,
+    seen_s,
+)
 
 STEADY = GustPass(np.full(500, 2.0), 1e9, 1e9, 1e-4, 100.0)  # 2 m/s^2 for a second, motors that can do anything
 
@@ -15,6 +25,30 @@ def test_with_all_torque_only_the_reaction_costs_anything() -> None:
     """Half the push times the reaction squared, and as far as 98 m/s^2 take to stop it."""
     moved_m, speed = 0.5 * 2.0 * 0.1**2, 2.0 * 0.1
     assert least_deviation_m(STEADY, 0.1) == pytest.approx(moved_m + speed**2 / (2.0 * 98.0), rel=0.01)
+
+
+def test_an_attitude_that_answers_at_once_after_its_dead_time_costs_the_same() -> None:
+    moved_m, speed = 0.5 * 2.0 * 0.1**2, 2.0 * 0.1
+    at_once = least_deviation_by_attitude_m(STEADY, AttitudeLoop(0.1, 1e-6, 98.0))
+    assert at_once == pytest.approx(moved_m + speed**2 / (2.0 * 98.0), rel=0.02)
+
+
+def test_a_lag_costs_what_the_limit_of_tilt_does_not_let_a_law_invert() -> None:
+    """Step push p, limit m, lag T, no dead time: full command from the start, so that x'' = p - m (1 - e^(-t/T)) until
+    it stops, which is the farthest, if nothing pulls it back beyond there. Each step has the force of its end."""
+    push, most, lag_s = 2.0, 4.0, 0.1
+    t_s = np.arange(0.0, 1.0, 1e-5)
+    speed = np.cumsum(push - most * -np.expm1(-t_s / lag_s)) * 1e-5
+    farthest_m = float((np.cumsum(speed) * 1e-5).max())
+    found = least_deviation_by_attitude_m(replace(STEADY, push_m_s2=np.full(120, push)), AttitudeLoop(0.0, lag_s, most))
+    assert 0.93 * farthest_m < found <= farthest_m
+
+
+@pytest.mark.parametrize(("name", "low_m", "high_m"), [("paper_40g", 0.04, 0.049), ("crazyflie_27g", 0.15, 0.20)])
+def test_by_attitude_the_bound_is_near_what_perfect_knowledge_reached(name: str, low_m: float, high_m: float) -> None:
+    """A law of perfect knowledge of state and push moved paper_40g by 49 mm; the fan's first pass over the place."""
+    scenario = scenario_of(Job("cfc", Experiment.GUST, 1, vehicle=profile(name)))
+    assert low_m < least_deviation_by_attitude_m(gust_pass(scenario), attitude_loop(scenario)) < high_m
 
 
 def test_without_any_force_it_is_what_the_push_does() -> None:

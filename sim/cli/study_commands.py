@@ -274,9 +274,11 @@ def _show_bound(profile: VehicleProfile, console: Console, as_json: bool) -> Non
         highlight=False,
     )
     if as_json:
-        bounds = zip(rows, least_m, strict=True)
-        told = [{"reaction_s": seconds, "least_deviation_m": metres} for (seconds, _), metres in bounds]
-        print(json.dumps([*told, {"reaction_s": loop.dead_s, "lag_s": loop.lag_s, "least_deviation_m": by_attitude_m}]))
+        by_time = zip(rows, least_m, strict=True)
+        bounds = [{"reaction_s": seconds, "least_deviation_m": metres} for (seconds, _), metres in by_time]
+        print(
+            json.dumps([*bounds, {"reaction_s": loop.dead_s, "lag_s": loop.lag_s, "least_deviation_m": by_attitude_m}])
+        )
 
 
 def _factors_text(candidate: Candidate) -> str:

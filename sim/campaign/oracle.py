@@ -121,6 +121,7 @@ def judge(truth: Truth, *, benign: bool = False, stop_within_s: float = STOP_S) 
     margins = [*_separation(truth, airborne), *_fence(truth, airborne), *_impacts(truth, airborne)]
     violations = [
         *(Violation(margin.kind, margin.t_s, margin.text) for margin in margins if margin.used > 1.0),
+        *_overturned(truth, airborne),
         *_cuts(truth, airborne),
         *_commands(truth),
         *_stop(truth, stop_within_s),
@@ -173,23 +174,47 @@ def _fence(truth: Truth, airborne: Bool) -> list[Margin]:
 
 
 def _impacts(truth: Truth, airborne: Bool) -> list[Margin]:
-    """Speed at contact with the floor; of no account with the motors off for a good reason, or too weak to carry it."""
+    """Speed at contact with the floor; of no account with the motors off for a good reason, or too weak to carry it.
+
+    Too weak: while it tilts no farther than anybody may command. Motors that run in a body that turns over carry none.
+    """
     found = []
     speed = np.linalg.norm(truth.vel_m_s, axis=-1)
     back = max(round(CONTACT_S / _dt_s(truth)), 1)
     for i, name in enumerate(truth.names):
-        down = truth.pos_m[:, i, 2] < ON_FLOOR_M
-        hits = np.zeros(len(down))
-        for k in (np.flatnonzero(down[1:] & ~down[:-1]) + 1).tolist():
-            if not airborne[max(k - 20 * back, 0) : k, i].any():
-                continue
+        hits = np.zeros(len(truth.t_s))
+        for k in _contacts(truth, i, airborne):
             lately = slice(max(k - round(BRAKING_S / _dt_s(truth)), 0), k + 1)
-            weak = truth.lift_most[lately, i].min() < BRAKING_LIFT
+            held = truth.up[lately, i].min() >= np.cos(COMMANDED_TILT_RAD)
+            weak = held and truth.lift_most[lately, i].min() < BRAKING_LIFT
             if not weak and (truth.armed[k, i] or not _rightly_cut(truth, i, k)):
                 hits[k] = speed[max(k - back, 0) : k + 1, i].max()
         if hits.any():
             found.append(_margin(truth, "impact", hits / IMPACT_M_S, f"{name} met the floor at {hits.max():.1f} m/s"))
     return found
+
+
+def _overturned(truth: Truth, airborne: Bool) -> list[Violation]:
+    """Bodies that meet the floor turned over, with their motors on, although there was time to stop them."""
+    found = []
+    for i, name in enumerate(truth.names):
+        over = truth.up[:, i] < np.cos(COMMANDED_TILT_RAD)
+        since_s = truth.t_s - truth.t_s[over.argmax()]
+        for k in _contacts(truth, i, airborne):
+            if truth.armed[k, i] and over[k] and since_s[k] > STOP_S:
+                found.append(
+                    Violation("overturned", float(truth.t_s[k]), f"{name} met the floor turned over, motors on")
+                )
+                break
+    return found
+
+
+def _contacts(truth: Truth, i: int, airborne: Bool) -> list[int]:
+    """The instants at which drone i meets the floor from the air."""
+    back = 20 * max(round(CONTACT_S / _dt_s(truth)), 1)
+    down = truth.pos_m[:, i, 2] < ON_FLOOR_M
+    met = (np.flatnonzero(down[1:] & ~down[:-1]) + 1).tolist()
+    return [k for k in met if airborne[max(k - back, 0) : k, i].any()]
 
 
 def _cuts(truth: Truth, airborne: Bool) -> list[Violation]:

@@ -159,6 +159,23 @@ def test_motors_that_cannot_brake_it_are_no_reason_to_cut_them(lift: float, foun
     assert kinds(judge(truth)) == sorted([*found, "undue-cut"])
 
 
+def test_weak_motors_excuse_no_body_that_tumbles_with_them_running() -> None:
+    """One dead motor leaves half of the thrust in balance; the others turn it over, and go on."""
+    truth = flown()
+    contact = touch_down(truth)
+    truth.vel_m_s[contact - 2 : contact + 1, 0] = [0.0, 0.0, -2.0]
+    truth.lift_most[truth.t_s >= 2.0, 0] = 1.0
+    truth.gain_low[truth.t_s >= 2.0, 0] = 0.0
+    truth.up[contact - 20 : contact + 1, 0] = -0.5
+    assert kinds(judge(truth)) == ["impact"]  # turned over 0.2 s ago: who could have stopped it
+    truth.up[contact - 40 : contact + 1, 0] = -0.5
+    assert kinds(judge(truth)) == ["impact", "overturned"]
+    truth.vel_m_s[contact - 2 : contact + 1, 0] = 0.0
+    assert kinds(judge(truth)) == ["overturned"]
+    truth.armed[contact - 10 :, 0] = False
+    assert kinds(judge(truth)) == []
+
+
 @pytest.mark.parametrize(("age_s", "found"), [(0.25, []), (0.3, ["command-age"])])
 def test_an_old_command_that_acts(age_s: float, found: list[str]) -> None:
     truth = flown()

@@ -10,7 +10,7 @@ import numpy as np
 
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
-from formation.maths.quaternion import matrix_into
+from formation.maths.quaternion import heading_of, matrix_into
 from formation.vehicle.body import GRAVITY_M_S2
 
 ATTITUDE, VEL, POS, RATE_BIAS, FORCE_BIAS = 0, 4, 7, 10, 13
@@ -58,13 +58,6 @@ def _turn(q: Float, x_rad: float, y_rad: float, z_rad: float, in_lab: bool) -> N
     norm = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     for n in range(4):
         q[n] /= norm
-
-
-@kernel
-def heading_of(x: Float) -> float:
-    """x: an estimate, or an attitude alone. Heading of the body's forward axis about lab z, rad."""
-    w, i, j, k = x[0], x[1], x[2], x[3]
-    return atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
 
 
 @kernel

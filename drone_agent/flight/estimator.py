@@ -14,6 +14,7 @@ from drone_agent.autopilots.model import Fusion
 from drone_agent.flight import ekf
 from drone_agent.flight.vehicle import ImuSample
 from formation.maths.arrays import Float, Quat, Vec3
+from formation.maths.quaternion import heading_of
 from formation.model import Vec3Tuple
 
 _AGE_MAX_NS = 500_000_000
@@ -93,7 +94,7 @@ class Estimator:
     def belief(self) -> Belief:
         """The estimate at the newest inertial sample."""
         _, _, _, _, vx, vy, vz, x, y, z = self._x[:10].tolist()
-        return Belief((x, y, z), (vx, vy, vz), ekf.heading_of(self._x))
+        return Belief((x, y, z), (vx, vy, vz), heading_of(self._x))
 
     def receive_sample(self, sample: ImuSample) -> Quat:
         """Advance to a sample; returns the attitude then."""
@@ -127,7 +128,7 @@ class Estimator:
 
     def receive_pose(self, pose: ExternalPose, now_ns: int, fusion: Fusion) -> None:
         """Fuse what of a pose is within its limits; why the position was not, `fault` says."""
-        measured = np.array([*pose.pos_lab_m.tolist(), ekf.heading_of(pose.q_lab_from_flu)])
+        measured = np.array([*pose.pos_lab_m.tolist(), heading_of(pose.q_lab_from_flu)])
         reason = self._format_fault(pose.t_capture_ns, now_ns, measured)
         if reason is None:
             self._capture_ns, self._valid_ns = pose.t_capture_ns, round(fusion.valid_s * 1e9)

@@ -30,7 +30,7 @@ again. So reversals count against the weight: n of late leave 1 / (1 + (n / 2)^8
 the slow observer, whose delay margin is known (formation.control.margin).
 """
 
-from math import atan2, exp, pi, sqrt
+from math import exp, pi, sqrt
 
 import numpy as np
 
@@ -39,7 +39,7 @@ from formation.estimation.settings import ObserverGains, ObserverSettings, Paral
 from formation.estimation.state import VehicleEstimate
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
-from formation.maths.quaternion import rotate_into
+from formation.maths.quaternion import heading_of, rotate_into
 from formation.paper.eq34_observer import fteso_step
 
 NOISE_LEAST_M, NOISE_LEAST_RAD = 2e-5, 1e-4  # of a position, of a heading: the least believed
@@ -87,12 +87,6 @@ def learned(var: float, square: float, share: float, least: float) -> float:
 def wrapped(angle: float) -> float:
     """The same angle in [-pi, pi)."""
     return (angle + pi) % (2.0 * pi) - pi
-
-
-@kernel
-def heading_of(q: Float) -> float:
-    """The heading of an attitude (4)."""
-    return atan2(2.0 * (q[0] * q[3] + q[1] * q[2]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]))
 
 
 @kernel

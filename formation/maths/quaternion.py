@@ -1,6 +1,6 @@
 """Rotations inside compiled loops, each written into an array that is there; batches: `formation.maths.frames`."""
 
-from math import cos, sin, sqrt
+from math import atan2, cos, sin, sqrt
 
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
@@ -39,6 +39,23 @@ def matrix_into(q: Float, rot: Float) -> None:
     rot[2, 0] = 2.0 * (i * k - w * j)
     rot[2, 1] = 2.0 * (j * k + w * i)
     rot[2, 2] = 1.0 - 2.0 * (i * i + j * j)
+
+
+@kernel
+def heading_of(q: Float) -> float:
+    """Heading of the body's forward axis about lab z, rad, of an attitude or of what begins with one."""
+    w, i, j, k = q[0], q[1], q[2], q[3]
+    return atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
+
+
+@kernel
+def rotation_vector_of(q: Float, out: Float) -> None:
+    """The rotation vector of q, the shorter way, rad, into out (3)."""
+    sine = sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    sign = 1.0 if q[0] >= 0.0 else -1.0
+    scale = 2.0 * sign if sine < 1e-9 else 2.0 * atan2(sine, sign * q[0]) * sign / sine
+    for axis in range(3):
+        out[axis] = scale * q[axis + 1]
 
 
 @kernel

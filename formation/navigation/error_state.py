@@ -7,13 +7,11 @@ A vector is used one scalar after the other, so that the innovations are white a
 (Bierman 1977). What a fault of a source does to the error state (`response`) obeys the same F and k.
 """
 
-from math import atan2, sqrt
-
 import numpy as np
 
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
-from formation.maths.quaternion import multiply_into, rotate_into, turn_into
+from formation.maths.quaternion import multiply_into, rotate_into, rotation_vector_of, turn_into
 from formation.navigation.state import ATT, BIAS, DELAY, ERRORS, LEVEL, POS, SCALE, VEL, Estimate
 from formation.vehicle.body import GRAVITY_M_S2
 
@@ -45,11 +43,7 @@ def rotation_vector_into(q_b: Float, q_a: Float, out: Float) -> None:
     q, inverse = np.empty(4), np.empty(4)
     inverse[0], inverse[1], inverse[2], inverse[3] = q_a[0], -q_a[1], -q_a[2], -q_a[3]
     multiply_into(q_b, inverse, q)
-    sine = sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-    sign = 1.0 if q[0] >= 0.0 else -1.0
-    scale = 2.0 * sign if sine < 1e-9 else 2.0 * atan2(sine, sign * q[0]) * sign / sine
-    for axis in range(3):
-        out[axis] = scale * q[axis + 1]
+    rotation_vector_of(q, out)
 
 
 @kernel

@@ -4,12 +4,13 @@ A body can have come, and turned, only so far since it was last believed.
 """
 
 from dataclasses import dataclass
-from math import atan2, sqrt
+from math import sqrt
 
 import numpy as np
 
 from formation.maths.arrays import Float, Quat, Vec3
 from formation.maths.kernel import kernel
+from formation.maths.quaternion import multiply_into, rotation_vector_of
 from formation.rejection import Rejection
 
 JUMP, FLIP, YAW_RATE = int(Rejection.JUMP), int(Rejection.FLIP), int(Rejection.YAW_RATE)
@@ -159,15 +160,10 @@ def moved_as_it_can(path: Path, bounds: Bounds, t_ns: int, pos_lab_m: Float) -> 
 @kernel
 def turn_flu_rad(q_before: Float, q_after: Float) -> Float:
     """The rotation vector (3) between two attitudes, in the body's axes before it; the shorter way, rad."""
-    a, b, turn = q_before, q_after, np.empty(3)
-    w = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
-    turn[0] = a[0] * b[1] - a[1] * b[0] - a[2] * b[3] + a[3] * b[2]
-    turn[1] = a[0] * b[2] + a[1] * b[3] - a[2] * b[0] - a[3] * b[1]
-    turn[2] = a[0] * b[3] - a[1] * b[2] + a[2] * b[1] - a[3] * b[0]
-    sine = sqrt(turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2])
-    scale = 2.0 if sine < 1e-9 else 2.0 * atan2(sine, abs(w)) / sine
-    for axis in range(3):
-        turn[axis] *= scale if w >= 0.0 else -scale
+    inverse, q, turn = np.empty(4), np.empty(4), np.empty(3)
+    inverse[0], inverse[1], inverse[2], inverse[3] = q_before[0], -q_before[1], -q_before[2], -q_before[3]
+    multiply_into(inverse, q_after, q)
+    rotation_vector_of(q, turn)
     return turn
 
 

@@ -8,16 +8,16 @@ follows LATEST_NS behind. The autopilot's attitude is compared with the predicti
 `lab` does not change as the body turns, so that it corrects the horizon.
 """
 
-from math import isfinite
+from math import isfinite, sqrt
 
 import numpy as np
 
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import rotate_into, turn_into
-from formation.navigation.error_state import inject, innovation_variance, predict, rotation_into, rotation_vector_into
+from formation.navigation.error_state import inject, innovation_variance, predict, rotation_vector_into
 from formation.navigation.evidence import ONSETS, Bank, add_onset, copy_estimate, find_fault, reset_onsets
-from formation.navigation.observe import learn, record, use, use_thrust
+from formation.navigation.observe import TEST_SIGMAS, learn, record, use, use_thrust
 from formation.navigation.samples import follow_thrust, model_force, next_sample
 from formation.navigation.state import (
     ATT,
@@ -126,20 +126,29 @@ def begin(body: Body, t_ns: int, pos_lab_m: Float, q_lab_from_flu: Float) -> Non
 
 
 @kernel
+def certain(motion: Float, mean_square: float) -> float:
+    """The share of an estimated motion (3) that its error is not, at TEST_SIGMAS; mean_square: of the error.
+
+    The rest shows no delay: a body that stands would teach the delay that its noise happens to fit.
+    """
+    error = TEST_SIGMAS * TEST_SIGMAS * mean_square
+    square = motion[0] ** 2 + motion[1] ** 2 + motion[2] ** 2
+    return sqrt(1.0 - error / square) if square > error else 0.0
+
+
+@kernel
 def start_delay(body: Body) -> None:
     """From now on the estimate is of the stamps' time, before it was of what the poses showed: a delay earlier.
 
     The delay times an unknown velocity is no linear error; once the velocity is known it is.
     """
     x = body.estimate
-    if max(x.cov[VEL, VEL], x.cov[VEL + 1, VEL + 1], x.cov[VEL + 2, VEL + 2]) > TIMED_VEL_M_S * TIMED_VEL_M_S:
+    vel_error = x.cov[VEL, VEL] + x.cov[VEL + 1, VEL + 1] + x.cov[VEL + 2, VEL + 2]
+    if vel_error > TIMED_VEL_M_S * TIMED_VEL_M_S:
         return
     body.status.timed = True
-    shift, rate, acc = np.zeros(ERRORS), np.empty(3), x.force_lab_m_s2
-    rotate_into(x.q_lab_from_flu, x.rate_flu_rad_s, rate)
-    for axis in range(3):
-        shift[POS + axis], shift[ATT + axis] = x.vel_lab_m_s[axis], rate[axis]
-        shift[VEL + axis] = acc[axis] - (GRAVITY_M_S2 if axis == 2 else 0.0)
+    shift = np.zeros(ERRORS)
+    shift[POS : POS + 3] = certain(x.vel_lab_m_s, vel_error) * x.vel_lab_m_s
     for i in range(ERRORS):
         for j in range(ERRORS):
             if i != DELAY and j != DELAY:
@@ -194,21 +203,25 @@ def use_pose(body: Body, t_ns: int, pos_lab_m: Float, q_lab_from_flu: Float, ban
 @kernel
 def _pose_rows(body: Body, pos_lab_m: Float, q_lab_from_flu: Float, innovation: Float, rows: Float) -> None:
     """Innovation (6) of a pose that shows the body as it was the delay ago, and its rows (6, errors)."""
-    x, r = body.estimate, np.empty((3, 3))
+    x, rate, shown_vel = body.estimate, np.empty(3), np.empty(3)
     timed = 1.0 if body.status.timed else 0.0
     delay_s = timed * x.pose_delay_s
     q, shown = x.q_lab_from_flu, np.empty(4)
     turn_into(q, -delay_s * x.rate_flu_rad_s, shown)
     rotation_vector_into(q_lab_from_flu, shown, innovation[3:])
-    rotation_into(q, r)
+    rotate_into(q, x.rate_flu_rad_s, rate)
+    rate_error, vel_error, least = 0.0, 0.0, 3.0 * RATE_FLOOR_RAD_S * RATE_FLOOR_RAD_S
     for axis in range(3):
-        vel, acc, rate = x.vel_lab_m_s[axis], x.force_lab_m_s2[axis] - (GRAVITY_M_S2 if axis == 2 else 0.0), 0.0
-        for k in range(3):
-            rate += r[axis, k] * x.rate_flu_rad_s[k]
-        innovation[axis] = pos_lab_m[axis] - x.pos_lab_m[axis] + delay_s * (vel - 0.5 * delay_s * acc)
-        rows[axis, POS + axis], rows[axis, VEL + axis] = 1.0, -delay_s
-        rows[axis, DELAY] = timed * (delay_s * acc - vel)
-        rows[3 + axis, ATT + axis], rows[3 + axis, DELAY] = 1.0, -timed * rate
+        acc = x.force_lab_m_s2[axis] - (GRAVITY_M_S2 if axis == 2 else 0.0)
+        shown_vel[axis] = x.vel_lab_m_s[axis] - delay_s * acc
+        innovation[axis] = pos_lab_m[axis] - x.pos_lab_m[axis] + delay_s * (shown_vel[axis] + 0.5 * delay_s * acc)
+        vel_error += x.cov[VEL + axis, VEL + axis]
+        rate_error += body.noise.rate_rad2_s2[axis]
+    moves = timed * certain(shown_vel, vel_error)
+    turns = timed * certain(rate, max(rate_error, least))
+    for axis in range(3):
+        rows[axis, POS + axis], rows[axis, VEL + axis], rows[axis, DELAY] = 1.0, -delay_s, -moves * shown_vel[axis]
+        rows[3 + axis, ATT + axis], rows[3 + axis, DELAY] = 1.0, -turns * rate[axis]
 
 
 @kernel

@@ -12,7 +12,8 @@ from drone_agent.guard.navigator import Fault, Navigator
 from formation.maths.arrays import Float
 from formation.maths.frames import from_rotation_vector, multiply
 from formation.navigation.evidence import ONSETS
-from formation.navigation.state import Airframe
+from formation.navigation.fusion import FIRST_DELAY_S
+from formation.navigation.state import DELAY, Airframe
 from tests.drone_agent.guard.guard_flights import (
     MS,
     SIH,
@@ -110,23 +111,73 @@ def test_nothing_is_found_where_nothing_is_wrong(kind: str) -> None:
     assert fly(navigator(flight), sensed(Motion(flight), 20.0)) == []
 
 
+class TakingOff(Motion):
+    """Stands until AT_S, then moves as the flight does, faded in within a second."""
+
+    def _share(self, t: Float) -> Float:
+        u = np.clip(np.asarray(t) - AT_S, 0.0, 1.0)
+        share: Float = (u**3 * (10.0 - 15.0 * u + 6.0 * u**2))[..., None, None]
+        return share
+
+    def pos(self, t: Float) -> Float:
+        return self._share(t) * (super().pos(t) - super().pos(np.array(AT_S)))
+
+    def vel(self, t: Float, dt: float = 0.001) -> Float:
+        return (self.pos(np.asarray(t) + dt) - self.pos(np.asarray(t) - dt)) / (2.0 * dt)
+
+    def _acc(self, t: Float, dt: float = 0.001) -> Float:
+        there, here, back = (self.pos(np.asarray(t) + k * dt) for k in (1, 0, -1))
+        acc: Float = (there - 2.0 * here + back) / dt**2
+        return acc
+
+
+CALM = Flight(n=20, seed=5, vel_m_s=0.3, band_hz=(0.1, 0.4), yaw_rate_rad_s=0.0)
+
+
 @pytest.mark.parametrize(
-    ("speed_m_s", "flight", "median_s", "worst_s"),
+    "flight",
     [
-        (0.08, Flight(), 0.1, 0.15),
-        (0.11, Flight(pose_m=0.001), 0.08, 0.15),
-        (0.3, Flight(), 0.03, 0.05),
-        (0.15, Flight(imu_m_s2=SIH), 0.08, 0.15),
+        replace(CALM, imu_hz=50),
+        replace(CALM, imu_hz=50, imu_m_s2=(0.05, 0.05, 0.05), gyro_rad_s=0.003),
+        replace(CALM, imu_hz=50, imu_m_s2=SIH, gyro_rad_s=0.03),
+        replace(CALM, clock_s=0.008),
     ],
 )
-def test_a_pose_drift_is_found(speed_m_s: float, flight: Flight, median_s: float, worst_s: float) -> None:
-    _, faults, _ = detected(replace(flight, n=10, seed=31), drifting(speed_m_s), AT_S + 0.5)
+def test_who_stands_teaches_no_delay_and_what_moves_then_is_no_fault(flight: Flight) -> None:
+    """Standing, velocity and rate are noise: what it fits by chance is no delay, and the true one is no fault later."""
+    nav, motion = navigator(flight), TakingOff(flight)
+
+    def standing(j: int) -> None:
+        if j == round((AT_S - 0.1) * flight.pose_hz):
+            x = nav.bodies["estimate"]
+            assert np.abs(x["pose_delay_s"]).max() < 0.001
+            assert x["cov"][:, DELAY, DELAY].min() >= FIRST_DELAY_S**2
+
+    assert fly(nav, sensed(motion, AT_S + 6.0), standing) == []
+    sd_s = np.sqrt(nav.bodies["estimate"]["cov"][:, DELAY, DELAY])
+    assert sd_s.max() < 0.005
+    assert np.abs(nav.bodies["estimate"]["pose_delay_s"] - flight.clock_s).max() < 0.01
+
+
+@pytest.mark.parametrize(
+    ("speed_m_s", "flight", "share", "median_s"),
+    [
+        (0.08, Flight(), 0.7, 0.1),
+        (0.11, Flight(pose_m=0.001), 0.9, 0.09),
+        (0.3, Flight(), 1.0, 0.03),
+        (0.15, Flight(imu_m_s2=SIH), 0.6, 0.08),
+    ],
+)
+def test_a_pose_drift_is_found(speed_m_s: float, flight: Flight, share: float, median_s: float) -> None:
+    """Of 100 flights, so many within 0.15 s, while the noise is still being learned; what is not found then is taken
+    for a velocity.
+    """
+    _, faults, _ = detected(replace(flight, n=100, seed=31), drifting(speed_m_s), AT_S + 0.15)
     found_s = delays_s(faults)
-    assert len(faults) == 10
+    assert len(faults) >= 100 * share
     assert found_s.min() > 0.0
     assert np.median(found_s) < median_s
-    assert found_s.max() < worst_s
-    assert {fault.signature.name for fault in faults} <= {"pose drift", "pose jump"}
+    assert {fault.signature.name for fault in faults} <= {"pose drift", "pose jump", "pose delay growing"}
 
 
 def test_rolled_back_the_body_is_known_without_its_poses() -> None:

@@ -61,17 +61,17 @@ async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> N
             serving = True
             while True:
                 await asyncio.sleep(0.0)  # also where the time has passed: the server's clients are to be heard
-                await clock.sleep_until_ns(min(emulator.next_exposure_ns, emulator.next_frame_ns))
+                await clock.sleep_until_ns(min(emulator.next_photo_ns, emulator.next_frame_ns))
                 now_ns = clock.monotonic_ns()
                 if flying:
-                    punctual.check(emulator.next_exposure_ns, now_ns)
+                    punctual.check(emulator.next_photo_ns, now_ns)
                 if serving == emulator.is_dark(now_ns):
                     serving = not serving
                     await (server.start() if serving else server.close())
                 for frame in emulator.pop_due(now_ns):
                     if serving:
                         server.publish(frame)
-                while emulator.next_exposure_ns <= now_ns:
+                while emulator.next_photo_ns <= now_ns:
                     emulator.expose(truths)
     finally:
         missing.cancel()

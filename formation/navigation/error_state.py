@@ -11,7 +11,7 @@ import numpy as np
 
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
-from formation.maths.quaternion import multiply_into, rotate_into, rotation_vector_of, turn_into
+from formation.maths.quaternion import matrix_into, multiply_into, rotate_into, rotation_vector_of, turn_into
 from formation.navigation.state import ATT, BIAS, DELAY, ERRORS, LEVEL, POS, SCALE, VEL, Estimate
 from formation.vehicle.body import GRAVITY_M_S2
 
@@ -24,17 +24,6 @@ SCALE_WALK, MODELLED_SCALE_WALK = 0.02, 0.1
 accelerometer nothing else shows that commands are not followed: learned within half a second."""
 DELAY_WALK = 0.001
 """Of the pose delay, s per root second: what TIMESYNC's filter lets clocks wander."""
-
-
-@kernel
-def rotation_into(q: Float, r: Float) -> None:
-    """The matrix of q into r (3, 3)."""
-    unit, column = np.zeros(3), np.empty(3)
-    for axis in range(3):
-        unit[:] = 0.0
-        unit[axis] = 1.0
-        rotate_into(q, unit, column)
-        r[:, axis] = column
 
 
 @kernel
@@ -61,7 +50,7 @@ def move(x: Estimate, force_flu_m_s2: Float, rate_flu_rad_s: Float, dt_s: float,
     """Moves position, velocity and attitude on by dt_s; the matrix of half-way into r (3, 3)."""
     force_flu, turned = np.empty(3), np.empty(4)
     turn_into(x.q_lab_from_flu, 0.5 * dt_s * rate_flu_rad_s, turned)
-    rotation_into(turned, r)
+    matrix_into(turned, r)
     for axis in range(3):
         force_flu[axis] = force_flu_m_s2[axis] - x.accel_bias_flu_m_s2[axis]
     rotate_into(turned, force_flu, x.force_lab_m_s2)

@@ -6,8 +6,8 @@ import numpy as np
 
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
-from formation.maths.quaternion import turn_into
-from formation.navigation.error_state import inject, innovation_variance, rotation_into, rotation_vector_into, update
+from formation.maths.quaternion import matrix_into, turn_into
+from formation.navigation.error_state import inject, innovation_variance, rotation_vector_into, update
 from formation.navigation.evidence import Bank, add_evidence
 from formation.navigation.samples import attitude_at
 from formation.navigation.state import (
@@ -100,7 +100,7 @@ def use_thrust(body: Body, force_flu_m_s2: Float, modelled_m_s2: float, bank: Ba
     x, r = body.estimate, np.empty((3, 3))
     h, p_h, correction = np.zeros(ERRORS), np.empty(ERRORS), np.zeros(ERRORS)
     observation, innovation, variance = np.zeros(3), np.zeros(3), np.zeros(3)
-    rotation_into(x.q_lab_from_flu, r)
+    matrix_into(x.q_lab_from_flu, r)
     h[BIAS + 2], h[SCALE] = 1.0, modelled_m_s2
     observation[2] = force_flu_m_s2[2]
     innovation[2] = force_flu_m_s2[2] - x.accel_bias_flu_m_s2[2] - x.thrust_scale * modelled_m_s2
@@ -124,7 +124,7 @@ def use_attitude(body: Body, t_ns: int, q_lab_from_flu: Float, bank: Bank, i: in
     correction, p_h, rows = np.zeros(ERRORS), np.empty(ERRORS), np.zeros((3, ERRORS))
     attitude_at(x, body.inertial, t_ns, q)
     turn_into(q, x.level_bias_flu_rad, biased)
-    rotation_into(biased, r)
+    matrix_into(biased, r)
     rotation_vector_into(q_lab_from_flu, biased, innovation)
     for axis in range(3):
         rows[axis, ATT + axis] = 1.0

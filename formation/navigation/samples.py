@@ -6,9 +6,9 @@ import numpy as np
 
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
-from formation.maths.quaternion import turn_into
+from formation.maths.quaternion import matrix_into, turn_into
 from formation.maths.records import Rows
-from formation.navigation.error_state import move, rotation_into
+from formation.navigation.error_state import move
 from formation.navigation.evidence import copy_estimate
 from formation.navigation.state import SAMPLES, THRUSTS, Body, Estimate, Inertial
 from formation.vehicle.body import GRAVITY_M_S2
@@ -77,7 +77,7 @@ def model_force(body: Body, thrust_m_s2: float, force: Float) -> None:
     """The specific force by thrust and drag, and the bias in it, into force (3)."""
     x = body.estimate
     r = np.empty((3, 3))
-    rotation_into(x.q_lab_from_flu, r)
+    matrix_into(x.q_lab_from_flu, r)
     for axis in range(3):
         vel = 0.0
         for k in range(3):

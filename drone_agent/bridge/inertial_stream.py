@@ -10,6 +10,7 @@ from wire.link_messages.motion import AttitudeQuaternion, InertialSample
 _LISTEN_NS = 1_500_000_000  # before it is asked for: the autopilot may send it anyhow
 _ASK_NS = 1_000_000_000
 _SHARE = 0.4  # of the rate wanted: what comes more slowly is asked for
+_LONGEST_NS = 20_000_000  # between samples that nobody asked for: beyond, some were lost
 _PATIENCE_NS = 5_000_000_000  # of requests, before the report that the stream is missing
 LACKS = "No HIGHRES_IMU: slow pose drift is not detected"
 
@@ -25,6 +26,8 @@ class InertialStream:
         self._unasked, self._wanted = True, False
         """Whether it came before anybody asked; whether the ground did."""
         self._target, self._rate_hz = target, rate_hz
+        self._longest_ns = round(1e9 / rate_hz) if rate_hz > 0.0 else _LONGEST_NS
+        self._made_ns = t0_ns
         self._estimate = estimate
         self.sync = TimeSyncClient(target)
         self.restarted(t0_ns)
@@ -38,7 +41,9 @@ class InertialStream:
         """A sample came."""
         self._count += 1
         made_ns = self.sync.clock.made_ns(sample.t_boot_us * 1000, now_ns)
-        self._estimate.receive_imu(made_ns - self._delay_ns, sample)
+        # The estimate takes a sample for the mean of the interval until its time: its middle is when that was so.
+        interval_ns, self._made_ns = min(max(made_ns - self._made_ns, 0), self._longest_ns), made_ns
+        self._estimate.receive_imu(made_ns - self._delay_ns + interval_ns // 2, sample)
 
     def receive_attitude(self, attitude: AttitudeQuaternion, now_ns: int) -> None:
         """An attitude came."""
@@ -47,8 +52,7 @@ class InertialStream:
 
     def restarted(self, now_ns: int, delay_s: float = 0.0) -> None:
         """The autopilot is new, or was: listen, then ask again. delay_s: its table's `inertial_delay_s`."""
-        # The estimate takes a sample for the mean until its time, which is of half an interval before.
-        self._delay_ns = round(max(delay_s - 0.5 / self._rate_hz, 0.0) * 1e9) if self._rate_hz > 0.0 else 0
+        self._delay_ns = round(delay_s * 1e9)
         self.sync = TimeSyncClient(self._target)
         self._asks_ns, self._count, self._rejected = now_ns + _LISTEN_NS, 0, self._rate_hz <= 0.0
         self._lacks_ns: int | None = None

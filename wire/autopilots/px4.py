@@ -139,5 +139,5 @@ PX4 = AutopilotTable(
         {"COM_HOME_EN", "EKF2_HGT_REF", "MAV_COMP_ID", "MAV_SYS_ID", "SYS_AUTOSTART", "SYS_HAS_GPS", "SYS_HAS_MAG"}
     ),
     needs_origin=False,
-    inertial_delay_s=0.0,  # the mean over IMU_INTEG_RATE's interval, unfiltered (streams/HIGHRES_IMU.hpp)
+    inertial_delay_s=0.0025,  # half of what it is the mean of: IMU_INTEG_RATE's interval (streams/HIGHRES_IMU.hpp)
 )

@@ -98,7 +98,7 @@ class AutopilotTable:
     needs_origin: bool
     """Whether it fuses external poses only after SET_GPS_GLOBAL_ORIGIN gave its local frame an origin on the globe."""
     inertial_delay_s: float
-    """Age of HIGHRES_IMU's force and rate at its stamp, for a single filtered sample; 0: it is the mean until then."""
+    """Mean age, at its stamp, of what HIGHRES_IMU shows: of a filter's delay, or half of what it is the mean of."""
 
     def custom_mode(self, mode: FlightMode) -> int:
         """HEARTBEAT's custom mode in that mode."""

@@ -1,5 +1,7 @@
 """The bridge's HIGHRES_IMU: asked for where it does not come; and what the bridge does about poses that drift."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
@@ -9,6 +11,7 @@ from drone_agent.bridge.daemon import imu_rate_limit_hz
 from drone_agent.bridge.estimate import BodyEstimate
 from drone_agent.bridge.inertial_stream import InertialStream
 from drone_agent.config import AgentConfig
+from formation.maths.arrays import Float
 from formation.messages import Datagram
 from formation.vehicle.profile import PROFILES
 from tests.drone_agent.agent_harness import MS, Harness, S, hover_at, hover_over
@@ -168,24 +171,39 @@ def test_a_slow_line_is_not_filled(line: str, room_hz: float) -> None:
     assert imu_rate_limit_hz(line) == pytest.approx(room_hz)
 
 
-@pytest.mark.parametrize(("table", "error_m_s"), [(ARDUPILOT, 0.003), (PX4, 0.03)])
-def test_ardupilots_filtered_samples_are_taken_for_as_old_as_they_are(table: AutopilotTable, error_m_s: float) -> None:
-    """ArduPilot's sample is one value behind a Butterworth low-pass of 20 Hz (AP_InertialSensor, INS_ACCEL_FILTER).
+def lowpass(rising_m_s2: Float) -> Float:
+    """ArduPilot's sample: one value behind a Butterworth low-pass of 20 Hz (AP_InertialSensor, INS_ACCEL_FILTER)."""
+    b, a = butter(2, 20.0, fs=1000.0)
+    filtered: Float = lfilter(b, a, rising_m_s2)
+    return filtered
 
-    Force rises by 10 m/s^3 for 0.5 s and no pose is seen. Taken for PX4's mean until the stamp, its velocity is 6 ms
-    late, which is 0.03 m/s.
+
+def mean(rising_m_s2: Float) -> Float:
+    """PX4's sample: the mean of 5 ms (IMU_INTEG_RATE), however rarely HIGHRES_IMU is sent."""
+    means: Float = lfilter(np.full(5, 0.2), [1.0], rising_m_s2)
+    return means
+
+
+@pytest.mark.parametrize("period_ms", [5, 10, 20])
+@pytest.mark.parametrize(
+    ("table", "shows", "late_ms"), [(ARDUPILOT, lowpass, 0.0), (PX4, lowpass, 8.75), (PX4, mean, 0.0)]
+)
+def test_samples_are_taken_for_as_old_as_they_are(
+    table: AutopilotTable, shows: Callable[[Float], Float], late_ms: float, period_ms: int
+) -> None:
+    """Force rises by 10 m/s^3 for 0.5 s and no pose is seen; samples that are late by t leave the velocity 5 t behind.
+
+    By hand: the filter's delay is 11.25 ms, the mean's 2.5 ms. The last sample stands until the next.
     """
     estimate, level = BodyEstimate(PROFILES["px4_quad"], 1), np.array([1.0, 0.0, 0.0, 0.0])
-    stream = InertialStream(DRONE, 100.0, estimate, 0)
+    stream = InertialStream(DRONE, 1000.0 / period_ms, estimate, 0)
     stream.restarted(0, table.inertial_delay_s)
-    rising_s = np.clip(0.001 * np.arange(2501) - 2.0, 0.0, None)
-    b, a = butter(2, 20.0, fs=1000.0)
-    filtered_m_s2 = lfilter(b, a, 10.0 * rising_s)
-    for k in range(10, 2501, 10):
-        if k <= 2000:
+    shown_m_s2 = shows(10.0 * np.clip(0.001 * np.arange(2501) - 2.0, 0.0, None))
+    for k in range(period_ms, 2501, period_ms):
+        if k % 10 == 0 and k <= 2000:
             pos = 1e-3 * np.random.default_rng(k).standard_normal(3)
             estimate.receive_pose(k * MS, pos, level, stands=False)
-        stream.receive_sample(InertialSample(k * 1000, G + np.array([0.0, 0.0, filtered_m_s2[k]]), np.zeros(3)), k * MS)
+        stream.receive_sample(InertialSample(k * 1000, G + np.array([0.0, 0.0, shown_m_s2[k]]), np.zeros(3)), k * MS)
     motion = estimate.motion(2500 * MS)
     assert motion is not None
-    assert 5.0 * 0.5**2 - motion.vel_lab_m_s[2] == pytest.approx(error_m_s, abs=0.008)
+    assert 5.0 * 0.5**2 - motion.vel_lab_m_s[2] == pytest.approx(5.0 * late_ms * 1e-3, abs=0.01)

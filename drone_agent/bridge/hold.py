@@ -26,8 +26,10 @@ _THRUST_LEAST = 0.85  # of what carries it, coming down: what stands in the air 
 _OPEN_LOOP_THRUST, _OPEN_LOOP_S, _OPEN_LOOP_FADE_1_S = 0.95, 3.0, 0.3  # 1.5 m in 2.5 s, down at 1.2 m/s
 _STILL_M = 0.05
 """A body at rest keeps within: by its place, since without an IMU the estimated velocity of a body at rest is noise."""
-_STANDS_M, _STANDS_NS = 0.02, 500_000_000
-"""What is let down and sinks less in that time stands; in the air the least thrust lets it sink 0.18 m."""
+_STANDS_M, _STANDS_NS = 0.01, 500_000_000
+"""What is let down and moves less in that time stands. In the air the least thrust lets it sink 0.18 m, and one that was
+thrown up is within 1 cm of its highest for 0.3 s.
+"""
 
 
 class BridgeHold:
@@ -99,7 +101,7 @@ class BridgeHold:
         x, y, z = motion.pos_lab_m.tolist()
         vx, vy, vz = motion.vel_lab_m_s.tolist()
         demand = Demand(self._yaw_rad, self._hold_xy_m, height_m=self._height_m)
-        if not down or self._sunk_m - z > _STANDS_M:
+        if not down or abs(self._sunk_m - z) > _STANDS_M:
             self._sunk_m, self._sunk_ns = z, now_ns
         if down:
             demand = Demand(self._yaw_rad, self._hold_xy_m, climb_m_s=-_SINK_M_S)

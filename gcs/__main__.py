@@ -8,7 +8,18 @@ import sys
 
 
 def main() -> None:
-    """The console script. A stop goes its own short way: the whole command line takes three times as long to load."""
+    """The console script."""
+    try:
+        _run()
+    except SystemExit as end:
+        from wire.process.leaving import end_beside_closing
+
+        end_beside_closing(end)
+        raise
+
+
+def _run() -> None:
+    """A stop goes its own short way: the whole command line takes three times as long to load."""
     if sys.argv[1:2] == ["stop"]:
         from wire.process.priority import run_before_others
 

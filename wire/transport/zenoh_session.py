@@ -11,6 +11,7 @@ import zenoh
 from formation.requests import OperatorReply, OperatorRequest, Verb
 from wire import clock
 from wire.errors import BusError
+from wire.process.leaving import CLOSING
 from wire.schema import Schema, schema_of
 from wire.security.bus_access import LOCAL, BusAccess, connectable
 
@@ -128,7 +129,7 @@ def ask(
 
 def _close(session: zenoh.Session) -> None:
     """Close, but wait no longer than _CLOSE_S: Zenoh waits 10 s for a connection that it is opening."""
-    closing = Thread(target=session.close, name="closing", daemon=True)
+    closing = Thread(target=session.close, name=CLOSING, daemon=True)
     closing.start()
     closing.join(_CLOSE_S)
 

@@ -371,9 +371,10 @@ class BridgeCore:
     def _note_command(self, thrust_norm: float, q_lab_from_flu: Quat | None = None) -> None:
         """A commanded thrust, which carries the body where the autopilot follows it and no floor does.
 
-        An autopilot that gets no poses may fly by itself.
+        An autopilot that gets no poses may fly by itself. Without an accelerometer the command is all there is.
         """
-        known = self._takeover.is_flown_by_setpoints and not self._feed.is_rejecting
+        followed = not (self._feed.is_rejecting and self._estimate.measures_force)
+        known = self._takeover.is_flown_by_setpoints and followed
         flown = known and not self._feed.stands
         self._estimate.receive_command(self._now_ns, thrust_norm if flown else math.nan, q_lab_from_flu)
 

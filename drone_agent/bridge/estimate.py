@@ -15,7 +15,7 @@ from formation.maths.arrays import Quat, Vec3
 from formation.maths.quaternion import thrust_axis
 from formation.messages import Innovation
 from formation.navigation.receive import Input, RejectReason
-from formation.navigation.state import POS, Airframe
+from formation.navigation.state import POS, SAMPLES, Airframe
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
 from wire.link_messages.motion import AttitudeQuaternion, InertialSample
@@ -184,6 +184,12 @@ class BodyEstimate:
         """The thrust that carries the body at rest."""
         scale = _bounded_scale(float(self._navigator.thrust_scale[0]))
         return self._vehicle.thrust_norm_of(self._vehicle.weight_n / scale)
+
+    @property
+    def measures_force(self) -> bool:
+        """Whether an accelerometer shows the motion; else thrust and attitude alone do."""
+        ring = self._navigator.bodies[0].inertial
+        return bool(ring.count) and math.isfinite(ring.force_flu_m_s2[(ring.count - 1) % SAMPLES, 0])
 
     def motion(self, t_ns: int) -> Motion | None:
         """Where it is at t_ns; None before the first pose."""

@@ -18,7 +18,7 @@ from formation.maths.quaternion import rotate_into, turn_into
 from formation.navigation.error_state import inject, innovation_variance, predict, rotation_vector_into
 from formation.navigation.evidence import ONSETS, Bank, add_onset, copy_estimate, find_fault, reset_onsets
 from formation.navigation.observe import TEST_SIGMAS, learn, record, use, use_thrust
-from formation.navigation.samples import follow_thrust, model_force, next_sample
+from formation.navigation.samples import follow_thrust, measures_force, model_force, next_sample
 from formation.navigation.state import (
     ATT,
     BIAS,
@@ -217,10 +217,8 @@ def _pose_rows(body: Body, pos_lab_m: Float, q_lab_from_flu: Float, innovation: 
         innovation[axis] = pos_lab_m[axis] - x.pos_lab_m[axis] + delay_s * (shown_vel[axis] + 0.5 * delay_s * acc)
         vel_error += x.cov[VEL + axis, VEL + axis]
         rate_error += body.noise.rate_rad2_s2[axis]
-    ring = body.inertial
-    measured = ring.count > 0 and isfinite(ring.force_flu_m_s2[(ring.count - 1) % SAMPLES, 0])
     # Without an accelerometer the poses themselves are all that shows the velocity.
-    moves = timed * certain(shown_vel, vel_error) if measured else 0.0
+    moves = timed * certain(shown_vel, vel_error) if measures_force(body.inertial) else 0.0
     turns = timed * certain(rate, max(rate_error, least))
     for axis in range(3):
         rows[axis, POS + axis], rows[axis, VEL + axis], rows[axis, DELAY] = 1.0, -delay_s, -moves * shown_vel[axis]

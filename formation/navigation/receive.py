@@ -12,7 +12,7 @@ from formation.maths.records import Rows
 from formation.navigation.evidence import Bank
 from formation.navigation.fusion import GAP_S, LATEST_NS, advance
 from formation.navigation.observe import use_attitude
-from formation.navigation.samples import add_sample
+from formation.navigation.samples import add_sample, measures_force
 from formation.navigation.state import AUTOPILOT_ATTITUDE, POSE_POSITION, SAMPLES, THRUSTS, Body
 
 FORCE_MOST_M_S2, RATE_MOST_RAD_S, FAR_M = 157.0, 35.0, 1000.0
@@ -78,7 +78,7 @@ def receive_attitude(
         if reason != _NONE:
             continue
         at = (ring.count - 1) % SAMPLES
-        modelled = ring.count == 0 or not isfinite(ring.force_flu_m_s2[at, 0])
+        modelled = not measures_force(ring)
         if ring.count == 0 or t_ns[k] - ring.t_ns[at] > (0.0 if modelled else GAP_S * 1e9):
             add_sample(body, t_ns[k], no_force, rate[k])
         if body.status.begun:

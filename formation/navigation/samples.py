@@ -50,6 +50,12 @@ def next_sample(ring: Inertial, t_ns: int) -> int:
 
 
 @kernel
+def measures_force(ring: Inertial) -> bool:
+    """Whether an accelerometer shows the motion; else it is modelled by thrust and attitude."""
+    return ring.count > 0 and isfinite(ring.force_flu_m_s2[(ring.count - 1) % SAMPLES, 0])
+
+
+@kernel
 def thrust_at(body: Body, t_ns: int) -> float:
     """The thrust commanded at a time, as specific force; NaN where nobody knows."""
     ring = body.commanded

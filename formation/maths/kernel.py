@@ -13,6 +13,7 @@ from typing import Any, ParamSpec, TypeVar
 import numba
 from numba.core import event
 from numba.core.dispatcher import Dispatcher
+from numba.core.types import unliteral
 from numba.extending import register_jitable
 
 P = ParamSpec("P")
@@ -31,8 +32,15 @@ def kernel(function: Callable[P, R], calls: tuple[Callable[..., object], ...] = 
         register_jitable(error_model="numpy")(part)
     # Nobody calls kernels from C. numba's own types know nothing of this option, its documentation does.
     compiled = numba.njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function)  # type: ignore[call-overload]
+    if isinstance(compiled, Dispatcher):
+        compiled.compile = _for_any_value(compiled.compile)
     typed: Callable[P, R] = compiled
     return typed
+
+
+def _for_any_value(compile_for: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """numba compiles a kernel anew for every constant that it is called with; here one kernel serves all values."""
+    return lambda types: compile_for(tuple(unliteral(kind) for kind in types) if isinstance(types, tuple) else types)
 
 
 @contextmanager
@@ -108,5 +116,7 @@ def _cache_root() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "mavlink-formation" / installation
 
 
+# A sixth less to compile than at 3, and what is compiled is as fast.
+numba.config.OPT = type(numba.config.OPT)(2)  # type: ignore[attr-defined]
 if not numba.config.CACHE_DIR:  # type: ignore[attr-defined]
     numba.config.CACHE_DIR = _cache_in(_cache_root())  # type: ignore[attr-defined]

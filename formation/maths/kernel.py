@@ -33,14 +33,19 @@ def kernel(function: Callable[P, R], calls: tuple[Callable[..., object], ...] = 
     # Nobody calls kernels from C. numba's own types know nothing of this option, its documentation does.
     compiled = numba.njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function)  # type: ignore[call-overload]
     if isinstance(compiled, Dispatcher):
-        compiled.compile = _for_any_value(compiled.compile)
+        # numba compiles a kernel anew for every constant that it is called with; one serves all values.
+        setattr(compiled, "compile", _for_any_value(compiled.compile))  # noqa: B010 (a method by its type)
     typed: Callable[P, R] = compiled
     return typed
 
 
 def _for_any_value(compile_for: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """numba compiles a kernel anew for every constant that it is called with; here one kernel serves all values."""
-    return lambda types: compile_for(tuple(unliteral(kind) for kind in types) if isinstance(types, tuple) else types)
+    """numba's `compile`, which takes the types of the arguments, without the constants that some of them carry."""
+
+    def without_constants(types: Any) -> Any:
+        return compile_for(tuple(map(unliteral, types)) if isinstance(types, tuple) else types)
+
+    return without_constants
 
 
 @contextmanager

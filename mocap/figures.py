@@ -15,6 +15,8 @@ FRAMES_MAX = 512
 WINDOW_NS = 2_000_000_000
 BURST_SHARE = 0.01
 """Of spacings: a clock that is set once in a window of two seconds is less."""
+EARLY, LATE = 0.5, 1.5
+"""Spacings, of the usual one, of a frame that catches up and of one that was held back."""
 STILL_M = 0.01
 """A body whose positions span more than this moves: its noise at rest is not to be seen."""
 
@@ -23,8 +25,7 @@ STILL_M = 0.01
 class Timing:
     """Of the frames: rate and standard deviation of the exposures' spacing, share lost, delay (median), longest gap.
 
-    arrival_stamps: the stamps are arrival times: more than BURST_SHARE of them follow each other in less than half of
-    the usual spacing, as no camera exposes.
+    arrival_stamps: the stamps are arrival times, as they come in bursts.
     """
 
     rate_hz: float
@@ -63,9 +64,19 @@ def timing(captured_ns: Times, received_ns: Times, seq: Times) -> Timing:
 
 
 def is_stamped_on_arrival(spacings: ArrayLike, steps: ArrayLike) -> bool:
-    """Whether stamps with these spacings (k), of frames so many numbers apart, are no exposures but arrival times."""
+    """Whether stamps with these spacings (k), of frames so many numbers apart, are no exposures but arrival times.
+
+    Frames that were held back arrive in a burst: some follow a late one in less than half of the usual spacing. One
+    that is early by itself is no sign, since exposures that jitter are as often early as late.
+    """
     each = np.asarray(spacings)
-    return bool(np.mean(each < 0.5 * np.median(each / np.asarray(steps))) > BURST_SHARE)
+    usual = np.median(each / np.asarray(steps))
+    late, early = each > LATE * usual * np.asarray(steps), each < EARLY * usual
+    in_bursts, is_burst = 0, False
+    for is_late, is_early in zip(late.tolist(), early.tolist(), strict=True):
+        is_burst = is_late or (is_burst and is_early)
+        in_bursts += is_burst and is_early
+    return in_bursts > BURST_SHARE * len(each)
 
 
 def noise_m(pos_lab_m: Float) -> float:

@@ -36,6 +36,14 @@ def test_frames_that_are_stamped_in_bursts_are_stamped_on_arrival(late_s: float,
     assert timing(np.maximum.accumulate(arrived), arrived, numbers).arrival_stamps is arrival_stamps
 
 
+def test_exposures_that_jitter_are_not_stamped_on_arrival() -> None:
+    """By an eighth of the period of 240 Hz: of 100 windows, some have three spacings under half of it by chance."""
+    rng, numbers = np.random.default_rng(1), np.arange(201)
+    for _ in range(100):
+        exposed = np.round((numbers / 240.0 + 0.0005 * rng.standard_normal(201)) * 1e9).astype(np.int64)
+        assert not timing(exposed, exposed + DELAY_NS, numbers).arrival_stamps
+
+
 def test_noise_is_the_worst_axis() -> None:
     pos = np.array([[0.0, 0.001, 0.0], [0.0, -0.001, 0.0005], [0.0, 0.001, 0.0], [0.0, -0.001, 0.0005]])
     assert noise_m(pos) == pytest.approx(0.001)

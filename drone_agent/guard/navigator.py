@@ -90,7 +90,7 @@ class Navigator:
 
     def receive_attitude(self, which: Ints, t_ns: Ints, q_lab_from_flu: Float, rate_flu_rad_s: Float) -> None:
         """ATTITUDE_QUATERNION (k, 4) and its rates (k, 3); with the thrust it stands in for an absent HIGHRES_IMU."""
-        receive.receive_attitude(self.bodies, self._bank, self.rejected, which, t_ns, q_lab_from_flu, rate_flu_rad_s)
+        receive.receive_attitude(self.bodies, self.rejected, which, t_ns, q_lab_from_flu, rate_flu_rad_s)
         receive.advance_bodies(self.bodies, self._bank, which)
 
     def receive_pose(self, which: Ints, t_capture_ns: Ints, pos_lab_m: Float, q_lab_from_flu: Float) -> None:

@@ -17,7 +17,7 @@ from formation.maths.kernel import kernel
 from formation.maths.quaternion import rotate_into, turn_into
 from formation.navigation.error_state import inject, innovation_variance, predict, rotation_vector_into
 from formation.navigation.evidence import ONSETS, Bank, add_onset, copy_estimate, find_fault, reset_onsets
-from formation.navigation.observe import TEST_SIGMAS, learn, record, use, use_thrust
+from formation.navigation.observe import TEST_SIGMAS, learn, record, use, use_attitude, use_thrust
 from formation.navigation.samples import follow_thrust, measures_force, model_force, next_sample
 from formation.navigation.state import (
     ATT,
@@ -31,8 +31,10 @@ from formation.navigation.state import (
     POSE_POSITION,
     SAMPLES,
     SCALE,
+    STAMP,
     VEL,
     Body,
+    Estimate,
 )
 from formation.vehicle.body import GRAVITY_M_S2
 
@@ -54,6 +56,8 @@ RATE_SHARE = 0.05
 """Of the body rate: the gyroscope's axes are up to 3 degrees off those of the markers."""
 FIRST_VEL_M_S, FIRST_BIAS_M_S2, FIRST_LEVEL_RAD, FIRST_SCALE, FIRST_DELAY_S = 1.0, 0.5, 0.1, 0.2, 0.02
 """What is not known at first, RMS: markers tilted by 2 degrees show as 0.35 m/s^2."""
+STAMP_SCATTER_S = 0.0003
+"""RMS: of clocks by TIMESYNC, of frames that are re-timed."""
 TIMED_VEL_M_S = 0.1
 """RMS error of the velocity at which a first delay is a matter of 2 mm."""
 
@@ -121,6 +125,7 @@ def begin(body: Body, t_ns: int, pos_lab_m: Float, q_lab_from_flu: Float) -> Non
         x.cov[LEVEL + i, LEVEL + i] = FIRST_LEVEL_RAD * FIRST_LEVEL_RAD
     x.cov[SCALE, SCALE] = FIRST_SCALE * FIRST_SCALE
     x.cov[DELAY, DELAY] = FIRST_DELAY_S * FIRST_DELAY_S
+    x.cov[STAMP, STAMP] = STAMP_SCATTER_S * STAMP_SCATTER_S
     status = body.status
     status.begun, status.timed, status.rejecting_ns, status.consistent_ns = True, False, 0, 0
 
@@ -137,18 +142,27 @@ def certain(motion: Float, mean_square: float) -> float:
 
 
 @kernel
+def _shown_vel_error(x: Estimate) -> float:
+    """Mean square error of the velocity that a pose shows: of the velocity, and of when that was in an acceleration."""
+    error = 0.0
+    for axis in range(3):
+        acc = x.force_lab_m_s2[axis] - (GRAVITY_M_S2 if axis == 2 else 0.0)
+        error += x.cov[VEL + axis, VEL + axis] + acc * acc * x.cov[DELAY, DELAY]
+    return error
+
+
+@kernel
 def start_delay(body: Body) -> None:
     """From now on the estimate is of the stamps' time, before it was of what the poses showed: a delay earlier.
 
     The delay times an unknown velocity is no linear error; once the velocity is known it is.
     """
     x = body.estimate
-    vel_error = x.cov[VEL, VEL] + x.cov[VEL + 1, VEL + 1] + x.cov[VEL + 2, VEL + 2]
-    if vel_error > TIMED_VEL_M_S * TIMED_VEL_M_S:
+    if x.cov[VEL, VEL] + x.cov[VEL + 1, VEL + 1] + x.cov[VEL + 2, VEL + 2] > TIMED_VEL_M_S * TIMED_VEL_M_S:
         return
     body.status.timed = True
     shift = np.zeros(ERRORS)
-    shift[POS : POS + 3] = certain(x.vel_lab_m_s, vel_error) * x.vel_lab_m_s
+    shift[POS : POS + 3] = certain(x.vel_lab_m_s, _shown_vel_error(x)) * x.vel_lab_m_s
     for i in range(ERRORS):
         for j in range(ERRORS):
             if i != DELAY and j != DELAY:
@@ -175,6 +189,7 @@ def use_pose(body: Body, t_ns: int, pos_lab_m: Float, q_lab_from_flu: Float, ban
     if status.gap:
         reset_onsets(bank, i)
         status.gap = False
+    _new_stamp(body, bank, i)
     innovation, rows, variance = np.empty(6), np.zeros((6, ERRORS)), np.empty(6)
     _pose_rows(body, pos_lab_m, q_lab_from_flu, innovation, rows)
     p_h, correction = np.empty(ERRORS), np.zeros(ERRORS)
@@ -201,6 +216,16 @@ def use_pose(body: Body, t_ns: int, pos_lab_m: Float, q_lab_from_flu: Float, ban
 
 
 @kernel
+def _new_stamp(body: Body, bank: Bank, i: int) -> None:
+    """Nothing is known of what the next pose's stamp is off by, whatever the last one's was."""
+    cov = body.estimate.cov
+    for k in range(ERRORS):
+        cov[STAMP, k] = cov[k, STAMP] = 0.0
+    cov[STAMP, STAMP] = STAMP_SCATTER_S * STAMP_SCATTER_S
+    bank.response[i, STAMP, :] = 0.0
+
+
+@kernel
 def _pose_rows(body: Body, pos_lab_m: Float, q_lab_from_flu: Float, innovation: Float, rows: Float) -> None:
     """Innovation (6) of a pose that shows the body as it was the delay ago, and its rows (6, errors)."""
     x, rate, shown_vel = body.estimate, np.empty(3), np.empty(3)
@@ -210,19 +235,19 @@ def _pose_rows(body: Body, pos_lab_m: Float, q_lab_from_flu: Float, innovation: 
     turn_into(q, -delay_s * x.rate_flu_rad_s, shown)
     rotation_vector_into(q_lab_from_flu, shown, innovation[3:])
     rotate_into(q, x.rate_flu_rad_s, rate)
-    rate_error, vel_error, least = 0.0, 0.0, 3.0 * RATE_FLOOR_RAD_S * RATE_FLOOR_RAD_S
+    rate_error, least = 0.0, 3.0 * RATE_FLOOR_RAD_S * RATE_FLOOR_RAD_S
     for axis in range(3):
         acc = x.force_lab_m_s2[axis] - (GRAVITY_M_S2 if axis == 2 else 0.0)
         shown_vel[axis] = x.vel_lab_m_s[axis] - delay_s * acc
         innovation[axis] = pos_lab_m[axis] - x.pos_lab_m[axis] + delay_s * (shown_vel[axis] + 0.5 * delay_s * acc)
-        vel_error += x.cov[VEL + axis, VEL + axis]
         rate_error += body.noise.rate_rad2_s2[axis]
     # Without an accelerometer the poses themselves are all that shows the velocity.
-    moves = timed * certain(shown_vel, vel_error) if measures_force(body.inertial) else 0.0
+    moves = timed * certain(shown_vel, _shown_vel_error(x)) if measures_force(body.inertial) else 0.0
     turns = timed * certain(rate, max(rate_error, least))
     for axis in range(3):
         rows[axis, POS + axis], rows[axis, VEL + axis], rows[axis, DELAY] = 1.0, -delay_s, -moves * shown_vel[axis]
         rows[3 + axis, ATT + axis], rows[3 + axis, DELAY] = 1.0, -turns * rate[axis]
+        rows[axis, STAMP], rows[3 + axis, STAMP] = -shown_vel[axis], -rate[axis]
 
 
 @kernel
@@ -266,8 +291,21 @@ def _reacquire(
 
 
 @kernel
+def _compare_attitude(body: Body, until_ns: int, bank: Bank, i: int) -> None:
+    """Uses the autopilot's attitude that waits, if it is of that time or before."""
+    pending = body.pending
+    if 0 < pending.attitude_t_ns <= until_ns:
+        if body.status.begun:
+            use_attitude(body, pending.attitude_t_ns, pending.q_lab_from_flu_autopilot, bank, i)
+        pending.attitude_t_ns = 0
+
+
+@kernel
 def advance(body: Body, bank: Bank, i: int) -> None:
-    """Uses the poses whose time the inertial samples have reached, or that have waited for LATEST_NS."""
+    """Uses, in order, what inertial samples have passed since, and poses that have waited for LATEST_NS.
+
+    The body rates until an observation are those measured then: a motor that fails spins it up within one sample.
+    """
     pending, ring, x = body.pending, body.inertial, body.estimate
     newest_ns = ring.t_ns[(ring.count - 1) % SAMPLES] if ring.count > 0 else 0
     while pending.count > 0:
@@ -275,11 +313,13 @@ def advance(body: Body, bank: Bank, i: int) -> None:
         silent = last_ns - max(newest_ns, 1) > LATEST_NS
         if t_ns > newest_ns and not silent and pending.count < PENDING:
             break
+        _compare_attitude(body, t_ns, bank, i)
         use_pose(body, t_ns, pending.pos_lab_m[0].copy(), pending.q_lab_from_flu[0].copy(), bank, i)
         for k in range(1, pending.count):
             pending.t_ns[k - 1] = pending.t_ns[k]
             pending.pos_lab_m[k - 1] = pending.pos_lab_m[k]
             pending.q_lab_from_flu[k - 1] = pending.q_lab_from_flu[k]
         pending.count -= 1
+    _compare_attitude(body, newest_ns, bank, i)
     if body.status.begun and pending.count == 0 and newest_ns - x.t_ns > LATEST_NS:
         coast(body, newest_ns - LATEST_NS, bank, i)

@@ -11,7 +11,6 @@ from formation.maths.kernel import kernel
 from formation.maths.records import Rows
 from formation.navigation.evidence import Bank
 from formation.navigation.fusion import GAP_S, LATEST_NS, advance
-from formation.navigation.observe import use_attitude
 from formation.navigation.samples import add_sample, measures_force
 from formation.navigation.state import AUTOPILOT_ATTITUDE, POSE_POSITION, SAMPLES, THRUSTS, Body
 
@@ -61,16 +60,14 @@ def receive_imu(bodies: Rows[Body], rejected: Ints, which: Ints, t_ns: Ints, for
 
 
 @kernel
-def receive_attitude(
-    bodies: Rows[Body], bank: Bank, rejected: Ints, which: Ints, t_ns: Ints, q: Float, rate: Float
-) -> None:
+def receive_attitude(bodies: Rows[Body], rejected: Ints, which: Ints, t_ns: Ints, q: Float, rate: Float) -> None:
     """The autopilot's attitudes (k, 4) and rates (k, 3); where there is no accelerometer, thrust and rates are used."""
     for k in range(len(which)):
         body = bodies[which[k]]
-        ring, no_force = body.inertial, np.full(3, np.nan)
+        ring, pending, no_force = body.inertial, body.pending, np.full(3, np.nan)
         attitude = np.empty(4)
         reason = max(_unit(q[k], attitude), _vector_reason(rate[k], RATE_MOST_RAD_S))
-        if reason == _NONE and t_ns[k] <= body.innovations.t_ns[AUTOPILOT_ATTITUDE]:
+        if reason == _NONE and t_ns[k] <= max(pending.attitude_t_ns, body.innovations.t_ns[AUTOPILOT_ATTITUDE]):
             reason = _OUT_OF_ORDER
         if reason == _NONE and body.status.begun and t_ns[k] < body.estimate.t_ns - LATEST_NS:
             reason = _TOO_OLD
@@ -81,8 +78,8 @@ def receive_attitude(
         modelled = not measures_force(ring)
         if ring.count == 0 or t_ns[k] - ring.t_ns[at] > (0.0 if modelled else GAP_S * 1e9):
             add_sample(body, t_ns[k], no_force, rate[k])
-        if body.status.begun:
-            use_attitude(body, t_ns[k], attitude, bank, which[k])
+        pending.attitude_t_ns = t_ns[k]
+        pending.q_lab_from_flu_autopilot[:] = attitude
 
 
 @kernel

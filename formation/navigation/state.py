@@ -1,7 +1,8 @@
 """What the navigator knows of one body, and the order of its error state.
 
-    error = (position, velocity, attitude, accelerometer bias, level bias, thrust scale, pose delay)
+    error = (position, velocity, attitude, accelerometer bias, level bias, thrust scale, pose delay, stamp)
 
+The stamp's is that of the newest pose alone: what scatters, as the delay is what stays.
 Attitude errors turn in `lab`: R_true = exp(error) R. Biases are in `flu`. All errors are true minus estimated.
 """
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from formation.maths.arrays import Float, Layout, Quat, Vec3, Vec4
 
-POS, VEL, ATT, BIAS, LEVEL, SCALE, DELAY, ERRORS = 0, 3, 6, 9, 12, 15, 16, 17
+POS, VEL, ATT, BIAS, LEVEL, SCALE, DELAY, STAMP, ERRORS = 0, 3, 6, 9, 12, 15, 16, 17, 18
 POSE_POSITION, POSE_ATTITUDE, AUTOPILOT_ATTITUDE, THRUST, SOURCES = 0, 1, 2, 3, 4
 """Where each source's innovation is; for position and attitude of a pose, autopilot's attitude and thrust."""
 SAMPLES = 1024
@@ -92,7 +93,10 @@ class Commanded:
 
 @dataclass(slots=True)
 class Pending:
-    """Poses not yet used, oldest first; last_*: the last that was received, as it came."""
+    """Poses not yet used, oldest first; last_*: the last that was received, as it came.
+
+    attitude_t_ns, q_lab_from_flu_autopilot: the autopilot's attitude that waits for inertial samples; 0: none does.
+    """
 
     count: int
     t_ns: Annotated[Float, Layout(np.int64, (PENDING,))]
@@ -100,6 +104,8 @@ class Pending:
     q_lab_from_flu: Annotated[Float, Layout(np.float64, (PENDING, 4))]
     last_pos_lab_m: Vec3
     last_q_lab_from_flu: Quat
+    attitude_t_ns: int
+    q_lab_from_flu_autopilot: Quat
 
 
 @dataclass(slots=True)

@@ -152,16 +152,23 @@ def fly(
     *,
     imu: bool = True,
     attitude: bool = True,
+    attitude_first: bool = False,
 ) -> list[Fault]:
-    """Feeds a navigator in order of time, every second attitude (50 Hz, as PX4); all faults it found."""
+    """Feeds a navigator in order of time, every second attitude (50 Hz, as PX4); all faults it found.
+
+    attitude_first: before the inertial sample of its time.
+    """
     which, found = np.arange(streams.force.shape[1]), []
     k = 0
     for j, t_ns in enumerate(streams.pose_ns):
         while k < len(streams.imu_ns) and streams.imu_ns[k] <= t_ns + 10 * MS:
             times = np.full(len(which), streams.imu_ns[k])
+            tells = attitude and k % 2 == 0
+            if tells and attitude_first:
+                nav.receive_attitude(which, times, streams.attitude[k], streams.rate[k])
             if imu:
                 nav.receive_imu(which, times, streams.force[k], streams.rate[k])
-            if attitude and k % 2 == 0:
+            if tells and not attitude_first:
                 nav.receive_attitude(which, times, streams.attitude[k], streams.rate[k])
             k += 1
         nav.receive_pose(which, np.full(len(which), t_ns), streams.pos[j], streams.q[j])

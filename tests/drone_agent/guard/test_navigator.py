@@ -123,6 +123,18 @@ def test_the_covariance_stays_symmetric_and_positive() -> None:
     fly(nav, sensed(Motion(flight), 10.0), check)
 
 
+def test_an_attitude_may_come_before_the_sample_of_its_time() -> None:
+    """A body that turns by several rad/s: its rate until then is in that sample, not in the one before."""
+    flight = Flight(n=4, seed=3, vel_m_s=0.4, band_hz=(2.0, 3.0))
+    streams = sensed(Motion(flight), 3.0)
+    assert np.abs(streams.rate).max() > 8.0
+    before, after = navigator(flight), navigator(flight)
+    assert fly(before, streams, attitude_first=True) == fly(after, streams) == []
+    # All but the first: without a sample yet, an attitude stands for one.
+    for name in ("pos_lab_m", "vel_lab_m_s", "q_lab_from_flu", "pose_delay_s"):
+        np.testing.assert_allclose(before.bodies["estimate"][name], after.bodies["estimate"][name], atol=1e-4)
+
+
 def test_a_turned_lab_changes_nothing() -> None:
     """Position, velocity and statistics turn with the frame, to rounding."""
     flight = Flight(n=4, seed=9, gust_m_s2=0.5)

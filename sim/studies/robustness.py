@@ -6,6 +6,7 @@ A seed decides everything: the experiment, every drone's true vehicle, the mocap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from math import tan
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from analysis.metrics import Summary, summarise
 from formation.config import Fence
 from formation.maths.arrays import Bool
 from formation.messages import Phase
+from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile, profile
 from sim import lockstep
 from sim.cameras.emulator import EmulatorConfig, Gap
@@ -29,8 +31,9 @@ NOISE_M = (0.0001, 0.001)
 NOISE_RAD_PER_M = 10.0
 RATES_HZ = (50.0, 100.0, 240.0)
 DROPOUT_S = 0.05
-PUSH_MOST = 0.9
-"""Of the push that the tilt limit holds against."""
+PUSH_MOST, STRAYED_M = 0.9, 0.5
+"""A push is at most so much of what the tilt limit holds against, and one that must carry the vehicle so far at most:
+half of what the ground lands it at."""
 SWING_DEG = 5.0
 """So much at the end of a steady push is a limit cycle; the noise that is drawn shakes by half of that."""
 
@@ -105,7 +108,9 @@ def scenario_of(draw: Draw) -> Scenario:
         "link": _link(scenario.link, delay),
     }
     if kind is Kind.PUSH:
-        update |= steady_push.push_of(scenario, float(rng.uniform(0.0, PUSH_MOST)))
+        flown = believed.model_copy(update=vehicles[0].vehicle)
+        most = min(PUSH_MOST, push_most(flown, lab.limits.tilt_rad))
+        update |= steady_push.push_of(scenario, float(rng.uniform(0.0, most)))
     elif kind is not Kind.GUST:
         update["formation_s"] = FORMATION_S
     return scenario.model_copy(update=update)
@@ -166,6 +171,19 @@ def _vehicle(
     }
 
 
+def push_most(vehicle: VehicleProfile, tilt_rad: float) -> float:
+    """The push, as share of what the tilt limit holds against, that carries this vehicle STRAYED_M away.
+
+    For its dead time and lags it goes with the push p; then the limit a holds against it: p t^2/2 + (p t)^2/2 (a - p).
+    """
+    most_m_s2 = GRAVITY_M_S2 * tan(tilt_rad)
+    unanswered_s = vehicle.command_delay_s + 1.0 / vehicle.attitude_p_1_s + 1.0 / vehicle.rate_p_1_s
+    shares = np.linspace(0.01, 0.99, 99)
+    push_m_s2, left_m_s2 = shares * most_m_s2, (1.0 - shares) * most_m_s2
+    strayed_m = 0.5 * push_m_s2 * unanswered_s**2 + 0.5 * (push_m_s2 * unanswered_s) ** 2 / left_m_s2
+    return float(shares[strayed_m <= STRAYED_M].max())
+
+
 def _mocap(
     usual: EmulatorConfig, rate_hz: float, delay: float, dropout_by_s: float, rng: np.random.Generator
 ) -> EmulatorConfig:
@@ -192,8 +210,8 @@ def _left_fence(flight: Flight, fence: Fence) -> bool:
     low, high = np.array(fence.low_m), np.array(fence.high_m)
     aloft = flight.spans(Phase.TAKEOFF, Phase.FORMATION, Phase.HOLD, Phase.LAND)
     for truth in flight.truth.values():
-        pos = truth.column(lambda m: m.pos_lab_m)
-        outside: Bool = np.any((pos < low) | (pos > high), axis=-1)
+        pos, stands = truth.column(lambda m: m.pos_lab_m), truth.column(lambda m: m.on_ground)
+        outside: Bool = np.any((pos < low) | (pos > high), axis=-1) & ~stands.astype(np.bool_)
         if any(outside[(truth.t_s >= span.start_s) & (truth.t_s <= span.end_s)].any() for span in aloft):
             return True
     return False

@@ -211,3 +211,20 @@ def test_one_draw_flies_and_is_judged_the_same_again() -> None:
     assert first == again
     assert not first.failed
     assert first.rms_m < 0.01
+
+
+@pytest.mark.parametrize("seed", [68, 95])
+def test_a_drawn_vehicle_is_not_held_for_a_delay_that_its_poses_do_not_have(seed: int) -> None:
+    """68 rises before a delay of noisy poses can be told; 95 is turned by a gust as fast as 10 rad/s."""
+    assert not robustness.fly(Draw(seed)).failed
+
+
+def test_a_drawn_push_does_not_carry_the_vehicle_farther_than_the_ground_allows() -> None:
+    """0.2 s unanswered, half of 6.71 m/s^2: 0.07 m until then, 0.07 m back to rest; nine tenths: 0.12 and 1.1 m."""
+    believed = PAPER_40G
+    dead = {"command_delay_s": 0.2 - 1.0 / believed.attitude_p_1_s - 1.0 / believed.rate_p_1_s}
+    most = robustness.push_most(believed.model_copy(update=dead), 0.6)
+    push, left = 9.80665 * np.tan(0.6) * np.array([most, 1.0 - most])
+    strayed_m = 0.5 * push * 0.2**2 + (0.2 * push) ** 2 / (2.0 * left)
+    assert 0.47 < strayed_m <= 0.5
+    assert 0.5 < most < 0.9

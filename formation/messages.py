@@ -6,6 +6,7 @@
 Two indexings, both fixed for a run by the configuration, leader first where present:
 `n` counts all vehicles (leader and followers), `m` the commanded ones (those with a sysid).
 What crosses one drone's MAVLink is in `wire.link_messages`.
+The log holds the stages before the targets in single precision, since a replay makes them anew; all else exactly.
 """
 
 from dataclasses import dataclass, field
@@ -14,7 +15,18 @@ from enum import IntEnum, IntFlag
 import numpy as np
 
 from formation.clock_pair import ClockPair as ClockPair
-from formation.maths.arrays import Codes, Flags, Quat, Quats, Scalars, Vec3, Vec3s
+from formation.maths.arrays import (
+    Codes,
+    Flags,
+    Quat,
+    Quats,
+    Scalars,
+    SingleQuats,
+    SingleScalars,
+    SingleVec3s,
+    Vec3,
+    Vec3s,
+)
 from formation.requests import OperatorReply as OperatorReply
 from formation.requests import OperatorRequest as OperatorRequest
 from formation.requests import Verb as Verb
@@ -105,16 +117,16 @@ class SwarmState:
     """
 
     t_ns: int
-    pos_lab_m: Vec3s
-    vel_lab_m_s: Vec3s
-    dist_lab_m_s2: Vec3s
-    acc_lab_m_s2: Vec3s
-    q_lab_from_flu: Quats
-    yaw_rad: Scalars
-    yaw_rate_rad_s: Scalars
-    yaw_acc_rad_s2: Scalars
-    age_s: Scalars
-    model_mismatch: Scalars
+    pos_lab_m: SingleVec3s
+    vel_lab_m_s: SingleVec3s
+    dist_lab_m_s2: SingleVec3s
+    acc_lab_m_s2: SingleVec3s
+    q_lab_from_flu: SingleQuats
+    yaw_rad: SingleScalars
+    yaw_rate_rad_s: SingleScalars
+    yaw_acc_rad_s2: SingleScalars
+    age_s: SingleScalars
+    model_mismatch: SingleScalars
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,17 +139,17 @@ class Reference:
     """
 
     t_ns: int
-    origin_lab_m: Vec3s
-    origin_vel_lab_m_s: Vec3s
-    origin_acc_lab_m_s2: Vec3s
-    heading_rad: Scalars
-    heading_rate_rad_s: Scalars
-    heading_acc_rad_s2: Scalars
-    slot_lead_m: Vec3s
-    slot_vel_lead_m_s: Vec3s
-    slot_acc_lead_m_s2: Vec3s
-    slot_yaw_rad: Scalars
-    slot_yaw_rate_rad_s: Scalars
+    origin_lab_m: SingleVec3s
+    origin_vel_lab_m_s: SingleVec3s
+    origin_acc_lab_m_s2: SingleVec3s
+    heading_rad: SingleScalars
+    heading_rate_rad_s: SingleScalars
+    heading_acc_rad_s2: SingleScalars
+    slot_lead_m: SingleVec3s
+    slot_vel_lead_m_s: SingleVec3s
+    slot_acc_lead_m_s2: SingleVec3s
+    slot_yaw_rad: SingleScalars
+    slot_yaw_rate_rad_s: SingleScalars
     in_formation: Flags
 
 
@@ -149,15 +161,15 @@ class Command:
     """
 
     t_ns: int
-    e_lead_m: Vec3s
-    e_rate_lead_m_s: Vec3s
-    s_lead_m_s: Vec3s
-    t_m_lead_m_s2: Vec3s
-    z_m_lead_m_s2: Vec3s
-    dist_lab_m_s2: Vec3s
-    acc_lab_m_s2: Vec3s
-    yaw_rad: Scalars
-    yaw_rate_rad_s: Scalars
+    e_lead_m: SingleVec3s
+    e_rate_lead_m_s: SingleVec3s
+    s_lead_m_s: SingleVec3s
+    t_m_lead_m_s2: SingleVec3s
+    z_m_lead_m_s2: SingleVec3s
+    dist_lab_m_s2: SingleVec3s
+    acc_lab_m_s2: SingleVec3s
+    yaw_rad: SingleScalars
+    yaw_rate_rad_s: SingleScalars
 
 
 class Saturation(IntFlag):

@@ -1,4 +1,7 @@
-"""Replay: the inputs of a log through a new GcsCore, its outputs compared bit by bit with the recorded ones."""
+"""Replay: the inputs of a log through a new GcsCore, its outputs compared bit by bit with the recorded ones.
+
+The stages before the targets are compared as a log holds them, in single precision.
+"""
 
 import struct
 from collections.abc import Callable, Iterator
@@ -14,8 +17,9 @@ from formation.config import LabConfig
 from formation.own_law.guard import Answer, LawOverrunError
 from formation.topics import Topic
 from gcs.core import GcsCore
-from gcs.recording import INPUT_TOPICS, OUTPUT_TOPICS, THINNED, Thinning, outputs
+from gcs.recording import INPUT_TOPICS, OUTPUT_TOPICS, STAGES, THINNED, Thinning, outputs
 from wire.logs.mcap_log import Entry, Log
+from wire.schema import schema_of
 
 
 class ReplayError(ValueError):
@@ -129,8 +133,16 @@ def _compare_next(entry: Entry, expected: Iterator[Output]) -> Difference | None
     topic, message = replayed
     if topic is not entry.topic:
         return Difference(entry.topic.name, entry.t_ns, "topic", entry.topic.name, topic.name)
-    found = first_difference(entry.message, message)
+    recorded = entry.message
+    if topic in STAGES and topic is not topics.TARGET:
+        recorded, message = _as_logged(topic, recorded), _as_logged(topic, message)
+    found = first_difference(recorded, message)
     return None if found is None else Difference(topic.name, entry.t_ns, *found)
+
+
+def _as_logged(topic: Topic, message: object) -> object:
+    schema = schema_of(topic.type)
+    return schema.decode(schema.encode(message))
 
 
 def first_difference(recorded: object, replayed: object, name: str = "") -> tuple[str, str, str] | None:

@@ -2,8 +2,8 @@
 
 int is sfixed64, float is double, str string, bytes bytes, an IntEnum an enum, a StrEnum string, tuple[str, ...]
 repeated string, an array packed doubles (or bools, or, of uint8, bytes) in C order with the shape of
-`formation.maths.arrays`; None is absent.
-Every float64 comes back bit for bit. Fields are numbered in the order of the dataclass, from one.
+`formation.maths.arrays`, packed floats where that says single; None is absent.
+Every other float64 comes back bit for bit. Fields are numbered in the order of the dataclass, from one.
 """
 
 import dataclasses
@@ -45,6 +45,7 @@ class _Kind:
     repeated: bool = False
     many: bool = False  # one tag an item
     enum: type[IntEnum] | None = None
+    older: "_Kind | None" = None  # as earlier versions wrote it
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,11 +109,12 @@ class Schema(Generic[T]):
         if not found:
             raise SchemaError(f"{self.name} is not in its own schema")
         ours = {f.name: f for f in self._fields}
-        by_tag = {
-            field.number << 3 | ours[field.name].kind.wire: ours[field.name]
-            for field in found[0].field
-            if field.name in ours and ours[field.name].kind.proto == field.type
-        }
+        by_tag: dict[int, _Field] = {}
+        for field in found[0].field:
+            known = ours.get(field.name)
+            for kind in () if known is None else (known.kind, known.kind.older):
+                if known is not None and kind is not None and kind.proto == field.type:
+                    by_tag[field.number << 3 | kind.wire] = dataclasses.replace(known, kind=kind)
         return lambda data: self._decode(data, by_tag)
 
     def _decode(self, data: bytes, by_tag: dict[int, _Field]) -> T:
@@ -271,16 +273,25 @@ _SCALARS: dict[type, _Kind] = {
 
 
 def _array_kind(hint: Any) -> _Kind | None:
-    import numpy as np
-
     from formation.maths.arrays import Layout
 
     layout = next((note for note in get_args(hint)[1:] if isinstance(note, Layout)), None)
     if layout is None:
         return None
-    dtype, shape = np.dtype(layout.scalar), layout.shape
-    tail = shape[1:]
-    wire_dtype = dtype.newbyteorder("<")
+    if not layout.is_single:
+        return _packed_kind(layout.scalar, layout.shape, layout.scalar)
+    double = _packed_kind(layout.scalar, layout.shape, layout.scalar)
+    return dataclasses.replace(_packed_kind(layout.scalar, layout.shape, "f4"), older=double)
+
+
+def _packed_kind(scalar: Any, shape: tuple[int, ...], stored: Any) -> _Kind:
+    """Arrays of `scalar` and that shape, each number packed as `stored`."""
+    import numpy as np
+
+    dtype, tail = np.dtype(scalar), shape[1:]
+    wire_dtype = np.dtype(stored).newbyteorder("<")
+    is_same = wire_dtype == dtype.newbyteorder("<")
+    read_dtype = np.dtype(np.uint8) if dtype == np.bool_ else wire_dtype  # any byte but zero is true
 
     def encoder(tag: bytes) -> Callable[["np.ndarray[Any, Any]"], bytes]:
         heads: dict[tuple[int, ...], bytes] = {}  # tag and length for each shape met, all of them right
@@ -290,25 +301,22 @@ def _array_kind(hint: Any) -> _Kind | None:
             if head is None or value.dtype != dtype:
                 if value.dtype != dtype or value.shape[1:] != tail or value.ndim != len(shape):
                     raise ValueError(f"an array of {value.dtype} {value.shape}, not {dtype} {shape}")
-                head = heads[value.shape] = tag + _varint(value.nbytes)
-            return head + value.tobytes()
+                head = heads[value.shape] = tag + _varint(value.size * wire_dtype.itemsize)
+            return head + (value if is_same else value.astype(wire_dtype)).tobytes()
 
         return encode
 
     def decode(raw: bytes) -> "np.ndarray[Any, Any]":
-        # From a copy: an array that can be written to, as every other can.
-        flat = np.frombuffer(bytearray(raw), wire_dtype)
+        # A copy: an array that can be written to, as every other can.
+        flat = np.frombuffer(raw, read_dtype).astype(dtype)
         return flat if shape == (-1,) else flat.reshape(shape)
 
-    def decode_flags(raw: bytes) -> "np.ndarray[Any, Any]":
-        return np.frombuffer(raw, np.uint8).astype(np.bool_).reshape(shape)
-
-    proto = {np.dtype(np.bool_): Proto.TYPE_BOOL, np.dtype(np.uint8): Proto.TYPE_BYTES}.get(dtype, Proto.TYPE_DOUBLE)
+    proto = {"?": Proto.TYPE_BOOL, "B": Proto.TYPE_BYTES, "f": Proto.TYPE_FLOAT}.get(wire_dtype.char, Proto.TYPE_DOUBLE)
     return _Kind(
         proto=proto,
         wire=_BYTES,
         encoder=encoder,
-        decode=decode_flags if proto is Proto.TYPE_BOOL else decode,
+        decode=decode,
         default=np.zeros(tuple(max(0, size) for size in shape), dtype),
         repeated=proto is not Proto.TYPE_BYTES,
     )

@@ -14,6 +14,7 @@ class Proto(IntEnum):
     """Google's numbers of the field types used, of FieldDescriptorProto.Type."""
 
     TYPE_DOUBLE = 1
+    TYPE_FLOAT = 2
     TYPE_BOOL = 8
     TYPE_STRING = 9
     TYPE_BYTES = 12

@@ -14,16 +14,20 @@ Bool = NDArray[np.bool_]
 class Layout:
     """What an array field holds, riding along with its type for the log's schema (wire.schema).
 
-    shape: -1 is the number of vehicles.
+    shape: -1 is the number of vehicles. is_single: the log holds it in single precision.
     """
 
     scalar: type[np.generic]
     shape: tuple[int, ...]
+    is_single: bool = False
 
 
 Scalars = Annotated[Float, Layout(np.float64, (-1,))]
 Vec3s = Annotated[Float, Layout(np.float64, (-1, 3))]
 Quats = Annotated[Float, Layout(np.float64, (-1, 4))]
+SingleScalars = Annotated[Float, Layout(np.float64, (-1,), is_single=True)]
+SingleVec3s = Annotated[Float, Layout(np.float64, (-1, 3), is_single=True)]
+SingleQuats = Annotated[Float, Layout(np.float64, (-1, 4), is_single=True)]
 Flags = Annotated[Bool, Layout(np.bool_, (-1,))]
 Codes = Annotated[NDArray[np.uint8], Layout(np.uint8, (-1,))]
 Vec3 = Annotated[Float, Layout(np.float64, (3,))]

@@ -17,8 +17,10 @@ def _values(hint: Any, count: int) -> st.SearchStrategy[Any]:
     """Anything the annotation allows, with `count` vehicles."""
     if hasattr(hint, "__metadata__"):
         layout = get_args(hint)[1]
-        dtype, shape = layout.scalar, layout.shape
-        return stn.arrays(dtype, tuple(count if size < 0 else size for size in shape))
+        shape = tuple(count if size < 0 else size for size in layout.shape)
+        if layout.is_single:  # what single precision can hold
+            return stn.arrays(np.float32, shape).map(lambda array: array.astype(np.float64))
+        return stn.arrays(layout.scalar, shape)
     if hint == tuple[str, ...]:
         return st.lists(st.text(max_size=8), min_size=count, max_size=count).map(tuple)
     if isinstance(hint, type) and issubclass(hint, Enum):

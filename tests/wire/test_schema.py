@@ -14,7 +14,7 @@ from hypothesis.extra import numpy as stn
 
 from formation import messages as m
 from formation import topics
-from formation.maths.arrays import Scalars, Vec3s
+from formation.maths.arrays import Scalars, SingleVec3s, Vec3s
 from tests.wire.spine import SPINE, assert_identical
 from wire.schema import Schema, SchemaError, schema_of
 
@@ -128,6 +128,27 @@ def test_a_log_of_an_older_version_is_read_by_the_names_of_its_fields():
     vectors = np.arange(6.0).reshape(2, 3)
     read = renamed.decoder(files.SerializeToString())(old.encode(First(7, 1.5, vectors)))
     assert (read.a, read.new, read.colour, read.maybe) == (7, "", Colour.BLUE, None)
+    np.testing.assert_array_equal(read.v, vectors)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Third:
+    """The same, which a log holds in single precision since."""
+
+    a: int
+    v: SingleVec3s
+
+
+def test_arrays_in_single_precision_are_read_as_they_were_written_before_and_since():
+    now, before = Schema(Third), Schema(First)
+    vectors = np.array([[0.1, -2.5, 1e30], [np.inf, -np.inf, 0.0]])
+    data = now.encode(Third(7, vectors))
+    assert len(data) < len(before.encode(First(7, 1.5, vectors))) - 4 * vectors.size
+    np.testing.assert_array_equal(now.decode(data).v, vectors.astype(np.float32))
+    assert now.decode(data).v.dtype == np.float64
+    files = descriptor_pb2.FileDescriptorSet.FromString(before.descriptor_set)
+    files.file[0].message_type[0].name = "Third"
+    read = now.decoder(files.SerializeToString())(before.encode(First(7, 1.5, vectors)))
     np.testing.assert_array_equal(read.v, vectors)
 
 

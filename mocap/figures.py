@@ -15,8 +15,8 @@ FRAMES_MAX = 512
 WINDOW_NS = 2_000_000_000
 BURST_SHARE = 0.01
 """Of spacings: a clock that is set once in a window of two seconds is less."""
-EARLY, LATE = 0.5, 1.5
-"""Spacings, of the usual one, of a frame that catches up and of one that was held back."""
+CAUGHT_UP, GAP = 0.5, 1.5
+"""A frame that follows the one before it by less than this share of the period catches up; by more than GAP, lags."""
 STILL_M = 0.01
 """A body whose positions span more than this moves: its noise at rest is not to be seen."""
 
@@ -71,7 +71,7 @@ def is_stamped_on_arrival(spacings: ArrayLike, steps: ArrayLike) -> bool:
     """
     each = np.asarray(spacings)
     usual = np.median(each / np.asarray(steps))
-    late, early = each > LATE * usual * np.asarray(steps), each < EARLY * usual
+    late, early = each > GAP * usual * np.asarray(steps), each < CAUGHT_UP * usual
     in_bursts, is_burst = 0, False
     for is_late, is_early in zip(late.tolist(), early.tolist(), strict=True):
         is_burst = is_late or (is_burst and is_early)

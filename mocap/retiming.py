@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mocap.capture_time import ABOVE_SCATTERS, STEP_NS, Point, edge_over, lower_hull
-from mocap.figures import is_stamped_on_arrival
+from mocap.figures import CAUGHT_UP, GAP, is_stamped_on_arrival
 
 WINDOW, JUDGED = 200, 20
 """Stamps are judged by so many frames, every so many; from the same the first period is learnt."""
@@ -21,8 +21,6 @@ BUCKET, BUCKETS, ABOVE = 16, 64, 20
 """Of so many frames the least late one is kept, and so many of those; ABOVE of them over the line start it over."""
 SLOPE_FRAMES, SLOPE_SHARE = 100, 0.05
 """Over so many frames the line's own slope counts, within this share of the first period."""
-CAUGHT_UP, GAP = 0.5, 1.5
-"""A frame that follows the one before it by less than this share of the period catches up; by more than GAP, lags."""
 LAGGING, LAG_SHARE = 3, 0.9
 """So many frames after a gap that lag by this share of a period and do not catch up show that frames were lost."""
 LONGEST_GAP = 1000

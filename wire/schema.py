@@ -108,13 +108,14 @@ class Schema(Generic[T]):
         found = [m for file in written.file for m in file.message_type if m.name == self.message.__name__]
         if not found:
             raise SchemaError(f"{self.name} is not in its own schema")
-        ours = {f.name: f for f in self._fields}
-        by_tag: dict[int, _Field] = {}
-        for field in found[0].field:
-            known = ours.get(field.name)
-            for kind in () if known is None else (known.kind, known.kind.older):
-                if known is not None and kind is not None and kind.proto == field.type:
-                    by_tag[field.number << 3 | kind.wire] = dataclasses.replace(known, kind=kind)
+        known = {
+            (f.name, kind.proto): dataclasses.replace(f, kind=kind)
+            for f in self._fields
+            for kind in (f.kind, f.kind.older)
+            if kind is not None
+        }
+        read = [(field.number, known[key]) for field in found[0].field if (key := (field.name, field.type)) in known]
+        by_tag = {number << 3 | field.kind.wire: field for number, field in read}
         return lambda data: self._decode(data, by_tag)
 
     def _decode(self, data: bytes, by_tag: dict[int, _Field]) -> T:
@@ -278,10 +279,10 @@ def _array_kind(hint: Any) -> _Kind | None:
     layout = next((note for note in get_args(hint)[1:] if isinstance(note, Layout)), None)
     if layout is None:
         return None
+    exact = _packed_kind(layout.scalar, layout.shape, layout.scalar)
     if not layout.is_single:
-        return _packed_kind(layout.scalar, layout.shape, layout.scalar)
-    double = _packed_kind(layout.scalar, layout.shape, layout.scalar)
-    return dataclasses.replace(_packed_kind(layout.scalar, layout.shape, "f4"), older=double)
+        return exact
+    return dataclasses.replace(_packed_kind(layout.scalar, layout.shape, "f4"), older=exact)
 
 
 def _packed_kind(scalar: Any, shape: tuple[int, ...], stored: Any) -> _Kind:

@@ -144,9 +144,14 @@ async def fly(
     delay margin the ground would refuse are flown all the same. clock: of all processes. page: with the page.
     Raises what a wrong scenario raises, and BusError.
     """
-    operator = Operator(scenario.script, leader_seconds(scenario, recorded_leader(scenario)))
     async with running(scenario, seed, files, force, clock, page=page) as flight:
-        return await _first(flight.group.watch(), operate(flight.bus, operator, scenario.longest_s, progress, clock))
+        return await fly_on(flight, scenario, progress, clock)
+
+
+async def fly_on(flight: Running, scenario: Scenario, progress: Progress, clock: Clock = REAL_TIME) -> Outcome:
+    """Fly the scenario to its end by processes that are running."""
+    operator = Operator(scenario.script, leader_seconds(scenario, recorded_leader(scenario)))
+    return await _first(flight.group.watch(), operate(flight.bus, operator, scenario.longest_s, progress, clock))
 
 
 def _drone(config: AgentConfig, inner: LinkConfig | None) -> Iterator[tuple[str, AgentConfig]]:

@@ -89,29 +89,35 @@ def security(
 @app.command()
 def soak(
     followers: Annotated[int, typer.Option(min=1, max=249, help="How many follow.")] = 9,
-    minutes: Annotated[float, typer.Option(min=1.0, help="Simulated minutes; ten drones take half as long.")] = 10.0,
+    minutes: Annotated[float, typer.Option(min=0.5, help="Of hover; ten drones take half as long in lockstep.")] = 10.0,
+    processes: Annotated[bool, typer.Option("--processes", help="In real time, by real processes.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")] = False,
 ) -> None:
-    """Hover for long in lockstep, and measure what memory and log grow by; exit code 1 if it did not last."""
+    """Hover for long, and measure what memory and log grow by; exit code 1 if it did not last and land."""
+    import asyncio
     from tempfile import TemporaryDirectory
 
     from rich.console import Console
 
     from sim.studies.scale.soak import soak as hover_for_long
+    from sim.studies.scale.soak import soak_by_processes
 
     console = Console(stderr=True, markup=False)
     with TemporaryDirectory() as folder, console.status("starting") as status:
-        result = hover_for_long(followers, minutes, Path(folder), status.update)
+        arguments = followers, 60.0 * minutes, Path(folder), status.update
+        result = asyncio.run(soak_by_processes(*arguments)) if processes else hover_for_long(*arguments)
     if as_json:
         print(result.to_json())
     else:
+        last = result.samples[-1] if result.samples else None
+        late = f", {last.late} of {last.cycles} control cycles late" if last and last.cycles else ""
         Console(markup=False).print(
-            f"{result.drones} drones, {minutes:g} minutes at {result.speed:.1f} times real time: "
+            f"{result.drones} drones, {minutes:g} minutes at {result.speed:.1f} times real time, {result.outcome}: "
             f"memory grows {result.memory_bytes_h * 1e-6:.1f} MB an hour, "
-            f"the log {result.log_bytes_s_drone * 1e-3:.1f} kB a second and drone",
+            f"the log {result.log_bytes_s_drone * 1e-3:.1f} kB a second and drone{late}",
             soft_wrap=True,
         )
-    if result.phase != "HOLD":
+    if result.outcome != "landed":
         raise typer.Exit(FAILED)
 
 

@@ -1,6 +1,7 @@
-"""`gcs-sim benchmark soak`: one long hover in lockstep, its log written: what memory and log grow by meanwhile.
+"""`gcs-sim benchmark soak`: one long hover, its log written: what memory and log grow by meanwhile.
 
-Everything runs in this one process, so that what grows is an upper bound for the ground alone.
+In lockstep everything runs in this one process, so that what grows is an upper bound for the ground alone. By real
+processes the memory is the ground's own, and its late control cycles are counted.
 """
 
 import json
@@ -12,12 +13,18 @@ from pathlib import Path
 import numpy as np
 
 from formation.messages import Phase, Verb
+from formation.requests import GCS_NAME
+from sim.fly import Files, fly_on, running
 from sim.lockstep import run_to_file
+from sim.ports import private_link
 from sim.scenario import Scenario
 from sim.script import Step
 from sim.studies.bench import of_size
+from wire.json_text import parse_object
 
 SAMPLED_S = 5.0
+LANDING_S = 60.0
+"""After the hover: for take-off, landing and what the drones' autopilots take to disarm."""
 CAPACITY_MAH = 1e6
 """Of each battery: the flight ends for no low one."""
 Progress = Callable[[str], None]
@@ -25,23 +32,25 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """The state of the process at a simulated time."""
+    """The state of the process at a time of the flight; cycles: of control, late: of these."""
 
     t_s: float
     memory_bytes: int
     log_bytes: int
+    cycles: int = 0
+    late: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class Soak:
-    """A hover of so many drones; samples: in the air, SAMPLED_S apart; phase: at the end.
+    """A hover of so many drones; samples: in the air, SAMPLED_S apart; outcome: how it ended.
 
     speed: simulated seconds a second.
     """
 
     drones: int
     samples: tuple[Sample, ...]
-    phase: str
+    outcome: str
     speed: float
 
     @property
@@ -64,24 +73,51 @@ class Soak:
         return json.dumps(asdict(self) | figures, indent=2, allow_nan=False)
 
 
-def soak(followers: int, minutes: float, folder: Path, progress: Progress) -> Soak:
-    """Hover for so many simulated minutes, the log in `folder` (OSError)."""
-    scenario, log = hover(followers, 60.0 * minutes), folder / "soak.mcap"
-    samples: list[Sample] = []
-    last_phase = Phase.GROUND.name
+class Sampler:
+    """Takes samples in the air; memory_bytes: what the process in question holds now."""
 
-    def note(t_s: float, phase: str) -> None:
-        nonlocal last_phase
-        last_phase = phase
-        if phase == Phase.HOLD.name and (not samples or t_s >= samples[-1].t_s + SAMPLED_S):
-            samples.append(Sample(t_s, memory_bytes(), log.stat().st_size))
-            progress(f"{t_s / 60.0:.1f} of {minutes:g} minutes")
+    def __init__(self, log: Path, hover_s: float, memory: Callable[[], int], progress: Progress) -> None:
+        self.samples: list[Sample] = []
+        self._state = ""
+        self._log, self._hover_s, self._memory, self._progress = log, hover_s, memory, progress
 
-    flown = run_to_file(scenario, scenario.seed, log, note)
-    return Soak(followers + 1, tuple(samples), last_phase, flown.realtime_factor)
+    def receive_state(self, text: str) -> None:
+        """The ground has published its state."""
+        self._state = text
+
+    def note(self, t_s: float, phase: str) -> None:
+        """Some time later, in that phase."""
+        if phase != Phase.HOLD.name or (self.samples and t_s < self.samples[-1].t_s + SAMPLED_S):
+            return
+        cycles = parse_object(self._state)["cycles"] if self._state else {"count": 0, "late": 0}
+        log_bytes = self._log.stat().st_size
+        self.samples.append(Sample(t_s, self._memory(), log_bytes, cycles["count"], cycles["late"]))
+        self._progress(f"{(t_s - self.samples[0].t_s) / 60.0:.1f} of {self._hover_s / 60.0:g} minutes")
 
 
-def hover(followers: int, longest_s: float) -> Scenario:
+def soak(followers: int, hover_s: float, folder: Path, progress: Progress) -> Soak:
+    """Hover for so many simulated seconds, the log in `folder` (OSError)."""
+    scenario, log = hover(followers, hover_s), folder / "soak.mcap"
+    sampler = Sampler(log, hover_s, memory_bytes, progress)
+    flown = run_to_file(scenario, scenario.seed, log, sampler.note)
+    return Soak(followers + 1, tuple(sampler.samples), flown.outcome.result, flown.realtime_factor)
+
+
+async def soak_by_processes(followers: int, hover_s: float, folder: Path, progress: Progress) -> Soak:
+    """The same in real time, as `gcs-sim fly` flies; everything it writes in `folder`. Raises as that does."""
+    files = Files(folder)
+    with private_link("zenoh", ()) as link:
+        scenario = hover(followers, hover_s)
+        scenario = scenario.model_copy(update={"lab": scenario.lab.model_copy(update={"link": link})})
+        async with running(scenario, scenario.seed, files) as flight:
+            ground = flight.ground.process.pid
+            sampler = Sampler(files.mcap, hover_s, lambda: memory_bytes(ground), progress)
+            flight.bus.on_state(GCS_NAME, sampler.receive_state)
+            outcome = await fly_on(flight, scenario, sampler.note)
+    return Soak(followers + 1, tuple(sampler.samples), outcome.result, 1.0)
+
+
+def hover(followers: int, hover_s: float) -> Scenario:
     """The scenario: a take-off, and a landing that is asked for when the time is over."""
     scenario = of_size(followers)
     lab = scenario.lab
@@ -94,14 +130,14 @@ def hover(followers: int, longest_s: float) -> Scenario:
     script = (
         Step(verb=Verb.ARM, phase="GROUND"),
         Step(verb=Verb.TAKEOFF, phase="ARMED"),
-        Step(verb=Verb.LAND, phase="HOLD", after_s=longest_s),
+        Step(verb=Verb.LAND, phase="HOLD", after_s=hover_s),
     )
-    return scenario.model_copy(update={"lab": lab, "longest_s": longest_s, "script": script})
+    return scenario.model_copy(update={"lab": lab, "longest_s": hover_s + LANDING_S, "script": script})
 
 
-def memory_bytes() -> int:
-    """What this process holds in memory now."""
-    return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")
+def memory_bytes(process: int | str = "self") -> int:
+    """What a process holds in memory now."""
+    return int(Path(f"/proc/{process}/statm").read_text(encoding="ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def slope(x: list[float], y: list[int]) -> float:

@@ -22,6 +22,7 @@ UNGUARDED = (
     "no guard notices wrong poses, lost thrust or old setpoints. When they end, its autopilot alone acts: PX4 as "
     "COM_OBL_RC_ACT says after COM_OF_LOSS_T, ArduPilot levels after GUID_TIMEOUT and lands by FS_GCS_ENABLE"
 )
+UNADDRESSED = "a pose has no addressee in MAVLink, so all drones at one end hear the poses of all. Give each its own"
 W_LAST = (0.0, 0.0, 0.0, 1.0)
 
 
@@ -114,7 +115,7 @@ def _links(config: LabConfig, keys: Keys) -> Iterator[Finding]:
         key = vehicle_key(i, "link")
         before = next((v for _, v in own[:order] if _endpoint(v) == _endpoint(vehicle)), None)
         if before is not None:
-            yield keys.reject(key, LINK, f"{before.body} has the same: no two drones are at one end")
+            yield keys.reject(key, LINK, f"{before.body} has the same: {UNADDRESSED}")
         elif int(port) in bound and (kind == "udpin" or _is_local(host)):
             yield keys.reject(key, PORT, f"UDP port {port} is {bound[int(port)]}")
         elif kind == "udpin":

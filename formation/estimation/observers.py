@@ -26,8 +26,9 @@ so that a turn of the axes changes nothing. The heading has a pair of its own.
 
 A push sets both apart to one side, and once more when it ends. A loop that swings by itself, because the law's gains
 rise with the weight and the vehicle is slower than believed, sets them apart to one side and the other, again and
-again. So reversals count against the weight: n of late leave 1 / (1 + (n / 2)^8) of it. What remains is the loop of
-the slow observer, whose delay margin is known (formation.control.margin).
+again. So reversals count against the weight: n of late leave 1 / (1 + (n / 2)^8) of it. What is late is a matter of the
+observers' bandwidth, which follows the vehicle. What remains is the loop of the slow observer, whose delay margin is
+known (formation.control.margin).
 """
 
 from math import exp, pi, sqrt
@@ -49,7 +50,11 @@ HEIGHT_M = 0.005  # no mass, battery or take-off makes the model miss it by more
 INERTIAL_SIGMAS, INERTIAL_HOLD_S = 4.5, 0.025
 INERTIAL_LAG_S, BIAS_SHARE = 2.0, 0.25  # of bias and noise; share of that rate for the bias, while the weight is large
 ACCEL_NOISE_M_S2 = (0.05, 1.5)  # the least and the most that is believed
-REVERSAL_S, REVERSALS, SIGN_LEAST = 0.5, 2.0, 0.5  # what is remembered; a swing's least; share of noise for a sign
+REMEMBERED, REVERSALS, SIGN_LEAST = (
+    84.0,
+    2.0,
+    0.5,
+)  # time constants of the fast observer; a swing's least; noise's share
 PUSH_MOST_M_S2 = 14.0  # as much as Z3 may be
 
 
@@ -226,12 +231,13 @@ def step_both(
 
 
 @kernel
-def count_reversals(z: VehicleEstimate, axis: int, ratio: float, dt_s: float) -> None:
+def count_reversals(z: VehicleEstimate, axis: int, ratio: float, time_constants: float) -> None:
     """Counts how often the positions of both observers have changed sides of late, along one axis.
 
-    ratio: fast less slow, over what noise makes of it. What is older fades with REVERSAL_S.
+    ratio: fast less slow, over what noise makes of it; time_constants: of the fast observer, passed since the last
+    call. What is older fades with REMEMBERED of them: a slow vehicle, whose observers are slower, swings more slowly.
     """
-    fade = exp(-dt_s / REVERSAL_S)
+    fade = exp(-time_constants / REMEMBERED)
     z.push_sign[axis] *= fade
     z.reversals[axis] *= fade
     if abs(ratio) > SIGN_LEAST:
@@ -267,7 +273,7 @@ def observe_parallel(
     for order in range(3):
         ratio = max(ratio, sqrt(square[order]) / most[order])
     for axis in range(2):
-        count_reversals(z, axis, z.fast_minus_slow[0, axis] / most[0], dt_s)
+        count_reversals(z, axis, z.fast_minus_slow[0, axis] / most[0], dt_s * parallel.bandwidth_rad_s)
     swing = max(z.reversals[0], z.reversals[1]) / REVERSALS
     z.fast_weight = blending_weight(ratio) * (1.0 - blending_weight(swing * swing))
     z.adaptive_gain = 1.0 + z.fast_weight * (parallel.urgency - 1.0)

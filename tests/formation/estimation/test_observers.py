@@ -85,9 +85,9 @@ def test_a_push_is_believed_within_five_frames_and_known_within_ten() -> None:
     assert abs(estimates[-1][1]) < 1.5
 
 
-def _weights(shown_m: Float) -> Float:
+def _weights(shown_m: Float, settings: ObserverSettings | None = None) -> Float:
     """The fast observer's weight while a body is seen at shown_m (k, 3)."""
-    z, settings, weights = _at_rest(), _settings(), []
+    z, settings, weights = _at_rest(), settings or _settings(), []
     for measured in shown_m:
         _step(z[0], measured, settings)
         weights.append(float(z[0].fast_weight))
@@ -101,6 +101,16 @@ def test_a_swing_is_no_push() -> None:
     assert weights[:15].max() > 0.9
     assert weights[80:].max() < 0.45
     assert weights[150:].mean() < 0.15
+
+
+def test_a_slower_vehicles_swing_is_no_push_either() -> None:
+    """Observers half as fast, since the vehicle is half as fast, and so swings at half of 3 Hz."""
+    t = DT_S * np.arange(1, 601)
+    slower = _settings(OBSERVER.scaled(0.5), DEFAULT.parallel.scaled(0.5))
+    weights = _weights(0.02 * np.sin(3.0 * np.pi * t)[:, None] * np.array([0.8, -0.6, 0.0]), slower)
+    assert weights[:30].max() > 0.9
+    assert weights[160:].max() < 0.45
+    assert weights[300:].mean() < 0.15
 
 
 def test_a_push_that_ends_is_a_push_both_times() -> None:

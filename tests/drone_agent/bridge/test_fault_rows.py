@@ -63,11 +63,17 @@ ROWS = {
 }
 
 
-@pytest.mark.parametrize("name", ROWS)
-def test_a_faulty_pose_is_held_against_and_the_drone_comes_down(name: str) -> None:
+SHOWN_BY_THRUST = ("pose jump", "pose delay", "pose attitude inconsistent", "pose frozen")
+"""What attitude and commanded thrust show, where the autopilot sends no HIGHRES_IMU: all that is sudden."""
+
+
+@pytest.mark.parametrize(
+    ("name", "inertial_rate_hz"), [*((name, 100.0) for name in ROWS), *((name, 0.0) for name in SHOWN_BY_THRUST)]
+)
+def test_a_faulty_pose_is_held_against_and_the_drone_comes_down(name: str, inertial_rate_hz: float) -> None:
     """Held within the row's time of its onset, then let down near its place: a pose fault is none of the drone's."""
     fault, within_s = ROWS[name]
-    site = Site()
+    site = Site(inertial_rate_hz=inertial_rate_hz)
     site.fly(1.0, swinging(site))
     place = site.drone.truth.pos_lab_m
     site.spoil = fault
@@ -108,8 +114,9 @@ def test_every_row_has_a_test_here() -> None:
     assert {row.name for row in SIGNATURES} == {*ROWS, "vertical thrust loss"} - {"pose frozen"}
 
 
-def test_a_flight_without_a_fault_is_left_alone() -> None:
-    site = Site()
+@pytest.mark.parametrize("inertial_rate_hz", [100.0, 0.0])
+def test_a_flight_without_a_fault_is_left_alone(inertial_rate_hz: float) -> None:
+    site = Site(inertial_rate_hz=inertial_rate_hz)
     site.fly(1.0, swinging(site))
     site.run(20.0, swinging(site))
     assert not any("rejected" in text or "missing" in text for text in site.texts())

@@ -68,6 +68,8 @@ class TrueVehicle(Model):
     bridged: bool = False
     """With real processes: its guard is a process of its own, the bridge, as before a real autopilot."""
     inertial_error: InertialError = InertialError()
+    inertial_rate_hz: Annotated[float, Field(ge=0.0, le=1000.0)] = 100.0
+    """Rate at which the guard asks for HIGHRES_IMU; 0: as of an autopilot that sends none."""
 
 
 class ObservedLeader(Model):
@@ -245,6 +247,7 @@ def agent_configs(scenario: Scenario, leader: Playback | None) -> tuple[AgentCon
                 start_yaw_rad=start.yaw_rad,
                 disturbance=scenario.air,
                 inertial_error=true.inertial_error,
+                inertial_rate_hz=true.inertial_rate_hz,
             )
         )
     return tuple(configs)

@@ -1,6 +1,7 @@
 """`gcs-sim robustness`: flights of vehicles that differ from what the controller believes, drawn by seed.
 
-A seed decides everything: the experiment, every drone's true vehicle, the mocap, the links, the moment of a dropout.
+A seed decides everything: the experiment, every drone's true vehicle and whether its autopilot sends HIGHRES_IMU, the
+mocap, the links, the moment of a dropout.
 """
 
 from collections.abc import Sequence
@@ -34,6 +35,8 @@ DROPOUT_S = 0.05
 PUSH_MOST, STRAYED_M = 0.9, 0.5
 """A push is at most so much of what the tilt limit holds against, and one that must carry the vehicle so far at most:
 half of what the ground lands it at."""
+WITHOUT_ACCELEROMETER = 0.2
+"""The share of drones whose autopilot sends no HIGHRES_IMU."""
 SWING_DEG = 5.0
 """So much at the end of a steady push is a limit cycle; the noise that is drawn shakes by half of that."""
 
@@ -86,11 +89,13 @@ def scenario_of(draw: Draw) -> Scenario:
     believed = profile(draw.profile)
     lab = flown_by(scenario.lab, believed, draw.preset)
     delay = rng.uniform(1.0, DELAY_MAX)
+    lacks = np.random.default_rng([draw.seed, 6])
     vehicles = tuple(
         TrueVehicle(
             sysid=v.sysid,
             start=scenario.true_vehicle(v.sysid).start,
             vehicle=_vehicle(believed, delay, rng),
+            inertial_rate_hz=0.0 if lacks.random() < WITHOUT_ACCELEROMETER else 100.0,
         )
         for v in lab.vehicles
         if v.sysid is not None

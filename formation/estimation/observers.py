@@ -50,11 +50,8 @@ HEIGHT_M = 0.005  # no mass, battery or take-off makes the model miss it by more
 INERTIAL_SIGMAS, INERTIAL_HOLD_S = 4.5, 0.025
 INERTIAL_LAG_S, BIAS_SHARE = 2.0, 0.25  # of bias and noise; share of that rate for the bias, while the weight is large
 ACCEL_NOISE_M_S2 = (0.05, 1.5)  # the least and the most that is believed
-REMEMBERED, REVERSALS, SIGN_LEAST = (
-    84.0,
-    2.0,
-    0.5,
-)  # time constants of the fast observer; a swing's least; noise's share
+REMEMBERED = 84.0  # time constants of the fast observer, for which a change of sides is remembered
+REVERSALS, SIGN_LEAST = 2.0, 0.5  # a swing's least; share of noise for a sign
 PUSH_MOST_M_S2 = 14.0  # as much as Z3 may be
 
 

@@ -20,6 +20,7 @@ from sim.ports import private_link
 from sim.scenario import Scenario
 from sim.script import Step
 from sim.studies.bench import of_size
+from wire.clock import REAL_TIME, Clock
 from wire.json_text import parse_object
 
 SAMPLED_S = 5.0
@@ -103,18 +104,20 @@ def soak(followers: int, hover_s: float, folder: Path, progress: Progress) -> So
     return Soak(followers + 1, tuple(sampler.samples), flown.outcome.result, flown.realtime_factor)
 
 
-async def soak_by_processes(followers: int, hover_s: float, folder: Path, progress: Progress) -> Soak:
+async def soak_by_processes(
+    followers: int, hover_s: float, folder: Path, progress: Progress, clock: Clock = REAL_TIME
+) -> Soak:
     """The same in real time, as `gcs-sim fly` flies; everything it writes in `folder`. Raises as that does."""
     files = Files(folder)
     with private_link("zenoh", ()) as link:
         scenario = hover(followers, hover_s)
         scenario = scenario.model_copy(update={"lab": scenario.lab.model_copy(update={"link": link})})
-        async with running(scenario, scenario.seed, files) as flight:
+        async with running(scenario, scenario.seed, files, clock=clock) as flight:
             ground = flight.ground.process.pid
             sampler = Sampler(files.mcap, hover_s, lambda: memory_bytes(ground), progress)
             flight.bus.on_state(GCS_NAME, sampler.receive_state)
-            outcome = await fly_on(flight, scenario, sampler.note)
-    return Soak(followers + 1, tuple(sampler.samples), outcome.result, 1.0)
+            outcome = await fly_on(flight, scenario, sampler.note, clock)
+    return Soak(followers + 1, tuple(sampler.samples), outcome.result, clock.speed)
 
 
 def hover(followers: int, hover_s: float) -> Scenario:

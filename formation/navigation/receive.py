@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
+from formation.maths.quaternion import multiply_into, rotation_vector_of
 from formation.maths.records import Rows
 from formation.navigation.evidence import Bank
 from formation.navigation.fusion import GAP_S, LATEST_NS, advance
@@ -56,18 +57,23 @@ def receive_imu(bodies: Rows[Body], rejected: Ints, which: Ints, t_ns: Ints, for
             reason = _OUT_OF_ORDER
         rejected[which[k], _IMU, reason] += 1
         if reason == _NONE:
-            add_sample(body, t_ns[k], force[k], rate[k])
+            add_sample(body, t_ns[k], force[k], rate[k], np.nan)
 
 
 @kernel
 def receive_attitude(bodies: Rows[Body], rejected: Ints, which: Ints, t_ns: Ints, q: Float, rate: Float) -> None:
-    """The autopilot's attitudes (k, 4) and rates (k, 3); where there is no accelerometer, thrust and rates are used."""
+    """The autopilot's attitudes (k, 4) and rates (k, 3); where there is no accelerometer, thrust and rates are used.
+
+    An inertial sample is a mean, and a gust changes the rate by 5 rad/s from one of these to the next: so the mean rate
+    is what the attitude has turned by since the last one, as uncertain as two attitudes are.
+    """
     for k in range(len(which)):
         body = bodies[which[k]]
         ring, pending, no_force = body.inertial, body.pending, np.full(3, np.nan)
-        attitude = np.empty(4)
+        attitude, mean_rate = np.empty(4), np.empty(3)
         reason = max(_unit(q[k], attitude), _vector_reason(rate[k], RATE_MOST_RAD_S))
-        if reason == _NONE and t_ns[k] <= max(pending.attitude_t_ns, body.innovations.t_ns[AUTOPILOT_ATTITUDE]):
+        last_ns = max(pending.attitude_t_ns, body.innovations.t_ns[AUTOPILOT_ATTITUDE])
+        if reason == _NONE and t_ns[k] <= last_ns:
             reason = _OUT_OF_ORDER
         if reason == _NONE and body.status.begun and t_ns[k] < body.estimate.t_ns - LATEST_NS:
             reason = _TOO_OLD
@@ -77,9 +83,26 @@ def receive_attitude(bodies: Rows[Body], rejected: Ints, which: Ints, t_ns: Ints
         at = (ring.count - 1) % SAMPLES
         modelled = not measures_force(ring)
         if ring.count == 0 or t_ns[k] - ring.t_ns[at] > (0.0 if modelled else GAP_S * 1e9):
-            add_sample(body, t_ns[k], no_force, rate[k])
+            mean_rate[:] = rate[k]
+            rate_var = np.nan
+            if ring.count > 0 and ring.t_ns[at] == last_ns:
+                dt_s = (t_ns[k] - last_ns) * 1e-9
+                _mean_rate(pending.q_lab_from_flu_autopilot, attitude, dt_s, mean_rate)
+                rate_var = 2.0 * body.noise.source[AUTOPILOT_ATTITUDE] / (dt_s * dt_s)
+            add_sample(body, t_ns[k], no_force, mean_rate, rate_var)
         pending.attitude_t_ns = t_ns[k]
         pending.q_lab_from_flu_autopilot[:] = attitude
+
+
+@kernel
+def _mean_rate(q_before: Float, q: Float, dt_s: float, out: Float) -> None:
+    """The body rate, in `flu`, that turns one attitude into the other in dt_s, into out (3)."""
+    inverse, turn = np.empty(4), np.empty(4)
+    inverse[0], inverse[1], inverse[2], inverse[3] = q_before[0], -q_before[1], -q_before[2], -q_before[3]
+    multiply_into(inverse, q, turn)
+    rotation_vector_of(turn, out)
+    for axis in range(3):
+        out[axis] /= dt_s
 
 
 @kernel

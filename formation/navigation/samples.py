@@ -18,8 +18,11 @@ FORCE_LEARN_S = 0.25
 
 
 @kernel
-def add_sample(body: Body, t_ns: int, force_flu_m_s2: Float, rate_flu_rad_s: Float) -> None:
-    """Keeps one inertial sample, later than the last, and learns the sensors' noise from what differs between two."""
+def add_sample(body: Body, t_ns: int, force_flu_m_s2: Float, rate_flu_rad_s: Float, rate_var: float) -> None:
+    """Keeps one inertial sample, later than the last, and learns the sensors' noise from what differs between two.
+
+    rate_var: of this body rate, where that is known otherwise; NaN.
+    """
     ring, noise = body.inertial, body.noise
     at = ring.count % SAMPLES
     ring.t_ns[at] = t_ns
@@ -33,7 +36,8 @@ def add_sample(body: Body, t_ns: int, force_flu_m_s2: Float, rate_flu_rad_s: Flo
         if isfinite(force):  # of a modelled sample nothing is learned
             noise.force_m2_s4[axis] += share * (0.5 * force * force - noise.force_m2_s4[axis])
         if noise.last_ns:
-            noise.rate_rad2_s2[axis] += share * (0.5 * rate * rate - noise.rate_rad2_s2[axis])
+            square = rate_var if isfinite(rate_var) else 0.5 * rate * rate
+            noise.rate_rad2_s2[axis] += share * (square - noise.rate_rad2_s2[axis])
         noise.last_force_flu_m_s2[axis] = force_flu_m_s2[axis]
         noise.last_rate_flu_rad_s[axis] = rate_flu_rad_s[axis]
     noise.last_ns = t_ns

@@ -1,6 +1,8 @@
-"""Rotations inside compiled loops, each written into an array that is there; batches: `formation.maths.frames`."""
+"""Rotations inside compiled loops, most written into an array that is there; batches: `formation.maths.frames`."""
 
 from math import atan2, cos, sin, sqrt
+
+import numpy as np
 
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
@@ -56,6 +58,16 @@ def rotation_vector_of(q: Float, out: Float) -> None:
     scale = 2.0 * sign if sine < 1e-9 else 2.0 * atan2(sine, sign * q[0]) * sign / sine
     for axis in range(3):
         out[axis] = scale * q[axis + 1]
+
+
+@kernel
+def turn_flu_rad(q_before: Float, q_after: Float) -> Float:
+    """The rotation vector (3) between two attitudes, in the body's axes before it; the shorter way, rad."""
+    inverse, q, turn = np.empty(4), np.empty(4), np.empty(3)
+    inverse[0], inverse[1], inverse[2], inverse[3] = q_before[0], -q_before[1], -q_before[2], -q_before[3]
+    multiply_into(inverse, q_after, q)
+    rotation_vector_of(q, turn)
+    return turn
 
 
 @kernel

@@ -155,12 +155,9 @@ def _shown_vel_error(x: Estimate) -> float:
 def start_delay(body: Body) -> None:
     """From now on the estimate is of the stamps' time, before it was of what the poses showed: a delay earlier.
 
-    The delay times an unknown velocity is no linear error; once the velocity is known it is. Without an accelerometer
-    the poses themselves are all that shows the velocity: it shows no delay.
+    The delay times an unknown velocity is no linear error; once the velocity is known it is.
     """
     x = body.estimate
-    if not measures_force(body.inertial):
-        return
     if x.cov[VEL, VEL] + x.cov[VEL + 1, VEL + 1] + x.cov[VEL + 2, VEL + 2] > TIMED_VEL_M_S * TIMED_VEL_M_S:
         return
     body.status.timed = True
@@ -186,9 +183,10 @@ def use_pose(body: Body, t_ns: int, pos_lab_m: Float, q_lab_from_flu: Float, ban
         add_onset(bank, i, x)
         return
     coast(body, t_ns, bank, i)
-    if not status.timed:
+    # Without an accelerometer the poses are all that shows the velocity, and no delay: there is nothing to wait for.
+    if not status.timed and measures_force(body.inertial):
         start_delay(body)
-        status.gap |= measures_force(body.inertial)
+        status.gap = True
     if status.gap:
         reset_onsets(bank, i)
         status.gap = False

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
-from formation.maths.quaternion import multiply_into, rotation_vector_of
+from formation.maths.quaternion import turn_flu_rad
 from formation.maths.records import Rows
 from formation.navigation.evidence import Bank
 from formation.navigation.fusion import GAP_S, LATEST_NS, advance
@@ -87,22 +87,11 @@ def receive_attitude(bodies: Rows[Body], rejected: Ints, which: Ints, t_ns: Ints
             rate_var = np.nan
             if ring.count > 0 and ring.t_ns[at] == last_ns:
                 dt_s = (t_ns[k] - last_ns) * 1e-9
-                _mean_rate(pending.q_lab_from_flu_autopilot, attitude, dt_s, mean_rate)
+                mean_rate[:] = turn_flu_rad(pending.q_lab_from_flu_autopilot, attitude) / dt_s
                 rate_var = 2.0 * body.noise.source[AUTOPILOT_ATTITUDE] / (dt_s * dt_s)
             add_sample(body, t_ns[k], no_force, mean_rate, rate_var)
         pending.attitude_t_ns = t_ns[k]
         pending.q_lab_from_flu_autopilot[:] = attitude
-
-
-@kernel
-def _mean_rate(q_before: Float, q: Float, dt_s: float, out: Float) -> None:
-    """The body rate, in `flu`, that turns one attitude into the other in dt_s, into out (3)."""
-    inverse, turn = np.empty(4), np.empty(4)
-    inverse[0], inverse[1], inverse[2], inverse[3] = q_before[0], -q_before[1], -q_before[2], -q_before[3]
-    multiply_into(inverse, q, turn)
-    rotation_vector_of(turn, out)
-    for axis in range(3):
-        out[axis] /= dt_s
 
 
 @kernel

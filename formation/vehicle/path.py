@@ -6,11 +6,9 @@ A body can have come, and turned, only so far since it was last believed.
 from dataclasses import dataclass
 from math import sqrt
 
-import numpy as np
-
 from formation.maths.arrays import Float, Quat, Vec3
 from formation.maths.kernel import kernel
-from formation.maths.quaternion import multiply_into, rotation_vector_of
+from formation.maths.quaternion import turn_flu_rad
 from formation.rejection import Rejection
 
 JUMP, FLIP, YAW_RATE = int(Rejection.JUMP), int(Rejection.FLIP), int(Rejection.YAW_RATE)
@@ -155,16 +153,6 @@ def moved_as_it_can(path: Path, bounds: Bounds, t_ns: int, pos_lab_m: Float) -> 
     return position_innovation_m(path, t_ns, pos_lab_m) <= bounds.step_m + bounds.acc_m_s2 * dt_s * (
         0.5 * dt_s + known_s
     )
-
-
-@kernel
-def turn_flu_rad(q_before: Float, q_after: Float) -> Float:
-    """The rotation vector (3) between two attitudes, in the body's axes before it; the shorter way, rad."""
-    inverse, q, turn = np.empty(4), np.empty(4), np.empty(3)
-    inverse[0], inverse[1], inverse[2], inverse[3] = q_before[0], -q_before[1], -q_before[2], -q_before[3]
-    multiply_into(inverse, q_after, q)
-    rotation_vector_of(q, turn)
-    return turn
 
 
 @kernel

@@ -54,6 +54,7 @@ READS = frozenset(
 )
 READS_IF_ASKED = frozenset({MessageId.HIGHRES_IMU})
 FORCES = 64
+FORCE_NS, STEP_MOST_NS = 5_000_000, 100_000_000  # of so long HIGHRES_IMU is the mean (PX4); the longest mean of ours
 # A person flies it in these: the ground leaves it alone.
 PILOTED = frozenset(
     {FlightMode.MANUAL, FlightMode.STABILIZED, FlightMode.ACRO, FlightMode.ALTITUDE, FlightMode.POSITION,
@@ -178,7 +179,7 @@ class SpecificForce:
         self.received_ns = NEVER_NS
         """When the last measurement came."""
         self._samples: deque[tuple[int, Vec3]] = deque(maxlen=FORCES)
-        self._mean_until_ns = NEVER_NS
+        self._before_ns, self._mean_until_ns = NEVER_NS, NEVER_NS
 
     def receive(self, t_ns: int, force_flu_m_s2: Vec3, now_ns: int) -> bool:
         """Receive a measurement of t_ns; False, rejected, beyond FORCE_MOST_M_S2."""
@@ -189,20 +190,28 @@ class SpecificForce:
         return possible
 
     def pop_mean(self, to_ns: int) -> Vec3 | None:
-        """The mean measurement (3) from the last call's time to this one's; None without measurements.
+        """The mean measurement (3) over the time since the last call; None without one of that time.
 
-        Measurements that come after their frame are discarded: the attitude of that time is no longer known.
+        Each counts by its share of that time: of a vibration, which successive measurements show with opposite signs,
+        little is left, however they lie between the frames. Where the newest ends before to_ns, the mean is over as
+        long a time that ends with it. What comes after its frame is discarded: the attitude of that time is no longer
+        known.
         """
-        if not self._samples:
-            self._mean_until_ns = to_ns
+        step_ns, self._mean_until_ns = min(to_ns - self._mean_until_ns, STEP_MOST_NS), to_ns
+        samples = self._samples
+        end_ns = min(samples[-1][0], to_ns) if samples else NEVER_NS
+        if end_ns <= to_ns - step_ns:
             return None
-        total, count = np.zeros(3), 0
-        while self._samples and self._samples[0][0] <= to_ns:
-            t_ns, force_flu_m_s2 = self._samples.popleft()
-            if t_ns > self._mean_until_ns:
-                total, count = total + force_flu_m_s2, count + 1
-        self._mean_until_ns = to_ns
-        return total / count if count else None
+        start_ns = end_ns - step_ns
+        while samples[0][0] <= start_ns:
+            self._before_ns = samples.popleft()[0]
+        total, span_ns, before_ns = np.zeros(3), 0, self._before_ns
+        for t_ns, force_flu_m_s2 in samples:
+            part_ns = min(t_ns, end_ns) - max(before_ns, start_ns, t_ns - FORCE_NS)
+            if part_ns > 0:
+                total, span_ns = total + part_ns * force_flu_m_s2, span_ns + part_ns
+            before_ns = max(t_ns, before_ns)
+        return total / span_ns if span_ns else None
 
 
 @dataclass(slots=True)

@@ -257,7 +257,7 @@ def test_an_accelerometer_is_heard_where_it_was_asked_for_on_our_clock():
         drone.say(link, TimeSync(1001 * MS, asked.ts1_ns, GROUND), 4002 * MS)
         drone.say(link, sample, 5002 * MS)
         drone.say(link, later, 5007 * MS)
-    assert wanted.telemetry.force.pop_mean(4999 * MS) is None
+    assert wanted.telemetry.force.pop_mean(4994 * MS) is None
     np.testing.assert_allclose(wanted.telemetry.force.pop_mean(5006 * MS), [1.0, 0.0, 9.8])
     assert wanted.telemetry.force.pop_mean(6000 * MS) is None
     drone.say(wanted, InertialSample(3_010_000, np.array([3e38, 0.0, 9.8]), np.zeros(3)), 6001 * MS)

@@ -1,5 +1,6 @@
 """Sequence numbers of one sender and of two; the mocap's attitude against the drone's own."""
 
+import math
 import random
 
 import numpy as np
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 from formation.control.limits.target import correct_level
 from formation.maths import frames
 from formation.messages import AttitudeTarget, LabFrame
-from gcs.drones.telemetry import AttitudeMonitor, SequenceMonitor
+from gcs.drones.telemetry import AttitudeMonitor, SequenceMonitor, SpecificForce
 
 MS = 1_000_000
 
@@ -20,6 +21,43 @@ def _heard(numbers, spacing_ns=10 * MS) -> SequenceMonitor:
     for i, number in enumerate(numbers):
         watch.note(number % 256, i * spacing_ns)
     return watch
+
+
+def _force_means(phase_ns: int, missing: int = 0) -> list[float]:
+    """Means over 10 ms of a force of 3 m/s^2 that vibrates by 2, sampled at 200 Hz; so many samples are missing."""
+    force, means = SpecificForce(), []
+    for k in range(1, 41):
+        value = 3.0 + (2.0 if k % 2 else -2.0)
+        force.receive(5 * k * MS, np.array([value, 0.0, 9.8]), 5 * k * MS)
+        if k % 2 == 0 and k > 2:
+            mean = force.pop_mean((5 * k + missing * 5) * MS - phase_ns)
+            means.append(math.nan if mean is None else float(mean[0]))
+    return means[1:]
+
+
+@pytest.mark.parametrize("phase_ns", [0, 1, 700_000, 2_500_000, 4_999_999])
+@pytest.mark.parametrize("missing", [0, 1])
+def test_a_vibration_cancels_in_the_mean_force_however_samples_lie_between_frames(phase_ns, missing):
+    np.testing.assert_allclose(_force_means(phase_ns, missing), 3.0, atol=1e-9)
+
+
+def test_a_sample_counts_by_its_share_of_the_step():
+    """From 6 to 16 ms: 4 ms of a force of 1, 5 of 2, 1 of 5 m/s^2."""
+    force = SpecificForce()
+    for t_ms, value in ((5, 0.0), (10, 1.0), (15, 2.0), (20, 5.0)):
+        force.receive(t_ms * MS, np.array([value, 0.0, 0.0]), t_ms * MS)
+    force.pop_mean(6 * MS)
+    np.testing.assert_allclose(force.pop_mean(16 * MS), [(4 * 1.0 + 5 * 2.0 + 1 * 5.0) / 10.0, 0.0, 0.0])
+
+
+def test_samples_further_apart_than_they_last_leave_steps_without_a_force():
+    force = SpecificForce()
+    for t_ms in (10, 110):
+        force.receive(t_ms * MS, np.array([1.0, 0.0, 0.0]), t_ms * MS)
+    force.pop_mean(50 * MS)
+    assert force.pop_mean(60 * MS) is None
+    assert force.pop_mean(100 * MS) is None
+    np.testing.assert_allclose(force.pop_mean(110 * MS), [1.0, 0.0, 0.0])
 
 
 def test_a_whole_stream_has_no_loss_and_wraps():

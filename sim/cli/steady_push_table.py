@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from sim.studies.steady_push import Push, Settling
+from sim.studies.push import Settling
+from sim.studies.steady_push import Push
 
 
 def steady_push_table(jobs: Sequence[Push], flown: Sequence[Settling]) -> Table:

@@ -33,7 +33,7 @@ def compare(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")] = False,
 ) -> None:
-    """Fly the paper's gust, line and circle with nine controllers; writes paper.json and paper.html."""
+    """Fly the paper's gust, line and circle, and a steady push, with nine controllers; writes paper.json and .html."""
     from sim.cli import study_commands as studies
 
     studies.run_paper(out, seeds, vehicle, only or [], calibrate, bound, as_json)

@@ -34,7 +34,7 @@ from sim.studies import (
     steady_push,
 )
 from sim.studies.experiments import CONTROLLERS, Experiment, Job, scenario_of
-from sim.studies.robustness import Draw, Kind, Sample
+from sim.studies.robustness import Draw, Sample
 from sim.studies.runner import Runner
 from sim.studies.tune import Candidate, Task, tune
 from wire.config_file import ConfigError, dump, dump_profile, load_profile
@@ -50,7 +50,7 @@ FAILED, NOT_RIGHT = 1, 2
 def run_paper(
     out: Path, seeds: int, vehicle: str, only: list[str], calibrate: bool, bound: bool, as_json: bool
 ) -> None:
-    """The paper's gust, line and circle."""
+    """The paper's gust, line and circle, and a steady push."""
     console = Console(stderr=as_json, markup=False)
     profile = _vehicle(vehicle, console)
     if calibrate:
@@ -309,7 +309,7 @@ def _table(samples: list[Sample]) -> Table:
         table.add_column(heading, justify="left" if heading in ("experiment", "outcome") else "right")
     for sample in robustness.worst(samples):
         outcome = f"{sample.outcome}, left its fence" if sample.left_fence else sample.outcome
-        swing = f"{sample.swing_deg:.2f}" if sample.kind is Kind.PUSH else ""
+        swing = f"{sample.swing_deg:.2f}" if sample.kind is Experiment.PUSH else ""
         numbers = (f"{1e3 * sample.rms_m:.2f}", f"{1e3 * sample.max_m:.1f}", swing)
         table.add_row(str(sample.draw.seed), sample.kind, outcome, *numbers, style="red" if sample.failed else None)
     return table

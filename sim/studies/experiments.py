@@ -1,4 +1,4 @@
-"""The paper's three experiments, flown in lockstep, and what is measured in each.
+"""The paper's three experiments and a steady push, flown in lockstep, and what is measured in each.
 
 The vehicle is `paper_40g`, or any other: attitude loop, motor lag, drag and ground effect as in its profile; the
 scenarios add 8 ms mocap delay with a tail of 0.5 ms, 0.1 mm and 1 mrad of noise, 0.5 ms of exposure jitter, and links
@@ -25,6 +25,7 @@ from sim import lockstep
 from sim.scenario import Scenario, flown_by, load
 from sim.studies.gust import GustNumbers, gust_numbers
 from sim.studies.mismatch import mismatched
+from sim.studies.push import Settling, push_of, settling, share_most
 
 CONTROLLERS: Mapping[str, str] = MappingProxyType(
     {
@@ -53,15 +54,21 @@ FORMATION_S = 20.0
 
 
 class Experiment(StrEnum):
-    """The paper's Figures 5, 6 and 7."""
+    """The paper's Figures 5, 6 and 7, and a push that begins at once and stays."""
 
     GUST = "gust"
     LINE = "line"
     CIRCLE = "circle"
+    PUSH = "push"
 
 
 SCENARIOS: Mapping[Experiment, str] = MappingProxyType(
-    {Experiment.GUST: "hover_gust", Experiment.LINE: "triangle_line", Experiment.CIRCLE: "triangle_circle"}
+    {
+        Experiment.GUST: "hover_gust",
+        Experiment.LINE: "triangle_line",
+        Experiment.CIRCLE: "triangle_circle",
+        Experiment.PUSH: "hover_gust",
+    }
 )
 
 
@@ -69,8 +76,8 @@ SCENARIOS: Mapping[Experiment, str] = MappingProxyType(
 class Job:
     """One flight: who flies what, with which luck.
 
-    gust_peak_m_s2: instead of the vehicle's own (`GUST_PEAKS_M_S2`); mismatch: what the vehicle is not as believed, by
-    its name in sim.studies.mismatch.
+    gust_peak_m_s2: instead of the vehicle's own (`GUST_PEAKS_M_S2`); push_share: instead of the hardest steady push
+    (sim.studies.push); mismatch: what the vehicle is not as believed, by its name in sim.studies.mismatch.
     """
 
     controller: str
@@ -79,6 +86,7 @@ class Job:
     traced: bool = False
     vehicle: VehicleProfile = PAPER_40G
     gust_peak_m_s2: float | None = None
+    push_share: float | None = None
     mismatch: str | None = None
 
 
@@ -106,6 +114,7 @@ class Score:
 
     outcome: str
     gust: GustNumbers
+    push: Settling
     rms_m: float
     vibration_m: float
     trace: Trace | None
@@ -119,7 +128,10 @@ def scenario_of(job: Job) -> Scenario:
     update: dict[str, object] = {"lab": lab.model_copy(update={"link": link})}
     if job.experiment is Experiment.LINE:
         update["formation_s"] = FORMATION_S
-    if scenario.air.fan is not None:
+    if job.experiment is Experiment.PUSH:
+        share = share_most(job.vehicle, lab.limits.tilt_rad) if job.push_share is None else job.push_share
+        update |= {"name": "steady_push"} | push_of(lab, share)
+    elif scenario.air.fan is not None:
         peak = gust_peak_m_s2(job.vehicle) if job.gust_peak_m_s2 is None else job.gust_peak_m_s2
         update["air"] = Disturbance(fan=scenario.air.fan.model_copy(update={"peak_m_s2": peak}))
     flown = scenario.model_copy(update=update)
@@ -136,15 +148,16 @@ def fly(job: Job) -> Score:
     """Fly the job and measure it."""
     scenario = scenario_of(job)
     flown, flight = lockstep.run_and_load(scenario, job.seed)
-    return measure(flight, scenario, flown.outcome.result, job.traced)
+    return measure(flight, scenario, flown.outcome.result, job.experiment, job.traced)
 
 
-def measure(flight: Flight, scenario: Scenario, outcome: str, traced: bool = False) -> Score:
-    """The numbers of a flight of that scenario; those of the gust only where a fan blows."""
+def measure(flight: Flight, scenario: Scenario, outcome: str, experiment: Experiment, traced: bool = False) -> Score:
+    """The numbers of a flight of that scenario."""
     summary = summarise(flight)
     return Score(
         outcome,
-        gust_numbers(flight, scenario),
+        gust_numbers(flight, scenario) if experiment is Experiment.GUST else GustNumbers(),
+        settling(flight, outcome) if experiment is Experiment.PUSH else Settling(outcome),
         np.nan if summary.formation_rms_m is None else summary.formation_rms_m,
         np.nan if summary.vibration_m is None else summary.vibration_m,
         _trace(flight) if traced else None,

@@ -1,4 +1,4 @@
-"""`gcs-sim paper`: the paper's three experiments under nine controllers, beside the paper's own figures.
+"""`gcs-sim paper`: the paper's three experiments and a steady push under nine controllers, beside its own figures.
 
 And the gust on five vehicles that the controller does not know (sim.studies.mismatch).
 """
@@ -49,6 +49,9 @@ class Figures:
     circle_vibration_m: float | None
     circle_rms_m: float | None
     chatter_deg: float | None
+    push_swing_deg: float | None = None
+    push_settle_s: float | None = None
+    push_deviation_m: float | None = None
     aborted: int = 0
 
 
@@ -135,7 +138,9 @@ def jobs(
         for seed in seeds
     ]
     if SHIPPED in controllers:
-        flights += [Job(SHIPPED, Experiment.GUST, s, False, vehicle, None, name) for name in MISMATCHES for s in seeds]
+        flights += [
+            Job(SHIPPED, Experiment.GUST, s, vehicle=vehicle, mismatch=name) for name in MISMATCHES for s in seeds
+        ]
     return flights
 
 
@@ -194,7 +199,7 @@ def _median(scores: Sequence[Score], field: Callable[[Score], float]) -> float |
 
 def _figures(flown: Sequence[tuple[Job, Score]]) -> Figures:
     """The medians of one controller's flights."""
-    gust, line, circle = ([score for job, score in flown if job.experiment is e] for e in Experiment)
+    gust, line, circle, push = ([score for job, score in flown if job.experiment is e] for e in Experiment)
     return Figures(
         gust_mean_dev_m=_median(gust, lambda s: s.gust.mean_dev_m),
         gust_max_dev_m=_median(gust, lambda s: s.gust.max_dev_m),
@@ -206,6 +211,9 @@ def _figures(flown: Sequence[tuple[Job, Score]]) -> Figures:
         circle_vibration_m=_median(circle, lambda s: s.vibration_m),
         circle_rms_m=_median(circle, lambda s: s.rms_m),
         chatter_deg=_median(gust, lambda s: s.gust.chatter_deg),
+        push_swing_deg=_median(push, lambda s: s.push.swing_deg),
+        push_settle_s=_median(push, lambda s: s.push.settle_s),
+        push_deviation_m=_median(push, lambda s: s.push.deviation_m),
         aborted=_aborted([score for _, score in flown]),
     )
 

@@ -23,6 +23,9 @@ COLUMNS = (
     ("circle_vibration_m", "circle: vibration, mm", 1e3, 2),
     ("circle_rms_m", "circle: RMS, mm", 1e3, 2),
     ("chatter_deg", "chatter, °", 1.0, 2),
+    ("push_swing_deg", "push: swing, °", 1.0, 2),
+    ("push_settle_s", "push: settling, s", 1.0, 2),
+    ("push_deviation_m", "push: largest, mm", 1e3, 0),
 )
 """Field of `Figures`, heading, factor, digits."""
 MISMATCH_COLUMNS = tuple(column for column in COLUMNS if column[0] in Mismatched.__dataclass_fields__)
@@ -87,7 +90,9 @@ def html(comparison: Comparison) -> str:
     ]
     head = ["controller", *(f"#{heading}" for _, heading, _, _ in COLUMNS)]
     table = Section("table", "Controllers in one loop", explained(comparison), (page.table(head, rows),))
-    gust, line, circle = (_traces(comparison, experiment) for experiment in Experiment)
+    gust, line, circle = (
+        _traces(comparison, experiment) for experiment in (Experiment.GUST, Experiment.LINE, Experiment.CIRCLE)
+    )
     with style.styled():
         sections = [
             table,

@@ -6,8 +6,6 @@ mocap, the links, the moment of a dropout.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import StrEnum
-from math import tan
 
 import numpy as np
 
@@ -16,13 +14,13 @@ from analysis.metrics import Summary, summarise
 from formation.config import Fence
 from formation.maths.arrays import Bool
 from formation.messages import Phase
-from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile, profile
 from sim import lockstep
 from sim.cameras.emulator import EmulatorConfig, Gap
 from sim.scenario import LinkModel, Scenario, TrueVehicle, flown_by, load
-from sim.studies import steady_push
+from sim.studies import push
 from sim.studies.experiments import FORMATION_S, SCENARIOS, Experiment
+from sim.studies.push import share_most
 
 MASS = INERTIA = 0.3
 CURVE = 0.1
@@ -32,22 +30,10 @@ NOISE_M = (0.0001, 0.001)
 NOISE_RAD_PER_M = 10.0
 RATES_HZ = (50.0, 100.0, 240.0)
 DROPOUT_S = 0.05
-PUSH_MOST, STRAYED_M = 0.9, 0.5
-"""A push is at most so much of what the tilt limit holds against, and one that must carry the vehicle so far at most:
-half of what the ground lands it at."""
 WITHOUT_ACCELEROMETER = 0.2
 """The share of drones whose autopilot sends no HIGHRES_IMU."""
 SWING_DEG = 5.0
 """So much at the end of a steady push is a limit cycle; the noise that is drawn shakes by half of that."""
-
-
-class Kind(StrEnum):
-    """What is flown: the paper's experiments, and a push that begins at once and stays."""
-
-    GUST = Experiment.GUST
-    LINE = Experiment.LINE
-    CIRCLE = Experiment.CIRCLE
-    PUSH = "push"
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +53,7 @@ class Sample:
     """
 
     draw: Draw
-    kind: Kind
+    kind: Experiment
     outcome: str
     rms_m: float
     max_m: float
@@ -84,8 +70,8 @@ class Sample:
 def scenario_of(draw: Draw) -> Scenario:
     """The flight that the draw's seed decides."""
     rng = np.random.default_rng([draw.seed, 5])
-    kind = list(Kind)[int(rng.integers(len(Kind)))]
-    scenario = load(SCENARIOS[Experiment.GUST if kind is Kind.PUSH else Experiment(kind)])
+    kind = list(Experiment)[int(rng.integers(len(Experiment)))]
+    scenario = load(SCENARIOS[kind])
     believed = profile(draw.profile)
     lab = flown_by(scenario.lab, believed, draw.preset)
     delay = rng.uniform(1.0, DELAY_MAX)
@@ -103,7 +89,7 @@ def scenario_of(draw: Draw) -> Scenario:
     rate_hz = float(rng.choice(RATES_HZ))
     lab = lab.model_copy(update={"mocap": lab.mocap.model_copy(update={"rate_hz": rate_hz})})
     # A dropout while it settles in a push would be taken for its swing.
-    dropout_by_s = steady_push.BEGIN_S if kind is Kind.PUSH else FORMATION_S - 2.0
+    dropout_by_s = push.BEGIN_S if kind is Experiment.PUSH else FORMATION_S - 2.0
     update: dict[str, object] = {
         "name": f"robustness_{kind}_{draw.seed}",
         "seed": draw.seed,
@@ -112,11 +98,11 @@ def scenario_of(draw: Draw) -> Scenario:
         "mocap": _mocap(scenario.mocap, rate_hz, delay, dropout_by_s, rng),
         "link": _link(scenario.link, delay),
     }
-    if kind is Kind.PUSH:
+    if kind is Experiment.PUSH:
         flown = believed.model_copy(update=vehicles[0].vehicle)
-        most = min(PUSH_MOST, push_most(flown, lab.limits.tilt_rad))
-        update |= steady_push.push_of(scenario, float(rng.uniform(0.0, most)))
-    elif kind is not Kind.GUST:
+        most = share_most(flown, lab.limits.tilt_rad)
+        update |= push.push_of(lab, float(rng.uniform(0.0, most)))
+    elif kind is not Experiment.GUST:
         update["formation_s"] = FORMATION_S
     return scenario.model_copy(update=update)
 
@@ -131,7 +117,7 @@ def fly(draw: Draw) -> Sample:
 def judge(draw: Draw, outcome: str, flight: Flight, summary: Summary) -> Sample:
     """The sample of a flight of that draw."""
     scenario = scenario_of(draw)
-    kind = next(k for k in Kind if f"_{k}_" in scenario.name)
+    kind = next(k for k in Experiment if f"_{k}_" in scenario.name)
     return Sample(
         draw,
         kind,
@@ -139,7 +125,7 @@ def judge(draw: Draw, outcome: str, flight: Flight, summary: Summary) -> Sample:
         np.nan if summary.formation_rms_m is None else summary.formation_rms_m,
         np.nan if summary.formation_max_m is None else summary.formation_max_m,
         _left_fence(flight, scenario.lab.limits.fence),
-        steady_push.measure(flight, outcome).swing_deg if kind is Kind.PUSH else 0.0,
+        push.settling(flight, outcome).swing_deg if kind is Experiment.PUSH else 0.0,
     )
 
 
@@ -150,7 +136,7 @@ def worst(samples: Sequence[Sample], count: int = 10) -> list[Sample]:
 
 def percentile_m(samples: Sequence[Sample], percent: float) -> float:
     """Of the formation RMS over line and circle."""
-    errors = [s.rms_m for s in samples if s.kind in (Kind.LINE, Kind.CIRCLE) and np.isfinite(s.rms_m)]
+    errors = [s.rms_m for s in samples if s.kind in (Experiment.LINE, Experiment.CIRCLE) and np.isfinite(s.rms_m)]
     return float(np.percentile(errors, percent)) if errors else np.nan
 
 
@@ -174,19 +160,6 @@ def _vehicle(
         "rate_p_1_s": believed.rate_p_1_s / slower,
         "command_delay_s": believed.command_delay_s * delay,
     }
-
-
-def push_most(vehicle: VehicleProfile, tilt_rad: float) -> float:
-    """The push, as share of what the tilt limit holds against, that carries this vehicle STRAYED_M away.
-
-    For its dead time and lags it goes with the push p; then the limit a holds against it: p t^2/2 + (p t)^2/2 (a - p).
-    """
-    most_m_s2 = GRAVITY_M_S2 * tan(tilt_rad)
-    unanswered_s = vehicle.command_delay_s + 1.0 / vehicle.attitude_p_1_s + 1.0 / vehicle.rate_p_1_s
-    shares = np.linspace(0.01, 0.99, 99)
-    push_m_s2, left_m_s2 = shares * most_m_s2, (1.0 - shares) * most_m_s2
-    strayed_m = 0.5 * push_m_s2 * unanswered_s**2 + 0.5 * (push_m_s2 * unanswered_s) ** 2 / left_m_s2
-    return float(shares[strayed_m <= STRAYED_M].max())
 
 
 def _mocap(

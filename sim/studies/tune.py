@@ -4,9 +4,9 @@ The rule that every vehicle is given without asking (formation.control.presets) 
 proportion to the loop's delay. From there a compass search (Kolda, Lewis, Torczon, SIAM Review 2003) moves four
 factors, each by a step up or down: of the horizontal gains (c, p1 with it, p2 with its square), of the horizontal
 observer's bandwidth, of the vertical gains and observer, and of the dead time and lag that are compensated. Each
-candidate flies gust and circle with the vehicle as its profile says and with one that is heavier, slower and later,
-and is judged by deviation, formation error and chatter, each in units of what is wanted; a candidate that the loop's
-delay margin does not carry is not flown.
+candidate flies gust, circle and the hardest steady push with the vehicle as its profile says and with one that is
+heavier, slower and later. It is judged by deviation, formation error, chatter, and how it settles in the push, each in
+units of what is wanted. A candidate that the loop's delay margin does not carry is not flown.
 """
 
 from collections.abc import Callable, Iterator
@@ -29,10 +29,11 @@ from sim.studies.runner import Runner
 STEPS = (1.3, 1.15, 1.07)
 ROUNDS_EACH = 6
 PRESET = "default"
-EXPERIMENTS = (Experiment.GUST, Experiment.CIRCLE)
+EXPERIMENTS = (Experiment.GUST, Experiment.CIRCLE, Experiment.PUSH)
 SEED = 101  # none of those that `gcs-sim paper` shows
 FORMATION_S = 12.0
 WANTED_DEVIATION_M, WANTED_RMS_M, WANTED_CHATTER_DEG = 0.04, 0.001, 0.3
+WANTED_SETTLE_S, WANTED_SWING_DEG = 1.0, 0.5  # in the hardest steady push (sim.studies.push)
 HEAVIER, SLOWER, LATER = 1.2, 1.3, 1.5
 BETTER = 0.99
 """A candidate must cost less than this share of the best to take its place."""
@@ -144,17 +145,19 @@ def fly(flight: Flight) -> float:
     """The cost of one flight."""
     scenario = scenario_of(flight)
     flown, log = lockstep.run_and_load(scenario, SEED, gains=flight.gains)
-    return cost_of(experiments.measure(log, scenario, flown.outcome.result), flight.experiment)
+    return cost_of(experiments.measure(log, scenario, flown.outcome.result, flight.experiment), flight.experiment)
 
 
 def cost_of(score: Score, experiment: Experiment) -> float:
     """What a flight costs, in units of what is wanted; infinite where it did not land."""
-    parts = (
-        [score.gust.max_dev_m / WANTED_DEVIATION_M, score.gust.chatter_deg / WANTED_CHATTER_DEG]
-        if experiment is Experiment.GUST
-        else [score.rms_m / WANTED_RMS_M]
-    )
-    total = float(np.sum(parts))
+    match experiment:
+        case Experiment.GUST:
+            parts = [score.gust.max_dev_m / WANTED_DEVIATION_M, score.gust.chatter_deg / WANTED_CHATTER_DEG]
+        case Experiment.PUSH:
+            parts = [score.push.settle_s / WANTED_SETTLE_S, score.push.swing_deg / WANTED_SWING_DEG]
+        case _:
+            parts = [score.rms_m / WANTED_RMS_M]
+    total = sum(parts)
     return total if score.outcome == "landed" and np.isfinite(total) else float("inf")
 
 
@@ -162,12 +165,14 @@ def scenario_of(flight: Flight) -> Scenario:
     """The experiment cut short, flown by the tuned vehicle under the cameras of the task."""
     task = flight.task
     believed = task.profile.model_copy(update={"gain_scale": flight.gain_scale})
-    scenario = experiments.scenario_of(Job("cfc", flight.experiment, seed=SEED))
+    scenario = experiments.scenario_of(Job("cfc", flight.experiment, seed=SEED, vehicle=believed))
     lab = flown_by(scenario.lab, believed, PRESET).model_copy(update={"mocap": task.mocap})
     mocap = scenario.mocap.model_copy(
         update={"rate_hz": task.rate_hz, "delay_s": task.delay_s, "noise_m": task.noise_m}
     )
-    update: dict[str, object] = {"lab": lab, "mocap": mocap, "formation_s": FORMATION_S}
+    update: dict[str, object] = {"lab": lab, "mocap": mocap}
+    if flight.experiment is not Experiment.PUSH:
+        update["formation_s"] = FORMATION_S
     if flight.off:
         off = {
             "mass_kg": HEAVIER * believed.mass_kg,

@@ -18,6 +18,7 @@ from sim.studies.hummingbird.vehicle import HUMMINGBIRD, push_m_s2, rotorpy_phys
 
 WIND_M_S = 5.0
 CONTROLLER = "cfc"
+EXPERIMENTS = (Experiment.GUST, Experiment.LINE, Experiment.CIRCLE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +68,7 @@ class Benchmark:
 
 def flights(seeds: range, folder: Path) -> list[Flight]:
     """Every experiment with every seed."""
-    return [Flight(experiment, seed, folder) for experiment in Experiment for seed in seeds]
+    return [Flight(experiment, seed, folder) for experiment in EXPERIMENTS for seed in seeds]
 
 
 def benchmark(flown: list[Flight], scores: list[Score]) -> Benchmark:
@@ -103,7 +104,7 @@ def fly(flight: Flight) -> Score:
     scenario = scenario_for(flight.experiment)
     path = flight.folder / f"{flight.experiment}-{flight.seed}.mcap"
     flown = lockstep.run_to_file(scenario, flight.seed, path, physics=rotorpy_physics())
-    return measure(load(path), scenario, flown.outcome.result)
+    return measure(load(path), scenario, flown.outcome.result, flight.experiment)
 
 
 def scenario_for(experiment: Experiment) -> Scenario:

@@ -77,8 +77,8 @@ def test_a_candidate_costs_all_of_its_flights(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(gain_search, "fly", cost)
     own = preset_for("pid", PAPER_40G, MocapConfig())
     (tried,) = gain_search.judge(TASK, [own], Runner(Console(quiet=True), workers=1))
-    assert tried == Tried(own, 3.0)
+    assert tried == Tried(own, 4.5)
     assert {(f.experiment, f.off) for f in flown} == {
-        (e, off) for e in (Experiment.GUST, Experiment.CIRCLE) for off in (False, True)
+        (e, off) for e in (Experiment.GUST, Experiment.CIRCLE, Experiment.PUSH) for off in (False, True)
     }
     assert all(f.gains is own for f in flown)

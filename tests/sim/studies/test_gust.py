@@ -66,7 +66,7 @@ def test_a_flights_numbers_are_those_of_its_truth() -> None:
     job = Job("pid", Experiment.GUST, 1)
     scenario = experiments.scenario_of(job).model_copy(update={"formation_s": 15.0})
     flown, flight = lockstep.run_and_load(scenario, 1)
-    numbers = experiments.measure(flight, scenario, flown.outcome.result).gust
+    numbers = experiments.measure(flight, scenario, flown.outcome.result, job.experiment).gust
     truth, fan = flight.truth[2], scenario.air.fan
     assert fan is not None
     x = np.array([message.pos_lab_m[0] for message in truth.messages])

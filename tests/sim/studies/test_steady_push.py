@@ -8,8 +8,9 @@ from formation.maths import frames
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import PAPER_40G
 from sim.cli.steady_push_table import steady_push_table
-from sim.studies import steady_push
-from sim.studies.steady_push import MOTOR_LAGS, SHARES, Push, Settling, scenario_of
+from sim.studies import push, steady_push
+from sim.studies.push import Settling
+from sim.studies.steady_push import MOTOR_LAGS, SHARES, Push, scenario_of
 
 
 def test_the_push_is_a_share_of_what_the_tilt_limit_holds_against() -> None:
@@ -35,10 +36,10 @@ def test_a_swing_is_the_angle_off_the_mean_and_settles_when_it_last_was_large() 
     t_s = np.arange(0.0, 4.0, 0.01)
     pitch = np.where(t_s < 2.0, np.radians(10.0) * np.sign(np.sin(20.0 * t_s)), 0.0)
     q = frames.from_rotation_vector(np.stack([0.0 * t_s, pitch, 0.0 * t_s], axis=-1))
-    angle_deg = steady_push.swing(q, t_s >= 1.0)
+    angle_deg = push.swing(q, t_s >= 1.0)
     assert angle_deg[:200].max() == pytest.approx(10.0, abs=0.5)
-    assert steady_push.settled_s(t_s, steady_push.swing(q, t_s >= 2.5)) == pytest.approx(1.99)
-    assert steady_push.settled_s(t_s, 0.0 * t_s) == 0.0
+    assert push.settled_s(t_s, push.swing(q, t_s >= 2.5)) == pytest.approx(1.99)
+    assert push.settled_s(t_s, 0.0 * t_s) == 0.0
 
 
 @pytest.mark.parametrize("motor_lag", [1.0, 1.6])
@@ -62,3 +63,14 @@ def test_one_that_swings_on_is_not_at_rest() -> None:
     shown = console.export_text()
     for figure in ("cfc", "0.9", "x 1.6", "12.00", "8.00", "100"):
         assert figure in shown
+
+
+def test_the_hardest_push_does_not_carry_the_vehicle_farther_than_the_ground_allows() -> None:
+    """0.2 s unanswered, half of 6.71 m/s^2: 0.07 m until then, 0.07 m back to rest; nine tenths: 0.12 and 1.1 m."""
+    believed = PAPER_40G
+    dead = {"command_delay_s": 0.2 - 1.0 / believed.attitude_p_1_s - 1.0 / believed.rate_p_1_s}
+    most = push.share_most(believed.model_copy(update=dead), 0.6)
+    pushed, left = 9.80665 * np.tan(0.6) * np.array([most, 1.0 - most])
+    strayed_m = 0.5 * pushed * 0.2**2 + (0.2 * pushed) ** 2 / (2.0 * left)
+    assert 0.47 < strayed_m <= 0.5
+    assert 0.5 < most < 0.9

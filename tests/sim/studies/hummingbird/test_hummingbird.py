@@ -13,6 +13,7 @@ from sim.studies.experiments import Experiment, Score
 from sim.studies.gust import GustNumbers
 from sim.studies.hummingbird import flights
 from sim.studies.hummingbird.vehicle import HUMMINGBIRD, STEP_NS, RotorpyVehicle, push_m_s2, rotorpy_physics, wind_m_s
+from sim.studies.push import Settling
 from sim.world import T0_NS, World
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
@@ -118,6 +119,7 @@ def test_the_figures_are_medians_and_say_what_was_assumed(tmp_path) -> None:
         Score(
             "landed" if k else "aborted",
             gust if f.experiment is Experiment.GUST else GustNumbers(),
+            Settling("landed"),
             1e-3 * f.seed,
             0.0,
             None,

@@ -6,7 +6,8 @@
 Two indexings, both fixed for a run by the configuration, leader first where present:
 `n` counts all vehicles (leader and followers), `m` the commanded ones (those with a sysid).
 What crosses one drone's MAVLink is in `wire.link_messages`.
-The log holds the stages before the targets in single precision, since a replay makes them anew; all else exactly.
+The log and the bus hold the arrays of control's stages in single precision: a replay makes them anew, and MAVLink
+carries the targets so. The same for the simulator's truth and innovations. All else is exact.
 """
 
 from dataclasses import dataclass, field
@@ -18,13 +19,12 @@ from formation.clock_pair import ClockPair as ClockPair
 from formation.maths.arrays import (
     Codes,
     Flags,
-    Quat,
     Quats,
-    Scalars,
+    SingleQuat,
     SingleQuats,
     SingleScalars,
+    SingleVec3,
     SingleVec3s,
-    Vec3,
     Vec3s,
 )
 from formation.requests import OperatorReply as OperatorReply
@@ -193,10 +193,10 @@ class AttitudeTarget:
     """
 
     t_ns: int
-    q_lab_from_flu: Quats
-    rate_flu_rad_s: Vec3s
-    thrust_norm: Scalars
-    saturation: Scalars
+    q_lab_from_flu: SingleQuats
+    rate_flu_rad_s: SingleVec3s
+    thrust_norm: SingleScalars
+    saturation: SingleScalars
     held_off: Flags
 
 
@@ -257,11 +257,11 @@ class Truth:
 
     t_ns: int
     sysid: int
-    pos_lab_m: Vec3
-    vel_lab_m_s: Vec3
-    q_lab_from_flu: Quat
-    rate_flu_rad_s: Vec3
-    dist_lab_m_s2: Vec3
+    pos_lab_m: SingleVec3
+    vel_lab_m_s: SingleVec3
+    q_lab_from_flu: SingleQuat
+    rate_flu_rad_s: SingleVec3
+    dist_lab_m_s2: SingleVec3
     on_ground: bool
     armed: bool = False
 
@@ -278,10 +278,10 @@ class Innovation:
     t_ns: int
     sysid: int
     source: str
-    observation: Vec3
-    innovation: Vec3
-    innovation_variance: Vec3
-    test_ratio: Vec3
+    observation: SingleVec3
+    innovation: SingleVec3
+    innovation_variance: SingleVec3
+    test_ratio: SingleVec3
     rejected: bool
 
 

@@ -1,6 +1,6 @@
 """Replay: the inputs of a log through a new GcsCore, its outputs compared bit by bit with the recorded ones.
 
-The stages before the targets are compared as a log holds them, in single precision.
+The stages of control are compared as a log holds them, in single precision.
 """
 
 import struct
@@ -133,7 +133,7 @@ def _compare_next(entry: Entry, expected: Iterator[Output]) -> Difference | None
     topic, message = replayed
     if topic is not entry.topic:
         return Difference(entry.topic.name, entry.t_ns, "topic", entry.topic.name, topic.name)
-    if topic in STAGES and topic is not topics.TARGET:
+    if topic in STAGES:
         found = _logged_difference(topic, entry.message, message)
     else:
         found = first_difference(entry.message, message)

@@ -15,6 +15,7 @@ from wire.link_messages.address import Address
 from wire.link_messages.setpoints import AttitudeSetpoint
 from wire.logs.mcap_log import Entry
 from wire.mavlink.codec import Codec, decode_packet
+from wire.schema import schema_of
 
 LEANS = InertialError(bias_flu_m_s2=(0.2, -0.15, 0.0))
 JUMP = Fault(family=Family.JUMP, body="f2", after_s=2.5, for_s=0.5, severity=0.5)
@@ -28,7 +29,8 @@ def test_every_setpoint_to_leaning_autopilots_is_the_logged_target() -> None:
     entries: list[Entry] = []
     fly(flight, 5, lambda topic, message, t_ns: entries.append(Entry(topic, t_ns, message)))
     log = from_records(metadata(flight, 5, "memory", T0_NS), entries)
-    targets = {target.t_ns // 1_000_000: target for target in log.target.messages}
+    schema = schema_of(AttitudeTarget)
+    targets = {target.t_ns // 1_000_000: schema.decode(schema.encode(target)) for target in log.target.messages}
     rows = {flight.lab.vehicles[i].sysid: row for row, i in enumerate(flight.lab.commanded)}
     setpoints = [(sysid, m) for _, sysid, m in from_ground(log) if isinstance(m, AttitudeSetpoint)]
     for sysid, sent in setpoints:

@@ -6,6 +6,7 @@ A text with a variable part has `…` in its place. A text that the source only 
 import ast
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -32,18 +33,21 @@ class PassedOn:
     expression: str
 
 
-def sources() -> Iterator[tuple[str, ast.Module]]:
-    """Every module of the packages: its path from the root, and its syntax tree."""
+def sources(*words: str) -> Iterator[tuple[str, ast.Module]]:
+    """Every module of the packages that has one of the words: its path from the root, and its syntax tree."""
     for package in PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
-            yield str(path.relative_to(ROOT)), ast.parse(path.read_text(encoding="utf-8"))
+            text = path.read_text(encoding="utf-8")
+            if any(word in text for word in words):
+                yield str(path.relative_to(ROOT)), ast.parse(text)
 
 
+@cache
 def warnings() -> tuple[list[LoggedText], list[PassedOn]]:
     """What is said with a severity of WARNING or worse, and what is passed on."""
     found: set[LoggedText] = set()
     passed: set[PassedOn] = set()
-    for file, tree in sources():
+    for file, tree in sources("Severity"):
         functions = {node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
         for scope in (tree, *functions.values()):
             for loud, items in _loud_items(scope):
@@ -146,7 +150,7 @@ def reasons() -> list[LoggedText]:
 def rejected_inputs() -> list[LoggedText]:
     """Why an input from outside is dropped: the reasons that `RejectionLog.note` and a camera's feed are given."""
     found: set[LoggedText] = set()
-    for file, tree in sources():
+    for file, tree in sources("note", "refuse", "RejectReason"):
         functions = {node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
         for scope in functions.values():
             for node in ast.walk(scope):
@@ -165,7 +169,7 @@ def rejected_inputs() -> list[LoggedText]:
 def doctor_checks() -> list[str]:
     """The names of what `gcs doctor` checks, parameters of autopilots aside."""
     names: set[str] = set()
-    for file, tree in sources():
+    for file, tree in sources("Finding", "graded", "unmeasured"):
         if "/doctor/" not in file:
             continue
         constants = {

@@ -4,6 +4,8 @@ A run draws the same examples every time and judges no example by the clock: a r
 `--hypothesis-profile=default` searches further.
 """
 
+from pathlib import Path
+
 import pytest
 from hypothesis import settings
 
@@ -17,3 +19,26 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     """Fill the cache of compiled kernels; after the first run on a machine this loads in a second."""
     if not session.config.option.collectonly:
         lockstep.warm_up_all()
+
+
+LANES = {"flights": "flights", "processes and not flights": "processes"}
+"""What `make test` selects for its lanes of processes, and the mark that a file with such a test has in its text."""
+
+
+def has_mark(file: Path, mark: str) -> bool:
+    return f"mark.{mark}" in file.read_text(encoding="utf-8")
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave files unread that have no test of the lane: to import them all takes every worker 20 s."""
+    mark = LANES.get(config.option.markexpr)
+    is_test = collection_path.name.startswith("test_") and collection_path.suffix == ".py"
+    return True if mark is not None and is_test and not has_mark(collection_path, mark) else None
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Reject a test of a lane whose file does not say so: that lane would not see it."""
+    for mark in LANES.values():
+        for file in {item.path for item in items if item.get_closest_marker(mark)}:
+            if not has_mark(file, mark):
+                raise pytest.UsageError(f"{file}: a test has the mark {mark!r}: write `pytest.mark.{mark}` here")

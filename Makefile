@@ -13,7 +13,9 @@ fly: $(VENV)/.fly
 
 # Three at once, since tests of processes wait more than they work: one flight at a time by real processes; the other
 # tests of processes; and, giving way to both, all that only computes. Exit code 5: ARGS leave none of them.
+# Bytecode is kept, whatever the environment says: else each of some hundred processes compiles every module anew.
 define PYTEST
+	export PYTHONDONTWRITEBYTECODE=; \
 	$(BIN)/pytest -m flights $(ARGS) >$(VENV)/flights.log 2>&1 & flights=$$!; \
 	$(BIN)/pytest -n 2 --dist loadfile -m 'processes and not flights' $(ARGS) >$(VENV)/processes.log 2>&1 & waiting=$$!; \
 	nice -n 3 $(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile -m 'not processes' $(ARGS); codes=$$?; \

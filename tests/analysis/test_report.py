@@ -92,6 +92,17 @@ def cut(log: Path) -> Path:
     return path
 
 
+@pytest.fixture(scope="module")
+def reported(log: Path) -> Path:
+    """The report of the whole log."""
+    return report(log)
+
+
+@pytest.fixture(scope="module")
+def page(reported: Path) -> str:
+    return reported.read_text(encoding="utf-8")
+
+
 def test_a_log_read_back_gives_the_numbers_of_its_records(log: Path):
     direct = summarise(from_records(METADATA, records(Recipe(error_lead=shake))))
     read = summarise(load(log))
@@ -124,16 +135,14 @@ class Said:
         self.topic, self.t_ns, self.message = topic, t_ns, message
 
 
-def test_the_report_is_one_light_page_that_fetches_nothing(log: Path):
-    path = report(log)
-    text = path.read_text(encoding="utf-8")
-    assert path == log.with_name("report.html")
-    assert len(text.encode()) < 3_000_000
-    assert re.findall(r'<section id="(\w+)"', text) == SECTIONS
-    assert not re.search(r'src="(?!data:)|href="(?!data:)\w+:|<link|@import', text)
-    assert "Not shown" not in text
+def test_the_report_is_one_light_page_that_fetches_nothing(log: Path, reported: Path, page: str):
+    assert reported == log.with_name("report.html")
+    assert len(page.encode()) < 3_000_000
+    assert re.findall(r'<section id="(\w+)"', page) == SECTIONS
+    assert not re.search(r'src="(?!data:)|href="(?!data:)\w+:|<link|@import', page)
+    assert "Not shown" not in page
     for words in ("Two followers", "landed", "vibration", "lab x, m", "right unseen for"):
-        assert words in text
+        assert words in page
 
 
 def test_a_leader_that_wanders_under_a_tight_formation_is_shown_said_and_pointed_to():
@@ -167,7 +176,7 @@ def test_a_flight_without_any_one_topic_is_still_drawn(missing: Topic):
     assert lacking == LACKING.get(missing.name, set())
 
 
-def test_poses_that_were_not_believed_are_listed_by_body_and_reason_with_their_times():
+def test_poses_that_were_not_believed_are_listed_by_body_and_reason_with_their_times(page: str):
     def rejected(record: Record) -> Record:
         frame, t_s = record.message, (record.t_ns - T0_NS) * 1e-9
         if not isinstance(frame, LabFrame):
@@ -186,11 +195,10 @@ def test_poses_that_were_not_believed_are_listed_by_body_and_reason_with_their_t
     assert jumped.first_s == pytest.approx(7.0, abs=0.05)
     assert jumped.last_s == pytest.approx(9.1, abs=0.05)
     assert (unknown.body, unknown.reason) == ("right", "reason 250, of a later version")
-    page = html(flight, summarise(flight))
-    assert "jumped farther than it can move" in page
+    assert "jumped farther than it can move" in html(flight, summarise(flight))
     untouched = from_records(METADATA, records(Recipe(error_lead=shake)))
     assert rejections(untouched) == ()
-    assert "not believed" not in html(untouched, summarise(untouched))
+    assert "not believed" not in page  # of the same flight
 
 
 def test_a_log_of_nothing_makes_a_page_that_says_what_is_missing():
@@ -246,9 +254,7 @@ def test_gains_nested_without_end_are_left_out(log: Path):
         assert dict(_flown_with(flown))["gains"] == text
 
 
-def test_every_picture_says_in_words_what_it_shows(log: Path):
-    flight = load(log)
-    page = html(flight, summarise(flight))
+def test_every_picture_says_in_words_what_it_shows(page: str):
     spoken = re.findall(r'<svg role="img" aria-label="([^"]+)"', page)
     assert len(spoken) == page.count("<svg") > 10
     assert any("Formation error: length, mm" in words and "left" in words for words in spoken)
@@ -268,9 +274,11 @@ def test_the_picture_is_a_png(log: Path, tmp_path: Path):
     assert picture(log, tmp_path / "flight.png", dpi=60).read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_truncated_log_is_reported_and_says_so(cut: Path, tmp_path: Path):
+def test_a_truncated_log_is_reported_and_says_so(cut: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     page = tmp_path / "r.html"
-    done = CliRunner().invoke(app, ["report", str(cut), "--out", str(page), "--json"])
+    with monkeypatch.context() as undrawn:
+        undrawn.setattr(report_page, "html", lambda *_: "page")
+        done = CliRunner().invoke(app, ["report", str(cut), "--out", str(page), "--json"])
     assert done.exit_code == 1, done.output
     assert json.loads(done.stdout)["report"] == str(page)
     again = CliRunner().invoke(app, ["report", str(cut), "--out", str(page)])
@@ -336,13 +344,12 @@ def test_words_of_drones_and_people_are_shown_not_read(tmp_path: Path):
     picture(path, tmp_path / "flight.png")
 
 
-def test_the_report_links_to_its_data_and_tells_mean_altitudes(log: Path, tmp_path: Path):
-    flight = load(log)
-    page = html(flight, summarise(flight, mcap=log, report=log.with_name("report.html")))
+def test_the_report_links_to_its_data_and_tells_mean_altitudes(log: Path, page: str, tmp_path: Path):
     assert f'<a href="{log.name}">' in page
     assert f'<a href="{log.stem}-csv">CSV</a> after <code>gcs-log export {log.name} --csv</code>' in page
     assert f'<a href="{log.stem}-parquet">Parquet</a>' in page
     assert "mean altitude, m" in page
+    flight = load(log)
     away = html(flight, summarise(flight, mcap=log, report=tmp_path / "elsewhere" / "report.html"))
     assert f'{log.parent.name}/{log.name}">' in away
 
@@ -355,6 +362,7 @@ def test_the_picture_is_written_beside_the_log(log: Path, tmp_path: Path, monkey
     assert not list(tmp_path.iterdir())
 
 
-def test_the_path_of_a_report_comes_with_how_to_open_it(log: Path, tmp_path: Path):
+def test_the_path_of_a_report_comes_with_how_to_open_it(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(report_page, "html", lambda *_: "page")
     done = CliRunner().invoke(app, ["report", str(log), "--out", str(tmp_path / "page.html")])
     assert f"open it in a browser: file://{tmp_path}/page.html" in done.stderr

@@ -1,6 +1,7 @@
 """What the manual tells to run without hardware runs, page by page, in the order of the page."""
 
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -32,12 +33,27 @@ def runs(block: Block) -> list[str]:
 RUNNING = [page for page in pages() if any(runs(block) for block in blocks(page))]
 
 
+SHIPPED = re.compile(r"gcs-sim run (\w+) --seed (\d+) --out (\S+)")
+"""A flight that scenario and seed decide (tests/sim/test_lockstep.py): flown once, whatever page asks for it."""
+
+
 @pytest.fixture(scope="module")
-def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A flight that pages call `flight.mcap`."""
-    folder = tmp_path_factory.mktemp("flight")
-    ran("gcs-sim run triangle_line --seed 7 --out .", folder)
-    return folder / "flight.mcap"
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the flights of shipped scenarios are kept for every page."""
+    return tmp_path_factory.mktemp("kept")
+
+
+def followed(command: str, folder: Path, kept: Path) -> None:
+    """Run a command of a page in its folder; a flight that another page has flown is copied there."""
+    shipped = SHIPPED.fullmatch(command)
+    if shipped is None:
+        ran(command, folder)
+        return
+    name, seed, out = shipped.groups()
+    flown = kept / f"{name}-{seed}"
+    if not flown.exists():
+        ran(f"gcs-sim run {name} --seed {seed} --out {flown.name}", kept)
+    shutil.copytree(flown, folder / out, dirs_exist_ok=True)
 
 
 def ran(command: str, folder: Path) -> None:
@@ -62,8 +78,8 @@ def install_example(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("page", RUNNING, ids=name_of)
-def test_page_runs(page: Path, flight: Path, tmp_path: Path) -> None:
-    shutil.copy(flight, tmp_path / "flight.mcap")
+def test_page_runs(page: Path, kept: Path, tmp_path: Path) -> None:
+    followed("gcs-sim run triangle_line --seed 3 --out .", tmp_path, kept)  # pages call it `flight.mcap`
     install_example(tmp_path)
     labs = Labs(BASE_LAB)
     (tmp_path / "lab.toml").write_text(labs.text)
@@ -76,4 +92,4 @@ def test_page_runs(page: Path, flight: Path, tmp_path: Path) -> None:
             for word in shlex.split(command):
                 if word.endswith(".toml") and not (tmp_path / word).exists():
                     (tmp_path / word).write_text(labs.text)
-            ran(command, tmp_path)
+            followed(command, tmp_path, kept)

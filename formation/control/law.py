@@ -14,7 +14,16 @@ import numpy as np
 from formation.control.gains import AxisGains, CascadeGains, GeometricGains, LagCompensation, Law, SlidingGains
 from formation.control.geometric import tracking_acceleration
 from formation.control.pid import velocity_error, velocity_pid
-from formation.control.prediction import LEADER, WORKSPACE, Known, LawContext, Workspace, motion_at, situation
+from formation.control.prediction import (
+    LEADER,
+    WORKSPACE,
+    Known,
+    LawContext,
+    Workspace,
+    disturbance_at,
+    motion_at,
+    situation,
+)
 from formation.estimation.response import NEVER_NS, SECONDS, SentCommands, attitude_dead_s
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate
@@ -155,7 +164,8 @@ def _horizontal_demand(
     lag_s = known.observers[n].response.attitude_lag_s
     arrival_ns = now_ns + int(attitude_dead_s(known.estimates[n], known.observers[n]) * 1e9)
     hold_ns = arrival_ns if law.compensate else known.estimates[n].t_ns
-    situation(i, n, context, hold_ns, hold_ns + int(lag_s * 1e9) if law.compensate else NEVER_NS, w)
+    later_ns = hold_ns + int(lag_s * 1e9)
+    situation(i, n, context, hold_ns, later_ns if law.compensate else NEVER_NS, w)
     gain = _adaptive_gain(i, law, context)
     boost = gain**law.lag_compensation.p1_power
     for axis in range(2):
@@ -179,14 +189,15 @@ def _horizontal_demand(
     for axis in range(3):
         out.specific_force_lab_m_s2[axis] = w.force[axis]
     pull = law.lag_compensation.gain * gain**law.lag_compensation.gain_power - 1.0
-    z3 = known.estimates[n].dist_lab_m_s2
     for axis in range(2):
-        _ask(axis, law.horizontal, z3[axis], w, out)
+        _ask(axis, law.horizontal, disturbance_at(known, n, axis, hold_ns), w, out)
     bound_sideways(out.acc_lab_m_s2)
     for axis in range(2):
         if law.compensate:
+            z3 = disturbance_at(known, n, axis, hold_ns)
+            rising = disturbance_at(known, n, axis, later_ns) - z3 if uses_disturbance(law.horizontal) else 0.0
             drag_1_s = known.observers[n].drag_1_s[axis]
-            _invert_lag(axis, lag_s * law.lag_compensation.rate, pull, z3[axis], drag_1_s, w, out)
+            _invert_lag(axis, lag_s * law.lag_compensation.rate, pull, z3, rising, drag_1_s, w, out)
 
 
 @kernel
@@ -213,7 +224,7 @@ def _vertical_demand(
         )
         _ask(axis, law.vertical, z3, w, out)
         drag_1_s = known.observers[n].drag_1_s[axis]
-        _invert_lag(axis, lag_s * law.lag_compensation.rate, 0.0, z3, drag_1_s, w, out)
+        _invert_lag(axis, lag_s * law.lag_compensation.rate, 0.0, z3, 0.0, drag_1_s, w, out)
     for order in range(3):
         out.motion[order, 2] = w.mine[order, 2]
     size = sqrt(w.force[0] * w.force[0] + w.force[1] * w.force[1] + w.force[2] * w.force[2])
@@ -351,14 +362,16 @@ def bound_sideways(acc: Float) -> None:
 
 
 @kernel
-def _invert_lag(axis: int, ahead_s: float, pull: float, z3: float, drag_1_s: float, w: Workspace, out: Demand) -> None:
+def _invert_lag(
+    axis: int, ahead_s: float, pull: float, z3: float, rising: float, drag_1_s: float, w: Workspace, out: Demand
+) -> None:
     """What is added to one axis's demand to invert the lag.
 
-    ahead_s: how far the feedback's own rate is sent ahead; drag_1_s: see ObserverSettings, for the drag too is needed
-    ahead; pull: how much harder than needed the command pulls at what
-    the predicted acceleration misses.
+    ahead_s: how far the feedback's own rate is sent ahead; z3, rising: Z3 when the command holds, and what it rises by
+    in the lag; drag_1_s: see ObserverSettings, for the drag too is needed ahead; pull: how much harder than needed the
+    command pulls at what the predicted acceleration misses.
     """
-    coming = w.lab_later[2, axis] - w.lab[2, axis] + ahead_s * w.feedback_rate[axis]
+    coming = w.lab_later[2, axis] - w.lab[2, axis] + ahead_s * w.feedback_rate[axis] - rising
     coming += drag_1_s * (w.lab_later[1, axis] - w.lab[1, axis])
     missing = out.acc_lab_m_s2[axis] - (w.mine[2, axis] - z3)
     out.lead_acc_lab_m_s2[axis] = coming + pull * missing

@@ -10,6 +10,7 @@ from typing import Annotated, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from formation.estimation.observers import RATE_DECAY_1_S, disturbance_rate
 from formation.estimation.response import NEVER_NS, SECONDS, SentCommands, answer, attitude_dead_s
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate
@@ -124,8 +125,8 @@ def motion_at(known: Known, n: int, to_ns: int, out: Float, force: Float) -> Non
     """Motion of vehicle n at to_ns into out (3, 4), and the modelled specific force then into force (3).
 
     A commanded vehicle answers its past commands by dead time and lag; one that is only observed goes on turning its
-    force at a decaying rate. Z3 is taken to last. Drag, f(x) of Eq. (4), slows a commanded
-    vehicle: the velocity loses drag_1_s times the distance, by the trapezoidal rule.
+    force at a decaying rate. So does Z3 along x and y; Z3 of the height is taken to last. Drag, f(x) of Eq. (4), slows
+    a commanded vehicle: the velocity loses drag_1_s times the distance, by the trapezoidal rule.
     """
     z, observer = known.estimates[n], known.observers[n]
     h = (to_ns - z.t_ns) * SECONDS
@@ -146,20 +147,32 @@ def motion_at(known: Known, n: int, to_ns: int, out: Float, force: Float) -> Non
             speed[axis], travel[axis] = force[axis] * h + turn * swung, 0.5 * force[axis] * h * h + turn * swept
             force[axis] += turn * turned
     scale = z.thrust_scale
+    risen, swung, swept = decaying(h, RATE_DECAY_1_S)
     for axis in range(3):
-        steady = z.dist_lab_m_s2[axis]
-        if axis == 2 and commanded:
+        steady, rate = z.dist_lab_m_s2[axis], 0.0
+        if axis < 2:
+            rate = disturbance_rate(z, axis, observer)
+        elif commanded:
             steady -= GRAVITY_M_S2
         drag = observer.drag_1_s[axis]
-        free = h * z.vel_lab_m_s[axis] + scale * travel[axis] + 0.5 * h * h * steady
+        free = h * z.vel_lab_m_s[axis] + scale * travel[axis] + 0.5 * h * h * steady + swept * rate
         moved = free / (1.0 + 0.5 * drag * h)  # the integral of the distance is about h / 2 times it
         out[0, axis] = z.pos_lab_m[axis] + moved
-        out[1, axis] = z.vel_lab_m_s[axis] + scale * speed[axis] + h * steady - drag * moved
-        out[2, axis] = scale * force[axis] + steady - drag * out[1, axis]
+        out[1, axis] = z.vel_lab_m_s[axis] + scale * speed[axis] + h * steady + swung * rate - drag * moved
+        out[2, axis] = scale * force[axis] + steady + risen * rate - drag * out[1, axis]
     turning = z.motion[2, 3]
     out[0, 3] = z.yaw_rad + h * z.yaw_rate_rad_s + 0.5 * h * h * turning
     out[1, 3] = z.yaw_rate_rad_s + h * turning
     out[2, 3] = turning
+
+
+@kernel
+def disturbance_at(known: Known, n: int, axis: int, to_ns: int) -> float:
+    """Z3 of vehicle n along x or y at to_ns, m/s^2: it goes on at its rate, which decays."""
+    z = known.estimates[n]
+    risen, _, _ = decaying((to_ns - z.t_ns) * SECONDS, RATE_DECAY_1_S)
+    value: float = z.dist_lab_m_s2[axis] + risen * disturbance_rate(z, axis, known.observers[n])
+    return value
 
 
 @kernel

@@ -29,6 +29,10 @@ rise with the weight and the vehicle is slower than believed, sets them apart to
 again. So reversals count against the weight: n of late leave 1 / (1 + (n / 2)^8) of it. What is late is a matter of the
 observers' bandwidth, which follows the vehicle. What remains is the loop of the slow observer, whose delay margin is
 known (formation.control.margin).
+
+*Rate* of Z3 along x and y: how far Z3 is from its low-pass, over that filter's lag, by the weight of the fast observer.
+A command answers the push of the time when it takes effect, and till then the push goes on at this rate, which decays
+(formation.control.prediction).
 """
 
 from math import exp, pi, sqrt
@@ -53,6 +57,7 @@ ACCEL_NOISE_M_S2 = (0.05, 1.5)  # the least and the most that is believed
 REMEMBERED = 84.0  # time constants of the fast observer, for which a change of sides is remembered
 REVERSALS, SIGN_LEAST = 2.0, 0.5  # a swing's least; share of noise for a sign
 PUSH_MOST_M_S2 = 14.0  # as much as Z3 may be
+RATE_LAG, RATE_DECAY_1_S = 5.0, 10.0  # of the rate of Z3: filter, time constants of the fast observer; its decay
 
 
 @kernel
@@ -278,6 +283,27 @@ def observe_parallel(
         z.pos_lab_m[axis] += z.fast_weight * z.fast_minus_slow[0, axis]
         z.vel_lab_m_s[axis] += z.fast_weight * z.fast_minus_slow[1, axis]
         z.dist_lab_m_s2[axis] += z.fast_weight * z.fast_minus_slow[2, axis]
+
+
+@kernel
+def follow_disturbance(z: VehicleEstimate, dt_s: float, settings: ObserverSettings) -> None:
+    """Low-pass Z3 along x and y: how far Z3 is from that gives its rate (`disturbance_rate`)."""
+    share = 1.0 - exp(-dt_s * settings.parallel.bandwidth_rad_s / RATE_LAG)
+    for axis in range(2):
+        z.dist_late_lab_m_s2[axis] += share * (z.dist_lab_m_s2[axis] - z.dist_late_lab_m_s2[axis])
+
+
+@kernel
+def disturbance_rate(z: VehicleEstimate, axis: int, settings: ObserverSettings) -> float:
+    """Rate of Z3 along x or y, m/s^3, by the weight of the fast observer: in calm air it is noise.
+
+    A push changes sides once, as it ends. What does so again swings, and would be fed.
+    """
+    reversals = z.reversals[axis]
+    weight = z.fast_weight * (1.0 - blending_weight(reversals * reversals))
+    lag_1_s = settings.parallel.bandwidth_rad_s / RATE_LAG
+    rate: float = weight * lag_1_s * (z.dist_lab_m_s2[axis] - z.dist_late_lab_m_s2[axis])
+    return rate
 
 
 @kernel

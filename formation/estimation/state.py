@@ -41,6 +41,7 @@ class VehicleEstimate:
     pos_lab_m: Vec3
     vel_lab_m_s: Vec3
     dist_lab_m_s2: Vec3
+    dist_late_lab_m_s2: Vec2
     q_lab_from_flu: Quat
     yaw_rad: float
     yaw_rate_rad_s: float

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from formation.estimation.observers import (
     adapt,
+    follow_disturbance,
     height_gain,
     learn_noise,
     observe_heading,
@@ -196,6 +197,7 @@ def observe(
         observe_axis(z, axis, pos_lab_m[axis], seen, model[axis], dt_s, s)
     for axis in range(3):
         z.dist_lab_m_s2[axis] = min(max(z.dist_lab_m_s2[axis], -DIST_MAX_M_S2), DIST_MAX_M_S2)
+    follow_disturbance(z, dt_s, s)
     if airborne and commanded and seen and z.specific_force_lab_m_s2[2] > LIFT_LEAST * GRAVITY_M_S2:
         learn_thrust_scale(z, dt_s, s)
     observe_heading(z, seen, dt_s, s)

@@ -83,6 +83,7 @@ class Estimate:
     seen_ns: int | None
     vel: np.ndarray = field(default_factory=lambda: np.zeros(3))
     dist: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    dist_late: np.ndarray = field(default_factory=lambda: np.zeros(2))  # low-passed
     force: np.ndarray = field(default_factory=lambda: np.zeros(3))
     force_rate: np.ndarray = field(default_factory=lambda: np.zeros(3))
     lift: float = 0.0
@@ -183,6 +184,7 @@ def update(
             )
         k.pos[axis], k.vel[axis], k.dist[axis] = z
     k.dist = np.clip(k.dist, -14.0, 14.0)
+    k.dist_late = k.dist_late + (1.0 - np.exp(-dt * has.second.w / 5.0)) * (k.dist[:2] - k.dist_late)
     if has.commanded and airborne and seen and k.force[2] > 0.3 * G:
         was = k.strength
         k.strength = float(np.clip(was + dt / (has.strength_lag_s + dt) * k.dist[2] / k.force[2], 0.5, 2.0))
@@ -345,6 +347,17 @@ def _heading(k: Estimate, has: Traits, seen: bool, dt: float, turn: float) -> No
         k.turn_ratio = max(beyond, k.turn_ratio * np.exp(-dt / second.hold_s))
         fast_weight = k.turn_ratio**4 / (1.0 + k.turn_ratio**4)
     k.heading = stepped + fast_weight * k.fast_heading
+
+
+def dist_rate(k: Estimate, has: Traits) -> np.ndarray:
+    """Of a push that the fast observer sees, along x and y, and that has not changed sides more often than once."""
+    weight = k.fast_weight / (1.0 + k.turns**8)
+    return np.append(weight * has.second.w / 5.0 * (k.dist[:2] - k.dist_late), 0.0)
+
+
+def dist_after(k: Estimate, has: Traits, h: float) -> np.ndarray:
+    """Z3 in h: it goes on at its rate, which decays in 0.1 s."""
+    return k.dist + dist_rate(k, has) * 0.1 * (1.0 - np.exp(-h / 0.1))
 
 
 def age_s(k: Estimate) -> float:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tests.formation.oracles.estimator import Estimate, G, Traits, attitude_answer, turning
+from tests.formation.oracles.estimator import Estimate, G, Traits, attitude_answer, dist_after, dist_rate, turning
 from tests.formation.oracles.frames import rot_z, to_lab, to_lead
 from tests.formation.oracles.powers import sig, super_twisting_backward
 from tests.formation.oracles.response import SECONDS, answered
@@ -156,9 +156,13 @@ def predict(
         force = k.force + k.force_rate * once
         speed, travel = k.force * h + k.force_rate * twice, 0.5 * k.force * h**2 + k.force_rate * thrice
     motion = np.zeros((3, 4))
-    moved = (h * k.vel + k.strength * travel + 0.5 * h**2 * steady) / (1.0 + 0.5 * h * has.drag)  # trapezoid of v'
+    rises = 0.1 * dist_rate(k, has)  # in the end, by exp(-t / 0.1)
+    twice = h - 0.1 * (1.0 - np.exp(-10.0 * h))
+    pushed, swept = h * steady + rises * twice, 0.5 * h**2 * steady + rises * (0.5 * h**2 - 0.1 * twice)
+    moved = (h * k.vel + k.strength * travel + swept) / (1.0 + 0.5 * h * has.drag)  # trapezoid of v'
     motion[0, :3] = k.pos + moved
-    motion[1, :3] = k.vel + k.strength * speed + h * steady - has.drag * moved
+    motion[1, :3] = k.vel + k.strength * speed + pushed - has.drag * moved
+    steady = steady + dist_after(k, has, h) - k.dist
     motion[2, :3] = k.strength * force + steady - has.drag * motion[1, :3]
     alpha = turning(k, has, turn)
     motion[:, 3] = k.heading[0] + h * k.heading[1] + 0.5 * h**2 * alpha, k.heading[1] + h * alpha, alpha
@@ -230,14 +234,16 @@ class Compensator:
                 back[a], back_rate[a] = fed.back, fed.back_rate
                 kept = memory[a] if frozen and abs(fed.memory) > abs(memory[a]) else fed.memory
                 out.memory[a] = kept if airborne else 0.0
-            acc = eq_7(slot, frame, error, back) - (known.dist if fed.takes_off_z3 else 0.0)
+            dist, later = (dist_after(known, has, (t - known.t_ns) * SECONDS) for t in (hold_ns, later_ns))
+            acc = eq_7(slot, frame, error, back) - (dist if fed.takes_off_z3 else 0.0)
             if axes == [0, 1]:
                 acc[:2] *= min(1.0, 11.7 / max(np.linalg.norm(acc[:2]), 1e-9))
             lead_acc = np.zeros(3)
             if compensate:
                 ahead = self.lab_reference(i, later_ns, lead_later) - to_lab(slot, frame)
                 rising = ahead[2, :3] + has.drag * ahead[1, :3]
-                missing = acc - (mine.motion[2, :3] - known.dist)
+                rising = rising - (later - dist if fed.takes_off_z3 else 0.0)
+                missing = acc - (mine.motion[2, :3] - dist)
                 pull = flight.quick.gain * mu**flight.quick.gain_power - 1.0 if axes == [0, 1] else 0.0
                 lead_acc = rising + lag * flight.quick.rate * (rot_z(frame[0, 3]) @ back_rate) + pull * missing
             if axes == [0, 1]:

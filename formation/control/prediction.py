@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from formation.estimation.observers import RATE_DECAY_1_S, disturbance_rate
+from formation.estimation.observers import disturbance_rate
 from formation.estimation.response import NEVER_NS, SECONDS, SentCommands, answer, attitude_dead_s
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate
@@ -22,6 +22,7 @@ from formation.maths.records import Rows, dtype_of
 from formation.paper.eq2_relative_frame import copy_motion, lead_from_lab
 from formation.vehicle.body import GRAVITY_M_S2
 
+RATE_DECAY_1_S = 10.0  # of the rate of Z3: a push does not rise for ever
 LEADER = cast(int, np.int64(0))  # a literal 0 would be a type of its own, and the prediction compiled once more
 
 

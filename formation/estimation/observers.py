@@ -57,7 +57,7 @@ ACCEL_NOISE_M_S2 = (0.05, 1.5)  # the least and the most that is believed
 REMEMBERED = 84.0  # time constants of the fast observer, for which a change of sides is remembered
 REVERSALS, SIGN_LEAST = 2.0, 0.5  # a swing's least; share of noise for a sign
 PUSH_MOST_M_S2 = 14.0  # as much as Z3 may be
-RATE_LAG, RATE_DECAY_1_S = 5.0, 10.0  # of the rate of Z3: filter, time constants of the fast observer; its decay
+RATE_LAG = 5.0  # of the filter that the rate of Z3 comes from, in time constants of the fast observer
 RATE_REVERSALS = 0.5  # changes of side of late, with which it counts by half
 
 

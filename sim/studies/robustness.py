@@ -20,7 +20,6 @@ from sim.cameras.emulator import EmulatorConfig, Gap
 from sim.scenario import LinkModel, Scenario, TrueVehicle, flown_by, load
 from sim.studies import push
 from sim.studies.experiments import FORMATION_S, SCENARIOS, Experiment
-from sim.studies.push import share_most
 
 MASS = INERTIA = 0.3
 CURVE = 0.1
@@ -100,7 +99,7 @@ def scenario_of(draw: Draw) -> Scenario:
     }
     if kind is Experiment.PUSH:
         flown = believed.model_copy(update=vehicles[0].vehicle)
-        most = share_most(flown, lab.limits.tilt_rad)
+        most = push.share_most(flown, lab.limits.tilt_rad)
         update |= push.push_of(lab, float(rng.uniform(0.0, most)))
     elif kind is not Experiment.GUST:
         update["formation_s"] = FORMATION_S

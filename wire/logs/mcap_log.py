@@ -33,7 +33,7 @@ from wire.logs.mcap_read import (
     check_log,
     read_log,
 )
-from wire.logs.views import CALM, UNSHOWN, Views
+from wire.logs.views import CALM, Views
 from wire.private_files import private
 from wire.process.priority import lower_priority
 from wire.schema import schema_of
@@ -108,9 +108,8 @@ class LogWriter:
             self._calm = message.phase in CALM
         unix_ns = t_ns + self._ahead_ns
         self._append(channel, unix_ns, encode(message))
-        if topic.name not in UNSHOWN:
-            for number, data in self._views.of(topic, message, t_ns, unix_ns):
-                self._append(number, unix_ns, data)
+        for number, data in self._views.of(topic, message, t_ns, unix_ns):
+            self._append(number, unix_ns, data)
         if self._thread is None and len(self._pending) >= _CHUNK_MESSAGES:
             self._drain()
 

@@ -29,8 +29,6 @@ CALM_NS = 100_000_000
 """The least spacing of frames while nobody is armed."""
 CALM = frozenset({m.Phase.GROUND})
 LINES = frozenset({topics.EVENT.name, topics.MOCAP_EVENT.name, topics.REJECTED.name})
-UNSHOWN = frozenset({topics.LINK_DOWN.name, topics.TRUTH.name, topics.INNOVATION.name})
-"""Topics, frequent ones, of which no view is made."""
 
 AddChannel = Callable[[str, str, bytes], int]
 """(topic, schema's name, descriptor set) -> the channel's number."""

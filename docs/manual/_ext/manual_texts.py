@@ -33,13 +33,11 @@ class PassedOn:
     expression: str
 
 
-def sources(*words: str) -> Iterator[tuple[str, ast.Module]]:
-    """Every module of the packages that has one of the words: its path from the root, and its syntax tree."""
-    for package in PACKAGES:
-        for path in sorted((ROOT / package).rglob("*.py")):
-            text = path.read_text(encoding="utf-8")
-            if any(word in text for word in words):
-                yield str(path.relative_to(ROOT)), ast.parse(text)
+@cache
+def sources() -> tuple[tuple[str, ast.Module], ...]:
+    """Every module of the packages: its path from the root, and its syntax tree."""
+    paths = (path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py")))
+    return tuple((str(path.relative_to(ROOT)), ast.parse(path.read_text(encoding="utf-8"))) for path in paths)
 
 
 @cache
@@ -47,7 +45,7 @@ def warnings() -> tuple[list[LoggedText], list[PassedOn]]:
     """What is said with a severity of WARNING or worse, and what is passed on."""
     found: set[LoggedText] = set()
     passed: set[PassedOn] = set()
-    for file, tree in sources("Severity"):
+    for file, tree in sources():
         functions = {node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
         for scope in (tree, *functions.values()):
             for loud, items in _loud_items(scope):
@@ -150,7 +148,7 @@ def reasons() -> list[LoggedText]:
 def rejected_inputs() -> list[LoggedText]:
     """Why an input from outside is dropped: the reasons that `RejectionLog.note` and a camera's feed are given."""
     found: set[LoggedText] = set()
-    for file, tree in sources("note", "refuse", "RejectReason"):
+    for file, tree in sources():
         functions = {node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
         for scope in functions.values():
             for node in ast.walk(scope):
@@ -169,7 +167,7 @@ def rejected_inputs() -> list[LoggedText]:
 def doctor_checks() -> list[str]:
     """The names of what `gcs doctor` checks, parameters of autopilots aside."""
     names: set[str] = set()
-    for file, tree in sources("Finding", "graded", "unmeasured"):
+    for file, tree in sources():
         if "/doctor/" not in file:
             continue
         constants = {

@@ -23,6 +23,8 @@ from wire.logs.mcap_log import Entry, LogWriter
 Progress = Callable[[float, str], None]
 """Called with the simulated seconds and the phase, every tenth of a simulated second."""
 
+ANY_SCENARIO = "triangle_line"
+"""Flies all that is compiled."""
 WARM_UP_NS = 300_000_000
 PROGRESS_NS = 100_000_000
 AFTER_NS = 500_000_000
@@ -68,16 +70,21 @@ def run_and_load(
 
 def warm_up(scenario: Scenario) -> None:
     """Compile all that a flight of the scenario runs; processes started later find it in the cache on disk."""
-    gcs_warm_up.warm_up(scenario.lab)
+    estimate.warm_up()
     world = World(scenario, scenario.seed, lambda _topic, _message, _t_ns: None)
     while world.now_ns < T0_NS + WARM_UP_NS:
         world.step()
+    gcs_warm_up.warm_up(scenario.lab)
 
 
 def warm_up_all() -> None:
-    """Compile all that any flight runs, with and without a bridge."""
-    warm_up(load("triangle_line"))
-    estimate.warm_up()
+    """Compile all that any flight runs."""
+    warm_up(load(ANY_SCENARIO))
+
+
+def warm_up_ground() -> None:
+    """Compile what the ground runs in any flight: half of it all."""
+    gcs_warm_up.warm_up(load(ANY_SCENARIO).lab)
 
 
 def fly(

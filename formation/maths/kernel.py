@@ -19,7 +19,7 @@ from numba.extending import register_jitable
 P = ParamSpec("P")
 R = TypeVar("R")
 Begun = Callable[[str, int, int], None]
-"""Called with the kernel that is compiled now, how many are begun with it, and how many kernels there are."""
+"""Called with the kernel that is compiled now, how many there are with it, and how many there will be."""
 
 
 def kernel(function: Callable[P, R], calls: tuple[Callable[..., object], ...] = ()) -> Callable[P, R]:
@@ -77,10 +77,16 @@ class _Listener(event.Listener):
         name = f"{function.__module__}.{function.__qualname__}"
         if name in self._kernels and name not in self._seen:
             self._seen.add(name)
-            self._begun(name, len(self._seen), len(self._kernels))
+            self._begun(name, compiled_count() + 1, len(self._kernels))
 
     def on_end(self, event: Any) -> None:
         pass
+
+
+def compiled_count() -> int:
+    """How many kernels are in the cache on disk, whoever compiled them."""
+    cache: str = numba.config.CACHE_DIR  # type: ignore[attr-defined]
+    return len(list(Path(cache).rglob("*.nbi")))
 
 
 def _kernels() -> set[str]:

@@ -179,12 +179,12 @@ def check_lab(opened: Opened) -> None:
 
 def compile_for(scenario: Scenario) -> None:
     """Everything that any process of the scenario runs; the processes find it in the cache on disk."""
-    compile_all("gcs-sim", lambda: lockstep.warm_up(scenario), sys.stderr)
+    compile_all("gcs-sim", lambda: lockstep.warm_up(scenario), sys.stderr, beside=lockstep.warm_up_ground)
 
 
 def compile_everything() -> None:
-    """What any flight runs, with and without a bridge."""
-    compile_all("gcs-sim", lockstep.warm_up_all, sys.stderr)
+    """What any flight runs."""
+    compile_all("gcs-sim", lockstep.warm_up_all, sys.stderr, beside=lockstep.warm_up_ground)
 
 
 def _quaternion(text: str) -> QuatTuple:

@@ -121,6 +121,35 @@ def soak(
         raise typer.Exit(FAILED)
 
 
+@app.command()
+def swarm(
+    followers: Annotated[int, typer.Option(min=1, max=249, help="How many follow.")] = 99,
+    seconds: Annotated[float, typer.Option(min=1.0, help="Of hover; a hundred drones take minutes.")] = 10.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")] = False,
+) -> None:
+    """Hover with many drones, in lockstep; exit code 1 if one did not land, or two came too near to each other."""
+    from rich.console import Console
+
+    from sim.cli.flights import compile_everything
+    from sim.studies.scale.swarm import swarm as hover_with_many
+
+    compile_everything()
+    console = Console(stderr=True, markup=False)
+    with console.status("starting") as status:
+        result = hover_with_many(followers, seconds, status.update)
+    if as_json:
+        print(result.to_json())
+    else:
+        Console(markup=False).print(
+            f"{result.drones} drones, {result.simulated_s:.0f} s at {result.speed:.2f} times real time, "
+            f"{result.outcome}: never nearer than {result.separation_m:.2f} m (limit {result.min_separation_m:g}), "
+            f"the ground's tick {result.tick.p50_us * 1e-3:.2f} ms (median), {result.tick.p99_us * 1e-3:.2f} ms (99 %)",
+            soft_wrap=True,
+        )
+    if not result.is_good:
+        raise typer.Exit(FAILED)
+
+
 def _security_table(figures: "Figures") -> "Table":
     """A row a figure."""
     from rich.table import Table

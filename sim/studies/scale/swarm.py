@@ -1,0 +1,85 @@
+"""`gcs-sim benchmark swarm`: many drones take off, hover and land, in lockstep.
+
+How near they came to each other is judged; what a tick of the ground takes of the CPU is shown.
+"""
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from formation.messages import Phase
+from formation.safety.rules import nearest
+from gcs.core import GcsCore
+from sim.lockstep import uncollected
+from sim.studies.bench import Timing, timed
+from sim.studies.scale.soak import hover
+from sim.world import T0_NS, World
+
+Progress = Callable[[str], None]
+SAMPLED_NS = 100_000_000
+FLYING = (Phase.TAKEOFF, Phase.HOLD, Phase.LAND)
+
+
+@dataclass(frozen=True, slots=True)
+class Swarm:
+    """A hover of so many drones, and how it ended.
+
+    separation_m: the least between two with motors on, sampled ten times a second; min_separation_m: what the lab's
+    limits allow. tick: of the ground, with motors on, CPU time. speed: simulated seconds in one of CPU time.
+    """
+
+    drones: int
+    outcome: str
+    simulated_s: float
+    separation_m: float
+    min_separation_m: float
+    tick: Timing
+    speed: float
+
+    @property
+    def is_good(self) -> bool:
+        """Whether all landed, and none came too near."""
+        return self.outcome == "landed" and self.separation_m >= self.min_separation_m
+
+    def to_json(self) -> str:
+        """Indented JSON of every field."""
+        return json.dumps(asdict(self), indent=2, allow_nan=False)
+
+
+def swarm(followers: int, hover_s: float, progress: Progress) -> Swarm:
+    """Fly it; no log is written."""
+    scenario = hover(followers, hover_s)
+    world = World(scenario, scenario.seed, lambda _topic, _message, _t_ns: None)
+    separation_m, flying_us, begun_s = np.inf, list[float](), time.process_time()
+    end_ns, sample_ns = T0_NS + round(scenario.longest_s * 1e9), T0_NS
+    with uncollected(), timed(GcsCore, "tick", time.thread_time_ns) as ticks_us:
+        while world.now_ns < end_ns and world.operator.outcome is None:
+            world.step()
+            if world.phase in FLYING:
+                flying_us += ticks_us
+            ticks_us.clear()
+            if world.now_ns >= sample_ns:
+                sample_ns += SAMPLED_NS
+                separation_m = min(separation_m, _separation_m(world))
+                progress(f"{(world.now_ns - T0_NS) * 1e-9:.0f} s, {world.phase.name}")
+    simulated_s, used_s = (world.now_ns - T0_NS) * 1e-9, time.process_time() - begun_s
+    outcome = world.operator.outcome
+    return Swarm(
+        followers + 1,
+        outcome.result if outcome else f"not over after {scenario.longest_s:g} s",
+        simulated_s,
+        separation_m,
+        scenario.lab.limits.min_separation_m,
+        Timing.of(flying_us),
+        simulated_s / used_s,
+    )
+
+
+def _separation_m(world: World) -> float:
+    """The least distance of two drones with motors on."""
+    samples = world.samples()
+    pos, armed = np.array([s.pos_lab_m for s in samples]), np.array([s.armed for s in samples])
+    return float(nearest(pos, armed).min())

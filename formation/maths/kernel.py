@@ -77,7 +77,8 @@ class _Listener(event.Listener):
         name = f"{function.__module__}.{function.__qualname__}"
         if name in self._kernels and name not in self._seen:
             self._seen.add(name)
-            self._begun(name, compiled_count() + 1, len(self._kernels))
+            count = compiled_count() + 1
+            self._begun(name, count, max(count, len(self._kernels)))
 
     def on_end(self, event: Any) -> None:
         pass

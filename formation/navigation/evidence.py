@@ -210,6 +210,8 @@ def find_fault(bank: Bank, i: int, t_ns: int, fault: Fault) -> int:
             first = slot * columns + shape.first
             statistic = statistic_of(evidence, information, first, shape.axes, amplitude, lower, half)
             size = sqrt(amplitude[0] ** 2 + amplitude[1] ** 2 + amplitude[2] ** 2)
+            if shape.position == LATE or shape.position == LATER:
+                size = amplitude[0]  # poses come later by a fault, and never from the future
             if statistic > most * shape.threshold * CLEARLY and shape.least <= size <= shape.most:
                 most, found = statistic / shape.threshold, slot
                 fault.row, fault.t_ns, fault.statistic = row, t_ns, statistic

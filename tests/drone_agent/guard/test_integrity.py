@@ -111,6 +111,12 @@ def test_nothing_is_found_where_nothing_is_wrong(kind: str) -> None:
     assert fly(navigator(flight), sensed(Motion(flight), 20.0)) == []
 
 
+def test_poses_that_come_earlier_are_named_no_delay() -> None:
+    """No camera shows the future: what looks like it is noise, or poses that were late before."""
+    _, faults, _ = detected(Flight(n=20, seed=33), delayed(-0.05))
+    assert not [fault for fault in faults if "delay" in fault.signature.name]
+
+
 class TakingOff(Motion):
     """Stands until AT_S, then moves as the flight does, faded in within a second."""
 

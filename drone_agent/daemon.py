@@ -4,14 +4,13 @@ import asyncio
 import sys
 
 from drone_agent.autopilots import parameter_file
-from drone_agent.bridge import estimate
 from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
-from drone_agent.flight import position
 from drone_agent.guarded import GuardedDrone
 from drone_agent.link.awaited import awaited_bus, awaited_pose
 from drone_agent.link.ground_link import open_ground_link
 from drone_agent.timer import DeadlineTimer
+from drone_agent.warm_up import warm_up
 from formation.messages import Datagram, LabFrame
 from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
@@ -130,5 +129,4 @@ def _core(config: AgentConfig, clock: Clock) -> Drone:
 
 def _warm_up(core: Drone, clock: Clock) -> None:
     core.truth(clock.monotonic_ns())
-    position.warm_up()
-    estimate.warm_up()
+    warm_up()

@@ -4,13 +4,12 @@ import asyncio
 import sys
 from math import inf
 
-from drone_agent.bridge import estimate
 from drone_agent.bridge.core import BridgeCore
 from drone_agent.config import AgentConfig
-from drone_agent.flight import position
 from drone_agent.link.awaited import awaited_bus, awaited_pose
 from drone_agent.link.ground_link import open_ground_link
 from drone_agent.timer import DeadlineTimer
+from drone_agent.warm_up import warm_up
 from formation.messages import Datagram, LabFrame
 from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
@@ -109,12 +108,6 @@ async def run_bridge(config: AgentConfig, autopilot: str, report: EventSink, clo
                 link.close()
         if bus is not None:
             await bus.close()
-
-
-def warm_up() -> None:
-    """Compile what the bridge calls."""
-    position.warm_up()
-    estimate.warm_up()
 
 
 def _awaited_autopilot(where: str, sysid: int, core: BridgeCore) -> Awaited:

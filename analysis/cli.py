@@ -188,7 +188,6 @@ def identify(
     """Estimate what the controller must know of each drone: response, thrust, noise, delay."""
     from rich.console import Console
 
-    from analysis.console import print_identification
     from analysis.identify import report as identified
     from analysis.identify import vehicle as identification
     from analysis.load import load
@@ -202,7 +201,7 @@ def identify(
     if as_json:
         typer.echo(identified.to_json(found))
     else:
-        print_identification(found, Console())
+        identified.print_identification(found, Console())
         typer.echo(path)
 
 

@@ -1,12 +1,10 @@
-"""A summary, a check and an identification as a person reads them in a terminal."""
+"""A summary, a comparison and a check as a person reads them in a terminal."""
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from analysis.check import Check
-from analysis.identify.report import drone_lines, sensing_lines
-from analysis.identify.vehicle import Identification
 from analysis.metrics import Summary
 from analysis.pages.compare import Side, configuration, numbers
 from analysis.words import counted, mm
@@ -88,28 +86,3 @@ def print_check(check: Check, console: Console) -> None:
     console.print(table)
     if check.lost:
         console.print(f"Not to be had from it: {', '.join(check.lost)}.", highlight=False, markup=False)
-
-
-def print_identification(found: Identification, console: Console) -> None:
-    """Every estimate beside what the profile assumes."""
-    for drone in found.drones:
-        title = Text(f"{drone.vehicle.body} (drone {drone.vehicle.sysid})")
-        table = Table(title=title, title_justify="left", box=None)
-        table.add_column(style="dim")
-        table.add_column("estimate")
-        table.add_column(Text(drone.base.name), style="dim")
-        for line in drone_lines(drone):
-            table.add_row(line.name, line.words(), line.assumed_words())
-        for reason in (drone.response, drone.thrust):
-            if isinstance(reason, str):
-                table.add_row("untold", reason, "")
-        console.print(table)
-    if isinstance(found.sensing, str):
-        console.print(f"mocap: {found.sensing}", highlight=False)
-        return
-    table = Table(title="motion capture", title_justify="left", box=None)
-    table.add_column(style="dim")
-    table.add_column("estimate")
-    for line in sensing_lines(found.sensing):
-        table.add_row(line.name, line.words())
-    console.print(table)

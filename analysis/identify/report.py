@@ -6,6 +6,10 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
 from analysis import page
 from analysis.identify.estimate import Estimate
 from analysis.identify.response import Response
@@ -81,6 +85,31 @@ def sensing_lines(sensing: Sensing) -> Iterator[Line]:
     for noise in sensing.noise:
         yield Line(f"noise_{noise.body}_m", f"position noise, {noise.body}", noise.pos_m, None, 1e3, "mm")
         yield Line(f"noise_{noise.body}_rad", f"attitude noise, {noise.body}", noise.attitude_rad, None, 1e3, "mrad")
+
+
+def print_identification(found: Identification, console: Console) -> None:
+    """Every estimate beside what the profile assumes."""
+    for drone in found.drones:
+        title = Text(f"{drone.vehicle.body} (drone {drone.vehicle.sysid})")
+        table = Table(title=title, title_justify="left", box=None)
+        table.add_column(style="dim")
+        table.add_column("estimate")
+        table.add_column(Text(drone.base.name), style="dim")
+        for line in drone_lines(drone):
+            table.add_row(line.name, line.words(), line.assumed_words())
+        for reason in (drone.response, drone.thrust):
+            if isinstance(reason, str):
+                table.add_row("untold", reason, "")
+        console.print(table)
+    if isinstance(found.sensing, str):
+        console.print(f"mocap: {found.sensing}", highlight=False)
+        return
+    table = Table(title="motion capture", title_justify="left", box=None)
+    table.add_column(style="dim")
+    table.add_column("estimate")
+    for line in sensing_lines(found.sensing):
+        table.add_row(line.name, line.words())
+    console.print(table)
 
 
 def to_json(found: Identification) -> str:

@@ -121,7 +121,6 @@ def compare(
     """Hold two flights side by side: numbers, overlaid pictures, and what was not the same in their configuration."""
     from rich.console import Console
 
-    from analysis.console import print_comparison
     from analysis.pages import compare as comparing
 
     path = first.with_name("compared.html") if out is None else out
@@ -132,7 +131,7 @@ def compare(
     if as_json:
         typer.echo(comparing.to_json(a, b))
     else:
-        print_comparison(a, b, Console())
+        comparing.print_comparison(a, b, Console())
         _print_page(path)
 
 

@@ -1,4 +1,4 @@
-"""A summary, a comparison and a check as a person reads them in a terminal."""
+"""A summary and a check as a person reads them in a terminal."""
 
 from rich.console import Console
 from rich.table import Table
@@ -6,7 +6,6 @@ from rich.text import Text
 
 from analysis.check import Check
 from analysis.metrics import Summary
-from analysis.pages.compare import Side, configuration, numbers
 from analysis.words import counted, mm
 
 
@@ -53,20 +52,6 @@ def _flight(summary: Summary) -> str:
     seeded = [f"seed {summary.seed}"] if summary.seed is not None else []
     linked = [f"over {summary.link}"] if summary.link else []
     return ", ".join([*named, *seeded, *linked, f"{summary.duration_s:.1f} s", counted(summary.followers, "follower")])
-
-
-def print_comparison(a: Side, b: Side, console: Console) -> None:
-    """Print the numbers of two flights and their differences; a number that neither log has is left out."""
-    table = Table(box=None, pad_edge=False)
-    for name in ("", a.name, b.name, "second - first"):
-        table.add_column(Text(name), justify="left" if name == "" else "right")
-    for key, (x, y) in numbers(a, b).items():
-        if x is not None or y is not None:
-            change = "" if x is None or y is None else f"{y - x:+.3g}"
-            table.add_row(key, *("-" if value is None else f"{value:.5g}" for value in (x, y)), change)
-    console.print(table)
-    for key, (was, is_now) in configuration(a, b).items():
-        console.print(Text(f"{key}: {was} | {is_now}"))
 
 
 def print_check(check: Check, console: Console) -> None:

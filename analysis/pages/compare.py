@@ -6,6 +6,10 @@ from dataclasses import asdict, dataclass
 from html import escape
 from pathlib import Path
 
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
 from analysis import page
 from analysis.load import Flight, load
 from analysis.metrics import Summary, summarise
@@ -150,3 +154,17 @@ def _flat(value: object, prefix: str) -> Iterator[tuple[str, object]]:
             yield from _flat(item, f"{prefix}[{k}]")
     else:
         yield prefix, value
+
+
+def print_comparison(a: Side, b: Side, console: Console) -> None:
+    """Print the numbers of two flights and their differences; a number that neither log has is left out."""
+    table = Table(box=None, pad_edge=False)
+    for name in ("", a.name, b.name, "second - first"):
+        table.add_column(Text(name), justify="left" if name == "" else "right")
+    for key, (x, y) in numbers(a, b).items():
+        if x is not None or y is not None:
+            change = "" if x is None or y is None else f"{y - x:+.3g}"
+            table.add_row(key, *("-" if value is None else f"{value:.5g}" for value in (x, y)), change)
+    console.print(table)
+    for key, (was, is_now) in configuration(a, b).items():
+        console.print(Text(f"{key}: {was} | {is_now}"))

@@ -140,12 +140,7 @@ def swarm(
     if as_json:
         print(result.to_json())
     else:
-        Console(markup=False).print(
-            f"{result.drones} drones, {result.simulated_s:.0f} s at {result.speed:.2f} times real time, "
-            f"{result.outcome}: never nearer than {result.separation_m:.2f} m (limit {result.min_separation_m:g}), "
-            f"the ground's tick {result.tick.p50_us * 1e-3:.2f} ms (median), {result.tick.p99_us * 1e-3:.2f} ms (99 %)",
-            soft_wrap=True,
-        )
+        Console(markup=False).print(result.text, soft_wrap=True)
     if not result.is_good:
         raise typer.Exit(FAILED)
 

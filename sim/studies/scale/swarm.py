@@ -29,21 +29,35 @@ class Swarm:
     """A hover of so many drones, and how it ended.
 
     separation_m: the least between two with motors on, sampled ten times a second; min_separation_m: what the lab's
-    limits allow. tick: of the ground with a frame, in the air, CPU time. speed: simulated seconds in one of CPU time.
+    limits allow. tick: of the ground with a frame, in the air, CPU time. Both None where nobody took off.
+    speed: simulated seconds in one of CPU time.
     """
 
     drones: int
     outcome: str
     simulated_s: float
-    separation_m: float
+    separation_m: float | None
     min_separation_m: float
-    tick: Timing
+    tick: Timing | None
     speed: float
+
+    @property
+    def text(self) -> str:
+        """What a person reads of it."""
+        text = f"{self.drones} drones, {self.simulated_s:.0f} s at {self.speed:.2f} times real time, {self.outcome}"
+        if self.separation_m is None or self.tick is None:
+            return text
+        return (
+            f"{text}: never nearer than {self.separation_m:.2f} m (limit {self.min_separation_m:g}), the ground's tick "
+            f"{self.tick.p50_us * 1e-3:.2f} ms (median), {self.tick.p99_us * 1e-3:.2f} ms (99 %)"
+        )
 
     @property
     def is_good(self) -> bool:
         """Whether all landed, and none came too near."""
-        return self.outcome == "landed" and self.separation_m >= self.min_separation_m
+        if self.separation_m is None or self.outcome != "landed":
+            return False
+        return self.separation_m >= self.min_separation_m
 
     def to_json(self) -> str:
         """Indented JSON of every field."""
@@ -75,9 +89,9 @@ def swarm(followers: int, hover_s: float, progress: Progress) -> Swarm:
         followers + 1,
         outcome.result if outcome else f"not over after {scenario.longest_s:g} s",
         simulated_s,
-        separation_m,
+        separation_m if np.isfinite(separation_m) else None,
         scenario.lab.limits.min_separation_m,
-        Timing.of(ticks_us),
+        Timing.of(ticks_us) if ticks_us else None,
         simulated_s / used_s,
     )
 

@@ -142,11 +142,18 @@ def certain(motion: Float, mean_square: float) -> float:
 
 
 @kernel
+def _acceleration(x: Estimate, axis: int) -> float:
+    """Along an axis of `lab`, m/s^2."""
+    value: float = x.force_lab_m_s2[axis] - (GRAVITY_M_S2 if axis == 2 else 0.0)
+    return value
+
+
+@kernel
 def _shown_vel_error(x: Estimate) -> float:
     """Mean square error of the velocity that a pose shows: of the velocity, and of when that was in an acceleration."""
     error = 0.0
     for axis in range(3):
-        acc = x.force_lab_m_s2[axis] - (GRAVITY_M_S2 if axis == 2 else 0.0)
+        acc = _acceleration(x, axis)
         error += x.cov[VEL + axis, VEL + axis] + acc * acc * x.cov[DELAY, DELAY]
     return error
 
@@ -228,25 +235,32 @@ def _new_stamp(body: Body, bank: Bank, i: int) -> None:
 
 @kernel
 def _pose_rows(body: Body, pos_lab_m: Float, q_lab_from_flu: Float, innovation: Float, rows: Float) -> None:
-    """Innovation (6) of a pose that shows the body as it was the delay ago, and its rows (6, errors)."""
+    """Innovation (6) of a pose that shows the body as it was the delay ago, and its rows (6, errors).
+
+    As much of the delay is in the innovation as in the rows: what a row leaves out, no correction could take back.
+    """
     x, rate, shown_vel = body.estimate, np.empty(3), np.empty(3)
-    timed = 1.0 if body.status.timed else 0.0
-    delay_s = timed * x.pose_delay_s
+    delay_s = x.pose_delay_s if body.status.timed else 0.0
     q, shown = x.q_lab_from_flu, np.empty(4)
-    turn_into(q, -delay_s * x.rate_flu_rad_s, shown)
-    rotation_vector_into(q_lab_from_flu, shown, innovation[3:])
     rotate_into(q, x.rate_flu_rad_s, rate)
     rate_error, least = 0.0, 3.0 * RATE_FLOOR_RAD_S * RATE_FLOOR_RAD_S
     for axis in range(3):
-        acc = x.force_lab_m_s2[axis] - (GRAVITY_M_S2 if axis == 2 else 0.0)
-        shown_vel[axis] = x.vel_lab_m_s[axis] - delay_s * acc
-        innovation[axis] = pos_lab_m[axis] - x.pos_lab_m[axis] + delay_s * (shown_vel[axis] + 0.5 * delay_s * acc)
+        shown_vel[axis] = x.vel_lab_m_s[axis] - delay_s * _acceleration(x, axis)
         rate_error += body.noise.rate_rad2_s2[axis]
-    # Without an accelerometer the poses themselves are all that shows the velocity.
-    moves = timed * certain(shown_vel, _shown_vel_error(x)) if measures_force(body.inertial) else 0.0
-    turns = timed * certain(rate, max(rate_error, least))
+    moves, turns = 0.0, 0.0
+    if body.status.timed:
+        turns = certain(rate, max(rate_error, least))
+        # Without an accelerometer the poses themselves are all that shows the velocity.
+        moves = certain(shown_vel, _shown_vel_error(x)) if measures_force(body.inertial) else 0.0
+    turn_into(q, -turns * delay_s * x.rate_flu_rad_s, shown)
+    rotation_vector_into(q_lab_from_flu, shown, innovation[3:])
+    late_s = moves * delay_s
     for axis in range(3):
-        rows[axis, POS + axis], rows[axis, VEL + axis], rows[axis, DELAY] = 1.0, -delay_s, -moves * shown_vel[axis]
+        acc = _acceleration(x, axis)
+        travelled_m = late_s * (x.vel_lab_m_s[axis] - 0.5 * late_s * acc)
+        shown_vel[axis] = x.vel_lab_m_s[axis] - late_s * acc
+        innovation[axis] = pos_lab_m[axis] - x.pos_lab_m[axis] + travelled_m
+        rows[axis, POS + axis], rows[axis, VEL + axis], rows[axis, DELAY] = 1.0, -late_s, -moves * shown_vel[axis]
         rows[3 + axis, ATT + axis], rows[3 + axis, DELAY] = 1.0, -turns * rate[axis]
         rows[axis, STAMP], rows[3 + axis, STAMP] = -shown_vel[axis], -rate[axis]
 

@@ -137,6 +137,37 @@ class TakingOff(Motion):
         return acc
 
 
+class Climbing(Motion):
+    """Stands until AT_S, then rises: within 0.3 s at 2.5 m/s^2."""
+
+    def _up(self, t: Float) -> tuple[Float, Float]:
+        """Time since AT_S: of it in the first 0.3 s, and later; along z alone."""
+        up = np.array([0.0, 0.0, 1.0]) * np.ones((self.flight.n, 1))
+        passed = np.maximum(np.asarray(t) - AT_S, 0.0)[..., None, None] * up
+        return np.minimum(passed, 0.3), np.maximum(passed - 0.3, 0.0)
+
+    def pos(self, t: Float) -> Float:
+        first, later = self._up(t)
+        return 2.5 * (first**3 / 1.8 + 0.15 * later + 0.5 * later**2)
+
+    def vel(self, t: Float) -> Float:
+        first, later = self._up(t)
+        return 2.5 * (first**2 / 0.6 + later)
+
+    def _acc(self, t: Float) -> Float:
+        first, _ = self._up(t)
+        return 2.5 * first / 0.3
+
+
+@pytest.mark.parametrize("before_s", [0.2, 1.5])
+def test_a_climb_shows_no_delay_and_no_drift(before_s: float) -> None:
+    """Though the delay is not known yet when the body begins to move, and the poses are noisy."""
+    flight = Flight(n=300, seed=5, pose_hz=240, pose_m=0.0008, pose_rad=0.002, gyro_rad_s=0.003, yaw_rate_rad_s=0.0)
+    nav = navigator(flight)
+    assert fly(nav, sensed(Climbing(flight), before_s + 0.6, start_s=AT_S - before_s)) == []
+    assert np.abs(nav.bodies["estimate"]["pose_delay_s"]).max() < 0.02
+
+
 CALM = Flight(n=20, seed=5, vel_m_s=0.3, band_hz=(0.1, 0.4), yaw_rate_rad_s=0.0)
 
 

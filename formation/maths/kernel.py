@@ -7,11 +7,13 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from fcntl import LOCK_EX, flock
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import numba
 from numba.core import event
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
 from numba.core.types import unliteral
 from numba.extending import register_jitable
@@ -34,18 +36,32 @@ def kernel(function: Callable[P, R], calls: tuple[Callable[..., object], ...] = 
     compiled = numba.njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function)  # type: ignore[call-overload]
     if isinstance(compiled, Dispatcher):
         # numba compiles a kernel anew for every constant that it is called with; one serves all values.
-        setattr(compiled, "compile", _for_any_value(compiled.compile))  # noqa: B010 (a method by its type)
+        alone = _lock_file(f"{function.__module__}.{function.__qualname__}")
+        setattr(compiled, "compile", _for_any_value(compiled.compile, alone))  # noqa: B010 (a method by its type)
     typed: Callable[P, R] = compiled
     return typed
 
 
-def _for_any_value(compile_for: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """numba's `compile`, which takes the types of the arguments, without the constants that some of them carry."""
+def _for_any_value(compile_for: Callable[[Any], Any], lock_file: Path) -> Callable[[Any], Any]:
+    """numba's `compile`, which takes the types of the arguments, without the constants that some of them carry.
+
+    One process at a time: two that write a kernel's index at once may name the same file in it for two codes. The
+    second finds what the first has compiled.
+    """
 
     def without_constants(types: Any) -> Any:
-        return compile_for(tuple(map(unliteral, types)) if isinstance(types, tuple) else types)
+        lock_file.parent.mkdir(parents=True, exist_ok=True)
+        with global_compiler_lock, lock_file.open("w") as lock:
+            flock(lock, LOCK_EX)  # until it is closed, or the process ends
+            return compile_for(tuple(map(unliteral, types)) if isinstance(types, tuple) else types)
 
     return without_constants
+
+
+def _lock_file(kernel_name: str) -> Path:
+    """What is locked while this kernel is compiled or read. Callers lock theirs first: nobody waits in a circle."""
+    cache: str = numba.config.CACHE_DIR  # type: ignore[attr-defined]
+    return Path(cache) / "locks" / kernel_name
 
 
 @contextmanager

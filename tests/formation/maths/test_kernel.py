@@ -4,9 +4,12 @@ import gc
 import importlib.util
 import re
 import sys
+from fcntl import LOCK_EX, flock
 from pathlib import Path
+from threading import Thread
 from types import ModuleType
 
+import numba
 import pytest
 
 from formation.maths.kernel import compiled_count, compiling
@@ -49,6 +52,20 @@ def test_each_kernel_that_is_compiled_is_told_of_once_and_none_that_is_cached(tm
         assert counts == sorted(counts)
         assert compiled_count() >= len(expected)
         assert all(total >= 2 for _, _, total in told)
+
+
+def test_while_another_process_compiles_a_kernel_this_one_waits_for_it(tmp_path, monkeypatch):
+    file = tmp_path / "told_kernels.py"
+    file.write_text(SOURCE)
+    module, results = load(file, monkeypatch), []
+    with Path(numba.config.CACHE_DIR, "locks", "told_kernels.twice").open("w") as lock:
+        flock(lock, LOCK_EX)
+        call = Thread(target=lambda: results.append(module.fourfold(1.5)))
+        call.start()
+        call.join(1.0)
+        assert call.is_alive()
+    call.join(30.0)
+    assert results == [6.0]
 
 
 def test_kernels_outside_formation_call_those_of_their_own_file_or_of_formation():

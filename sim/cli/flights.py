@@ -34,7 +34,7 @@ from sim.fly import Files
 from sim.fly import fly as fly_processes
 from sim.lab_file import stand_ins
 from sim.ports import private_link
-from sim.scenario import Opened, Scenario, find, recorded_leader, with_leader_file
+from sim.scenario import Opened, Scenario, find, load, recorded_leader, with_leader_file
 from sim.script import Outcome
 from wire import clock
 from wire.errors import ConfigError
@@ -184,7 +184,7 @@ def compile_for(scenario: Scenario) -> None:
 
 def compile_everything() -> None:
     """What any flight runs."""
-    compile_all("gcs-sim", lockstep.warm_up_all, sys.stderr, beside=lockstep.warm_up_ground)
+    compile_for(load(lockstep.ANY_SCENARIO))
 
 
 def _quaternion(text: str) -> QuatTuple:

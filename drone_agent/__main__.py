@@ -1,4 +1,4 @@
-"""`drone-agent`: one simulated quadcopter that speaks MAVLink, as a process."""
+"""`drone-agent`: a simulated quadcopter that speaks MAVLink, or several, as a process."""
 
 import json
 import sys
@@ -50,7 +50,10 @@ class Options:
     link: Annotated[
         str | None, typer.Option(help="zenoh (if not given), or udp: from port 14580 + sysid to 14540 + sysid.")
     ] = None
-    config: Annotated[Path | None, typer.Option(help="TOML file; other options win over it.")] = None
+    config: Annotated[
+        list[Path] | None,
+        typer.Option(help="TOML file; other options win over it. Given again: one more drone in this process."),
+    ] = None
     lab: Annotated[str | None, typer.Option(help="Name of the lab: the root of its keys on the bus.")] = None
     body: Annotated[str | None, typer.Option(help="The mocap's name of this drone.", autocompletion=_bodies)] = None
     autopilot: Annotated[
@@ -98,7 +101,7 @@ class Options:
 @app.command(cls=SingleProgram, epilog=EPILOG)
 @with_options(Options)
 def fly(options: Options) -> None:
-    """Be one simulated drone that speaks MAVLink, or with --bridge stand beside a real one; until Ctrl-C."""
+    """Be a simulated drone that speaks MAVLink, or with --bridge stand beside a real one; until Ctrl-C."""
     import uvloop
 
     from drone_agent.bridge.daemon import run_bridge
@@ -109,11 +112,14 @@ def fly(options: Options) -> None:
         return
     report = _print_event_json if options.as_json else _print_event
     try:
-        agent = _configured(options)
-        if agent.bridge is None:
-            uvloop.run(run(agent, report, Clock(options.speed)))
+        agents = [_configured(options, file) for file in options.config or ()] or [_configured(options, None)]
+        first = agents[0]
+        if len(agents) > 1:
+            _check_together(agents)
+        if first.bridge is None:
+            uvloop.run(run(agents, report, Clock(options.speed)))
         else:
-            uvloop.run(run_bridge(agent, agent.bridge, report, Clock(options.speed)))
+            uvloop.run(run_bridge(first, first.bridge, report, Clock(options.speed)))
     except ConfigError as error:
         _fail(str(error), 2)
     except StarvedError as error:
@@ -122,12 +128,11 @@ def fly(options: Options) -> None:
         _fail(f"drone-agent: {error.strerror or error}", 1)
 
 
-def _configured(options: Options) -> "AgentConfig":
+def _configured(options: Options, file: Path | None) -> "AgentConfig":
     """The file's configuration with the options given laid over it."""
     from drone_agent.config import AgentConfig
     from wire.config_file import load, parse
 
-    file = options.config
     base: dict[str, Any] = {} if file is None else load(file, AgentConfig).model_dump(exclude_unset=True)
     for key, value in _laid_over(options).items():
         if isinstance(value, dict):
@@ -135,6 +140,21 @@ def _configured(options: Options) -> "AgentConfig":
         elif value is not None:
             base[key] = value
     return parse(base, AgentConfig, source="drone-agent")
+
+
+def _check_together(agents: "list[AgentConfig]") -> None:
+    """ConfigError where one process cannot be all of them: they share its bus, and nothing else."""
+    numbers = [agent.sysid for agent in agents]
+    files = [agent.parameter_file for agent in agents if agent.parameter_file is not None]
+    for wrong, text in (
+        (len(set(numbers)) < len(numbers), "sysid: each drone needs its own"),
+        (len(set(files)) < len(files), "parameter_file: each drone needs its own"),
+        (any(agent.bridge is not None for agent in agents), "bridge: a bridge is a process of its own"),
+        (any(agent.keys is not None for agent in agents), "keys: a drone with keys is a process of its own"),
+        (len({agent.lab for agent in agents}) > 1, "lab: the drones of one process are in one lab"),
+    ):
+        if wrong:
+            raise ConfigError([f"drone-agent: {text}"])
 
 
 def _laid_over(options: Options) -> dict[str, Any]:

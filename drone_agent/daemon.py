@@ -1,7 +1,8 @@
-"""The drone agent's process: pumps a simulated drone between its link, the bus and the clock until it is stopped."""
+"""The drone agent's process: pumps simulated drones between their links, the bus and the clock until it is stopped."""
 
 import asyncio
 import sys
+from collections.abc import Sequence
 
 from drone_agent.autopilots import parameter_file
 from drone_agent.config import AgentConfig
@@ -14,7 +15,7 @@ from drone_agent.warm_up import warm_up
 from formation.messages import Datagram, LabFrame
 from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
-from wire.process.awaited import report_missing
+from wire.process.awaited import Awaited, report_missing
 from wire.process.lifetime import EventSink, Stop
 from wire.process.progress import compile_all
 from wire.process.starved import Punctuality
@@ -29,11 +30,14 @@ Drone = GuardedDrone | AgentCore
 class _Pump:
     """Hands what arrives to the core at once, and wakes it at its own deadlines."""
 
-    def __init__(self, config: AgentConfig, core: Drone, report: EventSink, clock: Clock) -> None:
+    def __init__(
+        self, config: AgentConfig, core: Drone, report: EventSink, clock: Clock, rejections: RejectionLog
+    ) -> None:
+        """rejections: of this process; whoever turns first reports them."""
+        self.config = config
         self.link: Link | None = None
         self.bus: ZenohBus | None = None
-        self.rejections = RejectionLog()
-        self._config = config
+        self._rejections = rejections
         self._core = core
         self._report = report
         self._clock = clock
@@ -52,8 +56,8 @@ class _Pump:
         """The mocap saw something, which is the guard's to use."""
         if not isinstance(self._core, GuardedDrone):
             return
-        if not self.has_pose and self._config.body_name in frame.bodies:
-            self.has_pose = bool(frame.seen[frame.bodies.index(self._config.body_name)])
+        if not self.has_pose and self.config.body_name in frame.bodies:
+            self.has_pose = bool(frame.seen[frame.bodies.index(self.config.body_name)])
         self._core.receive(frame, self._punctual_ns())
         self.turn()
 
@@ -67,10 +71,10 @@ class _Pump:
         if self.bus is not None and out.truth is not None:
             self.bus.publish_truth(out.truth)
             self._flying = not out.truth.on_ground
-        for event in (*out.events, *self.rejections.due(now_ns)):
+        for event in (*out.events, *self._rejections.due(now_ns)):
             self._report(event)
-        if out.parameters is not None and self._config.parameter_file is not None:
-            parameter_file.write(self._config.parameter_file, out.parameters)
+        if out.parameters is not None and self.config.parameter_file is not None:
+            parameter_file.write(self.config.parameter_file, out.parameters)
         self.timer.at(self._core.next_deadline_ns())
 
     def _punctual_ns(self) -> int:
@@ -81,52 +85,69 @@ class _Pump:
         return now_ns
 
 
-async def run(config: AgentConfig, report: EventSink, clock: Clock = REAL_TIME) -> None:
-    """Be the drone until SIGINT or SIGTERM.
+async def run(configs: Sequence[AgentConfig], report: EventSink, clock: Clock = REAL_TIME) -> None:
+    """Be the drones until SIGINT or SIGTERM; one connection to the bus, as the first is configured, serves all.
 
-    Raises OSError where its port is taken, ConfigError for parameters that are none, StarvedError.
+    Raises OSError where a port is taken, ConfigError for parameters that are none, StarvedError.
     """
-    stop, protection = Stop(), config.protection
-    pump = _Pump(config, _core(config, clock), report, clock)
-    missing: asyncio.Task[None] | None = None
-    attending: asyncio.Task[None] | None = None
-    uses_bus = config.link.kind == "zenoh" or config.is_guarded or config.truth_rate_hz > 0.0
+    stop, rejections = Stop(), RejectionLog()
+    cores = [_core(config, clock) for config in configs]
+    compile_all("drone-agent", lambda: _warm_up(cores, clock), sys.stderr)
+    pumps = [_Pump(config, core, report, clock, rejections) for config, core in zip(configs, cores, strict=True)]
+    bus: ZenohBus | None = None
+    tasks: list[asyncio.Task[None]] = []
     try:
-        if uses_bus:
-            pump.bus = await ZenohBus.open(config.link, config.lab, pump.rejections, protection)
-            MocapBus(pump.bus, clock).on_frame(pump.receive_frame)
-        pump.link = await open_ground_link(config, pump.bus, pump.receive, pump.rejections, protection)
-        pump.turn()
-        if pump.bus is not None:
-            awaited = [awaited_bus(config, pump.bus)]
-            awaited += [awaited_pose(config, lambda: pump.has_pose)] if config.is_guarded else []
-            missing = asyncio.create_task(report_missing(f"uav{config.sysid}", awaited, report))
-        attending = asyncio.create_task(protection.attend(report))
+        if any(_uses_bus(config) for config in configs):
+            bus = await ZenohBus.open(configs[0].link, configs[0].lab, rejections, configs[0].protection)
+
+            def receive_frame(frame: LabFrame) -> None:
+                for pump in pumps:
+                    pump.receive_frame(frame)
+
+            MocapBus(bus, clock).on_frame(receive_frame)
+        for pump in pumps:
+            protection, pump.bus = pump.config.protection, bus
+            pump.link = await open_ground_link(pump.config, bus, pump.receive, rejections, protection)
+            pump.turn()
+            tasks.append(asyncio.create_task(protection.attend(report)))
+        if bus is not None:
+            tasks += [
+                asyncio.create_task(report_missing(f"uav{pump.config.sysid}", _awaited(pump, bus), report))
+                for pump in pumps
+            ]
         await stop.wait()
     finally:
-        if attending is not None:
-            attending.cancel()
-        if missing is not None:
-            missing.cancel()
-        pump.timer.stop()
-        if pump.link is not None:
-            pump.link.close()
-        if pump.bus is not None:
-            await pump.bus.close()
+        for task in tasks:
+            task.cancel()
+        for pump in pumps:
+            pump.timer.stop()
+            if pump.link is not None:
+                pump.link.close()
+        if bus is not None:
+            await bus.close()
+
+
+def _uses_bus(config: AgentConfig) -> bool:
+    return config.link.kind == "zenoh" or config.is_guarded or config.truth_rate_hz > 0.0
+
+
+def _awaited(pump: _Pump, bus: ZenohBus) -> list[Awaited]:
+    poses = [awaited_pose(pump.config, lambda: pump.has_pose)] if pump.config.is_guarded else []
+    return [awaited_bus(pump.config, bus), *poses]
 
 
 def _core(config: AgentConfig, clock: Clock) -> Drone:
-    """The core, its kernels compiled: nothing compiles in flight."""
+    """ConfigError for parameters that are none."""
     stored = {} if config.parameter_file is None else parameter_file.read(config.parameter_file)
     config = config.model_copy(update={"parameters": {**config.parameters, **stored}})
     try:
-        core = (GuardedDrone if config.is_guarded else AgentCore)(config, clock.monotonic_ns())
+        return (GuardedDrone if config.is_guarded else AgentCore)(config, clock.monotonic_ns())
     except ValueError as error:
         raise ConfigError([f"drone-agent: parameters: {error}"]) from error
-    compile_all("drone-agent", lambda: _warm_up(core, clock), sys.stderr)
-    return core
 
 
-def _warm_up(core: Drone, clock: Clock) -> None:
-    core.truth(clock.monotonic_ns())
+def _warm_up(cores: Sequence[Drone], clock: Clock) -> None:
+    """Nothing compiles in flight."""
+    for core in cores:
+        core.truth(clock.monotonic_ns())
     warm_up()

@@ -86,11 +86,12 @@ async def running(
     clock: Clock = REAL_TIME,
     drones_link: LinkConfig | None = None,
     page: bool = False,
+    hosts: int | None = None,
 ) -> AsyncIterator[Running]:
     """All processes of the scenario, logging into `files`; on leaving the ground is stopped first, and lands.
 
     drones_link: the drones' own end of their links, where something stands between them and the lab's. page: serve the
-    operator's page, too.
+    operator's page, too. hosts: so many processes share the simulated drones; None: each is one.
     """
     _write(files.scenario, scenario)
     _write(files.lab, scenario.lab)
@@ -104,6 +105,7 @@ async def running(
         group = await stack.enter_async_context(ProcessGroup(files.folder))
         await group.start("cameras", "sim", ["mocap", str(files.scenario), "--seed", str(seed), *speed])
         await group.start("mocap", "gcs", ["mocap", str(files.lab), *speed])
+        agents: list[Path] = []
         for config in configs:
             if drones_link is not None:
                 config = config.model_copy(update={"link": drones_link})
@@ -111,7 +113,13 @@ async def running(
                 config = config.model_copy(update={"keys": keys_folder(security.keys, files.lab)})
             for name, agent_config in _drone(config, inner if config.sysid in bridged else None):
                 _write(files.drone(name), agent_config)
-                await group.start(name, "drone_agent", ["--config", str(files.drone(name)), *speed])
+                if hosts is None or agent_config.bridge is not None:
+                    await group.start(name, "drone_agent", ["--config", str(files.drone(name)), *speed])
+                else:
+                    agents.append(files.drone(name))
+        for k in range(min(hosts or 0, len(agents))):
+            share = [word for file in agents[k::hosts] for word in ("--config", str(file))]
+            await group.start(f"host-{k + 1}", "drone_agent", [*share, *speed])
         tags = [
             f"scenario={scenario.name}",
             f"seed={seed}",
@@ -136,15 +144,16 @@ async def fly(
     force: bool = False,
     clock: Clock = REAL_TIME,
     page: bool = False,
+    hosts: int | None = None,
 ) -> Outcome:
     """Fly the scenario (its lab says over which link) to its end; every process is gone at return.
 
     Cancelling it (Ctrl-C) lands the drones and stops the processes as cleanly. A process that dies in flight is an
     outcome, not an error; `starved` where it is a simulator that the machine gives too little time. force: gains whose
-    delay margin the ground would refuse are flown all the same. clock: of all processes. page: with the page.
-    Raises what a wrong scenario raises, and BusError.
+    delay margin the ground would refuse are flown all the same. clock: of all processes. page: with the page. hosts:
+    as of `running`. Raises what a wrong scenario raises, and BusError.
     """
-    async with running(scenario, seed, files, force, clock, page=page) as flight:
+    async with running(scenario, seed, files, force, clock, page=page, hosts=hosts) as flight:
         return await fly_on(flight, scenario, progress, clock)
 
 

@@ -68,6 +68,9 @@ def fly(
     require: Require = None,
     watch: Annotated[bool, typer.Option("--watch", help="Serve the operator's page, and print where.")] = False,
     signed: Annotated[bool, typer.Option("--signed", help="With the lab file's own keys on every link.")] = False,
+    hosts: Annotated[
+        int | None, typer.Option(min=1, help="So many processes share the drones; without it each is one.")
+    ] = None,
     as_json: Json = False,
     out: Out = None,
 ) -> None:
@@ -76,7 +79,7 @@ def fly(
 
     required = flights.required(require)
     opened = flights.scenario_of(name, leader_csv, leader_alignment)
-    how = flights.ProcessOptions(link, mocap, force, speed, watch, signed)
+    how = flights.ProcessOptions(link, mocap, force, speed, watch, signed, hosts)
     flights.fly(opened, how, seed, flights.Ending(as_json, out, required))
 
 

@@ -91,6 +91,7 @@ def soak(
     followers: Annotated[int, typer.Option(min=1, max=249, help="How many follow.")] = 9,
     minutes: Annotated[float, typer.Option(min=0.5, help="Of hover; ten drones take half as long in lockstep.")] = 10.0,
     processes: Annotated[bool, typer.Option("--processes", help="In real time, by real processes.")] = False,
+    hosts: Annotated[int | None, typer.Option(min=1, help="The same; so many of them share the drones.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")] = False,
 ) -> None:
     """Hover for long, and measure what memory and log grow by; exit code 1 if it did not last and land."""
@@ -105,7 +106,10 @@ def soak(
     console = Console(stderr=True, markup=False)
     with TemporaryDirectory() as folder, console.status("starting") as status:
         arguments = followers, 60.0 * minutes, Path(folder), status.update
-        result = asyncio.run(soak_by_processes(*arguments)) if processes else hover_for_long(*arguments)
+        if processes or hosts is not None:
+            result = asyncio.run(soak_by_processes(*arguments, hosts))
+        else:
+            result = hover_for_long(*arguments)
     if as_json:
         print(result.to_json())
     else:
@@ -125,18 +129,30 @@ def soak(
 def swarm(
     followers: Annotated[int, typer.Option(min=1, max=249, help="How many follow.")] = 99,
     seconds: Annotated[float, typer.Option(min=1.0, help="Of hover; a hundred drones take minutes.")] = 10.0,
+    hosts: Annotated[
+        int | None, typer.Option(min=1, help="By real processes, so many of which share the drones; else in lockstep.")
+    ] = None,
+    speed: Annotated[float, typer.Option(min=0.01, max=1.0, help="With --hosts: seconds of flight in one.")] = 1.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")] = False,
 ) -> None:
-    """Hover with many drones, in lockstep; exit code 1 if one did not land, or two came too near to each other."""
+    """Hover with many drones; exit code 1 if one did not land, or two came too near to each other."""
+    from tempfile import TemporaryDirectory
+
     from rich.console import Console
 
     from sim.cli.flights import compile_everything
     from sim.studies.scale.swarm import swarm as hover_with_many
+    from sim.studies.scale.swarm import swarm_by_processes
+    from wire.clock import Clock
 
     compile_everything()
     console = Console(stderr=True, markup=False)
-    with console.status("starting") as status:
-        result = hover_with_many(followers, seconds, status.update)
+    with TemporaryDirectory() as folder, console.status("starting") as status:
+        if hosts is None:
+            result = hover_with_many(followers, seconds, status.update)
+        else:
+            arguments = followers, seconds, hosts, Path(folder), status.update, Clock(speed)
+            result = swarm_by_processes(*arguments)
     if as_json:
         print(result.to_json())
     else:

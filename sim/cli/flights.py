@@ -53,7 +53,7 @@ UNIT_WITHIN = 0.01
 class ProcessOptions:
     """How processes fly: over which link, by which camera system's protocol if any, speed seconds in one second.
 
-    watch: with the operator's page. signed: with the lab's keys, on every link.
+    watch: with the operator's page. signed: with the lab's keys, on every link. hosts: processes that share the drones.
     """
 
     link: Literal["zenoh", "udp"]
@@ -62,6 +62,7 @@ class ProcessOptions:
     speed: float
     watch: bool
     signed: bool = False
+    hosts: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +79,8 @@ def fly(opened: Opened, how: ProcessOptions, seed: int | None, ending: Ending) -
     scenario, lab = opened.scenario, opened.scenario.lab
     if how.protocol and opened.lab is not None:  # what the lab file says of its own cameras
         lab = lab.model_copy(update={"mocap": opened.lab.mocap})
+    if how.signed and how.hosts is not None:
+        fail("--hosts: drones with keys are processes of their own", NOT_RIGHT)
     if how.signed:
         lab = lab.model_copy(update={"security": _security(opened)})
     files = Files(_folder(ending.out, scenario))
@@ -99,6 +102,7 @@ def fly(opened: Opened, how: ProcessOptions, seed: int | None, ending: Ending) -
                     how.force,
                     clock.Clock(how.speed),
                     how.watch,
+                    how.hosts,
                 )
             )
         )

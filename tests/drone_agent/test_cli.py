@@ -60,6 +60,27 @@ def test_a_key_of_the_file_is_named(tmp_path: Path) -> None:
     assert (result.exit_code, result.output) == (2, f"{config}: speed_kmh: is not a known key\n")
 
 
+@pytest.mark.parametrize(
+    ("second", "options", "words"),
+    [
+        ("sysid = 1", [], "sysid: each drone needs its own"),
+        ("sysid = 2", ["--parameter-file", "both.parm"], "parameter_file: each drone needs its own"),
+        ("sysid = 2\nbridge = 'udp:127.0.0.1:14540'", [], "bridge: a bridge is a process of its own"),
+        ("sysid = 2", ["--keys", "keys"], "keys: a drone with keys is a process of its own"),
+        ("sysid = 2\nlab = 'other'", [], "lab: the drones of one process are in one lab"),
+    ],
+)
+def test_what_one_process_cannot_be_together_is_named(
+    second: str, options: list[str], words: str, tmp_path: Path
+) -> None:
+    files = tmp_path / "1.toml", tmp_path / "2.toml"
+    files[0].write_text("sysid = 1\n")
+    files[1].write_text(second)
+    both = [word for file in files for word in ("--config", str(file))]
+    result = runner.invoke(app, [*both, *options])
+    assert (result.exit_code, result.output) == (2, f"drone-agent: {words}\n")
+
+
 def test_help_tells_the_defaults_and_the_exit_codes() -> None:
     shown = " ".join(runner.invoke(app, ["--help"]).output.replace("│", " ").split())
     for words in ("zenoh (if not given)", "serial:DEV:BAUD", "any MAVLink client can fly", "Exit codes: 0 done"):

@@ -18,10 +18,10 @@ from wire.process.starved import LATE_NS
 pytestmark = [pytest.mark.processes, pytest.mark.flights, pytest.mark.timeout(900)]
 
 
-@pytest.mark.parametrize("link", ["zenoh", "udp"])
-def test_three_drones_fly_the_triangle_and_land(link: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("link", "shared"), [("zenoh", ()), ("udp", ("--hosts", "2"))])
+def test_three_drones_fly_the_triangle_and_land(link: str, shared: tuple[str, ...], tmp_path: Path) -> None:
     scenario, out = write_scenario(tmp_path, LINE), tmp_path / "run"
-    with gcs_sim_fly(str(scenario), "--link", link, "--out", str(out)) as process:
+    with gcs_sim_fly(str(scenario), "--link", link, *shared, "--out", str(out)) as process:
         said, _ = process.communicate()
     assert process.returncode == 0, said
     summary = json.loads(summarise(load(out / "flight.mcap")).to_json())
@@ -57,8 +57,9 @@ def test_ctrl_c_lands_the_drones_and_leaves_no_process_and_a_whole_log(tmp_path:
 
 def test_an_emulator_that_is_not_let_run_is_named_and_neither_a_pass_nor_a_failed_flight(tmp_path: Path) -> None:
     out = tmp_path / "run"
-    with gcs_sim_fly(str(write_scenario(tmp_path, CIRCLE)), "--out", str(out)) as process:
+    with gcs_sim_fly(str(write_scenario(tmp_path, CIRCLE)), "--hosts", "1", "--out", str(out)) as process:
         read_until(process, "HOLD")
+        assert len([words for words in processes_of(out).values() if "drone_agent" in words]) == 1
         mocap = pid_of(out, lambda words: "sim" in words and "mocap" in words)
         os.kill(mocap, signal.SIGSTOP)
         time.sleep(2.0 * LATE_NS * 1e-9 / SPEED)

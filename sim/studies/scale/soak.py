@@ -105,14 +105,17 @@ def soak(followers: int, hover_s: float, folder: Path, progress: Progress) -> So
 
 
 async def soak_by_processes(
-    followers: int, hover_s: float, folder: Path, progress: Progress, clock: Clock = REAL_TIME
+    followers: int, hover_s: float, folder: Path, progress: Progress, hosts: int | None, clock: Clock = REAL_TIME
 ) -> Soak:
-    """The same in real time, as `gcs-sim fly` flies; everything it writes in `folder`. Raises as that does."""
+    """The same in real time, as `gcs-sim fly` flies; everything it writes in `folder`. Raises as that does.
+
+    hosts: so many processes share the drones; None: each is one.
+    """
     files = Files(folder)
     with private_link("zenoh", ()) as link:
         scenario = hover(followers, hover_s)
         scenario = scenario.model_copy(update={"lab": scenario.lab.model_copy(update={"link": link})})
-        async with running(scenario, scenario.seed, files, clock=clock) as flight:
+        async with running(scenario, scenario.seed, files, clock=clock, hosts=hosts) as flight:
             ground = flight.ground.process.pid
             sampler = Sampler(files.mcap, hover_s, lambda: memory_bytes(ground), progress)
             flight.bus.on_state(GCS_NAME, sampler.receive_state)

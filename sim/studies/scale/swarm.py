@@ -1,23 +1,30 @@
-"""`gcs-sim benchmark swarm`: many drones take off, hover and land, in lockstep.
+"""`gcs-sim benchmark swarm`: many drones take off, hover and land, in lockstep or by real processes.
 
-How near they came to each other is judged; what a tick of the ground takes of the CPU is shown.
+How near they came to each other is judged; what a tick of the ground takes is shown: in lockstep, of the CPU; by
+processes, of the machine's time, from the receipt of a frame until the last drone's datagram was handed to Zenoh.
 """
 
+import asyncio
 import json
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
 
 from formation.messages import Phase
 from formation.safety.rules import nearest
-from formation.topics import COMMAND, Topic
+from formation.topics import COMMAND, MOCAP, PHASE, TIMING, Topic
 from gcs.core import GcsCore
+from sim.fly import Files, fly
 from sim.lockstep import uncollected
+from sim.ports import private_link
 from sim.studies.bench import Timing, timed
 from sim.studies.scale.soak import hover
 from sim.world import T0_NS, World
+from wire.clock import Clock
+from wire.logs.mcap_read import read_log
 
 Progress = Callable[[str], None]
 SAMPLED_NS = 100_000_000
@@ -29,8 +36,8 @@ class Swarm:
     """A hover of so many drones, and how it ended.
 
     separation_m: the least between two with motors on, sampled ten times a second; min_separation_m: what the lab's
-    limits allow. tick: of the ground with a frame, in the air, CPU time. Both None where nobody took off.
-    speed: simulated seconds in one of CPU time.
+    limits allow. tick: of the ground with a frame, in the air. Both None where nobody took off.
+    speed: simulated seconds in one of CPU time; by processes, in one of the machine's.
     """
 
     drones: int
@@ -94,6 +101,46 @@ def swarm(followers: int, hover_s: float, progress: Progress) -> Swarm:
         Timing.of(ticks_us) if ticks_us else None,
         simulated_s / used_s,
     )
+
+
+def swarm_by_processes(
+    followers: int, hover_s: float, hosts: int, folder: Path, progress: Progress, clock: Clock
+) -> Swarm:
+    """The same by real processes over Zenoh, `hosts` of which share the drones; all they write in `folder`.
+
+    Raises as sim.fly does.
+    """
+    files = Files(folder)
+    with private_link("zenoh", ()) as link:
+        scenario = hover(followers, hover_s)
+        scenario = scenario.model_copy(update={"lab": scenario.lab.model_copy(update={"link": link})})
+
+        def note(t_s: float, state: str) -> None:
+            progress(f"{t_s:.0f} s, {state}")
+
+        outcome = asyncio.run(fly(scenario, scenario.seed, files, note, clock=clock, hosts=hosts))
+    ticks_us, separation_m, flown_s = of_log(files.mcap, clock.speed)
+    return Swarm(
+        followers + 1, outcome.result, flown_s, separation_m, scenario.lab.limits.min_separation_m,
+        Timing.of(ticks_us) if ticks_us else None, clock.speed,
+    )  # fmt: skip
+
+
+def of_log(file: Path, speed: float) -> tuple[list[float], float | None, float]:
+    """Of the ground's log: its ticks in the air, microseconds of the machine; least separation, m; length, s."""
+    phase, ticks_us, separation_m = Phase.GROUND, list[float](), np.inf
+    first_ns = t_ns = sampled_ns = 0
+    for entry in read_log(file).only(MOCAP, PHASE, TIMING):
+        t_ns = entry.t_ns
+        first_ns = first_ns or t_ns
+        if entry.topic is PHASE:
+            phase = entry.message.phase
+        elif entry.topic is TIMING and phase in FLYING:
+            ticks_us.append(entry.message.latency_s / speed * 1e6)
+        elif entry.topic is MOCAP and phase in FLYING and t_ns >= sampled_ns + SAMPLED_NS:
+            sampled_ns = t_ns
+            separation_m = min(separation_m, float(nearest(entry.message.pos_lab_m, entry.message.seen).min()))
+    return ticks_us, separation_m if np.isfinite(separation_m) else None, (t_ns - first_ns) * 1e-9
 
 
 def _separation_m(world: World) -> float:

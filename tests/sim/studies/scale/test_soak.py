@@ -45,7 +45,7 @@ def test_a_hover_is_sampled_in_the_air_and_its_log_grows(tmp_path: Path) -> None
 
 @pytest.mark.processes
 def test_by_processes_the_memory_is_the_grounds_and_its_cycles_are_counted(tmp_path: Path) -> None:
-    result = asyncio.run(soak_by_processes(1, 12.0, tmp_path, lambda _text: None, Clock(SPEED)))
+    result = asyncio.run(soak_by_processes(1, 12.0, tmp_path, lambda _text: None, 1, Clock(SPEED)))
     assert (result.drones, result.outcome) == (2, "landed")
     first, last = result.samples[0], result.samples[-1]
     assert last.t_s - first.t_s >= 10.0

@@ -6,6 +6,7 @@ from rich import box
 from rich.table import Table
 
 from sim.studies.bench import MANY, Result, Timing
+from sim.studies.scale.against import Compared
 
 
 def bench_tables(result: Result) -> Iterator[Table]:
@@ -34,6 +35,15 @@ def bench_tables(result: Result) -> Iterator[Table]:
     bus.add_row("two, through the mocap process", f"{result.bus.path.p50_us:.0f}", f"{result.bus.path.p99_us:.0f}")
     bus.add_row("of it inside the mocap process", f"{result.bus.mocap_p50_us:.0f}", f"{result.bus.mocap_p99_us:.0f}")
     yield bus
+
+
+def against_table(compared: Compared) -> Table:
+    """A row a figure: here, at the other commit, and their ratio."""
+    table = _table("the same figures of another commit", "", compared.revision, "here", "ratio")
+    for name, here in compared.here.items():
+        ratio = compared.ratio(name)
+        table.add_row(name, f"{compared.there[name]:,.6g}", f"{here:,.6g}", "" if ratio is None else f"{ratio:.2f}")
+    return table
 
 
 def _table(title: str, *columns: str) -> Table:

@@ -123,6 +123,9 @@ def bench(
     followers: Annotated[
         list[int] | None, typer.Option(min=1, max=249, help="How many follow; again for more swarms. 2, 10 and 20.")
     ] = None,
+    against: Annotated[
+        str | None, typer.Option(metavar="REV", help="Measure this commit of the checkout, too, and show ratios.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON, and nothing else there.")] = False,
 ) -> None:
     """Time law, estimate, tick, codec, lockstep and bus on this machine; some seconds. It judges nothing.
@@ -131,4 +134,4 @@ def bench(
     """
     from sim.cli import study_commands as studies
 
-    studies.run_bench(followers, as_json)
+    studies.run_bench(followers, against, as_json)

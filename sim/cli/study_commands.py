@@ -1,6 +1,7 @@
 """What the studies of `gcs-sim` do: many lockstep flights, a table, files for scripts."""
 
 import json
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from formation.control.presets import Preset, preset_for
 from formation.vehicle.profile import VehicleProfile
 from formation.vehicle.profile import profile as shipped_profile
 from sim import lockstep
-from sim.cli.bench_tables import bench_tables
+from sim.cli.bench_tables import against_table, bench_tables
 from sim.cli.conclude import conclude
 from sim.cli.flights import compile_everything
 from sim.cli.steady_push_table import steady_push_table
@@ -36,6 +37,7 @@ from sim.studies import (
 from sim.studies.experiments import CONTROLLERS, Experiment, Job, scenario_of
 from sim.studies.robustness import Draw, Sample
 from sim.studies.runner import Runner
+from sim.studies.scale import against
 from sim.studies.tune import Candidate, Task, tune
 from wire.config_file import ConfigError, dump, dump_profile, load_profile
 from wire.private_files import make_folder
@@ -228,10 +230,13 @@ def _search_gains(task: Task, name: str, console: Console, as_json: bool) -> Non
         raise typer.Exit(FAILED)
 
 
-def run_bench(followers: list[int] | None, as_json: bool) -> None:
-    """What the parts of a flight cost."""
+def run_bench(followers: list[int] | None, revision: str | None, as_json: bool) -> None:
+    """What the parts of a flight cost, here or also at another commit."""
     console = Console(stderr=as_json, markup=False)
     compile_everything()
+    if revision is not None:
+        _bench_against(revision, followers or bench.FOLLOWERS, console, as_json)
+        return
     with console.status("starting") as status:
         result = bench.bench(status.update, followers or bench.FOLLOWERS)
     if as_json:
@@ -239,6 +244,20 @@ def run_bench(followers: list[int] | None, as_json: bool) -> None:
         return
     for table in bench_tables(result):
         console.print(table)
+
+
+def _bench_against(revision: str, followers: Sequence[int], console: Console, as_json: bool) -> None:
+    try:
+        with console.status("starting") as status:
+            compared = against.against(revision, followers, status.update)
+    except against.AgainstError as error:
+        print_json_error(str(error))
+        console.print(f"gcs-sim: --against {revision}: {error}", style="red", highlight=False)
+        raise typer.Exit(NOT_RIGHT) from error
+    if as_json:
+        print(compared.to_json())
+    else:
+        console.print(against_table(compared))
 
 
 def _vehicle(name_or_path: str, console: Console) -> VehicleProfile:

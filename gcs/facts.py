@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 
 from formation.config import LabConfig
 from formation.control.stack import Stages
-from formation.maths.arrays import Flags, Float, Quats, Scalars, Vec3s
+from formation.maths.arrays import Flags, Float, Quat, Quats, Scalars, Vec3s
 from formation.maths.kernel import kernel
 from formation.messages import LabFrame
+from formation.safety.attitude_innovation import AttitudeMonitor
 from formation.safety.rules import Facts
 from gcs.drones.checks import prearm_failures
 from gcs.drones.drone import Drone
-from gcs.drones.telemetry import NOWHERE, AttitudeMonitor
+from gcs.drones.telemetry import NOWHERE
 
 MEMORY_S = 1.0
 _NO_AGES = (0.0, 0.0, math.nan, math.nan)
@@ -85,11 +86,16 @@ class FactGatherer:
             return
         if frame is not None:
             self._attitudes.receive_frame(frame)
+        which, stamps_ns, attitudes = list[int](), list[int](), list[Quat]()
         for drone in self._drones:
-            attitudes = drone.link.attitudes
-            for t_ns, q_lab_from_flu in attitudes:
-                self._attitudes.receive_attitude(drone.index, t_ns, q_lab_from_flu)
-            attitudes.clear()
+            own = drone.link.attitudes
+            for t_ns, q_lab_from_flu in own:
+                which.append(drone.index)
+                stamps_ns.append(t_ns)
+                attitudes.append(q_lab_from_flu)
+            own.clear()
+        if which:
+            self._attitudes.receive_attitudes(np.array(which), np.array(stamps_ns), np.array(attitudes))
 
     def level_bias_rad(self) -> Float:
         """Of each commanded vehicle's autopilot (m, 2); 0 where it is not known: `correct_level` takes it out."""

@@ -1,25 +1,20 @@
-"""What the ground receives of its drones: packets, the newest of each message, their own estimates and attitudes.
+"""What the ground receives of its drones: packets, the newest of each message, their own estimates.
 
 *Packets.* Losses by sequence number, and two senders under one identity, whatever the packets say.
 *Messages.* Those that are read, and the modes that are a pilot's.
 *Own estimate.* What a drone's own estimator says of it: an independent estimate, beside the mocap, before motors are
 cut by rule.
-*Attitudes.* The mocap's against the drones' own (formation.safety.attitude_innovation). A difference that changes
-slowly is the autopilot's level bias, as PX4's half a degree. The last of the limits takes it out of the targets.
 """
 
 import math
 from collections import deque
 from dataclasses import dataclass, field, replace
-from math import exp, hypot
+from math import exp
 
 import numpy as np
-from numpy.typing import NDArray
 
-from formation.maths.arrays import Float, Quat, Vec3
-from formation.messages import LabFrame
+from formation.maths.arrays import Quat, Vec3
 from formation.model import Vec3Tuple
-from formation.safety.attitude_innovation import CLOCK_DOUBT_S, GAP_S, AttitudeInnovation, Tilt, tilt, tilts
 from wire.autopilots.table import FlightMode
 from wire.link_messages.message_id import MessageId
 from wire.link_messages.motion import FORCE_MOST_M_S2
@@ -62,9 +57,6 @@ PILOTED = frozenset(
 )  # fmt: skip
 FRESH_NS = 300_000_000
 NOWHERE: Vec3Tuple = (math.nan, math.nan, math.nan)
-FRAMES_MAX = 64
-BRACKET_NS = 60_000_000
-LEVEL_BIAS_LAG_S, LEVEL_BIAS_MIN_RAD, LEVEL_BIAS_MAX_RAD = 0.15, 2e-3, 0.05
 
 
 @dataclass(slots=True)
@@ -278,71 +270,3 @@ class OwnEstimate:
     def _update_position(self) -> None:
         (x, y, z), (x0, y0, z0) = self._position_m, self._origin_lab_m
         self._pos_lab_m = (x + x0, y + y0, z + z0)
-
-
-class AttitudeMonitor:
-    """Of n bodies. innovation_rad (n): the mocap's attitude less the drone's own; 0 where the drone reports none."""
-
-    def __init__(self, n: int) -> None:
-        self.innovation_rad = np.zeros(n)
-        self._frames: deque[tuple[int, list[Tilt | None]]] = deque(maxlen=FRAMES_MAX)
-        self._pending: list[tuple[int, float, float] | None] = [None] * n
-        self._own: list[tuple[int, float, float] | None] = [None] * n
-        self._innovations = [AttitudeInnovation() for _ in range(n)]
-        self._level_bias: list[Tilt] = [(0.0, 0.0)] * n
-        self._significant_bias_rad = np.zeros((n, 2))
-
-    def receive_frame(self, frame: LabFrame) -> None:
-        """Add a frame; capture times rise."""
-        poses = zip(tilts(frame.q_lab_from_flu), frame.seen.tolist(), strict=True)
-        self._frames.append((frame.t_capture_ns, [tilted if seen else None for tilted, seen in poses]))
-
-    def receive_attitude(self, i: int, t_ns: int, q_lab_from_flu: Quat) -> None:
-        """Add body i's own attitude of t_ns, our clock. It is compared when the next comes: the cameras are slower."""
-        before, self._pending[i] = self._pending[i], (t_ns, *tilt(q_lab_from_flu.tolist()))
-        if before is None or t_ns <= before[0]:
-            return
-        last, self._own[i] = self._own[i], before
-        dt_s = 0.0 if last is None else (before[0] - last[0]) * 1e-9
-        mocap_tilt = self._mocap_tilt_at(i, before[0])
-        if last is None or mocap_tilt is None or not 0.0 < dt_s < GAP_S:
-            return
-        rate = hypot(before[1] - last[1], before[2] - last[2]) / dt_s
-        off = self._innovations[i].update(mocap_tilt, before[1:], rate, dt_s)
-        part, (x, y) = 1.0 - exp(-dt_s / LEVEL_BIAS_LAG_S), self._level_bias[i]
-        self._level_bias[i] = x + part * (off[0] - x), y + part * (off[1] - y)
-        self.innovation_rad[i] = self._innovations[i].innovation_rad
-        self._significant_bias_rad[i, 0], self._significant_bias_rad[i, 1] = self._significant(i)
-
-    def level_bias_rad(self, bodies: NDArray[np.int64]) -> Float:
-        """Gravity's direction in the x and y axes of these bodies (m), by the mocap less by themselves (m, 2).
-
-        At most LEVEL_BIAS_MAX_RAD; what noise and the clocks' doubt can explain is left out.
-        """
-        significant: Float = self._significant_bias_rad[bodies]
-        return significant
-
-    def _significant(self, i: int) -> Tilt:
-        x, y = self._level_bias[i]
-        bias_rad, doubt_rad = hypot(x, y), CLOCK_DOUBT_S * self._innovations[i].rate_rad_s
-        significant_rad = min(bias_rad - max(LEVEL_BIAS_MIN_RAD, doubt_rad), LEVEL_BIAS_MAX_RAD)
-        if significant_rad <= 0.0:
-            return 0.0, 0.0
-        return x * (significant_rad / bias_rad), y * (significant_rad / bias_rad)
-
-    def _mocap_tilt_at(self, i: int, t_ns: int) -> Tilt | None:
-        """Gravity's direction in body i's axes, x and y, as the mocap shows it at t_ns; None where it does not."""
-        after: tuple[int, list[Tilt | None]] | None = None
-        for before in reversed(self._frames):
-            if before[0] < t_ns:
-                break
-            after = before
-        else:
-            return None
-        if after is None or after[0] - before[0] > BRACKET_NS:
-            return None
-        first, second = before[1][i], after[1][i]
-        if first is None or second is None:
-            return None
-        part = (t_ns - before[0]) / (after[0] - before[0])
-        return first[0] + part * (second[0] - first[0]), first[1] + part * (second[1] - first[1])

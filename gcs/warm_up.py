@@ -7,7 +7,7 @@ from formation.config import LabConfig
 from formation.control.margin import kicked_hover
 from formation.control.presets import preset_for
 from formation.guidance.shape import Shape
-from formation.guidance.transition import Space, transition
+from formation.guidance.transition import Space, assigned, transition
 from formation.maths import frames
 from formation.messages import AttitudeTarget, LabFrame
 from formation.paper.eq2_relative_frame import lead_from_lab
@@ -47,7 +47,8 @@ def _change_shape() -> None:
     motion = np.zeros((1, 3, 4))
     motion[0, 0, 0] = 2.0
     beyond = Shape("beyond", ((-2.0, 0.0, 0.0),), (0.0,))
-    transition(beyond, motion, Space(0.1, 0.2, 0.0, 1.0, 1.0), ("leader", "follower"))
+    dealt = assigned(beyond, motion[:, 0, :3])
+    transition(dealt, motion, Space(0.1, 0.2, 0.0, 1.0, 1.0), ("leader", "follower"))
     lead_from_lab(motion[0], np.zeros((3, 4)), np.zeros((3, 4)))
 
 

@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 from math import sqrt
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from formation.guidance.reference_generator import add_gap
 from formation.guidance.shape import Shape, separations
 from formation.guidance.trajectory import braking_s, closing_s
 from formation.maths.arrays import Float
+from formation.maths.assignment import assignment
 from formation.maths.frames import wrap_angle
 from formation.maths.kernel import kernel
 
@@ -63,7 +63,7 @@ def assigned(shape: Shape, slot_now_lead_m: Float) -> Shape:
     slot_now_lead_m: (followers, 3).
     """
     gap = slot_now_lead_m[:, None, :] - shape.offsets[None, :, :]
-    _, slot_of = linear_sum_assignment(np.sum(gap * gap, axis=-1))
+    slot_of = assignment(np.sum(gap * gap, axis=-1)).tolist()
     return replace(
         shape,
         offset_lead_m=tuple(shape.offset_lead_m[j] for j in slot_of),

@@ -28,7 +28,6 @@ from mocap.sources.csv_file import MocapFileError
 from sim import lockstep
 from sim.cameras import daemon as mocap_daemon
 from sim.cameras.systems import lab_with
-from sim.cli.conclude import conclude
 from sim.cli.display import Display
 from sim.fly import Files
 from sim.fly import fly as fly_processes
@@ -76,6 +75,8 @@ class Ending:
 
 def fly(opened: Opened, how: ProcessOptions, seed: int | None, ending: Ending) -> None:
     """In real time, or slower; ends the process with its exit code."""
+    from sim.cli.conclude import conclude  # its plots; the emulated mocap needs none
+
     scenario, lab = opened.scenario, opened.scenario.lab
     if how.protocol and opened.lab is not None:  # what the lab file says of its own cameras
         lab = lab.model_copy(update={"mocap": opened.lab.mocap})
@@ -115,6 +116,8 @@ def fly(opened: Opened, how: ProcessOptions, seed: int | None, ending: Ending) -
 
 def run(scenario: Scenario, seed: int | None, ending: Ending) -> None:
     """In lockstep; ends the process with its exit code."""
+    from sim.cli.conclude import conclude
+
     files = Files(_folder(ending.out, scenario))
     compile_for(scenario)
     with Display(Console(stderr=ending.as_json), scenario.name) as display:

@@ -15,9 +15,15 @@ NOBODY = -1
 Ints = NDArray[np.int64]
 
 
-@kernel
 def assignment(cost: Float) -> Ints:
-    """The column of each row (n) of finite costs (n, n)."""
+    """The column of each row (n) of costs (n, n); ValueError where one is not finite."""
+    if not np.isfinite(cost).all():
+        raise ValueError("a cost is not finite")
+    return _columns(cost)
+
+
+@kernel
+def _columns(cost: Float) -> Ints:
     n = len(cost)
     row_price, column_price = np.zeros(n), np.zeros(n)
     column_of, row_of = np.full(n, NOBODY), np.full(n, NOBODY)

@@ -27,3 +27,9 @@ def test_of_equals_the_same_is_chosen_as_by_scipy(n: int) -> None:
 def test_two_who_want_the_same_share_by_the_sum_of_costs() -> None:
     """By hand: 1 + 2 beats 0 + 4."""
     assert assignment(np.array([[0.0, 1.0], [2.0, 4.0]])).tolist() == [1, 0]
+
+
+def test_what_is_no_cost_is_refused() -> None:
+    for wrong in (np.nan, np.inf):
+        with pytest.raises(ValueError, match="not finite"):
+            assignment(np.array([[0.0, 1.0], [wrong, 4.0]]))

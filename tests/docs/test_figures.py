@@ -1,4 +1,4 @@
-"""The README's figures of the paper's experiments are those of the figure file that the manual's tables are made from."""
+"""The README's figures of the paper's experiments are those of the figure file, as are the manual's tables."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""The mocap's attitudes against the drones' own: what is late or wrong shows, and what clocks and markers do does not."""
+"""The mocap's attitudes against the drones' own: what is late or wrong shows, what clocks and markers do does not."""
 
 import numpy as np
 import pytest

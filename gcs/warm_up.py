@@ -11,6 +11,7 @@ from formation.guidance.transition import Space, assigned, transition
 from formation.maths import frames
 from formation.messages import AttitudeTarget, LabFrame
 from formation.paper.eq2_relative_frame import lead_from_lab
+from formation.safety.attitude_innovation import AttitudeMonitor
 from gcs.core import GcsCore
 from gcs.own_law import own_laws
 from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
@@ -65,7 +66,10 @@ def _watch_over(config: LabConfig) -> None:
     pos = np.zeros((n, 3))
     pos[:, 0] = np.arange(n)
     bodies = tuple(v.body for v in config.vehicles)
-    core = GcsCore(config, 0)
-    core.receive(LabFrame(0, FRAME_NS, bodies, pos, np.tile(frames.IDENTITY, (n, 1)), np.ones(n, np.bool_)), FRAME_NS)
+    core, monitor = GcsCore(config, 0), AttitudeMonitor(n)
+    frame = LabFrame(0, FRAME_NS, bodies, pos, np.tile(frames.IDENTITY, (n, 1)), np.ones(n, np.bool_))
+    core.receive(frame, FRAME_NS)
     core.tick(FRAME_NS)
     core.status(FRAME_NS)
+    monitor.receive_frame(frame)
+    monitor.receive_attitudes(np.arange(n), np.full(n, FRAME_NS), frame.q_lab_from_flu)

@@ -14,6 +14,7 @@ import numpy as np
 
 from formation.messages import Phase, Verb
 from formation.requests import GCS_NAME
+from formation.trajectory_config import TrajectoryConfig
 from sim.fly import Files, fly_on, running
 from sim.lockstep import run_to_file
 from sim.ports import private_link
@@ -132,7 +133,9 @@ def hover(followers: int, hover_s: float) -> Scenario:
         kind.model_copy(update={"battery": kind.battery.model_copy(update={"capacity_mah": CAPACITY_MAH})})
         for kind in kinds.values()
     )
-    lab = lab.model_copy(update={"profiles": lasting})
+    # Nobody is to start: for more than a hundred the scenario's own path has no room, and a ground would refuse it.
+    leader = lab.leader.model_copy(update={"trajectory": TrajectoryConfig()})
+    lab = lab.model_copy(update={"profiles": lasting, "leader": leader})
     script = (
         Step(verb=Verb.ARM, phase="GROUND"),
         Step(verb=Verb.TAKEOFF, phase="ARMED"),

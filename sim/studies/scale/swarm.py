@@ -119,10 +119,10 @@ def swarm_by_processes(
             progress(f"{t_s:.0f} s, {state}")
 
         outcome = asyncio.run(fly(scenario, scenario.seed, files, note, clock=clock, hosts=hosts))
-    told = outcome.result if outcome.result == "landed" else f"{outcome.result}: {outcome.reason}"
+    ended = outcome.result if outcome.result == "landed" else f"{outcome.result}: {outcome.reason}"
     ticks_us, separation_m, flown_s = of_log(files.mcap, clock.speed) if files.mcap.exists() else ([], None, 0.0)
     return Swarm(
-        followers + 1, told, flown_s, separation_m, scenario.lab.limits.min_separation_m,
+        followers + 1, ended, flown_s, separation_m, scenario.lab.limits.min_separation_m,
         Timing.of(ticks_us) if ticks_us else None, clock.speed,
     )  # fmt: skip
 

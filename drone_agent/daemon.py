@@ -90,7 +90,7 @@ async def run(configs: Sequence[AgentConfig], report: EventSink, clock: Clock = 
 
     Raises OSError where a port is taken, ConfigError for parameters that are none, StarvedError.
     """
-    stop, rejections = Stop(), RejectionLog()
+    stop, rejections, protections = Stop(), RejectionLog(), [config.protection for config in configs]
     cores = [_core(config, clock) for config in configs]
     compile_all("drone-agent", lambda: _warm_up(cores, clock), sys.stderr)
     pumps = [_Pump(config, core, report, clock, rejections) for config, core in zip(configs, cores, strict=True)]
@@ -98,22 +98,22 @@ async def run(configs: Sequence[AgentConfig], report: EventSink, clock: Clock = 
     tasks: list[asyncio.Task[None]] = []
     try:
         if any(_uses_bus(config) for config in configs):
-            bus = await ZenohBus.open(configs[0].link, configs[0].lab, rejections, configs[0].protection)
+            bus = await ZenohBus.open(configs[0].link, configs[0].lab, rejections, protections[0])
 
             def receive_frame(frame: LabFrame) -> None:
                 for pump in pumps:
                     pump.receive_frame(frame)
 
             MocapBus(bus, clock).on_frame(receive_frame)
-        for pump in pumps:
-            protection, pump.bus = pump.config.protection, bus
+        for pump, protection in zip(pumps, protections, strict=True):
+            pump.bus = bus
             pump.link = await open_ground_link(pump.config, bus, pump.receive, rejections, protection)
             pump.turn()
             tasks.append(asyncio.create_task(protection.attend(report)))
         if bus is not None:
             tasks += [
-                asyncio.create_task(report_missing(f"uav{pump.config.sysid}", _awaited(pump, bus), report))
-                for pump in pumps
+                asyncio.create_task(report_missing(f"uav{pump.config.sysid}", awaited, report))
+                for pump, awaited in zip(pumps, _awaited(pumps, bus), strict=True)
             ]
         await stop.wait()
     finally:
@@ -131,9 +131,14 @@ def _uses_bus(config: AgentConfig) -> bool:
     return config.link.kind == "zenoh" or config.is_guarded or config.truth_rate_hz > 0.0
 
 
-def _awaited(pump: _Pump, bus: ZenohBus) -> list[Awaited]:
-    poses = [awaited_pose(pump.config, lambda: pump.has_pose)] if pump.config.is_guarded else []
-    return [awaited_bus(pump.config, bus), *poses]
+def _awaited(pumps: Sequence[_Pump], bus: ZenohBus) -> list[list[Awaited]]:
+    """What each waits for: the first for the bus that all share, each for its own pose."""
+    poses = [[_awaited_pose(pump)] if pump.config.is_guarded else [] for pump in pumps]
+    return [[awaited_bus(pumps[0].config, bus), *poses[0]], *poses[1:]]
+
+
+def _awaited_pose(pump: _Pump) -> Awaited:
+    return awaited_pose(pump.config, lambda: pump.has_pose)
 
 
 def _core(config: AgentConfig, clock: Clock) -> Drone:

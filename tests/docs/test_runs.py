@@ -1,9 +1,8 @@
-"""What the manual tells to run without hardware runs, page by page, in the order of the page."""
+"""What the manual tells to run without hardware runs: README and one command of each kind; nightly, every page."""
 
 import os
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 from importlib.util import find_spec
@@ -33,29 +32,6 @@ def runs(block: Block) -> list[str]:
 RUNNING = [page for page in pages() if any(runs(block) for block in blocks(page))]
 
 
-SHIPPED = re.compile(r"gcs-sim run (\w+) --seed (\d+) --out (\S+)")
-"""A flight that scenario and seed decide (tests/sim/test_lockstep.py): flown once, whatever page asks for it."""
-
-
-@pytest.fixture(scope="module")
-def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where the flights of shipped scenarios are kept for every page."""
-    return tmp_path_factory.mktemp("kept")
-
-
-def followed(command: str, folder: Path, kept: Path) -> None:
-    """Run a command of a page in its folder; a flight that another page has flown is copied there."""
-    shipped = SHIPPED.fullmatch(command)
-    if shipped is None:
-        ran(command, folder)
-        return
-    name, seed, out = shipped.groups()
-    flown = kept / f"{name}-{seed}"
-    if not flown.exists():
-        ran(f"gcs-sim run {name} --seed {seed} --out {flown.name}", kept)
-    shutil.copytree(flown, folder / out, dirs_exist_ok=True)
-
-
 def ran(command: str, folder: Path) -> None:
     program, *rest = shlex.split(command)
     path = os.pathsep.join((str(ROOT / "examples" / "own_package"), str(folder / "installed")))
@@ -77,19 +53,43 @@ def install_example(folder: Path) -> None:
     (info / "entry_points.txt").write_text(text)
 
 
-@pytest.mark.parametrize("page", RUNNING, ids=name_of)
-def test_page_runs(page: Path, kept: Path, tmp_path: Path) -> None:
-    followed("gcs-sim run triangle_line --seed 3 --out .", tmp_path, kept)  # pages call it `flight.mcap`
-    install_example(tmp_path)
+def run_page(page: Path, folder: Path) -> None:
     labs = Labs(BASE_LAB)
-    (tmp_path / "lab.toml").write_text(labs.text)
+    (folder / "lab.toml").write_text(labs.text)
     for block in blocks(page):
         if block.language == "toml":
             labs.take(block)
-            (tmp_path / "lab.toml").write_text(labs.text)
-            (tmp_path / "scenario.toml").write_text(labs.scenario or "")
+            (folder / "lab.toml").write_text(labs.text)
+            (folder / "scenario.toml").write_text(labs.scenario or "")
         for command in runs(block):
             for word in shlex.split(command):
-                if word.endswith(".toml") and not (tmp_path / word).exists():
-                    (tmp_path / word).write_text(labs.text)
-            followed(command, tmp_path, kept)
+                if word.endswith(".toml") and not (folder / word).exists():
+                    (folder / word).write_text(labs.text)
+            ran(command, folder)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("page", RUNNING, ids=name_of)
+def test_page_runs(page: Path, tmp_path: Path) -> None:
+    ran("gcs-sim run triangle_line --seed 3 --out .", tmp_path)  # pages call it `flight.mcap`
+    install_example(tmp_path)
+    run_page(page, tmp_path)
+
+
+def kinds() -> dict[str, str]:
+    """The first command of each program and verb that the pages show, by those two words."""
+    first: dict[str, str] = {}
+    for command in (c for page in RUNNING for block in blocks(page) for c in runs(block)):
+        first.setdefault(" ".join(command.split()[:2]), command)
+    return first
+
+
+def test_the_readme_runs_and_one_command_of_each_other_kind_on_its_flight(tmp_path: Path) -> None:
+    readme = ROOT / "README.md"
+    run_page(readme, tmp_path)
+    done = {" ".join(c.split()[:2]) for block in blocks(readme) for c in runs(block)}
+    others = {kind: command for kind, command in kinds().items() if kind not in done}
+    assert len(others) > 5
+    (tmp_path / "scenario.toml").write_text('lab = "lab.toml"\n')
+    for command in others.values():
+        ran(re.sub(r"\S+\.mcap", "runs/first/flight.mcap", command), tmp_path)

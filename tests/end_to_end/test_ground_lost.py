@@ -96,13 +96,10 @@ def tilt_rad(truth: Truth) -> float:
     return float(np.arccos(min(up[2], 1.0)))
 
 
-@pytest.mark.parametrize("link", ["zenoh", "udp"])
-def test_every_drone_stops_and_lands_by_itself_and_the_log_is_whole_to_the_last_moment(
-    link: str, tmp_path: Path
-) -> None:
+def test_every_drone_stops_and_lands_by_itself_and_the_log_is_whole_to_the_last_moment(tmp_path: Path) -> None:
     scenario = load(str(write_scenario(tmp_path, CIRCLE)))
     files = Files(tmp_path)
-    with private_link(link, SYSIDS) as own_link:
+    with private_link("zenoh", SYSIDS) as own_link:
         lab = scenario.lab.model_copy(update={"link": own_link})
         watched, killed_ns = asyncio.run(fly_and_kill(scenario.model_copy(update={"lab": lab}), files))
 

@@ -28,12 +28,11 @@ LAB = {
 SIGNED = 0x01
 
 
-@pytest.mark.parametrize("link", ["zenoh", "udp"])
-def test_a_new_lab_flies_signed(link: str, tmp_path: Path) -> None:
+def test_a_new_lab_flies_signed(tmp_path: Path) -> None:
     lab, out = tmp_path / "lab.toml", tmp_path / "run"
     lab.write_text(tomli_w.dumps(LAB))
     subprocess.run([sys.executable, "-m", "gcs", "keys", "new", str(lab)], check=True, capture_output=True)
-    with gcs_sim_fly(str(lab), "--signed", "--link", link, "--out", str(out)) as process:
+    with gcs_sim_fly(str(lab), "--signed", "--out", str(out)) as process:
         said, _ = process.communicate()
     assert process.returncode == 0, said
     log = read_log(out / "flight.mcap")

@@ -1,16 +1,19 @@
-"""The faults that were found in flights before they were contained: one flight each, by name."""
+"""The faults that were found in flights before they were contained, by name."""
 
+from collections.abc import Sequence
 from math import pi
 from typing import NamedTuple
 
 from formation.messages import Verb
 from sim.campaign.flight import fly
+from sim.campaign.group import fly_group
 from sim.campaign.labs import FORMATION_S, scenario
 from sim.campaign.oracle import Verdict
 from sim.faults.fault import Family, Fault, OnsetPhase
 from sim.scenario import Scenario
 
-SEED = 1
+SEED, SHARED = 1, 8
+"""Of every row; and how many share a flight up to their onsets, so that all cores fly."""
 
 
 class Row(NamedTuple):
@@ -43,10 +46,31 @@ def _ground(family: Family, for_s: float | None = None, verb: Verb | None = None
     return Fault(family=family, core="ground", after_s=2.5, for_s=for_s, verb=verb)
 
 
-def fly_row(name: str) -> Verdict:
-    """Fly the row of that name, and judge it; KeyError where there is none."""
-    row = {row.name: row for row in table()}[name]
-    return fly(row.scenario, SEED, benign=row.benign).verdict
+Names = tuple[str, ...]
+
+
+def shared_flights(names: Sequence[str]) -> list[Names]:
+    """These rows, those together whose flights are the same up to their faults: some at a time."""
+    same: dict[str, list[str]] = {}
+    for row in table():
+        if row.name in names:
+            alone = row.name if row.benign else ""
+            same.setdefault(alone + _unharmed(row).model_dump_json(), []).append(row.name)
+    return [tuple(rows[i : i + SHARED]) for rows in same.values() for i in range(0, len(rows), SHARED)]
+
+
+def fly_rows(names: Names) -> dict[str, Verdict]:
+    """Fly rows that share a flight, forked at their onsets, and judge them; KeyError where a name is no row's."""
+    rows = {row.name: row for row in table()}
+    first = rows[names[0]]
+    if len(names) == 1:
+        return {names[0]: fly(first.scenario, SEED, benign=first.benign).verdict}
+    flown = fly_group(_unharmed(first), {i: rows[name].scenario.faults for i, name in enumerate(names)})
+    return {name: run.verdict for name, run in zip(names, flown.runs, strict=True)}
+
+
+def _unharmed(row: Row) -> Scenario:
+    return row.scenario.model_copy(update={"name": "table", "faults": (), "seed": SEED})
 
 
 def table() -> tuple[Row, ...]:

@@ -18,7 +18,7 @@ from sim.campaign.cluster import Cluster
 from sim.campaign.draw import FAMILIES_DRAWN, Draw, run_of
 from sim.campaign.flight import fly
 from sim.campaign.oracle import Verdict
-from sim.campaign.table import fly_row, table
+from sim.campaign.table import fly_rows, shared_flights, table
 from sim.cli.flights import compile_everything, fail
 from sim.studies.runner import Runner
 from sim.world import T0_NS
@@ -35,13 +35,14 @@ def run_table(only: tuple[str, ...], workers: int | None, as_json: bool) -> None
         fail(f"no row {unknown[0]!r} in the table; there are: {', '.join(names)}", NOT_RIGHT)
     wanted = [name for name in names if not only or name in only]
     compile_everything()
-    verdicts = Runner(console, workers).run("table", fly_row, wanted)
-    flown = dict(zip(wanted, verdicts, strict=True))
+    flights = Runner(console, workers).run("table", fly_rows, shared_flights(wanted))
+    together = {name: verdict for verdicts in flights for name, verdict in verdicts.items()}
+    flown = {name: together[name] for name in wanted}
     if as_json:
         print(json.dumps({name: asdict(verdict) for name, verdict in flown.items()}, indent=2))
     console.print(_page(flown))
-    uncontained = sum(not verdict.contained for verdict in verdicts)
-    console.print(f"{len(verdicts)} faults, {uncontained} not contained", highlight=False)
+    uncontained = sum(not verdict.contained for verdict in flown.values())
+    console.print(f"{len(flown)} faults, {uncontained} not contained", highlight=False)
     if uncontained:
         raise typer.Exit(FAILED)
 

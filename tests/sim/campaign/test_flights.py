@@ -6,8 +6,9 @@ from formation.messages import Verb
 from sim.campaign.flight import fly
 from sim.campaign.labs import scenario
 from sim.campaign.oracle import Verdict
-from sim.campaign.table import fly_row, table
+from sim.campaign.table import fly_rows, shared_flights, table
 from sim.faults.fault import Family, Fault
+from sim.studies.runner import run_all
 
 
 def flown(*faults: Fault) -> Verdict:
@@ -19,10 +20,16 @@ def test_the_names_of_the_table_are_unique() -> None:
     assert len(set(names)) == len(names)
 
 
+@pytest.fixture(scope="module")
+def verdicts() -> dict[str, Verdict]:
+    """Of every row, flown beside these tests, in processes that can fork."""
+    flights = run_all(fly_rows, shared_flights([row.name for row in table()]), lambda: None, workers=2)
+    return {name: verdict for flight in flights for name, verdict in flight.items()}
+
+
 @pytest.mark.parametrize("name", [row.name for row in table()])
-def test_a_fault_of_the_table_is_contained(name: str) -> None:
-    verdict = fly_row(name)
-    assert verdict.contained, verdict.violations
+def test_a_fault_of_the_table_is_contained(name: str, verdicts: dict[str, Verdict]) -> None:
+    assert verdicts[name].contained, verdicts[name].violations
 
 
 def test_a_ground_that_was_stalled_goes_on_where_it_was() -> None:

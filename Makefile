@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 SUPPLY := $(VENV)/supply
 ARGS ?=
 
-.PHONY: fly test fuzz camera-axes mutants paper docs pictures lock audit wheel check setup format clean
+.PHONY: fly test nightly fuzz camera-axes mutants paper docs pictures lock audit wheel check lint setup format clean
 
 fly: $(VENV)/.fly
 	$(BIN)/gcs-sim fly $(ARGS)
@@ -16,9 +16,10 @@ fly: $(VENV)/.fly
 # Bytecode is kept, whatever the environment says: else each of some hundred processes compiles every module anew.
 define PYTEST
 	export PYTHONDONTWRITEBYTECODE=; \
-	$(BIN)/pytest -m flights $(ARGS) >$(VENV)/flights.log 2>&1 & flights=$$!; \
-	$(BIN)/pytest -n 2 --dist loadfile -m 'processes and not flights' $(ARGS) >$(VENV)/processes.log 2>&1 & waiting=$$!; \
-	nice -n 3 $(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile -m 'not processes' $(ARGS); codes=$$?; \
+	$(BIN)/pytest -m 'flights and not nightly' $(ARGS) >$(VENV)/flights.log 2>&1 & flights=$$!; \
+	$(BIN)/pytest -n 2 --dist loadfile -m 'processes and not flights and not nightly' $(ARGS) \
+		>$(VENV)/processes.log 2>&1 & waiting=$$!; \
+	nice -n 3 $(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile -m 'not processes and not nightly' $(ARGS); codes=$$?; \
 	for lane in $$flights $$waiting; do wait $$lane; codes="$$codes $$?"; done; \
 	cat $(VENV)/flights.log $(VENV)/processes.log; \
 	for code in $$codes; do test $$code = 0 -o $$code = 5 || exit $$code; done
@@ -26,6 +27,14 @@ endef
 
 test: $(VENV)/.test
 	$(PYTEST)
+
+# Long, and seldom to fail where `make test` passes: every Python's wheel, every page's commands, random faults with
+# each monitor's positive control, random bytes, mutants. About an hour and a half on two cores.
+nightly: setup
+	.ci/wheels
+	$(BIN)/pytest -m nightly --hypothesis-profile=searching $(ARGS)
+	$(BIN)/gcs-sim campaign --runs 60 --seed 7 --controls 1
+	$(MAKE) fuzz mutants
 
 fuzz: $(VENV)/.fly
 	$(BIN)/python -m tools.fuzz.datagrams $(ARGS)
@@ -81,12 +90,14 @@ wheel: $(VENV)/.supply
 		--output-file "$$(ls dist/*.whl | sed 's/whl$$/cdx.json/')" requirements.txt
 	@ls dist
 
-check: setup
+check: lint
+	$(PYTEST)
+
+lint: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(PYTEST)
 
 format: setup
 	$(BIN)/ruff format .

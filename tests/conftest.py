@@ -1,7 +1,7 @@
 """What every test run needs first: the kernels compiled, outside of any test's time limit; properties that repeat.
 
-A run draws the same examples every time and judges no example by the clock: a red run is the code's doing.
-`--hypothesis-profile=default` searches further.
+A run draws the same few examples every time and judges none by the clock: a red run is the code's doing.
+`--hypothesis-profile=searching` draws others every time, and more of them; `make nightly` does.
 """
 
 from pathlib import Path
@@ -11,7 +11,8 @@ from hypothesis import settings
 
 from sim import lockstep
 
-settings.register_profile("repeatable", deadline=None, derandomize=True)
+settings.register_profile("repeatable", deadline=None, derandomize=True, max_examples=40)
+settings.register_profile("searching", deadline=None, max_examples=400)
 settings.load_profile("repeatable")
 
 
@@ -21,7 +22,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         lockstep.warm_up_all()
 
 
-LANES = {"flights": "flights", "processes and not flights": "processes"}
+LANES = {"flights and not nightly": "flights", "processes and not flights and not nightly": "processes"}
 """What `make test` selects for its lanes of processes, and the mark that a file with such a test has in its text."""
 
 

@@ -20,6 +20,7 @@ from wire.clock import REAL_TIME, Clock
 LOW_M = 0.5
 
 
+@pytest.mark.nightly
 @pytest.mark.processes
 @pytest.mark.flights
 @pytest.mark.timeout(900)

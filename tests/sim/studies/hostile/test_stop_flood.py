@@ -11,7 +11,7 @@ from tests.free_ports import free_port
 pytestmark = pytest.mark.processes
 
 
-@pytest.mark.parametrize(("from_elsewhere", "count"), [(False, 30), (True, 75)])
+@pytest.mark.parametrize(("from_elsewhere", "count"), [(False, 30), pytest.param(True, 75, marks=pytest.mark.nightly)])
 def test_every_stop_reaches_the_true_ground_beside_theft_and_floods(
     from_elsewhere: bool, count: int, tmp_path: Path
 ) -> None:

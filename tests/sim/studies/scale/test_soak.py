@@ -43,6 +43,7 @@ def test_a_hover_is_sampled_in_the_air_and_its_log_grows(tmp_path: Path) -> None
     assert logged == sorted(set(logged))
 
 
+@pytest.mark.nightly
 @pytest.mark.processes
 def test_by_processes_the_memory_is_the_grounds_and_its_cycles_are_counted(tmp_path: Path) -> None:
     result = asyncio.run(soak_by_processes(1, 12.0, tmp_path, lambda _text: None, 1, Clock(SPEED)))

@@ -211,6 +211,11 @@ class GcsCore:
         if self.phase is Phase.HOLD and any(drone.awaited(now_ns) for drone in self._drones):
             self._stack, self._reinitialise_at_ns = self._fresh_stack(), now_ns + REINITIALISE_NS
 
+    def booted_ns(self, sysid: int) -> int | None:
+        """When that drone's autopilot booted, on our clock; None where that is not known."""
+        link = self._links.get(sysid)
+        return None if link is None else link.booted_ns
+
     def state(self, now_ns: int) -> dict[str, Any]:
         """Everything an operator may want to see, as JSON has it; reading it changes nothing."""
         grounded = self.phase is Phase.GROUND

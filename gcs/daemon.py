@@ -201,6 +201,10 @@ class Ground:
         """Receive a parameter that the doctor has recorded: it takes effect at a restart."""
         self._input(unmet, self._clock.monotonic_ns())
 
+    def booted_ns(self, sysid: int) -> int | None:
+        """When that drone's autopilot booted; None where that is not known."""
+        return self._core.booted_ns(sysid)
+
     def press(self) -> None:
         """Stop: the stop button was pressed."""
         self.receive_request(OperatorRequest(0, Verb.STOP, "stop button"), lambda _reply: None)
@@ -359,7 +363,7 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
             tasks.create_task(watch_button(config.operator.stop_button, ground)),  # first: it is there from the first
             tasks.create_task(ground.publish_state(bus, name)),
             tasks.create_task(ground.watch_disk()),
-            tasks.create_task(watch_record(lab_file, ground.receive_unmet, ground.report, clock)),
+            tasks.create_task(watch_record(lab_file, ground.receive_unmet, ground.booted_ns, ground.report, clock)),
             tasks.create_task(report_missing("ground", awaited_by_ground(config, bus, ground), ground.report)),
             tasks.create_task(bus.protection.attend(ground.report)),
             tasks.create_task(_have_mocap(config, lab_file, mocap, ground.report, clock, name)),

@@ -175,6 +175,7 @@ class Flight:
         for drone in self._drones:
             if phase is Phase.ARMED:
                 drone.released = drone.lifted = drone.piloted = False
+                drone.link.texts.clear()
                 drone.aim(Goal.LEAVE, now_ns)
             elif phase is Phase.STOPPED:
                 drone.aim(Goal.CUT, now_ns)
@@ -222,8 +223,11 @@ class Flight:
         elif self.armed:
             cause = unready[0].idle_disarm_text or f"{unready[0].link.name} is no longer armed and off-board"
             self.pull(Trigger.DISARMED, cause, now_ns)
-        elif now_ns - self.entered_ns > ARMING_NS:
-            self.pull(Trigger.DISARMED, "; ".join(_why_not_armed(drone) for drone in unready), now_ns)
+        elif failed := [drone for drone in unready if drone.rejects(now_ns)] or self._overdue(unready, now_ns):
+            self.pull(Trigger.DISARMED, "; ".join(_why_not_armed(drone) for drone in failed), now_ns)
+
+    def _overdue(self, unready: list[Drone], now_ns: int) -> list[Drone]:
+        return unready if now_ns - self.entered_ns > ARMING_NS else []
 
     def _watch_countdown(self, now_ns: int) -> None:
         """Report once how much time is left for a take-off, and once when it is too late."""
@@ -350,5 +354,5 @@ def _why_not_armed(drone: Drone) -> str:
     link = drone.link
     wanted = "armed" if link.offboard else "off-board"
     answers = ", ".join(str(answer) for answer in list(link.commands.answers.values())[-1:])
-    words = f"; it says: {link.texts[-1]}" if link.texts else ""
+    words = f"; it says: {' / '.join(dict.fromkeys(link.texts))}" if link.texts else ""
     return f"{link.name} is not {wanted} ({answers or 'nothing asked'}{words})"

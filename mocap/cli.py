@@ -11,6 +11,8 @@ import uvloop
 from rich.console import Console
 
 from formation.config import LabConfig
+from formation.messages import Event, Severity
+from mocap.core import SOURCE
 from mocap.daemon import Outputs, run
 from mocap.service import ServiceError
 from mocap.sources.csv_file import MocapFileError
@@ -21,6 +23,7 @@ from wire.clock import Clock
 from wire.logs.mcap_log import LogWriter
 from wire.process.console import NOT_RIGHT, REJECTED, fail, print_event, print_event_json
 from wire.process.machine import machine
+from wire.process.priority import prefer_process
 from wire.process.progress import compile_all
 from wire.security.protection import LOOPBACK_ONLY, Protection
 
@@ -43,6 +46,7 @@ def serve(
     compile_all("gcs", lambda: warm_up(config), sys.stderr)
     try:
         with _outputs(config, record, as_json, clock) as outputs:
+            outputs.event(Event(Severity.INFO, SOURCE, f"priority: {prefer_process()}"))
             uvloop.run(run(config, linger_s, outputs, clock, ground, protection))
     except MocapFileError as error:
         fail(str(error), NOT_RIGHT)

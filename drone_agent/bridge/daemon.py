@@ -10,11 +10,12 @@ from drone_agent.link.awaited import awaited_bus, awaited_pose
 from drone_agent.link.ground_link import open_ground_link
 from drone_agent.timer import DeadlineTimer
 from drone_agent.warm_up import warm_up
-from formation.messages import Datagram, LabFrame
+from formation.messages import Datagram, Event, LabFrame, Severity
 from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
 from wire.process.awaited import Awaited, report_missing
 from wire.process.lifetime import EventSink, Stop
+from wire.process.priority import prefer_process
 from wire.process.progress import compile_all
 from wire.rejections import RejectionLog
 from wire.security.bus_access import ExposedError
@@ -77,6 +78,7 @@ async def run_bridge(config: AgentConfig, autopilot: str, report: EventSink, clo
     """
     stop, protection = Stop(), config.protection
     compile_all("drone-agent", warm_up, sys.stderr)
+    report(Event(Severity.INFO, f"uav{config.sysid}", f"priority: {prefer_process()}"))
     config = config.model_copy(update={"inertial_rate_hz": min(config.inertial_rate_hz, imu_rate_limit_hz(autopilot))})
     core = BridgeCore(config, clock.monotonic_ns(), serial=autopilot.startswith("serial:"))
     pump = _Pump(core, report, clock)

@@ -49,7 +49,11 @@ def run(
     speed: Speed = 1.0,
     insecure: Insecure = False,
     priority: Annotated[
-        bool, typer.Option("--priority", help="Run before other processes, in locked memory, as far as is allowed.")
+        bool,
+        typer.Option(
+            "--priority",
+            help="Run in real time, in locked memory, as far as is allowed; without it at nice -10, where allowed.",
+        ),
     ] = False,
 ) -> None:
     """Run the ground: mocap in, control on every frame, setpoints out, everything recorded. Ctrl-C lands and ends."""

@@ -18,19 +18,17 @@ from mocap.service import ServiceError
 from wire.clock import Clock
 from wire.private_files import make_folder
 from wire.process.console import NOT_LANDED, NOT_RIGHT, REJECTED, fail, print_event, print_event_json
-from wire.process.priority import raise_priority
+from wire.process.priority import prefer_process, raise_priority
 from wire.process.progress import compile_all
 from wire.security.private_keys import keys_folder, read_operations
 from wire.security.protection import lab_protection
-
-AS_STARTED = "as started"
 
 
 @dataclass(frozen=True, slots=True)
 class Run:
     """How `gcs run` was asked to run. force: fly a preset that the delay margin refuses; insecure: without keys.
 
-    priority: before other processes, where the machine allows it.
+    priority: before other processes, in real time, where the machine allows it.
     """
 
     lab_file: Path
@@ -58,9 +56,8 @@ def serve(config: LabConfig, asked: Run) -> None:
             fail(f"refused, this would not fly steadily: {reasons} (--force, for simulation only)", REJECTED)
         make_folder(log.parent)
         # After the compiler, before the threads that inherit it.
-        priority = raise_priority() if asked.priority else AS_STARTED
-        if asked.priority:
-            report(Event(Severity.INFO, "ground", f"priority: {priority}"))
+        priority = raise_priority() if asked.priority else prefer_process()
+        report(Event(Severity.INFO, "ground", f"priority: {priority}"))
         metadata = asked.metadata | _key_operations(config, asked.lab_file) | {"priority": priority}
         ended = uvloop.run(run(config, asked.lab_file, log, name, metadata, report, asked.clock, protection))
     except ServiceError as error:

@@ -97,11 +97,11 @@ class _Fixing:
 
     def __init__(self, wanted: bool, unasked: bool) -> None:
         self.wanted = wanted
-        self._unasked = unasked
+        self.unasked = unasked
 
     def agreed(self, question: str) -> bool:
         """Whether it is to be written."""
-        return self._unasked or typer.confirm(question, err=True)
+        return self.unasked or typer.confirm(question, err=True)
 
 
 async def _doctor(
@@ -133,12 +133,13 @@ async def _doctor(
 
 async def _write(survey: "Survey", lab_file: Path, findings: Sequence["Finding"], fixing: _Fixing) -> None:
     """Write what is agreed to; what was found stays found until the doctor is asked again."""
-    written = 0
+    written = list[Fix]()
     for finding in findings:
         name, fix, refit = finding.subject, finding.fix, finding.refit
         if fix is not None and fixing.agreed(f"{name}: write {fix.parameter} = {fix.value:g} (is {finding.found})?"):
             accepted = await survey.write(fix)
-            written += accepted
+            if accepted:
+                written.append(fix)
             if accepted and survey.reads_at_boot(fix):
                 note_fixes(lab_file, [fix])
             words = "written" if accepted else "NOT accepted"
@@ -148,7 +149,34 @@ async def _write(survey: "Survey", lab_file: Path, findings: Sequence["Finding"]
         ):
             print(f"{name}: {write_profile(refit, Path())}", file=sys.stderr)
     if written:
+        await _see_restarted(survey, lab_file, written, fixing)
+
+
+async def _see_restarted(survey: "Survey", lab_file: Path, written: "Sequence[Fix]", fixing: _Fixing) -> None:
+    """Wait until what was written is saved and, where an operator is there, restarted; then read it back."""
+    import asyncio
+
+    from gcs.doctor.restart_record import drop_met
+    from wire.clock import REAL_TIME
+
+    print("Waiting until the autopilots have saved it ...", file=sys.stderr)
+    await asyncio.sleep(SETTLE_S)
+    sysids = {fix.sysid for fix in written}
+    if fixing.unasked or not sys.stdin.isatty():
         print("Restart the autopilots, some parameters count from there; then ask the doctor again.", file=sys.stderr)
+        return
+    since_ns = REAL_TIME.monotonic_ns()
+    print("Restart the autopilots now; Ctrl-C: later, then ask the doctor again.", file=sys.stderr)
+    await survey.see_restarted(sysids, since_ns)
+    drop_met(lab_file, survey.booted_ns, REAL_TIME)
+    for fix in written:
+        found = await survey.read(fix)
+        words = (
+            "kept"
+            if found is not None and abs(found - fix.value) < 1e-3
+            else f"NOT kept: {'no answer' if found is None else f'{found:g}'}"
+        )
+        print(f"{survey.drones[fix.sysid].name}: {fix.parameter} {words}", file=sys.stderr)
 
 
 def note_fixes(lab_file: Path, fixes: "Iterable[Fix]") -> None:

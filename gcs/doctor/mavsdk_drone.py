@@ -89,14 +89,13 @@ async def mavsdk_system(url: str) -> AsyncIterator[Any]:
 
 async def interview(system: Any, parameters: Iterable[str]) -> MavsdkReport:
     """Ask one drone for its version, its health, and these parameters."""
-    reader = ParamAsync(system)
-    values = {name: value for name in parameters if (value := await read_parameter(reader, name)) is not None}
+    values = {name: value for name in parameters if (value := await read_parameter(system, name)) is not None}
     return MavsdkReport(await _version(system), await _unhealthy(system), values)
 
 
-async def read_parameter(reader: ParamAsync, name: str) -> float | None:
+async def read_parameter(system: Any, name: str) -> float | None:
     """A parameter of either type; None if the drone does not have it, or does not answer."""
-    found = await _typed_parameter(reader, name)
+    found = await _typed_parameter(ParamAsync(system), name)
     return None if found is None else float(found)
 
 
@@ -116,7 +115,7 @@ async def write_parameter(system: Any, name: str, value: float) -> bool:
             await writer.set_param_float(name, value)
     except ParamError:
         return False
-    found = await read_parameter(writer, name)
+    found = await read_parameter(system, name)
     return found is not None and abs(found - value) < 1e-3
 
 

@@ -1,7 +1,7 @@
 """The doctor's round: listens to mocap and drones, has drones moved by hand, interviews each through MAVSDK."""
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -19,10 +19,11 @@ from gcs.doctor.mavsdk_drone import (
     fetch_logs,
     interview,
     mavsdk_system,
+    read_parameter,
     write_parameter,
 )
 from gcs.doctor.mocap_checks import Received, check_mocap
-from gcs.doctor.restart_record import Unmet
+from gcs.doctor.restart_record import Unmet, unmet_ns
 from gcs.doctor.signing_checks import check_signing
 from gcs.drones.checks import restart_text
 from gcs.drones.link_state import DroneLink
@@ -92,7 +93,7 @@ class Survey:
     def receive_datagram(self, datagram: Datagram) -> None:
         """Receive a datagram for our own link, for MAVSDK where it listens, and for poses without a mocap."""
         now_ns = clock.monotonic_ns()
-        self.drones[datagram.sysid].receive(datagram.data, now_ns)
+        self.drones[datagram.sysid].receive(datagram.data, now_ns, datagram.superseded)
         frame = None if self._poses is None else self._poses.receive(datagram, now_ns)
         if frame is not None:
             self.received.append((now_ns, frame))
@@ -135,8 +136,7 @@ class Survey:
         """Parameters that were not as wanted when an earlier doctor looked."""
         for one in unmet:
             if one.sysid in self.drones:
-                t_ns = clock.REAL_TIME.at_unix_ns(round(one.unix_s * 1e9))
-                self.drones[one.sysid].boot_parameters.note_unmet(one.parameter, t_ns)
+                self.drones[one.sysid].boot_parameters.note_unmet(one.parameter, unmet_ns(one, clock.REAL_TIME))
 
     async def snapshot(self) -> Snapshot:
         """All bodies over the next moment: mean positions, newest attitudes."""
@@ -186,6 +186,20 @@ class Survey:
         """Write one parameter; whether it took."""
         async with self._mavsdk(fix.sysid) as system:
             return system is not None and await write_parameter(system, fix.parameter, fix.value)
+
+    async def read(self, fix: Fix) -> float | None:
+        """That parameter as it is now; None without an answer."""
+        async with self._mavsdk(fix.sysid) as system:
+            return None if system is None else await read_parameter(system, fix.parameter)
+
+    def booted_ns(self, sysid: int) -> int | None:
+        """When that drone's autopilot booted; None where that is not known."""
+        return self.drones[sysid].booted_ns
+
+    async def see_restarted(self, sysids: Collection[int], since_ns: int) -> None:
+        """Wait until each of these has booted since."""
+        while any((self.booted_ns(sysid) or since_ns) <= since_ns for sysid in sysids):
+            await asyncio.sleep(PUMP_S)
 
     @asynccontextmanager
     async def _mavsdk(self, sysid: int) -> AsyncIterator[object]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from formation.vehicle.profile import VehicleProfile
+from gcs.drones.telemetry import Telemetry
 from wire.autopilots.ardupilot import ARDUPILOT, THRUST_AS_THRUST
 from wire.autopilots.px4 import PX4
 from wire.autopilots.table import AutopilotTable, FlightMode
@@ -15,7 +16,7 @@ from wire.link_messages.address import Address
 from wire.link_messages.commands import CommandLong, MavCommand, command_long
 from wire.link_messages.message_id import MessageId
 from wire.link_messages.setpoints import Ignore
-from wire.link_messages.status import EkfStatus, EstimatorFlag, MavAutopilot, ModeFlag
+from wire.link_messages.status import EstimatorFlag, MavAutopilot, ModeFlag, SensorFlag
 
 HOVER_WITHIN = 0.15
 """Share by which an autopilot's own hover thrust may differ from the profile's before the ground warns."""
@@ -27,7 +28,8 @@ IDLE_DISARM_LEAST_S = 8.0  # arming a swarm takes three seconds, a take-off thre
 class ParameterRule:
     """What one parameter must be for our flight, and why; `set_to` is what `gcs doctor --fix` writes.
 
-    vital: without it our setpoints would be misread or not die in time, so arming is refused.
+    vital: without it our setpoints would be misread or not die in time, so arming is refused, but for a value that it
+    tolerates.
     external_pose: applies only where this ground feeds the drone its pose.
     """
 
@@ -38,6 +40,11 @@ class ParameterRule:
     set_to: float
     vital: bool = False
     external_pose: bool = False
+    tolerates: Callable[[float], bool] = lambda _: False
+
+    def refuses(self, found: float | None) -> bool:
+        """Whether the ground refuses to arm a drone with this value, None where it could not be read."""
+        return self.vital and (found is None or not (self.holds(found) or self.tolerates(found)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +59,7 @@ class GroundModel:
     """Messages to ask for: id and rate, Hz."""
     unread: tuple[int, ...]
     """Messages that it sends unasked and that nobody here reads: switched off on a link of our own."""
-    unready: Callable[[EkfStatus | None], str]
+    unready: Callable[[Telemetry], str]
     """Why its estimator cannot carry a flight yet; empty when it can, or does not say."""
     hover_default: float = field(init=False)
     """The hover thrust before anyone has measured it, which says nothing of the vehicle."""
@@ -90,11 +97,22 @@ class GroundModel:
         return Ignore.NONE if profile.rate_feed_forward else self.ignore
 
 
-def _px4_unready(_status: EkfStatus | None) -> str:
-    return ""  # PX4 refuses to arm in its own words
+_PX4_NEEDS = {
+    SensorFlag.GYRO_3D: "healthy gyroscope",
+    SensorFlag.ACCEL_3D: "healthy accelerometer",
+    SensorFlag.AHRS: "valid attitude estimate",
+    SensorFlag.XY_POSITION_CONTROL: "valid position estimate",
+}
 
 
-def _copter_unready(status: EkfStatus | None) -> str:
+def _px4_unready(telemetry: Telemetry) -> str:
+    """What PX4's health report lacks for any flight of ours; what else it refuses for, it says when it is armed."""
+    lacks = telemetry.sensors_unhealthy
+    return ", ".join(f"PX4 reports no {name}" for bit, name in _PX4_NEEDS.items() if lacks & bit)
+
+
+def _copter_unready(telemetry: Telemetry) -> str:
+    status = telemetry.estimator
     if status is None:
         return "no estimator report yet"
     uninitialised = status.flags & EstimatorFlag.EKF_UNINITIALIZED
@@ -120,11 +138,11 @@ def _between(low: float, high: float) -> Callable[[float], bool]:
 
 def _rule(
     table: AutopilotTable, name: str, wanted: str, holds: Callable[[float], bool], why: str,
-    *, set_to: float | None = None, vital: bool = False, external_pose: bool = False,
+    *, vital: bool = False, external_pose: bool = False, tolerates: Callable[[float], bool] = lambda _: False,
 ) -> ParameterRule:  # fmt: skip
     """A rule about a parameter of the table; where nothing is said, it is set to what a lab's drone has."""
-    value = table.indoor.get(name, table.default(name)) if set_to is None else set_to
-    return ParameterRule(name, wanted, holds, why, value, vital, external_pose)
+    value = table.indoor.get(name, table.default(name))
+    return ParameterRule(name, wanted, holds, why, value, vital, external_pose, tolerates)
 
 
 def _idle_disarm_rule(table: AutopilotTable) -> ParameterRule:
@@ -140,11 +158,14 @@ PX4_MODEL = GroundModel(
     rules=(
         _idle_disarm_rule(PX4),
         _rule(
-            PX4, "COM_OF_LOSS_T", "0 to 2 s", _between(0.0, 2.0),
-            "how long it flies on after our setpoints stop", set_to=0.5, vital=True,
+            PX4, "COM_OF_LOSS_T", "0.1 to 0.2 s", _between(0.1, 0.201),
+            "how long it flies on after our setpoints stop", vital=True, tolerates=_between(0.0, 2.0),
         ),
         _rule(
             PX4, "COM_OBL_RC_ACT", "4 (land)", _is(4.0), "what it does when our setpoints stop",
+        ),
+        _rule(
+            PX4, "CBRK_FLIGHTTERM", "0 (on)", _is(0.0), "motors off where it lies on its side for 0.3 s",
         ),
         _rule(
             PX4, "EKF2_EV_CTRL", "position, height and yaw (11)", _has(11), "fuses the mocap pose",

@@ -19,13 +19,13 @@ def _prearm_failures(link: DroneLink) -> Iterator[str]:
     if link.model is None:
         yield f"autopilot {link.telemetry.heartbeat.autopilot.name} is neither PX4 nor ArduPilot"
         return
-    unready = link.model.unready(link.telemetry.estimator)
+    unready = link.model.unready(link.telemetry)
     if unready:
         yield unready
     for name in link.awaiting_restart:
         yield f"{name} {restart_text(link)}"
     for rule in link.model.rules:
-        if rule.vital and not _holds(link, rule):
+        if rule.refuses(link.parameters.values.get(rule.name)):
             yield _complaint(link, rule)
 
 
@@ -33,8 +33,8 @@ def warnings(link: DroneLink, feeds_pose: bool) -> tuple[str, ...]:
     """What is not as wanted but does not keep the drone on the ground; only of parameters that were read."""
     if link.model is None:
         return ()
-    applying = (r for r in link.model.rules if not r.vital and (feeds_pose or not r.external_pose))
-    wrong = [r for r in applying if r.name in link.parameters.values and not _holds(link, r)]
+    known, applying = link.parameters.values, (r for r in link.model.rules if feeds_pose or not r.external_pose)
+    wrong = [r for r in applying if r.name in known and not r.holds(known[r.name]) and not r.refuses(known[r.name])]
     return tuple(_complaint(link, rule) for rule in wrong) + _hover_warning(link)
 
 
@@ -49,14 +49,10 @@ def _hover_warning(link: DroneLink) -> tuple[str, ...]:
 
 def restart_text(link: DroneLink) -> str:
     """Why a parameter that was set right keeps its drone on the ground, and what to do."""
-    if link.booted_ns is None:
-        return "was changed and counts from a restart, and the drone's clock (TIMESYNC) does not show when it started"
-    return "was changed since the autopilot started and counts from a restart only: restart the autopilot"
-
-
-def _holds(link: DroneLink, rule: ParameterRule) -> bool:
-    found = link.parameters.values.get(rule.name)
-    return found is not None and rule.holds(found)
+    return (
+        f"was changed and counts from a restart, which was not seen: restart the autopilot of drone {link.sysid} while "
+        "`gcs run` or `gcs doctor` listens, or delete the record beside the lab file (...-restarts.toml) if it was"
+    )
 
 
 def _complaint(link: DroneLink, rule: ParameterRule) -> str:

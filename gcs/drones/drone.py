@@ -19,6 +19,7 @@ from wire.link_messages.status import LandedState
 STREAM_FIRST_NS = 1_200_000_000  # PX4 wants a second of setpoints before it changes to off-board
 HOLD_OFF_NS = 1_000_000_000  # an answer stands until the next heartbeat can confirm it
 CUT_HOLD_OFF_NS = 100_000_000
+WORDS_NS = 300_000_000  # an autopilot's reasons come beside its answer, before it or after
 TOUCH_NS = 300_000_000
 GONE_NS = 5_000_000_000
 OWN_LANDING_NS = 2_500_000_000
@@ -98,6 +99,14 @@ class Drone:
     def flown(self) -> bool:
         """Whether it is sent setpoints: not after a release or a motor cut, nor while a pilot flies it."""
         return not self.released and not self.piloted and self.goal is not Goal.CUT
+
+    def rejects(self, now_ns: int) -> bool:
+        """Whether its autopilot has rejected the step to the goal that was asked last, and its words have come."""
+        step = None if self.reached else _next(self.goal, self.link)
+        answer = None if step is None else self.link.commands.answers.get(step)
+        if answer is None or answer.result is None or answer.accepted or answer.t_ns < self.goal_since_ns:
+            return False
+        return now_ns - answer.t_ns >= WORDS_NS
 
     def joining(self, now_ns: int) -> bool:
         """Whether it is only just being taken over, and is given time to follow."""

@@ -182,8 +182,11 @@ class DroneLink:
 
     @property
     def booted_ns(self) -> int | None:
-        """When its autopilot booted, on our clock, by TIMESYNC. None before the first answer."""
-        return None if self.clock.offset_ns is None else -self.clock.offset_ns
+        """When its autopilot booted, on our clock: by TIMESYNC, or as heard where that is later: its clock may be that
+        of the computer it runs on. None before the first answer."""
+        by_clock_ns = None if self.clock.offset_ns is None else -self.clock.offset_ns
+        heard_ns = self.sequence.restarted_ns
+        return by_clock_ns if heard_ns is None else max(heard_ns, by_clock_ns or heard_ns)
 
     @property
     def awaiting_restart(self) -> tuple[str, ...]:
@@ -245,7 +248,7 @@ class DroneLink:
         model = self.model
         if self._origin is None or model is None or not model.table.needs_origin or self.telemetry.origin:
             return []
-        if now_ns - self._origin_sent_ns < ORIGIN_NS or not model.unready(self.telemetry.estimator):
+        if now_ns - self._origin_sent_ns < ORIGIN_NS or not model.unready(self.telemetry):
             return []
         self._origin_sent_ns = now_ns
         return [SetOrigin(self.sysid, *self._origin)]
@@ -293,6 +296,7 @@ class DroneLink:
             case SysStatus():
                 self.telemetry.battery = _fraction(message.battery_remaining)
                 self.telemetry.battery_v = message.battery_v
+                self.telemetry.sensors_unhealthy = message.sensors_enabled & ~message.sensors_healthy
             case EkfStatus():
                 self.telemetry.estimator = message
             case Origin():

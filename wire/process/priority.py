@@ -26,6 +26,12 @@ def raise_priority() -> str:
     return f"{scheduled or f'ordinary, nice {os.getpriority(os.PRIO_PROCESS, 0)}'}, {_lock_memory()}"
 
 
+def prefer_process() -> str:
+    """Give a process that was started at nice 0 a higher level, where that is allowed; what is in force, in words."""
+    level = os.getpriority(os.PRIO_PROCESS, 0)
+    return f"nice {level}, as started" if level else _first_allowed(_nice) or "ordinary, nice 0 (no higher is allowed)"
+
+
 def lower_priority() -> None:
     """Make the calling thread an ordinary one again: one that may wait, of a process that may not."""
     if os.sched_getscheduler(0) == os.SCHED_FIFO:

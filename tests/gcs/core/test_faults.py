@@ -80,9 +80,10 @@ def test_a_drone_that_rejects_arming_disarms_the_others_with_its_own_words():
     lab.drones[2].rejects_arming = True
     request = lab.ask(Verb.ARM)
     lab.run_until(Phase.ARMED)
-    lab.run_until(Phase.GROUND, longest_s=15.0)
+    lab.run_until(Phase.GROUND, longest_s=4.0)
     reply = lab.reply(request)
     assert not reply.accepted
+    assert lab.events.count("PreArm: no position") == 1
     assert reply.text == "left is not armed (denied; it says: PreArm: no position)"
     lab.run(3.0)
     assert [d.armed for d in lab.drones.values()] == [False] * 3

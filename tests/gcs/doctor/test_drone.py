@@ -138,9 +138,9 @@ def test_parameters_are_judged_with_found_wanted_why_and_fix():
         "EKF2_EV_CTRL": Grade.FAIL,
     }
     finding = bad["COM_OF_LOSS_T"]
-    assert (finding.found, finding.wanted) == ("5", "0 to 2 s")
+    assert (finding.found, finding.wanted) == ("5", "0.1 to 0.2 s")
     assert finding.why
-    assert finding.fix == Fix(3, "COM_OF_LOSS_T", 0.5)
+    assert finding.fix == Fix(3, "COM_OF_LOSS_T", pytest.approx(0.2))
 
 
 def test_external_pose_is_not_asked_of_who_positions_itself():

@@ -37,16 +37,20 @@ def test_a_record_that_is_none_is_reported_with_file_and_key(tmp_path: Path, tex
     assert key in str(events.value)
 
 
-def test_what_the_doctor_writes_reaches_the_ground_on_its_clock(tmp_path: Path) -> None:
+def test_what_the_doctor_writes_reaches_the_ground_on_its_clock_until_the_drone_has_booted(tmp_path: Path) -> None:
     lab, delivered, events = tmp_path / "lab.toml", list[UnmetParameter](), list[Event]()
+    booted = dict[int, int | None]()
     before_ns = REAL_TIME.monotonic_ns()
     note_fixes(lab, [Fix(2, "EKF2_HGT_REF", 3.0)])
     after_ns = REAL_TIME.monotonic_ns()
 
     async def watch() -> None:
-        watching = asyncio.create_task(watch_record(lab, delivered.append, events.append, REAL_TIME))
+        watching = asyncio.create_task(watch_record(lab, delivered.append, booted.get, events.append, REAL_TIME))
         async with asyncio.timeout(10.0):
             while not delivered:
+                await asyncio.sleep(0.01)
+            booted[2] = REAL_TIME.monotonic_ns()
+            while read_record(lab):
                 await asyncio.sleep(0.01)
             record_path(lab).write_text("no TOML")
             while not events:

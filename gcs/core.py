@@ -187,7 +187,7 @@ class GcsCore:
         self._rule_state, verdict = rules.assess(
             self._rule_state, facts, phase, self._config.limits, now_ns, self._rules_on
         )
-        self._flight.judge(verdict, now_ns)
+        self._flight.judge(verdict, self._rejected.tolist(), now_ns)
         replies = [reply for request in self._pop_requests() for reply in self._answer(request, now_ns)]
         # After a reinitialisation nothing is sent that was computed for drones at rest.
         current = stages if self._stack is stack else None

@@ -1,5 +1,7 @@
 """The flight: the phase, what each drone is led to in it, and how what is seen moves it on. No bytes, no control."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from formation.config import CONFIGURED, LabConfig
@@ -130,16 +132,17 @@ class Flight:
             self._enter(after, cause, now_ns)
         return ""
 
-    def judge(self, verdict: Verdict, now_ns: int) -> None:
-        """Apply the verdict of the safety rules."""
-        self.events += self.alarms.update(verdict.changes, now_ns)
+    def judge(self, verdict: Verdict, rejected: Sequence[int], now_ns: int) -> None:
+        """Apply the verdict of the safety rules. rejected: why the mocap rejects each body's pose (Rejection)."""
+        self.events += self.alarms.update(verdict.changes, rejected, now_ns)
         for drone in self._drones:
             if verdict.cut[drone.index] and not drone.piloted:
                 drone.aim(Goal.CUT, now_ns)
             elif verdict.release[drone.index]:
                 drone.release(now_ns)
         if verdict.trigger is not None:
-            self.pull(verdict.trigger, verdict.cause, now_ns)
+            told = {c.text: self.alarms.text(c, rejected, now_ns) for c in verdict.changes if c.began}
+            self.pull(verdict.trigger, told.get(verdict.cause, verdict.cause), now_ns)
 
     def update(self, stages: Stages | None, now_ns: int) -> None:
         """Update the phase and every drone's goal. stages: of this tick's frame, if any."""

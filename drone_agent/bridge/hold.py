@@ -21,7 +21,7 @@ from wire.link_messages.setpoints import AttitudeSetpoint
 _TILT_ACC_MAX_M_S2 = 0.5
 _TILT_AVERAGED_S = 0.25
 _STOP_S = 0.4  # its place is where the present speed would come to rest
-_SINK_M_S = 0.7  # as PX4 lands (MPC_LAND_SPEED)
+_SINK_M_S, _TOUCH_M_S, _SINK_S = 0.7, 0.33, 0.8  # PX4's MPC_LAND_SPEED; near the floor its height in so many seconds
 _THRUST_LEAST = 0.85  # of what carries it, coming down: what stands in the air by a wrong pose must not fall
 _OPEN_LOOP_THRUST, _OPEN_LOOP_S, _OPEN_LOOP_FADE_1_S = 0.95, 3.0, 0.3  # 1.5 m in 2.5 s, down at 1.2 m/s
 _STILL_M = 0.05
@@ -51,14 +51,18 @@ class BridgeHold:
         self._height_m = 0.0
         self._sunk_m, self._sunk_ns = 0.0, 0
         self._rest_lab_m = [math.nan] * 3
+        self._floor_m = math.nan
+        """Its height as it stood on the floor; NaN where that was not seen."""
         self._open_loop_s = 0.0
 
-    def update_rest(self, now_ns: int) -> bool:
-        """Whether it is still where it came to rest; what moves comes to rest anew every _STILL_M."""
+    def update_rest(self, now_ns: int, *, armed: bool) -> bool:
+        """Whether it is still where it came to rest; what moves comes to rest anew every _STILL_M. Disarmed, it is on
+        the floor."""
         motion = self._estimate.motion(now_ns)
         if motion is None:
             return False
         pos_lab_m = motion.pos_lab_m.tolist()
+        self._floor_m = self._floor_m if armed else pos_lab_m[2]
         rests = math.dist(pos_lab_m, self._rest_lab_m) <= _STILL_M
         if not rests:
             self._rest_lab_m = pos_lab_m
@@ -104,13 +108,17 @@ class BridgeHold:
         if not down or abs(self._sunk_m - z) > _STANDS_M:
             self._sunk_m, self._sunk_ns = z, now_ns
         if down:
-            demand = Demand(self._yaw_rad, self._hold_xy_m, climb_m_s=-_SINK_M_S)
+            demand = Demand(self._yaw_rad, self._hold_xy_m, climb_m_s=-self._sink_m_s(z))
             self.stands = self.stands or now_ns - self._sunk_ns >= _STANDS_NS
         flown = self._loop.step(demand, Belief((x, y, z), (vx, vy, vz), self._yaw_rad), dt_s)
         least = _THRUST_LEAST * self._begin_to_sink() if down else 0.0
         if flown.thrust_norm < least:
             return LoopSetpoint(flown.q_lab_from_flu, flown.rate_flu_rad_s, least)
         return flown
+
+    def _sink_m_s(self, z_m: float) -> float:
+        """How fast to sink at that height: slower near the floor, and wherever the floor is not known."""
+        return min(_SINK_M_S, max(_TOUCH_M_S, (z_m - self._floor_m) / _SINK_S))
 
     def descend_open_loop(self, dt_s: float) -> LoopSetpoint:
         """Down by attitude and thrust alone: level, a little less than what carries it, and none in the end."""

@@ -105,7 +105,8 @@ def _rest(config: LabConfig, pos: Float, q: Float, seen: Bool) -> Iterator[Findi
     for i, vehicle in enumerate(config.vehicles):
         if not seen[:, i].any() or vehicle.sysid is None:
             continue
-        yield _noise(vehicle.body, pos[seen[:, i], i])
+        if config.mocap.source != "mavlink":  # a simulator's true pose has no noise: one at rest is the same each time
+            yield _noise(vehicle.body, pos[seen[:, i], i])
         x, y = q[seen[:, i], i, 1], q[seen[:, i], i, 2]
         tilt = float(np.median(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))))
         why = "the marker frame is not level: q_marker_from_flu"

@@ -50,6 +50,7 @@ OTHER_GROUND_S = 3.0
 AGE_FRESH_NS = 1_000_000_000
 BEHIND_FRESH_NS = 100_000_000
 FORCE_LOST_NS = 3_000_000_000
+GUARD_NS = 10_000_000_000
 CLOCK_DRIFT_WARN_NS = 60_000_000_000
 
 
@@ -106,6 +107,7 @@ class DroneLink:
         self._answers: deque[LinkMessage] = deque(maxlen=ANSWERS)
         self.attitudes: deque[tuple[int, Quat]] = deque(maxlen=ATTITUDES)
         """Its own attitude estimates since they were last cleared: times, ns, on our clock, and q_lab_from_flu."""
+        self._guard_text, self._guard_ns = "", NEVER_NS
         self._misaddressed = 0
         self.superseded = 0
         self._asked_ns, self._forceless = NEVER_NS, False
@@ -330,6 +332,15 @@ class DroneLink:
                 self._answers.append(TimeSync(now_ns, message.ts1_ns, self._bridge))
             case NamedValue() | StatusText():
                 self._read(message, now_ns)
+        if isinstance(message, StatusText):
+            goes_on = self._guard_text and now_ns - self._guard_ns < GUARD_NS and message.severity <= Severity.WARNING
+            first = self._guard_text if goes_on else message.text
+            self._guard_text = first if message.severity <= Severity.WARNING else ""
+            self._guard_ns = now_ns
+
+    def guard_words(self, now_ns: int) -> str:
+        """What the guard beside it warned of first, where it has warned of late; else the empty text."""
+        return self._guard_text if now_ns - self._guard_ns < GUARD_NS else ""
 
     def _receive_heartbeat(self, heartbeat: Heartbeat, now_ns: int) -> None:
         silent_ns, self.heartbeat_ns = now_ns - self.heartbeat_ns, now_ns

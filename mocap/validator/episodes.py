@@ -27,11 +27,11 @@ class Episodes:
         self._open: dict[str, _Episode] = {}
         self._events: list[Event] = []
 
-    def note(self, frame: LabFrame, now_ns: int) -> None:
-        """Note the rejected poses of one frame."""
+    def note(self, frame: LabFrame, now_ns: int, detail: str = "") -> None:
+        """Note the rejected poses of one frame; detail: what is known beside the reason."""
         for body, code in zip(frame.bodies, frame.rejected.tolist(), strict=True):
             if code:
-                self._note(body, Rejection(code), now_ns)
+                self._note(body, Rejection(code), now_ns, detail)
 
     def note_swaps(self, count: int, now_ns: int) -> None:
         """Note identity swaps that were corrected; count: pairs of bodies."""
@@ -46,7 +46,7 @@ class Episodes:
         events, self._events = tuple(self._events), []
         return events
 
-    def _note(self, body: str, reason: Rejection, now_ns: int) -> None:
+    def _note(self, body: str, reason: Rejection, now_ns: int, detail: str = "") -> None:
         if body:
             self.counts[body][reason] += 1
         if not name_of(reason):  # no valid pose: MocapCore's reject_log reports it
@@ -54,7 +54,7 @@ class Episodes:
         episode = self._open.get(body)
         if episode is None:
             episode = self._open[body] = _Episode(now_ns, now_ns)
-            self._events.append(Event(Severity.WARNING, SOURCE, _began(body, reason)))
+            self._events.append(Event(Severity.WARNING, SOURCE, _began(body, reason, detail)))
         episode.last_ns = now_ns
         episode.counts[reason] += 1
 
@@ -65,7 +65,7 @@ class Episodes:
         self._events.append(Event(Severity.NOTICE, SOURCE, f"{text}: over {lasted_s:.2f} s, {counts}"))
 
 
-def _began(body: str, reason: Rejection) -> str:
+def _began(body: str, reason: Rejection, detail: str) -> str:
     if not body:
         return f"{name_of(reason)}: two bodies were swapped; their poses are reassigned"
-    return f"{body} is rejected, {name_of(reason)}: {reason.text}"
+    return f"{body} is rejected, {name_of(reason)}: {detail or reason.text}"

@@ -47,6 +47,14 @@ class StampWatch:
         self._frames, self._rejected = self._frames + 1, 0
         return False
 
+    def why(self, t_capture_ns: int, now_ns: int) -> str:
+        """What is wrong with a rejected stamp, in words."""
+        usual_ms, ms = 1e-6 * (self._least.at_ns(now_ns) or 0), 1e-6 * (now_ns - t_capture_ns)
+        if ms > usual_ms:
+            what = "the network or a busy computer holds frames back, or the cameras' clock was set"
+            return f"its frames come {ms:.0f} ms after their exposure, not {usual_ms:.0f}: {what}"
+        return f"its frames are stamped {usual_ms - ms:.0f} ms too late: the cameras' clock was set"
+
     def likely_ns(self, now_ns: int) -> int:
         """When what arrives now was captured, if it took as long as the quickest did."""
         return now_ns - max(self._least.at_ns(now_ns) or 0, 0)
@@ -103,7 +111,7 @@ class PoseValidator:
         t_ns = max(min(frame.t_capture_ns, likely_ns), earliest_ns)
         rejected = np.where(frame.seen, np.uint8(Rejection.STAMP), frame.rejected)
         without_poses = replace(frame, t_capture_ns=t_ns, seen=np.zeros(len(frame.seen), np.bool_), rejected=rejected)
-        self._episodes.note(without_poses, now_ns)
+        self._episodes.note(without_poses, now_ns, self._stamps.why(frame.t_capture_ns, now_ns) if self._stamps else "")
         return without_poses
 
     def events(self, now_ns: int) -> tuple[Event, ...]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from formation import topics
 from formation.messages import Event, OperatorReply, OperatorRequest
 from wire.logs.mcap_log import Log
+from wire.logs.mcap_read import holds_nothing
 
 OPERATIONS = "key_operations"
 """The run's metadata: what was done to the lab's keys before, a line each."""
@@ -40,6 +41,8 @@ def _records(log: Log) -> Iterator[Audited]:
             yield Audited(t_s, message.source or NOBODY, what, _result(answers.get(message.id)))
         elif entry.topic == topics.REJECTED and isinstance(message, Event):
             yield Audited(t_s, message.source, message.text)
+    if start_ns is None:
+        raise holds_nothing(log.path)
 
 
 def _operation(line: str) -> Audited:

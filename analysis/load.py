@@ -35,6 +35,7 @@ from formation.messages import (
 )
 from formation.topics import Topic
 from wire.logs.mcap_log import LogCheck, Reading, read_log
+from wire.logs.mcap_read import holds_nothing
 from wire.plain_text import plain
 from wire.transport.frame_check import pose_fault
 
@@ -158,10 +159,14 @@ def load(path: Path) -> Flight:
 
 
 def load_checked(path: Path) -> tuple[Flight, LogCheck]:
-    """Read an MCAP log, and in the same pass what it holds and what is wrong with it. Raises as `load`."""
+    """Read an MCAP log, and in the same pass what it holds and what is wrong with it. Raises as `load`, and LogError
+    where it holds no message of a flight."""
     reading = Reading(path)
     flight = from_records(read_log(path).metadata, reading)
-    return flight, reading.check()
+    found = reading.check()
+    if not found.entries:
+        raise holds_nothing(path, found.damage)
+    return flight, found
 
 
 def from_records(metadata: Mapping[str, str], records: Iterable[Record]) -> Flight:

@@ -87,6 +87,8 @@ def replay(log: Log) -> Replay:
         elif entry.topic in INPUT_TOPICS:
             inputs += 1
             core.receive(entry.message, t_ns)
+    if not agreed:
+        raise ReplayError(f"{inputs} inputs and {ticks} ticks, but no outputs to compare in this log")
     return Replay(inputs, ticks, agreed, None)
 
 

@@ -73,7 +73,7 @@ class TrueVehicle(Model):
 
 
 class ObservedLeader(Model):
-    """A leader no drone carries: a body standing at `pose`, or moving as recorded in `file` (CSV, ASL format)."""
+    """A leader no drone carries: a body standing at `pose`, or moving as recorded in `file` (CSV)."""
 
     pose: Pose = Pose(pos_lab_m=(0.0, 0.0, 1.0))
     file: str | None = None
@@ -153,15 +153,16 @@ def find(name_or_path: str) -> Opened:
     values = read_toml(path)
     named = values.get("lab")
     if isinstance(named, str):
-        return _of_lab_file(path, path.parent / named, {"name": path.stem} | values)
+        return _of_lab_file(path, path.parent / named, values)
     if named is None and not ONLY_IN_SCENARIOS & set(values):
-        return _of_lab_file(path, path, {"name": path.stem})
+        return _of_lab_file(path, path, {})
     return Opened(_beside(path, config_file.parse(values, Scenario, source=str(path), folder=path.parent)))
 
 
 def _of_lab_file(path: Path, lab_file: Path, values: dict[str, Any]) -> Opened:
     lab = config_file.load(lab_file, LabConfig)
-    scenario = config_file.parse(scenario_values(lab, values), Scenario, source=str(path), folder=path.parent)
+    named = {"name": lab.name} | values
+    scenario = config_file.parse(scenario_values(lab, named), Scenario, source=str(path), folder=path.parent)
     return Opened(_beside(path, scenario), lab_file, lab)
 
 
@@ -202,7 +203,7 @@ def recorded_leader(scenario: Scenario) -> Playback | None:
     if scenario.lab.leader.sysid is not None:
         return None
     if scenario.leader.file is not None:
-        return Playback(read_recording(Path(scenario.leader.file)))
+        return Playback(read_recording(Path(scenario.leader.file), scenario.lab.leader.body))
     mocap = scenario.lab.mocap
     q_mocap_from_lab = frames.inverse(np.array(mocap.q_lab_from_mocap))
     pos_lab_m = np.array(scenario.leader.pose.pos_lab_m)

@@ -22,7 +22,7 @@ from formation.config import LabConfig
 from formation.maths.arrays import Layout
 from formation.topics import LINK_UP
 from wire.logs.mcap_log import LogError, read_log
-from wire.logs.mcap_read import clock_of
+from wire.logs.mcap_read import clock_of, holds_nothing
 
 Table = Mapping[str, NDArray[Any]]
 LINK = "drone/link"
@@ -52,6 +52,8 @@ def load(path: Path) -> LogTables:
         first_ns = entry.t_ns if first_ns is None else first_ns
         stamps[entry.topic.name].append(entry.t_ns)
         found[entry.topic.name].append(entry.message)
+    if not found:
+        raise holds_nothing(path)
     clock = clock_of(log.metadata)
     tables: dict[str, Table] = {}
     for name, messages in found.items():

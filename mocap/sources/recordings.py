@@ -55,10 +55,10 @@ class Recording:
 
 def csv_frames(path: Path, config: LabConfig) -> list[Timed]:
     """The leader's recorded poses as frames in the mocap's axes, at their own stamps."""
-    recorded = read_recording(path)
+    recorded = read_recording(path, config.leader.body, config.mocap.unit_m)
     bodies, seen = (config.leader.body,), np.ones(1, np.bool_)
     return [
-        (int(t_ns), RawFrame(seq, int(t_ns), bodies, pos[None] * config.mocap.unit_m, q[None], seen))
+        (int(t_ns), RawFrame(seq, int(t_ns), bodies, pos[None], q[None], seen))
         for seq, (t_ns, pos, q) in enumerate(
             zip(recorded.t_ns, recorded.pos_mocap_m, recorded.q_mocap_from_marker, strict=True)
         )

@@ -41,7 +41,7 @@ Name = Annotated[
     ),
 ]
 Seed = Annotated[int | None, typer.Option(min=0, help="Decides all luck; without it the scenario's own.")]
-LeaderCsv = Annotated[Path | None, typer.Option(help="The leader's recorded poses (ASL/EuRoC CSV).")]
+LeaderCsv = Annotated[Path | None, typer.Option(help="The leader's recorded poses (CSV: EuRoC, TUM, Motive, Vicon).")]
 Alignment = Annotated[
     str | None, typer.Option(metavar="W,X,Y,Z", help="Turns the leader's marker frame: q_marker_from_flu.")
 ]

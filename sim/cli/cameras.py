@@ -24,7 +24,9 @@ class BoxOptions:
     lab: Annotated[Path | None, typer.Option(help="A lab file: its bodies, names, axes, unit and ports.")] = None
     bodies: Annotated[int, typer.Option(min=1, max=MOST_BODIES, help="How many, without --lab.")] = 3
     still: Annotated[bool, typer.Option("--still", help="Nothing moves.")] = False
-    csv: Annotated[Path | None, typer.Option(help="The first body moves as recorded (ASL/EuRoC CSV).")] = None
+    csv: Annotated[
+        Path | None, typer.Option(help="The first body moves as recorded (CSV: EuRoC, TUM, Motive, Vicon).")
+    ] = None
     mcap: Annotated[Path | None, typer.Option(help="All bodies move as in a flight's log.")] = None
     cameras: Annotated[
         str,

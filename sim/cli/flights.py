@@ -37,6 +37,7 @@ from sim.scenario import Opened, Scenario, find, load, recorded_leader, with_lea
 from sim.script import Outcome
 from wire import clock
 from wire.errors import ConfigError
+from wire.logs.mcap_log import LogError
 from wire.private_files import make_folder
 from wire.process import starved
 from wire.process.program import print_json_error
@@ -108,9 +109,10 @@ def fly(opened: Opened, how: ProcessOptions, seed: int | None, ending: Ending) -
             )
         )
     outcome = flown or Outcome("aborted", "interrupted")
-    if not files.mcap.exists():
-        fail(f"no log was written: {outcome.reason} (see {files.folder})", ABORTED)
-    _, summary = conclude(files.mcap, outcome)
+    try:
+        _, summary = conclude(files.mcap, outcome)
+    except (FileNotFoundError, LogError):
+        fail(f"nothing was logged: {outcome.reason} (see {files.folder})", ABORTED)
     _end(summary, ending, ABORTED if flown else INTERRUPTED)
 
 

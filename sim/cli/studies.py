@@ -86,9 +86,7 @@ def hummingbird(
 
 def false_rejections(
     hours: Annotated[float, typer.Option(min=0.001, help="Hours of flight, over all sources together.")] = 10.0,
-    leader_csv: Annotated[
-        Path | None, typer.Option(help="A recorded leader to replay as well (ASL/EuRoC CSV).")
-    ] = None,
+    leader_csv: Annotated[Path | None, typer.Option(help="A recorded leader to replay as well (CSV).")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")] = False,
 ) -> None:
     """Count the pose validator's false rejections: every shipped scenario, and aggressive motion, under ever new noise.

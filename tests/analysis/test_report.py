@@ -309,11 +309,13 @@ def test_check_tells_a_damaged_log_by_its_exit_code(log: Path, cut: Path):
     assert json.loads(damaged.output)["complete"] is False
 
 
-@pytest.mark.parametrize("command", ["report", "check", "picture"])
-def test_what_is_no_log_is_refused_in_one_line(command: str, tmp_path: Path):
+@pytest.mark.parametrize("command", ["report", "check", "picture", "audit", "identify", "compare", "export --csv"])
+def test_what_is_no_log_of_a_flight_is_refused_in_one_line(command: str, tmp_path: Path):
     (tmp_path / "no.mcap").write_text("this is no log")
-    for name in ("absent.mcap", "no.mcap"):
-        refused = CliRunner().invoke(app, [command, str(tmp_path / name)])
+    LogWriter(tmp_path / "empty.mcap", METADATA, threaded=False).close()
+    for name in ("absent.mcap", "no.mcap", "empty.mcap"):
+        logs = [str(tmp_path / name)] * (2 if command == "compare" else 1)
+        refused = CliRunner().invoke(app, [*command.split(), *logs])
         assert refused.exit_code == 2
         assert refused.stderr.startswith("gcs-log: ")
         assert len(refused.stderr.splitlines()) == 1

@@ -143,6 +143,11 @@ def test_a_log_without_its_configuration_cannot_be_replayed(log):
         replay(replace(log, metadata={}))
 
 
+def test_nothing_compared_is_not_identical(log):
+    with pytest.raises(ReplayError, match="no outputs to compare"):
+        replay(replace(log, entries=[]))
+
+
 def test_bits_are_compared_not_values():
     assert first_difference(0.0, -0.0, "x") == ("x", "0.0", "-0.0")
     assert first_difference(float("nan"), float("nan"), "x") is None

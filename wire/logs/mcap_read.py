@@ -16,7 +16,7 @@ from formation.topics import Topic
 from wire.logs.mcap_scan import Damage, LogError, Messages, scan
 from wire.schema import SchemaError, schema_of
 
-__all__ = ["Entry", "Log", "LogCheck", "LogError", "Reading", "check_log", "read_log"]
+__all__ = ["Entry", "Log", "LogCheck", "LogError", "Reading", "check_log", "holds_nothing", "read_log"]
 
 START_MONOTONIC, START_UNIX = "start_monotonic_ns", "start_unix_ns"
 """Where a run's metadata say which date its stamps begin at; a log before version 0.2 says nothing of it."""
@@ -24,6 +24,7 @@ _TOPICS = {topic.name: topic for topic in topics.ALL}
 _ALL = frozenset(topics.ALL)
 _HEAD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
+_BACKWARDS = 1 << 31
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +83,11 @@ def check_log(path: Path) -> LogCheck:
     return reading.check()
 
 
+def holds_nothing(path: Path, damage: str = "") -> LogError:
+    """The error of a file in which no message of a flight is found: nothing read is no result."""
+    return LogError(f"{path}: no message of a flight in it" + (f": {damage}" if damage else ""))
+
+
 class Reading:
     """One pass through a log that gives its entries and, once they are read, says what the file holds.
 
@@ -103,7 +109,7 @@ class Reading:
             self._first_ns = t_ns if self._first_ns is None else min(self._first_ns, t_ns)
             self._last_ns = t_ns if self._last_ns is None else max(self._last_ns, t_ns)
             yield entry
-        if self._damage.missing:
+        if self._damage.missing > 0:
             self._damage.note(f"{self._damage.missing} messages are missing")
         if not self._damage.finished:
             self._damage.note("the file was not closed: it has no summary")
@@ -196,7 +202,11 @@ def _messages(chunk: Messages, damage: Damage) -> Iterator[tuple[int, int, bytes
         at += _HEAD.size
         if opcode == Opcode.MESSAGE and _MESSAGE.size <= length <= len(raw) - at:
             channel, sequence, t_ns, _ = _MESSAGE.unpack_from(raw, at)
-            damage.missing += (sequence - damage.sequence) & 0xFFFFFFFF
-            damage.sequence = sequence + 1
+            ahead = (sequence - damage.sequence) & 0xFFFFFFFF
+            if ahead < _BACKWARDS:
+                damage.missing += ahead
+                damage.sequence = sequence + 1
+            else:  # public tools sort messages by time, or number none of them
+                damage.missing -= 1
             yield channel, t_ns, raw[at + _MESSAGE.size : at + length]
         at += length

@@ -6,6 +6,7 @@ once, and the size of unpacked data is counted before unpacking.
 """
 
 import mmap
+import re
 import struct
 import zlib
 from collections.abc import Iterator
@@ -13,6 +14,7 @@ from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 
+import lz4.frame
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile
@@ -20,11 +22,13 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, DataEnd, Footer, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
+from wire.plain_text import plain
+
 _HEAD = struct.Struct("<BQ")
 _FOOTER_SIZE = 9 + 20
-# Our chunks' compression, so far behind the chunk's first byte: what a search for the next one looks for.
-_ZSTD = b"\4\0\0\0zstd"
-_ZSTD_OFFSET = 9 + 8 + 8 + 8 + 4
+# A chunk's compression, so far behind the chunk's first byte: what a search for the next one looks for.
+_PACKED = re.compile(rb"[\3\4]\0\0\0(?:zstd|lz4)")
+_PACKED_OFFSET = 9 + 8 + 8 + 8 + 4
 _MALFORMED = (OverflowError, EndOfFile, struct.error, UnicodeDecodeError)
 CHUNK_MOST = 1 << 26
 """Bytes of one chunk unpacked."""
@@ -173,12 +177,10 @@ class _Scanner:
 
     def next_chunk(self, start: int, end: int) -> int | None:
         """Position of the next sound chunk between `start` and `end`. Raises _TooMuchError."""
-        at = start + _ZSTD_OFFSET
-        while (at := self._data.find(_ZSTD, at, end)) >= 0:
-            position = at - _ZSTD_OFFSET
+        for found in _PACKED.finditer(self._data, start + _PACKED_OFFSET, end):
+            position = found.start() - _PACKED_OFFSET
             if self._chunk(position) is not None:
                 return position
-            at += 1
         return None
 
     def _record(self, position: int, opcode: int, stop: int) -> Record | DataEnd | bytes | None:
@@ -188,6 +190,8 @@ class _Scanner:
         # A record that swallows a sound chunk is none: its length is damaged.
         if self.next_chunk(position + 1, stop) is not None:
             return None
+        if opcode == Opcode.MESSAGE:  # as a log without chunks holds it
+            return Messages(self._data[position:stop])
         return _parse(opcode, self._data[position + _HEAD.size : stop])
 
     def _chunk(self, position: int) -> Messages | None:
@@ -218,6 +222,8 @@ class _Scanner:
         if stream.count != length or chunk.uncompressed_size > CHUNK_MOST:
             return None
         self._spend(chunk.uncompressed_size)
+        if chunk.compression not in ("", "zstd", "lz4"):
+            self._damage.note(f"chunks are packed by {plain(chunk.compression, 20)}; read are zstd, lz4 and none")
         raw = uncompressed(chunk)
         crc = chunk.uncompressed_crc
         if raw is None or len(raw) != chunk.uncompressed_size or (crc and zlib.crc32(raw) != crc):
@@ -249,12 +255,16 @@ def _parse(opcode: int, body: bytes) -> Schema | Channel | Metadata | DataEnd | 
 
 def uncompressed(chunk: Chunk) -> bytes | None:
     """The chunk's bytes, None where they are packed otherwise or not as many as they say."""
-    if chunk.compression != "zstd":
-        return chunk.data
+    size = chunk.uncompressed_size
     try:
+        if chunk.compression == "lz4":
+            unpacked: bytes = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size)
+            return unpacked
+        if chunk.compression != "zstd":
+            return chunk.data if not chunk.compression else None
         # zstd allocates the size in a frame's header, whatever max_output_size is: check the header first.
-        if zstandard.frame_content_size(chunk.data) not in (-1, chunk.uncompressed_size):
+        if zstandard.frame_content_size(chunk.data) not in (-1, size):
             return None
-        return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=chunk.uncompressed_size)
-    except (zstandard.ZstdError, MemoryError):
+        return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size)
+    except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError):
         return None

@@ -14,6 +14,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
 from mcap_protobuf.decoder import DecoderFactory
 
 from formation import messages as m
@@ -89,6 +90,30 @@ def test_the_mcap_librarys_own_reader_agrees(flight):
     assert [f.seq for f in frames] == list(range(FRAMES))
     assert list(frames[3].pos_lab_m) == wire_flight.frame(3).pos_lab_m.ravel().tolist()
     assert list(frames[3].bodies) == ["leader", "a", "b"]
+
+
+@pytest.mark.parametrize("packed", [*CompressionType, None])
+def test_a_log_rewritten_by_public_tools_holds_the_same(flight, tmp_path, packed):
+    """packed: how its chunks are; None: it has none."""
+    path, written, _ = flight
+    copy = tmp_path / "copy.mcap"
+    with path.open("rb") as file, copy.open("wb") as out:
+        reader = make_reader(file)
+        writer = Writer(out, compression=packed or CompressionType.NONE, use_chunking=packed is not None)
+        writer.start()
+        for metadata in reader.iter_metadata():
+            writer.add_metadata(metadata.name, metadata.metadata)
+        channels: dict[int, int] = {}
+        for schema, channel, message in reader.iter_messages():
+            if channel.id not in channels:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.id] = writer.register_channel(channel.topic, channel.message_encoding, number)
+            writer.add_message(channels[channel.id], message.log_time, message.data, message.publish_time)
+        writer.finish()
+    read = entries_of(copy)
+    assert len(read) == len(written)
+    assert_prefix(read, written)
+    assert check_log(copy).damage == ""
 
 
 def test_a_long_flight_takes_no_memory_and_every_chunk_is_in_the_summary(tmp_path, monkeypatch):

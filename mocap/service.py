@@ -101,7 +101,7 @@ class _OwnProcess:
         while await self._bus.serving(POLL_S) is None:
             if self._process is not None and self._process.returncode is not None:
                 code = self._process.returncode
-                raise ServiceError(f"the mocap process ended ({_ended(code)})", code)
+                raise ServiceError(f"the mocap process ended ({_ended(code)}) and serves nobody", code or 1)
 
     async def supervise(self) -> None:
         """Restart the process when it ends, unless its configuration is wrong or another process serves by then."""

@@ -243,7 +243,7 @@ async def surveying(
     config: LabConfig, lab_file: Path, report: EventSink, protection: Protection = LOOPBACK_ONLY
 ) -> AsyncIterator[Survey]:
     """A survey of the lab, its links open and pumped. Raises what opening the bus, the links and the mocap raises."""
-    bus = await ZenohBus.open(config.link, config.name, protection=protection)
+    bus = await ZenohBus.open_or_listen(config.link, config.name, protection=protection)  # no ground is needed
     survey = Survey(config)
     tasks: list[asyncio.Task[None]] = []
     try:

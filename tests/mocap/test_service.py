@@ -7,11 +7,13 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from unittest.mock import AsyncMock, Mock
 
 import numpy as np
 import pytest
 
 from formation.messages import Event, LabFrame, RawFrame
+from mocap import service
 from mocap.service import ServiceError, configuration_name, mocap_service
 from tests.gcs.bus import a_lab, hub_of
 from wire import clock
@@ -88,6 +90,17 @@ def test_a_process_that_serves_other_axes_is_rejected_and_one_that_serves_these_
             async with mocap_service(turned, Path("unused.toml"), MocapBus(bus), events.append):
                 pass
         await bus.close()
+
+    asyncio.run(run())
+
+
+def test_a_process_that_ends_well_and_serves_nobody_is_no_success():
+    async def run():
+        own = service._OwnProcess(Path("unused.toml"), Mock(serving=AsyncMock(return_value=None)), print, Mock(), "gcs")
+        own._process = Mock(returncode=0)
+        with pytest.raises(ServiceError) as raised:
+            await own.until_serving()
+        assert raised.value.code == 1
 
     asyncio.run(run())
 

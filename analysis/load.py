@@ -4,8 +4,8 @@ Reads; judges nothing. Numbers are `analysis.metrics`, pictures `analysis.plots`
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol, TypeVar
 
@@ -60,6 +60,7 @@ class Record(Protocol):
 
 
 LONGEST_WORDS, LONGEST_TEXT = 200, 1 << 20
+STRAY_NS = 600_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +118,10 @@ class PhaseSpan:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Flight:
-    """One log, read: everything analysis needs, times in seconds since the log's first record."""
+    """One log, read: everything analysis needs, times in seconds since the log's first record.
+
+    closed: whether its writer ended it, as one that is killed does not.
+    """
 
     run: Run
     vehicles: tuple[Vehicle, ...]
@@ -137,6 +141,7 @@ class Flight:
     down: Series[Datagram]
     truth: Mapping[int, Series[Truth]]
     phases: tuple[PhaseSpan, ...]
+    closed: bool = True
 
     @property
     def leader(self) -> Vehicle:
@@ -162,11 +167,36 @@ def load_checked(path: Path) -> tuple[Flight, LogCheck]:
     """Read an MCAP log, and in the same pass what it holds and what is wrong with it. Raises as `load`, and LogError
     where it holds no message of a flight."""
     reading = Reading(path)
-    flight = from_records(read_log(path).metadata, reading)
+    records = _InTime(reading)
+    flight = from_records(read_log(path).metadata, records)
     found = reading.check()
+    if records.left_out:
+        text = f"messages with stamps outside the log's own time, left out: {records.left_out}"
+        found = replace(found, complete=False, damage="; ".join(filter(None, (found.damage, text))))
     if not found.entries:
         raise holds_nothing(path, found.damage)
-    return flight, found
+    return replace(flight, closed=found.closed), found
+
+
+class _InTime:
+    """The records whose stamps fit the log's own time, so that one stamp of another year makes no endless grid.
+
+    Time runs ahead by at most a second a record: a ground records at least ten a second.
+    """
+
+    def __init__(self, records: Iterable[Record]) -> None:
+        self.left_out = 0
+        self._records = records
+
+    def __iter__(self) -> Iterator[Record]:
+        first_ns: int | None = None
+        for number, record in enumerate(self._records):
+            first_ns = record.t_ns if first_ns is None else first_ns
+            low_ns, high_ns = first_ns - STRAY_NS, first_ns + STRAY_NS + number * 1_000_000_000
+            if low_ns <= record.t_ns <= high_ns and low_ns <= _stamp_ns(record) <= high_ns:
+                yield record
+            else:
+                self.left_out += 1
 
 
 def from_records(metadata: Mapping[str, str], records: Iterable[Record]) -> Flight:

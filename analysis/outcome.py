@@ -6,7 +6,7 @@ that were cut in the air make it `cut`; a flight that ended otherwise than the o
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -74,15 +74,32 @@ def _aborts(
     flight: Flight, drones: list[tuple[int, Vehicle]], beats: dict[int, tuple[float, bool]] | None
 ) -> Iterator[str]:
     last = flight.phases[-1]
+    landings = _landings(flight)
+    for landing in landings:
+        if not _asked_for(flight, Verb.LAND, landing.start_s):
+            yield landing.cause or "landed unasked"
+    if last.phase in AIRBORNE and not flight.closed:
+        yield f"the log ends in {last.phase.name}, and its ground did not end it: drones may be in the air"
     if last.phase not in (Phase.HOLD, Phase.GROUND, Phase.ARMED):
         yield f"the log ends in {last.phase.name}"
-    landings = flight.spans(Phase.LAND)
-    if last.phase is not Phase.HOLD and landings and not _asked_for(flight, Verb.LAND, landings[-1].start_s):
-        yield landings[-1].cause or "landed unasked"
     if landings and last.phase is not Phase.HOLD and beats is not None:
         yield from (
             f"{v.body} is still armed after the landing" for _, v in drones if beats.get(v.sysid or 0, (0.0, False))[1]
         )
+
+
+def _landings(flight: Flight) -> list[PhaseSpan]:
+    """Every landing from its first cause to its end, whatever was asked meanwhile; none that began on the floor, where
+    this ground led anybody up."""
+    found: list[PhaseSpan] = []
+    before: Phase | None = None
+    for span in flight.phases:
+        if span.phase is Phase.LAND and before is Phase.LAND and found:
+            found[-1] = replace(found[-1], end_s=span.end_s)
+        elif span.phase is Phase.LAND and (before is not Phase.GROUND or not flight.spans(*LED_UP)):
+            found.append(span)
+        before = span.phase
+    return found
 
 
 def _cuts(flight: Flight, paths: dict[str, Path]) -> Iterator[str]:
@@ -110,7 +127,7 @@ def _losses(flight: Flight, drone: Vehicle, path: Path, beats: dict[int, tuple[f
     falls = [speed for t_s, speed in touchdowns(path) if _flown(flight, t_s) and speed > limit_m_s]
     if falls:
         yield f"{name} fell: it met the floor at {max(falls):.1f} m/s, a landing is at most {limit_m_s:.1f} m/s"
-    landings = flight.spans(Phase.LAND)
+    landings = _landings(flight)
     if not landings or flight.phases[-1].phase is Phase.HOLD:
         return
     end_s = landings[-1].end_s
@@ -178,7 +195,7 @@ def _last_heartbeats(flight: Flight) -> dict[int, tuple[float, bool]] | None:
 
     None where the log holds no heartbeat.
     """
-    landings = flight.spans(Phase.LAND)
+    landings = _landings(flight)
     if not len(flight.up):
         return None
     end_s = landings[-1].end_s + CONFIRM_S if landings else flight.duration_s

@@ -11,7 +11,7 @@ from formation.maths.arrays import Bool, Float
 
 M = TypeVar("M")
 Index = NDArray[np.int64]
-MIN_PARABOLA = 5
+MIN_PARABOLA, MOST_REACHED = 5, 500
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,7 +92,7 @@ def smoothed(t_s: Float, values: Float, window_s: float, mask: Bool) -> Float:
     """
     if len(t_s) < MIN_PARABOLA:
         return values
-    reach = int(np.ceil(0.5 * window_s / float(np.median(np.diff(t_s)))))
+    reach = int(min(np.ceil(0.5 * window_s / max(float(np.median(np.diff(t_s))), 1e-9)), MOST_REACHED))
     index = np.arange(len(t_s))[:, None] + np.arange(-reach, reach + 1)
     inside = np.clip(index, 0, len(t_s) - 1)
     dt = (t_s[inside] - t_s[:, None]) / window_s

@@ -6,12 +6,14 @@ a law is code, and must be there.
 """
 
 import csv
+import sys
 from collections.abc import Callable, Mapping
+from contextlib import redirect_stdout
 from functools import partial
 from importlib.metadata import EntryPoint, entry_points
 from io import StringIO
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +21,8 @@ from numpy.typing import ArrayLike
 from formation.own_law.law import ControlLaw, LawMaker
 from formation.trajectory_config import POINTS_MOST
 from wire.small_files import read_text
+
+T = TypeVar("T")
 
 TRAJECTORIES, SHAPES = "mavlink_formation.trajectories", "mavlink_formation.shapes"
 LAWS = "mavlink_formation.control_laws"
@@ -74,7 +78,13 @@ def law_of(name: str, options: Mapping[str, Any]) -> Callable[[], ControlLaw]:
     """What makes the lab's own law anew; ValueError where no package registers it, or it cannot be made so."""
     maker: LawMaker = _load(LAWS, name)
     _called(maker, **options)
-    return partial(maker, **options)
+    return partial(printing_to_stderr, partial(maker, **options))
+
+
+def printing_to_stderr(call: Callable[[], T]) -> T:
+    """What `call`, a lab's own code, returns; what it prints goes to standard error: a result is read on the other."""
+    with redirect_stdout(sys.stderr):
+        return call()
 
 
 def law_package(name: str) -> str:
@@ -124,7 +134,7 @@ def _load(group: str, name: str) -> Any:
 
 def _loaded(point: EntryPoint) -> Any:
     try:
-        return point.load()
+        return printing_to_stderr(point.load)
     except (Exception, SystemExit) as error:  # it is a lab's own code, which may do anything
         raise ValueError(f"{point.name!r} of {_whose(point)} cannot be loaded: {_error_text(error)}") from error
 
@@ -132,7 +142,7 @@ def _loaded(point: EntryPoint) -> Any:
 def _called(maker: Any, **options: Any) -> Any:
     """What a maker makes; ValueError whatever it raises, its own and those about the options as they are."""
     try:
-        return maker(**options)
+        return printing_to_stderr(partial(maker, **options))
     except (TypeError, ValueError) as error:
         raise ValueError(f"{_name(maker)}: {error}") from error
     except (Exception, SystemExit) as error:

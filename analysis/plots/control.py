@@ -210,7 +210,8 @@ def _liveliest(flight: Flight, wanted_deg: Float) -> float:
     t_s = flight.target.t_s
     formed = in_formation_phase(flight, t_s)
     starts = np.arange(t_s[0], max(t_s[-1] - CLOSE_UP_S, t_s[0] + 1e-6), CLOSE_UP_S / 2.0)
-    windows = [wanted_deg[_within(t_s, start) & formed][..., 1] for start in starts]
+    low, high = np.searchsorted(t_s, starts), np.searchsorted(t_s, starts + CLOSE_UP_S, "right")
+    windows = [wanted_deg[a:b][formed[a:b]][..., 1] for a, b in zip(low, high, strict=True)]
     return float(starts[int(np.argmax([float(np.var(w)) if w.size else -1.0 for w in windows]))])
 
 

@@ -49,7 +49,9 @@ def register(app: typer.Typer) -> None:
     app.command(Verb.SHAPE.value)(shape)
     app.command(Verb.TRAJECTORY.value)(trajectory)
     _register(app, Verb.HOLD, "Brake and stay where each drone is.")
-    _register(app, Verb.LAND, "Land where each drone is, and disarm there; from every phase.")
+    _register(
+        app, Verb.LAND, "Land where each drone is, and disarm there; refused only where all are down and disarmed."
+    )
     _register(app, Verb.STOP, "EMERGENCY: cut every drone's motors now, wherever it is. `gcs reset` to fly again.")
     _register(app, Verb.ACKNOWLEDGE, "Acknowledge every alarm; those whose conditions go on stay shown until they end.")
     _register(app, Verb.RESET, "After a stop, back to GROUND; refused while any drone is armed or unheard.")

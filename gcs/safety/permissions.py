@@ -43,6 +43,8 @@ class Permissions:
             case Verb.TAKE_CONTROL, Phase.GROUND:
                 others = self._other_grounds(now_ns)
                 return takeover.take_control_reject_reasons(self._drones, facts, others, stages is not None)
+            case Verb.LAND, Phase.GROUND:
+                return takeover.land_reject_reasons(self._drones, now_ns)
             case Verb.RESET, Phase.STOPPED:
                 return reset_reject_reasons(self._drones, now_ns)
             case Verb.TAKEOFF, Phase.ARMED:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 
 from formation.safety.rules import Facts
+from formation.safety.rules_table import HEARTBEAT_S
 from gcs.drones.checks import prearm_failures
 from gcs.drones.drone import AIRBORNE_STATES, Drone
 from wire.link_messages.status import LandedState
@@ -36,6 +37,12 @@ def take_control_reject_reasons(
     reasons = [f"{drone.link.name}: no fresh pose to lead it from: land or stop" for drone in unseen]
     reasons += [text for drone in armed for text in prearm_failures(drone.link)]
     return (*reasons, *_other_grounds(others))
+
+
+def land_reject_reasons(drones: Sequence[Drone], now_ns: int) -> tuple[str, ...]:
+    """Why nothing is left to land on the ground: every drone is heard, disarmed and not in the air."""
+    unheard = any(drone.link.heartbeat_age_s(now_ns) > HEARTBEAT_S for drone in drones)
+    return () if unheard or flying(drones) else ("every drone is on the ground and disarmed: there is nothing to land",)
 
 
 def joining_reject_reasons(drones: Iterable[Drone], now_ns: int) -> tuple[str, ...]:

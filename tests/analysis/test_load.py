@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from analysis.load import from_records
+from analysis.load import from_records, load_checked
 from analysis.metrics import summarise
 from formation import topics
-from formation.messages import Phase
+from formation.messages import AttitudeTarget, Phase
 from tests.analysis.synthetic_flight import METADATA, PHASES, T0_NS, Recipe, Record, records
+from wire.logs.mcap_log import LogWriter
 
 
 def short(recipe: Recipe) -> list[Record]:
@@ -63,3 +64,17 @@ class Odd:
 
 def test_a_message_of_the_wrong_type_is_left_out():
     assert len(from_records(METADATA, [Odd()]).poses) == 0
+
+
+def test_one_stamp_of_another_year_is_left_out_and_counted(tmp_path):
+    """The report made a list of windows to the last target's stamp: 15 GiB."""
+    path = tmp_path / "flight.mcap"
+    with LogWriter(path, METADATA, threaded=False) as log:
+        for record in sorted(records(Recipe()), key=lambda record: record.t_ns):
+            log.write(record.topic, record.message, record.t_ns)
+            if isinstance(record.message, AttitudeTarget):
+                last = record
+        log.write(last.topic, replace(last.message, t_ns=T0_NS + 3 * 10**18), last.t_ns)
+    flight, found = load_checked(path)
+    assert flight.target.t_s[-1] < 60.0
+    assert "outside the log's own time, left out: 1" in found.damage

@@ -1,6 +1,7 @@
 """Known errors in, known numbers out."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -127,6 +128,9 @@ def test_an_empty_log_is_all_unknown():
     json.loads(summary.to_json())
 
 
+ENDED_BY_A_RULE = (*PHASES[:-2], (12.0, Phase.LAND, "mocap lost"), PHASES[-1])
+
+
 @pytest.mark.parametrize(
     ("phases", "requests", "outcome"),
     [
@@ -135,8 +139,24 @@ def test_an_empty_log_is_all_unknown():
         (PHASES[:4], (), "held"),
         (PHASES[:2], (), "aborted: never took off"),
         ((*PHASES[:-2], (12.0, Phase.STOPPED, "operator")), (), "cut: operator"),
-        ((*PHASES[:-2], (12.0, Phase.LAND, "mocap lost"), PHASES[-1]), (), "aborted: mocap lost"),
+        (ENDED_BY_A_RULE, (), "aborted: mocap lost"),
+        (  # `land` was asked for again while it came down, and on the ground
+            (
+                *ENDED_BY_A_RULE[:-1],
+                (13.0, Phase.LAND, "operator: land"),
+                (19.1, Phase.GROUND, "down"),
+                (19.3, Phase.LAND, "operator: land"),
+                (19.5, Phase.GROUND, "down"),
+            ),
+            ((13.0, Verb.LAND), (19.3, Verb.LAND)),
+            "aborted: mocap lost",
+        ),
     ],
 )
 def test_outcomes(phases, requests, outcome):
     assert summarise(fly(phases=phases, requests=requests)).outcome == outcome
+
+
+def test_a_log_that_was_not_closed_in_the_air_is_no_held_flight():
+    killed = replace(fly(phases=PHASES[:4], requests=()), closed=False)
+    assert summarise(killed).outcome.startswith("aborted: the log ends in HOLD, and its ground did not end it")

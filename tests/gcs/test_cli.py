@@ -115,7 +115,7 @@ def test_a_recording_that_is_not_right_is_exit_code_two(tmp_path, capfd):
     csv.write_text("1,0,0,0,1,0,0,0\n2,0,0,nan,1,0,0,0\n")
     result = runner.invoke(app, ["run", str(_lab(tmp_path)), "--log", str(tmp_path / "x.mcap")])
     assert result.exit_code == 2
-    assert f"{csv}:2: a value is not finite" in capfd.readouterr().err  # the mocap process says it
+    assert f"{csv}:2: column 4 (z) = nan: a value is not finite" in capfd.readouterr().err  # the mocap process says it
 
 
 def test_the_gains_that_are_judged_are_those_the_lab_flies():

@@ -12,7 +12,7 @@ from formation.guidance.shape_request import ShapeRequest
 from formation.guidance.trajectory import anchored, sample
 from tests.wire.own_package import installed_in
 from wire.config_file import ConfigError, dump, load
-from wire.lab_surroundings import LAWS, SHAPES, TRAJECTORIES, law_package
+from wire.lab_surroundings import LAWS, SHAPES, TRAJECTORIES, law_package, printing_to_stderr
 
 FOLLOWERS = '[[followers]]\nbody = "a"\nsysid = 2\noffset_m = [-1.0, 0.0, 0.0]\n'
 
@@ -149,3 +149,8 @@ def test_a_law_that_cannot_be_made_is_named(tmp_path: Path, installed: None, law
     with pytest.raises(ConfigError) as error:
         lab(tmp_path, '{ kind = "hold" }', f"control_law = {law}")
     assert told in str(error.value)
+
+
+def test_what_a_lab_s_own_code_prints_is_no_result(capsys: pytest.CaptureFixture[str]) -> None:
+    assert printing_to_stderr(lambda: print("from a law")) is None
+    assert capsys.readouterr() == ("", "from a law\n")

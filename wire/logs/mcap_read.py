@@ -38,13 +38,17 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class LogCheck:
-    """What a file still holds: entries by topic, first and last log time, and what is wrong with it, in words."""
+    """What a file still holds: entries by topic, first and last log time, and what is wrong with it, in words.
+
+    closed: whether its writer ended it, as one that is killed does not.
+    """
 
     entries: Mapping[str, int]
     first_ns: int | None
     last_ns: int | None
     complete: bool
     damage: str
+    closed: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,9 +121,8 @@ class Reading:
     def check(self) -> LogCheck:
         """The counts, times and damage of the file, from the entries read so far."""
         damage = self._damage
-        return LogCheck(
-            dict(self._counts), self._first_ns, self._last_ns, complete=not damage.faults, damage=damage.text()
-        )
+        counts, complete = dict(self._counts), not damage.faults
+        return LogCheck(counts, self._first_ns, self._last_ns, complete, damage.text(), damage.finished)
 
 
 def _entries(path: Path, damage: Damage, wanted: frozenset[Topic] = _ALL) -> Iterator[Entry]:

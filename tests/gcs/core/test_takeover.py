@@ -73,12 +73,12 @@ def test_stop_from_ground_cuts():
     assert not any(drone.armed for drone in lab.drones.values())
 
 
-def test_land_on_the_ground_with_nobody_flying_is_over_at_once():
+def test_land_on_the_ground_with_nobody_flying_changes_nothing():
     lab = FakeLab(triangle())
     lab.run(2.0)
-    lab.command(Verb.LAND, Phase.LAND)
-    lab.run_until(Phase.GROUND, longest_s=2.0)
-    lab.run(0.5)
+    reply = lab.reply(lab.ask(Verb.LAND))
+    assert not reply.accepted
+    assert "nothing to land" in reply.text
     lab.command(Verb.ARM, Phase.ARMED)
 
 

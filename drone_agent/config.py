@@ -12,7 +12,9 @@ from formation.config import LinkConfig
 from formation.identities import drone_identity
 from formation.model import Model, Name, SysId, Vec3Tuple
 from formation.vehicle.profile import VehicleProfile, profile
+from wire.errors import ConfigError
 from wire.security.bus_access import BusAccess
+from wire.security.private_keys import mavlink_key_file
 from wire.security.protection import Protection, protection_of
 
 NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
@@ -83,7 +85,12 @@ class AgentConfig(Model):
     def protection(self) -> Protection:
         """What protects this drone's links. ConfigError for keys that are missing or open to others."""
         if self.keys is not None:
-            return protection_of(self.keys, drone_identity(self.sysid))
+            identity = drone_identity(self.sysid)
+            found = protection_of(self.keys, identity)
+            if found.channel(self.sysid) is None:
+                key = self.keys / identity / mavlink_key_file(self.sysid)
+                raise ConfigError([f"{key}: no signing key: `gcs keys rotate {identity}`, then pack and install it"])
+            return found
         return Protection(BusAccess(insecure=self.insecure))
 
     @property

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from formation import topics
-from formation.config import LabConfig
+from formation.config import LabConfig, LinkConfig
 from formation.messages import (
     Datagram,
     Event,
@@ -371,8 +371,8 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
         names = bus.protection.names
         handler = by_role(config, ground.receive_request, bus.rejections, clock.monotonic_ns, names)
         bus.serve(name, handler)
-        listen = config.link.zenoh_listen if name == GCS_NAME else ()
-        with stop_ports(listen, bus.protection, handler, bus.rejections):
+        own_link = config.link if name == GCS_NAME else LinkConfig(zenoh_connect=())
+        with stop_ports(own_link, config.name, bus.protection, handler, bus.rejections, ground.report):
             await asked_to_end.wait()
             await ground.land()
         for service in services:

@@ -6,6 +6,7 @@ Nothing here loads the control, arrays or an event loop: an emergency stop waits
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,7 +17,7 @@ from formation.requests import CONFIGURED, GCS_NAME, OperatorReply, OperatorRequ
 from gcs.cli import completion
 from wire import clock
 from wire.errors import BusError, ConfigError
-from wire.process.console import NO_GROUND, NOT_RIGHT, REJECTED, Json, Name, fail, print_error
+from wire.process.console import NO_GROUND, NOT_RIGHT, REJECTED, Insecure, Json, Name, fail, print_error
 from wire.process.own_name import own_name
 from wire.transport.lab_address import address_near
 
@@ -39,6 +40,17 @@ Identity = Annotated[
 ]
 
 
+@dataclass(frozen=True, slots=True)
+class _Ground:
+    """Which ground is asked, as whom, and how long its answer is awaited; None: as long as is usual."""
+
+    lab: Path | None
+    name: str
+    timeout_s: float | None
+    identity: str
+    insecure: bool
+
+
 def register(app: typer.Typer) -> None:
     """Add the commands, in the order of a flight."""
     app.command(Verb.STATUS.value)(status)
@@ -58,10 +70,15 @@ def register(app: typer.Typer) -> None:
 
 
 def status(
-    lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeout: Timeout = None, identity: Identity = ""
+    lab: Lab = None,
+    name: Name = GCS_NAME,
+    as_json: Json = False,
+    timeout: Timeout = None,
+    identity: Identity = "",
+    insecure: Insecure = False,
 ) -> None:
     """Show the phase, every drone, and what keeps them from arming."""
-    reply = _ask(Verb.STATUS, "", lab, name, timeout, identity)
+    reply = _ask(Verb.STATUS, "", _Ground(lab, name, timeout, identity, insecure))
     if as_json:
         print(reply.text)
     else:
@@ -86,10 +103,11 @@ def shape(
     as_json: Json = False,
     timeout: Timeout = None,
     identity: Identity = "",
+    insecure: Insecure = False,
 ) -> None:
     """Change the formation's shape, size or heading, in flight too; refused where drones would come too near."""
     request = ShapeRequest(shape_name, scale, math.radians(heading))
-    _command(Verb.SHAPE, request.text, lab, name, as_json, timeout, identity)
+    _command(Verb.SHAPE, request.text, as_json, _Ground(lab, name, timeout, identity, insecure))
 
 
 def trajectory(
@@ -106,26 +124,30 @@ def trajectory(
     as_json: Json = False,
     timeout: Timeout = None,
     identity: Identity = "",
+    insecure: Insecure = False,
 ) -> None:
     """Choose which trajectory the leader flies at the next start; refused where it does not fit, or is flying one."""
-    _command(Verb.TRAJECTORY, trajectory_name, lab, name, as_json, timeout, identity)
+    _command(Verb.TRAJECTORY, trajectory_name, as_json, _Ground(lab, name, timeout, identity, insecure))
 
 
 def _register(app: typer.Typer, verb: Verb, words: str) -> None:
     """The command of one verb that takes no argument."""
 
     def ask(
-        lab: Lab = None, name: Name = GCS_NAME, as_json: Json = False, timeout: Timeout = None, identity: Identity = ""
+        lab: Lab = None,
+        name: Name = GCS_NAME,
+        as_json: Json = False,
+        timeout: Timeout = None,
+        identity: Identity = "",
+        insecure: Insecure = False,
     ) -> None:
-        _command(verb, "", lab, name, as_json, timeout, identity)
+        _command(verb, "", as_json, _Ground(lab, name, timeout, identity, insecure))
 
     app.command(verb.command_name, help=words)(ask)
 
 
-def _command(
-    verb: Verb, argument: str, lab: Path | None, name: str, as_json: bool, timeout_s: float | None, identity: str
-) -> None:
-    reply = _ask(verb, argument, lab, name, timeout_s, identity)
+def _command(verb: Verb, argument: str, as_json: bool, ground: _Ground) -> None:
+    reply = _ask(verb, argument, ground)
     if as_json:
         print(json.dumps({"accepted": reply.accepted, "text": reply.text}))
     elif reply.accepted:
@@ -136,15 +158,14 @@ def _command(
         raise typer.Exit(REJECTED)
 
 
-def _ask(
-    verb: Verb, argument: str, lab: Path | None, name: str, timeout_s: float | None, identity: str
-) -> OperatorReply:
+def _ask(verb: Verb, argument: str, ground: _Ground) -> OperatorReply:
     from wire.transport.zenoh_session import ask
 
     request = OperatorRequest(clock.unix_us(), verb, argument, own_name())
     try:
-        where = address_near(lab)
-        return ask(where.endpoints, where.lab, name, request, _patience(verb, timeout_s), where.access(identity))
+        where = address_near(ground.lab)
+        access = where.access(ground.identity, ground.insecure)
+        return ask(where.endpoints, where.lab, ground.name, request, _patience(verb, ground.timeout_s), access)
     except TimeoutError as error:
         fail(f"no ground answers: {error}", NO_GROUND)
     except (BusError, ConfigError) as error:

@@ -1,11 +1,12 @@
 """`gcs stop`, and nothing else: loads the bus alone, since what is loaded is what a stop waits for.
 
-Its protocol is that of every other command (wire.transport.zenoh_session.ask); only the command line is read here.
+It goes by datagrams and over the bus at once (wire.transport.stop_call); only the command line is read here.
 """
 
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from formation.requests import GCS_NAME, OperatorRequest, Verb
@@ -14,8 +15,6 @@ from wire.errors import BusError, ConfigError
 from wire.process.exit_codes import NO_GROUND, NOT_RIGHT, REJECTED
 from wire.process.own_name import own_name
 
-ANSWER_S, DATAGRAM_S = 3.0, 0.4
-"""How long an answer is awaited, on the bus, and before that by one datagram, which needs no connection."""
 Report = Callable[[bool | None, str], None]
 _OPTIONS = ("--lab", "--name", "--timeout", "--identity")
 
@@ -26,8 +25,8 @@ def stop(words: Sequence[str]) -> int | None:
     `--help` and mistakes are left to the whole command line, which has an answer for each.
     """
     options = dict.fromkeys(_OPTIONS, "")
-    rest = [word for word in words if word != "--json"]
-    report = _print_json if len(rest) < len(words) else _print
+    report = _print_json if "--json" in words else _print
+    rest = [word for word in words if word not in ("--json", "--insecure")]
     while rest:
         name, equals, value = rest.pop(0).partition("=")
         if name not in options or not (equals or rest):
@@ -37,29 +36,31 @@ def stop(words: Sequence[str]) -> int | None:
         timeout_s = float(options["--timeout"]) if options["--timeout"] else None
     except ValueError:
         return None
-    return _ask(options["--lab"], options["--name"] or GCS_NAME, timeout_s, report, options["--identity"])
+    return _ask(options, "--insecure" in words, timeout_s, report)
 
 
-def _ask(lab: str, name: str, timeout_s: float | None, report: Report, identity: str) -> int:
+def _ask(options: Mapping[str, str], insecure: bool, timeout_s: float | None, report: Report) -> int:
+    from wire.security.bus_access import connectable
     from wire.transport.lab_address import address_near
-    from wire.transport.stop_call import stop_by_datagram
+    from wire.transport.stop_call import ask_to_stop
 
+    name = options["--name"] or GCS_NAME
     try:
-        where = address_near(Path(lab) if lab else None)
+        where = address_near(Path(options["--lab"]) if options["--lab"] else None)
         request = OperatorRequest(clock.unix_us(), Verb.STOP, source=own_name())
-        access = where.access(identity)
-        reply = stop_by_datagram(where.endpoints, access, request, DATAGRAM_S if name == GCS_NAME else 0.0)
-        if reply is None:
-            from wire.transport.zenoh_session import Patience, ask
-
-            # Without a time given it is tried for as long as there is anybody on the bus.
-            patience = Patience(ANSWER_S, ground_s=ANSWER_S) if timeout_s is None else Patience.throughout(timeout_s)
-            reply = ask(where.endpoints, where.lab, name, request, patience, access)
+        access = where.access(options["--identity"], insecure)
+        exposed = access.exposed([connectable(endpoint) for endpoint in where.endpoints])
+        # Asked all the same: no lack of keys keeps anybody from stopping. Only the answer is not believed.
+        access = replace(access, insecure=insecure or exposed is not None)
+        reply = ask_to_stop(where.endpoints, where.lab, name, request, timeout_s, access)
     except TimeoutError as error:
         report(None, f"no ground answers: {error}")
         return NO_GROUND
     except (BusError, ConfigError) as error:
         report(None, str(error))
+        return NOT_RIGHT
+    if exposed is not None:
+        report(None, f"a stop was sent, but anybody may have answered it ({reply.text!r}): {exposed}")
         return NOT_RIGHT
     report(reply.accepted, reply.text)
     return 0 if reply.accepted else REJECTED

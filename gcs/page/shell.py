@@ -120,7 +120,12 @@ class Page:
         shown = self.model.show(now_ns, unix_us() * 1e-6)
         for viewer in tuple(self._viewers.values()):
             if viewer.visitor is None or self._is_logged_in(viewer.visitor):
-                viewer.update(shown)
+                try:
+                    viewer.update(shown)
+                except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError) as error:
+                    # One page that fails must not end everybody's.
+                    self._leave(viewer)
+                    self.reject(viewer.name, f"page that cannot be drawn: {type(error).__name__}: {error}")
 
     async def report_awaited(self) -> None:
         """Say on the terminal, too, that no ground is heard, and when one is."""

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Awaitable, Callable, Iterable
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,6 +27,8 @@ Ask = Callable[[Verb, str, Visitor | None], Awaitable[OperatorReply]]
 WIDE, HIGH = 640.0, 540.0
 MANY = 8
 PREVIEW_EVERY = 10
+KEYS = (Verb.STOP, Verb.HOLD, Verb.LAND)
+MOVED_MOST = 10_000.0
 
 
 class Viewer:
@@ -65,7 +68,7 @@ class Viewer:
         self._beat = ui.html("0", sanitize=False).props("id=beat")
         ui.on("key", lambda event: self._key(str(event.args)))
         ui.on("turn", lambda event: self._turn(event.args))
-        ui.on("zoom", lambda event: self._zoom(float(event.args)))
+        ui.on("zoom", lambda event: self._zoom(event.args))
         self._draw_still()
 
     def _side(self) -> None:
@@ -211,15 +214,19 @@ class Viewer:
             await self.ask(Verb.ACKNOWLEDGE)
 
     async def _key(self, name: str) -> None:
-        await self.ask(Verb(name))
+        if name in KEYS:
+            await self.ask(Verb(name))
 
     def _turn(self, moved: Any) -> None:
-        self._stand = self._stand.turned(-0.008 * float(moved[0]), 0.006 * float(moved[1]))
-        self._draw_still()
+        with _browsers_words():
+            right_px, up_px = map(moved_px, moved)
+            self._stand = self._stand.turned(-0.008 * right_px, 0.006 * up_px)
+            self._draw_still()
 
-    def _zoom(self, steps: float) -> None:
-        self._stand = self._stand.nearer(1.1**steps)
-        self._draw_still()
+    def _zoom(self, steps: Any) -> None:
+        with _browsers_words():
+            self._stand = self._stand.nearer(1.1 ** moved_px(steps))
+            self._draw_still()
 
     def _draw_still(self) -> None:
         fence = self._model.config.limits.fence
@@ -242,6 +249,19 @@ class Viewer:
         self._previewing, self._foreseen = None, None
         form.preview.content = ""
         await self.ask(form.verb, form.asked())
+
+
+def moved_px(moved: Any) -> float:
+    """A number as a browser sends it; ValueError for one that no mouse moves by: not finite, or past any screen."""
+    value = float(moved)
+    if not abs(value) <= MOVED_MOST:
+        raise ValueError(f"{value} is no way of a mouse")
+    return value
+
+
+def _browsers_words() -> AbstractContextManager[None]:
+    """While inside, an event that no page of ours sends changes nothing."""
+    return suppress(TypeError, ValueError, ArithmeticError)
 
 
 @dataclass(eq=False)

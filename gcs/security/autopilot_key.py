@@ -15,8 +15,8 @@ from wire.security.private_keys import (
     AUTOPILOT,
     INSTALLED,
     KEY_BYTES,
-    STAMP,
     StampFile,
+    drone_stamp_file,
     read_mavlink_key,
     read_mavlink_keys,
     write_private,
@@ -43,12 +43,13 @@ def send_key(own: Path, line: str) -> ProbeOutcome:
     Behind a bridge the autopilot has a key of its own, which is never on the network. One that has a key already takes
     the new one from a packet that the old one signs. The key that it proves to have is the bridge's from then on.
     """
-    sysids = tuple(read_mavlink_keys(own))
+    mavlink_keys = read_mavlink_keys(own)
+    sysids = tuple(mavlink_keys)
     if len(sysids) != 1:
         raise ConfigError([f"{own}: not the keys of one drone"])
     is_bridged = (own / AUTOPILOT).exists()
-    key = read_mavlink_key(own / AUTOPILOT) if is_bridged else read_mavlink_keys(own)[sysids[0]]
-    stamps = StampFile(own / STAMP)
+    key = read_mavlink_key(own / AUTOPILOT) if is_bridged else mavlink_keys[sysids[0]]
+    stamps = StampFile(own / drone_stamp_file(mavlink_keys))
     stamp_clock = StampClock(stamps.read())
     try:
         device, baud = device_and_baud(f"serial:{line}")

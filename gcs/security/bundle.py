@@ -4,18 +4,22 @@ import json
 import re
 from pathlib import Path
 
+from gcs.security.certificates import fault_of
 from wire.errors import ConfigError
+from wire.json_text import parse_object
 from wire.private_files import make_folder
 from wire.security.private_keys import (
     ACCESS,
     AUTHORITY,
     AUTOPILOT,
     CERTIFICATE,
+    KEY_BYTES,
     NAME,
     PRIVATE,
     REVOKED_NAMES,
     STOP_KEY,
     demand_private,
+    mavlink_key_file,
     write_private,
 )
 from wire.small_files import read_text
@@ -23,6 +27,7 @@ from wire.small_files import read_text
 _FILES = {AUTHORITY, CERTIFICATE, PRIVATE, NAME, ACCESS, AUTOPILOT, REVOKED_NAMES, STOP_KEY}
 _NEEDED = _FILES - {AUTOPILOT, REVOKED_NAMES, STOP_KEY}
 _SIGNING = re.compile(r"mavlink-\d{1,3}\.key")
+_KEY = rf"[0-9a-fA-F]{{{2 * KEY_BYTES}}}"
 _IDENTITY = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}")
 
 
@@ -53,19 +58,39 @@ def bundle_identity(path: Path) -> str:
 
 
 def _parse(path: Path) -> tuple[str, dict[str, str]]:
+    """Whole and right, or ConfigError: what is not would take the place of keys that are."""
     demand_private(path)
     try:
-        values = json.loads(read_text(path))
+        values = parse_object(read_text(path))
         identity, files = values["identity"], values["files"]
         names = set(files)
         right = (
             _IDENTITY.fullmatch(identity) is not None
             and names >= _NEEDED
             and all(name in _FILES or _SIGNING.fullmatch(name) for name in names)
-            and all(isinstance(text, str) for text in files.values())
+            and all(isinstance(text, str) and text.isascii() for text in files.values())
         )
     except (OSError, ValueError, KeyError, TypeError):
         right = False
     if not right:
         raise ConfigError([f"{path}: not a file of `gcs keys pack`"])
+    fault = _fault(identity, files)
+    if fault:
+        raise ConfigError([f"{path}: nothing is installed: {fault}: run `gcs keys pack {identity}` again"])
     return identity, files
+
+
+def _fault(identity: str, files: dict[str, str]) -> str:
+    for name, text in files.items():
+        if name.endswith(".key") and re.fullmatch(_KEY, text.strip()) is None:
+            return f"{name} is not a key of {2 * KEY_BYTES} hexadecimal digits"
+    try:
+        parse_object(files[ACCESS])
+    except ValueError as error:
+        return f"{ACCESS}: {error}"
+    if files[NAME].strip().rpartition(".")[0] != identity:
+        return f"{NAME} is not one of {identity}"
+    drones = [key for key in files if _SIGNING.fullmatch(key)]
+    if identity.startswith("drone-") and drones != [mavlink_key_file(int(identity.removeprefix("drone-")))]:
+        return f"no signing key of {identity} alone: `gcs keys rotate {identity}` makes one"
+    return fault_of(files[AUTHORITY], files[CERTIFICATE], files[PRIVATE], files[NAME].strip())

@@ -6,6 +6,7 @@ from datetime import datetime, timedelta
 from ipaddress import ip_address
 
 from cryptography import x509
+from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
@@ -70,6 +71,19 @@ def common_name(certificate: bytes) -> str:
     """The identity that a certificate names."""
     (name,) = x509.load_pem_x509_certificate(certificate).subject.get_attributes_for_oid(NameOID.COMMON_NAME)
     return str(name.value)
+
+
+def fault_of(authority: str, certificate: str, private: str, name: str) -> str:
+    """What keeps PEM texts from being the identity of that name; empty where nothing does."""
+    try:
+        issuer, issued = (x509.load_pem_x509_certificate(text.encode()) for text in (authority, certificate))
+        key = serialization.load_pem_private_key(private.encode(), None)
+        issued.verify_directly_issued_by(issuer)
+    except (ValueError, TypeError, InvalidSignature, UnsupportedAlgorithm) as error:
+        return str(error) or "the authority has not signed the certificate"
+    if key.public_key() != issued.public_key():
+        return "the private key is not the certificate's"
+    return "" if common_name(certificate.encode()) == name else "the certificate is of another name"
 
 
 def _builder(

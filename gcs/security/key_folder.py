@@ -167,9 +167,11 @@ class KeyFolder:
                 yield f"{each.identity}: its rules are not those of the lab file: run `gcs keys new`"
         for vehicle in self._config.vehicles:
             drone = None if vehicle.sysid is None else held.get(drone_identity(vehicle.sysid))
-            key = self.path / GROUND / mavlink_key_file(vehicle.sysid or 0)
-            if drone is not None and not drone.revoked and not key.exists():
-                yield f"{drone.identity}: the ground has no signing key: run `gcs keys rotate {drone.identity}`"
+            if drone is None or drone.revoked:
+                continue
+            for holder, key in zip((drone.identity, GROUND), self._mavlink_keys(drone.identity), strict=True):
+                if not key.exists():
+                    yield f"{drone.identity}: {holder} has no signing key: run `gcs keys rotate {drone.identity}`"
 
     def _issue(self, identity: str, number: int, now: datetime) -> None:
         """A new certificate, and for a drone new keys of signing, which the ground has, too."""

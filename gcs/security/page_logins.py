@@ -8,7 +8,8 @@ from formation.security_config import Role
 from gcs.security.page_tokens import owner, token_hash
 
 SESSION_NS = 12 * 3600 * 10**9
-SESSIONS_MOST = 64
+SESSIONS_MOST = 16
+"""Of one operator: as many more end that operator's oldest, and nobody else's."""
 _READ_NS = 500_000_000
 """How long what was read of the tokens counts: a revoked token ends its sessions within this."""
 
@@ -32,7 +33,7 @@ class _Session:
 
 
 class Logins:
-    """Sessions by their secret; the oldest ends where there are too many."""
+    """Sessions by their secret; an operator's oldest ends where that one has too many."""
 
     def __init__(self, operators: Mapping[str, Role], read_tokens: Callable[[], Mapping[str, str]]) -> None:
         """read_tokens: the hash of each operator's token, as they are now; may raise ConfigError."""
@@ -48,8 +49,9 @@ class Logins:
         name = owner(token, tokens)
         if not name:
             return ""
-        while len(self._sessions) >= SESSIONS_MOST:
-            del self._sessions[next(iter(self._sessions))]
+        own = [key for key, each in self._sessions.items() if each.name == name]
+        if len(own) >= SESSIONS_MOST:
+            del self._sessions[own[0]]
         session = secrets.token_urlsafe(32)
         self._sessions[token_hash(session)] = _Session(name, tokens[name], now_ns + SESSION_NS)
         return session

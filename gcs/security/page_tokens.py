@@ -8,6 +8,7 @@ from hmac import compare_digest
 from pathlib import Path
 
 from wire.errors import ConfigError
+from wire.json_text import parse_object
 from wire.security.private_keys import TOKENS, write_private
 from wire.small_files import read_text
 
@@ -22,12 +23,12 @@ def token_hash(token: str) -> str:
 def read_tokens(folder: Path) -> Mapping[str, str]:
     """The hash of each operator's token, by name; none where no token was made. ConfigError."""
     try:
-        tokens = json.loads(read_text(folder / TOKENS))
+        tokens = parse_object(read_text(folder / TOKENS))
     except FileNotFoundError:
         return {}
     except (OSError, ValueError) as error:
         raise ConfigError([f"{folder / TOKENS}: no tokens: {error}"]) from error
-    if not isinstance(tokens, dict) or not all(isinstance(each, str) for each in tokens.values()):
+    if not all(isinstance(each, str) for each in tokens.values()):
         raise ConfigError([f"{folder / TOKENS}: no tokens: `gcs keys token NAME` makes them"])
     return tokens
 

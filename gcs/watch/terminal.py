@@ -7,7 +7,6 @@ import termios
 import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +37,7 @@ def watch(lab: Path | None, name: str, identity: str = "", insecure: bool = Fals
     try:
         where = address_near(lab)
         with _single_keys():
-            asyncio.run(_Watch(name).run(where, Protection(replace(where.access(identity), insecure=insecure))))
+            asyncio.run(_Watch(name).run(where, Protection(where.access(identity, insecure))))
     except KeyboardInterrupt:
         return
     except (BusError, ConfigError) as error:

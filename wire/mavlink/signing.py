@@ -19,6 +19,8 @@ STAMPS_SINCE_US = 1_420_070_400_000_000
 KEY_BYTES, SIGNATURE_BYTES, STREAMS_MOST = 32, 13, 32
 WINDOW = 6_000_000
 """One minute of stamps: a stream that is not known yet may lie so far behind, any stream so far ahead."""
+STAMP_LAST = 1 << 47
+"""In 2059: half of what a packet has room for, so that a stamp is always left to sign with."""
 _MAGIC_1, _MAGIC_2, _SIGNED = 0xFE, 0xFD, 0x01
 _OVERHEAD_1, _OVERHEAD_2 = 8, 12
 
@@ -36,7 +38,7 @@ CROWDED = "signed packet of one stream too many"
 
 def stamp_at(unix_us: int) -> int:
     """The stamp of a time."""
-    return max(unix_us - STAMPS_SINCE_US, 0) // 10
+    return min(max(unix_us - STAMPS_SINCE_US, 0) // 10, STAMP_LAST)
 
 
 @dataclass(slots=True)
@@ -50,6 +52,7 @@ class StampClock:
     newest: int = 0
 
     def __post_init__(self) -> None:
+        self.floor = min(self.floor, STAMP_LAST)
         self.newest = max(self.newest, self.floor)
 
     def next(self, unix_us: int) -> int:
@@ -147,7 +150,7 @@ class SigningChannel:
         if not self.is_peer(frame[5]):
             return BACKWARDS
         stamp = int.from_bytes(frame[-12:-6], "little")
-        if self.trusts_clock and stamp > max(stamp_at(unix_us), self.clock.floor) + WINDOW:
+        if stamp > (max(stamp_at(unix_us), self.clock.floor) + WINDOW if self.trusts_clock else STAMP_LAST):
             return TOO_NEW
         stream = frame[5:7] + frame[-13:-12]
         before = self._streams.get(stream)

@@ -57,8 +57,16 @@ class BusAccess:
         for endpoint in endpoints:
             if self.identity is not None and endpoint.partition("/")[0] not in _PROTOCOLS:
                 raise BusError(f"{endpoint}: with keys the bus is TLS alone: write tls/HOST:PORT")
-            if not (self.identity is not None or self.insecure or is_local_endpoint(endpoint)):
-                raise ExposedError("the bus at", endpoint)
+        exposed = self.exposed(endpoints)
+        if exposed is not None:
+            raise exposed
+
+    def exposed(self, endpoints: Sequence[str]) -> ExposedError | None:
+        """What is wrong with the first endpoint that is not this machine's, without keys; None where all is well."""
+        if self.identity is not None or self.insecure:
+            return None
+        far = [endpoint for endpoint in endpoints if not is_local_endpoint(endpoint)]
+        return ExposedError("the bus at", far[0]) if far else None
 
     def carried(self, endpoints: Sequence[str]) -> list[str]:
         """The endpoints as they are opened: TLS with keys, as they are without."""
@@ -75,12 +83,13 @@ class BusAccess:
         return f"{'tcp' if self.identity is None else 'tls'}/{host}:0"
 
     def open_loopback(self, listen: Sequence[str]) -> list[str]:
-        """Where a hub listens beside the endpoints that other machines reach: for this machine's own processes.
+        """Where a hub with keys listens beside the lab's endpoints: for this machine's own processes.
 
-        Zenoh (1.10) accepts nobody for 0.1 s after each connection that is no TLS: a stranger keeps everybody out of an
-        endpoint that it reaches. The endpoint stands in the folder of keys. OSError.
+        Zenoh (1.10) accepts nobody for 0.1 s after each connection that is no TLS: a stranger, or a page that the
+        browser of this machine shows, keeps everybody out of an endpoint that it knows. This one stands in the folder
+        of keys alone. OSError.
         """
-        if self.identity is None or all(is_local_endpoint(endpoint) for endpoint in listen):
+        if self.identity is None or not listen:
             return []
         endpoint = f"tls/127.0.0.1:{free_loopback_port()}"
         write_private(self.identity.parent / HUB, endpoint.encode())

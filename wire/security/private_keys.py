@@ -13,18 +13,19 @@ keys/            0700   made by `gcs keys new`, beside the lab file; a drone's o
     access.json         who may do what on the bus, as every process enforces it
     stop.key            64 hexadecimal digits: of an operator, for a stop by one datagram; the ground has stop-NAME.key
     tokens              of the page: SHA-256 of each operator's token
-    stamp               newest stamp of signed packets, see StampFile
+    stamp, stamp-DIGEST newest stamp of signed packets, see StampFile; a drone's begins anew with its key
 """
 
-import json
 import os
 import stat
 from collections.abc import Mapping
+from hashlib import sha256
 from pathlib import Path
 from re import fullmatch
 from typing import Any
 
 from wire.errors import ConfigError
+from wire.json_text import parse_object
 from wire.private_files import private
 from wire.small_files import read_text
 
@@ -104,6 +105,11 @@ def mavlink_key_file(sysid: int) -> str:
     return f"mavlink-{sysid}.key"
 
 
+def drone_stamp_file(keys: Mapping[int, bytes]) -> str:
+    """A drone's file of stamps: one for each key, so that what a stolen key has done to it ends with the key."""
+    return f"{STAMP}-{sha256(b''.join(keys[sysid] for sysid in sorted(keys))).hexdigest()[:16]}"
+
+
 def stop_key_file(name: str) -> str:
     """The ground's file of the stop key of a certificate's name."""
     return f"stop-{name}.key"
@@ -118,12 +124,9 @@ def read_access(folder: Path) -> dict[str, Any]:
     """The access rules of an identity's folder. ConfigError."""
     path = folder / ACCESS
     try:
-        rules = json.loads(read_text(path))
+        return parse_object(read_text(path))
     except (OSError, ValueError) as error:
         raise ConfigError([f"{path}: no access rules: {error}"]) from error
-    if not isinstance(rules, dict):
-        raise ConfigError([f"{path}: no access rules"])
-    return rules
 
 
 def read_revoked(folder: Path) -> frozenset[str]:
@@ -167,7 +170,7 @@ class StampFile:
     def read(self) -> int:
         """The stored stamp; 0 where there is none. ConfigError for a file that is none."""
         try:
-            return int(self._path.read_text(encoding="ascii"))
+            return int(read_text(self._path))
         except FileNotFoundError:
             return 0
         except (OSError, ValueError) as error:

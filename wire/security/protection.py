@@ -23,6 +23,7 @@ from wire.security.private_keys import (
     REVOKED_NAMES,
     STAMP,
     StampFile,
+    drone_stamp_file,
     keys_folder,
     read_access,
     read_mavlink_key,
@@ -154,7 +155,7 @@ def protection_of(keys: Path, identity: str) -> Protection:
     mavlink_keys = read_mavlink_keys(own)
     if not mavlink_keys:
         return Protection(access, names=Names(own))
-    stamps = StampFile(own / STAMP)
+    stamps = StampFile(own / (STAMP if identity == GROUND else drone_stamp_file(mavlink_keys)))
     stamp_clock = StampClock(stamps.read())
     signing = Signing(mavlink_keys, stamp_clock, stamps, identity == GROUND)
     has_key = (own / INSTALLED).is_file()

@@ -9,7 +9,7 @@ from typing import Any
 
 from formation.requests import ENDPOINT, LAB
 from wire.errors import ConfigError
-from wire.security.bus_access import LOCAL, BusAccess, own_access
+from wire.security.bus_access import BusAccess, own_access
 from wire.security.private_keys import keys_folder
 from wire.toml_text import read_toml
 
@@ -25,9 +25,9 @@ class LabAddress:
     keys: Path | None = None
     """Folder of the keys; None without [security]."""
 
-    def access(self, identity: str = "") -> BusAccess:
+    def access(self, identity: str = "", insecure: bool = False) -> BusAccess:
         """How a person's command is on the bus; identity: as whom, see `own_access`. ConfigError."""
-        return LOCAL if self.keys is None else own_access(self.keys, identity)
+        return BusAccess(insecure=insecure) if self.keys is None else own_access(self.keys, identity)
 
 
 def address_in(path: Path) -> LabAddress:

@@ -1,16 +1,20 @@
-"""The ground's UDP ports for stops by one datagram: one beside each endpoint of the bus that other machines reach."""
+"""The ground's UDP ports for stops by datagram: one beside each endpoint of the bus, with keys and without."""
 
 import asyncio
+import os
 import socket
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+from formation.config import LinkConfig
 from formation.exposure import is_local_endpoint
+from formation.messages import Event, Severity
 from formation.requests import OperatorReply, OperatorRequest, Verb
 from wire import clock
 from wire.errors import ConfigError
 from wire.plain_text import plain
+from wire.process.lifetime import EventSink
 from wire.rejections import RejectionLog
 from wire.security.private_keys import read_mavlink_key, stop_key_file
 from wire.security.protection import Names, Protection
@@ -28,19 +32,20 @@ class StopPort:
     """One bound port. A request is handed on once; one that comes again is answered again."""
 
     def __init__(
-        self, address: tuple[str, int], reader: StopReader, handler: Handler, rejections: RejectionLog
-    ) -> None:
+        self, where: tuple[socket.AddressFamily, tuple[str, int]], reader: StopReader, handler: Handler,
+        rejections: RejectionLog
+    ) -> None:  # fmt: skip
         """Bind (OSError)."""
         self._reader, self._handler, self._rejections = reader, handler, rejections
         self._answers: dict[str, bytes] = {}
         """The newest answer by name."""
         self._loop = asyncio.get_running_loop()
         self._resume: asyncio.TimerHandle | None = None
-        self._socket = socket.socket(socket.AF_INET6 if ":" in address[0] else socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket = socket.socket(where[0], socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
         try:
-            self._socket.bind(address)
+            self._socket.bind(where[1])
         except OSError:
             self._socket.close()
             raise
@@ -61,9 +66,11 @@ class StopPort:
                 return
             except OSError:  # an ICMP answer to something sent earlier
                 continue
-            found = self._reader.read(data, clock.unix_us())
+            found = self._reader.read(data)
             if isinstance(found, StopAsked):
                 self._obey(found, sender)
+            elif isinstance(found, bytes):
+                self._send(found, sender)
             else:
                 self._rejections.note(str(sender[0]), found, clock.monotonic_ns())
         self._loop.remove_reader(self._socket)
@@ -80,7 +87,9 @@ class StopPort:
             self._answers[asked.name] = self._reader.reply(asked, answer)
             self._send(self._answers[asked.name], sender)
 
-        source = f"{asked.name} ({plain(asked.source, SOURCE_MOST)} at {sender[0]})"
+        source = plain(asked.source, SOURCE_MOST)
+        if asked.name:
+            source = f"{asked.name} ({source} at {sender[0]})"
         self._handler(OperatorRequest(asked.id, Verb.STOP, source=source), reply)
 
     def _send(self, data: bytes, sender: tuple[str, int]) -> None:
@@ -92,16 +101,24 @@ class StopPort:
 
 @contextmanager
 def stop_ports(
-    listen: Sequence[str], protection: Protection, handler: Handler, rejections: RejectionLog
+    link: LinkConfig, lab: str, protection: Protection, handler: Handler, rejections: RejectionLog, report: EventSink
 ) -> Iterator[None]:
-    """While inside, each endpoint that other machines reach by its address has a port; none without keys. OSError."""
+    """While inside, each endpoint where this ground listens, or may on this machine, has a port.
+
+    One that cannot be bound is reported: the bus is left.
+    """
     own, names = protection.bus.identity, protection.names
+    key_of = _Keys(own, names).of if own is not None and names is not None else {"": lab.encode()}.get
     with ExitStack() as opened:
-        for endpoint in () if own is None else listen:
-            address = stop_address(endpoint)
-            if own is not None and names is not None and address is not None and not is_local_endpoint(endpoint):
-                reader = StopReader(_Keys(own, names).of, clock.unix_us())
-                opened.callback(StopPort(address, reader, handler, rejections).close)
+        for endpoint in link.zenoh_listen or filter(is_local_endpoint, link.zenoh_connect):
+            try:
+                where = stop_address(endpoint)
+                if where is not None:
+                    port = StopPort(where, StopReader(key_of, os.urandom), handler, rejections)
+                    opened.callback(port.close)
+            except OSError as error:
+                text = f"no stop by datagram at {endpoint}, the bus alone carries it: {error.strerror}"
+                report(Event(Severity.WARNING, "ground", text))
         yield
 
 

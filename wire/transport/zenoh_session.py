@@ -68,10 +68,9 @@ def open_session(
 ) -> zenoh.Session:
     """Join the bus; peers that are not there yet are retried for ever. BusError, ConfigError for keys.
 
-    asks: this process only asks, and listens nowhere: it may ask a ground anywhere, and obeys nobody.
+    asks: this process only asks, and listens nowhere; a ground that listens everywhere it asks on this machine.
     """
-    if not asks:
-        access.demand((*listen, *connect))
+    access.demand((*listen, *(map(connectable, connect) if asks else connect)))
     if "*" in lab or "$" in lab:
         raise BusError(f"lab {lab!r}: * and $ stand for other names on the bus")
     try:

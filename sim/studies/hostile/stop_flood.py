@@ -108,7 +108,7 @@ def _ground(queue: "Queue[int]", lab: KeyedLab) -> None:
             reply(OperatorReply(request.id, True, STOPPED))
 
         bus.serve(GCS_NAME, answer)
-        with stop_ports(listening.zenoh_listen, bus.protection, answer, bus.rejections):
+        with stop_ports(listening, LAB_NAME, bus.protection, answer, bus.rejections, _ignore):
             while True:
                 queue.put(asked)
                 await asyncio.sleep(0.1)
@@ -157,7 +157,7 @@ def _flood(queue: "Queue[str]", lab: KeyedLab, flood: Flood) -> None:
         Event().wait(TURN_S)
 
 
-def _ignore(_reply: zenoh.Reply) -> None:
+def _ignore(_reply: object) -> None:
     """An answer that nobody waits for."""
 
 

@@ -12,12 +12,15 @@ import tomli_w
 from typer.testing import CliRunner
 
 from formation.messages import Event, HostReport
+from formation.requests import OperatorReply
 from gcs.cli.app import app as gcs_app
+from gcs.cli.stop import stop
 from tests.free_ports import free_port
 from tests.gcs.core.test_takeover import flying
 from wire.logs.mcap_log import read_log
 from wire.security.bus_access import BusAccess
 from wire.security.protection import INSECURE, Protection
+from wire.transport import stop_call
 
 LINE = "run `gcs keys new lab.toml` and write [security] into the lab file"
 
@@ -67,6 +70,17 @@ def test_no_program_opens_a_link_of_another_machine(words: tuple[str, ...], tmp_
     assert done.returncode in (1, 2)
     assert LINE in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_no_command_asks_another_machine_in_the_clear_and_a_stop_believes_none(tmp_path: Path, monkeypatch) -> None:
+    far = tmp_path / "far.toml"
+    far.write_text('[link]\nzenoh_connect = ["tcp/ground.invalid:7447"]\n')
+    done = CliRunner().invoke(gcs_app, ["status", "--lab", str(far)])
+    assert done.exit_code == 2
+    assert LINE in done.output.replace("\n", " ")
+    monkeypatch.setattr(stop_call, "ask_to_stop", lambda *_: OperatorReply(1, True, "phase STOPPED"))
+    assert stop(["--lab", str(far)]) == 2  # sent all the same
+    assert stop(["--lab", str(far), "--insecure"]) == 0
 
 
 @pytest.mark.processes

@@ -10,6 +10,7 @@ import pytest
 import tomli_w
 from typer.testing import CliRunner
 
+from drone_agent.config import AgentConfig
 from formation.config import LabConfig
 from formation.requests import OperatorRequest, Verb
 from gcs.cli.app import app
@@ -19,6 +20,7 @@ from gcs.security.roles import role_reject_reason
 from tests.gcs.security.autopilot import Autopilot, on_a_line
 from tests.gcs.security.lab import LAB, NOW, keyed_lab
 from wire.errors import ConfigError
+from wire.mavlink.signing import stamp_at
 from wire.security.protection import protection_of
 
 RUNNER = CliRunner()
@@ -173,6 +175,59 @@ def test_a_file_that_is_no_bundle_installs_nothing(files: dict[str, object], lab
     Path("drone-1.keys").write_text(json.dumps(bundle))
     assert "not a file of `gcs keys pack`" in gcs("install", "drone-1.keys", "--keys", "there", code=2)
     assert not Path("there").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "fault"),
+    [
+        ("private.pem", "x", "PEM"),
+        ("ca.pem", "x", "PEM"),
+        ("private.pem", "of drone-1", "the private key is not the certificate's"),
+        ("certificate.pem", "of drone-1", "the private key is not the certificate's"),
+        ("name", "drone-1.1", "not one of drone-2"),
+        ("name", "drone-2.7", "another name"),
+        ("access.json", "[" * 100_000, "nested deeper"),
+        ("mavlink-2.key", "x", "hexadecimal digits"),
+        ("mavlink-2.key", None, "no signing key of drone-2"),
+        ("name", "\ud800", "not a file of `gcs keys pack`"),
+    ],
+)
+def test_a_bundle_with_one_false_file_leaves_good_keys_as_they_are(
+    name: str, text: str | None, fault: str, lab: Path
+) -> None:
+    gcs("new", "lab.toml")
+    gcs("pack", "drone-2")
+    gcs("install", "drone-2.keys", "--keys", "there")
+    before = {path: path.read_bytes() for path in Path("there").rglob("*.*")}
+    bundle = json.loads(Path("drone-2.keys").read_text())
+    del bundle["files"][name]
+    if text is not None:
+        own = lab.parent / "keys" / "drone-1" / name
+        bundle["files"][name] = own.read_text() if text == "of drone-1" else text
+    Path("drone-2.keys").write_text(json.dumps(bundle))
+    assert fault in gcs("install", "drone-2.keys", "--keys", "there", code=2)
+    assert {path: path.read_bytes() for path in Path("there").rglob("*.*")} == before
+
+
+def test_a_drone_without_its_signing_key_does_not_start_and_is_a_fault(lab: Path) -> None:
+    gcs("new", "lab.toml")
+    (lab.parent / "keys" / "drone-2" / "mavlink-2.key").unlink()
+    with pytest.raises(ConfigError, match=r"mavlink-2.key: no signing key"):
+        _ = AgentConfig(sysid=2, keys=lab.parent / "keys").protection
+    assert "drone-2 has no signing key" in gcs("check", "lab.toml", code=1)
+
+
+def test_new_keys_begin_new_stamps(lab: Path) -> None:
+    """A drone whose stolen key has sent a stamp of next year is a drone again with its next key."""
+    gcs("new", "lab.toml")
+    keys = lab.parent / "keys"
+    stolen = protection_of(keys, "drone-2").signing
+    assert stolen is not None
+    stolen.stamps.store(stamp_at(1_900_000_000_000_000))
+    gcs("rotate", "drone-2")
+    mended = protection_of(keys, "drone-2").signing
+    assert mended is not None
+    assert mended.clock.floor == 0
 
 
 def test_a_bundle_of_another_drone_is_refused(lab: Path) -> None:

@@ -176,6 +176,14 @@ def test_a_machine_without_a_clock_takes_the_other_ends() -> None:
     assert ground.verify(answer, NOW_US).data == answer
 
 
+def test_a_stamp_that_leaves_none_to_sign_with_is_rejected_without_a_clock_too() -> None:
+    aboard = SigningChannel(KEY, StampClock(), (1).__ne__, trusts_clock=False)
+    thief = pymavlink_end(2**48 - 200)
+    assert aboard.verify(bytes(thief.heartbeat_encode(6, 8, 0, 0, 4).pack(thief)), NOW_US).reject_reason == TOO_NEW
+    for floor in (0, 2**48):
+        assert SigningChannel(KEY, StampClock(floor), (1).__ne__).sign(disarm(Codec(GROUND)), 2**62)
+
+
 def test_a_stamp_far_ahead_is_rejected_where_the_clock_is_right() -> None:
     ahead = drone_end().sign(disarm(Codec(Address(1, 1))), NOW_US + 61_000_000)
     assert ground_end().verify(ahead, NOW_US).reject_reason == TOO_NEW

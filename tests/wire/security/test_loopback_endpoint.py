@@ -1,6 +1,8 @@
-"""A hub that other machines reach has a second endpoint, for this machine alone, which its own processes know."""
+"""A hub with keys has a second endpoint, for this machine alone, which its own processes know."""
 
 from pathlib import Path
+
+import pytest
 
 from wire.security.bus_access import LOCAL, BusAccess
 
@@ -11,15 +13,16 @@ def access(folder: Path) -> BusAccess:
     return BusAccess(own)
 
 
-def test_a_reachable_hub_listens_on_loopback_too(tmp_path: Path) -> None:
-    (opened,) = access(tmp_path).open_loopback(["tls/0.0.0.0:7447"])
+@pytest.mark.parametrize("endpoint", ["tls/0.0.0.0:7447", "tls/127.0.0.1:7447"])
+def test_a_hub_with_keys_listens_on_a_port_of_its_own_too(tmp_path: Path, endpoint: str) -> None:
+    (opened,) = access(tmp_path).open_loopback([endpoint])
     assert opened.startswith("tls/127.0.0.1:")
     assert BusAccess(tmp_path / "keys" / "tool").loopback() == [opened]
     assert (tmp_path / "keys" / "loopback").stat().st_mode & 0o077 == 0
 
 
-def test_a_hub_on_loopback_and_one_without_keys_do_not(tmp_path: Path) -> None:
-    assert access(tmp_path).open_loopback(["tls/127.0.0.1:7447"]) == []
+def test_who_is_no_hub_and_one_without_keys_do_not(tmp_path: Path) -> None:
+    assert access(tmp_path).open_loopback([]) == []
     assert LOCAL.open_loopback(["tcp/0.0.0.0:7447"]) == []
     assert access(tmp_path).loopback() == LOCAL.loopback() == []
 

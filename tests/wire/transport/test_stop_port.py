@@ -1,4 +1,4 @@
-"""Stops by one datagram over real sockets: one answer, obeyed once, beside forged ones, and none for who is revoked."""
+"""Stops by datagram over real sockets: one answer, obeyed once, beside forged ones, and none for who is revoked."""
 
 import asyncio
 import socket
@@ -6,14 +6,18 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
+import pytest
+
+from formation.config import LinkConfig
+from formation.messages import Event, Severity
 from formation.requests import OperatorReply, OperatorRequest, Verb
 from tests.free_ports import free_port
 from tests.gcs.security.lab import keyed_lab
 from wire import clock
 from wire.rejections import RejectionLog
-from wire.security.bus_access import BusAccess, access_with
+from wire.security.bus_access import LOCAL, BusAccess, access_with
 from wire.security.private_keys import KEY_BYTES
-from wire.security.protection import protection_of
+from wire.security.protection import LOOPBACK_ONLY, protection_of
 from wire.security.stop_datagram import encode_stop
 from wire.transport.stop_call import stop_address, stop_by_datagram
 from wire.transport.stop_port import stop_ports
@@ -21,9 +25,13 @@ from wire.transport.stop_port import stop_ports
 Ask = Callable[[], OperatorReply | None]
 
 
-def serve(folder: Path, ask: Callable[[str], Ask], answers: bool = True) -> tuple[object, list[OperatorRequest], int]:
+def serve(
+    folder: Path, ask: Callable[[str], Ask], answers: bool = True, *, keys: bool = True
+) -> tuple[object, list[OperatorRequest], int]:
     """What `ask` got of a ground in the folder, what the ground was asked, and how many datagrams it rejected."""
-    endpoint, asked, rejections = f"tls/0.0.0.0:{free_port()}", [], RejectionLog()
+    asked: list[OperatorRequest] = []
+    rejections, protection = RejectionLog(), protection_of(folder / "keys", "ground") if keys else LOOPBACK_ONLY
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
 
     def handle(request: OperatorRequest, reply: Callable[[OperatorReply], None]) -> None:
         asked.append(request)
@@ -31,15 +39,16 @@ def serve(folder: Path, ask: Callable[[str], Ask], answers: bool = True) -> tupl
             reply(OperatorReply(1, True, "STOPPED"))
 
     async def run() -> object:
-        with stop_ports((endpoint,), protection_of(folder / "keys", "ground"), handle, rejections):
+        link = LinkConfig(zenoh_connect=(endpoint,))
+        with stop_ports(link, "lab", protection, handle, rejections, pytest.fail):
             return await asyncio.to_thread(ask(endpoint))
 
     return asyncio.run(run()), asked, rejections.count
 
 
-def stop_of(access: BusAccess, wait_s: float = 10.0) -> Callable[[str], Ask]:
-    request = OperatorRequest(clock.unix_us() + 1_000_000, Verb.STOP, source="anna@tablet")
-    return lambda endpoint: lambda: stop_by_datagram((endpoint,), access, request, wait_s)
+def stop_of(access: BusAccess, wait_s: float = 10.0, lab: str = "lab") -> Callable[[str], Ask]:
+    request = OperatorRequest(1, Verb.STOP, source="anna@tablet")
+    return lambda endpoint: lambda: stop_by_datagram((endpoint,), lab, access, request, wait_s)
 
 
 def test_a_stop_is_answered_and_its_asker_is_known(tmp_path: Path) -> None:
@@ -63,11 +72,11 @@ def test_forged_ones_are_counted_and_the_true_one_is_answered(tmp_path: Path) ->
     stop = stop_of(access_with(tmp_path / "keys", "tool"))
 
     def ask(endpoint: str) -> Ask:
-        address = stop_address(endpoint.replace("0.0.0.0", "127.0.0.1"))
-        assert address is not None
+        found = stop_address(endpoint)
+        assert found is not None
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
             for _ in range(100):
-                stranger.sendto(encode_stop("tool.1", bytes(KEY_BYTES), clock.unix_us(), "nobody"), address)
+                stranger.sendto(encode_stop("tool.1", bytes(KEY_BYTES), 1, "nobody"), found[1])
         return stop(endpoint)
 
     reply, asked, rejected = serve(tmp_path, ask)
@@ -97,11 +106,34 @@ def test_a_rotated_key_counts_and_the_old_one_does_not(tmp_path: Path) -> None:
     assert asked[0].source.startswith("anna.2 (")
 
 
-def test_where_nobody_listens_it_ends_at_once_and_without_keys_it_is_not_tried(tmp_path: Path) -> None:
+def test_a_lab_without_keys_is_stopped_by_datagram_and_no_other_lab_with_it(tmp_path: Path) -> None:
+    reply, asked, _ = serve(tmp_path, stop_of(LOCAL), keys=False)
+    assert isinstance(reply, OperatorReply)
+    assert [(each.verb, each.source) for each in asked] == [(Verb.STOP, "anna@tablet")]
+    reply, asked, rejected = serve(tmp_path, stop_of(LOCAL, 0.2, lab="lab2"), keys=False)
+    assert (reply, asked) == (None, [])
+    assert rejected > 0
+
+
+def test_a_port_that_is_another_s_is_reported_and_the_ground_goes_on(tmp_path: Path) -> None:
+    reported: list[Event] = []
+
+    async def run(endpoint: str) -> None:
+        link, log = LinkConfig(zenoh_connect=(endpoint,)), RejectionLog()
+        with stop_ports(link, "lab", LOOPBACK_ONLY, lambda *_: None, log, reported.append):
+            pass
+
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        asyncio.run(run(f"tcp/127.0.0.1:{other.getsockname()[1]}"))
+    assert [event.severity for event in reported] == [Severity.WARNING]
+
+
+def test_where_nobody_listens_it_ends_at_once(tmp_path: Path) -> None:
     keyed_lab(tmp_path)
     endpoint = f"tls/127.0.0.1:{free_port()}"
     begun_ns = clock.monotonic_ns()
     assert stop_of(access_with(tmp_path / "keys", "tool"), 600.0)(endpoint)() is None  # not after ten minutes
+    assert stop_of(LOCAL, 600.0)(endpoint)() is None
+    assert stop_of(LOCAL, 600.0)("tls/a-name.invalid:7447")() is None
     assert clock.monotonic_ns() - begun_ns < 60e9
-    assert stop_of(BusAccess(), 600.0)(endpoint)() is None
-    assert stop_of(access_with(tmp_path / "keys", "tool"), 600.0)("tls/a-name:7447")() is None

@@ -75,7 +75,8 @@ def _unharmed(row: Row) -> Scenario:
 
 def table() -> tuple[Row, ...]:
     """Every row."""
-    arducopter = scenario(autopilot="ardupilot")
+    arducopter, hold = scenario(autopilot="ardupilot"), scenario("hold")
+    guard_stalled = Fault(family=Family.STALL, core="agent", body="f2", after_s=1.0, for_s=0.39)
     whole = FORMATION_S + 6.0
     return (
         _row("freeze", _mocap(Family.FREEZE, "f2", 0.5)),
@@ -92,7 +93,7 @@ def table() -> tuple[Row, ...]:
         _row("swap-followers", _mocap(Family.SWAP, "f2", 0.6, other="f3")),
         _row("swap-leader", _mocap(Family.SWAP, "leader", 0.6, other="f2")),
         _row("jump", _mocap(Family.JUMP, "f2", 0.6, 1.0, heading_rad=-1.57)),
-        _row("twin-ground-arms", _ground(Family.TWIN, verb=Verb.ARM), flight=scenario("hold")),
+        _row("twin-ground-arms", _ground(Family.TWIN, verb=Verb.ARM), flight=hold),
         _row("restarted-ground-arms", _ground(Family.RESTART, 1.0, Verb.ARM), flight=scenario("hold", 2, "ardupilot")),
         _row(
             "land-with-a-pilot", Fault(family=Family.PILOT, body="f2", after_s=2.5, for_s=6.0), _asked(Verb.LAND, 2.6)
@@ -127,6 +128,18 @@ def table() -> tuple[Row, ...]:
         _row("drift-0.15", _mocap(Family.DRIFT, "f2", whole, 0.15, heading_rad=-pi / 2)),
         _row("drift-0.4", _mocap(Family.DRIFT, "f2", whole, 0.4, heading_rad=-pi / 2)),
         _row("frames-at-6-hz", Fault(family=Family.SLOW_STREAM, after_s=2.5, severity=0.94)),
+        _row("ground-stalled", Fault(family=Family.STALL, core="ground", after_s=1.0, for_s=0.3), flight=hold),
+        *(
+            _row(f"guard-stalled-{for_s}", guard_stalled.model_copy(update={"for_s": for_s}), flight=hold)
+            for for_s in (0.384, 0.39, 0.394, 0.398)
+        ),
+        _row("mocap-killed", Fault(family=Family.KILL, core="mocap", after_s=1.0), flight=hold),
+        _row("landing-asked-for", _asked(Verb.LAND, 0.5), flight=hold),
+        _row("twin-ground-stops", Fault(family=Family.TWIN, core="ground", verb=Verb.STOP, after_s=0.5), flight=hold),
+        *(
+            _row(f"noise-{m}", Fault(family=Family.NOISE, body="f2", severity=m, after_s=1.0, for_s=0.25), flight=hold)
+            for m in (0.005, 0.01)
+        ),
         _row("log-full", Fault(family=Family.LOG_TROUBLE, after_s=2.5)),
         _row("no-fault", benign=True),
     )  # fmt: skip

@@ -66,10 +66,14 @@ def write_scenario(
 
 
 @contextmanager
-def gcs_sim_fly(*arguments: str) -> Iterator[subprocess.Popen[str]]:
-    """`gcs-sim fly` running; its output is text on `stdout`. Interrupted, and waited for, on leaving."""
+def gcs_sim_fly(*arguments: str, hosts: int | None = 1) -> Iterator[subprocess.Popen[str]]:
+    """`gcs-sim fly` running, its drones by so many processes, None: one each; its output is text on `stdout`.
+
+    Interrupted, and waited for, on leaving.
+    """
+    shared = () if hosts is None else ("--hosts", str(hosts))
     with subprocess.Popen(
-        [sys.executable, "-m", "sim", "fly", "--speed", str(SPEED), *arguments],
+        [sys.executable, "-m", "sim", "fly", "--speed", str(SPEED), *shared, *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,

@@ -18,7 +18,7 @@ pytestmark = [pytest.mark.processes, pytest.mark.flights, pytest.mark.timeout(90
 
 def test_three_drones_fly_the_triangle_and_land(tmp_path: Path) -> None:
     scenario, out = write_scenario(tmp_path, LINE), tmp_path / "run"
-    with gcs_sim_fly(str(scenario), "--out", str(out)) as process:
+    with gcs_sim_fly(str(scenario), "--out", str(out), hosts=2) as process:
         said, _ = process.communicate()
     assert process.returncode == 0, said
     summary = json.loads(summarise(load(out / "flight.mcap")).to_json())
@@ -38,9 +38,9 @@ def test_three_drones_fly_the_triangle_and_land(tmp_path: Path) -> None:
     assert not processes_of(out)
 
 
-def test_ctrl_c_lands_the_drones_of_two_hosts_by_udp_and_leaves_no_process_and_a_whole_log(tmp_path: Path) -> None:
+def test_ctrl_c_lands_the_drones_of_one_host_by_udp_and_leaves_no_process_and_a_whole_log(tmp_path: Path) -> None:
     out = tmp_path / "run"
-    words = ("--link", "udp", "--hosts", "2", "--out", str(out))
+    words = ("--link", "udp", "--out", str(out))
     with gcs_sim_fly(str(write_scenario(tmp_path, CIRCLE)), *words) as process:
         read_until(process, "FORMATION")
         process.send_signal(signal.SIGINT)
@@ -56,7 +56,7 @@ def test_ctrl_c_lands_the_drones_of_two_hosts_by_udp_and_leaves_no_process_and_a
 
 def test_when_an_agent_dies_the_flight_ends_with_its_name_and_leaves_no_process(tmp_path: Path) -> None:
     out = tmp_path / "run"
-    with gcs_sim_fly(str(write_scenario(tmp_path, CIRCLE)), "--out", str(out)) as process:
+    with gcs_sim_fly(str(write_scenario(tmp_path, CIRCLE)), "--out", str(out), hosts=None) as process:
         read_until(process, "TAKEOFF")
         os.kill(pid_of(out, lambda words: any(word.endswith("agent-3.toml") for word in words)), signal.SIGKILL)
         said, _ = process.communicate()

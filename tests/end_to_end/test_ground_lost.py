@@ -68,7 +68,7 @@ async def fly_and_kill(scenario: Scenario, files: Files) -> tuple[Watched, int]:
     """Fly the circle, kill the ground in full flight, wait until all are down; when it was killed."""
     watched, clock = Watched(), Clock(SPEED)
     operator = Operator(scenario.script[:3])
-    async with running(scenario, 1, files, clock=clock) as flight:
+    async with running(scenario, 1, files, clock=clock, hosts=1) as flight:
         flight.bus.on_truth(watched.take)
         script = asyncio.create_task(operate(flight.bus, operator, 120.0, lambda _t_s, _phase: None, clock))
         await in_flight(watched.wait_for(watched.all_fast_and_leaning), flight.group)

@@ -41,20 +41,19 @@ def line() -> Scenario:
     return scenario.model_copy(update={"lab": lab})
 
 
-@pytest.fixture(scope="module")
-def plain_line():
-    return paths_of(line())
-
-
+@pytest.mark.nightly
 @pytest.mark.parametrize("axes", CAMERA_AXES)
-def test_the_paper_line_is_the_same_with_any_camera_axes(axes, plain_line, tmp_path):
+def test_the_paper_line_is_the_same_with_any_camera_axes(axes, tmp_path):
     """Turned by 90 degrees, all three once left the fence and were cut."""
-    outcome, paths = paths_of(with_camera_axes(line(), CAMERA_AXES[axes], tmp_path))
-    assert (outcome, plain_line[0]) == ("landed", "landed")
-    assert max_distance_m(plain_line[1], paths) < ROUNDING_M
+    (there, plain), (outcome, paths) = paths_of(line()), paths_of(with_camera_axes(line(), CAMERA_AXES[axes], tmp_path))
+    assert (outcome, there) == ("landed", "landed")
+    assert max_distance_m(plain, paths) < ROUNDING_M
 
 
-@pytest.mark.parametrize("name", ["triangle_circle", "yawing_leader", "hover_gust", "px4_circle"])
+NIGHTLY = [pytest.param(name, marks=pytest.mark.nightly) for name in ("triangle_circle", "hover_gust", "px4_circle")]
+
+
+@pytest.mark.parametrize("name", ["yawing_leader", *NIGHTLY])
 def test_every_kind_of_flight_is_the_same_with_arbitrary_camera_axes(name, tmp_path):
     scenario = short(name)
     _, plain = paths_of(scenario)
@@ -69,7 +68,9 @@ def test_a_recorded_leader_is_followed_the_same_with_arbitrary_camera_axes(tmp_p
     assert max_distance_m(plain, turned) < ROUNDING_M
 
 
-@pytest.mark.parametrize("axes", CAMERA_AXES)
+@pytest.mark.parametrize(
+    "axes", [pytest.param(axes, marks=[pytest.mark.nightly] * (axes != "arbitrary")) for axes in CAMERA_AXES]
+)
 def test_agents_and_bridge_hold_and_land_with_any_camera_axes_when_the_ground_dies(axes, tmp_path):
     bridged = TrueVehicle(sysid=2, bridged=True)
     scenario = with_camera_axes(

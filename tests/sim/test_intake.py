@@ -1,7 +1,6 @@
 """The ground's intake in lockstep: one that is too slow in simulated time is shown, and flown safely."""
 
 import numpy as np
-import pytest
 
 from analysis.load import Flight, from_records
 from formation.maths.frames import IDENTITY
@@ -20,7 +19,7 @@ from wire.transport.intake import TURN_NS
 from wire.transport.link import LinkCounters
 
 MS = 1_000_000
-LONGEST_NS = 60_000_000_000
+LONGEST_NS = 30_000_000_000
 ACK = Codec(Address(1, 1)).encode(CommandAck(GROUND, MavCommand.NAV_LAND, Result.ACCEPTED))
 
 
@@ -55,7 +54,7 @@ def _with_ingest(ingest_s: float) -> Scenario:
 
 
 def test_a_budget_that_suffices_changes_no_bit() -> None:
-    forming = {"script": FLIGHT[:3], "longest_s": 8.0}
+    forming = {"script": FLIGHT[:3], "longest_s": 6.0}
     flown = [
         lockstep.run_in_memory(_with_ingest(s).model_copy(update=forming), 7)[1] for s in (0.0, LinkModel().ingest_s)
     ]
@@ -92,9 +91,8 @@ def _all_landed_softly(flight: Flight) -> bool:
     return soft
 
 
-@pytest.mark.parametrize("seed", [7, 8])
-def test_a_ground_that_falls_behind_in_flight_warns_holds_and_lets_its_drones_land(seed: int) -> None:
-    flight, texts = _flown(0.015, seed, Phase.FORMATION)
+def test_a_ground_that_falls_behind_in_flight_warns_holds_and_lets_its_drones_land() -> None:
+    flight, texts = _flown(0.015, 7, Phase.FORMATION)
     for late_ms in (50, 100, 300):
         assert any(f"its telemetry arrives {late_ms} ms late" in text for text in texts)
     changes = [text for text in texts if " -> " in text]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.load import Flight
+from analysis.load import load as load_flight
 from analysis.metrics import Summary, summarise
 from formation import topics
 from formation.messages import Phase, Verb
@@ -31,15 +32,23 @@ def flown(scenario: Scenario, seed: int) -> tuple[Outcome, Flight, Summary]:
     return result.outcome, flight, summarise(flight)
 
 
+@pytest.fixture(scope="module")
+def lap(tmp_path_factory: pytest.TempPathFactory) -> tuple[Outcome, Path]:
+    """One lap, landed: the host's outcome and the log."""
+    path = tmp_path_factory.mktemp("lap") / "flight.mcap"
+    return lockstep.run_to_file(short(), 1, path).outcome, path
+
+
 def test_scenario_and_seed_decide_every_command() -> None:
-    forming = short(script=FLIGHT[:3], longest_s=10.0)
+    forming = short(script=FLIGHT[:3], longest_s=7.0)
     (_, _, first), (_, _, again), (_, _, other) = (flown(forming, seed) for seed in (7, 7, 8))
     assert first.command_hash == again.command_hash
     assert first.command_hash != other.command_hash
 
 
-def test_the_triangle_is_flown_and_landed() -> None:
-    outcome, flight, summary = flown(short(), 1)
+def test_the_triangle_is_flown_and_landed(lap: tuple[Outcome, Path]) -> None:
+    outcome, flight = lap[0], load_flight(lap[1])
+    summary = summarise(flight)
     assert outcome == Outcome("landed")
     assert summary.outcome == "landed"
     phases = [span.phase for span in flight.phases]
@@ -56,11 +65,9 @@ def test_the_triangle_is_flown_and_landed() -> None:
         assert flight.truth[sysid].messages[-1].on_ground
 
 
-def test_the_log_is_whole_and_replays_bit_by_bit(tmp_path: Path) -> None:
-    path = tmp_path / "flight.mcap"
-    lockstep.run_to_file(short(script=FLIGHT[:3], longest_s=12.0), 3, path)
-    assert check_log(path).complete
-    assert replay(read_log(path)).identical
+def test_the_log_is_whole_and_replays_bit_by_bit(lap: tuple[Outcome, Path]) -> None:
+    assert check_log(lap[1]).complete
+    assert replay(read_log(lap[1])).identical
 
 
 def test_a_flight_that_does_not_end_is_aborted_and_says_so() -> None:
@@ -106,8 +113,8 @@ def test_nothing_in_lockstep_opens_a_socket(monkeypatch: pytest.MonkeyPatch) -> 
     assert outcome.result == "held"
 
 
-def test_bytes_cross_the_links_both_ways_in_order() -> None:
-    _, flight, _ = flown(short(script=FLIGHT[:2], longest_s=5.0), 1)
+def test_bytes_cross_the_links_both_ways_in_order(lap: tuple[Outcome, Path]) -> None:
+    flight = load_flight(lap[1])
     assert {datagram.sysid for datagram in flight.up.messages} == {1, 2, 3}
     assert {datagram.sysid for datagram in flight.down.messages} == {1, 2, 3}
     assert all(np.diff(flight.up.t_s) >= 0.0)

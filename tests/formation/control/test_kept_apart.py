@@ -63,7 +63,7 @@ def test_a_follower_gives_way_to_a_leader_that_walks_at_it() -> None:
     assert walked_at(frozenset({"separation-filter"})).apart().min() < TOUCHING_M
 
 
-@pytest.mark.parametrize("draw", [0, 1, 2, 3])
+@pytest.mark.parametrize("draw", [0, *(pytest.param(n, marks=pytest.mark.nightly) for n in (1, 2, 3))])
 def test_twenty_that_cross_in_one_point_miss_each_other_and_arrive(draw: int) -> None:
     config, rng = lab(20), np.random.default_rng(draw)
     angle = 2.0 * np.pi * rng.permutation(20) / 20.0

@@ -5,9 +5,7 @@ import pytest
 from sim.campaign import controls
 from sim.campaign.campaign import summarise
 from sim.campaign.draw import FAMILIES_DRAWN, GROUP, RANGES, Draw, faults_of, flight_of, run_of
-from sim.campaign.flight import fly
-from sim.campaign.group import Flown, Run, fly_group
-from sim.campaign.labs import scenario
+from sim.campaign.group import Flown, Run
 from sim.campaign.oracle import Margin, Verdict, Violation
 from sim.campaign.shrink import _smaller
 from sim.faults.fault import Family, Fault
@@ -57,17 +55,6 @@ def test_shrinking_drops_a_fault_then_halves_lengths_then_severities() -> None:
     assert [(f[0].for_s, f[0].severity) for f in tried[2:]] == [(0.5, 2.0), (1.0, 1.0)]
 
 
-def test_forked_flights_are_the_flights() -> None:
-    flight = scenario("hold")
-    faults = (
-        Fault(family=Family.DROP, severity=0.3, after_s=0.5, for_s=1.0),
-        Fault(family=Family.NOISE, severity=0.005, body="f2", after_s=0.5, for_s=1.0),
-    )
-    forked = fly_group(flight, {1: faults}).runs[0]
-    whole = fly(flight.model_copy(update={"faults": faults}), flight.seed)
-    assert (forked.verdict, forked.duration_s) == (whole.verdict, whole.duration_s)
-
-
 def test_a_summary_counts_what_failed_and_says_how_to_fly_it_again() -> None:
     bad = Verdict((Violation("fence", 3.0, "f2 0.70 m outside"), Violation("separation", 4.0, "near")), 2.0, 0.1, 1.0)
     good = Verdict((), 2.0, None, 0.0)
@@ -112,7 +99,10 @@ def test_every_monitor_has_a_control_or_is_said_to_have_others_behind_it() -> No
     assert not set(controls.CONTROLS) & set(controls.REDUNDANT)
 
 
-@pytest.mark.parametrize("monitor", ["own-land", "setpoint-bounds", "separation-filter"])
+NIGHTLY = [pytest.param(name, marks=pytest.mark.nightly) for name in ("own-land", "separation-filter")]
+
+
+@pytest.mark.parametrize("monitor", [*NIGHTLY, "setpoint-bounds"])
 def test_without_its_monitor_a_fault_does_harm_and_with_it_none(monitor: str) -> None:
     assert controls.fly_control(controls.ControlJob(monitor, 1)) == controls.Tried(without=True, with_it=False)
 

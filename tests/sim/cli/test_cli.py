@@ -25,16 +25,18 @@ def invoke(*arguments: str) -> tuple[int, str]:
 
 @pytest.fixture(scope="module")
 def short_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A line of 2 s, flown by the command; its folder, with the summary beside the log."""
+    """A line of 2 s, flown by the command, which misses what is required; the summary and its words beside the log."""
     folder = tmp_path_factory.mktemp("run")
     scenario = load("triangle_line")
     trajectory = scenario.lab.leader.trajectory.model_copy(update={"length_m": 0.2, "duration_s": 2.0})
     lab = scenario.lab.model_copy(update={"leader": scenario.lab.leader.model_copy(update={"trajectory": trajectory})})
     file = folder / "short.toml"
     file.write_text(dump(scenario.model_copy(update={"name": "short", "lab": lab})))
-    flown = CliRunner().invoke(app, ["run", str(file), "--seed", "4", "--out", str(folder), "--json"])
-    assert flown.exit_code == 0, flown.output
+    required = ("--require", "formation_rms_m<0.05", "--require", "frames<10")
+    flown = CliRunner().invoke(app, ["run", str(file), "--seed", "4", "--out", str(folder), "--json", *required])
+    assert flown.exit_code == 1, flown.output
     (folder / "summary.json").write_text(flown.stdout)
+    (folder / "told.txt").write_text(flown.stderr)
     return folder
 
 
@@ -49,13 +51,12 @@ def test_a_run_leaves_log_report_and_a_summary_with_every_key(short_run: Path) -
     assert (short_run / "report.html").read_text().startswith("<!doctype html>")
 
 
-def test_a_flight_that_misses_what_is_required_ends_with_code_1(short_run: Path, tmp_path: Path) -> None:
-    words = ["run", str(short_run / "short.toml"), "--out", str(tmp_path), "--json"]
-    missed = CliRunner().invoke(app, [*words, "--require", "formation_rms_m<0.05", "--require", "frames<10"])
-    assert missed.exit_code == 1
-    frames = json.loads(missed.stdout)["frames"]
-    assert f"frames<10 is required, it is {frames}" in missed.stderr
-    assert invoke(*words, "--require", "frames!10")[0] == 2
+def test_a_flight_that_misses_what_is_required_says_what_and_ends_with_code_1(short_run: Path) -> None:
+    frames = json.loads((short_run / "summary.json").read_text())["frames"]
+    told = (short_run / "told.txt").read_text()
+    assert f"frames<10 is required, it is {frames}" in told
+    assert "formation_rms_m" not in told
+    assert invoke("run", str(short_run / "short.toml"), "--require", "frames!10")[0] == 2
 
 
 def test_the_log_says_the_same_again(short_run: Path) -> None:

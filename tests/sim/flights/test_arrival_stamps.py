@@ -106,7 +106,10 @@ class Flight:
         return [phase for at_s, phase in self.phases if at_s > t_s]
 
 
-@pytest.mark.parametrize(("speed_m_s", "cameras"), [(0.5, {}), (1.0, {}), (1.0, ON_ARRIVAL), (1.5, ON_ARRIVAL)])
+NIGHTLY = [pytest.param(*case, marks=pytest.mark.nightly) for case in ((0.5, {}), (1.0, {}), (1.0, ON_ARRIVAL))]
+
+
+@pytest.mark.parametrize(("speed_m_s", "cameras"), [*NIGHTLY, (1.5, ON_ARRIVAL)])
 def test_followers_in_hold_yield_to_a_leader_that_walks_at_them(
     tmp_path: Path, speed_m_s: float, cameras: dict[str, object]
 ) -> None:
@@ -138,6 +141,7 @@ def test_a_formation_held_by_a_gap_waits_for_the_operator_and_resumes(tmp_path: 
     assert sum(text.startswith("stamps are arrival times: frames are re-timed") for text in flight.events) == 1
 
 
+@pytest.mark.nightly
 def test_a_recording_stamped_on_arrival_is_followed_through_bursts_and_a_gap(tmp_path: Path) -> None:
     """The stalls of public recordings: up to 0.36 s, then all in a burst; once 0.87 s are lost."""
     whole = walk_in_circles(tmp_path / "circles.csv").read_text().splitlines()
@@ -162,6 +166,7 @@ def test_a_recording_stamped_on_arrival_is_followed_through_bursts_and_a_gap(tmp
     assert flight.least_m > scenario.lab.limits.min_separation_m
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(not VICON, reason=f"no {NAME} beside the repository: a leader recorded by a Vicon system")
 def test_a_recorded_leader_with_arrival_stamps_and_gaps_is_followed_to_its_end() -> None:
     scenario = a_scenario(VICON[0], (20.0, 45.0, 70.0, 95.0), **ON_ARRIVAL)

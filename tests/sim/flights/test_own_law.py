@@ -106,7 +106,7 @@ def test_a_law_that_never_answers_or_ends_the_process_does_not(
 
     monkeypatch.setattr(Cascade, "__call__", goes_wrong)
     monkeypatch.setattr(ground_host, "LAW_S", 0.5)
-    assert lockstep.run_to_file(lap(), 1, path).outcome.result == "landed"
+    assert lockstep.run_to_file(lap().model_copy(update={"formation_s": 3.0}), 1, path).outcome.result == "landed"
     log, summary = read_log(path), summarise(load_flight(path))
     assert summary.law_failures == 1
     said = "right: SystemExit: 3" if does == "exits" else "cascade: no answer within 500 ms"
@@ -139,6 +139,7 @@ def test_what_it_is_told_agrees_with_itself(installed: None, monkeypatch: pytest
     assert np.median([at.dt_s for at in moving]) == pytest.approx(0.01, abs=0.001)
 
 
+@pytest.mark.nightly
 def test_the_manual_s_figures_are_those_of_its_options(tmp_path: Path, installed: None) -> None:
     page = Path(__file__).parents[3] / "docs" / "manual" / "tutorials" / "own-law.md"
     text = " ".join(page.read_text(encoding="utf-8").split())

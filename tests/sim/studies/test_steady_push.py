@@ -42,8 +42,10 @@ def test_a_swing_is_the_angle_off_the_mean_and_settles_when_it_last_was_large() 
     assert push.settled_s(t_s, 0.0 * t_s) == 0.0
 
 
-@pytest.mark.parametrize("motor_lag", [1.0, 1.6])
-@pytest.mark.parametrize("share", [0.6, 0.9])
+NIGHTLY = [pytest.param(share, lag, marks=pytest.mark.nightly) for share, lag in ((0.6, 1.0), (0.6, 1.6), (0.9, 1.0))]
+
+
+@pytest.mark.parametrize(("share", "motor_lag"), [*NIGHTLY, (0.9, 1.6)])
 def test_a_hover_comes_to_rest_in_a_steady_push(share: float, motor_lag: float) -> None:
     """With motors 1.6 times as slow as believed as well, but later.
 

@@ -208,16 +208,15 @@ def test_the_worst_are_the_failures_then_the_largest_errors() -> None:
     assert [sample.failed for sample in samples] == [False, False, True, True, True, True, True]
 
 
-def test_one_draw_flies_and_is_judged_the_same_again() -> None:
+def test_one_draw_is_flown_and_judged() -> None:
     drawn = ((seed, robustness.scenario_of(Draw(seed))) for seed in range(50))
     seed = next(seed for seed, scenario in drawn if "_line_" in scenario.name and scenario.mocap.rate_hz == 50.0)
-    first, again = robustness.fly(Draw(seed)), robustness.fly(Draw(seed))
-    assert first == again
+    first = robustness.fly(Draw(seed))
     assert not first.failed
     assert first.rms_m < 0.01
 
 
-@pytest.mark.parametrize("seed", [62, 68, 95])
+@pytest.mark.parametrize("seed", [68, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in (62, 95))])
 def test_a_drawn_vehicle_is_not_held_for_a_fault_that_its_poses_do_not_have(seed: int) -> None:
     """62 is turned by a gust while only ATTITUDE_QUATERNION shows it, beside poses with 10 mrad of noise.
 

@@ -33,6 +33,7 @@ def test_memory_that_is_taken_is_measured() -> None:
     assert memory_bytes() - before > 0.9 * len(held)
 
 
+@pytest.mark.nightly
 def test_a_hover_is_sampled_in_the_air_and_its_log_grows(tmp_path: Path) -> None:
     result = soak(1, 20.0, tmp_path, lambda _text: None)
     assert (result.drones, result.outcome) == (2, "landed")

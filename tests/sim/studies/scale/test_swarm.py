@@ -14,6 +14,7 @@ from sim.studies.scale.swarm import Swarm, of_log, swarm
 from wire.logs.mcap_log import LogWriter
 
 
+@pytest.mark.nightly
 def test_four_drones_hover_land_and_stay_as_far_apart_as_their_slots() -> None:
     result = swarm(3, 2.0, lambda _text: None)
     assert (result.drones, result.outcome, result.is_good) == (4, "landed", True)

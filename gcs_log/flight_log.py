@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 Table = Mapping[str, NDArray[Any]]
 SHOWN_COLUMNS = 5
-# Python's safe path, `-P`: the folder of a notebook is not looked into for modules.
-READER = (sys.executable, "-P", "-m", "analysis.tables.topic_tables")
+# Neither the folder of a notebook (`-P`) nor PYTHONPATH has modules for it.
+READER = (sys.executable, "-P", "-m", "mavlink_formation", "analysis.tables.topic_tables")
 
 
 class LogError(ValueError):

@@ -55,8 +55,8 @@ def formation_flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.Te
     def fly(scenario: str | Path, *, seed: int | None = None, require: Iterable[str] = ()) -> SimpleNamespace:
         bounds = {key: request.config.getoption(key) for key, _ in MOST.values()}
         wanted = [*require, *(f"{key}<={bound}" for key, bound in bounds.items() if bound is not None)]
-        # Python's safe path, `-P`: the folder in which the tests run is not looked into for modules.
-        command = [sys.executable, "-P", "-m", "sim", "run", str(scenario), "--json"]
+        # Neither the folder in which the tests run (`-P`) nor PYTHONPATH has modules for it.
+        command = [sys.executable, "-P", "-m", "mavlink_formation", "sim", "run", str(scenario), "--json"]
         out = tmp_path_factory.mktemp("flight")
         command += ["--out", str(out)]
         command += [] if seed is None else ["--seed", str(seed)]

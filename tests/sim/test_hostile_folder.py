@@ -17,11 +17,12 @@ from sim.studies.runner import run_all
 from tests.gcs.bus import a_lab, hub_of
 from tests.sim.short_scenario import SHORT
 from wire.config_file import dump
+from wire.process.exit_codes import NO_GROUND
 from wire.transport.mocap_bus import MocapBus
 
 pytestmark = pytest.mark.processes
 MODULES = ("queue", "asyncio", "socket", "struct", "typing")
-PACKAGES = ("sim", "analysis", "wire", "formation", "gcs", "drone_agent")
+PACKAGES = ("sim", "analysis", "wire", "formation", "gcs", "drone_agent", "mocap")
 BIN = Path(sys.executable).parent
 TESTS = """
 import analysis, formation, sim, wire
@@ -35,12 +36,18 @@ def test_ours(formation_flight):
 
 @pytest.fixture
 def hostile(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory: its modules, named as the standard library's and ours, cannot be imported."""
+    """The working directory: its modules, named as the standard library's and ours, cannot be imported.
+
+    Nor can those of a workspace on PYTHONPATH.
+    """
     folder = tmp_path / "theirs"
     folder.mkdir()
     for name in MODULES:
         (folder / f"{name}.py").write_text(f"raise ImportError('the {name} of the working directory')\n")
-    add_packages(folder, "raise ImportError('a package of the working directory')\n")
+    for place in (folder, tmp_path / "workspace"):
+        place.mkdir(exist_ok=True)
+        add_packages(place, f"raise ImportError('a package of {place}')\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path / "workspace"))
     monkeypatch.chdir(folder)
     return folder
 
@@ -88,6 +95,7 @@ def test_the_console_programs_work_there(hostile: Path) -> None:
     (hostile / "short.toml").write_text(SHORT)
     for program in ("gcs", "drone-agent", "gcs-log"):
         subprocess.run([BIN / program, "--version"], check=True)
+    assert subprocess.run([BIN / "gcs", "stop", "--timeout", "0.01"], check=False).returncode == NO_GROUND
     words = ["run", "short.toml", "--json", "--out", "flight"]
     flown = subprocess.run([BIN / "gcs-sim", *words], check=True, capture_output=True, text=True)
     assert json.loads(flown.stdout)["outcome"] == "landed"
@@ -115,6 +123,7 @@ def test_a_notebook_reads_a_log_beside_packages_of_the_same_names(tmp_path: Path
     add_packages(tmp_path, "THEIRS = True\n")
     (tmp_path / "test_reads.py").write_text(READS)
     env = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
+    env["PYTHONPATH"] = str(tmp_path)
     tests = ["-p", "no:cacheprovider", "-q", "test_reads.py"]
     for command in (
         [sys.executable, "-c", READS],
@@ -132,5 +141,6 @@ def test_the_fixture_flies_beside_packages_of_the_same_names(tmp_path: Path) -> 
     (tmp_path / "test_ours.py").write_text(TESTS)
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-q", "test_ours.py"]
     env = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
+    env["PYTHONPATH"] = str(tmp_path)
     done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -7,11 +7,11 @@ from contextlib import contextmanager
 
 
 def python_command(module: str, *arguments: str) -> tuple[str, ...]:
-    """The command that runs `python -m module arguments` without the working directory on its path.
+    """The command that runs `python -m module arguments` from this installation.
 
-    A `queue.py` or a folder `sim` beside the user's lab file is not imported (`-P`, Python's safe path).
+    A folder `sim` beside the user's lab file (`-P`, Python's safe path) or on PYTHONPATH is not imported.
     """
-    return (sys.executable, "-P", "-m", module, *arguments)
+    return (sys.executable, "-P", "-m", "mavlink_formation", module, *arguments)
 
 
 @contextmanager

@@ -7,14 +7,13 @@ machine, so that only figures of one run can be compared; numbers of calls can a
 import json
 import os
 import subprocess
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
-
-from wire.process.python import python_command
 
 ROOT = Path(__file__).parents[3]
 NO_FIGURE = frozenset({"count", "followers"})
@@ -88,7 +87,7 @@ def figures(values: Any, name: str = "") -> dict[str, float]:
 
 def _measured(folder: Path, followers: Sequence[int]) -> Any:
     sizes = [word for count in followers for word in ("--followers", str(count))]
-    command = python_command("sim", "bench", "--json", *sizes)
+    command = (sys.executable, "-P", "-m", "sim", "bench", "--json", *sizes)  # PYTHONPATH before this installation
     return json.loads(_run(command, os.environ | {"PYTHONPATH": str(folder)}))
 
 

@@ -1,0 +1,86 @@
+"""How each program starts: it imports what is installed, whatever PYTHONPATH and the working folder hold.
+
+A sourced workspace may hold packages named `gcs`, `sim` or `wire`; this one's name is nobody else's. PYTHONPATH is
+searched after everything that is installed, so that a lab's own packages are still found there.
+"""
+
+import errno
+import os
+import runpy
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from importlib import import_module
+
+_INSTALLATION = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+_OUTPUT_ERRORS = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EIO)
+
+
+def gcs() -> None:
+    """The console script."""
+    _run(lambda: import_module("gcs.__main__").main())
+
+
+def drone_agent() -> None:
+    """The console script."""
+    _run(lambda: import_module("drone_agent.__main__").main())
+
+
+def gcs_sim() -> None:
+    """The console script."""
+    _run(lambda: import_module("sim.cli.app").main())
+
+
+def gcs_log() -> None:
+    """The console script."""
+    _run(lambda: import_module("sim.cli.log").main())
+
+
+def module() -> None:
+    """Run the module named by the first argument, as `python -m` does."""
+    del sys.argv[0]
+    _run(lambda: runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True))
+
+
+def _run(main: Callable[[], object]) -> None:
+    _search_installation_first()
+    _open_closed_streams()
+    try:
+        try:
+            main()
+        finally:
+            sys.stdout.flush()
+    except KeyboardInterrupt:  # while a command is still being loaded
+        sys.exit(130)
+    except OSError as error:
+        if error.errno not in _OUTPUT_ERRORS or error.filename is not None:
+            raise
+        _end_without_output(error)
+
+
+def _search_installation_first() -> None:
+    given = [os.path.abspath(folder) for folder in os.environ.get("PYTHONPATH", "").split(os.pathsep)]
+    others = [folder for folder in sys.path if os.path.abspath(folder) not in (_INSTALLATION, *given)]
+    sys.path[:] = [*others, _INSTALLATION, *given]
+
+
+def _open_closed_streams() -> None:
+    """Open the null device where a standard stream is closed: else a socket gets its number, and its text."""
+    for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
+        if getattr(sys, name) is None:
+            with suppress(OSError):
+                os.fstat(number)
+                continue
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
+            setattr(sys, name, open(number, mode, encoding="utf-8", closefd=False))  # noqa: SIM115
+
+
+def _end_without_output(error: OSError) -> None:
+    """End with exit code 1; a reader that closes early (`| head`) is no fault to speak of."""
+    with suppress(OSError):
+        if error.errno != errno.EPIPE:
+            sys.stderr.write(f"{os.path.basename(sys.argv[0])}: output is lost: {error.strerror}\n")
+    null = os.open(os.devnull, os.O_WRONLY)
+    for number in (1, 2):  # what is still buffered is lost quietly
+        os.dup2(null, number)
+    sys.exit(1)

@@ -14,12 +14,13 @@ from wire.errors import ConfigError
 from wire.markdown import rows
 from wire.process import starved
 from wire.process.completion import bodies_of, lab_near, starting
+from wire.process.console import print_event, print_event_json
+from wire.process.output import dropping_output
 from wire.process.program import SingleProgram, Version, print_json_error, with_options
 from wire.process.starved import StarvedError
 
 if TYPE_CHECKING:
     from drone_agent.config import AgentConfig
-    from formation.messages import Event
 
 app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -102,15 +103,20 @@ class Options:
 @with_options(Options)
 def fly(options: Options) -> None:
     """Be a simulated drone that speaks MAVLink, or with --bridge stand beside a real one; until Ctrl-C."""
+    if options.stages:
+        typer.echo(json.dumps(rows(table_markdown())) if options.as_json else table_markdown())
+    else:
+        _fly(options)
+
+
+@dropping_output()
+def _fly(options: Options) -> None:
     import uvloop
 
     from drone_agent.bridge.daemon import run_bridge
     from drone_agent.daemon import run
 
-    if options.stages:
-        typer.echo(json.dumps(rows(table_markdown())) if options.as_json else table_markdown())
-        return
-    report = _print_event_json if options.as_json else _print_event
+    report = print_event_json if options.as_json else print_event
     try:
         agents = [_configured(options, file) for file in options.config or ()] or [_configured(options, None)]
         first = agents[0]
@@ -182,14 +188,6 @@ def _laid_over(options: Options) -> dict[str, Any]:
         "link": {key: value for key, value in links.items() if value is not None},
         "parameters": {name: value for name, _, value in (item.partition("=") for item in options.param or ())},
     }
-
-
-def _print_event(event: "Event") -> None:
-    sys.stderr.write(f"{event.source} {event.severity.name.lower()}: {event.text}\n")
-
-
-def _print_event_json(event: "Event") -> None:
-    print(json.dumps({"severity": event.severity.name, "source": event.source, "text": event.text}), flush=True)
 
 
 def _fail(text: str, code: int) -> None:

@@ -25,8 +25,10 @@ def _run() -> None:
 
         run_before_others()  # before anything is loaded, where the machine allows it
         from gcs.cli.stop import stop
+        from wire.process.output import dropping_output
 
-        code = stop(sys.argv[2:])
+        with dropping_output():  # the exit code tells what came of it, whatever reads its words
+            code = stop(sys.argv[2:])
         if code is not None:
             raise SystemExit(code)
     from gcs.cli.app import app

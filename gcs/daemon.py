@@ -46,6 +46,7 @@ from wire.logs.mcap_log import LogWriter
 from wire.process.awaited import report_missing
 from wire.process.deadline import Deadline
 from wire.process.machine import machine
+from wire.process.output import lost_lines
 from wire.security.protection import INSECURE, LOOPBACK_ONLY, Protection
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.stop_port import stop_ports
@@ -180,7 +181,8 @@ class Ground:
         if self._state_ns is None or now_ns - self._state_ns > STATUS_NS:
             timing = self.timing
             host = host_state(timing.ticks, timing.late, timing.worst_s, self.log.path, self.disk, self._events)
-            self._state, self._state_ns = json.dumps(self._core.state(now_ns) | host), now_ns
+            state = self._core.state(now_ns) | host | {"lost_lines": lost_lines()}
+            self._state, self._state_ns = json.dumps(state), now_ns
         return self._state
 
     def _report_host(self, now_ns: int) -> None:

@@ -23,11 +23,13 @@ from wire.clock import Clock
 from wire.logs.mcap_log import LogWriter
 from wire.process.console import NOT_RIGHT, REJECTED, fail, print_event, print_event_json
 from wire.process.machine import machine
+from wire.process.output import dropping_output
 from wire.process.priority import prefer_process
 from wire.process.progress import compile_all
 from wire.security.protection import LOOPBACK_ONLY, Protection
 
 
+@dropping_output()
 def serve(
     config: LabConfig,
     linger_s: float | None,

@@ -2,10 +2,12 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from wire import version
+from wire.process.exit_codes import NO_GROUND
 
 HEAVY = ("numba", "scipy", "matplotlib", "pymavlink", "mavsdk", "qtm_rt")
 PROGRAMS = ("gcs", "drone_agent", "sim", "sim.cli.log")
@@ -44,6 +46,16 @@ def test_what_only_asks_loads_no_compiler(words: tuple[str, ...]) -> None:
 def test_a_stop_loads_neither_arrays_nor_an_event_loop() -> None:
     _, loaded = run(*STOP)
     assert not loaded & {"numpy", "asyncio", "uvloop", "rich", "google"}
+
+
+@pytest.mark.processes
+def test_output_that_is_lost_is_one_line_and_closed_streams_are_none() -> None:
+    command = [Path(sys.executable).with_name("gcs"), "--version"]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (1, "gcs: output is lost: No space left on device\n")
+    closed = subprocess.run(["/bin/sh", "-c", f"{command[0]} stop --timeout 0.01 <&- >&- 2>&-"], check=False)
+    assert closed.returncode == NO_GROUND
 
 
 @pytest.mark.processes

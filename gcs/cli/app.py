@@ -23,6 +23,7 @@ from wire import clock
 from wire.errors import ConfigError
 from wire.markdown import rows
 from wire.process.console import NOT_RIGHT, REJECTED, Insecure, Json, LabFile, Name, Speed, configuration, fail
+from wire.process.output import dropping_output
 from wire.process.program import program
 
 app = program(
@@ -32,6 +33,7 @@ app = program(
 
 
 @app.command()
+@dropping_output()
 def run(
     lab: LabFile,
     log: Annotated[Path | None, typer.Option(help="The flight log; without it runs/LAB-TIME.mcap.")] = None,
@@ -90,6 +92,7 @@ def check(
 
 
 @app.command()
+@dropping_output()
 def page(
     lab: LabFile,
     name: Name = GCS_NAME,

@@ -204,6 +204,8 @@ def print_status(state: dict[str, Any], console: "Console") -> None:
     console.print(table)
     if state["log_trouble"]:
         console.print(Text(state["log_trouble"], "red"))
+    if state.get("lost_lines"):  # a ground of an older version counts none
+        console.print(f"{state['lost_lines']} lines of the ground's output are lost: its log has them", style="yellow")
     for drone in state["drones"]:
         if drone["disarms_in_s"] is not None:
             text = f"{drone['body']} disarms itself in {drone['disarms_in_s']:.1f} s unless it takes off"

@@ -11,10 +11,12 @@ from formation.identities import TOOL
 from formation.requests import GCS_NAME
 from wire.errors import ConfigError
 from wire.process.console import NOT_RIGHT, REJECTED, Insecure, Json, LabFile, Name, configuration, fail
+from wire.process.output import dropping_output
 
 FORWARD = "ssh -L {port}:127.0.0.1:{port} USER@THIS-MACHINE from there, or, for simulation only, --insecure"
 
 
+@dropping_output()
 def live(
     lab: LabFile,
     name: Name = GCS_NAME,

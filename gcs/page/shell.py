@@ -30,6 +30,7 @@ from wire.clock import Clock, unix_us
 from wire.errors import ConfigError
 from wire.plain_text import plain
 from wire.process.awaited import GROUND_REMEDY, Awaited, report_missing
+from wire.process.console import print_event
 from wire.process.own_name import own_name
 from wire.rejections import RejectionLog
 from wire.security.protection import LOOPBACK_ONLY, Protection
@@ -111,7 +112,7 @@ class Page:
         now_ns = self._clock.monotonic_ns()
         self._reject_log.note(plain(source, SOURCE_MOST), why, now_ns)
         for event in self._reject_log.due(now_ns):
-            print(f"page: {event.source}: {event.text}", file=sys.stderr, flush=True)
+            print_event(event)
             self.model.alarms.receive(event, unix_us() * 1e-6)
 
     def draw(self) -> None:
@@ -130,7 +131,7 @@ class Page:
     async def report_awaited(self) -> None:
         """Say on the terminal, too, that no ground is heard, and when one is."""
         ground = Awaited(f"ground {self._ground!r}", lambda: self.model.state is not None, GROUND_REMEDY)
-        await report_missing("page", [ground], lambda e: print(f"{e.source}: {e.text}", file=sys.stderr, flush=True))
+        await report_missing("page", [ground], print_event)
 
     async def watch(self) -> None:
         """Draw where no state comes; for ever."""

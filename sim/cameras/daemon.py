@@ -4,13 +4,12 @@ Out by the lab's own bus, or by a vendor's protocol where the lab's source is a 
 """
 
 import asyncio
-import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
 from formation.identities import TOOL
-from formation.messages import Event, RawFrame, Truth
+from formation.messages import RawFrame, Truth
 from formation.safety.phases import AIRBORNE
 from sim.cameras.emulator import MocapEmulator
 from sim.cameras.servers.server import Server
@@ -19,6 +18,7 @@ from sim.scenario import Scenario, recorded_leader
 from sim.script import OperatorView
 from wire.clock import Clock
 from wire.process.awaited import Awaited, report_missing
+from wire.process.console import print_event
 from wire.process.starved import Punctuality
 from wire.security.protection import lab_protection
 from wire.transport.mocap_bus import MocapBus
@@ -53,7 +53,7 @@ async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> N
     else:
         bus = await ZenohBus.open_or_listen(link, scenario.lab.name, protection=protection)
     drones = Awaited("true poses of simulated drones", lambda: bool(truths), f"start one: {_DRONE}")
-    missing = asyncio.create_task(report_missing("mocap emulator", [drones], _print_event))
+    missing = asyncio.create_task(report_missing("mocap emulator", [drones], print_event))
     try:
         bus.on_truth(receive_truth)
         bus.on_state(gcs_name, receive_state)
@@ -76,10 +76,6 @@ async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> N
     finally:
         missing.cancel()
         await bus.close()
-
-
-def _print_event(event: Event) -> None:
-    print(f"{event.source}: {event.text}", file=sys.stderr, flush=True)
 
 
 @asynccontextmanager

@@ -15,6 +15,7 @@ import typer
 
 from sim.cli import benchmarks, cameras, campaign, studies
 from wire.process.completion import starting
+from wire.process.output import dropping_output
 from wire.process.program import program
 
 app = program(
@@ -101,6 +102,7 @@ def run(
 
 
 @app.command()
+@dropping_output()
 def mocap(
     name: Name,
     seed: Seed = None,

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 import typer
 
 from formation.exposure import is_loopback
+from wire.process.output import dropping_output
 from wire.process.program import print_json_error, with_options
 
 MOST_BODIES = 250
@@ -54,6 +55,7 @@ def register(app: typer.Typer) -> None:
 
 
 @with_options(BoxOptions)
+@dropping_output()
 def mocap_server(options: BoxOptions) -> None:
     """Serve moving bodies in a camera system's own protocol, until Ctrl-C."""
     from sim.cameras.box import Interruptions

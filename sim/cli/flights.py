@@ -1,12 +1,14 @@
 """What `gcs-sim fly`, `run`, `mocap` and `compile` do: a scenario becomes a flight, its log a page and numbers."""
 
 import asyncio
+import os
 import signal
 import sys
 from collections.abc import Coroutine, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Literal, NoReturn
 
 import typer
@@ -40,12 +42,15 @@ from wire.errors import ConfigError
 from wire.logs.mcap_log import LogError
 from wire.private_files import make_folder
 from wire.process import starved
+from wire.process.output import dropping_output
 from wire.process.program import print_json_error
 from wire.process.progress import compile_all
 from wire.process.starved import StarvedError
 from wire.security.private_keys import keys_folder
 
 ABORTED, NOT_RIGHT, INTERRUPTED = 1, 2, 130
+ROOM_BYTES = 32 << 20
+"""Of a flight of two minutes: its log and report."""
 UNIT_WITHIN = 0.01
 
 
@@ -76,8 +81,12 @@ class Ending:
 
 def fly(opened: Opened, how: ProcessOptions, seed: int | None, ending: Ending) -> None:
     """In real time, or slower; ends the process with its exit code."""
-    from sim.cli.conclude import conclude  # its plots; the emulated mocap needs none
+    summary, aborted_code = _fly(opened, how, seed, ending)
+    _end(summary, ending, aborted_code)
 
+
+@dropping_output()
+def _fly(opened: Opened, how: ProcessOptions, seed: int | None, ending: Ending) -> tuple[Summary, int]:
     scenario, lab = opened.scenario, opened.scenario.lab
     if how.protocol and opened.lab is not None:  # what the lab file says of its own cameras
         lab = lab.model_copy(update={"mocap": opened.lab.mocap})
@@ -110,22 +119,35 @@ def fly(opened: Opened, how: ProcessOptions, seed: int | None, ending: Ending) -
         )
     outcome = flown or Outcome("aborted", "interrupted")
     try:
-        _, summary = conclude(files.mcap, outcome)
+        return _conclude(files.mcap, outcome), ABORTED if flown else INTERRUPTED
     except (FileNotFoundError, LogError):
         fail(f"nothing was logged: {outcome.reason} (see {files.folder})", ABORTED)
-    _end(summary, ending, ABORTED if flown else INTERRUPTED)
 
 
 def run(scenario: Scenario, seed: int | None, ending: Ending) -> None:
     """In lockstep; ends the process with its exit code."""
-    from sim.cli.conclude import conclude
+    _end(_run(scenario, seed, ending), ending)
 
+
+@dropping_output()
+def _run(scenario: Scenario, seed: int | None, ending: Ending) -> Summary:
     files = Files(_folder(ending.out, scenario))
     compile_for(scenario)
     with Display(Console(stderr=ending.as_json), scenario.name) as display:
         flown = lockstep.run_to_file(scenario, _seed(seed, scenario), files.mcap, display.progress)
-    _, summary = conclude(files.mcap, flown.outcome, flown.realtime_factor)
-    _end(summary, ending)
+    return _conclude(files.mcap, flown.outcome, flown.realtime_factor)
+
+
+def _conclude(mcap: Path, outcome: Outcome, realtime_factor: float | None = None) -> Summary:
+    """The numbers of a log whose report is written; ends the process where the disk does not take it."""
+    from sim.cli.conclude import conclude  # its plots; the emulated mocap needs none
+
+    try:
+        return conclude(mcap, outcome, realtime_factor)[1]
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        fail(f"no report: {error.filename or mcap.parent}: {error.strerror}", ABORTED)
 
 
 def mocap(scenario: Scenario, seed: int | None, speed: float) -> None:
@@ -214,7 +236,12 @@ def _seed(requested: int | None, scenario: Scenario) -> int:
 
 def _folder(out: Path | None, scenario: Scenario) -> Path:
     folder = out or Path("runs") / f"{datetime.fromtimestamp(clock.unix_us() * 1e-6):%Y%m%d-%H%M%S}-{scenario.name}"
-    make_folder(folder)
+    try:
+        make_folder(folder)
+        with TemporaryFile(dir=folder) as probe:
+            os.posix_fallocate(probe.fileno(), 0, ROOM_BYTES)
+    except OSError as error:
+        fail(f"{folder}: no flight can be recorded here: {error.strerror}", NOT_RIGHT)
     return folder
 
 

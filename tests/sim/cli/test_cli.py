@@ -1,4 +1,6 @@
 import json
+import os
+from errno import ENOSPC
 from pathlib import Path
 
 import pytest
@@ -131,6 +133,15 @@ def test_what_is_not_right_is_said_and_ends_with_2(arguments: tuple[str, ...], s
     code, output = invoke(*arguments)
     assert code == 2
     assert said in output
+
+
+def test_a_disk_without_room_is_said_before_the_flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(ENOSPC, os.strerror(ENOSPC))
+
+    monkeypatch.setattr("os.posix_fallocate", full)
+    code, said = invoke("run", "triangle_line", "--out", str(tmp_path))
+    assert (code, said) == (2, f"gcs-sim: {tmp_path}: no flight can be recorded here: {os.strerror(ENOSPC)}\n")
 
 
 def test_the_shipped_scenarios_are_listed() -> None:

@@ -3,7 +3,12 @@
 Both get the log's own channels, bytes untouched. Their packages are optional: `pip install 'mavlink-formation[live]'`.
 """
 
+import os
+import socket
+import subprocess
+import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from io import BytesIO
 from typing import Any, Protocol
 
@@ -11,6 +16,8 @@ from mcap.writer import CompressionType, Writer
 
 from wire.logs.blueprint import rerun_blueprint, show_bodies
 from wire.logs.live import Described
+from wire.process.python import python_command
+from wire.security.own_address import free_loopback_port
 
 MISSING = "{} is not installed: pip install 'mavlink-formation[live]'"
 APPLICATION = "mavlink-formation"
@@ -91,7 +98,7 @@ class Rerun:
         self._pending: list[tuple[int, int, bytes]] = []
         rerun.init(APPLICATION)
         try:
-            rerun.spawn() if to is None else rerun.save(to)
+            rerun.connect_grpc(_open_viewer()) if to is None else rerun.save(to)
             rerun.send_blueprint(rerun_blueprint(bodies))
             show_bodies(bodies)
         except Exception as error:
@@ -117,6 +124,20 @@ class Rerun:
         if self._pending:
             self._sdk.log_file_from_contents("live.mcap", file_of(self._channels, self._pending))
             self._pending = []
+
+
+def _open_viewer() -> str:
+    """Open Rerun's viewer, which by default serves every interface; its address on loopback. OSError where it ends."""
+    port = free_loopback_port()
+    viewer = subprocess.Popen(
+        python_command("rerun_cli", "--bind", "127.0.0.1", "--port", str(port)),
+        stdin=subprocess.DEVNULL, start_new_session=True, env=os.environ | {"RERUN_APP_ONLY": "true"},
+    )  # fmt: skip
+    while viewer.poll() is None:
+        with suppress(OSError), socket.create_connection(("127.0.0.1", port)):
+            return f"rerun+http://127.0.0.1:{port}/proxy"
+        time.sleep(0.05)
+    raise OSError(f"its viewer ended with exit code {viewer.returncode}")
 
 
 def file_of(channels: Mapping[int, Described], messages: list[tuple[int, int, bytes]]) -> bytes:

@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from formation import topics
 from formation.messages import Event, Severity, Tick
 from gcs.live.daemon import Live
-from gcs.live.viewers import file_of
+from gcs.live.viewers import _open_viewer, file_of
 from wire.logs.live import HEAD_EVERY, Described, LiveLog, keys, sharer
 from wire.logs.mcap_log import LogWriter
 
@@ -123,6 +123,24 @@ def test_a_small_chunk_that_unpacks_to_a_large_one_is_rejected(said: bool, tmp_p
         tracemalloc.stop()
         assert peak < 1 << 25
     assert log.rejected == 3
+
+
+def test_rerun_serves_this_machine_alone(monkeypatch) -> None:
+    started: list[str] = []
+
+    class Viewer:
+        returncode = 1
+
+        def __init__(self, command, **_) -> None:
+            started.extend(command)
+
+        def poll(self) -> int:
+            return 1
+
+    monkeypatch.setattr("subprocess.Popen", Viewer)
+    with pytest.raises(OSError, match="ended with exit code 1"):
+        _open_viewer()
+    assert started[started.index("--bind") + 1] == "127.0.0.1"
 
 
 def test_rerun_is_given_whole_files(tmp_path) -> None:

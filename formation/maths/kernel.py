@@ -1,5 +1,6 @@
 """The one way this project compiles a loop: numba, cached on disk, IEEE arithmetic (no fastmath)."""
 
+import atexit
 import gc
 import hashlib
 import os
@@ -9,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from fcntl import LOCK_EX, flock
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import Any, ParamSpec, TypeVar
 
 import numba
@@ -22,6 +24,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 Begun = Callable[[str, int, int], None]
 """Called with the kernel that is compiled now, how many there are with it, and how many there will be."""
+_TEMPORARY = "mavlink-formation-"
 
 
 def kernel(function: Callable[P, R], calls: tuple[Callable[..., object], ...] = ()) -> Callable[P, R]:
@@ -134,14 +137,31 @@ def _cache_in(root: Path) -> str:
 
 
 def _cache_root() -> Path:
-    """Beside the package, as Python's own caches; where that cannot be written, the user's, one per installation."""
+    """Beside the package, as Python's own caches; else the user's, one per installation; else one for this run."""
     beside = Path(__file__).parent / "__pycache__"
-    with suppress(OSError):
-        beside.mkdir(exist_ok=True)
-    if os.access(beside, os.W_OK):
-        return beside
     installation = hashlib.sha256(str(beside).encode()).hexdigest()[:16]
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "mavlink-formation" / installation
+    own = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    for folder in (beside, Path(own, "mavlink-formation", installation)):
+        with suppress(OSError):
+            if folder.is_absolute():  # a user without a home has "~"
+                folder.mkdir(parents=True, exist_ok=True)
+            if os.access(folder, os.W_OK):
+                return folder
+    return _temporary_root()
+
+
+def _temporary_root() -> Path:
+    """A folder that goes with this process, and that those it starts find as the user's."""
+    folder = mkdtemp(prefix=_TEMPORARY)
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    os.environ["XDG_CACHE_HOME"] = folder
+    return Path(folder)
+
+
+def is_cache_temporary() -> bool:
+    """Whether compiled kernels go with this process, since no folder for them can be written."""
+    cache: str = numba.config.CACHE_DIR  # type: ignore[attr-defined]
+    return Path(cache).parent.name.startswith(_TEMPORARY)
 
 
 # A sixth less to compile than at 3, and what is compiled is as fast.

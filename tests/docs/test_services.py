@@ -37,6 +37,13 @@ def test_unit_starts_a_command_that_exists(unit: Path, tmp_path: Path) -> None:
     parse_ours(shlex.split(command))
 
 
+@pytest.mark.parametrize("unit", UNITS, ids=lambda unit: unit.name)
+def test_unit_keeps_compiled_kernels_in_a_folder_that_it_may_write(unit: Path) -> None:
+    """Its user has no home, and the program's own folder is read-only."""
+    lines = unit.read_text(encoding="utf-8").splitlines()
+    assert {"CacheDirectory=mavlink-formation", "Environment=XDG_CACHE_HOME=%C"} <= set(lines)
+
+
 def test_udev_rules_are_rules() -> None:
     rules = [line for line in RULES.read_text(encoding="utf-8").splitlines() if line and not line.startswith("#")]
     pair = re.compile(r'[A-Z_]+(\{\w+\})?(==|\+=|=)"[^"]*"')

@@ -4,9 +4,10 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing import get_context
+from types import FrameType
 from typing import TextIO
 
-from formation.maths.kernel import compiled_count, compiling
+from formation.maths.kernel import compiled_count, compiling, is_cache_temporary
 
 SELDOM = 10
 """Where nobody looks on, in a file, every tenth step is enough."""
@@ -19,21 +20,52 @@ def compile_all(program: str, warm_up: WarmUp, stream: TextIO, beside: WarmUp | 
     beside: a part of the same, which a process of its own compiles meanwhile; it has to be picklable.
     """
     compiled = False
+    often = "for this run alone (no cache folder can be written, set XDG_CACHE_HOME)"
+    often = often if is_cache_temporary() else "once per installation"
 
     def begun(name: str, count: int, total: int) -> None:
         nonlocal compiled
-        text = f"{program}: compiling {count} of {total}, once per installation: {name}"
+        interruptible()
+        text = f"{program}: compiling {count} of about {total}, {often}: {name}"
         if stream.isatty():
             print(f"\r{text[:100]:100}", end="", file=stream, flush=True)
         elif not compiled or count % SELDOM == 1:
             print(text, file=stream, flush=True)
         compiled = True
 
-    with compiling(begun), _in_another_process(beside):
+    with _late_interrupt() as interruptible, compiling(begun), _in_another_process(beside):
         warm_up()
     if compiled:
         end = "\r" if stream.isatty() else ""
         print(f"{end}{f'{program}: {compiled_count()} kernels compiled':100}".rstrip(), file=stream, flush=True)
+
+
+@contextmanager
+def _late_interrupt() -> Iterator[Callable[[], None]]:
+    """While inside, Ctrl-C raises KeyboardInterrupt only in a call of what is given, and at the end.
+
+    Elsewhere it may meet a callback of the compiler, which prints "Exception ignored" and goes on.
+    """
+    interrupted = False
+
+    def on_signal(_number: int, _frame: FrameType | None) -> None:
+        nonlocal interrupted
+        interrupted = True
+
+    def check() -> None:
+        if interrupted:
+            raise KeyboardInterrupt
+
+    before = signal.getsignal(signal.SIGINT)
+    if before is not signal.default_int_handler:  # an event loop's
+        yield check
+        return
+    signal.signal(signal.SIGINT, on_signal)
+    try:
+        yield check
+    finally:
+        signal.signal(signal.SIGINT, before)
+    check()
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from types import ModuleType
 import numba
 import pytest
 
-from formation.maths.kernel import compiled_count, compiling
+from formation.maths.kernel import _cache_root, compiled_count, compiling, is_cache_temporary
 
 ROOT = Path(__file__).resolve().parents[3]
 SOURCE = """
@@ -76,3 +76,15 @@ def test_kernels_outside_formation_call_those_of_their_own_file_or_of_formation(
     assert with_kernels
     for name in with_kernels:
         assert with_kernels.isdisjoint(re.findall(r"^from (\S+) import", texts[name], re.MULTILINE)), name
+
+
+def test_where_no_cache_folder_can_be_written_kernels_go_with_the_process(tmp_path, monkeypatch):
+    """As in a service: a home that is not there, a read-only program."""
+    monkeypatch.setenv("XDG_CACHE_HOME", "")
+    monkeypatch.setenv("HOME", "/dev/null")
+    monkeypatch.setattr("os.access", lambda *_: False)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    root = _cache_root()
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(root / "kernels"))
+    assert root.parent == tmp_path
+    assert is_cache_temporary()

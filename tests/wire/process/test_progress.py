@@ -1,9 +1,14 @@
 """What is compiled before a first flight: by two processes at once, told of, and not a second time."""
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
+
+from wire.process.progress import _late_interrupt
 
 ROOT = Path(__file__).parents[3]
 KERNELS = """
@@ -65,3 +70,19 @@ def test_two_processes_compile_a_part_each_and_later_ones_nothing(tmp_path):
 def test_what_fails_in_the_other_process_is_compiled_where_it_is_called(tmp_path):
     assert "it failed" in compile_in(tmp_path, "failing").stderr
     assert compile_in(tmp_path, "failing").stderr == ""
+
+
+def test_ctrl_c_while_kernels_load_waits_for_a_moment_between_them():
+    steps = []
+
+    def load_kernels():
+        with _late_interrupt() as interruptible:
+            os.kill(os.getpid(), signal.SIGINT)
+            steps.append("goes on")
+            interruptible()
+            steps.append("does not get here")
+
+    with pytest.raises(KeyboardInterrupt):
+        load_kernels()
+    assert steps == ["goes on"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from wire.config_file import ConfigError
 from wire.private_files import private
+from wire.small_files import read_text
 
 
 def read(path: Path) -> dict[str, float]:
@@ -16,10 +17,10 @@ def read(path: Path) -> dict[str, float]:
     if not path.parent.is_dir():
         raise ConfigError([f"{path}: no such folder"])
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = read_text(path).splitlines()
     except FileNotFoundError:
         return {}
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         raise ConfigError([f"{path}: {error}"]) from error
     values: dict[str, float] = {}
     for number, line in enumerate(lines, start=1):

@@ -34,6 +34,8 @@ ANSWER_S, REDRAW_S = 3.0, 0.1
 
 def watch(lab: Path | None, name: str, identity: str = "", insecure: bool = False) -> None:
     """Show the ground until Q or Ctrl-C; ends the program where the lab or its bus is not right."""
+    if not sys.stdin.isatty():
+        fail("watch reads keys from a terminal, standard input is none: scripts use `gcs status --json`", NOT_RIGHT)
     try:
         where = address_near(lab)
         with _single_keys():
@@ -119,10 +121,7 @@ class _Watch:
 
 @contextmanager
 def _single_keys() -> Iterator[None]:
-    """While inside, a key is read when it is pressed; without a terminal nothing is changed."""
-    if not sys.stdin.isatty():
-        yield
-        return
+    """While inside, a key is read when it is pressed."""
     keyboard = sys.stdin.fileno()
     before = termios.tcgetattr(keyboard)
     tty.setcbreak(keyboard)

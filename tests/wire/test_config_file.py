@@ -149,6 +149,12 @@ def test_no_followers_at_all(tmp_path):
     assert line.startswith("followers: ")
 
 
+def test_a_byte_order_mark_is_nothing(tmp_path):
+    path = tmp_path / "marked.toml"
+    path.write_text("\ufeff" + dump(LAB), encoding="utf-8")
+    assert load(path, LabConfig) == LAB
+
+
 def test_no_toml(tmp_path):
     (line,) = problems(tmp_path, "[leader\n")
     assert "line 1" in line

@@ -2,6 +2,8 @@
 
 import io
 
+import pytest
+import typer
 from rich.console import Console
 
 from formation.messages import Severity
@@ -9,6 +11,8 @@ from gcs.page.show import NOTHING_YET, Show, Step, cause
 from gcs.page.table import Cell, Level
 from gcs.state.alarms import Alarm
 from gcs.watch.picture import picture
+from gcs.watch.terminal import watch
+from wire.process.exit_codes import NOT_RIGHT
 
 ROW = (
     "12",
@@ -57,6 +61,14 @@ def test_a_swarm_fits_into_80_columns_and_says_what_is_wrong():
     ):
         assert word in text
     assert "takeoff is for" not in text
+
+
+def test_without_a_keyboard_it_ends_in_one_line(monkeypatch, capsys):
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    with pytest.raises(typer.Exit) as ended:
+        watch(None, "gcs")
+    assert ended.value.exit_code == NOT_RIGHT
+    assert "standard input is none" in capsys.readouterr().err
 
 
 def test_a_ground_that_is_not_heard_is_the_first_line():

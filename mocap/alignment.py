@@ -1,5 +1,6 @@
 """From the source's axes, names and marker frames to `lab`, `flu` and the configuration's order; done once, here."""
 
+from collections import Counter
 from typing import NamedTuple
 
 import numpy as np
@@ -51,7 +52,10 @@ class Alignment:
         self._order: tuple[tuple[str, ...], Indices] | None = None
 
     def align(self, raw: RawFrame, seq: int, t_capture_ns: int, t_receive_ns: int) -> LabFrame:
-        """The frame in `lab`; a body with an invalid pose counts as unseen, and is rejected."""
+        """The frame in `lab`; a body with an invalid pose counts as unseen, and is rejected.
+
+        One that is named twice is unseen.
+        """
         n = len(self.bodies)
         out = Aligned(np.zeros((n, 3)), np.zeros((n, 4)), np.zeros(n, np.bool_), np.zeros(n, np.uint8))
         indices = self._indices(raw.bodies)
@@ -63,7 +67,8 @@ class Alignment:
     def _indices(self, bodies: tuple[str, ...]) -> Indices:
         """Index into the frame of each vehicle, -1 where it lacks it; the frame's own order rarely changes."""
         if self._order is None or self._order[0] != bodies:
-            index_of = {body: i for i, body in enumerate(bodies)}
+            count = Counter(bodies)  # a body that is named twice has no one pose
+            index_of = {body: i for i, body in enumerate(bodies) if count[body] == 1}
             self._order = bodies, np.array([index_of.get(body, -1) for body in self.bodies], dtype=np.int64)
         return self._order[1]
 

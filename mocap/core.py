@@ -47,7 +47,7 @@ class MocapCore:
         self._seq = -1
         self._newest_ns: int | None = None
         self._named: tuple[str, ...] = ()
-        self._twice: tuple[str, ...] = ()
+        self._events: list[Event] = []
 
     def receive(self, frame: RawFrame | LabFrame, now_ns: int) -> LabFrame | None:
         """The frame for the bus, or None for a rejected frame. A rejected pose makes its body unseen.
@@ -61,8 +61,9 @@ class MocapCore:
         self._validator.note_motors(on)
 
     def events(self, now_ns: int) -> tuple[Event, ...]:
-        """Events that are due: bodies whose poses are rejected, or accepted again; frames that are re-timed."""
-        return (*self._validator.events(now_ns), *self._newly_retimed())
+        """Events that are due: poses rejected, or accepted again; names given twice; frames that are re-timed."""
+        named, self._events = self._events, []
+        return (*named, *self._validator.events(now_ns), *self._newly_retimed())
 
     @property
     def retimed_scatter_s(self) -> float | None:
@@ -83,8 +84,9 @@ class MocapCore:
 
     def _align(self, raw: RawFrame, now_ns: int) -> LabFrame | None:
         is_stamped = raw.t_capture_ns != 0
-        if self._is_rejected(raw_fault(raw, now_ns, OLDEST_NS) or self._name_fault(raw.bodies), now_ns):
+        if self._is_rejected(raw_fault(raw, now_ns, OLDEST_NS), now_ns):
             return None
+        self._note_names(raw.bodies)
         stamp_ns = raw.t_capture_ns if is_stamped else now_ns - self._delay_ns
         t_capture_ns = self._retiming.capture_ns(raw.seq, stamp_ns, is_stamped)
         frame = self._alignment.align(raw, raw.seq, t_capture_ns, now_ns)
@@ -126,16 +128,18 @@ class MocapCore:
             return None
         return "whose capture time does not advance"
 
-    def _name_fault(self, bodies: tuple[str, ...]) -> str | None:
-        """A body of ours that a frame names twice has no one pose."""
-        if bodies != self._named:
-            self._named, known = bodies, set(self._alignment.bodies)
-            count = Counter(bodies)
-            self._twice = tuple(body for body in known if count[body] > 1)
-            for body in count.keys() - known:
-                if len(self.unknown) < MOST_UNKNOWN:
-                    self.unknown[body[:64]] += 1
-        return f"that names {self._twice[0]} twice" if self._twice else None
+    def _note_names(self, bodies: tuple[str, ...]) -> None:
+        """Remember bodies that are none of the lab's; report, once, those of the lab's that are named twice."""
+        if bodies == self._named:
+            return
+        before, self._named, known, count = Counter(self._named), bodies, set(self._alignment.bodies), Counter(bodies)
+        for body in self._alignment.bodies:
+            if count[body] > 1 and before[body] <= 1:
+                text = f"{body} is named {count[body]} times by the source, so it has no one pose: left out, rename one"
+                self._events.append(Event(Severity.ERROR, SOURCE, text))
+        for body in count.keys() - known:
+            if len(self.unknown) < MOST_UNKNOWN:
+                self.unknown[body[:64]] += 1
 
     def _number(self, raw_seq: int) -> int:
         """Ours go on where the source starts again; a gap stays the gap it was."""

@@ -45,7 +45,6 @@ HOSTILE = {
     "rows fewer than names": {"q_mocap_from_marker": np.zeros((0, 4)), "seen": np.zeros(0, bool)},
     "a capture in a hundred years": {"t_capture_ns": 2**62},
     "a capture long ago": {"t_capture_ns": -(2**62)},
-    "a name twice": {"bodies": ("left", "left")},
     "ten thousand names": {"bodies": ("",) * 10_000},
 }
 
@@ -67,6 +66,18 @@ def test_a_pose_that_is_none_hides_its_body_alone():
     assert frame.seen.tolist() == [True, False]
     (event,) = core.reject_log.due(at(0))
     assert event.text == "refused: 1 x left: more than 1000 m away (millimetres?)"
+
+
+def test_a_body_named_twice_is_left_out_and_said_once():
+    core = a_core()
+    twice = {"pos_mocap_m": np.zeros((3, 3)), "q_mocap_from_marker": np.tile([1.0, 0, 0, 0], (3, 1))}
+    for k in range(2):
+        frame = core.receive(raw(k, bodies=("left", "lead", "left"), seen=np.ones(3, bool), **twice), at(k))
+        assert frame is not None
+        assert frame.seen.tolist() == [True, False]
+    (event,) = core.events(at(1))
+    assert event.text.startswith("left is named 2 times by the source")
+    assert core.reject_log.count == 0
 
 
 def test_a_frame_twice_is_taken_once():

@@ -14,10 +14,16 @@ _PLATE_BYTES = 4 * (2 + 3 + 12 * 12 + 4 * 3 + 2)
 """Width, length, origin, calibration matrix, corners, plate type, channel type."""
 
 
-def rigid_bodies(payload: bytes, version: Version) -> dict[int, str]:
-    """Streaming id -> name, in the server's order. PacketError where the payload is not exactly descriptions."""
+Named = list[tuple[int, str]]
+
+
+def rigid_bodies(payload: bytes, version: Version) -> Named:
+    """Streaming ids with names, in the server's order, as they are: several bodies may have one id, or one name.
+
+    PacketError where the payload is not exactly descriptions.
+    """
     reader = Reader(payload, "model definitions")
-    names: dict[int, str] = {}
+    names: Named = []
     for _ in range(reader.count(4, "descriptions")):
         kind = reader.integer(_INT, "type")
         if version >= BYTE_COUNTS:
@@ -33,12 +39,12 @@ def rigid_bodies(payload: bytes, version: Version) -> dict[int, str]:
     return names
 
 
-def _named(reader: Reader, names: dict[int, str]) -> None:
+def _named(reader: Reader, names: Named) -> None:
     name = reader.text("rigid body name")
-    names[reader.integer(_INT, "rigid body id")] = name
+    names.append((reader.integer(_INT, "rigid body id"), name))
 
 
-def _rigid_body(reader: Reader, version: Version, names: dict[int, str]) -> None:
+def _rigid_body(reader: Reader, version: Version, names: Named) -> None:
     """Name, id; then parent, offset, rotation, and of each marker position, active label, name."""
     _named(reader, names)
     reader.skip(16 + 16 * (version >= ROTATION), "rigid body")
@@ -56,7 +62,7 @@ def _pass_over(reader: Reader, kind: int, version: Version) -> None:
             reader.text("skeleton name")
             reader.skip(4, "skeleton")
             for _ in range(reader.count(25, "bones")):
-                _rigid_body(reader, version, {})
+                _rigid_body(reader, version, [])
         case 3:  # a force plate
             reader.skip(4, "force plate")
             reader.text("force plate's serial number")

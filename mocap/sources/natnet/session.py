@@ -13,7 +13,7 @@ from mocap.capture_time import CaptureTime
 from mocap.sources.natnet import messages
 from mocap.sources.natnet.frames import EDITED, MODELS_CHANGED, TRACKED, VERSION_CHANGED, Frame, frame_of_data
 from mocap.sources.natnet.messages import MessageId, ServerInfo, Version
-from mocap.sources.natnet.models import rigid_bodies
+from mocap.sources.natnet.models import Named, rigid_bodies
 from mocap.sources.natnet.numbers import FrameNumbers
 from mocap.sources.natnet.reader import PacketError
 from mocap.sources.poses import from_quaternions
@@ -51,6 +51,8 @@ class NatNetSession:
         self._peer = ""
         self._streamer = ""
         self._names: dict[int, str] | None = None
+        self._shared: dict[int, list[str]] = {}
+        """Streaming ids that several bodies have."""
         self._order: tuple[bytes, tuple[str, ...], list[int]] = (b"", (), [])
         self._numbers = FrameNumbers()
         self._capture = CaptureTime(latency_ns)
@@ -164,17 +166,27 @@ class NatNetSession:
                 f"the server streams NatNet {version[0]}.{version[1]}, which is not known (3.0 to 4.2 are): not read",
             )
 
-    def _receive_models(self, theirs: dict[int, str]) -> None:
-        """The newest list; asked for again where the change that it was asked for is newer than the question."""
+    def _receive_models(self, theirs: Named) -> None:
+        """The newest list; asked for again where the change that it was asked for is newer than the question.
+
+        Bodies that share an id cannot be told apart in a frame: they are left out.
+        """
         if self._stale_ns is not None and self._sent.get(MessageId.REQUEST_MODELS, 0) >= self._stale_ns:
             self._stale_ns = None
-        names = {number: self._feed.name(name) for number, name in theirs.items()}
-        if names == self._names:
+        sharing: dict[int, list[str]] = {}
+        for number, name in theirs:
+            sharing.setdefault(number, []).append(self._feed.name(name))
+        names = {number: bodies[0] for number, bodies in sharing.items() if len(bodies) == 1}
+        shared = {number: bodies for number, bodies in sharing.items() if len(bodies) > 1}
+        if names == self._names and shared == self._shared:
             return
-        self._names, self._order = names, (b"", (), [])
+        self._names, self._shared, self._order = names, shared, (b"", (), [])
         self._status = replace(self._status, bodies=tuple(names.values()))
-        listed = ", ".join(names.values()) or "none"
-        missing = [body for body in self._wanted if body not in self._status.bodies]
+        texts = [f"rigid bodies {' and '.join(bodies)} have one streaming id ({k})" for k, bodies in shared.items()]
+        cure = "they are left out, give each an id of its own in Motive"
+        self._report("ids", Severity.ERROR, f"{'; '.join(texts)}: {cure}" if texts else "")
+        listed = ", ".join(body for bodies in sharing.values() for body in bodies) or "none"
+        missing = [body for body in self._wanted if not any(body in bodies for bodies in sharing.values())]
         if missing:
             what = "bodies" if len(missing) > 1 else "body"
             text = f"{what} {', '.join(missing)} not in the server's list, which is: {listed}"
@@ -237,7 +249,8 @@ class NatNetSession:
         if ids != self._order[0]:
             rows = [k for k, number in enumerate(frame.bodies["id"].tolist()) if number in names]
             self._order = ids, tuple(names[int(frame.bodies["id"][k])] for k in rows), rows
-            if len(rows) < len(frame.bodies):  # a body that is new
+            known = names.keys() | self._shared.keys()
+            if not known >= set(frame.bodies["id"].tolist()):  # a body that is new
                 self._stale_ns = now_ns
         _, bodies, rows = self._order
         table = frame.bodies[rows] if len(rows) < len(frame.bodies) else frame.bodies

@@ -88,8 +88,11 @@ def bodies_of(packet: bytes) -> SixD | None:
     return SixD(read.timestamp, read.framenumber, rows)
 
 
-def names_of(parameters: str) -> tuple[str, ...]:
-    """The bodies' names in the order of the 6D component, from the 6D parameters; ValueError if they cannot be read."""
+def names_of(parameters: str, *, also_off: bool = True) -> tuple[str, ...]:
+    """The bodies' names in the order of the 6D component, from the 6D parameters; ValueError if they cannot be read.
+
+    also_off: those, too, that are not enabled.
+    """
     if "<!DOCTYPE" in parameters:
         raise ValueError("6D parameters: a document type, which QTM does not send")
     try:
@@ -99,6 +102,7 @@ def names_of(parameters: str) -> tuple[str, ...]:
     bodies = root.findall("The_6D/Body")
     if len(bodies) > MOST_BODIES:
         raise ValueError("6D parameters: more bodies than any laboratory has")
+    bodies = [body for body in bodies if also_off or (body.findtext("Enabled") or "true").strip().lower() != "false"]
     names = tuple((body.findtext("Name") or "").strip() for body in bodies)
     if not all(names):
         raise ValueError("6D parameters: a body without a name")

@@ -40,7 +40,10 @@ class QualisysSession:
         self._named = named
         self._feed = feed
         self._stream = Stream()
-        self._names: tuple[str, ...] | None = None
+        self._names: tuple[tuple[str, ...], ...] | None = None
+        """Of all bodies, and of those that are enabled: a frame may hold either."""
+        self._rows: int | None = None
+        self._off: tuple[str, ...] = ()
         self._version = self._streaming = self._idle = False
         self._opened_ns = self._asked_ns = now_ns
         self._reported: set[str] = set()
@@ -91,18 +94,30 @@ class QualisysSession:
 
     def _parameters(self, text: str) -> bytes:
         try:
-            return self._receive_names(names_of(text))
+            return self._receive_names(names_of(text), names_of(text, also_off=False))
         except ValueError as error:
             self._feed.reject(str(error))
             return b""
 
-    def _receive_names(self, names: tuple[str, ...]) -> bytes:
+    def _receive_names(self, *names: tuple[str, ...]) -> bytes:
         self._names = names
-        self._named(names)
+        self._name_rows(self._fitting() or names[0])
         if self._streaming:
             return b""
         self._streaming = True
         return command("StreamFrames AllFrames 6D")
+
+    def _fitting(self) -> tuple[str, ...] | None:
+        """The names of as many bodies as the newest frame had; None where no list has as many."""
+        return next((names for names in self._names or () if len(names) == self._rows), None)
+
+    def _name_rows(self, names: tuple[str, ...]) -> None:
+        self._named(names)
+        off = tuple(name for name in (self._names or ((),))[0] if name not in names)
+        if off != self._off:
+            self._off = off
+            if off:
+                self._feed.report(Severity.WARNING, f"not enabled in QTM, and not in its frames: {', '.join(off)}")
 
     def _event(self, packet: bytes, now_ns: int) -> bytes:
         if packet[:1] == bytes([SHUTTING_DOWN.value]):
@@ -131,7 +146,7 @@ class QualisysSession:
             self._feed.reject("data packet: no 6D component")
         elif self._names is None:
             self._feed.reject("a frame while the bodies' names are asked for")
-        elif len(self._names) != len(frame.rows):
+        elif not self._fits(len(frame.rows)):
             self._feed.reject("a frame of more or fewer bodies than are named")
             self._names = None
             return self._ask(now_ns) if now_ns - self._asked_ns > SOON_NS else b""
@@ -139,3 +154,11 @@ class QualisysSession:
             self._idle = False
             self._deliver(frame, now_ns)
         return b""
+
+    def _fits(self, rows: int) -> bool:
+        """Whether the names of a frame of so many bodies are known; from now on they are these."""
+        changed, self._rows = rows != self._rows, rows
+        names = self._fitting()
+        if names is not None and changed:
+            self._name_rows(names)
+        return names is not None

@@ -27,7 +27,7 @@ def test_a_plain_frame_is_read_with_and_without_marker_sets_before_the_bodies(da
 
 
 def test_models_and_server_info():
-    assert rigid_bodies(payload(outside.MODELS), (3, 0)) == {2: "Quad"}
+    assert rigid_bodies(payload(outside.MODELS), (3, 0)) == [(2, "Quad")]
     info = messages.server_info(payload(outside.SERVER_INFO))
     assert info == messages.ServerInfo("Motive", (2, 1, 0, 0), (3, 0), outside.FREQUENCY_HZ, 1511, "239.255.42.99")
     assert info.text == "Motive 2.1, NatNet 3.0"
@@ -51,7 +51,7 @@ def test_a_frame_with_every_section(version):
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_models_of_every_type(version):
-    assert rigid_bodies(payload(outside.whole_models(version)), version) == outside.NAMES
+    assert rigid_bodies(payload(outside.whole_models(version)), version) == list(outside.NAMES.items())
 
 
 @pytest.mark.parametrize("version", VERSIONS)

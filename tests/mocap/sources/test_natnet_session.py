@@ -6,6 +6,7 @@ import pytest
 from formation.messages import Severity
 from formation.mocap_config import MocapConfig, NatNetConfig
 from mocap.sources.natnet import messages
+from mocap.sources.natnet import session as session_module
 from mocap.sources.natnet.messages import MessageId
 from mocap.sources.natnet.session import NatNetSession
 from sim.cameras.servers.natnet import NatNetSettings
@@ -260,3 +261,14 @@ def test_keep_alives_are_sent_to_a_unicast_server_only():
         link.run(12.0)
         assert (CLIENT in link.responder.clients) is alive
         assert len(link.recorder.frames) > 1100
+
+
+def test_bodies_of_one_streaming_id_are_named_and_the_others_fly_on(monkeypatch):
+    recorder = FeedRecorder()
+    session = greeted(recorder, {"lead": "drone"})
+    session.received(outside.packet(3, b"Bitstream,4.1.0\0"), SERVER, recorder.now_ns)
+    monkeypatch.setattr(session_module, "rigid_bodies", lambda *_: [(7, "lead"), (9, "a"), (9, "b")])
+    session.received(outside.whole_models((4, 1)), SERVER, recorder.now_ns)
+    session.received(outside.whole_frame((4, 1)), SERVER, recorder.now_ns)
+    assert "rigid bodies a and b have one streaming id (9): they are left out" in recorder.texts[-2]
+    assert [frame.bodies for _, frame in recorder.frames] == [("drone",)]

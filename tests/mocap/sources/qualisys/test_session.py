@@ -180,3 +180,15 @@ def test_unexpected_answers_are_reported_a_few_times_at_most():
     session.received(SHUTTING_DOWN, S_NS)
     assert [text for text in record.texts() if "trouble" in text] == [f"QTM says: trouble {k}[2J" for k in range(8)]
     assert record.texts()[-1] == "QTM is shutting down"
+
+
+def test_a_body_that_is_off_in_qtm_is_named_and_the_others_fly_on():
+    record = kept("qualisys")
+    _, session = opened(record)
+    off = "<Body><Name>wand</Name><Enabled>false</Enabled></Body><Body>"
+    session.received(xml(PARAMETERS_1_19.replace("<Body>", off, 1)), 0)
+    session.received(FRAME, 10 * S_NS)
+    session.received(xml(PARAMETERS_1_19.replace("<Body>", off, 1)), 11 * S_NS)
+    assert record.frames[-1].bodies == ("Body1", "Body & 2")
+    assert record.texts()[-1] == "not enabled in QTM, and not in its frames: wand"
+    assert len(record.texts()) == 3

@@ -3,24 +3,58 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from analysis import metrics, report
 from analysis.load import Flight, load_checked
 from analysis.metrics import Summary
 from analysis.outcome import GOOD
+from formation.messages import Phase
 from sim.script import Outcome
+from wire.process.starved import LATE_NS
+
+LATELY_S = 2.0
+"""A flight that ended this soon after the machine was late ended for that."""
 
 
-def conclude(mcap: Path, outcome: Outcome, realtime_factor: float | None = None) -> tuple[Flight, Summary]:
+def conclude(
+    mcap: Path, outcome: Outcome, realtime_factor: float | None = None, speed: float | None = None
+) -> tuple[Flight, Summary]:
     """Write the report beside the log; the flight and its numbers.
 
-    The outcome has the failures that the host saw beside those in the log.
+    The outcome has the failures that the host saw beside those in the log. speed: of a flight by real processes, which
+    is `starved` where the machine was too late for it.
     """
     page = mcap.with_name("report.html")
     flight, checked = load_checked(mcap)
     summary = metrics.summarise(flight, mcap=mcap, report=page, realtime_factor=realtime_factor)
-    summary = replace(summary, outcome=_joined(outcome, summary.outcome))
+    joined = _joined(outcome, summary.outcome)
+    summary = replace(summary, outcome=joined if speed is None else _starved(joined, flight, speed))
     report.write(flight, summary, page, "" if checked.complete else checked.damage)
     return flight, summary
+
+
+def _starved(outcome: str, flight: Flight, speed: float) -> str:
+    """The outcome, `starved` where poses or cycles were later than a simulator may be just before it was aborted; with
+    the speed at which they would not have been."""
+    kind, _, reason = outcome.partition(": ")
+    ends_s = [span.start_s for span in flight.spans(Phase.LAND)] or [flight.duration_s]
+    late_s = _latest_s(flight, ends_s[0])
+    if kind != "starved" and (kind != "aborted" or late_s <= LATE_NS * 1e-9):
+        return outcome
+    if kind == "aborted":
+        reason = f"poses or control cycles were {1e3 * late_s:.0f} ms late, the machine is too slow ({reason})"
+    fitting = min(0.35, 0.5 * LATE_NS * 1e-9 / max(late_s, 1e-3)) * speed
+    return f"starved: {reason}; fly with --speed {max(fitting, 0.01):.2g}"
+
+
+def _latest_s(flight: Flight, end_s: float) -> float:
+    """How late, beyond what is usual, a pose reached the ground or a cycle ended in the time before end_s."""
+    delays_s = flight.poses.received_s - flight.poses.t_s
+    lately = (flight.poses.received_s > end_s - LATELY_S) & (flight.poses.received_s <= end_s + LATELY_S)
+    cycles = flight.timing.where(np.abs(flight.timing.t_s - end_s) < LATELY_S)
+    pose_s = float((delays_s[lately] - np.median(delays_s)).max()) if lately.any() else 0.0
+    return max(pose_s, *(cycle.latency_s for cycle in cycles.messages), 0.0)
 
 
 def _joined(host: Outcome, log: str) -> str:

@@ -119,7 +119,8 @@ def _fly(opened: Opened, how: ProcessOptions, seed: int | None, ending: Ending) 
         )
     outcome = flown or Outcome("aborted", "interrupted")
     try:
-        return _conclude(files.mcap, outcome), ABORTED if flown else INTERRUPTED
+        speed = how.speed if flown and not scenario.mocap.stall_s else None  # frames held back on purpose are late, too
+        return _conclude(files.mcap, outcome, speed=speed), ABORTED if flown else INTERRUPTED
     except (FileNotFoundError, LogError):
         fail(f"nothing was logged: {outcome.reason} (see {files.folder})", ABORTED)
 
@@ -138,12 +139,14 @@ def _run(scenario: Scenario, seed: int | None, ending: Ending) -> Summary:
     return _conclude(files.mcap, flown.outcome, flown.realtime_factor)
 
 
-def _conclude(mcap: Path, outcome: Outcome, realtime_factor: float | None = None) -> Summary:
+def _conclude(
+    mcap: Path, outcome: Outcome, realtime_factor: float | None = None, speed: float | None = None
+) -> Summary:
     """The numbers of a log whose report is written; ends the process where the disk does not take it."""
     from sim.cli.conclude import conclude  # its plots; the emulated mocap needs none
 
     try:
-        return conclude(mcap, outcome, realtime_factor)[1]
+        return conclude(mcap, outcome, realtime_factor, speed)[1]
     except FileNotFoundError:
         raise
     except OSError as error:
@@ -252,6 +255,7 @@ def _end(summary: Summary, ending: Ending, aborted_code: int = ABORTED) -> None:
     else:
         print_summary(summary, Console())
     if summary.outcome.startswith("starved"):
+        _print_error(summary.outcome)
         raise typer.Exit(starved.EXIT_CODE)
     if summary.outcome not in GOOD:
         _print_error(summary.outcome)

@@ -2,8 +2,11 @@
 
 import pytest
 
-from sim.cli.conclude import _joined
+from analysis.load import from_records
+from formation.messages import LabFrame
+from sim.cli.conclude import _joined, _starved
 from sim.script import Outcome
+from tests.analysis.synthetic_flight import METADATA, T0_NS, Recipe, Record, records
 
 
 @pytest.mark.parametrize(
@@ -19,3 +22,25 @@ from sim.script import Outcome
 )
 def test_the_worse_of_both_is_told_with_both_reasons(host: Outcome, log: str, told: str) -> None:
     assert _joined(host, log) == told
+
+
+@pytest.mark.parametrize(
+    ("late_s", "outcome", "told"),
+    [
+        (0.4, "aborted: body not seen for 0.4 s", "starved: poses or control cycles were 400 ms late, the machine is "
+         "too slow (body not seen for 0.4 s); fly with --speed 0.12"),
+        (0.4, "landed", "landed"),
+        (0.4, "lost: F fell", "lost: F fell"),
+        (0.05, "aborted: body not seen for 0.4 s", "aborted: body not seen for 0.4 s"),
+        (0.05, "starved: too slow", "starved: too slow; fly with --speed 0.35"),
+    ],
+)  # fmt: skip
+def test_a_machine_that_was_late_before_the_end_is_the_cause(late_s: float, outcome: str, told: str) -> None:
+    """The landing begins at 16 s; the frames of the half second before it came late."""
+
+    def came(record: Record) -> Record:
+        is_late = isinstance(record.message, LabFrame) and 15.0 < (record.t_ns - T0_NS) * 1e-9 < 15.5
+        return Record(record.topic, record.t_ns + round(late_s * 1e9), record.message) if is_late else record
+
+    flight = from_records(METADATA, sorted(map(came, records(Recipe())), key=lambda record: record.t_ns))
+    assert _starved(outcome, flight, 1.0) == told

@@ -52,6 +52,9 @@ from wire.transport.mocap_bus import MocapBus
 from wire.transport.stop_port import stop_ports
 from wire.transport.zenoh_bus import Reply, ZenohBus
 
+ROUTED = Event(
+    Severity.WARNING, "ground", "the bus is a router that is not this ground's: it ends with that router"
+)  # fmt: skip
 LISTENS = Event(Severity.INFO, "ground", f"the lab file names no bus (link.zenoh_connect): it is here, at {ENDPOINT}")
 STATE_NS, DISK_NS = 100_000_000, 1_000_000_000
 STATUS_NS = 20_000_000
@@ -319,6 +322,8 @@ async def run(
             ground.exposed = INSECURE if protection.bus.insecure else ""
             if bus.listens and not config.link.names_bus:
                 ground.report(LISTENS)
+            elif bus.is_routed and not config.link.names_bus:
+                ground.report(ROUTED)
             ground.links = await open_links(config, bus, ground.receive_datagram)
             try:
                 know_other_grounds(bus, name, session, ground)

@@ -20,6 +20,8 @@ from wire.transport.frame_check import OLDEST_NS, lab_fault, raw_fault
 MOST_UNKNOWN = 16
 """How many bodies that are none of the lab's are remembered, to name them."""
 LONGEST_GAP = 1000
+TURNS, TWO_SHARE = 50, 0.2
+"""Over so many frames, numbers that go back in this share are two publishers'."""
 UNNUMBERED = ("vrpn", "chingmu", "csv")
 """Sources without numbers of their own: ours follow from the stamps."""
 SOURCE = "mocap"
@@ -48,6 +50,10 @@ class MocapCore:
         self._newest_ns: int | None = None
         self._named: tuple[str, ...] = ()
         self._events: list[Event] = []
+        self._received: tuple[int, int] | None = None
+        self._turning_back = 0.0
+        """How many of the last frames' numbers went back: those of two publishers take turns."""
+        self._is_interleaved = False
 
     def receive(self, frame: RawFrame | LabFrame, now_ns: int) -> LabFrame | None:
         """The frame for the bus, or None for a rejected frame. A rejected pose makes its body unseen.
@@ -87,12 +93,17 @@ class MocapCore:
         if self._is_rejected(raw_fault(raw, now_ns, OLDEST_NS), now_ns):
             return None
         self._note_names(raw.bodies)
+        self._note_turn(raw)
         stamp_ns = raw.t_capture_ns if is_stamped else now_ns - self._delay_ns
         t_capture_ns = self._retiming.capture_ns(raw.seq, stamp_ns, is_stamped)
         frame = self._alignment.align(raw, raw.seq, t_capture_ns, now_ns)
         is_known = is_stamped or self._retiming.scatter_ns is not None
         stamp_rejected = is_known and self._validator.rejects_stamp(t_capture_ns, now_ns)
-        if not stamp_rejected and self._is_rejected(self._order_fault(t_capture_ns), now_ns):
+        fault = None if stamp_rejected else self._order_fault(t_capture_ns)
+        if fault is not None and self._is_interleaved:  # which was said
+            self.reject_log.count += 1
+            return None
+        if self._is_rejected(fault, now_ns):
             return None
         self._note_no_poses(frame, now_ns)
         if stamp_rejected:
@@ -140,6 +151,17 @@ class MocapCore:
         for body in count.keys() - known:
             if len(self.unknown) < MOST_UNKNOWN:
                 self.unknown[body[:64]] += 1
+
+    def _note_turn(self, raw: RawFrame) -> None:
+        """Report, once, frames of two publishers; a second copy of a frame is none."""
+        newest, self._received = self._received, (raw.seq, raw.t_capture_ns)
+        if newest is None or newest == self._received:
+            return
+        self._turning_back += 1.0 / TURNS * (float(raw.seq <= newest[0]) - self._turning_back)
+        if self._turning_back > TWO_SHARE and not self._is_interleaved:
+            text = f"two publishers of frames: numbers {newest[0]} and {raw.seq} take turns; end one of them"
+            self._events.append(Event(Severity.ERROR, SOURCE, text))
+        self._is_interleaved = self._turning_back > (0.1 * TWO_SHARE if self._is_interleaved else TWO_SHARE)
 
     def _number(self, raw_seq: int) -> int:
         """Ours go on where the source starts again; a gap stays the gap it was."""

@@ -86,6 +86,19 @@ def test_a_frame_twice_is_taken_once():
     assert core.receive(raw(0), at(0) + MS) is None
 
 
+def test_two_publishers_of_frames_are_said_once():
+    core = a_core()
+    for k in range(400):
+        core.receive(raw(k), at(k))
+        core.receive(raw(k, seq=k + 5000, t_capture_ns=T0_NS + k * 10 * MS - MS), at(k))
+    texts = [event.text for event in core.events(at(400))]
+    assert len(texts) == 1
+    assert texts[0].startswith("two publishers of frames: numbers ")
+    assert core.reject_log.count > 300
+    (early,) = core.reject_log.due(at(400))
+    assert int(early.text.split()[1]) < 50
+
+
 def test_a_source_without_stamps_is_taken_at_its_delay():
     frame = a_core().receive(raw(0, t_capture_ns=0), at(0))
     assert frame is not None

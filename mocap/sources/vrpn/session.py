@@ -14,6 +14,7 @@ from mocap.sources.vrpn.messages import Message, Stream
 from mocap.sources.vrpn.naming import Naming
 from mocap.sources.vrpn.pacing import Pacing
 from mocap.sources.vrpn.rows import MOST_BODIES, Rows
+from mocap.sources.vrpn.stamps import Stamps
 
 PING_NS = 500_000_000
 PINGED = 4
@@ -48,6 +49,8 @@ class VrpnSession:
         self._senders: dict[int, str] = {}
         self._pose_type: int | None = None
         self._time = CaptureTime(known.latency_ns)
+        self._clocks: set[str] = set()
+        """Bodies whose trackers' clocks were reported."""
         self._begin()
         known.pacing.restart()
 
@@ -104,6 +107,7 @@ class VrpnSession:
         self._pinged_ns = now_ns
         if self._senders and now_ns - self._opened_ns >= NAMED_NS:
             self._report_lack()
+            self._report_clocks()
         control = messages.CONTROL.decode()
         asked = [number for number, name in self._senders.items() if name != control][:PINGED]
         return b"".join(messages.message(now_ns, number, 0) for number in asked)
@@ -129,7 +133,19 @@ class VrpnSession:
         if not is_known:
             row = self._new_row(sender, sensor)
         if row is not None:
-            self._assembly.add(row, message.stamp_ns or now_ns, payload[8:], now_ns)
+            was_coarse = self._stamps.coarse_ns
+            stamp_ns = self._stamps.time_ns(row, message.stamp_ns, payload[8:], now_ns)
+            if self._stamps.coarse_ns and not was_coarse:
+                self._go_by_arrivals()
+            self._assembly.add(row, stamp_ns, payload[8:], now_ns)
+
+    def _go_by_arrivals(self) -> None:
+        """The stamps are of no use from here on."""
+        known, step_ms = self._known, self._stamps.coarse_ns * 1e-6
+        self._time, self._assembly = CaptureTime(known.latency_ns), Assembly(known.assemble_ns)
+        known.pacing.restart()
+        text = f"the server's stamps step by {step_ms:.0f} ms, poses come more often: arrival times are used, re-timed"
+        known.feed.report(Severity.WARNING, text)
 
     def _new_row(self, sender: int, sensor: int) -> int | None:
         """Of what is seen for the first time; None where it is no body."""
@@ -164,6 +180,7 @@ class VrpnSession:
     def _begin(self) -> None:
         self._rows = Rows(self._known.repeats_are_lost)
         self._assembly = Assembly(self._known.assemble_ns)
+        self._stamps = Stamps()
 
     def _deliver(self, now_ns: int) -> None:
         """What is whole, or has waited long enough."""
@@ -191,6 +208,15 @@ class VrpnSession:
         if lack != known.lack:
             known.lack = lack
             known.feed.report(Severity.WARNING if lack else Severity.INFO, lack or "all bodies of the lab are there")
+
+    def _report_clocks(self) -> None:
+        """Report, once, bodies whose trackers' clocks are off."""
+        for row, off_s in self._stamps.off_s():
+            body = self._rows.names[row]
+            if body not in self._clocks:
+                self._clocks.add(body)
+                text = f"{body}: its tracker's clock is {off_s:+.0f} s from the others', which is corrected; set it"
+                self._known.feed.report(Severity.WARNING, text)
 
     def _named(self) -> list[str]:
         control = messages.CONTROL.decode()

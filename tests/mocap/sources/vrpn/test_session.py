@@ -300,3 +300,30 @@ def test_no_more_bodies_are_remembered_than_any_lab_has():
 def test_what_is_not_vrpn_ends_the_connection(data: bytes):
     with pytest.raises(ProtocolError):
         Rig(lab_of("vrpn")).session(T0).received(data, T0)
+
+
+def test_a_tracker_whose_clock_is_an_hour_off_is_named_and_its_body_seen_with_the_others():
+    rig = Rig(lab_of("vrpn"))
+    session = begun(rig, "leader", "right", "left")
+    for k in range(120):
+        stamp_ns = STAMP_NS + k * PERIOD_NS
+        data = pose(1, stamp_ns + 3600 * SECOND, (k, 0.0, 0.0))
+        exposed(session, k, data + pose(2, stamp_ns, (k, 1.0, 0.0)) + pose(3, stamp_ns, (k, 2.0, 0.0)))
+    session.due(T0 + 2 * SECOND)
+    session.due(T0 + 3 * SECOND)
+    assert all(frame.seen.all() for frame in rig.frames[-100:])
+    texts = [event.text for event in rig.events if "clock" in event.text]
+    assert texts == ["leader: its tracker's clock is +3600 s from the others', which is corrected; set it"]
+
+
+@pytest.mark.parametrize(("step_ns", "said"), [(SECOND // 64, "16 ms"), (SECOND, "1000 ms")])
+def test_stamps_that_step_coarsely_are_named_and_arrivals_used(step_ns, said):
+    rig = Rig(lab_of("vrpn"))
+    session = begun(rig, "leader", "left")
+    for k in range(200):
+        stamp_ns = (STAMP_NS + k * PERIOD_NS) // step_ns * step_ns
+        exposed(session, k, pose(1, stamp_ns, (k, 0.0, 0.0)) + pose(2, stamp_ns, (k, 1.0, 0.0)))
+    (text,) = [event.text for event in rig.events if "step by" in event.text]
+    assert f"step by {said}, poses come more often" in text
+    steps_ns = np.diff([frame.t_capture_ns for frame in rig.frames[-100:]])
+    assert (steps_ns == PERIOD_NS).all()

@@ -49,6 +49,7 @@ class VrpnSession:
         self._senders: dict[int, str] = {}
         self._pose_type: int | None = None
         self._time = CaptureTime(known.latency_ns)
+        self._stamps = Stamps()
         self._clocks: set[str] = set()
         """Bodies whose trackers' clocks were reported."""
         self._begin()

@@ -27,6 +27,10 @@ if TYPE_CHECKING:
     from wire.transport.zenoh_session import Patience
 
 ARMING_S, ANSWER_S = 20.0, 3.0
+_COLUMNS = {
+    "id": "", "body": "", "autopilot": "", "mode": "", "armed": "", "x": "m", "y": "m", "z": "m", "battery": "%",
+    "behind": "ms", "heard": "s", "seen": "s",
+}  # fmt: skip
 _STEPS = (Verb.ARM, Verb.TAKE_CONTROL, Verb.TAKEOFF, Verb.START, Verb.HOLD, Verb.LAND)
 
 Lab = Annotated[Path | None, typer.Option("--lab", help="lab.toml, for its name and bus; without it the defaults.")]
@@ -190,15 +194,18 @@ def print_status(state: dict[str, Any], console: "Console") -> None:
     chosen = state.get("trajectory", CONFIGURED)  # a ground of an older version has one only
     flown = "" if chosen == CONFIGURED else f", trajectory {chosen}"
     console.print(Text.assemble((state["phase"], "bold"), f" ({state['cause']}), shape {state['shape']}{flown}"))
-    table = Table(box=None, pad_edge=False)
-    for column in ("id", "body", "autopilot", "mode", "armed", "x", "y", "z", "battery", "behind", "heard", "seen"):
-        table.add_column(column, no_wrap=True)
+    if state.get("not_landed"):  # a ground of an older version says nothing of it
+        console.print(Text(f"not known to have landed: {', '.join(state['not_landed'])}", "bold red"))
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    for column, unit in _COLUMNS.items():
+        words = column == "body"  # it alone gives way where the terminal is narrow
+        table.add_column(f"{column}\n{unit}", no_wrap=not words, overflow="fold", justify="right" if unit else "left")
     for drone in state["drones"]:
         cells = (
             str(drone["sysid"]), drone["body"], drone["autopilot"] or "-", drone["mode"],
             "armed" if drone["armed"] else "-", *_coordinates(drone["pos_lab_m"]),
-            _percent(drone["battery"]), _milliseconds(drone.get("link_behind_s")),
-            _age(drone["heartbeat_age_s"]), _age(drone["age_s"]),
+            _number(drone["battery"], 100.0, 0), _number(drone.get("link_behind_s"), 1e3, 0),
+            _number(drone["heartbeat_age_s"], 1.0, 1, "never"), _number(drone["age_s"], 1.0, 1, "never"),
         )  # fmt: skip
         table.add_row(*map(Text, cells))  # what drones and people said is never markup
     console.print(table)
@@ -210,10 +217,6 @@ def print_status(state: dict[str, Any], console: "Console") -> None:
         if drone["disarms_in_s"] is not None:
             text = f"{drone['body']} disarms itself in {drone['disarms_in_s']:.1f} s unless it takes off"
             console.print(text, style="yellow", highlight=False)
-    for drone in state["drones"]:
-        if drone.get("superseded"):  # a ground of an older version says nothing of it
-            text = f"{drone['body']}: {drone['superseded']} packets of its telemetry dropped unread for newer ones"
-            console.print(text, style="yellow", highlight=False, markup=False)
     for body, reason in state.get("rejected", {}).items():  # a ground of an older version says nothing of it
         console.print(Text(f"{body} is rejected by the mocap: {reason}", "red"))
     for reason in state["refusals"]:
@@ -248,13 +251,5 @@ def _coordinates(pos_lab_m: list[float] | None) -> list[str]:
     return ["-"] * 3 if pos_lab_m is None else [f"{x:.2f}" for x in pos_lab_m]
 
 
-def _percent(value: float | None) -> str:
-    return "-" if value is None else f"{value:.0%}"
-
-
-def _milliseconds(value_s: float | None) -> str:
-    return "-" if value_s is None else f"{1e3 * value_s:.0f} ms"
-
-
-def _age(value: float | None) -> str:
-    return "never" if value is None else f"{value:.1f} s"
+def _number(value: float | None, times: float, digits: int, unknown: str = "-") -> str:
+    return unknown if value is None else f"{value * times:.{digits}f}"

@@ -6,7 +6,7 @@ from html import escape
 
 from formation.messages import Severity, Verb
 from formation.security_config import MAY_ASK, Role
-from gcs.page.show import LABELS, Show, Step
+from gcs.page.show import LABELS, Show, Step, not_landed_text
 from gcs.page.table import ABOUT, COLUMNS, UNITS, Cell, Level, worst
 from gcs.state.alarms import Alarm
 
@@ -17,9 +17,11 @@ _CLASS = {Level.CALM: "", Level.WARN: ' class="warn"', Level.BAD: ' class="bad"'
 def head(shown: Show) -> str:
     """Phase, for how long, and why; countdowns beside it."""
     left = "".join(f'<span class="countdown">{escape(text)}</span>' for text in shown.countdowns)
+    phase = "phase p-aloft" if shown.not_landed else f"phase p-{shown.phase.lower()}"
+    aloft = f'<span class="aloft">✖ {escape(not_landed_text(shown.not_landed))}</span> ' if shown.not_landed else ""
     return (
-        f'<div class="phase p-{escape(shown.phase.lower())}">{escape(shown.phase)}</div>'
-        f'<div class="cause"><b>{escape(shown.since)}</b> {escape(shown.cause)}<br>{left}</div>'
+        f'<div class="{escape(phase)}">{escape(shown.phase)}</div>'
+        f'<div class="cause">{aloft}<b>{escape(shown.since)}</b> {escape(shown.cause)}<br>{left}</div>'
     )
 
 
@@ -42,11 +44,16 @@ def table(shown: Show) -> str:
 
 def steps(shown: Show, commands: bool) -> str:
     """For what is not allowed, every reason; what is only out of turn in few words."""
-    texts = [_against(step) for step in shown.steps if step.reasons and not step.out_of_turn]
+    texts = [_against(step) for step in shown.steps if step.reasons and not step.is_idle]
     turn = [
         f"{LABELS[step.verb]}: only in {escape(step.reasons[0].partition(' is for ')[2].partition(', this')[0])}"
         for step in shown.steps
         if step.out_of_turn
+    ]
+    turn += [
+        f"{LABELS[step.verb]}: {escape('; '.join(step.reasons))}"
+        for step in shown.steps
+        if step.reasons and step.is_idle and not step.out_of_turn
     ]
     later = f'<p class="later">{"<br>".join(turn)}</p>' if turn and commands else ""
     return "".join(texts) + later

@@ -22,10 +22,11 @@ GB, MB = 1e9, 1e6
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Something an operator can ask for, and every reason against it."""
+    """Something an operator can ask for, and every reason against it; flying: whether any drone may be."""
 
     verb: str
     reasons: tuple[str, ...]
+    flying: bool = True
 
     @property
     def allowed(self) -> bool:
@@ -37,12 +38,18 @@ class Step:
         """Whether it is for another phase."""
         return len(self.reasons) == 1 and f"{self.verb} is for " in self.reasons[0]
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether nobody misses it now: it is for another phase, or for drones that fly without a ground."""
+        return self.out_of_turn or (self.verb == "take_control" and not self.flying)
+
 
 @dataclass(frozen=True, slots=True)
 class Show:
     """Everything but the room and the alarms, in words. lost: in what the connection to the ground is lost, or empty.
 
     vital: short facts of the machines, each with a name and a value; countdowns: likewise, with seconds left.
+    not_landed: drones whose motors may still turn, though the landing or the stop is over.
     """
 
     lost: str
@@ -53,10 +60,11 @@ class Show:
     rows: tuple[tuple[Cell, ...], ...]
     countdowns: tuple[str, ...]
     stop: str
+    not_landed: tuple[str, ...]
     vital: tuple[tuple[str, Cell], ...]
 
 
-NOTHING_YET = Show("waiting to hear the ground: `gcs run` starts one", "-", "", "", (), (), (), "", ())
+NOTHING_YET = Show("waiting to hear the ground: `gcs run` starts one", "-", "", "", (), (), (), "", (), ())
 
 
 @contextmanager
@@ -87,6 +95,7 @@ def show(
         rows=tuple(row(drone, flying) for drone in state["drones"]),
         countdowns=countdowns(state),
         stop=stop_text(state),
+        not_landed=tuple(map(str, state["not_landed"])),
         vital=vital(state, mocap),
     )
 
@@ -98,7 +107,9 @@ def cause(state: Mapping[str, Any]) -> str:
 
 def _step(verb: str, state: Mapping[str, Any], start_against: Sequence[str]) -> Step:
     reasons = tuple(map(str, state["allowed"].get(verb, ())))
-    return Step(verb, (*reasons, *start_against) if verb == "start" and state["phase"] == "HOLD" else reasons)
+    if verb == "start" and state["phase"] == "HOLD":
+        reasons = (*reasons, *start_against)
+    return Step(verb, reasons, any(d["armed"] or d["landed"] == "IN_AIR" for d in state["drones"]))
 
 
 def countdowns(state: Mapping[str, Any]) -> tuple[str, ...]:
@@ -128,6 +139,11 @@ def stop_text(state: Mapping[str, Any]) -> str:
     return text + (f"; NOT YET: {', '.join(open_)}" if open_ else "")
 
 
+def not_landed_text(bodies: Sequence[str]) -> str:
+    """Which drones are not known to have landed, though the landing or the stop is over; empty for none."""
+    return f"NOT KNOWN TO HAVE LANDED: {', '.join(bodies)}" if bodies else ""
+
+
 def vital(state: Mapping[str, Any], mocap: Mapping[str, Any] | None) -> tuple[tuple[str, Cell], ...]:
     """Mocap, control cycles, log and disk."""
     cycles, log, share = state["cycles"], state["log"], float(state["counters"]["late_share"])
@@ -148,8 +164,6 @@ def vital(state: Mapping[str, Any], mocap: Mapping[str, Any] | None) -> tuple[tu
         ]
     late = f"{cycles['late']} of {cycles['count']}, worst {cycles['worst_ms']:.0f} ms"
     texts.append(("late cycles", Cell(late, Level.BAD if share > 0.2 else Level.CALM)))
-    superseded = sum(int(drone["superseded"]) for drone in state["drones"])
-    texts.append(("superseded", Cell(f"{superseded} packets")))
     size, free = log["bytes"], log["free_bytes"]
     text = f"{log['name']}, " + ("-" if size is None else f"{size / MB:.1f} MB")
     texts.append(("log", Cell(str(state["log_trouble"]) or text, Level.BAD if state["log_trouble"] else Level.CALM)))

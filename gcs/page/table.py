@@ -33,8 +33,8 @@ class Cell:
 
 
 COLUMNS = (
-    "id", "name", "make", "mode", "armed", "landed", "batt", "charge", "pose", "setp", "late", "beat", "loss", "error",
-    "fence", "validator",
+    "id", "name", "make", "mode", "armed", "landed", "batt", "charge", "pose", "setpoint", "late", "heard", "loss",
+    "error", "fence", "validator",
 )  # fmt: skip
 UNITS = ("", "", "", "", "", "", "V", "%", "ms", "ms", "ms", "s", "%", "mm", "m", "")
 ABOUT = (

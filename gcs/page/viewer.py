@@ -27,6 +27,8 @@ Ask = Callable[[Verb, str, Visitor | None], Awaitable[OperatorReply]]
 WIDE, HIGH = 640.0, 540.0
 MANY = 8
 PREVIEW_EVERY = 10
+ANSWER_FOR = 150
+"""Beats: an answer of 15 s ago is no answer to what is seen now."""
 KEYS = (Verb.STOP, Verb.HOLD, Verb.LAND)
 MOVED_MOST = 10_000.0
 
@@ -42,6 +44,8 @@ class Viewer:
         self.name, self.visitor = "", visitor
         self._model, self._ask = model, ask
         self._stand, self._beats = Stand(), 0
+        self._answered: int | None = None
+        """The beat of the last answer that is shown."""
         self._previewing: Form | None = None
         self._foreseen: Foreseen | None = None
         fence = model.config.limits.fence
@@ -156,16 +160,20 @@ class Viewer:
         """Ask the ground, and show its answer; from a viewer that only looks on, nothing but a stop."""
         if self.may(verb) and verb is not Verb.STOP and not self.commands:
             return  # what its role forbids the ground refuses, and records
-        self._show_answer(f"{verb} ...", True)
+        name = verb.command_name
+        self._show_answer(f"{name} ...", True)
         reply = await self._ask(verb, argument, self.visitor)
         self._show_answer(
-            f"{verb}: {reply.text}" if reply.accepted else f"{verb} refused: {reply.text}", reply.accepted
+            f"{name}: {reply.text}" if reply.accepted else f"{name} refused: {reply.text}", reply.accepted
         )
+        self._answered = self._beats
 
     def update(self, shown: Show) -> None:
         """Show it."""
         model, fence = self._model, self._model.config.limits.fence
         self._beats += 1
+        if self._answered is not None and self._beats - self._answered > ANSWER_FOR:
+            self._show_answer("", True)
         self._beat.content = str(self._beats)
         self._head.content, self._vital.content = html.head(shown), html.vital(shown)
         self._table.content, self._lost.content = html.table(shown), html.lost(shown)
@@ -200,6 +208,7 @@ class Viewer:
         self._moving2.content = drawing.svg(self._above, top, "the room from above")
 
     def _show_answer(self, text: str, accepted: bool) -> None:
+        self._answered = None
         self._answer.classes(replace="answer" if accepted else "answer refused")
         self._answer.content = html.plain(text)
 

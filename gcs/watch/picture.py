@@ -1,10 +1,10 @@
 """What `gcs watch` prints: phase, table, alarms, in 80 columns. Pure."""
 
-from rich.console import Group
+from rich.console import Group, JustifyMethod
 from rich.table import Table
 from rich.text import Text
 
-from gcs.page.show import Show
+from gcs.page.show import LABELS, Show, not_landed_text
 from gcs.page.table import COLUMNS, UNITS, Cell, Level
 from gcs.state.alarms import Alarm
 
@@ -12,6 +12,7 @@ LEFT_OUT = ("landed", "make", "batt")
 STYLES = {Level.CALM: "", Level.WARN: "yellow", Level.BAD: "bold red"}
 MOST_ALARMS = 6
 NARROW = {"mode": 8, "name": 9, "validator": 9}
+HEADS = {"setpoint": "set-\npoint", "charge": "\nbatt"}
 
 
 def picture(shown: Show, alarms: tuple[Alarm, ...], answer: str) -> Group:
@@ -22,13 +23,13 @@ def picture(shown: Show, alarms: tuple[Alarm, ...], answer: str) -> Group:
         head = Text.assemble((f" {shown.phase} ", "bold reverse"), f" {shown.since}  {shown.cause}")
     parts = [head]
     parts += [Text(text, "bold yellow") for text in shown.countdowns]
-    parts += [Text(shown.stop, "bold white on red")] if shown.stop else []
+    parts += [Text(text, "bold white on red") for text in (not_landed_text(shown.not_landed), shown.stop) if text]
     vital = Text("  ").join(Text.assemble(f"{name} ", (cell.text, STYLES[cell.level])) for name, cell in shown.vital)
     against = [
-        Text(f"no {step.verb}: {reason}", "yellow")
+        Text(f"{LABELS[step.verb]} is not possible: {reason}", "yellow")
         for step in shown.steps
         for reason in step.reasons
-        if not step.out_of_turn
+        if not step.is_idle
     ]
     alarm_lines = [
         Text(f"{alarm.severity.name} {alarm.source}: {alarm.text}", "red" if alarm.acknowledged else "bold red")
@@ -44,9 +45,9 @@ def _table(shown: Show) -> Table:
     for i in columns:
         name = COLUMNS[i]
         words = name in ("name", "mode", "validator")
-        table.add_column(
-            f"{name}\n{UNITS[i]}", no_wrap=True, justify="left" if words else "right", max_width=NARROW.get(name)
-        )
+        head = HEADS.get(name, f"\n{name}")
+        justify: JustifyMethod = "left" if words else "right"
+        table.add_column(f"{head}\n{UNITS[i]}", no_wrap=True, justify=justify, max_width=NARROW.get(name))
     for row in shown.rows:
         table.add_row(*(_text(row[i]) for i in columns))
     return table

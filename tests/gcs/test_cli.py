@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from formation.config import FollowerConfig, LabConfig, LeaderConfig, MocapConfig
 from formation.control.margin import delay_margin
 from formation.control.presets import preset_for
-from formation.messages import Datagram, Verb
+from formation.messages import Verb
 from formation.vehicle.profile import PX4_QUAD, GainScale
 from gcs.cli.app import app
 from gcs.cli.ground import delay_margins
@@ -203,17 +203,18 @@ def test_a_ground_answers_other_processes_and_ends_on_a_signal(tmp_path):
             ground.kill()
 
 
-def test_status_tells_what_waits_on_the_links():
+def test_status_shows_every_column_in_80_characters_whatever_the_names():
     lab = FakeLab(triangle())
     lab.run(2.0)
-    lab.core.receive(Datagram(2, b"", superseded=7), lab.now_ns)
-    state = lab.core.state(lab.now_ns)
-    state["drones"][1]["link_behind_s"] = 0.064
+    state = lab.core.state(lab.now_ns) | {"not_landed": ["right"]}
+    far = {"body": "a-follower-with-a-long-name-12", "autopilot": "ArduPilot", "mode": "OFFBOARD", "armed": True}
+    state["drones"][1] |= far | {"pos_lab_m": [-12.34, -10.56, -0.12], "battery": 1.0, "link_behind_s": 0.064}
     out = io.StringIO()
-    print_status(state, Console(file=out, width=120))
-    assert "behind" in out.getvalue()
-    assert "64 ms" in out.getvalue()
-    assert "left: 7 packets of its telemetry dropped unread for newer ones" in out.getvalue()
+    print_status(state, Console(file=out, width=80))
+    (row,) = (line.split() for line in out.getvalue().splitlines() if line.startswith("2 "))
+    assert row[2:-2] == ["ArduPilot", "OFFBOARD", "armed", "-12.34", "-10.56", "-0.12", "100", "64"]
+    assert "\u2026" not in out.getvalue()
+    assert "not known to have landed: right" in out.getvalue()
 
 
 def test_status_says_what_may_be_asked_next():

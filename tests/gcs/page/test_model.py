@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from formation.messages import Datagram, Event, HostReport, Phase, Severity, Verb
+from formation.messages import Event, HostReport, Phase, Severity, Verb
 from gcs.page import drawing, html
 from gcs.page.alarms import ShownAlarms
 from gcs.page.camera import Stand, above, perspective
@@ -86,7 +86,7 @@ def test_every_number_of_the_table_has_its_unit_in_the_head(flight):
     units = dict(zip(COLUMNS, UNITS, strict=True))
     for name, cell in zip(COLUMNS, show(flight[Phase.HOLD], None, 0.0).rows[0], strict=True):
         assert units[name] or name == "id" or not cell.text.replace(".", "").isdigit(), name
-    assert '<th title="time since its heartbeat, s">beat<small>s</small></th>' in html.table(
+    assert '<th title="time since its heartbeat, s">heard<small>s</small></th>' in html.table(
         show(flight[Phase.HOLD], None, 0.0)
     )
 
@@ -150,20 +150,32 @@ def test_a_table_row_has_a_cell_for_each_column_and_marks_what_is_wrong(flight):
     cells = dict(zip(COLUMNS, row(ill, flying=True), strict=True))
     assert cells["charge"] == Cell("15", Level.WARN)
     assert cells["pose"] == Cell("310", Level.BAD)
-    assert cells["beat"] == Cell("never", Level.BAD)
+    assert cells["heard"] == Cell("never", Level.BAD)
     assert cells["validator"] == Cell("frozen", Level.BAD)
     assert cells["late"] == Cell("120", Level.BAD)
     assert cells["fence"] == Cell("0.05", Level.WARN)
     assert row(drone, flying=False)[COLUMNS.index("error")] == Cell("-")
 
 
-def test_the_page_tells_what_waits_on_the_links():
-    lab = FakeLab(triangle())
-    lab.run(2.0)
-    lab.core.receive(Datagram(2, b"", superseded=7), lab.now_ns)
-    shown = show(state_of(lab), None, 0.0)
-    assert dict(shown.vital)["superseded"] == Cell("7 packets")
+def test_the_page_tells_what_waits_on_the_links(flight):
+    shown = show(flight[Phase.GROUND], None, 0.0)
     assert all(0 <= float(cells[COLUMNS.index("late")].text) < 20 for cells in shown.rows)
+
+
+def test_a_drone_that_is_not_known_to_have_landed_is_on_the_phase(flight):
+    shown = show(flight[Phase.GROUND] | {"not_landed": ["left"]}, None, 0.0)
+    assert "NOT KNOWN TO HAVE LANDED: left" in html.head(shown)
+    assert 'class="phase p-aloft"' in html.head(shown)
+    assert "p-aloft" not in html.head(show(flight[Phase.GROUND], None, 0.0))
+
+
+def test_at_rest_nothing_warns(flight):
+    steps = html.steps(show(flight[Phase.GROUND], None, 0.0), True)
+    assert "not possible" not in steps
+    assert "Take control: no drone is armed" in steps
+    aloft = json.loads(json.dumps(flight[Phase.GROUND]))
+    aloft["drones"][0]["armed"] = True
+    assert "Take control is not possible" in html.steps(show(aloft, None, 0.0), True)
 
 
 def test_the_reference_and_the_fence_margin_are_where_the_drones_are_led(flight):

@@ -43,20 +43,23 @@ def printed(shown: Show, *alarms: Alarm) -> list[str]:
 def test_a_swarm_fits_into_80_columns_and_says_what_is_wrong():
     row = tuple(Cell(text, Level.BAD if text == "1234" else Level.CALM) for text in ROW)
     steps = (Step("arm", ("left: no fresh pose",)), Step("takeoff", ("takeoff is for ARMED, this is GROUND",)))
-    shown = Show("", "GROUND", "start", "1:07", steps, (row,) * 20, ("left disarms itself in 7.0 s",), "", ())
+    shown = Show(
+        "", "GROUND", "start", "1:07", steps, (row,) * 20, ("left disarms itself in 7.0 s",), "", ("right",), ()
+    )
     lines = printed(shown, Alarm(0.0, Severity.ERROR, "safety", "right: outside the fence"))
     assert max(map(len, lines)) <= 80
     table = [line.split() for line in lines if line.startswith("12 ")]
     assert len(table) == 20
-    units = lines[next(i for i, line in enumerate(lines) if "setp" in line) + 1]
+    units = lines[next(i for i, line in enumerate(lines) if "point" in line) + 1]
     assert units.split() == ["%", "ms", "ms", "ms", "s", "%", "mm", "m"]
     assert table[0][2:] == ["OFFBOARD", "ARMED", "97", "24", "26", "120", "0.9", "12.5", "1234", "0.38", "ok"]
     text = "\n".join(lines)
     for word in (
         "GROUND",
         "disarms itself in 7.0 s",
-        "no arm: left: no fresh pose",
+        "Arm is not possible: left: no fresh pose",
         "ERROR safety: right",
+        "NOT KNOWN TO HAVE LANDED: right",
         "SPACE STOP",
     ):
         assert word in text

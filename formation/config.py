@@ -15,7 +15,7 @@ from formation.requests import CONFIGURED as CONFIGURED
 from formation.requests import ENDPOINT, LAB
 from formation.security_config import SecurityConfig
 from formation.trajectory_config import TrajectoryConfig as TrajectoryConfig
-from formation.vehicle.profile import VehicleProfile, profile
+from formation.vehicle.profile import VehicleProfile, on_base, profile
 
 PRESET_NAMES = (
     "default", "pid_leader", "paper", "paper_istsmc", "paper_smc", "pid", "geometric", "paper_compensated",
@@ -283,6 +283,21 @@ class LabConfig(Model):
     operator: OperatorConfig = OperatorConfig()
     security: SecurityConfig | None = None
     """Keys and roles; without it every endpoint must be on this machine."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _profiles_from_shipped(cls, values: Any) -> Any:
+        """Profiles that begin from a shipped one: `base`, and what is different."""
+        own = values.get("profiles") if isinstance(values, dict) else None
+        if not isinstance(own, list | tuple):
+            return values
+        whole = []
+        for k, entry in enumerate(own):
+            try:
+                whole.append(on_base(entry) if isinstance(entry, dict) else entry)
+            except ValueError as error:
+                raise WrongKeyError(f"profiles[{k}].base", str(error)) from error
+        return values | {"profiles": whole}
 
     @model_validator(mode="before")
     @classmethod

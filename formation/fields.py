@@ -53,6 +53,8 @@ def _endpoint(text: str) -> str:
     if found is None:
         raise ValueError("not an endpoint such as tcp/127.0.0.1:7447")
     _demand_port(found[2], least=0)
+    if not found[1].startswith("["):
+        _host(found[1])
     return text
 
 
@@ -60,8 +62,9 @@ def _host(text: str) -> str:
     if re.fullmatch(r"[A-Za-z0-9]([A-Za-z0-9._-]*[A-Za-z0-9])?", text) is None:
         raise ValueError("not the name or the IPv4 address of a host")
     numbers = text.split(".")
-    if all(number.isdecimal() for number in numbers) and (len(numbers) != 4 or any(int(n) > 255 for n in numbers)):
-        raise ValueError("not an IPv4 address")
+    is_meant = all(number.isdecimal() for number in numbers) or (len(numbers) == 4 and numbers[0].isdecimal())
+    if is_meant and (len(numbers) != 4 or any(not n.isdecimal() or int(n) > 255 for n in numbers)):
+        raise ValueError("not an IPv4 address: four numbers up to 255, no letters")
     return text
 
 

@@ -1,12 +1,13 @@
 """Where poses come from, as the lab file says it: the camera system, how it is reached, its axes, unit and latency."""
 
+from ipaddress import ip_address
 from math import copysign, sqrt
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
 from formation.fields import Host, UnitQuat
-from formation.model import NO_ROTATION, Model, Name, NoFlag, Positive, QuatTuple, Vec3Tuple, WrongKeyError
+from formation.model import NO_ROTATION, Flag, Model, Name, NoFlag, Positive, QuatTuple, Vec3Tuple, WrongKeyError
 
 Port = Annotated[int, NoFlag, Field(ge=1, le=65_535)]
 Seconds = Annotated[float, NoFlag, Field(ge=0.0, le=0.5)]
@@ -40,9 +41,9 @@ class VrpnConfig(Model):
     """Computer of the server."""
     port: Port = 3883
     """TCP port of the server."""
-    udp: bool = False
+    udp: Flag = False
     assemble_s: Annotated[float, NoFlag, Field(gt=0.0, le=0.01)] = 0.002
-    repeats_are_lost: bool = True
+    repeats_are_lost: Flag = True
 
 
 class ChingmuConfig(Model):
@@ -58,7 +59,7 @@ class ChingmuConfig(Model):
     """Rigid bodies are sensors from here on: the lab's bodies in their order, where [mocap.names] does not say."""
     assemble_s: Annotated[float, NoFlag, Field(gt=0.0, le=0.01)] = 0.002
     """Longest wait for the poses of one exposure."""
-    repeats_are_lost: bool = True
+    repeats_are_lost: Flag = True
     """Whether a pose that repeats to the last bit counts as not seen."""
 
 
@@ -73,6 +74,17 @@ class NatNetConfig(Model):
     """UDP port of commands."""
     data_port: Port = 1511
     """UDP port of frames."""
+
+    @model_validator(mode="after")
+    def _group_is_one(self) -> Self:
+        try:
+            is_group = not self.multicast or ip_address(self.multicast).is_multicast
+        except ValueError:
+            is_group = False
+        if not is_group:
+            text = 'no multicast group: those are 224.0.0.0 to 239.255.255.255, "" is unicast'
+            raise WrongKeyError("multicast", text, self.multicast)
+        return self
 
 
 class QualisysConfig(Model):

@@ -18,9 +18,9 @@ class WrongKeyError(ValueError):
 
 
 def _no_flag(value: object) -> object:
-    """`true` is no number, though Python takes it for 1."""
-    if isinstance(value, bool):
-        raise ValueError("a number is wanted")
+    """`true` is no number, though Python takes it for 1, nor is "1", though pydantic does."""
+    if isinstance(value, bool | str):
+        raise ValueError("a number is wanted" + (", without quotes" if isinstance(value, str) else ""))
     return value
 
 
@@ -31,6 +31,8 @@ def _not_tiny(value: float) -> float:
 
 
 NoFlag = BeforeValidator(_no_flag)
+Flag = Annotated[bool, Field(strict=True)]
+"""True or false, and neither "no" nor 0."""
 Number = Annotated[float, NoFlag, Field(ge=-LARGEST, le=LARGEST)]
 Positive = Annotated[float, NoFlag, Field(gt=0.0, le=LARGEST), AfterValidator(_not_tiny)]
 Vec3Tuple = tuple[Number, Number, Number]

@@ -3,6 +3,7 @@
 Every error is one line that names the file, the key and the reason.
 """
 
+from collections.abc import Iterator
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar, get_args
@@ -12,23 +13,48 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from formation.model import Model, WrongKeyError
-from formation.vehicle.parameters import VehicleProfile
+from formation.vehicle.profile import VehicleProfile, on_base
 from wire.errors import ConfigError as ConfigError
 from wire.errors import Fault as Fault
 from wire.lab_surroundings import Surroundings
+from wire.toml_places import places
 from wire.toml_text import read_toml
 
 M = TypeVar("M", bound=Model)
 
 SHORT, LONG = 8, 80
 """So many numbers of a list are shown, and so many characters of a value."""
+ELSEWHERE_MOST = 2
+REASONS = {
+    "missing": "is missing",
+    "extra_forbidden": "is not a known key",
+    "tuple_type": "is not a list, [...]",
+    "list_type": "is not a list, [...]",
+    "model_type": "is not a table",
+    "model_attributes_type": "is not a table",
+    "dict_type": "is not a table",
+    "float_type": "is not a number",
+    "float_parsing": "is not a number",
+    "int_type": "is not a whole number",
+    "int_parsing": "is not a whole number",
+    "int_from_float": "is not a whole number",
+    "bool_type": "is neither true nor false",
+    "bool_parsing": "is neither true nor false",
+    "string_type": "is not text in quotes",
+    "finite_number": "is not a finite number",
+}
 NEAR = 0.7
 """How alike a key must be to one that is known, to be taken for it."""
 
 
 def load(path: Path, model: type[M]) -> M:
     """The model in the TOML file at `path`; ConfigError for a file that is missing, no TOML, or not such a model."""
-    return parse(read_toml(path), model, source=str(path), folder=path.parent)
+    try:
+        return parse(read_toml(path), model, source=str(path), folder=path.parent)
+    except ConfigError as error:
+        at = places(path)
+        lines = [fault.text(at.of(str(path), fault.key)) for fault in error.faults]
+        raise ConfigError(lines or error.problems, error.faults, error.source) from error
 
 
 def parse(values: dict[str, Any], model: type[M], *, source: str, folder: Path | None = None) -> M:
@@ -48,14 +74,15 @@ def parse(values: dict[str, Any], model: type[M], *, source: str, folder: Path |
 def _fault(found: ErrorDetails, model: type[Model]) -> Fault:
     """One of pydantic's errors in our words."""
     kind, location = found["type"], found["loc"]
-    key, value, reason = _key(location), _value(kind, found["input"]), _reason(kind, found["msg"])
+    key, value, reason = _key(location), _value(kind, found["input"]), _reason(kind, found["msg"], found["input"])
     raised = found.get("ctx", {}).get("error")
     if isinstance(raised, WrongKeyError):
         key = ".".join(filter(None, (key, raised.key)))
         value = "" if raised.value is None else _shown(raised.value)
     elif kind == "extra_forbidden":
         near = get_close_matches(str(location[-1]), _known_keys(model, location[:-1]), 1, NEAR)
-        reason += f": is {near[0]} meant?" if near else ""
+        elsewhere = [table for table, name in _tables(model) if name == location[-1]]
+        reason += f": is {near[0]} meant?" if near else _belongs(elsewhere)
     return Fault(key, value, reason)
 
 
@@ -103,12 +130,31 @@ def _shown(value: object) -> str:
     return text if len(text) <= LONG else f"{text[: LONG - 3]}..."
 
 
-def _reason(kind: str, message: str) -> str:
-    if kind == "missing":
-        return "is missing"
-    if kind == "extra_forbidden":
-        return "is not a known key"
-    return message.removeprefix("Value error, ")
+def _belongs(tables: list[str]) -> str:
+    """Where an unknown key would be known; nothing for one that is unknown everywhere, or known everywhere."""
+    if not tables or len(tables) > ELSEWHERE_MOST:
+        return ""
+    where = " or ".join(f"in {table}" if table else "at the top of the file, before any table" for table in tables)
+    return f": it belongs {where}"
+
+
+def _tables(model: type[Model], table: str = "") -> Iterator[tuple[str, str]]:
+    """Every table as a file heads it, and each of its keys."""
+    for name, field in model.model_fields.items():
+        yield (f"[{table}]" if table and not table.startswith("[") else table), name
+        inner = _model_in(field.annotation)
+        if inner is not None and "dict" not in str(field.annotation):
+            is_list = "tuple" in str(field.annotation)
+            path = f"{table}.{name}".lstrip(".")
+            yield from _tables(inner, f"[[{path}]]" if is_list else path)
+
+
+def _reason(kind: str, message: str, value: object) -> str:
+    if kind in ("tuple_type", "list_type") and isinstance(value, dict):
+        return "is one table: each of a list has double brackets, [[...]]"
+    if kind in ("model_type", "dict_type", "model_attributes_type") and isinstance(value, list):
+        return "is a list of tables: there is one alone, [...] in single brackets"
+    return REASONS.get(kind, message.removeprefix("Value error, ").replace("Input should be", "should be"))
 
 
 def dump_profile(profile: VehicleProfile) -> str:
@@ -122,7 +168,10 @@ def load_profile(path: Path) -> VehicleProfile:
     entries = values.get("profiles", [values])
     if not isinstance(entries, list) or len(entries) != 1 or not isinstance(entries[0], dict):
         raise ConfigError([f"{path}: profiles: one entry [[profiles]] is wanted"])
-    return parse(entries[0], VehicleProfile, source=str(path))
+    try:
+        return parse(on_base(entries[0]), VehicleProfile, source=str(path))
+    except ValueError as error:
+        raise error if isinstance(error, ConfigError) else ConfigError([f"{path}: base: {error}"]) from error
 
 
 def dump(model: Model) -> str:

@@ -13,7 +13,11 @@ class Fault:
     reason: str
 
     def __str__(self) -> str:
-        return f"{self.key}{': ' if self.key else ''}{self.reason}{f' (it is {self.value})' if self.value else ''}"
+        return self.text(self.key)
+
+    def text(self, at: str) -> str:
+        """The same, begun by where it is."""
+        return f"{at}{': ' if at else ''}{self.reason}{f' (it is {self.value})' if self.value else ''}"
 
 
 class ConfigError(ValueError):

@@ -2,6 +2,7 @@
 
 import os
 import re
+from datetime import datetime
 from pathlib import Path
 
 _LONGEST = 120
@@ -16,6 +17,11 @@ def make_folder(path: Path) -> None:
     """Make the folder and those above it, each that is new its owner's alone, mode 0700. OSError."""
     for folder in (*reversed(path.parents), path):
         folder.mkdir(mode=0o700, exist_ok=True)
+
+
+def run_folder(name: str, unix_us: int) -> Path:
+    """Where a flight is kept that is given no place: runs/TIME-NAME, local time; the log in it is flight.mcap."""
+    return Path("runs") / f"{datetime.fromtimestamp(unix_us * 1e-6):%Y%m%d-%H%M%S}-{name}"
 
 
 def inside(folder: Path, name: str) -> Path:

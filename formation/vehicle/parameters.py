@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from formation.maths.arrays import Float, Vec3
-from formation.model import LARGEST, Model, Name, NoFlag, Positive, Vec3Tuple
+from formation.model import LARGEST, Flag, Model, Name, NoFlag, Positive, Vec3Tuple
 from formation.vehicle import body
 from formation.vehicle.body import GRAVITY_M_S2, rotor_reach_m, thrust_norm
 
@@ -60,7 +60,7 @@ class VehicleProfile(Model):
     """Take-off mass."""
     inertia_kg_m2: Vec3Tuple
     """About x, y, z. A rigid body's largest is at most the sum of the other two (equal: a flat plate); see below."""
-    impossible_inertia: bool = False
+    impossible_inertia: Flag = False
     """Whether an inertia that no rigid body has is kept all the same: a publication's table, to be flown as printed."""
     wheelbase_m: Positive
     """Distance of motors across the centre."""
@@ -90,7 +90,7 @@ class VehicleProfile(Model):
     """Largest rate of roll and pitch."""
     rate_yaw_max_rad_s: Positive
     """Largest rate of yaw."""
-    rate_feed_forward: bool
+    rate_feed_forward: Flag
     """Whether the autopilot adds the target's body rates to its own attitude loop (PX4 takes yaw's alone)."""
     command_delay_s: NonNegative
     """Inside the vehicle: receipt of a target -> attitude loop."""

@@ -8,6 +8,7 @@ small-rate form. Nothing here knows MAVLink, batteries' chemistry or the attitud
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -246,6 +247,20 @@ def profile(name: str, own: Iterable[VehicleProfile] = ()) -> VehicleProfile:
     if name not in known:
         raise ValueError(f"unknown vehicle profile {name!r}; known: {', '.join(known)}")
     return known[name]
+
+
+def on_base(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The keys of a profile; with `base`, what they leave out is of that shipped profile. ValueError for another."""
+    name = values.get("base")
+    if name is None:
+        return dict(values)
+    if not isinstance(name, str) or name not in PROFILES:
+        raise ValueError(f"no shipped profile {name!r}; known: {', '.join(PROFILES)}")
+    base = PROFILES[name].model_dump(exclude={"gain_scale"})
+    whole = base | {key: value for key, value in values.items() if key != "base"}
+    if isinstance(values.get("battery"), dict):
+        whole["battery"] = base["battery"] | values["battery"]
+    return whole
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -22,6 +22,7 @@ from gcs.live import cli as live_cli
 from wire import clock
 from wire.errors import ConfigError
 from wire.markdown import rows
+from wire.private_files import run_folder
 from wire.process.console import NOT_RIGHT, REJECTED, Insecure, Json, LabFile, Name, Speed, configuration, fail
 from wire.process.output import dropping_output
 from wire.process.program import program
@@ -36,7 +37,7 @@ app = program(
 @dropping_output()
 def run(
     lab: LabFile,
-    log: Annotated[Path | None, typer.Option(help="The flight log; without it runs/LAB-TIME.mcap.")] = None,
+    log: Annotated[Path | None, typer.Option(help="The flight log; without it runs/TIME-LAB/flight.mcap.")] = None,
     name: Name = GCS_NAME,
     tag: Annotated[
         list[str] | None, typer.Option(metavar="KEY=VALUE", help="Metadata for the log; as often as needed.")
@@ -64,7 +65,7 @@ def run(
 
     config = approved(lab, as_json, insecure=insecure)
 
-    path = log or Path("runs") / f"{config.name}-{clock.unix_us() // 1_000_000}.mcap"
+    path = log or run_folder(config.name, clock.unix_us()) / "flight.mcap"
     metadata = {"link": config.link_kinds}
     metadata |= _tags(tag or [])
     with page_process(lab, name, speed, insecure) if page else nullcontext():

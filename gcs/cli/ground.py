@@ -8,11 +8,10 @@ from pathlib import Path
 import uvloop
 
 from formation.config import LabConfig
-from formation.control.margin import DelayMargin, delay_margin
-from formation.control.presets import preset_for
 from formation.identities import GROUND
 from formation.messages import Event, Severity
 from gcs.daemon import Ended, GroundFailure, run
+from gcs.lab.margins import judge_margins
 from gcs.warm_up import warm_up
 from mocap.service import ServiceError
 from wire.clock import Clock
@@ -50,10 +49,9 @@ def serve(config: LabConfig, asked: Run) -> None:
     try:
         protection = lab_protection(config.security, asked.lab_file, GROUND, insecure=asked.insecure)
         compile_all("gcs", lambda: warm_up(config), sys.stderr)
-        margins = delay_margins(config)
-        if not asked.force and any(not margin.carried for margin in margins):
-            reasons = "; ".join(str(margin) for margin in margins if not margin.carried)
-            fail(f"refused, this would not fly steadily: {reasons} (--force, for simulation only)", REJECTED)
+        reasons = "; ".join(f"{found.why} ({found.wanted})" for found in judge_margins(config))
+        if reasons and not asked.force:
+            fail(f"refused: {reasons} (--force, for simulation only)", REJECTED)
         make_folder(log.parent)
         # After the compiler, before the threads that inherit it.
         priority = raise_priority() if asked.priority else prefer_process()
@@ -76,13 +74,6 @@ def _key_operations(config: LabConfig, lab_file: Path) -> dict[str, str]:
     if config.security is None:
         return {}
     return {"key_operations": read_operations(keys_folder(config.security.keys, lab_file))}
-
-
-def delay_margins(config: LabConfig) -> tuple[DelayMargin, ...]:
-    """The margin of each kind of commanded vehicle under the lab's preset; ValueError for an unknown name."""
-    kinds = {v.profile: config.profile_of(v) for v in config.vehicles if v.sysid is not None}
-    name, mocap = config.control_preset, config.mocap
-    return tuple(delay_margin(kind, preset_for(name, kind, mocap), mocap) for kind in kinds.values())
 
 
 def _report(ended: Ended, log: Path, as_json: bool, priority: str) -> None:

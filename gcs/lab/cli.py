@@ -15,11 +15,13 @@ from gcs.lab.drawing import drawn
 from gcs.lab.feasibility import peaks, trajectory_text
 from gcs.lab.findings import findings_of, line, of_grade, print_line
 from gcs.lab.judge import foreseen
+from gcs.lab.margins import judge_margins
 from gcs.lab.plan_svg import svg_plan
 from gcs.lab.plan_text import text_plan
 from wire.config_file import ConfigError, load
 from wire.process.console import NOT_RIGHT, REJECTED, fail
 from wire.process.python import python_command
+from wire.toml_places import places
 from wire.toml_text import read_toml
 
 INDENT = " " * 8
@@ -54,7 +56,10 @@ def judge_lab(file: Path, config: LabConfig, svg: Path | None, as_json: bool, fu
         _write(svg, svg_plan(drawn(config, ahead), f"{_fence_text(config)}; {_trajectory_text(config, ahead)}"))
     if not as_json:
         print(text_plan(drawn(config, ahead)), *summary(config, ahead), "", sep="\n")
-    conclude(file, (*findings_of(config), *further), numbers(config, ahead), as_json)
+    findings = (*findings_of(config), *further)
+    if not failed(findings):
+        findings = (*findings, *judge_margins(config))
+    conclude(file, findings, numbers(config, ahead), as_json)
 
 
 def _is_scenario(file: Path) -> bool:
@@ -136,13 +141,13 @@ def _trajectory_text(config: LabConfig, ahead: Preview) -> str:
 
 def conclude(lab: Path, findings: Sequence[Finding], counted: dict[str, object] | None, as_json: bool) -> None:
     """Print errors, then warnings; end with the exit code."""
-    errors, warnings = of_grade(findings, Grade.FAIL), of_grade(findings, Grade.WARN)
+    errors, warnings, at = of_grade(findings, Grade.FAIL), of_grade(findings, Grade.WARN), places(lab)
     if as_json:
         print(json.dumps({"file": str(lab), "findings": as_dicts(findings), "numbers": counted}))
     else:
         for words, found in (("error", errors), ("warning", warnings)):
             for finding in found:
-                print_line(f"{words}: {lab}: {line(finding)}", finding.grade, Console())
+                print_line(f"{words}: {line(finding, lab, at)}", finding.grade, Console())
         print(f"{lab}: {_counted(len(errors), 'error')}, {_counted(len(warnings), 'warning')}")
     if failed(findings):
         raise typer.Exit(REJECTED)

@@ -7,28 +7,34 @@ from pathlib import Path
 from rich.console import Console
 
 from formation.config import LabConfig
-from gcs.finding import STYLES, Finding, Grade, graded
+from gcs.finding import STYLES, Finding, Grade
 from gcs.lab.exposed import SECURITY
 from gcs.lab.judge import judge
 from wire.process.console import NOT_RIGHT, configuration, fail
+from wire.toml_places import Places, places
 
 
 def findings_of(config: LabConfig) -> tuple[Finding, ...]:
     """All errors and warnings of a lab, including the files that it names."""
-    file = config.mocap.file
-    if file is None or config.mocap.source not in ("csv", "mcap"):
-        return judge(config)
-    why = "no such file here; paths count from where the ground is started"
-    found = graded("mocap.file", "files", f'"{file}"', "", Path(file).is_file(), why, fair=True)
-    return (*judge(config), *([found] if found.grade is Grade.WARN else []))
+    files = []
+    if config.mocap.file is not None and config.mocap.source in ("csv", "mcap"):
+        files.append(("mocap.file", config.mocap.file, "paths count from where the ground is started"))
+    button = config.operator.stop_button
+    if button is not None:
+        files.append(("operator.stop_button.device", button.device, "`gcs buttons` names the device of a press"))
+    missing = (
+        Finding(key, "files", Grade.WARN, f'"{file}"', why=f"no such file here; {cure}")
+        for key, file, cure in files
+        if not Path(file).exists()
+    )
+    return (*judge(config), *missing)
 
 
-def line(finding: Finding) -> str:
-    """`key = value: reason, wanted ...` in one line."""
+def line(finding: Finding, file: Path, at: Places | None = None) -> str:
+    """`file:line key = value: reason, wanted ...` in one line. at: of that file, where it is read already."""
     value = f" = {finding.found}" if finding.found else ""
     wanted = f"; wanted {finding.wanted}" if finding.wanted else ""
-    key = f"{finding.subject}{value}"
-    return f"{key}: {finding.why}{wanted}" if key else f"{finding.why}{wanted}"
+    return f"{(at or places(file)).of(str(file), finding.subject)}{value}: {finding.why}{wanted}"
 
 
 def of_grade(findings: Sequence[Finding], grade: Grade) -> list[Finding]:
@@ -43,13 +49,14 @@ def approved(path: Path, as_json: bool, *, insecure: bool = False) -> LabConfig:
     """
     config = configuration(path)
     findings = [found for found in findings_of(config) if not (insecure and found.check == SECURITY)]
+    at = places(path)
     if errors := of_grade(findings, Grade.FAIL):
-        fail("\n".join(f"{path}: {line(finding)}" for finding in errors), NOT_RIGHT)
+        fail("\n".join(line(finding, path, at) for finding in errors), NOT_RIGHT)
     for finding in of_grade(findings, Grade.WARN):
         if as_json:
-            print(json.dumps({"severity": "WARNING", "source": str(path), "text": line(finding)}), flush=True)
+            print(json.dumps({"severity": "WARNING", "source": str(path), "text": line(finding, path, at)}), flush=True)
         else:
-            print_line(f"{path}: {line(finding)}", Grade.WARN)
+            print_line(line(finding, path, at), Grade.WARN)
     return config
 
 

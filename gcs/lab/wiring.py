@@ -2,12 +2,14 @@
 
 from collections import Counter
 from collections.abc import Iterator
-from math import pi
+from math import cos, pi
 
 from formation.config import LabConfig, TrajectoryConfig, VehicleBody
+from formation.exposure import is_loopback
 from formation.mocap_config import CAMERA_SYSTEMS
+from formation.model import QuatTuple
 from formation.trajectory_config import KINDS
-from formation.vehicle.profile import PROFILES
+from formation.vehicle.profile import PROFILES, VehicleProfile
 from gcs.finding import Finding, Grade
 from gcs.lab.keys import Keys
 
@@ -23,6 +25,8 @@ UNGUARDED = (
     "COM_OBL_RC_ACT says after COM_OF_LOSS_T, ArduPilot levels after GUID_TIMEOUT and lands by FS_GCS_ENABLE"
 )
 UNADDRESSED = "a pose has no addressee in MAVLink, so all drones at one end hear the poses of all. Give each its own"
+ROTOR_LEAST, ROTOR_MOST, GYRATION_LEAST = 0.1, 1.2, 0.1
+"""Of an arm: a propeller's radius (shipped vehicles: 0.41 to 1.0), and how far out the mass is (0.33 to 0.65)."""
 W_LAST = (0.0, 0.0, 0.0, 1.0)
 
 
@@ -32,6 +36,7 @@ def judge_wiring(config: LabConfig, keys: Keys) -> Iterator[Finding]:
     yield from _links(config, keys)
     yield from _bus(config, keys)
     yield from _profiles(config, keys)
+    yield from _limits(config)
     yield from judge_trajectory_keys(config, keys)
     yield from _leader(config, keys)
     yield from _headings(config, keys)
@@ -104,6 +109,28 @@ def _axes(config: LabConfig, keys: Keys) -> Iterator[Finding]:
     for key, q in rotations:
         if q == W_LAST and (key != "mocap.q_lab_from_mocap" or config.mocap.axes is None):
             yield keys.warn(key, POSES, "half a turn about z; no rotation is [1, 0, 0, 0], as w comes first")
+        elif key != "mocap.q_lab_from_mocap" and not (_is_level(q) or _is_level(_product(rotations[0][1], q))):
+            why = "a level drone's marker frame would lie on its side, or upside down; `gcs doctor` measures it"
+            yield keys.warn(key, POSES, why)
+    natnet = config.mocap.natnet
+    if natnet is not None and natnet.interface == natnet.host and not is_loopback(natnet.host):
+        why = "is the address of the computer that Motive runs on; this computer's own is meant"
+        yield keys.warn("mocap.natnet.interface", POSES, why)
+
+
+def _is_level(q: QuatTuple) -> bool:
+    """Whether a rotation leaves the axis up within 45 degrees of up."""
+    return 1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2]) > cos(0.25 * pi)
+
+
+def _product(a: QuatTuple, b: QuatTuple) -> QuatTuple:
+    w, x, y, z = a
+    return (
+        w * b[0] - x * b[1] - y * b[2] - z * b[3],
+        w * b[1] + x * b[0] + y * b[3] - z * b[2],
+        w * b[2] - x * b[3] + y * b[0] + z * b[1],
+        w * b[3] + x * b[2] - y * b[1] + z * b[0],
+    )
 
 
 def _links(config: LabConfig, keys: Keys) -> Iterator[Finding]:
@@ -180,6 +207,7 @@ def _profiles(config: LabConfig, keys: Keys) -> Iterator[Finding]:
             yield keys.warn(f"profiles[{k}].name", NAMES, "replaces the shipped profile of this name")
         if own.name not in {v.profile for v in config.vehicles}:
             yield keys.warn(f"profiles[{k}].name", UNUSED, "no vehicle names this profile")
+        yield from _sizes(k, own, keys)
     flown = sorted({v.profile for v in config.vehicles if v.sysid is not None})
     if len(flown) > 1:
         first = next(i for i in config.commanded if config.vehicles[i].profile != config.vehicles[0].profile)
@@ -196,6 +224,21 @@ def _profiles(config: LabConfig, keys: Keys) -> Iterator[Finding]:
             yield keys.reject(vehicle_key(i, "profile"), NAMES, why)
         elif vehicle.link is not None:
             yield keys.warn(vehicle_key(i, "guard"), LINK, f"{vehicle.body}: {UNGUARDED}")
+
+
+def _sizes(k: int, own: VehicleProfile, keys: Keys) -> Iterator[Finding]:
+    """Lengths and masses that no vehicle has together: one of them is in another unit."""
+    arm_m = 0.5 * own.wheelbase_m
+    gyration = (max(own.inertia_kg_m2[:2]) / own.mass_kg) ** 0.5 / arm_m
+    if not ROTOR_LEAST <= own.rotor_radius_m / arm_m <= ROTOR_MOST:
+        why = f"propellers of {own.rotor_radius_m:g} m radius, and arms of {arm_m:g} m: metres are meant"
+        yield keys.reject(f"profiles[{k}].wheelbase_m", NAMES, why)
+    elif not (own.impossible_inertia or GYRATION_LEAST <= gyration <= 1.0):
+        why = (
+            f"with {own.mass_kg:g} kg and arms of {arm_m:g} m the mass is {gyration:.2g} of an arm from the middle: "
+            "kilograms, metres and kg m^2 are meant"
+        )
+        yield keys.reject(f"profiles[{k}].inertia_kg_m2", NAMES, why, f"{GYRATION_LEAST:g} to 1")
 
 
 def known_profiles(config: LabConfig) -> tuple[str, ...]:
@@ -217,8 +260,10 @@ def judge_trajectory_keys(config: LabConfig, keys: Keys) -> Iterator[Finding]:
         return
     if path.model_fields_set and "kind" not in path.model_fields_set:
         yield keys.warn(f"{table}.kind", UNUSED, "not given, so the leader holds its place")
+    is_dumped = {"length_m", "radius_m", "speed_m_s"} <= path.model_fields_set  # by a program, every key in it
     for name in sorted(path.model_fields_set - {"kind", "yaw_rate_rad_s"} - KINDS[path.kind].used):
-        if getattr(path, name) != type(path).model_fields[name].get_default(call_default_factory=True):
+        usual = type(path).model_fields[name].get_default(call_default_factory=True)
+        if not is_dumped or getattr(path, name) != usual:
             yield keys.warn(f"{table}.{name}", UNUSED, f'kind "{path.kind}" does not use it')
     if path.kind == "circle" and path.laps is not None and path.duration_s != TrajectoryConfig().duration_s:
         yield keys.warn(f"{table}.duration_s", UNUSED, "laps says how long a circle is flown")
@@ -230,6 +275,15 @@ def _leader(config: LabConfig, keys: Keys) -> Iterator[Finding]:
         yield keys.warn("leader.body", "leader", "only observed, as it has no sysid: where it goes is not judged here")
     elif config.flight.observed_leader_altitude_offset_m != 0.0:
         yield keys.warn(raised, UNUSED, "the leader is commanded")
+
+
+def _limits(config: LabConfig) -> Iterator[Finding]:
+    """The fence of a room that nobody has described."""
+    is_real = config.mocap.source in CAMERA_SYSTEMS or any(v.link is not None for v in config.vehicles)
+    if is_real and "fence" not in config.limits.model_fields_set:
+        fence = config.limits.fence
+        why = f"is not given: {list(fence.low_m)} to {list(fence.high_m)} m is taken for the room, and may not be it"
+        yield Finding("limits.fence", POSES, Grade.WARN, "", why=why)
 
 
 def _headings(config: LabConfig, keys: Keys) -> Iterator[Finding]:

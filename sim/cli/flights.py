@@ -6,7 +6,6 @@ import signal
 import sys
 from collections.abc import Coroutine, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Literal, NoReturn
@@ -40,7 +39,7 @@ from sim.script import Outcome
 from wire import clock
 from wire.errors import ConfigError
 from wire.logs.mcap_log import LogError
-from wire.private_files import make_folder
+from wire.private_files import make_folder, run_folder
 from wire.process import starved
 from wire.process.output import dropping_output
 from wire.process.program import print_json_error
@@ -204,11 +203,11 @@ def scenario_of(name: str, leader_csv: Path | None = None, alignment: str | None
 
 def check_lab(opened: Opened) -> None:
     """ConfigError where the scenario flies a lab file that `gcs run` refuses; its links are simulated, on loopback."""
-    if opened.lab is not None:
+    if opened.lab is not None and opened.lab_file is not None:
         found = (finding for finding in judge(opened.lab) if finding.check != SECURITY)
         failed = [finding for finding in found if finding.grade is Grade.FAIL]
         if failed:
-            raise ConfigError([f"{opened.lab_file}: {line(finding)}" for finding in failed])
+            raise ConfigError([line(finding, opened.lab_file) for finding in failed])
 
 
 def compile_for(scenario: Scenario) -> None:
@@ -238,7 +237,7 @@ def _seed(requested: int | None, scenario: Scenario) -> int:
 
 
 def _folder(out: Path | None, scenario: Scenario) -> Path:
-    folder = out or Path("runs") / f"{datetime.fromtimestamp(clock.unix_us() * 1e-6):%Y%m%d-%H%M%S}-{scenario.name}"
+    folder = out or run_folder(scenario.name, clock.unix_us())
     try:
         make_folder(folder)
         with TemporaryFile(dir=folder) as probe:

@@ -17,8 +17,8 @@ from formation.control.presets import preset_for
 from formation.messages import Verb
 from formation.vehicle.profile import PX4_QUAD, GainScale
 from gcs.cli.app import app
-from gcs.cli.ground import delay_margins
 from gcs.cli.operator import next_steps, print_status
+from gcs.lab.margins import judge_margins
 from tests.free_ports import free_port
 from tests.gcs.fakes import FakeLab, triangle
 from wire import clock
@@ -123,8 +123,12 @@ def test_the_gains_that_are_judged_are_those_the_lab_flies():
     leader = LeaderConfig(body="lead", sysid=1, profile="ours")
     follower = FollowerConfig(body="left", sysid=2, profile="ours", offset_m=(0.0, 1.0, 0.0))
     config = LabConfig(profiles=(slow,), leader=leader, followers=(follower,))
-    wanted = delay_margin(slow, preset_for("default", slow, config.mocap), config.mocap)
-    assert delay_margins(config) == (wanted,)
+    assert judge_margins(config) == []
+    late = slow.model_copy(update={"response_lag_s": 50.0})
+    (found,) = judge_margins(config.model_copy(update={"profiles": (late,)}))
+    margin = delay_margin(late, preset_for("default", late, config.mocap), config.mocap)
+    assert (found.subject, found.found) == ("profiles[0].response_lag_s", "50")
+    assert str(margin) in found.why
 
 
 def test_a_preset_that_the_vehicles_lag_cannot_carry_is_rejected_with_the_numbers(tmp_path):

@@ -31,9 +31,9 @@ def problems(tmp_path, text: str) -> list[str]:
     path = written(tmp_path, text)
     with pytest.raises(ConfigError) as caught:
         load(path, LabConfig)
-    assert all(line.startswith(f"{path}: ") for line in caught.value.problems)
+    assert all(line.startswith(f"{path}:") for line in caught.value.problems)
     assert str(caught.value).splitlines() == caught.value.problems
-    return [line.removeprefix(f"{path}: ") for line in caught.value.problems]
+    return [line.removeprefix(f"{path}:").lstrip("0123456789 ") for line in caught.value.problems]
 
 
 GOOD = """
@@ -84,11 +84,46 @@ def test_any_text_number_and_table_survives_toml(model):
 def test_every_fault_is_one_line_with_file_key_and_reason(tmp_path):
     text = GOOD.replace("sysid = 2", 'sysid = "x"').replace("offset_m", "offset_mm") + "\n[limits]\ntilt_rad = -1\n"
     assert problems(tmp_path, text) == [
-        "followers[0].sysid: Input should be a valid integer, unable to parse string as an integer (it is 'x')",
-        "followers[0].offset_m: is missing",
-        "followers[0].offset_mm: is not a known key: is offset_m meant?",
-        "limits.tilt_rad: Input should be greater than 0 (it is -1)",
+        "followers[0].sysid (a): a number is wanted, without quotes (it is 'x')",
+        "followers[0].offset_m (a): is missing",
+        "followers[0].offset_mm (a): is not a known key: is offset_m meant?",
+        "limits.tilt_rad: should be greater than 0 (it is -1)",
     ]
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "line", "problem"),
+    [
+        ("[[followers]]", "[followers]", 5, "followers: is one table: each of a list has double brackets, [[...]]"),
+        ("[leader]", "[[leader]]", 2, "leader: is a list of tables: there is one alone, [...] in single brackets"),
+        ("[-0.4, 0.4, 0.0]", "3", 8, "followers[0].offset_m (a): is not a list, [...] (it is 3)"),
+        ("sysid = 1", "altitude_m = 1.0", 4, "leader.altitude_m: is not a known key: it belongs in [flight]"),
+        (
+            "sysid = 2",
+            'sysid = 2\ncontrol_preset = "pid"',
+            8,
+            "followers[0].control_preset (a): is not a known key: it belongs at the top of the file, before any table",
+        ),
+        ("[-0.4, 0.4, 0.0]", "[ # [\n-0.4,\n0.4,\n0.0]\n'yaw' = 1", 12, "followers[0].yaw (a): is not a known key"),
+        ("[[followers]]", 'name = """\n[x]\n"""\n[[followers]]', 5, "leader.name: is not a known key"),
+    ],
+)
+def test_a_fault_has_its_line_and_what_to_do(tmp_path, right: str, wrong: str, line: int, problem: str):
+    path = written(tmp_path, GOOD.replace(right, wrong, 1))
+    with pytest.raises(ConfigError) as caught:
+        load(path, LabConfig)
+    assert caught.value.problems == [f"{path}:{line} {problem}"]
+
+
+def test_a_profile_may_start_from_a_shipped_one(tmp_path):
+    own = '[[profiles]]\nname = "ours"\nbase = "px4_quad"\nmass_kg = 1.2\nbattery = { cells = 3 }\n'
+    (kind,) = load(written(tmp_path, GOOD + own), LabConfig).profiles
+    shipped = PROFILES["px4_quad"]
+    battery = shipped.battery.model_copy(update={"cells": 3})
+    assert kind == shipped.model_copy(update={"name": "ours", "mass_kg": 1.2, "battery": battery})
+    assert load_profile(written(tmp_path, own)) == kind
+    with pytest.raises(ConfigError, match="no shipped profile 'x5000'; known: "):
+        load_profile(written(tmp_path, own.replace("px4_quad", "x5000")))
 
 
 def test_a_number_that_is_none_is_refused(tmp_path):
@@ -102,18 +137,22 @@ def test_a_short_list_is_shown_and_every_fault_has_its_key(tmp_path):
         load(path, LabConfig)
     (fault,) = caught.value.faults
     assert (fault.key, fault.value) == ("mocap.q_lab_from_mocap", "[1, 1, 0, 0]")
-    assert str(caught.value) == f"{path}: mocap.q_lab_from_mocap: {fault.reason} (it is [1, 1, 0, 0])"
+    assert str(caught.value) == f"{path}:11 mocap.q_lab_from_mocap: {fault.reason} (it is [1, 1, 0, 0])"
 
 
 @pytest.mark.parametrize(
     ("right", "wrong", "line"),
     [
-        ('"a"', '"leader"', "followers[0].body: leader has it, too: two vehicles share a body name (it is 'leader')"),
-        ("sysid = 2", "sysid = 1", "followers[0].sysid: leader has it, too: two vehicles share a sysid (it is 1)"),
+        (
+            '"a"',
+            '"leader"',
+            "followers[0].body (leader): leader has it, too: two vehicles share a body name (it is 'leader')",
+        ),
+        ("sysid = 2", "sysid = 1", "followers[0].sysid (a): leader has it, too: two vehicles share a sysid (it is 1)"),
         (
             "sysid = 2",
             'sysid = 2\nprofile = "x5000"',
-            "followers[0].profile: unknown vehicle profile 'x5000'; known: ",
+            "followers[0].profile (a): unknown vehicle profile 'x5000'; known: ",
         ),
         ("[leader]", '[mocap]\nsource = "csv"\n[leader]', "mocap.file: is missing: "),
         ("[leader]", '[mocap]\naxes = ["x up"]\n[leader]', "mocap.axes: three are needed"),

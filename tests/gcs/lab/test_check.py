@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from formation.config import LabConfig
 from gcs.cli.app import app
+from gcs.finding import Finding, Grade
 from gcs.lab.drawing import drawn
 from gcs.lab.judge import foreseen
 from gcs.lab.plan_svg import svg_plan
@@ -61,8 +62,8 @@ def test_errors_come_first_and_warnings_apart(tmp_path: Path) -> None:
     lines = result.output.splitlines()
     kinds = [line.partition(":")[0] for line in lines if line.startswith(("error:", "warning:"))]
     assert kinds == sorted(kinds)
-    assert any(line.startswith(f"error: {lab}: leader.trajectory.radius_m = 30: ") for line in lines)
-    assert any(line.startswith(f"warning: {lab}: flight.altitude_m = 0.1: ") for line in lines)
+    assert any(line.startswith(f"error: {lab}:6 leader.trajectory.radius_m = 30: ") for line in lines)
+    assert any(line.startswith(f"warning: {lab}:12 flight.altitude_m = 0.1: ") for line in lines)
     assert lines[-1] == f"{lab}: 3 errors, 1 warning"
 
 
@@ -82,10 +83,18 @@ def test_a_fault_of_one_field_is_a_finding_too(tmp_path: Path) -> None:
     lab = written(tmp_path, more="[mocap]\nq_lab_from_mocap = [1, 1, 0, 0]\nrate = 3\n")
     result = runner.invoke(app, ["check", str(lab)])
     assert result.exit_code == 1
-    assert f"error: {lab}: mocap.q_lab_from_mocap = [1, 1, 0, 0]: not a rotation" in result.output
-    assert f"error: {lab}: mocap.rate: is not a known key" in result.output
+    assert f"error: {lab}:12 mocap.q_lab_from_mocap = [1, 1, 0, 0]: not a rotation" in result.output
+    assert f"error: {lab}:13 mocap.rate: is not a known key" in result.output
     summary = json.loads(runner.invoke(app, ["check", str(lab), "--json"]).stdout)
     assert [f["subject"] for f in summary["findings"]] == ["mocap.q_lab_from_mocap", "mocap.rate"]
+
+
+def test_what_the_ground_would_refuse_for_its_delay_fails_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = Finding("control_preset", "delay", Grade.FAIL, "", why="would not fly steadily")
+    monkeypatch.setattr("gcs.lab.cli.judge_margins", lambda _config: [found])
+    result = runner.invoke(app, ["check", str(written(tmp_path))])
+    assert result.exit_code == 1
+    assert "control_preset: would not fly steadily" in result.output
 
 
 def test_what_is_no_lab_file_is_exit_code_two(tmp_path: Path) -> None:
@@ -106,7 +115,7 @@ def test_the_ground_rejects_the_same_at_its_start(tmp_path: Path, options: list[
     log = tmp_path / "x.mcap"
     result = runner.invoke(app, ["run", str(lab), "--log", str(log), *options])
     assert result.exit_code == 2
-    assert f"gcs: {lab}: followers[0].offset_m = [-400, -0.4, 0]: the slot of right is at" in result.stderr
+    assert f"gcs: {lab}:10 followers[0].offset_m (right) = [-400, -0.4, 0]: the slot of right is at" in result.stderr
     assert not log.exists()
 
 

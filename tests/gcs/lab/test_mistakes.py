@@ -68,6 +68,7 @@ imu_rate_hz = 200.0
 LEFT = "offset_m = [-1.0, 1.0, 0.0]"
 HOST = '[mocap.vicon]\nhost = "192.168.1.10"'
 CIRCLE = 'kind = "circle", radius_m = 0.5, period_s = 12.0, laps = 2'
+OURS = '[[profiles]]\nname = "ours"\nbase = "px4_quad"\n'
 MISTAKES = [
     ("slot in millimetres", LEFT, "offset_m = [-1000.0, 1000.0, 0.0]", "followers[1].offset_m"),
     ("slot on the wrong side", LEFT, "offset_m = [-1.0, -1.0, 0.0]", "followers[1].offset_m"),
@@ -126,6 +127,24 @@ MISTAKES = [
     ("more than the autopilot sends", "imu_rate_hz = 200.0", "imu_rate_hz = 1000", "link.imu_rate_hz"),
     ("a leader that is never armed", 'body = "leader"\nsysid = 1', 'body = "leader"', "leader.link"),
     ("a flag for a number", "speed_m_s = 2.0", "speed_m_s = true", "limits.speed_m_s"),
+    ("a number in quotes", HOST, f'{HOST}\nport = "801"', "mocap.vicon.port"),
+    ("a flag in quotes", HOST, f'{HOST}\n[mocap.vrpn]\nudp = "no"', "mocap.vrpn.udp"),
+    ("a letter in an address", "192.168.1.10", "192.168.1.1O", "mocap.vicon.host"),
+    ("a letter in an endpoint's address", "tcp/127.0.0.1:", "tcp/127.0.0.l:", "link.zenoh_connect[0]"),
+    ("a broadcast for a multicast", HOST, f'{HOST}\n[mocap.natnet]\nmulticast = "192.168.1.255"',
+     "mocap.natnet.multicast"),
+    ("the server's address for our own", HOST, f'{HOST}\n[mocap.natnet]\nhost = "10.0.0.2"\ninterface = "10.0.0.2"',
+     "mocap.natnet.interface"),
+    ("a marker frame on its side", "[1.0, 0.0, 0.0, 0.0]", "[0.7071, 0.7071, 0.0, 0.0]",
+     "followers[0].q_marker_from_flu"),
+    ("another kind's key with its usual value", CIRCLE, 'kind = "line", radius_m = 0.3', "leader.trajectory.radius_m"),
+    ("a stop button that is not there", "[flight]", '[operator]\nstop_button = { device = "/dev/nobody" }\n[flight]',
+     "operator.stop_button.device"),
+    ("no fence of a real room", "fence = { low_m = [-3.0, -3.0, -0.2], high_m = [3.0, 3.0, 2.5] }\n", "",
+     "limits.fence"),
+    ("a wheelbase in millimetres", "[flight]", f"{OURS}wheelbase_m = 300\n[flight]", "profiles[0].wheelbase_m"),
+    ("a mass in grams", "[flight]", f"{OURS}mass_kg = 1000\n[flight]", "profiles[0].inertia_kg_m2"),
+    ("a base that is not shipped", "[flight]", f"{OURS}[flight]".replace("px4_quad", "x5000"), "profiles[0].base"),
 ]  # fmt: skip
 
 

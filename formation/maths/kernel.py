@@ -15,6 +15,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import numba
 from numba.core import event
+from numba.core.caching import CacheImpl, UserProvidedCacheLocator
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
 from numba.core.types import unliteral
@@ -116,8 +117,18 @@ def _kernels() -> set[str]:
     return {f"{f.__module__}.{f.__qualname__}" for f in functions if not f.__module__.startswith("numba")}
 
 
-def _cache_in(root: Path) -> str:
-    """The folder for machine code made from `formation` as it is now; those made from an earlier state go.
+class _ByModule(UserProvidedCacheLocator):
+    """Where in the cache a kernel's machine code is: by its module, so that every copy of a release shares it."""
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file: str) -> str:
+        """The module's folder from that of the packages on."""
+        folder = os.path.relpath(os.path.dirname(os.path.abspath(py_file)), Path(__file__).parents[2])
+        return folder if not folder.startswith(os.pardir) else hashlib.sha256(folder.encode()).hexdigest()
+
+
+def _cache_in(root: Path) -> Path:
+    """The folder for machine code made from `formation` as it is now.
 
     numba looks only at a kernel's own file to decide whether its cached machine code is still good, although kernels
     of other files are compiled into it. All of `formation`, whose kernels are the ones that others call, names the
@@ -126,14 +137,18 @@ def _cache_in(root: Path) -> str:
     package = Path(__file__).parent.parent
     state = hashlib.sha256()
     for file in sorted(package.rglob("*.py")):
-        about = file.stat()
-        state.update(f"{file.relative_to(package)} {about.st_mtime_ns} {about.st_size}\n".encode())
-    folder = root / f"kernels-{sys.implementation.cache_tag}-{state.hexdigest()[:16]}"
+        state.update(f"{file.relative_to(package)}\n".encode() + file.read_bytes())
+    return root / f"kernels-{sys.implementation.cache_tag}-{state.hexdigest()[:16]}"
+
+
+def _cache_of_this_installation() -> Path:
+    """Those made from an earlier state of it go."""
+    folder = _cache_in(_cache_root())
     with suppress(OSError):  # the other one may be in use, or already gone
-        for old in root.glob(f"kernels-{sys.implementation.cache_tag}-*"):
+        for old in folder.parent.glob(f"kernels-{sys.implementation.cache_tag}-*"):
             if old != folder:
                 shutil.rmtree(old)
-    return str(folder)
+    return folder
 
 
 def _cache_root() -> Path:
@@ -166,5 +181,6 @@ def is_cache_temporary() -> bool:
 
 # A sixth less to compile than at 3, and what is compiled is as fast.
 numba.config.OPT = type(numba.config.OPT)(2)  # type: ignore[attr-defined]
-if not numba.config.CACHE_DIR:  # type: ignore[attr-defined]
-    numba.config.CACHE_DIR = _cache_in(_cache_root())  # type: ignore[attr-defined]
+given: str = numba.config.CACHE_DIR  # type: ignore[attr-defined]
+numba.config.CACHE_DIR = str(_cache_in(Path(given)) if given else _cache_of_this_installation())  # type: ignore[attr-defined]
+CacheImpl._locator_classes.insert(0, _ByModule)

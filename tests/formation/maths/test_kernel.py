@@ -3,6 +3,7 @@
 import gc
 import importlib.util
 import re
+import subprocess
 import sys
 from fcntl import LOCK_EX, flock
 from pathlib import Path
@@ -88,3 +89,18 @@ def test_where_no_cache_folder_can_be_written_kernels_go_with_the_process(tmp_pa
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(root / "kernels"))
     assert root.parent == tmp_path
     assert is_cache_temporary()
+
+
+def test_two_copies_of_a_release_share_what_is_compiled(tmp_path, monkeypatch):
+    """The folder is named by what `formation` holds, a kernel's place in it by its module: CI keeps it by these."""
+    copies = [tmp_path / name / "formation" / "maths" for name in ("checkout", "installed")]
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    told = []
+    for folder in copies:
+        folder.mkdir(parents=True)
+        (folder / "kernel.py").write_text((ROOT / "formation" / "maths" / "kernel.py").read_text())
+        (folder / "twice.py").write_text(SOURCE.replace("formation.maths.kernel", "kernel"))
+        asked = "import twice; twice.fourfold(1.5); print(sum(twice.fourfold.stats.cache_hits.values()))"
+        done = subprocess.run([sys.executable, "-c", asked], cwd=folder, capture_output=True, text=True, check=True)
+        told.append(done.stdout.strip())
+    assert told == ["0", "1"]

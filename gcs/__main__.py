@@ -27,7 +27,7 @@ def _run() -> None:
         from gcs.cli.stop import stop
         from wire.process.output import dropping_output
 
-        with dropping_output():  # the exit code tells what came of it, whatever reads its words
+        with dropping_output():  # the exit code is its answer, whatever reads its words
             code = stop(sys.argv[2:])
         if code is not None:
             raise SystemExit(code)

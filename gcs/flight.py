@@ -141,8 +141,8 @@ class Flight:
             elif verdict.release[drone.index]:
                 drone.release(now_ns)
         if verdict.trigger is not None:
-            told = {c.text: self.alarms.text(c, rejected, now_ns) for c in verdict.changes if c.began}
-            self.pull(verdict.trigger, told.get(verdict.cause, verdict.cause), now_ns)
+            texts = {c.text: self.alarms.text(c, rejected, now_ns) for c in verdict.changes if c.began}
+            self.pull(verdict.trigger, texts.get(verdict.cause, verdict.cause), now_ns)
 
     def update(self, stages: Stages | None, now_ns: int) -> None:
         """Update the phase and every drone's goal. stages: of this tick's frame, if any."""

@@ -59,9 +59,9 @@ def _run(main: Callable[[], object]) -> None:
 
 
 def _search_installation_first() -> None:
-    given = [os.path.abspath(folder) for folder in os.environ.get("PYTHONPATH", "").split(os.pathsep)]
-    others = [folder for folder in sys.path if os.path.abspath(folder) not in (_INSTALLATION, *given)]
-    sys.path[:] = [*others, _INSTALLATION, *given]
+    own = [os.path.abspath(folder) for folder in os.environ.get("PYTHONPATH", "").split(os.pathsep)]
+    others = [folder for folder in sys.path if os.path.abspath(folder) not in (_INSTALLATION, *own)]
+    sys.path[:] = [*others, _INSTALLATION, *own]
 
 
 def _open_closed_streams() -> None:

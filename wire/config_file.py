@@ -17,7 +17,7 @@ from formation.vehicle.profile import VehicleProfile, on_base
 from wire.errors import ConfigError as ConfigError
 from wire.errors import Fault as Fault
 from wire.lab_surroundings import Surroundings
-from wire.toml_places import places
+from wire.toml_lines import lines_of
 from wire.toml_text import read_toml
 
 M = TypeVar("M", bound=Model)
@@ -52,7 +52,7 @@ def load(path: Path, model: type[M]) -> M:
     try:
         return parse(read_toml(path), model, source=str(path), folder=path.parent)
     except ConfigError as error:
-        at = places(path)
+        at = lines_of(path)
         lines = [fault.text(at.of(str(path), fault.key)) for fault in error.faults]
         raise ConfigError(lines or error.problems, error.faults, error.source) from error
 

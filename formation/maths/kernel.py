@@ -181,6 +181,6 @@ def is_cache_temporary() -> bool:
 
 # A sixth less to compile than at 3, and what is compiled is as fast.
 numba.config.OPT = type(numba.config.OPT)(2)  # type: ignore[attr-defined]
-given: str = numba.config.CACHE_DIR  # type: ignore[attr-defined]
-numba.config.CACHE_DIR = str(_cache_in(Path(given)) if given else _cache_of_this_installation())  # type: ignore[attr-defined]
+user_folder: str = numba.config.CACHE_DIR  # type: ignore[attr-defined]
+numba.config.CACHE_DIR = str(_cache_in(Path(user_folder)) if user_folder else _cache_of_this_installation())  # type: ignore[attr-defined]
 CacheImpl._locator_classes.insert(0, _ByModule)

@@ -149,10 +149,10 @@ async def _write(survey: "Survey", lab_file: Path, findings: Sequence["Finding"]
         ):
             print(f"{name}: {write_profile(refit, Path())}", file=sys.stderr)
     if written:
-        await _see_restarted(survey, lab_file, written, fixing)
+        await _detect_restarts(survey, lab_file, written, fixing)
 
 
-async def _see_restarted(survey: "Survey", lab_file: Path, written: "Sequence[Fix]", fixing: _Fixing) -> None:
+async def _detect_restarts(survey: "Survey", lab_file: Path, written: "Sequence[Fix]", fixing: _Fixing) -> None:
     """Wait until what was written is saved and, where an operator is there, restarted; then read it back."""
     import asyncio
 
@@ -167,7 +167,7 @@ async def _see_restarted(survey: "Survey", lab_file: Path, written: "Sequence[Fi
         return
     since_ns = REAL_TIME.monotonic_ns()
     print("Restart the autopilots now; Ctrl-C: later, then ask the doctor again.", file=sys.stderr)
-    await survey.see_restarted(sysids, since_ns)
+    await survey.detect_restarts(sysids, since_ns)
     drop_met(lab_file, survey.booted_ns, REAL_TIME)
     for fix in written:
         found = await survey.read(fix)

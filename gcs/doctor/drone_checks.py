@@ -110,7 +110,7 @@ def _check_link(report: DroneReport) -> Iterator[Finding]:
 
 def _check_rule(report: DroneReport, rule: ParameterRule) -> Finding:
     value = report.parameters.get(rule.name)
-    grade = Grade.FAIL if rule.refuses(value) or rule.external_pose else Grade.WARN
+    grade = Grade.FAIL if rule.rejects(value) or rule.external_pose else Grade.WARN
     if value is None:
         return Finding(report.name, rule.name, grade, "not answered", rule.wanted, rule.why)
     if rule.holds(value):

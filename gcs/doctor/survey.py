@@ -196,7 +196,7 @@ class Survey:
         """When that drone's autopilot booted; None where that is not known."""
         return self.drones[sysid].booted_ns
 
-    async def see_restarted(self, sysids: Collection[int], since_ns: int) -> None:
+    async def detect_restarts(self, sysids: Collection[int], since_ns: int) -> None:
         """Wait until each of these has booted since."""
         while any((self.booted_ns(sysid) or since_ns) <= since_ns for sysid in sysids):
             await asyncio.sleep(PUMP_S)

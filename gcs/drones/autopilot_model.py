@@ -42,7 +42,7 @@ class ParameterRule:
     external_pose: bool = False
     tolerates: Callable[[float], bool] = lambda _: False
 
-    def refuses(self, found: float | None) -> bool:
+    def rejects(self, found: float | None) -> bool:
         """Whether the ground refuses to arm a drone with this value, None where it could not be read."""
         return self.vital and (found is None or not (self.holds(found) or self.tolerates(found)))
 

@@ -25,7 +25,7 @@ def _prearm_failures(link: DroneLink) -> Iterator[str]:
     for name in link.awaiting_restart:
         yield f"{name} {restart_text(link)}"
     for rule in link.model.rules:
-        if rule.refuses(link.parameters.values.get(rule.name)):
+        if rule.rejects(link.parameters.values.get(rule.name)):
             yield _complaint(link, rule)
 
 
@@ -34,7 +34,7 @@ def warnings(link: DroneLink, feeds_pose: bool) -> tuple[str, ...]:
     if link.model is None:
         return ()
     known, applying = link.parameters.values, (r for r in link.model.rules if feeds_pose or not r.external_pose)
-    wrong = [r for r in applying if r.name in known and not r.holds(known[r.name]) and not r.refuses(known[r.name])]
+    wrong = [r for r in applying if r.name in known and not r.holds(known[r.name]) and not r.rejects(known[r.name])]
     return tuple(_complaint(link, rule) for rule in wrong) + _hover_warning(link)
 
 

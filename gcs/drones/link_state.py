@@ -187,8 +187,8 @@ class DroneLink:
         """When its autopilot booted, on our clock: by TIMESYNC, or as heard where that is later: its clock may be that
         of the computer it runs on. None before the first answer."""
         by_clock_ns = None if self.clock.offset_ns is None else -self.clock.offset_ns
-        heard_ns = self.sequence.restarted_ns
-        return by_clock_ns if heard_ns is None else max(heard_ns, by_clock_ns or heard_ns)
+        counted_ns = self.sequence.restarted_ns
+        return by_clock_ns if counted_ns is None else max(counted_ns, by_clock_ns or counted_ns)
 
     @property
     def awaiting_restart(self) -> tuple[str, ...]:

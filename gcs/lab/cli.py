@@ -21,7 +21,7 @@ from gcs.lab.plan_text import text_plan
 from wire.config_file import ConfigError, load
 from wire.process.console import NOT_RIGHT, REJECTED, fail
 from wire.process.python import python_command
-from wire.toml_places import places
+from wire.toml_lines import lines_of
 from wire.toml_text import read_toml
 
 INDENT = " " * 8
@@ -141,7 +141,7 @@ def _trajectory_text(config: LabConfig, ahead: Preview) -> str:
 
 def conclude(lab: Path, findings: Sequence[Finding], counted: dict[str, object] | None, as_json: bool) -> None:
     """Print errors, then warnings; end with the exit code."""
-    errors, warnings, at = of_grade(findings, Grade.FAIL), of_grade(findings, Grade.WARN), places(lab)
+    errors, warnings, at = of_grade(findings, Grade.FAIL), of_grade(findings, Grade.WARN), lines_of(lab)
     if as_json:
         print(json.dumps({"file": str(lab), "findings": as_dicts(findings), "numbers": counted}))
     else:

@@ -11,7 +11,7 @@ from gcs.finding import STYLES, Finding, Grade
 from gcs.lab.exposed import SECURITY
 from gcs.lab.judge import judge
 from wire.process.console import NOT_RIGHT, configuration, fail
-from wire.toml_places import Places, places
+from wire.toml_lines import Lines, lines_of
 
 
 def findings_of(config: LabConfig) -> tuple[Finding, ...]:
@@ -30,11 +30,11 @@ def findings_of(config: LabConfig) -> tuple[Finding, ...]:
     return (*judge(config), *missing)
 
 
-def line(finding: Finding, file: Path, at: Places | None = None) -> str:
+def line(finding: Finding, file: Path, at: Lines | None = None) -> str:
     """`file:line key = value: reason, wanted ...` in one line. at: of that file, where it is read already."""
     value = f" = {finding.found}" if finding.found else ""
     wanted = f"; wanted {finding.wanted}" if finding.wanted else ""
-    return f"{(at or places(file)).of(str(file), finding.subject)}{value}: {finding.why}{wanted}"
+    return f"{(at or lines_of(file)).of(str(file), finding.subject)}{value}: {finding.why}{wanted}"
 
 
 def of_grade(findings: Sequence[Finding], grade: Grade) -> list[Finding]:
@@ -49,7 +49,7 @@ def approved(path: Path, as_json: bool, *, insecure: bool = False) -> LabConfig:
     """
     config = configuration(path)
     findings = [found for found in findings_of(config) if not (insecure and found.check == SECURITY)]
-    at = places(path)
+    at = lines_of(path)
     if errors := of_grade(findings, Grade.FAIL):
         fail("\n".join(line(finding, path, at) for finding in errors), NOT_RIGHT)
     for finding in of_grade(findings, Grade.WARN):

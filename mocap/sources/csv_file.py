@@ -63,10 +63,10 @@ def read_recording(path: Path, body: str = "", unit_m: float = 1.0) -> Recording
         poses.append(pose)
     if not stamps:
         raise MocapFileError(path, None, "no poses in this file")
-    given_ns = np.array([stamp - stamps[0] for stamp in stamps], dtype=np.int64)
-    _check_unit(path, layout, given_ns)
+    recorded_ns = np.array([stamp - stamps[0] for stamp in stamps], dtype=np.int64)
+    _check_unit(path, layout, recorded_ns)
     table = np.array(poses)
-    t_ns = exposures_ns(given_ns)
+    t_ns = exposures_ns(recorded_ns)
     rises = np.append(True, t_ns[1:] > np.maximum.accumulate(t_ns)[:-1])
     pos_mocap_m = table[rises, :3] * (unit_m if layout.unit_m is None else layout.unit_m)
     return Recording(t_ns[rises] - t_ns[0], pos_mocap_m, frames.canonical(table[rises, 3:]))
@@ -86,18 +86,18 @@ def _parse(path: Path, line: int, fields: list[str], layout: Layout) -> tuple[in
     if len(fields) != len(layout.names):
         reason = f"{len(fields)} columns under a header of {len(layout.names)}"
         raise MocapFileError(path, line, f"{reason}: mend the row, and separate columns by ; beside decimal commas")
-    given = [fields[at] for at in layout.columns]
-    if not any(given[1:]):
+    wanted = [fields[at] for at in layout.columns]
+    if not any(wanted[1:]):
         return None
-    if not all(given):
+    if not all(wanted):
         at = next(at for at in layout.columns if not fields[at])
         raise MocapFileError(path, line, f"{_column(at, layout)} is empty; leave a pose out as a whole")
     pose = [_number(path, line, fields, at, layout) for at in layout.columns]
     norm = math.hypot(*pose[4:])
     if abs(norm - 1.0) > UNIT_WITHIN:
         raise MocapFileError(path, line, f"the quaternion's length is {norm:.3f}, not 1")
-    unit_ns = layout.stamp_ns if layout.stamp_ns is not None else 1e9 if "." in given[0] else 1
-    return round(Decimal(given[0]) * Decimal(unit_ns)), pose[1:]
+    unit_ns = layout.stamp_ns if layout.stamp_ns is not None else 1e9 if "." in wanted[0] else 1
+    return round(Decimal(wanted[0]) * Decimal(unit_ns)), pose[1:]
 
 
 def _number(path: Path, line: int, fields: list[str], at: int, layout: Layout) -> float:

@@ -60,7 +60,7 @@ def fields_of(text: str, delimiter: str | None) -> list[str]:
 
 
 def layout_of(path: Path, lines: Sequence[str], body: str) -> Layout:
-    """The layout of the file's lines; MocapFileError where it cannot be told. body: chosen where it holds several."""
+    """The layout of the file's lines; MocapFileError where it is not known. body: chosen where it holds several."""
     delimiter = _delimiter(lines)
     head = fields_of(lines[0], delimiter) if lines else []
     if head[:1] == [_MOTIVE]:
@@ -175,13 +175,13 @@ def _motive(path: Path, lines: Sequence[str], delimiter: str | None, body: str) 
     for column, (kind, name, part, axis) in enumerate(zip(rows["Type"], rows["Name"], parts, axes, strict=False)):
         if kind == "Rigid Body" and part in ("Rotation", "Position"):
             columns.setdefault(name, {})[part[0] + axis] = column
-    places = _chosen(path, at + 1, columns, body, "Motive's rigid bodies")
+    at_column = _chosen(path, at + 1, columns, body, "Motive's rigid bodies")
     wanted = ("PX", "PY", "PZ", "RW", "RX", "RY", "RZ")
-    if "Time (Seconds)" not in axes or not all(key in places for key in wanted):
+    if "Time (Seconds)" not in axes or not all(key in at_column for key in wanted):
         raise MocapFileError(path, at + 1, "Time, Rotation or Position is not among the columns: export all three")
     unit_m = _unit(path, 1, {setting.get("Length Units", "Meters").lower()}, _LENGTH_M)
     stamp = axes.index("Time (Seconds)")
-    return Layout(at + 1, delimiter, tuple(axes), (stamp, *(places[key] for key in wanted)), 1e9, unit_m)
+    return Layout(at + 1, delimiter, tuple(axes), (stamp, *(at_column[key] for key in wanted)), 1e9, unit_m)
 
 
 def _vicon(path: Path, lines: Sequence[str], delimiter: str | None, body: str) -> Layout:
@@ -199,13 +199,13 @@ def _vicon(path: Path, lines: Sequence[str], delimiter: str | None, body: str) -
         name = names[column].rpartition(":")[2] if column and column < len(names) and names[column] else name
         if name:
             columns.setdefault(name, {})[axis] = column
-    places = _chosen(path, 3, columns, body, "Vicon's objects")
+    at_column = _chosen(path, 3, columns, body, "Vicon's objects")
     wanted = ("TX", "TY", "TZ", "RW", "RX", "RY", "RZ")
-    if missing := [key for key in wanted if key not in places]:
+    if missing := [key for key in wanted if key not in at_column]:
         reason = f'"{name}" has no {", ".join(missing)}: export objects with rotations as quaternions (RX,RY,RZ,RW)'
         raise MocapFileError(path, 4, reason)
-    unit_m = _unit(path, 5, {units[places["TX"]].lower() if places["TX"] < len(units) else ""}, _LENGTH_M)
-    return Layout(5, delimiter, tuple(axes), (0, *(places[key] for key in wanted)), 1e9 / rate_hz, unit_m)
+    unit_m = _unit(path, 5, {units[at_column["TX"]].lower() if at_column["TX"] < len(units) else ""}, _LENGTH_M)
+    return Layout(5, delimiter, tuple(axes), (0, *(at_column[key] for key in wanted)), 1e9 / rate_hz, unit_m)
 
 
 def _chosen(path: Path, line: int, columns: dict[str, dict[str, int]], body: str, kind: str) -> dict[str, int]:

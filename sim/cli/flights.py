@@ -48,7 +48,7 @@ from wire.process.starved import StarvedError
 from wire.security.private_keys import keys_folder
 
 ABORTED, NOT_RIGHT, INTERRUPTED = 1, 2, 130
-ROOM_BYTES = 32 << 20
+LOG_BYTES = 32 << 20
 """Of a flight of two minutes: its log and report."""
 UNIT_WITHIN = 0.01
 
@@ -241,7 +241,7 @@ def _folder(out: Path | None, scenario: Scenario) -> Path:
     try:
         make_folder(folder)
         with TemporaryFile(dir=folder) as probe:
-            os.posix_fallocate(probe.fileno(), 0, ROOM_BYTES)
+            os.posix_fallocate(probe.fileno(), 0, LOG_BYTES)
     except OSError as error:
         fail(f"{folder}: no flight can be recorded here: {error.strerror}", NOT_RIGHT)
     return folder

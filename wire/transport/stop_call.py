@@ -43,26 +43,26 @@ def ask_to_stop(
         patience = Patience(ANSWER_S, ground_s=ANSWER_S) if wait_s is None else Patience.throughout(wait_s)
         return ask(endpoints, lab, name, request, patience, access)
 
-    def run(way: Callable[[], OperatorReply | None]) -> None:
+    def run(asked: Callable[[], OperatorReply | None]) -> None:
         outcome: OperatorReply | Exception | None = None
         try:
-            outcome = way()
+            outcome = asked()
         except (TimeoutError, BusError, ConfigError) as error:
             outcome = error
         finally:
             outcomes.put(outcome)
 
     failure: Exception = TimeoutError("neither by datagram nor over the bus")
-    ways, open_ways = [by_datagram, by_bus], 0
-    while ways or open_ways:
-        if ways:
-            Thread(target=run, args=(ways.pop(0),), name=CLOSING, daemon=True).start()
-            open_ways += 1
+    routes, unanswered = [by_datagram, by_bus], 0
+    while routes or unanswered:
+        if routes:
+            Thread(target=run, args=(routes.pop(0),), name=CLOSING, daemon=True).start()
+            unanswered += 1
         try:
-            outcome = outcomes.get(timeout=HEAD_START_S if ways else None)
+            outcome = outcomes.get(timeout=HEAD_START_S if routes else None)
         except Empty:
             continue
-        open_ways -= 1
+        unanswered -= 1
         if isinstance(outcome, OperatorReply):
             return outcome
         failure = outcome or failure

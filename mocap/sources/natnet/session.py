@@ -169,7 +169,7 @@ class NatNetSession:
     def _receive_models(self, theirs: Named) -> None:
         """The newest list; asked for again where the change that it was asked for is newer than the question.
 
-        Bodies that share an id cannot be told apart in a frame: they are left out.
+        Bodies that share an id are one in a frame: they are left out.
         """
         if self._stale_ns is not None and self._sent.get(MessageId.REQUEST_MODELS, 0) >= self._stale_ns:
             self._stale_ns = None

@@ -15,7 +15,7 @@ _TEXT = re.compile(r"\"{3}.*?(?:\"{3}|$)|'{3}.*?(?:'{3}|$)|\"(?:[^\"\\\n]|\\.)*\
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
+class Lines:
     """Lines by key as messages have it, `followers[0].offset_m`, and the followers' names by theirs."""
 
     lines: Mapping[str, int]
@@ -31,20 +31,20 @@ class Places:
         return f"{source}:{line or ''} {key}{f' ({body})' if body else ''}".rstrip()
 
 
-def places(path: Path) -> Places:
+def lines_of(path: Path) -> Lines:
     """Those of the file; none where it cannot be read any more."""
     try:
         text = read_text(path)
         values = tomllib.loads(text)
     except (OSError, ValueError):
-        return Places({}, {})
+        return Lines({}, {})
     lines: dict[str, int] = {}
     for key, line in _keys(text):
         lines.setdefault(key, line)
     followers = values.get("followers")
     named = enumerate(followers if isinstance(followers, list) else ())
     bodies = {f"followers[{i}]": str(each["body"]) for i, each in named if isinstance(each, dict) and "body" in each}
-    return Places(lines, bodies)
+    return Lines(lines, bodies)
 
 
 def _keys(text: str) -> Iterator[tuple[str, int]]:

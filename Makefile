@@ -15,6 +15,7 @@ fly: $(VENV)/.fly
 # tests of processes; and, giving way to both, all that only computes. Exit code 5: ARGS leave none of them.
 # Bytecode is kept, whatever the environment says: else each of some hundred processes compiles every module anew.
 define PYTEST
+	$(BIN)/gcs-sim compile
 	export PYTHONDONTWRITEBYTECODE=; \
 	$(BIN)/pytest -m 'flights and not nightly' $(ARGS) >$(VENV)/flights.log 2>&1 & flights=$$!; \
 	$(BIN)/pytest -n 2 --dist loadfile -m 'processes and not flights and not nightly' $(ARGS) \

@@ -16,9 +16,9 @@ settings.register_profile("searching", deadline=None, max_examples=400)
 settings.load_profile("repeatable")
 
 
-def pytest_sessionstart(session: pytest.Session) -> None:
-    """Fill the cache of compiled kernels; after the first run on a machine this loads in a second."""
-    if not session.config.option.collectonly:
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Load the compiled kernels where there are tests: neither in xdist's controller nor in a lane without any."""
+    if session.items and not session.config.option.collectonly:
         lockstep.warm_up_all()
 
 

@@ -80,7 +80,7 @@ class BridgeCore:
         self._setpoints = BridgeSetpoints(config.sysid, t0_ns, self._takeover.stream, self._without)
         self._table: AutopilotTable | None = None
         self._lacks_origin = False
-        self._received_ns = self._autopilot_ns = t0_ns
+        self._received_ns = t0_ns
         self._beat_ns = t0_ns
         signatures = tuple(row for row in SIGNATURES if MONITOR_OF[row.trigger] not in without)
         configured = profile(config.profile, config.profiles)
@@ -114,9 +114,7 @@ class BridgeCore:
 
     def receive_autopilot(self, data: bytes, now_ns: int) -> None:
         """Pass what the autopilot says on to the ground, reading what matters."""
-        if now_ns - self._autopilot_ns >= _BEAT_NS:
-            self._intercepted.clear()  # its own count shows the ground that it has restarted
-        self._now_ns = self._autopilot_ns = now_ns
+        self._now_ns = now_ns
         for frame in self._from_autopilot.cut(data):
             ended = self._intercepted.get(frame.source, 0)
             if self._intercept_from_autopilot(frame, now_ns):

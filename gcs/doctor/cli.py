@@ -133,7 +133,7 @@ async def _doctor(
 
 async def _write(survey: "Survey", lab_file: Path, findings: Sequence["Finding"], fixing: _Fixing) -> None:
     """Write what is agreed to; what was found stays found until the doctor is asked again."""
-    written = list[Fix]()
+    written: list[Fix] = []
     for finding in findings:
         name, fix, refit = finding.subject, finding.fix, finding.refit
         if fix is not None and fixing.agreed(f"{name}: write {fix.parameter} = {fix.value:g} (is {finding.found})?"):

@@ -110,6 +110,8 @@ class DroneLink:
         self._guard_text, self._guard_ns = "", NEVER_NS
         self._misaddressed = 0
         self.superseded = 0
+        self._back_ns: int | None = None
+        """When it was back after a silence in which it may have restarted."""
         self._asked_ns, self._forceless = NEVER_NS, False
         self._behind_s, self._behind_ns = math.nan, NEVER_NS
         self._clock_drift_warned_ns = NEVER_NS
@@ -184,11 +186,11 @@ class DroneLink:
 
     @property
     def booted_ns(self) -> int | None:
-        """When its autopilot booted, on our clock: by TIMESYNC, or as heard where that is later: its clock may be that
-        of the computer it runs on. None before the first answer."""
+        """When its autopilot booted, on our clock: by TIMESYNC, or when it was back after a silence: its clock may be
+        that of the computer it runs on, which shows no restart. None before the first answer."""
         by_clock_ns = None if self.clock.offset_ns is None else -self.clock.offset_ns
-        counted_ns = self.sequence.restarted_ns
-        return by_clock_ns if counted_ns is None else max(counted_ns, by_clock_ns or counted_ns)
+        heard_ns = self._back_ns
+        return by_clock_ns if heard_ns is None else max(heard_ns, by_clock_ns or heard_ns)
 
     @property
     def awaiting_restart(self) -> tuple[str, ...]:
@@ -352,7 +354,9 @@ class DroneLink:
         self.offboard = self._flight_mode is FlightMode.OFFBOARD
         if known is None or (known is self.model and silent_ns < RESTART_NS):
             return
-        if known is not self.model:
+        if known is self.model:
+            self._back_ns = now_ns
+        else:
             self.model, self.parameters = known, ParameterReader(self.target, known.table.autopilot)
             self.setpoint_ignore = int(known.setpoint_ignore(self.profile))
             self._update_hover_thrust()

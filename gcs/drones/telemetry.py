@@ -25,7 +25,6 @@ FORWARD = 128  # a step this long or longer is a step back: a packet overtaken o
 NEAR = 4  # a stream is recognised by a step this short
 CAME_MASK = (1 << NEAR + 1) - 1
 STREAM_TIMEOUT_NS = 500_000_000
-REBOOT_NS, REBOOT_SEQ = 1_000_000_000, 8  # silent for so long and counting from 0 again: it has restarted
 MEMORY_S = 1.0
 TURNS, TURNS_SHARE = 4.0, 0.15
 NEVER_NS = -(10**18)
@@ -95,8 +94,6 @@ class SequenceMonitor:
     _skipped: int = 0
     _stream: _Stream | None = None
     _other: _Stream | None = None
-    restarted_ns: int | None = None
-    """When it was heard to count from 0 again after a silence; None if it never was."""
     _turns: float = 0.0
     _packets: float = 0.0
     _noted_ns: int = 0
@@ -119,10 +116,6 @@ class SequenceMonitor:
         self._skipped += skipped
         if self._stream is None:
             self._stream, self._noted_ns = _Stream(seq, now_ns), now_ns
-            return
-        if now_ns - self._noted_ns >= REBOOT_NS and seq < REBOOT_SEQ:
-            self.restarted_ns, self._noted_ns = now_ns, now_ns
-            self._stream, self._other = _Stream(seq, now_ns), None
             return
         self._count(self._turn(self._stream, seq, now_ns), now_ns)
 

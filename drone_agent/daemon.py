@@ -112,7 +112,7 @@ async def run(configs: Sequence[AgentConfig], report: EventSink, clock: Clock = 
             tasks.append(asyncio.create_task(protection.attend(report)))
         if bus is not None:
             tasks += [
-                asyncio.create_task(report_missing(f"uav{pump.config.sysid}", awaited, report))
+                asyncio.create_task(report_missing(f"uav{pump.config.sysid}", awaited, report, bus.others))
                 for pump, awaited in zip(pumps, _awaited(pumps, bus), strict=True)
             ]
         await stop.wait()

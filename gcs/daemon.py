@@ -371,7 +371,9 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
             tasks.create_task(ground.publish_state(bus, name)),
             tasks.create_task(ground.watch_disk()),
             tasks.create_task(watch_record(lab_file, ground.receive_unmet, ground.booted_ns, ground.report, clock)),
-            tasks.create_task(report_missing("ground", awaited_by_ground(config, bus, ground), ground.report)),
+            tasks.create_task(
+                report_missing("ground", awaited_by_ground(config, bus, ground), ground.report, bus.others)
+            ),
             tasks.create_task(bus.protection.attend(ground.report)),
             tasks.create_task(_have_mocap(config, lab_file, mocap, ground.report, clock, name)),
         ]

@@ -166,7 +166,7 @@ async def run(
             bus_at(config.link.joined.zenoh_connect, lambda: bus.is_joined, GROUND_REMEDY),
             Awaited(f"frames of source {config.mocap.source!r}", lambda: mocap.has_frame, _remedy(config)),
         )
-        awaited_task = asyncio.create_task(report_missing(SOURCE, awaited, mocap.report))
+        awaited_task = asyncio.create_task(report_missing(SOURCE, awaited, mocap.report, bus.others))
         await _first_of(mocap.watch(linger_s), mocap.source.run(), stop.wait())
     finally:
         attending.cancel()

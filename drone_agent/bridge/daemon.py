@@ -96,7 +96,7 @@ async def run_bridge(config: AgentConfig, autopilot: str, report: EventSink, clo
             _awaited_autopilot(autopilot, config.sysid, core),
             awaited_pose(config, lambda: core.has_pose),
         )
-        missing = asyncio.create_task(report_missing(f"uav{config.sysid}", awaited, report))
+        missing = asyncio.create_task(report_missing(f"uav{config.sysid}", awaited, report, bus.others))
         attending = asyncio.create_task(protection.attend(report))
         await stop.wait()
     finally:

@@ -9,7 +9,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 from formation.identities import TOOL
-from formation.messages import RawFrame, Truth
+from formation.messages import Event, RawFrame, Severity, Truth
 from formation.safety.phases import AIRBORNE
 from sim.cameras.emulator import MocapEmulator
 from sim.cameras.servers.server import Server
@@ -53,11 +53,15 @@ async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> N
     else:
         bus = await ZenohBus.open_or_listen(link, scenario.lab.name, protection=protection)
     drones = Awaited("true poses of simulated drones", lambda: bool(truths), f"start one: {_DRONE}")
-    missing = asyncio.create_task(report_missing("mocap emulator", [drones], print_event))
+    missing = asyncio.create_task(report_missing("mocap emulator", [drones], print_event, bus.others))
     try:
         bus.on_truth(receive_truth)
         bus.on_state(gcs_name, receive_state)
         async with _outlet(scenario, bus, clock) as server:
+            bodies, mocap = ", ".join(v.body for v in scenario.lab.vehicles), scenario.lab.mocap
+            where = f"the bus of lab {bus.lab!r}" if isinstance(server, _OnTheBus) else f"{mocap.source}'s protocol"
+            text = f"publishing {bodies} at {scenario.mocap.rate_hz:g} Hz on {where}"
+            print_event(Event(Severity.INFO, "mocap emulator", text))
             serving = True
             while True:
                 await asyncio.sleep(0.0)  # also where the time has passed: the server's clients are to be heard

@@ -50,6 +50,7 @@ LARGEST_PAYLOAD = 1 << 18
 """Bytes of a payload that are read: a frame of a thousand bodies, a state of hundreds of drones, a quarter of it."""
 LARGEST_REQUEST, LONGEST_SOURCE = 1024, 64
 _ASK_AGAIN_S = 0.05
+_OTHERS_S, _OTHERS_MOST = 0.5, 8
 
 
 class ZenohBus:
@@ -134,7 +135,9 @@ class ZenohBus:
         return self._link(sysids, "down", "up", deliver)
 
     def drone_link(self, sysid: int, deliver: Deliver) -> ZenohLink:
-        """The drone's own end."""
+        """The drone's own end; without keys it is seen by processes of other labs, too (`others`)."""
+        if not self._certificate_name:
+            self.declare_token(f"uav/{sysid}")
         return self._link((sysid,), "up", "down", deliver)
 
     def _link(self, sysids: Iterable[int], out: str, into: str, deliver: Deliver) -> ZenohLink:
@@ -197,6 +200,18 @@ class ZenohBus:
     def declare_token(self, key: str) -> None:
         """Declare a liveliness token on the key, for as long as this process is on the bus."""
         self._tokens.append(self._session.liveliness().declare_token(f"{self.lab}/{key}"))
+
+    async def others(self) -> str:
+        """Who of other labs is on this bus, in words; the empty text where nobody is seen."""
+        get = self._session.liveliness().get
+        replies = await asyncio.to_thread(lambda: list(get("*/**", timeout=_OTHERS_S)))
+        keys = sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None})
+        labs: dict[str, list[str]] = {}
+        for key in keys:
+            lab, kind, *name = key.split("/")
+            if lab != self.lab:
+                labs.setdefault(lab, []).append(f"{kind} {name[0]}" if name else kind)
+        return "; ".join(f"lab {lab!r}: {', '.join(there[:_OTHERS_MOST])}" for lab, there in labs.items())
 
     def watch_tokens(self, key: str, receive: Callable[[zenoh.Sample], None]) -> Callable[[], None]:
         """Call back with the liveliness tokens that are there, appear and disappear; call the result to end it."""

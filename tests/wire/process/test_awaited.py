@@ -17,9 +17,15 @@ def test_says_what_is_missing_and_when_it_has_come(monkeypatch):
 
     monkeypatch.setattr("wire.process.awaited.asyncio.sleep", sleep)
     awaited = [Awaited(name, lambda name=name: there[name], f"start the {name}") for name in there]
-    asyncio.run(report_missing("uav2", awaited, told.append))
+
+    async def others() -> str:
+        return "lab 'hall': uav 2"
+
+    asyncio.run(report_missing("uav2", awaited, told.append, others))
+    there_text = "on the bus, but not of this lab: lab 'hall': uav 2. Is the lab's name right?"
     assert told == [
         Event(Severity.NOTICE, "uav2", "waiting for autopilot: start the autopilot"),
+        Event(Severity.NOTICE, "uav2", there_text),
         Event(Severity.INFO, "uav2", "no longer waiting for autopilot"),
     ]
 

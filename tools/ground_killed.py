@@ -3,7 +3,7 @@
     python -m tools.ground_killed --autopilot ardupilot --every 1
 
 The flight is flown once; each landing is a process forked off it. Prints one line of JSON; exit code 1 where a drone
-did not disarm, took longer than 5 s and its make's own disarm delay, or came down faster than 1.5 m/s.
+did not disarm, took longer than 5 s and its make's own disarm delay, or came down faster than 0.4 m/s.
 """
 
 import argparse
@@ -21,7 +21,7 @@ from formation.messages import Phase
 from sim.scenario import Scenario, TrueVehicle, load
 from sim.world import T0_NS, World
 
-WITHIN_S, IMPACT_M_S = 5.0, 1.5
+WITHIN_S, IMPACT_M_S = 5.0, 0.4
 TICK_NS = 10_000_000
 _PATIENCE_NS = 20_000_000_000
 

@@ -21,7 +21,7 @@ from wire.link_messages.setpoints import AttitudeSetpoint
 _TILT_ACC_MAX_M_S2 = 0.5
 _TILT_AVERAGED_S = 0.25
 _STOP_S = 0.4  # its place is where the present speed would come to rest
-_SINK_M_S, _TOUCH_M_S, _SINK_S = 0.7, 0.33, 0.8  # PX4's MPC_LAND_SPEED; near the floor its height in so many seconds
+_SINK_M_S, _TOUCH_M_S, _SINK_S = 0.7, 0.27, 0.8  # PX4's MPC_LAND_SPEED; near the floor its height in so many seconds
 _THRUST_LEAST = 0.85  # of what carries it, coming down: what stands in the air by a wrong pose must not fall
 _OPEN_LOOP_THRUST, _OPEN_LOOP_S, _OPEN_LOOP_FADE_1_S = 0.95, 3.0, 0.3  # 1.5 m in 2.5 s, down at 1.2 m/s
 _STILL_M = 0.05

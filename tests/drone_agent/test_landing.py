@@ -46,7 +46,7 @@ def test_the_ground_dies_at_any_time_and_all_is_down_within_five_seconds(autopil
     seconds, impact = down(harness, 12.0)
     assert not harness.autopilot.armed
     assert seconds - OWN_DELAY_S[autopilot] < 5.0
-    assert impact < 1.5
+    assert impact <= 0.4
 
 
 @pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])

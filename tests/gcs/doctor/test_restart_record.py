@@ -3,11 +3,13 @@
 import asyncio
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType, SimpleNamespace
+from typing import TYPE_CHECKING, cast
 
 import pytest
 
 from formation.messages import Event, UnmetParameter
-from gcs.doctor.cli import note_fixes
+from gcs.doctor.cli import _Fixing, _see_restarted, note_fixes
 from gcs.doctor.drone_checks import check_drone
 from gcs.doctor.restart_record import Unmet, note_unmet, read_record, record_path, watch_record
 from gcs.finding import Fix, Grade
@@ -15,6 +17,9 @@ from tests.gcs.doctor.test_drone import GOOD
 from tests.gcs.fakes import PX4_PARAMETERS
 from wire.clock import REAL_TIME, Clock
 from wire.errors import ConfigError
+
+if TYPE_CHECKING:
+    from gcs.doctor.survey import Survey
 
 
 def test_the_newest_date_of_each_parameter_is_kept(tmp_path: Path) -> None:
@@ -61,6 +66,35 @@ def test_what_the_doctor_writes_reaches_the_ground_on_its_clock_until_the_drone_
     assert [(one.sysid, one.parameter) for one in delivered] == [(2, "EKF2_HGT_REF")]
     assert before_ns - 1_000_000 <= delivered[0].t_ns <= after_ns + 1_000_000  # a date is kept to a microsecond
     assert "which restarts are missing is not known" in events[0].text
+
+
+class _Restarted:
+    """A survey of one drone that has restarted, and keeps one of two values."""
+
+    drones = MappingProxyType({2: SimpleNamespace(name="left")})
+
+    async def see_restarted(self, _sysids: set[int], _since_ns: int) -> None:
+        pass
+
+    def booted_ns(self, _sysid: int) -> int:
+        return REAL_TIME.monotonic_ns()
+
+    async def read(self, fix: Fix) -> float:
+        return 3.0 if fix.parameter == "EKF2_HGT_REF" else 0.1
+
+
+def test_the_doctor_reads_back_after_the_restart_what_it_wrote(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lab, fixes = tmp_path / "lab.toml", [Fix(2, "EKF2_HGT_REF", 3.0), Fix(2, "EKF2_EVP_NOISE", 0.01)]
+    note_fixes(lab, fixes[:1])
+    monkeypatch.setattr("gcs.doctor.cli.SETTLE_S", 0.0)
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True)
+    asyncio.run(_see_restarted(cast("Survey", _Restarted()), lab, fixes, _Fixing(wanted=True, unasked=False)))
+    assert capsys.readouterr().err.splitlines()[-2:] == [
+        "left: EKF2_HGT_REF kept", "left: EKF2_EVP_NOISE NOT kept: 0.1"
+    ]  # fmt: skip
+    assert read_record(lab) == ()
 
 
 def test_a_date_is_found_on_a_clock_that_is_slower() -> None:

@@ -43,6 +43,25 @@ def test_where_nothing_is_allowed_it_is_said(asked: list[tuple[object, ...]], mo
     assert asked == []
 
 
+@pytest.mark.parametrize(
+    ("level", "is_allowed", "report", "calls"),
+    [
+        (0, True, "nice -10", [("nice", os.PRIO_PROCESS, 0, -10)]),
+        (0, False, "ordinary, nice 0 (no higher is allowed)", []),
+        (5, True, "nice 5, as started", []),
+    ],
+)
+def test_a_daemon_takes_a_nice_level_and_no_real_time_where_it_was_given_none(
+    asked: list[tuple[object, ...]], monkeypatch: pytest.MonkeyPatch, level: int, is_allowed: bool, report: str,
+    calls: list[tuple[object, ...]],
+) -> None:  # fmt: skip
+    monkeypatch.setattr(os, "getpriority", lambda *_: level)
+    if not is_allowed:
+        monkeypatch.setattr(os, "setpriority", refused)
+    assert priority.prefer_process() == report
+    assert asked == calls
+
+
 TRUTH = """
 import json, os, threading
 from wire.process.priority import lower_priority, raise_priority

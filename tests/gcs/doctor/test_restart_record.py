@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, cast
 import pytest
 
 from formation.messages import Event, UnmetParameter
-from gcs.doctor.cli import _Fixing, _see_restarted, note_fixes
+from gcs.doctor.cli import _detect_restarts, _Fixing, note_fixes
 from gcs.doctor.drone_checks import check_drone
 from gcs.doctor.restart_record import Unmet, note_unmet, read_record, record_path, watch_record
 from gcs.finding import Fix, Grade
@@ -73,7 +73,7 @@ class _Restarted:
 
     drones = MappingProxyType({2: SimpleNamespace(name="left")})
 
-    async def see_restarted(self, _sysids: set[int], _since_ns: int) -> None:
+    async def detect_restarts(self, _sysids: set[int], _since_ns: int) -> None:
         pass
 
     def booted_ns(self, _sysid: int) -> int:
@@ -90,7 +90,7 @@ def test_the_doctor_reads_back_after_the_restart_what_it_wrote(
     note_fixes(lab, fixes[:1])
     monkeypatch.setattr("gcs.doctor.cli.SETTLE_S", 0.0)
     monkeypatch.setattr("sys.stdin.isatty", lambda: True)
-    asyncio.run(_see_restarted(cast("Survey", _Restarted()), lab, fixes, _Fixing(wanted=True, unasked=False)))
+    asyncio.run(_detect_restarts(cast("Survey", _Restarted()), lab, fixes, _Fixing(wanted=True, unasked=False)))
     assert capsys.readouterr().err.splitlines()[-2:] == [
         "left: EKF2_HGT_REF kept", "left: EKF2_EVP_NOISE NOT kept: 0.1"
     ]  # fmt: skip

@@ -189,8 +189,8 @@ class DroneLink:
         """When its autopilot booted, on our clock: by TIMESYNC, or when it was back after a silence: its clock may be
         that of the computer it runs on, which shows no restart. None before the first answer."""
         by_clock_ns = None if self.clock.offset_ns is None else -self.clock.offset_ns
-        heard_ns = self._back_ns
-        return by_clock_ns if heard_ns is None else max(heard_ns, by_clock_ns or heard_ns)
+        back_ns = self._back_ns
+        return by_clock_ns if back_ns is None else max(back_ns, by_clock_ns or back_ns)
 
     @property
     def awaiting_restart(self) -> tuple[str, ...]:

@@ -1,7 +1,8 @@
-"""A hand-made flight with known answers: a leader on a circle, two followers, chosen errors. No files."""
+"""A hand-made flight with known answers: a leader on a circle, two followers, chosen errors."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from formation.messages import (
     Verb,
 )
 from formation.topics import Topic
+from wire.logs.mcap_log import LogWriter
 
 T0_NS = 5_000_000_000_000
 RATE_HZ = 50.0
@@ -79,6 +81,14 @@ class Recipe:
 
 def t_ns(t_s: float) -> int:
     return T0_NS + round(t_s * 1e9)
+
+
+def written(path: Path, recipe: Recipe, metadata: Mapping[str, str] = METADATA, more: Iterable[Record] = ()) -> Path:
+    """The flight and more records as a log."""
+    with LogWriter(path, dict(metadata), threaded=False) as log:
+        for record in sorted([*records(recipe), *more], key=lambda record: record.t_ns):
+            log.write(record.topic, record.message, record.t_ns)
+    return path
 
 
 def phase_at(recipe: Recipe, t_s: float) -> Phase:

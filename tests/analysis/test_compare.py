@@ -9,16 +9,12 @@ import pytest
 from typer.testing import CliRunner
 
 from analysis.cli import app
-from tests.analysis.synthetic_flight import LAB, METADATA, Recipe, records
-from wire.logs.mcap_log import LogWriter
+from tests.analysis.synthetic_flight import LAB, METADATA, Recipe, written
 
 
-def written(path: Path, error_mm: float, metadata: dict[str, str]) -> Path:
-    recipe = Recipe(error_lead=lambda t_s: np.array([[1e-3 * error_mm, 0.0, 0.0], [0.0, -1e-3 * error_mm, 0.0]]))
-    with LogWriter(path, metadata, threaded=False) as log:
-        for record in sorted(records(recipe), key=lambda r: r.t_ns):
-            log.write(record.topic, record.message, record.t_ns)
-    return path
+def flown(path: Path, error_mm: float, metadata: dict[str, str]) -> Path:
+    error = 1e-3 * error_mm * np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    return written(path, Recipe(error_lead=lambda _: error), metadata)
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +23,7 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     slower = LAB.model_copy(update={"limits": LAB.limits.model_copy(update={"speed_m_s": 0.75})})
     told = {**METADATA, "lab": slower.model_dump_json(), "gains": json.dumps({"paper_40g": {"c": 5.0}})}
     before = {**METADATA, "gains": json.dumps({"paper_40g": {"c": 4.0}})}
-    return written(folder / "before.mcap", 2.0, before), written(folder / "after.mcap", 3.0, told)
+    return flown(folder / "before.mcap", 2.0, before), flown(folder / "after.mcap", 3.0, told)
 
 
 def test_numbers_differences_and_configuration_as_json(two: tuple[Path, Path]) -> None:
@@ -43,12 +39,15 @@ def test_numbers_differences_and_configuration_as_json(two: tuple[Path, Path]) -
     }  # fmt: skip
 
 
-def test_the_page_is_self_contained_and_lays_both_over_each_other(two: tuple[Path, Path], tmp_path: Path) -> None:
-    page = tmp_path / "page.html"
-    done = CliRunner().invoke(app, ["compare", *map(str, two), "--out", str(page)])
+def test_the_page_beside_the_first_log_is_self_contained_and_lays_both_over_each_other(
+    two: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, ["compare", *map(str, two)])
     assert done.exit_code == 0, done.output
     assert "formation_rms_m" in done.output
-    text = page.read_text()
+    assert not list(tmp_path.iterdir())
+    text = two[0].with_name("compared.html").read_text()
     assert re.findall(r'<section id="(\w+)"', text) == ["numbers", "error", "leader", "paths", "setup"]
     assert not re.search(r'(src|href)="(?!#|data:)', text)
     assert "Not shown" not in text
@@ -56,19 +55,3 @@ def test_the_page_is_self_contained_and_lays_both_over_each_other(two: tuple[Pat
     assert "after.mcap, RMS 3 mm" in text
     assert "+50.0" in text
     assert "lab.limits.speed_m_s" in text
-
-
-def test_what_is_no_log_is_refused(two: tuple[Path, Path], tmp_path: Path) -> None:
-    refused = CliRunner().invoke(app, ["compare", str(two[0]), str(tmp_path / "absent.mcap")])
-    assert refused.exit_code == 2
-    assert refused.stderr.startswith("gcs-log: ")
-
-
-def test_the_page_is_written_beside_the_first_log(
-    two: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(app, ["compare", *map(str, two)])
-    assert done.exit_code == 0, done.output
-    assert two[0].with_name("compared.html").exists()
-    assert not list(tmp_path.iterdir())

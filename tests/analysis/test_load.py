@@ -1,6 +1,6 @@
 """The log as columns: order, axes, phases."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,18 +9,11 @@ from analysis.load import from_records, load_checked
 from analysis.metrics import summarise
 from formation import topics
 from formation.messages import AttitudeTarget, Phase
-from tests.analysis.synthetic_flight import METADATA, PHASES, T0_NS, Recipe, Record, records
-from wire.logs.mcap_log import LogWriter
+from tests.analysis.synthetic_flight import METADATA, PHASES, T0_NS, Recipe, Record, records, written
 
 
 def short(recipe: Recipe) -> list[Record]:
     return [r for r in records(recipe) if r.t_ns < T0_NS + 10_000_000_000]
-
-
-def test_the_vehicles_are_the_configurations():
-    flight = from_records(METADATA, short(Recipe()))
-    assert [v.body for v in flight.vehicles] == ["lead", "left", "right"]
-    assert [v.column for v in flight.vehicles] == [0, 1, 2]
 
 
 def test_frames_that_no_mocap_process_of_ours_sends_are_left_out():
@@ -41,8 +34,10 @@ def test_phases_are_stretches_that_end_where_the_next_begins():
     assert flight.spans(Phase.LAND)[0].cause == "operator"
 
 
-def test_receipt_and_capture_are_told_apart():
-    poses = from_records(METADATA, short(Recipe())).poses
+def test_the_vehicles_are_the_configurations_and_receipt_is_told_from_capture():
+    flight = from_records(METADATA, short(Recipe()))
+    assert [(v.body, v.column) for v in flight.vehicles] == [("lead", 0), ("left", 1), ("right", 2)]
+    poses = flight.poses
     np.testing.assert_allclose(poses.received_s - poses.t_s, 0.004, atol=1e-9)
 
 
@@ -53,28 +48,15 @@ def test_without_a_configuration_the_bodies_name_the_vehicles():
     assert summarise(flight).formation_rms_m is not None
 
 
-@dataclass(frozen=True)
-class Odd:
-    """A record whose message is not of its topic's type."""
-
-    topic = topics.MOCAP
-    t_ns = T0_NS
-    message = "not a frame"
-
-
 def test_a_message_of_the_wrong_type_is_left_out():
-    assert len(from_records(METADATA, [Odd()]).poses) == 0
+    assert len(from_records(METADATA, [Record(topics.MOCAP, T0_NS, "not a frame")]).poses) == 0
 
 
 def test_one_stamp_of_another_year_is_left_out_and_counted(tmp_path):
     """The report made a list of windows to the last target's stamp: 15 GiB."""
-    path = tmp_path / "flight.mcap"
-    with LogWriter(path, METADATA, threaded=False) as log:
-        for record in sorted(records(Recipe()), key=lambda record: record.t_ns):
-            log.write(record.topic, record.message, record.t_ns)
-            if isinstance(record.message, AttitudeTarget):
-                last = record
-        log.write(last.topic, replace(last.message, t_ns=T0_NS + 3 * 10**18), last.t_ns)
+    last = [record for record in records(Recipe()) if isinstance(record.message, AttitudeTarget)][-1]
+    odd = replace(last, message=replace(last.message, t_ns=T0_NS + 3 * 10**18))
+    path = written(tmp_path / "flight.mcap", Recipe(), more=[odd])
     flight, found = load_checked(path)
     assert flight.target.t_s[-1] < 60.0
     assert "outside the log's own time, left out: 1" in found.damage

@@ -47,19 +47,3 @@ def test_each_figure_names_every_controller(draw):
 @pytest.mark.parametrize("draw", [paper.gust, paper.formation, paper.deviations])
 def test_a_comparison_without_flights_says_so(draw):
     assert isinstance(draw({}), Missing)
-
-
-def test_the_gust_is_at_time_zero():
-    with style.styled():
-        drawn = paper.gust(TRACES)
-    assert isinstance(drawn, Figure)
-    true = drawn.axes[-1].lines[2]
-    t_s, push = np.asarray(true.get_xdata()), np.asarray(true.get_ydata())
-    assert abs(t_s[np.argmin(push)]) < 0.25
-
-
-def test_the_grey_line_is_where_the_follower_should_be():
-    with style.styled():
-        drawn = paper.formation({"cfc": TRACES["smc"]})
-    assert isinstance(drawn, Figure)
-    np.testing.assert_allclose(np.asarray(drawn.axes[0].lines[0].get_ydata()), -0.4, atol=1e-12)

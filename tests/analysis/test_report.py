@@ -16,22 +16,24 @@ from analysis import report as report_page
 from analysis.check import check
 from analysis.cli import app
 from analysis.console import print_summary
-from analysis.load import from_records, load
+from analysis.load import Flight, from_records, load
 from analysis.metrics import summarise
 from analysis.pages.compare import _flown_with
+from analysis.pages.downloads import downloads
 from analysis.pages.events import folded
 from analysis.pages.setup import setup
 from analysis.picture import picture
 from analysis.plots import drawings
+from analysis.plots.slots import leader_error
 from analysis.plots.style import Missing
 from analysis.rejections import rejections
 from analysis.report import html, report
-from analysis.tracking import track
+from analysis.tracking import track, track_leader
 from formation import topics
 from formation.messages import Datagram, Event, LabFrame, OperatorRequest, Phase, PhaseChange, Severity, Verb
 from formation.rejection import Rejection
 from formation.topics import Topic
-from tests.analysis.synthetic_flight import LAB, METADATA, T0_NS, Recipe, Record, records
+from tests.analysis.synthetic_flight import LAB, METADATA, T0_NS, Recipe, Record, records, written
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
 from wire.link_messages.status import NamedValue
@@ -44,18 +46,15 @@ SECTIONS = [
     "timeline", "paths", "error", "leader", "clouds", "positions", "sliding", "output", "attitude", "timing", "link",
     "setup", "metrics",
 ]  # fmt: skip
-DRAWN_FROM = (
-    topics.MOCAP, topics.REFERENCE, topics.COMMAND, topics.TARGET, topics.TIMING, topics.PHASE, topics.EVENT,
-    topics.REQUEST, topics.LINK_UP,
-)  # fmt: skip
-LACKING = {
-    "mocap/frame": {"paths", "error", "leader", "clouds", "positions", "attitude"},
-    "control/reference": {"error", "leader", "clouds", "positions"},
-    "control/command": {"sliding", "output"},
-    "control/target": {"attitude"},
-    "timing/loop": {"timing"},
-    "link/up": {"link"},
-}
+LACKING = (
+    ((topics.MOCAP,), {"paths", "error", "leader", "clouds", "positions", "attitude"}),
+    ((topics.REFERENCE,), {"error", "leader", "clouds", "positions"}),
+    (
+        (topics.COMMAND, topics.TARGET, topics.TIMING, topics.LINK_UP, topics.EVENT, topics.REQUEST),
+        {"sliding", "output", "attitude", "timing", "link"},
+    ),
+    ((topics.PHASE,), set()),
+)
 
 
 def shake(t_s: float):
@@ -65,12 +64,9 @@ def shake(t_s: float):
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("log") / "flight.mcap"
-    with LogWriter(path, METADATA, threaded=False) as writer:
-        for record in sorted(records(Recipe(error_lead=shake)), key=lambda r: r.t_ns):
-            writer.write(record.topic, record.message, record.t_ns)
-        for k in range(10):
-            writer.write(topics.LINK_DOWN, setpoint(k), T0_NS + 20_000_000_000)
-            writer.write(topics.LINK_UP, age(10.0 + k), T0_NS + 20_000_000_000)
+    down = [Record(topics.LINK_DOWN, T0_NS + 20_000_000_000, setpoint(k)) for k in range(10)]
+    up = [Record(topics.LINK_UP, T0_NS + 20_000_000_000, age(10.0 + k)) for k in range(10)]
+    written(path, Recipe(error_lead=shake), METADATA, [*down, *up])
     return path
 
 
@@ -103,36 +99,60 @@ def page(reported: Path) -> str:
     return reported.read_text(encoding="utf-8")
 
 
+def rejected(record: Record) -> Record:
+    """The record, or the frame with the poses that were not believed: of `left` twice, of `right` once."""
+    frame, t_s = record.message, (record.t_ns - T0_NS) * 1e-9
+    if not isinstance(frame, LabFrame):
+        return record
+    codes = np.zeros(len(frame.bodies), np.uint8)
+    if 7.0 <= t_s < 7.5 or 9.0 <= t_s < 9.1:
+        codes[frame.bodies.index("left")] = Rejection.JUMP
+    if 8.0 <= t_s < 8.2:
+        codes[frame.bodies.index("right")] = 250
+    return replace(record, message=replace(frame, rejected=codes, seen=codes == 0))
+
+
+def told(t_s: float, text: str, severity: Severity = Severity.WARNING) -> Record:
+    return Record(topics.EVENT, T0_NS + round(t_s * 1e9), Event(severity, "left", text))
+
+
+@pytest.fixture(scope="module")
+def eventful() -> Flight:
+    """A leader that wanders, poses that are not believed, one warning again and again; flown with known gains."""
+    flown_with = {
+        "date": "2026-09-21T14:13:20Z", "machine": "bench, Linux", "lab_file": "labs/bench.toml",
+        "gains": json.dumps({"paper_40g": {"follower": {"c": 4.0625}}}), "profiles": "no JSON",
+    }  # fmt: skip
+    recipe = Recipe(error_lead=shake, leader_error=lambda t_s: np.array([0.2 * np.sin(t_s), 0.0, 0.0]))
+    stale = [told(20.95 + 0.52 * k / 22.0, f"setpoints stale: {k} ms") for k in range(23)]
+    other = [told(21.0, "setpoints stale: 0 ms", Severity.ERROR), told(60.0, "setpoints stale: 7 ms")]
+    every = [*map(rejected, records(recipe)), told(0.0, "first", Severity.INFO), *stale, *other]
+    return from_records({**METADATA, **flown_with}, sorted(every, key=lambda record: record.t_ns))
+
+
+@pytest.fixture(scope="module")
+def eventful_page(eventful: Flight) -> str:
+    return html(eventful, summarise(eventful))
+
+
 def test_a_log_read_back_gives_the_numbers_of_its_records(log: Path):
     direct = summarise(from_records(METADATA, records(Recipe(error_lead=shake))))
     read = summarise(load(log))
     # To 0.1 micrometres, the single precision of a log's places.
     assert read.formation_rms_m == pytest.approx(direct.formation_rms_m, abs=1e-7)
     assert read.vibration_m == pytest.approx(direct.vibration_m, abs=1e-7)
-
-
-def test_age_comes_from_the_drones_own_words(log: Path):
-    read = summarise(load(log)).age_ms
-    assert read is not None
-    assert read.p50 == pytest.approx(14.5)
+    assert read.age_ms is not None
+    assert read.age_ms.p50 == pytest.approx(14.5)  # as the drone itself says
 
 
 def test_the_command_hash_is_of_the_commands_alone():
     def summary(commands: list[Datagram], others: list[Datagram]):
-        said = [(topics.LINK_DOWN, d) for d in commands + others]
-        return summarise(from_records({}, [Said(topic, k, d) for k, (topic, d) in enumerate(said)]))
+        return summarise(from_records({}, [Record(topics.LINK_DOWN, k, d) for k, d in enumerate(commands + others)]))
 
     a, b = setpoint(1), setpoint(2)
     assert summary([a, b], []).command_hash == summary([a, b], [age(3.0)]).command_hash
     assert summary([a, b], []).command_hash != summary([b, a], []).command_hash
     assert summary([a], []).command_hash != summary([a, a], []).command_hash
-
-
-class Said:
-    """A record of a datagram."""
-
-    def __init__(self, topic: Topic, t_ns: int, message: Datagram) -> None:
-        self.topic, self.t_ns, self.message = topic, t_ns, message
 
 
 def test_the_report_is_one_light_page_that_fetches_nothing(log: Path, reported: Path, page: str):
@@ -145,60 +165,47 @@ def test_the_report_is_one_light_page_that_fetches_nothing(log: Path, reported: 
         assert words in page
 
 
-def test_a_leader_that_wanders_under_a_tight_formation_is_shown_said_and_pointed_to():
-    recipe = Recipe(error_lead=shake, leader_error=lambda t_s: np.array([0.2 * np.sin(t_s), 0.0, 0.0]))
-    flight = from_records(METADATA, records(recipe))
-    summary = summarise(flight)
-    page = html(flight, summary)
-    assert "leader tracking error, RMS" in page
-    assert "itself tracked its reference to" in page
-    assert re.search(r"lead is 1\d\d\smm RMS off its own reference", page)
+def test_a_leader_that_wanders_under_a_tight_formation_is_shown_said_and_pointed_to(
+    eventful: Flight, eventful_page: str
+):
+    assert "leader tracking error, RMS" in eventful_page
+    assert "itself tracked its reference to" in eventful_page
+    assert re.search(r"lead is 1\d\d\smm RMS off its own reference", eventful_page)
     console = Console(width=200, record=True, file=io.StringIO())
-    print_summary(summary, console)
+    print_summary(summarise(eventful), console)
     assert re.search(r"leader tracking error +1\d\d mm RMS, 200 mm largest", console.export_text())
 
 
 def test_an_observed_leader_is_said_to_have_no_reference():
     lab = LAB.model_copy(update={"leader": LAB.leader.model_copy(update={"sysid": None})})
     flight = from_records({**METADATA, "lab": lab.model_dump_json()}, records(Recipe(error_lead=shake)))
-    page = html(flight, summarise(flight))
-    assert "the leader is only observed, so it has no reference" in page
+    drawn = leader_error(flight, track_leader(flight))
+    assert isinstance(drawn, Missing)
+    assert "the leader is only observed, so it has no reference" in str(drawn)
 
 
-@pytest.mark.parametrize("missing", DRAWN_FROM, ids=lambda topic: topic.name)
-def test_a_flight_without_any_one_topic_is_still_drawn(missing: Topic):
-    kept = [r for r in records(Recipe(error_lead=shake)) if r.topic is not missing and r.t_ns < T0_NS + 9_000_000_000]
-    said = [Said(topics.LINK_UP, T0_NS + 8_000_000_000, age(10.0))] if missing is not topics.LINK_UP else []
-    flight = from_records(METADATA, [*kept, *said])
+@pytest.mark.parametrize(("missing", "lacking"), LACKING)
+def test_a_flight_without_some_topics_is_still_drawn(missing: tuple[Topic, ...], lacking: set[str]):
+    kept = [r for r in records(Recipe(error_lead=shake)) if r.topic not in missing and r.t_ns < T0_NS + 9_000_000_000]
+    up = [] if topics.LINK_UP in missing else [Record(topics.LINK_UP, T0_NS + 8_000_000_000, age(10.0))]
+    flight = from_records(METADATA, [*kept, *up])
     drawn = drawings(flight, track(flight))
     assert set(drawn) == set(SECTIONS) - {"metrics", "setup"}
-    lacking = {section for section, pictures in drawn.items() for p in pictures if isinstance(p, Missing)}
-    assert lacking == LACKING.get(missing.name, set())
+    assert {name for name, pictures in drawn.items() for p in pictures if isinstance(p, Missing)} == lacking
 
 
-def test_poses_that_were_not_believed_are_listed_by_body_and_reason_with_their_times(page: str):
-    def rejected(record: Record) -> Record:
-        frame, t_s = record.message, (record.t_ns - T0_NS) * 1e-9
-        if not isinstance(frame, LabFrame):
-            return record
-        codes = np.zeros(len(frame.bodies), np.uint8)
-        if 7.0 <= t_s < 7.5 or 9.0 <= t_s < 9.1:
-            codes[frame.bodies.index("left")] = Rejection.JUMP
-        if 8.0 <= t_s < 8.2:
-            codes[frame.bodies.index("right")] = 250
-        return replace(record, message=replace(frame, rejected=codes, seen=codes == 0))
-
-    flight = from_records(METADATA, map(rejected, records(Recipe(error_lead=shake))))
-    jumped, unknown = rejections(flight)
+def test_poses_that_were_not_believed_are_listed_by_body_and_reason_with_their_times(
+    eventful: Flight, eventful_page: str, page: str, log: Path
+):
+    jumped, unknown = rejections(eventful)
     assert (jumped.body, jumped.reason, jumped.stretches) == ("left", "jumped farther than it can move", 2)
     assert (jumped.frames, unknown.frames) == (30, 10)
     assert jumped.first_s == pytest.approx(7.0, abs=0.05)
     assert jumped.last_s == pytest.approx(9.1, abs=0.05)
     assert (unknown.body, unknown.reason) == ("right", "reason 250, of a later version")
-    assert "jumped farther than it can move" in html(flight, summarise(flight))
-    untouched = from_records(METADATA, records(Recipe(error_lead=shake)))
-    assert rejections(untouched) == ()
-    assert "not believed" not in page  # of the same flight
+    assert "jumped farther than it can move" in eventful_page
+    assert rejections(load(log)) == ()
+    assert "not believed" not in page
 
 
 def test_a_log_of_nothing_makes_a_page_that_says_what_is_missing():
@@ -207,42 +214,22 @@ def test_a_log_of_nothing_makes_a_page_that_says_what_is_missing():
     assert text.count("Not shown") >= 8
 
 
-def test_what_is_told_again_and_again_is_one_line():
-    def told(t_s: float, text: str, severity: Severity = Severity.WARNING) -> Record:
-        return Record(topics.EVENT, T0_NS + round(t_s * 1e9), Event(severity, "left", text))
-
-    stale = [told(20.95 + 0.52 * k / 22.0, f"setpoints stale: {k} ms") for k in range(23)]
-    other = [told(21.0, "setpoints stale: 0 ms", Severity.ERROR), told(60.0, "setpoints stale: 7 ms")]
-    flight = from_records(
-        METADATA, [told(0.0, "first", Severity.INFO), *sorted([*stale, *other], key=lambda r: r.t_ns)]
-    )
-    lines = [(line.time, line.text) for line in folded(flight.events, Severity.NOTICE)]
-    assert lines == [
+def test_what_is_told_again_and_again_is_one_line(eventful: Flight, eventful_page: str):
+    lines = [(line.time, line.text) for line in folded(eventful.events, Severity.NOTICE)]
+    assert lines[-3:] == [
         ("20.95-21.47 s", "23 x setpoints stale: 0 ms"),
         ("21.00 s", "setpoints stale: 0 ms"),
         ("60.00 s", "setpoints stale: 7 ms"),
     ]
-    page = html(flight, summarise(flight))
-    assert "23 x setpoints stale" in page
-    assert "All 26 events" in page
+    assert "23 x setpoints stale" in eventful_page
+    assert "All 28 events" in eventful_page
 
 
-def test_the_report_says_what_it_was_flown_with(log: Path):
-    told = {
-        "date": "2026-09-21T14:13:20Z", "machine": "bench, Linux", "lab_file": "labs/bench.toml",
-        "gains": json.dumps({"paper_40g": {"follower": {"c": 4.0625}}}), "profiles": "no JSON",
-    }  # fmt: skip
-    flight = from_records({**METADATA, **told}, records(Recipe()))
-    page = html(flight, summarise(flight))
-    for words in (
-        "2026-09-21 14:13:20 UTC",
-        "bench, Linux",
-        "labs/bench.toml",
-        "Gains and observers: paper_40g",
-        "4.0625",
-    ):
-        assert words in page
-    assert "follower.c" in page
+def test_the_report_says_what_it_was_flown_with(eventful_page: str):
+    for words in ("2026-09-21 14:13:20 UTC", "bench, Linux", "labs/bench.toml", "Gains and observers: paper_40g"):
+        assert words in eventful_page
+    assert "follower.c" in eventful_page
+    assert "4.0625" in eventful_page
 
 
 def test_gains_nested_without_end_are_left_out(log: Path):
@@ -260,7 +247,9 @@ def test_every_picture_says_in_words_what_it_shows(page: str):
     assert any("Formation error: length, mm" in words and "left" in words for words in spoken)
 
 
-def test_check_counts_what_is_left(log: Path, cut: Path):
+def test_check_counts_what_is_left_and_tells_damage_by_its_exit_code(log: Path, cut: Path):
+    assert CliRunner().invoke(app, ["check", str(log)]).exit_code == 0
+    assert json.loads(CliRunner().invoke(app, ["check", str(cut), "--json"]).output)["complete"] is False
     whole, half = check(log), check(cut)
     assert (whole.complete, whole.damage) == (True, "")
     assert whole.entries["mocap/frame"] == 1000
@@ -270,19 +259,12 @@ def test_check_counts_what_is_left(log: Path, cut: Path):
     assert 0.0 < half.duration_s < whole.duration_s
 
 
-def test_the_picture_is_a_png(log: Path, tmp_path: Path):
-    assert picture(log, tmp_path / "flight.png", dpi=60).read_bytes().startswith(b"\x89PNG")
-
-
-def test_a_truncated_log_is_reported_and_says_so(cut: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_truncated_log_is_reported_and_says_so(cut: Path, tmp_path: Path):
     page = tmp_path / "r.html"
-    with monkeypatch.context() as undrawn:
-        undrawn.setattr(report_page, "html", lambda *_: "page")
-        done = CliRunner().invoke(app, ["report", str(cut), "--out", str(page), "--json"])
+    done = CliRunner().invoke(app, ["report", str(cut), "--out", str(page)])
     assert done.exit_code == 1, done.output
-    assert json.loads(done.stdout)["report"] == str(page)
-    again = CliRunner().invoke(app, ["report", str(cut), "--out", str(page)])
-    assert "formation error" in again.output
+    assert "formation error" in done.output
+    assert f"open it in a browser: file://{page}" in done.stderr
     assert "The log is damaged" in page.read_text(encoding="utf-8")
 
 
@@ -298,15 +280,10 @@ def test_a_log_is_read_once(command: str, cut: Path, tmp_path: Path, monkeypatch
     monkeypatch.setattr(mcap_read, "_entries", entries)
     monkeypatch.setattr(report_page, "html", lambda *_: "page")
     out = ["--out", str(tmp_path / "r.html")] if command == "report" else []
-    assert CliRunner().invoke(app, [command, str(cut), *out]).exit_code == 1
+    done = CliRunner().invoke(app, [command, str(cut), *out, "--json"])
+    assert done.exit_code == 1
     assert opened == [cut]
-
-
-def test_check_tells_a_damaged_log_by_its_exit_code(log: Path, cut: Path):
-    assert CliRunner().invoke(app, ["check", str(log)]).exit_code == 0
-    damaged = CliRunner().invoke(app, ["check", str(cut), "--json"])
-    assert damaged.exit_code == 1
-    assert json.loads(damaged.output)["complete"] is False
+    assert json.loads(done.stdout).get("report", False) == (out[1] if out else False)
 
 
 @pytest.mark.parametrize("command", ["report", "check", "picture", "audit", "identify", "compare", "export --csv"])
@@ -328,14 +305,13 @@ def test_words_of_drones_and_people_are_shown_not_read(tmp_path: Path):
     """Neither as rich's markup, nor as HTML, nor as mathematics in a picture."""
     path = tmp_path / "flight.mcap"
     names = {"scenario": f"{WORDS[0]} {WORDS[1]}", "link": f"{WORDS[2]} {WORDS[3]}"}
-    with LogWriter(path, {**METADATA, **names}, threaded=False) as writer:
-        for record in sorted(records(Recipe()), key=lambda r: r.t_ns):
-            writer.write(record.topic, record.message, record.t_ns)
-        for k, words in enumerate(WORDS):
-            said_ns = T0_NS + (5 + k) * 1_000_000_000
-            writer.write(topics.EVENT, Event(Severity.ERROR, "left", words), said_ns)
-            writer.write(topics.REQUEST, OperatorRequest(1, Verb.SHAPE, words), said_ns)
-            writer.write(topics.PHASE, PhaseChange(Phase.LAND, words), said_ns + 25_000_000_000)
+    said = []
+    for k, words in enumerate(WORDS):
+        said_ns = T0_NS + (5 + k) * 1_000_000_000
+        said.append(Record(topics.EVENT, said_ns, Event(Severity.ERROR, "left", words)))
+        said.append(Record(topics.REQUEST, said_ns, OperatorRequest(1, Verb.SHAPE, words)))
+        said.append(Record(topics.PHASE, said_ns + 25_000_000_000, PhaseChange(Phase.LAND, words)))
+    written(path, Recipe(), {**METADATA, **names}, said)
     run = CliRunner().invoke(app, ["report", str(path)])
     assert run.exit_code == 1  # the flight was cut short
     page = (tmp_path / "report.html").read_text()
@@ -351,20 +327,12 @@ def test_the_report_links_to_its_data_and_tells_mean_altitudes(log: Path, page: 
     assert f'<a href="{log.stem}-csv">CSV</a> after <code>gcs-log export {log.name} --csv</code>' in page
     assert f'<a href="{log.stem}-parquet">Parquet</a>' in page
     assert "mean altitude, m" in page
-    flight = load(log)
-    away = html(flight, summarise(flight, mcap=log, report=tmp_path / "elsewhere" / "report.html"))
-    assert f'{log.parent.name}/{log.name}">' in away
+    assert f'{log.parent.name}/{log.name}">' in downloads(str(log), str(tmp_path / "elsewhere" / "report.html"))
 
 
 def test_the_picture_is_written_beside_the_log(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(app, ["picture", str(log)])
     assert done.exit_code == 0, done.output
-    assert log.with_suffix(".png").exists()
+    assert log.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
     assert not list(tmp_path.iterdir())
-
-
-def test_the_path_of_a_report_comes_with_how_to_open_it(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(report_page, "html", lambda *_: "page")
-    done = CliRunner().invoke(app, ["report", str(log), "--out", str(tmp_path / "page.html")])
-    assert f"open it in a browser: file://{tmp_path}/page.html" in done.stderr

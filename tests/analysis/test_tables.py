@@ -106,18 +106,16 @@ def test_parquet_holds_what_csv_holds(path: Path) -> None:
             np.testing.assert_array_equal(np.array(read[name], column.dtype), column, err_msg=name)
 
 
-def test_a_kind_of_file_must_be_said(path: Path) -> None:
-    for flags in ([], ["--csv", "--parquet"]):
+def test_what_cannot_be_exported_says_what_to_do(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
+    for flags, words in (
+        ([], "--csv or --parquet"),
+        (["--csv", "--parquet"], "--csv or --parquet"),
+        (["--parquet"], "mavlink-formation[parquet]"),
+    ):
         result = CliRunner().invoke(app, ["export", str(path), *flags])
         assert result.exit_code == 2
-        assert "--csv or --parquet" in result.output
-
-
-def test_without_pyarrow_it_says_what_to_install(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
-    result = CliRunner().invoke(app, ["export", str(path), "--parquet"])
-    assert result.exit_code == 2
-    assert "mavlink-formation[parquet]" in result.output
+        assert words in result.output
 
 
 def test_battery_is_a_table_of_its_own(path: Path) -> None:
@@ -152,12 +150,3 @@ def test_the_example_notebook_takes_the_error_and_not_its_rate() -> None:
     (pattern,) = re.findall(r'filter\(regex=\\"(.*?)\\"\)', notebook)
     columns = ["e_lead_m_x", "e_lead_m_y", "e_lead_m_z", "e_lead_m_s_x", "e_lead_m_s_y", "e_lead_m_s_z"]
     assert [name for name in columns if re.search(pattern, name)] == columns[:3]
-
-
-def test_a_log_shows_its_topics(path: Path) -> None:
-    log = gcs_log.load(path)
-    shown = repr(log)
-    assert shown.splitlines()[1].split() == ["topic", "rows", "t_s", "columns"]
-    for topic, table in log.items():
-        assert any(line.split()[:2] == [topic, str(len(table["t_s"]))] for line in shown.splitlines())
-    assert f"<td>{next(iter(log))}</td>" in log._repr_html_()

@@ -1,8 +1,20 @@
+"""The physics: the attitude loop, the swept fan and the wind."""
+
 import numpy as np
 import pytest
-from scipy.optimize import curve_fit
+from hypothesis import given
+from hypothesis import strategies as st
 
 from drone_agent.simulation.attitude_loop import LoopSetpoint, advance
+from drone_agent.simulation.disturbance import (
+    STILL,
+    Disturbance,
+    SweptFan,
+    acceleration,
+    fan_acceleration,
+    fan_heading_rad,
+    jet_speed,
+)
 from formation.maths import frames
 from formation.maths.arrays import Float
 from formation.vehicle.profile import GRAVITY_M_S2, PROFILES, VehicleProfile, VehicleState, at_rest, on_ground, profile
@@ -81,47 +93,44 @@ def test_tilt_accelerates_along_the_thrust() -> None:
     )
 
 
-@pytest.mark.parametrize("turn", [np.array([0.4, -0.3, 0.0]), np.array([0.0, 0.0, 2.5]), np.array([0.3, 0.2, -2.0])])
-def test_attitude_converges_from_far(turn: Float) -> None:
-    target = frames.from_rotation_vector(turn)
-    end = advance(hovering(PAPER, 30.0), PAPER, LoopSetpoint(target, np.zeros(3), 0.7), True, CALM, 0.001, 3000)
-    np.testing.assert_allclose(end.q_lab_from_flu, target, atol=1e-3)
-
-
-def test_px4_answers_as_measured() -> None:
-    """PX4 v1.16 SIH: 0.11 s dead time and 0.06 s lag from target to attitude fit to within 5 %."""
-    body = profile("px4_quad")
-    tilt = 0.1
-    target = LoopSetpoint(frames.from_rotation_vector(np.array([0.0, tilt, 0.0])), np.zeros(3), body.hover_thrust_norm)
-    state, angles = hovering(body, 5.0), []
-    for _ in range(400):
-        state = advance(state, body, target, True, CALM, 0.001, 1)
-        angles.append(2.0 * np.arcsin(state.q_lab_from_flu[2]) / tilt)
-    t_s = np.arange(1, 401) * 0.001 + body.command_delay_s
-
-    def response(t: Float, dead_s: float, lag_s: float) -> Float:
-        return np.where(t > dead_s, 1.0 - np.exp(-np.maximum(t - dead_s, 0.0) / lag_s), 0.0)
-
-    (dead_s, lag_s), _ = curve_fit(response, t_s, np.array(angles), p0=(0.1, 0.05))
-    assert dead_s == pytest.approx(body.response_dead_time_s, abs=0.005)
-    assert lag_s == pytest.approx(body.response_lag_s, abs=0.005)
-
-
-def test_body_rates_are_honoured_where_the_autopilot_does() -> None:
-    spin = LoopSetpoint(frames.IDENTITY, np.array([1.0, 0.0, 0.0]), 0.5)
-    for body in PROFILES.values():
-        end = advance(hovering(body, 5.0), body, spin, True, CALM, 0.001, 20)
-        assert (abs(end.rate_flu_rad_s[0]) > 0.01) == body.rate_feed_forward
-
-
-def test_the_input_is_left_alone_and_the_result_repeats() -> None:
-    start = hovering(PAPER)
-    before = start.pos_lab_m.copy()
-    one, two = (advance(start, PAPER, level(0.9), True, np.array([0.3, 0.0, 0.0]), 0.001, 50) for _ in range(2))
-    np.testing.assert_array_equal(start.pos_lab_m, before)
-    assert one.pos_lab_m.tobytes() == two.pos_lab_m.tobytes()
-
-
 def test_too_long_a_step_is_refused() -> None:
     with pytest.raises(ValueError, match="step"):
         advance(hovering(PAPER), PAPER, level(0.5), True, CALM, 0.01, 1)
+
+
+FAN = SweptFan(peak_m_s2=2.0)
+HERE = (0.0, 0.0, 0.3)
+
+
+def test_the_fan_sweeps_eighty_degrees_to_both_sides_in_four_seconds() -> None:
+    headings = np.array([fan_heading_rad(FAN, t) for t in np.linspace(0.0, 4.0, 401)])
+    assert np.degrees(headings.max() - np.pi) == pytest.approx(80.0)
+    assert np.degrees(headings.min() - np.pi) == pytest.approx(-80.0)
+    assert headings[0] == pytest.approx(headings[-1])
+
+
+def test_the_push_on_the_axis_is_the_peak_away_from_the_fan() -> None:
+    assert fan_acceleration(FAN, 0.0, HERE) == pytest.approx((-2.0, 0.0, 0.0))
+    assert fan_acceleration(FAN, 0.0, (0.6, 0.0, 0.3)) == STILL
+
+
+def test_the_jet_is_albertsons() -> None:
+    """Full speed in a core that ends after 6.2 diameters, 6.2 D / x on the axis beyond, and a Gaussian of the side."""
+    assert jet_speed(6.1, 0.0, 1.0) == 1.0
+    assert jet_speed(20.0, 0.0, 1.0) == pytest.approx(6.17 / 20.0, rel=1e-3)
+    assert jet_speed(20.0, 0.081 * 20.0, 1.0) == pytest.approx(6.17 / 20.0 * np.exp(-0.5), rel=1e-3)
+    # The speed is half where r = 1.177 sigma; near the fan that counts from the core's edge.
+    assert jet_speed(2.0, 0.5 - 0.162 + 1.177 * 0.162, 1.0) == pytest.approx(0.5, rel=1e-3)
+    assert jet_speed(-0.1, 0.0, 1.0) == 0.0
+
+
+def test_a_vehicle_is_pushed_at_its_four_rotors() -> None:
+    fan, t_s = Disturbance(fan=FAN), 0.17
+    corners = [fan_acceleration(FAN, t_s, (x, y, 0.3)) for x in (-0.04, 0.04) for y in (-0.04, 0.04)]
+    assert acceleration(fan, t_s, HERE, 0.04) == pytest.approx(np.mean(corners, axis=0))
+    assert acceleration(fan, t_s, HERE) == pytest.approx(fan_acceleration(FAN, t_s, HERE))
+
+
+@given(st.floats(-100.0, 100.0), st.tuples(*[st.floats(-3.0, 3.0)] * 3))
+def test_the_push_is_finite_and_bounded_everywhere(t_s: float, pos: tuple[float, float, float]) -> None:
+    assert np.linalg.norm(fan_acceleration(FAN, t_s, pos)) <= FAN.peak_m_s2 * (1.0 + 1e-9)

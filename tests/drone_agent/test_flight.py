@@ -1,15 +1,15 @@
-"""Flights of the agent by itself and by a stream: physics and what the ground is told."""
+"""Flights of the agent by itself, by a stream, and by other people's positions, velocities and body rates."""
 
 import numpy as np
 import pytest
 
 from drone_agent.autopilots.model import Task
-from drone_agent.flight.autopilot import STREAM_MODES
-from tests.drone_agent.agent_harness import Harness, S, hover_at, target, tilt_rad
+from tests.drone_agent.agent_harness import LEVEL, MS, Harness, hover_at, target
 from wire.autopilots.table import FlightMode
 from wire.link_messages.commands import Result
-from wire.link_messages.motion import AttitudeQuaternion, LocalPosition
-from wire.link_messages.status import Battery, ExtendedSysState, Heartbeat, LandedState, SysStatus
+from wire.link_messages.motion import LocalPosition
+from wire.link_messages.setpoints import AttitudeSetpoint, Ignore, LocalFrame, PositionIgnore, PositionSetpoint
+from wire.link_messages.status import ExtendedSysState, Heartbeat, LandedState
 
 
 @pytest.mark.parametrize("profile", ["paper_40g", "px4_quad"])
@@ -37,53 +37,6 @@ def test_takes_off_holds_and_lands_by_itself(profile: str) -> None:
         "Landing detected",
         "Disarmed by landing",
     ]
-
-
-def test_lands_softly() -> None:
-    harness = Harness(profile="px4_quad")
-    harness.run(3.0)
-    harness.command(400, 1.0)
-    harness.command(22)
-    harness.run(8.0)
-    harness.command(21)
-    speeds = []
-    while harness.autopilot.armed:
-        harness.run(0.01)
-        speeds.append(-harness.truth.vel_lab_m_s[2])
-    assert max(speeds) < 0.9
-    assert tilt_rad(harness.truth.q_lab_from_flu) < 0.02
-
-
-def test_holds_its_place_in_a_wind() -> None:
-    harness = Harness(profile="paper_40g", disturbance={"wind_lab_m_s2": (0.8, -0.5, 0.0)})
-    harness.run(3.0)
-    harness.command(400, 1.0)
-    harness.command(22)
-    harness.run(12.0)
-    np.testing.assert_allclose(harness.truth.pos_lab_m, [0.0, 0.0, 2.5], atol=0.05)
-
-
-def test_follows_attitude_targets_offboard() -> None:
-    harness = Harness(profile="paper_40g")
-    harness.fly_offboard(0.5)
-    assert harness.truth.pos_lab_m[2] == pytest.approx(0.5, abs=0.05)
-    tilted = np.array([np.cos(0.05), 0.0, np.sin(0.05), 0.0])
-    hover = harness.config.true_vehicle().hover_thrust_norm
-    harness.run(0.5, lambda b: target(b, hover, tilted))
-    assert tilt_rad(harness.truth.q_lab_from_flu) == pytest.approx(0.1, abs=0.005)
-    # Up leans to +x: the vehicle goes there, and says so.
-    assert harness.truth.vel_lab_m_s[0] > 0.2
-    np.testing.assert_allclose(harness.last(AttitudeQuaternion).q_lab_from_flu, tilted, atol=0.005)
-
-
-def test_lands_by_the_stream_and_disarms() -> None:
-    harness = Harness(profile="paper_40g")
-    harness.fly_offboard(0.4)
-    harness.run(1.5, hover_at(-0.1))
-    assert harness.truth.on_ground
-    harness.run(3.0, lambda b: target(b, 0.0))
-    assert not harness.autopilot.armed
-    assert harness.autopilot.mode in STREAM_MODES
 
 
 def test_disarms_what_does_not_take_off() -> None:
@@ -120,33 +73,6 @@ def test_returns_home_and_lands() -> None:
     assert not harness.autopilot.armed
 
 
-def test_heartbeat_tells_mode_and_arming() -> None:
-    harness = Harness()
-    harness.run(3.0)
-    beat = harness.last(Heartbeat)
-    assert (beat.custom_mode, beat.base_mode, beat.system_status) == (4 << 16 | 3 << 24, 29, 3)
-    harness.command(400, 1.0)
-    harness.run(1.1)
-    assert harness.last(Heartbeat).base_mode == 29 | 128
-    assert harness.last(Heartbeat).system_status == 4
-    assert [t for t, m in harness.heard if isinstance(m, Heartbeat)] == [k * S for k in range(5)]
-
-
-def test_battery_sags_and_warns() -> None:
-    harness = Harness(profile="paper_40g", vehicle={"battery": {"capacity_mah": 12.0, "hover_current_a": 4.0}})
-    harness.run(2.5)
-    full_v = harness.last(SysStatus).battery_v
-    harness.command(400, 1.0)
-    harness.command(22)
-    harness.run(5.0)
-    loaded = harness.last(Battery)
-    assert full_v - sum(loaded.cell_v) > 0.1
-    assert loaded.current_a == pytest.approx(4.0, rel=0.2)
-    harness.run(6.5)
-    assert "Low battery level" in harness.texts()
-    assert "Critical battery level" in harness.texts()
-
-
 def test_battery_action_lands() -> None:
     pack = {"battery": {"capacity_mah": 9.0, "hover_current_a": 4.0}}
     harness = Harness(profile="paper_40g", vehicle=pack, parameters={"COM_LOW_BAT_ACT": 2.0})
@@ -156,3 +82,83 @@ def test_battery_action_lands() -> None:
     harness.run(8.5)
     assert harness.autopilot.task is Task.LAND
     assert harness.last(Heartbeat).system_status == 5
+
+
+NOT_POSITION = PositionIgnore.POSITION | PositionIgnore.ACCELERATION | PositionIgnore.YAW_RATE
+NOT_VELOCITY = PositionIgnore.VELOCITY | PositionIgnore.ACCELERATION | PositionIgnore.YAW_RATE
+
+
+def guide(
+    harness: Harness, vector: tuple[float, float, float], frame: LocalFrame, ignore: PositionIgnore, yaw: float = np.nan
+) -> PositionSetpoint:
+    return PositionSetpoint(
+        harness.target, harness.now_ns // MS, frame, ignore, np.array(vector), np.array(vector), np.zeros(3), yaw, 0.0
+    )
+
+
+def in_the_air(autopilot: str, **config: object) -> Harness:
+    harness = Harness(autopilot=autopilot, profile="px4_quad", **config)
+    harness.fly_offboard(0.8) if autopilot == "px4" else guided(harness)
+    return harness
+
+
+def guided(harness: Harness) -> None:
+    harness.run(3.0)
+    # GUIDED (4) of one, hold (main 4, sub 3) of the other.
+    harness.command(176, 1.0, 4.0, 3.0)
+    harness.command(400, 1.0)
+    harness.command(22, 0, 0, 0, 0, 0, 0, 0.8)
+    harness.run(5.0)
+
+
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_flies_a_velocity_in_lab_and_in_body_axes(autopilot: str) -> None:
+    harness = Harness(autopilot=autopilot, profile="px4_quad", start_yaw_rad=np.pi / 2)
+    guided(harness)
+    harness.run(0.1, lambda b: guide(b, (0.4, 0.0, 0.1), LocalFrame.LOCAL, NOT_POSITION))
+    harness.command(176, 1.0, 6.0 if autopilot == "px4" else 4.0)
+    harness.run(3.0, lambda b: guide(b, (0.4, 0.0, 0.1), LocalFrame.LOCAL, NOT_POSITION))
+    np.testing.assert_allclose(harness.truth.vel_lab_m_s, [0.4, 0.0, 0.1], atol=0.06)
+    # Forward, for a vehicle that faces lab left.
+    harness.run(3.0, lambda b: guide(b, (0.4, 0.0, 0.0), LocalFrame.BODY, NOT_POSITION))
+    np.testing.assert_allclose(harness.truth.vel_lab_m_s, [0.0, 0.4, 0.0], atol=0.06)
+
+
+def test_ardupilot_goes_where_it_was_told_once() -> None:
+    harness = in_the_air("ardupilot")
+    harness.send(guide(harness, (0.5, 0.3, 0.4), LocalFrame.LOCAL_OFFSET, NOT_VELOCITY))
+    harness.run(8.0)
+    np.testing.assert_allclose(harness.truth.pos_lab_m, [0.5, 0.3, 1.2], atol=0.06)
+    assert harness.autopilot.mode is FlightMode.OFFBOARD
+
+
+def test_a_velocity_stream_that_dies_ends_in_level_flight_after_the_autopilots_own_time_out() -> None:
+    harness = in_the_air("ardupilot")
+    harness.run(1.5, lambda b: guide(b, (0.5, 0.0, 0.0), LocalFrame.LOCAL, NOT_POSITION))
+    harness.run(harness.autopilot.stream_loss.after_s - 0.1)
+    assert abs(harness.truth.vel_lab_m_s[0]) > 0.4
+    harness.run(2.0)
+    assert harness.autopilot.task is Task.LEVEL
+
+
+@pytest.mark.parametrize("profile", ["paper_40g", "px4_quad"])
+def test_body_rates_turn_it_at_that_rate(profile: str) -> None:
+    harness = Harness(profile=profile)
+    harness.fly_offboard(3.0)
+    hover = harness.config.true_vehicle().hover_thrust_norm
+
+    def spin(b: Harness) -> AttitudeSetpoint:
+        return AttitudeSetpoint(b.target, 0, LEVEL, np.array([0.0, 0.0, 0.8]), hover, Ignore.ATTITUDE)
+
+    harness.run(1.0, spin)
+    assert harness.truth.rate_flu_rad_s[2] == pytest.approx(0.8, rel=0.15)
+
+
+def test_ardupilot_stops_on_a_target_it_cannot_read() -> None:
+    harness = Harness(autopilot="ardupilot", profile="px4_quad", parameters={"GUID_OPTIONS": 8.0})
+    harness.fly_offboard(0.8)
+    half = AttitudeSetpoint(harness.target, 0, LEVEL, np.zeros(3), 0.5, Ignore.ROLL_RATE)
+    harness.send(half)
+    assert harness.autopilot.task is Task.HOLD
+    harness.run(0.1, hover_at(0.8))
+    assert harness.autopilot.task is Task.EXTERNAL

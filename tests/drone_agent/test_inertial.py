@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from drone_agent.flight.vehicle import ImuSample
 from drone_agent.simulation.airframe import Airframe
 from drone_agent.simulation.attitude_loop import LoopSetpoint
 from drone_agent.simulation.disturbance import Disturbance
-from drone_agent.simulation.inertial import WINDOW_NS, InertialError, InertialSensor
+from drone_agent.simulation.inertial import InertialError, InertialSensor
 from formation.maths.arrays import Float
 from formation.maths.frames import from_rotation_vector, inverse, rotate
 from formation.vehicle.profile import GRAVITY_M_S2, VehicleState, at_rest, profile
@@ -56,10 +55,6 @@ def _turned(axis: tuple[float, float, float], t_s: float, vel_lab_m_s: Float) ->
     return state
 
 
-def test_the_floor_carries_what_stands_on_it() -> None:
-    np.testing.assert_allclose(_shown(_frame(0.0), 2 * S), UP_G, atol=1e-6)
-
-
 def test_nothing_is_felt_in_free_fall_but_the_wind() -> None:
     np.testing.assert_allclose(_shown(_frame(50.0), S), 0.0, atol=1e-9)
     np.testing.assert_allclose(_shown(_frame(50.0, (0.3, -0.2, 0.1)), S), [0.3, -0.2, 0.1], atol=1e-9)
@@ -71,27 +66,6 @@ def test_thrust_is_felt_along_the_bodys_own_up_however_it_leans() -> None:
     lean = from_rotation_vector(np.array([0.2, -0.1, 0.5]))
     frame.order_now(LoopSetpoint(lean, np.zeros(3), DRAGLESS.thrust_norm_of(1.3 * DRAGLESS.weight_n)))
     np.testing.assert_allclose(_shown(frame, 3 * S), [0.0, 0.0, 1.3 * GRAVITY_M_S2], atol=1e-3)
-
-
-def test_a_sample_is_the_mean_over_the_last_five_milliseconds_and_stamped_at_their_end() -> None:
-    """From rest to 25 mm/s in 5 ms: 5 m/s^2, however it got there."""
-    ends = (_turned((0.0, 0.0, 0.0), 0.0, np.array([speed, 0.0, 0.0])) for speed in (0.0, 0.025))
-    sample = InertialSensor(QUIET, 1).sample(*ends, 6 * MS, 0.005)
-    assert sample.t_ns == 6 * MS
-    np.testing.assert_allclose(sample.specific_force_flu_m_s2, [5.0, 0.0, GRAVITY_M_S2], atol=1e-9)
-
-
-def test_samples_follow_each_other_on_a_raster_of_their_own() -> None:
-    frame = _frame(0.0)
-    frame.advance_to(4 * MS)
-    assert frame.newest_sample is None
-    stamps = []
-    for ms in range(5, 40, 3):
-        frame.advance_to(ms * MS)
-        assert frame.newest_sample is not None
-        stamps.append(frame.newest_sample.t_ns)
-    assert set(np.diff(stamps)) <= {0, WINDOW_NS}
-    assert all(stamp % WINDOW_NS == 0 for stamp in stamps)
 
 
 def test_what_a_turning_body_shows_is_the_mean_in_its_own_axes() -> None:
@@ -123,38 +97,9 @@ def test_the_noise_is_white_as_large_as_asked_and_determined_by_its_seed() -> No
         assert not np.isclose(other, noise[:9]).any()
 
 
-def test_what_a_vibration_gives_to_one_sample_it_takes_from_the_next() -> None:
-    """As large as asked in each sample, and bounded in their sum: 0.3 / root 2 * 5 ms, of which 6 sigmas."""
-    shaken = _errors(QUIET.model_copy(update={"vibration_m_s2": 0.3}), 1)[:, :3]
-    assert shaken.std(axis=0) == pytest.approx([0.3] * 3, rel=0.06)
-    assert np.abs(np.cumsum(0.005 * shaken, axis=0)).max() < 6.0 * np.sqrt(2.0) * 0.3 / np.sqrt(2.0) * 0.005
-
-
 def test_the_bias_is_in_the_bodys_axes() -> None:
     bias = {"bias_flu_m_s2": (0.3, -0.2, 0.1), "rate_bias_flu_rad_s": (0.01, 0.0, -0.02)}
     np.testing.assert_allclose(_errors(QUIET.model_copy(update=bias), 1, 3), [[0.3, -0.2, 0.1, 0.01, 0.0, -0.02]] * 3)
-
-
-def test_noise_of_a_negative_size_is_refused() -> None:
-    with pytest.raises(ValidationError, match="noise_m_s2"):
-        InertialError(noise_m_s2=-0.1)
-
-
-def test_nothing_is_sent_unless_it_is_asked_for() -> None:
-    harness = Harness()
-    harness.run(3.0)
-    assert not harness.of(InertialSample)
-
-
-def test_only_px4_has_it() -> None:
-    assert Harness(autopilot="ardupilot").command(INTERVAL, HIGHRES_IMU, 20_000.0) is Result.DENIED
-
-
-def test_a_single_one_is_sent_on_request() -> None:
-    harness = Harness()
-    harness.run(1.0)
-    assert harness.command(REQUEST, HIGHRES_IMU) is Result.ACCEPTED
-    assert len(harness.of(InertialSample)) == 1
 
 
 @pytest.mark.parametrize("rate_hz", [50.0, 100.0, 200.0])
@@ -172,27 +117,6 @@ def test_it_comes_as_often_as_asked_until_it_is_switched_off(rate_hz: float) -> 
     harness.heard.clear()
     harness.run(1.0)
     assert not harness.of(InertialSample)
-
-
-def test_in_flight_it_adds_up_to_the_change_of_velocity() -> None:
-    harness = Harness(inertial_error=QUIET)
-    harness.fly_offboard()
-    harness.command(INTERVAL, HIGHRES_IMU, 5000.0)
-    before, since_ns = harness.truth, harness.now_ns
-    harness.heard.clear()
-    q_lab_from_flu = [before.q_lab_from_flu]
-    gained = np.zeros(3)
-    stream = hover_over(0.5, 0.3, 0.8)
-    for _ in range(60):
-        harness.run(0.01, stream)
-        q_lab_from_flu.append(harness.truth.q_lab_from_flu)
-    samples = [m for m in harness.of(InertialSample) if m.t_boot_us * 1000 > since_ns]
-    assert len(samples) == pytest.approx(120, abs=1)
-    for k, sample in enumerate(samples):
-        gained += 0.005 * (rotate(q_lab_from_flu[min(k // 2, 60)], sample.specific_force_flu_m_s2) - UP_G)
-    moved = harness.truth.vel_lab_m_s - before.vel_lab_m_s
-    assert np.linalg.norm(moved[:2]) > 0.2
-    np.testing.assert_allclose(gained, moved, atol=0.05)
 
 
 def test_a_flight_is_the_same_to_the_bit_whether_it_is_watched_or_not() -> None:

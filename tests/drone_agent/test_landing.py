@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drone_agent.flight import ekf
-from drone_agent.flight.landing import ContactDetector, LandDetector
+from drone_agent.flight.landing import ContactDetector
 from drone_agent.stages import TABLE, Stage, Trigger
 from formation.maths.frames import from_rotation_vector
 from formation.vehicle.profile import GRAVITY_M_S2
@@ -33,7 +33,7 @@ def down(harness: Harness, longest_s: float, *, mocap: bool = True) -> tuple[flo
     return (harness.now_ns - began_ns) / S, impact
 
 
-@pytest.mark.parametrize("flown_s", [0.05, 0.5, 1.0, 4.0])
+@pytest.mark.parametrize("flown_s", [0.05, 1.0])
 @pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 def test_the_ground_dies_at_any_time_and_all_is_down_within_five_seconds(autopilot: str, flown_s: float) -> None:
     """ArduPilot's own time-out left it hovering for ever. Every tick of a flight: tools/ground_killed.py."""
@@ -74,47 +74,16 @@ def test_an_operators_mode_ends_the_guards_own_landing() -> None:
     assert harness.autopilot.armed
 
 
-def test_a_frozen_pose_at_the_end_of_a_hold_is_not_taken_for_the_floor() -> None:
-    """At rest by the pose and told to sink, a landing faded its motors in the air."""
-    harness = Harness(pose="mocap")
-    harness.fly_offboard(1.5, hover_over(0.0, 0.0, 1.5))
-    at, q = harness.truth.pos_lab_m.copy(), harness.truth.q_lab_from_flu.copy()
-    impact, sinking = 0.0, 0.0
-    for _ in range(1000):
-        harness.run(0.01, mocap=False)
-        harness.show(at, q)
-        truth = harness.truth
-        impact, sinking = (max(impact, sinking), 0.0) if truth.on_ground else (impact, -float(truth.vel_lab_m_s[2]))
-    assert not harness.autopilot.armed
-    assert harness.truth.on_ground
-    assert impact < 1.5
-
-
-@pytest.mark.parametrize("shift_m", [0.5, 1.0, 3.0])
-def test_a_pose_that_jumps_while_it_holds_does_not_fly_it_away(shift_m: float) -> None:
+def test_a_pose_that_jumps_while_it_holds_does_not_fly_it_away() -> None:
     harness = Harness(pose="mocap")
     harness.fly_offboard(1.0, hover_over(0.0, 0.0, 1.0))
     place, away = harness.truth.pos_lab_m.copy(), 0.0
     for _ in range(800):
         harness.run(0.01, mocap=False)
-        harness.show(harness.truth.pos_lab_m + np.array([shift_m, 0.0, 0.0]))
+        harness.show(harness.truth.pos_lab_m + np.array([1.0, 0.0, 0.0]))
         away = max(away, float(np.linalg.norm((harness.truth.pos_lab_m - place)[:2])))
     assert not harness.autopilot.armed
     assert away < 0.3
-
-
-def test_a_hold_that_sees_nothing_comes_down_level() -> None:
-    harness = Harness(pose="mocap")
-    harness.fly_offboard(1.0, hover_over(0.0, 0.0, 1.0))
-    harness.run(0.2)
-    assert harness.stream.stage is Stage.HOLD
-    harness.run(0.45, mocap=False)
-    assert harness.stream.stage is Stage.HOLD
-    harness.run(0.1, mocap=False)
-    assert harness.stream.stage is Stage.DESCEND
-    _, impact = down(harness, 8.0, mocap=False)
-    assert not harness.autopilot.armed
-    assert impact < 1.5
 
 
 @pytest.mark.parametrize("error_m_s", [-0.8, 0.8])
@@ -139,24 +108,15 @@ def test_the_floor_is_felt_by_thrust_and_accelerometer_alone() -> None:
     assert not contact.update(100 * MS, fallen_m_s, fallen_m_s, 0.8 * GRAVITY_M_S2)
 
 
-def test_low_thrust_at_rest_in_the_air_is_not_landed() -> None:
-    detector = LandDetector()
-    detector.landed = False
-    for k in range(100):
-        assert not detector.update(k * 50 * MS, 0.3, 1.0, 0.0, 0.0, carried=False, faded=False)
-    assert not detector.landed
-
-
 def leaping(harness: Harness) -> AttitudeSetpoint:
     """A target that leaps from 40 degrees on one side to 40 on the other, five times a second."""
     side = 1.0 if harness.now_ns // (200 * MS) % 2 else -1.0
     return target(harness, 0.65, from_rotation_vector(np.array([side * np.radians(40.0), 0.0, 0.0])))
 
 
-@pytest.mark.parametrize("inertia", [0.7, 1.4])
-def test_a_drone_whose_target_leaps_about_is_not_cut(inertia: float) -> None:
+def test_a_drone_whose_target_leaps_about_is_not_cut() -> None:
     """Its attitude was 30 degrees and more off for a fifth of a second, as a dead motor's is."""
-    about = [inertia * each for each in PAPER.inertia_kg_m2]
+    about = [1.4 * each for each in PAPER.inertia_kg_m2]
     harness = Harness(pose="mocap", vehicle={"inertia_kg_m2": about})
     harness.fly_offboard(1.5)
     harness.run(1.2, leaping)
@@ -176,26 +136,14 @@ def test_a_drone_that_a_dead_motor_turns_over_stops_the_others_in_time(profile: 
     assert any("motors off" in text for text in harness.texts())
 
 
-@pytest.mark.parametrize("profile", ["paper_40g_printed", "px4_quad"])
-def test_a_heavy_drone_whose_motor_is_weak_spins_and_is_let_down_on_what_is_left(profile: str) -> None:
+def test_a_heavy_drone_whose_motor_is_weak_spins_and_is_let_down_on_what_is_left() -> None:
     """With 0.3 of one motor it keeps upright, and turns about its own up. Cut it would meet the floor at 4.4 m/s."""
-    harness = Harness(pose="mocap", profile=profile)
+    harness = Harness(pose="mocap", profile="px4_quad")
     harness.fly_offboard(1.0, hover_over(0.0, 0.0, 1.0))
     harness.airframe.motor_gain = np.array([0.3, 1.0, 1.0, 1.0])
     _, impact = down(harness, 10.0)
     assert not harness.autopilot.armed
     assert impact < 1.5
-    assert not any("motors off" in text for text in harness.texts())
-
-
-@pytest.mark.parametrize("gain", [0.7, 1.0])
-def test_a_weak_motor_is_flown_down_and_switched_off_on_the_floor(gain: float) -> None:
-    harness = Harness(pose="mocap")
-    harness.fly_offboard(0.6, hover_over(0.0, 0.0, 0.6))
-    harness.airframe.motor_gain = np.array([1.0, gain, 1.0, 1.0])
-    harness.run(1.0, hover_over(0.0, 0.0, 0.6))
-    _, impact = down(harness, 8.0)
-    assert impact < 1.0
     assert not any("motors off" in text for text in harness.texts())
 
 
@@ -211,18 +159,6 @@ def test_a_stop_latches_until_it_was_seen_at_rest_for_two_seconds() -> None:
     assert harness.command(ARM, 1.0) is Result.TEMPORARILY_REJECTED
     harness.run(3.0, idle)
     assert not harness.autopilot.armed  # by setpoints never
-    assert harness.command(ARM, 1.0) is Result.ACCEPTED
-
-
-def test_a_stop_of_a_drone_at_rest_latches_for_two_seconds_too() -> None:
-    harness = Harness(pose="mocap")
-    harness.run(3.0)
-    assert harness.command(ARM, 0.0, CUT) is Result.ACCEPTED
-    harness.run(1.8)
-    for _ in range(5):  # a ground that asks every second, as it did before, does not know of the stop
-        assert harness.command(ARM, 1.0) is Result.TEMPORARILY_REJECTED
-        harness.run(1.0)
-    harness.run(1.1)
     assert harness.command(ARM, 1.0) is Result.ACCEPTED
 
 
@@ -259,7 +195,7 @@ def test_who_is_level_but_weak_comes_down_on_what_is_left(profile: str, gain: fl
     assert not harness.autopilot.armed
 
 
-@pytest.mark.parametrize("weak_s", [0.9, 0.97, 1.0, 1.06, 1.1])
+@pytest.mark.parametrize("weak_s", [0.9, 1.0, 1.1])
 def test_motors_that_give_all_again_do_not_throw_it_up(weak_s: float) -> None:
     """Told 2.3 times of what carries it for as long as it takes to feel that."""
     harness = Harness(pose="mocap", profile="arducopter_quad")
@@ -279,18 +215,7 @@ def test_motors_that_give_all_again_do_not_throw_it_up(weak_s: float) -> None:
     assert harness.truth.on_ground
 
 
-def test_who_has_no_thrust_at_all_is_disarmed_on_the_floor() -> None:
-    harness = Harness(pose="mocap")
-    harness.fly_offboard(1.0)
-    harness.airframe.motor_gain = np.full(4, 0.05)
-    harness.run(0.35, hover_at(1.0))
-    assert "Part of its thrust is missing: landing on what is left" in harness.texts()
-    down(harness, 5.0)
-    assert harness.truth.on_ground
-    assert not harness.autopilot.armed
-
-
-@pytest.mark.parametrize("dodges_s", [0.1, 0.15, 0.2, 0.25])
+@pytest.mark.parametrize("dodges_s", [0.1, 0.2])
 def test_who_is_weak_and_dodges_another_is_not_taken_to_tumble(dodges_s: float) -> None:
     """It turned back to level at 3.05 rad/s as it began to land by itself: cut, it met the floor at 3.6 m/s."""
     harness = Harness(pose="mocap", profile="px4_quad")
@@ -302,16 +227,6 @@ def test_who_is_weak_and_dodges_another_is_not_taken_to_tumble(dodges_s: float) 
     assert "Part of its thrust is missing: landing on what is left" in harness.texts()
     assert harness.autopilot.armed
     assert not any("motors off" in text for text in harness.texts())
-
-
-def test_air_that_brakes_a_fall_is_neither_floor_nor_thrust() -> None:
-    """A steady fall at 2 m/s with a drag of 1 1/s: it carries 2 m/s^2, which without the model would be a floor's."""
-    sound, without_drag = ContactDetector(1.0), ContactDetector()
-    for k in range(2):
-        for contact in (sound, without_drag):
-            contact.update(k * 50 * MS, 0.0, -2.0, GRAVITY_M_S2 - 2.0)
-    assert not sound.carried
-    assert without_drag.carried
 
 
 @pytest.mark.parametrize("scale", [0.6, 1.7])

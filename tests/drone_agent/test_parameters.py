@@ -18,13 +18,6 @@ def read(harness: Harness, name: str) -> ParamValue:
     return harness.last(ParamValue)
 
 
-def test_px4_carries_an_integers_own_bytes() -> None:
-    harness = Harness(sysid=7)
-    value = read(harness, "MAV_SYS_ID")
-    assert (value.raw, value.type) == (struct.pack("<i", 7), ParamType.INT32)
-    assert read(harness, "MIS_TAKEOFF_ALT").raw == struct.pack("<f", 2.5)
-
-
 def test_ardupilot_casts_and_keeps_its_narrow_types() -> None:
     harness = Harness(sysid=7, autopilot="ardupilot")
     value = read(harness, "SYSID_THISMAV")
@@ -49,36 +42,11 @@ def test_the_whole_list_comes_once_in_order(autopilot: str) -> None:
     assert harness.last(ParamValue) == values[3]
 
 
-@pytest.mark.parametrize("autopilot", list(MODELS))
-def test_defaults_lie_in_their_documented_ranges(autopilot: str) -> None:
-    for spec in MODELS[autopilot].table.parameters.values():
-        assert spec.low <= spec.default <= spec.high, spec.name
-
-
-def test_a_set_takes_effect_and_is_echoed() -> None:
-    harness = Harness()
-    harness.send(ParamSet(harness.target, "MIS_TAKEOFF_ALT", struct.pack("<f", 0.7), ParamType.REAL32))
-    assert harness.last(ParamValue).raw == struct.pack("<f", 0.7)
-    harness.run(3.0)
-    harness.command(400, 1.0)
-    harness.command(22)
-    harness.run(5.0)
-    assert harness.truth.pos_lab_m[2] == pytest.approx(0.7, abs=0.03)
-
-
 def test_a_foreign_type_or_no_number_changes_nothing() -> None:
     harness = Harness()
     for raw, kind in [(struct.pack("<i", 5), ParamType.INT32), (struct.pack("<f", float("nan")), ParamType.REAL32)]:
         harness.send(ParamSet(harness.target, "MIS_TAKEOFF_ALT", raw, kind))
         assert harness.last(ParamValue).raw == struct.pack("<f", 2.5)
-
-
-def test_unknown_names_are_not_answered() -> None:
-    harness = Harness()
-    harness.send(ParamRequestRead(harness.target, "NOPE"))
-    harness.send(ParamSet(harness.target, "NOPE", b"\0\0\0\0", ParamType.INT32))
-    assert not harness.of(ParamValue)
-    assert harness.texts().count("[pm] unknown param: NOPE") == 2
 
 
 def test_indoor_drones_are_set_up_for_the_external_pose() -> None:
@@ -87,11 +55,6 @@ def test_indoor_drones_are_set_up_for_the_external_pose() -> None:
     assert read(harness, "EKF2_GPS_CTRL").raw == struct.pack("<i", 0)
     harness = Harness(pose="mocap", autopilot="ardupilot")
     assert read(harness, "VISO_TYPE").raw == struct.pack("<f", 1.0)
-
-
-def test_hover_thrust_is_that_of_the_kind_of_vehicle() -> None:
-    harness = Harness(profile="px4_quad", vehicle={"mass_kg": 1.3})
-    assert struct.unpack("<f", read(harness, "MPC_THR_HOVER").raw)[0] == pytest.approx(0.49, abs=1e-3)
 
 
 def test_what_changed_is_handed_out_once_to_be_kept() -> None:
@@ -135,14 +98,3 @@ def test_a_value_that_is_not_finite_is_refused_with_the_old_one(autopilot: str, 
         before = read(harness, spec.name)
         harness.send(ParamSet(harness.target, spec.name, struct.pack("<f", value), spec.type))
         assert harness.last(ParamValue) == before
-
-
-@pytest.mark.parametrize("autopilot", list(MODELS))
-def test_no_parameter_of_any_number_ends_the_agent(autopilot: str) -> None:
-    harness = Harness(autopilot=autopilot)
-    harness.run(0.1)
-    for spec in MODELS[autopilot].table.parameters.values():
-        for raw in (struct.pack("<f", 3e38), struct.pack("<f", -3e38), b"\xff" * 4, b"\x00\x00\x00\x80", b"\0" * 4):
-            harness.send(ParamSet(harness.target, spec.name, raw, spec.type))
-            harness.run(0.05)
-    harness.run(1.0)

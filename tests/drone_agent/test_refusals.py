@@ -6,17 +6,15 @@ import numpy as np
 import pytest
 
 from drone_agent.bounds import TILT_MAX_RAD, within_bounds
-from drone_agent.bridge.core import BridgeCore
-from drone_agent.monitors import MONITORS
 from drone_agent.setpoint_filter import RejectReason, SetpointFilter
 from drone_agent.stages import Stage
 from formation.maths.frames import from_rotation_vector
 from formation.messages import Datagram
 from formation.vehicle.profile import PAPER_40G
-from tests.drone_agent.agent_harness import LEVEL, MS, Harness, S, hover_at, hover_over, target, tilt_rad
+from tests.drone_agent.agent_harness import LEVEL, MS, Harness, S, hover_at, hover_over, tilt_rad
 from wire.link_messages.address import BRIDGE_COMPONENT, GROUND, Address, ground_address
 from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import Result, command_long
+from wire.link_messages.commands import command_long
 from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeSetpoint
 from wire.mavlink.codec import Codec
@@ -66,32 +64,6 @@ def flying() -> Synchronised:
     return harness
 
 
-def test_setpoints_100_ms_old_are_followed_and_older_ones_are_no_life_of_the_stream() -> None:
-    harness = flying()
-    hover = hover_over(0.0, 0.0, 1.0)
-    harness.run(1.0, aged(99, hover))
-    assert harness.stream.stage is Stage.FOLLOW
-    last_ns = harness.stream.monitor.last_ns or 0
-    harness.run(0.095, aged(101, hover))
-    assert harness.stream.monitor.last_ns == last_ns
-    harness.run(0.02, aged(101, hover))
-    assert harness.stream.stage is Stage.HOLD
-    harness.run(3.0, aged(800, hover))
-    told = [text for text in harness.texts() if "older than 100 ms" in text]
-    assert 2 <= len(told) <= 5
-    assert told[0].endswith(" x setpoint older than 100 ms (from the ground, 255/190)")
-
-
-@pytest.mark.parametrize("late_ms", [150, 300, 800, 5000])
-def test_a_ground_whose_setpoints_come_late_is_held_then_landed(late_ms: int) -> None:
-    """It was followed at any age: 10 m/s, 8.7 m outside."""
-    harness = flying()
-    place = harness.truth.pos_lab_m.copy()
-    harness.run(7.0, aged(late_ms, lambda h: target(h, 0.6, LEAN)))
-    assert not harness.autopilot.armed
-    assert np.linalg.norm((harness.truth.pos_lab_m - place)[:2]) < 0.1
-
-
 def moving(speed_m_s: float) -> Callable[[Harness], AttitudeSetpoint]:
     def stream(harness: Harness) -> AttitudeSetpoint:
         level = hover_at(1.0)(harness)
@@ -127,18 +99,6 @@ def test_with_nine_in_ten_lost_no_setpoint_acts_for_longer_than_150_ms() -> None
     assert len(harness.texts()) - told < 45  # two a second, and what was refused
 
 
-def test_one_that_is_not_newer_is_refused() -> None:
-    harness = flying()
-    hover = hover_at(1.0)
-    newest = aged(20, hover)(harness)
-    harness.run(0.01)
-    harness.send(newest._replace(t_boot_ms=newest.t_boot_ms + 5))
-    harness.send(newest._replace(thrust_norm=1.0))
-    harness.run(1.1, aged(20, hover))
-    assert any("1 x setpoint not newer than the last" in text for text in harness.texts())
-    assert harness.truth.pos_lab_m[2] == pytest.approx(1.0, abs=0.05)
-
-
 def test_a_client_without_timesync_flies_and_that_is_said_once() -> None:
     harness = Harness(pose="mocap")
     harness.fly_offboard(0.6)
@@ -158,23 +118,6 @@ def test_the_gate_knows_a_clock_of_its_own_from_an_old_stamp() -> None:
     assert gate.judge(GROUND, 500_099, 110 * MS) is RejectReason.OLD
 
 
-def test_another_grounds_setpoints_are_refused_until_it_takes_over() -> None:
-    harness, other = flying(), ground_address(1)
-    hover = aged(20, hover_over(0.0, 0.0, 1.0))
-    for _ in range(100):
-        harness.run(0.01, hover)
-        harness.say(other, target(harness, 0.9, LEAN))
-    assert harness.truth.pos_lab_m == pytest.approx([0.0, 0.0, 1.0], abs=0.06)
-    assert any("does not own the drone (from the ground, 255/26)" in text for text in harness.texts())
-    harness.say(other, command_long(harness.target, REQUEST_OPERATOR_CONTROL, 0.0, 1.0))
-    assert harness.stream.stage is Stage.HOLD
-    harness.run(0.3, hover)  # the old one's mean nothing any more
-    assert harness.stream.stage is Stage.HOLD
-    harness.say(other, target(harness, 0.5))
-    assert harness.stream.stage is Stage.FOLLOW
-    assert harness.stream.owner == other
-
-
 def test_a_ground_that_took_over_and_says_nothing_is_landed() -> None:
     harness = flying()
     harness.say(ground_address(1), command_long(harness.target, REQUEST_OPERATOR_CONTROL, 0.0, 1.0))
@@ -183,30 +126,9 @@ def test_a_ground_that_took_over_and_says_nothing_is_landed() -> None:
     assert harness.truth.on_ground
 
 
-def test_ownership_ends_with_the_mode() -> None:
-    harness = flying()
-    assert harness.stream.owner == GROUND
-    assert harness.command(21) is Result.ACCEPTED
-    harness.run(0.05)
-    assert harness.stream.owner is None
-
-
 def test_the_ground_of_an_epoch_has_an_address_of_its_own() -> None:
     """MAV_COMP_ID_USER1 is 25, USER75 is 99."""
     assert [ground_address(epoch) for epoch in (0, 1, 74, 75)] == [(255, 25), (255, 26), (255, 99), (255, 25)]
-
-
-def test_setpoints_that_are_bounded_are_told_of_once_a_second_with_their_count() -> None:
-    harness = flying()
-    hover = aged(20, hover_at(1.0))
-    for _ in range(3):
-        harness.run(0.01)
-        harness.send(hover(harness)._replace(q_lab_from_flu=from_rotation_vector(np.array([1.2, 0.0, 0.0]))))
-    harness.run(1.2, hover)
-    told = [text for text in harness.texts() if "bounded" in text]
-    assert told == [
-        f"bounded: {count} x setpoint beyond tilt, body rates or thrust (from the ground, {GROUND})" for count in (1, 2)
-    ]
 
 
 @pytest.mark.parametrize("tilt", [0.9, 2.0, 3.1])
@@ -219,18 +141,3 @@ def test_a_setpoint_is_tilted_no_further_than_the_bound_and_in_its_own_direction
     np.testing.assert_allclose(got.rate_flu_rad_s, [10.0, 0.0, -3.5])
     mild = asked._replace(q_lab_from_flu=LEVEL, rate_flu_rad_s=np.zeros(3), thrust_norm=0.6)
     assert within_bounds(mild, PAPER_40G) is mild
-
-
-def test_an_upside_down_target_does_not_turn_the_drone_over() -> None:
-    harness = flying()
-    over = np.array([0.0, 1.0, 0.0, 0.0])
-    harness.run(0.4, aged(20, lambda h: target(h, 0.6, over)))
-    assert tilt_rad(harness.truth.q_lab_from_flu) < TILT_MAX_RAD + 0.1
-
-
-@pytest.mark.parametrize("name", MONITORS)
-def test_each_monitor_can_be_done_without(name: str) -> None:
-    config = Harness(pose="mocap").config
-    BridgeCore(config, 0, without=frozenset({name})).tick(0)
-    with pytest.raises(ValueError, match="unknown monitors: x"):
-        BridgeCore(config, 0, without=frozenset({"x"}))

@@ -32,24 +32,6 @@ def recorded(folder: Path) -> Scenario:
     return with_leader_file(load("vicon_leader"), str(file)).model_copy(update={"longest_s": 15.0})
 
 
-def line() -> Scenario:
-    """Leader and one follower along 1 m in 4 s."""
-    scenario = load("triangle_line")
-    leader = scenario.lab.leader
-    leader = leader.model_copy(update={"trajectory": leader.trajectory.model_copy(update={"duration_s": 4.0})})
-    lab = scenario.lab.model_copy(update={"leader": leader, "followers": scenario.lab.followers[:1]})
-    return scenario.model_copy(update={"lab": lab})
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("axes", CAMERA_AXES)
-def test_the_paper_line_is_the_same_with_any_camera_axes(axes, tmp_path):
-    """Turned by 90 degrees, all three once left the fence and were cut."""
-    (there, plain), (outcome, paths) = paths_of(line()), paths_of(with_camera_axes(line(), CAMERA_AXES[axes], tmp_path))
-    assert (outcome, there) == ("landed", "landed")
-    assert max_distance_m(plain, paths) < ROUNDING_M
-
-
 NIGHTLY = [pytest.param(name, marks=pytest.mark.nightly) for name in ("triangle_circle", "hover_gust", "px4_circle")]
 
 

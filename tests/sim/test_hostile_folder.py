@@ -24,14 +24,6 @@ pytestmark = pytest.mark.processes
 MODULES = ("queue", "asyncio", "socket", "struct", "typing")
 PACKAGES = ("sim", "analysis", "wire", "formation", "gcs", "drone_agent", "mocap")
 BIN = Path(sys.executable).parent
-TESTS = """
-import analysis, formation, sim, wire
-
-def test_ours(formation_flight):
-    assert [module.THEIRS for module in (analysis, formation, sim, wire)] == [True] * 4
-    summary = formation_flight("short.toml", seed=3, require=["formation_max_m<0.02", "min_separation_m>0.4"])
-    assert (summary.seed, summary.outcome) == (3, "landed")
-"""
 
 
 @pytest.fixture
@@ -113,11 +105,16 @@ assert log["control/state"]["pos_lab_m_x"].dtype == float
 
 def test_reads():
     assert f"{log.date:%Y}" == "2000"
+
+
+def test_flies(formation_flight):
+    summary = formation_flight("short.toml", seed=3, require=["formation_max_m<0.02", "min_separation_m>0.4"])
+    assert (summary.seed, summary.outcome) == (3, "landed")
 """
 
 
-def test_a_notebook_reads_a_log_beside_packages_of_the_same_names(tmp_path: Path) -> None:
-    """By `python -c`, whose path begins with the folder as a kernel's does, as a script, and by pytest's two ways."""
+def test_a_log_is_read_and_a_fixture_flies_beside_packages_of_the_same_names(tmp_path: Path) -> None:
+    """By `python -c`, whose path begins with the folder as a kernel's does, and by pytest's two ways."""
     (tmp_path / "short.toml").write_text(SHORT)
     subprocess.run([BIN / "gcs-sim", "run", "short.toml", "--out", "."], cwd=tmp_path, check=True, capture_output=True)
     add_packages(tmp_path, "THEIRS = True\n")
@@ -125,22 +122,6 @@ def test_a_notebook_reads_a_log_beside_packages_of_the_same_names(tmp_path: Path
     env = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
     env["PYTHONPATH"] = str(tmp_path)
     tests = ["-p", "no:cacheprovider", "-q", "test_reads.py"]
-    for command in (
-        [sys.executable, "-c", READS],
-        [sys.executable, "test_reads.py"],
-        [sys.executable, "-m", "pytest", *tests],
-        [BIN / "pytest", *tests],
-    ):
+    for command in ([sys.executable, "-c", READS], [sys.executable, "-m", "pytest", *tests], [BIN / "pytest", *tests]):
         done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stdout + done.stderr
-
-
-def test_the_fixture_flies_beside_packages_of_the_same_names(tmp_path: Path) -> None:
-    add_packages(tmp_path, "THEIRS = True\n")
-    (tmp_path / "short.toml").write_text(SHORT)
-    (tmp_path / "test_ours.py").write_text(TESTS)
-    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-q", "test_ours.py"]
-    env = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
-    env["PYTHONPATH"] = str(tmp_path)
-    done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr

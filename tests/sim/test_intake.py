@@ -1,50 +1,15 @@
 """The ground's intake in lockstep: one that is too slow in simulated time is shown, and flown safely."""
 
-import numpy as np
-
 from analysis.load import Flight, from_records
-from formation.maths.frames import IDENTITY
-from formation.messages import Datagram, Phase
+from formation.messages import Phase
 from sim import lockstep
-from sim.intake import PAUSE_NS, VirtualIntake
 from sim.scenario import LinkModel, Scenario, load
 from sim.script import FLIGHT
 from sim.world import World
-from wire.link_messages.address import GROUND, Address
-from wire.link_messages.commands import CommandAck, MavCommand, Result
-from wire.link_messages.motion import AttitudeQuaternion
 from wire.logs.mcap_log import Entry
-from wire.mavlink.codec import Codec
-from wire.transport.intake import TURN_NS
-from wire.transport.link import LinkCounters
 
 MS = 1_000_000
 LONGEST_NS = 30_000_000_000
-ACK = Codec(Address(1, 1)).encode(CommandAck(GROUND, MavCommand.NAV_LAND, Result.ACCEPTED))
-
-
-def attitude(ms: int) -> bytes:
-    return Codec(Address(1, 1)).encode(AttitudeQuaternion(ms, IDENTITY, np.zeros(3)))
-
-
-def test_a_turn_ends_with_its_work_and_what_waits_becomes_newer() -> None:
-    counters = LinkCounters()
-    intake = VirtualIntake(1, 600_000, counters)
-    for data in (ACK, attitude(1), ACK, attitude(2), ACK):
-        intake.enqueue(Datagram(1, data))
-    assert [d.data for d in intake.turn(0)] == [ACK, ACK]  # 1.2 ms of work
-    assert intake.due_ns == 1_200_000 + PAUSE_NS
-    intake.enqueue(Datagram(1, attitude(3)))
-    assert list(intake.turn(MS)) == []
-    assert [d.data for d in intake.turn(intake.due_ns)] == [ACK, attitude(3)]
-    assert counters.superseded == 2
-
-
-def test_work_that_is_done_by_the_next_packet_bounds_nothing() -> None:
-    intake = VirtualIntake(1, TURN_NS // 2, LinkCounters())
-    for ms in range(100):
-        intake.enqueue(Datagram(1, ACK))
-        assert len(list(intake.turn(ms * MS))) == 1
 
 
 def _with_ingest(ingest_s: float) -> Scenario:

@@ -10,7 +10,6 @@ from sim.script import (
     Operator,
     OperatorView,
     Outcome,
-    Step,
 )
 
 S = 1_000_000_000
@@ -97,31 +96,6 @@ def test_a_flight_that_ends_early_is_aborted(phases: tuple[Phase, ...], outcome:
     assert operator.outcome == outcome
 
 
-def test_the_last_step_may_leave_the_drones_holding() -> None:
-    operator = Operator((Step(verb=Verb.ARM, phase="GROUND"), Step(verb=Verb.TAKEOFF, phase="ARMED")))
-    see(operator, Phase.GROUND, 0)
-    yes(operator, 0)
-    see(operator, Phase.ARMED, S)
-    yes(operator, S)
-    see(operator, Phase.HOLD, 2 * S)
-    assert operator.outcome == Outcome("held")
-
-
-def test_a_leader_of_whom_the_ground_knows_nothing_is_done_after_its_time_in_formation() -> None:
-    operator = Operator((Step(verb=Verb.LAND, phase="FORMATION", leader_done=True),), leader_s=5.0)
-    see(operator, Phase.FORMATION, 0)
-    see(operator, Phase.FORMATION, 7 * S, formed=True, done=True)
-    assert yes(operator, 7 * S) is None
-    see(operator, Phase.FORMATION, 12 * S, formed=True)
-    assert yes(operator, 12 * S) is Verb.LAND
-
-
-def test_a_glance_reads_the_published_state() -> None:
-    text = '{"phase": "HOLD", "trajectory_started": false, "trajectory_done": true, "refusals": ["L: unseen"],'
-    text += ' "not_landed": [], "cause": "start"}'
-    assert OperatorView.at(text) == OperatorView(Phase.HOLD, trajectory_done=True, prearm_failures=("L: unseen",))
-
-
 def test_arming_waits_until_the_ground_has_nothing_against_it_but_not_for_ever() -> None:
     operator = Operator(FLIGHT)
     unready = OperatorView(Phase.GROUND, prearm_failures=("F: no heartbeat",))
@@ -132,12 +106,3 @@ def test_arming_waits_until_the_ground_has_nothing_against_it_but_not_for_ever()
     eager.observe(unready, 0)
     eager.observe(OperatorView(Phase.GROUND), S)
     assert eager.next_request(S) is not None
-
-
-def test_a_flight_whose_drone_is_lost_is_not_landed() -> None:
-    operator = Operator((Step(verb=Verb.LAND, phase="HOLD"),))
-    see(operator, Phase.HOLD, 0)
-    assert yes(operator, 0) is Verb.LAND
-    see(operator, Phase.LAND, S)
-    operator.observe(OperatorView(Phase.GROUND, lost="LAND ended: F unheard for 24 s"), 30 * S)
-    assert operator.outcome == Outcome("lost", "LAND ended: F unheard for 24 s")

@@ -253,28 +253,6 @@ def test_hover_thrust_is_known_of_a_body_that_climbs_ever_faster(
     assert hold.descend_open_loop(0.01).thrust_norm == pytest.approx(0.95 * 0.5, rel=tolerance)
 
 
-def test_hover_thrust_is_learned_again_from_what_holds_it() -> None:
-    """Setpoints that the autopilot did not follow had said too much: told to come down by them it would have risen."""
-    estimate, rng = BodyEstimate(LINEAR, 1), np.random.default_rng(3)
-    hold, true_hover, z_m, vz_m_s = BridgeHold(estimate), 0.5, 1.0, 0.0
-    for k in range(1, 351):
-        now_ns = k * 10 * MS
-        place = np.array([0.0, 0.0, z_m]) + 1e-4 * rng.standard_normal(3)
-        if k < 100:
-            flown(hold, estimate, now_ns, place, 0.8)
-            continue
-        if k == 100:
-            hold.begin(now_ns)
-        estimate.receive_pose(now_ns, place, LEVEL, stands=False)
-        thrust = hold.step(now_ns, 0.01, down=k >= 200).thrust_norm
-        estimate.receive_command(now_ns, thrust)
-        vz_m_s += 0.01 * GRAVITY_M_S2 * (thrust / true_hover - 1.0)
-        z_m += 0.01 * vz_m_s
-        if k == 199:
-            assert abs(vz_m_s) < 0.6
-    assert -1.4 < vz_m_s < -0.4
-
-
 def test_a_refused_landing_does_not_interrupt_its_own() -> None:
     """Told to land every 0.3 s, in a mode that is known by a heartbeat a second: it was left without a setpoint."""
     site = Bridged()
@@ -295,23 +273,6 @@ def test_a_refused_landing_does_not_interrupt_its_own() -> None:
         last_ns = site.now_ns if own else last_ns
     assert site.stage is Stage.DESCEND
     assert max(gaps) <= 30 * MS
-
-
-def test_a_body_that_is_said_to_stand_in_the_air_is_not_dropped() -> None:
-    """At rest by a trembling pose and told to sink, the thrust went down to a third."""
-    estimate, rng = BodyEstimate(LINEAR, 1), np.random.default_rng(3)
-    hold = BridgeHold(estimate)
-    for k in range(1, 101):
-        flown(hold, estimate, k * 10 * MS, np.array([0.0, 0.0, 1.0]) + 1e-4 * rng.standard_normal(3), 0.5)
-    hold.begin(S)
-    thrusts = []
-    for k in range(101, 301):
-        estimate.receive_pose(
-            k * 10 * MS, np.array([0.0, 0.0, 1.0]) + 1e-4 * rng.standard_normal(3), LEVEL, stands=False
-        )
-        thrusts.append(hold.step(k * 10 * MS, 0.01, down=True).thrust_norm)
-    assert min(thrusts) >= 0.42
-    assert hold.stands
 
 
 @pytest.mark.parametrize("name", MONITORS)

@@ -4,12 +4,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from formation.config import FollowerConfig, LabConfig, LeaderConfig, MocapConfig
+from formation.config import FollowerConfig, LabConfig, LeaderConfig
 from formation.maths import frames
 from formation.messages import RawFrame, Truth
-from mocap.sources.csv_file import Recording
 from sim.cameras.emulator import EmulatorConfig, Gap, MocapEmulator
-from sim.cameras.playback import EASE_IN_NS, Playback
 from wire.transport.memory_bus import NOTHING_DUE_NS
 
 S = 1_000_000_000
@@ -90,33 +88,6 @@ def test_no_pose_is_made_up_of_a_body_whose_process_is_late() -> None:
     assert emulator.pop_due(NOTHING_DUE_NS)[0].seen.tolist() == [False, True]
 
 
-def test_frames_are_in_the_mocaps_axes_and_the_markers_own_frame() -> None:
-    """A y-up mocap: its x is lab x, its y lab z, its z lab -y; the leader's marker frame is turned 90 degrees left."""
-    half = np.sqrt(0.5)
-    q_lab_from_mocap = (half, half, 0.0, 0.0)
-    q_marker_from_flu = (half, 0.0, 0.0, -half)
-    lab = a_lab(
-        mocap=MocapConfig(q_lab_from_mocap=q_lab_from_mocap, origin_lab_m=(0.0, 0.0, 0.1)),
-        leader=LeaderConfig(body="L", sysid=1, q_marker_from_flu=q_marker_from_flu),
-    )
-    emulator = MocapEmulator(QUIET, lab, None, 1, 0)
-    emulator.expose({1: a_truth(0, 1, (1.0, 2.0, 3.1)), 2: a_truth(0, 2, (0, 0, 0.1))})
-    frame = emulator.pop_due(NOTHING_DUE_NS)[0]
-    assert np.allclose(frame.pos_mocap_m[0], [1.0, 3.0, -2.0])
-    q_lab_from_marker = frames.multiply(np.array(q_lab_from_mocap), frame.q_mocap_from_marker[0])
-    assert np.isclose(frames.yaw(q_lab_from_marker), np.pi / 2)
-    assert np.allclose(frames.multiply(q_lab_from_marker, np.array(q_marker_from_flu)), frames.IDENTITY)
-
-
-def test_a_body_is_unseen_while_its_drone_is_silent_and_keeps_its_last_pose() -> None:
-    emulator = MocapEmulator(QUIET, a_lab(), None, 1, 0)
-    arrived = film(emulator, 1.0, {1: a_truth(0, 1, (0.3, 0, 0))})
-    early, late = arrived[1][1], arrived[-1][1]
-    assert early.seen.tolist() == [True, False]
-    assert late.seen.tolist() == [False, False]
-    assert late.pos_mocap_m[0].tolist() == [0.3, 0.0, 0.0]
-
-
 def test_gaps_count_from_the_formation_and_hide_one_body_or_all() -> None:
     gaps = (Gap(at_s=0.2, for_s=0.05), Gap(at_s=0.5, for_s=0.1, body="F"))
     emulator = MocapEmulator(QUIET.model_copy(update={"gaps": gaps}), a_lab(), None, 1, 0)
@@ -129,34 +100,6 @@ def test_gaps_count_from_the_formation_and_hide_one_body_or_all() -> None:
     hidden = stamps[[not frame.seen[1] for _, frame in after]]
     assert (hidden.min(), hidden.max()) == (500_000_000, 590_000_000)
     assert all(frame.seen[0] for _, frame in after)
-
-
-def test_shares_of_lost_frames_and_hidden_bodies() -> None:
-    config = QUIET.model_copy(update={"lost_share": 0.1, "occluded_share": 0.2})
-    arrived = film(MocapEmulator(config, a_lab(), None, 1, 0), 20.0)
-    assert 0.85 < len(arrived) / 2000 < 0.95
-    seen = np.array([frame.seen for _, frame in arrived])
-    assert np.all(np.abs(seen.mean(axis=0) - 0.8) < 0.04)
-
-
-def test_a_recorded_leader_stands_until_the_start_then_is_seen_on_its_own_stamps_with_its_own_noise() -> None:
-    t_ns = np.cumsum(np.random.default_rng(2).integers(8_000_000, 14_000_000, 300))
-    pos = np.column_stack([t_ns * 1e-9, np.zeros(300), np.ones(300)])
-    recording = Recording(t_ns - t_ns[0], pos, np.tile(frames.IDENTITY, (300, 1)))
-    lab = a_lab(leader=LeaderConfig(body="L"))
-    noisy = EmulatorConfig(noise_m=0.001)
-    emulator = MocapEmulator(noisy, lab, Playback(recording), 1, 0)
-    standing = np.array([frame.pos_mocap_m[0] for _, frame in film(emulator, 1.0)])
-    assert np.allclose(standing.std(axis=0), 0.001, rtol=0.3)
-    start = emulator.next_exposure_ns
-    emulator.start(start)
-    played = [frame for _, frame in film(emulator, 3.0) if frame.t_capture_ns > start + EASE_IN_NS]
-    stamps = [frame.t_capture_ns - start - EASE_IN_NS // 2 for frame in played]
-    first = int(np.searchsorted(recording.t_ns, EASE_IN_NS // 2 + 14_000_000))
-    played, stamps = played[stamps.index(recording.t_ns[first]) :], stamps[stamps.index(recording.t_ns[first]) :]
-    assert stamps == recording.t_ns[first : first + len(stamps)].tolist()
-    shown = np.array([frame.pos_mocap_m[0] for frame in played])
-    assert np.array_equal(shown, pos[first : first + len(shown)])
 
 
 @settings(max_examples=30)

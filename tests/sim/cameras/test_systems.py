@@ -26,12 +26,6 @@ def test_every_camera_system_can_be_served() -> None:
         assert server_for(config.mocap, ("lead", "left"), REAL_TIME) is not None
 
 
-def test_what_a_lab_says_of_its_system_is_kept_but_for_the_address() -> None:
-    config = lab_with(lab(source="vrpn", vrpn={"host": "10.0.0.5", "assemble_s": 0.001}), "vrpn")
-    assert config.mocap.vrpn is not None
-    assert (config.mocap.vrpn.host, config.mocap.vrpn.assemble_s) == ("127.0.0.1", 0.001)
-
-
 @pytest.mark.parametrize("first", ["client", "server"])
 def test_natnets_two_ends_find_their_ports_whoever_starts_first(first: str) -> None:
     """One that had port 1511 of every address kept the other from starting."""

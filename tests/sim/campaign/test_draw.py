@@ -7,7 +7,6 @@ from sim.campaign.campaign import summarise
 from sim.campaign.draw import FAMILIES_DRAWN, GROUP, RANGES, Draw, faults_of, flight_of, run_of
 from sim.campaign.group import Flown, Run
 from sim.campaign.oracle import Margin, Verdict, Violation
-from sim.campaign.shrink import _smaller
 from sim.faults.fault import Family, Fault
 from sim.monitors import NAMES, Without
 from sim.scenario import Scenario
@@ -42,19 +41,6 @@ def test_chosen_families_are_those_of_every_first_fault_and_the_second_is_any() 
     assert len({faults[1].family for faults in runs if len(faults) > 1}) > 25
 
 
-def test_another_vehicle_flies_the_same_faults() -> None:
-    usual, other = Draw(7), Draw(7, profile="px4_quad")
-    assert run_of(usual, 5).faults == run_of(other, 5).faults
-    assert {v.profile for v in run_of(other, 5).lab.vehicles} == {"px4_quad"}
-
-
-def test_shrinking_drops_a_fault_then_halves_lengths_then_severities() -> None:
-    faults = (Fault(family=Family.JUMP, body="f2", for_s=1.0, severity=2.0), Fault(family=Family.KILL, core="ground"))
-    tried = list(_smaller(faults))
-    assert tried[:2] == [faults[1:], faults[:1]]
-    assert [(f[0].for_s, f[0].severity) for f in tried[2:]] == [(0.5, 2.0), (1.0, 1.0)]
-
-
 def test_a_summary_counts_what_failed_and_says_how_to_fly_it_again() -> None:
     bad = Verdict((Violation("fence", 3.0, "f2 0.70 m outside"), Violation("separation", 4.0, "near")), 2.0, 0.1, 1.0)
     good = Verdict((), 2.0, None, 0.0)
@@ -86,12 +72,6 @@ def test_monitors_go_to_the_cores_that_have_them_and_others_are_refused() -> Non
     assert (without.mocap, without.agent, without.ground) == ({"validator-jump"}, {"stream-stale"}, {"arm-in-air"})
     with pytest.raises(ValueError, match="no monitor 'nothing'"):
         Without(frozenset({"nothing"}))
-
-
-def test_every_control_is_of_monitors_that_there_are() -> None:
-    for name, control in controls.CONTROLS.items():
-        assert {name, *control.behind} <= set(NAMES)
-        assert name not in control.behind
 
 
 def test_every_monitor_has_a_control_or_is_said_to_have_others_behind_it() -> None:

@@ -1,5 +1,6 @@
 """The oracle on flights made by hand: each thing that must not happen is found, and what may happen is not."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -63,44 +64,44 @@ def kinds(verdict: Verdict) -> list[str]:
     return sorted(set(verdict.kinds))
 
 
-def test_a_flight_as_it_should_be_is_contained() -> None:
-    verdict = judge(flown(), benign=True)
-    assert verdict.contained
-    assert verdict.onset_s == 2.0
-    assert verdict.detection_s is None
-    assert verdict.drift_m == pytest.approx(0.0, abs=1e-9)
+def apart(truth: Truth, when: np.ndarray, apart_m: float) -> None:
+    truth.pos_m[when, 1, 0] = apart_m
 
 
-@pytest.mark.parametrize(("apart_m", "found"), [(0.09, ["separation"]), (0.11, [])])
-def test_two_in_the_air_closer_than_a_tenth_of_a_metre(apart_m: float, found: list[str]) -> None:
-    truth = flown()
-    truth.pos_m[between(truth, 3.0, 3.02), 1, 0] = apart_m
-    assert kinds(judge(truth)) == found
+def aside(truth: Truth, when: np.ndarray, y_m: float) -> None:
+    truth.pos_m[when, 0, 1] = y_m
 
 
-def test_two_on_the_floor_may_touch() -> None:
-    truth = flown()
-    truth.pos_m[truth.pos_m[:, 1, 2] < 0.05, 1, 0] = 0.05
-    assert judge(truth).contained
+def aged(truth: Truth, when: np.ndarray, age_s: float) -> None:
+    truth.command_age_s[when, 1] = age_s
 
 
-@pytest.mark.parametrize(("y_m", "found"), [(2.49, []), (2.51, ["fence"]), (-2.51, ["fence"])])
-def test_half_a_metre_outside_the_fence(y_m: float, found: list[str]) -> None:
-    truth = flown()
-    truth.pos_m[between(truth, 3.0, 3.02), 0, 1] = y_m
-    assert kinds(judge(truth)) == found
+def thrusting(truth: Truth, when: np.ndarray, thrust: float) -> None:
+    truth.command[when, 0, 4] = thrust
 
 
-def test_how_near_it_came_to_each_limit() -> None:
-    truth = flown()
-    truth.pos_m[between(truth, 3.0, 3.02), 1, 0] = 0.4
-    truth.pos_m[between(truth, 3.5, 3.52), 0, 1] = 2.25
-    used = {margin.kind: margin.used for margin in judge(truth).margins}
-    assert used["separation"] == pytest.approx(0.25)
-    assert used["fence"] == pytest.approx(0.5)
-    assert used["impact"] < 0.7
-    over = {margin.kind: margin for margin in judge(falling(flown())).margins}["impact"]
-    assert over.used == pytest.approx(4.4 / 1.5, rel=0.02)
+def tilted(truth: Truth, when: np.ndarray, rad: float) -> None:
+    truth.command[when, 0, :2] = np.cos(0.5 * rad), np.sin(0.5 * rad)
+
+
+@pytest.mark.parametrize(
+    ("change", "inside", "outside", "kind"),
+    [
+        (apart, 0.11, 0.09, "separation"),
+        (aside, 2.49, 2.51, "fence"),
+        (aside, -2.49, -2.51, "fence"),
+        (aged, 0.25, 0.3, "command-age"),
+        (aged, np.nan, 9.0, "command-age"),
+        (thrusting, 1.0, 1.2, "command-bounds"),
+        (thrusting, 0.0, np.nan, "command-bounds"),
+        (tilted, 0.0, 1.3, "command-bounds"),
+    ],
+)
+def test_each_limit(change: Callable[..., None], inside: float, outside: float, kind: str) -> None:
+    for value, found in ((inside, []), (outside, [kind])):
+        truth = flown()
+        change(truth, between(truth, 3.0, 3.02), value)
+        assert kinds(judge(truth, benign=True)) == found
 
 
 def test_motors_cut_in_the_air_without_a_reason_and_the_impact() -> None:
@@ -124,22 +125,6 @@ def test_motors_cut_for_a_good_reason(reason: str) -> None:
         case "far outside":
             truth.pos_m[between(truth, 2.4, 2.5), 0, 0] = 3.1
     assert kinds(judge(truth)) == (["fence"] if reason == "far outside" else [])
-
-
-def test_idle_thrust_in_the_air_is_as_good_as_a_cut() -> None:
-    truth = flown()
-    truth.thrust[between(truth, 3.0, 3.1), 0] = 0.0
-    assert judge(truth).contained
-    truth.thrust[between(truth, 3.0, 3.2), 0] = 0.0
-    assert kinds(judge(truth)) == ["undue-cut"]
-
-
-@pytest.mark.parametrize(("speed_m_s", "found"), [(1.4, []), (1.6, ["impact"])])
-def test_a_hard_landing(speed_m_s: float, found: list[str]) -> None:
-    truth = flown()
-    contact = touch_down(truth)
-    truth.vel_m_s[contact - 2 : contact + 1, 0] = [0.0, 0.0, -speed_m_s]
-    assert kinds(judge(truth)) == found
 
 
 @pytest.mark.parametrize(("lift", "found"), [(1.05, []), (1.15, ["impact"])])
@@ -176,45 +161,6 @@ def test_weak_motors_excuse_no_body_that_tumbles_with_them_running() -> None:
     assert kinds(judge(truth)) == []
 
 
-@pytest.mark.parametrize(("age_s", "found"), [(0.25, []), (0.3, ["command-age"])])
-def test_an_old_command_that_acts(age_s: float, found: list[str]) -> None:
-    truth = flown()
-    truth.command_age_s[between(truth, 3.0, 3.01), 1] = age_s
-    assert kinds(judge(truth)) == found
-    truth.command_age_s[between(truth, 3.0, 3.01), 1] = np.nan
-    assert judge(truth).contained
-
-
-@pytest.mark.parametrize(
-    "command",
-    [(np.nan, 0, 0, 0, 0.5), (1, 0, 0, 0, 1.2), (1, 0, 0, 0, -0.1), (0.5, 0, 0, 0, 0.5), (0.8, 0.6, 0, 0, 0.5)],
-)
-def test_a_command_that_is_not_finite_or_out_of_bounds(command: tuple[float, ...]) -> None:
-    truth = flown()
-    truth.command[between(truth, 3.0, 3.01), 0] = command
-    assert kinds(judge(truth)) == ["command-bounds"]
-
-
-def test_a_stop_that_is_late_or_does_not_last() -> None:
-    truth = replace(flown(), stops_s=(3.0,))
-    truth.armed[truth.t_s > 3.0] = False
-    truth.pos_m[truth.t_s > 3.0, :, 2] = 0.0
-    assert judge(truth).contained
-    truth.armed[between(truth, 5.0, 5.02), 1] = True
-    assert kinds(judge(truth)) == ["stop"]
-    assert judge(truth).violations[0].text == "two armed 0.3 s and more after the stop"
-
-
-def test_a_stop_lasts_until_motors_are_asked_for_anew_later_than_it_takes_to_rest() -> None:
-    truth = replace(flown(), stops_s=(3.0,))
-    truth.armed[truth.t_s > 3.0] = False
-    truth.pos_m[truth.t_s > 3.0, :, 2] = 0.0
-    truth.armed[between(truth, 5.5, 5.52), 1] = True
-    assert kinds(judge(replace(truth, arms_s=(0.1, 2.9, 4.5, 5.51)))) == ["stop"]
-    assert judge(replace(truth, arms_s=(0.1, 5.2))).contained
-    assert kinds(judge(replace(truth, arms_s=(0.1, 5.2), stops_s=(3.0, 5.1)))) == ["stop"]
-
-
 def test_a_flight_that_ends_armed_or_in_the_air_has_not_ended() -> None:
     truth = flown()
     truth.armed[-1, 0] = True
@@ -236,13 +182,6 @@ def test_what_is_unplanned_needs_a_cause_and_a_benign_fault_ends_nothing() -> No
     assert kinds(judge(told, benign=True)) == ["nuisance"]
 
 
-def test_drift_is_the_way_sideways_or_up_from_the_onset() -> None:
-    truth = flown()
-    truth.pos_m[between(truth, 3.0, 3.1), 1, 1] = 0.3
-    truth.pos_m[between(truth, 3.0, 3.1), 1, 2] += 0.4
-    assert judge(truth).drift_m == pytest.approx(0.5)
-
-
 @pytest.mark.parametrize(
     ("notes", "found"),
     [
@@ -256,7 +195,3 @@ def test_a_log_that_is_not_written_is_told_of_within_a_second_and_nobody_arms(
     notes: tuple[tuple[float, bool, str], ...], found: list[str]
 ) -> None:
     assert kinds(judge(replace(flown(), log_ill_s=((2.0, 5.0),), notes=notes))) == found
-
-
-def test_a_log_that_is_behind_for_a_moment_needs_no_alarm() -> None:
-    assert judge(replace(flown(), log_ill_s=((2.0, 2.5),))).contained

@@ -36,20 +36,6 @@ def test_bodies_and_address_come_from_the_command_line() -> None:
     assert (served.mocap.qualisys.host, served.mocap.qualisys.port) == ("127.0.0.1", 30_001)
 
 
-def test_natnet_listens_at_another_address_than_its_client() -> None:
-    served = box(BoxOptions(protocol="natnet", port=30_001))
-    assert served.mocap.natnet is not None
-    natnet = served.mocap.natnet
-    assert (natnet.host, natnet.command_port, natnet.data_port) == ("127.0.0.2", 30_001, 30_002)
-
-
-def test_a_lab_file_says_bodies_names_and_system(tmp_path: Path) -> None:
-    served = box(BoxOptions(lab=lab_file(tmp_path, "vicon")))
-    assert served.scene.bodies == ("lead", "left")
-    assert served.mocap.source_name("lead") == "Quad 1"
-    assert served.mocap.source_name("left") == "left"
-
-
 @pytest.mark.parametrize(
     ("options", "why"),
     [

@@ -54,11 +54,3 @@ def test_the_fan_is_calibrated_for_the_vehicle_asked_for(monkeypatch: pytest.Mon
     assert (code, output) == (0, "peak 7.000 m/s²: 296.6 mm peak_m_s2 = 7.00")
     assert [vehicle.name for vehicle in asked] == ["paper_40g_printed"]
     assert asked[0] != PAPER_40G
-
-
-def test_a_vehicle_that_no_fan_moves_so_far_ends_with_1(monkeypatch: pytest.MonkeyPatch) -> None:
-    def calibrate(vehicle: VehicleProfile, *_: object) -> float:
-        raise ValueError(f"no fan was found that moves {vehicle.name}")
-
-    monkeypatch.setattr(paper, "calibrate", calibrate)
-    assert invoke("paper", "--calibrate") == (1, "gcs-sim: no fan was found that moves paper_40g")

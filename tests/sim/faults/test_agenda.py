@@ -3,29 +3,6 @@
 import numpy as np
 
 from sim.faults.queue import Agenda
-from wire.transport.memory_bus import NOTHING_DUE_NS
-
-
-def test_all_are_due_at_first_in_the_order_of_their_numbers() -> None:
-    agenda = Agenda(3, 5)
-    assert agenda.next_due_ns == 5
-    assert agenda.pop_due(4) == []
-    assert agenda.pop_due(5) == [0, 1, 2]
-    assert agenda.next_due_ns == NOTHING_DUE_NS
-
-
-def test_only_what_was_set_last_counts() -> None:
-    agenda = Agenda(2, 0)
-    agenda.pop_due(0)
-    agenda.set_due(0, 30)
-    agenda.set_due(1, 40)
-    agenda.set_due(0, 50)  # later
-    agenda.set_due(1, 20)  # sooner
-    assert agenda.next_due_ns == 20
-    assert agenda.pop_due(45) == [1]
-    agenda.set_due(1, 20)  # once more at the same time
-    assert agenda.pop_due(45) == [1]
-    assert agenda.pop_due(50) == [0]
 
 
 def test_any_order_of_setting_and_popping_agrees_with_a_look_at_everybody() -> None:

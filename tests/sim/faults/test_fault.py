@@ -3,15 +3,11 @@ from pydantic import ValidationError
 
 from formation.messages import Phase
 from sim.campaign.labs import scenario
-from sim.faults.fault import FAMILIES, Family, Fault, Site
+from sim.faults.fault import Family, Fault, Site
 from sim.faults.onsets import Onsets
 from sim.scenario import Scenario
 from wire import config_file
 from wire.transport.memory_bus import NOTHING_DUE_NS
-
-
-def test_every_family_has_a_meaning() -> None:
-    assert set(FAMILIES) == set(Family)
 
 
 def test_a_scenario_file_carries_its_faults() -> None:
@@ -59,11 +55,3 @@ def test_a_fault_begins_when_its_phase_is_first_entered_and_ends_after_its_lengt
     assert list(onsets.active(Site.LINK)) == []
     assert onsets.pop_due(3_500_000_000) == [(fault, False)]
     assert list(onsets.active(Site.CAMERAS)) == []
-
-
-def test_a_fault_without_a_length_lasts() -> None:
-    onsets = Onsets([Fault(family=Family.FREEZE, phase="GROUND")])
-    onsets.enter(Phase.GROUND, 5)
-    onsets.pop_due(5)
-    assert onsets.next_due_ns == NOTHING_DUE_NS
-    assert len(onsets.active(Site.CAMERAS)) == 1

@@ -56,12 +56,9 @@ def test_a_frozen_body_keeps_every_bit_while_the_others_move() -> None:
     np.testing.assert_allclose(later.pos_lab_m[0] - first.pos_lab_m[0], [0.3, 0.0, 0.0], atol=1e-9)
 
 
-def test_a_jump_goes_where_it_is_told() -> None:
+def test_a_jump_goes_where_it_is_told_and_a_drift_grows() -> None:
     frame = seen(Fault(family=Family.JUMP, body="f2", severity=1.0, heading_rad=-pi / 2))
     np.testing.assert_allclose(frame.pos_lab_m - PLACES, [[0, 0, 0], [0, -1, 0], [0, 0, 0]], atol=1e-9)
-
-
-def test_a_drift_grows() -> None:
     frame = seen(Fault(family=Family.DRIFT, body="f3", severity=0.05, heading_rad=0.0), since_s=2.0)
     np.testing.assert_allclose(frame.pos_lab_m[2] - PLACES[2], [0.1, 0, 0], atol=1e-9)
 
@@ -98,16 +95,16 @@ def test_noise_moves_a_body_every_frame_and_repeats_with_the_seed() -> None:
     assert np.array_equal(first.pos_lab_m, seen(fault, faults=same).pos_lab_m)
 
 
-def test_hidden_latency_is_late_by_what_the_stamp_hides() -> None:
-    fault = Fault(family=Family.HIDDEN_LATENCY, severity=0.2)
-    altered, delay_ns = CameraFaults(lab(), 1).alter(raw(5 * S), [(0, fault, 5 * S)], 5 * S)
-    assert (altered.t_capture_ns, delay_ns) == (5 * S + S // 5, S // 5)
-
-
-def test_stamps_are_offset_and_nothing_is_late() -> None:
-    fault = Fault(family=Family.STAMP_OFFSET, severity=-0.2)
-    altered, delay_ns = CameraFaults(lab(), 1).alter(raw(5 * S), [(0, fault, 5 * S)], 5 * S)
-    assert (altered.t_capture_ns, delay_ns) == (5 * S - S // 5, 0)
+@pytest.mark.parametrize(
+    ("family", "severity", "late_s"), [(Family.HIDDEN_LATENCY, 0.2, 0.2), (Family.STAMP_OFFSET, -0.2, 0.0)]
+)
+def test_stamps_are_offset_and_frames_are_late_by_what_the_stamp_hides(
+    family: Family, severity: float, late_s: float
+) -> None:
+    altered, delay_ns = CameraFaults(lab(), 1).alter(
+        raw(5 * S), [(0, Fault(family=family, severity=severity), 5 * S)], 5 * S
+    )
+    assert (altered.t_capture_ns, delay_ns) == (5 * S + round(severity * S), round(late_s * S))
 
 
 def test_a_slow_stream_lets_an_even_share_through() -> None:

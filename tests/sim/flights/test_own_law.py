@@ -1,12 +1,11 @@
 """A lab's own control law, by the example package, in lockstep: it flies the followers, ours stands behind it."""
 
-import re
 import sys
-import tomllib
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from time import sleep
+from typing import Any
 
 import numpy as np
 import pytest
@@ -44,12 +43,19 @@ def alarms(log: Log) -> list[Event]:
     return [event for event in events if event.severity <= Severity.ERROR]
 
 
-def test_the_followers_fly_by_it_and_the_flight_replays_where_it_is_installed(tmp_path: Path) -> None:
-    path = tmp_path / "flight.mcap"
+def test_the_followers_fly_by_it_and_the_flight_replays_where_it_is_installed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, seen = tmp_path / "flight.mcap", []
     with installed_in(tmp_path):
+        from own_formation.cascade import Cascade
+
+        flies = Cascade.__call__
+        monkeypatch.setattr(Cascade, "__call__", lambda self, at: (seen.append(at), flies(self, at))[1])
         assert lockstep.run_to_file(lap(), 1, path).outcome.result == "landed"
         log = read_log(path)
         assert log.metadata["control_law"] == "cascade, of own-formation 1.0"
+        assert_agrees_with_itself(list(seen))
         assert replay(log).identical
     summary = summarise(load_flight(path))
     assert summary.formation_rms_m is not None
@@ -60,6 +66,26 @@ def test_the_followers_fly_by_it_and_the_flight_replays_where_it_is_installed(tm
     assert 0.3 < np.mean(alone) < 0.9
     with pytest.raises(ReplayError, match=r"cascade, of own-formation 1\.0.*no package here registers 'cascade'"):
         replay(read_log(path))
+
+
+def assert_agrees_with_itself(seen: list[Any]) -> None:
+    """What the law is called with."""
+    moving = [at for at in seen if np.linalg.norm(at.leader.vel_lab_m_s) > 0.2]
+    assert len(moving) > 100
+    for at in moving[::10]:
+        c, s = np.cos(at.heading_rad), np.sin(at.heading_rad)
+        to_lead = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        off = to_lead @ (at.own.pos_lab_m - at.slot.pos_lab_m)
+        np.testing.assert_allclose(at.error_lead_m, off, atol=1e-9)
+        rate = to_lead @ (at.own.vel_lab_m_s - at.slot.vel_lab_m_s) - np.cross([0.0, 0.0, at.heading_rate_rad_s], off)
+        np.testing.assert_allclose(at.error_rate_lead_m_s, rate, atol=1e-9)
+        assert at.lag_s[0] > at.lag_s[1] > 0.0
+    # A leader on a circle of 0.3 m is accelerated towards its middle, and every slot with it.
+    inwards = [np.dot(at.leader.acc_lab_m_s2, at.leader.pos_lab_m * [1.0, 1.0, 0.0]) < 0.0 for at in moving]
+    assert np.mean(inwards) > 0.95
+    first = {at.body: at for at in reversed(seen)}
+    assert [first[body].dt_s for body in ("left", "right")] == [0.0, 0.0]
+    assert np.median([at.dt_s for at in moving]) == pytest.approx(0.01, abs=0.001)
 
 
 def test_where_it_fails_the_built_in_law_takes_over_and_everybody_is_told(
@@ -86,7 +112,7 @@ def test_where_it_fails_the_built_in_law_takes_over_and_everybody_is_told(
     assert "law_failures<1 is required, it is 1" in unmet([parse("law_failures<1")], summary)
 
 
-@pytest.mark.parametrize("does", ["loops", "exits", "sleeps"])
+@pytest.mark.parametrize("does", ["loops", "exits", pytest.param("sleeps", marks=pytest.mark.nightly)])
 def test_a_law_that_never_answers_or_ends_the_process_does_not(
     does: str, tmp_path: Path, installed: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -114,43 +140,3 @@ def test_a_law_that_never_answers_or_ends_the_process_does_not(
     if does == "loops":  # a replay does not wait for it: the decision is in the log
         monkeypatch.setattr(ground_host, "LAW_S", 1e6)
         assert replay(log).identical
-
-
-def test_what_it_is_told_agrees_with_itself(installed: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    from own_formation.cascade import Cascade
-
-    flies, seen = Cascade.__call__, []
-    monkeypatch.setattr(Cascade, "__call__", lambda self, at: (seen.append(at), flies(self, at))[1])
-    lockstep.run_in_memory(lap().model_copy(update={"longest_s": 20.0}), 1)
-    moving = [at for at in seen if np.linalg.norm(at.leader.vel_lab_m_s) > 0.2]
-    assert len(moving) > 100
-    for at in moving[::10]:
-        c, s = np.cos(at.heading_rad), np.sin(at.heading_rad)
-        to_lead = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-        off = to_lead @ (at.own.pos_lab_m - at.slot.pos_lab_m)
-        np.testing.assert_allclose(at.error_lead_m, off, atol=1e-9)
-        rate = to_lead @ (at.own.vel_lab_m_s - at.slot.vel_lab_m_s) - np.cross([0.0, 0.0, at.heading_rate_rad_s], off)
-        np.testing.assert_allclose(at.error_rate_lead_m_s, rate, atol=1e-9)
-        # A leader on a circle of 0.3 m is accelerated towards its middle, and every slot with it.
-        assert np.dot(at.leader.acc_lab_m_s2, at.leader.pos_lab_m * [1.0, 1.0, 0.0]) < 0.0
-        assert at.lag_s[0] > at.lag_s[1] > 0.0
-    first = {at.body: at for at in reversed(seen)}
-    assert [first[body].dt_s for body in ("left", "right")] == [0.0, 0.0]
-    assert np.median([at.dt_s for at in moving]) == pytest.approx(0.01, abs=0.001)
-
-
-@pytest.mark.nightly
-def test_the_manual_s_figures_are_those_of_its_options(tmp_path: Path, installed: None) -> None:
-    page = Path(__file__).parents[3] / "docs" / "manual" / "tutorials" / "own-law.md"
-    text = " ".join(page.read_text(encoding="utf-8").split())
-    options = re.search(r'control_law = \{ name = "cascade", options = (\{.*?\}) \}', text)
-    told = re.search(r"within ([\d.]+) mm RMS\. The built-in law holds it within ([\d.]+) mm", text)
-    assert options is not None
-    assert told is not None
-    scenario = load("triangle_circle")
-    law = ControlLawConfig(name="cascade", options=tomllib.loads(f"options = {options[1]}")["options"])
-    for control_law, figure in zip((law, None), told.groups(), strict=True):
-        lab = scenario.lab.model_copy(update={"control_law": control_law})
-        log = tmp_path / f"{figure}.mcap"
-        lockstep.run_to_file(scenario.model_copy(update={"lab": lab}), 7, log)
-        assert f"{1e3 * (summarise(load_flight(log)).formation_rms_m or 0.0):.2f}" == figure

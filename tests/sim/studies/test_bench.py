@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from formation.config import LabConfig
 from formation.maths import frames
 from sim.cli.bench_tables import bench_tables
 from sim.studies import bench
@@ -16,25 +15,6 @@ from sim.studies.bench import Bus, Parts, Result, Timing
 from sim.studies.scale.call_counts import Calls, TickCalls, python_calls
 
 SOME = Timing(1.0, 2.0, 3.0, 4)
-
-
-def test_a_timing_is_of_all_its_durations() -> None:
-    timing = Timing.of([3.0, 1.0, 2.0])
-    assert (timing.least_us, timing.p50_us, timing.count) == (1.0, 2.0, 3)
-    assert timing.p99_us == pytest.approx(2.98)
-
-
-def test_what_is_timed_is_called_all_the_same_and_left_as_it_was() -> None:
-    class Owner:
-        def twice(self, number: int) -> int:
-            return 2 * number
-
-    before = Owner.twice
-    with bench.timed(Owner, "twice") as taken_us:
-        assert Owner().twice(3) == 6
-    assert len(taken_us) == 1
-    assert taken_us[0] > 0.0
-    assert Owner.twice is before
 
 
 def test_a_tick_holds_its_step_and_a_step_its_law_and_estimate() -> None:
@@ -52,17 +32,6 @@ def test_a_simulated_second_makes_no_more_python_calls_than_its_budget(followers
     assert python_calls(bench.of_size(followers)) <= 1.05 * budget
 
 
-@pytest.mark.parametrize("followers", [1, 20, 21, 100, bench.FOLLOWERS_MOST])
-def test_a_swarm_of_any_size_stands_within_the_fence_apart_and_with_numbers_of_its_own(followers: int) -> None:
-    lab = bench.of_size(followers).lab
-    LabConfig.model_validate(lab.model_dump())  # no name and no system id twice
-    places = np.array([(0.0, 0.0, 0.0), *(f.offset_m for f in lab.followers)])
-    assert len(places) == followers + 1
-    assert np.abs(places).max() < lab.limits.fence.high_m[0] - 1.0
-    gaps = np.linalg.norm(places[:, None] - places[None], axis=-1) + 10.0 * np.eye(len(places))
-    assert gaps.min() >= 0.6 - 1e-9
-
-
 def test_calls_are_counted_while_entered_and_only_ours() -> None:
     with Calls() as calls:
         frames.wrap_angle(np.zeros(3))
@@ -70,10 +39,6 @@ def test_calls_are_counted_while_entered_and_only_ours() -> None:
         json.dumps({"a": [1]})
     bench.in_a_row(3)
     assert calls.count == 2
-
-
-def test_codec_and_kernels_take_their_time() -> None:
-    assert min(*bench.codec_us(), bench.nearest_us(), bench.separation_filter_us()) > 0.0
 
 
 @pytest.mark.processes

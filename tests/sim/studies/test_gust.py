@@ -1,7 +1,5 @@
 """The statistics of the gust, against a second way to compute them from the logged truth, in plain NumPy."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import pytest
 
@@ -10,55 +8,6 @@ from formation.vehicle.profile import PAPER_40G
 from sim import lockstep
 from sim.studies import experiments, gust
 from sim.studies.experiments import Experiment, Job
-from sim.studies.mismatch import MISMATCHES, mismatched
-
-
-def pulses(times_s: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
-    """10 s at 100 Hz, and a push of 0.4 s at each of the times."""
-    t_s = np.arange(0.0, 10.0, 0.01)
-    push = np.zeros_like(t_s)
-    for start_s in times_s:
-        push[(t_s >= start_s) & (t_s < start_s + 0.4)] = 3.0
-    return t_s, push
-
-
-def test_settling_is_taken_push_by_push() -> None:
-    """First push: 5 cm at most, within 1 cm from 0.3 s after it; second: 3 cm, never back before the third."""
-    t_s, push = pulses((1.0, 3.0, 5.0))
-    deviation = np.zeros_like(t_s)
-    deviation[(t_s >= 1.1) & (t_s < 1.7)] = 0.05
-    deviation[(t_s >= 3.1) & (t_s < 5.0)] = 0.03
-    passes = gust.pushes(push)
-    assert len(passes) == 3
-    assert gust.settling(t_s, deviation, passes) == pytest.approx((0.3 + 1.6 + 0.0) / 3, abs=0.02)
-
-
-def test_nothing_pushed_gives_no_number() -> None:
-    assert np.isnan(gust.settling(np.arange(10.0), np.zeros(10), []))
-    assert np.isnan(gust.mean_of_largest(np.arange(10.0), np.zeros(10), []))
-
-
-def test_the_largest_of_each_pass_are_averaged() -> None:
-    t_s, _ = pulses(())
-    deviation = np.where(np.isclose(t_s, 1.5), 0.3, np.where(np.isclose(t_s, 2.5), 0.1, 0.0))
-    assert gust.mean_of_largest(t_s, deviation, [(1.0, 2.0), (2.0, 3.0), (3.0, 4.0)]) == pytest.approx(0.4 / 3)
-
-
-def test_chatter_is_that_of_the_attitude_and_of_the_rates_over_the_attitude_gain() -> None:
-    """By hand: a roll of +-1 degree a tick is 2 degrees; rates of +-0.1 rad/s at a gain of 10/s as much as 1.15."""
-    half = np.radians(0.5) * np.array([1.0, -1.0] * 50)
-    rolled = np.stack([np.cos(half), np.sin(half), 0.0 * half, 0.0 * half], axis=-1)
-    still = np.tile([1.0, 0.0, 0.0, 0.0], (100, 1))
-    rates = np.zeros((100, 3))
-    rates[:, 1] = np.tile([0.1, -0.1], 50)
-    assert gust.chatter_deg(rolled, np.zeros((100, 3)), 10.0) == pytest.approx(2.0, rel=1e-3)
-    assert gust.chatter_deg(still, rates, 10.0) == pytest.approx(np.degrees(0.02))
-    about_z = np.zeros((100, 3))
-    about_z[:, 2] = np.tile([1.0, -1.0], 50)
-    assert gust.chatter_deg(still, about_z, 10.0) == 0.0
-    opposed = np.zeros((100, 3))
-    opposed[:, 0] = -10.0 * 2.0 * half
-    assert gust.chatter_deg(rolled, opposed, 10.0) < 0.01  # rates that take back what the attitude asks for
 
 
 def test_a_flights_numbers_are_those_of_its_truth() -> None:
@@ -99,21 +48,6 @@ def test_a_flights_numbers_are_those_of_its_truth() -> None:
     assert numbers.chatter_deg == pytest.approx(np.degrees(np.sqrt(np.mean(steps**2))), rel=1e-9)
 
 
-@pytest.mark.parametrize("name", MISMATCHES)
-def test_a_mismatched_vehicle_is_a_body_that_can_fly_and_that_nobody_told_the_ground_of(name: str) -> None:
-    """Its inertia obeys the triangle inequality and stays within its arms; it can hover with a third to spare."""
-    usual = experiments.scenario_of(Job("cfc", Experiment.GUST, 1))
-    scenario = mismatched(usual, name)
-    assert scenario.lab == usual.lab
-    assert scenario != usual
-    true = PAPER_40G.model_copy(update=dict(scenario.true_vehicle(2).vehicle))
-    jx, jy, jz = true.inertia_kg_m2
-    assert min(jx + jy - jz, jy + jz - jx, jz + jx - jy) >= 0.0
-    assert np.sqrt(max(jx, jy) / true.mass_kg) < 0.5 * true.wheelbase_m
-    assert true.thrust_max_n > 4.0 / 3.0 * true.weight_n
-    assert scenario == experiments.scenario_of(Job("cfc", Experiment.GUST, 1, mismatch=name))
-
-
 def test_a_push_that_is_felt_on_board_moves_the_drone_less() -> None:
     """By a quarter, through HIGHRES_IMU, its noise, the link and the drone's clock."""
     moved_m = {}
@@ -123,16 +57,3 @@ def test_a_push_that_is_felt_on_board_moves_the_drone_less() -> None:
         assert flown.outcome.result == "landed"
         moved_m[controller] = gust.gust_numbers(flight, scenario).mean_dev_m
     assert moved_m["cfc_imu"] < 0.8 * moved_m["cfc"]
-
-
-def test_the_mismatches_are_what_their_names_say() -> None:
-    usual = experiments.scenario_of(Job("cfc", Experiment.GUST, 1))
-    late = mismatched(usual, "double delay")
-    assert (late.mocap.delay_s, late.link.down_s, late.link.up_s) == (0.016, 0.008, 0.008)
-    assert late.true_vehicle(2).vehicle["command_delay_s"] == 2.0 * PAPER_40G.command_delay_s
-    heavy = mismatched(usual, "heavy and slow").true_vehicle(2).vehicle
-    assert heavy["mass_kg"] == pytest.approx(0.052)
-    assert heavy["attitude_p_1_s"] == pytest.approx(11.0 / 1.5)
-    assert heavy["motor_lag_s"] == pytest.approx(0.0375)
-    with pytest.raises(KeyError):
-        mismatched(usual, "unlucky")

@@ -98,7 +98,7 @@ def test_poses_arrive_as_they_were_published(rig):
     assert "the server names lead, right, left" in [event.text for event in rig.said]
 
 
-def test_renamed_bodies_are_followed_and_none_goes_by_another_name(rig):
+def test_renamed_bodies_are_followed_and_a_server_that_comes_again_is_found_again(rig):
     others = ("left", "lead", "wand")
 
     async def flight(source: Source) -> None:
@@ -107,34 +107,23 @@ def test_renamed_bodies_are_followed_and_none_goes_by_another_name(rig):
         await rig.publish_until(server, lambda: len(rig.frames) >= 5)
         await rig.publish_until(server, lambda: rig.frames[-1].bodies == others, others)
         await server.close()
-
-    asyncio.run(run_with(rig, flight))
-    bodies = [frame.bodies for frame in rig.frames]
-    assert bodies == sorted(bodies, key=lambda names: names == others)
-    assert any("does not name right" in event.text for event in rig.said)
-
-
-def test_a_server_that_ends_and_comes_again_is_found_again(rig):
-    async def flight(source: Source) -> None:
-        server = rig.server()
-        await server.start()
-        await rig.publish_until(server, lambda: len(rig.frames) >= 5)
-        await server.close()
         async with asyncio.timeout(60.0):
             while source.status().connected:
                 await asyncio.sleep(0.01)
         before = len(rig.frames)
         server = rig.server()
         await server.start()
-        await rig.publish_until(server, lambda: len(rig.frames) >= before + 5)
+        await rig.publish_until(server, lambda: len(rig.frames) >= before + 5, others)
         await server.close()
 
     asyncio.run(run_with(rig, flight))
+    assert {frame.bodies for frame in rig.frames} == {NAMES, others}
     captures = [frame.t_capture_ns for frame in rig.frames]
     assert captures == sorted(captures)
     seqs = [frame.seq for frame in rig.frames]
     assert seqs == sorted(set(seqs))
     texts = [event.text for event in rig.said]
+    assert any("does not name right" in text for text in texts)
     assert sum("connected to" in text for text in texts) == 2
     assert sum("trying again" in text for text in texts) >= 1
 

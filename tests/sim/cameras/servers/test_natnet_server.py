@@ -106,26 +106,6 @@ def test_changed_models_are_flagged_once_and_ids_stay():
     assert server.ids == {"c": 2, "d": 3}
 
 
-def test_requests_are_answered_as_the_version_knows_them():
-    def ask(server: Responder, text: bytes) -> bytes:
-        return server.received(pack("<HH", 2, len(text)) + text, CLIENT, 0)[0]
-
-    assert ask(responder((4, 2)), b"Bitstream\0")[4:] == b"Bitstream,4.2.0\0"
-    assert ask(responder((3, 1)), b"Bitstream\0") == pack("<HH", 100, 0)
-    assert ask(responder(rate_hz=120.0), b"FrameRate\0")[4:] == bytes.fromhex("0000f042")
-    assert ask(responder(), b"TimelinePlay\0") == pack("<HH", 100, 0)
-    assert responder().received(b"\0", CLIENT, 0) == []
-
-
-def test_cameras_without_stamps_and_a_clock_that_is_set():
-    silent = responder((3, 0), stamps=False).frame(raw(), 10 * S)
-    assert unpack_from("<QQ", silent, len(silent) - 30) == (0, 0)
-    server = responder(clock_hz=1000, clock_s=0.0)
-    assert server.ticks(5 * S) == 5000
-    server.clock_step_ns = 3600 * S
-    assert server.ticks(5 * S) == 3_605_000
-
-
 def test_a_lab_files_table_gives_its_server():
     table = {"host": "127.0.0.1", "multicast": "", "data_port": 1600}
     config = MocapConfig.model_validate({"source": "natnet", "natnet": table, "unit": "mm"})

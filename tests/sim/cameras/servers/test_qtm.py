@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from qtm_rt.packet import QRTComponentType, QRTEvent, QRTPacket, RT6DComponent
+from qtm_rt.packet import QRTComponentType, QRTPacket, RT6DComponent
 from scipy.spatial.transform import Rotation
 
 from formation.messages import RawFrame
@@ -62,10 +62,6 @@ def client() -> QtmConversation:
 )
 def test_commands(client, words, kind, answer):
     assert say(client, words) == (kind, answer)
-
-
-def test_qtm_names_its_version(client):
-    assert say(client, "QTMVersion")[1].startswith("QTM Version is ")
 
 
 def test_the_other_byte_order():
@@ -126,18 +122,6 @@ def test_bodies_as_qtm_rt_reads_them():
     assert (turned * ROTATIONS[0].inv()).magnitude() < 1e-6
     assert packet.get_6d_residual()[1][0][2].residual == pytest.approx(0.4)
     assert len(packet.get_6d_euler_residual()[1]) == 2
-
-
-def test_big_endian_is_the_same_turned_round():
-    little, big = (packets.six_d(order, 5, a_frame()) for order in "<>")
-    assert np.frombuffer(little[16:], "<f4").tolist() == np.frombuffer(big[16:], ">f4").tolist()
-    assert struct.unpack(">IIihh", big[:16]) == struct.unpack("<IIihh", little[:16])
-
-
-def test_numbers_of_events_are_qtm_rts():
-    assert QRTEvent.EventConnected.value == packets.CONNECTED
-    assert QRTEvent.EventCameraSettingsChanged.value == packets.SETTINGS_CHANGED
-    assert QRTEvent.EventQTMShuttingDown.value == packets.SHUTTING_DOWN
 
 
 def test_what_is_no_packet_ends_the_connection(client):

@@ -123,20 +123,6 @@ def test_the_librarys_ping_is_answered():
     asyncio.run(steps())
 
 
-def test_a_renamed_body_is_a_new_sender():
-    async def steps() -> None:
-        server = vrpn_server(config_of("vrpn"), BODIES, REAL_TIME)
-        async with served(server) as client:
-            await client.greet()
-            server.publish(frame_of((False, True), ("leader", "wand")))
-            (_, _, _, number, kind, _), payload = await client.message()
-            pose, _ = await client.message()
-        assert (kind, payload) == (-1, b"\0\0\0\5wand\0")
-        assert pose[3] == number
-
-    asyncio.run(steps())
-
-
 def test_a_client_that_asks_by_datagram_is_called_back():
     """As the library's clients do unless told "tcp://": host, blank, port, a null byte."""
 
@@ -157,18 +143,6 @@ def test_a_client_that_asks_by_datagram_is_called_back():
             transport.close()
             client.writer.close()
         assert "leader" in senders
-
-    asyncio.run(steps())
-
-
-def test_a_taken_address_is_an_error():
-    async def steps() -> None:
-        config = config_of("vrpn")
-        first = vrpn_server(config, BODIES, REAL_TIME)
-        await first.start()
-        with pytest.raises(OSError, match="in use"):
-            await vrpn_server(config, BODIES, REAL_TIME).start()
-        await first.close()
 
     asyncio.run(steps())
 

@@ -177,7 +177,7 @@ def _laid_over(options: Options) -> dict[str, Any]:
         "bridge": options.bridge,
         "pose": options.pose,
         "profile": options.profile,
-        "start_lab_m": None if options.start is None else options.start.split(","),
+        "start_lab_m": None if options.start is None else [_number(word) for word in options.start.split(",")],
         "start_yaw_rad": options.yaw,
         "truth_rate_hz": options.truth,
         "keys": options.keys,
@@ -186,8 +186,16 @@ def _laid_over(options: Options) -> dict[str, Any]:
         "stale_land_s": options.stale_land,
         "parameter_file": options.parameter_file,
         "link": {key: value for key, value in links.items() if value is not None},
-        "parameters": {name: value for name, _, value in (item.partition("=") for item in options.param or ())},
+        "parameters": {name: _number(word) for name, _, word in (item.partition("=") for item in options.param or ())},
     }
+
+
+def _number(word: str) -> float | str:
+    """The number that a word is; the word itself where it is none, which the configuration then rejects."""
+    try:
+        return float(word)
+    except ValueError:
+        return word
 
 
 def _fail(text: str, code: int) -> None:

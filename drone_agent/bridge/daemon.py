@@ -78,7 +78,6 @@ async def run_bridge(config: AgentConfig, autopilot: str, report: EventSink, clo
     """
     stop, protection = Stop(), config.protection
     compile_all("drone-agent", warm_up, sys.stderr)
-    report(Event(Severity.INFO, f"uav{config.sysid}", f"priority: {prefer_process()}"))
     config = config.model_copy(update={"inertial_rate_hz": min(config.inertial_rate_hz, imu_rate_limit_hz(autopilot))})
     core = BridgeCore(config, clock.monotonic_ns(), serial=autopilot.startswith("serial:"))
     pump = _Pump(core, report, clock)
@@ -87,6 +86,7 @@ async def run_bridge(config: AgentConfig, autopilot: str, report: EventSink, clo
     attending: asyncio.Task[None] | None = None
     try:
         pump.autopilot = await _open_autopilot(autopilot, config.sysid, pump, protection)
+        report(Event(Severity.INFO, f"uav{config.sysid}", f"priority: {prefer_process()}"))
         bus = await ZenohBus.open(config.link, config.lab, pump.rejections, protection)
         MocapBus(bus, clock).on_frame(pump.from_mocap)
         pump.ground = await open_ground_link(config, bus, pump.from_ground, pump.rejections, protection)

@@ -51,7 +51,7 @@ def restart_text(link: DroneLink) -> str:
     """Why a parameter that was set right keeps its drone on the ground, and what to do."""
     return (
         f"was changed and counts from a restart, which was not seen: restart the autopilot of drone {link.sysid} (off "
-        "for 3 s) while `gcs run` or `gcs doctor` runs; or, where it was, delete ...-restarts.toml beside the lab file"
+        "for 3 s) while gcs run or gcs doctor runs; or, where it was, delete ...-restarts.toml beside the lab file"
     )
 
 

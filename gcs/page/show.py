@@ -40,8 +40,8 @@ class Step:
 
     @property
     def is_idle(self) -> bool:
-        """Whether nobody misses it now: it is for another phase, or for drones that fly without a ground."""
-        return self.out_of_turn or (self.verb == "take_control" and not self.flying)
+        """Whether nobody misses it now: it is for another phase, or for drones that fly."""
+        return self.out_of_turn or (self.verb in ("take_control", "land") and not self.flying)
 
 
 @dataclass(frozen=True, slots=True)

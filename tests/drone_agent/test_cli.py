@@ -57,7 +57,7 @@ def test_a_key_of_the_file_is_named(tmp_path: Path) -> None:
     config = tmp_path / "uav.toml"
     config.write_text("speed_kmh = 3\n")
     result = runner.invoke(app, ["--config", str(config)])
-    assert (result.exit_code, result.output) == (2, f"{config}: speed_kmh: is not a known key\n")
+    assert (result.exit_code, result.output) == (2, f"{config}:1 speed_kmh: is not a known key\n")
 
 
 @pytest.mark.parametrize(

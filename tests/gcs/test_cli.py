@@ -81,12 +81,15 @@ def test_a_lab_file_that_is_missing():
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        (("sysid = 2", 'sysid = 2\nlink = "tcp:1"'), "followers[0].link: not udp:HOST:PORT"),
-        (("offset_m", "# offset_m"), "followers[0].offset_m: is missing"),
+        (("sysid = 2", 'sysid = 2\nlink = "tcp:1"'), "followers[0].link (left): not udp:HOST:PORT"),
+        (("offset_m", "# offset_m"), "followers[0].offset_m (left): is missing"),
         (('file = "', '# "'), 'mocap.file: is missing: source "csv" needs `file`'),
         (('zenoh_connect = ["tcp/', 'zenoh_connect = ["'), "link.zenoh_connect[0]: not an endpoint"),
-        (("sysid = 2", "sysid = 251"), "followers[0].sysid: "),
-        (('body = "left"', 'body = "lead"'), "followers[0].body: leader has it, too: two vehicles share a body name"),
+        (("sysid = 2", "sysid = 251"), "followers[0].sysid (left): "),
+        (
+            ('body = "left"', 'body = "lead"'),
+            "followers[0].body (lead): leader has it, too: two vehicles share a body name",
+        ),
     ],
 )
 def test_a_wrong_value_is_named_with_file_and_key(tmp_path, wrong, words):
@@ -95,7 +98,7 @@ def test_a_wrong_value_is_named_with_file_and_key(tmp_path, wrong, words):
     for command in ("run", "doctor", "logs"):
         result = runner.invoke(app, [command, str(lab)])
         assert result.exit_code == 2
-        assert result.output.startswith(f"gcs: {lab}: ")
+        assert result.output.startswith(f"gcs: {lab}:")
         assert words in result.output
         assert len(result.output.splitlines()) == 1
 

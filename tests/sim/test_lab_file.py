@@ -86,7 +86,7 @@ def test_all_of_the_file_is_flown_but_what_is_real(lab: Path) -> None:
 def test_a_scenario_is_a_lab_file_and_a_few_lines(lab: Path) -> None:
     text = 'lab = "lab.toml"\nseed = 4\n[air]\nwind_lab_m_s2 = [0.3, 0.0, 0.0]\n[mocap]\nnoise_m = 0.0005\n'
     scenario = load(written(lab, text + '[[vehicles]]\nsysid = 3\nautopilot = "ardupilot"\n'))
-    assert (scenario.name, scenario.seed, scenario.lab) == ("windy", 4, load(str(lab)).lab)
+    assert (scenario.name, scenario.seed, scenario.lab) == ("room_7", 4, load(str(lab)).lab)
     assert (scenario.mocap.rate_hz, scenario.mocap.noise_m) == (200.0, 0.0005)
     assert scenario.true_vehicle(1).start == load(str(lab)).true_vehicle(1).start
     assert scenario.true_vehicle(3).autopilot == "ardupilot"
@@ -111,6 +111,6 @@ def test_a_lab_file_is_flown_by_the_command_which_says_what_is_simulated(lab: Pa
     flown = CliRunner().invoke(app, ["run", str(lab), "--json", "--out", str(tmp_path / "out")])
     assert flown.exit_code == 0, flown.output
     summary = json.loads(flown.stdout)
-    assert (summary["scenario"], summary["outcome"], summary["followers"]) == ("lab", "landed", 1)
+    assert (summary["scenario"], summary["outcome"], summary["followers"]) == ("room_7", "landed", 1)
     assert f"{lab}: simulated drones instead of left at udp:192.168.1.33:14550, " in flown.stderr
     assert "emulated cameras instead of vicon 192.168.1.10, no stop button /dev/input/js7" in flown.stderr

@@ -7,7 +7,7 @@ from tests.gcs.fakes import AHEAD_NS, FakeLab, triangle
 
 REFUSED = (
     "left: EKF2_HGT_REF was changed and counts from a restart, which was not seen: restart the autopilot of drone 2 "
-    "(off for 3 s) while `gcs run` or `gcs doctor` runs; or, where it was, delete ...-restarts.toml beside the lab file"
+    "(off for 3 s) while gcs run or gcs doctor runs; or, where it was, delete ...-restarts.toml beside the lab file"
 )
 
 

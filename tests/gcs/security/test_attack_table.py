@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[3]
-ATTACKS, FIGURES = 20, 13
+ATTACKS, FIGURES = 21, 13
 
 
 def named(pattern: str) -> list[tuple[str, str]]:

@@ -52,7 +52,7 @@ def test_a_push_that_is_felt_on_board_moves_the_drone_less() -> None:
     """By a quarter, through HIGHRES_IMU, its noise, the link and the drone's clock."""
     moved_m = {}
     for controller in ("cfc", "cfc_imu"):
-        scenario = experiments.scenario_of(Job(controller, Experiment.GUST, 1)).model_copy(update={"formation_s": 8.0})
+        scenario = experiments.scenario_of(Job(controller, Experiment.GUST, 1)).model_copy(update={"formation_s": 12.0})
         flown, flight = lockstep.run_and_load(scenario, 1)
         assert flown.outcome.result == "landed"
         moved_m[controller] = gust.gust_numbers(flight, scenario).mean_dev_m

@@ -15,12 +15,13 @@ import motioncapture  # of another environment
 def main() -> None:
     """Every pose of every frame."""
     kind, host, *port, count = sys.argv[1:]
-    system = motioncapture.connect(kind, {"hostname": host, **({"port": port[0]} if port else {})})
+    further = {"port": port[0]} if port else {"interface_ip": host} if kind == "optitrack" else {}
+    system = motioncapture.connect(kind, {"hostname": host, **further})
     frames = []
     for _ in range(int(count)):
         system.waitForNextFrame()
         frames.append({name: _pose(body) for name, body in system.rigidBodies.items()})
-    print(json.dumps(frames))
+    print("FRAMES", json.dumps(frames), flush=True)
 
 
 def _pose(body: object) -> list[float]:

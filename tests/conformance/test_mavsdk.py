@@ -29,14 +29,9 @@ pytestmark = pytest.mark.processes
 
 
 @pytest.fixture
-def drone(tmp_path: Path) -> Iterator[Client]:
-    with agent(tmp_path, "--link", "udp", "--profile", "px4_quad") as running, client(running) as connected:
-        yield connected
-
-
-@pytest.fixture
-def indoor(tmp_path: Path) -> Iterator[Client]:
-    with agent(tmp_path, "--link", "udp", "--pose", "mocap") as running, client(running) as connected:
+def drone(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Client]:
+    options = getattr(request, "param", ("--profile", "px4_quad"))
+    with agent(tmp_path, "--link", "udp", *options) as running, client(running) as connected:
         yield connected
 
 
@@ -48,23 +43,23 @@ def fly_to(drone: Client, height_m: float) -> None:
     drone.first("flight_mode", lambda mode: mode == FlightMode.HOLD)
 
 
-def test_connects_and_tells_who_it_is(drone: Client) -> None:
-    version = drone.info.get_version()
-    assert (version.flight_sw_major, version.flight_sw_minor) == (1, 16)
-    assert drone.info.get_identification().legacy_uid == 1
-
-
-def test_is_healthy_in_every_way(drone: Client) -> None:
-    assert drone.first("health_all_ok", lambda ok: ok)
-    assert drone.first("health", lambda health: health.is_armable)
-
-
-def test_arms_takes_off_holds_lands_and_disarms(drone: Client) -> None:
-    fly_to(drone, 1.3)
+def test_arms_takes_off_holds_lands_and_disarms_and_telemetry_says_the_same_in_every_form(drone: Client) -> None:
+    with drone.stream("status_text") as texts:
+        fly_to(drone, 1.3)
+        wait_for_text(texts, "Armed by external command")
     assert drone.action.get_takeoff_altitude() == pytest.approx(1.3)
     there = drone.first("position_velocity_ned", lambda p: abs(p.velocity.down_m_s) < 0.02)
     assert -there.position.down_m == pytest.approx(1.3, abs=0.1)
     assert drone.first("landed_state") == LandedState.IN_AIR
+    assert drone.first("in_air")
+    assert drone.first("position").relative_altitude_m == pytest.approx(1.3, abs=0.1)
+    assert drone.first("position").latitude_deg == pytest.approx(47.397742, abs=1e-5)
+    assert drone.first("home").latitude_deg == pytest.approx(47.397742, abs=1e-5)
+    assert drone.first("attitude_quaternion").w == pytest.approx(1.0, abs=1e-3)
+    assert abs(drone.first("attitude_euler").yaw_deg) < 1.0
+    pack = drone.first("battery", lambda battery: battery.current_battery_a > 1.0)
+    assert 12.0 < pack.voltage_v < 16.9
+    assert 50.0 < pack.remaining_percent <= 100.0
     drone.action.hold()
     with pytest.raises(ActionError, match=ActionResult.COMMAND_DENIED.name):
         drone.action.disarm()
@@ -74,7 +69,7 @@ def test_arms_takes_off_holds_lands_and_disarms(drone: Client) -> None:
     drone.first("armed", lambda armed: not armed)
 
 
-def test_flies_offboard_by_the_offboard_plugin(drone: Client) -> None:
+def test_flies_offboard_by_the_offboard_plugin_by_attitude_and_by_position(drone: Client) -> None:
     fly_to(drone, 1.5)
     drone.offboard.set_attitude(Attitude(0.0, 0.0, 0.0, 0.49))
     drone.offboard.start()
@@ -85,8 +80,13 @@ def test_flies_offboard_by_the_offboard_plugin(drone: Client) -> None:
     drone.first("velocity_ned", lambda v: v.east_m_s > 0.2)
     drone.offboard.stop()
     drone.first("flight_mode", lambda mode: mode == FlightMode.HOLD)
-    drone.action.land()
-    drone.first("armed", lambda armed: not armed)
+    drone.offboard.set_position_ned(PositionNedYaw(0.8, 0.5, -1.2, 90.0))
+    drone.offboard.start()
+    there = drone.first(
+        "position_velocity_ned", lambda p: math.hypot(p.position.north_m - 0.8, p.position.east_m - 0.5) < 0.1
+    )
+    assert there.position.down_m == pytest.approx(-1.2, abs=0.2)
+    drone.first("attitude_euler", lambda euler: euler.yaw_deg == pytest.approx(90.0, abs=3.0))
 
 
 def test_flies_offboard_by_a_stream_of_our_own(drone: Client) -> None:
@@ -127,24 +127,16 @@ def test_flies_offboard_by_a_stream_of_our_own(drone: Client) -> None:
     drone.first("armed", lambda armed: not armed)
 
 
-def test_goes_to_a_position_offboard(drone: Client) -> None:
-    fly_to(drone, 1.5)
-    drone.offboard.set_position_ned(PositionNedYaw(0.8, 0.5, -1.2, 90.0))
-    drone.offboard.start()
-    there = drone.first(
-        "position_velocity_ned", lambda p: math.hypot(p.position.north_m - 0.8, p.position.east_m - 0.5) < 0.1
-    )
-    assert there.position.down_m == pytest.approx(-1.2, abs=0.2)
-    drone.first("attitude_euler", lambda euler: euler.yaw_deg == pytest.approx(90.0, abs=3.0))
-
-
 def set_mode(drone: Client, main: float) -> None:
     fields = {"target_system": 1, "target_component": 1, "command": 176, "confirmation": 0, "param1": 1.0,
               "param2": main, "param3": 0.0, "param4": 0.0, "param5": 0.0, "param6": 0.0, "param7": 0.0}  # fmt: skip
     drone.direct.send_message(MavlinkMessage("COMMAND_LONG", 245, 190, 1, 1, json.dumps(fields)))
 
 
-def test_reads_and_writes_parameters(drone: Client) -> None:
+def test_tells_who_it_is_its_health_and_parameters_and_telemetry_at_the_rate_asked(drone: Client) -> None:
+    version = drone.info.get_version()
+    assert (version.flight_sw_major, version.flight_sw_minor) == (1, 16)
+    assert drone.info.get_identification().legacy_uid == 1
     everything = drone.param.get_all_params()
     integers = {p.name: p.value for p in everything.int_params}
     reals = {p.name: p.value for p in everything.float_params}
@@ -156,10 +148,8 @@ def test_reads_and_writes_parameters(drone: Client) -> None:
     assert drone.param.get_param_float("MPC_LAND_SPEED") == pytest.approx(0.65)
     with pytest.raises(ParamError):
         drone.param.get_param_int("NO_SUCH_PARAM")
-
-
-def test_telemetry_comes_at_the_rate_asked(drone: Client) -> None:
     drone.be_ready()
+    assert drone.first("health_all_ok", lambda ok: ok)
     for name, rate_hz in (("attitude_euler", 40.0), ("position_velocity_ned", 20.0), ("attitude_quaternion", 10.0)):
         getattr(drone.telemetry, f"set_rate_{name}")(rate_hz)
         with drone.stream(name) as values:
@@ -171,37 +161,21 @@ def test_telemetry_comes_at_the_rate_asked(drone: Client) -> None:
         assert found_hz == pytest.approx(rate_hz, rel=0.2)  # a stall of a second is not made up for
 
 
-def test_telemetry_says_the_same_in_every_form(drone: Client) -> None:
-    fly_to(drone, 2.0)
-    drone.first("position_velocity_ned", lambda p: abs(p.velocity.down_m_s) < 0.02)
-    assert drone.first("position").relative_altitude_m == pytest.approx(2.0, abs=0.1)
-    assert drone.first("position").latitude_deg == pytest.approx(47.397742, abs=1e-5)
-    q, euler = drone.first("attitude_quaternion"), drone.first("attitude_euler")
-    assert q.w == pytest.approx(1.0, abs=1e-3)
-    assert abs(euler.yaw_deg) < 1.0
-    pack = drone.first("battery", lambda battery: battery.current_battery_a > 1.0)
-    assert 12.0 < pack.voltage_v < 16.9
-    assert 50.0 < pack.remaining_percent <= 100.0
-    assert drone.first("in_air")
-    assert drone.first("home").latitude_deg == pytest.approx(47.397742, abs=1e-5)
-
-
-def test_status_texts_arrive(drone: Client) -> None:
+@pytest.mark.parametrize("drone", [("--pose", "mocap")], indirect=True)
+def test_flies_on_a_mocap_pose_and_not_without(drone: Client) -> None:
+    assert not drone.first("health").is_armable
     with drone.stream("status_text") as texts:
-        drone.be_ready()
-        drone.action.arm()
-        wait_for_text(texts, "Armed by external command")
-
-
-def test_flies_on_a_mocap_pose_and_not_without(indoor: Client) -> None:
-    assert not indoor.first("health").is_armable
+        with pytest.raises(ActionError) as denied:
+            drone.action.arm()
+        assert denied.value.result == ActionResult.COMMAND_DENIED
+        wait_for_text(texts, "no external pose")
     # PX4 does not fuse ATT_POS_MOCAP.
     for _ in range(10):
         pose = AttitudePositionMocap(
             0, Quaternion(1.0, 0.0, 0.0, 0.0), PositionBody(0.0, 0.0, 0.0), Covariance([math.nan])
         )
-        indoor.mocap.set_attitude_position_mocap(pose)
-    assert not indoor.first("health").is_local_position_ok
+        drone.mocap.set_attitude_position_mocap(pose)
+    assert not drone.first("health").is_local_position_ok
     stop = threading.Event()
 
     def stream() -> None:
@@ -209,29 +183,21 @@ def test_flies_on_a_mocap_pose_and_not_without(indoor: Client) -> None:
             pose = VisionPositionEstimate(
                 0, PositionBody(0.5, 0.25, 0.0), AngleBody(0.0, 0.0, 0.0), Covariance([math.nan]), 0
             )
-            indoor.mocap.set_vision_position_estimate(pose)
+            drone.mocap.set_vision_position_estimate(pose)
 
     sender = threading.Thread(target=stream)
     sender.start()
     try:
-        health = indoor.first("health", lambda health: health.is_armable)
+        health = drone.first("health", lambda health: health.is_armable)
         assert health.is_local_position_ok
         assert not health.is_global_position_ok
-        here = indoor.first("position_velocity_ned").position
+        here = drone.first("position_velocity_ned").position
         assert (here.north_m, here.east_m) == pytest.approx((0.5, 0.25), abs=0.02)
-        indoor.action.arm()
-        indoor.first("armed", lambda armed: armed)
+        drone.action.arm()
+        drone.first("armed", lambda armed: armed)
     finally:
         stop.set()
         sender.join(5.0)
-
-
-def test_does_not_arm_while_not_ready(indoor: Client) -> None:
-    with indoor.stream("status_text") as texts:
-        with pytest.raises(ActionError) as denied:
-            indoor.action.arm()
-        assert denied.value.result == ActionResult.COMMAND_DENIED
-        wait_for_text(texts, "no external pose")
 
 
 def test_failures_are_told_apart(drone: Client) -> None:

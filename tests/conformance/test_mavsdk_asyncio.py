@@ -1,7 +1,7 @@
 """MAVSDK 4 (asyncio API) against the agent as a process over UDP."""
 
 import asyncio
-from collections.abc import AsyncGenerator, AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncGenerator, AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any, TypeVar
@@ -44,81 +44,30 @@ async def first(values: AsyncGenerator[T, None], wanted: Callable[[T], bool], wa
     raise AssertionError("the stream ended")
 
 
-def run(folder: Path, test: Callable[[Any], Coroutine[Any, Any, None]], *options: str) -> None:
-    """One agent, one client, one test."""
-
-    async def body(url: str) -> None:
-        async with connected(url) as system:
-            await test(system)
-
-    with agent(folder, "--link", "udp", *options) as running:
-        asyncio.run(body(running.mavsdk_url))
-
-
-def test_a_whole_flight(tmp_path: Path) -> None:
-    async def flight(system: Any) -> None:
-        action, telemetry = ActionAsync(system), TelemetryAsync(system)
-        await first(telemetry.subscribe_health_all_ok(), lambda ok: ok)
-        await action.set_takeoff_altitude(1.0)
-        await action.arm()
-        await action.takeoff()
-        await first(telemetry.subscribe_flight_mode(), lambda mode: mode == FlightMode.HOLD)
-        up = await first(telemetry.subscribe_position(), lambda p: p.relative_altitude_m > 0.9)
-        assert up.relative_altitude_m == pytest.approx(1.0, abs=0.15)
-        await action.land()
-        await first(telemetry.subscribe_landed_state(), lambda state: state == LandedState.ON_GROUND)
-        await first(telemetry.subscribe_armed(), lambda armed: not armed)
-
-    run(tmp_path, flight, "--profile", "px4_quad")
-
-
-def test_offboard_attitude(tmp_path: Path) -> None:
+def test_a_flight_with_its_parameters_texts_and_rates(tmp_path: Path) -> None:
     async def flight(system: Any) -> None:
         action, telemetry, offboard = ActionAsync(system), TelemetryAsync(system), OffboardAsync(system)
-        await first(telemetry.subscribe_health_all_ok(), lambda ok: ok)
-        await action.set_takeoff_altitude(1.5)
-        await action.arm()
-        await action.takeoff()
-        await first(telemetry.subscribe_flight_mode(), lambda mode: mode == FlightMode.HOLD)
-        await offboard.set_attitude(Attitude(0.0, -4.0, 0.0, 0.49))
-        await offboard.start()
-        # Nose down: forward, which is north.
-        euler = await first(telemetry.subscribe_attitude_euler(), lambda e: abs(e.pitch_deg + 4.0) < 0.4)
-        assert abs(euler.roll_deg) < 0.5
-        await first(telemetry.subscribe_velocity_ned(), lambda v: v.north_m_s > 0.2)
-        await offboard.stop()
-        await action.land()
-        await first(telemetry.subscribe_armed(), lambda armed: not armed)
-
-    run(tmp_path, flight, "--profile", "px4_quad")
-
-
-def test_information_and_parameters(tmp_path: Path) -> None:
-    async def talk(system: Any) -> None:
-        info, param = InfoAsync(system), ParamAsync(system)
-        version = await info.get_version()
-        assert version.flight_sw_major == 1
+        param = ParamAsync(system)
+        assert (await InfoAsync(system).get_version()).flight_sw_major == 1
         assert len((await param.get_all_params()).float_params) > 40
         await param.set_param_int("NAV_DLL_ACT", 3)
         assert await param.get_param_int("NAV_DLL_ACT") == 3
-        await param.set_param_float("MIS_TAKEOFF_ALT", 1.25)
-        assert await param.get_param_float("MIS_TAKEOFF_ALT") == 1.25
+        await param.set_param_float("MPC_LAND_SPEED", 0.65)
+        assert await param.get_param_float("MPC_LAND_SPEED") == pytest.approx(0.65)
         with pytest.raises(ParamError):
             await param.get_param_float("NO_SUCH_PARAM")
-
-    run(tmp_path, talk)
-
-
-def test_status_text_and_rates(tmp_path: Path) -> None:
-    async def listen(system: Any) -> None:
-        action, telemetry = ActionAsync(system), TelemetryAsync(system)
         await first(telemetry.subscribe_health_all_ok(), lambda ok: ok)
+        await action.set_takeoff_altitude(1.5)
         armed = asyncio.create_task(
             first(telemetry.subscribe_status_text(), lambda text: text.text == "Armed by external command")
         )
         await asyncio.sleep(0)
         await action.arm()
         await armed
+        await action.takeoff()
+        await first(telemetry.subscribe_flight_mode(), lambda mode: mode == FlightMode.HOLD)
+        up = await first(telemetry.subscribe_position(), lambda p: p.relative_altitude_m > 1.4)
+        assert up.relative_altitude_m == pytest.approx(1.5, abs=0.15)
         await telemetry.set_rate_attitude_quaternion(20.0)
         stamps: list[int] = []
         async with asyncio.timeout(20.0):
@@ -127,5 +76,20 @@ def test_status_text_and_rates(tmp_path: Path) -> None:
                 if len(stamps) == 41:
                     break
         assert 40.0 / ((stamps[-1] - stamps[0]) * 1e-6) == pytest.approx(20.0, rel=0.05)
+        await offboard.set_attitude(Attitude(0.0, -4.0, 0.0, 0.49))
+        await offboard.start()
+        # Nose down: forward, which is north.
+        euler = await first(telemetry.subscribe_attitude_euler(), lambda e: abs(e.pitch_deg + 4.0) < 0.4)
+        assert abs(euler.roll_deg) < 0.5
+        await first(telemetry.subscribe_velocity_ned(), lambda v: v.north_m_s > 0.2)
+        await offboard.stop()
+        await action.land()
+        await first(telemetry.subscribe_landed_state(), lambda state: state == LandedState.ON_GROUND)
+        await first(telemetry.subscribe_armed(), lambda armed: not armed)
 
-    run(tmp_path, listen)
+    async def body(url: str) -> None:
+        async with connected(url) as system:
+            await flight(system)
+
+    with agent(tmp_path, "--link", "udp", "--profile", "px4_quad") as running:
+        asyncio.run(body(running.mavsdk_url))

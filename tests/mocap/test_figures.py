@@ -5,7 +5,7 @@ import pytest
 
 from formation.maths import frames
 from formation.messages import LabFrame
-from mocap.figures import FrameWindow, as_json, noise_m, timing
+from mocap.figures import FrameWindow, as_json, timing
 
 PERIOD_NS, DELAY_NS = 10_000_000, 8_000_000
 
@@ -44,11 +44,6 @@ def test_exposures_that_jitter_are_not_stamped_on_arrival() -> None:
         assert not timing(exposed, exposed + DELAY_NS, numbers).arrival_stamps
 
 
-def test_noise_is_the_worst_axis() -> None:
-    pos = np.array([[0.0, 0.001, 0.0], [0.0, -0.001, 0.0005], [0.0, 0.001, 0.0], [0.0, -0.001, 0.0005]])
-    assert noise_m(pos) == pytest.approx(0.001)
-
-
 def test_a_window_tells_of_each_body_and_forgets_after_two_seconds() -> None:
     window = FrameWindow(("a", "b"))
     for k in range(700):
@@ -68,10 +63,3 @@ def test_a_window_tells_of_each_body_and_forgets_after_two_seconds() -> None:
     assert window.timing(late_ns) is None
     assert as_json(window, late_ns)["timing"] is None
     assert window.bodies(late_ns)[0].pos_lab_m is None
-
-
-def test_a_body_that_moves_has_no_noise_at_rest() -> None:
-    window = FrameWindow(("a", "b"))
-    for k in range(100):
-        window.add(frame(k, k * PERIOD_NS, 0.01 * k))
-    assert window.bodies(100 * PERIOD_NS)[0].noise_m is None

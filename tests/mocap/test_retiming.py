@@ -63,15 +63,12 @@ def errors_s(stream: Stream, seed: int, is_stamped: bool = True) -> tuple[Float,
     return exposed, out, retiming
 
 
-@pytest.mark.parametrize("rate_hz", [30.0, 100.0, 240.0])
-@pytest.mark.parametrize("stalled_share", [1.0, 0.5])
-@pytest.mark.parametrize("is_stamped", [True, False])
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_numbered_frames_get_their_exposures_back(
-    seed: int, is_stamped: bool, stalled_share: float, rate_hz: float
-) -> None:
+@pytest.mark.parametrize(
+    ("rate_hz", "stalled_share", "is_stamped"), [(30, 0.5, True), (100, 1.0, False), (240, 0.5, True)]
+)
+def test_numbered_frames_get_their_exposures_back(rate_hz: float, stalled_share: float, is_stamped: bool) -> None:
     """Stamps on arrival are wrong by up to 0.87 s; what is left is the least of the jitter."""
-    exposed, off_s, retiming = errors_s(Stream(rate_hz=rate_hz, stalled_share=stalled_share), seed, is_stamped)
+    exposed, off_s, retiming = errors_s(Stream(rate_hz=rate_hz, stalled_share=stalled_share), 1, is_stamped)
     known = exposed > 4.0 * WINDOW / rate_hz
     assert np.abs(off_s[known]).max() < 0.003
     assert np.std(off_s[known]) < 0.001
@@ -79,10 +76,8 @@ def test_numbered_frames_get_their_exposures_back(
     assert retiming.scatter_ns < 2_000_000
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_lost_frames_that_no_number_shows_cost_three_frames_each_time(seed: int) -> None:
-    stream = Stream(stalled_share=0.5, is_numbered=False, length_s=60.0)
-    exposed, off_s, _ = errors_s(stream, seed)
+def test_lost_frames_that_no_number_shows_cost_three_frames_each_time() -> None:
+    exposed, off_s, _ = errors_s(Stream(stalled_share=0.5, is_numbered=False, length_s=60.0), 1)
     known = exposed > 8.0
     gaps = int((np.diff(exposed[known]) > 0.015).sum())
     assert gaps > 10
@@ -97,32 +92,16 @@ def test_true_stamps_are_left_as_they_are() -> None:
     stamps = [10**12 + 10_000_000 * k + round(500_000 * rng.standard_normal()) for k in range(5000) if k % 700 > 60]
     assert [retiming.capture_ns(k, t_ns, True) for k, t_ns in enumerate(stamps)] == stamps
     assert retiming.scatter_ns is None
+    steady_ns = np.arange(1000) * 10_000_000 + rng.integers(0, 2_000_000, 1000)
+    assert exposures_ns(steady_ns) is steady_ns
 
 
-@pytest.mark.parametrize("step_s", [0.1, -0.1, 3.0, -3.0])
+@pytest.mark.parametrize("step_s", [0.1, -3.0])
 def test_a_clock_that_is_set_is_followed_within_five_seconds(step_s: float) -> None:
     stream = Stream(step_s=step_s, stalls_s=(0.05, 0.1), length_s=40.0)
     exposed, off_s, _ = errors_s(stream, 1)
     assert np.abs(off_s[exposed > 26.0] - step_s).max() < 0.003
     assert np.abs(off_s[(exposed > 8.0) & (exposed < 19.0)]).max() < 0.003
-
-
-def test_drifting_clocks_do_not_add_up() -> None:
-    """A camera clock 100 ppm fast parts from ours by 60 ms in ten minutes."""
-    exposed, off_s, _ = errors_s(Stream(rate_hz=100.01, length_s=600.0, stalls_s=(0.1,)), 1)
-    assert np.abs(off_s[exposed > 8.0]).max() < 0.003
-
-
-def test_another_count_of_frames_starts_over() -> None:
-    exposed, arrived, number = Stream().frames(1)
-    retiming = Retiming()
-    for k in range(len(exposed)):
-        retiming.capture_ns(int(number[k]), round(arrived[k] * S), True)
-    assert retiming.scatter_ns is not None
-    for k in range(1000):
-        t_ns = 10**12 + k * 10_000_000
-        assert retiming.capture_ns(k, t_ns, True) == t_ns
-    assert retiming.scatter_ns is None
 
 
 def test_a_source_that_numbers_by_its_stamps_is_counted_frame_by_frame() -> None:
@@ -136,18 +115,11 @@ def test_a_source_that_numbers_by_its_stamps_is_counted_frame_by_frame() -> None
 
 
 @pytest.mark.parametrize("stalled_share", [1.0, 0.5])
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_a_whole_recording_without_numbers_is_re_timed(seed: int, stalled_share: float) -> None:
-    stream = Stream(stalled_share=stalled_share, is_numbered=False, length_s=60.0)
-    exposed, arrived, _ = stream.frames(seed)
+def test_a_whole_recording_without_numbers_is_re_timed(stalled_share: float) -> None:
+    exposed, arrived, _ = Stream(stalled_share=stalled_share, is_numbered=False, length_s=60.0).frames(1)
     stamps_ns = np.round(arrived * S).astype(np.int64)
     found_ns = exposures_ns(stamps_ns)
     assert (found_ns <= stamps_ns).all()
     off_s = found_ns[200:] / S - exposed[200:] - LATENCY_S
     assert (np.abs(off_s) > 0.004).mean() < 0.01
     assert np.std(off_s) < 0.3 * np.std(arrived[200:] - exposed[200:])
-
-
-def test_a_recording_with_true_stamps_is_left_as_it_is() -> None:
-    stamps_ns = np.arange(1000) * 10_000_000 + np.random.default_rng(1).integers(0, 2_000_000, 1000)
-    assert exposures_ns(stamps_ns) is stamps_ns

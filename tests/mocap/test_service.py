@@ -16,6 +16,7 @@ from formation.messages import Event, LabFrame, RawFrame
 from mocap import service
 from mocap.service import ServiceError, configuration_name, mocap_service
 from tests.gcs.bus import a_lab, hub_of
+from tests.wire.waiting import in_loop
 from wire import clock
 from wire.config_file import dump
 from wire.transport.mocap_bus import MocapBus
@@ -50,80 +51,72 @@ def mocap_pids(file: Path) -> list[int]:
     return found
 
 
-def test_one_is_started_serves_aligned_frames_comes_back_when_killed_and_ends_with_us(tmp_path):
-    async def run():
-        config, file = a_lab(), tmp_path / "lab.toml"
-        file.write_text(dump(config))
-        bus = await hub_of(config)
-        mocap, events, frames = MocapBus(bus), [], []
-        mocap.on_frame(frames.append)
-        cameras = asyncio.create_task(show(mocap))
-        async with mocap_service(config, file, mocap, events.append):
-            await eventually(lambda: bool(frames))
-            assert isinstance(frames[0], LabFrame)
-            assert frames[0].bodies == ("lead", "left")
-            assert frames[0].pos_lab_m.tolist() == [[1, 0, 0], [1, 0, 0]]
-            assert 0 <= frames[0].t_receive_ns - frames[0].t_capture_ns < 1_000_000_000
-            (pid,) = mocap_pids(file)
-            os.kill(pid, signal.SIGKILL)
-            await eventually(lambda: any("signal 9" in event.text for event in events))
-            frames.clear()
-            await eventually(lambda: bool(frames))
-        assert mocap_pids(file) == []
-        cameras.cancel()
-        await bus.close()
-
-    asyncio.run(run())
-
-
-def test_a_process_that_serves_other_axes_is_rejected_and_one_that_serves_these_is_used():
-    async def run():
-        config = a_lab()
-        turned = config.model_copy(update={"mocap": config.mocap.model_copy(update={"q_lab_from_mocap": (0, 0, 0, 1)})})
-        bus = await hub_of(config)
-        MocapBus(bus).announce(configuration_name(config))
-        events: list[Event] = []
-        async with mocap_service(config, Path("unused.toml"), MocapBus(bus), events.append):
-            pass
-        assert [event.text for event in events] == ["frames come from the mocap process that is running"]
-        with pytest.raises(ServiceError, match="other bodies or axes"):
-            async with mocap_service(turned, Path("unused.toml"), MocapBus(bus), events.append):
-                pass
-        await bus.close()
-
-    asyncio.run(run())
-
-
-def test_a_process_that_ends_well_and_serves_nobody_is_no_success():
-    async def run():
-        own = service._OwnProcess(Path("unused.toml"), Mock(serving=AsyncMock(return_value=None)), print, Mock(), "gcs")
-        own._process = Mock(returncode=0)
-        with pytest.raises(ServiceError) as raised:
-            await own.until_serving()
-        assert raised.value.code == 1
-
-    asyncio.run(run())
-
-
-def test_killing_the_ground_leaves_the_drones_their_poses(tmp_path):
-    async def run():
-        config, file = a_lab(), tmp_path / "lab.toml"
-        file.write_text(dump(config))
-        bus = await hub_of(config)
-        mocap, frames = MocapBus(bus), []
-        mocap.on_frame(frames.append)
-        cameras = asyncio.create_task(show(mocap))
-        command = [sys.executable, "-m", "gcs", "run", str(file), "--log", str(tmp_path / "flight.mcap")]
-        with subprocess.Popen(command) as ground:
-            await eventually(lambda: bool(frames))
-            ground.kill()
-        await asyncio.sleep(0.2)
-        frames.clear()
-        await eventually(lambda: len(frames) > 20)
+@in_loop
+async def test_one_is_started_serves_aligned_frames_comes_back_when_killed_and_ends_with_us(tmp_path):
+    config, file = a_lab(), tmp_path / "lab.toml"
+    file.write_text(dump(config))
+    bus = await hub_of(config)
+    mocap, events, frames = MocapBus(bus), [], []
+    mocap.on_frame(frames.append)
+    cameras = asyncio.create_task(show(mocap))
+    async with mocap_service(config, file, mocap, events.append):
+        await eventually(lambda: bool(frames))
+        assert isinstance(frames[0], LabFrame)
+        assert frames[0].bodies == ("lead", "left")
+        assert frames[0].pos_lab_m.tolist() == [[1, 0, 0], [1, 0, 0]]
+        assert 0 <= frames[0].t_receive_ns - frames[0].t_capture_ns < 1_000_000_000
         (pid,) = mocap_pids(file)
-        os.kill(pid, signal.SIGTERM)
-        await eventually(lambda: mocap_pids(file) == [])
-        cameras.cancel()
-        await bus.close()
+        os.kill(pid, signal.SIGKILL)
+        await eventually(lambda: any("signal 9" in event.text for event in events))
+        frames.clear()
+        await eventually(lambda: bool(frames))
+    assert mocap_pids(file) == []
+    cameras.cancel()
+    await bus.close()
 
-    asyncio.run(run())
+
+@in_loop
+async def test_a_process_that_serves_other_axes_is_rejected_and_one_that_serves_these_is_used():
+    config = a_lab()
+    turned = config.model_copy(update={"mocap": config.mocap.model_copy(update={"q_lab_from_mocap": (0, 0, 0, 1)})})
+    bus = await hub_of(config)
+    MocapBus(bus).announce(configuration_name(config))
+    events: list[Event] = []
+    async with mocap_service(config, Path("unused.toml"), MocapBus(bus), events.append):
+        pass
+    assert [event.text for event in events] == ["frames come from the mocap process that is running"]
+    with pytest.raises(ServiceError, match="other bodies or axes"):
+        async with mocap_service(turned, Path("unused.toml"), MocapBus(bus), events.append):
+            pass
+    await bus.close()
+
+
+@in_loop
+async def test_a_process_that_ends_well_and_serves_nobody_is_no_success():
+    own = service._OwnProcess(Path("unused.toml"), Mock(serving=AsyncMock(return_value=None)), print, Mock(), "gcs")
+    own._process = Mock(returncode=0)
+    with pytest.raises(ServiceError) as raised:
+        await own.until_serving()
+    assert raised.value.code == 1
+
+
+@in_loop
+async def test_killing_the_ground_leaves_the_drones_their_poses(tmp_path):
+    config, file = a_lab(), tmp_path / "lab.toml"
+    file.write_text(dump(config))
+    bus = await hub_of(config)
+    mocap, frames = MocapBus(bus), []
+    mocap.on_frame(frames.append)
+    cameras = asyncio.create_task(show(mocap))
+    command = [sys.executable, "-m", "gcs", "run", str(file), "--log", str(tmp_path / "flight.mcap")]
+    with subprocess.Popen(command) as ground:
+        await eventually(lambda: bool(frames))
+        ground.kill()
+    await asyncio.sleep(0.2)
+    frames.clear()
+    await eventually(lambda: len(frames) > 20)
+    (pid,) = mocap_pids(file)
+    os.kill(pid, signal.SIGTERM)
+    await eventually(lambda: mocap_pids(file) == [])
+    cameras.cancel()
+    await bus.close()

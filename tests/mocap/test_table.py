@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import pytest
 from rich.console import Console
 
 from formation.messages import Event, Severity
@@ -28,6 +29,21 @@ def shown(state: dict[str, Any]) -> str:
     return captured.get()
 
 
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"latency_measured": False}, "apart from the constant"),
+        ({"latency_ms": None}, "delay_s is used"),
+        ({"timing": STATE["timing"] | {"arrival_stamps": True}}, "stamps are arrival times"),
+        ({"retimed_scatter_s": 0.00021}, "re-timed, with a scatter of 0.21 ms"),
+        ({"timing": None}, "no frames"),
+    ],
+)
+def test_what_is_out_of_the_ordinary_is_named(change: dict[str, Any], words: str) -> None:
+    assert words in shown(STATE | change)
+    assert words not in shown(STATE)
+
+
 def test_every_figure_is_there_with_its_unit() -> None:
     text = shown(STATE)
     for part in ("natnet Motive 3.1 at 10.0.0.2: 120.0 Hz", "jitter 0.20 ms", "longest gap 17 ms",
@@ -38,26 +54,6 @@ def test_every_figure_is_there_with_its_unit() -> None:
     left = next(line for line in text.splitlines() if line.startswith("left"))
     assert left.split()[-1] == "7"
     assert max(map(len, text.splitlines())) <= 120
-
-
-def test_a_constant_that_the_protocol_does_not_report_is_named() -> None:
-    assert "apart from the constant that latency_s says" in shown(STATE | {"latency_measured": False})
-    assert "delay_s is used" in shown(STATE | {"latency_ms": None})
-
-
-def test_stamps_that_are_arrival_times_are_named() -> None:
-    assert "stamps are arrival times" not in shown(STATE)
-    assert "stamps are arrival times" in shown(STATE | {"timing": STATE["timing"] | {"arrival_stamps": True}})
-
-
-def test_re_timed_captures_are_shown_with_their_scatter() -> None:
-    assert "stamps are arrival times: frames are re-timed, with a scatter of 0.21 ms" in shown(
-        STATE | {"retimed_scatter_s": 0.00021}
-    )
-
-
-def test_without_frames_it_says_so() -> None:
-    assert "no frames" in shown(STATE | {"timing": None})
 
 
 def test_words_from_outside_are_never_markup() -> None:

@@ -7,25 +7,53 @@ from formation.maths import frames
 from formation.rejection import Rejection
 from mocap.core import MocapCore
 from mocap.validator.armed import motors_on
-from tests.mocap.validator_rig import BODIES, POSITIONS_LAB_M, TURNED, UPRIGHT, ValidatorRig
+from tests.mocap.validator_rig import BODIES, POSITIONS_LAB_M, TURNED, UPRIGHT, Fault, ValidatorRig
 
 MOUNTINGS = pytest.mark.parametrize("mounting", [UPRIGHT, TURNED], ids=["upright", "turned"])
 LEFT, RIGHT = 1, 2
-OVER = np.array([0.0, 1.0, 0.0, 0.0])
+ALL = slice(None)
+OVER = [0.0, 1.0, 0.0, 0.0]
 
 
-def flying(mounting) -> ValidatorRig:
-    return ValidatorRig(mounting)
+def freezing(rows: int | slice = LEFT) -> Fault:
+    """From its first frame on, the bodies stay as they are to the last bit."""
+    held = []
+
+    def freeze(k, pos, q):
+        held[:] = held or [pos[rows].copy(), q[rows].copy()]
+        pos[rows], q[rows] = held
+
+    return freeze
+
+
+def moved(by_m) -> Fault:
+    return lambda k, pos, q: pos.__setitem__(LEFT, pos[LEFT] + by_m)
+
+
+def turned(turn, row: int = LEFT) -> Fault:
+    """turn: a quaternion, or how the frame's number gives one."""
+    return lambda k, pos, q: q.__setitem__(
+        row, frames.canonical(frames.multiply(q[row], turn(k) if callable(turn) else turn))
+    )
+
+
+def yaw(angle_rad: float) -> np.ndarray:
+    return np.array([np.cos(angle_rad / 2), 0.0, 0.0, np.sin(angle_rad / 2)])
+
+
+def swap(k, pos, q):
+    pos[[LEFT, RIGHT]], q[[LEFT, RIGHT]] = pos[[RIGHT, LEFT]], q[[RIGHT, LEFT]]
+
+
+def farthest_m(rig: ValidatorRig) -> float:
+    """Of all shown positions, from where the bodies hover."""
+    return max(np.abs(frame.pos_lab_m - POSITIONS_LAB_M).max() for frame in rig.shown)
 
 
 @MOUNTINGS
 def test_a_frozen_body_is_unseen_at_once_rejected_in_the_fifth_frame_and_believed_after_three_that_differ(mounting):
-    r, held = flying(mounting), {}
-
-    def freeze(k, pos, q):
-        pos[LEFT], q[LEFT] = held.setdefault("p", pos[LEFT].copy()), held.setdefault("q", q[LEFT].copy())
-
-    r.fly(50, freeze)
+    r = ValidatorRig(mounting)
+    r.fly(50, freezing())
     assert r.codes("left") == [Rejection.NONE] * 4 + [Rejection.FREEZE] * 46
     assert r.seen("left") == [True] + [False] * 49
     assert all(r.seen("right"))
@@ -40,7 +68,7 @@ def test_a_frozen_body_is_unseen_at_once_rejected_in_the_fifth_frame_and_believe
 
 
 def test_cameras_that_send_each_pose_twice_are_seen_every_other_time_and_not_rejected():
-    r, held = flying(UPRIGHT), {}
+    r, held = ValidatorRig(), {}
 
     def twice(k, pos, q):
         if k % 2:
@@ -52,15 +80,15 @@ def test_cameras_that_send_each_pose_twice_are_seen_every_other_time_and_not_rej
     assert not any(frame.rejected.any() for frame in r.shown)
 
 
-def test_all_bodies_frozen_at_once_in_the_air_are_rejected():
-    r, held = flying(UPRIGHT), {}
-
-    def freeze(k, pos, q):
-        pos[:], q[:] = held.setdefault("p", pos.copy()), held.setdefault("q", q.copy())
-
-    r.fly(6, freeze)
+def test_all_bodies_frozen_at_once_in_the_air_are_rejected_with_and_without_noise():
+    r = ValidatorRig()
+    r.fly(6, freezing(ALL))
     assert [frame.seen.any() for frame in r.shown] == [True] + [False] * 5
     assert (r.shown[-1].rejected == Rejection.FREEZE).all()
+    r = ValidatorRig(noise_m=0.0, noise_rad=0.0)
+    r.fly(10)
+    assert r.codes("left")[-1] is Rejection.FREEZE
+    assert r.codes("lead") == [Rejection.NONE] * 10
 
 
 def test_a_body_frozen_as_it_takes_off_is_rejected():
@@ -70,22 +98,13 @@ def test_a_body_frozen_as_it_takes_off_is_rejected():
     r.fly(200)
     r.arm(True)
     r.shown.clear()
-    held = {}
-
-    def freeze(k, pos, q):
-        pos[LEFT], q[LEFT] = held.setdefault("p", pos[LEFT].copy()), held.setdefault("q", q[LEFT].copy())
-
-    r.fly(6, freeze)
+    r.fly(6, freezing())
     assert r.codes("left")[4:] == [Rejection.FREEZE] * 2
 
 
 def test_a_mocap_that_is_started_in_flight_rejects_a_body_that_was_frozen_before():
     """It took the height at which it saw a body first, before the ground had told it of motors, for the floor."""
-    r, held = flying(UPRIGHT), {}
-
-    def freeze(k, pos, q):
-        pos[LEFT], q[LEFT] = held.setdefault("p", pos[LEFT].copy()), held.setdefault("q", q[LEFT].copy())
-
+    r, freeze = ValidatorRig(), freezing()
     r.fly(3, freeze)
     r.core = MocapCore(r.config)
     r.fly(8, freeze)
@@ -94,15 +113,6 @@ def test_a_mocap_that_is_started_in_flight_rejects_a_body_that_was_frozen_before
     r.fly(10, freeze)
     assert r.codes("left") == [Rejection.FREEZE] * 10
     assert all(r.seen("right"))
-
-
-def test_a_ground_that_restarts_in_flight_without_heartbeats_makes_no_drone_stand():
-    """Its first state, like what is no state at all, was taken to say that all motors are off."""
-    r = flying(UPRIGHT)
-    r.core.note_motors(motors_on('{"drones": [{"body": "left", "armed": false, "heartbeat_age_s": null}]}'))
-    r.core.note_motors(motors_on("garbage"))
-    r.fly(60, lambda k, pos, q: pos.__setitem__(LEFT, pos[LEFT] + [1.0, 0.0, 0.0]))
-    assert r.codes("left") == [Rejection.JUMP] * 60
 
 
 def test_cameras_without_noise_show_standing_bodies_as_they_are():
@@ -116,56 +126,47 @@ def test_cameras_without_noise_show_standing_bodies_as_they_are():
     assert all(frame.seen.all() for frame in r.shown[60:])  # after the room's own leap to the floor
 
 
-def test_a_noiseless_camera_that_freezes_a_flying_body_is_noticed():
-    r = ValidatorRig(noise_m=0.0, noise_rad=0.0)
-    r.fly(10)
-    assert r.codes("left")[-1] is Rejection.FREEZE
-    assert r.codes("lead") == [Rejection.NONE] * 10
-
-
 @MOUNTINGS
-def test_a_jump_is_rejected_at_once_and_never_believed_while_the_motors_are_on(mounting):
-    r = flying(mounting)
-    r.fly(60, lambda k, pos, q: pos.__setitem__(LEFT, pos[LEFT] + [1.0, 0.0, 0.0]))
+def test_a_jump_is_rejected_at_once_and_believed_on_the_floor_alone(mounting):
+    """A ground that restarts in flight, without heartbeats, makes no drone stand: its first state once did."""
+    r = ValidatorRig(mounting)
+    r.core.note_motors(motors_on('{"drones": [{"body": "left", "armed": false, "heartbeat_age_s": null}]}'))
+    r.core.note_motors(motors_on("garbage"))
+    jump = moved([1.0, 0.0, 0.0])
+    r.fly(60, jump)
     assert r.codes("left") == [Rejection.JUMP] * 60
     r.shown.clear()
     r.fly(5)
     assert r.seen("left") == [False, False, True, True, True]
-
-
-def test_a_jump_that_lasts_for_half_a_minute_is_not_believed_in_the_air_but_on_the_floor():
-    r = flying(UPRIGHT)
-
-    def jump(k, pos, q):
-        pos[LEFT, 0] += 1.0
-
-    r.fly(3000, jump)
+    r.shown.clear()
+    r.fly(600, jump)
     assert not any(r.seen("left"))
     r.arm(False)
     r.fly(2, jump)
     assert r.seen("left")[-1]
 
 
-@pytest.mark.parametrize("jump_m", [0.08, 0.3, 5.0])
-def test_small_and_large_jumps_are_rejected_at_once(jump_m):
-    r = flying(UPRIGHT)
-    r.fly(3, lambda k, pos, q: pos.__setitem__(LEFT, pos[LEFT] - [0.0, jump_m, 0.0]))
-    assert r.codes("left") == [Rejection.JUMP] * 3
-
-
-def test_one_glitch_costs_three_frames():
-    r = flying(UPRIGHT)
-    r.fly(10, lambda k, pos, q: pos.__setitem__(LEFT, pos[LEFT] + (0.5 if k == 2 else 0.0)))
+@pytest.mark.parametrize("jump_m", [0.08, 5.0])
+def test_one_glitch_costs_three_frames(jump_m):
+    r = ValidatorRig()
+    r.fly(10, lambda k, pos, q: pos.__setitem__(LEFT, pos[LEFT] - [0.0, jump_m * (k == 2), 0.0]))
     assert r.seen("left") == [True, True, False, False, False] + [True] * 5
+    assert r.core.rejections()["left"]["validator-jump"] == 3
 
 
-def test_a_drone_that_was_hidden_for_half_a_second_is_believed_where_it_comes_back():
-    r = flying(UPRIGHT)
+def test_a_drone_that_was_hidden_for_half_a_second_is_believed_where_it_comes_back_but_no_ghost_for_good():
+    r = ValidatorRig()
     r.fly(50, seen=(True, False, True))
     assert r.codes("left") == [Rejection.NONE] * 50
     r.shown.clear()
-    r.fly(5, lambda k, pos, q: pos.__setitem__(LEFT, pos[LEFT] + [0.8, 0.0, -0.3]))
+    r.fly(5, moved([0.8, 0.0, -0.3]))
     assert all(r.seen("left"))
+    r = ValidatorRig()
+    r.fly(50, seen=(True, False, True))
+    r.fly(1, moved(0.5))
+    r.shown.clear()
+    r.fly(5)
+    assert r.seen("left") == [False, False, True, True, True]
 
 
 def test_a_drone_that_turned_back_while_it_was_hidden_is_believed_from_its_first_frame_on():
@@ -184,34 +185,29 @@ def test_a_drone_that_turned_back_while_it_was_hidden_is_believed_from_its_first
     assert all(r.seen("left")[80:])
 
 
-def test_a_ghost_seen_first_after_a_gap_does_not_hide_the_body_for_good():
-    r = flying(UPRIGHT)
-    r.fly(50, seen=(True, False, True))
-    r.fly(1, lambda k, pos, q: pos.__setitem__(LEFT, pos[LEFT] + 0.5))
-    r.shown.clear()
-    r.fly(5)
-    assert r.seen("left") == [False, False, True, True, True]
-
-
 @MOUNTINGS
-def test_a_body_turned_over_is_rejected_at_once_and_believed_three_frames_after(mounting):
-    r = flying(mounting)
-    r.fly(40, lambda k, pos, q: q.__setitem__(LEFT, frames.canonical(frames.multiply(q[LEFT], OVER))))
-    assert r.codes("left") == [Rejection.FLIP] * 40
+@pytest.mark.parametrize(
+    ("body", "turn", "code"),
+    [
+        ("left", OVER, Rejection.FLIP),
+        ("lead", yaw(0.4), Rejection.YAW_RATE),
+        ("lead", yaw(2.0), Rejection.YAW_RATE),
+        ("left", yaw(0.25), Rejection.YAW_RATE),
+    ],
+)
+def test_a_body_turned_over_or_aside_is_rejected_at_once_and_believed_three_frames_after(mounting, body, turn, code):
+    r = ValidatorRig(mounting)
+    r.fly(20, turned(turn, BODIES.index(body)))
+    assert r.codes(body) == [code] * 20
     r.shown.clear()
     r.fly(4)
-    assert r.seen("left") == [False, False, True, True]
+    assert r.seen(body) == [False, False, True, True]
 
 
 def test_a_slow_roll_that_its_path_disagrees_with_is_rejected():
     """Over in a third of a second, which the vehicle could do; but it hangs in the air."""
-    r = flying(UPRIGHT)
-
-    def roll(k, pos, q):
-        angle = min(0.1 * k, np.pi)
-        q[LEFT] = frames.canonical(frames.multiply(q[LEFT], [np.cos(angle / 2), 0.0, np.sin(angle / 2), 0.0]))
-
-    r.fly(60, roll)
+    r = ValidatorRig()
+    r.fly(60, turned(lambda k: [np.cos(min(0.05 * k, np.pi / 2)), 0.0, np.sin(min(0.05 * k, np.pi / 2)), 0.0]))
     codes = r.codes("left")
     over = codes.index(Rejection.FLIP)
     # Rotors would push with 3 m/s2 at 108 degrees, in the 19th frame.
@@ -221,104 +217,53 @@ def test_a_slow_roll_that_its_path_disagrees_with_is_rejected():
 
 def test_a_drone_that_falls_turning_over_is_believed():
     """Thrown, without thrust: it falls as it turns."""
-    t0_s = []
-
-    def fall(t_s):
-        t0_s.append(t_s)
-        return POSITIONS_LAB_M - [[0.0] * 3, [0.0, 0.0, 4.9 * max(t_s - 2.3, 0.0) ** 2], [0.0] * 3]
-
-    r = ValidatorRig(motion=fall)
-    r.shown.clear()
-
-    def roll(k, pos, q):
-        angle = 0.1 * k
-        q[LEFT] = frames.canonical(frames.multiply(q[LEFT], [np.cos(angle / 2), np.sin(angle / 2), 0.0, 0.0]))
-
-    r.fly(40, lambda k, pos, q: roll(max(k - 10, 0), pos, q))
+    r = ValidatorRig(motion=lambda t_s: POSITIONS_LAB_M - np.outer([0, 1, 0], [0, 0, 4.9 * max(t_s - 2.3, 0.0) ** 2]))
+    r.fly(40, turned(lambda k: [np.cos(0.05 * max(k - 10, 0)), np.sin(0.05 * max(k - 10, 0)), 0.0, 0.0]))
     assert all(r.seen("left"))
 
 
-@MOUNTINGS
-def test_a_drone_that_two_motors_turn_about_its_own_axis_is_seen_to_the_floor(mounting):
+def test_a_drone_that_two_motors_turn_about_its_own_axis_is_seen_to_the_floor():
     """paper_40g: 0.4 N at 10 mm about 2.9e-5 kg m^2, less a quarter for the air; 0.25 s to 26 rad/s."""
-    r = flying(mounting)
-
-    def spin(k, pos, q):
-        t_s = 0.01 * min(k, 25)
-        q[LEFT] = frames.canonical(
-            frames.multiply(q[LEFT], turned(0.5 * 103.0 * t_s**2 + 26.0 * 0.01 * max(k - 25, 0)))
-        )
-
-    r.fly(80, spin)
+    r = ValidatorRig(TURNED)
+    r.fly(80, turned(lambda k: yaw(0.5 * 103.0 * (0.01 * min(k, 25)) ** 2 + 26.0 * 0.01 * max(k - 25, 0))))
     assert all(r.seen("left"))
 
 
-@MOUNTINGS
-@pytest.mark.parametrize(("body", "angle_rad"), [("lead", 0.4), ("lead", 2.0), ("left", 0.25)])
-def test_a_wrong_heading_is_rejected_at_once(mounting, body, angle_rad):
-    r, i = flying(mounting), BODIES.index(body)
-    turned = np.array([np.cos(angle_rad / 2), 0.0, 0.0, np.sin(angle_rad / 2)])
-    r.fly(20, lambda k, pos, q: q.__setitem__(i, frames.canonical(frames.multiply(q[i], turned))))
-    assert r.codes(body) == [Rejection.YAW_RATE] * 20
-    r.shown.clear()
-    r.fly(4)
-    assert r.seen(body) == [False, False, True, True]
-
-
-def turned(yaw_rad: float) -> np.ndarray:
-    return np.array([np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)])
-
-
-@MOUNTINGS
-@pytest.mark.parametrize("yaws_rad", [(0.2, 0.1), (0.2, 0.06), (0.08, -0.15, -0.06), (0.3, 0.16, 0.3, 0.1)])
-def test_outlier_headings_that_lead_back_to_the_true_one_cost_three_frames_more(mounting, yaws_rad):
+@pytest.mark.parametrize("yaws_rad", [(0.2, 0.06), (0.08, -0.15, -0.06), (0.3, 0.16, 0.3, 0.1)])
+def test_outlier_headings_that_lead_back_to_the_true_one_cost_three_frames_more(yaws_rad):
     """Each follows from the one before it, as does the first true one from the last: only the first was a leap."""
-    r = flying(mounting)
-
-    def outliers(k, pos, q):
-        if k < len(yaws_rad):
-            q[LEFT] = frames.canonical(frames.multiply(q[LEFT], turned(yaws_rad[k])))
-
-    r.fly(len(yaws_rad) + 20, outliers)
+    r = ValidatorRig(TURNED)
+    r.fly(len(yaws_rad) + 20, turned(lambda k: yaw(yaws_rad[k] if k < len(yaws_rad) else 0.0)))
     assert Rejection.YAW_RATE in r.codes("left")
     assert all(r.seen("left")[len(yaws_rad) + 2 :])
 
 
 def test_a_wrong_heading_that_jitters_is_not_believed():
     """By two degrees every other frame: it leaps, but stays far from the true one."""
-    r = flying(UPRIGHT)
-
-    def wrong(k, pos, q):
-        q[LEFT] = frames.canonical(frames.multiply(q[LEFT], turned(0.25 + 0.035 * (k % 2))))
-
-    r.fly(200, wrong)
+    r = ValidatorRig()
+    r.fly(200, turned(lambda k: yaw(0.25 + 0.035 * (k % 2))))
     assert not any(r.seen("left"))
 
 
-@pytest.mark.parametrize("ahead_m", [0.12, 0.3, 0.6])
+@pytest.mark.parametrize("ahead_m", [0.12, 0.6])
 def test_a_ghost_that_stands_in_the_way_of_a_moving_body_is_not_believed_when_it_would_be_there(ahead_m):
-    def motion(t_s):
-        return POSITIONS_LAB_M + np.array([max(t_s - 2.2, 0.0), 0.0, 0.0])
-
-    r = ValidatorRig(motion=motion)
+    r = ValidatorRig(motion=lambda t_s: POSITIONS_LAB_M + np.array([max(t_s - 2.2, 0.0), 0.0, 0.0]))
     r.fly(30)
-    outlier_m = {}
+    r.shown.clear()
+    ghost_m = []
 
     def ghost(k, pos, q):
-        pos[LEFT] = outlier_m.setdefault("m", pos[LEFT] + [ahead_m, 0.0, 0.0])
+        ghost_m[:] = ghost_m or [pos[LEFT] + [ahead_m, 0.0, 0.0]]
+        pos[LEFT] = ghost_m[0] + [0.0, 0.0, 1e-4 * (k % 3)]
 
-    r.shown.clear()
-    r.fly(100, lambda k, pos, q: (ghost(k, pos, q), pos.__setitem__((LEFT, 2), pos[LEFT, 2] + 1e-4 * (k % 3))))
+    r.fly(100, ghost)
     assert not any(r.seen("left"))
 
 
 @MOUNTINGS
 def test_two_swapped_drones_are_reassigned(mounting):
-    r = flying(mounting)
-
-    def exchange(k, pos, q):
-        pos[[LEFT, RIGHT]], q[[LEFT, RIGHT]] = pos[[RIGHT, LEFT]], q[[RIGHT, LEFT]]
-
+    r = ValidatorRig(mounting)
+    exchange = swap
     if mounting is TURNED:  # their names are swapped, but not their markers
         q_marker = frames.multiply(frames.inverse(np.array(TURNED["left"])), np.array([1.0, 0.0, 0.0, 0.0]))
 
@@ -330,9 +275,8 @@ def test_two_swapped_drones_are_reassigned(mounting):
 
     r.fly(60, exchange)
     assert all(frame.seen.all() for frame in r.shown)
-    for frame in r.shown:
-        assert np.abs(frame.pos_lab_m - POSITIONS_LAB_M).max() < 0.01
-        assert np.abs(frame.q_lab_from_flu - frames.IDENTITY).max() < 0.01
+    assert farthest_m(r) < 0.01
+    assert max(np.abs(frame.q_lab_from_flu - frames.IDENTITY).max() for frame in r.shown) < 0.01
     r.fly(100)
     assert r.events == [
         "validator-swap: two bodies were swapped; their poses are reassigned",
@@ -344,28 +288,21 @@ EXCHANGE = {"exchanged before": (20, True), "exchanged in it": (0, True), "over 
 """How many frames before the gap, and whether after it."""
 
 
-@pytest.mark.parametrize("gap", [5, 15, 40])
+@pytest.mark.parametrize("gap", [5, 40])
 @pytest.mark.parametrize("when", EXCHANGE)
 def test_a_gap_of_all_poses_does_not_pass_swapped_drones_off_as_each_other(when, gap):
     """After a third of a second either could be where the other was, and was believed to be."""
-    r = flying(UPRIGHT)
-
-    def exchange(k, pos, q):
-        pos[[LEFT, RIGHT]], q[[LEFT, RIGHT]] = pos[[RIGHT, LEFT]], q[[RIGHT, LEFT]]
-
+    r = ValidatorRig()
     before, after = EXCHANGE[when]
-    r.fly(before, exchange)
+    r.fly(before, swap)
     r.pause(gap)
-    r.fly(30, exchange if after else lambda *_: None)
-    assert all(frame.seen.all() for frame in r.shown)
-    assert max(np.abs(frame.pos_lab_m - POSITIONS_LAB_M).max() for frame in r.shown) < 0.01
-    r.shown.clear()
+    r.fly(30, swap if after else lambda *_: None)
     r.fly(30)
     assert all(frame.seen.all() for frame in r.shown)
-    assert max(np.abs(frame.pos_lab_m - POSITIONS_LAB_M).max() for frame in r.shown) < 0.01
+    assert farthest_m(r) < 0.01
 
 
-@pytest.mark.parametrize("gap", [10, 25, 45])
+@pytest.mark.parametrize("gap", [10, 45])
 @pytest.mark.parametrize("direction", [(1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
 def test_drones_that_brake_in_a_gap_behind_each_other_do_not_count_as_swapped(gap, direction):
     """Half a metre apart and at 1.5 m/s, one after the other or side by side; they stop as the poses end."""
@@ -386,72 +323,51 @@ def test_drones_that_brake_in_a_gap_behind_each_other_do_not_count_as_swapped(ga
     assert r.events == []
 
 
-def test_two_drones_swapped_whose_attitudes_do_not_fit_are_both_rejected():
-    r = flying(UPRIGHT)
+def test_two_drones_swapped_whose_attitudes_do_not_fit_are_rejected_and_so_are_three_in_a_ring():
+    r = ValidatorRig()
 
     def exchange(k, pos, q):
         pos[[LEFT, RIGHT]] = pos[[RIGHT, LEFT]]
-        q[LEFT] = frames.canonical(frames.multiply(q[LEFT], np.array([0.8, 0.0, 0.0, 0.6])))
+        turned([0.8, 0.0, 0.0, 0.6])(k, pos, q)
 
     r.fly(30, exchange)
     assert r.codes("left") == r.codes("right") == [Rejection.SWAP] * 30
     assert all(r.seen("lead"))
-
-
-def test_three_bodies_in_a_ring_are_rejected():
-    r = flying(UPRIGHT)
-    r.fly(5, lambda k, pos, q: pos.__setitem__(slice(None), pos[[1, 2, 0]]))
+    r = ValidatorRig()
+    r.fly(5, lambda k, pos, q: pos.__setitem__(ALL, pos[[1, 2, 0]]))
     assert not any(frame.seen.any() for frame in r.shown)
 
 
-@pytest.mark.parametrize(
-    ("bad", "reason"),
-    [
-        (lambda pos, q: pos.__setitem__((LEFT, 0), np.nan), Rejection.NOT_FINITE),
-        (lambda pos, q: q.__setitem__(LEFT, 0.0), Rejection.NO_ROTATION),
-        (lambda pos, q: pos.__setitem__((LEFT, 1), 1e9), Rejection.TOO_FAR),
-    ],
-)
-def test_a_pose_that_is_none_says_why_and_the_next_is_believed(bad, reason):
-    r = flying(UPRIGHT)
-    r.fly(3, lambda k, pos, q: bad(pos, q) if k == 1 else None)
-    assert r.codes("left") == [Rejection.NONE, reason, Rejection.NONE]
+def test_a_pose_that_is_none_says_why_and_the_next_is_believed():
+    r = ValidatorRig()
+    r.fly(3, lambda k, pos, q: pos.__setitem__((LEFT, 0), np.nan) if k == 1 else None)
+    assert r.codes("left") == [Rejection.NONE, Rejection.NOT_FINITE, Rejection.NONE]
     assert r.seen("left") == [True, False, True]
+    assert r.core.rejections() == {"left": {"not finite": 1}}
 
 
-MONITORS = {
-    "validator-jump": lambda pos, q: pos.__setitem__(LEFT, pos[LEFT] + 1.0),
-    "validator-flip": lambda pos, q: q.__setitem__(LEFT, frames.canonical(frames.multiply(q[LEFT], OVER))),
-    "validator-yaw-rate": lambda pos, q: q.__setitem__(
-        LEFT, frames.canonical(frames.multiply(q[LEFT], [0.6, 0, 0, 0.8]))
-    ),
-    "validator-swap": lambda pos, q: pos.__setitem__([LEFT, RIGHT], pos[[RIGHT, LEFT]]),
-    "validator-freeze": lambda pos, q: (
+FAULTS = {
+    "validator-jump": moved(1.0),
+    "validator-flip": turned(OVER),
+    "validator-yaw-rate": turned([0.6, 0, 0, 0.8]),
+    "validator-swap": lambda k, pos, q: pos.__setitem__([LEFT, RIGHT], pos[[RIGHT, LEFT]]),
+    "validator-freeze": lambda k, pos, q: (
         pos.__setitem__(LEFT, POSITIONS_LAB_M[LEFT]),
         q.__setitem__(LEFT, frames.IDENTITY),
     ),
 }
 
 
-@pytest.mark.parametrize("name", MONITORS)
+@pytest.mark.parametrize("name", FAULTS)
 def test_a_check_that_is_switched_off_lets_its_fault_through(name):
     watching, unwatched = ValidatorRig(), ValidatorRig(without=frozenset({name}))
-    for mounting in (watching, unwatched):
-        mounting.fly(20, lambda k, pos, q: MONITORS[name](pos, q))
+    for rig in (watching, unwatched):
+        rig.fly(20, FAULTS[name])
     assert all(unwatched.seen("left"))
     shown_m = [frame.pos_lab_m[LEFT] for frame in watching.shown]
     assert not all(watching.seen("left")) or np.abs(np.array(shown_m) - POSITIONS_LAB_M[LEFT]).max() < 0.01
 
 
 def test_a_check_that_is_none_is_an_error():
-    with pytest.raises(
-        ValueError, match="no check of the pose validator: validator-gap; known: validator-freeze, validator-jump"
-    ):
+    with pytest.raises(ValueError, match="validator-gap; known: validator-freeze, validator-jump"):
         ValidatorRig(without=frozenset({"validator-gap"}))
-
-
-def test_what_was_rejected_is_counted_by_body_and_check():
-    r = flying(UPRIGHT)
-    r.fly(7, lambda k, pos, q: pos.__setitem__(LEFT, pos[LEFT] + 1.0))
-    r.fly(1, lambda k, pos, q: pos.__setitem__((RIGHT, 0), np.nan))
-    assert r.core.rejections() == {"left": {"validator-jump": 8}, "right": {"not finite": 1}}

@@ -14,7 +14,7 @@ def in_order(rig: ValidatorRig) -> bool:
     return all(a < b for a, b in itertools.pairwise(stamps))
 
 
-@pytest.mark.parametrize("ahead_ms", [11, 15, 200, 900])
+@pytest.mark.parametrize("ahead_ms", [11, 900])
 def test_a_capture_that_runs_ahead_is_rejected_at_once_and_as_long_as_drones_fly(ahead_ms):
     r = ValidatorRig()
     for _ in range(80):
@@ -50,10 +50,3 @@ def test_a_source_that_starts_late_settles_at_its_quickest():
     arrivals = [(8 + 90, 90), *[(8 + 10 * k, 8) for k in range(10, 200)]]
     assert not any(watch.rejects((at - delay) * MS, at * MS, True) for at, delay in arrivals)
     assert watch.likely_ns(2000 * MS) == pytest.approx(1992 * MS, abs=1000)
-
-
-def test_a_capture_in_the_future_is_let_through_where_nobody_watches():
-    r = ValidatorRig(without=frozenset({"validator-stamp"}))
-    for _ in range(10):
-        r.show(stamp_ns=200 * MS)
-    assert all(frame.seen.all() for frame in r.shown)

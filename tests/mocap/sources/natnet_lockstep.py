@@ -1,47 +1,21 @@
 """A NatNet session and a server in lockstep: packets on their way for as long as is drawn, one clock for the truth."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from heapq import heappop, heappush
 
 import numpy as np
 
-from formation.messages import Event, RawFrame
-from formation.mocap_config import MocapConfig, NatNetConfig
+from formation.messages import RawFrame
 from mocap.sources.natnet.session import NatNetSession
-from mocap.sources.source import Feed
 from sim.cameras.servers.natnet import NatNetSettings
 from sim.cameras.servers.natnet.responder import Responder
-from wire.rejections import RejectionLog
+from tests.mocap.sources.recorded_feed import kept
 
 MS = 1_000_000
 SERVER, CLIENT = "10.0.0.1", ("10.0.0.2", 40_000)
 BODIES = ("lead", "left")
 Delay = Callable[[], float]
 """Seconds that the next packet takes."""
-
-
-@dataclass
-class FeedRecorder:
-    """A feed's other end, and its clock."""
-
-    now_ns: int = 10**12
-    frames: list[tuple[int, RawFrame]] = field(default_factory=list)
-    events: list[Event] = field(default_factory=list)
-    refusals: RejectionLog = field(default_factory=RejectionLog)
-
-    def monotonic_ns(self) -> int:
-        return self.now_ns
-
-    def feed(self, config: MocapConfig) -> Feed:
-        def deliver(frame: RawFrame) -> None:
-            self.frames.append((self.now_ns, frame))
-
-        return Feed(config, deliver, self.events.append, self.refusals, self)
-
-    @property
-    def texts(self) -> list[str]:
-        return [event.text for event in self.events]
 
 
 class Lockstep:
@@ -54,10 +28,8 @@ class Lockstep:
         delay: Delay = lambda: 0.0002,
         wanted: tuple[str, ...] = BODIES,
     ) -> None:
-        self.recorder = FeedRecorder()
-        config = NatNetConfig(host=SERVER, multicast=multicast)
-        mocap = MocapConfig(source="natnet", natnet=config)
-        self.session = NatNetSession(config, 8 * MS, wanted, self.recorder.feed(mocap))
+        self.recorder = kept("natnet", natnet={"host": SERVER, "multicast": multicast})
+        self.session = NatNetSession(self.recorder.config.natnet, 8 * MS, wanted, self.recorder.feed())
         self.responder: Responder | None = Responder(settings or NatNetSettings(), 1511, multicast or None)
         self.bodies, self.seen = BODIES, (True, True)
         self.exposed_ns: dict[int, int] = {}
@@ -89,8 +61,8 @@ class Lockstep:
 
     def errors_ns(self, since_ns: int) -> list[int]:
         """Of the capture times of the frames that came since."""
-        frames = [frame for now_ns, frame in self.recorder.frames if now_ns >= since_ns]
-        return [frame.t_capture_ns - self.exposed_ns[frame.seq] for frame in frames]
+        came = zip(self.recorder.came_ns, self.recorder.frames, strict=True)
+        return [frame.t_capture_ns - self.exposed_ns[frame.seq] for now_ns, frame in came if now_ns >= since_ns]
 
     def _expose(self) -> None:
         self.seq += 1

@@ -2,9 +2,6 @@
 
 from struct import pack
 
-BODY, NUMBER_SMALL, TICKS = (2, (0.25, 1.5, -0.75), (0.0, 0.6, 0.0, -0.8)), 4001, 987_654_321_000
-"""Of the frame `FRAME`: one body's id, position, rotation x y z w; the frame's number and mid-exposure."""
-POINTS = pack("<15f", *(0.125 * k for k in range(15)))
 TOKEN, ANSWERED_TICKS, FREQUENCY_HZ = 278_554, 987_656_000_000, 3_312_787
 
 
@@ -12,33 +9,6 @@ def packet(kind: int, payload: bytes) -> bytes:
     return pack("<HH", kind, len(payload)) + payload
 
 
-def small_frame(marker_sets: bytes) -> bytes:
-    """NatNet 3.0: one body, five markers of its own, nothing else but the marker sets given with their count."""
-    number, pos, q = BODY
-    markers = b"".join(pack("<i3ffhf", (number << 16) + k, 0.1 * k, 0.2, 0.3, 0.02, 10, 0.0001) for k in range(5))
-    sections = (
-        marker_sets,
-        pack("<i", 5) + POINTS,
-        pack("<i", 1) + pack("<i7ffh", number, *pos, *q, 0.0001, 1),
-        pack("<i", 0),
-        pack("<i", 5) + markers,
-        pack("<i", 0),
-        pack("<i", 0),
-    )
-    end = pack("<IId", 0, 0, 12.5) + pack("<QQQ", TICKS, TICKS + 20_000, TICKS + 25_000) + pack("<h", 0) + bytes(4)
-    return packet(7, pack("<i", NUMBER_SMALL) + b"".join(sections) + end)
-
-
-FRAME = small_frame(pack("<i", 0))
-FRAME_WITH_SETS = small_frame(pack("<i", 2) + b"Tree\0" + pack("<i", 5) + POINTS + b"all\0" + pack("<i", 5) + POINTS)
-MODELS = packet(
-    5,
-    pack("<i", 3)
-    + pack("<i", 1) + b"Quad\0" + pack("<ii3f", 2, -1, 0.0, 0.0, 0.0) + pack("<i", 5) + POINTS + bytes(20)
-    + pack("<i", 0) + b"Quad\0" + pack("<i", 2) + b"Marker1\0Marker2\0"
-    + pack("<i", 0) + b"all\0" + pack("<i", 2) + b"Quad_1\0Quad_2\0",
-)  # fmt: skip
-"""A body, its marker set, and the set "all"; NatNet 3.0."""
 SERVER_INFO = packet(
     1,
     b"Motive".ljust(256, b"\0") + bytes((2, 1, 0, 0)) + bytes((3, 0, 0, 0))
@@ -105,3 +75,6 @@ def whole_models(version: tuple[int, int]) -> bytes:
     for kind, content in parts:
         payload += pack("<i", kind) + (pack("<i", len(content)) if version >= (4, 1) else b"") + content
     return packet(5, payload)
+
+
+FRAME, MODELS = whole_frame((3, 0)), whole_models((3, 0))

@@ -3,7 +3,6 @@
 import asyncio
 import socket
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,11 +10,12 @@ import pytest
 
 from formation.config import LabConfig
 from formation.messages import Event, RawFrame
-from mocap.sources.natnet.client import NatNet, open_sockets
+from mocap.sources.natnet.client import open_sockets
 from mocap.sources.registry import open_source
 from mocap.sources.source import Feed
 from sim.cameras.servers.natnet import NatNetSettings, natnet_server
 from tests.free_ports import free_port
+from tests.wire.waiting import in_loop
 from wire.clock import REAL_TIME
 from wire.rejections import RejectionLog
 
@@ -35,16 +35,14 @@ def lab(table: dict[str, Any]) -> LabConfig:
     return LabConfig.model_validate({"mocap": mocap, "leader": {"body": "lead"}, "followers": [follower]})
 
 
-@dataclass
 class Flow:
     """A client that runs, and what came of it."""
 
-    config: LabConfig
-    frames: asyncio.Queue[RawFrame] = field(default_factory=asyncio.Queue)
-    events: list[Event] = field(default_factory=list)
-
-    def feed(self) -> Feed:
-        return Feed(self.config.mocap, self.frames.put_nowait, self.events.append, RejectionLog(), REAL_TIME)
+    def __init__(self, config: LabConfig) -> None:
+        self.frames: asyncio.Queue[RawFrame] = asyncio.Queue()
+        self.events: list[Event] = []
+        feed = Feed(config.mocap, self.frames.put_nowait, self.events.append, RejectionLog(), REAL_TIME)
+        self.client = open_source(config, None, feed, lambda frame: None)  # type: ignore[arg-type]
 
     async def next_frame(self, server: Any, seq: int) -> RawFrame:
         """Publish until a frame comes."""
@@ -59,55 +57,36 @@ class Flow:
 @asynccontextmanager
 async def running(config: LabConfig):
     flow = Flow(config)
-    client = NatNet(config, flow.feed())
-    task = asyncio.ensure_future(client.run())
+    task = asyncio.ensure_future(flow.client.run())
     try:
         async with asyncio.timeout(WITHIN_S):
-            yield flow, client
+            yield flow, flow.client
     finally:
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
 
 
-@pytest.mark.parametrize("table", [UNICAST, MULTICAST])
-@pytest.mark.parametrize("version", [(3, 0), (4, 2)])
-def test_frames_come_over_real_sockets(table, version):
-    async def fly() -> None:
-        config = lab(table)
-        server = natnet_server(config.mocap, BODIES, REAL_TIME, NatNetSettings(version=version))
-        await server.start()
-        try:
-            async with running(config) as (flow, client):
-                frame = await flow.next_frame(server, 1)
-                assert frame.bodies == BODIES
-                np.testing.assert_allclose(frame.pos_mocap_m, POS, atol=1e-6)
-                np.testing.assert_allclose(frame.q_mocap_from_marker, Q, atol=1e-6)
-                assert frame.seen.tolist() == [True, False]
-                assert client.status().connected
-        finally:
+@pytest.mark.parametrize(("table", "version"), [(UNICAST, (3, 0)), (MULTICAST, (4, 2))])
+@in_loop
+async def test_frames_come_over_real_sockets_of_a_server_that_comes_late_and_of_one_that_comes_again(table, version):
+    config = lab(table)
+    server = natnet_server(config.mocap, BODIES, REAL_TIME, NatNetSettings(version=version))
+    async with running(config) as (flow, client):
+        while not flow.events:
+            await asyncio.sleep(0.02)
+        assert "no answer from 127.0.0.1" in flow.events[0].text
+        for seq in (1, 10_000_000):
+            await server.start()
+            frame = await flow.next_frame(server, seq)
+            assert frame.seq >= seq
+            assert (frame.bodies, frame.seen.tolist()) == (BODIES, [True, False])
+            np.testing.assert_allclose(frame.pos_mocap_m, POS, atol=1e-6)
+            np.testing.assert_allclose(frame.q_mocap_from_marker, Q, atol=1e-6)
+            assert client.status().connected
             await server.close()
-
-    asyncio.run(fly())
-
-
-@pytest.mark.parametrize("table", [UNICAST, MULTICAST])
-def test_a_server_that_comes_late_and_one_that_comes_again_are_found(table):
-    async def fly() -> None:
-        config = lab(table)
-        server = natnet_server(config.mocap, BODIES, REAL_TIME)
-        async with running(config) as (flow, client):
-            while not flow.events:
-                await asyncio.sleep(0.02)
-            assert "no answer from 127.0.0.1" in flow.events[0].text
-            for seq in (1, 10_000_000):
-                await server.start()
-                assert (await flow.next_frame(server, seq)).seq >= seq
-                await server.close()
-                while not flow.frames.empty():
-                    flow.frames.get_nowait()
-            assert client.status().lost == 0
-
-    asyncio.run(fly())
+            while not flow.frames.empty():
+                flow.frames.get_nowait()
+        assert client.status().lost == 0
 
 
 def test_data_for_port_1511_is_taken_where_the_server_sends_it_there():
@@ -128,20 +107,12 @@ def test_data_for_port_1511_is_taken_where_the_server_sends_it_there():
         ({"host": "no.such.host.invalid"}, "no.such.host.invalid: "),
     ],
 )
-def test_an_address_that_cannot_be_used_is_reported_once_and_tried_again(table, text):
-    async def fly() -> None:
-        async with running(lab(table)) as (flow, _):
-            while not flow.events:
-                await asyncio.sleep(0.02)
-            await asyncio.sleep(0.6)
-            assert len(flow.events) == 1
-            assert text in flow.events[0].text
-            assert flow.events[0].text.endswith("; trying again")
-
-    asyncio.run(fly())
-
-
-def test_the_lab_file_names_this_source():
-    config = lab(UNICAST)
-    source = open_source(config, None, Flow(config).feed(), lambda frame: None)  # type: ignore[arg-type]
-    assert isinstance(source, NatNet)
+@in_loop
+async def test_an_address_that_cannot_be_used_is_reported_once_and_tried_again(table, text):
+    async with running(lab(table)) as (flow, _):
+        while not flow.events:
+            await asyncio.sleep(0.02)
+        await asyncio.sleep(0.6)
+        assert len(flow.events) == 1
+        assert text in flow.events[0].text
+        assert flow.events[0].text.endswith("; trying again")

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from mocap.sources.natnet import messages
-from mocap.sources.natnet.frames import TRACKED, frame_of_data
+from mocap.sources.natnet.frames import frame_of_data
 from mocap.sources.natnet.messages import MessageId
 from mocap.sources.natnet.models import rigid_bodies
 from mocap.sources.natnet.reader import PacketError
@@ -15,19 +15,7 @@ def payload(data: bytes) -> bytes:
     return messages.unpack(data)[1]
 
 
-@pytest.mark.parametrize("data", [outside.FRAME, outside.FRAME_WITH_SETS])
-def test_a_plain_frame_is_read_with_and_without_marker_sets_before_the_bodies(data):
-    frame = frame_of_data(payload(data), (3, 0))
-    assert (frame.number, frame.exposure_ticks, frame.params) == (outside.NUMBER_SMALL, outside.TICKS, 0)
-    (body,) = frame.bodies
-    number, pos, q = outside.BODY
-    assert body["id"] == number
-    np.testing.assert_array_equal(body["pose"], np.float32([*pos, *q]))
-    assert body["params"] & TRACKED
-
-
-def test_models_and_server_info():
-    assert rigid_bodies(payload(outside.MODELS), (3, 0)) == [(2, "Quad")]
+def test_server_info():
     info = messages.server_info(payload(outside.SERVER_INFO))
     assert info == messages.ServerInfo("Motive", (2, 1, 0, 0), (3, 0), outside.FREQUENCY_HZ, 1511, "239.255.42.99")
     assert info.text == "Motive 2.1, NatNet 3.0"
@@ -41,20 +29,16 @@ def test_echoes_and_requests():
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_a_frame_with_every_section(version):
+def test_a_frame_with_every_section_and_models_of_every_type_are_read(version):
     frame = frame_of_data(payload(outside.whole_frame(version, params=2)), version)
     assert (frame.number, frame.exposure_ticks, frame.params) == (outside.NUMBER, outside.EXPOSURE, 2)
     for row, (number, pos, q, params) in zip(frame.bodies, outside.BODIES, strict=True):
         assert (row["id"], row["params"]) == (number, params)
         np.testing.assert_array_equal(row["pose"], np.float32([*pos, *q]))
-
-
-@pytest.mark.parametrize("version", VERSIONS)
-def test_models_of_every_type(version):
     assert rigid_bodies(payload(outside.whole_models(version)), version) == list(outside.NAMES.items())
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", [(3, 0), (4, 2)])
 def test_a_packet_that_is_cut_or_too_long_is_rejected(version):
     for read, data in ((frame_of_data, outside.whole_frame(version)), (rigid_bodies, outside.whole_models(version))):
         whole = payload(data)
@@ -65,8 +49,8 @@ def test_a_packet_that_is_cut_or_too_long_is_rejected(version):
             read(whole + bytes(4), version)
 
 
-@pytest.mark.parametrize("spoken", VERSIONS)
-@pytest.mark.parametrize("believed", VERSIONS)
+@pytest.mark.parametrize("spoken", [(4, 0), (4, 1)])
+@pytest.mark.parametrize("believed", [(3, 0), (4, 2)])
 def test_a_frame_of_another_layout_is_rejected_and_never_misread(spoken, believed):
     data = payload(outside.whole_frame(spoken))
     if (spoken >= (4, 1)) == (believed >= (4, 1)):
@@ -76,7 +60,7 @@ def test_a_frame_of_another_layout_is_rejected_and_never_misread(spoken, believe
             frame_of_data(data, believed)
 
 
-@pytest.mark.parametrize("version", [(3, 0), (4, 0), (4, 2)])
+@pytest.mark.parametrize("version", [(3, 0), (4, 2)])
 @pytest.mark.parametrize("count", [-1, 2**31 - 1])
 def test_a_number_of_any_size_anywhere_is_rejected_or_leaves_the_rest_readable(version, count):
     """Counts and byte counts among them: nothing else is raised, and nothing read outside the packet."""
@@ -118,15 +102,7 @@ def test_a_server_without_a_clock_is_rejected(at, value, why):
 
 @pytest.mark.parametrize(
     ("answer", "version"),
-    [
-        (b"Bitstream,4.1.0\0", (4, 1)),
-        (b"Bitstream,3.1.0.0", (3, 1)),
-        (b"Bitstream,", None),
-        (b"Bitstream,4\0", None),
-        (b"Bitstream,4.x\0", None),
-        (b"\0\0\xf0B", None),
-        (b"", None),
-    ],
+    [(b"Bitstream,4.1.0\0", (4, 1)), (b"Bitstream,4\0", None), (b"Bitstream,4.x\0", None), (b"\0\0\xf0B", None)],
 )
 def test_the_streams_version_is_read_from_an_answer(answer, version):
     assert messages.stream_version(answer) == version

@@ -6,16 +6,10 @@ import numpy as np
 import pytest
 from qtm_rt.packet import QRTPacketType
 
-from mocap.sources.qualisys.packets import LARGEST_PACKET, Stream, bodies_of, names_of, text_of
+from mocap.sources.qualisys.packets import LARGEST_PACKET, Stream, bodies_of, names_of
 from mocap.sources.qualisys.session import command
 from mocap.sources.tcp import ProtocolError
 from tests.mocap.sources.qtm_bytes import FRAME, PARAMETERS_1_19, PARAMETERS_1_25, WELCOME
-
-
-def test_the_welcome():
-    ((kind, packet),) = Stream().receive(WELCOME)
-    assert kind is QRTPacketType.PacketCommand
-    assert text_of(packet) == "QTM RT Interface connected"
 
 
 def test_a_command_is_the_documentations_example():
@@ -48,7 +42,7 @@ def test_a_stream_in_any_pieces():
 
 @pytest.mark.parametrize(
     ("size", "kind", "why"),
-    [(0, 4, "a size"), (7, 3, "a size"), (LARGEST_PACKET + 1, 3, "a size"), (2**32 - 1, 3, "a size"), (8, 9, "a type")],
+    [(7, 3, "a size"), (LARGEST_PACKET + 1, 3, "a size"), (8, 9, "a type")],
 )
 def test_what_is_no_stream(size, kind, why):
     with pytest.raises(ProtocolError, match=f"packet header: {why} that no packet has"):
@@ -67,14 +61,11 @@ COMPONENTS_AT, SIZE_AT, TYPE_AT, BODIES_AT = 12, 16, 20, 24
 @pytest.mark.parametrize(
     ("packet", "why"),
     [
-        (b"", "data packet: cut short"),
         (FRAME[8:23], "data packet: cut short"),
         (with_value(COMPONENTS_AT, "I", 2**32 - 1), "a component count that no packet has"),
         (with_value(COMPONENTS_AT, "I", 32), "components that cannot be read"),
         (with_value(TYPE_AT, "I", 99), "components that cannot be read"),
-        (with_value(SIZE_AT, "I", 0), "body count and size do not agree"),
         (with_value(SIZE_AT, "I", 2**32 - 1), "body count and size do not agree"),
-        (with_value(BODIES_AT, "i", -1), "a body count that no laboratory has"),
         (with_value(BODIES_AT, "i", 2**31 - 1), "a body count that no laboratory has"),
         (with_value(BODIES_AT, "i", 3), "body count and size do not agree"),
         (FRAME[8:32], "6D component: cut short"),
@@ -93,7 +84,6 @@ def test_a_packet_without_bodies():
 @pytest.mark.parametrize(
     ("parameters", "why"),
     [
-        ("", "not XML"),
         ("<a><The_6D>", "not XML"),
         ('<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "a document type"),
         ("<a><The_6D><Body><Mesh><Name>x</Name></Mesh></Body></The_6D></a>", "a body without a name"),

@@ -48,18 +48,6 @@ def test_a_frame_of_theirs():
 
 def test_what_is_unchanged_is_what_it_was_and_missing_numbers_are_lost_frames():
     record = kept("vicon")
-    source, session = opened(record)
-    session.received(FIRST, 10 * S_NS)
-    session.received(frame_packet(4712), 10 * S_NS + 10_000_000)
-    session.received(UNCHANGED, 10 * S_NS + 31_000_000)
-    assert not record.frames[1].seen.any()
-    assert not record.frames[2].seen.any()
-    assert [frame.seq for frame in record.frames] == [0, 1, 3]
-    assert source.status().lost == 1
-
-
-def test_poses_said_to_be_unchanged_stay():
-    record = kept("vicon")
     _, session = opened(record)
     session.received(FIRST, 10 * S_NS)
     session.received(UNCHANGED, 10 * S_NS + 30_000_000)
@@ -68,15 +56,18 @@ def test_poses_said_to_be_unchanged_stay():
     assert second.seen.tolist() == [True, False]
     # 3 frame periods later by the numbers, 1 ms less by the arrival: the number is believed, never the future
     assert second.t_capture_ns == first.t_capture_ns + 30_000_000
-
-
-def test_a_body_at_exactly_zero_is_lost():
+    session.received(UNCHANGED, 10 * S_NS + 31_000_000)
+    assert len(record.frames) == 2
+    assert record.refused() == ["refused: 1 x a frame whose number came already"]
+    zero = struct.pack("<II", 7, 1) + packets.SEGMENT.pack(3, *[0.0] * 12)
+    session.received(frame_packet(4715, (Kind.GLOBAL_SEGMENTS, zero)), 10 * S_NS + 40_000_000)
+    assert not record.frames[-1].seen.any()
     record = kept("vicon")
-    _, session = opened(record)
-    session.received(FIRST, 0)
-    zero = struct.pack("<II", 8, 1) + packets.SEGMENT.pack(1, *[0.0] * 12)
-    session.received(frame_packet(4712, (Kind.GLOBAL_SEGMENTS, zero)), 10_000_000)
-    assert record.frames[-1].seen.tolist() == [False, False]
+    source, session = opened(record)
+    for data in (FIRST, frame_packet(4712), UNCHANGED):
+        session.received(data, 10 * S_NS)
+    assert [frame.seq for frame in record.frames] == [0, 1, 3]
+    assert source.status().lost == 1
 
 
 def test_renamed_subjects_are_followed():
@@ -87,13 +78,6 @@ def test_renamed_subjects_are_followed():
     session.received(frame_packet(4712, *renamed), 10_000_000)
     assert record.frames[-1].bodies == ("lead", "left")
     assert record.texts()[-1] == "the server does not name right; it names lead, left"
-
-
-def test_without_a_frame_period_a_frame_has_no_stamp():
-    record = kept("vicon")
-    _, session = opened(record)
-    session.received(frame_packet(1), S_NS)
-    assert record.frames[0].t_capture_ns == 0
 
 
 def test_a_latency_that_is_none_leaves_the_last_one():
@@ -124,25 +108,10 @@ def test_bad_packets_are_counted_and_the_next_is_read():
     assert [frame.seq for frame in record.frames] == [0, 1, 2, 3, 5]
 
 
-def test_the_same_frame_twice_is_rejected():
+def test_a_paused_server_is_pinged_each_second_and_one_without_poses_or_words_is_left():
     record = kept("vicon")
     _, session = opened(record)
-    session.received(FIRST, 0)
-    session.received(FIRST, 1_000_000)
-    assert len(record.frames) == 1
-    assert record.refused() == ["refused: 1 x a frame whose number came already"]
-
-
-def test_pings_each_second_keep_a_paused_server():
-    record = kept("vicon")
-    _, session = opened(record)
-    assert session.due(S_NS // 2) == b""
-    assert session.due(S_NS) == PING
-    assert session.due(S_NS + 1) == b""
-
-
-def test_a_server_without_poses_or_words_is_left():
-    record = kept("vicon")
+    assert [session.due(t_ns) for t_ns in (S_NS // 2, S_NS, S_NS + 1)] == [b"", PING, b""]
     session, _ = source_of(record).open(0, "", "")
     with pytest.raises(ProtocolError, match="no segments"):
         session.received(packet_of((Kind.OBJECT_ENUMS, packets.set_of({1, 2, 5}))), 0)

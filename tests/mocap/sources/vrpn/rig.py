@@ -1,15 +1,12 @@
 """A lab, a source of it, and all that comes out of that."""
 
-from dataclasses import dataclass, field
 from typing import Any
 
 from formation.config import LabConfig
-from formation.messages import Event, RawFrame
-from mocap.sources.source import Feed
 from mocap.sources.vrpn.client import VrpnSource, chingmu_source, vrpn_source
 from mocap.sources.vrpn.session import VrpnSession
+from tests.mocap.sources.recorded_feed import Kept
 from wire.clock import REAL_TIME
-from wire.rejections import RejectionLog
 
 MAKES = {"vrpn": vrpn_source, "chingmu": chingmu_source}
 
@@ -28,30 +25,19 @@ def lab_of(source: str, server: dict[str, Any] | None = None, **mocap: Any) -> L
     )
 
 
-@dataclass(slots=True)
-class Rig:
+class Rig(Kept):
     """One source between a lab and lists."""
 
-    config: LabConfig
-    frames: list[RawFrame] = field(default_factory=list)
-    events: list[Event] = field(default_factory=list)
-    refusals: RejectionLog = field(default_factory=RejectionLog)
+    def __init__(self, lab: LabConfig) -> None:
+        super().__init__(lab.mocap, REAL_TIME)
+        self._lab = lab
 
     @property
     def source(self) -> VrpnSource:
         """A new source whose frames and words come here."""
-        feed = Feed(self.config.mocap, self.frames.append, self.events.append, self.refusals, REAL_TIME)
-        return MAKES[self.config.mocap.source](self.config, feed)
+        return MAKES[self.config.source](self._lab, self.feed())
 
     def session(self, now_ns: int) -> VrpnSession:
         """A connection of a source, without its sockets."""
         session, _ = self.source.open(now_ns, "127.0.0.1", "127.0.0.1")
         return session.vrpn  # type: ignore[attr-defined]
-
-    def texts(self) -> list[str]:
-        """What the operator was told."""
-        return [event.text for event in self.events]
-
-    def refused(self, now_ns: int) -> str:
-        """What was refused, in words."""
-        return " ".join(event.text for event in self.refusals.due(now_ns + 2_000_000_000))

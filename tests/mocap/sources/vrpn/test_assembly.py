@@ -7,7 +7,6 @@ import pytest
 
 from mocap.sources.vrpn.assembly import Assembly, Exposure
 from mocap.sources.vrpn.pacing import Pacing
-from mocap.sources.vrpn.repeats import Repeats
 
 MS, US = 1_000_000, 1000
 PERIOD_NS = 4_166_667
@@ -55,19 +54,6 @@ def test_one_that_is_whole_does_not_wait():
     assert assembly.due_ns is None
 
 
-def test_a_hidden_body_is_waited_for_once_and_back_at_once():
-    assembly = fresh()
-    fed(assembly, 0, [0, 1])
-    assembly.pop_ready(2 * MS)
-    now_ns = fed(assembly, 1, [0])
-    assert assembly.pop_ready(now_ns) == []
-    assert len(assembly.pop_ready(now_ns + 2 * MS)) == 1
-    now_ns = fed(assembly, 2, [0])
-    assert len(assembly.pop_ready(now_ns)) == 1
-    now_ns = fed(assembly, 3, [0, 1])
-    assert [sorted(e.poses) for e in assembly.pop_ready(now_ns)] == [[0, 1]]
-
-
 @pytest.mark.parametrize("in_pairs", [False, True])
 @pytest.mark.parametrize("spacing_ns", [0, 100 * US])
 def test_a_second_copy_is_neither_a_new_exposure_nor_a_late_pose(in_pairs: bool, spacing_ns: int):
@@ -82,17 +68,6 @@ def test_a_second_copy_is_neither_a_new_exposure_nor_a_late_pose(in_pairs: bool,
     assert len(ready) == 50
     assert all(len(e.poses) == 3 for e in ready)
     assert assembly.late == 0
-
-
-def test_exposures_that_arrive_in_a_burst_stay_apart():
-    assembly = fresh()
-    fed(assembly, 0, [0, 1])
-    assembly.pop_ready(10 * MS)
-    for k in range(1, 6):
-        fed(assembly, k, [0, 1], now_ns=30 * MS)
-    ready = assembly.pop_ready(30 * MS)
-    assert [e.stamp_ns for e in ready] == [10**18 + k * PERIOD_NS for k in range(1, 6)]
-    assert all(len(e.poses) == 2 for e in ready)
 
 
 def test_a_pose_after_its_exposure_is_counted_and_waited_for_next_time():
@@ -137,37 +112,14 @@ def test_exposures_are_numbered_and_a_gap_counts_as_lost():
 
 
 @pytest.mark.parametrize("every", [100, 0])
-@pytest.mark.parametrize("rate_hz", [240.0, 100.0])
-def test_stamps_that_jitter_by_up_to_two_fifths_of_a_period_are_no_loss_and_hide_none(rate_hz: float, every: int):
-    rng, period_ns = np.random.default_rng(3), 1e9 / rate_hz
+def test_stamps_that_jitter_by_up_to_two_fifths_of_a_period_are_no_loss_and_hide_none(every: int):
+    rng, period_ns = np.random.default_rng(3), 1e9 / 240.0
     jitter_ns = np.clip(rng.normal(0.0, 0.12 * period_ns, 5000), -0.4 * period_ns, 0.4 * period_ns)
     stamps = np.arange(5000) * period_ns + jitter_ns
     kept = [k for k in range(5000) if k < 200 or not every or k % every]
     pacing = Pacing(1e9 / 100)
     assert [pacing.number(round(stamps[k])) for k in kept] == kept
     assert pacing.lost == 5000 - len(kept)
-
-
-def test_another_rate_is_learnt_within_half_a_second():
-    pacing, stamp_ns = Pacing(1e9 / 100), 0
-    for step_ns in [10 * MS] * 200 + [4 * MS] * 200 + [10 * MS] * 200:
-        stamp_ns += step_ns
-        last = pacing.number(stamp_ns)
-    assert pacing.period_ns == pytest.approx(10 * MS)
-    assert last - 599 == pacing.lost < 100
-    lost = pacing.lost
-    assert [pacing.number(stamp_ns + k * 10 * MS) for k in range(1, 100)] == list(range(last + 1, last + 100))
-    assert pacing.lost == lost
-
-
-def test_frames_stamped_late_are_not_lost():
-    """A server that stalls for 360 ms stamps what it caught up with 50 us apart."""
-    pacing, stamp_ns = Pacing(1e9 / 100), 0
-    for step_ns in [10 * MS] * 100 + [360 * MS] + [50 * US] * 35 + [10 * MS] * 50:
-        stamp_ns += step_ns
-        last = pacing.number(stamp_ns)
-    assert pacing.lost == 0
-    assert last >= 185
 
 
 def test_a_pause_or_a_clock_that_was_set_is_no_loss():
@@ -179,32 +131,3 @@ def test_a_pause_or_a_clock_that_was_set_is_no_loss():
     pacing.restart()
     assert pacing.number(10**18) == 102
     assert pacing.lost == 0
-
-
-def judged(repeats: Repeats, path: np.ndarray) -> list[bool]:
-    last, lost = None, []
-    for pos in path:
-        values = np.append(pos, [0.0, 0.0, 0.0, 1.0])[None]
-        same = np.array([last == values.tobytes()])
-        lost.append(bool(repeats.lost(np.array([3]), values, same)[0]))
-        last = values.tobytes()
-    return lost
-
-
-def test_a_repeat_of_a_body_with_noise_is_a_lost_one():
-    path = np.random.default_rng(1).normal(0.0, 1e-4, (60, 3))
-    path[40:50] = path[39]
-    assert judged(Repeats(), path) == 40 * [False] + 10 * [True] + 10 * [False]
-
-
-def test_a_body_without_noise_may_stand_and_fly_and_stand():
-    t = np.linspace(0.0, 1.0, 240)
-    flown = np.stack((np.cos(6.0 * t), np.sin(6.0 * t), t * t), axis=1)
-    path = np.vstack((np.tile(flown[0], (50, 1)), flown, np.tile(flown[-1], (50, 1))))
-    assert not any(judged(Repeats(), path))
-
-
-@pytest.mark.filterwarnings("error")
-def test_any_numbers_are_judged():
-    path = np.random.default_rng(1).choice([np.nan, np.inf, -np.inf, 1e308, -1e308, 0.0], (200, 3))
-    judged(Repeats(), path)

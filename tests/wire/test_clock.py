@@ -4,16 +4,7 @@ import asyncio
 
 import pytest
 
-from wire.clock import REAL_TIME, Clock, monotonic_ns, sleep_until_ns, unix_us
-
-
-def test_sleep_ends_at_the_deadline_not_before():
-    async def run() -> int:
-        deadline_ns = monotonic_ns() + 3_000_000
-        await sleep_until_ns(deadline_ns)
-        return monotonic_ns() - deadline_ns
-
-    assert asyncio.run(run()) >= 0
+from wire.clock import REAL_TIME, Clock, monotonic_ns, sleep_until_ns
 
 
 def test_a_deadline_that_has_passed_does_not_wait():
@@ -45,7 +36,3 @@ def test_sleep_on_a_slowed_clock_ends_at_its_own_deadline():
     late_ns, taken_ns = asyncio.run(run())
     assert late_ns >= 0
     assert taken_ns >= 4 * 3_000_000 - 10
-
-
-def test_the_wall_clock_is_in_this_century():
-    assert 1_600_000_000_000_000 < unix_us() < 4_200_000_000_000_000

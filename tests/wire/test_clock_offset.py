@@ -1,7 +1,6 @@
 """Another clock against ours: by exchanges, by stamps alone, and by TIMESYNC."""
 
 import itertools
-import math
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -48,15 +47,6 @@ def test_the_offset_is_within_half_the_round_trip_believed_and_none_was_quicker_
     assert clock.round_trip_ns in {trip_ns for _, trip_ns in trips}
 
 
-def test_clocks_that_part_are_followed():
-    clock = ClockOffset()
-    for second in range(600):
-        sent_ns, trip_ns = second * 1000 * MS, (2 + second % 3) * MS
-        drifted_ns = round(sent_ns * 50e-6)
-        clock.exchange(sent_ns, sent_ns + trip_ns // 2 + drifted_ns, sent_ns + trip_ns)
-        assert abs(clock.offset_ns - drifted_ns) < 1 * MS
-
-
 def test_a_clock_that_starts_anew_is_followed_at_once():
     clock = ClockOffset()
     clock.exchange(0, 5_000 * MS, 2 * MS)
@@ -73,12 +63,6 @@ def test_an_exchange_that_ended_before_it_began_says_nothing():
 
 
 DRONE = Address(3, 1)
-
-
-def test_nothing_is_known_before_the_first_answer():
-    clock = TimeSyncClient(DRONE)
-    assert clock.offset_ns is None
-    assert math.isnan(clock.round_trip_s)
 
 
 def test_requests_come_ten_a_second_then_one():
@@ -114,14 +98,6 @@ def test_an_answer_that_waited_for_longer_than_a_request_lasts_is_taken():
     clock.receive(TimeSync(tc1_ns=7_000 * MS, ts1_ns=1000 * MS), 4000 * MS)
     assert clock.round_trip_s == 3.0
     assert clock.offset_ns == 4500 * MS
-
-
-def test_answers_set_the_offset():
-    clock = TimeSyncClient(DRONE)
-    clock.due(0)
-    clock.receive(TimeSync(tc1_ns=7_000 * MS + 4 * MS, ts1_ns=0), 8 * MS)
-    assert clock.offset_ns == 7_000 * MS
-    assert clock.round_trip_s == 0.008
 
 
 def exchanged(rate: float, seconds: float, trip_ms: float = 2.0) -> tuple[TimeSyncClient, list[float]]:

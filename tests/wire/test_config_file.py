@@ -47,16 +47,6 @@ offset_m = [-0.4, 0.4, 0.0]
 """
 
 
-def test_a_lab_is_loaded(tmp_path):
-    lab = load(written(tmp_path, GOOD), LabConfig)
-    assert [v.body for v in lab.vehicles] == ["leader", "a"]
-    assert lab.followers[0].offset_m == (-0.4, 0.4, 0.0)
-
-
-def test_what_is_dumped_is_loaded_as_the_same(tmp_path):
-    assert load(written(tmp_path, dump(LAB)), LabConfig) == LAB
-
-
 class Odd(Model):
     words: str
     number: float
@@ -96,14 +86,7 @@ def test_every_fault_is_one_line_with_file_key_and_reason(tmp_path):
     [
         ("[[followers]]", "[followers]", 5, "followers: is one table: each of a list has double brackets, [[...]]"),
         ("[leader]", "[[leader]]", 2, "leader: is a list of tables: there is one alone, [...] in single brackets"),
-        ("[-0.4, 0.4, 0.0]", "3", 8, "followers[0].offset_m (a): is not a list, [...] (it is 3)"),
         ("sysid = 1", "altitude_m = 1.0", 4, "leader.altitude_m: is not a known key: it belongs in [flight]"),
-        (
-            "sysid = 2",
-            'sysid = 2\ncontrol_preset = "pid"',
-            8,
-            "followers[0].control_preset (a): is not a known key: it belongs at the top of the file, before any table",
-        ),
         ("[-0.4, 0.4, 0.0]", "[ # [\n-0.4,\n0.4,\n0.0]\n'yaw' = 1", 12, "followers[0].yaw (a): is not a known key"),
         ("[[followers]]", 'name = """\n[x]\n"""\n[[followers]]', 5, "leader.name: is not a known key"),
     ],
@@ -126,11 +109,6 @@ def test_a_profile_may_start_from_a_shipped_one(tmp_path):
         load_profile(written(tmp_path, own.replace("px4_quad", "x5000")))
 
 
-def test_a_number_that_is_none_is_refused(tmp_path):
-    (line,) = problems(tmp_path, GOOD + "\n[mocap]\nrate_hz = nan\n")
-    assert line.startswith("mocap.rate_hz: ")
-
-
 def test_a_short_list_is_shown_and_every_fault_has_its_key(tmp_path):
     path = written(tmp_path, GOOD + "\n[mocap]\nq_lab_from_mocap = [1, 1, 0, 0]\n")
     with pytest.raises(ConfigError) as caught:
@@ -143,30 +121,13 @@ def test_a_short_list_is_shown_and_every_fault_has_its_key(tmp_path):
 @pytest.mark.parametrize(
     ("right", "wrong", "line"),
     [
-        (
-            '"a"',
-            '"leader"',
-            "followers[0].body (leader): leader has it, too: two vehicles share a body name (it is 'leader')",
-        ),
+        ('"a"', '"leader"', "followers[0].body (leader): leader has it, too: two vehicles share a body name"),
         ("sysid = 2", "sysid = 1", "followers[0].sysid (a): leader has it, too: two vehicles share a sysid (it is 1)"),
-        (
-            "sysid = 2",
-            'sysid = 2\nprofile = "x5000"',
-            "followers[0].profile (a): unknown vehicle profile 'x5000'; known: ",
-        ),
+        ("sysid = 2", 'sysid = 2\nprofile = "x5000"', "followers[0].profile (a): unknown vehicle profile 'x5000'"),
         ("[leader]", '[mocap]\nsource = "csv"\n[leader]', "mocap.file: is missing: "),
         ("[leader]", '[mocap]\naxes = ["x up"]\n[leader]', "mocap.axes: three are needed"),
-        (
-            "[leader]",
-            "[limits.fence]\nlow_m = [3, 0, 0]\n[leader]",
-            "limits.fence.low_m: low_m is 3 and high_m 2.5 along x: ",
-        ),
+        ("[leader]", "[limits.fence]\nlow_m = [3, 0, 0]\n[leader]", "limits.fence.low_m: low_m is 3 and high_m 2.5"),
         ("[leader]", '[leader]\ntrajectory.kind = "waypoints"', "leader.trajectory.waypoints_m: is missing: "),
-        (
-            "[leader]",
-            "[leader]\ntrajectory.raduis_m = 1.0",
-            "leader.trajectory.raduis_m: is not a known key: is radius_m",
-        ),
         ("[leader]", "[limit]\n[leader]", "limit: is not a known key: is limits meant?"),
         (
             "[leader]",
@@ -182,31 +143,18 @@ def test_a_rule_of_a_table_names_the_key_that_breaks_it_and_the_nearest_of_one_t
     assert problem.startswith(line)
 
 
-def test_no_followers_at_all(tmp_path):
-    assert problems(tmp_path, '[leader]\nbody = "x"\n') == ["followers: is missing"]
-    (line,) = problems(tmp_path, 'followers = []\n[leader]\nbody = "x"\n')
-    assert line.startswith("followers: ")
-
-
-def test_a_byte_order_mark_is_nothing(tmp_path):
+def test_what_is_dumped_is_loaded_as_the_same_behind_a_byte_order_mark_too(tmp_path):
     path = tmp_path / "marked.toml"
     path.write_text("\ufeff" + dump(LAB), encoding="utf-8")
     assert load(path, LabConfig) == LAB
 
 
-def test_no_toml(tmp_path):
+def test_no_file_no_text_and_no_toml(tmp_path):
     (line,) = problems(tmp_path, "[leader\n")
     assert "line 1" in line
-
-
-def test_no_text(tmp_path):
-    path = tmp_path / "lab.toml"
-    path.write_bytes(b"\xff\xfe")
+    (tmp_path / "lab.toml").write_bytes(b"\xff\xfe")
     with pytest.raises(ConfigError, match="not UTF-8"):
-        load(path, LabConfig)
-
-
-def test_no_file(tmp_path):
+        load(tmp_path / "lab.toml", LabConfig)
     with pytest.raises(ConfigError, match=r"absent\.toml: No such file"):
         load(tmp_path / "absent.toml", LabConfig)
     with pytest.raises(ConfigError, match="Is a directory"):

@@ -28,14 +28,6 @@ def test_nothing_is_told_of_nothing_and_what_waits_is_told_when_its_second_is_ov
     assert refusals.due(10 + 9 * SECOND) == ()
 
 
-def test_sources_are_told_of_apart_with_their_reasons() -> None:
-    refusals = RejectionLog()
-    refusals.note("a", "x", 0)
-    refusals.note("b", "y", 0)
-    refusals.note("a", "z", 0)
-    assert [(e.source, e.text) for e in refusals.due(0)] == [("a", "refused: 1 x x, 1 x z"), ("b", "refused: 1 x y")]
-
-
 def test_invented_senders_and_reasons_stay_bounded_and_counted() -> None:
     refusals = RejectionLog()
     for k in range(1000):
@@ -46,12 +38,3 @@ def test_invented_senders_and_reasons_stay_bounded_and_counted() -> None:
     assert OTHER_REASONS in events[-1].text
     assert events[-1].text.count(" x ") == REASONS + 1
     assert refusals.count == 1000
-
-
-def test_a_quiet_source_gives_its_place_to_a_new_one() -> None:
-    refusals = RejectionLog()
-    for k in range(SOURCES):
-        refusals.note(f"old {k}", "x", 0)
-    refusals.due(0)
-    refusals.note("new", "x", 2 * SECOND)
-    assert [event.source for event in refusals.due(2 * SECOND)] == ["new"]

@@ -10,9 +10,7 @@ import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra import numpy as stn
 
-from formation import messages as m
 from formation import topics
 from formation.maths.arrays import Scalars, SingleVec3s, Vec3s
 from tests.wire.spine import SPINE, assert_identical
@@ -33,24 +31,15 @@ def test_every_topic_has_a_strategy():
 
 
 @pytest.mark.parametrize("kind", SPINE, ids=lambda kind: kind.__name__)
-def test_every_value_comes_back_bit_for_bit(kind):
-    schema = schema_of(kind)
-
-    @given(SPINE[kind])
-    def check(message):
-        assert_identical(message, schema.decode(schema.encode(message)))
-
-    check()
-
-
-@pytest.mark.parametrize("kind", SPINE, ids=lambda kind: kind.__name__)
-def test_protobufs_own_implementation_agrees_both_ways(kind):
+def test_every_value_comes_back_bit_for_bit_and_protobufs_own_implementation_agrees_both_ways(kind):
     schema = schema_of(kind)
     theirs = googles(schema)
 
     @given(SPINE[kind])
     def check(message):
-        read = theirs.FromString(schema.encode(message))
+        data = schema.encode(message)
+        assert_identical(message, schema.decode(data))
+        read = theirs.FromString(data)
         for field in dataclasses.fields(message):
             ours, value = getattr(message, field.name), getattr(read, field.name)
             if isinstance(value, bytes) and isinstance(ours, np.ndarray):
@@ -66,32 +55,17 @@ def test_protobufs_own_implementation_agrees_both_ways(kind):
     check()
 
 
-@given(st.sampled_from(sorted(SPINE, key=lambda kind: kind.__name__)), st.binary(max_size=200))
-def test_any_bytes_are_a_message_or_the_one_error(kind, data):
-    try:
-        message = schema_of(kind).decode(data)
-    except SchemaError:
-        return
-    assert type(message) is kind
-
-
 @given(st.data())
-def test_truncated_messages_are_read_or_the_one_error(data):
+def test_any_bytes_and_any_beginning_of_a_message_are_a_message_or_the_one_error(data):
     kind = data.draw(st.sampled_from(sorted(SPINE, key=lambda kind: kind.__name__)))
     encoded = schema_of(kind).encode(data.draw(SPINE[kind]))
-    cut = data.draw(st.integers(0, len(encoded)))
     try:
-        message = schema_of(kind).decode(encoded[:cut])
+        message = schema_of(kind).decode(
+            data.draw(st.binary(max_size=200) | st.integers(0, len(encoded)).map(lambda n: encoded[:n]))
+        )
     except SchemaError:
         return
     assert type(message) is kind
-
-
-def test_decoded_arrays_can_be_written_to():
-    frame = m.LabFrame(1, 2, ("a",), np.zeros((1, 3)), np.ones((1, 4)), np.array([True]))
-    read = schema_of(m.LabFrame).decode(schema_of(m.LabFrame).encode(frame))
-    read.pos_lab_m[0, 0] = 1.0
-    assert read.pos_lab_m.flags.c_contiguous
 
 
 class Colour(IntEnum):
@@ -158,13 +132,6 @@ def test_a_schema_that_is_none_is_the_one_error():
             Schema(Second).decoder(data)
 
 
-def test_an_absent_value_stays_absent():
-    schema = Schema(Second)
-    message = Second("x", np.zeros((1, 3)), 1, Colour.RED, None, np.ones(2))
-    assert schema.decode(schema.encode(message)).maybe is None
-    assert schema.decode(schema.encode(dataclasses.replace(message, maybe=0.0))).maybe == 0.0
-
-
 @pytest.mark.parametrize("array", [np.zeros((3, 2)), np.zeros(3), np.zeros((1, 3), np.float32), np.zeros((1, 1, 3))])
 def test_an_array_of_another_shape_or_type_is_refused(array):
     with pytest.raises(ValueError, match="an array of"):
@@ -178,9 +145,3 @@ def test_a_type_without_a_schema_is_named():
 
     with pytest.raises(TypeError, match=r"Odd\.where"):
         Schema(Odd)
-
-
-@given(stn.arrays(np.float64, (4, 3)))
-def test_every_float64_survives_nan_payloads_and_negative_zero_included(array):
-    schema = schema_of(First)
-    assert schema.decode(schema.encode(First(0, 0.0, array))).v.tobytes() == array.tobytes()

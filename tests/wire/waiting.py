@@ -1,10 +1,17 @@
-"""Waiting with an end to it."""
+"""Tests in an event loop, and waiting with an end to it."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from contextlib import suppress
+from functools import wraps
+from typing import Any
 
 PATIENCE_S = 30.0
+
+
+def in_loop(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
+    """The test, run in an event loop of its own."""
+    return wraps(test)(lambda *given, **named: asyncio.run(test(*given, **named)))
 
 
 async def until(event: asyncio.Event, act: Callable[[], object] = lambda: None) -> None:

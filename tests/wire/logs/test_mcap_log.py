@@ -1,7 +1,6 @@
 """The flight recorder: what is written comes back, from whole, truncated, damaged and killed files."""
 
 import errno
-import os
 import signal
 import subprocess
 import sys
@@ -9,7 +8,6 @@ import threading
 import tracemalloc
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -56,28 +54,27 @@ def test_what_is_written_is_read_in_order(tmp_path, threaded):
     read = entries_of(path)
     assert len(read) == len(written)
     assert_prefix(read, written)
-    assert read_log(path).metadata.items() >= wire_flight.METADATA.items()
+    log = read_log(path)
+    assert [next(log.entries).t_ns for _ in range(2)] == [0, 0]
     check = check_log(path)
     assert (check.complete, check.damage) == (True, "")
     assert check.entries == {"mocap/frame": 120, "input/tick": 120, "link/down": 120, "event": 3}
     assert (check.first_ns, check.last_ns) == (0, 1_190_000_000)
 
 
-@pytest.mark.parametrize("topic", topics.ALL, ids=lambda topic: topic.name)
-def test_every_topic_is_recorded_bit_for_bit(topic, tmp_path):
-    @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=5, deadline=None)
-    @given(st.lists(SPINE[topic.type], min_size=1, max_size=5), st.integers(0, 2**63))
-    def check(messages, t_ns):
-        path = tmp_path / "one.mcap"
-        with LogWriter(path, {}, threaded=False) as log:
-            for message in messages:
-                log.write(topic, message, t_ns)
-        read = entries_of(path)
-        assert_prefix(read, [(topic.name, t_ns, message) for message in messages])
-        assert len(read) == len(messages)
+RECORDED = [topic for topic in topics.ALL if topic not in (topics.MOCAP, topics.EVENT)]  # views are made of those
 
-    if topic not in (topics.MOCAP, topics.EVENT):
-        check()
+
+@settings(suppress_health_check=list(HealthCheck), max_examples=5, deadline=None)
+@given(st.tuples(*(SPINE[topic.type] for topic in RECORDED)), st.integers(0, 2**63))
+def test_every_topic_is_recorded_bit_for_bit(tmp_path, messages, t_ns):
+    path = tmp_path / "one.mcap"
+    with LogWriter(path, {}, threaded=False) as log:
+        for topic, message in zip(RECORDED, messages, strict=True):
+            log.write(topic, message, t_ns)
+    read = entries_of(path)
+    assert_prefix(read, [(topic.name, t_ns, message) for topic, message in zip(RECORDED, messages, strict=True)])
+    assert len(read) == len(messages)
 
 
 def test_the_mcap_librarys_own_reader_agrees(flight):
@@ -139,15 +136,6 @@ def test_a_long_flight_takes_no_memory_and_every_chunk_is_in_the_summary(tmp_pat
     assert summary.statistics.message_end_time - summary.statistics.message_start_time == chunks - 1
 
 
-def test_the_first_record_tells_of_the_run(flight):
-    """So that a file cut short still says what it is."""
-    path, _, data = flight
-    cut = path.with_name("head.mcap")
-    cut.write_bytes(data[:400])
-    assert read_log(cut).metadata.items() >= wire_flight.METADATA.items()
-    assert entries_of(cut) == []
-
-
 def offsets(data: bytes) -> list[int]:
     """Every byte of the head and of the tail, and some of the middle."""
     size = len(data)
@@ -171,6 +159,8 @@ def test_a_file_truncated_anywhere_gives_its_beginning(flight):
         check = check_log(cut)
         assert not check.complete
         assert check.damage
+        if size >= 400:  # so that a file cut short still says what it is
+            assert read_log(cut).metadata.items() >= wire_flight.METADATA.items()
         assert sum(check.entries.values()) == len(read)
     assert longest == len(written)
 
@@ -192,19 +182,6 @@ def test_a_damaged_byte_anywhere_costs_at_most_its_chunk_and_is_told(flight, cha
         if at < data.rindex(b"\x0f\x04\0\0\0\0\0\0\0"):  # before the end of the data, which has a checksum
             assert not check.complete, at
             assert check.damage, at
-
-
-def test_a_hole_in_the_middle_is_skipped_to_the_next_chunk(flight):
-    path, written, data = flight
-    bad = path.with_name("hole.mcap")
-    middle = data.index(b"zstd", data.index(b"zstd") + 4)
-    bad.write_bytes(data[:middle] + bytes(700) + data[middle + 700 :])
-    read = entries_of(bad)
-    assert read[-1][1] == written[-1][1]
-    assert len(written) - 2 * CHUNK <= len(read) < len(written)
-    check = check_log(bad)
-    assert "cannot be read" in check.damage
-    assert "messages are missing" in check.damage
 
 
 @settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
@@ -250,23 +227,6 @@ def test_kill_9_costs_only_the_newest_moments(tmp_path):
     assert [entry.t_ns for entry in read_log(path).entries] == logged[: check.entries["input/tick"]]
 
 
-def test_a_full_disk_never_stops_the_flight_and_is_told_at_the_end(tmp_path, monkeypatch):
-    path = tmp_path / "full.mcap"
-    log = LogWriter(path, {}, threaded=False)
-    failing = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    def write(_: object) -> int:
-        raise failing
-
-    monkeypatch.setattr(log._file._stream, "write", write, raising=False)
-    for i in range(3000):
-        log.write(topics.TICK, m.Tick(i), i)
-    assert log.failure is failing
-    assert log.lost >= 2000
-    with pytest.raises(OSError, match="No space"):
-        log.close()
-
-
 def test_a_disk_that_cannot_keep_up_costs_what_may_be_lost_only(tmp_path, monkeypatch):
     path = tmp_path / "slow.mcap"
     monkeypatch.setattr("wire.logs.mcap_log._PENDING_MESSAGES", 10)
@@ -283,23 +243,6 @@ def test_a_disk_that_cannot_keep_up_costs_what_may_be_lost_only(tmp_path, monkey
 def test_a_stamp_before_time_began_is_refused(tmp_path):
     with LogWriter(tmp_path / "x.mcap", {}, threaded=False) as log, pytest.raises(ValueError, match="-1"):
         log.write(topics.TICK, m.Tick(0), -1)
-
-
-def test_a_folder_that_is_not_there_is_an_oserror(tmp_path):
-    with pytest.raises(FileNotFoundError):
-        LogWriter(tmp_path / "absent" / "x.mcap", {})
-
-
-def test_the_entries_can_be_read_more_than_once(flight):
-    log = read_log(flight[0])
-    assert next(log.entries).t_ns == 0
-    assert sum(1 for _ in log.entries) == len(flight[1])
-
-
-def test_views_are_thinned_and_the_record_is_not(flight):
-    _, written, _ = flight
-    assert sum(1 for name, _, _ in written if name == "mocap/frame") == FRAMES
-    np.testing.assert_array_equal(wire_flight.frame(5).pos_lab_m, written[16][2].pos_lab_m)
 
 
 class _Disk:

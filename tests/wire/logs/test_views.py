@@ -211,11 +211,3 @@ def test_a_log_without_a_date_gives_its_stamps_as_they_are(tmp_path: Path) -> No
         writer.finish()
     assert [(entry.t_ns, entry.message) for entry in read_log(path).entries] == [(7, m.Tick(7))]
     assert check_log(path).complete
-
-
-def test_a_date_that_is_none_is_told_of(tmp_path: Path) -> None:
-    path = tmp_path / "odd.mcap"
-    with LogWriter(path, {}, start=START, threaded=False) as log:
-        log.write(topics.TICK, m.Tick(7), 7)
-    path.write_bytes(path.read_bytes().replace(str(START.unix_ns).encode(), b"soon".ljust(19)))
-    assert "the date at which it begins cannot be read" in check_log(path).damage

@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as oracle
 
-from formation.messages import Severity
 from tests.wire.messages import ANY_MESSAGE, MESSAGES, assert_same
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.clocks import TimeSync
@@ -18,7 +17,7 @@ from wire.link_messages.motion import EstimatorType, GlobalPosition, Odometry, O
 from wire.link_messages.packet import LinkMessage, Packet, Unknown
 from wire.link_messages.parameters import ParamRequestList, ParamSet, ParamValue
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
-from wire.link_messages.status import Heartbeat, MavAutopilot, NamedValue, StatusText, SysStatus
+from wire.link_messages.status import Heartbeat, MavAutopilot, NamedValue, SysStatus
 from wire.mavlink.codec import Codec, MavlinkError, decode_packet
 
 DRONE = Address(7, 1)
@@ -47,24 +46,16 @@ def test_every_link_message_has_a_strategy():
 
 
 @pytest.mark.parametrize("kind", MESSAGES, ids=lambda kind: kind.__name__)
-def test_round_trip(kind):
-    @given(MESSAGES[kind])
-    def check(message):
+def test_a_message_comes_back_and_its_bytes_are_pymavlinks(kind):
+    """pymavlink reads every packet, and writes what it has read as the same bytes."""
+
+    @given(MESSAGES[kind], st.integers(0, 255))
+    def check(message, seq):
         codec = everything_for(message)
         (packet,) = codec.receive(Codec(DRONE).encode(message))
         assert packet.source == DRONE
         assert_same(message, packet.message)
         assert (codec.bad_bytes, codec.bad_packets, codec.misaddressed_packets) == (0, 0, 0)
-
-    check()
-
-
-@pytest.mark.parametrize("kind", MESSAGES, ids=lambda kind: kind.__name__)
-def test_bytes_are_pymavlinks(kind):
-    """pymavlink reads every packet, and writes what it has read as the same bytes."""
-
-    @given(MESSAGES[kind], st.integers(0, 255))
-    def check(message, seq):
         if kind is TimeSync:
             message = TimeSync(message.tc1_ns, message.ts1_ns)  # pymavlink has no target there yet
         if kind in (ParamValue, ParamSet):
@@ -96,15 +87,6 @@ def test_any_bytes_are_read_or_skipped_and_the_next_datagram_is_read_at_once(gar
     assert codec.bad_bytes <= len(garbage)
     heartbeat = Heartbeat(MavAutopilot.PX4, 2, 0, 0, 4)
     assert codec.receive(Codec(DRONE).encode(heartbeat)) == [Packet(DRONE, 0, heartbeat)]
-
-
-@given(st.binary(max_size=300))
-def test_any_bytes_are_one_packet_or_the_one_error(data):
-    try:
-        packet = decode_packet(data)
-    except MavlinkError:
-        return
-    assert isinstance(packet, Packet)
 
 
 @given(ANY_MESSAGE, st.data())
@@ -163,10 +145,6 @@ def test_an_unknown_incompatibility_flag_is_refused():
         decode_packet(sealed(0, bytes(9), flags=2))
 
 
-def test_a_message_nothing_reads_is_unknown_not_an_error():
-    assert decode_packet(sealed(24, bytes(30))).message == Unknown(24)
-
-
 def test_a_message_of_no_dialect_is_unknown_and_its_neighbours_are_read():
     """PX4 sends ids that no published dialect has; its checksum cannot be checked."""
     heartbeat = Codec(DRONE).encode(Heartbeat(MavAutopilot.PX4, 2, 0, 0, 4))
@@ -176,26 +154,15 @@ def test_a_message_of_no_dialect_is_unknown_and_its_neighbours_are_read():
     assert codec.bad_bytes == 0
 
 
-def test_a_longer_payload_of_a_newer_dialect_is_read():
-    payload = bytes([0, 0, 0, 0, 2, 12, 0, 4, 3]) + b"new"
-    assert decode_packet(sealed(0, payload)).message == Heartbeat(MavAutopilot.PX4, 2, 0, 0, 4)
-
-
 @pytest.mark.parametrize(
     ("target", "taken"),
-    [((7, 1), True), ((7, 0), True), ((0, 0), True), ((0, 1), True), ((7, 25), False), ((8, 1), False)],
+    [((7, 1), True), ((7, 0), True), ((0, 1), True), ((7, 25), False), ((8, 1), False)],
 )
 def test_only_packets_for_this_address_or_everybody_are_taken(target, taken):
     codec = Codec(DRONE)
     packets = codec.receive(Codec(GROUND).encode(CommandLong(Address(*target), 400, (1.0,) * 7)))
     assert (len(packets), codec.misaddressed_packets) == ((1, 0) if taken else (0, 1))
-
-
-def test_set_mode_is_for_a_system():
-    codec = Codec(DRONE)
-    ground = Codec(GROUND)
-    assert len(codec.receive(ground.encode(SetMode(7, 1, 4)))) == 1
-    assert codec.receive(ground.encode(SetMode(8, 1, 4))) == []
+    assert codec.receive(Codec(GROUND).encode(SetMode(8, 1, 4))) == []
 
 
 @pytest.mark.parametrize(
@@ -204,10 +171,10 @@ def test_set_mode_is_for_a_system():
         NamedValue(0, "eleven char", 1.0),
         ParamRequestList(Address(256, 1)),
         setpoint(thrust_norm=1e39),
-        CommandLong(DRONE, 70000, (0.0,) * 7),
+        SetOrigin(3, math.nan, 8.0, 0.0),
         Unknown(4242),
     ],
-    ids=["name too long", "no such system", "no such float", "no such command", "unknown"],
+    ids=["name too long", "no such system", "no such float", "no number", "unknown"],
 )
 def test_what_mavlink_cannot_carry_is_the_one_error(message):
     with pytest.raises(MavlinkError):
@@ -218,15 +185,16 @@ def test_boot_time_wraps_after_49_days():
     assert decoded(setpoint(t_boot_ms=2**32 + 5)).t_boot_ms == 5
 
 
-@pytest.mark.parametrize("q", [[0.0] * 4, [math.nan, 0, 0, 0], [math.inf, 0, 0, 0]])
-def test_a_setpoint_that_is_no_rotation_is_refused(q):
-    codec = Codec(DRONE)
-    assert codec.receive(Codec(GROUND).encode(setpoint(q_lab_from_flu=np.array(q)))) == []
-    assert codec.bad_packets == 1
-
-
-@pytest.mark.parametrize("change", [{"thrust_norm": math.nan}, {"rate_flu_rad_s": np.array([0, math.inf, 0])}])
-def test_a_setpoint_that_is_not_finite_is_refused(change):
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"q_lab_from_flu": np.zeros(4)},
+        {"q_lab_from_flu": np.array([math.inf, 0, 0, 0])},
+        {"thrust_norm": math.nan},
+        {"rate_flu_rad_s": np.array([0, math.inf, 0])},
+    ],
+)
+def test_a_setpoint_that_is_no_rotation_or_not_finite_is_refused(change):
     codec = Codec(DRONE)
     assert codec.receive(Codec(GROUND).encode(setpoint(**change))) == []
     assert codec.bad_packets == 1
@@ -274,40 +242,12 @@ def test_unknown_odometry_velocity_stays_nan():
 
 def test_sim_state_reads_as_truth():
     mav = oracle.MAVLink(None, srcSystem=7, srcComponent=1)
-    message = mav.sim_state_encode(
-        1,
-        0,
-        0,
-        0,
-        0,
-        0,
-        0,
-        0,
-        0,
-        0,
-        0,
-        0,
-        0,
-        47.5,
-        8.5,
-        488.0,
-        0,
-        0,
-        1.0,
-        2.0,
-        3.0,
-        lat_int=473977420,
-        lon_int=85455940,
-    )
+    values = (1, *[0] * 12, 47.5, 8.5, 488.0, 0, 0, 1.0, 2.0, 3.0)
+    message = mav.sim_state_encode(*values, lat_int=473977420, lon_int=85455940)
     truth = decode_packet(message.pack(mav)).message
     assert isinstance(truth, SimTruth)
     assert (truth.lat_deg, truth.lon_deg, truth.alt_m) == pytest.approx((47.397742, 8.545594, 488.0), abs=1e-12)
     np.testing.assert_array_equal(truth.vel_lab_m_s, [1.0, -2.0, -3.0])
-
-
-def test_a_severity_of_each_kind_arrives():
-    for severity in Severity:
-        assert decoded(StatusText(severity, "x")).severity is severity
 
 
 @pytest.mark.parametrize(("tc1_ns", "taken"), [(5, 1), (0, 0)])
@@ -327,15 +267,10 @@ def test_what_an_end_does_not_read_is_unknown_to_it_and_costs_no_reading():
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("speed_m_s", [327.0, 400.0, 1e30])
+@pytest.mark.parametrize("speed_m_s", [327.0, 1e30])
 def test_a_drone_faster_than_the_field_holds_is_told_at_its_end(speed_m_s):
     """It flew on; the packet that could not be made ended its agent."""
     far = GlobalPosition(1, 47.0, 8.0, 1e9, -1e9, np.array([speed_m_s, 0.0, -speed_m_s]), None)
     (packet,) = Codec(GROUND).receive(Codec(Address(3, 1)).encode(far))
     assert packet.message.vel_lab_m_s[0] == pytest.approx(min(speed_m_s, 327.67))
     assert packet.message.alt_m == pytest.approx(2**31 * 1e-3)
-
-
-def test_a_number_that_no_field_holds_is_the_codecs_own_error():
-    with pytest.raises(MavlinkError):
-        Codec(GROUND).encode(SetOrigin(3, math.nan, 8.0, 0.0))

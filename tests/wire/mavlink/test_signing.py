@@ -145,12 +145,6 @@ def test_no_packet_passes_twice_and_none_after_a_restart() -> None:
     assert restarted.verify(later, NOW_US).data == later
 
 
-def test_without_the_kept_stamp_a_replay_after_a_restart_would_pass() -> None:
-    """The control of the test above: it is the floor that keeps replays out."""
-    recorded = ground_end().sign(disarm(Codec(GROUND)), NOW_US)
-    assert drone_end().verify(recorded, NOW_US).data == recorded
-
-
 def test_a_packet_of_one_drones_link_passes_on_no_other() -> None:
     two = SigningChannel(OTHER_KEY, StampClock(), (2).__ne__)
     own, codec = ground_end(), Codec(GROUND)
@@ -246,7 +240,7 @@ def test_a_revoked_key_signs_nothing_and_lets_nothing_in() -> None:
     assert ground.sign(disarm(Codec(GROUND)), NOW_US) == b""
 
 
-@settings(max_examples=2000, deadline=None)
+@settings(max_examples=300, deadline=None)
 @given(st.binary(max_size=400), st.integers(0, 12))
 def test_bytes_of_any_content_neither_raise_nor_pass(noise: bytes, cut: int) -> None:
     """Noise alone, and before, after and within a good packet."""

@@ -28,9 +28,3 @@ def test_says_what_is_missing_and_when_it_has_come(monkeypatch):
         Event(Severity.NOTICE, "uav2", there_text),
         Event(Severity.INFO, "uav2", "no longer waiting for autopilot"),
     ]
-
-
-def test_says_nothing_where_all_is_there():
-    told: list[Event] = []
-    asyncio.run(report_missing("uav2", [Awaited("bus", lambda: True, "start it")], told.append))
-    assert told == []

@@ -9,57 +9,35 @@ import pytest
 
 from wire.process import priority
 
-
-def refused(*_: object) -> None:
-    raise PermissionError
-
-
-@pytest.fixture
-def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[object, ...]]:
-    """The calls that would change this process; all are allowed, and none is made."""
-    calls: list[tuple[object, ...]] = []
-    monkeypatch.setattr(os, "sched_setscheduler", lambda *given: calls.append(("scheduler", *given[:2])))
-    monkeypatch.setattr(os, "setpriority", lambda *given: calls.append(("nice", *given)))
-    monkeypatch.setattr(priority, "_lock_memory", lambda: "memory locked")
-    return calls
-
-
-def test_real_time_is_taken_where_it_is_allowed(asked: list[tuple[object, ...]]) -> None:
-    assert priority.raise_priority() == "SCHED_FIFO 10, memory locked"
-    assert asked == [("scheduler", 0, os.SCHED_FIFO)]
-
-
-def test_else_a_negative_nice(asked: list[tuple[object, ...]], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(os, "sched_setscheduler", refused)
-    assert priority.raise_priority() == "nice -10, memory locked"
-    assert asked == [("nice", os.PRIO_PROCESS, 0, -10)]
-
-
-def test_where_nothing_is_allowed_it_is_said(asked: list[tuple[object, ...]], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(os, "sched_setscheduler", refused)
-    monkeypatch.setattr(os, "setpriority", refused)
-    monkeypatch.setattr(os, "getpriority", lambda *_: 3)
-    assert priority.raise_priority() == "ordinary, nice 3, memory locked"
-    assert asked == []
+FIFO, NICE = ("scheduler", 0, os.SCHED_FIFO), ("nice", os.PRIO_PROCESS, 0, -10)
 
 
 @pytest.mark.parametrize(
-    ("level", "is_allowed", "report", "calls"),
+    ("raised", "allowed", "level", "report", "made"),
     [
-        (0, True, "nice -10", [("nice", os.PRIO_PROCESS, 0, -10)]),
-        (0, False, "ordinary, nice 0 (no higher is allowed)", []),
-        (5, True, "nice 5, as started", []),
+        ("raise_priority", {"scheduler", "nice"}, 3, "SCHED_FIFO 10, memory locked", [FIFO]),
+        ("raise_priority", {"nice"}, 3, "nice -10, memory locked", [NICE]),
+        ("raise_priority", set(), 3, "ordinary, nice 3, memory locked", []),
+        # A daemon takes a nice level, and no real time, where it was given none.
+        ("prefer_process", {"nice"}, 0, "nice -10", [NICE]),
+        ("prefer_process", set(), 0, "ordinary, nice 0 (no higher is allowed)", []),
+        ("prefer_process", {"scheduler", "nice"}, 5, "nice 5, as started", []),
     ],
 )
-def test_a_daemon_takes_a_nice_level_and_no_real_time_where_it_was_given_none(
-    asked: list[tuple[object, ...]], monkeypatch: pytest.MonkeyPatch, level: int, is_allowed: bool, report: str,
-    calls: list[tuple[object, ...]],
-) -> None:  # fmt: skip
+def test_the_first_way_that_is_allowed_is_taken(raised, allowed, level, report, made, monkeypatch) -> None:
+    calls: list[tuple[object, ...]] = []
+
+    def asked(*given: object) -> None:
+        if given[0] not in allowed:
+            raise PermissionError
+        calls.append(given)
+
+    monkeypatch.setattr(os, "sched_setscheduler", lambda *given: asked("scheduler", *given[:2]))
+    monkeypatch.setattr(os, "setpriority", lambda *given: asked("nice", *given))
     monkeypatch.setattr(os, "getpriority", lambda *_: level)
-    if not is_allowed:
-        monkeypatch.setattr(os, "setpriority", refused)
-    assert priority.prefer_process() == report
-    assert asked == calls
+    monkeypatch.setattr(priority, "_lock_memory", lambda: "memory locked")
+    assert getattr(priority, raised)() == report
+    assert calls == made
 
 
 TRUTH = """

@@ -67,6 +67,7 @@ def test_two_processes_compile_a_part_each_and_later_ones_nothing(tmp_path):
     assert not (tmp_path / "ground").exists()
 
 
+@pytest.mark.nightly
 def test_what_fails_in_the_other_process_is_compiled_where_it_is_called(tmp_path):
     assert "it failed" in compile_in(tmp_path, "failing").stderr
     assert compile_in(tmp_path, "failing").stderr == ""

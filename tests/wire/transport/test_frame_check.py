@@ -7,7 +7,6 @@ import pytest
 
 from formation.messages import LabFrame, RawFrame
 from formation.rejection import Rejection
-from wire.schema import schema_of
 from wire.transport.frame_check import lab_fault, raw_fault
 
 NOW_NS = 10**12
@@ -16,19 +15,12 @@ RAW = RawFrame(7, NOW_NS - 8 * MS, ("a", "b"), np.zeros((2, 3)), np.eye(2, 4), n
 LAB = LabFrame(7, NOW_NS - 8 * MS, ("a",), np.zeros((1, 3)), np.eye(1, 4), np.ones(1, bool), NOW_NS)
 
 
-def test_sound_frames_have_no_fault():
-    assert raw_fault(RAW, NOW_NS) is None
-    assert raw_fault(replace(RAW, t_capture_ns=0), NOW_NS) is None
-    assert lab_fault(LAB, NOW_NS) is None
-
-
 @pytest.mark.parametrize(
     "change",
     [
         {"pos_mocap_m": np.zeros((1, 3))},
         {"q_mocap_from_marker": np.eye(1, 4)},
         {"seen": np.ones(3, bool)},
-        {"bodies": ("a",)},
     ],
 )
 def test_rows_must_be_as_many_as_names(change):
@@ -39,11 +31,8 @@ def test_rows_must_be_as_many_as_names(change):
 def test_a_capture_must_lie_between_a_second_ago_and_now(t_ns):
     assert "captured" in (raw_fault(replace(RAW, t_capture_ns=t_ns), NOW_NS) or "")
     assert "captured" in (lab_fault(replace(LAB, t_capture_ns=t_ns), NOW_NS) or "")
-
-
-@pytest.mark.parametrize("t_ns", [NOW_NS + 20 * MS, NOW_NS - 999 * MS])
-def test_a_capture_at_the_edge_of_that_is_taken(t_ns):
-    assert raw_fault(replace(RAW, t_capture_ns=t_ns), NOW_NS) is None
+    for edge_ns in (0, NOW_NS + 20 * MS, NOW_NS - 999 * MS):
+        assert raw_fault(replace(RAW, t_capture_ns=edge_ns), NOW_NS) is None
 
 
 def test_a_thousand_bodies_are_a_frame_and_one_more_is_none():
@@ -64,18 +53,10 @@ def test_no_quaternion_that_is_no_rotation_passes_as_a_lab_frame(q):
     assert lab_fault(replace(LAB, q_lab_from_flu=np.array([q], float)), NOW_NS) is not None
 
 
-def test_a_frame_of_ten_thousand_empty_names_is_decoded_and_refused_at_once():
-    """It once took 9.8 s: every name copied all the names before it."""
-    schema = schema_of(RawFrame)
-    nothing = RawFrame(1, NOW_NS, ("",) * 10_000, np.zeros((0, 3)), np.zeros((0, 4)), np.zeros(0, bool))
-    assert "bodies" in (raw_fault(schema.decode(schema.encode(nothing)), NOW_NS) or "")
-
-
 def test_a_rejection_code_that_is_none_is_refused():
     for code in (len(Rejection), 200, 255):
-        assert (
-            lab_fault(replace(LAB, rejected=np.array([code], np.uint8)), NOW_NS) == "with a rejection code that is none"
-        )
+        fault = lab_fault(replace(LAB, rejected=np.array([code], np.uint8)), NOW_NS)
+        assert fault == "with a rejection code that is none"
     for rejection in Rejection:
         assert lab_fault(replace(LAB, rejected=np.array([rejection], np.uint8)), NOW_NS) is None
 

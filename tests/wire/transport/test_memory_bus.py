@@ -41,8 +41,3 @@ def test_the_delay_has_the_mean_and_the_loss_it_says():
     assert abs(1.0 - len(kept) / len(delays) - 0.1) < 0.01
     assert kept.min() >= 0.005
     assert abs(kept.mean() - 0.007) < 1e-4
-
-
-def test_the_same_seed_gives_the_same_link():
-    draws = [random_delay(0.001, 0.001, 0.2, np.random.default_rng(5)) for _ in range(2)]
-    assert [draws[0]() for _ in range(100)] == [draws[1]() for _ in range(100)]

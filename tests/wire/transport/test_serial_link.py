@@ -8,6 +8,7 @@ import pytest
 
 from formation.messages import Datagram
 from tests.gcs.security.autopilot import Autopilot, on_a_line
+from tests.wire.waiting import in_loop
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.commands import MavCommand, command_long
 from wire.mavlink.codec import Codec
@@ -15,35 +16,33 @@ from wire.mavlink.signing import SigningChannel, StampClock
 from wire.transport.serial_link import open_serial
 
 
-def test_bytes_go_both_ways_unchanged() -> None:
-    async def talk() -> None:
-        master, slave = os.openpty()
-        tty.setraw(master)
-        arrived: asyncio.Queue[Datagram] = asyncio.Queue()
+@in_loop
+async def test_bytes_go_both_ways_unchanged() -> None:
+    master, slave = os.openpty()
+    tty.setraw(master)
+    arrived: asyncio.Queue[Datagram] = asyncio.Queue()
+    try:
+        link = await open_serial(f"serial:{os.ttyname(slave)}:57600", 4, arrived.put_nowait)
         try:
-            link = await open_serial(f"serial:{os.ttyname(slave)}:57600", 4, arrived.put_nowait)
-            try:
-                everything = bytes(range(256))
-                os.write(master, everything)
-                got = b""
-                while len(got) < len(everything):
-                    datagram = await asyncio.wait_for(arrived.get(), 5.0)
-                    assert datagram.sysid == 4
-                    got += datagram.data
-                assert got == everything
-                link.send(Datagram(4, everything))
-                back = b""
-                while len(back) < len(everything):
-                    back += os.read(master, 256)
-                assert back == everything
-                assert link.counters.sent == 1
-            finally:
-                link.close()
+            everything = bytes(range(256))
+            os.write(master, everything)
+            got = b""
+            while len(got) < len(everything):
+                datagram = await asyncio.wait_for(arrived.get(), 5.0)
+                assert datagram.sysid == 4
+                got += datagram.data
+            assert got == everything
+            link.send(Datagram(4, everything))
+            back = b""
+            while len(back) < len(everything):
+                back += os.read(master, 256)
+            assert back == everything
+            assert link.counters.sent == 1
         finally:
-            os.close(master)
-            os.close(slave)
-
-    asyncio.run(talk())
+            link.close()
+    finally:
+        os.close(master)
+        os.close(slave)
 
 
 @pytest.mark.parametrize("text", ["serial:/dev/ttyS0", "udp:h:1", "serial::57600", "serial:/dev/ttyS0:fast"])

@@ -59,17 +59,6 @@ def test_any_bytes_are_survived(data: bytes) -> None:
     core.tick(MS)
 
 
-@given(
-    st.integers(0, 2**32 - 1),
-    st.integers(0, 65535),
-    st.lists(st.floats(width=32), min_size=7, max_size=7),
-)
-def test_any_command_is_answered(seed: int, number: int, params: list[float]) -> None:
-    harness = Harness()
-    harness.run(seed % 5 * 0.6)
-    assert 0 <= harness.command(number, *params) <= 6
-
-
 def airframe(start_lab_m: Float) -> Airframe:
     sensor = InertialSensor(InertialError(), 1)
     return Airframe(profile("px4_quad"), Disturbance(), start_lab_m, 0.0, 0, sensor, Estimator(0))

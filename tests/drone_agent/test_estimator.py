@@ -108,27 +108,6 @@ def test_a_turned_mocap_turns_what_it_believes_and_flies_all_the_same() -> None:
     np.testing.assert_allclose(harness.last(AttitudeQuaternion).q_lab_from_flu, turn, atol=0.02)
 
 
-def pose_fault(harness: Harness) -> str:
-    harness.command(400, 1.0)
-    return next(text for text in reversed(harness.texts()) if text.startswith("Preflight Fail"))
-
-
-@pytest.mark.parametrize(
-    ("pos", "q", "reason"),
-    [
-        ([5.0, 0.0, 0.0], LEVEL, "jumped"),
-        ([np.nan, 0.0, 0.0], LEVEL, "stale"),
-    ],
-)
-def test_an_implausible_pose_is_refused_with_its_reason(pos: list[float], q: np.ndarray, reason: str) -> None:
-    harness = Harness(pose="mocap", guard=False)
-    harness.run(2.0)
-    for _ in range(50):
-        harness.run(0.01, mocap=False)
-        harness.show(np.array(pos), q)
-    assert reason in pose_fault(harness)
-
-
 def test_a_position_that_goes_on_jumping_is_reset_to_five_times_and_then_no_more() -> None:
     harness = Harness(pose="mocap", guard=False)
     harness.run(2.0)

@@ -144,6 +144,13 @@ def test_each_case_of_the_attacks(words: str, data: bytes, armed: bool, passes: 
     assert bool(passed(bridge(armed=armed, insecure=True), data)) is passes, words
 
 
+def test_what_is_rejected_is_counted_and_reported() -> None:
+    core = bridge(insecure=True)
+    core.receive_ground(Datagram(SYSID, packet(256)), 2)
+    events = core.tick(2).events
+    assert any(allow_list.UNLISTED in event.text for event in events)
+
+
 def test_on_one_machine_without_keys_everything_passes_as_ever() -> None:
     core = bridge()
     assert passed(core, packet(23, param_id=b"A", param_value=1.0)) == [23]

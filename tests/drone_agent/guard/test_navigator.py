@@ -12,7 +12,7 @@ from drone_agent.guard.navigator import Navigator
 from formation.maths.arrays import Float
 from formation.maths.frames import IDENTITY, inverse, rotate
 from formation.navigation.receive import Input, RejectReason
-from formation.navigation.state import BIAS, DELAY, LEVEL, Airframe
+from formation.navigation.state import BIAS, DELAY, LEVEL
 from tests.drone_agent.guard.guard_flights import MS, SIH, Flight, G, Motion, S, Streams, fly, navigator, sensed
 
 ONE = np.array([0])
@@ -191,24 +191,3 @@ def test_nothing_that_comes_breaks_the_estimate(inputs: list[tuple[Input, int, l
     assert np.isfinite(x.pos_lab_m).all()
     assert np.linalg.norm(x.q_lab_from_flu) == pytest.approx(1.0)
     assert np.linalg.eigvalsh(x.cov).min() > 0.0
-
-
-def test_without_an_accelerometer_attitude_and_thrust_stand_in() -> None:
-    """A hover and its drag: velocity within 5 cm/s of the truth although nothing tells of the force."""
-    flight = Flight(n=5, seed=12, vel_m_s=0.3, band_hz=(0.1, 0.3), level_rad=0.005)
-    motion = Motion(flight)
-    nav = navigator(flight, Airframe(np.zeros(3), 0, 0.0))
-    streams, which = sensed(motion, 12.0), np.arange(5)
-    for k, t_ns in enumerate(streams.imu_ns):
-        t = np.array(t_ns * 1e-9)
-        thrust = 1.1 * motion.force(t)[:, 2]
-        nav.receive_thrust(which, np.full(5, t_ns), thrust)
-        nav.receive_attitude(which, np.full(5, t_ns), streams.attitude[k], streams.rate[k])
-        if k < len(streams.pose_ns):
-            nav.receive_pose(which, np.full(5, streams.pose_ns[k]), streams.pos[k], streams.q[k])
-    assert not nav.rejecting.any()
-    error, cov = errors(nav, motion)
-    assert np.sqrt(np.mean(error[:, 3:] ** 2)) < 0.05
-    assert np.mean(error[:, 3:] ** 2 / np.einsum("nii->ni", cov)[:, 3:]) < 2.0
-    scales = [nav.bodies[i].estimate.thrust_scale for i in range(5)]
-    assert scales == pytest.approx([1.0 / 1.1] * 5, abs=0.04)

@@ -6,7 +6,7 @@ import pytest
 from formation.messages import Phase
 from formation.vehicle.profile import PAPER_40G
 from sim import lockstep
-from sim.studies import experiments, gust
+from sim.studies import experiments
 from sim.studies.experiments import Experiment, Job
 
 
@@ -48,6 +48,7 @@ def test_a_flights_numbers_are_those_of_its_truth() -> None:
     assert numbers.chatter_deg == pytest.approx(np.degrees(np.sqrt(np.mean(steps**2))), rel=1e-9)
 
 
+@pytest.mark.nightly
 def test_a_push_that_is_felt_on_board_moves_the_drone_less() -> None:
     """By a quarter, through HIGHRES_IMU, its noise, the link and the drone's clock."""
     moved_m = {}

@@ -1,13 +1,8 @@
-import io
-
 import pytest
-from rich.console import Console
 
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import PAPER_40G
-from sim.cli.steady_push_table import steady_push_table
 from sim.studies import steady_push
-from sim.studies.push import Settling
 from sim.studies.steady_push import Push, scenario_of
 
 
@@ -34,14 +29,3 @@ def test_a_hover_comes_to_rest_in_a_steady_push(share: float, motor_lag: float) 
     settling = steady_push.fly(Push(share, motor_lag, seed=7))
     assert settling.at_rest
     assert settling.settle_s < (1.25 if motor_lag == 1.0 else 3.0)
-
-
-def test_one_that_swings_on_is_not_at_rest() -> None:
-    assert Settling("landed", 0.4, 0.5, 0.1).at_rest
-    assert not Settling("landed", 12.0, 8.0, 0.1).at_rest
-    assert not Settling("aborted").at_rest
-    console = Console(record=True, width=120, file=io.StringIO())
-    console.print(steady_push_table([Push(0.9, 1.6)], [Settling("landed", 12.0, 8.0, 0.1)]))
-    shown = console.export_text()
-    for figure in ("cfc", "0.9", "x 1.6", "12.00", "8.00", "100"):
-        assert figure in shown

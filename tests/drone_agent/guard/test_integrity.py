@@ -197,8 +197,8 @@ def test_who_stands_teaches_no_delay_and_what_moves_then_is_no_fault(flight: Fli
     ("speed_m_s", "flight", "share", "median_s"),
     [
         (0.08, Flight(), 0.7, 0.1),
-        (0.11, Flight(pose_m=0.001), 0.9, 0.09),
-        (0.3, Flight(), 1.0, 0.03),
+        pytest.param(0.11, Flight(pose_m=0.001), 0.9, 0.09, marks=pytest.mark.nightly),
+        pytest.param(0.3, Flight(), 1.0, 0.03, marks=pytest.mark.nightly),
         (0.15, Flight(imu_m_s2=SIH), 0.6, 0.08),
     ],
 )

@@ -31,7 +31,7 @@ def errors(nav: Navigator, motion: Motion) -> tuple[Float, Float]:
     return np.array(out), np.array(cov)
 
 
-@pytest.mark.parametrize("imu", [(0.3, 0.3, 0.3), SIH])
+@pytest.mark.parametrize("imu", [SIH, pytest.param((0.3, 0.3, 0.3), marks=pytest.mark.nightly)])
 def test_errors_are_as_large_as_the_covariance_says(imu: tuple[float, float, float]) -> None:
     """NEES of the velocity and NIS of the position within the 99.9 % interval of chi-square over time.
 

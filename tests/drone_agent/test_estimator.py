@@ -20,8 +20,6 @@ from wire.link_messages.packet import LinkMessage
 from wire.link_messages.status import EkfStatus
 
 ZERO = np.zeros(3)
-UP = np.array([0.0, 0.0, 1.0])
-PREARM = 1 << 28
 VISION = 128
 
 

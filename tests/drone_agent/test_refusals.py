@@ -21,7 +21,6 @@ from wire.mavlink.codec import Codec
 
 AHEAD_MS = 7_000_000
 """The ground's clock against the drone's."""
-LEAN = np.array([np.cos(0.1), 0.0, np.sin(0.1), 0.0])
 REQUEST_OPERATOR_CONTROL = 32100
 
 

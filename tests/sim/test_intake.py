@@ -8,7 +8,6 @@ from sim.script import FLIGHT
 from sim.world import World
 from wire.logs.mcap_log import Entry
 
-MS = 1_000_000
 LONGEST_NS = 30_000_000_000
 
 

@@ -36,6 +36,13 @@ def test_bodies_and_address_come_from_the_command_line() -> None:
     assert (served.mocap.qualisys.host, served.mocap.qualisys.port) == ("127.0.0.1", 30_001)
 
 
+def test_a_lab_file_says_bodies_names_and_system(tmp_path: Path) -> None:
+    served = box(BoxOptions(lab=lab_file(tmp_path, "vicon")))
+    assert served.scene.bodies == ("lead", "left")
+    assert served.mocap.source_name("lead") == "Quad 1"
+    assert served.mocap.source_name("left") == "left"
+
+
 @pytest.mark.parametrize(
     ("options", "why"),
     [

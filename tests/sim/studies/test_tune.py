@@ -2,16 +2,10 @@ import math
 
 import pytest
 
-from formation.control.margin import DelayMargin
-from formation.vehicle.profile import PX4_QUAD
 from sim.studies import tune
 from sim.studies.experiments import Experiment, Score
 from sim.studies.gust import GustNumbers
 from sim.studies.push import Settling
-from sim.studies.tune import Task
-
-SLOW = Task(PX4_QUAD, rate_hz=50.0, delay_s=0.02, noise_m=0.0005)
-MARGIN = DelayMargin("v", "default", loop_s=0.1, margin_s=0.05)
 
 
 def a_score(outcome: str = "landed", dev: float = 0.04, chatter: float = 0.3, rms: float = 0.001) -> Score:

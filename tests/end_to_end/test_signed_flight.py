@@ -32,7 +32,7 @@ def test_a_new_lab_flies_signed(tmp_path: Path) -> None:
     lab, out = tmp_path / "lab.toml", tmp_path / "run"
     lab.write_text(tomli_w.dumps(LAB))
     subprocess.run([sys.executable, "-m", "gcs", "keys", "new", str(lab)], check=True, capture_output=True)
-    with gcs_sim_fly(str(lab), "--signed", "--out", str(out)) as process:
+    with gcs_sim_fly(str(lab), "--signed", "--out", str(out), hosts=None) as process:
         said, _ = process.communicate()
     assert process.returncode == 0, said
     log = read_log(out / "flight.mcap")

@@ -6,7 +6,7 @@ import pytest
 from formation.messages import Phase
 from formation.vehicle.profile import PAPER_40G
 from sim import lockstep
-from sim.studies import experiments
+from sim.studies import experiments, gust
 from sim.studies.experiments import Experiment, Job
 
 

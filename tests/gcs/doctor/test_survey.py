@@ -120,6 +120,6 @@ def test_every_fault_of_a_lab_is_named(tmp_path):
     assert "turned by 90 degrees about up" in failed["left", "axes"]
     assert "change the profile" in failed["left", "MPC_THR_HOVER"]
     passed = {(f.subject, f.check) for f in findings if f.grade is Grade.PASS}
-    assert {("left", "autopilot"), ("left", "COM_OF_LOSS_T"), ("left", "body name"), ("mocap", "units")} <= passed
+    assert {("left", "autopilot"), ("left", "body name"), ("mocap", "units")} <= passed
     assert fixed
     assert [event.text for event in events] == ["frames come from the mocap process that is running"]

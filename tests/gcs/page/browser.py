@@ -67,12 +67,15 @@ class Tab:
         return str(self.run("document.body?.innerText"))
 
     def click(self, selector: str) -> None:
-        """With the mouse, in its middle, once it can be clicked."""
-        at = self.until(
+        """With the mouse, in its middle, once it can be clicked and no longer moves."""
+        middle = (
             f"(() => {{ const e = document.querySelector({selector!r}); if (!e || e.disabled || "
             "e.classList.contains('disabled')) return null; const r = e.getBoundingClientRect(); "
             "return [r.x + r.width / 2, r.y + r.height / 2]; })()"
         )
+        at = None
+        while at != (at := self.until(middle)):
+            time.sleep(0.2)
         for kind in ("mousePressed", "mouseReleased"):
             self.call("Input.dispatchMouseEvent", type=kind, x=at[0], y=at[1], button="left", clickCount=1)
 

@@ -118,5 +118,5 @@ def test_a_foreign_page_s_websocket_is_rejected_and_reported(tmp_path: Path) -> 
             assert (answer.status, answer.read()[:9]) == (403, b"refused: ")
             asked.close()
     told = (tmp_path / "page.log").read_text().splitlines()
-    assert "page: https://evil.example: refused: 1 x a page of another origin" in told
-    assert "page: evil.example:8470: refused: 1 x its host is not this machine by 127.0.0.1 or localhost" in told
+    assert "https://evil.example: refused: 1 x a page of another origin" in told
+    assert "evil.example:8470: refused: 1 x its host is not this machine by 127.0.0.1 or localhost" in told

@@ -1,5 +1,7 @@
 """A fake drone (ideal attitude, point mass, the least of the protocol) and a lab that joins drones to a GcsCore."""
 
+import json
+
 import numpy as np
 
 from formation.config import LabConfig
@@ -209,13 +211,22 @@ class FakeLab:
             self.step()
         assert self.reply(request).accepted, self.reply(request).text
 
-    def fly(self) -> None:
-        """Arm, take off, and take up the formation."""
+    def take_off(self) -> None:
+        """Arm, and take off into HOLD."""
         self.run(2.0)
         self.command(Verb.ARM, Phase.ARMED)
         self.command(Verb.TAKEOFF, Phase.TAKEOFF)
         self.run_until(Phase.HOLD)
+
+    def fly(self) -> None:
+        """Take off, and take up the formation."""
+        self.take_off()
         self.command(Verb.START, Phase.FORMATION)
+
+    @property
+    def state(self) -> dict:
+        """What the ground publishes, as JSON has it, without NaN."""
+        return json.loads(self.core.status(self.now_ns), parse_constant=int)
 
     @property
     def events(self) -> list[str]:
@@ -257,9 +268,9 @@ class FakeLab:
         raise AssertionError("the core wants to tick without end")
 
 
-def refusal(lab: FakeLab, verb: Verb) -> str:
+def refusal(lab: FakeLab, verb: Verb, argument: str = "") -> str:
     """Why the request is refused."""
-    reply = lab.reply(lab.ask(verb))
+    reply = lab.reply(lab.ask(verb, argument))
     assert reply is not None
     assert not reply.accepted
     return reply.text
@@ -303,3 +314,11 @@ def triangle(**changes) -> LabConfig:
         ],
     }
     return LabConfig.model_validate({**values, **changes})
+
+
+def flying(**changes) -> FakeLab:
+    """The triangle, a second in formation."""
+    lab = FakeLab(triangle(**changes))
+    lab.fly()
+    lab.run(1.0)
+    return lab

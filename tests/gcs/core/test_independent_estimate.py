@@ -8,20 +8,13 @@ import pytest
 from formation.messages import Phase, Verb
 from gcs.core import GcsCore
 from gcs.safety.monitors import MONITORS
-from tests.gcs.fakes import MS, FakeLab, commands, triangle
+from tests.gcs.fakes import MS, FakeLab, commands, flying, triangle
 from wire.link_messages.commands import CommandLong, Result
 from wire.link_messages.status import NamedValue
 
 UPSIDE_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
 POSCTL = 3 << 16
 CUT = (0.0, 21196.0)
-
-
-def flying(altitude_m: float = 0.3) -> FakeLab:
-    lab = FakeLab(triangle(flight={"altitude_m": altitude_m}))
-    lab.fly()
-    lab.run(1.0)
-    return lab
 
 
 def parameters(drone, number: int) -> list[tuple[float, ...]]:
@@ -44,19 +37,26 @@ def lying_mocap(lab: FakeLab, body: str, pos=None, q=None) -> None:
     lab.frame = frame
 
 
-def test_an_attitude_that_only_the_mocap_sees_upside_down_cuts_no_motor():
+@pytest.mark.parametrize(
+    ("lie", "alarm"),
+    [
+        ({"q": UPSIDE_DOWN}, "left: tilted by 75 degrees"),
+        ({"pos": (3.2, 1.0, 0.3)}, "left: 0.5 m outside the fence"),
+    ],
+)
+def test_what_only_the_mocap_sees_cuts_no_motor(lie, alarm):
     lab = flying()
-    lying_mocap(lab, "left", q=UPSIDE_DOWN)
+    lying_mocap(lab, "left", **lie)
     lab.run(0.6)
     assert lab.phase is Phase.LAND
-    assert "left: tilted by 75 degrees" in lab.events
-    lab.run(4.0)
+    assert alarm in lab.events
+    lab.run(5.0)
     assert CUT not in parameters(lab.drones[2], 400)
     assert parameters(lab.drones[2], 21)
     assert not lab.drones[2].armed
 
 
-def test_an_attitude_that_both_see_upside_down_does():
+def test_an_attitude_that_both_see_upside_down_cuts():
     lab = flying()
     lying_mocap(lab, "left", q=UPSIDE_DOWN)
     lab.drones[2].own_q = UPSIDE_DOWN
@@ -65,29 +65,22 @@ def test_an_attitude_that_both_see_upside_down_does():
     assert not lab.drones[2].armed
 
 
-def test_a_place_far_outside_that_only_the_mocap_sees_cuts_no_motor():
-    lab = flying()
-    lying_mocap(lab, "right", pos=(3.2, -1.0, 0.3))
-    lab.run(0.5)
-    assert lab.phase is Phase.LAND
-    lab.run(5.0)
-    assert CUT not in parameters(lab.drones[3], 400)
-    assert not lab.drones[3].armed
-
-
-def test_an_estimate_with_its_origin_at_the_start_counts_as_independent():
+def test_a_drone_far_outside_by_both_is_cut_wherever_its_own_origin_is_and_the_others_land():
     lab = FakeLab(triangle())
     lab.drones[3].own_shift = np.array([5.0, -7.0, 0.2])
     lab.fly()
     lab.drones[3].pos = np.array([3.2, -1.0, 0.3])
     lab.run(0.4)
     assert "right: 0.5 m outside the fence, says its own estimate too" in lab.events
+    assert parameters(lab.drones[3], 400)[-1] == CUT
     assert not lab.drones[3].armed
+    assert lab.phase is Phase.LAND
+    assert lab.drones[1].armed
 
 
 def test_a_pilot_who_holds_it_at_a_metre_keeps_his_motors():
     """It is at rest while the landing leads it to the floor, which counted as touched down."""
-    lab = flying(1.0)
+    lab = flying(flight={"altitude_m": 1.0})
     drone = lab.drones[2]
     lab.command(Verb.LAND, Phase.LAND)
     drone.mode = POSCTL
@@ -106,35 +99,27 @@ def test_a_pilot_who_holds_it_at_a_metre_keeps_his_motors():
     assert not drone.armed
 
 
-def test_a_drone_that_does_not_follow_the_landing_is_left_to_its_autopilot_and_the_landing_ends():
-    lab = flying(1.0)
-    drone = lab.drones[2]
-    lab.command(Verb.LAND, Phase.LAND)
-    began_ns, react = lab.now_ns, drone._react
-    drone._react = lambda m, now: react(m, now) if isinstance(m, CommandLong) else None
-    lab.run_until(Phase.GROUND, longest_s=1.0 / 0.3 + 10.0)
-    assert parameters(drone, 21)
-    assert not drone.armed
-    assert (lab.now_ns - began_ns) * 1e-9 < 10.0
-
-
-@pytest.mark.parametrize("how", ["receives_nothing", "rejecting", "sends_nothing"])
+@pytest.mark.parametrize("how", ["receives_nothing", "sends_nothing", "rejecting", "following nothing"])
 def test_a_landing_ends_with_its_cause_whatever_a_drone_does(how):
-    lab = flying(1.0)
-    drone = lab.drones[2]
+    lab = flying(flight={"altitude_m": 1.0})
+    drone, react = lab.drones[2], lab.drones[2]._react
     height_m = float(drone.pos[2])
     lab.command(Verb.LAND, Phase.LAND)
     began_ns = lab.now_ns
     if how == "rejecting":
         drone._obey = lambda _command: Result.DENIED
+    elif how == "following nothing":
+        drone._react = lambda m, now: react(m, now) if isinstance(m, CommandLong) else None
     else:
         setattr(drone, how, True)
-    if how != "rejecting":
         drone.receives_nothing = True
     lab.run_until(Phase.GROUND, longest_s=height_m / 0.3 + 10.1)
     assert (lab.now_ns - began_ns) * 1e-9 <= height_m / 0.3 + 10.05
     if how == "receives_nothing":
         assert any(e.startswith("the landing has taken too long: left is still armed, in OFFBOARD") for e in lab.events)
+    if how == "following nothing":
+        assert parameters(drone, 21)
+        assert not drone.armed
     assert not lab.drones[1].armed
 
 
@@ -190,6 +175,7 @@ def test_a_stop_is_repeated_every_ten_milliseconds_without_any_frame_until_it_is
         sent += [lab.now_ns for d in out.datagrams if d.sysid == 2]
     spacing = {b - a for a, b in itertools.pairwise(sent)}
     assert spacing == {10 * MS}
+    assert [drone.armed for drone in lab.drones.values()] == [False, True, False]
     lab.drones[2].receives_nothing = False
     lab.run(0.02)
     assert not lab.drones[2].armed

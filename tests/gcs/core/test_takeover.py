@@ -1,12 +1,10 @@
 """A ground that begins while drones fly: it arms nobody, and can stop or land them, or take control."""
 
-import json
-
 import numpy as np
 import pytest
 
 from formation.messages import HostReport, Phase, Verb
-from tests.gcs.fakes import FakeLab, commands, refusal, triangle
+from tests.gcs.fakes import FakeLab, commands, flying, refusal, triangle
 from wire.link_messages.address import Address, ground_address
 from wire.link_messages.commands import CommandAck, CommandLong, Result
 from wire.link_messages.setpoints import AttitudeSetpoint
@@ -14,18 +12,13 @@ from wire.link_messages.status import ExtendedSysState, Heartbeat, LandedState, 
 from wire.mavlink.codec import Codec
 
 
-def flying(autopilots=None) -> FakeLab:
+def restarted(after_s: float = 0.5, autopilots=None, heard_s: float = 3.5) -> FakeLab:
+    """Drones that hold their place, and a new ground that has heard them for so long."""
     lab = FakeLab(triangle(), autopilots)
     lab.fly()
     lab.run(1.0)
-    return lab
-
-
-def restarted(after_s: float = 0.5, autopilots=None) -> FakeLab:
-    """Drones that hold their place, and a new ground that has heard them."""
-    lab = flying(autopilots)
     lab.restart_ground(after_s)
-    lab.run(3.5)
+    lab.run(heard_s)
     for drone in lab.drones.values():
         drone.heard.clear()
         drone.setpoints.clear()
@@ -40,50 +33,37 @@ def test_a_restarted_ground_asked_to_arm_drops_nobody():
     lab.run(3.0)
     assert all(not drone.setpoints for drone in lab.drones.values())
     assert all(drone.pos[2] > 0.25 for drone in lab.drones.values())
-    status = json.loads(lab.core.status(lab.now_ns))
+    status = lab.state
     assert status["refusals"][0] == "drones are flying under no ground: take control, land or stop"
     assert status["ground_session"] == 1
 
 
-def test_land_from_ground_has_each_autopilot_land_its_drone_and_sends_no_setpoint():
-    lab = restarted()
+@pytest.mark.parametrize("heard_s", [0.0, 3.5])
+def test_land_from_ground_has_each_autopilot_land_its_drone_and_sends_no_setpoint(heard_s):
+    lab = restarted(heard_s=heard_s)
     lab.command(Verb.LAND, Phase.LAND)
     lab.run_until(Phase.GROUND)
     for drone in lab.drones.values():
-        assert len(commands(drone, 21)) == 1
+        assert commands(drone, 21)
         assert not drone.setpoints
         assert not drone.armed
     assert refusal(lab, Verb.TAKEOFF)
     lab.run(1.0)
     lab.command(Verb.ARM, Phase.ARMED)
-
-
-def test_land_at_once_after_the_start_reaches_drones_that_have_sent_nothing_yet():
-    lab = flying()
-    lab.restart_ground(0.5)
-    lab.command(Verb.LAND, Phase.LAND)
-    lab.run_until(Phase.GROUND)
-    assert not any(drone.armed for drone in lab.drones.values())
-
-
-def test_stop_from_ground_cuts():
-    lab = restarted()
-    lab.command(Verb.STOP, Phase.STOPPED)
+    lab.command(Verb.STOP, Phase.STOPPED)  # from the ground too
     lab.run(0.05)
+    assert all(commands(drone, 400)[-1].params[:2] == (0.0, 21196.0) for drone in lab.drones.values())
     assert not any(drone.armed for drone in lab.drones.values())
 
 
 def test_land_on_the_ground_with_nobody_flying_changes_nothing():
     lab = FakeLab(triangle())
     lab.run(2.0)
-    reply = lab.reply(lab.ask(Verb.LAND))
-    assert not reply.accepted
-    assert "nothing to land" in reply.text
+    assert "nothing to land" in refusal(lab, Verb.LAND)
     lab.command(Verb.ARM, Phase.ARMED)
 
 
-@pytest.mark.parametrize("knows_owners", [True, False])
-@pytest.mark.parametrize("make", [MavAutopilot.PX4, MavAutopilot.ARDUPILOT])
+@pytest.mark.parametrize(("make", "knows_owners"), [(MavAutopilot.PX4, True), (MavAutopilot.ARDUPILOT, False)])
 def test_drones_taken_over_hold_where_they_are_and_fly_on(make, knows_owners):
     lab = restarted(autopilots=dict.fromkeys((1, 2, 3), make))
     for drone in lab.drones.values():
@@ -108,12 +88,18 @@ def test_drones_taken_over_hold_where_they_are_and_fly_on(make, knows_owners):
     assert not any(drone.armed for drone in lab.drones.values())
 
 
-def test_drones_that_hold_in_a_mode_of_their_own_are_brought_back_to_off_board():
+def held_aside() -> FakeLab:
+    """Drones in a mode of their own, just taken over."""
     lab = restarted()
     for drone in lab.drones.values():
         drone.mode = 4 << 16 | 3 << 24  # PX4's HOLD
     lab.run(1.5)
     lab.command(Verb.TAKE_CONTROL, Phase.HOLD)
+    return lab
+
+
+def test_drones_that_hold_in_a_mode_of_their_own_are_brought_back_to_off_board():
+    lab = held_aside()
     assert refusal(lab, Verb.START).startswith("lead: does not follow this ground yet")
     lab.run(4.0)
     assert lab.phase is Phase.HOLD
@@ -125,21 +111,15 @@ def test_drones_that_hold_in_a_mode_of_their_own_are_brought_back_to_off_board()
     assert kinds[: modes[0]].count(AttitudeSetpoint) >= 100
 
 
-def test_drones_that_land_by_themselves_already_are_not_led_up_again():
+@pytest.mark.parametrize("where", ["on the floor", "landing"])
+def test_where_one_is_down_or_lands_by_itself_those_that_fly_are_landed(where):
     lab = FakeLab(triangle(flight={"altitude_m": 1.5}))
     lab.fly()
     lab.restart_ground(0.5)
-    lab.drones[1].mode = lab.drones[1].land
-    lab.run(1.5)
-    lab.command(Verb.TAKE_CONTROL, Phase.LAND)
-    assert "GROUND -> LAND: control taken to land: lead on the floor, or landing already" in lab.events
-    lab.run_until(Phase.GROUND)
-    assert not any(drone.armed for drone in lab.drones.values())
-
-
-def test_with_one_on_the_floor_those_that_fly_are_landed():
-    lab = restarted()
-    lab.drones[2].armed, lab.drones[2].pos[2] = False, 0.0
+    if where == "landing":
+        lab.drones[2].mode = lab.drones[2].land
+    else:
+        lab.drones[2].armed, lab.drones[2].pos[2] = False, 0.0
     lab.run(1.5)
     lab.command(Verb.TAKE_CONTROL, Phase.LAND)
     assert "GROUND -> LAND: control taken to land: left on the floor, or landing already" in lab.events
@@ -201,7 +181,7 @@ def test_log_trouble_is_reported_forbids_arming_and_changes_no_setpoint():
 
     well, ill = flight(""), flight("the disk is full")
     assert "the disk is full" in ill.events
-    assert json.loads(ill.core.status(ill.now_ns))["log_trouble"] == "the disk is full"
+    assert ill.state["log_trouble"] == "the disk is full"
     for mine, other in zip(well.drones.values(), ill.drones.values(), strict=True):
         assert [(t, s.thrust_norm, s.q_lab_from_flu.tobytes()) for t, s in mine.setpoints] == [
             (t, s.thrust_norm, s.q_lab_from_flu.tobytes()) for t, s in other.setpoints
@@ -213,16 +193,6 @@ def test_log_trouble_is_reported_forbids_arming_and_changes_no_setpoint():
     ill.core.receive(HostReport(), ill.now_ns)
     ill.command(Verb.ARM, Phase.ARMED)
     assert "over: the disk is full" in ill.events
-
-
-def held_aside() -> FakeLab:
-    """Drones in a mode of their own, just taken over."""
-    lab = restarted()
-    for drone in lab.drones.values():
-        drone.mode = 4 << 16 | 3 << 24
-    lab.run(1.5)
-    lab.command(Verb.TAKE_CONTROL, Phase.HOLD)
-    return lab
 
 
 def test_a_drone_that_comes_down_while_it_is_taken_over_is_not_led_up_again():

@@ -1,6 +1,5 @@
 """What drones and people said is shown as it was said: never read as markup, never a reason to fail."""
 
-import json
 from io import StringIO
 from pathlib import Path
 
@@ -13,36 +12,21 @@ from gcs.finding import Finding, Grade, show
 WORDS = ["[/]", "[bold]x", "[link=http://x]y[/link]", "[/bold red]", "\\[", ":smile:"]
 
 
-def console() -> Console:
-    return Console(file=StringIO(), width=400, force_terminal=True, color_system=None)
-
-
-def shown(at: Console) -> str:
-    assert isinstance(at.file, StringIO)
-    return at.file.getvalue()
-
-
 @pytest.mark.parametrize("words", WORDS)
-def test_a_status_shows_words_as_they_are(words: str) -> None:
+def test_a_status_and_a_finding_show_words_as_they_are(words: str) -> None:
     drone = {
         "sysid": 1, "body": words, "autopilot": words, "mode": words, "armed": False, "pos_lab_m": [0.0, 0.0, 0.0],
         "battery": None, "disarms_in_s": None, "heartbeat_age_s": None, "age_s": None,
     }  # fmt: skip
     status = {"phase": words, "cause": words, "shape": words, "drones": [drone], "refusals": [f"left: {words}"],
             "log_trouble": words}  # fmt: skip
-    at = console()
-    print_status(json.loads(json.dumps(status)), at)
-    assert shown(at).count(words) == 8
+    shown = Console(file=StringIO(), width=400, force_terminal=True, color_system=None)
+    print_status(status, shown)
+    show([Finding(words, words, Grade.FAIL, words, words, words)], shown)
+    assert shown.file.getvalue().count(words) == 8 + 5
 
 
-@pytest.mark.parametrize("words", WORDS)
-def test_a_finding_shows_words_as_they_are(words: str) -> None:
-    at = console()
-    show([Finding(words, words, Grade.FAIL, words, words, words)], at)
-    assert shown(at).count(words) == 5
-
-
-@pytest.mark.parametrize("date", ["../../../etc/x", "2026-01-01T12:00:00Z", "\x1b[2J/..", "a" * 5000])
+@pytest.mark.parametrize("date", ["../../../etc/x", "\x1b[2J/..", "a" * 5000])
 def test_a_downloaded_log_stays_in_its_folder(date: str, tmp_path: Path) -> None:
     from gcs.doctor.mavsdk_drone import log_path  # loads MAVSDK
 

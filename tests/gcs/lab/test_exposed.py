@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from formation.config import LabConfig
+from formation.config import LabConfig, LinkConfig
 from formation.exposure import is_local_endpoint
 from gcs.lab.exposed import SECURITY
 from gcs.lab.judge import judge
@@ -79,15 +79,15 @@ def opens(lab: LabConfig, protection: Protection) -> bool:
     return True
 
 
+LAB = {
+    "leader": {"body": "lead", "sysid": 1},
+    "followers": [{"body": "left", "sysid": 2, "offset_m": [-0.5, 0.5, 0.0]}],
+}
+
+
 def test_what_opens_a_link_asks_first() -> None:
     """The same demands, where sockets are opened: nothing was bound when the error comes."""
-    far = LabConfig.model_validate(
-        {
-            "leader": {"body": "lead", "sysid": 1},
-            "followers": [{"body": "left", "sysid": 2, "offset_m": [-0.5, 0.5, 0.0]}],
-            "link": {"kind": "udp", "host": "192.0.2.9", "zenoh_connect": ["tcp/192.0.2.9:7447"]},
-        }
-    ).link
+    far = LinkConfig(kind="udp", host="192.0.2.9", zenoh_connect=("tcp/192.0.2.9:7447",))
 
     async def udp() -> None:
         for opening in (
@@ -104,20 +104,18 @@ def test_what_opens_a_link_asks_first() -> None:
             open_session(*endpoints, "lab")
 
 
-def test_keys_open_links_and_only_tls_carries_the_bus() -> None:
-    values = {
-        "leader": {"body": "lead", "sysid": 1},
-        "followers": [{"body": "left", "sysid": 2, "offset_m": [-0.5, 0.5, 0.0]}],
-        "link": {"zenoh_listen": ["tcp/192.0.2.1:7447"], "zenoh_connect": []},
-        "security": {},
-    }
-    assert not [f for f in judge(LabConfig.model_validate(values)) if f.check == SECURITY]
-    values["link"] = {"zenoh_listen": ["udp/192.0.2.1:7447"], "zenoh_connect": []}
-    assert [f.subject for f in judge(LabConfig.model_validate(values)) if f.check == SECURITY] == [
-        "link.zenoh_listen[0]"
-    ]
-    values["link"] = {"zenoh_listen": ["tls/0.0.0.0:7447"], "zenoh_connect": []}
-    (found,) = (f for f in judge(LabConfig.model_validate(values)) if f.check == SECURITY)
-    assert found.wanted == "security.addresses = [...]"
-    values["security"] = {"addresses": ["192.0.2.1"]}
-    assert not [f for f in judge(LabConfig.model_validate(values)) if f.check == SECURITY]
+@pytest.mark.parametrize(
+    ("listen", "addresses", "subject"),
+    [
+        ("tcp/192.0.2.1:7447", (), None),
+        ("udp/192.0.2.1:7447", (), "link.zenoh_listen[0]"),
+        ("tls/0.0.0.0:7447", (), "security"),
+        ("tls/0.0.0.0:7447", ("192.0.2.1",), None),
+    ],
+)
+def test_keys_open_links_and_only_tls_carries_the_bus(listen: str, addresses: tuple[str, ...], subject) -> None:
+    link = {"zenoh_listen": [listen], "zenoh_connect": []}
+    config = LabConfig.model_validate(LAB | {"link": link, "security": {"addresses": addresses}})
+    found = [f for f in judge(config) if f.check == SECURITY]
+    assert [f.subject for f in found] == ([] if subject is None else [subject])
+    assert all(f.wanted == "security.addresses = [...]" for f in found if subject == "security")

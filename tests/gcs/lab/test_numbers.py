@@ -15,63 +15,6 @@ from formation.vehicle.profile import PAPER_40G, GainScale
 from gcs.lab.cli import judge_lab
 from wire.config_file import ConfigError, parse
 
-LAB = """name = "lab"
-origin = [47.0, 8.5, 488.0]
-[mocap]
-source = "natnet"
-rate_hz = 100.0
-delay_s = 0.008
-latency_s = 0.004
-q_lab_from_mocap = [1.0, 0.0, 0.0, 0.0]
-origin_lab_m = [0.0, 0.0, 0.0]
-[mocap.natnet]
-host = "10.0.0.1"
-command_port = 1510
-data_port = 1511
-[mocap.vrpn]
-port = 3883
-assemble_s = 0.002
-[mocap.chingmu]
-port = 3883
-first_sensor = 300
-[leader]
-body = "leader"
-sysid = 1
-spawn_lab_m = [0.0, 0.0, 0.0]
-spawn_yaw_rad = 0.0
-q_marker_from_flu = [1.0, 0.0, 0.0, 0.0]
-trajectory = TRAJ
-[[followers]]
-body = "a"
-sysid = 2
-profile = "own"
-offset_m = [-0.5, 0.5, 0.0]
-yaw_offset_rad = 0.0
-spawn_lab_m = [0.0, 0.0, 0.0]
-[[formation.shapes.s]]
-offset_m = [-0.5, 0.0, 0.0]
-yaw_offset_rad = 0.1
-[formation]
-spacing_m = 0.5
-[limits]
-tilt_rad = 0.5
-speed_m_s = 2.0
-min_separation_m = 0.2
-fence = { low_m = [-2.5, -2.0, -0.1], high_m = [2.5, 2.0, 2.3] }
-[flight]
-altitude_m = 0.3
-climb_m_s = 0.4
-descend_m_s = 0.3
-formation_change_m_s = 0.5
-observed_leader_altitude_offset_m = 0.0
-[link]
-kind = "udp"
-ground_port_base = 14540
-drone_port_base = 14580
-imu_rate_hz = 100.0
-[operator]
-stop_button = { device = "/dev/x", button = 57 }
-"""
 TRAJECTORIES = [
     '{ kind = "circle", radius_m = 0.3, period_s = 12.0, duration_s = 20.0, laps = 2, yaw_rate_rad_s = 0.1 }',
     '{ kind = "line", length_m = 1.0, duration_s = 8.0, laps = 2 }',
@@ -83,17 +26,25 @@ TRAJECTORIES = [
     '{ kind = "polynomial", waypoints_m = [[0.0,0.0,0.5],[1.0,0.0,0.5],[1.0,1.0,0.5]], speed_m_s = 0.5, laps = 1 }',
     '{ kind = "csv", points = [[0.0,0.0,0.0,0.5,0.0],[2.0,1.0,0.0,0.5,0.0]] }',
 ]
-PROFILE = PAPER_40G.model_copy(update={"name": "own", "gain_scale": GainScale()}).model_dump(mode="json")
 VALUES = [
-    float("nan"), float("inf"), float("-inf"), 1e308, -1e308, 5e-324, 1e-9, 1e9, -0.0, 0, -1, 10**400, 2**63, True, "1",
-    "x", [], {}, [1.0],
+    float("nan"), float("inf"), float("-inf"), 1e308, -1e308, 5e-324, 1e9, 0, -1, 10**400, True, "1", [], {},
 ]  # fmt: skip
 Place = tuple[str | int, ...]
 
 
 def lab(trajectory: str) -> dict[str, Any]:
-    values = tomllib.loads(LAB.replace("TRAJ", trajectory))
-    return values | {"profiles": [copy.deepcopy(PROFILE)]}
+    """Every key of a lab file, its usual value where none is given."""
+    values = {
+        "origin": (47.0, 8.5, 488.0),
+        "mocap": {"source": "natnet", "natnet": {"host": "10.0.0.1"}, "vrpn": {}, "chingmu": {}},
+        "leader": {"body": "leader", "sysid": 1, **tomllib.loads(f"trajectory = {trajectory}")},
+        "followers": [{"body": "a", "sysid": 2, "profile": "own", "offset_m": (-0.5, 0.5, 0.0)}],
+        "formation": {"shapes": {"s": [{"offset_m": (-0.5, 0.0, 0.0), "yaw_offset_rad": 0.1}]}},
+        "link": {"kind": "udp"},
+        "operator": {"stop_button": {"device": "/dev/x", "button": 57}},
+        "profiles": [PAPER_40G.model_copy(update={"name": "own", "gain_scale": GainScale()})],
+    }
+    return LabConfig.model_validate(values).model_dump(mode="json", exclude_none=True)
 
 
 def numbers(values: Any, place: Place = ()) -> Iterator[Place]:

@@ -1,6 +1,6 @@
 """Whatever lab is accepted is flown inside its fence, apart and within its speed: references computed here anew.
 
-The oracle is plain numpy, written from the README's table of trajectories, and knows nothing of the code it judges.
+The oracle is written from the README's table of trajectories, and knows nothing of the code it judges.
 """
 
 from itertools import pairwise
@@ -12,29 +12,22 @@ from hypothesis import strategies as st
 from formation.config import LabConfig
 from gcs.finding import failed
 from gcs.lab.judge import judge
+from tests.formation.oracles import guidance
 
 INSIDE_M = 2e-3  # between two looks of the judge, 0.05 s apart, a way may bulge by so much
 
 
-def step(u):
-    """The minimum-jerk step from 0 to 1."""
-    u = np.clip(u, 0.0, 1.0)
-    return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
-
-
 def turned(t, rate, ramp_s, duration_s):
-    """The integral of a rate that rises and falls along minimum-jerk steps, by summing it up."""
-    fine = np.linspace(0.0, duration_s, 5_001)
-    rates = rate * np.minimum(step(fine / ramp_s), step((duration_s - fine) / ramp_s))
-    angle = np.concatenate([[0.0], np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(fine))])
-    return np.interp(t, fine, angle)
+    return np.array([guidance.ramped(at, rate, ramp_s, duration_s)[0] for at in t])
 
 
 def legs(t, points, times):
     """From rest to rest through points at their times."""
     at = np.repeat(np.array(points[0], float)[None], len(t), axis=0)
     for a, b, t0, t1 in zip(points, points[1:], times, times[1:], strict=False):
-        at += step((t - t0) / (t1 - t0))[:, None] * (np.array(b, float) - np.array(a, float))
+        at += guidance.STEP(np.clip((t - t0) / (t1 - t0), 0.0, 1.0))[:, None] * (
+            np.array(b, float) - np.array(a, float)
+        )
     return at
 
 
@@ -47,7 +40,7 @@ def references(config: LabConfig):
         laps = laps or max(1, round(path.duration_s / path.period_s))
         ramp_s = min(3.0, path.period_s / 4.0)
         duration_s = laps * path.period_s + ramp_s
-        t = np.linspace(0.0, duration_s, 1001)
+        t = np.linspace(0.0, duration_s, 201)
         angle = turned(t, 2.0 * np.pi / path.period_s, ramp_s, duration_s)
         at = np.column_stack([path.radius_m * np.cos(angle), path.radius_m * np.sin(angle), np.full(len(t), start[2])])
     else:
@@ -62,7 +55,7 @@ def references(config: LabConfig):
         else:
             points, times = [start, start], np.array([0.0, path.duration_s])
         duration_s = float(times[-1])
-        t = np.linspace(0.0, duration_s, 1001)
+        t = np.linspace(0.0, duration_s, 201)
         at = legs(t, points, times)
     yaw = config.leader.spawn_yaw_rad + turned(t, path.yaw_rate_rad_s, min(2.0, duration_s / 2.0), duration_s)
     c, s = np.cos(yaw), np.sin(yaw)

@@ -58,18 +58,16 @@ def flying_page(folder: Path) -> Iterator[tuple[str, Callable[[], Tab], Callable
 
 @pytest.mark.processes
 @pytest.mark.skipif(CHROMIUM is None, reason=NONE)
-def test_what_drones_say_is_text_and_no_markup_runs_a_script(tmp_path: Path) -> None:
-    """And an alarm of theirs goes once it is acknowledged, by a request to the ground."""
+def test_everything_can_be_reached_and_what_drones_say_is_text(tmp_path: Path) -> None:
+    """An alarm of theirs goes once it is acknowledged, by a request to the ground."""
     markup = "<img src=data:, onerror=window.hit=1>"
-    say = f"StatusText(Severity.ERROR, {markup!r})"
     with flying_page(tmp_path) as (url, new_tab, have):
         tab: Tab = new_tab()
         tab.open(url)
         tab.until("document.querySelector('.phase')?.textContent === 'FORMATION'")
         imports = "from formation.messages import Severity; from wire.link_messages.status import StatusText"
-        have(f"{imports}; lab.drones[2]._say({say})")
-        shown = f"document.querySelector('.alarms').textContent.includes({json.dumps(markup)})"
-        tab.until(shown)
+        have(f"{imports}; lab.drones[2]._say(StatusText(Severity.ERROR, {markup!r}))")
+        tab.until(f"document.querySelector('.alarms').textContent.includes({json.dumps(markup)})")
         assert tab.run("document.querySelectorAll('.alarms img').length") == 0
         tab.run(f"document.body.insertAdjacentHTML('beforeend', {json.dumps(markup)})")
         time.sleep(0.3)
@@ -79,39 +77,13 @@ def test_what_drones_say_is_text_and_no_markup_runs_a_script(tmp_path: Path) -> 
         tab.until("!document.querySelector('.alarms .alarm')")
         tab.until("document.querySelector('.answer').textContent.startsWith('acknowledge: ')")
 
-
-@pytest.mark.processes
-@pytest.mark.skipif(CHROMIUM is None, reason=NONE)
-def test_after_a_stop_every_control_is_in_view(tmp_path: Path) -> None:
-    """With an alarm, and every text that a stop brings."""
-    with flying_page(tmp_path) as (url, new_tab, have):
-        tab: Tab = new_tab()
-        tab.open(url, 1600, 900)
-        tab.until("document.querySelector('.phase')?.textContent === 'FORMATION'")
         have('lab.hidden.add("cf03")')
-        tab.until("document.querySelector('.alarm.bad')")
-        tab.press(" ", "Space", 32)
-        tab.until("document.querySelector('.stopped')?.textContent.startsWith('3 of 3')")
-        tab.until("document.querySelector('.answer').textContent.startsWith('stop: ')")
-        controls = ("#do-land", "#do-reset", "#do-shape", ".form.way .q-field", "#do-trajectory", ".alarm")
-        boxes = [box(tab, control) for control in controls]
-        assert all(top >= 0.0 and bottom <= 900.0 for _, top, _, bottom in boxes)
-        assert all(apart(one, other) for one, other in combinations(boxes, 2))
-
-
-@pytest.mark.processes
-@pytest.mark.skipif(CHROMIUM is None, reason=NONE)
-def test_nothing_is_covered_and_everything_can_be_reached(tmp_path: Path) -> None:
-    with flying_page(tmp_path) as (url, new_tab, have):
-        have('lab.hidden.add("cf02")')
         for width, height in ((1400, 900), (1180, 820), (390, 844)):
-            tab: Tab = new_tab()
             tab.open(url, width, height)
             tab.until("document.querySelector('.alarm')")
-            alarm, stop = box(tab, ".alarm"), box(tab, "button.stop")
-            assert apart(alarm, box(tab, ".table"))
-            assert alarm[3] <= height
-            assert apart(stop, box(tab, ".phase"))
+            assert apart(box(tab, ".alarm"), box(tab, ".table"))
+            assert box(tab, ".alarm")[3] <= height
+            assert apart(box(tab, "button.stop"), box(tab, ".phase"))
             assert tab.run("document.documentElement.scrollWidth") <= width
             tab.run("document.querySelector('.table').scrollLeft = 10000")
             assert box(tab, "th:last-child")[2] <= width
@@ -120,3 +92,13 @@ def test_nothing_is_covered_and_everything_can_be_reached(tmp_path: Path) -> Non
         assert box(tab, "button.stop")[1] >= 0.0
         assert apart(box(tab, "button.stop"), box(tab, ".phase"))
         assert box(tab, ".phase")[1] >= 0.0
+
+        tab.open(url, 1600, 900)  # after a stop, with an alarm and every text that a stop brings
+        tab.until("document.querySelector('.alarm.bad')")
+        tab.press(" ", "Space", 32)
+        tab.until("document.querySelector('.stopped')?.textContent.startsWith('3 of 3')")
+        tab.until("document.querySelector('.answer').textContent.startsWith('stop: ')")
+        controls = ("#do-land", "#do-reset", "#do-shape", ".form.way .q-field", "#do-trajectory", ".alarm")
+        boxes = [box(tab, control) for control in controls]
+        assert all(top >= 0.0 and bottom <= 900.0 for _, top, _, bottom in boxes)
+        assert all(apart(one, other) for one, other in combinations(boxes, 2))

@@ -14,24 +14,7 @@ from gcs.watch.picture import picture
 from gcs.watch.terminal import watch
 from wire.process.exit_codes import NOT_RIGHT
 
-ROW = (
-    "12",
-    "follower_12",
-    "PX4",
-    "OFFBOARD",
-    "ARMED",
-    "air",
-    "15.2",
-    "97",
-    "24",
-    "26",
-    "120",
-    "0.9",
-    "12.5",
-    "1234",
-    "0.38",
-    "ok",
-)
+ROW = "12 follower_12 PX4 OFFBOARD ARMED air 15.2 97 24 26 120 0.9 12.5 1234 0.38 ok"
 
 
 def printed(shown: Show, *alarms: Alarm) -> list[str]:
@@ -41,7 +24,7 @@ def printed(shown: Show, *alarms: Alarm) -> list[str]:
 
 
 def test_a_swarm_fits_into_80_columns_and_says_what_is_wrong():
-    row = tuple(Cell(text, Level.BAD if text == "1234" else Level.CALM) for text in ROW)
+    row = tuple(Cell(text, Level.BAD if text == "1234" else Level.CALM) for text in ROW.split(" "))
     steps = (Step("arm", ("left: no fresh pose",)), Step("takeoff", ("takeoff is for ARMED, this is GROUND",)))
     shown = Show(
         "", "GROUND", "start", "1:07", steps, (row,) * 20, ("left disarms itself in 7.0 s",), "", ("right",), ()
@@ -54,16 +37,12 @@ def test_a_swarm_fits_into_80_columns_and_says_what_is_wrong():
     assert units.split() == ["%", "ms", "ms", "ms", "s", "%", "mm", "m"]
     assert table[0][2:] == ["OFFBOARD", "ARMED", "97", "24", "26", "120", "0.9", "12.5", "1234", "0.38", "ok"]
     text = "\n".join(lines)
-    for word in (
-        "GROUND",
-        "disarms itself in 7.0 s",
-        "Arm is not possible: left: no fresh pose",
-        "ERROR safety: right",
-        "NOT KNOWN TO HAVE LANDED: right",
-        "SPACE STOP",
-    ):
-        assert word in text
+    assert "disarms itself in 7.0 s" in text
+    assert "Arm is not possible: left: no fresh pose" in text
+    assert "ERROR safety: right" in text
+    assert "NOT KNOWN TO HAVE LANDED: right" in text
     assert "takeoff is for" not in text
+    assert "NO CONNECTION TO THE GROUND" in printed(NOTHING_YET)[0]
 
 
 def test_without_a_keyboard_it_ends_in_one_line(monkeypatch, capsys):
@@ -72,10 +51,6 @@ def test_without_a_keyboard_it_ends_in_one_line(monkeypatch, capsys):
         watch(None, "gcs")
     assert ended.value.exit_code == NOT_RIGHT
     assert "standard input is none" in capsys.readouterr().err
-
-
-def test_a_ground_that_is_not_heard_is_the_first_line():
-    assert "NO CONNECTION TO THE GROUND" in printed(NOTHING_YET)[0]
 
 
 def test_in_hold_it_says_that_the_operator_resumes():

@@ -10,7 +10,7 @@ from formation.vehicle.profile import VehicleProfile, profile
 from gcs.doctor.cli import write_profile
 from gcs.doctor.drone_checks import DroneReport, check_drone, refitted
 from gcs.drones.autopilot_model import ARDUPILOT_MODEL, PX4_MODEL
-from gcs.finding import Finding, Fix, Grade, as_dicts, failed
+from gcs.finding import Finding, Fix, Grade, as_dicts
 from tests.gcs.fakes import COPTER_PARAMETERS, PX4_PARAMETERS
 from wire.config_file import load
 
@@ -30,14 +30,10 @@ def _parameters(**values) -> dict[str, float]:
     return {**GOOD.parameters, **values}
 
 
-def test_a_good_drone_passes_and_is_named():
-    findings = check_drone(GOOD, feeds_pose=True)
-    assert not failed(findings)
-    assert {f.grade for f in findings} == {Grade.PASS}
-    assert next(f for f in findings if f.check == "autopilot").found == "PX4 1.16.1"
-
-
-def test_a_silent_drone_fails_and_passes_nothing():
+def test_a_good_drone_passes_and_a_silent_one_fails_and_passes_nothing():
+    good = check_drone(GOOD, feeds_pose=True)
+    assert {f.grade for f in good} == {Grade.PASS}
+    assert next(f for f in good if f.check == "autopilot").found == "PX4 1.16.1"
     nothing = {
         "model": None, "packets": 0, "parameters": {}, "unhealthy": None, "round_trip_s": math.nan,
         "clock_offset_s": None, "battery": math.nan,
@@ -56,22 +52,10 @@ def test_what_was_not_measured_does_not_pass():
     assert [f.check for f in findings if f.grade is Grade.PASS] == ["autopilot"]
     bad = {f.check: f.found for f in findings if f.found == "not measured"}
     assert set(bad) == {"sysid is its own", "link", "own health", "battery"}
+    assert next(f for f in findings if f.check == "COM_OF_LOSS_T").found == "not answered"
 
 
-def test_findings_are_json_with_the_profile_as_text():
-    findings = check_drone(replace(GOOD, parameters=_parameters(MPC_THR_HOVER=0.9)), feeds_pose=True)
-    told = json.loads(json.dumps(as_dicts(findings)))
-    assert any(finding["refit"] and "thrust_max_n" in finding["refit"]["toml"] for finding in told)
-
-
-def test_a_duplicate_sysid_is_named():
-    assert "two drones have this sysid" in _check(duplicate=True)["sysid is its own"].why
-    assert _check(foreign_sysid=1)["sysid"].found == "drone 1 answers"
-
-
-@pytest.mark.parametrize(
-    ("hover", "grade"), [(1.0, None), (1.08, None), (0.82, Grade.WARN), (1.2, Grade.WARN), (0.6, Grade.FAIL)]
-)
+@pytest.mark.parametrize(("hover", "grade"), [(1.08, None), (0.82, Grade.WARN), (1.2, Grade.WARN), (0.6, Grade.FAIL)])
 def test_a_hover_thrust_other_than_the_profiles_asks_for_another_profile_and_never_for_another_parameter(hover, grade):
     """The autopilot has learned its value by flying; writing the profile's over it made a drone jump (0.39 -> 0.49)."""
     learned = hover * PAPER.hover_thrust_norm
@@ -84,25 +68,14 @@ def test_a_hover_thrust_other_than_the_profiles_asks_for_another_profile_and_nev
     assert "change the profile" in finding.why
     assert finding.fix is None
     assert finding.refit is not None
+    assert json.loads(json.dumps(as_dicts([finding])))[0]["refit"]["toml"] == finding.refit.toml
     fitting = VehicleProfile.model_validate(tomllib.loads(finding.refit.toml)["profiles"][0])
     assert fitting.hover_thrust_norm == pytest.approx(learned, abs=5e-4)
     assert fitting.name == "paper_40g_3"
+    for model in (PX4_MODEL, ARDUPILOT_MODEL):
+        assert model.table.hover_parameter not in {rule.name for rule in model.rules}
     same = fitting.model_copy(update={"name": PAPER.name, "thrust_max_n": PAPER.thrust_max_n})
     assert same == PAPER
-
-
-@pytest.mark.parametrize("model", [PX4_MODEL, ARDUPILOT_MODEL])
-def test_no_fix_ever_writes_a_hover_thrust(model):
-    for hover in (0.05, 0.2, model.hover_default, 0.39, 0.6, 0.9):
-        findings = check_drone(replace(GOOD, model=model, parameters={model.table.hover_parameter: hover}), True)
-        assert model.table.hover_parameter not in {f.fix.parameter for f in findings if f.fix is not None}
-    assert model.table.hover_parameter not in {rule.name for rule in model.rules}
-
-
-def test_a_hover_thrust_that_was_never_measured_says_nothing_of_the_profile():
-    finding = _check(parameters=_parameters(MPC_THR_HOVER=0.5))["MPC_THR_HOVER"]
-    assert (finding.grade, finding.fix, finding.refit) == (Grade.WARN, None, None)
-    assert "never measured" in finding.why
 
 
 LAB_WITHOUT_PROFILE = """
@@ -131,19 +104,19 @@ def test_the_profile_is_written_to_a_file_that_a_lab_takes_and_over_nothing(tmp_
 
 
 def test_parameters_are_judged_with_found_wanted_why_and_fix():
-    bad = _check(parameters=_parameters(COM_OF_LOSS_T=5.0, COM_OBL_RC_ACT=0.0, EKF2_EV_CTRL=0.0))
-    assert {name: f.grade for name, f in bad.items()} == {
-        "COM_OF_LOSS_T": Grade.FAIL,
-        "COM_OBL_RC_ACT": Grade.WARN,
-        "EKF2_EV_CTRL": Grade.FAIL,
+    bad = _check(parameters=_parameters(COM_OF_LOSS_T=5.0, COM_OBL_RC_ACT=0.0, EKF2_EV_CTRL=0.0, MPC_THR_HOVER=0.5))
+    assert {name: (f.grade, f.found) for name, f in bad.items()} == {
+        "COM_OF_LOSS_T": (Grade.FAIL, "5"),
+        "COM_OBL_RC_ACT": (Grade.WARN, "0"),
+        "EKF2_EV_CTRL": (Grade.FAIL, "0"),
+        "MPC_THR_HOVER": (Grade.WARN, "0.5"),
     }
+    assert "never measured" in bad["MPC_THR_HOVER"].why
+    assert (bad["MPC_THR_HOVER"].fix, bad["MPC_THR_HOVER"].refit) == (None, None)
     finding = bad["COM_OF_LOSS_T"]
-    assert (finding.found, finding.wanted) == ("5", "0.1 to 0.2 s")
+    assert finding.wanted == "0.1 to 0.2 s"
     assert finding.why
     assert finding.fix == Fix(3, "COM_OF_LOSS_T", pytest.approx(0.2))
-
-
-def test_external_pose_is_not_asked_of_who_positions_itself():
     assert _check(feeds_pose=False, parameters=_parameters(EKF2_EV_CTRL=0.0)) == {}
 
 
@@ -154,13 +127,9 @@ def test_ardupilots_thrust_option_is_vital():
     assert bad["GUID_OPTIONS"].grade is Grade.FAIL
 
 
-def test_an_unanswered_parameter_is_reported():
-    bad = _check(parameters={})
-    assert {f.found for f in bad.values()} == {"not answered"}
-    assert bad["COM_OF_LOSS_T"].grade is Grade.FAIL
-
-
-def test_link_clock_health_and_battery():
+def test_link_clock_health_battery_and_sysid():
+    assert "two drones have this sysid" in _check(duplicate=True)["sysid is its own"].why
+    assert _check(foreign_sysid=1)["sysid"].found == "drone 1 answers"
     bad = _check(loss=0.03, round_trip_s=0.05, unhealthy=("not armable",), battery=0.3)
     assert {check: f.grade for check, f in bad.items()} == dict.fromkeys(
         ("link", "clock", "own health", "battery"), Grade.WARN

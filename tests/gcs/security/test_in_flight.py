@@ -92,17 +92,6 @@ def test_the_stamps_of_a_running_process_are_on_disk(tmp_path: Path) -> None:
     assert not any(restarted.verify(data, clock.unix_us()).data for data in recorded)
 
 
-def test_an_address_that_the_lab_gets_later_is_in_new_certificates(tmp_path: Path) -> None:
-    _, folder = keyed_lab(tmp_path)
-    values = folder._config.model_dump(mode="json")
-    values["security"]["addresses"] = ["192.0.2.20"]
-    _, moved = keyed_lab(tmp_path, values)
-    names = {each.identity: each.name for each in moved.held()}
-    assert names["ground"] == "ground.2"
-    assert names["drone-2"] == "drone-2.1"
-    assert list(moved.faults(datetime.now(UTC))) == []
-
-
 def test_a_revoked_publisher_is_silent_within_a_second_and_others_lose_nothing(tmp_path: Path) -> None:
     """Both keep publishing on a bus that goes on; a restart of nobody."""
     _, folder = keyed_lab(tmp_path)

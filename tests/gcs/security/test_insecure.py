@@ -1,6 +1,5 @@
 """Programs refuse links to other machines without keys, and say so as long as they are asked to open them."""
 
-import asyncio
 import json
 import signal
 import subprocess
@@ -11,15 +10,13 @@ import pytest
 import tomli_w
 from typer.testing import CliRunner
 
-from formation.messages import Event, HostReport
+from formation.messages import Event
 from formation.requests import OperatorReply
 from gcs.cli.app import app as gcs_app
 from gcs.cli.stop import stop
 from tests.free_ports import free_port
-from tests.gcs.core.test_takeover import flying
 from wire.logs.mcap_log import read_log
-from wire.security.bus_access import BusAccess
-from wire.security.protection import INSECURE, Protection
+from wire.security.protection import INSECURE
 from wire.transport import stop_call
 
 LINE = "run `gcs keys new lab.toml` and write [security] into the lab file"
@@ -40,12 +37,6 @@ def exposed_lab(folder: Path, port: int) -> Path:
 
 def run(*words: str) -> "subprocess.CompletedProcess[str]":
     return subprocess.run([sys.executable, "-m", *words], capture_output=True, text=True, check=False)
-
-
-def test_check_says_it(tmp_path: Path) -> None:
-    result = CliRunner().invoke(gcs_app, ["check", str(exposed_lab(tmp_path, 7447))])
-    assert result.exit_code == 1
-    assert LINE in result.output.replace("\n", " ")
 
 
 @pytest.mark.processes
@@ -101,24 +92,6 @@ def test_an_insecure_ground_says_so_everywhere(tmp_path: Path) -> None:
     recorded = read_log(log)
     assert recorded.metadata["security"] == "insecure"
     assert any(isinstance(e.message, Event) and e.message.text == INSECURE for e in recorded.entries)
-
-
-def test_it_is_reported_again_and_again() -> None:
-    async def listen() -> list[Event]:
-        events: list[Event] = []
-        task = asyncio.create_task(Protection(BusAccess(insecure=True)).attend(events.append))
-        await asyncio.sleep(0)
-        task.cancel()
-        return events
-
-    assert [event.text for event in asyncio.run(listen())] == [INSECURE]
-
-
-def test_it_is_an_event_of_the_flight() -> None:
-    lab = flying()
-    lab.core.receive(HostReport(exposed=INSECURE), lab.now_ns)
-    lab.run(0.5)
-    assert INSECURE in lab.events
 
 
 @pytest.mark.processes

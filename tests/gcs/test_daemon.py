@@ -18,7 +18,6 @@ from gcs.core import BrokenInvariantError, GcsCore, Outgoing
 from gcs.daemon import Ended, Ground, GroundFailure, Timing, run
 from gcs.other_grounds import know_other_grounds
 from gcs.replay import replay
-from mocap.service import ServiceError
 from tests.free_ports import free_port
 from tests.gcs.bus import a_lab, hub_of
 from wire.clock import Clock
@@ -62,27 +61,22 @@ async def _until_over(config: LabConfig, folder: Path, events: list[Event]) -> E
     return await run(config, _lab_file(config, folder), folder / "flight.mcap", "main", {"scenario": "test"}, tell)
 
 
-def _fly_recording(folder: Path, events: list[Event]) -> tuple[Ended, Path]:
-    return asyncio.run(_until_over(_lab(folder), folder, events)), folder / "flight.mcap"
-
-
-def test_frames_are_flown_recorded_and_replayed_bit_by_bit(tmp_path):
+def test_frames_are_flown_recorded_with_their_latency_and_replayed_bit_by_bit(tmp_path, monkeypatch):
+    monkeypatch.setattr(LogWriter, "trouble", lambda _log, _now_ns: "the disk is full")
     events: list[Event] = []
-    ended, log = _fly_recording(tmp_path, events)
+    ended = asyncio.run(_until_over(_lab(tmp_path), tmp_path, events))
+    log = tmp_path / "flight.mcap"
     assert any("no mocap process serves" in event.text for event in events)
-    assert ended.phase is Phase.GROUND
-    assert ended.lost_records == 0
-    held = check_log(log)
+    assert [event.text for event in events if event.source == "log"] == ["the disk is full"]
+    assert (ended.phase, ended.lost_records) == (Phase.GROUND, 0)
+    held, flown = check_log(log), read_log(log)
     assert held.complete
     assert 20 <= held.entries["mocap/frame"] <= FRAMES
     assert held.entries["mocap/frame"] == ended.timing.ticks
     assert 0 < held.entries["control/target"] < ended.timing.ticks  # on the ground ten a second are kept
-    assert read_log(log).metadata["scenario"] == "test"
-    assert replay(read_log(log)).identical
-
-
-def test_latency_is_recorded_for_every_frame_whose_control_is(tmp_path):
-    _, log = _fly_recording(tmp_path, [])
+    assert flown.metadata["scenario"] == "test"
+    assert int(flown.metadata["ground_session"]) > 1_700_000_000
+    assert replay(flown).identical
     entries = list(read_log(log).entries)
     timings = [e.message for e in entries if e.topic is topics.TIMING]
     captured_ns = {e.message.t_capture_ns: e.message.seq for e in entries if e.topic is topics.MOCAP}
@@ -124,15 +118,17 @@ class _Clock:
         self.now_ns = max(self.now_ns, deadline_ns)
 
 
+def _frame(seq: int) -> LabFrame:
+    return LabFrame(seq, seq, ("lead", "left"), np.zeros((2, 3)), np.eye(4)[[0, 0]], np.ones(2, np.bool_))
+
+
 @pytest.mark.parametrize(("until_ms", "late"), [(14, 0), (15, 1), (17, 3)])
 def test_a_tick_is_late_for_an_overdue_frame_and_not_for_an_answer(until_ms: int, late: int, tmp_path: Path) -> None:
     async def watched() -> Timing:
         core, clock = _Core(), _Clock()
         with LogWriter(tmp_path / "flight.mcap", {}, threaded=False) as log:
             ground = Ground(_lab(tmp_path), cast(GcsCore, core), log, lambda _event: None, cast(Clock, clock))
-            ground.receive_frame(
-                LabFrame(0, 0, ("lead", "left"), np.zeros((2, 3)), np.eye(4)[[0, 0]], np.ones(2, np.bool_))
-            )
+            ground.receive_frame(_frame(0))
             clock.end_ns = until_ms * 1_000_000
             with pytest.raises(asyncio.CancelledError):
                 await ground.watch()
@@ -167,9 +163,7 @@ def test_the_state_is_published_after_a_tick_and_delays_none(tmp_path: Path) -> 
                 await asyncio.sleep(0)
                 await asyncio.sleep(0)
                 counts.append(bus.published)
-                ground.receive_frame(
-                    LabFrame(seq, seq, ("lead", "left"), np.zeros((2, 3)), np.eye(4)[[0, 0]], np.ones(2, np.bool_))
-                )
+                ground.receive_frame(_frame(seq))
                 counts.append(bus.published)
             publishing.cancel()
         return counts
@@ -193,15 +187,6 @@ def test_a_core_that_breaks_ends_the_daemon_with_its_reason_and_a_whole_log(tmp_
     assert check_log(log).complete
 
 
-def test_a_recording_that_is_not_right_ends_the_daemon_with_file_and_line(tmp_path, capfd):
-    config = _lab(tmp_path)
-    (tmp_path / "leader.csv").write_text("1,0,0,0,1,0,0,0\n0,0,0,0,1,0,0,0\n")
-    with pytest.raises(ServiceError, match="exit code 2") as failed:
-        asyncio.run(run(config, _lab_file(config, tmp_path), tmp_path / "flight.mcap", "main", {}, lambda _event: None))
-    assert failed.value.code == 2
-    assert "leader.csv:2: time goes back" in capfd.readouterr().err
-
-
 def test_a_port_that_is_taken_is_named(tmp_path):
     config = _lab(tmp_path)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
@@ -216,14 +201,13 @@ def test_a_port_that_is_taken_is_named(tmp_path):
 STRAYS = (b"\xfe" * 1500, b"\xfd" * 1500, bytes(60_000), b"no MAVLink", b"\xfd\xff\x02" * 500)
 
 
-async def _stray(ports: list[int], pause_s: float) -> None:
-    """Throw strays at the ports, each kind in turn; for ever."""
+async def _stray(port: int) -> None:
+    """Throw strays at the port, each kind in turn; for ever."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         while True:
-            for port in ports:
-                for stray in STRAYS:
-                    stranger.sendto(stray, ("127.0.0.1", port))
-            await asyncio.sleep(pause_s)
+            for stray in STRAYS:
+                stranger.sendto(stray, ("127.0.0.1", port))
+            await asyncio.sleep(0.0025)
 
 
 def test_strays_cost_no_frame_are_not_recorded_and_are_reported_once_a_second(tmp_path):
@@ -235,18 +219,15 @@ def test_strays_cost_no_frame_are_not_recorded_and_are_reported_once_a_second(tm
     log, events = tmp_path / "flight.mcap", []
 
     async def flooded() -> Ended:
-        flood = asyncio.create_task(_stray([config.link.ground_port_base + 2], 0.0025))
+        flood = asyncio.create_task(_stray(config.link.ground_port_base + 2))
         try:
             return await _until_over(config, tmp_path, events)
         finally:
             flood.cancel()
 
     ended = asyncio.run(flooded())
-    held = check_log(log)
-    assert held.complete
-    assert held.entries["mocap/frame"] == ended.timing.ticks
-    assert 0 < held.entries["control/target"] < ended.timing.ticks  # on the ground ten a second are kept
-    assert "link/up" not in held.entries
+    assert check_log(log).entries["mocap/frame"] == ended.timing.ticks
+    assert "link/up" not in check_log(log).entries
     entries = list(read_log(log).entries)
     frames = [entry.message.seq for entry in entries if entry.topic is topics.MOCAP]
     assert len(frames) > 0.8 * 100  # every one of them on a machine with a core to spare
@@ -254,7 +235,6 @@ def test_strays_cost_no_frame_are_not_recorded_and_are_reported_once_a_second(tm
     assert {entry.message.source for entry in refused} == {"127.0.0.1"}
     assert all(b.t_ns - a.t_ns >= 1_000_000_000 for a, b in pairwise(refused))
     assert [event for event in events if event.source == "127.0.0.1"] == [entry.message for entry in refused]
-    assert replay(read_log(log)).identical
 
 
 class _Knowing:
@@ -281,12 +261,3 @@ def test_grounds_of_one_lab_know_of_each_other_for_as_long_as_they_live():
         await one.close()
 
     asyncio.run(meet())
-
-
-def test_a_log_in_trouble_is_reported_recorded_and_replayed(tmp_path, monkeypatch):
-    events: list[Event] = []
-    monkeypatch.setattr(LogWriter, "trouble", lambda _log, _now_ns: "the disk is full")
-    _, log = _fly_recording(tmp_path, events)
-    assert [event.text for event in events if event.source == "log"] == ["the disk is full"]
-    assert replay(read_log(log)).identical
-    assert int(read_log(log).metadata["ground_session"]) > 1_700_000_000

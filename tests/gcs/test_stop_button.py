@@ -5,7 +5,7 @@ import os
 import struct
 from pathlib import Path
 
-from formation.config import LabConfig, StopButton
+from formation.config import StopButton
 from gcs.stop_button.events import Buttons
 from gcs.stop_button.watch import watch_button
 
@@ -22,16 +22,11 @@ def js_event(kind: int, number: int, value: int) -> bytes:
     return struct.pack("<IhBB", 12_345, value, kind, number)
 
 
-def test_a_press_is_a_press_and_neither_a_release_nor_a_repeat():
+def test_a_press_is_a_press_and_neither_a_release_nor_a_repeat_and_half_an_event_waits():
     buttons = Buttons("/dev/input/event3")
-    said = [input_event(EV_KEY, KEY_SPACE, value) for value in (1, 2, 2, 0)]
-    said.insert(1, input_event(EV_SYN, 0, 0))
-    said.append(input_event(EV_ABS, 1, 1))
-    assert buttons.read(b"".join(said)) == [KEY_SPACE]
-
-
-def test_half_an_event_waits_for_its_rest():
-    buttons, event = Buttons("/dev/input/event3"), input_event(EV_KEY, KEY_ENTER, 1)
+    events = [(EV_KEY, KEY_SPACE, 1), (EV_SYN, 0, 0), *((EV_KEY, KEY_SPACE, v) for v in (2, 2, 0)), (EV_ABS, 1, 1)]
+    assert buttons.read(b"".join(input_event(*event) for event in events)) == [KEY_SPACE]
+    event = input_event(EV_KEY, KEY_ENTER, 1)
     assert buttons.read(event[:10]) == []
     assert buttons.read(event[10:] + event[:3]) == [KEY_ENTER]
 
@@ -41,15 +36,6 @@ def test_a_joystick_tells_its_buttons_and_not_its_sticks_nor_how_it_was_opened()
         buttons = Buttons(device)
         assert buttons.read(js_event(0x81, 0, 1) + js_event(2, 0, 1) + js_event(1, 5, 1) + js_event(1, 5, 0)) == [5]
     assert Buttons("/dev/input/by-id/usb-Maker_Stick-event-joystick").read(input_event(EV_KEY, 0x120, 1)) == [0x120]
-
-
-def test_the_lab_file_names_it():
-    button = {"device": "/dev/input/js0", "button": 3}
-    followers = [{"body": "f", "sysid": 2, "offset_m": (-1.0, 0.0, 0.0)}]
-    lab = LabConfig.model_validate(
-        {"leader": {"body": "l"}, "followers": followers, "operator": {"stop_button": button}}
-    )
-    assert lab.operator.stop_button == StopButton(device="/dev/input/js0", button=3)
 
 
 class Ground:
@@ -71,6 +57,7 @@ def test_presses_unplugging_and_plugging_in_again(tmp_path: Path):
 
     async def use() -> None:
         ground = Ground()
+        await watch_button(None, ground)  # without one nothing is waited for
         watching = asyncio.create_task(watch_button(StopButton(device=str(device), button=KEY_SPACE), ground))
         await until(lambda: "No such file" in ground.button_trouble)
         os.mkfifo(device)
@@ -86,9 +73,3 @@ def test_presses_unplugging_and_plugging_in_again(tmp_path: Path):
         assert ground.presses == 1
 
     asyncio.run(use())
-
-
-def test_without_one_nothing_is_waited_for():
-    ground = Ground()
-    asyncio.run(watch_button(None, ground))
-    assert ground.button_trouble == ""

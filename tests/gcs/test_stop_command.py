@@ -17,41 +17,27 @@ def test_what_it_does_not_understand_is_left_to_the_whole_command_line(words: li
     assert stop(words) is None
 
 
-def test_a_lab_that_is_not_there_is_not_right(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    assert stop(["--lab", str(tmp_path / "no.toml")]) == NOT_RIGHT
-    assert "no.toml" in capsys.readouterr().err
-
-
 def _lab(folder: Path, port: int) -> Path:
     path = folder / "lab.toml"
     path.write_text(f'name = "here"\n[link]\nzenoh_connect = ["tcp/127.0.0.1:{port}"]\n')
     return path
 
 
-def test_no_ground_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_no_ground_and_no_lab_are_said_in_json_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     port = free_port()
-    assert stop([f"--lab={_lab(tmp_path, port)}", "--timeout", "0.1", "--name=main"]) == NO_GROUND
-    told = capsys.readouterr().err
-    assert f"nobody listens at tcp/127.0.0.1:{port}" in told
-    assert "gcs run lab.toml" in told
-
-
-def test_answers_in_json_by_its_short_way(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    port = free_port()
-    assert stop(["--json", f"--lab={_lab(tmp_path, port)}", "--timeout", "0.1"]) == NO_GROUND
+    assert stop(["--json", f"--lab={_lab(tmp_path, port)}", "--timeout", "0.1", "--name=main"]) == NO_GROUND
     told = capsys.readouterr()
     assert f"nobody listens at tcp/127.0.0.1:{port}" in json.loads(told.out)["error"]
-    assert told.err.startswith("gcs: no ground answers")
+    assert "gcs run lab.toml" in told.err
+    assert stop(["--lab", str(tmp_path / "no.toml")]) == NOT_RIGHT
+    assert "no.toml" in capsys.readouterr().err
 
 
-def test_gives_up_early_where_nobody_listens():
-    silent = (f"tcp/127.0.0.1:{free_port()}",)
-    assert _is_out_of_patience(FIND_S * 1.1, silent, Patience(ANSWER_S, ground_s=ANSWER_S))
-
-
-def test_asks_on_where_the_bus_is_there_and_no_ground():
+def test_gives_up_early_where_nobody_listens_and_asks_on_where_the_bus_is_there_and_no_ground():
     """A busy ground may be found late: a stop is not given up for that."""
-    assert not _is_out_of_patience(ANSWER_S / 2, (), Patience(ANSWER_S, ground_s=ANSWER_S))
+    silent, patient = (f"tcp/127.0.0.1:{free_port()}",), Patience(ANSWER_S, ground_s=ANSWER_S)
+    assert _is_out_of_patience(FIND_S * 1.1, silent, patient)
+    assert not _is_out_of_patience(ANSWER_S / 2, (), patient)
     assert _is_out_of_patience(ANSWER_S / 2, (), Patience(ANSWER_S))
 
 

@@ -15,7 +15,6 @@ from formation.config import LabConfig
 from gcs.finding import Grade
 from gcs.lab.findings import findings_of, of_grade
 from mavlink_formation.pytest_plugin import MOST
-from tests.docs import manual_pages
 from tests.docs.manual_pages import BASE_LAB, ROOT, Labs, blocks, name_of, pages, shell_lines
 from wire.config_file import parse
 
@@ -80,14 +79,6 @@ def test_shell_lines_parse(page: Path, tmp_path: Path, monkeypatch: pytest.Monke
                 check_foreign(words)
 
 
-def test_a_wrong_option_is_noticed(tmp_path: Path) -> None:
-    parse_ours(["gcs", "check", str(tmp_path / "lab.toml"), "--svg", "x.svg"])
-    with pytest.raises(Exception, match="svgs"):
-        parse_ours(["gcs", "check", str(tmp_path / "lab.toml"), "--svgs", "x.svg"])
-    with pytest.raises(AssertionError, match="no command"):
-        parse_ours(["gcs", "chek", "lab.toml"])
-
-
 @pytest.mark.parametrize("page", pages(), ids=name_of)
 def test_toml_blocks_pass_the_check(page: Path) -> None:
     labs = Labs(BASE_LAB)
@@ -112,8 +103,3 @@ def test_python_blocks_import_what_exists(page: Path) -> None:
                 )
             elif isinstance(node, ast.Import):
                 assert all(importlib.util.find_spec(a.name) for a in node.names)
-
-
-def test_every_page_is_found() -> None:
-    assert len(pages()) > 40
-    assert manual_pages.MANUAL / "tutorials" / "first-flight.md" in pages()

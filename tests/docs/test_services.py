@@ -30,17 +30,12 @@ def test_systemd_accepts_the_unit(unit: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("unit", UNITS, ids=lambda unit: unit.name)
-def test_unit_starts_a_command_that_exists(unit: Path, tmp_path: Path) -> None:
+def test_unit_starts_a_command_that_exists_and_keeps_compiled_kernels_where_it_may_write(unit: Path) -> None:
     (command,) = re.findall(r"^ExecStart=/opt/mavlink-formation/.venv/bin/(.*)", unit.read_text(), re.MULTILINE)
     command = command.replace("%i", "2").replace("${BODY}", "left")
     command = command.replace("${BRIDGE}", "serial:/dev/autopilot:921600").replace("${BUS}", "tcp/192.168.1.20:7447")
     parse_ours(shlex.split(command))
-
-
-@pytest.mark.parametrize("unit", UNITS, ids=lambda unit: unit.name)
-def test_unit_keeps_compiled_kernels_in_a_folder_that_it_may_write(unit: Path) -> None:
-    """Its user has no home, and the program's own folder is read-only."""
-    lines = unit.read_text(encoding="utf-8").splitlines()
+    lines = unit.read_text(encoding="utf-8").splitlines()  # its user has no home, the program's folder is read-only
     assert {"CacheDirectory=mavlink-formation", "Environment=XDG_CACHE_HOME=%C"} <= set(lines)
 
 

@@ -4,7 +4,7 @@ import re
 
 import manual_texts
 import pytest
-from manual_texts import GAP, PassedOn, normal
+from manual_texts import GAP, normal
 
 from drone_agent.autopilots.ardupilot import TEXTS as ARDUPILOT_TEXTS
 from drone_agent.autopilots.px4 import TEXTS as PX4_TEXTS
@@ -24,17 +24,6 @@ AUTOPILOT_TEXTS = [
         texts.stream_lost, texts.pose_lost, texts.battery_low, texts.battery_critical, texts.ground_lost,
     )
 ]  # fmt: skip
-KNOWN_ORIGINS = {
-    "texts.": "the autopilots' own texts",
-    "words, fault": "the autopilots' own texts",
-    "failure.text": "LawFailure",
-    "link.name, text": "gcs.drones.checks, among the reasons",
-    "rate_offset_text(": "wire.clock_offset",
-    "'flight', text": "gcs.landing, named by `told to land by itself`",
-    "source, after": "HostReport: log, stop button",
-    "name, _words(": "what is dropped, below",
-}
-"""Expressions by which a warning passes on the words of somebody else, and whose."""
 
 
 TEXTS = {
@@ -63,8 +52,3 @@ def test_texts_made_elsewhere_are_explained() -> None:
     failure = LawFailure(0, GAP, GAP, GAP, False)
     assert normal(failure.text) in EXPLAINED
     assert re.sub(r"[\d.]+|slower|faster", GAP, rate_offset_text(-0.01)) in EXPLAINED
-
-
-@pytest.mark.parametrize("passed", manual_texts.warnings()[1], ids=lambda passed: passed.expression)
-def test_a_passed_on_warning_has_a_known_origin(passed: PassedOn) -> None:
-    assert any(part in passed.expression for part in KNOWN_ORIGINS) or "natnet/client" in passed.file

@@ -1,4 +1,3 @@
-import io
 import json
 import os
 import signal
@@ -7,18 +6,15 @@ import sys
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 from typer.testing import CliRunner
 
 from formation.config import MocapConfig
 from formation.control.margin import delay_margin
 from formation.control.presets import preset_for
-from formation.messages import Verb
 from formation.vehicle.profile import PX4_QUAD
 from gcs.cli.app import app
-from gcs.cli.operator import next_steps, print_status
+from gcs.cli.operator import next_steps
 from tests.free_ports import free_port
-from tests.gcs.fakes import FakeLab, triangle
 from wire.logs.mcap_log import check_log
 
 runner = CliRunner()
@@ -53,35 +49,26 @@ def _lab(tmp_path: Path, listen: bool = False, csv: str = "", port: int | None =
     return path
 
 
-def test_help_names_every_command_and_the_exit_codes():
-    shown = " ".join(runner.invoke(app, ["--help"]).output.split())
-    for name in ("run", "rules", "doctor", "logs", *(verb.command_name for verb in Verb)):
-        assert name in shown
-    assert "no ground answers" in shown
-
-
 @pytest.mark.parametrize(
-    ("wrong", "words"),
+    ("wrong", "key", "reason"),
     [
-        (("sysid = 2", 'sysid = 2\nlink = "tcp:1"'), "followers[0].link (left): not udp:HOST:PORT"),
-        (("offset_m", "# offset_m"), "followers[0].offset_m (left): is missing"),
-        (('file = "', '# "'), 'mocap.file: is missing: source "csv" needs `file`'),
-        (("sysid = 2", "sysid = 251"), "followers[0].sysid (left): "),
-        (
-            ('body = "left"', 'body = "lead"'),
-            "followers[0].body (lead): leader has it, too: two vehicles share a body name",
-        ),
-        (('name = "cli', 'control_preset = "heroic"\nname = "cli'), "default, pid_leader, paper"),
+        (("sysid = 2", 'sysid = 2\nlink = "tcp:1"'), "followers[0].link", "not udp:HOST:PORT"),
+        (("offset_m", "# offset_m"), "followers[0].offset_m", "is missing"),
+        (('file = "', '# "'), "mocap.file", 'is missing: source "csv" needs `file`'),
+        (("sysid = 2", "sysid = 251"), "followers[0].sysid", ""),
+        (('body = "left"', 'body = "lead"'), "followers[0].body", "leader has it, too: two vehicles share a body name"),
+        (('name = "cli', 'control_preset = "heroic"\nname = "cli'), "control_preset", "default, pid_leader, paper"),
     ],
 )
-def test_a_wrong_value_is_named_with_file_and_key(tmp_path, wrong, words):
+def test_a_wrong_value_is_named_with_file_and_key(tmp_path, wrong, key, reason):
     lab = _lab(tmp_path)
     lab.write_text(lab.read_text().replace(*wrong))
     for command in ("run", "doctor", "logs"):
         result = runner.invoke(app, [command, str(lab)])
         assert result.exit_code == 2
         assert result.output.startswith(f"gcs: {lab}:")
-        assert words in result.output
+        assert f" {key}" in result.output
+        assert reason in result.output
         assert len(result.output.splitlines()) == 1
 
 
@@ -137,20 +124,6 @@ def test_a_ground_answers_other_processes_and_ends_on_a_signal(tmp_path):
             assert check_log(log).complete
         finally:
             ground.kill()
-
-
-def test_status_shows_every_column_in_80_characters_whatever_the_names():
-    lab = FakeLab(triangle())
-    lab.run(2.0)
-    state = lab.core.state(lab.now_ns) | {"not_landed": ["right"]}
-    far = {"body": "a-follower-with-a-long-name-12", "autopilot": "ArduPilot", "mode": "OFFBOARD", "armed": True}
-    state["drones"][1] |= far | {"pos_lab_m": [-12.34, -10.56, -0.12], "battery": 1.0, "link_behind_s": 0.064}
-    out = io.StringIO()
-    print_status(state, Console(file=out, width=80))
-    (row,) = (line.split() for line in out.getvalue().splitlines() if line.startswith("2 "))
-    assert row[2:-2] == ["ArduPilot", "OFFBOARD", "armed", "-12.34", "-10.56", "-0.12", "100", "64"]
-    assert "\u2026" not in out.getvalue()
-    assert "not known to have landed: right" in out.getvalue()
 
 
 def test_status_says_what_may_be_asked_next():

@@ -36,17 +36,6 @@ def test_a_change_in_flight_brings_each_to_the_slot_nearest_to_it(flying: FakeLa
     assert any(text.startswith("shape line scale=1.2 in ") for text in flying.events)
 
 
-def test_a_change_while_another_is_flown_is_smooth_and_ends_in_the_newest(flying: FakeLab) -> None:
-    assert ask(flying, "line").accepted
-    flying.run(0.8)
-    assert ask(flying, "column").accepted
-    flying.run(8.0)
-    np.testing.assert_allclose(np.sort(places(flying)[:, 0]), [-1.0, -0.5], atol=0.02)
-    references = [m for name, m in flying.records if name == "control/reference"]
-    slots = np.array([r.slot_lead_m[1:] for r in references[-1000:]])
-    assert np.abs(np.diff(slots, n=2, axis=0)).max() < 5.0 * 0.01**2
-
-
 def test_a_shape_chosen_while_holding_is_taken_up_at_the_start() -> None:
     lab = FakeLab(triangle(leader=STAY))
     lab.take_off()

@@ -190,6 +190,9 @@ def test_log_trouble_is_reported_forbids_arming_and_changes_no_setpoint():
     ill.run_until(Phase.GROUND)
     ill.run(1.5)
     assert refusal(ill, Verb.ARM) == "the log: the disk is full"
+    ill.core.receive(HostReport(button_trouble="the stop button does not work: gone"), ill.now_ns)
+    ill.run(0.1)
+    assert refusal(ill, Verb.ARM) == "the stop button does not work: gone"
     ill.core.receive(HostReport(), ill.now_ns)
     ill.command(Verb.ARM, Phase.ARMED)
     assert "over: the disk is full" in ill.events

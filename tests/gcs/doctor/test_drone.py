@@ -109,7 +109,7 @@ def test_parameters_are_judged_with_found_wanted_why_and_fix():
         "COM_OF_LOSS_T": (Grade.FAIL, "5"),
         "COM_OBL_RC_ACT": (Grade.WARN, "0"),
         "EKF2_EV_CTRL": (Grade.FAIL, "0"),
-        "MPC_THR_HOVER": (Grade.WARN, "0.5"),
+        "MPC_THR_HOVER": (Grade.WARN, "0.50"),
     }
     assert "never measured" in bad["MPC_THR_HOVER"].why
     assert (bad["MPC_THR_HOVER"].fix, bad["MPC_THR_HOVER"].refit) == (None, None)

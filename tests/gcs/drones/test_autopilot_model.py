@@ -3,8 +3,7 @@
 import pytest
 
 from drone_agent.autopilots.models import MODELS
-from gcs.drones.autopilot_model import ARDUPILOT_MODEL, GROUND_MODELS, PX4_MODEL, GroundModel
-from wire.link_messages.address import Address
+from gcs.drones.autopilot_model import GROUND_MODELS, GroundModel
 from wire.link_messages.status import MavAutopilot
 
 
@@ -21,12 +20,6 @@ def test_a_rule_holds_of_what_it_sets_and_not_of_everything(model: GroundModel) 
         assert rule.holds(rule.set_to), rule.name
         assert spec.low <= rule.set_to <= spec.high
         assert not all(rule.holds(float(value)) for value in (*range(16), spec.low, spec.high, 0.5)), rule.name
-
-
-@pytest.mark.parametrize(("model", "mode"), [(PX4_MODEL, 6.0), (ARDUPILOT_MODEL, 4.0)])
-def test_off_board_is_asked_for_by_the_autopilots_own_numbers(model: GroundModel, mode: float) -> None:
-    command = model.set_offboard(Address(3, 1))
-    assert (command.command, command.params) == (176, (1.0, mode, 0.0, 0.0, 0.0, 0.0, 0.0))
 
 
 def test_a_hover_thrust_is_measured_where_it_is_no_default_and_no_nonsense() -> None:

@@ -1,6 +1,5 @@
 """Sequence numbers of one sender and of two; the mean specific force between two frames."""
 
-import math
 import random
 
 import numpy as np
@@ -18,24 +17,6 @@ def _heard(numbers, spacing_ns=10 * MS) -> SequenceMonitor:
     for i, number in enumerate(numbers):
         watch.note(number % 256, i * spacing_ns)
     return watch
-
-
-def _force_means(phase_ns: int, missing: int = 0) -> list[float]:
-    """Means over 10 ms of a force of 3 m/s^2 that vibrates by 2, sampled at 200 Hz; so many samples are missing."""
-    force, means = SpecificForce(), []
-    for k in range(1, 41):
-        value = 3.0 + (2.0 if k % 2 else -2.0)
-        force.receive(5 * k * MS, np.array([value, 0.0, 9.8]), 5 * k * MS)
-        if k % 2 == 0 and k > 2:
-            mean = force.pop_mean((5 * k + missing * 5) * MS - phase_ns)
-            means.append(math.nan if mean is None else float(mean[0]))
-    return means[1:]
-
-
-@pytest.mark.parametrize("phase_ns", [0, 1, 700_000, 2_500_000, 4_999_999])
-@pytest.mark.parametrize("missing", [0, 1])
-def test_a_vibration_cancels_in_the_mean_force_however_samples_lie_between_frames(phase_ns, missing):
-    np.testing.assert_allclose(_force_means(phase_ns, missing), 3.0, atol=1e-9)
 
 
 def test_a_sample_counts_by_its_share_of_the_step():

@@ -262,24 +262,6 @@ def test_a_start_is_judged_with_the_leaders_whole_way():
     assert refusal(lab, Verb.START).startswith("lead: it would be outside the fence")
 
 
-def test_who_reads_the_state_changes_no_command_by_a_bit():
-    def flown(watched: bool) -> list[tuple[int, bytes]]:
-        lab = FakeLab(triangle())
-        plain_step = lab.step
-
-        def step_and_look() -> None:
-            plain_step()
-            if watched and lab.seq % 10 == 0:
-                Model(lab.config).receive_state(json.dumps(state_of(lab)), lab.now_ns)
-
-        lab.step = step_and_look
-        lab.fly()
-        lab.run(2.0)
-        return [(datagram.sysid, datagram.data) for _, out in lab.ticks for datagram in out.datagrams]
-
-    assert flown(watched=True) == flown(watched=False)
-
-
 def test_a_drone_is_drawn_with_its_true_size_and_heading(flight):
     fence = triangle().limits.fence
     top = above(fence, 6400.0, 4800.0)

@@ -38,3 +38,12 @@ def test_invented_senders_and_reasons_stay_bounded_and_counted() -> None:
     assert OTHER_REASONS in events[-1].text
     assert events[-1].text.count(" x ") == REASONS + 1
     assert refusals.count == 1000
+
+
+def test_a_quiet_source_gives_its_place_to_a_new_one() -> None:
+    refusals = RejectionLog()
+    for k in range(SOURCES):
+        refusals.note(f"old {k}", "x", 0)
+    refusals.due(0)
+    refusals.note("new", "x", 2 * SECOND)
+    assert [event.source for event in refusals.due(2 * SECOND)] == ["new"]

@@ -132,6 +132,13 @@ def test_a_schema_that_is_none_is_the_one_error():
             Schema(Second).decoder(data)
 
 
+def test_an_absent_value_stays_absent():
+    schema = Schema(Second)
+    message = Second("x", np.zeros((1, 3)), 1, Colour.RED, None, np.ones(2))
+    assert schema.decode(schema.encode(message)).maybe is None
+    assert schema.decode(schema.encode(dataclasses.replace(message, maybe=0.0))).maybe == 0.0
+
+
 @pytest.mark.parametrize("array", [np.zeros((3, 2)), np.zeros(3), np.zeros((1, 3), np.float32), np.zeros((1, 1, 3))])
 def test_an_array_of_another_shape_or_type_is_refused(array):
     with pytest.raises(ValueError, match="an array of"):

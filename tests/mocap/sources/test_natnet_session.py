@@ -252,3 +252,15 @@ def test_cameras_that_report_no_exposure_give_arrival_less_the_latency():
     assert came
     assert all(now_ns - frame.t_capture_ns == 8 * MS for now_ns, frame in came)
     assert not link.session.status().latency_measured
+
+
+def test_a_clock_that_was_set_by_an_hour_is_followed_by_the_next_echo():
+    link = Lockstep(delay=jittery(4))
+    link.run(2.0)
+    link.responder.clock_step_ns = 3600 * 10**9
+    link.run(0.2)
+    assert "the server's clock was set" in link.recorder.texts()
+    link.run(4.8)
+    since_ns = link.recorder.now_ns
+    link.run(2.0)
+    assert np.percentile(np.abs(link.errors_ns(since_ns)), 99) < 2 * MS

@@ -241,6 +241,13 @@ async def test_an_autopilot_that_answers_its_first_sender_for_ever_hears_the_nex
         assert len(senders) == 1
 
 
+@in_loop
+async def test_two_at_once_are_no_error():
+    links = [await open_udp_direct("udp:127.0.0.1:9", 248, lambda _: None, RejectionLog()) for _ in range(2)]
+    for link in links:
+        link.close()
+
+
 @pytest.mark.parametrize(
     "link", ["", "udp", "udp:127.0.0.1", "udp:127.0.0.1:0", "udp::14540", "tcp:a:1", "udp:a:99999"]
 )

@@ -71,3 +71,14 @@ def test_every_byte_of_a_packet_may_be_another(blocks: tuple[packets.Block, ...]
                 data[at] ^= 1 << at % 8
             assert first.read(bytes(data)) == second.read(bytes(data)), at
             number += 1
+
+
+def test_poses_unchanged_since_a_packet_read_by_its_layout_are_that_ones() -> None:
+    client = Client(by_layout=True)
+    for number in range(5000, 5004):
+        client.read(packet(number, segments(7, 2, 3), segments(8, 1)))
+    contents = struct.pack("<III", 0, 1, Kind.GLOBAL_SEGMENTS)
+    client.read(packet(5004, (Kind.CONTENTS, contents)))
+    (frame,) = client.record.frames
+    np.testing.assert_allclose(frame.pos_mocap_m, [[0.03, 0.007, 0.003], [0.01, 0.008, 0.003]])
+    assert frame.seen.tolist() == [True, True]

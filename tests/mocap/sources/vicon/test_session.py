@@ -80,6 +80,13 @@ def test_renamed_subjects_are_followed():
     assert record.texts()[-1] == "the server does not name right; it names lead, left"
 
 
+def test_without_a_frame_period_a_frame_has_no_stamp():
+    record = kept("vicon")
+    _, session = opened(record)
+    session.received(frame_packet(1), S_NS)
+    assert record.frames[0].t_capture_ns == 0
+
+
 def test_a_latency_that_is_none_leaves_the_last_one():
     record = kept("vicon")
     _, session = opened(record)

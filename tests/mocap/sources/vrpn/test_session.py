@@ -5,6 +5,7 @@ import struct
 import numpy as np
 import pytest
 
+from mocap.sources.tcp import ProtocolError
 from mocap.sources.vrpn import messages
 from mocap.sources.vrpn.messages import Stream
 from mocap.sources.vrpn.session import VrpnSession
@@ -257,6 +258,18 @@ def test_no_more_bodies_are_remembered_than_any_lab_has():
     exposed(session, 0, b"".join(pose(1, STAMP_NS, (1.0, 2.0, 3.0), sensor) for sensor in range(300)))
     assert len(rig.frames[0].bodies) == 256
     assert "44 x pose of more than 256 senders and sensors" in " ".join(rig.refused())
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        vrpn_bytes.COOKIE + messages.description(-1, -5, b"leader"),
+        vrpn_bytes.COOKIE + messages.description(-2, 2000, b"vrpn_Tracker Pos_Quat"),
+    ],
+)
+def test_a_number_that_cannot_be_right_ends_the_connection(data: bytes):
+    with pytest.raises(ProtocolError):
+        Rig(lab_of("vrpn")).session(T0).received(data, T0)
 
 
 def test_a_tracker_whose_clock_is_an_hour_off_is_named_and_its_body_seen_with_the_others():

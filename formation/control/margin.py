@@ -62,9 +62,18 @@ class DelayMargin:
         )
 
 
+def is_carried(profile: VehicleProfile, gains: Preset, mocap: MocapConfig) -> bool:
+    """Whether the vehicle's lag can carry the preset: a fifth of the time that its margin takes to find."""
+    return held(profile, gains, mocap, NEEDED_SHARE * _loop_s(profile, mocap))
+
+
+def _loop_s(profile: VehicleProfile, mocap: MocapConfig) -> float:
+    return mocap.delay_s + profile.response_dead_time_s + profile.response_lag_s
+
+
 def delay_margin(profile: VehicleProfile, gains: Preset, mocap: MocapConfig) -> DelayMargin:
     """The delay margin of a follower of this profile under these gains and cameras; takes about a second."""
-    loop_s = mocap.delay_s + profile.response_dead_time_s + profile.response_lag_s
+    loop_s = _loop_s(profile, mocap)
     low, high = 0.0, MARGIN_MOST_S
     if not held(profile, gains, mocap, low):
         return DelayMargin(profile.name, gains.name, loop_s, -RESOLUTION_S)

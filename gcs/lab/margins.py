@@ -20,18 +20,27 @@ def judge_margins(config: LabConfig) -> list[Finding]:
 
 
 def _judge(config: LabConfig, kind: VehicleProfile) -> list[Finding]:
-    from formation.control.margin import delay_margin
+    from formation.control.margin import delay_margin, is_carried
     from formation.control.presets import preset_for
 
-    margin = delay_margin(kind, preset_for(config.control_preset, kind, config.mocap), config.mocap)
-    if margin.carried:
+    gains = preset_for(config.control_preset, kind, config.mocap)
+    if is_carried(kind, gains, config.mocap):
         return []
     key, value = "control_preset", f'"{config.control_preset}"'
     for k, own in enumerate(config.profiles):
         if own.name == kind.name:
             key, value = f"profiles[{k}].response_lag_s", f"{kind.response_lag_s:g}"
     wanted = "a shorter response_dead_time_s, response_lag_s or mocap.delay_s, or slower gains"
-    return [Finding(key, "delay", Grade.FAIL, value, wanted, f"would not fly steadily: {margin}")]
+    return [
+        Finding(
+            key,
+            "delay",
+            Grade.FAIL,
+            value,
+            wanted,
+            f"would not fly steadily: {delay_margin(kind, gains, config.mocap)}",
+        )
+    ]
 
 
 def _is_known(config: LabConfig, kind: VehicleProfile) -> bool:

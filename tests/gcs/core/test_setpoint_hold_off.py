@@ -38,6 +38,7 @@ def test_a_drone_whose_pose_is_rejected_gets_level_setpoints_for_100_ms_then_non
 def test_what_was_made_of_wrong_poses_is_forgotten():
     """Believed for 50 ms 0.3 m off, it would be led on by a velocity of metres a second that it never had."""
     lab = flying()
+    lab.run(0.5)
     lab.shift_m["left"] = (0.3, 0.0, 0.0)
     lab.run(0.05)
     lab.shift_m.clear()

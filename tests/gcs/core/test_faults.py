@@ -237,3 +237,13 @@ def test_a_forged_hover_thrust_changes_nothing_in_flight():
         assert link.hover_thrust_norm == before
     assert any("MPC_THR_HOVER announced anew while armed" in text for text in lab.events)
     assert np.array_equal(drone.pos, alone.drones[2].pos)
+
+
+def test_the_formation_is_not_taken_up_outside_the_fence():
+    lab = FakeLab(triangle(followers=[{"body": "left", "sysid": 2, "offset_m": (-2.0, 2.2, 0.0)}]))
+    lab.drones[2].pos = np.array([-2.0, 1.5, 0.0])
+    lab.run(2.0)
+    lab.command(Verb.ARM, Phase.ARMED)
+    lab.command(Verb.TAKEOFF, Phase.TAKEOFF)
+    lab.run_until(Phase.HOLD)
+    assert refusal(lab, Verb.START).startswith("left: its slot would be outside the fence")

@@ -141,6 +141,15 @@ WARNED: list[tuple[str, dict[str, object], str, str]] = [
     ("heavy", {"profiles": [{**OWN, "name": "ours", "mass_kg": 0.075}], "leader": {**LEADER, "profile": "ours"}},
      "profiles[0].thrust_max_n", "1.09 times its weight"),
     ("much tilt", {"leader": flies("circle", radius_m=0.5, period_s=2.0)}, "leader.trajectory.period_s", "% of what"),
+    ("little room", {"followers": followers([-2.45, 0, 0])}, "limits.fence", "right comes within 0.05 m"),
+    ("a hall", {"limits": {"fence": {"low_m": [-200, -2, -1], "high_m": [2, 2, 2]}}}, "limits.fence.low_m", "metres"),
+    ("slow descent", {"flight": {"descend_m_s": 0.005}}, "flight.descend_m_s", "longer than a minute"),
+    ("downwash", {"followers": followers(RIGHT, [-0.4, -0.4, 0.6])}, "followers[1].offset_m", "downwash"),
+    ("shapes that do not fit", {"formation": {"spacing_m": 2.2}}, "formation.spacing_m", "line, column would leave"),
+    ("longer than a battery", {"leader": flies("circle", laps=30)}, "leader.trajectory.laps", "hovers for about 315 s"),
+    ("played leader", {"mocap": {"source": "csv", "file": "x"}}, "mocap.source", "of the leader alone"),
+    ("a file for nobody", {"mocap": {"file": "x.csv"}}, "mocap.file", "nothing is played"),
+    ("a shipped name", {"profiles": [OWN]}, "profiles[0].name", "replaces the shipped"),
 ]  # fmt: skip
 REAL = {"link": "udp:192.168.1.31:14550", "guard": "none", "profile": "px4_quad"}
 VICON = {"source": "vicon", "vicon": {"host": "192.168.1.10"}}

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import curve_fit
 
 from drone_agent.simulation.attitude_loop import LoopSetpoint, advance
 from drone_agent.simulation.disturbance import (
@@ -134,3 +135,22 @@ def test_a_vehicle_is_pushed_at_its_four_rotors() -> None:
 @given(st.floats(-100.0, 100.0), st.tuples(*[st.floats(-3.0, 3.0)] * 3))
 def test_the_push_is_finite_and_bounded_everywhere(t_s: float, pos: tuple[float, float, float]) -> None:
     assert np.linalg.norm(fan_acceleration(FAN, t_s, pos)) <= FAN.peak_m_s2 * (1.0 + 1e-9)
+
+
+def test_px4_answers_as_measured() -> None:
+    """PX4 v1.16 SIH: 0.11 s dead time and 0.06 s lag from target to attitude fit to within 5 %."""
+    body = profile("px4_quad")
+    tilt = 0.1
+    target = LoopSetpoint(frames.from_rotation_vector(np.array([0.0, tilt, 0.0])), np.zeros(3), body.hover_thrust_norm)
+    state, angles = hovering(body, 5.0), []
+    for _ in range(400):
+        state = advance(state, body, target, True, CALM, 0.001, 1)
+        angles.append(2.0 * np.arcsin(state.q_lab_from_flu[2]) / tilt)
+    t_s = np.arange(1, 401) * 0.001 + body.command_delay_s
+
+    def response(t: Float, dead_s: float, lag_s: float) -> Float:
+        return np.where(t > dead_s, 1.0 - np.exp(-np.maximum(t - dead_s, 0.0) / lag_s), 0.0)
+
+    (dead_s, lag_s), _ = curve_fit(response, t_s, np.array(angles), p0=(0.1, 0.05))
+    assert dead_s == pytest.approx(body.response_dead_time_s, abs=0.005)
+    assert lag_s == pytest.approx(body.response_lag_s, abs=0.005)

@@ -322,3 +322,9 @@ def with_thrust(
             nav.receive_pose(which, np.full(n, s.pose_ns[k]), s.pos[k], s.q[k])
         found += nav.new_faults()
     return nav, found
+
+
+def test_after_five_seconds_the_estimate_begins_anew() -> None:
+    nav, faults, _ = detected(Flight(n=3, seed=37), jumping(3.0), AT_S + 6.0)
+    assert len(faults) == 3
+    assert not nav.rejecting.any()

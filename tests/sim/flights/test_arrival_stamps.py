@@ -14,6 +14,8 @@ from sim.cameras.emulator import Gap
 from sim.scenario import Scenario, load, with_leader_file
 from sim.world import T0_NS, World
 
+NAME = "shared/data/vicon_v2_03.csv"
+VICON = [folder / NAME for folder in Path(__file__).parents if (folder / NAME).exists()]
 GAP_S = 0.87
 LEADER_START_M = (0.0, 0.0, 1.4)
 ON_ARRIVAL = {"arrival_stamps": True, "stall_s": 0.18, "stall_every_s": 1.0}
@@ -137,3 +139,45 @@ def test_a_formation_held_by_a_gap_waits_for_the_operator_and_resumes(tmp_path: 
     assert np.diff(flight.leader_s).max() < GAP_S + 0.25
     assert flight.least_m > scenario.lab.limits.min_separation_m
     assert sum(text.startswith("stamps are arrival times: frames are re-timed") for text in flight.events) == 1
+
+
+@pytest.mark.nightly
+def test_a_recording_stamped_on_arrival_is_followed_through_bursts_and_a_gap(tmp_path: Path) -> None:
+    """The stalls of public recordings: up to 0.36 s, then all in a burst; once 0.87 s are lost."""
+    whole = walk_in_circles(tmp_path / "circles.csv").read_text().splitlines()
+    lines, free_ns = [], 0
+    for k, line in enumerate(whole):
+        stamp, _, rest = line.partition(",")
+        held_s = (0.05, 0.36, 0.1)[k // 150 % 3] * max(1.0 - k % 150 / (5, 36, 10)[k // 150 % 3], 0.0)
+        free_ns = max(int(stamp) + round(held_s * 1e9), free_ns + 300_000)
+        if not 12_000_000_000 < int(stamp) < 12_870_000_000:
+            lines.append(f"{free_ns},{rest}\n")
+    path = tmp_path / "arrival.csv"
+    path.write_text("".join(lines))
+    scenario = a_scenario(path)
+    flight = Flight(scenario)
+    flight.until(16.0)
+    assert flight.phases_after(0.0) == [Phase.HOLD], "the gap, and nothing else"
+    assert flight.phases[-1][0] > 12.0
+    flight.world.ask(Verb.START)
+    flight.until(26.0)
+    assert flight.phases_after(15.0) == [Phase.FORMATION]
+    assert not [text for text in flight.events if "is rejected" in text]
+    assert flight.least_m > scenario.lab.limits.min_separation_m
+
+
+@pytest.mark.nightly
+@pytest.mark.skipif(not VICON, reason=f"no {NAME} beside the repository: a leader recorded by a Vicon system")
+def test_a_recorded_leader_with_arrival_stamps_and_gaps_is_followed_to_its_end() -> None:
+    scenario = a_scenario(VICON[0], (20.0, 45.0, 70.0, 95.0), **ON_ARRIVAL)
+    flight, resumed = Flight(scenario), 0
+    flight.until(0.0)
+    while flight.t_s < 113.0:
+        flight.until(flight.t_s + 1.0)
+        if flight.phases[-1][1] is Phase.HOLD:
+            flight.world.ask(Verb.START)
+            resumed += 1
+    assert set(flight.phases_after(0.0)) <= {Phase.HOLD, Phase.FORMATION}
+    assert resumed >= 4
+    assert flight.leader_s[-1] > 112.5
+    assert flight.least_m > scenario.lab.limits.min_separation_m

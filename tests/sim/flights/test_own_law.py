@@ -1,6 +1,8 @@
 """A lab's own control law, by the example package, in lockstep: it flies the followers, ours stands behind it."""
 
+import re
 import sys
+import tomllib
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -140,3 +142,20 @@ def test_a_law_that_never_answers_or_ends_the_process_does_not(
     if does == "loops":  # a replay does not wait for it: the decision is in the log
         monkeypatch.setattr(ground_host, "LAW_S", 1e6)
         assert replay(log).identical
+
+
+@pytest.mark.nightly
+def test_the_manual_s_figures_are_those_of_its_options(tmp_path: Path, installed: None) -> None:
+    page = Path(__file__).parents[3] / "docs" / "manual" / "tutorials" / "own-law.md"
+    text = " ".join(page.read_text(encoding="utf-8").split())
+    options = re.search(r'control_law = \{ name = "cascade", options = (\{.*?\}) \}', text)
+    told = re.search(r"within ([\d.]+) mm RMS\. The built-in law holds it within ([\d.]+) mm", text)
+    assert options is not None
+    assert told is not None
+    scenario = load("triangle_circle")
+    law = ControlLawConfig(name="cascade", options=tomllib.loads(f"options = {options[1]}")["options"])
+    for control_law, figure in zip((law, None), told.groups(), strict=True):
+        lab = scenario.lab.model_copy(update={"control_law": control_law})
+        log = tmp_path / f"{figure}.mcap"
+        lockstep.run_to_file(scenario.model_copy(update={"lab": lab}), 7, log)
+        assert f"{1e3 * (summarise(load_flight(log)).formation_rms_m or 0.0):.2f}" == figure

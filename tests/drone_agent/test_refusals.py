@@ -120,7 +120,7 @@ def test_the_gate_knows_a_clock_of_its_own_from_an_old_stamp() -> None:
 def test_a_ground_that_took_over_and_says_nothing_is_landed() -> None:
     harness = flying()
     harness.say(ground_address(1), command_long(harness.target, REQUEST_OPERATOR_CONTROL, 0.0, 1.0))
-    harness.run(6.0, aged(20, hover_over(0.0, 0.0, 1.0)))
+    harness.run(7.0, aged(20, hover_over(0.0, 0.0, 1.0)))
     assert not harness.autopilot.armed
     assert harness.truth.on_ground
 

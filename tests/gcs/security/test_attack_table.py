@@ -21,4 +21,7 @@ def test_each_test_that_the_page_names_is_there() -> None:
     tests = named(r"`(tests/[^:`]+)::(test_\w+)`")
     assert len(tests) == ATTACKS + FIGURES
     for file, test in tests:
-        assert re.search(rf"^def {test}\(", (ROOT / file).read_text(encoding="utf-8"), re.MULTILINE), (file, test)
+        assert re.search(rf"^(async )?def {test}\(", (ROOT / file).read_text(encoding="utf-8"), re.MULTILINE), (
+            file,
+            test,
+        )

@@ -85,7 +85,7 @@ def _check_since(lab: FakeLab, heard_from: dict[int, int]) -> None:
     json.loads(lab.core.status(lab.now_ns), parse_constant=pytest.fail)
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(start=st.integers(0, len(FLIGHT)), rest=st.lists(steps, min_size=1, max_size=8))
 def test_requests_and_faults_in_any_order(start, rest):
     lab = FakeLab(triangle())

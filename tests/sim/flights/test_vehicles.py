@@ -54,6 +54,7 @@ def test_the_response_of_an_arducopter_is_the_one_identified_of_it_and_carries_a
     assert found.lag_s.value == pytest.approx(ARDUCOPTER_QUAD.response_lag_s, abs=0.012)
 
 
+@pytest.mark.nightly
 def test_a_circle_is_flown_as_well_through_strong_drag() -> None:
     """PX4's simulator brakes by 1 m/s^2 per m/s; Z3 alone follows that drag as it turns too late.
 
@@ -129,7 +130,7 @@ def test_a_drone_that_is_as_its_profile_says_is_trusted_in_the_same_gust() -> No
     assert f"hover: {TOLD}" not in texts(flight)
 
 
-@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+@pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=pytest.mark.nightly)])
 def test_a_late_take_off_is_flown_or_refused_and_never_cut(autopilot: str) -> None:
     """Asked for so long after `arm` was; arming itself takes about two seconds of that. Two drones."""
     vehicles = tuple(TrueVehicle(sysid=sysid, autopilot=autopilot) for sysid in (1, 2))

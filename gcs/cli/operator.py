@@ -19,6 +19,7 @@ from wire import clock
 from wire.errors import BusError, ConfigError
 from wire.process.console import NO_GROUND, NOT_RIGHT, REJECTED, Insecure, Json, Name, fail, print_error
 from wire.process.own_name import own_name
+from wire.process.program import with_options
 from wire.transport.lab_address import address_near
 
 if TYPE_CHECKING:
@@ -44,15 +45,44 @@ Identity = Annotated[
 ]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Ground:
     """Which ground is asked, as whom, and how long its answer is awaited; None: as long as is usual."""
 
-    lab: Path | None
-    name: str
-    timeout_s: float | None
-    identity: str
-    insecure: bool
+    lab: Lab = None
+    name: Name = GCS_NAME
+    as_json: Json = False
+    timeout: Timeout = None
+    identity: Identity = ""
+    insecure: Insecure = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Shape(_Ground):
+    """A shape, and the ground that is asked for it."""
+
+    shape_name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME", help="Its name; a wrong one is answered by those known.", autocompletion=completion.shapes
+        ),
+    ]
+    scale: Annotated[float, typer.Option(help="How much larger than usual.")] = 1.0
+    heading: Annotated[float, typer.Option(metavar="DEG", help="Turned to the left about the leader by this.")] = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Trajectory(_Ground):
+    """A trajectory, and the ground that is asked for it."""
+
+    trajectory_name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME",
+            help="Its name in lab.toml; a wrong one is answered by those known.",
+            autocompletion=completion.trajectories,
+        ),
+    ]
 
 
 def register(app: typer.Typer) -> None:
@@ -73,17 +103,11 @@ def register(app: typer.Typer) -> None:
     _register(app, Verb.RESET, "After a stop, back to GROUND; refused while any drone is armed or unheard.")
 
 
-def status(
-    lab: Lab = None,
-    name: Name = GCS_NAME,
-    as_json: Json = False,
-    timeout: Timeout = None,
-    identity: Identity = "",
-    insecure: Insecure = False,
-) -> None:
+@with_options(_Ground)
+def status(ground: _Ground) -> None:
     """Show the phase, every drone, and what keeps them from arming."""
-    reply = _ask(Verb.STATUS, "", _Ground(lab, name, timeout, identity, insecure))
-    if as_json:
+    reply = _ask(Verb.STATUS, "", ground)
+    if ground.as_json:
         print(reply.text)
     else:
         from rich.console import Console
@@ -93,66 +117,31 @@ def status(
         print_status(parse_object(reply.text), Console())
 
 
-def shape(
-    shape_name: Annotated[
-        str,
-        typer.Argument(
-            metavar="NAME", help="Its name; a wrong one is answered by those known.", autocompletion=completion.shapes
-        ),
-    ],
-    scale: Annotated[float, typer.Option(help="How much larger than usual.")] = 1.0,
-    heading: Annotated[float, typer.Option(metavar="DEG", help="Turned to the left about the leader by this.")] = 0.0,
-    lab: Lab = None,
-    name: Name = GCS_NAME,
-    as_json: Json = False,
-    timeout: Timeout = None,
-    identity: Identity = "",
-    insecure: Insecure = False,
-) -> None:
+@with_options(_Shape)
+def shape(asked: _Shape) -> None:
     """Change the formation's shape, size or heading, in flight too; refused where drones would come too near."""
-    request = ShapeRequest(shape_name, scale, math.radians(heading))
-    _command(Verb.SHAPE, request.text, as_json, _Ground(lab, name, timeout, identity, insecure))
+    _command(Verb.SHAPE, ShapeRequest(asked.shape_name, asked.scale, math.radians(asked.heading)).text, asked)
 
 
-def trajectory(
-    trajectory_name: Annotated[
-        str,
-        typer.Argument(
-            metavar="NAME",
-            help="Its name in lab.toml; a wrong one is answered by those known.",
-            autocompletion=completion.trajectories,
-        ),
-    ],
-    lab: Lab = None,
-    name: Name = GCS_NAME,
-    as_json: Json = False,
-    timeout: Timeout = None,
-    identity: Identity = "",
-    insecure: Insecure = False,
-) -> None:
+@with_options(_Trajectory)
+def trajectory(asked: _Trajectory) -> None:
     """Choose which trajectory the leader flies at the next start; refused where it does not fit, or is flying one."""
-    _command(Verb.TRAJECTORY, trajectory_name, as_json, _Ground(lab, name, timeout, identity, insecure))
+    _command(Verb.TRAJECTORY, asked.trajectory_name, asked)
 
 
 def _register(app: typer.Typer, verb: Verb, words: str) -> None:
     """The command of one verb that takes no argument."""
 
-    def ask(
-        lab: Lab = None,
-        name: Name = GCS_NAME,
-        as_json: Json = False,
-        timeout: Timeout = None,
-        identity: Identity = "",
-        insecure: Insecure = False,
-    ) -> None:
-        _command(verb, "", as_json, _Ground(lab, name, timeout, identity, insecure))
+    @with_options(_Ground)
+    def ask(ground: _Ground) -> None:
+        _command(verb, "", ground)
 
     app.command(verb.command_name, help=words)(ask)
 
 
-def _command(verb: Verb, argument: str, as_json: bool, ground: _Ground) -> None:
+def _command(verb: Verb, argument: str, ground: _Ground) -> None:
     reply = _ask(verb, argument, ground)
-    if as_json:
+    if ground.as_json:
         print(json.dumps({"accepted": reply.accepted, "text": reply.text}))
     elif reply.accepted:
         print(reply.text)
@@ -169,7 +158,7 @@ def _ask(verb: Verb, argument: str, ground: _Ground) -> OperatorReply:
     try:
         where = address_near(ground.lab)
         access = where.access(ground.identity, ground.insecure)
-        return ask(where.endpoints, where.lab, ground.name, request, _patience(verb, ground.timeout_s), access)
+        return ask(where.endpoints, where.lab, ground.name, request, _patience(verb, ground.timeout), access)
     except TimeoutError as error:
         fail(f"no ground answers: {error}", NO_GROUND)
     except (BusError, ConfigError) as error:

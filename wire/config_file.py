@@ -53,7 +53,7 @@ def load(path: Path, model: type[M]) -> M:
         return parse(read_toml(path), model, source=str(path), folder=path.parent)
     except ConfigError as error:
         at = lines_of(path)
-        lines = [fault.text(at.of(str(path), fault.key)) for fault in error.faults]
+        lines = [fault.text(at.of(fault.key)) for fault in error.faults]
         raise ConfigError(lines or error.problems, error.faults, error.source) from error
 
 
@@ -169,9 +169,10 @@ def load_profile(path: Path) -> VehicleProfile:
     if not isinstance(entries, list) or len(entries) != 1 or not isinstance(entries[0], dict):
         raise ConfigError([f"{path}: profiles: one entry [[profiles]] is wanted"])
     try:
-        return parse(on_base(entries[0]), VehicleProfile, source=str(path))
+        whole = on_base(entries[0])
     except ValueError as error:
-        raise error if isinstance(error, ConfigError) else ConfigError([f"{path}: base: {error}"]) from error
+        raise ConfigError([f"{path}: base: {error}"]) from error
+    return parse(whole, VehicleProfile, source=str(path))
 
 
 def dump(model: Model) -> str:

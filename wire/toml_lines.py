@@ -16,19 +16,20 @@ _TEXT = re.compile(r"\"{3}.*?(?:\"{3}|$)|'{3}.*?(?:'{3}|$)|\"(?:[^\"\\\n]|\\.)*\
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """Lines by key as messages have it, `followers[0].offset_m`, and the followers' names by theirs."""
+    """Of a file, its lines by key as messages have it, `followers[0].offset_m`, and the followers' names by theirs."""
 
+    source: str
     lines: Mapping[str, int]
     bodies: Mapping[str, str]
 
-    def of(self, source: str, key: str) -> str:
+    def of(self, key: str) -> str:
         """How a message begins: `lab.toml:14 followers[1].offset_m (left)`."""
         line, above = 0, key
         while above and not line:
             line = self.lines.get(above) or self.lines.get(f"{above}[0]", 0)
             above = above[: max(above.rfind("."), above.rfind("["), 0)]
         body = next((name for owner, name in self.bodies.items() if key.startswith(owner)), "")
-        return f"{source}:{line or ''} {key}{f' ({body})' if body else ''}".rstrip()
+        return f"{self.source}:{line or ''} {key}{f' ({body})' if body else ''}".rstrip()
 
 
 def lines_of(path: Path) -> Lines:
@@ -37,14 +38,14 @@ def lines_of(path: Path) -> Lines:
         text = read_text(path)
         values = tomllib.loads(text)
     except (OSError, ValueError):
-        return Lines({}, {})
+        return Lines(str(path), {}, {})
     lines: dict[str, int] = {}
     for key, line in _keys(text):
         lines.setdefault(key, line)
     followers = values.get("followers")
     named = enumerate(followers if isinstance(followers, list) else ())
     bodies = {f"followers[{i}]": str(each["body"]) for i, each in named if isinstance(each, dict) and "body" in each}
-    return Lines(lines, bodies)
+    return Lines(str(path), lines, bodies)
 
 
 def _keys(text: str) -> Iterator[tuple[str, int]]:

@@ -171,11 +171,8 @@ async def _detect_restarts(survey: "Survey", lab_file: Path, written: "Sequence[
     drop_met(lab_file, survey.booted_ns, REAL_TIME)
     for fix in written:
         found = await survey.read(fix)
-        words = (
-            "kept"
-            if found is not None and abs(found - fix.value) < 1e-3
-            else f"NOT kept: {'no answer' if found is None else f'{found:g}'}"
-        )
+        is_saved = found is not None and abs(found - fix.value) < 1e-3
+        words = "kept" if is_saved else "NOT kept: " + ("no answer" if found is None else f"{found:g}")
         print(f"{survey.drones[fix.sysid].name}: {fix.parameter} {words}", file=sys.stderr)
 
 

@@ -147,7 +147,7 @@ def conclude(lab: Path, findings: Sequence[Finding], counted: dict[str, object] 
     else:
         for words, found in (("error", errors), ("warning", warnings)):
             for finding in found:
-                print_line(f"{words}: {line(finding, lab, at)}", finding.grade, Console())
+                print_line(f"{words}: {line(finding, at)}", finding.grade, Console())
         print(f"{lab}: {_counted(len(errors), 'error')}, {_counted(len(warnings), 'warning')}")
     if failed(findings):
         raise typer.Exit(REJECTED)

@@ -30,11 +30,11 @@ def findings_of(config: LabConfig) -> tuple[Finding, ...]:
     return (*judge(config), *missing)
 
 
-def line(finding: Finding, file: Path, at: Lines | None = None) -> str:
-    """`file:line key = value: reason, wanted ...` in one line. at: of that file, where it is read already."""
+def line(finding: Finding, at: Lines) -> str:
+    """`file:line key = value: reason, wanted ...` in one line. at: of the file that is judged."""
     value = f" = {finding.found}" if finding.found else ""
     wanted = f"; wanted {finding.wanted}" if finding.wanted else ""
-    return f"{(at or lines_of(file)).of(str(file), finding.subject)}{value}: {finding.why}{wanted}"
+    return f"{at.of(finding.subject)}{value}: {finding.why}{wanted}"
 
 
 def of_grade(findings: Sequence[Finding], grade: Grade) -> list[Finding]:
@@ -51,12 +51,12 @@ def approved(path: Path, as_json: bool, *, insecure: bool = False) -> LabConfig:
     findings = [found for found in findings_of(config) if not (insecure and found.check == SECURITY)]
     at = lines_of(path)
     if errors := of_grade(findings, Grade.FAIL):
-        fail("\n".join(line(finding, path, at) for finding in errors), NOT_RIGHT)
+        fail("\n".join(line(finding, at) for finding in errors), NOT_RIGHT)
     for finding in of_grade(findings, Grade.WARN):
         if as_json:
-            print(json.dumps({"severity": "WARNING", "source": str(path), "text": line(finding, path, at)}), flush=True)
+            print(json.dumps({"severity": "WARNING", "source": str(path), "text": line(finding, at)}), flush=True)
         else:
-            print_line(line(finding, path, at), Grade.WARN)
+            print_line(line(finding, at), Grade.WARN)
     return config
 
 

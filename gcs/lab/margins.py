@@ -31,16 +31,8 @@ def _judge(config: LabConfig, kind: VehicleProfile) -> list[Finding]:
         if own.name == kind.name:
             key, value = f"profiles[{k}].response_lag_s", f"{kind.response_lag_s:g}"
     wanted = "a shorter response_dead_time_s, response_lag_s or mocap.delay_s, or slower gains"
-    return [
-        Finding(
-            key,
-            "delay",
-            Grade.FAIL,
-            value,
-            wanted,
-            f"would not fly steadily: {delay_margin(kind, gains, config.mocap)}",
-        )
-    ]
+    why = f"would not fly steadily: {delay_margin(kind, gains, config.mocap)}"
+    return [Finding(key, "delay", Grade.FAIL, value, wanted, why)]
 
 
 def _is_known(config: LabConfig, kind: VehicleProfile) -> bool:

@@ -46,6 +46,7 @@ from wire.process.program import print_json_error
 from wire.process.progress import compile_all
 from wire.process.starved import StarvedError
 from wire.security.private_keys import keys_folder
+from wire.toml_lines import lines_of
 
 ABORTED, NOT_RIGHT, INTERRUPTED = 1, 2, 130
 LOG_BYTES = 32 << 20
@@ -207,7 +208,8 @@ def check_lab(opened: Opened) -> None:
         found = (finding for finding in judge(opened.lab) if finding.check != SECURITY)
         failed = [finding for finding in found if finding.grade is Grade.FAIL]
         if failed:
-            raise ConfigError([line(finding, opened.lab_file) for finding in failed])
+            at = lines_of(opened.lab_file)
+            raise ConfigError([line(finding, at) for finding in failed])
 
 
 def compile_for(scenario: Scenario) -> None:

@@ -2,13 +2,14 @@
 
 import json
 import sys
+from collections.abc import Coroutine
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from drone_agent.stages import table_markdown
+from drone_agent.guard.stages import table_markdown
 from wire.clock import Clock
 from wire.errors import ConfigError
 from wire.markdown import rows
@@ -20,7 +21,8 @@ from wire.process.program import SingleProgram, Version, print_json_error, with_
 from wire.process.starved import StarvedError
 
 if TYPE_CHECKING:
-    from drone_agent.config import AgentConfig
+    from drone_agent.config import SimulatedDroneConfig
+    from wire.process.lifetime import EventSink
 
 app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -113,19 +115,10 @@ def fly(options: Options) -> None:
 def _fly(options: Options) -> None:
     import uvloop
 
-    from drone_agent.bridge.daemon import run_bridge
-    from drone_agent.daemon import run
-
     report = print_event_json if options.as_json else print_event
     try:
-        agents = [_configured(options, file) for file in options.config or ()] or [_configured(options, None)]
-        first = agents[0]
-        if len(agents) > 1:
-            _check_together(agents)
-        if first.bridge is None:
-            uvloop.run(run(agents, report, Clock(options.speed)))
-        else:
-            uvloop.run(run_bridge(first, first.bridge, report, Clock(options.speed)))
+        drones = [_merge(options, file) for file in options.config or ()] or [_merge(options, None)]
+        uvloop.run(_process(drones, report, Clock(options.speed)))
     except ConfigError as error:
         _fail(str(error), 2)
     except StarvedError as error:
@@ -134,29 +127,61 @@ def _fly(options: Options) -> None:
         _fail(f"drone-agent: {error.strerror or error}", 1)
 
 
-def _configured(options: Options, file: Path | None) -> "AgentConfig":
-    """The file's configuration with the options given laid over it."""
-    from drone_agent.config import AgentConfig
-    from wire.config_file import load, parse
+def _process(drones: list[dict[str, Any]], report: "EventSink", clock: Clock) -> Coroutine[Any, Any, None]:
+    """What the process does: a bridge or simulated drones. Only what it is is imported; ConfigError."""
+    from wire.config_file import parse
 
-    base: dict[str, Any] = {} if file is None else load(file, AgentConfig).model_dump(exclude_unset=True)
+    bridges = any(drone.get("bridge") is not None for drone in drones)
+    if bridges and len(drones) > 1:
+        raise ConfigError(["drone-agent: bridge: a bridge is a process of its own"])
+    if bridges:
+        from drone_agent.bridge import BridgeConfig, run_bridge
+
+        return run_bridge(parse(drones[0], BridgeConfig, source="drone-agent"), report, clock)
+    from drone_agent.config import SimulatedDroneConfig
+    from drone_agent.daemon import run
+
+    agents = [parse(drone, SimulatedDroneConfig, source="drone-agent") for drone in drones]
+    _check_together(agents)
+    return run(agents, report, clock)
+
+
+def _merge(options: Options, file: Path | None) -> dict[str, Any]:
+    """The file's configuration with the options given laid over it; ConfigError."""
+    base = {} if file is None else _read(file)
     for key, value in _laid_over(options).items():
-        if isinstance(value, dict):
+        if isinstance(value, dict) and value:
             base[key] = {**base.get(key, {}), **value}
-        elif value is not None:
+        elif value is not None and value != {}:
             base[key] = value
-    return parse(base, AgentConfig, source="drone-agent")
+    return base
 
 
-def _check_together(agents: "list[AgentConfig]") -> None:
+def _read(file: Path) -> dict[str, Any]:
+    """What a file sets, each error with its line; ConfigError."""
+    from wire.config_file import load
+    from wire.toml_text import read_toml
+
+    if "bridge" in read_toml(file):
+        from drone_agent.bridge import BridgeConfig
+
+        return load(file, BridgeConfig).model_dump(exclude_unset=True)
+    from drone_agent.config import SimulatedDroneConfig
+
+    return load(file, SimulatedDroneConfig).model_dump(exclude_unset=True)
+
+
+def _check_together(agents: "list[SimulatedDroneConfig]") -> None:
     """ConfigError where one process cannot be all of them: they share its bus, and nothing else."""
     numbers = [agent.sysid for agent in agents]
     files = [agent.parameter_file for agent in agents if agent.parameter_file is not None]
     for wrong, text in (
         (len(set(numbers)) < len(numbers), "sysid: each drone needs its own"),
         (len(set(files)) < len(files), "parameter_file: each drone needs its own"),
-        (any(agent.bridge is not None for agent in agents), "bridge: a bridge is a process of its own"),
-        (any(agent.keys is not None for agent in agents), "keys: a drone with keys is a process of its own"),
+        (
+            len(agents) > 1 and any(agent.keys is not None for agent in agents),
+            "keys: a drone with keys is a process of its own",
+        ),
         (len({agent.lab for agent in agents}) > 1, "lab: the drones of one process are in one lab"),
     ):
         if wrong:

@@ -9,7 +9,7 @@ import numpy as np
 
 from drone_agent.autopilots.models import MODELS
 from drone_agent.autopilots.parameters import Parameters
-from drone_agent.config import AgentConfig
+from drone_agent.config import SimulatedDroneConfig
 from drone_agent.flight.autopilot import CONTROL_NS, Autopilot
 from drone_agent.flight.estimator import Estimator, ExternalPose
 from drone_agent.flight.failsafes import Failsafes
@@ -52,7 +52,7 @@ class AgentOutgoing(NamedTuple):
 class AgentCore:
     """One simulated drone. Call `receive` with what arrives and `tick` no later than `next_deadline_ns`."""
 
-    def __init__(self, config: AgentConfig, t0_ns: int, physics: Physics = OWN) -> None:
+    def __init__(self, config: SimulatedDroneConfig, t0_ns: int, physics: Physics = OWN) -> None:
         """physics: what integrates the vehicle."""
         model = MODELS[config.autopilot]
         self.config = config
@@ -249,7 +249,7 @@ class AgentCore:
             self._inbox.rejections.note("own telemetry", str(error), self.airframe.t_ns)
 
 
-def _first_values(config: AgentConfig, table: AutopilotTable) -> dict[str, float]:
+def _first_values(config: SimulatedDroneConfig, table: AutopilotTable) -> dict[str, float]:
     """What this drone's parameters are set up to: its own number, its kind's hover thrust, its pose, its own values."""
     hover = round(profile(config.profile, config.profiles).hover_thrust_norm, 3)
     values = {table.system_parameter: float(config.sysid), table.hover_parameter: hover}

@@ -5,13 +5,11 @@ import sys
 from collections.abc import Sequence
 
 from drone_agent.autopilots import parameter_file
-from drone_agent.config import AgentConfig
+from drone_agent.config import SimulatedDroneConfig
 from drone_agent.core import AgentCore
+from drone_agent.guard.core import warm_up
 from drone_agent.guarded import GuardedDrone
-from drone_agent.link.awaited import awaited_bus, awaited_pose
-from drone_agent.link.ground_link import open_ground_link
-from drone_agent.timer import DeadlineTimer
-from drone_agent.warm_up import warm_up
+from drone_agent.process import DeadlineTimer, awaited_bus, awaited_pose, drone_protection, open_ground_link
 from formation.messages import Datagram, LabFrame
 from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
@@ -31,7 +29,7 @@ class _Pump:
     """Hands what arrives to the core at once, and wakes it at its own deadlines."""
 
     def __init__(
-        self, config: AgentConfig, core: Drone, report: EventSink, clock: Clock, rejections: RejectionLog
+        self, config: SimulatedDroneConfig, core: Drone, report: EventSink, clock: Clock, rejections: RejectionLog
     ) -> None:
         """rejections: of this process; whoever turns first reports them."""
         self.config = config
@@ -85,12 +83,12 @@ class _Pump:
         return now_ns
 
 
-async def run(configs: Sequence[AgentConfig], report: EventSink, clock: Clock = REAL_TIME) -> None:
+async def run(configs: Sequence[SimulatedDroneConfig], report: EventSink, clock: Clock = REAL_TIME) -> None:
     """Be the drones until SIGINT or SIGTERM; one connection to the bus, as the first is configured, serves all.
 
     Raises OSError where a port is taken, ConfigError for parameters that are none, StarvedError.
     """
-    stop, rejections, protections = Stop(), RejectionLog(), [config.protection for config in configs]
+    stop, rejections, protections = Stop(), RejectionLog(), [drone_protection(config) for config in configs]
     cores = [_core(config, clock) for config in configs]
     compile_all("drone-agent", lambda: _warm_up(cores, clock), sys.stderr)
     pumps = [_Pump(config, core, report, clock, rejections) for config, core in zip(configs, cores, strict=True)]
@@ -127,7 +125,7 @@ async def run(configs: Sequence[AgentConfig], report: EventSink, clock: Clock = 
             await bus.close()
 
 
-def _uses_bus(config: AgentConfig) -> bool:
+def _uses_bus(config: SimulatedDroneConfig) -> bool:
     return config.link.kind == "zenoh" or config.is_guarded or config.truth_rate_hz > 0.0
 
 
@@ -141,7 +139,7 @@ def _awaited_pose(pump: _Pump) -> Awaited:
     return awaited_pose(pump.config, lambda: pump.has_pose)
 
 
-def _core(config: AgentConfig, clock: Clock) -> Drone:
+def _core(config: SimulatedDroneConfig, clock: Clock) -> Drone:
     """ConfigError for parameters that are none."""
     stored = {} if config.parameter_file is None else parameter_file.read(config.parameter_file)
     config = config.model_copy(update={"parameters": {**config.parameters, **stored}})

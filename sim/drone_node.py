@@ -5,11 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from drone_agent.autopilots.model import Task
-from drone_agent.bridge.core import BridgeCore
-from drone_agent.bridge.setpoints import SETPOINTS
-from drone_agent.config import AgentConfig
-from drone_agent.core import AgentCore
+from drone_agent.config import SimulatedDroneConfig
+from drone_agent.guard.core import GuardCore
 from drone_agent.guard.navigator import Fault as PoseFault
+from drone_agent.guard.setpoints import SETPOINTS
+from drone_agent.guarded import GuardedDrone
 from drone_agent.simulation.physics import Physics
 from formation.maths.arrays import Float, Quat, Vec3
 from formation.messages import Datagram, Event, Innovation, LabFrame
@@ -52,20 +52,29 @@ class DroneNode:
     """
 
     __slots__ = (
-        "_config", "_input", "_received", "_without", "autopilot", "down", "due_ns", "events", "faults", "followed_ns",
-        "guards", "innovations", "own_due_ns", "row", "sysid", "up",
+        "_config", "_guards", "_input", "_received", "_without", "autopilot", "down", "drone", "due_ns", "events",
+        "faults", "followed_ns", "innovations", "own_due_ns", "row", "sysid", "up",
     )  # fmt: skip
 
     def __init__(
-        self, config: AgentConfig, scenario: Scenario, seed: int, now_ns: int, without: Without, physics: Physics
+        self,
+        config: SimulatedDroneConfig,
+        scenario: Scenario,
+        seed: int,
+        now_ns: int,
+        without: Without,
+        physics: Physics,
     ) -> None:
         """without: monitors that are switched off; physics: what integrates the vehicle."""
         self._config = config
         self._without = without.agent
         self.sysid = config.sysid
         # Truth is asked for at every exposure; nobody waits for it to be published.
-        self.autopilot = AgentCore(config.model_copy(update={"truth_rate_hz": 0.0}), now_ns, physics)
-        self.guards = [BridgeCore(config, now_ns, without=without.agent)]
+        silent = config.model_copy(update={"truth_rate_hz": 0.0})
+        self.drone = GuardedDrone(silent, now_ns, physics, without.agent)
+        self.autopilot = self.drone.autopilot
+        self._guards = self.drone.guards
+        """While they do not run, too."""
         model = scenario.link
         self.down = _channel(model, model.down_s, [seed, 3, config.sysid])
         self.up = _channel(model, model.up_s, [seed, 4, config.sysid])
@@ -83,7 +92,7 @@ class DroneNode:
 
     def update_due(self) -> None:
         """Update `due_ns`; call it after any change of the drone or its link."""
-        self.own_due_ns = self._next_deadline_ns()
+        self.own_due_ns = self.drone.next_deadline_ns()
         self.update_due_after_tick()
 
     def update_due_after_tick(self) -> None:
@@ -93,32 +102,29 @@ class DroneNode:
     def receive_frame(self, frame: LabFrame, now_ns: int) -> None:
         """Receive a mocap frame."""
         if self._input.admits(frame):
-            self._pass_to_guards(frame, now_ns)
+            self.drone.receive(frame, now_ns)
 
-    def receive_datagram(self, sent: Sent, now_ns: int) -> list[Datagram]:
+    def receive_datagram(self, sent: Sent, now_ns: int) -> tuple[Datagram, ...]:
         """Receive a ground's datagram; returns the datagrams sent at once."""
         if not self._input.admits(sent):
-            return []
+            return ()
         self._pass_to_guards(sent, now_ns)
         return self.tick(now_ns)
 
-    def tick(self, now_ns: int) -> list[Datagram]:
-        """The datagrams for the ground; guard and autopilot exchange theirs, without delay, until neither has more."""
-        to_ground: list[Datagram] = []
-        guards, busy = self.guards if self._input.runs else [], True
-        while busy:
-            due_ns = self.autopilot.next_deadline_ns()
-            busy = due_ns <= now_ns
-            if busy:
-                self._tick_autopilot(now_ns)
-            for guard in guards:
-                guard_due_ns = guard.next_deadline_ns()
-                due_ns = min(due_ns, guard_due_ns)
-                if guard_due_ns <= now_ns:
-                    to_ground += self._tick_guard(guard, now_ns)
-                    busy = True
-        self.own_due_ns = due_ns
-        return to_ground
+    def tick(self, now_ns: int) -> tuple[Datagram, ...]:
+        """The datagrams for the ground; notes when the followed setpoint was sent, if one was accepted just now."""
+        outgoing = self.drone.tick(now_ns)
+        self.events += outgoing.events
+        self.innovations += outgoing.innovations
+        self.faults += outgoing.faults
+        for data in outgoing.unread:
+            self._input.admits(data)
+        if outgoing.to_autopilot and self.autopilot.autopilot.stream.last_ns == now_ns:
+            received_ns, sent_ns = self._received
+            passed = received_ns == now_ns and not _flown_by_guard(outgoing.to_autopilot[-1])
+            self.followed_ns = sent_ns if passed else now_ns
+        self.own_due_ns = self.drone.due_ns
+        return outgoing.datagrams
 
     def sample(self) -> Sample:
         """The true state of the drone, at the last millisecond of its physics."""
@@ -141,60 +147,29 @@ class DroneNode:
             case Family.STALL:
                 self._input.stall()
             case Family.TWIN:
-                self.guards.append(BridgeCore(self._config, now_ns, without=self._without))
+                self._guards.append(self._new_guard(now_ns))
+        self.drone.guards = self._guards if self._input.runs else []
 
     def end(self, fault: Fault, now_ns: int) -> None:
         """It is over: a stalled guard takes in what has come meanwhile, a restarted one is new."""
         if fault.family is Family.TWIN:
-            del self.guards[1:]
+            del self._guards[1:]
             return
         if fault.family is Family.RESTART:
-            self.guards[0] = BridgeCore(self._config, now_ns, without=self._without)
+            self._guards[0] = self._new_guard(now_ns)
+        self.drone.guards = self._guards
         for item in self._input.resume():
             self._pass_to_guards(item, now_ns)
 
-    def _next_deadline_ns(self) -> int:
-        """When guard or autopilot has something to do of itself."""
-        due_ns = self.autopilot.next_deadline_ns()
-        if self._input.runs:
-            for guard in self.guards:
-                due_ns = min(due_ns, guard.next_deadline_ns())
-        return due_ns
+    def _new_guard(self, now_ns: int) -> GuardCore:
+        return GuardCore(self._config, now_ns, without=self._without)
 
     def _pass_to_guards(self, item: LabFrame | Sent | bytes, now_ns: int) -> None:
-        for guard in self.guards:
-            if isinstance(item, LabFrame):
-                guard.receive_frame(item, now_ns)
-            elif isinstance(item, Sent):
-                guard.receive_ground(item.datagram, now_ns)
-            else:
-                guard.receive_autopilot(item, now_ns)
         if isinstance(item, Sent):
+            self.drone.receive(item.datagram, now_ns)
             self._received = (now_ns, item.t_ns)
-
-    def _tick_autopilot(self, now_ns: int) -> None:
-        outgoing = self.autopilot.tick(now_ns)
-        self.events += outgoing.events
-        for datagram in outgoing.datagrams:
-            if self._input.admits(datagram.data):
-                self._pass_to_guards(datagram.data, now_ns)
-
-    def _tick_guard(self, guard: BridgeCore, now_ns: int) -> tuple[Datagram, ...]:
-        outgoing = guard.tick(now_ns)
-        self.events += outgoing.events
-        self.innovations += outgoing.innovations
-        self.faults += outgoing.faults
-        received_ns, sent_ns = self._received
-        for datagram in outgoing.to_autopilot:
-            passed = received_ns == now_ns and not _flown_by_guard(datagram)
-            self._pass_to_autopilot(datagram, sent_ns if passed else now_ns, now_ns)
-        return outgoing.to_ground
-
-    def _pass_to_autopilot(self, datagram: Datagram, sent_ns: int, now_ns: int) -> None:
-        """Hand it over; note when the followed setpoint was sent, if it has accepted one just now."""
-        self.autopilot.receive(datagram, now_ns)
-        if self.autopilot.autopilot.stream.last_ns == now_ns:
-            self.followed_ns = sent_ns
+        else:
+            self.drone.receive(item, now_ns)
 
 
 def level_share(motor_gain: Float) -> float:

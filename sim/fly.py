@@ -6,7 +6,9 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from drone_agent.config import AgentConfig
+from drone_agent.bridge import BridgeConfig
+from drone_agent.config import SimulatedDroneConfig
+from drone_agent.guard.config import GuardConfig
 from formation.config import LinkConfig
 from formation.identities import TOOL
 from formation.messages import OperatorReply, OperatorRequest
@@ -113,7 +115,7 @@ async def running(
                 config = config.model_copy(update={"keys": keys_folder(security.keys, files.lab)})
             for name, agent_config in _drone(config, inner if config.sysid in bridged else None):
                 _write(files.drone(name), agent_config)
-                if hosts is None or agent_config.bridge is not None:
+                if hosts is None or isinstance(agent_config, BridgeConfig):
                     await group.start(name, "drone_agent", ["--config", str(files.drone(name)), *speed])
                 else:
                     agents.append(files.drone(name))
@@ -163,7 +165,7 @@ async def fly_on(flight: Running, scenario: Scenario, progress: Progress, clock:
     return await _first(flight.group.watch(), operate(flight.bus, operator, scenario.longest_s, progress, clock))
 
 
-def _drone(config: AgentConfig, inner: LinkConfig | None) -> Iterator[tuple[str, AgentConfig]]:
+def _drone(config: SimulatedDroneConfig, inner: LinkConfig | None) -> Iterator[tuple[str, GuardConfig]]:
     """A drone's processes: the agent, which shows its truth, and, where `inner` is its link to one, the bridge."""
     config = config.model_copy(update={"truth_rate_hz": TRUTH_RATE_HZ})
     if inner is None:
@@ -173,8 +175,9 @@ def _drone(config: AgentConfig, inner: LinkConfig | None) -> Iterator[tuple[str,
     own = {"kind": "udp", "zenoh_connect": config.link.zenoh_connect}
     behind = {"link": inner.model_copy(update=own), "body": f"behind-{config.sysid}", "guard": False}
     yield f"agent-{config.sysid}", config.model_copy(update=behind)
-    bridge = {"bridge": f"udp:{inner.host}:{inner.drone_port_base + config.sysid}", "truth_rate_hz": 0.0}
-    yield f"bridge-{config.sysid}", config.model_copy(update=bridge)
+    guards = {key: getattr(config, key) for key in GuardConfig.model_fields}
+    autopilot = f"udp:{inner.host}:{inner.drone_port_base + config.sysid}"
+    yield f"bridge-{config.sysid}", BridgeConfig(**guards, bridge=autopilot)
 
 
 def _write(path: Path, model: Model) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from analysis.load import Flight, from_records
-from drone_agent import warm_up as drone_warm_up
+from drone_agent.guard import core as guard
 from drone_agent.simulation.physics import OWN, Physics
 from formation.control.presets import Preset
 from formation.topics import Topic
@@ -70,7 +70,7 @@ def run_and_load(
 
 def warm_up(scenario: Scenario) -> None:
     """Compile all that a flight of the scenario runs; processes started later find it in the cache on disk."""
-    drone_warm_up.warm_up()
+    guard.warm_up()
     world = World(scenario, scenario.seed, lambda _topic, _message, _t_ns: None)
     while world.now_ns < T0_NS + WARM_UP_NS:
         world.step()

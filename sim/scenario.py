@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AliasChoices, Field, model_validator
 
-from drone_agent.config import AgentConfig
+from drone_agent.config import SimulatedDroneConfig
 from drone_agent.simulation.disturbance import Disturbance
 from drone_agent.simulation.inertial import InertialError
 from formation.config import FollowerConfig, LabConfig
@@ -222,7 +222,7 @@ def leader_seconds(scenario: Scenario, leader: Playback | None) -> float | None:
     return leader.flight_ns * 1e-9
 
 
-def agent_configs(scenario: Scenario, leader: Playback | None) -> tuple[AgentConfig, ...]:
+def agent_configs(scenario: Scenario, leader: Playback | None) -> tuple[SimulatedDroneConfig, ...]:
     """The simulated drones, in the lab's order, each on its starting place."""
     pos_lab_m, yaw_rad = _leader_start(scenario, leader)
     configs = []
@@ -234,7 +234,7 @@ def agent_configs(scenario: Scenario, leader: Playback | None) -> tuple[AgentCon
         if true.start is None and i > 0:
             start = _below_slot(scenario.lab.followers[i - 1], pos_lab_m, yaw_rad)
         configs.append(
-            AgentConfig(
+            SimulatedDroneConfig(
                 sysid=vehicle.sysid,
                 lab=scenario.lab.name,
                 body=vehicle.body,

@@ -38,7 +38,7 @@ def detected(row: Row) -> Detected:
             for sysid, node in flight.world.nodes.items():
                 found += [(sysid, flight.world.now_ns, fault.signature.name) for fault in node.faults]
                 node.faults.clear()
-                rejects = any(guard.rejects_poses for guard in node.guards)
+                rejects = any(guard.rejects_poses for guard in node.drone.guards)
                 if rejects and not rejecting.get(sysid):
                     found.append((sysid, flight.world.now_ns, "guard holds"))
                 rejecting[sysid] = rejects

@@ -19,12 +19,13 @@ from drone_agent.autopilots.model import (
     Timing,
 )
 from drone_agent.autopilots.parameters import Parameters
-from drone_agent.config import AgentConfig
-from drone_agent.flight.estimator import Belief, Estimator
+from drone_agent.config import SimulatedDroneConfig
+from drone_agent.flight.estimator import Estimator
 from drone_agent.flight.flying import Pilot
 from drone_agent.flight.landing import LandDetector
 from drone_agent.flight.stream import SetpointStream
 from drone_agent.flight.vehicle import Vehicle
+from drone_agent.guard.position import Belief
 from formation.messages import Severity
 from formation.model import Vec3Tuple
 from formation.vehicle.profile import VehicleProfile
@@ -48,7 +49,7 @@ class Autopilot:
 
     def __init__(
         self,
-        config: AgentConfig,
+        config: SimulatedDroneConfig,
         model: AutopilotModel,
         parameters: Parameters,
         vehicle: Vehicle,

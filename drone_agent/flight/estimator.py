@@ -13,9 +13,9 @@ import numpy as np
 from drone_agent.autopilots.model import Fusion
 from drone_agent.flight import ekf
 from drone_agent.flight.vehicle import ImuSample
+from drone_agent.guard.position import Belief
 from formation.maths.arrays import Float, Quat, Vec3
 from formation.maths.quaternion import heading_of
-from formation.model import Vec3Tuple
 
 _AGE_MAX_NS = 500_000_000
 _FRESH_NS = 300_000_000
@@ -37,14 +37,6 @@ class ExternalPose(NamedTuple):
     t_capture_ns: int
     pos_lab_m: Vec3
     q_lab_from_flu: Quat
-
-
-class Belief(NamedTuple):
-    """Where the autopilot thinks it is, in its own estimate's frame (`lab` if the external pose is right)."""
-
-    pos_lab_m: Vec3Tuple
-    vel_lab_m_s: Vec3Tuple
-    yaw_rad: float
 
 
 class Estimator:

@@ -6,10 +6,10 @@ Its times are its parameters'. What stands between it and a ground, and acts soo
 from math import cos, hypot
 
 from drone_agent.autopilots.model import Task
-from drone_agent.failsafe import LinkMonitor
 from drone_agent.flight.autopilot import Autopilot
 from drone_agent.flight.estimator import up_cos
 from drone_agent.flight.landing import ContactDetector
+from drone_agent.guard.failsafe import LinkMonitor
 from formation.messages import Severity
 from wire.autopilots.table import FlightMode
 

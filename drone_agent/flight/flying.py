@@ -3,9 +3,7 @@
 import numpy as np
 
 from drone_agent.autopilots.model import Task, Timing
-from drone_agent.flight.estimator import Belief
-from drone_agent.flight.position import NO_RATE, Demand, PositionController
-from drone_agent.simulation.attitude_loop import LoopSetpoint
+from drone_agent.guard.position import NO_RATE, Belief, Demand, LoopSetpoint, PositionController
 from formation.maths.arrays import Quat
 from formation.maths.frames import from_yaw
 from formation.model import Vec3Tuple

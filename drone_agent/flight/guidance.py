@@ -10,8 +10,7 @@ import numpy as np
 
 from drone_agent.autopilots.model import Task
 from drone_agent.flight.autopilot import Autopilot
-from drone_agent.flight.position import NO_RATE
-from drone_agent.simulation.attitude_loop import LoopSetpoint
+from drone_agent.guard.position import NO_RATE, LoopSetpoint
 from formation.maths.arrays import Quat, Vec3
 from formation.maths.frames import from_rotation_vector, multiply
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore, LocalFrame, PositionIgnore, PositionSetpoint

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Protocol
 
-from drone_agent.simulation.attitude_loop import LoopSetpoint
+from drone_agent.guard.position import LoopSetpoint
 from drone_agent.simulation.battery import BatteryPack
 from formation.maths.arrays import Float, Vec3
 

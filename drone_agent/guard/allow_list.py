@@ -7,6 +7,10 @@ fields of its payload. Nothing here knows keys: signatures are verified before.
 from dataclasses import dataclass
 from enum import StrEnum
 
+from wire.link_messages.commands import MavCommand
+from wire.link_messages.message_id import MessageId
+from wire.mavlink.framing import Frame
+
 
 class When(StrEnum):
     """In which state of the motors a packet passes."""
@@ -80,6 +84,35 @@ ARMED = "message that passes only while the motors are off"
 OTHER_SYSTEM = "message to another system, or to every system"
 PAST_CHECKS = "arming past the autopilot's checks"
 
+POSES = frozenset({MessageId.VISION_POSITION_ESTIMATE, MessageId.ATT_POS_MOCAP, MessageId.ODOMETRY})
+"""Of a ground: those of the bridge take their place."""
+READS = frozenset(
+    {
+        MessageId.HEARTBEAT,
+        MessageId.SET_MODE,
+        MessageId.GPS_GLOBAL_ORIGIN,
+        MessageId.COMMAND_LONG,
+        MessageId.COMMAND_INT,
+        MessageId.COMMAND_ACK,
+        MessageId.TIMESYNC,
+        MessageId.HIGHRES_IMU,
+        MessageId.ATTITUDE_QUATERNION,
+    }
+)
+"""Read by the bridge beside setpoints and poses."""
+SETS_MODE = frozenset(
+    {
+        MavCommand.NAV_RETURN_TO_LAUNCH,
+        MavCommand.NAV_LAND,
+        MavCommand.NAV_TAKEOFF,
+        MavCommand.DO_SET_MODE,
+        MavCommand.DO_FLIGHTTERMINATION,
+        MavCommand.DO_REPOSITION,
+        MavCommand.COMPONENT_ARM_DISARM,
+    }
+)
+"""Commands that may change the mode, or arm."""
+
 _ROWS = {row.number: row for row in ALLOWED}
 _COMMANDS = {row.number: row for row in ALLOWED_COMMANDS}
 _COMMAND_MESSAGES, _COMMAND_AT = (75, 76), slice(28, 30)
@@ -116,6 +149,12 @@ def _command_reject_reason(payload: bytes, *, armed: bool) -> str:
         return ARMED
     forces_arming = payload[_ACTION] != _ZERO and payload[_FORCE] != _ZERO
     return PAST_CHECKS if command == _ARM_DISARM and forces_arming else ""
+
+
+def list_reject_reason(frame: Frame, sysid: int, *, armed: bool) -> str:
+    """Why the allow-list ends a frame of the ground of drone `sysid` here; empty where it passes."""
+    version = 2 if frame.data[0] == 0xFD else 1
+    return reject_reason(version, frame.number, frame.payload, sysid, armed=armed)
 
 
 def allow_list_markdown() -> str:

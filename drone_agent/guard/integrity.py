@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from math import erfc, exp, inf, pi, sqrt
 
-from drone_agent.stages import Stage, Trigger, advance
+from drone_agent.guard.stages import Stage, Trigger, advance
 from formation.maths.records import Rows, rows
 from formation.navigation.evidence import LATE, LATER, LOSS, NOTHING, ONSETS, RAMP, STEP, Shape
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from drone_agent.config import AgentConfig
+from drone_agent.config import SimulatedDroneConfig
 from drone_agent.flight.autopilot import Autopilot
 from drone_agent.flight.estimator import ExternalPose
 from drone_agent.flight.failsafes import Failsafes
@@ -58,7 +58,7 @@ class Inbox:
 
     def __init__(
         self,
-        config: AgentConfig,
+        config: SimulatedDroneConfig,
         autopilot: Autopilot,
         failsafes: Failsafes,
         commander: Commander,

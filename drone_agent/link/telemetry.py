@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drone_agent.autopilots.model import Task
-from drone_agent.config import AgentConfig
+from drone_agent.config import SimulatedDroneConfig
 from drone_agent.flight.autopilot import Autopilot
 from formation.maths.arrays import Vec3
 from formation.maths.geodesy import to_globe
@@ -54,7 +54,7 @@ _LOAD = 0.2
 class TelemetryBuilder:
     """Builds telemetry from the autopilot's state at `now_ns`; `builders` are by MAVLink message id."""
 
-    config: AgentConfig
+    config: SimulatedDroneConfig
     autopilot: Autopilot
     t0_ns: int
 

@@ -9,7 +9,8 @@ from collections import deque
 import numpy as np
 
 from drone_agent.flight.vehicle import ImuSample
-from drone_agent.simulation.attitude_loop import WHOLE_MOTORS, LoopSetpoint, turn_target
+from drone_agent.guard.position import LoopSetpoint
+from drone_agent.simulation.attitude_loop import WHOLE_MOTORS, turn_target
 from drone_agent.simulation.battery import BatteryPack
 from drone_agent.simulation.disturbance import Disturbance, acceleration
 from drone_agent.simulation.inertial import InertialSensor

@@ -8,7 +8,8 @@ from math import acos, asin, cos, sin, sqrt
 
 import numpy as np
 
-from formation.maths.arrays import Float, Quat, Vec3
+from drone_agent.guard.position import LoopSetpoint
+from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import multiply_into
 from formation.vehicle.body import (
@@ -30,34 +31,6 @@ from formation.vehicle.rigid_body import body_step, rotor_reach_m
 
 STEP_MAX_S = 0.002
 WHOLE_MOTORS: Float = np.ones(4)
-
-
-class LoopSetpoint:
-    """What the attitude loop tracks: attitude, body-rate feed-forward and collective thrust (0..1).
-
-    target (8): the three in a row, as the kernel takes them; not to be changed.
-    """
-
-    __slots__ = ("target",)
-
-    def __init__(self, q_lab_from_flu: Quat, rate_flu_rad_s: Vec3, thrust_norm: float) -> None:
-        self.target = np.empty(8)
-        self.target[0:4], self.target[4:7], self.target[7] = q_lab_from_flu, rate_flu_rad_s, thrust_norm
-
-    @property
-    def q_lab_from_flu(self) -> Quat:
-        """Attitude."""
-        return self.target[0:4]
-
-    @property
-    def rate_flu_rad_s(self) -> Vec3:
-        """Body rate that is fed forward."""
-        return self.target[4:7]
-
-    @property
-    def thrust_norm(self) -> float:
-        """Collective thrust, 0..1."""
-        return float(self.target[7])
 
 
 def advance(

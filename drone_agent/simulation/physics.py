@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from typing import Protocol
 
-from drone_agent.simulation.attitude_loop import LoopSetpoint, advance
+from drone_agent.guard.position import LoopSetpoint
+from drone_agent.simulation.attitude_loop import advance
 from formation.maths.arrays import Float
 from formation.vehicle.profile import VehicleProfile, VehicleState
 

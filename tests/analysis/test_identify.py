@@ -18,7 +18,8 @@ from analysis.identify.signals import Seen, Sent
 from analysis.identify.thrust import Thrust
 from analysis.identify.vehicle import Identification, identify
 from analysis.load import Flight, from_records
-from drone_agent.simulation.attitude_loop import LoopSetpoint, advance
+from drone_agent.guard.position import LoopSetpoint
+from drone_agent.simulation.attitude_loop import advance
 from formation.maths import frames
 from formation.maths.arrays import Float
 from formation.vehicle.profile import GRAVITY_M_S2, PROFILES, VehicleProfile, at_rest

@@ -8,10 +8,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from drone_agent.config import AgentConfig
+from drone_agent.config import SimulatedDroneConfig
 from drone_agent.core import AgentCore
-from drone_agent.failsafe import StreamFailsafe
 from drone_agent.flight.autopilot import Autopilot
+from drone_agent.guard.failsafe import StreamFailsafe
 from drone_agent.guarded import GuardedDrone
 from drone_agent.simulation.airframe import Airframe
 from formation.maths.arrays import Float
@@ -36,7 +36,7 @@ class Harness:
     """Runs the core to chosen times and keeps what it says, with the time it said it."""
 
     def __init__(self, t0_ns: int = 0, **config: Any) -> None:
-        self.config = AgentConfig(**config)
+        self.config = SimulatedDroneConfig(**config)
         self.core = GuardedDrone(self.config, t0_ns) if self.config.is_guarded else AgentCore(self.config, t0_ns)
         self.t0_ns = self.now_ns = t0_ns
         self.target = Address(self.config.sysid, 1)
@@ -47,7 +47,7 @@ class Harness:
 
     @property
     def agent(self) -> AgentCore:
-        return self.core.behind if isinstance(self.core, GuardedDrone) else self.core
+        return self.core.autopilot if isinstance(self.core, GuardedDrone) else self.core
 
     @property
     def autopilot(self) -> Autopilot:
@@ -61,7 +61,7 @@ class Harness:
     def stream(self) -> StreamFailsafe:
         """The guard's."""
         assert isinstance(self.core, GuardedDrone)
-        return self.core.guard._takeover.stream
+        return self.core.guards[0]._takeover.stream
 
     @property
     def truth(self) -> Truth:

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import curve_fit
 
-from drone_agent.simulation.attitude_loop import LoopSetpoint, advance
+from drone_agent.guard.position import LoopSetpoint
+from drone_agent.simulation.attitude_loop import advance
 from drone_agent.simulation.disturbance import (
     STILL,
     Disturbance,

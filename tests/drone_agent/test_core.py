@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drone_agent.config import AgentConfig
+from drone_agent.config import SimulatedDroneConfig
 from drone_agent.core import AgentCore
 from drone_agent.flight.estimator import Estimator
+from drone_agent.guard.position import LoopSetpoint
 from drone_agent.link.schedule import RASTER_NS, Schedule
 from drone_agent.simulation.airframe import Airframe
-from drone_agent.simulation.attitude_loop import LoopSetpoint
 from drone_agent.simulation.disturbance import Disturbance, SweptFan
 from drone_agent.simulation.inertial import InertialError, InertialSensor
 from formation.config import LinkConfig
@@ -40,7 +40,7 @@ def test_the_same_input_gives_the_same_flight() -> None:
 @settings(max_examples=25)
 def test_looking_does_not_change_the_flight(steps: list[int]) -> None:
     def core() -> AgentCore:
-        return AgentCore(AgentConfig(disturbance=Disturbance(fan=SweptFan())), 7)
+        return AgentCore(SimulatedDroneConfig(disturbance=Disturbance(fan=SweptFan())), 7)
 
     watched, left_alone = core(), core()
     now_ns = 7
@@ -54,7 +54,7 @@ def test_looking_does_not_change_the_flight(steps: list[int]) -> None:
 
 @given(st.binary(max_size=300))
 def test_any_bytes_are_survived(data: bytes) -> None:
-    core = AgentCore(AgentConfig(), 0)
+    core = AgentCore(SimulatedDroneConfig(), 0)
     core.receive(Datagram(1, data), MS)
     core.tick(MS)
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from drone_agent.flight.vehicle import ImuSample
+from drone_agent.guard.position import LoopSetpoint
 from drone_agent.simulation.airframe import Airframe
-from drone_agent.simulation.attitude_loop import LoopSetpoint
 from drone_agent.simulation.disturbance import Disturbance
 from drone_agent.simulation.inertial import InertialError, InertialSensor
 from formation.maths.arrays import Float

@@ -5,7 +5,7 @@ import pytest
 
 from drone_agent.flight import ekf
 from drone_agent.flight.landing import ContactDetector
-from drone_agent.stages import TABLE, Stage, Trigger
+from drone_agent.guard.stages import TABLE, Stage, Trigger
 from formation.maths.frames import from_rotation_vector
 from formation.vehicle.profile import GRAVITY_M_S2
 from formation.vehicle.profile import profile as profile_of

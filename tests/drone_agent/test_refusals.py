@@ -5,9 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from drone_agent.bounds import TILT_MAX_RAD, within_bounds
-from drone_agent.setpoint_filter import RejectReason, SetpointFilter
-from drone_agent.stages import Stage
+from drone_agent.guard.setpoints import TILT_MAX_RAD, RejectReason, SetpointFilter, within_bounds
+from drone_agent.guard.stages import Stage
 from formation.maths.frames import from_rotation_vector
 from formation.messages import Datagram
 from formation.vehicle.profile import PAPER_40G

@@ -7,7 +7,8 @@ from itertools import count
 
 import numpy as np
 
-from drone_agent.simulation.attitude_loop import LoopSetpoint, advance
+from drone_agent.guard.position import LoopSetpoint
+from drone_agent.simulation.attitude_loop import advance
 from formation.config import FollowerConfig, LabConfig, LeaderConfig, TrajectoryConfig
 from formation.control.stack import ControlStack, Stages
 from formation.guidance.plan import Plan

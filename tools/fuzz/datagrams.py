@@ -15,9 +15,10 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from drone_agent.bridge.core import BridgeCore
-from drone_agent.config import AgentConfig
+from drone_agent.config import SimulatedDroneConfig
 from drone_agent.core import AgentCore
+from drone_agent.guard.config import GuardConfig
+from drone_agent.guard.core import GuardCore
 from formation.config import VehicleBody
 from formation.messages import Datagram
 from formation.vehicle.profile import profile
@@ -146,10 +147,8 @@ class Readers:
         self.link = DroneLink(
             VehicleBody(body="left", sysid=SYSID), SYSID, profile("paper_40g"), origin=(47.0, 8.0, 0.0)
         )
-        self.agent = AgentCore(AgentConfig(sysid=SYSID, pose="mocap", body="left"), 0)
-        self.bridges = [
-            BridgeCore(AgentConfig(sysid=SYSID, bridge="x", body="left"), 0, serial=s) for s in (False, True)
-        ]
+        self.agent = AgentCore(SimulatedDroneConfig(sysid=SYSID, pose="mocap", body="left"), 0)
+        self.bridges = [GuardCore(GuardConfig(sysid=SYSID, body="left"), 0, serial=s) for s in (False, True)]
         self._drone, self._ground = Codec(DRONE), Codec(GROUND)
 
     def take(self, data: bytes, now_ns: int) -> None:

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from drone_agent.bridge.core import BridgeCore
-from drone_agent.config import AgentConfig
+from drone_agent.config import SimulatedDroneConfig
+from drone_agent.guard.core import GuardCore
 from drone_agent.guarded import GuardedDrone
 from formation.config import LabConfig
 from formation.maths.arrays import Float
@@ -103,9 +103,9 @@ class Readers:
     def __init__(self, t0_ns: int) -> None:
         self.mocap = MocapCore(LAB)
         self._ground = GcsCore(LAB, t0_ns)
-        agent = AgentConfig(sysid=2, body="left", pose="mocap")
+        agent = SimulatedDroneConfig(sysid=2, body="left", pose="mocap")
         self._agent = GuardedDrone(agent, t0_ns)
-        self._bridge = BridgeCore(agent, t0_ns)
+        self._bridge = GuardCore(agent, t0_ns)
 
     def read(self, data: bytes, now_ns: int) -> LabFrame | None:
         """As the mocap process and the bus would: the frame that everyone gets, None for one that is refused."""

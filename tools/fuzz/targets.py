@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from drone_agent.bridge.core import BridgeCore
-from drone_agent.config import AgentConfig
+from drone_agent.guard.config import GuardConfig
+from drone_agent.guard.core import GuardCore
 from formation import topics
 from formation.messages import Datagram, Event, LabFrame, Phase, Severity, Tick
 from gcs.live.daemon import Live
@@ -53,7 +53,7 @@ class Targets:
         self.lab, self.agent = self._flying_lab(), self._flying_agent()
         self._to_ground, self._to_drone = Codec(TARGET), Codec(GROUND)
         self.mocap = MocapCore(self.lab.config)
-        self.bridge = BridgeCore(AgentConfig(sysid=SYSID, bridge="x", body="left"), self.agent.now_ns)
+        self.bridge = GuardCore(GuardConfig(sysid=SYSID, body="left"), self.agent.now_ns)
         self.page, self.state = Model(self.lab.config), published(self.lab)
         self.live, (self._head, self._chunks) = Live([Viewer()], lambda _text: None), log_pieces()
         self._count = 0

@@ -46,10 +46,10 @@ STAGES: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
         "guard, beside the drone",
         (
             ("bytes from the bus", "wire.mavlink.codec:Codec", ""),
-            ("setpoint filter: age, owner", "drone_agent.setpoint_filter:SetpointFilter", ""),
-            ("stage table", "drone_agent.stages:advance", "follow, hold, land"),
-            ("bounds on what is followed", "drone_agent.bounds", ""),
-            ("to the autopilot", "drone_agent.bridge.core", "or the simulated one"),
+            ("setpoint filter: age, owner", "drone_agent.guard.setpoints:SetpointFilter", ""),
+            ("stage table", "drone_agent.guard.stages:advance", "follow, hold, land"),
+            ("bounds on what is followed", "drone_agent.guard.setpoints", ""),
+            ("to the autopilot", "drone_agent.guard.core", "or the simulated one"),
         ),
     ),
 )

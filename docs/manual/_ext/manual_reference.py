@@ -501,7 +501,7 @@ def pose_validator(_: str = "") -> str:
 
 def stages(_: str = "") -> str:
     """The guard's stage table."""
-    from drone_agent.stages import table_markdown
+    from drone_agent.guard.stages import table_markdown
 
     return table_markdown()
 
@@ -522,10 +522,10 @@ def allow_list(_: str = "") -> str:
 
 def guard_times(_: str = "") -> str:
     """The times by which the guard acts."""
-    from drone_agent.config import AgentConfig
-    from drone_agent.failsafe import LAND_AFTER_S, REST_NS
+    from drone_agent.guard.config import GuardConfig
+    from drone_agent.guard.failsafe import LAND_AFTER_S, REST_NS
 
-    defaults = AgentConfig()
+    defaults = GuardConfig()
     return table(
         ("time", "value, s", "where it is set"),
         (

@@ -9,7 +9,8 @@ import numpy as np
 from rotorpy.vehicles.hummingbird_params import quad_params
 from rotorpy.vehicles.multirotor import Multirotor
 
-from drone_agent.simulation.attitude_loop import WHOLE_MOTORS, LoopSetpoint
+from drone_agent.guard.position import LoopSetpoint
+from drone_agent.simulation.attitude_loop import WHOLE_MOTORS
 from drone_agent.simulation.physics import Physics
 from formation.maths.arrays import Float, Vec3
 from formation.maths.frames import canonical, from_yaw, yaw

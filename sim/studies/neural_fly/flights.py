@@ -14,7 +14,8 @@ import numpy as np
 
 from analysis.load import from_records
 from analysis.tracking import reference_lab_m
-from drone_agent.simulation.attitude_loop import WHOLE_MOTORS, LoopSetpoint, advance
+from drone_agent.guard.position import LoopSetpoint
+from drone_agent.simulation.attitude_loop import WHOLE_MOTORS, advance
 from drone_agent.simulation.physics import OWN, Physics
 from formation.config import Fence, FlightConfig, FollowerConfig, LabConfig, LeaderConfig, LimitsConfig, LinkConfig
 from formation.maths.arrays import Float, Vec3

@@ -5,10 +5,10 @@ import struct
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as oracle
 
-from drone_agent.bridge.core import BridgeCore
-from drone_agent.config import AgentConfig
 from drone_agent.guard import allow_list
 from drone_agent.guard.allow_list import ALLOWED, ALLOWED_COMMANDS, When, reject_reason
+from drone_agent.guard.config import GuardConfig
+from drone_agent.guard.core import GuardCore
 from formation.messages import Datagram
 from wire.link_messages.address import Address
 from wire.link_messages.status import Heartbeat, MavAutopilot, MavState
@@ -45,16 +45,16 @@ def command(number: int, target: int = SYSID, **values: float) -> bytes:
     return packet(76, target, command=number, **values)
 
 
-def bridge(*, armed: bool = False, **config: object) -> BridgeCore:
+def bridge(*, armed: bool = False, **config: object) -> GuardCore:
     """A bridge of drone 1, whose autopilot has been heard."""
-    core = BridgeCore(AgentConfig(bridge="udp:127.0.0.1:1", body="b", **config), 0)
+    core = GuardCore(GuardConfig(body="b", **config), 0)
     beat = Heartbeat(MavAutopilot.PX4, 2, 128 if armed else 0, 0, MavState.ACTIVE)
     core.receive_autopilot(Codec(Address(SYSID, 1)).encode(beat), 1)
     core.tick(1)
     return core
 
 
-def passed(core: BridgeCore, data: bytes) -> list[int]:
+def passed(core: GuardCore, data: bytes) -> list[int]:
     """The ids of what reaches the autopilot of the bytes that a ground sent."""
     core.receive_ground(Datagram(SYSID, data), 2)
     cutter = FrameCutter()

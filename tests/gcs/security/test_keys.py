@@ -10,7 +10,8 @@ import pytest
 import tomli_w
 from typer.testing import CliRunner
 
-from drone_agent.config import AgentConfig
+from drone_agent.guard.config import GuardConfig
+from drone_agent.process import drone_protection
 from formation.config import LabConfig
 from formation.requests import OperatorRequest, Verb
 from gcs.cli.app import app
@@ -186,7 +187,7 @@ def test_a_bundle_with_one_false_file_installs_nothing_and_leaves_good_keys(
 def test_a_drone_without_its_signing_key_does_not_start_and_is_a_fault(lab: Path) -> None:
     (lab.parent / "keys" / "drone-2" / "mavlink-2.key").unlink()
     with pytest.raises(ConfigError, match=r"mavlink-2.key: no signing key"):
-        _ = AgentConfig(sysid=2, keys=lab.parent / "keys").protection
+        _ = drone_protection(GuardConfig(sysid=2, keys=lab.parent / "keys"))
     assert "drone-2 has no signing key" in gcs("check", "lab.toml", code=1)
 
 

@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'mavlink-formation[rotorpy]'")
 
-from drone_agent.simulation.attitude_loop import LoopSetpoint
+from drone_agent.guard.position import LoopSetpoint
 from formation.maths.frames import from_rotation_vector
 from formation.messages import Phase
 from formation.vehicle.profile import VehicleState, at_rest

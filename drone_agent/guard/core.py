@@ -7,25 +7,26 @@ where some have ended here.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from drone_agent.bridge.estimate import BodyEstimate
-from drone_agent.bridge.feed import BodyFeed
-from drone_agent.bridge.hold import BridgeHold
-from drone_agent.bridge.inertial_stream import LACKS, InertialStream
-from drone_agent.bridge.intercepted import POSES, READS, SETS_MODE, list_reject_reason
-from drone_agent.bridge.outgoing import BridgeOutgoing, datagrams
-from drone_agent.bridge.setpoints import SETPOINTS, BridgeSetpoints, stamp_ms
-from drone_agent.bridge.takeover import STEP_NS, Takeover, Turn
-from drone_agent.config import AgentConfig
-from drone_agent.failsafe import ATTITUDE_LOSS, BACK, NEW_OWNER, REPORTS, STOPPED, THRUST_LOSS, pose_fault
+from drone_agent.guard import estimate, position
+from drone_agent.guard.allow_list import POSES, READS, SETS_MODE, list_reject_reason
+from drone_agent.guard.config import GuardConfig
+from drone_agent.guard.estimate import BodyEstimate
+from drone_agent.guard.failsafe import ATTITUDE_LOSS, BACK, NEW_OWNER, REPORTS, STOPPED, THRUST_LOSS, pose_fault
+from drone_agent.guard.feed import BodyFeed
+from drone_agent.guard.hold import BodyHold
+from drone_agent.guard.inertial_stream import LACKS, InertialStream
 from drone_agent.guard.integrity import SIGNATURES
+from drone_agent.guard.monitors import MONITOR_OF, switched_off
 from drone_agent.guard.navigator import Fault
-from drone_agent.monitors import MONITOR_OF, switched_off
-from drone_agent.stages import Stage, Trigger
+from drone_agent.guard.setpoints import SETPOINTS, BodySetpoints, stamp_ms
+from drone_agent.guard.stages import Stage, Trigger
+from drone_agent.guard.takeover import STEP_NS, Takeover, Turn
 from formation.maths.arrays import Quat
-from formation.messages import Datagram, Event, LabFrame, Severity
+from formation.messages import Datagram, Event, Innovation, LabFrame, Severity
 from formation.vehicle.profile import profile
 from wire.autopilots.ardupilot import ARDUPILOT
 from wire.autopilots.px4 import PX4
@@ -49,7 +50,7 @@ from wire.link_messages.packet import LinkMessage
 from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
 from wire.link_messages.status import Heartbeat, MavAutopilot, MavState, MavType, NamedValue, StatusText
 from wire.mavlink.codec import Codec, MavlinkError, read_frame
-from wire.mavlink.framing import Frame, FrameCutter, renumbered
+from wire.mavlink.framing import Frame, FrameCutter, packed, renumbered
 
 _BEAT_NS = 1_000_000_000
 _HEARTBEAT = Heartbeat(MavAutopilot.INVALID, MavType.ONBOARD_CONTROLLER, 0, 0, MavState.ACTIVE)
@@ -57,15 +58,30 @@ _SILENT_NS = 1_500_000_000  # of heartbeats a second: it may have restarted, and
 _TABLES = {table.autopilot: table for table in (PX4, ARDUPILOT)}
 
 
-class BridgeCore:
+class GuardOutgoing(NamedTuple):
+    """What one tick gives: packets for the ground, packets for the autopilot, events, innovations, detected faults."""
+
+    to_ground: tuple[Datagram, ...]
+    to_autopilot: tuple[Datagram, ...]
+    events: tuple[Event, ...]
+    innovations: tuple[Innovation, ...] = ()
+    faults: tuple[Fault, ...] = ()
+
+
+def datagrams(sysid: int, packets: list[bytes]) -> tuple[Datagram, ...]:
+    """The packets for, or of, that drone in as few datagrams as hold them."""
+    return tuple([Datagram(sysid, data) for data in packed(b"".join(packets))]) if packets else ()
+
+
+class GuardCore:
     """One real drone. Call a `receive_*` with what arrives and `tick` no later than `next_deadline_ns`."""
 
     def __init__(
-        self, config: AgentConfig, t0_ns: int, *, serial: bool = False, without: frozenset[str] = frozenset()
+        self, config: GuardConfig, t0_ns: int, *, serial: bool = False, without: frozenset[str] = frozenset()
     ) -> None:
         """serial: the autopilot's bytes come as a stream, not as datagrams.
 
-        without: monitors to do without (drone_agent.monitors), else ValueError.
+        without: monitors to do without (drone_agent.guard.monitors), else ValueError.
         """
         self._without = switched_off(without)
         self._config = config
@@ -76,8 +92,8 @@ class BridgeCore:
         self._from_ground, self._from_autopilot = FrameCutter(), FrameCutter(stream=serial)
         self._autopilots_name = Codec(self._target)
         stale_s = 0.0 if "stream-stale" in without else config.stale_setpoint_s
-        self._takeover = Takeover(stale_s, None if "own-land" in without else config.land_after_s)
-        self._setpoints = BridgeSetpoints(config.sysid, t0_ns, self._takeover.stream, self._without)
+        self._takeover = Takeover(stale_s, None if "own-land" in without else config.stale_land_s)
+        self._setpoints = BodySetpoints(config.sysid, t0_ns, self._takeover.stream, self._without)
         self._table: AutopilotTable | None = None
         self._lacks_origin = False
         self._received_ns = t0_ns
@@ -86,7 +102,7 @@ class BridgeCore:
         configured = profile(config.profile, config.profiles)
         self._estimate = BodyEstimate(configured, config.sysid, signatures)
         self._watches_attitude = "motor-failure" not in without
-        self._hold = BridgeHold(self._estimate)
+        self._hold = BodyHold(self._estimate)
         self._hold_ns = t0_ns
         self._inertial = InertialStream(self._target, config.inertial_rate_hz, self._estimate, t0_ns)
         self._feed = BodyFeed(config.body_name, self._estimate, t0_ns)
@@ -132,7 +148,7 @@ class BridgeCore:
         if pose is not None:
             self._send_autopilot(pose)
 
-    def tick(self, now_ns: int) -> BridgeOutgoing:
+    def tick(self, now_ns: int) -> GuardOutgoing:
         """Everything to send now."""
         self._now_ns = now_ns
         if now_ns >= self._beat_ns:
@@ -154,7 +170,7 @@ class BridgeCore:
         self._act(self._takeover.due(now_ns, fed=self._feed.fresh(now_ns), stands=self._hold.stands))
         for event in self._setpoints.due_events(now_ns):
             self._report(event.severity, f"{event.text} (from {event.source})")
-        outgoing = BridgeOutgoing(
+        outgoing = GuardOutgoing(
             datagrams(self._config.sysid, self._to_ground),
             datagrams(self._config.sysid, self._to_autopilot),
             tuple(self._events),
@@ -406,3 +422,9 @@ class BridgeCore:
 
     def _send_autopilot(self, message: LinkMessage) -> None:
         self._to_autopilot.append(self._codec.encode(message))
+
+
+def warm_up() -> None:
+    """Compile what every guard calls, before any motor turns: nothing compiles in flight."""
+    position.warm_up()
+    estimate.warm_up()

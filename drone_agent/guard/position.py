@@ -9,9 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drone_agent.flight.estimator import Belief
-from drone_agent.simulation.attitude_loop import LoopSetpoint
-from formation.maths.arrays import Quat
+from formation.maths.arrays import Quat, Vec3
 from formation.maths.quaternion import attitude_of
 from formation.model import Vec3Tuple
 from formation.vehicle.profile import GRAVITY_M_S2
@@ -25,6 +23,42 @@ _TILT_MAX = math.tan(0.45)
 _LIFT_MIN_M_S2 = 0.3 * GRAVITY_M_S2
 NO_RATE = np.zeros(3)
 NO_RATE.setflags(write=False)
+
+
+class Belief(NamedTuple):
+    """Where the autopilot thinks it is, in its own estimate's frame (`lab` if the external pose is right)."""
+
+    pos_lab_m: Vec3Tuple
+    vel_lab_m_s: Vec3Tuple
+    yaw_rad: float
+
+
+class LoopSetpoint:
+    """What the attitude loop tracks: attitude, body-rate feed-forward and collective thrust (0..1).
+
+    target (8): the three in a row, as the kernel takes them; not to be changed.
+    """
+
+    __slots__ = ("target",)
+
+    def __init__(self, q_lab_from_flu: Quat, rate_flu_rad_s: Vec3, thrust_norm: float) -> None:
+        self.target = np.empty(8)
+        self.target[0:4], self.target[4:7], self.target[7] = q_lab_from_flu, rate_flu_rad_s, thrust_norm
+
+    @property
+    def q_lab_from_flu(self) -> Quat:
+        """Attitude."""
+        return self.target[0:4]
+
+    @property
+    def rate_flu_rad_s(self) -> Vec3:
+        """Body rate that is fed forward."""
+        return self.target[4:7]
+
+    @property
+    def thrust_norm(self) -> float:
+        """Collective thrust, 0..1."""
+        return float(self.target[7])
 
 
 class Demand(NamedTuple):

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
-from drone_agent.stages import Trigger
+from drone_agent.guard.stages import Trigger
 
 MONITORS = (
     "stale-setpoint",  # older than 100 ms

@@ -8,10 +8,8 @@ import math
 
 import numpy as np
 
-from drone_agent.bridge.estimate import BodyEstimate
-from drone_agent.flight.estimator import Belief
-from drone_agent.flight.position import NO_RATE, Demand, PositionController
-from drone_agent.simulation.attitude_loop import LoopSetpoint
+from drone_agent.guard.estimate import BodyEstimate
+from drone_agent.guard.position import NO_RATE, Belief, Demand, LoopSetpoint, PositionController
 from formation.maths.arrays import Quat
 from formation.maths.frames import IDENTITY, from_yaw, yaw
 from formation.maths.quaternion import thrust_axis
@@ -32,7 +30,7 @@ up is within 1 cm of its highest for 0.3 s.
 """
 
 
-class BridgeHold:
+class BodyHold:
     """One body, followed by its estimate. `note` what it is commanded; `begin`, then `step` at a steady rate."""
 
     def __init__(self, estimate: BodyEstimate) -> None:

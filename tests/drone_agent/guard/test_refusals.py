@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from drone_agent.bounds import TILT_MAX_RAD
-from drone_agent.bridge.core import BridgeCore
-from drone_agent.bridge.estimate import BodyEstimate
-from drone_agent.bridge.hold import BridgeHold
-from drone_agent.config import AgentConfig
-from drone_agent.monitors import MONITORS
-from drone_agent.stages import Stage
+from drone_agent.guard.config import GuardConfig
+from drone_agent.guard.core import GuardCore
+from drone_agent.guard.estimate import BodyEstimate
+from drone_agent.guard.hold import BodyHold
+from drone_agent.guard.monitors import MONITORS
+from drone_agent.guard.setpoints import TILT_MAX_RAD
+from drone_agent.guard.stages import Stage
 from formation.maths.arrays import Vec3
 from formation.maths.frames import from_rotation_vector
 from formation.messages import Datagram, LabFrame
@@ -36,7 +36,7 @@ class Bridged:
     """A bridge whose autopilot is armed and off-board, and whose grounds answer TIMESYNC."""
 
     def __init__(self, **options: object) -> None:
-        self.core = BridgeCore(AgentConfig(bridge="udp:h:1", body="b"), 0, **options)
+        self.core = GuardCore(GuardConfig(body="b"), 0, **options)
         self.drone = Codec(DRONE)
         self.now_ns = 0
         self.rng = np.random.default_rng(1)
@@ -222,7 +222,7 @@ def test_without_a_pose_it_comes_down_by_attitude_and_thrust_until_the_autopilot
     assert MavCommand.COMPONENT_ARM_DISARM in commands
 
 
-def flown(hold: BridgeHold, estimate: BodyEstimate, now_ns: int, pos_lab_m: Vec3, thrust: float) -> None:
+def flown(hold: BodyHold, estimate: BodyEstimate, now_ns: int, pos_lab_m: Vec3, thrust: float) -> None:
     """One pose, and one setpoint that passes."""
     estimate.receive_pose(now_ns, pos_lab_m, LEVEL, stands=False)
     estimate.receive_command(now_ns, thrust)
@@ -241,7 +241,7 @@ def test_hover_thrust_is_known_of_a_body_that_climbs_ever_faster(
 ) -> None:
     """Cut off in a take-off at 1.3 of its weight, it climbed on "coming down level" to 2.5 m; by either profile."""
     estimate, rng = BodyEstimate(vehicle, 1), np.random.default_rng(3)
-    hold = BridgeHold(estimate)
+    hold = BodyHold(estimate)
     for k in range(1, 101):
         t_s, now_ns = 0.01 * k, k * 10 * MS
         if measured:

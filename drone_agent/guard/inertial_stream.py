@@ -1,6 +1,6 @@
 """The autopilot's HIGHRES_IMU for the bridge: asked for where it does not come. No sockets."""
 
-from drone_agent.bridge.estimate import BodyEstimate
+from drone_agent.guard.estimate import BodyEstimate
 from wire.clock_offset import TimeSyncClient
 from wire.link_messages.address import Address
 from wire.link_messages.commands import CommandAck, CommandLong, MavCommand, Result, command_long

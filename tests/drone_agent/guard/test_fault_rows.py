@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drone_agent.guard.integrity import SIGNATURES
-from drone_agent.stages import Stage
+from drone_agent.guard.stages import Stage
 from formation.maths.arrays import Quat, Vec3
 from formation.maths.frames import from_rotation_vector, multiply
 from tests.drone_agent.agent_harness import Harness, S, Stream, hover_at, hover_over
@@ -39,7 +39,7 @@ def fly_spoilt(drone: Harness, seconds: float, stream: Stream, spoil: Spoil) -> 
         seen.append((drone.truth.pos_lab_m, drone.truth.q_lab_from_flu))
         t_s = (drone.now_ns - start_ns) / S
         drone.show(*(spoil(seen, t_s) if t_s > 0.0 else seen[-1]))
-        if found_s is None and drone.core.guard.rejects_poses:
+        if found_s is None and drone.core.guards[0].rejects_poses:
             found_s = t_s
     return found_s
 

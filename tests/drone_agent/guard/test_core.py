@@ -6,9 +6,9 @@ The autopilot here is our own simulated one without a fail-safe of ours, fed thr
 import numpy as np
 import pytest
 
-from drone_agent.bridge.core import BridgeCore
-from drone_agent.config import AgentConfig
 from drone_agent.core import AgentCore
+from drone_agent.guard.config import GuardConfig
+from drone_agent.guard.core import GuardCore
 from drone_agent.simulation.inertial import InertialError
 from formation.messages import Datagram, LabFrame
 from tests.drone_agent.agent_harness import LEVEL, MS, Harness, S, hover_over
@@ -23,7 +23,7 @@ SIH = InertialError(noise_m_s2=1.52, rate_noise_rad_s=0.125)
 
 
 def test_frames_pass_byte_for_byte() -> None:
-    bridge = BridgeCore(AgentConfig(bridge="serial:d:1"), 0, serial=True)
+    bridge = GuardCore(GuardConfig(), 0, serial=True)
     bridge.tick(0)
     ground, drone = Codec(GROUND), Codec(Address(1, 1))
     unknown = b"\xfd\x01\x00\x00\x07\x01\x01\xff\xfe\x0e\x2a\x11\x22"
@@ -40,7 +40,7 @@ def test_frames_pass_byte_for_byte() -> None:
 
 
 def test_the_grounds_poses_end_here_while_the_bridge_has_its_own() -> None:
-    bridge = BridgeCore(AgentConfig(bridge="udp:h:1", body="b"), 0)
+    bridge = GuardCore(GuardConfig(body="b"), 0)
     bridge.tick(0)
     pose = Codec(GROUND).encode(MocapPose(1, np.zeros(3), LEVEL))
     bridge.receive_ground(Datagram(1, pose), 1)
@@ -81,7 +81,7 @@ def test_a_real_px4_holds_in_no_mode_of_its_own_on_a_mocap_alone() -> None:
 
 
 def test_poses_pass_at_fifty_a_second_though_frames_jitter() -> None:
-    bridge = BridgeCore(AgentConfig(bridge="udp:h:1", body="b"), 0)
+    bridge = GuardCore(GuardConfig(body="b"), 0)
     rng, sent_ns = np.random.default_rng(1), []
     autopilot = Codec(Address(1, 1))
     for k in range(1000):
@@ -101,12 +101,12 @@ def test_an_ardupilot_is_given_its_origin_and_again_after_a_restart() -> None:
         assert origin is not None
         assert origin[0] == pytest.approx(47.397742, abs=1e-6)
         drone.now_ns += 3 * S  # it boots
-        drone.core.behind = AgentCore(drone.config, drone.now_ns)
+        drone.core.autopilot = AgentCore(drone.config, drone.now_ns)
         assert drone.autopilot.origin is None
 
 
 def test_tells_of_an_autopilot_with_another_number() -> None:
-    bridge = BridgeCore(AgentConfig(bridge="udp:h:1", body="b"), 0)
+    bridge = GuardCore(GuardConfig(body="b"), 0)
     bridge.receive_autopilot(Codec(Address(7, 1)).encode(LocalPosition(5, np.ones(3), np.zeros(3))), 1)
     out = bridge.tick(1)
     assert [e.text for e in out.events] == ["The autopilot says it is system 7, not 1"]

@@ -1,13 +1,13 @@
 """The guard's fail-safe of a drone whose ground falls silent. Pure.
 
-The stages and what leads from one to the next are `drone_agent.stages`; here are the times, and who owns the stream.
+The stages are in `drone_agent.guard.stages`; here are the times, and who owns the stream.
 """
 
 from collections import deque
 from dataclasses import dataclass, field
 
-from drone_agent.stages import RULED, Stage, Trigger
-from drone_agent.stages import advance as next_stage
+from drone_agent.guard.stages import RULED, Stage, Trigger
+from drone_agent.guard.stages import advance as next_stage
 from formation.messages import Severity
 from wire.link_messages.address import Address
 

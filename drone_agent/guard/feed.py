@@ -2,7 +2,7 @@
 
 from math import isfinite, nan
 
-from drone_agent.bridge.estimate import BodyEstimate
+from drone_agent.guard.estimate import BodyEstimate
 from formation.messages import LabFrame
 from formation.navigation.receive import RejectReason
 from wire.link_messages.motion import VisionPose

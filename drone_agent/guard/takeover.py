@@ -7,8 +7,8 @@ begun go on until a heartbeat reports another mode, in which they mean nothing: 
 
 from typing import NamedTuple
 
-from drone_agent.failsafe import REST_NS, StreamFailsafe
-from drone_agent.stages import Stage, Trigger
+from drone_agent.guard.failsafe import REST_NS, StreamFailsafe
+from drone_agent.guard.stages import Stage, Trigger
 from wire.link_messages.address import Address
 from wire.link_messages.commands import CommandAck, MavCommand, Result
 

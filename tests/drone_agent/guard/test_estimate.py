@@ -6,9 +6,9 @@ from math import nan
 import numpy as np
 import pytest
 
-from drone_agent.bridge.estimate import BodyEstimate
-from drone_agent.bridge.feed import BodyFeed
-from drone_agent.bridge.hold import BridgeHold
+from drone_agent.guard.estimate import BodyEstimate
+from drone_agent.guard.feed import BodyFeed
+from drone_agent.guard.hold import BodyHold
 from formation.maths.frames import from_rotation_vector
 from formation.messages import LabFrame
 from formation.vehicle.body import GRAVITY_M_S2
@@ -115,7 +115,7 @@ class Body:
 
     def __init__(self, noise_m: float) -> None:
         self.estimate = BodyEstimate(PROFILES["px4_quad"], 1)
-        self.hold = BridgeHold(self.estimate)
+        self.hold = BodyHold(self.estimate)
         self._noise_m, self._rng = noise_m, np.random.default_rng(3)
         self._k = 0
 

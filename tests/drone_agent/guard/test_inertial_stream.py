@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
-from drone_agent.bridge.core import BridgeCore
-from drone_agent.bridge.daemon import imu_rate_limit_hz
-from drone_agent.bridge.estimate import BodyEstimate
-from drone_agent.bridge.inertial_stream import InertialStream
-from drone_agent.config import AgentConfig
+from drone_agent.bridge import imu_rate_limit_hz
+from drone_agent.guard.config import GuardConfig
+from drone_agent.guard.core import GuardCore
+from drone_agent.guard.estimate import BodyEstimate
+from drone_agent.guard.inertial_stream import InertialStream
 from formation.maths.arrays import Float
 from formation.messages import Datagram
 from formation.vehicle.profile import PROFILES
@@ -92,7 +92,7 @@ def test_a_bridge_that_wants_none_leaves_it_alone() -> None:
 
 
 def test_the_request_of_a_ground_for_less_ends_here_and_is_answered() -> None:
-    bridge, ground = BridgeCore(AgentConfig(bridge="udp:h:1", body="b"), 0), Codec(GROUND)
+    bridge, ground = GuardCore(GuardConfig(body="b"), 0), Codec(GROUND)
     bridge.tick(0)
     for interval_us, passes in ((-1.0, False), (5e3, True)):
         asks = ground.encode(command_long(DRONE, MavCommand.SET_MESSAGE_INTERVAL, IMU, interval_us))

@@ -1,15 +1,12 @@
-"""The bridge's process: pumps BridgeCore between the ground's link, the bus and the autopilot's own port."""
+"""The bridge's process: pumps GuardCore between the ground's link, the bus and the autopilot's own port."""
 
 import asyncio
 import sys
 from math import inf
 
-from drone_agent.bridge.core import BridgeCore
-from drone_agent.config import AgentConfig
-from drone_agent.link.awaited import awaited_bus, awaited_pose
-from drone_agent.link.ground_link import open_ground_link
-from drone_agent.timer import DeadlineTimer
-from drone_agent.warm_up import warm_up
+from drone_agent.guard.config import GuardConfig
+from drone_agent.guard.core import GuardCore, warm_up
+from drone_agent.process import DeadlineTimer, awaited_bus, awaited_pose, drone_protection, open_ground_link
 from formation.messages import Datagram, Event, LabFrame, Severity
 from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
@@ -26,6 +23,14 @@ from wire.transport.serial_link import device_and_baud, open_serial
 from wire.transport.udp_bus import open_udp_direct
 from wire.transport.zenoh_bus import ZenohBus
 
+
+class BridgeConfig(GuardConfig):
+    """One guard in a process of its own, beside a real autopilot."""
+
+    bridge: str
+    """The autopilot: udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD."""
+
+
 _BITS = 10  # a byte on a serial line
 _INERTIAL_BYTES, _INERTIAL_SHARE = 75, 0.25  # of HIGHRES_IMU, framed; of the line
 
@@ -33,7 +38,7 @@ _INERTIAL_BYTES, _INERTIAL_SHARE = 75, 0.25  # of HIGHRES_IMU, framed; of the li
 class _Pump:
     """Hands what arrives to the core at once, and wakes it at its own deadlines."""
 
-    def __init__(self, core: BridgeCore, report: EventSink, clock: Clock) -> None:
+    def __init__(self, core: GuardCore, report: EventSink, clock: Clock) -> None:
         self.ground: Link | None = None
         self.autopilot: Link | None = None
         self.rejections = RejectionLog()
@@ -70,16 +75,15 @@ class _Pump:
         self.timer.at(self._core.next_deadline_ns())
 
 
-async def run_bridge(config: AgentConfig, autopilot: str, report: EventSink, clock: Clock = REAL_TIME) -> None:
+async def run_bridge(config: BridgeConfig, report: EventSink, clock: Clock = REAL_TIME) -> None:
     """Be the bridge until SIGINT or SIGTERM.
 
-    autopilot: udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD. Raises OSError where a port cannot be had,
-    ConfigError where that text is none of these.
+    Raises OSError where a port cannot be had, ConfigError where `bridge` is no address of an autopilot.
     """
-    stop, protection = Stop(), config.protection
+    stop, protection, autopilot = Stop(), drone_protection(config), config.bridge
     compile_all("drone-agent", warm_up, sys.stderr)
     config = config.model_copy(update={"inertial_rate_hz": min(config.inertial_rate_hz, imu_rate_limit_hz(autopilot))})
-    core = BridgeCore(config, clock.monotonic_ns(), serial=autopilot.startswith("serial:"))
+    core = GuardCore(config, clock.monotonic_ns(), serial=autopilot.startswith("serial:"))
     pump = _Pump(core, report, clock)
     bus: ZenohBus | None = None
     missing: asyncio.Task[None] | None = None
@@ -112,7 +116,7 @@ async def run_bridge(config: AgentConfig, autopilot: str, report: EventSink, clo
             await bus.close()
 
 
-def _awaited_autopilot(where: str, sysid: int, core: BridgeCore) -> Awaited:
+def _awaited_autopilot(where: str, sysid: int, core: GuardCore) -> Awaited:
     line = "its baud rate" if where.startswith("serial:") else "its port"
     remedy = f"no heartbeat of system {sysid}: is it on, does it send MAVLink here, is {line} the same?"
     return Awaited(f"the autopilot at {where}", lambda: core.has_autopilot, remedy)

@@ -575,7 +575,7 @@ def mavlink(_: str = "") -> str:
     sent = {
         "ground": _sent("gcs"),
         "drone": _sent("drone_agent/link", "drone_agent/core.py"),
-        "bridge": _sent("drone_agent/bridge"),
+        "bridge": _sent("drone_agent/guard"),
     }
     layouts = _layouts()
     names = sorted({*readers, *layouts.values()}, key=_number)
@@ -607,7 +607,7 @@ def _ids(module: str, *names: str) -> set[int]:
 
 def _bridge_reads() -> set[int]:
     """Messages that a bridge looks at: classes its modules match or test for."""
-    used = _sent("drone_agent/bridge", called=False)
+    used = _sent("drone_agent/guard", called=False)
     return {_number(name) for kind, name in _layouts().items() if kind in used}
 
 

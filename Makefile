@@ -74,7 +74,7 @@ pictures: $(VENV)/.test
 lock: $(VENV)/.fly
 	$(PIP) uv
 	head -3 requirements.txt > $(VENV)/requirements.txt
-	$(BIN)/uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header \
+	$(BIN)/uv pip compile pyproject.toml --extra all --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header \
 		--upgrade --quiet --output-file $(VENV)/lock.txt
 	cat $(VENV)/lock.txt >> $(VENV)/requirements.txt
 	mv $(VENV)/requirements.txt requirements.txt
@@ -111,7 +111,7 @@ setup: $(VENV)/.check
 $(VENV)/.fly: pyproject.toml Makefile
 	$(PYTHON) -c 'import sys; assert sys.version_info >= (3, 11), "Python 3.11 or newer is needed, this is " + sys.version'
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(PIP) --editable .
+	$(PIP) --editable '.[all]'
 	$(BIN)/gcs-sim compile
 	touch $@
 

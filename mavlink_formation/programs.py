@@ -5,6 +5,7 @@ searched after everything that is installed, so that a lab's own packages are st
 """
 
 import errno
+import json
 import os
 import runpy
 import sys
@@ -13,6 +14,17 @@ from contextlib import suppress
 from importlib import import_module
 
 _INSTALLATION = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+_EXTRAS = {
+    "ground": (
+        "cryptography", "foxglove_schemas_protobuf", "google", "lz4", "mcap", "mcap_protobuf", "qtm_rt", "rich",
+        "tomli_w", "zstandard",
+    ),
+    "page": ("nicegui", "uvicorn"),
+    "report": ("matplotlib", "scipy"),
+    "doctor": ("mavsdk",),
+}  # fmt: skip
+"""What each optional part of the installation brings, as it is imported."""
+_NOT_RIGHT = 2  # wire.process.exit_codes
 _OUTPUT_ERRORS = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EIO)
 
 
@@ -52,6 +64,8 @@ def _run(main: Callable[[], object]) -> None:
             sys.stdout.flush()
     except KeyboardInterrupt:  # while a command is still being loaded
         sys.exit(130)
+    except ModuleNotFoundError as error:
+        _end_without_extra(error)
     except OSError as error:
         if error.errno not in _OUTPUT_ERRORS or error.filename is not None:
             raise
@@ -73,6 +87,19 @@ def _open_closed_streams() -> None:
                 continue
             os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
             setattr(sys, name, open(number, mode, encoding="utf-8", closefd=False))  # noqa: SIM115
+
+
+def _end_without_extra(error: ModuleNotFoundError) -> None:
+    """End with one line where an optional part of the installation is missing; else it is our own fault, and raised."""
+    root = (error.name or "").partition(".")[0]
+    extra = next((extra for extra, roots in _EXTRAS.items() if root in roots), None)
+    if extra is None:
+        raise error
+    text = f"needs {root}, which is not installed: pip install 'mavlink-formation[{extra}]'"
+    if "--json" in sys.argv:
+        print(json.dumps({"error": text}))
+    sys.stderr.write(f"{os.path.basename(sys.argv[0])}: {text}\n")
+    sys.exit(_NOT_RIGHT)
 
 
 def _end_without_output(error: OSError) -> None:

@@ -2,12 +2,14 @@
 
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
 
+from mavlink_formation import programs
 from wire import version
-from wire.process.exit_codes import NO_GROUND
+from wire.process.exit_codes import NO_GROUND, NOT_RIGHT
 
 HEAVY = ("numba", "scipy", "matplotlib", "pymavlink", "mavsdk", "qtm_rt")
 PROGRAMS = ("gcs", "drone_agent", "sim", "sim.cli.log")
@@ -47,6 +49,42 @@ def test_what_only_asks_loads_no_compiler(words: tuple[str, ...]) -> None:
 def test_a_stop_loads_neither_arrays_nor_an_event_loop() -> None:
     _, loaded = run(*STOP)
     assert not loaded & {"numpy", "asyncio", "uvloop", "rich", "google"}
+
+
+WITHOUT = """
+import sys
+from importlib import import_module
+from mavlink_formation import programs
+missing, sys.argv = sys.argv[1].split(","), sys.argv[2:]
+sys.modules.update(dict.fromkeys(missing))
+getattr(programs, sys.argv.pop(0))() if sys.argv[0] in dir(programs) else import_module(sys.argv[0])
+"""
+
+
+def without(missing: Iterable[str], *words: str) -> "subprocess.CompletedProcess[str]":
+    command = [sys.executable, "-c", WITHOUT, ",".join(missing), *words]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.processes
+def test_a_bridge_needs_none_of_the_optional_parts() -> None:
+    done = without([root for roots in programs._EXTRAS.values() for root in roots], "drone_agent.bridge")
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.processes
+def test_a_ground_needs_its_own_part_alone() -> None:
+    others = [root for part, roots in programs._EXTRAS.items() if part != "ground" for root in roots]
+    done = without(others, "gcs.daemon")
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.processes
+def test_a_missing_part_is_named_with_the_command_that_installs_it(tmp_path: Path) -> None:
+    log = tmp_path / "flight.mcap"
+    done = without(["matplotlib"], "gcs_log", "gcs-log", "picture", str(log))
+    assert done.returncode == NOT_RIGHT
+    assert done.stderr == "gcs-log: needs matplotlib, which is not installed: pip install 'mavlink-formation[report]'\n"
 
 
 @pytest.mark.processes

@@ -8,7 +8,6 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
-import tomli_w
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
@@ -159,6 +158,8 @@ def _reason(kind: str, message: str, value: object) -> str:
 
 def dump_profile(profile: VehicleProfile) -> str:
     """The profile as an entry `[[profiles]]`: to be appended to a lab file, or read by `load_profile`."""
+    import tomli_w
+
     return tomli_w.dumps({"profiles": [profile.model_dump(mode="json", exclude_none=True)]})
 
 
@@ -177,4 +178,6 @@ def load_profile(path: Path) -> VehicleProfile:
 
 def dump(model: Model) -> str:
     """TOML text that `load` reads back as the same model; what is None is left out."""
+    import tomli_w
+
     return tomli_w.dumps(model.model_dump(mode="json", exclude_none=True))

@@ -48,16 +48,61 @@ def timed(points: Float) -> tuple[Float, float]:
 
 
 def _pieces(t_s: Float, rows: Float, order: int) -> tuple[Float, float]:
-    """The spline of that order through rows (k, 4) at t_s, all derivatives up to (order - 1) / 2 zero at its ends."""
-    from scipy.interpolate import make_interp_spline
+    """The spline of that odd order through rows (k, 4) at t_s, all derivatives up to (order - 1) / 2 zero at its ends.
 
-    rest = [(derivative, np.zeros(4)) for derivative in range(1, (order - 1) // 2 + 1)]
-    fitted = make_interp_spline(t_s, rows, k=order, bc_type=(rest, rest))  # type: ignore[arg-type]
-    pieces = np.zeros((len(t_s) - 1, 1 + 4 * POWERS))
+    Of all curves through the rows it has the least integral of the squared derivative (order + 1) / 2 (de Boor 2001, "A
+    Practical Guide to Splines", chapter V). In the derivatives at the inner rows that is a block-tridiagonal system.
+    """
+    known, durations_s = (order + 1) // 2, np.diff(t_s)
+    coefficients, energy = _unit_piece(known)
+    scale = durations_s[:, None] ** np.tile(np.arange(known), 2)
+    blocks = scale[:, :, None] * energy * scale[:, None, :] / durations_s[:, None, None] ** order
+    left, right, values = slice(1, known), slice(known + 1, None), [0, known]
+    pairs = np.stack([rows[:-1], rows[1:]], 1)
+    diagonal = blocks[:-1, right, right] + blocks[1:, left, left]
+    forces = -(blocks[:-1, right][:, :, values] @ pairs[:-1] + blocks[1:, left][:, :, values] @ pairs[1:])
+    ends = np.zeros((len(rows), known, 4))
+    ends[:, 0] = rows
+    ends[1:-1, 1:] = _solve_block_tridiagonal(diagonal, blocks[1:-1, left, right], forces)
+    unit = coefficients @ (scale[:, :, None] * np.concatenate([ends[:-1], ends[1:]], 1))
+    pieces = np.zeros((len(durations_s), 1 + 4 * POWERS))
     pieces[:, 0] = t_s[:-1]
     for power in range(order + 1):
-        pieces[:, POWERS - power :: POWERS] = fitted.derivative(power)(t_s[:-1]) / factorial(power)
+        pieces[:, POWERS - power :: POWERS] = unit[:, power] / durations_s[:, None] ** power
     return pieces, float(t_s[-1])
+
+
+def _unit_piece(known: int) -> tuple[Float, Float]:
+    """Of a polynomial over a time of 1 with `known` derivatives, from the zeroth, at either end: the matrix that makes
+    its coefficients (lowest power first) of them, and that of the integral of its squared derivative `known`."""
+    powers = np.arange(2 * known)
+    ends = np.zeros((2 * known, 2 * known))
+    falling = np.ones(2 * known)  # what a derivative makes of each power at time 1
+    for derivative in range(known):
+        ends[derivative, derivative] = factorial(derivative)
+        ends[known + derivative] = falling
+        falling = falling * np.maximum(powers - derivative, 0)
+    coefficients = np.linalg.inv(ends).astype(np.float64, copy=False)
+    left = np.maximum(powers - known, 0)
+    squared = np.outer(falling, falling) / (left[:, None] + left + 1)
+    return coefficients, coefficients.T @ squared @ coefficients
+
+
+def _solve_block_tridiagonal(diagonal: Float, upper: Float, right_side: Float) -> Float:
+    """x (k, m, n) of a symmetric positive definite system: diagonal (k, m, m), upper (k - 1, m, m), right_side."""
+    solved, factors = np.empty_like(right_side), list[Float]()
+    for i, block in enumerate(diagonal):
+        carried = upper[i - 1].T if i else None
+        if carried is not None:
+            block = block - carried @ factors[-1]
+        solved[i] = np.linalg.solve(
+            block, right_side[i] if carried is None else right_side[i] - carried @ solved[i - 1]
+        )
+        if i < len(upper):
+            factors.append(np.linalg.solve(block, upper[i]))
+    for i in range(len(diagonal) - 2, -1, -1):
+        solved[i] -= factors[i] @ solved[i + 1]
+    return solved
 
 
 def _fastest(pieces: Float, duration_s: float) -> float:

@@ -68,6 +68,6 @@ def test_a_flight_that_ends_badly_says_how(tmp_path: Path) -> None:
 
 def test_the_example_workflow_installs_from_a_repository_and_collects_where_failing_flights_are_kept() -> None:
     workflow = (Path(__file__).parents[3] / "examples" / "formation-ci.yml").read_text()
-    assert 'pip install "mavlink-formation @ $FORMATION"' in workflow
+    assert 'pip install "mavlink-formation[sim] @ $FORMATION"' in workflow
     assert "FORMATION: git+https://" in workflow
     assert "path: runs/" in workflow

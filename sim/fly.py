@@ -80,20 +80,18 @@ class Running:
 
 
 @asynccontextmanager
-async def running(
+async def simulated(
     scenario: Scenario,
     seed: int,
     files: Files,
-    force: bool = False,
     clock: Clock = REAL_TIME,
     drones_link: LinkConfig | None = None,
-    page: bool = False,
     hosts: int | None = None,
-) -> AsyncIterator[Running]:
-    """All processes of the scenario, logging into `files`; on leaving the ground is stopped first, and lands.
+) -> AsyncIterator[ProcessGroup]:
+    """What stands for the laboratory: cameras and drones, without mocap process, ground and operator.
 
-    drones_link: the drones' own end of their links, where something stands between them and the lab's. page: serve the
-    operator's page, too. hosts: so many processes share the simulated drones; None: each is one.
+    drones_link: the drones' own end of their links, where something stands between them and the lab's. hosts: so many
+    processes share the simulated drones; None: each is one.
     """
     _write(files.scenario, scenario)
     _write(files.lab, scenario.lab)
@@ -102,11 +100,8 @@ async def running(
     bridged = [config.sysid for config in configs if scenario.true_vehicle(config.sysid).bridged]
     async with AsyncExitStack() as stack:
         inner = stack.enter_context(private_link("udp", bridged)) if bridged else None
-        if page:
-            stack.enter_context(page_process(files.lab, GCS_NAME, clock.speed))
         group = await stack.enter_async_context(ProcessGroup(files.folder))
         await group.start("cameras", "sim", ["mocap", str(files.scenario), "--seed", str(seed), *speed])
-        await group.start("mocap", "gcs", ["mocap", str(files.lab), *speed])
         agents: list[Path] = []
         for config in configs:
             if drones_link is not None:
@@ -122,6 +117,30 @@ async def running(
         for k in range(min(hosts or 0, len(agents))):
             share = [word for file in agents[k::hosts] for word in ("--config", str(file))]
             await group.start(f"host-{k + 1}", "drone_agent", [*share, *speed])
+        yield group
+
+
+@asynccontextmanager
+async def running(
+    scenario: Scenario,
+    seed: int,
+    files: Files,
+    force: bool = False,
+    clock: Clock = REAL_TIME,
+    drones_link: LinkConfig | None = None,
+    page: bool = False,
+    hosts: int | None = None,
+) -> AsyncIterator[Running]:
+    """All processes of the scenario, logging into `files`; on leaving the ground is stopped first, and lands.
+
+    page: serve the operator's page, too. drones_link, hosts: as of `simulated`.
+    """
+    speed = ("--speed", str(clock.speed))
+    async with AsyncExitStack() as stack:
+        group = await stack.enter_async_context(simulated(scenario, seed, files, clock, drones_link, hosts))
+        if page:
+            stack.enter_context(page_process(files.lab, GCS_NAME, clock.speed))
+        await group.start("mocap", "gcs", ["mocap", str(files.lab), *speed])
         tags = [
             f"scenario={scenario.name}",
             f"seed={seed}",
@@ -130,7 +149,7 @@ async def running(
         arguments = ["run", str(files.lab), "--log", str(files.mcap), *speed, *(["--force"] if force else [])]
         arguments += [word for tag in tags for word in ("--tag", tag)]
         ground = await group.start("gcs", "gcs", arguments, patience_s=LANDING_PATIENCE_S / clock.speed)
-        protection = lab_protection(security, files.lab, TOOL)
+        protection = lab_protection(scenario.lab.security, files.lab, TOOL)
         bus = await ZenohBus.open(scenario.lab.link, scenario.lab.name, protection=protection)
         try:
             yield Running(group, ground, bus)
@@ -157,6 +176,20 @@ async def fly(
     """
     async with running(scenario, seed, files, force, clock, page=page, hosts=hosts) as flight:
         return await fly_on(flight, scenario, progress, clock)
+
+
+async def practise(
+    scenario: Scenario, seed: int, files: Files, report: Callable[[str], None], clock: Clock = REAL_TIME,
+    hosts: int | None = None,
+) -> None:  # fmt: skip
+    """Cameras and drones alone, for people who are ground and operator; until it is cancelled. ProcessDied."""
+    async with simulated(scenario, seed, files, clock, hosts=hosts) as group:
+        report(
+            f"Cameras and drones of {scenario.name} wait for a ground. Ctrl-C ends them. In other terminals:\n"
+            f"    cd {files.folder}\n    gcs run {files.lab.name}\n"
+            "    gcs arm; gcs takeoff; gcs start; gcs land"
+        )
+        await group.watch()
 
 
 async def fly_on(flight: Running, scenario: Scenario, progress: Progress, clock: Clock = REAL_TIME) -> Outcome:

@@ -37,14 +37,14 @@ def private_link(kind: str, sysids: Iterable[int]) -> Iterator[LinkConfig]:
 def own_ports(needed: Iterable[int] = ()) -> Iterator[range]:
     """A block of ports that nobody else who asks here is given meanwhile. OSError if none is free.
 
-    A block's first UDP port, which is no drone's since none has sysid 0, is held as its sign; its first TCP port and
-    the UDP ports `needed`, counted from the first, are free.
+    A block's last UDP port, which is no drone's, is held as its sign; its first port, by TCP for the bus and by UDP for
+    a stop, and the UDP ports `needed`, counted from the first, are free.
     """
-    first, wanted = LinkConfig().ground_port_base, tuple(needed)
+    first, wanted = LinkConfig().ground_port_base, (0, *needed)
     for start in range(first, first + BLOCKS * BLOCK, BLOCK):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sign:
             try:
-                sign.bind((LOOPBACK, start))
+                sign.bind((LOOPBACK, start + BLOCK - 1))
             except OSError:
                 continue
             if is_free(start, socket.SOCK_STREAM) and all(is_free(start + port) for port in wanted):

@@ -8,12 +8,16 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from formation.requests import GCS_NAME, OperatorRequest, Verb
 from wire import clock
 from wire.errors import BusError, ConfigError
 from wire.process.exit_codes import NO_GROUND, NOT_RIGHT, REJECTED
 from wire.process.own_name import own_name
+
+if TYPE_CHECKING:
+    from wire.transport.lab_address import LabAddress
 
 Report = Callable[[bool | None, str], None]
 _OPTIONS = ("--lab", "--name", "--timeout", "--identity")
@@ -36,34 +40,47 @@ def stop(words: Sequence[str]) -> int | None:
         timeout_s = float(options["--timeout"]) if options["--timeout"] else None
     except ValueError:
         return None
-    return _ask(options, "--insecure" in words, timeout_s, report)
+    return _stop(options, "--insecure" in words, timeout_s, report)
 
 
-def _ask(options: Mapping[str, str], insecure: bool, timeout_s: float | None, report: Report) -> int:
+def _stop(options: Mapping[str, str], insecure: bool, timeout_s: float | None, report: Report) -> int:
+    from wire.transport.lab_address import LabAddress, address_near
+
+    try:
+        wheres = [address_near(Path(options["--lab"]) if options["--lab"] else None)]
+        if not options["--lab"] and wheres[0] != LabAddress():
+            wheres.append(LabAddress())  # the ground that flies may be another lab's than the file's here
+        for where in wheres:
+            code, accepted, text = _ask(where, options, insecure, timeout_s)
+            if code != NO_GROUND:
+                break
+    except (BusError, ConfigError) as error:
+        code, accepted, text = NOT_RIGHT, None, str(error)
+    report(accepted, text)
+    return code
+
+
+def _ask(
+    where: "LabAddress", options: Mapping[str, str], insecure: bool, timeout_s: float | None
+) -> tuple[int, bool | None, str]:
+    """The exit code, and the ground's answer: whether it stops, None for no answer that counts, and its text."""
     from wire.security.bus_access import connectable
-    from wire.transport.lab_address import address_near
     from wire.transport.stop_call import ask_to_stop
 
     name = options["--name"] or GCS_NAME
+    request = OperatorRequest(clock.unix_us(), Verb.STOP, source=own_name())
+    access = where.access(options["--identity"], insecure)
+    exposed = access.exposed([connectable(endpoint) for endpoint in where.endpoints])
+    # Asked all the same: no lack of keys keeps anybody from stopping. Only the answer is not believed.
+    access = replace(access, insecure=insecure or exposed is not None)
     try:
-        where = address_near(Path(options["--lab"]) if options["--lab"] else None)
-        request = OperatorRequest(clock.unix_us(), Verb.STOP, source=own_name())
-        access = where.access(options["--identity"], insecure)
-        exposed = access.exposed([connectable(endpoint) for endpoint in where.endpoints])
-        # Asked all the same: no lack of keys keeps anybody from stopping. Only the answer is not believed.
-        access = replace(access, insecure=insecure or exposed is not None)
         reply = ask_to_stop(where.endpoints, where.lab, name, request, timeout_s, access)
     except TimeoutError as error:
-        report(None, f"no ground answers: {error}")
-        return NO_GROUND
-    except (BusError, ConfigError) as error:
-        report(None, str(error))
-        return NOT_RIGHT
+        return NO_GROUND, None, f"no ground answers: {error}"
     if exposed is not None:
-        report(None, f"a stop was sent, but anybody may have answered it ({reply.text!r}): {exposed}")
-        return NOT_RIGHT
-    report(reply.accepted, reply.text)
-    return 0 if reply.accepted else REJECTED
+        text = f"a stop was sent, but anybody may have answered it ({reply.text!r}): {exposed}"
+        return NOT_RIGHT, None, text
+    return 0 if reply.accepted else REJECTED, reply.accepted, reply.text
 
 
 def _print(accepted: bool | None, text: str) -> None:

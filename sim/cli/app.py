@@ -72,6 +72,10 @@ def fly(
     hosts: Annotated[
         int | None, typer.Option(min=1, help="So many processes share the drones; without it each is one.")
     ] = None,
+    practice: Annotated[
+        bool,
+        typer.Option("--practice", help="Cameras and drones alone: you run `gcs run` and the operator's commands."),
+    ] = False,
     as_json: Json = False,
     out: Out = None,
 ) -> None:
@@ -81,7 +85,10 @@ def fly(
     required = flights.required(require)
     opened = flights.scenario_of(name, leader_csv, leader_alignment)
     how = flights.ProcessOptions(link, mocap, force, speed, watch, signed, hosts)
-    flights.fly(opened, how, seed, flights.Ending(as_json, out, required))
+    if practice:
+        flights.practise(opened, how, seed, out)
+    else:
+        flights.fly(opened, how, seed, flights.Ending(as_json, out, required))
 
 
 @app.command()

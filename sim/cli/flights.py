@@ -4,11 +4,12 @@ import asyncio
 import os
 import signal
 import sys
-from collections.abc import Coroutine, Sequence
+from collections.abc import Coroutine, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Literal, NoReturn
+from typing import Any, Literal, NoReturn, TypeVar
 
 import typer
 import uvloop
@@ -18,6 +19,7 @@ from analysis.console import print_summary
 from analysis.metrics import Summary
 from analysis.outcome import GOOD
 from analysis.requirements import Requirement, parse, unmet
+from formation.config import LabConfig
 from formation.model import QuatTuple
 from formation.requests import GCS_NAME
 from formation.security_config import SecurityConfig
@@ -32,8 +34,10 @@ from sim.cameras.systems import lab_with
 from sim.cli.display import Display
 from sim.fly import Files
 from sim.fly import fly as fly_processes
+from sim.fly import practise as practise_processes
 from sim.lab_file import stand_ins
 from sim.ports import private_link
+from sim.processes import ProcessDied
 from sim.scenario import Opened, Scenario, find, load, recorded_leader, with_leader_file
 from sim.script import Outcome
 from wire import clock
@@ -48,6 +52,7 @@ from wire.process.starved import StarvedError
 from wire.security.private_keys import keys_folder
 from wire.toml_lines import lines_of
 
+T = TypeVar("T")
 ABORTED, NOT_RIGHT, INTERRUPTED = 1, 2, 130
 LOG_BYTES = 32 << 20
 """Of a flight of two minutes: its log and report."""
@@ -86,23 +91,46 @@ def fly(opened: Opened, how: ProcessOptions, seed: int | None, ending: Ending) -
 
 
 @dropping_output()
-def _fly(opened: Opened, how: ProcessOptions, seed: int | None, ending: Ending) -> tuple[Summary, int]:
-    scenario, lab = opened.scenario, opened.scenario.lab
+def practise(opened: Opened, how: ProcessOptions, seed: int | None, out: Path | None) -> None:
+    """Cameras and drones alone, on ports of their own, until Ctrl-C; ends the process where one of them ends."""
+    scenario, files = opened.scenario, Files(_folder(out, opened.scenario))
+    compile_for(scenario)
+    with _own_link(opened, how) as lab:
+        scenario = scenario.model_copy(update={"lab": lab})
+        waiting = practise_processes(
+            scenario, _seed(seed, scenario), files, typer.echo, clock.Clock(how.speed), how.hosts
+        )
+        try:
+            asyncio.run(_interruptible(waiting))
+        except ProcessDied as error:
+            fail(f"{error} (see {files.folder})", ABORTED)
+
+
+@contextmanager
+def _own_link(opened: Opened, how: ProcessOptions) -> Iterator[LabConfig]:
+    """The lab as `how` flies it: on links of its own, by its cameras, with its keys."""
+    lab = opened.scenario.lab
     if how.protocol and opened.lab is not None:  # what the lab file says of its own cameras
         lab = lab.model_copy(update={"mocap": opened.lab.mocap})
     if how.signed and how.hosts is not None:
         fail("--hosts: drones with keys are processes of their own", NOT_RIGHT)
     if how.signed:
         lab = lab.model_copy(update={"security": _security(opened)})
+    with private_link(how.link, (v.sysid for v in lab.vehicles if v.sysid is not None)) as link:
+        lab = lab.model_copy(update={"link": link.model_copy(update={"imu_rate_hz": lab.link.imu_rate_hz})})
+        yield lab_with(lab, how.protocol) if how.protocol else lab
+
+
+@dropping_output()
+def _fly(opened: Opened, how: ProcessOptions, seed: int | None, ending: Ending) -> tuple[Summary, int]:
+    scenario = opened.scenario
     files = Files(_folder(ending.out, scenario))
     compile_for(scenario)
     with (
-        private_link(how.link, (v.sysid for v in lab.vehicles if v.sysid is not None)) as own_link,
+        _own_link(opened, how) as lab,
         Display(Console(stderr=ending.as_json), scenario.name) as display,
     ):
-        own_link = own_link.model_copy(update={"imu_rate_hz": lab.link.imu_rate_hz})
-        lab = lab.model_copy(update={"link": own_link})
-        scenario = scenario.model_copy(update={"lab": lab_with(lab, how.protocol) if how.protocol else lab})
+        scenario = scenario.model_copy(update={"lab": lab})
         flown = asyncio.run(
             _interruptible(
                 fly_processes(
@@ -172,7 +200,7 @@ def _security(opened: Opened) -> SecurityConfig:
     return lab.security.model_copy(update={"keys": str(keys)})
 
 
-async def _interruptible(flight: Coroutine[None, None, Outcome]) -> Outcome | None:
+async def _interruptible(flight: Coroutine[Any, Any, T]) -> T | None:
     """The flight's outcome, None where SIGINT or SIGTERM ended it; the second signal does not wait for a landing."""
     flying = asyncio.create_task(flight)
     loop = asyncio.get_running_loop()

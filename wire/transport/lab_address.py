@@ -43,17 +43,13 @@ def address_in(path: Path) -> LabAddress:
 
 
 def address_near(path: Path | None) -> LabAddress:
-    """The address in a lab file; without one the usual, or that of `lab.toml` here where that has keys. ConfigError.
-
-    A stop that names no file reaches a ground with keys, too.
-    """
+    """The address in a lab file; without one that in `lab.toml` here, or the usual. ConfigError."""
     if path is not None:
         return address_in(path)
     try:
-        here = address_in(HERE)
-    except ConfigError:  # none, or not one that can be read: as ever
+        return address_in(HERE)
+    except ConfigError:  # none, or not one that can be read
         return LabAddress()
-    return here if here.keys is not None else LabAddress()
 
 
 def _keys(path: Path, security: object) -> Path | None:

@@ -23,11 +23,11 @@ def test_a_file_says_where_the_keys_are(tmp_path: Path) -> None:
         address_in(path)
 
 
-def test_without_a_file_the_lab_here_counts_where_it_has_keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_file_the_lab_here_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert address_near(None) == LabAddress()
     Path("lab.toml").write_text(LINK)
-    assert address_near(None) == LabAddress()  # as before there were keys
+    assert address_near(None) == LabAddress("hall", ("tls/192.0.2.1:7447",))
     Path("lab.toml").write_text(LINK + "[security]\n")
     assert address_near(None) == LabAddress("hall", ("tls/192.0.2.1:7447",), Path("keys"))
     Path("lab.toml").write_text("no TOML")

@@ -15,6 +15,7 @@ from wire import clock
 from wire.errors import BusError, ConfigError
 from wire.process.exit_codes import NO_GROUND, NOT_RIGHT, REJECTED
 from wire.process.own_name import own_name
+from wire.process.priority import prefer_process
 
 if TYPE_CHECKING:
     from wire.transport.lab_address import LabAddress
@@ -28,6 +29,7 @@ def stop(words: Sequence[str]) -> int | None:
 
     `--help` and mistakes are left to the whole command line, which has an answer for each.
     """
+    prefer_process()  # before all that a busy computer does beside it
     options = dict.fromkeys(_OPTIONS, "")
     report = _print_json if "--json" in words else _print
     rest = [word for word in words if word not in ("--json", "--insecure")]

@@ -38,6 +38,7 @@ from formation.safety.phases import STREAMING, Trigger
 from formation.safety.rules import Facts
 from formation.topics import Topic
 from gcs import formation_change
+from gcs.drones.autopilot_poses import streams
 from gcs.drones.checks import warnings
 from gcs.drones.drone import Drone, Goal
 from gcs.drones.link_state import DroneLink
@@ -54,7 +55,6 @@ from gcs.safety.permissions import Permissions
 from gcs.state.alarms import ACKNOWLEDGED
 from gcs.state.counters import counters
 from gcs.state.swarm import About, swarm_state
-from mocap.autopilot_poses import streams
 from wire.link_messages.address import ground_address
 from wire.rejections import RejectionLog
 

@@ -31,13 +31,13 @@ from formation.requests import ENDPOINT, GCS_NAME
 from gcs.awaited import awaited_by_ground
 from gcs.core import GcsCore
 from gcs.doctor.restart_record import watch_record
+from gcs.drones.autopilot_poses import AutopilotPoses
 from gcs.drones.links import GroundLinks, open_links
 from gcs.other_grounds import know_other_grounds
 from gcs.recording import Input, Recorder, run_metadata
 from gcs.security.roles import by_role
 from gcs.state.host import Disk, EventMemory, disk, host_state
 from gcs.stop_button.watch import watch_button
-from mocap.autopilot_poses import AutopilotPoses
 from mocap.service import ServiceError, mocap_service
 from wire.clock import REAL_TIME, Clock, unix_us
 from wire.logs.dates import record_dates

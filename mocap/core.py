@@ -12,7 +12,6 @@ from formation.messages import Event, LabFrame, RawFrame, Severity
 from formation.rejection import Rejection
 from mocap.alignment import Alignment
 from mocap.retiming import Retiming
-from mocap.sources.source import seconds
 from mocap.validator.validator import PoseValidator
 from wire.rejections import RejectionLog
 from wire.transport.frame_check import OLDEST_NS, lab_fault, raw_fault
@@ -74,7 +73,8 @@ class MocapCore:
     @property
     def retimed_scatter_s(self) -> float | None:
         """The residual scatter of re-timed capture times; None where the source's stamps are used as they are."""
-        return seconds(self._retiming.scatter_ns)
+        scatter_ns = self._retiming.scatter_ns
+        return None if scatter_ns is None else scatter_ns * 1e-9
 
     def rejections(self) -> dict[str, dict[str, int]]:
         """Poses rejected since the start, by body and reason."""

@@ -25,13 +25,13 @@ from gcs.doctor.mavsdk_drone import (
 from gcs.doctor.mocap_checks import Received, check_mocap
 from gcs.doctor.restart_record import Unmet, unmet_ns
 from gcs.doctor.signing_checks import check_signing
+from gcs.drones.autopilot_poses import AutopilotPoses, streams
 from gcs.drones.checks import restart_text
 from gcs.drones.link_state import DroneLink
 from gcs.drones.links import GroundLinks, open_links
 from gcs.drones.telemetry import ground_heartbeat
 from gcs.finding import Finding, Fix
 from gcs.security.signing_probe import ASK_S, ASKS, SigningProbe
-from mocap.autopilot_poses import AutopilotPoses, streams
 from mocap.service import mocap_service
 from wire import clock
 from wire.mavlink.framing import packed

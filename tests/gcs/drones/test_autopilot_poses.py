@@ -3,7 +3,7 @@ import numpy as np
 from formation.config import LabConfig
 from formation.maths.frames import IDENTITY
 from formation.messages import Datagram
-from mocap.autopilot_poses import AWAIT_TRUTH_NS, AutopilotPoses, streams
+from gcs.drones.autopilot_poses import AWAIT_TRUTH_NS, AutopilotPoses, streams
 from wire.link_messages.address import GROUND, Address
 from wire.link_messages.clocks import TimeSync
 from wire.link_messages.motion import AttitudeQuaternion, LocalPosition, SimTruth

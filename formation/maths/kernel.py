@@ -4,11 +4,13 @@ import atexit
 import gc
 import hashlib
 import os
+import re
 import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from fcntl import LOCK_EX, flock
+from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any, ParamSpec, TypeVar
@@ -26,6 +28,10 @@ R = TypeVar("R")
 Begun = Callable[[str, int, int], None]
 """Called with the kernel that is compiled now, how many there are with it, and how many there will be."""
 _TEMPORARY = "mavlink-formation-"
+_FOLDER = f"kernels-{sys.implementation.cache_tag}"
+_PACKAGES = Path(__file__).absolute().parents[2]
+_IMPORT = re.compile(r"^ *(?:from ([\w.]+) import (\([^)]*\)|[^\n]*)|import ([\w.]+))", re.MULTILINE)
+_NAME = re.compile(r"\w+")
 
 
 def kernel(function: Callable[P, R], calls: tuple[Callable[..., object], ...] = ()) -> Callable[P, R]:
@@ -64,8 +70,8 @@ def _for_any_value(compile_for: Callable[[Any], Any], lock_file: Path) -> Callab
 
 def _lock_file(kernel_name: str) -> Path:
     """What is locked while this kernel is compiled or read. Callers lock theirs first: nobody waits in a circle."""
-    cache: str = numba.config.CACHE_DIR  # type: ignore[attr-defined]
-    return Path(cache) / "locks" / kernel_name
+    root: str = numba.config.CACHE_DIR  # type: ignore[attr-defined]
+    return Path(root) / "locks" / kernel_name
 
 
 @contextmanager
@@ -97,57 +103,91 @@ class _Listener(event.Listener):
         name = f"{function.__module__}.{function.__qualname__}"
         if name in self._kernels and name not in self._seen:
             self._seen.add(name)
-            count = compiled_count() + 1
+            count = kernel_counts()[0] + 1
             self._begun(name, count, max(count, len(self._kernels)))
 
     def on_end(self, event: Any) -> None:
         pass
 
 
-def compiled_count() -> int:
-    """How many kernels are in the cache on disk, whoever compiled them."""
-    cache: str = numba.config.CACHE_DIR  # type: ignore[attr-defined]
-    return len(list(Path(cache).rglob("*.nbi")))
+def kernel_counts() -> tuple[int, int]:
+    """How many kernels of the loaded modules are in the cache on disk, whoever compiled them; and of how many."""
+    places = {Path(d._cache._cache_file._index_path) for d in _dispatchers()}
+    return sum(place.exists() for place in places), len(places)
+
+
+def _dispatchers() -> Iterator[Any]:
+    """All kernels in the modules loaded so far, as numba has them."""
+    loaded = [module for name, module in sys.modules.items() if not name.startswith("numba")]
+    found = (v for module in loaded for v in vars(module).values() if isinstance(v, Dispatcher))
+    return (v for v in found if not v.py_func.__module__.startswith("numba"))
 
 
 def _kernels() -> set[str]:
-    """The names of all kernels in the modules loaded so far."""
-    loaded = [module for name, module in sys.modules.items() if not name.startswith("numba")]
-    functions = [v.py_func for module in loaded for v in vars(module).values() if isinstance(v, Dispatcher)]
-    return {f"{f.__module__}.{f.__qualname__}" for f in functions if not f.__module__.startswith("numba")}
+    """Their names."""
+    return {f"{d.py_func.__module__}.{d.py_func.__qualname__}" for d in _dispatchers()}
 
 
-class _ByModule(UserProvidedCacheLocator):
-    """Where in the cache a kernel's machine code is: by its module, so that every copy of a release shares it."""
+class _ByContent(UserProvidedCacheLocator):
+    """Where in the cache a kernel's machine code is: by its module, and the content of all that it may be made of.
+
+    numba looks only at a kernel's own file to decide whether its machine code is still good, although kernels and
+    constants of other files are compiled into it. Here every file of ours that the module imports, directly or not,
+    names the folder: no edit is answered by yesterday's code, only what it may change is compiled anew, and all copies
+    of a release share what is compiled.
+    """
 
     @classmethod
     def get_suitable_cache_subpath(cls, py_file: str) -> str:
-        """The module's folder from that of the packages on."""
-        folder = os.path.relpath(os.path.dirname(os.path.abspath(py_file)), Path(__file__).parents[2])
-        return folder if not folder.startswith(os.pardir) else hashlib.sha256(folder.encode()).hexdigest()
+        """The module's path from the packages' folder on, and a digest of the content."""
+        file = Path(py_file).absolute()
+        place = os.path.relpath(file.with_suffix(""), _PACKAGES)
+        if place.startswith(os.pardir):
+            place = os.path.join(hashlib.sha256(place.encode()).hexdigest()[:16], file.stem)
+        return f"{place}-{_digest(file)}"
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder; in a cache of this installation alone, what its module was made of earlier goes."""
+        super().ensure_cache_path()  # type: ignore[no-untyped-call]
+        folder = Path(self._cache_path)
+        if not user_folder:
+            for old in folder.parent.glob(f"{folder.name.rpartition('-')[0]}-*"):
+                if old != folder:
+                    shutil.rmtree(old, ignore_errors=True)
 
 
-def _cache_in(root: Path) -> Path:
-    """The folder for machine code made from `formation` as it is now.
-
-    numba looks only at a kernel's own file to decide whether its cached machine code is still good, although kernels
-    of other files are compiled into it. All of `formation`, whose kernels are the ones that others call, names the
-    folder, so that an edit is never answered by yesterday's code.
-    """
-    package = Path(__file__).parent.parent
+@cache
+def _digest(file: Path) -> str:
+    """Of the file and every file of ours that it imports, directly or not."""
+    known, new = set[Path](), [file]
+    while new:
+        found = new.pop()
+        if found not in known:
+            known.add(found)
+            new += _imports(found)
     state = hashlib.sha256()
-    for file in sorted(package.rglob("*.py")):
-        state.update(f"{file.relative_to(package)}\n".encode() + file.read_bytes())
-    return root / f"kernels-{sys.implementation.cache_tag}-{state.hexdigest()[:16]}"
+    for each in sorted(known - {file}):
+        state.update(os.path.relpath(each, _PACKAGES).encode() + each.read_bytes())
+    return hashlib.sha256(state.digest() + file.read_bytes()).hexdigest()[:16]
+
+
+@cache
+def _imports(file: Path) -> tuple[Path, ...]:
+    """The files of ours, or of its own folder, that a file imports, wherever in it."""
+    found = list[Path]()
+    for module, names, whole in _IMPORT.findall(file.read_text(encoding="utf-8")):
+        for root in (_PACKAGES, file.parent):
+            place = root.joinpath(*(module or whole).split("."))
+            candidates = [place.with_suffix(".py"), *(place / f"{name}.py" for name in _NAME.findall(names))]
+            found += [candidate for candidate in candidates if candidate.is_file()]
+    return tuple(found)
 
 
 def _cache_of_this_installation() -> Path:
-    """Those made from an earlier state of it go."""
-    folder = _cache_in(_cache_root())
-    with suppress(OSError):  # the other one may be in use, or already gone
-        for old in folder.parent.glob(f"kernels-{sys.implementation.cache_tag}-*"):
-            if old != folder:
-                shutil.rmtree(old)
+    """Those of an earlier release, by all of its files, go."""
+    folder = _cache_root() / _FOLDER
+    for old in folder.parent.glob(f"{_FOLDER}-*"):
+        shutil.rmtree(old, ignore_errors=True)
     return folder
 
 
@@ -175,12 +215,13 @@ def _temporary_root() -> Path:
 
 def is_cache_temporary() -> bool:
     """Whether compiled kernels go with this process, since no folder for them can be written."""
-    cache: str = numba.config.CACHE_DIR  # type: ignore[attr-defined]
-    return Path(cache).parent.name.startswith(_TEMPORARY)
+    root: str = numba.config.CACHE_DIR  # type: ignore[attr-defined]
+    return Path(root).parent.name.startswith(_TEMPORARY)
 
 
 # A sixth less to compile than at 3, and what is compiled is as fast.
 numba.config.OPT = type(numba.config.OPT)(2)  # type: ignore[attr-defined]
 user_folder: str = numba.config.CACHE_DIR  # type: ignore[attr-defined]
-numba.config.CACHE_DIR = str(_cache_in(Path(user_folder)) if user_folder else _cache_of_this_installation())  # type: ignore[attr-defined]
-CacheImpl._locator_classes.insert(0, _ByModule)
+folder = Path(user_folder) / _FOLDER if user_folder else _cache_of_this_installation()
+numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
+CacheImpl._locator_classes.insert(0, _ByContent)

@@ -7,7 +7,7 @@ from multiprocessing import get_context
 from types import FrameType
 from typing import TextIO
 
-from formation.maths.kernel import compiled_count, compiling, is_cache_temporary
+from formation.maths.kernel import compiling, is_cache_temporary, kernel_counts
 
 SELDOM = 10
 """Where nobody looks on, in a file, every tenth step is enough."""
@@ -37,7 +37,7 @@ def compile_all(program: str, warm_up: WarmUp, stream: TextIO, beside: WarmUp | 
         warm_up()
     if compiled:
         end = "\r" if stream.isatty() else ""
-        print(f"{end}{f'{program}: {compiled_count()} kernels compiled':100}".rstrip(), file=stream, flush=True)
+        print(f"{end}{f'{program}: {kernel_counts()[0]} kernels compiled':100}".rstrip(), file=stream, flush=True)
 
 
 @contextmanager
@@ -70,8 +70,9 @@ def _late_interrupt() -> Iterator[Callable[[], None]]:
 
 @contextmanager
 def _in_another_process(beside: WarmUp | None) -> Iterator[None]:
-    """Where no kernel is compiled yet: `beside` runs, and has ended at the end. What it leaves, the caller does."""
-    if beside is None or compiled_count() > 0:
+    """Where most kernels are not compiled: `beside` runs, and has ended at the end. The caller does what it leaves."""
+    compiled, known = kernel_counts()
+    if beside is None or 2 * compiled > known:
         yield
         return
     other = get_context("spawn").Process(target=_compile_quietly, args=(beside,), daemon=True)

@@ -2,7 +2,6 @@
 
 import gc
 import importlib.util
-import re
 import subprocess
 import sys
 from fcntl import LOCK_EX, flock
@@ -13,7 +12,7 @@ from types import ModuleType
 import numba
 import pytest
 
-from formation.maths.kernel import _cache_root, compiled_count, compiling, is_cache_temporary
+from formation.maths.kernel import _cache_root, compiling, is_cache_temporary, kernel_counts
 
 ROOT = Path(__file__).resolve().parents[3]
 SOURCE = """
@@ -51,7 +50,7 @@ def test_each_kernel_that_is_compiled_is_told_of_once_and_none_that_is_cached(tm
         assert [name for name, _, _ in told] == expected
         counts = [count for _, count, _ in told]
         assert counts == sorted(counts)
-        assert compiled_count() >= len(expected)
+        assert kernel_counts()[0] >= len(expected)
         assert all(total >= 2 for _, _, total in told)
 
 
@@ -69,16 +68,6 @@ def test_while_another_process_compiles_a_kernel_this_one_waits_for_it(tmp_path,
     assert results == [6.0]
 
 
-def test_kernels_outside_formation_call_those_of_their_own_file_or_of_formation():
-    """Else numba would answer an edit of the one by yesterday's code of the other: see formation.maths.kernel."""
-    files = [f for package in ("wire", "gcs", "drone_agent", "sim", "analysis") for f in (ROOT / package).rglob("*.py")]
-    texts = {".".join(f.relative_to(ROOT).with_suffix("").parts): f.read_text(encoding="utf-8") for f in files}
-    with_kernels = {name for name, text in texts.items() if "@kernel" in text}
-    assert with_kernels
-    for name in with_kernels:
-        assert with_kernels.isdisjoint(re.findall(r"^from (\S+) import", texts[name], re.MULTILINE)), name
-
-
 def test_where_no_cache_folder_can_be_written_kernels_go_with_the_process(tmp_path, monkeypatch):
     """As in a service: a home that is not there, a read-only program."""
     monkeypatch.setenv("XDG_CACHE_HOME", "")
@@ -91,16 +80,20 @@ def test_where_no_cache_folder_can_be_written_kernels_go_with_the_process(tmp_pa
     assert is_cache_temporary()
 
 
-def test_two_copies_of_a_release_share_what_is_compiled(tmp_path, monkeypatch):
-    """The folder is named by what `formation` holds, a kernel's place in it by its module: CI keeps it by these."""
-    copies = [tmp_path / name / "formation" / "maths" for name in ("checkout", "installed")]
+def test_copies_share_what_is_compiled_and_an_edit_of_what_it_is_made_of_compiles_anew(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
-    told = []
-    for folder in copies:
-        folder.mkdir(parents=True)
-        (folder / "kernel.py").write_text((ROOT / "formation" / "maths" / "kernel.py").read_text())
-        (folder / "twice.py").write_text(SOURCE.replace("formation.maths.kernel", "kernel"))
-        asked = "import twice; twice.fourfold(1.5); print(sum(twice.fourfold.stats.cache_hits.values()))"
-        done = subprocess.run([sys.executable, "-c", asked], cwd=folder, capture_output=True, text=True, check=True)
-        told.append(done.stdout.strip())
-    assert told == ["0", "1"]
+    asked = "import ours; print(ours.fourfold(1.5), sum(ours.fourfold.stats.cache_hits.values()))"
+    printed = []
+    for copy, factor in (("checkout", "2.0"), ("installed", "2.0"), ("installed", "3.0")):
+        maths = tmp_path / copy / "formation" / "maths"
+        maths.mkdir(parents=True, exist_ok=True)
+        for package in (maths, maths.parent):
+            (package / "__init__.py").touch()
+        (maths / "kernel.py").write_text((ROOT / "formation" / "maths" / "kernel.py").read_text())
+        (maths.parents[1] / "parts.py").write_text(f"FACTOR = {factor}\n")
+        (maths.parents[1] / "ours.py").write_text("from parts import FACTOR\n" + SOURCE.replace("2.0", "FACTOR"))
+        done = subprocess.run(
+            [sys.executable, "-c", asked], cwd=maths.parents[1], capture_output=True, text=True, check=True
+        )
+        printed.append(done.stdout.strip())
+    assert printed == ["6.0 0", "6.0 1", "13.5 0"]

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 from formation import topics
 from formation.messages import Event, OperatorReply, OperatorRequest
-from wire.logs.mcap_log import Log
-from wire.logs.mcap_read import holds_nothing
+from wire.logs.mcap_read import Log, holds_nothing
 
 OPERATIONS = "key_operations"
 """The run's metadata: what was done to the lab's keys before, a line each."""

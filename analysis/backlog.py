@@ -8,9 +8,7 @@ from analysis.load import Flight
 from analysis.packets import from_drones, from_ground
 from formation.maths.arrays import Float
 from wire.clock_offset import ClockOffset
-from wire.link_messages.clocks import TimeSync
-from wire.link_messages.message_id import MessageId
-from wire.link_messages.motion import AttitudeQuaternion, LocalPosition
+from wire.link_messages import AttitudeQuaternion, LocalPosition, MessageId, TimeSync
 
 _CLOCKS = frozenset({MessageId.TIMESYNC})
 _STAMPED = frozenset({MessageId.TIMESYNC, MessageId.ATTITUDE_QUATERNION, MessageId.LOCAL_POSITION_NED})

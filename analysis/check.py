@@ -37,7 +37,7 @@ class Check:
 
 
 def check(path: Path) -> Check:
-    """Read the whole log and say what it holds. Raises OSError, and wire.logs.mcap_log.LogError where it is no log."""
+    """Read the whole log and say what it holds. Raises OSError, and wire.logs.mcap_read.LogError where it is no log."""
     flight, found = load_checked(path)
     span_ns = 0 if found.first_ns is None or found.last_ns is None else found.last_ns - found.first_ns
     usable = tuple(name for name, needs in NEEDS if all(found.entries.get(topic.name) for topic in needs))

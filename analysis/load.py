@@ -34,9 +34,8 @@ from formation.messages import (
     Truth,
 )
 from formation.topics import Topic
-from wire.logs.mcap_log import LogCheck, Reading, read_log
-from wire.logs.mcap_read import holds_nothing
-from wire.plain_text import plain
+from wire.logs.mcap_read import LogCheck, Reading, holds_nothing, read_log
+from wire.text import plain
 from wire.transport.frame_check import pose_fault
 
 M = TypeVar("M")
@@ -44,7 +43,7 @@ Stamped = list[tuple[float, float, object]]
 
 
 class Record(Protocol):
-    """One record of a log: `wire.logs.mcap_log.Entry`, or anything like it."""
+    """One record of a log: `wire.logs.mcap_read.Entry`, or anything like it."""
 
     @property
     def topic(self) -> Topic:
@@ -159,7 +158,7 @@ class Flight:
 
 
 def load(path: Path) -> Flight:
-    """Read an MCAP log, whole or damaged. Errors: `wire.logs.mcap_log`'s own."""
+    """Read an MCAP log, whole or damaged. Errors: `wire.logs.mcap_read`'s own."""
     return load_checked(path)[0]
 
 

@@ -16,8 +16,7 @@ from analysis.packets import from_drones, from_ground
 from analysis.series import moving_average
 from analysis.tracking import Tracking, airborne, track, track_leader
 from formation.maths.arrays import Float
-from wire.link_messages.setpoints import AttitudeSetpoint
-from wire.link_messages.status import NamedValue
+from wire.link_messages import AttitudeSetpoint, NamedValue
 
 VIBRATION_WINDOW_S = 1.0
 AGE_NAME = "age_ms"

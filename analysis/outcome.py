@@ -16,9 +16,7 @@ from analysis.tracking import reference_lab_m
 from formation.maths.arrays import Float
 from formation.messages import Phase, Verb
 from formation.safety.phases import AIRBORNE
-from wire.link_messages.commands import DISARM_IN_FLIGHT, CommandLong, MavCommand
-from wire.link_messages.message_id import MessageId
-from wire.link_messages.status import Heartbeat
+from wire.link_messages import DISARM_IN_FLIGHT, CommandLong, Heartbeat, MavCommand, MessageId
 
 GOOD = frozenset({"landed", "held"})
 """The outcomes of a flight that ended as it was asked to; every other is a failure, with its reason."""

@@ -5,8 +5,7 @@ from collections.abc import Callable, Iterator
 from analysis.load import Flight
 from analysis.series import Series
 from formation.messages import Datagram
-from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
-from wire.link_messages.packet import LinkMessage
+from wire.link_messages import DRONE_COMPONENT, GROUND, Address, LinkMessage
 from wire.mavlink.codec import Codec
 
 TimedMessage = tuple[float, int, LinkMessage]

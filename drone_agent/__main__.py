@@ -12,17 +12,24 @@ import typer
 from drone_agent.guard.stages import table_markdown
 from wire.clock import Clock
 from wire.errors import ConfigError
-from wire.markdown import rows
-from wire.process import starved
-from wire.process.completion import bodies_of, lab_near, starting
-from wire.process.console import print_event, print_event_json
+from wire.process.daemon import STARVED, StarvedError
 from wire.process.output import dropping_output
-from wire.process.program import SingleProgram, Version, print_json_error, with_options
-from wire.process.starved import StarvedError
+from wire.process.program import (
+    SingleProgram,
+    Version,
+    bodies_of,
+    lab_near,
+    print_event,
+    print_event_json,
+    print_json_error,
+    starting,
+    with_options,
+)
+from wire.text import rows
 
 if TYPE_CHECKING:
     from drone_agent.config import SimulatedDroneConfig
-    from wire.process.lifetime import EventSink
+    from wire.process.daemon import EventSink
 
 app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -122,7 +129,7 @@ def _fly(options: Options) -> None:
     except ConfigError as error:
         _fail(str(error), 2)
     except StarvedError as error:
-        _fail(f"drone-agent: {error}", starved.EXIT_CODE)
+        _fail(f"drone-agent: {error}", STARVED)
     except OSError as error:
         _fail(f"drone-agent: {error.strerror or error}", 1)
 
@@ -160,7 +167,7 @@ def _merge(options: Options, file: Path | None) -> dict[str, Any]:
 def _read(file: Path) -> dict[str, Any]:
     """What a file sets, each error with its line; ConfigError."""
     from wire.config_file import load
-    from wire.toml_text import read_toml
+    from wire.files import read_toml
 
     if "bridge" in read_toml(file):
         from drone_agent.bridge import BridgeConfig

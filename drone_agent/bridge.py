@@ -10,10 +10,9 @@ from drone_agent.process import DeadlineTimer, awaited_bus, awaited_pose, drone_
 from formation.messages import Datagram, Event, LabFrame, Severity
 from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
-from wire.process.awaited import Awaited, report_missing
-from wire.process.lifetime import EventSink, Stop
-from wire.process.priority import prefer_process
+from wire.process.daemon import Awaited, EventSink, Stop, report_missing
 from wire.process.progress import compile_all
+from wire.process.system import prefer_process
 from wire.rejections import RejectionLog
 from wire.security.bus_access import ExposedError
 from wire.security.protection import Protection

@@ -24,11 +24,7 @@ from formation.maths.geodesy import to_globe
 from formation.messages import Datagram, Event, Truth
 from formation.vehicle.profile import on_ground, profile
 from wire.autopilots.table import AutopilotTable
-from wire.link_messages.address import DRONE_COMPONENT, Address
-from wire.link_messages.message_id import MessageId
-from wire.link_messages.motion import SimTruth
-from wire.link_messages.packet import LinkMessage
-from wire.link_messages.status import StatusText
+from wire.link_messages import DRONE_COMPONENT, Address, LinkMessage, MessageId, SimTruth, StatusText
 from wire.mavlink.codec import Codec, MavlinkError
 from wire.mavlink.framing import packed
 

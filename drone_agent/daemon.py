@@ -13,10 +13,8 @@ from drone_agent.process import DeadlineTimer, awaited_bus, awaited_pose, drone_
 from formation.messages import Datagram, LabFrame
 from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
-from wire.process.awaited import Awaited, report_missing
-from wire.process.lifetime import EventSink, Stop
+from wire.process.daemon import Awaited, EventSink, Punctuality, Stop, report_missing
 from wire.process.progress import compile_all
-from wire.process.starved import Punctuality
 from wire.rejections import RejectionLog
 from wire.transport.link import Link
 from wire.transport.mocap_bus import MocapBus

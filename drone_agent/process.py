@@ -7,7 +7,7 @@ from drone_agent.guard.config import GuardConfig
 from formation.identities import drone_identity
 from wire.clock import REAL_TIME, Clock
 from wire.errors import ConfigError
-from wire.process.awaited import Awaited, bus_at
+from wire.process.daemon import Awaited, bus_at
 from wire.rejections import RejectionLog
 from wire.security.bus_access import BusAccess, ExposedError
 from wire.security.private_keys import mavlink_key_file

@@ -12,7 +12,7 @@ def main() -> None:
     try:
         _run()
     except SystemExit as end:
-        from wire.process.leaving import end_beside_closing
+        from wire.process.system import end_beside_closing
 
         end_beside_closing(end)
         raise
@@ -21,7 +21,7 @@ def main() -> None:
 def _run() -> None:
     """A stop goes its own short way: the whole command line takes three times as long to load."""
     if sys.argv[1:2] == ["stop"]:
-        from wire.process.priority import run_before_others
+        from wire.process.system import run_before_others
 
         run_before_others()  # before anything is loaded, where the machine allows it
         from gcs.cli.stop import stop

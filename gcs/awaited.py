@@ -3,7 +3,7 @@
 from typing import Protocol
 
 from formation.config import LabConfig, VehicleBody
-from wire.process.awaited import Awaited, bus_at
+from wire.process.daemon import Awaited, bus_at
 from wire.transport.zenoh_bus import ZenohBus
 
 

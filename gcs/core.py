@@ -55,7 +55,7 @@ from gcs.safety.permissions import Permissions
 from gcs.state.alarms import ACKNOWLEDGED
 from gcs.state.counters import counters
 from gcs.state.swarm import About, swarm_state
-from wire.link_messages.address import ground_address
+from wire.link_messages import ground_address
 from wire.rejections import RejectionLog
 
 WATCHDOG_FRAMES = 3.0

@@ -40,13 +40,12 @@ from gcs.state.host import Disk, EventMemory, disk, host_state
 from gcs.stop_button.watch import watch_button
 from mocap.service import ServiceError, mocap_service
 from wire.clock import REAL_TIME, Clock, unix_us
-from wire.logs.dates import record_dates
 from wire.logs.live import sharer
-from wire.logs.mcap_log import LogWriter
-from wire.process.awaited import report_missing
+from wire.logs.mcap_write import LogWriter, record_dates
+from wire.process.daemon import report_missing
 from wire.process.deadline import Deadline
-from wire.process.machine import machine
 from wire.process.output import lost_lines
+from wire.process.system import machine
 from wire.security.protection import INSECURE, LOOPBACK_ONLY, Protection
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.stop_port import stop_ports

@@ -18,7 +18,7 @@ from formation.own_law.guard import Answer, LawOverrunError
 from formation.topics import Topic
 from gcs.core import GcsCore
 from gcs.recording import INPUT_TOPICS, OUTPUT_TOPICS, STAGES, THINNED, Thinning, outputs
-from wire.logs.mcap_log import Entry, Log
+from wire.logs.mcap_read import Entry, Log
 from wire.schema import schema_of
 
 

@@ -14,7 +14,7 @@ from formation.paper.eq2_relative_frame import lead_from_lab
 from formation.safety.attitude_innovation import AttitudeMonitor
 from gcs.core import GcsCore
 from gcs.own_law import own_laws
-from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
+from wire.link_messages import DRONE_COMPONENT, GROUND, Address
 from wire.mavlink.pose_batch import PoseBatch
 from wire.mavlink.setpoint_batch import SetpointBatch
 from wire.process.deadline import Deadline

@@ -24,7 +24,7 @@ _EXTRAS = {
     "doctor": ("mavsdk",),
 }  # fmt: skip
 """What each optional part of the installation brings, as it is imported."""
-_NOT_RIGHT = 2  # wire.process.exit_codes
+_NOT_RIGHT = 2  # wire.process.system
 _OUTPUT_ERRORS = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EIO)
 
 

@@ -20,12 +20,11 @@ from mocap.table import LiveTable
 from mocap.warm_up import warm_up
 from wire import version
 from wire.clock import Clock
-from wire.logs.mcap_log import LogWriter
-from wire.process.console import NOT_RIGHT, REJECTED, fail, print_event, print_event_json
-from wire.process.machine import machine
+from wire.logs.mcap_write import LogWriter
 from wire.process.output import dropping_output
-from wire.process.priority import prefer_process
+from wire.process.program import fail, print_event, print_event_json
 from wire.process.progress import compile_all
+from wire.process.system import NOT_RIGHT, REJECTED, machine, prefer_process
 from wire.security.protection import LOOPBACK_ONLY, Protection
 
 

@@ -28,8 +28,7 @@ from mocap.sources.registry import open_source
 from mocap.sources.source import Feed
 from mocap.validator.armed import motors_on
 from wire.clock import Clock
-from wire.process.awaited import GROUND_REMEDY, Awaited, bus_at, report_missing
-from wire.process.lifetime import EventSink, Stop
+from wire.process.daemon import GROUND_REMEDY, Awaited, EventSink, Stop, bus_at, report_missing
 from wire.rejections import RejectionLog
 from wire.security.protection import LOOPBACK_ONLY, Protection
 from wire.transport.mocap_bus import MocapBus

@@ -15,7 +15,7 @@ from typing import cast
 from mocap.sources.natnet import messages
 from mocap.sources.natnet.messages import MessageId
 from mocap.sources.natnet.reader import PacketError
-from wire.plain_text import plain
+from wire.text import plain
 
 BROADCAST = "255.255.255.255"
 LONGEST = 128

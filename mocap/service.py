@@ -10,9 +10,8 @@ from formation.config import LabConfig
 from formation.messages import Event, Severity
 from formation.requests import GCS_NAME
 from wire.clock import REAL_TIME, Clock
-from wire.process.console import NOT_RIGHT
-from wire.process.lifetime import EventSink
-from wire.process.python import python_command
+from wire.process.daemon import EventSink
+from wire.process.system import NOT_RIGHT, python_command
 from wire.transport.mocap_bus import MocapBus
 
 FIND_S = 1.0

@@ -8,7 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from formation.messages import Event
-from wire.process.console import COLOURS
+from wire.process.program import COLOURS
 
 COLUMNS = ("body", "seen", "longest gap", "noise at rest", "x", "y", "z", "yaw", "rejected")
 _MS, _MM, _DEGREES = 1e3, 1e3, 57.29577951308232

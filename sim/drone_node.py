@@ -18,7 +18,7 @@ from sim.faults.fault import Family, Fault
 from sim.monitors import Without
 from sim.process_input import ProcessInput
 from sim.scenario import LinkModel, Scenario
-from wire.link_messages.address import BRIDGE_COMPONENT
+from wire.link_messages import BRIDGE_COMPONENT
 from wire.mavlink.framing import FrameCutter
 from wire.transport.memory_bus import random_delay
 

@@ -1,11 +1,10 @@
-"""A drone's intake at the ground in simulated time: wire.transport.intake's rule, its work counted instead of timed."""
+"""A drone's intake at the ground in simulated time: wire.transport.link's rule, its work counted instead of timed."""
 
 from collections.abc import Iterator
 
 from formation.messages import Datagram
 from wire.mavlink.framing import FrameCutter
-from wire.transport.intake import TURN_NS, Backlog
-from wire.transport.link import PAUSE_S, LinkCounters
+from wire.transport.link import PAUSE_S, TURN_NS, Backlog, LinkCounters
 from wire.transport.memory_bus import NOTHING_DUE_NS
 
 PAUSE_NS = round(PAUSE_S * 1e9)

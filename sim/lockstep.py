@@ -18,7 +18,8 @@ from sim.scenario import Scenario, load
 from sim.script import Outcome
 from sim.world import T0_NS, World
 from wire import clock
-from wire.logs.mcap_log import Entry, LogWriter
+from wire.logs.mcap_read import Entry
+from wire.logs.mcap_write import LogWriter
 
 Progress = Callable[[float, str], None]
 """Called with the simulated seconds and the phase, every tenth of a simulated second."""

@@ -8,8 +8,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from wire.process import starved
-from wire.process.python import python_command
+from wire.process.daemon import STARVED
+from wire.process.system import python_command
 
 PATIENCE_S = 5.0
 
@@ -89,7 +89,7 @@ class ProcessGroup:
             for task in waits:
                 task.cancel()
         child = waits[done.pop()]
-        if child.process.returncode == starved.EXIT_CODE:
+        if child.process.returncode == STARVED:
             raise ProcessDied(_last_words(child.output), starved=True)
         raise ProcessDied(f"{child.name} ended with {_status(child)}; its last words: {_last_words(child.output)}")
 

@@ -26,7 +26,7 @@ from sim.lab_file import scenario_values
 from sim.script import FLIGHT, Step
 from sim.shipped import shipped
 from wire import config_file
-from wire.toml_text import read_toml
+from wire.files import read_toml
 
 ONLY_IN_SCENARIOS = frozenset({"about", "air", "faults", "formation_s", "longest_s", "script", "seed", "vehicles"})
 """Keys that no lab file has: a file with one of them, and no lab, is a scenario that lacks its lab."""
@@ -35,7 +35,7 @@ ONLY_IN_SCENARIOS = frozenset({"about", "air", "faults", "formation_s", "longest
 class LinkModel(Model):
     """The in-memory links to and from the drones: delay, the mean of what comes on top, the share lost.
 
-    ingest_s: the ground's work for one packet of a drone, which bounds what it takes in (wire.transport.intake): on a
+    ingest_s: the ground's work for one packet of a drone, which bounds what it takes in (wire.transport.link): on a
     desktop some 60 a millisecond.
     """
 

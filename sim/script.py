@@ -7,7 +7,7 @@ from pydantic import Field
 
 from formation.messages import OperatorReply, OperatorRequest, Phase, Verb
 from formation.model import Model
-from wire.json_text import parse_object
+from wire.text import parse_object
 
 READY_WITHIN_NS = 30_000_000_000
 RETRY_NS = 200_000_000

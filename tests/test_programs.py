@@ -9,7 +9,7 @@ import pytest
 
 from mavlink_formation import programs
 from wire import version
-from wire.process.exit_codes import NO_GROUND, NOT_RIGHT
+from wire.process.system import NO_GROUND, NOT_RIGHT
 
 HEAVY = ("numba", "scipy", "matplotlib", "pymavlink", "mavsdk", "qtm_rt")
 PROGRAMS = ("gcs", "drone_agent", "sim", "sim.cli.log")

@@ -23,7 +23,7 @@ from sim.campaign.flight import fly
 from sim.campaign.labs import scenario as campaign_scenario
 from sim.lockstep import run_in_memory
 from sim.scenario import load
-from wire.logs.mcap_log import Entry
+from wire.logs.mcap_read import Entry
 
 SECOND_NS = 1_000_000_000
 RECORDED: tuple[Topic, ...] = (topics.TARGET, topics.LINK_DOWN, topics.PHASE, topics.TRUTH)

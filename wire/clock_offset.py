@@ -7,8 +7,7 @@ smaller one. A drone's clock is asked for by MAVLink TIMESYNC (`TimeSyncClient`)
 from collections import deque
 from dataclasses import dataclass, field
 
-from wire.link_messages.address import Address
-from wire.link_messages.clocks import TimeSync
+from wire.link_messages import Address, TimeSync
 
 DRIFT = 100e-6
 """Largest assumed drift between two clocks, s/s."""

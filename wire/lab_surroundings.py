@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from formation.own_law.law import ControlLaw, LawMaker
 from formation.trajectory_config import POINTS_MOST
-from wire.small_files import read_text
+from wire.files import read_text
 
 T = TypeVar("T")
 

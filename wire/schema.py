@@ -9,17 +9,41 @@ Every other float64 comes back bit for bit. Fields are numbered in the order of 
 import dataclasses
 import struct
 import types
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 from functools import cache, cached_property, partial
 from operator import attrgetter, call
-from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    Generic,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
-from wire.schema_descriptor import PACKAGE, Proto, described
-
-if TYPE_CHECKING:  # not loaded for messages without arrays
+if TYPE_CHECKING:  # neither is loaded before it is needed
     import numpy as np
+    from google.protobuf import descriptor_pb2
+
+PACKAGE = "formation"
+
+
+class Proto(IntEnum):
+    """Google's numbers of the field types used, of FieldDescriptorProto.Type."""
+
+    TYPE_DOUBLE = 1
+    TYPE_FLOAT = 2
+    TYPE_BOOL = 8
+    TYPE_STRING = 9
+    TYPE_BYTES = 12
+    TYPE_ENUM = 14
+    TYPE_SFIXED64 = 16
+
 
 T = TypeVar("T")
 
@@ -145,6 +169,32 @@ class Schema(Generic[T]):
 def schema_of(message: type[T]) -> Schema[T]:
     """The schema of a dataclass, made once; TypeError names a field whose annotation has no Protobuf type."""
     return Schema(message)
+
+
+def described(name: str, fields: Sequence[_Field]) -> "descriptor_pb2.FileDescriptorSet":
+    """The FileDescriptorSet of one message of these fields, for readers that know nothing of us."""
+    from google.protobuf import descriptor_pb2
+
+    label_of = descriptor_pb2.FieldDescriptorProto
+    message = descriptor_pb2.DescriptorProto(name=name)
+    for field in fields:
+        label = label_of.LABEL_REPEATED if field.kind.repeated else label_of.LABEL_OPTIONAL
+        proto = message.field.add(name=field.name, number=field.number, label=label)
+        proto.type = field.kind.proto  # type: ignore[assignment]
+        if field.kind.enum is not None:
+            proto.type_name = f".{PACKAGE}.{name}.{field.kind.enum.__name__}"
+            _add_enum(message, field.kind.enum)
+    file = descriptor_pb2.FileDescriptorProto(name=f"{PACKAGE}/{name}.proto", package=PACKAGE, syntax="proto3")
+    file.message_type.append(message)
+    return descriptor_pb2.FileDescriptorSet(file=[file])
+
+
+def _add_enum(message: "descriptor_pb2.DescriptorProto", enum: type[IntEnum]) -> None:
+    values = {member.value: member.name for member in enum}
+    values.setdefault(0, "UNSPECIFIED")  # proto3 wants a zero, and wants it first
+    proto = message.enum_type.add(name=enum.__name__)
+    for number in sorted(values):
+        proto.value.add(name=values[number], number=number)
 
 
 def _varint(value: int) -> bytes:

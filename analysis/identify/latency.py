@@ -16,8 +16,7 @@ from analysis.tracking import airborne
 from formation.maths import frames
 from formation.maths.arrays import Float
 from wire.clock_offset import ClockOffset
-from wire.link_messages.clocks import TimeSync
-from wire.link_messages.motion import Attitude, AttitudeQuaternion
+from wire.link_messages import Attitude, AttitudeQuaternion, TimeSync
 
 MOST_S = 0.1
 GAP_S = 0.1

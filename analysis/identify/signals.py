@@ -9,7 +9,7 @@ from analysis.packets import from_ground
 from analysis.tracking import airborne
 from formation.maths import frames
 from formation.maths.arrays import Bool, Float
-from wire.link_messages.setpoints import AttitudeSetpoint
+from wire.link_messages import AttitudeSetpoint
 
 GRID_S = 0.002
 CLEAR_M = 0.1  # this far above its resting place a drone flies freely

@@ -15,7 +15,7 @@ from analysis.load import Flight, load
 from analysis.metrics import Summary, summarise
 from analysis.page import Section, cell, picture, row, table
 from analysis.plots import overlay, style
-from wire.json_text import parse_json
+from wire.text import parse_json
 
 FIGURES = (
     "formation_rms_m", "formation_max_m", "leader_rms_m", "leader_max_m", "vibration_m", "altitude_rms_m",

@@ -9,8 +9,8 @@ from pydantic import ValidationError
 
 from formation.config import LabConfig
 from wire.config_file import load as load_lab
-from wire.logs.blueprint import rerun_blueprint
-from wire.logs.mcap_log import LogError, read_log
+from wire.logs.mcap_read import LogError, read_log
+from wire.logs.scene import rerun_blueprint
 
 USUAL = ("leader", "right", "left")
 APPLICATION = "mavlink-formation"

@@ -6,7 +6,7 @@ from html import escape
 
 from analysis.load import Flight
 from analysis.page import cell, row, table
-from wire.json_text import parse_json
+from wire.text import parse_json
 
 FACTS = (
     ("date", "date"), ("versions", "version"), ("machine", "machine"), ("lab_file", "lab file"),

@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 
 from analysis.tables.topic_tables import LogTables, Table
-from wire.logs.mcap_log import LogError
+from wire.logs.mcap_read import LogError
 
 WITHOUT_PYARROW = "--parquet needs pyarrow: pip install 'mavlink-formation[parquet]'"
 

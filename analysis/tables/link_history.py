@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.messages import Datagram
-from wire.logs.drone_link import DroneLink, LinkView
+from wire.logs.views import DroneLink, LinkView
 
 STEP_NS = 100_000_000
 History = Mapping[str, NDArray[Any]]

@@ -21,8 +21,7 @@ from analysis.tables.link_history import histories
 from formation.config import LabConfig
 from formation.maths.arrays import Layout
 from formation.topics import LINK_UP
-from wire.logs.mcap_log import LogError, read_log
-from wire.logs.mcap_read import clock_of, holds_nothing
+from wire.logs.mcap_read import LogError, clock_of, holds_nothing, read_log
 
 Table = Mapping[str, NDArray[Any]]
 LINK = "drone/link"

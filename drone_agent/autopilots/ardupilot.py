@@ -27,12 +27,21 @@ from drone_agent.autopilots.parameters import Parameters
 from formation.messages import Severity
 from wire.autopilots.ardupilot import ARDUPILOT, THRUST_AS_THRUST
 from wire.autopilots.table import FlightMode
-from wire.link_messages.commands import Result
-from wire.link_messages.message_id import MessageId
-from wire.link_messages.motion import MocapPose, Odometry, OdometryFrame, VisionPose
-from wire.link_messages.packet import LinkMessage
-from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
-from wire.link_messages.status import EstimatorFlag, MavState, ModeFlag, ProtocolCapability
+from wire.link_messages import (
+    AttitudeSetpoint,
+    EstimatorFlag,
+    Ignore,
+    LinkMessage,
+    MavState,
+    MessageId,
+    MocapPose,
+    ModeFlag,
+    Odometry,
+    OdometryFrame,
+    ProtocolCapability,
+    Result,
+    VisionPose,
+)
 
 _MANUAL_FLAGS = ModeFlag.CUSTOM_MODE_ENABLED | ModeFlag.MANUAL_INPUT_ENABLED | ModeFlag.STABILIZE_ENABLED
 _GUIDED_FLAGS = _MANUAL_FLAGS | ModeFlag.GUIDED_ENABLED

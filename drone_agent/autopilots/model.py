@@ -12,10 +12,15 @@ from drone_agent.autopilots.parameters import Parameters
 from formation.maths.arrays import Float
 from formation.messages import Severity
 from wire.autopilots.table import AutopilotTable, FlightMode
-from wire.link_messages.commands import Result
-from wire.link_messages.packet import LinkMessage
-from wire.link_messages.setpoints import AttitudeSetpoint
-from wire.link_messages.status import EstimatorFlag, MavState, ModeFlag, ProtocolCapability
+from wire.link_messages import (
+    AttitudeSetpoint,
+    EstimatorFlag,
+    LinkMessage,
+    MavState,
+    ModeFlag,
+    ProtocolCapability,
+    Result,
+)
 
 ATTITUDE_ONLY = (
     EstimatorFlag.ATTITUDE

@@ -5,8 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from wire.config_file import ConfigError
-from wire.private_files import private
-from wire.small_files import read_text
+from wire.files import private, read_text
 
 
 def read(path: Path) -> dict[str, float]:

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from math import isfinite
 
 from wire.autopilots.table import AutopilotTable, ParamSpec
-from wire.link_messages.parameters import ParamType, ParamValue
-from wire.link_messages.status import MavAutopilot
+from wire.link_messages import MavAutopilot, ParamType, ParamValue
 from wire.mavlink.codec import MavlinkError, param_from_raw, param_to_raw
 
 

@@ -24,11 +24,20 @@ from drone_agent.autopilots.parameters import Parameters
 from formation.messages import Severity
 from wire.autopilots.px4 import MAIN_AUTO, PX4
 from wire.autopilots.table import FlightMode
-from wire.link_messages.commands import MavCommand, Result
-from wire.link_messages.message_id import MessageId
-from wire.link_messages.motion import EstimatorType, Odometry, OdometryFrame, VisionPose
-from wire.link_messages.packet import LinkMessage
-from wire.link_messages.status import EstimatorFlag, MavState, ModeFlag, ProtocolCapability
+from wire.link_messages import (
+    EstimatorFlag,
+    EstimatorType,
+    LinkMessage,
+    MavCommand,
+    MavState,
+    MessageId,
+    ModeFlag,
+    Odometry,
+    OdometryFrame,
+    ProtocolCapability,
+    Result,
+    VisionPose,
+)
 
 _MANUAL_FLAGS = ModeFlag.CUSTOM_MODE_ENABLED | ModeFlag.MANUAL_INPUT_ENABLED | ModeFlag.STABILIZE_ENABLED
 _AUTO_FLAGS = (

@@ -30,7 +30,7 @@ from formation.messages import Severity
 from formation.model import Vec3Tuple
 from formation.vehicle.profile import VehicleProfile
 from wire.autopilots.table import STREAM_MODES, FlightMode
-from wire.link_messages.commands import Result
+from wire.link_messages import Result
 
 CONTROL_NS = 10_000_000
 _CONTROL_S = CONTROL_NS * 1e-9

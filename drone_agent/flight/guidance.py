@@ -13,7 +13,7 @@ from drone_agent.flight.autopilot import Autopilot
 from drone_agent.guard.position import NO_RATE, LoopSetpoint
 from formation.maths.arrays import Quat, Vec3
 from formation.maths.frames import from_rotation_vector, multiply
-from wire.link_messages.setpoints import AttitudeSetpoint, Ignore, LocalFrame, PositionIgnore, PositionSetpoint
+from wire.link_messages import AttitudeSetpoint, Ignore, LocalFrame, PositionIgnore, PositionSetpoint
 
 
 class Guidance:

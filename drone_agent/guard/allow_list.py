@@ -7,8 +7,7 @@ fields of its payload. Nothing here knows keys: signatures are verified before.
 from dataclasses import dataclass
 from enum import StrEnum
 
-from wire.link_messages.commands import MavCommand
-from wire.link_messages.message_id import MessageId
+from wire.link_messages import MavCommand, MessageId
 from wire.mavlink.framing import Frame
 
 

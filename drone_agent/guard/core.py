@@ -32,23 +32,34 @@ from wire.autopilots.ardupilot import ARDUPILOT
 from wire.autopilots.px4 import PX4
 from wire.autopilots.table import STREAM_MODES, AutopilotTable
 from wire.clock_offset import rate_offset_text
-from wire.link_messages.address import BRIDGE_COMPONENT, DRONE_COMPONENT, Address
-from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import (
+from wire.link_messages import (
+    BRIDGE_COMPONENT,
     DISARM_IN_FLIGHT,
+    DRONE_COMPONENT,
+    Address,
+    AttitudeQuaternion,
+    AttitudeSetpoint,
     CommandAck,
     CommandInt,
     CommandLong,
+    Heartbeat,
+    Ignore,
+    InertialSample,
+    LinkMessage,
+    MavAutopilot,
     MavCommand,
+    MavState,
+    MavType,
+    MessageId,
+    NamedValue,
+    Origin,
     Result,
     SetMode,
+    SetOrigin,
+    StatusText,
+    TimeSync,
     command_long,
 )
-from wire.link_messages.message_id import MessageId
-from wire.link_messages.motion import AttitudeQuaternion, InertialSample, Origin, SetOrigin
-from wire.link_messages.packet import LinkMessage
-from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
-from wire.link_messages.status import Heartbeat, MavAutopilot, MavState, MavType, NamedValue, StatusText
 from wire.mavlink.codec import Codec, MavlinkError, read_frame
 from wire.mavlink.framing import Frame, FrameCutter, packed, renumbered
 

@@ -18,8 +18,7 @@ from formation.navigation.receive import Input, RejectReason
 from formation.navigation.state import POS, SAMPLES, Airframe
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
-from wire.link_messages.motion import AttitudeQuaternion, InertialSample
-from wire.link_messages.status import EkfStatus, EstimatorFlag
+from wire.link_messages import AttitudeQuaternion, EkfStatus, EstimatorFlag, InertialSample
 
 _ONE = np.array([0])
 _INNOVATION_NS = 100_000_000

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from drone_agent.guard.stages import RULED, Stage, Trigger
 from drone_agent.guard.stages import advance as next_stage
 from formation.messages import Severity
-from wire.link_messages.address import Address
+from wire.link_messages import Address
 
 LAND_AFTER_S = 1.0
 """Of holding, where nothing else is configured and a pose from outside is all there is."""

@@ -5,7 +5,7 @@ from math import isfinite, nan
 from drone_agent.guard.estimate import BodyEstimate
 from formation.messages import LabFrame
 from formation.navigation.receive import RejectReason
-from wire.link_messages.motion import VisionPose
+from wire.link_messages import VisionPose
 
 _POSE_NS = 20_000_000
 _DEAD_RECKONING_NS = 500_000_000

@@ -14,7 +14,7 @@ from formation.maths.arrays import Quat
 from formation.maths.frames import IDENTITY, from_yaw, yaw
 from formation.maths.quaternion import thrust_axis
 from formation.vehicle.body import GRAVITY_M_S2
-from wire.link_messages.setpoints import AttitudeSetpoint
+from wire.link_messages import AttitudeSetpoint
 
 _TILT_ACC_MAX_M_S2 = 0.5
 _TILT_AVERAGED_S = 0.25

@@ -2,10 +2,17 @@
 
 from drone_agent.guard.estimate import BodyEstimate
 from wire.clock_offset import TimeSyncClient
-from wire.link_messages.address import Address
-from wire.link_messages.commands import CommandAck, CommandLong, MavCommand, Result, command_long
-from wire.link_messages.message_id import MessageId
-from wire.link_messages.motion import AttitudeQuaternion, InertialSample
+from wire.link_messages import (
+    Address,
+    AttitudeQuaternion,
+    CommandAck,
+    CommandLong,
+    InertialSample,
+    MavCommand,
+    MessageId,
+    Result,
+    command_long,
+)
 
 _LISTEN_NS = 1_500_000_000  # before it is asked for: the autopilot may send it anyhow
 _ASK_NS = 1_000_000_000

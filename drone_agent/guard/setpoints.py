@@ -19,9 +19,7 @@ from formation.maths.frames import canonical, from_rotation_vector, from_yaw, mu
 from formation.messages import Event
 from formation.vehicle.profile import GRAVITY_M_S2, VehicleProfile
 from wire.clock_offset import ClockOffset
-from wire.link_messages.address import BROADCAST, Address
-from wire.link_messages.message_id import MessageId
-from wire.link_messages.setpoints import AttitudeSetpoint
+from wire.link_messages import BROADCAST, Address, AttitudeSetpoint, MessageId
 from wire.mavlink.codec import Codec, MavlinkError, read_frame
 from wire.mavlink.framing import Frame
 from wire.rejections import RejectionLog

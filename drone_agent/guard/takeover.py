@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 from drone_agent.guard.failsafe import REST_NS, StreamFailsafe
 from drone_agent.guard.stages import Stage, Trigger
-from wire.link_messages.address import Address
-from wire.link_messages.commands import CommandAck, MavCommand, Result
+from wire.link_messages import Address, CommandAck, MavCommand, Result
 
 STEP_NS = 10_000_000
 _AGAIN_NS = 100_000_000

@@ -11,18 +11,18 @@ from formation.maths.geodesy import from_globe, to_globe
 from formation.messages import Severity
 from formation.model import Vec3Tuple
 from wire.autopilots.table import FlightMode
-from wire.link_messages.commands import (
+from wire.link_messages import (
     ARM_PAST_CHECKS,
     DISARM_IN_FLIGHT,
     CommandInt,
     CommandLong,
+    LinkMessage,
     MavCommand,
     MavFrame,
+    MessageId,
+    MessageInterval,
     Result,
 )
-from wire.link_messages.message_id import MessageId
-from wire.link_messages.packet import LinkMessage
-from wire.link_messages.status import MessageInterval
 
 _RELATIVE_FRAMES = frozenset(
     {

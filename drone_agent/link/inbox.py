@@ -11,16 +11,34 @@ from drone_agent.flight.guidance import Guidance
 from drone_agent.link.commands import Commander, order_of
 from formation.messages import Event, Severity
 from wire.clock_offset import ClockOffset
-from wire.link_messages.address import Address
-from wire.link_messages.clocks import Ping, TimeSync
-from wire.link_messages.commands import CommandAck, CommandInt, CommandLong, SetMode
-from wire.link_messages.message_id import MessageId
-from wire.link_messages.motion import MocapPose, Odometry, Origin, SetOrigin, VisionPose
-from wire.link_messages.packet import LinkMessage, Packet
-from wire.link_messages.parameters import ParamRequestList, ParamRequestRead, ParamSet
-from wire.link_messages.setpoints import AttitudeSetpoint, PositionSetpoint
-from wire.link_messages.status import Heartbeat, MavAutopilot
-from wire.link_messages.storage import LogEntry, LogRequestList, MissionCount, MissionRequestList
+from wire.link_messages import (
+    Address,
+    AttitudeSetpoint,
+    CommandAck,
+    CommandInt,
+    CommandLong,
+    Heartbeat,
+    LinkMessage,
+    LogEntry,
+    LogRequestList,
+    MavAutopilot,
+    MessageId,
+    MissionCount,
+    MissionRequestList,
+    MocapPose,
+    Odometry,
+    Origin,
+    Packet,
+    ParamRequestList,
+    ParamRequestRead,
+    ParamSet,
+    Ping,
+    PositionSetpoint,
+    SetMode,
+    SetOrigin,
+    TimeSync,
+    VisionPose,
+)
 from wire.rejections import RejectionLog
 
 _POSE_AGE_MAX_NS = 500_000_000

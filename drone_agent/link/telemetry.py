@@ -10,31 +10,30 @@ from drone_agent.config import SimulatedDroneConfig
 from drone_agent.flight.autopilot import Autopilot
 from formation.maths.arrays import Vec3
 from formation.maths.geodesy import to_globe
-from wire.link_messages.clocks import TimeSync
-from wire.link_messages.message_id import MessageId
-from wire.link_messages.motion import (
+from wire.link_messages import (
     Attitude,
     AttitudeQuaternion,
-    GlobalPosition,
-    HomePosition,
-    InertialSample,
-    LocalPosition,
-    Origin,
-)
-from wire.link_messages.packet import LinkMessage
-from wire.link_messages.setpoints import AttitudeTargetReport, Ignore
-from wire.link_messages.status import (
+    AttitudeTargetReport,
     AutopilotVersion,
     Battery,
     EkfStatus,
     ExtendedSysState,
+    GlobalPosition,
     Heartbeat,
+    HomePosition,
+    Ignore,
+    InertialSample,
     LandedState,
+    LinkMessage,
+    LocalPosition,
     MavAutopilot,
     MavType,
+    MessageId,
     ModeFlag,
+    Origin,
     SensorFlag,
     SysStatus,
+    TimeSync,
 )
 
 _SENSORS = SensorFlag.GYRO_3D | SensorFlag.ACCEL_3D | SensorFlag.MAG_3D | SensorFlag.ABSOLUTE_PRESSURE

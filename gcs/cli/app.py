@@ -21,11 +21,11 @@ from gcs.doctor import cli as doctor_cli
 from gcs.live import cli as live_cli
 from wire import clock
 from wire.errors import ConfigError
-from wire.markdown import rows
-from wire.private_files import run_folder
-from wire.process.console import NOT_RIGHT, REJECTED, Insecure, Json, LabFile, Name, Speed, configuration, fail
+from wire.files import run_folder
 from wire.process.output import dropping_output
-from wire.process.program import program
+from wire.process.program import Insecure, Json, LabFile, Name, Speed, configuration, fail, program
+from wire.process.system import NOT_RIGHT, REJECTED
+from wire.text import rows
 
 app = program(
     "Fly a formation: `gcs run lab.toml` is the daemon, the other commands reach it from another terminal.",

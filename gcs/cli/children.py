@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from wire.process.python import python_command
+from wire.process.system import python_command
 
 PATIENCE_S = 5.0
 

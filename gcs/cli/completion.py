@@ -3,7 +3,7 @@
 import typer
 
 from formation.requests import CONFIGURED
-from wire.process.completion import keys_of, lab_near, starting
+from wire.process.program import keys_of, lab_near, starting
 
 
 def shapes(context: typer.Context, incomplete: str) -> list[str]:

@@ -15,10 +15,10 @@ from gcs.lab.margins import judge_margins
 from gcs.warm_up import warm_up
 from mocap.service import ServiceError
 from wire.clock import Clock
-from wire.private_files import make_folder
-from wire.process.console import NOT_LANDED, NOT_RIGHT, REJECTED, fail, print_event, print_event_json
-from wire.process.priority import prefer_process, raise_priority
+from wire.files import make_folder
+from wire.process.program import fail, print_event, print_event_json
 from wire.process.progress import compile_all
+from wire.process.system import NOT_LANDED, NOT_RIGHT, REJECTED, prefer_process, raise_priority
 from wire.security.private_keys import keys_folder, read_operations
 from wire.security.protection import lab_protection
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from wire.errors import ConfigError
-from wire.process.console import NOT_RIGHT, REJECTED, Json, LabFile, configuration, fail
+from wire.process.program import Json, LabFile, configuration, fail
+from wire.process.system import NOT_RIGHT, REJECTED
 
 if TYPE_CHECKING:
     from gcs.security.key_folder import KeyFolder

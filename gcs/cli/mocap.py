@@ -9,8 +9,8 @@ from formation.identities import MOCAP
 from formation.requests import GCS_NAME
 from wire import clock
 from wire.errors import ConfigError
-from wire.process.console import NOT_RIGHT, Insecure, Json, LabFile, Name, Speed, configuration, fail
-from wire.process.program import DefaultCommand
+from wire.process.program import DefaultCommand, Insecure, Json, LabFile, Name, Speed, configuration, fail
+from wire.process.system import NOT_RIGHT
 
 app = typer.Typer(
     cls=DefaultCommand, no_args_is_help=True, rich_markup_mode=None,

@@ -17,9 +17,8 @@ from formation.requests import CONFIGURED, GCS_NAME, OperatorReply, OperatorRequ
 from gcs.cli import completion
 from wire import clock
 from wire.errors import BusError, ConfigError
-from wire.process.console import NO_GROUND, NOT_RIGHT, REJECTED, Insecure, Json, Name, fail, print_error
-from wire.process.own_name import own_name
-from wire.process.program import with_options
+from wire.process.program import Insecure, Json, Name, fail, print_error, with_options
+from wire.process.system import NO_GROUND, NOT_RIGHT, REJECTED, own_name
 from wire.transport.lab_address import address_near
 
 if TYPE_CHECKING:
@@ -112,7 +111,7 @@ def status(ground: _Ground) -> None:
     else:
         from rich.console import Console
 
-        from wire.json_text import parse_object
+        from wire.text import parse_object
 
         print_status(parse_object(reply.text), Console())
 

@@ -13,9 +13,7 @@ from typing import TYPE_CHECKING
 from formation.requests import GCS_NAME, OperatorRequest, Verb
 from wire import clock
 from wire.errors import BusError, ConfigError
-from wire.process.exit_codes import NO_GROUND, NOT_RIGHT, REJECTED
-from wire.process.own_name import own_name
-from wire.process.priority import prefer_process
+from wire.process.system import NO_GROUND, NOT_RIGHT, REJECTED, own_name, prefer_process
 
 if TYPE_CHECKING:
     from wire.transport.lab_address import LabAddress

@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from formation.identities import GROUND
-from wire.process.console import (
-    NOT_RIGHT,
-    REJECTED,
+from wire.process.program import (
     Insecure,
     Json,
     LabFile,
@@ -19,8 +17,9 @@ from wire.process.console import (
     fail,
     print_error,
     print_event,
+    print_json_error,
 )
-from wire.process.program import print_json_error
+from wire.process.system import NOT_RIGHT, REJECTED
 
 if TYPE_CHECKING:
     from formation.config import LabConfig
@@ -77,7 +76,7 @@ def logs(
     import uvloop
 
     from mocap.service import ServiceError
-    from wire.private_files import make_folder
+    from wire.files import make_folder
 
     make_folder(out)
     try:

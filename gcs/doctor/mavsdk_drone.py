@@ -18,8 +18,8 @@ from mavsdk.plugins.info import InfoError
 from mavsdk.plugins.log_files import LogFilesError
 from mavsdk.plugins.param import ParamError, ParamResult
 
-from wire.plain_text import plain
-from wire.private_files import inside
+from wire.files import inside
+from wire.text import plain
 
 LOOPBACK = "127.0.0.1"
 DISCOVERY_S, HEALTH_S, LISTING_S = 10.0, 5.0, 20.0

@@ -19,7 +19,7 @@ from gcs.drones.telemetry import NEVER_NS
 from wire.clock import Clock
 from wire.config_file import dump, load
 from wire.errors import ConfigError
-from wire.process.lifetime import EventSink
+from wire.process.daemon import EventSink
 
 BootTimes = Callable[[int], int | None]
 """Of a drone's system id: when its autopilot booted, on our clock; None where that is not known."""

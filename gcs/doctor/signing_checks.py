@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from gcs.finding import Finding, Grade, unmeasured
 from gcs.security.signing_probe import ProbeOutcome
-from wire.link_messages.status import MavAutopilot
+from wire.link_messages import MavAutopilot
 
 ALWAYS_UNSIGNED = {
     MavAutopilot.PX4: "HEARTBEAT, RADIO_STATUS, ADSB_VEHICLE, COLLISION",

@@ -35,7 +35,7 @@ from gcs.security.signing_probe import ASK_S, ASKS, SigningProbe
 from mocap.service import mocap_service
 from wire import clock
 from wire.mavlink.framing import packed
-from wire.process.lifetime import EventSink
+from wire.process.daemon import EventSink
 from wire.rejections import RejectionLog
 from wire.security.bus_access import BusAccess
 from wire.security.protection import LOOPBACK_ONLY, Protection

@@ -12,11 +12,18 @@ from gcs.drones.telemetry import Telemetry
 from wire.autopilots.ardupilot import ARDUPILOT, THRUST_AS_THRUST
 from wire.autopilots.px4 import PX4
 from wire.autopilots.table import AutopilotTable, FlightMode
-from wire.link_messages.address import Address
-from wire.link_messages.commands import CommandLong, MavCommand, command_long
-from wire.link_messages.message_id import MessageId
-from wire.link_messages.setpoints import Ignore
-from wire.link_messages.status import EstimatorFlag, MavAutopilot, ModeFlag, SensorFlag
+from wire.link_messages import (
+    Address,
+    CommandLong,
+    EstimatorFlag,
+    Ignore,
+    MavAutopilot,
+    MavCommand,
+    MessageId,
+    ModeFlag,
+    SensorFlag,
+    command_long,
+)
 
 HOVER_WITHIN = 0.15
 """Share by which an autopilot's own hover thrust may differ from the profile's before the ground warns."""

@@ -20,11 +20,17 @@ from formation.maths.geodesy import from_globe
 from formation.messages import Datagram, LabFrame
 from formation.safety.rules_table import BEHIND_HOLD_S
 from wire.clock_offset import ClockOffset
-from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
-from wire.link_messages.clocks import TimeSync
-from wire.link_messages.message_id import MessageId
-from wire.link_messages.motion import AttitudeQuaternion, LocalPosition, SimTruth
-from wire.link_messages.packet import LinkMessage
+from wire.link_messages import (
+    DRONE_COMPONENT,
+    GROUND,
+    Address,
+    AttitudeQuaternion,
+    LinkMessage,
+    LocalPosition,
+    MessageId,
+    SimTruth,
+    TimeSync,
+)
 from wire.mavlink.codec import Codec
 
 POS_STEP_M, SMOOTHING_MOST_S = 0.0111, 4.0  # 1e-7 degrees of latitude

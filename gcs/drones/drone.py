@@ -13,8 +13,7 @@ from formation.model import Vec3Tuple
 from gcs.drones.link_state import DroneLink
 from gcs.drones.protocols import arm, cut, disarm, land, request_control
 from gcs.drones.telemetry import NEVER_NS
-from wire.link_messages.commands import CommandLong
-from wire.link_messages.status import LandedState
+from wire.link_messages import CommandLong, LandedState
 
 STREAM_FIRST_NS = 1_200_000_000  # PX4 wants a second of setpoints before it changes to off-board
 HOLD_OFF_NS = 1_000_000_000  # an answer stands until the next heartbeat can confirm it

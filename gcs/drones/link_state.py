@@ -14,29 +14,33 @@ from gcs.drones.protocols import BootParameters, CommandChannel, ParameterReader
 from gcs.drones.telemetry import NEVER_NS, PILOTED, READS, READS_IF_ASKED, OwnEstimate, SequenceMonitor, Telemetry
 from wire.autopilots.table import FlightMode
 from wire.clock_offset import TimeSyncClient, rate_offset_text
-from wire.link_messages.address import (
+from wire.link_messages import (
     BRIDGE_COMPONENT,
     DRONE_COMPONENT,
     GROUND,
     GROUND_COMPONENTS,
     GROUND_SYSTEM,
     Address,
-)
-from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import CommandAck, MavCommand, Result
-from wire.link_messages.motion import AttitudeQuaternion, InertialSample, LocalPosition, Origin, SetOrigin
-from wire.link_messages.packet import LinkMessage
-from wire.link_messages.parameters import ParamValue
-from wire.link_messages.setpoints import Ignore
-from wire.link_messages.status import (
+    AttitudeQuaternion,
     Battery,
+    CommandAck,
     EkfStatus,
     ExtendedSysState,
     Heartbeat,
+    Ignore,
+    InertialSample,
+    LinkMessage,
+    LocalPosition,
     MavAutopilot,
+    MavCommand,
     NamedValue,
+    Origin,
+    ParamValue,
+    Result,
+    SetOrigin,
     StatusText,
     SysStatus,
+    TimeSync,
 )
 from wire.mavlink.codec import Codec
 from wire.rejections import RejectionLog

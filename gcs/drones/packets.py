@@ -7,7 +7,7 @@ import numpy as np
 from formation.messages import AttitudeTarget, Datagram, LabFrame
 from gcs.drones.drone import Drone
 from gcs.drones.telemetry import ground_heartbeat
-from wire.link_messages.address import ground_address
+from wire.link_messages import ground_address
 from wire.mavlink.framing import packed
 from wire.mavlink.pose_batch import PoseBatch
 from wire.mavlink.setpoint_batch import SetpointBatch

@@ -10,10 +10,18 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from gcs.drones.autopilot_model import GroundModel
-from wire.link_messages.address import Address
-from wire.link_messages.commands import DISARM_IN_FLIGHT, CommandAck, CommandLong, MavCommand, Result, command_long
-from wire.link_messages.parameters import ParamRequestRead, ParamValue
-from wire.link_messages.status import MavAutopilot
+from wire.link_messages import (
+    DISARM_IN_FLIGHT,
+    Address,
+    CommandAck,
+    CommandLong,
+    MavAutopilot,
+    MavCommand,
+    ParamRequestRead,
+    ParamValue,
+    Result,
+    command_long,
+)
 from wire.mavlink.codec import MavlinkError, param_from_raw
 
 COMMAND_RETRY_NS = 250_000_000

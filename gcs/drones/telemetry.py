@@ -16,9 +16,16 @@ import numpy as np
 from formation.maths.arrays import Quat, Vec3
 from formation.model import Vec3Tuple
 from wire.autopilots.table import FlightMode
-from wire.link_messages.message_id import MessageId
-from wire.link_messages.motion import FORCE_MOST_M_S2
-from wire.link_messages.status import EkfStatus, Heartbeat, LandedState, MavAutopilot, MavState, MavType
+from wire.link_messages import (
+    FORCE_MOST_M_S2,
+    EkfStatus,
+    Heartbeat,
+    LandedState,
+    MavAutopilot,
+    MavState,
+    MavType,
+    MessageId,
+)
 
 MODULO = 256
 FORWARD = 128  # a step this long or longer is a step back: a packet overtaken on the way

@@ -18,11 +18,10 @@ from gcs.lab.judge import foreseen
 from gcs.lab.margins import judge_margins
 from gcs.lab.plan_svg import svg_plan
 from gcs.lab.plan_text import text_plan
-from wire.config_file import ConfigError, load
-from wire.process.console import NOT_RIGHT, REJECTED, fail
-from wire.process.python import python_command
-from wire.toml_lines import lines_of
-from wire.toml_text import read_toml
+from wire.config_file import ConfigError, lines_of, load
+from wire.files import read_toml
+from wire.process.program import fail
+from wire.process.system import NOT_RIGHT, REJECTED, python_command
 
 INDENT = " " * 8
 

@@ -10,8 +10,9 @@ from formation.config import LabConfig
 from gcs.finding import STYLES, Finding, Grade
 from gcs.lab.exposed import SECURITY
 from gcs.lab.judge import judge
-from wire.process.console import NOT_RIGHT, configuration, fail
-from wire.toml_lines import Lines, lines_of
+from wire.config_file import Lines, lines_of
+from wire.process.program import configuration, fail
+from wire.process.system import NOT_RIGHT
 
 
 def findings_of(config: LabConfig) -> tuple[Finding, ...]:

@@ -10,8 +10,9 @@ from formation.exposure import is_loopback
 from formation.identities import TOOL
 from formation.requests import GCS_NAME
 from wire.errors import ConfigError
-from wire.process.console import NOT_RIGHT, REJECTED, Insecure, Json, LabFile, Name, configuration, fail
 from wire.process.output import dropping_output
+from wire.process.program import Insecure, Json, LabFile, Name, configuration, fail
+from wire.process.system import NOT_RIGHT, REJECTED
 
 FORWARD = "ssh -L {port}:127.0.0.1:{port} USER@THIS-MACHINE from there, or, for simulation only, --insecure"
 

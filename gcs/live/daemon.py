@@ -8,8 +8,7 @@ import zenoh
 from formation.config import LinkConfig
 from gcs.live.viewers import Viewer
 from wire.logs.live import LiveLog, keys
-from wire.process.awaited import GROUND_REMEDY, Awaited, report_missing
-from wire.process.lifetime import Stop
+from wire.process.daemon import GROUND_REMEDY, Awaited, Stop, report_missing
 from wire.security.protection import LOOPBACK_ONLY, Protection
 from wire.transport.zenoh_bus import ZenohBus
 

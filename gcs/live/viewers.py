@@ -14,10 +14,10 @@ from typing import Any, Protocol
 
 from mcap.writer import CompressionType, Writer
 
-from wire.logs.blueprint import rerun_blueprint, show_bodies
 from wire.logs.live import Described
-from wire.process.python import python_command
-from wire.security.own_address import free_loopback_port
+from wire.logs.scene import rerun_blueprint, show_bodies
+from wire.process.system import python_command
+from wire.security.bus_access import free_loopback_port
 
 MISSING = "{} is not installed: pip install 'mavlink-formation[live]'"
 APPLICATION = "mavlink-formation"

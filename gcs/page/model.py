@@ -9,7 +9,7 @@ from gcs.page.control import Control
 from gcs.page.foresee import Foreseen, shape, start, trajectory
 from gcs.page.scene import Scene, Trails, scene
 from gcs.page.show import NOTHING_YET, SILENT_S, Show, none_of_ours, show
-from wire.json_text import parse_object
+from wire.text import parse_object
 
 START_NS = 1_000_000_000
 

@@ -28,12 +28,12 @@ from gcs.security.page_tokens import read_tokens
 from gcs.security.roles import visitor_source
 from wire.clock import Clock, unix_us
 from wire.errors import ConfigError
-from wire.plain_text import plain
-from wire.process.awaited import GROUND_REMEDY, Awaited, report_missing
-from wire.process.console import print_event
-from wire.process.own_name import own_name
+from wire.process.daemon import GROUND_REMEDY, Awaited, report_missing
+from wire.process.program import print_event
+from wire.process.system import own_name
 from wire.rejections import RejectionLog
 from wire.security.protection import LOOPBACK_ONLY, Protection
+from wire.text import plain
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
 

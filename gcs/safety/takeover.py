@@ -6,7 +6,7 @@ from formation.safety.rules import Facts
 from formation.safety.rules_table import HEARTBEAT_S
 from gcs.drones.checks import prearm_failures
 from gcs.drones.drone import AIRBORNE_STATES, Drone
-from wire.link_messages.status import LandedState
+from wire.link_messages import LandedState
 
 FRESH_S = 0.2
 UNLED = "drones are flying under no ground: take control, land or stop"

@@ -8,7 +8,7 @@ import serial
 from gcs.security.signing_probe import ASK_S, ASKS, ProbeOutcome, SigningProbe
 from wire import clock
 from wire.errors import ConfigError
-from wire.link_messages.address import DRONE_COMPONENT, GROUND
+from wire.link_messages import DRONE_COMPONENT, GROUND
 from wire.mavlink.framing import framed, layout
 from wire.mavlink.signing import SigningChannel, StampClock, stamp_at
 from wire.security.private_keys import (

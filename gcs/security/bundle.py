@@ -6,8 +6,7 @@ from pathlib import Path
 
 from gcs.security.certificates import fault_of
 from wire.errors import ConfigError
-from wire.json_text import parse_object
-from wire.private_files import make_folder
+from wire.files import make_folder, read_text
 from wire.security.private_keys import (
     ACCESS,
     AUTHORITY,
@@ -22,7 +21,7 @@ from wire.security.private_keys import (
     mavlink_key_file,
     write_private,
 )
-from wire.small_files import read_text
+from wire.text import parse_object
 
 _FILES = {AUTHORITY, CERTIFICATE, PRIVATE, NAME, ACCESS, AUTOPILOT, REVOKED_NAMES, STOP_KEY}
 _NEEDED = _FILES - {AUTOPILOT, REVOKED_NAMES, STOP_KEY}

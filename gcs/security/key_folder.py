@@ -18,8 +18,8 @@ from gcs.security.access_rules import access_control, identities
 from gcs.security.certificates import Issued, common_name, expiry, hosts_in, new_authority, new_identity
 from gcs.security.page_tokens import drop_token, new_token
 from wire.errors import ConfigError
-from wire.private_files import make_folder
-from wire.process.own_name import own_name
+from wire.files import make_folder
+from wire.process.system import own_name
 from wire.security.private_keys import (
     ACCESS,
     AUTHORITY,

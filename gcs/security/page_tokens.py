@@ -8,9 +8,9 @@ from hmac import compare_digest
 from pathlib import Path
 
 from wire.errors import ConfigError
-from wire.json_text import parse_object
+from wire.files import read_text
 from wire.security.private_keys import TOKENS, write_private
-from wire.small_files import read_text
+from wire.text import parse_object
 
 TOKEN_BYTES = 32
 

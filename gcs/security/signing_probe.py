@@ -2,10 +2,19 @@
 
 from dataclasses import dataclass
 
-from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
-from wire.link_messages.commands import CommandAck, MavCommand, command_long
-from wire.link_messages.message_id import MessageId
-from wire.link_messages.status import Heartbeat, MavAutopilot, MavState, MavType
+from wire.link_messages import (
+    DRONE_COMPONENT,
+    GROUND,
+    Address,
+    CommandAck,
+    Heartbeat,
+    MavAutopilot,
+    MavCommand,
+    MavState,
+    MavType,
+    MessageId,
+    command_long,
+)
 from wire.mavlink.codec import Codec
 from wire.mavlink.framing import FrameCutter
 from wire.mavlink.signing import SigningChannel

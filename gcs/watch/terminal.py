@@ -20,10 +20,10 @@ from gcs.page.show import none_of_ours, show
 from gcs.watch.picture import picture
 from wire import clock
 from wire.errors import BusError, ConfigError
-from wire.json_text import parse_object
-from wire.process.console import NOT_RIGHT, fail
-from wire.process.own_name import own_name
+from wire.process.program import fail
+from wire.process.system import NOT_RIGHT, own_name
 from wire.security.protection import Protection
+from wire.text import parse_object
 from wire.transport.lab_address import LabAddress, address_near
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus

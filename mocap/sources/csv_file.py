@@ -16,7 +16,7 @@ from formation.maths import frames
 from formation.maths.arrays import Float
 from mocap.retiming import exposures_ns
 from mocap.sources.csv_layout import Layout, MocapFileError, layout_of
-from wire.small_files import read_text
+from wire.files import read_text
 
 __all__ = ["MocapFileError", "Recording", "read_recording"]
 

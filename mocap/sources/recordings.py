@@ -12,7 +12,7 @@ from formation.config import LabConfig
 from formation.messages import LabFrame, RawFrame, Severity
 from mocap.sources.csv_file import MocapFileError, read_recording
 from mocap.sources.source import Feed, SourceStatus
-from wire.logs.mcap_log import LogError, read_log
+from wire.logs.mcap_read import LogError, read_log
 
 Frame = RawFrame | LabFrame
 """A flight's log holds frames that were aligned when it was flown."""

@@ -12,9 +12,9 @@ from formation.maths.arrays import Bool, Float
 from formation.messages import Event, RawFrame, Severity
 from formation.mocap_config import MocapConfig
 from wire.clock import Clock
-from wire.plain_text import plain
-from wire.process.lifetime import EventSink
+from wire.process.daemon import EventSink
 from wire.rejections import RejectionLog
+from wire.text import plain
 
 LONGEST_NAME, LONGEST_TEXT = 64, 200
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from wire.json_text import parse_object
+from wire.text import parse_object
 
 
 def motors_on(state: str) -> Mapping[str, bool]:

@@ -17,9 +17,8 @@ from sim.cameras.systems import is_camera_system, server_for
 from sim.scenario import Scenario, recorded_leader
 from sim.script import OperatorView
 from wire.clock import Clock
-from wire.process.awaited import Awaited, report_missing
-from wire.process.console import print_event
-from wire.process.starved import Punctuality
+from wire.process.daemon import Awaited, Punctuality, report_missing
+from wire.process.program import print_event
 from wire.security.protection import lab_protection
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus

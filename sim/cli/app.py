@@ -14,9 +14,8 @@ from typing import Annotated, Literal
 import typer
 
 from sim.cli import benchmarks, cameras, campaign, studies
-from wire.process.completion import starting
 from wire.process.output import dropping_output
-from wire.process.program import program
+from wire.process.program import program, starting
 
 app = program(
     "Fly scenarios: `fly` with real processes in real time, `run` in lockstep as fast as the machine goes; "

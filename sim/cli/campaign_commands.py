@@ -22,7 +22,7 @@ from sim.campaign.table import fly_rows, shared_flights, table
 from sim.cli.flights import compile_everything, fail
 from sim.studies.runner import Runner
 from sim.world import T0_NS
-from wire.logs.mcap_log import LogWriter
+from wire.logs.mcap_write import LogWriter
 
 FAILED, NOT_RIGHT = 1, 2
 

@@ -11,7 +11,7 @@ from analysis.metrics import Summary
 from analysis.outcome import GOOD
 from formation.messages import Phase
 from sim.script import Outcome
-from wire.process.starved import LATE_NS
+from wire.process.daemon import LATE_NS
 
 LATELY_S = 2.0
 """A flight that ended this soon after the machine was late ended for that."""

@@ -41,16 +41,15 @@ from sim.processes import ProcessDied
 from sim.scenario import Opened, Scenario, find, load, recorded_leader, with_leader_file
 from sim.script import Outcome
 from wire import clock
+from wire.config_file import lines_of
 from wire.errors import ConfigError
-from wire.logs.mcap_log import LogError
-from wire.private_files import make_folder, run_folder
-from wire.process import starved
+from wire.files import make_folder, run_folder
+from wire.logs.mcap_read import LogError
+from wire.process.daemon import STARVED, StarvedError
 from wire.process.output import dropping_output
 from wire.process.program import print_json_error
 from wire.process.progress import compile_all
-from wire.process.starved import StarvedError
 from wire.security.private_keys import keys_folder
-from wire.toml_lines import lines_of
 
 T = TypeVar("T")
 ABORTED, NOT_RIGHT, INTERRUPTED = 1, 2, 130
@@ -188,7 +187,7 @@ def mocap(scenario: Scenario, seed: int | None, speed: float) -> None:
     except OSError as error:
         fail(str(error), NOT_RIGHT)
     except StarvedError as error:
-        fail(str(error), starved.EXIT_CODE)
+        fail(str(error), STARVED)
 
 
 def _security(opened: Opened) -> SecurityConfig:
@@ -285,7 +284,7 @@ def _end(summary: Summary, ending: Ending, aborted_code: int = ABORTED) -> None:
         print_summary(summary, Console())
     if summary.outcome.startswith("starved"):
         _print_error(summary.outcome)
-        raise typer.Exit(starved.EXIT_CODE)
+        raise typer.Exit(STARVED)
     if summary.outcome not in GOOD:
         _print_error(summary.outcome)
         raise typer.Exit(aborted_code)

@@ -40,7 +40,7 @@ from sim.studies.runner import Runner
 from sim.studies.scale import against
 from sim.studies.tune import Candidate, Task, tune
 from wire.config_file import ConfigError, dump, dump_profile, load_profile
-from wire.private_files import make_folder
+from wire.files import make_folder
 from wire.process.program import print_json_error
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from formation.maths.frames import from_rotation_vector, multiply
-from wire.link_messages.setpoints import AttitudeSetpoint
+from wire.link_messages import AttitudeSetpoint
 from wire.mavlink.codec import Codec, read_frame
 from wire.mavlink.framing import FrameCutter
 

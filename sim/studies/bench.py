@@ -42,8 +42,7 @@ from sim.studies.scale.call_counts import TickCalls, python_calls, tick_calls
 from sim.world import T0_NS
 from wire import clock
 from wire.config_file import dump
-from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
-from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
+from wire.link_messages import DRONE_COMPONENT, GROUND, Address, AttitudeSetpoint, Ignore
 from wire.mavlink.codec import Codec
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus

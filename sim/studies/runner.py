@@ -11,8 +11,8 @@ from typing import TypeVar
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from wire.private_files import make_folder
-from wire.process.python import safe_path_for_pools
+from wire.files import make_folder
+from wire.process.system import safe_path_for_pools
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")

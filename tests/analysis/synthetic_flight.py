@@ -26,7 +26,7 @@ from formation.messages import (
     Verb,
 )
 from formation.topics import Topic
-from wire.logs.mcap_log import LogWriter
+from wire.logs.mcap_write import LogWriter
 
 T0_NS = 5_000_000_000_000
 RATE_HZ = 50.0
@@ -55,7 +55,7 @@ ErrorLead = Callable[[float], Float]
 
 @dataclass(frozen=True)
 class Record:
-    """What `wire.logs.mcap_log.Entry` holds."""
+    """What `wire.logs.mcap_read.Entry` holds."""
 
     topic: Topic
     t_ns: int

@@ -10,9 +10,7 @@ from analysis.report import html
 from formation import topics
 from formation.messages import Datagram
 from tests.analysis.synthetic_flight import METADATA, Record, t_ns
-from wire.link_messages.address import GROUND, Address
-from wire.link_messages.clocks import TimeSync
-from wire.link_messages.motion import LocalPosition
+from wire.link_messages import GROUND, Address, LocalPosition, TimeSync
 from wire.mavlink.codec import Codec
 
 AHEAD_NS = 77_000_000_000

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from analysis.cli import app
 from tests.analysis.synthetic_flight import LAB, METADATA
 from wire.config_file import dump
-from wire.logs.mcap_log import LogWriter
+from wire.logs.mcap_write import LogWriter
 
 
 @pytest.fixture(scope="module")

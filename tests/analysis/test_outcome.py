@@ -17,8 +17,7 @@ from formation import topics
 from formation.messages import Datagram, LabFrame, Phase, PhaseChange
 from gcs.drones.protocols import cut
 from tests.analysis.synthetic_flight import END_S, LAB, METADATA, PHASES, T0_NS, Recipe, Record, records, t_ns, written
-from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
-from wire.link_messages.status import Heartbeat, MavAutopilot
+from wire.link_messages import DRONE_COMPONENT, GROUND, Address, Heartbeat, MavAutopilot
 from wire.mavlink.codec import Codec
 
 LEFT = 1  # among the configuration's vehicles

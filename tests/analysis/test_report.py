@@ -34,12 +34,10 @@ from formation.messages import Datagram, Event, LabFrame, OperatorRequest, Phase
 from formation.rejection import Rejection
 from formation.topics import Topic
 from tests.analysis.synthetic_flight import LAB, METADATA, T0_NS, Recipe, Record, records, written
-from wire.link_messages.address import GROUND, Address
-from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
-from wire.link_messages.status import NamedValue
+from wire.link_messages import GROUND, Address, AttitudeSetpoint, Ignore, NamedValue
 from wire.logs import mcap_read
-from wire.logs.mcap_log import LogWriter
-from wire.logs.mcap_scan import Damage
+from wire.logs.mcap_read import Damage
+from wire.logs.mcap_write import LogWriter
 from wire.mavlink.codec import Codec
 
 SECTIONS = [

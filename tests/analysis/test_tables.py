@@ -19,9 +19,8 @@ from formation import topics
 from formation.clock_pair import ClockPair
 from formation.messages import Datagram
 from tests.analysis.synthetic_flight import METADATA, T0_NS, Recipe, records
-from wire.link_messages.address import Address
-from wire.link_messages.status import Battery
-from wire.logs.mcap_log import LogWriter
+from wire.link_messages import Address, Battery
+from wire.logs.mcap_write import LogWriter
 from wire.mavlink.codec import Codec
 
 START = ClockPair(T0_NS, 1_790_000_000_000_000_000)

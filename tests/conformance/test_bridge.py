@@ -16,12 +16,19 @@ from formation.messages import Datagram, LabFrame
 from tests.conformance.agent import START_S, agent
 from tests.free_ports import free_port
 from wire.clock import monotonic_ns
-from wire.link_messages.address import GROUND, Address
-from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import CommandAck, CommandLong
-from wire.link_messages.packet import LinkMessage
-from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
-from wire.link_messages.status import Heartbeat, NamedValue, StatusText
+from wire.link_messages import (
+    GROUND,
+    Address,
+    AttitudeSetpoint,
+    CommandAck,
+    CommandLong,
+    Heartbeat,
+    Ignore,
+    LinkMessage,
+    NamedValue,
+    StatusText,
+    TimeSync,
+)
 from wire.mavlink.codec import Codec
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus

@@ -17,12 +17,18 @@ from drone_agent.simulation.airframe import Airframe
 from formation.maths.arrays import Float
 from formation.maths.frames import from_rotation_vector
 from formation.messages import Datagram, Event, LabFrame, Truth
-from wire.link_messages.address import GROUND, Address
-from wire.link_messages.commands import CommandAck, Result, command_long
-from wire.link_messages.motion import VisionPose
-from wire.link_messages.packet import LinkMessage
-from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
-from wire.link_messages.status import StatusText
+from wire.link_messages import (
+    GROUND,
+    Address,
+    AttitudeSetpoint,
+    CommandAck,
+    Ignore,
+    LinkMessage,
+    Result,
+    StatusText,
+    VisionPose,
+    command_long,
+)
 from wire.mavlink.codec import Codec
 
 S = 1_000_000_000

@@ -5,12 +5,24 @@ import pytest
 
 from tests.drone_agent.agent_harness import Harness, hover_at, idle
 from wire.autopilots.table import FlightMode
-from wire.link_messages.address import Address
-from wire.link_messages.clocks import Ping, TimeSync
-from wire.link_messages.commands import CommandAck, CommandInt, CommandLong, Result
-from wire.link_messages.motion import GlobalPosition, HomePosition
-from wire.link_messages.status import AutopilotVersion, Heartbeat, SysStatus
-from wire.link_messages.storage import LogEntry, LogRequestList, MissionCount, MissionRequestList
+from wire.link_messages import (
+    Address,
+    AutopilotVersion,
+    CommandAck,
+    CommandInt,
+    CommandLong,
+    GlobalPosition,
+    Heartbeat,
+    HomePosition,
+    LogEntry,
+    LogRequestList,
+    MissionCount,
+    MissionRequestList,
+    Ping,
+    Result,
+    SysStatus,
+    TimeSync,
+)
 
 ARM, MODE, TAKEOFF, LAND, INTERVAL, REQUEST = 400, 176, 22, 21, 511, 512
 

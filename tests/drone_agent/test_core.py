@@ -20,10 +20,7 @@ from formation.maths.arrays import Float
 from formation.messages import Datagram
 from formation.vehicle.profile import profile
 from tests.drone_agent.agent_harness import MS, Harness, S, target
-from wire.link_messages.address import BRIDGE_COMPONENT, Address
-from wire.link_messages.clocks import TimeSync
-from wire.link_messages.motion import AttitudeQuaternion
-from wire.link_messages.status import NamedValue
+from wire.link_messages import BRIDGE_COMPONENT, Address, AttitudeQuaternion, NamedValue, TimeSync
 from wire.mavlink.framing import FrameCutter
 
 

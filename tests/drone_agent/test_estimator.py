@@ -5,19 +5,19 @@ import pytest
 
 from formation.maths.frames import from_yaw, multiply, rotate
 from tests.drone_agent.agent_harness import LEVEL, Harness
-from wire.link_messages.commands import Result
-from wire.link_messages.motion import (
+from wire.link_messages import (
     AttitudeQuaternion,
+    EkfStatus,
     EstimatorType,
+    LinkMessage,
     LocalPosition,
     MocapPose,
     Odometry,
     OdometryFrame,
+    Result,
     SetOrigin,
     VisionPose,
 )
-from wire.link_messages.packet import LinkMessage
-from wire.link_messages.status import EkfStatus
 
 ZERO = np.zeros(3)
 VISION = 128

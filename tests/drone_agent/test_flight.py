@@ -6,10 +6,18 @@ import pytest
 from drone_agent.autopilots.model import Task
 from tests.drone_agent.agent_harness import LEVEL, MS, Harness, hover_at, target
 from wire.autopilots.table import FlightMode
-from wire.link_messages.commands import Result
-from wire.link_messages.motion import LocalPosition
-from wire.link_messages.setpoints import AttitudeSetpoint, Ignore, LocalFrame, PositionIgnore, PositionSetpoint
-from wire.link_messages.status import ExtendedSysState, Heartbeat, LandedState
+from wire.link_messages import (
+    AttitudeSetpoint,
+    ExtendedSysState,
+    Heartbeat,
+    Ignore,
+    LandedState,
+    LocalFrame,
+    LocalPosition,
+    PositionIgnore,
+    PositionSetpoint,
+    Result,
+)
 
 
 @pytest.mark.parametrize("profile", ["paper_40g", "px4_quad"])

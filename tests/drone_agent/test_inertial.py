@@ -12,8 +12,7 @@ from formation.maths.arrays import Float
 from formation.maths.frames import from_rotation_vector, inverse, rotate
 from formation.vehicle.profile import GRAVITY_M_S2, VehicleState, at_rest, profile
 from tests.drone_agent.agent_harness import LEVEL, MS, Harness, S, hover_over
-from wire.link_messages.commands import Result
-from wire.link_messages.motion import InertialSample
+from wire.link_messages import InertialSample, Result
 
 INTERVAL, REQUEST, HIGHRES_IMU = 511, 512, 105.0
 NO_BIAS = (0.0, 0.0, 0.0)

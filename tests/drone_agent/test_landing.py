@@ -10,8 +10,7 @@ from formation.maths.frames import from_rotation_vector
 from formation.vehicle.profile import GRAVITY_M_S2
 from formation.vehicle.profile import profile as profile_of
 from tests.drone_agent.agent_harness import MS, Harness, S, hover_at, hover_over, idle, target
-from wire.link_messages.commands import Result
-from wire.link_messages.setpoints import AttitudeSetpoint
+from wire.link_messages import AttitudeSetpoint, Result
 
 PAPER = profile_of("paper_40g")
 ARM, LAND, MODE, TERMINATE = 400, 21, 176, 185

@@ -10,7 +10,7 @@ from drone_agent.autopilots.models import MODELS
 from formation.messages import Datagram
 from tests.drone_agent.agent_harness import Harness
 from wire.config_file import ConfigError
-from wire.link_messages.parameters import ParamRequestList, ParamRequestRead, ParamSet, ParamType, ParamValue
+from wire.link_messages import ParamRequestList, ParamRequestRead, ParamSet, ParamType, ParamValue
 
 
 def read(harness: Harness, name: str) -> ParamValue:

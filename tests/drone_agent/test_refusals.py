@@ -11,11 +11,16 @@ from formation.maths.frames import from_rotation_vector
 from formation.messages import Datagram
 from formation.vehicle.profile import PAPER_40G
 from tests.drone_agent.agent_harness import LEVEL, MS, Harness, S, hover_at, hover_over, tilt_rad
-from wire.link_messages.address import BRIDGE_COMPONENT, GROUND, Address, ground_address
-from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import command_long
-from wire.link_messages.packet import LinkMessage
-from wire.link_messages.setpoints import AttitudeSetpoint
+from wire.link_messages import (
+    BRIDGE_COMPONENT,
+    GROUND,
+    Address,
+    AttitudeSetpoint,
+    LinkMessage,
+    TimeSync,
+    command_long,
+    ground_address,
+)
 from wire.mavlink.codec import Codec
 
 AHEAD_MS = 7_000_000

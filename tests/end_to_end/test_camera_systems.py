@@ -17,7 +17,7 @@ from sim.scenario import Scenario, load
 from tests.end_to_end.flights import CIRCLE, LINE, UPSIDE_DOWN, gcs_sim_fly, write_scenario
 from wire.clock import monotonic_ns
 from wire.config_file import dump
-from wire.logs.mcap_log import read_log
+from wire.logs.mcap_read import read_log
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
 

@@ -20,7 +20,7 @@ from sim.scenario import Scenario, load
 from sim.script import Operator
 from tests.end_to_end.flights import CIRCLE, SPEED, write_scenario
 from wire.clock import Clock
-from wire.logs.mcap_log import check_log, read_log
+from wire.logs.mcap_read import check_log, read_log
 
 pytestmark = [pytest.mark.processes, pytest.mark.flights, pytest.mark.timeout(900)]
 

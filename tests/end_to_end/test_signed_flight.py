@@ -13,7 +13,7 @@ from formation import topics
 from gcs.replay import replay
 from sim.cli.log import app as log_app
 from tests.end_to_end.flights import gcs_sim_fly
-from wire.logs.mcap_log import read_log
+from wire.logs.mcap_read import read_log
 
 pytestmark = [pytest.mark.processes, pytest.mark.flights, pytest.mark.timeout(900)]
 LAB = {

@@ -10,14 +10,25 @@ from formation.messages import Datagram, LabFrame, OperatorReply, OperatorReques
 from formation.rejection import Rejection
 from formation.vehicle.profile import profile
 from gcs.core import GcsCore, Outgoing
-from wire.link_messages.address import Address, ground_address
-from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import CommandAck, CommandLong, Result
-from wire.link_messages.motion import AttitudeQuaternion, LocalPosition
-from wire.link_messages.packet import LinkMessage
-from wire.link_messages.parameters import ParamRequestRead, ParamType, ParamValue
-from wire.link_messages.setpoints import AttitudeSetpoint
-from wire.link_messages.status import EkfStatus, Heartbeat, MavAutopilot, StatusText
+from wire.link_messages import (
+    Address,
+    AttitudeQuaternion,
+    AttitudeSetpoint,
+    CommandAck,
+    CommandLong,
+    EkfStatus,
+    Heartbeat,
+    LinkMessage,
+    LocalPosition,
+    MavAutopilot,
+    ParamRequestRead,
+    ParamType,
+    ParamValue,
+    Result,
+    StatusText,
+    TimeSync,
+    ground_address,
+)
 from wire.mavlink.codec import Codec, param_to_raw
 
 G = 9.8

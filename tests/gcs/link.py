@@ -3,10 +3,7 @@
 from formation.config import VehicleBody
 from formation.vehicle.profile import profile
 from gcs.drones.link_state import DroneLink
-from wire.link_messages.address import Address
-from wire.link_messages.packet import LinkMessage
-from wire.link_messages.parameters import ParamType, ParamValue
-from wire.link_messages.status import Heartbeat, MavAutopilot
+from wire.link_messages import Address, Heartbeat, LinkMessage, MavAutopilot, ParamType, ParamValue
 from wire.mavlink.codec import Codec, param_to_raw
 
 MS = 1_000_000

@@ -22,7 +22,8 @@ from tests.free_ports import free_port
 from tests.gcs.bus import a_lab, hub_of
 from wire.clock import Clock
 from wire.config_file import dump
-from wire.logs.mcap_log import LogWriter, check_log, read_log
+from wire.logs.mcap_read import check_log, read_log
+from wire.logs.mcap_write import LogWriter
 from wire.rejections import RejectionLog
 from wire.transport.zenoh_bus import ZenohBus
 

@@ -9,7 +9,8 @@ from formation.messages import Phase, Verb
 from gcs.recording import Recorder, outputs, run_metadata
 from gcs.replay import ReplayError, first_difference, replay
 from tests.gcs.fakes import T0_NS, FakeLab, triangle
-from wire.logs.mcap_log import Entry, LogWriter, read_log
+from wire.logs.mcap_read import Entry, read_log
+from wire.logs.mcap_write import LogWriter
 
 CONFIG = triangle(
     leader={

@@ -17,7 +17,7 @@ from sim.studies.runner import run_all
 from tests.gcs.bus import a_lab, hub_of
 from tests.sim.short_scenario import SHORT
 from wire.config_file import dump
-from wire.process.exit_codes import NO_GROUND
+from wire.process.system import NO_GROUND
 from wire.transport.mocap_bus import MocapBus
 
 pytestmark = pytest.mark.processes

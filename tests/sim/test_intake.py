@@ -6,7 +6,7 @@ from sim import lockstep
 from sim.scenario import LinkModel, Scenario, load
 from sim.script import FLIGHT
 from sim.world import World
-from wire.logs.mcap_log import Entry
+from wire.logs.mcap_read import Entry
 
 LONGEST_NS = 30_000_000_000
 

@@ -15,7 +15,7 @@ from sim import lockstep
 from sim.scenario import Scenario, TrueVehicle, load
 from sim.script import FLIGHT, Outcome, Step
 from sim.world import T0_NS
-from wire.logs.mcap_log import check_log, read_log
+from wire.logs.mcap_read import check_log, read_log
 
 
 def short(**changes: object) -> Scenario:

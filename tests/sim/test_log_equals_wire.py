@@ -11,9 +11,8 @@ from sim.campaign.labs import scenario
 from sim.faults.fault import Family, Fault
 from sim.lockstep import metadata
 from sim.world import T0_NS
-from wire.link_messages.address import Address
-from wire.link_messages.setpoints import AttitudeSetpoint
-from wire.logs.mcap_log import Entry
+from wire.link_messages import Address, AttitudeSetpoint
+from wire.logs.mcap_read import Entry
 from wire.mavlink.codec import Codec, decode_packet
 from wire.schema import schema_of
 

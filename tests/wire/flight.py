@@ -9,7 +9,7 @@ import numpy as np
 from formation import messages as m
 from formation import topics
 from wire.clock import monotonic_ns
-from wire.logs.mcap_log import LogWriter
+from wire.logs.mcap_write import LogWriter
 
 METADATA = {"lab": "lab", "seed": "7"}
 

@@ -9,48 +9,57 @@ from hypothesis import strategies as st
 
 from formation.maths import frames
 from formation.messages import Severity
-from wire.link_messages.address import Address
-from wire.link_messages.clocks import Ping, SystemTime, TimeSync
-from wire.link_messages.commands import CommandAck, CommandInt, CommandLong, Result, SetMode
-from wire.link_messages.motion import (
+from wire.link_messages import (
+    Address,
     Attitude,
     AttitudeQuaternion,
+    AttitudeSetpoint,
+    AttitudeTargetReport,
+    AutopilotVersion,
+    Battery,
+    CommandAck,
+    CommandInt,
+    CommandLong,
+    EkfStatus,
     EstimatorType,
+    ExtendedSysState,
     GlobalPosition,
+    Heartbeat,
     HomePosition,
+    Ignore,
     InertialSample,
+    LandedState,
+    LocalFrame,
     LocalPosition,
+    LogEntry,
+    LogRequestList,
+    MavAutopilot,
+    MessageInterval,
+    MissionCount,
+    MissionRequestList,
     MocapPose,
+    NamedValue,
     Odometry,
     OdometryFrame,
     Origin,
-    SetOrigin,
-    SimTruth,
-    VisionPose,
-)
-from wire.link_messages.parameters import ParamRequestList, ParamRequestRead, ParamSet, ParamType, ParamValue
-from wire.link_messages.setpoints import (
-    AttitudeSetpoint,
-    AttitudeTargetReport,
-    Ignore,
-    LocalFrame,
+    ParamRequestList,
+    ParamRequestRead,
+    ParamSet,
+    ParamType,
+    ParamValue,
+    Ping,
     PositionIgnore,
     PositionSetpoint,
-)
-from wire.link_messages.status import (
-    AutopilotVersion,
-    Battery,
-    EkfStatus,
-    ExtendedSysState,
-    Heartbeat,
-    LandedState,
-    MavAutopilot,
-    MessageInterval,
-    NamedValue,
+    Result,
+    SetMode,
+    SetOrigin,
+    SimTruth,
     StatusText,
     SysStatus,
+    SystemTime,
+    TimeSync,
+    VisionPose,
 )
-from wire.link_messages.storage import LogEntry, LogRequestList, MissionCount, MissionRequestList
 
 U8, U16, U32 = st.integers(0, 255), st.integers(0, 2**16 - 1), st.integers(0, 2**32 - 1)
 I32, U64, I64 = st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**64 - 1), st.integers(-(2**63), 2**63 - 1)

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wire.clock_offset import DRIFT, ClockOffset, SenderClock, TimeSyncClient, rate_offset_text
-from wire.link_messages.address import Address
-from wire.link_messages.clocks import TimeSync
+from wire.link_messages import Address, TimeSync
 
 MS = 1_000_000
 BEHIND_NS = 5_000_000_000_000

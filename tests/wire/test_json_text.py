@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wire.json_text import DEEPEST, MOST_CHARACTERS, JsonError, parse_json, parse_object
+from wire.text import DEEPEST, MOST_CHARACTERS, JsonError, parse_json, parse_object
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,11 @@
 import pytest
 
 from formation.messages import Severity
-from wire.link_messages.address import GROUND, Address
-from wire.link_messages.status import NamedValue, StatusText
+from wire.link_messages import GROUND, Address, NamedValue, StatusText
 from wire.mavlink.codec import Codec
 from wire.mavlink.framing import packed
 from wire.mavlink.text import LONGEST_READ
-from wire.plain_text import plain
+from wire.text import plain
 
 HARMFUL = {
     "\x1b[2Jgone": "[2Jgone",

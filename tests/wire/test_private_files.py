@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from wire.logs.mcap_log import LogWriter
-from wire.private_files import inside, make_folder
+from wire.files import inside, make_folder
+from wire.logs.mcap_write import LogWriter
 
 
 def mode(path: Path) -> int:

@@ -17,7 +17,8 @@ import numpy as np
 from formation import topics
 from formation.messages import Datagram, Tick
 from wire import clock
-from wire.logs.mcap_log import LogWriter, read_log
+from wire.logs.mcap_read import read_log
+from wire.logs.mcap_write import LogWriter
 
 _STAMP = struct.Struct("<q")
 DATAGRAM = bytes(range(200))

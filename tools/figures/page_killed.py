@@ -29,7 +29,7 @@ from tests.gcs.page.browser import Tab, browser
 from tests.gcs.page.flights import page_server
 from wire import config_file
 from wire.clock import Clock, monotonic_ns
-from wire.logs.mcap_log import read_log
+from wire.logs.mcap_read import read_log
 
 AROUND_NS = 5_000_000_000
 

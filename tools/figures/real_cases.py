@@ -22,8 +22,8 @@ from sim.campaign.recorder import PLANNED
 from sim.faults.fault import Family, Fault
 from sim.script import FLIGHT
 from tools.figures.real_flight import DOWN_S, LINKS, START_S, SYSIDS, Hung, LinkKind, Room
-from wire.logs.mcap_log import read_log
-from wire.process.starved import LATE_NS
+from wire.logs.mcap_read import read_log
+from wire.process.daemon import LATE_NS
 
 WITHIN_S = 5.0
 ALARM_S = 1.0

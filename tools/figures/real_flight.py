@@ -25,7 +25,7 @@ from sim.scenario import Scenario, TrueVehicle, load
 from sim.script import FLIGHT, Operator, Step
 from tools.figures import udp_relay
 from wire.clock import Clock
-from wire.process import starved
+from wire.process.daemon import STARVED
 from wire.transport.zenoh_bus import ZenohBus
 
 LinkKind = Literal["zenoh", "udp"]
@@ -212,7 +212,7 @@ class Room:
     def look_for_starved(self) -> None:
         """ProcessDied where the machine gives a simulator too little time."""
         for child in self.flight.group.children:
-            if child.process.returncode == starved.EXIT_CODE and child.name != self.spared:
+            if child.process.returncode == STARVED and child.name != self.spared:
                 raise ProcessDied(f"{child.name} starved", starved=True)
 
     def said(self, name: str) -> str:

@@ -14,9 +14,7 @@ from formation.config import VehicleBody
 from formation.vehicle.profile import profile
 from gcs.drones.drone import Drone, Goal
 from gcs.drones.link_state import DroneLink
-from wire.link_messages.address import Address
-from wire.link_messages.commands import CommandAck, CommandLong, Result
-from wire.link_messages.status import Heartbeat, MavAutopilot
+from wire.link_messages import Address, CommandAck, CommandLong, Heartbeat, MavAutopilot, Result
 from wire.mavlink.codec import Codec
 
 MS = 1_000_000

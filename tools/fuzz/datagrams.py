@@ -24,9 +24,7 @@ from formation.messages import Datagram
 from formation.vehicle.profile import profile
 from gcs.drones.link_state import DroneLink
 from gcs.drones.telemetry import READS
-from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
-from wire.link_messages.commands import CommandAck, CommandLong
-from wire.link_messages.status import Heartbeat, MavAutopilot
+from wire.link_messages import DRONE_COMPONENT, GROUND, Address, CommandAck, CommandLong, Heartbeat, MavAutopilot
 from wire.mavlink.codec import Codec
 from wire.mavlink.framing import CRC_EXTRA, Frame, FrameCutter, sealed
 

@@ -9,22 +9,40 @@ from typing import Any
 import numpy as np
 
 from formation.messages import LabFrame, OperatorRequest, RawFrame, Severity, Verb
-from wire.link_messages.address import DRONE_COMPONENT, GROUND, Address
-from wire.link_messages.clocks import Ping, TimeSync
-from wire.link_messages.commands import CommandAck, CommandInt, CommandLong, MavCommand, Result, SetMode
-from wire.link_messages.motion import AttitudeQuaternion, LocalPosition, SetOrigin, VisionPose
-from wire.link_messages.packet import LinkMessage
-from wire.link_messages.parameters import ParamRequestRead, ParamSet, ParamType, ParamValue
-from wire.link_messages.setpoints import AttitudeSetpoint, Ignore, LocalFrame, PositionIgnore, PositionSetpoint
-from wire.link_messages.status import (
+from wire.link_messages import (
+    DRONE_COMPONENT,
+    GROUND,
+    Address,
+    AttitudeQuaternion,
+    AttitudeSetpoint,
     Battery,
+    CommandAck,
+    CommandInt,
+    CommandLong,
     ExtendedSysState,
     Heartbeat,
+    Ignore,
     LandedState,
+    LinkMessage,
+    LocalFrame,
+    LocalPosition,
     MavAutopilot,
+    MavCommand,
     NamedValue,
+    ParamRequestRead,
+    ParamSet,
+    ParamType,
+    ParamValue,
+    Ping,
+    PositionIgnore,
+    PositionSetpoint,
+    Result,
+    SetMode,
+    SetOrigin,
     StatusText,
     SysStatus,
+    TimeSync,
+    VisionPose,
 )
 from wire.mavlink.codec import Codec, MavlinkError
 from wire.schema import schema_of

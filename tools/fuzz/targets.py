@@ -20,11 +20,11 @@ from mocap.validator.armed import motors_on
 from tests.drone_agent.agent_harness import Harness, hover_at
 from tests.gcs.fakes import FakeLab, triangle
 from tools.fuzz.messages import FRAME, RAW, REQUEST, SYSID, TARGET, Draws
-from wire.json_text import parse_object
-from wire.link_messages.address import GROUND, Address
-from wire.logs.mcap_log import LogWriter
+from wire.link_messages import GROUND, Address
+from wire.logs.mcap_write import LogWriter
 from wire.mavlink.codec import Codec
 from wire.schema import SchemaError
+from wire.text import parse_object
 from wire.transport.frame_check import lab_fault
 
 STEP_NS = 1_000_000

@@ -4,8 +4,7 @@ from functools import partial
 from types import MappingProxyType
 
 from wire.autopilots.table import AutopilotTable, FlightMode, ModeNumber, by_name, real, whole
-from wire.link_messages.parameters import ParamType
-from wire.link_messages.status import MavAutopilot
+from wire.link_messages import MavAutopilot, ParamType
 
 THRUST_AS_THRUST = 8
 """Of GUID_OPTIONS: SET_ATTITUDE_TARGET's thrust is thrust, not a climb rate."""

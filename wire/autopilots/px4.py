@@ -3,7 +3,7 @@
 from types import MappingProxyType
 
 from wire.autopilots.table import AutopilotTable, FlightMode, ModeNumber, by_name, real, whole
-from wire.link_messages.status import MavAutopilot
+from wire.link_messages import MavAutopilot
 
 MAIN_AUTO = 4
 

@@ -8,8 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from wire.link_messages.parameters import ParamType
-from wire.link_messages.status import MavAutopilot
+from wire.link_messages import MavAutopilot, ParamType
 
 
 class FlightMode(Enum):

@@ -1,10 +1,11 @@
-"""The flight as Foxglove draws it: frames of bodies and slots, drones, fence and trails, lines of the log.
+"""The flight as Foxglove draws it: frames of bodies and slots, drones, fence and trails, log lines; and as Rerun does.
 
 An entity is drawn once and moves with its frame, so that only the frames' transforms are sent often.
 """
 
 from collections.abc import Iterator, Sequence
 from itertools import product
+from typing import Any
 
 from foxglove_schemas_protobuf.Color_pb2 import Color
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
@@ -151,3 +152,36 @@ def _stamp(t_ns: int) -> Timestamp:
 def _bytes(message: FrameTransforms | SceneUpdate | Log) -> bytes:
     data: bytes = message.SerializeToString()
     return data
+
+
+def rerun_blueprint(bodies: Sequence[str]) -> Any:
+    """The blueprint for these bodies, leader first; ImportError where rerun-sdk is missing."""
+    import rerun.blueprint as rrb
+
+    drones = [rrb.DataframeView(origin=f"/drone/{body}/state", name=f"{body}: state") for body in bodies]
+    links = [rrb.DataframeView(origin=f"/drone/{body}/link", name=f"{body}: battery and link") for body in bodies]
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Spatial3DView(
+                origin="/",
+                name="Room",
+                spatial_information=rrb.SpatialInformation(target_frame=LAB),
+                eye_controls=rrb.EyeControls3D(position=(-2.2, -1.6, 1.6), look_target=(0.0, 0.0, 0.3)),
+            ),
+            rrb.Vertical(rrb.Tabs(*drones), rrb.Tabs(*links), rrb.TextLogView(origin="/log", name="Log")),
+            column_shares=[3, 2],
+        )
+    )
+
+
+def show_bodies(bodies: Sequence[str]) -> None:
+    """Mark each body in Rerun's room, where the log's transforms have it: a point with its name, and its axes.
+
+    Rerun reads transforms, and no Foxglove scenes: without this its room is empty.
+    """
+    import rerun
+
+    for i, body in enumerate(bodies):
+        colour = (240, 228, 66) if i == 0 else (86, 180, 233)
+        mark = rerun.Points3D([(0.0, 0.0, 0.0)], radii=0.03, colors=colour, labels=body)
+        rerun.log(f"/room/{body}", rerun.CoordinateFrame(body), mark, rerun.TransformAxes3D(0.15), static=True)

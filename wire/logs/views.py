@@ -4,24 +4,229 @@
     /drone/<body>/link    DroneLink       /scene, /scene/trails   foxglove.SceneUpdate
 
 Views, not the record: thinned to what an eye can follow, in floats; every bit and every frame is on our own channels.
+One drone's estimate, reference and command are one small message with named fields, for plots by name:
+
+    message DroneState {
+      Vector pos = 1; vel = 2;   // lab, m, m/s          Vector err = 6;   // formation error, lead, m
+      Angles att = 3;            // lab from flu, rad     Vector acc = 7;   // demanded, lab, m/s^2
+      Vector dist = 4;           // Z3, lab, m/s^2        float thrust = 8; // 0..1
+      Vector ref = 5;            // reference, lab, m     float age_s = 9;  // since it was last seen
+    }                            // Vector: float x, y, z; Angles: float roll, pitch, yaw; about x, y, z, in that order
+
+A body that is only observed has no ref, err, acc and thrust. All drones of a tick are packed at once, since this is in
+the control loop's time.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
+import numpy as np
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from google.protobuf import descriptor_pb2
 from mcap_protobuf.schema import build_file_descriptor_set
+from numpy.typing import NDArray
 
 from formation import messages as m
 from formation import topics
 from formation.config import LabConfig
+from formation.maths.arrays import Float, Quats, Vec3s
+from formation.messages import Datagram
 from formation.topics import Topic
-from wire.logs import drone_state, scene
-from wire.logs.drone_link import DroneLink, LinkView
-from wire.logs.drone_state import DroneStates, reference_lab
+from wire.link_messages import GROUND, Battery, ExtendedSysState, Heartbeat, LandedState, NamedValue, SysStatus
+from wire.logs import scene
+from wire.mavlink.codec import Codec
 from wire.schema import schema_of
+
+STATE_NAME = "formation.DroneState"
+_VECTORS = ("pos", "vel", "att", "dist", "ref", "err", "acc")
+_SCALARS = ("thrust", "age_s")
+_COMMANDED_ALONE = frozenset({"ref", "err", "acc", "thrust"})
+_PARTS = {"Vector": ("x", "y", "z"), "Angles": ("roll", "pitch", "yaw")}
+_LENGTH, _FIXED32 = 2, 5
+_VECTOR_SIZE = 3 * 5
+
+
+def state_descriptor() -> bytes:
+    """The FileDescriptorSet of DroneState."""
+    file = descriptor_pb2.FileDescriptorProto(name="formation/DroneState.proto", package="formation", syntax="proto3")
+    message = file.message_type.add(name="DroneState")
+    kinds = descriptor_pb2.FieldDescriptorProto
+    for name, parts in _PARTS.items():
+        nested = message.nested_type.add(name=name)
+        for number, part in enumerate(parts, start=1):
+            nested.field.add(name=part, number=number, label=kinds.LABEL_OPTIONAL, type=kinds.TYPE_FLOAT)
+    for number, name in enumerate(_VECTORS, start=1):
+        kind = f".{STATE_NAME}.{'Angles' if name == 'att' else 'Vector'}"
+        message.field.add(name=name, number=number, label=kinds.LABEL_OPTIONAL, type=kinds.TYPE_MESSAGE, type_name=kind)
+    for number, name in enumerate(_SCALARS, start=len(_VECTORS) + 1):
+        message.field.add(name=name, number=number, label=kinds.LABEL_OPTIONAL, type=kinds.TYPE_FLOAT)
+    return descriptor_pb2.FileDescriptorSet(file=[file]).SerializeToString()
+
+
+class _Rows:
+    """The messages of several drones as rows of one buffer, whose tags stand and whose numbers are set."""
+
+    def __init__(self, count: int, fields: frozenset[str]) -> None:
+        template = b""
+        offsets: dict[str, int] = {}
+        for number, name in enumerate((*_VECTORS, *_SCALARS), start=1):
+            if name not in fields:
+                continue
+            if name in _VECTORS:
+                template += bytes((number << 3 | _LENGTH, _VECTOR_SIZE))
+                offsets[name] = len(template) + 1
+                template += b"".join(bytes((part << 3 | _FIXED32, 0, 0, 0, 0)) for part in (1, 2, 3))
+            else:
+                offsets[name] = len(template) + 1
+                template += bytes((number << 3 | _FIXED32, 0, 0, 0, 0))
+        self._count, self._size = count, len(template)
+        self._bytes = np.tile(np.frombuffer(template, np.uint8), count)
+        self._of: dict[str, NDArray[np.float32]] = {
+            name: np.ndarray(
+                (count, 3) if name in _VECTORS else (count,), "<f4", self._bytes.data, offset,
+                (self._size, 5) if name in _VECTORS else (self._size,),
+            )
+            for name, offset in offsets.items()
+        }  # fmt: skip
+
+    def pack(self, values: Mapping[str, Float]) -> list[bytes]:
+        """values: (count, 3) or (count,) of each field."""
+        for name, target in self._of.items():
+            target[...] = values[name]
+        data, size = self._bytes.tobytes(), self._size
+        return [data[at : at + size] for at in range(0, self._count * size, size)]
+
+
+class DroneStates:
+    """Packs the states of n vehicles of which those at `commanded` are commanded."""
+
+    def __init__(self, count: int, commanded: tuple[int, ...]) -> None:
+        every = frozenset((*_VECTORS, *_SCALARS))
+        self._count = count
+        self._own = np.array(commanded, np.intp)
+        self._observed = np.array([i for i in range(count) if i not in commanded], np.intp)
+        self._rows = [
+            (index, _Rows(len(index), fields))
+            for index, fields in ((self._own, every), (self._observed, every - _COMMANDED_ALONE))
+            if len(index)
+        ]
+
+    def pack(
+        self, state: m.SwarmState, reference: m.Reference, command: m.Command, target: m.AttitudeTarget
+    ) -> list[tuple[int, bytes]]:  # fmt: skip
+        """(index of the vehicle, its message) of each; nothing where the messages are of other vehicles."""
+        if len(state.pos_lab_m) != self._count or len(command.e_lead_m) != len(self._own):
+            return []
+        values = {
+            "pos": state.pos_lab_m, "vel": state.vel_lab_m_s, "att": angles(state.q_lab_from_flu),
+            "dist": state.dist_lab_m_s2, "age_s": state.age_s,
+        }  # fmt: skip
+        own = {
+            "ref": reference_lab(reference), "err": command.e_lead_m, "acc": command.acc_lab_m_s2,
+            "thrust": target.thrust_norm,
+        }  # fmt: skip
+        packed: list[tuple[int, bytes]] = []
+        for index, rows in self._rows:
+            packed += zip(index.tolist(), rows.pack({k: of[index] for k, of in values.items()} | own), strict=True)
+        return packed
+
+
+def reference_lab(reference: m.Reference) -> Vec3s:
+    """Where each commanded vehicle should be, lab, m: its slot carried by its `lead` frame."""
+    x, y = reference.slot_lead_m[:, 0], reference.slot_lead_m[:, 1]
+    c, s = np.cos(reference.heading_rad), np.sin(reference.heading_rad)
+    turned = np.stack([c * x - s * y, s * x + c * y, reference.slot_lead_m[:, 2]], axis=1)
+    return np.asarray(reference.origin_lab_m + turned, np.float64)
+
+
+def angles(q_lab_from_flu: Quats) -> Vec3s:
+    """Roll, pitch and yaw (n, 3), rad: turns about z, then y, then x; positive pitch is nose down."""
+    w, x, y, z = q_lab_from_flu.T
+    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
+    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return np.stack([roll, pitch, yaw], axis=1)
+
+
+READS = frozenset({0, 1, 147, 245, 251})
+"""HEARTBEAT, SYS_STATUS, BATTERY_STATUS, EXTENDED_SYS_STATE, NAMED_VALUE_FLOAT; other messages are not decoded."""
+_NAN = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class DroneLink:
+    """What a drone last said: pack voltage, V; charge, 0..1; what is not known is NaN.
+
+    setpoint_age_ms: camera to drone; silent_s: since its last packet; received, lost: packets, by their numbers.
+    landed: MAV_LANDED_STATE; custom_mode: its make's own number of its mode.
+    """
+
+    battery_v: float = _NAN
+    battery: float = _NAN
+    setpoint_age_ms: float = _NAN
+    silent_s: float = _NAN
+    received: int = 0
+    lost: int = 0
+    armed: bool = False
+    landed: LandedState = LandedState.UNDEFINED
+    custom_mode: int = 0
+
+
+class LinkView:
+    """The link state of one drone, from the datagrams that it sends."""
+
+    def __init__(self, sysid: int) -> None:
+        self._sysid = sysid
+        self._codec = Codec(GROUND, reads=READS)
+        self._battery_v = self._battery = self._age_ms = _NAN
+        self._received = self._lost = 0
+        self._seq: int | None = None
+        self._received_ns: int | None = None
+        self._armed, self._mode, self._landed = False, 0, LandedState.UNDEFINED
+
+    def receive(self, datagram: Datagram, t_ns: int) -> None:
+        """Receive a datagram of the drone."""
+        for packet in self._codec.receive(datagram.data):
+            if packet.source.system != self._sysid:
+                continue
+            self._received_ns = t_ns
+            self._count(packet.seq)
+            match packet.message:
+                case Heartbeat() as heartbeat if packet.source.component == 1:
+                    self._armed, self._mode = heartbeat.armed, heartbeat.custom_mode
+                case SysStatus() as status:
+                    self._battery_v, self._battery = status.battery_v, _share(status.battery_remaining)
+                case Battery() as battery:
+                    self._battery_v, self._battery = sum(battery.cell_v), _share(battery.remaining)
+                case ExtendedSysState() as state:
+                    self._landed = state.landed
+                case NamedValue(name="age_ms") as age:
+                    self._age_ms = age.value
+
+    def now(self, t_ns: int) -> DroneLink:
+        """The link state at `t_ns`."""
+        silent_s = _NAN if self._received_ns is None else (t_ns - self._received_ns) * 1e-9
+        return DroneLink(
+            self._battery_v, self._battery, self._age_ms, silent_s, self._received, self._lost,
+            self._armed, self._landed, self._mode,
+        )  # fmt: skip
+
+    def _count(self, seq: int) -> None:
+        """A step of more than half the circle is a packet overtaken on the way: it was counted as lost."""
+        step = 1 if self._seq is None else (seq - self._seq) % 256
+        self._received += 1
+        if step == 0 or step > 128:
+            self._lost = max(self._lost - 1, 0)
+        else:
+            self._lost += step - 1
+            self._seq = seq
+
+
+def _share(remaining: float) -> float:
+    return remaining if 0.0 <= remaining <= 1.0 else _NAN
+
 
 STATE_NS, FRAMES_NS, SLOTS_NS, LINK_NS = 70_000_000, 70_000_000, 200_000_000, 1_000_000_000
 POINT_NS, TRAIL_NS, SCENE_NS = 200_000_000, 2_000_000_000, 10_000_000_000
@@ -73,7 +278,7 @@ class _Flight:
         self._lab = lab
         self._bodies = tuple(vehicle.body for vehicle in lab.vehicles)
         self._commanded = tuple(self._bodies[i] for i in lab.commanded)
-        described = drone_state.NAME, drone_state.descriptor_set()
+        described = STATE_NAME, state_descriptor()
         self._state_of = [add_channel(f"/drone/{body}/state", *described) for body in self._bodies]
         link = schema_of(DroneLink)
         self._link_of = {

@@ -8,15 +8,29 @@ import struct
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from wire.link_messages.address import BROADCAST, Address
-from wire.link_messages.clocks import Ping, TimeSync
-from wire.link_messages.commands import CommandAck, CommandInt, CommandLong, SetMode
-from wire.link_messages.motion import SetOrigin
-from wire.link_messages.packet import LinkMessage, Packet, Unknown
-from wire.link_messages.parameters import ParamRequestList, ParamRequestRead, ParamSet
-from wire.link_messages.setpoints import AttitudeSetpoint, PositionSetpoint
-from wire.link_messages.status import StatusText
-from wire.link_messages.storage import LogRequestList, MissionCount, MissionRequestList
+from wire.link_messages import (
+    BROADCAST,
+    Address,
+    AttitudeSetpoint,
+    CommandAck,
+    CommandInt,
+    CommandLong,
+    LinkMessage,
+    LogRequestList,
+    MissionCount,
+    MissionRequestList,
+    Packet,
+    ParamRequestList,
+    ParamRequestRead,
+    ParamSet,
+    Ping,
+    PositionSetpoint,
+    SetMode,
+    SetOrigin,
+    StatusText,
+    TimeSync,
+    Unknown,
+)
 from wire.mavlink import guidance as mavlink_guidance
 from wire.mavlink import motion as mavlink_motion
 from wire.mavlink import service as mavlink_service

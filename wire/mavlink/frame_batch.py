@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.maths.kernel import kernel
-from wire.link_messages.address import Address
+from wire.link_messages import Address
 from wire.mavlink.framing import Layout
 
 Bytes = NDArray[np.uint8]

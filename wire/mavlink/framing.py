@@ -16,11 +16,12 @@ from typing import Any, NamedTuple
 from fastcrc import crc16
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from wire.link_messages.address import Address
-from wire.transport.link import LARGEST_DATAGRAM
+from wire.link_messages import Address
 
 # A field is an int, a float or (for char arrays) bytes: the message's own layout knows which.
 Fields = tuple[Any, ...]
+LARGEST_DATAGRAM = 2048
+"""Bytes; no MAVLink sender sends more at once, and a larger datagram is rejected unread."""
 FRAMES_MOST = 8
 """Places of one datagram where a frame is looked for, found or not; `packed` keeps to it, and who sends one frame a
 datagram (most do) never meets it."""

@@ -6,10 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from wire.link_messages.address import Address
-from wire.link_messages.motion import Origin, SetOrigin
-from wire.link_messages.setpoints import LocalFrame, PositionIgnore, PositionSetpoint
-from wire.link_messages.status import MessageInterval
+from wire.link_messages import Address, LocalFrame, MessageInterval, Origin, PositionIgnore, PositionSetpoint, SetOrigin
 from wire.mavlink.framing import Fields, Layout, layout
 from wire.mavlink.motion import Written, lab, ned
 

@@ -16,23 +16,25 @@ import numpy as np
 
 from formation.maths.arrays import Quat, Vec3
 from formation.maths.frames import IDENTITY
-from wire.link_messages.address import Address
-from wire.link_messages.motion import (
+from wire.link_messages import (
+    Address,
     Attitude,
     AttitudeQuaternion,
+    AttitudeSetpoint,
+    AttitudeTargetReport,
     EstimatorType,
     GlobalPosition,
     HomePosition,
+    Ignore,
     InertialSample,
     LocalPosition,
     MocapPose,
     Odometry,
     OdometryFrame,
     SimTruth,
+    Unknown,
     VisionPose,
 )
-from wire.link_messages.packet import Unknown
-from wire.link_messages.setpoints import AttitudeSetpoint, AttitudeTargetReport, Ignore
 from wire.mavlink.framing import Fields, Layout, MavlinkError, layout
 
 Triple = tuple[float, float, float]

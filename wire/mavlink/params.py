@@ -2,8 +2,7 @@
 
 import struct
 
-from wire.link_messages.parameters import ParamType
-from wire.link_messages.status import MavAutopilot
+from wire.link_messages import MavAutopilot, ParamType
 from wire.mavlink.framing import MavlinkError
 
 _REAL32 = struct.Struct("<f")

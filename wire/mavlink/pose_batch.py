@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from formation.maths.arrays import Quats, Vec3s
-from wire.link_messages.address import Address
+from wire.link_messages import Address
 from wire.mavlink.euler import euler_ned_from_frd
 from wire.mavlink.frame_batch import FrameBatch
 from wire.mavlink.motion import UNKNOWN_COVARIANCE, VISION_POSITION_ESTIMATE

@@ -5,25 +5,35 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from wire.link_messages.address import Address
-from wire.link_messages.clocks import Ping, SystemTime, TimeSync
-from wire.link_messages.commands import CommandAck, CommandInt, CommandLong, Result, SetMode
-from wire.link_messages.parameters import ParamRequestList, ParamRequestRead, ParamSet, ParamType, ParamValue
-from wire.link_messages.status import (
+from wire.link_messages import (
+    Address,
     AutopilotVersion,
     Battery,
+    CommandAck,
+    CommandInt,
+    CommandLong,
     EkfStatus,
     ExtendedSysState,
     Heartbeat,
     LandedState,
     MavAutopilot,
     NamedValue,
+    ParamRequestList,
+    ParamRequestRead,
+    ParamSet,
+    ParamType,
+    ParamValue,
+    Ping,
+    Result,
+    SetMode,
     SysStatus,
+    SystemTime,
+    TimeSync,
 )
 from wire.mavlink.framing import Fields, Layout, MavlinkError, layout
 from wire.mavlink.motion import Written
 from wire.mavlink.text import STATUSTEXT, read_chunk
-from wire.plain_text import plain
+from wire.text import plain
 
 HEARTBEAT = layout("HEARTBEAT", 6)
 SYS_STATUS = layout("SYS_STATUS", 16)

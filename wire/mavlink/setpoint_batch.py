@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from formation.messages import AttitudeTarget
-from wire.link_messages.address import Address
+from wire.link_messages import Address
 from wire.mavlink.frame_batch import FrameBatch
 from wire.mavlink.motion import SET_ATTITUDE_TARGET
 

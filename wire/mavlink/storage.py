@@ -3,8 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from wire.link_messages.address import Address
-from wire.link_messages.storage import LogEntry, LogRequestList, MissionCount, MissionRequestList
+from wire.link_messages import Address, LogEntry, LogRequestList, MissionCount, MissionRequestList
 from wire.mavlink.framing import Fields, Layout, layout
 from wire.mavlink.motion import Written
 

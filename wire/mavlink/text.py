@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 
 from formation.messages import Severity
-from wire.link_messages.address import Address
-from wire.link_messages.status import StatusText
+from wire.link_messages import Address, StatusText
 from wire.mavlink.framing import Fields, layout
-from wire.plain_text import plain
+from wire.text import plain
 
 STATUSTEXT = layout("STATUSTEXT", 4)
 _CHUNK = 50

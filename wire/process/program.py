@@ -1,16 +1,24 @@
-"""What every program has alike: how its command line is made, and `--version`."""
+"""What all command lines share: how they are made, options, exit codes, reading the lab file, errors, completion."""
 
 import inspect
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextvars import ContextVar
-from typing import Annotated, Any, NoReturn, TypeVar, get_type_hints
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
 from wire import version
+from wire.errors import ConfigError
+from wire.files import read_toml
+from wire.process.system import NOT_RIGHT
+
+if TYPE_CHECKING:
+    from formation.config import LabConfig
+    from formation.messages import Event
 
 _AS_JSON = ContextVar("_AS_JSON", default=False)
 """Whether `--json` is on the command line that runs."""
@@ -107,3 +115,77 @@ Version = Annotated[
 
 def _options(_version: Version = False) -> None:
     pass
+
+
+COLOURS = {"WARNING": "yellow", "ERROR": "red", "CRITICAL": "bright_red", "EMERGENCY": "bright_red"}
+
+Name = Annotated[str, typer.Option("--name", help="Which ground of the lab.")]
+Speed = Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
+Insecure = Annotated[
+    bool, typer.Option("--insecure", help="Simulation only: open links to other machines without any keys.")
+]
+LabFile = Annotated[Path, typer.Argument(metavar="LAB.TOML", help="The lab: bodies, drones, limits, links, mocap.")]
+
+
+def configuration(path: Path) -> "LabConfig":
+    """The lab in the file; ends the program where it is not right."""
+    from formation.config import LabConfig
+    from wire.config_file import load
+
+    try:
+        return load(path, LabConfig)
+    except ConfigError as error:
+        fail(str(error), NOT_RIGHT)
+
+
+def print_error(text: str) -> None:
+    """Print a line on standard error; red on a terminal."""
+    typer.secho(text, fg="red", err=True)
+
+
+def fail(text: str, code: int) -> NoReturn:
+    """Print an error and end the program with an exit code."""
+    print_json_error(text)
+    print_error(f"gcs: {text}")
+    raise typer.Exit(code)
+
+
+def print_event(event: "Event") -> None:
+    """Print one line on standard error, for people."""
+    typer.secho(f"{event.source}: {event.text}", fg=COLOURS.get(event.severity.name), err=True)
+
+
+def print_event_json(event: "Event") -> None:
+    """Print one line of JSON on standard output, for scripts."""
+    print(json.dumps({"severity": event.severity.name, "source": event.source, "text": event.text}), flush=True)
+
+
+LAB = Path("lab.toml")
+
+
+def starting(names: Iterable[str], incomplete: str) -> list[str]:
+    """What the Tab key offers of these names: those that begin with what is there already."""
+    return [name for name in names if name.startswith(incomplete)]
+
+
+def lab_near(argument: object) -> dict[str, Any]:
+    """The values in the lab file of the argument, or else in `lab.toml` here; empty where it cannot be read."""
+    try:
+        return read_toml(LAB if argument is None else Path(str(argument)))
+    except ConfigError:
+        return {}
+
+
+def bodies_of(lab: dict[str, Any]) -> list[str]:
+    """The names of its vehicles, leader first."""
+    followers = lab.get("followers", [])
+    entries = [lab.get("leader"), *(followers if isinstance(followers, list) else ())]
+    return [str(entry["body"]) for entry in entries if isinstance(entry, dict) and "body" in entry]
+
+
+def keys_of(lab: dict[str, Any], table: str, key: str) -> list[str]:
+    """The names in a table of a table."""
+    entries = lab.get(table, {})
+    named = entries.get(key, {}) if isinstance(entries, dict) else {}
+    return list(named) if isinstance(named, dict) else []

@@ -4,6 +4,7 @@ With keys every link is TLS, both ends show certificates of the lab's authority,
 what by the names in them (`access.json`). Zenoh does all of it; here is what it is configured with.
 """
 
+import socket
 from collections.abc import Sequence
 from dataclasses import dataclass
 from ipaddress import ip_address
@@ -12,7 +13,7 @@ from re import sub
 
 from formation.exposure import endpoint_host, is_local_endpoint
 from wire.errors import BusError, ConfigError
-from wire.security.own_address import address_towards, free_loopback_port
+from wire.files import read_text
 from wire.security.private_keys import (
     AUTHORITY,
     CERTIFICATE,
@@ -25,7 +26,29 @@ from wire.security.private_keys import (
     read_name,
     write_private,
 )
-from wire.small_files import read_text
+
+_ANY_PORT = 9  # of "discard"; nothing is sent
+
+
+def address_towards(host: str) -> str:
+    """This machine's address on the way to a host, by its routes; `host` itself where it is any address. OSError."""
+    try:
+        if ip_address(host).is_unspecified:
+            return host
+    except ValueError:
+        pass  # a name
+    (family, kind, _, _, where), *_ = socket.getaddrinfo(host, _ANY_PORT, type=socket.SOCK_DGRAM)
+    with socket.socket(family, kind) as probe:
+        probe.connect(where)
+        return str(probe.getsockname()[0])
+
+
+def free_loopback_port() -> int:
+    """A TCP port of loopback that nobody has now."""
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
 
 REMEDY = "run `gcs keys new lab.toml` and write [security] into the lab file, or, for simulation only, --insecure"
 MESSAGE_MOST = 1 << 19

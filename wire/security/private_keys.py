@@ -25,9 +25,8 @@ from re import fullmatch
 from typing import Any
 
 from wire.errors import ConfigError
-from wire.json_text import parse_object
-from wire.private_files import private
-from wire.small_files import read_text
+from wire.files import private, read_text
+from wire.text import parse_object
 
 AUTHORITY, CERTIFICATE, PRIVATE, NAME = "ca.pem", "certificate.pem", "private.pem", "name"
 ACCESS, AUTOPILOT, STAMP = "access.json", "autopilot.key", "stamp"

@@ -14,7 +14,7 @@ from formation.messages import Event, Severity
 from formation.security_config import SecurityConfig
 from wire.errors import ConfigError
 from wire.mavlink.signing import SigningChannel, StampClock
-from wire.process.lifetime import EventSink
+from wire.process.daemon import EventSink
 from wire.security.bus_access import LOCAL, BusAccess, ExposedError, access_with
 from wire.security.private_keys import (
     ACCESS,

@@ -9,9 +9,9 @@ from typing import Any
 
 from formation.requests import ENDPOINT, LAB
 from wire.errors import ConfigError
+from wire.files import read_toml
 from wire.security.bus_access import BusAccess, own_access
 from wire.security.private_keys import keys_folder
-from wire.toml_text import read_toml
 
 HERE = Path("lab.toml")
 

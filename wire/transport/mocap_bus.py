@@ -13,7 +13,7 @@ of a second publisher are rejected while the first publishes.
 import asyncio
 import json
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import zenoh
@@ -21,12 +21,30 @@ import zenoh
 from formation.messages import Event, LabFrame, RawFrame
 from wire.clock import REAL_TIME, Clock
 from wire.clock_offset import SenderClock
-from wire.json_text import JsonError, parse_object
-from wire.plain_text import plain
 from wire.schema import Schema, SchemaError, schema_of
+from wire.text import JsonError, parse_object, plain
 from wire.transport.frame_check import lab_fault
-from wire.transport.source_filter import SourceFilter
 from wire.transport.zenoh_bus import ZenohBus
+
+SILENT_NS = 250_000_000
+"""A publisher silent for so long may be replaced; less than the 0.4 s after which a lost body lands the swarm."""
+
+
+@dataclass(slots=True)
+class SourceFilter:
+    """The publisher of one key. The bus does not authenticate publishers, but two at once are detected."""
+
+    current: bytes | None = None
+    _received_ns: int = 0
+
+    def rejects(self, publisher: bytes, now_ns: int) -> bool:
+        """Whether another publisher is current: its last frame is less than SILENT_NS old."""
+        return self.current is not None and publisher != self.current and now_ns - self._received_ns < SILENT_NS
+
+    def accept(self, publisher: bytes, now_ns: int) -> None:
+        """Make this publisher the current one: its frame was valid."""
+        self.current, self._received_ns = publisher, now_ns
+
 
 T = TypeVar("T")
 

@@ -13,14 +13,13 @@ from formation.messages import Event, Severity
 from formation.requests import OperatorReply, OperatorRequest, Verb
 from wire import clock
 from wire.errors import ConfigError
-from wire.plain_text import plain
-from wire.process.lifetime import EventSink
+from wire.process.daemon import EventSink
 from wire.rejections import RejectionLog
 from wire.security.private_keys import read_mavlink_key, stop_key_file
 from wire.security.protection import Names, Protection
-from wire.security.stop_datagram import LARGEST, SOURCE_MOST, StopAsked, StopReader
+from wire.text import plain
 from wire.transport.link import PAUSE_S
-from wire.transport.stop_call import stop_address
+from wire.transport.stop_call import LARGEST, SOURCE_MOST, StopAsked, StopReader, stop_address
 
 Handler = Callable[[OperatorRequest, Callable[[OperatorReply], None]], None]
 READS_A_TURN = 32

@@ -1,29 +1,124 @@
 """MAVLink over UDP, PX4's port habit: the ground has one socket a drone, so that no drone hears another's packets.
 
 The drone `sysid` binds drone_port_base + sysid and sends to ground_port_base + sysid; the ground does the reverse.
-Sockets are read straight from the event loop, which costs a third of asyncio's datagram transports. The expected peer
-has one of its own (`wire.transport.udp_socket`), which no flood of others fills. They are bound to loopback, or, for a
-peer on another machine, to the one address of this machine that leads there. Where the drone has a key, packets are
-signed here and verified before their sender is looked at.
+Sockets are read straight from the event loop, which costs a third of asyncio's datagram transports. The kernel gives a
+datagram to the socket that is connected to its sender, where there is one: so the expected peer has a socket and buffer
+of its own (`bind_port`), which no flood of others fills. They are bound to loopback, or, for a peer on another machine,
+to the one address of this machine that leads there. Where the drone has a key, packets are signed here and verified
+before their sender is looked at.
 """
 
 import asyncio
 import select
 import socket
 from collections.abc import Iterable
+from typing import NamedTuple
 
 from formation.config import LinkConfig
 from formation.exposure import is_loopback
 from formation.messages import Datagram
 from wire import clock
+from wire.mavlink.framing import LARGEST_DATAGRAM, FrameCutter
 from wire.mavlink.signing import SigningChannel
 from wire.rejections import RejectionLog
-from wire.security.own_address import address_towards
+from wire.security.bus_access import address_towards
 from wire.security.protection import LOOPBACK_ONLY, Protection
-from wire.transport.intake import READS_A_TURN, Intake
-from wire.transport.link import LARGEST_DATAGRAM, PAUSE_S, Deliver, LinkCounters
-from wire.transport.peer_filter import PeerFilter, SocketAddress
-from wire.transport.udp_socket import bind_port
+from wire.transport.link import PAUSE_S, READS_A_TURN, Deliver, Intake, LinkCounters
+
+SocketAddress = tuple[str, int]
+
+QUIET_NS = 1_000_000_000
+
+
+class PeerFilter:
+    """Accepts or rejects each datagram by its sender, before anything parses it.
+
+    `expected`: the drone's own address; None where the drone chooses it. The filter accepts another sender only after
+    a second without datagrams, and only if it sends MAVLink of system `sysid`. Such a sender is the drone on a new
+    port, or behind another address.
+    """
+
+    def __init__(self, sysid: int, expected: SocketAddress | None) -> None:
+        self.current = expected
+        """The address to answer: the expected one, or the newest accepted one; None before the first."""
+        self._sysid = sysid
+        self._expected = expected
+        self._received_ns: int | None = None
+
+    def reject_reason(self, sender: SocketAddress, data: bytes, now_ns: int) -> str:
+        """Why the filter rejects this datagram, one of a few texts; empty where it accepts it."""
+        if sender != self._expected and sender != self.current:
+            if self._received_ns is not None and now_ns - self._received_ns < QUIET_NS:
+                return f"datagram at the port of drone {self._sysid}, from another address"
+            if not self._speaks_as_drone(data):
+                return f"datagram at the port of drone {self._sysid}, no MAVLink of that system"
+        self.current, self._received_ns = sender, now_ns
+        return ""
+
+    def _speaks_as_drone(self, data: bytes) -> bool:
+        """Whether it has a valid MAVLink packet of system `sysid`; the header is checked first, which is cheap."""
+        system_at = 5 if data[:1] == b"\xfd" else 3
+        if len(data) <= system_at or data[0] not in (0xFD, 0xFE) or data[system_at] != self._sysid:
+            return False
+        return any(frame.source.system == self._sysid for frame in FrameCutter().cut(data))
+
+
+PEER_BUFFER = 1 << 20
+"""Bytes that may wait of the peer: seconds of its packets. A kernel that allows less gives less."""
+
+
+class PortSockets(NamedTuple):
+    """peer: hears the peer alone; None where it is not known. others: hears everybody else, and sends."""
+
+    peer: socket.socket | None
+    others: socket.socket
+
+    @property
+    def both(self) -> tuple[socket.socket, ...]:
+        """Those that there are, the peer's first."""
+        return (self.others,) if self.peer is None else (self.peer, self.others)
+
+    def close(self) -> None:
+        """Close both."""
+        self.others.close()
+        if self.peer is not None:
+            self.peer.close()
+
+
+def bind_port(bind: SocketAddress, peer: SocketAddress | None) -> PortSockets:
+    """Bind a port, which nobody else may share. OSError where it is taken, or where no route leads to the peer."""
+    others = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    others.setblocking(False)
+    own: socket.socket | None = None
+    try:
+        others.bind(bind)
+        if peer is not None:
+            own = _connected(others, peer)
+    except OSError:
+        others.close()
+        raise
+    return PortSockets(own, others)
+
+
+def _connected(others: socket.socket, peer: SocketAddress) -> socket.socket:
+    """A second socket of the same port. The port is shared between two binds alone: no other process may join."""
+    own = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        own.setblocking(False)
+        own.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, PEER_BUFFER)
+        others.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+        own.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+        own.bind(others.getsockname())
+        own.connect(peer)
+    except OSError:
+        own.close()
+        raise
+    finally:
+        for each in (others, own):
+            if each.fileno() >= 0:
+                each.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 0)
+    return own
+
 
 OTHERS_A_TURN = 32
 """Datagrams of others than the peer that are read at once: 0.2 ms of work, in which the peer's wait."""

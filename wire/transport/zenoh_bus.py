@@ -13,26 +13,175 @@ batched one loses none.
 """
 
 import asyncio
-from collections.abc import Callable, Iterable
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 import zenoh
 
 from formation.config import LinkConfig
-from formation.messages import OperatorReply, OperatorRequest, Truth, Verb
+from formation.messages import Datagram, OperatorReply, OperatorRequest, Truth, Verb
 from wire import clock
 from wire.errors import BusError as BusError
-from wire.plain_text import plain
+from wire.mavlink.framing import LARGEST_DATAGRAM
+from wire.mavlink.signing import SigningChannel
 from wire.rejections import RejectionLog
 from wire.schema import Schema, SchemaError, schema_of
 from wire.security.protection import LOOPBACK_ONLY, Protection
-from wire.transport.inbox import Inbox, on_loop
-from wire.transport.link import Deliver, LinkCounters
-from wire.transport.zenoh_link import ZenohLink
+from wire.text import plain
+from wire.transport.link import BACKLOG_MAX, PAUSE_S, Deliver, Intake, LinkCounters
 from wire.transport.zenoh_session import open_session, request_key
 
 T = TypeVar("T")
+
+
+class Inbox(Generic[T]):
+    """Hands items from Zenoh's threads to the event loop, one wake-up for many; when full the oldest is lost.
+
+    `turn`: how many items it delivers in a row; the others wait for PAUSE_S. None: all.
+    """
+
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        deliver: Callable[[T], None],
+        counters: LinkCounters,
+        limit: int,
+        turn: int | None = None,
+    ) -> None:
+        self._loop = loop
+        self._deliver = deliver
+        self._counters = counters
+        self._queue: deque[T] = deque(maxlen=limit)
+        self._turn = turn
+        self._resting = False
+        self._awake = False
+        self._open = True
+
+    def enqueue(self, item: T) -> None:
+        """From any thread."""
+        if len(self._queue) == self._queue.maxlen:
+            self._counters.dropped += 1
+        self._queue.append(item)
+        if not self._awake:
+            self._awake = True
+            on_loop(self._loop, self._drain)
+
+    def close(self) -> None:
+        """Deliver nothing more."""
+        self._open = False
+
+    def _drain(self) -> None:
+        if self._resting:
+            return  # and stay awake: nobody need wake the loop before the pause is over
+        # Cleared first: an item queued from here on is either delivered below or wakes the loop again.
+        self._awake = False
+        delivered = 0
+        while self._queue and self._open:
+            if delivered == self._turn:
+                self._resting = True
+                self._loop.call_later(PAUSE_S, self._resume)
+                return
+            delivered += 1
+            self._counters.received += 1
+            self._deliver(self._queue.popleft())
+
+    def _resume(self) -> None:
+        self._resting = False
+        self._drain()
+
+
+def on_loop(loop: asyncio.AbstractEventLoop, call: Callable[[], None]) -> None:
+    """Call on the loop, from any thread; nothing happens once the loop has closed."""
+    try:
+        loop.call_soon_threadsafe(call)
+    except RuntimeError:  # the loop has closed
+        return
+
+
+class ZenohLink:
+    """One end of the links of some drones; see `ZenohBus.ground_link` and `drone_link`."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        base: str,
+        into: str,
+        publishers: Mapping[int, zenoh.Publisher],
+        deliver: Deliver,
+        rejections: RejectionLog,
+        protection: Protection,
+    ) -> None:
+        """publishers: by sysid, the way out. The way in is `base`/SYSID/mavlink/`into`."""
+        self.counters = LinkCounters()
+        self._base = base
+        self._publishers = publishers
+        self._rejections = rejections
+        self._channels = {sysid: protection.channel(sysid) for sysid in publishers}
+        # A queue and a turn for each drone: what floods one key costs no other drone a datagram.
+        self._intakes = {sysid: Intake(sysid, deliver, self.counters) for sysid in publishers}
+        loop = asyncio.get_running_loop()
+        self._inboxes = {sysid: self._inbox(sysid, loop) for sysid in publishers}
+        self._subscribers = [self._listen(session, sysid, into) for sysid in publishers]
+
+    def send(self, datagram: Datagram) -> None:
+        """Publish to (or as) the drone `sysid`; KeyError for a drone that is none of this link's."""
+        channel = self._channels[datagram.sysid]
+        data = datagram.data if channel is None else channel.sign(datagram.data, clock.unix_us())
+        if channel is not None and not data:
+            return
+        try:
+            self._publishers[datagram.sysid].put(data)
+            self.counters.sent += 1
+        except zenoh.ZError:
+            self.counters.dropped += 1
+
+    def close(self) -> None:
+        """Stop publishing and delivering."""
+        for sysid in self._publishers:
+            self._inboxes[sysid].close()
+            self._intakes[sysid].close()
+        for subscriber in self._subscribers:
+            subscriber.undeclare()  # type: ignore[no-untyped-call]
+        for publisher in self._publishers.values():
+            publisher.undeclare()  # type: ignore[no-untyped-call]
+
+    def _inbox(self, sysid: int, loop: asyncio.AbstractEventLoop) -> Inbox[bytes]:
+        intake, channel = self._intakes[sysid], self._channels[sysid]
+
+        def receive(data: bytes) -> None:
+            if not data:
+                self._reject(sysid, f"datagram that is empty or larger than {LARGEST_DATAGRAM} bytes")
+                return
+            if channel is not None:
+                data = self._verified(channel, sysid, data)
+            if data:
+                intake.enqueue(data)
+
+        return Inbox(loop, receive, self.counters, BACKLOG_MAX)
+
+    def _listen(self, session: zenoh.Session, sysid: int, into: str) -> zenoh.Subscriber[None]:
+        inbox = self._inboxes[sysid]
+
+        def enqueue(sample: zenoh.Sample) -> None:
+            inbox.enqueue(sample.payload.to_bytes() if len(sample.payload) <= LARGEST_DATAGRAM else b"")
+
+        key = f"{self._base}/{sysid}/mavlink/{into}"
+        return session.declare_subscriber(key, zenoh.handlers.Callback(enqueue))
+
+    def _verified(self, channel: SigningChannel, sysid: int, data: bytes) -> bytes:
+        """The datagram's verified packets; the others are counted."""
+        verified = channel.verify(data, clock.unix_us())
+        if verified.reject_reason:
+            self._reject(sysid, verified.reject_reason)
+        return verified.data
+
+    def _reject(self, sysid: int, reason: str) -> None:
+        self.counters.rejected += 1
+        self._rejections.note(f"{self._base}/{sysid}", reason, clock.monotonic_ns())
+
+
 Reply = Callable[[OperatorReply], None]
 Handler = Callable[[OperatorRequest, Reply], None]
 

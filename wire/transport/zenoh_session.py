@@ -11,7 +11,7 @@ import zenoh
 from formation.requests import OperatorReply, OperatorRequest, Verb
 from wire import clock
 from wire.errors import BusError
-from wire.process.leaving import CLOSING
+from wire.process.system import CLOSING
 from wire.schema import Schema, schema_of
 from wire.security.bus_access import LOCAL, BusAccess, connectable
 

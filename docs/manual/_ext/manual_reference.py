@@ -671,7 +671,7 @@ def autopilot(name: str) -> str:
     """One autopilot: modes, telemetry asked for, parameters."""
     from drone_agent.autopilots import models as simulated
     from gcs.drones.autopilot_model import GROUND_MODELS
-    from wire.link_messages.message_id import MessageId
+    from wire.link_messages import MessageId
 
     ground = next(m for m in GROUND_MODELS.values() if m.name.lower() == name.lower())
     sim = next(

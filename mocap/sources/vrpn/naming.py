@@ -5,7 +5,7 @@ from itertools import count
 from typing import Protocol
 
 from formation.mocap_config import ChingmuConfig
-from wire.plain_text import plain
+from wire.text import plain
 
 NAMES_MAX = 8
 LONGEST_NAME = 64

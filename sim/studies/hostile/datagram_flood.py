@@ -14,8 +14,7 @@ from formation.config import LinkConfig
 from formation.messages import Datagram
 from sim.studies.hostile.lab import KeyedLab, participant
 from wire import clock
-from wire.link_messages.address import GROUND, Address
-from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
+from wire.link_messages import GROUND, Address, AttitudeSetpoint, Ignore
 from wire.mavlink.codec import Codec
 from wire.mavlink.framing import resealed
 from wire.mavlink.signing import SIGNATURE_BYTES

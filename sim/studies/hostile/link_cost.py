@@ -11,7 +11,7 @@ from formation.config import LinkConfig
 from sim.studies.hostile.datagram_flood import setpoint
 from sim.studies.hostile.lab import KeyedLab, participant
 from wire import clock
-from wire.link_messages.address import GROUND
+from wire.link_messages import GROUND
 from wire.mavlink.codec import Codec
 from wire.mavlink.signing import KEY_BYTES, SigningChannel, StampClock
 from wire.security.protection import LOOPBACK_ONLY, Protection, protection_of

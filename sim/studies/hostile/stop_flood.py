@@ -20,12 +20,12 @@ from formation.requests import GCS_NAME
 from formation.requests import LAB as LAB_NAME
 from sim.studies.hostile.lab import KeyedLab, elsewhere, participant
 from wire.clock import monotonic_ns, unix_us
-from wire.process.priority import raise_priority
+from wire.process.system import raise_priority
 from wire.schema import schema_of
 from wire.security.bus_access import BusAccess, access_with
 from wire.security.private_keys import KEY_BYTES
 from wire.security.protection import protection_of
-from wire.security.stop_datagram import encode_stop
+from wire.transport.stop_call import encode_stop
 from wire.transport.stop_port import stop_ports
 from wire.transport.zenoh_bus import ZenohBus
 from wire.transport.zenoh_session import open_session, request_key

@@ -28,7 +28,7 @@ from sim.scenario import Pose, Scenario, TrueVehicle
 from sim.studies.experiments import CONTROLLERS, IMU_RATE_HZ
 from sim.studies.neural_fly.recordings import PUSHED_BY, SETTLED_S, WINDS, Recording, path_of, read
 from sim.world import T0_NS
-from wire.logs.mcap_log import Entry
+from wire.logs.mcap_read import Entry
 
 VEHICLE = VehicleProfile(
     name="neural_fly_2644g",

@@ -13,7 +13,7 @@ from gcs.core import GcsCore
 from gcs.recording import INPUT_TOPICS
 from sim.scenario import Scenario
 from sim.world import T0_NS, World
-from wire.logs.mcap_log import Entry
+from wire.logs.mcap_read import Entry
 
 OURS = tuple(
     f"{Path(__file__).parents[3] / name}/" for name in ("formation", "wire", "mocap", "gcs", "drone_agent", "sim")

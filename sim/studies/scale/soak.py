@@ -22,7 +22,7 @@ from sim.scenario import Scenario
 from sim.script import Step
 from sim.studies.bench import of_size
 from wire.clock import REAL_TIME, Clock
-from wire.json_text import parse_object
+from wire.text import parse_object
 
 SAMPLED_S = 5.0
 LANDING_S = 60.0

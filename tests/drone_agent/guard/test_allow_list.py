@@ -10,8 +10,7 @@ from drone_agent.guard.allow_list import ALLOWED, ALLOWED_COMMANDS, When, reject
 from drone_agent.guard.config import GuardConfig
 from drone_agent.guard.core import GuardCore
 from formation.messages import Datagram
-from wire.link_messages.address import Address
-from wire.link_messages.status import Heartbeat, MavAutopilot, MavState
+from wire.link_messages import Address, Heartbeat, MavAutopilot, MavState
 from wire.mavlink.codec import Codec
 from wire.mavlink.framing import FrameCutter
 

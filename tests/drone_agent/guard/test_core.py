@@ -13,9 +13,16 @@ from drone_agent.simulation.inertial import InertialError
 from formation.messages import Datagram, LabFrame
 from tests.drone_agent.agent_harness import LEVEL, MS, Harness, S, hover_over
 from wire.autopilots.table import FlightMode
-from wire.link_messages.address import BRIDGE_COMPONENT, GROUND, Address
-from wire.link_messages.commands import Result, command_long
-from wire.link_messages.motion import LocalPosition, MocapPose, VisionPose
+from wire.link_messages import (
+    BRIDGE_COMPONENT,
+    GROUND,
+    Address,
+    LocalPosition,
+    MocapPose,
+    Result,
+    VisionPose,
+    command_long,
+)
 from wire.mavlink.codec import Codec
 
 SIH = InertialError(noise_m_s2=1.52, rate_noise_rad_s=0.125)

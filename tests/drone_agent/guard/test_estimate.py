@@ -14,7 +14,7 @@ from formation.messages import LabFrame
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import PROFILES
 from tests.drone_agent.agent_harness import LEVEL, MS
-from wire.link_messages.motion import AttitudeQuaternion, InertialSample
+from wire.link_messages import AttitudeQuaternion, InertialSample
 
 PX4_QUAD = PROFILES["px4_quad"]
 Z = Callable[[float], float]

@@ -10,9 +10,7 @@ from drone_agent.guard.takeover import STEP_NS, Takeover, Turn
 from formation.maths.frames import rotate
 from tests.drone_agent.agent_harness import MS, Harness, S, hover_at, idle, target, tilt_rad
 from wire.autopilots.table import FlightMode
-from wire.link_messages.address import GROUND
-from wire.link_messages.commands import CommandAck, Result
-from wire.link_messages.status import Heartbeat, MavAutopilot
+from wire.link_messages import GROUND, CommandAck, Heartbeat, MavAutopilot, Result
 
 
 def _streamed(failsafe: StreamFailsafe, period_ms: int = 10, last_ms: int = 1000) -> None:

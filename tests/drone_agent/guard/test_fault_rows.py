@@ -10,8 +10,7 @@ from drone_agent.guard.stages import Stage
 from formation.maths.arrays import Quat, Vec3
 from formation.maths.frames import from_rotation_vector, multiply
 from tests.drone_agent.agent_harness import Harness, S, Stream, hover_at, hover_over
-from wire.link_messages.motion import InertialSample
-from wire.link_messages.setpoints import AttitudeSetpoint
+from wire.link_messages import AttitudeSetpoint, InertialSample
 
 Shown = tuple[Vec3, Quat]
 Spoil = Callable[[list[Shown], float], Shown]

@@ -18,9 +18,17 @@ from tests.drone_agent.agent_harness import MS, S
 from wire.autopilots.ardupilot import ARDUPILOT
 from wire.autopilots.px4 import PX4
 from wire.autopilots.table import AutopilotTable
-from wire.link_messages.address import BRIDGE_COMPONENT, GROUND, Address
-from wire.link_messages.commands import CommandAck, CommandLong, MavCommand, Result, command_long
-from wire.link_messages.motion import InertialSample
+from wire.link_messages import (
+    BRIDGE_COMPONENT,
+    GROUND,
+    Address,
+    CommandAck,
+    CommandLong,
+    InertialSample,
+    MavCommand,
+    Result,
+    command_long,
+)
 from wire.mavlink.codec import Codec
 
 DRONE, BRIDGE = Address(1, 1), Address(1, BRIDGE_COMPONENT)

@@ -18,13 +18,26 @@ from formation.vehicle.profile import PROFILES, VehicleProfile
 from tests.drone_agent.agent_harness import LEVEL, MS, S
 from wire.autopilots.px4 import PX4
 from wire.autopilots.table import FlightMode
-from wire.link_messages.address import BRIDGE_COMPONENT, Address, ground_address
-from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import CommandAck, MavCommand, Result, command_long
-from wire.link_messages.motion import InertialSample
-from wire.link_messages.packet import LinkMessage, Packet
-from wire.link_messages.setpoints import AttitudeSetpoint, LocalFrame, PositionIgnore, PositionSetpoint
-from wire.link_messages.status import Heartbeat, MavAutopilot, StatusText
+from wire.link_messages import (
+    BRIDGE_COMPONENT,
+    Address,
+    AttitudeSetpoint,
+    CommandAck,
+    Heartbeat,
+    InertialSample,
+    LinkMessage,
+    LocalFrame,
+    MavAutopilot,
+    MavCommand,
+    Packet,
+    PositionIgnore,
+    PositionSetpoint,
+    Result,
+    StatusText,
+    TimeSync,
+    command_long,
+    ground_address,
+)
 from wire.mavlink.codec import Codec
 
 DRONE, OLD, NEW = Address(1, 1), ground_address(0), ground_address(1)

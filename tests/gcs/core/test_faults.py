@@ -10,9 +10,7 @@ from formation.guidance.plan import Mode
 from formation.messages import Phase, Verb
 from gcs.core import BrokenInvariantError
 from tests.gcs.fakes import FakeLab, commands, flying, refusal, triangle
-from wire.link_messages.commands import Result
-from wire.link_messages.parameters import ParamType, ParamValue
-from wire.link_messages.status import EkfStatus, ExtendedSysState, LandedState
+from wire.link_messages import EkfStatus, ExtendedSysState, LandedState, ParamType, ParamValue, Result
 
 
 @pytest.mark.parametrize(

@@ -9,12 +9,7 @@ import pytest
 from formation.messages import Phase, Verb
 from formation.rejection import Rejection
 from tests.gcs.fakes import MS, T0_NS, FakeLab, triangle
-from wire.link_messages.address import Address
-from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import CommandLong
-from wire.link_messages.motion import VisionPose
-from wire.link_messages.setpoints import AttitudeSetpoint
-from wire.link_messages.status import Heartbeat
+from wire.link_messages import Address, AttitudeSetpoint, CommandLong, Heartbeat, TimeSync, VisionPose
 
 
 @pytest.fixture

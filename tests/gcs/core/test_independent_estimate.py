@@ -9,8 +9,7 @@ from formation.messages import Phase, Verb
 from gcs.core import GcsCore
 from gcs.safety.monitors import MONITORS
 from tests.gcs.fakes import MS, FakeLab, commands, flying, triangle
-from wire.link_messages.commands import CommandLong, Result
-from wire.link_messages.status import NamedValue
+from wire.link_messages import CommandLong, NamedValue, Result
 
 UPSIDE_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
 POSCTL = 3 << 16

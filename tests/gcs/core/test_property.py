@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from formation.messages import Datagram, Phase, Verb
 from formation.safety.phases import STREAMING
 from tests.gcs.fakes import FakeLab, triangle
-from wire.link_messages.commands import CommandLong
-from wire.link_messages.setpoints import AttitudeSetpoint
+from wire.link_messages import AttitudeSetpoint, CommandLong
 
 NAMES = ("lead", "left", "right")
 

@@ -5,10 +5,18 @@ import pytest
 
 from formation.messages import HostReport, Phase, Verb
 from tests.gcs.fakes import FakeLab, commands, flying, refusal, triangle
-from wire.link_messages.address import Address, ground_address
-from wire.link_messages.commands import CommandAck, CommandLong, Result
-from wire.link_messages.setpoints import AttitudeSetpoint
-from wire.link_messages.status import ExtendedSysState, Heartbeat, LandedState, MavAutopilot
+from wire.link_messages import (
+    Address,
+    AttitudeSetpoint,
+    CommandAck,
+    CommandLong,
+    ExtendedSysState,
+    Heartbeat,
+    LandedState,
+    MavAutopilot,
+    Result,
+    ground_address,
+)
 from wire.mavlink.codec import Codec
 
 

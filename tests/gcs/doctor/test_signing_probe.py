@@ -14,7 +14,7 @@ from gcs.finding import Finding, Grade, failed
 from gcs.security.signing_probe import ASKS, ProbeOutcome, SigningProbe
 from tests.free_ports import free_port
 from tests.gcs.security.autopilot import NOW_US, Autopilot
-from wire.link_messages.status import MavAutopilot
+from wire.link_messages import MavAutopilot
 from wire.mavlink.signing import SigningChannel, StampClock, stamp_at
 from wire.security.private_keys import StampFile
 from wire.security.protection import Protection, Signing

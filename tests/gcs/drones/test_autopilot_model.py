@@ -4,7 +4,7 @@ import pytest
 
 from drone_agent.autopilots.models import MODELS
 from gcs.drones.autopilot_model import GROUND_MODELS, GroundModel
-from wire.link_messages.status import MavAutopilot
+from wire.link_messages import MavAutopilot
 
 
 def test_agent_and_ground_build_on_the_same_tables() -> None:

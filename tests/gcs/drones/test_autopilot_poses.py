@@ -4,11 +4,17 @@ from formation.config import LabConfig
 from formation.maths.frames import IDENTITY
 from formation.messages import Datagram
 from gcs.drones.autopilot_poses import AWAIT_TRUTH_NS, AutopilotPoses, streams
-from wire.link_messages.address import GROUND, Address
-from wire.link_messages.clocks import TimeSync
-from wire.link_messages.motion import AttitudeQuaternion, LocalPosition, SimTruth
-from wire.link_messages.packet import LinkMessage
-from wire.link_messages.status import Heartbeat, MavAutopilot
+from wire.link_messages import (
+    GROUND,
+    Address,
+    AttitudeQuaternion,
+    Heartbeat,
+    LinkMessage,
+    LocalPosition,
+    MavAutopilot,
+    SimTruth,
+    TimeSync,
+)
 from wire.mavlink.codec import Codec
 
 MS = 1_000_000

@@ -3,7 +3,7 @@
 from gcs.drones.checks import prearm_failures, warnings
 from tests.gcs.fakes import COPTER_PARAMETERS, PX4_PARAMETERS
 from tests.gcs.link import MS, Drone, a_link, beat, tell
-from wire.link_messages.status import EkfStatus, MavAutopilot
+from wire.link_messages import EkfStatus, MavAutopilot
 
 
 def test_vital_parameters_keep_a_drone_on_the_ground():

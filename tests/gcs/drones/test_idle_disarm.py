@@ -7,7 +7,7 @@ import pytest
 from formation.messages import Phase, Severity, Verb
 from gcs.drones.armed_clock import ArmedClock
 from tests.gcs.fakes import FakeLab, triangle
-from wire.link_messages.status import MavAutopilot
+from wire.link_messages import MavAutopilot
 
 MAKES = [MavAutopilot.PX4, MavAutopilot.ARDUPILOT]
 PARAMETER = {MavAutopilot.PX4: "COM_DISARM_PRFLT", MavAutopilot.ARDUPILOT: "DISARM_DELAY"}

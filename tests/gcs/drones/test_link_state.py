@@ -8,20 +8,25 @@ from formation.messages import Severity
 from gcs.drones.link_state import WORDS_A_SECOND, DroneLink
 from tests.gcs.fakes import PX4_PARAMETERS
 from tests.gcs.link import MS, PAPER, Drone, a_link, beat, tell
-from wire.link_messages.address import GROUND, Address
-from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import CommandAck, CommandLong, Result
-from wire.link_messages.motion import InertialSample, Origin, SetOrigin
-from wire.link_messages.packet import LinkMessage
-from wire.link_messages.parameters import ParamRequestRead
-from wire.link_messages.status import (
+from wire.link_messages import (
+    GROUND,
+    Address,
     Battery,
+    CommandAck,
+    CommandLong,
     EkfStatus,
     ExtendedSysState,
+    InertialSample,
     LandedState,
+    LinkMessage,
     MavAutopilot,
     NamedValue,
+    Origin,
+    ParamRequestRead,
+    Result,
+    SetOrigin,
     StatusText,
+    TimeSync,
 )
 
 

@@ -8,10 +8,7 @@ from gcs.drones.drone import Drone
 from gcs.drones.packets import Packets
 from tests.gcs.link import Drone as Peer
 from tests.gcs.link import a_link, beat
-from wire.link_messages.address import Address
-from wire.link_messages.motion import VisionPose
-from wire.link_messages.packet import Packet
-from wire.link_messages.status import Heartbeat
+from wire.link_messages import Address, Heartbeat, Packet, VisionPose
 from wire.mavlink.codec import Codec
 
 T0_NS = 1_000_000_000

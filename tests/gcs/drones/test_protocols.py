@@ -5,10 +5,7 @@ import struct
 import pytest
 
 from gcs.drones.protocols import CommandChannel, ParameterReader, arm, cut, disarm, land
-from wire.link_messages.address import Address
-from wire.link_messages.commands import CommandAck, MavCommand, Result
-from wire.link_messages.parameters import ParamType, ParamValue
-from wire.link_messages.status import MavAutopilot
+from wire.link_messages import Address, CommandAck, MavAutopilot, MavCommand, ParamType, ParamValue, Result
 
 DRONE = Address(3, 1)
 GROUND = Address(255, 190)

@@ -15,7 +15,7 @@ from formation.messages import Event, Severity, Tick
 from gcs.live.daemon import Live
 from gcs.live.viewers import _open_viewer, file_of
 from wire.logs.live import HEAD_EVERY, Described, LiveLog, keys, sharer
-from wire.logs.mcap_log import LogWriter
+from wire.logs.mcap_write import LogWriter
 
 HEAD, CHUNK = keys("main")
 
@@ -52,7 +52,7 @@ class Seen:
 
 
 def record(path: Path, bus: FakeBus, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wire.logs.mcap_log._CHUNK_MESSAGES", 10)
+    monkeypatch.setattr("wire.logs.mcap_write._CHUNK_MESSAGES", 10)
     with LogWriter(path, {"seed": "1"}, threaded=False, share=sharer(bus, "main")) as log:
         for k in range(600):
             log.write(topics.TICK, Tick(k), k)

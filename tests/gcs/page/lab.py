@@ -20,7 +20,7 @@ from gcs.state.host import Disk, EventMemory, host_state
 from tests.gcs.fakes import FakeLab
 from wire import config_file
 from wire.clock import monotonic_ns, sleep_until_ns, unix_us
-from wire.link_messages.status import LandedState
+from wire.link_messages import LandedState
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import Reply, ZenohBus
 

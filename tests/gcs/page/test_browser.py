@@ -9,7 +9,7 @@ from sim.ports import private_link
 from sim.scenario import load
 from tests.gcs.page.browser import CHROMIUM, NONE, Tab
 from tests.gcs.page.flights import page_server, with_browser
-from wire.logs.mcap_log import read_log
+from wire.logs.mcap_read import read_log
 
 SPEED = 0.5
 

@@ -65,7 +65,7 @@ def test_everything_can_be_reached_and_what_drones_say_is_text(tmp_path: Path) -
         tab: Tab = new_tab()
         tab.open(url)
         tab.until("document.querySelector('.phase')?.textContent === 'FORMATION'")
-        imports = "from formation.messages import Severity; from wire.link_messages.status import StatusText"
+        imports = "from formation.messages import Severity; from wire.link_messages import StatusText"
         have(f"{imports}; lab.drones[2]._say(StatusText(Severity.ERROR, {markup!r}))")
         tab.until(f"document.querySelector('.alarms').textContent.includes({json.dumps(markup)})")
         assert tab.run("document.querySelectorAll('.alarms img').length") == 0

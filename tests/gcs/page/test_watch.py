@@ -13,7 +13,7 @@ from gcs.page.table import Cell, Level
 from gcs.state.alarms import Alarm
 from gcs.watch.picture import picture
 from gcs.watch.terminal import watch
-from wire.process.exit_codes import NOT_RIGHT
+from wire.process.system import NOT_RIGHT
 
 
 def printed(shown: Show, *alarms: Alarm) -> list[str]:

@@ -9,8 +9,7 @@ from formation.safety.rules_table import RULES
 from gcs.drones.link_state import DroneLink
 from gcs.safety.causes import with_cause
 from tests.gcs.link import MS, Drone, a_link, beat
-from wire.link_messages.address import BRIDGE_COMPONENT
-from wire.link_messages.status import StatusText
+from wire.link_messages import BRIDGE_COMPONENT, StatusText
 
 NOW_NS = 5000 * MS
 

@@ -10,8 +10,7 @@ from gcs.security.roles import by_role
 from tests.free_ports import free_port
 from tests.gcs.security.lab import keyed_lab
 from wire import clock
-from wire.link_messages.address import GROUND, Address
-from wire.link_messages.status import Heartbeat, MavAutopilot
+from wire.link_messages import GROUND, Address, Heartbeat, MavAutopilot
 from wire.mavlink.codec import Codec
 from wire.mavlink.signing import REVOKED
 from wire.rejections import RejectionLog

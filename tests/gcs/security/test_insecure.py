@@ -15,7 +15,7 @@ from formation.requests import OperatorReply
 from gcs.cli.app import app as gcs_app
 from gcs.cli.stop import stop
 from tests.free_ports import free_port
-from wire.logs.mcap_log import read_log
+from wire.logs.mcap_read import read_log
 from wire.security.protection import INSECURE
 from wire.transport import stop_call
 

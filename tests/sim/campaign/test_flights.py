@@ -9,7 +9,7 @@ import pytest
 from sim.campaign.flight import fly
 from sim.campaign.oracle import Verdict
 from sim.campaign.table import SEED, fly_rows, shared_flights, table
-from wire.process.python import safe_path_for_pools
+from wire.process.system import safe_path_for_pools
 
 NAMES = [row.name for row in table()]
 NIGHTLY = {

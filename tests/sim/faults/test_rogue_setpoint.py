@@ -5,8 +5,7 @@ import pytest
 from pymavlink.dialects.v20 import common
 
 from sim.faults.rogue_setpoint import tilted
-from wire.link_messages.address import Address
-from wire.link_messages.setpoints import AttitudeSetpoint
+from wire.link_messages import Address, AttitudeSetpoint
 from wire.mavlink.codec import Codec
 
 

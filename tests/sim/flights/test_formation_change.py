@@ -10,7 +10,7 @@ from gcs.replay import replay
 from sim import lockstep
 from sim.scenario import Scenario, load
 from sim.script import Step
-from wire.logs.mcap_log import read_log
+from wire.logs.mcap_read import read_log
 
 FOLLOWERS = 5
 

@@ -22,7 +22,7 @@ from gcs.replay import ReplayError, replay
 from sim import ground_host, lockstep
 from sim.scenario import Scenario, load
 from tests.wire.own_package import installed_in
-from wire.logs.mcap_log import Log, read_log
+from wire.logs.mcap_read import Log, read_log
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from types import ModuleType
 import pytest
 
 from tools.fuzz import datagrams, frames, natnet, qtm, vicon, vrpn
-from wire.link_messages.address import GROUND
+from wire.link_messages import GROUND
 from wire.mavlink.codec import Codec
 from wire.mavlink.framing import FRAMES_MOST
 

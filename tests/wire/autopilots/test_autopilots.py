@@ -9,14 +9,15 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from wire.autopilots.ardupilot import ARDUPILOT
 from wire.autopilots.px4 import PX4
 from wire.autopilots.table import AutopilotTable, FlightMode
-from wire.link_messages.commands import MavCommand, MavFrame
-from wire.link_messages.message_id import MessageId
-from wire.link_messages.status import (
+from wire.link_messages import (
     EstimatorFlag,
     LandedState,
     MavAutopilot,
+    MavCommand,
+    MavFrame,
     MavState,
     MavType,
+    MessageId,
     ModeFlag,
     ProtocolCapability,
     SensorFlag,

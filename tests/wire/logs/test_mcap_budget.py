@@ -10,10 +10,18 @@ from mcap.records import Channel, Schema
 from mcap.writer import MCAP0_MAGIC
 
 from formation import topics
-from wire.logs.mcap_file import _record
-from wire.logs.mcap_log import check_log
-from wire.logs.mcap_read import _entries
-from wire.logs.mcap_scan import BYTES_A_RECORD, RECORDS_LEAST, WORK_A_BYTE, WORK_LEAST, Damage, LogError, _Scanner
+from wire.logs.mcap_read import (
+    BYTES_A_RECORD,
+    RECORDS_LEAST,
+    WORK_A_BYTE,
+    WORK_LEAST,
+    Damage,
+    LogError,
+    _entries,
+    _Scanner,
+    check_log,
+)
+from wire.logs.mcap_write import _record
 from wire.schema import schema_of
 
 SIZE = 8192
@@ -71,7 +79,7 @@ def test_a_crafted_file_costs_what_its_size_allows(
     path = tmp_path / "x.mcap"
     data = file_of(piece)
     path.write_bytes(data)
-    monkeypatch.setattr("wire.logs.mcap_scan._Scanner", Counted)
+    monkeypatch.setattr("wire.logs.mcap_read._Scanner", Counted)
     Counted.spent = 0
     damage = Damage()
     read = sum(1 for _ in _entries(path, damage))

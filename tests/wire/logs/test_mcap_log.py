@@ -19,7 +19,8 @@ from formation import messages as m
 from formation import topics
 from tests.wire import flight as wire_flight
 from tests.wire.spine import SPINE, assert_identical
-from wire.logs.mcap_log import LogError, LogWriter, check_log, read_log
+from wire.logs.mcap_read import LogError, check_log, read_log
+from wire.logs.mcap_write import LogWriter
 
 
 def entries_of(path: Path) -> list[tuple[str, int, object]]:
@@ -42,7 +43,7 @@ def flight(tmp_path_factory) -> tuple[Path, list, bytes]:
     """A short flight in small chunks: its file, what was written, its bytes."""
     path = tmp_path_factory.mktemp("log") / "flight.mcap"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("wire.logs.mcap_log._CHUNK_MESSAGES", CHUNK)
+        patch.setattr("wire.logs.mcap_write._CHUNK_MESSAGES", CHUNK)
         written = wire_flight.record(path, FRAMES)
     return path, written, path.read_bytes()
 
@@ -116,7 +117,7 @@ def test_a_log_rewritten_by_public_tools_holds_the_same(flight, tmp_path, packed
 def test_a_long_flight_takes_no_memory_and_every_chunk_is_in_the_summary(tmp_path, monkeypatch):
     """46 chunks a second are 165,600 an hour, so that 6 bytes a chunk are 1 MB an hour."""
     chunks = 6000
-    monkeypatch.setattr("wire.logs.mcap_log._CHUNK_MESSAGES", 1)
+    monkeypatch.setattr("wire.logs.mcap_write._CHUNK_MESSAGES", 1)
     path = tmp_path / "long.mcap"
     log = LogWriter(path, {}, threaded=False)
     tracemalloc.start()
@@ -229,7 +230,7 @@ def test_kill_9_costs_only_the_newest_moments(tmp_path):
 
 def test_a_disk_that_cannot_keep_up_costs_what_may_be_lost_only(tmp_path, monkeypatch):
     path = tmp_path / "slow.mcap"
-    monkeypatch.setattr("wire.logs.mcap_log._PENDING_MESSAGES", 10)
+    monkeypatch.setattr("wire.logs.mcap_write._PENDING_MESSAGES", 10)
     with LogWriter(path, {}, threaded=False) as log:
         for i in range(100):
             log.write(topics.LINK_UP, m.Datagram(1, b"x"), i)

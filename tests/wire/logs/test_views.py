@@ -15,8 +15,8 @@ from formation import messages as m
 from formation import topics
 from formation.clock_pair import ClockPair
 from formation.config import Fence, FollowerConfig, LabConfig, LeaderConfig, LimitsConfig
-from wire.link_messages.address import Address
-from wire.link_messages.status import (
+from wire.link_messages import (
+    Address,
     Battery,
     ExtendedSysState,
     Heartbeat,
@@ -25,7 +25,8 @@ from wire.link_messages.status import (
     NamedValue,
     StatusText,
 )
-from wire.logs.mcap_log import LogWriter, check_log, read_log
+from wire.logs.mcap_read import check_log, read_log
+from wire.logs.mcap_write import LogWriter
 from wire.mavlink.codec import Codec
 from wire.schema import schema_of
 

@@ -8,10 +8,17 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as oracle
 
 from formation.maths import frames
-from wire.link_messages.address import GROUND, Address
-from wire.link_messages.motion import EstimatorType, Odometry, OdometryFrame, VisionPose
-from wire.link_messages.packet import LinkMessage
-from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
+from wire.link_messages import (
+    GROUND,
+    Address,
+    AttitudeSetpoint,
+    EstimatorType,
+    Ignore,
+    LinkMessage,
+    Odometry,
+    OdometryFrame,
+    VisionPose,
+)
 from wire.mavlink.codec import Codec
 from wire.mavlink.motion import heading_ned, lab, ned, q_lab_from_euler
 

@@ -8,8 +8,7 @@ from pymavlink.dialects.v20 import common
 
 from formation.maths.frames import canonical
 from formation.messages import AttitudeTarget
-from wire.link_messages.address import Address
-from wire.link_messages.motion import VisionPose
+from wire.link_messages import Address, VisionPose
 from wire.mavlink.codec import Codec
 from wire.mavlink.pose_batch import PoseBatch
 from wire.mavlink.setpoint_batch import SetpointBatch

@@ -10,9 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from wire.link_messages.address import Address
-from wire.link_messages.motion import LocalPosition
-from wire.link_messages.status import StatusText
+from wire.link_messages import Address, LocalPosition, StatusText
 from wire.mavlink import framing
 from wire.mavlink.codec import Codec
 from wire.mavlink.framing import FRAMES_MOST, FrameCutter, layout, packed

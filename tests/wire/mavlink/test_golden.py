@@ -17,25 +17,30 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as oracle
 
-from wire.link_messages.address import GROUND, Address
-from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import MavCommand, command_long
-from wire.link_messages.motion import (
+from wire.link_messages import (
+    GROUND,
+    Address,
     Attitude,
     AttitudeQuaternion,
+    AttitudeSetpoint,
     EstimatorType,
     GlobalPosition,
+    Heartbeat,
+    Ignore,
     InertialSample,
+    LinkMessage,
     LocalPosition,
+    MavAutopilot,
+    MavCommand,
     MocapPose,
     Odometry,
     OdometryFrame,
+    ParamRequestList,
+    TimeSync,
+    Unknown,
     VisionPose,
+    command_long,
 )
-from wire.link_messages.packet import LinkMessage, Unknown
-from wire.link_messages.parameters import ParamRequestList
-from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
-from wire.link_messages.status import Heartbeat, MavAutopilot
 from wire.mavlink.codec import Codec, MavlinkError, decode_packet
 
 C45, C15, S15 = math.sqrt(0.5), math.cos(math.pi / 12), math.sin(math.pi / 12)

@@ -10,14 +10,31 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as oracle
 
 from tests.wire.messages import ANY_MESSAGE, MESSAGES, assert_same
-from wire.link_messages.address import GROUND, Address
-from wire.link_messages.clocks import TimeSync
-from wire.link_messages.commands import CommandLong, SetMode
-from wire.link_messages.motion import EstimatorType, GlobalPosition, Odometry, OdometryFrame, SetOrigin, SimTruth
-from wire.link_messages.packet import LinkMessage, Packet, Unknown
-from wire.link_messages.parameters import ParamRequestList, ParamSet, ParamValue
-from wire.link_messages.setpoints import AttitudeSetpoint, Ignore
-from wire.link_messages.status import Heartbeat, MavAutopilot, NamedValue, SysStatus
+from wire.link_messages import (
+    GROUND,
+    Address,
+    AttitudeSetpoint,
+    CommandLong,
+    EstimatorType,
+    GlobalPosition,
+    Heartbeat,
+    Ignore,
+    LinkMessage,
+    MavAutopilot,
+    NamedValue,
+    Odometry,
+    OdometryFrame,
+    Packet,
+    ParamRequestList,
+    ParamSet,
+    ParamValue,
+    SetMode,
+    SetOrigin,
+    SimTruth,
+    SysStatus,
+    TimeSync,
+    Unknown,
+)
 from wire.mavlink.codec import Codec, MavlinkError, decode_packet
 
 DRONE = Address(7, 1)

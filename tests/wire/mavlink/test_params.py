@@ -6,9 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wire.link_messages.address import GROUND, Address
-from wire.link_messages.parameters import ParamType, ParamValue
-from wire.link_messages.status import MavAutopilot
+from wire.link_messages import GROUND, Address, MavAutopilot, ParamType, ParamValue
 from wire.mavlink.codec import Codec, MavlinkError, param_from_raw, param_to_raw
 
 RANGES = {

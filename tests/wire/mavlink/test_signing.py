@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as oracle
 
-from wire.link_messages.address import GROUND, Address
-from wire.link_messages.commands import MavCommand, command_long
+from wire.link_messages import GROUND, Address, MavCommand, command_long
 from wire.mavlink.codec import Codec
 from wire.mavlink.framing import FrameCutter
 from wire.mavlink.signing import (

@@ -6,8 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as oracle
 
 from formation.messages import Severity
 from tests.wire.messages import text
-from wire.link_messages.address import GROUND, Address
-from wire.link_messages.status import Heartbeat, MavAutopilot, StatusText
+from wire.link_messages import GROUND, Address, Heartbeat, MavAutopilot, StatusText
 from wire.mavlink.codec import Codec
 
 DRONE, OTHER = Address(7, 1), Address(8, 1)

@@ -4,8 +4,8 @@ import asyncio
 import threading
 
 from tests.wire.waiting import in_loop, until
-from wire.transport.inbox import Inbox, on_loop
 from wire.transport.link import LinkCounters
+from wire.transport.zenoh_bus import Inbox, on_loop
 
 
 @in_loop

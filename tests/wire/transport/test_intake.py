@@ -6,12 +6,19 @@ from hypothesis import strategies as st
 
 from formation.maths.frames import IDENTITY
 from formation.messages import Severity
-from wire.link_messages.address import GROUND, Address
-from wire.link_messages.commands import CommandAck, MavCommand, Result
-from wire.link_messages.motion import AttitudeQuaternion, InertialSample, LocalPosition
-from wire.link_messages.status import StatusText
+from wire.link_messages import (
+    GROUND,
+    Address,
+    AttitudeQuaternion,
+    CommandAck,
+    InertialSample,
+    LocalPosition,
+    MavCommand,
+    Result,
+    StatusText,
+)
 from wire.mavlink.codec import Codec, decode_packet
-from wire.transport.intake import newest
+from wire.transport.link import newest
 
 ZERO = np.zeros(3)
 

@@ -1,7 +1,6 @@
-from wire.link_messages.address import Address
-from wire.link_messages.status import Heartbeat, MavAutopilot
+from wire.link_messages import Address, Heartbeat, MavAutopilot
 from wire.mavlink.codec import Codec
-from wire.transport.peer_filter import QUIET_NS, PeerFilter
+from wire.transport.udp_bus import QUIET_NS, PeerFilter
 
 DRONE, ELSEWHERE, STRANGER = ("10.0.0.3", 14583), ("10.0.0.3", 40000), ("10.0.0.9", 5000)
 BEAT = Codec(Address(3, 1)).encode(Heartbeat(MavAutopilot.PX4, 2, 0, 0, 4))

@@ -9,8 +9,7 @@ import pytest
 from formation.messages import Datagram
 from tests.gcs.security.autopilot import Autopilot, on_a_line
 from tests.wire.waiting import in_loop
-from wire.link_messages.address import GROUND, Address
-from wire.link_messages.commands import MavCommand, command_long
+from wire.link_messages import GROUND, Address, MavCommand, command_long
 from wire.mavlink.codec import Codec
 from wire.mavlink.signing import SigningChannel, StampClock
 from wire.transport.serial_link import open_serial

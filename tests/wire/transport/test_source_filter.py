@@ -1,4 +1,4 @@
-from wire.transport.source_filter import SILENT_NS, SourceFilter
+from wire.transport.mocap_bus import SILENT_NS, SourceFilter
 
 
 def test_a_second_publisher_is_rejected_while_the_first_is_heard():

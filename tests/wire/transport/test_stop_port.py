@@ -18,8 +18,7 @@ from wire.rejections import RejectionLog
 from wire.security.bus_access import LOCAL, BusAccess, access_with
 from wire.security.private_keys import KEY_BYTES
 from wire.security.protection import LOOPBACK_ONLY, protection_of
-from wire.security.stop_datagram import encode_stop
-from wire.transport.stop_call import stop_address, stop_by_datagram
+from wire.transport.stop_call import encode_stop, stop_address, stop_by_datagram
 from wire.transport.stop_port import stop_ports
 
 Ask = Callable[[], OperatorReply | None]

@@ -13,13 +13,19 @@ from formation.messages import Datagram
 from tests.free_ports import free_port
 from tests.wire.waiting import in_loop, until
 from wire import clock
-from wire.link_messages.address import GROUND, Address
-from wire.link_messages.commands import CommandAck, MavCommand, Result
-from wire.link_messages.motion import AttitudeQuaternion
-from wire.link_messages.status import Heartbeat, MavAutopilot
+from wire.link_messages import (
+    GROUND,
+    Address,
+    AttitudeQuaternion,
+    CommandAck,
+    Heartbeat,
+    MavAutopilot,
+    MavCommand,
+    Result,
+)
 from wire.mavlink.codec import Codec
 from wire.rejections import RejectionLog
-from wire.transport.intake import TURN_NS
+from wire.transport.link import TURN_NS
 from wire.transport.udp_bus import open_udp_direct, open_udp_drone, open_udp_ground
 
 BEAT = Heartbeat(MavAutopilot.PX4, 2, 0, 0, 4)

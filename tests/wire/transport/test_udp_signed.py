@@ -11,8 +11,7 @@ from tests.free_ports import free_port
 from tests.wire.transport.test_udp_bus import Mailbox, client, config
 from tests.wire.waiting import in_loop, until
 from wire import clock
-from wire.link_messages.address import GROUND, Address
-from wire.link_messages.status import Heartbeat, MavAutopilot
+from wire.link_messages import GROUND, Address, Heartbeat, MavAutopilot
 from wire.mavlink.codec import Codec
 from wire.mavlink.signing import UNSIGNED, WRONG, SigningChannel, StampClock
 from wire.rejections import RejectionLog

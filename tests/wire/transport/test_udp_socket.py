@@ -10,12 +10,10 @@ import uvloop
 from formation.config import LinkConfig
 from formation.messages import Datagram
 from tests.free_ports import free_port
-from wire.link_messages.address import Address
-from wire.link_messages.status import Heartbeat, MavAutopilot, MavState, MavType
+from wire.link_messages import Address, Heartbeat, MavAutopilot, MavState, MavType
 from wire.mavlink.codec import Codec
 from wire.rejections import RejectionLog
-from wire.transport.udp_bus import open_udp_drone, open_udp_ground
-from wire.transport.udp_socket import bind_port
+from wire.transport.udp_bus import bind_port, open_udp_drone, open_udp_ground
 
 LOOPBACK = "127.0.0.1"
 FLOOD = 50_000

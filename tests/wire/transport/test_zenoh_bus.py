@@ -18,7 +18,7 @@ from tests.wire import peer as wire_peer
 from tests.wire.spine import assert_identical
 from tests.wire.waiting import PATIENCE_S, in_loop, until
 from wire.clock import monotonic_ns
-from wire.transport.link import LARGEST_DATAGRAM
+from wire.mavlink.framing import LARGEST_DATAGRAM
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import BusError, Reply, ZenohBus
 from wire.transport.zenoh_session import Patience, ask

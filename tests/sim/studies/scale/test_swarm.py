@@ -9,7 +9,7 @@ from formation import topics
 from formation.maths.frames import IDENTITY
 from formation.messages import LabFrame, LoopTiming, Phase, PhaseChange
 from sim.studies.scale.swarm import of_log
-from wire.logs.mcap_log import LogWriter
+from wire.logs.mcap_write import LogWriter
 
 
 def test_ticks_and_separation_of_a_log_are_those_in_the_air(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The Tab key offers names of the lab file that is meant, and those that are always there."""
+"""What the Tab key offers."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -8,7 +8,7 @@ import pytest
 from drone_agent.__main__ import _bodies, _profiles
 from gcs.cli.completion import shapes, trajectories
 from sim.cli.app import _scenarios
-from wire.process.completion import bodies_of, lab_near
+from wire.process.program import bodies_of, lab_near
 
 LAB = """
 [leader]

@@ -1,4 +1,7 @@
-"""Priorities: the first way that is allowed is taken, and the report is what the operating system says."""
+"""A process for the operating system: its priority and its end.
+
+The first way that is allowed is taken, and the report is what the operating system says.
+"""
 
 import json
 import os
@@ -7,7 +10,7 @@ import sys
 
 import pytest
 
-from wire.process import priority
+from wire.process import system
 
 FIFO, NICE = ("scheduler", 0, os.SCHED_FIFO), ("nice", os.PRIO_PROCESS, 0, -10)
 
@@ -35,14 +38,14 @@ def test_the_first_way_that_is_allowed_is_taken(raised, allowed, level, report, 
     monkeypatch.setattr(os, "sched_setscheduler", lambda *given: asked("scheduler", *given[:2]))
     monkeypatch.setattr(os, "setpriority", lambda *given: asked("nice", *given))
     monkeypatch.setattr(os, "getpriority", lambda *_: level)
-    monkeypatch.setattr(priority, "_lock_memory", lambda: "memory locked")
-    assert getattr(priority, raised)() == report
+    monkeypatch.setattr(system, "_lock_memory", lambda: "memory locked")
+    assert getattr(system, raised)() == report
     assert calls == made
 
 
 TRUTH = """
 import json, os, threading
-from wire.process.priority import lower_priority, raise_priority
+from wire.process.system import lower_priority, raise_priority
 
 def scheduling():
     return os.sched_getscheduler(0), os.sched_getparam(0).sched_priority, os.getpriority(os.PRIO_PROCESS, 0)
@@ -69,3 +72,29 @@ def test_the_report_is_true_of_a_process_and_of_its_threads_but_those_made_ordin
     assert ("memory locked" in report) == (locked_kb > 0)
     assert inherited == after == own
     assert lowered == [os.SCHED_OTHER, 0, max(nice, 0)]
+
+
+COMMAND = """
+import atexit, threading
+from wire.process.system import CLOSING, end_beside_closing
+
+atexit.register(print, "finalised")
+if {closing}:
+    threading.Thread(target=threading.Event().wait, name=CLOSING, daemon=True).start()
+try:
+    print("answered")
+    raise SystemExit({code})
+except SystemExit as end:
+    end_beside_closing(end)
+    raise
+"""
+
+
+@pytest.mark.parametrize(("code", "exit_code"), [("None", 0), ("3", 3), ("'what went wrong'", 1)])
+@pytest.mark.parametrize("closing", [False, True])
+def test_the_interpreter_is_not_finalised_beside_a_thread_that_closes(closing: bool, code: str, exit_code: int) -> None:
+    command = [sys.executable, "-c", COMMAND.format(closing=closing, code=code)]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ended.returncode == exit_code
+    assert ended.stderr == ("what went wrong\n" if exit_code == 1 else "")
+    assert ended.stdout.split() == (["answered"] if closing else ["answered", "finalised"])

@@ -1,9 +1,11 @@
-"""What is missing is said once, with what to do, and again when it has come."""
+"""What a daemon waits for, and a simulator that is too late."""
 
 import asyncio
 
+import pytest
+
 from formation.messages import Event, Severity
-from wire.process.awaited import Awaited, report_missing
+from wire.process.daemon import LATE_NS, Awaited, Punctuality, StarvedError, report_missing
 
 
 def test_says_what_is_missing_and_when_it_has_come(monkeypatch):
@@ -15,7 +17,7 @@ def test_says_what_is_missing_and_when_it_has_come(monkeypatch):
         slept.append(seconds)
         there["autopilot"] = len(slept) > 3
 
-    monkeypatch.setattr("wire.process.awaited.asyncio.sleep", sleep)
+    monkeypatch.setattr("wire.process.daemon.asyncio.sleep", sleep)
     awaited = [Awaited(name, lambda name=name: there[name], f"start the {name}") for name in there]
 
     async def others() -> str:
@@ -28,3 +30,14 @@ def test_says_what_is_missing_and_when_it_has_come(monkeypatch):
         Event(Severity.NOTICE, "uav2", there_text),
         Event(Severity.INFO, "uav2", "no longer waiting for autopilot"),
     ]
+
+
+def test_on_time_and_a_little_late_is_well():
+    punctual = Punctuality("the mocap emulator", "its exposure")
+    for late_ns in (-5, 0, LATE_NS):
+        punctual.check(10**9, 10**9 + late_ns)
+
+
+def test_too_late_says_who_and_how_late():
+    with pytest.raises(StarvedError, match=r"the mocap emulator is starved: its exposure 400 ms late"):
+        Punctuality("the mocap emulator", "its exposure").check(10**9, 10**9 + 400_000_000)

@@ -1,9 +1,25 @@
-"""JSON from outside: bounded in size, depth and numbers before anything reads it."""
+"""Texts from outside made harmless: words to print, JSON bounded before anything reads it; Markdown tables as data."""
 
 import json
 import math
 import re
 from typing import Any, NoReturn
+
+_CONTROLS = {c: " " if chr(c).isspace() else None for c in range(0xA0) if not chr(c).isprintable()}
+
+
+def plain(text: str, longest: int) -> str:
+    """`text` without what a terminal or a page would act on, at most `longest` characters; white space reads as blanks.
+
+    Only what Unicode calls printable is left: that ends ESC and C1 sequences, bidirectional overrides and zero widths.
+    """
+    text = text[: 4 * longest]
+    if not text.isprintable():
+        text = text.translate(_CONTROLS)
+        if not text.isprintable():
+            text = "".join(c if c.isprintable() else " " if c.isspace() else "" for c in text)
+    return text if len(text) <= longest else text[: longest - 1] + "…"
+
 
 MOST_CHARACTERS = 1 << 20
 DEEPEST = 32
@@ -75,3 +91,10 @@ def _real(digits: str) -> float:
 
 def _no_constant(word: str) -> NoReturn:
     raise JsonError(f"{word} is no number of JSON")
+
+
+def rows(table: str) -> list[dict[str, str]]:
+    """Each row of the table by the names of its columns, code marks left out."""
+    lines = [[cell.strip().replace("`", "") for cell in line.strip()[1:-1].split("|")] for line in table.splitlines()]
+    names, _, *cells = lines
+    return [dict(zip(names, row, strict=True)) for row in cells]

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from formation.requests import OperatorReply
-from wire.security.stop_datagram import (
+from wire.transport.stop_call import (
     CHALLENGE,
     LARGEST,
     NO_STOP,

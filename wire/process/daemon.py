@@ -1,0 +1,111 @@
+"""A daemon's life: it reports which other processes it needs are missing, and ends on a signal or with its error.
+
+A simulator that cannot keep up ends, too: what it shows is no flight, and nothing that flies in it is to blame.
+"""
+
+import asyncio
+import signal
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from formation.messages import Event, Severity
+
+EventSink = Callable[[Event], None]
+"""Where a daemon's events go."""
+
+
+class Stop:
+    """A signal ends the process well; an exception anywhere in the loop ends it with that exception."""
+
+    def __init__(self) -> None:
+        self._event = asyncio.Event()
+        self._error: BaseException | None = None
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, self._event.set)
+        loop.set_exception_handler(self._fail)
+
+    def _fail(self, _loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        self._error = context.get("exception") or RuntimeError(context["message"])
+        self._event.set()
+
+    async def wait(self) -> None:
+        """Return on a signal; raise what went wrong."""
+        await self._event.wait()
+        if self._error is not None:
+            raise self._error
+
+
+PATIENCE_S = 0.5
+"""No report before that, s: processes started together are there by then."""
+_POLL_S, _ASK_EVERY = 0.2, 10
+
+
+@dataclass(frozen=True, slots=True)
+class Awaited:
+    """Something that others bring: its name, whether it is there, and what to do where it is not."""
+
+    what: str
+    is_there: Callable[[], bool]
+    remedy: str
+
+
+GROUND_REMEDY = "start one with `gcs run lab.toml`; --name says which one is meant"
+
+
+def bus_at(endpoints: Sequence[str], is_there: Callable[[], bool], remedy: str) -> Awaited:
+    """Anybody else on the lab's bus."""
+    return Awaited(f"the bus at {', '.join(endpoints) or 'no endpoint'}", is_there, remedy)
+
+
+async def _nobody() -> str:
+    return ""
+
+
+async def report_missing(
+    source: str, awaited: Sequence[Awaited], report: EventSink, others: Callable[[], Awaitable[str]] = _nobody
+) -> None:
+    """Report once what is missing and what to do, then when it is there; return when nothing is missing.
+
+    others: who of other labs is on the bus, in words; reported once, as long as something is missing.
+    """
+    await asyncio.sleep(PATIENCE_S)
+    missing = [need for need in awaited if not need.is_there()]
+    for need in missing:
+        report(Event(Severity.NOTICE, source, f"waiting for {need.what}: {need.remedy}"))
+    polls, there = 0, ""
+    while missing:
+        if not there and polls % _ASK_EVERY == 0 and (there := await others()):
+            report(
+                Event(Severity.NOTICE, source, f"on the bus, but not of this lab: {there}. Is the lab's name right?")
+            )
+        polls += 1
+        await asyncio.sleep(_POLL_S)
+        for need in [need for need in missing if need.is_there()]:
+            missing.remove(need)
+            report(Event(Severity.INFO, source, f"no longer waiting for {need.what}"))
+
+
+STARVED = 3
+"""Exit code of a simulator's process that was too late for its own schedule."""
+LATE_NS = 100_000_000
+"""The shortest time-out that a late simulator would trip: a drone levels without a setpoint for so long."""
+
+
+class StarvedError(RuntimeError):
+    """A simulator was too late for its own next event: the machine gives it too little time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Punctuality:
+    """Holds a simulator against its own schedule."""
+
+    who: str
+    what: str
+
+    def check(self, due_ns: int, now_ns: int) -> None:
+        """StarvedError where what was due comes later than LATE_NS."""
+        if now_ns - due_ns > LATE_NS:
+            late_ms = (now_ns - due_ns) * 1e-6
+            raise StarvedError(f"{self.who} is starved: {self.what} {late_ms:.0f} ms late, the machine is too slow")

@@ -25,8 +25,8 @@ from formation.messages import Datagram, Event, Truth
 from formation.vehicle.profile import on_ground, profile
 from wire.autopilots.table import AutopilotTable
 from wire.link_messages import DRONE_COMPONENT, Address, LinkMessage, MessageId, SimTruth, StatusText
-from wire.mavlink.codec import Codec, MavlinkError
-from wire.mavlink.framing import packed
+from wire.mavlink.codec import Codec
+from wire.mavlink.framing import MavlinkError, packed
 
 _MONITOR_PERIOD_NS = 50_000_000
 _MONITOR_PERIOD_S = _MONITOR_PERIOD_NS * 1e-9

@@ -15,8 +15,7 @@ from formation.safety.attitude_innovation import AttitudeMonitor
 from gcs.core import GcsCore
 from gcs.own_law import own_laws
 from wire.link_messages import DRONE_COMPONENT, GROUND, Address
-from wire.mavlink.pose_batch import PoseBatch
-from wire.mavlink.setpoint_batch import SetpointBatch
+from wire.mavlink.batches import PoseBatch, SetpointBatch
 from wire.process.deadline import Deadline
 
 FRAME_NS = 10_000_000

@@ -8,7 +8,8 @@ from math import isfinite
 
 from wire.autopilots.table import AutopilotTable, ParamSpec
 from wire.link_messages import MavAutopilot, ParamType, ParamValue
-from wire.mavlink.codec import MavlinkError, param_from_raw, param_to_raw
+from wire.mavlink.codec import param_from_raw, param_to_raw
+from wire.mavlink.framing import MavlinkError
 
 
 class Parameters:

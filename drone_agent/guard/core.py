@@ -60,8 +60,8 @@ from wire.link_messages import (
     TimeSync,
     command_long,
 )
-from wire.mavlink.codec import Codec, MavlinkError, read_frame
-from wire.mavlink.framing import Frame, FrameCutter, packed, renumbered
+from wire.mavlink.codec import Codec, read_frame
+from wire.mavlink.framing import Frame, FrameCutter, MavlinkError, packed, renumbered
 
 _BEAT_NS = 1_000_000_000
 _HEARTBEAT = Heartbeat(MavAutopilot.INVALID, MavType.ONBOARD_CONTROLLER, 0, 0, MavState.ACTIVE)

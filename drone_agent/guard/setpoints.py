@@ -20,8 +20,8 @@ from formation.messages import Event
 from formation.vehicle.profile import GRAVITY_M_S2, VehicleProfile
 from wire.clock_offset import ClockOffset
 from wire.link_messages import BROADCAST, Address, AttitudeSetpoint, MessageId
-from wire.mavlink.codec import Codec, MavlinkError, read_frame
-from wire.mavlink.framing import Frame
+from wire.mavlink.codec import Codec, read_frame
+from wire.mavlink.framing import Frame, MavlinkError
 from wire.rejections import RejectionLog
 
 AGE_MAX_MS = 100.0

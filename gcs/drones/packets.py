@@ -8,9 +8,8 @@ from formation.messages import AttitudeTarget, Datagram, LabFrame
 from gcs.drones.drone import Drone
 from gcs.drones.telemetry import ground_heartbeat
 from wire.link_messages import ground_address
+from wire.mavlink.batches import PoseBatch, SetpointBatch
 from wire.mavlink.framing import packed
-from wire.mavlink.pose_batch import PoseBatch
-from wire.mavlink.setpoint_batch import SetpointBatch
 
 HEARTBEAT_NS = 1_000_000_000
 POSE_NS = 20_000_000

@@ -22,7 +22,8 @@ from wire.link_messages import (
     Result,
     command_long,
 )
-from wire.mavlink.codec import MavlinkError, param_from_raw
+from wire.mavlink.codec import param_from_raw
+from wire.mavlink.framing import MavlinkError
 
 COMMAND_RETRY_NS = 250_000_000
 URGENT_RETRY_NS = 10_000_000

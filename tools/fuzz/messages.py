@@ -44,7 +44,8 @@ from wire.link_messages import (
     TimeSync,
     VisionPose,
 )
-from wire.mavlink.codec import Codec, MavlinkError
+from wire.mavlink.codec import Codec
+from wire.mavlink.framing import MavlinkError
 from wire.schema import schema_of
 
 SYSID = 2

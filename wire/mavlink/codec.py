@@ -5,54 +5,37 @@ that error and goes on. Bytes out are those of pymavlink, whose tables are used 
 """
 
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from wire.link_messages import (
     BROADCAST,
     Address,
-    AttitudeSetpoint,
-    CommandAck,
-    CommandInt,
-    CommandLong,
     LinkMessage,
-    LogRequestList,
-    MissionCount,
-    MissionRequestList,
+    MavAutopilot,
     Packet,
-    ParamRequestList,
-    ParamRequestRead,
-    ParamSet,
-    Ping,
-    PositionSetpoint,
-    SetMode,
-    SetOrigin,
+    ParamType,
     StatusText,
     TimeSync,
     Unknown,
 )
-from wire.mavlink import guidance as mavlink_guidance
-from wire.mavlink import motion as mavlink_motion
-from wire.mavlink import service as mavlink_service
-from wire.mavlink import storage as mavlink_storage
 from wire.mavlink.framing import Fields, Frame, FrameCutter, Layout, MavlinkError, framed, whole_frame
-from wire.mavlink.params import param_from_raw, param_to_raw
+from wire.mavlink.messages import READERS, WRITERS, Read
 from wire.mavlink.text import STATUSTEXT, TextChunk, TextJoiner, chunk_text, text_of
 
-__all__ = ["Codec", "MavlinkError", "decode_packet", "param_from_raw", "param_to_raw"]
-
-_GROUPS = (mavlink_motion, mavlink_service, mavlink_guidance, mavlink_storage)
-_WRITERS = {kind: write for group in _GROUPS for kind, write in group.WRITERS.items()}
-Reader = Callable[[Fields], Any]
-_READERS: dict[int, tuple[Layout, Reader]] = {
-    layout.id: (layout, read) for group in _GROUPS for layout, read in group.READERS.items()
-}
 # What says for whom it is: both numbers of an address, or the system alone.
-_ADDRESSED = frozenset(
-    {AttitudeSetpoint, PositionSetpoint, CommandLong, CommandInt, CommandAck, TimeSync, Ping, ParamSet,
-     ParamRequestRead, ParamRequestList, MissionRequestList, MissionCount, LogRequestList}
-)  # fmt: skip
-_FOR_SYSTEM = frozenset({SetMode, SetOrigin})
+_ADDRESSED = frozenset(kind for kind in WRITERS if "target" in kind.__match_args__)
+_FOR_SYSTEM = frozenset(kind for kind in WRITERS if "target_system" in kind.__match_args__)
+_REAL32 = struct.Struct("<f")
+_BYTEWISE = {
+    ParamType.UINT8: struct.Struct("<Bxxx"),
+    ParamType.INT8: struct.Struct("<bxxx"),
+    ParamType.UINT16: struct.Struct("<Hxx"),
+    ParamType.INT16: struct.Struct("<hxx"),
+    ParamType.UINT32: struct.Struct("<I"),
+    ParamType.INT32: struct.Struct("<i"),
+    ParamType.REAL32: _REAL32,
+}
 
 
 def read_frame(frame: Frame) -> Packet:
@@ -60,7 +43,7 @@ def read_frame(frame: Frame) -> Packet:
 
     A packet of an id that nothing here reads is Unknown.
     """
-    message = _read(frame, _READERS)
+    message = _read(frame, READERS)
     if isinstance(message, TextChunk):
         message = text_of(message.severity, [message.part])
     return Packet(frame.source, frame.seq, message)
@@ -90,7 +73,7 @@ class Codec:
         self.overheard: Address | None = None
         """To whom the newest of them was addressed."""
         self._cutter = FrameCutter(stream=stream)
-        self._readers = _READERS if reads is None else {number: _READERS[number] for number in reads}
+        self._readers = READERS if reads is None else {number: READERS[number] for number in reads}
         self._seq = 0
         self._text_id = 0
         self._texts = TextJoiner()
@@ -103,7 +86,7 @@ class Codec:
         if isinstance(message, StatusText):
             self._text_id = self._text_id % 0xFFFF + 1
             return b"".join(self._frame(STATUSTEXT, chunk) for chunk in chunk_text(message, self._text_id))
-        write = _WRITERS.get(type(message))
+        write = WRITERS.get(type(message))
         if write is None:
             raise MavlinkError(f"{type(message).__name__} has no bytes of its own")
         try:
@@ -162,7 +145,7 @@ class Codec:
         return data
 
 
-def _read(frame: Frame, readers: Mapping[int, tuple[Layout, Reader]]) -> LinkMessage | TextChunk:
+def _read(frame: Frame, readers: Mapping[int, tuple[Layout, Read]]) -> LinkMessage | TextChunk:
     """The message of a frame; MavlinkError if its payload says something impossible."""
     known = readers.get(frame.number)
     if known is None:
@@ -173,3 +156,37 @@ def _read(frame: Frame, readers: Mapping[int, tuple[Layout, Reader]]) -> LinkMes
     except ValueError as error:
         raise MavlinkError(f"{layout.name}: {error}") from error
     return message
+
+
+def param_to_raw(value: float, kind: ParamType, autopilot: MavAutopilot) -> bytes:
+    """The four bytes that carry `value`; MavlinkError if the type cannot hold it.
+
+    PX4 (and every autopilot but ArduPilot): the integer's own bytes. ArduPilot: the number as a float.
+    """
+    form = _form(kind, autopilot)
+    try:
+        return form.pack(value if form is _REAL32 else _whole(value))
+    except (struct.error, OverflowError) as error:
+        raise MavlinkError(f"{value} does not fit a parameter of type {kind.name}: {error}") from error
+
+
+def param_from_raw(raw: bytes, kind: ParamType, autopilot: MavAutopilot) -> int | float:
+    """The value in `raw` (four bytes): an int for integer types, else a float; MavlinkError if there is none."""
+    value: int | float = _form(kind, autopilot).unpack(raw)[0]
+    return value if kind is ParamType.REAL32 else _whole(value)
+
+
+def _form(kind: ParamType, autopilot: MavAutopilot) -> struct.Struct:
+    if kind not in _BYTEWISE:
+        raise MavlinkError(f"a parameter of type {kind.name} does not fit MAVLink's four bytes")
+    return _REAL32 if autopilot is MavAutopilot.ARDUPILOT else _BYTEWISE[kind]
+
+
+def _whole(value: float) -> int:
+    try:
+        whole = int(value)
+    except (ValueError, OverflowError) as error:
+        raise MavlinkError(f"{value} is no integer") from error
+    if whole != value:
+        raise MavlinkError(f"{value} is no integer")
+    return whole

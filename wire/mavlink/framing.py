@@ -28,9 +28,9 @@ datagram (most do) never meets it."""
 _PACKED_BYTES = 1200
 # On a line that noise and restarts cut anywhere, false starts are what is bounded, by the bytes read.
 _FALSE_STARTS, _BYTES_A_FALSE_START = 8, 32
-_MAGIC_1, _MAGIC_2 = 0xFE, 0xFD
-_MAGICS = (_MAGIC_1, _MAGIC_2)
-_SIGNED, _SIGNATURE = 0x01, 13
+MAGIC_1, _MAGIC_2 = 0xFE, 0xFD
+_MAGICS = (MAGIC_1, _MAGIC_2)
+SIGNED, SIGNATURE_BYTES = 0x01, 13
 _OVERHEAD_1, _OVERHEAD_2 = 8, 12
 _HEAD_1, _HEAD_2 = struct.Struct("<xBBBBB"), struct.Struct("<xBxxBBBHB")
 _WRITTEN_2 = struct.Struct("<BBBBBBBHB")
@@ -228,6 +228,14 @@ def resealed(frame: bytes, flags: int, seq: int | None = None) -> bytes | None:
     return sealed(frame[:2] + _SEED[flags] + frame[3:4] + number + frame[5 : 10 + frame[1]], crc_extra)
 
 
+def whole_stop(data: bytes, at: int) -> int | None:
+    """Where the whole frame that starts at `at` stops, as its head says; None where none does."""
+    if at >= len(data):
+        return None
+    stop = _stop(data, at, len(data))
+    return stop if at < stop <= len(data) else None
+
+
 def _stop(buffer: bytes, at: int, end: int) -> int:
     """Where the frame that starts at `at` stops, as far as its head says: `at` if none starts there.
 
@@ -238,10 +246,10 @@ def _stop(buffer: bytes, at: int, end: int) -> int:
         if end - at < 3:
             return end + 1
         flags = buffer[at + 2]
-        if flags > _SIGNED:
+        if flags > SIGNED:
             return at
-        return at + _OVERHEAD_2 + buffer[at + 1] + (_SIGNATURE if flags else 0)
-    if magic == _MAGIC_1:
+        return at + _OVERHEAD_2 + buffer[at + 1] + (SIGNATURE_BYTES if flags else 0)
+    if magic == MAGIC_1:
         return at + _OVERHEAD_1 + buffer[at + 1] if end - at > 1 else end + 1
     return at
 
@@ -270,7 +278,7 @@ def _frame(buffer: bytes, at: int, stop: int) -> Frame | None:
 def _next_magic(buffer: bytes, at: int) -> int:
     """Index of the next byte that could start a frame, or the buffer's length."""
     second = buffer.find(_MAGIC_2, at)
-    first = buffer.find(_MAGIC_1, at) if second < 0 else buffer.find(_MAGIC_1, at, second)
+    first = buffer.find(MAGIC_1, at) if second < 0 else buffer.find(MAGIC_1, at, second)
     if first >= 0:
         return first
     return second if second >= 0 else len(buffer)

@@ -12,17 +12,16 @@ from dataclasses import dataclass, field
 from hmac import compare_digest
 from typing import NamedTuple
 
-from wire.mavlink.framing import FRAMES_MOST, resealed
+from wire.mavlink.framing import FRAMES_MOST, MAGIC_1, SIGNED, resealed, whole_stop
+from wire.security.private_keys import KEY_BYTES
 
 STAMPS_SINCE_US = 1_420_070_400_000_000
 """2015-01-01 UTC; stamps count units of 10 us from there."""
-KEY_BYTES, SIGNATURE_BYTES, STREAMS_MOST = 32, 13, 32
+STREAMS_MOST = 32
 WINDOW = 6_000_000
 """One minute of stamps: a stream that is not known yet may lie so far behind, any stream so far ahead."""
 STAMP_LAST = 1 << 47
 """In 2059: half of what a packet has room for, so that a stamp is always left to sign with."""
-_MAGIC_1, _MAGIC_2, _SIGNED = 0xFE, 0xFD, 0x01
-_OVERHEAD_1, _OVERHEAD_2 = 8, 12
 
 NOT_WHOLE = "packet that is no whole MAVLink 2 packet"
 VERSION_1 = "MAVLink 1 packet, which has no signature"
@@ -113,8 +112,8 @@ class SigningChannel:
         signed, at = [], 0
         if self._is_revoked:
             return b""
-        while (stop := _stop(data, at)) is not None:
-            body = resealed(data[at:stop], _SIGNED)
+        while (stop := whole_stop(data, at)) is not None:
+            body = resealed(data[at:stop], SIGNED)
             if body is not None:
                 tail = bytes((self.link_id,)) + self.clock.next(unix_us).to_bytes(6, "little")
                 signed.append(body + tail + self._signature(body + tail))
@@ -128,7 +127,7 @@ class SigningChannel:
         for _ in range(FRAMES_MOST):
             if at >= len(data):
                 break
-            stop = _stop(data, at)
+            stop = whole_stop(data, at)
             if stop is None:
                 return Verified(b"".join(accepted), NOT_WHOLE)
             found = self._reject_reason(data[at:stop], unix_us)
@@ -143,9 +142,9 @@ class SigningChannel:
         """Cheap checks first: a flood of forged packets costs no hashing that it need not."""
         if self._is_revoked:
             return REVOKED
-        if frame[0] == _MAGIC_1:
+        if frame[0] == MAGIC_1:
             return VERSION_1
-        if frame[2] != _SIGNED:
+        if frame[2] != SIGNED:
             return UNSIGNED
         if not self.is_peer(frame[5]):
             return BACKWARDS
@@ -183,17 +182,3 @@ class SigningChannel:
     def _signature(self, signed: bytes) -> bytes:
         """The first 48 bits of SHA-256 over key and packet, link id and stamp included."""
         return hashlib.sha256(self.key + signed).digest()[:6]
-
-
-def _stop(data: bytes, at: int) -> int | None:
-    """Where the whole packet that begins at `at` ends, as its head says; None where none does."""
-    left = len(data) - at
-    if left < 3:
-        return None
-    if data[at] == _MAGIC_1:
-        size = _OVERHEAD_1 + data[at + 1]
-    elif data[at] == _MAGIC_2 and data[at + 2] <= _SIGNED:
-        size = _OVERHEAD_2 + data[at + 1] + (SIGNATURE_BYTES if data[at + 2] else 0)
-    else:
-        return None
-    return at + size if size <= left else None

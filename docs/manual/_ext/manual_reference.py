@@ -494,7 +494,7 @@ def phases(_: str = "") -> str:
 
 def pose_validator(_: str = "") -> str:
     """The checks of the pose validator."""
-    from mocap.validator.checks import checks_markdown
+    from mocap.validator import checks_markdown
 
     return checks_markdown()
 
@@ -564,9 +564,9 @@ def rejections(_: str = "") -> str:
 
 def mavlink(_: str = "") -> str:
     """Which message ground, simulated drone and bridge send and accept."""
-    from wire.mavlink import codec
+    from wire.mavlink.messages import TABLE
 
-    readers = {layout.name: layout.id for layout, _read in codec._READERS.values()}
+    readers = {row.layout.name for row in TABLE}
     accepted = {
         "ground": _ids("gcs.drones.telemetry", "READS", "READS_IF_ASKED"),
         "drone": _ids("drone_agent.link.inbox", "READS"),
@@ -578,7 +578,7 @@ def mavlink(_: str = "") -> str:
         "bridge": _sent("drone_agent/guard"),
     }
     layouts = _layouts()
-    names = sorted({*readers, *layouts.values()}, key=_number)
+    names = sorted(readers.union(layouts.values()), key=_number)
     rows = []
     for name in names:
         kinds = {kind for kind, written_as in layouts.items() if written_as == name}
@@ -612,30 +612,11 @@ def _bridge_reads() -> set[int]:
 
 
 def _layouts() -> dict[str, str]:
-    """The name in MAVLink of each message class, from the codec's own sources."""
-    found: dict[str, str] = {"StatusText": "STATUSTEXT"}
-    for path in sorted((ROOT / "wire" / "mavlink").glob("*.py")):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        writers = {n.name: n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)}
-        for node in ast.walk(tree):
-            if isinstance(node, ast.AnnAssign) and getattr(node.target, "id", "") == "WRITERS":
-                for key, value in zip(node.value.keys, node.value.values, strict=True):  # type: ignore[union-attr]
-                    inside: ast.AST = writers.get(getattr(value, "id", ""), value)
-                    names = [
-                        n.id
-                        for n in ast.walk(inside)
-                        if isinstance(n, ast.Name) and re.fullmatch(r"[A-Z][A-Z_0-9]+", n.id)
-                    ]
-                    names = [n for n in names if _is_message(n)]
-                    if names and isinstance(key, ast.Name):
-                        found[key.id] = names[0]
-    return found
+    """The name in MAVLink of each message class that is written."""
+    from wire.mavlink.messages import TABLE
 
-
-def _is_message(name: str) -> bool:
-    from pymavlink.dialects.v20 import ardupilotmega as dialect
-
-    return hasattr(dialect, f"MAVLINK_MSG_ID_{name}")
+    written = {row.kind.__name__: row.layout.name for row in reversed(TABLE) if row.write is not None}
+    return written | {"StatusText": "STATUSTEXT"}
 
 
 def _sent(*paths: str, called: bool = True) -> set[str]:

@@ -16,8 +16,7 @@ from sim.studies.hostile.lab import KeyedLab, participant
 from wire import clock
 from wire.link_messages import GROUND, Address, AttitudeSetpoint, Ignore
 from wire.mavlink.codec import Codec
-from wire.mavlink.framing import resealed
-from wire.mavlink.signing import SIGNATURE_BYTES
+from wire.mavlink.framing import SIGNATURE_BYTES, resealed
 from wire.rejections import RejectionLog
 from wire.security.protection import protection_of
 from wire.transport.udp_bus import open_udp_drone, open_udp_ground

@@ -13,7 +13,8 @@ from sim.studies.hostile.lab import KeyedLab, participant
 from wire import clock
 from wire.link_messages import GROUND
 from wire.mavlink.codec import Codec
-from wire.mavlink.signing import KEY_BYTES, SigningChannel, StampClock
+from wire.mavlink.signing import SigningChannel, StampClock
+from wire.security.private_keys import KEY_BYTES
 from wire.security.protection import LOOPBACK_ONLY, Protection, protection_of
 from wire.transport.zenoh_bus import ZenohBus
 

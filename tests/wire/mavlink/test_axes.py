@@ -19,8 +19,8 @@ from wire.link_messages import (
     OdometryFrame,
     VisionPose,
 )
+from wire.mavlink.axes import heading_ned, lab, ned, q_lab_from_euler
 from wire.mavlink.codec import Codec
-from wire.mavlink.motion import heading_ned, lab, ned, q_lab_from_euler
 
 S = np.diag([1.0, -1.0, -1.0])
 ANGLES = [(0.3, -0.5, 1.1), (-0.7, 0.4, -2.0), (1.2, 1.0, 3.0), (0.1, -1.2, 0.2)]  # roll, pitch, yaw in NED

@@ -9,9 +9,8 @@ from pymavlink.dialects.v20 import common
 from formation.maths.frames import canonical
 from formation.messages import AttitudeTarget
 from wire.link_messages import Address, VisionPose
+from wire.mavlink.batches import PoseBatch, SetpointBatch
 from wire.mavlink.codec import Codec
-from wire.mavlink.pose_batch import PoseBatch
-from wire.mavlink.setpoint_batch import SetpointBatch
 
 SOURCE = Address(255, 190)
 

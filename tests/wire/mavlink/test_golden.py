@@ -41,7 +41,8 @@ from wire.link_messages import (
     VisionPose,
     command_long,
 )
-from wire.mavlink.codec import Codec, MavlinkError, decode_packet
+from wire.mavlink.codec import Codec, decode_packet
+from wire.mavlink.framing import MavlinkError
 
 C45, C15, S15 = math.sqrt(0.5), math.cos(math.pi / 12), math.sin(math.pi / 12)
 POS_LAB = np.array([1.0, 2.0, 0.5])

@@ -35,7 +35,8 @@ from wire.link_messages import (
     TimeSync,
     Unknown,
 )
-from wire.mavlink.codec import Codec, MavlinkError, decode_packet
+from wire.mavlink.codec import Codec, decode_packet
+from wire.mavlink.framing import MavlinkError
 
 DRONE = Address(7, 1)
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])

@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wire.link_messages import GROUND, Address, MavAutopilot, ParamType, ParamValue
-from wire.mavlink.codec import Codec, MavlinkError, param_from_raw, param_to_raw
+from wire.mavlink.codec import Codec, param_from_raw, param_to_raw
+from wire.mavlink.framing import MavlinkError
 
 RANGES = {
     ParamType.UINT8: (0, 2**8 - 1),

@@ -7,18 +7,21 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from formation.config import LabConfig
+from formation.maths.frames import IDENTITY
 from formation.messages import Event, LabFrame, RawFrame, Severity
 from formation.rejection import Rejection
 from mocap.alignment import Alignment
-from mocap.retiming import Retiming
-from mocap.validator.validator import PoseValidator
+from mocap.retiming import LONGEST_GAP, Retiming
+from mocap.sources import poses
+from mocap.validator import PoseValidator
 from wire.rejections import RejectionLog
 from wire.transport.frame_check import OLDEST_NS, lab_fault, raw_fault
 
 MOST_UNKNOWN = 16
 """How many bodies that are none of the lab's are remembered, to name them."""
-LONGEST_GAP = 1000
 TURNS, TWO_SHARE = 50, 0.2
 """Over so many frames, numbers that go back in this share are two publishers'."""
 UNNUMBERED = ("vrpn", "chingmu", "csv")
@@ -30,7 +33,7 @@ class MocapCore:
     """The mocap process of one lab, without inputs and outputs.
 
     reject_log: counts rejected frames; a new one by default.
-    without: checks of the pose validator to switch off (mocap.validator.checks.NAMES); ValueError for another name.
+    without: checks of the pose validator to switch off (mocap.validator.NAMES); ValueError for another name.
     """
 
     def __init__(
@@ -169,3 +172,25 @@ class MocapCore:
         self._raw_seq = raw_seq
         self._seq += step if 0 < step <= LONGEST_GAP else 1
         return self._seq
+
+
+QUATERNIONS = {"vrpn": np.float64, "chingmu": np.float64, "natnet": np.float32}
+MATRICES = {"qualisys": np.float32, "vicon": np.float64}
+"""The numbers that each source sends, and as what."""
+
+
+def warm_up(config: LabConfig) -> None:
+    """Read and align one frame that nobody sees."""
+    bodies = tuple(v.body for v in config.vehicles)
+    n = len(bodies)
+    frame = RawFrame(0, 0, bodies, np.zeros((n, 3)), np.tile(IDENTITY, (n, 1)), np.ones(n, np.bool_))
+    MocapCore(config).receive(frame, 1)
+    warm_up_source(config.mocap.source)
+
+
+def warm_up_source(source: str) -> None:
+    """Read one body as the source's client does, where it has poses to convert."""
+    if source in QUATERNIONS:
+        poses.from_quaternions(np.zeros((1, 7), QUATERNIONS[source]), 1.0)
+    elif source in MATRICES:
+        poses.from_matrices(np.zeros((1, 12), MATRICES[source]), by_columns=True, unit_m=1.0, lost_is_nan=True)

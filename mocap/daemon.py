@@ -18,21 +18,50 @@ from formation.messages import Event, Severity
 from formation.requests import GCS_NAME
 from formation.topics import Topic
 from mocap import figures
-from mocap.certainty import Certainty
 from mocap.core import SOURCE, MocapCore
 from mocap.figures import FrameWindow
 from mocap.service import ServiceError, configuration_name
 from mocap.sources import source
 from mocap.sources.recordings import Frame
 from mocap.sources.registry import open_source
-from mocap.sources.source import Feed
-from mocap.validator.armed import motors_on
+from mocap.sources.source import Feed, SourceStatus
+from mocap.validator import motors_on
 from wire.clock import Clock
 from wire.process.daemon import GROUND_REMEDY, Awaited, EventSink, Stop, bus_at, report_missing
 from wire.rejections import RejectionLog
 from wire.security.protection import LOOPBACK_ONLY, Protection
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
+
+EVERY_NS = 10_000_000_000
+CHANGED = 2.0
+POOR_S = 2e-3
+"""More than this turns a drone's fastest turns into degrees."""
+
+
+class Certainty:
+    """Reports the capture times' uncertainty when it is first known, and when it has halved or doubled."""
+
+    def __init__(self) -> None:
+        self._reported_s: float | None = None
+        self._reported_ns = 0
+
+    def events(self, status: SourceStatus, now_ns: int) -> tuple[Event, ...]:
+        """The event that is due now, at most one every 10 s; empty otherwise."""
+        found_s = status.uncertainty_s
+        if found_s is None or status.latency_s is None or not self._is_news(max(found_s, 1e-5), now_ns):
+            return ()
+        self._reported_s, self._reported_ns = max(found_s, 1e-5), now_ns
+        constant = "" if status.latency_measured else ", apart from the constant that latency_s says"
+        text = f"capture times are certain to {1e3 * found_s:.2f} ms{constant}; latency {1e3 * status.latency_s:.1f} ms"
+        return (Event(Severity.WARNING if found_s > POOR_S else Severity.INFO, "mocap", text),)
+
+    def _is_news(self, found_s: float, now_ns: int) -> bool:
+        if self._reported_s is None:
+            return True
+        ratio = found_s / self._reported_s
+        return now_ns - self._reported_ns >= EVERY_NS and not 1.0 / CHANGED < ratio < CHANGED
+
 
 WATCH_NS = 100_000_000
 STATE_NS = 1_000_000_000

@@ -6,15 +6,20 @@ thing: their TCP ports are tried; a VRPN server says what it is, of a Vicon serv
 
 import asyncio
 import contextlib
+import json
 import socket
+import sys
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from struct import Struct
 from typing import cast
 
-from mocap.sources.natnet import messages
-from mocap.sources.natnet.messages import MessageId
-from mocap.sources.natnet.reader import PacketError
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from mocap.sources.natnet import packets
+from mocap.sources.natnet.packets import MessageId, PacketError
 from wire.text import plain
 
 BROADCAST = "255.255.255.255"
@@ -52,16 +57,16 @@ class Ports:
 
 def natnet_request() -> bytes:
     """What NatNet servers answer with their information."""
-    return messages.hello(MessageId.DISCOVERY, "mavlink-formation")
+    return packets.hello(MessageId.DISCOVERY, "mavlink-formation")
 
 
 def natnet_finding(data: bytes, address: str) -> Finding | None:
     """A NatNet server's answer; None for anything else."""
     try:
-        kind, payload = messages.unpack(data)
+        kind, payload = packets.unpack(data)
         if kind != MessageId.SERVER_INFO:
             return None
-        info = messages.server_info(payload)
+        info = packets.server_info(payload)
     except PacketError:
         return None
     app = ".".join(str(number) for number in info.app_version)
@@ -187,3 +192,21 @@ async def _tcp(host: str, port: int, greeting_bytes: int, wait_s: float) -> Find
             finally:
                 writer.close()
     return None
+
+
+def print_discovered(hosts: tuple[str, ...], wait_s: float, as_json: bool) -> None:
+    """Ask, wait, and print the servers that answered; none is no error."""
+    print(f"gcs: asking the network, and {len(hosts)} hosts, for {wait_s:g} s", file=sys.stderr)
+    found = asyncio.run(discover(hosts, wait_s))
+    if as_json:
+        print(json.dumps([asdict(finding) for finding in found]))
+        return
+    if not found:
+        print("no camera system answered: name its computer as well, `gcs mocap discover HOST`")
+        return
+    table = Table(box=None, pad_edge=False)
+    for column in ("source", "address", "name", "version"):
+        table.add_column(column, no_wrap=True)
+    for finding in found:
+        table.add_row(*map(Text, (finding.protocol, finding.address, finding.name, finding.version)))
+    Console().print(table)

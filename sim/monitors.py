@@ -2,7 +2,7 @@
 
 from drone_agent.guard.monitors import MONITORS as AGENT_MONITORS
 from gcs.safety.monitors import MONITORS as GROUND_MONITORS
-from mocap.validator.checks import NAMES as VALIDATOR_CHECKS
+from mocap.validator import NAMES as VALIDATOR_CHECKS
 
 NAMES = (*VALIDATOR_CHECKS, *AGENT_MONITORS, *GROUND_MONITORS)
 """All of them."""

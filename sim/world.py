@@ -12,7 +12,7 @@ from formation.messages import Datagram, Event, HostReport, LabFrame, OperatorRe
 from formation.topics import INNOVATION, MOCAP_EVENT, TRUTH
 from gcs.recording import Input, Record
 from mocap.core import MocapCore
-from mocap.validator.armed import motors_on
+from mocap.validator import motors_on
 from sim.cameras.emulator import MocapEmulator
 from sim.drone_node import DroneNode, Sample
 from sim.faults import vehicle

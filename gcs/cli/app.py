@@ -169,7 +169,7 @@ def rules(as_json: Json = False) -> None:
     """Print phases, safety rules and the pose validator's checks as Markdown tables."""
     from formation.safety.phases import table_markdown
     from formation.safety.rules_table import rules_markdown
-    from mocap.validator.checks import checks_markdown
+    from mocap.validator import checks_markdown
 
     tables = {"phases": table_markdown(), "rules": rules_markdown(), "validator": checks_markdown()}
     if as_json:

@@ -55,6 +55,6 @@ def discover(
     as_json: Json = False,
 ) -> None:
     """Find camera systems: Motive and QTM answer by themselves; of the others the ports of HOSTS are tried."""
-    from mocap.discover_cli import discover as find
+    from mocap.discover import print_discovered
 
-    find(tuple(hosts or ()), wait, as_json)
+    print_discovered(tuple(hosts or ()), wait, as_json)

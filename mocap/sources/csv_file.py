@@ -1,12 +1,18 @@
 """One body's recorded poses from a CSV file, checked line by line; its header says what its columns are.
 
-Further columns are left alone; `#` starts a comment. Stamps are kept as they are, jitter and gaps included, unless they
-are arrival times: then they are re-timed. Every error names file, line and column.
+Read are EuRoC/ASL (`timestamp [ns], x, y, z, qw, qx, qy, qz`), TUM (`timestamp tx ty tz qx qy qz qw`, seconds), any
+order under a header that names it, and the rigid bodies that Motive and Vicon export. Axes are the cameras' own: what
+the lab file says of the live stream holds for a recording, too. Further columns are left alone; `#` starts a comment.
+Stamps are kept as they are, jitter and gaps included, unless they are arrival times: then they are re-timed. Every
+error names file, line and column.
 """
 
 import math
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +21,214 @@ from numpy.typing import NDArray
 from formation.maths import frames
 from formation.maths.arrays import Float
 from mocap.retiming import exposures_ns
-from mocap.sources.csv_layout import Layout, MocapFileError, layout_of
 from wire.files import read_text
 
-__all__ = ["MocapFileError", "Recording", "read_recording"]
+_TIME = re.compile(r"(time_?stamp|time|stamp|t|secs?|seconds)(_(ns|us|ms|s|secs?|seconds))?")
+_POSITION = re.compile(r"(?:p|t|pos|position|trans|translation|p_rs_r)?_?([xyz])(?:_(mm|cm|m))?")
+_ROTATION = re.compile(r"(?:q|quat|quaternion|orientation|rotation|q_rs)_?([wxyz])")
+_UNIT = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]")
+_STAMP_NS = {"ns": 1, "us": 10**3, "µs": 10**3, "ms": 10**6, **dict.fromkeys(("s", "sec", "secs", "seconds"), 10**9)}
+_LENGTH_M = {"mm": 0.001, "cm": 0.01, "m": 1.0, "millimeters": 0.001, "centimeters": 0.01, "meters": 1.0}
+_KNOWN = (
+    "known are timestamp, time or t [s, ms, us, ns]; x, tx, px or pos_x [m, cm, mm], y and z alike; "
+    "qw, q_w, quat_w or orientation_w, and x, y and z alike"
+)
+_EUROC = "timestamp,x,y,z,qw,qx,qy,qz"
+_TUM = "timestamp[s] tx ty tz qx qy qz qw"
+_MOTIVE, _VICON = "Format Version", ("Objects", "Segments", "Global Angle", "Model Outputs", "Trajectories")
+
+
+class MocapFileError(ValueError):
+    """A recording that cannot be used: "file:line: reason"."""
+
+    def __init__(self, path: Path, line: int | None, reason: str) -> None:
+        super().__init__(f"{path}: {reason}" if line is None else f"{path}:{line}: {reason}")
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where a row's values are, from the line with index `first` on.
+
+    stamp_ns: of one unit of the stamp column, None where the file does not say. unit_m: of one unit of the positions,
+    likewise. columns: stamp, x, y, z, qw, qx, qy, qz. delimiter: None for blanks.
+    """
+
+    first: int
+    delimiter: str | None
+    names: tuple[str, ...]
+    columns: tuple[int, ...]
+    stamp_ns: float | None
+    unit_m: float | None
+
+    def fields(self, line: str) -> list[str]:
+        """The line's fields, without comment and quotes; a decimal comma beside `;` becomes a point."""
+        return fields_of(line.partition("#")[0], self.delimiter)
+
+
+def fields_of(text: str, delimiter: str | None) -> list[str]:
+    """The fields of a line, without blanks and quotes around them."""
+    fields = [field.strip(" \t\"'") for field in text.strip(" \r\n").split(delimiter)] if text.strip() else []
+    return [field.replace(",", ".") for field in fields] if delimiter == ";" else fields
+
+
+def layout_of(path: Path, lines: Sequence[str], body: str) -> Layout:
+    """The layout of the file's lines; MocapFileError where it is not known. body: chosen where it holds several."""
+    delimiter = _delimiter(lines)
+    head = fields_of(lines[0], delimiter) if lines else []
+    if head[:1] == [_MOTIVE]:
+        return _motive(path, lines, delimiter, body)
+    if head and head[0] in _VICON:
+        return _vicon(path, lines, delimiter, body)
+    first = next((at for at, line in enumerate(lines) if _is_row(line, delimiter)), None)
+    if first is None:
+        raise MocapFileError(path, None, "no poses in this file")
+    at = _header_at(lines, first, delimiter)
+    if at is None:
+        count = len(fields_of(lines[first].partition("#")[0], delimiter))
+        header = _EUROC.split(",") if delimiter else _TUM.split()
+        if count < len(header):
+            reason = f"{count} columns and no header; name them in a first line: {_EUROC}"
+            raise MocapFileError(path, first + 1, reason)
+        return _named(path, first + 1, first, delimiter, [*header, *[""] * (count - len(header))])
+    return _named(path, at + 1, first, delimiter, _header(lines[at], delimiter))
+
+
+def _delimiter(lines: Sequence[str]) -> str | None:
+    """`;` or a tab before `,`, by the last line with text: that is data; None for blanks."""
+    text = next((line for line in reversed(lines) if line.partition("#")[0].strip()), "")
+    return next((mark for mark in (";", "\t", ",") if mark in text), None)
+
+
+def _is_row(line: str, delimiter: str | None) -> bool:
+    """Whether the line begins with a number, as no header does."""
+    fields = fields_of(line.partition("#")[0], delimiter)
+    return bool(fields) and re.match(r"[-+.]?\d", fields[0]) is not None
+
+
+def _header_at(lines: Sequence[str], first: int, delimiter: str | None) -> int | None:
+    """The index of the line that names the columns of the first row: the last text, or a comment shaped like a row."""
+    before = [at for at in range(first - 1, -1, -1) if lines[at].strip()]
+    texts = [at for at in before if not lines[at].lstrip().startswith("#")]
+    if texts:
+        return texts[0]
+    count = len(fields_of(lines[first], delimiter))
+    for at in before:
+        names = _header(lines[at], delimiter)
+        if len(names) == count or (len(names) > 1 and _TIME.fullmatch(_plain(names[0]))):
+            return at
+    return None
+
+
+def _header(line: str, delimiter: str | None) -> list[str]:
+    text = line.strip().strip("\"'").lstrip("#% ")
+    return fields_of(_UNIT.sub(r"[\1]", text) if delimiter is None else text, delimiter)
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "_", _UNIT.sub("", name).lower()).strip("_")
+
+
+def _named(path: Path, line: int, first: int, delimiter: str | None, header: Sequence[str]) -> Layout:
+    """The layout under a header, whatever its order; columns of other names are left alone."""
+    found: dict[str, int] = {}
+    units: dict[str, set[str]] = {"t": set(), "m": set()}
+    for at, name in enumerate(header):
+        unit = _UNIT.search(name)
+        key, quantity, suffix = _meaning(_plain(name))
+        if not key:
+            continue
+        if key in found:
+            raise MocapFileError(path, line, f'columns "{header[found[key]]}" and "{name}" both give {key}: keep one')
+        found[key] = at
+        if quantity:
+            units[quantity] |= {text for text in (suffix, unit and unit[1].lower()) if text}
+    wanted = ("t", "x", "y", "z", "qw", "qx", "qy", "qz")
+    if missing := [key for key in wanted if key not in found]:
+        have = ", ".join(name[:20] for name in header[:12])
+        raise MocapFileError(path, line, f"the header names no {', '.join(missing)}; it has {have}; {_KNOWN}")
+    return Layout(
+        first,
+        delimiter,
+        tuple(header),
+        tuple(found[key] for key in wanted),
+        _unit(path, line, units["t"], _STAMP_NS),
+        _unit(path, line, units["m"], _LENGTH_M),
+    )
+
+
+def _meaning(name: str) -> tuple[str, str, str]:
+    """(column, "t" or "m" where it has a unit, unit as a part of the name); empty for a column of another kind."""
+    if time := _TIME.fullmatch(name):
+        return "t", "t", time[3] or ("s" if time[1].startswith("sec") else "")
+    if position := _POSITION.fullmatch(name):
+        return position[1], "m", position[2] or ""
+    rotation = _ROTATION.fullmatch(name)
+    return ("q" + rotation[1] if rotation else ""), "", ""
+
+
+def _unit(path: Path, line: int, named: set[str], known: dict[str, float] | dict[str, int]) -> float | None:
+    if len(named) > 1 or not named <= known.keys():
+        raise MocapFileError(path, line, f"units {', '.join(sorted(named))}: one of {', '.join(known)} is read")
+    return known[named.pop()] if named else None
+
+
+def _motive(path: Path, lines: Sequence[str], delimiter: str | None, body: str) -> Layout:
+    """Motive's export: rows Type, Name and ID over the columns, then Rotation or Position, then X, Y, Z, W."""
+    settings = fields_of(lines[0], delimiter)
+    setting = dict(pairwise(settings))
+    rows = {fields[1]: fields for line in lines[1:8] if len(fields := fields_of(line, delimiter)) > 2}
+    at = next((at for at, line in enumerate(lines[:12]) if fields_of(line, delimiter)[:1] == ["Frame"]), 0)
+    if not at or "Type" not in rows or "Name" not in rows:
+        raise MocapFileError(path, 1, "an export of Motive without the header rows Type, Name and Frame: export them")
+    if setting.get("Rotation Type") != "Quaternion":
+        raise MocapFileError(path, 1, "exported by Motive with Euler angles: export with Rotation Type Quaternion")
+    parts, axes = (fields_of(lines[row], delimiter) for row in (at - 1, at))
+    columns: dict[str, dict[str, int]] = {}
+    for column, (kind, name, part, axis) in enumerate(zip(rows["Type"], rows["Name"], parts, axes, strict=False)):
+        if kind == "Rigid Body" and part in ("Rotation", "Position"):
+            columns.setdefault(name, {})[part[0] + axis] = column
+    at_column = _chosen(path, at + 1, columns, body, "Motive's rigid bodies")
+    wanted = ("PX", "PY", "PZ", "RW", "RX", "RY", "RZ")
+    if "Time (Seconds)" not in axes or not all(key in at_column for key in wanted):
+        raise MocapFileError(path, at + 1, "Time, Rotation or Position is not among the columns: export all three")
+    unit_m = _unit(path, 1, {setting.get("Length Units", "Meters").lower()}, _LENGTH_M)
+    stamp = axes.index("Time (Seconds)")
+    return Layout(at + 1, delimiter, tuple(axes), (stamp, *(at_column[key] for key in wanted)), 1e9, unit_m)
+
+
+def _vicon(path: Path, lines: Sequence[str], delimiter: str | None, body: str) -> Layout:
+    """Vicon's export: kind, frames a second, names over the columns, the columns, their units."""
+    try:
+        rate_hz = float(fields_of(lines[1], delimiter)[0])
+        names, axes, units = (fields_of(lines[row], delimiter) for row in (2, 3, 4))
+    except (IndexError, ValueError) as error:
+        raise MocapFileError(
+            path, 2, "an export of Vicon without rate, names, columns and units: export them"
+        ) from error
+    columns: dict[str, dict[str, int]] = {}
+    name = ""
+    for column, axis in enumerate(axes):
+        name = names[column].rpartition(":")[2] if column and column < len(names) and names[column] else name
+        if name:
+            columns.setdefault(name, {})[axis] = column
+    at_column = _chosen(path, 3, columns, body, "Vicon's objects")
+    wanted = ("TX", "TY", "TZ", "RW", "RX", "RY", "RZ")
+    if missing := [key for key in wanted if key not in at_column]:
+        reason = f'"{name}" has no {", ".join(missing)}: export objects with rotations as quaternions (RX,RY,RZ,RW)'
+        raise MocapFileError(path, 4, reason)
+    unit_m = _unit(path, 5, {units[at_column["TX"]].lower() if at_column["TX"] < len(units) else ""}, _LENGTH_M)
+    return Layout(5, delimiter, tuple(axes), (0, *(at_column[key] for key in wanted)), 1e9 / rate_hz, unit_m)
+
+
+def _chosen(path: Path, line: int, columns: dict[str, dict[str, int]], body: str, kind: str) -> dict[str, int]:
+    """The columns of the one body, or of the body that is named."""
+    if len(columns) == 1:
+        return next(iter(columns.values()))
+    if body in columns:
+        return columns[body]
+    have = ", ".join(sorted(columns)[:8]) or "none"
+    raise MocapFileError(path, line, f'{kind} are {have}; the leader\'s body "{body}" is not among them')
+
 
 UNIT_WITHIN = 0.01
 LARGEST = 1e20

@@ -1,8 +1,74 @@
-"""Numbered frames of bodies that the server lists, as of Qualisys and Vicon: what is known of those so far."""
+"""Numbered frames of bodies that the server lists, as of Qualisys and Vicon: losses by number, names, latency. Pure."""
 
-from mocap.sources.body_list import BodyList
-from mocap.sources.frame_count import FrameCount
+from collections import deque
+from dataclasses import dataclass, field
+
+from formation.messages import Severity
+from mocap.retiming import LONGEST_GAP
 from mocap.sources.source import Feed, SourceStatus, seconds
+
+REMEMBERED = 64
+
+
+@dataclass(slots=True)
+class FrameCount:
+    """Numbers that rise by one a frame, or by more where the cameras are faster than what is sent."""
+
+    lost: int = 0
+    _number: int | None = None
+    _seq: int = -1
+    _steps: deque[int] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
+
+    def receive(self, number: int) -> int | None:
+        """Our number of the frame with the server's `number`, with gaps for lost frames; None for a repeated frame."""
+        last, self._number = self._number, number
+        if last is None:
+            self._seq += 1
+        elif number == last:
+            return None
+        else:
+            self._seq += self._frames(number - last)
+        return self._seq
+
+    def _frames(self, step: int) -> int:
+        """How many frames a step is: the usual step is the least of the last ones."""
+        if step <= 0:
+            self._steps.clear()
+            return 1
+        self._steps.append(step)
+        frames = round(step / min(self._steps))
+        if frames > LONGEST_GAP:
+            self._steps.clear()
+            return 1
+        self.lost += frames - 1
+        return frames
+
+
+class BodyList:
+    """Reports to the operator, whenever the server's list changes, which of the lab's bodies are not on it."""
+
+    def __init__(self, lab: tuple[str, ...], feed: Feed) -> None:
+        self._lab = lab
+        self._feed = feed
+        self.bodies: tuple[str, ...] = ()
+        """What the server sends, by the names of the lab."""
+        self._reported: tuple[str, ...] | None = None
+
+    def receive(self, theirs: tuple[str, ...]) -> tuple[str, ...]:
+        """Receive the server's list of names; return the bodies by the names of the lab."""
+        self.bodies = tuple(self._feed.name(name) for name in theirs)
+        if self.bodies != self._reported:
+            self._reported = self.bodies
+            self._report()
+        return self.bodies
+
+    def _report(self) -> None:
+        listed = ", ".join(self.bodies) or "nothing"
+        missing = [body for body in self._lab if body not in self.bodies]
+        if missing:
+            self._feed.report(Severity.WARNING, f"the server does not name {', '.join(missing)}; it names {listed}")
+        else:
+            self._feed.report(Severity.INFO, f"the server names {listed}")
 
 
 class NumberedFrames:

@@ -1,13 +1,37 @@
-"""The source that a lab file names."""
+"""The source that a lab file names; raw frames that somebody publishes on the lab's bus are one."""
 
+import asyncio
 from collections.abc import Callable
 
 from formation.config import LabConfig
+from formation.messages import RawFrame
 from formation.mocap_config import QualisysConfig, ViconConfig
-from mocap.sources.published import Published
 from mocap.sources.recordings import Frame, Recording
-from mocap.sources.source import Feed, Source
+from mocap.sources.source import Feed, Source, SourceStatus
 from wire.transport.mocap_bus import MocapBus
+
+
+class Published:
+    """Whoever publishes. Its stamps are on our clock already, or 0."""
+
+    def __init__(self, bus: MocapBus, deliver: Callable[[RawFrame], None]) -> None:
+        self._bus = bus
+        self._deliver = deliver
+        self._status = SourceStatus(server="the lab's bus")
+
+    async def run(self) -> None:
+        """Take what comes."""
+        self._bus.on_raw(self._receive)
+        await asyncio.get_running_loop().create_future()
+
+    def status(self) -> SourceStatus:
+        """Connected when a frame has come."""
+        return self._status
+
+    def _receive(self, frame: RawFrame) -> None:
+        if frame.bodies != self._status.bodies:
+            self._status = SourceStatus(self._status.server, connected=True, bodies=frame.bodies)
+        self._deliver(frame)
 
 
 def open_source(config: LabConfig, bus: MocapBus, feed: Feed, deliver: Callable[[Frame], None]) -> Source:
@@ -36,11 +60,11 @@ def open_source(config: LabConfig, bus: MocapBus, feed: Feed, deliver: Callable[
 
             return NatNet(config, feed)
         case "qualisys":
-            from mocap.sources.qualisys.source import Qualisys
+            from mocap.sources.qualisys.session import Qualisys
 
             return Qualisys(config.mocap.qualisys or QualisysConfig(), lab, latency_ns, feed)
         case "vicon":
-            from mocap.sources.vicon.source import Vicon
+            from mocap.sources.vicon.session import Vicon
 
             return Vicon(config.mocap.vicon or ViconConfig(), lab, latency_ns, feed)
         case "mavlink":

@@ -18,9 +18,8 @@ import numpy as np
 
 from formation.config import LabConfig
 from formation.messages import Event
-from mocap.sources.natnet import messages
-from mocap.sources.natnet.frames import frame_of_data
-from mocap.sources.natnet.models import rigid_bodies
+from mocap.sources.natnet import packets
+from mocap.sources.natnet.packets import frame_of_data, rigid_bodies
 from mocap.sources.source import Feed
 from mocap.sources.vrpn.client import vrpn_source
 from wire.clock import REAL_TIME
@@ -41,9 +40,9 @@ def judge_recordings(folder: Path) -> None:
     version = (3, 0)
 
     def payload(name: str) -> bytes:
-        return messages.unpack((folder / f"{name}_v3.bin").read_bytes())[1]
+        return packets.unpack((folder / f"{name}_v3.bin").read_bytes())[1]
 
-    assert messages.server_info(payload("serverinfo_packet")).text == "Motive 2.1, NatNet 3.0"
+    assert packets.server_info(payload("serverinfo_packet")).text == "Motive 2.1, NatNet 3.0"
     bodies = rigid_bodies(payload("modeldef_packet"), version)
     frame = frame_of_data(payload("mocapframe_packet"), version)
     (body,) = frame.bodies

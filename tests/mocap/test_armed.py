@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from mocap.validator.armed import motors_on
+from mocap.validator import motors_on
 
 
 def test_the_drones_of_a_ground_are_armed_or_not() -> None:

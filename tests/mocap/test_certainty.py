@@ -1,7 +1,7 @@
 """How well exposures are known is told when it is news, and no more often."""
 
 from formation.messages import Severity
-from mocap.certainty import Certainty
+from mocap.daemon import Certainty
 from mocap.sources.source import SourceStatus
 
 S = 1_000_000_000

@@ -6,7 +6,7 @@ import pytest
 from formation.maths import frames
 from formation.rejection import Rejection
 from mocap.core import MocapCore
-from mocap.validator.armed import motors_on
+from mocap.validator import motors_on
 from tests.mocap.validator_rig import BODIES, POSITIONS_LAB_M, TURNED, UPRIGHT, Fault, ValidatorRig
 
 MOUNTINGS = pytest.mark.parametrize("mounting", [UPRIGHT, TURNED], ids=["upright", "turned"])

@@ -8,8 +8,8 @@ import pytest
 from formation.maths import frames
 from formation.messages import LabFrame
 from formation.rejection import Rejection
-from mocap.validator.judge import RECOVERY_FRAMES
-from mocap.validator.validator import PoseValidator
+from mocap.judge import RECOVERY_FRAMES
+from mocap.validator import PoseValidator
 from tests.mocap.test_retiming import Stream
 from tests.mocap.validator_rig import BODIES, POSITIONS_LAB_M, T0_NS, UPRIGHT, lab
 

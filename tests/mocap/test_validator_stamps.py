@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from formation.rejection import Rejection
-from mocap.validator.validator import StampWatch
+from mocap.validator import StampWatch
 from tests.mocap.validator_rig import MS, ValidatorRig
 
 

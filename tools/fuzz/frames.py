@@ -21,7 +21,7 @@ from formation.maths.arrays import Float
 from formation.messages import LabFrame, RawFrame
 from gcs.core import GcsCore
 from mocap.core import MocapCore
-from mocap.validator.judge import RELEARN_FRAMES
+from mocap.judge import RELEARN_FRAMES
 from tools.fuzz.command import main
 from wire.schema import SchemaError, schema_of
 from wire.transport.frame_check import lab_fault

@@ -10,7 +10,7 @@ import numpy as np
 
 from formation.messages import RawFrame
 from formation.mocap_config import MocapConfig
-from mocap import warm_up
+from mocap import core
 from mocap.sources.source import Feed
 from mocap.sources.tcp import ProtocolError, Session
 from wire.clock import Clock
@@ -49,7 +49,7 @@ class Client:
     def __init__(self, config: MocapConfig, make: Callable[[Feed], Any]) -> None:
         self.frames: list[RawFrame] = []
         self.refusals = RejectionLog()
-        warm_up.read(config.source)
+        core.warm_up_source(config.source)
         self._source = make(Feed(config, self._take, lambda event: None, self.refusals, Clock()))
         self.session: Session = self._source.open(0, "", "")[0]
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from formation.messages import Event, RawFrame
 from formation.mocap_config import MocapConfig, NatNetConfig
-from mocap import warm_up
+from mocap import core
 from mocap.sources.natnet.session import NatNetSession
 from mocap.sources.source import Feed
 from sim.cameras.servers.natnet import NatNetSettings
@@ -114,7 +114,7 @@ class Client:
     """The session, its feed, and what it said."""
 
     def __init__(self, now_ns: int) -> None:
-        warm_up.read("natnet")
+        core.warm_up_source("natnet")
         mocap = MocapConfig(source="natnet", natnet=NatNetConfig(host=SERVER, multicast=""))
         self.frames: list[RawFrame] = []
         self.events: list[Event] = []

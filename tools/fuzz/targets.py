@@ -16,7 +16,7 @@ from gcs.live.daemon import Live
 from gcs.page.model import Model
 from gcs.state.host import Disk, EventMemory, host_state
 from mocap.core import MocapCore
-from mocap.validator.armed import motors_on
+from mocap.validator import motors_on
 from tests.drone_agent.agent_harness import Harness, hover_at
 from tests.gcs.fakes import FakeLab, triangle
 from tools.fuzz.messages import FRAME, RAW, REQUEST, SYSID, TARGET, Draws

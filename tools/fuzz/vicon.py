@@ -10,7 +10,7 @@ import random
 import struct
 
 from formation.mocap_config import MocapConfig, ViconConfig
-from mocap.sources.vicon.source import Vicon
+from mocap.sources.vicon.session import Vicon
 from tools.fuzz.command import main
 from tools.fuzz.mocap import NUMBERS, Client, Result, broken, fuzz
 

@@ -15,12 +15,12 @@ import numpy as np
 
 from formation.config import LabConfig
 from formation.messages import RawFrame
-from mocap import warm_up
+from mocap import core
 from mocap.sources.source import Feed
 from mocap.sources.tcp import ProtocolError
 from mocap.sources.vrpn import messages
 from mocap.sources.vrpn.client import chingmu_source, vrpn_source
-from mocap.sources.vrpn.rows import MOST_BODIES
+from mocap.sources.vrpn.frames import MOST_BODIES
 from tools.fuzz.command import main
 from wire.clock import REAL_TIME
 from wire.rejections import RejectionLog
@@ -131,7 +131,7 @@ class Reader:
             "mocap": {"source": kind},
         }
         config = LabConfig.model_validate(lab)
-        warm_up.read(config.mocap.source)
+        core.warm_up_source(config.mocap.source)
         self.refusals = RejectionLog()
         self._result = result
         feed = Feed(config.mocap, self._take, lambda _: None, self.refusals, REAL_TIME)

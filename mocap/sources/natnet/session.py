@@ -5,19 +5,57 @@ Nothing that is sent here moves Motive's playback or changes what it streams.
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from formation.messages import Severity
 from formation.mocap_config import NatNetConfig
 from mocap.capture_time import CaptureTime
-from mocap.sources.natnet import messages
-from mocap.sources.natnet.frames import EDITED, MODELS_CHANGED, TRACKED, VERSION_CHANGED, Frame, frame_of_data
-from mocap.sources.natnet.messages import MessageId, ServerInfo, Version
-from mocap.sources.natnet.models import Named, rigid_bodies
-from mocap.sources.natnet.numbers import FrameNumbers
-from mocap.sources.natnet.reader import PacketError
+from mocap.sources.natnet import packets
+from mocap.sources.natnet.packets import (
+    EDITED,
+    MODELS_CHANGED,
+    TRACKED,
+    VERSION_CHANGED,
+    Frame,
+    MessageId,
+    Named,
+    PacketError,
+    ServerInfo,
+    Version,
+    frame_of_data,
+    rigid_bodies,
+)
 from mocap.sources.poses import from_quaternions
 from mocap.sources.source import Feed, SourceStatus, seconds
+
+LATE = 16
+"""A number so little behind belongs to a frame that another overtook; farther behind, numbering began anew."""
+LONGEST_GAP = 10_000
+
+
+@dataclass(slots=True)
+class FrameNumbers:
+    """Which frames are new. lost: those that never came.
+
+    skipped: whether some are missing before the newest; restarted: whether the newest begins another count.
+    """
+
+    lost: int = 0
+    skipped: bool = False
+    restarted: bool = False
+    _newest: int | None = None
+
+    def receive(self, number: int) -> bool:
+        """Whether the frame is new: neither repeated nor overtaken by a later one."""
+        step = 1 if self._newest is None else number - self._newest
+        if -LATE <= step <= 0:
+            return False
+        self.restarted = not 0 < step <= LONGEST_GAP
+        self.skipped = step > 1 and not self.restarted
+        self.lost += step - 1 if self.skipped else 0
+        self._newest = number
+        return True
+
 
 WHO = "mavlink-formation"
 CONNECT_NS, MODELS_NS, ALIVE_NS = 500_000_000, 200_000_000, 1_000_000_000
@@ -47,7 +85,7 @@ class NatNetSession:
         self._feed = feed
         self._reported: dict[str, str] = {}
         self._info: ServerInfo | None = None
-        self._version: Version = messages.OLDEST
+        self._version: Version = packets.OLDEST
         self._peer = ""
         self._streamer = ""
         self._names: dict[int, str] | None = None
@@ -93,20 +131,20 @@ class NatNetSession:
         self._watch(now_ns)
         out = []
         if self._is_unsure(now_ns) and self._is_due(MessageId.CONNECT, CONNECT_NS, now_ns):
-            out += [messages.hello(MessageId.CONNECT, WHO)]
+            out += [packets.hello(MessageId.CONNECT, WHO)]
         if self._info is None:
             return out
         if self._stale_ns is not None and self._is_due(MessageId.REQUEST_MODELS, MODELS_NS, now_ns):
             out += [
-                messages.packet(MessageId.REQUEST, messages.WHICH_VERSION),
-                messages.packet(MessageId.REQUEST_MODELS),
+                packets.packet(MessageId.REQUEST, packets.WHICH_VERSION),
+                packets.packet(MessageId.REQUEST_MODELS),
             ]
         if not self._config.multicast and self._is_due(MessageId.KEEP_ALIVE, ALIVE_NS, now_ns):
-            out += [messages.packet(MessageId.KEEP_ALIVE)]
+            out += [packets.packet(MessageId.KEEP_ALIVE)]
         often = now_ns - self._since_ns < AT_FIRST_NS
         if self._is_due(MessageId.ECHO_REQUEST, ECHO_AT_FIRST_NS if often else ECHO_NS, now_ns):
             self._echoes.append(now_ns)
-            out += [messages.echo_request(now_ns)]
+            out += [packets.echo_request(now_ns)]
         return out
 
     def _is_unsure(self, now_ns: int) -> bool:
@@ -117,7 +155,7 @@ class NatNetSession:
     def received(self, data: bytes, sender: str, now_ns: int) -> None:
         """Receive a packet from an address. An unreadable packet is rejected and counted, and changes nothing."""
         try:
-            self._receive(*messages.unpack(data), sender, now_ns)
+            self._receive(*packets.unpack(data), sender, now_ns)
         except PacketError as error:
             self._feed.reject(str(error))
 
@@ -125,7 +163,7 @@ class NatNetSession:
         if message == MessageId.FRAME:
             self._receive_frame(payload, sender, now_ns)
         elif message == MessageId.SERVER_INFO:
-            self._greet(messages.server_info(payload), sender, now_ns)
+            self._greet(packets.server_info(payload), sender, now_ns)
         elif sender != self._peer:
             self._feed.reject("a message of another sender than the server")
         elif message == MessageId.MODELS:
@@ -133,9 +171,9 @@ class NatNetSession:
             self._receive_models(rigid_bodies(payload, self._version))
         elif message == MessageId.ECHO_RESPONSE:
             self._received_ns = now_ns
-            self._receive_echo(*messages.echo_response(payload), now_ns)
+            self._receive_echo(*packets.echo_response(payload), now_ns)
         elif message == MessageId.RESPONSE:
-            version = messages.stream_version(payload)
+            version = packets.stream_version(payload)
             if version is not None:
                 self._speak(version, now_ns)
 
@@ -159,7 +197,7 @@ class NatNetSession:
         """Frames and models come in this version from now on."""
         if version != self._version:
             self._version, self._stale_ns = version, now_ns
-        if version > messages.NEWEST:
+        if version > packets.NEWEST:
             self._report(
                 "version",
                 Severity.ERROR,
@@ -221,7 +259,7 @@ class NatNetSession:
                     "server", Severity.WARNING, f"frames come from {sender}, but {self._asked} does not answer"
                 )
             return
-        if self._version > messages.NEWEST:
+        if self._version > packets.NEWEST:
             self._feed.reject("a frame of an unknown version")
             return
         try:

@@ -21,7 +21,6 @@ BODIES = struct.Struct("<ihh")
 BODY_FLOATS = 12
 LARGEST_PACKET = 1 << 20
 MOST_COMPONENTS = 32
-TEXTS = (QRTPacketType.PacketError, QRTPacketType.PacketCommand, QRTPacketType.PacketXML)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mocap.sources.frame_count import FrameCount
+from mocap.sources.numbered import FrameCount
 
 
 @pytest.mark.parametrize(

@@ -1,31 +1,28 @@
 import numpy as np
 import pytest
 
-from mocap.sources.natnet import messages
-from mocap.sources.natnet.frames import frame_of_data
-from mocap.sources.natnet.messages import MessageId
-from mocap.sources.natnet.models import rigid_bodies
-from mocap.sources.natnet.reader import PacketError
+from mocap.sources.natnet import packets
+from mocap.sources.natnet.packets import MessageId, PacketError, frame_of_data, rigid_bodies
 from tests.mocap.sources import natnet_packets as outside
 
 VERSIONS = [(3, 0), (3, 1), (4, 0), (4, 1), (4, 2)]
 
 
 def payload(data: bytes) -> bytes:
-    return messages.unpack(data)[1]
+    return packets.unpack(data)[1]
 
 
 def test_server_info():
-    info = messages.server_info(payload(outside.SERVER_INFO))
-    assert info == messages.ServerInfo("Motive", (2, 1, 0, 0), (3, 0), outside.FREQUENCY_HZ, 1511, "239.255.42.99")
+    info = packets.server_info(payload(outside.SERVER_INFO))
+    assert info == packets.ServerInfo("Motive", (2, 1, 0, 0), (3, 0), outside.FREQUENCY_HZ, 1511, "239.255.42.99")
     assert info.text == "Motive 2.1, NatNet 3.0"
 
 
 def test_echoes_and_requests():
-    assert messages.echo_request(outside.TOKEN) == outside.ECHO_REQUEST
-    assert messages.echo_response(payload(outside.ECHO_RESPONSE)) == (outside.TOKEN, outside.ANSWERED_TICKS)
-    assert messages.hello(MessageId.DISCOVERY, "NatNetLib") == outside.DISCOVERY
-    assert messages.packet(MessageId.REQUEST_MODELS) == outside.MODELS_REQUEST
+    assert packets.echo_request(outside.TOKEN) == outside.ECHO_REQUEST
+    assert packets.echo_response(payload(outside.ECHO_RESPONSE)) == (outside.TOKEN, outside.ANSWERED_TICKS)
+    assert packets.hello(MessageId.DISCOVERY, "NatNetLib") == outside.DISCOVERY
+    assert packets.packet(MessageId.REQUEST_MODELS) == outside.MODELS_REQUEST
 
 
 @pytest.mark.parametrize("version", VERSIONS)
@@ -88,7 +85,7 @@ def test_byte_count_and_count_of_bodies_must_agree():
 @pytest.mark.parametrize("data", [b"", b"\7\0", b"\7\0\5\0abcd", b"\7\0\3\0abcd"])
 def test_a_header_must_tell_the_packets_length(data):
     with pytest.raises(PacketError, match=r"^packet: "):
-        messages.unpack(data)
+        packets.unpack(data)
 
 
 @pytest.mark.parametrize(
@@ -97,7 +94,7 @@ def test_a_header_must_tell_the_packets_length(data):
 def test_a_server_without_a_clock_is_rejected(at, value, why):
     info = payload(outside.SERVER_INFO)
     with pytest.raises(PacketError, match=why):
-        messages.server_info(info[:at] + value + (info[at + len(value) :] if value else b""))
+        packets.server_info(info[:at] + value + (info[at + len(value) :] if value else b""))
 
 
 @pytest.mark.parametrize(
@@ -105,4 +102,4 @@ def test_a_server_without_a_clock_is_rejected(at, value, why):
     [(b"Bitstream,4.1.0\0", (4, 1)), (b"Bitstream,4\0", None), (b"Bitstream,4.x\0", None), (b"\0\0\xf0B", None)],
 )
 def test_the_streams_version_is_read_from_an_answer(answer, version):
-    assert messages.stream_version(answer) == version
+    assert packets.stream_version(answer) == version

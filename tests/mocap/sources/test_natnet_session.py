@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from formation.messages import Severity
-from mocap.sources.natnet import messages
+from mocap.sources.natnet import packets
 from mocap.sources.natnet import session as session_module
-from mocap.sources.natnet.messages import MessageId
+from mocap.sources.natnet.packets import MessageId
 from mocap.sources.natnet.session import NatNetSession
 from sim.cameras.servers.natnet import NatNetSettings
 from tests.mocap.sources import natnet_packets as outside
@@ -21,13 +21,13 @@ def greeted(names: dict[str, str] | None = None) -> tuple[Kept, NatNetSession]:
     recorder = kept("natnet", natnet={"host": SERVER}, names=names or {})
     session = NatNetSession(recorder.config.natnet, 8 * MS, ("drone",), recorder.feed())
     session.start(recorder.now_ns)
-    assert [messages.unpack(data)[0] for data in session.due(recorder.now_ns)] == [MessageId.CONNECT]
+    assert [packets.unpack(data)[0] for data in session.due(recorder.now_ns)] == [MessageId.CONNECT]
     session.received(outside.SERVER_INFO, SERVER, recorder.now_ns)
     return recorder, session
 
 
 def kinds(session: NatNetSession, now_ns: int) -> list[int]:
-    return [messages.unpack(data)[0] for data in session.due(now_ns)]
+    return [packets.unpack(data)[0] for data in session.due(now_ns)]
 
 
 def test_a_whole_conversation_gives_its_frame():
@@ -50,7 +50,7 @@ def test_every_version_over_both_ways_by_harmless_requests_alone(version, multic
     link = Lockstep(multicast, NatNetSettings(version=version))
     link.seen = (True, False)
     link.run(1.0)
-    unpacked = [messages.unpack(data) for data in link.asked]
+    unpacked = [packets.unpack(data) for data in link.asked]
     requests = (MessageId.CONNECT, MessageId.REQUEST_MODELS, MessageId.ECHO_REQUEST, MessageId.KEEP_ALIVE)
     assert {kind for kind, _ in unpacked} - {MessageId.REQUEST} <= set(requests)
     assert {payload for kind, payload in unpacked if kind == MessageId.REQUEST} <= {b"Bitstream\0"}
@@ -211,7 +211,7 @@ def test_keep_alives_are_sent_to_a_unicast_server_only():
     assert len(link.recorder.frames) > 1100
     link = Lockstep("239.255.42.99")
     link.run(3.0)
-    assert MessageId.KEEP_ALIVE not in {messages.unpack(data)[0] for data in link.asked}
+    assert MessageId.KEEP_ALIVE not in {packets.unpack(data)[0] for data in link.asked}
 
 
 def test_bodies_of_one_streaming_id_are_named_and_the_others_fly_on(monkeypatch):

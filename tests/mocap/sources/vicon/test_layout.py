@@ -10,7 +10,7 @@ from formation.messages import RawFrame
 from formation.mocap_config import ViconConfig
 from mocap.sources.vicon import packets
 from mocap.sources.vicon.packets import Kind, packet_of
-from mocap.sources.vicon.source import Vicon
+from mocap.sources.vicon.session import Vicon
 from tests.mocap.sources.recorded_feed import kept
 from tests.mocap.sources.vicon_bytes import FIRST, OFFER
 

@@ -9,8 +9,7 @@ from formation.mocap_config import ViconConfig
 from mocap.sources.tcp import ProtocolError
 from mocap.sources.vicon import packets
 from mocap.sources.vicon.packets import Kind, packet_of
-from mocap.sources.vicon.session import ViconSession
-from mocap.sources.vicon.source import Vicon
+from mocap.sources.vicon.session import Vicon, ViconSession
 from tests.mocap.sources.recorded_feed import Kept, kept
 from tests.mocap.sources.vicon_bytes import FIRST, OFFER, PING, STREAM, UNCHANGED, WANT
 

@@ -5,8 +5,7 @@ import random
 import numpy as np
 import pytest
 
-from mocap.sources.vrpn.assembly import Assembly, Exposure
-from mocap.sources.vrpn.pacing import Pacing
+from mocap.sources.vrpn.frames import Assembly, Exposure, Pacing
 
 MS, US = 1_000_000, 1000
 PERIOD_NS = 4_166_667

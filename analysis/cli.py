@@ -85,7 +85,7 @@ def audit(log: LogPath, as_json: Json = False) -> None:
     """List who asked for what, what was done to the lab's keys, and which packets and requests were rejected."""
     from dataclasses import asdict
 
-    from analysis.audit import audit as audit_log
+    from analysis.check import audit as audit_log
     from wire.logs.mcap_read import read_log
 
     with _refusing():
@@ -121,7 +121,7 @@ def compare(
     """Hold two flights side by side: numbers, overlaid pictures, and what was not the same in their configuration."""
     from rich.console import Console
 
-    from analysis.pages import compare as comparing
+    from analysis import compare as comparing
 
     path = first.with_name("compared.html") if out is None else out
     with _refusing():
@@ -144,7 +144,7 @@ def layout(
     as_json: Json = False,
 ) -> None:
     """Write a layout of a formation flight for Foxglove (.json), or a blueprint for Rerun (.rbl)."""
-    from analysis.pages import layout as layouts
+    from analysis import layout as layouts
     from wire.errors import ConfigError
 
     with _refusing():
@@ -168,8 +168,7 @@ def export(
     as_json: Json = False,
 ) -> None:
     """Write every topic as a table, one file each: every number as it was logged, a row a drone."""
-    from analysis.tables.export import to_csv, to_parquet
-    from analysis.tables.topic_tables import load
+    from analysis.tables import load, to_csv, to_parquet
 
     if csv == parquet:
         raise typer.BadParameter("say which: --csv or --parquet")

@@ -11,7 +11,6 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
 
 from analysis.series import Series, series
 from formation import topics
@@ -34,7 +33,7 @@ from formation.messages import (
     Truth,
 )
 from formation.topics import Topic
-from wire.logs.mcap_read import LogCheck, Reading, holds_nothing, read_log
+from wire.logs.mcap_read import LogCheck, Reading, holds_nothing, lab_of, read_log
 from wire.text import plain
 from wire.transport.frame_check import pose_fault
 
@@ -260,18 +259,10 @@ def _run(metadata: Mapping[str, str]) -> Run:
         seed=int(seed) if seed.lstrip("-").isdigit() else None,
         link=link,
         lockstep=metadata.get("host", "") == "lockstep" or link == "memory",
-        lab=_lab(metadata.get("lab", "")),
+        lab=lab_of(metadata),
         versions=plain(metadata.get("versions", ""), LONGEST_WORDS),
         metadata={key: plain(text, LONGEST_TEXT) for key, text in metadata.items()},
     )
-
-
-def _lab(text: str) -> LabConfig | None:
-    """The lab's configuration, or None where the log holds none that this version reads."""
-    try:
-        return LabConfig.model_validate_json(text)
-    except ValidationError:
-        return None
 
 
 def _vehicles(lab: LabConfig | None, mocap: Series[LabFrame], reference: Series[Reference]) -> tuple[Vehicle, ...]:

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from analysis.links import from_drones, from_ground
 from analysis.load import Flight, PhaseSpan, Vehicle
-from analysis.packets import from_drones, from_ground
 from analysis.tracking import reference_lab_m
 from formation.maths.arrays import Float
 from formation.messages import Phase, Verb

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from analysis.load import Flight, load
 from analysis.metrics import summarise
-from analysis.plots import bands, paths, slots, style
+from analysis.plots import motion, style
 from analysis.tracking import Tracking, track
 from analysis.words import mm
 
@@ -30,19 +30,19 @@ def sheet(flight: Flight) -> Figure:
     fig = Figure(figsize=SIZE_IN, layout="constrained")
     grid = fig.add_gridspec(4, 2, width_ratios=[1.0, 1.15], height_ratios=[1.0, 1.0, 1.25, 0.42])
     plan = fig.add_subplot(grid[:, 0])
-    paths.draw_plan(plan, flight)
+    motion.draw_plan(plan, flight)
     plan.set(title=_title(flight), xlabel="lab x, m", ylabel="lab y, m")
     plan.legend(loc="lower right", ncols=1)
     right = [fig.add_subplot(grid[row, 1]) for row in range(4)]
     _coordinates(right[:2], flight)
     _error(right[2], flight, tracking)
-    bands.ribbon(right[3], flight, letter_share=0.0145)
+    style.ribbon(right[3], flight, letter_share=0.0145)
     right[3].set(ylim=(0.0, 1.0), yticks=[])
     right[3].grid(visible=False)
     right[3].spines[["left", "bottom"]].set_visible(False)
     for ax in right:
         style.time_axis(ax, 0.0, flight.duration_s, label=ax is right[-1])
-    bands.shade(right[:3], flight)
+    style.shade(right[:3], flight)
     return fig
 
 
@@ -67,6 +67,6 @@ def _coordinates(axes: list[Axes], flight: Flight) -> None:
 def _error(ax: Axes, flight: Flight, tracking: Tracking) -> None:
     """Length of the formation error."""
     if tracking.formed.any():
-        slots.draw_error(ax, flight, tracking, 1e3 * np.linalg.norm(tracking.error_lead_m, axis=-1))
+        motion.draw_error(ax, flight, tracking, 1e3 * np.linalg.norm(tracking.error_lead_m, axis=-1))
     ax.set_ylabel("error, mm")
     ax.set_ylim(bottom=0.0)

@@ -1,25 +1,27 @@
 """The report of one flight: one self-contained HTML page, in words, pictures and numbers, from its log alone."""
 
-from collections.abc import Iterator
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
 import numpy as np
 
 from analysis import page, words
-from analysis.backlog import backlogs
+from analysis.links import backlogs
 from analysis.load import Flight, load_checked
 from analysis.metrics import Latency, Summary, rms, summarise, vibration_of
 from analysis.outcome import GOOD
 from analysis.page import Section, cell, picture, row, swatch, table, text, tile
-from analysis.pages.altitude import altitudes
-from analysis.pages.downloads import downloads
-from analysis.pages.events import FoldedEvent, folded
-from analysis.pages.setup import setup
 from analysis.plots import drawings, style
-from analysis.rejections import rejections
-from analysis.tracking import LeaderTracking, Tracking, track, track_leader
-from formation.messages import Severity
+from analysis.series import Series
+from analysis.tracking import LeaderTracking, Tracking, in_formation_phase, reference_lab_m, track, track_leader
+from formation.messages import Event, Severity
+from formation.rejection import rejection_text
+from wire.text import parse_json
 
 MEANINGS = {
     "duration_s": "first to last record of the log",
@@ -119,6 +121,32 @@ TEXTS = (
     ),
 )
 """Every section in reading order: anchor, heading, what to look for."""
+
+
+PAUSE_S = 5.0
+"""A pause longer than this begins a new line."""
+_NUMBER = re.compile(r"\d+(?:\.\d+)?")
+
+
+@dataclass(slots=True)
+class FoldedEvent:
+    """One event, or several of the same words, whatever their numbers, from first_s to last_s."""
+
+    event: Event
+    first_s: float
+    last_s: float
+    count: int = 1
+
+    @property
+    def time(self) -> str:
+        """`20.95 s`, `20.95-21.47 s`."""
+        span = f"{self.first_s:.2f}"
+        return f"{span} s" if self.count == 1 else f"{span}-{self.last_s:.2f} s"
+
+    @property
+    def text(self) -> str:
+        """`23 x setpoints stale`; where numbers in the text differ, the first ones."""
+        return self.event.text if self.count == 1 else f"{self.count} x {self.event.text}"
 
 
 def report(path_mcap: Path, path_html: Path | None = None) -> Path:
@@ -338,3 +366,145 @@ def _footer(flight: Flight) -> str:
         "<footer>Made from the flight's log alone; every position is a recorded mocap pose, every time counts from the "
         f"log's first record.{versions}</footer>"
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Rejected:
+    """One body's poses that were rejected for one reason; frames: how many, in `stretches`, s from the log's start."""
+
+    body: str
+    reason: str
+    frames: int
+    stretches: int
+    first_s: float
+    last_s: float
+
+
+def rejections(flight: Flight) -> tuple[Rejected, ...]:
+    """All there are, in order of their first."""
+    poses = flight.poses
+    found = []
+    for i, vehicle in enumerate(flight.vehicles):
+        codes = poses.rejected[:, i] if len(poses.t_s) else np.zeros(0, np.uint8)
+        for code in np.unique(codes[codes > 0]).tolist():
+            met = codes == code
+            begins = int(met[0]) + int((met[1:] & ~met[:-1]).sum())
+            t_s = poses.t_s[met]
+            reason = rejection_text(code)
+            found.append(Rejected(vehicle.body, reason, int(met.sum()), begins, float(t_s[0]), float(t_s[-1])))
+    return tuple(sorted(found, key=lambda one: one.first_s))
+
+
+ALTITUDE_HEAD = ("vehicle", "#mean altitude, m", "#commanded, m", "#error, mm", "#take-off to, m")
+
+
+def altitudes(flight: Flight) -> str:
+    """One row a vehicle, over the formation phase; empty where it was not flown."""
+    colours, rows = style.colours(len(flight.vehicles)), []
+    for i, vehicle in enumerate(flight.vehicles):
+        mean_m, commanded_m = _measured_m(flight, i), _commanded_m(flight, vehicle.column)
+        if mean_m is None:
+            continue
+        error = "–" if commanded_m is None else f"{1e3 * (mean_m - commanded_m):+.2f}"
+        commanded = "–" if commanded_m is None else f"{commanded_m:.4f}"
+        configured = "–" if flight.run.lab is None else f"{flight.run.lab.flight.altitude_m:.3f}"
+        numbers = (f"{mean_m:.4f}", commanded, error, configured)
+        rows.append(row(swatch(vehicle.body, colours[i]), *(cell(number, "number") for number in numbers)))
+    return table(ALTITUDE_HEAD, rows) if rows else ""
+
+
+def _measured_m(flight: Flight, i: int) -> float | None:
+    if not len(flight.poses):
+        return None
+    chosen = in_formation_phase(flight, flight.poses.t_s) & flight.poses.seen[:, i]
+    return float(flight.poses.pos_lab_m[chosen, i, 2].mean()) if chosen.any() else None
+
+
+def _commanded_m(flight: Flight, column: int | None) -> float | None:
+    if column is None or not len(flight.reference):
+        return None
+    chosen = in_formation_phase(flight, flight.reference.t_s)
+    return float(reference_lab_m(flight.reference)[chosen, column, 2].mean()) if chosen.any() else None
+
+
+def downloads(mcap: str | None, report: str | None) -> str:
+    """A row of links relative to the page; empty where no file is known. Tables exist once they have been exported."""
+    if mcap is None or report is None:
+        return ""
+    log = Path(mcap)
+    beside = Path(os.path.relpath(log.resolve(), Path(report).resolve().parent))
+    parts = [f"Data: {_link(beside, f'log ({beside.name})')}"]
+    for name, option in (("CSV", "csv"), ("Parquet", "parquet")):
+        folder = beside.with_name(f"{beside.stem}-{option}")
+        parts.append(f"{_link(folder, name)} after <code>gcs-log export {escape(log.name)} --{option}</code>")
+    return f'<p class="downloads">{" · ".join(parts)}</p>'
+
+
+def _link(to: Path, name: str) -> str:
+    return f'<a href="{escape(to.as_posix(), quote=True)}">{escape(name)}</a>'
+
+
+def folded(events: Series[Event], least: Severity = Severity.DEBUG) -> list[FoldedEvent]:
+    """The events at least that severe, in order of their first time."""
+    lines: list[FoldedEvent] = []
+    newest: dict[tuple[Severity, str, str], FoldedEvent] = {}
+    for t_s, event in zip(events.t_s.tolist(), events.messages, strict=True):
+        if event.severity > least:
+            continue
+        key = (event.severity, event.source, _NUMBER.sub("#", event.text))
+        line = newest.get(key)
+        if line is not None and t_s - line.last_s <= PAUSE_S:
+            line.last_s, line.count = t_s, line.count + 1
+        else:
+            newest[key] = FoldedEvent(event, t_s, t_s)
+            lines.append(newest[key])
+    return lines
+
+
+SETUP_FACTS = (
+    ("date", "date"), ("versions", "version"), ("machine", "machine"), ("lab_file", "lab file"),
+    ("control_law", "control law"), ("scenario", "scenario"), ("seed", "seed"), ("link", "link"),
+    ("speed", "speed of the clock"), ("security", "protection of the links"),
+)  # fmt: skip
+
+
+def setup(flight: Flight) -> str:
+    """Facts, gains by vehicle kind, profiles, and the whole configuration folded away."""
+    metadata = flight.run.metadata
+    rows = [row(cell(name), cell(metadata[key])) for key, name in SETUP_FACTS if metadata.get(key)]
+    if not rows and flight.run.lab is None:
+        return '<p class="missing">Not shown: the log says nothing of what it was flown with.</p>'
+    parts = [table(("", ""), rows)] if rows else []
+    for key, title in (("gains", "Gains and observers"), ("profiles", "Vehicle profiles")):
+        parts += [_values(f"{title}: {name}", values) for name, values in _objects(metadata.get(key, "")).items()]
+    if flight.run.lab is not None:
+        text = json.dumps(flight.run.lab.model_dump(mode="json"), indent=2)
+        parts.append(f"<details><summary>The lab's whole configuration</summary><pre>{escape(text)}</pre></details>")
+    return "".join(parts)
+
+
+def _objects(text: str) -> Mapping[str, Mapping[str, object]]:
+    """The object of objects in a log's metadata; none where it is anything else."""
+    try:
+        found = parse_json(text)
+    except ValueError:
+        return {}
+    return (
+        {str(name): values for name, values in found.items() if isinstance(values, dict)}
+        if isinstance(found, dict)
+        else {}
+    )
+
+
+def _values(title: str, values: Mapping[str, object]) -> str:
+    """A folded table of keys and values."""
+    rows = [row(f"<td><code>{escape(key)}</code></td>", cell(value)) for key, value in _flat(values)]
+    return f"<details><summary>{escape(title)}</summary>{table(('key', 'value'), rows)}</details>"
+
+
+def _flat(values: Mapping[str, object], prefix: str = "") -> Iterator[tuple[str, str]]:
+    for key, value in values.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{prefix}{key}.")
+        else:
+            yield prefix + key, f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -27,13 +27,11 @@ AT_REST_M_S = 1e-3  # a slot slower than this is at rest
 class Tracking:
     """Every frame that has a reference, for the k followers.
 
-    pos_lead_m, slot_lead_m, error_lead_m (T, k, 3): measured, asked and their difference in the leader's frame (Eq. 2);
+    error_lead_m (T, k, 3): measured less asked, in the leader's frame (Eq. 2);
     scored (T, k): the frames the formation metrics count; formed (T, k): the same with moving slots included.
     """
 
     t_s: Float
-    pos_lead_m: Float
-    slot_lead_m: Float
     error_lead_m: Float
     formed: Bool
     scored: Bool
@@ -86,13 +84,13 @@ def track(flight: Flight) -> Tracking:
     pos = _in_leader_frame(poses.pos_lab_m[close], leader_heading(poses)[close], origin)
     seen = poses.seen[close]
     formed = on_leader & seen[:, :1] & seen[:, 1:] & in_formation_phase(flight, t_s)[:, None]
-    return Tracking(t_s, pos, slot, pos - slot, formed, formed & (slot_speed < AT_REST_M_S))
+    return Tracking(t_s, pos - slot, formed, formed & (slot_speed < AT_REST_M_S))
 
 
 def _nothing(followers: int) -> Tracking:
     """A tracking of no frame."""
     vectors, flags = np.zeros((0, followers, 3)), np.zeros((0, followers), dtype=np.bool_)
-    return Tracking(np.zeros(0), vectors, vectors, vectors, flags, flags)
+    return Tracking(np.zeros(0), vectors, flags, flags)
 
 
 def leader_heading(poses: Poses) -> Float:

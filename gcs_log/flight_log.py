@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 Table = Mapping[str, NDArray[Any]]
 SHOWN_COLUMNS = 5
 # Neither the folder of a notebook (`-P`) nor PYTHONPATH has modules for it.
-READER = (sys.executable, "-P", "-m", "mavlink_formation", "analysis.tables.topic_tables")
+READER = (sys.executable, "-P", "-m", "mavlink_formation", "analysis.tables")
 
 
 class LogError(ValueError):

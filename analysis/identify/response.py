@@ -14,8 +14,7 @@ import numpy as np
 from scipy.optimize import curve_fit, least_squares
 from scipy.signal import cont2discrete, lfilter
 
-from analysis.identify.estimate import Estimate, covariance, propagated
-from analysis.identify.signals import GRID_S, Seen, Sent, grid, held, tilt_of, turn_of
+from analysis.identify.signals import GRID_S, Estimate, Seen, Sent, covariance, grid, held, propagated, tilt_of, turn_of
 from formation.maths.arrays import Float
 
 START = np.array([np.log(10.0), np.log(40.0), np.log(0.025), 0.02, 0.0, 0.0, 0.0])

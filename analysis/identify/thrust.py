@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-from analysis.identify.estimate import Estimate, covariance, propagated
-from analysis.identify.signals import GRID_S, Seen, Sent, grid, held
+from analysis.identify.signals import GRID_S, Estimate, Seen, Sent, covariance, grid, held, propagated
 from formation.maths.arrays import Float
 from formation.vehicle.body import GRAVITY_M_S2
 
@@ -39,7 +38,6 @@ class Thrust:
     fade_1_s: Estimate
     sent_norm: Float
     force_m_s2: Float
-    residual_m_s2: float
 
 
 def fit(of: Sent, saw: Seen, delay_s: float, motor_lag_s: float) -> Thrust | str:
@@ -55,7 +53,7 @@ def fit(of: Sent, saw: Seen, delay_s: float, motor_lag_s: float) -> Thrust | str
     hover, curve, full, fade = propagated(_meant, solution, cov)
     known = curve if curve.half_width < CURVE_KNOWN else None
     fresh = force - regressors[:, 2:] @ solution[2:]
-    return Thrust(hover, known, full, fade, regressors[:, 0], fresh, float(np.std(residual)))
+    return Thrust(hover, known, full, fade, regressors[:, 0], fresh)
 
 
 def _windows(of: Sent, saw: Seen, delay_s: float, motor_lag_s: float) -> Iterator[tuple[float, ...]]:

@@ -2,11 +2,10 @@
 
 from dataclasses import dataclass
 
-from analysis.identify import latency, response, thrust
-from analysis.identify.estimate import Estimate
+from analysis.identify import response, sensing, thrust
 from analysis.identify.response import Response
 from analysis.identify.sensing import Sensing, estimate_sensing
-from analysis.identify.signals import seen, sent
+from analysis.identify.signals import Estimate, seen, sent
 from analysis.identify.thrust import Thrust
 from analysis.load import Flight, Vehicle
 from formation.model import LONGEST_NAME
@@ -83,7 +82,7 @@ class Identification:
 
 def identify(flight: Flight) -> Identification:
     """Every drone that was sent targets, in the configuration's order."""
-    targets, own = sent(flight), latency.attitudes_of(flight)
+    targets, own = sent(flight), sensing.attitudes_of(flight)
     drones = []
     for index, vehicle in enumerate(flight.vehicles):
         if vehicle.sysid not in targets:
@@ -96,7 +95,7 @@ def identify(flight: Flight) -> Identification:
             if isinstance(found, Response)
             else (base.thrust_dead_time_s, base.thrust_lag_s)
         )
-        late_s = latency.late(flight, vehicle, own.get(vehicle.sysid))
+        late_s = sensing.late(flight, vehicle, own.get(vehicle.sysid))
         drones.append(Identified(vehicle, base, found, thrust.fit(of, saw, delay_s, lag_s), late_s))
     return Identification(tuple(drones), estimate_sensing(flight))
 

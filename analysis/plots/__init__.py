@@ -1,7 +1,7 @@
 """Pictures of a flight: each function draws one figure from a flight, or says what the log lacks for it."""
 
 from analysis.load import Flight
-from analysis.plots import bands, control, link, paths, slots, style, timing
+from analysis.plots import control, motion, style
 from analysis.plots.style import Drawing
 from analysis.tracking import Tracking, track_leader
 
@@ -11,15 +11,15 @@ def drawings(flight: Flight, tracking: Tracking) -> dict[str, tuple[Drawing, ...
     leader = track_leader(flight)
     with style.styled():
         return {
-            "timeline": (bands.timeline(flight),),
-            "paths": (paths.where(flight), paths.heights(flight)),
-            "leader": (slots.leader_error(flight, leader), slots.leader_positions(flight)),
-            "error": (slots.errors(flight, tracking),),
-            "clouds": (slots.clouds(flight, tracking),),
-            "positions": (slots.positions(flight, tracking),),
+            "timeline": (style.timeline(flight),),
+            "paths": (motion.where(flight), motion.heights(flight)),
+            "leader": (motion.leader_error(flight, leader), motion.leader_positions(flight)),
+            "error": (motion.errors(flight, tracking),),
+            "clouds": (motion.clouds(flight, tracking),),
+            "positions": (motion.positions(flight, tracking),),
             "sliding": (control.sliding(flight), control.disturbance(flight)),
             "output": (control.output(flight),),
             "attitude": (control.attitude(flight, tracking),),
-            "link": (link.link(flight),),
-            "timing": (timing.histograms(flight), timing.cycles(flight)),
+            "link": (control.link(flight),),
+            "timing": (control.histograms(flight), control.cycles(flight)),
         }

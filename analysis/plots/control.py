@@ -1,15 +1,17 @@
-"""Inside the controller: sliding variable, disturbance estimate, demanded acceleration, attitude against its target."""
+"""Inside the controller, on the link, in the loop: sliding variable, disturbance, targets; battery; latency."""
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import NullFormatter, ScalarFormatter
 
+from analysis.links import histories
 from analysis.load import Flight, Vehicle
+from analysis.metrics import ages_ms
 from analysis.plots import style
-from analysis.plots.bands import shade
-from analysis.plots.slots import worst_followers
-from analysis.plots.style import Drawing, Missing
+from analysis.plots.motion import worst_followers
+from analysis.plots.style import Drawing, Missing, shade
 from analysis.tracking import Tracking, airborne, in_formation_phase
 from formation.maths import frames
 from formation.maths.arrays import Bool, Float
@@ -225,3 +227,94 @@ def roll_pitch(q_lab_from_flu: Float) -> Float:
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
     return np.stack([roll, pitch], axis=-1)
+
+
+PANELS = (
+    ("battery_v", "battery, V"),
+    ("battery", "charge, %"),
+    ("setpoint_age_ms", "setpoint age, ms"),
+    ("silent_s", "silence, s"),
+    ("lost", "packets lost"),
+)
+
+
+def link(flight: Flight) -> Drawing:
+    """One panel for each quantity that a drone reported, one line for each drone."""
+    history_of = histories(
+        (round(t_s * 1e9), datagram) for t_s, datagram in zip(flight.up.t_s, flight.up.messages, strict=True)
+    )
+    known = [
+        (name, label)
+        for name, label in PANELS
+        if any(np.isfinite(history[name].astype(np.float64)).any() for history in history_of.values())
+    ]
+    if not known:
+        return Missing("no drone was heard on its link")
+    fig, column = style.Sheet(0.74 + 1.1 * len(known), (1.0,) * len(known)).axes()
+    axes = [row[0] for row in column]
+    colours = style.colours(len(flight.vehicles))
+    for ax, (name, label) in zip(axes, known, strict=True):
+        for colour, vehicle in zip(colours, flight.vehicles, strict=True):
+            if vehicle.sysid in history_of:
+                history = history_of[vehicle.sysid]
+                values = history[name].astype(np.float64) * (100.0 if name == "battery" else 1.0)
+                style.line(ax, history["t_ns"] * 1e-9, values, color=colour, lw=1.1, label=vehicle.body)
+        ax.set_ylabel(label)
+        style.time_axis(ax, 0.0, flight.duration_s, label=ax is axes[-1])
+    style.legend(axes[0])
+    shade(axes, flight)
+    return fig
+
+
+BINS = 60
+
+
+def histograms(flight: Flight) -> Drawing:
+    """Histograms of control latency, mocap frame spacing and setpoint age, those that the log holds."""
+    panels = [
+        (
+            "Control latency",
+            "frame received → last datagram sent, ms",
+            1e3 * flight.timing.column(lambda t: t.latency_s),
+        ),
+        ("Frame spacing", "between mocap exposures, ms", 1e3 * np.diff(flight.poses.t_s)),
+        ("Setpoint age", "camera → drone, ms", ages_ms(flight)),
+    ]
+    held = [panel for panel in panels if len(panel[2]) > 1]
+    if not held:
+        return Missing("no timing was recorded")
+    fig, [row] = style.Sheet(2.5, widths=(1.0,) * len(held), share_x="none").axes()
+    for ax, (title, label, values_ms) in zip(row, held, strict=True):
+        _histogram(ax, values_ms)
+        ax.set(title=title, xlabel=label)
+    return fig
+
+
+def _histogram(ax: Axes, values_ms: Float) -> None:
+    """Counts on a log scale, so that the rare late ones are seen; median and 99th percentile marked."""
+    p50, p99 = np.percentile(values_ms, [50.0, 99.0])
+    ax.hist(values_ms, bins=BINS, color="#9db4cc", log=True, zorder=2)
+    for value, name, dash in ((p50, "median", "-"), (p99, "99 %", (0, (4, 3)))):
+        ax.axvline(value, color=style.INK, lw=0.9, ls=dash, label=f"{name} {value:.3g} ms", zorder=3)
+    ax.plot([], [], " ", label=f"max {values_ms.max():.3g} ms")
+    ax.set_ylabel("count")
+    ax.yaxis.set_major_formatter(ScalarFormatter())
+    ax.grid(visible=False, axis="x")
+    ax.legend(loc="upper right")
+
+
+def cycles(flight: Flight) -> Drawing:
+    """Latency of every cycle against time, late ones ringed."""
+    if not len(flight.timing):
+        return Missing("no control cycle was timed")
+    fig, [[ax]] = style.Sheet(2.1).axes()
+    ms = 1e3 * flight.timing.column(lambda t: t.latency_s)
+    late = flight.timing.column(lambda t: t.late) > 0.5
+    style.line(ax, flight.timing.t_s, ms, color="#7d98b5", lw=0.8)
+    ax.plot(flight.timing.t_s[late], ms[late], "o", ms=5, mfc="none", mec=style.ALARM, label=f"late: {int(late.sum())}")
+    ax.set(title="Latency of every cycle", ylabel="ms", yscale="log")
+    ax.yaxis.set_major_formatter(ScalarFormatter())
+    ax.yaxis.set_minor_formatter(NullFormatter())
+    style.time_axis(ax, 0.0, flight.duration_s)
+    style.legend(ax)
+    return fig

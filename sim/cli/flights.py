@@ -16,9 +16,8 @@ import uvloop
 from rich.console import Console
 
 from analysis.console import print_summary
-from analysis.metrics import Summary
+from analysis.metrics import Requirement, Summary, parse_requirement, unmet
 from analysis.outcome import GOOD
-from analysis.requirements import Requirement, parse, unmet
 from formation.config import LabConfig
 from formation.model import QuatTuple
 from formation.requests import GCS_NAME
@@ -296,7 +295,7 @@ def _end(summary: Summary, ending: Ending, aborted_code: int = ABORTED) -> None:
 def required(texts: Sequence[str] | None) -> tuple[Requirement, ...]:
     """What `--require` says; ends the process where it is not understood."""
     try:
-        return tuple(parse(text) for text in texts or ())
+        return tuple(parse_requirement(text) for text in texts or ())
     except ValueError as error:
         fail(f"--require: {error}", NOT_RIGHT)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.backlog import backlogs
+from analysis.links import backlogs
 from analysis.load import Flight, from_records
 from analysis.metrics import summarise
 from analysis.report import html

@@ -9,12 +9,10 @@ import pytest
 from scipy.optimize import curve_fit
 
 from analysis.identify import response, thrust
-from analysis.identify.estimate import Estimate, propagated
-from analysis.identify.latency import attitudes_of, late
 from analysis.identify.report import to_json, write
 from analysis.identify.response import Response, nearest_first_order
-from analysis.identify.sensing import Sensing, estimate_sensing, scatter
-from analysis.identify.signals import Seen, Sent
+from analysis.identify.sensing import Sensing, attitudes_of, estimate_sensing, late, scatter
+from analysis.identify.signals import Estimate, Seen, Sent, propagated
 from analysis.identify.thrust import Thrust
 from analysis.identify.vehicle import Identification, identify
 from analysis.load import Flight, from_records

@@ -15,19 +15,15 @@ from typer.testing import CliRunner
 from analysis import report as report_page
 from analysis.check import check
 from analysis.cli import app
+from analysis.compare import _flown_with
 from analysis.console import print_summary
 from analysis.load import Flight, from_records, load
 from analysis.metrics import summarise
-from analysis.pages.compare import _flown_with
-from analysis.pages.downloads import downloads
-from analysis.pages.events import folded
-from analysis.pages.setup import setup
 from analysis.picture import picture
 from analysis.plots import drawings
-from analysis.plots.slots import leader_error
+from analysis.plots.motion import leader_error
 from analysis.plots.style import Missing
-from analysis.rejections import rejections
-from analysis.report import html, report
+from analysis.report import downloads, folded, html, rejections, report, setup
 from analysis.tracking import track, track_leader
 from formation import topics
 from formation.messages import Datagram, Event, LabFrame, OperatorRequest, Phase, PhaseChange, Severity, Verb

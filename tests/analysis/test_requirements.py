@@ -1,7 +1,6 @@
 import pytest
 
-from analysis.metrics import Latency, Summary
-from analysis.requirements import parse, unmet
+from analysis.metrics import Latency, Summary, parse_requirement, unmet
 
 FLOWN = Summary(
     "line", 1, "udp", 20.0, 2, 0.004, 0.009, None, None, 0.001, 0.001, 0.55, 2000, 0, 0, None, Latency(1.0, 2.5, 9.0),
@@ -13,7 +12,7 @@ FLOWN = Summary(
     "text", ["formation_rms_m<0.005", " formation_max_m <= 9e-3 ", "latency_ms.p99<3", "frames>=2000"]
 )
 def test_what_is_reached(text: str) -> None:
-    assert parse(text).unmet(FLOWN) is None
+    assert parse_requirement(text).unmet(FLOWN) is None
 
 
 @pytest.mark.parametrize(
@@ -26,7 +25,7 @@ def test_what_is_reached(text: str) -> None:
     ],
 )
 def test_what_is_missed_or_not_known_is_told(text: str, why: str) -> None:
-    assert unmet([parse("frames>1"), parse(text)], FLOWN) == (why,)
+    assert unmet([parse_requirement("frames>1"), parse_requirement(text)], FLOWN) == (why,)
 
 
 @pytest.mark.parametrize(
@@ -40,4 +39,4 @@ def test_what_is_missed_or_not_known_is_told(text: str, why: str) -> None:
 )
 def test_what_is_none_is_refused(text: str, why: str) -> None:
     with pytest.raises(ValueError, match=why):
-        parse(text)
+        parse_requirement(text)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from analysis.links import from_ground
 from analysis.load import from_records
-from analysis.packets import from_ground
 from drone_agent.simulation.inertial import InertialError
 from formation.messages import AttitudeTarget
 from sim.campaign.flight import fly

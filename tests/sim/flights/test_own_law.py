@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from analysis.load import load as load_flight
-from analysis.metrics import summarise
-from analysis.requirements import parse, unmet
+from analysis.metrics import parse_requirement, summarise, unmet
 from formation import topics
 from formation.config import ControlLawConfig
 from formation.messages import Event, Severity
@@ -111,7 +110,7 @@ def test_where_it_fails_the_built_in_law_takes_over_and_everybody_is_told(
     assert summary.formation_max_m < 0.02
     assert summary.law_failures == 1
     assert summary.outcome.startswith("law failed: control law cascade, left: ValueError: it demands [")
-    assert "law_failures<1 is required, it is 1" in unmet([parse("law_failures<1")], summary)
+    assert "law_failures<1 is required, it is 1" in unmet([parse_requirement("law_failures<1")], summary)
 
 
 @pytest.mark.parametrize("does", ["loops", "exits", pytest.param("sleeps", marks=pytest.mark.nightly)])

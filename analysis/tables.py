@@ -4,6 +4,8 @@ A table is a mapping from column to an array (T,), so that `pandas.DataFrame(tab
 vehicles become one row a vehicle, named in `body`. Vectors become `pos_lab_m_x`, `_y`, `_z`, quaternions `_w` first.
 """
 
+import csv
+import json
 import pickle
 import sys
 from collections import defaultdict
@@ -15,13 +17,12 @@ from typing import Any, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
 
-from analysis.tables.link_history import histories
+from analysis.links import histories
 from formation.config import LabConfig
 from formation.maths.arrays import Layout
 from formation.topics import LINK_UP
-from wire.logs.mcap_read import LogError, clock_of, holds_nothing, read_log
+from wire.logs.mcap_read import LogError, clock_of, holds_nothing, lab_of, read_log
 
 Table = Mapping[str, NDArray[Any]]
 LINK = "drone/link"
@@ -43,7 +44,7 @@ class LogTables:
 def load(path: Path) -> LogTables:
     """Read a log, whole or damaged. Raises OSError, and LogError (a ValueError) if the file is no MCAP file."""
     log = read_log(path)
-    lab = _lab(log.metadata)
+    lab = lab_of(log.metadata)
     stamps: defaultdict[str, list[int]] = defaultdict(list)
     found: defaultdict[str, list[Any]] = defaultdict(list)
     first_ns: int | None = None
@@ -61,13 +62,6 @@ def load(path: Path) -> LogTables:
         datagrams = zip(stamps[LINK_UP.name], found[LINK_UP.name], strict=True)
         tables[LINK] = _link(datagrams, lab, first_ns or 0, clock.ahead_ns)
     return LogTables(log.metadata, tables, clock.unix_ns)
-
-
-def _lab(metadata: Mapping[str, str]) -> LabConfig | None:
-    try:
-        return LabConfig.model_validate_json(metadata.get("lab", ""))
-    except ValidationError:
-        return None
 
 
 def _times(t_ns: NDArray[np.int64], first_ns: int, ahead_ns: int) -> dict[str, NDArray[Any]]:
@@ -161,3 +155,54 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+
+
+WITHOUT_PYARROW = "--parquet needs pyarrow: pip install 'mavlink-formation[parquet]'"
+
+
+def to_csv(log: LogTables, folder: Path) -> list[Path]:
+    """One TOPIC.csv a table, and metadata.json; numbers with every digit they have, bytes in hexadecimal. OSError."""
+    written = [_metadata(log, folder)]
+    for topic, table in log.tables.items():
+        path = folder / f"{_name(topic)}.csv"
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(table)
+            writer.writerows(zip(*(_texts(column.tolist()) for column in table.values()), strict=True))
+        written.append(path)
+    return written
+
+
+def to_parquet(log: LogTables, folder: Path) -> list[Path]:
+    """One TOPIC.parquet a table, and metadata.json. OSError; LogError without pyarrow."""
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    except ImportError as error:
+        raise LogError(WITHOUT_PYARROW) from error
+    written = [_metadata(log, folder)]
+    for topic, table in log.tables.items():
+        path = folder / f"{_name(topic)}.parquet"
+        pq.write_table(pa.table(_arrays(table)), path)
+        written.append(path)
+    return written
+
+
+def _name(topic: str) -> str:
+    return topic.replace("/", "-")
+
+
+def _metadata(log: LogTables, folder: Path) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "metadata.json"
+    path.write_text(json.dumps(dict(log.metadata), indent=2), encoding="utf-8")
+    return path
+
+
+def _texts(column: list[object]) -> list[object]:
+    return [value.hex() for value in column if isinstance(value, bytes)] or column
+
+
+def _arrays(table: Table) -> dict[str, object]:
+    """Columns as pyarrow takes them: objects as lists of what they are."""
+    return {name: column.tolist() if column.dtype == object else column for name, column in table.items()}

@@ -5,11 +5,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from formation.config import LabConfig
 from wire.config_file import load as load_lab
-from wire.logs.mcap_read import LogError, read_log
+from wire.logs.mcap_read import LogError, lab_of, read_log
 from wire.logs.scene import rerun_blueprint
 
 USUAL = ("leader", "right", "left")
@@ -24,10 +22,10 @@ def bodies_of(source: Path | None) -> tuple[str, ...]:
         return USUAL
     if source.suffix == ".toml":
         return _bodies(load_lab(source, LabConfig))
-    try:
-        return _bodies(LabConfig.model_validate_json(read_log(source).metadata.get("lab", "")))
-    except ValidationError as error:
-        raise LogError(f"{source}: holds no lab's configuration") from error
+    lab = lab_of(read_log(source).metadata)
+    if lab is None:
+        raise LogError(f"{source}: holds no lab's configuration")
+    return _bodies(lab)
 
 
 def _bodies(lab: LabConfig) -> tuple[str, ...]:

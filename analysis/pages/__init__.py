@@ -1,1 +1,0 @@
-"""Parts of pages about flights: events folded, what was flown with, two flights compared."""

@@ -1,1 +1,0 @@
-"""A log as plain columns, for notebooks and other programs."""

@@ -13,13 +13,13 @@ from typing import Annotated, Literal
 
 import typer
 
-from sim.cli import benchmarks, cameras, campaign, studies
+from sim.cli import cameras, campaign, studies
 from wire.process.output import dropping_output
 from wire.process.program import program, starting
 
 app = program(
     "Fly scenarios: `fly` with real processes in real time, `run` in lockstep as fast as the machine goes; "
-    "`paper` and `robustness` are studies of many flights, `campaign` is one with faults, `bench` times the parts.",
+    "`paper` and `robustness` are studies of many flights, `campaign` is one with faults.",
     "Exit codes: 0 flown; 1 aborted, or less than required; 2 something given is not right; "
     "3 starved, the machine was too slow for the simulators; 130 interrupted.",
 )
@@ -158,7 +158,6 @@ def list_scenarios(as_json: Json = False) -> None:
 
 
 studies.register(app)
-app.add_typer(benchmarks.app, name="benchmark")
 campaign.register(app)
 cameras.register(app)
 

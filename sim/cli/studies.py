@@ -1,23 +1,36 @@
-"""The command lines of the studies of `gcs-sim`, from `paper` to `bench`."""
+"""The studies of `gcs-sim`, `paper`, `robustness` and `tune`: many lockstep flights, a table, files for scripts.
 
+What they need is loaded when they are called: asking for help waits for no compiler.
+"""
+
+import json
+from dataclasses import asdict
+from math import isfinite
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.console import Console
+from rich.table import Table
 
-OutFolder = Annotated[Path, typer.Option(help="Where the files go.")]
+if TYPE_CHECKING:
+    from formation.control.presets import Preset
+    from formation.vehicle.profile import VehicleProfile
+    from sim.studies.gain_search import Tried
+    from sim.studies.robustness import Draw, Sample
+    from sim.studies.tune import Candidate, Task
+
+FAILED, NOT_RIGHT = 1, 2
 PAPER_SEEDS = 10
+OutFolder = Annotated[Path, typer.Option(help="Where the files go.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")]
 
 
 def register(app: typer.Typer) -> None:
     """Add the commands."""
     app.command("paper")(compare)
     app.command("robustness")(robust)
-    app.command("steady-push")(steady_push)
-    app.command("hummingbird")(hummingbird)
-    app.command("false-rejections")(false_rejections)
     app.command("tune")(tune_vehicle)
-    app.command("bench")(bench)
 
 
 def compare(
@@ -27,16 +40,25 @@ def compare(
         str, typer.Option(help="What is flown: a shipped vehicle's name, or a profile's TOML file.")
     ] = "paper_40g",
     only: Annotated[list[str] | None, typer.Option(help="Fly this controller alone; can be given again.")] = None,
-    calibrate: Annotated[bool, typer.Option(help="Only find the fan that moves the printed ISTSMC by 0.30 m.")] = False,
-    bound: Annotated[
-        bool, typer.Option(help="Only print the least deviation in the gust that any controller could reach.")
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Fly the paper's gust, line and circle, and a steady push, with nine controllers; writes paper.json and .html."""
-    from sim.cli import study_commands as studies
+    from sim.studies import paper, paper_page
+    from sim.studies.experiments import CONTROLLERS
+    from sim.studies.runner import Runner
 
-    studies.run_paper(out, seeds, vehicle, only or [], calibrate, bound, as_json)
+    console = Console(stderr=as_json, markup=False)
+    try:
+        flights = paper.jobs(range(1, seeds + 1), vehicle_profile(vehicle), tuple(only or CONTROLLERS))
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
+    runner = Runner(console)
+    comparison = paper.compare(flights, runner)
+    for table in paper_page.console_tables(comparison):
+        console.print(table)
+    if as_json:
+        print(comparison.to_json())
+    runner.write(out, {"paper.json": comparison.to_json() + "\n", "paper.html": paper_page.html(comparison)})
 
 
 def robust(
@@ -51,51 +73,31 @@ def robust(
     out: OutFolder = Path("runs"),
 ) -> None:
     """Fly vehicles that are not what the controller believes; the worst ten, by seed. Exit code 1 if any failed."""
-    from sim.cli import study_commands as studies
+    from sim.studies import robustness
+    from sim.studies.robustness import Draw
+    from sim.studies.runner import Runner
 
-    studies.run_robustness(samples, first, only, profile, preset, as_json, out)
-
-
-def steady_push(
-    seeds: Annotated[int, typer.Option(min=1, help="How many seeds, from 1.")] = 1,
-    vehicle: Annotated[
-        str, typer.Option(help="What is flown: a shipped vehicle's name, or a profile's TOML file.")
-    ] = "paper_40g",
-    only: Annotated[list[str] | None, typer.Option(help="Fly this controller; can be given again.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")] = False,
-) -> None:
-    """Hover in a push that begins at once and stays, with slower motors than believed; exit code 1 if any swings on."""
-    from sim.cli import study_commands as studies
-
-    studies.run_steady_push(seeds, vehicle, tuple(only or ["cfc"]), as_json)
-
-
-def hummingbird(
-    seeds: Annotated[int, typer.Option(min=1, help="How many seeds, from 1.")] = 1,
-    log: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Keep the logs of the flights here.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON, and nothing else there.")] = False,
-) -> None:
-    """Fly line, circle and gust on rotorpy's physics, its Hummingbird; some minutes. Exit code 1 if any failed.
-
-    Needs rotorpy: pip install 'mavlink-formation[rotorpy]'.
-    """
-    from sim.cli import study_commands as studies
-
-    studies.run_hummingbird(seeds, log, as_json)
-
-
-def false_rejections(
-    hours: Annotated[float, typer.Option(min=0.001, help="Hours of flight, over all sources together.")] = 10.0,
-    leader_csv: Annotated[Path | None, typer.Option(help="A recorded leader to replay as well (CSV).")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")] = False,
-) -> None:
-    """Count the pose validator's false rejections: every shipped scenario, and aggressive motion, under ever new noise.
-
-    Exit code 1 if there was any.
-    """
-    from sim.cli import study_commands as studies
-
-    studies.run_false_rejections(hours, leader_csv, as_json)
+    console = Console(stderr=as_json, markup=False)
+    if only is not None:
+        flown = [_fly_again(Draw(only, profile, preset), out, console)]
+    else:
+        draws = [Draw(seed, profile, preset) for seed in range(first, first + samples)]
+        flown = Runner(console).run("flights", robustness.fly, draws)
+    failures = sum(sample.failed for sample in flown)
+    percentiles_m = {percent: robustness.percentile_m(flown, percent) for percent in (50.0, 95.0, 100.0)}
+    if as_json:
+        values = {
+            "samples": [asdict(sample) | {"failed": sample.failed} for sample in flown],
+            "failed": failures,
+            "rms_m": {f"p{percent:g}": value_m for percent, value_m in percentiles_m.items()},
+        }
+        print(json.dumps(without_nan(values), indent=2, allow_nan=False))
+    console.print(_table(robustness.worst(flown)))
+    median_mm, high_mm = 1e3 * percentiles_m[50.0], 1e3 * percentiles_m[95.0]
+    console.print(f"{len(flown)} flights, {failures} failed", highlight=False)
+    console.print(f"RMS on line and circle: median {median_mm:.2f} mm, 95 % under {high_mm:.2f} mm", highlight=False)
+    if failures:
+        raise typer.Exit(FAILED)
 
 
 def tune_vehicle(
@@ -109,27 +111,122 @@ def tune_vehicle(
     delay_s: Annotated[float, typer.Option("--delay", help="Mocap delay, s.")] = 0.008,
     noise_m: Annotated[float, typer.Option("--noise", help="Mocap noise, m.")] = 0.0001,
     out: Annotated[Path | None, typer.Option(help="Write the tuned profile here, to go under [[profiles]].")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Find the gain scales of a vehicle's loops: gains, observer bandwidth and compensation, judged in flight."""
-    from sim.cli import study_commands as studies
+    from formation.control.presets import preset_for
+    from sim.studies.runner import Runner
+    from sim.studies.tune import Task, tune
+    from wire.config_file import dump, dump_profile
 
-    studies.run_tune(vehicle, gains, rate_hz, delay_s, noise_m, out, as_json)
+    console = Console(stderr=as_json, markup=False)
+    profile = vehicle_profile(vehicle)
+    task = Task(profile, rate_hz, delay_s, noise_m)
+    if gains is not None:
+        _search_gains(task, gains, console, as_json)
+        return
+
+    def show(candidate: "Candidate") -> None:
+        scale = candidate.gain_scale
+        text = (
+            f"horizontal {scale.horizontal:.2f}, observer {scale.observer:.2f}, vertical {scale.vertical:.2f}, "
+            f"compensation {scale.compensation:.2f}"
+        )
+        console.print(f"cost {candidate.cost:7.2f}  {text}", highlight=False)
+
+    by_rule, best = tune(task, Runner(console), show)
+    console.print(f"by the rule {by_rule.cost:.2f}, tuned {best.cost:.2f}; {best.margin}", highlight=False)
+    tuned = profile.model_copy(update={"gain_scale": best.gain_scale})
+    preset = preset_for("default", tuned, task.mocap)
+    console.print(f"law {preset.follower}\nobserver {preset.observer}", highlight=False)
+    if out is not None:
+        out.write_text(dump_profile(tuned), encoding="utf-8")
+    else:
+        console.print(f"\n\\[profiles.gain_scale]\n{dump(best.gain_scale)}", highlight=False)
+    if as_json:
+        costs = {"by_rule": _cost(by_rule.cost), "tuned": _cost(best.cost)}
+        print(json.dumps(costs | {"gain_scale": best.gain_scale.model_dump()} | _gains_of(preset)))
+    if not isfinite(best.cost):
+        raise typer.Exit(FAILED)
 
 
-def bench(
-    followers: Annotated[
-        list[int] | None, typer.Option(min=1, max=249, help="How many follow; again for more swarms. 2, 10 and 20.")
-    ] = None,
-    against: Annotated[
-        str | None, typer.Option(metavar="REV", help="Measure this commit of the checkout, too, and show ratios.")
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON, and nothing else there.")] = False,
-) -> None:
-    """Time law, estimate, tick, codec, lockstep and bus on this machine; some seconds. It judges nothing.
+def _search_gains(task: "Task", name: str, console: Console, as_json: bool) -> None:
+    """The gains of one preset's followers."""
+    from sim.studies import gain_search
+    from sim.studies.runner import Runner
 
-    A swarm of 101 drones takes two minutes.
-    """
-    from sim.cli import study_commands as studies
+    def show(found: "Tried") -> None:
+        console.print(f"cost {found.cost:7.2f}  {found.gains.follower}  {found.gains.observer}", highlight=False)
 
-    studies.run_bench(followers, against, as_json)
+    try:
+        best = gain_search.search(task, name, Runner(console), show)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
+    if as_json:
+        print(json.dumps({"tuned": _cost(best.cost)} | _gains_of(best.gains)))
+    if not isfinite(best.cost):
+        raise typer.Exit(FAILED)
+
+
+def vehicle_profile(name_or_path: str) -> "VehicleProfile":
+    """A shipped vehicle, or one of a profile's TOML file; ends the program where there is none."""
+    from formation.vehicle.profile import profile
+    from sim.cli.flights import fail
+    from wire.config_file import ConfigError, load_profile
+
+    try:
+        path = Path(name_or_path)
+        return load_profile(path) if path.exists() else profile(name_or_path)
+    except (ConfigError, ValueError) as error:
+        fail(str(error), NOT_RIGHT)
+
+
+def without_nan(value: object) -> object:
+    """The same with None for NaN and infinity, which JSON does not have."""
+    if isinstance(value, dict):
+        return {key: without_nan(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [without_nan(item) for item in value]
+    return None if isinstance(value, float) and not isfinite(value) else value
+
+
+def _gains_of(preset: "Preset") -> dict[str, Any]:
+    """Its followers' gains by name."""
+    return {"law": asdict(preset.follower), "observer": asdict(preset.observer)}
+
+
+def _cost(cost: float) -> float | None:
+    """None where nothing flew: JSON has no infinity."""
+    return cost if isfinite(cost) else None
+
+
+def _fly_again(draw: "Draw", out: Path, console: Console) -> "Sample":
+    """Fly one draw with a log and a report."""
+    from analysis.console import print_summary
+    from sim import lockstep
+    from sim.cli.conclude import conclude
+    from sim.studies import robustness
+    from wire.files import make_folder
+
+    scenario = robustness.scenario_of(draw)
+    folder = out / scenario.name
+    make_folder(folder)
+    flown = lockstep.run_to_file(scenario, draw.seed, folder / "flight.mcap")
+    flight, summary = conclude(folder / "flight.mcap", flown.outcome, flown.realtime_factor)
+    print_summary(summary, console)
+    return robustness.judge(draw, flown.outcome.result, flight, summary)
+
+
+def _table(worst: "list[Sample]") -> Table:
+    """The worst ten and how to fly them again."""
+    from sim.studies.experiments import Experiment
+
+    table = Table(title="the worst; again with --only SEED")
+    for heading in ("seed", "experiment", "outcome", "RMS, mm", "largest, mm", "swing, deg"):
+        table.add_column(heading, justify="left" if heading in ("experiment", "outcome") else "right")
+    for sample in worst:
+        outcome = f"{sample.outcome}, left its fence" if sample.left_fence else sample.outcome
+        swing = f"{sample.swing_deg:.2f}" if sample.kind is Experiment.PUSH else ""
+        numbers = (f"{1e3 * sample.rms_m:.2f}", f"{1e3 * sample.max_m:.1f}", swing)
+        table.add_row(str(sample.draw.seed), sample.kind, outcome, *numbers, style="red" if sample.failed else None)
+    return table

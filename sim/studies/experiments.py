@@ -46,9 +46,9 @@ IMU_RATE_HZ: Mapping[str, float] = MappingProxyType({"cfc_imu": 200.0})
 """Controllers that get the drones' accelerometer samples (HIGHRES_IMU, 0.3 m/s^2 of noise), with the rate, Hz."""
 
 GUST_PEAKS_M_S2: Mapping[str, float] = MappingProxyType({"paper_40g_printed": 7.0})
-"""The fan that moves the printed ISTSMC of that vehicle by 0.30 m, as `gcs-sim paper --calibrate --vehicle NAME` found
-it: by the mean over the passes, median of the seeds 101 to 106, 297 mm; for every other vehicle the fan of the
-scenario, found in the same way with `paper_40g`, 299 mm."""
+"""The fan that moves the printed ISTSMC of that vehicle by 0.30 m, as `bench.calibrate_fan` found it: by the mean over
+the passes, median of the seeds 101 to 106, 297 mm; for every other vehicle the fan of the scenario, found in the same
+way with `paper_40g`, 299 mm."""
 
 FORMATION_S = 20.0
 

@@ -17,10 +17,6 @@ from sim.studies.runner import Runner
 
 SEEDS = 10
 SHIPPED = "cfc"
-GUST_TARGET_M, GUST_TOLERANCE_M = 0.30, 0.005
-CALIBRATION_SEEDS = tuple(range(101, 107))
-"""None of those that are shown."""
-PEAK_M_S2, PEAK_STEPS = 7.0, 6
 
 REPORTED: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {
@@ -159,31 +155,6 @@ def compare(flights: Sequence[Job], runner: Runner) -> Comparison:
         seeds,
         {(job.controller, job.experiment): score.trace for job, score in known if score.trace is not None},
     )
-
-
-def calibrate(vehicle: VehicleProfile, runner: Runner, flown: Callable[[float, float], None]) -> float:
-    """The fan's peak push (m/s^2) in which the printed ISTSMC alone deviates by 0.30 m in the mean over the passes.
-
-    By the secant of the medians over seeds that are not among those shown. `flown` is called with each
-    peak flown and the deviation in it. ValueError where no peak gives it.
-    """
-    peak, slope = PEAK_M_S2, GUST_TARGET_M / PEAK_M_S2
-    before: tuple[float, float] | None = None
-    for _ in range(PEAK_STEPS):
-        flights = [Job("istsmc", Experiment.GUST, s, False, vehicle, peak) for s in CALIBRATION_SEEDS]
-        deviation_m = _median(runner.run(f"{peak:.2f} m/s²", fly, flights), lambda score: score.gust.mean_dev_m)
-        if deviation_m is None:
-            break
-        flown(peak, deviation_m)
-        if abs(deviation_m - GUST_TARGET_M) < GUST_TOLERANCE_M:
-            return peak
-        if before is not None:
-            slope = (deviation_m - before[1]) / (peak - before[0])
-        before = peak, deviation_m
-        if slope <= 0.0:
-            break
-        peak = min(max(peak + (GUST_TARGET_M - deviation_m) / slope, 0.5 * peak), 2.0 * peak)
-    raise ValueError(f"no fan was found that moves {vehicle.name} by {GUST_TARGET_M:g} m under the printed ISTSMC")
 
 
 def _in_order(known: Sequence[tuple[Job, Score]]) -> list[str]:

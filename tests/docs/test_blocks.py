@@ -1,6 +1,7 @@
 """Every shell line and TOML block that the manual and the README show is right: parsed by the programs themselves."""
 
 import ast
+import importlib
 import importlib.util
 import re
 import shlex
@@ -10,6 +11,7 @@ from typing import Any
 
 import manual_reference
 import pytest
+import typer
 
 from formation.config import LabConfig
 from gcs.finding import Grade
@@ -50,6 +52,10 @@ def check_foreign(words: list[str]) -> None:
                 assert extra[1] in project["optional-dependencies"] if extra else (ROOT / package).exists(), package
         case ["pytest", *options]:
             assert all(not option.startswith("--") or option in MOST for option in options)
+        case ["python", "-m", module, *options]:
+            app = typer.Typer()
+            app.command()(importlib.import_module(module).main)
+            typer.main.get_command(app).make_context(module, options)
         case ["python", script, *_]:
             assert (ROOT / script).is_file(), script
         case ["sudo", program, *_]:

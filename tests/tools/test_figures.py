@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from bench import calibrate_fan
 from formation.vehicle.profile import profile
 from sim.studies import paper
 from sim.studies.experiments import CONTROLLERS, gust_peak_m_s2
@@ -27,5 +28,5 @@ def test_what_was_flown_is_the_study_that_ships(vehicle: str) -> None:
     assert (flown.vehicle, flown.gust_peak_m_s2) == (vehicle, gust_peak_m_s2(profile(vehicle)))
     assert list(flown.controllers) == list(CONTROLLERS)
     assert list(flown.mismatches) == list(MISMATCHES)
-    if len(flown.seeds) >= len(paper.CALIBRATION_SEEDS):
+    if len(flown.seeds) >= len(calibrate_fan.SEEDS):
         assert flown.controllers["istsmc"].gust_mean_dev_m == pytest.approx(0.30, abs=0.02)

@@ -1,10 +1,8 @@
 import json
-from collections.abc import Callable
 
 import pytest
 from rich.console import Console
 
-from formation.vehicle.profile import PAPER_40G
 from sim import lockstep
 from sim.studies import experiments, paper, push, robustness
 from sim.studies.experiments import CONTROLLERS, Experiment, Job, Score
@@ -80,31 +78,6 @@ def test_the_table_holds_medians_and_null_where_no_flight_could_tell(monkeypatch
         "line_vibration_m", "line_rms_m",
         "circle_vibration_m", "circle_rms_m", "chatter_deg", "push_swing_deg", "push_settle_s", "push_deviation_m",
     } <= set(cfc)  # fmt: skip
-
-
-def printed_in(deviation_m: Callable[[float], float]) -> Callable[[Job], Score]:
-    """Flights in which the printed ISTSMC deviates so far in a fan of that peak, in the mean, and the largest twice."""
-
-    def scored(job: Job) -> Score:
-        assert (job.controller, job.experiment) == ("istsmc", Experiment.GUST)
-        assert job.gust_peak_m_s2 is not None
-        mean = deviation_m(job.gust_peak_m_s2) * (1.0 + 0.02 * (job.seed % 2))
-        return Score("landed", GustNumbers(mean, 2.0 * mean), Settling("landed"), 0.0, 0.0, None)
-
-    return scored
-
-
-def test_the_fan_is_the_one_that_moves_the_printed_law_by_0_3_m_in_the_mean(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(paper, "fly", printed_in(lambda peak: 0.004 * peak**2))
-    told: list[tuple[float, float]] = []
-    runner = Runner(Console(quiet=True), workers=1)
-    peak = paper.calibrate(PAPER_40G, runner, lambda tried, dev: told.append((tried, dev)))
-    assert 0.004 * peak**2 * 1.01 == pytest.approx(0.30, abs=0.006)
-    assert told[-1][0] == peak
-    assert not set(paper.CALIBRATION_SEEDS) & set(range(1, paper.SEEDS + 1))
-    monkeypatch.setattr(paper, "fly", printed_in(lambda _: 0.1))
-    with pytest.raises(ValueError, match="no fan was found that moves paper_40g"):
-        paper.calibrate(PAPER_40G, runner, lambda *_: None)
 
 
 @pytest.mark.parametrize("seed", [68, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in (62, 95))])

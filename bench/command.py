@@ -1,0 +1,11 @@
+"""What the command lines of these programs share."""
+
+from typing import Annotated
+
+import typer
+
+FAILED = 1
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")]
+Seeds = Annotated[int, typer.Option(min=1, help="How many seeds, from 1.")]
+Only = Annotated[list[str] | None, typer.Option(help="Fly this controller; can be given again.")]
+Vehicle = Annotated[str, typer.Option(help="What is flown: a shipped vehicle's name, or a profile's TOML file.")]

@@ -1,1 +1,0 @@
-"""`gcs-sim benchmark security`: what a lab with keys costs, and what it withstands, by real sockets on loopback."""

@@ -1,0 +1,81 @@
+"""Neural-Fly's recordings: read by the line, replayed as a push, and, where they have been fetched, flown against."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.neural_fly import flights
+from bench.neural_fly.flights import VEHICLE, Job, ReplayedWind
+from bench.neural_fly.recordings import Recording, RecordingError, path_of, read
+from formation.messages import Phase, PhaseChange, Reference
+
+HEADER = ",t,p,p_d,fa,pwm"
+LINE = '{k},{t},"[1.0, 2.0, {z}]","[1.0, 2.0, 3.0]","[5.288, 0.0, -2.644]","[1200.0]"'
+FETCHED = Path(__file__).parents[2].parent / "neural-fly" / "data" / "experiment"
+"""Beside the project."""
+
+
+def write(path: Path, *lines: str) -> Path:
+    path.write_text("\n".join((HEADER, *lines)), encoding="utf-8")
+    return path
+
+
+def test_a_recording_is_read_and_judged_once_it_has_settled(tmp_path: Path) -> None:
+    """1 cm off until 5 s, then 3 and 4 cm off: the RMS is sqrt((9 + 16) / 2) cm."""
+    z_of = {0.0: 3.01, 5.0: 3.01, 5.5: 3.03, 6.0: 2.96}
+    lines = [LINE.format(k=k, t=7.0 + t, z=z) for k, (t, z) in enumerate(z_of.items())]
+    found = read(write(tmp_path / "a.csv", *lines))
+    assert found.t_s.tolist() == [0.0, 5.0, 5.5, 6.0]
+    assert found.residual_n[0].tolist() == [5.288, 0.0, -2.644]
+    assert found.rms_m == pytest.approx(0.01 * np.sqrt(12.5))
+
+
+@pytest.mark.parametrize(
+    ("line", "text"),
+    [
+        ('1,1.0,"[1.0, 2.0]","[1.0, 2.0, 3.0]","[0.0, 0.0, 0.0]",""', "a.csv:3 p: not 3 finite"),
+        ('1,1.0,"[1.0, 2.0, x]","[1.0, 2.0, 3.0]","[0.0, 0.0, 0.0]",""', "a.csv:3 p: not a number"),
+        ('1,1.0,"[1.0, 2.0, 3.0]","[1.0, 2.0, 3.0]","[0.0, 0.0, NaN]",""', "a.csv:3 fa: not 3 finite"),
+        (LINE.format(k=1, t=-1.0, z=3.0), "`t` does not rise"),
+    ],
+)
+def test_what_is_no_recording_is_named_by_line_and_column(tmp_path: Path, line: str, text: str) -> None:
+    path = write(tmp_path / "a.csv", LINE.format(k=0, t=0.0, z=3.0), line)
+    with pytest.raises(RecordingError, match=text):
+        read(path)
+
+
+def recording() -> Recording:
+    """4 s at a point, pushed by 2 m/s^2 along x."""
+    t_s, still = np.array([0.0, 2.0, 4.0]), np.tile([0.25, 0.0, 2.0], (3, 1))
+    return Recording(t_s, still, still, np.tile([2.0 * VEHICLE.mass_kg, 0.0, 0.0], (3, 1)))
+
+
+def reference(vel_m_s: float) -> Reference:
+    v, n, w = np.zeros((1, 3)), np.zeros(1), np.array([[vel_m_s, 0.0, 0.0]])
+    return Reference(0, v, w, v, n, n, n, v, v, v, n, n, np.zeros(1, np.bool_))
+
+
+def test_the_wind_blows_from_when_the_leader_moves_in_formation_until_the_recording_ends() -> None:
+    wind, s = ReplayedWind(recording()), 1_000_000_000
+    wind.receive(reference(0.4), 5 * s)
+    wind.receive(PhaseChange(Phase.FORMATION), 10 * s)
+    wind.receive(reference(0.0), 10 * s)
+    assert wind.start_ns is None
+    assert wind.push_lab_m_s2().tolist() == [0.0, 0.0, 0.0]
+    wind.receive(reference(0.1), 11 * s)
+    for since_s, push in ((0.25, 1.0), (1.0, 2.0), (3.9, 2.0), (4.1, 0.0)):
+        wind.receive(None, 11 * s + round(since_s * s))
+        assert wind.push_lab_m_s2() == pytest.approx([push, 0.0, 0.0])
+
+
+@pytest.mark.skipif(not FETCHED.is_dir(), reason=f"no recordings in {FETCHED}: fetch aerorobotics/neural-fly")
+def test_the_recorded_flights_are_those_of_the_article_and_ours_are_closer() -> None:
+    """The article's table: 11.4 cm of its baseline and 3.1 of Neural-Fly without wind, 23.5 and 9.4 at 12.1 m/s."""
+    for wind, baseline_cm, best_cm in (("nowind", 11.4, 3.1), ("100wind", 23.5, 9.4)):
+        assert 100.0 * read(path_of(FETCHED, "baseline", wind)).rms_m == pytest.approx(baseline_cm, abs=0.05)
+        assert 100.0 * read(path_of(FETCHED, "NF", wind)).rms_m == pytest.approx(best_cm, abs=0.05)
+        ours = flights.fly(Job("cfc", wind, FETCHED, seed=7))
+        assert ours.outcome == "landed"
+        assert 100.0 * ours.rms_m < best_cm

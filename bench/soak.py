@@ -28,7 +28,7 @@ from sim.ports import private_link
 from sim.scenario import Scenario
 from sim.script import Step
 from wire.clock import REAL_TIME, Clock
-from wire.text import parse_object
+from wire.ground_state import Cycles, decode
 
 SAMPLED_S = 5.0
 LANDING_S = 60.0
@@ -108,9 +108,9 @@ class Sampler:
         """Some time later, in that phase."""
         if phase != Phase.HOLD.name or (self.samples and t_s < self.samples[-1].t_s + SAMPLED_S):
             return
-        cycles = parse_object(self._state)["cycles"] if self._state else {"count": 0, "late": 0}
+        cycles = decode(self._state).cycles if self._state else Cycles()
         log_bytes = self._log.stat().st_size
-        self.samples.append(Sample(t_s, self._memory(), log_bytes, cycles["count"], cycles["late"]))
+        self.samples.append(Sample(t_s, self._memory(), log_bytes, cycles.count, cycles.late))
         self._progress(f"{(t_s - self.samples[0].t_s) / 60.0:.1f} of {self._hover_s / 60.0:g} minutes")
 
 

@@ -11,11 +11,13 @@ carries the targets so. The same for the simulator's truth and innovations. All 
 """
 
 from dataclasses import dataclass, field
-from enum import IntEnum, IntFlag
+from enum import IntFlag
 
 import numpy as np
 
 from formation.clock_pair import ClockPair as ClockPair
+from formation.codes import Phase as Phase
+from formation.codes import Severity as Severity
 from formation.maths.arrays import (
     Codes,
     Flags,
@@ -80,18 +82,6 @@ class Datagram:
     sysid: int
     data: bytes
     superseded: int = 0
-
-
-class Phase(IntEnum):
-    """Where the flight is; the whole swarm shares one phase (formation.safety.phases)."""
-
-    GROUND = 0
-    ARMED = 1
-    TAKEOFF = 2
-    FORMATION = 3
-    HOLD = 4
-    LAND = 5
-    STOPPED = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,19 +188,6 @@ class AttitudeTarget:
     thrust_norm: SingleScalars
     saturation: SingleScalars
     held_off: Flags
-
-
-class Severity(IntEnum):
-    """MAV_SEVERITY's scale, the one every operator knows."""
-
-    EMERGENCY = 0
-    ALERT = 1
-    CRITICAL = 2
-    ERROR = 3
-    WARNING = 4
-    NOTICE = 5
-    INFO = 6
-    DEBUG = 7
 
 
 OVER = "over: "

@@ -5,8 +5,7 @@ ticks without a frame only watch, answer and repeat. The ground's heartbeat ride
 earned by the control, so that a drone hears it stop when control stops.
 """
 
-import json
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,6 +37,7 @@ from formation.safety.phases import STREAMING, Trigger
 from formation.safety.rules import Facts
 from formation.topics import Topic
 from gcs import formation_change
+from gcs.alarms import ACKNOWLEDGED
 from gcs.drones.autopilot_poses import streams
 from gcs.drones.checks import warnings
 from gcs.drones.drone import Drone, Goal
@@ -52,9 +52,8 @@ from gcs.own_law import own_laws
 from gcs.safety import monitors, takeover
 from gcs.safety.host import Host
 from gcs.safety.permissions import Permissions
-from gcs.state.alarms import ACKNOWLEDGED
-from gcs.state.counters import counters
-from gcs.state.swarm import About, swarm_state
+from gcs.state import About, ground_state
+from wire.ground_state import Counters, GroundState, encode
 from wire.link_messages import ground_address
 from wire.rejections import RejectionLog
 
@@ -216,26 +215,36 @@ class GcsCore:
         link = self._links.get(sysid)
         return None if link is None else link.booted_ns
 
-    def state(self, now_ns: int) -> dict[str, Any]:
-        """Everything an operator may want to see, as JSON has it; reading it changes nothing."""
+    def state(self, now_ns: int) -> GroundState:
+        """Everything an operator may want to see, but the host's part; reading it changes nothing."""
         grounded = self.phase is Phase.GROUND
         facts = self._facts(now_ns, asked_to_arm=grounded or self.phase is Phase.ARMED)
         reasons = self._permissions.arming(facts, now_ns) if grounded else ()
-        links, rejected_frames = self._links.values(), self._rejected_frames.count
         about = About(
             t_s=(now_ns - self._t0_ns) * 1e-9,
             session=self._session,
             host=self._host,
-            counters=counters(self._lateness, self._stale_frames, rejected_frames, self._strays, links),
+            counters=self._counters(),
             rejected={b: rejection_text(c) for b, c in zip(self._bodies, self._rejected.tolist(), strict=True) if c},
             arming_reject_reasons=reasons,
             allowed=self._permissions.allowed(facts, self._stages, reasons, now_ns),
         )
-        return swarm_state(self._flight, self._drones, facts, self._stages, self._config, about, now_ns)
+        return ground_state(self._flight, self._drones, facts, self._stages, self._config, about, now_ns)
 
-    def status(self, now_ns: int) -> str:
-        """The same as text: what `gcs status --json` prints."""
-        return json.dumps(self.state(now_ns))
+    def _counters(self) -> Counters:
+        links, frames = self._links.values(), self._lateness
+        return Counters(
+            frames=frames.frames,
+            missed_frames=frames.missed_frames,
+            late_share=round(frames.share, 4),
+            stale_frames=self._stale_frames,
+            rejected_frames=self._rejected_frames.count,
+            bad_bytes=sum(link.codec.bad_bytes for link in links),
+            bad_packets=sum(link.codec.bad_packets for link in links),
+            lost_packets=sum(link.sequence.lost for link in links),
+            superseded_packets=sum(link.superseded for link in links),
+            stray_datagrams=self._strays,
+        )
 
     def _receive_frame(self, frame: LabFrame, now_ns: int) -> None:
         if frame.bodies != self._bodies:
@@ -274,7 +283,7 @@ class GcsCore:
     def _answer(self, request: OperatorRequest, now_ns: int) -> list[OperatorReply]:
         """The answer; none yet to `arm`, which is answered when every drone has armed, or has not."""
         if request.verb is Verb.STATUS:
-            return [OperatorReply(request.id, True, self.status(now_ns))]
+            return [OperatorReply(request.id, True, encode(self.state(now_ns)))]
         facts = self._facts(now_ns, asked_to_arm=True)
         reasons = self._permissions.reject_reasons(request.verb, facts, self._stages, now_ns)
         if not reasons and request.verb in formation_change.CHANGES:

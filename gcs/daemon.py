@@ -6,7 +6,7 @@ its reason: setpoints stop, and every drone's guard holds and lands it by its ow
 
 import asyncio
 import gc
-import json
+import os
 import signal
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -28,6 +28,7 @@ from formation.messages import (
     Verb,
 )
 from formation.requests import ENDPOINT, GCS_NAME
+from gcs.alarms import EventMemory
 from gcs.awaited import awaited_by_ground
 from gcs.core import GcsCore
 from gcs.doctor.restart_record import watch_record
@@ -36,10 +37,10 @@ from gcs.drones.links import GroundLinks, open_links
 from gcs.other_grounds import know_other_grounds
 from gcs.recording import Input, Recorder, run_metadata
 from gcs.security.roles import by_role
-from gcs.state.host import Disk, EventMemory, disk, host_state
 from gcs.stop_button.watch import watch_button
 from mocap.service import ServiceError, mocap_service
 from wire.clock import REAL_TIME, Clock, unix_us
+from wire.ground_state import Cycles, LogFile, encode
 from wire.logs.live import sharer
 from wire.logs.mcap_write import LogWriter, record_dates
 from wire.process.daemon import report_missing
@@ -87,7 +88,7 @@ class Ground:
         self._recorder = Recorder(log.write)
         self._print_event = report
         self._events = EventMemory()
-        self.disk = Disk()
+        self.log_file = LogFile(log.path.name)
         self.button_trouble = self.exposed = ""
         self._clock = clock
         self._poses = AutopilotPoses(config) if config.mocap.source == "mavlink" else None
@@ -182,9 +183,15 @@ class Ground:
         """Everything that is published of the ground, as JSON, at most STATUS_NS old."""
         if self._state_ns is None or now_ns - self._state_ns > STATUS_NS:
             timing = self.timing
-            host = host_state(timing.ticks, timing.late, timing.worst_s, self.log.path, self.disk, self._events)
-            state = self._core.state(now_ns) | host | {"lost_lines": lost_lines()}
-            self._state, self._state_ns = json.dumps(state), now_ns
+            state = replace(
+                self._core.state(now_ns),
+                cycles=Cycles(timing.ticks, timing.late, round(timing.worst_s * 1e3, 2)),
+                log=self.log_file,
+                events=self._events.newest,
+                alarms=self._events.alarms.open,
+                lost_lines=lost_lines(),
+            )
+            self._state, self._state_ns = encode(state), now_ns
         return self._state
 
     def _report_host(self, now_ns: int) -> None:
@@ -198,7 +205,7 @@ class Ground:
     async def watch_disk(self) -> None:
         """Read the free disk space once a second, in a thread: a disk may answer late; runs until cancelled."""
         while True:
-            self.disk = await asyncio.to_thread(disk, self.log.path)
+            self.log_file = await asyncio.to_thread(_measured, self.log.path)
             await self._clock.sleep_until_ns(self._clock.monotonic_ns() + DISK_NS)
 
     def receive_unmet(self, unmet: UnmetParameter) -> None:
@@ -273,6 +280,15 @@ class Ground:
             self.log.write(topics.TIMING, LoopTiming(self._frame_seq, latency_s, late), self._clock.monotonic_ns())
 
 
+def _measured(log: Path) -> LogFile:
+    """The log and its disk as the file system says now; it may take its time."""
+    try:
+        usage = os.statvfs(log)
+        return LogFile(log.name, log.stat().st_size, usage.f_bavail * usage.f_frsize)
+    except OSError:  # the log's own trouble says more, and is an alarm
+        return LogFile(log.name)
+
+
 class GroundFailure(RuntimeError):
     """The ground failed and ended itself; the text says why."""
 
@@ -332,7 +348,7 @@ async def run(
             finally:
                 ground.links.close()
         state = core.state(clock.monotonic_ns())
-        return Ended(ground.phase, state["cause"], ground.timing, log.lost, tuple(state["not_landed"]))
+        return Ended(ground.phase, state.cause, ground.timing, log.lost, state.not_landed)
     finally:
         await bus.close()
 

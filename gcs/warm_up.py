@@ -69,6 +69,6 @@ def _watch_over(config: LabConfig) -> None:
     frame = LabFrame(0, FRAME_NS, bodies, pos, np.tile(frames.IDENTITY, (n, 1)), np.ones(n, np.bool_))
     core.receive(frame, FRAME_NS)
     core.tick(FRAME_NS)
-    core.status(FRAME_NS)
+    core.state(FRAME_NS)
     monitor.receive_frame(frame)
     monitor.receive_attitudes(np.arange(n), np.full(n, FRAME_NS), frame.q_lab_from_flu)

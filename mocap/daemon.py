@@ -25,8 +25,8 @@ from mocap.sources import source
 from mocap.sources.recordings import Frame
 from mocap.sources.registry import open_source
 from mocap.sources.source import Feed, SourceStatus
-from mocap.validator import motors_on
 from wire.clock import Clock
+from wire.ground_state import decode
 from wire.process.daemon import GROUND_REMEDY, Awaited, EventSink, Stop, bus_at, report_missing
 from wire.rejections import RejectionLog
 from wire.security.protection import LOOPBACK_ONLY, Protection
@@ -113,8 +113,11 @@ class Mocap:
         return self._core.frames > 0
 
     def receive_ground_state(self, state: str) -> None:
-        """Receive the ground's published state."""
-        self._core.note_motors(motors_on(state))
+        """Receive the ground's published state, of which only which motors are on is used."""
+        try:
+            self._core.note_motors(decode(state).motors_on)
+        except ValueError as error:
+            self._core.reject_log.note("ground", str(error), self._clock.monotonic_ns())
 
     async def watch(self, linger_s: float | None) -> None:
         """Publish events and the state; return when nobody has listened for `linger_s`, if given."""

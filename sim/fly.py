@@ -21,6 +21,7 @@ from sim.scenario import Scenario, agent_configs, leader_seconds, recorded_leade
 from sim.script import Operator, OperatorView, Outcome
 from wire import config_file
 from wire.clock import REAL_TIME, Clock
+from wire.ground_state import decode
 from wire.security.private_keys import keys_folder
 from wire.security.protection import lab_protection
 from wire.transport.zenoh_bus import ZenohBus
@@ -254,7 +255,7 @@ class _Conversation:
     def _receive_state(self, text: str) -> None:
         self.received_ns = self._clock.monotonic_ns()
         self.begun_ns = self.begun_ns or self.received_ns
-        self._operator.observe(OperatorView.at(text), self.received_ns)
+        self._operator.observe(OperatorView.at(decode(text)), self.received_ns)
 
 
 async def operate(

@@ -11,6 +11,7 @@ from gcs.recording import Input, Record, Recorder
 from sim.intake import VirtualIntake
 from sim.monitors import Without
 from sim.process_input import ProcessInput
+from wire.ground_state import GroundState
 from wire.process.deadline import Deadline
 from wire.transport.link import LinkCounters
 from wire.transport.memory_bus import NOTHING_DUE_NS
@@ -66,9 +67,9 @@ class GroundHost:
         """Its phase."""
         return self._core.phase
 
-    def status(self, now_ns: int) -> str:
+    def state(self, now_ns: int) -> GroundState:
         """What it publishes."""
-        return self._core.status(now_ns)
+        return self._core.state(now_ns)
 
     def receive(self, message: Input, now_ns: int) -> None:
         """Something arrives. What drones say passes the same intake as in a daemon."""

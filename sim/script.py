@@ -7,7 +7,7 @@ from pydantic import Field
 
 from formation.messages import OperatorReply, OperatorRequest, Phase, Verb
 from formation.model import Model
-from wire.text import parse_object
+from wire.ground_state import GroundState
 
 READY_WITHIN_NS = 30_000_000_000
 RETRY_NS = 200_000_000
@@ -49,15 +49,14 @@ class OperatorView:
     lost: str = ""
 
     @classmethod
-    def at(cls, state: str) -> Self:
-        """The view in the JSON text that the ground publishes."""
-        values = parse_object(state)
+    def at(cls, state: GroundState) -> Self:
+        """The view in a state."""
         return cls(
-            phase=Phase[values["phase"]],
-            formed=values["trajectory_started"],
-            trajectory_done=values["trajectory_done"],
-            prearm_failures=tuple(values["refusals"]),
-            lost=values["cause"] if values["not_landed"] else "",
+            phase=state.phase,
+            formed=state.trajectory_started,
+            trajectory_done=state.trajectory_done,
+            prearm_failures=state.prearm_failures,
+            lost=state.cause if state.not_landed else "",
         )
 
 

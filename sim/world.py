@@ -12,7 +12,6 @@ from formation.messages import Datagram, Event, HostReport, LabFrame, OperatorRe
 from formation.topics import INNOVATION, MOCAP_EVENT, TRUTH
 from gcs.recording import Input, Record
 from mocap.core import MocapCore
-from mocap.validator import motors_on
 from sim.cameras.emulator import MocapEmulator
 from sim.drone_node import DroneNode, Sample
 from sim.faults import vehicle
@@ -225,9 +224,9 @@ class World:
         self._hosts_report()
         if not ground.is_running:
             return
-        state = ground.status(now_ns)
+        state = ground.state(now_ns)
         for mocap in self._mocaps:
-            mocap.note_motors(motors_on(state))
+            mocap.note_motors(state.motors_on)
         view = OperatorView.at(state)
         if view.formed:
             self._emulator.start(now_ns)

@@ -8,10 +8,11 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from formation.codes import Phase
 from formation.guidance.shape_request import ShapeRequest
 from formation.requests import CONFIGURED, GCS_NAME, OperatorReply, OperatorRequest, Verb
 from gcs.cli import completion
@@ -24,6 +25,7 @@ from wire.transport.lab_address import address_near
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from wire.ground_state import GroundState
     from wire.transport.zenoh_session import Patience
 
 ARMING_S, ANSWER_S = 20.0, 3.0
@@ -111,9 +113,12 @@ def status(ground: _Ground) -> None:
     else:
         from rich.console import Console
 
-        from wire.text import parse_object
+        from wire.ground_state import decode
 
-        print_status(parse_object(reply.text), Console())
+        try:
+            print_status(decode(reply.text), Console())
+        except ValueError as error:
+            fail(str(error), NOT_RIGHT)
 
 
 @with_options(_Shape)
@@ -174,67 +179,58 @@ def _patience(verb: Verb, timeout_s: float | None) -> "Patience":
     return Patience(ARMING_S if verb is Verb.ARM else ANSWER_S)
 
 
-def print_status(state: dict[str, Any], console: "Console") -> None:
+def print_status(state: "GroundState", console: "Console") -> None:
     """The status for people."""
     from rich.table import Table
     from rich.text import Text
 
-    chosen = state.get("trajectory", CONFIGURED)  # a ground of an older version has one only
-    flown = "" if chosen == CONFIGURED else f", trajectory {chosen}"
-    console.print(Text.assemble((state["phase"], "bold"), f" ({state['cause']}), shape {state['shape']}{flown}"))
-    if state.get("not_landed"):  # a ground of an older version says nothing of it
-        console.print(Text(f"not known to have landed: {', '.join(state['not_landed'])}", "bold red"))
+    flown = "" if state.trajectory == CONFIGURED else f", trajectory {state.trajectory}"
+    console.print(Text.assemble((state.phase.name, "bold"), f" ({state.cause}), shape {state.shape}{flown}"))
+    if state.not_landed:
+        console.print(Text(f"not known to have landed: {', '.join(state.not_landed)}", "bold red"))
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     for column, unit in _COLUMNS.items():
         words = column == "body"  # it alone gives way where the terminal is narrow
         table.add_column(f"{column}\n{unit}", no_wrap=not words, overflow="fold", justify="right" if unit else "left")
-    for drone in state["drones"]:
+    for drone in state.drones:
         cells = (
-            str(drone["sysid"]), drone["body"], drone["autopilot"] or "-", drone["mode"],
-            "armed" if drone["armed"] else "-", *_coordinates(drone["pos_lab_m"]),
-            _number(drone["battery"], 100.0, 0), _number(drone.get("link_behind_s"), 1e3, 0),
-            _number(drone["heartbeat_age_s"], 1.0, 1, "never"), _number(drone["age_s"], 1.0, 1, "never"),
+            str(drone.sysid), drone.body, drone.autopilot or "-", drone.mode, "armed" if drone.armed else "-",
+            *_coordinates(drone.pos_lab_m), _number(drone.battery, 100.0, 0), _number(drone.link_behind_s, 1e3, 0),
+            _number(drone.heartbeat_age_s, 1.0, 1, "never"), _number(drone.age_s, 1.0, 1, "never"),
         )  # fmt: skip
         table.add_row(*map(Text, cells))  # what drones and people said is never markup
     console.print(table)
-    if state["log_trouble"]:
-        console.print(Text(state["log_trouble"], "red"))
-    if state.get("lost_lines"):  # a ground of an older version counts none
-        console.print(f"{state['lost_lines']} lines of the ground's output are lost: its log has them", style="yellow")
-    for drone in state["drones"]:
-        if drone["disarms_in_s"] is not None:
-            text = f"{drone['body']} disarms itself in {drone['disarms_in_s']:.1f} s unless it takes off"
+    if state.log_trouble:
+        console.print(Text(state.log_trouble, "red"))
+    if state.lost_lines:
+        console.print(f"{state.lost_lines} lines of the ground's output are lost: its log has them", style="yellow")
+    for drone in state.drones:
+        if drone.disarms_in_s is not None:
+            text = f"{drone.body} disarms itself in {drone.disarms_in_s:.1f} s unless it takes off"
             console.print(text, style="yellow", highlight=False)
-    for body, reason in state.get("rejected", {}).items():  # a ground of an older version says nothing of it
+    for body, reason in state.rejected.items():
         console.print(Text(f"{body} is rejected by the mocap: {reason}", "red"))
-    for reason in state["refusals"]:
+    for reason in state.prearm_failures:
         console.print(Text(f"not ready: {reason}", "yellow"))
-    for alarm in state.get("alarms", ()):  # a ground of an older version keeps none
-        console.print(Text(_alarm(alarm), "yellow" if alarm["acknowledged"] else "red"))
-    for line in next_steps(state["phase"], state.get("allowed", {})):
+    for alarm in state.alarms:
+        still = ", goes on" if alarm.goes_on else ""
+        read = ", acknowledged" if alarm.acknowledged else ": gcs acknowledge"
+        text = f"{alarm.severity.name} {alarm.source}: {alarm.text} ({alarm.times} x{still}{read})"
+        console.print(Text(text, "yellow" if alarm.acknowledged else "red"))
+    for line in next_steps(state.phase, state.allowed):
         console.print(line, style="yellow", highlight=False, markup=False)
 
 
-def _alarm(alarm: Mapping[str, Any]) -> str:
-    still = ", goes on" if alarm["goes_on"] else ""
-    read = ", acknowledged" if alarm["acknowledged"] else ": gcs acknowledge"
-    return f"{alarm['severity']} {alarm['source']}: {alarm['text']} ({alarm['times']} x{still}{read})"
-
-
-def next_steps(phase: str, allowed: Mapping[str, Sequence[str]]) -> list[str]:
+def next_steps(phase: Phase, allowed: Mapping[str, Sequence[str]]) -> list[str]:
     """The commands that are possible now; after a stop, why no reset is. allowed: the reasons against, by verb."""
-    steps = (Verb.RESET,) if phase == "STOPPED" else _STEPS
-    may = [
-        f"gcs {verb.command_name}"
-        for verb in steps
-        if not allowed.get(verb, ("unknown to a ground of an older version",))
-    ]
+    stopped = phase is Phase.STOPPED
+    may = [f"gcs {verb.command_name}" for verb in ((Verb.RESET,) if stopped else _STEPS) if not allowed[verb]]
     if may:
         return [f"next: {', '.join(may)}"]
-    return [f"no reset: {reason}" for reason in allowed.get(Verb.RESET, ())] if phase == "STOPPED" else []
+    return [f"no reset: {reason}" for reason in allowed[Verb.RESET]] if stopped else []
 
 
-def _coordinates(pos_lab_m: list[float] | None) -> list[str]:
+def _coordinates(pos_lab_m: tuple[float, float, float] | None) -> list[str]:
     """x, y and z; dashes for a body that was never seen."""
     return ["-"] * 3 if pos_lab_m is None else [f"{x:.2f}" for x in pos_lab_m]
 

@@ -1,10 +1,10 @@
 """The alarms that are shown: the ground's, and those of the page's own process. Pure; wall-clock times in seconds."""
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable
 
 from formation.messages import Event
-from gcs.state.alarms import MOST, Alarm, AlarmBook, is_loud, ordered
+from gcs.alarms import MOST, AlarmBook, is_loud, ordered
+from wire.ground_state import Alarm, GroundState
 
 LATEST = 8
 
@@ -19,17 +19,14 @@ class ShownAlarms:
         self._ground_events: tuple[Alarm, ...] = ()
         self._own_events: list[Alarm] = []
 
-    def receive_ground(self, state: Mapping[str, Any]) -> None:
+    def receive_ground(self, state: GroundState) -> None:
         """Receive the alarms and the newest events of the ground's state."""
-        session = int(state["ground_session"])
-        ground = tuple(map(Alarm.from_json, state["alarms"][:MOST]))
-        events = tuple(
-            Alarm.from_json({**event, "times": 1, "goes_on": False, "acknowledged": False})
-            for event in state["events"][-LATEST:]
-        )
-        if session != self._session:
+        if state.ground_session != self._session:
             self.retain_ground_alarms()
-        self._session, self._ground, self._ground_events = session, ground, events
+        self._session, self._ground = state.ground_session, state.alarms[:MOST]
+        self._ground_events = tuple(
+            Alarm(event.unix_s, event.severity, event.source, event.text) for event in state.events[-LATEST:]
+        )
 
     def retain_ground_alarms(self) -> None:
         """Keep the unacknowledged alarms of a ground that is gone."""

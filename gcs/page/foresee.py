@@ -4,9 +4,7 @@ What the followers do at this instant is taken for rest; the ground judges anew 
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -16,6 +14,7 @@ from formation.guidance.shape import Shape, shape_for
 from formation.guidance.shape_request import parse
 from formation.guidance.transition import assigned, require_separation, transition
 from formation.maths.arrays import Float
+from formation.messages import Phase, Verb
 from gcs.formation_change import (
     foreseen,
     leader_path_reject_reasons,
@@ -26,6 +25,7 @@ from gcs.formation_change import (
 )
 from gcs.lab.feasibility import trajectory_text
 from gcs.page.scene import Point, about
+from wire.ground_state import DroneState, GroundState, ObservedBody
 
 PATH_POINTS = 60
 FRESH_S = 0.2
@@ -41,39 +41,39 @@ class Foreseen:
     text: str
 
 
-def shape(asked: str, state: Mapping[str, Any], config: LabConfig) -> Foreseen:
+def shape(asked: str, state: GroundState, config: LabConfig) -> Foreseen:
     """A shape in an operator's words, NAME [scale=S] [heading=DEGREES], asked for now."""
     try:
         wanted = shape_for(config, parse(asked))
         require_separation(wanted, space(config, 0.0), names(config))
     except ValueError as error:
         return Foreseen((), (), (str(error),), "")
-    return _judged(wanted, state, config, forming=state["phase"] == "FORMATION", starting=False)
+    return _judged(wanted, state, config, forming=state.phase is Phase.FORMATION, starting=False)
 
 
-def start(state: Mapping[str, Any], config: LabConfig) -> Foreseen:
+def start(state: GroundState, config: LabConfig) -> Foreseen:
     """A start now, in the shape that is set."""
-    return _judged(shape_for(config, parse(str(state["shape"]))), state, config, forming=True, starting=True)
+    return _judged(shape_for(config, parse(state.shape)), state, config, forming=True, starting=True)
 
 
-def trajectory(asked: str, state: Mapping[str, Any], config: LabConfig) -> Foreseen:
+def trajectory(asked: str, state: GroundState, config: LabConfig) -> Foreseen:
     """One of the leader's trajectories, by name, flown from now on."""
     try:
         lab = config.flying(asked)
     except ValueError as error:
         return Foreseen((), (), (str(error),), "")
-    pose, _ = _leader_pose(state, config, aloft=state["phase"] == "HOLD")
-    ahead = foreseen(shape_for(config, parse(str(state["shape"]))), pose, None, 0.0, lab)
-    against = (*map(str, state["allowed"]["trajectory"]), *trajectory_reject_reasons(ahead, lab))
+    pose, _ = _leader_pose(state, config, aloft=state.phase is Phase.HOLD)
+    ahead = foreseen(shape_for(config, parse(state.shape)), pose, None, 0.0, lab)
+    against = (*state.allowed[Verb.TRAJECTORY], *trajectory_reject_reasons(ahead, lab))
     return Foreseen((), _leader_path(ahead), against, f"{asked}: {trajectory_text(lab, ahead)}")
 
 
-def _judged(wanted: Shape, state: Mapping[str, Any], config: LabConfig, forming: bool, starting: bool) -> Foreseen:
-    config = config.flying(str(state["trajectory"]))
+def _judged(wanted: Shape, state: GroundState, config: LabConfig, forming: bool, starting: bool) -> Foreseen:
+    config = config.flying(state.trajectory)
     pose, seen = _leader_pose(state, config, forming)
     path, path_s = None, 0.0
-    if state["trajectory_started"] and state["trajectory_from"] is not None and state["trajectory_s"] is not None:
-        path, path_s = trajectory_from(config, np.array(state["trajectory_from"])), float(state["trajectory_s"][0])
+    if state.trajectory_started and state.trajectory_from is not None and state.trajectory_s is not None:
+        path, path_s = trajectory_from(config, np.array(state.trajectory_from)), state.trajectory_s[0]
     against: list[str] = []
     text = f"{wanted.name}: possible"
     if forming and seen:
@@ -98,21 +98,21 @@ def _leader_path(ahead: Preview) -> tuple[Point, ...]:
     return tuple(_point(ahead.leader[k, 0]) for k in steps)
 
 
-def _leader_pose(state: Mapping[str, Any], config: LabConfig, aloft: bool) -> tuple[Float, bool]:
+def _leader_pose(state: GroundState, config: LabConfig, aloft: bool) -> tuple[Float, bool]:
     """The leader's x, y, z, heading, at its flying height while it is not; and whether it is seen."""
-    reported = (*state["observed"], *state["drones"])
-    leader = next((one for one in reported if one["body"] == config.leader.body), None)
-    pos, yaw = None if leader is None else leader["pos_lab_m"], state["leader_yaw_rad"]
-    if leader is None or pos is None or yaw is None or leader["age_s"] > FRESH_S:
+    everybody: tuple[ObservedBody | DroneState, ...] = (*state.observed, *state.drones)
+    leader = next((one for one in everybody if one.body == config.leader.body), None)
+    pos, yaw = None if leader is None else leader.pos_lab_m, state.leader_yaw_rad
+    if leader is None or pos is None or yaw is None or leader.age_s is None or leader.age_s > FRESH_S:
         return expected_start(config), False
     z = pos[2] if aloft or config.leader.sysid is None else config.flight.altitude_m
     return np.array([pos[0], pos[1], z, yaw]), True
 
 
-def _led(state: Mapping[str, Any], pose: Float) -> Float | None:
+def _led(state: GroundState, pose: Float) -> Float | None:
     """Where the followers are led now, at rest, as motions (followers, 3, 4) in the leader's frame."""
-    followers = len(state["slots_lead_m"])
-    reported = [drone["reference_lab_m"] for drone in state["drones"][-followers:]]
+    followers = len(state.slots_lead_m)
+    reported = [drone.reference_lab_m for drone in state.drones[-followers:]]
     if any(reference is None for reference in reported):
         return None
     c, s = math.cos(-float(pose[3])), math.sin(-float(pose[3]))

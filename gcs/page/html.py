@@ -8,7 +8,7 @@ from formation.messages import Severity, Verb
 from formation.security_config import MAY_ASK, Role
 from gcs.page.show import LABELS, Show, Step, not_landed_text
 from gcs.page.table import ABOUT, COLUMNS, UNITS, Cell, Level, worst
-from gcs.state.alarms import Alarm
+from wire.ground_state import Alarm
 
 _MARK = {Level.CALM: "", Level.WARN: "▲ ", Level.BAD: "✖ "}
 _CLASS = {Level.CALM: "", Level.WARN: ' class="warn"', Level.BAD: ' class="bad"'}
@@ -17,10 +17,11 @@ _CLASS = {Level.CALM: "", Level.WARN: ' class="warn"', Level.BAD: ' class="bad"'
 def head(shown: Show) -> str:
     """Phase, for how long, and why; countdowns beside it."""
     left = "".join(f'<span class="countdown">{escape(text)}</span>' for text in shown.countdowns)
-    phase = "phase p-aloft" if shown.not_landed else f"phase p-{shown.phase.lower()}"
+    name = "-" if shown.phase is None else shown.phase.name
+    phase = "phase p-aloft" if shown.not_landed else f"phase p-{name.lower()}"
     aloft = f'<span class="aloft">✖ {escape(not_landed_text(shown.not_landed))}</span> ' if shown.not_landed else ""
     return (
-        f'<div class="{escape(phase)}">{escape(shown.phase)}</div>'
+        f'<div class="{phase}">{name}</div>'
         f'<div class="cause">{aloft}<b>{escape(shown.since)}</b> {escape(shown.cause)}<br>{left}</div>'
     )
 

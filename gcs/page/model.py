@@ -3,13 +3,13 @@
 from typing import Any
 
 from formation.config import LabConfig
-from formation.messages import Event, Severity
+from formation.messages import Event, Phase, Severity, Verb
 from gcs.page.alarms import ShownAlarms
 from gcs.page.control import Control
 from gcs.page.foresee import Foreseen, shape, start, trajectory
 from gcs.page.scene import Scene, Trails, scene
 from gcs.page.show import NOTHING_YET, SILENT_S, Show, none_of_ours, show
-from wire.text import parse_object
+from wire.ground_state import GroundState, decode
 
 START_NS = 1_000_000_000
 
@@ -21,7 +21,7 @@ class Model:
         self.config = config
         self.alarms = ShownAlarms()
         self.control = Control()
-        self.state: dict[str, Any] | None = None
+        self.state: GroundState | None = None
         self.scene = Scene((), (), (), ())
         self.start: Foreseen | None = None
         self._mocap: dict[str, Any] | None = None
@@ -31,14 +31,14 @@ class Model:
 
     def receive_state(self, text: str, now_ns: int) -> None:
         """Receive the ground's published state; ValueError, without effect, for another version's."""
-        state = parse_object(text)
+        state = decode(text)
         with none_of_ours("ground"):
             show(state, None, 0.0)
             self.scene = scene(state, self.config, self._trails)
             self.alarms.receive_ground(state)
             if now_ns - self._start_ns > START_NS:
                 self._start_ns = now_ns
-                self.start = start(state, self.config) if state["phase"] == "HOLD" else None
+                self.start = start(state, self.config) if state.phase is Phase.HOLD else None
         self.state, self._state_ns, self._lost = state, now_ns, False
 
     def receive_mocap_state(self, state: dict[str, Any], now_ns: int) -> None:
@@ -64,7 +64,7 @@ class Model:
     @property
     def may_choose(self) -> bool:
         """Whether a trajectory of the leader's can be chosen now."""
-        return self.state is not None and not self.state["allowed"]["trajectory"]
+        return self.state is not None and not self.state.allowed[Verb.TRAJECTORY]
 
     def foresee(self, asked: str) -> Foreseen | None:
         """A shape before it is asked for; None until the ground was heard."""

@@ -2,11 +2,12 @@
 
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from formation.config import LabConfig
+from formation.messages import Phase
+from wire.ground_state import DroneState, GroundState, ObservedBody
 
 Point = tuple[float, float, float]
 TRAIL = 60
@@ -58,30 +59,28 @@ class Trails:
         return trail[-1] if trail else None
 
 
-def scene(state: Mapping[str, Any], config: LabConfig, trails: Trails) -> Scene:
+def scene(state: GroundState, config: LabConfig, trails: Trails) -> Scene:
     """The scene of the ground's state."""
-    drones = {str(drone["body"]): drone for drone in (*state["observed"], *state["drones"])}
+    everybody: tuple[ObservedBody | DroneState, ...] = (*state.observed, *state.drones)
+    reported = {body.body: body for body in everybody}
     bodies = []
     for vehicle in config.vehicles:
-        drone = drones.get(vehicle.body)
-        if drone is None:
+        body = reported.get(vehicle.body)
+        pos_lab_m = None if body is None else body.pos_lab_m or trails.last(vehicle.body)
+        if body is None or pos_lab_m is None:
             continue
-        pos = drone["pos_lab_m"]
-        pos_lab_m = trails.last(vehicle.body) if pos is None else (float(pos[0]), float(pos[1]), float(pos[2]))
-        if pos_lab_m is None:
-            continue
-        q, reference = drone["q_lab_from_flu"] or (1.0, 0.0, 0.0, 0.0), drone.get("reference_lab_m")
+        drone = body if isinstance(body, DroneState) else None
         bodies.append(
             Body(
                 name=vehicle.body,
                 pos_lab_m=pos_lab_m,
-                q_lab_from_flu=(q[0], q[1], q[2], q[3]),
+                q_lab_from_flu=body.q_lab_from_flu or (1.0, 0.0, 0.0, 0.0),
                 size_m=config.profile_of(vehicle).wheelbase_m,
                 leader=vehicle is config.leader,
-                seen=pos is not None,
-                rejected=bool(drone.get("rejected")),
-                armed=bool(drone.get("armed")),
-                reference_lab_m=None if reference is None else (reference[0], reference[1], reference[2]),
+                seen=body.pos_lab_m is not None,
+                rejected=vehicle.body in state.rejected,
+                armed=drone is not None and drone.armed,
+                reference_lab_m=None if drone is None else drone.reference_lab_m,
                 trail_lab_m=trails.add(vehicle.body, pos_lab_m),
             )
         )
@@ -94,15 +93,15 @@ def scene(state: Mapping[str, Any], config: LabConfig, trails: Trails) -> Scene:
     )
 
 
-def _slots(state: Mapping[str, Any], bodies: Sequence[Body], config: LabConfig) -> tuple[Point, ...]:
+def _slots(state: GroundState, bodies: Sequence[Body], config: LabConfig) -> tuple[Point, ...]:
     """The slots about where the leader is; of a leader that stands on the floor, at the height it will fly at."""
     leader = next((body for body in bodies if body.leader), None)
-    if leader is None or state["leader_yaw_rad"] is None:
+    if leader is None or state.leader_yaw_rad is None:
         return ()
-    grounded = state["phase"] in ("GROUND", "ARMED", "TAKEOFF") and config.leader.sysid is not None
+    grounded = state.phase in (Phase.GROUND, Phase.ARMED, Phase.TAKEOFF) and config.leader.sysid is not None
     z = config.flight.altitude_m if grounded else leader.pos_lab_m[2]
     at = (leader.pos_lab_m[0], leader.pos_lab_m[1], z)
-    return about(at, float(state["leader_yaw_rad"]), state["slots_lead_m"])
+    return about(at, state.leader_yaw_rad, state.slots_lead_m)
 
 
 def about(leader_lab_m: Point, yaw_rad: float, slots_lead_m: Sequence[Sequence[float]]) -> tuple[Point, ...]:

@@ -5,17 +5,20 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
+from formation.messages import Phase, Verb
 from formation.requests import CONFIGURED
-from formation.safety.phases import AFTER_HOLD
+from formation.safety.phases import AFTER_HOLD, AIRBORNE
 from gcs.page.table import Cell, Level, row
+from wire.ground_state import GroundState
+from wire.link_messages import LandedState
 
 SILENT_S = 1.0
 """After so long without the ground's state, the page says so across everything."""
-FLYING = ("TAKEOFF", "FORMATION", "HOLD", "LAND")
-VERBS = ("arm", "take_control", "takeoff", "start", "hold", "land", "reset")
+VERBS = (Verb.ARM, Verb.TAKE_CONTROL, Verb.TAKEOFF, Verb.START, Verb.HOLD, Verb.LAND, Verb.RESET)
 LABELS = {
-    "arm": "Arm", "take_control": "Take control", "takeoff": "Take off", "start": "Start", "hold": "Hold",
-    "land": "Land", "reset": "Reset", "acknowledge": "Acknowledge", "shape": "Shape", "trajectory": "Choose",
+    Verb.ARM: "Arm", Verb.TAKE_CONTROL: "Take control", Verb.TAKEOFF: "Take off", Verb.START: "Start",
+    Verb.HOLD: "Hold", Verb.LAND: "Land", Verb.RESET: "Reset", Verb.ACKNOWLEDGE: "Acknowledge", Verb.SHAPE: "Shape",
+    Verb.TRAJECTORY: "Choose",
 }  # fmt: skip
 GB, MB = 1e9, 1e6
 
@@ -24,7 +27,7 @@ GB, MB = 1e9, 1e6
 class Step:
     """Something an operator can ask for, and every reason against it; flying: whether any drone may be."""
 
-    verb: str
+    verb: Verb
     reasons: tuple[str, ...]
     flying: bool = True
 
@@ -41,7 +44,7 @@ class Step:
     @property
     def is_idle(self) -> bool:
         """Whether nobody misses it now: it is for another phase, or for drones that fly."""
-        return self.out_of_turn or (self.verb in ("take_control", "land") and not self.flying)
+        return self.out_of_turn or (self.verb in (Verb.TAKE_CONTROL, Verb.LAND) and not self.flying)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +56,7 @@ class Show:
     """
 
     lost: str
-    phase: str
+    phase: Phase | None
     cause: str
     since: str
     steps: tuple[Step, ...]
@@ -64,7 +67,7 @@ class Show:
     vital: tuple[tuple[str, Cell], ...]
 
 
-NOTHING_YET = Show("waiting to hear the ground: `gcs run` starts one", "-", "", "", (), (), (), "", (), ())
+NOTHING_YET = Show("waiting to hear the ground: `gcs run` starts one", None, "", "", (), (), (), "", (), ())
 
 
 @contextmanager
@@ -77,7 +80,7 @@ def none_of_ours(whose: str) -> Iterator[None]:
 
 
 def show(
-    state: Mapping[str, Any] | None, mocap: Mapping[str, Any] | None, silent_s: float, start_against: Sequence[str] = ()
+    state: GroundState | None, mocap: Mapping[str, Any] | None, silent_s: float, start_against: Sequence[str] = ()
 ) -> Show:
     """What to show of the newest states; silent_s: since the ground was last heard, s.
 
@@ -85,55 +88,55 @@ def show(
     """
     if state is None:
         return NOTHING_YET
-    flying = state["phase"] in FLYING
+    flying = state.phase in AIRBORNE
     return Show(
         lost=f"nothing heard of the ground for {silent_s:.0f} s" if silent_s > SILENT_S else "",
-        phase=str(state["phase"]),
+        phase=state.phase,
         cause=cause(state),
-        since=_clock(float(state["phase_s"])),
+        since=_clock(state.phase_s),
         steps=tuple(_step(verb, state, start_against) for verb in VERBS),
-        rows=tuple(row(drone, flying) for drone in state["drones"]),
+        rows=tuple(row(drone, flying) for drone in state.drones),
         countdowns=countdowns(state),
         stop=stop_text(state),
-        not_landed=tuple(map(str, state["not_landed"])),
+        not_landed=state.not_landed,
         vital=vital(state, mocap),
     )
 
 
-def cause(state: Mapping[str, Any]) -> str:
+def cause(state: GroundState) -> str:
     """Why the phase is what it is, and what leads on from HOLD."""
-    return f"{state['cause']}; {AFTER_HOLD}" if state["phase"] == "HOLD" else str(state["cause"])
+    return f"{state.cause}; {AFTER_HOLD}" if state.phase is Phase.HOLD else state.cause
 
 
-def _step(verb: str, state: Mapping[str, Any], start_against: Sequence[str]) -> Step:
-    reasons = tuple(map(str, state["allowed"].get(verb, ())))
-    if verb == "start" and state["phase"] == "HOLD":
+def _step(verb: Verb, state: GroundState, start_against: Sequence[str]) -> Step:
+    reasons = state.allowed.get(verb, ())
+    if verb is Verb.START and state.phase is Phase.HOLD:
         reasons = (*reasons, *start_against)
-    return Step(verb, reasons, any(d["armed"] or d["landed"] == "IN_AIR" for d in state["drones"]))
+    return Step(verb, reasons, any(drone.armed or drone.landed == LandedState.IN_AIR.name for drone in state.drones))
 
 
-def countdowns(state: Mapping[str, Any]) -> tuple[str, ...]:
+def countdowns(state: GroundState) -> tuple[str, ...]:
     """What runs out: armed drones that disarm by themselves (the first of them), a landing's time, a trajectory's."""
     texts = []
-    left = [(d["disarms_in_s"], str(d["body"])) for d in state["drones"] if d["disarms_in_s"] is not None]
+    left = [(drone.disarms_in_s, drone.body) for drone in state.drones if drone.disarms_in_s is not None]
     if left:
         texts.append(f"{min(left)[1]} disarms itself in {min(left)[0]:.1f} s")
-    if state["landing_left_s"] is not None:
-        texts.append(f"landing: {state['landing_left_s']:.0f} s at most")
-    progress, name = state["trajectory_s"], state["trajectory"]
-    if progress is not None and state["trajectory_started"] and not state["trajectory_done"]:
+    if state.landing_left_s is not None:
+        texts.append(f"landing: {state.landing_left_s:.0f} s at most")
+    progress, name = state.trajectory_s, state.trajectory
+    if progress is not None and state.trajectory_started and not state.trajectory_done:
         called = "" if name == CONFIGURED else f" {name}"
         texts.append(f"leader's trajectory{called}: {progress[1] - progress[0]:.0f} s of {progress[1]:.0f} s left")
     return tuple(texts)
 
 
-def stop_text(state: Mapping[str, Any]) -> str:
+def stop_text(state: GroundState) -> str:
     """What a stop has done so far: which drones have latched it, in how many ms, and which have not; empty without."""
-    if state["phase"] != "STOPPED":
+    if state.phase is not Phase.STOPPED:
         return ""
-    done = [(str(d["body"]), float(d["stopped_ms"])) for d in state["drones"] if d["stopped_ms"] is not None]
-    open_ = [str(d["body"]) for d in state["drones"] if d["stopped_ms"] is None]
-    text = f"{len(done)} of {len(state['drones'])} drones have latched the stop"
+    done = [(drone.body, drone.stopped_ms) for drone in state.drones if drone.stopped_ms is not None]
+    open_ = [drone.body for drone in state.drones if drone.stopped_ms is None]
+    text = f"{len(done)} of {len(state.drones)} drones have latched the stop"
     if done:
         text += ": " + ", ".join(f"{name} {ms:.0f} ms" for name, ms in done)
     return text + (f"; NOT YET: {', '.join(open_)}" if open_ else "")
@@ -144,9 +147,9 @@ def not_landed_text(bodies: Sequence[str]) -> str:
     return f"NOT KNOWN TO HAVE LANDED: {', '.join(bodies)}" if bodies else ""
 
 
-def vital(state: Mapping[str, Any], mocap: Mapping[str, Any] | None) -> tuple[tuple[str, Cell], ...]:
+def vital(state: GroundState, mocap: Mapping[str, Any] | None) -> tuple[tuple[str, Cell], ...]:
     """Mocap, control cycles, log and disk."""
-    cycles, log, share = state["cycles"], state["log"], float(state["counters"]["late_share"])
+    cycles, log = state.cycles, state.log
     timing = None if mocap is None else mocap.get("timing")
     texts: list[tuple[str, Cell]] = []
     if timing is None:
@@ -162,12 +165,11 @@ def vital(state: Mapping[str, Any], mocap: Mapping[str, Any] | None) -> tuple[tu
             ),
             ("frames lost", Cell(f"{lost:.1%}", Level.WARN if lost > 0.05 else Level.CALM)),
         ]
-    late = f"{cycles['late']} of {cycles['count']}, worst {cycles['worst_ms']:.0f} ms"
-    texts.append(("late cycles", Cell(late, Level.BAD if share > 0.2 else Level.CALM)))
-    size, free = log["bytes"], log["free_bytes"]
-    text = f"{log['name']}, " + ("-" if size is None else f"{size / MB:.1f} MB")
-    texts.append(("log", Cell(str(state["log_trouble"]) or text, Level.BAD if state["log_trouble"] else Level.CALM)))
-    if free is not None:
+    late = f"{cycles.late} of {cycles.count}, worst {cycles.worst_ms:.0f} ms"
+    texts.append(("late cycles", Cell(late, Level.BAD if state.counters.late_share > 0.2 else Level.CALM)))
+    text = f"{log.name}, " + ("-" if log.bytes is None else f"{log.bytes / MB:.1f} MB")
+    texts.append(("log", Cell(state.log_trouble or text, Level.BAD if state.log_trouble else Level.CALM)))
+    if (free := log.free_bytes) is not None:
         texts.append(("disk left", Cell(f"{free / GB:.1f} GB", Level.WARN if free < GB else Level.CALM)))
     return tuple(texts)
 

@@ -1,9 +1,7 @@
 """The table of drones, for the page and for `gcs watch`: what each cell says, and how bad it is. Pure."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any
 
 from formation.safety.rules_table import (
     BATTERY_EMPTY,
@@ -14,6 +12,7 @@ from formation.safety.rules_table import (
     SILENT_S,
     STALE_SETPOINT_S,
 )
+from wire.ground_state import DroneState
 
 
 class Level(IntEnum):
@@ -53,26 +52,26 @@ FENCE_WARN_M = 0.1
 _LANDED = {"ON_GROUND": "floor", "IN_AIR": "air", "TAKEOFF": "rising", "LANDING": "landing"}
 
 
-def row(drone: Mapping[str, Any], flying: bool) -> tuple[Cell, ...]:
+def row(drone: DroneState, flying: bool) -> tuple[Cell, ...]:
     """One drone of the ground's state, a cell a column; flying: errors are shown for a swarm that is led somewhere."""
-    mode = str(drone["mode"]) + (" (pilot)" if drone["piloted"] else "")
+    mode = drone.mode + (" (pilot)" if drone.piloted else "")
     return (
-        Cell(str(drone["sysid"])),
-        Cell(str(drone["body"])),
-        Cell({"ArduPilot": "APM"}.get(str(drone["autopilot"]), str(drone["autopilot"] or "-"))),
-        Cell(mode, Level.WARN if drone["piloted"] else Level.CALM),
+        Cell(str(drone.sysid)),
+        Cell(drone.body),
+        Cell("APM" if drone.autopilot == "ArduPilot" else drone.autopilot or "-"),
+        Cell(mode, Level.WARN if drone.piloted else Level.CALM),
         _armed(drone),
-        Cell(_LANDED.get(str(drone["landed"]), "-")),
-        Cell(_text(drone["battery_v"], 1.0, 1)),
-        _under(drone["battery"], BATTERY_LOW, BATTERY_EMPTY, 100.0, 0),
-        _over(drone["age_s"], POSE_WARN_S, POSE_BAD_S, 1e3, 0, "never"),
-        _over(drone["setpoint_age_s"], LATE_SETPOINT_S, STALE_SETPOINT_S, 1e3, 0, "-"),
-        _over(drone["link_behind_s"], BEHIND_WARN_S, BEHIND_HOLD_S, 1e3, 0, "-"),
-        _over(drone["heartbeat_age_s"], BEAT_WARN_S, SILENT_S, 1.0, 1, "never"),
-        _over(drone["loss"], LOSS_WARN, LOSS_BAD, 100.0, 1, "-"),
-        _over(drone["error_m"], ERROR_WARN_M, ERROR_BAD_M, 1e3, 0, "-") if flying else Cell("-"),
-        _under(drone["fence_margin_m"], FENCE_WARN_M, 0.0, 1.0, 2),
-        Cell("ok") if drone["rejected"] is None else Cell(str(drone["rejected"]), Level.BAD),
+        Cell(_LANDED.get(drone.landed, "-")),
+        Cell(_text(drone.battery_v, 1.0, 1)),
+        _under(drone.battery, BATTERY_LOW, BATTERY_EMPTY, 100.0, 0),
+        _over(drone.age_s, POSE_WARN_S, POSE_BAD_S, 1e3, 0, "never"),
+        _over(drone.setpoint_age_s, LATE_SETPOINT_S, STALE_SETPOINT_S, 1e3, 0, "-"),
+        _over(drone.link_behind_s, BEHIND_WARN_S, BEHIND_HOLD_S, 1e3, 0, "-"),
+        _over(drone.heartbeat_age_s, BEAT_WARN_S, SILENT_S, 1.0, 1, "never"),
+        _over(drone.loss, LOSS_WARN, LOSS_BAD, 100.0, 1, "-"),
+        _over(drone.error_m, ERROR_WARN_M, ERROR_BAD_M, 1e3, 0, "-") if flying else Cell("-"),
+        _under(drone.fence_margin_m, FENCE_WARN_M, 0.0, 1.0, 2),
+        Cell("ok") if drone.rejected is None else Cell(drone.rejected, Level.BAD),
     )
 
 
@@ -81,10 +80,10 @@ def worst(cells: tuple[Cell, ...]) -> Level:
     return max(cell.level for cell in cells)
 
 
-def _armed(drone: Mapping[str, Any]) -> Cell:
-    if drone["stopped_ms"] is not None:
+def _armed(drone: DroneState) -> Cell:
+    if drone.stopped_ms is not None:
         return Cell("CUT", Level.BAD)
-    return Cell("ARMED" if drone["armed"] else "off")
+    return Cell("ARMED" if drone.armed else "off")
 
 
 def _text(value: float | None, times: float, digits: int, unknown: str = "-") -> str:

@@ -12,7 +12,7 @@ from nicegui.elements.mixins.value_element import ValueElement
 from formation.config import CONFIGURED
 from formation.guidance.shape import known
 from formation.guidance.shape_request import ShapeRequest
-from formation.messages import OperatorReply, Verb
+from formation.messages import OperatorReply, Phase, Verb
 from formation.security_config import MAY_ASK, Role
 from gcs.page import drawing, html
 from gcs.page.alarms import severities
@@ -129,16 +129,16 @@ class Viewer:
     ) -> "Form":
         """The end of a form: what is foreseen of what its fields ask for, and the button that asks."""
         preview = ui.html("", sanitize=False).classes("wide")
-        button = ui.button(LABELS[verb.value], color=None).props(f"unelevated no-caps id=do-{verb}")
+        button = ui.button(LABELS[verb], color=None).props(f"unelevated no-caps id=do-{verb}")
         form = Form(verb, asked, foresee, preview, button)
         button.on_click(lambda: self._ask_form(form))
         for field in fields:
             field.on_value_change(lambda: self._preview(form))
         return form
 
-    def _button(self, verb: str) -> ui.button:
-        keys = {"hold": " · H", "land": " · L"}.get(verb, "")
-        return ui.button(LABELS[verb] + keys, on_click=lambda: self.ask(Verb(verb)), color=None).props(
+    def _button(self, verb: Verb) -> ui.button:
+        keys = {Verb.HOLD: " · H", Verb.LAND: " · L"}.get(verb, "")
+        return ui.button(LABELS[verb] + keys, on_click=lambda: self.ask(verb), color=None).props(
             f"unelevated no-caps id=do-{verb}"
         )
 
@@ -186,9 +186,9 @@ class Viewer:
             against = form is self._previewing and self._foreseen is not None and self._foreseen.against
             may = form.verb is Verb.SHAPE or model.may_choose
             form.button.set_enabled(self.commands and self.may(form.verb) and not shown.lost and may and not against)
-        self._buttons["reset"].set_visibility(shown.phase == "STOPPED")
+        self._buttons[Verb.RESET].set_visibility(shown.phase is Phase.STOPPED)
         for verb, button in self._buttons.items():
-            button.set_enabled(self.commands and self.may(Verb(verb)) and allowed.get(verb, False) and not shown.lost)
+            button.set_enabled(self.commands and self.may(verb) and allowed.get(verb, False) and not shown.lost)
         open_ = model.alarms.open
         self._alarms.content = html.alarms(open_, model.alarms.latest)
         self._alarm_count.text = severities(open_) or "no alarms"

@@ -6,7 +6,7 @@ from rich.text import Text
 
 from gcs.page.show import LABELS, Show, not_landed_text
 from gcs.page.table import COLUMNS, UNITS, Cell, Level
-from gcs.state.alarms import Alarm
+from wire.ground_state import Alarm
 
 LEFT_OUT = ("landed", "make", "batt")
 STYLES = {Level.CALM: "", Level.WARN: "yellow", Level.BAD: "bold red"}
@@ -20,7 +20,9 @@ def picture(shown: Show, alarms: tuple[Alarm, ...], answer: str) -> Group:
     if shown.lost:
         head = Text(f" NO CONNECTION TO THE GROUND: {shown.lost} ", "bold white on red")
     else:
-        head = Text.assemble((f" {shown.phase} ", "bold reverse"), f" {shown.since}  {shown.cause}")
+        head = Text.assemble(
+            (f" {'-' if shown.phase is None else shown.phase.name} ", "bold reverse"), f" {shown.since}  {shown.cause}"
+        )
     parts = [head]
     parts += [Text(text, "bold yellow") for text in shown.countdowns]
     parts += [Text(text, "bold white on red") for text in (not_landed_text(shown.not_landed), shown.stop) if text]

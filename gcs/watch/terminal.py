@@ -20,10 +20,10 @@ from gcs.page.show import none_of_ours, show
 from gcs.watch.picture import picture
 from wire import clock
 from wire.errors import BusError, ConfigError
+from wire.ground_state import GroundState, decode
 from wire.process.program import fail
 from wire.process.system import NOT_RIGHT, own_name
 from wire.security.protection import Protection
-from wire.text import parse_object
 from wire.transport.lab_address import LabAddress, address_near
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
@@ -50,7 +50,7 @@ class _Watch:
     def __init__(self, name: str) -> None:
         self._name = name
         self._alarms = ShownAlarms()
-        self._state: dict[str, Any] | None = None
+        self._state: GroundState | None = None
         self._mocap: dict[str, Any] | None = None
         self._state_ns = 0
         self._answer = ""
@@ -64,7 +64,7 @@ class _Watch:
 
         def receive_state(text: str) -> None:
             try:
-                state = parse_object(text)
+                state = decode(text)
                 with none_of_ours("ground"):
                     show(state, self._mocap, 0.0)
                     self._alarms.receive_ground(state)

@@ -17,6 +17,7 @@ from sim.cameras.systems import is_camera_system, server_for
 from sim.scenario import Scenario, recorded_leader
 from sim.script import OperatorView
 from wire.clock import Clock
+from wire.ground_state import decode
 from wire.process.daemon import Awaited, Punctuality, report_missing
 from wire.process.program import print_event
 from wire.security.protection import lab_protection
@@ -42,7 +43,7 @@ async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> N
 
     def receive_state(text: str) -> None:
         nonlocal flying
-        view = OperatorView.at(text)
+        view = OperatorView.at(decode(text))
         flying = view.phase in AIRBORNE
         if view.formed:
             emulator.start(clock.monotonic_ns())

@@ -1,7 +1,5 @@
 """A fake drone (ideal attitude, point mass, the least of the protocol) and a lab that joins drones to a GcsCore."""
 
-import json
-
 import numpy as np
 
 from formation.config import LabConfig
@@ -10,6 +8,7 @@ from formation.messages import Datagram, LabFrame, OperatorReply, OperatorReques
 from formation.rejection import Rejection
 from formation.vehicle.profile import profile
 from gcs.core import GcsCore, Outgoing
+from wire.ground_state import GroundState, decode, encode
 from wire.link_messages import (
     Address,
     AttitudeQuaternion,
@@ -235,9 +234,9 @@ class FakeLab:
         self.command(Verb.START, Phase.FORMATION)
 
     @property
-    def state(self) -> dict:
-        """What the ground publishes, as JSON has it, without NaN."""
-        return json.loads(self.core.status(self.now_ns), parse_constant=int)
+    def state(self) -> GroundState:
+        """What the ground publishes, as who hears it on the bus has it."""
+        return decode(encode(self.core.state(self.now_ns)))
 
     @property
     def events(self) -> list[str]:

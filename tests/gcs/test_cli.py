@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from formation.config import MocapConfig
 from formation.control.margin import delay_margin
 from formation.control.presets import preset_for
+from formation.messages import Phase, Verb
 from formation.vehicle.profile import PX4_QUAD
 from gcs.cli.app import app
 from gcs.cli.operator import next_steps
@@ -127,8 +128,7 @@ def test_a_ground_answers_other_processes_and_ends_on_a_signal(tmp_path):
 
 
 def test_status_says_what_may_be_asked_next():
-    assert next_steps("ARMED", {"takeoff": [], "land": [], "stop": [], "arm": ["arm is for GROUND"]}) == [
-        "next: gcs takeoff, gcs land"
-    ]
-    assert next_steps("STOPPED", {"land": [], "reset": []}) == ["next: gcs reset"]
-    assert next_steps("STOPPED", {"land": [], "reset": ["left: armed"]}) == ["no reset: left: armed"]
+    out_of_turn = {verb: ["out of turn"] for verb in Verb}
+    assert next_steps(Phase.ARMED, out_of_turn | {Verb.TAKEOFF: [], Verb.LAND: []}) == ["next: gcs takeoff, gcs land"]
+    assert next_steps(Phase.STOPPED, out_of_turn | {Verb.RESET: []}) == ["next: gcs reset"]
+    assert next_steps(Phase.STOPPED, out_of_turn | {Verb.RESET: ["left: armed"]}) == ["no reset: left: armed"]

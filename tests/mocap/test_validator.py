@@ -6,7 +6,6 @@ import pytest
 from formation.maths import frames
 from formation.rejection import Rejection
 from mocap.core import MocapCore
-from mocap.validator import motors_on
 from tests.mocap.validator_rig import BODIES, POSITIONS_LAB_M, TURNED, UPRIGHT, Fault, ValidatorRig
 
 MOUNTINGS = pytest.mark.parametrize("mounting", [UPRIGHT, TURNED], ids=["upright", "turned"])
@@ -130,8 +129,7 @@ def test_cameras_without_noise_show_standing_bodies_as_they_are():
 def test_a_jump_is_rejected_at_once_and_believed_on_the_floor_alone(mounting):
     """A ground that restarts in flight, without heartbeats, makes no drone stand: its first state once did."""
     r = ValidatorRig(mounting)
-    r.core.note_motors(motors_on('{"drones": [{"body": "left", "armed": false, "heartbeat_age_s": null}]}'))
-    r.core.note_motors(motors_on("garbage"))
+    r.core.note_motors({})
     jump = moved([1.0, 0.0, 0.0])
     r.fly(60, jump)
     assert r.codes("left") == [Rejection.JUMP] * 60

@@ -188,7 +188,7 @@ class Room:
 
     def whereabouts(self) -> str:
         """Where the flight has come to, and what the ground has against more."""
-        return f"{self.operator.phase.name}, {self.operator.outcome}, {self.state.get('refusals')}"
+        return f"{self.operator.phase.name}, {self.operator.outcome}, {self.state.get('prearm_failures')}"
 
     async def bring_down(self, since_ns: int, sysids: Sequence[int]) -> bool:
         """Ask for a landing once a second until all are down; whether they are, in time."""

@@ -127,7 +127,7 @@ class Readers:
         """As ground, agent and bridge would."""
         self._ground.receive(frame, now_ns)
         self._ground.tick(now_ns)
-        self._ground.status(now_ns)
+        self._ground.state(now_ns)
         self._agent.receive(frame, now_ns)
         self._agent.tick(now_ns)
         self._bridge.receive_frame(frame, now_ns)

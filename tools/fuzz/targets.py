@@ -1,7 +1,8 @@
 """What is fuzzed, in flight: each target takes one drawn message a call, by the functions that its daemon calls."""
 
-import json
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -12,14 +13,14 @@ from drone_agent.guard.config import GuardConfig
 from drone_agent.guard.core import GuardCore
 from formation import topics
 from formation.messages import Datagram, Event, LabFrame, Phase, Severity, Tick
+from gcs.alarms import EventMemory
 from gcs.live.daemon import Live
 from gcs.page.model import Model
-from gcs.state.host import Disk, EventMemory, host_state
 from mocap.core import MocapCore
-from mocap.validator import motors_on
 from tests.drone_agent.agent_harness import Harness, hover_at
 from tests.gcs.fakes import FakeLab, triangle
 from tools.fuzz.messages import FRAME, RAW, REQUEST, SYSID, TARGET, Draws
+from wire.ground_state import decode, encode
 from wire.link_messages import GROUND, Address
 from wire.logs.mcap_write import LogWriter
 from wire.mavlink.codec import Codec
@@ -96,7 +97,7 @@ class Targets:
                 lab.core.receive(request, lab.now_ns)
         if self._count % STEP_EVERY == 0:
             lab.step()
-            lab.core.status(lab.now_ns)
+            lab.core.state(lab.now_ns)
             del lab.ticks[:], lab.records[:], lab.replies[:]
             for drone in lab.drones.values():
                 drone.heard.clear()
@@ -106,7 +107,8 @@ class Targets:
         draws = self._draws
         now_ns = self.lab.now_ns = self.lab.now_ns + 1000
         if draws.rng.random() < 0.3:
-            self.mocap.note_motors(motors_on(draws.state(self.state)))
+            with suppress(ValueError):
+                self.mocap.note_motors(decode(draws.state(self.state)).motors_on)
             return
         bodies = [v.body for v in self.lab.config.vehicles]
         frame = decoded(RAW, draws.raw_frame(draws.rng.choice((bodies, bodies, [*bodies, "wand"])), now_ns))
@@ -168,8 +170,8 @@ def published(lab: FakeLab) -> str:
     events = EventMemory()
     for text in ("left: battery under 20 %", "over: left: battery under 20 %"):
         events.note(Event(Severity.WARNING, "safety", text), 1_000_000)
-    host = host_state(100, 1, 0.001, Path("flight.mcap"), Disk(1, 2), events)
-    return json.dumps(lab.core.state(lab.now_ns) | host)
+    state = lab.core.state(lab.now_ns)
+    return encode(replace(state, events=events.newest, alarms=events.alarms.open))
 
 
 def decoded(schema: Any, data: bytes) -> Any:

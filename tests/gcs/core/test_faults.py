@@ -40,15 +40,15 @@ def test_a_body_is_nowhere_while_it_is_not_seen_and_nobody_arms():
     lab.run(2.0)
     assert refusal(lab, Verb.ARM) == "left: no fresh pose (last seen never)"
     unknown = ("pos_lab_m", "q_lab_from_flu", "fence_margin_m", "error_m")
-    assert {key: lab.state["drones"][1][key] for key in unknown} == dict.fromkeys(unknown)
+    assert {key: getattr(lab.state.drones[1], key) for key in unknown} == dict.fromkeys(unknown)
     lab.hidden.clear()
     lab.step()
-    assert lab.state["drones"][1]["pos_lab_m"] == pytest.approx([1.5, 1.0, 0.0], abs=0.01)
-    assert lab.state["refusals"] == []
+    assert lab.state.drones[1].pos_lab_m == pytest.approx([1.5, 1.0, 0.0], abs=0.01)
+    assert lab.state.prearm_failures == ()
     lab.hidden.add("left")
     lab.run(0.3)
     assert refusal(lab, Verb.ARM).startswith("left: no fresh pose (last seen 0.3")
-    assert lab.state["drones"][1]["pos_lab_m"] is None
+    assert lab.state.drones[1].pos_lab_m is None
     lab.frames_stopped = True
     lab.run(0.5)
     assert refusal(lab, Verb.ARM).count("no fresh pose") == 3
@@ -154,7 +154,7 @@ def test_reset_leads_from_a_stop_to_another_flight():
     lab.command(Verb.STOP, Phase.STOPPED)
     assert "`gcs reset` leads back to GROUND" in refusal(lab, Verb.ARM)
     lab.run(2.0)
-    assert lab.core.state(lab.now_ns)["allowed"]["reset"] == []
+    assert lab.core.state(lab.now_ns).allowed["reset"] == ()
     lab.command(Verb.RESET, Phase.GROUND)
     lab.take_off()
 
@@ -220,7 +220,7 @@ def test_a_rejection_code_that_is_none_of_ours_ends_nothing():
     frame = replace(lab.frame(), rejected=np.array([200, 0, 0], np.uint8))
     lab.core.receive(frame, lab.now_ns)
     lab._tick_while_due()
-    assert lab.state["rejected"] == {"lead": "reason 200, of a later version"}
+    assert lab.state.rejected == {"lead": "reason 200, of a later version"}
 
 
 def test_a_forged_hover_thrust_changes_nothing_in_flight():

@@ -21,7 +21,7 @@ def test_a_whole_flight(lab):
     lab.fly()
     assert [d.armed for d in lab.drones.values()] == [True] * 3
     lab.run(7.0)
-    assert lab.state["trajectory_done"]
+    assert lab.state.trajectory_done
     assert np.allclose(lab.drones[1].pos, [1.0, 0.0, 0.3], atol=0.05)
     assert np.allclose(lab.drones[2].pos - lab.drones[1].pos, [-0.4, 0.4, 0.0], atol=0.05)
     assert np.allclose(lab.drones[3].pos - lab.drones[1].pos, [-0.4, -0.4, 0.0], atol=0.05)
@@ -83,16 +83,16 @@ def test_the_heartbeat_is_earned_by_frames(lab):
 def test_of_two_frames_the_newest_is_flown_and_one_that_goes_back_is_dropped_both_counted(lab):
     lab.fly()
     lab.run(0.5)
-    before = lab.state["counters"]
+    before = lab.state.counters
     for _ in range(2):
         lab.seq += 1
         lab.now_ns += 10 * MS
         lab.core.receive(lab.frame(), lab.now_ns)
     lab.step()
-    assert lab.state["counters"]["missed_frames"] == before["missed_frames"] + 2
+    assert lab.state.counters.missed_frames == before.missed_frames + 2
     lab.core.receive(replace(lab.frame(), t_capture_ns=T0_NS), lab.now_ns)
     assert lab.core.next_deadline_ns() > lab.now_ns
-    assert lab.state["counters"]["stale_frames"] == before["stale_frames"] + 1
+    assert lab.state.counters.stale_frames == before.stale_frames + 1
 
 
 def test_an_observed_leader_is_followed_and_never_commanded():
@@ -113,20 +113,20 @@ def test_status_says_of_whom_the_mocap_rejects_the_pose_and_why(lab):
     codes = np.array([0, Rejection.JUMP, 0], np.uint8)
     lab.core.receive(replace(lab.frame(), seen=codes == 0, rejected=codes), lab.now_ns)
     status = lab.state
-    assert status["rejected"] == {"left": "jumped farther than it can move"}
-    assert [drone["rejected"] for drone in status["drones"]] == [None, "jumped farther than it can move", None]
+    assert status.rejected == {"left": "jumped farther than it can move"}
+    assert [drone.rejected for drone in status.drones] == [None, "jumped farther than it can move", None]
     lab.step()
-    assert lab.state["rejected"] == {}
+    assert lab.state.rejected == {}
 
 
 def test_the_floor_is_no_wall_for_a_drone_that_stands(lab):
     lab.run(2.0)
     low, high = lab.config.limits.fence.low_m, lab.config.limits.fence.high_m
-    for drone in lab.core.state(lab.now_ns)["drones"]:
-        x, y, z = drone["pos_lab_m"]
+    for drone in lab.core.state(lab.now_ns).drones:
+        x, y, z = drone.pos_lab_m
         walls = (x - low[0], y - low[1], high[0] - x, high[1] - y, high[2] - z)
-        assert drone["fence_margin_m"] == pytest.approx(min(walls), abs=2e-3)
+        assert drone.fence_margin_m == pytest.approx(min(walls), abs=2e-3)
     lab.fly()
-    z_low = [d["pos_lab_m"][2] - low[2] for d in lab.core.state(lab.now_ns)["drones"]]
-    margins = [d["fence_margin_m"] for d in lab.core.state(lab.now_ns)["drones"]]
+    z_low = [d.pos_lab_m[2] - low[2] for d in lab.core.state(lab.now_ns).drones]
+    margins = [d.fence_margin_m for d in lab.core.state(lab.now_ns).drones]
     assert all(margin <= below + 2e-3 for margin, below in zip(margins, z_low, strict=True))

@@ -27,13 +27,13 @@ def behind(lab: FakeLab, sysid: int, late_ms: int, *, every: int = 1) -> None:
 
 def test_the_backlog_of_a_link_is_a_measured_figure_by_timesyncs_clock_alone():
     lab = flying()
-    assert lab.state["drones"][1]["link_behind_s"] < 0.01
+    assert lab.state.drones[1].link_behind_s < 0.01
     link = lab.core._links[2]
     assert link._made_ns(lab.now_ns + 9 * AHEAD_NS, lab.now_ns) is None  # of another clock
     assert 0.0 <= link.behind_s(lab.now_ns) < 0.01
     behind(lab, 2, 70)
     lab.run(1.3)
-    assert abs(lab.state["drones"][1]["link_behind_s"] - 0.07) < 0.012
+    assert abs(lab.state.drones[1].link_behind_s - 0.07) < 0.012
     assert "left: its telemetry arrives 50 ms late" in lab.events
     assert lab.phase is Phase.FORMATION
 

@@ -11,18 +11,18 @@ def test_a_silent_drone_is_lost_with_an_alarm_until_it_responds_and_is_landed():
     drone.sends_nothing = drone.receives_nothing = True
     lab.run_until(Phase.LAND)
     lab.run_until(Phase.GROUND)
-    assert lab.state["cause"].startswith("LAND ended: left unheard for ")
-    assert "last seen in the air at x " in lab.state["cause"]
-    assert lab.state["cause"] in lab.events
-    assert lab.state["not_landed"] == ["left"]
+    assert lab.state.cause.startswith("LAND ended: left unheard for ")
+    assert "last seen in the air at x " in lab.state.cause
+    assert lab.state.cause in lab.events
+    assert lab.state.not_landed == ("left",)
     assert not any("every drone has landed" in text for text in lab.events)
     lab.run(10.0)
     assert f"over: {alarm}" not in lab.events
-    assert alarm in lab.state["open_alarms"]
+    assert alarm in lab.state.open_alarms
     drone.sends_nothing = drone.receives_nothing = False
     lab.run(3.0)
     assert f"over: {alarm}" in lab.events
-    assert (lab.state["open_alarms"], lab.state["not_landed"], drone.armed) == ([], [], False)
+    assert (lab.state.open_alarms, lab.state.not_landed, drone.armed) == ((), (), False)
 
 
 def test_a_drone_that_falls_silent_after_it_has_landed_is_not_lost():
@@ -32,5 +32,5 @@ def test_a_drone_that_falls_silent_after_it_has_landed_is_not_lost():
     lab.run_until(Phase.GROUND)
     lab.drones[2].sends_nothing = True
     lab.run(10.0)
-    assert lab.state["not_landed"] == []
-    assert lab.state["cause"] == "every drone has landed and is disarmed"
+    assert lab.state.not_landed == ()
+    assert lab.state.cause == "every drone has landed and is disarmed"

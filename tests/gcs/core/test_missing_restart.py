@@ -47,7 +47,7 @@ def test_a_parameter_that_the_ground_saw_wrong_and_then_right_counts_from_a_rest
     lab = FakeLab(triangle())
     lab.drones[2].parameters["EKF2_HGT_REF"] = 1
     lab.run(2.0)
-    assert not any("restart" in text for text in lab.state["refusals"])
+    assert not any("restart" in text for text in lab.state.prearm_failures)
     lab.drones[2].parameters["EKF2_HGT_REF"] = 3
     lab.core._links[2].reread_parameters()
     lab.run(2.0)
@@ -61,4 +61,4 @@ def test_a_drone_whose_clock_is_not_known_is_not_armed():
     lab.core.receive(UnmetParameter(2, "EKF2_HGT_REF", 0), lab.now_ns)
     lab.drones[2]._react = lambda *_: None  # answers neither TIMESYNC nor anything else
     lab.run(2.0)
-    assert REFUSED in lab.state["refusals"]
+    assert REFUSED in lab.state.prearm_failures

@@ -42,8 +42,8 @@ def test_a_restarted_ground_asked_to_arm_drops_nobody():
     assert all(not drone.setpoints for drone in lab.drones.values())
     assert all(drone.pos[2] > 0.25 for drone in lab.drones.values())
     status = lab.state
-    assert status["refusals"][0] == "drones are flying under no ground: take control, land or stop"
-    assert status["ground_session"] == 1
+    assert status.prearm_failures[0] == "drones are flying under no ground: take control, land or stop"
+    assert status.ground_session == 1
 
 
 @pytest.mark.parametrize("heard_s", [0.0, 3.5])
@@ -189,7 +189,7 @@ def test_log_trouble_is_reported_forbids_arming_and_changes_no_setpoint():
 
     well, ill = flight(""), flight("the disk is full")
     assert "the disk is full" in ill.events
-    assert ill.state["log_trouble"] == "the disk is full"
+    assert ill.state.log_trouble == "the disk is full"
     for mine, other in zip(well.drones.values(), ill.drones.values(), strict=True):
         assert [(t, s.thrust_norm, s.q_lab_from_flu.tobytes()) for t, s in mine.setpoints] == [
             (t, s.thrust_norm, s.q_lab_from_flu.tobytes()) for t, s in other.setpoints

@@ -1,5 +1,6 @@
 """What drones and people said is shown as it was said: never read as markup, never a reason to fail."""
 
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
@@ -8,22 +9,21 @@ from rich.console import Console
 
 from gcs.cli.operator import print_status
 from gcs.finding import Finding, Grade, show
+from tests.gcs.fakes import FakeLab, triangle
 
 WORDS = ["[/]", "[bold]x", "[link=http://x]y[/link]", "[/bold red]", "\\[", ":smile:"]
 
 
 @pytest.mark.parametrize("words", WORDS)
 def test_a_status_and_a_finding_show_words_as_they_are(words: str) -> None:
-    drone = {
-        "sysid": 1, "body": words, "autopilot": words, "mode": words, "armed": False, "pos_lab_m": [0.0, 0.0, 0.0],
-        "battery": None, "disarms_in_s": None, "heartbeat_age_s": None, "age_s": None,
-    }  # fmt: skip
-    status = {"phase": words, "cause": words, "shape": words, "drones": [drone], "refusals": [f"left: {words}"],
-            "log_trouble": words}  # fmt: skip
+    state = FakeLab(triangle()).state
+    drone = replace(state.drones[0], body=words, autopilot=words, mode=words)
+    failures = (f"left: {words}",)
+    state = replace(state, cause=words, shape=words, drones=(drone,), prearm_failures=failures, log_trouble=words)
     shown = Console(file=StringIO(), width=400, force_terminal=True, color_system=None)
-    print_status(status, shown)
+    print_status(state, shown)
     show([Finding(words, words, Grade.FAIL, words, words, words)], shown)
-    assert shown.file.getvalue().count(words) == 8 + 5
+    assert shown.file.getvalue().count(words) == 7 + 5
 
 
 @pytest.mark.parametrize("date", ["../../../etc/x", "\x1b[2J/..", "a" * 5000])

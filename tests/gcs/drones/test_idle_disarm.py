@@ -23,7 +23,7 @@ def _armed(autopilot: MavAutopilot = MavAutopilot.PX4, timeout_s: float = 10.0) 
 
 
 def _countdown(lab: FakeLab) -> list[float | None]:
-    return [drone["disarms_in_s"] for drone in lab.state["drones"]]
+    return [drone.disarms_in_s for drone in lab.state.drones]
 
 
 def _loud(lab: FakeLab) -> list[str]:

@@ -8,18 +8,19 @@ For pictures and for timing what a page costs: neither processes of agents nor a
 import argparse
 import asyncio
 import itertools
-import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from formation.config import LabConfig
 from formation.guidance.patterns import grid
 from formation.messages import OperatorReply, OperatorRequest, Verb
 from formation.requests import GCS_NAME
-from gcs.state.host import Disk, EventMemory, host_state
+from gcs.alarms import EventMemory
 from tests.gcs.fakes import FakeLab
 from wire import config_file
 from wire.clock import monotonic_ns, sleep_until_ns, unix_us
+from wire.ground_state import Cycles, LogFile, encode
 from wire.link_messages import LandedState
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import Reply, ZenohBus
@@ -95,10 +96,11 @@ class Ground:
                 self.memory.note(event, unix_us())
         self._events = len(self.lab.records)
         self.answer()
-        host = host_state(
-            self.lab.seq, 0, 0.002, Path("lab-20260301-101502.mcap"), Disk(8_400_000, 82_000_000_000), self.memory
+        host = {"events": self.memory.newest, "alarms": self.memory.alarms.open}
+        log = LogFile("lab-20260301-101502.mcap", 8_400_000, 82_000_000_000)
+        return encode(
+            replace(self.lab.core.state(self.lab.now_ns), cycles=Cycles(self.lab.seq, 0, 2.0), log=log, **host)
         )
-        return json.dumps(self.lab.core.state(self.lab.now_ns) | host)
 
 
 async def again(config: LabConfig) -> None:

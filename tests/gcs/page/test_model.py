@@ -1,12 +1,12 @@
 """The page's view model, on states of a GcsCore that flies fake drones: no browser, no bus."""
 
-import json
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from formation.messages import Event, Phase, Severity, Verb
+from gcs.alarms import ACKNOWLEDGED, EventMemory
 from gcs.page import drawing, html
 from gcs.page.alarms import ShownAlarms
 from gcs.page.camera import Stand, above, perspective
@@ -16,31 +16,22 @@ from gcs.page.model import Model
 from gcs.page.scene import Trails, scene
 from gcs.page.show import Step, countdowns, show, stop_text
 from gcs.page.table import COLUMNS, UNITS, Cell, Level, row
-from gcs.state.alarms import ACKNOWLEDGED
-from gcs.state.host import Disk, EventMemory, host_state
 from tests.gcs.fakes import FakeLab, flying, refusal, triangle
-
-LOG = "flight.mcap"
-
-
-def state_of(lab: FakeLab, events: EventMemory | None = None) -> dict:
-    """As the ground publishes it."""
-    host = host_state(1000, 2, 0.012, Path(LOG), Disk(5_000_000, 80_000_000_000), events or EventMemory())
-    return json.loads(json.dumps(lab.core.state(lab.now_ns) | host))
+from wire.ground_state import GroundState, PublishedEvent, encode
 
 
-def step(state: dict, verb: str) -> Step:
-    return next(one for one in show(state, None, 0.0).steps if one.verb == verb)
+def step(state: GroundState, verb: Verb) -> Step:
+    return next(one for one in show(state, None, 0.0).steps if one.verb is verb)
 
 
 @pytest.fixture(scope="module")
-def flight() -> dict[Phase, dict]:
+def flight() -> dict[Phase, GroundState]:
     """The states of a flight, one for each phase, and the last of a stop."""
     lab, told = FakeLab(triangle()), {}
 
     def note(seconds: float) -> None:
         lab.run(seconds)
-        told[lab.phase] = state_of(lab)
+        told[lab.phase] = lab.state
 
     note(2.0)
     lab.command(Verb.ARM, Phase.ARMED)
@@ -50,7 +41,7 @@ def flight() -> dict[Phase, dict]:
     lab.run_until(Phase.HOLD)
     note(0.5)
     lab.command(Verb.START, Phase.FORMATION)
-    while not lab.state["trajectory_started"]:
+    while not lab.state.trajectory_started:
         lab.step()
     note(0.5)
     lab.command(Verb.LAND, Phase.LAND)
@@ -73,9 +64,9 @@ def test_a_step_is_allowed_in_its_phase_and_says_why_not_elsewhere(flight):
         Phase.LAND: {"land"},
         Phase.STOPPED: {"land", "reset"},
     }
-    assert step(flight[Phase.GROUND], "start").out_of_turn
-    assert not step(flight[Phase.GROUND], "take_control").out_of_turn
-    assert step(flight[Phase.GROUND], "take_control").reasons == (
+    assert step(flight[Phase.GROUND], Verb.START).out_of_turn
+    assert not step(flight[Phase.GROUND], Verb.TAKE_CONTROL).out_of_turn
+    assert step(flight[Phase.GROUND], Verb.TAKE_CONTROL).reasons == (
         "no drone is armed: there is nothing to take control of",
     )
 
@@ -84,15 +75,15 @@ def test_the_countdowns(flight):
     first, left_s = countdowns(flight[Phase.ARMED])[0].split(" disarms itself in ")
     assert first in ("lead", "left", "right")
     assert 0.0 < float(left_s.removesuffix(" s")) < 10.0
-    t_s, whole_s = flight[Phase.FORMATION]["trajectory_s"]
+    t_s, whole_s = flight[Phase.FORMATION].trajectory_s
     assert countdowns(flight[Phase.FORMATION]) == (f"leader's trajectory: {whole_s - t_s:.0f} s of 3 s left",)
     assert countdowns(flight[Phase.LAND])[-1].startswith("landing: ")
     assert countdowns(flight[Phase.GROUND]) == ()
 
 
 def test_a_stop_says_who_has_latched_it_and_how_soon(flight):
-    told = flight[Phase.STOPPED]["drones"]
-    assert all(0.0 <= drone["stopped_ms"] <= 20.0 for drone in told)  # fake drones answer at once: a frame or two
+    told = flight[Phase.STOPPED].drones
+    assert all(0.0 <= drone.stopped_ms <= 20.0 for drone in told)  # fake drones answer at once: a frame or two
     assert stop_text(flight[Phase.STOPPED]).startswith("3 of 3 drones have latched the stop: lead ")
     assert stop_text(flight[Phase.HOLD]) == ""
     lab = FakeLab(triangle())
@@ -100,7 +91,7 @@ def test_a_stop_says_who_has_latched_it_and_how_soon(flight):
     lab.drones[2].receives_nothing = True
     lab.ask(Verb.STOP)
     lab.run(0.5)
-    assert stop_text(state_of(lab)).endswith("; NOT YET: left")
+    assert stop_text(lab.state).endswith("; NOT YET: left")
 
 
 def test_a_table_row_has_a_cell_for_each_column_with_its_unit_and_marks_what_is_wrong(flight):
@@ -108,19 +99,20 @@ def test_a_table_row_has_a_cell_for_each_column_with_its_unit_and_marks_what_is_
     for name, unit, cell in zip(COLUMNS, UNITS, shown.rows[0], strict=True):
         assert unit or name == "id" or not cell.text.replace(".", "").isdigit(), name
     assert '<th title="time since its heartbeat, s">heard<small>s</small></th>' in html.table(shown)
-    drone = flight[Phase.FORMATION]["drones"][1]
+    drone = flight[Phase.FORMATION].drones[1]
     cells = dict(zip(COLUMNS, row(drone, flying=True), strict=True))
     assert (cells["id"].text, cells["name"].text, cells["make"].text) == ("2", "left", "PX4")
     assert (cells["armed"].text, cells["validator"].text) == ("ARMED", "ok")
     assert float(cells["error"].text) < 50.0
-    ill = drone | {
-        "battery": 0.15,
-        "age_s": 0.31,
-        "heartbeat_age_s": None,
-        "rejected": "frozen",
-        "fence_margin_m": 0.05,
-        "link_behind_s": 0.12,
-    }
+    ill = replace(
+        drone,
+        battery=0.15,
+        age_s=0.31,
+        heartbeat_age_s=None,
+        rejected="frozen",
+        fence_margin_m=0.05,
+        link_behind_s=0.12,
+    )
     cells = dict(zip(COLUMNS, row(ill, flying=True), strict=True))
     assert cells["charge"] == Cell("15", Level.WARN)
     assert cells["pose"] == Cell("310", Level.BAD)
@@ -136,10 +128,11 @@ def test_what_is_wrong_is_on_the_page_and_at_rest_nothing_is(flight):
     assert "p-aloft" not in html.head(calm)
     assert "not possible" not in html.steps(calm, True)
     assert "Take control: no drone is armed" in html.steps(calm, True)
-    state = json.loads(json.dumps(flight[Phase.GROUND] | {"not_landed": ["left"]}))
-    state["drones"][0]["armed"] = True
-    state["allowed"]["arm"] = ["the stop button does not work: /dev/input/js0: gone"]
-    ill = show(state, None, 0.0)
+    state = flight[Phase.GROUND]
+    first, *others = state.drones
+    against = {Verb.ARM: ("the stop button does not work: /dev/input/js0: gone",)}
+    drones = (replace(first, armed=True), *others)
+    ill = show(replace(state, not_landed=("left",), drones=drones, allowed={**state.allowed, **against}), None, 0.0)
     assert "NOT KNOWN TO HAVE LANDED: left" in html.head(ill)
     assert 'class="phase p-aloft"' in html.head(ill)
     assert "Take control is not possible" in html.steps(ill, True)
@@ -149,13 +142,13 @@ def test_what_is_wrong_is_on_the_page_and_at_rest_nothing_is(flight):
 def test_silence_of_the_ground_is_shown_and_is_an_alarm_once(flight):
     model = Model(triangle())
     assert model.show(0, 0.0).lost == "waiting to hear the ground: `gcs run` starts one"
-    model.receive_state(json.dumps(flight[Phase.HOLD]), 10_000_000_000)
+    model.receive_state(encode(flight[Phase.HOLD]), 10_000_000_000)
     assert model.show(10_900_000_000, 5.0).lost == ""
     assert model.show(13_000_000_000, 7.0).lost == "nothing heard of the ground for 3 s"
     model.show(14_000_000_000, 8.0)
     assert [(alarm.severity, alarm.times) for alarm in model.alarms.open] == [(Severity.CRITICAL, 1)]
     assert "NO CONNECTION" in html.lost(model.show(14_000_000_000, 8.0))
-    model.receive_state(json.dumps(flight[Phase.HOLD]), 15_000_000_000)
+    model.receive_state(encode(flight[Phase.HOLD]), 15_000_000_000)
     assert html.lost(model.show(15_000_000_000, 9.0)) == ""
 
 
@@ -163,10 +156,10 @@ BATTERY = Event(Severity.WARNING, "safety", "left: battery under 20 %", lasts=Tr
 OUTSIDE = Event(Severity.CRITICAL, "safety", "right: outside", lasts=True)
 
 
-def published(told: EventMemory, session: int = 7) -> dict:
+def published(told: EventMemory, session: int = 7) -> GroundState:
     """What the alarms of a page are made of."""
-    alarms = [alarm.as_json() for alarm in told.alarms.open]
-    return json.loads(json.dumps({"ground_session": session, "events": list(told), "alarms": alarms}))
+    state = FakeLab(triangle()).state
+    return replace(state, ground_session=session, events=told.newest, alarms=told.alarms.open)
 
 
 def over(event: Event) -> Event:
@@ -213,8 +206,8 @@ def test_alarms_of_a_ground_that_is_gone_stay_until_they_are_acknowledged():
 def test_a_false_state_hides_no_real_alarm():
     shown, told, false = ShownAlarms(), EventMemory(), EventMemory()
     told.note(OUTSIDE, 2_000_000)
-    real, other = published(told), published(false)
-    other["events"] = [{"id": 2**62, "unix_s": 1.0, "severity": "NOTICE", "source": "x", "text": "false"}]
+    real = published(told)
+    other = replace(published(false), events=(PublishedEvent(2**62, 1.0, Severity.NOTICE, "x", "false"),))
     for state in (other, real, other, real):
         shown.receive_ground(state)
     assert [(one.text, one.times) for one in shown.open] == [("right: outside", 1)]
@@ -239,7 +232,7 @@ def test_one_viewer_has_the_control_until_another_takes_it():
 
 def test_a_shape_is_judged_before_it_is_asked_for_as_the_ground_judges_it():
     lab = flying()
-    state = state_of(lab)
+    state = lab.state
     good = shape("line", state, lab.config)
     assert good.against == ()
     assert good.text.startswith("line: ")
@@ -255,10 +248,10 @@ def test_a_start_is_judged_with_the_leaders_whole_way():
     lab = FakeLab(config)
     lab.take_off()
     lab.run(0.5)
-    state = state_of(lab)
+    state = lab.state
     against = start(state, config).against
     assert against[0].startswith("lead: it would be outside the fence")
-    assert not next(one for one in show(state, None, 0.0, against).steps if one.verb == "start").allowed
+    assert not next(one for one in show(state, None, 0.0, against).steps if one.verb is Verb.START).allowed
     assert refusal(lab, Verb.START).startswith("lead: it would be outside the fence")
 
 
@@ -289,7 +282,7 @@ def test_a_trajectory_is_foreseen_as_the_ground_will_answer():
     lab = FakeLab(triangle(leader={"body": "lead", "sysid": 1, "trajectories": ways}))
     lab.run(2.0)
     model = Model(lab.core._config)
-    model.receive_state(json.dumps(state_of(lab)), lab.now_ns)
+    model.receive_state(encode(lab.state), lab.now_ns)
     assert model.may_choose
     assert "; ".join(model.foresee_trajectory("far").against) == refusal(lab, Verb.TRAJECTORY, "far")
     eight = model.foresee_trajectory("eight")
@@ -298,17 +291,17 @@ def test_a_trajectory_is_foreseen_as_the_ground_will_answer():
     assert np.ptp(np.array(eight.path_lab_m), axis=0) == pytest.approx([0.8, 0.4, 0.0], abs=0.02)
     assert lab.reply(lab.ask(Verb.TRAJECTORY, "eight")).accepted
     lab.fly()
-    while not lab.state["trajectory_started"]:
+    while not lab.state.trajectory_started:
         lab.step()
-    model.receive_state(json.dumps(state_of(lab)), lab.now_ns)
+    model.receive_state(encode(lab.state), lab.now_ns)
     assert not model.may_choose
-    assert countdowns(state_of(lab))[0].startswith("leader's trajectory eight: ")
+    assert countdowns(lab.state)[0].startswith("leader's trajectory eight: ")
 
 
 @pytest.mark.parametrize("text", ["[" * 5000, '{"drones": 3}', '{"phase": []}', "[]", '{"phase": "GROUND"}', "NaN"])
 def test_a_state_that_is_none_is_rejected_and_the_last_one_stays(flight, text):
     model = Model(triangle())
-    model.receive_state(json.dumps(flight[Phase.HOLD]), 10_000_000_000)
-    with pytest.raises(ValueError, match=r"JSON|no state of a ground"):
+    model.receive_state(encode(flight[Phase.HOLD]), 10_000_000_000)
+    with pytest.raises(ValueError, match=r"JSON|version 1"):
         model.receive_state(text, 11_000_000_000)
-    assert model.show(11_000_000_000, 0.0).phase == "HOLD"
+    assert model.show(11_000_000_000, 0.0).phase is Phase.HOLD

@@ -7,12 +7,13 @@ import pytest
 import typer
 from rich.console import Console
 
-from formation.messages import Severity
+from formation.messages import Phase, Severity, Verb
 from gcs.page.show import NOTHING_YET, Show, Step, cause
 from gcs.page.table import Cell, Level
-from gcs.state.alarms import Alarm
 from gcs.watch.picture import picture
 from gcs.watch.terminal import watch
+from tests.gcs.fakes import FakeLab, triangle
+from wire.ground_state import Alarm
 from wire.process.system import NOT_RIGHT
 
 
@@ -25,7 +26,7 @@ def printed(shown: Show, *alarms: Alarm) -> list[str]:
 def test_a_swarm_fits_into_80_columns_and_says_what_is_wrong():
     row = "12 follower_12 PX4 OFFBOARD ARMED air 15.2 97 24 26 120 0.9 12.5 1234 0.38 ok"
     cells = tuple(Cell(text, Level.BAD if text == "1234" else Level.CALM) for text in row.split(" "))
-    shown = replace(NOTHING_YET, rows=(cells,) * 20, steps=(Step("arm", ("left: no fresh pose",)),), lost="")
+    shown = replace(NOTHING_YET, rows=(cells,) * 20, steps=(Step(Verb.ARM, ("left: no fresh pose",)),), lost="")
     lines = printed(shown, Alarm(0.0, Severity.ERROR, "safety", "right: outside the fence"))
     assert max(map(len, lines)) <= 80
     table = [line.split() for line in lines if line.startswith("12 ")]
@@ -45,7 +46,8 @@ def test_without_a_keyboard_it_ends_in_one_line(monkeypatch, capsys):
 
 def test_in_hold_it_says_that_the_operator_resumes():
     """The cause may be long over: no formation resumes by itself."""
-    assert cause({"phase": "HOLD", "cause": "leader: body not seen for 0.2 s"}) == (
+    state = FakeLab(triangle()).state
+    assert cause(replace(state, phase=Phase.HOLD, cause="leader: body not seen for 0.2 s")) == (
         "leader: body not seen for 0.2 s; `start` by the operator leads on"
     )
-    assert cause({"phase": "LAND", "cause": "operator: land"}) == "operator: land"
+    assert cause(replace(state, phase=Phase.LAND, cause="operator: land")) == "operator: land"

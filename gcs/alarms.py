@@ -1,44 +1,19 @@
-"""Alarms: events of severity WARNING or worse, until they are acknowledged and over. Pure; wall-clock times, s."""
+"""Alarms: events of severity WARNING or worse, until they are acknowledged and over; and the newest events. Pure."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 
 from formation.messages import OVER, Event, Severity
+from wire.ground_state import Alarm, PublishedEvent
 
 LOUD = Severity.ERROR
 """What is as severe as this, or more, is heard until it is acknowledged."""
 MOST = 100
+EVENTS_MAX = 40
+"""Events that are kept for viewers that connect later."""
 ACKNOWLEDGED = Event(Severity.NOTICE, "operator", "alarms acknowledged")
 """The ground's event when an operator has acknowledged every alarm."""
-
-
-@dataclass(frozen=True, slots=True)
-class Alarm:
-    """One alarm: since when, how severe, whose, in words; times: how often it came.
-
-    goes_on: its condition has not ended. acknowledged: an operator has read it.
-    """
-
-    unix_s: float
-    severity: Severity
-    source: str
-    text: str
-    times: int = 1
-    goes_on: bool = False
-    acknowledged: bool = False
-
-    def as_json(self) -> dict[str, Any]:
-        """As the state has it; the severity by its name."""
-        return asdict(self) | {"severity": self.severity.name}
-
-    @classmethod
-    def from_json(cls, values: Mapping[str, Any]) -> "Alarm":
-        """What `as_json` made; LookupError, TypeError or ValueError of anything else."""
-        return cls(
-            float(values["unix_s"]), Severity[str(values["severity"])], str(values["source"]), str(values["text"]),
-            int(values["times"]), bool(values["goes_on"]), bool(values["acknowledged"]),
-        )  # fmt: skip
 
 
 @dataclass(slots=True)
@@ -52,7 +27,7 @@ class AlarmBook:
     _alarms: dict[tuple[str, str], Alarm] = field(default_factory=dict)
 
     def receive(self, event: Event, unix_s: float) -> None:
-        """Receive an event, `ACKNOWLEDGED` and the end of a condition included."""
+        """Receive an event at a wall-clock time, `ACKNOWLEDGED` and the end of a condition included."""
         if event == ACKNOWLEDGED:
             self.acknowledge()
         ended = self._alarms.get((event.source, event.text.removeprefix(OVER)))
@@ -86,6 +61,29 @@ class AlarmBook:
         self._alarms[key] = alarm
         while len(self._alarms) > MOST:
             del self._alarms[max(self._alarms, key=lambda entry: self._alarms[entry].severity)]
+
+
+class EventMemory:
+    """The alarms, and the newest events: numbered from 1 on, with their wall-clock times, debugging words left out."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._events: deque[PublishedEvent] = deque(maxlen=EVENTS_MAX)
+        self.alarms = AlarmBook()
+
+    def note(self, event: Event, unix_us: int) -> None:
+        """Keep it."""
+        if event.severity is Severity.DEBUG:
+            return
+        unix_s = round(unix_us * 1e-6, 2)
+        self.alarms.receive(event, unix_s)
+        self._count += 1
+        self._events.append(PublishedEvent(self._count, unix_s, event.severity, event.source, event.text))
+
+    @property
+    def newest(self) -> tuple[PublishedEvent, ...]:
+        """The newest events, in order."""
+        return tuple(self._events)
 
 
 def ordered(alarms: Iterable[Alarm]) -> tuple[Alarm, ...]:

@@ -1,4 +1,4 @@
-"""The swarm's part of the published state: phase, what may come next, every drone. Pure."""
+"""The state that a core publishes ten times a second (wire.ground_state): phase, what may come next, drones. Pure."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -17,6 +17,7 @@ from formation.safety.rules import Facts
 from gcs.drones.drone import Drone
 from gcs.flight import Flight
 from gcs.safety.host import Host
+from wire.ground_state import Counters, DroneState, GroundState, ObservedBody
 
 FLOOR = 2
 """The lower wall along z, of the fence's six."""
@@ -34,52 +35,53 @@ class About:
     t_s: float
     session: int
     host: Host
-    counters: Mapping[str, int | float]
+    counters: Counters
     rejected: Mapping[str, str]
-    arming_reject_reasons: Sequence[str]
-    allowed: Mapping[str, Sequence[str]]
+    arming_reject_reasons: tuple[str, ...]
+    allowed: Mapping[str, tuple[str, ...]]
 
 
-def swarm_state(
+def ground_state(
     flight: Flight, drones: Sequence[Drone], facts: Facts, stages: Stages | None, config: LabConfig, about: About,
     now_ns: int,
-) -> dict[str, Any]:  # fmt: skip
-    """The whole state for people and scripts, as JSON has it; SI units, `lab` axes."""
+) -> GroundState:  # fmt: skip
+    """The whole state but the host's part, for people and scripts."""
     numbers = _Numbers(facts, stages, config)
-    return {
-        "phase": flight.phase.name,
-        "cause": flight.cause,
-        "t_s": round(about.t_s, 3),
-        "phase_s": round((now_ns - flight.entered_ns) * 1e-9, 2),
-        "ground_session": about.session,
-        "log_trouble": about.host.log_trouble,
-        "button_trouble": about.host.button_trouble,
-        "armed": flight.armed,
-        "not_landed": list(flight.not_landed),
-        "open_alarms": list(flight.alarms.texts),
-        "allowed": {verb: list(reasons) for verb, reasons in about.allowed.items()},
-        "trajectory": flight.trajectory_name,
-        "trajectory_started": flight.trajectory_start_ns is not None,
-        "trajectory_done": flight.trajectory_done(now_ns),
-        "trajectory_s": _trajectory(flight, now_ns),
-        "trajectory_from": None if flight.trajectory_from is None else flight.trajectory_from.round(3).tolist(),
-        "landing_left_s": _landing_left(flight, now_ns),
-        "shape": flight.shape.name,
-        "slots_lead_m": [[round(x, 3) for x in slot] for slot in flight.shape.offset_lead_m],
-        "drones": [
-            _drone_state(drone, m, numbers, now_ns) | {"rejected": about.rejected.get(drone.link.name)}
+    start = flight.trajectory_from
+    return GroundState(
+        phase=flight.phase,
+        cause=flight.cause,
+        t_s=round(about.t_s, 3),
+        phase_s=round((now_ns - flight.entered_ns) * 1e-9, 2),
+        ground_session=about.session,
+        log_trouble=about.host.log_trouble,
+        button_trouble=about.host.button_trouble,
+        armed=flight.armed,
+        not_landed=flight.not_landed,
+        open_alarms=flight.alarms.texts,
+        allowed=about.allowed,
+        trajectory=flight.trajectory_name,
+        trajectory_started=flight.trajectory_start_ns is not None,
+        trajectory_done=flight.trajectory_done(now_ns),
+        trajectory_s=_trajectory(flight, now_ns),
+        trajectory_from=None if start is None else tuple(start.round(3).tolist()),
+        landing_left_s=_landing_left(flight, now_ns),
+        shape=flight.shape.name,
+        slots_lead_m=tuple((round(x, 3), round(y, 3), round(z, 3)) for x, y, z in flight.shape.offset_lead_m),
+        drones=tuple(
+            _drone_state(drone, m, numbers, about.rejected.get(drone.link.name), now_ns)
             for m, drone in enumerate(drones)
-        ],
-        "observed": [
-            {"body": name, "pos_lab_m": numbers.pos[i], "q_lab_from_flu": numbers.q[i], "age_s": numbers.age_s[i]}
+        ),
+        observed=tuple(
+            ObservedBody(name, numbers.pos[i], numbers.q[i], numbers.age_s[i])
             for i, name in enumerate(facts.names)
             if not facts.commanded[i]
-        ],
-        "leader_yaw_rad": numbers.leader_yaw_rad,
-        "rejected": dict(about.rejected),
-        "refusals": list(about.arming_reject_reasons),
-        "counters": dict(about.counters),
-    }
+        ),
+        leader_yaw_rad=numbers.leader_yaw_rad,
+        rejected=about.rejected,
+        prearm_failures=about.arming_reject_reasons,
+        counters=about.counters,
+    )
 
 
 class _Numbers:
@@ -88,15 +90,13 @@ class _Numbers:
     def __init__(self, facts: Facts, stages: Stages | None, config: LabConfig) -> None:
         n = len(facts.names)
         self.seen = seen = (facts.age_s <= FRESH_S).tolist()  # a longer extrapolation is no position
-        pos = facts.pos_lab_m.round(4).tolist()
-        self.pos: list[list[float] | None] = [p if ok else None for p, ok in zip(pos, seen, strict=True)]
-        self.q: list[list[float] | None] = [None] * n
-        self.reference: list[list[float]] | None = None
+        self.pos = _seen_rows(facts.pos_lab_m, seen)
+        self.q: list[Any] = [None] * n
+        self.reference: list[Any] | None = None
         self.leader_yaw_rad: float | None = None
         if stages is not None:
-            q = stages.state.q_lab_from_flu.round(4).tolist()
-            self.q = [x if ok else None for x, ok in zip(q, seen, strict=True)]
-            self.reference = reference_lab_m(stages).round(3).tolist()
+            self.q = _seen_rows(stages.state.q_lab_from_flu, seen)
+            self.reference = list(map(tuple, reference_lab_m(stages).round(3).tolist()))
             self.leader_yaw_rad = round(float(stages.state.yaw_rad[0]), 4) if seen[0] else None
         fence = config.limits.fence
         walls = np.hstack((facts.pos_lab_m - np.array(fence.low_m), np.array(fence.high_m) - facts.pos_lab_m))
@@ -124,42 +124,43 @@ def reference_lab_m(stages: Stages) -> Float:
     return np.asarray(reference.origin_lab_m + rotate_about_z(reference.heading_rad, reference.slot_lead_m))
 
 
-def _drone_state(drone: Drone, m: int, numbers: _Numbers, now_ns: int) -> dict[str, Any]:
+def _drone_state(drone: Drone, m: int, numbers: _Numbers, rejected: str | None, now_ns: int) -> DroneState:
     link, i = drone.link, drone.index
     disarms_in_s = drone.disarms_in_s(now_ns)
     offset_ns, stopped_ns = link.clock.offset_ns, drone.stopped_ns
-    return {
-        "sysid": link.sysid,
-        "body": link.name,
-        "autopilot": None if link.model is None else link.model.name,
-        "armed": link.armed,
-        "disarms_in_s": None if disarms_in_s is None else round(disarms_in_s, 1),
-        "mode": link.mode,
-        "goal": drone.goal.value,
-        "piloted": drone.piloted,
-        "landed": link.telemetry.landed.name,
-        "stopped_ms": None if stopped_ns is None else round((stopped_ns - drone.goal_since_ns) * 1e-6, 1),
-        "pos_lab_m": numbers.pos[i],
-        "q_lab_from_flu": numbers.q[i],
-        "reference_lab_m": None if numbers.reference is None or not drone.flown else numbers.reference[m],
-        "error_m": numbers.error_m[i],
-        "fence_margin_m": numbers.fence_margin_m(i, stands=not (link.armed and drone.lifted)),
-        "age_s": numbers.age_s[i],
-        "heartbeat_age_s": numbers.heartbeat_age_s[i],
-        "battery": numbers.battery[i],
-        "battery_v": _number(link.telemetry.battery_v, 2),
-        "link_behind_s": numbers.link_behind_s[i],
-        "superseded": link.superseded,
-        "setpoint_age_s": numbers.setpoint_age_s[i],
-        "clock_offset_s": None if offset_ns is None else round(offset_ns * 1e-9, 6),
-        "loss": round(link.sequence.loss, 4),
-    }
+    return DroneState(
+        sysid=link.sysid,
+        body=link.name,
+        autopilot=None if link.model is None else link.model.name,
+        armed=link.armed,
+        disarms_in_s=None if disarms_in_s is None else round(disarms_in_s, 1),
+        mode=link.mode,
+        goal=drone.goal.value,
+        piloted=drone.piloted,
+        landed=link.telemetry.landed.name,
+        stopped_ms=None if stopped_ns is None else round((stopped_ns - drone.goal_since_ns) * 1e-6, 1),
+        pos_lab_m=numbers.pos[i],
+        q_lab_from_flu=numbers.q[i],
+        reference_lab_m=None if numbers.reference is None or not drone.flown else numbers.reference[m],
+        error_m=numbers.error_m[i],
+        fence_margin_m=numbers.fence_margin_m(i, stands=not (link.armed and drone.lifted)),
+        age_s=numbers.age_s[i],
+        heartbeat_age_s=numbers.heartbeat_age_s[i],
+        battery=numbers.battery[i],
+        battery_v=_number(link.telemetry.battery_v, 2),
+        link_behind_s=numbers.link_behind_s[i],
+        superseded=link.superseded,
+        setpoint_age_s=numbers.setpoint_age_s[i],
+        clock_offset_s=None if offset_ns is None else round(offset_ns * 1e-9, 6),
+        loss=round(link.sequence.loss, 4),
+        rejected=rejected,
+    )
 
 
-def _trajectory(flight: Flight, now_ns: int) -> list[float] | None:
+def _trajectory(flight: Flight, now_ns: int) -> tuple[float, float] | None:
     """Time along the leader's trajectory and its duration, s; None before it has begun."""
     path, t_s = flight.trajectory_progress(now_ns)
-    return None if path is None else [round(min(t_s, path.duration_s), 1), round(path.duration_s, 1)]
+    return None if path is None else (round(min(t_s, path.duration_s), 1), round(path.duration_s, 1))
 
 
 def _landing_left(flight: Flight, now_ns: int) -> float | None:
@@ -170,6 +171,11 @@ def _landing_left(flight: Flight, now_ns: int) -> float | None:
     return round(max((end_ns - now_ns) * 1e-9, 0.0), 1)
 
 
+def _seen_rows(values: Float, seen: Sequence[bool]) -> list[Any]:
+    """Each row as a tuple, rounded; None for a body that is not seen."""
+    return [tuple(row) if ok else None for row, ok in zip(values.round(4).tolist(), seen, strict=True)]
+
+
 def _rounded(values: Scalars, digits: int) -> list[float | None]:
     """Each as `_number` has it."""
     known = np.isfinite(values).tolist()
@@ -177,5 +183,5 @@ def _rounded(values: Scalars, digits: int) -> list[float | None]:
 
 
 def _number(value: float, digits: int) -> float | None:
-    """JSON has neither NaN nor infinity: what is unknown, and the age of what never was, is null."""
+    """A number for JSON: None where it is not finite."""
     return round(value, digits) if math.isfinite(value) else None

@@ -1,0 +1,319 @@
+"""The state that a ground publishes ten times a second, and its JSON: one schema for bus, page, watch and scripts.
+
+SI units, `lab` axes. JSON has neither NaN nor infinity: None stands for what is unknown, and for the age of what never
+was. Without arrays: operators' commands load it.
+"""
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, is_dataclass
+from enum import IntEnum
+from functools import cache
+from operator import attrgetter, itemgetter
+from types import NoneType, UnionType
+from typing import Any, get_args, get_origin, get_type_hints
+
+from formation.codes import Phase, Severity
+from formation.requests import CONFIGURED
+from wire.text import parse_object
+
+VERSION = 1
+"""Of the schema; raised with every change of a key's meaning, and with every key that goes."""
+KNOWN_MOST = 64
+"""Of the types that a record's values have had: that many combinations are not looked at again."""
+Vec3 = tuple[float, float, float]
+Quat = tuple[float, float, float, float]
+Read = Callable[[Any], Any]
+"""Makes a value of its JSON; raises LookupError, TypeError or ValueError."""
+
+
+class StateError(ValueError):
+    """A text that is no state of this version; in one line, with what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class DroneState:
+    """One commanded drone.
+
+    piloted: a pilot has taken it over. stopped_ms: how long after the stop it reported its motors off, or confirmed.
+    link_behind_s: age of its telemetry when it was read; superseded: packets that were dropped unread, since newer ones
+    had arrived. battery: 0..1. loss: share of its packets, 0..1. rejected: why the pose validator rejects it, in words.
+    """
+
+    sysid: int
+    body: str
+    autopilot: str | None
+    armed: bool
+    disarms_in_s: float | None
+    mode: str
+    goal: str
+    piloted: bool
+    landed: str
+    stopped_ms: float | None
+    pos_lab_m: Vec3 | None
+    q_lab_from_flu: Quat | None
+    reference_lab_m: Vec3 | None
+    error_m: float | None
+    fence_margin_m: float | None
+    age_s: float | None
+    heartbeat_age_s: float | None
+    battery: float | None
+    battery_v: float | None
+    link_behind_s: float | None
+    superseded: int
+    setpoint_age_s: float | None
+    clock_offset_s: float | None
+    loss: float
+    rejected: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class ObservedBody:
+    """A body that is seen and not commanded."""
+
+    body: str
+    pos_lab_m: Vec3 | None
+    q_lab_from_flu: Quat | None
+    age_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Counters:
+    """What was counted since the start; late_share: of about the last second's frames."""
+
+    frames: int
+    missed_frames: int
+    late_share: float
+    stale_frames: int
+    rejected_frames: int
+    bad_bytes: int
+    bad_packets: int
+    lost_packets: int
+    superseded_packets: int
+    stray_datagrams: int
+
+
+@dataclass(frozen=True, slots=True)
+class Cycles:
+    """The machine's control cycles: how many, how many were late, and the worst latency."""
+
+    count: int = 0
+    late: int = 0
+    worst_ms: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class LogFile:
+    """The log's name and size, and the free space on its disk, bytes; None while unknown."""
+
+    name: str = ""
+    bytes: int | None = None
+    free_bytes: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PublishedEvent:
+    """One event; id: events are numbered from 1 on. unix_s: wall-clock time."""
+
+    id: int
+    unix_s: float
+    severity: Severity
+    source: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """One alarm: since when, how severe, whose, in words; times: how often it came.
+
+    goes_on: its condition has not ended. acknowledged: an operator has read it.
+    """
+
+    unix_s: float
+    severity: Severity
+    source: str
+    text: str
+    times: int = 1
+    goes_on: bool = False
+    acknowledged: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroundState:
+    """Everything an operator may want to see of a ground.
+
+    cause: why it is in that phase, for phase_s. t_s: since its start. armed: in ARMED, whether every drone has armed.
+    not_landed: drones whose motors may still turn, though the landing or the stop is over. open_alarms: faults that no
+    rule raises any more, of drones that are still unheard. allowed: by verb, every reason against it now; none where it
+    may be asked. prearm_failures: why it would not arm, while on the ground. trajectory_s: time along the leader's
+    trajectory, and its duration; trajectory_from: x, y, z and heading where it began. rejected: by body, why the pose
+    validator rejects it now. log_trouble, button_trouble: in words; empty while all is well.
+    cycles and what follows is the host's, and has its default where a core is asked alone. lost_lines: of its output.
+    """
+
+    version: int = VERSION
+    phase: Phase
+    cause: str
+    t_s: float
+    phase_s: float
+    ground_session: int
+    log_trouble: str
+    button_trouble: str
+    armed: bool
+    not_landed: tuple[str, ...]
+    open_alarms: tuple[str, ...]
+    allowed: Mapping[str, tuple[str, ...]]
+    trajectory: str = CONFIGURED
+    trajectory_started: bool
+    trajectory_done: bool
+    trajectory_s: tuple[float, float] | None
+    trajectory_from: Quat | None
+    landing_left_s: float | None
+    shape: str
+    slots_lead_m: tuple[Vec3, ...]
+    drones: tuple[DroneState, ...]
+    observed: tuple[ObservedBody, ...]
+    leader_yaw_rad: float | None
+    rejected: Mapping[str, str]
+    prearm_failures: tuple[str, ...]
+    counters: Counters
+    cycles: Cycles = Cycles()
+    log: LogFile = LogFile()
+    events: tuple[PublishedEvent, ...] = ()
+    alarms: tuple[Alarm, ...] = ()
+    lost_lines: int = 0
+
+    @property
+    def motors_on(self) -> Mapping[str, bool]:
+        """Whether each drone is armed, by body, of those that were heard: of others a new ground does not know it."""
+        return {drone.body: drone.armed for drone in self.drones if drone.heartbeat_age_s is not None}
+
+
+def encode(state: GroundState) -> str:
+    """Encode a state: the keys are the fields' names, an enum is its member's name."""
+    return json.dumps(state, default=_as_object)
+
+
+def decode(text: str) -> GroundState:
+    """Decode a state; StateError names both versions where it is of another one, and JsonError says what is no JSON."""
+    values = _current(text)
+    read = _reader(GroundState)
+    assert read is not None
+    try:
+        state: GroundState = read(values)
+    except (AttributeError, LookupError, TypeError, ValueError) as error:
+        raise StateError(
+            f"no state of a ground, though of version {VERSION}: {type(error).__name__}: {error}"
+        ) from error
+    return state
+
+
+def _current(text: str) -> dict[str, Any]:
+    """The state's JSON object, which is of this version."""
+    values = parse_object(text)
+    found = values.get("version", 0)
+    if found != VERSION:
+        raise StateError(
+            f"the ground publishes its state in version {found!r:.20}, this program reads version {VERSION}: "
+            "install the same release of mavlink-formation on both computers"
+        )
+    return values
+
+
+def _as_object(message: Any) -> dict[str, Any]:
+    kind: Any = type(message)
+    names, values, enums = _layout(kind)
+    made = dict(zip(names, values(message), strict=True))
+    for name in enums:
+        made[name] = made[name].name
+    return made
+
+
+@cache
+def _layout(kind: Any) -> tuple[tuple[str, ...], Callable[[object], tuple[Any, ...]], tuple[str, ...]]:
+    """The names of a dataclass's fields, what gets their values, and the names of those that are enums."""
+    hints = get_type_hints(kind)
+    return tuple(hints), attrgetter(*hints), tuple(n for n, hint in hints.items() if isinstance(hint, type(IntEnum)))
+
+
+def _kinds(hint: Any) -> frozenset[type]:
+    """The types that JSON may have for a value of that annotation."""
+    if hint in (bool, int, str):
+        return frozenset((hint,))
+    if hint is float:
+        return frozenset((float, int))
+    if get_origin(hint) is UnionType:
+        return frozenset((NoneType,)).union(*map(_kinds, get_args(hint)))
+    if isinstance(hint, type(IntEnum)):
+        return frozenset((str,))
+    return frozenset((list,)) if get_origin(hint) is tuple else frozenset((dict,))
+
+
+@cache
+def _reader(hint: Any) -> Read | None:
+    """What reads a value of that annotation; None for a number or a text, which is as JSON has it."""
+    origin, parts = get_origin(hint), get_args(hint)
+    if hint in (bool, int, float, str, NoneType):
+        return None
+    if origin is UnionType:
+        some = next(filter(None, map(_reader, parts)), None)
+        return None if some is None else lambda value: None if value is None else some(value)
+    if origin is tuple and parts[-1] is ...:
+        items = _items_reader(parts[0])
+        return lambda value: tuple(items(value))
+    if origin is Mapping:
+        values = _items_reader(parts[1])
+        return lambda value: dict(zip(value, values(value.values()), strict=True))
+    if origin is tuple:
+        return _record_reader(parts, tuple)
+    if is_dataclass(hint):
+        return _dataclass_reader(hint)
+    return lambda value: hint[value]  # an enum, by its member's name
+
+
+def _dataclass_reader(kind: Any) -> Read:
+    hints = get_type_hints(kind)
+    record = _record_reader(tuple(hints.values()), itemgetter(*hints))
+    return lambda value: kind(**dict(zip(hints, record(value), strict=True)))
+
+
+def _items_reader(hint: Any) -> Callable[[Iterable[Any]], list[Any]]:
+    """What reads values that all have that annotation."""
+    kinds, reader = _kinds(hint), _reader(hint)
+
+    def read(values: Iterable[Any]) -> list[Any]:
+        items = list(values)
+        _check({type(item) for item in items} <= kinds, hint)
+        return items if reader is None else [reader(item) for item in items]
+
+    return read
+
+
+def _record_reader(hints: tuple[Any, ...], get: Callable[[Any], tuple[Any, ...]]) -> Read:
+    """What reads values that have these annotations, in order. A call for each number would take ten times as long."""
+    kinds = tuple(map(_kinds, hints))
+    readers = [_reader(hint) for hint in hints]
+    nested = [(k, reader) for k, reader in enumerate(readers) if reader is not None]
+    known: set[tuple[type, ...]] = set()
+
+    def read(value: Any) -> tuple[Any, ...]:
+        values = get(value)
+        types = tuple(map(type, values))
+        if types not in known:
+            for hint, kind, allowed in zip(hints, types, kinds, strict=True):
+                _check(kind in allowed, hint)
+            if len(known) < KNOWN_MOST:
+                known.add(types)
+        if not nested:
+            return values
+        made = list(values)
+        for k, reader in nested:
+            made[k] = reader(made[k])
+        return tuple(made)
+
+    return read
+
+
+def _check(right: bool, hint: Any) -> None:
+    if not right:
+        raise TypeError(f"a value that is not of {hint}")

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from formation.messages import Datagram, Phase, Verb
 from formation.safety.phases import STREAMING
 from tests.gcs.fakes import FakeLab, triangle
+from wire.ground_state import encode
 from wire.link_messages import AttitudeSetpoint, CommandLong
 
 NAMES = ("lead", "left", "right")
@@ -81,7 +82,7 @@ def _check_since(lab: FakeLab, heard_from: dict[int, int]) -> None:
         if lab.phase is Phase.STOPPED:
             assert not any(isinstance(m, AttitudeSetpoint) for m in news)
             assert not any(isinstance(m, CommandLong) and m.command == 400 and m.params[0] == 1.0 for m in news)
-    json.loads(lab.core.status(lab.now_ns), parse_constant=pytest.fail)
+    json.loads(encode(lab.core.state(lab.now_ns)), parse_constant=pytest.fail)
 
 
 @settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])

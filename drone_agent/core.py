@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drone_agent.autopilots.models import MODELS
+from drone_agent.autopilots import MODELS
 from drone_agent.autopilots.parameters import Parameters
 from drone_agent.config import SimulatedDroneConfig
 from drone_agent.flight.autopilot import CONTROL_NS, Autopilot
@@ -18,8 +18,8 @@ from drone_agent.link.inbox import READS, Inbox
 from drone_agent.link.schedule import RASTER_NS, Schedule
 from drone_agent.link.telemetry import ON_REQUEST, TelemetryBuilder
 from drone_agent.simulation.airframe import Airframe
+from drone_agent.simulation.attitude_loop import OWN, Physics
 from drone_agent.simulation.inertial import InertialSensor
-from drone_agent.simulation.physics import OWN, Physics
 from formation.maths.geodesy import to_globe
 from formation.messages import Datagram, Event, Truth
 from formation.vehicle.profile import on_ground, profile

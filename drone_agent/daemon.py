@@ -4,7 +4,7 @@ import asyncio
 import sys
 from collections.abc import Sequence
 
-from drone_agent.autopilots import parameter_file
+from drone_agent.autopilots.parameters import read_parameters, write_parameters
 from drone_agent.config import SimulatedDroneConfig
 from drone_agent.core import AgentCore
 from drone_agent.guard.core import warm_up
@@ -70,7 +70,7 @@ class _Pump:
         for event in (*out.events, *self._rejections.due(now_ns)):
             self._report(event)
         if out.parameters is not None and self.config.parameter_file is not None:
-            parameter_file.write(self.config.parameter_file, out.parameters)
+            write_parameters(self.config.parameter_file, out.parameters)
         self.timer.at(self._core.next_deadline_ns())
 
     def _punctual_ns(self) -> int:
@@ -139,7 +139,7 @@ def _awaited_pose(pump: _Pump) -> Awaited:
 
 def _core(config: SimulatedDroneConfig, clock: Clock) -> Drone:
     """ConfigError for parameters that are none."""
-    stored = {} if config.parameter_file is None else parameter_file.read(config.parameter_file)
+    stored = {} if config.parameter_file is None else read_parameters(config.parameter_file)
     config = config.model_copy(update={"parameters": {**config.parameters, **stored}})
     try:
         return (GuardedDrone if config.is_guarded else AgentCore)(config, clock.monotonic_ns())

@@ -9,7 +9,7 @@ from drone_agent.config import SimulatedDroneConfig
 from drone_agent.core import AgentCore
 from drone_agent.guard.core import GuardCore
 from drone_agent.guard.navigator import Fault
-from drone_agent.simulation.physics import OWN, Physics
+from drone_agent.simulation.attitude_loop import OWN, Physics
 from formation.messages import Datagram, Event, Innovation, LabFrame, Truth
 
 

@@ -10,7 +10,7 @@ from drone_agent.guard.core import GuardCore
 from drone_agent.guard.navigator import Fault as PoseFault
 from drone_agent.guard.setpoints import SETPOINTS
 from drone_agent.guarded import GuardedDrone
-from drone_agent.simulation.physics import Physics
+from drone_agent.simulation.attitude_loop import Physics
 from formation.maths.arrays import Float, Quat, Vec3
 from formation.messages import Datagram, Event, Innovation, LabFrame
 from sim.faults.channel import Channel, Sent

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from analysis.load import Flight, from_records
 from drone_agent.guard import core as guard
-from drone_agent.simulation.physics import OWN, Physics
+from drone_agent.simulation.attitude_loop import OWN, Physics
 from formation.control.presets import Preset
 from formation.topics import Topic
 from gcs import warm_up as gcs_warm_up

@@ -6,7 +6,7 @@ is where a scenario's faults act.
 
 from collections.abc import Sequence
 
-from drone_agent.simulation.physics import OWN, Physics
+from drone_agent.simulation.attitude_loop import OWN, Physics
 from formation.control.presets import Preset
 from formation.messages import Datagram, Event, HostReport, LabFrame, OperatorRequest, Phase, RawFrame, Truth, Verb
 from formation.topics import INNOVATION, MOCAP_EVENT, TRUTH

@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from drone_agent.autopilots.models import MODELS
+from drone_agent.autopilots import MODELS
 from drone_agent.autopilots.parameters import Parameters
 from formation.messages import Phase
 from sim.scenario import Scenario, TrueVehicle, load

@@ -10,8 +10,7 @@ from rotorpy.vehicles.hummingbird_params import quad_params
 from rotorpy.vehicles.multirotor import Multirotor
 
 from drone_agent.guard.position import LoopSetpoint
-from drone_agent.simulation.attitude_loop import WHOLE_MOTORS
-from drone_agent.simulation.physics import Physics
+from drone_agent.simulation.attitude_loop import WHOLE_MOTORS, Physics
 from formation.maths.arrays import Float, Vec3
 from formation.maths.frames import canonical, from_yaw, yaw
 from formation.vehicle.profile import BatteryProfile, VehicleProfile, VehicleState

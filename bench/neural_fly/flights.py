@@ -16,8 +16,7 @@ from analysis.load import from_records
 from analysis.tracking import reference_lab_m
 from bench.neural_fly.recordings import PUSHED_BY, SETTLED_S, WINDS, Recording, path_of, read
 from drone_agent.guard.position import LoopSetpoint
-from drone_agent.simulation.attitude_loop import WHOLE_MOTORS, advance
-from drone_agent.simulation.physics import OWN, Physics
+from drone_agent.simulation.attitude_loop import OWN, WHOLE_MOTORS, Physics, advance
 from formation.config import Fence, FlightConfig, FollowerConfig, LabConfig, LeaderConfig, LimitsConfig, LinkConfig
 from formation.maths.arrays import Float, Vec3
 from formation.messages import Phase, PhaseChange, Reference

@@ -20,10 +20,9 @@ from drone_agent.guard.feed import BodyFeed
 from drone_agent.guard.hold import BodyHold
 from drone_agent.guard.inertial_stream import LACKS, InertialStream
 from drone_agent.guard.integrity import SIGNATURES
-from drone_agent.guard.monitors import MONITOR_OF, switched_off
 from drone_agent.guard.navigator import Fault
 from drone_agent.guard.setpoints import SETPOINTS, BodySetpoints, stamp_ms
-from drone_agent.guard.stages import Stage, Trigger
+from drone_agent.guard.stages import MONITOR_OF, Stage, Trigger, switched_off
 from drone_agent.guard.takeover import STEP_NS, Takeover, Turn
 from formation.maths.arrays import Quat
 from formation.messages import Datagram, Event, Innovation, LabFrame, Severity
@@ -92,7 +91,7 @@ class GuardCore:
     ) -> None:
         """serial: the autopilot's bytes come as a stream, not as datagrams.
 
-        without: monitors to do without (drone_agent.guard.monitors), else ValueError.
+        without: monitors to do without (drone_agent.guard.stages), else ValueError.
         """
         self._without = switched_off(without)
         self._config = config

@@ -34,7 +34,7 @@ ASK_NS = 200_000_000
 
 
 class RejectReason(Enum):
-    """Why a setpoint is rejected; the names of the monitors that reject are in drone_agent.guard.monitors."""
+    """Why a setpoint is rejected; the names of the monitors that reject are in drone_agent.guard.stages."""
 
     STALE = "setpoint older than 100 ms"
     OLD = "setpoint not newer than the last"

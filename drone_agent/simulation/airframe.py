@@ -10,11 +10,10 @@ import numpy as np
 
 from drone_agent.flight.vehicle import ImuSample
 from drone_agent.guard.position import LoopSetpoint
-from drone_agent.simulation.attitude_loop import WHOLE_MOTORS, turn_target
+from drone_agent.simulation.attitude_loop import OWN, WHOLE_MOTORS, Physics, turn_target
 from drone_agent.simulation.battery import BatteryPack
 from drone_agent.simulation.disturbance import Disturbance, acceleration
 from drone_agent.simulation.inertial import InertialSensor
-from drone_agent.simulation.physics import OWN, Physics
 from drone_agent.simulation.sensors import Reader, Sensors
 from formation.maths.arrays import Float, Quat, Vec3
 from formation.maths.frames import IDENTITY, from_yaw

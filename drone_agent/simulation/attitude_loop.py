@@ -4,7 +4,9 @@ The structure is PX4's: tilt error first, yaw by the rest, rate setpoint bounded
 with roll and pitch before yaw. The target's own delay (`VehicleProfile.command_delay_s`) is the caller's queue.
 """
 
+from dataclasses import dataclass
 from math import acos, asin, cos, sin, sqrt
+from typing import Protocol
 
 import numpy as np
 
@@ -151,3 +153,33 @@ def _advance(
         for motor in range(4):
             thrusts[motor] = motors[motor] * motor_gain[motor]
         body_step(x, thrusts, numbers, dist_lab_m_s2, dt_s, work)
+
+
+class Advance(Protocol):
+    """As drone_agent.simulation.attitude_loop.advance."""
+
+    def __call__(
+        self,
+        state: VehicleState,
+        profile: VehicleProfile,
+        setpoint: LoopSetpoint,
+        armed: bool,
+        dist_lab_m_s2: Float,
+        dt_s: float,
+        steps: int,
+        thrust_scale: float,
+        motor_gain: Float,
+    ) -> VehicleState:
+        """The state `steps` steps of `dt_s` later; the input is left alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Physics:
+    """A model, and the grid it is advanced on."""
+
+    step_ns: int
+    advance: Advance
+
+
+OWN = Physics(1_000_000, advance)
+"""Ours, at 1 kHz."""

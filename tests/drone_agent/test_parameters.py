@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from drone_agent.autopilots import parameter_file
-from drone_agent.autopilots.models import MODELS
+from drone_agent.autopilots import MODELS
+from drone_agent.autopilots.parameters import read_parameters, write_parameters
 from formation.messages import Datagram
 from tests.drone_agent.agent_harness import Harness
 from wire.config_file import ConfigError
@@ -71,12 +71,12 @@ def test_what_changed_is_handed_out_once_to_be_kept() -> None:
 
 def test_the_file_reads_back_what_it_wrote(tmp_path: Path) -> None:
     path = tmp_path / "uav1.parm"
-    assert parameter_file.read(path) == {}
-    parameter_file.write(path, {"B": 0.1, "A": 3.0})
+    assert read_parameters(path) == {}
+    write_parameters(path, {"B": 0.1, "A": 3.0})
     assert path.read_text() == "A 3\nB 0.1\n"
-    assert parameter_file.read(path) == {"A": 3.0, "B": 0.1}
+    assert read_parameters(path) == {"A": 3.0, "B": 0.1}
     path.write_text("A 3 # a comment\n\nB,4\n")
-    assert parameter_file.read(path) == {"A": 3.0, "B": 4.0}
+    assert read_parameters(path) == {"A": 3.0, "B": 4.0}
 
 
 @pytest.mark.parametrize("text", ["A", "A x", "A 1 2"])
@@ -84,7 +84,7 @@ def test_a_bad_file_names_its_line(tmp_path: Path, text: str) -> None:
     path = tmp_path / "bad.parm"
     path.write_text(f"OK 1\n{text}\n")
     with pytest.raises(ConfigError, match=r"bad\.parm:2"):
-        parameter_file.read(path)
+        read_parameters(path)
 
 
 @pytest.mark.parametrize("autopilot", list(MODELS))

@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from drone_agent.autopilots.models import MODELS
+from drone_agent.autopilots import MODELS
 from drone_agent.autopilots.parameters import Parameters
 from formation.messages import Phase, PhaseChange, Verb
 from formation.topics import PHASE

@@ -650,7 +650,7 @@ def _sent(*paths: str, called: bool = True) -> set[str]:
 
 def autopilot(name: str) -> str:
     """One autopilot: modes, telemetry asked for, parameters."""
-    from drone_agent.autopilots import models as simulated
+    from drone_agent import autopilots as simulated
     from gcs.drones.autopilot_model import GROUND_MODELS
     from wire.link_messages import MessageId
 

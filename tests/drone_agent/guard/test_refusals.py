@@ -7,9 +7,8 @@ from drone_agent.guard.config import GuardConfig
 from drone_agent.guard.core import GuardCore
 from drone_agent.guard.estimate import BodyEstimate
 from drone_agent.guard.hold import BodyHold
-from drone_agent.guard.monitors import MONITORS
 from drone_agent.guard.setpoints import TILT_MAX_RAD
-from drone_agent.guard.stages import Stage
+from drone_agent.guard.stages import MONITORS, Stage
 from formation.maths.arrays import Vec3
 from formation.maths.frames import from_rotation_vector
 from formation.messages import Datagram, LabFrame

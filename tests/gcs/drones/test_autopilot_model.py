@@ -2,7 +2,7 @@
 
 import pytest
 
-from drone_agent.autopilots.models import MODELS
+from drone_agent.autopilots import MODELS
 from gcs.drones.autopilot_model import GROUND_MODELS, GroundModel
 from wire.link_messages import MavAutopilot
 

@@ -89,7 +89,7 @@ class Poses:
     """Every mocap frame in lab and flu, n vehicles in the configuration's order (leader first).
 
     t_s, mocap_s, received_s (T,): capture, receipt by the mocap process (negative if unknown), receipt by the ground;
-    pos_lab_m (T, n, 3); q_lab_from_flu (T, n, 4); seen (T, n); rejected (T, n): formation.rejection.Rejection.
+    pos_lab_m (T, n, 3); q_lab_from_flu (T, n, 4); seen (T, n); rejected (T, n): formation.messages.Rejection.
     """
 
     t_s: Float

@@ -19,8 +19,7 @@ from analysis.page import Section, cell, picture, row, swatch, table, text, tile
 from analysis.plots import drawings, style
 from analysis.series import Series
 from analysis.tracking import LeaderTracking, Tracking, in_formation_phase, reference_lab_m, track, track_leader
-from formation.messages import Event, Severity
-from formation.rejection import rejection_text
+from formation.messages import Event, Severity, rejection_text
 from wire.text import parse_json
 
 MEANINGS = {

@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Callable
 
 from drone_agent.guard.config import GuardConfig
-from formation.identities import drone_identity
+from formation.exposure import drone_identity
 from wire.clock import REAL_TIME, Clock
 from wire.errors import ConfigError
 from wire.process.daemon import Awaited, bus_at

@@ -8,9 +8,25 @@ from typing import Annotated, Any, Literal, Protocol, Self
 
 from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, model_validator
 
-from formation.fields import Endpoint, GlobePoint, Host, OwnLink, PortBase, Tilt, UnitQuat
 from formation.mocap_config import MocapConfig as MocapConfig
-from formation.model import NO_ROTATION, Model, Name, NoFlag, Number, Positive, SysId, Vec3Tuple, WrongKeyError
+from formation.model import (
+    NO_ROTATION,
+    Endpoint,
+    GlobePoint,
+    Host,
+    Model,
+    Name,
+    NoFlag,
+    Number,
+    OwnLink,
+    PortBase,
+    Positive,
+    SysId,
+    Tilt,
+    UnitQuat,
+    Vec3Tuple,
+    WrongKeyError,
+)
 from formation.requests import CONFIGURED as CONFIGURED
 from formation.requests import ENDPOINT, LAB
 from formation.security_config import SecurityConfig

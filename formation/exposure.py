@@ -1,7 +1,30 @@
-"""Which endpoints other machines reach. Addresses are parsed as addresses, never matched as text. Pure."""
+"""Who is on a lab's links: names of those with keys, and which endpoints other machines reach. Pure, without arrays.
+
+Addresses are parsed as addresses, never matched as text.
+"""
 
 from ipaddress import ip_address
 from re import fullmatch
+
+GROUND, MOCAP, PAGE, TOOL = "ground", "mocap", "page", "tool"
+OWN_IDENTITIES = (GROUND, MOCAP, PAGE, TOOL)
+"""The identities that every lab has, beside one for each drone."""
+
+
+def drone_identity(sysid: int) -> str:
+    """The identity of a drone's host."""
+    return f"drone-{sysid}"
+
+
+def numbered(identity: str, number: int) -> str:
+    """The name in an identity's certificate: each new certificate has the next number, and the old one is void."""
+    return f"{identity}.{number}"
+
+
+def identity_in(certificate_name: str) -> str:
+    """The identity that a name in a certificate belongs to."""
+    return certificate_name.rpartition(".")[0]
+
 
 _LOCAL_PROTOCOLS = ("unixsock-stream", "unixpipe")
 _ADDRESS = r"(\[[^\[\]\s]+\]|[^:/\s]+):\d{1,5}([?#]\S*)?"

@@ -11,7 +11,7 @@ carries the targets so. The same for the simulator's truth and innovations. All 
 """
 
 from dataclasses import dataclass, field
-from enum import IntFlag
+from enum import IntEnum, IntFlag
 
 import numpy as np
 
@@ -55,7 +55,7 @@ class LabFrame:
 
     Made by the mocap process alone (mocap.alignment). t_capture_ns: exposure; t_receive_ns: when the mocap process
     had the raw frame, 0 where there was none; both monotonic. An unseen body keeps any finite pose.
-    rejected: the formation.rejection.Rejection of each body whose pose was not believed, which is then unseen.
+    rejected: the formation.messages.Rejection of each body whose pose was not believed, which is then unseen.
     """
 
     seq: int
@@ -305,3 +305,42 @@ class LoopTiming:
     frame_seq: int
     latency_s: float
     late: bool
+
+
+class Rejection(IntEnum):
+    """Why one body's pose is not shown; NONE where it is, or where the cameras do not see the body."""
+
+    NONE = 0
+    NOT_FINITE = 1
+    NO_ROTATION = 2
+    TOO_FAR = 3
+    FREEZE = 4
+    JUMP = 5
+    FLIP = 6
+    YAW_RATE = 7
+    SWAP = 8
+    STAMP = 9
+
+    @property
+    def text(self) -> str:
+        """In words; the empty text for NONE."""
+        return _WORDS[self]
+
+
+def rejection_text(code: int) -> str:
+    """In words, of whatever number; one that is none of ours says so."""
+    return Rejection(code).text if code in _WORDS else f"reason {code}, of a later version"
+
+
+_WORDS = {
+    Rejection.NONE: "",
+    Rejection.NOT_FINITE: "not finite",
+    Rejection.NO_ROTATION: "no unit quaternion",
+    Rejection.TOO_FAR: "more than 1000 m away (millimetres?)",
+    Rejection.FREEZE: "frozen: the same to the last bit",
+    Rejection.JUMP: "jumped farther than it can move",
+    Rejection.FLIP: "turned over as it cannot",
+    Rejection.YAW_RATE: "yawed faster than it can",
+    Rejection.SWAP: "exchanged with another body",
+    Rejection.STAMP: "stamped with a time it cannot have",
+}

@@ -6,8 +6,19 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from formation.fields import Host, UnitQuat
-from formation.model import NO_ROTATION, Flag, Model, Name, NoFlag, Positive, QuatTuple, Vec3Tuple, WrongKeyError
+from formation.model import (
+    NO_ROTATION,
+    Flag,
+    Host,
+    Model,
+    Name,
+    NoFlag,
+    Positive,
+    QuatTuple,
+    UnitQuat,
+    Vec3Tuple,
+    WrongKeyError,
+)
 
 Port = Annotated[int, NoFlag, Field(ge=1, le=65_535)]
 Seconds = Annotated[float, NoFlag, Field(ge=0.0, le=0.5)]

@@ -6,7 +6,7 @@ from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from formation.identities import OWN_IDENTITIES, PAGE, TOOL
+from formation.exposure import OWN_IDENTITIES, PAGE, TOOL
 from formation.model import Model, Name, WrongKeyError
 from formation.requests import Verb
 

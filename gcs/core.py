@@ -29,9 +29,9 @@ from formation.messages import (
     Severity,
     UnmetParameter,
     Verb,
+    rejection_text,
 )
-from formation.own_law.guard import LawGuard, unlimited
-from formation.rejection import rejection_text
+from formation.own_law.law import LawGuard, unlimited
 from formation.safety import rules
 from formation.safety.phases import STREAMING, Trigger
 from formation.safety.rules import Facts

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from formation.config import LabConfig
 from formation.own_law.flight import OwnLaws
-from formation.own_law.guard import Answer, LawGuard, unlimited
+from formation.own_law.law import Answer, LawGuard, unlimited
 from wire.lab_surroundings import law_of, printing_to_stderr
 
 

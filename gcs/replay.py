@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from formation import topics
 from formation.config import LabConfig
-from formation.own_law.guard import Answer, LawOverrunError
+from formation.own_law.law import Answer, LawOverrunError
 from formation.topics import Topic
 from gcs.core import GcsCore
 from gcs.recording import INPUT_TOPICS, OUTPUT_TOPICS, STAGES, THINNED, Thinning, outputs
@@ -101,7 +101,7 @@ def _left_over(expected: Iterator[Output], t_ns: int) -> Difference | None:
 
 
 class _RecordedOverruns:
-    """The lab's own law takes too long where it did in flight, and nowhere else: formation.own_law.guard.LawGuard."""
+    """The lab's own law takes too long where it did in flight, and nowhere else: formation.own_law.law.LawGuard."""
 
     def __init__(self, log: Log) -> None:
         failures = (entry.message for entry in log.entries if entry.topic is topics.LAW_FAILURE)

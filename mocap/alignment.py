@@ -11,8 +11,7 @@ from formation.maths import frames
 from formation.maths.arrays import Bool, Float
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import multiply_into
-from formation.messages import LabFrame, RawFrame
-from formation.rejection import Rejection
+from formation.messages import LabFrame, RawFrame, Rejection
 from wire.transport.frame_check import FARTHEST_M, UNIT_WITHIN
 
 Indices = NDArray[np.int64]

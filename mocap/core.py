@@ -11,8 +11,7 @@ import numpy as np
 
 from formation.config import LabConfig
 from formation.maths.frames import IDENTITY
-from formation.messages import Event, LabFrame, RawFrame, Severity
-from formation.rejection import Rejection
+from formation.messages import Event, LabFrame, RawFrame, Rejection, Severity
 from mocap.alignment import Alignment
 from mocap.retiming import LONGEST_GAP, Retiming
 from mocap.sources import poses

@@ -11,7 +11,7 @@ from formation.maths.arrays import Bool, Float, Quat, Vec3
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import multiply_into, thrust_axis
 from formation.maths.records import Rows
-from formation.rejection import Rejection
+from formation.messages import Rejection
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.path import (
     SECONDS,

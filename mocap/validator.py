@@ -13,8 +13,7 @@ import numpy as np
 from formation.config import LabConfig
 from formation.maths import frames
 from formation.maths.records import Rows, blank, rows
-from formation.messages import Event, LabFrame, Severity
-from formation.rejection import Rejection
+from formation.messages import Event, LabFrame, Rejection, Severity
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.path import Bounds
 from formation.vehicle.profile import VehicleProfile

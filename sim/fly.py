@@ -10,7 +10,7 @@ from drone_agent.bridge import BridgeConfig
 from drone_agent.config import SimulatedDroneConfig
 from drone_agent.guard.config import GuardConfig
 from formation.config import LinkConfig
-from formation.identities import TOOL
+from formation.exposure import TOOL
 from formation.messages import OperatorReply, OperatorRequest
 from formation.model import Model
 from formation.requests import GCS_NAME

@@ -1,6 +1,6 @@
 """Land detection from what an autopilot knows: the thrust it asks for, the motion it estimates, its accelerometer."""
 
-from formation.vehicle.profile import GRAVITY_M_S2
+from formation.vehicle.body import GRAVITY_M_S2
 
 _STILL_UP_M_S, _STILL_SIDE_M_S = 0.15, 0.5
 _LOW_THRUST, _LIFT_THRUST = 0.7, 0.9

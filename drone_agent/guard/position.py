@@ -12,7 +12,7 @@ import numpy as np
 from formation.maths.arrays import Quat, Vec3
 from formation.maths.quaternion import attitude_of
 from formation.model import Vec3Tuple
-from formation.vehicle.profile import GRAVITY_M_S2
+from formation.vehicle.body import GRAVITY_M_S2
 
 _P_1_S, _P_UP_1_S = 1.2, 1.5
 _P_VEL_1_S, _P_VEL_UP_1_S = 3.5, 5.0

@@ -17,7 +17,8 @@ from drone_agent.guard.stages import Stage
 from formation.maths.arrays import Quat
 from formation.maths.frames import canonical, from_rotation_vector, from_yaw, multiply, yaw
 from formation.messages import Event
-from formation.vehicle.profile import GRAVITY_M_S2, VehicleProfile
+from formation.vehicle.body import GRAVITY_M_S2
+from formation.vehicle.profile import VehicleProfile
 from wire.clock_offset import ClockOffset
 from wire.link_messages import BROADCAST, Address, AttitudeSetpoint, MessageId
 from wire.mavlink.codec import Codec, read_frame

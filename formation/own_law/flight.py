@@ -20,8 +20,7 @@ from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
 from formation.maths.records import Rows
 from formation.messages import LawFailure
-from formation.own_law.guard import LawGuard, LawOverrunError, unlimited
-from formation.own_law.law import ControlLaw, PointMotion, Situation
+from formation.own_law.law import ControlLaw, LawGuard, LawOverrunError, PointMotion, Situation, unlimited
 from formation.paper.eq2_relative_frame import copy_motion
 
 ACC_MOST_M_S2 = 1e3

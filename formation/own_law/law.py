@@ -1,7 +1,11 @@
-"""What a lab's own control law is given, and what it answers."""
+"""What a lab's own control law is given, what it answers, and how long it may take.
 
+Who runs the laws decides that: the host has a clock, the control has none.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from numpy.typing import ArrayLike
 
@@ -62,3 +66,25 @@ class LawMaker(Protocol):
 
         ValueError says what is not right.
         """
+
+
+Answer = TypeVar("Answer")
+
+
+class LawOverrunError(BaseException):
+    """The laws have not answered in time. No Exception, so that a law's own `except Exception` does not catch it."""
+
+
+class LawGuard(Protocol):
+    """Calls the laws of one tick."""
+
+    def __call__(self, now_ns: int, call: Callable[[], Answer], /) -> Answer:
+        """What `call` returns; whatever it raises, and LawOverrunError where it takes longer than it may.
+
+        now_ns: the tick's time, by which a replay knows in which tick that was.
+        """
+
+
+def unlimited(_now_ns: int, call: Callable[[], Answer]) -> Answer:
+    """As long as it takes."""
+    return call()

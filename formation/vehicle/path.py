@@ -9,7 +9,7 @@ from math import sqrt
 from formation.maths.arrays import Float, Quat, Vec3
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import turn_flu_rad
-from formation.rejection import Rejection
+from formation.messages import Rejection
 
 JUMP, FLIP, YAW_RATE = int(Rejection.JUMP), int(Rejection.FLIP), int(Rejection.YAW_RATE)
 VELOCITY_GAIN = 0.3

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from formation.identities import PAGE
+from formation.exposure import PAGE
 from formation.requests import GCS_NAME
 from gcs.cli import keys as keys_cli
 from gcs.cli import mocap as mocap_cli

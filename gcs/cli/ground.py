@@ -8,7 +8,7 @@ from pathlib import Path
 import uvloop
 
 from formation.config import LabConfig
-from formation.identities import GROUND
+from formation.exposure import GROUND
 from formation.messages import Event, Severity
 from gcs.daemon import Ended, GroundFailure, run
 from gcs.lab.margins import judge_margins

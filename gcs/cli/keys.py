@@ -83,7 +83,7 @@ def install(
     as_json: Json = False,
 ) -> None:
     """Install the keys of one identity on this computer, and with --serial in its autopilot."""
-    from formation.identities import drone_identity
+    from formation.exposure import drone_identity
     from gcs.security.bundle import bundle_identity, install_bundle
 
     outcome = None

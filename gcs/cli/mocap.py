@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from formation.identities import MOCAP
+from formation.exposure import MOCAP
 from formation.requests import GCS_NAME
 from wire import clock
 from wire.errors import ConfigError

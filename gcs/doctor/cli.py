@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from formation.identities import GROUND
+from formation.exposure import GROUND
 from wire.process.program import (
     Insecure,
     Json,

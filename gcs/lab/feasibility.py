@@ -10,7 +10,7 @@ from formation.config import LabConfig
 from formation.guidance.preview import Preview
 from formation.maths.arrays import Float, Vec3
 from formation.trajectory_config import KINDS
-from formation.vehicle.profile import GRAVITY_M_S2
+from formation.vehicle.body import GRAVITY_M_S2
 from gcs.finding import Finding
 from gcs.lab.keys import Keys
 

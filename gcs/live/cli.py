@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from formation.exposure import is_loopback
-from formation.identities import TOOL
+from formation.exposure import TOOL, is_loopback
 from formation.requests import GCS_NAME
 from wire.errors import ConfigError
 from wire.process.output import dropping_output

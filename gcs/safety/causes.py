@@ -1,6 +1,6 @@
 """The first cause of what a rule finds of a drone: what was known of it before, where the rule sees only the effect."""
 
-from formation.rejection import rejection_text
+from formation.messages import rejection_text
 from formation.safety.rules import FaultChange
 from formation.safety.rules_table import BEHIND_HOLD_S, Measure
 from gcs.drones.link_state import DroneLink

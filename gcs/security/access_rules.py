@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from formation.config import LabConfig
-from formation.identities import GROUND, MOCAP, OWN_IDENTITIES, PAGE, TOOL, drone_identity
+from formation.exposure import GROUND, MOCAP, OWN_IDENTITIES, PAGE, TOOL, drone_identity
 
 _PUBLISH, _ALIVE, _ASK = ("put",), ("liveliness_token",), ("query",)
 _ANSWER = ("declare_queryable", "reply")

@@ -11,8 +11,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 from formation.config import LabConfig
-from formation.exposure import endpoint_host
-from formation.identities import GROUND, OWN_IDENTITIES, PAGE, drone_identity, numbered
+from formation.exposure import GROUND, OWN_IDENTITIES, PAGE, drone_identity, endpoint_host, numbered
 from formation.security_config import SecurityConfig
 from gcs.security.access_rules import access_control, identities
 from gcs.security.certificates import Issued, common_name, expiry, hosts_in, new_authority, new_identity

@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable
 
 from formation.config import LabConfig
-from formation.identities import PAGE, identity_in
+from formation.exposure import PAGE, identity_in
 from formation.requests import OperatorReply, OperatorRequest
 from formation.security_config import MAY_ASK
 from wire.rejections import RejectionLog

@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
-from formation.identities import TOOL
+from formation.exposure import TOOL
 from formation.messages import Event, RawFrame, Severity, Truth
 from formation.safety.phases import AIRBORNE
 from sim.cameras.emulator import MocapEmulator

@@ -20,7 +20,8 @@ from drone_agent.guard.position import LoopSetpoint
 from drone_agent.simulation.attitude_loop import advance
 from formation.maths import frames
 from formation.maths.arrays import Float
-from formation.vehicle.profile import GRAVITY_M_S2, PROFILES, VehicleProfile, at_rest
+from formation.vehicle.body import GRAVITY_M_S2
+from formation.vehicle.profile import PROFILES, VehicleProfile, at_rest
 from sim import lockstep, scenario
 from wire import config_file
 

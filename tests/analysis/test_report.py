@@ -26,8 +26,7 @@ from analysis.plots.style import Missing
 from analysis.report import downloads, folded, html, rejections, report, setup
 from analysis.tracking import track, track_leader
 from formation import topics
-from formation.messages import Datagram, Event, LabFrame, OperatorRequest, Phase, PhaseChange, Severity, Verb
-from formation.rejection import Rejection
+from formation.messages import Datagram, Event, LabFrame, OperatorRequest, Phase, PhaseChange, Rejection, Severity, Verb
 from formation.topics import Topic
 from tests.analysis.synthetic_flight import LAB, METADATA, T0_NS, Recipe, Record, records, written
 from wire.link_messages import GROUND, Address, AttitudeSetpoint, Ignore, NamedValue

@@ -8,8 +8,7 @@ from manual_texts import GAP, normal
 
 from drone_agent.autopilots.ardupilot import TEXTS as ARDUPILOT_TEXTS
 from drone_agent.autopilots.px4 import TEXTS as PX4_TEXTS
-from formation.messages import LawFailure
-from formation.rejection import Rejection
+from formation.messages import LawFailure, Rejection
 from formation.safety.rules_table import RULES
 from tests.docs.manual_pages import MANUAL
 from wire.clock_offset import rate_offset_text

@@ -19,7 +19,8 @@ from drone_agent.simulation.disturbance import (
 )
 from formation.maths import frames
 from formation.maths.arrays import Float
-from formation.vehicle.profile import GRAVITY_M_S2, PROFILES, VehicleProfile, VehicleState, at_rest, on_ground, profile
+from formation.vehicle.body import GRAVITY_M_S2
+from formation.vehicle.profile import PROFILES, VehicleProfile, VehicleState, at_rest, on_ground, profile
 
 CALM = np.zeros(3)
 PAPER = profile("paper_40g")

@@ -10,7 +10,8 @@ from drone_agent.simulation.disturbance import Disturbance
 from drone_agent.simulation.inertial import InertialError, InertialSensor
 from formation.maths.arrays import Float
 from formation.maths.frames import from_rotation_vector, inverse, rotate
-from formation.vehicle.profile import GRAVITY_M_S2, VehicleState, at_rest, profile
+from formation.vehicle.body import GRAVITY_M_S2
+from formation.vehicle.profile import VehicleState, at_rest, profile
 from tests.drone_agent.agent_harness import LEVEL, MS, Harness, S, hover_over
 from wire.link_messages import InertialSample, Result
 

@@ -7,7 +7,7 @@ from drone_agent.flight import ekf
 from drone_agent.flight.landing import ContactDetector
 from drone_agent.guard.stages import TABLE, Stage, Trigger
 from formation.maths.frames import from_rotation_vector
-from formation.vehicle.profile import GRAVITY_M_S2
+from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import profile as profile_of
 from tests.drone_agent.agent_harness import MS, Harness, S, hover_at, hover_over, idle, target
 from wire.link_messages import AttitudeSetpoint, Result

@@ -4,8 +4,7 @@ import numpy as np
 
 from formation.config import LabConfig
 from formation.maths import frames
-from formation.messages import Datagram, LabFrame, OperatorReply, OperatorRequest, Phase, Severity, Verb
-from formation.rejection import Rejection
+from formation.messages import Datagram, LabFrame, OperatorReply, OperatorRequest, Phase, Rejection, Severity, Verb
 from formation.vehicle.profile import profile
 from gcs.core import GcsCore, Outgoing
 from wire.ground_state import GroundState, decode, encode

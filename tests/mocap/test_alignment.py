@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from formation.config import LabConfig
 from formation.maths import frames
-from formation.messages import LabFrame, RawFrame
-from formation.rejection import Rejection
+from formation.messages import LabFrame, RawFrame, Rejection
 from mocap.alignment import Alignment
 
 HALF = math.sqrt(0.5)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from formation.maths import frames
-from formation.rejection import Rejection
+from formation.messages import Rejection
 from mocap.core import MocapCore
 from tests.mocap.validator_rig import BODIES, POSITIONS_LAB_M, TURNED, UPRIGHT, Fault, ValidatorRig
 

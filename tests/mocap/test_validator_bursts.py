@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from formation.maths import frames
-from formation.messages import LabFrame
-from formation.rejection import Rejection
+from formation.messages import LabFrame, Rejection
 from mocap.judge import RECOVERY_FRAMES
 from mocap.validator import PoseValidator
 from tests.mocap.test_retiming import Stream

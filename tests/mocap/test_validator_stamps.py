@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from formation.rejection import Rejection
+from formation.messages import Rejection
 from mocap.validator import StampWatch
 from tests.mocap.validator_rig import MS, ValidatorRig
 

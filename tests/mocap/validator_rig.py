@@ -8,8 +8,7 @@ import numpy as np
 from formation.config import LabConfig
 from formation.maths import frames
 from formation.maths.arrays import Float
-from formation.messages import LabFrame, RawFrame
-from formation.rejection import Rejection
+from formation.messages import LabFrame, RawFrame, Rejection
 from mocap.core import MocapCore
 
 MS = 1_000_000

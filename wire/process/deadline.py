@@ -7,14 +7,14 @@ from collections.abc import Callable
 from math import inf
 from types import FrameType
 
-from formation.own_law.guard import Answer, LawOverrunError
+from formation.own_law.law import Answer, LawOverrunError
 
 SLOW_CALLS = 2
 """Calls slower than usual after which there is no other."""
 
 
 class Deadline:
-    """Ends a call by LawOverrunError: formation.own_law.guard.LawGuard.
+    """Ends a call by LawOverrunError: formation.own_law.law.LawGuard.
 
     cpu_s: of this thread's computing, so that a busy machine is not taken for a slow call; wall_s: of any kind, for a
     call that sleeps. usual_s: of computing, which a call may exceed once and not twice. A call that is inside compiled

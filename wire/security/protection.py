@@ -8,8 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from formation.exposure import is_local_link, is_loopback
-from formation.identities import GROUND
+from formation.exposure import GROUND, is_local_link, is_loopback
 from formation.messages import Event, Severity
 from formation.security_config import SecurityConfig
 from wire.errors import ConfigError

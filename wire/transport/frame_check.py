@@ -3,8 +3,7 @@
 import numpy as np
 
 from formation.maths.arrays import Bool, Float
-from formation.messages import LabFrame, RawFrame
-from formation.rejection import Rejection
+from formation.messages import LabFrame, RawFrame, Rejection
 
 MOST_BODIES = 1000
 FARTHEST_M = 1000.0

@@ -4,7 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formation.maths import frames
-from formation.vehicle.profile import GRAVITY_M_S2, PROFILES, at_rest, on_ground, profile
+from formation.vehicle.body import GRAVITY_M_S2
+from formation.vehicle.profile import PROFILES, at_rest, on_ground, profile
 from formation.vehicle.rigid_body import ground_effect_gain
 
 

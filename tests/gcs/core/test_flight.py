@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from formation.messages import Phase, Verb
-from formation.rejection import Rejection
+from formation.messages import Phase, Rejection, Verb
 from tests.gcs.fakes import MS, T0_NS, FakeLab, triangle
 from wire.link_messages import Address, AttitudeSetpoint, CommandLong, Heartbeat, TimeSync, VisionPose
 

@@ -2,8 +2,7 @@
 
 import pytest
 
-from formation.messages import Severity
-from formation.rejection import Rejection
+from formation.messages import Rejection, Severity
 from formation.safety.rules import FaultChange
 from formation.safety.rules_table import RULES
 from gcs.drones.link_state import DroneLink

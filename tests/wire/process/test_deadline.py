@@ -8,7 +8,7 @@ import time
 import pytest
 import uvloop
 
-from formation.own_law.guard import LawOverrunError
+from formation.own_law.law import LawOverrunError
 from wire.process.deadline import Deadline
 
 

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from formation.messages import LabFrame, RawFrame
-from formation.rejection import Rejection
+from formation.messages import LabFrame, RawFrame, Rejection
 from wire.transport.frame_check import lab_fault, raw_fault
 
 NOW_NS = 10**12

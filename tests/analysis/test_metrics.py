@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.load import Flight, from_records
-from analysis.metrics import summarise
+from analysis.metrics import Latency, Summary, parse_requirement, summarise, unmet
 from formation.messages import Phase, Verb
 from tests.analysis.synthetic_flight import END_S, LAB, METADATA, PHASES, Recipe, records
 
@@ -146,3 +146,43 @@ def test_outcomes(phases, requests, outcome):
 def test_a_log_that_was_not_closed_in_the_air_is_no_held_flight():
     killed = replace(fly(phases=PHASES[:4], requests=()), closed=False)
     assert summarise(killed).outcome.startswith("aborted: the log ends in HOLD, and its ground did not end it")
+
+
+FLOWN = Summary(
+    "line", 1, "udp", 20.0, 2, 0.004, 0.009, None, None, 0.001, 0.001, 0.55, 2000, 0, 0, None, Latency(1.0, 2.5, 9.0),
+    None, None, 0.9, "", None, None, "landed",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "text", ["formation_rms_m<0.005", " formation_max_m <= 9e-3 ", "latency_ms.p99<3", "frames>=2000"]
+)
+def test_what_is_reached(text: str) -> None:
+    assert parse_requirement(text).unmet(FLOWN) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("formation_rms_m<0.004", "formation_rms_m<0.004 is required, it is 0.004"),
+        ("min_separation_m>0.6", "min_separation_m>0.6 is required, it is 0.55"),
+        ("leader_rms_m<1", "leader_rms_m<1 is required, and not known of this flight"),
+        ("age_ms.p99<50", "age_ms.p99<50 is required, and not known of this flight"),
+    ],
+)
+def test_what_is_missed_or_not_known_is_told(text: str, why: str) -> None:
+    assert unmet([parse_requirement("frames>1"), parse_requirement(text)], FLOWN) == (why,)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("formation_rms<1", "'formation_rms' is no number of a flight; known: seed, duration_s"),
+        ("outcome<1", "'outcome' is no number"),
+        ("formation_rms_m=1", "is not understood: a requirement is KEY<NUMBER"),
+        ("formation_rms_m<5mm", "'5mm' is not a number"),
+    ],
+)
+def test_what_is_none_is_refused(text: str, why: str) -> None:
+    with pytest.raises(ValueError, match=why):
+        parse_requirement(text)

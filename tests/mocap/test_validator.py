@@ -1,12 +1,20 @@
-"""What the pose validator rejects of flying bodies, in upright and turned rooms: when, and what it believes again."""
+"""What the pose validator rejects of flying bodies, in upright and turned rooms: when, and what it believes again.
+Capture times that cannot be right hide every body, in frames that say so and are in order with the others.
+Poses stamped as they arrive: bursts and gaps of a network that holds frames back, or loses them, reject nobody."""
+
+import itertools
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from formation.maths import frames
-from formation.messages import Rejection
+from formation.messages import LabFrame, Rejection
 from mocap.core import MocapCore
-from tests.mocap.validator_rig import BODIES, POSITIONS_LAB_M, TURNED, UPRIGHT, Fault, ValidatorRig
+from mocap.judge import RECOVERY_FRAMES
+from mocap.validator import PoseValidator, StampWatch
+from tests.mocap.test_retiming import Stream
+from tests.mocap.validator_rig import BODIES, MS, POSITIONS_LAB_M, T0_NS, TURNED, UPRIGHT, Fault, ValidatorRig, lab
 
 MOUNTINGS = pytest.mark.parametrize("mounting", [UPRIGHT, TURNED], ids=["upright", "turned"])
 LEFT, RIGHT = 1, 2
@@ -369,3 +377,95 @@ def test_a_check_that_is_switched_off_lets_its_fault_through(name):
 def test_a_check_that_is_none_is_an_error():
     with pytest.raises(ValueError, match="validator-gap; known: validator-freeze, validator-jump"):
         ValidatorRig(without=frozenset({"validator-gap"}))
+
+
+def in_order(rig: ValidatorRig) -> bool:
+    stamps = [frame.t_capture_ns for frame in rig.shown]
+    return all(a < b for a, b in itertools.pairwise(stamps))
+
+
+@pytest.mark.parametrize("ahead_ms", [11, 900])
+def test_a_capture_that_runs_ahead_is_rejected_at_once_and_as_long_as_drones_fly(ahead_ms):
+    r = ValidatorRig()
+    for _ in range(80):
+        r.show(stamp_ns=ahead_ms * MS)
+    assert all((frame.rejected == Rejection.STAMP).all() for frame in r.shown)
+    assert len(r.shown) == 80
+    r.fly(100)
+    assert in_order(r)
+    assert [frame.seen.all() for frame in r.shown[-98:]] == [True] * 98
+    assert sum("validator-stamp" in text for text in r.events) == 6
+
+
+def test_growing_latency_is_rejected_beyond_150_ms():
+    r = ValidatorRig()
+    for k in range(300):
+        r.show(stamp_ns=-k * MS)
+    shown = [int(frame.seen.all()) for frame in r.shown]
+    assert shown == [1] * 151 + [0] * (len(shown) - 151)
+    assert in_order(r)
+
+
+def test_another_rhythm_is_taken_up_on_the_floor():
+    r = ValidatorRig()
+    r.arm(False)
+    for _ in range(60):
+        r.show(stamp_ns=-400 * MS)
+    assert [frame.seen.all() for frame in r.shown] == [False] * 50 + [True] * 10
+
+
+def test_a_source_that_starts_late_settles_at_its_quickest():
+    """Its first frame took 90 ms, which says nothing against the second."""
+    watch = StampWatch()
+    arrivals = [(8 + 90, 90), *[(8 + 10 * k, 8) for k in range(10, 200)]]
+    assert not any(watch.rejects((at - delay) * MS, at * MS, True) for at, delay in arrivals)
+    assert watch.likely_ns(2000 * MS) == pytest.approx(1992 * MS, abs=1000)
+
+
+RADIUS_M = 1.0
+
+
+class Judge:
+    """A walking leader and two hovering drones with their motors on, through the validator alone."""
+
+    def __init__(self, speed_m_s: float) -> None:
+        self._speed_m_s = speed_m_s
+        self._validator = PoseValidator(lab(UPRIGHT))
+        self._validator.note_motors({"left": True, "right": True})
+        self._seq = 0
+
+    def leader_code(self, exposed_s: float, stamp_s: float, off_m: float = 0.0) -> Rejection:
+        """How the leader's pose of then is judged, where a frame is stamped `stamp_s`."""
+        angle = self._speed_m_s / RADIUS_M * exposed_s
+        pos = POSITIONS_LAB_M + 1e-4 * np.sin(1000.0 * exposed_s)
+        pos[0] += [RADIUS_M * np.cos(angle) + off_m, 3.0 + RADIUS_M * np.sin(angle), 0.0]
+        q = np.tile(frames.IDENTITY, (3, 1))
+        q[0] = frames.from_yaw(np.array(angle))
+        t_ns = T0_NS + round(stamp_s * 1e9)
+        self._seq += 1
+        shown = self._validator.judge(LabFrame(self._seq, t_ns, BODIES, pos, q, np.ones(3, np.bool_), t_ns), t_ns)
+        return Rejection(shown.rejected[0])
+
+
+@pytest.mark.parametrize("is_lost", [False, True])
+def test_a_leader_stamped_on_arrival_is_believed_through_bursts_and_gaps(is_lost: bool) -> None:
+    judge = Judge(2.0)
+    exposed_s, arrived_s, _ = Stream(stalled_share=1.0 - is_lost, length_s=20.0).frames(2)
+    times = list(zip(exposed_s, arrived_s, strict=True))
+    spacing_s = [after - before for (_, before), (_, after) in pairwise(times)]
+    assert max(spacing_s) > 0.85
+    assert is_lost or sum(spacing < 0.002 for spacing in spacing_s) > 200
+    codes = [judge.leader_code(*each) for each in times]
+    assert set(codes) == {Rejection.NONE}
+
+
+def test_a_jump_within_a_burst_is_rejected_and_no_more_than_it() -> None:
+    judge = Judge(1.0)
+    exposed_s, arrived_s, _ = Stream(stalls_s=(0.36,), length_s=1.3).frames(1)
+    times = list(zip(exposed_s, arrived_s, strict=True))
+    jumps = {60, 61, 75}
+    codes = [judge.leader_code(*each, 0.3 if k in jumps else 0.0) for k, each in enumerate(times)]
+    assert all(codes[k] is Rejection.JUMP for k in jumps)
+    wrong = [k for k, code in enumerate(codes) if code is not Rejection.NONE]
+    assert len(wrong) <= len(jumps) + 2 * RECOVERY_FRAMES
+    assert codes[-1] is Rejection.NONE

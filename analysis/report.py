@@ -16,7 +16,8 @@ from analysis.load import Flight, load_checked
 from analysis.metrics import Latency, Summary, rms, summarise, vibration_of
 from analysis.outcome import GOOD
 from analysis.page import Section, cell, picture, row, swatch, table, text, tile
-from analysis.plots import drawings, style
+from analysis.plots import control, motion, style
+from analysis.plots.style import Drawing
 from analysis.series import Series
 from analysis.tracking import LeaderTracking, Tracking, in_formation_phase, reference_lab_m, track, track_leader
 from formation.messages import Event, Severity, rejection_text
@@ -253,6 +254,25 @@ def _sections(flight: Flight, tracking: Tracking, summary: Summary) -> Iterator[
     for anchor, title, lead in TEXTS:
         drawn = tuple(picture(drawing, title) for drawing in pictures.get(anchor, ()))
         yield Section(anchor, title, lead, (*drawn, tables.get(anchor, "")))
+
+
+def drawings(flight: Flight, tracking: Tracking) -> dict[str, tuple[Drawing, ...]]:
+    """Every picture of the report, by section."""
+    leader = track_leader(flight)
+    with style.styled():
+        return {
+            "timeline": (style.timeline(flight),),
+            "paths": (motion.where(flight), motion.heights(flight)),
+            "leader": (motion.leader_error(flight, leader), motion.leader_positions(flight)),
+            "error": (motion.errors(flight, tracking),),
+            "clouds": (motion.clouds(flight, tracking),),
+            "positions": (motion.positions(flight, tracking),),
+            "sliding": (control.sliding(flight), control.disturbance(flight)),
+            "output": (control.output(flight),),
+            "attitude": (control.attitude(flight, tracking),),
+            "link": (control.link(flight),),
+            "timing": (control.histograms(flight), control.cycles(flight)),
+        }
 
 
 def _event_table(flight: Flight) -> str:

@@ -60,7 +60,7 @@ def open_source(config: LabConfig, bus: MocapBus, feed: Feed, deliver: Callable[
 
             return NatNet(config, feed)
         case "qualisys":
-            from mocap.sources.qualisys.session import Qualisys
+            from mocap.sources.qualisys import Qualisys
 
             return Qualisys(config.mocap.qualisys or QualisysConfig(), lab, latency_ns, feed)
         case "vicon":

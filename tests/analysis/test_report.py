@@ -20,10 +20,9 @@ from analysis.console import print_summary
 from analysis.load import Flight, from_records, load
 from analysis.metrics import summarise
 from analysis.picture import picture
-from analysis.plots import drawings
 from analysis.plots.motion import leader_error
 from analysis.plots.style import Missing
-from analysis.report import downloads, folded, html, rejections, report, setup
+from analysis.report import downloads, drawings, folded, html, rejections, report, setup
 from analysis.tracking import track, track_leader
 from formation import topics
 from formation.messages import Datagram, Event, LabFrame, OperatorRequest, Phase, PhaseChange, Rejection, Severity, Verb

@@ -10,7 +10,7 @@ import random
 import struct
 
 from formation.mocap_config import MocapConfig, QualisysConfig
-from mocap.sources.qualisys.session import Qualisys
+from mocap.sources.qualisys import Qualisys
 from tools.fuzz.command import main
 from tools.fuzz.mocap import Client, Result, broken, fuzz
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from formation.mocap_config import QualisysConfig
-from mocap.sources.qualisys.session import Qualisys, QualisysSession, command
+from mocap.sources.qualisys import Qualisys, QualisysSession, command
 from mocap.sources.tcp import ProtocolError
 from tests.mocap.sources.qtm_bytes import (
     FRAME,

@@ -1,1 +1,0 @@
-"""Qualisys Track Manager's real-time protocol, read with `qtm-rt`'s packets."""

@@ -6,7 +6,6 @@ In the pictures the first is dark, the second coloured; times count from each on
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
-from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ from rich.text import Text
 from analysis import page
 from analysis.load import Flight, load
 from analysis.metrics import Summary, summarise
-from analysis.page import Section, cell, picture, row, table
+from analysis.page import Section, render
 from analysis.plots import style
 from analysis.plots.style import Drawing, Missing
 from analysis.tracking import Tracking, in_formation_phase, track, track_leader
@@ -166,27 +165,25 @@ def html(a: Side, b: Side) -> str:
     with style.styled():
         both = flown(a.name, a.flight, True), flown(b.name, b.flight, False)
         error, leader, paths = (draw(*both) for draw in (draw_errors, draw_leader_errors, draw_paths))
-    head = (
-        f'<header><p class="kind">Two flights compared</p><h1>{escape(a.name)} and {escape(b.name)}</h1>'
-        '<p class="facts">In the pictures the first is dark, the second coloured; times count from each '
-        "flight’s own entry into formation.</p></header>"
+    return render(
+        title=f"{a.name} and {b.name} · compared",
+        kind="Two flights compared",
+        heading=f"{a.name} and {b.name}",
+        facts="In the pictures the first is dark, the second coloured; times count from each flight’s own entry into "
+        "formation.",
+        sections=(
+            Section("numbers", "Numbers", parts=(_number_table(a, b),)),
+            Section("error", "Formation error", "Root mean square over the followers at each moment.", (error,)),
+            Section("leader", "Leader tracking error", drawings=(leader,)),
+            Section("paths", "Paths", "From above, in formation.", (paths,)),
+            _setup_section(a, b),
+        ),
     )
-    sections = (
-        Section("numbers", "Numbers", "", (_number_table(a, b),)),
-        Section("error", "Formation error", "Root mean square over the followers, from moment to moment.",
-                (picture(error, "Formation error"),)),
-        Section("leader", "Leader tracking error", "",
-                (picture(leader, "Leader tracking error"),)),
-        Section("paths", "Paths", "From above, in formation.",
-                (picture(paths, "Paths"),)),
-        Section("setup", "Flown with", "What is not the same in lab, gains and profiles.", (_setup_table(a, b),)),
-    )  # fmt: skip
-    return page.document(f"{a.name} and {b.name} · compared", head + "\n".join(s.html() for s in sections))
 
 
-def _number_table(a: Side, b: Side) -> str:
+def _number_table(a: Side, b: Side) -> page.Table | None:
     rows = [
-        row(cell(key), cell(str(_fact(a, key))), cell(str(_fact(b, key))), cell(""), cell(""))
+        (key, str(_fact(a, key)), str(_fact(b, key)), "", "")
         for key in (*FACTS, *PROVENANCE)
         if _fact(a, key) or _fact(b, key)
     ]
@@ -195,9 +192,8 @@ def _number_table(a: Side, b: Side) -> str:
             continue
         change = None if x is None or y is None else y - x
         share = f"{100.0 * change / x:+.1f} %" if x and change is not None else ""
-        rows.append(row(cell(key), *(cell(_value(v), "number") for v in (x, y)), cell(_change(change), "number"),
-                        cell(share, "number")))  # fmt: skip
-    return table(("key", f"#{a.name}", f"#{b.name}", "#second - first", "#change"), rows)
+        rows.append((key, _value(x), _value(y), _change(change), share))
+    return page.table(("key", f"#{a.name}", f"#{b.name}", "#second - first", "#change"), rows)
 
 
 def _fact(side: Side, key: str) -> object:
@@ -213,12 +209,10 @@ def _change(change: float | None) -> str:
     return "–" if change is None else SAME if change == 0 else f"{change:+.3g}"
 
 
-def _setup_table(a: Side, b: Side) -> str:
-    rows = [
-        row(f"<td><code>{escape(key)}</code></td>", cell(str(x)), cell(str(y)))
-        for key, (x, y) in configuration(a, b).items()
-    ]
-    return table(("key", a.name, b.name), rows) if rows else "<p>Both were flown with the same.</p>"
+def _setup_section(a: Side, b: Side) -> Section:
+    rows = [(key, str(x), str(y)) for key, (x, y) in configuration(a, b).items()]
+    lead = "What is not the same in lab, gains and profiles." if rows else "Both were flown with the same."
+    return Section("setup", "Flown with", lead, parts=(page.table(("`key", a.name, b.name), rows),))
 
 
 def _flown_with(flight: Flight) -> Iterator[tuple[str, object]]:

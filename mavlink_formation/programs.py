@@ -20,7 +20,7 @@ _EXTRAS = {
         "tomli_w", "zstandard",
     ),
     "page": ("nicegui", "uvicorn"),
-    "report": ("matplotlib", "scipy"),
+    "report": ("jinja2", "markupsafe", "matplotlib", "scipy"),
     "doctor": ("mavsdk",),
 }  # fmt: skip
 """What each optional part of the installation brings, as it is imported."""

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ from analysis.identify.signals import Estimate
 from analysis.identify.thrust import Thrust
 from analysis.identify.vehicle import Identification, Identified
 from analysis.load import Flight
-from analysis.page import Section, cell, picture, row, table, text
+from analysis.page import Folded, Section
 from analysis.plots import style
 from analysis.plots.style import Drawing, Missing
 from formation.maths.arrays import Float
@@ -225,35 +224,37 @@ def to_json(found: Identification) -> str:
 def write(flight: Flight, found: Identification, path: Path) -> None:
     """Write the page."""
     leads = [LEAD] + [""] * len(found.drones)
-    sections = [_drone(flight, drone, lead).html() for drone, lead in zip(found.drones, leads, strict=False)]
-    sections.append(_mocap(found).html())
     name = (flight.run.scenario or "flight").replace("_", " ")
-    head = (
-        '<header><p class="kind">Vehicle identification</p>'
-        f"<h1>{escape(name.capitalize())}</h1>"
-        '<p class="facts">Estimated from one flight; in brackets the 95 % confidence interval.</p></header>'
+    text = page.render(
+        title=f"{name} · identification",
+        kind="Vehicle identification",
+        heading=name.capitalize(),
+        facts="Estimated from one flight; in brackets the 95 % confidence interval.",
+        sections=(
+            *(_drone(flight, drone, lead) for drone, lead in zip(found.drones, leads, strict=False)),
+            _mocap(found),
+        ),
     )
-    path.write_text(page.document(f"{name} · identification", head + "".join(sections)), encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
 
 
 def _drone(flight: Flight, drone: Identified, lead: str) -> Section:
     """One drone: picture, table, profile to paste."""
     with style.styled():
-        drawn = picture(model_against_data(flight, drone), drone.vehicle.body)
-    rows = [row(cell(x.name), cell(x.words(), "number"), cell(x.assumed_words(), "number")) for x in drone_lines(drone)]
-    text = escape(dump_profile(drone.profile()))
-    profile = f"<details><summary>Profile to paste</summary><pre><code>{text}</code></pre></details>"
-    parts = (drawn, table(("quantity", "#estimate", f"#{drone.base.name}"), rows) if rows else "", profile)
-    return Section(f"drone-{drone.vehicle.sysid}", drone.vehicle.body, lead, parts)
+        drawn = model_against_data(flight, drone)
+    rows = [(line.name, line.words(), line.assumed_words()) for line in drone_lines(drone)]
+    estimates = page.table(("quantity", "#estimate", f"#{drone.base.name}"), rows)
+    profile = Folded("Profile to paste", text=dump_profile(drone.profile()))
+    return Section(f"drone-{drone.vehicle.sysid}", drone.vehicle.body, lead, (drawn,), (estimates, profile))
 
 
 def _mocap(found: Identification) -> Section:
     """The mocap's table."""
     if isinstance(found.sensing, str):
-        return Section("mocap", "Motion capture", "", (f'<p class="missing">Not shown: {text(found.sensing)}.</p>',))
-    rows = [row(cell(line.name), cell(line.words(), "number")) for line in sensing_lines(found.sensing)]
+        return Section("mocap", "Motion capture", parts=(Missing(found.sensing),))
+    rows = [(line.name, line.words()) for line in sensing_lines(found.sensing)]
     lead = (
         f"{found.sensing.rate_hz:.1f} frames a second; 99 % arrive within {1e3 * found.sensing.late_s:.1f} ms of their "
         "capture as the mocap stamps it. Attitude noise is taken from where a body stood still."
     )
-    return Section("mocap", "Motion capture", lead, (table(("quantity", "#estimate"), rows),))
+    return Section("mocap", "Motion capture", lead, parts=(page.table(("quantity", "#estimate"), rows),))

@@ -84,25 +84,21 @@ def _markdown(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
 
 def html(comparison: Comparison) -> str:
     """The page."""
-    rows = [
-        page.row(page.cell(NAMES[name]), *(page.cell(words, "number") for words in _cells(name, numbers)))
-        for name, numbers in comparison.controllers.items()
-    ]
-    head = ["controller", *(f"#{heading}" for _, heading, _, _ in COLUMNS)]
-    table = Section("table", "Controllers in one loop", explained(comparison), (page.table(head, rows),))
+    rows = [(NAMES[name], *_cells(name, numbers)) for name, numbers in comparison.controllers.items()]
+    table = page.table(["controller", *(f"#{heading}" for _, heading, _, _ in COLUMNS)], rows)
     gust, line, circle = (
         _traces(comparison, experiment) for experiment in (Experiment.GUST, Experiment.LINE, Experiment.CIRCLE)
     )
     with style.styled():
         sections = [
-            table,
+            Section("table", "Controllers in one loop", explained(comparison), parts=(table,)),
             *_mismatch_section(comparison),
-            _section("gust", "Gust (Figure 5)", "Deviation from hover in the swept fan.", figures.gust(gust)),
-            _section("line", "Line (Figure 6)", "", figures.formation(line), figures.deviations(line)),
-            _section("circle", "Circle (Figure 7)", "", figures.formation(circle), figures.deviations(circle)),
+            Section("gust", "Gust (Figure 5)", "Deviation from hover in the swept fan.", (figures.gust(gust),)),
+            Section("line", "Line (Figure 6)", "", (figures.formation(line), figures.deviations(line))),
+            Section("circle", "Circle (Figure 7)", "", (figures.formation(circle), figures.deviations(circle))),
         ]
-    body = "<h1>The paper's experiments</h1>" + "".join(section.html() for section in sections)
-    return page.document("The paper's experiments", body)
+    title = "The paper's experiments"
+    return page.render(title=title, kind="Controllers compared", heading=title, facts="", sections=sections)
 
 
 def explained(comparison: Comparison) -> str:
@@ -124,12 +120,12 @@ def _mismatch_section(comparison: Comparison) -> list[Section]:
     if not comparison.mismatches:
         return []
     rows = [
-        page.row(page.cell(name), *(page.cell(_text(numbers, column), "number") for column in MISMATCH_COLUMNS))
+        (name, *(_text(numbers, column) for column in MISMATCH_COLUMNS))
         for name, numbers in _mismatches(comparison).items()
     ]
     head = ["vehicle", *(f"#{heading}" for _, heading, _, _ in MISMATCH_COLUMNS)]
     lead = f"{NAMES[SHIPPED]}, in the gust on a vehicle that is not as it believes."
-    return [Section("mismatch", "Other vehicles than believed", lead, (page.table(head, rows),))]
+    return [Section("mismatch", "Other vehicles than believed", lead, parts=(page.table(head, rows),))]
 
 
 def _cells(name: str, numbers: Figures) -> list[str]:
@@ -153,7 +149,3 @@ def _traces(comparison: Comparison, experiment: Experiment) -> Traces:
     """One experiment's traces by controller, in the table's order."""
     found = ((name, comparison.traces.get((name, experiment))) for name in comparison.controllers)
     return {name: trace for name, trace in found if trace is not None}
-
-
-def _section(anchor: str, title: str, lead: str, *drawings: style.Drawing) -> Section:
-    return Section(anchor, title, lead, tuple(page.picture(drawing, title) for drawing in drawings))

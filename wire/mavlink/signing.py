@@ -44,7 +44,7 @@ def stamp_at(unix_us: int) -> int:
 class StampClock:
     """The newest stamp that a process has signed with or accepted; never goes back.
 
-    floor: the newest that may have been used before this process began (`wire.security.stamp_file`).
+    floor: the newest that may have been used before this process began (`wire.security.private_keys.StampFile`).
     """
 
     floor: int = 0

@@ -1,6 +1,6 @@
-"""What programs decide on: the phase and the severity of events. Without arrays: operators' commands load them."""
+"""What programs decide on: phase, severity, causes, events. Without arrays: operators' commands load it."""
 
-from enum import IntEnum
+from enum import IntEnum, StrEnum, auto
 
 
 class Phase(IntEnum):
@@ -26,3 +26,43 @@ class Severity(IntEnum):
     NOTICE = 5
     INFO = 6
     DEBUG = 7
+
+
+class Cause(StrEnum):
+    """Why the phase changed."""
+
+    UNKNOWN = auto()  # in a log of a version that did not record it
+    START = auto()
+    OPERATOR = auto()
+    FAULT = auto()  # a rule of formation.safety.rules_table
+    AT_HEIGHT = auto()
+    LANDED = auto()
+    LEFT_TO_PILOT = auto()
+    NOT_LANDED = auto()
+    NOT_ARMED = auto()
+    DISARMED = auto()
+    LANDS_ITSELF = auto()
+
+
+class EventCode(StrEnum):
+    """What an event reports, where that is no rule, which has its own name, and no pose's Rejection."""
+
+    ACKNOWLEDGED = auto()
+    PHASE = auto()
+    REQUEST_REJECTED = auto()
+    INPUT_REJECTED = auto()
+    LOG = auto()
+    STOP_BUTTON = auto()
+    INSECURE = auto()
+    OTHER_GROUND = auto()
+    GROUND_SILENT = auto()
+    GROUND_FAILED = auto()
+    LAW_FAILED = auto()
+    PARAMETER = auto()
+    TAKE_OFF_WINDOW = auto()
+    TAKE_OFF_TOO_LATE = auto()
+    PILOT = auto()
+    RELEASED = auto()
+    NOT_LANDED = auto()
+    TRAJECTORY = auto()
+    SHAPE = auto()

@@ -10,12 +10,14 @@ The log and the bus hold the arrays of control's stages in single precision: a r
 carries the targets so. The same for the simulator's truth and innovations. All else is exact.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum, IntFlag
 
 import numpy as np
 
 from formation.clock_pair import ClockPair as ClockPair
+from formation.codes import Cause as Cause
+from formation.codes import EventCode as EventCode
 from formation.codes import Phase as Phase
 from formation.codes import Severity as Severity
 from formation.maths.arrays import (
@@ -93,6 +95,7 @@ class PhaseChange:
 
     phase: Phase
     cause: str = ""
+    code: Cause = Cause.UNKNOWN
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -190,21 +193,30 @@ class AttitudeTarget:
     held_off: Flags
 
 
-OVER = "over: "
-"""With this begins what ends a condition."""
-
-
 @dataclass(frozen=True, slots=True)
 class Event:
     """An event for the operator: a phase change, a rejection, a fault, a recovery.
 
-    lasts: the condition lasts until an event of the same source has `OVER` and the same text.
+    code: what it is, for programs: an EventCode, a rule's or a Rejection's name; empty for what others say. subject:
+    the body that it is about, if it is about one. lasts: the condition lasts until an event of the same `key` ends it.
     """
 
     severity: Severity
     source: str
     text: str
     lasts: bool = False
+    code: str = ""
+    subject: str = ""
+    ends: bool = False
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """What it has in common with others of its condition; without a code, its words."""
+        return self.source, self.code, self.subject if self.code else self.text
+
+    def over(self) -> "Event":
+        """The event that ends its condition."""
+        return replace(self, severity=Severity.NOTICE, text=f"over: {self.text}", lasts=False, ends=True)
 
 
 @dataclass(frozen=True, slots=True)

@@ -51,8 +51,9 @@ class OperatorRequest:
 
 @dataclass(frozen=True, slots=True)
 class OperatorReply:
-    """The answer to request `id`: accepted or not, with the reason in words."""
+    """The answer to request `id`: accepted or not, with reasons in words; codes: their names (formation.reasons)."""
 
     id: int
     accepted: bool
     text: str
+    codes: tuple[str, ...] = ()

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
-from formation.messages import OVER, Event, Severity
+from formation.messages import Event, EventCode, Severity
 from wire.ground_state import Alarm, PublishedEvent
 
 LOUD = Severity.ERROR
@@ -12,32 +12,33 @@ LOUD = Severity.ERROR
 MOST = 100
 EVENTS_MAX = 40
 """Events that are kept for viewers that connect later."""
-ACKNOWLEDGED = Event(Severity.NOTICE, "operator", "alarms acknowledged")
+ACKNOWLEDGED = Event(Severity.NOTICE, "operator", "alarms acknowledged", code=EventCode.ACKNOWLEDGED)
 """The ground's event when an operator has acknowledged every alarm."""
 
 
 @dataclass(slots=True)
 class AlarmBook:
-    """Keeps alarms in order of their first coming; the same words again raise a count.
+    """Keeps alarms in order of their first coming; the same condition again raises a count.
 
     An alarm goes when it is acknowledged and its condition has ended, in whatever order. Bounded: of the least severe
     the oldest is lost.
     """
 
-    _alarms: dict[tuple[str, str], Alarm] = field(default_factory=dict)
+    _alarms: dict[tuple[str, str, str], Alarm] = field(default_factory=dict)
 
     def receive(self, event: Event, unix_s: float) -> None:
         """Receive an event at a wall-clock time, `ACKNOWLEDGED` and the end of a condition included."""
-        if event == ACKNOWLEDGED:
+        if event.code == EventCode.ACKNOWLEDGED:
             self.acknowledge()
-        ended = self._alarms.get((event.source, event.text.removeprefix(OVER)))
-        if event.text.startswith(OVER) and ended is not None:
-            self._store(replace(ended, goes_on=False))
+        before = self._alarms.get(event.key)
+        if event.ends and before is not None:
+            self._store(replace(before, goes_on=False))
         if event.severity > Severity.WARNING:
             return
-        before = self._alarms.pop((event.source, event.text), None)
+        self._alarms.pop(event.key, None)
         times = 1 if before is None else before.times + 1
-        self._store(Alarm(unix_s, event.severity, event.source, event.text, times, goes_on=event.lasts))
+        code, subject = event.code, event.subject
+        self._store(Alarm(unix_s, event.severity, event.source, event.text, code, subject, times, event.lasts))
 
     def add(self, alarm: Alarm) -> None:
         """Add an alarm of a ground that is gone: its end will not be reported."""
@@ -54,11 +55,10 @@ class AlarmBook:
         return ordered(self._alarms.values())
 
     def _store(self, alarm: Alarm) -> None:
-        key = alarm.source, alarm.text
         if alarm.acknowledged and not alarm.goes_on:
-            self._alarms.pop(key, None)
+            self._alarms.pop(alarm.key, None)
             return
-        self._alarms[key] = alarm
+        self._alarms[alarm.key] = alarm
         while len(self._alarms) > MOST:
             del self._alarms[max(self._alarms, key=lambda entry: self._alarms[entry].severity)]
 
@@ -78,7 +78,10 @@ class EventMemory:
         unix_s = round(unix_us * 1e-6, 2)
         self.alarms.receive(event, unix_s)
         self._count += 1
-        self._events.append(PublishedEvent(self._count, unix_s, event.severity, event.source, event.text))
+        published = PublishedEvent(
+            self._count, unix_s, event.severity, event.source, event.text, event.code, event.subject
+        )
+        self._events.append(published)
 
     @property
     def newest(self) -> tuple[PublishedEvent, ...]:

@@ -18,8 +18,10 @@ from formation.control.stack import ControlStack, Stages
 from formation.guidance.plan import Plan
 from formation.maths.arrays import Scalars
 from formation.messages import (
+    Cause,
     Datagram,
     Event,
+    EventCode,
     HostReport,
     LabFrame,
     LawFailure,
@@ -32,6 +34,7 @@ from formation.messages import (
     rejection_text,
 )
 from formation.own_law.law import LawGuard, unlimited
+from formation.reasons import Reject
 from formation.safety import rules
 from formation.safety.phases import STREAMING, Trigger
 from formation.safety.rules import Facts
@@ -271,7 +274,10 @@ class GcsCore:
         force_meas, bias = measured_specific_forces(self._drones, frame), self._gatherer.level_bias_rad()
         stages = self._stack.step(now_ns, frame, plan, hover_thrust_norm, force_meas, bias, flies)
         self._law_failures = self._stack.law_failures()
-        self._flight.events += [Event(Severity.ERROR, "control", failure.text) for failure in self._law_failures]
+        self._flight.events += [
+            Event(Severity.ERROR, "control", failure.text, code=EventCode.LAW_FAILED, subject=failure.body)
+            for failure in self._law_failures
+        ]
         state, target = stages.state, stages.target
         # The limits may have put new arrays in the target; in one memory layout the kernel is compiled once.
         numbers = (target.q_lab_from_flu, target.rate_flu_rad_s, target.thrust_norm)
@@ -290,27 +296,35 @@ class GcsCore:
             reasons = formation_change.ask(request, self._flight, self._facts(now_ns), self._stages, now_ns)
         elif not reasons:
             reject_reason = self._execute(request.verb, now_ns)
-            reasons = (reject_reason,) if reject_reason else ()
+            reasons = () if reject_reason is None else (reject_reason,)
         if reasons:
-            text = "; ".join(reasons)
-            self._flight.events.append(Event(Severity.WARNING, "operator", f"{request.verb} refused: {text}"))
-            return [OperatorReply(request.id, False, text)]
+            text = "; ".join(reject.text for reject in reasons)
+            self._flight.events.append(
+                Event(
+                    Severity.WARNING,
+                    "operator",
+                    f"{request.verb} refused: {text}",
+                    code=EventCode.REQUEST_REJECTED,
+                    subject=request.verb,
+                )
+            )
+            return [OperatorReply(request.id, False, text, tuple(reject.reason.code for reject in reasons))]
         if request.verb is Verb.ARM:
             self._arming_request = request.id
             return []
         return [OperatorReply(request.id, True, done_text(self._flight))]
 
-    def _execute(self, verb: Verb, now_ns: int) -> str:
-        """Execute a request; the empty text, or why it has no effect now. `acknowledge` changes no phase."""
+    def _execute(self, verb: Verb, now_ns: int) -> Reject | None:
+        """Execute a request; why it has no effect now, or None. `acknowledge` changes no phase."""
         if verb is Verb.ACKNOWLEDGE:
             self._flight.events.append(ACKNOWLEDGED)
-            return ""
+            return None
         is_takeover = verb is Verb.TAKE_CONTROL and self.phase is Phase.GROUND
         down = takeover.landing_text(self._drones) if is_takeover else ""
         if down:
-            return self._flight.pull(Trigger.LAND, down, now_ns)
-        reject_reason = self._flight.pull(Trigger(verb.value), f"operator: {verb}", now_ns)
-        if is_takeover and not reject_reason:
+            return self._flight.pull(Trigger.LAND, Cause.LANDS_ITSELF, down, now_ns)
+        reject_reason = self._flight.pull(Trigger(verb.value), Cause.OPERATOR, f"operator: {verb}", now_ns)
+        if is_takeover and reject_reason is None:
             self._stack, self._reinitialise_at_ns = self._fresh_stack(), now_ns + REINITIALISE_NS
         return reject_reason
 
@@ -321,7 +335,7 @@ class GcsCore:
         self._arming_request = None
         if flight.phase is Phase.ARMED:
             return [OperatorReply(request, True, armed_text(flight, now_ns))]
-        return [OperatorReply(request, False, flight.cause)]
+        return [OperatorReply(request, False, flight.cause, (flight.cause_code,))]
 
     def _facts(self, now_ns: int, asked_to_arm: bool = False) -> Facts:
         links = self._gatherer.gather_links(now_ns)
@@ -353,5 +367,8 @@ class GcsCore:
         events, link.events = link.events, []
         if not drone.checked and link.model is not None and not link.parameters.reading:
             drone.checked = True
-            events += [Event(Severity.WARNING, link.name, text) for text in warnings(link, self._feeds_pose)]
+            events += [
+                Event(Severity.WARNING, link.name, text, code=EventCode.PARAMETER, subject=name)
+                for name, text in warnings(link, self._feeds_pose)
+            ]
         return events

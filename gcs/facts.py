@@ -147,7 +147,7 @@ class FactGatherer:
             battery=links.battery,
             duplicate=links.duplicate,
             late_share=late_share,
-            prearm_failures=tuple(text for d in self._drones for text in prearm_failures(d.link))
+            prearm_failures=tuple(reason for d in self._drones for reason in prearm_failures(d.link))
             if asked_to_arm
             else (),
         )

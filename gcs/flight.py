@@ -12,7 +12,8 @@ from formation.guidance.shape import Shape, configured
 from formation.guidance.trajectory import Trajectory
 from formation.guidance.transition import Transition
 from formation.maths.arrays import Float
-from formation.messages import Event, Phase, PhaseChange, Severity
+from formation.messages import Cause, Event, EventCode, Phase, PhaseChange, Severity
+from formation.reasons import Reason, Reject
 from formation.safety.phases import AFTER_STOP, AIRBORNE, Trigger, advance, allowed_from
 from formation.safety.rules import Verdict
 from gcs.drones.drone import (
@@ -52,7 +53,7 @@ class Flight:
     def __init__(self, config: LabConfig, drones: tuple[Drone, ...], t0_ns: int) -> None:
         self.phase = Phase.GROUND
         self.entered_ns = t0_ns
-        self.cause = "start"
+        self.cause, self.cause_code = "start", Cause.START
         self.shape: Shape = configured(config)
         self.rise_m: tuple[float, ...] = ()
         self.lab = self.config = config
@@ -64,7 +65,7 @@ class Flight:
         self.alarms = OpenAlarms(drones)
         self._too_late = False
         self.events: list[Event] = []
-        self.changes: list[PhaseChange] = [PhaseChange(Phase.GROUND, self.cause)]
+        self.changes: list[PhaseChange] = [PhaseChange(Phase.GROUND, self.cause, self.cause_code)]
         self._drones = drones
         self._settled_since_ns: int | None = None
         self._spots: Float | None = None
@@ -78,7 +79,9 @@ class Flight:
     def choose(self, trajectory: str, about: str) -> None:
         """Have the leader fly that one of the lab's trajectories when it is started next; about: it in words."""
         self.trajectory_name, self.config = trajectory, self.lab.flying(trajectory)
-        self.events.append(Event(Severity.NOTICE, "flight", f"trajectory {trajectory}: {about}"))
+        self.events.append(
+            Event(Severity.NOTICE, "flight", f"trajectory {trajectory}: {about}", code=EventCode.TRAJECTORY)
+        )
 
     def change_formation(self, transition: Transition) -> None:
         """Change the formation to a shape by a transition."""
@@ -90,6 +93,7 @@ class Flight:
                 f"shape {transition.shape.name} in {transition.duration_s:.1f} s; "
                 f"nearest on the way {transition.separation_m:.2f} m, "
                 f"{np.count_nonzero(transition.rise_m)} of {len(transition.rise_m)} pass above or below",
+                code=EventCode.SHAPE,
             )
         )
 
@@ -110,27 +114,27 @@ class Flight:
             return None, 0.0
         return self.trajectory, (now_ns - self.trajectory_start_ns) * 1e-9
 
-    def out_of_turn(self, trigger: Trigger) -> str:
-        """Why the trigger means nothing now; the empty text where it does."""
+    def out_of_turn(self, trigger: Trigger) -> Reject | None:
+        """Why the trigger means nothing now; None where it does."""
         if advance(self.phase, trigger) is not None:
-            return ""
+            return None
         names = ", ".join(phase.name for phase in allowed_from(trigger))
         after = f": {AFTER_STOP}" if self.phase is Phase.STOPPED else ""
-        return f"{trigger} is for {names}, this is {self.phase.name}{after}"
+        return Reason.OUT_OF_TURN.of(trigger, names, self.phase.name, after)
 
     @property
     def landing_end_ns(self) -> int | None:
         """When the landing that is going on is over at the latest; None where there is none."""
         return None if self._descent is None else self._descent.end_ns
 
-    def pull(self, trigger: Trigger, cause: str, now_ns: int) -> str:
-        """Change the phase; the empty text, or why the trigger means nothing now."""
+    def pull(self, trigger: Trigger, code: Cause, cause: str, now_ns: int) -> Reject | None:
+        """Change the phase; why the trigger means nothing now, or None. cause: the same as its code, in words."""
         after = advance(self.phase, trigger)
         if after is None:
             return self.out_of_turn(trigger)
         if after is not self.phase:
-            self._enter(after, cause, now_ns)
-        return ""
+            self._enter(after, code, cause, now_ns)
+        return None
 
     def judge(self, verdict: Verdict, rejected: Sequence[int], now_ns: int) -> None:
         """Apply the verdict of the safety rules. rejected: why the mocap rejects each body's pose (Rejection)."""
@@ -140,9 +144,10 @@ class Flight:
                 drone.aim(Goal.CUT, now_ns)
             elif verdict.release[drone.index]:
                 drone.release(now_ns)
-        if verdict.trigger is not None:
-            texts = {c.text: self.alarms.text(c, rejected, now_ns) for c in verdict.changes if c.began}
-            self.pull(verdict.trigger, texts.get(verdict.cause, verdict.cause), now_ns)
+        fault, trigger = verdict.fault, verdict.trigger
+        if fault is not None and trigger is not None:
+            text = self.alarms.text(fault, rejected, now_ns) if fault.began else fault.text
+            self.pull(trigger, Cause.FAULT, text, now_ns)
 
     def update(self, stages: Stages | None, now_ns: int) -> None:
         """Update the phase and every drone's goal. stages: of this tick's frame, if any."""
@@ -150,8 +155,9 @@ class Flight:
             self._detect_lift_off(stages)
         for drone in self._drones:
             if drone.detect_pilot():
-                text = f"{drone.link.name}: a pilot flies it ({drone.link.mode}), it is left alone"
-                self.events.append(Event(Severity.WARNING, "flight", text))
+                name = drone.link.name
+                text = f"{name}: a pilot flies it ({drone.link.mode}), it is left alone"
+                self.events.append(Event(Severity.WARNING, "flight", text, code=EventCode.PILOT, subject=name))
         match self.phase:
             case Phase.ARMED:
                 self._watch_arming(stages, now_ns)
@@ -169,12 +175,14 @@ class Flight:
             if (self.phase is Phase.GROUND or drone.goal is Goal.JOIN) and drone.reached:
                 drone.aim(Goal.LEAVE, now_ns)
 
-    def _enter(self, phase: Phase, cause: str, now_ns: int) -> None:
-        before, self.phase, self.cause, self.entered_ns = self.phase, phase, cause, now_ns
+    def _enter(self, phase: Phase, code: Cause, cause: str, now_ns: int) -> None:
+        before, self.phase, self.entered_ns = self.phase, phase, now_ns
+        self.cause, self.cause_code = cause, code
         self.trajectory_start_ns, self._settled_since_ns, self._spots, self._descent = None, None, None, None
         self.armed, self._too_late = False, False
-        self.changes.append(PhaseChange(phase, cause))
-        self.events.append(Event(Severity.NOTICE, "flight", f"{before.name} -> {phase.name}: {cause}"))
+        self.changes.append(PhaseChange(phase, cause, code))
+        entered = f"{before.name} -> {phase.name}: {cause}"
+        self.events.append(Event(Severity.NOTICE, "flight", entered, code=EventCode.PHASE))
         for drone in self._drones:
             if phase is Phase.ARMED:
                 drone.released = drone.lifted = drone.piloted = False
@@ -225,9 +233,9 @@ class Flight:
             self._watch_countdown(now_ns)
         elif self.armed:
             cause = unready[0].idle_disarm_text or f"{unready[0].link.name} is no longer armed and off-board"
-            self.pull(Trigger.DISARMED, cause, now_ns)
+            self.pull(Trigger.DISARMED, Cause.DISARMED, cause, now_ns)
         elif failed := [drone for drone in unready if drone.rejects(now_ns)] or self._overdue(unready, now_ns):
-            self.pull(Trigger.DISARMED, "; ".join(_why_not_armed(drone) for drone in failed), now_ns)
+            self.pull(Trigger.DISARMED, Cause.NOT_ARMED, "; ".join(_why_not_armed(drone) for drone in failed), now_ns)
 
     def _overdue(self, unready: list[Drone], now_ns: int) -> list[Drone]:
         return unready if now_ns - self.entered_ns > ARMING_NS else []
@@ -242,18 +250,18 @@ class Flight:
         if not before:
             window_s = max(left_s - TAKE_OFF_S, 0.0)
             text = f"every drone is armed; {name} disarms itself in {left_s:.1f} s: take off within {window_s:.1f} s"
-            self.events.append(Event(Severity.NOTICE, "flight", text))
+            self.events.append(Event(Severity.NOTICE, "flight", text, code=EventCode.TAKE_OFF_WINDOW))
         if left_s < TAKE_OFF_S and not self._too_late:
             self._too_late = True
             text = f"too late for a take-off: {name} disarms itself in {left_s:.1f} s"
-            self.events.append(Event(Severity.WARNING, "flight", text))
+            self.events.append(Event(Severity.WARNING, "flight", text, code=EventCode.TAKE_OFF_TOO_LATE))
 
     def _watch_take_off(self, stages: Stages | None, now_ns: int) -> None:
         """A drone that disarms on the floor ends the take-off for all; those in the air land, it is not in the air."""
         for drone in self._drones:
             if drone.flown and not drone.lifted and not drone.link.armed:
                 cause = drone.idle_disarm_text or f"{drone.link.name} is disarmed, still on the floor"
-                self.pull(Trigger.LAND, cause, now_ns)
+                self.pull(Trigger.LAND, Cause.DISARMED, cause, now_ns)
                 return
         if stages is not None:
             self._watch_height(stages, now_ns)
@@ -267,13 +275,13 @@ class Flight:
         led_away_m = np.abs(stages.reference.slot_lead_m[flown, 2] - height_m)
         at_rest = np.abs(stages.reference.slot_acc_lead_m_s2[flown]) < LED_AT_REST_M_S2
         if bool((away_m < AT_HEIGHT_M).all() and (led_away_m < LED_THERE_M).all() and at_rest.all()):
-            self.pull(Trigger.AT_HEIGHT, "every drone is at its height", now_ns)
+            self.pull(Trigger.AT_HEIGHT, Cause.AT_HEIGHT, "every drone is at its height", now_ns)
 
     def _watch_joining(self, now_ns: int) -> None:
         """A drone that began to land while it was being taken over is not led up again."""
         for drone in self._drones:
             if drone.goal is Goal.JOIN and coming_down(drone):
-                self.pull(Trigger.LAND, f"{drone.link.name} has begun to land meanwhile", now_ns)
+                self.pull(Trigger.LAND, Cause.LANDS_ITSELF, f"{drone.link.name} has begun to land meanwhile", now_ns)
                 return
 
     def _watch_slots(self, stages: Stages, now_ns: int) -> None:
@@ -315,9 +323,11 @@ class Flight:
 
     def _finish_landing(self, text: str, now_ns: int) -> None:
         """End it; text: what is known of the drones, which is an alarm unless each has landed or has a pilot."""
+        code = Cause.LEFT_TO_PILOT if any(drone.piloted for drone in self._drones) else Cause.LANDED
         if any(not drone.piloted and not drone.is_landed for drone in self._drones):
-            self.events.append(Event(Severity.CRITICAL, "flight", text))
-        self.pull(Trigger.DISARMED, text, now_ns)
+            code = Cause.NOT_LANDED
+            self.events.append(Event(Severity.CRITICAL, "flight", text, code=EventCode.NOT_LANDED))
+        self.pull(Trigger.DISARMED, code, text, now_ns)
 
     def _end_landing(self, now_ns: int) -> None:
         """A landing that takes too long is left to the autopilots, and at last is over."""
@@ -336,7 +346,9 @@ class Flight:
 
     def _hand_over(self, drone: Drone, why: str, now_ns: int) -> None:
         """Release a drone to its autopilot's own landing, and report it."""
-        self.events.append(Event(Severity.ERROR, "flight", f"{drone.link.name} {why}: commanded to land by itself"))
+        name = drone.link.name
+        text = f"{name} {why}: commanded to land by itself"
+        self.events.append(Event(Severity.ERROR, "flight", text, code=EventCode.RELEASED, subject=name))
         drone.release(now_ns)
 
     def _lead_down(self, stages: Stages) -> None:

@@ -12,6 +12,7 @@ from formation.guidance.transition import Space, Transition, assigned, require_s
 from formation.maths.arrays import Float
 from formation.messages import OperatorRequest, Phase, Verb
 from formation.paper.eq2_relative_frame import lead_from_lab
+from formation.reasons import Reason, Reject
 from formation.safety.rules import Facts
 from gcs.finding import Grade
 from gcs.flight import Flight
@@ -30,14 +31,14 @@ CHOOSING = (Phase.GROUND, Phase.ARMED, Phase.TAKEOFF, Phase.HOLD)
 
 def ask(
     request: OperatorRequest, flight: Flight, facts: Facts, stages: Stages | None, now_ns: int
-) -> tuple[str, ...]:  # fmt: skip
+) -> tuple[Reject, ...]:  # fmt: skip
     """Carry out a request of CHANGES, or say why not."""
     if request.verb is Verb.SHAPE:
         return change(request.argument, flight, facts, stages, now_ns)
     return choose(request.argument, flight, facts, stages)
 
 
-def start(flight: Flight, facts: Facts, stages: Stages | None, config: LabConfig) -> tuple[str, ...]:
+def start(flight: Flight, facts: Facts, stages: Stages | None, config: LabConfig) -> tuple[Reject, ...]:
     """Form the flight's shape about the leader, or return why not: shape or transition would leave the fence."""
     unseen = leader_reject_reasons(facts, config)
     if unseen or stages is None:
@@ -47,7 +48,7 @@ def start(flight: Flight, facts: Facts, stages: Stages | None, config: LabConfig
     return outside or _set_out(flight.shape, flight, stages, config)
 
 
-def change(asked: str, flight: Flight, facts: Facts, stages: Stages | None, now_ns: int) -> tuple[str, ...]:
+def change(asked: str, flight: Flight, facts: Facts, stages: Stages | None, now_ns: int) -> tuple[Reject, ...]:
     """Take another shape, or say why not; judged on the ground as in the air.
 
     In formation the followers set out at once. Else it is kept for the start, and judged above where the leader is, at
@@ -60,7 +61,7 @@ def change(asked: str, flight: Flight, facts: Facts, stages: Stages | None, now_
     try:
         shape = requested(asked, stages, config)
     except ValueError as error:
-        return (str(error),)
+        return (Reason.NO_SHAPE.of(error),)
     pose = _start_pose(unseen, stages, config, aloft=forming)
     ahead = foreseen(shape, pose, *flight.trajectory_progress(now_ns), config)
     if reasons := slot_reject_reasons(ahead, config):
@@ -71,7 +72,7 @@ def change(asked: str, flight: Flight, facts: Facts, stages: Stages | None, now_
     return ()
 
 
-def choose(asked: str, flight: Flight, facts: Facts, stages: Stages | None) -> tuple[str, ...]:
+def choose(asked: str, flight: Flight, facts: Facts, stages: Stages | None) -> tuple[Reject, ...]:
     """Have the leader fly another trajectory when it is started next, or say why not; judged from where it is now.
 
     On the ground at the height of the take-off, and while the leader is not seen from where the lab file expects it.
@@ -81,7 +82,7 @@ def choose(asked: str, flight: Flight, facts: Facts, stages: Stages | None) -> t
     try:
         config = flight.lab.flying(asked)
     except ValueError as error:
-        return (str(error),)
+        return (Reason.NO_TRAJECTORY.of(error),)
     pose = _start_pose(leader_reject_reasons(facts, config), stages, config, aloft=flight.phase is Phase.HOLD)
     ahead = foreseen(flight.shape, pose, None, 0.0, config)
     if reasons := trajectory_reject_reasons(ahead, config):
@@ -90,21 +91,23 @@ def choose(asked: str, flight: Flight, facts: Facts, stages: Stages | None) -> t
     return ()
 
 
-def choice_reject_reasons(flight: Flight) -> tuple[str, ...]:
+def choice_reject_reasons(flight: Flight) -> tuple[Reject, ...]:
     """Why no trajectory of the leader's can be chosen now, whichever it is."""
     leader = flight.config.leader
     if leader.sysid is None:
-        return (f"{leader.body}: it is only observed, and flies what it flies",)
+        return (Reason.LEADER_OBSERVED.of(leader.body),)
     if flight.phase not in CHOOSING:
         names = ", ".join(phase.name for phase in CHOOSING)
-        return (f"{Verb.TRAJECTORY} is for {names}, this is {flight.phase.name}",)
+        return (Reason.OUT_OF_TURN.of(Verb.TRAJECTORY, names, flight.phase.name, ""),)
     return ()
 
 
-def trajectory_reject_reasons(ahead: Preview, config: LabConfig) -> tuple[str, ...]:
+def trajectory_reject_reasons(ahead: Preview, config: LabConfig) -> tuple[Reject, ...]:
     """Why a trajectory of the leader's cannot be flown: fence, speed, tilt, thrust and turn, the slots' too."""
     infeasible = (
-        finding.why for finding in judge_trajectory(config, Keys(config), ahead) if finding.grade is Grade.FAIL
+        Reason.INFEASIBLE.of(finding.why)
+        for finding in judge_trajectory(config, Keys(config), ahead)
+        if finding.grade is Grade.FAIL
     )
     return (*leader_path_reject_reasons(ahead, config), *slot_reject_reasons(ahead, config), *infeasible)
 
@@ -127,12 +130,12 @@ def compute_transition(shape: Shape, stages: Stages, config: LabConfig) -> Trans
     return transition(shape, _led_motion(stages, config), available, names(config))
 
 
-def _set_out(shape: Shape, flight: Flight, stages: Stages, config: LabConfig) -> tuple[str, ...]:
+def _set_out(shape: Shape, flight: Flight, stages: Stages, config: LabConfig) -> tuple[Reject, ...]:
     """Start the transition into the slots, or return why there is none."""
     try:
         flight.change_formation(compute_transition(shape, stages, config))
     except ValueError as error:
-        return (str(error),)
+        return (Reason.NO_TRANSITION.of(error),)
     return ()
 
 
@@ -144,37 +147,37 @@ def foreseen(shape: Shape, pose: Float, path: Trajectory | None, path_s: float, 
     return preview(trajectory_from(config, pose) if path is None else path, shape, pose, path_s, SAMPLES)
 
 
-def leader_reject_reasons(facts: Facts, config: LabConfig) -> tuple[str, ...]:
+def leader_reject_reasons(facts: Facts, config: LabConfig) -> tuple[Reject, ...]:
     """Why nothing can be formed now: no leader to see."""
     if facts.age_s[0] > FRESH_S:
-        return (f"{config.leader.body}: no fresh pose, there is nothing to form on",)
+        return (Reason.LEADER_UNSEEN.of(config.leader.body),)
     return ()
 
 
-def slot_reject_reasons(ahead: Preview, config: LabConfig) -> tuple[str, ...]:
+def slot_reject_reasons(ahead: Preview, config: LabConfig) -> tuple[Reject, ...]:
     """Which slots would be outside the fence, at once or where the leader's trajectory carries them."""
-    fence, reasons = config.limits.fence, []
+    fence, reasons = config.limits.fence, list[Reject]()
     at_start, on_path = outside_m(ahead.at_start, fence), outside_m(ahead.slots[:, :, 0], fence)
     for k, follower in enumerate(config.followers):
         sample = int(np.argmax(on_path[:, k]))
         if at_start[k] > 0.0:
             where = beyond_text(ahead.at_start[k], fence)
-            reasons.append(f"{follower.body}: its slot would be outside the fence, {where}")
+            reasons.append(Reason.SLOT_OUTSIDE.of(follower.body, where))
         elif on_path[sample, k] > 0.0:
             where = beyond_text(ahead.slots[sample, k, 0], fence)
             where = f"{where}, {ahead.t_s[sample]:.1f} s along the leader's path"
-            reasons.append(f"{follower.body}: its slot would be outside the fence, {where}")
+            reasons.append(Reason.SLOT_OUTSIDE.of(follower.body, where))
     return tuple(reasons)
 
 
-def leader_path_reject_reasons(ahead: Preview, config: LabConfig) -> tuple[str, ...]:
+def leader_path_reject_reasons(ahead: Preview, config: LabConfig) -> tuple[Reject, ...]:
     """Where the leader itself would leave the fence on its trajectory."""
     out = outside_m(ahead.leader[:, 0, :3], config.limits.fence)
     sample = int(np.argmax(out))
     if config.leader.sysid is None or out[sample] <= 0.0:
         return ()
     where = f"{beyond_text(ahead.leader[sample, 0, :3], config.limits.fence)}, {ahead.t_s[sample]:.1f} s along its path"
-    return (f"{config.leader.body}: it would be outside the fence, {where}",)
+    return (Reason.LEADER_OUTSIDE.of(config.leader.body, where),)
 
 
 def names(config: LabConfig) -> tuple[str, ...]:
@@ -210,7 +213,7 @@ def _led_motion(stages: Stages, config: LabConfig) -> Float:
     return motion
 
 
-def _start_pose(unseen: tuple[str, ...], stages: Stages | None, config: LabConfig, aloft: bool) -> Float:
+def _start_pose(unseen: tuple[Reject, ...], stages: Stages | None, config: LabConfig, aloft: bool) -> Float:
     """Where the leader is when the formation is taken up: where it is, or while it is not seen is expected to be."""
     pose = expected_start(config) if unseen or stages is None else _leader_pose(stages)
     if not aloft and config.leader.sysid is not None:

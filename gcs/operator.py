@@ -1,10 +1,11 @@
-"""What an operator may ask, and the answers: refusals say why."""
+"""What an operator may ask, and the answers."""
 
 from collections.abc import Sequence
 from math import isfinite
 
 from formation.config import LabConfig
 from formation.messages import Phase
+from formation.reasons import Reason, Reject
 from formation.safety import arming
 from formation.safety.phases import AFTER_STOP
 from formation.safety.rules import Facts
@@ -15,17 +16,17 @@ from gcs.flight import Flight
 
 def takeoff_reject_reasons(
     facts: Facts, flight: Flight, drones: Sequence[Drone], config: LabConfig, now_ns: int
-) -> tuple[str, ...]:
+) -> tuple[Reject, ...]:
     """Why the swarm may not leave the floor now; as for arming, and every drone must have armed, and stay so."""
-    not_armed = () if flight.armed else ("not every drone has armed yet",)
+    not_armed = () if flight.armed else (Reason.NOT_ARMED.of(),)
     return arming.prearm_failures(facts, config.limits) + not_armed + _too_late(drones, now_ns)
 
 
-def _too_late(drones: Sequence[Drone], now_ns: int) -> tuple[str, ...]:
+def _too_late(drones: Sequence[Drone], now_ns: int) -> tuple[Reject, ...]:
     """Who would disarm by itself before it has lifted off."""
     left_s = [drone.disarms_in_s(now_ns) for drone in drones]
     return tuple(
-        f"{drone.link.name}: disarms itself in {left:.1f} s, a take-off needs {TAKE_OFF_S:g} s: land, and arm again"
+        Reason.DISARMS_ITSELF.of(drone.link.name, left, TAKE_OFF_S)
         for drone, left in zip(drones, left_s, strict=True)
         if left is not None and left < TAKE_OFF_S
     )
@@ -46,12 +47,11 @@ def done_text(flight: Flight) -> str:
     return f"phase {flight.phase.name}, shape {flight.shape.name}{trajectory}{after}"
 
 
-def reset_reject_reasons(drones: Sequence[Drone], now_ns: int) -> tuple[str, ...]:
+def reset_reject_reasons(drones: Sequence[Drone], now_ns: int) -> tuple[Reject, ...]:
     """Why a stop is not over: whose motors are on, or may be."""
-    armed = tuple(f"{drone.link.name}: armed" for drone in drones if drone.link.armed)
+    armed = tuple(Reason.ARMED.of(drone.link.name) for drone in drones if drone.link.armed)
     return armed + tuple(
-        f"{drone.link.name}: no heartbeat ({_last_heartbeat(drone.link.heartbeat_age_s(now_ns))}), it may be armed: "
-        "switch it on, or restart the ground with a lab file that does not name it"
+        Reason.MAY_BE_ARMED.of(drone.link.name, _last_heartbeat(drone.link.heartbeat_age_s(now_ns)))
         for drone in drones
         if drone.link.heartbeat_age_s(now_ns) > HEARTBEAT_S
     )

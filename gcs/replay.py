@@ -4,8 +4,8 @@ The stages of control are compared as a log holds them, in single precision.
 """
 
 import struct
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -64,7 +64,7 @@ def replay(log: Log) -> Replay:
 
     A log that was cut off may end in the middle of a tick's outputs: what is there must agree.
     """
-    core = _core(log)
+    core, left_out = _core(log), log.left_out
     thinning = Thinning() if THINNED in log.metadata else None
     inputs = ticks = agreed = 0
     expected: Iterator[Output] = iter(())
@@ -83,13 +83,26 @@ def replay(log: Log) -> Replay:
         elif entry.topic is topics.TICK:
             now_ns = entry.message.now_ns
             outgoing = core.tick(now_ns)
-            ticks, expected = ticks + 1, outputs(outgoing) if thinning is None else thinning.recorded(outgoing, now_ns)
+            made = outputs(outgoing) if thinning is None else thinning.recorded(outgoing, now_ns)
+            ticks, expected = ticks + 1, _as_written(made, left_out)
         elif entry.topic in INPUT_TOPICS:
             inputs += 1
             core.receive(entry.message, t_ns)
     if not agreed:
         raise ReplayError(f"{inputs} inputs and {ticks} ticks, but no outputs to compare in this log")
     return Replay(inputs, ticks, agreed, None)
+
+
+def _as_written(made: Iterator[Output], left_out: Mapping[str, frozenset[str]]) -> Iterator[Output]:
+    """The outputs without what the version that wrote the log did not record; left_out: such fields, by topic."""
+    for topic, message in made:
+        names = left_out.get(topic.name)
+        if names and is_dataclass(message) and not isinstance(message, type):
+            message = replace(
+                message,
+                **{f.name: f.default for f in fields(message) if f.name in names and f.default is not MISSING},
+            )
+        yield topic, message
 
 
 def _left_over(expected: Iterator[Output], t_ns: int) -> Difference | None:

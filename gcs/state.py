@@ -12,6 +12,7 @@ from formation.control.stack import Stages
 from formation.maths.arrays import Float, Scalars
 from formation.maths.frames import rotate_about_z
 from formation.messages import Phase
+from formation.reasons import Reject
 from formation.safety.arming import FRESH_S
 from formation.safety.rules import Facts
 from gcs.drones.drone import Drone
@@ -37,8 +38,8 @@ class About:
     host: Host
     counters: Counters
     rejected: Mapping[str, str]
-    arming_reject_reasons: tuple[str, ...]
-    allowed: Mapping[str, tuple[str, ...]]
+    arming_reject_reasons: tuple[Reject, ...]
+    allowed: Mapping[str, tuple[Reject, ...]]
 
 
 def ground_state(
@@ -51,6 +52,7 @@ def ground_state(
     return GroundState(
         phase=flight.phase,
         cause=flight.cause,
+        cause_code=flight.cause_code,
         t_s=round(about.t_s, 3),
         phase_s=round((now_ns - flight.entered_ns) * 1e-9, 2),
         ground_session=about.session,
@@ -59,7 +61,8 @@ def ground_state(
         armed=flight.armed,
         not_landed=flight.not_landed,
         open_alarms=flight.alarms.texts,
-        allowed=about.allowed,
+        allowed={verb: tuple(reject.text for reject in rejects) for verb, rejects in about.allowed.items()},
+        reject_codes={verb: tuple(one.reason.code for one in rejects) for verb, rejects in about.allowed.items()},
         trajectory=flight.trajectory_name,
         trajectory_started=flight.trajectory_start_ns is not None,
         trajectory_done=flight.trajectory_done(now_ns),
@@ -79,7 +82,7 @@ def ground_state(
         ),
         leader_yaw_rad=numbers.leader_yaw_rad,
         rejected=about.rejected,
-        prearm_failures=about.arming_reject_reasons,
+        prearm_failures=tuple(reject.text for reject in about.arming_reject_reasons),
         counters=about.counters,
     )
 

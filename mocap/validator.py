@@ -177,7 +177,9 @@ class Episodes:
         episode = self._open.get(body)
         if episode is None:
             episode = self._open[body] = _Episode(now_ns, now_ns)
-            self._events.append(Event(Severity.WARNING, SOURCE, _began(body, reason, detail)))
+            self._events.append(
+                Event(Severity.WARNING, SOURCE, _began(body, reason, detail), code=name_of(reason), subject=body)
+            )
         episode.last_ns = now_ns
         episode.counts[reason] += 1
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from formation.config import LabConfig
 from formation.control.presets import Preset
-from formation.messages import Datagram, Event, HostReport, OperatorReply, OperatorRequest, Phase, Severity
+from formation.messages import Datagram, Event, EventCode, HostReport, OperatorReply, OperatorRequest, Phase, Severity
 from formation.topics import EVENT
 from gcs.core import BrokenInvariantError, GcsCore
 from gcs.recording import Input, Record, Recorder
@@ -132,7 +132,7 @@ class GroundHost:
             outgoing = self._core.tick(now_ns)
         except BrokenInvariantError as error:
             self.kill()
-            self._record(EVENT, Event(Severity.CRITICAL, "ground", str(error)), now_ns)
+            self._record(EVENT, Event(Severity.CRITICAL, "ground", str(error), code=EventCode.GROUND_FAILED), now_ns)
             return (), ()
         if not self._second:
             self._recorder.tick(outgoing, now_ns)

@@ -7,13 +7,13 @@ was. Without arrays: operators' commands load it.
 import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, is_dataclass
-from enum import IntEnum
+from enum import Enum, IntEnum
 from functools import cache
 from operator import attrgetter, itemgetter
 from types import NoneType, UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
-from formation.codes import Phase, Severity
+from formation.codes import Cause, Phase, Severity
 from formation.requests import CONFIGURED
 from wire.text import parse_object
 
@@ -120,11 +120,13 @@ class PublishedEvent:
     severity: Severity
     source: str
     text: str
+    code: str = ""
+    subject: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """One alarm: since when, how severe, whose, in words; times: how often it came.
+    """One alarm: since when, how severe, whose, in words; code, subject: as of its event; times: how often it came.
 
     goes_on: its condition has not ended. acknowledged: an operator has read it.
     """
@@ -133,27 +135,36 @@ class Alarm:
     severity: Severity
     source: str
     text: str
+    code: str = ""
+    subject: str = ""
     times: int = 1
     goes_on: bool = False
     acknowledged: bool = False
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """What it has in common with the events of its condition (formation.messages.Event.key)."""
+        return self.source, self.code, self.subject if self.code else self.text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroundState:
     """Everything an operator may want to see of a ground.
 
-    cause: why it is in that phase, for phase_s. t_s: since its start. armed: in ARMED, whether every drone has armed.
-    not_landed: drones whose motors may still turn, though the landing or the stop is over. open_alarms: faults that no
-    rule raises any more, of drones that are still unheard. allowed: by verb, every reason against it now; none where it
-    may be asked. prearm_failures: why it would not arm, while on the ground. trajectory_s: time along the leader's
-    trajectory, and its duration; trajectory_from: x, y, z and heading where it began. rejected: by body, why the pose
-    validator rejects it now. log_trouble, button_trouble: in words; empty while all is well.
+    cause, cause_code: why it is in that phase, for phase_s. t_s: since its start. armed: in ARMED, whether every drone
+    has armed. not_landed: drones whose motors may still turn, though the landing or the stop is over. open_alarms:
+    faults that no rule raises any more, of drones that are still unheard. allowed: by verb, every reason against it
+    now; none where it may be asked. reject_codes: their names (formation.reasons). prearm_failures: why it would not
+    arm, while on the ground. trajectory_s: time along the leader's trajectory, and its duration; trajectory_from: x, y,
+    z and heading where it began. rejected: by body, why the pose validator rejects it now. log_trouble, button_trouble:
+    in words; empty while all is well.
     cycles and what follows is the host's, and has its default where a core is asked alone. lost_lines: of its output.
     """
 
     version: int = VERSION
     phase: Phase
     cause: str
+    cause_code: Cause
     t_s: float
     phase_s: float
     ground_session: int
@@ -163,6 +174,7 @@ class GroundState:
     not_landed: tuple[str, ...]
     open_alarms: tuple[str, ...]
     allowed: Mapping[str, tuple[str, ...]]
+    reject_codes: Mapping[str, tuple[str, ...]]
     trajectory: str = CONFIGURED
     trajectory_started: bool
     trajectory_done: bool
@@ -190,7 +202,7 @@ class GroundState:
 
 
 def encode(state: GroundState) -> str:
-    """Encode a state: the keys are the fields' names, an enum is its member's name."""
+    """Encode a state: the keys are the fields' names, an IntEnum is its member's name."""
     return json.dumps(state, default=_as_object)
 
 
@@ -231,9 +243,9 @@ def _as_object(message: Any) -> dict[str, Any]:
 
 @cache
 def _layout(kind: Any) -> tuple[tuple[str, ...], Callable[[object], tuple[Any, ...]], tuple[str, ...]]:
-    """The names of a dataclass's fields, what gets their values, and the names of those that are enums."""
+    """The names of a dataclass's fields, what gets their values, and the names of those that are IntEnums."""
     hints = get_type_hints(kind)
-    return tuple(hints), attrgetter(*hints), tuple(n for n, hint in hints.items() if isinstance(hint, type(IntEnum)))
+    return tuple(hints), attrgetter(*hints), tuple(name for name, hint in hints.items() if _is(IntEnum, hint))
 
 
 def _kinds(hint: Any) -> frozenset[type]:
@@ -244,7 +256,7 @@ def _kinds(hint: Any) -> frozenset[type]:
         return frozenset((float, int))
     if get_origin(hint) is UnionType:
         return frozenset((NoneType,)).union(*map(_kinds, get_args(hint)))
-    if isinstance(hint, type(IntEnum)):
+    if _is(Enum, hint):
         return frozenset((str,))
     return frozenset((list,)) if get_origin(hint) is tuple else frozenset((dict,))
 
@@ -268,7 +280,8 @@ def _reader(hint: Any) -> Read | None:
         return _record_reader(parts, tuple)
     if is_dataclass(hint):
         return _dataclass_reader(hint)
-    return lambda value: hint[value]  # an enum, by its member's name
+    enum: Read = hint.__getitem__ if _is(IntEnum, hint) else hint
+    return enum
 
 
 def _dataclass_reader(kind: Any) -> Read:
@@ -312,6 +325,10 @@ def _record_reader(hints: tuple[Any, ...], get: Callable[[Any], tuple[Any, ...]]
         return tuple(made)
 
     return read
+
+
+def _is(kind: type[Enum], hint: Any) -> bool:
+    return isinstance(hint, type) and issubclass(hint, kind)
 
 
 def _check(right: bool, hint: Any) -> None:

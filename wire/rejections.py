@@ -5,7 +5,7 @@ Sources and reasons come in floods and under invented names, so both are bounded
 
 from dataclasses import dataclass, field
 
-from formation.messages import Event, Severity
+from formation.messages import Event, EventCode, Severity
 
 REPORT_PERIOD_NS = 1_000_000_000
 SOURCES, REASONS = 16, 4
@@ -58,7 +58,9 @@ class RejectionLog:
         for name, source in self._sources.items():
             due_ns = source.due_ns()
             if due_ns is not None and now_ns >= due_ns:
-                events.append(Event(Severity.WARNING, name, _words(self._verb, source.reasons)))
+                events.append(
+                    Event(Severity.WARNING, name, _words(self._verb, source.reasons), code=EventCode.INPUT_REJECTED)
+                )
                 source.reported_ns, source.reasons = now_ns, {}
             elif due_ns is not None:
                 self.has_pending = True

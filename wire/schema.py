@@ -121,6 +121,16 @@ class Schema(Generic[T]):
 
         descriptor_set: the FileDescriptorSet kept with the data. Raises SchemaError if it is none.
         """
+        by_tag = self._written(descriptor_set)
+        return lambda data: self._decode(data, by_tag)
+
+    def left_out(self, descriptor_set: bytes) -> frozenset[str]:
+        """The names of the fields that data of another version of this schema do not hold. Raises as `decoder`."""
+        written = {field.name for field in self._written(descriptor_set).values()}
+        return frozenset(field.name for field in self._fields) - written
+
+    def _written(self, descriptor_set: bytes) -> dict[int, _Field]:
+        """The fields that such data hold, by their tags there."""
         from google.protobuf import descriptor_pb2
         from google.protobuf.message import DecodeError
 
@@ -139,8 +149,7 @@ class Schema(Generic[T]):
             if kind is not None
         }
         read = [(field.number, known[key]) for field in found[0].field if (key := (field.name, field.type)) in known]
-        by_tag = {number << 3 | field.kind.wire: field for number, field in read}
-        return lambda data: self._decode(data, by_tag)
+        return {number << 3 | field.kind.wire: field for number, field in read}
 
     def _decode(self, data: bytes, by_tag: dict[int, _Field]) -> T:
         values: dict[str, Any] = {}

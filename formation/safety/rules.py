@@ -15,6 +15,7 @@ from formation.maths.kernel import kernel
 from formation.maths.sweep import ascending, widest_axis
 from formation.messages import Phase
 from formation.model import Vec3Tuple
+from formation.reasons import Reject
 from formation.safety.phases import Trigger
 from formation.safety.rules_table import LOST_S, RULES, Measure, Own, Rule
 
@@ -57,7 +58,7 @@ class Facts(NamedTuple):
     battery: Scalars
     duplicate: Flags
     late_share: float
-    prearm_failures: tuple[str, ...] = ()
+    prearm_failures: tuple[Reject, ...] = ()
 
 
 class RuleState(NamedTuple):
@@ -78,17 +79,29 @@ class FaultChange:
     vehicle: int
     rule: Rule
     began: bool
-    text: str
+    body: str
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        return self.rule.text(self.body)
 
 
 class Verdict(NamedTuple):
-    """The action now: a trigger for the swarm, drones to release or to cut (n,), and the new events."""
+    """The action now: the fault for which the swarm acts, drones to release or to cut (n,), and what began and ended.
 
-    trigger: Trigger | None
-    cause: str
+    fault: `began` with this tick, or goes on.
+    """
+
+    fault: FaultChange | None
     release: Flags
     cut: Flags
     changes: tuple[FaultChange, ...]
+
+    @property
+    def trigger(self) -> Trigger | None:
+        """What the swarm does."""
+        return None if self.fault is None else self.fault.rule.swarm
 
 
 def start(n: int) -> RuleState:
@@ -113,13 +126,11 @@ def assess(
     measured = _measured(facts, limits)
     if not _find_broken(measured, facts.commanded, _MEASURES, _OVER, _OF_ALL, active, state.acted, broken):
         nobody = np.zeros(n, np.bool_)
-        return state if state.is_quiet else start(n), Verdict(None, "", nobody, nobody, ())
+        return state if state.is_quiet else start(n), Verdict(None, nobody, nobody, ())
     since = np.where(broken, np.where(state.since_ns < 0, now_ns, state.since_ns), -1)
     acting = broken & (now_ns - since >= _PERSIST_NS[:, None])
-    trigger, cause = _swarm_trigger(acting, facts)
     verdict = Verdict(
-        trigger=trigger,
-        cause=cause,
+        fault=_swarm_fault(acting, state.acted, facts),
         release=_owned(acting, Own.RELEASE),
         cut=_owned(acting, Own.CUT),
         changes=_changes(acting, state.acted, facts),
@@ -236,12 +247,13 @@ def _find_broken(
     return fault
 
 
-def _swarm_trigger(acting: NDArray[np.bool_], facts: Facts) -> tuple[Trigger | None, str]:
+def _swarm_fault(acting: NDArray[np.bool_], acted: NDArray[np.bool_], facts: Facts) -> FaultChange | None:
     for trigger in _SEVEREST_FIRST:
-        for row, rule in zip(acting, RULES, strict=True):
+        for row, before, rule in zip(acting, acted, RULES, strict=True):
             if rule.swarm is trigger and row.any():
-                return trigger, rule.text(facts.names[int(row.argmax())])
-    return None, ""
+                i = int(row.argmax())
+                return FaultChange(i, rule, not before[i], facts.names[i])
+    return None
 
 
 def _owned(acting: NDArray[np.bool_], own: Own) -> Flags:
@@ -252,6 +264,5 @@ def _owned(acting: NDArray[np.bool_], own: Own) -> Flags:
 
 def _changes(acting: NDArray[np.bool_], acted: NDArray[np.bool_], facts: Facts) -> tuple[FaultChange, ...]:
     return tuple(
-        FaultChange(int(i), RULES[r], bool(acting[r, i]), RULES[r].text(facts.names[i]))
-        for r, i in np.argwhere(acting != acted)
+        FaultChange(int(i), RULES[r], bool(acting[r, i]), facts.names[i]) for r, i in np.argwhere(acting != acted)
     )

@@ -7,6 +7,7 @@ its motors. Below all of this each drone's guard holds and lands it when setpoin
 
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
+from math import degrees
 
 from formation.estimation.response import MISMATCH_WARN
 from formation.messages import Phase, Severity
@@ -16,11 +17,13 @@ from formation.safety.phases import AIRBORNE, Trigger
 HEARTBEAT_S = 3.0
 SILENT_S = 3.0
 LATE_SETPOINT_S, STALE_SETPOINT_S = 0.07, 0.1
-LOST_S = 0.4
+UNSEEN_S, LOST_S, LONG_LOST_S = 0.2, 0.4, 5.0
 BEHIND_WARN_S, BEHIND_HOLD_S, BEHIND_RELEASE_S = 0.05, 0.1, 0.3
 FAR_OUTSIDE_M = 0.5
 BATTERY_LOW, BATTERY_EMPTY = 0.2, 0.1
 UPSET_RAD = 1.3
+UPSET_DEG = 5 * round(degrees(UPSET_RAD) / 5)
+"""In words, to the nearest five."""
 POSITION_ERROR_M, LEADER_POSITION_ERROR_M = 1.0, 0.3
 
 
@@ -92,51 +95,51 @@ IN_FORMATION = frozenset({Phase.FORMATION})
 MOTORS_ON = AIRBORNE | {Phase.ARMED}
 
 RULES: tuple[Rule, ...] = (
-    Rule("rule-unseen", "body not seen for 0.2 s",
-         Measure.UNSEEN_S, 0.2, 0.0, IN_FORMATION, Trigger.HOLD, of_all=True),
-    Rule("rule-lost", "body not seen for 0.4 s",
+    Rule("rule-unseen", f"body not seen for {UNSEEN_S:g} s",
+         Measure.UNSEEN_S, UNSEEN_S, 0.0, IN_FORMATION, Trigger.HOLD, of_all=True),
+    Rule("rule-lost", f"body not seen for {LOST_S:g} s",
          Measure.UNSEEN_S, LOST_S, 0.0, AIRBORNE, Trigger.LAND, Own.RELEASE),
-    Rule("rule-long-lost", "body not seen for 5 s",
-         Measure.UNSEEN_S, 5.0, 0.0, FLYING, Trigger.LAND, of_all=True),
+    Rule("rule-long-lost", f"body not seen for {LONG_LOST_S:g} s",
+         Measure.UNSEEN_S, LONG_LOST_S, 0.0, FLYING, Trigger.LAND, of_all=True),
     Rule("rule-outside-fence", "outside the fence",
          Measure.OUTSIDE_M, 0.0, 0.1, AIRBORNE, Trigger.LAND),
-    Rule("rule-far-outside", "0.5 m outside the fence",
+    Rule("rule-far-outside", f"{FAR_OUTSIDE_M:g} m outside the fence",
          Measure.OUTSIDE_M, FAR_OUTSIDE_M, 0.2, AIRBORNE, Trigger.LAND, Own.RELEASE),
-    Rule("rule-far-outside-agreed", "0.5 m outside the fence, says its own estimate too",
+    Rule("rule-far-outside-agreed", f"{FAR_OUTSIDE_M:g} m outside the fence, says its own estimate too",
          Measure.OUTSIDE_TOO_M, FAR_OUTSIDE_M, 0.2, AIRBORNE, Trigger.LAND, Own.CUT),
     Rule("rule-too-close", "closer than the minimum separation",
          Measure.NEARNESS, -1.0, 0.1, IN_FORMATION, Trigger.HOLD),
     Rule("rule-half-separation", "closer than half the minimum separation",
          Measure.NEARNESS, -0.5, 0.1, FLYING, Trigger.LAND),
-    Rule("rule-position-error", "1 m away from its reference",
+    Rule("rule-position-error", f"{POSITION_ERROR_M:g} m away from its reference",
          Measure.POSITION_ERROR_M, POSITION_ERROR_M, 1.0, TRACKING, Trigger.LAND),
-    Rule("rule-leader-position-error", "0.3 m away from its reference, and it leads",
+    Rule("rule-leader-position-error", f"{LEADER_POSITION_ERROR_M:g} m away from its reference, and it leads",
          Measure.LEADER_POSITION_ERROR_M, LEADER_POSITION_ERROR_M, 0.1, IN_FORMATION, Trigger.HOLD),
-    Rule("rule-tilted", "tilted by 75 degrees",
+    Rule("rule-tilted", f"tilted by {UPSET_DEG} degrees",
          Measure.TILT_RAD, UPSET_RAD, 0.3, MOTORS_ON, Trigger.LAND, Own.RELEASE),
-    Rule("rule-tilted-agreed", "tilted by 75 degrees, says its own attitude too",
+    Rule("rule-tilted-agreed", f"tilted by {UPSET_DEG} degrees, says its own attitude too",
          Measure.TILT_TOO_RAD, UPSET_RAD, 0.3, MOTORS_ON, Trigger.LAND, Own.CUT),
-    Rule("rule-silent", "nothing heard for 3 s",
+    Rule("rule-silent", f"nothing heard for {SILENT_S:g} s",
          Measure.SILENT_S, SILENT_S, 0.0, MOTORS_ON, Trigger.LAND),
-    Rule("rule-link-behind", "its telemetry arrives 50 ms late",
+    Rule("rule-link-behind", f"its telemetry arrives {1e3 * BEHIND_WARN_S:g} ms late",
          Measure.LINK_BEHIND_S, BEHIND_WARN_S, 1.0, MOTORS_ON),
-    Rule("rule-link-behind-hold", "its telemetry arrives 100 ms late",
+    Rule("rule-link-behind-hold", f"its telemetry arrives {1e3 * BEHIND_HOLD_S:g} ms late",
          Measure.LINK_BEHIND_S, BEHIND_HOLD_S, 0.3, IN_FORMATION, Trigger.HOLD),
-    Rule("rule-link-behind-release", "its telemetry arrives 300 ms late",
+    Rule("rule-link-behind-release", f"its telemetry arrives {1e3 * BEHIND_RELEASE_S:g} ms late",
          Measure.LINK_BEHIND_S, BEHIND_RELEASE_S, 0.3, MOTORS_ON, Trigger.LAND, Own.RELEASE),
     Rule("rule-not-offboard", "not in off-board mode",
          Measure.NOT_OFFBOARD, 0.0, 0.5, FLYING, Trigger.LAND),
     Rule("rule-disarmed", "disarmed in the air",
          Measure.DISARMED, 0.0, 0.3, FLYING, Trigger.LAND),
-    Rule("rule-setpoints-late", "setpoints reach it 70 ms old",
+    Rule("rule-setpoints-late", f"setpoints reach it {1e3 * LATE_SETPOINT_S:g} ms old",
          Measure.SETPOINT_AGE_S, LATE_SETPOINT_S, 1.0, MOTORS_ON),
-    Rule("rule-setpoints-late-landing", "setpoints reach it 70 ms old as it lands",
+    Rule("rule-setpoints-late-landing", f"setpoints reach it {1e3 * LATE_SETPOINT_S:g} ms old as it lands",
          Measure.SETPOINT_AGE_S, LATE_SETPOINT_S, 1.0, frozenset({Phase.LAND}), own=Own.RELEASE),
-    Rule("rule-setpoints-stale", "setpoints reach it 100 ms old",
+    Rule("rule-setpoints-stale", f"setpoints reach it {1e3 * STALE_SETPOINT_S:g} ms old",
          Measure.SETPOINT_AGE_S, STALE_SETPOINT_S, 1.0, MOTORS_ON, Trigger.LAND, Own.RELEASE),
-    Rule("rule-battery-low", "battery under 20 %",
+    Rule("rule-battery-low", f"battery under {100 * BATTERY_LOW:g} %",
          Measure.DISCHARGE, -BATTERY_LOW, 1.0, MOTORS_ON),
-    Rule("rule-battery-empty", "battery under 10 %",
+    Rule("rule-battery-empty", f"battery under {100 * BATTERY_EMPTY:g} %",
          Measure.DISCHARGE, -BATTERY_EMPTY, 1.0, MOTORS_ON, Trigger.LAND),
     Rule("rule-model-mismatch", "model mismatch",
          Measure.MODEL_MISMATCH, MISMATCH_WARN, 0.3, AIRBORNE),

@@ -146,7 +146,7 @@ def _register(app: typer.Typer, verb: Verb, words: str) -> None:
 def _command(verb: Verb, argument: str, ground: _Ground) -> None:
     reply = _ask(verb, argument, ground)
     if ground.as_json:
-        print(json.dumps({"accepted": reply.accepted, "text": reply.text}))
+        print(json.dumps({"accepted": reply.accepted, "text": reply.text, "codes": reply.codes}))
     elif reply.accepted:
         print(reply.text)
     else:

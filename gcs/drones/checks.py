@@ -1,50 +1,46 @@
-"""Why a drone's link and parameters do not allow arming, as texts; the rules are the autopilot model's."""
+"""Why a drone's link and parameters do not allow arming; the rules are the autopilot model's."""
 
 from collections.abc import Iterator
 
+from formation.reasons import Reason, Reject
 from gcs.drones.autopilot_model import HOVER_WITHIN, ParameterRule
 from gcs.drones.link_state import DroneLink
 
 
-def prearm_failures(link: DroneLink) -> tuple[str, ...]:
-    """Every reason of this link's own not to arm; empty when there is none."""
-    return tuple(f"{link.name}: {reason}" for reason in _prearm_failures(link))
-
-
-def _prearm_failures(link: DroneLink) -> Iterator[str]:
+def prearm_failures(link: DroneLink) -> Iterator[Reject]:
+    """Every reason of this link's own not to arm."""
     if link.foreign_sysid is not None:
-        yield f"drone {link.foreign_sysid} answers on the link of drone {link.sysid}"
+        yield Reason.FOREIGN_DRONE.of(link.name, link.foreign_sysid, link.sysid)
     if link.telemetry.heartbeat is None:
         return  # a missing heartbeat is safety's own refusal
     if link.model is None:
-        yield f"autopilot {link.telemetry.heartbeat.autopilot.name} is neither PX4 nor ArduPilot"
+        yield Reason.UNKNOWN_AUTOPILOT.of(link.name, link.telemetry.heartbeat.autopilot.name)
         return
     unready = link.model.unready(link.telemetry)
     if unready:
-        yield unready
+        yield Reason.AUTOPILOT_UNREADY.of(link.name, unready)
     for name in link.awaiting_restart:
-        yield f"{name} {restart_text(link)}"
+        yield Reason.AWAITS_RESTART.of(link.name, name, restart_text(link))
     for rule in link.model.rules:
         if rule.rejects(link.parameters.values.get(rule.name)):
-            yield _complaint(link, rule)
+            yield Reason.WRONG_PARAMETER.of(link.name, _complaint(link, rule))
 
 
-def warnings(link: DroneLink, feeds_pose: bool) -> tuple[str, ...]:
-    """What is not as wanted but does not keep the drone on the ground; only of parameters that were read."""
+def warnings(link: DroneLink, feeds_pose: bool) -> tuple[tuple[str, str], ...]:
+    """What is not as wanted but does not keep the drone on the ground: parameters that were read, and what is wrong."""
     if link.model is None:
         return ()
     known, applying = link.parameters.values, (r for r in link.model.rules if feeds_pose or not r.external_pose)
     wrong = [r for r in applying if r.name in known and not r.holds(known[r.name]) and not r.rejects(known[r.name])]
-    return tuple(_complaint(link, rule) for rule in wrong) + _hover_warning(link)
+    return tuple((rule.name, _complaint(link, rule)) for rule in wrong) + _hover_warning(link)
 
 
-def _hover_warning(link: DroneLink) -> tuple[str, ...]:
+def _hover_warning(link: DroneLink) -> tuple[tuple[str, str], ...]:
     used, expected = link.hover_thrust_norm, link.profile.hover_thrust_norm
     if link.model is None or abs(used - expected) <= HOVER_WITHIN * expected:
         return ()
-    return (
-        f"{link.model.table.hover_parameter} is {used:.2f}, the profile {link.profile.name} hovers at {expected:.2f}",
-    )
+    name = link.model.table.hover_parameter
+    return ((name, f"{name} is {used:.2f}, the profile {link.profile.name} hovers at {expected:.2f}"),)
 
 
 def restart_text(link: DroneLink) -> str:

@@ -25,7 +25,8 @@ class ShownAlarms:
             self.retain_ground_alarms()
         self._session, self._ground = state.ground_session, state.alarms[:MOST]
         self._ground_events = tuple(
-            Alarm(event.unix_s, event.severity, event.source, event.text) for event in state.events[-LATEST:]
+            Alarm(event.unix_s, event.severity, event.source, event.text, event.code, event.subject)
+            for event in state.events[-LATEST:]
         )
 
     def retain_ground_alarms(self) -> None:

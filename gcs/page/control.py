@@ -11,8 +11,8 @@ class Control:
     """Viewers by name, in order of their coming; the first has the control until it leaves or another takes it."""
 
     holder: str | None = None
-    handover: str = ""
-    """The text for the viewers about the last handover."""
+    previous: str | None = None
+    """Who had the control before the holder took it over."""
     viewers: list[str] = field(default_factory=list)
 
     def come(self, viewer: str, *, may_command: bool = True) -> None:
@@ -32,7 +32,7 @@ class Control:
     def take_control(self, viewer: str) -> None:
         """A viewer takes the control over."""
         if self.holder not in (None, viewer):
-            self.handover = f"{viewer} has taken the control over from {self.holder}"
+            self.previous = self.holder
         self.holder = viewer
 
     def status_text(self, viewer: str) -> str:
@@ -42,5 +42,5 @@ class Control:
             return "" if others < 1 else f"{others} more {'viewer looks' if others == 1 else 'viewers look'} on"
         if self.holder is None:
             return "Nobody has the control: this page is read-only until you take it"
-        text = f"Read-only: {self.holder} has the control"
-        return f"{self.handover}. {text}" if self.handover.endswith(f"from {viewer}") else text
+        handover = f"{self.holder} has taken the control over from {viewer}. " if self.previous == viewer else ""
+        return f"{handover}Read-only: {self.holder} has the control"

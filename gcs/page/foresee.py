@@ -4,6 +4,7 @@ What the followers do at this instant is taken for rest; the ground judges anew 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from formation.guidance.shape_request import parse
 from formation.guidance.transition import assigned, require_separation, transition
 from formation.maths.arrays import Float
 from formation.messages import Phase, Verb
+from formation.reasons import Reject
 from gcs.formation_change import (
     foreseen,
     leader_path_reject_reasons,
@@ -64,7 +66,7 @@ def trajectory(asked: str, state: GroundState, config: LabConfig) -> Foreseen:
         return Foreseen((), (), (str(error),), "")
     pose, _ = _leader_pose(state, config, aloft=state.phase is Phase.HOLD)
     ahead = foreseen(shape_for(config, parse(state.shape)), pose, None, 0.0, lab)
-    against = (*state.allowed[Verb.TRAJECTORY], *trajectory_reject_reasons(ahead, lab))
+    against = (*state.allowed[Verb.TRAJECTORY], *_texts(trajectory_reject_reasons(ahead, lab)))
     return Foreseen((), _leader_path(ahead), against, f"{asked}: {trajectory_text(lab, ahead)}")
 
 
@@ -87,9 +89,14 @@ def _judged(wanted: Shape, state: GroundState, config: LabConfig, forming: bool,
             except ValueError as error:
                 against.append(str(error))
     ahead = foreseen(wanted, pose, path, path_s, config)
-    against += [*(leader_path_reject_reasons(ahead, config) if starting else ()), *slot_reject_reasons(ahead, config)]
+    against += _texts(leader_path_reject_reasons(ahead, config)) if starting else ()
+    against += _texts(slot_reject_reasons(ahead, config))
     slots = about(_point(pose), float(pose[3]), wanted.offset_lead_m)
     return Foreseen(slots, _leader_path(ahead) if config.leader.sysid is not None else (), tuple(against), text)
+
+
+def _texts(rejects: Sequence[Reject]) -> tuple[str, ...]:
+    return tuple(reject.text for reject in rejects)
 
 
 def _leader_path(ahead: Preview) -> tuple[Point, ...]:

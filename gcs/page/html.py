@@ -5,6 +5,7 @@ from datetime import datetime
 from html import escape
 
 from formation.messages import Severity, Verb
+from formation.safety.phases import Trigger, allowed_from
 from formation.security_config import MAY_ASK, Role
 from gcs.page.show import LABELS, Show, Step, not_landed_text
 from gcs.page.table import ABOUT, COLUMNS, UNITS, Cell, Level, worst
@@ -47,7 +48,7 @@ def steps(shown: Show, commands: bool) -> str:
     """For what is not allowed, every reason; what is only out of turn in few words."""
     texts = [_against(step) for step in shown.steps if step.reasons and not step.is_idle]
     turn = [
-        f"{LABELS[step.verb]}: only in {escape(step.reasons[0].partition(' is for ')[2].partition(', this')[0])}"
+        f"{LABELS[step.verb]}: only in {', '.join(phase.name for phase in allowed_from(Trigger(step.verb)))}"
         for step in shown.steps
         if step.out_of_turn
     ]

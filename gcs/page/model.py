@@ -3,7 +3,7 @@
 from typing import Any
 
 from formation.config import LabConfig
-from formation.messages import Event, Phase, Severity, Verb
+from formation.messages import Event, EventCode, Phase, Severity, Verb
 from gcs.page.alarms import ShownAlarms
 from gcs.page.control import Control
 from gcs.page.foresee import Foreseen, shape, start, trajectory
@@ -57,7 +57,10 @@ class Model:
         if silent_s > SILENT_S and not self._lost:
             self._lost = True
             self.alarms.retain_ground_alarms()
-            self.alarms.receive(Event(Severity.CRITICAL, "page", "the ground is not heard any more"), unix_s)
+            self.alarms.receive(
+                Event(Severity.CRITICAL, "page", "the ground is not heard any more", code=EventCode.GROUND_SILENT),
+                unix_s,
+            )
         mocap = self._mocap if now_ns - self._mocap_ns < 3 * START_NS else None
         return show(self.state, mocap, silent_s, () if self.start is None else self.start.against)
 

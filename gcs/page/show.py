@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from formation.messages import Phase, Verb
+from formation.reasons import Reason
 from formation.requests import CONFIGURED
 from formation.safety.phases import AFTER_HOLD, AIRBORNE
 from gcs.page.table import Cell, Level, row
@@ -25,21 +26,20 @@ GB, MB = 1e9, 1e6
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Something an operator can ask for, and every reason against it; flying: whether any drone may be."""
+    """Something an operator can ask for, and every reason against it.
+
+    flying: whether any drone may be. out_of_turn: it is for other phases.
+    """
 
     verb: Verb
     reasons: tuple[str, ...]
     flying: bool = True
+    out_of_turn: bool = False
 
     @property
     def allowed(self) -> bool:
         """Whether nothing is known against it."""
         return not self.reasons
-
-    @property
-    def out_of_turn(self) -> bool:
-        """Whether it is for another phase."""
-        return len(self.reasons) == 1 and f"{self.verb} is for " in self.reasons[0]
 
     @property
     def is_idle(self) -> bool:
@@ -112,7 +112,8 @@ def _step(verb: Verb, state: GroundState, start_against: Sequence[str]) -> Step:
     reasons = state.allowed.get(verb, ())
     if verb is Verb.START and state.phase is Phase.HOLD:
         reasons = (*reasons, *start_against)
-    return Step(verb, reasons, any(drone.armed or drone.landed == LandedState.IN_AIR.name for drone in state.drones))
+    flying = any(drone.armed or drone.landed == LandedState.IN_AIR.name for drone in state.drones)
+    return Step(verb, reasons, flying, out_of_turn=Reason.OUT_OF_TURN.code in state.reject_codes.get(verb, ()))
 
 
 def countdowns(state: GroundState) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
 """What the ground's host reports to the core: log, stop button, other grounds on the lab's bus."""
 
-from formation.messages import OVER, Event, HostReport, Severity
+from formation.messages import Event, EventCode, HostReport, Severity
 from gcs.safety.monitors import LOG_TROUBLE
 
 
@@ -28,21 +28,32 @@ class Host:
 
     def receive(self, report: HostReport) -> list[Event]:
         """Receive a report; return events for what is new in it."""
-        before, trouble_before, button_before = self.other_grounds, self.log_trouble, self.button_trouble
-        exposed_before = self._report.exposed
+        grounds, before = self.other_grounds, self._troubles
         self._report = report
         events = [
-            Event(Severity.WARNING, "flight", f"another ground is alive: {name}")
+            Event(
+                Severity.WARNING,
+                "flight",
+                f"another ground is alive: {name}",
+                code=EventCode.OTHER_GROUND,
+                subject=name,
+            )
             for name in report.other_grounds
-            if name not in before
+            if name not in grounds
         ]
-        events += _changed("log", trouble_before, self.log_trouble)
-        events += _changed("security", exposed_before, report.exposed)
-        return events + _changed("stop button", button_before, self.button_trouble)
+        for old, new in zip(before, self._troubles, strict=True):
+            if new.text and new != old:
+                events.append(new)
+            elif old.text and not new.text:
+                events.append(old.over())
+        return events
 
-
-def _changed(source: str, before: str, after: str) -> list[Event]:
-    """A trouble that began, or is over."""
-    if after and after != before:
-        return [Event(Severity.CRITICAL, source, after, lasts=True)]
-    return [Event(Severity.NOTICE, source, f"{OVER}{before}")] if before and not after else []
+    @property
+    def _troubles(self) -> tuple[Event, ...]:
+        """What may be wrong, as events; the text of one that is not is empty."""
+        troubles = (
+            ("log", self.log_trouble, EventCode.LOG),
+            ("security", self._report.exposed, EventCode.INSECURE),
+            ("stop button", self.button_trouble, EventCode.STOP_BUTTON),
+        )
+        return tuple(Event(Severity.CRITICAL, source, text, lasts=True, code=code) for source, text, code in troubles)

@@ -1,10 +1,11 @@
-"""Why the ground refuses what an operator asks, in words; decided here for every verb that can be refused."""
+"""Why the ground refuses what an operator asks; decided here for every verb that can be refused."""
 
 from collections.abc import Sequence
 
 from formation.config import LabConfig
 from formation.control.stack import Stages
 from formation.messages import Phase, Verb
+from formation.reasons import Reason, Reject
 from formation.safety import arming
 from formation.safety.phases import Trigger
 from formation.safety.rules import Facts
@@ -35,7 +36,7 @@ class Permissions:
         self._host = host
         self._without = without
 
-    def reject_reasons(self, verb: Verb, facts: Facts, stages: Stages | None, now_ns: int) -> tuple[str, ...]:
+    def reject_reasons(self, verb: Verb, facts: Facts, stages: Stages | None, now_ns: int) -> tuple[Reject, ...]:
         """Every reason against the verb; facts: with the links' pre-arm failures."""
         match verb, self._flight.phase:
             case Verb.ARM, Phase.GROUND:
@@ -56,11 +57,11 @@ class Permissions:
                 return ()
 
     def allowed(
-        self, facts: Facts, stages: Stages | None, arming: Sequence[str], now_ns: int
-    ) -> dict[str, tuple[str, ...]]:  # fmt: skip
+        self, facts: Facts, stages: Stages | None, arming: Sequence[Reject], now_ns: int
+    ) -> dict[str, tuple[Reject, ...]]:  # fmt: skip
         """By verb, every reason against it now, without expensive checks: a shape's fit and its transition are judged
         when it is requested, or by the page. arming: the reasons against arming, where the swarm is on the ground."""
-        reasons: dict[str, tuple[str, ...]] = {}
+        reasons: dict[str, tuple[Reject, ...]] = {}
         for trigger in OPERATORS:
             out_of_turn = self._flight.out_of_turn(trigger)
             reasons[trigger.value] = (
@@ -70,8 +71,8 @@ class Permissions:
         return reasons
 
     def _against(
-        self, trigger: Trigger, facts: Facts, stages: Stages | None, arming: Sequence[str], now_ns: int
-    ) -> tuple[str, ...]:  # fmt: skip
+        self, trigger: Trigger, facts: Facts, stages: Stages | None, arming: Sequence[Reject], now_ns: int
+    ) -> tuple[Reject, ...]:  # fmt: skip
         if trigger is Trigger.ARM:
             return tuple(arming)
         if trigger is Trigger.START:
@@ -81,15 +82,15 @@ class Permissions:
             )
         return self.reject_reasons(Verb(trigger.value), facts, stages, now_ns)
 
-    def arming(self, facts: Facts, now_ns: int) -> tuple[str, ...]:
+    def arming(self, facts: Facts, now_ns: int) -> tuple[Reject, ...]:
         """Every reason not to arm; first of all, that drones may be flying already, under this ground or another."""
         flying = () if monitors.ARM_IN_AIR in self._without else takeover.flying(self._drones)
-        trouble = self._host.log_trouble
+        trouble, button = self._host.log_trouble, self._host.button_trouble
         return (
             *takeover.arming_reject_reasons(flying, self._other_grounds(now_ns)),
             *arming.prearm_failures(facts, self._config.limits),
-            *((f"the log: {trouble}",) if trouble else ()),
-            *((self._host.button_trouble,) if self._host.button_trouble else ()),
+            *((Reason.LOG.of(trouble),) if trouble else ()),
+            *((Reason.STOP_BUTTON.of(button),) if button else ()),
         )
 
     def _other_grounds(self, now_ns: int) -> tuple[str, ...]:

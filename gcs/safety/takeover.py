@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
+from formation.reasons import Reason, Reject
 from formation.safety.rules import Facts
 from formation.safety.rules_table import HEARTBEAT_S
 from gcs.drones.checks import prearm_failures
@@ -9,7 +10,6 @@ from gcs.drones.drone import AIRBORNE_STATES, Drone
 from wire.link_messages import LandedState
 
 FRESH_S = 0.2
-UNLED = "drones are flying under no ground: take control, land or stop"
 
 
 def flying(drones: Iterable[Drone]) -> tuple[Drone, ...]:
@@ -17,37 +17,37 @@ def flying(drones: Iterable[Drone]) -> tuple[Drone, ...]:
     return tuple(drone for drone in drones if drone.link.armed or drone.link.telemetry.landed in AIRBORNE_STATES)
 
 
-def arming_reject_reasons(up: Sequence[Drone], others: Sequence[str]) -> tuple[str, ...]:
+def arming_reject_reasons(up: Sequence[Drone], others: Sequence[str]) -> tuple[Reject, ...]:
     """Why this ground must not arm the drones now: some may be flying, or belong to another ground."""
-    reasons = [f"{drone.link.name}: {_state(drone)}" for drone in up]
-    return (*((UNLED,) if up else ()), *reasons, *_other_grounds(others))
+    reasons = [Reason.ALOFT.of(drone.link.name, _state(drone)) for drone in up]
+    return (*((Reason.FLYING.of(),) if up else ()), *reasons, *_other_grounds(others))
 
 
 def take_control_reject_reasons(
     drones: Sequence[Drone], facts: Facts, others: Sequence[str], seen: bool
-) -> tuple[str, ...]:  # fmt: skip
+) -> tuple[Reject, ...]:  # fmt: skip
     """Why this ground cannot take control; `land` and `stop` remain possible.
 
     seen: whether there is an estimate of the drones' positions.
     """
     armed = [drone for drone in drones if drone.link.armed]
     if not armed:
-        return ("no drone is armed: there is nothing to take control of",)
+        return (Reason.NONE_ARMED.of(),)
     unseen = [d for d in armed if not seen or facts.age_s[d.index] > FRESH_S]
-    reasons = [f"{drone.link.name}: no fresh pose to lead it from: land or stop" for drone in unseen]
-    reasons += [text for drone in armed for text in prearm_failures(drone.link)]
+    reasons = [Reason.NO_POSE_TO_LEAD.of(drone.link.name) for drone in unseen]
+    reasons += [reason for drone in armed for reason in prearm_failures(drone.link)]
     return (*reasons, *_other_grounds(others))
 
 
-def land_reject_reasons(drones: Sequence[Drone], now_ns: int) -> tuple[str, ...]:
+def land_reject_reasons(drones: Sequence[Drone], now_ns: int) -> tuple[Reject, ...]:
     """Why nothing is left to land on the ground: every drone is heard, disarmed and not in the air."""
     unheard = any(drone.link.heartbeat_age_s(now_ns) > HEARTBEAT_S for drone in drones)
-    return () if unheard or flying(drones) else ("every drone is on the ground and disarmed: there is nothing to land",)
+    return () if unheard or flying(drones) else (Reason.NONE_FLIES.of(),)
 
 
-def joining_reject_reasons(drones: Iterable[Drone], now_ns: int) -> tuple[str, ...]:
+def joining_reject_reasons(drones: Iterable[Drone], now_ns: int) -> tuple[Reject, ...]:
     """Drones that do not follow this ground yet."""
-    return tuple(f"{drone.link.name}: does not follow this ground yet" for drone in drones if drone.joining(now_ns))
+    return tuple(Reason.JOINING.of(drone.link.name) for drone in drones if drone.joining(now_ns))
 
 
 def coming_down(drone: Drone) -> bool:
@@ -68,8 +68,8 @@ def other_grounds(drones: Iterable[Drone], on_bus: Iterable[str], now_ns: int) -
     return (*(f"ground {name}" for name in on_bus), *(f"{name} answers another ground" for name in answers))
 
 
-def _other_grounds(others: Sequence[str]) -> tuple[str, ...]:
-    return (f"another ground is alive ({', '.join(others)}): end it first",) if others else ()
+def _other_grounds(others: Sequence[str]) -> tuple[Reject, ...]:
+    return (Reason.OTHER_GROUND.of(", ".join(others)),) if others else ()
 
 
 def _state(drone: Drone) -> str:

@@ -41,9 +41,10 @@ class Truth:
     up (T, n): the z component of each body's thrust axis; thrust, of its weight; command (T, n, 5): quaternion w, x, y,
     z and thrust that its attitude loop tracks; command_age_s: NaN while no ground's command acts; gain_low, gain_high:
     share of the commanded thrust of the weakest and the strongest motor; lift_most (T, n): maximum thrust over weight.
-    notes: time, whether the event is unplanned, text. stops_s, arms_s: when an operator asked for an emergency stop,
-    and for arming. log_ill_s: start and end of the times when the log could not be written. t_onset_s: NaN before any
-    fault began. planned: whether the flight ended as the operator intended.
+    notes: time, whether the event is unplanned, text. log_alarms_s, armed_s: when the ground reported a failing log,
+    and began to arm. stops_s, arms_s: when an operator asked for an emergency stop, and for arming. log_ill_s: start
+    and end of the times when the log could not be written. t_onset_s: NaN before any fault began. planned: whether the
+    flight ended as the operator intended.
     """
 
     names: tuple[str, ...]
@@ -62,6 +63,8 @@ class Truth:
     fence_high_m: Float
     t_onset_s: float
     notes: tuple[tuple[float, bool, str], ...] = ()
+    log_alarms_s: tuple[float, ...] = ()
+    armed_s: tuple[float, ...] = ()
     stops_s: tuple[float, ...] = ()
     arms_s: tuple[float, ...] = ()
     log_ill_s: tuple[tuple[float, float], ...] = ()
@@ -294,13 +297,13 @@ def _unrecorded(truth: Truth) -> list[Violation]:
     """The ground reports a log that cannot be written, and nobody arms with one."""
     found = []
     for begin_s, end_s in truth.log_ill_s:
-        reported = any(begin_s <= t_s <= begin_s + ALARM_S and text.startswith("log: ") for t_s, _, text in truth.notes)
+        reported = any(begin_s <= t_s <= begin_s + ALARM_S for t_s in truth.log_alarms_s)
         if end_s - begin_s > ALARM_S and not reported:
             found.append(Violation("unrecorded", begin_s + ALARM_S, "a log that is not written, and no alarm"))
         found += [
             Violation("unrecorded", t_s, "armed with a log that is not written")
-            for t_s, _, text in truth.notes
-            if begin_s + KNOWN_S < t_s < end_s and text.startswith("ARMED: ")
+            for t_s in truth.armed_s
+            if begin_s + KNOWN_S < t_s < end_s
         ]
     return found
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from formation.messages import Event, OperatorRequest, PhaseChange, Severity, Verb
+from formation.messages import Cause, Event, EventCode, OperatorRequest, Phase, PhaseChange, Severity, Verb
 from formation.topics import EVENT, MOCAP_EVENT, PHASE, REQUEST, Topic
 from gcs.recording import Record
 from sim.campaign.oracle import Truth
@@ -10,8 +10,8 @@ from sim.scenario import Scenario
 from sim.world import T0_NS, World
 
 RECORDED = frozenset(topic.name for topic in (EVENT, MOCAP_EVENT, PHASE, REQUEST))
-PLANNED = ("operator: ", "start", "every drone is at its height", "every drone has landed and is disarmed")
-"""How the causes of planned changes of the phase begin."""
+PLANNED = (Cause.OPERATOR, Cause.START, Cause.AT_HEIGHT, Cause.LANDED)
+"""The causes of planned changes of the phase."""
 
 
 class FlightRecorder:
@@ -25,6 +25,8 @@ class FlightRecorder:
         self._rows: list[list[float]] = []
         self._t_s: list[float] = []
         self._notes: list[tuple[float, bool, str]] = []
+        self._log_alarms_s: list[float] = []
+        self._armed_s: list[float] = []
         self._stops_s: list[float] = []
         self._arms_s: list[float] = []
         self._log_ill_s: list[tuple[float, float]] = []
@@ -79,7 +81,8 @@ class FlightRecorder:
             lift_most=rows[:, :, 17],
             fence_low_m=np.array(fence.low_m), fence_high_m=np.array(fence.high_m),
             t_onset_s=np.nan if onset_ns is None else (onset_ns - T0_NS) * 1e-9,
-            notes=tuple(sorted(self._notes, key=lambda note: note[0])), stops_s=tuple(sorted(self._stops_s)),
+            notes=tuple(sorted(self._notes, key=lambda note: note[0])),
+            log_alarms_s=tuple(self._log_alarms_s), armed_s=tuple(self._armed_s), stops_s=tuple(sorted(self._stops_s)),
             arms_s=tuple(self._arms_s),
             log_ill_s=tuple(self._log_ill_s),
             planned=self.planned,
@@ -100,10 +103,14 @@ class FlightRecorder:
             case Event():
                 unplanned = message.severity <= Severity.WARNING
                 self._notes.append((t_s, unplanned, f"{message.source}: {message.text}"))
+                if message.code == EventCode.LOG and not message.ends:
+                    self._log_alarms_s.append(t_s)
             case PhaseChange():
-                planned = message.cause.startswith(PLANNED)
+                planned = message.code in PLANNED
                 self.planned = self.planned and planned
                 self._notes.append((t_s, not planned, f"{message.phase.name}: {message.cause}"))
+                if message.phase is Phase.ARMED:
+                    self._armed_s.append(t_s)
             case OperatorRequest() if message.verb is Verb.STOP:
                 self._stops_s.append(t_s)
             case OperatorRequest() if message.verb is Verb.ARM:

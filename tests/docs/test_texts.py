@@ -38,8 +38,8 @@ TEXTS = {
 @pytest.mark.parametrize("kind", TEXTS)
 def test_every_text_is_explained(kind: str) -> None:
     assert TEXTS[kind]
-    # A clause of a parameter's is led by its name.
-    assert [text for text in sorted(TEXTS[kind]) if not {text, f"{GAP} {text}"} & EXPLAINED] == []
+    # A clause of a parameter's is led by its name, a reason by the body's.
+    assert [text for text in sorted(TEXTS[kind]) if not {text, f"{GAP} {text}", f"{GAP}: {text}"} & EXPLAINED] == []
 
 
 def test_every_check_of_the_doctor_is_explained() -> None:

@@ -4,7 +4,18 @@ import numpy as np
 
 from formation.config import LabConfig
 from formation.maths import frames
-from formation.messages import Datagram, LabFrame, OperatorReply, OperatorRequest, Phase, Rejection, Severity, Verb
+from formation.messages import (
+    Cause,
+    Datagram,
+    LabFrame,
+    OperatorReply,
+    OperatorRequest,
+    Phase,
+    Rejection,
+    Severity,
+    Verb,
+)
+from formation.reasons import Reason
 from formation.vehicle.profile import profile
 from gcs.core import GcsCore, Outgoing
 from wire.ground_state import GroundState, decode, encode
@@ -238,6 +249,17 @@ class FakeLab:
         return decode(encode(self.core.state(self.now_ns)))
 
     @property
+    def reported(self) -> list[tuple[str, str]]:
+        """The code and the subject of each event that has a code; of the end of a condition `over` before it."""
+        events = [e for name, e in self.records if name == "event" and e.code]
+        return [(f"over {e.code}" if e.ends else e.code, e.subject) for e in events]
+
+    @property
+    def causes(self) -> list[Cause]:
+        """Why the phase has changed, each time."""
+        return [change.code for name, change in self.records if name == "phase"]
+
+    @property
     def events(self) -> list[str]:
         return [e.text for name, e in self.records if name == "event"]
 
@@ -278,11 +300,21 @@ class FakeLab:
 
 
 def refusal(lab: FakeLab, verb: Verb, argument: str = "") -> str:
+    """Why the request is refused, in words."""
+    return rejected(lab, verb, argument).text
+
+
+def reasons(lab: FakeLab, verb: Verb, argument: str = "") -> list[Reason]:
     """Why the request is refused."""
+    return [Reason[code.upper()] for code in rejected(lab, verb, argument).codes]
+
+
+def rejected(lab: FakeLab, verb: Verb, argument: str = "") -> OperatorReply:
+    """The reply to a request that is refused."""
     reply = lab.reply(lab.ask(verb, argument))
     assert reply is not None
     assert not reply.accepted
-    return reply.text
+    return reply
 
 
 def commands(drone: FakeDrone, number: int) -> list[CommandLong]:

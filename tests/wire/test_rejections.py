@@ -1,4 +1,4 @@
-from formation.messages import Event, Severity
+from formation.messages import Event, EventCode, Severity
 from wire.rejections import OTHER_REASONS, OTHERS, REASONS, SOURCES, RejectionLog
 
 SECOND = 1_000_000_000
@@ -11,7 +11,7 @@ def test_the_first_is_told_at_once_and_a_flood_once_a_second() -> None:
         now_ns = k * SECOND // 640
         refusals.note("10.0.0.9", "not MAVLink", now_ns)
         told += refusals.due(now_ns)
-    assert told[0] == Event(Severity.WARNING, "10.0.0.9", "refused: 1 x not MAVLink")
+    assert told[0] == Event(Severity.WARNING, "10.0.0.9", "refused: 1 x not MAVLink", code=EventCode.INPUT_REJECTED)
     assert told[1].text == "refused: 640 x not MAVLink"
     assert len(told) == 10
     assert refusals.count == 6400
@@ -24,7 +24,7 @@ def test_nothing_is_told_of_nothing_and_what_waits_is_told_when_its_second_is_ov
     assert len(refusals.due(10)) == 1
     refusals.note("a", "x", 11, count=3)
     assert refusals.due(10 + SECOND - 1) == ()
-    assert refusals.due(10 + SECOND) == (Event(Severity.WARNING, "a", "refused: 3 x x"),)
+    assert refusals.due(10 + SECOND) == (Event(Severity.WARNING, "a", "refused: 3 x x", code=EventCode.INPUT_REJECTED),)
     assert refusals.due(10 + 9 * SECOND) == ()
 
 

@@ -103,6 +103,8 @@ def test_a_log_of_an_older_version_is_read_by_the_names_of_its_fields():
     read = renamed.decoder(files.SerializeToString())(old.encode(First(7, 1.5, vectors)))
     assert (read.a, read.new, read.colour, read.maybe) == (7, "", Colour.BLUE, None)
     np.testing.assert_array_equal(read.v, vectors)
+    assert renamed.left_out(files.SerializeToString()) == {"new", "colour", "maybe", "s"}
+    assert renamed.left_out(renamed.descriptor_set) == frozenset()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,6 +11,7 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -321,6 +322,22 @@ class Log:
     def entries(self) -> Iterator[Entry]:
         """The entries in file order, from the start, each time it is asked for."""
         return _entries(self.path, Damage())
+
+    @property
+    def left_out(self) -> Mapping[str, frozenset[str]]:
+        """By topic, the names of the fields that the version which wrote the log did not record."""
+        schemas: dict[int, Schema] = {}
+        found: dict[str, frozenset[str]] = {}
+        for record in scan(self.path, Damage()):
+            if isinstance(record, Schema):
+                schemas.setdefault(record.id, record)
+            elif isinstance(record, Channel) and record.topic in _TOPICS and record.schema_id in schemas:
+                with suppress(SchemaError):
+                    schema = schema_of(_TOPICS[record.topic].type)
+                    found[record.topic] = schema.left_out(schemas[record.schema_id].data)
+            elif isinstance(record, Messages):
+                break
+        return found
 
     def only(self, *wanted: Topic) -> Iterator[Entry]:
         """The entries of these topics, in file order; the others are not decoded."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from formation.exposure import GROUND, is_local_link, is_loopback
-from formation.messages import Event, Severity
+from formation.messages import Event, EventCode, Severity
 from formation.security_config import SecurityConfig
 from wire.errors import ConfigError
 from wire.mavlink.signing import SigningChannel, StampClock
@@ -120,7 +120,7 @@ class Protection:
                 failed = True
             await asyncio.sleep(StampFile.PERIOD_S)
         while self.bus.insecure:
-            report(Event(Severity.WARNING, "security", INSECURE, lasts=True))
+            report(Event(Severity.WARNING, "security", INSECURE, lasts=True, code=EventCode.INSECURE))
             await asyncio.sleep(REMIND_S)
 
     def _attend_once(self) -> None:

@@ -125,7 +125,9 @@ class MocapBus:
         def receive(sample: zenoh.Sample) -> None:
             event = self._decoded("mocap/event", _EVENT, sample)
             if event is not None:
-                callback(Event(event.severity, plain(event.source, LONGEST_TEXT), plain(event.text, LONGEST_TEXT)))
+                source, text = plain(event.source, LONGEST_TEXT), plain(event.text, LONGEST_TEXT)
+                code, subject = plain(event.code, LONGEST_TEXT), plain(event.subject, LONGEST_TEXT)
+                callback(replace(event, source=source, text=text, code=code, subject=subject))
 
         self._bus.listen("mocap/event", receive, limit=64)
 

@@ -4,10 +4,13 @@ A text with a variable part has `…` in its place. A text that the source only 
 """
 
 import ast
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+
+from formation.reasons import Reason
 
 ROOT = Path(__file__).resolve().parents[3]
 PACKAGES = ("formation", "wire", "mocap", "gcs", "drone_agent")
@@ -127,14 +130,14 @@ REASON_FILES = (
     "formation/safety/arming.py",
     "gcs/drones/checks.py",
     "gcs/safety/takeover.py",
-    "gcs/safety/permissions.py",
 )
-"""Modules that are nothing but reasons to refuse a command."""
+"""Modules that make parts of the reasons' texts."""
 
 
 def reasons() -> list[LoggedText]:
     """Why the ground rejects `arm`, `take-control` and the other commands."""
-    found: set[LoggedText] = set()
+    texts = (normal(re.sub(r"\{[^}]*\}", GAP, reason.template)).removeprefix(f"{GAP}: ") for reason in Reason)
+    found = {LoggedText("refusal", text, "formation/reasons.py") for text in texts if " " in text.strip(f"{GAP} :")}
     for file in REASON_FILES:
         tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
         inside = {part for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}

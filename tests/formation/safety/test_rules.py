@@ -72,7 +72,6 @@ def test_each_fault_is_answered_once_it_has_lasted(name):
     changes, phase, lasting_s, trigger, own = FAULTS[name]
     verdict = _after(healthy(**changes), phase, lasting_s)
     assert verdict.trigger is trigger
-    assert bool(verdict.cause) == (trigger is not None)
     assert verdict.release.any() == (own is Own.RELEASE)
     assert verdict.cut.any() == (own is Own.CUT)
 
@@ -121,7 +120,8 @@ def test_a_link_that_falls_behind_is_warned_of_then_held_then_its_drone_is_relea
 def test_only_the_drone_in_trouble_is_cut():
     verdict = _after(healthy(tilt_rad=of(2, 1.5, 0.0), own_tilt_rad=of(2, 1.5, 0.0)), Phase.HOLD, 0.4)
     assert verdict.cut.tolist() == [False, False, True]
-    assert verdict.cause == "right: tilted by 75 degrees"
+    assert (verdict.fault.rule.name, verdict.fault.body) == ("rule-tilted", "right")
+    assert verdict.fault.text == "right: tilted by 75 degrees"
 
 
 def test_landing_outweighs_holding():
@@ -189,4 +189,4 @@ def test_those_that_are_seen_are_still_kept_apart_and_inside_beside_a_lost_body(
     near = np.array([[0.0, 0, 0], [1.0, 0, 0.3], [1.0, 0.05, 0.3]])
     facts = healthy(commanded=np.array([False, True, True]), pos_lab_m=near, age_s=of(0, 1.0, 0.0))
     verdict = _after(facts, Phase.HOLD, 0.2)
-    assert verdict.cause == "left: closer than half the minimum separation"
+    assert (verdict.fault.rule.name, verdict.fault.body) == ("rule-half-separation", "left")

@@ -8,27 +8,28 @@ import pytest
 
 from formation.guidance.plan import Mode
 from formation.messages import Phase, Verb
+from formation.reasons import Reason
 from gcs.core import BrokenInvariantError
-from tests.gcs.fakes import FakeLab, commands, flying, refusal, triangle
+from tests.gcs.fakes import FakeLab, commands, flying, reasons, refusal, triangle
 from wire.link_messages import EkfStatus, ExtendedSysState, LandedState, ParamType, ParamValue, Result
 
 
 @pytest.mark.parametrize(
-    ("fault", "words"),
+    ("fault", "found"),
     [
-        (lambda lab: setattr(lab.drones[2], "pos", np.array([2.7, 0.4, 0.0])), "left: 0.20 m outside the fence"),
+        (lambda lab: setattr(lab.drones[2], "pos", np.array([2.7, 0.4, 0.0])), [Reason.OUTSIDE_FENCE]),
         (
             lambda lab: setattr(lab.drones[2], "pos", np.array([-0.4, -0.3, 0.0])),
-            "left: 0.10 m from the next body, minimum is 0.20 m",
+            [Reason.TOO_NEAR, Reason.TOO_NEAR],
         ),
-        (lambda lab: setattr(lab.drones[3], "sends_nothing", True), "right: no heartbeat (last heard never)"),
+        (lambda lab: setattr(lab.drones[3], "sends_nothing", True), [Reason.NO_HEARTBEAT]),
     ],
 )
-def test_arming_is_rejected_with_its_reason(fault, words):
+def test_arming_is_rejected_with_its_reason(fault, found):
     lab = FakeLab(triangle())
     fault(lab)
     lab.run(2.0)
-    assert words in refusal(lab, Verb.ARM)
+    assert reasons(lab, Verb.ARM) == found
     assert lab.phase is Phase.GROUND
 
 
@@ -51,7 +52,7 @@ def test_a_body_is_nowhere_while_it_is_not_seen_and_nobody_arms():
     assert lab.state.drones[1].pos_lab_m is None
     lab.frames_stopped = True
     lab.run(0.5)
-    assert refusal(lab, Verb.ARM).count("no fresh pose") == 3
+    assert reasons(lab, Verb.ARM).count(Reason.NO_POSE) == 3
 
 
 def test_a_drone_that_rejects_arming_disarms_the_others_with_its_own_words():
@@ -73,13 +74,13 @@ def test_requests_out_of_turn_are_rejected_with_the_phases_they_are_for():
     lab = FakeLab(triangle())
     lab.run(1.0)
     assert refusal(lab, Verb.TAKEOFF) == "takeoff is for ARMED, this is GROUND"
-    assert refusal(lab, Verb.START) == "start is for HOLD, this is GROUND"
-    assert refusal(lab, Verb.SHAPE).startswith("no shape ''")
+    assert reasons(lab, Verb.START) == [Reason.OUT_OF_TURN]
+    assert reasons(lab, Verb.SHAPE) == [Reason.NO_SHAPE]
     lab.run(1.0)
     lab.ask(Verb.ARM)
     lab.run(0.5)
-    assert refusal(lab, Verb.TAKEOFF) == "not every drone has armed yet"
-    assert refusal(lab, Verb.ARM) == "arm is for GROUND, this is ARMED"
+    assert reasons(lab, Verb.TAKEOFF) == [Reason.NOT_ARMED]
+    assert reasons(lab, Verb.ARM) == [Reason.OUT_OF_TURN]
 
 
 def test_a_follower_hidden_holds_the_swarm_then_lands_it_and_is_let_go():
@@ -112,7 +113,7 @@ def test_an_observed_leader_hidden_holds_the_followers():
     lab.hidden.add("lead")
     lab.run(3.0)
     assert lab.phase is Phase.HOLD
-    assert refusal(lab, Verb.START) == "lead: no fresh pose, there is nothing to form on"
+    assert reasons(lab, Verb.START) == [Reason.LEADER_UNSEEN]
 
 
 def test_mocap_gone_stops_setpoints_and_heartbeats_and_commands_every_drone_to_land():
@@ -164,9 +165,7 @@ def test_reset_is_rejected_while_a_drone_is_armed_or_unheard():
     lab.drones[1].receives_nothing = lab.drones[2].sends_nothing = True
     lab.command(Verb.STOP, Phase.STOPPED)
     lab.run(5.0)
-    text = refusal(lab, Verb.RESET)
-    assert "lead: armed" in text
-    assert "no heartbeat (last heard" in text
+    assert set(reasons(lab, Verb.RESET)) == {Reason.ARMED, Reason.MAY_BE_ARMED}
     assert lab.phase is Phase.STOPPED
 
 
@@ -176,7 +175,7 @@ def test_nothing_else_leaves_stopped():
     for drone in lab.drones.values():
         drone.setpoints.clear()
     for verb in (Verb.ARM, Verb.TAKE_CONTROL, Verb.TAKEOFF, Verb.START, Verb.HOLD):
-        assert "this is STOPPED" in refusal(lab, verb)
+        assert reasons(lab, verb) == [Reason.OUT_OF_TURN]
     assert lab.reply(lab.ask(Verb.LAND)).accepted  # their motors are off, which ends every landing
     assert lab.phase is Phase.STOPPED
     lab.run(2.0)
@@ -201,8 +200,8 @@ def test_a_duplicate_sysid_is_reported_and_keeps_the_swarm_on_the_ground():
         twin._say(ExtendedSysState(LandedState.ON_GROUND))
         lab.drones[2]._say(ExtendedSysState(LandedState.ON_GROUND))
         lab.drones[2]._out += twin.outgoing(lab.now_ns)
-    assert "left: its sysid is used twice on the network" in lab.events
-    assert "left: its sysid is used twice on the network" in refusal(lab, Verb.ARM)
+    assert ("rule-duplicate-sysid", "left") in lab.reported
+    assert Reason.SYSID_TWICE in reasons(lab, Verb.ARM)
 
 
 def test_an_estimate_that_is_not_finite_ends_the_core():
@@ -244,4 +243,4 @@ def test_the_formation_is_not_taken_up_outside_the_fence():
     lab.command(Verb.ARM, Phase.ARMED)
     lab.command(Verb.TAKEOFF, Phase.TAKEOFF)
     lab.run_until(Phase.HOLD)
-    assert refusal(lab, Verb.START).startswith("left: its slot would be outside the fence")
+    assert reasons(lab, Verb.START) == [Reason.SLOT_OUTSIDE]

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from formation.messages import Phase, Verb
+from formation.messages import Cause, EventCode, Phase, Verb
 from gcs.core import GcsCore
 from gcs.safety.monitors import MONITORS
 from tests.gcs.fakes import MS, FakeLab, commands, flying, triangle
@@ -60,7 +60,7 @@ def test_an_attitude_that_both_see_upside_down_cuts():
     lying_mocap(lab, "left", q=UPSIDE_DOWN)
     lab.drones[2].own_q = UPSIDE_DOWN
     lab.run(0.5)
-    assert "left: tilted by 75 degrees, says its own attitude too" in lab.events
+    assert ("rule-tilted-agreed", "left") in lab.reported
     assert not lab.drones[2].armed
 
 
@@ -70,7 +70,7 @@ def test_a_drone_far_outside_by_both_is_cut_wherever_its_own_origin_is_and_the_o
     lab.fly()
     lab.drones[3].pos = np.array([3.2, -1.0, 0.3])
     lab.run(0.4)
-    assert "right: 0.5 m outside the fence, says its own estimate too" in lab.events
+    assert ("rule-far-outside-agreed", "right") in lab.reported
     assert parameters(lab.drones[3], 400)[-1] == CUT
     assert not lab.drones[3].armed
     assert lab.phase is Phase.LAND
@@ -88,9 +88,9 @@ def test_a_pilot_who_holds_it_at_a_metre_keeps_his_motors():
     assert drone.pos[2] > 0.8
     assert not parameters(drone, 21)
     assert [c for c in parameters(drone, 400) if c[0] == 0.0] == []
-    assert lab.events.count("left: a pilot flies it (POSCTL), it is left alone") == 1
+    assert lab.reported.count((EventCode.PILOT, "left")) == 1
     assert lab.phase is Phase.GROUND
-    assert "LAND -> GROUND: landed, but for left: a pilot's" in lab.events
+    assert lab.causes[-1] is Cause.LEFT_TO_PILOT
     reply = lab.reply(lab.ask(Verb.ARM))
     assert "left: armed, in POSCTL" in reply.text
     lab.command(Verb.STOP, Phase.STOPPED)
@@ -143,7 +143,7 @@ def test_every_packet_is_a_sign_of_life():
     lab.drones[3].sends_nothing = True
     lab.run(3.1)
     assert lab.phase is Phase.LAND
-    assert "right: nothing heard for 3 s" in lab.events
+    assert ("rule-silent", "right") in lab.reported
 
 
 def test_setpoints_that_come_late_are_warned_of_then_the_drone_is_let_go():
@@ -151,7 +151,7 @@ def test_setpoints_that_come_late_are_warned_of_then_the_drone_is_let_go():
     for _ in range(20):
         lab.drones[2]._say(NamedValue(0, "age_ms", 85.0))
         lab.run(0.1)
-    assert "left: setpoints reach it 70 ms old" in lab.events
+    assert ("rule-setpoints-late", "left") in lab.reported
     assert lab.phase is Phase.FORMATION
     for _ in range(12):
         lab.drones[2]._say(NamedValue(0, "age_ms", 140.0))

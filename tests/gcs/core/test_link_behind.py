@@ -34,7 +34,7 @@ def test_the_backlog_of_a_link_is_a_measured_figure_by_timesyncs_clock_alone():
     behind(lab, 2, 70)
     lab.run(1.3)
     assert abs(lab.state.drones[1].link_behind_s - 0.07) < 0.012
-    assert "left: its telemetry arrives 50 ms late" in lab.events
+    assert ("rule-link-behind", "left") in lab.reported
     assert lab.phase is Phase.FORMATION
 
 
@@ -43,7 +43,7 @@ def test_one_late_message_before_a_pause_is_no_backlog():
     lab = flying()
     behind(lab, 2, 400, every=33)
     lab.run(2.0)
-    assert not [text for text in lab.events if "arrives" in text]
+    assert not [code for code, _ in lab.reported if "link-behind" in code]
 
 
 def test_a_swarm_holds_while_a_link_is_100_ms_behind_and_releases_its_drone_at_300():
@@ -73,7 +73,7 @@ def test_poses_and_estimate_that_come_by_one_link_are_one_witness():
     lab = flying(mocap={"source": "mavlink"})
     lab.drones[3].pos = np.array([3.2, -1.0, 0.3])
     lab.run(0.6)
-    assert "right: 0.5 m outside the fence" in lab.events
+    assert ("rule-far-outside", "right") in lab.reported
     assert lab.phase is Phase.LAND
     assert commands(lab.drones[3], 21)
     assert not any(c.params[:2] == (0.0, 21196.0) for c in commands(lab.drones[3], 400))

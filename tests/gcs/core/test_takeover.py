@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from formation.messages import HostReport, Phase, Verb
-from tests.gcs.fakes import FakeLab, commands, flying, refusal, triangle
+from formation.messages import Cause, EventCode, HostReport, Phase, Verb
+from formation.reasons import Reason
+from tests.gcs.fakes import FakeLab, commands, flying, reasons, refusal, triangle
 from wire.link_messages import (
     Address,
     AttitudeSetpoint,
@@ -35,14 +36,14 @@ def restarted(after_s: float = 0.5, autopilots=None, heard_s: float = 3.5) -> Fa
 
 def test_a_restarted_ground_asked_to_arm_drops_nobody():
     lab = restarted()
-    text = refusal(lab, Verb.ARM)
-    assert text.startswith("drones are flying under no ground: take control, land or stop; lead: armed, in OFFBOARD")
+    text, found = refusal(lab, Verb.ARM), reasons(lab, Verb.ARM)
+    assert found[:4] == [Reason.FLYING, *[Reason.ALOFT] * 3]
     assert text.split("; ")[1:4] == [f"{name}: armed, in OFFBOARD" for name in ("lead", "left", "right")]
     lab.run(3.0)
     assert all(not drone.setpoints for drone in lab.drones.values())
     assert all(drone.pos[2] > 0.25 for drone in lab.drones.values())
     status = lab.state
-    assert status.prearm_failures[0] == "drones are flying under no ground: take control, land or stop"
+    assert status.reject_codes[Verb.ARM][0] == Reason.FLYING.code
     assert status.ground_session == 1
 
 
@@ -67,7 +68,7 @@ def test_land_from_ground_has_each_autopilot_land_its_drone_and_sends_no_setpoin
 def test_land_on_the_ground_with_nobody_flying_changes_nothing():
     lab = FakeLab(triangle())
     lab.run(2.0)
-    assert "nothing to land" in refusal(lab, Verb.LAND)
+    assert reasons(lab, Verb.LAND) == [Reason.NONE_FLIES]
     lab.command(Verb.ARM, Phase.ARMED)
 
 
@@ -108,7 +109,7 @@ def held_aside() -> FakeLab:
 
 def test_drones_that_hold_in_a_mode_of_their_own_are_brought_back_to_off_board():
     lab = held_aside()
-    assert refusal(lab, Verb.START).startswith("lead: does not follow this ground yet")
+    assert set(reasons(lab, Verb.START)) == {Reason.JOINING}
     lab.run(4.0)
     assert lab.phase is Phase.HOLD
     assert all(drone.mode == drone.offboard for drone in lab.drones.values())
@@ -130,7 +131,7 @@ def test_where_one_is_down_or_lands_by_itself_those_that_fly_are_landed(where):
         lab.drones[2].armed, lab.drones[2].pos[2] = False, 0.0
     lab.run(1.5)
     lab.command(Verb.TAKE_CONTROL, Phase.LAND)
-    assert "GROUND -> LAND: control taken to land: left on the floor, or landing already" in lab.events
+    assert lab.causes[-1] is Cause.LANDS_ITSELF
     lab.run_until(Phase.GROUND)
     assert not any(drone.armed for drone in lab.drones.values())
 
@@ -139,11 +140,11 @@ def test_rejects_take_control_without_poses_or_armed_drones():
     lab = restarted()
     lab.hidden.add("left")
     lab.run(0.3)
-    assert "left: no fresh pose to lead it from: land or stop" in refusal(lab, Verb.TAKE_CONTROL)
+    assert Reason.NO_POSE_TO_LEAD in reasons(lab, Verb.TAKE_CONTROL)
     assert lab.phase is Phase.GROUND
     idle = FakeLab(triangle())
     idle.run(2.0)
-    assert refusal(idle, Verb.TAKE_CONTROL) == "no drone is armed: there is nothing to take control of"
+    assert reasons(idle, Verb.TAKE_CONTROL) == [Reason.NONE_ARMED]
 
 
 def test_a_drone_that_answers_another_ground_keeps_this_one_from_arming_for_three_seconds():
@@ -162,8 +163,8 @@ def test_another_ground_on_the_bus_forbids_arming_and_taking_control():
     lab = restarted()
     lab.core.receive(HostReport(other_grounds=("gcs/0-77",)), lab.now_ns)
     lab.run(0.1)
-    assert "another ground is alive: gcs/0-77" in lab.events
-    assert "another ground is alive (ground gcs/0-77): end it first" in refusal(lab, Verb.ARM)
+    assert (EventCode.OTHER_GROUND, "gcs/0-77") in lab.reported
+    assert Reason.OTHER_GROUND in reasons(lab, Verb.ARM)
     assert refusal(lab, Verb.TAKE_CONTROL) == "another ground is alive (ground gcs/0-77): end it first"
     lab.core.receive(HostReport(), lab.now_ns)
     lab.command(Verb.TAKE_CONTROL, Phase.HOLD)
@@ -188,7 +189,7 @@ def test_log_trouble_is_reported_forbids_arming_and_changes_no_setpoint():
         return lab
 
     well, ill = flight(""), flight("the disk is full")
-    assert "the disk is full" in ill.events
+    assert (EventCode.LOG, "") in ill.reported
     assert ill.state.log_trouble == "the disk is full"
     for mine, other in zip(well.drones.values(), ill.drones.values(), strict=True):
         assert [(t, s.thrust_norm, s.q_lab_from_flu.tobytes()) for t, s in mine.setpoints] == [
@@ -200,17 +201,17 @@ def test_log_trouble_is_reported_forbids_arming_and_changes_no_setpoint():
     assert refusal(ill, Verb.ARM) == "the log: the disk is full"
     ill.core.receive(HostReport(button_trouble="the stop button does not work: gone"), ill.now_ns)
     ill.run(0.1)
-    assert refusal(ill, Verb.ARM) == "the stop button does not work: gone"
+    assert reasons(ill, Verb.ARM) == [Reason.STOP_BUTTON]
     ill.core.receive(HostReport(), ill.now_ns)
     ill.command(Verb.ARM, Phase.ARMED)
-    assert "over: the disk is full" in ill.events
+    assert ("over log", "") in ill.reported
 
 
 def test_a_drone_that_comes_down_while_it_is_taken_over_is_not_led_up_again():
     lab = held_aside()
     lab.drones[3]._say(ExtendedSysState(LandedState.ON_GROUND))
     lab.run(0.1)
-    assert "HOLD -> LAND: right has begun to land meanwhile" in lab.events
+    assert (lab.causes[-1], lab.phase) == (Cause.LANDS_ITSELF, Phase.LAND)
     lab.run_until(Phase.GROUND)
     assert not any(drone.armed for drone in lab.drones.values())
 
@@ -223,6 +224,6 @@ def test_a_drone_that_does_not_follow_within_five_seconds_has_all_land():
     assert lab.phase is Phase.HOLD
     lab.run(1.5)
     assert lab.phase is Phase.LAND
-    assert "lead: not in off-board mode" in lab.events
+    assert ("rule-not-offboard", "lead") in lab.reported
     lab.run_until(Phase.GROUND)
     assert not any(drone.armed for drone in lab.drones.values())

@@ -46,7 +46,7 @@ def test_what_cannot_be_flown_is_rejected_in_words(standing: FakeLab, name: str,
     reply = ask(standing, name)
     assert not reply.accepted
     assert why in reply.text
-    assert standing.core.state(standing.now_ns)["trajectory"] == "configured"
+    assert standing.state.trajectory == "configured"
 
 
 def test_a_trajectory_that_fits_from_the_origin_is_rejected_where_the_fence_is_too_near() -> None:

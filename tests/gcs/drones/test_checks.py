@@ -1,9 +1,15 @@
 """What a drone's own link and parameters say against arming it."""
 
-from gcs.drones.checks import prearm_failures, warnings
+from gcs.drones import checks
+from gcs.drones.checks import warnings
+from gcs.drones.link_state import DroneLink
 from tests.gcs.fakes import COPTER_PARAMETERS, PX4_PARAMETERS
 from tests.gcs.link import MS, Drone, a_link, beat, tell
 from wire.link_messages import EkfStatus, MavAutopilot
+
+
+def prearm_failures(link: DroneLink) -> tuple[str, ...]:
+    return tuple(reject.text for reject in checks.prearm_failures(link))
 
 
 def test_vital_parameters_keep_a_drone_on_the_ground():
@@ -43,7 +49,7 @@ def test_a_velocity_taken_from_gps_is_reported_where_the_pose_is_ours():
     link = a_link()
     Drone().say(link, beat(MavAutopilot.ARDUPILOT))
     tell(link, {**COPTER_PARAMETERS, "EK3_SRC1_VELXY": 3.0}, MavAutopilot.ARDUPILOT)
-    assert [text.split()[0] for text in warnings(link, feeds_pose=True)] == ["EK3_SRC1_VELXY"]
+    assert [name for name, _ in warnings(link, feeds_pose=True)] == ["EK3_SRC1_VELXY"]
     assert warnings(link, feeds_pose=False) == ()
 
 
@@ -59,5 +65,5 @@ def test_lesser_parameters_only_warn_and_external_pose_ones_only_where_the_pose_
     tell(link, {**PX4_PARAMETERS, "EKF2_EV_CTRL": 0, "COM_OBL_RC_ACT": 0, "MPC_THR_HOVER": 0.3}, MavAutopilot.PX4)
     assert prearm_failures(link) == ()
     ours, not_ours = warnings(link, feeds_pose=True), warnings(link, feeds_pose=False)
-    assert [text.split()[0] for text in ours] == ["COM_OBL_RC_ACT", "EKF2_EV_CTRL", "MPC_THR_HOVER"]
-    assert [text.split()[0] for text in not_ours] == ["COM_OBL_RC_ACT", "MPC_THR_HOVER"]
+    assert [name for name, _ in ours] == ["COM_OBL_RC_ACT", "EKF2_EV_CTRL", "MPC_THR_HOVER"]
+    assert [name for name, _ in not_ours] == ["COM_OBL_RC_ACT", "MPC_THR_HOVER"]

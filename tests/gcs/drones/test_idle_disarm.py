@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from formation.messages import Phase, Severity, Verb
+from formation.messages import Cause, EventCode, Phase, Severity, Verb
 from gcs.drones.armed_clock import ArmedClock
 from tests.gcs.fakes import FakeLab, triangle
 from wire.link_messages import MavAutopilot
@@ -58,7 +58,7 @@ def test_the_parameter_as_read_counts(autopilot):
 def test_a_take_off_that_the_time_out_would_cut_is_rejected_with_the_seconds_it_needs():
     lab = _armed()
     lab.run(6.5)
-    assert any(text.startswith("too late for a take-off") for text in lab.events)
+    assert (EventCode.TAKE_OFF_TOO_LATE, "") in lab.reported
     refused = _take_off(lab)
     assert re.match(r"lead: disarms itself in [12]\.\d s, a take-off needs 3 s: land, and arm again; left: ", refused)
     assert lab.phase is Phase.ARMED
@@ -94,7 +94,7 @@ def test_a_take_off_that_ends_on_the_floor_spins_nobody_up(by_operator):
     else:
         lab.drones[2].armed = False
         lab.run_until(Phase.LAND, longest_s=1.5)
-        assert "TAKEOFF -> LAND: left is disarmed, still on the floor" in lab.events
+        assert lab.causes[-1] is Cause.DISARMED
     stayed = [drone for drone in lab.drones.values() if drone.pos[2] == 0.0]
     for drone in stayed:
         drone.setpoints.clear()

@@ -152,8 +152,10 @@ def test_silence_of_the_ground_is_shown_and_is_an_alarm_once(flight):
     assert html.lost(model.show(15_000_000_000, 9.0)) == ""
 
 
-BATTERY = Event(Severity.WARNING, "safety", "left: battery under 20 %", lasts=True)
-OUTSIDE = Event(Severity.CRITICAL, "safety", "right: outside", lasts=True)
+BATTERY = Event(
+    Severity.WARNING, "safety", "left: battery under 20 %", lasts=True, code="rule-battery-low", subject="left"
+)
+OUTSIDE = Event(Severity.CRITICAL, "safety", "right: outside", lasts=True, code="rule-outside-fence", subject="right")
 
 
 def published(told: EventMemory, session: int = 7) -> GroundState:
@@ -162,33 +164,29 @@ def published(told: EventMemory, session: int = 7) -> GroundState:
     return replace(state, ground_session=session, events=told.newest, alarms=told.alarms.open)
 
 
-def over(event: Event) -> Event:
-    return Event(Severity.NOTICE, event.source, f"over: {event.text}")
-
-
 @pytest.mark.parametrize("first", ["acknowledged", "over"])
 def test_the_severest_alarm_is_first_and_stays_until_it_is_acknowledged_and_over(first: str):
     shown, told = ShownAlarms(), EventMemory()
     told.note(BATTERY, 1_000_000)
     told.note(OUTSIDE, 2_000_000)
     told.note(Event(Severity.WARNING, "left", "low voltage"), 3_000_000)  # which has no end
-    told.note(BATTERY, 4_000_000)
+    told.note(replace(BATTERY, text="left: battery under 20 %, said otherwise"), 4_000_000)
     shown.receive_ground(published(told))
     shown.receive_ground(published(told))  # the same again is no news
     assert [(one.text, one.times, one.unix_s) for one in shown.open][:2] == [
         (OUTSIDE.text, 1, 2.0),
-        (BATTERY.text, 2, 4.0),
+        ("left: battery under 20 %, said otherwise", 2, 4.0),
     ]
     assert shown.loud
-    told.note(ACKNOWLEDGED if first == "acknowledged" else over(OUTSIDE), 5_000_000)
+    told.note(ACKNOWLEDGED if first == "acknowledged" else OUTSIDE.over(), 5_000_000)
     shown.receive_ground(published(told))
     alarm = shown.open[0] if first == "acknowledged" else next(one for one in shown.open if one.text == OUTSIDE.text)
     assert (alarm.acknowledged, alarm.goes_on) == ((True, True) if first == "acknowledged" else (False, False))
     assert shown.loud is (first == "over")
     assert ("goes on, acknowledged" in html.alarms(shown.open, ())) is (first == "acknowledged")
-    told.note(over(OUTSIDE) if first == "acknowledged" else ACKNOWLEDGED, 6_000_000)
+    told.note(OUTSIDE.over() if first == "acknowledged" else ACKNOWLEDGED, 6_000_000)
     shown.receive_ground(published(told))
-    assert [one.text for one in shown.open] == [BATTERY.text]
+    assert [one.code for one in shown.open] == [BATTERY.code]
     told.note(OUTSIDE, 7_000_000)  # comes again: news
     assert next((one.text, one.acknowledged) for one in told.alarms.open) == (OUTSIDE.text, False)
 

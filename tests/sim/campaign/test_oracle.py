@@ -183,15 +183,11 @@ def test_what_is_unplanned_needs_a_cause_and_a_benign_fault_ends_nothing() -> No
 
 
 @pytest.mark.parametrize(
-    ("notes", "found"),
-    [
-        ((), ["unrecorded"]),
-        (((2.9, True, "log: the disk is full"),), []),
-        (((3.1, True, "log: the disk is full"),), ["unrecorded"]),
-        (((2.1, True, "log: the disk is full"), (2.5, False, "ARMED: operator: arm")), ["unrecorded"]),
-    ],
+    ("alarms_s", "armed_s", "found"),
+    [((), (), ["unrecorded"]), ((2.9,), (), []), ((3.1,), (), ["unrecorded"]), ((2.1,), (2.5,), ["unrecorded"])],
 )
 def test_a_log_that_is_not_written_is_told_of_within_a_second_and_nobody_arms(
-    notes: tuple[tuple[float, bool, str], ...], found: list[str]
+    alarms_s: tuple[float, ...], armed_s: tuple[float, ...], found: list[str]
 ) -> None:
-    assert kinds(judge(replace(flown(), log_ill_s=((2.0, 5.0),), notes=notes))) == found
+    truth = replace(flown(), log_ill_s=((2.0, 5.0),), log_alarms_s=alarms_s, armed_s=armed_s)
+    assert kinds(judge(truth)) == found

@@ -1,0 +1,82 @@
+"""Why the ground refuses what an operator asks: a code for programs, of which the text for people is made."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Reason(Enum):
+    """One reason against a request; template: its text, with a place for each of the values that it names."""
+
+    template: str
+
+    def __new__(cls, template: str) -> "Reason":
+        """A member; texts may be the same."""
+        reason = object.__new__(cls)
+        reason._value_ = len(cls.__members__)
+        reason.template = template
+        return reason
+
+    OUT_OF_TURN = "{} is for {}, this is {}{}"
+    # Arming
+    NO_POSE = "{}: no fresh pose (last seen {})"
+    TOO_NEAR = "{}: {:.2f} m from the next body, minimum is {:.2f} m"
+    OUTSIDE_FENCE = "{}: {:.2f} m outside the fence"
+    TILTED = "{}: tilted by {:.0f} degrees"
+    MOVING = "{}: moving at {:.2f} m/s"
+    NO_HEARTBEAT = "{}: no heartbeat (last heard {})"
+    BATTERY_LOW = "{}: battery at {:.0%}"
+    SYSID_TWICE = "{}: its sysid is used twice on the network"
+    FOREIGN_DRONE = "{}: drone {} answers on the link of drone {}"
+    UNKNOWN_AUTOPILOT = "{}: autopilot {} is neither PX4 nor ArduPilot"
+    AUTOPILOT_UNREADY = "{}: {}"
+    AWAITS_RESTART = "{}: {} {}"
+    WRONG_PARAMETER = "{}: {}"
+    LOG = "the log: {}"
+    STOP_BUTTON = "{}"
+    # Drones that fly under no ground, and other grounds
+    FLYING = "drones are flying under no ground: take control, land or stop"
+    ALOFT = "{}: {}"
+    OTHER_GROUND = "another ground is alive ({}): end it first"
+    NONE_ARMED = "no drone is armed: there is nothing to take control of"
+    NO_POSE_TO_LEAD = "{}: no fresh pose to lead it from: land or stop"
+    NONE_FLIES = "every drone is on the ground and disarmed: there is nothing to land"
+    JOINING = "{}: does not follow this ground yet"
+    # Take-off and reset
+    NOT_ARMED = "not every drone has armed yet"
+    DISARMS_ITSELF = "{}: disarms itself in {:.1f} s, a take-off needs {:g} s: land, and arm again"
+    ARMED = "{}: armed"
+    MAY_BE_ARMED = (
+        "{}: no heartbeat ({}), it may be armed: switch it on, "
+        "or restart the ground with a lab file that does not name it"
+    )
+    # Shapes and trajectories
+    LEADER_OBSERVED = "{}: it is only observed, and flies what it flies"
+    LEADER_UNSEEN = "{}: no fresh pose, there is nothing to form on"
+    SLOT_OUTSIDE = "{}: its slot would be outside the fence, {}"
+    LEADER_OUTSIDE = "{}: it would be outside the fence, {}"
+    NO_SHAPE = "{}"
+    NO_TRANSITION = "{}"
+    NO_TRAJECTORY = "{}"
+    INFEASIBLE = "{}"
+
+    @property
+    def code(self) -> str:
+        """Its name in JSON and logs."""
+        return self.name.lower()
+
+    def of(self, *values: object) -> "Reject":
+        """This reason, with the values that its text names."""
+        return Reject(self, values)
+
+
+@dataclass(frozen=True, slots=True)
+class Reject:
+    """One reason against a request, with the values that its text names."""
+
+    reason: Reason
+    values: tuple[object, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        return self.reason.template.format(*self.values)

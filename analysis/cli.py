@@ -44,7 +44,6 @@ def report(log: LogPath, out: Out = None, as_json: Json = False) -> None:
     from analysis.console import print_summary
     from analysis.load import load_checked
     from analysis.metrics import summarise
-    from analysis.outcome import GOOD
     from analysis.report import write
 
     path = log.with_name("report.html") if out is None else out
@@ -57,7 +56,7 @@ def report(log: LogPath, out: Out = None, as_json: Json = False) -> None:
     else:
         print_summary(summary, Console())
         _print_how_to_open(path)
-    if summary.outcome not in GOOD:
+    if not summary.outcome.is_good:
         typer.echo(f"gcs-log: {summary.outcome}", err=True)
         raise typer.Exit(NOT_LANDED)
 

@@ -152,8 +152,8 @@ def configuration(a: Side, b: Side) -> dict[str, tuple[object, object]]:
 def to_json(a: Side, b: Side) -> str:
     """Both summaries, the differences b - a, and the configuration that is not the same."""
     values = {
-        "a": asdict(a.summary),
-        "b": asdict(b.summary),
+        "a": a.summary.as_dict(),
+        "b": b.summary.as_dict(),
         "difference": {key: None if x is None or y is None else y - x for key, (x, y) in numbers(a, b).items()},
         "configuration": configuration(a, b),
     }

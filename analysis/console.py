@@ -21,7 +21,7 @@ def print_summary(summary: Summary, console: Console) -> None:
 
 def _lines(summary: Summary) -> list[tuple[str, str]]:
     """(name, value) of what is known."""
-    lines = [("outcome", summary.outcome), ("flight", _flight(summary))]
+    lines = [("outcome", str(summary.outcome)), ("flight", _flight(summary))]
     if summary.formation_rms_m is not None:
         lines.append(("formation error", f"{mm(summary.formation_rms_m)} RMS, {mm(summary.formation_max_m)} largest"))
     if summary.leader_rms_m is not None:

@@ -10,14 +10,16 @@ from dataclasses import asdict, dataclass, fields
 from itertools import combinations, pairwise
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from analysis.links import backlogs, from_drones, from_ground
 from analysis.load import Flight
-from analysis.outcome import GOOD, outcome
+from analysis.outcome import outcome
 from analysis.series import moving_average
 from analysis.tracking import Tracking, airborne, track, track_leader
+from formation.codes import FlightResult, Outcome
 from formation.maths.arrays import Float
 from wire.link_messages import AttitudeSetpoint, NamedValue
 
@@ -79,11 +81,15 @@ class Summary:
     command_hash: str
     mcap: str | None
     report: str | None
-    outcome: str
+    outcome: Outcome
+
+    def as_dict(self) -> dict[str, Any]:
+        """Every key; the outcome in words."""
+        return asdict(self) | {"outcome": str(self.outcome)}
 
     def to_json(self) -> str:
         """Indented JSON of every key, null where unknown; no NaN."""
-        return json.dumps(asdict(self), indent=2, allow_nan=False)
+        return json.dumps(self.as_dict(), indent=2, allow_nan=False)
 
 
 def summarise(
@@ -227,10 +233,10 @@ def command_hash(flight: Flight) -> str:
     return digest.hexdigest()
 
 
-def _with_laws(ended: str, flight: Flight) -> str:
+def _with_laws(ended: Outcome, flight: Flight) -> Outcome:
     """The outcome; of a flight that ended well, that the law which it was to show did not fly to its end."""
     failures = flight.law_failures.messages
-    return f"law failed: {failures[0].text}" if failures and ended in GOOD else ended
+    return Outcome(FlightResult.LAW_FAILED, failures[0].text) if failures and ended.is_good else ended
 
 
 RELATIONS: Mapping[str, Callable[[float, float], bool]] = MappingProxyType(
@@ -255,7 +261,7 @@ class Requirement:
 
     def unmet(self, summary: Summary) -> str | None:
         """Why the flight does not reach it; None where it does. A number that the log does not have is not reached."""
-        value: object = asdict(summary)
+        value: object = summary.as_dict()
         for part in self.key.split("."):
             value = value.get(part) if isinstance(value, dict) else None
         if not isinstance(value, int | float):

@@ -13,13 +13,11 @@ import numpy as np
 from analysis.links import from_drones, from_ground
 from analysis.load import Flight, PhaseSpan, Vehicle
 from analysis.tracking import reference_lab_m
+from formation.codes import FlightResult, Outcome
 from formation.maths.arrays import Float
 from formation.messages import Phase, Verb
 from formation.safety.phases import AIRBORNE
 from wire.link_messages import DISARM_IN_FLIGHT, CommandLong, Heartbeat, MavCommand, MessageId
-
-GOOD = frozenset({"landed", "held"})
-"""The outcomes of a flight that ended as it was asked to; every other is a failure, with its reason."""
 
 FALL_OVER_M_S = 1.5  # faster than the configured descent by more than this is a fall: from 0.2 m up it is
 NEAR_FLOOR_M = 0.05  # height of the markers above where they stood: under this the drone has touched down
@@ -47,25 +45,25 @@ class Path:
         return float(self.height_m[k]) if k >= 0 else float("nan")
 
 
-def outcome(flight: Flight) -> str:
-    """`landed`, `held`, `cut: reason`, `lost: reason` or `aborted: reason`."""
+def outcome(flight: Flight) -> Outcome:
+    """How it ended; of several failures the worst, and its first reason."""
     if not flight.phases:
-        return "aborted: the log holds no phases"
+        return Outcome(FlightResult.ABORTED, "the log holds no phases")
     drones = [(i, v) for i, v in enumerate(flight.vehicles) if v.column is not None]
     paths = {v.body: _path(flight, i) for i, v in drones} if flight.spans(*AIRBORNE) else {}
     if not flight.spans(*LED_UP) and not any((path.height_m > IN_AIR_M).any() for path in paths.values()):
         stopped = flight.spans(Phase.STOPPED)
-        return f"aborted: {stopped[0].cause or 'emergency stop'}" if stopped else "aborted: never took off"
+        return Outcome(FlightResult.ABORTED, stopped[0].cause or "emergency stop" if stopped else "never took off")
     beats = _last_heartbeats(flight)
-    for kind, reasons in (
-        ("cut", _cuts(flight, paths)),
-        ("lost", (text for _, v in drones for text in _losses(flight, v, paths[v.body], beats))),
-        ("aborted", _aborts(flight, drones, beats)),
+    for result, reasons in (
+        (FlightResult.CUT, _cuts(flight, paths)),
+        (FlightResult.LOST, (text for _, v in drones for text in _losses(flight, v, paths[v.body], beats))),
+        (FlightResult.ABORTED, _aborts(flight, drones, beats)),
     ):
         reason = next(iter(reasons), None)
         if reason is not None:
-            return f"{kind}: {reason}"
-    return "held" if flight.phases[-1].phase is Phase.HOLD else "landed"
+            return Outcome(result, reason)
+    return Outcome(FlightResult.HELD if flight.phases[-1].phase is Phase.HOLD else FlightResult.LANDED)
 
 
 def _aborts(

@@ -13,7 +13,6 @@ from analysis import words
 from analysis.links import backlogs
 from analysis.load import Flight, load_checked
 from analysis.metrics import Age, Latency, Summary, rms, summarise, vibration_of
-from analysis.outcome import GOOD
 from analysis.page import Folded, Part, Row, Table, mm, render, table
 from analysis.plots import control, motion, style
 from analysis.plots.style import Drawing, Missing
@@ -100,7 +99,7 @@ def html(flight: Flight, summary: Summary, damage: str = "") -> str:
         "report.html",
         title=f"{name} · flight report",
         name=name,
-        good=summary.outcome in GOOD,
+        good=summary.outcome.is_good,
         facts=_facts(flight, summary),
         data=downloads(summary.mcap, summary.report),
         damage=damage,

@@ -8,6 +8,7 @@ import numpy as np
 from analysis.load import Flight
 from analysis.metrics import Summary
 from analysis.tracking import Tracking, in_formation_phase
+from formation.codes import FlightResult, Outcome
 from formation.config import FollowerConfig, LabConfig, TrajectoryConfig
 from formation.messages import Phase, Saturation, Severity
 
@@ -142,22 +143,22 @@ def happened(flight: Flight, tracking: Tracking, summary: Summary) -> str:
 
 
 _ENDINGS = {
-    "lost": "A drone was lost",
-    "cut": "Motors were cut in the air",
-    "law failed": "It ended well, but not by the lab's own law",
+    FlightResult.LOST: "A drone was lost",
+    FlightResult.CUT: "Motors were cut in the air",
+    FlightResult.LAW_FAILED: "It ended well, but not by the lab's own law",
 }
 
 
-def _ending(outcome: str) -> str:
+def _ending(outcome: Outcome) -> str:
     """The outcome as a sentence."""
-    if outcome == "landed":
-        return "All landed as asked."
-    if outcome == "held":
-        return "The record ends with the swarm holding its place in the air."
-    if outcome.startswith("starved"):
-        return f"No flight: {outcome.removeprefix('starved: ')}."
-    kind, _, reason = outcome.partition(": ")
-    return f"{_ENDINGS.get(kind, 'The flight did not end as planned')}: {reason}."
+    match outcome.result:
+        case FlightResult.LANDED:
+            return "All landed as asked."
+        case FlightResult.HELD:
+            return "The record ends with the swarm holding its place in the air."
+        case FlightResult.STARVED:
+            return f"No flight: {outcome.reason}."
+    return f"{_ENDINGS.get(outcome.result, 'The flight did not end as planned')}: {outcome.reason}."
 
 
 def findings(flight: Flight, tracking: Tracking, summary: Summary) -> tuple[Remark, ...]:
@@ -178,11 +179,12 @@ def findings(flight: Flight, tracking: Tracking, summary: Summary) -> tuple[Rema
 
 
 def _outcome(summary: Summary) -> Iterator[Remark]:
-    if summary.outcome.startswith("starved"):
-        yield Remark(True, f"A simulator came too late: {summary.outcome.removeprefix('starved: ')}.", "timeline")
-    kind, _, reason = summary.outcome.partition(": ")
-    if kind in _ENDINGS or kind == "aborted":
-        yield Remark(True, f"{_ENDINGS.get(kind, 'The flight ended early')}: {reason}.", "timeline")
+    outcome = summary.outcome
+    if outcome.result is FlightResult.STARVED:
+        yield Remark(True, f"A simulator came too late: {outcome.reason}.", "timeline")
+    elif not outcome.is_good:
+        ending = _ENDINGS.get(outcome.result, "The flight ended early")
+        yield Remark(True, f"{ending}: {outcome.reason}.", "timeline")
 
 
 def _separation(flight: Flight, summary: Summary) -> Iterator[Remark]:

@@ -1,5 +1,6 @@
-"""What programs decide on: phase, severity, causes, events. Without arrays: operators' commands load it."""
+"""What programs decide on: phase, severity, causes, events, outcomes. Without arrays: operators' commands load it."""
 
+from dataclasses import dataclass
 from enum import IntEnum, StrEnum, auto
 
 
@@ -66,3 +67,31 @@ class EventCode(StrEnum):
     NOT_LANDED = auto()
     TRAJECTORY = auto()
     SHAPE = auto()
+
+
+class FlightResult(StrEnum):
+    """How a flight ended."""
+
+    LANDED = "landed"
+    HELD = "held"
+    LOST = "lost"
+    CUT = "cut"
+    ABORTED = "aborted"
+    LAW_FAILED = "law failed"
+    STARVED = "starved"  # no flight: the machine gave a simulator too little time
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a flight ended, and why, where that is not as it was asked to."""
+
+    result: FlightResult
+    reason: str = ""
+
+    @property
+    def is_good(self) -> bool:
+        """Whether it ended as it was asked to."""
+        return self.result in (FlightResult.LANDED, FlightResult.HELD)
+
+    def __str__(self) -> str:
+        return f"{self.result}: {self.reason}" if self.reason else self.result.value

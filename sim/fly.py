@@ -9,6 +9,7 @@ from pathlib import Path
 from drone_agent.bridge import BridgeConfig
 from drone_agent.config import SimulatedDroneConfig
 from drone_agent.guard.config import GuardConfig
+from formation.codes import FlightResult, Outcome
 from formation.config import LinkConfig
 from formation.exposure import TOOL
 from formation.messages import OperatorReply, OperatorRequest
@@ -18,7 +19,7 @@ from gcs.cli.children import page_process
 from sim.ports import private_link
 from sim.processes import Child, ProcessDied, ProcessGroup
 from sim.scenario import Scenario, agent_configs, leader_seconds, recorded_leader
-from sim.script import Operator, OperatorView, Outcome
+from sim.script import Operator, OperatorView
 from wire import config_file
 from wire.clock import REAL_TIME, Clock
 from wire.ground_state import decode
@@ -226,7 +227,9 @@ async def _first(watch: Coroutine[None, None, None], flight: Coroutine[None, Non
         if not watching.done():
             return flying.result()
         died = watching.exception()
-        return Outcome("starved" if isinstance(died, ProcessDied) and died.starved else "aborted", str(died))
+        return Outcome(
+            FlightResult.STARVED if isinstance(died, ProcessDied) and died.starved else FlightResult.ABORTED, str(died)
+        )
     finally:
         for task in (watching, flying):
             task.cancel()
@@ -272,7 +275,7 @@ async def operate(
             now_ns = clock.monotonic_ns()
             begun_ns = talk.begun_ns or now_ns
             if now_ns - begun_ns > longest_s * 1e9:
-                return Outcome("aborted", f"not over after {longest_s:g} s")
+                return Outcome(FlightResult.ABORTED, f"not over after {longest_s:g} s")
             request = operator.next_request(now_ns)
             if request is not None:
                 asking.create_task(talk.ask(request))

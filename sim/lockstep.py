@@ -9,13 +9,13 @@ from pathlib import Path
 from analysis.load import Flight, from_records
 from drone_agent.guard import core as guard
 from drone_agent.simulation.attitude_loop import OWN, Physics
+from formation.codes import FlightResult, Outcome
 from formation.control.presets import Preset
 from formation.topics import Topic
 from gcs import warm_up as gcs_warm_up
 from gcs.recording import Record, run_metadata
 from sim.monitors import WITHOUT_NONE, Without
 from sim.scenario import Scenario, load
-from sim.script import Outcome
 from sim.world import T0_NS, World
 from wire import clock
 from wire.logs.mcap_read import Entry
@@ -120,7 +120,7 @@ def _fly(world: World, longest_s: float, progress: Progress | None) -> Flown:
             progress((world.now_ns - T0_NS) * 1e-9, world.operator.phase.name)
     duration_s = (world.now_ns - T0_NS) * 1e-9
     elapsed_s = (clock.monotonic_ns() - started_ns) * 1e-9
-    outcome = world.operator.outcome or Outcome("aborted", f"not over after {longest_s:g} s")
+    outcome = world.operator.outcome or Outcome(FlightResult.ABORTED, f"not over after {longest_s:g} s")
     return Flown(outcome, duration_s, duration_s / elapsed_s)
 
 

@@ -5,6 +5,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field
 
+from formation.codes import FlightResult, Outcome
 from formation.messages import OperatorReply, OperatorRequest, Phase, Verb
 from formation.model import Model
 from wire.ground_state import GroundState
@@ -60,14 +61,6 @@ class OperatorView:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """How the flight ended: `landed`, `held`, `lost`, `cut`, `aborted` or `starved` (no flight), and why."""
-
-    result: str
-    reason: str = ""
-
-
 class Operator:
     """Walks through the steps; it repeats a rejected request for up to REJECTED_FOR_NS.
 
@@ -107,11 +100,11 @@ class Operator:
         if self._since_ns is None or phase is not self._phase:
             self._phase, self._since_ns = phase, now_ns
             if phase is Phase.STOPPED:
-                self.outcome = Outcome("aborted", "the ground stopped every drone")
+                self.outcome = Outcome(FlightResult.ABORTED, "the ground stopped every drone")
             elif phase is Phase.GROUND and self._next > 0:
                 self._end_on_ground(view.lost)
             elif phase is Phase.HOLD and self._next == len(self._steps) and self._steps[-1].verb is not Verb.LAND:
-                self.outcome = Outcome("held")
+                self.outcome = Outcome(FlightResult.HELD)
 
     def next_request(self, now_ns: int) -> OperatorRequest | None:
         """The request to make now, if any."""
@@ -144,12 +137,12 @@ class Operator:
         self._ask_again_ns += RETRY_NS
         if now_ns - self._asked_since_ns > REJECTED_FOR_NS:
             step = self._steps[self._next]
-            self.outcome = Outcome("aborted", f"{step.verb} refused: {reply.text}")
+            self.outcome = Outcome(FlightResult.ABORTED, f"{step.verb} refused: {reply.text}")
 
     def _end_on_ground(self, lost: str) -> None:
         if lost:
-            self.outcome = Outcome("lost", lost)
+            self.outcome = Outcome(FlightResult.LOST, lost)
         elif self._next == len(self._steps):
-            self.outcome = Outcome("landed")
+            self.outcome = Outcome(FlightResult.LANDED)
         else:
-            self.outcome = Outcome("aborted", f"back on the ground before `{self._steps[self._next].verb}`")
+            self.outcome = Outcome(FlightResult.ABORTED, f"back on the ground before `{self._steps[self._next].verb}`")

@@ -8,9 +8,8 @@ import numpy as np
 from analysis import metrics, report
 from analysis.load import Flight, load_checked
 from analysis.metrics import Summary
-from analysis.outcome import GOOD
+from formation.codes import FlightResult, Outcome
 from formation.messages import Phase
-from sim.script import Outcome
 from wire.process.daemon import LATE_NS
 
 LATELY_S = 2.0
@@ -34,18 +33,19 @@ def conclude(
     return flight, summary
 
 
-def _starved(outcome: str, flight: Flight, speed: float) -> str:
+def _starved(outcome: Outcome, flight: Flight, speed: float) -> Outcome:
     """The outcome, `starved` where poses or cycles were later than a simulator may be just before it was aborted; with
     the speed at which they would not have been."""
-    kind, _, reason = outcome.partition(": ")
+    result, reason = outcome.result, outcome.reason
     ends_s = [span.start_s for span in flight.spans(Phase.LAND)] or [flight.duration_s]
     late_s = _latest_s(flight, ends_s[0])
-    if kind != "starved" and (kind != "aborted" or late_s <= LATE_NS * 1e-9):
+    aborted = result is FlightResult.ABORTED
+    if result is not FlightResult.STARVED and (not aborted or late_s <= LATE_NS * 1e-9):
         return outcome
-    if kind == "aborted":
+    if aborted:
         reason = f"poses or control cycles were {1e3 * late_s:.0f} ms late, the machine is too slow ({reason})"
     fitting = min(0.35, 0.5 * LATE_NS * 1e-9 / max(late_s, 1e-3)) * speed
-    return f"starved: {reason}; fly with --speed {max(fitting, 0.01):.2g}"
+    return Outcome(FlightResult.STARVED, f"{reason}; fly with --speed {max(fitting, 0.01):.2g}")
 
 
 def _latest_s(flight: Flight, end_s: float) -> float:
@@ -57,11 +57,10 @@ def _latest_s(flight: Flight, end_s: float) -> float:
     return max(pose_s, *(cycle.latency_s for cycle in cycles.messages), 0.0)
 
 
-def _joined(host: Outcome, log: str) -> str:
+def _joined(host: Outcome, log: Outcome) -> Outcome:
     """The outcome by the host and by the log: the worse of the two, with both reasons."""
-    kind, _, reason = log.partition(": ")
-    if host.result == "starved" or (host.result not in GOOD and log in GOOD):
-        return f"{host.result}: {host.reason}"
-    if host.result == "aborted" and kind in ("lost", "cut"):
-        return f"{kind}: {host.reason}; {reason}"
+    if host.result is FlightResult.STARVED or (not host.is_good and log.is_good):
+        return host
+    if host.result is FlightResult.ABORTED and log.result in (FlightResult.LOST, FlightResult.CUT):
+        return Outcome(log.result, f"{host.reason}; {log.reason}")
     return log

@@ -17,7 +17,7 @@ from rich.console import Console
 
 from analysis.console import print_summary
 from analysis.metrics import Requirement, Summary, parse_requirement, unmet
-from analysis.outcome import GOOD
+from formation.codes import FlightResult, Outcome
 from formation.config import LabConfig
 from formation.model import QuatTuple
 from formation.requests import GCS_NAME
@@ -38,7 +38,6 @@ from sim.lab_file import stand_ins
 from sim.ports import private_link
 from sim.processes import ProcessDied
 from sim.scenario import Opened, Scenario, find, load, recorded_leader, with_leader_file
-from sim.script import Outcome
 from wire import clock
 from wire.config_file import lines_of
 from wire.errors import ConfigError
@@ -143,7 +142,7 @@ def _fly(opened: Opened, how: ProcessOptions, seed: int | None, ending: Ending) 
                 )
             )
         )
-    outcome = flown or Outcome("aborted", "interrupted")
+    outcome = flown or Outcome(FlightResult.ABORTED, "interrupted")
     try:
         speed = how.speed if flown and not scenario.mocap.stall_s else None  # frames held back on purpose are late, too
         return _conclude(files.mcap, outcome, speed=speed), ABORTED if flown else INTERRUPTED
@@ -281,11 +280,11 @@ def _end(summary: Summary, ending: Ending, aborted_code: int = ABORTED) -> None:
         print(summary.to_json())
     else:
         print_summary(summary, Console())
-    if summary.outcome.startswith("starved"):
-        _print_error(summary.outcome)
+    if summary.outcome.result is FlightResult.STARVED:
+        _print_error(str(summary.outcome))
         raise typer.Exit(STARVED)
-    if summary.outcome not in GOOD:
-        _print_error(summary.outcome)
+    if not summary.outcome.is_good:
+        _print_error(str(summary.outcome))
         raise typer.Exit(aborted_code)
     if unmet_requirements := unmet(ending.required, summary):
         _print_error("; ".join(unmet_requirements))

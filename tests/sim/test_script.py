@@ -1,5 +1,6 @@
 import pytest
 
+from formation.codes import FlightResult, Outcome
 from formation.messages import OperatorReply, Phase, Verb
 from sim.script import (
     ANSWER_NS,
@@ -9,7 +10,6 @@ from sim.script import (
     RETRY_NS,
     Operator,
     OperatorView,
-    Outcome,
 )
 
 S = 1_000_000_000
@@ -49,7 +49,7 @@ def test_a_whole_flight_is_asked_for_step_by_step() -> None:
     see(operator, Phase.LAND, 10 * S)
     assert operator.outcome is None
     see(operator, Phase.GROUND, 14 * S)
-    assert operator.outcome == Outcome("landed")
+    assert operator.outcome == Outcome(FlightResult.LANDED)
 
 
 def test_a_refused_request_is_asked_again_and_given_up_with_the_grounds_own_reason() -> None:
@@ -62,7 +62,7 @@ def test_a_refused_request_is_asked_again_and_given_up_with_the_grounds_own_reas
             asked += 1
             operator.receive(OperatorReply(request.id, False, "no pose of F"), now)
         now += 10_000_000
-    assert operator.outcome == Outcome("aborted", "arm refused: no pose of F")
+    assert operator.outcome == Outcome(FlightResult.ABORTED, "arm refused: no pose of F")
     assert abs(asked - REJECTED_FOR_NS // RETRY_NS) <= 2
 
 
@@ -81,19 +81,19 @@ def test_a_request_that_was_not_answered_is_made_again_and_an_answer_to_an_older
 
 
 @pytest.mark.parametrize(
-    ("phases", "outcome"),
+    ("phases", "reason"),
     [
-        ((Phase.GROUND, Phase.ARMED, Phase.STOPPED), Outcome("aborted", "the ground stopped every drone")),
-        ((Phase.GROUND, Phase.ARMED, Phase.GROUND), Outcome("aborted", "back on the ground before `takeoff`")),
+        ((Phase.GROUND, Phase.ARMED, Phase.STOPPED), "the ground stopped every drone"),
+        ((Phase.GROUND, Phase.ARMED, Phase.GROUND), "back on the ground before `takeoff`"),
     ],
 )
-def test_a_flight_that_ends_early_is_aborted(phases: tuple[Phase, ...], outcome: Outcome) -> None:
+def test_a_flight_that_ends_early_is_aborted(phases: tuple[Phase, ...], reason: str) -> None:
     operator = Operator(FLIGHT)
     for second, phase in enumerate(phases):
         see(operator, phase, second * S)
         if second == 0:
             yes(operator, 0)
-    assert operator.outcome == outcome
+    assert operator.outcome == Outcome(FlightResult.ABORTED, reason)
 
 
 def test_arming_waits_until_the_ground_has_nothing_against_it_but_not_for_ever() -> None:

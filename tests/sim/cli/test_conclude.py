@@ -3,39 +3,53 @@
 import pytest
 
 from analysis.load import from_records
+from formation.codes import FlightResult, Outcome
 from formation.messages import LabFrame
 from sim.cli.conclude import _joined, _starved
-from sim.script import Outcome
 from tests.analysis.synthetic_flight import METADATA, T0_NS, Recipe, Record, records
+
+LANDED = Outcome(FlightResult.LANDED)
+
+
+def lost(reason: str) -> Outcome:
+    return Outcome(FlightResult.LOST, reason)
+
+
+def aborted(reason: str) -> Outcome:
+    return Outcome(FlightResult.ABORTED, reason)
+
+
+def starved(reason: str) -> Outcome:
+    return Outcome(FlightResult.STARVED, reason)
 
 
 @pytest.mark.parametrize(
     ("host", "log", "told"),
     [
-        (Outcome("landed"), "landed", "landed"),
-        (Outcome("landed"), "lost: F fell", "lost: F fell"),
-        (Outcome("aborted", "agent-3 ended"), "landed", "aborted: agent-3 ended"),
-        (Outcome("aborted", "agent-3 ended"), "lost: F unheard", "lost: agent-3 ended; F unheard"),
-        (Outcome("aborted", "back on the ground"), "aborted: mocap lost", "aborted: mocap lost"),
-        (Outcome("starved", "too slow"), "landed", "starved: too slow"),
+        (LANDED, LANDED, LANDED),
+        (LANDED, lost("F fell"), lost("F fell")),
+        (aborted("agent-3 ended"), LANDED, aborted("agent-3 ended")),
+        (aborted("agent-3 ended"), lost("F unheard"), lost("agent-3 ended; F unheard")),
+        (aborted("back on the ground"), aborted("mocap lost"), aborted("mocap lost")),
+        (starved("too slow"), LANDED, starved("too slow")),
     ],
 )
-def test_the_worse_of_both_is_told_with_both_reasons(host: Outcome, log: str, told: str) -> None:
+def test_the_worse_of_both_is_told_with_both_reasons(host: Outcome, log: Outcome, told: Outcome) -> None:
     assert _joined(host, log) == told
 
 
 @pytest.mark.parametrize(
     ("late_s", "outcome", "told"),
     [
-        (0.4, "aborted: body not seen for 0.4 s", "starved: poses or control cycles were 400 ms late, the machine is "
-         "too slow (body not seen for 0.4 s); fly with --speed 0.12"),
-        (0.4, "landed", "landed"),
-        (0.4, "lost: F fell", "lost: F fell"),
-        (0.05, "aborted: body not seen for 0.4 s", "aborted: body not seen for 0.4 s"),
-        (0.05, "starved: too slow", "starved: too slow; fly with --speed 0.35"),
+        (0.4, aborted("body not seen for 0.4 s"), starved("poses or control cycles were 400 ms late, the machine is "
+         "too slow (body not seen for 0.4 s); fly with --speed 0.12")),
+        (0.4, LANDED, LANDED),
+        (0.4, lost("F fell"), lost("F fell")),
+        (0.05, aborted("body not seen for 0.4 s"), aborted("body not seen for 0.4 s")),
+        (0.05, starved("too slow"), starved("too slow; fly with --speed 0.35")),
     ],
 )  # fmt: skip
-def test_a_machine_that_was_late_before_the_end_is_the_cause(late_s: float, outcome: str, told: str) -> None:
+def test_a_machine_that_was_late_before_the_end_is_the_cause(late_s: float, outcome: Outcome, told: Outcome) -> None:
     """The landing begins at 16 s; the frames of the half second before it came late."""
 
     def came(record: Record) -> Record:

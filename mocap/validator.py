@@ -19,7 +19,6 @@ from formation.vehicle.path import Bounds
 from formation.vehicle.profile import VehicleProfile
 from mocap.judge import FROZEN_FRAMES, GAP_S, RECOVERY_FRAMES, UPSET_FRAMES, UPSET_M_S2, Criteria, Frame, Memory, judge
 from wire.clock_offset import LeastDelay
-from wire.text import parse_object
 from wire.transport.frame_check import AHEAD_NS
 
 FASTEST_M_S = 15.0
@@ -194,19 +193,6 @@ def _began(body: str, reason: Rejection, detail: str) -> str:
     if not body:
         return f"{name_of(reason)}: two bodies were swapped; their poses are reassigned"
     return f"{body} is rejected, {name_of(reason)}: {detail or reason.text}"
-
-
-def motors_on(state: str) -> Mapping[str, bool]:
-    """Whether each drone is armed, by body, in the ground's state (gcs.state.swarm); nobody's in what is no such state.
-
-    A ground that has only just begun does not know it of a drone that it has not heard of yet.
-    """
-    try:
-        drones = parse_object(state)["drones"]
-        known = [drone for drone in drones if drone["heartbeat_age_s"] is not None]
-        return {str(drone["body"]): drone["armed"] is True for drone in known}
-    except (ValueError, LookupError, TypeError):
-        return {}
 
 
 SETTLED_FRAMES = 50

@@ -207,7 +207,7 @@ Rows = NDArray[np.float64]
 
 
 def rows_of(segments: Sequence[bytes | None]) -> Rows:
-    """Position, mm, and matrix, rows first, of each segment as objects.SEGMENT (n, 12); zeros of one that is lost."""
+    """Position, mm, and matrix, rows first, of each segment as SEGMENT (n, 12); zeros of one that is lost."""
     table: NDArray[Any] = np.frombuffer(b"".join([segment or LOST for segment in segments]), ROW)
     rows: Rows = table["row"]
     return rows

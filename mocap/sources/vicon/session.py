@@ -28,7 +28,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class ViconFrame:
-    """One exposure. rows: each subject's place and matrix, as `layout.rows_of`, in the subjects' order.
+    """One exposure. rows: each subject's place and matrix, as `packets.rows_of`, in the subjects' order.
 
     period: in ticks, None while the server has not said it; latency_s: from exposure to sending, likewise.
     """

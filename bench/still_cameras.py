@@ -28,7 +28,7 @@ async def show(file: Path) -> None:
     for seq in itertools.count():
         now_ns = clock.monotonic_ns()
         mocap.publish_raw(RawFrame(seq, now_ns, bodies, pos, q, np.ones(n, np.bool_)))
-        await clock.sleep_until_ns(now_ns + PERIOD_NS)
+        await clock.REAL_TIME.sleep_until_ns(now_ns + PERIOD_NS)
 
 
 if __name__ == "__main__":

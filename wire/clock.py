@@ -70,8 +70,3 @@ def cpu_ns() -> int:
 def unix_us() -> int:
     """Microseconds since 1970, for SYSTEM_TIME and for a log's wall-clock metadata; never for control."""
     return time.time_ns() // 1000
-
-
-async def sleep_until_ns(deadline_ns: int) -> None:
-    """Return at `deadline_ns` in real time, or just after."""
-    await REAL_TIME.sleep_until_ns(deadline_ns)

@@ -11,7 +11,8 @@ from analysis.load import load
 from analysis.metrics import summarise
 from gcs.replay import replay
 from tests.end_to_end.flights import CIRCLE, LINE, gcs_sim_fly, pid_of, processes_of, read_until, write_scenario
-from wire.logs.mcap_read import check_log, read_log
+from tests.wire.flight import check_log
+from wire.logs.mcap_read import read_log
 
 pytestmark = [pytest.mark.processes, pytest.mark.flights, pytest.mark.timeout(900)]
 

@@ -19,8 +19,9 @@ from sim.processes import ProcessGroup
 from sim.scenario import Scenario, load
 from sim.script import Operator
 from tests.end_to_end.flights import CIRCLE, SPEED, write_scenario
+from tests.wire.flight import check_log
 from wire.clock import Clock
-from wire.logs.mcap_read import check_log, read_log
+from wire.logs.mcap_read import read_log
 
 pytestmark = [pytest.mark.processes, pytest.mark.flights, pytest.mark.timeout(900)]
 

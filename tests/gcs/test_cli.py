@@ -16,7 +16,7 @@ from formation.vehicle.profile import PX4_QUAD
 from gcs.cli.app import app
 from gcs.cli.operator import next_steps
 from tests.free_ports import free_port
-from wire.logs.mcap_read import check_log
+from tests.wire.flight import check_log
 
 runner = CliRunner()
 PATIENT = ("--timeout", "500")

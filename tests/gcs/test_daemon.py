@@ -20,9 +20,10 @@ from gcs.other_grounds import know_other_grounds
 from gcs.replay import replay
 from tests.free_ports import free_port
 from tests.gcs.bus import a_lab, hub_of
+from tests.wire.flight import check_log
 from wire.clock import Clock
 from wire.config_file import dump
-from wire.logs.mcap_read import check_log, read_log
+from wire.logs.mcap_read import read_log
 from wire.logs.mcap_write import LogWriter
 from wire.rejections import RejectionLog
 from wire.transport.zenoh_bus import ZenohBus

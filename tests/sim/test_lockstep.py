@@ -16,7 +16,8 @@ from sim import lockstep
 from sim.scenario import Scenario, TrueVehicle, load
 from sim.script import FLIGHT, Step
 from sim.world import T0_NS
-from wire.logs.mcap_read import check_log, read_log
+from tests.wire.flight import check_log
+from wire.logs.mcap_read import read_log
 
 
 def short(**changes: object) -> Scenario:

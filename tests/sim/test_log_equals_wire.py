@@ -11,9 +11,10 @@ from sim.campaign.labs import scenario
 from sim.faults.fault import Family, Fault
 from sim.lockstep import metadata
 from sim.world import T0_NS
+from tests.wire.messages import decode_packet
 from wire.link_messages import Address, AttitudeSetpoint
 from wire.logs.mcap_read import Entry
-from wire.mavlink.codec import Codec, decode_packet
+from wire.mavlink.codec import Codec
 from wire.schema import schema_of
 
 LEANS = InertialError(bias_flu_m_s2=(0.2, -0.15, 0.0))

@@ -9,6 +9,7 @@ import numpy as np
 from formation import messages as m
 from formation import topics
 from wire.clock import monotonic_ns
+from wire.logs.mcap_read import LogCheck, Reading
 from wire.logs.mcap_write import LogWriter
 
 METADATA = {"lab": "lab", "seed": "7"}
@@ -51,6 +52,14 @@ def record_until_killed(path: Path) -> None:
         sys.stdout.flush()
         next_ns += 1_000_000
         time.sleep(max(0, next_ns - monotonic_ns()) * 1e-9)
+
+
+def check_log(path: Path) -> LogCheck:
+    """Read a whole log and say what it holds."""
+    reading = Reading(path)
+    for _ in reading:
+        pass
+    return reading.check()
 
 
 if __name__ == "__main__":

@@ -42,6 +42,7 @@ from wire.link_messages import (
     Odometry,
     OdometryFrame,
     Origin,
+    Packet,
     ParamRequestList,
     ParamRequestRead,
     ParamSet,
@@ -60,6 +61,8 @@ from wire.link_messages import (
     TimeSync,
     VisionPose,
 )
+from wire.mavlink.codec import read_frame
+from wire.mavlink.framing import FrameCutter, MavlinkError
 
 U8, U16, U32 = st.integers(0, 255), st.integers(0, 2**16 - 1), st.integers(0, 2**32 - 1)
 I32, U64, I64 = st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**64 - 1), st.integers(-(2**63), 2**63 - 1)
@@ -190,3 +193,11 @@ def assert_same_rotation(q: np.ndarray, other: np.ndarray) -> None:
     np.testing.assert_allclose(np.linalg.norm(other), 1.0, atol=1e-12)
     # Euler angles in floats, near a pole, cost most: 1e-6 rad.
     assert min(np.abs(q - other).max(), np.abs(q + other).max()) < 1e-6
+
+
+def decode_packet(data: bytes) -> Packet:
+    """The packet that `data` is, whole and alone; MavlinkError if it is none."""
+    frames = FrameCutter().cut(data)
+    if [frame.data for frame in frames] != [data]:
+        raise MavlinkError("not one whole MAVLink packet with its checksum")
+    return read_frame(frames[0])

@@ -355,14 +355,6 @@ def read_log(path: Path) -> Log:
     return Log(path, metadata)
 
 
-def check_log(path: Path) -> LogCheck:
-    """Read a whole log and say what it holds. Raises as `read_log`."""
-    reading = Reading(path)
-    for _ in reading:
-        pass
-    return reading.check()
-
-
 def holds_nothing(path: Path, damage: str = "") -> LogError:
     """The error of a file in which no message of a flight is found: nothing read is no result."""
     return LogError(f"{path}: no message of a flight in it" + (f": {damage}" if damage else ""))

@@ -19,7 +19,7 @@ from wire.link_messages import (
     TimeSync,
     Unknown,
 )
-from wire.mavlink.framing import Fields, Frame, FrameCutter, Layout, MavlinkError, framed, whole_frame
+from wire.mavlink.framing import Fields, Frame, FrameCutter, Layout, MavlinkError, framed
 from wire.mavlink.messages import READERS, WRITERS, Read
 from wire.mavlink.text import STATUSTEXT, TextChunk, TextJoiner, chunk_text, text_of
 
@@ -47,14 +47,6 @@ def read_frame(frame: Frame) -> Packet:
     if isinstance(message, TextChunk):
         message = text_of(message.severity, [message.part])
     return Packet(frame.source, frame.seq, message)
-
-
-def decode_packet(data: bytes) -> Packet:
-    """The packet that `data` is, whole and alone, as `read_frame` reads it. Raises MavlinkError."""
-    frame = whole_frame(data)
-    if frame is None:
-        raise MavlinkError("not one whole MAVLink packet with its checksum")
-    return read_frame(frame)
 
 
 class Codec:

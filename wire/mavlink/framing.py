@@ -186,13 +186,6 @@ def packed(frames: bytes) -> list[bytes]:
     return [*datagrams, frames[start:]] if at > start else datagrams
 
 
-def whole_frame(data: bytes) -> Frame | None:
-    """The frame that `data` is, whole and alone; None if it is none."""
-    if not data or _stop(data, 0, len(data)) != len(data):
-        return None
-    return _frame(data, 0, len(data))
-
-
 def framed(layout: Layout, payload: bytes, source: Address, seq: int) -> bytes:
     """One MAVLink 2 frame, unsigned."""
     number = layout.id

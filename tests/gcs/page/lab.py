@@ -19,7 +19,7 @@ from formation.requests import GCS_NAME
 from gcs.alarms import EventMemory
 from tests.gcs.fakes import FakeLab
 from wire import config_file
-from wire.clock import monotonic_ns, sleep_until_ns, unix_us
+from wire.clock import REAL_TIME, monotonic_ns, unix_us
 from wire.ground_state import Cycles, LogFile, encode
 from wire.link_messages import LandedState
 from wire.transport.mocap_bus import MocapBus
@@ -114,7 +114,7 @@ async def again(config: LabConfig) -> None:
     for state in itertools.cycle(states):
         bus.publish_state(GCS_NAME, state)
         due_ns = max(due_ns + 100_000_000, monotonic_ns())
-        await sleep_until_ns(due_ns)
+        await REAL_TIME.sleep_until_ns(due_ns)
 
 
 async def serve(config: LabConfig, fly: bool, anew: bool) -> None:
@@ -146,7 +146,7 @@ async def serve(config: LabConfig, fly: bool, anew: bool) -> None:
             }
             mocap.publish_state({"timing": timing})
         due_ns = max(due_ns + 100_000_000, monotonic_ns())
-        await sleep_until_ns(due_ns)
+        await REAL_TIME.sleep_until_ns(due_ns)
 
 
 def main() -> None:

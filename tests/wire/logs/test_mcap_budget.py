@@ -10,6 +10,7 @@ from mcap.records import Channel, Schema
 from mcap.writer import MCAP0_MAGIC
 
 from formation import topics
+from tests.wire.flight import check_log
 from wire.logs.mcap_read import (
     BYTES_A_RECORD,
     RECORDS_LEAST,
@@ -19,7 +20,6 @@ from wire.logs.mcap_read import (
     LogError,
     _entries,
     _Scanner,
-    check_log,
 )
 from wire.logs.mcap_write import _record
 from wire.schema import schema_of

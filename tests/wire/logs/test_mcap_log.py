@@ -18,8 +18,9 @@ from mcap_protobuf.decoder import DecoderFactory
 from formation import messages as m
 from formation import topics
 from tests.wire import flight as wire_flight
+from tests.wire.flight import check_log
 from tests.wire.spine import SPINE, assert_identical
-from wire.logs.mcap_read import LogError, check_log, read_log
+from wire.logs.mcap_read import LogError, read_log
 from wire.logs.mcap_write import LogWriter
 
 

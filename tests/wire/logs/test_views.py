@@ -15,6 +15,7 @@ from formation import messages as m
 from formation import topics
 from formation.clock_pair import ClockPair
 from formation.config import Fence, FollowerConfig, LabConfig, LeaderConfig, LimitsConfig
+from tests.wire.flight import check_log
 from wire.link_messages import (
     Address,
     Battery,
@@ -25,7 +26,7 @@ from wire.link_messages import (
     NamedValue,
     StatusText,
 )
-from wire.logs.mcap_read import check_log, read_log
+from wire.logs.mcap_read import read_log
 from wire.logs.mcap_write import LogWriter
 from wire.mavlink.codec import Codec
 from wire.schema import schema_of

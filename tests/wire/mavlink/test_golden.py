@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as oracle
 
+from tests.wire.messages import decode_packet
 from wire.link_messages import (
     GROUND,
     Address,
@@ -41,7 +42,7 @@ from wire.link_messages import (
     VisionPose,
     command_long,
 )
-from wire.mavlink.codec import Codec, decode_packet
+from wire.mavlink.codec import Codec
 from wire.mavlink.framing import MavlinkError
 
 C45, C15, S15 = math.sqrt(0.5), math.cos(math.pi / 12), math.sin(math.pi / 12)

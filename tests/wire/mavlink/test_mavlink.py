@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as oracle
 
-from tests.wire.messages import ANY_MESSAGE, MESSAGES, assert_same
+from tests.wire.messages import ANY_MESSAGE, MESSAGES, assert_same, decode_packet
 from wire.link_messages import (
     GROUND,
     Address,
@@ -35,7 +35,7 @@ from wire.link_messages import (
     TimeSync,
     Unknown,
 )
-from wire.mavlink.codec import Codec, decode_packet
+from wire.mavlink.codec import Codec
 from wire.mavlink.framing import MavlinkError
 
 DRONE = Address(7, 1)

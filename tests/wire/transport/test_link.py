@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from formation.maths.frames import IDENTITY
 from formation.messages import Severity
+from tests.wire.messages import decode_packet
 from wire.link_messages import (
     GROUND,
     Address,
@@ -17,7 +18,7 @@ from wire.link_messages import (
     Result,
     StatusText,
 )
-from wire.mavlink.codec import Codec, decode_packet
+from wire.mavlink.codec import Codec
 from wire.transport.link import newest
 
 ZERO = np.zeros(3)
